@@ -1,0 +1,51 @@
+// Linear memory: a VkBuffer with its device address, or plain host memory on the host device. Export and import by opaque fd or host pointer (ks/buffer.h).
+// Shared by reference; keeps its device alive. Thread rule: externally synchronised contents, immutable object.
+#pragma once
+
+#include <memory>
+
+#include "device/device.h"
+#include "ks/buffer.h"
+
+namespace ks {
+
+class Buffer {
+ public:
+  /// Zero-filled. Storage, transfer and indirect usage with a device address. Host-visible memory is coherent, and cached where there is such a type.
+  static std::shared_ptr<Buffer> create(std::shared_ptr<Device> device, uint64_t size_bytes, uint32_t flags /* KS_BUFFER_* */);
+  static std::shared_ptr<Buffer> import(std::shared_ptr<Device> device, const ks_buffer_desc& desc);
+  ~Buffer();
+  Buffer(const Buffer&) = delete;
+  Buffer& operator=(const Buffer&) = delete;
+
+  [[nodiscard]] ks_buffer_desc export_as(uint32_t memory) const;
+  [[nodiscard]] uint64_t size_bytes() const { return size_bytes_; }
+  [[nodiscard]] VkBuffer handle() const { return buffer_; }
+  /// For buffer_reference in shaders; 0 on the host device.
+  [[nodiscard]] uint64_t address() const { return address_; }
+  /// Host address or nullptr when the memory is not host visible.
+  [[nodiscard]] void* mapped() const { return mapped_; }
+  [[nodiscard]] const std::shared_ptr<Device>& device() const { return device_; }
+
+  /// Counted copies (Device::copied_bytes); through a staging buffer where the memory is not host visible. Bounds are checked.
+  void write(uint64_t offset_bytes, const void* data, uint64_t size_bytes);
+  void read(uint64_t offset_bytes, void* data, uint64_t size_bytes) const;
+
+ private:
+  Buffer() = default;
+  std::shared_ptr<Device> device_;
+  VkBuffer buffer_ = VK_NULL_HANDLE;
+  VkDeviceMemory memory_ = VK_NULL_HANDLE;
+  uint64_t size_bytes_ = 0, allocation_bytes_ = 0, address_ = 0;
+  uint32_t memory_type_ = 0, flags_ = 0;
+  bool owns_host_ = false;
+  void* mapped_ = nullptr;
+};
+
+/// Throws KS_ERROR_INVALID_ARGUMENT unless the view lies inside size_bytes; overflow-safe. Returns {first, one past last} byte touched.
+struct ByteRange {
+  uint64_t begin, end;
+};
+ByteRange check_image(const ks_image_desc& image, uint64_t size_bytes, const char* name);
+
+}  // namespace ks

@@ -1,0 +1,79 @@
+// A Vulkan device (or none: the host device), its queue, its allocator and its worker threads. Shared by reference; everything made from it keeps it alive.
+// Thread rule: internally synchronised.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "device/vulkan.h"
+#include "ks/device.h"
+
+namespace ks {
+
+class ThreadPool;
+
+/// Every Vulkan device there is, with the reasons of the refused ones. `why_none` says why the list is empty (no loader, no driver).
+std::vector<ks_device_info> enumerate_devices(std::string* why_none);
+
+class Device : public std::enable_shared_from_this<Device> {
+ public:
+  /// Throws KS_ERROR_NO_DEVICE with every device's reasons and what to install.
+  static std::shared_ptr<Device> create(const ks_device_desc& desc);
+  ~Device();
+  Device(const Device&) = delete;
+  Device& operator=(const Device&) = delete;
+
+  [[nodiscard]] const ks_device_info& info() const { return info_; }
+  [[nodiscard]] bool has_vulkan() const { return device_ != VK_NULL_HANDLE; }
+  /// CPU devices (lavapipe): host memory is device memory, and host work beats shader work on rays.
+  [[nodiscard]] bool is_cpu() const { return info_.kind == KS_DEVICE_KIND_CPU || info_.kind == KS_DEVICE_KIND_HOST; }
+
+  /// Per-device Vulkan functions: device->vk().vkCmdDispatch(...).
+  [[nodiscard]] const VolkDeviceTable& vk() const { return table_; }
+  [[nodiscard]] VkDevice handle() const { return device_; }
+  [[nodiscard]] VkPhysicalDevice physical() const { return physical_; }
+  [[nodiscard]] uint32_t queue_family() const { return queue_family_; }
+  [[nodiscard]] const VkPhysicalDeviceLimits& limits() const { return limits_; }
+  [[nodiscard]] uint32_t subgroup_size() const { return subgroup_size_; }
+  [[nodiscard]] VkPipelineCache pipeline_cache() const { return pipeline_cache_; }
+  [[nodiscard]] bool has_extension(const char* name) const;
+  /// Index of a memory type in type_bits that has all `required` flags and as many `preferred` ones as there are; throws if none.
+  [[nodiscard]] uint32_t memory_type(uint32_t type_bits, VkMemoryPropertyFlags required, VkMemoryPropertyFlags preferred) const;
+
+  /// Submits one command buffer and waits for it on the host. Device loss is sticky and throws KS_ERROR_DEVICE_LOST.
+  void submit_and_wait(VkCommandBuffer commands);
+
+  [[nodiscard]] ThreadPool& workers() const { return *workers_; }
+  void log(uint32_t level, const char* format, ...) const __attribute__((format(printf, 3, 4)));
+
+  void count_copy(uint64_t bytes) { copied_bytes_ += bytes; }
+  [[nodiscard]] uint64_t copied_bytes() const { return copied_bytes_; }
+
+ private:
+  Device() = default;
+  ks_device_info info_{};
+  ks_log_fn log_ = nullptr;
+  void* log_user_ = nullptr;
+  mutable std::mutex log_mutex_;
+  std::shared_ptr<class Instance> instance_;
+  VkPhysicalDevice physical_ = VK_NULL_HANDLE;
+  VkDevice device_ = VK_NULL_HANDLE;
+  VkQueue queue_ = VK_NULL_HANDLE;
+  VkFence fence_ = VK_NULL_HANDLE;
+  VkPipelineCache pipeline_cache_ = VK_NULL_HANDLE;
+  uint32_t queue_family_ = 0;
+  uint32_t subgroup_size_ = 0;
+  VkPhysicalDeviceLimits limits_{};
+  VkPhysicalDeviceMemoryProperties memory_{};
+  std::vector<std::string> extensions_;
+  VolkDeviceTable table_{};
+  std::mutex queue_mutex_;
+  std::atomic<uint64_t> copied_bytes_{0};
+  std::unique_ptr<ThreadPool> workers_;
+};
+
+}  // namespace ks

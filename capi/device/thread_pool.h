@@ -1,0 +1,26 @@
+// Worker threads of a device. The calling thread works too; results must not depend on how many there are.
+#pragma once
+
+#include <cstddef>
+#include <functional>
+#include <memory>
+
+namespace ks {
+
+class ThreadPool {
+ public:
+  /// worker_count: 0 = one per core this process may run on (sched_getaffinity); 1 = everything on the caller.
+  explicit ThreadPool(unsigned worker_count);
+  ~ThreadPool();
+  ThreadPool(const ThreadPool&) = delete;
+  ThreadPool& operator=(const ThreadPool&) = delete;
+  [[nodiscard]] unsigned size() const;
+  /// Calls fn(index) for each index in [0, count), in any order, on any thread; returns when all are done. Rethrows the first exception.
+  void parallel_for(size_t count, const std::function<void(size_t)>& fn);
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace ks

@@ -1,0 +1,355 @@
+/* kuafu: a Vulkan path tracer for active stereo (infrared pattern projectors). C99.
+ *
+ * Conventions: metres, radians, seconds. Camera frame: x right, y down, z forward; pixel centres at integers; depth is z.
+ * A 4x4 transform is row-major and named a_to_b: it maps coordinates in a to coordinates in b.
+ * Errors: every call that can fail returns ks_status; kuafu_last_error() is the thread's last message, with the numbers and what to do.
+ * Lifetime: create returns one reference; retain/release; release(NULL) is a no-op; a child keeps its parents, so any release order is legal.
+ * Threads: a device is internally synchronised; a scene and a renderer are used by one thread at a time; distinct objects are independent. */
+#ifndef KUAFU_KUAFU_H
+#define KUAFU_KUAFU_H
+
+#include <math.h>
+#include <stdint.h>
+#include <string.h>
+
+#include "ks/buffer.h"
+#include "ks/device.h"
+#include "ks/header.h"
+#include "ks/image.h"
+#include "ks/log.h"
+#include "ks/status.h"
+#include "ks/sync.h"
+
+#define KUAFU_VERSION_MAJOR 0
+#define KUAFU_VERSION_MINOR 1
+#define KUAFU_VERSION_PATCH 0
+
+#if defined(__GNUC__)
+#define KUAFU_API __attribute__((visibility("default")))
+#else
+#define KUAFU_API
+#endif
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct kuafu_device_t* kuafu_device;
+typedef struct kuafu_buffer_t* kuafu_buffer;
+typedef struct kuafu_scene_t* kuafu_scene;
+typedef struct kuafu_renderer_t* kuafu_renderer;
+
+/* Packed as major * 10000 + minor * 100 + patch. */
+KUAFU_API uint32_t kuafu_version(void);
+/* Text of this thread's last failed kuafu call; valid until its next kuafu call; never NULL. */
+KUAFU_API const char* kuafu_last_error(void);
+
+/* ---- device ---------------------------------------------------------------------------------------------------------------- */
+
+/* Every Vulkan device, usable or not (info.refused says why). In: *count = capacity of infos; out: the number there is.
+ * infos may be NULL to ask for the count. No Vulkan loader or driver: KS_OK with *count = 0 and the reason in kuafu_last_error(). */
+KUAFU_API ks_status kuafu_device_enumerate(ks_device_info* infos, uint32_t* count);
+/* KS_ERROR_NO_DEVICE names every device with its reasons and what to install. desc may be NULL (KS_SELECT_AUTO). */
+KUAFU_API ks_status kuafu_device_create(const ks_device_desc* desc, kuafu_device* out);
+KUAFU_API ks_status kuafu_device_get_info(kuafu_device device, ks_device_info* out);
+KUAFU_API void kuafu_device_retain(kuafu_device device);
+KUAFU_API void kuafu_device_release(kuafu_device device);
+/* Bytes that this library copied between buffers, or between host memory and buffers, since the device was created. Zero-copy pipelines keep it still. */
+KUAFU_API ks_status kuafu_device_copied_bytes(kuafu_device device, uint64_t* out);
+
+/* ---- buffer ---------------------------------------------------------------------------------------------------------------- */
+
+KUAFU_API ks_status kuafu_buffer_create(kuafu_device device, const ks_buffer_create* create, kuafu_buffer* out);
+KUAFU_API ks_status kuafu_buffer_import(kuafu_device device, const ks_buffer_desc* desc, kuafu_buffer* out);
+/* memory: KS_MEMORY_*. The descriptor's fd, if any, is the caller's to close. */
+KUAFU_API ks_status kuafu_buffer_export(kuafu_buffer buffer, uint32_t memory, ks_buffer_desc* out);
+/* Host address of a host-visible buffer; stays valid while the buffer lives. */
+KUAFU_API ks_status kuafu_buffer_map(kuafu_buffer buffer, void** out);
+KUAFU_API ks_status kuafu_buffer_write(kuafu_buffer buffer, uint64_t offset_bytes, const void* data, uint64_t size_bytes);
+KUAFU_API ks_status kuafu_buffer_read(kuafu_buffer buffer, uint64_t offset_bytes, void* data, uint64_t size_bytes);
+KUAFU_API void kuafu_buffer_retain(kuafu_buffer buffer);
+KUAFU_API void kuafu_buffer_release(kuafu_buffer buffer);
+
+/* ---- scene ----------------------------------------------------------------------------------------------------------------- */
+
+#define KUAFU_NONE 0xffffffffu             /* no texture, no mesh, ... */
+#define KUAFU_ALL_ENVIRONMENTS 0xffffffffu /* an instance or light that every environment of the batch sees */
+
+#define KUAFU_TYPE_MESH_DESC 0x1001u
+#define KUAFU_TYPE_TEXTURE_DESC 0x1002u
+#define KUAFU_TYPE_MATERIAL_DESC 0x1003u
+#define KUAFU_TYPE_INSTANCE_DESC 0x1004u
+#define KUAFU_TYPE_LIGHT_DESC 0x1005u
+#define KUAFU_TYPE_CAMERA_DESC 0x1006u
+#define KUAFU_TYPE_ENVIRONMENT_DESC 0x1007u
+#define KUAFU_TYPE_VIEW_DESC 0x1008u
+#define KUAFU_TYPE_OUTPUT_DESC 0x1009u
+#define KUAFU_TYPE_RENDER_DESC 0x100au
+#define KUAFU_TYPE_SCENE_SUMMARY 0x100bu
+#define KUAFU_TYPE_RENDERER_DESC 0x100cu
+
+KUAFU_API ks_status kuafu_scene_create(kuafu_device device, kuafu_scene* out);
+KUAFU_API void kuafu_scene_retain(kuafu_scene scene);
+KUAFU_API void kuafu_scene_release(kuafu_scene scene);
+
+/* Appends a file: .gltf .glb (meshes, materials, textures, KHR_lights_punctual, cameras) or .obj .dae .stl .ply (meshes, materials).
+ * root_to_world: row-major 4x4 put before every node, NULL = identity. Errors name the file and the field; the scene is then unchanged. */
+KUAFU_API ks_status kuafu_scene_load(kuafu_scene scene, const char* path, const double* root_to_world);
+
+typedef struct kuafu_scene_summary {
+  ks_header header;
+  uint32_t mesh_count, texture_count, material_count, instance_count, light_count, camera_count;
+  uint64_t triangle_count;     /* of all instances */
+  double bounds_min_m[3];      /* world, of all instances; +inf/-inf when empty */
+  double bounds_max_m[3];
+} kuafu_scene_summary;
+KUAFU_API ks_status kuafu_scene_get_summary(kuafu_scene scene, kuafu_scene_summary* out);
+
+/* Triangles. Counts are of vertices and triangles. normals, uvs and slots may be NULL. Data is copied. */
+typedef struct kuafu_mesh_desc {
+  ks_header header;
+  const char* name;
+  const float* positions;    /* [vertex_count][3] metres */
+  const float* normals;      /* [vertex_count][3] unit, or NULL: geometric normals */
+  const float* uvs;          /* [vertex_count][2], v down as in glTF, or NULL */
+  const uint32_t* indices;   /* [triangle_count][3] */
+  const uint32_t* slots;     /* [triangle_count] index into the instance's materials, or NULL: 0 */
+  uint32_t vertex_count;
+  uint32_t triangle_count;
+} kuafu_mesh_desc;
+KUAFU_API ks_status kuafu_scene_add_mesh(kuafu_scene scene, const kuafu_mesh_desc* desc, uint32_t* id);
+
+/* Row 0 first, u right, v down. Data is copied. */
+typedef struct kuafu_texture_desc {
+  ks_header header;
+  const char* name;
+  const void* texels;   /* [height][width][channels] */
+  uint32_t width, height;
+  uint32_t channels;    /* 1..4 */
+  uint32_t format;      /* KS_FORMAT_U8 (0..1), KS_FORMAT_U16 (0..1), KS_FORMAT_F32 */
+  uint32_t srgb;        /* nonzero: colour channels are sRGB-encoded; 0: linear data */
+  uint32_t reserved;
+} kuafu_texture_desc;
+KUAFU_API ks_status kuafu_scene_add_texture(kuafu_scene scene, const kuafu_texture_desc* desc, uint32_t* id);
+
+/* glTF 2.0's material model: GGX (alpha = roughness squared), metallic-roughness, KHR_materials_ior/specular/transmission. */
+typedef struct kuafu_material_desc {
+  ks_header header;
+  const char* name;
+  float base_color[4];       /* linear RGB + alpha */
+  float metallic;            /* 0..1 */
+  float roughness;           /* 0..1 */
+  float specular;            /* 0..1; 0 with metallic 0 is exactly Lambertian */
+  float ior;                 /* >= 1 */
+  float transmission;        /* 0..1 */
+  float emission[3];         /* radiance, W/(sr m^2) in the visible band */
+  float ir_albedo;           /* diffuse albedo (or metal reflectance) in the infrared band; NAN = red of base colour */
+  float ir_emission;         /* radiance in the infrared band */
+  uint32_t base_color_texture; /* texture ids or KUAFU_NONE; each multiplies its factor */
+  uint32_t metallic_roughness_texture; /* G = roughness, B = metallic */
+  uint32_t normal_texture;
+  uint32_t emission_texture;
+  uint32_t transmission_texture; /* R */
+  uint32_t specular_texture;     /* A */
+} kuafu_material_desc;
+static inline kuafu_material_desc kuafu_material_desc_init(void) {
+  kuafu_material_desc m;
+  memset(&m, 0, sizeof m);
+  m.header = ks_header_make(KUAFU_TYPE_MATERIAL_DESC, (uint32_t)sizeof m);
+  m.base_color[0] = m.base_color[1] = m.base_color[2] = m.base_color[3] = 1.0f;
+  m.roughness = 1.0f;
+  m.specular = 1.0f;
+  m.ior = 1.5f;
+  m.ir_albedo = NAN;
+  m.base_color_texture = m.metallic_roughness_texture = m.normal_texture = KUAFU_NONE;
+  m.emission_texture = m.transmission_texture = m.specular_texture = KUAFU_NONE;
+  return m;
+}
+KUAFU_API ks_status kuafu_scene_add_material(kuafu_scene scene, const kuafu_material_desc* desc, uint32_t* id);
+KUAFU_API ks_status kuafu_scene_set_material(kuafu_scene scene, uint32_t id, const kuafu_material_desc* desc);
+KUAFU_API ks_status kuafu_scene_get_material(kuafu_scene scene, uint32_t id, kuafu_material_desc* out);
+
+typedef struct kuafu_instance_desc {
+  ks_header header;
+  const char* name;
+  uint32_t mesh;
+  uint32_t environment;        /* KUAFU_ALL_ENVIRONMENTS or 0.. */
+  const uint32_t* materials;   /* [material_count], one per slot of the mesh; NULL or short: a grey Lambertian default */
+  uint32_t material_count;
+  uint32_t semantic_id;
+  double local_to_world[16];
+} kuafu_instance_desc;
+KUAFU_API ks_status kuafu_scene_add_instance(kuafu_scene scene, const kuafu_instance_desc* desc, uint32_t* id);
+KUAFU_API ks_status kuafu_scene_set_instance_pose(kuafu_scene scene, uint32_t id, const double* local_to_world);
+KUAFU_API ks_status kuafu_scene_set_instance_materials(kuafu_scene scene, uint32_t id, const uint32_t* materials, uint32_t material_count);
+/* Ids are stable and not reused; ids of removed objects are refused from then on. */
+KUAFU_API ks_status kuafu_scene_remove_instance(kuafu_scene scene, uint32_t id);
+
+/* Names as loaded, for ids 0.. of the AOVs; the pointer lives until the scene changes. */
+KUAFU_API const char* kuafu_scene_instance_name(kuafu_scene scene, uint32_t id);
+KUAFU_API const char* kuafu_scene_material_name(kuafu_scene scene, uint32_t id);
+
+#define KUAFU_LIGHT_POINT 1u
+#define KUAFU_LIGHT_PROJECTOR 2u /* a point with a textured radiant intensity: texture value in [0,1] times intensity, towards pixel (u,v) of K, bilinear, 0 outside */
+
+typedef struct kuafu_light_desc {
+  ks_header header;
+  const char* name;
+  uint32_t kind;             /* KUAFU_LIGHT_* */
+  uint32_t environment;      /* KUAFU_ALL_ENVIRONMENTS or 0.. */
+  float intensity[3];        /* visible band, radiant intensity W/sr. A projector's is 0 by default: an RGB camera does not see it */
+  float ir_intensity;        /* infrared band, W/sr; NAN = red of `intensity` times kuafu_render_desc.ir_ambient_scale */
+  double light_to_world[16]; /* +z is the projector's optical axis, x right, y down */
+  uint32_t texture;          /* projector: pattern, red channel read linearly */
+  uint32_t reserved;
+  double k[9];               /* projector: row-major 3x3 in pixels of the texture */
+} kuafu_light_desc;
+static inline kuafu_light_desc kuafu_light_desc_init(uint32_t kind) {
+  kuafu_light_desc l;
+  int i;
+  memset(&l, 0, sizeof l);
+  l.header = ks_header_make(KUAFU_TYPE_LIGHT_DESC, (uint32_t)sizeof l);
+  l.kind = kind;
+  l.environment = KUAFU_ALL_ENVIRONMENTS;
+  l.ir_intensity = NAN;
+  l.texture = KUAFU_NONE;
+  for (i = 0; i < 4; ++i) l.light_to_world[5 * i] = 1.0;
+  for (i = 0; i < 3; ++i) l.k[4 * i] = 1.0;
+  return l;
+}
+KUAFU_API ks_status kuafu_scene_add_light(kuafu_scene scene, const kuafu_light_desc* desc, uint32_t* id);
+KUAFU_API ks_status kuafu_scene_set_light(kuafu_scene scene, uint32_t id, const kuafu_light_desc* desc);
+KUAFU_API ks_status kuafu_scene_get_light(kuafu_scene scene, uint32_t id, kuafu_light_desc* out);
+KUAFU_API ks_status kuafu_scene_remove_light(kuafu_scene scene, uint32_t id);
+
+/* Uniform radiance from all directions, seen by every ray that leaves the scene. */
+typedef struct kuafu_environment_desc {
+  ks_header header;
+  float radiance[3];     /* visible band, W/(sr m^2) */
+  float ir_radiance;     /* infrared band; NAN = red of `radiance` times ir_ambient_scale plus ir_ambient_radiance (kuafu_render_desc) */
+} kuafu_environment_desc;
+static inline kuafu_environment_desc kuafu_environment_desc_init(void) {
+  kuafu_environment_desc e;
+  memset(&e, 0, sizeof e);
+  e.header = ks_header_make(KUAFU_TYPE_ENVIRONMENT_DESC, (uint32_t)sizeof e);
+  e.ir_radiance = NAN;
+  return e;
+}
+KUAFU_API ks_status kuafu_scene_set_environment(kuafu_scene scene, const kuafu_environment_desc* desc);
+
+/* Pinhole camera. Cameras that a file brought are read with kuafu_scene_get_camera (their width and height are 0 where the file has none). */
+typedef struct kuafu_camera_desc {
+  ks_header header;
+  uint32_t width, height;      /* pixels */
+  double k[9];                 /* row-major 3x3 */
+  double camera_to_world[16];
+  double near_m, far_m;        /* hits outside are not seen by the camera; 0 and +inf by default */
+} kuafu_camera_desc;
+static inline kuafu_camera_desc kuafu_camera_desc_init(void) {
+  kuafu_camera_desc c;
+  int i;
+  memset(&c, 0, sizeof c);
+  c.header = ks_header_make(KUAFU_TYPE_CAMERA_DESC, (uint32_t)sizeof c);
+  for (i = 0; i < 4; ++i) c.camera_to_world[5 * i] = 1.0;
+  for (i = 0; i < 3; ++i) c.k[4 * i] = 1.0;
+  c.far_m = INFINITY;
+  return c;
+}
+KUAFU_API ks_status kuafu_scene_get_camera(kuafu_scene scene, uint32_t index, kuafu_camera_desc* out);
+
+/* ---- rendering ------------------------------------------------------------------------------------------------------------- */
+
+#define KUAFU_TRACER_AUTO 0u    /* Embree on CPU devices, the own BVH on GPUs */
+#define KUAFU_TRACER_EMBREE 1u
+#define KUAFU_TRACER_COMPUTE 2u
+
+typedef struct kuafu_renderer_desc {
+  ks_header header;
+  uint32_t tracer;   /* KUAFU_TRACER_* */
+  uint32_t reserved;
+} kuafu_renderer_desc;
+KUAFU_API ks_status kuafu_renderer_create(kuafu_device device, const kuafu_renderer_desc* desc, kuafu_renderer* out);
+KUAFU_API void kuafu_renderer_retain(kuafu_renderer renderer);
+KUAFU_API void kuafu_renderer_release(kuafu_renderer renderer);
+
+#define KUAFU_BAND_VISIBLE 0u  /* RGB: the projector gives its visible intensity, 0 by default */
+#define KUAFU_BAND_INFRARED 1u /* one channel: ir_albedo, ir intensities, ambient lights scaled */
+
+typedef struct kuafu_view_desc {
+  ks_header header;
+  kuafu_camera_desc camera;
+  uint32_t band;         /* KUAFU_BAND_* */
+  uint32_t environment;  /* which environment of the batch this view looks into; 0 for a single one */
+} kuafu_view_desc;
+static inline kuafu_view_desc kuafu_view_desc_init(void) {
+  kuafu_view_desc v;
+  memset(&v, 0, sizeof v);
+  v.header = ks_header_make(KUAFU_TYPE_VIEW_DESC, (uint32_t)sizeof v);
+  v.camera = kuafu_camera_desc_init();
+  return v;
+}
+
+/* What an output holds; C is the channel count for an infrared / a visible view. All are float32 unless said. Radiance is the mean over the pixel's square. */
+#define KUAFU_OUTPUT_RADIANCE 1u           /* 1 / 3: sum of all light groups */
+#define KUAFU_OUTPUT_PROJECTOR_DIRECT 2u   /* 1 / 3: projector light with one surface between it and the camera (mirrors and smooth glass not counted) */
+#define KUAFU_OUTPUT_PROJECTOR_INDIRECT 3u /* 1 / 3: the rest of the projectors' light */
+#define KUAFU_OUTPUT_AMBIENT 4u            /* 1 / 3: every other light */
+/* AOVs are taken at the pixel's centre. */
+#define KUAFU_OUTPUT_DEPTH 16u             /* 1: z in metres, 0 = nothing hit */
+#define KUAFU_OUTPUT_NORMAL 17u            /* 3: shading normal, world frame, 0 = nothing hit */
+#define KUAFU_OUTPUT_INSTANCE_ID 18u       /* 1, uint32: instance id, KUAFU_NONE = nothing hit */
+#define KUAFU_OUTPUT_MATERIAL_ID 19u       /* 1, uint32: material id, KUAFU_NONE = nothing hit */
+
+typedef struct kuafu_output_desc {
+  ks_header header;
+  uint32_t output;      /* KUAFU_OUTPUT_* */
+  uint32_t reserved;
+  kuafu_buffer buffer;
+  ks_image_desc image;  /* [view_count][height][width][C], packed in the last two dimensions */
+} kuafu_output_desc;
+static inline kuafu_output_desc kuafu_output_desc_init(uint32_t output, kuafu_buffer buffer, ks_image_desc image) {
+  kuafu_output_desc o;
+  memset(&o, 0, sizeof o);
+  o.header = ks_header_make(KUAFU_TYPE_OUTPUT_DESC, (uint32_t)sizeof o);
+  o.output = output;
+  o.buffer = buffer;
+  o.image = image;
+  return o;
+}
+
+typedef struct kuafu_render_desc {
+  ks_header header;
+  const kuafu_view_desc* views;      /* [view_count]; all of one width, height and band */
+  const kuafu_output_desc* outputs;  /* [output_count] */
+  uint32_t view_count;
+  uint32_t output_count;
+  uint32_t samples_per_pixel;        /* >= 1 */
+  uint32_t max_bounces;              /* surface interactions after the first; 0 = direct light only */
+  uint64_t seed;
+  uint32_t first_sample;             /* continue a sequence: samples first_sample .. first_sample + samples_per_pixel - 1 */
+  float ir_ambient_scale;            /* what visible lights give in the infrared where they do not say (the paper's a = 0.05) */
+  float ir_ambient_radiance;         /* weak constant added to the environment in the infrared where it does not say, W/(sr m^2) */
+  uint32_t reserved;
+  ks_progress_fn progress;           /* may be NULL */
+  void* progress_user;
+} kuafu_render_desc;
+static inline kuafu_render_desc kuafu_render_desc_init(void) {
+  kuafu_render_desc r;
+  memset(&r, 0, sizeof r);
+  r.header = ks_header_make(KUAFU_TYPE_RENDER_DESC, (uint32_t)sizeof r);
+  r.samples_per_pixel = 16;
+  r.max_bounces = 8;
+  r.ir_ambient_scale = 0.05f;
+  r.ir_ambient_radiance = 0.002f;
+  return r;
+}
+/* Blocks until the outputs may be read (KS_SYNC_HOST). Same inputs and seed give the same bits on one device for any thread count or batch split. */
+KUAFU_API ks_status kuafu_renderer_render(kuafu_renderer renderer, kuafu_scene scene, const kuafu_render_desc* desc);
+/* Stage times of the last render. In: *count = capacity of times; out: the number there is. times may be NULL. */
+KUAFU_API ks_status kuafu_renderer_get_stage_times(kuafu_renderer renderer, ks_stage_time* times, uint32_t* count);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

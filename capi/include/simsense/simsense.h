@@ -1,0 +1,195 @@
+/* simsense: a stereo depth engine (imager noise, rectification, census, semi-global matching, checks, registration). C99.
+ *
+ * Conventions, errors, lifetime and threads are those of kuafu.h: metres, radians; camera x right, y down, z forward; pixel centres at integers;
+ * depth is z, 0 = invalid; disparity = x_left - x_right in pixels, -1 = invalid; transforms are row-major a_to_b.
+ * An engine is used by one thread at a time. */
+#ifndef SIMSENSE_SIMSENSE_H
+#define SIMSENSE_SIMSENSE_H
+
+#include <stdint.h>
+#include <string.h>
+
+#include "ks/buffer.h"
+#include "ks/device.h"
+#include "ks/header.h"
+#include "ks/image.h"
+#include "ks/log.h"
+#include "ks/status.h"
+#include "ks/sync.h"
+
+#define SIMSENSE_VERSION_MAJOR 0
+#define SIMSENSE_VERSION_MINOR 1
+#define SIMSENSE_VERSION_PATCH 0
+
+#if defined(__GNUC__)
+#define SIMSENSE_API __attribute__((visibility("default")))
+#else
+#define SIMSENSE_API
+#endif
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct simsense_device_t* simsense_device;
+typedef struct simsense_buffer_t* simsense_buffer;
+typedef struct simsense_engine_t* simsense_engine;
+
+SIMSENSE_API uint32_t simsense_version(void);
+SIMSENSE_API const char* simsense_last_error(void);
+
+/* Device and buffer calls mean what their namesakes in kuafu.h mean. KS_SELECT_HOST gives a device without Vulkan: the CPU back end. */
+SIMSENSE_API ks_status simsense_device_enumerate(ks_device_info* infos, uint32_t* count);
+SIMSENSE_API ks_status simsense_device_create(const ks_device_desc* desc, simsense_device* out);
+SIMSENSE_API ks_status simsense_device_get_info(simsense_device device, ks_device_info* out);
+SIMSENSE_API void simsense_device_retain(simsense_device device);
+SIMSENSE_API void simsense_device_release(simsense_device device);
+SIMSENSE_API ks_status simsense_device_copied_bytes(simsense_device device, uint64_t* out);
+
+SIMSENSE_API ks_status simsense_buffer_create(simsense_device device, const ks_buffer_create* create, simsense_buffer* out);
+SIMSENSE_API ks_status simsense_buffer_import(simsense_device device, const ks_buffer_desc* desc, simsense_buffer* out);
+SIMSENSE_API ks_status simsense_buffer_export(simsense_buffer buffer, uint32_t memory, ks_buffer_desc* out);
+SIMSENSE_API ks_status simsense_buffer_map(simsense_buffer buffer, void** out);
+SIMSENSE_API ks_status simsense_buffer_write(simsense_buffer buffer, uint64_t offset_bytes, const void* data, uint64_t size_bytes);
+SIMSENSE_API ks_status simsense_buffer_read(simsense_buffer buffer, uint64_t offset_bytes, void* data, uint64_t size_bytes);
+SIMSENSE_API void simsense_buffer_retain(simsense_buffer buffer);
+SIMSENSE_API void simsense_buffer_release(simsense_buffer buffer);
+
+#define SIMSENSE_TYPE_RIG_DESC 0x2001u
+#define SIMSENSE_TYPE_PARAMETERS 0x2002u
+#define SIMSENSE_TYPE_COMPUTE_DESC 0x2003u
+#define SIMSENSE_TYPE_OUTPUT_DESC 0x2004u
+
+/* One pinhole camera with Brown-Conrady distortion (OpenCV's [k1,k2,p1,p2,k3]). width = 0: absent. */
+typedef struct simsense_camera {
+  uint32_t width, height;
+  double k[9];
+  double distortion[5];
+} simsense_camera;
+
+/* The stereo rig; fixed for the life of an engine. */
+typedef struct simsense_rig_desc {
+  ks_header header;
+  simsense_camera left, right;   /* same width and height, both >= 32 */
+  simsense_camera rgb;           /* width 0 = no registration */
+  double left_to_right[16];
+  double left_to_rgb[16];
+  uint32_t rectified;            /* nonzero: the input pair is row-aligned already; else it is rectified from both K's, distortions and left_to_right */
+  uint32_t batch_count;          /* image pairs per compute, >= 1 */
+} simsense_rig_desc;
+static inline simsense_rig_desc simsense_rig_desc_init(void) {
+  simsense_rig_desc r;
+  int i;
+  memset(&r, 0, sizeof r);
+  r.header = ks_header_make(SIMSENSE_TYPE_RIG_DESC, (uint32_t)sizeof r);
+  for (i = 0; i < 4; ++i) r.left_to_right[5 * i] = r.left_to_rgb[5 * i] = 1.0;
+  r.batch_count = 1;
+  return r;
+}
+
+/* Everything that may change between frames. Ranges are checked by simsense_engine_set_parameters. */
+typedef struct simsense_parameters {
+  ks_header header;
+  /* signal: counts = clamp(round(gain * input * Gamma(shape, scale) + black_level + N(mu, sigma))), 8 bit; factors are neutral at 0 */
+  float gain;                    /* counts per unit of a float input; 1 for integer inputs */
+  float black_level_dn;          /* >= 0 */
+  float speckle_shape;           /* > 0 turns the gamma factor on; its scale must then be > 0 */
+  float speckle_scale;
+  float gaussian_mu_dn;
+  float gaussian_sigma_dn;       /* >= 0 */
+  uint64_t noise_seed;           /* streams are keyed by (seed, frame, batch index, eye, pixel) */
+  uint64_t frame_index;          /* which draw of the noise; advance it for a new frame of the same scene */
+  /* matching */
+  uint32_t census_width, census_height; /* odd; center-symmetric, at most 32 comparisons */
+  uint32_t max_disparity;        /* disparities 0 .. max_disparity - 1; 16..1024 */
+  uint32_t block_width, block_height;   /* odd, product <= 256; 1x1 = no block sum */
+  uint32_t p1, p2;               /* 0 < p1 < p2 < 224 */
+  uint32_t uniqueness_ratio;     /* percent, 0 = off, 0..100 */
+  int32_t lr_max_diff;           /* pixels; -1 = off */
+  uint32_t median_size;          /* 1 = off, 3, 5, 7 */
+  uint32_t subpixel;             /* SIMSENSE_SUBPIXEL_* */
+  /* depth */
+  float min_depth_m, max_depth_m; /* keep min <= z < max */
+  uint32_t depth_dilation;       /* registration: fill 2x2 up/left */
+  uint32_t reserved;
+} simsense_parameters;
+
+#define SIMSENSE_SUBPIXEL_NONE 0u
+#define SIMSENSE_SUBPIXEL_PARABOLA 1u
+
+/* Defaults of the published SimSense (p1 7, p2 86, 7x7 census and block, uniqueness 15, LR 1, median 3), noise off. */
+static inline simsense_parameters simsense_parameters_init(void) {
+  simsense_parameters p;
+  memset(&p, 0, sizeof p);
+  p.header = ks_header_make(SIMSENSE_TYPE_PARAMETERS, (uint32_t)sizeof p);
+  p.gain = 1.0f;
+  p.census_width = p.census_height = 7;
+  p.max_disparity = 128;
+  p.block_width = p.block_height = 7;
+  p.p1 = 7;
+  p.p2 = 86;
+  p.uniqueness_ratio = 15;
+  p.lr_max_diff = 1;
+  p.median_size = 3;
+  p.subpixel = SIMSENSE_SUBPIXEL_PARABOLA;
+  p.max_depth_m = 10.0f;
+  return p;
+}
+
+SIMSENSE_API ks_status simsense_engine_create(simsense_device device, const simsense_rig_desc* rig, const simsense_parameters* parameters, simsense_engine* out);
+SIMSENSE_API ks_status simsense_engine_set_parameters(simsense_engine engine, const simsense_parameters* parameters);
+SIMSENSE_API ks_status simsense_engine_get_parameters(simsense_engine engine, simsense_parameters* out);
+SIMSENSE_API void simsense_engine_retain(simsense_engine engine);
+SIMSENSE_API void simsense_engine_release(simsense_engine engine);
+
+/* After rectification: the K shared by both rectified cameras (row-major 3x3), the baseline in metres (> 0), and left_to_rectified (4x4 rotation). */
+SIMSENSE_API ks_status simsense_engine_get_rectified(simsense_engine engine, double* k, double* baseline_m, double* left_to_rectified);
+
+/* An image argument: a buffer of this library, or plain host memory when buffer is NULL. */
+typedef struct simsense_image {
+  simsense_buffer buffer;
+  void* host;               /* used when buffer is NULL; the view's offset counts from here */
+  ks_image_desc image;
+} simsense_image;
+
+/* What an output holds. H,W are the IR size except where said. */
+#define SIMSENSE_OUTPUT_DISPARITY 1u      /* float32 [N,H,W] pixels in the rectified left image, -1 = invalid */
+#define SIMSENSE_OUTPUT_DEPTH 2u          /* float32 [N,H,W] metres in the rectified left camera, 0 = invalid */
+#define SIMSENSE_OUTPUT_DEPTH_RGB 3u      /* float32 [N,H_rgb,W_rgb] metres in the RGB camera, 0 = invalid; needs rig.rgb */
+#define SIMSENSE_OUTPUT_IR_LEFT 4u        /* uint8 [N,H,W] what the left imager gives: after the signal stage, before rectification */
+#define SIMSENSE_OUTPUT_IR_RIGHT 5u
+#define SIMSENSE_OUTPUT_RECTIFIED_LEFT 6u /* uint8 [N,H,W] what the matcher saw */
+#define SIMSENSE_OUTPUT_RECTIFIED_RIGHT 7u
+#define SIMSENSE_OUTPUT_POINTS 8u         /* float32 [N,H',W',3] metres, RGB camera frame and size if rig.rgb is present, else rectified left; 0,0,0 = invalid */
+
+typedef struct simsense_output_desc {
+  ks_header header;
+  uint32_t output;    /* SIMSENSE_OUTPUT_* */
+  uint32_t reserved;
+  simsense_image image;
+} simsense_output_desc;
+
+typedef struct simsense_compute_desc {
+  ks_header header;
+  simsense_image left, right;            /* uint8, uint16 or float32, [N,H,W]; [H,W] when batch_count is 1; any strides */
+  const simsense_output_desc* outputs;   /* [output_count] */
+  uint32_t output_count;
+  uint32_t reserved;
+  ks_progress_fn progress;
+  void* progress_user;
+} simsense_compute_desc;
+static inline simsense_compute_desc simsense_compute_desc_init(void) {
+  simsense_compute_desc c;
+  memset(&c, 0, sizeof c);
+  c.header = ks_header_make(SIMSENSE_TYPE_COMPUTE_DESC, (uint32_t)sizeof c);
+  return c;
+}
+/* Blocks until the outputs may be read (KS_SYNC_HOST). */
+SIMSENSE_API ks_status simsense_engine_compute(simsense_engine engine, const simsense_compute_desc* desc);
+SIMSENSE_API ks_status simsense_engine_get_stage_times(simsense_engine engine, ks_stage_time* times, uint32_t* count);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,128 @@
+// The scene as the host knows it: tables with stable ids, and revision counters that tell a renderer what changed since it last looked.
+// Thread rule: externally synchronised. Nothing here knows Vulkan; io fills it, accel and pathtrace read it.
+#pragma once
+
+#include <cstdint>
+#include <glm/glm.hpp>
+#include <limits>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace kuafu {
+
+inline constexpr uint32_t none = 0xffffffffu;
+
+struct Mesh {
+  std::string name;
+  std::vector<glm::vec3> positions;  // metres
+  std::vector<glm::vec3> normals;    // unit; empty = geometric normals
+  std::vector<glm::vec2> uvs;        // empty = 0
+  std::vector<glm::uvec3> indices;
+  std::vector<uint32_t> slots;       // per triangle, index into Instance::materials; empty = 0
+};
+
+struct Texture {
+  enum class Format : uint32_t { u8, u16, f32 };
+  std::string name;
+  uint32_t width = 0, height = 0, channels = 0;
+  Format format = Format::u8;
+  bool srgb = false;
+  std::vector<uint8_t> texels;  // row 0 first, packed
+};
+
+/// Fields mean what kuafu_material_desc says.
+struct Material {
+  std::string name;
+  glm::vec4 base_color{1.0f};
+  float metallic = 0.0f, roughness = 1.0f, specular = 1.0f, ior = 1.5f, transmission = 0.0f;
+  glm::vec3 emission{0.0f};
+  float ir_albedo = std::numeric_limits<float>::quiet_NaN();
+  float ir_emission = 0.0f;
+  uint32_t base_color_texture = none, metallic_roughness_texture = none, normal_texture = none;
+  uint32_t emission_texture = none, transmission_texture = none, specular_texture = none;
+};
+
+struct Instance {
+  std::string name;
+  uint32_t mesh = none;
+  uint32_t environment = none;  // none = every environment
+  std::vector<uint32_t> materials;
+  uint32_t semantic_id = 0;
+  glm::dmat4 local_to_world{1.0};  // glm is column-major: column 3 is the translation
+};
+
+struct Light {
+  enum class Kind : uint32_t { point = 1, projector = 2 };
+  std::string name;
+  Kind kind = Kind::point;
+  uint32_t environment = none;
+  glm::vec3 intensity{0.0f};  // W/sr
+  float ir_intensity = std::numeric_limits<float>::quiet_NaN();
+  glm::dmat4 light_to_world{1.0};
+  uint32_t texture = none;
+  glm::dmat3 k{1.0};  // column-major glm: k[2][0] is cx
+};
+
+struct Environment {
+  glm::vec3 radiance{0.0f};
+  float ir_radiance = std::numeric_limits<float>::quiet_NaN();
+};
+
+struct Camera {
+  std::string name;
+  uint32_t width = 0, height = 0;
+  glm::dmat3 k{1.0};
+  glm::dmat4 camera_to_world{1.0};  // our axes: x right, y down, z forward
+  double near_m = 0.0, far_m = std::numeric_limits<double>::infinity();
+};
+
+/// Each counter grows when its part changes; readers remember the value they last saw.
+struct Revisions {
+  uint64_t meshes = 1, textures = 1, materials = 1, instances = 1, lights = 1;
+};
+
+class Scene {
+ public:
+  // Each add validates (finite numbers, indices in range, existing ids) and throws ks::Error with the numbers.
+  uint32_t add_mesh(Mesh mesh);
+  uint32_t add_texture(Texture texture);
+  uint32_t add_material(Material material);
+  uint32_t add_instance(Instance instance);
+  uint32_t add_light(Light light);
+  void set_material(uint32_t id, Material material);
+  void set_instance_pose(uint32_t id, const glm::dmat4& local_to_world);
+  void set_instance_materials(uint32_t id, std::vector<uint32_t> materials);
+  void set_light(uint32_t id, Light light);
+  void set_environment(const Environment& environment);
+  void remove_instance(uint32_t id);
+  void remove_light(uint32_t id);
+  void add_camera(Camera camera);
+
+  [[nodiscard]] const std::vector<Mesh>& meshes() const { return meshes_; }
+  [[nodiscard]] const std::vector<Texture>& textures() const { return textures_; }
+  [[nodiscard]] const std::vector<Material>& materials() const { return materials_; }
+  /// Removed ones are empty; the index is the id.
+  [[nodiscard]] const std::vector<std::optional<Instance>>& instances() const { return instances_; }
+  [[nodiscard]] const std::vector<std::optional<Light>>& lights() const { return lights_; }
+  [[nodiscard]] const Environment& environment() const { return environment_; }
+  [[nodiscard]] const std::vector<Camera>& cameras() const { return cameras_; }
+  [[nodiscard]] const Revisions& revisions() const { return revisions_; }
+
+  struct Bounds {
+    glm::dvec3 min{std::numeric_limits<double>::infinity()}, max{-std::numeric_limits<double>::infinity()};
+  };
+  [[nodiscard]] Bounds bounds() const;  // world, of all instances
+
+ private:
+  std::vector<Mesh> meshes_;
+  std::vector<Texture> textures_;
+  std::vector<Material> materials_;
+  std::vector<std::optional<Instance>> instances_;
+  std::vector<std::optional<Light>> lights_;
+  Environment environment_;
+  std::vector<Camera> cameras_;
+  Revisions revisions_;
+};
+
+}  // namespace kuafu
