@@ -1,0 +1,45 @@
+#!/usr/bin/env bash
+# Installs what is missing from Debian's packages, then builds (Release) into build/. Run again at once it does only what changed.
+# Sourced by examples/quickstart.sh and tests/run.sh; can be run by itself. Never touches package sources.
+set -euo pipefail
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
+
+missing_packages() {
+  local package
+  grep -hv '^#' "$@" | while read -r package; do
+    [ "$(dpkg-query -W -f='${db:Status-Status}' "$package" 2>/dev/null)" = installed ] || echo "$package"
+  done
+}
+
+# install_packages LIST...: nothing to do is silent; needs root or sudo only when something is missing.
+install_packages() {
+  local missing sudo=()
+  missing=$(missing_packages "$@")
+  [ -z "$missing" ] && return 0
+  if [ "$(id -u)" -ne 0 ]; then
+    if ! command -v sudo >/dev/null; then
+      echo "These Debian packages are missing and neither root nor sudo is at hand to install them:" >&2
+      echo $missing >&2
+      exit 2
+    fi
+    sudo=(sudo)
+  fi
+  echo "== installing from Debian: "$missing
+  "${sudo[@]}" apt-get update -qq
+  "${sudo[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends $missing >/dev/null
+}
+
+build_all() {
+  echo "== building into build/ (Release)"
+  local launcher=()
+  command -v ccache >/dev/null && launcher=(-DCMAKE_CXX_COMPILER_LAUNCHER=ccache)
+  cmake -S "$root" -B "$root/build" -G Ninja -DCMAKE_BUILD_TYPE=Release "${launcher[@]}" >/dev/null || {
+    exit 1
+  }
+  cmake --build "$root/build"
+}
+
+if [ "${BASH_SOURCE[0]}" = "$0" ]; then
+  install_packages "$root/capi/cmake/debian-packages.txt"
+  build_all
+fi

@@ -1,0 +1,16 @@
+#!/usr/bin/env bash
+# clang-format on every C, C++ and GLSL-shared file; clang-tidy on the C++ files that the last commit (or LINT_BASE) changed.
+set -euo pipefail
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+. "$root/capi/cmake/build.sh"
+install_packages "$root/capi/cmake/debian-packages.txt" "$root/tests/debian-packages-lint.txt"
+cd "$root"
+git ls-files '*.h' '*.c' '*.cpp' | grep -v '^kuafu/shaders/' | xargs clang-format --dry-run -Werror
+echo "== clang-format: clean"
+base=${LINT_BASE:-$(git rev-parse --verify -q HEAD~1 || git rev-parse HEAD)}
+changed=$(git diff --name-only --diff-filter=d "$base" -- '*.cpp' | grep -v '^tests/' || true)
+if [ -n "$changed" ]; then
+  build_all
+  echo "$changed" | xargs -P "$(nproc)" -n 1 clang-tidy --quiet -p build 2>/dev/null
+fi
+echo "== clang-tidy: clean on $(echo -n "$changed" | grep -c . || true) changed files"

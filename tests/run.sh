@@ -1,0 +1,37 @@
+#!/usr/bin/env bash
+# Builds if needed and runs every test: ctest for C and C++, pytest for Python. Ends with the runners' own closing lines.
+# --full adds what takes long: sanitizers and long fuzzing.
+set -euo pipefail
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+full=0
+for argument in "$@"; do
+  case "$argument" in
+    --full) full=1 ;;
+    -h | --help)
+      echo "usage: bash tests/run.sh [--full]"
+      exit 0
+      ;;
+    *)
+      echo "tests/run.sh: unknown argument '$argument' (known: --full)" >&2
+      exit 2
+      ;;
+  esac
+done
+. "$root/capi/cmake/build.sh"
+install_packages "$root/capi/cmake/debian-packages.txt"
+build_all
+cd "$root"
+status=0
+if [ "$full" -eq 1 ]; then
+  bash tests/full.sh || status=1
+fi
+echo "== ctest"
+ctest --test-dir build --output-on-failure -j "$(nproc)" --progress >build/ctest.log 2>&1 || {
+  status=1
+  cat build/ctest.log
+}
+echo "== pytest"
+ACTIVESTEREO_BUILD="$root/build" PYTHONPATH="$root/build/python" /usr/bin/python3 -m pytest -q -rs tests || status=1
+echo "== ctest said"
+tail -n 12 build/ctest.log
+exit $status
