@@ -1,1 +1,191 @@
 #include "scene/scene.h"
+
+#include <algorithm>
+#include <iterator>
+
+#include "device/error.h"
+#include "scene/validate.h"
+
+namespace kuafu {
+namespace {
+
+void check_exists(const char* owner, const std::string& name, const char* kind, uint32_t id, size_t count) {
+  if (id >= count)
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s '%s': there is no %s %u (the scene has %zu)", owner, name.c_str(), kind, id, count);
+}
+
+template <class T>
+T& live(std::vector<std::optional<T>>& table, const char* kind, uint32_t id) {
+  if (id >= table.size()) ks::fail(KS_ERROR_INVALID_ARGUMENT, "there is no %s %u (ids go to %zu)", kind, id, table.size());
+  if (!table[id]) ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s %u was removed", kind, id);
+  return *table[id];
+}
+
+/// Adds and returns the id.
+template <class Table, class T>
+uint32_t add(Table& table, T&& value, uint64_t& revision) {
+  if (table.size() >= none) ks::fail(KS_ERROR_UNSUPPORTED, "a scene table is full (2^32 - 1 ids)");
+  table.emplace_back(std::forward<T>(value));
+  ++revision;
+  return static_cast<uint32_t>(table.size() - 1);
+}
+
+void shift(uint32_t& id, size_t base) {
+  if (id != none) id += static_cast<uint32_t>(base);
+}
+
+template <class T>
+void move_to_end(std::vector<T>& to, std::vector<T>& from, uint64_t& revision) {
+  if (!from.empty()) ++revision;
+  std::move(from.begin(), from.end(), std::back_inserter(to));
+  from.clear();
+}
+
+}  // namespace
+
+void Scene::check_references(const Material& m) const {
+  for (const uint32_t texture : {m.base_color_texture, m.metallic_roughness_texture, m.normal_texture, m.emission_texture,
+                                 m.transmission_texture, m.specular_texture})
+    if (texture != none) check_exists("material", m.name, "texture", texture, textures_.size());
+}
+
+void Scene::check_references(const Light& light) const {
+  if (light.kind == Light::Kind::projector) {
+    check_exists("projector", light.name, "texture", light.texture, textures_.size());
+  } else if (light.texture != none) {
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "light '%s': a point light takes no texture, use a projector", light.name.c_str());
+  }
+}
+
+void Scene::check_materials(const std::vector<uint32_t>& ids) const {
+  for (size_t i = 0; i < ids.size(); ++i)
+    if (ids[i] != none && ids[i] >= materials_.size())
+      ks::fail(KS_ERROR_INVALID_ARGUMENT, "materials[%zu] is %u, but the scene has %zu materials", i, ids[i], materials_.size());
+}
+
+uint32_t Scene::add_mesh(Mesh mesh) {
+  check(mesh);
+  return add(meshes_, std::move(mesh), revisions_.meshes);
+}
+
+uint32_t Scene::add_texture(Texture texture) {
+  check(texture);
+  return add(textures_, std::move(texture), revisions_.textures);
+}
+
+uint32_t Scene::add_material(Material material) {
+  check(material);
+  check_references(material);
+  return add(materials_, std::move(material), revisions_.materials);
+}
+
+uint32_t Scene::add_instance(Instance instance) {
+  check_exists("instance", instance.name, "mesh", instance.mesh, meshes_.size());
+  check_materials(instance.materials);
+  check_affine(instance.local_to_world, ("instance '" + instance.name + "': local_to_world").c_str());
+  return add(instances_, std::move(instance), revisions_.instances);
+}
+
+uint32_t Scene::add_light(Light light) {
+  check(light);
+  check_references(light);
+  return add(lights_, std::move(light), revisions_.lights);
+}
+
+void Scene::set_material(uint32_t id, Material material) {
+  if (id >= materials_.size()) ks::fail(KS_ERROR_INVALID_ARGUMENT, "there is no material %u (the scene has %zu)", id, materials_.size());
+  check(material);
+  check_references(material);
+  materials_[id] = std::move(material);
+  ++revisions_.materials;
+}
+
+void Scene::set_instance_pose(uint32_t id, const glm::dmat4& local_to_world) {
+  Instance& instance = live(instances_, "instance", id);
+  check_affine(local_to_world, ("instance '" + instance.name + "': local_to_world").c_str());
+  instance.local_to_world = local_to_world;
+  ++revisions_.instances;
+}
+
+void Scene::set_instance_materials(uint32_t id, std::vector<uint32_t> materials) {
+  Instance& instance = live(instances_, "instance", id);
+  check_materials(materials);
+  instance.materials = std::move(materials);
+  ++revisions_.instances;
+}
+
+void Scene::set_light(uint32_t id, Light light) {
+  Light& old = live(lights_, "light", id);
+  check(light);
+  check_references(light);
+  old = std::move(light);
+  ++revisions_.lights;
+}
+
+void Scene::set_environment(const Environment& environment) {
+  check(environment);
+  environment_ = environment;
+  ++revisions_.lights;
+}
+
+void Scene::remove_instance(uint32_t id) {
+  live(instances_, "instance", id);
+  instances_[id].reset();
+  ++revisions_.instances;
+}
+
+void Scene::remove_light(uint32_t id) {
+  live(lights_, "light", id);
+  lights_[id].reset();
+  ++revisions_.lights;
+}
+
+void Scene::add_camera(Camera camera) {
+  check(camera);
+  cameras_.push_back(std::move(camera));
+}
+
+void Scene::append(Scene&& other) {
+  // All memory is taken first, so that a failure leaves this scene as it was.
+  const auto grow = [](auto& to, const auto& from) {
+    if (to.capacity() < to.size() + from.size()) to.reserve(std::max(2 * to.size(), to.size() + from.size()));
+  };
+  grow(meshes_, other.meshes_);
+  grow(textures_, other.textures_);
+  grow(materials_, other.materials_);
+  grow(instances_, other.instances_);
+  grow(lights_, other.lights_);
+  grow(cameras_, other.cameras_);
+  for (Material& m : other.materials_)
+    for (uint32_t* texture : {&m.base_color_texture, &m.metallic_roughness_texture, &m.normal_texture, &m.emission_texture,
+                              &m.transmission_texture, &m.specular_texture})
+      shift(*texture, textures_.size());
+  for (auto& instance : other.instances_) {
+    if (!instance) continue;
+    shift(instance->mesh, meshes_.size());
+    for (uint32_t& material : instance->materials) shift(material, materials_.size());
+  }
+  for (auto& light : other.lights_)
+    if (light) shift(light->texture, textures_.size());
+  move_to_end(meshes_, other.meshes_, revisions_.meshes);
+  move_to_end(textures_, other.textures_, revisions_.textures);
+  move_to_end(materials_, other.materials_, revisions_.materials);
+  move_to_end(instances_, other.instances_, revisions_.instances);
+  move_to_end(lights_, other.lights_, revisions_.lights);
+  std::move(other.cameras_.begin(), other.cameras_.end(), std::back_inserter(cameras_));
+}
+
+Scene::Bounds Scene::bounds() const {
+  Bounds bounds;
+  for (const auto& instance : instances_) {
+    if (!instance) continue;
+    for (const glm::vec3& position : meshes_[instance->mesh].positions) {
+      const glm::dvec3 world(instance->local_to_world * glm::dvec4(position, 1.0));
+      bounds.min = glm::min(bounds.min, world);
+      bounds.max = glm::max(bounds.max, world);
+    }
+  }
+  return bounds;
+}
+
+}  // namespace kuafu

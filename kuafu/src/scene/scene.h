@@ -19,7 +19,7 @@ struct Mesh {
   std::vector<glm::vec3> normals;    // unit; empty = geometric normals
   std::vector<glm::vec2> uvs;        // empty = 0
   std::vector<glm::uvec3> indices;
-  std::vector<uint32_t> slots;       // per triangle, index into Instance::materials; empty = 0
+  std::vector<uint32_t> slots;  // per triangle, index into Instance::materials; empty = 0
 };
 
 struct Texture {
@@ -46,8 +46,8 @@ struct Material {
 struct Instance {
   std::string name;
   uint32_t mesh = none;
-  uint32_t environment = none;  // none = every environment
-  std::vector<uint32_t> materials;
+  uint32_t environment = none;      // none = every environment
+  std::vector<uint32_t> materials;  // per slot; none or missing = grey Lambertian
   uint32_t semantic_id = 0;
   glm::dmat4 local_to_world{1.0};  // glm is column-major: column 3 is the translation
 };
@@ -98,6 +98,8 @@ class Scene {
   void remove_instance(uint32_t id);
   void remove_light(uint32_t id);
   void add_camera(Camera camera);
+  /// Moves everything but the environment of `other` to the end of this scene; ids of `other` grow by the sizes of the tables here.
+  void append(Scene&& other);
 
   [[nodiscard]] const std::vector<Mesh>& meshes() const { return meshes_; }
   [[nodiscard]] const std::vector<Texture>& textures() const { return textures_; }
@@ -115,6 +117,10 @@ class Scene {
   [[nodiscard]] Bounds bounds() const;  // world, of all instances
 
  private:
+  void check_references(const Material& material) const;
+  void check_references(const Light& light) const;
+  void check_materials(const std::vector<uint32_t>& ids) const;
+
   std::vector<Mesh> meshes_;
   std::vector<Texture> textures_;
   std::vector<Material> materials_;

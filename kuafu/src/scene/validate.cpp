@@ -1,0 +1,174 @@
+#include "scene/validate.h"
+
+#include <algorithm>
+#include <cinttypes>
+#include <cmath>
+#include <cstring>
+
+#include "device/error.h"
+
+namespace kuafu {
+namespace {
+
+constexpr float unit_tolerance = 1e-2f;      // of a normal's length; float32 files round to far less
+constexpr double rotation_tolerance = 1e-4;  // of R^T R - 1
+constexpr uint32_t max_slots = 1u << 16;     // of one mesh
+constexpr uint32_t max_texture_side = 1u << 15;
+
+template <class Vector>
+bool all_finite(const Vector& v) {
+  for (int i = 0; i < v.length(); ++i)
+    if (!std::isfinite(v[i])) return false;
+  return true;
+}
+
+void check_range(const char* what, const std::string& name, const char* field, double value, double low, double high) {
+  if (std::isfinite(value) && value >= low && value <= high) return;
+  if (std::isinf(high))
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s '%s': %s is %g, must be finite and >= %g", what, name.c_str(), field, value, low);
+  ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s '%s': %s is %g, must be in [%g, %g]", what, name.c_str(), field, value, low, high);
+}
+
+void check_not_negative(const char* what, const std::string& name, const char* field, double value) {
+  check_range(what, name, field, value, 0.0, std::numeric_limits<double>::infinity());
+}
+
+void check_not_negative(const char* what, const std::string& name, const char* field, const glm::vec3& value) {
+  for (int i = 0; i < 3; ++i) check_not_negative(what, name, field, value[i]);
+}
+
+/// Infrared values may be NaN: "as the visible band says".
+void check_infrared(const char* what, const std::string& name, const char* field, float value) {
+  if (!std::isnan(value)) check_not_negative(what, name, field, value);
+}
+
+void check_pinhole(const char* what, const std::string& name, const glm::dmat3& k) {
+  for (int c = 0; c < 3; ++c)
+    if (!all_finite(k[c])) ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s '%s': K has a value that is not finite", what, name.c_str());
+  if (k[0][0] <= 0.0 || k[1][1] <= 0.0)
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s '%s': focal lengths of K are %g and %g pixels, must be > 0", what, name.c_str(), k[0][0],
+             k[1][1]);
+  if (k[0][1] != 0.0 || k[0][2] != 0.0 || k[1][2] != 0.0 || k[2][2] != 1.0)
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s '%s': K is not [fx s cx; 0 fy cy; 0 0 1] (row-major)", what, name.c_str());
+}
+
+void check_vertices(const Mesh& mesh) {
+  const size_t count = mesh.positions.size();
+  const char* name = mesh.name.c_str();
+  if (!mesh.normals.empty() && mesh.normals.size() != count)
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "mesh '%s': %zu normals for %zu vertices", name, mesh.normals.size(), count);
+  if (!mesh.uvs.empty() && mesh.uvs.size() != count)
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "mesh '%s': %zu uvs for %zu vertices", name, mesh.uvs.size(), count);
+  for (size_t i = 0; i < count; ++i)
+    if (!all_finite(mesh.positions[i])) ks::fail(KS_ERROR_INVALID_ARGUMENT, "mesh '%s': position %zu is not finite", name, i);
+  for (size_t i = 0; i < mesh.normals.size(); ++i) {
+    const float length = glm::length(mesh.normals[i]);
+    if (!(std::abs(length - 1.0f) <= unit_tolerance))
+      ks::fail(KS_ERROR_INVALID_ARGUMENT, "mesh '%s': normal %zu has length %g, must be 1", name, i, static_cast<double>(length));
+  }
+  for (size_t i = 0; i < mesh.uvs.size(); ++i)
+    if (!all_finite(mesh.uvs[i])) ks::fail(KS_ERROR_INVALID_ARGUMENT, "mesh '%s': uv %zu is not finite", name, i);
+}
+
+}  // namespace
+
+void check(const Mesh& mesh) {
+  const char* name = mesh.name.c_str();
+  if (mesh.positions.empty()) ks::fail(KS_ERROR_INVALID_ARGUMENT, "mesh '%s': no vertices", name);
+  if (mesh.indices.empty()) ks::fail(KS_ERROR_INVALID_ARGUMENT, "mesh '%s': no triangles", name);
+  if (mesh.positions.size() > 0xfffffffeu || mesh.indices.size() > 0xfffffffeu)
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "mesh '%s': %zu vertices and %zu triangles, at most 2^32 - 2 each", name, mesh.positions.size(),
+             mesh.indices.size());
+  check_vertices(mesh);
+  for (size_t i = 0; i < mesh.indices.size(); ++i)
+    for (int k = 0; k < 3; ++k)
+      if (mesh.indices[i][k] >= mesh.positions.size())
+        ks::fail(KS_ERROR_INVALID_ARGUMENT, "mesh '%s': triangle %zu uses vertex %u, but there are %zu vertices", name, i,
+                 mesh.indices[i][k], mesh.positions.size());
+  if (!mesh.slots.empty() && mesh.slots.size() != mesh.indices.size())
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "mesh '%s': %zu slots for %zu triangles", name, mesh.slots.size(), mesh.indices.size());
+  for (size_t i = 0; i < mesh.slots.size(); ++i)
+    if (mesh.slots[i] >= max_slots)
+      ks::fail(KS_ERROR_INVALID_ARGUMENT, "mesh '%s': triangle %zu has material slot %u, must be < %u", name, i, mesh.slots[i], max_slots);
+}
+
+void check(const Texture& texture) {
+  const char* name = texture.name.c_str();
+  if (texture.width == 0 || texture.height == 0 || texture.width > max_texture_side || texture.height > max_texture_side)
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "texture '%s': size is %ux%u, each side must be in [1, %u]", name, texture.width, texture.height,
+             max_texture_side);
+  if (texture.channels < 1 || texture.channels > 4)
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "texture '%s': %u channels, must be 1 to 4", name, texture.channels);
+  const uint64_t channel_bytes = texture.format == Texture::Format::u8 ? 1 : texture.format == Texture::Format::u16 ? 2 : 4;
+  const uint64_t bytes = uint64_t{texture.width} * texture.height * texture.channels * channel_bytes;
+  if (texture.texels.size() != bytes)
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "texture '%s': %zu bytes, but %ux%u texels of %u channels of %" PRIu64 " bytes are %" PRIu64, name,
+             texture.texels.size(), texture.width, texture.height, texture.channels, channel_bytes, bytes);
+  if (texture.format != Texture::Format::f32) return;
+  for (size_t i = 0; i < bytes; i += 4) {
+    float value;
+    std::memcpy(&value, texture.texels.data() + i, 4);
+    if (!std::isfinite(value)) ks::fail(KS_ERROR_INVALID_ARGUMENT, "texture '%s': value %zu is not finite", name, i / 4);
+  }
+}
+
+void check(const Material& material) {
+  const auto unit = [&](const char* field, float value) { check_range("material", material.name, field, value, 0.0, 1.0); };
+  for (int i = 0; i < 4; ++i) unit("base_color", material.base_color[i]);
+  unit("metallic", material.metallic);
+  unit("roughness", material.roughness);
+  unit("specular", material.specular);
+  unit("transmission", material.transmission);
+  if (!std::isnan(material.ir_albedo)) unit("ir_albedo", material.ir_albedo);
+  check_range("material", material.name, "ior", material.ior, 1.0, std::numeric_limits<float>::max());
+  check_not_negative("material", material.name, "emission", material.emission);
+  check_not_negative("material", material.name, "ir_emission", material.ir_emission);
+}
+
+void check(const Light& light) {
+  if (light.kind != Light::Kind::point && light.kind != Light::Kind::projector)
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "light '%s': kind %u is not known", light.name.c_str(), static_cast<uint32_t>(light.kind));
+  check_not_negative("light", light.name, "intensity", light.intensity);
+  check_infrared("light", light.name, "ir_intensity", light.ir_intensity);
+  check_rigid(light.light_to_world, ("light '" + light.name + "': light_to_world").c_str());
+  if (light.kind == Light::Kind::projector) check_pinhole("light", light.name, light.k);
+}
+
+void check(const Environment& environment) {
+  check_not_negative("environment", "", "radiance", environment.radiance);
+  check_infrared("environment", "", "ir_radiance", environment.ir_radiance);
+}
+
+void check(const Camera& camera) {
+  check_pinhole("camera", camera.name, camera.k);
+  check_rigid(camera.camera_to_world, ("camera '" + camera.name + "': camera_to_world").c_str());
+  if (!(camera.near_m >= 0.0 && camera.far_m > camera.near_m))
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "camera '%s': near_m is %g and far_m is %g, must be 0 <= near < far", camera.name.c_str(),
+             camera.near_m, camera.far_m);
+}
+
+void check_affine(const glm::dmat4& matrix, const char* what) {
+  for (int c = 0; c < 4; ++c)
+    if (!all_finite(matrix[c])) ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s has a value that is not finite", what);
+  if (matrix[0][3] != 0.0 || matrix[1][3] != 0.0 || matrix[2][3] != 0.0 || matrix[3][3] != 1.0)
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s has the last row %g %g %g %g, must be 0 0 0 1 (row-major)", what, matrix[0][3], matrix[1][3],
+             matrix[2][3], matrix[3][3]);
+  const glm::dmat3 linear(matrix);
+  const double volume = glm::length(linear[0]) * glm::length(linear[1]) * glm::length(linear[2]);
+  if (!(std::abs(glm::determinant(linear)) > 1e-12 * volume))
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s is not invertible (determinant %g)", what, glm::determinant(linear));
+}
+
+void check_rigid(const glm::dmat4& matrix, const char* what) {
+  check_affine(matrix, what);
+  const glm::dmat3 rotation(matrix);
+  const glm::dmat3 residual = glm::transpose(rotation) * rotation - glm::dmat3(1.0);
+  double worst = 0.0;
+  for (int c = 0; c < 3; ++c)
+    for (int r = 0; r < 3; ++r) worst = std::max(worst, std::abs(residual[c][r]));
+  if (!(worst <= rotation_tolerance) || glm::determinant(rotation) < 0.0)
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s is not a rotation and translation (|R^T R - 1| is %g, determinant %g)", what, worst,
+             glm::determinant(rotation));
+}
+
+}  // namespace kuafu

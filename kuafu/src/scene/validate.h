@@ -1,0 +1,21 @@
+// What each part of a scene must be on its own: finite, in range, of matching sizes. References between parts are Scene's to check.
+// Every function throws ks::Error (KS_ERROR_INVALID_ARGUMENT) that names the part, the field and the numbers. Thread rule: pure functions.
+#pragma once
+
+#include "scene/scene.h"
+
+namespace kuafu {
+
+void check(const Mesh& mesh);
+void check(const Texture& texture);
+void check(const Material& material);
+void check(const Light& light);
+void check(const Environment& environment);
+/// width and height may be 0: a camera whose image size is not known yet.
+void check(const Camera& camera);
+/// Finite, affine (last row 0 0 0 1) and invertible.
+void check_affine(const glm::dmat4& matrix, const char* what);
+/// check_affine, and a proper rotation: columns of unit length and orthogonal within 1e-4, determinant > 0.
+void check_rigid(const glm::dmat4& matrix, const char* what);
+
+}  // namespace kuafu
