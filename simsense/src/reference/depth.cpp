@@ -1,0 +1,56 @@
+#include "reference/depth.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "reference/distortion.h"
+
+namespace simsense::reference {
+
+double depth(const StereoGeometry& geometry, double disparity) {
+  const double parallax = disparity + geometry.disparity_offset_px;
+  return disparity < 0 || parallax <= 0 ? 0 : geometry.camera.fx * geometry.baseline_m / parallax;
+}
+
+std::array<double, 3> project_to_rgb(const StereoGeometry& geometry, const simsense_camera& rgb, const Rigid& left_to_rgb, double u,
+                                     double v, double z) {
+  const Pinhole& k = geometry.camera;
+  const Rotation& r = geometry.left_to_rectified;
+  const std::array<double, 3> rectified{z * (u - k.cx) / k.fx, z * (v - k.cy) / k.fy, z};
+  std::array<double, 3> left{}, seen = left_to_rgb.translation;
+  for (size_t i = 0; i < 3; ++i)
+    for (size_t j = 0; j < 3; ++j) left[i] += r[3 * j + i] * rectified[j];
+  for (size_t i = 0; i < 3; ++i)
+    for (size_t j = 0; j < 3; ++j) seen[i] += left_to_rgb.rotation[3 * i + j] * left[j];
+  const auto [x, y] = distort(rgb, seen[0] / seen[2], seen[1] / seen[2]);
+  return {rgb.k[0] * x + rgb.k[2], rgb.k[4] * y + rgb.k[5], seen[2]};
+}
+
+std::vector<float> register_to_rgb(const StereoGeometry& geometry, uint32_t width, uint32_t height, const simsense_camera& rgb,
+                                   const Rigid& left_to_rgb, const std::vector<float>& depth, const DepthRange& range, bool dilate) {
+  constexpr double nothing = std::numeric_limits<double>::infinity();
+  std::vector<double> nearest(size_t{rgb.width} * rgb.height, nothing);
+  for (uint32_t v = 0; v < height; ++v)
+    for (uint32_t u = 0; u < width; ++u) {
+      const double z = depth[size_t{v} * width + u];
+      if (z <= 0) continue;
+      const auto [column, row, z_rgb] = project_to_rgb(geometry, rgb, left_to_rgb, u, v, z);
+      const double x = std::floor(column + 0.5), y = std::floor(row + 0.5);
+      if (z_rgb <= 0 || x < 0 || y < 0 || x >= rgb.width || y >= rgb.height) continue;
+      double& cell = nearest[static_cast<size_t>(y) * rgb.width + static_cast<size_t>(x)];
+      cell = std::min(cell, z_rgb);
+    }
+  std::vector<float> out(nearest.size());
+  const uint32_t reach = dilate ? 1 : 0;
+  for (uint32_t y = 0; y < rgb.height; ++y)
+    for (uint32_t x = 0; x < rgb.width; ++x) {
+      double z = nothing;
+      for (uint32_t dy = 0; dy <= reach && y + dy < rgb.height; ++dy)
+        for (uint32_t dx = 0; dx <= reach && x + dx < rgb.width; ++dx) z = std::min(z, nearest[size_t{y + dy} * rgb.width + x + dx]);
+      out[size_t{y} * rgb.width + x] = std::isinf(z) ? 0 : range.keep(static_cast<float>(z));
+    }
+  return out;
+}
+
+}  // namespace simsense::reference

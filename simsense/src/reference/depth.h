@@ -1,0 +1,21 @@
+// Depth, registration and points written from the camera model, double precision, one pixel after the other.
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "depth/depth.h"
+
+namespace simsense::reference {
+
+double depth(const StereoGeometry& geometry, double disparity);
+
+/// Where a point of the rectified left camera lies in the RGB camera: {column, row, z}; column and row are not rounded.
+std::array<double, 3> project_to_rgb(const StereoGeometry& geometry, const simsense_camera& rgb, const Rigid& left_to_rgb, double u,
+                                     double v, double z);
+
+/// Nearest-pixel splat, nearest point wins, then an optional 2x2 minimum towards right and below.
+std::vector<float> register_to_rgb(const StereoGeometry& geometry, uint32_t width, uint32_t height, const simsense_camera& rgb,
+                                   const Rigid& left_to_rgb, const std::vector<float>& depth, const DepthRange& range, bool dilate);
+
+}  // namespace simsense::reference

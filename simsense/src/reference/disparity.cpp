@@ -1,0 +1,85 @@
+#include "reference/disparity.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+
+namespace simsense::reference {
+namespace {
+
+bool unique(const uint16_t* cost, size_t disparities, size_t winner, uint32_t ratio) {
+  for (size_t d = 0; d < disparities; ++d) {
+    const bool neighbour = d + 1 >= winner && d <= winner + 1;
+    if (!neighbour && cost[d] * (100u - ratio) < cost[winner] * 100u) return false;
+  }
+  return true;
+}
+
+/// Offset of the vertex of the parabola through (-1, before), (0, lowest), (1, after).
+float parabola_vertex(int before, int lowest, int after) {
+  const int curvature = before - 2 * lowest + after;
+  return curvature == 0 ? 0.0f : -static_cast<float>(after - before) / static_cast<float>(2 * curvature);
+}
+
+}  // namespace
+
+Grid<float> left_winner(const Volume<uint16_t>& cost, uint32_t uniqueness_ratio, bool parabola) {
+  Grid<float> disparity(cost.width, cost.height, -1.0f);
+  for (size_t y = 0; y < cost.height; ++y) {
+    for (size_t x = 0; x < cost.width; ++x) {
+      const uint16_t* c = cost.at(x, y);
+      const size_t winner = static_cast<size_t>(std::min_element(c, c + cost.disparities) - c);
+      if (!unique(c, cost.disparities, winner, uniqueness_ratio)) continue;
+      const bool interior = winner > 0 && winner + 1 < cost.disparities;
+      const float offset = parabola && interior ? parabola_vertex(c[winner - 1], c[winner], c[winner + 1]) : 0.0f;
+      disparity.at(x, y) = static_cast<float>(winner) + offset;
+    }
+  }
+  return disparity;
+}
+
+Grid<uint32_t> right_winner(const Volume<uint16_t>& cost) {
+  Grid<uint32_t> disparity(cost.width, cost.height);
+  for (size_t y = 0; y < cost.height; ++y) {
+    for (size_t x = 0; x < cost.width; ++x) {
+      size_t winner = 0;
+      for (size_t d = 1; d < std::min(cost.disparities, cost.width - x); ++d) {
+        if (cost.at(x + d, y)[d] < cost.at(x + winner, y)[winner]) winner = d;
+      }
+      disparity.at(x, y) = static_cast<uint32_t>(winner);
+    }
+  }
+  return disparity;
+}
+
+Grid<float> left_right_check(const Grid<float>& left, const Grid<uint32_t>& right, int32_t max_diff) {
+  Grid<float> checked(left.width, left.height, -1.0f);
+  for (size_t y = 0; y < left.height; ++y) {
+    for (size_t x = 0; x < left.width; ++x) {
+      const float disparity = left.at(x, y);
+      if (disparity < 0.0f) continue;
+      const int rounded = static_cast<int>(std::floor(disparity + 0.5f));
+      const int right_x = static_cast<int>(x) - rounded;
+      if (right_x < 0) continue;
+      const int right_disparity = static_cast<int>(right.at(static_cast<size_t>(right_x), y));
+      if (std::abs(rounded - right_disparity) <= max_diff) checked.at(x, y) = disparity;
+    }
+  }
+  return checked;
+}
+
+Grid<float> median(const Grid<float>& disparity, size_t size) {
+  const size_t half = size / 2;
+  Grid<float> filtered = disparity;
+  std::vector<float> window(size * size);
+  for (size_t y = half; y + half < disparity.height; ++y) {
+    for (size_t x = half; x + half < disparity.width; ++x) {
+      for (size_t k = 0; k < window.size(); ++k) window[k] = disparity.at(x + k % size - half, y + k / size - half);
+      std::nth_element(window.begin(), window.begin() + static_cast<ptrdiff_t>(window.size() / 2), window.end());
+      filtered.at(x, y) = window[window.size() / 2];
+    }
+  }
+  return filtered;
+}
+
+}  // namespace simsense::reference
