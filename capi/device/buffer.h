@@ -6,6 +6,7 @@
 
 #include "device/device.h"
 #include "ks/buffer.h"
+#include "ks/image.h"
 
 namespace ks {
 
@@ -33,6 +34,18 @@ class Buffer {
 
  private:
   Buffer() = default;
+  void check_range(uint64_t offset_bytes, uint64_t size_bytes, const char* what) const;
+  void allocate_host();
+  void allocate_vulkan();
+  void import_host(const ks_buffer_desc& desc);
+  void import_host_pages(const ks_buffer_desc& desc);
+  void import_opaque_fd(const ks_buffer_desc& desc);
+  VkMemoryRequirements make_vk_buffer(VkExternalMemoryHandleTypeFlags handle_types);
+  void allocate_memory(uint64_t bytes, uint32_t type, bool dedicated, const void* chain);
+  void bind(uint64_t offset_bytes);
+  void map();
+  void clear();
+
   std::shared_ptr<Device> device_;
   VkBuffer buffer_ = VK_NULL_HANDLE;
   VkDeviceMemory memory_ = VK_NULL_HANDLE;

@@ -1,0 +1,32 @@
+// Depth image to points: (x, y, z) = z * ray(pixel), 0,0,0 where there is no depth.
+// Thread rule: immutable once made; the result does not depend on the number of workers.
+#pragma once
+
+#include <vector>
+
+#include "image_view.h"
+#include "rectify/rig.h"
+
+namespace ks {
+class ThreadPool;
+}
+
+namespace simsense {
+
+class PointMaker {
+ public:
+  /// A pinhole without distortion.
+  PointMaker(const Pinhole& camera, uint32_t width, uint32_t height);
+  /// A camera as it is: the ray of each pixel is undistorted once.
+  explicit PointMaker(const simsense_camera& camera);
+
+  /// depth: packed [height][width] metres. points: the x of pixel (0, 0); component_stride is from x to y to z, in bytes.
+  void apply(const float* depth, const Plane& points, ptrdiff_t component_stride, ks::ThreadPool& workers) const;
+
+ private:
+  uint32_t width_, height_;
+  std::vector<float> ray_x_, ray_y_;  // at z = 1; one row and one column for a pinhole, one per pixel for a distorted camera
+  bool per_pixel_ = false;
+};
+
+}  // namespace simsense

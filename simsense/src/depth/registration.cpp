@@ -1,0 +1,83 @@
+#include "depth/registration.h"
+
+#include <algorithm>
+#include <atomic>
+#include <bit>
+#include <cmath>
+
+#include "device/thread_pool.h"
+
+namespace simsense {
+namespace {
+constexpr uint32_t nothing = 0x7f800000;  // bits of +infinity
+}
+
+Registration::Registration(const StereoGeometry& left, uint32_t width, uint32_t height, const simsense_camera& rgb,
+                           const Rigid& left_to_rgb)
+    : width_(width),
+      height_(height),
+      rgb_width_(rgb.width),
+      rgb_height_(rgb.height),
+      fx_(static_cast<float>(rgb.k[0])),
+      fy_(static_cast<float>(rgb.k[4])),
+      cx_(static_cast<float>(rgb.k[2])),
+      cy_(static_cast<float>(rgb.k[5])),
+      distorted_(is_distorted(rgb)),
+      distortion_(distortion(rgb)),
+      nearest_(size_t{rgb.width} * rgb.height) {
+  const Rigid rectified_to_rgb = compose(left_to_rgb, {transposed(left.left_to_rectified), {}});
+  const Pinhole& k = left.camera;
+  for (size_t i = 0; i < 3; ++i) {
+    const double* r = rectified_to_rgb.rotation.data() + 3 * i;
+    pixel_to_rgb_[3 * i] = r[0] / k.fx;
+    pixel_to_rgb_[3 * i + 1] = r[1] / k.fy;
+    pixel_to_rgb_[3 * i + 2] = r[2] - r[0] * k.cx / k.fx - r[1] * k.cy / k.fy;
+    translation_[i] = static_cast<float>(rectified_to_rgb.translation[i]);
+  }
+}
+
+void Registration::splat(float x, float y, float z) {
+  if (!(z > 0)) return;
+  float nx = x / z, ny = y / z;
+  if (distorted_ && !distortion_.apply(nx, ny)) return;
+  const float column = std::floor(fx_ * nx + cx_ + 0.5f), row = std::floor(fy_ * ny + cy_ + 0.5f);
+  if (!(column >= 0 && row >= 0 && column < static_cast<float>(rgb_width_) && row < static_cast<float>(rgb_height_))) return;
+  std::atomic_ref<uint32_t> cell(nearest_[static_cast<size_t>(row) * rgb_width_ + static_cast<size_t>(column)]);
+  const uint32_t bits = std::bit_cast<uint32_t>(z);
+  uint32_t seen = cell.load(std::memory_order_relaxed);
+  while (bits < seen && !cell.compare_exchange_weak(seen, bits, std::memory_order_relaxed)) {
+  }
+}
+
+void Registration::splat_row(const float* depth, uint32_t y) {
+  std::array<float, 3> step, start;
+  for (size_t i = 0; i < 3; ++i) {
+    step[i] = static_cast<float>(pixel_to_rgb_[3 * i]);
+    start[i] = static_cast<float>(pixel_to_rgb_[3 * i + 1] * y + pixel_to_rgb_[3 * i + 2]);
+  }
+  for (uint32_t x = 0; x < width_; ++x) {
+    const float z = depth[x];
+    if (!(z > 0)) continue;
+    const float u = static_cast<float>(x);
+    splat(z * (step[0] * u + start[0]) + translation_[0], z * (step[1] * u + start[1]) + translation_[1],
+          z * (step[2] * u + start[2]) + translation_[2]);
+  }
+}
+
+void Registration::resolve_row(const DepthRange& range, bool dilate, uint32_t y, float* out) const {
+  const uint32_t* row = nearest_.data() + size_t{y} * rgb_width_;
+  const uint32_t* below = dilate && y + 1 < rgb_height_ ? row + rgb_width_ : row;
+  for (uint32_t x = 0; x < rgb_width_; ++x) {
+    const uint32_t right = dilate && x + 1 < rgb_width_ ? x + 1 : x;
+    const uint32_t bits = std::min({row[x], row[right], below[x], below[right]});
+    out[x] = bits == nothing ? 0 : range.keep(std::bit_cast<float>(bits));
+  }
+}
+
+void Registration::apply(const float* depth, const DepthRange& range, bool dilate, float* out, ks::ThreadPool& workers) {
+  std::fill(nearest_.begin(), nearest_.end(), nothing);
+  workers.parallel_for(height_, [&](size_t y) { splat_row(depth + y * width_, static_cast<uint32_t>(y)); });
+  workers.parallel_for(rgb_height_, [&](size_t y) { resolve_row(range, dilate, static_cast<uint32_t>(y), out + y * rgb_width_); });
+}
+
+}  // namespace simsense

@@ -1,0 +1,36 @@
+// Registration: depth of the rectified left camera seen from the RGB camera. Each measured pixel is a point that lands on the nearest RGB
+// pixel; the nearest point wins. The z-buffer is a minimum, so the result does not depend on order or on the number of workers. The
+// rectified pixel's ray is rotated back by R1 before left_to_rgb, and an unmeasured pixel lands nowhere (the published SimSense does
+// neither). Thread rule: externally synchronised (it owns its z-buffer).
+#pragma once
+
+#include <vector>
+
+#include "depth/depth.h"
+#include "depth/distortion.h"
+
+namespace simsense {
+
+class Registration {
+ public:
+  Registration(const StereoGeometry& left, uint32_t width, uint32_t height, const simsense_camera& rgb, const Rigid& left_to_rgb);
+
+  /// depth: packed [height][width] of the rectified left camera. out: packed [rgb.height][rgb.width], z in the RGB camera, 0 = nothing
+  /// landed there. dilate: each point covers 2x2 pixels, its own and those to the left, above, and above left.
+  void apply(const float* depth, const DepthRange& range, bool dilate, float* out, ks::ThreadPool& workers);
+
+ private:
+  void splat_row(const float* depth, uint32_t y);
+  void splat(float x, float y, float z);
+  void resolve_row(const DepthRange& range, bool dilate, uint32_t y, float* out) const;
+
+  uint32_t width_, height_, rgb_width_, rgb_height_;
+  std::array<double, 9> pixel_to_rgb_;  // rotation * K_rectified^-1: direction per unit depth of a homogeneous left pixel
+  std::array<float, 3> translation_;    // metres
+  float fx_, fy_, cx_, cy_;
+  bool distorted_;
+  BrownConrady distortion_;
+  std::vector<uint32_t> nearest_;  // bits of a positive float sort as the float does
+};
+
+}  // namespace simsense

@@ -1,0 +1,200 @@
+#include "engine.h"
+
+#include <array>
+#include <limits>
+
+#include "device/device.h"
+#include "device/error.h"
+#include "device/thread_pool.h"
+#include "rectify/remap.h"
+
+namespace simsense {
+namespace {
+
+constexpr uint32_t output_count = SIMSENSE_OUTPUT_POINTS + 1;
+constexpr const char* output_names[output_count] = {"",         "disparity",      "depth",           "depth_rgb", "ir_left",
+                                                    "ir_right", "rectified_left", "rectified_right", "points"};
+
+uint32_t output_format(uint32_t output) {
+  return output >= SIMSENSE_OUTPUT_IR_LEFT && output <= SIMSENSE_OUTPUT_RECTIFIED_RIGHT ? KS_FORMAT_U8 : KS_FORMAT_F32;
+}
+
+const simsense_rig_desc& checked(const simsense_rig_desc& rig) {
+  check_rig(rig);
+  return rig;
+}
+
+PointMaker make_points(const simsense_rig_desc& rig, const StereoGeometry& geometry) {
+  return rig.rgb.width ? PointMaker(rig.rgb) : PointMaker(geometry.camera, rig.left.width, rig.left.height);
+}
+
+}  // namespace
+
+struct Engine::Frame {
+  std::optional<ImageAccess> inputs[2];
+  std::array<std::optional<ImageAccess>, output_count> outputs;
+
+  [[nodiscard]] bool wants(uint32_t output) const { return outputs[output].has_value(); }
+
+  /// Where a stage writes an output of one component: the caller's memory if it is packed, else scratch.
+  template <class T>
+  T* target(uint32_t output, uint32_t batch_index, std::vector<T>& scratch, size_t pixels) const {
+    if (wants(output) && outputs[output]->is_packed()) return reinterpret_cast<T*>(outputs[output]->output(batch_index).data);
+    scratch.resize(pixels);
+    return scratch.data();
+  }
+
+  /// Scatters rows that a stage could not write in place.
+  template <class T>
+  void store(uint32_t output, uint32_t batch_index, const T* from, ptrdiff_t row_stride, uint32_t width, uint32_t height) const {
+    if (!wants(output)) return;
+    const Plane to = outputs[output]->output(batch_index);
+    if (static_cast<const void*>(from) == to.data) return;
+    for (uint32_t y = 0; y < height; ++y)
+      for (uint32_t x = 0; x < width; ++x) to.set(x, y, from[static_cast<ptrdiff_t>(y) * row_stride + x]);
+  }
+};
+
+Engine::Engine(std::shared_ptr<ks::Device> device, const simsense_rig_desc& rig, const simsense_parameters& parameters)
+    : device_(std::move(device)),
+      workers_(device_->workers()),
+      rig_(checked(rig)),
+      parameters_(parameters),
+      rectification_(make_rectification(rig)),
+      width_(rig.left.width),
+      height_(rig.left.height),
+      has_rgb_(rig.rgb.width != 0),
+      points_(make_points(rig, rectification_.geometry)) {
+  check_parameters(parameters);
+  if (has_rgb_) registration_.emplace(rectification_.geometry, width_, height_, rig.rgb, rigid(rig.left_to_rgb));
+}
+
+Engine::~Engine() = default;
+
+void Engine::set_parameters(const simsense_parameters& parameters) {
+  check_parameters(parameters);
+  if (!(match_parameters(parameters) == match_parameters(parameters_))) matcher_.reset();
+  parameters_ = parameters;
+}
+
+ImageShape Engine::output_shape(uint32_t output) const {
+  const bool in_rgb = output == SIMSENSE_OUTPUT_DEPTH_RGB || (output == SIMSENSE_OUTPUT_POINTS && has_rgb_);
+  const simsense_camera& camera = in_rgb ? rig_.rgb : rig_.left;
+  return {rig_.batch_count, camera.height, camera.width, output == SIMSENSE_OUTPUT_POINTS ? 3u : 0u};
+}
+
+void Engine::open_outputs(const ComputeRequest& request, Frame& frame) const {
+  for (const ComputeRequest::Output& wanted : request.outputs) {
+    const uint32_t output = wanted.output;
+    if (output == 0 || output >= output_count)
+      ks::fail(KS_ERROR_INVALID_ARGUMENT, "output %u is unknown: SIMSENSE_OUTPUT_* are 1..%u", output, output_count - 1);
+    if (frame.wants(output)) ks::fail(KS_ERROR_INVALID_ARGUMENT, "output %u (%s) is listed twice", output, output_names[output]);
+    if (output == SIMSENSE_OUTPUT_DEPTH_RGB && !has_rgb_)
+      ks::fail(KS_ERROR_INVALID_ARGUMENT, "output %u (depth_rgb) needs a rig with an rgb camera: rgb.width is 0", output);
+    if (wanted.image.image.format != output_format(output))
+      ks::fail(KS_ERROR_INVALID_ARGUMENT, "output %u (%s) has format %u: must be %u (%s)", output, output_names[output],
+               wanted.image.image.format, output_format(output), output_format(output) == KS_FORMAT_U8 ? "u8" : "f32");
+    frame.outputs[output].emplace(*device_, wanted.image, output_shape(output), output_names[output]);
+  }
+}
+
+void Engine::compute(const ComputeRequest& request) {
+  clock_.reset();
+  if (request.outputs.empty()) ks::fail(KS_ERROR_INVALID_ARGUMENT, "output_count is 0: nothing to compute");
+  Frame frame;
+  const ImageShape input_shape{rig_.batch_count, height_, width_, 0};
+  frame.inputs[0].emplace(*device_, request.left, input_shape, "left image");
+  frame.inputs[1].emplace(*device_, request.right, input_shape, "right image");
+  for (const auto& input : frame.inputs)
+    if (input->format() != KS_FORMAT_U8 && input->format() != KS_FORMAT_U16 && input->format() != KS_FORMAT_F32)
+      ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s image has format %u: must be u8 (1), u16 (2) or f32 (6)",
+               &input == frame.inputs ? "left" : "right", input->format());
+  open_outputs(request, frame);
+  for (uint32_t n = 0; n < rig_.batch_count; ++n) {
+    if (request.progress && request.progress(request.progress_user, static_cast<float>(n) / static_cast<float>(rig_.batch_count)))
+      ks::fail(KS_ERROR_CANCELLED, "cancelled by the progress callback before pair %u of %u", n, rig_.batch_count);
+    compute_pair(frame, n);
+  }
+  for (auto& output : frame.outputs)
+    if (output) output->commit();
+  if (request.progress) request.progress(request.progress_user, 1);
+}
+
+void Engine::compute_pair(Frame& frame, uint32_t n) {
+  const ConstImage left = prepare_eye(frame, n, 0);
+  const ConstImage right = prepare_eye(frame, n, 1);
+  const bool points = frame.wants(SIMSENSE_OUTPUT_POINTS);
+  const bool registered = frame.wants(SIMSENSE_OUTPUT_DEPTH_RGB) || (points && has_rgb_);
+  const bool depth = frame.wants(SIMSENSE_OUTPUT_DEPTH) || (points && !has_rgb_);
+  if (!frame.wants(SIMSENSE_OUTPUT_DISPARITY) && !depth && !registered) return;
+  float* disparity = frame.target(SIMSENSE_OUTPUT_DISPARITY, n, disparity_, size_t{width_} * height_);
+  match(left, right, disparity);
+  frame.store(SIMSENSE_OUTPUT_DISPARITY, n, disparity, width_, width_, height_);
+  if (depth) make_depth(frame, n, disparity);
+  if (registered) make_registered(frame, n, disparity);
+}
+
+/// The image as the imager gives it, 8 bit: the caller's own pixels where nothing changes them.
+ConstImage Engine::measure_eye(Frame& frame, uint32_t n, uint32_t eye) {
+  const uint32_t output = SIMSENSE_OUTPUT_IR_LEFT + eye;
+  const ConstPlane input = frame.inputs[eye]->input(n);
+  const SignalParameters signal = signal_parameters(parameters_);
+  ConstImage image{reinterpret_cast<const uint8_t*>(input.data), input.row_stride};
+  if (input.format != KS_FORMAT_U8 || input.pixel_stride != 1 || !signal.is_neutral()) {
+    uint8_t* counts = frame.target(output, n, counts_[eye], size_t{width_} * height_);
+    measure(signal, {parameters_.noise_seed, parameters_.frame_index, n, eye}, input, width_, height_, counts, workers_);
+    image = {counts, static_cast<ptrdiff_t>(width_)};
+  }
+  frame.store(output, n, image.data, image.row_stride, width_, height_);
+  return image;
+}
+
+ConstImage Engine::prepare_eye(Frame& frame, uint32_t n, uint32_t eye) {
+  ConstImage image;
+  clock_.measure("signal", [&] { image = measure_eye(frame, n, eye); });
+  const uint32_t output = SIMSENSE_OUTPUT_RECTIFIED_LEFT + eye;
+  clock_.measure("rectify", [&] {
+    if (!rectification_.is_identity()) {
+      uint8_t* rectified = frame.target(output, n, rectified_[eye], size_t{width_} * height_);
+      remap(eye == 0 ? rectification_.left : rectification_.right, image, rectified, workers_);
+      image = {rectified, static_cast<ptrdiff_t>(width_)};
+    }
+    frame.store(output, n, image.data, image.row_stride, width_, height_);
+  });
+  return image;
+}
+
+void Engine::match(ConstImage left, ConstImage right, float* disparity) {
+  if (!matcher_) matcher_ = make_cpu_matcher(width_, height_, match_parameters(parameters_), workers_);
+  matcher_->match(left, right, disparity);
+  for (const ks_stage_time& stage : matcher_->stage_times()) clock_.add(stage.name, stage.milliseconds);
+  if (!rectification_.is_identity()) clock_.measure("rectify", [&] { invalidate_outside(rectification_.left, disparity, workers_); });
+}
+
+void Engine::make_depth(Frame& frame, uint32_t n, const float* disparity) {
+  float* depth = frame.target(SIMSENSE_OUTPUT_DEPTH, n, depth_, size_t{width_} * height_);
+  clock_.measure("depth", [&] {
+    depth_from_disparity(geometry(), depth_range(parameters_), disparity, width_, height_, depth, workers_);
+    frame.store(SIMSENSE_OUTPUT_DEPTH, n, depth, width_, width_, height_);
+  });
+  if (!frame.wants(SIMSENSE_OUTPUT_POINTS) || has_rgb_) return;
+  const ImageAccess& points = *frame.outputs[SIMSENSE_OUTPUT_POINTS];
+  clock_.measure("points", [&] { points_.apply(depth, points.output(n), points.component_stride(), workers_); });
+}
+
+void Engine::make_registered(Frame& frame, uint32_t n, const float* disparity) {
+  // The range holds in the RGB camera's own frame, so that what lies outside it in the left frame still occludes.
+  constexpr DepthRange everything{0, std::numeric_limits<float>::infinity()};
+  depth_.resize(size_t{width_} * height_);
+  float* depth_rgb = frame.target(SIMSENSE_OUTPUT_DEPTH_RGB, n, depth_rgb_, size_t{rig_.rgb.width} * rig_.rgb.height);
+  clock_.measure("registration", [&] {
+    depth_from_disparity(geometry(), everything, disparity, width_, height_, depth_.data(), workers_);
+    registration_->apply(depth_.data(), depth_range(parameters_), parameters_.depth_dilation != 0, depth_rgb, workers_);
+    frame.store(SIMSENSE_OUTPUT_DEPTH_RGB, n, depth_rgb, rig_.rgb.width, rig_.rgb.width, rig_.rgb.height);
+  });
+  if (!frame.wants(SIMSENSE_OUTPUT_POINTS)) return;
+  const ImageAccess& points = *frame.outputs[SIMSENSE_OUTPUT_POINTS];
+  clock_.measure("points", [&] { points_.apply(depth_rgb, points.output(n), points.component_stride(), workers_); });
+}
+
+}  // namespace simsense

@@ -1,0 +1,70 @@
+// The pipeline: signal, rectification, matching, depth, registration, points, for a batch of image pairs, each pair one after the other.
+// A stage writes straight into the caller's memory where that is packed; scratch memory is kept between calls.
+// Thread rule: externally synchronised.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "depth/points.h"
+#include "depth/registration.h"
+#include "image_access.h"
+#include "parameters.h"
+#include "rectify/rectification.h"
+#include "stage_clock.h"
+
+namespace simsense {
+
+struct ComputeRequest {
+  ImageArgument left, right;
+  struct Output {
+    uint32_t output = 0;  // SIMSENSE_OUTPUT_*
+    ImageArgument image;
+  };
+  std::vector<Output> outputs;
+  ks_progress_fn progress = nullptr;
+  void* progress_user = nullptr;
+};
+
+class Engine {
+ public:
+  Engine(std::shared_ptr<ks::Device> device, const simsense_rig_desc& rig, const simsense_parameters& parameters);
+  ~Engine();
+  Engine(const Engine&) = delete;
+  Engine& operator=(const Engine&) = delete;
+
+  /// A refused set leaves the old one in force.
+  void set_parameters(const simsense_parameters& parameters);
+  [[nodiscard]] const simsense_parameters& parameters() const { return parameters_; }
+  [[nodiscard]] const StereoGeometry& geometry() const { return rectification_.geometry; }
+  void compute(const ComputeRequest& request);
+  [[nodiscard]] const std::vector<ks_stage_time>& stage_times() const { return clock_.times(); }
+
+ private:
+  struct Frame;  // the images of one compute call
+  [[nodiscard]] ImageShape output_shape(uint32_t output) const;
+  void open_outputs(const ComputeRequest& request, Frame& frame) const;
+  void compute_pair(Frame& frame, uint32_t batch_index);
+  ConstImage prepare_eye(Frame& frame, uint32_t batch_index, uint32_t eye);
+  ConstImage measure_eye(Frame& frame, uint32_t batch_index, uint32_t eye);
+  void match(ConstImage left, ConstImage right, float* disparity);
+  void make_depth(Frame& frame, uint32_t batch_index, const float* disparity);
+  void make_registered(Frame& frame, uint32_t batch_index, const float* disparity);
+
+  std::shared_ptr<ks::Device> device_;
+  ks::ThreadPool& workers_;
+  simsense_rig_desc rig_;
+  simsense_parameters parameters_;
+  Rectification rectification_;
+  uint32_t width_, height_;
+  bool has_rgb_;
+  std::optional<Registration> registration_;
+  PointMaker points_;
+  std::unique_ptr<Matcher> matcher_;
+  StageClock clock_;
+  std::vector<uint8_t> counts_[2], rectified_[2];
+  std::vector<float> disparity_, depth_, depth_rgb_;
+};
+
+}  // namespace simsense

@@ -1,0 +1,38 @@
+// From a calibrated rig to a row-aligned pair: one pinhole for both rectified cameras, the baseline, and where each rectified pixel lies in
+// its source.
+//
+// cv::stereoRectify with CALIB_ZERO_DISPARITY and alpha = -1: both principal points coincide (disparity 0 is infinity), and the focal
+// length stays the sensor's own. The published SimSense uses alpha = 1, which shrinks the image until every source pixel fits and loses
+// disparity resolution by the same factor; alpha = 0 crops. A rig that is rectified already keeps its K bit for bit.
+#pragma once
+
+#include <vector>
+
+#include "rectify/rig.h"
+
+namespace simsense {
+
+struct StereoGeometry {
+  Pinhole camera;                  // the rectified left camera; the right one has the same but for cx
+  double baseline_m = 0;           // > 0
+  double disparity_offset_px = 0;  // cx_right - cx_left; z = fx * baseline / (disparity + offset)
+  Rotation left_to_rectified{1, 0, 0, 0, 1, 0, 0, 0, 1};
+};
+
+/// Source coordinates of each rectified pixel, packed [height][width].
+struct RemapTable {
+  uint32_t width = 0, height = 0;
+  std::vector<float> x, y;
+};
+
+struct Rectification {
+  StereoGeometry geometry;
+  RemapTable left, right;  // empty when the rig is rectified already
+  [[nodiscard]] bool is_identity() const { return left.x.empty(); }
+};
+
+/// rig: checked by check_rig. Throws KS_ERROR_INVALID_ARGUMENT when the pair is not side by side (right camera to the right), or not
+/// rectified as it says.
+Rectification make_rectification(const simsense_rig_desc& rig);
+
+}  // namespace simsense

@@ -1,0 +1,16 @@
+// Bilinear resampling through a RemapTable. A tap outside the source reads 0; the sum is rounded to nearest, halves to even.
+// Thread rule: pure functions; the result does not depend on the number of workers.
+#pragma once
+
+#include "matcher.h"
+#include "rectify/rectification.h"
+
+namespace simsense {
+
+/// source and out: table.width x table.height; out packed.
+void remap(const RemapTable& table, const ConstImage& source, uint8_t* out, ks::ThreadPool& workers);
+
+/// Disparity -1 where a rectified pixel's position is not inside its source image: what was matched there is padding.
+void invalidate_outside(const RemapTable& table, float* disparity, ks::ThreadPool& workers);
+
+}  // namespace simsense

@@ -1,0 +1,39 @@
+// The stereo rig as the stages use it: pinholes, rigid transforms, and the checks of a simsense_rig_desc.
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include "simsense/simsense.h"
+
+namespace simsense {
+
+struct Pinhole {
+  double fx = 0, fy = 0, cx = 0, cy = 0;
+};
+
+/// Brown-Conrady (Brown 1966) in OpenCV's order k1, k2, p1, p2, k3.
+using Distortion = std::array<double, 5>;
+
+using Rotation = std::array<double, 9>;  // row-major 3x3
+
+/// to = rotation * from + translation (metres).
+struct Rigid {
+  Rotation rotation{1, 0, 0, 0, 1, 0, 0, 0, 1};
+  std::array<double, 3> translation{};
+};
+
+Pinhole pinhole(const simsense_camera& camera);
+Distortion distortion(const simsense_camera& camera);
+bool is_distorted(const simsense_camera& camera);
+Rigid rigid(const double matrix[16]);
+/// c(x) = a(b(x)).
+Rigid compose(const Rigid& a, const Rigid& b);
+Rotation transposed(const Rotation& r);
+/// Angle of a rotation, radians.
+double rotation_angle(const Rotation& r);
+
+/// Throws KS_ERROR_INVALID_ARGUMENT, with the number, for whatever in a rig cannot be.
+void check_rig(const simsense_rig_desc& rig);
+
+}  // namespace simsense
