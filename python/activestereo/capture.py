@@ -1,0 +1,247 @@
+"""A capture: what a real active stereo sensor measured, and what is known about the scene (capture format, version 1).
+
+Metres, seconds, radians. Cameras: x right, y down, z forward, pixel centres at integers. A transform `a_to_b` is a 4x4
+array that maps coordinates in a to coordinates in b. Images are digital numbers (DN), read when asked for.
+"""
+
+import warnings
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from activestereo.capture_json import CaptureError, JsonObject
+from activestereo.images import image_size, read_gray
+
+FORMAT = "active-stereo-capture"
+VERSION = 1
+EYES = ("left", "right")
+SPLITS = ("train", "test")
+
+
+class CaptureWarning(UserWarning):
+    """Something in a capture was ignored."""
+
+
+@dataclass(frozen=True)
+class Camera:
+    """Nominal pinhole with Brown-Conrady distortion [k1, k2, p1, p2, k3] (OpenCV's order)."""
+
+    width: int
+    height: int
+    K: np.ndarray
+    distortion: np.ndarray = field(default_factory=lambda: np.zeros(5))
+
+    @property
+    def is_pinhole(self):
+        return not np.any(self.distortion)
+
+
+@dataclass(frozen=True)
+class Projector:
+    """Point source; `pattern` / 255 is its relative radiant intensity towards pixel (u, v) of K."""
+
+    pattern_path: Path
+    K: np.ndarray
+    left_to_projector: np.ndarray
+
+    def pattern(self):
+        """Relative radiant intensity, float32 [height][width], 0..1."""
+        return read_gray(self.pattern_path).astype(np.float32) / 255.0
+
+
+@dataclass(frozen=True)
+class Rig:
+    """The nominal calibration: what the user believes."""
+
+    left: Camera
+    right: Camera
+    left_to_right: np.ndarray
+    projector: Projector
+    bit_depth: int = 8
+    line_time_s: float | None = None
+
+    def camera(self, eye):
+        return {"left": self.left, "right": self.right}[eye]
+
+    @property
+    def baseline_m(self):
+        return float(np.linalg.norm(self.left_to_right[:3, 3]))
+
+    @property
+    def max_dn(self):
+        """The largest digital number the sensor can give."""
+        return 2**self.bit_depth - 1
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One exposure of the rig. `camera_to_world` is the left camera's pose at mid-exposure."""
+
+    id: int
+    left_path: Path
+    right_path: Path
+    timestamp_s: float
+    exposure_s: float
+    camera_to_world: np.ndarray
+    split: str
+    gain: float = 1.0
+    projector_power: float = 1.0
+    ambient: float | None = None
+    temperature_c: float | None = None
+    camera_velocity: np.ndarray = field(default_factory=lambda: np.zeros(6))
+    repeat_group: int | None = None
+    depth_path: Path | None = None
+    depth_scale: float | None = None
+
+    def path(self, eye):
+        return {"left": self.left_path, "right": self.right_path}[eye]
+
+    @property
+    def exposure_gain(self):
+        """Seconds times gain: what scales every light in this frame alike."""
+        return self.exposure_s * self.gain
+
+    @property
+    def is_moving(self):
+        return bool(np.any(self.camera_velocity))
+
+
+@dataclass(frozen=True)
+class Capture:
+    """A folder in the capture format. Frames keep the file's order."""
+
+    path: Path
+    name: str
+    scene_path: Path
+    rig: Rig
+    frames: tuple
+    depth_engine: dict = field(default_factory=dict)
+
+    def split(self, name):
+        return [frame for frame in self.frames if frame.split == name]
+
+    def ir(self, frame, eye):
+        """One IR image, float32 [height][width], DN."""
+        camera = self.rig.camera(eye)
+        image = read_gray(frame.path(eye), (camera.width, camera.height), f"frames[id={frame.id}].{eye}")
+        return image.astype(np.float32)
+
+    def depth(self, frame):
+        """The device's own depth in metres, float32 [height][width], 0 = no measurement; None where the frame has none."""
+        if frame.depth_path is None:
+            return None
+        size = (self.rig.left.width, self.rig.left.height)
+        image = read_gray(frame.depth_path, size, f"frames[id={frame.id}].depth")
+        return image.astype(np.float32) * np.float32(frame.depth_scale)
+
+    def repeats(self, split=None):
+        """Frames by repeat group, groups of at least two: {group: [frames]}."""
+        groups = {}
+        for frame in self.frames:
+            if frame.repeat_group is not None and split in (None, frame.split):
+                groups.setdefault(frame.repeat_group, []).append(frame)
+        return {group: frames for group, frames in groups.items() if len(frames) > 1}
+
+
+def read_capture(path):
+    """Reads and checks CAPTURE/capture.json. CaptureError names the file and the key; unknown keys give a CaptureWarning."""
+    folder = Path(path)
+    if folder.name == "capture.json":
+        folder = folder.parent
+    root = JsonObject.read(folder / "capture.json")
+    if root.text("format") != FORMAT:
+        root.fail("format", f"is {root.text('format')!r}, expected {FORMAT!r}")
+    if root.integer("version") != VERSION:
+        root.fail("version", f"is {root.integer('version')}; this program reads version {VERSION}")
+    rig = _read_rig(root.object("rig"))
+    frames = tuple(_read_frame(entry, rig) for entry in root.objects("frames"))
+    _check_frames(root, frames)
+    capture = Capture(folder, root.text("name"), root.file("scene"), rig, frames, root.free_form("depth_engine"))
+    for key in root.unknown_keys():
+        warnings.warn(f"{root.path}: unknown key {key} is ignored", CaptureWarning, stacklevel=2)
+    return capture
+
+
+def _read_camera(entry):
+    width, height = entry.integer("width", minimum=1), entry.integer("height", minimum=1)
+    return Camera(width, height, entry.camera_matrix("K"), entry.numbers("distortion", (5,)))
+
+
+def _read_rig(entry):
+    projector = entry.object("projector")
+    readout = entry.object("readout", optional=True)
+    rig = Rig(
+        left=_read_camera(entry.object("left")),
+        right=_read_camera(entry.object("right")),
+        left_to_right=entry.rigid_transform("left_to_right"),
+        projector=Projector(
+            projector.file("pattern"), projector.camera_matrix("K"), projector.rigid_transform("left_to_projector")
+        ),
+        bit_depth=entry.integer("bit_depth", minimum=1),
+        line_time_s=readout.number("line_time_s", optional=True) if readout else None,
+    )
+    if rig.bit_depth > 16:
+        entry.fail("bit_depth", f"is {rig.bit_depth}; images have at most 16 bits")
+    return rig
+
+
+def _read_frame(entry, rig):
+    frame_id = entry.integer("id")
+    entry.rename(f"frames[id={frame_id}]")
+    for eye in EYES:
+        camera = rig.camera(eye)
+        _check_size(entry, eye, (camera.width, camera.height))
+    depth_path = entry.file("depth", optional=True)
+    if depth_path is not None:
+        _check_size(entry, "depth", (rig.left.width, rig.left.height))
+    split = entry.text("split")
+    if split not in SPLITS:
+        entry.fail("split", f"is {split!r}, expected 'train' or 'test'")
+    velocity = entry.numbers("camera_velocity", (6,), optional=True)
+    return Frame(
+        id=frame_id,
+        left_path=entry.file("left"),
+        right_path=entry.file("right"),
+        timestamp_s=entry.number("timestamp_s"),
+        exposure_s=entry.number("exposure_s", above=0.0),
+        gain=entry.number("gain", above=0.0),
+        projector_power=entry.number("projector_power", minimum=0.0),
+        ambient=entry.number("ambient", optional=True, minimum=0.0),
+        temperature_c=entry.number("temperature_c", optional=True),
+        camera_to_world=entry.rigid_transform("camera_to_world"),
+        camera_velocity=np.zeros(6) if velocity is None else velocity,
+        repeat_group=entry.integer("repeat_group", optional=True),
+        split=split,
+        depth_path=depth_path,
+        # A scale may stand without a depth image, but not the other way round.
+        depth_scale=entry.number("depth_scale", optional=depth_path is None, above=0.0),
+    )
+
+
+def _check_size(entry, key, expected):
+    path = entry.file(key)
+    size = image_size(path, entry.key(key))
+    if size != expected:
+        entry.fail(key, f"{path.name} is {size[0]}x{size[1]}, the rig says {expected[0]}x{expected[1]}")
+
+
+def _check_frames(root, frames):
+    if not frames:
+        root.fail("frames", "is empty")
+    ids = [frame.id for frame in frames]
+    repeated = sorted({i for i in ids if ids.count(i) > 1})
+    if repeated:
+        root.fail("frames", f"id {repeated[0]} is used more than once")
+
+
+__all__ = [
+    "Camera",
+    "Capture",
+    "CaptureError",
+    "CaptureWarning",
+    "Frame",
+    "Projector",
+    "Rig",
+    "read_capture",
+]

@@ -1,0 +1,150 @@
+"""Checked reading of a capture's JSON: every failure is a CaptureError that names the file, the key and the number."""
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+
+# Poses are printed with about nine digits; a rotation further off than this is a mistake, not rounding.
+ROTATION_TOLERANCE = 1e-4
+
+
+class CaptureError(ValueError):
+    """A capture that cannot be used: the message names the file, the key and what is wrong."""
+
+
+class JsonObject:
+    """One object of the file: typed reads by key, remembering which keys were asked for."""
+
+    def __init__(self, path, name, values):
+        self.path, self.name = path, name
+        self._values, self._known, self._children = values, set(), []
+
+    @classmethod
+    def read(cls, path):
+        try:
+            values = json.loads(Path(path).read_text(encoding="utf-8"))
+        except OSError as error:
+            raise CaptureError(f"{path}: cannot be read ({error.strerror}); a capture is a folder with a capture.json") from error
+        except ValueError as error:
+            raise CaptureError(f"{path}: is not JSON: {error}") from error
+        if not isinstance(values, dict):
+            raise CaptureError(f"{path}: is not a JSON object")
+        return cls(Path(path), "", values)
+
+    def key(self, key):
+        return f"{self.name}.{key}" if self.name else key
+
+    def rename(self, name):
+        """A friendlier name for messages, once an entry's identity is known."""
+        self.name = name
+
+    def fail(self, key, what):
+        raise CaptureError(f"{self.path}: {self.key(key)}: {what}")
+
+    def unknown_keys(self):
+        """Keys present in the file that nobody asked for, here and below, in the file's order."""
+        own = [self.key(key) for key in self._values if key not in self._known]
+        return own + [key for child in self._children for key in child.unknown_keys()]
+
+    def _get(self, key, optional=False):
+        self._known.add(key)
+        value = self._values.get(key)
+        if value is None and not optional:
+            self.fail(key, "is missing" if key not in self._values else "is null")
+        return value
+
+    def object(self, key, optional=False):
+        value = self._get(key, optional)
+        if value is None:
+            return None
+        return self._child(key, self.key(key), value)
+
+    def objects(self, key):
+        values = self._get(key)
+        if not isinstance(values, list):
+            self.fail(key, "is not a list")
+        return [self._child(key, f"{self.key(key)}[{i}]", value) for i, value in enumerate(values)]
+
+    def _child(self, key, name, value):
+        if not isinstance(value, dict):
+            raise CaptureError(f"{self.path}: {name}: is not an object")
+        child = JsonObject(self.path, name, value)
+        self._children.append(child)
+        return child
+
+    def free_form(self, key):
+        """An optional object whose keys are nobody's business."""
+        value = self._get(key, optional=True)
+        if value is not None and not isinstance(value, dict):
+            self.fail(key, "is not an object")
+        return value or {}
+
+    def text(self, key):
+        value = self._get(key)
+        if not isinstance(value, str):
+            self.fail(key, f"is {value!r}, expected text")
+        return value
+
+    def number(self, key, optional=False, minimum=None, above=None):
+        value = self._get(key, optional)
+        if value is None:
+            return None
+        if not _is_finite_number(value):
+            self.fail(key, f"is {value!r}, expected a finite number")
+        if minimum is not None and value < minimum:
+            self.fail(key, f"is {value}, expected at least {minimum}")
+        if above is not None and value <= above:
+            self.fail(key, f"is {value}, expected more than {above}")
+        return float(value)
+
+    def integer(self, key, optional=False, minimum=None):
+        value = self._get(key, optional)
+        if value is None:
+            return None
+        if isinstance(value, bool) or not isinstance(value, int):
+            self.fail(key, f"is {value!r}, expected an integer")
+        if minimum is not None and value < minimum:
+            self.fail(key, f"is {value}, expected at least {minimum}")
+        return value
+
+    def numbers(self, key, shape, optional=False):
+        """Row-major list of numbers as a float64 array of `shape`."""
+        values = self._get(key, optional)
+        if values is None:
+            return None
+        count = math.prod(shape)
+        if not isinstance(values, list) or len(values) != count:
+            got = f"{len(values)} entries" if isinstance(values, list) else type(values).__name__
+            self.fail(key, f"has {got}, expected {count} numbers")
+        if not all(_is_finite_number(v) for v in values):
+            self.fail(key, "holds something that is not a finite number")
+        return np.array(values, dtype=np.float64).reshape(shape)
+
+    def camera_matrix(self, key):
+        k = self.numbers(key, (3, 3))
+        if k[0, 0] <= 0 or k[1, 1] <= 0 or np.any(k[2] != [0, 0, 1]) or k[1, 0] != 0:
+            self.fail(key, "is not a camera matrix [fx s cx, 0 fy cy, 0 0 1] with positive focal lengths")
+        return k
+
+    def rigid_transform(self, key):
+        pose = self.numbers(key, (4, 4))
+        rotation = pose[:3, :3]
+        error = np.abs(rotation @ rotation.T - np.eye(3)).max()
+        if error > ROTATION_TOLERANCE or np.linalg.det(rotation) < 0 or np.any(pose[3] != [0, 0, 0, 1]):
+            self.fail(key, f"is not a rigid row-major 4x4 transform (rotation off by {error:.2g})")
+        return pose
+
+    def file(self, key, optional=False):
+        """A path in the file, relative to the file's folder; the file must exist."""
+        if self._get(key, optional) is None:
+            return None
+        path = self.path.parent / self.text(key)
+        if not path.is_file():
+            self.fail(key, f"{path} does not exist")
+        return path
+
+
+def _is_finite_number(value):
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)

@@ -1,0 +1,90 @@
+"""Writes captures (capture format, version 1): for recorders and for programs that make worlds with a known answer."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from activestereo.capture import FORMAT, VERSION
+from activestereo.images import write_gray
+
+
+def write_capture(path, capture, images, pattern, depths=None):
+    """Writes `capture` as a folder at `path` (made in a sibling folder, then renamed; `path` must not exist).
+
+    images: {(frame id, eye): uint8 or uint16 [height][width]}; pattern: uint8 [height][width];
+    depths: {frame id: uint16 [height][width]} in units of the frame's depth_scale. The scene and the files it names are the
+    caller's: capture.scene_path is copied with every file beside it that has the same stem.
+    """
+    final = Path(path)
+    if final.exists():
+        raise FileExistsError(f"{final}: exists already; a capture is written once")
+    partial = final.with_name(final.name + ".partial")
+    for folder in ("left", "right", "depth"):
+        (partial / folder).mkdir(parents=True, exist_ok=True)
+    for source in capture.scene_path.parent.glob(capture.scene_path.stem + ".*"):
+        (partial / source.name).write_bytes(source.read_bytes())
+    write_gray(partial / "pattern.png", pattern)
+    for (frame_id, eye), image in images.items():
+        write_gray(partial / eye / f"{frame_id:06d}.png", image)
+    for frame_id, image in (depths or {}).items():
+        write_gray(partial / "depth" / f"{frame_id:06d}.png", image)
+    text = json.dumps(_capture_json(capture, depths or {}), indent=1)
+    (partial / "capture.json").write_text(text + "\n")
+    partial.rename(final)
+
+
+def _capture_json(capture, depths):
+    rig = capture.rig
+    return {
+        "format": FORMAT,
+        "version": VERSION,
+        "name": capture.name,
+        "scene": capture.scene_path.name,
+        "rig": {
+            "left": _camera_json(rig.left),
+            "right": _camera_json(rig.right),
+            "left_to_right": _flat(rig.left_to_right),
+            "projector": {
+                "pattern": "pattern.png",
+                "K": _flat(rig.projector.K),
+                "left_to_projector": _flat(rig.projector.left_to_projector),
+            },
+            "bit_depth": rig.bit_depth,
+            "readout": {"line_time_s": rig.line_time_s},
+        },
+        "depth_engine": capture.depth_engine,
+        "frames": [_frame_json(frame, depths) for frame in capture.frames],
+    }
+
+
+def _camera_json(camera):
+    return {
+        "width": camera.width,
+        "height": camera.height,
+        "K": _flat(camera.K),
+        "distortion": _flat(camera.distortion),
+    }
+
+
+def _frame_json(frame, depths):
+    name = f"{frame.id:06d}.png"
+    entry = {"id": frame.id, "left": f"left/{name}", "right": f"right/{name}"}
+    if frame.id in depths:
+        entry |= {"depth": f"depth/{name}", "depth_scale": frame.depth_scale}
+    return entry | {
+        "timestamp_s": frame.timestamp_s,
+        "exposure_s": frame.exposure_s,
+        "gain": frame.gain,
+        "projector_power": frame.projector_power,
+        "ambient": frame.ambient,
+        "temperature_c": frame.temperature_c,
+        "camera_to_world": _flat(frame.camera_to_world),
+        "camera_velocity": _flat(frame.camera_velocity),
+        "repeat_group": frame.repeat_group,
+        "split": frame.split,
+    }
+
+
+def _flat(array):
+    return np.asarray(array, dtype=float).ravel().tolist()

@@ -1,0 +1,101 @@
+"""Rendered layers kept on disk by the content of what made them: a second look at a capture traces no ray.
+
+Entries are whole or absent (written aside, then renamed), so that parallel runs may share one folder.
+"""
+
+import hashlib
+import json
+import os
+import zipfile
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+
+from activestereo.lab.layers import Layers
+
+# Raised when the meaning of a cached array changes.
+_FORMAT = 1
+_LIMIT_BYTES = 4 << 30
+
+
+def default_cache_folder():
+    """ACTIVESTEREO_CACHE, else the user's cache folder."""
+    own = os.environ.get("ACTIVESTEREO_CACHE")
+    if own:
+        return Path(own)
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "activestereo" / "layers"
+
+
+def scene_digest(scene_path):
+    """Content hash of a glTF scene and every file it refers to."""
+    digest = hashlib.sha256()
+    path = Path(scene_path)
+    digest.update(path.read_bytes())
+    if path.suffix == ".gltf":
+        document = json.loads(path.read_text(encoding="utf-8"))
+        for entry in document.get("buffers", []) + document.get("images", []):
+            uri = entry.get("uri", "")
+            if uri and not uri.startswith("data:"):
+                digest.update((path.parent / uri).read_bytes())
+    return digest.hexdigest()
+
+
+def request_key(request, renderer_version):
+    """Hash of all that decides the pixels: equal keys mean equal layers."""
+    digest = hashlib.sha256()
+
+    def add(value):
+        if isinstance(value, np.ndarray):
+            digest.update(f"{value.dtype.str}{value.shape}".encode())
+            digest.update(np.ascontiguousarray(value).tobytes())
+        elif isinstance(value, tuple):
+            for camera in value:
+                for field in fields(camera):
+                    add(getattr(camera, field.name))
+        else:
+            digest.update(repr(value).encode())
+
+    add(repr((_FORMAT, renderer_version)))
+    for field in fields(request):
+        value = getattr(request, field.name)
+        add(scene_digest(value) if field.name == "scene_path" else value)
+    return digest.hexdigest()
+
+
+class LayerCache:
+    """Folder of `<key>.npz`, one rig pose each. The oldest entries go when it grows over its limit."""
+
+    def __init__(self, folder=None, limit_bytes=_LIMIT_BYTES):
+        self.folder = Path(folder) if folder else default_cache_folder()
+        self._limit_bytes = limit_bytes
+
+    def get(self, key):
+        """The stored layers, one entry per camera, or None."""
+        path = self.folder / f"{key}.npz"
+        try:
+            with np.load(path) as stored:
+                count = int(stored["count"])
+                names = [field.name for field in fields(Layers)]
+                layers = tuple(Layers(**{n: stored[f"{n}_{i}"] for n in names}) for i in range(count))
+        except (OSError, KeyError, ValueError, zipfile.BadZipFile):
+            return None  # absent, or not ours: rendered again and replaced
+        os.utime(path)
+        return layers
+
+    def put(self, key, layers):
+        self.folder.mkdir(parents=True, exist_ok=True)
+        arrays = {f"{f.name}_{i}": getattr(view, f.name) for i, view in enumerate(layers) for f in fields(Layers)}
+        partial = self.folder / f"{key}.{os.getpid()}.partial"
+        with open(partial, "wb") as file:
+            np.savez(file, count=len(layers), **arrays)
+        partial.rename(self.folder / f"{key}.npz")
+        self._forget_oldest()
+
+    def _forget_oldest(self):
+        entries = sorted(self.folder.glob("*.npz"), key=lambda p: p.stat().st_mtime, reverse=True)
+        used = 0
+        for entry in entries:
+            used += entry.stat().st_size
+            if used > self._limit_bytes:
+                entry.unlink(missing_ok=True)

@@ -1,0 +1,99 @@
+"""Compares the simulator with a capture: render its poses, fit the nuisances on the train frames, score both splits.
+
+compare() computes; report.py writes compare.json and the picture.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from activestereo.capture import EYES, SPLITS, read_capture
+from activestereo.lab.fit import fit_nuisances, predict
+from activestereo.lab.noise import frame_floors
+from activestereo.lab.render import render_frames
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """scores: what compare.json holds. predictions: {(frame id, eye): expected DN, float32 [height][width]}."""
+
+    capture: object
+    scores: dict
+    predictions: dict
+
+
+def compare(capture_path, renderer=None, samples_per_pixel=64, max_bounces=8, seed=0, cache=None, progress=None):
+    """A Comparison of the capture folder. CaptureError where the capture cannot be used.
+
+    renderer: see lab.render; None for kuafu on the best device. progress: called as progress(done, total).
+    """
+    capture = read_capture(capture_path)
+    measured = {(frame.id, eye): capture.ir(frame, eye) for frame in capture.frames for eye in EYES}
+    if renderer is None:
+        from activestereo.lab.kuafu_renderer import KuafuRenderer
+
+        renderer = KuafuRenderer()
+    layers = render_frames(capture, renderer, samples_per_pixel, max_bounces, seed, cache, progress)
+    train = [(f, layers[f.id][eye], measured[f.id, eye]) for f in capture.split("train") for eye in EYES]
+    fit = fit_nuisances(train, capture.rig.max_dn)
+    predictions = {
+        (f.id, eye): predict(f, layers[f.id][eye], fit.nuisances, capture.rig.max_dn).astype(np.float32)
+        for f in capture.frames
+        for eye in EYES
+    }
+    floors, law = frame_floors(capture, fit.nuisances.black_dn)
+    images = {key: _image_scores(measured[key], predictions[key], floors.get(key)) for key in measured}
+    scores = {
+        "capture": capture.name,
+        "renderer": renderer.version,
+        "samples_per_pixel": samples_per_pixel,
+        "max_bounces": max_bounces,
+        "seed": seed,
+        "fit": fit.as_json(),
+        "noise_law": None if law is None else vars(law),
+        "ir": {split: _split_scores(capture.split(split), images) for split in SPLITS if capture.split(split)},
+        "frames": [_frame_scores(frame, images) for frame in capture.frames],
+    }
+    return Comparison(capture, scores, predictions)
+
+
+def _image_scores(measured, predicted, floor):
+    """Sums of squares of one image, to be pooled over eyes and frames."""
+    residual = measured.astype(np.float64) - predicted
+    return {
+        "squares": float((residual**2).sum()),
+        "sum": float(residual.sum()),
+        "pixels": residual.size,
+        "floor_variance": None if floor is None else floor[0],
+        "floor_source": None if floor is None else floor[1],
+    }
+
+
+def _pool(images):
+    """RMSE, bias, noise floor and what is left above it of pooled pixels, DN."""
+    pixels = sum(image["pixels"] for image in images)
+    rmse = np.sqrt(sum(image["squares"] for image in images) / pixels)
+    pooled = {"rmse_dn": float(rmse), "bias_dn": sum(image["sum"] for image in images) / pixels}
+    if any(image["floor_variance"] is None for image in images):
+        return pooled | {"noise_floor_dn": None, "explainable_rmse_dn": None}
+    floor = np.sqrt(sum(image["floor_variance"] * image["pixels"] for image in images) / pixels)
+    explainable = np.sqrt(max(0.0, rmse**2 - floor**2))
+    return pooled | {"noise_floor_dn": float(floor), "explainable_rmse_dn": float(explainable)}
+
+
+def _split_scores(frames, images):
+    of = {eye: [images[frame.id, eye] for frame in frames] for eye in EYES}
+    pooled = _pool([image for eye in EYES for image in of[eye]])
+    sources = sorted({image["floor_source"] for eye in EYES for image in of[eye] if image["floor_source"]})
+    return pooled | {
+        "noise_floor_from": sources,
+        "frames": [frame.id for frame in frames],
+        "eyes": {eye: _pool(of[eye]) for eye in EYES},
+    }
+
+
+def _frame_scores(frame, images):
+    eyes = {eye: _pool([images[frame.id, eye]]) for eye in EYES}
+    pooled = _pool([images[frame.id, eye] for eye in EYES])
+    source = images[frame.id, "left"]["floor_source"]
+    return {"id": frame.id, "split": frame.split} | pooled | {"noise_floor_from": source, "eyes": eyes}

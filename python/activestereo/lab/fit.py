@@ -1,0 +1,104 @@
+"""The nuisances of a comparison: projector scale, ambient scale and black level, by least squares on the train frames.
+
+    DN = black + exposure_s * gain * (projector_scale * power * P + ambient_scale * level * A),  clipped to the sensor's range
+
+P and A are the rendered radiance under the projector at power 1 and under ambient radiance 1. All train pixels of both eyes
+weigh alike: this is the maximum-likelihood fit of a constant variance and minimises the very RMSE that is reported.
+"""
+
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+# Pixels predicted this many residual deviations from the ends of the range are left out: there clipping biases the mean.
+_CLIP_MARGIN_SIGMA = 4.0
+_CLIP_ROUNDS = 4
+
+
+@dataclass(frozen=True)
+class Nuisances:
+    """projector_scale, ambient_scale: DN per (second x gain x unit of rendered radiance); black_dn: DN without light."""
+
+    projector_scale: float
+    ambient_scale: float
+    black_dn: float
+
+    def vector(self):
+        return np.array([self.projector_scale, self.ambient_scale, self.black_dn])
+
+
+@dataclass(frozen=True)
+class Fit:
+    """nuisances with standard errors (independent pixels assumed), and the share of pixels left out as clipped."""
+
+    nuisances: Nuisances
+    standard_errors: Nuisances
+    pixels: int
+    clipped_fraction: float
+
+    def as_json(self):
+        return asdict(self)
+
+
+def regressors(frame, layers):
+    """The derivatives of an unclipped prediction by (projector scale, ambient scale, black), each [height][width]."""
+    light = frame.exposure_gain
+    level = 1.0 if frame.ambient is None else frame.ambient
+    projector = layers.projector.astype(np.float64) * (light * frame.projector_power)
+    return projector, layers.ambient.astype(np.float64) * (light * level), np.ones(layers.ambient.shape)
+
+
+def predict(frame, layers, nuisances, max_dn):
+    """Expected DN before rounding, float64 [height][width], clipped to 0..max_dn."""
+    columns = regressors(frame, layers)
+    value = sum(scale * column for scale, column in zip(nuisances.vector(), columns, strict=True))
+    return np.clip(value, 0.0, max_dn)
+
+
+def fit_nuisances(observations, max_dn):
+    """observations: iterable of (frame, layers, measured DN). Returns a Fit; ValueError where there is nothing to fit."""
+    observations = list(observations)
+    if not observations:
+        raise ValueError("nothing to fit: the capture has no train frames")
+    total = sum(measured.size for _, _, measured in observations)
+    solution, deviation = None, 0.0
+    for _ in range(_CLIP_ROUNDS):
+        gram, moment, energy, used = _normal_equations(observations, solution, deviation, max_dn)
+        if used == 0:
+            raise ValueError("nothing to fit: every pixel of the train frames is clipped")
+        solution, inverse = _solve(gram, moment)
+        deviation = np.sqrt(max(0.0, energy - solution @ moment) / used)
+        if used == total:
+            break  # nothing near the ends of the range: the linear fit is final
+    errors = deviation * np.sqrt(np.maximum(np.diag(inverse), 0.0))
+    return Fit(Nuisances(*map(float, solution)), Nuisances(*map(float, errors)), int(used), 1.0 - used / total)
+
+
+def _normal_equations(observations, solution, deviation, max_dn):
+    """Gram matrix and moments over pixels away from the range's ends: by the measurement at first, then by the
+    prediction, which unlike the measurement does not select on its own noise."""
+    gram, moment, energy, used = np.zeros((3, 3)), np.zeros(3), 0.0, 0
+    for frame, layers, measured in observations:
+        columns = np.stack([c.ravel() for c in regressors(frame, layers)])
+        value = measured.ravel().astype(np.float64)
+        if solution is None:
+            keep = (value > 0) & (value < max_dn)
+        else:
+            predicted = solution @ columns
+            margin = _CLIP_MARGIN_SIGMA * deviation
+            keep = (predicted < max_dn - margin) & (predicted > min(margin, 0.5 * solution[2]))
+        if not keep.all():
+            columns, value = columns[:, keep], value[keep]
+        gram += columns @ columns.T
+        moment += columns @ value
+        energy += value @ value
+        used += value.size
+    return gram, moment, energy, used
+
+
+def _solve(gram, moment):
+    """Least squares of scaled columns; a light that no train frame shows gets scale 0."""
+    norm = np.sqrt(np.diag(gram))
+    norm[norm == 0] = 1.0
+    inverse = np.linalg.pinv(gram / np.outer(norm, norm), rcond=1e-12, hermitian=True) / np.outer(norm, norm)
+    return inverse @ moment, inverse

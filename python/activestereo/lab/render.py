@@ -1,0 +1,36 @@
+"""Renders the poses of a capture into light layers, once per distinct pose, through the cache.
+
+A renderer is any callable RenderRequest -> tuple of Layers (one per camera) with a `version` text that changes whenever its
+pixels may change.
+"""
+
+from activestereo.capture import EYES
+from activestereo.lab.cache import LayerCache, request_key
+from activestereo.lab.layers import rig_request
+
+
+def render_frames(capture, renderer, samples_per_pixel=64, max_bounces=8, seed=0, cache=None, progress=None):
+    """{frame id: {eye: Layers}} of every frame; frames at one pose share their layers.
+
+    A moving frame is rendered at its mid-exposure pose: motion within the exposure is an effect, not part of the base model.
+    cache: a LayerCache, None for the user's own. progress: called as progress(done, total) in rendered poses.
+    """
+    cache = cache or LayerCache()
+    requests = {}
+    keys = {}
+    for frame in capture.frames:
+        request = rig_request(capture, frame, samples_per_pixel, max_bounces, seed)
+        keys[frame.id] = key = request_key(request, renderer.version)
+        requests.setdefault(key, request)
+    rendered = {}
+    for done, (key, request) in enumerate(requests.items()):
+        if progress:
+            progress(done, len(requests))
+        layers = cache.get(key)
+        if layers is None:
+            layers = renderer(request)
+            cache.put(key, layers)
+        rendered[key] = dict(zip(EYES, layers, strict=True))
+    if progress:
+        progress(len(requests), len(requests))
+    return {frame_id: rendered[key] for frame_id, key in keys.items()}

@@ -1,0 +1,37 @@
+"""Shared by the lab's tests: the analytic worlds, and a renderer that asks them instead of kuafu."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+_ROOT = Path(__file__).resolve().parents[2]
+for _folder in (_ROOT / "python", _ROOT / "tests" / "support"):
+    if str(_folder) not in sys.path:
+        sys.path.append(str(_folder))
+
+from activestereo.lab.layers import Layers  # noqa: E402
+from worlds.view import PatternSource, look  # noqa: E402
+
+
+class WorldRenderer:
+    """Renders a world's solids by closed form; counts its calls."""
+
+    version = "analytic worlds 1"
+
+    def __init__(self, world, seed=77, grid=4, bounces=3):
+        self._world, self._seed, self._grid, self._bounces = world, seed, grid, bounces
+        self.calls = 0
+
+    def __call__(self, request):
+        self.calls += 1
+        pose = request.projector_to_world
+        source = PatternSource(pose[:3, 3], pose[:3, :3], request.projector_K, request.pattern.astype(np.float64))
+        return tuple(self._layers(camera, source, i) for i, camera in enumerate(request.cameras))
+
+    def _layers(self, camera, source, index):
+        size = (camera.width, camera.height)
+        seed = 1000 * self._seed + 10 * self.calls + index
+        view = look(self._world.solids, size, camera.K, camera.camera_to_world, source, seed, self._grid, self._bounces)
+        light = [image.astype(np.float32) for image in (view.direct, view.indirect, view.sky, view.depth)]
+        return Layers(*light, view.normal.astype(np.float32), view.index.astype(np.uint32))

@@ -1,0 +1,147 @@
+"""Captures: what is written is read back, and every mistake names the file and the key."""
+
+import json
+import shutil
+import sys
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+_HERE = Path(__file__).resolve().parent
+sys.path[:0] = [str(_HERE), str(_HERE.parents[1] / "python")]
+
+import lab_worlds  # noqa: E402, F401
+from activestereo.capture import CaptureError, CaptureWarning, read_capture  # noqa: E402
+from activestereo.capture_write import write_capture  # noqa: E402
+from activestereo.images import write_gray  # noqa: E402
+from worlds.world import make_world  # noqa: E402
+
+
+@pytest.fixture(scope="module")
+def pristine(tmp_path_factory):
+    return make_world(tmp_path_factory.mktemp("world"), size=(32, 20), grid=1, bounces=0)
+
+
+@pytest.fixture
+def folder(pristine, tmp_path):
+    return Path(shutil.copytree(pristine.capture_path, tmp_path / "capture"))
+
+
+def edit(folder, change):
+    path = folder / "capture.json"
+    values = json.loads(path.read_text())
+    change(values)
+    path.write_text(json.dumps(values))
+
+
+def expect_error(folder, *words):
+    with pytest.raises(CaptureError) as caught:
+        read_capture(folder)
+    for word in ("capture.json", *words):
+        assert word in str(caught.value)
+
+
+def test_what_is_written_is_read_back(pristine, tmp_path):
+    first = read_capture(pristine.capture_path)
+    images = {(f.id, eye): first.ir(f, eye).astype(np.uint8) for f in first.frames for eye in ("left", "right")}
+    pattern = np.rint(first.rig.projector.pattern() * 255).astype(np.uint8)
+    write_capture(tmp_path / "copy", first, images, pattern)
+    second = read_capture(tmp_path / "copy")
+    assert json.loads((first.path / "capture.json").read_text()) == json.loads((second.path / "capture.json").read_text())
+    assert second.scene_path.read_bytes() == first.scene_path.read_bytes()
+    np.testing.assert_array_equal(second.ir(second.frames[4], "right"), first.ir(first.frames[4], "right"))
+    np.testing.assert_array_equal(second.rig.projector.pattern(), first.rig.projector.pattern())
+
+
+def test_a_capture_is_never_overwritten(pristine, tmp_path):
+    capture = read_capture(pristine.capture_path)
+    (tmp_path / "taken").mkdir()
+    with pytest.raises(FileExistsError):
+        write_capture(tmp_path / "taken", capture, {}, np.zeros((2, 2), np.uint8))
+
+
+def test_repeats_are_grouped_by_split(pristine):
+    capture = read_capture(pristine.capture_path)
+    assert sorted(capture.repeats()) == [0, 1, 2]
+    assert sorted(capture.repeats("train")) == [0, 1]
+    assert [frame.id for frame in capture.repeats("test")[2]] == [4, 5]
+
+
+def test_depth_is_scaled_to_metres_and_absent_depth_is_none(folder):
+    raw = np.arange(640, dtype=np.uint16).reshape(20, 32)
+    write_gray(folder / "depth" / "000000.png", raw)
+    edit(folder, lambda c: c["frames"][0].update(depth="depth/000000.png", depth_scale=0.0005))
+    capture = read_capture(folder)
+    np.testing.assert_allclose(capture.depth(capture.frames[0]), raw * 0.0005, rtol=1e-6)
+    assert capture.depth(capture.frames[1]) is None
+
+
+def test_unknown_keys_warn_and_are_ignored(folder):
+    edit(folder, lambda c: (c.update(owner="me"), c["frames"][2].update(weather="fine"), c["rig"]["left"].update(lens="x")))
+    with pytest.warns(CaptureWarning) as caught:
+        capture = read_capture(folder)
+    said = " ".join(str(w.message) for w in caught)
+    assert all(key in said for key in ("owner", "frames[id=2].weather", "rig.left.lens"))
+    assert len(capture.frames) == 8
+
+
+def test_a_good_capture_gives_no_warning(pristine):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        read_capture(pristine.capture_path)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda c: c.update(format="other"), ["format", "active-stereo-capture"]),
+        (lambda c: c.update(version=2), ["version", "2"]),
+        (lambda c: c.pop("name"), ["name", "missing"]),
+        (lambda c: c.update(scene="nowhere.gltf"), ["scene", "nowhere.gltf"]),
+        (lambda c: c.update(frames=[]), ["frames", "empty"]),
+        (lambda c: c["rig"]["left"].update(K=[1, 2, 3]), ["rig.left.K", "3 entries", "9"]),
+        (lambda c: c["rig"]["left"]["K"].__setitem__(0, -5), ["rig.left.K", "focal"]),
+        (lambda c: c["rig"]["right"].update(width=33), ["frames[id=0].right", "32x20", "33x20"]),
+        (lambda c: c["rig"].update(left_to_right=[2] * 16), ["rig.left_to_right", "rigid"]),
+        (lambda c: c["rig"].update(bit_depth=20), ["rig.bit_depth", "20"]),
+        (lambda c: c["rig"]["projector"].update(pattern="none.png"), ["rig.projector.pattern", "none.png"]),
+        (lambda c: c["frames"][1].update(split="both"), ["frames[id=1].split", "both"]),
+        (lambda c: c["frames"][1].update(id=0), ["frames", "id 0", "more than once"]),
+        (lambda c: c["frames"][3].pop("exposure_s"), ["frames[id=3].exposure_s", "missing"]),
+        (lambda c: c["frames"][3].update(exposure_s=0), ["frames[id=3].exposure_s", "more than 0"]),
+        (lambda c: c["frames"][3].update(gain="high"), ["frames[id=3].gain", "high"]),
+        (lambda c: c["frames"][3].update(exposure_s=float("nan")), ["frames[id=3].exposure_s", "finite"]),
+        (lambda c: c["frames"][3].update(camera_velocity=[0] * 5), ["frames[id=3].camera_velocity", "6"]),
+        (lambda c: c["frames"][3].update(left="left/none.png"), ["frames[id=3].left", "none.png"]),
+        (lambda c: c["frames"][3].update(depth="left/000000.png"), ["frames[id=3].depth_scale", "missing"]),
+        (lambda c: c["frames"].__setitem__(0, 5), ["frames[0]", "not an object"]),
+    ],
+)
+def test_a_wrong_value_is_an_error_with_file_and_key(folder, change, words):
+    edit(folder, change)
+    expect_error(folder, *words)
+
+
+def test_a_file_that_is_not_json_or_absent_is_an_error(folder, tmp_path):
+    (folder / "capture.json").write_text("{oops")
+    expect_error(folder, "not JSON")
+    expect_error(tmp_path / "nowhere", "cannot be read")
+
+
+def test_a_damaged_or_coloured_image_is_an_error(folder):
+    image = folder / "left" / "000000.png"
+    whole = image.read_bytes()
+    capture = read_capture(folder)
+    image.write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(CaptureError, match=r"000000\.png.*frames\[id=0\]\.left.*damaged"):
+        capture.ir(capture.frames[0], "left")
+    image.write_bytes(b"not an image")
+    with pytest.raises(CaptureError, match=r"000000\.png.*left"):
+        read_capture(folder)
+    from PIL import Image
+
+    Image.new("RGB", (32, 20)).save(image)
+    with pytest.raises(CaptureError, match="gray"):
+        capture.ir(capture.frames[0], "left")

@@ -1,0 +1,35 @@
+"""A virtual sensor: radiance to digital numbers, with multiplicative speckle, shot noise, read noise and rounding."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from worlds.pcg import Pcg
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """projector_scale, ambient_scale: DN per second x gain x radiance; shot: DN of variance per DN; speckle_k: gamma shape."""
+
+    projector_scale: float
+    ambient_scale: float
+    black_dn: float = 4.0
+    read_dn: float = 1.0
+    shot: float = 0.0
+    speckle_k: float = 60.0
+    max_dn: int = 255
+
+
+def expected(sensor, view, exposure_gain, power):
+    """Noise-free DN, unclipped."""
+    projector = sensor.projector_scale * power * (view.direct + view.indirect)
+    return sensor.black_dn + exposure_gain * (projector + sensor.ambient_scale * view.sky)
+
+
+def expose(sensor, view, exposure_gain, power, seed):
+    """uint8 [height][width]."""
+    rng = Pcg(view.sky.shape, seed, sequence=1)
+    signal = expected(sensor, view, exposure_gain, power) - sensor.black_dn
+    value = signal * rng.gamma(sensor.speckle_k)
+    value += np.sqrt(sensor.shot * signal) * rng.normal() + sensor.read_dn * rng.normal() + sensor.black_dn
+    return np.clip(np.rint(value), 0, sensor.max_dn).astype(np.uint8)

@@ -1,0 +1,122 @@
+"""A small table-top world, captured: solids, pattern, poses, exposures, noise, and the numbers that made it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from activestereo.capture import Camera, Capture, Frame, Projector, Rig
+from activestereo.capture_write import write_capture
+from worlds.gltf import write_gltf
+from worlds.pcg import Pcg
+from worlds.sensor import Sensor, expose
+from worlds.solids import Box, Rectangle, Sphere
+from worlds.view import PatternSource, look
+
+BASELINE_M = 0.05
+PROJECTOR_X_M = 0.015
+
+
+@dataclass(frozen=True)
+class World:
+    """What the product must find out; `views` are the noise-free images, {(frame id, eye): View}."""
+
+    capture_path: object
+    sensor: Sensor
+    solids: tuple
+    views: dict
+
+
+def table_top():
+    """Table, wall, ball, box; y is up, the camera looks along -z from above."""
+    return (
+        Rectangle("table", (0.0, 0.0, -0.1), (0.0, 0.0, 0.7), (0.9, 0.0, 0.0), 0.45),
+        Rectangle("wall", (0.0, 0.4, -0.6), (0.9, 0.0, 0.0), (0.0, 0.5, 0.0), 0.6),
+        Sphere("ball", (0.12, 0.11, -0.2), 0.11, 0.75),
+        Box("box", (-0.2, 0.08, -0.25), (0.09, 0.08, 0.07), 0.4, 0.3),
+    )
+
+
+def dot_pattern(width, height, dots, seed):
+    """uint8 image of round Gaussian dots of varied strength on a dark ground."""
+    rng = Pcg(dots, seed)
+    u, v, strength = rng.uniform() * width, rng.uniform() * height, 0.4 + 0.6 * rng.uniform()
+    columns, rows = np.arange(width)[None], np.arange(height)[:, None]
+    image = np.full((height, width), 0.02)
+    for x, y, s in zip(u, v, strength, strict=True):
+        image += s * np.exp(-((columns - x) ** 2 + (rows - y) ** 2) / 6.0)
+    return np.rint(255 * np.clip(image, 0, 1)).astype(np.uint8)
+
+
+def look_at(eye, target):
+    """Camera-to-world pose: x right, y down, z forward, world y up."""
+    eye, target = np.asarray(eye, dtype=np.float64), np.asarray(target, dtype=np.float64)
+    z = (target - eye) / np.linalg.norm(target - eye)
+    x = np.cross(z, [0.0, 1.0, 0.0])
+    x /= np.linalg.norm(x)
+    pose = np.eye(4)
+    pose[:3] = np.stack([x, np.cross(z, x), z, eye], axis=1)
+    return pose
+
+
+def make_world(folder, seed=1, size=(106, 60), sensor=None, grid=4, bounces=3):
+    """Captures the table-top at folder/capture and returns its World. Two poses train, one test, each twice; one frame
+    without projector and one of half the exposure, as a careful user records them."""
+    sensor = sensor or Sensor(projector_scale=9.0e4, ambient_scale=3.0e3)
+    folder.mkdir(parents=True, exist_ok=True)
+    solids = table_top()
+    scene_path = write_gltf(folder, solids)
+    pattern = dot_pattern(320, 200, 900, seed)
+    rig = _rig(size, folder / "pattern.png")
+    poses = [look_at(eye, (0.0, 0.08, -0.2)) for eye in ((0.0, 0.4, 0.5), (-0.25, 0.35, 0.4), (0.2, 0.45, 0.45))]
+    plan = [  # pose, exposure_s, projector power, repeat group, split
+        (0, 0.004, 1.0, 0, "train"), (0, 0.004, 1.0, 0, "train"), (1, 0.004, 1.0, 1, "train"), (1, 0.004, 1.0, 1, "train"),
+        (2, 0.004, 1.0, 2, "test"), (2, 0.004, 1.0, 2, "test"), (0, 0.004, 0.0, None, "train"), (1, 0.002, 1.0, None, "test"),
+    ]  # fmt: skip
+    frames, images, views, by_pose = [], {}, {}, {}
+    for i, (pose, exposure, power, group, split) in enumerate(plan):
+        frames.append(_frame(i, poses[pose], exposure, power, group, split))
+        for e, eye in enumerate(("left", "right")):
+            if (pose, eye) not in by_pose:
+                by_pose[pose, eye] = see(solids, rig, pattern, poses[pose], eye, 1000 * seed + 2 * pose + e, grid, bounces)
+            views[i, eye] = by_pose[pose, eye]
+            images[i, eye] = expose(sensor, views[i, eye], exposure, power, seed=7919 * seed + 2 * i + e)
+    capture = Capture(folder, f"world-{seed}", scene_path, rig, tuple(frames))
+    write_capture(folder / "capture", capture, images, pattern)
+    return World(folder / "capture", sensor, solids, views)
+
+
+def see(solids, rig, pattern, left_to_world, eye, seed, grid, bounces):
+    """One eye's View from the rig's pose."""
+    camera = rig.camera(eye)
+    camera_to_world = left_to_world if eye == "left" else left_to_world @ np.linalg.inv(rig.left_to_right)
+    source_pose = left_to_world @ np.linalg.inv(rig.projector.left_to_projector)
+    source = PatternSource(source_pose[:3, 3], source_pose[:3, :3], rig.projector.K, pattern / 255.0)
+    return look(solids, (camera.width, camera.height), camera.K, camera_to_world, source, seed, grid, bounces)
+
+
+def _rig(size, pattern_path):
+    width, height = size
+    focal = 0.5 * width
+    camera = Camera(width, height, np.array([[focal, 0, (width - 1) / 2], [0, focal, (height - 1) / 2], [0, 0, 1.0]]))
+    source_K = np.array([[148.0, 0, 159.5], [0, 148.0, 99.5], [0, 0, 1.0]])
+    return Rig(camera, camera, _shift(-BASELINE_M), Projector(pattern_path, source_K, _shift(-PROJECTOR_X_M)))
+
+
+def _shift(x):
+    pose = np.eye(4)
+    pose[0, 3] = x
+    return pose
+
+
+def _frame(i, pose, exposure, power, group, split):
+    return Frame(
+        id=i,
+        left_path=None,
+        right_path=None,
+        timestamp_s=0.1 * i,
+        exposure_s=exposure,
+        projector_power=power,
+        camera_to_world=pose,
+        repeat_group=group,
+        split=split,
+    )
