@@ -7,6 +7,7 @@
 
 #include "device/compute.h"
 #include "scene/scene.h"
+#include "shared/ray_queue.h"
 
 namespace kuafu {
 
@@ -14,10 +15,11 @@ namespace kuafu {
 struct RayQueue {
   const ks::Buffer* words = nullptr;         // capacity * (closest_words or occlusion_words) uint32; host visible on CPU devices
   const ks::Buffer* environments = nullptr;  // uint32 per ray: environment of ray i; nullptr = all 0
-  const ks::Buffer* counters = nullptr;      // at count_offset: uint32 ray count; at arguments_offset: VkDispatchIndirectCommand for trace_group_size
+  const ks::Buffer* counters =
+      nullptr;  // at count_offset: uint32 ray count; at arguments_offset: VkDispatchIndirectCommand for trace_group_size
   uint64_t count_offset = 0;
   uint64_t arguments_offset = 0;
-  uint32_t capacity = 0;                     // multiple of 8
+  uint32_t capacity = 0;  // multiple of 8
 };
 
 class Tracer {
@@ -26,15 +28,17 @@ class Tracer {
   [[nodiscard]] virtual const char* name() const = 0;
   [[nodiscard]] virtual uint32_t queue_layout() const = 0;      // queue_layout_planes or queue_layout_packets
   [[nodiscard]] virtual uint32_t trace_group_size() const = 0;  // workgroup size the indirect arguments are made for
-  /// Brings the acceleration structure up to date with the scene; cost follows what changed (Scene::revisions).
+  /// Brings the acceleration structure up to date with the scene; cost follows what changed (Scene::revisions). No work may be in flight.
+  /// A scene is known by its address: keep the last one given alive until another is given.
   virtual void update(const Scene& scene, uint32_t environment_count) = 0;
-  /// Nearest hit in [t_near, t_far] of each ray. A host tracer flushes `commands` first and works on the mapped queue; a device tracer records.
+  /// Nearest hit in [t_near, t_far] of each ray. A host tracer flushes `commands` first and works on the mapped queue; a device tracer
+  /// records.
   virtual void closest(ks::Commands& commands, const RayQueue& rays) = 0;
   /// Any hit in [t_near, t_far]: t_far becomes negative where something stands in the way.
   virtual void occluded(ks::Commands& commands, const RayQueue& rays) = 0;
 };
 
 std::unique_ptr<Tracer> make_embree_tracer(std::shared_ptr<ks::Device> device);
-std::unique_ptr<Tracer> make_compute_tracer(std::shared_ptr<ks::Device> device);
+std::unique_ptr<Tracer> make_compute_tracer(std::shared_ptr<ks::Device> device, uint32_t layout = queue_layout_planes);
 
 }  // namespace kuafu

@@ -1,0 +1,37 @@
+// Builds a BVH2 over boxes by the binned surface area heuristic (Wald, "On fast Construction of SAH-based Bounding Volume Hierarchies",
+// 2007). Thread rule: pure function.
+#pragma once
+
+#include <limits>
+#include <span>
+#include <vector>
+
+#include "shared/bvh_node.h"
+
+namespace kuafu {
+
+struct Box {
+  glm::vec3 min{std::numeric_limits<float>::infinity()}, max{-std::numeric_limits<float>::infinity()};
+
+  void add(const glm::vec3& point) { min = glm::min(min, point), max = glm::max(max, point); }
+  void add(const Box& box) { min = glm::min(min, box.min), max = glm::max(max, box.max); }
+  [[nodiscard]] bool empty() const { return !(min.x <= max.x); }
+  [[nodiscard]] glm::vec3 centroid() const { return 0.5f * min + 0.5f * max; }
+  [[nodiscard]] float half_area() const {
+    if (empty()) return 0.0f;
+    const glm::vec3 size = max - min;
+    return size.x * size.y + size.y * size.z + size.z * size.x;
+  }
+};
+
+struct Bvh {
+  std::vector<BvhNode> nodes;   // node 0 is the root and always there; parents before children
+  std::vector<uint32_t> order;  // leaf entry -> index of the box given
+  Box bounds;
+};
+
+/// max_leaf: most boxes in a leaf, <= bvh_max_leaf. max_depth: most inner nodes from root to leaf, kept whatever the input
+/// (median splits where the heuristic would go deeper); at least log2(boxes / max_leaf).
+Bvh build_bvh(std::span<const Box> boxes, uint32_t max_leaf, uint32_t max_depth);
+
+}  // namespace kuafu

@@ -1,0 +1,41 @@
+#include "accel/embree_handle.h"
+
+#include <utility>
+
+#include "device/error.h"
+
+namespace kuafu {
+
+EmbreeDevice::EmbreeDevice() : device_(rtcNewDevice(nullptr)) {
+  if (!device_)
+    ks::fail(KS_ERROR_UNSUPPORTED, "Embree gives no device (error %d): it needs a CPU with SSE2", int(rtcGetDeviceError(nullptr)));
+  rtcSetDeviceErrorFunction(device_, record, this);
+}
+
+EmbreeDevice::~EmbreeDevice() { rtcReleaseDevice(device_); }
+
+EmbreeScene EmbreeDevice::new_scene() const {
+  EmbreeScene scene(rtcNewScene(device_));
+  rtcSetSceneFlags(scene.get(), RTC_SCENE_FLAG_ROBUST);
+  return scene;
+}
+
+void EmbreeDevice::record(void* self, RTCError code, const char* text) {
+  auto* device = static_cast<EmbreeDevice*>(self);
+  const std::lock_guard lock(device->mutex_);
+  if (device->error_ != RTC_ERROR_NONE) return;
+  device->error_ = code;
+  device->text_ = text ? text : "";
+}
+
+void EmbreeDevice::check(const char* what) {
+  const std::lock_guard lock(mutex_);
+  const RTCError code = std::exchange(error_, RTC_ERROR_NONE);
+  if (code == RTC_ERROR_NONE) return;
+  const ks_status status = code == RTC_ERROR_OUT_OF_MEMORY     ? KS_ERROR_OUT_OF_HOST_MEMORY
+                           : code == RTC_ERROR_UNSUPPORTED_CPU ? KS_ERROR_UNSUPPORTED
+                                                               : KS_ERROR_INTERNAL;
+  ks::fail(status, "Embree, %s: %s (error %d)", what, text_.c_str(), int(code));
+}
+
+}  // namespace kuafu

@@ -1,0 +1,57 @@
+// Owning handles of Embree objects, the device that one tracer owns, and the floating-point mode Embree asks for.
+// Thread rule: EmbreeDevice is internally synchronised, as Embree is.
+#pragma once
+
+#include <embree3/rtcore.h>
+#include <xmmintrin.h>
+
+#include <memory>
+#include <mutex>
+#include <string>
+
+namespace kuafu {
+
+template <class T, void (*release)(T*)>
+struct EmbreeRelease {
+  void operator()(T* object) const { release(object); }
+};
+using EmbreeScene = std::unique_ptr<RTCSceneTy, EmbreeRelease<RTCSceneTy, rtcReleaseScene>>;
+using EmbreeGeometry = std::unique_ptr<RTCGeometryTy, EmbreeRelease<RTCGeometryTy, rtcReleaseGeometry>>;
+
+/// An RTCDevice whose errors are remembered and thrown by check(). It keeps TBB's default pool for building: Embree's "threads=1" is a
+/// process-wide TBB limit while the device lives, which would make every other user of TBB (OpenCV) single-threaded.
+class EmbreeDevice {
+ public:
+  EmbreeDevice();
+  ~EmbreeDevice();
+  EmbreeDevice(const EmbreeDevice&) = delete;
+  EmbreeDevice& operator=(const EmbreeDevice&) = delete;
+
+  [[nodiscard]] RTCDevice handle() const { return device_; }
+  /// A scene in robust mode: rays do not slip between triangles, and edges agree with our own BVH.
+  [[nodiscard]] EmbreeScene new_scene() const;
+  /// Throws the first error since the last check; `what` names the work done.
+  void check(const char* what);
+
+ private:
+  static void record(void* self, RTCError code, const char* text);
+  RTCDevice device_ = nullptr;
+  std::mutex mutex_;
+  RTCError error_ = RTC_ERROR_NONE;
+  std::string text_;
+};
+
+/// Flushes denormals to zero in this thread while it lives, as Embree's manual asks of every tracing thread.
+class FlushDenormals {
+ public:
+  FlushDenormals() : saved_(_mm_getcsr()) { _mm_setcsr(saved_ | flush_to_zero | denormals_are_zero); }
+  ~FlushDenormals() { _mm_setcsr(saved_); }
+  FlushDenormals(const FlushDenormals&) = delete;
+  FlushDenormals& operator=(const FlushDenormals&) = delete;
+
+ private:
+  static constexpr unsigned flush_to_zero = 0x8000, denormals_are_zero = 0x0040;  // bits of MXCSR
+  unsigned saved_;
+};
+
+}  // namespace kuafu

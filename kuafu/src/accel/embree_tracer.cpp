@@ -1,0 +1,112 @@
+// Rays of CPU devices: Embree answers the queues on the host, in place on their mapped memory.
+#include <bit>
+#include <chrono>
+#include <cstddef>
+
+#include "accel/embree_world.h"
+#include "accel/tracer.h"
+#include "device/error.h"
+#include "device/thread_pool.h"
+
+namespace kuafu {
+namespace {
+
+constexpr uint32_t packet_rays = 8;
+constexpr uint32_t chunk_packets = 64;  // per task: long enough to hide the hand-over, short enough to balance
+
+static_assert(sizeof(RTCRayHit8) == closest_words * packet_rays * 4 &&
+              offsetof(RTCRayHit8, hit.primID) == hit_primitive * packet_rays * 4 &&
+              offsetof(RTCRayHit8, hit.instID) == hit_instance * packet_rays * 4);
+static_assert(sizeof(RTCRay8) == occlusion_words * packet_rays * 4 && offsetof(RTCRay8, tfar) == ray_t_far * packet_rays * 4);
+
+/// A queue as the host sees it.
+struct MappedQueue {
+  std::byte* words;
+  const uint32_t* environments;  // nullptr = all 0
+  uint32_t count;
+};
+
+template <class T>
+T* mapped(const ks::Buffer& buffer, const char* name) {
+  if (!buffer.mapped())
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "the Embree tracer needs host visible memory, and the queue's %s are not", name);
+  return static_cast<T*>(buffer.mapped());
+}
+
+MappedQueue map_queue(const RayQueue& rays, size_t alignment) {
+  MappedQueue queue{mapped<std::byte>(*rays.words, "words"), nullptr, 0};
+  if (rays.environments) queue.environments = mapped<const uint32_t>(*rays.environments, "environments");
+  queue.count = *reinterpret_cast<const uint32_t*>(mapped<const std::byte>(*rays.counters, "counters") + rays.count_offset);
+  if (queue.count > rays.capacity) ks::fail(KS_ERROR_INTERNAL, "a ray queue of %u rays claims to hold %u", rays.capacity, queue.count);
+  if (reinterpret_cast<uintptr_t>(queue.words) % alignment != 0)
+    ks::fail(KS_ERROR_INTERNAL, "a ray queue at %p is not aligned to %zu bytes", static_cast<void*>(queue.words), alignment);
+  return queue;
+}
+
+void trace(const EmbreeWorld::Environment& environment, const int* valid, RTCIntersectContext& context, RTCRayHit8& packet) {
+  rtcIntersect8(valid, environment.scene.get(), &context, &packet);
+  for (uint32_t lane = 0; lane < packet_rays; ++lane)
+    if (valid[lane] && packet.hit.geomID[lane] != miss) packet.hit.instID[0][lane] = environment.instances[packet.hit.instID[0][lane]];
+}
+
+void trace(const EmbreeWorld::Environment& environment, const int* valid, RTCIntersectContext& context, RTCRay8& packet) {
+  rtcOccluded8(valid, environment.scene.get(), &context, &packet);
+}
+
+class EmbreeTracer final : public Tracer {
+ public:
+  explicit EmbreeTracer(std::shared_ptr<ks::Device> device) : device_(std::move(device)) {}
+
+  [[nodiscard]] const char* name() const override { return "embree"; }
+  [[nodiscard]] uint32_t queue_layout() const override { return queue_layout_packets; }
+  [[nodiscard]] uint32_t trace_group_size() const override { return packet_rays; }
+
+  void update(const Scene& scene, uint32_t environment_count) override { world_.update(scene, environment_count); }
+  void closest(ks::Commands& commands, const RayQueue& rays) override { run<RTCRayHit8>(commands, rays, "trace closest"); }
+  void occluded(ks::Commands& commands, const RayQueue& rays) override { run<RTCRay8>(commands, rays, "trace occluded"); }
+
+ private:
+  template <class Packet>
+  void run(ks::Commands& commands, const RayQueue& rays, const char* stage) {
+    if (world_.environments().empty()) ks::fail(KS_ERROR_INVALID_STATE, "the tracer has not seen a scene yet: call update first");
+    commands.flush();
+    const auto start = std::chrono::steady_clock::now();
+    const MappedQueue queue = map_queue(rays, alignof(Packet));
+    const uint32_t packets = (queue.count + packet_rays - 1) / packet_rays;
+    device_->workers().parallel_for((packets + chunk_packets - 1) / chunk_packets, [&](size_t chunk) {
+      const FlushDenormals flush;
+      const auto first = uint32_t(chunk) * chunk_packets;
+      for (uint32_t i = first; i < std::min(packets, first + chunk_packets); ++i) trace_packet<Packet>(queue, i);
+    });
+    commands.add_host_time(stage, std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count());
+  }
+
+  /// One call per environment that the packet's rays stand in; almost always one.
+  template <class Packet>
+  void trace_packet(const MappedQueue& queue, uint32_t index) const {
+    auto& packet = reinterpret_cast<Packet*>(queue.words)[index];
+    RTCIntersectContext context;
+    rtcInitIntersectContext(&context);
+    const uint32_t first = index * packet_rays;
+    uint32_t waiting = queue.count - first >= packet_rays ? 0xffu : (1u << (queue.count - first)) - 1u;
+    while (waiting != 0) {
+      const uint32_t environment = queue.environments ? queue.environments[first + uint32_t(std::countr_zero(waiting))] : 0;
+      alignas(32) int valid[packet_rays];
+      for (uint32_t lane = 0; lane < packet_rays; ++lane) {
+        const bool here = (waiting >> lane & 1u) && (!queue.environments || queue.environments[first + lane] == environment);
+        valid[lane] = here ? -1 : 0;
+        if (here) waiting &= ~(1u << lane);
+      }
+      if (environment < world_.environments().size()) trace(world_.environments()[environment], valid, context, packet);
+    }
+  }
+
+  std::shared_ptr<ks::Device> device_;
+  EmbreeWorld world_;
+};
+
+}  // namespace
+
+std::unique_ptr<Tracer> make_embree_tracer(std::shared_ptr<ks::Device> device) { return std::make_unique<EmbreeTracer>(std::move(device)); }
+
+}  // namespace kuafu

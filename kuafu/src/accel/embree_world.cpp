@@ -1,0 +1,97 @@
+#include "accel/embree_world.h"
+
+#include <algorithm>
+
+#include "device/error.h"
+
+namespace kuafu {
+namespace {
+
+void set_transform(RTCGeometry geometry, const glm::dmat4& local_to_world) {
+  const glm::mat4x3 columns(glm::dmat4x3{local_to_world});
+  rtcSetGeometryTransform(geometry, 0, RTC_FORMAT_FLOAT3X4_COLUMN_MAJOR, &columns[0][0]);
+  rtcCommitGeometry(geometry);
+}
+
+template <class T>
+T* new_buffer(RTCGeometry geometry, RTCBufferType type, RTCFormat format, size_t count) {
+  return static_cast<T*>(rtcSetNewGeometryBuffer(geometry, type, 0, format, sizeof(T), count));
+}
+
+}  // namespace
+
+void EmbreeWorld::update(const Scene& scene, uint32_t environment_count) {
+  if (environment_count == 0) ks::fail(KS_ERROR_INVALID_ARGUMENT, "a tracer needs at least one environment");
+  if (&scene != scene_) forget();
+  scene_ = &scene;
+  while (meshes_.size() < scene.meshes().size()) add_mesh(scene.meshes()[meshes_.size()]);
+  const bool same_count = environment_count == environments_.size();
+  if (same_count && scene.revisions().instances == instances_revision_) return;
+
+  std::vector<Placement> placements = live_placements(scene);
+  if (same_count && only_moved(placements))
+    move(placements);
+  else
+    place(placements, environment_count);
+  device_.check("building the top level");
+  placements_ = std::move(placements);
+  instances_revision_ = scene.revisions().instances;
+}
+
+void EmbreeWorld::forget() {
+  environments_.clear(), geometries_.clear(), placements_.clear(), meshes_.clear();
+  instances_revision_ = 0;
+}
+
+void EmbreeWorld::add_mesh(const Mesh& mesh) {
+  EmbreeScene scene = device_.new_scene();
+  if (!mesh.indices.empty()) {
+    const EmbreeGeometry geometry(rtcNewGeometry(device_.handle(), RTC_GEOMETRY_TYPE_TRIANGLE));
+    auto* positions = new_buffer<glm::vec3>(geometry.get(), RTC_BUFFER_TYPE_VERTEX, RTC_FORMAT_FLOAT3, mesh.positions.size());
+    auto* indices = new_buffer<glm::uvec3>(geometry.get(), RTC_BUFFER_TYPE_INDEX, RTC_FORMAT_UINT3, mesh.indices.size());
+    device_.check("taking a mesh's buffers");
+    std::ranges::copy(mesh.positions, positions);
+    std::ranges::copy(mesh.indices, indices);
+    rtcCommitGeometry(geometry.get());
+    rtcAttachGeometry(scene.get(), geometry.get());
+  }
+  rtcCommitScene(scene.get());
+  device_.check("building a mesh");
+  meshes_.push_back(std::move(scene));
+}
+
+bool EmbreeWorld::only_moved(const std::vector<Placement>& placements) const {
+  return std::ranges::equal(placements, placements_, [](const Placement& a, const Placement& b) {
+    return a.mesh == b.mesh && a.environment == b.environment && a.traceable == b.traceable;
+  });
+}
+
+void EmbreeWorld::move(const std::vector<Placement>& placements) {
+  std::vector<bool> moved(placements.size());
+  for (size_t i = 0; i < placements.size(); ++i) {
+    moved[i] = placements[i].traceable && placements[i] != placements_[i];
+    if (moved[i]) set_transform(geometries_[i].get(), placements[i].local_to_world);
+  }
+  for (const Environment& environment : environments_)
+    if (std::ranges::any_of(environment.instances, [&](uint32_t i) { return moved[i]; })) rtcCommitScene(environment.scene.get());
+}
+
+void EmbreeWorld::place(const std::vector<Placement>& placements, uint32_t environment_count) {
+  environments_.clear();
+  geometries_.clear();
+  for (const Placement& p : placements) {
+    EmbreeGeometry& geometry = geometries_.emplace_back();
+    if (!p.traceable) continue;
+    geometry.reset(rtcNewGeometry(device_.handle(), RTC_GEOMETRY_TYPE_INSTANCE));
+    rtcSetGeometryInstancedScene(geometry.get(), meshes_[p.mesh].get());
+    set_transform(geometry.get(), p.local_to_world);
+  }
+  for (auto& instances : placements_by_environment(placements, environment_count)) {
+    EmbreeScene scene = device_.new_scene();
+    for (uint32_t i = 0; i < instances.size(); ++i) rtcAttachGeometryByID(scene.get(), geometries_[instances[i]].get(), i);
+    rtcCommitScene(scene.get());
+    environments_.push_back({std::move(scene), std::move(instances)});
+  }
+}
+
+}  // namespace kuafu

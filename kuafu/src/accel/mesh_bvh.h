@@ -1,0 +1,18 @@
+// The bottom level: one mesh's BVH2 with its triangles in leaf order.
+// Thread rule: pure function.
+#pragma once
+
+#include "accel/bvh_builder.h"
+#include "scene/scene.h"
+
+namespace kuafu {
+
+struct MeshBvh {
+  std::vector<BvhNode> nodes;
+  std::vector<BvhTriangle> triangles;
+  Box bounds;  // local space; empty for a mesh without triangles
+};
+
+MeshBvh build_mesh_bvh(const Mesh& mesh);
+
+}  // namespace kuafu
