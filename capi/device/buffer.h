@@ -1,5 +1,5 @@
-// Linear memory: a VkBuffer with its device address, or plain host memory on the host device. Export and import by opaque fd or host pointer (ks/buffer.h).
-// Shared by reference; keeps its device alive. Thread rule: externally synchronised contents, immutable object.
+// Linear memory: a VkBuffer with its device address, or plain host memory on the host device. Export and import by opaque fd or host
+// pointer (ks/buffer.h). Shared by reference; keeps its device alive. Thread rule: externally synchronised contents, immutable object.
 #pragma once
 
 #include <memory>
@@ -12,7 +12,8 @@ namespace ks {
 
 class Buffer {
  public:
-  /// Zero-filled. Storage, transfer and indirect usage with a device address. Host-visible memory is coherent, and cached where there is such a type.
+  /// Zero-filled. Storage, transfer and indirect usage with a device address. Host-visible memory is coherent, and cached where there is
+  /// such a type.
   static std::shared_ptr<Buffer> create(std::shared_ptr<Device> device, uint64_t size_bytes, uint32_t flags /* KS_BUFFER_* */);
   static std::shared_ptr<Buffer> import(std::shared_ptr<Device> device, const ks_buffer_desc& desc);
   ~Buffer();

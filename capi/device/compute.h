@@ -1,4 +1,5 @@
-// Recording and running compute work: pipelines from embedded SPIR-V, and a command recorder that can be flushed in the middle (host stages read the result).
+// Recording and running compute work: pipelines from embedded SPIR-V, and a command recorder that can be flushed in the middle (host stages
+// read the result).
 #pragma once
 
 #include <cstddef>
@@ -11,7 +12,8 @@
 
 namespace ks {
 
-/// A compute pipeline whose only inputs are push constants (device addresses of its buffers live in them) and specialisation constants (ids 0..n-1).
+/// A compute pipeline whose only inputs are push constants (device addresses of its buffers live in them) and specialisation constants (ids
+/// 0..n-1).
 class ComputePipeline {
  public:
   ComputePipeline(std::shared_ptr<Device> device, std::span<const uint32_t> spirv, uint32_t push_constant_bytes,

@@ -1,5 +1,5 @@
-// A Vulkan device (or none: the host device), its queue, its allocator and its worker threads. Shared by reference; everything made from it keeps it alive.
-// Thread rule: internally synchronised.
+// A Vulkan device (or none: the host device), its queue, its allocator and its worker threads. Shared by reference; everything made from it
+// keeps it alive. Thread rule: internally synchronised.
 #pragma once
 
 #include <atomic>
@@ -14,7 +14,10 @@
 
 namespace ks {
 
+class Instance;
+class LogSink;
 class ThreadPool;
+struct PhysicalFacts;
 
 /// Every Vulkan device there is, with the reasons of the refused ones. `why_none` says why the list is empty (no loader, no driver).
 std::vector<ks_device_info> enumerate_devices(std::string* why_none);
@@ -40,6 +43,14 @@ class Device : public std::enable_shared_from_this<Device> {
   [[nodiscard]] const VkPhysicalDeviceLimits& limits() const { return limits_; }
   [[nodiscard]] uint32_t subgroup_size() const { return subgroup_size_; }
   [[nodiscard]] VkPipelineCache pipeline_cache() const { return pipeline_cache_; }
+  /// Whether a compute pipeline may ask for this subgroup size (VK_EXT_subgroup_size_control), or has it anyway.
+  [[nodiscard]] bool can_require_subgroup_size(uint32_t size) const;
+  /// Bits of a timestamp on our queue; 0 = the queue has none.
+  [[nodiscard]] uint32_t timestamp_bits() const { return timestamp_bits_; }
+  /// Alignment of imported host pointers; 0 when the device cannot import any.
+  [[nodiscard]] uint64_t host_pointer_alignment() const { return host_pointer_alignment_; }
+  [[nodiscard]] const VkPhysicalDeviceMemoryProperties& memory_properties() const { return memory_; }
+  /// Whether the extension is enabled.
   [[nodiscard]] bool has_extension(const char* name) const;
   /// Index of a memory type in type_bits that has all `required` flags and as many `preferred` ones as there are; throws if none.
   [[nodiscard]] uint32_t memory_type(uint32_t type_bits, VkMemoryPropertyFlags required, VkMemoryPropertyFlags preferred) const;
@@ -54,24 +65,26 @@ class Device : public std::enable_shared_from_this<Device> {
   [[nodiscard]] uint64_t copied_bytes() const { return copied_bytes_; }
 
  private:
-  Device() = default;
+  Device();
+  void open_vulkan(const ks_device_desc& desc);
+  void create_vk_device(const PhysicalFacts& facts);
   ks_device_info info_{};
-  ks_log_fn log_ = nullptr;
-  void* log_user_ = nullptr;
-  mutable std::mutex log_mutex_;
-  std::shared_ptr<class Instance> instance_;
+  std::shared_ptr<LogSink> log_;
+  std::unique_ptr<Instance> instance_;
   VkPhysicalDevice physical_ = VK_NULL_HANDLE;
   VkDevice device_ = VK_NULL_HANDLE;
   VkQueue queue_ = VK_NULL_HANDLE;
   VkFence fence_ = VK_NULL_HANDLE;
   VkPipelineCache pipeline_cache_ = VK_NULL_HANDLE;
-  uint32_t queue_family_ = 0;
-  uint32_t subgroup_size_ = 0;
+  uint32_t queue_family_ = 0, timestamp_bits_ = 0;
+  uint32_t subgroup_size_ = 0, min_required_subgroup_size_ = 0, max_required_subgroup_size_ = 0;
+  uint64_t host_pointer_alignment_ = 0;
   VkPhysicalDeviceLimits limits_{};
   VkPhysicalDeviceMemoryProperties memory_{};
   std::vector<std::string> extensions_;
   VolkDeviceTable table_{};
   std::mutex queue_mutex_;
+  std::atomic<bool> lost_{false};
   std::atomic<uint64_t> copied_bytes_{0};
   std::unique_ptr<ThreadPool> workers_;
 };

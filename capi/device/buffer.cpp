@@ -1,0 +1,171 @@
+#include "device/buffer.h"
+
+#include <algorithm>
+#include <cstring>
+
+#include "device/compute.h"
+#include "device/error.h"
+#include "device/host_memory.h"
+#include "device/physical.h"
+
+namespace ks {
+namespace {
+
+using ull = unsigned long long;
+
+constexpr uint64_t staging_bytes = 64ull << 20;  // per copy to or from memory the host does not see
+constexpr VkMemoryPropertyFlags host_coherent = VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT | VK_MEMORY_PROPERTY_HOST_COHERENT_BIT;
+
+}  // namespace
+
+std::shared_ptr<Buffer> Buffer::create(std::shared_ptr<Device> device, uint64_t size_bytes, uint32_t flags) {
+  constexpr uint32_t known = KS_BUFFER_EXPORTABLE | KS_BUFFER_HOST_VISIBLE;
+  if (size_bytes == 0) fail(KS_ERROR_INVALID_ARGUMENT, "a buffer of 0 bytes was asked for: the smallest is 1");
+  if (flags & ~known) fail(KS_ERROR_INVALID_ARGUMENT, "buffer flags 0x%x hold bits that are not KS_BUFFER_* (0x%x)", flags, known);
+  if ((flags & KS_BUFFER_EXPORTABLE) && !(device->info().capabilities & KS_CAP_EXPORT_OPAQUE_FD))
+    fail(KS_ERROR_UNSUPPORTED, "%s cannot export memory as an opaque fd: leave KS_BUFFER_EXPORTABLE out and share by KS_MEMORY_HOST",
+         device->info().name);
+  std::shared_ptr<Buffer> self(new Buffer);
+  self->device_ = std::move(device);
+  self->size_bytes_ = size_bytes;
+  self->flags_ = flags;
+  if (self->device_->has_vulkan())
+    self->allocate_vulkan();
+  else
+    self->allocate_host();
+  return self;
+}
+
+void Buffer::allocate_host() {
+  if (size_bytes_ > physical_memory_bytes())
+    fail(KS_ERROR_OUT_OF_HOST_MEMORY, "a buffer of %llu bytes does not fit the host's %llu bytes of memory", static_cast<ull>(size_bytes_),
+         static_cast<ull>(physical_memory_bytes()));
+  const uint64_t page = page_bytes();
+  allocation_bytes_ = (size_bytes_ + page - 1) / page * page;
+  mapped_ = map_host_pages(allocation_bytes_);
+  owns_host_ = true;
+}
+
+void Buffer::allocate_vulkan() {
+  const bool exportable = flags_ & KS_BUFFER_EXPORTABLE;
+  const bool host = (flags_ & KS_BUFFER_HOST_VISIBLE) || device_->is_cpu();
+  const VkMemoryRequirements needs = make_vk_buffer(exportable ? VK_EXTERNAL_MEMORY_HANDLE_TYPE_OPAQUE_FD_BIT : 0);
+  memory_type_ = host ? device_->memory_type(needs.memoryTypeBits, host_coherent, VK_MEMORY_PROPERTY_HOST_CACHED_BIT)
+                      : device_->memory_type(needs.memoryTypeBits, 0, VK_MEMORY_PROPERTY_DEVICE_LOCAL_BIT);
+  VkExportMemoryAllocateInfo export_info{VK_STRUCTURE_TYPE_EXPORT_MEMORY_ALLOCATE_INFO};
+  export_info.handleTypes = VK_EXTERNAL_MEMORY_HANDLE_TYPE_OPAQUE_FD_BIT;
+  allocate_memory(needs.size, memory_type_, exportable, exportable ? &export_info : nullptr);
+  bind(0);
+  map();
+  clear();
+}
+
+VkMemoryRequirements Buffer::make_vk_buffer(VkExternalMemoryHandleTypeFlags handle_types) {
+  // Rounded up so that fills and copies in words reach the last byte. Exporter and importer round alike: a dedicated allocation needs equal
+  // buffers.
+  constexpr uint64_t granule = 16;
+  if (size_bytes_ > UINT64_MAX - granule)
+    fail(KS_ERROR_OUT_OF_DEVICE_MEMORY, "a buffer of %llu bytes is too large", static_cast<ull>(size_bytes_));
+  VkExternalMemoryBufferCreateInfo external{VK_STRUCTURE_TYPE_EXTERNAL_MEMORY_BUFFER_CREATE_INFO};
+  external.handleTypes = handle_types;
+  VkBufferCreateInfo info{VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO, handle_types != 0 ? &external : nullptr};
+  info.size = (size_bytes_ + granule - 1) / granule * granule;
+  info.usage = buffer_usage;
+  // Asked before the driver is: lavapipe would take any size and be killed when it is used.
+  if (info.size > device_->info().memory_bytes)
+    fail(KS_ERROR_OUT_OF_DEVICE_MEMORY, "a buffer of %llu bytes does not fit the %llu bytes of %s", static_cast<ull>(size_bytes_),
+         static_cast<ull>(device_->info().memory_bytes), device_->info().name);
+  check(device_->vk().vkCreateBuffer(device_->handle(), &info, nullptr, &buffer_), "vkCreateBuffer");
+  VkMemoryRequirements needs{};
+  device_->vk().vkGetBufferMemoryRequirements(device_->handle(), buffer_, &needs);
+  return needs;
+}
+
+void Buffer::allocate_memory(uint64_t bytes, uint32_t type, bool dedicated, const void* chain) {
+  VkMemoryAllocateFlagsInfo flags{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO, chain};
+  flags.flags = VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT;
+  VkMemoryDedicatedAllocateInfo dedicated_info{VK_STRUCTURE_TYPE_MEMORY_DEDICATED_ALLOCATE_INFO, &flags};
+  dedicated_info.buffer = buffer_;
+  VkMemoryAllocateInfo info{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO};
+  info.pNext = dedicated ? static_cast<const void*>(&dedicated_info) : &flags;
+  info.allocationSize = bytes;
+  info.memoryTypeIndex = type;
+  const VkResult result = device_->vk().vkAllocateMemory(device_->handle(), &info, nullptr, &memory_);
+  check(result, ("vkAllocateMemory of " + std::to_string(bytes) + " bytes, memory type " + std::to_string(type)).c_str());
+  allocation_bytes_ = bytes;
+}
+
+void Buffer::bind(uint64_t offset_bytes) {
+  check(device_->vk().vkBindBufferMemory(device_->handle(), buffer_, memory_, offset_bytes), "vkBindBufferMemory");
+  VkBufferDeviceAddressInfo info{VK_STRUCTURE_TYPE_BUFFER_DEVICE_ADDRESS_INFO};
+  info.buffer = buffer_;
+  address_ = device_->vk().vkGetBufferDeviceAddress(device_->handle(), &info);
+}
+
+void Buffer::map() {
+  const VkMemoryPropertyFlags flags = device_->memory_properties().memoryTypes[memory_type_].propertyFlags;
+  if ((flags & host_coherent) != host_coherent) return;
+  check(device_->vk().vkMapMemory(device_->handle(), memory_, 0, VK_WHOLE_SIZE, 0, &mapped_), "vkMapMemory");
+}
+
+void Buffer::clear() {
+  if (mapped_ != nullptr) {
+    std::memset(mapped_, 0, allocation_bytes_);
+    return;
+  }
+  Commands commands(device_);
+  device_->vk().vkCmdFillBuffer(commands.handle(), buffer_, 0, VK_WHOLE_SIZE, 0);
+  commands.flush();
+}
+
+Buffer::~Buffer() {
+  if (owns_host_) unmap_host_pages(mapped_, allocation_bytes_);
+  if (buffer_ != VK_NULL_HANDLE) device_->vk().vkDestroyBuffer(device_->handle(), buffer_, nullptr);
+  if (memory_ != VK_NULL_HANDLE) device_->vk().vkFreeMemory(device_->handle(), memory_, nullptr);
+}
+
+void Buffer::check_range(uint64_t offset_bytes, uint64_t size_bytes, const char* what) const {
+  if (offset_bytes > size_bytes_ || size_bytes > size_bytes_ - offset_bytes)
+    fail(KS_ERROR_INVALID_ARGUMENT, "%s of %llu bytes at offset %llu leaves the buffer of %llu bytes", what, static_cast<ull>(size_bytes),
+         static_cast<ull>(offset_bytes), static_cast<ull>(size_bytes_));
+}
+
+void Buffer::write(uint64_t offset_bytes, const void* data, uint64_t size_bytes) {
+  check_range(offset_bytes, size_bytes, "a write");
+  if (size_bytes == 0) return;
+  if (data == nullptr) fail(KS_ERROR_INVALID_ARGUMENT, "a write of %llu bytes from NULL", static_cast<ull>(size_bytes));
+  if (mapped_ != nullptr) {
+    std::memcpy(static_cast<char*>(mapped_) + offset_bytes, data, size_bytes);
+    device_->count_copy(size_bytes);
+    return;
+  }
+  const auto staging = create(device_, std::min(size_bytes, staging_bytes), KS_BUFFER_HOST_VISIBLE);
+  Commands commands(device_);
+  for (uint64_t done = 0; done < size_bytes; done += staging->size_bytes()) {
+    const uint64_t bytes = std::min(staging->size_bytes(), size_bytes - done);
+    std::memcpy(staging->mapped(), static_cast<const char*>(data) + done, bytes);
+    commands.copy(*staging, 0, *this, offset_bytes + done, bytes);
+    commands.flush();
+  }
+}
+
+void Buffer::read(uint64_t offset_bytes, void* data, uint64_t size_bytes) const {
+  check_range(offset_bytes, size_bytes, "a read");
+  if (size_bytes == 0) return;
+  if (data == nullptr) fail(KS_ERROR_INVALID_ARGUMENT, "a read of %llu bytes to NULL", static_cast<ull>(size_bytes));
+  if (mapped_ != nullptr) {
+    std::memcpy(data, static_cast<const char*>(mapped_) + offset_bytes, size_bytes);
+    device_->count_copy(size_bytes);
+    return;
+  }
+  const auto staging = create(device_, std::min(size_bytes, staging_bytes), KS_BUFFER_HOST_VISIBLE);
+  Commands commands(device_);
+  for (uint64_t done = 0; done < size_bytes; done += staging->size_bytes()) {
+    const uint64_t bytes = std::min(staging->size_bytes(), size_bytes - done);
+    commands.copy(*this, offset_bytes + done, *staging, 0, bytes);
+    commands.flush();
+    std::memcpy(static_cast<char*>(data) + done, staging->mapped(), bytes);
+  }
+}
+
+}  // namespace ks

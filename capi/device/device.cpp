@@ -1,0 +1,206 @@
+#include "device/device.h"
+
+#include <algorithm>
+#include <cstdarg>
+#include <cstdio>
+#include <cstring>
+
+#include "device/device_select.h"
+#include "device/error.h"
+#include "device/host_memory.h"
+#include "device/instance.h"
+#include "device/log_sink.h"
+#include "device/physical.h"
+#include "device/thread_pool.h"
+
+namespace ks {
+namespace {
+
+constexpr uint32_t max_worker_count = 1024;
+
+std::vector<PhysicalFacts> all_facts(const Instance& instance) {
+  std::vector<PhysicalFacts> facts;
+  for (VkPhysicalDevice device : instance.physical_devices()) facts.push_back(query_facts(device, instance.api_version()));
+  return facts;
+}
+
+std::vector<ks_device_info> describe_all(const std::vector<PhysicalFacts>& facts) {
+  std::vector<ks_device_info> infos;
+  for (size_t i = 0; i < facts.size(); ++i) infos.push_back(describe(facts[i], static_cast<uint32_t>(i)));
+  return infos;
+}
+
+std::string no_driver_text() { return std::string("the Vulkan loader found no device: ") + install_hint; }
+
+ks_device_info host_info() {
+  ks_device_info info = ks_device_info_init();
+  std::snprintf(info.name, sizeof info.name, "host CPU (no Vulkan)");
+  info.kind = KS_DEVICE_KIND_HOST;
+  info.usable = 1;
+  info.capabilities = KS_CAP_IMPORT_HOST_POINTER | KS_CAP_EXPORT_HOST_POINTER;
+  info.memory_bytes = physical_memory_bytes();
+  return info;
+}
+
+// Extensions that are used where they exist; none is required.
+std::vector<const char*> wanted_extensions(const PhysicalFacts& facts) {
+  std::vector<const char*> wanted;
+  for (const char* name : {VK_KHR_EXTERNAL_MEMORY_FD_EXTENSION_NAME, VK_EXT_EXTERNAL_MEMORY_HOST_EXTENSION_NAME,
+                           VK_KHR_EXTERNAL_SEMAPHORE_FD_EXTENSION_NAME, VK_EXT_SUBGROUP_SIZE_CONTROL_EXTENSION_NAME})
+    if (facts.has_extension(name)) wanted.push_back(name);
+  return wanted;
+}
+
+}  // namespace
+
+std::vector<ks_device_info> enumerate_devices(std::string* why_none) {
+  const auto instance = Instance::create(std::make_shared<LogSink>(nullptr, nullptr), false, why_none);
+  if (!instance) return {};
+  auto infos = describe_all(all_facts(*instance));
+  if (infos.empty()) *why_none = no_driver_text();
+  return infos;
+}
+
+Device::Device() = default;
+
+std::shared_ptr<Device> Device::create(const ks_device_desc& desc) {
+  if (desc.worker_count > max_worker_count)
+    fail(KS_ERROR_INVALID_ARGUMENT, "device desc: worker_count is %u, at most %u are allowed", desc.worker_count, max_worker_count);
+  std::shared_ptr<Device> self(new Device);
+  self->log_ = std::make_shared<LogSink>(desc.log, desc.log_user);
+  if (desc.select == KS_SELECT_HOST)
+    self->info_ = host_info();
+  else
+    self->open_vulkan(desc);
+  self->workers_ = std::make_unique<ThreadPool>(desc.worker_count);
+  self->log(KS_LOG_INFO, "device %s, driver %s, %u host threads", self->info_.name, self->info_.driver, self->workers_->size());
+  return self;
+}
+
+void Device::open_vulkan(const ks_device_desc& desc) {
+  std::string why_none;
+  instance_ = Instance::create(log_, desc.validation != 0, &why_none);
+  std::vector<PhysicalFacts> facts;
+  if (instance_) {
+    facts = all_facts(*instance_);
+    why_none = no_driver_text();
+  }
+  const std::vector<ks_device_info> infos = describe_all(facts);
+  const size_t chosen = select_device(infos, desc, why_none);
+  info_ = infos[chosen];
+  create_vk_device(facts[chosen]);
+
+  vk().vkGetDeviceQueue(device_, queue_family_, 0, &queue_);
+  const VkFenceCreateInfo fence{VK_STRUCTURE_TYPE_FENCE_CREATE_INFO};
+  check(vk().vkCreateFence(device_, &fence, nullptr, &fence_), "vkCreateFence");
+  const VkPipelineCacheCreateInfo cache{VK_STRUCTURE_TYPE_PIPELINE_CACHE_CREATE_INFO};
+  check(vk().vkCreatePipelineCache(device_, &cache, nullptr, &pipeline_cache_), "vkCreatePipelineCache");
+}
+
+void Device::create_vk_device(const PhysicalFacts& facts) {
+  physical_ = facts.handle;
+  queue_family_ = facts.queue_family;
+  timestamp_bits_ = facts.timestamp_bits;
+  subgroup_size_ = facts.subgroup_size;
+  if (facts.subgroup_size_control) {
+    min_required_subgroup_size_ = facts.min_subgroup_size;
+    max_required_subgroup_size_ = facts.max_subgroup_size;
+  }
+  host_pointer_alignment_ = facts.host_pointer_alignment;
+  limits_ = facts.properties.limits;
+  memory_ = facts.memory;
+
+  VkPhysicalDeviceSubgroupSizeControlFeatures control{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_SUBGROUP_SIZE_CONTROL_FEATURES};
+  control.subgroupSizeControl = VK_TRUE;
+  VkPhysicalDeviceVulkan12Features f12{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES};
+  if (facts.subgroup_size_control) f12.pNext = &control;
+  f12.bufferDeviceAddress = f12.scalarBlockLayout = VK_TRUE;
+  f12.timelineSemaphore = facts.features12.timelineSemaphore;
+  f12.shaderInt8 = facts.features12.shaderInt8;
+  f12.shaderFloat16 = facts.features12.shaderFloat16;
+  f12.storageBuffer8BitAccess = facts.features12.storageBuffer8BitAccess;
+  f12.uniformAndStorageBuffer8BitAccess = facts.features12.uniformAndStorageBuffer8BitAccess;
+  f12.shaderSubgroupExtendedTypes = facts.features12.shaderSubgroupExtendedTypes;
+  VkPhysicalDeviceVulkan11Features f11{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_1_FEATURES, &f12};
+  f11.storageBuffer16BitAccess = facts.features11.storageBuffer16BitAccess;
+  f11.uniformAndStorageBuffer16BitAccess = facts.features11.uniformAndStorageBuffer16BitAccess;
+  VkPhysicalDeviceFeatures2 features{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2, &f11};
+  features.features.shaderInt64 = facts.features.shaderInt64;
+  features.features.shaderInt16 = facts.features.shaderInt16;
+
+  const float priority = 1.0f;
+  VkDeviceQueueCreateInfo queue{VK_STRUCTURE_TYPE_DEVICE_QUEUE_CREATE_INFO};
+  queue.queueFamilyIndex = queue_family_;
+  queue.queueCount = 1;
+  queue.pQueuePriorities = &priority;
+  const std::vector<const char*> wanted = wanted_extensions(facts);
+  VkDeviceCreateInfo info{VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO, &features};
+  info.queueCreateInfoCount = 1;
+  info.pQueueCreateInfos = &queue;
+  info.enabledExtensionCount = static_cast<uint32_t>(wanted.size());
+  info.ppEnabledExtensionNames = wanted.data();
+  check(vkCreateDevice(physical_, &info, nullptr, &device_), "vkCreateDevice");
+  volkLoadDeviceTable(&table_, device_);
+  extensions_.assign(wanted.begin(), wanted.end());
+}
+
+Device::~Device() {
+  workers_.reset();
+  if (device_ == VK_NULL_HANDLE) return;
+  vk().vkDeviceWaitIdle(device_);
+  vk().vkDestroyPipelineCache(device_, pipeline_cache_, nullptr);
+  vk().vkDestroyFence(device_, fence_, nullptr);
+  vk().vkDestroyDevice(device_, nullptr);
+}
+
+bool Device::has_extension(const char* name) const { return std::find(extensions_.begin(), extensions_.end(), name) != extensions_.end(); }
+
+bool Device::can_require_subgroup_size(uint32_t size) const {
+  const bool power_of_two = size != 0 && (size & (size - 1)) == 0;
+  return power_of_two && size >= min_required_subgroup_size_ && size <= max_required_subgroup_size_;
+}
+
+uint32_t Device::memory_type(uint32_t type_bits, VkMemoryPropertyFlags required, VkMemoryPropertyFlags preferred) const {
+  // These need features that are not enabled.
+  constexpr VkMemoryPropertyFlags excluded =
+      VK_MEMORY_PROPERTY_PROTECTED_BIT | VK_MEMORY_PROPERTY_DEVICE_COHERENT_BIT_AMD | VK_MEMORY_PROPERTY_DEVICE_UNCACHED_BIT_AMD;
+  uint32_t best = UINT32_MAX;
+  int best_count = -1;
+  for (uint32_t i = 0; i < memory_.memoryTypeCount; ++i) {
+    const VkMemoryPropertyFlags flags = memory_.memoryTypes[i].propertyFlags;
+    if (!(type_bits >> i & 1u) || (flags & required) != required || (flags & excluded) != 0) continue;
+    const int count = __builtin_popcount(flags & preferred);
+    if (count > best_count) {
+      best = i;
+      best_count = count;
+    }
+  }
+  if (best == UINT32_MAX)
+    fail(KS_ERROR_UNSUPPORTED, "%s has no memory type with property flags 0x%x among type bits 0x%x", info_.name, required, type_bits);
+  return best;
+}
+
+void Device::submit_and_wait(VkCommandBuffer commands) {
+  std::lock_guard lock(queue_mutex_);
+  if (lost_) fail(KS_ERROR_DEVICE_LOST, "%s was lost in an earlier call: create a new device", info_.name);
+  VkSubmitInfo submit{VK_STRUCTURE_TYPE_SUBMIT_INFO};
+  submit.commandBufferCount = 1;
+  submit.pCommandBuffers = &commands;
+  VkResult result = vk().vkQueueSubmit(queue_, 1, &submit, fence_);
+  if (result == VK_SUCCESS) result = vk().vkWaitForFences(device_, 1, &fence_, VK_TRUE, UINT64_MAX);
+  if (result == VK_ERROR_DEVICE_LOST) lost_ = true;
+  check(result, "running commands on the device");
+  check(vk().vkResetFences(device_, 1, &fence_), "vkResetFences");
+}
+
+void Device::log(uint32_t level, const char* format, ...) const {
+  if (!log_->wanted()) return;
+  char text[1024];
+  va_list arguments;
+  va_start(arguments, format);
+  std::vsnprintf(text, sizeof text, format, arguments);
+  va_end(arguments);
+  log_->write(level, text);
+}
+
+}  // namespace ks

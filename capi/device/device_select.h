@@ -1,0 +1,14 @@
+// Which of the Vulkan devices a ks_device_desc means.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "ks/device.h"
+
+namespace ks {
+
+/// Index into `devices`; throws KS_ERROR_NO_DEVICE with every device's reasons, and `why_none` where there is no device at all.
+size_t select_device(const std::vector<ks_device_info>& devices, const ks_device_desc& desc, const std::string& why_none);
+
+}  // namespace ks

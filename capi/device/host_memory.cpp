@@ -1,0 +1,27 @@
+#include "device/host_memory.h"
+
+#include <sys/mman.h>
+#include <unistd.h>
+
+#include "device/error.h"
+
+namespace ks {
+
+uint64_t page_bytes() { return static_cast<uint64_t>(sysconf(_SC_PAGESIZE)); }
+
+uint64_t physical_memory_bytes() { return static_cast<uint64_t>(sysconf(_SC_PHYS_PAGES)) * page_bytes(); }
+
+void* map_host_pages(uint64_t size_bytes) {
+  // Linux overcommits: a size beyond all memory would map well and be killed when used.
+  void* pages = size_bytes > physical_memory_bytes()
+                    ? MAP_FAILED
+                    : mmap(nullptr, size_bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+  if (pages == MAP_FAILED)
+    fail(KS_ERROR_OUT_OF_HOST_MEMORY, "a buffer of %llu bytes does not fit the host's %llu bytes of memory",
+         static_cast<unsigned long long>(size_bytes), static_cast<unsigned long long>(physical_memory_bytes()));
+  return pages;
+}
+
+void unmap_host_pages(void* pages, uint64_t size_bytes) { munmap(pages, size_bytes); }
+
+}  // namespace ks

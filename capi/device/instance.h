@@ -1,0 +1,39 @@
+// A VkInstance. Each device and each enumeration has its own, so that no state outlives them; the loader itself stays open once found.
+// Thread rule: immutable after construction.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "device/log_sink.h"
+#include "device/vulkan.h"
+
+namespace ks {
+
+class Instance {
+ public:
+  /// nullptr when there is no loader, no driver or no Vulkan 1.2; why_not then says which, and what to install.
+  static std::unique_ptr<Instance> create(std::shared_ptr<LogSink> log, bool validation, std::string* why_not);
+  ~Instance();
+  Instance(const Instance&) = delete;
+  Instance& operator=(const Instance&) = delete;
+
+  [[nodiscard]] std::vector<VkPhysicalDevice> physical_devices() const;
+  /// What the application asked for: devices work at the lesser of this and their own version.
+  [[nodiscard]] uint32_t api_version() const { return api_version_; }
+
+ private:
+  Instance() = default;
+  void attach_messenger();
+  std::shared_ptr<LogSink> log_;
+  VkInstance instance_ = VK_NULL_HANDLE;
+  VkDebugUtilsMessengerEXT messenger_ = VK_NULL_HANDLE;
+  uint32_t api_version_ = 0;
+};
+
+/// The advice that ends every "no device" text.
+inline constexpr const char* install_hint =
+    "install the Debian packages libvulkan1 and mesa-vulkan-drivers (lavapipe, a CPU device), or your GPU's own Vulkan driver";
+
+}  // namespace ks

@@ -1,0 +1,47 @@
+// What one physical device says about itself, and whether this project can run on it. Plain values: the refusal rule is a pure function of
+// them.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "device/vulkan.h"
+#include "ks/device.h"
+
+namespace ks {
+
+struct PhysicalFacts {
+  VkPhysicalDevice handle = VK_NULL_HANDLE;
+  uint32_t api_version = 0;  // lesser of the device's and the instance's
+  VkPhysicalDeviceProperties properties{};
+  VkPhysicalDeviceIDProperties id{};
+  VkPhysicalDeviceDriverProperties driver{};
+  VkPhysicalDeviceFeatures features{};
+  VkPhysicalDeviceVulkan11Features features11{};
+  VkPhysicalDeviceVulkan12Features features12{};
+  bool subgroup_size_control = false;
+  uint32_t subgroup_size = 0, min_subgroup_size = 0, max_subgroup_size = 0;
+  uint64_t host_pointer_alignment = 0;  // 0 without VK_EXT_external_memory_host
+  uint32_t queue_family = UINT32_MAX;   // with compute; UINT32_MAX = none
+  uint32_t timestamp_bits = 0;          // of that queue family
+  VkPhysicalDeviceMemoryProperties memory{};
+  VkExternalMemoryFeatureFlags opaque_fd = 0;  // of our kind of buffer
+  bool timeline_fd = false;
+  std::vector<std::string> extensions;
+
+  [[nodiscard]] bool has_extension(const char* name) const;
+};
+
+PhysicalFacts query_facts(VkPhysicalDevice device, uint32_t instance_version);
+
+/// Every reason why this device cannot be used, joined by "; ". Empty when it can.
+std::string refusal(const PhysicalFacts& facts);
+
+ks_device_info describe(const PhysicalFacts& facts, uint32_t index);
+
+/// Usage of every buffer of this project; external-memory queries must ask for the same.
+inline constexpr VkBufferUsageFlags buffer_usage = VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_TRANSFER_SRC_BIT |
+                                                   VK_BUFFER_USAGE_TRANSFER_DST_BIT | VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT |
+                                                   VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT;
+
+}  // namespace ks

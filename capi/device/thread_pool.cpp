@@ -1,0 +1,125 @@
+#include "device/thread_pool.h"
+
+#include <sched.h>
+
+#include <algorithm>
+#include <atomic>
+#include <condition_variable>
+#include <exception>
+#include <list>
+#include <mutex>
+#include <thread>
+#include <vector>
+
+namespace ks {
+namespace {
+
+unsigned usable_core_count() {
+  // The mask grows until the kernel accepts it: machines may have more cores than a plain cpu_set_t holds.
+  for (int capacity = 1024; capacity <= 1 << 17; capacity *= 2) {
+    cpu_set_t* set = CPU_ALLOC(capacity);
+    if (set == nullptr) break;
+    const size_t bytes = CPU_ALLOC_SIZE(capacity);
+    const bool known = sched_getaffinity(0, bytes, set) == 0;
+    const int count = known ? CPU_COUNT_S(bytes, set) : 0;
+    CPU_FREE(set);
+    if (known) return static_cast<unsigned>(std::max(count, 1));
+  }
+  return std::max(std::thread::hardware_concurrency(), 1u);
+}
+
+// One parallel_for: lives on its caller's stack while it runs.
+struct Job {
+  const std::function<void(size_t)>& fn;
+  const size_t count;
+  std::atomic<size_t> next{0};
+  unsigned helper_count = 0;  // workers inside run(); guarded by the pool's mutex
+  std::mutex failure_mutex;
+  size_t failure_index = SIZE_MAX;
+  std::exception_ptr failure;
+
+  // Indices are handed out in order, so the lowest failing one always runs: which exception is rethrown does not depend on the threads.
+  void run() {
+    for (size_t i = next++; i < count; i = next++) {
+      try {
+        fn(i);
+      } catch (...) {
+        std::lock_guard lock(failure_mutex);
+        if (i < failure_index) {
+          failure_index = i;
+          failure = std::current_exception();
+        }
+        next = count;
+      }
+    }
+  }
+};
+
+}  // namespace
+
+struct ThreadPool::State {
+  std::mutex mutex;
+  std::condition_variable work, idle;
+  std::list<Job*> jobs;
+  std::vector<std::thread> threads;
+  bool stopping = false;
+
+  ~State() {
+    {
+      std::lock_guard lock(mutex);
+      stopping = true;
+    }
+    work.notify_all();
+    for (std::thread& thread : threads) thread.join();
+  }
+
+  Job* unfinished_job() {
+    const auto found = std::find_if(jobs.begin(), jobs.end(), [](const Job* job) { return job->next < job->count; });
+    return found == jobs.end() ? nullptr : *found;
+  }
+
+  void serve() {
+    std::unique_lock lock(mutex);
+    for (;;) {
+      Job* job = nullptr;
+      work.wait(lock, [&] { return stopping || (job = unfinished_job()) != nullptr; });
+      if (stopping) return;
+      ++job->helper_count;
+      lock.unlock();
+      job->run();
+      lock.lock();
+      if (--job->helper_count == 0) idle.notify_all();
+    }
+  }
+};
+
+ThreadPool::ThreadPool(unsigned worker_count) : state_(std::make_unique<State>()) {
+  const unsigned count = worker_count == 0 ? usable_core_count() : worker_count;
+  state_->threads.reserve(count - 1);
+  for (unsigned i = 1; i < count; ++i) state_->threads.emplace_back([state = state_.get()] { state->serve(); });
+}
+
+ThreadPool::~ThreadPool() = default;
+
+unsigned ThreadPool::size() const { return static_cast<unsigned>(state_->threads.size()) + 1; }
+
+void ThreadPool::parallel_for(size_t count, const std::function<void(size_t)>& fn) {
+  if (count == 0) return;
+  Job job{fn, count};
+  const bool share = count > 1 && !state_->threads.empty();
+  std::list<Job*>::iterator place;
+  if (share) {
+    std::lock_guard lock(state_->mutex);
+    place = state_->jobs.insert(state_->jobs.end(), &job);
+  }
+  if (share) state_->work.notify_all();
+  job.run();
+  if (share) {
+    std::unique_lock lock(state_->mutex);
+    state_->jobs.erase(place);
+    state_->idle.wait(lock, [&] { return job.helper_count == 0; });
+  }
+  if (job.failure) std::rethrow_exception(job.failure);
+}
+
+}  // namespace ks
