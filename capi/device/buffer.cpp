@@ -71,10 +71,6 @@ VkMemoryRequirements Buffer::make_vk_buffer(VkExternalMemoryHandleTypeFlags hand
   VkBufferCreateInfo info{VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO, handle_types != 0 ? &external : nullptr};
   info.size = (size_bytes_ + granule - 1) / granule * granule;
   info.usage = buffer_usage;
-  // Asked before the driver is: lavapipe would take any size and be killed when it is used.
-  if (info.size > device_->info().memory_bytes)
-    fail(KS_ERROR_OUT_OF_DEVICE_MEMORY, "a buffer of %llu bytes does not fit the %llu bytes of %s", static_cast<ull>(size_bytes_),
-         static_cast<ull>(device_->info().memory_bytes), device_->info().name);
   check(device_->vk().vkCreateBuffer(device_->handle(), &info, nullptr, &buffer_), "vkCreateBuffer");
   VkMemoryRequirements needs{};
   device_->vk().vkGetBufferMemoryRequirements(device_->handle(), buffer_, &needs);
@@ -82,6 +78,12 @@ VkMemoryRequirements Buffer::make_vk_buffer(VkExternalMemoryHandleTypeFlags hand
 }
 
 void Buffer::allocate_memory(uint64_t bytes, uint32_t type, bool dedicated, const void* chain) {
+  const VkPhysicalDeviceMemoryProperties& memory = device_->memory_properties();
+  const uint64_t heap_bytes = memory.memoryHeaps[memory.memoryTypes[type].heapIndex].size;
+  // Asked before the driver is: lavapipe would take any size and be killed when it is used.
+  if (bytes > heap_bytes)
+    fail(KS_ERROR_OUT_OF_DEVICE_MEMORY, "a buffer of %llu bytes does not fit the %llu bytes of memory type %u of %s",
+         static_cast<ull>(size_bytes_), static_cast<ull>(heap_bytes), type, device_->info().name);
   VkMemoryAllocateFlagsInfo flags{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO, chain};
   flags.flags = VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT;
   VkMemoryDedicatedAllocateInfo dedicated_info{VK_STRUCTURE_TYPE_MEMORY_DEDICATED_ALLOCATE_INFO, &flags};

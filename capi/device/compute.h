@@ -33,7 +33,7 @@ class ComputePipeline {
 };
 
 /// Records dispatches; each is followed by a full compute/transfer/indirect barrier unless told otherwise.
-/// Stage names given to begin_stage collect GPU time (timestamps on GPUs, wall time between flushes on CPU devices).
+/// Stage names given to begin_stage collect GPU time (timestamps; the wall time of flushes where the queue has none).
 class Commands {
  public:
   explicit Commands(std::shared_ptr<Device> device);

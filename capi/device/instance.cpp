@@ -26,7 +26,7 @@ void load_instance_functions(VkInstance instance) {
 std::string driver_variables() {
   std::string text;
   for (const char* name : {"VK_DRIVER_FILES", "VK_ICD_FILENAMES"})
-    if (const char* value = std::getenv(name)) text += std::string("; the environment sets ") + name + "=" + value;
+    if (const char* value = std::getenv(name)) text += std::string("; ") + name + "=" + value;
   return text;
 }
 

@@ -1,0 +1,59 @@
+// What a C handle points to: a shared_ptr, a reference count and a tag that tells handles of different kinds, and released ones, apart.
+// Thread rule: retain and release may be called from any thread.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <memory>
+
+#include "device/error.h"
+
+namespace ks {
+
+/// Base of kuafu_device_t and its like. tag_value differs for every kind of handle in both libraries.
+template <class Object, uint32_t tag_value>
+struct Handle {
+  explicit Handle(std::shared_ptr<Object> shared) : object(std::move(shared)) {}
+  static constexpr uint32_t expected_tag = tag_value;
+  std::atomic<uint32_t> tag{tag_value};
+  std::atomic<uint32_t> references{1};
+  std::shared_ptr<Object> object;
+};
+
+/// The object behind a handle. A handle that was released for good is recognised only while its memory is not used again.
+template <class H>
+const auto& object_of(H* handle, const char* name) {
+  if (handle == nullptr) fail(KS_ERROR_INVALID_ARGUMENT, "%s is NULL", name);
+  if (handle->tag.load(std::memory_order_acquire) != H::expected_tag)
+    fail(KS_ERROR_INVALID_ARGUMENT, "%s is no such handle of this library, or was released", name);
+  return handle->object;
+}
+
+template <class H>
+void retain(H* handle, const char* name) noexcept {
+  (void)guard([&] {
+    (void)object_of(handle, name);
+    handle->references.fetch_add(1, std::memory_order_relaxed);
+  });
+}
+
+/// release(NULL) is a no-op.
+template <class H>
+void release(H* handle, const char* name) noexcept {
+  if (handle == nullptr) return;
+  (void)guard([&] {
+    (void)object_of(handle, name);
+    if (handle->references.fetch_sub(1, std::memory_order_acq_rel) != 1) return;
+    handle->tag.store(0, std::memory_order_release);
+    delete handle;
+  });
+}
+
+/// Where a create call puts its handle: *out is NULL until it succeeds.
+template <class T>
+void clear_out(T** out) {
+  if (out == nullptr) fail(KS_ERROR_INVALID_ARGUMENT, "out is NULL");
+  *out = nullptr;
+}
+
+}  // namespace ks

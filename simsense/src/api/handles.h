@@ -1,0 +1,14 @@
+// What simsense's opaque C handles point to (device/handle.h).
+#pragma once
+
+#include "device/buffer.h"
+#include "device/device.h"
+#include "device/handle.h"
+
+struct simsense_device_t : ks::Handle<ks::Device, 0x73646576> {
+  using Handle::Handle;
+};
+
+struct simsense_buffer_t : ks::Handle<ks::Buffer, 0x73627566> {
+  using Handle::Handle;
+};
