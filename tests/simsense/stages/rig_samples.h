@@ -1,0 +1,66 @@
+// Rigs that the stage tests share.
+#pragma once
+
+#include <cmath>
+
+#include "simsense/simsense.h"
+
+namespace simsense_test {
+
+inline simsense_camera camera(uint32_t width, uint32_t height, double f) {
+  simsense_camera c{};
+  c.width = width;
+  c.height = height;
+  const double k[9] = {f, 0, 0.5 * (width - 1), 0, f, 0.5 * (height - 1), 0, 0, 1};
+  for (int i = 0; i < 9; ++i) c.k[i] = k[i];
+  return c;
+}
+
+/// Row-major 4x4 from rotations about x, then y, then z (radians) and a translation (metres).
+inline void set_pose(double m[16], double rx, double ry, double rz, double tx, double ty, double tz) {
+  const double cx = std::cos(rx), sx = std::sin(rx), cy = std::cos(ry), sy = std::sin(ry), cz = std::cos(rz), sz = std::sin(rz);
+  const double pose[16] = {cz * cy,
+                           cz * sy * sx - sz * cx,
+                           cz * sy * cx + sz * sx,
+                           tx,
+                           sz * cy,
+                           sz * sy * sx + cz * cx,
+                           sz * sy * cx - cz * sx,
+                           ty,
+                           -sy,
+                           cy * sx,
+                           cy * cx,
+                           tz,
+                           0,
+                           0,
+                           0,
+                           1};
+  for (int i = 0; i < 16; ++i) m[i] = pose[i];
+}
+
+/// An ideal rectified pair, 50 mm apart.
+inline simsense_rig_desc ideal_rig(uint32_t width = 320, uint32_t height = 240, double f = 215) {
+  simsense_rig_desc rig = simsense_rig_desc_init();
+  rig.left = rig.right = camera(width, height, f);
+  rig.left_to_right[3] = -0.05;
+  rig.rectified = 1;
+  return rig;
+}
+
+/// A pair with lenses, unlike focal lengths and a right camera that is rotated by degrees.
+inline simsense_rig_desc crooked_rig(uint32_t width = 320, uint32_t height = 240) {
+  simsense_rig_desc rig = ideal_rig(width, height);
+  rig.rectified = 0;
+  rig.right.k[0] *= 1.01;
+  rig.right.k[4] *= 1.012;
+  rig.right.k[5] += 3;
+  const double left_lens[5] = {-0.05, 0.01, 4e-4, -3e-4, 0.002}, right_lens[5] = {-0.03, 0.02, -2e-4, 5e-4, 0};
+  for (int i = 0; i < 5; ++i) {
+    rig.left.distortion[i] = left_lens[i];
+    rig.right.distortion[i] = right_lens[i];
+  }
+  set_pose(rig.left_to_right, 0.015, -0.02, 0.01, -0.05, 0.001, -0.0015);
+  return rig;
+}
+
+}  // namespace simsense_test
