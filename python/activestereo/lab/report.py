@@ -7,6 +7,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+from matplotlib.colors import PowerNorm
 from matplotlib.figure import Figure
 
 from activestereo.capture import EYES, SPLITS
@@ -52,7 +53,7 @@ def comparison_figure(comparison):
     rows = [_worst_frame(scores, split) for split in SPLITS if split in scores["ir"]]
     figure = Figure(figsize=(13.5, 2.7 * len(rows) + 3.4), facecolor="white")
     grid = figure.add_gridspec(
-        len(rows) + 1, 5, height_ratios=[*([2.7] * len(rows)), 1.9], width_ratios=[1, 1, 0.022, 1, 0.022],
+        len(rows) + 1, 6, height_ratios=[*([2.7] * len(rows)), 1.9], width_ratios=[1, 1, 0.022, 0.035, 1, 0.022],
         left=0.055, right=0.955, top=0.86, bottom=0.085, wspace=0.07, hspace=0.22,
     )  # fmt: skip
     _title(figure, scores)
@@ -89,9 +90,9 @@ def _image_row(figure, grid, row, comparison, frame_id):
     high = float(np.quantile(measured, 0.998))
     residual_limit = _RESIDUAL_FLOORS * (entry["noise_floor_dn"] or entry["rmse_dn"])
     panels = (
-        (0, "measured", measured, {"cmap": "gray", "vmin": 0, "vmax": high}),
-        (1, "simulated", predicted, {"cmap": "gray", "vmin": 0, "vmax": high}),
-        (3, "measured - simulated", measured - predicted, {"cmap": "RdBu_r", "vmin": -residual_limit, "vmax": residual_limit}),
+        (0, "measured", measured, {"cmap": "gray", "norm": PowerNorm(0.5, 0, high)}),
+        (1, "simulated (square-root scale)", predicted, {"cmap": "gray", "norm": PowerNorm(0.5, 0, high)}),
+        (4, "measured - simulated", measured - predicted, {"cmap": "RdBu_r", "vmin": -residual_limit, "vmax": residual_limit}),
     )
     for column, title, image, style in panels:
         axes = figure.add_subplot(grid[row, column])

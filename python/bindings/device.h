@@ -1,0 +1,150 @@
+// Device and DeviceInfo of either library.
+#pragma once
+
+#include <memory>
+#include <optional>
+
+#include "bindings/convert.h"
+
+namespace ks_python {
+
+template <class Api>
+struct DeviceInfo {
+  ks_device_info c = ks_device_info_init();
+};
+
+template <class Api>
+class Device {
+ public:
+  Device(const py::object& select, uint32_t worker_count, bool validation, const py::object& log) : log_(log) {
+    ks_device_desc desc = ks_device_desc_init();
+    read_select(select, desc);
+    desc.worker_count = worker_count;
+    desc.validation = validation ? 1 : 0;
+    if (!log.is_none()) {
+      desc.log = &Device::call_log;
+      desc.log_user = &log_;
+    }
+    ks_status status;
+    {
+      py::gil_scoped_release nogil;
+      status = Api::device_create(&desc, handle_.put());
+    }
+    check<Api>(status);
+  }
+
+  [[nodiscard]] typename Api::DeviceHandle get() const { return handle_.get(); }
+  [[nodiscard]] DeviceInfo<Api> info() const {
+    DeviceInfo<Api> info;
+    check<Api>(Api::device_get_info(get(), &info.c));
+    return info;
+  }
+  [[nodiscard]] uint64_t copied_bytes() const {
+    uint64_t bytes = 0;
+    check<Api>(Api::device_copied_bytes(get(), &bytes));
+    return bytes;
+  }
+
+  static std::vector<DeviceInfo<Api>> enumerate() {
+    uint32_t count = 0;
+    check<Api>(Api::device_enumerate(nullptr, &count));
+    std::vector<ks_device_info> infos(count, ks_device_info_init());
+    if (count) check<Api>(Api::device_enumerate(infos.data(), &count));
+    std::vector<DeviceInfo<Api>> out;
+    for (uint32_t i = 0; i < std::min<size_t>(count, infos.size()); ++i) out.push_back({infos[i]});
+    return out;
+  }
+
+ private:
+  static void read_select(const py::object& select, ks_device_desc& desc) {
+    if (py::isinstance<py::bytes>(select)) {
+      const std::string uuid = py::cast<std::string>(select);
+      if (uuid.size() != 16) raise_argument<Api>("a device UUID has 16 bytes, not " + std::to_string(uuid.size()));
+      desc.select = KS_SELECT_UUID;
+      std::copy(uuid.begin(), uuid.end(), desc.uuid);
+      return;
+    }
+    const std::string text = py::str(select);
+    const bool number =
+        !text.empty() && text.size() < 10 && std::all_of(text.begin(), text.end(), [](char c) { return c >= '0' && c <= '9'; });
+    if (number) {
+      desc.select = KS_SELECT_INDEX;
+      desc.index = static_cast<uint32_t>(std::stoul(text));
+    } else if (text == "auto") {
+      desc.select = KS_SELECT_AUTO;
+    } else if (text == "cpu") {
+      desc.select = KS_SELECT_CPU;
+    } else if (text == "host") {
+      desc.select = KS_SELECT_HOST;
+    } else {
+      raise_argument<Api>("unknown device '" + text + "' (known: auto, cpu, host, an index, 16 bytes of UUID)");
+    }
+  }
+
+  static void call_log(void* user, uint32_t level, const char* text) {
+    py::gil_scoped_acquire gil;
+    try {
+      (*static_cast<py::object*>(user))(level, text);
+    } catch (py::error_already_set& e) {
+      e.discard_as_unraisable("log callback");
+    }
+  }
+
+  py::object log_;  // outlives the handle, and every child of ours holds this Device
+  Handle<typename Api::DeviceHandle, Api::device_release> handle_;
+};
+
+inline const char* kind_name(uint32_t kind) {
+  constexpr const char* names[] = {"host", "cpu", "integrated gpu", "discrete gpu", "virtual gpu"};
+  return kind < 5 ? names[kind] : "other";
+}
+
+inline std::vector<std::string> capability_names(uint64_t bits) {
+  constexpr std::pair<uint64_t, const char*> names[] = {
+      {KS_CAP_EXPORT_OPAQUE_FD, "export_opaque_fd"},         {KS_CAP_IMPORT_OPAQUE_FD, "import_opaque_fd"},
+      {KS_CAP_EXPORT_HOST_POINTER, "export_host_pointer"},   {KS_CAP_IMPORT_HOST_POINTER, "import_host_pointer"},
+      {KS_CAP_RAY_TRACING_PIPELINE, "ray_tracing_pipeline"}, {KS_CAP_TIMELINE_FD, "timeline_fd"}};
+  std::vector<std::string> out;
+  for (const auto& [bit, name] : names)
+    if (bits & bit) out.emplace_back(name);
+  return out;
+}
+
+template <class Api>
+void bind_device(py::module_& module) {
+  using Info = DeviceInfo<Api>;
+  const auto bytes16 = [](const uint8_t* uuid) { return py::bytes(reinterpret_cast<const char*>(uuid), 16); };
+  py::class_<Info>(module, "DeviceInfo", "What a device is and can do.")
+      .def_property_readonly("name", [](const Info& i) { return std::string(i.c.name); })
+      .def_property_readonly("driver", [](const Info& i) { return std::string(i.c.driver); })
+      .def_property_readonly(
+          "refused", [](const Info& i) { return std::string(i.c.refused); }, "Why it cannot be used; empty when it can.")
+      .def_property_readonly("device_uuid", [=](const Info& i) { return bytes16(i.c.device_uuid); })
+      .def_property_readonly("driver_uuid", [=](const Info& i) { return bytes16(i.c.driver_uuid); })
+      .def_property_readonly("index", [](const Info& i) { return i.c.index; })
+      .def_property_readonly("kind", [](const Info& i) { return kind_name(i.c.kind); })
+      .def_property_readonly("api_version",
+                             [](const Info& i) {
+                               const uint32_t v = i.c.api_version;  // Vulkan's packing: 7 bits major, 10 minor, 12 patch
+                               return std::to_string(v >> 22 & 127) + "." + std::to_string(v >> 12 & 1023) + "." + std::to_string(v & 4095);
+                             })
+      .def_property_readonly("usable", [](const Info& i) { return i.c.usable != 0; })
+      .def_property_readonly("capabilities", [](const Info& i) { return capability_names(i.c.capabilities); })
+      .def_property_readonly("memory_bytes", [](const Info& i) { return i.c.memory_bytes; })
+      .def("__repr__",
+           [](const Info& i) { return "<DeviceInfo " + std::to_string(i.c.index) + " '" + i.c.name + "' " + kind_name(i.c.kind) + ">"; });
+
+  using D = Device<Api>;
+  py::class_<D, std::shared_ptr<D>>(module, "Device", "A device the library runs on.")
+      .def(py::init<const py::object&, uint32_t, bool, const py::object&>(), py::arg("select") = "auto", py::kw_only(),
+           py::arg("worker_count") = 0, py::arg("validation") = false, py::arg("log") = py::none(),
+           "select: 'auto', 'cpu', 'host', an index of enumerate(), or 16 bytes of device UUID. worker_count: host threads, 0 = one per "
+           "core.\n"
+           "log(level: int, text: str) hears what the library has to say. Raises NoDeviceError.")
+      .def_static("enumerate", &D::enumerate, "Every Vulkan device, usable or not.")
+      .def_property_readonly("info", &D::info)
+      .def_property_readonly("copied_bytes", &D::copied_bytes,
+                             "Bytes copied between buffers, or between host memory and buffers, since the device was created.");
+}
+
+}  // namespace ks_python

@@ -1,0 +1,94 @@
+// A failed status becomes a Python exception that is also the built-in a caller would expect (ValueError, OSError, FileNotFoundError).
+// Thread rule: the GIL is held, on the thread of the failed call (the message is thread-local).
+#pragma once
+
+#include <atomic>
+#include <filesystem>
+#include <string>
+
+#include "bindings/api.h"
+
+namespace ks_python {
+
+/// The module's exception types; they live as long as the interpreter.
+template <class Api>
+struct Errors {
+  static inline PyObject* error = nullptr;
+  static inline PyObject* argument = nullptr;
+  static inline PyObject* file = nullptr;
+  static inline PyObject* not_found = nullptr;
+  static inline PyObject* no_device = nullptr;
+  static inline PyObject* cancelled = nullptr;
+
+  static void define(py::module_& module) {
+    error = add(module, "Error", "A call failed. `status` is the library's status code.", py::make_tuple(py::handle(PyExc_RuntimeError)));
+    argument = add(module, "ArgumentError", "An argument is wrong.", bases(PyExc_ValueError));
+    file = add(module, "FileError", "A file cannot be read or understood.", bases(PyExc_OSError));
+    not_found =
+        add(module, "MissingFileError", "A file does not exist.", py::make_tuple(py::handle(file), py::handle(PyExc_FileNotFoundError)));
+    no_device =
+        add(module, "NoDeviceError", "No usable device; the message says why and what to install.", py::make_tuple(py::handle(error)));
+    cancelled = add(module, "CancelledError", "A progress callback asked to stop.", py::make_tuple(py::handle(error)));
+  }
+
+ private:
+  static py::tuple bases(PyObject* builtin) { return py::make_tuple(py::handle(error), py::handle(builtin)); }
+  static PyObject* add(py::module_& module, const char* name, const char* doc, const py::tuple& parents) {
+    const std::string full = std::string(Api::name) + "." + name;
+    PyObject* type = PyErr_NewExceptionWithDoc(full.c_str(), doc, parents.ptr(), nullptr);
+    if (!type) throw py::error_already_set();
+    module.attr(name) = py::handle(type);
+    return type;
+  }
+};
+
+template <class Api>
+[[noreturn]] void raise(ks_status status, PyObject* type, const std::string& text) {
+  py::object exception = py::reinterpret_borrow<py::object>(type)(text);
+  exception.attr("status") = status;
+  PyErr_SetObject(type, exception.ptr());
+  throw py::error_already_set();
+}
+
+template <class Api>
+[[noreturn]] void raise_argument(const std::string& text) {
+  raise<Api>(KS_ERROR_INVALID_ARGUMENT, Errors<Api>::argument, text);
+}
+
+template <class Api>
+void check(ks_status status) {
+  if (status >= 0) return;
+  PyObject* type = Errors<Api>::error;
+  if (status == KS_ERROR_INVALID_ARGUMENT) type = Errors<Api>::argument;
+  if (status == KS_ERROR_FILE) type = Errors<Api>::file;
+  if (status == KS_ERROR_NO_DEVICE) type = Errors<Api>::no_device;
+  if (status == KS_ERROR_CANCELLED) type = Errors<Api>::cancelled;
+  raise<Api>(status, type, Api::last_error());
+}
+
+template <class Api>
+void check_file(ks_status status, const std::filesystem::path& path) {
+  std::error_code ignored;
+  if (status == KS_ERROR_FILE && !std::filesystem::exists(path, ignored)) raise<Api>(status, Errors<Api>::not_found, Api::last_error());
+  check<Api>(status);
+}
+
+/// Marks an object as inside a call for its own lifetime. The libraries let one thread at a time use an object and the bindings release the
+/// GIL, so a second call is refused rather than raced.
+template <class Api>
+class InUse {
+ public:
+  InUse(std::atomic<bool>& flag, const char* what) : flag_(flag) {
+    if (flag_.exchange(true))
+      raise<Api>(KS_ERROR_INVALID_STATE, Errors<Api>::error,
+                 std::string("this ") + what + " is inside another call; use it from one thread at a time");
+  }
+  InUse(const InUse&) = delete;
+  InUse& operator=(const InUse&) = delete;
+  ~InUse() { flag_ = false; }
+
+ private:
+  std::atomic<bool>& flag_;
+};
+
+}  // namespace ks_python

@@ -1,0 +1,144 @@
+// Material, Light, Camera: built from keyword arguments, every field a property under its C name. None stands for "no texture" and "not
+// said".
+#include "records.h"
+
+#include <cmath>
+
+namespace ks_python {
+namespace {
+
+/// Fields of every record are set by name; an unknown name is a TypeError that lists the known ones.
+template <class Record>
+void set_fields(py::object self, const py::kwargs& fields) {
+  for (const auto& [name, value] : fields) {
+    if (!py::hasattr(self, name)) {
+      const std::string type = py::str(py::type::of(self).attr("__name__"));
+      throw py::type_error(type + " has no field '" + std::string(py::str(name)) + "'; see help(kuafu." + type + ")");
+    }
+    py::setattr(self, name, value);
+  }
+}
+
+template <class Record>
+Record from_fields(const py::kwargs& fields) {
+  Record record;
+  set_fields<Record>(py::cast(&record, py::return_value_policy::reference), fields);
+  return record;
+}
+
+template <class Record, class Desc, class T>
+void scalar(py::class_<Record>& type, const char* name, T Desc::*member, const char* doc = "") {
+  type.def_property(
+      name, [member](const Record& r) { return r.c.*member; }, [member](Record& r, T value) { r.c.*member = value; }, doc);
+}
+
+template <class Record, class Desc, size_t n>
+void vector(py::class_<Record>& type, const char* name, float (Desc::*member)[n], const char* doc = "") {
+  type.def_property(
+      name,
+      [member](const Record& r) {
+        std::array<float, n> out;
+        std::copy_n(r.c.*member, n, out.begin());
+        return py::tuple(py::cast(out));
+      },
+      [member](Record& r, const std::array<float, n>& value) { std::copy(value.begin(), value.end(), r.c.*member); }, doc);
+}
+
+template <class Record, class Desc, size_t n>
+void square(py::class_<Record>& type, const char* name, double (Desc::*member)[n], const char* doc) {
+  constexpr py::ssize_t side = n == 16 ? 4 : 3;
+  type.def_property(
+      name, [member](const Record& r) { return matrix(r.c.*member, side, side); },
+      [member, name](Record& r, const py::object& value) { read_matrix<Kuafu>(value, name, r.c.*member, n); }, doc);
+}
+
+/// NaN in C, None in Python.
+template <class Record, class Desc>
+void maybe(py::class_<Record>& type, const char* name, float Desc::*member, const char* doc) {
+  type.def_property(
+      name, [member](const Record& r) { return std::isnan(r.c.*member) ? std::optional<float>() : r.c.*member; },
+      [member](Record& r, std::optional<float> value) { r.c.*member = value.value_or(NAN); }, doc);
+}
+
+/// 0xffffffff in C (KUAFU_NONE, KUAFU_ALL_ENVIRONMENTS), None in Python.
+template <class Record, class Desc>
+void maybe(py::class_<Record>& type, const char* name, uint32_t Desc::*member, const char* doc = "Texture id, or None.") {
+  type.def_property(
+      name, [member](const Record& r) { return r.c.*member == KUAFU_NONE ? std::optional<uint32_t>() : r.c.*member; },
+      [member](Record& r, std::optional<uint32_t> value) { r.c.*member = value.value_or(KUAFU_NONE); }, doc);
+}
+
+void bind_material(py::module_& module) {
+  py::class_<Material> type(module, "Material", "glTF 2.0's material (GGX, alpha = roughness squared). Every field is a keyword argument.");
+  type.def(py::init(&from_fields<Material>));
+  type.def_readwrite("name", &Material::name);
+  vector(type, "base_color", &kuafu_material_desc::base_color, "Linear RGB and alpha.");
+  scalar(type, "metallic", &kuafu_material_desc::metallic, "0..1");
+  scalar(type, "roughness", &kuafu_material_desc::roughness, "0..1");
+  scalar(type, "specular", &kuafu_material_desc::specular, "0..1; 0 with metallic 0 is exactly Lambertian.");
+  scalar(type, "ior", &kuafu_material_desc::ior, ">= 1");
+  scalar(type, "transmission", &kuafu_material_desc::transmission, "0..1");
+  vector(type, "emission", &kuafu_material_desc::emission, "Visible radiance, W/(sr m^2).");
+  maybe(type, "ir_albedo", &kuafu_material_desc::ir_albedo, "Diffuse albedo in the infrared band; None = red of the base colour.");
+  scalar(type, "ir_emission", &kuafu_material_desc::ir_emission, "Infrared radiance, W/(sr m^2).");
+  maybe(type, "base_color_texture", &kuafu_material_desc::base_color_texture);
+  maybe(type, "metallic_roughness_texture", &kuafu_material_desc::metallic_roughness_texture);
+  maybe(type, "normal_texture", &kuafu_material_desc::normal_texture);
+  maybe(type, "emission_texture", &kuafu_material_desc::emission_texture);
+  maybe(type, "transmission_texture", &kuafu_material_desc::transmission_texture);
+  maybe(type, "specular_texture", &kuafu_material_desc::specular_texture);
+}
+
+void bind_light(py::module_& module) {
+  py::class_<Light> type(module, "Light", "A point light or a pattern projector. Every field is a keyword argument.");
+  type.def(py::init(&from_fields<Light>));
+  type.def_readwrite("name", &Light::name);
+  type.def_property(
+      "kind", [](const Light& l) { return l.c.kind == KUAFU_LIGHT_PROJECTOR ? "projector" : "point"; },
+      [](Light& l, const std::string& kind) {
+        if (kind != "point" && kind != "projector") raise_argument<Kuafu>("unknown light kind '" + kind + "' (known: point, projector)");
+        l.c.kind = kind == "point" ? KUAFU_LIGHT_POINT : KUAFU_LIGHT_PROJECTOR;
+      },
+      "'point' (default) or 'projector'.");
+  vector(type, "intensity", &kuafu_light_desc::intensity,
+         "Visible radiant intensity, W/sr; 0 for a projector that an RGB camera does not see.");
+  maybe(type, "ir_intensity", &kuafu_light_desc::ir_intensity,
+        "Infrared radiant intensity, W/sr; None = red of intensity times ir_ambient_scale.");
+  square(type, "light_to_world", &kuafu_light_desc::light_to_world, "4x4; +z is a projector's axis, x right, y down.");
+  square(type, "k", &kuafu_light_desc::k, "Projector: 3x3 in pixels of the texture.");
+  maybe(type, "texture", &kuafu_light_desc::texture, "Projector: id of the pattern, red channel read linearly.");
+  maybe(type, "environment", &kuafu_light_desc::environment, "Which environment of a batch has it; None = all.");
+}
+
+void bind_camera(py::module_& module) {
+  py::class_<Camera> type(module, "Camera", "A pinhole camera: x right, y down, z forward; pixel centres at integers.");
+  type.def(
+      py::init([](uint32_t width, uint32_t height, const py::object& k, const py::object& camera_to_world, double near_m, double far_m) {
+        Camera camera;
+        camera.c.width = width;
+        camera.c.height = height;
+        camera.c.near_m = near_m;
+        camera.c.far_m = far_m;
+        read_matrix<Kuafu>(k, "k", camera.c.k, 9);
+        read_matrix<Kuafu>(camera_to_world, "camera_to_world", camera.c.camera_to_world, 16);
+        return camera;
+      }),
+      py::arg("width"), py::arg("height"), py::arg("k"), py::arg("camera_to_world") = py::none(), py::arg("near_m") = 0.0,
+      py::arg("far_m") = INFINITY);
+  scalar(type, "width", &kuafu_camera_desc::width);
+  scalar(type, "height", &kuafu_camera_desc::height);
+  square(type, "k", &kuafu_camera_desc::k, "3x3, pixels.");
+  square(type, "camera_to_world", &kuafu_camera_desc::camera_to_world, "4x4");
+  scalar(type, "near_m", &kuafu_camera_desc::near_m, "Nearer hits are not seen.");
+  scalar(type, "far_m", &kuafu_camera_desc::far_m, "Farther hits are not seen.");
+}
+
+}  // namespace
+
+void bind_records(py::module_& module) {
+  bind_material(module);
+  bind_light(module);
+  bind_camera(module);
+}
+
+}  // namespace ks_python

@@ -1,0 +1,171 @@
+// Renderer: cameras in, arrays out. Arrays are views of host-visible buffers, or the caller's own buffers are filled.
+#include "scene.h"
+
+namespace ks_python {
+namespace {
+
+struct Output {
+  const char* name;
+  uint32_t output;
+  uint32_t channels;  // 0: one in the infrared, three in the visible band
+  uint32_t format;
+};
+constexpr Output outputs_known[] = {{"radiance", KUAFU_OUTPUT_RADIANCE, 0, KS_FORMAT_F32},
+                                    {"projector_direct", KUAFU_OUTPUT_PROJECTOR_DIRECT, 0, KS_FORMAT_F32},
+                                    {"projector_indirect", KUAFU_OUTPUT_PROJECTOR_INDIRECT, 0, KS_FORMAT_F32},
+                                    {"ambient", KUAFU_OUTPUT_AMBIENT, 0, KS_FORMAT_F32},
+                                    {"depth", KUAFU_OUTPUT_DEPTH, 1, KS_FORMAT_F32},
+                                    {"normal", KUAFU_OUTPUT_NORMAL, 3, KS_FORMAT_F32},
+                                    {"instance_id", KUAFU_OUTPUT_INSTANCE_ID, 1, KS_FORMAT_U32},
+                                    {"material_id", KUAFU_OUTPUT_MATERIAL_ID, 1, KS_FORMAT_U32}};
+
+const Output& find_output(const std::string& name) {
+  std::string known;
+  for (const Output& o : outputs_known) {
+    if (name == o.name) return o;
+    known += (known.empty() ? "" : ", ") + std::string(o.name);
+  }
+  raise_argument<Kuafu>("unknown output '" + name + "' (known: " + known + ")");
+}
+
+class Renderer {
+ public:
+  Renderer(std::shared_ptr<Device<Kuafu>> device, const std::string& tracer) : device_(std::move(device)) {
+    kuafu_renderer_desc desc = {};
+    desc.header = ks_header_make(KUAFU_TYPE_RENDERER_DESC, sizeof desc);
+    if (tracer == "embree")
+      desc.tracer = KUAFU_TRACER_EMBREE;
+    else if (tracer == "compute")
+      desc.tracer = KUAFU_TRACER_COMPUTE;
+    else if (tracer != "auto")
+      raise_argument<Kuafu>("unknown tracer '" + tracer + "' (known: auto, embree, compute)");
+    ks_status status;
+    {
+      py::gil_scoped_release nogil;
+      status = kuafu_renderer_create(device_->get(), &desc, handle_.put());
+    }
+    check<Kuafu>(status);
+  }
+
+  [[nodiscard]] kuafu_renderer get() const { return handle_.get(); }
+  [[nodiscard]] const std::shared_ptr<Device<Kuafu>>& device() const { return device_; }
+
+  py::dict render(Scene& scene, const py::object& cameras, const py::object& outputs, const std::string& band,
+                  const std::optional<std::vector<uint32_t>>& environments, kuafu_render_desc desc, const py::object& callback) {
+    const std::vector<kuafu_view_desc> views = read_views(cameras, band, environments);
+    std::vector<kuafu_output_desc> c_outputs;
+    py::dict arrays;
+    read_outputs(outputs, views, c_outputs, arrays);
+    Progress progress(callback);
+    desc.views = views.data();
+    desc.view_count = static_cast<uint32_t>(views.size());
+    desc.outputs = c_outputs.data();
+    desc.output_count = static_cast<uint32_t>(c_outputs.size());
+    desc.progress = Progress::function();
+    desc.progress_user = &progress;
+    const InUse<Kuafu> in_use(in_use_, "renderer"), scene_in_use(scene.in_use, "scene");
+    ks_status status;
+    {
+      py::gil_scoped_release nogil;
+      status = kuafu_renderer_render(get(), scene.get(), &desc);
+    }
+    progress.rethrow();
+    check<Kuafu>(status);
+    return arrays;
+  }
+
+ private:
+  static std::vector<kuafu_view_desc> read_views(const py::object& cameras, const std::string& band,
+                                                 const std::optional<std::vector<uint32_t>>& environments) {
+    if (band != "infrared" && band != "visible") raise_argument<Kuafu>("unknown band '" + band + "' (known: infrared, visible)");
+    const auto list =
+        py::isinstance<Camera>(cameras) ? std::vector<Camera>{py::cast<Camera>(cameras)} : py::cast<std::vector<Camera>>(cameras);
+    if (list.empty()) raise_argument<Kuafu>("give at least one camera");
+    if (environments && environments->size() != list.size())
+      raise_argument<Kuafu>(std::to_string(environments->size()) + " environments for " + std::to_string(list.size()) + " cameras");
+    std::vector<kuafu_view_desc> views;
+    for (size_t i = 0; i < list.size(); ++i) {
+      kuafu_view_desc view = kuafu_view_desc_init();
+      view.camera = list[i].c;
+      view.band = band == "visible" ? KUAFU_BAND_VISIBLE : KUAFU_BAND_INFRARED;
+      view.environment = environments ? (*environments)[i] : 0;
+      views.push_back(view);
+    }
+    return views;
+  }
+
+  /// `outputs`: names (buffers are made) or {name: Image or Buffer}. Fills the C descriptors and the arrays to return.
+  void read_outputs(const py::object& outputs, const std::vector<kuafu_view_desc>& views, std::vector<kuafu_output_desc>& c_outputs,
+                    py::dict& arrays) const {
+    const bool given = py::isinstance<py::dict>(outputs);
+    if (py::isinstance<py::str>(outputs)) raise_argument<Kuafu>("outputs is a sequence of names, not one name");
+    for (const py::handle item : outputs) {
+      const std::string name = py::cast<std::string>(item);
+      const Output& o = find_output(name);
+      const uint32_t channels = o.channels ? o.channels : views[0].band == KUAFU_BAND_VISIBLE ? 3 : 1;
+      const std::vector<uint64_t> shape = {views.size(), views[0].camera.height, views[0].camera.width, channels};
+      const Image<Kuafu> image = given ? given_image(outputs[item], o, shape) : new_image(o, shape);
+      c_outputs.push_back(kuafu_output_desc_init(o.output, image.buffer->get(), image.c));
+      arrays[item] = image.buffer->address() ? py::object(image.array()) : py::cast(image);
+    }
+  }
+
+  [[nodiscard]] Image<Kuafu> new_image(const Output& o, const std::vector<uint64_t>& shape) const {
+    uint64_t bytes = ks_format_bytes(o.format);
+    for (const uint64_t extent : shape) bytes *= extent;
+    return make_image<Kuafu>(std::make_shared<Buffer<Kuafu>>(device_, bytes, false, true), o.format, shape, 0);
+  }
+
+  static Image<Kuafu> given_image(const py::object& target, const Output& o, const std::vector<uint64_t>& shape) {
+    if (py::isinstance<Image<Kuafu>>(target)) return py::cast<Image<Kuafu>>(target);
+    if (py::isinstance<Buffer<Kuafu>>(target))
+      return make_image<Kuafu>(py::cast<std::shared_ptr<Buffer<Kuafu>>>(target), o.format, shape, 0);
+    raise_argument<Kuafu>(std::string("output '") + o.name + "' needs a kuafu.Image or kuafu.Buffer");
+  }
+
+  std::shared_ptr<Device<Kuafu>> device_;
+  Handle<kuafu_renderer, kuafu_renderer_release> handle_;
+  std::atomic<bool> in_use_{false};
+};
+
+}  // namespace
+
+void bind_renderer(py::module_& module) {
+  const kuafu_render_desc d = kuafu_render_desc_init();
+  py::class_<Renderer>(module, "Renderer", "Renders scenes of its device.")
+      .def(py::init<std::shared_ptr<Device<Kuafu>>, const std::string&>(), py::arg("device"), py::arg("tracer") = "auto",
+           "tracer: 'auto' (Embree on CPU devices, compute on GPUs), 'embree' or 'compute'.")
+      .def_property_readonly("device", &Renderer::device)
+      .def(
+          "render",
+          [](Renderer& self, Scene& scene, const py::object& cameras, const py::object& outputs, const std::string& band,
+             const std::optional<std::vector<uint32_t>>& environments, uint32_t spp, uint32_t max_bounces, uint64_t seed,
+             uint32_t first_sample, float ir_ambient_scale, float ir_ambient_radiance, const py::object& progress) {
+            kuafu_render_desc desc = kuafu_render_desc_init();
+            desc.samples_per_pixel = spp;
+            desc.max_bounces = max_bounces;
+            desc.seed = seed;
+            desc.first_sample = first_sample;
+            desc.ir_ambient_scale = ir_ambient_scale;
+            desc.ir_ambient_radiance = ir_ambient_radiance;
+            return self.render(scene, cameras, outputs, band, environments, desc, progress);
+          },
+          py::arg("scene"), py::arg("cameras"), py::arg("outputs") = py::make_tuple("radiance"), py::kw_only(),
+          py::arg("band") = "infrared", py::arg("environments") = py::none(), py::arg("spp") = d.samples_per_pixel,
+          py::arg("max_bounces") = d.max_bounces, py::arg("seed") = 0, py::arg("first_sample") = 0,
+          py::arg("ir_ambient_scale") = d.ir_ambient_scale, py::arg("ir_ambient_radiance") = d.ir_ambient_radiance,
+          py::arg("progress") = py::none(),
+          "cameras: a Camera or a sequence of them, all of one size. outputs: names of radiance, projector_direct, projector_indirect, "
+          "ambient, depth, normal,\n"
+          "instance_id, material_id; or {name: Image or Buffer} to fill those. band: 'infrared' (one channel) or 'visible' (three).\n"
+          "Returns {name: array [view, height, width, channel]}: float32, uint32 for ids; views of the buffers, nothing is copied.\n"
+          "progress(fraction: float) may return True to cancel (CancelledError); what it raises is raised here. Same seed, same bits.")
+      .def_property_readonly(
+          "stage_times",
+          [](const Renderer& r) {
+            return stage_times<Kuafu>([&](ks_stage_time* t, uint32_t* n) { return kuafu_renderer_get_stage_times(r.get(), t, n); });
+          },
+          "{stage: milliseconds} of the last render.");
+}
+
+}  // namespace ks_python

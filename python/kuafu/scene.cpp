@@ -1,0 +1,246 @@
+// Scene: what kuafu_scene_* do, with numpy arrays.
+#include "scene.h"
+
+#include <pybind11/stl/filesystem.h>
+
+namespace ks_python {
+namespace {
+
+using Floats = py::array_t<float, py::array::c_style | py::array::forcecast>;
+using Indices = py::array_t<uint32_t, py::array::c_style | py::array::forcecast>;
+
+void load(Scene& scene, const std::filesystem::path& path, const py::object& root_to_world) {
+  double root[16];
+  read_matrix<Kuafu>(root_to_world, "root_to_world", root, 16);
+  const InUse<Kuafu> in_use(scene.in_use, "scene");
+  ks_status status;
+  {
+    py::gil_scoped_release nogil;
+    status = kuafu_scene_load(scene.get(), path.c_str(), root_to_world.is_none() ? nullptr : root);
+  }
+  check_file<Kuafu>(status, path);
+}
+
+/// The array's rows, after checking that it is [rows][columns]; `rows` < 0 accepts any count.
+template <class Array>
+const typename Array::value_type* rows(const std::optional<Array>& array, const char* what, py::ssize_t columns, py::ssize_t count) {
+  if (!array) return nullptr;
+  const bool shaped = columns == 1 ? array->ndim() == 1 : array->ndim() == 2 && array->shape(1) == columns;
+  if (!shaped || (count >= 0 && array->shape(0) != count))
+    raise_argument<Kuafu>(std::string(what) + " has shape " + std::string(py::str(array->attr("shape"))) + ", it needs (" +
+                          (count < 0 ? "n" : std::to_string(count)) + ", " + std::to_string(columns) + ")");
+  return array->data();
+}
+
+uint32_t add_mesh(Scene& scene, const std::optional<Floats>& positions, const std::optional<Indices>& indices,
+                  const std::optional<Floats>& normals, const std::optional<Floats>& uvs, const std::optional<Indices>& slots,
+                  const std::string& name) {
+  kuafu_mesh_desc mesh = {};
+  mesh.header = ks_header_make(KUAFU_TYPE_MESH_DESC, sizeof mesh);
+  mesh.name = name.c_str();
+  mesh.positions = rows(positions, "positions", 3, -1);
+  mesh.indices = rows(indices, "indices", 3, -1);
+  if (!mesh.positions || !mesh.indices) raise_argument<Kuafu>("a mesh needs positions and indices");
+  mesh.vertex_count = static_cast<uint32_t>(positions->shape(0));
+  mesh.triangle_count = static_cast<uint32_t>(indices->shape(0));
+  mesh.normals = rows(normals, "normals", 3, mesh.vertex_count);
+  mesh.uvs = rows(uvs, "uvs", 2, mesh.vertex_count);
+  mesh.slots = rows(slots, "slots", 1, mesh.triangle_count);
+  const InUse<Kuafu> in_use(scene.in_use, "scene");
+  uint32_t id = 0;
+  check<Kuafu>(kuafu_scene_add_mesh(scene.get(), &mesh, &id));
+  return id;
+}
+
+uint32_t add_texture(Scene& scene, const py::array& texels, bool srgb, const std::string& name) {
+  const py::array packed = py::array::ensure(texels, py::array::c_style);
+  if (packed.ndim() != 2 && packed.ndim() != 3) raise_argument<Kuafu>("texels must be [height][width] or [height][width][channels]");
+  kuafu_texture_desc texture = {};
+  texture.header = ks_header_make(KUAFU_TYPE_TEXTURE_DESC, sizeof texture);
+  texture.name = name.c_str();
+  texture.texels = packed.data();
+  texture.height = static_cast<uint32_t>(packed.shape(0));
+  texture.width = static_cast<uint32_t>(packed.shape(1));
+  texture.channels = packed.ndim() == 3 ? static_cast<uint32_t>(packed.shape(2)) : 1;
+  texture.format = format_of<Kuafu>(packed.dtype());
+  texture.srgb = srgb ? 1 : 0;
+  const InUse<Kuafu> in_use(scene.in_use, "scene");
+  uint32_t id = 0;
+  check<Kuafu>(kuafu_scene_add_texture(scene.get(), &texture, &id));
+  return id;
+}
+
+uint32_t add_instance(Scene& scene, uint32_t mesh, const std::vector<uint32_t>& materials, const py::object& local_to_world,
+                      const std::optional<uint32_t>& environment, uint32_t semantic_id, const std::string& name) {
+  kuafu_instance_desc instance = {};
+  instance.header = ks_header_make(KUAFU_TYPE_INSTANCE_DESC, sizeof instance);
+  instance.name = name.c_str();
+  instance.mesh = mesh;
+  instance.environment = environment_of(environment);
+  instance.materials = materials.data();
+  instance.material_count = static_cast<uint32_t>(materials.size());
+  instance.semantic_id = semantic_id;
+  for (int i = 0; i < 4; ++i) instance.local_to_world[5 * i] = 1.0;
+  read_matrix<Kuafu>(local_to_world, "local_to_world", instance.local_to_world, 16);
+  const InUse<Kuafu> in_use(scene.in_use, "scene");
+  uint32_t id = 0;
+  check<Kuafu>(kuafu_scene_add_instance(scene.get(), &instance, &id));
+  return id;
+}
+
+void set_instance_pose(Scene& scene, uint32_t id, const py::object& local_to_world) {
+  double pose[16] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
+  read_matrix<Kuafu>(local_to_world, "local_to_world", pose, 16);
+  const InUse<Kuafu> in_use(scene.in_use, "scene");
+  check<Kuafu>(kuafu_scene_set_instance_pose(scene.get(), id, pose));
+}
+
+void set_instance_materials(Scene& scene, uint32_t id, const std::vector<uint32_t>& materials) {
+  const InUse<Kuafu> in_use(scene.in_use, "scene");
+  check<Kuafu>(kuafu_scene_set_instance_materials(scene.get(), id, materials.data(), static_cast<uint32_t>(materials.size())));
+}
+
+void set_environment(Scene& scene, const std::array<float, 3>& radiance, std::optional<float> ir_radiance) {
+  kuafu_environment_desc environment = kuafu_environment_desc_init();
+  std::copy(radiance.begin(), radiance.end(), environment.radiance);
+  if (ir_radiance) environment.ir_radiance = *ir_radiance;
+  const InUse<Kuafu> in_use(scene.in_use, "scene");
+  check<Kuafu>(kuafu_scene_set_environment(scene.get(), &environment));
+}
+
+kuafu_scene_summary summary(const Scene& scene) {
+  kuafu_scene_summary s = {};
+  s.header = ks_header_make(KUAFU_TYPE_SCENE_SUMMARY, sizeof s);
+  check<Kuafu>(kuafu_scene_get_summary(scene.get(), &s));
+  return s;
+}
+
+Camera camera(const Scene& scene, uint32_t index) {
+  Camera out;
+  check<Kuafu>(kuafu_scene_get_camera(scene.get(), index, &out.c));
+  return out;
+}
+
+void bind_summary(py::module_& module) {
+  using S = kuafu_scene_summary;
+  py::class_<S>(module, "SceneSummary", "How much is in a scene, and where.")
+      .def_readonly("mesh_count", &S::mesh_count)
+      .def_readonly("texture_count", &S::texture_count)
+      .def_readonly("material_count", &S::material_count)
+      .def_readonly("instance_count", &S::instance_count)
+      .def_readonly("light_count", &S::light_count)
+      .def_readonly("camera_count", &S::camera_count)
+      .def_readonly("triangle_count", &S::triangle_count)
+      .def_property_readonly("bounds_min_m",
+                             [](const S& s) { return py::make_tuple(s.bounds_min_m[0], s.bounds_min_m[1], s.bounds_min_m[2]); })
+      .def_property_readonly("bounds_max_m",
+                             [](const S& s) { return py::make_tuple(s.bounds_max_m[0], s.bounds_max_m[1], s.bounds_max_m[2]); });
+}
+
+using SceneType = py::class_<Scene, std::shared_ptr<Scene>>;
+
+/// add, set, get of records that the library copies in and out as one descriptor.
+void bind_materials_and_lights(SceneType& type) {
+  type.def(
+      "add_material",
+      [](Scene& s, const Material& m) {
+        const InUse<Kuafu> in_use(s.in_use, "scene");
+        const kuafu_material_desc desc = m.desc();
+        uint32_t id = 0;
+        check<Kuafu>(kuafu_scene_add_material(s.get(), &desc, &id));
+        return id;
+      },
+      py::arg("material"));
+  type.def(
+      "set_material",
+      [](Scene& s, uint32_t id, const Material& m) {
+        const InUse<Kuafu> in_use(s.in_use, "scene");
+        const kuafu_material_desc desc = m.desc();
+        check<Kuafu>(kuafu_scene_set_material(s.get(), id, &desc));
+      },
+      py::arg("id"), py::arg("material"));
+  type.def(
+      "get_material",
+      [](const Scene& s, uint32_t id) {
+        Material m;
+        check<Kuafu>(kuafu_scene_get_material(s.get(), id, &m.c));
+        m.name = text_of(m.c.name);
+        return m;
+      },
+      py::arg("id"));
+  type.def(
+      "add_light",
+      [](Scene& s, const Light& l) {
+        const InUse<Kuafu> in_use(s.in_use, "scene");
+        const kuafu_light_desc desc = l.desc();
+        uint32_t id = 0;
+        check<Kuafu>(kuafu_scene_add_light(s.get(), &desc, &id));
+        return id;
+      },
+      py::arg("light"));
+  type.def(
+      "set_light",
+      [](Scene& s, uint32_t id, const Light& l) {
+        const InUse<Kuafu> in_use(s.in_use, "scene");
+        const kuafu_light_desc desc = l.desc();
+        check<Kuafu>(kuafu_scene_set_light(s.get(), id, &desc));
+      },
+      py::arg("id"), py::arg("light"));
+  type.def(
+      "get_light",
+      [](const Scene& s, uint32_t id) {
+        Light l;
+        check<Kuafu>(kuafu_scene_get_light(s.get(), id, &l.c));
+        l.name = text_of(l.c.name);
+        return l;
+      },
+      py::arg("id"));
+  type.def(
+      "remove_light",
+      [](Scene& s, uint32_t id) {
+        const InUse<Kuafu> in_use(s.in_use, "scene");
+        check<Kuafu>(kuafu_scene_remove_light(s.get(), id));
+      },
+      py::arg("id"));
+}
+
+}  // namespace
+
+void bind_scene(py::module_& module) {
+  bind_summary(module);
+  SceneType type(module, "Scene", "Meshes, textures, materials, instances and lights. Ids are stable and not reused.");
+  type.def(py::init<std::shared_ptr<Device<Kuafu>>>(), py::arg("device"))
+      .def_property_readonly("device", [](const Scene& s) { return s.device; })
+      .def_property_readonly("summary", &summary)
+      .def("load", &load, py::arg("path"), py::arg("root_to_world") = py::none(),
+           "Appends a .gltf, .glb, .obj, .dae, .stl or .ply file. root_to_world: 4x4. Raises FileError, or MissingFileError where there is "
+           "none.")
+      .def("add_mesh", &add_mesh, py::arg("positions"), py::arg("indices"), py::kw_only(), py::arg("normals") = py::none(),
+           py::arg("uvs") = py::none(), py::arg("slots") = py::none(), py::arg("name") = "",
+           "positions, normals [n, 3] float32; uvs [n, 2]; indices [t, 3] uint32; slots [t]: which of the instance's materials a triangle "
+           "has.")
+      .def("add_texture", &add_texture, py::arg("texels"), py::kw_only(), py::arg("srgb") = false, py::arg("name") = "",
+           "texels: [height, width] or [height, width, 1..4], uint8, uint16 or float32; row 0 on top.")
+      .def("add_instance", &add_instance, py::arg("mesh"), py::arg("materials") = std::vector<uint32_t>(), py::kw_only(),
+           py::arg("local_to_world") = py::none(), py::arg("environment") = py::none(), py::arg("semantic_id") = 0, py::arg("name") = "")
+      .def("set_instance_pose", &set_instance_pose, py::arg("id"), py::arg("local_to_world"))
+      .def("set_instance_materials", &set_instance_materials, py::arg("id"), py::arg("materials"))
+      .def(
+          "remove_instance",
+          [](Scene& s, uint32_t id) {
+            const InUse<Kuafu> in_use(s.in_use, "scene");
+            check<Kuafu>(kuafu_scene_remove_instance(s.get(), id));
+          },
+          py::arg("id"))
+      .def("set_environment", &set_environment, py::arg("radiance"), py::arg("ir_radiance") = py::none(),
+           "Uniform radiance from all directions, W/(sr m^2). ir_radiance None: red of radiance times ir_ambient_scale plus "
+           "ir_ambient_radiance.")
+      .def("camera", &camera, py::arg("index"), "A camera that a file brought.")
+      .def(
+          "instance_name", [](const Scene& s, uint32_t id) { return text_of(kuafu_scene_instance_name(s.get(), id)); }, py::arg("id"))
+      .def(
+          "material_name", [](const Scene& s, uint32_t id) { return text_of(kuafu_scene_material_name(s.get(), id)); }, py::arg("id"));
+  bind_materials_and_lights(type);
+}
+
+}  // namespace ks_python

@@ -1,0 +1,245 @@
+// Engine and Camera: a rig and named parameters in, disparity and depth arrays out.
+#include "parameters.h"
+
+namespace ks_python {
+namespace {
+
+struct Output {
+  const char* name;
+  uint32_t output;
+  uint32_t format;
+  bool rgb_size;  // of the RGB camera's size, else of the IR cameras'
+  bool points;    // three floats a pixel, RGB size where there is an RGB camera
+};
+constexpr Output outputs_known[] = {{"disparity", SIMSENSE_OUTPUT_DISPARITY, KS_FORMAT_F32, false, false},
+                                    {"depth", SIMSENSE_OUTPUT_DEPTH, KS_FORMAT_F32, false, false},
+                                    {"depth_rgb", SIMSENSE_OUTPUT_DEPTH_RGB, KS_FORMAT_F32, true, false},
+                                    {"ir_left", SIMSENSE_OUTPUT_IR_LEFT, KS_FORMAT_U8, false, false},
+                                    {"ir_right", SIMSENSE_OUTPUT_IR_RIGHT, KS_FORMAT_U8, false, false},
+                                    {"rectified_left", SIMSENSE_OUTPUT_RECTIFIED_LEFT, KS_FORMAT_U8, false, false},
+                                    {"rectified_right", SIMSENSE_OUTPUT_RECTIFIED_RIGHT, KS_FORMAT_U8, false, false},
+                                    {"points", SIMSENSE_OUTPUT_POINTS, KS_FORMAT_F32, false, true}};
+
+const Output& find_output(const std::string& name) {
+  std::string known;
+  for (const Output& o : outputs_known) {
+    if (name == o.name) return o;
+    known += (known.empty() ? "" : ", ") + std::string(o.name);
+  }
+  raise_argument<Simsense>("unknown output '" + name + "' (known: " + known + ")");
+}
+
+/// Numpy memory as an image argument. `keep` holds what must live through the call: a copy where C cannot read the array as it is.
+simsense_image host_image(py::array array, uint32_t batch_count, const char* what, bool writable, std::vector<py::object>& keep) {
+  if (array.ndim() != 2 && array.ndim() != 3)
+    raise_argument<Simsense>(std::string(what) + " must be [height, width] or [batch, height, width]");
+  if (array.ndim() == 2 && batch_count != 1)
+    raise_argument<Simsense>(std::string(what) + " needs a leading dimension of " + std::to_string(batch_count));
+  bool plain = (array.flags() & py::detail::npy_api::NPY_ARRAY_ALIGNED_) != 0;
+  for (py::ssize_t k = 0; k < array.ndim(); ++k) plain = plain && (array.strides(k) != 0 || array.shape(k) == 1);
+  if (!plain && writable) raise_argument<Simsense>(std::string(what) + " is not an array one can write into");
+  if (!plain) array = py::array::ensure(array.attr("copy")(), py::array::c_style);
+  simsense_image image = {};
+  image.host = writable ? array.mutable_data() : const_cast<void*>(array.data());
+  image.image = ks_image_desc_packed(format_of<Simsense>(array.dtype()), 0, nullptr);
+  image.image.dim_count = static_cast<uint32_t>(array.ndim());
+  for (py::ssize_t k = 0; k < array.ndim(); ++k) {
+    image.image.shape[k] = static_cast<uint64_t>(array.shape(k));
+    image.image.byte_stride[k] = array.strides(k);
+  }
+  keep.push_back(std::move(array));
+  return image;
+}
+
+simsense_camera read_camera(const py::object& camera) {
+  simsense_camera out = {};
+  if (camera.is_none()) return out;
+  return py::cast<simsense_camera>(camera);
+}
+
+class Engine {
+ public:
+  Engine(std::shared_ptr<Device<Simsense>> device, const simsense_camera& left, const simsense_camera& right,
+         const py::object& left_to_right, const py::object& rgb, const py::object& left_to_rgb, bool rectified, uint32_t batch_count,
+         const py::kwargs& parameters)
+      : device_(std::move(device)) {
+    rig_.left = left;
+    rig_.right = right;
+    rig_.rgb = read_camera(rgb);
+    rig_.rectified = rectified ? 1 : 0;
+    rig_.batch_count = batch_count;
+    read_matrix<Simsense>(left_to_right, "left_to_right", rig_.left_to_right, 16);
+    read_matrix<Simsense>(left_to_rgb, "left_to_rgb", rig_.left_to_rgb, 16);
+    simsense_parameters p = simsense_parameters_init();
+    ks_python::set_parameters(p, parameters);
+    check<Simsense>(simsense_engine_create(device_->get(), &rig_, &p, handle_.put()));
+  }
+
+  [[nodiscard]] simsense_engine get() const { return handle_.get(); }
+  [[nodiscard]] const std::shared_ptr<Device<Simsense>>& device() const { return device_; }
+
+  [[nodiscard]] simsense_parameters parameters() const {
+    simsense_parameters p = simsense_parameters_init();
+    check<Simsense>(simsense_engine_get_parameters(get(), &p));
+    return p;
+  }
+  void set_parameters(const py::kwargs& changes) {
+    simsense_parameters p = parameters();
+    ks_python::set_parameters(p, changes);
+    const InUse<Simsense> in_use(in_use_, "engine");
+    check<Simsense>(simsense_engine_set_parameters(get(), &p));
+  }
+
+  [[nodiscard]] py::tuple rectified() const {
+    double k[9], baseline_m = 0, left_to_rectified[16];
+    check<Simsense>(simsense_engine_get_rectified(get(), k, &baseline_m, left_to_rectified));
+    return py::make_tuple(matrix(k, 3, 3), baseline_m, matrix(left_to_rectified, 4, 4));
+  }
+
+  py::dict compute(const py::object& left, const py::object& right, const py::object& outputs, const py::object& callback) {
+    std::vector<py::object> keep;
+    simsense_compute_desc desc = simsense_compute_desc_init();
+    desc.left = input(left, "left", keep);
+    desc.right = input(right, "right", keep);
+    const bool batched = desc.left.image.dim_count == 3;
+    std::vector<simsense_output_desc> c_outputs;
+    py::dict results;
+    read_outputs(outputs, batched, c_outputs, results, keep);
+    Progress progress(callback);
+    desc.outputs = c_outputs.data();
+    desc.output_count = static_cast<uint32_t>(c_outputs.size());
+    desc.progress = Progress::function();
+    desc.progress_user = &progress;
+    const InUse<Simsense> in_use(in_use_, "engine");
+    ks_status status;
+    {
+      py::gil_scoped_release nogil;
+      status = simsense_engine_compute(get(), &desc);
+    }
+    progress.rethrow();
+    check<Simsense>(status);
+    return results;
+  }
+
+ private:
+  simsense_image input(const py::object& value, const char* what, std::vector<py::object>& keep) const {
+    if (py::isinstance<Image<Simsense>>(value)) return buffer_image(py::cast<Image<Simsense>>(value));
+    if (!py::isinstance<py::array>(value)) raise_argument<Simsense>(std::string(what) + " must be a numpy array or a simsense.Image");
+    return host_image(py::reinterpret_borrow<py::array>(value), rig_.batch_count, what, false, keep);
+  }
+
+  static simsense_image buffer_image(const Image<Simsense>& image) {
+    simsense_image out = {};
+    out.buffer = image.buffer->get();
+    out.image = image.c;
+    return out;
+  }
+
+  /// `outputs`: names (arrays are made) or {name: array or Image} to fill.
+  void read_outputs(const py::object& outputs, bool batched, std::vector<simsense_output_desc>& c_outputs, py::dict& results,
+                    std::vector<py::object>& keep) const {
+    if (py::isinstance<py::str>(outputs)) raise_argument<Simsense>("outputs is a sequence of names, not one name");
+    const bool given = py::isinstance<py::dict>(outputs);
+    for (const py::handle item : outputs) {
+      const Output& o = find_output(py::cast<std::string>(item));
+      simsense_output_desc c = {};
+      c.header = ks_header_make(SIMSENSE_TYPE_OUTPUT_DESC, sizeof c);
+      c.output = o.output;
+      py::object result = given ? py::object(outputs[item]) : py::object(new_array(o));
+      if (py::isinstance<Image<Simsense>>(result)) {
+        c.image = buffer_image(py::cast<Image<Simsense>>(result));
+      } else {
+        c.image = target(py::array::ensure(result), o, keep);
+        if (!given && !batched) result = result[py::int_(0)];
+      }
+      c_outputs.push_back(c);
+      results[item] = result;
+    }
+  }
+
+  [[nodiscard]] std::vector<py::ssize_t> shape_of(const Output& o) const {
+    const bool rgb = o.rgb_size || (o.points && rig_.rgb.width > 0);
+    const simsense_camera& size = rgb ? rig_.rgb : rig_.left;
+    std::vector<py::ssize_t> shape = {rig_.batch_count, size.height, size.width};
+    if (o.points) shape.push_back(3);
+    return shape;
+  }
+
+  [[nodiscard]] py::array new_array(const Output& o) const { return py::array(dtype_of(o.format), shape_of(o)); }
+
+  simsense_image target(py::array array, const Output& o, std::vector<py::object>& keep) const {
+    const std::vector<py::ssize_t> shape = shape_of(o);
+    if (!array || !array.writeable() || !array.dtype().equal(dtype_of(o.format)) || array.ndim() < 2)
+      raise_argument<Simsense>(std::string("output '") + o.name + "' needs a writable array of " +
+                               std::string(py::str(py::handle(dtype_of(o.format)))));
+    std::vector<py::ssize_t> have(array.shape(), array.shape() + array.ndim()), strides(array.strides(), array.strides() + array.ndim());
+    if (have.size() + 1 == shape.size() && shape[0] == 1) {
+      have.insert(have.begin(), 1);
+      strides.insert(strides.begin(), array.nbytes());
+    }
+    if (have != shape)
+      raise_argument<Simsense>(std::string("output '") + o.name + "' needs shape " + std::string(py::str(py::handle(py::tuple(py::cast(shape))))));
+    simsense_image image = {};
+    image.host = array.mutable_data();
+    image.image = ks_image_desc_packed(o.format, static_cast<uint32_t>(shape.size()), reinterpret_cast<const uint64_t*>(shape.data()));
+    std::copy(strides.begin(), strides.end(), image.image.byte_stride);
+    keep.push_back(std::move(array));
+    return image;
+  }
+
+  std::shared_ptr<Device<Simsense>> device_;
+  simsense_rig_desc rig_ = simsense_rig_desc_init();
+  Handle<simsense_engine, simsense_engine_release> handle_;
+  std::atomic<bool> in_use_{false};
+};
+
+void bind_camera(py::module_& module) {
+  using C = simsense_camera;
+  py::class_<C>(module, "Camera", "A pinhole camera with Brown-Conrady distortion [k1, k2, p1, p2, k3].")
+      .def(py::init([](uint32_t width, uint32_t height, const py::object& k, const py::object& distortion) {
+             C camera = {};
+             camera.width = width;
+             camera.height = height;
+             read_matrix<Simsense>(k, "k", camera.k, 9);
+             read_matrix<Simsense>(distortion, "distortion", camera.distortion, 5);
+             return camera;
+           }),
+           py::arg("width"), py::arg("height"), py::arg("k"), py::arg("distortion") = py::none())
+      .def_readonly("width", &C::width)
+      .def_readonly("height", &C::height)
+      .def_property_readonly("k", [](const C& c) { return matrix(c.k, 3, 3); })
+      .def_property_readonly("distortion",
+                             [](const C& c) { return py::tuple(py::cast(std::vector<double>(c.distortion, c.distortion + 5))); });
+}
+
+}  // namespace
+
+void bind_engine(py::module_& module) {
+  bind_camera(module);
+  py::class_<Engine>(module, "Engine",
+                     "A stereo rig's depth engine. Parameters are those of simsense_parameters, by name; see Engine.parameters.")
+      .def(py::init<std::shared_ptr<Device<Simsense>>, const simsense_camera&, const simsense_camera&, const py::object&, const py::object&,
+                    const py::object&, bool, uint32_t, const py::kwargs&>(),
+           py::arg("device"), py::arg("left"), py::arg("right"), py::arg("left_to_right"), py::kw_only(), py::arg("rgb") = py::none(),
+           py::arg("left_to_rgb") = py::none(), py::arg("rectified") = false, py::arg("batch_count") = 1,
+           "left_to_right, left_to_rgb: 4x4. rgb: the camera to register to, or None. rectified: the input pair is row-aligned already.")
+      .def_property_readonly("device", &Engine::device)
+      .def_property_readonly(
+          "parameters", [](const Engine& e) { return get_parameters(e.parameters()); }, "All parameters, as a new dict.")
+      .def("set_parameters", &Engine::set_parameters, "Changes the named parameters; the others stay. Raises ArgumentError out of range.")
+      .def_property_readonly("rectified", &Engine::rectified, "(k 3x3, baseline_m, left_to_rectified 4x4) after rectification.")
+      .def("compute", &Engine::compute, py::arg("left"), py::arg("right"), py::arg("outputs") = py::make_tuple("depth"), py::kw_only(),
+           py::arg("progress") = py::none(),
+           "left, right: uint8, uint16 or float32 arrays [height, width] or [batch, height, width] of any strides, or Images. outputs: "
+           "names of disparity, depth,\n"
+           "depth_rgb, ir_left, ir_right, rectified_left, rectified_right, points; or {name: array or Image} to fill those.\n"
+           "Returns {name: array}, shaped like the input. progress(fraction: float) may return True to cancel (CancelledError).")
+      .def_property_readonly(
+          "stage_times",
+          [](const Engine& e) {
+            return stage_times<Simsense>([&](ks_stage_time* t, uint32_t* n) { return simsense_engine_get_stage_times(e.get(), t, n); });
+          },
+          "{stage: milliseconds} of the last compute.");
+}
+
+}  // namespace ks_python
