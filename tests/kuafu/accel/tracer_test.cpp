@@ -1,0 +1,261 @@
+// Both tracers, and both queue layouts of our own, against brute force in double precision.
+#include "accel/tracer.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "device/error.h"
+#include "kuafu/accel/brute_force.h"
+#include "kuafu/accel/worlds.h"
+
+namespace kuafu::test {
+namespace {
+
+constexpr double slack = 1e-4;  // barycentric, and relative to t: nearer to an edge than this, a ray may go either way
+
+struct Maker {
+  const char* name;
+  std::unique_ptr<Tracer> (*make)();
+};
+
+class Tracers : public testing::TestWithParam<Maker> {
+ protected:
+  std::unique_ptr<Tracer> tracer_ = GetParam().make();
+  RayBench bench_{*tracer_};
+
+  /// The triangle named is really hit, where t, u and v say, and no triangle that is surely hit is nearer.
+  static bool is_nearest(const TestHit& hit, const BruteForce& truth, const TestRay& ray) {
+    const double sure = truth.nearest(ray, -slack);
+    if (!hit.hit) return std::isinf(sure);
+    const double t = truth.distance_to(hit, ray, slack), reach = std::max(1.0, t);
+    const glm::dvec3 at = glm::dvec3(ray.origin) + t * glm::dvec3(ray.direction);
+    return std::abs(t - hit.t) <= slack * reach && hit.t <= sure + slack * reach && glm::length(truth.point(hit) - at) <= slack * reach;
+  }
+
+  void expect_like_brute_force(const Scene& scene, const std::vector<TestRay>& rays) {
+    const BruteForce truth(scene);
+    const std::vector<TestHit> hits = bench_.closest(rays);
+    EXPECT_TRUE(bench_.tail_untouched(uint32_t(rays.size())));
+    const std::vector<bool> occluded = bench_.occluded(rays);
+    EXPECT_TRUE(bench_.tail_untouched(uint32_t(rays.size())));
+    size_t wrong_hits = 0, wrong_shadows = 0;
+    for (size_t i = 0; i < rays.size(); ++i) {
+      wrong_hits += !is_nearest(hits[i], truth, rays[i]);
+      const bool surely = std::isfinite(truth.nearest(rays[i], -slack)), perhaps = std::isfinite(truth.nearest(rays[i], slack));
+      wrong_shadows += occluded[i] ? !perhaps : surely;
+    }
+    EXPECT_EQ(wrong_hits, 0u) << "of " << rays.size();
+    EXPECT_EQ(wrong_shadows, 0u) << "of " << rays.size();
+  }
+};
+
+size_t count_hits(const std::vector<TestHit>& hits) {
+  return size_t(std::ranges::count_if(hits, [](const TestHit& hit) { return hit.hit; }));
+}
+
+TEST_P(Tracers, NearestAndAnyHitMatchBruteForceOnASoup) {
+  Random random(1);
+  Scene scene;
+  scene.add_instance(place(scene.add_mesh(soup(random, 500, 0.2))));
+  tracer_->update(scene, 1);
+  expect_like_brute_force(scene, random_rays(2, 4001, 2.0));
+}
+
+TEST_P(Tracers, RotatedMirroredAndStretchedInstancesMatchBruteForce) {
+  const Scene scene = instanced_world(3, 24, 3.0);
+  tracer_->update(scene, 1);
+  const std::vector<TestRay> rays = random_rays(4, 4003, 4.0);
+  EXPECT_GT(count_hits(bench_.closest(rays)), rays.size() / 5);
+  expect_like_brute_force(scene, rays);
+}
+
+TEST_P(Tracers, IntervalIsHonoured) {
+  const Scene scene = instanced_world(5, 12, 2.0);
+  tracer_->update(scene, 1);
+  std::vector<TestRay> rays = random_rays(6, 3000, 3.0);
+  Random random(7);
+  for (TestRay& ray : rays) {
+    ray.t_near = float(random.uniform(0.0, 2.0));
+    ray.t_far = ray.t_near + float(random.uniform(0.0, 2.0));
+  }
+  expect_like_brute_force(scene, rays);
+}
+
+TEST_P(Tracers, BarycentricsBelongToVerticesOneAndTwo) {
+  Scene scene;
+  Mesh mesh;
+  mesh.positions = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
+  mesh.indices = {{0, 1, 2}};
+  scene.add_instance(place(scene.add_mesh(mesh), pose({0.0, 0.0, 3.0})));
+  tracer_->update(scene, 1);
+  const std::vector<TestHit> hits = bench_.closest({{{0.5f, 0.25f, 0.0f}}, {{0.6f, 0.6f, 0.0f}}, {{0.2f, 0.2f, 4.0f}, 0.0f, {0, 0, -1}}});
+  EXPECT_NEAR(hits[0].t, 3.0, 1e-6);
+  EXPECT_NEAR(hits[0].u, 0.5, 1e-6);
+  EXPECT_NEAR(hits[0].v, 0.25, 1e-6);
+  EXPECT_FALSE(hits[1].hit);
+  EXPECT_TRUE(hits[2].hit) << "the back face counts";
+}
+
+TEST_P(Tracers, EmptySceneAndEmptyQueueAreHarmless) {
+  Scene scene;
+  tracer_->update(scene, 1);
+  EXPECT_EQ(count_hits(bench_.closest(random_rays(8, 13, 1.0))), 0u);
+  EXPECT_TRUE(bench_.closest({}).empty());
+  EXPECT_TRUE(bench_.occluded({}).empty());
+  EXPECT_TRUE(bench_.tail_untouched(0));
+}
+
+TEST_P(Tracers, DegenerateTrianglesAndFlattenedInstancesAreNeverHit) {
+  Scene scene;
+  Mesh line, point;
+  line.positions = {{-1, 0, 2}, {1, 0, 2}, {0, 0, 2}};
+  line.indices = {{0, 1, 2}, {0, 0, 1}};
+  point.positions = {{0, 0, 2}};
+  point.indices = {{0, 0, 0}};
+  scene.add_instance(place(scene.add_mesh(line)));
+  scene.add_instance(place(scene.add_mesh(point)));
+  tracer_->update(scene, 1);
+  std::vector<TestRay> rays = random_rays(9, 500, 0.2);
+  for (TestRay& ray : rays) ray.origin.y = 0.0f, ray.direction = glm::normalize(glm::vec3(ray.direction.x * 0.1f, 0.0f, 1.0f));
+  EXPECT_EQ(count_hits(bench_.closest(rays)), 0u);
+}
+
+TEST_P(Tracers, NoRayLeavesAClosedMesh) {
+  Scene scene;
+  const Mesh mesh = sphere(40);
+  scene.add_instance(place(scene.add_mesh(mesh), pose({0.3, -0.2, 0.1}, {1.0, 0.7, 1.3}, 0.4, {0.6, 0.8, 0.0})));
+  tracer_->update(scene, 1);
+  // Half of them aim at edges, where cracks would be.
+  std::vector<TestRay> rays = random_rays(10, 60000, 0.1);
+  Random random(11);
+  for (size_t i = 0; i < rays.size(); i += 2) {
+    const glm::uvec3 corners = mesh.indices[random.below(uint32_t(mesh.indices.size()))];
+    const glm::vec3 target = glm::mix(mesh.positions[corners.x], mesh.positions[corners.y], float(random.uniform()));
+    const glm::vec3 world(scene.instances()[0]->local_to_world * glm::dvec4(target, 1.0));
+    rays[i].direction = glm::normalize(world - rays[i].origin);
+  }
+  EXPECT_EQ(count_hits(bench_.closest(rays)), rays.size());
+}
+
+TEST_P(Tracers, AxisParallelRaysSeeFlatMeshes) {
+  Scene scene;
+  Mesh wall;
+  wall.positions = {{-1, -1, 0}, {1, -1, 0}, {1, 1, 0}, {-1, 1, 0}};
+  wall.indices = {{0, 1, 2}, {0, 2, 3}};
+  scene.add_instance(place(scene.add_mesh(wall), pose({0.0, 0.0, 1.37})));
+  tracer_->update(scene, 1);
+  std::vector<TestRay> rays;
+  for (int i = -50; i <= 50; ++i) rays.push_back({{0.019f * float(i), 0.019f * float(i), -0.3f}});  // along the diagonal, exactly
+  for (int i = -50; i <= 50; ++i) rays.push_back({{0.019f * float(i), 0.0f, -0.3f}});
+  EXPECT_EQ(count_hits(bench_.closest(rays)), rays.size());
+}
+
+TEST_P(Tracers, TenThousandInstancesMatchBruteForce) {
+  const Scene scene = instanced_world(12, 10000, 40.0);
+  tracer_->update(scene, 1);
+  expect_like_brute_force(scene, random_rays(13, 60, 40.0));
+}
+
+TEST_P(Tracers, EnvironmentsInOneQueueSeeTheirOwnInstancesAndTheShared) {
+  Random random(14);
+  Scene scene;
+  const uint32_t mesh = scene.add_mesh(soup(random, 50, 0.4));
+  const uint32_t environments = 5;
+  for (uint32_t i = 0; i < 30; ++i) {
+    const uint32_t environment = i % 6 == 5 ? none : i % 6;  // 3 and 4 of each six are alike but for the environment
+    scene.add_instance(place(mesh, random_pose(random, 2.0), environment));
+  }
+  scene.add_instance(place(mesh, pose({0.0, 0.0, 0.0}), environments + 2));  // of an environment that is not rendered
+  tracer_->update(scene, environments);
+  std::vector<TestRay> rays = random_rays(15, 3005, 2.5);
+  for (TestRay& ray : rays) ray.environment = random.below(environments);
+  expect_like_brute_force(scene, rays);
+
+  for (TestRay& ray : rays) ray.environment = 7;
+  EXPECT_EQ(count_hits(bench_.closest(rays)), 0u) << "rays of an environment beyond the count see nothing";
+}
+
+TEST_P(Tracers, UpdateFollowsMovedRemovedAndAddedInstancesAndMeshes) {
+  Scene scene = instanced_world(16, 20, 2.0);
+  const std::vector<TestRay> rays = random_rays(17, 1500, 3.0);
+  tracer_->update(scene, 1);
+  expect_like_brute_force(scene, rays);
+
+  scene.set_instance_pose(4, pose({0.1, 0.2, 0.3}, {1.0, -1.0, 2.0}));
+  tracer_->update(scene, 1);
+  expect_like_brute_force(scene, rays);
+
+  scene.remove_instance(2);
+  scene.remove_instance(19);
+  tracer_->update(scene, 1);
+  expect_like_brute_force(scene, rays);
+
+  Random random(18);
+  scene.add_instance(place(scene.add_mesh(soup(random, 40, 0.5))));
+  tracer_->update(scene, 3);
+  expect_like_brute_force(scene, rays);
+
+  for (uint32_t id = 0; id < scene.instances().size(); ++id)
+    if (scene.instances()[id]) scene.remove_instance(id);
+  tracer_->update(scene, 1);
+  EXPECT_EQ(count_hits(bench_.closest(rays)), 0u);
+
+  const Scene other = instanced_world(19, 5, 1.0);
+  tracer_->update(other, 1);
+  expect_like_brute_force(other, rays);
+}
+
+TEST_P(Tracers, AnAnswerDoesNotDependOnTheNeighboursInTheQueue) {
+  const Scene scene = instanced_world(20, 40, 3.0);
+  tracer_->update(scene, 1);
+  const std::vector<TestRay> rays = camera_rays(200, {0.0f, 0.0f, -6.0f});  // coherent in order, incoherent when shuffled
+  const std::vector<TestHit> in_order = bench_.closest(rays);
+
+  std::vector<uint32_t> order(rays.size());
+  Random random(22);
+  for (uint32_t i = 0; i < order.size(); ++i) order[i] = i;
+  for (uint32_t i = 0; i < order.size(); ++i) std::swap(order[i], order[random.below(uint32_t(order.size()))]);
+  std::vector<TestRay> shuffled;
+  for (const uint32_t i : order) shuffled.push_back(rays[i]);
+  const std::vector<TestHit> out_of_order = bench_.closest(shuffled);
+  size_t different = 0;
+  for (size_t i = 0; i < order.size(); ++i) different += out_of_order[i] != in_order[order[i]];
+  EXPECT_EQ(different, 0u) << "of " << rays.size();
+}
+
+TEST_P(Tracers, MisuseIsAnError) {
+  const Scene scene;
+  EXPECT_THROW(tracer_->update(scene, 0), ks::Error);
+  EXPECT_THROW(bench_.closest(random_rays(23, 8, 1.0)), ks::Error) << "no scene yet";
+}
+
+INSTANTIATE_TEST_SUITE_P(All, Tracers,
+                         testing::Values(Maker{"Embree", [] { return make_embree_tracer(test_device()); }},
+                                         Maker{"ComputePlanes", [] { return make_compute_tracer(test_device()); }},
+                                         Maker{"ComputePackets", [] { return make_compute_tracer(test_device(), queue_layout_packets); }}),
+                         [](const auto& info) { return std::string(info.param.name); });
+
+TEST(TracersTogether, AgreeOnMoreThan9999Of10000Rays) {
+  const Scene scene = instanced_world(24, 60, 3.0);
+  const std::vector<TestRay> rays = random_rays(25, 200000, 4.0);
+  const auto embree = make_embree_tracer(test_device()), compute = make_compute_tracer(test_device());
+  embree->update(scene, 1);
+  compute->update(scene, 1);
+  const std::vector<TestHit> a = RayBench(*embree).closest(rays), b = RayBench(*compute).closest(rays);
+  const std::vector<bool> shadow_a = RayBench(*embree).occluded(rays), shadow_b = RayBench(*compute).occluded(rays);
+  size_t different = 0, different_shadow = 0;
+  for (size_t i = 0; i < rays.size(); ++i) {
+    const bool alike = a[i].hit == b[i].hit && a[i].instance == b[i].instance && a[i].primitive == b[i].primitive &&
+                       std::abs(a[i].t - b[i].t) <= slack * std::max(1.0f, a[i].t) && std::abs(a[i].u - b[i].u) < 1e-3f &&
+                       std::abs(a[i].v - b[i].v) < 1e-3f;
+    different += !alike;
+    different_shadow += shadow_a[i] != shadow_b[i];
+  }
+  RecordProperty("different_of_200000", int(different));
+  EXPECT_LT(different, rays.size() / 10000);
+  EXPECT_LT(different_shadow, rays.size() / 10000);
+}
+
+}  // namespace
+}  // namespace kuafu::test
