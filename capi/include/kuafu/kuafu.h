@@ -93,7 +93,9 @@ KUAFU_API void kuafu_scene_retain(kuafu_scene scene);
 KUAFU_API void kuafu_scene_release(kuafu_scene scene);
 
 /* Appends a file: .gltf .glb (meshes, materials, textures, KHR_lights_punctual, cameras) or .obj .dae .stl .ply (meshes, materials).
- * root_to_world: row-major 4x4 put before every node, NULL = identity. Errors name the file and the field; the scene is then unchanged. */
+ * root_to_world: row-major 4x4 put before every node, NULL = identity. Errors name the file and the field; the scene is then unchanged.
+ * What the file has and the renderer ignores (spot lights, alpha modes, animations, ...) goes to the device's log as a warning. A point light's
+ * candela are taken as W/sr one to one. */
 KUAFU_API ks_status kuafu_scene_load(kuafu_scene scene, const char* path, const double* root_to_world);
 
 typedef struct kuafu_scene_summary {
@@ -103,6 +105,12 @@ typedef struct kuafu_scene_summary {
   double bounds_min_m[3];      /* world, of all instances; +inf/-inf when empty */
   double bounds_max_m[3];
 } kuafu_scene_summary;
+static inline kuafu_scene_summary kuafu_scene_summary_init(void) {
+  kuafu_scene_summary s;
+  memset(&s, 0, sizeof s);
+  s.header = ks_header_make(KUAFU_TYPE_SCENE_SUMMARY, (uint32_t)sizeof s);
+  return s;
+}
 KUAFU_API ks_status kuafu_scene_get_summary(kuafu_scene scene, kuafu_scene_summary* out);
 
 /* Triangles. Counts are of vertices and triangles. normals, uvs and slots may be NULL. Data is copied. */
@@ -117,6 +125,12 @@ typedef struct kuafu_mesh_desc {
   uint32_t vertex_count;
   uint32_t triangle_count;
 } kuafu_mesh_desc;
+static inline kuafu_mesh_desc kuafu_mesh_desc_init(void) {
+  kuafu_mesh_desc m;
+  memset(&m, 0, sizeof m);
+  m.header = ks_header_make(KUAFU_TYPE_MESH_DESC, (uint32_t)sizeof m);
+  return m;
+}
 KUAFU_API ks_status kuafu_scene_add_mesh(kuafu_scene scene, const kuafu_mesh_desc* desc, uint32_t* id);
 
 /* Row 0 first, u right, v down. Data is copied. */
@@ -130,6 +144,12 @@ typedef struct kuafu_texture_desc {
   uint32_t srgb;        /* nonzero: colour channels are sRGB-encoded; 0: linear data */
   uint32_t reserved;
 } kuafu_texture_desc;
+static inline kuafu_texture_desc kuafu_texture_desc_init(void) {
+  kuafu_texture_desc t;
+  memset(&t, 0, sizeof t);
+  t.header = ks_header_make(KUAFU_TYPE_TEXTURE_DESC, (uint32_t)sizeof t);
+  return t;
+}
 KUAFU_API ks_status kuafu_scene_add_texture(kuafu_scene scene, const kuafu_texture_desc* desc, uint32_t* id);
 
 /* glTF 2.0's material model: GGX (alpha = roughness squared), metallic-roughness, KHR_materials_ior/specular/transmission. */
@@ -179,13 +199,23 @@ typedef struct kuafu_instance_desc {
   uint32_t semantic_id;
   double local_to_world[16];
 } kuafu_instance_desc;
+static inline kuafu_instance_desc kuafu_instance_desc_init(uint32_t mesh) {
+  kuafu_instance_desc d;
+  int i;
+  memset(&d, 0, sizeof d);
+  d.header = ks_header_make(KUAFU_TYPE_INSTANCE_DESC, (uint32_t)sizeof d);
+  d.mesh = mesh;
+  d.environment = KUAFU_ALL_ENVIRONMENTS;
+  for (i = 0; i < 4; ++i) d.local_to_world[5 * i] = 1.0;
+  return d;
+}
 KUAFU_API ks_status kuafu_scene_add_instance(kuafu_scene scene, const kuafu_instance_desc* desc, uint32_t* id);
 KUAFU_API ks_status kuafu_scene_set_instance_pose(kuafu_scene scene, uint32_t id, const double* local_to_world);
 KUAFU_API ks_status kuafu_scene_set_instance_materials(kuafu_scene scene, uint32_t id, const uint32_t* materials, uint32_t material_count);
 /* Ids are stable and not reused; ids of removed objects are refused from then on. */
 KUAFU_API ks_status kuafu_scene_remove_instance(kuafu_scene scene, uint32_t id);
 
-/* Names as loaded, for ids 0.. of the AOVs; the pointer lives until the scene changes. */
+/* Names as loaded, for ids 0.. of the AOVs; the pointer lives until the scene changes. NULL for an id that is not there, with the reason in kuafu_last_error(). */
 KUAFU_API const char* kuafu_scene_instance_name(kuafu_scene scene, uint32_t id);
 KUAFU_API const char* kuafu_scene_material_name(kuafu_scene scene, uint32_t id);
 
@@ -255,6 +285,9 @@ static inline kuafu_camera_desc kuafu_camera_desc_init(void) {
   c.far_m = INFINITY;
   return c;
 }
+/* index < camera_count of the summary, in the order of the file's nodes. camera_to_world has our axes, not the file's. A camera of a file has no pixels:
+ * width and height are 0 and k is for an image of height 1 whose origin is its top left corner, so 2 k[2] is the aspect ratio (1 where the file has none).
+ * For H rows: fx = H k[0], cx = H k[2] - 0.5, fy = H k[4], cy = H k[5] - 0.5 (pixel centres at integers), and W = 2 H k[2]. */
 KUAFU_API ks_status kuafu_scene_get_camera(kuafu_scene scene, uint32_t index, kuafu_camera_desc* out);
 
 /* ---- rendering ------------------------------------------------------------------------------------------------------------- */

@@ -4,11 +4,26 @@
 #include "device/buffer.h"
 #include "device/device.h"
 #include "device/handle.h"
+#include "scene/scene.h"
+
+namespace kuafu {
+
+/// A scene of the C API: it keeps its device, whose log takes the warnings of loaded files.
+struct DeviceScene {
+  std::shared_ptr<ks::Device> device;
+  Scene scene;
+};
+
+}  // namespace kuafu
 
 struct kuafu_device_t : ks::Handle<ks::Device, 0x6b646576> {
   using Handle::Handle;
 };
 
 struct kuafu_buffer_t : ks::Handle<ks::Buffer, 0x6b627566> {
+  using Handle::Handle;
+};
+
+struct kuafu_scene_t : ks::Handle<kuafu::DeviceScene, 0x6b73636e> {
   using Handle::Handle;
 };

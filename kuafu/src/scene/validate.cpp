@@ -92,7 +92,7 @@ void check(const Mesh& mesh) {
       ks::fail(KS_ERROR_INVALID_ARGUMENT, "mesh '%s': triangle %zu has material slot %u, must be < %u", name, i, mesh.slots[i], max_slots);
 }
 
-void check(const Texture& texture) {
+uint64_t texel_bytes(const Texture& texture) {
   const char* name = texture.name.c_str();
   if (texture.width == 0 || texture.height == 0 || texture.width > max_texture_side || texture.height > max_texture_side)
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "texture '%s': size is %ux%u, each side must be in [1, %u]", name, texture.width, texture.height,
@@ -100,10 +100,15 @@ void check(const Texture& texture) {
   if (texture.channels < 1 || texture.channels > 4)
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "texture '%s': %u channels, must be 1 to 4", name, texture.channels);
   const uint64_t channel_bytes = texture.format == Texture::Format::u8 ? 1 : texture.format == Texture::Format::u16 ? 2 : 4;
-  const uint64_t bytes = uint64_t{texture.width} * texture.height * texture.channels * channel_bytes;
+  return uint64_t{texture.width} * texture.height * texture.channels * channel_bytes;
+}
+
+void check(const Texture& texture) {
+  const char* name = texture.name.c_str();
+  const uint64_t bytes = texel_bytes(texture);
   if (texture.texels.size() != bytes)
-    ks::fail(KS_ERROR_INVALID_ARGUMENT, "texture '%s': %zu bytes, but %ux%u texels of %u channels of %" PRIu64 " bytes are %" PRIu64, name,
-             texture.texels.size(), texture.width, texture.height, texture.channels, channel_bytes, bytes);
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "texture '%s': %zu bytes, but its size and format make %" PRIu64, name, texture.texels.size(),
+             bytes);
   if (texture.format != Texture::Format::f32) return;
   for (size_t i = 0; i < bytes; i += 4) {
     float value;

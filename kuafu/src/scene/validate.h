@@ -8,6 +8,8 @@ namespace kuafu {
 
 void check(const Mesh& mesh);
 void check(const Texture& texture);
+/// Bytes of the texels of a texture of this size and format; throws for a size or channel count out of range.
+uint64_t texel_bytes(const Texture& texture);
 void check(const Material& material);
 void check(const Light& light);
 void check(const Environment& environment);

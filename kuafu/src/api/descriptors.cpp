@@ -1,0 +1,165 @@
+#include "api/descriptors.h"
+
+#include <cstring>
+
+#include "device/error.h"
+#include "scene/matrix.h"
+#include "scene/validate.h"
+
+namespace kuafu {
+namespace {
+
+std::string text(const char* name) { return name == nullptr ? "" : name; }
+
+/// Copies `count` elements of N scalars each; NULL gives none, and is an error where the array must be there.
+template <class T, class Scalar>
+std::vector<T> array(const Scalar* from, size_t count, const char* required_name = nullptr) {
+  if (from == nullptr && required_name != nullptr && count > 0)
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s is NULL, but %zu elements are announced", required_name, count);
+  std::vector<T> out;
+  if (from == nullptr) return out;
+  out.resize(count);
+  static_assert(sizeof(T) % sizeof(Scalar) == 0);
+  if (count > 0) std::memcpy(static_cast<void*>(out.data()), from, count * sizeof(T));
+  return out;
+}
+
+Texture::Format to_format(uint32_t format) {
+  switch (format) {
+    case KS_FORMAT_U8:
+      return Texture::Format::u8;
+    case KS_FORMAT_U16:
+      return Texture::Format::u16;
+    case KS_FORMAT_F32:
+      return Texture::Format::f32;
+    default:
+      ks::fail(KS_ERROR_INVALID_ARGUMENT, "texture format is %u, must be KS_FORMAT_U8, KS_FORMAT_U16 or KS_FORMAT_F32", format);
+  }
+}
+
+}  // namespace
+
+Mesh to_mesh(const kuafu_mesh_desc& desc) {
+  Mesh mesh;
+  mesh.name = text(desc.name);
+  mesh.positions = array<glm::vec3>(desc.positions, desc.vertex_count, "positions");
+  mesh.normals = array<glm::vec3>(desc.normals, desc.vertex_count);
+  mesh.uvs = array<glm::vec2>(desc.uvs, desc.vertex_count);
+  mesh.indices = array<glm::uvec3>(desc.indices, desc.triangle_count, "indices");
+  mesh.slots = array<uint32_t>(desc.slots, desc.triangle_count);
+  return mesh;
+}
+
+Texture to_texture(const kuafu_texture_desc& desc) {
+  Texture texture;
+  texture.name = text(desc.name);
+  texture.width = desc.width;
+  texture.height = desc.height;
+  texture.channels = desc.channels;
+  texture.format = to_format(desc.format);
+  texture.srgb = desc.srgb != 0;
+  texture.texels = array<uint8_t>(static_cast<const uint8_t*>(desc.texels), texel_bytes(texture), "texels");
+  return texture;
+}
+
+Material to_material(const kuafu_material_desc& desc) {
+  Material m;
+  m.name = text(desc.name);
+  for (int i = 0; i < 4; ++i) m.base_color[i] = desc.base_color[i];
+  for (int i = 0; i < 3; ++i) m.emission[i] = desc.emission[i];
+  m.metallic = desc.metallic;
+  m.roughness = desc.roughness;
+  m.specular = desc.specular;
+  m.ior = desc.ior;
+  m.transmission = desc.transmission;
+  m.ir_albedo = desc.ir_albedo;
+  m.ir_emission = desc.ir_emission;
+  m.base_color_texture = desc.base_color_texture;
+  m.metallic_roughness_texture = desc.metallic_roughness_texture;
+  m.normal_texture = desc.normal_texture;
+  m.emission_texture = desc.emission_texture;
+  m.transmission_texture = desc.transmission_texture;
+  m.specular_texture = desc.specular_texture;
+  return m;
+}
+
+Instance to_instance(const kuafu_instance_desc& desc) {
+  Instance instance;
+  instance.name = text(desc.name);
+  instance.mesh = desc.mesh;
+  instance.environment = desc.environment;
+  instance.materials = array<uint32_t>(desc.materials, desc.material_count, "materials");
+  instance.semantic_id = desc.semantic_id;
+  instance.local_to_world = from_row_major<4>(desc.local_to_world);
+  return instance;
+}
+
+Light to_light(const kuafu_light_desc& desc) {
+  Light light;
+  light.name = text(desc.name);
+  light.kind = static_cast<Light::Kind>(desc.kind);
+  light.environment = desc.environment;
+  for (int i = 0; i < 3; ++i) light.intensity[i] = desc.intensity[i];
+  light.ir_intensity = desc.ir_intensity;
+  light.light_to_world = from_row_major<4>(desc.light_to_world);
+  light.texture = desc.texture;
+  light.k = from_row_major<3>(desc.k);
+  return light;
+}
+
+Camera to_camera(const kuafu_camera_desc& desc) {
+  Camera camera;
+  camera.width = desc.width;
+  camera.height = desc.height;
+  camera.k = from_row_major<3>(desc.k);
+  camera.camera_to_world = from_row_major<4>(desc.camera_to_world);
+  camera.near_m = desc.near_m;
+  camera.far_m = desc.far_m;
+  return camera;
+}
+
+kuafu_material_desc to_desc(const Material& m) {
+  kuafu_material_desc desc = kuafu_material_desc_init();
+  desc.name = m.name.c_str();
+  for (int i = 0; i < 4; ++i) desc.base_color[i] = m.base_color[i];
+  for (int i = 0; i < 3; ++i) desc.emission[i] = m.emission[i];
+  desc.metallic = m.metallic;
+  desc.roughness = m.roughness;
+  desc.specular = m.specular;
+  desc.ior = m.ior;
+  desc.transmission = m.transmission;
+  desc.ir_albedo = m.ir_albedo;
+  desc.ir_emission = m.ir_emission;
+  desc.base_color_texture = m.base_color_texture;
+  desc.metallic_roughness_texture = m.metallic_roughness_texture;
+  desc.normal_texture = m.normal_texture;
+  desc.emission_texture = m.emission_texture;
+  desc.transmission_texture = m.transmission_texture;
+  desc.specular_texture = m.specular_texture;
+  return desc;
+}
+
+kuafu_light_desc to_desc(const Light& light) {
+  kuafu_light_desc desc = kuafu_light_desc_init(static_cast<uint32_t>(light.kind));
+  desc.name = light.name.c_str();
+  desc.environment = light.environment;
+  for (int i = 0; i < 3; ++i) desc.intensity[i] = light.intensity[i];
+  desc.ir_intensity = light.ir_intensity;
+  to_row_major<4>(light.light_to_world, desc.light_to_world);
+  desc.texture = light.texture;
+  to_row_major<3>(light.k, desc.k);
+  return desc;
+}
+
+kuafu_camera_desc to_desc(const Camera& camera) {
+  kuafu_camera_desc desc = kuafu_camera_desc_init();
+  desc.width = camera.width;
+  desc.height = camera.height;
+  to_row_major<3>(camera.k, desc.k);
+  to_row_major<4>(camera.camera_to_world, desc.camera_to_world);
+  desc.near_m = camera.near_m;
+  desc.far_m = camera.far_m;
+  return desc;
+}
+
+}  // namespace kuafu

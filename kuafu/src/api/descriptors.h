@@ -1,0 +1,21 @@
+// The C API's plain structs into the scene's types and back. What they hold is validated by Scene, not here.
+#pragma once
+
+#include "kuafu/kuafu.h"
+#include "scene/scene.h"
+
+namespace kuafu {
+
+Mesh to_mesh(const kuafu_mesh_desc& desc);
+Texture to_texture(const kuafu_texture_desc& desc);
+Material to_material(const kuafu_material_desc& desc);
+Instance to_instance(const kuafu_instance_desc& desc);
+Light to_light(const kuafu_light_desc& desc);
+Camera to_camera(const kuafu_camera_desc& desc);
+
+/// `name` points into the argument.
+kuafu_material_desc to_desc(const Material& material);
+kuafu_light_desc to_desc(const Light& light);
+kuafu_camera_desc to_desc(const Camera& camera);
+
+}  // namespace kuafu

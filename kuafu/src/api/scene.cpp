@@ -1,0 +1,183 @@
+// The scene functions of kuafu's C API: each reads its structs, calls Scene, and turns errors into statuses.
+#include <cmath>
+
+#include "api/descriptors.h"
+#include "api/handles.h"
+#include "device/struct_read.h"
+#include "io/load.h"
+#include "scene/matrix.h"
+
+namespace {
+
+kuafu::Scene& scene_of(kuafu_scene handle) { return ks::object_of(handle, "scene")->scene; }
+
+template <class T>
+T& required(T* pointer, const char* name) {
+  if (pointer == nullptr) ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s is NULL", name);
+  return *pointer;
+}
+
+template <class T>
+const T& live(const std::vector<std::optional<T>>& table, const char* kind, uint32_t id) {
+  if (id >= table.size() || !table[id])
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "there is no %s %u, or it was removed (ids go to %zu)", kind, id, table.size());
+  return *table[id];
+}
+
+template <class T>
+const T& at(const std::vector<T>& table, const char* kind, uint32_t id) {
+  if (id >= table.size()) ks::fail(KS_ERROR_INVALID_ARGUMENT, "there is no %s %u (the scene has %zu)", kind, id, table.size());
+  return table[id];
+}
+
+template <class T>
+uint32_t count_live(const std::vector<std::optional<T>>& table) {
+  uint32_t count = 0;
+  for (const auto& entry : table) count += entry.has_value();
+  return count;
+}
+
+kuafu_scene_summary summarise(const kuafu::Scene& scene) {
+  kuafu_scene_summary s = kuafu_scene_summary_init();
+  s.mesh_count = static_cast<uint32_t>(scene.meshes().size());
+  s.texture_count = static_cast<uint32_t>(scene.textures().size());
+  s.material_count = static_cast<uint32_t>(scene.materials().size());
+  s.instance_count = count_live(scene.instances());
+  s.light_count = count_live(scene.lights());
+  s.camera_count = static_cast<uint32_t>(scene.cameras().size());
+  for (const auto& instance : scene.instances())
+    if (instance) s.triangle_count += scene.meshes()[instance->mesh].indices.size();
+  const kuafu::Scene::Bounds bounds = scene.bounds();
+  for (int i = 0; i < 3; ++i) {
+    s.bounds_min_m[i] = bounds.min[i];
+    s.bounds_max_m[i] = bounds.max[i];
+  }
+  return s;
+}
+
+}  // namespace
+
+extern "C" {
+
+ks_status kuafu_scene_create(kuafu_device device, kuafu_scene* out) {
+  return ks::guard([&] {
+    ks::clear_out(out);
+    *out = new kuafu_scene_t(std::make_shared<kuafu::DeviceScene>(kuafu::DeviceScene{ks::object_of(device, "device"), {}}));
+  });
+}
+
+void kuafu_scene_retain(kuafu_scene scene) { ks::retain(scene, "scene"); }
+
+void kuafu_scene_release(kuafu_scene scene) { ks::release(scene, "scene"); }
+
+ks_status kuafu_scene_load(kuafu_scene scene, const char* path, const double* root_to_world) {
+  return ks::guard([&] {
+    kuafu::DeviceScene& owner = *ks::object_of(scene, "scene");
+    const glm::dmat4 root = root_to_world == nullptr ? glm::dmat4(1.0) : kuafu::from_row_major<4>(root_to_world);
+    for (const std::string& warning : kuafu::load_file(owner.scene, &required(path, "path"), root))
+      owner.device->log(KS_LOG_WARNING, "%s", warning.c_str());
+  });
+}
+
+ks_status kuafu_scene_get_summary(kuafu_scene scene, kuafu_scene_summary* out) {
+  return ks::guard([&] { ks::write_struct(out, summarise(scene_of(scene)), KUAFU_TYPE_SCENE_SUMMARY, "out"); });
+}
+
+ks_status kuafu_scene_add_mesh(kuafu_scene scene, const kuafu_mesh_desc* desc, uint32_t* id) {
+  return ks::guard([&] {
+    required(id, "id") = KUAFU_NONE;
+    *id = scene_of(scene).add_mesh(kuafu::to_mesh(ks::read_struct(desc, KUAFU_TYPE_MESH_DESC, "mesh desc")));
+  });
+}
+
+ks_status kuafu_scene_add_texture(kuafu_scene scene, const kuafu_texture_desc* desc, uint32_t* id) {
+  return ks::guard([&] {
+    required(id, "id") = KUAFU_NONE;
+    *id = scene_of(scene).add_texture(kuafu::to_texture(ks::read_struct(desc, KUAFU_TYPE_TEXTURE_DESC, "texture desc")));
+  });
+}
+
+ks_status kuafu_scene_add_material(kuafu_scene scene, const kuafu_material_desc* desc, uint32_t* id) {
+  return ks::guard([&] {
+    required(id, "id") = KUAFU_NONE;
+    *id = scene_of(scene).add_material(kuafu::to_material(ks::read_struct(desc, KUAFU_TYPE_MATERIAL_DESC, "material desc")));
+  });
+}
+
+ks_status kuafu_scene_set_material(kuafu_scene scene, uint32_t id, const kuafu_material_desc* desc) {
+  return ks::guard(
+      [&] { scene_of(scene).set_material(id, kuafu::to_material(ks::read_struct(desc, KUAFU_TYPE_MATERIAL_DESC, "material desc"))); });
+}
+
+ks_status kuafu_scene_get_material(kuafu_scene scene, uint32_t id, kuafu_material_desc* out) {
+  return ks::guard(
+      [&] { ks::write_struct(out, kuafu::to_desc(at(scene_of(scene).materials(), "material", id)), KUAFU_TYPE_MATERIAL_DESC, "out"); });
+}
+
+ks_status kuafu_scene_add_instance(kuafu_scene scene, const kuafu_instance_desc* desc, uint32_t* id) {
+  return ks::guard([&] {
+    required(id, "id") = KUAFU_NONE;
+    *id = scene_of(scene).add_instance(kuafu::to_instance(ks::read_struct(desc, KUAFU_TYPE_INSTANCE_DESC, "instance desc")));
+  });
+}
+
+ks_status kuafu_scene_set_instance_pose(kuafu_scene scene, uint32_t id, const double* local_to_world) {
+  return ks::guard([&] { scene_of(scene).set_instance_pose(id, kuafu::from_row_major<4>(&required(local_to_world, "local_to_world"))); });
+}
+
+ks_status kuafu_scene_set_instance_materials(kuafu_scene scene, uint32_t id, const uint32_t* materials, uint32_t material_count) {
+  return ks::guard([&] {
+    if (material_count > 0) (void)required(materials, "materials");
+    scene_of(scene).set_instance_materials(id, std::vector<uint32_t>(materials, materials + material_count));
+  });
+}
+
+ks_status kuafu_scene_remove_instance(kuafu_scene scene, uint32_t id) {
+  return ks::guard([&] { scene_of(scene).remove_instance(id); });
+}
+
+const char* kuafu_scene_instance_name(kuafu_scene scene, uint32_t id) {
+  const char* name = nullptr;
+  (void)ks::guard([&] { name = live(scene_of(scene).instances(), "instance", id).name.c_str(); });
+  return name;
+}
+
+const char* kuafu_scene_material_name(kuafu_scene scene, uint32_t id) {
+  const char* name = nullptr;
+  (void)ks::guard([&] { name = at(scene_of(scene).materials(), "material", id).name.c_str(); });
+  return name;
+}
+
+ks_status kuafu_scene_add_light(kuafu_scene scene, const kuafu_light_desc* desc, uint32_t* id) {
+  return ks::guard([&] {
+    required(id, "id") = KUAFU_NONE;
+    *id = scene_of(scene).add_light(kuafu::to_light(ks::read_struct(desc, KUAFU_TYPE_LIGHT_DESC, "light desc")));
+  });
+}
+
+ks_status kuafu_scene_set_light(kuafu_scene scene, uint32_t id, const kuafu_light_desc* desc) {
+  return ks::guard([&] { scene_of(scene).set_light(id, kuafu::to_light(ks::read_struct(desc, KUAFU_TYPE_LIGHT_DESC, "light desc"))); });
+}
+
+ks_status kuafu_scene_get_light(kuafu_scene scene, uint32_t id, kuafu_light_desc* out) {
+  return ks::guard(
+      [&] { ks::write_struct(out, kuafu::to_desc(live(scene_of(scene).lights(), "light", id)), KUAFU_TYPE_LIGHT_DESC, "out"); });
+}
+
+ks_status kuafu_scene_remove_light(kuafu_scene scene, uint32_t id) {
+  return ks::guard([&] { scene_of(scene).remove_light(id); });
+}
+
+ks_status kuafu_scene_set_environment(kuafu_scene scene, const kuafu_environment_desc* desc) {
+  return ks::guard([&] {
+    const kuafu_environment_desc known = ks::read_struct(desc, KUAFU_TYPE_ENVIRONMENT_DESC, "environment desc");
+    scene_of(scene).set_environment({{known.radiance[0], known.radiance[1], known.radiance[2]}, known.ir_radiance});
+  });
+}
+
+ks_status kuafu_scene_get_camera(kuafu_scene scene, uint32_t index, kuafu_camera_desc* out) {
+  return ks::guard(
+      [&] { ks::write_struct(out, kuafu::to_desc(at(scene_of(scene).cameras(), "camera", index)), KUAFU_TYPE_CAMERA_DESC, "out"); });
+}
+
+}  // extern "C"
