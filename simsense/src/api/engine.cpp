@@ -1,0 +1,106 @@
+// The engine's part of simsense's C API: structs are read, handles become objects, and the pipeline runs.
+#include "engine.h"
+
+#include <algorithm>
+#include <cstring>
+
+#include "api/handles.h"
+#include "device/struct_read.h"
+#include "simsense/simsense.h"
+
+namespace {
+
+simsense_parameters read_parameters(const simsense_parameters* parameters) {
+  return ks::read_struct(parameters, SIMSENSE_TYPE_PARAMETERS, "parameters");
+}
+
+simsense::ImageArgument read_image(const simsense_image& image, const char* name) {
+  simsense::ImageArgument argument;
+  if (image.buffer) argument.buffer = ks::object_of(image.buffer, name);
+  argument.host = image.host;
+  argument.image = ks::read_struct(&image.image, KS_TYPE_IMAGE_DESC, name);
+  return argument;
+}
+
+/// The caller's array has the caller's stride: its simsense_output_desc may be older or newer than ours.
+std::vector<simsense::ComputeRequest::Output> read_outputs(const simsense_output_desc* outputs, uint32_t count) {
+  std::vector<simsense::ComputeRequest::Output> read;
+  if (count == 0) return read;
+  const size_t stride = ks::check_header(outputs, SIMSENSE_TYPE_OUTPUT_DESC, "outputs[0]")->size_bytes;
+  for (uint32_t i = 0; i < count; ++i) {
+    const auto* at = reinterpret_cast<const simsense_output_desc*>(reinterpret_cast<const unsigned char*>(outputs) + i * stride);
+    const std::string name = "outputs[" + std::to_string(i) + "]";
+    const simsense_output_desc output = ks::read_struct(at, SIMSENSE_TYPE_OUTPUT_DESC, name.c_str());
+    read.push_back({output.output, read_image(output.image, name.c_str())});
+  }
+  return read;
+}
+
+void copy_rotation(const simsense::Rotation& rotation, double matrix[16]) {
+  std::fill(matrix, matrix + 16, 0.0);
+  for (size_t i = 0; i < 3; ++i)
+    for (size_t j = 0; j < 3; ++j) matrix[4 * i + j] = rotation[3 * i + j];
+  matrix[15] = 1;
+}
+
+}  // namespace
+
+extern "C" {
+
+ks_status simsense_engine_create(simsense_device device, const simsense_rig_desc* rig, const simsense_parameters* parameters,
+                                 simsense_engine* out) {
+  return ks::guard([&] {
+    ks::clear_out(out);
+    const auto known_rig = ks::read_struct(rig, SIMSENSE_TYPE_RIG_DESC, "rig");
+    *out =
+        new simsense_engine_t(std::make_shared<simsense::Engine>(ks::object_of(device, "device"), known_rig, read_parameters(parameters)));
+  });
+}
+
+ks_status simsense_engine_set_parameters(simsense_engine engine, const simsense_parameters* parameters) {
+  return ks::guard([&] { ks::object_of(engine, "engine")->set_parameters(read_parameters(parameters)); });
+}
+
+ks_status simsense_engine_get_parameters(simsense_engine engine, simsense_parameters* out) {
+  return ks::guard([&] { ks::write_struct(out, ks::object_of(engine, "engine")->parameters(), SIMSENSE_TYPE_PARAMETERS, "out"); });
+}
+
+void simsense_engine_retain(simsense_engine engine) { ks::retain(engine, "engine"); }
+
+void simsense_engine_release(simsense_engine engine) { ks::release(engine, "engine"); }
+
+ks_status simsense_engine_get_rectified(simsense_engine engine, double* k, double* baseline_m, double* left_to_rectified) {
+  return ks::guard([&] {
+    const simsense::StereoGeometry& geometry = ks::object_of(engine, "engine")->geometry();
+    const simsense::Pinhole& c = geometry.camera;
+    const double matrix[9] = {c.fx, 0, c.cx, 0, c.fy, c.cy, 0, 0, 1};
+    if (k) std::copy(matrix, matrix + 9, k);
+    if (baseline_m) *baseline_m = geometry.baseline_m;
+    if (left_to_rectified) copy_rotation(geometry.left_to_rectified, left_to_rectified);
+  });
+}
+
+ks_status simsense_engine_compute(simsense_engine engine, const simsense_compute_desc* desc) {
+  return ks::guard([&] {
+    const auto& object = ks::object_of(engine, "engine");
+    const auto known = ks::read_struct(desc, SIMSENSE_TYPE_COMPUTE_DESC, "compute desc");
+    simsense::ComputeRequest request;
+    request.left = read_image(known.left, "left image");
+    request.right = read_image(known.right, "right image");
+    request.outputs = read_outputs(known.outputs, known.output_count);
+    request.progress = known.progress;
+    request.progress_user = known.progress_user;
+    object->compute(request);
+  });
+}
+
+ks_status simsense_engine_get_stage_times(simsense_engine engine, ks_stage_time* times, uint32_t* count) {
+  return ks::guard([&] {
+    if (count == nullptr) ks::fail(KS_ERROR_INVALID_ARGUMENT, "count is NULL");
+    const std::vector<ks_stage_time>& known = ks::object_of(engine, "engine")->stage_times();
+    if (times) std::copy_n(known.begin(), std::min<size_t>(*count, known.size()), times);
+    *count = static_cast<uint32_t>(known.size());
+  });
+}
+
+}  // extern "C"
