@@ -1,0 +1,39 @@
+"""The sensor's configuration in the engine's terms."""
+
+# SAPIEN's noise at scale 1: a gamma factor of shape 1333.33 and mean 1, and Gaussian noise of 0.25 counts.
+SPECKLE_SHAPE = 1333.33
+THERMAL_SIGMA_DN = 0.25
+
+
+def noise_parameters(config):
+    speckle, thermal = config.ir_speckle_noise, config.ir_thermal_noise
+    if speckle < 0 or (speckle > 0 and thermal <= 0):
+        raise ValueError(f"noise scales must be positive, or ir_speckle_noise 0 for none; they are {speckle} and {thermal}")
+    if speckle == 0:
+        return {"speckle_shape": 0.0, "speckle_scale": 0.0, "gaussian_mu_dn": 0.0, "gaussian_sigma_dn": 0.0}
+    return {
+        "speckle_shape": SPECKLE_SHAPE / speckle,
+        "speckle_scale": speckle / SPECKLE_SHAPE,
+        "gaussian_mu_dn": 0.0,
+        "gaussian_sigma_dn": THERMAL_SIGMA_DN * thermal,
+    }
+
+
+def engine_parameters(config):
+    """Keyword arguments of simsense.Engine, noise included."""
+    return {
+        "census_width": config.census_width,
+        "census_height": config.census_height,
+        "max_disparity": config.max_disp,
+        "block_width": config.block_width,
+        "block_height": config.block_height,
+        "p1": config.p1_penalty,
+        "p2": config.p2_penalty,
+        "uniqueness_ratio": min(config.uniqueness_ratio, 100),
+        "lr_max_diff": -1 if config.lr_max_diff == 255 else config.lr_max_diff,
+        "median_size": config.median_filter_size,
+        "min_depth_m": config.min_depth,
+        "max_depth_m": config.max_depth,
+        "depth_dilation": bool(config.depth_dilation),
+        **noise_parameters(config),
+    }

@@ -1,0 +1,95 @@
+"""Poses in SAPIEN's manner, and the one place where its axes meet ours.
+
+SAPIEN's body axes: x forward, y left, z up. Camera axes (kuafu, simsense, OpenCV): x right, y down, z forward. Only this file knows both.
+"""
+
+import numpy as np
+
+CAMERA_TO_BODY = np.array([[0.0, 0.0, 1.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+CAMERA_TO_BODY.setflags(write=False)
+
+
+class Pose:
+    """A rigid motion: position p in metres and unit quaternion q = (w, x, y, z), as sapien.Pose. a * b applies b first."""
+
+    def __init__(self, p=(0.0, 0.0, 0.0), q=(1.0, 0.0, 0.0, 0.0)):
+        matrix = np.asarray(p, dtype=np.float64)
+        if matrix.shape == (4, 4):
+            p, q = matrix[:3, 3], _quaternion(matrix[:3, :3])
+        self.p = np.array(p, dtype=np.float64)
+        self.q = np.array(q, dtype=np.float64)
+        norm = np.linalg.norm(self.q)
+        if self.p.shape != (3,) or self.q.shape != (4,) or not np.isfinite(self.p).all() or not norm > 0.0 or not np.isfinite(norm):
+            raise ValueError(f"a pose needs a position of 3 and a quaternion of 4 finite numbers, or a rigid 4x4 matrix; got {p} and {q}")
+        self.q /= norm
+
+    def to_transformation_matrix(self):
+        """4x4, body to parent."""
+        w, x, y, z = self.q
+        out = np.eye(4)
+        out[:3, :3] = [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+        out[:3, 3] = self.p
+        return out
+
+    def inv(self):
+        return Pose(np.linalg.inv(self.to_transformation_matrix()))
+
+    def __mul__(self, other):
+        return Pose(self.to_transformation_matrix() @ as_matrix(other))
+
+    def __repr__(self):
+        return f"Pose({np.round(self.p, 6).tolist()}, {np.round(self.q, 6).tolist()})"
+
+
+def as_matrix(pose):
+    """4x4 of a Pose, of anything with to_transformation_matrix() such as sapien.Pose, or of a 4x4 array."""
+    if hasattr(pose, "to_transformation_matrix"):
+        return np.asarray(pose.to_transformation_matrix(), dtype=np.float64)
+    return Pose(pose).to_transformation_matrix()
+
+
+def camera_to_world(pose):
+    """camera_to_world (camera axes) of a camera whose body stands at `pose` (body axes)."""
+    return as_matrix(pose) @ CAMERA_TO_BODY
+
+
+def body_pose(camera_to_world):
+    """The Pose, in body axes, of a camera with this camera_to_world (camera axes)."""
+    return Pose(np.asarray(camera_to_world, dtype=np.float64) @ CAMERA_TO_BODY.T)
+
+
+def camera_to_camera(pose_a, pose_b):
+    """a_to_b in camera axes, for two bodies whose poses (body axes) are given in one common frame."""
+    return np.linalg.inv(camera_to_world(pose_b)) @ camera_to_world(pose_a)
+
+
+def look_at(eye, target, up):
+    """camera_to_world of a camera at `eye` that looks at `target` with `up` upwards in the image. World axes are whatever the three are given in."""
+    eye, target, up = (np.asarray(v, dtype=np.float64) for v in (eye, target, up))
+    forward = (target - eye) / np.linalg.norm(target - eye)
+    right = np.cross(forward, up)
+    right /= np.linalg.norm(right)
+    out = np.eye(4)
+    out[:3, 0], out[:3, 1], out[:3, 2], out[:3, 3] = right, np.cross(forward, right), forward, eye
+    return out
+
+
+def _quaternion(rotation):
+    """(w, x, y, z) of a rotation: the eigenvector of Bar-Itzhack's symmetric matrix, good at every angle (J. Guidance 23(6), 2000)."""
+    if not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-4) or np.linalg.det(rotation) < 0:
+        raise ValueError("the matrix is not a rigid motion: its 3x3 part is not a rotation")
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = rotation
+    k = np.array(
+        [
+            [xx + yy + zz, zy - yz, xz - zx, yx - xy],
+            [zy - yz, xx - yy - zz, yx + xy, xz + zx],
+            [xz - zx, yx + xy, yy - xx - zz, zy + yz],
+            [yx - xy, xz + zx, zy + yz, zz - xx - yy],
+        ]
+    )
+    q = np.linalg.eigh(k)[1][:, 3]
+    return q if q[0] >= 0 else -q

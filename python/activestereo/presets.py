@@ -1,0 +1,164 @@
+"""Sensor presets: StereoDepthSensorConfig("D435") or ("D415"). Names and defaults are SAPIEN's; what SAPIEN has no name for follows them.
+
+Exposure. A pixel's noise-free count is ir_camera_exposure * ir_responsivity_dn * radiance. With the projector's peak of 3 W/sr, which is the D435's 360 mW
+spread over its field with one dot in 80 pixels, bright dots on a surface of albedo 0.5 reach about 240 counts at 0.55 m, 140 at 0.7 m, 70 at 1 m and 30 at
+1.5 m: no clipping in the middle of a table-top and dots well above the noise at its far end. Real devices adapt their exposure; these do not.
+"""
+
+from copy import deepcopy
+
+import numpy as np
+
+from activestereo.pattern import PatternDesign, make_pattern
+from activestereo.pose import Pose
+
+# Calibration of one D435, as in SAPIEN: both IR cameras are turned alike against the RGB camera, by 0.9 degrees.
+_D435_IR_ROTATION = [
+    [0.9999489188194275, 0.009671091102063656, 0.0029452370945364237],
+    [-0.009709948673844337, 0.999862015247345, 0.013478035107254982],
+    [-0.0028144833631813526, -0.013505944050848484, 0.9999048113822937],
+]
+
+
+def _d435_pose(x, y, z):
+    matrix = np.eye(4)
+    matrix[:3, :3] = _D435_IR_ROTATION
+    matrix[:3, 3] = x, y, z
+    return Pose(matrix)
+
+
+def _k(fx, fy, cx, cy):
+    return np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+
+
+def _d415():
+    return {
+        "rgb_resolution": (1920, 1080),
+        "ir_resolution": (1280, 720),
+        "rgb_intrinsic": _k(1380.0, 1380.0, 960.0, 540.0),
+        "ir_intrinsic": _k(920.0, 920.0, 640.0, 360.0),
+        "trans_pose_l": Pose([0.0, -0.0175, 0.0]),
+        "trans_pose_r": Pose([0.0, -0.0720, 0.0]),
+        "pose_rgb_irproj": Pose(),
+        "active_light_fov": 1.57,
+        "pattern_design": PatternDesign(width=1920, height=1080, dot_pitch_px=14.6, dot_sigma_px=1.75, seed=2),
+    }
+
+
+def _d435():
+    return {
+        "rgb_resolution": (848, 480),
+        "ir_resolution": (848, 480),
+        "rgb_intrinsic": _k(605.12158203125, 604.905517578125, 424.5927734375, 236.668975830078),
+        "ir_intrinsic": _k(430.139801025391, 430.139801025391, 425.162841796875, 235.276519775391),
+        "trans_pose_l": _d435_pose(0.00015650546993128955, -0.014897654764354229, -1.1531494237715378e-05),
+        "trans_pose_r": _d435_pose(-0.0003285693528596312, -0.06504792720079422, 0.0006658887723460793),
+        "pose_rgb_irproj": _d435_pose(0.0, -0.044, 0.0),
+        "active_light_fov": float(np.deg2rad(102.0)),
+        "pattern_design": PatternDesign(width=1696, height=954, dot_pitch_px=14.4, dot_sigma_px=1.6, seed=2),
+    }
+
+
+_MODELS = {"D415": _d415, "D435": _d435}
+
+
+class StereoDepthSensorConfig:
+    """Everything about a sensor; change any field before making the sensor. Raises ValueError for an unknown model."""
+
+    SUPPORTED_MODELS = tuple(_MODELS)
+
+    def __init__(self, model="D435"):
+        if str(model).upper() not in _MODELS:
+            raise ValueError(f"unknown sensor '{model}' (known: {', '.join(_MODELS)})")
+        self.model = str(model).upper()
+        preset = _MODELS[self.model]()
+
+        # Cameras. Resolutions are (width, height); poses are those of the IR cameras and the projector in the RGB camera's body frame
+        # (x forward, y left, z up).
+        self.rgb_resolution = preset["rgb_resolution"]
+        self.ir_resolution = preset["ir_resolution"]
+        self.rgb_intrinsic = preset["rgb_intrinsic"]
+        self.ir_intrinsic = preset["ir_intrinsic"]
+        self.trans_pose_l = preset["trans_pose_l"]
+        self.trans_pose_r = preset["trans_pose_r"]
+        self.rectified = True
+
+        # Projector. active_light_fov: the pattern image's horizontal angle, radians. light_pattern: "generated" from pattern_design, an 8-bit gray
+        # array, the path of an image, or None for no projector.
+        self.pose_rgb_irproj = preset["pose_rgb_irproj"]
+        self.active_light_fov = preset["active_light_fov"]
+        self.light_pattern = "generated"
+        self.pattern_design = preset["pattern_design"]
+        self.projector_intensity = 3.0  # W/sr where the pattern is 1
+
+        # Exposure and infrared light. ir_camera_exposure in seconds; ir_responsivity_dn in counts per W s / (sr m^2).
+        self.ir_camera_exposure = 0.01
+        self.ir_responsivity_dn = 16000.0
+        self.ir_light_dim_factor = 0.05  # what a visible light gives in the infrared, where it does not say
+        self.ir_ambient_strength = 0.002  # weak ambient infrared radiance, W/(sr m^2)
+        self.rgb_exposure = None  # colour value per radiance; None = so that one pixel in fifty is brighter than white
+
+        # Noise: 1 is SAPIEN's level (a gamma factor of 2.7 % and 0.25 counts), 0 for ir_speckle_noise switches both off.
+        self.ir_noise_seed = 0
+        self.ir_speckle_noise = 1.0
+        self.ir_thermal_noise = 1.0
+
+        # Matching.
+        self.census_width = 7
+        self.census_height = 7
+        self.max_disp = 128
+        self.block_width = 7
+        self.block_height = 7
+        self.p1_penalty = 8
+        self.p2_penalty = 32
+        self.uniqueness_ratio = 15
+        self.lr_max_diff = 1
+        self.median_filter_size = 3
+
+        # Depth, metres.
+        self.min_depth = 0.2
+        self.max_depth = 10.0
+        self.depth_dilation = True
+
+        # Rendering.
+        self.samples_per_pixel = 16
+        self.max_bounces = 8
+        self.render_seed = 0
+
+    @property
+    def focal_baseline_px_m(self):
+        """f * B of the IR pair: depth = this / disparity."""
+        baseline_m = np.linalg.norm(self.trans_pose_r.p - self.trans_pose_l.p)
+        return float(self.ir_intrinsic[0, 0] * baseline_m)
+
+    def scaled(self, factor):
+        """A copy with all images and the disparity range `factor` times as large: the same fields of view, projector and depth range."""
+        out = deepcopy(self)
+        out.max_disp = max(32, round(self.max_disp * factor))
+        for camera in ("rgb", "ir"):
+            old = np.array(getattr(self, f"{camera}_resolution"))
+            new = np.maximum(np.rint(old * factor).astype(int), 1)
+            ratio = np.array([new[0] / old[0], new[1] / old[1], 1.0])
+            k = getattr(self, f"{camera}_intrinsic").copy()
+            k[:2, 2] += 0.5  # pixel centres are at integers: the image's corner is at -0.5
+            k = k * ratio[:, None]
+            k[:2, 2] -= 0.5
+            setattr(out, f"{camera}_resolution", (int(new[0]), int(new[1])))
+            setattr(out, f"{camera}_intrinsic", k)
+        return out
+
+    def pattern(self):
+        """The projector's image as uint8 [height, width] and its 3x3 K, or None where there is no projector."""
+        if self.light_pattern is None:
+            return None
+        if isinstance(self.light_pattern, str) and self.light_pattern == "generated":
+            image = make_pattern(self.pattern_design)
+        elif isinstance(self.light_pattern, np.ndarray):
+            image = self.light_pattern
+        else:
+            from activestereo.images import read_gray
+
+            image = read_gray(self.light_pattern, key="light_pattern")
+        height, width = image.shape
+        focal = 0.5 * width / np.tan(0.5 * self.active_light_fov)
+        return image, _k(focal, focal, 0.5 * (width - 1), 0.5 * (height - 1))

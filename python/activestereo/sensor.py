@@ -1,0 +1,311 @@
+"""StereoDepthSensor: an RGB camera, an infrared pair and a pattern projector in a kuafu scene, and simsense behind them. Names are SAPIEN's."""
+
+from copy import deepcopy
+from os import PathLike
+
+import numpy as np
+
+import kuafu
+import simsense
+from activestereo.ir_link import IrLink
+from activestereo.matching import engine_parameters, noise_parameters
+from activestereo.pose import Pose, as_matrix, camera_to_camera, camera_to_world
+
+RGB_OUTPUTS = ("radiance", "depth", "material_id", "instance_id")
+
+
+class Mount:
+    """A scene and a pose in it that sensors move along with, as an entity does in SAPIEN."""
+
+    def __init__(self, scene, pose=None):
+        self.scene = scene
+        self.pose = pose or Pose()
+
+
+class StereoDepthSensor:
+    """An active stereo depth sensor.
+
+    config: a StereoDepthSensorConfig; it is copied. scene_or_mount: a kuafu.Scene, a Mount, or the path of a scene file. pose: the RGB camera's pose, in
+    the scene or relative to the mount; body axes (x forward, y left, z up) as in SAPIEN. device: 'auto', 'cpu', an index or a kuafu.Device, where the
+    scene does not bring its own. copy_ir: copies the infrared pair between the libraries instead of sharing its memory.
+    The projector becomes a light of the scene, seen in the infrared only, until close(). Not for use from several threads at once.
+    """
+
+    def __init__(self, config, scene_or_mount, pose=None, device="auto", copy_ir=False):
+        self._config = deepcopy(config)
+        self._mount = _as_mount(scene_or_mount, device)
+        self._pose = pose or Pose()
+        self._scene = self._mount.scene
+        self._device = self._scene.device
+        self._renderer = kuafu.Renderer(self._device)
+        self._engine = self._make_engine()
+        width, height = self._config.ir_resolution
+        self._link = IrLink(self._device, self._engine.device, width, height, copy=copy_ir)
+        self._light = self._add_projector()
+        self._rgb = self._result = None
+        self._stage_times = {}
+        self._frame = -1
+
+    # ---- taking pictures ----
+
+    def take_picture(self, infrared_only=False, progress=None):
+        """Renders the infrared pair, and before it the RGB picture unless infrared_only. progress(fraction) may return True to cancel."""
+        self._place_projector()
+        frame = self._frame + 1
+        share = 0.0 if infrared_only else 0.5
+        if not infrared_only:
+            rgb = self._render([self.rgb_camera()], RGB_OUTPUTS, "visible", frame, _part(progress, 0.0, share))
+            self._rgb = {name: image[0] for name, image in rgb.items()}
+            self._keep_times("rgb", self._renderer)
+        self._render(self.ir_cameras(), {"radiance": self._link.target}, "infrared", frame, _part(progress, share, 1.0))
+        self._keep_times("ir", self._renderer)
+        self._link.deliver()
+        self._result = None
+        self._frame = frame
+
+    def compute_depth(self):
+        """Noise, matching, registration of the last picture. The same picture gives the same depth."""
+        self._require_picture()
+        self._engine.set_parameters(frame_index=self._frame)
+        self._result = self._engine.compute(self._link.left, self._link.right, ("depth_rgb", "disparity", "ir_left", "ir_right"))
+        self._keep_times("depth", self._engine)
+
+    # ---- results ----
+
+    def get_rgb(self):
+        """float32 [height, width, 3] in 0..1, sRGB-encoded."""
+        self._require_rgb()
+        radiance = self._rgb["radiance"]
+        exposure = self._config.rgb_exposure
+        if exposure is None:
+            bright = np.percentile(radiance.max(axis=2), 98.0)
+            exposure = 1.0 / bright if bright > 0 else 1.0
+        return srgb(radiance * np.float32(exposure))
+
+    def get_ir(self):
+        """[left, right] float32 [height, width] in 0..1: what the imagers would count without noise, over full scale."""
+        self._require_picture()
+        return [np.clip(image * np.float32(self.ir_gain / 255.0), 0.0, 1.0) for image in self._link.images]
+
+    def get_ir_measured(self):
+        """[left, right] uint8 [height, width]: what the sensor gives, with noise."""
+        self._require_depth()
+        return [self._result["ir_left"], self._result["ir_right"]]
+
+    def get_depth(self):
+        """float32 [height, width] metres in the RGB camera, at its resolution; 0 = no measurement."""
+        self._require_depth()
+        return self._result["depth_rgb"]
+
+    def get_disparity(self):
+        """float32 [height, width] pixels in the left infrared camera; -1 = no measurement."""
+        self._require_depth()
+        return self._result["disparity"]
+
+    def get_pointcloud(self, with_rgb=False):
+        """float32 [n, 3], metres in the RGB camera's axes (x right, y down, z forward); with_rgb: [n, 6], colours 0..1."""
+        depth = self.get_depth()
+        v, u = np.nonzero(depth)
+        z = depth[v, u].astype(np.float64)
+        k = self._config.rgb_intrinsic
+        rays = np.linalg.inv(k) @ np.stack([u, v, np.ones_like(u)]).astype(np.float64)
+        points = (rays * z).T.astype(np.float32)
+        return np.hstack([points, self.get_rgb()[v, u]]) if with_rgb else points
+
+    def get_true_depth(self):
+        """float32 [height, width] metres in the RGB camera of the first surface at each pixel's centre; 0 = none."""
+        self._require_rgb()
+        return self._rgb["depth"][..., 0]
+
+    def get_material_ids(self):
+        """uint32 [height, width] in the RGB camera; scene.material_name() names them, 0xffffffff = nothing there."""
+        self._require_rgb()
+        return self._rgb["material_id"][..., 0]
+
+    def get_instance_ids(self):
+        """uint32 [height, width] in the RGB camera; scene.instance_name() names them, 0xffffffff = nothing there."""
+        self._require_rgb()
+        return self._rgb["instance_id"][..., 0]
+
+    # ---- the sensor itself ----
+
+    def get_config(self):
+        """A copy."""
+        return deepcopy(self._config)
+
+    def get_pose(self):
+        """The RGB camera's pose in the scene (body axes)."""
+        return Pose(as_matrix(self._mount.pose) @ as_matrix(self._pose))
+
+    def set_local_pose(self, pose):
+        """Pose relative to the mount, or in the scene where there is none."""
+        self._pose = Pose(as_matrix(pose))
+
+    @property
+    def scene(self):
+        return self._scene
+
+    @property
+    def device(self):
+        return self._device
+
+    @property
+    def engine(self):
+        """The depth engine, a simsense.Engine."""
+        return self._engine
+
+    @property
+    def ir_memory(self):
+        """How the infrared pair reaches the engine: 'opaque_fd', 'host' or 'copy'."""
+        return self._link.memory
+
+    @property
+    def ir_gain(self):
+        """Counts per W/(sr m^2)."""
+        return self._config.ir_camera_exposure * self._config.ir_responsivity_dn
+
+    @property
+    def stage_times(self):
+        """{stage: milliseconds} of the last take_picture and compute_depth."""
+        return dict(self._stage_times)
+
+    def rgb_camera(self):
+        return self._camera(self._config.rgb_resolution, self._config.rgb_intrinsic, Pose())
+
+    def ir_cameras(self):
+        """The left and the right one."""
+        poses = (self._config.trans_pose_l, self._config.trans_pose_r)
+        return [self._camera(self._config.ir_resolution, self._config.ir_intrinsic, pose) for pose in poses]
+
+    def close(self):
+        """Takes the projector out of the scene."""
+        if self._light is not None:
+            self._scene.remove_light(self._light)
+            self._light = None
+
+    # ---- parameters ----
+
+    def set_ir_noise(self, ir_speckle_noise, ir_thermal_noise):
+        """Scales of the default noise; ir_speckle_noise 0 switches both off."""
+        changed = self._changed(ir_speckle_noise=ir_speckle_noise, ir_thermal_noise=ir_thermal_noise)
+        self._apply(changed, noise_parameters(changed))
+
+    def set_census_window_size(self, census_width, census_height):
+        self._set(census_width=census_width, census_height=census_height)
+
+    def set_matching_block_size(self, block_width, block_height):
+        self._set(block_width=block_width, block_height=block_height)
+
+    def set_penalties(self, p1_penalty, p2_penalty):
+        self._set(p1_penalty=p1_penalty, p2_penalty=p2_penalty)
+
+    def set_uniqueness_ratio(self, uniqueness_ratio):
+        self._set(uniqueness_ratio=uniqueness_ratio)
+
+    def set_lr_max_diff(self, lr_max_diff):
+        """255 switches the check off."""
+        self._set(lr_max_diff=lr_max_diff)
+
+    # ---- inside ----
+
+    def _set(self, **changes):
+        changed = self._changed(**changes)
+        self._apply(changed, engine_parameters(changed))
+
+    def _changed(self, **changes):
+        config = deepcopy(self._config)
+        for name, value in changes.items():
+            setattr(config, name, value)
+        return config
+
+    def _apply(self, config, parameters):
+        self._engine.set_parameters(**parameters)
+        self._config = config
+
+    def _make_engine(self):
+        c = self._config
+        ir = simsense.Camera(*c.ir_resolution, c.ir_intrinsic)
+        rgb = simsense.Camera(*c.rgb_resolution, c.rgb_intrinsic)
+        return simsense.Engine(
+            simsense.Device(self._device.info.device_uuid),
+            ir,
+            ir,
+            camera_to_camera(c.trans_pose_l, c.trans_pose_r),
+            rgb=rgb,
+            left_to_rgb=camera_to_camera(c.trans_pose_l, Pose()),
+            rectified=c.rectified,
+            gain=self.ir_gain,
+            noise_seed=c.ir_noise_seed,
+            **engine_parameters(c),
+        )
+
+    def _add_projector(self):
+        pattern = self._config.pattern()
+        if pattern is None:
+            return None
+        image, k = pattern
+        texture = self._scene.add_texture(image, name="projector pattern")
+        self._projector = kuafu.Light(kind="projector", name="projector", texture=texture, k=k, ir_intensity=self._config.projector_intensity)
+        return self._scene.add_light(self._projector)
+
+    def _place_projector(self):
+        if self._light is not None:
+            self._projector.light_to_world = camera_to_world(self.get_pose() * self._config.pose_rgb_irproj)
+            self._scene.set_light(self._light, self._projector)
+
+    def _camera(self, resolution, k, pose_in_rgb):
+        return kuafu.Camera(*resolution, k, camera_to_world(self.get_pose() * pose_in_rgb))
+
+    def _render(self, cameras, outputs, band, frame, progress):
+        c = self._config
+        return self._renderer.render(
+            self._scene,
+            cameras,
+            outputs,
+            band=band,
+            spp=c.samples_per_pixel,
+            max_bounces=c.max_bounces,
+            seed=(c.render_seed << 32) + frame,
+            ir_ambient_scale=c.ir_light_dim_factor,
+            ir_ambient_radiance=c.ir_ambient_strength,
+            progress=progress,
+        )
+
+    def _keep_times(self, group, worker):
+        kept = {name: t for name, t in self._stage_times.items() if not name.startswith(f"{group}: ")}
+        self._stage_times = kept | {f"{group}: {name}": t for name, t in worker.stage_times.items()}
+
+    def _require_picture(self):
+        if self._frame < 0:
+            raise RuntimeError("no picture yet: call take_picture() first")
+
+    def _require_rgb(self):
+        if self._rgb is None:
+            raise RuntimeError("no RGB picture yet: call take_picture() first, without infrared_only")
+
+    def _require_depth(self):
+        if self._result is None:
+            raise RuntimeError("no depth of this picture yet: call compute_depth() after take_picture()")
+
+
+def srgb(linear):
+    """sRGB's transfer curve (IEC 61966-2-1) on linear values, clipped to 0..1."""
+    linear = np.clip(linear, 0.0, 1.0)
+    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055).astype(np.float32)
+
+
+def _as_mount(scene_or_mount, device):
+    if isinstance(scene_or_mount, kuafu.Scene):
+        return Mount(scene_or_mount)
+    if isinstance(scene_or_mount, (str, PathLike)):
+        scene = kuafu.Scene(device if isinstance(device, kuafu.Device) else kuafu.Device(device))
+        scene.load(scene_or_mount)
+        return Mount(scene)
+    if isinstance(getattr(scene_or_mount, "scene", None), kuafu.Scene):
+        return scene_or_mount
+    raise TypeError(f"a sensor needs a kuafu.Scene, a Mount or the path of a scene file, not {type(scene_or_mount).__name__}")
+
+
+def _part(progress, start, end):
+    """`progress` for a call that is only the part start..end of the work."""
+    return None if progress is None else lambda fraction: progress(start + (end - start) * fraction)
