@@ -1,0 +1,39 @@
+// Zero-filled, cache-line aligned work memory; large ones ask for huge pages, because the matcher walks many megabytes per frame.
+#pragma once
+
+#include <sys/mman.h>
+
+#include <cstddef>
+#include <cstdlib>
+#include <cstring>
+#include <memory>
+#include <new>
+
+namespace simsense::cpu {
+
+constexpr size_t round_up(size_t value, size_t multiple) { return (value + multiple - 1) / multiple * multiple; }
+
+template <class T>
+class Buffer {
+ public:
+  Buffer() = default;
+  explicit Buffer(size_t count) {
+    constexpr size_t huge_page_bytes = size_t{2} << 20;
+    const size_t alignment = count * sizeof(T) >= huge_page_bytes ? huge_page_bytes : 64;
+    const size_t bytes = round_up(count * sizeof(T) + 64, alignment);  // one vector of slack behind the last element
+    data_.reset(static_cast<T*>(std::aligned_alloc(alignment, bytes)));
+    if (!data_) throw std::bad_alloc();
+    if (alignment == huge_page_bytes) madvise(data_.get(), bytes, MADV_HUGEPAGE);
+    std::memset(data_.get(), 0, bytes);
+  }
+  T* data() { return data_.get(); }
+  [[nodiscard]] const T* data() const { return data_.get(); }
+
+ private:
+  struct Free {
+    void operator()(T* p) const { std::free(p); }
+  };
+  std::unique_ptr<T, Free> data_;
+};
+
+}  // namespace simsense::cpu

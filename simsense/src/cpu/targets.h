@@ -1,0 +1,7 @@
+// Included (not once) by each file that is compiled for every instruction set; HWY_TARGET_INCLUDE names that file.
+// AVX3_DL brings the byte popcount; SSSE3 alone is not worth its code (every such CPU falls back to the portable target).
+#ifndef HWY_WANT_AVX3_DL
+#define HWY_WANT_AVX3_DL
+#define HWY_DISABLED_TARGETS HWY_SSSE3
+#endif
+#include "hwy/foreach_target.h"

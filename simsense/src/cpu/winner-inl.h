@@ -1,0 +1,134 @@
+// Winner over the disparities for a vector of pixels, while the sums come in: lowest cost, its neighbours, uniqueness, and each right
+// pixel's winner.
+#if defined(SIMSENSE_CPU_WINNER_INL_H_) == defined(HWY_TARGET_TOGGLE)
+#ifdef SIMSENSE_CPU_WINNER_INL_H_
+#undef SIMSENSE_CPU_WINNER_INL_H_
+#else
+#define SIMSENSE_CPU_WINNER_INL_H_
+#endif
+
+#include <algorithm>
+#include <vector>
+
+#include "cpu/lanes-inl.h"
+
+HWY_BEFORE_NAMESPACE();
+namespace simsense::cpu::HWY_NAMESPACE {
+
+/// What is known of each pixel of a row after the winner stage.
+template <class T>
+struct WinnerRow {
+  T *disparity, *before, *lowest, *after;  // winner and the costs at winner - 1, winner, winner + 1
+  T* ambiguous;                            // nonzero: not unique
+  T *right_lowest, *right_disparity;       // per right pixel; may be written up to max_disparity columns left of the image
+};
+
+/// The summed costs of one vector of pixels, [d][lanes data, lanes `unreachable`]: a vector read off its place by k lanes finds no stranger
+/// there.
+template <class T>
+class SummedCosts {
+ public:
+  explicit SummedCosts(size_t disparities) : storage_((disparities + 2) * 2 * lanes) {
+    std::fill_n(storage_.data(), (disparities + 2) * 2 * lanes, hwy::LimitsMax<T>());
+  }
+  T* row(size_t d) { return storage_.data() + (2 * d + 2) * lanes; }
+
+ private:
+  static constexpr size_t lanes = lane_count<T>;
+  Buffer<T> storage_;
+};
+
+/// Visitor of the last path: sums the four, and follows the lowest sum. `across` and `up` hold m of two paths and of the one opposite.
+template <class T>
+struct SumAndWinner {
+  using V = Vector<T>;
+  const T* HWY_RESTRICT across;
+  const T* HWY_RESTRICT up;
+  T* HWY_RESTRICT summed;
+  V lowest, winner, index, before, after, last;
+  hn::Mask<Lanes<T>> last_stayed;
+
+  HWY_INLINE SumAndWinner(const T* across_row, const T* up_row, T* summed_row) : across(across_row), up(up_row), summed(summed_row) {
+    const Lanes<T> tag;
+    lowest = before = after = last = hn::Set(tag, hwy::LimitsMax<T>());
+    winner = index = hn::Zero(tag);
+    last_stayed = hn::Eq(index, index);
+  }
+  HWY_INLINE void operator()(size_t d, V m, V cost) {
+    const Lanes<T> tag;
+    constexpr size_t lanes = lane_count<T>;
+    const V horizontal = hn::Load(tag, across + d * lanes), vertical = hn::Add(m, hn::Load(tag, up + d * lanes));
+    const V sum = hn::Add(quarter_sum(horizontal, vertical), cost);
+    hn::Store(sum, tag, summed + d * 2 * lanes);
+    const V lower = hn::Min(lowest, sum);
+    const auto stays = hn::Eq(lower, lowest);  // on a tie the smaller disparity stays
+    after = hn::IfThenElse(last_stayed, after, sum);
+    before = hn::IfThenElse(stays, before, last);
+    winner = hn::IfThenElse(stays, winner, index);
+    lowest = lower;
+    last = sum;
+    last_stayed = stays;
+    index = hn::Add(index, hn::Set(tag, 1));
+  }
+  /// A winner at the last disparity has nothing after it.
+  HWY_INLINE void finish() { after = hn::IfThenElse(last_stayed, after, hn::Set(Lanes<T>(), hwy::LimitsMax<T>())); }
+};
+
+/// For each cost c of a winner, the lowest cost that another disparity may have: the smallest t with t * (100 - ratio) >= c * 100.
+template <class T>
+std::vector<T> uniqueness_thresholds(uint32_t ratio, size_t max_cost) {
+  std::vector<T> thresholds(max_cost + 1);
+  for (size_t c = 0; c <= max_cost; ++c) {
+    const size_t rest = 100 - ratio;
+    const size_t threshold = rest > 0 ? (c * 100 + rest - 1) / rest : (c > 0 ? hwy::LimitsMax<T>() : 0);
+    thresholds[c] = static_cast<T>(std::min<size_t>(threshold, hwy::LimitsMax<T>()));
+  }
+  return thresholds;
+}
+
+/// Nonzero where a disparity that is no neighbour of the winner lies below its threshold: more of them than winner and neighbours make up.
+template <class T>
+HWY_INLINE Vector<T> ambiguity(const SumAndWinner<T>& w, size_t disparities, const T* summed, const std::vector<T>& thresholds) {
+  const Lanes<T> tag;
+  constexpr size_t lanes = lane_count<T>;
+  HWY_ALIGN T per_lane[lanes];
+  hn::Store(hn::Min(w.lowest, hn::Set(tag, static_cast<T>(thresholds.size() - 1))), tag, per_lane);
+  for (T& value : per_lane) value = thresholds[value];
+  const auto threshold = hn::Load(tag, per_lane);
+  auto count = hn::Zero(tag);  // counts downwards: a true mask is -1
+#pragma GCC unroll 8
+  for (size_t d = 0; d < disparities; ++d) {
+    count = hn::Add(count, hn::VecFromMask(tag, hn::Lt(hn::Load(tag, summed + d * 2 * lanes), threshold)));
+  }
+  const auto own = hn::Add(hn::VecFromMask(tag, hn::Lt(w.lowest, threshold)),
+                           hn::Add(hn::VecFromMask(tag, hn::Lt(w.before, threshold)), hn::VecFromMask(tag, hn::Lt(w.after, threshold))));
+  return hn::Xor(count, own);
+}
+
+/// Offers each pixel's costs to the right pixels they belong to: column x at disparity d is right column x - d. Blocks come from left to
+/// right, so a right pixel meets its disparities in rising order and the smaller one wins a tie.
+template <class T>
+HWY_INLINE void offer_to_right(size_t disparities, const T* summed, T* HWY_RESTRICT right_lowest, T* HWY_RESTRICT right_disparity) {
+  const Lanes<T> tag;
+  constexpr ptrdiff_t lanes = static_cast<ptrdiff_t>(lane_count<T>);
+  const ptrdiff_t last = static_cast<ptrdiff_t>(disparities) - 1;
+  for (ptrdiff_t shift = 0; shift - lanes < last; shift += lanes) {
+    auto lowest = hn::LoadU(tag, right_lowest - shift), winner = hn::LoadU(tag, right_disparity - shift);
+    const ptrdiff_t first = std::max<ptrdiff_t>(0, shift - lanes + 1), end = std::min(last, shift + lanes - 1) + 1;
+    auto index = hn::Set(tag, static_cast<T>(first));
+#pragma GCC unroll 4
+    for (ptrdiff_t d = first; d < end; ++d) {
+      const auto sum = hn::LoadU(tag, summed + d * 2 * lanes + d - shift);
+      const auto lower = hn::Min(lowest, sum);
+      winner = hn::IfThenElse(hn::Eq(lower, lowest), winner, index);
+      lowest = lower;
+      index = hn::Add(index, hn::Set(tag, 1));
+    }
+    hn::StoreU(lowest, tag, right_lowest - shift);
+    hn::StoreU(winner, tag, right_disparity - shift);
+  }
+}
+
+}  // namespace simsense::cpu::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+#endif

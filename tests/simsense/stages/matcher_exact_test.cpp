@@ -1,0 +1,149 @@
+// The CPU matcher gives the bits of the scalar reference: over fuzzed parameters and sizes, thread counts, and every instruction set of
+// this machine.
+#include <gtest/gtest.h>
+#include <hwy/targets.h>
+
+#include <algorithm>
+#include <random>
+
+#include "device/thread_pool.h"
+#include "simsense/stages/stereo_pair.h"
+
+namespace {
+
+using simsense::MatchParameters;
+
+std::string describe(size_t width, size_t height, const MatchParameters& p) {
+  std::ostringstream text;
+  text << width << "x" << height << " D " << p.max_disparity << " census " << p.census_width << "x" << p.census_height << " block "
+       << p.block_width << "x" << p.block_height << " p1 " << p.p1 << " p2 " << p.p2 << " uniqueness " << p.uniqueness_ratio << " lr "
+       << p.lr_max_diff << " median " << p.median_size << " parabola " << p.subpixel_parabola;
+  return text.str();
+}
+
+/// Every pixel equal, or where the first difference is.
+void expect_same(const std::vector<float>& expected, const std::vector<float>& actual, size_t width, const std::string& what) {
+  const auto [e, a] = std::mismatch(expected.begin(), expected.end(), actual.begin());
+  if (e == expected.end()) return;
+  const size_t at = static_cast<size_t>(e - expected.begin());
+  size_t count = 0;
+  for (size_t i = 0; i < expected.size(); ++i) count += expected[i] != actual[i];
+  ADD_FAILURE() << what << ": " << count << " pixels differ, first at x " << at % width << " y " << at / width << ": expected " << *e
+                << ", got " << *a;
+}
+
+void compare(const StereoPair& pair, const MatchParameters& p, unsigned threads) {
+  ks::ThreadPool workers(threads);
+  const auto reference = simsense::make_reference_matcher(pair.width, pair.height, p);
+  const auto cpu = simsense::make_cpu_matcher(pair.width, pair.height, p, workers);
+  const auto expected = match(*reference, pair);
+  const std::string what = describe(pair.width, pair.height, p) + " threads " + std::to_string(threads);
+  expect_same(expected, match(*cpu, pair), pair.width, what);
+  expect_same(expected, match(*cpu, pair), pair.width, what + ", second call");
+}
+
+class Fuzz {
+ public:
+  explicit Fuzz(unsigned seed) : random_(seed) {}
+  uint32_t in(uint32_t low, uint32_t high) { return std::uniform_int_distribution<uint32_t>(low, high)(random_); }
+  template <size_t n>
+  uint32_t one_of(const uint32_t (&values)[n]) {
+    return values[in(0, n - 1)];
+  }
+  MatchParameters parameters(bool block) {
+    MatchParameters p;
+    static constexpr uint32_t windows[][2] = {{7, 7}, {7, 7}, {9, 7}, {7, 9}, {5, 5}, {3, 3}, {65, 1}, {1, 65}, {13, 5}, {1, 1}};
+    const auto& window = windows[in(0, 9)];
+    p.census_width = window[0];
+    p.census_height = window[1];
+    p.max_disparity = in(0, 3) == 0 ? in(16, 300) : in(16, 70);
+    static constexpr uint32_t blocks[][2] = {{7, 7}, {3, 5}, {5, 1}, {1, 9}, {15, 17}, {255, 1}, {1, 255}, {11, 3}};
+    const auto& size = blocks[in(0, 7)];
+    p.block_width = block ? size[0] : 1;
+    p.block_height = block ? size[1] : 1;
+    p.p2 = in(2, 223);
+    p.p1 = in(1, p.p2 - 1);
+    p.uniqueness_ratio = one_of({0, 5, 15, 40, 100});
+    p.lr_max_diff = static_cast<int32_t>(in(0, 4)) - 1;
+    p.median_size = one_of({1, 3, 5, 7});
+    p.subpixel_parabola = in(0, 3) != 0;
+    return p;
+  }
+  StereoPair pair() { return random_dots(in(32, 150), in(32, 100), in(0, 20), in(0, 25), in(0, 1u << 30)); }
+
+ private:
+  std::mt19937 random_;
+};
+
+TEST(matcher, fuzzed_parameters_without_block_equal_the_reference) {
+  Fuzz fuzz(1);
+  for (int i = 0; i < 40; ++i) compare(fuzz.pair(), fuzz.parameters(false), fuzz.in(1, 4));
+}
+
+TEST(matcher, fuzzed_parameters_with_block_equal_the_reference) {
+  Fuzz fuzz(2);
+  for (int i = 0; i < 25; ++i) compare(fuzz.pair(), fuzz.parameters(true), fuzz.in(1, 4));
+}
+
+TEST(matcher, byte_engine_equals_the_reference_at_its_limits) {
+  MatchParameters p;
+  p.p1 = 126;
+  p.p2 = 127;
+  p.max_disparity = 256;
+  p.census_width = 65;
+  p.census_height = 1;
+  compare(random_dots(97, 65, 12, 40, 3), p, 2);
+}
+
+TEST(matcher, widest_sums_equal_the_reference) {
+  MatchParameters p;
+  p.p2 = 223;
+  p.block_width = 15;
+  p.block_height = 17;
+  p.census_width = 65;
+  p.census_height = 1;
+  p.max_disparity = 40;
+  compare(random_dots(64, 48, 6, 60, 4), p, 2);
+}
+
+TEST(matcher, thousand_disparities_equal_the_reference) {
+  MatchParameters p;
+  p.max_disparity = 1024;
+  compare(random_dots(64, 32, 9, 10, 5), p, 1);
+}
+
+TEST(matcher, sensor_size_equals_the_reference) {
+  const StereoPair pair = random_dots(960, 540, 37, 10, 6);
+  compare(pair, MatchParameters{}, 2);
+}
+
+TEST(matcher, every_instruction_set_of_this_machine_equals_the_reference) {
+  const auto targets = hwy::SupportedAndGeneratedTargets();
+  ASSERT_FALSE(targets.empty());
+  for (const int64_t target : targets) {
+    SCOPED_TRACE(hwy::TargetName(target));
+    hwy::SetSupportedTargetsForTest(target);
+    Fuzz fuzz(7);
+    for (int i = 0; i < 6; ++i) compare(fuzz.pair(), fuzz.parameters(i % 2 == 1), 2);
+    hwy::SetSupportedTargetsForTest(0);
+  }
+}
+
+TEST(matcher, row_stride_of_the_input_is_honoured) {
+  const StereoPair pair = random_dots(90, 40, 8, 5, 8);
+  const ptrdiff_t stride = 131;
+  std::vector<uint8_t> left(stride * 40, 255), right(stride * 40, 255);
+  for (size_t y = 0; y < 40; ++y) {
+    std::copy_n(&pair.left[y * 90], 90, &left[y * stride]);
+    std::copy_n(&pair.right[y * 90], 90, &right[y * stride]);
+  }
+  MatchParameters p;
+  p.max_disparity = 32;
+  ks::ThreadPool workers(1);
+  const auto cpu = simsense::make_cpu_matcher(90, 40, p, workers);
+  std::vector<float> strided(90 * 40);
+  cpu->match({left.data(), stride}, {right.data(), stride}, strided.data());
+  expect_same(match(*cpu, pair), strided, 90, "strided input");
+}
+
+}  // namespace

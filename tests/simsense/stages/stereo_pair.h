@@ -1,0 +1,43 @@
+// Stereo pairs made for the tests: random dots seen at one disparity, with noise.
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "matcher.h"
+
+struct StereoPair {
+  uint32_t width, height;
+  std::vector<uint8_t> left, right;
+};
+
+/// A random texture; the left image shows it `shift` pixels further right than the right image does. Noise: uniform, +- `noise` counts.
+inline StereoPair random_dots(uint32_t width, uint32_t height, uint32_t shift, uint32_t noise, uint32_t seed) {
+  std::mt19937 random(seed);
+  const auto uniform = [&](int low, int high) { return low + static_cast<int>(random() % static_cast<uint32_t>(high - low + 1)); };
+  const size_t texture_width = width + shift;
+  std::vector<int> texture(texture_width * height);
+  for (int& value : texture) value = uniform(0, 3) == 0 ? uniform(100, 255) : uniform(0, 60);
+  StereoPair pair{width, height, {}, {}};
+  const auto seen = [&](int value) {
+    const int n = static_cast<int>(noise);
+    return static_cast<uint8_t>(std::clamp(value + uniform(-n, n), 0, 255));
+  };
+  for (size_t y = 0; y < height; ++y) {
+    for (size_t x = 0; x < width; ++x) {
+      pair.left.push_back(seen(texture[y * texture_width + x]));
+      pair.right.push_back(seen(texture[y * texture_width + x + shift]));
+    }
+  }
+  return pair;
+}
+
+inline std::vector<float> match(simsense::Matcher& matcher, const StereoPair& pair) {
+  std::vector<float> disparity(size_t{pair.width} * pair.height, 12345.0f);
+  const ptrdiff_t stride = pair.width;
+  matcher.match({pair.left.data(), stride}, {pair.right.data(), stride}, disparity.data());
+  return disparity;
+}
