@@ -16,9 +16,10 @@ void check_form(const ks_image_desc& image, const char* name) {
   if (element_bytes == 0) fail(KS_ERROR_INVALID_ARGUMENT, "%s: format %u is no KS_FORMAT_*", name, image.format);
   if (image.dim_count < 1 || image.dim_count > KS_MAX_DIMS)
     fail(KS_ERROR_INVALID_ARGUMENT, "%s: dim_count is %u, it must be 1..%d", name, image.dim_count, KS_MAX_DIMS);
+  for (uint32_t k = 0; k < image.dim_count; ++k)
+    if (image.shape[k] == 0) fail(KS_ERROR_INVALID_ARGUMENT, "%s: shape[%u] is 0", name, k);
   bool aligned = image.offset_bytes % element_bytes == 0;
   for (uint32_t k = 0; k < image.dim_count; ++k) {
-    if (image.shape[k] == 0) fail(KS_ERROR_INVALID_ARGUMENT, "%s: shape[%u] is 0", name, k);
     if (image.shape[k] > 1 && image.byte_stride[k] == 0)
       fail(KS_ERROR_INVALID_ARGUMENT, "%s: byte_stride[%u] is 0 although shape[%u] is %llu", name, k, k, static_cast<ull>(image.shape[k]));
     aligned = aligned && (image.shape[k] == 1 || image.byte_stride[k] % static_cast<int64_t>(element_bytes) == 0);

@@ -1,6 +1,7 @@
 /* The first member of every extensible struct.
  * `size_bytes` is the sizeof the caller compiled with. A library copies min(size_bytes, known) into a zeroed struct of its own;
  * bytes it does not know must be zero, else KS_ERROR_VERSION. New fields are appended, and zero means "as before".
+ * A struct that a call fills in is initialised by the caller too: size_bytes says how much of it may be written.
  * `type` is one of KS_TYPE_*; `next` chains optional structs and is NULL where none is used.
  * Each struct has an inline ks_..._init / kuafu_..._init / simsense_..._init that fills in the header and the defaults. */
 #ifndef KS_HEADER_H

@@ -16,7 +16,8 @@
 
 #define KS_MAX_DIMS 5
 
-/* Element (i0, i1, ...) starts at offset_bytes + sum(i_k * byte_stride[k]). Strides may be 0 only where the extent is 1; they may be negative. */
+/* Element (i0, i1, ...) starts at offset_bytes + sum(i_k * byte_stride[k]). Strides may be 0 only where the extent is 1; they may be negative.
+ * offset_bytes and the strides are multiples of the element's size. */
 typedef struct ks_image_desc {
   ks_header header;
   uint32_t format;    /* KS_FORMAT_* */

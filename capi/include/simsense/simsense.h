@@ -111,7 +111,6 @@ typedef struct simsense_parameters {
   /* depth */
   float min_depth_m, max_depth_m; /* keep min <= z < max */
   uint32_t depth_dilation;       /* registration: fill 2x2 up/left */
-  uint32_t reserved;
 } simsense_parameters;
 
 #define SIMSENSE_SUBPIXEL_NONE 0u

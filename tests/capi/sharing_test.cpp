@@ -1,0 +1,102 @@
+// kuafu's memory seen through simsense: the same bytes, with no copy on either side.
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cstring>
+
+#include "capi/library_pair.h"
+
+namespace ks::test {
+namespace {
+
+constexpr uint64_t size_bytes = 960 * 540 * 2;
+
+class Sharing : public testing::Test {
+ protected:
+  void SetUp() override {
+    ASSERT_NE(renderer_side_, nullptr) << kuafu_last_error();
+    ASSERT_NE(matcher_side_, nullptr) << simsense_last_error();
+    const ks_buffer_create create = ks_buffer_create_init(size_bytes, KS_BUFFER_EXPORTABLE | KS_BUFFER_HOST_VISIBLE);
+    ASSERT_EQ(kuafu_buffer_create(renderer_side_, &create, &source_), KS_OK) << kuafu_last_error();
+  }
+  void TearDown() override {
+    simsense_buffer_release(view_);
+    kuafu_buffer_release(source_);
+    simsense_device_release(matcher_side_);
+    kuafu_device_release(renderer_side_);
+  }
+  uint64_t copied_bytes() const {
+    uint64_t renderer = 0, matcher = 0;
+    EXPECT_EQ(kuafu_device_copied_bytes(renderer_side_, &renderer), KS_OK);
+    EXPECT_EQ(simsense_device_copied_bytes(matcher_side_, &matcher), KS_OK);
+    return renderer + matcher;
+  }
+  // Writes through each side's mapping and reads through the other's.
+  void expect_same_memory() {
+    void *ours = nullptr, *theirs = nullptr;
+    ASSERT_EQ(kuafu_buffer_map(source_, &ours), KS_OK) << kuafu_last_error();
+    ASSERT_EQ(simsense_buffer_map(view_, &theirs), KS_OK) << simsense_last_error();
+    std::strcpy(static_cast<char*>(ours) + size_bytes - 16, "kuafu wrote");
+    EXPECT_STREQ(static_cast<char*>(theirs) + size_bytes - 16, "kuafu wrote");
+    std::strcpy(static_cast<char*>(theirs), "simsense wrote");
+    EXPECT_STREQ(static_cast<char*>(ours), "simsense wrote");
+    EXPECT_EQ(copied_bytes(), 0u);
+  }
+  kuafu_device renderer_side_ = open_cpu_device<Kuafu>();
+  simsense_device matcher_side_ = open_cpu_device<Simsense>();
+  kuafu_buffer source_ = nullptr;
+  simsense_buffer view_ = nullptr;
+};
+
+TEST_F(Sharing, OpaqueFdIsOneMemoryWithoutACopy) {
+  ks_buffer_desc desc = ks_buffer_desc_init(), again = ks_buffer_desc_init();
+  ASSERT_EQ(kuafu_buffer_export(source_, KS_MEMORY_OPAQUE_FD, &desc), KS_OK) << kuafu_last_error();
+  ASSERT_EQ(kuafu_buffer_export(source_, KS_MEMORY_OPAQUE_FD, &again), KS_OK) << kuafu_last_error();
+  EXPECT_NE(desc.handle, again.handle) << "each export gives a fresh fd";
+  struct stat first {
+  }, second{};
+  ASSERT_EQ(fstat(static_cast<int>(desc.handle), &first), 0);
+  ASSERT_EQ(fstat(static_cast<int>(again.handle), &second), 0);
+  EXPECT_EQ(first.st_ino, second.st_ino);
+  EXPECT_EQ(first.st_dev, second.st_dev);
+  EXPECT_EQ(desc.offset_bytes, again.offset_bytes);
+  ASSERT_EQ(simsense_buffer_import(matcher_side_, &desc, &view_), KS_OK) << simsense_last_error();
+  EXPECT_EQ(fstat(static_cast<int>(desc.handle), &first), 0) << "import leaves the caller's fd open";
+  close(static_cast<int>(desc.handle));
+  close(static_cast<int>(again.handle));
+  expect_same_memory();
+}
+
+TEST_F(Sharing, HostPointerIsOneMemoryWithoutACopy) {
+  ks_buffer_desc desc = ks_buffer_desc_init();
+  ASSERT_EQ(kuafu_buffer_export(source_, KS_MEMORY_HOST, &desc), KS_OK) << kuafu_last_error();
+  ASSERT_EQ(simsense_buffer_import(matcher_side_, &desc, &view_), KS_OK) << simsense_last_error();
+  void *ours = nullptr, *theirs = nullptr;
+  ASSERT_EQ(kuafu_buffer_map(source_, &ours), KS_OK);
+  ASSERT_EQ(simsense_buffer_map(view_, &theirs), KS_OK);
+  EXPECT_EQ(ours, theirs);
+  expect_same_memory();
+}
+
+TEST_F(Sharing, HostPointerReachesTheHostDevice) {
+  simsense_device_release(matcher_side_);
+  ks_device_desc host = ks_device_desc_init();
+  host.select = KS_SELECT_HOST;
+  ASSERT_EQ(simsense_device_create(&host, &matcher_side_), KS_OK) << simsense_last_error();
+  ks_buffer_desc desc = ks_buffer_desc_init();
+  ASSERT_EQ(kuafu_buffer_export(source_, KS_MEMORY_HOST, &desc), KS_OK) << kuafu_last_error();
+  ASSERT_EQ(simsense_buffer_import(matcher_side_, &desc, &view_), KS_OK) << simsense_last_error();
+  expect_same_memory();
+}
+
+TEST_F(Sharing, TheCopyWayIsCounted) {
+  char bytes[1000] = {};
+  ASSERT_EQ(kuafu_buffer_write(source_, 0, bytes, sizeof bytes), KS_OK);
+  EXPECT_EQ(copied_bytes(), sizeof bytes);
+  ASSERT_EQ(kuafu_buffer_read(source_, 0, bytes, 500), KS_OK);
+  EXPECT_EQ(copied_bytes(), 1500u);
+}
+
+}  // namespace
+}  // namespace ks::test
