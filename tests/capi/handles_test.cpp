@@ -132,7 +132,8 @@ TYPED_TEST(Handles, NullArgumentsAreRefused) {
   EXPECT_EQ(TypeParam::buffer_export(buffer, KS_MEMORY_OPAQUE_FD, nullptr), KS_ERROR_INVALID_ARGUMENT);
   EXPECT_EQ(TypeParam::buffer_map(buffer, nullptr), KS_ERROR_INVALID_ARGUMENT);
   EXPECT_EQ(TypeParam::buffer_write(buffer, 0, nullptr, 4), KS_ERROR_INVALID_ARGUMENT);
-  EXPECT_EQ(TypeParam::buffer_read(buffer, 61, &create, 4), KS_ERROR_INVALID_ARGUMENT);
+  uint32_t value = 0;
+  EXPECT_EQ(TypeParam::buffer_read(buffer, 61, &value, 4), KS_ERROR_INVALID_ARGUMENT);
   TypeParam::buffer_release(buffer);
 }
 
