@@ -1,0 +1,112 @@
+// The CPU matcher beside OpenCV's StereoSGBM MODE_HH4 (the same four paths) on the same pair with the same threads: medians and their
+// ratio. StereoSGBM leaves the columns left of the largest disparity out; the pair is widened for it, so that both give every pixel a
+// disparity.
+//
+//   bench_matcher [LEFT.png RIGHT.png]      without arguments: random dots with noise, 960x540
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <ctime>
+#include <opencv2/calib3d.hpp>
+#include <opencv2/core.hpp>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+#include <random>
+#include <vector>
+
+#include "device/thread_pool.h"
+#include "matcher.h"
+
+namespace {
+
+constexpr int threads = 2, repeats = 15;
+
+struct Pair {
+  cv::Mat left, right;
+};
+
+/// Dots on a slanted surface with steps, disparity 5 .. 100, uniform noise.
+Pair synthetic_pair() {
+  std::mt19937 random(1);
+  Pair pair{cv::Mat(540, 960, CV_8U), cv::Mat(540, 960, CV_8U)};
+  std::vector<uint8_t> texture(960 + 128);
+  for (int y = 0; y < 540; ++y) {
+    for (uint8_t& value : texture) value = static_cast<uint8_t>(random() % 4 == 0 ? 90 + random() % 150 : 20 + random() % 30);
+    for (int x = 0; x < 960; ++x) {
+      const int disparity = 5 + y / 8 + (x / 240) * 9;
+      const auto noise = [&] { return static_cast<int>(random() % 11) - 5; };
+      pair.right.at<uint8_t>(y, x) = cv::saturate_cast<uint8_t>(texture[static_cast<size_t>(x + 128)] + noise());
+      pair.left.at<uint8_t>(y, x) = cv::saturate_cast<uint8_t>(texture[static_cast<size_t>(x + 128 - disparity)] + noise());
+    }
+  }
+  return pair;
+}
+
+/// Wall milliseconds, and processor milliseconds over all threads divided by their number: the latter is what a busy machine distorts
+/// least.
+struct Time {
+  double wall_ms, cpu_ms;
+};
+
+double median(std::vector<double>& values) {
+  std::nth_element(values.begin(), values.begin() + repeats / 2, values.end());
+  return values[repeats / 2];
+}
+
+template <class F>
+Time median_time(F&& fn) {
+  fn();
+  std::vector<double> wall, cpu;
+  for (int i = 0; i < repeats; ++i) {
+    const auto start = std::chrono::steady_clock::now();
+    const std::clock_t cpu_start = std::clock();
+    fn();
+    cpu.push_back(1e3 * static_cast<double>(std::clock() - cpu_start) / CLOCKS_PER_SEC / threads);
+    wall.push_back(std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count());
+  }
+  return {median(wall), median(cpu)};
+}
+
+Time opencv_time(const Pair& pair, int disparities, int block) {
+  cv::Mat left, right, disparity;
+  cv::copyMakeBorder(pair.left, left, 0, 0, disparities, 0, cv::BORDER_REPLICATE);
+  cv::copyMakeBorder(pair.right, right, 0, 0, disparities, 0, cv::BORDER_REPLICATE);
+  const auto sgbm =
+      cv::StereoSGBM::create(0, disparities, block, 8 * block * block, 32 * block * block, 1, 63, 15, 0, 0, cv::StereoSGBM::MODE_HH4);
+  return median_time([&] { sgbm->compute(left, right, disparity); });
+}
+
+void report(const Pair& pair, uint32_t disparities, uint32_t block, ks::ThreadPool& workers) {
+  simsense::MatchParameters p;
+  p.max_disparity = disparities;
+  p.block_width = p.block_height = block;
+  const auto matcher = simsense::make_cpu_matcher(static_cast<uint32_t>(pair.left.cols), static_cast<uint32_t>(pair.left.rows), p, workers);
+  std::vector<float> disparity(pair.left.total());
+  const simsense::ConstImage left{pair.left.data, static_cast<ptrdiff_t>(pair.left.step)};
+  const simsense::ConstImage right{pair.right.data, static_cast<ptrdiff_t>(pair.right.step)};
+  const Time ours = median_time([&] { matcher->match(left, right, disparity.data()); });
+  const Time opencv = opencv_time(pair, static_cast<int>(disparities), static_cast<int>(block));
+  const auto valid = std::count_if(disparity.begin(), disparity.end(), [](float d) { return d >= 0.0f; });
+  std::printf("D %3u block %ux%u: simsense %7.2f ms (cpu %7.2f), OpenCV HH4 %7.2f ms (cpu %7.2f), ratio %5.1f (cpu %5.1f); valid %.1f %%\n",
+              disparities, block, block, ours.wall_ms, ours.cpu_ms, opencv.wall_ms, opencv.cpu_ms, opencv.wall_ms / ours.wall_ms,
+              opencv.cpu_ms / ours.cpu_ms, 100.0 * static_cast<double>(valid) / static_cast<double>(disparity.size()));
+  for (const ks_stage_time& stage : matcher->stage_times()) std::printf("    %-24s %7.2f ms\n", stage.name, stage.milliseconds);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  const Pair pair =
+      argc == 3 ? Pair{cv::imread(argv[1], cv::IMREAD_GRAYSCALE), cv::imread(argv[2], cv::IMREAD_GRAYSCALE)} : synthetic_pair();
+  if (pair.left.empty() || pair.left.size() != pair.right.size()) {
+    std::fprintf(stderr, "bench_matcher: needs two images of the same size\n");
+    return 2;
+  }
+  cv::setNumThreads(threads);
+  ks::ThreadPool workers(threads);
+  std::printf("%dx%d, %d threads, census 7x7, 4 paths, median of %d\n", pair.left.cols, pair.left.rows, threads, repeats);
+  for (const uint32_t block : {1u, 7u}) {
+    for (const uint32_t disparities : {64u, 128u, 256u}) report(pair, disparities, block, workers);
+  }
+  return 0;
+}
