@@ -1,0 +1,170 @@
+"""Keeps the doors between the rooms shut: who may include or import whom, what a library exports, what an engine never does.
+
+Reads #include and import lines of the sources, and the symbol tables of the built libraries (build folder: $ACTIVESTEREO_BUILD, else build/).
+"""
+
+import ast
+import os
+import pathlib
+import re
+import subprocess
+
+import pytest
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+BUILD = pathlib.Path(os.environ.get("ACTIVESTEREO_BUILD", ROOT / "build"))
+LIBRARIES = ("kuafu", "simsense")
+ENGINE_FOLDERS = ("capi", "kuafu", "simsense")
+PRODUCT_FOLDERS = (*ENGINE_FOLDERS, "python")
+NATIVE_SUFFIXES = {".h", ".hpp", ".inc", ".c", ".cpp", ".comp", ".glsl", ".rgen", ".rchit", ".rmiss", ".rahit"}
+SOURCE_SUFFIXES = NATIVE_SUFFIXES | {".py", ".pyi", ".sh", ".cmake"}
+MAX_LINES = 500
+C99_HEADERS = {"stdint.h", "stddef.h", "string.h", "math.h"}
+
+# Written once when the Vulkan loader is opened, never changed afterwards.
+LOADER_STATE = {"open_loader()::opened", "load_instance_functions(VkInstance_T*)::once"}
+
+
+def sources(folder, suffixes):
+    found = [p for p in (ROOT / folder).rglob("*") if p.suffix in suffixes and "__pycache__" not in p.parts]
+    assert found, f"no sources under {folder}: the test looks at the wrong place"
+    return found
+
+
+def name_of(path):
+    return path.relative_to(ROOT).as_posix()
+
+
+def includes(path):
+    return re.findall(r'^\s*#\s*include\s*[<"]([^>"]+)[>"]', path.read_text(), re.MULTILINE)
+
+
+def code_of(path):
+    """The C++ text without comments, string literals and attributes."""
+    text = path.read_text()
+    text = re.sub(r'"(?:\\.|[^"\\\n])*"', '""', text)
+    text = re.sub(r"//[^\n]*|/\*.*?\*/", "", text, flags=re.DOTALL)
+    return re.sub(r"__attribute__\s*\(\(.*?\)\)", "", text)
+
+
+def imported_modules(path):
+    """Top-level names of absolute imports, wherever in the file they stand."""
+    names = set()
+    for node in ast.walk(ast.parse(path.read_text(), filename=str(path))):
+        if isinstance(node, ast.Import):
+            names |= {alias.name.split(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.level == 0:
+            names.add(node.module.split(".")[0])
+    return names
+
+
+def run(*command):
+    return subprocess.run(command, check=True, capture_output=True, text=True).stdout
+
+
+@pytest.fixture(params=LIBRARIES)
+def library(request):
+    path = BUILD / "lib" / f"lib{request.param}.so"
+    if not path.exists():
+        pytest.skip(f"{path} is not built: set ACTIVESTEREO_BUILD or build into {ROOT / 'build'}")
+    return request.param, path
+
+
+@pytest.mark.parametrize("room, other", [("kuafu", "simsense"), ("simsense", "kuafu")])
+def test_engines_do_not_know_each_other(room, other):
+    seen = [f"{name_of(p)}: {i}" for p in sources(room, NATIVE_SUFFIXES) for i in includes(p) if other in pathlib.PurePosixPath(i).parts]
+    assert not seen
+
+
+def test_device_leaf_knows_no_engine():
+    seen = [f"{name_of(p)}: {i}" for p in sources("capi/device", NATIVE_SUFFIXES) for i in includes(p) if i.split("/")[0] in LIBRARIES]
+    assert not seen
+
+
+@pytest.mark.parametrize("folder", ["ks", *LIBRARIES])
+def test_public_headers_include_only_c99_and_ks(folder):
+    seen = []
+    for path in sources(f"capi/include/{folder}", NATIVE_SUFFIXES):
+        seen += [f"{name_of(path)}: {i}" for i in includes(path) if i not in C99_HEADERS and not i.startswith("ks/")]
+    assert not seen
+
+
+def test_public_ks_headers_declare_no_function():
+    # There is no libks: whatever stands there is static inline.
+    prototype = re.compile(r"^(?!typedef|static|#)[\w\s*]+\bks_\w+\s*\([^;{]*\)\s*;", re.MULTILINE)
+    assert not [name_of(p) for p in sources("capi/include/ks", {".h"}) if prototype.search(code_of(p))]
+
+
+def test_bindings_use_only_the_public_headers():
+    own = {p.name for p in sources("python", NATIVE_SUFFIXES)}
+    allowed_folders = {"ks", *LIBRARIES, "pybind11"}
+    seen = []
+    for path in sources("python", NATIVE_SUFFIXES):
+        for include in includes(path):
+            parts = pathlib.PurePosixPath(include).parts
+            standard = len(parts) == 1 and "." not in include
+            if not (standard or parts[0] in allowed_folders or parts[-1] in own or include in C99_HEADERS | {"unistd.h"}):
+                seen.append(f"{name_of(path)}: {include}")
+    assert not seen
+
+
+@pytest.mark.parametrize("folder", PRODUCT_FOLDERS)
+def test_product_code_includes_no_test_and_no_example(folder):
+    closed = {"tests", "examples", "gtest", "gmock", "benchmark"}
+    paths = [p for p in (ROOT / folder).rglob("*") if p.suffix in NATIVE_SUFFIXES]
+    seen = [f"{name_of(p)}: {i}" for p in paths for i in includes(p) if closed & set(pathlib.PurePosixPath(i).parts)]
+    assert not seen
+
+
+def test_product_python_imports_no_test_and_no_example():
+    closed = {"tests", "examples", "pytest", "hypothesis", "conftest"}
+    assert not [f"{name_of(p)}: {m}" for p in sources("python", {".py"}) for m in imported_modules(p) & closed]
+
+
+@pytest.mark.parametrize("room, other", [("kuafu", "simsense"), ("simsense", "kuafu")])
+def test_python_modules_of_the_engines_do_not_import_each_other(room, other):
+    closed = {other, "activestereo"}
+    assert not [f"{name_of(p)}: {m}" for p in sources(f"python/{room}", {".py"}) for m in imported_modules(p) & closed]
+
+
+@pytest.mark.parametrize("folder", ENGINE_FOLDERS)
+def test_engines_never_print_abort_or_exit(folder):
+    forbidden = re.compile(r"\b(?:std::)?(printf|fprintf|vprintf|puts|putchar|perror|abort|_?exit|quick_exit|terminate)\s*\(|\bstd::(cout|cerr|clog)\b")
+    seen = []
+    for path in sources(folder, {".h", ".cpp", ".inc", ".c"}):
+        seen += [f"{name_of(path)}: {match.group().strip()}" for match in forbidden.finditer(code_of(path))]
+    assert not seen
+
+
+def test_no_source_is_longer_than_the_limit():
+    folders = [f for f in (*PRODUCT_FOLDERS, "tests", "examples") if (ROOT / f).exists()]
+    lengths = {name_of(p): p.read_text().count("\n") for f in folders for p in sources(f, SOURCE_SUFFIXES)}
+    assert not {name: length for name, length in lengths.items() if length > MAX_LINES}
+
+
+def test_libraries_export_exactly_what_their_header_declares(library):
+    name, path = library
+    exported = {line.split()[2].split("@")[0] for line in run("nm", "-D", "--defined-only", str(path)).splitlines() if line.split()[1] != "A"}
+    header = code_of(ROOT / "capi/include" / name / f"{name}.h")
+    declared = set(re.findall(rf"{name.upper()}_API[^;(]*?\b({name}_\w+)\s*\(", header))
+    assert declared, "no declaration found: the test reads the header wrongly"
+    assert exported == declared
+
+
+def test_libraries_link_neither_vulkan_nor_each_other(library):
+    name, path = library
+    needed = re.findall(r"NEEDED.*\[(.+)\]", run("readelf", "-d", str(path)))
+    closed = ("libvulkan", "libcuda", *(f"lib{other}." for other in LIBRARIES if other != name))
+    assert not [n for n in needed if n.startswith(closed)]
+
+
+def test_libraries_hold_no_mutable_global_state(library):
+    _, path = library
+    seen = []
+    for line in run("objdump", "--syms", "--demangle", str(path)).splitlines():
+        match = re.search(r"\sO (\.data|\.bss)\s+[0-9a-f]+\s+(?:\.hidden )?(.+)$", line)
+        if not match or not re.match(r"(ks|kuafu|simsense)::", match.group(2).removeprefix("guard variable for ")):
+            continue
+        if not any(match.group(2).endswith(known) for known in LOADER_STATE):
+            seen.append(match.group(2))
+    assert not seen
