@@ -24,6 +24,7 @@ struct MappedQueue {
   std::byte* words;
   const uint32_t* environments;  // nullptr = all 0
   uint32_t count;
+  RTCIntersectContextFlags flags;
 };
 
 template <class T>
@@ -34,7 +35,9 @@ T* mapped(const ks::Buffer& buffer, const char* name) {
 }
 
 MappedQueue map_queue(const RayQueue& rays, size_t alignment) {
-  MappedQueue queue{mapped<std::byte>(*rays.words, "words"), nullptr, 0};
+  MappedQueue queue{mapped<std::byte>(*rays.words, "words"), nullptr, 0, RTC_INTERSECT_CONTEXT_FLAG_INCOHERENT};
+  // Measured: camera rays gain 1.45x from it, bounced rays lose 2x, shadow rays lose a little.
+  if (rays.coherent) queue.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
   if (rays.environments) queue.environments = mapped<const uint32_t>(*rays.environments, "environments");
   queue.count = *reinterpret_cast<const uint32_t*>(mapped<const std::byte>(*rays.counters, "counters") + rays.count_offset);
   if (queue.count > rays.capacity) ks::fail(KS_ERROR_INTERNAL, "a ray queue of %u rays claims to hold %u", rays.capacity, queue.count);
@@ -87,6 +90,7 @@ class EmbreeTracer final : public Tracer {
     auto& packet = reinterpret_cast<Packet*>(queue.words)[index];
     RTCIntersectContext context;
     rtcInitIntersectContext(&context);
+    context.flags = queue.flags;
     const uint32_t first = index * packet_rays;
     uint32_t waiting = queue.count - first >= packet_rays ? 0xffu : (1u << (queue.count - first)) - 1u;
     while (waiting != 0) {

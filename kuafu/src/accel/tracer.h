@@ -15,11 +15,11 @@ namespace kuafu {
 struct RayQueue {
   const ks::Buffer* words = nullptr;         // capacity * (closest_words or occlusion_words) uint32; host visible on CPU devices
   const ks::Buffer* environments = nullptr;  // uint32 per ray: environment of ray i; nullptr = all 0
-  const ks::Buffer* counters =
-      nullptr;  // at count_offset: uint32 ray count; at arguments_offset: VkDispatchIndirectCommand for trace_group_size
-  uint64_t count_offset = 0;
-  uint64_t arguments_offset = 0;
-  uint32_t capacity = 0;  // multiple of 8
+  const ks::Buffer* counters = nullptr;
+  uint64_t count_offset = 0;      // uint32 ray count
+  uint64_t arguments_offset = 0;  // VkDispatchIndirectCommand for trace_group_size
+  uint32_t capacity = 0;          // multiple of 8
+  bool coherent = false;          // a hint: neighbours in the queue go nearly the same way, as camera rays do
 };
 
 class Tracer {

@@ -1,6 +1,8 @@
 // Runs rays through a tracer: fills a queue in the tracer's own layout, traces, and reads the answers back.
 #pragma once
 
+#include <bit>
+#include <ctime>
 #include <memory>
 #include <vector>
 
@@ -33,10 +35,9 @@ class RayBench {
  public:
   explicit RayBench(Tracer& tracer) : tracer_(tracer), commands_(test_device()) {}
 
-  std::vector<TestHit> closest(const std::vector<TestRay>& rays) {
-    fill(rays, closest_words);
-    tracer_.closest(commands_, queue());
-    commands_.flush();
+  std::vector<TestHit> closest(const std::vector<TestRay>& rays, bool coherent = false) {
+    coherent_ = coherent;
+    trace(rays, closest_words, &Tracer::closest);
     std::vector<TestHit> hits(rays.size());
     for (uint32_t i = 0; i < hits.size(); ++i) {
       if (word(i, hit_geometry) == miss) continue;
@@ -46,13 +47,21 @@ class RayBench {
   }
 
   std::vector<bool> occluded(const std::vector<TestRay>& rays) {
-    fill(rays, occlusion_words);
-    tracer_.occluded(commands_, queue());
-    commands_.flush();
+    trace(rays, occlusion_words, &Tracer::occluded);
     std::vector<bool> hits(rays.size());
     for (uint32_t i = 0; i < hits.size(); ++i) hits[i] = value(i, ray_t_far) < 0.0f;
     return hits;
   }
+
+  /// Milliseconds of the last trace alone, as the commands' stage clock has it.
+  [[nodiscard]] double trace_ms() const {
+    double sum = 0.0;
+    for (const auto& [name, milliseconds] : commands_.stage_times()) sum += milliseconds;
+    return sum;
+  }
+
+  /// CPU time of the last trace over all threads of this process: does not suffer from what else runs on the machine.
+  [[nodiscard]] double cpu_ms() const { return cpu_ms_; }
 
   /// Lanes past the count, which no tracer may touch, still hold what fill() put there.
   [[nodiscard]] bool tail_untouched(uint32_t count) const {
@@ -65,12 +74,24 @@ class RayBench {
  private:
   static constexpr uint32_t tail_mark = 0x3f800000u;  // 1.0f in every field: as a ray, it would hit things
 
+  void trace(const std::vector<TestRay>& rays, uint32_t words, void (Tracer::*call)(ks::Commands&, const RayQueue&)) {
+    fill(rays, words);
+    commands_.reset_stage_times();
+    const std::clock_t start = std::clock();
+    (tracer_.*call)(commands_, queue());
+    commands_.flush();
+    cpu_ms_ = double(std::clock() - start) * 1e3 / CLOCKS_PER_SEC;
+    words_buffer_->read(0, queue_words_.data(), queue_words_.size() * 4);
+  }
+
   void fill(const std::vector<TestRay>& rays, uint32_t words) {
     words_ = words;
     capacity_ = uint32_t(rays.size() + 8) / 8 * 8;
-    words_buffer_ = ks::Buffer::create(test_device(), uint64_t(capacity_) * words * 4, KS_BUFFER_HOST_VISIBLE);
-    environments_ = ks::Buffer::create(test_device(), uint64_t(capacity_) * 4, KS_BUFFER_HOST_VISIBLE);
-    counters_ = ks::Buffer::create(test_device(), 64, KS_BUFFER_HOST_VISIBLE);
+    words_buffer_ = create(uint64_t(capacity_) * words * 4);
+    environments_buffer_ = create(uint64_t(capacity_) * 4);
+    counters_ = create(64);
+    queue_words_.resize(size_t(capacity_) * words);
+    environments_.assign(capacity_, 0);
     for (uint32_t i = 0; i < capacity_; ++i)
       for (uint32_t field = 0; field < words; ++field) set(i, field, i < rays.size() ? 0u : tail_mark);
     for (uint32_t i = 0; i < rays.size(); ++i) fill_ray(i, rays[i]);
@@ -79,6 +100,8 @@ class RayBench {
     const uint32_t rows = groups > 1 ? 2 : 1;
     const uint32_t counters[] = {0, uint32_t(rays.size()), (groups + rows - 1) / rows, groups ? rows : 0, 1};
     counters_->write(0, counters, sizeof counters);
+    words_buffer_->write(0, queue_words_.data(), queue_words_.size() * 4);
+    environments_buffer_->write(0, environments_.data(), environments_.size() * 4);
   }
 
   void fill_ray(uint32_t i, const TestRay& ray) {
@@ -91,25 +114,30 @@ class RayBench {
     set(i, ray_mask, 0xffffffffu);
     set(i, ray_id, i);
     if (words_ == closest_words) set(i, hit_geometry, miss);
-    static_cast<uint32_t*>(environments_->mapped())[i] = ray.environment;
+    environments_[i] = ray.environment;
     if (ray.environment != 0) has_environments_ = true;
   }
 
   [[nodiscard]] RayQueue queue() const {
-    return {words_buffer_.get(), has_environments_ ? environments_.get() : nullptr, counters_.get(), 4, 8, capacity_};
+    return {words_buffer_.get(), has_environments_ ? environments_buffer_.get() : nullptr, counters_.get(), 4, 8, capacity_, coherent_};
   }
-  [[nodiscard]] uint32_t* at(uint32_t i, uint32_t field) const {
-    return static_cast<uint32_t*>(words_buffer_->mapped()) + ray_word(i, field, words_, tracer_.queue_layout(), capacity_);
+  [[nodiscard]] size_t at(uint32_t i, uint32_t field) const { return ray_word(i, field, words_, tracer_.queue_layout(), capacity_); }
+  void set(uint32_t i, uint32_t field, uint32_t value) { queue_words_[at(i, field)] = value; }
+  [[nodiscard]] uint32_t word(uint32_t i, uint32_t field) const { return queue_words_[at(i, field)]; }
+  [[nodiscard]] float value(uint32_t i, uint32_t field) const { return std::bit_cast<float>(word(i, field)); }
+
+  /// Packets are what a host tracer reads in place; planes may lie in the GPU's own memory.
+  [[nodiscard]] std::shared_ptr<ks::Buffer> create(uint64_t bytes) const {
+    return ks::Buffer::create(test_device(), bytes, tracer_.queue_layout() == queue_layout_packets ? KS_BUFFER_HOST_VISIBLE : 0);
   }
-  void set(uint32_t i, uint32_t field, uint32_t value) { *at(i, field) = value; }
-  [[nodiscard]] uint32_t word(uint32_t i, uint32_t field) const { return *at(i, field); }
-  [[nodiscard]] float value(uint32_t i, uint32_t field) const { return std::bit_cast<float>(*at(i, field)); }
 
   Tracer& tracer_;
   ks::Commands commands_;
+  double cpu_ms_ = 0.0;
   uint32_t words_ = 0, capacity_ = 0;
-  bool has_environments_ = false;
-  std::shared_ptr<ks::Buffer> words_buffer_, environments_, counters_;
+  bool has_environments_ = false, coherent_ = false;
+  std::shared_ptr<ks::Buffer> words_buffer_, environments_buffer_, counters_;
+  std::vector<uint32_t> queue_words_, environments_;
 };
 
 }  // namespace kuafu::test

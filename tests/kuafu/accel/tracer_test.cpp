@@ -222,6 +222,7 @@ TEST_P(Tracers, AnAnswerDoesNotDependOnTheNeighboursInTheQueue) {
   size_t different = 0;
   for (size_t i = 0; i < order.size(); ++i) different += out_of_order[i] != in_order[order[i]];
   EXPECT_EQ(different, 0u) << "of " << rays.size();
+  EXPECT_EQ(bench_.closest(rays, true), in_order) << "nor on the hint that they are coherent";
 }
 
 TEST_P(Tracers, MisuseIsAnError) {
