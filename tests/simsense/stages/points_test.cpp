@@ -6,7 +6,7 @@
 #include "depth/points.h"
 #include "device/thread_pool.h"
 #include "reference/distortion.h"
-#include "simsense/stages/rig_samples.h"
+#include "simsense/rig_samples.h"
 
 using namespace simsense;
 using namespace simsense_test;

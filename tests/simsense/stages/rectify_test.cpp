@@ -13,7 +13,7 @@
 #include "rectify/remap.h"
 #include "reference/distortion.h"
 #include "reference/rectify.h"
-#include "simsense/stages/rig_samples.h"
+#include "simsense/rig_samples.h"
 
 using namespace simsense;
 using namespace simsense_test;

@@ -9,7 +9,7 @@
 #include "depth/registration.h"
 #include "device/thread_pool.h"
 #include "reference/depth.h"
-#include "simsense/stages/rig_samples.h"
+#include "simsense/rig_samples.h"
 
 using namespace simsense;
 using namespace simsense_test;

@@ -1,4 +1,4 @@
-// Rigs that the stage tests share.
+// Rigs that the tests share.
 #pragma once
 
 #include <cmath>
@@ -48,8 +48,8 @@ inline simsense_rig_desc ideal_rig(uint32_t width = 320, uint32_t height = 240, 
 }
 
 /// A pair with lenses, unlike focal lengths and a right camera that is rotated by degrees.
-inline simsense_rig_desc crooked_rig(uint32_t width = 320, uint32_t height = 240) {
-  simsense_rig_desc rig = ideal_rig(width, height);
+inline simsense_rig_desc crooked_rig(uint32_t width = 320, uint32_t height = 240, double f = 215) {
+  simsense_rig_desc rig = ideal_rig(width, height, f);
   rig.rectified = 0;
   rig.right.k[0] *= 1.01;
   rig.right.k[4] *= 1.012;

@@ -1,0 +1,170 @@
+// Each bad argument gives KS_ERROR_INVALID_ARGUMENT, and a text that holds the offending number.
+#include <cmath>
+#include <string>
+
+#include "simsense/api/sensor.h"
+#include "simsense/rig_samples.h"
+
+using namespace simsense_test;
+
+namespace {
+
+constexpr uint32_t width = 64, height = 48;
+
+void expect_text(const std::string& wanted) {
+  EXPECT_NE(std::string(simsense_last_error()).find(wanted), std::string::npos)
+      << "wanted '" << wanted << "' in '" << simsense_last_error() << "'";
+}
+
+simsense_parameters fitting() {
+  simsense_parameters p = simsense_parameters_init();
+  p.max_disparity = 16;
+  return p;
+}
+
+struct Compute {
+  std::vector<uint8_t> pixels = std::vector<uint8_t>(width * height, 40);
+  std::vector<float> depth = std::vector<float>(width * height);
+  simsense_image left = host_image(pixels, {height, width}), right = left;
+  simsense_output_desc output = output_of(SIMSENSE_OUTPUT_DEPTH, host_image(depth, {height, width}));
+
+  ks_status run(const EngineHandle& engine) const { return compute(engine, left, right, {output}); }
+};
+
+}  // namespace
+
+TEST(Parameters, EachFaultIsRefusedWithItsNumber) {
+  struct Fault {
+    const char* says;
+    void (*make)(simsense_parameters&);
+  };
+  const Fault faults[] = {
+      {"gain is -1", [](simsense_parameters& p) { p.gain = -1; }},
+      {"gain is inf", [](simsense_parameters& p) { p.gain = INFINITY; }},
+      {"black_level_dn is -2", [](simsense_parameters& p) { p.black_level_dn = -2; }},
+      {"speckle_shape is nan", [](simsense_parameters& p) { p.speckle_shape = NAN; }},
+      {"speckle_scale is 0 with speckle_shape 3.98", [](simsense_parameters& p) { p.speckle_shape = 3.98f; }},
+      {"gaussian_mu_dn is nan", [](simsense_parameters& p) { p.gaussian_mu_dn = NAN; }},
+      {"gaussian_sigma_dn is -0.5", [](simsense_parameters& p) { p.gaussian_sigma_dn = -0.5f; }},
+      {"census window is 6x7", [](simsense_parameters& p) { p.census_width = 6; }},
+      {"census window is 9x9", [](simsense_parameters& p) { p.census_width = p.census_height = 9; }},
+      {"census window is 1x1", [](simsense_parameters& p) { p.census_width = p.census_height = 1; }},
+      {"census window is 0x7", [](simsense_parameters& p) { p.census_width = 0; }},
+      {"census window is 4294967295x4294967295", [](simsense_parameters& p) { p.census_width = p.census_height = UINT32_MAX; }},
+      {"max_disparity is 15", [](simsense_parameters& p) { p.max_disparity = 15; }},
+      {"max_disparity is 1025", [](simsense_parameters& p) { p.max_disparity = 1025; }},
+      {"block is 17x17", [](simsense_parameters& p) { p.block_width = p.block_height = 17; }},
+      {"block is 7x2", [](simsense_parameters& p) { p.block_height = 2; }},
+      {"p1 is 0", [](simsense_parameters& p) { p.p1 = 0; }},
+      {"p1 is 86, p2 is 86", [](simsense_parameters& p) { p.p1 = 86; }},
+      {"p2 is 224", [](simsense_parameters& p) { p.p2 = 224; }},
+      {"uniqueness_ratio is 101", [](simsense_parameters& p) { p.uniqueness_ratio = 101; }},
+      {"lr_max_diff is -2", [](simsense_parameters& p) { p.lr_max_diff = -2; }},
+      {"median_size is 9", [](simsense_parameters& p) { p.median_size = 9; }},
+      {"subpixel is 77", [](simsense_parameters& p) { p.subpixel = 77; }},
+      {"min_depth_m is -1", [](simsense_parameters& p) { p.min_depth_m = -1; }},
+      {"max_depth_m is 0.5, min_depth_m is 0.5", [](simsense_parameters& p) { p.min_depth_m = p.max_depth_m = 0.5f; }},
+      {"max_depth_m is nan", [](simsense_parameters& p) { p.max_depth_m = NAN; }},
+  };
+  const Device device = open_device();
+  const EngineHandle engine = open_engine(device, ideal_rig(width, height), fitting());
+  for (const Fault& fault : faults) {
+    simsense_parameters p = fitting();
+    fault.make(p);
+    EXPECT_EQ(simsense_engine_set_parameters(engine.get(), &p), KS_ERROR_INVALID_ARGUMENT) << fault.says;
+    expect_text(fault.says);
+    const simsense_rig_desc rig = ideal_rig(width, height);
+    simsense_engine none = nullptr;
+    EXPECT_EQ(simsense_engine_create(device.get(), &rig, &p, &none), KS_ERROR_INVALID_ARGUMENT) << fault.says;
+    EXPECT_EQ(none, nullptr);
+  }
+  EXPECT_EQ(Compute().run(engine), KS_OK) << simsense_last_error();
+}
+
+TEST(Parameters, TheLimitsThemselvesAreAccepted) {
+  const Device device = open_device();
+  void (*const limits[])(simsense_parameters&) = {
+      [](simsense_parameters& p) { p.max_disparity = 1024; },
+      [](simsense_parameters& p) { p.census_width = 13, p.census_height = 5; },
+      [](simsense_parameters& p) { p.census_width = 65, p.census_height = 1; },
+      [](simsense_parameters& p) { p.census_width = 1, p.census_height = 3; },
+      [](simsense_parameters& p) { p.block_width = 17, p.block_height = 15; },
+      [](simsense_parameters& p) { p.block_width = 255, p.block_height = 1, p.p1 = 222, p.p2 = 223; },
+      [](simsense_parameters& p) { p.block_width = p.block_height = 1, p.p1 = 1, p.p2 = 2; },
+      [](simsense_parameters& p) { p.uniqueness_ratio = 100, p.lr_max_diff = 0, p.median_size = 7; },
+      [](simsense_parameters& p) { p.uniqueness_ratio = 0, p.lr_max_diff = -1, p.median_size = 1, p.subpixel = SIMSENSE_SUBPIXEL_NONE; },
+      [](simsense_parameters& p) { p.max_depth_m = INFINITY; },
+  };
+  for (const auto& make : limits) {
+    simsense_parameters p = fitting();
+    make(p);
+    const EngineHandle engine = open_engine(device, ideal_rig(33, 32), p);
+    std::vector<uint8_t> image(33 * 32);
+    for (size_t i = 0; i < image.size(); ++i) image[i] = static_cast<uint8_t>(i * 2654435761u >> 13);
+    const auto depth = compute_one<float>(engine, SIMSENSE_OUTPUT_DEPTH, image, image, 32, 33, {32, 33});
+    for (float z : depth) EXPECT_TRUE(z >= 0 && z < p.max_depth_m);
+  }
+}
+
+TEST(ComputeArguments, EachFaultIsRefusedWithItsNumber) {
+  struct Fault {
+    const char* says;
+    void (*make)(Compute&);
+  };
+  const Fault faults[] = {
+      {"left image has shape [48, 63]", [](Compute& c) { c.left.image.shape[1] = 63; }},
+      {"right image has shape [48]", [](Compute& c) { c.right.image.dim_count = 1; }},
+      {"right image has 9 dimensions", [](Compute& c) { c.right.image.dim_count = 9; }},
+      {"left image has format 4", [](Compute& c) { c.left.image.format = KS_FORMAT_U32; }},
+      {"right image has format 99", [](Compute& c) { c.right.image.format = 99; }},
+      {"byte_stride[0] is 0", [](Compute& c) { c.left.image.byte_stride[0] = 0; }},
+      {"byte_stride[1] is 9223372036854775807", [](Compute& c) { c.left.image.byte_stride[1] = INT64_MAX; }},
+      {"left image has neither", [](Compute& c) { c.left.host = nullptr; }},
+      {"struct type 0x0", [](Compute& c) { c.left.image.header.type = 0; }},
+      {"output 9 is unknown", [](Compute& c) { c.output.output = 9; }},
+      {"output 0 is unknown", [](Compute& c) { c.output.output = 0; }},
+      {"output 3 (depth_rgb) needs a rig with an rgb camera", [](Compute& c) { c.output.output = SIMSENSE_OUTPUT_DEPTH_RGB; }},
+      {"output 4 (ir_left) has format 6", [](Compute& c) { c.output.output = SIMSENSE_OUTPUT_IR_LEFT; }},
+      {"points has shape [48, 64], must be [1, 48, 64, 3]", [](Compute& c) { c.output.output = SIMSENSE_OUTPUT_POINTS; }},
+      {"depth has neither", [](Compute& c) { c.output.image.host = nullptr; }},
+  };
+  const Device device = open_device();
+  const EngineHandle engine = open_engine(device, ideal_rig(width, height), fitting());
+  for (const Fault& fault : faults) {
+    Compute call;
+    fault.make(call);
+    EXPECT_EQ(call.run(engine), KS_ERROR_INVALID_ARGUMENT) << fault.says;
+    expect_text(fault.says);
+  }
+  const Compute call;
+  EXPECT_EQ(compute(engine, call.left, call.right, {}), KS_ERROR_INVALID_ARGUMENT);
+  expect_text("output_count is 0");
+  EXPECT_EQ(compute(engine, call.left, call.right, {call.output, call.output}), KS_ERROR_INVALID_ARGUMENT);
+  expect_text("output 2 (depth) is listed twice");
+  EXPECT_EQ(call.run(engine), KS_OK) << simsense_last_error();
+}
+
+TEST(EngineArguments, NullsAndStrangersAreRefused) {
+  const Device device = open_device();
+  const simsense_rig_desc rig = ideal_rig(width, height);
+  const simsense_parameters parameters = fitting();
+  simsense_engine engine = nullptr;
+  EXPECT_EQ(simsense_engine_create(nullptr, &rig, &parameters, &engine), KS_ERROR_INVALID_ARGUMENT);
+  EXPECT_EQ(simsense_engine_create(device.get(), nullptr, &parameters, &engine), KS_ERROR_INVALID_ARGUMENT);
+  EXPECT_EQ(simsense_engine_create(device.get(), &rig, nullptr, &engine), KS_ERROR_INVALID_ARGUMENT);
+  EXPECT_EQ(simsense_engine_create(device.get(), &rig, &parameters, nullptr), KS_ERROR_INVALID_ARGUMENT);
+  simsense_rig_desc foreign = rig;
+  foreign.header.type = SIMSENSE_TYPE_PARAMETERS;
+  EXPECT_EQ(simsense_engine_create(device.get(), &foreign, &parameters, &engine), KS_ERROR_INVALID_ARGUMENT);
+  expect_text("0x2002");
+  simsense_rig_desc mirrored = rig;
+  mirrored.left_to_right[3] = 0.05;
+  EXPECT_EQ(simsense_engine_create(device.get(), &mirrored, &parameters, &engine), KS_ERROR_INVALID_ARGUMENT);
+  expect_text("0.05 m");
+  EXPECT_EQ(engine, nullptr);
+  EXPECT_EQ(simsense_engine_compute(nullptr, nullptr), KS_ERROR_INVALID_ARGUMENT);
+  EXPECT_EQ(simsense_engine_set_parameters(nullptr, &parameters), KS_ERROR_INVALID_ARGUMENT);
+  EXPECT_EQ(simsense_engine_get_rectified(nullptr, nullptr, nullptr, nullptr), KS_ERROR_INVALID_ARGUMENT);
+  EXPECT_EQ(simsense_engine_get_stage_times(nullptr, nullptr, nullptr), KS_ERROR_INVALID_ARGUMENT);
+  simsense_engine_release(nullptr);
+}

@@ -1,0 +1,321 @@
+// Promises of simsense_engine_compute: any strides and formats, batches, any subset of outputs, seeded noise, buffers without copies,
+// parameters that change.
+#include <cstring>
+#include <string>
+
+#include "simsense/api/plane_scene.h"
+#include "simsense/api/sensor.h"
+#include "simsense/rig_samples.h"
+
+using namespace simsense_test;
+
+namespace {
+
+constexpr uint32_t width = 160, height = 96;
+constexpr double identity[16] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
+
+simsense_rig_desc small_rig(uint32_t batch = 1) {
+  simsense_rig_desc rig = ideal_rig(width, height, 215);
+  rig.rgb = camera(120, 80, 150);
+  rig.left_to_rgb[3] = 0.015;
+  rig.batch_count = batch;
+  return rig;
+}
+
+simsense_parameters small_parameters() {
+  simsense_parameters p = simsense_parameters_init();
+  p.max_disparity = 32;
+  return p;
+}
+
+simsense_parameters noisy_parameters() {
+  simsense_parameters p = small_parameters();
+  p.speckle_shape = 398.12f;
+  p.speckle_scale = 0.00254f;
+  p.gaussian_sigma_dn = 0.83f;
+  p.noise_seed = 11;
+  return p;
+}
+
+struct Pair {
+  std::vector<uint8_t> left, right;
+};
+
+Pair photograph(double z, uint32_t seed = 1) {
+  Plane plane;
+  plane.distance_m = z;
+  plane.cell_m = 3 * z / 215;
+  plane.seed = seed;
+  const simsense_rig_desc rig = small_rig();
+  return {render(plane, rig.left, identity), render(plane, rig.right, rig.left_to_right)};
+}
+
+std::vector<float> depth_of(const EngineHandle& engine, const Pair& pair) {
+  return compute_one<float>(engine, SIMSENSE_OUTPUT_DEPTH, pair.left, pair.right, height, width, {height, width});
+}
+
+/// The same image in other memory: rows from bottom to top, columns from right to left, padded, as any of the three formats.
+template <class T>
+struct Scattered {
+  std::vector<T> memory;
+  simsense_image image{};
+
+  explicit Scattered(const std::vector<uint8_t>& pixels) : memory(size_t{width + 5} * height * 2, T(201)) {
+    const ptrdiff_t row = -2 * ptrdiff_t{width + 5}, first = ptrdiff_t{2} * (width + 5) * (height - 1) + 2 * (width - 1);
+    for (ptrdiff_t y = 0; y < height; ++y)
+      for (ptrdiff_t x = 0; x < width; ++x)
+        memory[static_cast<size_t>(first + y * row - 2 * x)] = pixels[static_cast<size_t>(y * width + x)];
+    const uint64_t shape[] = {height, width};
+    image.host = memory.data();
+    image.image = ks_image_desc_packed(format_of<T>, 2, shape);
+    image.image.offset_bytes = static_cast<uint64_t>(first) * sizeof(T);
+    image.image.byte_stride[0] = row * static_cast<ptrdiff_t>(sizeof(T));
+    image.image.byte_stride[1] = -2 * static_cast<ptrdiff_t>(sizeof(T));
+  }
+};
+
+std::vector<std::string> stage_names(const EngineHandle& engine) {
+  uint32_t count = 0;
+  EXPECT_EQ(simsense_engine_get_stage_times(engine.get(), nullptr, &count), KS_OK);
+  std::vector<ks_stage_time> times(count);
+  EXPECT_EQ(simsense_engine_get_stage_times(engine.get(), times.data(), &count), KS_OK);
+  std::vector<std::string> names;
+  for (const ks_stage_time& t : times) {
+    EXPECT_GE(t.milliseconds, 0);
+    names.emplace_back(t.name);
+  }
+  return names;
+}
+
+bool contains(const std::vector<std::string>& names, const char* name) {
+  return std::find(names.begin(), names.end(), name) != names.end();
+}
+
+template <class T>
+void expect_same_depth(const EngineHandle& engine, const Pair& pair, const std::vector<float>& expected) {
+  const Scattered<T> left(pair.left), right(pair.right);
+  std::vector<float> depth(expected.size());
+  ASSERT_EQ(compute(engine, left.image, right.image, {output_of(SIMSENSE_OUTPUT_DEPTH, host_image(depth, {height, width}))}), KS_OK)
+      << simsense_last_error();
+  EXPECT_EQ(depth, expected);
+}
+
+}  // namespace
+
+TEST(Engine, ReadsAnyStridesAndFormats) {
+  const Device device = open_device();
+  const EngineHandle engine = open_engine(device, small_rig(), small_parameters());
+  const Pair pair = photograph(0.7);
+  const auto expected = depth_of(engine, pair);
+  expect_same_depth<uint8_t>(engine, pair, expected);
+  expect_same_depth<uint16_t>(engine, pair, expected);
+  expect_same_depth<float>(engine, pair, expected);
+}
+
+TEST(Engine, WritesAnyStrides) {
+  const Device device = open_device();
+  const EngineHandle engine = open_engine(device, small_rig(), noisy_parameters());
+  const Pair pair = photograph(0.7);
+  const std::pair<uint32_t, uint32_t> outputs[] = {{SIMSENSE_OUTPUT_DISPARITY, KS_FORMAT_F32},
+                                                   {SIMSENSE_OUTPUT_DEPTH, KS_FORMAT_F32},
+                                                   {SIMSENSE_OUTPUT_IR_LEFT, KS_FORMAT_U8},
+                                                   {SIMSENSE_OUTPUT_RECTIFIED_RIGHT, KS_FORMAT_U8}};
+  for (const auto& [output, format] : outputs) {
+    const size_t element = ks_format_bytes(format);
+    const uint64_t shape[] = {height, width};
+    std::vector<std::byte> packed(width * height * element), transposed(packed.size());
+    simsense_image plain{}, turned{};  // column-major, columns from right to left
+    plain.host = packed.data();
+    turned.host = transposed.data();
+    plain.image = turned.image = ks_image_desc_packed(format, 2, shape);
+    turned.image.offset_bytes = (width - 1) * height * element;
+    turned.image.byte_stride[0] = static_cast<int64_t>(element);
+    turned.image.byte_stride[1] = -static_cast<int64_t>(height * element);
+    const simsense_image left = host_image(pair.left, {height, width}), right = host_image(pair.right, {height, width});
+    ASSERT_EQ(compute(engine, left, right, {output_of(output, plain)}), KS_OK) << simsense_last_error();
+    ASSERT_EQ(compute(engine, left, right, {output_of(output, turned)}), KS_OK) << simsense_last_error();
+    size_t different = 0;
+    for (size_t y = 0; y < height; ++y)
+      for (size_t x = 0; x < width; ++x)
+        different += std::memcmp(packed.data() + (y * width + x) * element, transposed.data() + ((width - 1 - x) * height + y) * element,
+                                 element) != 0;
+    EXPECT_EQ(different, 0u) << "output " << output;
+  }
+}
+
+TEST(Engine, BatchEqualsItsPairs) {
+  const Device device = open_device();
+  const EngineHandle single = open_engine(device, small_rig(), small_parameters());
+  const EngineHandle batch = open_engine(device, small_rig(3), small_parameters());
+  std::vector<uint8_t> left, right;
+  std::vector<float> expected;
+  for (uint32_t n = 0; n < 3; ++n) {
+    const Pair pair = photograph(0.5 + 0.2 * n, n);
+    left.insert(left.end(), pair.left.begin(), pair.left.end());
+    right.insert(right.end(), pair.right.begin(), pair.right.end());
+    const auto points = compute_one<float>(single, SIMSENSE_OUTPUT_POINTS, pair.left, pair.right, height, width, {80, 120, 3});
+    expected.insert(expected.end(), points.begin(), points.end());
+  }
+  std::vector<float> points(expected.size());
+  ASSERT_EQ(compute(batch, host_image(left, {3, height, width}), host_image(right, {3, height, width}),
+                    {output_of(SIMSENSE_OUTPUT_POINTS, host_image(points, {3, 80, 120, 3}))}),
+            KS_OK)
+      << simsense_last_error();
+  EXPECT_EQ(points, expected);
+}
+
+TEST(Engine, GivesTheSameOutputsTogetherAsApart) {
+  const Device device = open_device();
+  simsense_rig_desc rig = crooked_rig(width, height, 215);
+  rig.rgb = camera(120, 80, 150);
+  const EngineHandle engine = open_engine(device, rig, noisy_parameters());
+  const Pair pair = photograph(0.7);
+  std::vector<float> disparity(width * height), depth(width * height), depth_rgb(120 * 80), points(120 * 80 * 3);
+  std::vector<uint8_t> ir[2] = {std::vector<uint8_t>(width * height), std::vector<uint8_t>(width * height)}, rectified[2] = {ir[0], ir[0]};
+  const std::vector<uint64_t> shape{height, width};
+  ASSERT_EQ(
+      compute(
+          engine, host_image(pair.left, shape), host_image(pair.right, shape),
+          {output_of(SIMSENSE_OUTPUT_POINTS, host_image(points, {80, 120, 3})),
+           output_of(SIMSENSE_OUTPUT_DISPARITY, host_image(disparity, shape)), output_of(SIMSENSE_OUTPUT_DEPTH, host_image(depth, shape)),
+           output_of(SIMSENSE_OUTPUT_DEPTH_RGB, host_image(depth_rgb, {80, 120})),
+           output_of(SIMSENSE_OUTPUT_IR_LEFT, host_image(ir[0], shape)), output_of(SIMSENSE_OUTPUT_IR_RIGHT, host_image(ir[1], shape)),
+           output_of(SIMSENSE_OUTPUT_RECTIFIED_LEFT, host_image(rectified[0], shape)),
+           output_of(SIMSENSE_OUTPUT_RECTIFIED_RIGHT, host_image(rectified[1], shape))}),
+      KS_OK)
+      << simsense_last_error();
+  const auto alone = [&]<class T>(uint32_t output, std::vector<uint64_t> s, T) {
+    return compute_one<T>(engine, output, pair.left, pair.right, height, width, s);
+  };
+  EXPECT_EQ(alone(SIMSENSE_OUTPUT_DISPARITY, shape, 0.0f), disparity);
+  EXPECT_EQ(alone(SIMSENSE_OUTPUT_DEPTH, shape, 0.0f), depth);
+  EXPECT_EQ(alone(SIMSENSE_OUTPUT_DEPTH_RGB, {80, 120}, 0.0f), depth_rgb);
+  EXPECT_EQ(alone(SIMSENSE_OUTPUT_POINTS, {80, 120, 3}, 0.0f), points);
+  for (uint32_t eye = 0; eye < 2; ++eye) {
+    EXPECT_EQ(alone(SIMSENSE_OUTPUT_IR_LEFT + eye, shape, uint8_t{}), ir[eye]);
+    EXPECT_EQ(alone(SIMSENSE_OUTPUT_RECTIFIED_LEFT + eye, shape, uint8_t{}), rectified[eye]);
+    EXPECT_NE(ir[eye], rectified[eye]);
+  }
+  EXPECT_GT(std::count_if(depth_rgb.begin(), depth_rgb.end(), [](float z) { return z > 0; }), 120 * 80 / 4);
+}
+
+TEST(Engine, NoiseFollowsSeedAndFrameAndNothingElse) {
+  const Pair pair = photograph(0.7);
+  const auto measured = [&](simsense_parameters p, uint32_t workers, uint32_t output) {
+    const Device device = open_device(KS_SELECT_HOST, workers);
+    const EngineHandle engine = open_engine(device, small_rig(), p);
+    return compute_one<uint8_t>(engine, output, pair.left, pair.right, height, width, {height, width});
+  };
+  const simsense_parameters base = noisy_parameters();
+  simsense_parameters other_seed = base, other_frame = base;
+  other_seed.noise_seed = 12;
+  other_frame.frame_index = 1;
+  const auto first = measured(base, 1, SIMSENSE_OUTPUT_IR_LEFT);
+  EXPECT_NE(first, pair.left);
+  EXPECT_EQ(first, measured(base, 1, SIMSENSE_OUTPUT_IR_LEFT));
+  EXPECT_EQ(first, measured(base, 5, SIMSENSE_OUTPUT_IR_LEFT));
+  EXPECT_NE(first, measured(other_seed, 1, SIMSENSE_OUTPUT_IR_LEFT));
+  EXPECT_NE(first, measured(other_frame, 1, SIMSENSE_OUTPUT_IR_LEFT));
+}
+
+TEST(Engine, ParametersChangeBetweenFramesAndBadOnesChangeNothing) {
+  const Device device = open_device();
+  const EngineHandle engine = open_engine(device, small_rig(), small_parameters());
+  const Pair pair = photograph(0.7);
+  const auto before = depth_of(engine, pair);
+  simsense_parameters p = small_parameters();
+  p.max_depth_m = 0.6f;
+  ASSERT_EQ(simsense_engine_set_parameters(engine.get(), &p), KS_OK);
+  EXPECT_EQ(depth_of(engine, pair), std::vector<float>(before.size(), 0.0f)) << "the plane lies beyond the range now";
+  p.median_size = 4;
+  EXPECT_EQ(simsense_engine_set_parameters(engine.get(), &p), KS_ERROR_INVALID_ARGUMENT);
+  simsense_parameters now = simsense_parameters_init();
+  ASSERT_EQ(simsense_engine_get_parameters(engine.get(), &now), KS_OK);
+  EXPECT_EQ(now.median_size, 3u);
+  EXPECT_EQ(now.max_depth_m, 0.6f);
+  p = small_parameters();
+  p.max_disparity = 64;
+  p.block_width = p.block_height = 1;
+  ASSERT_EQ(simsense_engine_set_parameters(engine.get(), &p), KS_OK);
+  EXPECT_NE(depth_of(engine, pair), before);
+  p = small_parameters();
+  ASSERT_EQ(simsense_engine_set_parameters(engine.get(), &p), KS_OK);
+  EXPECT_EQ(depth_of(engine, pair), before);
+}
+
+TEST(Engine, TellsTheRectifiedCalibrationAndItsStages) {
+  const Device device = open_device();
+  const EngineHandle engine = open_engine(device, small_rig(), small_parameters());
+  double k[9], baseline = 0, turn[16];
+  ASSERT_EQ(simsense_engine_get_rectified(engine.get(), k, &baseline, turn), KS_OK);
+  EXPECT_EQ(std::memcmp(k, small_rig().left.k, sizeof k), 0);
+  EXPECT_EQ(baseline, 0.05);
+  EXPECT_EQ(std::memcmp(turn, identity, sizeof turn), 0);
+  EXPECT_TRUE(stage_names(engine).empty()) << "nothing has run";
+  const Pair pair = photograph(0.7);
+  (void)compute_one<float>(engine, SIMSENSE_OUTPUT_POINTS, pair.left, pair.right, height, width, {80, 120, 3});
+  const auto names = stage_names(engine);
+  for (const char* name : {"signal", "rectify", "registration", "points"}) EXPECT_TRUE(contains(names, name)) << name;
+  (void)compute_one<uint8_t>(engine, SIMSENSE_OUTPUT_IR_LEFT, pair.left, pair.right, height, width, {height, width});
+  EXPECT_FALSE(contains(stage_names(engine), "registration")) << "only what the outputs need is run";
+}
+
+TEST(Engine, CanBeCancelledAndUsedAgain) {
+  const Device device = open_device();
+  const EngineHandle engine = open_engine(device, small_rig(2), small_parameters());
+  const std::vector<uint8_t> images(2 * width * height, 9);
+  std::vector<float> depth(2 * width * height);
+  const simsense_output_desc output = output_of(SIMSENSE_OUTPUT_DEPTH, host_image(depth, {2, height, width}));
+  simsense_compute_desc desc = simsense_compute_desc_init();
+  desc.left = desc.right = host_image(images, {2, height, width});
+  desc.outputs = &output;
+  desc.output_count = 1;
+  desc.progress = [](void*, float fraction) -> int32_t { return fraction >= 0.5f; };
+  EXPECT_EQ(simsense_engine_compute(engine.get(), &desc), KS_ERROR_CANCELLED);
+  EXPECT_NE(std::string(simsense_last_error()).find("pair 1 of 2"), std::string::npos) << simsense_last_error();
+  desc.progress = nullptr;
+  EXPECT_EQ(simsense_engine_compute(engine.get(), &desc), KS_OK) << simsense_last_error();
+}
+
+class EngineBuffers : public testing::TestWithParam<uint32_t> {};
+
+TEST_P(EngineBuffers, AreReadAndWrittenInPlace) {
+  const Device device = open_device(GetParam());
+  if (!device) GTEST_SKIP() << "no such device here: " << simsense_last_error();
+  const EngineHandle engine = open_engine(device, small_rig(), small_parameters());
+  const Pair pair = photograph(0.7);
+  const auto expected = depth_of(engine, pair);
+  const auto make = [&](uint64_t bytes) {
+    const ks_buffer_create create = ks_buffer_create_init(bytes, KS_BUFFER_HOST_VISIBLE);
+    simsense_buffer buffer = nullptr;
+    EXPECT_EQ(simsense_buffer_create(device.get(), &create, &buffer), KS_OK) << simsense_last_error();
+    return Buffer(buffer);
+  };
+  const Buffer inputs = make(2 * width * height), output = make(16 + width * height * 4);
+  void *in = nullptr, *out = nullptr;
+  ASSERT_EQ(simsense_buffer_map(inputs.get(), &in), KS_OK);
+  ASSERT_EQ(simsense_buffer_map(output.get(), &out), KS_OK);
+  std::memcpy(in, pair.left.data(), pair.left.size());
+  std::memcpy(static_cast<uint8_t*>(in) + pair.left.size(), pair.right.data(), pair.right.size());
+  simsense_image left = host_image(pair.left, {height, width}), right = left, depth = host_image(expected, {height, width});
+  left.buffer = right.buffer = inputs.get();
+  depth.buffer = output.get();
+  left.host = right.host = depth.host = nullptr;
+  right.image.offset_bytes = width * height;
+  depth.image.offset_bytes = 16;
+  uint64_t before = 0, after = 0;
+  ASSERT_EQ(simsense_device_copied_bytes(device.get(), &before), KS_OK);
+  ASSERT_EQ(compute(engine, left, right, {output_of(SIMSENSE_OUTPUT_DEPTH, depth)}), KS_OK) << simsense_last_error();
+  ASSERT_EQ(simsense_device_copied_bytes(device.get(), &after), KS_OK);
+  EXPECT_EQ(after, before);
+  EXPECT_EQ(std::memcmp(static_cast<uint8_t*>(out) + 16, expected.data(), expected.size() * 4), 0);
+  const Device other = open_device();
+  const EngineHandle elsewhere = open_engine(other, small_rig(), small_parameters());
+  EXPECT_EQ(compute(elsewhere, left, right, {output_of(SIMSENSE_OUTPUT_DEPTH, depth)}), KS_ERROR_INVALID_ARGUMENT)
+      << "a buffer of another device";
+  depth.image.offset_bytes = 20;
+  EXPECT_EQ(compute(engine, left, right, {output_of(SIMSENSE_OUTPUT_DEPTH, depth)}), KS_ERROR_INVALID_ARGUMENT)
+      << "a view that leaves its buffer";
+}
+
+INSTANTIATE_TEST_SUITE_P(Devices, EngineBuffers, testing::Values(KS_SELECT_HOST, KS_SELECT_CPU));

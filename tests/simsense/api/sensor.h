@@ -1,0 +1,84 @@
+// The C API as the tests use it: RAII handles, and a compute call on packed host images.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <memory>
+#include <string>
+#include <type_traits>
+#include <vector>
+
+#include "simsense/simsense.h"
+
+namespace simsense_test {
+
+template <class T, void (*release)(T)>
+struct Release {
+  void operator()(std::remove_pointer_t<T>* handle) const { release(handle); }
+};
+using Device = std::unique_ptr<simsense_device_t, Release<simsense_device, simsense_device_release>>;
+using Buffer = std::unique_ptr<simsense_buffer_t, Release<simsense_buffer, simsense_buffer_release>>;
+using EngineHandle = std::unique_ptr<simsense_engine_t, Release<simsense_engine, simsense_engine_release>>;
+
+inline Device open_device(uint32_t select = KS_SELECT_HOST, uint32_t workers = 2) {
+  ks_device_desc desc = ks_device_desc_init();
+  desc.select = select;
+  desc.worker_count = workers;
+  simsense_device device = nullptr;
+  if (simsense_device_create(&desc, &device) != KS_OK && select == KS_SELECT_HOST) ADD_FAILURE() << simsense_last_error();
+  return Device(device);
+}
+
+inline EngineHandle open_engine(const Device& device, const simsense_rig_desc& rig, const simsense_parameters& parameters) {
+  simsense_engine engine = nullptr;
+  EXPECT_EQ(simsense_engine_create(device.get(), &rig, &parameters, &engine), KS_OK) << simsense_last_error();
+  return EngineHandle(engine);
+}
+
+template <class T>
+constexpr uint32_t format_of = std::is_same_v<T, uint8_t>    ? KS_FORMAT_U8
+                               : std::is_same_v<T, uint16_t> ? KS_FORMAT_U16
+                                                             : KS_FORMAT_F32;
+
+/// A packed host image; shape without its leading ones.
+template <class T>
+simsense_image host_image(const std::vector<T>& pixels, std::vector<uint64_t> shape) {
+  simsense_image image{};
+  image.host = const_cast<T*>(pixels.data());
+  image.image = ks_image_desc_packed(format_of<T>, static_cast<uint32_t>(shape.size()), shape.data());
+  return image;
+}
+
+inline simsense_output_desc output_of(uint32_t output, const simsense_image& image) {
+  simsense_output_desc desc{};
+  desc.header = ks_header_make(SIMSENSE_TYPE_OUTPUT_DESC, sizeof desc);
+  desc.output = output;
+  desc.image = image;
+  return desc;
+}
+
+inline ks_status compute(const EngineHandle& engine, const simsense_image& left, const simsense_image& right,
+                         const std::vector<simsense_output_desc>& outputs) {
+  simsense_compute_desc desc = simsense_compute_desc_init();
+  desc.left = left;
+  desc.right = right;
+  desc.outputs = outputs.data();
+  desc.output_count = static_cast<uint32_t>(outputs.size());
+  return simsense_engine_compute(engine.get(), &desc);
+}
+
+/// One output of one pair of 8-bit images.
+template <class T>
+std::vector<T> compute_one(const EngineHandle& engine, uint32_t output, const std::vector<uint8_t>& left, const std::vector<uint8_t>& right,
+                           uint64_t height, uint64_t width, std::vector<uint64_t> shape) {
+  uint64_t count = 1;
+  for (uint64_t n : shape) count *= n;
+  std::vector<T> out(count, T(77));
+  EXPECT_EQ(
+      compute(engine, host_image(left, {height, width}), host_image(right, {height, width}), {output_of(output, host_image(out, shape))}),
+      KS_OK)
+      << simsense_last_error();
+  return out;
+}
+
+}  // namespace simsense_test
