@@ -1,0 +1,53 @@
+// A material at a point: factors times textures, in the band being rendered.
+#ifndef KUAFU_MATERIAL_GLSL
+#define KUAFU_MATERIAL_GLSL
+#include "lib/spectrum.glsl"
+#include "lib/surface.glsl"
+#include "lib/texture.glsl"
+
+struct MaterialPoint {
+  Spectrum base;  // diffuse albedo, or metal reflectance
+  Spectrum emission;
+  float metallic, roughness, specular, ior, transmission;
+};
+
+vec4 material_texel(SceneAddresses scene, uint texture, vec2 uv) {
+  return texture == no_texture ? vec4(1.0) : texture_repeat(scene.textures.at[texture], uv);
+}
+
+// Tangent-space normal map of glTF: x along growing u, y against growing v (v points down).
+void apply_normal_map(SceneAddresses scene, uint texture, inout Surface s) {
+  vec3 map = material_texel(scene, texture, s.uv).xyz * 2.0 - 1.0;
+  vec3 tangent = s.tangent_u - s.shading_normal * dot(s.tangent_u, s.shading_normal);
+  float length_squared = dot(tangent, tangent);
+  if (texture == no_texture || length_squared == 0.0) return;
+  tangent *= inversesqrt(length_squared);
+  vec3 bitangent = cross(s.shading_normal, tangent);
+  if (dot(bitangent, s.tangent_v) > 0.0) bitangent = -bitangent;
+  vec3 n = normalize(tangent * map.x + bitangent * map.y + s.shading_normal * max(map.z, 1e-3));
+  if (dot(n, s.geometric_normal) > 0.0) s.shading_normal = n;
+}
+
+MaterialPoint load_material(SceneAddresses scene, MaterialRecord m, inout Surface s) {
+  MaterialPoint p;
+  p.base = band_of(m.base_color, m.ir_albedo);
+  p.emission = band_of(m.emission, m.ir_emission);
+  p.metallic = m.metallic;
+  p.roughness = m.roughness;
+  p.specular = m.specular;
+  p.ior = m.ior;
+  p.transmission = m.transmission;
+  if (m.textured == 0u) return p;
+  vec4 base = material_texel(scene, KUAFU_CHANNELS == 1 ? m.ir_albedo_texture : m.base_color_texture, s.uv);
+  p.base *= band_of(base.rgb, base.r);
+  vec4 emission = material_texel(scene, m.emission_texture, s.uv);
+  p.emission *= band_of(emission.rgb, emission.r);
+  vec4 metallic_roughness = material_texel(scene, m.metallic_roughness_texture, s.uv);
+  p.roughness *= metallic_roughness.g;
+  p.metallic *= metallic_roughness.b;
+  p.transmission *= material_texel(scene, m.transmission_texture, s.uv).r;
+  p.specular *= material_texel(scene, m.specular_texture, s.uv).a;
+  apply_normal_map(scene, m.normal_texture, s);
+  return p;
+}
+#endif

@@ -1,0 +1,17 @@
+// One channel (infrared) or three (visible); the entry file defines KUAFU_CHANNELS.
+#ifndef KUAFU_SPECTRUM_GLSL
+#define KUAFU_SPECTRUM_GLSL
+
+#if KUAFU_CHANNELS == 1
+#define Spectrum float
+Spectrum band_of(vec3 visible, float infrared) { return infrared; }
+float channel_of(Spectrum s, uint c) { return s; }
+float max_component(Spectrum s) { return s; }
+#else
+#define Spectrum vec3
+Spectrum band_of(vec3 visible, float infrared) { return visible; }
+float channel_of(Spectrum s, uint c) { return s[c]; }
+float max_component(Spectrum s) { return max(s.x, max(s.y, s.z)); }
+#endif
+const uint channels = KUAFU_CHANNELS;
+#endif

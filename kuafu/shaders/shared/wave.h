@@ -1,0 +1,139 @@
+// What the stages of one wave of paths share, read by GLSL and C++ (scalar layout): per-path state, queue counters, views, outputs, push constants.
+#ifndef KUAFU_WAVE_H
+#define KUAFU_WAVE_H
+
+#include "shared/scene_records.h"
+
+#ifdef __cplusplus
+namespace kuafu {
+#else
+layout(buffer_reference) buffer ViewArray;
+layout(buffer_reference) buffer OutputArray;
+#endif
+
+// Light groups, in the order of KUAFU_OUTPUT_PROJECTOR_DIRECT, _PROJECTOR_INDIRECT, _AMBIENT.
+KUAFU_CONST group_projector_direct = 0u;
+KUAFU_CONST group_projector_indirect = 1u;
+KUAFU_CONST group_ambient = 2u;
+KUAFU_CONST group_count = 3u;
+
+// Path state: plane p of path slot s is word p * capacity + s.
+KUAFU_CONST state_pixel_key = 0u;   // hash of seed, view and pixel
+KUAFU_CONST state_sample = 1u;      // index in the pixel's sample sequence
+KUAFU_CONST state_flags = 2u;       // environment, and path_* bits
+KUAFU_CONST state_throughput = 3u;  // `channels` planes; then group_count * channels of radiance; then one per shadow ray of a vertex
+KUAFU_CONST path_environment_mask = 0x00ffffffu;
+KUAFU_CONST path_all_delta = 0x80000000u;  // only mirrors and smooth glass between this ray and the camera
+KUAFU_FN state_radiance(uint channels) { return state_throughput + channels; }
+KUAFU_FN state_shadow(uint channels) { return state_throughput + channels * (1u + group_count); }
+
+// A path's shadow-ray plane holds its index in the shadow queue and, above, the light group it feeds.
+KUAFU_CONST shadow_none = 0xffffffffu;
+KUAFU_CONST shadow_group_shift = 30u;
+
+// Counters: one block per bounce.
+KUAFU_CONST counter_trace_arguments = 0u;   // VkDispatchIndirectCommand of `closest`
+KUAFU_CONST counter_ray_count = 3u;
+KUAFU_CONST counter_shade_arguments = 4u;
+KUAFU_CONST counter_shadow_arguments = 8u;  // VkDispatchIndirectCommand of `occluded`
+KUAFU_CONST counter_shadow_count = 11u;
+KUAFU_CONST counter_words = 16u;
+
+KUAFU_CONST pixel_block = 32u;  // consecutive pixels that stay together when blocks are permuted
+
+/// A pinhole camera: the ray through pixel (u, v) has direction axis_0 + u axis_u + v axis_v, whose z in the camera is 1.
+struct ViewRecord {
+  vec3 origin;
+  vec3 axis_0, axis_u, axis_v;
+  float near_m, far_m;
+  uint key;  // hash of the seed and of what the camera is
+  uint environment;
+};
+
+KUAFU_CONST output_depth = 0u;
+KUAFU_CONST output_normal = 1u;
+KUAFU_CONST output_instance_id = 2u;
+KUAFU_CONST output_material_id = 3u;
+KUAFU_CONST output_radiance = 4u;  // then the light groups
+KUAFU_CONST output_kind_count = 8u;
+
+/// One output image; strides in 32-bit words; enabled = 0 when it is not asked for.
+struct OutputRecord {
+  KUAFU_REFERENCE(UintArray) words;
+  int view_stride, row_stride;
+  uint enabled, reserved;
+};
+
+/// Which pixels and samples a wave holds: path slot = local pixel * sample_count + local sample.
+struct WaveRange {
+  uint first_pixel, pixel_count;  // of the permuted sequence of all views' pixels
+  uint block_count, block_stride; // permutation of full blocks of pixel_block pixels
+  uint first_sample, sample_count;
+  uint width, height;
+  uint capacity;
+};
+
+struct GeneratePush {
+  KUAFU_REFERENCE(ViewArray) views;
+  KUAFU_REFERENCE(UintArray) rays, ray_environments, state, counters;
+  WaveRange range;
+  uint channels;
+  uint flags;
+};
+
+KUAFU_CONST generate_environments = 1u;  // rays carry an environment
+KUAFU_CONST generate_pixel_centre = 2u;  // AOV rays: no jitter, no path state
+
+KUAFU_CONST shade_environments = 1u;    // rays carry an environment
+KUAFU_CONST shade_ambient = 2u;         // there is light that only BSDF rays find: environment or emission
+KUAFU_CONST shade_select_lights = 4u;   // too many lights: take one by power
+
+struct ShadePush {
+  KUAFU_REFERENCE(UintArray) rays_in, rays_out, shadow_rays;
+  KUAFU_REFERENCE(UintArray) ray_environments, shadow_environments;
+  KUAFU_REFERENCE(FloatArray) contributions;  // plane c of shadow ray i is c * shadow_capacity + i
+  KUAFU_REFERENCE(UintArray) state, counters;
+  KUAFU_REFERENCE(SceneReference) scene;
+  uint capacity, shadow_capacity;
+  uint bounce, max_bounces;
+  uint shadow_rays_per_vertex, flags;
+};
+
+struct ResolvePush {
+  KUAFU_REFERENCE(UintArray) rays, shadow_rays;
+  KUAFU_REFERENCE(FloatArray) contributions;
+  KUAFU_REFERENCE(UintArray) state, counters;
+  uint capacity, shadow_capacity, bounce, shadow_rays_per_vertex, channels;
+};
+
+struct AccumulatePush {
+  KUAFU_REFERENCE(FloatArray) state, sums;  // sums: plane (group, channel) of local pixel p is plane * pixel_count + p
+  KUAFU_REFERENCE(OutputArray) outputs;
+  WaveRange range;
+  uint channels;
+  uint first_pass, last_pass;
+  float inverse_samples;  // 1 / samples of all passes
+};
+
+struct AovPush {
+  KUAFU_REFERENCE(UintArray) rays;
+  KUAFU_REFERENCE(SceneReference) scene;
+  KUAFU_REFERENCE(ViewArray) views;
+  KUAFU_REFERENCE(OutputArray) outputs;
+  WaveRange range;
+};
+
+#ifdef __cplusplus
+static_assert(sizeof(ViewRecord) == 64);
+static_assert(sizeof(OutputRecord) == 24);
+static_assert(sizeof(GeneratePush) == 88);
+static_assert(sizeof(ShadePush) == 96);
+static_assert(sizeof(ResolvePush) == 64);
+static_assert(sizeof(AccumulatePush) == 80);
+static_assert(sizeof(AovPush) == 72);
+}  // namespace kuafu
+#else
+layout(buffer_reference, scalar, buffer_reference_align = 4) buffer ViewArray { ViewRecord at[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 8) buffer OutputArray { OutputRecord at[]; };
+#endif
+#endif

@@ -1,0 +1,12 @@
+// Reads and checks a kuafu_render_desc: what comes out can be rendered. Errors name the field and the numbers. Thread rule: pure functions.
+#pragma once
+
+#include "device/device.h"
+#include "kuafu/kuafu.h"
+#include "pathtrace/launch.h"
+
+namespace kuafu {
+
+Launch read_launch(const kuafu_render_desc* desc, const ks::Device& device);
+
+}  // namespace kuafu

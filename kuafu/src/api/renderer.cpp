@@ -1,0 +1,68 @@
+// The renderer functions of kuafu's C API.
+#include <algorithm>
+#include <cstring>
+
+#include "api/handles.h"
+#include "api/render_launch.h"
+#include "device/struct_read.h"
+#include "pathtrace/path_tracer.h"
+
+struct kuafu_renderer_t : ks::Handle<kuafu::PathTracer, 0x6b726e64> {
+  using Handle::Handle;
+};
+
+namespace {
+
+kuafu::TracerKind tracer_kind(const kuafu_renderer_desc* desc) {
+  if (desc == nullptr) return kuafu::TracerKind::automatic;
+  const uint32_t tracer = ks::read_struct(desc, KUAFU_TYPE_RENDERER_DESC, "renderer desc").tracer;
+  switch (tracer) {
+    case KUAFU_TRACER_AUTO:
+      return kuafu::TracerKind::automatic;
+    case KUAFU_TRACER_EMBREE:
+      return kuafu::TracerKind::embree;
+    case KUAFU_TRACER_COMPUTE:
+      return kuafu::TracerKind::compute;
+    default:
+      ks::fail(KS_ERROR_INVALID_ARGUMENT, "tracer %u is no KUAFU_TRACER_*", tracer);
+  }
+}
+
+}  // namespace
+
+extern "C" {
+
+ks_status kuafu_renderer_create(kuafu_device device, const kuafu_renderer_desc* desc, kuafu_renderer* out) {
+  return ks::guard([&] {
+    ks::clear_out(out);
+    *out = new kuafu_renderer_t(std::make_shared<kuafu::PathTracer>(ks::object_of(device, "device"), tracer_kind(desc)));
+  });
+}
+
+void kuafu_renderer_retain(kuafu_renderer renderer) { ks::retain(renderer, "renderer"); }
+
+void kuafu_renderer_release(kuafu_renderer renderer) { ks::release(renderer, "renderer"); }
+
+ks_status kuafu_renderer_render(kuafu_renderer renderer, kuafu_scene scene, const kuafu_render_desc* desc) {
+  return ks::guard([&] {
+    kuafu::PathTracer& tracer = *ks::object_of(renderer, "renderer");
+    const std::shared_ptr<kuafu::DeviceScene>& owner = ks::object_of(scene, "scene");
+    tracer.render(std::shared_ptr<const kuafu::Scene>(owner, &owner->scene), kuafu::read_launch(desc, *tracer.device()));
+  });
+}
+
+ks_status kuafu_renderer_get_stage_times(kuafu_renderer renderer, ks_stage_time* times, uint32_t* count) {
+  return ks::guard([&] {
+    const auto& stages = ks::object_of(renderer, "renderer")->stage_times();
+    if (count == nullptr) ks::fail(KS_ERROR_INVALID_ARGUMENT, "count is NULL");
+    const size_t written = times == nullptr ? 0 : std::min<size_t>(*count, stages.size());
+    for (size_t i = 0; i < written; ++i) {
+      times[i] = {};
+      stages[i].first.copy(times[i].name, sizeof times[i].name - 1);
+      times[i].milliseconds = stages[i].second;
+    }
+    *count = uint32_t(stages.size());
+  });
+}
+
+}  // extern "C"

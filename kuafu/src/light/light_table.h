@@ -1,0 +1,26 @@
+// The lights that each environment sees, as shaders read them: projectors first, with chances by power. Thread rule: pure functions.
+#pragma once
+
+#include <functional>
+#include <vector>
+
+#include "pathtrace/band.h"
+#include "scene/scene.h"
+#include "shared/scene_records.h"
+
+namespace kuafu {
+
+struct LightTable {
+  std::vector<LightRecord> lights;  // environment after environment; those that are dark in the band are left out
+  std::vector<EnvironmentRecord> environments;
+  uint32_t shadow_rays_per_vertex = 0;
+  bool select_lights = false;  // more than few_lights somewhere: each vertex asks one light, chosen by power
+};
+
+inline constexpr uint32_t few_lights = 4;
+
+/// `pattern` gives a texture's plane of floats in device memory.
+LightTable make_light_table(const Scene& scene, const Band& band, uint32_t environment_count,
+                            const std::function<uint64_t(uint32_t)>& pattern);
+
+}  // namespace kuafu

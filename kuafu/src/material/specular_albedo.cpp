@@ -1,0 +1,51 @@
+#include "material/specular_albedo.h"
+
+#include <cmath>
+#include <numbers>
+
+#include "shared/scene_records.h"
+
+namespace kuafu {
+namespace {
+
+// Walter et al. 2007, eq. 34, times 2 cos: G1 = 2 cos / (cos + root).
+double smith_root(double cosine, double a2) { return std::sqrt(a2 + (1 - a2) * cosine * cosine); }
+
+// Dupuy and Benyoub 2023: visible normals from a cap of the sphere.
+glm::dvec3 visible_normal(const glm::dvec3& wo, double alpha, double u, double v) {
+  const glm::dvec3 w = glm::normalize(glm::dvec3(wo.x * alpha, wo.y * alpha, wo.z));
+  const double phi = 2 * std::numbers::pi * u, z = (1 - v) * (1 + w.z) - w.z, s = std::sqrt(std::max(1 - z * z, 0.0));
+  const glm::dvec3 h = glm::dvec3(s * std::cos(phi), s * std::sin(phi), z) + w;
+  return glm::normalize(glm::dvec3(h.x * alpha, h.y * alpha, std::max(h.z, 1e-12)));
+}
+
+}  // namespace
+
+glm::vec2 specular_albedo(double cosine, double roughness) {
+  constexpr int n = 24;  // n x n midpoints
+  const double alpha = roughness * roughness, a2 = alpha * alpha, c = std::max(cosine, 1e-4);
+  const glm::dvec3 wo(std::sqrt(1 - c * c), 0, c);
+  glm::dvec2 sum(0);
+  for (int i = 0; i < n; ++i)
+    for (int j = 0; j < n; ++j) {
+      const glm::dvec3 h = visible_normal(wo, alpha, (i + 0.5) / n, (j + 0.5) / n);
+      const double oh = glm::dot(wo, h), cos_i = 2 * oh * h.z - wo.z;
+      if (cos_i <= 0) continue;
+      // f cos / pdf = F G2 / G1
+      const double weight = cos_i * (c + smith_root(c, a2)) / (cos_i * smith_root(c, a2) + c * smith_root(cos_i, a2));
+      const double schlick = std::pow(1 - oh, 5);
+      sum += weight * glm::dvec2(1 - schlick, schlick);
+    }
+  return sum / double(n * n);
+}
+
+std::vector<glm::vec2> specular_albedo_table() {
+  std::vector<glm::vec2> table;
+  table.reserve(size_t(specular_albedo_size) * specular_albedo_size);
+  for (uint32_t r = 0; r < specular_albedo_size; ++r)
+    for (uint32_t c = 0; c < specular_albedo_size; ++c)
+      table.push_back(specular_albedo(double(c) / (specular_albedo_size - 1), double(r) / (specular_albedo_size - 1)));
+  return table;
+}
+
+}  // namespace kuafu

@@ -1,0 +1,81 @@
+#include "material/texels.h"
+
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <glm/gtc/packing.hpp>
+
+#include "shared/scene_records.h"
+
+namespace kuafu {
+namespace {
+
+float srgb_to_linear(float v) { return v <= 0.04045f ? v / 12.92f : std::pow((v + 0.055f) / 1.055f, 2.4f); }
+
+class TexelReader {
+ public:
+  explicit TexelReader(const Texture& texture) : texture_(texture) {
+    for (size_t i = 0; i < decoded_.size(); ++i) decoded_[i] = srgb_to_linear(float(i) / 255.0f);
+  }
+
+  [[nodiscard]] float stored(size_t texel, uint32_t channel) const {
+    const size_t i = texel * texture_.channels + channel;
+    if (texture_.format == Texture::Format::u8) return float(texture_.texels[i]) / 255.0f;
+    if (texture_.format == Texture::Format::u16) return float(at<uint16_t>(i)) / 65535.0f;
+    return at<float>(i);
+  }
+
+  [[nodiscard]] glm::vec4 linear(size_t texel) const {
+    const uint32_t n = texture_.channels;
+    const bool has_alpha = n == 2 || n == 4;
+    glm::vec4 rgba(1.0f);
+    for (uint32_t c = 0; c < 3; ++c) rgba[int(c)] = colour(texel, n >= 3 ? c : 0);
+    if (has_alpha) rgba.a = stored(texel, n - 1);
+    return rgba;
+  }
+
+ private:
+  template <class T>
+  [[nodiscard]] T at(size_t i) const {
+    T value;
+    std::memcpy(&value, texture_.texels.data() + i * sizeof(T), sizeof(T));
+    return value;
+  }
+  [[nodiscard]] float colour(size_t texel, uint32_t channel) const {
+    if (!texture_.srgb) return stored(texel, channel);
+    if (texture_.format == Texture::Format::u8) return decoded_[texture_.texels[texel * texture_.channels + channel]];
+    return srgb_to_linear(stored(texel, channel));
+  }
+
+  const Texture& texture_;
+  std::array<float, 256> decoded_{};
+};
+
+}  // namespace
+
+Texels linear_texels(const Texture& texture) {
+  const TexelReader reader(texture);
+  const bool single = texture.format == Texture::Format::f32;
+  const size_t count = size_t(texture.width) * texture.height;
+  Texels out{{}, single ? texel_float4 : texel_half4};
+  out.words.resize(count * (single ? 4 : 2));
+  for (size_t i = 0; i < count; ++i) {
+    const glm::vec4 rgba = reader.linear(i);
+    if (single) {
+      std::memcpy(&out.words[4 * i], &rgba, sizeof rgba);
+    } else {
+      out.words[2 * i] = glm::packHalf2x16({rgba.r, rgba.g});
+      out.words[2 * i + 1] = glm::packHalf2x16({rgba.b, rgba.a});
+    }
+  }
+  return out;
+}
+
+std::vector<float> pattern_plane(const Texture& texture) {
+  const TexelReader reader(texture);
+  std::vector<float> plane(size_t(texture.width) * texture.height);
+  for (size_t i = 0; i < plane.size(); ++i) plane[i] = reader.stored(i, 0);
+  return plane;
+}
+
+}  // namespace kuafu

@@ -1,0 +1,24 @@
+// Textures as shaders read them: linear RGBA in half or single precision, and a projector's pattern as one plane.
+// Thread rule: pure functions.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "scene/scene.h"
+
+namespace kuafu {
+
+struct Texels {
+  std::vector<uint32_t> words;
+  uint32_t format = 0;  // texel_half4 or texel_float4
+};
+
+/// sRGB colour is decoded (IEC 61966-2-1); one channel is grey, two are grey and alpha. 8- and 16-bit texels become halves, floats stay
+/// floats.
+Texels linear_texels(const Texture& texture);
+
+/// The red channel as it is stored, in [0, 1] for integer formats: never sRGB-decoded.
+std::vector<float> pattern_plane(const Texture& texture);
+
+}  // namespace kuafu

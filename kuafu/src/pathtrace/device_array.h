@@ -1,0 +1,52 @@
+// Arrays in device memory: tables that grow and are rewritten in place, and blocks that many small arrays share.
+// Thread rule: externally synchronised.
+#pragma once
+
+#include <cstring>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "device/buffer.h"
+
+namespace kuafu {
+
+/// A table that the host writes through its mapping: small, rewritten often, no staging copy.
+template <class T>
+class MappedTable {
+ public:
+  /// Room for `count` records; what was there is lost when it has to grow.
+  std::span<T> resize(const std::shared_ptr<ks::Device>& device, size_t count) {
+    const uint64_t bytes = std::max<uint64_t>(count, 1) * sizeof(T);
+    if (!buffer_ || buffer_->size_bytes() < bytes) buffer_ = ks::Buffer::create(device, bytes, KS_BUFFER_HOST_VISIBLE);
+    return {static_cast<T*>(buffer_->mapped()), count};
+  }
+  [[nodiscard]] uint64_t address() const { return buffer_ ? buffer_->address() : 0; }
+
+ private:
+  std::shared_ptr<ks::Buffer> buffer_;
+};
+
+/// Collects arrays for one allocation. `add` gives an offset; the address is offset + buffer->address().
+class Block {
+ public:
+  template <class T>
+  uint64_t add(const std::vector<T>& values) {
+    bytes_.resize((bytes_.size() + 15) / 16 * 16);
+    const uint64_t offset = bytes_.size();
+    if (values.empty()) return offset;
+    bytes_.resize(offset + values.size() * sizeof(T));
+    std::memcpy(bytes_.data() + offset, values.data(), values.size() * sizeof(T));
+    return offset;
+  }
+  [[nodiscard]] std::shared_ptr<ks::Buffer> upload(const std::shared_ptr<ks::Device>& device) const {
+    auto buffer = ks::Buffer::create(device, std::max<uint64_t>(bytes_.size(), 16), device->is_cpu() ? KS_BUFFER_HOST_VISIBLE : 0);
+    if (!bytes_.empty()) buffer->write(0, bytes_.data(), bytes_.size());
+    return buffer;
+  }
+
+ private:
+  std::vector<std::byte> bytes_;
+};
+
+}  // namespace kuafu

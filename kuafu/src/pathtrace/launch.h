@@ -1,0 +1,51 @@
+// One render call, checked and in the path tracer's terms. Thread rule: plain data.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <glm/glm.hpp>
+#include <vector>
+
+#include "pathtrace/band.h"
+#include "shared/wave.h"
+
+namespace kuafu {
+
+struct View {
+  glm::dmat3 k{1.0};
+  glm::dmat4 camera_to_world{1.0};
+  double near_m = 0.0, far_m = 0.0;
+  uint32_t environment = 0;
+};
+
+struct Launch {
+  std::vector<View> views;
+  uint32_t width = 0, height = 0;
+  Band band;
+  uint32_t samples = 1, first_sample = 0, max_bounces = 0;
+  uint64_t seed = 0;
+  std::array<OutputRecord, output_kind_count> outputs{};
+  /// Called between waves with what is done, 0..1; true cancels. May be empty.
+  std::function<bool(float)> cancelled;
+
+  [[nodiscard]] uint32_t pixel_count() const { return uint32_t(views.size()) * width * height; }
+  [[nodiscard]] uint32_t environment_count() const {
+    uint32_t count = 1;
+    for (const View& v : views) count = std::max(count, v.environment + 1);
+    return count;
+  }
+  [[nodiscard]] bool wants(uint32_t first_kind, uint32_t end_kind) const {
+    for (uint32_t k = first_kind; k < end_kind; ++k)
+      if (outputs[k].enabled) return true;
+    return false;
+  }
+  [[nodiscard]] bool wants_aovs() const { return wants(output_depth, output_radiance); }
+  [[nodiscard]] bool wants_radiance() const { return wants(output_radiance, output_kind_count); }
+};
+
+/// What `generate` needs of a view. Its key depends on seed, camera and environment alone, never on the position in the batch: a view gives
+/// the same bits rendered alone or with others, and two eyes draw different samples.
+ViewRecord view_record(const Launch& launch, const View& view);
+
+}  // namespace kuafu

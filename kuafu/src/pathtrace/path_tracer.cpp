@@ -1,0 +1,233 @@
+#include "pathtrace/path_tracer.h"
+
+#include <algorithm>
+#include <chrono>
+#include <numeric>
+
+#include "device/error.h"
+#include "pathtrace/pipelines.h"
+
+namespace kuafu {
+namespace {
+
+// Paths in flight that measured best: enough to fill the device, few enough for a CPU's caches.
+constexpr uint32_t cpu_wave = 1u << 17, gpu_wave = 1u << 20;
+constexpr uint32_t pass_samples = 256;  // most samples of a pixel in one wave; fixed, since the order of sums follows from it
+
+std::unique_ptr<Tracer> make_tracer(const std::shared_ptr<ks::Device>& device, TracerKind kind) {
+  const bool embree = kind == TracerKind::embree || (kind == TracerKind::automatic && device->is_cpu());
+  if (embree && !device->is_cpu())
+    ks::fail(KS_ERROR_UNSUPPORTED, "KUAFU_TRACER_EMBREE needs a CPU device, %s is none: use KUAFU_TRACER_AUTO", device->info().name);
+  return embree ? make_embree_tracer(device) : make_compute_tracer(device);
+}
+
+/// Near the golden section of n, coprime to it, and small enough that block * stride stays below 2^32.
+uint32_t permutation_stride(uint32_t n) {
+  if (n < 3) return 1;
+  uint32_t stride = std::max(1u, std::min(uint32_t(0.618 * n), 0xffffffffu / n));
+  while (std::gcd(stride, n) != 1) --stride;
+  return stride;
+}
+
+uint32_t round_up(uint32_t n, uint32_t step) { return (n + step - 1) / step * step; }
+
+double milliseconds_since(std::chrono::steady_clock::time_point start) {
+  return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
+}
+
+}  // namespace
+
+/// Everything one render call needs; records stage after stage.
+class PathTracer::Run {
+ public:
+  Run(PathTracer& owner, const Launch& launch) : o_(owner), launch_(launch), commands_(owner.device_) {}
+  void prepare(const Scene& scene);
+  void render();
+  [[nodiscard]] std::vector<std::pair<std::string, double>> stage_times() const { return commands_.stage_times(); }
+
+ private:
+  void fit_buffers();
+  void render_aovs(uint32_t first_pixel, uint32_t pixel_count);
+  void render_pixels(uint32_t first_pixel, uint32_t pixel_count);
+  void trace_paths(const WaveRange& range);
+  void generate(const WaveRange& range, uint32_t flags);
+  void shade(uint32_t bounce);
+  void resolve(uint32_t bounce);
+  void accumulate(const WaveRange& range, bool first, bool last);
+  [[nodiscard]] WaveRange range(uint32_t first_pixel, uint32_t pixel_count, uint32_t first_sample, uint32_t sample_count) const;
+  void report(uint32_t pixels_done, float part);
+  [[nodiscard]] uint32_t last_bounce() const { return launch_.max_bounces + (o_.tables_.has_ambient() ? 1 : 0); }
+
+  PathTracer& o_;
+  const Launch& launch_;
+  ks::Commands commands_;
+  uint32_t pixels_per_wave_ = 0;
+  bool environments_ = false;
+};
+
+void PathTracer::Run::prepare(const Scene& scene) {
+  environments_ = launch_.environment_count() > 1;
+  auto start = std::chrono::steady_clock::now();
+  o_.tables_.update(scene, launch_.band, launch_.environment_count());
+  const auto views = o_.views_.resize(o_.device_, launch_.views.size());
+  for (size_t i = 0; i < launch_.views.size(); ++i) views[i] = view_record(launch_, launch_.views[i]);
+  std::ranges::copy(launch_.outputs, o_.outputs_.resize(o_.device_, output_kind_count).begin());
+  fit_buffers();
+  commands_.add_host_time("upload", milliseconds_since(start));
+  start = std::chrono::steady_clock::now();
+  o_.tracer_->update(scene, launch_.environment_count());
+  commands_.add_host_time("acceleration build", milliseconds_since(start));
+}
+
+void PathTracer::Run::fit_buffers() {
+  const uint32_t shadows = o_.tables_.shadow_rays_per_vertex();
+  const uint32_t most = (o_.device_->is_cpu() ? cpu_wave : gpu_wave) / (1 + shadows / 4);
+  const uint32_t samples = launch_.wants_radiance() ? std::min(launch_.samples, pass_samples) : 1;
+  pixels_per_wave_ = std::min(launch_.pixel_count(), std::max(most / samples, pixel_block));
+  o_.buffers_.fit(
+      {round_up(pixels_per_wave_ * samples, pixel_block), launch_.band.channels(), shadows, launch_.max_bounces + 3, environments_});
+}
+
+void PathTracer::Run::render() {
+  const uint32_t total = launch_.pixel_count();
+  for (uint32_t first = 0; first < total; first += pixels_per_wave_) {
+    const uint32_t count = std::min(pixels_per_wave_, total - first);
+    if (launch_.wants_aovs()) render_aovs(first, count);
+    if (launch_.wants_radiance()) render_pixels(first, count);
+    commands_.flush();
+    report(first, float(count));
+  }
+}
+
+void PathTracer::Run::report(uint32_t pixels_done, float part) {
+  const float fraction = std::min(1.0f, (float(pixels_done) + part) / float(launch_.pixel_count()));
+  if (launch_.cancelled && launch_.cancelled(fraction))
+    ks::fail(KS_ERROR_CANCELLED, "the progress callback cancelled the render at %.0f %%", 100.0 * fraction);
+}
+
+WaveRange PathTracer::Run::range(uint32_t first_pixel, uint32_t pixel_count, uint32_t first_sample, uint32_t sample_count) const {
+  const uint32_t blocks = launch_.pixel_count() / pixel_block;
+  return {first_pixel,  pixel_count,   blocks,         permutation_stride(blocks), first_sample,
+          sample_count, launch_.width, launch_.height, o_.buffers_.size().capacity};
+}
+
+void PathTracer::Run::render_aovs(uint32_t first_pixel, uint32_t pixel_count) {
+  const WaveRange centre = range(first_pixel, pixel_count, 0, 1);
+  generate(centre, generate_pixel_centre);
+  const RayQueue rays = o_.buffers_.closest_queue(0);
+  o_.tracer_->closest(commands_, rays);
+  commands_.begin_stage("aov");
+  const AovPush push{rays.words->address(), o_.tables_.address(), o_.views_.address(), o_.outputs_.address(), centre};
+  commands_.dispatch(o_.pipelines_->aov(), push, o_.pipelines_->groups(pixel_count));
+}
+
+void PathTracer::Run::render_pixels(uint32_t first_pixel, uint32_t pixel_count) {
+  for (uint32_t sample = 0; sample < launch_.samples; sample += pass_samples) {
+    const uint32_t count = std::min(pass_samples, launch_.samples - sample);
+    const WaveRange wave = range(first_pixel, pixel_count, launch_.first_sample + sample, count);
+    generate(wave, 0);
+    trace_paths(wave);
+    accumulate(wave, sample == 0, sample + count == launch_.samples);
+    if (sample + count == launch_.samples) break;
+    commands_.flush();
+    report(first_pixel, float(pixel_count) * float(sample + count) / float(launch_.samples));
+  }
+}
+
+// Shadow rays and next rays of a bounce are both there after `shade`, so a host tracer answers them in one stop.
+void PathTracer::Run::trace_paths(const WaveRange&) {
+  const bool shadows = o_.tables_.shadow_rays_per_vertex() > 0;
+  o_.tracer_->closest(commands_, o_.buffers_.closest_queue(0));
+  for (uint32_t bounce = 0; bounce <= last_bounce(); ++bounce) {
+    shade(bounce);
+    if (shadows && bounce <= launch_.max_bounces) o_.tracer_->occluded(commands_, o_.buffers_.shadow_queue(bounce));
+    if (o_.device_->is_cpu()) commands_.flush();
+    const bool more = bounce < last_bounce() && o_.buffers_.ray_count(bounce + 1) > 0;
+    if (more) o_.tracer_->closest(commands_, o_.buffers_.closest_queue(bounce + 1));
+    if (shadows && bounce <= launch_.max_bounces) resolve(bounce);
+    if (!more) break;
+  }
+}
+
+void PathTracer::Run::generate(const WaveRange& wave, uint32_t flags) {
+  commands_.begin_stage("generate");
+  commands_.fill(o_.buffers_.counters(), 0, o_.buffers_.counter_bytes(), 0);
+  const RayQueue rays = o_.buffers_.closest_queue(0);
+  const GeneratePush push{o_.views_.address(),
+                          rays.words->address(),
+                          o_.buffers_.closest_environments(0),
+                          o_.buffers_.state(),
+                          o_.buffers_.counters().address(),
+                          wave,
+                          launch_.band.channels(),
+                          flags | (environments_ ? generate_environments : 0)};
+  commands_.dispatch(o_.pipelines_->generate(), push, o_.pipelines_->groups(wave.pixel_count * wave.sample_count));
+}
+
+void PathTracer::Run::shade(uint32_t bounce) {
+  commands_.begin_stage("shade");
+  const WaveBuffers& b = o_.buffers_;
+  ShadePush push{};
+  push.rays_in = b.closest_queue(bounce).words->address();
+  push.rays_out = b.closest_queue(bounce + 1).words->address();
+  push.shadow_rays = b.shadow_queue(bounce).words->address();
+  push.ray_environments = b.closest_environments(bounce + 1);
+  push.shadow_environments = b.shadow_environments();
+  push.contributions = b.contributions();
+  push.state = b.state();
+  push.counters = b.counters().address();
+  push.scene = o_.tables_.address();
+  push.capacity = b.size().capacity;
+  push.shadow_capacity = b.shadow_capacity();
+  push.bounce = bounce;
+  push.max_bounces = launch_.max_bounces;
+  push.shadow_rays_per_vertex = bounce <= launch_.max_bounces ? b.size().shadow_rays_per_vertex : 0;
+  push.flags = (environments_ ? shade_environments : 0) | (o_.tables_.has_ambient() ? shade_ambient : 0) |
+               (o_.tables_.select_lights() ? shade_select_lights : 0);
+  commands_.dispatch_indirect(o_.pipelines_->shade(launch_.band.infrared), push, b.counters(),
+                              (uint64_t(bounce) * counter_words + counter_shade_arguments) * 4);
+}
+
+void PathTracer::Run::resolve(uint32_t bounce) {
+  commands_.begin_stage("resolve");
+  const WaveBuffers& b = o_.buffers_;
+  const ResolvePush push{b.closest_queue(bounce).words->address(),
+                         b.shadow_queue(bounce).words->address(),
+                         b.contributions(),
+                         b.state(),
+                         b.counters().address(),
+                         b.size().capacity,
+                         b.shadow_capacity(),
+                         bounce,
+                         b.size().shadow_rays_per_vertex,
+                         launch_.band.channels()};
+  commands_.dispatch_indirect(o_.pipelines_->resolve(), push, b.counters(),
+                              (uint64_t(bounce) * counter_words + counter_shade_arguments) * 4);
+}
+
+void PathTracer::Run::accumulate(const WaveRange& wave, bool first, bool last) {
+  commands_.begin_stage("accumulate");
+  const AccumulatePush push{o_.buffers_.state(),     o_.buffers_.sums(), o_.outputs_.address(), wave,
+                            launch_.band.channels(), first ? 1u : 0u,    last ? 1u : 0u,        float(1.0 / launch_.samples)};
+  commands_.dispatch(o_.pipelines_->accumulate(), push, o_.pipelines_->groups(wave.pixel_count));
+}
+
+PathTracer::PathTracer(std::shared_ptr<ks::Device> device, TracerKind tracer)
+    : device_(std::move(device)),
+      tracer_(make_tracer(device_, tracer)),
+      pipelines_(std::make_unique<Pipelines>(device_, *tracer_)),
+      tables_(device_),
+      buffers_(device_) {}
+
+PathTracer::~PathTracer() = default;
+
+void PathTracer::render(const std::shared_ptr<const Scene>& scene, const Launch& launch) {
+  next_scene_ = scene;
+  Run run(*this, launch);
+  run.prepare(*scene);
+  scene_ = scene;
+  run.render();
+  stage_times_ = run.stage_times();
+}
+
+}  // namespace kuafu

@@ -1,0 +1,47 @@
+// The wavefront path tracer: generate, then per bounce closest, shade, occluded, resolve, then accumulate; in waves of bounded memory.
+// Results depend on the launch alone: per-path sums in a fixed order, samples keyed by view, pixel and index.
+// Thread rule: externally synchronised.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "accel/tracer.h"
+#include "pathtrace/launch.h"
+#include "pathtrace/scene_tables.h"
+#include "pathtrace/wave_buffers.h"
+
+namespace kuafu {
+
+enum class TracerKind { automatic, embree, compute };
+
+class PathTracer {
+ public:
+  /// Throws KS_ERROR_UNSUPPORTED for Embree on a device whose memory the host does not share.
+  PathTracer(std::shared_ptr<ks::Device> device, TracerKind tracer);
+  ~PathTracer();
+
+  /// Blocks until the outputs are written. Throws KS_ERROR_CANCELLED when the launch's callback says so.
+  void render(const std::shared_ptr<const Scene>& scene, const Launch& launch);
+  /// Milliseconds per stage of the last render.
+  [[nodiscard]] const std::vector<std::pair<std::string, double>>& stage_times() const { return stage_times_; }
+  [[nodiscard]] const std::shared_ptr<ks::Device>& device() const { return device_; }
+
+ private:
+  struct Pipelines;
+  class Run;  // one render call
+
+  std::shared_ptr<ks::Device> device_;
+  std::unique_ptr<Tracer> tracer_;
+  std::unique_ptr<Pipelines> pipelines_;
+  SceneTables tables_;
+  WaveBuffers buffers_;
+  MappedTable<ViewRecord> views_;
+  MappedTable<OutputRecord> outputs_;
+  // Tracer and tables know a scene by its address, so the last one lives until both have taken the next.
+  std::shared_ptr<const Scene> scene_, next_scene_;
+  std::vector<std::pair<std::string, double>> stage_times_;
+};
+
+}  // namespace kuafu

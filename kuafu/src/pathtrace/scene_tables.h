@@ -1,0 +1,66 @@
+// The scene in device memory. `update` uploads what changed since it last looked (Scene::revisions).
+// Thread rule: externally synchronised; no work may be in flight during update.
+#pragma once
+
+#include <memory>
+#include <unordered_map>
+
+#include "light/light_table.h"
+#include "pathtrace/band.h"
+#include "pathtrace/device_array.h"
+#include "scene/scene.h"
+#include "shared/scene_records.h"
+
+namespace kuafu {
+
+class SceneTables {
+ public:
+  explicit SceneTables(std::shared_ptr<ks::Device> device);
+
+  /// A scene is known by its address: keep the last one given alive until another is given.
+  void update(const Scene& scene, const Band& band, uint32_t environment_count);
+
+  [[nodiscard]] uint64_t address() const { return tables_.address(); }
+  [[nodiscard]] uint32_t shadow_rays_per_vertex() const { return shadow_rays_per_vertex_; }
+  [[nodiscard]] bool select_lights() const { return select_lights_; }
+  /// Whether the environment or a surface shines in the band: light that only BSDF rays find.
+  [[nodiscard]] bool has_ambient() const { return has_environment_light_ || emissive_[band_.infrared ? 1 : 0]; }
+
+ private:
+  struct MeshAddresses {
+    uint64_t positions, normals, uvs, indices, slots;
+    uint32_t flags;
+  };
+
+  void forget(const Scene& scene);
+  void add_meshes(const Scene& scene);
+  void add_textures(const Scene& scene);
+  void write_materials(const Scene& scene);
+  void write_instances(const Scene& scene);
+  void write_lights(const Scene& scene, uint32_t environment_count);
+  uint64_t pattern(const Scene& scene, uint32_t texture);
+
+  std::shared_ptr<ks::Device> device_;
+  std::shared_ptr<ks::Buffer> specular_albedo_;
+  const Scene* scene_ = nullptr;
+  Revisions seen_{0, 0, 0, 0, 0};
+  Band band_;
+  uint32_t environment_count_ = 0;
+
+  std::vector<std::shared_ptr<ks::Buffer>> blocks_;
+  std::vector<MeshAddresses> meshes_;
+  std::unordered_map<uint32_t, std::shared_ptr<ks::Buffer>> patterns_;  // by texture
+  std::vector<TextureRecord> texture_records_;
+  MappedTable<TextureRecord> textures_;
+  MappedTable<MaterialRecord> materials_;
+  MappedTable<InstanceRecord> instances_;
+  MappedTable<uint32_t> instance_materials_;
+  MappedTable<LightRecord> lights_;
+  MappedTable<EnvironmentRecord> environments_;
+  MappedTable<SceneAddresses> tables_;
+  uint32_t shadow_rays_per_vertex_ = 0;
+  bool select_lights_ = false, has_environment_light_ = false;
+  bool emissive_[2] = {false, false};  // visible, infrared
+};
+
+}  // namespace kuafu

@@ -1,0 +1,52 @@
+#include "pathtrace/wave_buffers.h"
+
+namespace kuafu {
+
+void WaveBuffers::fit(const WaveSize& size) {
+  size_ = size;
+  const uint64_t capacity = size.capacity, shadows = shadow_capacity();
+  for (auto& rays : rays_) grow(rays, capacity * closest_words);
+  for (auto& environments : environments_) grow(environments, size.environments ? capacity : 1);
+  grow(shadow_rays_, shadows * occlusion_words);
+  grow(shadow_environments_, size.environments ? shadows : 1);
+  grow(contributions_, shadows * size.channels);
+  grow(state_, capacity * (state_shadow(size.channels) + size.shadow_rays_per_vertex));
+  grow(sums_, capacity * group_count * size.channels);
+  grow(counters_, uint64_t(size.bounces) * counter_words);
+}
+
+void WaveBuffers::grow(std::shared_ptr<ks::Buffer>& buffer, uint64_t words) const {
+  const uint64_t bytes = std::max<uint64_t>(words, 1) * 4;
+  if (buffer && buffer->size_bytes() >= bytes) return;
+  buffer.reset();
+  buffer = ks::Buffer::create(device_, bytes, device_->is_cpu() ? KS_BUFFER_HOST_VISIBLE : 0);
+}
+
+RayQueue WaveBuffers::closest_queue(uint32_t bounce) const {
+  RayQueue queue;
+  queue.words = rays_[bounce & 1].get();
+  queue.environments = size_.environments ? environments_[bounce & 1].get() : nullptr;
+  queue.counters = counters_.get();
+  queue.count_offset = (uint64_t(bounce) * counter_words + counter_ray_count) * 4;
+  queue.arguments_offset = (uint64_t(bounce) * counter_words + counter_trace_arguments) * 4;
+  queue.capacity = size_.capacity;
+  return queue;
+}
+
+RayQueue WaveBuffers::shadow_queue(uint32_t bounce) const {
+  RayQueue queue;
+  queue.words = shadow_rays_.get();
+  queue.environments = size_.environments ? shadow_environments_.get() : nullptr;
+  queue.counters = counters_.get();
+  queue.count_offset = (uint64_t(bounce) * counter_words + counter_shadow_count) * 4;
+  queue.arguments_offset = (uint64_t(bounce) * counter_words + counter_shadow_arguments) * 4;
+  queue.capacity = shadow_capacity();
+  return queue;
+}
+
+uint32_t WaveBuffers::ray_count(uint32_t bounce) const {
+  const auto* words = static_cast<const uint32_t*>(counters_->mapped());
+  return words ? words[bounce * counter_words + counter_ray_count] : size_.capacity;
+}
+
+}  // namespace kuafu

@@ -1,0 +1,49 @@
+// Memory of one wave of paths: two closest queues that take turns, the shadow queue, per-path state, counters. Grown when needed and kept.
+// Thread rule: externally synchronised.
+#pragma once
+
+#include <memory>
+
+#include "accel/tracer.h"
+#include "shared/wave.h"
+
+namespace kuafu {
+
+struct WaveSize {
+  uint32_t capacity = 0;  // paths, a multiple of pixel_block
+  uint32_t channels = 1;
+  uint32_t shadow_rays_per_vertex = 0;
+  uint32_t bounces = 0;  // counter blocks
+  bool environments = false;
+};
+
+class WaveBuffers {
+ public:
+  explicit WaveBuffers(std::shared_ptr<ks::Device> device) : device_(std::move(device)) {}
+
+  void fit(const WaveSize& size);
+
+  [[nodiscard]] RayQueue closest_queue(uint32_t bounce) const;
+  [[nodiscard]] RayQueue shadow_queue(uint32_t bounce) const;
+  [[nodiscard]] uint64_t closest_environments(uint32_t bounce) const { return address(environments_[bounce & 1]); }
+  [[nodiscard]] uint64_t shadow_environments() const { return address(shadow_environments_); }
+  [[nodiscard]] uint64_t contributions() const { return address(contributions_); }
+  [[nodiscard]] uint64_t state() const { return address(state_); }
+  [[nodiscard]] uint64_t sums() const { return address(sums_); }
+  [[nodiscard]] const ks::Buffer& counters() const { return *counters_; }
+  [[nodiscard]] uint64_t counter_bytes() const { return uint64_t(size_.bounces) * counter_words * 4; }
+  /// Rays of a bounce, where the host can see them; else the capacity.
+  [[nodiscard]] uint32_t ray_count(uint32_t bounce) const;
+  [[nodiscard]] uint32_t shadow_capacity() const { return size_.capacity * size_.shadow_rays_per_vertex; }
+  [[nodiscard]] const WaveSize& size() const { return size_; }
+
+ private:
+  static uint64_t address(const std::shared_ptr<ks::Buffer>& buffer) { return buffer ? buffer->address() : 0; }
+  void grow(std::shared_ptr<ks::Buffer>& buffer, uint64_t words) const;
+
+  std::shared_ptr<ks::Device> device_;
+  WaveSize size_;
+  std::shared_ptr<ks::Buffer> rays_[2], environments_[2], shadow_rays_, shadow_environments_, contributions_, state_, sums_, counters_;
+};
+
+}  // namespace kuafu
