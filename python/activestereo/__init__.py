@@ -8,8 +8,15 @@
     depth_m = sensor.get_depth()  # float32, registered to the RGB camera, 0 = no measurement
 """
 
-from activestereo.pose import Pose
-from activestereo.presets import StereoDepthSensorConfig
-from activestereo.sensor import Mount, StereoDepthSensor
+from importlib import import_module
 
-__all__ = ["Mount", "Pose", "StereoDepthSensor", "StereoDepthSensorConfig"]
+_HOMES = {"Mount": "sensor", "Pose": "pose", "StereoDepthSensor": "sensor", "StereoDepthSensorConfig": "presets"}
+
+__all__ = sorted(_HOMES)
+
+
+def __getattr__(name):
+    # On first use, so that what needs no renderer (captures, presets, --help) does not load one.
+    if name not in _HOMES:
+        raise AttributeError(f"module 'activestereo' has no attribute '{name}'")
+    return getattr(import_module(f"activestereo.{_HOMES[name]}"), name)

@@ -1,0 +1,103 @@
+"""A glTF 2.0 file put together from meshes and plain material dictionaries: one self-contained .gltf or .glb."""
+
+import base64
+import json
+import struct
+
+import numpy as np
+
+from activestereo.output_files import replace_file
+
+_ARRAY_BUFFER, _ELEMENT_BUFFER = 34962, 34963
+_FLOAT, _UINT = 5126, 5125
+
+
+class GltfWriter:
+    def __init__(self, generator="activestereo"):
+        self._bytes = bytearray()
+        self._json = {"asset": {"version": "2.0", "generator": generator}, "scene": 0, "scenes": [{"nodes": []}], "nodes": []}
+
+    def add_material(self, name, **fields):
+        """Fields are those of glTF's material; extensions in use are declared. Returns its index."""
+        for extension in fields.get("extensions", {}):
+            self._use(extension)
+        return self._append("materials", {"name": name, **fields})
+
+    def add_texture(self, png_bytes, name):
+        image = self._append("images", {"name": name, "mimeType": "image/png", "bufferView": self._view(png_bytes)})
+        sampler = self._append("samplers", {"magFilter": 9729, "minFilter": 9729})
+        return self._append("textures", {"source": image, "sampler": sampler})
+
+    def add_mesh(self, name, mesh, material, translation=(0.0, 0.0, 0.0), yaw_deg=0.0):
+        """A mesh and a node that places it, turned about y."""
+        attributes = {
+            "POSITION": self._accessor(mesh.positions, "VEC3", bounds=True),
+            "NORMAL": self._accessor(mesh.normals, "VEC3"),
+            "TEXCOORD_0": self._accessor(mesh.uvs, "VEC2"),
+        }
+        indices = self._accessor(mesh.indices.reshape(-1), "SCALAR")
+        index = self._append("meshes", {"name": name, "primitives": [{"attributes": attributes, "indices": indices, "material": material}]})
+        half = np.deg2rad(yaw_deg) / 2
+        self._node(name, mesh=index, translation=list(translation), rotation=[0.0, float(np.sin(half)), 0.0, float(np.cos(half))])
+
+    def add_point_light(self, name, translation, color, intensity):
+        """intensity: W/sr for each of the colour's channels."""
+        self._use("KHR_lights_punctual")
+        lights = self._json.setdefault("extensions", {}).setdefault("KHR_lights_punctual", {}).setdefault("lights", [])
+        lights.append({"name": name, "type": "point", "color": list(color), "intensity": intensity})
+        self._node(name, translation=list(translation), extensions={"KHR_lights_punctual": {"light": len(lights) - 1}})
+
+    def add_camera(self, name, camera_to_world, vertical_fov, aspect_ratio):
+        """camera_to_world: 4x4 in camera axes (x right, y down, z forward); glTF's cameras have y up and look along -z."""
+        perspective = {"yfov": vertical_fov, "aspectRatio": aspect_ratio, "znear": 0.01}
+        camera = self._append("cameras", {"name": name, "type": "perspective", "perspective": perspective})
+        matrix = np.asarray(camera_to_world) @ np.diag([1.0, -1.0, -1.0, 1.0])
+        self._node(name, camera=camera, matrix=matrix.T.reshape(-1).tolist())
+
+    def write(self, path):
+        """.gltf with the buffer inside as base64, or .glb."""
+        suffix = str(path).lower().rsplit(".", 1)[-1]
+        if suffix not in ("gltf", "glb"):
+            raise ValueError(f"{path}: a scene file ends in .gltf or .glb")
+        buffer = {"byteLength": len(self._bytes)}
+        if suffix == "gltf":
+            buffer["uri"] = "data:application/octet-stream;base64," + base64.b64encode(self._bytes).decode()
+        text = json.dumps({**self._json, "buffers": [buffer]}, indent=1 if suffix == "gltf" else None).encode()
+        data = text if suffix == "gltf" else _glb(text, bytes(self._bytes))
+        replace_file(path, lambda file: file.write(data))
+
+    def _append(self, kind, entry):
+        entries = self._json.setdefault(kind, [])
+        entries.append(entry)
+        return len(entries) - 1
+
+    def _node(self, name, **fields):
+        self._json["scenes"][0]["nodes"].append(self._append("nodes", {"name": name, **fields}))
+
+    def _use(self, extension):
+        used = self._json.setdefault("extensionsUsed", [])
+        if extension not in used:
+            used.append(extension)
+
+    def _view(self, data, target=None):
+        self._bytes.extend(b"\0" * (-len(self._bytes) % 4))
+        view = {"buffer": 0, "byteOffset": len(self._bytes), "byteLength": len(data)}
+        if target:
+            view["target"] = target
+        self._bytes.extend(data)
+        return self._append("bufferViews", view)
+
+    def _accessor(self, array, kind, bounds=False):
+        indices = array.dtype == np.uint32
+        view = self._view(array.tobytes(), _ELEMENT_BUFFER if indices else _ARRAY_BUFFER)
+        accessor = {"bufferView": view, "componentType": _UINT if indices else _FLOAT, "count": len(array), "type": kind}
+        if bounds:
+            accessor["min"], accessor["max"] = array.min(axis=0).tolist(), array.max(axis=0).tolist()
+        return self._append("accessors", accessor)
+
+
+def _glb(text, binary):
+    text += b" " * (-len(text) % 4)
+    binary += b"\0" * (-len(binary) % 4)
+    chunks = struct.pack("<II", len(text), 0x4E4F534A) + text + struct.pack("<II", len(binary), 0x004E4942) + binary
+    return struct.pack("<III", 0x46546C67, 2, 12 + len(chunks)) + chunks

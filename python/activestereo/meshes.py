@@ -1,0 +1,117 @@
+"""Triangle meshes made from a few numbers: box, sphere, torus, sheet and anything turned on a lathe. Metres, y up, counter-clockwise from outside."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Mesh:
+    positions: np.ndarray  # float32 [n, 3]
+    normals: np.ndarray  # float32 [n, 3], unit
+    uvs: np.ndarray  # float32 [n, 2], v down
+    indices: np.ndarray  # uint32 [t, 3]
+
+    @classmethod
+    def of(cls, positions, normals, uvs, indices):
+        return cls(*(np.ascontiguousarray(a, dtype=np.float32) for a in (positions, normals, uvs)), np.ascontiguousarray(indices, dtype=np.uint32))
+
+
+def joined(parts):
+    offsets = np.cumsum([0] + [len(p.positions) for p in parts[:-1]])
+    return Mesh.of(
+        np.vstack([p.positions for p in parts]),
+        np.vstack([p.normals for p in parts]),
+        np.vstack([p.uvs for p in parts]),
+        np.vstack([p.indices + offset for p, offset in zip(parts, offsets, strict=True)]),
+    )
+
+
+def _grid(rows, columns):
+    """Triangles of a rows x columns grid of vertices, counter-clockwise when columns go right and rows go up."""
+    first = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
+    a, b, c, d = first, first + 1, first + columns, first + columns + 1
+    return np.vstack([np.stack([a, b, d], axis=1), np.stack([a, d, c], axis=1)])
+
+
+def sheet(origin, side_u, side_v):
+    """A parallelogram, seen from the side that cross(side_u, side_v) points to; texture upright with side_v up."""
+    origin, side_u, side_v = (np.asarray(v, dtype=np.float64) for v in (origin, side_u, side_v))
+    normal = np.cross(side_u, side_v)
+    normal /= np.linalg.norm(normal)
+    corners = [origin, origin + side_u, origin + side_v, origin + side_u + side_v]
+    return Mesh.of(corners, [normal] * 4, [[0, 1], [1, 1], [0, 0], [1, 0]], _grid(2, 2))
+
+
+def box(width, height, depth):
+    """Sides along x, y, z; stands on y = 0, centred in x and z."""
+    faces = []
+    half = 0.5 * np.array([width, height, depth])
+    for axis in range(3):
+        for sign in (1.0, -1.0):
+            n, u = np.zeros(3), np.zeros(3)
+            n[axis] = sign
+            u[(axis + 1) % 3] = 1.0
+            v = np.cross(n, u)
+            faces.append(sheet((n - u - v) * half + [0, half[1], 0], 2 * u * half, 2 * v * half))
+    return joined(faces)
+
+
+def lathe(profiles, segments=96):
+    """Profiles turned about the y axis. Each is a smooth line of (radius, height) points; the surface's outside is to the right of its way,
+    and where one profile ends and the next begins there is a crease."""
+    return joined([_turned(np.asarray(p, dtype=np.float64), segments) for p in profiles])
+
+
+def _turned(profile, segments):
+    angle = np.linspace(0.0, 2.0 * np.pi, segments + 1)
+    around = np.stack([np.cos(angle), np.zeros_like(angle), -np.sin(angle)], axis=1)
+    tangent = np.gradient(profile, axis=0)
+    tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
+    radius, height = profile[:, :1, None], profile[:, 1:, None]
+    up = np.array([0.0, 1.0, 0.0])
+    positions = radius * around + height * up
+    normals = tangent[:, 1:, None] * around - tangent[:, :1, None] * up
+    length = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(profile, axis=0), axis=1))]
+    v, u = np.meshgrid(1.0 - length / length[-1], angle / (2.0 * np.pi), indexing="ij")
+    triangles = _grid(len(profile), segments + 1)
+    flat = positions.reshape(-1, 3)
+    a, b, c = (flat[triangles[:, k]] for k in range(3))
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    return Mesh.of(flat, normals.reshape(-1, 3), np.stack([u.ravel(), v.ravel()], axis=1), triangles[area > 1e-14])
+
+
+def arc(centre, radius, start_deg, end_deg, points=24):
+    """Points (radius, height) of a circle's arc for a lathe profile; 0 degrees points outwards, 90 up."""
+    angle = np.deg2rad(np.linspace(start_deg, end_deg, points))
+    return np.stack([centre[0] + radius * np.cos(angle), centre[1] + radius * np.sin(angle)], axis=1)
+
+
+def sphere(radius):
+    """Centred at the origin."""
+    profile = arc((0.0, 0.0), radius, -90.0, 90.0, 49)
+    profile[[0, -1], 0] = 0.0
+    return lathe([profile])
+
+
+def torus(ring_radius, tube_radius):
+    """Lies on y = 0, about the y axis."""
+    return lathe([arc((ring_radius, tube_radius), tube_radius, -180.0, 180.0, 49)])
+
+
+def tumbler(radius, height, wall, base):
+    """A straight drinking glass of closed glass: outer wall, round rim, inner wall, thick base. Stands on y = 0."""
+    rim = arc((radius - 0.5 * wall, height - 0.5 * wall), 0.5 * wall, 0.0, 180.0, 13)
+    foot = arc((radius - 0.004, 0.004), 0.004, -90.0, 0.0, 9)
+    inside = arc((radius - wall - 0.006, base + 0.006), 0.006, 0.0, -90.0, 9)
+    return lathe([[(0.0, 0.0), (radius - 0.004, 0.0)], np.vstack([foot, rim, inside]), [(radius - wall - 0.006, base), (0.0, base)]], segments=128)
+
+
+def vase(height):
+    """A bellied vase, open at the top; stands on y = 0."""
+    t = np.linspace(0.0, 1.0, 65)
+    radius = height * (0.17 + 0.16 * np.sin(np.pi * (t * 0.92 + 0.06)) ** 2 - 0.06 * t + 0.05 * np.maximum(t - 0.85, 0.0) / 0.15)
+    outside = np.stack([radius, t * height], axis=1)
+    inside = (outside - [0.005, 0.0])[::-1]
+    inside = inside[inside[:, 1] > 0.006]
+    return lathe([[(0.0, 0.0), outside[0]], outside, [outside[-1], inside[0]], inside, [inside[-1], (0.0, inside[-1, 1])]])

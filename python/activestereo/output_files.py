@@ -1,0 +1,50 @@
+"""Files appear whole or not at all: each is written under a temporary name beside its place and then renamed."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+
+def replace_file(path, write):
+    """write(binary file) fills it. A failed write leaves what was there before. Raises OSError."""
+    path = Path(path)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        with open(temporary, "wb") as file:
+            write(file)
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def write_png(path, pixels):
+    """uint8 [h, w] or [h, w, 3], or uint16 [h, w]."""
+    image = Image.fromarray(np.ascontiguousarray(pixels))
+    replace_file(path, lambda file: image.save(file, format="png"))
+
+
+def write_depth_png(path, depth_m):
+    """Depth in metres as uint16 millimetres, 0 = no measurement; 65.535 m is the farthest."""
+    write_png(path, np.clip(np.rint(np.nan_to_num(depth_m) * 1000.0), 0, 65535).astype(np.uint16))
+
+
+def write_ply(path, points, colors=None):
+    """Points float32 [n, 3] in metres, with colours 0..1 [n, 3] or without, as binary PLY."""
+    fields = [("x", "<f4"), ("y", "<f4"), ("z", "<f4")]
+    if colors is not None:
+        fields += [("red", "u1"), ("green", "u1"), ("blue", "u1")]
+    table = np.empty(len(points), dtype=fields)
+    table["x"], table["y"], table["z"] = points.T
+    if colors is not None:
+        table["red"], table["green"], table["blue"] = np.rint(np.clip(colors, 0.0, 1.0) * 255.0).astype(np.uint8).T
+    types = {"<f4": "float", "u1": "uchar"}
+    header = "ply\nformat binary_little_endian 1.0\n" + f"element vertex {len(table)}\n"
+    header += "".join(f"property {types[t]} {name}\n" for name, t in fields) + "end_header\n"
+
+    def write(file):
+        file.write(header.encode())
+        file.write(table.tobytes())
+
+    replace_file(path, write)
