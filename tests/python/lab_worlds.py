@@ -5,10 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-_ROOT = Path(__file__).resolve().parents[2]
-for _folder in (_ROOT / "python", _ROOT / "tests" / "support"):
-    if str(_folder) not in sys.path:
-        sys.path.append(str(_folder))
+sys.path.append(str(Path(__file__).resolve().parents[1] / "support"))
 
 from activestereo.lab.layers import Layers  # noqa: E402
 from worlds.view import PatternSource, look  # noqa: E402
@@ -23,7 +20,7 @@ class WorldRenderer:
         self._world, self._seed, self._grid, self._bounces = world, seed, grid, bounces
         self.calls = 0
 
-    def __call__(self, request):
+    def __call__(self, request, progress=None):
         self.calls += 1
         pose = request.projector_to_world
         source = PatternSource(pose[:3, 3], pose[:3, :3], request.projector_K, request.pattern.astype(np.float64))

@@ -2,21 +2,17 @@
 
 import json
 import shutil
-import sys
 import warnings
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-_HERE = Path(__file__).resolve().parent
-sys.path[:0] = [str(_HERE), str(_HERE.parents[1] / "python")]
-
-import lab_worlds  # noqa: E402, F401
-from activestereo.capture import CaptureError, CaptureWarning, read_capture  # noqa: E402
-from activestereo.capture_write import write_capture  # noqa: E402
-from activestereo.images import write_gray  # noqa: E402
-from worlds.world import make_world  # noqa: E402
+import lab_worlds  # noqa: F401
+from activestereo.capture import CaptureError, CaptureWarning, read_capture
+from activestereo.capture_write import write_capture
+from activestereo.images import write_gray
+from worlds.world import make_world
 
 
 @pytest.fixture(scope="module")

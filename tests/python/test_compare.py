@@ -2,27 +2,24 @@
 
 import json
 import shutil
-import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-sys.path.insert(0, str(Path(__file__).resolve().parent))
-
-from lab_worlds import WorldRenderer  # noqa: E402
-from activestereo.capture import read_capture  # noqa: E402
-from activestereo.images import read_gray, write_gray  # noqa: E402
-from activestereo.lab.cache import LayerCache, request_key  # noqa: E402
-from activestereo.lab.compare import compare  # noqa: E402
-from activestereo.lab.fit import Nuisances, fit_nuisances, predict  # noqa: E402
-from activestereo.lab.layers import rig_request  # noqa: E402
-from activestereo.lab.noise import frame_floors  # noqa: E402
-from activestereo.lab.render import render_frames  # noqa: E402
-from activestereo.lab.report import summary_table, write_report  # noqa: E402
-from worlds.sensor import expected  # noqa: E402
-from worlds.world import make_world  # noqa: E402
+from lab_worlds import WorldRenderer
+from activestereo.capture import read_capture
+from activestereo.images import read_gray, write_gray
+from activestereo.lab.cache import LayerCache, request_key
+from activestereo.lab.compare import compare
+from activestereo.lab.fit import Nuisances, fit_nuisances, predict
+from activestereo.lab.layers import rig_request
+from activestereo.lab.noise import frame_floors
+from activestereo.lab.render import render_frames
+from activestereo.lab.report import summary_table, write_report
+from worlds.sensor import expected
+from worlds.world import make_world
 
 
 @pytest.fixture(scope="module")

@@ -25,7 +25,7 @@ class Comparison:
 def compare(capture_path, renderer=None, samples_per_pixel=64, max_bounces=8, seed=0, cache=None, progress=None):
     """A Comparison of the capture folder. CaptureError where the capture cannot be used.
 
-    renderer: see lab.render; None for kuafu on the best device. progress: called as progress(done, total).
+    renderer: see lab.render; None for kuafu on the best device. progress: called as progress(fraction done).
     """
     capture = read_capture(capture_path)
     measured = {(frame.id, eye): capture.ir(frame, eye) for frame in capture.frames for eye in EYES}

@@ -16,6 +16,8 @@ from scipy.optimize import nnls
 from activestereo.capture import EYES
 
 _BINS = 40
+_BLACK_LEVELS = 33
+_CHI2_MARGIN = 4.0
 
 
 @dataclass(frozen=True)
@@ -50,25 +52,42 @@ def repeat_statistics(capture, split=None):
 
 
 def fit_noise_law(statistics, black_dn, max_dn):
-    """The photon-transfer law of repeats, or None without repeats. Clipped pixels are left out."""
-    rows, values, weights = [], [], []
-    for frames, _, mean, variance in statistics:
-        gain = frames[0].gain
-        inside = (mean > 0) & (mean < max_dn - 1)
-        # A mean of n repeats is itself noisy: signal^2 would be too large by variance / n.
-        signal, excess, var = mean[inside] - black_dn, variance[inside] / len(frames), variance[inside]
-        edges = np.unique(np.quantile(signal, np.linspace(0, 1, _BINS + 1)))
-        index = np.clip(np.searchsorted(edges, signal, side="right") - 1, 0, max(len(edges) - 2, 0))
-        for b in np.unique(index):
-            here = index == b
-            rows.append([1.0, gain * signal[here].mean(), (signal[here] ** 2 - excess[here]).mean()])
-            values.append(var[here].mean())
-            weights.append(np.sqrt(here.sum()) / max(var[here].mean(), 1e-6))
-    if not rows:
+    """The photon-transfer law of repeats, or None without repeats. Clipped pixels are left out.
+
+    black_dn is an upper bound: a quadratic cannot tell shot noise above a high black level from speckle above a low one, and
+    a fitted black level is biased while an effect is missing. Of the levels that fit, the lowest is taken: it asks for the
+    least shot noise, so the least is extrapolated to gains that no repeat has shown.
+    """
+    bins = [row for entry in statistics for row in _transfer_bins(entry, max_dn)]
+    if not bins:
         return None
-    design, value, weight = np.maximum(rows, 0.0), np.array(values), np.array(weights)
-    offset, shot, relative = nnls(design * weight[:, None], value * weight)[0]
-    return NoiseLaw(float(offset), float(shot), float(relative), float(black_dn))
+    gain, mean, square, variance, weight = np.array(bins).T
+    laws = []
+    for black in np.linspace(0.0, max(black_dn, 0.0), _BLACK_LEVELS):
+        signal, signal_square = mean - black, square - 2 * black * mean + black**2
+        design = np.stack([np.ones_like(mean), gain * signal, signal_square], axis=1)
+        coefficients, misfit = nnls(np.maximum(design, 0.0) * weight[:, None], variance * weight)
+        laws.append((misfit**2, NoiseLaw(*map(float, coefficients), float(black))))
+    limit = 1.05 * min(chi2 for chi2, _ in laws) + _CHI2_MARGIN
+    return next(law for chi2, law in laws if chi2 <= limit)
+
+
+def _transfer_bins(entry, max_dn):
+    """Rows (gain, mean, mean of squares, variance, 1 / standard error of the variance) over bins of equal pixel count."""
+    frames, _, mean, variance = entry
+    count = len(frames)
+    inside = (mean > 0) & (mean < max_dn - 1)
+    mean, variance = mean[inside], variance[inside]
+    edges = np.unique(np.quantile(mean, np.linspace(0, 1, _BINS + 1))) if mean.size else np.zeros(1)
+    index = np.clip(np.searchsorted(edges, mean, side="right") - 1, 0, max(len(edges) - 2, 0))
+    rows = []
+    for b in np.unique(index):
+        m, v = mean[index == b], variance[index == b]
+        # A mean of n repeats is itself noisy: its square is too large by variance / n.
+        square = (m**2 - v / count).mean()
+        error = max(v.mean(), 1e-6) * np.sqrt(2.0 / ((count - 1) * m.size))
+        rows.append((frames[0].gain, m.mean(), square, v.mean(), 1.0 / error))
+    return rows
 
 
 def frame_floors(capture, black_dn):

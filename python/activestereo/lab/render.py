@@ -1,7 +1,7 @@
 """Renders the poses of a capture into light layers, once per distinct pose, through the cache.
 
-A renderer is any callable RenderRequest -> tuple of Layers (one per camera) with a `version` text that changes whenever its
-pixels may change.
+A renderer is any callable (RenderRequest, progress) -> tuple of Layers (one per camera) with a `version` text that changes
+whenever its pixels may change.
 """
 
 from activestereo.capture import EYES
@@ -13,7 +13,7 @@ def render_frames(capture, renderer, samples_per_pixel=64, max_bounces=8, seed=0
     """{frame id: {eye: Layers}} of every frame; frames at one pose share their layers.
 
     A moving frame is rendered at its mid-exposure pose: motion within the exposure is an effect, not part of the base model.
-    cache: a LayerCache, None for the user's own. progress: called as progress(done, total) in rendered poses.
+    cache: a LayerCache, None for the user's own. progress: called as progress(fraction done).
     """
     cache = cache or LayerCache()
     requests = {}
@@ -24,13 +24,16 @@ def render_frames(capture, renderer, samples_per_pixel=64, max_bounces=8, seed=0
         requests.setdefault(key, request)
     rendered = {}
     for done, (key, request) in enumerate(requests.items()):
-        if progress:
-            progress(done, len(requests))
         layers = cache.get(key)
         if layers is None:
-            layers = renderer(request)
+            layers = renderer(request, _part(progress, done, len(requests)))
             cache.put(key, layers)
         rendered[key] = dict(zip(EYES, layers, strict=True))
-    if progress:
-        progress(len(requests), len(requests))
+        if progress:
+            progress((done + 1) / len(requests))
     return {frame_id: rendered[key] for frame_id, key in keys.items()}
+
+
+def _part(progress, done, total):
+    """`progress` of one render as progress of them all."""
+    return None if progress is None else lambda fraction: progress((done + fraction) / total)
