@@ -1,0 +1,5 @@
+import sys
+
+from activestereo.cli import main
+
+sys.exit(main())

@@ -1,0 +1,46 @@
+"""How good a depth map is against the truth: fill rate and error, as a whole and for each material."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Accuracy:
+    name: str
+    pixels: int  # with a true depth in the sensor's range
+    fill: float  # share of them that got a measurement
+    median_error_m: float  # median |measured - true| of the measured ones; NaN where there is none
+    p90_error_m: float  # their 90th percentile
+
+
+def accuracy(name, measured, true, where):
+    """measured, true: metres [height, width], 0 = none. where: the pixels that count."""
+    where = where & (true > 0)
+    hit = where & (measured > 0)
+    error = np.abs(measured[hit] - true[hit])
+    median, p90 = np.percentile(error, (50.0, 90.0)) if error.size else (np.nan, np.nan)
+    pixels = int(where.sum())
+    return Accuracy(name, pixels, float(hit.sum() / pixels) if pixels else np.nan, float(median), float(p90))
+
+
+def accuracy_by_material(measured, true, ids, name_of, max_depth=np.inf, least_pixels=50):
+    """One Accuracy for each material seen in at least `least_pixels` pixels, largest first, and one of everything at the end."""
+    in_range = (true > 0) & (true < max_depth)
+    known, counts = np.unique(ids[in_range], return_counts=True)
+    rows = [
+        accuracy(name_of(int(material)) or f"material {material}", measured, true, in_range & (ids == material))
+        for material, count in zip(known, counts, strict=True)
+        if count >= least_pixels
+    ]
+    rows.sort(key=lambda row: -row.pixels)
+    return [*rows, accuracy("all", measured, true, in_range)]
+
+
+def accuracy_table(rows):
+    """The rows as text."""
+    lines = [f"{'material':16}{'pixels':>9}{'measured':>11}{'median error':>15}{'90 % within':>14}"]
+    for row in rows:
+        errors = "            -             -" if np.isnan(row.median_error_m) else f"{1e3 * row.median_error_m:>12.1f} mm{1e3 * row.p90_error_m:>11.1f} mm"
+        lines.append(f"{row.name[:15]:16}{row.pixels:>9}{100.0 * row.fill:>9.1f} %{errors}")
+    return "\n".join(lines)

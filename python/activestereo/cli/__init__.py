@@ -1,0 +1,73 @@
+"""The command line: activestereo simulate | depth | compare | devices. One file each; this one parses, runs and turns failures into one line."""
+
+import argparse
+import os
+import re
+import sys
+
+from activestereo.cli import compare, depth, devices, simulate
+from activestereo.cli.arguments import CommandError
+
+_COMMANDS = (simulate, depth, compare, devices)
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message):
+        self.exit(2, f"{self.prog}: {message} (see {self.prog} --help)\n")
+
+
+def make_parser():
+    parser = _Parser(
+        prog="activestereo",
+        description="Simulate active stereo depth sensors (RealSense-like) with physics: infrared pattern projector, path-traced image pair, stereo matching.",
+        epilog="Each command has its own help: activestereo simulate --help",
+    )
+    commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
+    for command in _COMMANDS:
+        command.add_parser(commands)
+    return parser
+
+
+def main(arguments=None):
+    """Exit status: 0 done, 1 the device or the program failed, 2 the input is wrong, 130 stopped from the keyboard."""
+    args = make_parser().parse_args(_glued(sys.argv[1:] if arguments is None else arguments))
+    try:
+        args.run(args)
+    except KeyboardInterrupt:
+        return _fail("stopped", 130)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the reader of our output has gone; say no more
+        return 1
+    except ImportError as error:
+        return _fail(f"{error}; build first: bash examples/quickstart.sh", 1)
+    except (CommandError, OSError, ValueError) as error:
+        return _fail(_text(error), 2)
+    except RuntimeError as error:  # kuafu.Error and simsense.Error
+        return _fail(_text(error), 2 if getattr(error, "status", None) in _INPUT_STATUSES else 1)
+    return 0
+
+
+def _glued(arguments):
+    """'--option -1,0' as '--option=-1,0': argparse takes a list that starts with a minus sign for an option."""
+    out = []
+    for argument in arguments:
+        if out and out[-1].startswith("--") and "=" not in out[-1] and re.match(r"-\.?\d", argument):
+            out[-1] += f"={argument}"
+        else:
+            out.append(argument)
+    return out
+
+
+# KS_ERROR_INVALID_ARGUMENT, _UNSUPPORTED, _NO_DEVICE, _FILE of ks/status.h.
+_INPUT_STATUSES = (-1, -3, -7, -11)
+
+
+def _text(error):
+    if isinstance(error, OSError) and error.filename:
+        return f"{error.filename}: {error.strerror}"
+    return " ".join(str(error).split())
+
+
+def _fail(text, status):
+    print(f"activestereo: {text}", file=sys.stderr)
+    return status

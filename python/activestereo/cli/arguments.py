@@ -1,0 +1,101 @@
+"""Argument types and groups that several commands share. Wrong text gives a message that says what is right."""
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+
+
+class CommandError(Exception):
+    """The input is wrong; the text is the one line to show."""
+
+
+def numbers(text, counts, what):
+    """Comma- or blank-separated numbers, as many as one of `counts`."""
+    try:
+        values = np.array([float(part) for part in text.replace(",", " ").split()])
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{what} is not a list of numbers: '{text}'") from None
+    if len(values) not in counts or not np.isfinite(values).all():
+        raise argparse.ArgumentTypeError(f"{what} needs {' or '.join(map(str, counts))} finite numbers, '{text}' has {len(values)}")
+    return values
+
+
+def camera_matrix(text):
+    values = numbers(text, (9, 4), "a camera matrix")
+    if len(values) == 4:
+        values = np.array([values[0], 0, values[2], 0, values[1], values[3], 0, 0, 1])
+    k = values.reshape(3, 3)
+    if not (k[0, 0] > 0 and k[1, 1] > 0 and np.array_equal(k[2], [0, 0, 1]) and k[1, 0] == 0):
+        raise argparse.ArgumentTypeError(f"a camera matrix is fx,0,cx,0,fy,cy,0,0,1 with positive fx and fy, not '{text}'")
+    return k
+
+
+def transform(text):
+    matrix = numbers(text, (16,), "a transform").reshape(4, 4)
+    rotation = matrix[:3, :3]
+    if not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-4) or np.linalg.det(rotation) < 0 or not np.array_equal(matrix[3], [0, 0, 0, 1]):
+        raise argparse.ArgumentTypeError("a transform is a row-major 4x4 of a rotation and a translation, with 0,0,0,1 as its last row")
+    return matrix
+
+
+def size(text):
+    """WIDTHxHEIGHT."""
+    parts = text.lower().split("x")
+    if len(parts) != 2 or not all(part.isdigit() and 0 < int(part) < 65536 for part in parts):
+        raise argparse.ArgumentTypeError(f"a size is WIDTHxHEIGHT, such as 848x480, not '{text}'")
+    return int(parts[0]), int(parts[1])
+
+
+def integer_from(least):
+    def parse(text):
+        if not text.isdigit() or int(text) < least or int(text) >= 2**32:
+            raise argparse.ArgumentTypeError(f"a whole number of at least {least} is needed, not '{text}'")
+        return int(text)
+
+    return parse
+
+
+def positive(text):
+    try:
+        value = float(text)
+    except ValueError:
+        value = -1.0
+    if not 0.0 <= value < 1e9:
+        raise argparse.ArgumentTypeError(f"a number of at least 0 is needed, not '{text}'")
+    return value
+
+
+def add_device(parser):
+    parser.add_argument("--device", default="auto", metavar="auto|cpu|N", help="Vulkan device: the best one, lavapipe, or number N of 'activestereo devices' (default: auto)")
+
+
+def add_out(parser):
+    parser.add_argument("--out", required=True, type=Path, metavar="DIR", help="folder for the results; made if it is not there, files of the same names are replaced")
+
+
+def add_matching(parser, p1, p2):
+    """Options of the stereo matcher; those not given are None, and the sensor's or engine's own value holds."""
+    group = parser.add_argument_group("matching", "Semi-global matching of census descriptors.")
+    group.add_argument("--max-disparity", type=integer_from(1), metavar="N", help="disparities 0..N-1 are searched, 16..1024 (default: 128)")
+    group.add_argument("--census", type=size, metavar="WxH", help="census window, odd (default: 7x7)")
+    group.add_argument("--block", type=size, metavar="WxH", help="window over which costs are summed, odd; 1x1 = none (default: 7x7)")
+    group.add_argument("--p1", type=integer_from(1), metavar="N", help=f"penalty of a disparity step of one pixel (default: {p1})")
+    group.add_argument("--p2", type=integer_from(1), metavar="N", help=f"penalty of a larger step, p1 < p2 < 224 (default: {p2})")
+    group.add_argument("--uniqueness", type=integer_from(0), metavar="PERCENT", help="by how much the best match must beat the second; 0 = off (default: 15)")
+    group.add_argument("--lr-max-diff", type=int, metavar="PIXELS", help="left-right check; -1 = off (default: 1)")
+    group.add_argument("--median", type=int, choices=(1, 3, 5, 7), metavar="N", help="median filter on the disparity: 1 (off), 3, 5 or 7 (default: 3)")
+    group.add_argument("--min-depth", type=positive, metavar="M", help="nearer depths are dropped, metres")
+    group.add_argument("--max-depth", type=positive, metavar="M", help="farther depths are dropped, metres (default: 10)")
+    return group
+
+
+def make_folder(path):
+    """Fails before the long work, not after it."""
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        probe = path / ".activestereo"
+        probe.touch()
+        probe.unlink()
+    except OSError as error:
+        raise CommandError(f"cannot write into {path}: {error.strerror}") from error

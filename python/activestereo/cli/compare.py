@@ -1,0 +1,50 @@
+"""activestereo compare: the simulator against a measured capture."""
+
+import argparse
+from pathlib import Path
+
+from activestereo.cli.arguments import add_device, add_out, integer_from, make_folder
+
+_TEXT = """\
+Compares the simulator with a capture: renders the scene from the capture's poses, fits projector scale, ambient scale and black level on the train
+frames, and gives the root mean square error of the infrared images, train and test, beside the noise floor that the repeated frames show.
+
+Writes into DIR: compare.json (the figures; keys ir.{train,test}.{rmse_dn,noise_floor_dn,explainable_rmse_dn}) and compare.png (measured, simulated and
+residual images).
+
+CAPTURE is a folder with capture.json, the scene, the projector's pattern and the images of both infrared cameras.
+"""
+
+
+def add_parser(commands):
+    parser = commands.add_parser(
+        "compare", help="compare the simulator with a measured capture", description=_TEXT, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("capture", type=Path, metavar="CAPTURE", help="the capture's folder")
+    add_out(parser)
+    parser.add_argument("--spp", type=integer_from(1), default=64, metavar="N", help="samples per pixel (default: 64)")
+    parser.add_argument("--max-bounces", type=integer_from(0), default=8, metavar="N", help="surface interactions after the first (default: 8)")
+    parser.add_argument("--seed", type=integer_from(0), default=0, metavar="N", help="same seed, same pictures (default: 0)")
+    add_device(parser)
+    parser.set_defaults(run=run)
+
+
+def run(args):
+    from activestereo.lab.compare import compare
+    from activestereo.lab.kuafu_renderer import KuafuRenderer
+    from activestereo.lab.report import summary_table, write_report
+    from activestereo.progress_bar import ProgressBar
+
+    make_folder(args.out)
+    with ProgressBar(f"rendering {args.capture.name}") as bar:
+        comparison = compare(
+            args.capture,
+            renderer=KuafuRenderer(args.device),
+            samples_per_pixel=args.spp,
+            max_bounces=args.max_bounces,
+            seed=args.seed,
+            progress=lambda done, total: bar(done / max(total, 1)),
+        )
+    write_report(comparison, args.out)
+    print(summary_table(comparison.scores))
+    print(f"written: compare.json, compare.png in {args.out}")

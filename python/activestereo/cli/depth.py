@@ -1,0 +1,102 @@
+"""activestereo depth: from an image pair to depth."""
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+
+from activestereo.cli.arguments import CommandError, add_matching, add_out, camera_matrix, make_folder, positive
+
+_TEXT = """\
+Computes depth from a rectified infrared (or gray) image pair, as a depth camera does inside.
+
+Writes into DIR: depth.png (uint16 millimetres in the left camera, 0 = no measurement), disparity.png (colours), cloud.ply (metres; x right,
+y down, z forward) and overview.png (all on one page).
+
+example, a RealSense D435's pair:
+  activestereo depth left.png right.png --k 427.12,0,426.93,0,427.12,234.78,0,0,1 --baseline 0.05 --out out/depth
+"""
+
+
+def add_parser(commands):
+    parser = commands.add_parser(
+        "depth", help="compute depth from an image pair", description=_TEXT, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("left", type=Path, metavar="LEFT.png", help="left image, 8-bit or 16-bit gray")
+    parser.add_argument("right", type=Path, metavar="RIGHT.png", help="right image of the same size; rows are aligned")
+    parser.add_argument("--k", required=True, type=camera_matrix, metavar="fx,0,cx,0,fy,cy,0,0,1", help="camera matrix of both images in pixels; or short: fx,fy,cx,cy")
+    parser.add_argument("--baseline", required=True, type=positive, metavar="M", help="distance between the cameras, metres")
+    add_out(parser)
+    add_matching(parser, p1=7, p2=86)
+    parser.set_defaults(run=run)
+
+
+def run(args):
+    if args.baseline <= 0:
+        raise CommandError("--baseline must be larger than 0 metres")
+    left, right = (_read(path) for path in (args.left, args.right))
+    if left.shape != right.shape:
+        sizes = " and ".join(f"{image.shape[1]}x{image.shape[0]}" for image in (left, right))
+        raise CommandError(f"the images differ in size: {args.left} and {args.right} are {sizes}")
+    engine = _make_engine(args, left, right)
+    make_folder(args.out)
+    result = engine.compute(left, right, ("depth", "disparity", "points"))
+    _write(args, left, right, result)
+    _report(args, engine, result["depth"])
+
+
+def _read(path):
+    from activestereo.images import read_gray
+
+    return read_gray(path, key="image")
+
+
+def _make_engine(args, left, right):
+    import simsense
+
+    height, width = left.shape
+    brightest = max(left.max(), right.max())
+    gain = 1.0 if left.dtype == right.dtype == np.uint8 or brightest == 0 else 255.0 / brightest  # the engine counts in 8 bits
+    camera = simsense.Camera(width, height, args.k)
+    left_to_right = np.eye(4)
+    left_to_right[0, 3] = -args.baseline
+    return simsense.Engine(simsense.Device("host"), camera, camera, left_to_right, rectified=True, gain=gain, **matching_parameters(args))
+
+
+def matching_parameters(args):
+    """The matcher's options that were given, as keyword arguments of simsense.Engine."""
+    given = {
+        "max_disparity": args.max_disparity,
+        "p1": args.p1,
+        "p2": args.p2,
+        "uniqueness_ratio": args.uniqueness,
+        "lr_max_diff": args.lr_max_diff,
+        "median_size": args.median,
+        "min_depth_m": args.min_depth,
+        "max_depth_m": args.max_depth,
+    }
+    for name in ("census", "block"):
+        if getattr(args, name) is not None:
+            given[f"{name}_width"], given[f"{name}_height"] = getattr(args, name)
+    return {name: value for name, value in given.items() if value is not None}
+
+
+def _write(args, left, right, result):
+    from activestereo.output_files import write_depth_png, write_ply, write_png
+    from activestereo.overview import colored, depth_span, matching_figure, write_figure
+
+    depth, disparity = result["depth"], result["disparity"]
+    write_depth_png(args.out / "depth.png", depth)
+    shown = np.where(disparity > 0, disparity, 0.0)
+    write_png(args.out / "disparity.png", colored(shown, depth_span(shown), "turbo"))
+    write_ply(args.out / "cloud.ply", result["points"][depth > 0])
+    write_figure(args.out / "overview.png", matching_figure(f"Depth from {args.left.name} and {args.right.name}", left, right, disparity, depth))
+
+
+def _report(args, engine, depth):
+    from activestereo.cli.report import stage_table
+
+    valid = depth[depth > 0]
+    print(stage_table({"depth": engine.stage_times}))
+    print(f"measured: {100.0 * valid.size / depth.size:.1f} % of {depth.shape[1]}x{depth.shape[0]} pixels" + (f", median depth {np.median(valid):.3f} m" if valid.size else ""))
+    print(f"written: depth.png, disparity.png, cloud.ply, overview.png in {args.out}")

@@ -1,0 +1,40 @@
+"""activestereo devices."""
+
+import argparse
+
+_TEXT = """\
+Lists every Vulkan device, what it can do, and why it cannot be used where it cannot.
+
+The number in front is what --device takes. 'auto' takes the best usable one: discrete GPU, integrated, virtual, then CPU. Without a GPU, Debian's
+mesa-vulkan-drivers brings lavapipe, a Vulkan device that computes on the CPU; it does everything here, only slower.
+"""
+_INSTALL = "no Vulkan device here; install a GPU's Vulkan driver, or lavapipe: apt install libvulkan1 mesa-vulkan-drivers"
+
+
+def add_parser(commands):
+    parser = commands.add_parser(
+        "devices", help="list Vulkan devices and what each can do", description=_TEXT, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.set_defaults(run=run)
+
+
+def run(args):
+    import kuafu
+    from activestereo.cli.arguments import CommandError
+
+    infos = kuafu.Device.enumerate()
+    if not infos:
+        raise CommandError(_INSTALL)
+    for info in infos:
+        print(describe(info))
+
+
+def describe(info):
+    """A few lines on one device."""
+    lines = [
+        f"[{info.index}] {info.name}",
+        f"    {info.kind}, Vulkan {info.api_version}, {info.driver}, {info.memory_bytes / 2**30:.1f} GiB",
+        f"    can: {', '.join(name.replace('_', ' ') for name in info.capabilities) or 'nothing beyond compute'}",
+        "    usable" if info.usable else f"    not usable: {info.refused}",
+    ]
+    return "\n".join(lines)

@@ -1,0 +1,197 @@
+"""activestereo simulate: from a scene file to what a depth sensor in it gives."""
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+
+from activestereo.cli.arguments import CommandError, add_device, add_matching, add_out, integer_from, make_folder, positive, size, transform
+
+_TEXT = """\
+Puts a depth sensor into a scene and takes one frame: path-traced RGB picture and infrared pair with projected dots, imager noise, stereo matching,
+registration to the RGB camera.
+
+SCENE is .gltf .glb .obj .dae .stl or .ply, in metres. The sensor stands at the file's first camera, or at --camera-to-world, or where all of the scene is seen.
+A scene without lights gets uniform light (--ambient).
+
+Writes into DIR:
+  rgb.png                   RGB picture
+  ir_left.png ir_right.png  infrared pair, as the sensor gives it
+  depth.png                 measured depth, uint16 millimetres in the RGB camera, 0 = no measurement
+  depth_true.png            true depth, likewise
+  cloud.ply                 coloured points, metres (x right, y down, z forward)
+  overview.png              all on one page, with the error of each material
+
+example:
+  activestereo simulate table_top.gltf --sensor d435 --out out/table_top
+"""
+
+
+def add_parser(commands):
+    parser = commands.add_parser(
+        "simulate", help="what a depth sensor gives in a scene", description=_TEXT, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file")
+    parser.add_argument("--sensor", default="d435", metavar="NAME", help="d435 or d415 (default: d435)")
+    add_out(parser)
+    add_device(parser)
+    _add_view(parser.add_argument_group("view"))
+    _add_rendering(parser.add_argument_group("rendering and noise"))
+    add_matching(parser, p1=8, p2=32).add_argument("--no-dilation", action="store_true", help="leave the small holes that registration to the RGB camera makes")
+    parser.set_defaults(run=run)
+
+
+def _add_view(group):
+    group.add_argument("--camera", type=integer_from(0), metavar="N", help="which of the scene's cameras (default: 0)")
+    group.add_argument(
+        "--camera-to-world",
+        type=transform,
+        metavar="M00,...,M33",
+        help="the RGB camera's pose instead: 16 numbers, row-major 4x4; camera axes x right, y down, z forward; world axes those of the file",
+    )
+    group.add_argument("--resolution", type=size, metavar="WxH", help="size of the infrared images; the RGB picture and the disparity range scale along")
+
+
+def _add_rendering(group):
+    group.add_argument("--spp", type=integer_from(1), default=16, metavar="N", help="samples per pixel (default: 16)")
+    group.add_argument("--max-bounces", type=integer_from(0), default=8, metavar="N", help="surface interactions after the first (default: 8)")
+    group.add_argument("--seed", type=integer_from(0), default=0, metavar="N", help="of rendering and noise; same seed, same files (default: 0)")
+    group.add_argument("--ambient", type=positive, metavar="R", help="uniform visible radiance from all sides, W/(sr m^2) (default: 0.25; 1 where a scene has no light)")
+    group.add_argument("--projector", type=positive, metavar="I", help="radiant intensity of the brightest dot, W/sr (default: 3; 0 = off)")
+    group.add_argument("--no-noise", action="store_true", help="infrared images without imager noise")
+
+
+def run(args):
+    config = make_config(args)
+    if not args.scene.exists():
+        raise CommandError(f"{args.scene}: there is no such file")
+    from activestereo.progress_bar import ProgressBar
+    from activestereo.sensor import StereoDepthSensor
+
+    scene = _load_scene(args)
+    sensor = StereoDepthSensor(config, scene, pose=_sensor_pose(args, scene))
+    make_folder(args.out)
+    with ProgressBar(f"rendering on {sensor.device.info.name}") as bar:
+        sensor.take_picture(progress=bar)
+    sensor.compute_depth()
+    rows = _accuracy(sensor)
+    _write(args, sensor, rows)
+    _report(args, sensor, rows)
+
+
+def make_config(args):
+    """The preset with the options that were given."""
+    from activestereo.matching import engine_parameters
+    from activestereo.presets import StereoDepthSensorConfig
+
+    config = StereoDepthSensorConfig(args.sensor)
+    if args.resolution:
+        config = _resized(config, args.resolution)
+    config.samples_per_pixel, config.max_bounces = args.spp, args.max_bounces
+    config.render_seed = config.ir_noise_seed = args.seed
+    options = {
+        "projector_intensity": args.projector,
+        "max_disp": args.max_disparity,
+        "p1_penalty": args.p1,
+        "p2_penalty": args.p2,
+        "uniqueness_ratio": args.uniqueness,
+        "lr_max_diff": args.lr_max_diff,
+        "median_filter_size": args.median,
+        "min_depth": args.min_depth,
+        "max_depth": args.max_depth,
+    }
+    for name in ("census", "block"):
+        options[f"{name}_width"], options[f"{name}_height"] = getattr(args, name) or (None, None)
+    for name, value in options.items():
+        if value is not None:
+            setattr(config, name, value)
+    if args.no_noise:
+        config.ir_speckle_noise = 0.0
+    if args.no_dilation:
+        config.depth_dilation = False
+    engine_parameters(config)  # its checks come before any work
+    return config
+
+
+def _resized(config, resolution):
+    width, height = config.ir_resolution
+    scaled = config.scaled(resolution[0] / width)
+    if scaled.ir_resolution != resolution:
+        fits = "x".join(map(str, scaled.ir_resolution))
+        raise CommandError(f"--resolution {resolution[0]}x{resolution[1]} does not have the shape of the {config.model}'s {width}x{height}; {fits} does")
+    if min(resolution) < 32:
+        raise CommandError("--resolution must be at least 32 in both directions")
+    return scaled
+
+
+def _load_scene(args):
+    import kuafu
+
+    scene = kuafu.Scene(kuafu.Device(args.device))
+    scene.load(args.scene)
+    if not scene.summary.triangle_count:
+        raise CommandError(f"{args.scene}: there is nothing to see in it: no triangles")
+    ambient = args.ambient
+    if ambient is None:
+        ambient = 0.25 if scene.summary.light_count else 1.0
+    scene.set_environment((ambient, ambient, ambient))
+    return scene
+
+
+def _sensor_pose(args, scene):
+    from activestereo.pose import body_pose
+
+    if args.camera_to_world is not None:
+        return body_pose(args.camera_to_world)
+    count = scene.summary.camera_count
+    if args.camera is not None and args.camera >= count:
+        raise CommandError(f"--camera {args.camera}: {args.scene} has {count} camera{'' if count == 1 else 's'}")
+    return body_pose(scene.camera(args.camera or 0).camera_to_world) if count else body_pose(_overall_view(scene.summary))
+
+
+def _overall_view(summary):
+    """A camera in front of the scene and above it (y up, as in glTF) that sees all of it in the middle half of the picture."""
+    from activestereo.pose import look_at
+
+    low, high = np.array(summary.bounds_min_m), np.array(summary.bounds_max_m)
+    centre, radius = 0.5 * (low + high), max(0.5 * np.linalg.norm(high - low), 0.05)
+    direction = np.array([0.0, 0.5, 1.0]) / np.hypot(0.5, 1.0)
+    return look_at(centre + 2.6 * radius * direction, centre, (0.0, 1.0, 0.0))
+
+
+def _accuracy(sensor):
+    from activestereo.accuracy import accuracy_by_material
+
+    config = sensor.get_config()
+    return accuracy_by_material(sensor.get_depth(), sensor.get_true_depth(), sensor.get_material_ids(), sensor.scene.material_name, config.max_depth)
+
+
+def _write(args, sensor, rows):
+    from activestereo.output_files import write_depth_png, write_ply, write_png
+    from activestereo.overview import simulation_figure, write_figure
+
+    rgb, ir, depth, true_depth = sensor.get_rgb(), sensor.get_ir_measured(), sensor.get_depth(), sensor.get_true_depth()
+    write_png(args.out / "rgb.png", np.rint(255.0 * rgb).astype(np.uint8))
+    write_png(args.out / "ir_left.png", ir[0])
+    write_png(args.out / "ir_right.png", ir[1])
+    write_depth_png(args.out / "depth.png", depth)
+    write_depth_png(args.out / "depth_true.png", true_depth)
+    cloud = sensor.get_pointcloud(with_rgb=True)
+    write_ply(args.out / "cloud.ply", cloud[:, :3], cloud[:, 3:])
+    title = f"{sensor.get_config().model} in {args.scene.name}"
+    write_figure(args.out / "overview.png", simulation_figure(title, rgb, ir, depth, true_depth, rows))
+
+
+def _report(args, sensor, rows):
+    from activestereo.accuracy import accuracy_table
+    from activestereo.cli.report import stage_table
+
+    groups = {}
+    for name, time in sensor.stage_times.items():
+        group, stage = name.split(": ", 1)
+        groups.setdefault(group, {})[stage] = time
+    info = sensor.device.info
+    print(f"device: {info.name} ({info.kind}, {info.driver}); infrared pair shared by {sensor.ir_memory}")
+    print(stage_table(groups))
+    print(accuracy_table(rows))
+    print(f"written: rgb, ir_left, ir_right, depth, depth_true, overview (.png) and cloud.ply in {args.out}")

@@ -1,0 +1,60 @@
+"""A progress bar with the time left, on stderr: it redraws itself on a terminal and says a line now and then elsewhere."""
+
+import sys
+import time
+
+_REDRAW_S = 0.1
+_LINE_S = 15.0
+_WIDTH = 28
+
+
+class ProgressBar:
+    """Called with fractions 0..1; a context manager that ends the line. Never cancels."""
+
+    def __init__(self, label, stream=None, clock=time.monotonic):
+        self._label = label
+        self._stream = stream or sys.stderr
+        self._clock = clock
+        self._terminal = self._stream.isatty()
+        self._start = self._drawn = clock()
+
+    def __enter__(self):
+        self._start = self._drawn = self._clock()
+        return self
+
+    def __exit__(self, kind, value, trace):
+        if kind is None:
+            self._say(1.0, f"done in {duration(self._clock() - self._start)}")
+        if self._terminal:
+            self._stream.write("\n")
+            self._stream.flush()
+
+    def __call__(self, fraction):
+        now = self._clock()
+        if now - self._drawn < (_REDRAW_S if self._terminal else _LINE_S):
+            return
+        self._drawn = now
+        elapsed = now - self._start
+        left = f"{duration(elapsed * (1.0 - fraction) / fraction)} left" if fraction > 0.01 else "..."
+        self._say(fraction, left)
+
+    def _say(self, fraction, note):
+        if self._terminal:
+            full = round(_WIDTH * fraction)
+            bar = "█" * full + "░" * (_WIDTH - full)
+            self._stream.write(f"\r\x1b[2K{self._label}  {bar} {100.0 * fraction:3.0f} %  {note}")
+        else:
+            self._stream.write(f"{self._label}: {100.0 * fraction:.0f} %, {note}\n")
+        self._stream.flush()
+
+
+def duration(seconds):
+    """'0.4 s', '12 s', '3 min 05 s' or '1 h 02 min'."""
+    if seconds < 9.95:
+        return f"{seconds:.1f} s"
+    seconds = round(seconds)
+    if seconds < 60:
+        return f"{seconds} s"
+    if seconds < 3600:
+        return f"{seconds // 60} min {seconds % 60:02d} s"
+    return f"{seconds // 3600} h {seconds % 3600 // 60:02d} min"
