@@ -42,7 +42,7 @@ static inline uint32_t ks_format_bytes(uint32_t format) {
 /* A densely packed view; the last dimension varies fastest. */
 static inline ks_image_desc ks_image_desc_packed(uint32_t format, uint32_t dim_count, const uint64_t* shape) {
   ks_image_desc d;
-  int64_t stride = (int64_t)ks_format_bytes(format);
+  uint64_t stride = ks_format_bytes(format);
   uint32_t k;
   memset(&d, 0, sizeof d);
   d.header = ks_header_make(KS_TYPE_IMAGE_DESC, (uint32_t)sizeof d);
@@ -50,8 +50,8 @@ static inline ks_image_desc ks_image_desc_packed(uint32_t format, uint32_t dim_c
   d.dim_count = dim_count > KS_MAX_DIMS ? KS_MAX_DIMS : dim_count;
   for (k = d.dim_count; k-- > 0;) {
     d.shape[k] = shape[k];
-    d.byte_stride[k] = stride;
-    stride *= (int64_t)shape[k];
+    d.byte_stride[k] = (int64_t)stride;
+    stride *= shape[k];
   }
   return d;
 }

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <numeric>
 #include <thread>
 
@@ -117,21 +118,27 @@ TEST_F(ComputeTest, StageTimesFollowTheWork) {
   constexpr uint64_t large = 64 << 20;
   const auto buffer = Buffer::create(device_, large, 0);
   Commands commands(device_);
-  commands.begin_stage("small");
-  commands.fill(*buffer, 0, 64, 1);
-  commands.begin_stage("large");
-  commands.fill(*buffer, 0, large, 1);
-  commands.begin_stage("small");
-  commands.fill(*buffer, 0, 64, 1);
-  commands.flush();
-  commands.add_host_time("host", 3.0);
-  const auto times = commands.stage_times();
-  ASSERT_EQ(times.size(), 3u);
-  EXPECT_EQ(times[0].first, "small");
-  EXPECT_EQ(times[1].first, "large");
-  EXPECT_EQ(times[2].first, "host");
-  EXPECT_EQ(times[2].second, 3.0);
-  EXPECT_GT(times[1].second, times[0].second) << "a million times the bytes";
+  double fastest_small = 1e9, fastest_large = 1e9;  // of several tries: another process may hold the core in any one
+  for (int attempt = 0; attempt < 5; ++attempt) {
+    commands.reset_stage_times();
+    commands.begin_stage("small");
+    commands.fill(*buffer, 0, 64, 1);
+    commands.begin_stage("large");
+    commands.fill(*buffer, 0, large, 1);
+    commands.begin_stage("small");
+    commands.fill(*buffer, 0, 64, 1);
+    commands.flush();
+    commands.add_host_time("host", 3.0);
+    const auto times = commands.stage_times();
+    ASSERT_EQ(times.size(), 3u);
+    EXPECT_EQ(times[0].first, "small");
+    EXPECT_EQ(times[1].first, "large");
+    EXPECT_EQ(times[2].first, "host");
+    EXPECT_EQ(times[2].second, 3.0);
+    fastest_small = std::min(fastest_small, times[0].second);
+    fastest_large = std::min(fastest_large, times[1].second);
+  }
+  EXPECT_GT(fastest_large, fastest_small) << "a million times the bytes";
   commands.reset_stage_times();
   EXPECT_TRUE(commands.stage_times().empty());
 }
