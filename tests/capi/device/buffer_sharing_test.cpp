@@ -9,6 +9,7 @@
 #include "capi/device/devices.h"
 #include "capi/device/expect_error.h"
 #include "device/buffer.h"
+#include "device/compute.h"
 
 namespace ks {
 namespace {
@@ -40,6 +41,30 @@ TEST_F(SharingTest, OpaqueFdIsTheSameMemory) {
   std::strcpy(static_cast<char*>(copy->mapped()), "back");
   EXPECT_STREQ(static_cast<char*>(source_->mapped()), "back");
   EXPECT_EQ(exporter_->copied_bytes() + importer_->copied_bytes(), 0u);
+}
+
+TEST(DeviceLocalSharing, OpaqueFdIsTheSameMemoryOnTheBestDevice) {
+  const auto exporter = test::best_device(), importer = test::best_device();
+  const auto source = Buffer::create(exporter, 1000, KS_BUFFER_EXPORTABLE);
+  const Exported exported(*source);
+  const auto view = Buffer::import(importer, exported.desc);
+  uint32_t value = 0xfeed;
+  source->write(996, &value, 4);
+  value = 0;
+  view->read(996, &value, 4);
+  EXPECT_EQ(value, 0xfeedu);
+}
+
+TEST(DeviceLocalSharing, HostMemoryIsImportedByTheBestDevice) {
+  const auto device = test::best_device();
+  const auto source = Buffer::create(test::host_device(), 5000, 0);
+  const auto view = Buffer::import(device, source->export_as(KS_MEMORY_HOST));
+  Commands commands(device);
+  commands.fill(*view, 4096, 4, 0xfeed);
+  commands.flush();
+  uint32_t value = 0;
+  source->read(4096, &value, 4);
+  EXPECT_EQ(value, 0xfeedu);
 }
 
 TEST_F(SharingTest, ImportOutlivesExporter) {
