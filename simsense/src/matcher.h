@@ -1,6 +1,6 @@
-// The matcher: a rectified 8-bit pair in, a disparity map out (census, Hamming cost, block sum, semi-global aggregation, winner, uniqueness, subpixel,
-// left-right check, median). One interface, several back ends that give the same bits: the scalar reference, the CPU (SIMD), later Vulkan compute.
-// Thread rule: externally synchronised.
+// The matcher: a rectified 8-bit pair in, a disparity map out (census, Hamming cost, block sum, semi-global aggregation, winner,
+// uniqueness, subpixel, left-right check, median). One interface, several back ends that give the same bits: the scalar reference, the CPU
+// (SIMD), later Vulkan compute. Thread rule: externally synchronised.
 #pragma once
 
 #include <cstddef>
@@ -16,6 +16,13 @@ class ThreadPool;
 
 namespace simsense {
 
+/// Where between whole disparities the match lies, from the costs at winner - 1, winner and winner + 1.
+enum class Subpixel : uint8_t {
+  none,
+  parabola,     // vertex of the parabola through the aggregated costs, as the published SimSense; pulls towards whole pixels by up to 0.2
+  equiangular,  // apex of the V through the block's costs; through the aggregated ones where the block is 1x1 or has no minimum there
+};
+
 /// Ranges are those of simsense_parameters (simsense.h), already checked.
 struct MatchParameters {
   uint32_t census_width = 7, census_height = 7;
@@ -25,7 +32,7 @@ struct MatchParameters {
   uint32_t uniqueness_ratio = 15;
   int32_t lr_max_diff = 1;  // -1 = off
   uint32_t median_size = 3;
-  bool subpixel_parabola = true;
+  Subpixel subpixel = Subpixel::equiangular;
   bool operator==(const MatchParameters&) const = default;
 };
 

@@ -43,8 +43,9 @@ void check_matching(const simsense_parameters& p) {
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "lr_max_diff is %d pixels: must be 0..1024, or -1 for off", p.lr_max_diff);
   if (p.median_size != 1 && p.median_size != 3 && p.median_size != 5 && p.median_size != 7)
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "median_size is %u: must be 1 (off), 3, 5 or 7", p.median_size);
-  if (p.subpixel != SIMSENSE_SUBPIXEL_NONE && p.subpixel != SIMSENSE_SUBPIXEL_PARABOLA)
-    ks::fail(KS_ERROR_INVALID_ARGUMENT, "subpixel is %u: must be SIMSENSE_SUBPIXEL_NONE (0) or SIMSENSE_SUBPIXEL_PARABOLA (1)", p.subpixel);
+  if (p.subpixel > SIMSENSE_SUBPIXEL_EQUIANGULAR)
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "subpixel is %u: must be a SIMSENSE_SUBPIXEL_*, none (0), parabola (1) or equiangular (2)",
+             p.subpixel);
 }
 
 }  // namespace
@@ -73,7 +74,9 @@ MatchParameters match_parameters(const simsense_parameters& p) {
   m.uniqueness_ratio = p.uniqueness_ratio;
   m.lr_max_diff = p.lr_max_diff;
   m.median_size = p.median_size;
-  m.subpixel_parabola = p.subpixel == SIMSENSE_SUBPIXEL_PARABOLA;
+  m.subpixel = p.subpixel == SIMSENSE_SUBPIXEL_NONE       ? Subpixel::none
+               : p.subpixel == SIMSENSE_SUBPIXEL_PARABOLA ? Subpixel::parabola
+                                                          : Subpixel::equiangular;
   return m;
 }
 

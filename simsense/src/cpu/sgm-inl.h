@@ -72,7 +72,7 @@ class Band {
         up_(layout_.max_group_rows() * pixel()),
         stash_(std::max(layout_.max_group_rows(), column_group) * pixel()),
         summed_(disparities_),
-        winners_(5 * layout_.max_strip_rows() * row_pitch_),
+        winners_(8 * layout_.max_strip_rows() * row_pitch_),
         right_(2 * layout_.max_strip_rows() * right_pitch_),
         right_row_(row_pitch_ + 64),
         disparity_row_(row_pitch_ + 64) {}
@@ -108,7 +108,8 @@ class Band {
     const size_t plane = layout_.max_strip_rows() * row_pitch_, right_plane = layout_.max_strip_rows() * right_pitch_;
     T* row = winners_.data() + (y - rows_.begin) * row_pitch_;
     T* right = right_.data() + (y - rows_.begin) * right_pitch_ + right_pitch_ - row_pitch_;
-    return {row, row + plane, row + 2 * plane, row + 3 * plane, row + 4 * plane, right, right + right_plane};
+    return {row,   row + plane,        row + 2 * plane, row + 3 * plane, row + 4 * plane, row + 5 * plane, row + 6 * plane, row + 7 * plane,
+            right, right + right_plane};
   }
 
   /// Follows the strip's leftward paths and leaves their state at each group of columns.
@@ -171,8 +172,7 @@ class Band {
     }
   }
 
-  template <class CostAt>
-  HWY_INLINE void sum_and_win(const CostAt& cost, T* state, size_t block, size_t y, size_t row_in_group) {
+  HWY_INLINE void sum_and_win(const StoredCosts<T>& cost, T* state, size_t block, size_t y, size_t row_in_group) {
     const Lanes<T> tag;
     SumAndWinner<T> winner(across_.data() + (y - rows_.begin) * across_pitch(), up_.data() + row_in_group * pixel(), summed_.row(0));
     path_step(shared_.penalties, disparities_, cost, state, winner);
@@ -184,6 +184,9 @@ class Band {
     hn::Store(winner.lowest, tag, row.lowest + x);
     hn::Store(winner.after, tag, row.after + x);
     hn::Store(ambiguity(winner, disparities_, summed_.row(0), shared_.thresholds), tag, row.ambiguous + x);
+    if (uses_block_costs(shared_.parameters)) {
+      costs_around(row.disparity + x, cost.row, disparities_, row.block_before + x, row.block_lowest + x, row.block_after + x);
+    }
     if (shared_.parameters.lr_max_diff < 0) return;
     const size_t inside = layout_.columns(block).size();
     if (inside < lanes) {  // no right pixel may match what lies beyond the last column

@@ -18,9 +18,10 @@ namespace simsense::cpu::HWY_NAMESPACE {
 /// What is known of each pixel of a row after the winner stage.
 template <class T>
 struct WinnerRow {
-  T *disparity, *before, *lowest, *after;  // winner and the costs at winner - 1, winner, winner + 1
-  T* ambiguous;                            // nonzero: not unique
-  T *right_lowest, *right_disparity;       // per right pixel; may be written up to max_disparity columns left of the image
+  T *disparity, *before, *lowest, *after;        // winner and the costs at winner - 1, winner, winner + 1
+  T* ambiguous;                                  // nonzero: not unique
+  T *block_before, *block_lowest, *block_after;  // the block's own costs there, for the equiangular step
+  T *right_lowest, *right_disparity;             // per right pixel; may be written up to max_disparity columns left of the image
 };
 
 /// The summed costs of one vector of pixels, [d][lanes data, lanes `unreachable`]: a vector read off its place by k lanes finds no stranger
@@ -73,6 +74,18 @@ struct SumAndWinner {
   /// A winner at the last disparity has nothing after it.
   HWY_INLINE void finish() { after = hn::IfThenElse(last_stayed, after, hn::Set(Lanes<T>(), hwy::LimitsMax<T>())); }
 };
+
+/// Each lane's costs at its winner and beside it; at an end of the range the end's own stands for what is missing.
+template <class T>
+HWY_INLINE void costs_around(const T* winner, const T* costs, size_t disparities, T* before, T* at, T* after) {
+  constexpr size_t lanes = lane_count<T>;
+  for (size_t lane = 0; lane < lanes; ++lane) {
+    const size_t d = winner[lane];
+    at[lane] = costs[d * lanes + lane];
+    before[lane] = costs[(d - (d > 0)) * lanes + lane];
+    after[lane] = costs[(d + (d + 1 < disparities)) * lanes + lane];
+  }
+}
 
 /// For each cost c of a winner, the lowest cost that another disparity may have: the smallest t with t * (100 - ratio) >= c * 100.
 template <class T>

@@ -21,9 +21,23 @@ float parabola_vertex(int before, int lowest, int after) {
   return curvature == 0 ? 0.0f : -static_cast<float>(after - before) / static_cast<float>(2 * curvature);
 }
 
+/// Apex of the V with equal slopes whose steeper side passes through (0, lowest) and the higher neighbour.
+float equiangular_apex(int before, int lowest, int after) {
+  const int depth = std::max(before, after) - lowest;
+  return depth == 0 ? 0.0f : -static_cast<float>(after - before) / static_cast<float>(2 * depth);
+}
+
+float subpixel_offset(Subpixel subpixel, const uint16_t* cost, const uint16_t* block_cost, size_t winner) {
+  if (subpixel == Subpixel::none) return 0.0f;
+  if (subpixel == Subpixel::parabola) return parabola_vertex(cost[winner - 1], cost[winner], cost[winner + 1]);
+  const bool minimum = block_cost && block_cost[winner] <= block_cost[winner - 1] && block_cost[winner] <= block_cost[winner + 1];
+  const uint16_t* c = minimum ? block_cost : cost;
+  return equiangular_apex(c[winner - 1], c[winner], c[winner + 1]);
+}
+
 }  // namespace
 
-Grid<float> left_winner(const Volume<uint16_t>& cost, uint32_t uniqueness_ratio, bool parabola) {
+Grid<float> left_winner(const Volume<uint16_t>& cost, uint32_t uniqueness_ratio, Subpixel subpixel, const Volume<uint16_t>* block_cost) {
   Grid<float> disparity(cost.width, cost.height, -1.0f);
   for (size_t y = 0; y < cost.height; ++y) {
     for (size_t x = 0; x < cost.width; ++x) {
@@ -31,7 +45,7 @@ Grid<float> left_winner(const Volume<uint16_t>& cost, uint32_t uniqueness_ratio,
       const size_t winner = static_cast<size_t>(std::min_element(c, c + cost.disparities) - c);
       if (!unique(c, cost.disparities, winner, uniqueness_ratio)) continue;
       const bool interior = winner > 0 && winner + 1 < cost.disparities;
-      const float offset = parabola && interior ? parabola_vertex(c[winner - 1], c[winner], c[winner + 1]) : 0.0f;
+      const float offset = interior ? subpixel_offset(subpixel, c, block_cost ? block_cost->at(x, y) : nullptr, winner) : 0.0f;
       disparity.at(x, y) = static_cast<float>(winner) + offset;
     }
   }

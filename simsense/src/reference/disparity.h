@@ -1,14 +1,15 @@
-// From the aggregated volume to disparities: winner, uniqueness, subpixel parabola, left-right check, median.
+// From the aggregated volume to disparities: winner, uniqueness, subpixel step, left-right check, median.
 #pragma once
 
+#include "matcher.h"
 #include "reference/volume.h"
 
 namespace simsense::reference {
 
 /// Disparity of lowest cost in the left image, the smaller one on a tie; -1 where some d with |d - winner| > 1 has
-/// cost * (100 - uniqueness_ratio) < winner's cost * 100. With `parabola`, the vertex of the parabola through the winner and its neighbours
-/// (none at d = 0 and d = D - 1, and none where the three are equal).
-Grid<float> left_winner(const Volume<uint16_t>& cost, uint32_t uniqueness_ratio, bool parabola);
+/// cost * (100 - uniqueness_ratio) < winner's cost * 100. The subpixel step needs both neighbours: none at d = 0 and d = D - 1, and none
+/// where the costs are equal. block_cost: what the equiangular step looks at, the sums before aggregation; nullptr = the aggregated costs.
+Grid<float> left_winner(const Volume<uint16_t>& cost, uint32_t uniqueness_ratio, Subpixel subpixel, const Volume<uint16_t>* block_cost);
 
 /// Disparity of lowest cost as seen from the right pixel (x, y): over the left pixels (x + d, y) inside the image, at d; the smaller one on
 /// a tie.

@@ -26,7 +26,7 @@ class ReferenceMatcher final : public Matcher {
     }();
     const uint32_t area = p.block_width * p.block_height;  // the penalties are given per pixel of the block
     const auto aggregated = aggregate(cost, p.p1 * area, p.p2 * area);
-    auto result = left_winner(aggregated, p.uniqueness_ratio, p.subpixel_parabola);
+    auto result = left_winner(aggregated, p.uniqueness_ratio, p.subpixel, area > 1 ? &cost : nullptr);
     if (p.lr_max_diff >= 0) result = left_right_check(result, right_winner(aggregated), p.lr_max_diff);
     result = median(result, p.median_size);
     std::copy(result.data.begin(), result.data.end(), disparity);

@@ -17,7 +17,7 @@ std::string describe(size_t width, size_t height, const MatchParameters& p) {
   std::ostringstream text;
   text << width << "x" << height << " D " << p.max_disparity << " census " << p.census_width << "x" << p.census_height << " block "
        << p.block_width << "x" << p.block_height << " p1 " << p.p1 << " p2 " << p.p2 << " uniqueness " << p.uniqueness_ratio << " lr "
-       << p.lr_max_diff << " median " << p.median_size << " parabola " << p.subpixel_parabola;
+       << p.lr_max_diff << " median " << p.median_size << " subpixel " << static_cast<int>(p.subpixel);
   return text.str();
 }
 
@@ -66,7 +66,7 @@ class Fuzz {
     p.uniqueness_ratio = one_of({0, 5, 15, 40, 100});
     p.lr_max_diff = static_cast<int32_t>(in(0, 4)) - 1;
     p.median_size = one_of({1, 3, 5, 7});
-    p.subpixel_parabola = in(0, 3) != 0;
+    p.subpixel = static_cast<simsense::Subpixel>(in(0, 2));
     return p;
   }
   StereoPair pair() { return random_dots(in(32, 150), in(32, 100), in(0, 20), in(0, 25), in(0, 1u << 30)); }

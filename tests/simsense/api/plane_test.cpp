@@ -1,0 +1,196 @@
+// Known geometry through the whole engine: planes come back where they are, from straight and crooked rigs, in the left and in the RGB
+// frame.
+#include <algorithm>
+#include <cmath>
+
+#include "simsense/api/plane_scene.h"
+#include "simsense/api/sensor.h"
+#include "simsense/rig_samples.h"
+
+using namespace simsense_test;
+
+namespace {
+
+constexpr uint32_t width = 424, height = 240;
+constexpr double focal = 427.12;  // of a D435, whose image is twice as large
+constexpr double identity[16] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
+
+simsense_parameters near_parameters() {
+  simsense_parameters p = simsense_parameters_init();
+  p.max_disparity = 64;
+  return p;
+}
+
+struct Pair {
+  std::vector<uint8_t> left, right;
+};
+
+Pair photograph(const Plane& plane, const simsense_rig_desc& rig) {
+  return {render(plane, rig.left, identity), render(plane, rig.right, rig.left_to_right)};
+}
+
+double median(std::vector<double> values) {
+  if (values.empty()) return NAN;
+  std::nth_element(values.begin(), values.begin() + static_cast<ptrdiff_t>(values.size() / 2), values.end());
+  return values[values.size() / 2];
+}
+
+struct Agreement {
+  double median_error, fill;  // relative error of z; share of pixels that are measured
+};
+
+/// Depth of one camera against the plane; camera_k: its K; left_to_camera: its pose.
+Agreement agreement(const std::vector<float>& depth, const simsense_camera& camera, const double* left_to_camera, const Plane& plane,
+                    uint32_t x_begin = 64) {
+  std::vector<double> errors;
+  size_t pixels = 0;
+  for (uint32_t y = 8; y < camera.height - 8; ++y)
+    for (uint32_t x = x_begin; x < camera.width - 8; ++x, ++pixels) {
+      const float z = depth[size_t{y} * camera.width + x];
+      if (z > 0) errors.push_back(std::abs(z / plane.depth(left_to_camera, ray(camera, x, y)) - 1));
+    }
+  const double fill = static_cast<double>(errors.size()) / static_cast<double>(pixels);
+  return {median(std::move(errors)), fill};
+}
+
+simsense_camera rectified_camera(const EngineHandle& engine, double left_to_rectified[16]) {
+  simsense_camera c = camera(width, height, focal);
+  EXPECT_EQ(simsense_engine_get_rectified(engine.get(), c.k, nullptr, left_to_rectified), KS_OK);
+  return c;
+}
+
+Plane facing(double z) {
+  Plane plane;
+  plane.distance_m = z;
+  plane.cell_m = 3 * z / focal;
+  return plane;
+}
+
+Plane tilted(double z, double degrees) {
+  Plane plane = facing(z);
+  const double angle = degrees * M_PI / 180;
+  plane.normal = {std::sin(angle), 0, std::cos(angle)};
+  plane.distance_m = z * std::cos(angle);
+  return plane;
+}
+
+}  // namespace
+
+TEST(Plane, FrontoParallelComesBackAtItsDistance) {
+  const simsense_rig_desc rig = ideal_rig(width, height, focal);
+  const Device device = open_device();
+  const EngineHandle engine = open_engine(device, rig, near_parameters());
+  const double limits[][2] = {{0.5, 0.005}, {1.0, 0.005}, {2.0, 0.01}};
+  for (const auto& [z, limit] : limits) {
+    const Pair pair = photograph(facing(z), rig);
+    const auto depth = compute_one<float>(engine, SIMSENSE_OUTPUT_DEPTH, pair.left, pair.right, height, width, {height, width});
+    const Agreement a = agreement(depth, rig.left, identity, facing(z));
+    RecordProperty("median_error_" + std::to_string(z), std::to_string(a.median_error));
+    EXPECT_LT(a.median_error, limit) << "at " << z << " m";
+    EXPECT_GT(a.fill, 0.98) << "at " << z << " m";
+  }
+}
+
+TEST(Plane, TiltedHasNoStairs) {
+  const simsense_rig_desc rig = ideal_rig(width, height, focal);
+  const Plane plane = tilted(1.0, 40);
+  const Pair pair = photograph(plane, rig);
+  const Device device = open_device();
+  const EngineHandle engine = open_engine(device, rig, near_parameters());
+  const auto disparity = compute_one<float>(engine, SIMSENSE_OUTPUT_DISPARITY, pair.left, pair.right, height, width, {height, width});
+  constexpr size_t bins = 20;
+  std::vector<double> residual[bins];  // by fractional part of the true disparity: a stair repeats with period 1
+  for (uint32_t y = 8; y < height - 8; ++y)
+    for (uint32_t x = 64; x < width - 8; ++x) {
+      const double truth = focal * 0.05 / plane.depth(identity, ray(rig.left, x, y)), measured = disparity[y * width + x];
+      if (measured >= 0) residual[static_cast<size_t>((truth - std::floor(truth)) * bins)].push_back(measured - truth);
+    }
+  for (size_t bin = 0; bin < bins; ++bin) {
+    EXPECT_GT(residual[bin].size(), 500u);
+    EXPECT_LT(std::abs(median(residual[bin])), 0.1) << "fraction " << static_cast<double>(bin) / bins;
+  }
+}
+
+TEST(Plane, ComesBackFromACrookedRigWithLenses) {
+  simsense_rig_desc rig = crooked_rig(width, height, focal);
+  const Plane plane = tilted(0.8, 20);
+  const Pair pair = photograph(plane, rig);
+  const Device device = open_device();
+  const EngineHandle engine = open_engine(device, rig, near_parameters());
+  double left_to_rectified[16];
+  const simsense_camera rectified = rectified_camera(engine, left_to_rectified);
+  const auto depth = compute_one<float>(engine, SIMSENSE_OUTPUT_DEPTH, pair.left, pair.right, height, width, {height, width});
+  const Agreement a = agreement(depth, rectified, left_to_rectified, plane);
+  EXPECT_LT(a.median_error, 0.005);
+  EXPECT_GT(a.fill, 0.9);
+}
+
+TEST(Plane, RowsOfTheRectifiedPairAreAligned) {
+  const simsense_rig_desc rig = crooked_rig(width, height, focal);
+  const Plane plane = facing(1.0);
+  const Pair pair = photograph(plane, rig);
+  const Device device = open_device();
+  const EngineHandle engine = open_engine(device, rig, near_parameters());
+  std::vector<uint8_t> left(width * height), right(left.size());
+  std::vector<float> disparity(left.size());
+  ASSERT_EQ(compute(engine, host_image(pair.left, {height, width}), host_image(pair.right, {height, width}),
+                    {output_of(SIMSENSE_OUTPUT_RECTIFIED_LEFT, host_image(left, {height, width})),
+                     output_of(SIMSENSE_OUTPUT_RECTIFIED_RIGHT, host_image(right, {height, width})),
+                     output_of(SIMSENSE_OUTPUT_DISPARITY, host_image(disparity, {height, width}))}),
+            KS_OK)
+      << simsense_last_error();
+  // The sum of squared differences over the vertical shift is a parabola; its vertex is the misalignment.
+  double ssd[3] = {};
+  for (uint32_t y = 20; y < height - 20; ++y)
+    for (uint32_t x = 80; x < width - 20; ++x) {
+      const float d = disparity[y * width + x];
+      if (d < 0) continue;
+      const double column = x - d, fraction = column - std::floor(column);
+      for (int dy = -1; dy <= 1; ++dy) {
+        const uint8_t* p = right.data() + (static_cast<int>(y) + dy) * static_cast<int>(width) + static_cast<int>(column);
+        ssd[dy + 1] += std::pow((1 - fraction) * p[0] + fraction * p[1] - left[y * width + x], 2);
+      }
+    }
+  EXPECT_LT(std::abs(0.5 * (ssd[0] - ssd[2]) / (ssd[0] - 2 * ssd[1] + ssd[2])), 0.05);
+}
+
+TEST(Plane, ComesBackInTheRgbCameraBehindItsLens) {
+  simsense_rig_desc rig = crooked_rig(width, height, focal);
+  rig.rgb = camera(400, 226, 500);
+  const double lens[5] = {0.1, -0.2, 1e-3, -2e-3, 0.05};
+  std::copy(lens, lens + 5, rig.rgb.distortion);
+  set_pose(rig.left_to_rgb, 0.02, -0.05, 0.03, 0.015, -0.004, 0.006);
+  const Plane plane = tilted(0.8, 20);
+  const Pair pair = photograph(plane, rig);
+  const Device device = open_device();
+  simsense_parameters parameters = near_parameters();
+  parameters.depth_dilation = 1;
+  const EngineHandle engine = open_engine(device, rig, parameters);
+  const auto depth = compute_one<float>(engine, SIMSENSE_OUTPUT_DEPTH_RGB, pair.left, pair.right, height, width, {226, 400});
+  const Agreement a = agreement(depth, rig.rgb, rig.left_to_rgb, plane, 100);
+  EXPECT_LT(a.median_error, 0.005);
+  EXPECT_GT(a.fill, 0.85);
+  const auto points = compute_one<float>(engine, SIMSENSE_OUTPUT_POINTS, pair.left, pair.right, height, width, {226, 400, 3});
+  std::vector<double> distance;  // of each point from the plane
+  const Vector n = rotated(rig.left_to_rgb, plane.normal), t{rig.left_to_rgb[3], rig.left_to_rgb[7], rig.left_to_rgb[11]};
+  for (size_t i = 0; i < points.size(); i += 3)
+    if (points[i + 2] > 0)
+      distance.push_back(std::abs(dot(n, {points[i] - t[0], points[i + 1] - t[1], points[i + 2] - t[2]}) - plane.distance_m));
+  EXPECT_LT(median(distance), 0.004);
+}
+
+TEST(Plane, IsFoundUnderTheImagersNoise) {
+  const simsense_rig_desc rig = ideal_rig(width, height, focal);
+  const Pair pair = photograph(facing(0.7), rig);
+  const Device device = open_device();
+  simsense_parameters parameters = near_parameters();
+  parameters.speckle_shape = 398.12f;  // the published fit to a D415 with the multiplicative part at 5 %
+  parameters.speckle_scale = 0.00254f;
+  parameters.gaussian_mu_dn = -0.231f;
+  parameters.gaussian_sigma_dn = 0.83f;
+  const EngineHandle engine = open_engine(device, rig, parameters);
+  const auto depth = compute_one<float>(engine, SIMSENSE_OUTPUT_DEPTH, pair.left, pair.right, height, width, {height, width});
+  const Agreement a = agreement(depth, rig.left, identity, facing(0.7));
+  EXPECT_LT(a.median_error, 0.005);
+  EXPECT_GT(a.fill, 0.95);
+}
