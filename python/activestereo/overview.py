@@ -21,36 +21,62 @@ def simulation_figure(title, rgb, ir, depth, true_depth, rows):
 
     rgb: float [h, w, 3] 0..1. ir: the measured pair, uint8. depth, true_depth: metres, 0 = none. rows: from accuracy_by_material.
     """
-    figure = Figure(figsize=(17.0, 13.2), facecolor="white")
-    grid = figure.add_gridspec(3, 3, height_ratios=[3.1, 3.1, 2.6], left=0.05, right=0.975, top=0.915, bottom=0.055, wspace=0.07, hspace=0.17)
-    figure.text(0.05, 0.965, title, fontsize=19, weight="bold", color=_INK, va="center")
-    figure.text(0.05, 0.940, _headline(rows), fontsize=12.5, color=_MUTED, va="center")
-    _picture(figure.add_subplot(grid[0, 0]), rgb, "RGB camera")
-    _picture(figure.add_subplot(grid[0, 1]), ir[0], "infrared left, as measured", cmap="gray", vmin=0, vmax=255)
-    _picture(figure.add_subplot(grid[0, 2]), ir[1], "infrared right, as measured", cmap="gray", vmin=0, vmax=255)
+    page = _Page(title, _headline(rows), columns=3, picture_rows=2, aspect=depth.shape[0] / depth.shape[1], chart_height=0.27 * len(rows) + 0.25)
+    _picture(page.picture(0, 0), rgb, "RGB camera")
+    _picture(page.picture(0, 1), ir[0], "infrared left, as measured", cmap="gray", vmin=0, vmax=255)
+    _picture(page.picture(0, 2), ir[1], "infrared right, as measured", cmap="gray", vmin=0, vmax=255)
     span = depth_span(true_depth)
-    _depth(figure.add_subplot(grid[1, 0]), depth, "measured depth, registered to RGB", span)
-    _depth(figure.add_subplot(grid[1, 1]), true_depth, "true depth", span)
-    _error(figure.add_subplot(grid[1, 2]), depth, true_depth)
-    charts = grid[2, :].subgridspec(1, 2, wspace=0.16)
-    _bars(figure.add_subplot(charts[0]), rows, [100.0 * r.fill for r in rows], "measured pixels", "%", _BLUE)
-    _bars(figure.add_subplot(charts[1]), rows, [1e3 * r.median_error_m for r in rows], "median error", "mm", _ORANGE)
-    return figure
+    _depth(page.picture(1, 0), depth, "measured depth, registered to RGB (black: none)", span)
+    _depth(page.picture(1, 1), true_depth, "true depth", span)
+    _error(page.picture(1, 2), depth, true_depth)
+    _bars(page.chart(0, 2), rows, [100.0 * r.fill for r in rows], "measured pixels", "%", _BLUE)
+    _bars(page.chart(1, 2), rows, [1e3 * r.median_error_m for r in rows], "median error", "mm", _ORANGE)
+    return page.figure
 
 
 def matching_figure(title, left, right, disparity, depth):
     """An infrared pair and what the engine made of it. disparity: pixels, -1 = none; depth: metres, 0 = none."""
-    figure = Figure(figsize=(14.0, 9.2), facecolor="white")
-    grid = figure.add_gridspec(2, 2, left=0.03, right=0.95, top=0.88, bottom=0.03, wspace=0.12, hspace=0.12)
-    figure.text(0.03, 0.955, title, fontsize=17, weight="bold", color=_INK, va="center")
-    fill = 100.0 * np.mean(depth > 0)
-    figure.text(0.03, 0.922, f"{fill:.1f} % of the pixels measured", fontsize=12, color=_MUTED, va="center")
-    _picture(figure.add_subplot(grid[0, 0]), left, "left", cmap="gray")
-    _picture(figure.add_subplot(grid[0, 1]), right, "right", cmap="gray")
+    subtitle = f"{100.0 * np.mean(depth > 0):.1f} % of the pixels measured"
+    page = _Page(title, subtitle, columns=2, picture_rows=2, aspect=depth.shape[0] / depth.shape[1])
+    _picture(page.picture(0, 0), left, "left", cmap="gray")
+    _picture(page.picture(0, 1), right, "right", cmap="gray")
     shown = np.where(disparity > 0, disparity, 0.0)
-    _depth(figure.add_subplot(grid[1, 0]), shown, "disparity", depth_span(shown), unit="px", cmap="turbo")
-    _depth(figure.add_subplot(grid[1, 1]), depth, "depth", depth_span(depth))
-    return figure
+    _depth(page.picture(1, 0), shown, "disparity (black: none)", depth_span(shown), unit="px", cmap="turbo")
+    _depth(page.picture(1, 1), depth, "depth (black: none)", depth_span(depth))
+    return page.figure
+
+
+class _Page:
+    """A figure laid out in inches: title, rows of pictures of one shape with room for a colour bar each, and charts at the bottom."""
+
+    WIDTH, MARGIN, BAR, HEAD, CAPTION = 5.2, 0.45, 0.72, 0.95, 0.42
+
+    def __init__(self, title, subtitle, columns, picture_rows, aspect, chart_height=0.0):
+        self._picture_height = self.WIDTH * aspect
+        self._chart_height = chart_height
+        self._inner = columns * self.WIDTH + (columns - 1) * self.BAR
+        below = chart_height + 0.95 if chart_height else 0.25
+        self._size = (self._inner + 2 * self.MARGIN + 0.3, self.HEAD + picture_rows * (self._picture_height + self.CAPTION) + below)
+        self.figure = Figure(figsize=self._size, facecolor="white")
+        self._text(0.42, title, fontsize=18, weight="bold", color=_INK)
+        self._text(0.76, subtitle, fontsize=12, color=_MUTED)
+
+    def _text(self, top, text, **style):
+        self.figure.text(self.MARGIN / self._size[0], 1.0 - top / self._size[1], text, va="center", **style)
+
+    def _axes(self, left, bottom, width, height):
+        w, h = self._size
+        return self.figure.add_axes([left / w, bottom / h, width / w, height / h])
+
+    def picture(self, row, column):
+        top = self.HEAD + (row + 1) * (self._picture_height + self.CAPTION)
+        left = self.MARGIN + column * (self.WIDTH + self.BAR)
+        return self._axes(left, self._size[1] - top, self.WIDTH, self._picture_height)
+
+    def chart(self, index, count):
+        labels = 0.85
+        width = self._inner / count
+        return self._axes(self.MARGIN + index * width + labels, 0.4, width - labels - 0.35, self._chart_height)
 
 
 def depth_span(depth):
@@ -107,7 +133,7 @@ def _error(axes, depth, true_depth):
     both = (depth > 0) & (true_depth > 0)
     error = np.ma.masked_where(~both, 1e3 * (depth - true_depth))
     limit = 1e3 * _ERROR_SCALE_M
-    shown = _picture(axes, error, "measured minus true depth (black: no measurement)", cmap="RdBu_r", vmin=-limit, vmax=limit)
+    shown = _picture(axes, error, "measured minus true depth", cmap="RdBu_r", vmin=-limit, vmax=limit)
     axes.set_facecolor(_NO_DATA)
     _color_bar(axes, shown, "mm", extend="both")
 

@@ -93,7 +93,7 @@ class StereoDepthSensorConfig:
 
         # Exposure and infrared light. ir_camera_exposure in seconds; ir_responsivity_dn in counts per W s / (sr m^2).
         self.ir_camera_exposure = 0.01
-        self.ir_responsivity_dn = 16000.0
+        self.ir_responsivity_dn = 32000.0
         self.ir_light_dim_factor = 0.05  # what a visible light gives in the infrared, where it does not say
         self.ir_ambient_strength = 0.002  # weak ambient infrared radiance, W/(sr m^2)
         self.rgb_exposure = None  # colour value per radiance; None = so that one pixel in fifty is brighter than white
