@@ -22,12 +22,13 @@ inline Vector rotated_back(const double* m, const Vector& v) {
   return {m[0] * v[0] + m[4] * v[1] + m[8] * v[2], m[1] * v[0] + m[5] * v[1] + m[9] * v[2], m[2] * v[0] + m[6] * v[1] + m[10] * v[2]};
 }
 
-/// Direction of a pixel at z = 1, the lens undone by fixed-point iteration.
+/// Direction of a pixel at z = 1, the lens, if any, undone by fixed-point iteration.
 inline Vector ray(const simsense_camera& c, double u, double v) {
   const double* d = c.distortion;
   const double x0 = (u - c.k[2]) / c.k[0], y0 = (v - c.k[5]) / c.k[4];
   double x = x0, y = y0;
-  for (int i = 0; i < 30; ++i) {
+  const bool lens = d[0] != 0 || d[1] != 0 || d[2] != 0 || d[3] != 0 || d[4] != 0;
+  for (int i = 0; lens && i < 20; ++i) {
     const double r2 = x * x + y * y, radial = 1 + r2 * (d[0] + r2 * (d[1] + r2 * d[4]));
     const double dx = 2 * d[2] * x * y + d[3] * (r2 + 2 * x * x), dy = d[2] * (r2 + 2 * y * y) + 2 * d[3] * x * y;
     x = (x0 - dx) / radial;
