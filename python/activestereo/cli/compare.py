@@ -43,7 +43,7 @@ def run(args):
             samples_per_pixel=args.spp,
             max_bounces=args.max_bounces,
             seed=args.seed,
-            progress=lambda done, total: bar(done / max(total, 1)),
+            progress=bar,
         )
     write_report(comparison, args.out)
     print(summary_table(comparison.scores))

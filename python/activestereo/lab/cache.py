@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from activestereo.lab.layers import Layers
+from activestereo.output_files import replace_file
 
 # Raised when the meaning of a cached array changes.
 _FORMAT = 1
@@ -86,10 +87,7 @@ class LayerCache:
     def put(self, key, layers):
         self.folder.mkdir(parents=True, exist_ok=True)
         arrays = {f"{f.name}_{i}": getattr(view, f.name) for i, view in enumerate(layers) for f in fields(Layers)}
-        partial = self.folder / f"{key}.{os.getpid()}.partial"
-        with open(partial, "wb") as file:
-            np.savez(file, count=len(layers), **arrays)
-        partial.rename(self.folder / f"{key}.npz")
+        replace_file(self.folder / f"{key}.npz", lambda file: np.savez(file, count=len(layers), **arrays))
         self._forget_oldest()
 
     def _forget_oldest(self):

@@ -11,6 +11,7 @@ from matplotlib.colors import PowerNorm
 from matplotlib.figure import Figure
 
 from activestereo.capture import EYES, SPLITS
+from activestereo.output_files import replace_file
 
 _INK, _MUTED, _GRID = "#1f2933", "#7b8794", "#e4e7eb"
 _BAR = {"train": "#3e6fb0", "test": "#c8722c"}
@@ -24,10 +25,9 @@ def write_report(comparison, folder):
     folder.mkdir(parents=True, exist_ok=True)
     text = json.dumps(comparison.scores, indent=1) + "\n"
     figure = comparison_figure(comparison)
-    return (
-        _replace(folder / "compare.json", lambda path: path.write_text(text)),
-        _replace(folder / "compare.png", lambda path: figure.savefig(path, format="png", dpi=130)),
-    )
+    replace_file(folder / "compare.json", lambda file: file.write(text.encode()))
+    replace_file(folder / "compare.png", lambda file: figure.savefig(file, format="png", dpi=130))
+    return folder / "compare.json", folder / "compare.png"
 
 
 def summary_table(scores):
@@ -134,10 +134,3 @@ def _frame_chart(axes, scores):
     line = axes.get_lines()[0]
     axes.legend([*handles, line], [*scores["ir"], "noise floor"], loc="upper center", bbox_to_anchor=(0.5, 1.2), ncol=3,
                 frameon=False, fontsize=9, labelcolor=_INK)  # fmt: skip
-
-
-def _replace(path, write):
-    partial = path.with_name(path.name + ".partial")
-    write(partial)
-    partial.replace(path)
-    return path
