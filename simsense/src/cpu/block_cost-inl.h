@@ -99,8 +99,9 @@ class BlockSweep {
   HWY_INLINE void sum_across(const uint8_t* costs, H* sums) const {
     const Lanes<H> tag;
     for (size_t i = 0; i < columns; i += lane_count<H>) {
-      auto sum = load_as<H, uint8_t>(costs + i);
-      for (size_t k = 1; k < block_width_; ++k) sum = hn::Add(sum, load_as<H, uint8_t>(costs + i + k));
+      const hn::Rebind<uint8_t, Lanes<H>> cost_tag;
+      auto sum = widen<H>(hn::LoadU(cost_tag, costs + i));
+      for (size_t k = 1; k < block_width_; ++k) sum = hn::Add(sum, widen<H>(hn::LoadU(cost_tag, costs + i + k)));
       hn::Store(sum, tag, sums + i);
     }
   }
@@ -111,19 +112,21 @@ class BlockSweep {
     H* leaving = reinterpret_cast<H*>(history_.data()) + (slot_ * layout_.disparities + d) * columns;
     sum_across<H>(costs, entering);
     const Lanes<T> tag;
+    const hn::Rebind<H, Lanes<T>> history_tag;
     for (size_t block = 0; block < blocks; ++block) {
-      const auto less = hn::Sub(hn::Load(tag, previous + block * previous_pitch), load_as<T, H>(leaving + block * lanes));
-      hn::Store(hn::Add(less, load_as<T, H>(entering + block * lanes)), tag, next + block * next_pitch);
+      const auto fresh = hn::LoadU(history_tag, entering + block * lanes), old = hn::LoadU(history_tag, leaving + block * lanes);
+      const auto less = hn::Sub(hn::Load(tag, previous + block * previous_pitch), widen<T>(old));
+      hn::Store(hn::Add(less, widen<T>(fresh)), tag, next + block * next_pitch);
+      hn::StoreU(fresh, history_tag, leaving + block * lanes);
     }
-    std::copy_n(entering, columns, leaving);
   }
 
-  template <class To, class From>
-  static HWY_INLINE Vector<To> load_as(const From* from) {
-    if constexpr (sizeof(To) == sizeof(From)) {
-      return hn::LoadU(Lanes<To>(), from);
+  template <class To, class V>
+  static HWY_INLINE Vector<To> widen(V narrow) {
+    if constexpr (sizeof(To) == sizeof(hn::TFromV<V>)) {
+      return narrow;
     } else {
-      return hn::PromoteTo(Lanes<To>(), hn::LoadU(hn::Rebind<From, Lanes<To>>(), from));
+      return hn::PromoteTo(Lanes<To>(), narrow);
     }
   }
 
@@ -155,7 +158,7 @@ struct BlockCost {
         : layout_(layout),
           sweep_(left, right, p, layout),
           sums_(round_up(layout.blocks, Sweep::blocks) * lanes * row_pitch()),
-          tile_(lanes * tile_pitch()) {}
+          tile_(lanes * row_pitch()) {}
 
     void begin(Range rows) {
       rows_ = rows;
@@ -174,20 +177,19 @@ struct BlockCost {
     void begin_tile(size_t block) {
       const T* from = sums_.data() + block * block_pitch();
       for (size_t d = 0; d < layout_.disparities; ++d) {
-        transpose(from + d * lanes, row_pitch(), tile_.data() + d * lanes, tile_pitch(), lanes);
+        transpose(from + d * lanes, row_pitch(), tile_.data() + d * lanes, row_pitch(), lanes);
       }
     }
     HWY_INLINE StoredCosts<T> column_costs(size_t block, size_t y) const {
       return {sums_.data() + block * block_pitch() + (y - rows_.begin) * row_pitch()};
     }
-    HWY_INLINE StoredCosts<T> row_costs(size_t x) const { return {tile_.data() + x % lanes * tile_pitch()}; }
+    HWY_INLINE StoredCosts<T> row_costs(size_t x) const { return {tile_.data() + x % lanes * row_pitch()}; }
 
    private:
     static constexpr size_t lanes = lane_count<T>;
-    [[nodiscard]] size_t row_pitch() const { return layout_.disparities * lanes; }
+    // one vector more than needed, so that the vectors of one disparity do not share cache sets
+    [[nodiscard]] size_t row_pitch() const { return (layout_.disparities + 1) * lanes; }
     [[nodiscard]] size_t block_pitch() const { return lanes * row_pitch(); }
-    // one vector more than needed, so that a tile's pixels do not share cache sets
-    [[nodiscard]] size_t tile_pitch() const { return (layout_.disparities + 1) * lanes; }
 
     const Layout& layout_;
     Range rows_{};

@@ -1,0 +1,223 @@
+// Each stage of the scalar reference against cases worked out by hand and against the stage's own law.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <random>
+
+#include "reference/census.h"
+#include "reference/cost.h"
+#include "reference/disparity.h"
+#include "reference/sgm.h"
+
+namespace {
+
+using simsense::Subpixel;
+using namespace simsense::reference;
+
+Volume<uint16_t> volume(size_t width, size_t height, size_t disparities, const std::vector<uint16_t>& values) {
+  Volume<uint16_t> v(width, height, disparities);
+  v.data = values;
+  return v;
+}
+
+Volume<uint16_t> random_volume(size_t width, size_t height, size_t disparities, unsigned seed, unsigned max_cost) {
+  std::mt19937 random(seed);
+  Volume<uint16_t> v(width, height, disparities);
+  for (uint16_t& value : v.data) value = static_cast<uint16_t>(random() % (max_cost + 1));
+  return v;
+}
+
+Grid<float> grid(size_t width, size_t height, const std::vector<float>& values) {
+  Grid<float> g(width, height);
+  g.data = values;
+  return g;
+}
+
+TEST(census, each_mirrored_pair_is_one_bit_and_the_centre_none) {
+  constexpr size_t side = 90, windows[][2] = {{7, 7}, {9, 7}, {7, 9}, {3, 3}, {5, 5}, {65, 1}, {1, 65}, {13, 5}};
+  for (const auto& [w, h] : windows) {
+    std::vector<uint8_t> image(side * side, 100);
+    const auto at_centre = [&] { return census({image.data(), side}, side, side, w, h).at(45, 45); };
+    const uint32_t even = at_centre();
+    EXPECT_EQ(std::popcount(even), static_cast<int>((w * h - 1) / 2)) << "equal pixels give 1";
+    uint32_t cleared = 0;
+    for (size_t k = 0; k < w * h; ++k) {
+      uint8_t& pixel = image[(45 - h / 2 + k / w) * side + 45 - w / 2 + k % w];
+      pixel = k < w * h / 2 ? 99 : 101;  // first pixel of a pair darker, or second one brighter
+      const uint32_t flipped = even ^ at_centre();
+      EXPECT_EQ(std::popcount(flipped), k == w * h / 2 ? 0 : 1) << w << "x" << h << " position " << k;
+      cleared |= flipped;
+      pixel = 100;
+    }
+    EXPECT_EQ(cleared, even) << w << "x" << h;
+  }
+}
+
+TEST(census, three_by_three_by_hand) {
+  const std::vector<uint8_t> image = {10, 20, 30,  //
+                                      40, 50, 60,  //
+                                      70, 15, 30};
+  const auto bits = census({image.data(), 3}, 3, 3, 3, 3);
+  // centre: 10>=30 no, 20>=15 yes, 30>=70 no, 40>=60 no
+  EXPECT_EQ(bits.at(1, 1), 0b0010u);
+  // top left, zeros outside: 0>=50 no, 0>=40 no, 0>=0 yes, 0>=20 no
+  EXPECT_EQ(bits.at(0, 0), 0b0100u);
+  // bottom right: 50>=0, 60>=0, 0>=0, 15>=0
+  EXPECT_EQ(bits.at(2, 2), 0b1111u);
+}
+
+TEST(hamming_cost, counts_bits_and_repeats_the_first_right_column) {
+  Grid<uint32_t> left(3, 1), right(3, 1);
+  left.data = {0b0000, 0b1111, 0xffffffffu};
+  right.data = {0b0001, 0b0111, 0};
+  const auto cost = hamming_cost(left, right, 3);
+  EXPECT_EQ(cost.data, (std::vector<uint16_t>{1, 1, 1, 1, 3, 3, 32, 29, 31}));
+}
+
+TEST(block_sum, by_hand_with_repeated_edges) {
+  const auto cost = volume(3, 2, 2, {1, 10, 2, 20, 3, 30, 4, 40, 5, 50, 6, 60});
+  const auto sum = block_sum(cost, 3, 3);
+  // d = 0 at (0, 0): columns 0 0 1 of rows 0 0 1: 2 * (1 + 1 + 2) + (4 + 4 + 5)
+  EXPECT_EQ(sum.at(0, 0)[0], 21);
+  EXPECT_EQ(sum.at(0, 0)[1], 210);
+  // at (1, 1): columns 0 1 2 of rows 0 1 1: 6 + 15 + 15
+  EXPECT_EQ(sum.at(1, 1)[0], 36);
+  EXPECT_EQ(block_sum(cost, 1, 1).data, cost.data);
+}
+
+TEST(block_sum, constant_cost_becomes_cost_times_area) {
+  auto cost = random_volume(9, 8, 4, 1, 0);
+  std::fill(cost.data.begin(), cost.data.end(), uint16_t{24});
+  for (const uint16_t value : block_sum(cost, 15, 17).data) ASSERT_EQ(value, 24 * 15 * 17);
+}
+
+TEST(aggregate, two_pixels_by_hand) {
+  // pixel 0: costs 0 9, pixel 1: costs 8 1; p1 = 2, p2 = 5
+  const auto mean = aggregate(volume(2, 1, 2, {0, 9, 8, 1}), 2, 5);
+  // rightwards at pixel 1: m = min(0, 9+2, 0+5) = 0 and min(9, 0+2, 0+5) = 2. Leftwards at pixel 0: lowest 1,
+  // m = min(8, 1+2, 1+5) - 1 = 2 and min(1, 8+2, 1+5) - 1 = 0. The vertical paths have one pixel: m = 0.
+  EXPECT_EQ(mean.data, (std::vector<uint16_t>{0 + 2 / 4, 9, 8, 1 + 2 / 4}));
+  const auto tall = aggregate(volume(1, 3, 2, {0, 9, 8, 1, 8, 1}), 2, 50);
+  // downwards at row 1: m = 0, 2: L = 8, 3; row 2: lowest 3, m = min(8, 3+2, 53) - 3 = 2, min(3, 8+2, 53) - 3 = 0
+  // upwards at row 1 (from 8 1): m = min(8, 1+2, 51) - 1 = 2, 0: L = 10, 1; row 0: lowest 1, m = min(10, 1+2) - 1 = 2, 0
+  EXPECT_EQ(tall.data, (std::vector<uint16_t>{0 + 2 / 4, 9, 8 + 2 / 4, 1 + 2 / 4, 8 + 2 / 4, 1}));
+}
+
+TEST(aggregate, adds_between_nothing_and_p2) {
+  const auto cost = random_volume(20, 17, 16, 2, 24);
+  const auto mean = aggregate(cost, 7, 86);
+  bool some_added = false;
+  for (size_t i = 0; i < mean.data.size(); ++i) {
+    ASSERT_GE(mean.data[i], cost.data[i]);
+    ASSERT_LE(mean.data[i], cost.data[i] + 86);
+    some_added |= mean.data[i] > cost.data[i];
+  }
+  EXPECT_TRUE(some_added);
+  EXPECT_EQ(aggregate(cost, 0, 0).data, cost.data) << "without penalties the paths carry nothing";
+}
+
+TEST(aggregate, mirrored_image_gives_the_mirrored_result) {
+  const auto cost = random_volume(13, 11, 16, 3, 24);
+  Volume<uint16_t> mirrored(13, 11, 16);
+  for (size_t y = 0; y < 11; ++y) {
+    for (size_t x = 0; x < 13; ++x) std::copy_n(cost.at(12 - x, 10 - y), 16, mirrored.at(x, y));
+  }
+  const auto expected = aggregate(cost, 7, 86), actual = aggregate(mirrored, 7, 86);
+  for (size_t y = 0; y < 11; ++y) {
+    for (size_t x = 0; x < 13; ++x) ASSERT_TRUE(std::equal(expected.at(x, y), expected.at(x, y) + 16, actual.at(12 - x, 10 - y)));
+  }
+}
+
+TEST(left_winner, smallest_disparity_of_lowest_cost_wins) {
+  EXPECT_EQ(left_winner(volume(1, 1, 5, {9, 4, 7, 4, 9}), 0, Subpixel::none, nullptr).data[0], 1.0f);
+  EXPECT_EQ(left_winner(volume(1, 1, 5, {9, 8, 7, 6, 5}), 0, Subpixel::parabola, nullptr).data[0], 4.0f)
+      << "no parabola at the last disparity";
+  EXPECT_EQ(left_winner(volume(1, 1, 5, {1, 8, 7, 6, 5}), 0, Subpixel::parabola, nullptr).data[0], 0.0f)
+      << "no parabola at the first disparity";
+}
+
+TEST(left_winner, uniqueness_spares_the_neighbours_and_is_strict) {
+  // 85 % of 100 is 85: a rival of 99 is too near, one of 100 is not
+  EXPECT_EQ(left_winner(volume(1, 1, 5, {85, 86, 999, 999, 99}), 15, Subpixel::none, nullptr).data[0], -1.0f);
+  EXPECT_EQ(left_winner(volume(1, 1, 5, {85, 86, 999, 999, 100}), 15, Subpixel::none, nullptr).data[0], 0.0f);
+  EXPECT_EQ(left_winner(volume(1, 1, 5, {999, 86, 85, 86, 999}), 15, Subpixel::none, nullptr).data[0], 2.0f);
+  EXPECT_EQ(left_winner(volume(1, 1, 5, {0, 9, 0, 9, 0}), 15, Subpixel::none, nullptr).data[0], 0.0f) << "nothing is below 0";
+}
+
+TEST(left_winner, parabola_finds_the_vertex) {
+  for (int tenths = -4; tenths <= 4; ++tenths) {
+    std::vector<uint16_t> costs;
+    for (int d = 0; d < 16; ++d) costs.push_back(static_cast<uint16_t>((10 * d - 70 - tenths) * (10 * d - 70 - tenths)));
+    EXPECT_NEAR(left_winner(volume(1, 1, 16, costs), 0, Subpixel::parabola, nullptr).data[0], 7.0 + tenths / 10.0, 1e-5);
+  }
+  EXPECT_EQ(left_winner(volume(1, 1, 5, {5, 5, 5, 5, 5}), 0, Subpixel::parabola, nullptr).data[0], 0.0f);
+  EXPECT_EQ(left_winner(volume(1, 1, 5, {9, 5, 5, 5, 9}), 0, Subpixel::parabola, nullptr).data[0], 1.5f);
+}
+
+TEST(left_winner, equiangular_finds_the_apex_of_a_v) {
+  for (int tenths = -5; tenths <= 4; ++tenths) {
+    std::vector<uint16_t> costs;
+    for (int d = 0; d < 16; ++d) costs.push_back(static_cast<uint16_t>(std::abs(30 * d - 210 - 3 * tenths)));
+    EXPECT_NEAR(left_winner(volume(1, 1, 16, costs), 0, Subpixel::equiangular, nullptr).data[0], 7.0 + tenths / 10.0, 1e-5);
+  }
+  EXPECT_EQ(left_winner(volume(1, 1, 5, {5, 5, 5, 5, 5}), 0, Subpixel::equiangular, nullptr).data[0], 0.0f);
+}
+
+TEST(left_winner, equiangular_prefers_the_costs_of_the_block_where_they_have_a_minimum) {
+  const auto summed = volume(1, 1, 5, {90, 60, 10, 60, 90});
+  const auto minimum = volume(1, 1, 5, {9, 8, 2, 6, 9}), slope = volume(1, 1, 5, {1, 2, 3, 4, 5});
+  EXPECT_NEAR(left_winner(summed, 0, Subpixel::equiangular, &minimum).data[0], 2.0 + (8 - 6) / 12.0, 1e-6);
+  EXPECT_EQ(left_winner(summed, 0, Subpixel::equiangular, &slope).data[0], 2.0f);
+}
+
+TEST(right_winner, follows_the_diagonal_of_the_volume) {
+  const auto cost = random_volume(30, 5, 16, 4, 60);
+  Volume<uint16_t> sheared(30, 5, 16);
+  for (size_t y = 0; y < 5; ++y) {
+    for (size_t x = 0; x < 30; ++x) {
+      for (size_t d = 0; d < 16; ++d) sheared.at(x, y)[d] = x + d < 30 ? cost.at(x + d, y)[d] : uint16_t{60000};
+    }
+  }
+  const auto right = right_winner(cost);
+  const auto left_of_sheared = left_winner(sheared, 0, Subpixel::none, nullptr);
+  for (size_t i = 0; i < right.data.size(); ++i) ASSERT_EQ(static_cast<float>(right.data[i]), left_of_sheared.data[i]);
+}
+
+TEST(left_right_check, by_hand) {
+  Grid<uint32_t> right(5, 1);
+  right.data = {1, 2, 0, 0, 0};
+  // x 0: 0 against right[0] = 1. x 1: 1.4 rounds to 1, right[0] = 1. x 2: 0.5 rounds up to 1, right[1] = 2. x 3: 2.6 rounds to 3,
+  // right[0] = 1. x 4: 5 points outside
+  const auto left = grid(5, 1, {0.0f, 1.4f, 0.5f, 2.6f, 5.0f});
+  EXPECT_EQ(left_right_check(left, right, 1).data, (std::vector<float>{0.0f, 1.4f, 0.5f, -1.0f, -1.0f}));
+  EXPECT_EQ(left_right_check(left, right, 0).data, (std::vector<float>{-1.0f, 1.4f, -1.0f, -1.0f, -1.0f}));
+  EXPECT_EQ(left_right_check(left, right, 2).data, (std::vector<float>{0.0f, 1.4f, 0.5f, 2.6f, -1.0f}));
+}
+
+TEST(median, by_hand_with_invalid_values_and_copied_border) {
+  const auto map = grid(4, 3,
+                        {-1, 5, 3, 8,  //
+                         7, 90, 2, 9,  //
+                         4, -1, 6, 1});
+  // centre windows: {-1 5 3 7 90 2 4 -1 6} -> 4 and {5 3 8 90 2 9 -1 6 1} -> 5
+  EXPECT_EQ(median(map, 3).data, (std::vector<float>{-1, 5, 3, 8, 7, 4, 5, 9, 4, -1, 6, 1}));
+  EXPECT_EQ(median(map, 1).data, map.data);
+}
+
+TEST(median, keeps_a_plane_and_removes_a_speck) {
+  for (const size_t size : {3u, 5u, 7u}) {
+    Grid<float> plane(20, 20);
+    for (size_t y = 0; y < 20; ++y) {
+      for (size_t x = 0; x < 20; ++x) plane.at(x, y) = static_cast<float>(3 * x + 2 * y);
+    }
+    EXPECT_EQ(median(plane, size).data, plane.data);
+    Grid<float> flat(20, 20, 8.0f);
+    const auto expected = flat.data;
+    flat.at(10, 10) = 77.0f;
+    EXPECT_EQ(median(flat, size).data, expected);
+  }
+}
+
+}  // namespace
