@@ -4,18 +4,12 @@
 #include <cstdio>
 #include <cstdlib>
 
-#include "device/thread_pool.h"
 #include "kuafu/accel/worlds.h"
 
 namespace kuafu::test {
 namespace {
 
 double now_ms() { return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
-
-/// Milliseconds of a trace: wall time on GPUs; CPU time over all threads per core on CPU devices, which a busy machine does not distort.
-double trace_ms(const RayBench& bench) {
-  return test_device()->is_cpu() ? bench.cpu_ms() / double(test_device()->workers().size()) : bench.trace_ms();
-}
 
 /// About 100 k triangles: a floor and 36 spheres of 2.8 k triangles each.
 Scene table_top() {
@@ -68,11 +62,7 @@ Rates measure_rates(Tracer& tracer, const Scene& scene, uint32_t side, int repet
   const std::vector<TestHit> hits = bench.closest(primary);
   const std::vector<TestRay> bounced = from_hits(primary, hits, false), shadow = from_hits(primary, hits, true);
   const auto rate = [&](const std::vector<TestRay>& rays, bool any, bool coherent) {
-    const auto once = [&] {
-      any ? void(bench.occluded(rays)) : void(bench.closest(rays, coherent));
-      return trace_ms(bench);
-    };
-    return double(rays.size()) / 1e3 / best_ms(repetitions, once);
+    return double(rays.size()) / 1e3 / bench.trace_ms(rays, any, coherent, repetitions);
   };
   return {rate(primary, false, true), rate(bounced, false, false), rate(shadow, true, false)};
 }

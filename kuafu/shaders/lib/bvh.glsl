@@ -40,6 +40,34 @@ vec2 bvh_span(vec4 xy, vec2 z, vec3 origin, vec3 inverse, float t_near, float t_
   return vec2(enter, min(leave * widen, t_far));
 }
 
+/// The ray as one space sees it. Directions keep their length, so that t means the same in every space.
+struct BvhView {
+  vec3 origin, direction, inverse;
+};
+
+BvhView bvh_view(vec3 origin, vec3 direction) { return BvhView(origin, direction, bvh_inverse(direction)); }
+
+BvhView bvh_local_view(BvhInstance placed, BvhRay ray) {
+  vec4 point = vec4(ray.origin, 1.0);
+  vec3 origin = vec3(dot(placed.world_to_local0, point), dot(placed.world_to_local1, point), dot(placed.world_to_local2, point));
+  vec3 direction = vec3(dot(placed.world_to_local0.xyz, ray.direction), dot(placed.world_to_local1.xyz, ray.direction),
+                        dot(placed.world_to_local2.xyz, ray.direction));
+  return bvh_view(origin, direction);
+}
+
+uint bvh_leaf_count(uint leaf) { return leaf >> bvh_count_shift & 7u; }
+
+bool bvh_hit_leaf(BvhTriangles triangles, uint leaf, BvhView view, inout BvhRay ray, inout BvhHit hit) {
+  bool found = false;
+  uint first = leaf & bvh_first_mask, end = first + bvh_leaf_count(leaf);
+  for (uint i = first; i < end; ++i) {
+    if (!hit_triangle(triangles.triangle[i], view.origin, view.direction, ray.t_near, ray.t_far, hit.uv)) continue;
+    found = true;
+    hit.primitive = triangles.triangle[i].primitive;
+  }
+  return found;
+}
+
 /// any: stops at the first hit found. Returns whether there is one in [t_near, t_far].
 bool bvh_trace(BvhNodes top_nodes, BvhInstances instances, uint root, const bool any, inout BvhRay ray, out BvhHit hit) {
   uint stack[bvh_stack_size];
@@ -48,14 +76,14 @@ bool bvh_trace(BvhNodes top_nodes, BvhInstances instances, uint root, const bool
   BvhNodes nodes = top_nodes;
   BvhTriangles triangles;
   uint instance = bvh_world;
-  vec3 origin = ray.origin, direction = ray.direction, inverse = bvh_inverse(direction);
+  BvhView view = bvh_view(ray.origin, ray.direction);
   bool found = false;
   uint current = root;
   while (current != bvh_done) {
     while ((current & bvh_leaf) == 0u) {
       BvhNode node = nodes.node[current];
-      vec2 span0 = bvh_span(node.xy0, node.z.xy, origin, inverse, ray.t_near, ray.t_far);
-      vec2 span1 = bvh_span(node.xy1, node.z.zw, origin, inverse, ray.t_near, ray.t_far);
+      vec2 span0 = bvh_span(node.xy0, node.z.xy, view.origin, view.inverse, ray.t_near, ray.t_far);
+      vec2 span1 = bvh_span(node.xy1, node.z.zw, view.origin, view.inverse, ray.t_near, ray.t_far);
       bool hit0 = span0.x <= span0.y, hit1 = span1.x <= span1.y;
       bool second_first = hit1 && (!hit0 || span1.x < span0.x);
       if (hit0 && hit1) stack[height++] = second_first ? node.child0 : node.child1;
@@ -66,35 +94,22 @@ bool bvh_trace(BvhNodes top_nodes, BvhInstances instances, uint root, const bool
     if (current == bvh_leave) {
       nodes = top_nodes;
       instance = bvh_world;
-      origin = ray.origin;
-      direction = ray.direction;
-      inverse = bvh_inverse(direction);
-      current = stack[--height];
-      continue;
-    }
-    uint first = current & bvh_first_mask;
-    if (instance == bvh_world && (current >> bvh_count_shift & 7u) != 0u) {
-      BvhInstance placed = instances.instance[first];
-      vec4 point = vec4(ray.origin, 1.0);
-      origin = vec3(dot(placed.world_to_local0, point), dot(placed.world_to_local1, point), dot(placed.world_to_local2, point));
-      direction = vec3(dot(placed.world_to_local0.xyz, ray.direction), dot(placed.world_to_local1.xyz, ray.direction),
-                       dot(placed.world_to_local2.xyz, ray.direction));
-      inverse = bvh_inverse(direction);
-      nodes = BvhNodes(placed.nodes);
-      triangles = BvhTriangles(placed.triangles);
-      instance = first;
+      view = bvh_view(ray.origin, ray.direction);
+    } else if (instance != bvh_world) {
+      if (bvh_hit_leaf(triangles, current, view, ray, hit)) {
+        found = true;
+        hit.instance = instance;
+        if (any) break;
+      }
+    } else if (bvh_leaf_count(current) != 0u) {
+      instance = current & bvh_first_mask;
+      view = bvh_local_view(instances.instance[instance], ray);
+      nodes = BvhNodes(instances.instance[instance].nodes);
+      triangles = BvhTriangles(instances.instance[instance].triangles);
       stack[height++] = bvh_leave;
       current = 0u;
       continue;
     }
-    uint end = first + (current >> bvh_count_shift & 7u);
-    for (uint i = first; i < end; ++i) {
-      if (!hit_triangle(triangles.triangle[i], origin, direction, ray.t_near, ray.t_far, hit.uv)) continue;
-      found = true;
-      hit.primitive = triangles.triangle[i].primitive;
-      hit.instance = instance;
-    }
-    if (any && found) break;
     current = stack[--height];
   }
   return found;

@@ -85,6 +85,7 @@ class ComputeTracer final : public Tracer {
     device_->workers().parallel_for(built.size(), [&](size_t i) { built[i] = build_mesh_bvh(scene.meshes()[first + i]); });
     std::vector<std::byte> bytes;
     const auto append = [&bytes](const auto& values) {
+      bytes.resize((bytes.size() + sizeof(BvhNode) - 1) / sizeof(BvhNode) * sizeof(BvhNode));  // a node in one cache line
       const size_t offset = bytes.size();
       const auto span = std::as_bytes(std::span(values));
       bytes.insert(bytes.end(), span.begin(), span.end());
