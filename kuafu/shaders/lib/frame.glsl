@@ -17,10 +17,7 @@ Frame frame_around(vec3 n) {
 vec3 to_local(Frame f, vec3 w) { return vec3(dot(f.tangent, w), dot(f.bitangent, w), dot(f.normal, w)); }
 vec3 to_world(Frame f, vec3 v) { return f.tangent * v.x + f.bitangent * v.y + f.normal * v.z; }
 
-// Wächter and Binder, "A Fast and Robust Method for Avoiding Self-Intersection", Ray Tracing Gems 2019: steps in ulps, absolute near the origin.
-vec3 offset_origin(vec3 position, vec3 outward) {
-  ivec3 step = ivec3(256.0 * outward);
-  vec3 far = intBitsToFloat(floatBitsToInt(position) + mix(step, -step, lessThan(position, vec3(0.0))));
-  return mix(far, position + outward * (1.0 / 65536.0), lessThan(abs(position), vec3(1.0 / 32.0)));
-}
+/// Leaves a surface on the side of `outward`. The step is a few ulps of the coordinates that the point was made from (after Wächter and Binder, "A Fast and
+/// Robust Method for Avoiding Self-Intersection", Ray Tracing Gems 2019), along the normal alone, so that it never crosses a neighbouring wall of a corner.
+vec3 offset_origin(vec3 position, float coordinate_size, vec3 outward) { return position + outward * (coordinate_size * (1.0 / 131072.0)); }
 #endif

@@ -17,6 +17,7 @@ struct Path {
 
 struct Vertex {
   vec3 position;
+  float coordinate_size;
   vec3 side_normal;  // geometric, on the viewer's side
   Frame frame;       // shading, on the viewer's side
   vec3 wo;           // local
@@ -66,6 +67,7 @@ Vertex load_vertex(uint i, Path path) {
   bool front = dot(s.geometric_normal, wo) >= 0.0;
   Vertex vertex;
   vertex.position = s.position;
+  vertex.coordinate_size = s.coordinate_size;
   vertex.side_normal = front ? s.geometric_normal : -s.geometric_normal;
   vec3 normal = front ? s.shading_normal : -s.shading_normal;
   // An interpolated normal may face away from the viewer, where GGX is not defined: bend it back. Lambert needs no viewer.
@@ -106,7 +108,7 @@ void ask_light(uint k, bool lit, Path path, Vertex vertex) {
   if (end > 0u && subgroupElect())
     store_arguments(push.counters, block + counter_shadow_arguments, (end + trace_group_size - 1u) / trace_group_size);
   if (wanted) {
-    store_ray(push.shadow_rays, i, occlusion_words, push.shadow_capacity, offset_origin(vertex.position, vertex.side_normal), 0.0,
+    store_ray(push.shadow_rays, i, occlusion_words, push.shadow_capacity, offset_origin(vertex.position, vertex.coordinate_size, vertex.side_normal), 0.0,
               light.direction, light.distance_m * 0.99999, path.slot);
     if ((push.flags & shade_environments) != 0u) push.shadow_environments.at[i] = path.flags & path_environment_mask;
     for (uint c = 0u; c < channels; ++c) push.contributions.at[c * push.shadow_capacity + i] = channel_of(contribution, c);
@@ -163,7 +165,7 @@ void shade() {
   }
   if (onward) {
     vec3 outward = dot(direction, vertex.side_normal) > 0.0 ? vertex.side_normal : -vertex.side_normal;
-    store_closest_ray(push.rays_out, next, push.capacity, offset_origin(vertex.position, outward), 0.0, direction,
+    store_closest_ray(push.rays_out, next, push.capacity, offset_origin(vertex.position, vertex.coordinate_size, outward), 0.0, direction,
                       uintBitsToFloat(0x7f800000u), path.slot);
     if ((push.flags & shade_environments) != 0u) push.ray_environments.at[next] = path.flags & path_environment_mask;
     store_path(path);

@@ -5,6 +5,7 @@
 
 struct Surface {
   vec3 position;
+  float coordinate_size;  // largest coordinate that went into the position, metres: its rounding error follows from it
   vec3 geometric_normal;  // outward by winding (counter-clockwise seen from outside)
   vec3 shading_normal;    // same side
   vec3 tangent_u, tangent_v;  // world directions of growing uv; filled only with uvs
@@ -39,6 +40,8 @@ Surface load_surface(SceneAddresses scene, InstanceRecord r, uint primitive, flo
   vec4 local = vec4(p_0 + u * edge_1 + v * edge_2, 1.0);
   Surface s;
   s.position = vec3(dot(r.local_to_world[0], local), dot(r.local_to_world[1], local), dot(r.local_to_world[2], local));
+  vec3 size = abs(s.position) + abs(vec3(r.local_to_world[0].w, r.local_to_world[1].w, r.local_to_world[2].w));
+  s.coordinate_size = max(size.x, max(size.y, size.z));
   s.geometric_normal = normalize(to_world_normal(r, cross(edge_1, edge_2)));
   s.shading_normal = s.geometric_normal;
   if ((r.flags & instance_has_normals) != 0u) {

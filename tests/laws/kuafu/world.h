@@ -1,0 +1,268 @@
+// A small world for law tests over kuafu's C API: objects release themselves, each call that fails fails the test.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <map>
+#include <numbers>
+#include <vector>
+
+#include "kuafu/kuafu.h"
+
+namespace laws {
+
+using Vec3 = std::array<double, 3>;
+inline constexpr double pi = std::numbers::pi;
+
+inline void ok(ks_status status) { ASSERT_EQ(status, KS_OK) << kuafu_last_error(); }
+
+/// One device per program: compiling shaders once is what makes these tests quick.
+inline kuafu_device shared_device(uint32_t worker_count = 0) {
+  static std::map<uint32_t, kuafu_device> devices;
+  kuafu_device& device = devices[worker_count];
+  if (device == nullptr) {
+    ks_device_desc desc = ks_device_desc_init();
+    desc.worker_count = worker_count;
+    EXPECT_EQ(kuafu_device_create(&desc, &device), KS_OK) << kuafu_last_error();
+  }
+  return device;
+}
+
+/// Rendered images of one output: value(view, row, column, channel).
+struct Pixels {
+  uint32_t views = 0, height = 0, width = 0, channels = 0;
+  std::vector<float> values;
+  [[nodiscard]] float at(uint32_t view, uint32_t row, uint32_t column, uint32_t channel = 0) const {
+    return values[((size_t(view) * height + row) * width + column) * channels + channel];
+  }
+  [[nodiscard]] uint32_t id_at(uint32_t view, uint32_t row, uint32_t column) const {
+    uint32_t id;
+    std::memcpy(&id, &values[((size_t(view) * height + row) * width + column) * channels], sizeof id);
+    return id;
+  }
+  [[nodiscard]] double mean() const {
+    double sum = 0;
+    for (const float v : values) sum += v;
+    return sum / double(values.size());
+  }
+};
+
+/// Looks along +z of the world from `position`, turned by `yaw` radians about y (towards +x).
+inline kuafu_view_desc view_at(const Vec3& position, uint32_t width, uint32_t height, double focal_px, double yaw = 0) {
+  kuafu_view_desc v = kuafu_view_desc_init();
+  v.band = KUAFU_BAND_INFRARED;
+  v.camera.width = width;
+  v.camera.height = height;
+  const double k[9] = {focal_px, 0, (width - 1) / 2.0, 0, focal_px, (height - 1) / 2.0, 0, 0, 1};
+  std::memcpy(v.camera.k, k, sizeof k);
+  const double c = std::cos(yaw), s = std::sin(yaw);
+  const double pose[16] = {c, 0, s, position[0], 0, 1, 0, position[1], -s, 0, c, position[2], 0, 0, 0, 1};
+  std::memcpy(v.camera.camera_to_world, pose, sizeof pose);
+  return v;
+}
+
+struct Shape {
+  std::vector<float> positions, normals;
+  std::vector<uint32_t> indices;
+};
+
+/// Parallelogram around `centre` with half edges a and b; its front side is a x b.
+inline void add_quad(Shape& shape, const Vec3& centre, const Vec3& a, const Vec3& b) {
+  const auto base = uint32_t(shape.positions.size() / 3);
+  for (const auto& [sa, sb] : {std::pair{-1, -1}, {1, -1}, {1, 1}, {-1, 1}})
+    for (int i = 0; i < 3; ++i) shape.positions.push_back(float(centre[i] + sa * a[i] + sb * b[i]));
+  for (const uint32_t i : {0u, 1u, 2u, 0u, 2u, 3u}) shape.indices.push_back(base + i);
+}
+
+inline Shape quad(const Vec3& centre, const Vec3& a, const Vec3& b) {
+  Shape shape;
+  add_quad(shape, centre, a, b);
+  return shape;
+}
+
+/// Axis-aligned box, front sides outwards.
+inline Shape box(const Vec3& half, const Vec3& centre = {0, 0, 0}) {
+  Shape shape;
+  for (int axis = 0; axis < 3; ++axis)
+    for (const double side : {-1.0, 1.0}) {
+      Vec3 c = centre, a{}, b{};
+      c[axis] += side * half[axis];
+      a[(axis + 1) % 3] = half[(axis + 1) % 3];
+      b[(axis + 2) % 3] = side * half[(axis + 2) % 3];
+      add_quad(shape, c, a, b);
+    }
+  return shape;
+}
+
+/// Latitude-longitude sphere; with exact normals when `smooth`.
+inline Shape sphere(double radius, int rings, bool smooth, const Vec3& centre = {0, 0, 0}) {
+  Shape shape;
+  const int columns = 2 * rings;
+  for (int r = 0; r <= rings; ++r)
+    for (int c = 0; c <= columns; ++c) {
+      const double theta = pi * r / rings, phi = 2 * pi * c / columns;
+      const double s = r % rings == 0 ? 0 : std::sin(theta), turn = c == columns ? 0 : phi;  // poles and seam meet exactly
+      const Vec3 n{s * std::cos(turn), s * std::sin(turn), std::cos(theta)};
+      for (int i = 0; i < 3; ++i) shape.positions.push_back(float(centre[i] + radius * n[i]));
+      if (smooth)
+        for (int i = 0; i < 3; ++i) shape.normals.push_back(float(n[i]));
+    }
+  for (int r = 0; r < rings; ++r)
+    for (int c = 0; c < columns; ++c) {
+      const auto i = uint32_t(r * (columns + 1) + c), down = i + uint32_t(columns) + 1;
+      if (r > 0) shape.indices.insert(shape.indices.end(), {i, down, i + 1});
+      if (r + 1 < rings) shape.indices.insert(shape.indices.end(), {i + 1, down, down + 1});
+    }
+  return shape;
+}
+
+/// Rigid or scaled placement: rotation about y by `yaw`, then translation.
+inline std::array<double, 16> placed(const Vec3& position, double yaw = 0, double scale = 1) {
+  const double c = std::cos(yaw) * scale, s = std::sin(yaw) * scale;
+  return {c, 0, s, position[0], 0, scale, 0, position[1], -s, 0, c, position[2], 0, 0, 0, 1};
+}
+
+inline kuafu_material_desc lambert(float albedo) {
+  kuafu_material_desc m = kuafu_material_desc_init();
+  m.specular = 0;
+  for (int i = 0; i < 3; ++i) m.base_color[i] = albedo;
+  return m;
+}
+
+inline kuafu_material_desc emitter(float radiance) {
+  kuafu_material_desc m = lambert(0);
+  for (float& e : m.emission) e = radiance;
+  m.ir_emission = radiance;
+  return m;
+}
+
+inline kuafu_material_desc glass(float ior) {
+  kuafu_material_desc m = kuafu_material_desc_init();
+  m.roughness = 0;
+  m.transmission = 1;
+  m.ior = ior;
+  return m;
+}
+
+class World {
+ public:
+  explicit World(uint32_t tracer = KUAFU_TRACER_AUTO, uint32_t worker_count = 0) : device_(shared_device(worker_count)) {
+    ok(kuafu_scene_create(device_, &scene_));
+    kuafu_renderer_desc desc{ks_header_make(KUAFU_TYPE_RENDERER_DESC, sizeof desc), tracer, 0};
+    ok(kuafu_renderer_create(device_, &desc, &renderer_));
+    desc_ = kuafu_render_desc_init();
+    desc_.ir_ambient_radiance = 0;
+  }
+  ~World() {
+    kuafu_renderer_release(renderer_);
+    kuafu_scene_release(scene_);
+  }
+  World(const World&) = delete;
+  World& operator=(const World&) = delete;
+
+  uint32_t add(const Shape& shape, const kuafu_material_desc& material, const std::array<double, 16>& pose = placed({0, 0, 0}),
+               uint32_t environment = KUAFU_ALL_ENVIRONMENTS) {
+    kuafu_mesh_desc mesh{ks_header_make(KUAFU_TYPE_MESH_DESC, sizeof mesh)};
+    mesh.positions = shape.positions.data();
+    mesh.normals = shape.normals.empty() ? nullptr : shape.normals.data();
+    mesh.indices = shape.indices.data();
+    mesh.vertex_count = uint32_t(shape.positions.size() / 3);
+    mesh.triangle_count = uint32_t(shape.indices.size() / 3);
+    uint32_t mesh_id = 0, material_id = 0, id = 0;
+    ok(kuafu_scene_add_mesh(scene_, &mesh, &mesh_id));
+    ok(kuafu_scene_add_material(scene_, &material, &material_id));
+    kuafu_instance_desc instance{ks_header_make(KUAFU_TYPE_INSTANCE_DESC, sizeof instance)};
+    instance.mesh = mesh_id;
+    instance.environment = environment;
+    instance.materials = &material_id;
+    instance.material_count = 1;
+    std::memcpy(instance.local_to_world, pose.data(), sizeof instance.local_to_world);
+    ok(kuafu_scene_add_instance(scene_, &instance, &id));
+    return id;
+  }
+
+  uint32_t add_projector(const std::vector<float>& pattern, uint32_t width, uint32_t height, double focal_px, float intensity,
+                         const std::array<double, 16>& pose = placed({0, 0, 0})) {
+    kuafu_texture_desc texture{ks_header_make(KUAFU_TYPE_TEXTURE_DESC, sizeof texture)};
+    texture.texels = pattern.data();
+    texture.width = width;
+    texture.height = height;
+    texture.channels = 1;
+    texture.format = KS_FORMAT_F32;
+    kuafu_light_desc light = kuafu_light_desc_init(KUAFU_LIGHT_PROJECTOR);
+    ok(kuafu_scene_add_texture(scene_, &texture, &light.texture));
+    light.ir_intensity = intensity;
+    const double k[9] = {focal_px, 0, (width - 1) / 2.0, 0, focal_px, (height - 1) / 2.0, 0, 0, 1};
+    std::memcpy(light.k, k, sizeof k);
+    return add_light(light, pose);
+  }
+
+  uint32_t add_point(const Vec3& position, float intensity, uint32_t environment = KUAFU_ALL_ENVIRONMENTS) {
+    kuafu_light_desc light = kuafu_light_desc_init(KUAFU_LIGHT_POINT);
+    light.ir_intensity = intensity;
+    light.environment = environment;
+    return add_light(light, placed(position));
+  }
+
+  uint32_t add_light(kuafu_light_desc light, const std::array<double, 16>& pose) {
+    std::memcpy(light.light_to_world, pose.data(), sizeof light.light_to_world);
+    uint32_t id = 0;
+    ok(kuafu_scene_add_light(scene_, &light, &id));
+    return id;
+  }
+
+  void set_environment(float radiance) {
+    kuafu_environment_desc e = kuafu_environment_desc_init();
+    for (float& r : e.radiance) r = radiance;
+    e.ir_radiance = radiance;
+    ok(kuafu_scene_set_environment(scene_, &e));
+  }
+
+  /// All images of all views; samples, bounces and seed are those of `desc()`.
+  std::map<uint32_t, Pixels> render(const std::vector<kuafu_view_desc>& views, const std::vector<uint32_t>& outputs) {
+    std::map<uint32_t, Pixels> images;
+    std::vector<kuafu_output_desc> descs;
+    std::vector<kuafu_buffer> buffers;
+    const uint32_t band_channels = views[0].band == KUAFU_BAND_INFRARED ? 1 : 3;
+    for (const uint32_t output : outputs) {
+      const bool id = output == KUAFU_OUTPUT_INSTANCE_ID || output == KUAFU_OUTPUT_MATERIAL_ID;
+      Pixels& p = images[output];
+      p.views = uint32_t(views.size());
+      p.height = views[0].camera.height;
+      p.width = views[0].camera.width;
+      p.channels = output == KUAFU_OUTPUT_NORMAL ? 3 : output >= KUAFU_OUTPUT_DEPTH ? 1 : band_channels;
+      p.values.resize(size_t(p.views) * p.height * p.width * p.channels);
+      const ks_buffer_create create = ks_buffer_create_init(p.values.size() * 4, KS_BUFFER_HOST_VISIBLE);
+      ok(kuafu_buffer_create(device_, &create, &buffers.emplace_back()));
+      const uint64_t shape[4] = {p.views, p.height, p.width, p.channels};
+      descs.push_back(kuafu_output_desc_init(output, buffers.back(), ks_image_desc_packed(id ? KS_FORMAT_U32 : KS_FORMAT_F32, 4, shape)));
+    }
+    desc_.views = views.data();
+    desc_.view_count = uint32_t(views.size());
+    desc_.outputs = descs.data();
+    desc_.output_count = uint32_t(descs.size());
+    ok(kuafu_renderer_render(renderer_, scene_, &desc_));
+    for (size_t i = 0; i < buffers.size(); ++i) {
+      Pixels& p = images[outputs[i]];
+      ok(kuafu_buffer_read(buffers[i], 0, p.values.data(), p.values.size() * 4));
+      kuafu_buffer_release(buffers[i]);
+    }
+    return images;
+  }
+  Pixels radiance(const kuafu_view_desc& view) { return render({view}, {KUAFU_OUTPUT_RADIANCE})[KUAFU_OUTPUT_RADIANCE]; }
+
+  kuafu_render_desc& desc() { return desc_; }
+  [[nodiscard]] kuafu_scene scene() const { return scene_; }
+  [[nodiscard]] kuafu_renderer renderer() const { return renderer_; }
+
+ private:
+  kuafu_device device_;
+  kuafu_scene scene_ = nullptr;
+  kuafu_renderer renderer_ = nullptr;
+  kuafu_render_desc desc_{};
+};
+
+}  // namespace laws
