@@ -6,7 +6,9 @@
 #include <assimp/Importer.hpp>
 
 #include "device/error.h"
+#include "io/assimp_guard.h"
 #include "io/assimp_material.h"
+#include "io/image.h"
 
 namespace kuafu {
 namespace {
@@ -37,6 +39,14 @@ Mesh read_mesh(const aiMesh& from, size_t index) {
     mesh.indices.emplace_back(face.mIndices[0], face.mIndices[1], face.mIndices[2]);
   }
   return mesh;
+}
+
+void check_text(const std::filesystem::path& path) {
+  const std::vector<uint8_t> bytes = read_bytes(path);
+  const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+  const std::string extension = lower_extension(path);
+  if (extension == ".ply") check_ply(text);
+  if (extension == ".dae") check_collada(text);
 }
 
 /// Scene ids of the file's meshes and materials; none = grey default, or a mesh of points and lines only.
@@ -73,9 +83,11 @@ void place(Import& import, const aiScene& file, const Tables& tables) {
 void import_assimp(Import& import) {
   Assimp::Importer importer;
   importer.SetPropertyInteger(AI_CONFIG_PP_SBP_REMOVE, aiPrimitiveType_POINT | aiPrimitiveType_LINE);
-  const aiScene* file =
-      importer.ReadFile(import.path.string(), aiProcess_Triangulate | aiProcess_JoinIdenticalVertices | aiProcess_SortByPType |
-                                                  aiProcess_FlipUVs | aiProcess_ValidateDataStructure);
+  check_text(import.path);
+  const aiScene* file = importer.ReadFile(import.path.string(), aiProcess_ValidateDataStructure);
+  if (file == nullptr) ks::fail(KS_ERROR_FILE, "%s", importer.GetErrorString());
+  check_read(*file);
+  file = importer.ApplyPostProcessing(aiProcess_Triangulate | aiProcess_JoinIdenticalVertices | aiProcess_SortByPType | aiProcess_FlipUVs);
   if (file == nullptr) ks::fail(KS_ERROR_FILE, "%s", importer.GetErrorString());
   if (file->mRootNode == nullptr || file->mNumMeshes == 0) ks::fail(KS_ERROR_FILE, "there are no triangles in it");
   Tables tables;

@@ -18,6 +18,9 @@ struct Import {
   void warn(const std::string& text);
 };
 
+/// ".gltf" of "A.GLTF".
+std::string lower_extension(const std::filesystem::path& path);
+
 /// Errors they throw name the field; load_file puts the file's path before it.
 void import_gltf(Import& import);
 void import_assimp(Import& import);

@@ -13,8 +13,7 @@ namespace {
 using Reader = void (*)(Import&);
 
 Reader reader_of(const std::filesystem::path& path) {
-  std::string extension = path.extension().string();
-  std::transform(extension.begin(), extension.end(), extension.begin(), [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  const std::string extension = lower_extension(path);
   if (extension == ".gltf" || extension == ".glb") return import_gltf;
   if (extension == ".obj" || extension == ".dae" || extension == ".stl" || extension == ".ply") return import_assimp;
   ks::fail(KS_ERROR_UNSUPPORTED, "the name ends in '%s': scene files are .gltf .glb .obj .dae .stl .ply", extension.c_str());
@@ -33,6 +32,12 @@ void read(Import& import) {
 }
 
 }  // namespace
+
+std::string lower_extension(const std::filesystem::path& path) {
+  std::string extension = path.extension().string();
+  std::transform(extension.begin(), extension.end(), extension.begin(), [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return extension;
+}
 
 void Import::warn(const std::string& text) {
   if (std::find(warnings.begin(), warnings.end(), text) == warnings.end()) warnings.push_back(text);

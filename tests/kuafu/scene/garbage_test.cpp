@@ -5,7 +5,7 @@
 
 #include "device/error.h"
 #include "io/load.h"
-#include "kuafu/scene/gltf_writer.h"
+#include "kuafu/scene/sample_files.h"
 
 namespace {
 
@@ -80,6 +80,39 @@ TEST(GarbageFile, RandomBytesAreAnErrorUnderEveryName) {
       for (char& c : bytes) c = static_cast<char>(random());
       EXPECT_NE(load_bytes(folder, "random." + extension, bytes), "") << extension << " " << size;
     }
+}
+
+/// Small whole files of the formats that assimp reads.
+std::vector<std::pair<std::string, std::string>> mesh_files() {
+  const float corners[9] = {0, 0, 0, 1, 0, 0, 0, 1, 0};
+  const unsigned char face[13] = {3, 0, 0, 0, 0, 1, 0, 0, 0, 2, 0, 0, 0};
+  const std::string header =
+      " 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nelement face 1\nproperty list uchar int "
+      "vertex_indices\nend_header\n";
+  return {
+      {"obj", "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 1\nvn 0 0 1\no a\nf 1/1/1 2/2/1 3/1/1 4/2/1\n"},
+      {"stl", "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\nendsolid a\n"},
+      {"ply", "ply\nformat ascii" + header + "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"},
+      {"ply", "ply\nformat binary_little_endian" + header + std::string(reinterpret_cast<const char*>(corners), sizeof corners) +
+                  std::string(reinterpret_cast<const char*>(face), sizeof face)},
+      {"dae", collada_triangle()},
+  };
+}
+
+TEST(GarbageFile, ChangedMeshFilesNeverCrashOrHang) {
+  const Folder folder;
+  std::mt19937 random(3);
+  for (const auto& [extension, whole] : mesh_files()) {
+    ASSERT_EQ(load_bytes(folder, "whole." + extension, whole), "");
+    int refused = 0;
+    for (int round = 0; round < 200; ++round) {
+      std::string bytes = whole;
+      for (unsigned n = 1 + random() % 3; n > 0; --n) bytes[random() % bytes.size()] = "0123456789-\"<>/ \n"[random() % 17];
+      if (random() % 4 == 0) bytes.resize(random() % bytes.size());
+      refused += !load_bytes(folder, "changed." + extension, bytes).empty();
+    }
+    EXPECT_GT(refused, 20) << extension;
+  }
 }
 
 TEST(GarbageFile, MissingEmptyAndForeignFilesSayWhatTheyAre) {

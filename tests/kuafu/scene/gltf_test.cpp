@@ -5,7 +5,7 @@
 
 #include "device/error.h"
 #include "io/load.h"
-#include "kuafu/scene/gltf_writer.h"
+#include "kuafu/scene/sample_files.h"
 
 namespace {
 

@@ -5,7 +5,7 @@
 
 #include "device/error.h"
 #include "io/load.h"
-#include "kuafu/scene/gltf_writer.h"
+#include "kuafu/scene/sample_files.h"
 
 namespace {
 
@@ -100,18 +100,7 @@ TEST(PlyFile, AsciiFacesArrive) {
 
 TEST(ColladaFile, NodesCarryTheirTransformsUnitsAndUpAxis) {
   const Folder folder;
-  write_text(folder / "a.dae", R"(<?xml version="1.0"?>
-<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
-<asset><unit name="centimeter" meter="0.01"/><up_axis>Z_UP</up_axis></asset>
-<library_geometries><geometry id="g"><mesh>
-<source id="p"><float_array id="pa" count="9">0 0 0 100 0 0 0 100 0</float_array><technique_common><accessor source="#pa" count="3" stride="3">
-<param name="X" type="float"/><param name="Y" type="float"/><param name="Z" type="float"/></accessor></technique_common></source>
-<vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
-<triangles count="1"><input semantic="VERTEX" source="#v" offset="0"/><p>0 1 2</p></triangles>
-</mesh></geometry></library_geometries>
-<library_visual_scenes><visual_scene id="s"><node id="n" name="n"><translate>0 0 200</translate><instance_geometry url="#g"/></node>
-<node id="m" name="m"><instance_geometry url="#g"/></node></visual_scene></library_visual_scenes>
-<scene><instance_visual_scene url="#s"/></scene></COLLADA>)");
+  write_text(folder / "a.dae", collada_triangle());
   const Loaded loaded = load(folder / "a.dae");
   ASSERT_EQ(loaded.scene.instances().size(), 2u);
   EXPECT_EQ(loaded.scene.meshes().size(), 1u) << "two nodes share one geometry";

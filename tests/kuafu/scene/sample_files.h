@@ -1,4 +1,5 @@
-// Writes small glTF files for tests: JSON by hand, binary data by accessor(). And a folder that goes away with the test.
+// Small scene files for tests: glTF as JSON with binary data by accessor(), a PNG, a Collada file. And a folder that goes away with the
+// test.
 #pragma once
 
 #include <unistd.h>
@@ -39,6 +40,22 @@ inline std::string png_pixel() {
                                         0x9c, 0x63, 0xe0, 0x12, 0x91, 0xfb, 0x0f, 0x00, 0x01, 0xa4, 0x01, 0x3c, 0x93, 0x8b,
                                         0x0e, 0xb7, 0x00, 0x00, 0x00, 0x00, 0x49, 0x45, 0x4e, 0x44, 0xae, 0x42, 0x60, 0x82};
   return {reinterpret_cast<const char*>(bytes), sizeof bytes};
+}
+
+/// Collada: one triangle in centimetres, z up, shown by two nodes, the first 2 m up.
+inline std::string collada_triangle() {
+  return R"(<?xml version="1.0"?>
+<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
+<asset><unit name="centimeter" meter="0.01"/><up_axis>Z_UP</up_axis></asset>
+<library_geometries><geometry id="g"><mesh>
+<source id="p"><float_array id="pa" count="9">0 0 0 100 0 0 0 100 0</float_array><technique_common><accessor source="#pa" count="3" stride="3">
+<param name="X" type="float"/><param name="Y" type="float"/><param name="Z" type="float"/></accessor></technique_common></source>
+<vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
+<triangles count="1"><input semantic="VERTEX" source="#v" offset="0"/><p>0 1 2</p></triangles>
+</mesh></geometry></library_geometries>
+<library_visual_scenes><visual_scene id="s"><node id="n" name="n"><translate>0 0 200</translate><instance_geometry url="#g"/></node>
+<node id="m" name="m"><instance_geometry url="#g"/></node></visual_scene></library_visual_scenes>
+<scene><instance_visual_scene url="#s"/></scene></COLLADA>)";
 }
 
 inline constexpr int type_byte = 5120, type_u8 = 5121, type_i16 = 5122, type_u16 = 5123, type_u32 = 5125, type_float = 5126;
