@@ -74,7 +74,8 @@ typedef struct simsense_rig_desc {
   simsense_camera rgb;           /* width 0 = no registration */
   double left_to_right[16];
   double left_to_rgb[16];
-  uint32_t rectified;            /* nonzero: the input pair is row-aligned already; else it is rectified from both K's, distortions and left_to_right */
+  uint32_t rectified;            /* nonzero: the input pair is row-aligned already, K and cx of each camera stay; else it is rectified from both K's,
+                                    distortions and left_to_right (OpenCV's stereoRectify, zero disparity at infinity, focal length kept) */
   uint32_t batch_count;          /* image pairs per compute, >= 1 */
 } simsense_rig_desc;
 static inline simsense_rig_desc simsense_rig_desc_init(void) {
@@ -91,7 +92,7 @@ static inline simsense_rig_desc simsense_rig_desc_init(void) {
 typedef struct simsense_parameters {
   ks_header header;
   /* signal: counts = clamp(round(gain * input * Gamma(shape, scale) + black_level + N(mu, sigma))), 8 bit; factors are neutral at 0 */
-  float gain;                    /* counts per unit of a float input; 1 for integer inputs */
+  float gain;                    /* counts per unit of input, >= 0; at gain 1 a 16-bit input saturates above 255 */
   float black_level_dn;          /* >= 0 */
   float speckle_shape;           /* > 0 turns the gamma factor on; its scale must then be > 0 */
   float speckle_scale;
@@ -145,7 +146,8 @@ SIMSENSE_API ks_status simsense_engine_get_parameters(simsense_engine engine, si
 SIMSENSE_API void simsense_engine_retain(simsense_engine engine);
 SIMSENSE_API void simsense_engine_release(simsense_engine engine);
 
-/* After rectification: the K shared by both rectified cameras (row-major 3x3), the baseline in metres (> 0), and left_to_rectified (4x4 rotation). */
+/* After rectification: the left camera's K (row-major 3x3), shared by the right one (a pair given as rectified may differ in cx, and depth heeds that),
+ * the baseline in metres (> 0), and left_to_rectified (4x4 rotation). Each pointer may be NULL. */
 SIMSENSE_API ks_status simsense_engine_get_rectified(simsense_engine engine, double* k, double* baseline_m, double* left_to_rectified);
 
 /* An image argument: a buffer of this library, or plain host memory when buffer is NULL. */

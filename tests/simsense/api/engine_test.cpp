@@ -318,4 +318,32 @@ TEST_P(EngineBuffers, AreReadAndWrittenInPlace) {
       << "a view that leaves its buffer";
 }
 
+TEST(EngineBuffersOfTheBestDevice, AreCopiedAndCountedWhereNotMapped) {
+  const Device device = open_device(KS_SELECT_AUTO);
+  if (!device) GTEST_SKIP() << "no Vulkan device here: " << simsense_last_error();
+  const uint64_t pixels = width * height;
+  const ks_buffer_create create = ks_buffer_create_init(pixels * 4, 0);
+  simsense_buffer handle = nullptr;
+  ASSERT_EQ(simsense_buffer_create(device.get(), &create, &handle), KS_OK) << simsense_last_error();
+  const Buffer buffer(handle);
+  void* mapped = nullptr;
+  if (simsense_buffer_map(buffer.get(), &mapped) == KS_OK) GTEST_SKIP() << "this device, which has no memory of its own, maps every buffer";
+  const EngineHandle engine = open_engine(device, small_rig(), small_parameters());
+  const Pair pair = photograph(0.7);
+  const auto expected = depth_of(engine, pair);
+  simsense_image depth = host_image(expected, {height, width});
+  depth.buffer = buffer.get();
+  uint64_t before = 0, after = 0;
+  ASSERT_EQ(simsense_device_copied_bytes(device.get(), &before), KS_OK);
+  ASSERT_EQ(compute(engine, host_image(pair.left, {height, width}), host_image(pair.right, {height, width}),
+                    {output_of(SIMSENSE_OUTPUT_DEPTH, depth)}),
+            KS_OK)
+      << simsense_last_error();
+  ASSERT_EQ(simsense_device_copied_bytes(device.get(), &after), KS_OK);
+  EXPECT_GE(after - before, pixels * 4);
+  std::vector<float> result(pixels);
+  ASSERT_EQ(simsense_buffer_read(buffer.get(), 0, result.data(), pixels * 4), KS_OK) << simsense_last_error();
+  EXPECT_EQ(result, expected);
+}
+
 INSTANTIATE_TEST_SUITE_P(Devices, EngineBuffers, testing::Values(KS_SELECT_HOST, KS_SELECT_CPU));
