@@ -1,6 +1,8 @@
 #define TINYGLTF_IMPLEMENTATION
 #include "io/gltf_document.h"
 
+#include <algorithm>
+#include <cctype>
 #include <cstring>
 #include <string_view>
 

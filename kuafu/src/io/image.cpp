@@ -1,5 +1,6 @@
 #include "io/image.h"
 
+#include <cerrno>
 #include <cstring>
 #include <fstream>
 #include <memory>
