@@ -22,13 +22,18 @@ class WorldRenderer:
 
     def __call__(self, request, progress=None):
         self.calls += 1
-        pose = request.projector_to_world
-        source = PatternSource(pose[:3, 3], pose[:3, :3], request.projector_K, request.pattern.astype(np.float64))
-        return tuple(self._layers(camera, source, i) for i, camera in enumerate(request.cameras))
+        return tuple(self._layers(camera, request, i) for i, camera in enumerate(request.cameras))
 
-    def _layers(self, camera, source, index):
-        size = (camera.width, camera.height)
-        seed = 1000 * self._seed + 10 * self.calls + index
-        view = look(self._world.solids, size, camera.K, camera.camera_to_world, source, seed, self._grid, self._bounces)
-        light = [image.astype(np.float32) for image in (view.direct, view.indirect, view.sky, view.depth)]
-        return Layers(*light, view.normal.astype(np.float32), view.index.astype(np.uint32))
+    def _layers(self, camera, request, index):
+        view = self._look(camera, request, index, request.pattern.astype(np.float64), self._bounces)
+        flat = self._look(camera, request, index, np.ones(request.pattern.shape), 0)
+        direct, indirect, ambient, flat, depth = (
+            image.astype(np.float32) for image in (view.direct, view.indirect, view.sky, flat.direct, view.depth)
+        )
+        return Layers(direct, indirect, ambient, flat, depth, view.normal.astype(np.float32), view.index.astype(np.uint32))
+
+    def _look(self, camera, request, index, pattern, bounces):
+        pose = request.projector_to_world
+        source = PatternSource(pose[:3, 3], pose[:3, :3], request.projector_K, pattern)
+        size, seed = (camera.width, camera.height), 1000 * self._seed + 10 * self.calls + index
+        return look(self._world.solids, size, camera.K, camera.camera_to_world, source, seed, self._grid, bounces)

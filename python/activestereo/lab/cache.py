@@ -16,7 +16,7 @@ from activestereo.lab.layers import Layers
 from activestereo.output_files import replace_file
 
 # Raised when the meaning of a cached array changes.
-_FORMAT = 1
+_FORMAT = 2
 _LIMIT_BYTES = 4 << 30
 
 

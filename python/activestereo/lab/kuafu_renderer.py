@@ -20,7 +20,7 @@ class KuafuRenderer:
     def __init__(self, device="auto"):
         self._device = device if isinstance(device, kuafu.Device) else kuafu.Device(device)
         self._renderer = kuafu.Renderer(self._device)
-        self._scene_path = self._scene = self._texture = self._light = self._pattern = None
+        self._scene_path = self._scene = self._texture = self._white = self._light = self._pattern = None
 
     @property
     def version(self):
@@ -29,43 +29,53 @@ class KuafuRenderer:
 
     def __call__(self, request, progress=None):
         """One Layers per camera. progress: called as progress(fraction)."""
-        self._load(request.scene_path)
-        self._place_projector(request)
+        self._load(request)
         cameras = [kuafu.Camera(c.width, c.height, c.K, c.camera_to_world) for c in request.cameras]
-        images = self._renderer.render(
+        self._place_projector(request, self._white)
+        flat = self._render(request, cameras, ("projector_direct",), 0, None)["projector_direct"]
+        self._place_projector(request, self._texture)
+        images = self._render(request, cameras, _OUTPUTS, request.max_bounces, progress)
+        return tuple(
+            Layers(
+                direct=images["projector_direct"][i, ..., 0].copy(),
+                indirect=images["projector_indirect"][i, ..., 0].copy(),
+                ambient=images["ambient"][i, ..., 0].copy(),
+                flat=flat[i, ..., 0].copy(),
+                depth_m=images["depth"][i, ..., 0].copy(),
+                normal=images["normal"][i].copy(),
+                material=images["material_id"][i, ..., 0].copy(),
+            )
+            for i in range(len(cameras))
+        )
+
+    def _render(self, request, cameras, outputs, max_bounces, progress):
+        return self._renderer.render(
             self._scene,
             cameras,
-            _OUTPUTS,
+            outputs,
             band="infrared",
             spp=request.samples_per_pixel,
-            max_bounces=request.max_bounces,
+            max_bounces=max_bounces,
             seed=request.seed,
             progress=progress,
         )
-        return tuple(self._layers({name: array[i] for name, array in images.items()}) for i in range(len(cameras)))
 
-    @staticmethod
-    def _layers(image):
-        scalar = [image[name][..., 0].copy() for name in _OUTPUTS if name != "normal"]
-        direct, indirect, ambient, depth, material = scalar
-        return Layers(direct, indirect, ambient, depth, image["normal"].copy(), material)
-
-    def _load(self, path):
-        if path == self._scene_path:
+    def _load(self, request):
+        """The scene and its two patterns: the nominal one, and one that is 1 everywhere."""
+        if request.scene_path == self._scene_path and np.array_equal(request.pattern, self._pattern):
             return
         self._scene = kuafu.Scene(self._device)
-        self._scene.load(path)
+        self._scene.load(request.scene_path)
         self._scene.set_environment((1.0, 1.0, 1.0), ir_radiance=1.0)
-        self._scene_path, self._light, self._pattern = path, None, None
+        self._texture = self._scene.add_texture(request.pattern, name="pattern")
+        self._white = self._scene.add_texture(np.ones_like(request.pattern), name="white pattern")
+        self._scene_path, self._pattern, self._light = request.scene_path, request.pattern, None
 
-    def _place_projector(self, request):
-        if self._pattern is None or not np.array_equal(self._pattern, request.pattern):
-            self._pattern = request.pattern
-            self._texture = self._scene.add_texture(request.pattern, name="pattern")
+    def _place_projector(self, request, texture):
         light = kuafu.Light(
             kind="projector",
             name="projector",
-            texture=self._texture,
+            texture=texture,
             k=request.projector_K,
             ir_intensity=1.0,
             light_to_world=request.projector_to_world,

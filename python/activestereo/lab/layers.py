@@ -35,13 +35,15 @@ class RenderRequest:
 class Layers:
     """One camera's view, float32 [height][width] unless said. Radiance is the mean over the pixel's square.
 
-    direct, indirect: the projector's light at power 1, straight off the first surface and otherwise; ambient: under uniform
-    radiance 1 from all directions. depth_m: z, 0 = nothing hit; normal: [height][width][3], world frame; material: uint32.
+    direct, indirect: the projector's light at power 1, straight off the first surface and otherwise; flat: what `direct` would
+    be under a pattern that is 1 everywhere; ambient: under uniform radiance 1 from all directions. depth_m: z, 0 = nothing hit;
+    normal: [height][width][3], world frame; material: uint32.
     """
 
     direct: np.ndarray
     indirect: np.ndarray
     ambient: np.ndarray
+    flat: np.ndarray
     depth_m: np.ndarray
     normal: np.ndarray
     material: np.ndarray

@@ -1,0 +1,31 @@
+"""Physical effects, one file each: a descriptor (id, stage, parameters with units, ranges, priors and sources) and a function.
+
+    from activestereo.effects import Parameter, Stage, effect
+
+    @effect("filter_haze", stage=Stage.OPTICS, family="glare", source="my bench, May",
+            parameters=[Parameter("fraction", unit="1", neutral=0.0, low=0.0, high=0.3, typical=0.05)])
+    def filter_haze(image, view, fraction):
+        '''Stray light from the whole picture.'''
+        return (1 - fraction) * image + fraction * image.mean()
+
+What a function gets and gives back by stage is told in core/descriptor.py. Every module of this folder is one built-in effect.
+"""
+
+import importlib
+import pkgutil
+
+from activestereo.effects.core.descriptor import Effect, Parameter, Randomness, Stage, effect
+from activestereo.effects.core.laws import broken_laws
+from activestereo.effects.core.light import Light
+from activestereo.effects.core.model import Model
+from activestereo.effects.core.view import View
+
+
+def builtin():
+    """The built-in effects in the order of the light's way: {id: Effect}."""
+    modules = [importlib.import_module(f"{__name__}.{m.name}") for m in pkgutil.iter_modules(__path__) if not m.ispkg]
+    found = [value for module in modules for value in vars(module).values() if isinstance(value, Effect)]
+    return {e.id: e for e in sorted(found, key=lambda e: (e.stage, e.id))}
+
+
+__all__ = ["Effect", "Light", "Model", "Parameter", "Randomness", "Stage", "View", "broken_laws", "builtin", "effect"]

@@ -1,0 +1,25 @@
+"""Ambient infrared light that is not uniform."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from activestereo.effects.core.descriptor import Parameter, Stage, effect
+
+
+@effect(
+    "ambient_ir",
+    stage=Stage.SURFACE,
+    family="ambient light",
+    source="sun and lamps at 850 nm through windows come from one side",
+    parameters=[
+        Parameter("level", "1", neutral=0.0, low=-0.9, high=5.0, typical=0.3, source="relative change; the fit's ambient scale absorbs a constant one"),
+        Parameter("gradient_x", "1", neutral=0.0, low=-0.9, high=0.9, typical=0.2, source="relative change per metre to the right in the scene"),
+        Parameter("gradient_y", "1", neutral=0.0, low=-0.9, high=0.9, typical=0.2, source="relative change per metre downwards"),
+    ],
+)
+def ambient_ir(light, view, level, gradient_x, gradient_y):
+    """Ambient light is stronger, and grows to one side of the scene (left camera's axes)."""
+    points = view.points()
+    gain = 1.0 + level + gradient_x * points[..., 0] + gradient_y * points[..., 1]
+    return replace(light, ambient=light.ambient * np.maximum(gain, 0.0))

@@ -1,0 +1,18 @@
+"""Black level that is not constant."""
+
+from activestereo.effects.core.descriptor import Parameter, Stage, effect
+
+
+@effect(
+    "black_level",
+    stage=Stage.DIGITAL,
+    family="dark",
+    source="pedestals of 5 (D415) and 20 DN (D435) seen on public frames; drift with temperature and gain",
+    parameters=[
+        Parameter("offset_dn", "DN", neutral=0.0, low=-50.0, high=50.0, typical=2.0, source="the fit's black level absorbs a constant one"),
+        Parameter("per_k_dn", "DN/K", neutral=0.0, low=-1.0, high=1.0, typical=0.05),
+    ],
+)
+def black_level(dn, view, offset_dn, per_k_dn):
+    """A pedestal that is there without light, and moves with temperature."""
+    return dn + offset_dn + per_k_dn * view.warming_k

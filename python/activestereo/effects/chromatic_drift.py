@@ -1,0 +1,24 @@
+"""Filter and focus that drift with the laser's wavelength."""
+
+from dataclasses import replace
+
+from activestereo.effects.core.descriptor import Parameter, Stage, effect
+from activestereo.effects.core.resample import blur
+
+
+@effect(
+    "chromatic_drift",
+    stage=Stage.SURFACE,
+    family="projector power",
+    source="850 nm lasers drift 0.06-0.3 nm/K against a fixed band-pass filter and lens",
+    parameters=[
+        Parameter("transmission_per_k", "1/K", neutral=0.0, low=-0.03, high=0.01, typical=0.003),
+        Parameter("sigma_px_per_k", "px/K", neutral=0.0, low=0.0, high=0.1, typical=0.01),
+    ],
+)
+def chromatic_drift(light, view, transmission_per_k, sigma_px_per_k):
+    """Per kelvin away from 25 C the filter passes less of the projected light, and it is less in focus; ambient light stays."""
+    gain = max(0.0, 1.0 + transmission_per_k * abs(view.warming_k))
+    sigma = sigma_px_per_k * abs(view.warming_k)
+    dimmed = light.scale_projector(gain)
+    return replace(dimmed, direct=blur(dimmed.direct, sigma), flat=blur(dimmed.flat, sigma))

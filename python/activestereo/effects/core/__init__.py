@@ -1,0 +1,1 @@
+"""What effects are made of: descriptors, light, view, model, laws, and the operations that several effects share."""

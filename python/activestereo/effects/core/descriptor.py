@@ -1,0 +1,118 @@
+"""The descriptor of an effect: plain data and one function. A C plug-in brings the same fields.
+
+By stage, in the light's order, `apply(value, view, **parameters)` gets and returns
+
+    PROJECTOR, MEDIUM, SURFACE, CAMERA   a Light (radiance per light; projector at the frame's power)
+    OPTICS                               one image [..., height, width] of radiance; applied to every light alike, so linear
+    CHARGE                               DN above black before the amplifier: proportional to collected light
+    READOUT                              DN above black
+    DIGITAL                              DN as the sensor gives them, black level included
+
+It must not change its input, and must return the input itself or an equal one where every parameter is neutral.
+Random effects draw from view.rng(id) alone.
+"""
+
+import inspect
+from dataclasses import dataclass
+from enum import Enum, IntEnum
+
+
+class Stage(IntEnum):
+    """Where on the light's way an effect acts."""
+
+    PROJECTOR = 1
+    MEDIUM = 2
+    SURFACE = 3
+    CAMERA = 4
+    OPTICS = 5
+    CHARGE = 6
+    READOUT = 7
+    DIGITAL = 8
+
+
+class Randomness(Enum):
+    """NONE: a function of its input. STATIC: drawn once per sensor (or view), the same in repeats. TEMPORAL: drawn per frame."""
+
+    NONE = "none"
+    STATIC = "static"
+    TEMPORAL = "temporal"
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """neutral: the value of no effect. low..high: physically possible. typical: one prior deviation from neutral."""
+
+    name: str
+    unit: str
+    neutral: float
+    low: float
+    high: float
+    typical: float
+    source: str = ""
+
+    def __post_init__(self):
+        if not self.low <= self.neutral <= self.high or self.low == self.high:
+            raise ValueError(f"parameter {self.name}: needs low <= neutral <= high and a range, got {self.low}, {self.neutral}, {self.high}")
+        if self.typical <= 0:
+            raise ValueError(f"parameter {self.name}: typical is {self.typical}, a prior's deviation is positive")
+
+    @property
+    def typical_value(self):
+        """One deviation from neutral, inside the range."""
+        up = self.neutral + self.typical
+        return min(up, self.high) if self.high > self.neutral else max(self.neutral - self.typical, self.low)
+
+
+@dataclass(frozen=True)
+class Effect:
+    """See the head of this file. variance(signal, view, **parameters): DN^2 that a random effect adds to its stage's value."""
+
+    id: str
+    family: str
+    stage: Stage
+    parameters: tuple
+    apply: object
+    summary: str
+    source: str
+    randomness: Randomness = Randomness.NONE
+    variance: object = None
+
+    def values(self, given=None):
+        """{name: value} of every parameter, neutral where not given; ValueError for an unknown name or a value out of range."""
+        given = dict(given or {})
+        values = {}
+        for p in self.parameters:
+            value = float(given.pop(p.name, p.neutral))
+            if not p.low <= value <= p.high:
+                raise ValueError(f"{self.id}.{p.name} is {value} {p.unit}, outside {p.low}..{p.high}")
+            values[p.name] = value
+        if given:
+            known = ", ".join(p.name for p in self.parameters)
+            raise ValueError(f"{self.id} has no parameter '{next(iter(given))}' (known: {known})")
+        return values
+
+    @property
+    def neutral_values(self):
+        return {p.name: p.neutral for p in self.parameters}
+
+    @property
+    def typical_values(self):
+        return {p.name: p.typical_value for p in self.parameters}
+
+    def __call__(self, value, view, **parameters):
+        return self.apply(value, view, **self.values(parameters))
+
+
+def effect(id, *, stage, family, parameters, source, randomness=Randomness.NONE, variance=None):
+    """Makes an Effect of a function; its docstring is the effect's summary."""
+
+    def make(function):
+        summary = inspect.getdoc(function)
+        if not summary:
+            raise ValueError(f"effect {id}: the function needs a docstring, it is what users read")
+        wanted = list(inspect.signature(function).parameters)[2:]
+        if wanted != [p.name for p in parameters]:
+            raise ValueError(f"effect {id}: the function takes {wanted}, the parameters are {[p.name for p in parameters]}")
+        return Effect(id, family, stage, tuple(parameters), function, summary, source, randomness, variance)
+
+    return make

@@ -1,0 +1,54 @@
+"""The projector's pattern as the camera's pixels see it: what lets an effect move, blur or dim dots without a new ray."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from activestereo.effects.core.resample import BoxSampler
+from activestereo.effects.core.view import transform
+
+_SMALLEST_BOX = 1e-3
+_LARGEST_BOX = 64.0
+
+
+class DotView:
+    """Projector pixels (u, v) of every camera pixel, and the box of projector pixels that the camera pixel's square covers."""
+
+    def __init__(self, view):
+        self._view = view
+        points = view.projector_points()
+        self.z = points[..., 2]
+        self.lit = (view.depth_m > 0) & (self.z > 0)
+        self.u, self.v = self.project(points)
+        self.box_u, self.box_v = self._footprint()
+
+    def project(self, projector_points):
+        K, z = self._view.projector_K, np.where(projector_points[..., 2] > 0, projector_points[..., 2], 1.0)
+        x, y = projector_points[..., 0] / z, projector_points[..., 1] / z
+        return K[0, 0] * x + K[0, 1] * y + K[0, 2], K[1, 1] * y + K[1, 2]
+
+    def project_camera(self, camera_points):
+        return self.project(transform(self._view.camera_to_projector, camera_points))
+
+    def mean(self, pattern, u=None, v=None):
+        """Mean of a pattern image over each pixel's box, around (u, v) if given."""
+        return BoxSampler(pattern)(self.u if u is None else u, self.v if v is None else v, self.box_u, self.box_v)
+
+    def change(self, light, before, after):
+        """The light after the pattern's means went from `before` to `after`: only the difference is approximated."""
+        change = np.where(self.lit, light.flat * (after - before), 0.0)
+        direct = np.maximum(light.direct + change, 0.0)
+        total = light.direct.sum()
+        ratio = direct.sum() / total if total > 0 else 1.0
+        return replace(light, direct=direct, indirect=light.indirect * ratio)
+
+    def _footprint(self):
+        """Median-guarded derivative of (u, v) by the camera's pixel steps: edges of objects must not open huge boxes."""
+        K, view = self._view.projector_K, self._view
+        ratio_u, ratio_v = K[0, 0] / view.K[0, 0], K[1, 1] / view.K[1, 1]
+        # Along epipolar lines the step depends on slant; one-sided differences, the smaller of both sides.
+        step = np.diff(self.u, axis=1)
+        step = np.minimum(np.abs(np.pad(step, ((0, 0), (1, 0)), "edge")), np.abs(np.pad(step, ((0, 0), (0, 1)), "edge")))
+        box_u = np.clip(np.where(step > 0, step, ratio_u), 0.25 * ratio_u, 4 * ratio_u)
+        box_v = np.full(self.v.shape, ratio_v)
+        return np.clip(box_u, _SMALLEST_BOX, _LARGEST_BOX), np.clip(box_v, _SMALLEST_BOX, _LARGEST_BOX)

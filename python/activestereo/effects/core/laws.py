@@ -1,0 +1,128 @@
+"""The laws that every effect obeys, tried on a small synthetic view: what `effect check` runs, and the tests.
+
+1 neutral parameters are the identity; 2 the same seed gives the same bits, random effects vary with it and with what they say
+they vary with; 3 every value in range gives finite numbers; 4 every parameter has an influence; 5 the input is left alone.
+"""
+
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+
+from activestereo.capture import Frame
+from activestereo.effects.core.descriptor import Randomness, Stage
+from activestereo.effects.core.light import Light
+from activestereo.effects.core.view import View
+
+_SIZE = (72, 96)
+
+
+def broken_laws(effect):
+    """Sentences, one per law that the effect breaks; empty = a lawful effect."""
+    view = example_view()
+    value = example_value(effect.stage, view)
+    checks = (_neutral, _deterministic, _random_as_told, _finite, _influence, _input_untouched)
+    return [sentence for check in checks for sentence in check(effect, value, view)]
+
+
+def example_view(eye="right", frame_id=0, seed=0, temperature_c=45.0, move=True):
+    """A slanted plane before a wall, a moving warm rig, a dot pattern."""
+    height, width = _SIZE
+    v, u = np.mgrid[0:height, 0:width].astype(np.float64)
+    depth = np.where((u > 30) & (u < 66) & (v > 20) & (v < 56), 0.6 + 0.002 * u, 1.1)
+    pose, left_to_right, left_to_projector = np.eye(4), np.eye(4), np.eye(4)
+    left_to_right[0, 3], left_to_projector[0, 3] = -0.05, -0.015
+    left_to_camera = left_to_right if eye == "right" else np.eye(4)
+    frame = Frame(
+        id=frame_id, left_path=None, right_path=None, timestamp_s=2.003, exposure_s=0.004, camera_to_world=pose, split="train",
+        temperature_c=temperature_c, camera_velocity=np.array([0.5, 0.1, 0.2, 0.1, 0.6, 0.3]) * move,
+    )  # fmt: skip
+    return View(
+        eye=eye,
+        K=np.array([[60.0, 0, (width - 1) / 2], [0, 60.0, (height - 1) / 2], [0, 0, 1]]),
+        depth_m=depth,
+        pattern=_dots((140, 200)),
+        projector_K=np.array([[110.0, 0, 99.5], [0, 110.0, 69.5], [0, 0, 1]]),
+        camera_to_projector=left_to_projector @ np.linalg.inv(left_to_camera),
+        left_to_camera=left_to_camera,
+        frame=frame,
+        line_time_s=1e-5,
+        seed=seed,
+    )
+
+
+def _dots(shape):
+    v, u = np.mgrid[0 : shape[0], 0 : shape[1]]
+    return (0.03 + 0.9 * np.exp(-(((u % 9) - 4) ** 2 + ((v % 7) - 3) ** 2) / 2.5)).astype(np.float32)
+
+
+def example_value(stage, view):
+    """An input for an effect of the stage: light, an image of radiance, or DN up to beyond the range's end."""
+    height, width = view.shape
+    v, u = np.mgrid[0:height, 0:width].astype(np.float64)
+    flat = 0.2 / view.depth_m**2
+    direct = flat * (0.1 + 0.8 * ((u // 3 + v // 3) % 2))
+    light = Light(direct, 0.05 * flat, 0.3 + 0.001 * u + 0.002 * v, flat)
+    if stage < Stage.OPTICS:
+        return light
+    if stage is Stage.OPTICS:
+        return np.stack([light.direct, light.ambient])
+    return 20.0 + 300.0 * light.direct + v
+
+
+def _arrays(value):
+    return np.stack([value.direct, value.indirect, value.ambient, value.flat]) if isinstance(value, Light) else value
+
+
+def _copy(value):
+    return Light(*_arrays(value).copy()) if isinstance(value, Light) else value.copy()
+
+
+def _same(a, b, tolerance=0.0):
+    a, b = _arrays(a), _arrays(b)
+    return a.shape == b.shape and np.allclose(a, b, rtol=tolerance, atol=tolerance * max(1.0, np.abs(a).max()))
+
+
+def _neutral(effect, value, view):
+    if not _same(effect(value, view, **effect.neutral_values), value, 1e-6):
+        yield f"{effect.id}: neutral parameters change the image"
+
+
+def _deterministic(effect, value, view):
+    if not _same(effect(value, view, **effect.typical_values), effect(value, view, **effect.typical_values)):
+        yield f"{effect.id}: the same input gives another output (draw from view.rng alone)"
+
+
+def _random_as_told(effect, value, view):
+    first = effect(value, view, **effect.typical_values)
+    other_seed = effect(value, replace(view, seed=1), **effect.typical_values)
+    other_frame = effect(value, replace(view, frame=replace(view.frame, id=view.frame.id + 1)), **effect.typical_values)
+    varies_with_seed, varies_with_frame = not _same(first, other_seed), not _same(first, other_frame)
+    if varies_with_seed != (effect.randomness is not Randomness.NONE):
+        yield f"{effect.id}: says randomness {effect.randomness.value}, but the seed {'matters' if varies_with_seed else 'does not matter'}"
+    if varies_with_frame != (effect.randomness is Randomness.TEMPORAL):
+        yield f"{effect.id}: says randomness {effect.randomness.value}, but repeats {'differ' if varies_with_frame else 'are equal'}"
+
+
+def _finite(effect, value, view):
+    ends = [sorted({p.low, p.high, p.typical_value}) for p in effect.parameters]
+    for combination in product(*ends[:6]):
+        values = dict(zip((p.name for p in effect.parameters), combination, strict=False))
+        if not np.isfinite(_arrays(effect(value, view, **values))).all():
+            yield f"{effect.id}: gives values that are not finite at {values}"
+            return
+
+
+def _influence(effect, value, view):
+    base = effect.typical_values
+    for p in effect.parameters:
+        outputs = [effect(value, view, **(base | {p.name: end})) for end in (p.low, p.typical_value, p.high)]
+        if all(_same(outputs[0], other, 1e-9) for other in outputs[1:]):
+            yield f"{effect.id}: parameter {p.name} has no influence"
+
+
+def _input_untouched(effect, value, view):
+    given = _copy(value)
+    effect(given, view, **effect.typical_values)
+    if not _same(given, value):
+        yield f"{effect.id}: changes its input in place"

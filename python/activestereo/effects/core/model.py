@@ -1,0 +1,54 @@
+"""A model: the base renderer plus effects with their parameters, from light layers to what the sensor gives."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from activestereo.effects.core.descriptor import Randomness, Stage
+from activestereo.effects.core.light import Light
+
+
+@dataclass(frozen=True)
+class Model:
+    """effects: pairs (Effect, {parameter: value}); applied in stage order, within a stage in the order given."""
+
+    effects: tuple = ()
+
+    def with_effect(self, effect, **parameters):
+        """A model with one effect more, or with other parameters of one that it has."""
+        kept = tuple((e, p) for e, p in self.effects if e.id != effect.id)
+        return Model((*kept, (effect, effect.values(parameters))))
+
+    def without_effect(self, effect_id):
+        return Model(tuple((e, p) for e, p in self.effects if e.id != effect_id))
+
+    def light(self, layers, view, random=False):
+        """The Light that falls on the sensor, from rendered layers."""
+        light = Light.of(layers)
+        for effect, parameters in self._of(Stage.PROJECTOR, Stage.OPTICS, random):
+            if effect.stage is Stage.OPTICS:
+                light = light.map(lambda images, e=effect, p=parameters: e.apply(images, view, **p))
+            else:
+                light = effect.apply(light, view, **parameters)
+        return light
+
+    def signal(self, light, view, nuisances, random=False):
+        """DN of a Light, black level included. random=False: the expected value, without rounding; zero-mean noise is left out
+        and random fields are drawn as their mean. random=True: one exposure."""
+        frame = view.frame
+        level = 1.0 if frame.ambient is None else frame.ambient
+        value = frame.exposure_gain * (
+            nuisances.projector_scale * frame.projector_power * light.projector + nuisances.ambient_scale * level * light.ambient
+        )
+        for effect, parameters in self._of(Stage.CHARGE, Stage.READOUT, random):
+            value = effect.apply(value, view, **parameters)
+        value = value + nuisances.black_dn
+        for effect, parameters in self._of(Stage.DIGITAL, Stage.DIGITAL, random):
+            value = effect.apply(value, view, **parameters)
+        return np.clip(value, 0.0, view.max_dn)
+
+    def _of(self, first, last, random):
+        chosen = [(e, p) for e, p in self.effects if first <= e.stage <= last]
+        if not random:
+            chosen = [(e, p) for e, p in chosen if e.randomness is Randomness.NONE]
+        return sorted(chosen, key=lambda pair: pair[0].stage)

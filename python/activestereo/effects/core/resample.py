@@ -1,0 +1,64 @@
+"""Moving and blurring images: cubic resampling, exact box means over a pattern, Gaussian blur that varies over the image."""
+
+import numpy as np
+from scipy.ndimage import gaussian_filter, map_coordinates, spline_filter
+
+_MAX_LEVELS = 5
+
+
+def sample(images, u, v, order=3):
+    """Values of images [..., height][width] at pixels (u, v); the border value beyond the border. order 3: cubic spline."""
+    height, width = images.shape[-2:]
+    stack = images.reshape(-1, height, width)
+    out = np.empty((len(stack), *u.shape))
+    for i, image in enumerate(stack):
+        coefficients = spline_filter(image, order, mode="mirror") if order > 1 else image
+        map_coordinates(coefficients, [v, u], out[i], order=order, mode="mirror" if order > 1 else "nearest", prefilter=False)
+        if order > 1:
+            np.clip(out[i], image.min(), image.max(), out=out[i])  # a spline may overshoot next to a dot
+    return out.reshape(*images.shape[:-2], *u.shape)
+
+
+class BoxSampler:
+    """Means of an image over axis-aligned boxes of any fractional size, by its integral; zero outside the image."""
+
+    def __init__(self, image):
+        height, width = image.shape
+        self._integral = np.zeros((height + 1, width + 1))
+        self._integral[1:, 1:] = np.asarray(image, dtype=np.float64).cumsum(0).cumsum(1)
+        self._limits = (width, height)
+
+    def __call__(self, u, v, box_u, box_v):
+        """Mean over boxes of size box_u x box_v around (u, v), pixel centres at integers."""
+        # Pixel i spans i - 0.5 .. i + 0.5, so the integral's corner i lies at i - 0.5.
+        left, right = u + 0.5 - box_u / 2, u + 0.5 + box_u / 2
+        top, bottom = v + 0.5 - box_v / 2, v + 0.5 + box_v / 2
+        total = self._at(right, bottom) - self._at(left, bottom) - self._at(right, top) + self._at(left, top)
+        return total / (box_u * box_v)
+
+    def _at(self, x, y):
+        width, height = self._limits
+        x, y = np.clip(x, 0, width), np.clip(y, 0, height)
+        i, j = np.minimum(x.astype(int), width - 1), np.minimum(y.astype(int), height - 1)
+        a, b = x - i, y - j
+        s = self._integral
+        return (s[j, i] * (1 - a) + s[j, i + 1] * a) * (1 - b) + (s[j + 1, i] * (1 - a) + s[j + 1, i + 1] * a) * b
+
+
+def blur(images, sigma_px):
+    """Gaussian blur of images [..., height][width] by a sigma in pixels: a number, or an image of it.
+
+    A varying sigma is interpolated in variance between a few uniform blurs."""
+    if np.ndim(sigma_px) == 0:
+        return images if sigma_px == 0 else gaussian_filter(images, [0] * (images.ndim - 2) + [sigma_px] * 2, mode="nearest")
+    variance = np.asarray(sigma_px, dtype=np.float64) ** 2
+    low, high = variance.min(), variance.max()
+    if high - low < 1e-12:
+        return blur(images, float(np.sqrt(low)))
+    levels = np.linspace(low, high, _MAX_LEVELS)
+    position = (variance - low) / (high - low) * (_MAX_LEVELS - 1)
+    out = np.zeros(images.shape)
+    for i, level in enumerate(levels):
+        weight = np.maximum(0.0, 1.0 - np.abs(position - i))
+        out += weight * blur(images, float(np.sqrt(level)))
+    return out

@@ -1,0 +1,9 @@
+"""Speckle: laser light off a rough surface varies from grain to grain with a gamma law (Goodman, Speckle Phenomena in Optics, 3.4)."""
+
+
+def speckled(light, view, name, contrast, per):
+    """Projector light times a gamma variable of mean 1 and deviation `contrast` per pixel, drawn anew per `per` of View.rng."""
+    if contrast == 0.0:
+        return light
+    grains = 1.0 / contrast**2
+    return light.scale_projector(view.rng(name, per=per).gamma(grains, 1.0 / grains, view.shape))

@@ -1,0 +1,104 @@
+"""What an effect may know of one image: camera, rig, geometry, frame settings, and random numbers of its own."""
+
+import hashlib
+from dataclasses import dataclass
+
+import numpy as np
+
+REFERENCE_TEMPERATURE_C = 25.0
+
+
+@dataclass(frozen=True)
+class View:
+    """One eye of one frame. Arrays are [height][width]; depth 0 = nothing there. camera_to_projector maps camera coordinates."""
+
+    eye: str
+    K: np.ndarray
+    depth_m: np.ndarray
+    pattern: np.ndarray
+    projector_K: np.ndarray
+    camera_to_projector: np.ndarray
+    left_to_camera: np.ndarray
+    frame: object
+    max_dn: float = 255.0
+    line_time_s: float | None = None
+    seed: int = 0
+
+    @classmethod
+    def of(cls, capture, frame, eye, layers, seed=0):
+        rig = capture.rig
+        left_to_camera = np.eye(4) if eye == "left" else rig.left_to_right
+        return cls(
+            eye=eye,
+            K=rig.camera(eye).K,
+            depth_m=np.asarray(layers.depth_m, dtype=np.float64),
+            pattern=rig.projector.pattern(),
+            projector_K=rig.projector.K,
+            camera_to_projector=rig.projector.left_to_projector @ np.linalg.inv(left_to_camera),
+            left_to_camera=left_to_camera,
+            frame=frame,
+            max_dn=rig.max_dn,
+            line_time_s=rig.line_time_s,
+            seed=seed,
+        )
+
+    @property
+    def shape(self):
+        return self.depth_m.shape
+
+    @property
+    def is_right(self):
+        return self.eye == "right"
+
+    @property
+    def warming_k(self):
+        """Kelvin above the reference temperature; 0 where the temperature is not known."""
+        return 0.0 if self.frame.temperature_c is None else self.frame.temperature_c - REFERENCE_TEMPERATURE_C
+
+    def pixels(self):
+        """(u, v) of every pixel's centre, float64 [height][width] each."""
+        height, width = self.shape
+        return np.meshgrid(np.arange(width, dtype=np.float64), np.arange(height, dtype=np.float64))
+
+    def rays(self, u=None, v=None):
+        """(x, y) with z = 1 through pixels (all of them by default)."""
+        if u is None:
+            u, v = self.pixels()
+        y = (v - self.K[1, 2]) / self.K[1, 1]
+        return (u - self.K[0, 2] - self.K[0, 1] * y) / self.K[0, 0], y
+
+    def to_pixels(self, x, y):
+        return self.K[0, 0] * x + self.K[0, 1] * y + self.K[0, 2], self.K[1, 1] * y + self.K[1, 2]
+
+    def field(self):
+        """(fx, fy): position in the image, -1..1 from border to border, 0 at its middle."""
+        height, width = self.shape
+        u, v = self.pixels()
+        return 2 * u / (width - 1) - 1, 2 * v / (height - 1) - 1
+
+    def points(self, depth_m=None, u=None, v=None):
+        """Camera coordinates [..., 3] of what the pixels see."""
+        x, y = self.rays(u, v)
+        z = self.depth_m if depth_m is None else depth_m
+        return np.stack([x * z, y * z, z], axis=-1)
+
+    def projector_points(self):
+        """Projector coordinates [height][width][3] of what the pixels see."""
+        return transform(self.camera_to_projector, self.points())
+
+    def rng(self, name, per="sensor"):
+        """A numpy Generator of this view for one effect. per: 'sensor' (one per eye), 'pose' (the same while the rig stands
+        still), 'frame', or 'rig' (one for both eyes)."""
+        salt = {
+            "rig": b"",
+            "sensor": self.eye.encode(),
+            "pose": self.eye.encode() + np.ascontiguousarray(self.frame.camera_to_world).tobytes(),
+            "frame": f"{self.eye} {self.frame.id}".encode(),
+        }[per]
+        digest = hashlib.sha256(f"{self.seed} {name} ".encode() + salt).digest()
+        return np.random.Generator(np.random.Philox(key=np.frombuffer(digest[:16], dtype=np.uint64)))
+
+
+def transform(a_to_b, points):
+    """Points [..., 3] from a to b."""
+    return points @ a_to_b[:3, :3].T + a_to_b[:3, 3]

@@ -1,0 +1,18 @@
+"""Dark current."""
+
+from activestereo.effects.core.descriptor import Parameter, Stage, effect
+
+
+@effect(
+    "dark_signal",
+    stage=Stage.CHARGE,
+    family="dark",
+    source="EMVA 1288; dark current of silicon doubles every 6-8 K",
+    parameters=[
+        Parameter("rate_dn_per_s", "DN/s", neutral=0.0, low=0.0, high=5000.0, typical=100.0, source="at 25 C and gain 1"),
+        Parameter("doubling_k", "K", neutral=7.0, low=4.0, high=12.0, typical=1.0),
+    ],
+)
+def dark_signal(signal, view, rate_dn_per_s, doubling_k):
+    """Charge gathers without light: in proportion to exposure, and twice as fast every doubling_k kelvins."""
+    return signal + rate_dn_per_s * view.frame.exposure_gain * 2.0 ** (view.warming_k / doubling_k)

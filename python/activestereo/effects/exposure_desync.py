@@ -1,0 +1,16 @@
+"""Cameras that do not expose at the same time."""
+
+from activestereo.effects.core.descriptor import Parameter, Stage, effect
+from activestereo.effects.core.motion import displaced
+
+
+@effect(
+    "exposure_desync",
+    stage=Stage.CAMERA,
+    family="motion",
+    source="stereo pairs without hardware synchronisation: shift = f v dt / z",
+    parameters=[Parameter("delay_s", "s", neutral=0.0, low=-0.02, high=0.02, typical=0.001)],
+)
+def exposure_desync(light, view, delay_s):
+    """The right camera exposes delay_s after the left; a disparity error that follows the rig's velocity."""
+    return displaced(light, view, delay_s) if view.is_right else light

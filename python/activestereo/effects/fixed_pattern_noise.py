@@ -1,0 +1,30 @@
+"""Offsets of columns, rows and pixels that stay."""
+
+import numpy as np
+
+from activestereo.effects.core.descriptor import Parameter, Randomness, Stage, effect
+
+
+def _variance(signal, view, column_dn, row_dn, pixel_dn):
+    return np.full(signal.shape, column_dn**2 + row_dn**2 + pixel_dn**2)
+
+
+@effect(
+    "fixed_pattern_noise",
+    stage=Stage.READOUT,
+    family="fixed pattern",
+    source="EMVA 1288 dark signal non-uniformity, split by column and row readout",
+    randomness=Randomness.STATIC,
+    variance=_variance,
+    parameters=[
+        Parameter("column_dn", "DN", neutral=0.0, low=0.0, high=10.0, typical=0.3),
+        Parameter("row_dn", "DN", neutral=0.0, low=0.0, high=10.0, typical=0.3),
+        Parameter("pixel_dn", "DN", neutral=0.0, low=0.0, high=10.0, typical=0.3),
+    ],
+)
+def fixed_pattern_noise(signal, view, column_dn, row_dn, pixel_dn):
+    """Columns, rows and pixels have offsets of their own, the same in all frames."""
+    rng = view.rng("fixed_pattern_noise")
+    height, width = signal.shape
+    columns, rows = rng.standard_normal((1, width)), rng.standard_normal((height, 1))
+    return signal + column_dn * columns + row_dn * rows + pixel_dn * rng.standard_normal(signal.shape)

@@ -1,0 +1,28 @@
+"""Ambient light that flickers with the mains."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from activestereo.effects.core.descriptor import Parameter, Stage, effect
+
+
+@effect(
+    "flicker_banding",
+    stage=Stage.SURFACE,
+    family="ambient light",
+    source="IEEE 1789: lamps vary at twice the mains frequency",
+    parameters=[
+        Parameter("depth", "1", neutral=0.0, low=0.0, high=1.0, typical=0.15),
+        Parameter("frequency_hz", "Hz", neutral=100.0, low=80.0, high=250.0, typical=20.0),
+        Parameter("phase_rad", "rad", neutral=0.0, low=-np.pi, high=np.pi, typical=1.0),
+        Parameter("line_time_s", "s", neutral=0.0, low=0.0, high=1e-4, typical=2e-5, source="0 = all rows at once: frames vary, no bands"),
+    ],
+)
+def flicker_banding(light, view, depth, frequency_hz, phase_rad, line_time_s):
+    """Ambient light varies sinusoidally in time, averaged over each row's exposure."""
+    height = view.shape[0]
+    row_time = view.frame.timestamp_s + (np.arange(height) - (height - 1) / 2) * line_time_s
+    averaged = depth * np.sinc(frequency_hz * view.frame.exposure_s)
+    gain = 1.0 + averaged * np.sin(2 * np.pi * frequency_hz * row_time + phase_rad)
+    return replace(light, ambient=light.ambient * gain[:, None])

@@ -1,0 +1,19 @@
+"""Cameras of unequal gain."""
+
+from activestereo.effects.core.descriptor import Parameter, Stage, effect
+
+
+@effect(
+    "gain_mismatch",
+    stage=Stage.READOUT,
+    family="tone",
+    source="real pairs: slope 1.062 and -3.8 DN (D435), 0.946 and +3.9 DN (D415)",
+    parameters=[
+        Parameter("gain", "1", neutral=0.0, low=-0.5, high=0.5, typical=0.05, source="right over left, minus 1"),
+        Parameter("offset_dn", "DN", neutral=0.0, low=-20.0, high=20.0, typical=2.0),
+    ],
+)
+def gain_mismatch(signal, view, gain, offset_dn):
+    """The right camera amplifies more and has another offset; the left one half of each the other way."""
+    side = 0.5 if view.is_right else -0.5
+    return signal * (1.0 + side * gain) + side * offset_dn

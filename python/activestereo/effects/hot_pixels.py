@@ -1,0 +1,24 @@
+"""Pixels with much dark current."""
+
+import numpy as np
+
+from activestereo.effects.core.descriptor import Parameter, Randomness, Stage, effect
+
+
+@effect(
+    "hot_pixels",
+    stage=Stage.CHARGE,
+    family="dark",
+    source="EMVA 1288 defect pixels, 1e-5 to 1e-3 of all; exponential tail of dark current",
+    randomness=Randomness.STATIC,
+    parameters=[
+        Parameter("share", "1", neutral=0.0, low=0.0, high=0.05, typical=0.002),
+        Parameter("rate_dn_per_s", "DN/s", neutral=2000.0, low=0.0, high=100000.0, typical=2000.0, source="mean of the tail at gain 1"),
+    ],
+)
+def hot_pixels(signal, view, share, rate_dn_per_s):
+    """A share of the pixels gathers charge without light, exponentially distributed, the same pixels in all frames."""
+    rng = view.rng("hot_pixels")
+    hot = rng.random(signal.shape) < share
+    strength = rng.standard_exponential(signal.shape)
+    return signal + np.where(hot, strength, 0.0) * rate_dn_per_s * view.frame.exposure_gain

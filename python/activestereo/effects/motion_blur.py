@@ -1,0 +1,25 @@
+"""Motion during the exposure."""
+
+import numpy as np
+
+from activestereo.effects.core.descriptor import Parameter, Stage, effect
+from activestereo.effects.core.light import Light
+from activestereo.effects.core.motion import displaced
+
+_INSTANTS = 5
+
+
+@effect(
+    "motion_blur",
+    stage=Stage.CAMERA,
+    family="motion",
+    source="exposure is an integral over time",
+    parameters=[Parameter("exposure_fraction", "1", neutral=0.0, low=0.0, high=2.0, typical=1.0, source="1 = the frame's own exposure time")],
+)
+def motion_blur(light, view, exposure_fraction):
+    """The image is the mean over the exposure of what the moving rig sees."""
+    if exposure_fraction == 0.0 or not view.frame.is_moving:
+        return light
+    times = (np.arange(_INSTANTS) + 0.5) / _INSTANTS - 0.5
+    seen = [displaced(light, view, t * exposure_fraction * view.frame.exposure_s) for t in times]
+    return Light(*(sum(getattr(s, name) for s in seen) / _INSTANTS for name in ("direct", "indirect", "ambient", "flat")))

@@ -1,0 +1,22 @@
+"""Principal point of the right camera off its calibration (also: yaw)."""
+
+from activestereo.effects.core.descriptor import Parameter, Stage, effect
+from activestereo.effects.core.resample import sample
+
+
+@effect(
+    "principal_point_offset",
+    stage=Stage.CAMERA,
+    family="camera geometry",
+    source="device reports of 0.05-1 px after thermal or mechanical stress (librealsense issues 8230, 9561)",
+    parameters=[
+        Parameter("cx_px", "px", neutral=0.0, low=-5.0, high=5.0, typical=0.2),
+        Parameter("cy_px", "px", neutral=0.0, low=-5.0, high=5.0, typical=0.1),
+    ],
+)
+def principal_point_offset(light, view, cx_px, cy_px):
+    """The right image is shifted: a constant disparity error, growing with distance squared in depth."""
+    if not view.is_right or (cx_px == 0.0 and cy_px == 0.0):
+        return light
+    u, v = view.pixels()
+    return light.map(lambda images: sample(images, u - cx_px, v - cy_px))

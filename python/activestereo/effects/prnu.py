@@ -1,0 +1,23 @@
+"""Pixels of unequal sensitivity."""
+
+import numpy as np
+
+from activestereo.effects.core.descriptor import Parameter, Randomness, Stage, effect
+
+
+def _variance(signal, view, sigma):
+    return (sigma * np.asarray(signal)) ** 2
+
+
+@effect(
+    "prnu",
+    stage=Stage.CHARGE,
+    family="fixed pattern",
+    source="EMVA 1288 photo response non-uniformity, 0.5-2 %",
+    randomness=Randomness.STATIC,
+    variance=_variance,
+    parameters=[Parameter("sigma", "1", neutral=0.0, low=0.0, high=0.2, typical=0.01)],
+)
+def prnu(signal, view, sigma):
+    """Every pixel has its own gain, the same in all frames."""
+    return signal * (1.0 + sigma * view.rng("prnu").standard_normal(signal.shape))

@@ -1,0 +1,20 @@
+"""Projector that is dimmer off its axis."""
+
+import numpy as np
+
+from activestereo.effects.core.descriptor import Parameter, Stage, effect
+
+
+@effect(
+    "projector_vignetting",
+    stage=Stage.PROJECTOR,
+    family="projector shading",
+    source="radiant intensity of a collimated diffractive projector falls with a power of cos",
+    parameters=[Parameter("exponent", "1", neutral=0.0, low=0.0, high=12.0, typical=1.5)],
+)
+def projector_vignetting(light, view, exponent):
+    """Projected light falls by cos^exponent of the angle to the projector's axis; ambient light does not."""
+    points = view.projector_points()
+    distance = np.linalg.norm(points, axis=-1)
+    cosine = np.where(distance > 0, points[..., 2] / np.where(distance > 0, distance, 1.0), 1.0)
+    return light.scale_projector(np.clip(cosine, 1e-6, 1.0) ** exponent)

@@ -1,0 +1,17 @@
+"""Coarse digital steps."""
+
+import numpy as np
+
+from activestereo.effects.core.descriptor import Parameter, Stage, effect
+
+
+@effect(
+    "quantisation",
+    stage=Stage.DIGITAL,
+    family="quantisation",
+    source="an ideal quantiser of step q adds a variance of q^2 / 12 (Bennett 1948)",
+    parameters=[Parameter("step_dn", "DN", neutral=0.0, low=0.0, high=32.0, typical=2.0, source="1 = whole digital numbers")],
+)
+def quantisation(dn, view, step_dn):
+    """Values are rounded to multiples of a step."""
+    return dn if step_dn == 0.0 else step_dn * np.rint(dn / step_dn)

@@ -1,0 +1,23 @@
+"""Read noise."""
+
+import numpy as np
+
+from activestereo.effects.core.descriptor import Parameter, Randomness, Stage, effect
+
+
+def _variance(signal, view, sigma_dn):
+    return np.full(signal.shape, sigma_dn**2)
+
+
+@effect(
+    "read_noise",
+    stage=Stage.READOUT,
+    family="temporal noise",
+    source="EMVA 1288; 0.2-1 DN on D4xx",
+    randomness=Randomness.TEMPORAL,
+    variance=_variance,
+    parameters=[Parameter("sigma_dn", "DN", neutral=0.0, low=0.0, high=20.0, typical=0.8)],
+)
+def read_noise(signal, view, sigma_dn):
+    """The amplifier adds noise that no light changes."""
+    return signal + sigma_dn * view.rng("read_noise", per="frame").standard_normal(signal.shape)

@@ -1,0 +1,19 @@
+"""Row-wise readout of a moving sensor."""
+
+import numpy as np
+
+from activestereo.effects.core.descriptor import Parameter, Stage, effect
+from activestereo.effects.core.motion import displaced
+
+
+@effect(
+    "rolling_shutter",
+    stage=Stage.CAMERA,
+    family="motion",
+    source="Meingast, Geyer and Sastry 2005, Geometric models of rolling-shutter cameras",
+    parameters=[Parameter("line_time_s", "s", neutral=0.0, low=-1e-4, high=1e-4, typical=2e-5, source="10-70 us on common imagers")],
+)
+def rolling_shutter(light, view, line_time_s):
+    """Rows are exposed one after the other, the middle row at the frame's time."""
+    height = view.shape[0]
+    return displaced(light, view, (np.arange(height) - (height - 1) / 2) * line_time_s)

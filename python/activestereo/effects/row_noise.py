@@ -1,0 +1,23 @@
+"""Noise that whole rows share."""
+
+import numpy as np
+
+from activestereo.effects.core.descriptor import Parameter, Randomness, Stage, effect
+
+
+def _variance(signal, view, sigma_dn):
+    return np.full(signal.shape, sigma_dn**2)
+
+
+@effect(
+    "row_noise",
+    stage=Stage.READOUT,
+    family="temporal noise",
+    source="row-wise reference sampling of CMOS imagers; <= 0.03 DN on D4xx",
+    randomness=Randomness.TEMPORAL,
+    variance=_variance,
+    parameters=[Parameter("sigma_dn", "DN", neutral=0.0, low=0.0, high=10.0, typical=0.3)],
+)
+def row_noise(signal, view, sigma_dn):
+    """Every row of every frame has an offset of its own."""
+    return signal + sigma_dn * view.rng("row_noise", per="frame").standard_normal((signal.shape[0], 1))

@@ -1,0 +1,32 @@
+"""Full wells that overflow."""
+
+import numpy as np
+
+from activestereo.effects.core.descriptor import Parameter, Stage, effect
+
+_ROUNDS = 4
+
+
+@effect(
+    "saturation_blooming",
+    stage=Stage.CHARGE,
+    family="saturation",
+    source="Janesick, Photon Transfer, full well and blooming",
+    parameters=[
+        Parameter("lost_range", "1", neutral=0.0, low=0.0, high=0.95, typical=0.3, source="the well is full at (1 - this) of the range"),
+        Parameter("spill", "1", neutral=0.0, low=0.0, high=1.0, typical=0.3, source="share of the overflow that reaches the column's neighbours"),
+    ],
+)
+def saturation_blooming(signal, view, lost_range, spill):
+    """Pixels stop counting before the range ends, and spill into the pixels above and below."""
+    if lost_range == 0.0:
+        return signal
+    full = (1.0 - lost_range) * view.max_dn
+    value = signal
+    for _ in range(_ROUNDS):
+        over = np.maximum(value - full, 0.0)
+        if not over.any():
+            break
+        given = np.pad(0.5 * spill * over, ((1, 1), (0, 0)))
+        value = np.minimum(value, full) + given[:-2] + given[2:]
+    return np.minimum(value, full)

@@ -1,0 +1,17 @@
+"""Speckle of a scene that stands still."""
+
+from activestereo.effects.core.descriptor import Parameter, Randomness, Stage, effect
+from activestereo.effects.core.speckle import speckled
+
+
+@effect(
+    "speckle_static",
+    stage=Stage.SURFACE,
+    family="speckle",
+    source="Goodman, Speckle Phenomena in Optics, 3.4; does not average out over frames (librealsense issue 1375)",
+    randomness=Randomness.STATIC,
+    parameters=[Parameter("contrast", "1", neutral=0.0, low=0.0, high=0.8, typical=0.1)],
+)
+def speckle_static(light, view, contrast):
+    """Projected light is grainy; the grains are the same in repeats, and new when rig or scene moves."""
+    return speckled(light, view, "speckle_static", contrast, "pose")

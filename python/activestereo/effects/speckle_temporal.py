@@ -1,0 +1,17 @@
+"""Speckle that boils: mode hopping, vibration."""
+
+from activestereo.effects.core.descriptor import Parameter, Randomness, Stage, effect
+from activestereo.effects.core.speckle import speckled
+
+
+@effect(
+    "speckle_temporal",
+    stage=Stage.SURFACE,
+    family="speckle",
+    source="Goodman, Speckle Phenomena in Optics, 3.4; gamma noise of Landau 2015 (Kinect)",
+    randomness=Randomness.TEMPORAL,
+    parameters=[Parameter("contrast", "1", neutral=0.0, low=0.0, high=0.8, typical=0.1)],
+)
+def speckle_temporal(light, view, contrast):
+    """Projected light is grainy, with new grains in every frame: temporal variance grows with intensity squared."""
+    return speckled(light, view, "speckle_temporal", contrast, "frame")

@@ -1,0 +1,16 @@
+"""Right camera pitched against the left."""
+
+from activestereo.effects.core.descriptor import Parameter, Stage, effect
+from activestereo.effects.core.rotate import turned
+
+
+@effect(
+    "stereo_pitch",
+    stage=Stage.CAMERA,
+    family="camera geometry",
+    source="vertical disparity 0.02-0.3 px on real D4xx pairs",
+    parameters=[Parameter("angle_rad", "rad", neutral=0.0, low=-0.02, high=0.02, typical=0.0005)],
+)
+def stereo_pitch(light, view, angle_rad):
+    """The right camera is turned about its x axis: rows of the pair no longer meet."""
+    return turned(light, view, (1.0, 0.0, 0.0), angle_rad) if view.is_right else light

@@ -1,0 +1,16 @@
+"""Right camera rolled against the left."""
+
+from activestereo.effects.core.descriptor import Parameter, Stage, effect
+from activestereo.effects.core.rotate import turned
+
+
+@effect(
+    "stereo_roll",
+    stage=Stage.CAMERA,
+    family="camera geometry",
+    source="vertical disparity that changes over the image width on real D4xx pairs",
+    parameters=[Parameter("angle_rad", "rad", neutral=0.0, low=-0.05, high=0.05, typical=0.001)],
+)
+def stereo_roll(light, view, angle_rad):
+    """The right camera is turned about its optical axis."""
+    return turned(light, view, (0.0, 0.0, 1.0), angle_rad) if view.is_right else light

@@ -1,0 +1,25 @@
+"""Calibration that drifts with temperature."""
+
+from activestereo.effects.core.descriptor import Parameter, Stage, effect
+from activestereo.effects.core.resample import sample
+
+
+@effect(
+    "thermal_drift",
+    stage=Stage.CAMERA,
+    family="camera geometry",
+    source="D415/D455 at 1.7 m: 5 mm between 28 and 35 C (librealsense issue 8434)",
+    parameters=[
+        Parameter("cx_px_per_k", "px/K", neutral=0.0, low=-0.1, high=0.1, typical=0.005),
+        Parameter("focal_per_k", "1/K", neutral=0.0, low=-1e-3, high=1e-3, typical=2e-5),
+    ],
+)
+def thermal_drift(light, view, cx_px_per_k, focal_per_k):
+    """Per kelvin above 25 C the right image shifts and both images grow about their principal points."""
+    shift = cx_px_per_k * view.warming_k if view.is_right else 0.0
+    growth = 1.0 + focal_per_k * view.warming_k
+    if shift == 0.0 and growth == 1.0:
+        return light
+    x, y = view.rays()
+    u, v = view.to_pixels(x / growth, y / growth)
+    return light.map(lambda images: sample(images, u - shift, v))

@@ -1,0 +1,15 @@
+"""Veiling glare: light scattered in the lens falls on the whole image."""
+
+from activestereo.effects.core.descriptor import Parameter, Stage, effect
+
+
+@effect(
+    "veiling_glare",
+    stage=Stage.OPTICS,
+    family="glare",
+    source="ISO 9358 veiling glare index",
+    parameters=[Parameter("fraction", "1", neutral=0.0, low=0.0, high=0.5, typical=0.04)],
+)
+def veiling_glare(image, view, fraction):
+    """A fraction of all light is spread evenly over the image."""
+    return (1.0 - fraction) * image + fraction * image.mean(axis=(-2, -1), keepdims=True)

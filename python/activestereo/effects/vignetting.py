@@ -1,0 +1,17 @@
+"""Lens vignetting: the camera sees less light towards its corners."""
+
+from activestereo.effects.core.descriptor import Parameter, Stage, effect
+
+
+@effect(
+    "vignetting",
+    stage=Stage.OPTICS,
+    family="lens shading",
+    source="cos^4 law of a thin lens: Born and Wolf, Principles of Optics, 4.8.1",
+    parameters=[Parameter("exponent", "1", neutral=0.0, low=0.0, high=8.0, typical=1.5, source="4 = thin lens; D4xx corners 0.35-0.45")],
+)
+def vignetting(image, view, exponent):
+    """All light falls by cos^exponent of the angle to the optical axis."""
+    x, y = view.rays()
+    return image * (1.0 + x * x + y * y) ** (-exponent / 2.0)
+

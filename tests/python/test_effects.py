@@ -1,0 +1,157 @@
+"""Effects: every built-in one obeys the laws, lawless ones are caught, and each does what its physics says."""
+
+import numpy as np
+import pytest
+
+from activestereo.effects import Light, Model, Parameter, Randomness, Stage, broken_laws, builtin, effect
+from activestereo.effects.core.laws import example_value, example_view
+
+EFFECTS = builtin()
+
+
+@pytest.mark.parametrize("name", list(EFFECTS))
+def test_every_builtin_effect_obeys_the_laws(name):
+    assert broken_laws(EFFECTS[name]) == []
+
+
+@pytest.mark.parametrize("name", list(EFFECTS))
+def test_every_parameter_says_unit_and_the_effect_its_source(name):
+    e = EFFECTS[name]
+    assert e.source and e.summary and e.family
+    assert all(p.unit for p in e.parameters)
+
+
+def make(function, **fields):
+    given = dict(stage=Stage.READOUT, family="test", source="test", parameters=[Parameter("a", "1", 0.0, 0.0, 1.0, 0.5)]) | fields
+    function.__doc__ = "A test."
+    return effect("bad", **given)(function)
+
+
+@pytest.mark.parametrize(
+    ("function", "fields", "word"),
+    [
+        (lambda s, view, a: s + 1, {}, "neutral"),
+        (lambda s, view, a: s + a * np.random.default_rng().random(), {}, "another output"),
+        (lambda s, view, a: s / (1 - a), {}, "not finite"),
+        (lambda s, view, a: s, {}, "no influence"),
+        (lambda s, view, a: s.__iadd__(a), {}, "in place"),
+        (lambda s, view, a: s + a * view.rng("x").random(), {}, "seed"),
+        (lambda s, view, a: s + a * view.rng("x").random(), {"randomness": Randomness.TEMPORAL}, "repeats"),
+    ],
+)
+def test_a_lawless_effect_is_caught(function, fields, word):
+    with np.errstate(all="ignore"):
+        assert any(word in sentence for sentence in broken_laws(make(function, **fields)))
+
+
+def test_wrong_parameters_are_named():
+    with pytest.raises(ValueError, match=r"vignetting has no parameter 'strength' \(known: exponent\)"):
+        EFFECTS["vignetting"].values({"strength": 1})
+    with pytest.raises(ValueError, match=r"vignetting.exponent is 99.0"):
+        EFFECTS["vignetting"].values({"exponent": 99})
+    with pytest.raises(ValueError, match="takes \\['b'\\], the parameters are \\['a'\\]"):
+        make(lambda s, view, b: s)
+
+
+@pytest.mark.parametrize("name", [n for n, e in EFFECTS.items() if e.variance])
+def test_variance_is_the_variance_of_draws(name):
+    e, view = EFFECTS[name], example_view()
+    signal = np.full(view.shape, 90.0)
+    from dataclasses import replace
+
+    draws = np.stack([e(signal, replace(view, seed=s), **e.typical_values) for s in range(60)])
+    predicted = e.variance(signal, view, **e.typical_values).mean()
+    assert draws.var(axis=0, ddof=1).mean() == pytest.approx(predicted, rel=0.05)
+    assert draws.mean() == pytest.approx(90.0, abs=4 * np.sqrt(predicted / 60 / view.shape[0]))
+
+
+def test_projector_effects_leave_ambient_light_alone():
+    view = example_view()
+    light = example_value(Stage.PROJECTOR, view)
+    for e in EFFECTS.values():
+        if e.stage is Stage.PROJECTOR:
+            np.testing.assert_array_equal(e(light, view, **e.typical_values).ambient, light.ambient)
+
+
+def test_energy_is_kept_by_blur_glare_and_defocus_of_a_plane():
+    view = example_view()
+    image = np.zeros((1, *view.shape))
+    image[0, 30:40, 40:50] = 1.0
+    for name, parameters in (("lens_psf", {"sigma_px": 1.3}), ("veiling_glare", {"fraction": 0.2})):
+        assert EFFECTS[name](image, view, **parameters).sum() == pytest.approx(image.sum(), rel=1e-6)
+
+
+def test_distortion_moves_a_corner_by_brown_conradys_formula():
+    view = example_view()
+    K, k1 = view.K, -0.05
+    x, y = -0.55, 0.4
+    scale = 1 + k1 * (x * x + y * y)
+    (u0, v0), (u1, v1) = [(K[0, 0] * a + K[0, 2], K[1, 1] * b + K[1, 2]) for a, b in ((x, y), (x * scale, y * scale))]
+    u, v = view.pixels()
+    blob = np.exp(-((u - u0) ** 2 + (v - v0) ** 2) / 8)
+    light = Light(blob, blob, blob, blob)
+    moved = EFFECTS["radial_distortion"](light, view, k1=k1).ambient
+    assert (moved * u).sum() / moved.sum() == pytest.approx(u1, abs=0.05)
+    assert (moved * v).sum() / moved.sum() == pytest.approx(v1, abs=0.05)
+
+
+def test_baseline_drift_shifts_by_focal_length_times_offset_over_depth():
+    view = example_view()
+    from dataclasses import replace
+
+    view = replace(view, depth_m=np.full(view.shape, 0.8))
+    u, v = view.pixels()
+    blob = np.exp(-((u - 50) ** 2 + (v - 30) ** 2) / 8)
+    moved = EFFECTS["baseline_drift"](Light(blob, blob, blob, blob), view, offset_m=0.004).ambient
+    assert (moved * u).sum() / moved.sum() == pytest.approx(50 - view.K[0, 0] * 0.004 / 0.8, abs=0.01)
+
+
+def test_saturation_keeps_charge_that_spills_and_caps_the_rest():
+    view = example_view()
+    signal = np.full(view.shape, 10.0)
+    signal[30, 40] = 250.0
+    out = EFFECTS["saturation_blooming"](signal, view, lost_range=0.4, spill=1.0)
+    assert out.max() == pytest.approx(0.6 * 255)
+    assert out.sum() == pytest.approx(signal.sum())
+    assert out[29, 40] == out[31, 40] > 10.0
+
+
+def test_a_model_without_effects_is_the_base_model_and_order_follows_the_light():
+    view = example_view()
+    layers = example_value(Stage.PROJECTOR, view)
+    from activestereo.lab.fit import Nuisances, predict
+
+    nuisances = Nuisances(3e4, 9e3, 4.0)
+
+    class Rendered:
+        projector, ambient = layers.projector, layers.ambient
+
+    base = Model()
+    expected = predict(view.frame, Rendered, nuisances, view.max_dn)
+    np.testing.assert_allclose(base.signal(layers, view, nuisances), expected)
+    one = base.with_effect(EFFECTS["response_gamma"], log_exponent=0.2).with_effect(EFFECTS["vignetting"], exponent=4)
+    other = base.with_effect(EFFECTS["vignetting"], exponent=4).with_effect(EFFECTS["response_gamma"], log_exponent=0.2)
+    images = [m.signal(m.light(layers, view), view, nuisances) for m in (one, other)]
+    np.testing.assert_array_equal(*images)
+    assert images[0][36, 48] != images[0][0, 0]
+
+
+def test_the_expected_value_is_the_mean_of_exposures():
+    view = example_view()
+    layers = example_value(Stage.PROJECTOR, view)
+    from dataclasses import replace
+
+    from activestereo.lab.fit import Nuisances
+
+    nuisances = Nuisances(3e4, 9e3, 4.0)
+    model = Model()
+    for name in ("speckle_temporal", "shot_noise", "read_noise"):
+        model = model.with_effect(EFFECTS[name], **EFFECTS[name].typical_values)
+    expected = model.signal(model.light(layers, view), view, nuisances)
+    mean = np.zeros(view.shape)
+    for seed in range(100):
+        v = replace(view, seed=seed)
+        mean += model.signal(model.light(layers, v, random=True), v, nuisances, random=True) / 100
+    inside = expected < 200
+    assert np.abs((mean - expected)[inside]).mean() < 0.5
+    assert (mean - expected)[inside].mean() == pytest.approx(0.0, abs=0.05)
