@@ -1,41 +1,19 @@
-// Primary rays: one path per pixel and sample, uniform over the pixel's square (box filter).
 #version 460
 #extension GL_GOOGLE_include_directive : require
+#include "lib/invocation.glsl"
 #include "lib/pixels.glsl"
 #include "lib/queue.glsl"
 #include "lib/sequence.glsl"
 
 layout(push_constant, scalar) uniform Push { GeneratePush push; };
+#include "stage/generate.glsl"
 
 void main() {
-  uint slot = gl_GlobalInvocationID.x;
-  uint path_count = push.range.pixel_count * push.range.sample_count;
-  uint group_size = gl_WorkGroupSize.x;
+  uint slot = gl_GlobalInvocationID.x, path_count = push.range.pixel_count * push.range.sample_count;
   if (slot == 0u) {
     push.counters.at[counter_ray_count] = path_count;
-    store_arguments(push.counters, counter_trace_arguments, (path_count + trace_group_size - 1u) / trace_group_size);
-    store_arguments(push.counters, counter_shade_arguments, (path_count + group_size - 1u) / group_size);
+    cover(push.counters, counter_trace_arguments, path_count, trace_group_size);
+    cover(push.counters, counter_shade_arguments, path_count, gl_WorkGroupSize.x);
   }
-  if (slot >= path_count) return;
-  uint local_pixel = slot / push.range.sample_count;
-  uint index = push.range.first_sample + slot - local_pixel * push.range.sample_count;
-  Pixel pixel = wave_pixel(push.range, local_pixel);
-  ViewRecord view = push.views.at[pixel.view];
-  uint key = hash(view.key ^ hash(pixel.row * push.range.width + pixel.column));
-  bool centre = (push.flags & generate_pixel_centre) != 0u;
-  vec2 film = vec2(pixel.column, pixel.row);
-  if (!centre) film += sample_2d(key, index, pair_film) - 0.5;
-  vec3 ray = view.axis_0 + film.x * view.axis_u + film.y * view.axis_v;
-  float metres_per_z = length(ray);  // ray length for one metre of z
-  store_closest_ray(push.rays, slot, push.range.capacity, view.origin, view.near_m * metres_per_z, ray / metres_per_z,
-                    view.far_m * metres_per_z, slot);
-  if ((push.flags & generate_environments) != 0u) push.ray_environments.at[slot] = view.environment;
-  if (centre) return;
-  uint capacity = push.range.capacity;
-  push.state.at[state_pixel_key * capacity + slot] = key;
-  push.state.at[state_sample * capacity + slot] = index;
-  push.state.at[state_flags * capacity + slot] = view.environment | path_all_delta;
-  uint plane = state_throughput;
-  for (; plane < state_radiance(push.channels); ++plane) push.state.at[plane * capacity + slot] = floatBitsToUint(1.0);
-  for (; plane < state_shadow(push.channels); ++plane) push.state.at[plane * capacity + slot] = 0u;
+  if (slot < path_count) generate(slot);
 }

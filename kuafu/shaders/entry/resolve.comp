@@ -1,26 +1,12 @@
-// Adds the light of the shadow rays that got through, path by path in the order of the rays: no two invocations touch one path.
 #version 460
 #extension GL_GOOGLE_include_directive : require
+#include "lib/invocation.glsl"
 #include "lib/queue.glsl"
 
 layout(push_constant, scalar) uniform Push { ResolvePush push; };
-
-void add_light(uint slot, uint shadow) {
-  uint i = shadow & ((1u << shadow_group_shift) - 1u), group = shadow >> shadow_group_shift;
-  float t_far = uintBitsToFloat(push.shadow_rays.at[ray_word(i, ray_t_far, occlusion_words, queue_layout, push.shadow_capacity)]);
-  if (t_far < 0.0) return;
-  for (uint c = 0u; c < push.channels; ++c) {
-    uint word = (state_radiance(push.channels) + group * push.channels + c) * push.capacity + slot;
-    push.state.at[word] = floatBitsToUint(uintBitsToFloat(push.state.at[word]) + push.contributions.at[c * push.shadow_capacity + i]);
-  }
-}
+#include "stage/resolve.glsl"
 
 void main() {
   uint i = gl_GlobalInvocationID.x;
-  if (i >= push.counters.at[push.bounce * counter_words + counter_ray_count]) return;
-  uint slot = push.rays.at[ray_word(i, ray_id, closest_words, queue_layout, push.capacity)];
-  for (uint k = 0u; k < push.shadow_rays_per_vertex; ++k) {
-    uint shadow = push.state.at[(state_shadow(push.channels) + k) * push.capacity + slot];
-    if (shadow != shadow_none) add_light(slot, shadow);
-  }
+  if (i < push.counters.at[push.bounce * counter_words + counter_ray_count]) resolve(i);
 }

@@ -1,7 +1,4 @@
-// Shading with one channel.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #define KUAFU_CHANNELS 1
-#include "lib/shade.glsl"
-
-void main() { shade(); }
+#include "lib/shade_main.glsl"

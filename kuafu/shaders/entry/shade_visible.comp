@@ -1,7 +1,4 @@
-// Shading with three channels.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #define KUAFU_CHANNELS 3
-#include "lib/shade.glsl"
-
-void main() { shade(); }
+#include "lib/shade_main.glsl"

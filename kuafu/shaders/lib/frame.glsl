@@ -8,10 +8,10 @@ struct Frame {
 
 // Duff et al., "Building an Orthonormal Basis, Revisited", JCGT 2017.
 Frame frame_around(vec3 n) {
-  float s = n.z >= 0.0 ? 1.0 : -1.0;
-  float a = -1.0 / (s + n.z);
+  float s = n.z >= 0.0f ? 1.0f : -1.0f;
+  float a = -1.0f / (s + n.z);
   float b = n.x * n.y * a;
-  return Frame(vec3(1.0 + s * n.x * n.x * a, s * b, -s * n.x), vec3(b, s + n.y * n.y * a, -n.y), n);
+  return Frame(vec3(1.0f + s * n.x * n.x * a, s * b, -s * n.x), vec3(b, s + n.y * n.y * a, -n.y), n);
 }
 
 vec3 to_local(Frame f, vec3 w) { return vec3(dot(f.tangent, w), dot(f.bitangent, w), dot(f.normal, w)); }
@@ -19,5 +19,5 @@ vec3 to_world(Frame f, vec3 v) { return f.tangent * v.x + f.bitangent * v.y + f.
 
 /// Leaves a surface on the side of `outward`. The step is a few ulps of the coordinates that the point was made from (after Wächter and Binder, "A Fast and
 /// Robust Method for Avoiding Self-Intersection", Ray Tracing Gems 2019), along the normal alone, so that it never crosses a neighbouring wall of a corner.
-vec3 offset_origin(vec3 position, float coordinate_size, vec3 outward) { return position + outward * (coordinate_size * (1.0 / 131072.0)); }
+vec3 offset_origin(vec3 position, float coordinate_size, vec3 outward) { return position + outward * (coordinate_size * (1.0f / 131072.0f)); }
 #endif

@@ -14,13 +14,13 @@ struct LightSample {
 LightSample light_at(LightRecord light, vec3 position) {
   LightSample s;
   vec3 to_light = light.position - position;
-  float distance_squared = max(dot(to_light, to_light), 1e-12);
+  float distance_squared = max(dot(to_light, to_light), 1e-12f);
   s.distance_m = sqrt(distance_squared);
   s.direction = to_light / s.distance_m;
   s.irradiance = band_of(light.intensity, light.intensity.x) / distance_squared;
   if (light.kind == light_projector) {
     vec3 q = vec3(dot(light.world_to_pixel[0], -to_light), dot(light.world_to_pixel[1], -to_light), dot(light.world_to_pixel[2], -to_light));
-    s.irradiance *= q.z > 0.0 ? pattern_bilinear(light.pattern, q.xy / q.z, light.width, light.height) : 0.0;
+    s.irradiance *= q.z > 0.0f ? pattern_bilinear(light.pattern, xy(q) / q.z, light.width, light.height) : 0.0f;
   }
   return s;
 }
@@ -39,15 +39,15 @@ LightChoice select_light(LightArray lights, EnvironmentRecord environment, bool 
     if (u < (skip_projectors ? before.other_cumulative : before.cumulative)) high = middle;
     else low = middle;
   }
-  if (low >= environment.first_light + environment.light_count) return LightChoice(0u, 0.0);
+  if (low >= environment.first_light + environment.light_count) return LightChoice(0u, 0.0f);
   return LightChoice(low, skip_projectors ? lights.at[low].other_probability : lights.at[low].probability);
 }
 
 /// The light that shadow ray `k` of a vertex asks. With few lights: the k-th. Else every projector where the camera looks, exactly, and one light by power.
 LightChoice vertex_light(LightArray lights, EnvironmentRecord environment, uint k, bool select, bool all_delta, float u) {
   if (!select || (all_delta && k < environment.projector_count))
-    return LightChoice(environment.first_light + k, k < environment.light_count ? 1.0 : 0.0);
-  if (k != (all_delta ? environment.projector_count : 0u)) return LightChoice(0u, 0.0);
+    return LightChoice(environment.first_light + k, k < environment.light_count ? 1.0f : 0.0f);
+  if (k != (all_delta ? environment.projector_count : 0u)) return LightChoice(0u, 0.0f);
   return select_light(lights, environment, all_delta, u);
 }
 #endif

@@ -12,23 +12,23 @@ struct MaterialPoint {
 };
 
 vec4 material_texel(SceneAddresses scene, uint texture, vec2 uv) {
-  return texture == no_texture ? vec4(1.0) : texture_repeat(scene.textures.at[texture], uv);
+  return texture == no_texture ? vec4(1.0f) : texture_repeat(scene.textures.at[texture], uv);
 }
 
 // Tangent-space normal map of glTF: x along growing u, y against growing v (v points down).
-void apply_normal_map(SceneAddresses scene, uint texture, inout Surface s) {
-  vec3 map = material_texel(scene, texture, s.uv).xyz * 2.0 - 1.0;
+void apply_normal_map(SceneAddresses scene, uint texture, INOUT(Surface) s) {
+  vec3 map = xyz(material_texel(scene, texture, s.uv)) * 2.0f - 1.0f;
   vec3 tangent = s.tangent_u - s.shading_normal * dot(s.tangent_u, s.shading_normal);
   float length_squared = dot(tangent, tangent);
-  if (texture == no_texture || length_squared == 0.0) return;
+  if (texture == no_texture || length_squared == 0.0f) return;
   tangent *= inversesqrt(length_squared);
   vec3 bitangent = cross(s.shading_normal, tangent);
-  if (dot(bitangent, s.tangent_v) > 0.0) bitangent = -bitangent;
-  vec3 n = normalize(tangent * map.x + bitangent * map.y + s.shading_normal * max(map.z, 1e-3));
-  if (dot(n, s.geometric_normal) > 0.0) s.shading_normal = n;
+  if (dot(bitangent, s.tangent_v) > 0.0f) bitangent = -bitangent;
+  vec3 n = normalize(tangent * map.x + bitangent * map.y + s.shading_normal * max(map.z, 1e-3f));
+  if (dot(n, s.geometric_normal) > 0.0f) s.shading_normal = n;
 }
 
-MaterialPoint load_material(SceneAddresses scene, MaterialRecord m, inout Surface s) {
+MaterialPoint load_material(SceneAddresses scene, MaterialRecord m, INOUT(Surface) s) {
   MaterialPoint p;
   p.base = band_of(m.base_color, m.ir_albedo);
   p.emission = band_of(m.emission, m.ir_emission);
@@ -39,9 +39,9 @@ MaterialPoint load_material(SceneAddresses scene, MaterialRecord m, inout Surfac
   p.transmission = m.transmission;
   if (m.textured == 0u) return p;
   vec4 base = material_texel(scene, KUAFU_CHANNELS == 1 ? m.ir_albedo_texture : m.base_color_texture, s.uv);
-  p.base *= band_of(base.rgb, base.r);
+  p.base *= band_of(xyz(base), base.r);
   vec4 emission = material_texel(scene, m.emission_texture, s.uv);
-  p.emission *= band_of(emission.rgb, emission.r);
+  p.emission *= band_of(xyz(emission), emission.r);
   vec4 metallic_roughness = material_texel(scene, m.metallic_roughness_texture, s.uv);
   p.roughness *= metallic_roughness.g;
   p.metallic *= metallic_roughness.b;

@@ -2,51 +2,52 @@
 // Dupuy and Benyoub, "Sampling Visible GGX Normals with Spherical Caps", 2023.
 #ifndef KUAFU_MICROFACET_GLSL
 #define KUAFU_MICROFACET_GLSL
+#include "lib/language.glsl"
 
-const float pi = 3.14159265358979;
+const float pi = 3.14159265358979f;
 
 float ggx_distribution(vec3 h, float alpha) {
   float a2 = alpha * alpha;
-  float d = dot(h.xy, h.xy) + a2 * h.z * h.z;
+  float d = dot(xy(h), xy(h)) + a2 * h.z * h.z;
   return a2 / (pi * d * d);
 }
 
-float smith_root(float cosine, float a2) { return sqrt(a2 + (1.0 - a2) * cosine * cosine); }
+float smith_root(float cosine, float a2) { return sqrt(a2 + (1.0f - a2) * cosine * cosine); }
 
 /// G2 / (4 cos_o cos_i)
 float ggx_visibility(float cos_o, float cos_i, float alpha) {
   float a2 = alpha * alpha;
-  return 0.5 / (cos_i * smith_root(cos_o, a2) + cos_o * smith_root(cos_i, a2));
+  return 0.5f / (cos_i * smith_root(cos_o, a2) + cos_o * smith_root(cos_i, a2));
 }
 
 /// Density of the direction reflected about a visible normal.
 float ggx_reflection_pdf(vec3 wo, vec3 h, float alpha) {
-  return ggx_distribution(h, alpha) * 0.5 / (wo.z + smith_root(wo.z, alpha * alpha));
+  return ggx_distribution(h, alpha) * 0.5f / (wo.z + smith_root(wo.z, alpha * alpha));
 }
 
 vec3 sample_visible_normal(vec3 wo, float alpha, vec2 u) {
-  vec3 w = normalize(vec3(wo.xy * alpha, wo.z));
-  float phi = 2.0 * pi * u.x;
-  float z = (1.0 - u.y) * (1.0 + w.z) - w.z;
-  float s = sqrt(clamp(1.0 - z * z, 0.0, 1.0));
+  vec3 w = normalize(vec3(xy(wo) * alpha, wo.z));
+  float phi = 2.0f * pi * u.x;
+  float z = (1.0f - u.y) * (1.0f + w.z) - w.z;
+  float s = sqrt(clamp(1.0f - z * z, 0.0f, 1.0f));
   vec3 h = vec3(s * cos(phi), s * sin(phi), z) + w;
-  return normalize(vec3(h.xy * alpha, max(h.z, 1e-7)));
+  return normalize(vec3(xy(h) * alpha, max(h.z, 1e-7f)));
 }
 
 float schlick_weight(float cosine) {
-  float m = clamp(1.0 - cosine, 0.0, 1.0);
+  float m = clamp(1.0f - cosine, 0.0f, 1.0f);
   float m2 = m * m;
   return m2 * m2 * m;
 }
 
 /// Unpolarised reflectance of a smooth boundary; eta = n_incident / n_transmitted. cos_t is 0 with total internal reflection.
-float fresnel_dielectric(float cos_i, float eta, out float cos_t) {
-  float sin2_t = eta * eta * (1.0 - cos_i * cos_i);
-  cos_t = 0.0;
-  if (sin2_t >= 1.0) return 1.0;
-  cos_t = sqrt(1.0 - sin2_t);
+float fresnel_dielectric(float cos_i, float eta, OUT(float) cos_t) {
+  float sin2_t = eta * eta * (1.0f - cos_i * cos_i);
+  cos_t = 0.0f;
+  if (sin2_t >= 1.0f) return 1.0f;
+  cos_t = sqrt(1.0f - sin2_t);
   float r_s = (eta * cos_i - cos_t) / (eta * cos_i + cos_t);
   float r_p = (cos_i - eta * cos_t) / (cos_i + eta * cos_t);
-  return 0.5 * (r_s * r_s + r_p * r_p);
+  return 0.5f * (r_s * r_s + r_p * r_p);
 }
 #endif

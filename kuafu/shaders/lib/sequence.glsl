@@ -30,7 +30,7 @@ uint sobol_1_reversed(uint i) {
 }
 
 // [0, 1)
-float unit_float(uint x) { return float(x >> 8) * (1.0 / 16777216.0); }
+float unit_float(uint x) { return float(x >> 8) * (1.0f / 16777216.0f); }
 
 /// Point `index` of the pixel's sequence in dimension pair `pair`.
 vec2 sample_2d(uint pixel_key, uint index, uint pair) {

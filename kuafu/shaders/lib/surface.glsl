@@ -1,6 +1,7 @@
 // From a hit to a point on a surface.
 #ifndef KUAFU_SURFACE_GLSL
 #define KUAFU_SURFACE_GLSL
+#include "lib/language.glsl"
 #include "shared/scene_records.h"
 
 struct Surface {
@@ -19,15 +20,15 @@ vec3 to_world_normal(InstanceRecord r, vec3 n) {
 }
 
 vec3 to_world_vector(InstanceRecord r, vec3 v) {
-  return vec3(dot(r.local_to_world[0].xyz, v), dot(r.local_to_world[1].xyz, v), dot(r.local_to_world[2].xyz, v));
+  return vec3(dot(xyz(r.local_to_world[0]), v), dot(xyz(r.local_to_world[1]), v), dot(xyz(r.local_to_world[2]), v));
 }
 
-void load_uv(InstanceRecord r, uvec3 vertices, vec3 weights, vec3 edge_1, vec3 edge_2, inout Surface s) {
+void load_uv(InstanceRecord r, uvec3 vertices, vec3 weights, vec3 edge_1, vec3 edge_2, INOUT(Surface) s) {
   vec2 uv_0 = r.uvs.at[vertices.x], uv_1 = r.uvs.at[vertices.y], uv_2 = r.uvs.at[vertices.z];
   s.uv = weights.x * uv_0 + weights.y * uv_1 + weights.z * uv_2;
   vec2 d_1 = uv_1 - uv_0, d_2 = uv_2 - uv_0;
   float determinant = d_1.x * d_2.y - d_1.y * d_2.x;
-  float scale = determinant < 0.0 ? -1.0 : 1.0;  // only directions matter
+  float scale = determinant < 0.0f ? -1.0f : 1.0f;  // only directions matter
   s.tangent_u = to_world_vector(r, (edge_1 * d_2.y - edge_2 * d_1.y) * scale);
   s.tangent_v = to_world_vector(r, (edge_2 * d_1.x - edge_1 * d_2.x) * scale);
 }
@@ -36,8 +37,8 @@ void load_uv(InstanceRecord r, uvec3 vertices, vec3 weights, vec3 edge_1, vec3 e
 Surface load_surface(SceneAddresses scene, InstanceRecord r, uint primitive, float u, float v) {
   uvec3 vertices = r.indices.at[primitive];
   vec3 p_0 = r.positions.at[vertices.x], p_1 = r.positions.at[vertices.y], p_2 = r.positions.at[vertices.z];
-  vec3 weights = vec3(1.0 - u - v, u, v), edge_1 = p_1 - p_0, edge_2 = p_2 - p_0;
-  vec4 local = vec4(p_0 + u * edge_1 + v * edge_2, 1.0);
+  vec3 weights = vec3(1.0f - u - v, u, v), edge_1 = p_1 - p_0, edge_2 = p_2 - p_0;
+  vec4 local = vec4(p_0 + u * edge_1 + v * edge_2, 1.0f);
   Surface s;
   s.position = vec3(dot(r.local_to_world[0], local), dot(r.local_to_world[1], local), dot(r.local_to_world[2], local));
   vec3 size = abs(s.position) + abs(vec3(r.local_to_world[0].w, r.local_to_world[1].w, r.local_to_world[2].w));
@@ -48,11 +49,11 @@ Surface load_surface(SceneAddresses scene, InstanceRecord r, uint primitive, flo
     vec3 n = weights.x * r.normals.at[vertices.x] + weights.y * r.normals.at[vertices.y] + weights.z * r.normals.at[vertices.z];
     n = to_world_normal(r, n);
     float length_squared = dot(n, n);
-    if (length_squared > 0.0) s.shading_normal = n * inversesqrt(length_squared);
-    if (dot(s.shading_normal, s.geometric_normal) < 0.0) s.shading_normal = -s.shading_normal;
+    if (length_squared > 0.0f) s.shading_normal = n * inversesqrt(length_squared);
+    if (dot(s.shading_normal, s.geometric_normal) < 0.0f) s.shading_normal = -s.shading_normal;
   }
-  s.uv = vec2(0.0);
-  s.tangent_u = s.tangent_v = vec3(0.0);
+  s.uv = vec2(0.0f);
+  s.tangent_u = s.tangent_v = vec3(0.0f);
   if ((r.flags & instance_has_uvs) != 0u) load_uv(r, vertices, weights, edge_1, edge_2, s);
   uint slot = (r.flags & instance_has_slots) != 0u ? r.slots.at[primitive] : 0u;
   s.material = scene.instance_materials.at[r.first_material + min(slot, r.material_count)];

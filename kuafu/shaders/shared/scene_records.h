@@ -2,18 +2,11 @@
 #ifndef KUAFU_SCENE_RECORDS_H
 #define KUAFU_SCENE_RECORDS_H
 
+#include "shared/arrays.h"
 #include "shared/ray_queue.h"
 
 #ifdef __cplusplus
-#include <glm/glm.hpp>
 namespace kuafu {
-using glm::vec2;
-using glm::vec3;
-using glm::vec4;
-#define KUAFU_REFERENCE(T) uint64_t
-#else
-#include "lib/arrays.glsl"
-#define KUAFU_REFERENCE(T) T
 #endif
 
 KUAFU_CONST instance_has_normals = 1u;
@@ -21,11 +14,11 @@ KUAFU_CONST instance_has_uvs = 2u;
 KUAFU_CONST instance_has_slots = 4u;
 
 struct InstanceRecord {
-  KUAFU_REFERENCE(Vec3Array) positions;
-  KUAFU_REFERENCE(Vec3Array) normals;
-  KUAFU_REFERENCE(Vec2Array) uvs;
-  KUAFU_REFERENCE(UVec3Array) indices;
-  KUAFU_REFERENCE(UintArray) slots;
+  Vec3Array positions;
+  Vec3Array normals;
+  Vec2Array uvs;
+  UVec3Array indices;
+  UintArray slots;
   vec4 local_to_world[3];   // rows
   vec3 normal_to_world[3];  // rows of the inverse transpose
   uint flags;               // instance_has_*
@@ -33,6 +26,7 @@ struct InstanceRecord {
   uint material_count;
   uint id;
 };
+KUAFU_ARRAY(InstanceArray, InstanceRecord, 8)
 
 struct MaterialRecord {
   vec3 base_color;
@@ -44,6 +38,7 @@ struct MaterialRecord {
   uint base_color_texture, ir_albedo_texture, metallic_roughness_texture, normal_texture;
   uint emission_texture, transmission_texture, specular_texture;
 };
+KUAFU_ARRAY(MaterialArray, MaterialRecord, 4)
 
 KUAFU_CONST no_texture = 0xffffffffu;
 KUAFU_CONST texel_half4 = 0u;
@@ -51,15 +46,16 @@ KUAFU_CONST texel_float4 = 1u;
 
 /// Linear RGBA texels, row 0 first.
 struct TextureRecord {
-  KUAFU_REFERENCE(UintArray) texels;
+  UintArray texels;
   uint width, height, format, reserved;
 };
+KUAFU_ARRAY(TextureArray, TextureRecord, 8)
 
 KUAFU_CONST light_point = 1u;
 KUAFU_CONST light_projector = 2u;
 
 struct LightRecord {
-  KUAFU_REFERENCE(FloatArray) pattern;  // [height][width] relative radiant intensity, projectors only
+  FloatArray pattern;  // [height][width] relative radiant intensity, projectors only
   uint width, height;
   vec3 position;
   uint kind;
@@ -68,23 +64,26 @@ struct LightRecord {
   float probability, cumulative;              // selection among all lights of the environment, by power
   float other_probability, other_cumulative;  // the same among those that are no projectors
 };
+KUAFU_ARRAY(LightArray, LightRecord, 8)
 
 struct EnvironmentRecord {
   vec3 radiance;
   uint first_light, projector_count, light_count;  // projectors come first
 };
+KUAFU_ARRAY(EnvironmentArray, EnvironmentRecord, 4)
 
 KUAFU_CONST specular_albedo_size = 32u;  // cosines and roughnesses of the table
 
 struct SceneAddresses {
-  KUAFU_REFERENCE(InstanceArray) instances;
-  KUAFU_REFERENCE(UintArray) instance_materials;  // index into materials
-  KUAFU_REFERENCE(MaterialArray) materials;
-  KUAFU_REFERENCE(TextureArray) textures;
-  KUAFU_REFERENCE(LightArray) lights;
-  KUAFU_REFERENCE(EnvironmentArray) environments;
-  KUAFU_REFERENCE(Vec2Array) specular_albedo;  // [roughness][cosine]
+  InstanceArray instances;
+  UintArray instance_materials;  // index into materials
+  MaterialArray materials;
+  TextureArray textures;
+  LightArray lights;
+  EnvironmentArray environments;
+  Vec2Array specular_albedo;  // [roughness][cosine]
 };
+KUAFU_ARRAY(SceneReference, SceneAddresses, 8)
 
 #ifdef __cplusplus
 static_assert(sizeof(InstanceRecord) == 144);
@@ -94,12 +93,5 @@ static_assert(sizeof(LightRecord) == 96);
 static_assert(sizeof(EnvironmentRecord) == 24);
 static_assert(sizeof(SceneAddresses) == 56);
 }  // namespace kuafu
-#else
-layout(buffer_reference, scalar, buffer_reference_align = 8) buffer InstanceArray { InstanceRecord at[]; };
-layout(buffer_reference, scalar, buffer_reference_align = 4) buffer MaterialArray { MaterialRecord at[]; };
-layout(buffer_reference, scalar, buffer_reference_align = 8) buffer TextureArray { TextureRecord at[]; };
-layout(buffer_reference, scalar, buffer_reference_align = 8) buffer LightArray { LightRecord at[]; };
-layout(buffer_reference, scalar, buffer_reference_align = 4) buffer EnvironmentArray { EnvironmentRecord at[]; };
-layout(buffer_reference, scalar, buffer_reference_align = 8) buffer SceneReference { SceneAddresses at; };
 #endif
 #endif

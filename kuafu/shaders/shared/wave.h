@@ -6,9 +6,6 @@
 
 #ifdef __cplusplus
 namespace kuafu {
-#else
-layout(buffer_reference) buffer ViewArray;
-layout(buffer_reference) buffer OutputArray;
 #endif
 
 // Light groups, in the order of KUAFU_OUTPUT_PROJECTOR_DIRECT, _PROJECTOR_INDIRECT, _AMBIENT.
@@ -49,6 +46,7 @@ struct ViewRecord {
   uint key;  // hash of the seed and of what the camera is
   uint environment;
 };
+KUAFU_ARRAY(ViewArray, ViewRecord, 4)
 
 KUAFU_CONST output_depth = 0u;
 KUAFU_CONST output_normal = 1u;
@@ -59,10 +57,11 @@ KUAFU_CONST output_kind_count = 8u;
 
 /// One output image; strides in 32-bit words; enabled = 0 when it is not asked for.
 struct OutputRecord {
-  KUAFU_REFERENCE(UintArray) words;
+  UintArray words;
   int view_stride, row_stride;
   uint enabled, reserved;
 };
+KUAFU_ARRAY(OutputArray, OutputRecord, 8)
 
 /// Which pixels and samples a wave holds: path slot = local pixel * sample_count + local sample.
 struct WaveRange {
@@ -74,8 +73,8 @@ struct WaveRange {
 };
 
 struct GeneratePush {
-  KUAFU_REFERENCE(ViewArray) views;
-  KUAFU_REFERENCE(UintArray) rays, ray_environments, state, counters;
+  ViewArray views;
+  UintArray rays, ray_environments, state, counters;
   WaveRange range;
   uint channels;
   uint flags;
@@ -89,26 +88,26 @@ KUAFU_CONST shade_ambient = 2u;         // there is light that only BSDF rays fi
 KUAFU_CONST shade_select_lights = 4u;   // too many lights: take one by power
 
 struct ShadePush {
-  KUAFU_REFERENCE(UintArray) rays_in, rays_out, shadow_rays;
-  KUAFU_REFERENCE(UintArray) ray_environments, shadow_environments;
-  KUAFU_REFERENCE(FloatArray) contributions;  // plane c of shadow ray i is c * shadow_capacity + i
-  KUAFU_REFERENCE(UintArray) state, counters;
-  KUAFU_REFERENCE(SceneReference) scene;
+  UintArray rays_in, rays_out, shadow_rays;
+  UintArray ray_environments, shadow_environments;
+  FloatArray contributions;  // plane c of shadow ray i is c * shadow_capacity + i
+  UintArray state, counters;
+  SceneReference scene;
   uint capacity, shadow_capacity;
   uint bounce, max_bounces;
   uint shadow_rays_per_vertex, flags;
 };
 
 struct ResolvePush {
-  KUAFU_REFERENCE(UintArray) rays, shadow_rays;
-  KUAFU_REFERENCE(FloatArray) contributions;
-  KUAFU_REFERENCE(UintArray) state, counters;
+  UintArray rays, shadow_rays;
+  FloatArray contributions;
+  UintArray state, counters;
   uint capacity, shadow_capacity, bounce, shadow_rays_per_vertex, channels;
 };
 
 struct AccumulatePush {
-  KUAFU_REFERENCE(FloatArray) state, sums;  // sums: plane (group, channel) of local pixel p is plane * pixel_count + p
-  KUAFU_REFERENCE(OutputArray) outputs;
+  FloatArray state, sums;  // sums: plane (group, channel) of local pixel p is plane * pixel_count + p
+  OutputArray outputs;
   WaveRange range;
   uint channels;
   uint first_pass, last_pass;
@@ -116,10 +115,10 @@ struct AccumulatePush {
 };
 
 struct AovPush {
-  KUAFU_REFERENCE(UintArray) rays;
-  KUAFU_REFERENCE(SceneReference) scene;
-  KUAFU_REFERENCE(ViewArray) views;
-  KUAFU_REFERENCE(OutputArray) outputs;
+  UintArray rays;
+  SceneReference scene;
+  ViewArray views;
+  OutputArray outputs;
   WaveRange range;
 };
 
@@ -132,8 +131,5 @@ static_assert(sizeof(ResolvePush) == 64);
 static_assert(sizeof(AccumulatePush) == 80);
 static_assert(sizeof(AovPush) == 72);
 }  // namespace kuafu
-#else
-layout(buffer_reference, scalar, buffer_reference_align = 4) buffer ViewArray { ViewRecord at[]; };
-layout(buffer_reference, scalar, buffer_reference_align = 8) buffer OutputArray { OutputRecord at[]; };
 #endif
 #endif

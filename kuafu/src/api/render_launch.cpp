@@ -147,17 +147,17 @@ int word_stride(int64_t byte_stride, uint64_t extent, const char* name) {
 
 void read_output(const kuafu_output_desc& desc, const ks::Device& device, Launch& launch) {
   const OutputKind kind = output_kind(desc.output);
-  const ks::Buffer& buffer = *ks::object_of(desc.buffer, kind.name);
-  if (buffer.device().get() != &device)
+  const std::shared_ptr<ks::Buffer>& buffer = ks::object_of(desc.buffer, kind.name);
+  if (buffer->device().get() != &device)
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s: its buffer belongs to another device than the renderer", kind.name);
   const ks_image_desc& image = desc.image;
   check_embedded(image, KS_TYPE_IMAGE_DESC, kind.name);
   check_shape(image, kind, launch, kind.channels == 0 ? launch.band.channels() : kind.channels);
-  ks::check_image(image, buffer.size_bytes(), kind.name);
-  OutputRecord& record = launch.outputs[kind.kind];
-  if (record.enabled) ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s is asked for twice", kind.name);
-  record = {buffer.address() + image.offset_bytes, word_stride(image.byte_stride[0], image.shape[0], kind.name),
-            word_stride(image.byte_stride[1], image.shape[1], kind.name), 1, 0};
+  ks::check_image(image, buffer->size_bytes(), kind.name);
+  OutputImage& out = launch.outputs[kind.kind];
+  if (out.buffer) ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s is asked for twice", kind.name);
+  out = {buffer, image.offset_bytes, word_stride(image.byte_stride[0], image.shape[0], kind.name),
+         word_stride(image.byte_stride[1], image.shape[1], kind.name)};
 }
 
 }  // namespace

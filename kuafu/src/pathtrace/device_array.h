@@ -2,6 +2,7 @@
 // Thread rule: externally synchronised.
 #pragma once
 
+#include <algorithm>
 #include <cstring>
 #include <memory>
 #include <span>
@@ -11,23 +12,34 @@
 
 namespace kuafu {
 
+/// Where the stages run decides what an address is: a device address, or a pointer into the mapping.
+struct Memory {
+  std::shared_ptr<ks::Device> device;
+  bool on_host = false;
+  [[nodiscard]] uint64_t address(const ks::Buffer& buffer) const {
+    return on_host ? reinterpret_cast<uint64_t>(buffer.mapped()) : buffer.address();
+  }
+};
+
 /// A table that the host writes through its mapping: small, rewritten often, no staging copy.
 template <class T>
 class MappedTable {
  public:
   /// Room for `count` records; what was there is lost when it has to grow.
-  std::span<T> resize(const std::shared_ptr<ks::Device>& device, size_t count) {
+  std::span<T> resize(const Memory& memory, size_t count) {
     const uint64_t bytes = std::max<uint64_t>(count, 1) * sizeof(T);
-    if (!buffer_ || buffer_->size_bytes() < bytes) buffer_ = ks::Buffer::create(device, bytes, KS_BUFFER_HOST_VISIBLE);
+    if (!buffer_ || buffer_->size_bytes() < bytes) buffer_ = ks::Buffer::create(memory.device, bytes, KS_BUFFER_HOST_VISIBLE);
+    address_ = memory.address(*buffer_);
     return {static_cast<T*>(buffer_->mapped()), count};
   }
-  [[nodiscard]] uint64_t address() const { return buffer_ ? buffer_->address() : 0; }
+  [[nodiscard]] uint64_t address() const { return address_; }
 
  private:
   std::shared_ptr<ks::Buffer> buffer_;
+  uint64_t address_ = 0;
 };
 
-/// Collects arrays for one allocation. `add` gives an offset; the address is offset + buffer->address().
+/// Collects arrays for one allocation. `add` gives an offset from the uploaded buffer's address.
 class Block {
  public:
   template <class T>

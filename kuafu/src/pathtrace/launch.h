@@ -7,6 +7,7 @@
 #include <glm/glm.hpp>
 #include <vector>
 
+#include "device/buffer.h"
 #include "pathtrace/band.h"
 #include "shared/wave.h"
 
@@ -19,13 +20,20 @@ struct View {
   uint32_t environment = 0;
 };
 
+/// Where an output goes: a view into the caller's buffer, strides in 32-bit words. No buffer: it is not asked for.
+struct OutputImage {
+  std::shared_ptr<ks::Buffer> buffer;
+  uint64_t offset_bytes = 0;
+  int view_stride = 0, row_stride = 0;
+};
+
 struct Launch {
   std::vector<View> views;
   uint32_t width = 0, height = 0;
   Band band;
   uint32_t samples = 1, first_sample = 0, max_bounces = 0;
   uint64_t seed = 0;
-  std::array<OutputRecord, output_kind_count> outputs{};
+  std::array<OutputImage, output_kind_count> outputs;
   /// Called between waves with what is done, 0..1; true cancels. May be empty.
   std::function<bool(float)> cancelled;
 
@@ -37,7 +45,7 @@ struct Launch {
   }
   [[nodiscard]] bool wants(uint32_t first_kind, uint32_t end_kind) const {
     for (uint32_t k = first_kind; k < end_kind; ++k)
-      if (outputs[k].enabled) return true;
+      if (outputs[k].buffer) return true;
     return false;
   }
   [[nodiscard]] bool wants_aovs() const { return wants(output_depth, output_radiance); }

@@ -5,7 +5,6 @@
 #include <numeric>
 
 #include "device/error.h"
-#include "pathtrace/pipelines.h"
 
 namespace kuafu {
 namespace {
@@ -14,11 +13,11 @@ namespace {
 constexpr uint32_t cpu_wave = 1u << 17, gpu_wave = 1u << 20;
 constexpr uint32_t pass_samples = 256;  // most samples of a pixel in one wave; fixed, since the order of sums follows from it
 
-std::unique_ptr<Tracer> make_tracer(const std::shared_ptr<ks::Device>& device, TracerKind kind) {
-  const bool embree = kind == TracerKind::embree || (kind == TracerKind::automatic && device->is_cpu());
-  if (embree && !device->is_cpu())
-    ks::fail(KS_ERROR_UNSUPPORTED, "KUAFU_TRACER_EMBREE needs a CPU device, %s is none: use KUAFU_TRACER_AUTO", device->info().name);
-  return embree ? make_embree_tracer(device) : make_compute_tracer(device);
+bool wants_embree(const ks::Device& device, TracerKind kind) {
+  const bool embree = kind == TracerKind::embree || (kind == TracerKind::automatic && device.is_cpu());
+  if (embree && !device.is_cpu())
+    ks::fail(KS_ERROR_UNSUPPORTED, "KUAFU_TRACER_EMBREE needs a CPU device, %s is none: use KUAFU_TRACER_AUTO", device.info().name);
+  return embree;
 }
 
 /// Near the golden section of n, coprime to it, and small enough that block * stride stays below 2^32.
@@ -49,7 +48,7 @@ class PathTracer::Run {
   void fit_buffers();
   void render_aovs(uint32_t first_pixel, uint32_t pixel_count);
   void render_pixels(uint32_t first_pixel, uint32_t pixel_count);
-  void trace_paths(const WaveRange& range);
+  void trace_paths();
   void generate(const WaveRange& range, uint32_t flags);
   void shade(uint32_t bounce);
   void resolve(uint32_t bounce);
@@ -69,9 +68,14 @@ void PathTracer::Run::prepare(const Scene& scene) {
   environments_ = launch_.environment_count() > 1;
   auto start = std::chrono::steady_clock::now();
   o_.tables_.update(scene, launch_.band, launch_.environment_count());
-  const auto views = o_.views_.resize(o_.device_, launch_.views.size());
+  const auto views = o_.views_.resize(o_.memory(), launch_.views.size());
   for (size_t i = 0; i < launch_.views.size(); ++i) views[i] = view_record(launch_, launch_.views[i]);
-  std::ranges::copy(launch_.outputs, o_.outputs_.resize(o_.device_, output_kind_count).begin());
+  const auto outputs = o_.outputs_.resize(o_.memory(), output_kind_count);
+  for (size_t i = 0; i < outputs.size(); ++i) {
+    const OutputImage& image = launch_.outputs[i];
+    outputs[i] = {};
+    if (image.buffer) outputs[i] = {o_.memory().address(*image.buffer) + image.offset_bytes, image.view_stride, image.row_stride, 1, 0};
+  }
   fit_buffers();
   commands_.add_host_time("upload", milliseconds_since(start));
   start = std::chrono::steady_clock::now();
@@ -114,11 +118,8 @@ WaveRange PathTracer::Run::range(uint32_t first_pixel, uint32_t pixel_count, uin
 void PathTracer::Run::render_aovs(uint32_t first_pixel, uint32_t pixel_count) {
   const WaveRange centre = range(first_pixel, pixel_count, 0, 1);
   generate(centre, generate_pixel_centre);
-  const RayQueue rays = o_.buffers_.closest_queue(0);
-  o_.tracer_->closest(commands_, rays);
-  commands_.begin_stage("aov");
-  const AovPush push{rays.words->address(), o_.tables_.address(), o_.views_.address(), o_.outputs_.address(), centre};
-  commands_.dispatch(o_.pipelines_->aov(), push, o_.pipelines_->groups(pixel_count));
+  o_.tracer_->closest(commands_, o_.buffers_.closest_queue(0));
+  o_.stages_->aov(commands_, {o_.buffers_.closest_rays(0), o_.tables_.address(), o_.views_.address(), o_.outputs_.address(), centre});
 }
 
 void PathTracer::Run::render_pixels(uint32_t first_pixel, uint32_t pixel_count) {
@@ -126,7 +127,7 @@ void PathTracer::Run::render_pixels(uint32_t first_pixel, uint32_t pixel_count) 
     const uint32_t count = std::min(pass_samples, launch_.samples - sample);
     const WaveRange wave = range(first_pixel, pixel_count, launch_.first_sample + sample, count);
     generate(wave, 0);
-    trace_paths(wave);
+    trace_paths();
     accumulate(wave, sample == 0, sample + count == launch_.samples);
     if (sample + count == launch_.samples) break;
     commands_.flush();
@@ -135,13 +136,13 @@ void PathTracer::Run::render_pixels(uint32_t first_pixel, uint32_t pixel_count) 
 }
 
 // Shadow rays and next rays of a bounce are both there after `shade`, so a host tracer answers them in one stop.
-void PathTracer::Run::trace_paths(const WaveRange&) {
+void PathTracer::Run::trace_paths() {
   const bool shadows = o_.tables_.shadow_rays_per_vertex() > 0;
   o_.tracer_->closest(commands_, o_.buffers_.closest_queue(0));
   for (uint32_t bounce = 0; bounce <= last_bounce(); ++bounce) {
     shade(bounce);
     if (shadows && bounce <= launch_.max_bounces) o_.tracer_->occluded(commands_, o_.buffers_.shadow_queue(bounce));
-    if (o_.device_->is_cpu()) commands_.flush();
+    if (o_.device_->is_cpu()) commands_.flush();  // then the host sees how many paths are left
     const bool more = bounce < last_bounce() && o_.buffers_.ray_count(bounce + 1) > 0;
     if (more) o_.tracer_->closest(commands_, o_.buffers_.closest_queue(bounce + 1));
     if (shadows && bounce <= launch_.max_bounces) resolve(bounce);
@@ -150,32 +151,25 @@ void PathTracer::Run::trace_paths(const WaveRange&) {
 }
 
 void PathTracer::Run::generate(const WaveRange& wave, uint32_t flags) {
-  commands_.begin_stage("generate");
-  commands_.fill(o_.buffers_.counters(), 0, o_.buffers_.counter_bytes(), 0);
-  const RayQueue rays = o_.buffers_.closest_queue(0);
-  const GeneratePush push{o_.views_.address(),
-                          rays.words->address(),
-                          o_.buffers_.closest_environments(0),
-                          o_.buffers_.state(),
-                          o_.buffers_.counters().address(),
-                          wave,
-                          launch_.band.channels(),
-                          flags | (environments_ ? generate_environments : 0)};
-  commands_.dispatch(o_.pipelines_->generate(), push, o_.pipelines_->groups(wave.pixel_count * wave.sample_count));
+  const WaveBuffers& b = o_.buffers_;
+  const GeneratePush push{o_.views_.address(),       b.closest_rays(0),
+                          b.closest_environments(0), b.state(),
+                          b.counter_address(),       wave,
+                          b.size().channels,         flags | (environments_ ? generate_environments : 0)};
+  o_.stages_->generate(commands_, push, b);
 }
 
 void PathTracer::Run::shade(uint32_t bounce) {
-  commands_.begin_stage("shade");
   const WaveBuffers& b = o_.buffers_;
   ShadePush push{};
-  push.rays_in = b.closest_queue(bounce).words->address();
-  push.rays_out = b.closest_queue(bounce + 1).words->address();
-  push.shadow_rays = b.shadow_queue(bounce).words->address();
+  push.rays_in = b.closest_rays(bounce);
+  push.rays_out = b.closest_rays(bounce + 1);
+  push.shadow_rays = b.shadow_rays();
   push.ray_environments = b.closest_environments(bounce + 1);
   push.shadow_environments = b.shadow_environments();
   push.contributions = b.contributions();
   push.state = b.state();
-  push.counters = b.counters().address();
+  push.counters = b.counter_address();
   push.scene = o_.tables_.address();
   push.capacity = b.size().capacity;
   push.shadow_capacity = b.shadow_capacity();
@@ -184,40 +178,38 @@ void PathTracer::Run::shade(uint32_t bounce) {
   push.shadow_rays_per_vertex = bounce <= launch_.max_bounces ? b.size().shadow_rays_per_vertex : 0;
   push.flags = (environments_ ? shade_environments : 0) | (o_.tables_.has_ambient() ? shade_ambient : 0) |
                (o_.tables_.select_lights() ? shade_select_lights : 0);
-  commands_.dispatch_indirect(o_.pipelines_->shade(launch_.band.infrared), push, b.counters(),
-                              (uint64_t(bounce) * counter_words + counter_shade_arguments) * 4);
+  o_.stages_->shade(commands_, push, b);
 }
 
 void PathTracer::Run::resolve(uint32_t bounce) {
-  commands_.begin_stage("resolve");
   const WaveBuffers& b = o_.buffers_;
-  const ResolvePush push{b.closest_queue(bounce).words->address(),
-                         b.shadow_queue(bounce).words->address(),
+  const ResolvePush push{b.closest_rays(bounce),
+                         b.shadow_rays(),
                          b.contributions(),
                          b.state(),
-                         b.counters().address(),
+                         b.counter_address(),
                          b.size().capacity,
                          b.shadow_capacity(),
                          bounce,
                          b.size().shadow_rays_per_vertex,
-                         launch_.band.channels()};
-  commands_.dispatch_indirect(o_.pipelines_->resolve(), push, b.counters(),
-                              (uint64_t(bounce) * counter_words + counter_shade_arguments) * 4);
+                         b.size().channels};
+  o_.stages_->resolve(commands_, push, b);
 }
 
 void PathTracer::Run::accumulate(const WaveRange& wave, bool first, bool last) {
-  commands_.begin_stage("accumulate");
-  const AccumulatePush push{o_.buffers_.state(),     o_.buffers_.sums(), o_.outputs_.address(), wave,
-                            launch_.band.channels(), first ? 1u : 0u,    last ? 1u : 0u,        float(1.0 / launch_.samples)};
-  commands_.dispatch(o_.pipelines_->accumulate(), push, o_.pipelines_->groups(wave.pixel_count));
+  const WaveBuffers& b = o_.buffers_;
+  o_.stages_->accumulate(commands_, {b.state(), b.sums(), o_.outputs_.address(), wave, b.size().channels, first ? 1u : 0u, last ? 1u : 0u,
+                                     float(1.0 / launch_.samples)});
 }
 
+// Where the rays are, there the stages are.
 PathTracer::PathTracer(std::shared_ptr<ks::Device> device, TracerKind tracer)
     : device_(std::move(device)),
-      tracer_(make_tracer(device_, tracer)),
-      pipelines_(std::make_unique<Pipelines>(device_, *tracer_)),
-      tables_(device_),
-      buffers_(device_) {}
+      on_host_(wants_embree(*device_, tracer)),
+      tracer_(on_host_ ? make_embree_tracer(device_) : make_compute_tracer(device_)),
+      stages_(on_host_ ? make_host_stages(device_) : make_device_stages(device_, *tracer_)),
+      tables_(memory()),
+      buffers_(memory()) {}
 
 PathTracer::~PathTracer() = default;
 

@@ -10,6 +10,7 @@
 #include "accel/tracer.h"
 #include "pathtrace/launch.h"
 #include "pathtrace/scene_tables.h"
+#include "pathtrace/stages.h"
 #include "pathtrace/wave_buffers.h"
 
 namespace kuafu {
@@ -29,12 +30,13 @@ class PathTracer {
   [[nodiscard]] const std::shared_ptr<ks::Device>& device() const { return device_; }
 
  private:
-  struct Pipelines;
   class Run;  // one render call
+  [[nodiscard]] Memory memory() const { return {device_, on_host_}; }
 
   std::shared_ptr<ks::Device> device_;
+  bool on_host_;  // rays and stages on worker threads
   std::unique_ptr<Tracer> tracer_;
-  std::unique_ptr<Pipelines> pipelines_;
+  std::unique_ptr<Stages> stages_;
   SceneTables tables_;
   WaveBuffers buffers_;
   MappedTable<ViewRecord> views_;

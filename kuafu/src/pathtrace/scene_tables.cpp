@@ -58,10 +58,10 @@ void set_transform(InstanceRecord& record, const glm::dmat4& local_to_world) {
 
 }  // namespace
 
-SceneTables::SceneTables(std::shared_ptr<ks::Device> device) : device_(std::move(device)) {
+SceneTables::SceneTables(Memory memory) : memory_(std::move(memory)) {
   Block block;
   block.add(specular_albedo_table());
-  specular_albedo_ = block.upload(device_);
+  specular_albedo_ = block.upload(memory_.device);
 }
 
 void SceneTables::update(const Scene& scene, const Band& band, uint32_t environment_count) {
@@ -77,8 +77,9 @@ void SceneTables::update(const Scene& scene, const Band& band, uint32_t environm
   if (lights_changed) write_lights(scene, environment_count);
   seen_ = now;
   environment_count_ = environment_count;
-  tables_.resize(device_, 1)[0] = {instances_.address(), instance_materials_.address(), materials_.address(),       textures_.address(),
-                                   lights_.address(),    environments_.address(),       specular_albedo_->address()};
+  tables_.resize(memory_, 1)[0] = {
+      instances_.address(),    instance_materials_.address(),     materials_.address(), textures_.address(), lights_.address(),
+      environments_.address(), memory_.address(*specular_albedo_)};
 }
 
 void SceneTables::forget(const Scene& scene) {
@@ -105,28 +106,30 @@ void SceneTables::add_meshes(const Scene& scene) {
               (m.slots.empty() ? 0 : instance_has_slots);
     meshes_.push_back(a);
   }
-  const auto buffer = blocks_.emplace_back(block.upload(device_));
+  const auto buffer = blocks_.emplace_back(block.upload(memory_.device));
   for (size_t i = first; i < meshes_.size(); ++i)
     for (uint64_t* offset : {&meshes_[i].positions, &meshes_[i].normals, &meshes_[i].uvs, &meshes_[i].indices, &meshes_[i].slots})
-      *offset += buffer->address();
+      *offset += memory_.address(*buffer);
 }
 
 void SceneTables::add_textures(const Scene& scene) {
   Block block;
+  std::vector<uint64_t> offsets;
   const size_t first = texture_records_.size();
   for (size_t i = first; i < scene.textures().size(); ++i) {
     const Texture& t = scene.textures()[i];
     const Texels texels = linear_texels(t);
-    texture_records_.push_back({block.add(texels.words), t.width, t.height, texels.format, 0});
+    offsets.push_back(block.add(texels.words));
+    texture_records_.push_back({{}, t.width, t.height, texels.format, 0});
   }
-  const auto buffer = blocks_.emplace_back(block.upload(device_));
-  for (size_t i = first; i < texture_records_.size(); ++i) texture_records_[i].texels += buffer->address();
-  std::ranges::copy(texture_records_, textures_.resize(device_, texture_records_.size()).begin());
+  const auto buffer = blocks_.emplace_back(block.upload(memory_.device));
+  for (size_t i = first; i < texture_records_.size(); ++i) texture_records_[i].texels = memory_.address(*buffer) + offsets[i - first];
+  std::ranges::copy(texture_records_, textures_.resize(memory_, texture_records_.size()).begin());
 }
 
 void SceneTables::write_materials(const Scene& scene) {
   const std::vector<Material>& materials = scene.materials();
-  const auto records = materials_.resize(device_, materials.size() + 1);
+  const auto records = materials_.resize(memory_, materials.size() + 1);
   for (uint32_t i = 0; i < materials.size(); ++i) records[i] = record_of(materials[i], i);
   records[materials.size()] = record_of(grey_default(), none);
   emissive_[0] = std::ranges::any_of(materials, [](const Material& m) { return m.emission != glm::vec3(0); });
@@ -156,14 +159,14 @@ void SceneTables::write_instances(const Scene& scene) {
     materials.push_back(default_material);  // for slots beyond the instance's materials
     records.push_back(r);
   }
-  std::ranges::copy(records, instances_.resize(device_, records.size()).begin());
-  std::ranges::copy(materials, instance_materials_.resize(device_, materials.size()).begin());
+  std::ranges::copy(records, instances_.resize(memory_, records.size()).begin());
+  std::ranges::copy(materials, instance_materials_.resize(memory_, materials.size()).begin());
 }
 
 void SceneTables::write_lights(const Scene& scene, uint32_t environment_count) {
   const LightTable table = make_light_table(scene, band_, environment_count, [&](uint32_t texture) { return pattern(scene, texture); });
-  std::ranges::copy(table.lights, lights_.resize(device_, table.lights.size()).begin());
-  std::ranges::copy(table.environments, environments_.resize(device_, table.environments.size()).begin());
+  std::ranges::copy(table.lights, lights_.resize(memory_, table.lights.size()).begin());
+  std::ranges::copy(table.environments, environments_.resize(memory_, table.environments.size()).begin());
   shadow_rays_per_vertex_ = table.shadow_rays_per_vertex;
   select_lights_ = table.select_lights;
   has_environment_light_ = std::ranges::any_of(table.environments, [](const auto& e) { return e.radiance != glm::vec3(0); });
@@ -174,9 +177,9 @@ uint64_t SceneTables::pattern(const Scene& scene, uint32_t texture) {
   if (!buffer) {
     Block block;
     block.add(pattern_plane(scene.textures()[texture]));
-    buffer = block.upload(device_);
+    buffer = block.upload(memory_.device);
   }
-  return buffer->address();
+  return memory_.address(*buffer);
 }
 
 }  // namespace kuafu

@@ -15,7 +15,7 @@ namespace kuafu {
 
 class SceneTables {
  public:
-  explicit SceneTables(std::shared_ptr<ks::Device> device);
+  explicit SceneTables(Memory memory);
 
   /// A scene is known by its address: keep the last one given alive until another is given.
   void update(const Scene& scene, const Band& band, uint32_t environment_count);
@@ -40,7 +40,7 @@ class SceneTables {
   void write_lights(const Scene& scene, uint32_t environment_count);
   uint64_t pattern(const Scene& scene, uint32_t texture);
 
-  std::shared_ptr<ks::Device> device_;
+  Memory memory_;
   std::shared_ptr<ks::Buffer> specular_albedo_;
   const Scene* scene_ = nullptr;
   Revisions seen_{0, 0, 0, 0, 0};

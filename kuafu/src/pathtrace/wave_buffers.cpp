@@ -19,7 +19,7 @@ void WaveBuffers::grow(std::shared_ptr<ks::Buffer>& buffer, uint64_t words) cons
   const uint64_t bytes = std::max<uint64_t>(words, 1) * 4;
   if (buffer && buffer->size_bytes() >= bytes) return;
   buffer.reset();
-  buffer = ks::Buffer::create(device_, bytes, device_->is_cpu() ? KS_BUFFER_HOST_VISIBLE : 0);
+  buffer = ks::Buffer::create(memory_.device, bytes, memory_.device->is_cpu() ? KS_BUFFER_HOST_VISIBLE : 0);
 }
 
 RayQueue WaveBuffers::closest_queue(uint32_t bounce) const {
@@ -30,6 +30,7 @@ RayQueue WaveBuffers::closest_queue(uint32_t bounce) const {
   queue.count_offset = (uint64_t(bounce) * counter_words + counter_ray_count) * 4;
   queue.arguments_offset = (uint64_t(bounce) * counter_words + counter_trace_arguments) * 4;
   queue.capacity = size_.capacity;
+  queue.coherent = bounce == 0;
   return queue;
 }
 

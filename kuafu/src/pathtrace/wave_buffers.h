@@ -5,6 +5,7 @@
 #include <memory>
 
 #include "accel/tracer.h"
+#include "pathtrace/device_array.h"
 #include "shared/wave.h"
 
 namespace kuafu {
@@ -19,18 +20,21 @@ struct WaveSize {
 
 class WaveBuffers {
  public:
-  explicit WaveBuffers(std::shared_ptr<ks::Device> device) : device_(std::move(device)) {}
+  explicit WaveBuffers(Memory memory) : memory_(std::move(memory)) {}
 
   void fit(const WaveSize& size);
 
   [[nodiscard]] RayQueue closest_queue(uint32_t bounce) const;
   [[nodiscard]] RayQueue shadow_queue(uint32_t bounce) const;
+  [[nodiscard]] uint64_t closest_rays(uint32_t bounce) const { return address(rays_[bounce & 1]); }
+  [[nodiscard]] uint64_t shadow_rays() const { return address(shadow_rays_); }
   [[nodiscard]] uint64_t closest_environments(uint32_t bounce) const { return address(environments_[bounce & 1]); }
   [[nodiscard]] uint64_t shadow_environments() const { return address(shadow_environments_); }
   [[nodiscard]] uint64_t contributions() const { return address(contributions_); }
   [[nodiscard]] uint64_t state() const { return address(state_); }
   [[nodiscard]] uint64_t sums() const { return address(sums_); }
   [[nodiscard]] const ks::Buffer& counters() const { return *counters_; }
+  [[nodiscard]] uint64_t counter_address() const { return address(counters_); }
   [[nodiscard]] uint64_t counter_bytes() const { return uint64_t(size_.bounces) * counter_words * 4; }
   /// Rays of a bounce, where the host can see them; else the capacity.
   [[nodiscard]] uint32_t ray_count(uint32_t bounce) const;
@@ -38,10 +42,10 @@ class WaveBuffers {
   [[nodiscard]] const WaveSize& size() const { return size_; }
 
  private:
-  static uint64_t address(const std::shared_ptr<ks::Buffer>& buffer) { return buffer ? buffer->address() : 0; }
+  [[nodiscard]] uint64_t address(const std::shared_ptr<ks::Buffer>& buffer) const { return memory_.address(*buffer); }
   void grow(std::shared_ptr<ks::Buffer>& buffer, uint64_t words) const;
 
-  std::shared_ptr<ks::Device> device_;
+  Memory memory_;
   WaveSize size_;
   std::shared_ptr<ks::Buffer> rays_[2], environments_[2], shadow_rays_, shadow_environments_, contributions_, state_, sums_, counters_;
 };

@@ -1,0 +1,33 @@
+// Entry of both shade shaders: one ray per invocation, queues filled by subgroups.
+#include "lib/invocation.glsl"
+#include "lib/shading.glsl"
+
+layout(push_constant, scalar) uniform Push { ShadePush push; };
+#include "stage/shade.glsl"
+
+void main() {
+  uint i = gl_GlobalInvocationID.x, block = push.bounce * counter_words, end;
+  bool live = i < push.counters.at[block + counter_ray_count];
+  Shading shading;
+  shading.hit = false;
+  if (live) shading = begin_shading(i);
+  for (uint k = 0u; k < push.shadow_rays_per_vertex; ++k) {
+    ShadowRequest request;
+    request.wanted = false;
+    if (shading.hit && takes_light(shading.vertex.bsdf)) request = ask_light(shading, k);
+    uint place = append(request.wanted, push.counters, block + counter_shadow_count, end);
+    if (end > 0u && subgroupElect()) cover(push.counters, block + counter_shadow_arguments, end, trace_group_size);
+    if (request.wanted) queue_shadow(shading.path, request, k, place);
+    else if (live) queue_no_shadow(shading.path, k);
+  }
+  NextRequest next;
+  next.wanted = false;
+  if (goes_on(shading)) next = scatter(shading);
+  block += counter_words;
+  uint place = append(next.wanted, push.counters, block + counter_ray_count, end);
+  if (end > 0u && subgroupElect()) {
+    cover(push.counters, block + counter_trace_arguments, end, trace_group_size);
+    cover(push.counters, block + counter_shade_arguments, end, gl_WorkGroupSize.x);
+  }
+  if (next.wanted) queue_next(shading.path, next, place);
+}

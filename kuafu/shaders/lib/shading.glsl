@@ -1,0 +1,6 @@
+// Everything that stage/shade.glsl stands on.
+#include "lib/bsdf.glsl"
+#include "lib/frame.glsl"
+#include "lib/light.glsl"
+#include "lib/queue.glsl"
+#include "lib/sequence.glsl"

@@ -1,0 +1,24 @@
+// Primary rays: one path per pixel and sample, uniform over the pixel's square (box filter).
+void generate(uint slot) {
+  uint local_pixel = slot / push.range.sample_count;
+  uint index = push.range.first_sample + slot - local_pixel * push.range.sample_count;
+  Pixel pixel = wave_pixel(push.range, local_pixel);
+  ViewRecord view = push.views.at[pixel.view];
+  uint key = hash(view.key ^ hash(pixel.row * push.range.width + pixel.column));
+  bool centre = (push.flags & generate_pixel_centre) != 0u;
+  vec2 film = vec2(float(pixel.column), float(pixel.row));
+  if (!centre) film += sample_2d(key, index, pair_film) - 0.5f;
+  vec3 ray = view.axis_0 + film.x * view.axis_u + film.y * view.axis_v;
+  float metres_per_z = length(ray);  // ray length for one metre of z
+  uint capacity = push.range.capacity;
+  store_closest_ray(push.rays, slot, capacity, Ray(view.origin, view.near_m * metres_per_z, ray / metres_per_z, view.far_m * metres_per_z),
+                    slot);
+  if ((push.flags & generate_environments) != 0u) push.ray_environments.at[slot] = view.environment;
+  if (centre) return;
+  push.state.at[state_pixel_key * capacity + slot] = key;
+  push.state.at[state_sample * capacity + slot] = index;
+  push.state.at[state_flags * capacity + slot] = view.environment | path_all_delta;
+  uint plane = state_throughput;
+  for (; plane < state_radiance(push.channels); ++plane) push.state.at[plane * capacity + slot] = floatBitsToUint(1.0f);
+  for (; plane < state_shadow(push.channels); ++plane) push.state.at[plane * capacity + slot] = 0u;
+}

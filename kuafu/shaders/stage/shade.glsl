@@ -1,0 +1,172 @@
+// Stage `shade`: what a path does where its ray ended. Light that is simply there (environment, emission) is added; for each light one shadow ray is asked
+// for; the BSDF gives the next ray. The caller queues both.
+struct Path {
+  uint slot, key, index, flags;
+  Spectrum throughput;
+};
+
+struct Vertex {
+  vec3 position;
+  float coordinate_size;
+  vec3 side_normal;  // geometric, on the viewer's side
+  Frame frame;       // shading, on the viewer's side
+  vec3 wo;           // local
+  Bsdf bsdf;
+  vec3 chances;
+};
+
+struct Shading {
+  Path path;
+  Vertex vertex;
+  bool hit;  // and not beyond the last bounce
+};
+
+struct ShadowRequest {
+  bool wanted;
+  Ray ray;
+  Spectrum contribution;
+  uint group;
+};
+
+struct NextRequest {
+  bool wanted;
+  Ray ray;
+};
+
+uint plane(uint p, uint slot) { return p * push.capacity + slot; }
+float load_float(uint p, uint slot) { return uintBitsToFloat(push.state.at[plane(p, slot)]); }
+void store_float(uint p, uint slot, float value) { push.state.at[plane(p, slot)] = floatBitsToUint(value); }
+uint ray_field(uint i, uint field) { return push.rays_in.at[closest_word(i, field, push.capacity)]; }
+
+Path load_path(uint i) {
+  Path p;
+  p.slot = ray_field(i, ray_id);
+  p.key = push.state.at[plane(state_pixel_key, p.slot)];
+  p.index = push.state.at[plane(state_sample, p.slot)];
+  p.flags = push.state.at[plane(state_flags, p.slot)];
+#if KUAFU_CHANNELS == 1
+  p.throughput = load_float(state_throughput, p.slot);
+#else
+  p.throughput = vec3(load_float(state_throughput, p.slot), load_float(state_throughput + 1u, p.slot), load_float(state_throughput + 2u, p.slot));
+#endif
+  return p;
+}
+
+void store_path(Path p) {
+  push.state.at[plane(state_flags, p.slot)] = p.flags;
+  for (uint c = 0u; c < channels; ++c) store_float(state_throughput + c, p.slot, channel_of(p.throughput, c));
+}
+
+void add_radiance(uint slot, uint group, Spectrum radiance) {
+  for (uint c = 0u; c < channels; ++c) {
+    uint p = state_radiance(channels) + group * channels + c;
+    store_float(p, slot, load_float(p, slot) + channel_of(radiance, c));
+  }
+}
+
+uint path_environment(Path path) { return path.flags & path_environment_mask; }
+bool all_delta(Path path) { return (path.flags & path_all_delta) != 0u; }
+
+/// The surface that ray i met; adds its emission to the path.
+Vertex load_vertex(uint i, Path path) {
+  vec3 wo = -load_direction(push.rays_in, i, push.capacity);
+  SceneAddresses scene = push.scene.at[0];
+  Surface s = load_surface(scene, scene.instances.at[ray_field(i, hit_instance)], ray_field(i, hit_primitive),
+                           uintBitsToFloat(ray_field(i, hit_u)), uintBitsToFloat(ray_field(i, hit_v)));
+  MaterialPoint m = load_material(scene, scene.materials.at[s.material], s);
+  if (max_component(m.emission) > 0.0f) add_radiance(path.slot, group_ambient, path.throughput * m.emission);
+  bool front = dot(s.geometric_normal, wo) >= 0.0f;
+  Vertex vertex;
+  vertex.position = s.position;
+  vertex.coordinate_size = s.coordinate_size;
+  vertex.side_normal = front ? s.geometric_normal : -s.geometric_normal;
+  vec3 normal = front ? s.shading_normal : -s.shading_normal;
+  // An interpolated normal may face away from the viewer, where GGX is not defined: bend it back. Lambert needs no viewer.
+  float facing = dot(normal, wo);
+  if (facing < 1e-3f && m.specular + m.metallic > 0.0f) normal = normalize(normal + (1e-3f - facing) * wo);
+  vertex.frame = frame_around(normal);
+  vertex.wo = to_local(vertex.frame, wo);
+  vertex.bsdf = make_bsdf(m, scene.specular_albedo, vertex.wo.z, front);
+  vertex.chances = lobe_chances(vertex.bsdf, scene.specular_albedo, vertex.wo.z);
+  return vertex;
+}
+
+Shading begin_shading(uint i) {
+  Shading s;
+  s.path = load_path(i);
+  s.hit = ray_field(i, hit_geometry) != miss;
+  if (s.hit) {
+    s.vertex = load_vertex(i, s.path);
+    s.hit = push.bounce <= push.max_bounces;
+  } else {
+    vec3 radiance = push.scene.at[0].environments.at[path_environment(s.path)].radiance;
+    add_radiance(s.path.slot, group_ambient, s.path.throughput * band_of(radiance, radiance.x));
+  }
+  return s;
+}
+
+/// The k-th shadow ray of the vertex.
+ShadowRequest ask_light(Shading s, uint k) {
+  ShadowRequest request;
+  request.wanted = false;
+  SceneAddresses scene = push.scene.at[0];
+  bool select = (push.flags & shade_select_lights) != 0u;
+  float u = select ? sample_2d(s.path.key, s.path.index, pair_light(push.bounce)).x : 0.0f;
+  EnvironmentRecord environment = scene.environments.at[path_environment(s.path)];
+  LightChoice choice = vertex_light(scene.lights, environment, k, select, all_delta(s.path), u);
+  if (choice.probability == 0.0f) return request;
+  LightRecord record = scene.lights.at[choice.index];
+  LightSample light = light_at(record, s.vertex.position);
+  if (max_component(light.irradiance) == 0.0f || dot(light.direction, s.vertex.side_normal) <= 0.0f) return request;
+  float pdf;
+  vec3 wi = to_local(s.vertex.frame, light.direction);
+  Spectrum f = bsdf_evaluate(s.vertex.bsdf, scene.specular_albedo, s.vertex.wo, wi, s.vertex.chances, pdf);
+  request.contribution = s.path.throughput * f * light.irradiance / choice.probability;
+  request.wanted = max_component(request.contribution) > 0.0f;
+  request.group = record.kind != light_projector ? group_ambient : all_delta(s.path) ? group_projector_direct : group_projector_indirect;
+  request.ray.origin = offset_origin(s.vertex.position, s.vertex.coordinate_size, s.vertex.side_normal);
+  request.ray.t_near = 0.0f;
+  request.ray.direction = light.direction;
+  request.ray.t_far = light.distance_m * 0.99999f;
+  return request;
+}
+
+/// Samples the next ray; none when the path ends here.
+NextRequest scatter(INOUT(Shading) s) {
+  NextRequest request;
+  request.wanted = false;
+  vec2 choice = sample_2d(s.path.key, s.path.index, pair_choice(push.bounce));
+  vec2 u = sample_2d(s.path.key, s.path.index, pair_direction(push.bounce));
+  BsdfSample b = bsdf_sample(s.vertex.bsdf, push.scene.at[0].specular_albedo, s.vertex.wo, s.vertex.chances, u, choice.x);
+  vec3 direction = to_world(s.vertex.frame, b.direction);
+  // The shading normal may send a ray to the wrong side of the triangle.
+  if (b.transmitted == (dot(direction, s.vertex.side_normal) > 0.0f)) return request;
+  s.path.throughput *= b.weight;
+  if (!b.delta) s.path.flags &= ~path_all_delta;
+  float survival = max_component(s.path.throughput);
+  if (push.bounce >= 3u && survival < 1.0f) {  // Russian roulette
+    if (choice.y >= survival) return request;
+    s.path.throughput /= survival;
+  }
+  request.wanted = survival > 0.0f;
+  vec3 outward = b.transmitted ? -s.vertex.side_normal : s.vertex.side_normal;
+  request.ray = Ray(offset_origin(s.vertex.position, s.vertex.coordinate_size, outward), 0.0f, direction, uintBitsToFloat(0x7f800000u));
+  return request;
+}
+
+bool goes_on(Shading s) { return s.hit && (push.bounce < push.max_bounces || (push.flags & shade_ambient) != 0u); }
+
+void queue_shadow(Path path, ShadowRequest request, uint k, uint i) {
+  store_ray(push.shadow_rays, i, occlusion_words, push.shadow_capacity, request.ray, path.slot);
+  if ((push.flags & shade_environments) != 0u) push.shadow_environments.at[i] = path_environment(path);
+  for (uint c = 0u; c < channels; ++c) push.contributions.at[c * push.shadow_capacity + i] = channel_of(request.contribution, c);
+  push.state.at[plane(state_shadow(channels) + k, path.slot)] = i | (request.group << shadow_group_shift);
+}
+
+void queue_no_shadow(Path path, uint k) { push.state.at[plane(state_shadow(channels) + k, path.slot)] = shadow_none; }
+
+void queue_next(Path path, NextRequest request, uint i) {
+  store_closest_ray(push.rays_out, i, push.capacity, request.ray, path.slot);
+  if ((push.flags & shade_environments) != 0u) push.ray_environments.at[i] = path_environment(path);
+  store_path(path);
+}

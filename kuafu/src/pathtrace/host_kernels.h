@@ -1,0 +1,36 @@
+// The stages' text compiled as C++: each function runs a range of invocations. Thread rule: any thread; ranges are independent.
+#pragma once
+
+#include <condition_variable>
+#include <mutex>
+
+#include "shared/wave.h"
+
+namespace kuafu::host {
+
+void generate(const GeneratePush& push, uint32_t first, uint32_t end);
+void resolve(const ResolvePush& push, uint32_t first, uint32_t end);
+void accumulate(const AccumulatePush& push, uint32_t first, uint32_t end);
+void aov(const AovPush& push, uint32_t first, uint32_t end);
+
+/// Gives chunk after chunk its places in the queues, in the order of the chunks: queues do not depend on the threads.
+/// Chunks must be started in order, as ks::ThreadPool does.
+class QueuePlaces {
+ public:
+  struct Places {
+    uint32_t next = 0, shadow = 0;
+  };
+  Places take(size_t chunk, uint32_t next_count, uint32_t shadow_count);
+  [[nodiscard]] Places ends() const { return ends_; }
+
+ private:
+  std::mutex mutex_;
+  std::condition_variable turned_;
+  size_t turn_ = 0;
+  Places ends_;
+};
+
+void shade_infrared(const ShadePush& push, uint32_t first, uint32_t end, QueuePlaces& places, size_t chunk);
+void shade_visible(const ShadePush& push, uint32_t first, uint32_t end, QueuePlaces& places, size_t chunk);
+
+}  // namespace kuafu::host

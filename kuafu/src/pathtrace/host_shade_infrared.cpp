@@ -1,0 +1,3 @@
+#define KUAFU_CHANNELS 1
+#define KUAFU_HOST_SHADE shade_infrared
+#include "pathtrace/host_shade.inc"

@@ -1,0 +1,3 @@
+#define KUAFU_CHANNELS 3
+#define KUAFU_HOST_SHADE shade_visible
+#include "pathtrace/host_shade.inc"

@@ -1,0 +1,68 @@
+// The stages on the device's worker threads, in chunks of rays or pixels.
+#include <algorithm>
+#include <chrono>
+
+#include "device/thread_pool.h"
+#include "pathtrace/host_kernels.h"
+#include "pathtrace/stages.h"
+
+namespace kuafu {
+namespace {
+
+constexpr uint32_t chunk_rays = 1024;  // long enough to hide the hand-over, short enough to balance; a multiple of the packets of 8
+
+class HostStages final : public Stages {
+ public:
+  explicit HostStages(std::shared_ptr<ks::Device> device) : device_(std::move(device)) {}
+
+  void generate(ks::Commands& commands, const GeneratePush& push, const WaveBuffers& buffers) override {
+    std::fill_n(push.counters.at, buffers.counter_bytes() / 4, 0u);
+    const uint32_t paths = push.range.pixel_count * push.range.sample_count;
+    push.counters.at[counter_ray_count] = paths;
+    run(commands, "generate", paths, chunk_rays, [&](uint32_t first, uint32_t end, size_t) { host::generate(push, first, end); });
+  }
+
+  void shade(ks::Commands& commands, const ShadePush& push, const WaveBuffers& buffers) override {
+    uint32_t* counters = push.counters.at + push.bounce * counter_words;
+    host::QueuePlaces places;
+    const auto kernel = buffers.size().channels == 1 ? host::shade_infrared : host::shade_visible;
+    run(commands, "shade", counters[counter_ray_count], chunk_rays,
+        [&](uint32_t first, uint32_t end, size_t chunk) { kernel(push, first, end, places, chunk); });
+    counters[counter_shadow_count] = places.ends().shadow;
+    counters[counter_words + counter_ray_count] = places.ends().next;
+  }
+
+  void resolve(ks::Commands& commands, const ResolvePush& push, const WaveBuffers&) override {
+    const uint32_t rays = push.counters.at[push.bounce * counter_words + counter_ray_count];
+    run(commands, "resolve", rays, chunk_rays, [&](uint32_t first, uint32_t end, size_t) { host::resolve(push, first, end); });
+  }
+
+  void accumulate(ks::Commands& commands, const AccumulatePush& push) override {
+    const uint32_t chunk_pixels = std::max(1u, 4 * chunk_rays / push.range.sample_count);
+    run(commands, "accumulate", push.range.pixel_count, chunk_pixels,
+        [&](uint32_t first, uint32_t end, size_t) { host::accumulate(push, first, end); });
+  }
+
+  void aov(ks::Commands& commands, const AovPush& push) override {
+    run(commands, "aov", push.range.pixel_count, chunk_rays, [&](uint32_t first, uint32_t end, size_t) { host::aov(push, first, end); });
+  }
+
+ private:
+  template <class Kernel>
+  void run(ks::Commands& commands, const char* name, uint32_t count, uint32_t chunk_size, const Kernel& kernel) {
+    const auto start = std::chrono::steady_clock::now();
+    device_->workers().parallel_for((size_t(count) + chunk_size - 1) / chunk_size, [&](size_t chunk) {
+      const auto first = uint32_t(chunk) * chunk_size;
+      kernel(first, std::min(count, first + chunk_size), chunk);
+    });
+    commands.add_host_time(name, std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count());
+  }
+
+  std::shared_ptr<ks::Device> device_;
+};
+
+}  // namespace
+
+std::unique_ptr<Stages> make_host_stages(std::shared_ptr<ks::Device> device) { return std::make_unique<HostStages>(std::move(device)); }
+
+}  // namespace kuafu

@@ -1,0 +1,30 @@
+// The stages between the tracer's calls. One text (shaders/lib, shaders/stage) runs in two places: in Vulkan compute, or compiled as C++ on
+// the device's worker threads. CPU devices take the second: there the rays are on the host already, and a native compiler makes more of it
+// than a driver's
+//. Thread rule: externally synchronised.
+#pragma once
+
+#include <memory>
+
+#include "accel/tracer.h"
+#include "pathtrace/wave_buffers.h"
+#include "shared/wave.h"
+
+namespace kuafu {
+
+class Stages {
+ public:
+  virtual ~Stages() = default;
+  /// Clears the counters and fills the first queue.
+  virtual void generate(ks::Commands& commands, const GeneratePush& push, const WaveBuffers& buffers) = 0;
+  virtual void shade(ks::Commands& commands, const ShadePush& push, const WaveBuffers& buffers) = 0;
+  virtual void resolve(ks::Commands& commands, const ResolvePush& push, const WaveBuffers& buffers) = 0;
+  virtual void accumulate(ks::Commands& commands, const AccumulatePush& push) = 0;
+  virtual void aov(ks::Commands& commands, const AovPush& push) = 0;
+};
+
+std::unique_ptr<Stages> make_device_stages(std::shared_ptr<ks::Device> device, const Tracer& tracer);
+/// For queues of packets in host-visible memory, and addresses that are host pointers.
+std::unique_ptr<Stages> make_host_stages(std::shared_ptr<ks::Device> device);
+
+}  // namespace kuafu
