@@ -1,12 +1,14 @@
-# ks_add_shaders(target shader_dir): compiles every shader_dir/entry/*.comp to SPIR-V and embeds it.
-# C++ sees it by #include "spirv/<stem>.h", which defines `const uint32_t <stem>_spirv[]`.
+# ks_add_shaders(target shader_dir): compiles every shader_dir/entry/*.{comp,rgen,rchit,rmiss} to SPIR-V and embeds it.
+# C++ sees it by #include "spirv/<stem>.h", which defines `const uint32_t <stem>_spirv[]`. The stem of trace.rgen is trace_rgen; of trace.comp, trace.
 find_program(GLSLANG_VALIDATOR glslangValidator REQUIRED)
 function(ks_add_shaders target shader_dir)
-  file(GLOB entries CONFIGURE_DEPENDS ${shader_dir}/entry/*.comp)
+  file(GLOB entries CONFIGURE_DEPENDS ${shader_dir}/entry/*.comp ${shader_dir}/entry/*.rgen ${shader_dir}/entry/*.rchit ${shader_dir}/entry/*.rmiss)
   set(out_dir ${CMAKE_CURRENT_BINARY_DIR}/shaders)
   set(headers)
   foreach(entry ${entries})
-    get_filename_component(stem ${entry} NAME_WE)
+    get_filename_component(stem ${entry} NAME)
+    string(REPLACE "." "_" stem ${stem})
+    string(REGEX REPLACE "_comp$" "" stem ${stem})
     set(header ${out_dir}/spirv/${stem}.h)
     add_custom_command(
       OUTPUT ${header}
