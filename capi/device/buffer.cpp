@@ -18,17 +18,21 @@ constexpr VkMemoryPropertyFlags host_coherent = VK_MEMORY_PROPERTY_HOST_VISIBLE_
 
 }  // namespace
 
-std::shared_ptr<Buffer> Buffer::create(std::shared_ptr<Device> device, uint64_t size_bytes, uint32_t flags) {
+std::shared_ptr<Buffer> Buffer::create(std::shared_ptr<Device> device, uint64_t size_bytes, uint32_t flags,
+                                       VkBufferUsageFlags extra_usage) {
   constexpr uint32_t known = KS_BUFFER_EXPORTABLE | KS_BUFFER_HOST_VISIBLE;
   if (size_bytes == 0) fail(KS_ERROR_INVALID_ARGUMENT, "a buffer of 0 bytes was asked for: the smallest is 1");
   if (flags & ~known) fail(KS_ERROR_INVALID_ARGUMENT, "buffer flags 0x%x hold bits that are not KS_BUFFER_* (0x%x)", flags, known);
   if ((flags & KS_BUFFER_EXPORTABLE) && !(device->info().capabilities & KS_CAP_EXPORT_OPAQUE_FD))
     fail(KS_ERROR_UNSUPPORTED, "%s cannot export memory as an opaque fd: leave KS_BUFFER_EXPORTABLE out and share by KS_MEMORY_HOST",
          device->info().name);
+  if ((flags & KS_BUFFER_EXPORTABLE) && extra_usage != 0)
+    fail(KS_ERROR_INTERNAL, "a buffer with usage 0x%x beyond that of every buffer cannot be exported", extra_usage);
   std::shared_ptr<Buffer> self(new Buffer);
   self->device_ = std::move(device);
   self->size_bytes_ = size_bytes;
   self->flags_ = flags;
+  self->extra_usage_ = extra_usage;
   if (self->device_->has_vulkan())
     self->allocate_vulkan();
   else
@@ -70,7 +74,7 @@ VkMemoryRequirements Buffer::make_vk_buffer(VkExternalMemoryHandleTypeFlags hand
   external.handleTypes = handle_types;
   VkBufferCreateInfo info{VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO, handle_types != 0 ? &external : nullptr};
   info.size = (size_bytes_ + granule - 1) / granule * granule;
-  info.usage = buffer_usage;
+  info.usage = buffer_usage | extra_usage_;
   check(device_->vk().vkCreateBuffer(device_->handle(), &info, nullptr, &buffer_), "vkCreateBuffer");
   VkMemoryRequirements needs{};
   device_->vk().vkGetBufferMemoryRequirements(device_->handle(), buffer_, &needs);

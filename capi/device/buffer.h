@@ -14,7 +14,9 @@ class Buffer {
  public:
   /// Zero-filled. Storage, transfer and indirect usage with a device address. Host-visible memory is coherent, and cached where there is
   /// such a type.
-  static std::shared_ptr<Buffer> create(std::shared_ptr<Device> device, uint64_t size_bytes, uint32_t flags /* KS_BUFFER_* */);
+  /// extra_usage: what acceleration structures need beyond that; such a buffer is not exportable.
+  static std::shared_ptr<Buffer> create(std::shared_ptr<Device> device, uint64_t size_bytes, uint32_t flags /* KS_BUFFER_* */,
+                                        VkBufferUsageFlags extra_usage = 0);
   static std::shared_ptr<Buffer> import(std::shared_ptr<Device> device, const ks_buffer_desc& desc);
   ~Buffer();
   Buffer(const Buffer&) = delete;
@@ -52,6 +54,7 @@ class Buffer {
   VkDeviceMemory memory_ = VK_NULL_HANDLE;
   uint64_t size_bytes_ = 0, allocation_bytes_ = 0, address_ = 0;
   uint32_t memory_type_ = 0, flags_ = 0;
+  VkBufferUsageFlags extra_usage_ = 0;
   bool owns_host_ = false;
   void* mapped_ = nullptr;
 };

@@ -9,10 +9,19 @@ namespace {
 
 using ull = unsigned long long;
 
-constexpr VkPipelineStageFlags work_stages = VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT | VK_PIPELINE_STAGE_TRANSFER_BIT;
-constexpr VkAccessFlags work_writes = VK_ACCESS_SHADER_WRITE_BIT | VK_ACCESS_TRANSFER_WRITE_BIT;
-constexpr VkAccessFlags work_accesses =
-    work_writes | VK_ACCESS_SHADER_READ_BIT | VK_ACCESS_TRANSFER_READ_BIT | VK_ACCESS_INDIRECT_COMMAND_READ_BIT;
+/// What runs on a device, for its barriers.
+struct Work {
+  VkPipelineStageFlags stages = VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT | VK_PIPELINE_STAGE_TRANSFER_BIT;
+  VkAccessFlags writes = VK_ACCESS_SHADER_WRITE_BIT | VK_ACCESS_TRANSFER_WRITE_BIT;
+  VkAccessFlags reads = VK_ACCESS_SHADER_READ_BIT | VK_ACCESS_TRANSFER_READ_BIT | VK_ACCESS_INDIRECT_COMMAND_READ_BIT;
+
+  explicit Work(const Device& device) {
+    if (!(device.info().capabilities & KS_CAP_RAY_TRACING_PIPELINE)) return;
+    stages |= VK_PIPELINE_STAGE_RAY_TRACING_SHADER_BIT_KHR | VK_PIPELINE_STAGE_ACCELERATION_STRUCTURE_BUILD_BIT_KHR;
+    writes |= VK_ACCESS_ACCELERATION_STRUCTURE_WRITE_BIT_KHR;
+    reads |= VK_ACCESS_ACCELERATION_STRUCTURE_READ_BIT_KHR;
+  }
+};
 
 void check_extent(const Buffer& buffer, uint64_t offset_bytes, uint64_t size_bytes, const char* what) {
   if (offset_bytes > buffer.size_bytes() || size_bytes > buffer.size_bytes() - offset_bytes)
@@ -23,19 +32,20 @@ void check_extent(const Buffer& buffer, uint64_t offset_bytes, uint64_t size_byt
 }  // namespace
 
 struct Commands::State {
-  explicit State(std::shared_ptr<Device> d) : device(std::move(d)), clock(device) {}
+  explicit State(std::shared_ptr<Device> d) : device(std::move(d)), work(*device), clock(device) {}
   ~State() {
     if (pool != VK_NULL_HANDLE) device->vk().vkDestroyCommandPool(device->handle(), pool, nullptr);
   }
   VkCommandBuffer begun();
   void barrier(VkPipelineStageFlags to, VkAccessFlags accesses);
-  void work_barrier() { barrier(work_stages | VK_PIPELINE_STAGE_DRAW_INDIRECT_BIT, work_accesses); }
+  void work_barrier() { barrier(work.stages | VK_PIPELINE_STAGE_DRAW_INDIRECT_BIT, work.writes | work.reads); }
   void done() {
     if (automatic_barriers) work_barrier();
   }
   void bind(const ComputePipeline& pipeline, const void* push, size_t push_bytes);
 
   std::shared_ptr<Device> device;
+  const Work work;
   VkCommandPool pool = VK_NULL_HANDLE;
   VkCommandBuffer buffer = VK_NULL_HANDLE;
   StageClock clock;
@@ -71,9 +81,9 @@ VkCommandBuffer Commands::State::begun() {
 
 void Commands::State::barrier(VkPipelineStageFlags to, VkAccessFlags accesses) {
   VkMemoryBarrier memory{VK_STRUCTURE_TYPE_MEMORY_BARRIER};
-  memory.srcAccessMask = work_writes;
+  memory.srcAccessMask = work.writes;
   memory.dstAccessMask = accesses;
-  device->vk().vkCmdPipelineBarrier(begun(), work_stages, to, 0, 1, &memory, 0, nullptr, 0, nullptr);
+  device->vk().vkCmdPipelineBarrier(begun(), work.stages, to, 0, 1, &memory, 0, nullptr, 0, nullptr);
 }
 
 void Commands::State::bind(const ComputePipeline& pipeline, const void* push, size_t push_bytes) {

@@ -32,7 +32,8 @@ class ComputePipeline {
   uint32_t push_constant_bytes_ = 0;
 };
 
-/// Records dispatches; each is followed by a full compute/transfer/indirect barrier unless told otherwise.
+/// Records dispatches; each is followed by a full barrier of all device work (compute, transfer, indirect, ray tracing) unless told
+/// otherwise.
 /// Stage names given to begin_stage collect GPU time (timestamps; the wall time of flushes where the queue has none).
 class Commands {
  public:
@@ -65,7 +66,7 @@ class Commands {
   void add_host_time(const char* name, double milliseconds);
 
   [[nodiscard]] const std::shared_ptr<Device>& device() const;
-  [[nodiscard]] VkCommandBuffer handle();  ///< begun; for what this class does not cover
+  [[nodiscard]] VkCommandBuffer handle();  ///< begun; for what this class does not cover: follow it with barrier()
 
  private:
   void dispatch_raw(const ComputePipeline&, const void* push, size_t push_bytes, uint32_t x, uint32_t y, uint32_t z);

@@ -48,6 +48,7 @@ std::vector<const char*> wanted_extensions(const PhysicalFacts& facts) {
   for (const char* name : {VK_KHR_EXTERNAL_MEMORY_FD_EXTENSION_NAME, VK_EXT_EXTERNAL_MEMORY_HOST_EXTENSION_NAME,
                            VK_KHR_EXTERNAL_SEMAPHORE_FD_EXTENSION_NAME, VK_EXT_SUBGROUP_SIZE_CONTROL_EXTENSION_NAME})
     if (facts.has_extension(name)) wanted.push_back(name);
+  if (facts.ray_tracing_pipeline) wanted.insert(wanted.end(), std::begin(ray_tracing_extensions), std::end(ray_tracing_extensions));
   return wanted;
 }
 
@@ -124,7 +125,13 @@ void Device::create_vk_device(const PhysicalFacts& facts) {
   VkPhysicalDeviceVulkan11Features f11{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_1_FEATURES, &f12};
   f11.storageBuffer16BitAccess = facts.features11.storageBuffer16BitAccess;
   f11.uniformAndStorageBuffer16BitAccess = facts.features11.uniformAndStorageBuffer16BitAccess;
-  VkPhysicalDeviceFeatures2 features{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2, &f11};
+  VkPhysicalDeviceRayTracingPipelineFeaturesKHR pipeline{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_RAY_TRACING_PIPELINE_FEATURES_KHR, &f11};
+  pipeline.rayTracingPipeline = pipeline.rayTracingPipelineTraceRaysIndirect = VK_TRUE;
+  VkPhysicalDeviceAccelerationStructureFeaturesKHR structure{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ACCELERATION_STRUCTURE_FEATURES_KHR,
+                                                             &pipeline};
+  structure.accelerationStructure = VK_TRUE;
+  VkPhysicalDeviceFeatures2 features{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2};
+  features.pNext = facts.ray_tracing_pipeline ? static_cast<void*>(&structure) : &f11;
   features.features.shaderInt64 = facts.features.shaderInt64;
   features.features.shaderInt16 = facts.features.shaderInt16;
 

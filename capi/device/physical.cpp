@@ -65,11 +65,22 @@ void query_features(PhysicalFacts& facts) {
   facts.features12.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES;
   VkPhysicalDeviceFeatures2 all{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2, &facts.features11};
   facts.features11.pNext = &facts.features12;
-  facts.features12.pNext = may_control ? &control : nullptr;
+  void** tail = &facts.features12.pNext;
+  if (may_control) {
+    *tail = &control;
+    tail = &control.pNext;
+  }
+  VkPhysicalDeviceRayTracingPipelineFeaturesKHR pipeline{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_RAY_TRACING_PIPELINE_FEATURES_KHR};
+  VkPhysicalDeviceAccelerationStructureFeaturesKHR structure{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ACCELERATION_STRUCTURE_FEATURES_KHR,
+                                                             &pipeline};
+  const bool may_trace = std::ranges::all_of(ray_tracing_extensions, [&](const char* name) { return facts.has_extension(name); });
+  if (may_trace) *tail = &structure;
   vkGetPhysicalDeviceFeatures2(facts.handle, &all);
   facts.features11.pNext = facts.features12.pNext = nullptr;
   facts.features = all.features;
   facts.subgroup_size_control = control.subgroupSizeControl == VK_TRUE;
+  facts.ray_tracing_pipeline =
+      structure.accelerationStructure && pipeline.rayTracingPipeline && pipeline.rayTracingPipelineTraceRaysIndirect;
 }
 
 void query_sharing(PhysicalFacts& facts) {
@@ -162,7 +173,7 @@ ks_device_info describe(const PhysicalFacts& facts, uint32_t index) {
   if (facts.opaque_fd & VK_EXTERNAL_MEMORY_FEATURE_IMPORTABLE_BIT) info.capabilities |= KS_CAP_IMPORT_OPAQUE_FD;
   if (facts.host_pointer_alignment != 0) info.capabilities |= KS_CAP_IMPORT_HOST_POINTER;
   info.capabilities |= KS_CAP_EXPORT_HOST_POINTER;  // Vulkan guarantees a host-visible coherent memory type
-  if (facts.has_extension(VK_KHR_RAY_TRACING_PIPELINE_EXTENSION_NAME)) info.capabilities |= KS_CAP_RAY_TRACING_PIPELINE;
+  if (facts.ray_tracing_pipeline) info.capabilities |= KS_CAP_RAY_TRACING_PIPELINE;
   if (facts.timeline_fd) info.capabilities |= KS_CAP_TIMELINE_FD;
   for (uint32_t i = 0; i < facts.memory.memoryHeapCount; ++i)
     if (facts.memory.memoryHeaps[i].flags & VK_MEMORY_HEAP_DEVICE_LOCAL_BIT)

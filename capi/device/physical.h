@@ -27,6 +27,7 @@ struct PhysicalFacts {
   VkPhysicalDeviceMemoryProperties memory{};
   VkExternalMemoryFeatureFlags opaque_fd = 0;  // of our kind of buffer
   bool timeline_fd = false;
+  bool ray_tracing_pipeline = false;  // all of ray_tracing_extensions, with their features
   std::vector<std::string> extensions;
 
   [[nodiscard]] bool has_extension(const char* name) const;
@@ -38,6 +39,11 @@ PhysicalFacts query_facts(VkPhysicalDevice device, uint32_t instance_version);
 std::string refusal(const PhysicalFacts& facts);
 
 ks_device_info describe(const PhysicalFacts& facts, uint32_t index);
+
+/// What ray tracing pipelines need.
+inline constexpr const char* ray_tracing_extensions[] = {VK_KHR_ACCELERATION_STRUCTURE_EXTENSION_NAME,
+                                                         VK_KHR_RAY_TRACING_PIPELINE_EXTENSION_NAME,
+                                                         VK_KHR_DEFERRED_HOST_OPERATIONS_EXTENSION_NAME};
 
 /// Usage of every buffer of this project; external-memory queries must ask for the same.
 inline constexpr VkBufferUsageFlags buffer_usage = VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_TRANSFER_SRC_BIT |
