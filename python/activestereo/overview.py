@@ -1,7 +1,7 @@
 """The pictures that put a result on one page. Figures are made without pyplot, so nothing global is touched."""
 
 import numpy as np
-from matplotlib.colors import Normalize
+from matplotlib.colors import Normalize, PowerNorm
 from matplotlib.figure import Figure
 
 from activestereo.output_files import replace_file
@@ -23,8 +23,8 @@ def simulation_figure(title, rgb, ir, depth, true_depth, rows):
     """
     page = _Page(title, _headline(rows), columns=3, picture_rows=2, aspect=depth.shape[0] / depth.shape[1], chart_height=0.27 * len(rows) + 0.25)
     _picture(page.picture(0, 0), rgb, "RGB camera")
-    _picture(page.picture(0, 1), ir[0], "infrared left, as measured", cmap="gray", vmin=0, vmax=255)
-    _picture(page.picture(0, 2), ir[1], "infrared right, as measured", cmap="gray", vmin=0, vmax=255)
+    for column, (image, eye) in enumerate(zip(ir, ("left", "right"), strict=True), start=1):
+        _picture(page.picture(0, column), image, f"infrared {eye}, as measured (display gamma 2)", cmap="gray", norm=PowerNorm(0.5, 0, 255))
     span = depth_span(true_depth)
     _depth(page.picture(1, 0), depth, "measured depth, registered to RGB (black: none)", span)
     _depth(page.picture(1, 1), true_depth, "true depth", span)

@@ -1,8 +1,8 @@
 """Sensor presets: StereoDepthSensorConfig("D435") or ("D415"). Names and defaults are SAPIEN's; what SAPIEN has no name for follows them.
 
-Exposure. A pixel's noise-free count is ir_camera_exposure * ir_responsivity_dn * radiance. With the projector's peak of 3 W/sr, which is the D435's 360 mW
-spread over its field with one dot in 80 pixels, bright dots on a surface of albedo 0.5 reach about 240 counts at 0.55 m, 140 at 0.7 m, 70 at 1 m and 30 at
-1.5 m: no clipping in the middle of a table-top and dots well above the noise at its far end. Real devices adapt their exposure; these do not.
+Exposure. A pixel's noise-free count is ir_camera_exposure * ir_responsivity_dn * radiance. The projector's peak of 3 W/sr is the D435's 360 mW, spread over
+its field with one dot in 80 pixels. On a surface of albedo 0.5 that faces the sensor a mean dot then reaches about 130 counts at 1 m and 60 at 1.5 m, clips
+below 0.75 m, as on the devices, and twenty degrees of grazing table top stay well exposed from 0.5 m on. Real devices adapt their exposure; these do not.
 """
 
 from copy import deepcopy
@@ -93,10 +93,10 @@ class StereoDepthSensorConfig:
 
         # Exposure and infrared light. ir_camera_exposure in seconds; ir_responsivity_dn in counts per W s / (sr m^2).
         self.ir_camera_exposure = 0.01
-        self.ir_responsivity_dn = 32000.0
+        self.ir_responsivity_dn = 40000.0
         self.ir_light_dim_factor = 0.05  # what a visible light gives in the infrared, where it does not say
         self.ir_ambient_strength = 0.002  # weak ambient infrared radiance, W/(sr m^2)
-        self.rgb_exposure = None  # colour value per radiance; None = so that one pixel in fifty is brighter than white
+        self.rgb_exposure = None  # colour value per radiance; None = the median lit pixel at a quarter of white
 
         # Noise: 1 is SAPIEN's level (a gamma factor of 2.7 % and 0.25 counts), 0 for ir_speckle_noise switches both off.
         self.ir_noise_seed = 0

@@ -31,7 +31,7 @@ def write_table_top(path):
     writer.add_mesh("brass cylinder", _cylinder(0.035, 0.11), material["brass"], (0.335, 0.0, -0.20))
     writer.add_mesh("tumbler", meshes.tumbler(0.038, 0.115, 0.0035, 0.012), material["glass"], (0.17, 0.0, 0.055))
     writer.add_mesh("glass ball", meshes.sphere(0.035), material["glass"], (0.09, 0.035, 0.20))
-    writer.add_mesh("rubber block", meshes.box(0.11, 0.075, 0.09), material["rubber"], (0.325, 0.0, 0.05), yaw_deg=28.0)
+    writer.add_mesh("dark block", meshes.box(0.11, 0.075, 0.09), material["velvet"], (0.325, 0.0, 0.05), yaw_deg=28.0)
     writer.add_mesh("box", meshes.box(0.17, 0.12, 0.10), material["card"], (0.15, 0.0, -0.26), yaw_deg=-14.0)
     writer.add_point_light("lamp", (-0.75, 1.25, 0.75), (1.0, 0.93, 0.84), 3.2)
     writer.add_point_light("fill", (1.1, 1.0, 0.9), (0.80, 0.90, 1.0), 1.3)
@@ -51,7 +51,7 @@ def _materials(writer):
         "steel": _metal((0.66, 0.64, 0.61), 0.22, ir_albedo=0.68),
         "brass": _metal((0.88, 0.68, 0.32), 0.38, ir_albedo=0.85),
         "glass": _glass(1.5),
-        "rubber": _dielectric((0.022, 0.022, 0.024), 0.55, ir_albedo=0.03),
+        "velvet": _lambertian((0.012, 0.012, 0.014), ir_albedo=0.004),
     }
     return {name: writer.add_material(name, **fields) for name, fields in table.items()}
 

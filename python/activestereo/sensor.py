@@ -76,10 +76,7 @@ class StereoDepthSensor:
         """float32 [height, width, 3] in 0..1, sRGB-encoded."""
         self._require_rgb()
         radiance = self._rgb["radiance"]
-        exposure = self._config.rgb_exposure
-        if exposure is None:
-            bright = np.percentile(radiance.max(axis=2), 98.0)
-            exposure = 1.0 / bright if bright > 0 else 1.0
+        exposure = self._config.rgb_exposure or auto_exposure(radiance)
         return srgb(radiance * np.float32(exposure))
 
     def get_ir(self):
@@ -286,6 +283,12 @@ class StereoDepthSensor:
     def _require_depth(self):
         if self._result is None:
             raise RuntimeError("no depth of this picture yet: call compute_depth() after take_picture()")
+
+
+def auto_exposure(radiance):
+    """The factor that puts the median lit pixel's green at a quarter of white."""
+    lit = radiance[..., 1][radiance[..., 1] > 0]
+    return 0.25 / float(np.median(lit)) if lit.size else 1.0
 
 
 def srgb(linear):

@@ -1,0 +1,33 @@
+"""The built packages come from ACTIVESTEREO_BUILD, else from build/ beside the sources."""
+
+import os
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+BUILD = Path(os.environ.get("ACTIVESTEREO_BUILD", ROOT / "build")).resolve()
+sys.path.insert(0, str(BUILD / "python"))
+
+
+@pytest.fixture(scope="session")
+def build():
+    return BUILD
+
+
+@pytest.fixture(scope="session")
+def table_top(tmp_path_factory):
+    """The example scene's file."""
+    from activestereo.scene import write_table_top
+
+    path = tmp_path_factory.mktemp("scene") / "table_top.gltf"
+    write_table_top(path)
+    return path
+
+
+@pytest.fixture(scope="session")
+def device():
+    import kuafu
+
+    return kuafu.Device()

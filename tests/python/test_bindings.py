@@ -1,0 +1,270 @@
+"""The bindings: what they refuse, how failures look, memory without copies, progress, and stubs that tell the truth."""
+
+import ast
+import gc
+import os
+import weakref
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import kuafu
+import simsense
+
+TRIANGLE = np.array([[-1, -1, 2], [1, -1, 2], [0, 1, 2]], np.float32), np.array([[0, 1, 2]], np.uint32)
+CAMERA = kuafu.Camera(16, 12, [[10, 0, 7.5], [0, 10, 5.5], [0, 0, 1]])
+
+
+@pytest.fixture
+def scene(device):
+    scene = kuafu.Scene(device)
+    material = scene.add_material(kuafu.Material(name="grey", base_color=(0.5, 0.5, 0.5, 1.0), specular=0.0))
+    scene.add_instance(scene.add_mesh(*TRIANGLE), [material], name="triangle")
+    scene.set_environment((1.0, 1.0, 1.0))
+    return scene
+
+
+@pytest.fixture(scope="module")
+def renderer(device):
+    return kuafu.Renderer(device)
+
+
+# ---- failures ----
+
+
+@pytest.mark.parametrize("library", [kuafu, simsense])
+def test_error_types(library):
+    assert issubclass(library.Error, RuntimeError)
+    assert issubclass(library.ArgumentError, library.Error) and issubclass(library.ArgumentError, ValueError)
+    assert issubclass(library.FileError, library.Error) and issubclass(library.FileError, OSError)
+    assert issubclass(library.MissingFileError, FileNotFoundError) and issubclass(library.MissingFileError, library.FileError)
+
+
+@pytest.mark.parametrize("library", [kuafu, simsense])
+def test_unknown_devices(library):
+    with pytest.raises(ValueError, match="auto, cpu, host"):
+        library.Device("best")
+    with pytest.raises(library.NoDeviceError, match="9999"):
+        library.Device(9999)
+    with pytest.raises(ValueError, match="16 bytes"):
+        library.Device(b"short")
+
+
+def test_device_by_index_and_by_uuid_is_the_same(device):
+    info = device.info
+    assert kuafu.Device(info.index).info.device_uuid == info.device_uuid
+    assert kuafu.Device(info.device_uuid).info.name == info.name
+
+
+def test_missing_file_is_file_not_found(scene, tmp_path):
+    with pytest.raises(FileNotFoundError, match="nowhere.gltf"):
+        scene.load(tmp_path / "nowhere.gltf")
+
+
+def test_damaged_file_is_an_os_error_that_names_it(scene, tmp_path):
+    path = tmp_path / "damaged.gltf"
+    path.write_text('{"asset": {')
+    with pytest.raises(OSError, match="damaged.gltf") as caught:
+        scene.load(path)
+    assert isinstance(caught.value, kuafu.Error) and caught.value.status < 0
+    assert scene.summary.instance_count == 1
+
+
+def test_wrong_arrays_are_refused(scene):
+    positions, indices = TRIANGLE
+    with pytest.raises(ValueError, match=r"\(3, 2\)"):
+        scene.add_mesh(positions[:, :2], indices)
+    with pytest.raises(ValueError):
+        scene.add_mesh(positions, indices + 1)
+    with pytest.raises(ValueError):
+        scene.add_mesh(positions, indices, normals=positions[:2])
+    with pytest.raises(ValueError):
+        scene.add_texture(np.zeros((4, 4), np.complex64))
+
+
+def test_unknown_names_are_refused(scene, renderer):
+    with pytest.raises(TypeError, match="shininess"):
+        kuafu.Material(shininess=1.0)
+    with pytest.raises(ValueError, match="radiance, projector_direct"):
+        renderer.render(scene, CAMERA, ["colour"])
+    with pytest.raises(ValueError, match="infrared, visible"):
+        renderer.render(scene, CAMERA, band="x-ray")
+    with pytest.raises(ValueError, match="sequence of names"):
+        renderer.render(scene, CAMERA, "radiance")
+
+
+def test_engine_parameters_by_name():
+    camera = simsense.Camera(64, 48, np.diag([60.0, 60.0, 1.0]))
+    left_to_right = np.eye(4)
+    left_to_right[0, 3] = -0.05
+    engine = simsense.Engine(simsense.Device("host"), camera, camera, left_to_right, rectified=True, p1=5, max_disparity=32)
+    assert engine.parameters["p1"] == 5 and engine.parameters["p2"] == 86
+    with pytest.raises(TypeError, match="p3"):
+        engine.set_parameters(p3=1)
+    with pytest.raises(ValueError, match="p1"):
+        engine.set_parameters(p1=-1)
+    with pytest.raises(ValueError, match="p1"):
+        engine.set_parameters(p1=90)
+    assert engine.parameters["p1"] == 5
+
+
+# ---- records ----
+
+
+def test_records_come_back_as_they_went_in(scene):
+    material = kuafu.Material(name="m", base_color=(0.1, 0.2, 0.3, 1.0), metallic=0.25, roughness=0.5, ior=1.25, ir_albedo=0.75, emission=(1, 2, 3))
+    back = scene.get_material(scene.add_material(material))
+    for name in ("name", "base_color", "metallic", "roughness", "specular", "ior", "ir_albedo", "emission", "base_color_texture"):
+        assert getattr(back, name) == getattr(material, name), name
+    assert kuafu.Material().ir_albedo is None and kuafu.Material().normal_texture is None
+    pose = np.eye(4)
+    pose[:3, 3] = 1, 2, 3
+    light = scene.get_light(scene.add_light(kuafu.Light(name="l", intensity=(1, 2, 3), light_to_world=pose)))
+    assert light.kind == "point" and light.ir_intensity is None and light.environment is None and light.name == "l"
+    np.testing.assert_array_equal(light.light_to_world, pose)
+
+
+# ---- rendering and memory ----
+
+
+def test_render_gives_named_arrays(scene, renderer):
+    images = renderer.render(scene, [CAMERA, CAMERA], ["radiance", "depth", "normal", "instance_id"], band="visible", spp=4)
+    assert {name: (image.shape, image.dtype.name) for name, image in images.items()} == {
+        "radiance": ((2, 12, 16, 3), "float32"),
+        "depth": ((2, 12, 16, 1), "float32"),
+        "normal": ((2, 12, 16, 3), "float32"),
+        "instance_id": ((2, 12, 16, 1), "uint32"),
+    }
+    assert images["depth"][0, 6, 8, 0] == pytest.approx(2.0, rel=1e-6)
+    assert images["radiance"][0, 6, 8] == pytest.approx([0.5] * 3, rel=0.01)
+    assert scene.instance_name(int(images["instance_id"][0, 6, 8, 0])) == "triangle"
+    assert renderer.stage_times and all(time >= 0 for time in renderer.stage_times.values())
+
+
+def test_same_seed_same_bits(scene, renderer):
+    first, again, other = (renderer.render(scene, CAMERA, spp=2, seed=seed)["radiance"].copy() for seed in (5, 5, 6))
+    np.testing.assert_array_equal(first, again)
+    assert not np.array_equal(first, other)
+
+
+def test_render_fills_a_given_buffer(scene, renderer, device):
+    buffer = kuafu.Buffer(device, 2 * 16 * 12 * 4)
+    image = buffer.image(np.float32, (1, 12, 16, 1), offset_bytes=16 * 12 * 4)
+    result = renderer.render(scene, CAMERA, {"depth": image}, spp=1)["depth"]
+    assert np.shares_memory(result, np.asarray(buffer))
+    assert np.asarray(buffer).view(np.float32)[: 16 * 12].max() == 0.0
+    assert result[0, 6, 8, 0] == pytest.approx(2.0, rel=1e-6)
+
+
+def test_buffer_is_seen_without_a_copy(device):
+    before = device.copied_bytes
+    buffer = kuafu.Buffer(device, 64)
+    np.asarray(buffer)[:4] = 1, 2, 3, 4
+    assert list(buffer.image(np.uint8, (4,)).array()) == [1, 2, 3, 4]
+    assert device.copied_bytes == before
+    assert list(buffer.read(3)) == [1, 2, 3]
+    buffer.write(np.array([9], np.uint8), 1)
+    assert np.asarray(buffer)[1] == 9
+    assert device.copied_bytes == before + 4
+
+
+def test_array_keeps_its_buffer_alive(device):
+    buffer = kuafu.Buffer(device, 64)
+    array = buffer.image(np.uint8, (64,)).array()
+    array[:] = 7
+    del buffer
+    gc.collect()
+    assert (array == 7).all()
+
+
+@pytest.mark.parametrize("shape, offset", [((65,), 0), ((64,), 1), ((2**62, 4), 0), ((0,), 0), ((1,) * 6, 0), ((8,), 2**64 - 4)])
+def test_image_outside_its_buffer_is_refused(device, shape, offset):
+    with pytest.raises(ValueError):
+        kuafu.Buffer(device, 64).image(np.uint8, shape, offset)
+
+
+def test_descriptor_closes_its_file(device):
+    if "export_opaque_fd" not in device.info.capabilities:
+        pytest.skip(f"{device.info.name} cannot export memory as a file descriptor")
+    buffer = kuafu.Buffer(device, 4096, exportable=True)
+    with buffer.export("opaque_fd") as desc:
+        handle = desc.handle
+        os.fstat(handle)
+    with pytest.raises(OSError):
+        os.fstat(handle)
+    open_before = len(os.listdir("/proc/self/fd"))
+    for _ in range(10):
+        buffer.export("opaque_fd")
+    gc.collect()
+    assert len(os.listdir("/proc/self/fd")) == open_before
+
+
+# ---- progress ----
+
+
+def test_progress_never_falls_and_its_exceptions_come_through(scene, renderer):
+    seen = []
+    renderer.render(scene, CAMERA, spp=8, progress=seen.append)
+    assert seen and seen == sorted(seen) and 0.0 <= seen[0] and seen[-1] <= 1.0
+
+    class Stop(Exception):
+        pass
+
+    def stop(fraction):
+        raise Stop
+
+    with pytest.raises(Stop):
+        renderer.render(scene, CAMERA, spp=8, progress=stop)
+    with pytest.raises(kuafu.CancelledError):
+        renderer.render(scene, CAMERA, spp=8, progress=lambda fraction: True)
+    renderer.render(scene, CAMERA, spp=1)
+
+
+def test_a_scene_being_rendered_is_not_changed(scene, renderer):
+    caught = []
+
+    def meddle(fraction):
+        try:
+            scene.set_environment((0, 0, 0))
+        except kuafu.Error as error:
+            caught.append(error)
+
+    renderer.render(scene, CAMERA, spp=4, progress=meddle)
+    assert caught and "one thread at a time" in str(caught[0])
+    scene.set_environment((0, 0, 0))
+
+
+def test_objects_go_away(device):
+    scene = kuafu.Scene(device)
+    gone = weakref.ref(scene)
+    del scene
+    gc.collect()
+    assert gone() is None
+
+
+# ---- stubs ----
+
+
+@pytest.mark.parametrize("library", [kuafu, simsense])
+def test_stub_names_what_the_module_has(library):
+    folder = Path(library.__file__).parent
+    assert (folder / "py.typed").exists()
+    tree = ast.parse((folder / "__init__.pyi").read_text())
+    classes = {node.name: node for node in tree.body if isinstance(node, ast.ClassDef)}
+    assert set(classes) == set(library.__all__)
+    for name, node in classes.items():
+        kind = getattr(library, name)
+        if issubclass(kind, Exception):
+            continue
+        stated = {n.name for n in node.body if isinstance(n, ast.FunctionDef)} | {n.target.id for n in node.body if isinstance(n, ast.AnnAssign)}
+        present = {member for member in vars(kind) if not member.startswith("_")}
+        assert {member for member in stated if not member.startswith("_")} == present, name
+
+
+def test_activestereo_stub():
+    import activestereo
+
+    tree = ast.parse((Path(activestereo.__file__).parent / "__init__.pyi").read_text())
+    assert {alias.name for node in tree.body for alias in node.names} == set(activestereo.__all__)
+    assert all(getattr(activestereo, name).__name__ == name for name in activestereo.__all__)
