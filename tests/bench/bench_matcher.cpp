@@ -1,17 +1,18 @@
 // The CPU matcher beside OpenCV's StereoSGBM MODE_HH4 (the same four paths) on the same pair with the same threads: medians and their
 // ratio. StereoSGBM leaves the columns left of the largest disparity out; the pair is widened for it, so that both give every pixel a
 // disparity.
-//
-//   bench_matcher [LEFT.png RIGHT.png]      without arguments: random dots with noise, 960x540
+// Random dots with noise, and the real D435 pair under $ACTIVESTEREO_DATA or ../shared if it is there.
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
+#include <cstdlib>
 #include <ctime>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <random>
+#include <string>
 #include <vector>
 
 #include "device/thread_pool.h"
@@ -93,20 +94,26 @@ void report(const Pair& pair, uint32_t disparities, uint32_t block, ks::ThreadPo
   for (const ks_stage_time& stage : matcher->stage_times()) std::printf("    %-24s %7.2f ms\n", stage.name, stage.milliseconds);
 }
 
-}  // namespace
-
-int main(int argc, char** argv) {
-  const Pair pair =
-      argc == 3 ? Pair{cv::imread(argv[1], cv::IMREAD_GRAYSCALE), cv::imread(argv[2], cv::IMREAD_GRAYSCALE)} : synthetic_pair();
-  if (pair.left.empty() || pair.left.size() != pair.right.size()) {
-    std::fprintf(stderr, "bench_matcher: needs two images of the same size\n");
-    return 2;
-  }
-  cv::setNumThreads(threads);
-  ks::ThreadPool workers(threads);
-  std::printf("%dx%d, %d threads, census 7x7, 4 paths, median of %d\n", pair.left.cols, pair.left.rows, threads, repeats);
+void report_all(const char* name, const Pair& pair, ks::ThreadPool& workers) {
+  std::printf("%s, %dx%d, %d threads, census 7x7, 4 paths, median of %d\n", name, pair.left.cols, pair.left.rows, threads, repeats);
   for (const uint32_t block : {1u, 7u}) {
     for (const uint32_t disparities : {64u, 128u, 256u}) report(pair, disparities, block, workers);
   }
+}
+
+}  // namespace
+
+int main() {
+  cv::setNumThreads(threads);
+  ks::ThreadPool workers(threads);
+  report_all("random dots", synthetic_pair(), workers);
+  const char* data = std::getenv("ACTIVESTEREO_DATA");
+  const std::string folder = std::string(data ? data : "../shared") + "/data/d435-real/";
+  const Pair real{cv::imread(folder + "left.png", cv::IMREAD_GRAYSCALE), cv::imread(folder + "right.png", cv::IMREAD_GRAYSCALE)};
+  if (real.left.empty() || real.left.size() != real.right.size()) {
+    std::printf("no real pair: %sleft.png and right.png are not there (set ACTIVESTEREO_DATA)\n", folder.c_str());
+    return 0;
+  }
+  report_all("D435", real, workers);
   return 0;
 }

@@ -85,6 +85,17 @@ TEST(matcher, fuzzed_parameters_with_block_equal_the_reference) {
   for (int i = 0; i < 25; ++i) compare(fuzz.pair(), fuzz.parameters(true), fuzz.in(1, 4));
 }
 
+TEST(matcher, winners_at_the_last_disparity_equal_the_reference) {
+  for (const uint32_t shift : {30u, 31u, 32u}) {
+    for (const uint32_t block : {1u, 5u}) {
+      MatchParameters p;
+      p.max_disparity = 32;
+      p.block_width = p.block_height = block;
+      compare(random_dots(120, 40, shift, 60, shift), p, 1);
+    }
+  }
+}
+
 TEST(matcher, byte_engine_equals_the_reference_at_its_limits) {
   MatchParameters p;
   p.p1 = 126;
