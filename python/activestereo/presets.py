@@ -98,6 +98,8 @@ class StereoDepthSensorConfig:
         self.ir_ambient_strength = 0.002  # weak ambient infrared radiance, W/(sr m^2)
         self.rgb_exposure = None  # colour value per radiance; None = the median lit pixel at a quarter of white
 
+        self.ir_black_level_dn = 5.0  # counts in the dark: the least one finds in pictures of real devices
+
         # Noise: 1 is SAPIEN's level (a gamma factor of 2.7 % and 0.25 counts), 0 for ir_speckle_noise switches both off.
         self.ir_noise_seed = 0
         self.ir_speckle_noise = 1.0

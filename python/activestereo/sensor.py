@@ -82,7 +82,8 @@ class StereoDepthSensor:
     def get_ir(self):
         """[left, right] float32 [height, width] in 0..1: what the imagers would count without noise, over full scale."""
         self._require_picture()
-        return [np.clip(image * np.float32(self.ir_gain / 255.0), 0.0, 1.0) for image in self._link.images]
+        gain, black = np.float32(self.ir_gain / 255.0), np.float32(self._config.ir_black_level_dn / 255.0)
+        return [np.clip(image * gain + black, 0.0, 1.0) for image in self._link.images]
 
     def get_ir_measured(self):
         """[left, right] uint8 [height, width]: what the sensor gives, with noise."""
@@ -232,6 +233,7 @@ class StereoDepthSensor:
             left_to_rgb=camera_to_camera(c.trans_pose_l, Pose()),
             rectified=c.rectified,
             gain=self.ir_gain,
+            black_level_dn=c.ir_black_level_dn,
             noise_seed=c.ir_noise_seed,
             **engine_parameters(c),
         )

@@ -31,3 +31,14 @@ def device():
     import kuafu
 
     return kuafu.Device()
+
+
+@pytest.fixture
+def small_config():
+    """A D435 of half the size, quick to render."""
+    from activestereo import StereoDepthSensorConfig
+
+    config = StereoDepthSensorConfig("D435").scaled(0.5)
+    config.samples_per_pixel = 4
+    config.max_bounces = 2
+    return config

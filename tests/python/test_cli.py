@@ -1,0 +1,150 @@
+"""The command line as a user runs it: results, help, and one line with status 2 for what is wrong."""
+
+import os
+import subprocess
+
+import numpy as np
+import pytest
+from PIL import Image
+
+K = "120,0,79.5,0,120,47.5,0,0,1"
+
+
+@pytest.fixture(scope="session")
+def run(build):
+    """Runs build/bin/activestereo from nowhere in particular, without any environment of ours."""
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+
+    def run(*arguments, **changes):
+        command = [str(build / "bin" / "activestereo"), *map(str, arguments)]
+        return subprocess.run(command, capture_output=True, text=True, cwd="/", env={**environment, **changes}, timeout=300)
+
+    return run
+
+
+@pytest.fixture(scope="module")
+def pair(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("pair")
+    wide = np.random.default_rng(1).integers(0, 256, (96, 172), dtype=np.uint8)
+    for name, image in (("left", wide[:, :160]), ("right", wide[:, 12:]), ("small", wide[:50, :160]), ("color", np.dstack([wide] * 3))):
+        Image.fromarray(np.ascontiguousarray(image)).save(folder / f"{name}.png")
+    (folder / "text.png").write_text("no image")
+    return folder
+
+
+def assert_refused(result, *words):
+    assert result.returncode == 2, result.stderr
+    lines = result.stderr.splitlines()
+    assert len(lines) == 1 and "Traceback" not in result.stderr, result.stderr
+    for word in words:
+        assert word in lines[0], lines[0]
+
+
+def test_help_of_each_command(run):
+    assert all(name in run("--help").stdout for name in ("simulate", "depth", "compare", "devices"))
+    for command, words in {
+        "simulate": ("--sensor", "--spp", "--seed", "--device", "--camera-to-world", "--out", "depth_true.png", "example"),
+        "depth": ("--k", "--baseline", "--max-disparity", "cloud.ply", "example"),
+        "compare": ("--out", "compare.json", "--spp"),
+        "devices": ("lavapipe", "--device"),
+    }.items():
+        result = run(command, "--help")
+        assert result.returncode == 0
+        for word in words:
+            assert word in result.stdout, (command, word)
+
+
+def test_devices(run, device):
+    result = run("devices")
+    assert result.returncode == 0 and not result.stderr
+    assert device.info.name in result.stdout and "usable" in result.stdout
+
+
+def test_without_a_driver_it_says_what_to_install(run, table_top, tmp_path):
+    missing = {"VK_ICD_FILENAMES": "/nonexistent.json", "VK_DRIVER_FILES": "/nonexistent.json"}
+    assert_refused(run("devices", **missing), "apt install", "mesa-vulkan-drivers")
+    assert_refused(run("simulate", table_top, "--out", tmp_path / "out", **missing), "mesa-vulkan-drivers")
+
+
+def test_simulate_writes_all_files(run, table_top, tmp_path):
+    out = tmp_path / "deep" / "out"
+    result = run("simulate", table_top, "--sensor", "D435", "--resolution", "212x120", "--spp", "1", "--max-bounces", "1", "--out", out)
+    assert result.returncode == 0, result.stderr
+    names = ("rgb.png", "ir_left.png", "ir_right.png", "depth.png", "depth_true.png", "cloud.ply", "overview.png")
+    assert sorted(path.name for path in out.iterdir()) == sorted(names)
+    assert "device:" in result.stdout and "infrared" in result.stdout and "wood" in result.stdout and "done in" in result.stderr
+    depth, true = (np.asarray(Image.open(out / name)) for name in ("depth.png", "depth_true.png"))
+    assert depth.dtype == true.dtype and depth.shape == (120, 212) and depth.max() > 255
+    both = (depth > 0) & (true > 0)
+    assert np.median(np.abs(depth[both].astype(int) - true[both])) < 60
+
+
+def test_simulate_repeats_with_its_seed(run, table_top, tmp_path):
+    files = []
+    for name, seed in (("a", 3), ("b", 3), ("c", 4)):
+        result = run("simulate", table_top, "--resolution", "212x120", "--spp", 1, "--max-bounces", 0, "--seed", seed, "--out", tmp_path / name)
+        assert result.returncode == 0, result.stderr
+        files.append((tmp_path / name / "ir_left.png").read_bytes())
+    assert files[0] == files[1] != files[2]
+
+
+def test_simulate_from_a_given_pose(run, table_top, tmp_path):
+    pose = "-1,0,0,0, 0,-1,0,0.2, 0,0,1,-0.3, 0,0,0,1"  # upright (y up) above the table's back, looking along +z over its front edge, where nothing is
+    result = run("simulate", table_top, "--camera-to-world", pose, "--resolution", "106x60", "--spp", 1, "--max-bounces", 0, "--out", tmp_path / "out")
+    assert result.returncode == 0, result.stderr
+    true = np.asarray(Image.open(tmp_path / "out" / "depth_true.png"))
+    assert (true[:10] == 0).all() and (true[-10:] > 0).all()
+
+
+def test_depth_of_a_pair(run, pair, tmp_path):
+    result = run("depth", pair / "left.png", pair / "right.png", "--k", K, "--baseline", "0.05", "--max-disparity", "32", "--out", tmp_path)
+    assert result.returncode == 0, result.stderr
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["cloud.ply", "depth.png", "disparity.png", "overview.png"]
+    depth = np.asarray(Image.open(tmp_path / "depth.png"))
+    assert np.median(depth[depth > 0]) == 500
+
+
+def test_depth_refuses_what_is_wrong(run, pair, tmp_path):
+    left, right = pair / "left.png", pair / "right.png"
+    rest = ("--k", K, "--baseline", "0.05", "--out", tmp_path / "out")
+    assert_refused(run("depth", pair / "none.png", right, *rest), "none.png")
+    assert_refused(run("depth", left, pair / "text.png", *rest), "text.png")
+    assert_refused(run("depth", pair / "color.png", right, *rest), "color.png", "gray")
+    assert_refused(run("depth", left, pair / "small.png", *rest), "160x96", "160x50")
+    assert_refused(run("depth", left, right, "--k", "1,2,3", *rest[2:]), "--k", "9 or 4")
+    assert_refused(run("depth", left, right, "--k", "a,b,c,d", *rest[2:]), "--k")
+    assert_refused(run("depth", left, right, "--k", "-5,0,1,0,5,1,0,0,1", *rest[2:]), "--k", "positive")
+    assert_refused(run("depth", left, right, "--k", K, "--baseline", "0", *rest[4:]), "--baseline")
+    assert_refused(run("depth", left, right, *rest, "--max-disparity", "8"), "max_disparity")
+    assert_refused(run("depth", left, right, *rest, "--p1", "90", "--p2", "80"), "p1")
+    assert_refused(run("depth", left, right, *rest, "--census", "6x6"), "census")
+    assert_refused(run("depth", left, right, *rest[:4], "--out", left / "out"), "left.png")
+    assert not (tmp_path / "out").exists()
+
+
+def test_simulate_refuses_what_is_wrong(run, table_top, tmp_path):
+    out = ("--out", tmp_path / "out")
+    broken = tmp_path / "broken.stl"
+    broken.write_bytes(b"solid nothing")
+    other = tmp_path / "scene.txt"
+    other.write_text("hello")
+    assert_refused(run("simulate", tmp_path / "none.gltf", *out), "none.gltf")
+    assert_refused(run("simulate", table_top, "--sensor", "d455", *out), "d455", "D415", "D435")
+    assert_refused(run("simulate", broken, *out), "broken.stl")
+    assert_refused(run("simulate", other, *out), "scene.txt")
+    assert_refused(run("simulate", table_top, "--resolution", "400x400", *out), "400x226")
+    assert_refused(run("simulate", table_top, "--camera", "3", *out), "--camera 3")
+    assert_refused(run("simulate", table_top, "--camera-to-world", "1,2,3", *out), "16")
+    assert_refused(run("simulate", table_top, "--camera-to-world", ",".join(["2"] * 16), *out), "rotation")
+    assert_refused(run("simulate", table_top, "--device", "97", *out), "97")
+    assert_refused(run("simulate", table_top, "--device", "best", *out), "best", "auto")
+    assert_refused(run("simulate", table_top, "--spp", "0", *out), "--spp")
+    assert_refused(run("simulate", table_top, "--out", table_top / "out"), "table_top.gltf")
+    assert_refused(run("simulate", table_top), "--out")
+    assert_refused(run("simulat", table_top, *out), "simulat")
+    assert_refused(run(), "COMMAND")
+    assert not (tmp_path / "out").exists()
+
+
+def test_compare_refuses_what_is_no_capture(run, tmp_path):
+    assert_refused(run("compare", tmp_path / "none", "--out", tmp_path / "out"), "capture.json")

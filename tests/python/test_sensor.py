@@ -1,0 +1,203 @@
+"""StereoDepthSensor in front of the example scene, at half resolution, and in scenes made for one question."""
+
+import numpy as np
+import pytest
+
+import kuafu
+from activestereo import Mount, Pose, StereoDepthSensor, StereoDepthSensorConfig
+from activestereo.accuracy import accuracy_by_material
+from activestereo.pose import body_pose
+
+
+@pytest.fixture(scope="module")
+def table(table_top):
+    """A sensor at the scene's camera with one picture taken."""
+    config = StereoDepthSensorConfig("D435").scaled(0.5)
+    config.samples_per_pixel, config.max_bounces = 4, 3
+    scene = kuafu.Scene(kuafu.Device())
+    scene.load(table_top)
+    sensor = StereoDepthSensor(config, scene, pose=body_pose(scene.camera(0).camera_to_world))
+    sensor.take_picture()
+    sensor.compute_depth()
+    return sensor
+
+
+@pytest.fixture(scope="module")
+def by_material(table):
+    rows = accuracy_by_material(table.get_depth(), table.get_true_depth(), table.get_material_ids(), table.scene.material_name)
+    return {row.name: row for row in rows}
+
+
+def test_shapes_and_types(table):
+    assert table.get_rgb().shape == (240, 424, 3) and table.get_rgb().dtype == np.float32
+    assert [image.shape for image in table.get_ir()] == [(240, 424)] * 2
+    assert [(image.shape, image.dtype.name) for image in table.get_ir_measured()] == [((240, 424), "uint8")] * 2
+    assert table.get_depth().shape == (240, 424) and table.get_depth().dtype == np.float32
+    for picture in (table.get_rgb(), *table.get_ir()):
+        assert picture.min() >= 0.0 and picture.max() <= 1.0
+
+
+def test_most_of_the_table_is_measured_well(by_material):
+    wood = by_material["wood"]
+    assert wood.fill > 0.9
+    assert wood.median_error_m < 0.012  # of a half-size sensor: f B is 10.8 px m, a tenth of a pixel at 0.9 m is 8 mm
+
+
+def test_materials_that_break_stereo_do(by_material):
+    for name in ("glass", "steel", "velvet"):
+        assert by_material[name].median_error_m > 2 * by_material["clay"].median_error_m, name
+    assert by_material["glass"].fill < by_material["clay"].fill - 0.03
+
+
+def test_infrared_pictures_are_well_exposed(table):
+    for image in table.get_ir_measured():
+        assert (image == 255).mean() < 0.02
+        assert np.percentile(image, 95) > 20
+
+
+def test_noise_free_infrared_is_what_the_measured_one_scatters_about(table):
+    clean, measured = table.get_ir()[0] * 255.0, table.get_ir_measured()[0].astype(float)
+    middle = (clean > 10) & (clean < 200)
+    residual = measured[middle] - clean[middle]
+    assert abs(residual.mean()) < 0.1
+    light = clean[middle] - table.get_config().ir_black_level_dn
+    expected = np.sqrt((light**2 / 1333.33 + 0.25**2 + 1 / 12).mean())  # gamma factor, Gaussian, rounding
+    assert residual.std() == pytest.approx(expected, rel=0.05)
+
+
+def test_point_cloud_projects_onto_the_depth_map(table):
+    depth, k = table.get_depth(), table.get_config().rgb_intrinsic
+    cloud = table.get_pointcloud(with_rgb=True)
+    assert cloud.shape == ((depth > 0).sum(), 6) and cloud.dtype == np.float32
+    u, v = (cloud[:, axis] / cloud[:, 2] * k[axis, axis] + k[axis, 2] for axis in (0, 1))
+    columns, rows = np.rint(u).astype(int), np.rint(v).astype(int)
+    np.testing.assert_allclose(cloud[:, 2], depth[rows, columns], rtol=1e-6)
+    np.testing.assert_allclose(cloud[:, 3:], table.get_rgb()[rows, columns], atol=1e-6)
+    assert table.get_pointcloud().shape[1] == 3
+
+
+def test_stage_times_name_the_three_parts(table):
+    assert {name.split(":")[0] for name in table.stage_times} == {"rgb", "ir", "depth"}
+
+
+def wall_scene(distance_m):
+    """A white wall across the whole view, in SAPIEN's axes: x forward, y left, z up."""
+    scene = kuafu.Scene(kuafu.Device())
+    corners = np.array([[distance_m, y, z] for y in (-9.0, 9.0) for z in (-9.0, 9.0)], np.float32)
+    material = scene.add_material(kuafu.Material(base_color=(0.5, 0.5, 0.5, 1.0), specular=0.0))
+    scene.add_instance(scene.add_mesh(corners, [[0, 1, 3], [0, 3, 2]]), [material])
+    return scene
+
+
+def test_a_wall_in_front_of_the_sensor_is_as_far_as_it_is(small_config):
+    """The default pose looks along x. Nothing but axes, poses, projector, matcher and registration in their places gives this number."""
+    small_config.max_bounces = 0
+    sensor = StereoDepthSensor(small_config, wall_scene(0.9))
+    sensor.take_picture()
+    sensor.compute_depth()
+    np.testing.assert_allclose(sensor.get_true_depth(), 0.9, rtol=1e-5)
+    depth = sensor.get_depth()[20:-20, 40:-40]
+    assert (depth > 0).mean() > 0.99
+    assert np.median(depth[depth > 0]) == pytest.approx(0.9, rel=0.005)
+
+
+def test_moving_the_mount_moves_the_sensor(small_config):
+    small_config.max_bounces, small_config.samples_per_pixel = 0, 1
+    mount = Mount(wall_scene(0.9), Pose([0.2, 0.0, 0.0]))
+    sensor = StereoDepthSensor(small_config, mount, pose=Pose([0.1, 0.0, 0.0]))
+    np.testing.assert_allclose(sensor.get_pose().p, [0.3, 0.0, 0.0])
+    for local, expected in ((None, 0.6), (Pose([-0.1, 0.0, 0.0]), 0.8)):
+        if local:
+            sensor.set_local_pose(local)
+        sensor.take_picture()
+        np.testing.assert_allclose(sensor.get_true_depth(), expected, rtol=1e-5)
+    mount.pose = Pose()
+    sensor.take_picture()
+    np.testing.assert_allclose(sensor.get_true_depth(), 1.0, rtol=1e-5)
+
+
+def test_the_projector_is_seen_by_the_infrared_cameras_only(small_config):
+    small_config.max_bounces, small_config.samples_per_pixel = 0, 1
+    sensor = StereoDepthSensor(small_config, wall_scene(0.9))
+    sensor.take_picture()
+    assert sensor.get_rgb().max() == 0.0
+    assert sensor.get_ir()[0].max() > 0.5
+    lights = sensor.scene.summary.light_count
+    sensor.close()
+    assert sensor.scene.summary.light_count == lights - 1
+    sensor.take_picture(infrared_only=True)
+    assert sensor.get_ir()[0].max() < 0.05
+
+
+def test_same_seed_same_frame_and_a_new_frame_differs(small_config, table_top):
+    small_config.max_bounces, small_config.samples_per_pixel = 1, 1
+    first, again = (StereoDepthSensor(small_config, table_top) for _ in range(2))
+    frames = []
+    for sensor, count in ((first, 2), (again, 1)):
+        for _ in range(count):
+            sensor.take_picture(infrared_only=True)
+            sensor.compute_depth()
+            frames.append(sensor.get_ir_measured()[0].copy())
+    np.testing.assert_array_equal(frames[0], frames[2])
+    assert not np.array_equal(frames[0], frames[1])
+    again.compute_depth()
+    np.testing.assert_array_equal(again.get_ir_measured()[0], frames[2])
+
+
+def test_setters_reach_the_engine_and_bad_values_change_nothing(small_config):
+    sensor = StereoDepthSensor(small_config, wall_scene(1.0))
+    sensor.set_census_window_size(5, 7)
+    sensor.set_matching_block_size(3, 5)
+    sensor.set_penalties(5, 50)
+    sensor.set_uniqueness_ratio(20)
+    sensor.set_lr_max_diff(255)
+    sensor.set_ir_noise(2.0, 3.0)
+    p = sensor.engine.parameters
+    assert [p[n] for n in ("census_width", "census_height", "block_width", "block_height", "p1", "p2", "uniqueness_ratio", "lr_max_diff")] == [5, 7, 3, 5, 5, 50, 20, -1]
+    assert (p["speckle_shape"], p["gaussian_sigma_dn"]) == pytest.approx((1333.33 / 2.0, 0.75))
+    sensor.set_ir_noise(0.0, 0.0)
+    assert sensor.engine.parameters["speckle_shape"] == sensor.engine.parameters["gaussian_sigma_dn"] == 0.0
+    for bad in (lambda: sensor.set_penalties(50, 5), lambda: sensor.set_ir_noise(1.0, 0.0), lambda: sensor.set_census_window_size(4, 4)):
+        with pytest.raises(ValueError):
+            bad()
+    assert sensor.get_config().p1_penalty == 5 and sensor.get_config().ir_speckle_noise == 0.0
+
+
+def test_results_before_the_picture_say_what_to_call(small_config):
+    sensor = StereoDepthSensor(small_config, wall_scene(1.0))
+    with pytest.raises(RuntimeError, match="take_picture"):
+        sensor.compute_depth()
+    sensor.take_picture(infrared_only=True)
+    with pytest.raises(RuntimeError, match="compute_depth"):
+        sensor.get_depth()
+    with pytest.raises(RuntimeError, match="infrared_only"):
+        sensor.get_rgb()
+
+
+def test_progress_of_a_picture_rises_to_one_and_its_exceptions_come_through(small_config):
+    sensor = StereoDepthSensor(small_config, wall_scene(1.0))
+    seen = []
+    sensor.take_picture(progress=seen.append)
+    assert seen == sorted(seen) and seen[-1] == pytest.approx(1.0)
+
+    def stop(fraction):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        sensor.take_picture(progress=stop)
+    sensor.take_picture(infrared_only=True)
+
+
+def test_without_a_projector_it_is_a_passive_pair(small_config):
+    small_config.light_pattern = None
+    sensor = StereoDepthSensor(small_config, wall_scene(1.0))
+    assert sensor.scene.summary.light_count == 0
+    sensor.take_picture(infrared_only=True)
+    assert np.ptp(sensor.get_ir()[0]) < 1e-3
+
+
+def test_what_is_no_scene_is_refused(small_config):
+    with pytest.raises(TypeError, match="kuafu.Scene"):
+        StereoDepthSensor(small_config, 42)
+    with pytest.raises(FileNotFoundError):
+        StereoDepthSensor(small_config, "nowhere.gltf")

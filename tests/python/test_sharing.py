@@ -1,0 +1,104 @@
+"""The infrared pair's memory is one memory: both libraries address it, and no frame is copied."""
+
+import os
+
+import numpy as np
+import pytest
+
+import kuafu
+import simsense
+from activestereo.ir_link import IrLink, shared_memory_kind
+
+SIZE = 64 * 48
+
+
+@pytest.fixture
+def engine_device(device):
+    return simsense.Device(device.info.device_uuid)
+
+
+def shared_buffers(device, engine_device, memory):
+    source = kuafu.Buffer(device, SIZE, exportable=memory == "opaque_fd")
+    with source.export(memory) as desc:
+        return source, simsense.Buffer.import_(engine_device, desc)
+
+
+@pytest.mark.parametrize("memory", ["opaque_fd", "host"])
+def test_a_mark_written_by_one_is_read_by_the_other(device, engine_device, memory):
+    needed = {"opaque_fd": ("export_opaque_fd", "import_opaque_fd"), "host": ("export_host_pointer", "import_host_pointer")}[memory]
+    if not (needed[0] in device.info.capabilities and needed[1] in engine_device.info.capabilities):
+        pytest.skip(f"{device.info.name} does not share memory by {memory}")
+    source, sink = shared_buffers(device, engine_device, memory)
+    np.asarray(source)[17] = 201
+    assert np.asarray(sink)[17] == 201
+    np.asarray(sink)[18] = 202
+    assert np.asarray(source)[18] == 202
+
+
+def test_both_address_the_same_memory(device, engine_device):
+    """A shared file has one inode and the same offset in it on both sides; shared host memory has one address."""
+    memory = shared_memory_kind(device, engine_device)
+    source, sink = shared_buffers(device, engine_device, memory)
+    if memory == "host":
+        assert np.asarray(source).ctypes.data == np.asarray(sink).ctypes.data
+        return
+    mappings = [file_mapping(np.asarray(buffer).ctypes.data) for buffer in (source, sink)]
+    if None in mappings:
+        pytest.skip(f"{device.info.name} maps device memory where /proc/self/maps does not tell files apart")
+    assert mappings[0] == mappings[1]
+    with source.export("opaque_fd") as desc:
+        assert mappings[0][1] == os.fstat(desc.handle).st_ino
+
+
+def file_mapping(address):
+    """(device, inode, offset in the file) behind an address, or None."""
+    with open("/proc/self/maps") as maps:
+        for line in maps:
+            span, _, offset, file_device, inode = line.split()[:5]
+            start, end = (int(part, 16) for part in span.split("-"))
+            if start <= address < end:
+                return None if inode == "0" else (file_device, int(inode), int(offset, 16) + address - start)
+    return None
+
+
+def test_link_gives_each_eye_its_half(device, engine_device):
+    link = IrLink(device, engine_device, 64, 48)
+    link.images[0], link.images[1] = 1.0, 2.0
+    link.deliver()
+    assert (link.left.array() == 1.0).all() and (link.right.array() == 2.0).all()
+
+
+def test_a_frame_copies_nothing_and_the_copying_way_counts(sensors):
+    """Over take_picture and compute_depth both copy counters stand still when memory is shared, and rise by the pair's size when it is not."""
+    shared, copying = sensors
+    assert shared.ir_memory in ("opaque_fd", "host") and copying.ir_memory == "copy"
+    for sensor, expected in ((shared, 0), (copying, 2 * 4 * np.prod(sensor_size(copying)))):
+        sensor.take_picture(infrared_only=True)  # the first frame uploads the scene
+        sensor.compute_depth()
+        before = sensor.device.copied_bytes, sensor.engine.device.copied_bytes
+        sensor.take_picture()
+        sensor.compute_depth()
+        assert sensor.device.copied_bytes - before[0] == expected
+        assert sensor.engine.device.copied_bytes - before[1] == expected
+
+
+def test_both_ways_give_the_same_depth(sensors):
+    depths = []
+    for sensor in sensors:
+        sensor.take_picture()
+        sensor.compute_depth()
+        depths.append(sensor.get_depth())
+    np.testing.assert_array_equal(*depths)
+
+
+def sensor_size(sensor):
+    return sensor.get_config().ir_resolution
+
+
+@pytest.fixture
+def sensors(small_config, table_top):
+    from activestereo import StereoDepthSensor
+
+    small_config.samples_per_pixel = 1
+    small_config.max_bounces = 0
+    return [StereoDepthSensor(small_config, table_top, copy_ir=copy) for copy in (False, True)]
