@@ -1,5 +1,6 @@
 // A tracer answers ray queues. The path tracer is written once and knows only this interface (design: wavefront stages, pluggable rays).
-// Implementations: EmbreeTracer (host, in place on mapped queues; CPU devices), ComputeTracer (own two-level BVH2 in Vulkan compute).
+// Implementations: EmbreeTracer (host, in place on mapped queues; CPU devices), ComputeTracer (own two-level BVH2 in Vulkan compute),
+// RtTracer (the driver's, VK_KHR_ray_tracing_pipeline).
 // Thread rule: externally synchronised.
 #pragma once
 
@@ -40,5 +41,7 @@ class Tracer {
 
 std::unique_ptr<Tracer> make_embree_tracer(std::shared_ptr<ks::Device> device);
 std::unique_ptr<Tracer> make_compute_tracer(std::shared_ptr<ks::Device> device, uint32_t layout = queue_layout_planes);
+/// Throws KS_ERROR_UNSUPPORTED where the device has no ray tracing pipelines (KS_CAP_RAY_TRACING_PIPELINE).
+std::unique_ptr<Tracer> make_rt_tracer(std::shared_ptr<ks::Device> device);
 
 }  // namespace kuafu

@@ -39,11 +39,13 @@ Texture::Format to_format(uint32_t format) {
 
 }  // namespace
 
+std::vector<glm::vec3> to_vectors(const float* values, uint32_t count) { return array<glm::vec3>(values, count); }
+
 Mesh to_mesh(const kuafu_mesh_desc& desc) {
   Mesh mesh;
   mesh.name = text(desc.name);
   mesh.positions = array<glm::vec3>(desc.positions, desc.vertex_count, "positions");
-  mesh.normals = array<glm::vec3>(desc.normals, desc.vertex_count);
+  mesh.normals = to_vectors(desc.normals, desc.vertex_count);
   mesh.uvs = array<glm::vec2>(desc.uvs, desc.vertex_count);
   mesh.indices = array<glm::uvec3>(desc.indices, desc.triangle_count, "indices");
   mesh.slots = array<uint32_t>(desc.slots, desc.triangle_count);

@@ -6,6 +6,8 @@
 
 namespace kuafu {
 
+/// [count][3]; empty from NULL.
+std::vector<glm::vec3> to_vectors(const float* values, uint32_t count);
 Mesh to_mesh(const kuafu_mesh_desc& desc);
 Texture to_texture(const kuafu_texture_desc& desc);
 Material to_material(const kuafu_material_desc& desc);

@@ -23,6 +23,8 @@ kuafu::TracerKind tracer_kind(const kuafu_renderer_desc* desc) {
       return kuafu::TracerKind::embree;
     case KUAFU_TRACER_COMPUTE:
       return kuafu::TracerKind::compute;
+    case KUAFU_TRACER_RT_PIPELINE:
+      return kuafu::TracerKind::rt_pipeline;
     default:
       ks::fail(KS_ERROR_INVALID_ARGUMENT, "tracer %u is no KUAFU_TRACER_*", tracer);
   }

@@ -90,6 +90,13 @@ ks_status kuafu_scene_add_mesh(kuafu_scene scene, const kuafu_mesh_desc* desc, u
   });
 }
 
+ks_status kuafu_scene_update_mesh(kuafu_scene scene, uint32_t id, const float* positions, const float* normals, uint32_t vertex_count) {
+  return ks::guard([&] {
+    scene_of(scene).update_mesh_positions(id, kuafu::to_vectors(&required(positions, "positions"), vertex_count),
+                                          kuafu::to_vectors(normals, vertex_count));
+  });
+}
+
 ks_status kuafu_scene_add_texture(kuafu_scene scene, const kuafu_texture_desc* desc, uint32_t* id) {
   return ks::guard([&] {
     required(id, "id") = KUAFU_NONE;

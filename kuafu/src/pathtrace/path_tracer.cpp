@@ -20,6 +20,11 @@ bool wants_embree(const ks::Device& device, TracerKind kind) {
   return embree;
 }
 
+std::unique_ptr<Tracer> make_tracer(const std::shared_ptr<ks::Device>& device, TracerKind kind) {
+  if (wants_embree(*device, kind)) return make_embree_tracer(device);
+  return kind == TracerKind::rt_pipeline ? make_rt_tracer(device) : make_compute_tracer(device);
+}
+
 /// Near the golden section of n, coprime to it, and small enough that block * stride stays below 2^32.
 uint32_t permutation_stride(uint32_t n) {
   if (n < 3) return 1;
@@ -74,7 +79,7 @@ void PathTracer::Run::prepare(const Scene& scene) {
   for (size_t i = 0; i < outputs.size(); ++i) {
     const OutputImage& image = launch_.outputs[i];
     outputs[i] = {};
-    if (image.buffer) outputs[i] = {o_.memory().address(*image.buffer) + image.offset_bytes, image.view_stride, image.row_stride, 1, 0};
+    if (image.buffer) outputs[i] = {o_.memory().address(*image.buffer) + image.offset_bytes, image.first, image.view_stride, image.row_stride, 1};
   }
   fit_buffers();
   commands_.add_host_time("upload", milliseconds_since(start));
@@ -206,7 +211,7 @@ void PathTracer::Run::accumulate(const WaveRange& wave, bool first, bool last) {
 PathTracer::PathTracer(std::shared_ptr<ks::Device> device, TracerKind tracer)
     : device_(std::move(device)),
       on_host_(wants_embree(*device_, tracer)),
-      tracer_(on_host_ ? make_embree_tracer(device_) : make_compute_tracer(device_)),
+      tracer_(make_tracer(device_, tracer)),
       stages_(on_host_ ? make_host_stages(device_) : make_device_stages(device_, *tracer_)),
       tables_(memory()),
       buffers_(memory()) {}

@@ -15,7 +15,7 @@
 
 namespace kuafu {
 
-enum class TracerKind { automatic, embree, compute };
+enum class TracerKind { automatic, embree, compute, rt_pipeline };
 
 class PathTracer {
  public:

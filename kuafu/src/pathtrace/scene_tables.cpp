@@ -70,7 +70,8 @@ void SceneTables::update(const Scene& scene, const Band& band, uint32_t environm
   const bool lights_changed =
       now.lights != seen_.lights || now.textures != seen_.textures || !(band == band_) || environment_count != environment_count_;
   band_ = band;
-  if (now.meshes != seen_.meshes) add_meshes(scene);
+  if (now.meshes != seen_.meshes) move_vertices(scene);
+  if (meshes_.size() < scene.meshes().size()) add_meshes(scene);
   if (now.textures != seen_.textures) add_textures(scene);
   if (now.materials != seen_.materials) write_materials(scene);
   if (now.instances != seen_.instances || now.meshes != seen_.meshes || now.materials != seen_.materials) write_instances(scene);
@@ -104,12 +105,27 @@ void SceneTables::add_meshes(const Scene& scene) {
     a.slots = block.add(m.slots);
     a.flags = (m.normals.empty() ? 0 : instance_has_normals) | (m.uvs.empty() ? 0 : instance_has_uvs) |
               (m.slots.empty() ? 0 : instance_has_slots);
+    a.deformation = m.deformation;
     meshes_.push_back(a);
   }
   const auto buffer = blocks_.emplace_back(block.upload(memory_.device));
-  for (size_t i = first; i < meshes_.size(); ++i)
+  for (size_t i = first; i < meshes_.size(); ++i) {
     for (uint64_t* offset : {&meshes_[i].positions, &meshes_[i].normals, &meshes_[i].uvs, &meshes_[i].indices, &meshes_[i].slots})
       *offset += memory_.address(*buffer);
+    meshes_[i].block = buffer;
+  }
+}
+
+void SceneTables::move_vertices(const Scene& scene) {
+  for (size_t i = 0; i < meshes_.size(); ++i) {
+    const Mesh& m = scene.meshes()[i];
+    MeshAddresses& a = meshes_[i];
+    if (m.deformation == a.deformation) continue;
+    const uint64_t base = memory_.address(*a.block);
+    a.block->write(a.positions - base, m.positions.data(), m.positions.size() * sizeof(glm::vec3));
+    if (!m.normals.empty()) a.block->write(a.normals - base, m.normals.data(), m.normals.size() * sizeof(glm::vec3));
+    a.deformation = m.deformation;
+  }
 }
 
 void SceneTables::add_textures(const Scene& scene) {

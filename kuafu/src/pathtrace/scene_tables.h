@@ -30,10 +30,13 @@ class SceneTables {
   struct MeshAddresses {
     uint64_t positions, normals, uvs, indices, slots;
     uint32_t flags;
+    uint64_t deformation;               // Mesh::deformation that the device has
+    std::shared_ptr<ks::Buffer> block;  // where they lie
   };
 
   void forget(const Scene& scene);
   void add_meshes(const Scene& scene);
+  void move_vertices(const Scene& scene);
   void add_textures(const Scene& scene);
   void write_materials(const Scene& scene);
   void write_instances(const Scene& scene);

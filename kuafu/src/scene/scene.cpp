@@ -92,6 +92,21 @@ uint32_t Scene::add_light(Light light) {
   return add(lights_, std::move(light), revisions_.lights);
 }
 
+void Scene::update_mesh_positions(uint32_t id, std::vector<glm::vec3> positions, std::vector<glm::vec3> normals) {
+  if (id >= meshes_.size()) ks::fail(KS_ERROR_INVALID_ARGUMENT, "there is no mesh %u (the scene has %zu)", id, meshes_.size());
+  Mesh& mesh = meshes_[id];
+  const char* name = mesh.name.c_str();
+  if (positions.size() != mesh.positions.size())
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "mesh '%s': %zu positions for its %zu vertices", name, positions.size(), mesh.positions.size());
+  if (normals.size() != mesh.normals.size())
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "mesh '%s': %zu normals, it was made with %zu", name, normals.size(), mesh.normals.size());
+  check_vertices(mesh.name, positions, normals);
+  mesh.positions = std::move(positions);
+  mesh.normals = std::move(normals);
+  ++mesh.deformation;
+  ++revisions_.meshes;
+}
+
 void Scene::set_material(uint32_t id, Material material) {
   if (id >= materials_.size()) ks::fail(KS_ERROR_INVALID_ARGUMENT, "there is no material %u (the scene has %zu)", id, materials_.size());
   check(material);

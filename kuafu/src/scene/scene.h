@@ -20,6 +20,7 @@ struct Mesh {
   std::vector<glm::vec2> uvs;        // empty = 0
   std::vector<glm::uvec3> indices;
   std::vector<uint32_t> slots;  // per triangle, index into Instance::materials; empty = 0
+  uint64_t deformation = 0;     // how often update_mesh_positions moved its vertices
 };
 
 struct Texture {
@@ -90,6 +91,8 @@ class Scene {
   uint32_t add_material(Material material);
   uint32_t add_instance(Instance instance);
   uint32_t add_light(Light light);
+  /// Moves the vertices; triangles stay. As many positions as there are vertices, and normals exactly where the mesh has them.
+  void update_mesh_positions(uint32_t id, std::vector<glm::vec3> positions, std::vector<glm::vec3> normals);
   void set_material(uint32_t id, Material material);
   void set_instance_pose(uint32_t id, const glm::dmat4& local_to_world);
   void set_instance_materials(uint32_t id, std::vector<uint32_t> materials);

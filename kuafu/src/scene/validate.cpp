@@ -52,25 +52,27 @@ void check_pinhole(const char* what, const std::string& name, const glm::dmat3& 
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s '%s': K is not [fx s cx; 0 fy cy; 0 0 1] (row-major)", what, name.c_str());
 }
 
-void check_vertices(const Mesh& mesh) {
+void check_counts(const Mesh& mesh) {
   const size_t count = mesh.positions.size();
   const char* name = mesh.name.c_str();
   if (!mesh.normals.empty() && mesh.normals.size() != count)
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "mesh '%s': %zu normals for %zu vertices", name, mesh.normals.size(), count);
   if (!mesh.uvs.empty() && mesh.uvs.size() != count)
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "mesh '%s': %zu uvs for %zu vertices", name, mesh.uvs.size(), count);
-  for (size_t i = 0; i < count; ++i)
-    if (!all_finite(mesh.positions[i])) ks::fail(KS_ERROR_INVALID_ARGUMENT, "mesh '%s': position %zu is not finite", name, i);
-  for (size_t i = 0; i < mesh.normals.size(); ++i) {
-    const float length = glm::length(mesh.normals[i]);
-    if (!(std::abs(length - 1.0f) <= unit_tolerance))
-      ks::fail(KS_ERROR_INVALID_ARGUMENT, "mesh '%s': normal %zu has length %g, must be 1", name, i, static_cast<double>(length));
-  }
-  for (size_t i = 0; i < mesh.uvs.size(); ++i)
-    if (!all_finite(mesh.uvs[i])) ks::fail(KS_ERROR_INVALID_ARGUMENT, "mesh '%s': uv %zu is not finite", name, i);
 }
 
 }  // namespace
+
+void check_vertices(const std::string& mesh, const std::vector<glm::vec3>& positions, const std::vector<glm::vec3>& normals) {
+  const char* name = mesh.c_str();
+  for (size_t i = 0; i < positions.size(); ++i)
+    if (!all_finite(positions[i])) ks::fail(KS_ERROR_INVALID_ARGUMENT, "mesh '%s': position %zu is not finite", name, i);
+  for (size_t i = 0; i < normals.size(); ++i) {
+    const float length = glm::length(normals[i]);
+    if (!(std::abs(length - 1.0f) <= unit_tolerance))
+      ks::fail(KS_ERROR_INVALID_ARGUMENT, "mesh '%s': normal %zu has length %g, must be 1", name, i, static_cast<double>(length));
+  }
+}
 
 void check(const Mesh& mesh) {
   const char* name = mesh.name.c_str();
@@ -79,7 +81,10 @@ void check(const Mesh& mesh) {
   if (mesh.positions.size() > 0xfffffffeu || mesh.indices.size() > 0xfffffffeu)
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "mesh '%s': %zu vertices and %zu triangles, at most 2^32 - 2 each", name, mesh.positions.size(),
              mesh.indices.size());
-  check_vertices(mesh);
+  check_counts(mesh);
+  check_vertices(mesh.name, mesh.positions, mesh.normals);
+  for (size_t i = 0; i < mesh.uvs.size(); ++i)
+    if (!all_finite(mesh.uvs[i])) ks::fail(KS_ERROR_INVALID_ARGUMENT, "mesh '%s': uv %zu is not finite", name, i);
   for (size_t i = 0; i < mesh.indices.size(); ++i)
     for (int k = 0; k < 3; ++k)
       if (mesh.indices[i][k] >= mesh.positions.size())

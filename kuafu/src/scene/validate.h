@@ -7,6 +7,8 @@
 namespace kuafu {
 
 void check(const Mesh& mesh);
+/// Of the mesh of that name: finite positions, unit normals.
+void check_vertices(const std::string& mesh, const std::vector<glm::vec3>& positions, const std::vector<glm::vec3>& normals);
 void check(const Texture& texture);
 /// Bytes of the texels of a texture of this size and format; throws for a size or channel count out of range.
 uint64_t texel_bytes(const Texture& texture);

@@ -1,0 +1,13 @@
+// The payload of rays in the ray tracing pipeline.
+#ifndef KUAFU_RT_HIT_GLSL
+#define KUAFU_RT_HIT_GLSL
+#extension GL_EXT_ray_tracing : require
+
+struct RtHit {
+  float t;
+  vec2 uv;        // barycentrics of vertices 1 and 2
+  uint primitive;
+  uint instance;  // shared/ray_queue.h: miss where there is none
+};
+
+#endif

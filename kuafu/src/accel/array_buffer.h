@@ -1,0 +1,37 @@
+// One array in device memory, grown when needed, else written in place. Thread rule: externally synchronised.
+#pragma once
+
+#include <algorithm>
+#include <memory>
+#include <span>
+
+#include "device/buffer.h"
+
+namespace kuafu {
+
+class ArrayBuffer {
+ public:
+  explicit ArrayBuffer(VkBufferUsageFlags extra_usage = 0) : extra_usage_(extra_usage) {}
+
+  /// What was there is lost when it grows.
+  void reserve(const std::shared_ptr<ks::Device>& device, uint64_t bytes) {
+    if (!buffer_ || buffer_->size_bytes() < bytes) buffer_ = ks::Buffer::create(device, std::max<uint64_t>(bytes, 16), 0, extra_usage_);
+  }
+  template <class T>
+  void upload(const std::shared_ptr<ks::Device>& device, const std::vector<T>& values) {
+    reserve(device, values.size() * sizeof(T));
+    write(0, values);
+  }
+  template <class T>
+  void write(uint64_t offset_bytes, const std::vector<T>& values) {
+    if (!values.empty()) buffer_->write(offset_bytes, values.data(), values.size() * sizeof(T));
+  }
+  [[nodiscard]] uint64_t address() const { return buffer_ ? buffer_->address() : 0; }
+  [[nodiscard]] const std::shared_ptr<ks::Buffer>& buffer() const { return buffer_; }
+
+ private:
+  VkBufferUsageFlags extra_usage_;
+  std::shared_ptr<ks::Buffer> buffer_;
+};
+
+}  // namespace kuafu

@@ -1,0 +1,64 @@
+// Acceleration structures of VK_KHR_acceleration_structure: owning handles, and the builder that makes and refits many in one go.
+// Thread rule: externally synchronised.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "accel/array_buffer.h"
+#include "device/compute.h"
+
+namespace kuafu {
+
+class RtStructure {
+ public:
+  RtStructure(std::shared_ptr<ks::Buffer> storage, uint64_t offset_bytes, uint64_t size_bytes, VkAccelerationStructureTypeKHR type);
+  ~RtStructure();
+  RtStructure(RtStructure&& other) noexcept;
+  RtStructure& operator=(RtStructure&& other) noexcept;
+  [[nodiscard]] VkAccelerationStructureKHR handle() const { return handle_; }
+  [[nodiscard]] uint64_t address() const { return address_; }
+
+ private:
+  std::shared_ptr<ks::Buffer> storage_;
+  VkAccelerationStructureKHR handle_ = VK_NULL_HANDLE;
+  uint64_t address_ = 0;
+};
+
+/// What a structure is made from: one geometry.
+struct RtInput {
+  VkAccelerationStructureGeometryKHR geometry;
+  uint32_t primitives;
+  bool updatable;  // may be refitted later
+
+  /// Tightly packed float3 positions and uint3 indices at device addresses aligned to 4.
+  static RtInput triangles(uint64_t positions, uint32_t vertex_count, uint64_t indices, uint32_t triangle_count, bool updatable);
+  /// VkAccelerationStructureInstanceKHR at a device address aligned to 16.
+  static RtInput instances(uint64_t records, uint32_t count);
+};
+
+class RtBuilder {
+ public:
+  explicit RtBuilder(std::shared_ptr<ks::Device> device);
+
+  /// All of one type, in `storage`, which is grown when needed; structures that lie in it are overwritten and must be gone.
+  std::vector<RtStructure> build(std::span<const RtInput> inputs, ArrayBuffer& storage);
+  /// In place: same topology as the structure was built with, new positions.
+  void refit(std::span<const RtInput> inputs, std::span<RtStructure* const> structures);
+
+ private:
+  using Infos = std::vector<VkAccelerationStructureBuildGeometryInfoKHR>;
+  [[nodiscard]] Infos describe(std::span<const RtInput> inputs, VkBuildAccelerationStructureModeKHR mode) const;
+  [[nodiscard]] VkAccelerationStructureBuildSizesInfoKHR sizes(const VkAccelerationStructureBuildGeometryInfoKHR& info,
+                                                               uint32_t primitives) const;
+  void run(Infos& infos, std::span<const RtInput> inputs, const std::vector<uint64_t>& scratch_bytes);
+
+  std::shared_ptr<ks::Device> device_;
+  uint64_t scratch_alignment_;
+  ArrayBuffer scratch_;
+};
+
+inline constexpr VkBufferUsageFlags rt_storage_usage = VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR;
+inline constexpr VkBufferUsageFlags rt_input_usage = VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR;
+
+}  // namespace kuafu

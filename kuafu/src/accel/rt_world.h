@@ -1,0 +1,49 @@
+// The scene as the driver's ray tracing knows it: a bottom level per mesh, built once or refitted, and a top level per environment.
+// Thread rule: externally synchronised; no work may be in flight during update.
+#pragma once
+
+#include <optional>
+
+#include "accel/mesh_watch.h"
+#include "accel/placement.h"
+#include "accel/rt_structure.h"
+
+namespace kuafu {
+
+class RtWorld {
+ public:
+  explicit RtWorld(std::shared_ptr<ks::Device> device);
+
+  void update(const Scene& scene, uint32_t environment_count);
+  /// 0 until a scene was seen.
+  [[nodiscard]] uint32_t environment_count() const { return environment_count_; }
+  /// Device address of an array: of each environment, the address of its top level; 0 where it is empty.
+  [[nodiscard]] uint64_t top_levels() const { return addresses_.address(); }
+
+ private:
+  struct Bottom {
+    RtStructure structure;
+    bool updatable = false;
+    uint32_t refits = 0;
+  };
+  struct Geometry;  // meshes' vertices and triangles, as long as a build needs them
+
+  void forget();
+  bool follow_meshes(const Scene& scene);
+  void build_meshes(const Scene& scene, const std::vector<uint32_t>& ids, bool updatable);
+  void refit_meshes(const Scene& scene, const std::vector<uint32_t>& ids);
+  void place(std::vector<Placement> placements, uint32_t environment_count);
+
+  std::shared_ptr<ks::Device> device_;
+  RtBuilder builder_;
+  const Scene* scene_ = nullptr;
+  MeshWatch watch_;
+  std::vector<std::optional<Bottom>> meshes_;
+  std::vector<Placement> placements_;
+  uint64_t instances_revision_ = 0;
+  uint32_t environment_count_ = 0;
+  ArrayBuffer instances_{rt_input_usage}, top_storage_{rt_storage_usage}, addresses_;
+  std::vector<RtStructure> tops_;
+};
+
+}  // namespace kuafu
