@@ -17,6 +17,6 @@ Pixel wave_pixel(WaveRange range, uint local_pixel) {
 }
 
 uint output_word(OutputRecord record, Pixel pixel, uint channels) {
-  return uint(int(pixel.view) * record.view_stride + int(pixel.row) * record.row_stride + int(pixel.column * channels));
+  return uint(record.first + int(pixel.view) * record.view_stride + int(pixel.row) * record.row_stride + int(pixel.column * channels));
 }
 #endif

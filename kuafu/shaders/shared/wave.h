@@ -55,11 +55,11 @@ KUAFU_CONST output_material_id = 3u;
 KUAFU_CONST output_radiance = 4u;  // then the light groups
 KUAFU_CONST output_kind_count = 8u;
 
-/// One output image; strides in 32-bit words; enabled = 0 when it is not asked for.
+/// One output image; in 32-bit words from its lowest one. Strides may be negative. enabled = 0 when it is not asked for.
 struct OutputRecord {
   UintArray words;
-  int view_stride, row_stride;
-  uint enabled, reserved;
+  int first, view_stride, row_stride;
+  uint enabled;
 };
 KUAFU_ARRAY(OutputArray, OutputRecord, 8)
 

@@ -135,16 +135,6 @@ void check_shape(const ks_image_desc& image, const OutputKind& kind, const Launc
              static_cast<long long>(image.byte_stride[2]), static_cast<long long>(image.byte_stride[3]), 4 * channels);
 }
 
-// Shaders count words of 32 bits from the view's first element.
-int word_stride(int64_t byte_stride, uint64_t extent, const char* name) {
-  if (extent <= 1) return 0;
-  const int64_t words = byte_stride / 4;
-  if (words > std::numeric_limits<int32_t>::max() / int64_t(extent) || words < std::numeric_limits<int32_t>::min() / int64_t(extent))
-    ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s spans more than 8 GiB (byte stride %lld, extent %llu)", name,
-             static_cast<long long>(byte_stride), ull(extent));
-  return int(words);
-}
-
 void read_output(const kuafu_output_desc& desc, const ks::Device& device, Launch& launch) {
   const OutputKind kind = output_kind(desc.output);
   const std::shared_ptr<ks::Buffer>& buffer = ks::object_of(desc.buffer, kind.name);
@@ -153,11 +143,14 @@ void read_output(const kuafu_output_desc& desc, const ks::Device& device, Launch
   const ks_image_desc& image = desc.image;
   check_embedded(image, KS_TYPE_IMAGE_DESC, kind.name);
   check_shape(image, kind, launch, kind.channels == 0 ? launch.band.channels() : kind.channels);
-  ks::check_image(image, buffer->size_bytes(), kind.name);
+  const ks::ByteRange range = ks::check_image(image, buffer->size_bytes(), kind.name);
+  if ((range.end - range.begin) / 4 > std::numeric_limits<int32_t>::max())
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s spans %llu bytes, at most 8 GiB are possible", kind.name, ull(range.end - range.begin));
   OutputImage& out = launch.outputs[kind.kind];
   if (out.buffer) ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s is asked for twice", kind.name);
-  out = {buffer, image.offset_bytes, word_stride(image.byte_stride[0], image.shape[0], kind.name),
-         word_stride(image.byte_stride[1], image.shape[1], kind.name)};
+  const auto words = [](int64_t bytes, uint64_t extent) { return extent > 1 ? int(bytes / 4) : 0; };
+  out = {buffer, range.begin, int((image.offset_bytes - range.begin) / 4), words(image.byte_stride[0], image.shape[0]),
+         words(image.byte_stride[1], image.shape[1])};
 }
 
 }  // namespace

@@ -20,11 +20,12 @@ struct View {
   uint32_t environment = 0;
 };
 
-/// Where an output goes: a view into the caller's buffer, strides in 32-bit words. No buffer: it is not asked for.
+/// Where an output goes: a view into the caller's buffer whose lowest word is at offset_bytes; first element and strides in 32-bit words.
+/// No buffer: it is not asked for.
 struct OutputImage {
   std::shared_ptr<ks::Buffer> buffer;
   uint64_t offset_bytes = 0;
-  int view_stride = 0, row_stride = 0;
+  int first = 0, view_stride = 0, row_stride = 0;
 };
 
 struct Launch {
