@@ -1,0 +1,53 @@
+// Left-right check and median. A tile of checked disparities stands in shared memory; invalid ones (-1) take part in the median, pixels
+// whose window leaves the image are copied.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "shared/match_push.h"
+
+const uint tile_width = 32u, tile_height = 8u;
+layout(local_size_x = tile_width, local_size_y = tile_height) in;
+layout(constant_id = 0) const uint median_size = 3u;
+layout(push_constant, scalar) uniform Push { MatchPush push; };
+
+const uint reach = median_size / 2u, values = median_size * median_size;
+const uint shared_width = tile_width + 2u * reach, shared_height = tile_height + 2u * reach;
+shared float checked[shared_width * shared_height];
+
+float checked_disparity(int x, int y) {
+  if (x < 0 || y < 0 || x >= int(push.width) || y >= int(push.height)) return -1.0f;
+  uint row = (gl_WorkGroupID.z * push.height + uint(y)) * push.width;
+  float disparity = push.unchecked.at[row + uint(x)];
+  if (disparity < 0.0f || push.lr_max_diff < 0) return disparity;
+  int rounded = int(floor(disparity + 0.5f)), right_x = x - rounded;
+  if (right_x < 0) return -1.0f;
+  int right = int(push.right_winner.at[row + uint(right_x)] & 0xffffu);
+  return abs(rounded - right) <= push.lr_max_diff ? disparity : -1.0f;
+}
+
+/// The value with at most half of the others below it and at most half above it.
+float median(uint first) {
+  for (uint i = 0u; i < values; ++i) {
+    float candidate = checked[first + i / median_size * shared_width + i % median_size];
+    uint below = 0u, above = 0u;
+    for (uint j = 0u; j < values; ++j) {
+      float other = checked[first + j / median_size * shared_width + j % median_size];
+      below += uint(other < candidate);
+      above += uint(other > candidate);
+    }
+    if (max(below, above) <= values / 2u) return candidate;
+  }
+  return -1.0f;  // not reached: some value is the median
+}
+
+void main() {
+  ivec2 origin = ivec2(gl_WorkGroupID.xy) * ivec2(tile_width, tile_height) - int(reach);
+  for (uint i = gl_LocalInvocationIndex; i < shared_width * shared_height; i += tile_width * tile_height)
+    checked[i] = checked_disparity(origin.x + int(i % shared_width), origin.y + int(i / shared_width));
+  barrier();
+  uvec2 pixel = gl_GlobalInvocationID.xy, local = gl_LocalInvocationID.xy;
+  if (pixel.x >= push.width || pixel.y >= push.height) return;
+  bool inside = pixel.x >= reach && pixel.y >= reach && pixel.x + reach < push.width && pixel.y + reach < push.height;
+  uint first = local.y * shared_width + local.x;
+  float disparity = inside ? median(first) : checked[first + reach * shared_width + reach];
+  push.disparity.at[(gl_WorkGroupID.z * push.height + pixel.y) * push.width + pixel.x] = disparity;
+}

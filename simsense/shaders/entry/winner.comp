@@ -1,0 +1,168 @@
+// Winners of the left and the right image from the four paths' mean, uniqueness and the subpixel step. A cluster sweeps a part of a row. The
+// right image's candidates travel with it: pixel x's disparity d concerns the right pixel x - d, as does disparity d + 1 of the next pixel,
+// so the best so far moves one disparity on per pixel and leaves behind the last one.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#extension GL_KHR_shader_subgroup_ballot : require
+#extension GL_KHR_shader_subgroup_shuffle : require
+#extension GL_KHR_shader_subgroup_shuffle_relative : require
+#extension GL_KHR_shader_subgroup_arithmetic : require
+#extension GL_KHR_shader_subgroup_vote : require
+#include "lib/exact_ratio.glsl"
+#include "lib/lanes.glsl"
+
+const uint no_key = 0xffffffffu;
+
+uint horizontal_sums[steps * lane_words], vertical_sums[steps * lane_words];
+uint keys[lane_disparities];   // mean cost << 16 | disparity
+uint right_keys[lane_disparities];
+uint width, pixel_row;         // first pixel of the row
+
+/// Mean of the four paths at the lane's disparities k and k + lane_pairs, as a pair.
+uint mean_pair(uint slot, uint k) {
+  if (sum_bytes == 1u) {
+    uint w = slot * lane_words + k / 2u, shift = 8u * (k & 1u);
+    return ((horizontal_sums[w] >> shift & 0x00ff00ffu) + (vertical_sums[w] >> shift & 0x00ff00ffu)) >> 2 & 0x00ff00ffu;
+  }
+  if (sum_bytes == 2u) {
+    uint h = horizontal_sums[slot * lane_words + k], v = vertical_sums[slot * lane_words + k];
+    return ((h & 0xffffu) + (v & 0xffffu)) >> 2 | ((h >> 16) + (v >> 16)) >> 2 << 16;
+  }
+  uint w = slot * lane_words + 2u * k;
+  return (horizontal_sums[w] + vertical_sums[w]) >> 2 | (horizontal_sums[w + 1u] + vertical_sums[w + 1u]) >> 2 << 16;
+}
+
+void load_pixel(uint x, uint slot) {
+  uint item = (pixel_row + min(x, width - 1u)) * path_lanes + lane();
+  LOAD_WORDS(horizontal_sums, slot * lane_words, lane_words, push.horizontal, item)
+  LOAD_WORDS(vertical_sums, slot * lane_words, lane_words, push.vertical, item)
+}
+
+void make_keys(uint slot) {
+  uint lane_start = lane() * lane_disparities;
+  [[unroll]] for (uint k = 0u; k < lane_pairs; ++k) {
+    uint mean = mean_pair(slot, k);
+    keys[k] = mean << 16 | (lane_start + k);
+    keys[k + lane_pairs] = (mean & 0xffff0000u) | (lane_start + k + lane_pairs);
+  }
+  if (padded_disparities == disparities) return;
+  [[unroll]] for (uint k = 0u; k < lane_disparities; ++k)
+    if (lane_start + k >= disparities) keys[k] = no_key;
+}
+
+uint cluster_min(uint value) {
+  if (path_lanes == subgroup_lanes) return subgroupMin(value);
+  [[unroll]] for (uint mask = 1u; mask < path_lanes; mask <<= 1) value = min(value, subgroupShuffleXor(value, mask));
+  return value;
+}
+
+bool cluster_any(bool value) {
+  if (path_lanes == subgroup_lanes) return subgroupAny(value);
+  uvec4 votes = subgroupBallot(value);
+  uint own = gl_SubgroupInvocationID & ~(path_lanes - 1u);
+  return ((own < 32u ? votes.x : votes.y) >> (own & 31u) & ((1u << path_lanes) - 1u)) != 0u;
+}
+
+/// Least mean cost, in key position, that a disparity away from the winner may have: cost * (100 - ratio) >= winner's cost * 100.
+uint least_other(uint winner_cost) {
+  if (uniqueness_ratio >= 100u) return winner_cost > 0u ? 0xffff0000u : 0u;
+  uint share = 100u - uniqueness_ratio;
+  return min((winner_cost * 100u + share - 1u) / share, 0xffffu) << 16;
+}
+
+/// Winning disparity, or -1 where it is not unique.
+int left_winner() {
+  uint best = keys[0];
+  [[unroll]] for (uint k = 1u; k < lane_disparities; ++k) best = min(best, keys[k]);
+  best = cluster_min(best);
+  uint winner = best & 0xffffu, limit = least_other(best >> 16);
+  uint relative = lane() * lane_disparities - winner + 1u;  // |d - winner| <= 1 exactly if relative + k <= 2
+  bool rival = false;
+  [[unroll]] for (uint k = 0u; k < lane_disparities; ++k) rival = rival || (keys[k] < limit && relative + k > 2u);
+  return cluster_any(rival) ? -1 : int(winner);
+}
+
+void offer_right(int right_x, uint key) {
+  if (right_x >= 0) atomicMin(push.right_winner.at[pixel_row + uint(right_x)], key);
+}
+
+void right_step(uint x) {
+  [[unroll]] for (uint k = 0u; k < lane_disparities; ++k) right_keys[k] = min(right_keys[k], keys[k]);
+  uint leaving = right_keys[lane_disparities - 1u], entering = subgroupShuffleUp(leaving, 1u);
+  if (lane() == path_lanes - 1u) offer_right(int(x) - int(padded_disparities - 1u), leaving);
+  [[unroll]] for (uint k = lane_disparities - 1u; k > 0u; --k) right_keys[k] = right_keys[k - 1u];
+  right_keys[0] = lane() == 0u ? no_key : entering;
+}
+
+/// What is left when the sweep ends before x.
+void flush_right(uint x) {
+  [[unroll]] for (uint k = 0u; k < lane_disparities; ++k)
+    if (right_keys[k] != no_key) offer_right(int(x) - int(lane() * lane_disparities + k), right_keys[k]);
+}
+
+/// Word and bit position of disparity d among a pixel's words of `bytes` per element.
+uvec2 element_place(uint d, uint bytes) {
+  uint block = d / lane_disparities, k = d % lane_disparities, pair = k % lane_pairs, high = k / lane_pairs;
+  uint first = block * (lane_disparities * bytes / 4u);
+  if (bytes == 4u) return uvec2(first + 2u * pair + high, 0u);
+  if (bytes == 2u) return uvec2(first + pair, 16u * high);
+  return uvec2(first + pair / 2u, 8u * (pair & 1u) + 16u * high);
+}
+
+int mean_cost(uint x, uint d) {
+  uvec2 place = element_place(d, sum_bytes);
+  uint at = (pixel_row + x) * (path_lanes * lane_words) + place.x, mask = sum_bytes == 1u ? 0xffu : sum_bytes == 2u ? 0xffffu : 0xffffffffu;
+  return int(((push.horizontal.at[at] >> place.y & mask) + (push.vertical.at[at] >> place.y & mask)) >> 2);
+}
+
+int block_cost(uint x, uint d) {
+  uvec2 place = element_place(d, 2u);
+  return int(push.cost.at[(pixel_row + x) * (padded_disparities / 2u) + place.x] >> place.y & 0xffffu);
+}
+
+/// Costs at winner - 1, winner, winner + 1 that the subpixel step looks at.
+ivec3 costs_around(uint x, uint winner) {
+  if (subpixel == 2u && block_pixels > 1u) {
+    ivec3 c = ivec3(block_cost(x, winner - 1u), block_cost(x, winner), block_cost(x, winner + 1u));
+    if (c.y <= c.x && c.y <= c.z) return c;
+  }
+  return ivec3(mean_cost(x, winner - 1u), mean_cost(x, winner), mean_cost(x, winner + 1u));
+}
+
+float disparity_at(uint x, int winner) {
+  if (winner < 0) return -1.0f;
+  if (subpixel == 0u || winner == 0 || winner + 1 == int(disparities)) return float(winner);
+  ivec3 c = costs_around(x, uint(winner));
+  int fall = c.x - c.z;  // towards winner + 1
+  int depth = subpixel == 1u ? c.x - 2 * c.y + c.z : max(c.x, c.z) - c.y;
+  if (depth == 0) return float(winner);
+  float offset = exact_ratio(uint(abs(fall)), uint(2 * depth));
+  return float(winner) + (fall < 0 ? -offset : offset);
+}
+
+void main() {
+  width = push.width;
+  uint sweep = gl_WorkGroupID.x * cluster_count() + cluster();
+  bool valid = sweep < push.height * push.segments;
+  sweep = min(sweep, push.height * push.segments - 1u);
+  pixel_row = (gl_WorkGroupID.z * push.height + sweep / push.segments) * width;
+  uint segment = sweep % push.segments, begin = segment * width / push.segments, end = (segment + 1u) * width / push.segments;
+  [[unroll]] for (uint k = 0u; k < lane_disparities; ++k) right_keys[k] = no_key;
+  [[unroll]] for (uint s = 0u; s < steps; ++s) load_pixel(begin + s, s);
+  [[dont_unroll]] for (uint first = begin; first < end; first += path_lanes) {
+    int own_winner = -1;
+    [[dont_unroll]] for (uint part = 0u; part < path_lanes; part += steps) {
+      [[unroll]] for (uint s = 0u; s < steps; ++s) {
+        uint x = first + part + s;
+        make_keys(s);
+        load_pixel(x + steps, s);
+        int winner = left_winner();
+        if (part + s == lane()) own_winner = winner;
+        if (x < end) right_step(x);
+      }
+    }
+    uint x = first + lane();
+    if (valid && x < end) push.unchecked.at[pixel_row + x] = disparity_at(x, own_winner);
+  }
+  flush_right(end);
+}

@@ -1,0 +1,57 @@
+// Along a column with costs from census words, or along any line with stored costs: what a pixel needs is loaded `steps` pixels ahead.
+#ifndef SIMSENSE_WALK_LINES_GLSL
+#define SIMSENSE_WALK_LINES_GLSL
+#include "lib/walk.glsl"
+
+const bool stored_costs = block_pixels > 1u;
+const uint needed_words = stored_costs ? lane_pairs : lane_disparities;
+
+uint needed[steps * needed_words];
+uint left_ahead[steps];
+
+/// The lane's right words of a pixel start at any column; one of the four shifted copies has them aligned.
+void fetch_census(Path p, uint t, uint slot) {
+  uint y = p.backward ? p.pixels - 1u - t : t, row = gl_WorkGroupID.z * push.height + y;
+  left_ahead[slot] = push.left_census.at[row * push.width + p.line];
+  uint shift = (3u - p.line) & 3u;
+  uint word = shift * push.right_copy_words + row * push.right_pitch + push.right_origin + shift + p.line + 1u - (lane() + 1u) * lane_disparities;
+  [[unroll]] for (uint i = 0u; i < lane_disparities; i += 4u) {
+    uvec4 words = Uvec4Array(push.right_census).at[(word + i) >> 2];
+    [[unroll]] for (uint c = 0u; c < 4u; ++c) needed[slot * lane_disparities + i + c] = words[c];
+  }
+}
+
+void fetch(Path p, uint t, uint slot) {
+  t = min(t, p.pixels - 1u);
+  if (stored_costs) {
+    LOAD_WORDS(needed, slot * lane_pairs, lane_pairs, push.cost, lane_item(p, t))
+  } else {
+    fetch_census(p, t, slot);
+  }
+}
+
+uint pair_cost(Path p, uint slot, uint k) {
+  if (stored_costs) {
+    uint mirror = needed[slot * lane_pairs + lane_pairs - 1u - k];
+    return p.mirrored ? mirror << 16 | mirror >> 16 : needed[slot * lane_pairs + k];
+  }
+  uint last = slot * lane_disparities + lane_disparities - 1u;
+  return hamming_pair(left_ahead[slot], needed[last - k], needed[last - k - lane_pairs]);
+}
+
+/// Pixels first_block * steps .. last_block * steps - 1 of the path.
+void walk_lines(UintArray sums, Path p, uint first_block, uint last_block) {
+  if (first_block >= last_block) return;
+  [[unroll]] for (uint s = 0u; s < steps; ++s) {
+    fetch(p, first_block * steps + s, s);
+    look_ahead(sums, p, first_block * steps + s, s);
+  }
+  [[dont_unroll]] for (uint t = first_block * steps; t < last_block * steps; t += steps) {
+    [[unroll]] for (uint s = 0u; s < steps; ++s) {
+      [[unroll]] for (uint k = 0u; k < lane_pairs; ++k) step_cost[k] = pair_cost(p, s, k);
+      fetch(p, t + s + steps, s);
+      visit(sums, p, t + s, s);
+    }
+  }
+}
+#endif

@@ -1,0 +1,64 @@
+// Along a row with costs from census words: the right image's words that the lane's disparities need move one place per pixel, so they stay
+// in registers and four new ones come with each load. The path from the right end sees a mirrored row and runs through the same code.
+#ifndef SIMSENSE_WALK_ROWS_GLSL
+#define SIMSENSE_WALK_ROWS_GLSL
+#include "lib/walk.glsl"
+
+uint window[lane_disparities + steps];  // [lane_disparities + s - k]: right word of the s-th pixel ahead at the lane's disparity k
+uint left_words[steps], next_left[steps], next_right[steps];
+
+/// Group of four right words that holds position 0 of the mirrored or plain row, as this lane counts.
+int first_group(Path p) {
+  uint pair_row = gl_WorkGroupID.z * push.height + p.line, row = pair_row * push.right_pitch + push.right_origin;
+  uint lane_start = lane() * lane_disparities;
+  if (!p.mirrored) return int(row - lane_start - lane_disparities) >> 2;
+  uint shift = (3u - push.width) & 3u;  // the copy in which the mirrored groups are aligned
+  return int(shift * push.right_copy_words + row + shift + push.width - padded_disparities + lane_start + lane_disparities - 3u) >> 2;
+}
+
+uvec4 right_group(Path p, int first, uint position) {
+  int group = int(position >> 2);
+  uvec4 words = Uvec4Array(push.right_census).at[p.mirrored ? first - group : first + group];
+  return p.mirrored ? words.wzyx : words;
+}
+
+uint left_word(Path p, uint t) { return push.left_census.at[path_pixel(p, min(t, p.pixels - 1u))]; }
+
+void fill_window(Path p, int first, uint t) {
+  [[unroll]] for (uint i = 0u; i < lane_disparities + steps; i += 4u) {
+    uvec4 words = right_group(p, first, t + i);
+    [[unroll]] for (uint c = 0u; c < 4u; ++c) window[i + c] = words[c];
+  }
+  [[unroll]] for (uint s = 0u; s < steps; ++s) left_words[s] = left_word(p, t + s);
+}
+
+void fetch_next(Path p, int first, uint t) {
+  [[unroll]] for (uint i = 0u; i < steps; i += 4u) {
+    uvec4 words = right_group(p, first, t + lane_disparities + i);
+    [[unroll]] for (uint c = 0u; c < 4u; ++c) next_right[i + c] = words[c];
+  }
+  [[unroll]] for (uint s = 0u; s < steps; ++s) next_left[s] = left_word(p, t + s);
+}
+
+void move_window() {
+  [[unroll]] for (uint i = 0u; i < lane_disparities; ++i) window[i] = window[i + steps];
+  [[unroll]] for (uint s = 0u; s < steps; ++s) window[lane_disparities + s] = next_right[s], left_words[s] = next_left[s];
+}
+
+/// Pixels first_block * steps .. last_block * steps - 1 of the path.
+void walk_rows(UintArray sums, Path p, uint first_block, uint last_block) {
+  if (first_block >= last_block) return;
+  int first = first_group(p);
+  fill_window(p, first, first_block * steps);
+  [[unroll]] for (uint s = 0u; s < steps; ++s) look_ahead(sums, p, first_block * steps + s, s);
+  [[dont_unroll]] for (uint t = first_block * steps; t < last_block * steps; t += steps) {
+    fetch_next(p, first, t + steps);
+    [[unroll]] for (uint s = 0u; s < steps; ++s) {
+      [[unroll]] for (uint k = 0u; k < lane_pairs; ++k)
+        step_cost[k] = hamming_pair(left_words[s], window[lane_disparities + s - k], window[lane_disparities + s - k - lane_pairs]);
+      visit(sums, p, t + s, s);
+    }
+    move_window();
+  }
+}
+#endif

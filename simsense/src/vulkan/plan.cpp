@@ -1,0 +1,88 @@
+#include "vulkan/plan.h"
+
+#include <algorithm>
+#include <bit>
+
+#include "device/error.h"
+
+namespace simsense {
+namespace {
+
+constexpr uint32_t half_bias = 0x0400, largest_half = 0x7bff;  // as in path_state.glsl
+
+bool has_half_minima(const ks::Device& device) {
+  VkPhysicalDeviceVulkan12Features features{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES};
+  VkPhysicalDeviceFeatures2 all{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2, &features};
+  vkGetPhysicalDeviceFeatures2(device.physical(), &all);
+  return features.shaderFloat16 == VK_TRUE;
+}
+
+uint32_t divide_up(uint32_t a, uint32_t b) { return (a + b - 1) / b; }
+
+/// Lanes of one path: with few pairs many lanes shorten its steps, with many pairs few lanes waste less on their exchange.
+void choose_lanes(MatchPlan& plan, uint32_t disparities, uint32_t batch, const MatchTuning& tuning) {
+  const uint32_t wanted = divide_up(disparities, batch == 1 ? 8 : 16);
+  plan.path_lanes = tuning.path_lanes ? tuning.path_lanes : std::clamp(std::bit_ceil(wanted), 4u, std::min(plan.subgroup_lanes, 32u));
+  plan.lane_disparities = 4 * divide_up(disparities, 4 * plan.path_lanes);
+  plan.steps = tuning.steps ? tuning.steps : 4;
+  if (!std::has_single_bit(plan.path_lanes) || plan.path_lanes < plan.steps || plan.path_lanes > plan.subgroup_lanes ||
+      plan.path_lanes > 32 || (plan.steps != 4 && plan.steps != 8))
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "path_lanes is %u, steps %u: need a power of two of %u..%u and 4 or 8, no more than path_lanes",
+             plan.path_lanes, plan.steps, plan.steps, std::min(plan.subgroup_lanes, 32u));
+}
+
+void choose_ranges(MatchPlan& plan, const MatchParameters& p, bool half) {
+  const uint32_t area = p.block_width * p.block_height;
+  plan.p1 = p.p1 * area;
+  plan.p2 = p.p2 * area;
+  const uint32_t largest = (p.census_width * p.census_height - 1) / 2 * area + plan.p2;  // of one path's costs
+  plan.sum_bytes = 2 * largest <= 0xff ? 1 : 2 * largest <= 0xffff ? 2 : 4;
+  plan.half_minima = half && half_bias + largest + plan.p1 <= largest_half;
+}
+
+void choose_block_stage(MatchPlan& plan, const MatchParameters& p) {
+  plan.block_pairs = plan.lane_disparities % 8 == 0 ? 4 : 2;
+  plan.block_columns = p.block_width > 65 ? 2 : 1;
+  plan.block_rows_per_group = std::max(64u, 4 * p.block_height);
+}
+
+/// Enough sweeps to fill a large GPU; a sweep also takes the columns of one disparity range past its end.
+uint32_t default_segments(const MatchPlan& plan, uint32_t disparities) {
+  constexpr uint32_t wanted_subgroups = 4096;
+  const uint64_t subgroups = std::max<uint64_t>(uint64_t{plan.height} * plan.pairs_at_once * plan.path_lanes / plan.subgroup_lanes, 1);
+  const uint32_t most = std::max(plan.width / std::max(disparities / 2, 32u), 1u);
+  return static_cast<uint32_t>(std::clamp<uint64_t>(wanted_subgroups / subgroups, 1, most));
+}
+
+/// A volume's words are counted by positive 32-bit integers.
+uint32_t most_pairs(const MatchPlan& one_pair) {
+  const uint64_t words =
+      std::max({one_pair.sum_volume_bytes(), one_pair.cost_volume_bytes(), 4 * one_pair.census_copies * one_pair.right_copy_words()}) / 4;
+  if (words > INT32_MAX)
+    ks::fail(KS_ERROR_UNSUPPORTED, "%ux%u with %u disparities needs a volume of %llu words, the Vulkan matcher reaches %d: use the CPU one",
+             one_pair.width, one_pair.height, one_pair.padded_disparities(), static_cast<unsigned long long>(words), INT32_MAX);
+  return static_cast<uint32_t>(INT32_MAX / words);
+}
+
+}  // namespace
+
+MatchPlan make_match_plan(const ks::Device& device, uint32_t width, uint32_t height, uint32_t batch, const MatchParameters& parameters,
+                          const MatchTuning& tuning) {
+  MatchPlan plan;
+  plan.width = width;
+  plan.height = height;
+  plan.subgroup_lanes = device.subgroup_size();
+  choose_lanes(plan, parameters.max_disparity, batch, tuning);
+  choose_ranges(plan, parameters, !tuning.integer_minima && has_half_minima(device));
+  choose_block_stage(plan, parameters);
+  plan.census_copies = parameters.block_width * parameters.block_height > 1 ? 1 : 4;
+  plan.right_origin = plan.padded_disparities() + 32;  // as far as a path reads ahead
+  plan.right_pitch = 4 * divide_up(plan.right_origin + width + 32, 4);
+  plan.pairs_at_once = std::min({batch, tuning.pairs_at_once ? tuning.pairs_at_once : device.is_cpu() ? 1u : 8u, most_pairs(plan)});
+  plan.path_group = std::max({tuning.path_group ? tuning.path_group : 64u, plan.subgroup_lanes, 2 * plan.path_lanes});
+  plan.winner_group = std::max({tuning.winner_group ? tuning.winner_group : 64u, plan.subgroup_lanes});
+  plan.segments = tuning.segments ? std::min(tuning.segments, width) : default_segments(plan, parameters.max_disparity);
+  return plan;
+}
+
+}  // namespace simsense

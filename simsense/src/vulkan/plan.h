@@ -1,0 +1,41 @@
+// How the matcher's work is laid out on a device: lanes and registers of a path, element sizes, workgroups, and how many pairs go through
+// at a time. Plain values, decided once.
+#pragma once
+
+#include "device/device.h"
+#include "matcher.h"
+
+namespace simsense {
+
+/// What a caller may fix, to measure or to test; 0 = the default of the device.
+struct MatchTuning {
+  uint32_t path_lanes = 0;      // power of two, 4 .. subgroup size
+  uint32_t steps = 0;           // pixels that a path reads ahead: 4 or 8
+  uint32_t path_group = 0;      // invocations per workgroup of the path stage
+  uint32_t winner_group = 0;    // of the winner stage
+  uint32_t segments = 0;        // parts of a row in the winner stage
+  uint32_t pairs_at_once = 0;   // pairs that share one pass through the stages
+  bool integer_minima = false;  // even where half floats would do
+};
+
+struct MatchPlan {
+  uint32_t width = 0, height = 0, pairs_at_once = 1;
+  uint32_t subgroup_lanes = 0, path_lanes = 0, lane_disparities = 0, steps = 0;
+  uint32_t sum_bytes = 0;  // per element of a volume of path costs
+  bool half_minima = false;
+  uint32_t p1 = 0, p2 = 0;  // times the block's area
+  uint32_t path_group = 0, winner_group = 0, segments = 0;
+  uint32_t census_copies = 0, right_origin = 0, right_pitch = 0;
+  uint32_t block_pairs = 0, block_columns = 0, block_rows_per_group = 0;  // of the block stage
+
+  [[nodiscard]] uint32_t padded_disparities() const { return path_lanes * lane_disparities; }
+  [[nodiscard]] uint64_t pixels() const { return uint64_t{width} * height * pairs_at_once; }
+  [[nodiscard]] uint64_t sum_volume_bytes() const { return pixels() * padded_disparities() * sum_bytes; }
+  [[nodiscard]] uint64_t cost_volume_bytes() const { return census_copies > 1 ? 0 : pixels() * padded_disparities() * 2; }
+  [[nodiscard]] uint64_t right_copy_words() const { return uint64_t{right_pitch} * height * pairs_at_once; }
+};
+
+MatchPlan make_match_plan(const ks::Device& device, uint32_t width, uint32_t height, uint32_t batch, const MatchParameters& parameters,
+                          const MatchTuning& tuning);
+
+}  // namespace simsense

@@ -1,0 +1,172 @@
+#include "vulkan/vulkan_matcher.h"
+
+#include <algorithm>
+#include <cstring>
+
+#include "device/error.h"
+#include "shared/match_push.h"
+#include "vulkan/pipelines.h"
+
+namespace simsense {
+namespace {
+
+uint32_t groups(uint64_t items, uint64_t per_group) { return static_cast<uint32_t>((items + per_group - 1) / per_group); }
+
+void check_images(const DeviceImages& images, uint64_t bytes, const char* name) {
+  const uint64_t size = images.buffer.size_bytes();
+  if (images.offset_bytes > size || bytes > size - images.offset_bytes)
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s: %llu bytes at offset %llu leave the buffer of %llu bytes", name,
+             static_cast<unsigned long long>(bytes), static_cast<unsigned long long>(images.offset_bytes),
+             static_cast<unsigned long long>(size));
+}
+
+}  // namespace
+
+struct VulkanMatcher::State {
+  State(std::shared_ptr<ks::Device> d, uint32_t batch_count, const MatchParameters& p, const MatchTuning& tuning, uint32_t width,
+        uint32_t height)
+      : device(std::move(d)),
+        batch(batch_count),
+        parameters(p),
+        plan(make_match_plan(*device, width, height, batch, p, tuning)),
+        pipelines(device, plan, p),
+        commands(device) {
+    left_census = allocate(plan.pixels() * 4);
+    right_census = allocate(plan.right_copy_words() * plan.census_copies * 4);
+    if (plan.cost_volume_bytes() > 0) cost = allocate(plan.cost_volume_bytes());
+    horizontal = allocate(plan.sum_volume_bytes());
+    vertical = allocate(plan.sum_volume_bytes());
+    right_winner = allocate(plan.pixels() * 4);
+    unchecked = allocate(plan.pixels() * 4);
+  }
+
+  std::shared_ptr<ks::Buffer> allocate(uint64_t bytes) {
+    memory_bytes += bytes;
+    return ks::Buffer::create(device, bytes, 0);
+  }
+
+  [[nodiscard]] MatchPush push(const DeviceImages& left, const DeviceImages& right, const DeviceImages& disparity, uint32_t pair) const;
+  void record(const MatchPush& push, uint32_t pairs);
+
+  std::shared_ptr<ks::Device> device;
+  uint32_t batch;
+  MatchParameters parameters;
+  MatchPlan plan;
+  MatchPipelines pipelines;
+  ks::Commands commands;
+  std::shared_ptr<ks::Buffer> left_census, right_census, cost, horizontal, vertical, right_winner, unchecked;
+  uint64_t memory_bytes = 0;
+};
+
+MatchPush VulkanMatcher::State::push(const DeviceImages& left, const DeviceImages& right, const DeviceImages& disparity,
+                                     uint32_t pair) const {
+  const uint64_t image_pixels = uint64_t{plan.width} * plan.height;
+  const uint64_t left_at = left.buffer.address() + left.offset_bytes + pair * image_pixels;
+  const uint64_t right_at = right.buffer.address() + right.offset_bytes + pair * image_pixels;
+  MatchPush push{};
+  push.left_image = left_at & ~uint64_t{3};
+  push.right_image = right_at & ~uint64_t{3};
+  push.left_byte = left_at & 3;
+  push.right_byte = right_at & 3;
+  push.left_census = left_census->address();
+  push.right_census = right_census->address();
+  push.cost = cost ? cost->address() : 0;
+  push.horizontal = horizontal->address();
+  push.vertical = vertical->address();
+  push.right_winner = right_winner->address();
+  push.unchecked = unchecked->address();
+  push.disparity = disparity.buffer.address() + disparity.offset_bytes + pair * image_pixels * 4;
+  push.width = plan.width;
+  push.height = plan.height;
+  push.right_pitch = plan.right_pitch;
+  push.right_origin = plan.right_origin;
+  push.right_copy_words = static_cast<uint32_t>(plan.right_copy_words());
+  push.p1 = plan.p1;
+  push.p2 = plan.p2;
+  push.lr_max_diff = parameters.lr_max_diff;
+  push.segments = plan.segments;
+  return push;
+}
+
+void VulkanMatcher::State::record(const MatchPush& push, uint32_t pairs) {
+  const uint32_t w = plan.width, h = plan.height;
+  commands.begin_stage("census");
+  commands.dispatch(pipelines.census, push, groups(plan.right_origin, 64) + groups(w, 64), groups(h, 4), 2 * pairs);
+  if (pipelines.block_cost) {
+    commands.begin_stage("block cost");
+    const uint32_t parts = plan.padded_disparities() / 2 / plan.block_pairs;
+    const uint32_t outputs = 256 * plan.block_columns - (parameters.block_width - 1);
+    commands.dispatch(*pipelines.block_cost, push, parts * groups(w, outputs), groups(h, plan.block_rows_per_group), pairs);
+  }
+  commands.begin_stage("paths");
+  const uint32_t lines_per_group = plan.path_group / plan.path_lanes / 2;
+  commands.dispatch(pipelines.paths, push, groups(h, lines_per_group) + groups(w, lines_per_group), 1, pairs);
+  commands.begin_stage("winner");
+  commands.dispatch(pipelines.winner, push, groups(uint64_t{h} * plan.segments, plan.winner_group / plan.path_lanes), 1, pairs);
+  commands.begin_stage("check and median");
+  commands.dispatch(pipelines.finish, push, groups(w, 32), groups(h, 8), pairs);
+}
+
+VulkanMatcher::VulkanMatcher(std::shared_ptr<ks::Device> device, uint32_t width, uint32_t height, uint32_t batch,
+                             const MatchParameters& parameters, const MatchTuning& tuning)
+    : state_(std::make_unique<State>(std::move(device), batch, parameters, tuning, width, height)) {}
+
+VulkanMatcher::~VulkanMatcher() = default;
+
+void VulkanMatcher::match(const DeviceImages& left, const DeviceImages& right, const DeviceImages& disparity) {
+  State& s = *state_;
+  const uint64_t pixels = uint64_t{s.plan.width} * s.plan.height * s.batch;
+  check_images(left, pixels, "left images");
+  check_images(right, pixels, "right images");
+  check_images(disparity, pixels * 4, "disparities");
+  if (disparity.offset_bytes % 4 != 0)
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "disparities start at byte %llu: must be a multiple of 4",
+             static_cast<unsigned long long>(disparity.offset_bytes));
+  s.commands.reset_stage_times();
+  for (uint32_t pair = 0; pair < s.batch; pair += s.plan.pairs_at_once)
+    s.record(s.push(left, right, disparity, pair), std::min(s.plan.pairs_at_once, s.batch - pair));
+  s.commands.flush();
+}
+
+std::vector<ks_stage_time> VulkanMatcher::stage_times() const {
+  std::vector<ks_stage_time> times;
+  for (const auto& [name, milliseconds] : state_->commands.stage_times()) {
+    ks_stage_time& time = times.emplace_back();
+    std::strncpy(time.name, name.c_str(), sizeof time.name - 1);
+    time.milliseconds = milliseconds;
+  }
+  return times;
+}
+
+uint64_t VulkanMatcher::memory_bytes() const { return state_->memory_bytes; }
+
+const MatchPlan& VulkanMatcher::plan() const { return state_->plan; }
+
+bool can_match_on(const ks::Device& device, std::string* why_not) {
+  constexpr VkSubgroupFeatureFlags needed = VK_SUBGROUP_FEATURE_BASIC_BIT | VK_SUBGROUP_FEATURE_VOTE_BIT |
+                                            VK_SUBGROUP_FEATURE_ARITHMETIC_BIT | VK_SUBGROUP_FEATURE_BALLOT_BIT |
+                                            VK_SUBGROUP_FEATURE_SHUFFLE_BIT | VK_SUBGROUP_FEATURE_SHUFFLE_RELATIVE_BIT;
+  const auto refuse = [why_not](const char* reason) {
+    if (why_not) *why_not = reason;
+    return false;
+  };
+  if (!device.has_vulkan()) return refuse("the host device has no Vulkan");
+  VkPhysicalDeviceSubgroupProperties subgroup{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_SUBGROUP_PROPERTIES};
+  VkPhysicalDeviceProperties2 all{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2, &subgroup};
+  vkGetPhysicalDeviceProperties2(device.physical(), &all);
+  if ((subgroup.supportedOperations & needed) != needed || !(subgroup.supportedStages & VK_SHADER_STAGE_COMPUTE_BIT))
+    return refuse("subgroups in compute lack vote, arithmetic, ballot or shuffle operations");
+  if (device.subgroup_size() < 4 || device.subgroup_size() > 64) return refuse("subgroups are not of 4 to 64 lanes");
+  return true;
+}
+
+std::unique_ptr<VulkanMatcher> make_vulkan_matcher(std::shared_ptr<ks::Device> device, uint32_t width, uint32_t height, uint32_t batch,
+                                                   const MatchParameters& parameters, const MatchTuning& tuning) {
+  std::string why_not;
+  if (!can_match_on(*device, &why_not))
+    ks::fail(KS_ERROR_UNSUPPORTED, "the Vulkan matcher cannot run on %s: %s", device->info().name, why_not.c_str());
+  if (batch == 0) ks::fail(KS_ERROR_INVALID_ARGUMENT, "batch is 0: must be at least 1");
+  return std::make_unique<VulkanMatcher>(std::move(device), width, height, batch, parameters, tuning);
+}
+
+}  // namespace simsense

@@ -1,0 +1,53 @@
+// The matcher in Vulkan compute: the bits of the scalar reference, a whole batch per call, images and disparities in device memory. Any
+// device that this project runs on and whose subgroups can shuffle; meant for GPUs (on a CPU device the CPU matcher is many times faster).
+// Thread rule: externally synchronised.
+#pragma once
+
+#include <memory>
+#include <utility>
+
+#include "device/compute.h"
+#include "matcher.h"
+#include "vulkan/plan.h"
+
+namespace simsense {
+
+/// Packed images [batch][height][width] inside a buffer.
+struct DeviceImages {
+  const ks::Buffer& buffer;
+  uint64_t offset_bytes = 0;
+};
+
+class VulkanMatcher {
+ public:
+  VulkanMatcher(std::shared_ptr<ks::Device> device, uint32_t width, uint32_t height, uint32_t batch, const MatchParameters& parameters,
+                const MatchTuning& tuning);
+  ~VulkanMatcher();
+  VulkanMatcher(const VulkanMatcher&) = delete;
+  VulkanMatcher& operator=(const VulkanMatcher&) = delete;
+
+  /// left, right: 8 bit; disparity: 32-bit float, pixels, -1 = invalid, at a multiple of 4 bytes. Returns when it can be read.
+  void match(const DeviceImages& left, const DeviceImages& right, const DeviceImages& disparity);
+  /// Milliseconds of each stage of the last call, on the device.
+  [[nodiscard]] std::vector<ks_stage_time> stage_times() const;
+  /// Device memory that this matcher holds.
+  [[nodiscard]] uint64_t memory_bytes() const;
+  [[nodiscard]] const MatchPlan& plan() const;
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+/// Whether the device has what the matcher needs; if not and why_not is given, it says what is missing.
+bool can_match_on(const ks::Device& device, std::string* why_not = nullptr);
+
+/// Throws KS_ERROR_UNSUPPORTED where can_match_on is false or where one volume is more than 32-bit indices reach.
+std::unique_ptr<VulkanMatcher> make_vulkan_matcher(std::shared_ptr<ks::Device> device, uint32_t width, uint32_t height, uint32_t batch,
+                                                   const MatchParameters& parameters, const MatchTuning& tuning = {});
+
+/// The same behind the interface of host images.
+std::unique_ptr<Matcher> make_vulkan_host_matcher(std::shared_ptr<ks::Device> device, uint32_t width, uint32_t height,
+                                                  const MatchParameters& parameters, const MatchTuning& tuning = {});
+
+}  // namespace simsense

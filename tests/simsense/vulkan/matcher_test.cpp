@@ -1,0 +1,163 @@
+// The Vulkan matcher gives the bits of the scalar reference on the CPU device: over fuzzed parameters and sizes, lane layouts, both kinds
+// of minima, and batches.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <random>
+#include <sstream>
+
+#include "capi/device/devices.h"
+#include "device/error.h"
+#include "simsense/stages/stereo_pair.h"
+#include "vulkan/vulkan_matcher.h"
+
+namespace {
+
+using simsense::MatchParameters;
+using simsense::MatchTuning;
+
+const std::shared_ptr<ks::Device>& device() {
+  static const std::shared_ptr<ks::Device> opened = ks::test::cpu_device();
+  return opened;
+}
+
+std::string describe(const StereoPair& pair, const MatchParameters& p, const MatchTuning& t) {
+  std::ostringstream text;
+  text << pair.width << "x" << pair.height << " D " << p.max_disparity << " census " << p.census_width << "x" << p.census_height
+       << " block " << p.block_width << "x" << p.block_height << " p1 " << p.p1 << " p2 " << p.p2 << " uniqueness " << p.uniqueness_ratio
+       << " lr " << p.lr_max_diff << " median " << p.median_size << " subpixel " << static_cast<int>(p.subpixel) << "; lanes "
+       << t.path_lanes << " steps " << t.steps << " groups " << t.path_group << ", " << t.winner_group << " segments " << t.segments
+       << (t.integer_minima ? " integer" : "");
+  return text.str();
+}
+
+/// Every pixel equal, or where the first difference is.
+void expect_same(const std::vector<float>& expected, const float* actual, size_t width, const std::string& what) {
+  size_t count = 0, first = 0;
+  for (size_t i = expected.size(); i-- > 0;)
+    if (expected[i] != actual[i]) ++count, first = i;
+  EXPECT_EQ(count, 0u) << what << ": first difference at x " << first % width << " y " << first / width << ": expected " << expected[first]
+                       << ", got " << actual[first];
+}
+
+std::vector<float> reference(const StereoPair& pair, const MatchParameters& p) {
+  return match(*simsense::make_reference_matcher(pair.width, pair.height, p), pair);
+}
+
+void compare(const StereoPair& pair, const MatchParameters& p, const MatchTuning& tuning = {}) {
+  const auto vulkan = simsense::make_vulkan_host_matcher(device(), pair.width, pair.height, p, tuning);
+  const std::vector<float> expected = reference(pair, p);
+  expect_same(expected, match(*vulkan, pair).data(), pair.width, describe(pair, p, tuning));
+  expect_same(expected, match(*vulkan, pair).data(), pair.width, describe(pair, p, tuning) + ", second call");
+}
+
+class Fuzz {
+ public:
+  explicit Fuzz(unsigned seed) : random_(seed) {}
+  uint32_t in(uint32_t low, uint32_t high) { return std::uniform_int_distribution<uint32_t>(low, high)(random_); }
+  template <class T>
+  T one_of(std::initializer_list<T> values) {
+    return values.begin()[in(0, static_cast<uint32_t>(values.size()) - 1)];
+  }
+  MatchParameters parameters(bool block) {
+    using Window = std::pair<uint32_t, uint32_t>;
+    MatchParameters p;
+    std::tie(p.census_width, p.census_height) = one_of<Window>({{7, 7}, {9, 7}, {7, 9}, {5, 5}, {3, 1}, {65, 1}, {1, 65}, {13, 5}});
+    if (block) std::tie(p.block_width, p.block_height) = one_of<Window>({{7, 7}, {3, 5}, {5, 1}, {1, 9}, {15, 17}, {255, 1}, {1, 255}});
+    p.max_disparity = in(0, 4) == 0 ? in(16, 200) : in(16, 70);
+    p.p2 = in(0, 2) == 0 ? in(2, 90) : in(2, 223);
+    p.p1 = in(1, p.p2 - 1);
+    p.uniqueness_ratio = one_of({0u, 5u, 15u, 40u, 99u, 100u});
+    p.lr_max_diff = static_cast<int32_t>(in(0, 4)) - 1;
+    p.median_size = one_of({1u, 3u, 5u, 7u});
+    p.subpixel = static_cast<simsense::Subpixel>(in(0, 2));
+    return p;
+  }
+  MatchTuning tuning() { return {one_of({0u, 4u, 8u}), 4u, one_of({0u, 16u, 128u}), one_of({0u, 32u, 256u}), in(0, 5), 0, in(0, 1) == 1}; }
+  StereoPair pair() { return random_dots(in(32, 150), in(32, 100), in(0, 20), in(0, 25), in(0, 1u << 30)); }
+
+ private:
+  std::mt19937 random_;
+};
+
+TEST(vulkan_matcher, fuzzed_parameters_without_block_equal_the_reference) {
+  Fuzz fuzz(1);
+  for (int i = 0; i < 16; ++i) compare(fuzz.pair(), fuzz.parameters(false), fuzz.tuning());
+}
+
+TEST(vulkan_matcher, fuzzed_parameters_with_block_equal_the_reference) {
+  Fuzz fuzz(2);
+  for (int i = 0; i < 12; ++i) compare(fuzz.pair(), fuzz.parameters(true), fuzz.tuning());
+}
+
+TEST(vulkan_matcher, lines_of_every_length_around_a_block_of_steps_meet_right) {
+  MatchParameters p;
+  p.max_disparity = 24;
+  for (uint32_t extra = 0; extra < 17; ++extra) {
+    const MatchTuning tuning{8, extra % 2 ? 8u : 4u, 0, 0, 0, 0, false};
+    compare(random_dots(32 + extra, 49 - extra, 5, 10, extra), p, tuning);
+  }
+}
+
+TEST(vulkan_matcher, widest_sums_equal_the_reference) {
+  MatchParameters p;
+  p.p2 = 223;
+  p.block_width = 15;
+  p.block_height = 17;
+  p.census_width = 65;
+  p.census_height = 1;
+  p.max_disparity = 40;
+  compare(random_dots(64, 48, 6, 60, 4), p);
+}
+
+TEST(vulkan_matcher, thousand_disparities_equal_the_reference) {
+  MatchParameters p;
+  p.max_disparity = 1024;
+  compare(random_dots(64, 32, 9, 10, 5), p);
+}
+
+TEST(vulkan_matcher, sensor_size_equals_the_reference) { compare(random_dots(960, 540, 37, 10, 6), MatchParameters{}); }
+
+TEST(vulkan_matcher, a_pair_of_the_sensors_size_needs_at_most_150_megabytes) {
+  const auto matcher = simsense::make_vulkan_matcher(device(), 960, 540, 1, MatchParameters{});
+  EXPECT_LE(matcher->memory_bytes(), 150'000'000u);
+}
+
+TEST(vulkan_matcher, every_pair_of_a_batch_equals_its_own_match) {
+  constexpr uint32_t width = 61, height = 43, batch = 5, pixels = width * height;
+  MatchParameters p;
+  p.max_disparity = 32;
+  constexpr uint64_t offset = 7;  // images need no alignment
+  const auto left = ks::Buffer::create(device(), offset + batch * pixels, 0), right = ks::Buffer::create(device(), batch * pixels, 0);
+  const auto disparity = ks::Buffer::create(device(), 8 + batch * pixels * 4, 0);
+  std::vector<StereoPair> pairs;
+  for (uint32_t i = 0; i < batch; ++i) {
+    pairs.push_back(random_dots(width, height, 3 * i, 10, i));
+    left->write(offset + i * pixels, pairs[i].left.data(), pixels);
+    right->write(i * pixels, pairs[i].right.data(), pixels);
+  }
+  MatchTuning tuning;
+  tuning.pairs_at_once = 2;
+  const auto matcher = simsense::make_vulkan_matcher(device(), width, height, batch, p, tuning);
+  matcher->match({*left, offset}, {*right}, {*disparity, 8});
+  std::vector<float> found(batch * pixels);
+  disparity->read(8, found.data(), found.size() * 4);
+  for (uint32_t i = 0; i < batch; ++i) expect_same(reference(pairs[i], p), &found[i * pixels], width, "pair " + std::to_string(i));
+}
+
+TEST(vulkan_matcher, images_that_leave_their_buffer_are_refused) {
+  const auto small = ks::Buffer::create(device(), 64 * 64, 0), large = ks::Buffer::create(device(), 64 * 64 * 4, 0);
+  MatchParameters p;
+  p.max_disparity = 16;
+  const auto matcher = simsense::make_vulkan_matcher(device(), 64, 64, 1, p);
+  EXPECT_THROW(matcher->match({*small, 1}, {*small}, {*large}), ks::Error);
+  EXPECT_THROW(matcher->match({*small}, {*small}, {*small}), ks::Error);
+  EXPECT_THROW(matcher->match({*small}, {*small}, {*large, 4}), ks::Error);
+  matcher->match({*small}, {*small}, {*large});
+}
+
+TEST(vulkan_matcher, the_host_device_is_refused) {
+  EXPECT_THROW(simsense::make_vulkan_matcher(ks::test::host_device(), 64, 64, 1, MatchParameters{}), ks::Error);
+}
+
+}  // namespace
