@@ -136,19 +136,9 @@ class Builder {
   }
 
   void set_children(uint32_t node, const Child& a, const Child& b) {
-    // An empty child is a leaf of no triangles far away; a visit by an endless ray does no harm.
-    const auto finite = [](Box box) {
-      if (box.empty()) box.min = box.max = glm::vec3(std::numeric_limits<float>::max());
-      return box;
-    };
-    const Box l = finite(a.box), r = finite(b.box);
-    bvh_.nodes[node] = {{l.min.x, l.max.x, l.min.y, l.max.y},
-                        {r.min.x, r.max.x, r.min.y, r.max.y},
-                        {l.min.z, l.max.z, r.min.z, r.max.z},
-                        a.code,
-                        b.code,
-                        0,
-                        0};
+    BvhNode& n = bvh_.nodes[node];
+    n.child0 = a.code, n.child1 = b.code;
+    set_child_box(n, 0, a.box), set_child_box(n, 1, b.box);
   }
 
   uint32_t max_leaf_, max_depth_;
@@ -157,6 +147,34 @@ class Builder {
 };
 
 }  // namespace
+
+Box child_box(const BvhNode& node, int child) {
+  if ((child == 0 ? node.child0 : node.child1) == bvh_leaf) return {};
+  const glm::vec4& xy = child == 0 ? node.xy0 : node.xy1;
+  const glm::vec2 z = child == 0 ? glm::vec2(node.z) : glm::vec2(node.z.z, node.z.w);
+  return {{xy.x, xy.z, z.x}, {xy.y, xy.w, z.y}};
+}
+
+void set_child_box(BvhNode& node, int child, const Box& box) {
+  // An empty child is a leaf of no triangles far away; a visit by an endless ray does no harm.
+  const glm::vec3 far(std::numeric_limits<float>::max());
+  const glm::vec3 low = box.empty() ? far : box.min, high = box.empty() ? far : box.max;
+  (child == 0 ? node.xy0 : node.xy1) = {low.x, high.x, low.y, high.y};
+  node.z[2 * child] = low.z, node.z[2 * child + 1] = high.z;
+}
+
+double expected_cost(std::span<const BvhNode> nodes) {
+  Box root;
+  double cost = 0.0;
+  for (const BvhNode& node : nodes)
+    for (int child = 0; child < 2; ++child) {
+      const Box box = child_box(node, child);
+      const uint32_t code = child == 0 ? node.child0 : node.child1;
+      cost += double(box.half_area()) * (code & bvh_leaf ? double(code >> bvh_count_shift & 7u) : double(node_cost));
+      if (&node == nodes.data()) root.add(box);
+    }
+  return root.half_area() > 0.0f ? cost / double(root.half_area()) : 0.0;
+}
 
 Bvh build_bvh(std::span<const Box> boxes, uint32_t max_leaf, uint32_t max_depth) {
   const uint64_t most = std::min<uint64_t>(bvh_first_mask, uint64_t(max_leaf) << std::min(max_depth, 32u));

@@ -24,6 +24,13 @@ struct Box {
   }
 };
 
+/// Box of child 0 or 1; empty where the child is a leaf of no primitives.
+Box child_box(const BvhNode& node, int child);
+void set_child_box(BvhNode& node, int child, const Box& box);
+
+/// What a ray that meets the root's box is expected to cost, in triangle tests (the surface area heuristic); 0 for a tree without extent.
+double expected_cost(std::span<const BvhNode> nodes);
+
 struct Bvh {
   std::vector<BvhNode> nodes;   // node 0 is the root and always there; parents before children
   std::vector<uint32_t> order;  // leaf entry -> index of the box given

@@ -1,6 +1,29 @@
 #include "accel/mesh_bvh.h"
 
+#include <ranges>
+
 namespace kuafu {
+namespace {
+
+BvhTriangle triangle_of(const Mesh& mesh, uint32_t id) {
+  const glm::uvec3 corners = mesh.indices[id];
+  return {mesh.positions[corners.x], id, mesh.positions[corners.y], 0, mesh.positions[corners.z], 0};
+}
+
+Box leaf_box(const MeshBvh& bvh, uint32_t leaf) {
+  Box box;
+  const uint32_t first = leaf & bvh_first_mask, count = leaf >> bvh_count_shift & 7u;
+  for (const BvhTriangle& t : std::span(bvh.triangles).subspan(first, count)) box.add(t.v0), box.add(t.v1), box.add(t.v2);
+  return box;
+}
+
+Box node_box(const BvhNode& node) {
+  Box box = child_box(node, 0);
+  box.add(child_box(node, 1));
+  return box;
+}
+
+}  // namespace
 
 MeshBvh build_mesh_bvh(const Mesh& mesh) {
   std::vector<Box> boxes(mesh.indices.size());
@@ -10,11 +33,19 @@ MeshBvh build_mesh_bvh(const Mesh& mesh) {
 
   MeshBvh out{std::move(bvh.nodes), {}, bvh.bounds};
   out.triangles.reserve(bvh.order.size());
-  for (const uint32_t id : bvh.order) {
-    const glm::uvec3 corners = mesh.indices[id];
-    out.triangles.push_back({mesh.positions[corners.x], id, mesh.positions[corners.y], 0, mesh.positions[corners.z], 0});
-  }
+  for (const uint32_t id : bvh.order) out.triangles.push_back(triangle_of(mesh, id));
   return out;
+}
+
+void refit_mesh_bvh(MeshBvh& bvh, const Mesh& mesh) {
+  for (BvhTriangle& triangle : bvh.triangles) triangle = triangle_of(mesh, triangle.primitive);
+  // Parents come before children.
+  for (BvhNode& node : bvh.nodes | std::views::reverse)
+    for (int child = 0; child < 2; ++child) {
+      const uint32_t code = child == 0 ? node.child0 : node.child1;
+      set_child_box(node, child, code & bvh_leaf ? leaf_box(bvh, code) : node_box(bvh.nodes[code]));
+    }
+  bvh.bounds = node_box(bvh.nodes.front());
 }
 
 }  // namespace kuafu

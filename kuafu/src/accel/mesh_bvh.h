@@ -1,4 +1,4 @@
-// The bottom level: one mesh's BVH2 with its triangles in leaf order.
+// The bottom level: one mesh's BVH2 with its triangles in leaf order, built or refitted.
 // Thread rule: pure function.
 #pragma once
 
@@ -14,5 +14,7 @@ struct MeshBvh {
 };
 
 MeshBvh build_mesh_bvh(const Mesh& mesh);
+/// Moves triangles and boxes to where the mesh's vertices are now; the tree keeps its shape.
+void refit_mesh_bvh(MeshBvh& bvh, const Mesh& mesh);
 
 }  // namespace kuafu

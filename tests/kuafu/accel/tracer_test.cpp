@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <chrono>
 #include <optional>
 
 #include "device/error.h"
@@ -224,6 +225,60 @@ TEST_P(Tracers, UpdateFollowsMovedRemovedAndAddedInstancesAndMeshes) {
   const Scene other = instanced_world(19, 5, 1.0);
   tracer_->update(other, 1);
   expect_like_brute_force(other, rays);
+}
+
+TEST_P(Tracers, DeformedMeshesMatchBruteForce) {
+  Scene scene = instanced_world(30, 20, 2.0);
+  const std::vector<TestRay> rays = random_rays(31, 1000, 3.0);
+  Random random(32);
+  tracer_->update(scene, 1);
+  for (const double reach : {0.01, 0.2, 3.0, 0.5}) {  // the third leaves nothing of the tree's order
+    shake(scene, 0, random, reach);
+    if (reach < 1.0) shake(scene, 1, random, reach);
+    tracer_->update(scene, 1);
+    expect_like_brute_force(scene, rays);
+  }
+  // All kinds of change at once.
+  shake(scene, 1, random, 0.1);
+  scene.set_instance_pose(3, pose({0.3, 0.1, -0.2}, {-1.0, 1.0, 0.5}));
+  scene.remove_instance(4);
+  scene.add_instance(place(scene.add_mesh(soup(random, 20, 0.4))));
+  tracer_->update(scene, 2);
+  expect_like_brute_force(scene, rays);
+}
+
+TEST_P(Tracers, AMeshMayDeformForever) {
+  Scene scene;
+  Random random(33);
+  scene.add_instance(place(scene.add_mesh(soup(random, 200, 0.2))));
+  for (int round = 0; round < 80; ++round) {
+    tracer_->update(scene, 1);
+    shake(scene, 0, random, 0.1);
+  }
+  tracer_->update(scene, 1);
+  expect_like_brute_force(scene, random_rays(34, 2000, 3.0));
+}
+
+TEST_P(Tracers, DeformationCostsWhatTheMeshIsLargeNotTheScene) {
+  Scene scene;
+  Random random(35);
+  const uint32_t large = scene.add_mesh(sphere(160)), small = scene.add_mesh(sphere(6));  // 102 400 and 144 triangles
+  scene.add_instance(place(large));
+  scene.add_instance(place(small));
+  tracer_->update(scene, 1);
+  const auto update_ms = [&](uint32_t mesh) {
+    double best = std::numeric_limits<double>::infinity();
+    for (int i = 0; i < 4; ++i) {
+      shake(scene, mesh, random, 1e-3);
+      const auto start = std::chrono::steady_clock::now();
+      tracer_->update(scene, 1);
+      if (i > 0) best = std::min(best, std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count());
+    }
+    return best;
+  };
+  const double large_ms = update_ms(large), small_ms = update_ms(small);
+  RecordProperty("ratio", std::to_string(large_ms / small_ms));
+  EXPECT_LT(small_ms, 0.2 * large_ms);
 }
 
 TEST_P(Tracers, AnAnswerDoesNotDependOnTheNeighboursInTheQueue) {

@@ -92,6 +92,13 @@ inline Scene instanced_world(uint32_t seed, uint32_t instances, double spread) {
   return scene;
 }
 
+/// Every vertex moves by up to `reach` along each axis.
+inline void shake(Scene& scene, uint32_t mesh, Random& random, double reach) {
+  std::vector<glm::vec3> positions = scene.meshes()[mesh].positions;
+  for (glm::vec3& position : positions) position += glm::vec3(random.in_cube(reach));
+  scene.update_mesh_positions(mesh, std::move(positions), {});
+}
+
 /// From anywhere in a cube, anywhere to.
 inline std::vector<TestRay> random_rays(uint32_t seed, uint32_t count, double half) {
   Random random(seed);
