@@ -21,6 +21,7 @@ struct Maker {
   std::unique_ptr<Tracer> (*make)();
   uint64_t capabilities = 0;  // that the device must have
 };
+void PrintTo(const Maker& maker, std::ostream* out) { *out << maker.name; }
 
 bool can_make(const Maker& maker) { return (test_device()->info().capabilities & maker.capabilities) == maker.capabilities; }
 
