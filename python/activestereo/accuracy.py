@@ -41,6 +41,6 @@ def accuracy_table(rows):
     """The rows as text."""
     lines = [f"{'material':16}{'pixels':>9}{'measured':>11}{'median error':>15}{'90 % within':>14}"]
     for row in rows:
-        errors = "            -             -" if np.isnan(row.median_error_m) else f"{1e3 * row.median_error_m:>12.1f} mm{1e3 * row.p90_error_m:>11.1f} mm"
-        lines.append(f"{row.name[:15]:16}{row.pixels:>9}{100.0 * row.fill:>9.1f} %{errors}")
+        errors = (f"{1e3 * error:.1f} mm" if np.isfinite(error) else "-" for error in (row.median_error_m, row.p90_error_m))
+        lines.append(f"{row.name[:15]:16}{row.pixels:>9}{100.0 * row.fill:>9.1f} %{next(errors):>15}{next(errors):>14}")
     return "\n".join(lines)

@@ -1,7 +1,7 @@
 """The infrared pair's way from kuafu to simsense: one memory that both libraries address, so that no frame is copied.
 
-kuafu exports the buffer once, as an opaque file descriptor where both devices can (GPUs, lavapipe), else as a host pointer; simsense imports it. With
-copy=True each library has its own buffer and every frame is copied, which is slower and shows what the sharing saves.
+kuafu exports the buffer once, as an opaque file descriptor where both devices can (GPUs, lavapipe), else as a host pointer; simsense
+imports it. With copy=True each library has its own buffer and every frame is copied, which is slower and shows what the sharing saves.
 """
 
 import numpy as np

@@ -1,4 +1,7 @@
-"""Triangle meshes made from a few numbers: box, sphere, torus, sheet and anything turned on a lathe. Metres, y up, counter-clockwise from outside."""
+"""Triangle meshes made from a few numbers: box, sphere, torus, sheet and what a lathe turns.
+
+Metres, y up, triangles counter-clockwise from outside.
+"""
 
 from dataclasses import dataclass
 
@@ -14,7 +17,8 @@ class Mesh:
 
     @classmethod
     def of(cls, positions, normals, uvs, indices):
-        return cls(*(np.ascontiguousarray(a, dtype=np.float32) for a in (positions, normals, uvs)), np.ascontiguousarray(indices, dtype=np.uint32))
+        floats = (np.ascontiguousarray(a, dtype=np.float32) for a in (positions, normals, uvs))
+        return cls(*floats, np.ascontiguousarray(indices, dtype=np.uint32))
 
 
 def joined(parts):
@@ -104,7 +108,8 @@ def tumbler(radius, height, wall, base):
     rim = arc((radius - 0.5 * wall, height - 0.5 * wall), 0.5 * wall, 0.0, 180.0, 13)
     foot = arc((radius - 0.004, 0.004), 0.004, -90.0, 0.0, 9)
     inside = arc((radius - wall - 0.006, base + 0.006), 0.006, 0.0, -90.0, 9)
-    return lathe([[(0.0, 0.0), (radius - 0.004, 0.0)], np.vstack([foot, rim, inside]), [(radius - wall - 0.006, base), (0.0, base)]], segments=128)
+    under, floor = [(0.0, 0.0), (radius - 0.004, 0.0)], [(radius - wall - 0.006, base), (0.0, base)]
+    return lathe([under, np.vstack([foot, rim, inside]), floor], segments=128)
 
 
 def vase(height):

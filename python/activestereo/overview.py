@@ -21,7 +21,8 @@ def simulation_figure(title, rgb, ir, depth, true_depth, rows):
 
     rgb: float [h, w, 3] 0..1. ir: the measured pair, uint8. depth, true_depth: metres, 0 = none. rows: from accuracy_by_material.
     """
-    page = _Page(title, _headline(rows), columns=3, picture_rows=2, aspect=depth.shape[0] / depth.shape[1], chart_height=0.27 * len(rows) + 0.25)
+    aspect, chart_height = depth.shape[0] / depth.shape[1], 0.27 * len(rows) + 0.25
+    page = _Page(title, _headline(rows), columns=3, picture_rows=2, aspect=aspect, chart_height=chart_height)
     _picture(page.picture(0, 0), rgb, "RGB camera")
     for column, (image, eye) in enumerate(zip(ir, ("left", "right"), strict=True), start=1):
         _picture(page.picture(0, column), image, f"infrared {eye}, as measured (display gamma 2)", cmap="gray", norm=PowerNorm(0.5, 0, 255))
@@ -106,7 +107,7 @@ def _headline(rows):
 
 
 def _picture(axes, image, title, **style):
-    shown = axes.imshow(image, interpolation="antialiased", **style)
+    shown = axes.imshow(image, interpolation="antialiased", aspect="auto", **style)
     axes.set_title(title, fontsize=12.5, color=_INK, loc="left", pad=6)
     axes.set_xticks([])
     axes.set_yticks([])

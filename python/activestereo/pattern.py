@@ -1,9 +1,10 @@
 """Projector patterns: pseudo-random dots like those of the D4xx, made at run time, the same on every machine.
 
-One dot a cell of a square grid, at a random place in it. Heights are stratified: in a row of cells each group of four takes the four quarters of the
-cell height in random order, so that no low, wide window stays without dots. What makes stereo work is the uniqueness law (tested): along a row, every
-window of UNIQUE_WINDOW camera pixels differs from all others within the disparity range by at least half the energy of a mean dot.
-Density and size are those measured on D435 and D415 images: about 5000 dots in view, visible sigma 1.2 and 1.8 pixels with the pixel's own blur.
+One dot a cell of a square grid, at a random place in it. Heights are stratified: in a row of cells each group of four takes the four
+quarters of the cell height in random order, so that no low, wide window stays without dots. What makes stereo work is the uniqueness law
+(tested): along a row, every window of UNIQUE_WINDOW camera pixels differs from all others within the disparity range by at least half the
+energy of a mean dot. Density and size are those measured on D435 and D415 images: about 5000 dots in view, visible sigma 1.2 and 1.8
+pixels with the pixel's own blur.
 """
 
 from dataclasses import dataclass

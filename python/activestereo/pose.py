@@ -68,7 +68,7 @@ def camera_to_camera(pose_a, pose_b):
 
 
 def look_at(eye, target, up):
-    """camera_to_world of a camera at `eye` that looks at `target` with `up` upwards in the image. World axes are whatever the three are given in."""
+    """camera_to_world of a camera at `eye` that looks at `target` with `up` upwards in the image, in the three's own axes."""
     eye, target, up = (np.asarray(v, dtype=np.float64) for v in (eye, target, up))
     forward = (target - eye) / np.linalg.norm(target - eye)
     right = np.cross(forward, up)

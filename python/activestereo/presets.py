@@ -1,8 +1,9 @@
 """Sensor presets: StereoDepthSensorConfig("D435") or ("D415"). Names and defaults are SAPIEN's; what SAPIEN has no name for follows them.
 
-Exposure. A pixel's noise-free count is ir_camera_exposure * ir_responsivity_dn * radiance. The projector's peak of 3 W/sr is the D435's 360 mW, spread over
-its field with one dot in 80 pixels. On a surface of albedo 0.5 that faces the sensor a mean dot then reaches about 130 counts at 1 m and 60 at 1.5 m, clips
-below 0.75 m, as on the devices, and twenty degrees of grazing table top stay well exposed from 0.5 m on. Real devices adapt their exposure; these do not.
+Exposure. A pixel's noise-free count is ir_camera_exposure * ir_responsivity_dn * radiance, plus the black level. The projector's peak of
+3 W/sr is the D435's 360 mW, spread over its field with one dot in 80 pixels. On a surface of albedo 0.5 that faces the sensor a mean dot
+then reaches about 130 counts at 1 m and 60 at 1.5 m, and clips below 0.75 m, as on the devices; a table top, which is seen at a slant, is
+well exposed from 0.5 m to 1.5 m (a quarter of a percent of the example's pixels clip). Real devices adapt their exposure; these do not.
 """
 
 from copy import deepcopy
@@ -83,8 +84,8 @@ class StereoDepthSensorConfig:
         self.trans_pose_r = preset["trans_pose_r"]
         self.rectified = True
 
-        # Projector. active_light_fov: the pattern image's horizontal angle, radians. light_pattern: "generated" from pattern_design, an 8-bit gray
-        # array, the path of an image, or None for no projector.
+        # Projector. active_light_fov: the pattern image's horizontal angle, radians. light_pattern: "generated" from pattern_design, an
+        # 8-bit gray array, the path of an image, or None for no projector.
         self.pose_rgb_irproj = preset["pose_rgb_irproj"]
         self.active_light_fov = preset["active_light_fov"]
         self.light_pattern = "generated"
@@ -134,7 +135,7 @@ class StereoDepthSensorConfig:
         return float(self.ir_intrinsic[0, 0] * baseline_m)
 
     def scaled(self, factor):
-        """A copy with all images and the disparity range `factor` times as large: the same fields of view, projector and depth range."""
+        """A copy with all images and the disparity range `factor` times as large; fields of view, projector and depths are the same."""
         out = deepcopy(self)
         out.max_disp = max(32, round(self.max_disp * factor))
         for camera in ("rgb", "ir"):

@@ -1,4 +1,4 @@
-"""StereoDepthSensor: an RGB camera, an infrared pair and a pattern projector in a kuafu scene, and simsense behind them. Names are SAPIEN's."""
+"""StereoDepthSensor: RGB camera, infrared pair and pattern projector in a kuafu scene, with simsense behind them. Names are SAPIEN's."""
 
 from copy import deepcopy
 from os import PathLike
@@ -25,10 +25,10 @@ class Mount:
 class StereoDepthSensor:
     """An active stereo depth sensor.
 
-    config: a StereoDepthSensorConfig; it is copied. scene_or_mount: a kuafu.Scene, a Mount, or the path of a scene file. pose: the RGB camera's pose, in
-    the scene or relative to the mount; body axes (x forward, y left, z up) as in SAPIEN. device: 'auto', 'cpu', an index or a kuafu.Device, where the
-    scene does not bring its own. copy_ir: copies the infrared pair between the libraries instead of sharing its memory.
-    The projector becomes a light of the scene, seen in the infrared only, until close(). Not for use from several threads at once.
+    config: a StereoDepthSensorConfig; it is copied. scene_or_mount: a kuafu.Scene, a Mount, or the path of a scene file. pose: the RGB
+    camera's pose, in the scene or relative to the mount; body axes (x forward, y left, z up) as in SAPIEN. device: 'auto', 'cpu', an index or
+    a kuafu.Device, where the scene does not bring its own. copy_ir: copies the infrared pair between the libraries instead of sharing its
+    memory. The projector becomes a light of the scene, seen in the infrared only, until close(). One thread at a time.
     """
 
     def __init__(self, config, scene_or_mount, pose=None, device="auto", copy_ir=False):
@@ -244,7 +244,8 @@ class StereoDepthSensor:
             return None
         image, k = pattern
         texture = self._scene.add_texture(image, name="projector pattern")
-        self._projector = kuafu.Light(kind="projector", name="projector", texture=texture, k=k, ir_intensity=self._config.projector_intensity)
+        power = self._config.projector_intensity
+        self._projector = kuafu.Light(kind="projector", name="projector", texture=texture, k=k, ir_intensity=power)
         return self._scene.add_light(self._projector)
 
     def _place_projector(self):

@@ -42,7 +42,12 @@ class DeviceInfo:
 
 class Device:
     def __init__(
-        self, select: str | int | bytes = "auto", *, worker_count: int = 0, validation: bool = False, log: Callable[[int, str], object] | None = None
+        self,
+        select: str | int | bytes = "auto",
+        *,
+        worker_count: int = 0,
+        validation: bool = False,
+        log: Callable[[int, str], object] | None = None,
     ) -> None: ...
     @staticmethod
     def enumerate() -> list[DeviceInfo]: ...

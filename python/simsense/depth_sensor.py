@@ -35,7 +35,8 @@ def _check_matrix(matrix, side, what):
 
 def _check_window(width, height, largest, what):
     ok = all(_is_int(v) and v > 0 and v % 2 == 1 for v in (width, height))
-    _require(ok and width * height <= largest, f"{what} must be odd, with a product of at most {largest}, not {width}x{height}")
+    ok = ok and width * height <= largest
+    _require(ok, f"{what} must be odd, with a product of at most {largest}, not {width}x{height}")
     return {f"{what}_width": int(width), f"{what}_height": int(height)}
 
 
@@ -43,7 +44,8 @@ def _noise(shape, scale, mu, sigma):
     _require(shape >= 0, f"speckle_shape must not be negative, it is {shape}")
     if shape == 0:  # SimSense adds no noise at all then
         return {"speckle_shape": 0.0, "speckle_scale": 0.0, "gaussian_mu_dn": 0.0, "gaussian_sigma_dn": 0.0}
-    _require(scale > 0 and sigma > 0, f"noise is on (speckle_shape {shape}): speckle_scale and gaussian_sigma must be positive, not {scale} and {sigma}")
+    wanted = f"noise is on (speckle_shape {shape}): speckle_scale and gaussian_sigma must be positive"
+    _require(scale > 0 and sigma > 0, f"{wanted}, not {scale} and {sigma}")
     return {"speckle_shape": shape, "speckle_scale": scale, "gaussian_mu_dn": mu, "gaussian_sigma_dn": sigma}
 
 
@@ -65,9 +67,10 @@ def _lr_max_diff(pixels):
 class DepthSensor:
     """Depth from an infrared pair.
 
-    Sizes are (width, height); k_* are 3x3; l2r and l2rgb are 4x4 changes of frame from the left camera to the right and to the RGB camera, OpenCV axes.
-    With rgb_size, k_rgb and l2rgb depth is registered to the RGB camera. rectified: the pair is row-aligned already. lr_max_diff 255 and speckle_shape 0
-    switch their stage off. device: which device computes ('host' needs no Vulkan). Raises SettingError (a ValueError and a TypeError) out of range.
+    Sizes are (width, height); k_* are 3x3; l2r and l2rgb are 4x4 changes of frame from the left camera to the right and to the RGB camera,
+    OpenCV axes. With rgb_size, k_rgb and l2rgb depth is registered to the RGB camera. rectified: the pair is row-aligned already.
+    lr_max_diff 255 and speckle_shape 0 switch their stage off. device: which device computes ('host' needs no Vulkan). Raises SettingError
+    (a ValueError and a TypeError) out of range.
     """
 
     def __init__(
@@ -127,7 +130,8 @@ class DepthSensor:
         self._size = (height, width)
         self._frame = 0
         device = device if isinstance(device, Device) else Device(device)
-        self._engine = Engine(device, left, right, _check_matrix(l2r, 4, "l2r"), rgb=rgb, left_to_rgb=l2rgb, rectified=bool(rectified), **parameters)
+        l2r = _check_matrix(l2r, 4, "l2r")
+        self._engine = Engine(device, left, right, l2r, rgb=rgb, left_to_rgb=l2rgb, rectified=bool(rectified), **parameters)
 
     @staticmethod
     def _rgb_camera(size, k, l2rgb):
@@ -144,7 +148,7 @@ class DepthSensor:
         return self._engine
 
     def compute(self, img_l, img_r):
-        """Depth [height, width] float32 in metres, 0 = invalid. img_l, img_r: uint8 [height, width] of any strides. Each call draws new noise."""
+        """Depth float32 [height, width] in metres, 0 = invalid. img_l, img_r: uint8 [height, width], any strides. Each call has new noise."""
         for image, name in ((img_l, "img_l"), (img_r, "img_r")):
             ok = isinstance(image, np.ndarray) and image.dtype == np.uint8 and image.shape == self._size
             _require(ok, f"{name} must be a uint8 array of shape {self._size}")

@@ -178,7 +178,8 @@ class Engine {
       strides.insert(strides.begin(), array.nbytes());
     }
     if (have != shape)
-      raise_argument<Simsense>(std::string("output '") + o.name + "' needs shape " + std::string(py::str(py::handle(py::tuple(py::cast(shape))))));
+      raise_argument<Simsense>(std::string("output '") + o.name + "' needs shape " +
+                               std::string(py::str(py::handle(py::tuple(py::cast(shape))))));
     simsense_image image = {};
     image.host = array.mutable_data();
     image.image = ks_image_desc_packed(o.format, static_cast<uint32_t>(shape.size()), reinterpret_cast<const uint64_t*>(shape.data()));

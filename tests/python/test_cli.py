@@ -89,8 +89,10 @@ def test_simulate_repeats_with_its_seed(run, table_top, tmp_path):
 
 
 def test_simulate_from_a_given_pose(run, table_top, tmp_path):
-    pose = "-1,0,0,0, 0,-1,0,0.2, 0,0,1,-0.3, 0,0,0,1"  # upright (y up) above the table's back, looking along +z over its front edge, where nothing is
-    result = run("simulate", table_top, "--camera-to-world", pose, "--resolution", "106x60", "--spp", 1, "--max-bounces", 0, "--out", tmp_path / "out")
+    # Upright (y up) above the table's back, looking along +z over its front edge, where nothing is.
+    pose = "-1,0,0,0, 0,-1,0,0.2, 0,0,1,-0.3, 0,0,0,1"
+    quick = ("--resolution", "106x60", "--spp", 1, "--max-bounces", 0)
+    result = run("simulate", table_top, "--camera-to-world", pose, *quick, "--out", tmp_path / "out")
     assert result.returncode == 0, result.stderr
     true = np.asarray(Image.open(tmp_path / "out" / "depth_true.png"))
     assert (true[:10] == 0).all() and (true[-10:] > 0).all()

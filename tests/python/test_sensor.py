@@ -153,7 +153,8 @@ def test_setters_reach_the_engine_and_bad_values_change_nothing(small_config):
     sensor.set_lr_max_diff(255)
     sensor.set_ir_noise(2.0, 3.0)
     p = sensor.engine.parameters
-    assert [p[n] for n in ("census_width", "census_height", "block_width", "block_height", "p1", "p2", "uniqueness_ratio", "lr_max_diff")] == [5, 7, 3, 5, 5, 50, 20, -1]
+    names = ("census_width", "census_height", "block_width", "block_height", "p1", "p2", "uniqueness_ratio", "lr_max_diff")
+    assert [p[name] for name in names] == [5, 7, 3, 5, 5, 50, 20, -1]
     assert (p["speckle_shape"], p["gaussian_sigma_dn"]) == pytest.approx((1333.33 / 2.0, 0.75))
     sensor.set_ir_noise(0.0, 0.0)
     assert sensor.engine.parameters["speckle_shape"] == sensor.engine.parameters["gaussian_sigma_dn"] == 0.0

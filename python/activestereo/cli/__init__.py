@@ -1,4 +1,4 @@
-"""The command line: activestereo simulate | depth | compare | devices. One file each; this one parses, runs and turns failures into one line."""
+"""The command line: activestereo simulate | depth | compare | devices, one file each. This one parses, runs and makes failures one line."""
 
 import argparse
 import os
@@ -19,7 +19,8 @@ class _Parser(argparse.ArgumentParser):
 def make_parser():
     parser = _Parser(
         prog="activestereo",
-        description="Simulate active stereo depth sensors (RealSense-like) with physics: infrared pattern projector, path-traced image pair, stereo matching.",
+        description="Simulate active stereo depth sensors (RealSense-like) with physics: infrared pattern projector, "
+        "path-traced image pair, stereo matching.",
         epilog="Each command has its own help: activestereo simulate --help",
     )
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)

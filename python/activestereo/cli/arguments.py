@@ -34,7 +34,8 @@ def camera_matrix(text):
 def transform(text):
     matrix = numbers(text, (16,), "a transform").reshape(4, 4)
     rotation = matrix[:3, :3]
-    if not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-4) or np.linalg.det(rotation) < 0 or not np.array_equal(matrix[3], [0, 0, 0, 1]):
+    rigid = np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-4) and np.linalg.det(rotation) > 0
+    if not rigid or not np.array_equal(matrix[3], [0, 0, 0, 1]):
         raise argparse.ArgumentTypeError("a transform is a row-major 4x4 of a rotation and a translation, with 0,0,0,1 as its last row")
     return matrix
 
@@ -67,26 +68,42 @@ def positive(text):
 
 
 def add_device(parser):
-    parser.add_argument("--device", default="auto", metavar="auto|cpu|N", help="Vulkan device: the best one, lavapipe, or number N of 'activestereo devices' (default: auto)")
+    text = "Vulkan device: the best one, lavapipe, or number N of 'activestereo devices' (default: auto)"
+    parser.add_argument("--device", default="auto", metavar="auto|cpu|N", help=text)
+
+
+def add_max_bounces(parser):
+    parser.add_argument(
+        "--max-bounces", type=integer_from(0), default=8, metavar="N", help="surface interactions after the first (default: 8)"
+    )
+
+
+def add_seed(parser, text):
+    parser.add_argument("--seed", type=integer_from(0), default=0, metavar="N", help=f"{text} (default: 0)")
 
 
 def add_out(parser):
-    parser.add_argument("--out", required=True, type=Path, metavar="DIR", help="folder for the results; made if it is not there, files of the same names are replaced")
+    text = "folder for the results; made if it is not there, files of the same names are replaced"
+    parser.add_argument("--out", required=True, type=Path, metavar="DIR", help=text)
 
 
 def add_matching(parser, p1, p2):
     """Options of the stereo matcher; those not given are None, and the sensor's or engine's own value holds."""
     group = parser.add_argument_group("matching", "Semi-global matching of census descriptors.")
-    group.add_argument("--max-disparity", type=integer_from(1), metavar="N", help="disparities 0..N-1 are searched, 16..1024 (default: 128)")
-    group.add_argument("--census", type=size, metavar="WxH", help="census window, odd (default: 7x7)")
-    group.add_argument("--block", type=size, metavar="WxH", help="window over which costs are summed, odd; 1x1 = none (default: 7x7)")
-    group.add_argument("--p1", type=integer_from(1), metavar="N", help=f"penalty of a disparity step of one pixel (default: {p1})")
-    group.add_argument("--p2", type=integer_from(1), metavar="N", help=f"penalty of a larger step, p1 < p2 < 224 (default: {p2})")
-    group.add_argument("--uniqueness", type=integer_from(0), metavar="PERCENT", help="by how much the best match must beat the second; 0 = off (default: 15)")
-    group.add_argument("--lr-max-diff", type=int, metavar="PIXELS", help="left-right check; -1 = off (default: 1)")
-    group.add_argument("--median", type=int, choices=(1, 3, 5, 7), metavar="N", help="median filter on the disparity: 1 (off), 3, 5 or 7 (default: 3)")
-    group.add_argument("--min-depth", type=positive, metavar="M", help="nearer depths are dropped, metres")
-    group.add_argument("--max-depth", type=positive, metavar="M", help="farther depths are dropped, metres (default: 10)")
+
+    def add(name, kind, metavar, text, **more):
+        group.add_argument(name, type=kind, metavar=metavar, help=text, **more)
+
+    add("--max-disparity", integer_from(1), "N", "disparities 0..N-1 are searched, 16..1024 (default: 128)")
+    add("--census", size, "WxH", "census window, odd (default: 7x7)")
+    add("--block", size, "WxH", "window over which costs are summed, odd; 1x1 = none (default: 7x7)")
+    add("--p1", integer_from(1), "N", f"penalty of a disparity step of one pixel (default: {p1})")
+    add("--p2", integer_from(1), "N", f"penalty of a larger step, p1 < p2 < 224 (default: {p2})")
+    add("--uniqueness", integer_from(0), "PERCENT", "by how much the best match must beat the second; 0 = off (default: 15)")
+    add("--lr-max-diff", int, "PIXELS", "left-right check; -1 = off (default: 1)")
+    add("--median", int, "N", "median filter on the disparity: 1 (off), 3, 5 or 7 (default: 3)", choices=(1, 3, 5, 7))
+    add("--min-depth", positive, "M", "nearer depths are dropped, metres")
+    add("--max-depth", positive, "M", "farther depths are dropped, metres (default: 10)")
     return group
 
 

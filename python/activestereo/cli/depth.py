@@ -10,11 +10,15 @@ from activestereo.cli.arguments import CommandError, add_matching, add_out, came
 _TEXT = """\
 Computes depth from a rectified infrared (or gray) image pair, as a depth camera does inside.
 
-Writes into DIR: depth.png (uint16 millimetres in the left camera, 0 = no measurement), disparity.png (colours), cloud.ply (metres; x right,
-y down, z forward) and overview.png (all on one page).
+Writes into DIR:
+  depth.png      uint16 millimetres in the left camera, 0 = no measurement
+  disparity.png  in colours
+  cloud.ply      points, metres (x right, y down, z forward)
+  overview.png   all on one page
 
 example, a RealSense D435's pair:
-  activestereo depth left.png right.png --k 427.12,0,426.93,0,427.12,234.78,0,0,1 --baseline 0.05 --out out/depth
+  activestereo depth left.png right.png --k 427.12,0,426.93,0,427.12,234.78,0,0,1 \
+      --baseline 0.05 --out out/depth
 """
 
 
@@ -24,7 +28,8 @@ def add_parser(commands):
     )
     parser.add_argument("left", type=Path, metavar="LEFT.png", help="left image, 8-bit or 16-bit gray")
     parser.add_argument("right", type=Path, metavar="RIGHT.png", help="right image of the same size; rows are aligned")
-    parser.add_argument("--k", required=True, type=camera_matrix, metavar="fx,0,cx,0,fy,cy,0,0,1", help="camera matrix of both images in pixels; or short: fx,fy,cx,cy")
+    text = "camera matrix of both images in pixels; or short: fx,fy,cx,cy"
+    parser.add_argument("--k", required=True, type=camera_matrix, metavar="fx,0,cx,0,fy,cy,0,0,1", help=text)
     parser.add_argument("--baseline", required=True, type=positive, metavar="M", help="distance between the cameras, metres")
     add_out(parser)
     add_matching(parser, p1=7, p2=86)
@@ -90,7 +95,8 @@ def _write(args, left, right, result):
     shown = np.where(disparity > 0, disparity, 0.0)
     write_png(args.out / "disparity.png", colored(shown, depth_span(shown), "turbo"))
     write_ply(args.out / "cloud.ply", result["points"][depth > 0])
-    write_figure(args.out / "overview.png", matching_figure(f"Depth from {args.left.name} and {args.right.name}", left, right, disparity, depth))
+    title = f"Depth from {args.left.name} and {args.right.name}"
+    write_figure(args.out / "overview.png", matching_figure(title, left, right, disparity, depth))
 
 
 def _report(args, engine, depth):
@@ -98,5 +104,6 @@ def _report(args, engine, depth):
 
     valid = depth[depth > 0]
     print(stage_table({"depth": engine.stage_times}))
-    print(f"measured: {100.0 * valid.size / depth.size:.1f} % of {depth.shape[1]}x{depth.shape[0]} pixels" + (f", median depth {np.median(valid):.3f} m" if valid.size else ""))
+    middle = f", median depth {np.median(valid):.3f} m" if valid.size else ""
+    print(f"measured: {100.0 * valid.size / depth.size:.1f} % of {depth.shape[1]}x{depth.shape[0]} pixels{middle}")
     print(f"written: depth.png, disparity.png, cloud.ply, overview.png in {args.out}")

@@ -5,8 +5,9 @@ import argparse
 _TEXT = """\
 Lists every Vulkan device, what it can do, and why it cannot be used where it cannot.
 
-The number in front is what --device takes. 'auto' takes the best usable one: discrete GPU, integrated, virtual, then CPU. Without a GPU, Debian's
-mesa-vulkan-drivers brings lavapipe, a Vulkan device that computes on the CPU; it does everything here, only slower.
+The number in front is what --device takes. 'auto' takes the best usable one: discrete
+GPU, integrated, virtual, then CPU. Without a GPU, Debian's mesa-vulkan-drivers brings
+lavapipe, a Vulkan device that computes on the CPU; it does everything here, only slower.
 """
 _INSTALL = "no Vulkan device here; install a GPU's Vulkan driver, or lavapipe: apt install libvulkan1 mesa-vulkan-drivers"
 

@@ -5,14 +5,28 @@ from pathlib import Path
 
 import numpy as np
 
-from activestereo.cli.arguments import CommandError, add_device, add_matching, add_out, integer_from, make_folder, positive, size, transform
+from activestereo.cli.arguments import (
+    CommandError,
+    add_device,
+    add_matching,
+    add_max_bounces,
+    add_out,
+    add_seed,
+    integer_from,
+    make_folder,
+    positive,
+    size,
+    transform,
+)
 
 _TEXT = """\
-Puts a depth sensor into a scene and takes one frame: path-traced RGB picture and infrared pair with projected dots, imager noise, stereo matching,
-registration to the RGB camera.
+Puts a depth sensor into a scene and takes one frame: path-traced RGB picture and
+infrared pair with projected dots, imager noise, stereo matching, registration to
+the RGB camera.
 
-SCENE is .gltf .glb .obj .dae .stl or .ply, in metres. The sensor stands at the file's first camera, or at --camera-to-world, or where all of the scene is seen.
-A scene without lights gets uniform light (--ambient).
+SCENE is .gltf .glb .obj .dae .stl or .ply, in metres. The sensor stands at the file's
+first camera, or at --camera-to-world, or where all of the scene is seen. A scene
+without lights gets uniform light (--ambient).
 
 Writes into DIR:
   rgb.png                   RGB picture
@@ -29,7 +43,10 @@ example:
 
 def add_parser(commands):
     parser = commands.add_parser(
-        "simulate", help="what a depth sensor gives in a scene", description=_TEXT, formatter_class=argparse.RawDescriptionHelpFormatter
+        "simulate",
+        help="what a depth sensor gives in a scene",
+        description=_TEXT,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file")
     parser.add_argument("--sensor", default="d435", metavar="NAME", help="d435 or d415 (default: d435)")
@@ -37,7 +54,8 @@ def add_parser(commands):
     add_device(parser)
     _add_view(parser.add_argument_group("view"))
     _add_rendering(parser.add_argument_group("rendering and noise"))
-    add_matching(parser, p1=8, p2=32).add_argument("--no-dilation", action="store_true", help="leave the small holes that registration to the RGB camera makes")
+    matching = add_matching(parser, p1=8, p2=32)
+    matching.add_argument("--no-dilation", action="store_true", help="leave the small holes that registration to the RGB camera makes")
     parser.set_defaults(run=run)
 
 
@@ -47,17 +65,21 @@ def _add_view(group):
         "--camera-to-world",
         type=transform,
         metavar="M00,...,M33",
-        help="the RGB camera's pose instead: 16 numbers, row-major 4x4; camera axes x right, y down, z forward; world axes those of the file",
+        help="the RGB camera's pose instead: 16 numbers, row-major 4x4; camera axes x right, y down, z forward; "
+        "world axes those of the file",
     )
-    group.add_argument("--resolution", type=size, metavar="WxH", help="size of the infrared images; the RGB picture and the disparity range scale along")
+    text = "size of the infrared images; the RGB picture and the disparity range scale along"
+    group.add_argument("--resolution", type=size, metavar="WxH", help=text)
 
 
 def _add_rendering(group):
     group.add_argument("--spp", type=integer_from(1), default=16, metavar="N", help="samples per pixel (default: 16)")
-    group.add_argument("--max-bounces", type=integer_from(0), default=8, metavar="N", help="surface interactions after the first (default: 8)")
-    group.add_argument("--seed", type=integer_from(0), default=0, metavar="N", help="of rendering and noise; same seed, same files (default: 0)")
-    group.add_argument("--ambient", type=positive, metavar="R", help="uniform visible radiance from all sides, W/(sr m^2) (default: 0.25; 1 where a scene has no light)")
-    group.add_argument("--projector", type=positive, metavar="I", help="radiant intensity of the brightest dot, W/sr (default: 3; 0 = off)")
+    add_max_bounces(group)
+    add_seed(group, "of rendering and noise; same seed, same files")
+    text = "uniform visible radiance from all sides, W/(sr m^2) (default: 0.25; 1 where a scene has no light)"
+    group.add_argument("--ambient", type=positive, metavar="R", help=text)
+    text = "radiant intensity of the brightest dot, W/sr (default: 3; 0 = off)"
+    group.add_argument("--projector", type=positive, metavar="I", help=text)
     group.add_argument("--no-noise", action="store_true", help="infrared images without imager noise")
 
 
@@ -118,7 +140,8 @@ def _resized(config, resolution):
     scaled = config.scaled(resolution[0] / width)
     if scaled.ir_resolution != resolution:
         fits = "x".join(map(str, scaled.ir_resolution))
-        raise CommandError(f"--resolution {resolution[0]}x{resolution[1]} does not have the shape of the {config.model}'s {width}x{height}; {fits} does")
+        asked = "x".join(map(str, resolution))
+        raise CommandError(f"--resolution {asked} does not have the shape of the {config.model}'s {width}x{height}; {fits} does")
     if min(resolution) < 32:
         raise CommandError("--resolution must be at least 32 in both directions")
     return scaled
@@ -162,8 +185,8 @@ def _overall_view(summary):
 def _accuracy(sensor):
     from activestereo.accuracy import accuracy_by_material
 
-    config = sensor.get_config()
-    return accuracy_by_material(sensor.get_depth(), sensor.get_true_depth(), sensor.get_material_ids(), sensor.scene.material_name, config.max_depth)
+    name_of, max_depth = sensor.scene.material_name, sensor.get_config().max_depth
+    return accuracy_by_material(sensor.get_depth(), sensor.get_true_depth(), sensor.get_material_ids(), name_of, max_depth)
 
 
 def _write(args, sensor, rows):
