@@ -73,7 +73,9 @@ void EmbreeWorld::deform(const Mesh& mesh, Bottom& bottom) {
   rtcUpdateGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0);
   rtcSetGeometryBuildQuality(geometry, refit ? RTC_BUILD_QUALITY_REFIT : RTC_BUILD_QUALITY_MEDIUM);
   rtcCommitGeometry(geometry);
-  rtcSetSceneBuildQuality(bottom.scene.get(), RTC_BUILD_QUALITY_LOW);  // the one in which geometries have trees of their own quality
+  // Only in such a scene has the geometry a tree of its own, with its own quality; measured: 100 times faster than to build.
+  rtcSetSceneBuildQuality(bottom.scene.get(), RTC_BUILD_QUALITY_LOW);
+  rtcSetSceneFlags(bottom.scene.get(), RTC_SCENE_FLAG_ROBUST | RTC_SCENE_FLAG_DYNAMIC);
   rtcCommitScene(bottom.scene.get());
   device_.check("deforming a mesh");
   bottom.refittable = true;

@@ -122,6 +122,21 @@ TEST(Scene, RevisionsGrowWithWhatChangedOnly) {
   EXPECT_EQ(scene.revisions().materials, refused);
 }
 
+TEST(Scene, UpdatedMeshCountsItsDeformationsAndNothingElseChanges) {
+  Scene scene;
+  const uint32_t moved = scene.add_mesh(triangle()), still = scene.add_mesh(triangle());
+  const Revisions before = scene.revisions();
+  scene.update_mesh_positions(moved, {{0, 0, 1}, {1, 0, 1}, {0, 2, 1}}, {});
+  EXPECT_EQ(scene.meshes()[moved].positions[2], glm::vec3(0, 2, 1));
+  EXPECT_EQ(scene.meshes()[moved].deformation, 1u);
+  EXPECT_EQ(scene.meshes()[still].deformation, 0u);
+  EXPECT_GT(scene.revisions().meshes, before.meshes);
+  EXPECT_EQ(scene.revisions().instances, before.instances);
+  expect_refused([&] { scene.update_mesh_positions(moved, {{0, 0, 1}}, {}); }, "1 positions for its 3 vertices");
+  expect_refused([&] { scene.update_mesh_positions(moved, triangle().positions, {{0, 0, 1}}); }, "1 normals, it was made with 0");
+  EXPECT_EQ(scene.meshes()[moved].deformation, 1u) << "a refused update changes nothing";
+}
+
 TEST(Scene, AppendShiftsEveryIdAndKeepsNone) {
   const auto make = [] {
     Scene scene;
