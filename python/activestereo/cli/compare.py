@@ -3,28 +3,38 @@
 import argparse
 from pathlib import Path
 
-from activestereo.cli.arguments import add_device, add_out, integer_from, make_folder
+from activestereo.cli.arguments import add_device, add_max_bounces, add_out, add_seed, integer_from, make_folder
 
 _TEXT = """\
-Compares the simulator with a capture: renders the scene from the capture's poses, fits projector scale, ambient scale and black level on the train
-frames, and gives the root mean square error of the infrared images, train and test, beside the noise floor that the repeated frames show.
+Compares the simulator with a capture: renders the scene from the capture's poses, fits
+projector scale, ambient scale and black level on the train frames, and gives the root
+mean square error of the infrared images, train and test, beside the noise floor that
+the repeated frames show.
 
-Writes into DIR: compare.json (the figures; keys ir.{train,test}.{rmse_dn,noise_floor_dn,explainable_rmse_dn}) and compare.png (measured, simulated and
-residual images).
+Writes into DIR:
+  compare.json  the figures: ir.{train,test}.{rmse_dn,noise_floor_dn,explainable_rmse_dn}
+  compare.png   measured, simulated and residual images
 
-CAPTURE is a folder with capture.json, the scene, the projector's pattern and the images of both infrared cameras.
+CAPTURE is a folder with capture.json, the scene, the projector's pattern and the images
+of both infrared cameras.
+
+example:
+  activestereo compare captures/table --out out/compare
 """
 
 
 def add_parser(commands):
     parser = commands.add_parser(
-        "compare", help="compare the simulator with a measured capture", description=_TEXT, formatter_class=argparse.RawDescriptionHelpFormatter
+        "compare",
+        help="compare the simulator with a measured capture",
+        description=_TEXT,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("capture", type=Path, metavar="CAPTURE", help="the capture's folder")
     add_out(parser)
     parser.add_argument("--spp", type=integer_from(1), default=64, metavar="N", help="samples per pixel (default: 64)")
-    parser.add_argument("--max-bounces", type=integer_from(0), default=8, metavar="N", help="surface interactions after the first (default: 8)")
-    parser.add_argument("--seed", type=integer_from(0), default=0, metavar="N", help="same seed, same pictures (default: 0)")
+    add_max_bounces(parser)
+    add_seed(parser, "same seed, same pictures")
     add_device(parser)
     parser.set_defaults(run=run)
 
