@@ -1,0 +1,54 @@
+// Where randomness comes from: each pixel has one uniform 32-bit word per dimension, a pure function of the dimension's key and the pixel.
+// Four neighbours in a row share a Philox block. Thread rule: pure functions.
+#pragma once
+
+#include <cstdint>
+
+#include "signal/philox.h"
+
+namespace simsense {
+
+/// What one image's noise depends on. Equal keys give equal noise; any difference gives an independent stream.
+struct NoiseKey {
+  uint64_t seed = 0, frame_index = 0, scene_index = 0;
+  uint32_t view = 0, eye = 0;  // eye: 0 left, 1 right
+};
+
+/// Every use of randomness has a number of its own.
+enum class Dimension : uint32_t {
+  speckle_static,
+  speckle_temporal,
+  prnu,
+  hot_pixel,
+  shot,
+  dsnu,
+  row_fixed,
+  column_fixed,
+  row_temporal,
+  column_temporal,
+  read,
+  adc,
+};
+
+/// The 64-bit seed encrypts (index, view, eye), so that 161 bits of address fit a 64-bit Philox key.
+inline PhiloxKey encrypted_key(const NoiseKey& k, uint64_t index) {
+  const PhiloxBlock block = philox({static_cast<uint32_t>(index), static_cast<uint32_t>(index >> 32), k.view, k.eye},
+                                   {static_cast<uint32_t>(k.seed), static_cast<uint32_t>(k.seed >> 32)});
+  return {block[0], block[1]};
+}
+
+/// The keys of what is new in each frame, of what stays with the scene, and of what stays with the sensor. A dimension is used with one of them only.
+struct StreamKeys {
+  PhiloxKey frame, scene, sensor;
+
+  explicit StreamKeys(const NoiseKey& k)
+      : frame(encrypted_key(k, k.frame_index)), scene(encrypted_key(k, k.scene_index)), sensor(encrypted_key(k, 0)) {}
+};
+
+/// The uniform word of one pixel. Columns left of the image are negative numbers' two's complements.
+inline uint32_t pixel_word(const PhiloxKey& key, Dimension dimension, uint32_t x, uint32_t y) {
+  const auto block_x = static_cast<uint32_t>(static_cast<int32_t>(x) >> 2);
+  return philox({block_x, y, static_cast<uint32_t>(dimension), 0}, key)[x & 3];
+}
+
+}  // namespace simsense
