@@ -8,6 +8,7 @@ in a to coordinates in b. `Engine` is the whole engine; `DepthSensor` keeps the 
 """
 
 from ._simsense import (
+    FAULTS,
     ArgumentError,
     Buffer,
     BufferDesc,
@@ -26,6 +27,7 @@ from ._simsense import (
 from .depth_sensor import DepthSensor, SettingError
 
 __all__ = [
+    "FAULTS",
     "ArgumentError",
     "Buffer",
     "BufferDesc",

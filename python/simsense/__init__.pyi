@@ -5,6 +5,7 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 __version__: str
+FAULTS: tuple[str, ...]
 
 class Error(RuntimeError):
     status: int
@@ -123,6 +124,7 @@ class Engine:
         left_to_rgb: ArrayLike | None = None,
         rectified: bool = False,
         batch_count: int = 1,
+        faults: Sequence[str] = (),
         **parameters: float,
     ) -> None: ...
     @property
@@ -176,6 +178,7 @@ class DepthSensor:
         depth_dilation: bool = False,
         *,
         device: str | int | bytes | Device = "host",
+        mode: Literal["fixed", "simsense-exact"] = "fixed",
     ) -> None: ...
     @property
     def engine(self) -> Engine: ...

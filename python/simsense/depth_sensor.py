@@ -2,7 +2,9 @@
 
 import numpy as np
 
-from ._simsense import Camera, Device, Engine
+from ._simsense import FAULTS, Camera, Device, Engine
+
+_PARABOLA = 1  # SIMSENSE_SUBPIXEL_PARABOLA
 
 
 class SettingError(ValueError, TypeError):
@@ -71,6 +73,10 @@ class DepthSensor:
     OpenCV axes. With rgb_size, k_rgb and l2rgb depth is registered to the RGB camera. rectified: the pair is row-aligned already.
     lr_max_diff 255 and speckle_shape 0 switch their stage off. device: which device computes ('host' needs no Vulkan). Raises SettingError
     (a ValueError and a TypeError) out of range.
+
+    mode 'fixed' computes what those arguments mean; 'simsense-exact' also keeps SimSense's faults (FAULTS, one switch each in Engine) and its
+    parabola as subpixel step, and gives its results bit for bit as long as noise is off: SimSense's random numbers are CUDA's, ours are drawn
+    from the same distributions.
     """
 
     def __init__(
@@ -103,6 +109,7 @@ class DepthSensor:
         depth_dilation=False,
         *,
         device="host",
+        mode="fixed",
     ):
         width, height = _check_size(lr_size, "lr_size")
         _require(_is_int(max_disp) and 32 <= max_disp <= 1024, f"max_disp must be an integer in 32..1024, not {max_disp}")
@@ -123,6 +130,10 @@ class DepthSensor:
             **_uniqueness(uniqueness_ratio),
             **_lr_max_diff(lr_max_diff),
         }
+        _require(mode in ("fixed", "simsense-exact"), f"mode must be 'fixed' or 'simsense-exact', not {mode!r}")
+        exact = mode == "simsense-exact"
+        if exact:
+            parameters["subpixel"] = _PARABOLA
         left = Camera(width, height, _check_matrix(k_l, 3, "k_l"))
         right = Camera(width, height, _check_matrix(k_r, 3, "k_r"))
         rgb, l2rgb = self._rgb_camera(rgb_size, k_rgb, l2rgb)
@@ -131,7 +142,8 @@ class DepthSensor:
         self._frame = 0
         device = device if isinstance(device, Device) else Device(device)
         l2r = _check_matrix(l2r, 4, "l2r")
-        self._engine = Engine(device, left, right, l2r, rgb=rgb, left_to_rgb=l2rgb, rectified=bool(rectified), **parameters)
+        rig = {"rgb": rgb, "left_to_rgb": l2rgb, "rectified": bool(rectified), "faults": FAULTS if exact else ()}
+        self._engine = Engine(device, left, right, l2r, **rig, **parameters)
 
     @staticmethod
     def _rgb_camera(size, k, l2rgb):

@@ -51,6 +51,34 @@ simsense_image host_image(py::array array, uint32_t batch_count, const char* wha
   return image;
 }
 
+struct Fault {
+  const char* name;
+  uint32_t bit;
+};
+constexpr Fault faults_known[] = {{"rectified_shrunk", SIMSENSE_FAULT_RECTIFIED_SHRUNK},
+                                  {"focal_from_rectifier", SIMSENSE_FAULT_FOCAL_FROM_RECTIFIER},
+                                  {"remap_nearest", SIMSENSE_FAULT_REMAP_NEAREST},
+                                  {"padding_matched", SIMSENSE_FAULT_PADDING_MATCHED},
+                                  {"registration_unrectified", SIMSENSE_FAULT_REGISTRATION_UNRECTIFIED},
+                                  {"splat_invalid", SIMSENSE_FAULT_SPLAT_INVALID}};
+
+uint32_t read_faults(const py::object& names) {
+  if (py::isinstance<py::str>(names)) raise_argument<Simsense>("faults is a sequence of names, not one name");
+  uint32_t bits = 0;
+  for (const py::handle item : names) {
+    const auto name = py::cast<std::string>(item);
+    std::string known;
+    const Fault* found = nullptr;
+    for (const Fault& fault : faults_known) {
+      if (name == fault.name) found = &fault;
+      known += (known.empty() ? "" : ", ") + std::string(fault.name);
+    }
+    if (!found) raise_argument<Simsense>("unknown fault '" + name + "' (known: " + known + ")");
+    bits |= found->bit;
+  }
+  return bits;
+}
+
 simsense_camera read_camera(const py::object& camera) {
   simsense_camera out = {};
   if (camera.is_none()) return out;
@@ -61,13 +89,14 @@ class Engine {
  public:
   Engine(std::shared_ptr<Device<Simsense>> device, const simsense_camera& left, const simsense_camera& right,
          const py::object& left_to_right, const py::object& rgb, const py::object& left_to_rgb, bool rectified, uint32_t batch_count,
-         const py::kwargs& parameters)
+         const py::object& faults, const py::kwargs& parameters)
       : device_(std::move(device)) {
     rig_.left = left;
     rig_.right = right;
     rig_.rgb = read_camera(rgb);
     rig_.rectified = rectified ? 1 : 0;
     rig_.batch_count = batch_count;
+    rig_.faults = read_faults(faults);
     read_matrix<Simsense>(left_to_right, "left_to_right", rig_.left_to_right, 16);
     read_matrix<Simsense>(left_to_rgb, "left_to_rgb", rig_.left_to_rgb, 16);
     simsense_parameters p = simsense_parameters_init();
@@ -216,14 +245,19 @@ void bind_camera(py::module_& module) {
 }  // namespace
 
 void bind_engine(py::module_& module) {
+  py::list faults;
+  for (const Fault& fault : faults_known) faults.append(fault.name);
+  module.attr("FAULTS") = py::tuple(faults);
   bind_camera(module);
   py::class_<Engine>(module, "Engine",
                      "A stereo rig's depth engine. Parameters are those of simsense_parameters, by name; see Engine.parameters.")
       .def(py::init<std::shared_ptr<Device<Simsense>>, const simsense_camera&, const simsense_camera&, const py::object&, const py::object&,
-                    const py::object&, bool, uint32_t, const py::kwargs&>(),
+                    const py::object&, bool, uint32_t, const py::object&, const py::kwargs&>(),
            py::arg("device"), py::arg("left"), py::arg("right"), py::arg("left_to_right"), py::kw_only(), py::arg("rgb") = py::none(),
            py::arg("left_to_rgb") = py::none(), py::arg("rectified") = false, py::arg("batch_count") = 1,
-           "left_to_right, left_to_rgb: 4x4. rgb: the camera to register to, or None. rectified: the input pair is row-aligned already.")
+           py::arg("faults") = py::make_tuple(),
+           "left_to_right, left_to_rgb: 4x4. rgb: the camera to register to, or None. rectified: the input pair is row-aligned already.\n"
+           "faults: those of the published SimSense to keep, by name (SIMSENSE_FAULT_* of simsense.h); simsense.FAULTS has all.")
       .def_property_readonly("device", &Engine::device)
       .def_property_readonly(
           "parameters", [](const Engine& e) { return get_parameters(e.parameters()); }, "All parameters, as a new dict.")

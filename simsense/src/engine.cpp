@@ -66,7 +66,7 @@ Engine::Engine(std::shared_ptr<ks::Device> device, const simsense_rig_desc& rig,
       has_rgb_(rig.rgb.width != 0),
       points_(make_points(rig, rectification_.geometry)) {
   check_parameters(parameters);
-  if (has_rgb_) registration_.emplace(rectification_.geometry, width_, height_, rig.rgb, rigid(rig.left_to_rgb));
+  if (has_rgb_) registration_.emplace(rig, rectification_.geometry);
 }
 
 Engine::~Engine() = default;
@@ -156,7 +156,8 @@ ConstImage Engine::prepare_eye(Frame& frame, uint32_t n, uint32_t eye) {
   clock_.measure("rectify", [&] {
     if (!rectification_.is_identity()) {
       uint8_t* rectified = frame.target(output, n, rectified_[eye], size_t{width_} * height_);
-      remap(eye == 0 ? rectification_.left : rectification_.right, image, rectified, workers_);
+      const auto resample = rig_.faults & SIMSENSE_FAULT_REMAP_NEAREST ? remap_nearest : remap;
+      resample(eye == 0 ? rectification_.left : rectification_.right, image, rectified, workers_);
       image = {rectified, static_cast<ptrdiff_t>(width_)};
     }
     frame.store(output, n, image.data, image.row_stride, width_, height_);
@@ -168,7 +169,8 @@ void Engine::match(ConstImage left, ConstImage right, float* disparity) {
   if (!matcher_) matcher_ = make_cpu_matcher(width_, height_, match_parameters(parameters_), workers_);
   matcher_->match(left, right, disparity);
   for (const ks_stage_time& stage : matcher_->stage_times()) clock_.add(stage.name, stage.milliseconds);
-  if (!rectification_.is_identity()) clock_.measure("rectify", [&] { invalidate_outside(rectification_.left, disparity, workers_); });
+  if (rectification_.is_identity() || (rig_.faults & SIMSENSE_FAULT_PADDING_MATCHED)) return;
+  clock_.measure("rectify", [&] { invalidate_outside(rectification_.left, disparity, workers_); });
 }
 
 void Engine::make_depth(Frame& frame, uint32_t n, const float* disparity) {

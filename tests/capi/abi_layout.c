@@ -108,7 +108,7 @@ ENDS_WITH(kuafu_view_desc, environment);
 ENDS_WITH(kuafu_output_desc, image);
 ENDS_WITH(kuafu_render_desc, progress_user);
 ENDS_WITH(simsense_camera, distortion);
-ENDS_WITH(simsense_rig_desc, batch_count);
+ENDS_WITH(simsense_rig_desc, reserved);
 ENDS_WITH(simsense_parameters, depth_dilation);
 ENDS_WITH(simsense_image, image);
 ENDS_WITH(simsense_output_desc, image);

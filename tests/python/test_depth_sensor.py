@@ -149,3 +149,25 @@ def test_registers_to_the_rgb_camera(pair):
     depth = make(rgb_size=(320, 192), k_rgb=k_rgb, l2rgb=np.eye(4), depth_dilation=True).compute(*pair)
     assert depth.shape == (192, 320)
     assert np.median(depth[depth > 0]) == pytest.approx(0.5, rel=0.002)
+
+
+def test_exact_mode_keeps_every_fault(pair):
+    """Of a rectified pair only the parabola and the rectifier's focal length count; tests/simsense/stages/published_test.cpp proves the bits."""
+    exact, fixed = make(mode="simsense-exact"), make()
+    assert exact.engine.parameters["subpixel"] == 1 and fixed.engine.parameters["subpixel"] == 2
+    k_r = K.copy()
+    k_r[0, 2] += 3  # SimSense does not heed it
+    moved = simsense.DepthSensor(SIZE, K, k_r, L2R, rectified=True, max_disp=32, mode="simsense-exact").compute(*pair)
+    both = (moved > 0) & (exact.compute(*pair) > 0)
+    assert both.mean() > 0.7
+    assert np.median(moved[both]) == pytest.approx(0.5, rel=0.03)
+    with pytest.raises(TypeError, match="mode"):
+        make(mode="exact")
+
+
+def test_faults_are_named_switches():
+    camera = simsense.Camera(*SIZE, K)
+    for name in simsense.FAULTS:
+        simsense.Engine(simsense.Device("host"), camera, camera, L2R, rectified=True, faults=[name])
+    with pytest.raises(simsense.ArgumentError, match="remap_nearest"):
+        simsense.Engine(simsense.Device("host"), camera, camera, L2R, rectified=True, faults=["everything"])

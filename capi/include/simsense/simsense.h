@@ -67,6 +67,17 @@ typedef struct simsense_camera {
   double distortion[5];
 } simsense_camera;
 
+/* Faults of the published SimSense that users' results may rest on. Each is a switch; none is on by default. All of them, with the parabola as
+ * subpixel step, give its results bit for bit (its random noise apart, whose generator is CUDA's). */
+#define SIMSENSE_FAULT_RECTIFIED_SHRUNK 0x01u         /* shrink the rectified images until every source pixel fits (stereoRectify's alpha = 1) */
+#define SIMSENSE_FAULT_FOCAL_FROM_RECTIFIER 0x02u     /* depth from stereoRectify's focal length and baseline even where the pair comes rectified;
+                                                         cx may differ unheeded, and whether the rig is row-aligned is not checked */
+#define SIMSENSE_FAULT_REMAP_NEAREST 0x04u            /* rectify by the nearest pixel; edge pixels repeat beyond the source */
+#define SIMSENSE_FAULT_PADDING_MATCHED 0x08u          /* keep disparities of rectified pixels that lie beyond the source image */
+#define SIMSENSE_FAULT_REGISTRATION_UNRECTIFIED 0x10u /* register with the left camera's own K and pose, as if nothing had been rectified */
+#define SIMSENSE_FAULT_SPLAT_INVALID 0x20u            /* register unmeasured pixels as points at the left camera's centre */
+#define SIMSENSE_FAULTS_PUBLISHED 0x3fu
+
 /* The stereo rig; fixed for the life of an engine. */
 typedef struct simsense_rig_desc {
   ks_header header;
@@ -77,6 +88,8 @@ typedef struct simsense_rig_desc {
   uint32_t rectified;            /* nonzero: the input pair is row-aligned already, K and cx of each camera stay; else it is rectified from both K's,
                                     distortions and left_to_right (OpenCV's stereoRectify, zero disparity at infinity, focal length kept) */
   uint32_t batch_count;          /* image pairs per compute, >= 1 */
+  uint32_t faults;               /* SIMSENSE_FAULT_*, or'ed; 0 = none */
+  uint32_t reserved;
 } simsense_rig_desc;
 static inline simsense_rig_desc simsense_rig_desc_init(void) {
   simsense_rig_desc r;

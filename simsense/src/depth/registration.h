@@ -1,7 +1,8 @@
 // Registration: depth of the rectified left camera seen from the RGB camera. Each measured pixel is a point that lands on the nearest RGB
 // pixel; the nearest point wins. The z-buffer is a minimum, so the result does not depend on order or on the number of workers. The
 // rectified pixel's ray is rotated back by R1 before left_to_rgb, and an unmeasured pixel lands nowhere (the published SimSense does
-// neither). Thread rule: externally synchronised (it owns its z-buffer).
+// neither; SIMSENSE_FAULT_REGISTRATION_UNRECTIFIED and _SPLAT_INVALID are its ways). Thread rule: externally synchronised (it owns its
+// z-buffer).
 #pragma once
 
 #include <vector>
@@ -14,6 +15,8 @@ namespace simsense {
 class Registration {
  public:
   Registration(const StereoGeometry& left, uint32_t width, uint32_t height, const simsense_camera& rgb, const Rigid& left_to_rgb);
+  /// With the faults of rig.faults.
+  Registration(const simsense_rig_desc& rig, const StereoGeometry& left);
 
   /// depth: packed [height][width] of the rectified left camera. out: packed [rgb.height][rgb.width], z in the RGB camera, 0 = nothing
   /// landed there. dilate: each point covers 2x2 pixels, its own and those to the left, above, and above left.
@@ -21,12 +24,15 @@ class Registration {
 
  private:
   void splat_row(const float* depth, uint32_t y);
+  void splat_row_unrectified(const float* depth, uint32_t y);
   void splat(float x, float y, float z);
+  void keep_nearest(float column, float row, float z);
   void resolve_row(const DepthRange& range, bool dilate, uint32_t y, float* out) const;
 
   uint32_t width_, height_, rgb_width_, rgb_height_;
   std::array<double, 9> pixel_to_rgb_;  // rotation * K_rectified^-1: direction per unit depth of a homogeneous left pixel
   std::array<float, 3> translation_;    // metres
+  bool unrectified_ = false, splat_invalid_ = false;
   float fx_, fy_, cx_, cy_;
   bool distorted_;
   BrownConrady distortion_;

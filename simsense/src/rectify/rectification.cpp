@@ -55,6 +55,13 @@ RemapTable remap_table(const simsense_camera& camera, const cv::Mat& rotation, c
   return table;
 }
 
+/// The rectifier's focal length and baseline, in single precision as the published SimSense hands them on.
+void take_focal_and_baseline(const cv::Mat& q, StereoGeometry& g) {
+  g.camera.fx = g.camera.fy = static_cast<float>(q.at<double>(2, 3));
+  g.baseline_m = static_cast<float>(1.0 / q.at<double>(3, 2));
+  g.disparity_offset_px = 0;
+}
+
 Rectification rectify_with_opencv(const simsense_rig_desc& rig, const Rigid& pose) {
   const cv::Mat rotation = matrix3(pose.rotation.data());
   const cv::Mat translation(3, 1, CV_64F, const_cast<double*>(pose.translation.data()));
@@ -63,7 +70,7 @@ Rectification rectify_with_opencv(const simsense_rig_desc& rig, const Rigid& pos
   const cv::Size size(static_cast<int>(rig.left.width), static_cast<int>(rig.left.height));
   cv::Mat r1, r2, p1, p2, q;
   cv::stereoRectify(matrix3(rig.left.k), left_coefficients, matrix3(rig.right.k), right_coefficients, size, rotation, translation, r1, r2,
-                    p1, p2, q, cv::CALIB_ZERO_DISPARITY, -1);
+                    p1, p2, q, cv::CALIB_ZERO_DISPARITY, rig.faults & SIMSENSE_FAULT_RECTIFIED_SHRUNK ? 1 : -1);
   Rectification out;
   StereoGeometry& g = out.geometry;
   g.camera = {p1.at<double>(0, 0), p1.at<double>(1, 1), p1.at<double>(0, 2), p1.at<double>(1, 2)};
@@ -72,6 +79,12 @@ Rectification rectify_with_opencv(const simsense_rig_desc& rig, const Rigid& pos
   if (!(g.baseline_m > 0) || !(g.camera.fx > 0))
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "left_to_right = [%g %g %g] m cannot be rectified into rows: the cameras must stand side by side",
              pose.translation[0], pose.translation[1], pose.translation[2]);
+  if (rig.faults & SIMSENSE_FAULT_FOCAL_FROM_RECTIFIER) take_focal_and_baseline(q, g);
+  if (rig.rectified != 0) {
+    g.camera.cx = rig.left.k[2];
+    g.camera.cy = rig.left.k[5];
+    return out;
+  }
   std::memcpy(g.left_to_rectified.data(), r1.ptr<double>(), sizeof(Rotation));
   out.left = remap_table(rig.left, r1, p1);
   out.right = remap_table(rig.right, r2, p2);
@@ -83,7 +96,7 @@ Rectification rectify_with_opencv(const simsense_rig_desc& rig, const Rigid& pos
 Rectification make_rectification(const simsense_rig_desc& rig) {
   const Rigid pose = rigid(rig.left_to_right);
   check_side_by_side(pose.translation);
-  if (rig.rectified == 0) return rectify_with_opencv(rig, pose);
+  if (rig.rectified == 0 || (rig.faults & SIMSENSE_FAULT_FOCAL_FROM_RECTIFIER)) return rectify_with_opencv(rig, pose);
   check_rectified(rig, pose);
   Rectification out;
   out.geometry.camera = pinhole(rig.left);

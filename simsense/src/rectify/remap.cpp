@@ -1,5 +1,6 @@
 #include "rectify/remap.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "device/thread_pool.h"
@@ -44,6 +45,17 @@ void remap_row(const RemapTable& table, const ConstImage& source, size_t y, uint
 
 void remap(const RemapTable& table, const ConstImage& source, uint8_t* out, ks::ThreadPool& workers) {
   workers.parallel_for(table.height, [&](size_t y) { remap_row(table, source, y, out + y * table.width); });
+}
+
+void remap_nearest(const RemapTable& table, const ConstImage& source, uint8_t* out, ks::ThreadPool& workers) {
+  const float last_x = static_cast<float>(table.width - 1), last_y = static_cast<float>(table.height - 1);
+  workers.parallel_for(table.height, [&](size_t y) {
+    for (size_t i = y * table.width; i < (y + 1) * table.width; ++i) {
+      const auto sx = static_cast<ptrdiff_t>(std::clamp(std::round(table.x[i]), 0.0f, last_x));
+      const auto sy = static_cast<ptrdiff_t>(std::clamp(std::round(table.y[i]), 0.0f, last_y));
+      out[i] = source.data[sy * source.row_stride + sx];
+    }
+  });
 }
 
 void invalidate_outside(const RemapTable& table, float* disparity, ks::ThreadPool& workers) {

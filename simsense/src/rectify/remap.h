@@ -1,4 +1,4 @@
-// Bilinear resampling through a RemapTable. A tap outside the source reads 0; the sum is rounded to nearest, halves to even.
+// Resampling through a RemapTable. Bilinear: a tap outside the source reads 0; the sum is rounded to nearest, halves to even.
 // Thread rule: pure functions; the result does not depend on the number of workers.
 #pragma once
 
@@ -9,6 +9,9 @@ namespace simsense {
 
 /// source and out: table.width x table.height; out packed.
 void remap(const RemapTable& table, const ConstImage& source, uint8_t* out, ks::ThreadPool& workers);
+
+/// The nearest pixel instead, halves away from zero; outside the source its edge repeats (SIMSENSE_FAULT_REMAP_NEAREST).
+void remap_nearest(const RemapTable& table, const ConstImage& source, uint8_t* out, ks::ThreadPool& workers);
 
 /// Disparity -1 where a rectified pixel's position is not inside its source image: what was matched there is padding.
 void invalidate_outside(const RemapTable& table, float* disparity, ks::ThreadPool& workers);

@@ -103,6 +103,11 @@ void check_rig(const simsense_rig_desc& rig) {
     check_camera(rig.rgb, "rgb", 1);
     check_rigid(rig.left_to_rgb, "left_to_rgb");
   }
+  if (rig.faults & ~SIMSENSE_FAULTS_PUBLISHED)
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "faults is 0x%x: SIMSENSE_FAULT_* are the bits of 0x%x", rig.faults, SIMSENSE_FAULTS_PUBLISHED);
+  if ((rig.faults & SIMSENSE_FAULT_REGISTRATION_UNRECTIFIED) && is_distorted(rig.rgb))
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "rgb.distortion[0] = %g with SIMSENSE_FAULT_REGISTRATION_UNRECTIFIED: that one knows no lenses",
+             rig.rgb.distortion[0]);
   if (rig.batch_count < 1) ks::fail(KS_ERROR_INVALID_ARGUMENT, "batch_count is %u: must be at least 1", rig.batch_count);
 }
 
