@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from activestereo.effects.core.resample import BoxSampler
+from activestereo.effects.core.resample import Pattern, disc_sampler
 from activestereo.effects.core.view import transform
 
 _SMALLEST_BOX = 1e-3
@@ -32,7 +32,21 @@ class DotView:
 
     def mean(self, pattern, u=None, v=None):
         """Mean of a pattern image over each pixel's box, around (u, v) if given."""
-        return BoxSampler(pattern)(self.u if u is None else u, self.v if v is None else v, self.box_u, self.box_v)
+        sampler = disc_sampler(Pattern(pattern), 0.0)
+        return sampler(self.u if u is None else u, self.v if v is None else v, self.box_u, self.box_v)
+
+    def mean_of_discs(self, pattern, diameter_px):
+        """mean() of the pattern blurred by discs of a diameter [height][width] in pattern pixels, interpolated between whole ones."""
+        pattern = Pattern(pattern)
+        low = np.floor(diameter_px).astype(int)
+        share = diameter_px - low
+        out = np.zeros(self.u.shape)
+        for level in np.unique(np.concatenate([low[self.lit], low[self.lit] + 1])) if self.lit.any() else ():
+            weight = np.where(low == level, 1.0 - share, np.where(low + 1 == level, share, 0.0)) * self.lit
+            here = weight > 0
+            sampler = disc_sampler(pattern, float(level))
+            out[here] += weight[here] * sampler(self.u[here], self.v[here], self.box_u[here], self.box_v[here])
+        return out
 
     def change(self, light, before, after):
         """The light after the pattern's means went from `before` to `after`: only the difference is approximated."""

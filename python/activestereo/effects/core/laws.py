@@ -41,6 +41,7 @@ def example_view(eye="right", frame_id=0, seed=0, temperature_c=45.0, move=True)
         eye=eye,
         K=np.array([[60.0, 0, (width - 1) / 2], [0, 60.0, (height - 1) / 2], [0, 0, 1]]),
         depth_m=depth,
+        normal=np.broadcast_to([0.0, 0.0, -1.0], (height, width, 3)),
         pattern=_dots((140, 200)),
         projector_K=np.array([[110.0, 0, 99.5], [0, 110.0, 69.5], [0, 0, 1]]),
         camera_to_projector=left_to_projector @ np.linalg.inv(left_to_camera),

@@ -14,21 +14,23 @@ def displaced(light, view, dt_s):
     """The Light at time mid-exposure + dt_s: a number, or one per row [height] (row-wise readout).
 
     Each pixel looks up where the point that it sees then is at mid-exposure. Scene light is taken from there; the dots stay with
-    the rig and are placed by the pixel's own new depth. New occlusions are not seen: the motions meant here are of few pixels.
+    the rig, are placed by the pixel's own new depth, and their strength follows the new distance and angle to the projector.
+    New occlusions and shadows are not seen: the motions meant here are of few pixels.
     """
     rows = np.broadcast_to(np.asarray(dt_s, dtype=np.float64), view.shape[:1])
     if not view.frame.is_moving or not rows.any():
         return light
     then_to_mid = _poses(view, rows)
-    u, v, points = _source_pixels(view, then_to_mid)
+    u, v, then, mid = _source_pixels(view, then_to_mid)
     moved = Light(*sample(np.stack([light.direct, light.indirect, light.ambient, light.flat]), u, v, order=3))
+    flat = moved.flat * _falloff_ratio(view, then_to_mid, u, v, then, mid)
     dots = DotView(view)
     nominal = dots.mean(view.pattern)
-    then = dots.mean(view.pattern, *dots.project_camera(points))
+    now = dots.mean(view.pattern, *dots.project_camera(then))
     lit = dots.lit & (light.flat > 0)
     seen = np.where(lit, light.direct / np.where(lit, light.flat, 1.0), nominal)
-    direct = np.maximum(moved.flat * (seen + then - nominal), 0.0)
-    return Light(direct, moved.indirect, moved.ambient, moved.flat)
+    direct = np.maximum(flat * (seen + now - nominal), 0.0)
+    return Light(direct, moved.indirect, moved.ambient, flat)
 
 
 def _poses(view, rows):
@@ -45,7 +47,7 @@ def _poses(view, rows):
 
 
 def _source_pixels(view, then_to_mid):
-    """(u, v) at mid-exposure of what each pixel sees then, and its camera coordinates then."""
+    """(u, v) at mid-exposure of what each pixel sees then, and its camera coordinates then and at mid-exposure."""
     rotation, shift = then_to_mid[:, None, :3, :3], then_to_mid[:, None, :3, 3]
     far = view.depth_m.max() if view.depth_m.any() else 1.0
     depth_mid = np.where(view.depth_m > 0, view.depth_m, 100.0 * far)  # the sky only turns
@@ -56,4 +58,19 @@ def _source_pixels(view, then_to_mid):
         u, v = view.to_pixels(mid[..., 0] / mid[..., 2], mid[..., 1] / mid[..., 2])
         depth_there = sample(depth_mid, u, v, order=1)
         depth = depth * depth_there / mid[..., 2]
-    return u, v, view.points(depth)
+    return u, v, then, mid
+
+
+def _falloff_ratio(view, then_to_mid, u, v, then, mid):
+    """Projector irradiance then over that at mid-exposure, of one surface point: the rig moves, the surface does not."""
+    source = np.linalg.inv(view.camera_to_projector)[:3, 3]
+    normal_mid = np.moveaxis(sample(np.moveaxis(view.normal, -1, 0), u, v, order=1), 0, -1)
+    normal_then = np.einsum("rji,rcj->rci", then_to_mid[:, :3, :3], normal_mid)
+
+    def irradiance(points, normal):
+        way = source - points
+        return np.maximum((normal * way).sum(-1), 0.0) / np.linalg.norm(way, axis=-1) ** 3
+
+    before = irradiance(mid, normal_mid)
+    safe = before > 0
+    return np.where(safe, np.clip(irradiance(then, normal_then) / np.where(safe, before, 1.0), 0.0, 4.0), 1.0)

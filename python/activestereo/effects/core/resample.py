@@ -1,7 +1,11 @@
-"""Moving and blurring images: cubic resampling, exact box means over a pattern, Gaussian blur that varies over the image."""
+"""Moving and blurring images: cubic resampling, exact box means over a pattern, blurs that vary over the image."""
+
+import hashlib
+from functools import lru_cache
 
 import numpy as np
 from scipy.ndimage import gaussian_filter, map_coordinates, spline_filter
+from scipy.signal import fftconvolve
 
 _MAX_LEVELS = 5
 
@@ -62,3 +66,31 @@ def blur(images, sigma_px):
         weight = np.maximum(0.0, 1.0 - np.abs(position - i))
         out += weight * blur(images, float(np.sqrt(level)))
     return out
+
+
+class Pattern:
+    """A pattern image that compares by content: what samplers of it are remembered under."""
+
+    def __init__(self, image):
+        self.image = np.ascontiguousarray(image, dtype=np.float32)
+        self._digest = hashlib.blake2b(self.image.tobytes(), digest_size=16).digest() + repr(self.image.shape).encode()
+
+    def __hash__(self):
+        return hash(self._digest)
+
+    def __eq__(self, other):
+        return self._digest == other._digest
+
+
+@lru_cache(maxsize=48)
+def disc_sampler(pattern, diameter_px):
+    """BoxSampler of a Pattern blurred by a disc (0 = sharp); the disc's edge pixels weigh by coverage."""
+    if diameter_px == 0.0:
+        return BoxSampler(pattern.image)
+    radius = diameter_px / 2
+    reach, fine = int(np.ceil(radius - 0.5)), 16
+    size = 2 * reach + 1
+    offsets = (np.arange(size * fine) + 0.5) / fine - reach - 0.5
+    inside = (offsets[:, None] ** 2 + offsets[None] ** 2 <= radius**2).astype(np.float64)
+    stamp = inside.reshape(size, fine, size, fine).sum(axis=(1, 3))
+    return BoxSampler(fftconvolve(pattern.image, stamp / stamp.sum(), mode="same"))

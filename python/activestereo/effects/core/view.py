@@ -10,11 +10,13 @@ REFERENCE_TEMPERATURE_C = 25.0
 
 @dataclass(frozen=True)
 class View:
-    """One eye of one frame. Arrays are [height][width]; depth 0 = nothing there. camera_to_projector maps camera coordinates."""
+    """One eye of one frame. Arrays are [height][width]; depth 0 = nothing there; normal [height][width][3], unit, camera
+    coordinates; a_to_b maps coordinates in a to those in b."""
 
     eye: str
     K: np.ndarray
     depth_m: np.ndarray
+    normal: np.ndarray
     pattern: np.ndarray
     projector_K: np.ndarray
     camera_to_projector: np.ndarray
@@ -28,10 +30,12 @@ class View:
     def of(cls, capture, frame, eye, layers, seed=0):
         rig = capture.rig
         left_to_camera = np.eye(4) if eye == "left" else rig.left_to_right
+        camera_to_world = frame.camera_to_world @ np.linalg.inv(left_to_camera)
         return cls(
             eye=eye,
             K=rig.camera(eye).K,
             depth_m=np.asarray(layers.depth_m, dtype=np.float64),
+            normal=np.asarray(layers.normal, dtype=np.float64) @ camera_to_world[:3, :3],
             pattern=rig.projector.pattern(),
             projector_K=rig.projector.K,
             camera_to_projector=rig.projector.left_to_projector @ np.linalg.inv(left_to_camera),

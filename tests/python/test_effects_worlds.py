@@ -1,0 +1,146 @@
+"""Image-space effects against worlds that were ray-cast with the effect in them: at least most of the change is reproduced."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+from scipy.ndimage import binary_dilation, maximum_filter, minimum_filter
+
+import lab_worlds  # noqa: F401  (puts the worlds on the path)
+from activestereo.capture import Camera, Frame, Projector, Rig
+from activestereo.effects import Light, View, builtin
+from worlds.view import PatternSource, look
+from worlds.world import dot_pattern, look_at, table_top
+
+EFFECTS = builtin()
+SIZE = (106, 60)
+POSE = look_at((0.1, 0.4, 0.5), (0.0, 0.08, -0.2))
+TWIST = np.array([0.5, -0.2, 0.1, 0.2, 0.5, -0.3])
+PATTERN = dot_pattern(320, 200, 900, 1) / 255.0
+CAMERA_K = np.array([[53.0, 0, 52.5], [0, 53.0, 29.5], [0, 0, 1.0]])
+PROJECTOR_K = np.array([[148.0, 0, 159.5], [0, 148.0, 99.5], [0, 0, 1.0]])
+
+
+def shift(x):
+    pose = np.eye(4)
+    pose[0, 3] = x
+    return pose
+
+
+RIG = Rig(Camera(*SIZE, CAMERA_K), Camera(*SIZE, CAMERA_K), shift(-0.05), Projector(None, PROJECTOR_K, shift(-0.015)))
+
+
+def seen(eye="right", left_to_world=POSE, baseline_m=0.05, projector_K=PROJECTOR_K, pattern=PATTERN, bounces=1):
+    """The truth: a Light, and (depth, normal). Same seed everywhere, so that differences are the effect's."""
+    camera = left_to_world @ (shift(baseline_m) if eye == "right" else np.eye(4))
+    source_pose = left_to_world @ shift(0.015)
+
+    def cast(pattern, bounces):
+        source = PatternSource(source_pose[:3, 3], source_pose[:3, :3], projector_K, pattern)
+        return look(table_top(), SIZE, CAMERA_K, camera, source, seed=3, grid=6, bounces=bounces)
+
+    view, flat = cast(pattern, bounces), cast(np.ones_like(pattern), 0)
+    return Light(view.direct, view.indirect, view.sky, flat.direct), (view.depth, view.normal @ camera[:3, :3])
+
+
+def view_of(geometry, eye="right"):
+    frame = Frame(0, None, None, 0.0, 0.004, POSE, "train", camera_velocity=TWIST, temperature_c=45.0)
+    left_to_camera = RIG.left_to_right if eye == "right" else np.eye(4)
+    return View(eye, CAMERA_K, *geometry, PATTERN, PROJECTOR_K, shift(-0.015) @ np.linalg.inv(left_to_camera), left_to_camera, frame)
+
+
+@pytest.fixture(scope="module")
+def nominal():
+    light, geometry = seen()
+    return light, view_of(geometry)
+
+
+def smooth_places(depth):
+    """Away from the picture's border and from depth steps, where new surfaces come into sight."""
+    step = maximum_filter(depth, 3) - minimum_filter(depth, 3)
+    rough = binary_dilation((step > 0.06) | (depth == 0), iterations=2)
+    inside = np.zeros(depth.shape, bool)
+    inside[2:-2, 2:-2] = True
+    return inside & ~rough
+
+
+def unexplained(nominal, changed, modelled, name="direct", where=...):
+    """Residual of the model over the change that the effect made, both root mean square."""
+    residual, change = (getattr(changed, name) - getattr(light, name) for light in (modelled, nominal))
+    return np.sqrt(np.mean(residual[where] ** 2) / np.mean(change[where] ** 2))
+
+
+def test_flat_light_times_pattern_is_the_direct_light(nominal):
+    from activestereo.effects.core.dots import DotView
+
+    light, view = nominal
+    dots = DotView(view)
+    error = light.flat * dots.mean(view.pattern) - light.direct
+    assert np.sqrt(np.mean(error**2)) < 0.05 * light.direct.std()
+
+
+def test_pattern_scale_drift_is_a_magnified_pattern(nominal):
+    light, view = nominal
+    magnified = PROJECTOR_K * np.array([[1 / 1.01, 1, 1], [1, 1 / 1.01, 1], [1, 1, 1]])  # fewer pattern pixels per radian
+    truth, _ = seen(projector_K=magnified)
+    assert unexplained(light, truth, EFFECTS["pattern_scale_drift"](light, view, scale=0.01)) < 0.12
+
+
+def test_projector_defocus_blurs_by_depth(nominal):
+    """Truth: the image of a plane at one distance; there a disc of known diameter is the whole effect."""
+    from activestereo.effects.core.resample import Pattern, disc_sampler
+
+    light, view = nominal
+    sampler = disc_sampler(Pattern(PATTERN), 5.0)
+    columns, rows = np.meshgrid(np.arange(320.0), np.arange(200.0))
+    blurred = sampler(columns, rows, np.ones((200, 320)), np.ones((200, 320)))
+    truth, _ = seen(pattern=blurred)
+    # A focus so near that |1/z - 1/focus| is nearly the same everywhere would need a plane; compare where it is right.
+    modelled = EFFECTS["projector_defocus"](light, view, aperture_px_m=3.0, focus_m=0.4)
+    diameter = 3.0 * np.abs(1 / np.where(view.depth_m > 0, view.depth_m, 0.4) - 1 / 0.4)
+    here = np.abs(diameter - 5.0) < 0.25
+    assert here.sum() > 100
+    change = np.mean((truth.direct - light.direct)[here] ** 2)
+    assert np.mean((truth.direct - modelled.direct)[here] ** 2) < 0.03 * change
+
+
+def test_baseline_drift_is_another_baseline(nominal):
+    light, view = nominal
+    truth, _ = seen(baseline_m=0.052)
+    # Linear resampling of pixel means and new occlusions leave the rest.
+    modelled = EFFECTS["baseline_drift"](light, view, offset_m=0.002)
+    assert unexplained(light, truth, modelled) < 0.35
+
+
+@pytest.mark.parametrize("delay_s", [0.01, -0.01])
+def test_exposure_desync_is_the_view_of_the_moved_rig(nominal, delay_s):
+    light, view = nominal
+    generator = np.zeros((4, 4))
+    v, w = TWIST[:3], TWIST[3:]
+    generator[:3, :3] = [[0, -w[2], w[1]], [w[2], 0, -w[0]], [-w[1], w[0], 0]]
+    generator[:3, 3] = v
+    truth, _ = seen(left_to_world=POSE @ expm(delay_s * generator))
+    modelled = EFFECTS["exposure_desync"](light, view, delay_s=delay_s)
+    smooth = smooth_places(view.depth_m)
+    assert unexplained(light, truth, modelled, "direct", smooth) < 0.25
+    assert unexplained(light, truth, modelled, "flat", smooth) < 0.2
+    assert unexplained(light, truth, modelled, "flat") < 0.4
+    wrong = EFFECTS["exposure_desync"](light, view, delay_s=-delay_s)
+    assert unexplained(light, truth, wrong, "flat") > 1.2
+
+
+def test_a_left_camera_is_never_touched_by_errors_of_the_right():
+    light, geometry = seen(eye="left", bounces=0)
+    view = view_of(geometry, "left")
+    for name in ("baseline_drift", "stereo_pitch", "stereo_roll", "principal_point_offset", "exposure_desync"):
+        e = EFFECTS[name]
+        assert e(light, view, **e.typical_values) is light
+
+
+def test_motion_needs_a_moving_rig(nominal):
+    light, view = nominal
+    still = replace(view, frame=replace(view.frame, camera_velocity=np.zeros(6)))
+    for name in ("rolling_shutter", "motion_blur", "exposure_desync"):
+        e = EFFECTS[name]
+        assert e(light, still, **e.typical_values) is light
