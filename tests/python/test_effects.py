@@ -1,10 +1,13 @@
 """Effects: every built-in one obeys the laws, lawless ones are caught, and each does what its physics says."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from activestereo.effects import Light, Model, Parameter, Randomness, Stage, broken_laws, builtin, effect
 from activestereo.effects.core.laws import example_value, example_view
+from activestereo.lab.fit import Nuisances, predict
 
 EFFECTS = builtin()
 
@@ -57,8 +60,6 @@ def test_wrong_parameters_are_named():
 def test_variance_is_the_variance_of_draws(name):
     e, view = EFFECTS[name], example_view()
     signal = np.full(view.shape, 90.0)
-    from dataclasses import replace
-
     draws = np.stack([e(signal, replace(view, seed=s), **e.typical_values) for s in range(60)])
     predicted = e.variance(signal, view, **e.typical_values).mean()
     assert draws.var(axis=0, ddof=1).mean() == pytest.approx(predicted, rel=0.05)
@@ -97,8 +98,6 @@ def test_distortion_moves_a_corner_by_brown_conradys_formula():
 
 def test_baseline_drift_shifts_by_focal_length_times_offset_over_depth():
     view = example_view()
-    from dataclasses import replace
-
     view = replace(view, depth_m=np.full(view.shape, 0.8))
     u, v = view.pixels()
     blob = np.exp(-((u - 50) ** 2 + (v - 30) ** 2) / 8)
@@ -119,8 +118,6 @@ def test_saturation_keeps_charge_that_spills_and_caps_the_rest():
 def test_a_model_without_effects_is_the_base_model_and_order_follows_the_light():
     view = example_view()
     layers = example_value(Stage.PROJECTOR, view)
-    from activestereo.lab.fit import Nuisances, predict
-
     nuisances = Nuisances(3e4, 9e3, 4.0)
 
     class Rendered:
@@ -139,10 +136,6 @@ def test_a_model_without_effects_is_the_base_model_and_order_follows_the_light()
 def test_the_expected_value_is_the_mean_of_exposures():
     view = example_view()
     layers = example_value(Stage.PROJECTOR, view)
-    from dataclasses import replace
-
-    from activestereo.lab.fit import Nuisances
-
     nuisances = Nuisances(3e4, 9e3, 4.0)
     model = Model()
     for name in ("speckle_temporal", "shot_noise", "read_noise"):

@@ -10,6 +10,8 @@ from scipy.ndimage import binary_dilation, maximum_filter, minimum_filter
 import lab_worlds  # noqa: F401  (puts the worlds on the path)
 from activestereo.capture import Camera, Frame, Projector, Rig
 from activestereo.effects import Light, View, builtin
+from activestereo.effects.core.dots import DotView
+from activestereo.effects.core.resample import Pattern, disc_sampler
 from worlds.view import PatternSource, look
 from worlds.world import dot_pattern, look_at, table_top
 
@@ -72,8 +74,6 @@ def unexplained(nominal, changed, modelled, name="direct", where=...):
 
 
 def test_flat_light_times_pattern_is_the_direct_light(nominal):
-    from activestereo.effects.core.dots import DotView
-
     light, view = nominal
     dots = DotView(view)
     error = light.flat * dots.mean(view.pattern) - light.direct
@@ -88,15 +88,12 @@ def test_pattern_scale_drift_is_a_magnified_pattern(nominal):
 
 
 def test_projector_defocus_blurs_by_depth(nominal):
-    """Truth: the image of a plane at one distance; there a disc of known diameter is the whole effect."""
-    from activestereo.effects.core.resample import Pattern, disc_sampler
-
+    """Truth: the pattern blurred by one disc, cast into the world; compared where the effect's disc has that size."""
     light, view = nominal
     sampler = disc_sampler(Pattern(PATTERN), 5.0)
     columns, rows = np.meshgrid(np.arange(320.0), np.arange(200.0))
     blurred = sampler(columns, rows, np.ones((200, 320)), np.ones((200, 320)))
     truth, _ = seen(pattern=blurred)
-    # A focus so near that |1/z - 1/focus| is nearly the same everywhere would need a plane; compare where it is right.
     modelled = EFFECTS["projector_defocus"](light, view, aperture_px_m=3.0, focus_m=0.4)
     diameter = 3.0 * np.abs(1 / np.where(view.depth_m > 0, view.depth_m, 0.4) - 1 / 0.4)
     here = np.abs(diameter - 5.0) < 0.25
