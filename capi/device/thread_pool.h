@@ -15,7 +15,8 @@ class ThreadPool {
   ThreadPool(const ThreadPool&) = delete;
   ThreadPool& operator=(const ThreadPool&) = delete;
   [[nodiscard]] unsigned size() const;
-  /// Calls fn(index) for each index in [0, count), in any order, on any thread; returns when all are done. Rethrows the first exception.
+  /// Calls fn(index) for each index in [0, count), started in ascending order, on any thread; returns when all are done. Rethrows the first
+  /// exception.
   void parallel_for(size_t count, const std::function<void(size_t)>& fn);
 
  private:

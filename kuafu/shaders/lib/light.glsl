@@ -20,7 +20,8 @@ LightSample light_at(LightRecord light, vec3 position) {
   s.irradiance = band_of(light.intensity, light.intensity.x) / distance_squared;
   if (light.kind == light_projector) {
     vec3 q = vec3(dot(light.world_to_pixel[0], -to_light), dot(light.world_to_pixel[1], -to_light), dot(light.world_to_pixel[2], -to_light));
-    s.irradiance *= q.z > 0.0f ? pattern_bilinear(light.pattern, xy(q) / q.z, light.width, light.height) : 0.0f;
+    Pattern pattern = Pattern(light.pattern, light.width, light.height, light.pattern_bits);
+    s.irradiance *= q.z > 0.0f ? pattern_bilinear(pattern, xy(q) / q.z) : 0.0f;
   }
   return s;
 }

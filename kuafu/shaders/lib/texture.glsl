@@ -21,18 +21,26 @@ vec4 texture_repeat(TextureRecord t, vec2 uv) {
   return mix(mix(texel(t, x0, y0), texel(t, x1, y0), f.x), mix(texel(t, x0, y1), texel(t, x1, y1), f.x), f.y);
 }
 
-float pattern_texel(FloatArray pattern, int x, int y, int width, int height) {
-  bool inside = x >= 0 && y >= 0 && x < width && y < height;
-  return inside ? pattern.at[uint(y) * uint(width) + uint(x)] : 0.0f;
+struct Pattern {
+  UintArray words;
+  uint width, height, bits;
+};
+
+float pattern_texel(Pattern p, int x, int y) {
+  if (x < 0 || y < 0 || x >= int(p.width) || y >= int(p.height)) return 0.0f;
+  uint i = uint(y) * p.width + uint(x);
+  if (p.bits == 8u) return float((p.words.at[i >> 2] >> ((i & 3u) * 8u)) & 0xffu) / 255.0f;
+  if (p.bits == 16u) return float((p.words.at[i >> 1] >> ((i & 1u) * 16u)) & 0xffffu) / 65535.0f;
+  return uintBitsToFloat(p.words.at[i]);
 }
 
 /// Pixel centres at integers; exactly the bilinear interpolation of the image padded with zeros.
-float pattern_bilinear(FloatArray pattern, vec2 pixel, uint width, uint height) {
-  if (!(pixel.x > -1.0f && pixel.y > -1.0f && pixel.x < float(width) && pixel.y < float(height))) return 0.0f;
+float pattern_bilinear(Pattern p, vec2 pixel) {
+  if (!(pixel.x > -1.0f && pixel.y > -1.0f && pixel.x < float(p.width) && pixel.y < float(p.height))) return 0.0f;
   vec2 base = floor(pixel), f = pixel - base;
-  int x = int(base.x), y = int(base.y), w = int(width), h = int(height);
-  float top = mix(pattern_texel(pattern, x, y, w, h), pattern_texel(pattern, x + 1, y, w, h), f.x);
-  float bottom = mix(pattern_texel(pattern, x, y + 1, w, h), pattern_texel(pattern, x + 1, y + 1, w, h), f.x);
+  int x = int(base.x), y = int(base.y);
+  float top = mix(pattern_texel(p, x, y), pattern_texel(p, x + 1, y), f.x);
+  float bottom = mix(pattern_texel(p, x, y + 1), pattern_texel(p, x + 1, y + 1), f.x);
   return mix(top, bottom, f.y);
 }
 #endif

@@ -55,8 +55,8 @@ KUAFU_CONST light_point = 1u;
 KUAFU_CONST light_projector = 2u;
 
 struct LightRecord {
-  FloatArray pattern;  // [height][width] relative radiant intensity, projectors only
-  uint width, height;
+  UintArray pattern;  // [height][width] relative radiant intensity of pattern_bits each, packed; projectors only
+  uint width, height, pattern_bits;  // 8 and 16: 0..1 as an integer; 32: float
   vec3 position;
   uint kind;
   vec3 intensity;          // W/sr in the band being rendered
@@ -89,7 +89,7 @@ KUAFU_ARRAY(SceneReference, SceneAddresses, 8)
 static_assert(sizeof(InstanceRecord) == 144);
 static_assert(sizeof(MaterialRecord) == 88);
 static_assert(sizeof(TextureRecord) == 24);
-static_assert(sizeof(LightRecord) == 96);
+static_assert(sizeof(LightRecord) == 104);
 static_assert(sizeof(EnvironmentRecord) == 24);
 static_assert(sizeof(SceneAddresses) == 56);
 }  // namespace kuafu

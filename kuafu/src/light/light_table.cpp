@@ -7,7 +7,7 @@ namespace kuafu {
 namespace {
 
 LightRecord record_of(const Light& light, const glm::vec3& intensity, const Scene& scene,
-                      const std::function<uint64_t(uint32_t)>& pattern) {
+                      const std::function<PatternAddress(uint32_t)>& pattern) {
   LightRecord r{};
   r.kind = light.kind == Light::Kind::projector ? light_projector : light_point;
   r.position = glm::vec3(light.light_to_world[3]);
@@ -16,7 +16,9 @@ LightRecord record_of(const Light& light, const glm::vec3& intensity, const Scen
   const Texture& texture = scene.textures()[light.texture];
   r.width = texture.width;
   r.height = texture.height;
-  r.pattern = pattern(light.texture);
+  const PatternAddress plane = pattern(light.texture);
+  r.pattern = plane.address;
+  r.pattern_bits = plane.bits;
   const glm::dmat3 to_pixel = glm::transpose(light.k * glm::inverse(glm::dmat3(light.light_to_world)));
   for (int row = 0; row < 3; ++row) r.world_to_pixel[row] = glm::vec3(to_pixel[row]);
   return r;
@@ -49,7 +51,7 @@ uint32_t add_environment(LightTable& table, std::vector<LightRecord> seen) {
 }  // namespace
 
 LightTable make_light_table(const Scene& scene, const Band& band, uint32_t environment_count,
-                            const std::function<uint64_t(uint32_t)>& pattern) {
+                            const std::function<PatternAddress(uint32_t)>& pattern) {
   LightTable table;
   uint32_t most_lights = 0, most_projectors = 0;
   for (uint32_t e = 0; e < environment_count; ++e) {

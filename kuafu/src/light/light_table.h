@@ -19,8 +19,14 @@ struct LightTable {
 
 inline constexpr uint32_t few_lights = 4;
 
-/// `pattern` gives a texture's plane of floats in device memory.
+/// A projector's pattern in the memory of the stages.
+struct PatternAddress {
+  uint64_t address;
+  uint32_t bits;
+};
+
+/// `pattern` gives a texture's plane.
 LightTable make_light_table(const Scene& scene, const Band& band, uint32_t environment_count,
-                            const std::function<uint64_t(uint32_t)>& pattern);
+                            const std::function<PatternAddress(uint32_t)>& pattern);
 
 }  // namespace kuafu

@@ -22,21 +22,21 @@ glm::dvec3 visible_normal(const glm::dvec3& wo, double alpha, double u, double v
 }  // namespace
 
 glm::vec2 specular_albedo(double cosine, double roughness) {
-  constexpr int n = 24;  // n x n midpoints
+  constexpr int across = 12, along = 32;  // midpoints of the half of the cap that mirrors the other, and of its height
   const double alpha = roughness * roughness, a2 = alpha * alpha, c = std::max(cosine, 1e-4);
   const glm::dvec3 wo(std::sqrt(1 - c * c), 0, c);
   glm::dvec2 sum(0);
-  for (int i = 0; i < n; ++i)
-    for (int j = 0; j < n; ++j) {
-      const glm::dvec3 h = visible_normal(wo, alpha, (i + 0.5) / n, (j + 0.5) / n);
+  for (int i = 0; i < across; ++i)
+    for (int j = 0; j < along; ++j) {
+      const glm::dvec3 h = visible_normal(wo, alpha, (i + 0.5) / (2 * across), (j + 0.5) / along);
       const double oh = glm::dot(wo, h), cos_i = 2 * oh * h.z - wo.z;
       if (cos_i <= 0) continue;
       // f cos / pdf = F G2 / G1
       const double weight = cos_i * (c + smith_root(c, a2)) / (cos_i * smith_root(c, a2) + c * smith_root(cos_i, a2));
-      const double schlick = std::pow(1 - oh, 5);
+      const double m = 1 - oh, schlick = m * m * m * m * m;
       sum += weight * glm::dvec2(1 - schlick, schlick);
     }
-  return sum / double(n * n);
+  return sum / double(across * along);
 }
 
 std::vector<glm::vec2> specular_albedo_table() {

@@ -71,10 +71,12 @@ Texels linear_texels(const Texture& texture) {
   return out;
 }
 
-std::vector<float> pattern_plane(const Texture& texture) {
-  const TexelReader reader(texture);
-  std::vector<float> plane(size_t(texture.width) * texture.height);
-  for (size_t i = 0; i < plane.size(); ++i) plane[i] = reader.stored(i, 0);
+PatternPlane pattern_plane(const Texture& texture) {
+  const size_t bytes = texture.format == Texture::Format::u8 ? 1 : texture.format == Texture::Format::u16 ? 2 : 4;
+  const size_t count = size_t(texture.width) * texture.height;
+  PatternPlane plane{std::vector<uint32_t>((count * bytes + 3) / 4), uint32_t(8 * bytes)};
+  auto* to = reinterpret_cast<unsigned char*>(plane.words.data());
+  for (size_t i = 0; i < count; ++i) std::memcpy(to + i * bytes, texture.texels.data() + i * texture.channels * bytes, bytes);
   return plane;
 }
 

@@ -18,7 +18,12 @@ struct Texels {
 /// floats.
 Texels linear_texels(const Texture& texture);
 
-/// The red channel as it is stored, in [0, 1] for integer formats: never sRGB-decoded.
-std::vector<float> pattern_plane(const Texture& texture);
+struct PatternPlane {
+  std::vector<uint32_t> words;  // [height][width], packed from the low bits up
+  uint32_t bits = 0;            // 8, 16: the stored integer; 32: a float
+};
+
+/// The red channel exactly as it is stored: never sRGB-decoded.
+PatternPlane pattern_plane(const Texture& texture);
 
 }  // namespace kuafu

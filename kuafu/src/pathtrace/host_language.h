@@ -16,5 +16,13 @@ namespace {
 using namespace glm;
 using uint = uint32_t;
 constexpr uint queue_layout = queue_layout_packets;
+
+// glm's is generic; this is a byte swap and three exchanges.
+inline uint bitfieldReverse(uint x) {
+  x = __builtin_bswap32(x);
+  x = (x >> 4 & 0x0f0f0f0fu) | (x & 0x0f0f0f0fu) << 4;
+  x = (x >> 2 & 0x33333333u) | (x & 0x33333333u) << 2;
+  return (x >> 1 & 0x55555555u) | (x & 0x55555555u) << 1;
+}
 }  // namespace
 }  // namespace kuafu

@@ -10,7 +10,8 @@ namespace kuafu {
 namespace {
 
 // Paths in flight that measured best: enough to fill the device, few enough for a CPU's caches.
-constexpr uint32_t cpu_wave = 1u << 17, gpu_wave = 1u << 20;
+constexpr uint32_t cpu_wave = 1u << 17, gpu_wave = 1u << 22;
+constexpr uint64_t path_bytes = 320;    // of queues and state, about
 constexpr uint32_t pass_samples = 256;  // most samples of a pixel in one wave; fixed, since the order of sums follows from it
 
 bool wants_embree(const ks::Device& device, TracerKind kind) {
@@ -31,6 +32,15 @@ uint32_t permutation_stride(uint32_t n) {
   uint32_t stride = std::max(1u, std::min(uint32_t(0.618 * n), 0xffffffffu / n));
   while (std::gcd(stride, n) != 1) --stride;
   return stride;
+}
+
+/// At most an eighth of a GPU's memory, and no dispatch beyond what the device takes.
+uint32_t most_paths(const ks::Device& device, uint32_t shadow_rays_per_vertex) {
+  if (device.is_cpu()) return cpu_wave / (1 + shadow_rays_per_vertex / 4);
+  constexpr uint64_t smallest_group = 32;
+  const uint64_t fits =
+      std::min<uint64_t>(device.info().memory_bytes / 8 / path_bytes, device.limits().maxComputeWorkGroupCount[0] * smallest_group);
+  return uint32_t(std::min<uint64_t>(fits, gpu_wave)) / (1 + shadow_rays_per_vertex / 4);
 }
 
 uint32_t round_up(uint32_t n, uint32_t step) { return (n + step - 1) / step * step; }
@@ -79,7 +89,8 @@ void PathTracer::Run::prepare(const Scene& scene) {
   for (size_t i = 0; i < outputs.size(); ++i) {
     const OutputImage& image = launch_.outputs[i];
     outputs[i] = {};
-    if (image.buffer) outputs[i] = {o_.memory().address(*image.buffer) + image.offset_bytes, image.first, image.view_stride, image.row_stride, 1};
+    if (image.buffer)
+      outputs[i] = {o_.memory().address(*image.buffer) + image.offset_bytes, image.first, image.view_stride, image.row_stride, 1};
   }
   fit_buffers();
   commands_.add_host_time("upload", milliseconds_since(start));
@@ -90,7 +101,7 @@ void PathTracer::Run::prepare(const Scene& scene) {
 
 void PathTracer::Run::fit_buffers() {
   const uint32_t shadows = o_.tables_.shadow_rays_per_vertex();
-  const uint32_t most = (o_.device_->is_cpu() ? cpu_wave : gpu_wave) / (1 + shadows / 4);
+  const uint32_t most = most_paths(*o_.device_, shadows);
   const uint32_t samples = launch_.wants_radiance() ? std::min(launch_.samples, pass_samples) : 1;
   pixels_per_wave_ = std::min(launch_.pixel_count(), std::max(most / samples, pixel_block));
   o_.buffers_.fit(

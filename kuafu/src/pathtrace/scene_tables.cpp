@@ -188,14 +188,15 @@ void SceneTables::write_lights(const Scene& scene, uint32_t environment_count) {
   has_environment_light_ = std::ranges::any_of(table.environments, [](const auto& e) { return e.radiance != glm::vec3(0); });
 }
 
-uint64_t SceneTables::pattern(const Scene& scene, uint32_t texture) {
-  auto& buffer = patterns_[texture];
-  if (!buffer) {
+PatternAddress SceneTables::pattern(const Scene& scene, uint32_t texture) {
+  Pattern& pattern = patterns_[texture];
+  if (!pattern.buffer) {
+    const PatternPlane plane = pattern_plane(scene.textures()[texture]);
     Block block;
-    block.add(pattern_plane(scene.textures()[texture]));
-    buffer = block.upload(memory_.device);
+    block.add(plane.words);
+    pattern = {block.upload(memory_.device), plane.bits};
   }
-  return memory_.address(*buffer);
+  return {memory_.address(*pattern.buffer), pattern.bits};
 }
 
 }  // namespace kuafu

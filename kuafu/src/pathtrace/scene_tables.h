@@ -34,6 +34,11 @@ class SceneTables {
     std::shared_ptr<ks::Buffer> block;  // where they lie
   };
 
+  struct Pattern {
+    std::shared_ptr<ks::Buffer> buffer;
+    uint32_t bits = 0;
+  };
+
   void forget(const Scene& scene);
   void add_meshes(const Scene& scene);
   void move_vertices(const Scene& scene);
@@ -41,7 +46,7 @@ class SceneTables {
   void write_materials(const Scene& scene);
   void write_instances(const Scene& scene);
   void write_lights(const Scene& scene, uint32_t environment_count);
-  uint64_t pattern(const Scene& scene, uint32_t texture);
+  PatternAddress pattern(const Scene& scene, uint32_t texture);
 
   Memory memory_;
   std::shared_ptr<ks::Buffer> specular_albedo_;
@@ -52,7 +57,7 @@ class SceneTables {
 
   std::vector<std::shared_ptr<ks::Buffer>> blocks_;
   std::vector<MeshAddresses> meshes_;
-  std::unordered_map<uint32_t, std::shared_ptr<ks::Buffer>> patterns_;  // by texture
+  std::unordered_map<uint32_t, Pattern> patterns_;  // by texture
   std::vector<TextureRecord> texture_records_;
   MappedTable<TextureRecord> textures_;
   MappedTable<MaterialRecord> materials_;

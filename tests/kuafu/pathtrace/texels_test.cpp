@@ -53,9 +53,10 @@ TEST(Texels, floats_stay_exact) {
 }
 
 TEST(Texels, a_pattern_is_red_as_stored) {
-  const auto plane = kuafu::pattern_plane(texture(3, true, {128, 1, 2, 255, 3, 4}));
-  EXPECT_FLOAT_EQ(plane[0], 128 / 255.0f);
-  EXPECT_FLOAT_EQ(plane[1], 1.0f);
+  const kuafu::PatternPlane plane = kuafu::pattern_plane(texture(3, true, {128, 1, 2, 255, 3, 4}));
+  EXPECT_EQ(plane.bits, 8u);
+  ASSERT_EQ(plane.words.size(), 1u);
+  EXPECT_EQ(plane.words[0], 128u | 255u << 8);
 }
 
 }  // namespace
