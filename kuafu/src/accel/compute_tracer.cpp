@@ -18,13 +18,13 @@ struct TracePush {
 
 class ComputeTracer final : public Tracer {
  public:
-  ComputeTracer(const std::shared_ptr<ks::Device>& device, uint32_t layout)
+  ComputeTracer(std::shared_ptr<ks::Device> device, uint32_t layout)
       : layout_(layout),
         group_size_(device->is_cpu() ? 8 : 32),
         specialisation_{group_size_, layout_},
         closest_(device, trace_closest_spirv, sizeof(TracePush), specialisation_),
         occluded_(device, trace_occluded_spirv, sizeof(TracePush), specialisation_),
-        world_(device) {}
+        world_(std::move(device)) {}
 
   [[nodiscard]] const char* name() const override { return "compute"; }
   [[nodiscard]] uint32_t queue_layout() const override { return layout_; }
@@ -65,7 +65,7 @@ class ComputeTracer final : public Tracer {
 }  // namespace
 
 std::unique_ptr<Tracer> make_compute_tracer(std::shared_ptr<ks::Device> device, uint32_t layout) {
-  return std::make_unique<ComputeTracer>(device, layout);
+  return std::make_unique<ComputeTracer>(std::move(device), layout);
 }
 
 }  // namespace kuafu

@@ -1,6 +1,6 @@
 #include "accel/mesh_bvh.h"
 
-#include <ranges>
+#include <span>
 
 namespace kuafu {
 namespace {
@@ -40,10 +40,10 @@ MeshBvh build_mesh_bvh(const Mesh& mesh) {
 void refit_mesh_bvh(MeshBvh& bvh, const Mesh& mesh) {
   for (BvhTriangle& triangle : bvh.triangles) triangle = triangle_of(mesh, triangle.primitive);
   // Parents come before children.
-  for (BvhNode& node : bvh.nodes | std::views::reverse)
+  for (auto node = bvh.nodes.rbegin(); node != bvh.nodes.rend(); ++node)
     for (int child = 0; child < 2; ++child) {
-      const uint32_t code = child == 0 ? node.child0 : node.child1;
-      set_child_box(node, child, code & bvh_leaf ? leaf_box(bvh, code) : node_box(bvh.nodes[code]));
+      const uint32_t code = child == 0 ? node->child0 : node->child1;
+      set_child_box(*node, child, code & bvh_leaf ? leaf_box(bvh, code) : node_box(bvh.nodes[code]));
     }
   bvh.bounds = node_box(bvh.nodes.front());
 }

@@ -86,7 +86,7 @@ void RtWorld::build_meshes(const Scene& scene, const std::vector<uint32_t>& ids,
   const Geometry geometry(device_, scene, ids, updatable);
   ArrayBuffer storage{rt_storage_usage};  // the structures keep it
   std::vector<RtStructure> built = builder_.build(geometry.inputs, storage);
-  for (size_t i = 0; i < ids.size(); ++i) meshes_[ids[i]].emplace(std::move(built[i]), updatable, 0u);
+  for (size_t i = 0; i < ids.size(); ++i) meshes_[ids[i]].emplace(Bottom{std::move(built[i]), updatable});
 }
 
 void RtWorld::refit_meshes(const Scene& scene, const std::vector<uint32_t>& ids) {
@@ -120,6 +120,7 @@ void RtWorld::place(std::vector<Placement> placements, uint32_t environment_coun
   tops_ = builder_.build(inputs, top_storage_);
 
   std::vector<uint64_t> addresses;
+  addresses.reserve(seen.size());
   size_t next = 0;
   for (const auto& indices : seen) addresses.push_back(indices.empty() ? 0 : tops_[next++].address());
   addresses_.upload(device_, addresses);
