@@ -37,8 +37,10 @@ class Renderer {
       desc.tracer = KUAFU_TRACER_EMBREE;
     else if (tracer == "compute")
       desc.tracer = KUAFU_TRACER_COMPUTE;
+    else if (tracer == "rt_pipeline")
+      desc.tracer = KUAFU_TRACER_RT_PIPELINE;
     else if (tracer != "auto")
-      raise_argument<Kuafu>("unknown tracer '" + tracer + "' (known: auto, embree, compute)");
+      raise_argument<Kuafu>("unknown tracer '" + tracer + "' (known: auto, embree, compute, rt_pipeline)");
     ks_status status;
     {
       py::gil_scoped_release nogil;
@@ -134,7 +136,7 @@ void bind_renderer(py::module_& module) {
   const kuafu_render_desc d = kuafu_render_desc_init();
   py::class_<Renderer>(module, "Renderer", "Renders scenes of its device.")
       .def(py::init<std::shared_ptr<Device<Kuafu>>, const std::string&>(), py::arg("device"), py::arg("tracer") = "auto",
-           "tracer: 'auto' (Embree on CPU devices, compute on GPUs), 'embree' or 'compute'.")
+           "tracer: 'auto' (Embree on CPU devices, compute on GPUs), 'embree', 'compute', or 'rt_pipeline' where the driver has it.")
       .def_property_readonly("device", &Renderer::device)
       .def(
           "render",

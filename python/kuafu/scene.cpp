@@ -35,8 +35,7 @@ const typename Array::value_type* rows(const std::optional<Array>& array, const 
 uint32_t add_mesh(Scene& scene, const std::optional<Floats>& positions, const std::optional<Indices>& indices,
                   const std::optional<Floats>& normals, const std::optional<Floats>& uvs, const std::optional<Indices>& slots,
                   const std::string& name) {
-  kuafu_mesh_desc mesh = {};
-  mesh.header = ks_header_make(KUAFU_TYPE_MESH_DESC, sizeof mesh);
+  kuafu_mesh_desc mesh = kuafu_mesh_desc_init();
   mesh.name = name.c_str();
   mesh.positions = rows(positions, "positions", 3, -1);
   mesh.indices = rows(indices, "indices", 3, -1);
@@ -52,11 +51,18 @@ uint32_t add_mesh(Scene& scene, const std::optional<Floats>& positions, const st
   return id;
 }
 
+void update_mesh(Scene& scene, uint32_t id, const std::optional<Floats>& positions, const std::optional<Floats>& normals) {
+  const float* p = rows(positions, "positions", 3, -1);
+  if (!p) raise_argument<Kuafu>("a mesh needs positions");
+  const float* n = rows(normals, "normals", 3, positions->shape(0));
+  const InUse<Kuafu> in_use(scene.in_use, "scene");
+  check<Kuafu>(kuafu_scene_update_mesh(scene.get(), id, p, n, static_cast<uint32_t>(positions->shape(0))));
+}
+
 uint32_t add_texture(Scene& scene, const py::array& texels, bool srgb, const std::string& name) {
   const py::array packed = py::array::ensure(texels, py::array::c_style);
   if (packed.ndim() != 2 && packed.ndim() != 3) raise_argument<Kuafu>("texels must be [height][width] or [height][width][channels]");
-  kuafu_texture_desc texture = {};
-  texture.header = ks_header_make(KUAFU_TYPE_TEXTURE_DESC, sizeof texture);
+  kuafu_texture_desc texture = kuafu_texture_desc_init();
   texture.name = name.c_str();
   texture.texels = packed.data();
   texture.height = static_cast<uint32_t>(packed.shape(0));
@@ -72,15 +78,12 @@ uint32_t add_texture(Scene& scene, const py::array& texels, bool srgb, const std
 
 uint32_t add_instance(Scene& scene, uint32_t mesh, const std::vector<uint32_t>& materials, const py::object& local_to_world,
                       const std::optional<uint32_t>& environment, uint32_t semantic_id, const std::string& name) {
-  kuafu_instance_desc instance = {};
-  instance.header = ks_header_make(KUAFU_TYPE_INSTANCE_DESC, sizeof instance);
+  kuafu_instance_desc instance = kuafu_instance_desc_init(mesh);
   instance.name = name.c_str();
-  instance.mesh = mesh;
   instance.environment = environment_of(environment);
   instance.materials = materials.data();
   instance.material_count = static_cast<uint32_t>(materials.size());
   instance.semantic_id = semantic_id;
-  for (int i = 0; i < 4; ++i) instance.local_to_world[5 * i] = 1.0;
   read_matrix<Kuafu>(local_to_world, "local_to_world", instance.local_to_world, 16);
   const InUse<Kuafu> in_use(scene.in_use, "scene");
   uint32_t id = 0;
@@ -109,8 +112,7 @@ void set_environment(Scene& scene, const std::array<float, 3>& radiance, std::op
 }
 
 kuafu_scene_summary summary(const Scene& scene) {
-  kuafu_scene_summary s = {};
-  s.header = ks_header_make(KUAFU_TYPE_SCENE_SUMMARY, sizeof s);
+  kuafu_scene_summary s = kuafu_scene_summary_init();
   check<Kuafu>(kuafu_scene_get_summary(scene.get(), &s));
   return s;
 }
@@ -219,6 +221,8 @@ void bind_scene(py::module_& module) {
            py::arg("uvs") = py::none(), py::arg("slots") = py::none(), py::arg("name") = "",
            "positions, normals [n, 3] float32; uvs [n, 2]; indices [t, 3] uint32; slots [t]: which of the instance's materials a triangle "
            "has.")
+      .def("update_mesh", &update_mesh, py::arg("id"), py::arg("positions"), py::arg("normals") = py::none(),
+           "Moves the vertices of a deforming mesh; normals where it was made with them.")
       .def("add_texture", &add_texture, py::arg("texels"), py::kw_only(), py::arg("srgb") = false, py::arg("name") = "",
            "texels: [height, width] or [height, width, 1..4], uint8, uint16 or float32; row 0 on top.")
       .def("add_instance", &add_instance, py::arg("mesh"), py::arg("materials") = std::vector<uint32_t>(), py::kw_only(),

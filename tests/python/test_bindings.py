@@ -142,6 +142,13 @@ def test_render_gives_named_arrays(scene, renderer):
     assert renderer.stage_times and all(time >= 0 for time in renderer.stage_times.values())
 
 
+def test_a_deformed_mesh_is_seen_where_it_went(scene, renderer):
+    scene.update_mesh(0, TRIANGLE[0] * [1, 1, 1.5])
+    assert renderer.render(scene, CAMERA, ["depth"], spp=1)["depth"][0, 6, 8, 0] == pytest.approx(3.0, rel=1e-6)
+    with pytest.raises(ValueError):
+        scene.update_mesh(0, TRIANGLE[0][:2])
+
+
 def test_same_seed_same_bits(scene, renderer):
     first, again, other = (renderer.render(scene, CAMERA, spp=2, seed=seed)["radiance"].copy() for seed in (5, 5, 6))
     np.testing.assert_array_equal(first, again)
