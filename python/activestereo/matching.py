@@ -10,12 +10,11 @@ def noise_parameters(config):
     if speckle < 0 or (speckle > 0 and thermal <= 0):
         raise ValueError(f"noise scales must be positive, or ir_speckle_noise 0 for none; they are {speckle} and {thermal}")
     if speckle == 0:
-        return {"speckle_shape": 0.0, "speckle_scale": 0.0, "gaussian_mu_dn": 0.0, "gaussian_sigma_dn": 0.0}
+        return {"speckle_shape": 0.0, "speckle_scale": 0.0, "adc_noise_dn": 0.0}
     return {
         "speckle_shape": SPECKLE_SHAPE / speckle,
         "speckle_scale": speckle / SPECKLE_SHAPE,
-        "gaussian_mu_dn": 0.0,
-        "gaussian_sigma_dn": THERMAL_SIGMA_DN * thermal,
+        "adc_noise_dn": THERMAL_SIGMA_DN * thermal,
     }
 
 

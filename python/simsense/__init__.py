@@ -23,6 +23,7 @@ from ._simsense import (
     MissingFileError,
     NoDeviceError,
     __version__,
+    signal_preset,
 )
 from .depth_sensor import DepthSensor, SettingError
 
@@ -43,4 +44,5 @@ __all__ = [
     "MissingFileError",
     "NoDeviceError",
     "SettingError",
+    "signal_preset",
 ]

@@ -45,10 +45,10 @@ def _check_window(width, height, largest, what):
 def _noise(shape, scale, mu, sigma):
     _require(shape >= 0, f"speckle_shape must not be negative, it is {shape}")
     if shape == 0:  # SimSense adds no noise at all then
-        return {"speckle_shape": 0.0, "speckle_scale": 0.0, "gaussian_mu_dn": 0.0, "gaussian_sigma_dn": 0.0}
+        return {"speckle_shape": 0.0, "speckle_scale": 0.0, "black_level_dn": 0.0, "adc_noise_dn": 0.0}
     wanted = f"noise is on (speckle_shape {shape}): speckle_scale and gaussian_sigma must be positive"
     _require(scale > 0 and sigma > 0, f"{wanted}, not {scale} and {sigma}")
-    return {"speckle_shape": shape, "speckle_scale": scale, "gaussian_mu_dn": mu, "gaussian_sigma_dn": sigma}
+    return {"speckle_shape": shape, "speckle_scale": scale, "black_level_dn": mu, "adc_noise_dn": sigma}
 
 
 def _penalties(p1, p2):

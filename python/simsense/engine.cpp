@@ -99,24 +99,52 @@ class Engine {
     rig_.faults = read_faults(faults);
     read_matrix<Simsense>(left_to_right, "left_to_right", rig_.left_to_right, 16);
     read_matrix<Simsense>(left_to_rgb, "left_to_rgb", rig_.left_to_rgb, 16);
-    simsense_parameters p = simsense_parameters_init();
-    ks_python::set_parameters(p, parameters);
-    check<Simsense>(simsense_engine_create(device_->get(), &rig_, &p, handle_.put()));
+    Settings settings;
+    settings.change(parameters);
+    check<Simsense>(simsense_engine_create(device_->get(), &rig_, &settings.parameters, handle_.put()));
+    check<Simsense>(simsense_engine_set_signal(get(), &settings.left, &settings.right));
   }
 
   [[nodiscard]] simsense_engine get() const { return handle_.get(); }
   [[nodiscard]] const std::shared_ptr<Device<Simsense>>& device() const { return device_; }
 
-  [[nodiscard]] simsense_parameters parameters() const {
-    simsense_parameters p = simsense_parameters_init();
-    check<Simsense>(simsense_engine_get_parameters(get(), &p));
-    return p;
+  [[nodiscard]] Settings settings() const {
+    Settings s;
+    check<Simsense>(simsense_engine_get_parameters(get(), &s.parameters));
+    check<Simsense>(simsense_engine_get_signal(get(), &s.left, &s.right));
+    return s;
   }
+  /// All of the changes or none.
   void set_parameters(const py::kwargs& changes) {
-    simsense_parameters p = parameters();
-    ks_python::set_parameters(p, changes);
+    const Settings old = settings();
+    Settings s = old;
+    s.change(changes);
     const InUse<Simsense> in_use(in_use_, "engine");
-    check<Simsense>(simsense_engine_set_parameters(get(), &p));
+    check<Simsense>(simsense_engine_set_signal(get(), &s.left, &s.right));
+    try {
+      check<Simsense>(simsense_engine_set_parameters(get(), &s.parameters));
+    } catch (const py::error_already_set&) {
+      simsense_engine_set_signal(get(), &old.left, &old.right);
+      throw;
+    }
+  }
+  void set_signal(const py::dict& left, const py::dict& right) {
+    Settings s = settings();
+    ks_python::set_signal(s.left, left);
+    ks_python::set_signal(s.right, right);
+    const InUse<Simsense> in_use(in_use_, "engine");
+    check<Simsense>(simsense_engine_set_signal(get(), &s.left, &s.right));
+  }
+  [[nodiscard]] py::dict parameters() const {
+    const Settings s = settings();
+    py::dict out;
+    get_fields(s.parameters, parameter_fields, out);
+    get_fields(s.left, signal_fields, out);
+    return out;
+  }
+  [[nodiscard]] py::tuple signal() const {
+    const Settings s = settings();
+    return py::make_tuple(get_signal(s.left), get_signal(s.right));
   }
 
   [[nodiscard]] py::tuple rectified() const {
@@ -194,13 +222,21 @@ class Engine {
     return shape;
   }
 
-  [[nodiscard]] py::array new_array(const Output& o) const { return py::array(dtype_of(o.format), shape_of(o)); }
+  [[nodiscard]] py::array new_array(const Output& o) const { return py::array(dtype_of(format_of_output(o)), shape_of(o)); }
+
+  /// An imager of more than 8 bits gives uint16.
+  [[nodiscard]] uint32_t format_of_output(const Output& o) const {
+    if (o.output != SIMSENSE_OUTPUT_IR_LEFT && o.output != SIMSENSE_OUTPUT_IR_RIGHT) return o.format;
+    const Settings s = settings();
+    return (o.output == SIMSENSE_OUTPUT_IR_LEFT ? s.left : s.right).bit_depth > 8 ? KS_FORMAT_U16 : KS_FORMAT_U8;
+  }
 
   simsense_image target(py::array array, const Output& o, std::vector<py::object>& keep) const {
     const std::vector<py::ssize_t> shape = shape_of(o);
-    if (!array || !array.writeable() || !array.dtype().equal(dtype_of(o.format)) || array.ndim() < 2)
+    const uint32_t format = format_of_output(o);
+    if (!array || !array.writeable() || !array.dtype().equal(dtype_of(format)) || array.ndim() < 2)
       raise_argument<Simsense>(std::string("output '") + o.name + "' needs a writable array of " +
-                               std::string(py::str(py::handle(dtype_of(o.format)))));
+                               std::string(py::str(py::handle(dtype_of(format)))));
     std::vector<py::ssize_t> have(array.shape(), array.shape() + array.ndim()), strides(array.strides(), array.strides() + array.ndim());
     if (have.size() + 1 == shape.size() && shape[0] == 1) {
       have.insert(have.begin(), 1);
@@ -211,7 +247,7 @@ class Engine {
                                std::string(py::str(py::handle(py::tuple(py::cast(shape))))));
     simsense_image image = {};
     image.host = array.mutable_data();
-    image.image = ks_image_desc_packed(o.format, static_cast<uint32_t>(shape.size()), reinterpret_cast<const uint64_t*>(shape.data()));
+    image.image = ks_image_desc_packed(format, static_cast<uint32_t>(shape.size()), reinterpret_cast<const uint64_t*>(shape.data()));
     std::copy(strides.begin(), strides.end(), image.image.byte_stride);
     keep.push_back(std::move(array));
     return image;
@@ -249,8 +285,12 @@ void bind_engine(py::module_& module) {
   for (const Fault& fault : faults_known) faults.append(fault.name);
   module.attr("FAULTS") = py::tuple(faults);
   bind_camera(module);
+  module.def(
+      "signal_preset", [](const std::string& name) { return get_signal(signal_preset(name)); }, py::arg("name"),
+      "All parameters of a measured imager as a dict: 'paper-d415', 'sapien' or 'd435'; their input is in 8-bit counts.");
   py::class_<Engine>(module, "Engine",
-                     "A stereo rig's depth engine. Parameters are those of simsense_parameters, by name; see Engine.parameters.")
+                     "A stereo rig's depth engine. Parameters are those of simsense_parameters, and of simsense_signal for both eyes, by name; see "
+                     "Engine.parameters.")
       .def(py::init<std::shared_ptr<Device<Simsense>>, const simsense_camera&, const simsense_camera&, const py::object&, const py::object&,
                     const py::object&, bool, uint32_t, const py::object&, const py::kwargs&>(),
            py::arg("device"), py::arg("left"), py::arg("right"), py::arg("left_to_right"), py::kw_only(), py::arg("rgb") = py::none(),
@@ -260,8 +300,11 @@ void bind_engine(py::module_& module) {
            "faults: those of the published SimSense to keep, by name (SIMSENSE_FAULT_* of simsense.h); simsense.FAULTS has all.")
       .def_property_readonly("device", &Engine::device)
       .def_property_readonly(
-          "parameters", [](const Engine& e) { return get_parameters(e.parameters()); }, "All parameters, as a new dict.")
+          "parameters", &Engine::parameters, "All parameters, as a new dict; those of the imagers as the left one has them, see Engine.signal.")
       .def("set_parameters", &Engine::set_parameters, "Changes the named parameters; the others stay. Raises ArgumentError out of range.")
+      .def_property_readonly("signal", &Engine::signal, "(left, right): all parameters of the two imagers, as new dicts.")
+      .def("set_signal", &Engine::set_signal, py::arg("left") = py::dict(), py::arg("right") = py::dict(),
+           "Changes the named parameters of each imager (simsense_signal), as from signal_preset(); the others stay.")
       .def_property_readonly("rectified", &Engine::rectified, "(k 3x3, baseline_m, left_to_rectified 4x4) after rectification.")
       .def("compute", &Engine::compute, py::arg("left"), py::arg("right"), py::arg("outputs") = py::make_tuple("depth"), py::kw_only(),
            py::arg("progress") = py::none(),

@@ -1,5 +1,6 @@
 #include "engine.h"
 
+#include <algorithm>
 #include <array>
 #include <limits>
 
@@ -15,9 +16,7 @@ constexpr uint32_t output_count = SIMSENSE_OUTPUT_POINTS + 1;
 constexpr const char* output_names[output_count] = {"",         "disparity",      "depth",           "depth_rgb", "ir_left",
                                                     "ir_right", "rectified_left", "rectified_right", "points"};
 
-uint32_t output_format(uint32_t output) {
-  return output >= SIMSENSE_OUTPUT_IR_LEFT && output <= SIMSENSE_OUTPUT_RECTIFIED_RIGHT ? KS_FORMAT_U8 : KS_FORMAT_F32;
-}
+const char* format_name(uint32_t format) { return format == KS_FORMAT_U8 ? "u8" : format == KS_FORMAT_U16 ? "u16" : "f32"; }
 
 const simsense_rig_desc& checked(const simsense_rig_desc& rig) {
   check_rig(rig);
@@ -77,6 +76,20 @@ void Engine::set_parameters(const simsense_parameters& parameters) {
   parameters_ = parameters;
 }
 
+void Engine::set_signal(const simsense_signal& left, const simsense_signal& right) {
+  check_signal(left, "left");
+  check_signal(right, "right");
+  Imager left_imager(left), right_imager(right);
+  imagers_[0] = std::move(left_imager);
+  imagers_[1] = std::move(right_imager);
+}
+
+uint32_t Engine::output_format(uint32_t output) const {
+  if (output == SIMSENSE_OUTPUT_IR_LEFT || output == SIMSENSE_OUTPUT_IR_RIGHT)
+    return imagers_[output - SIMSENSE_OUTPUT_IR_LEFT].is_wide() ? KS_FORMAT_U16 : KS_FORMAT_U8;
+  return output == SIMSENSE_OUTPUT_RECTIFIED_LEFT || output == SIMSENSE_OUTPUT_RECTIFIED_RIGHT ? KS_FORMAT_U8 : KS_FORMAT_F32;
+}
+
 ImageShape Engine::output_shape(uint32_t output) const {
   const bool in_rgb = output == SIMSENSE_OUTPUT_DEPTH_RGB || (output == SIMSENSE_OUTPUT_POINTS && has_rgb_);
   const simsense_camera& camera = in_rgb ? rig_.rgb : rig_.left;
@@ -93,7 +106,7 @@ void Engine::open_outputs(const ComputeRequest& request, Frame& frame) const {
       ks::fail(KS_ERROR_INVALID_ARGUMENT, "output %u (depth_rgb) needs a rig with an rgb camera: rgb.width is 0", output);
     if (wanted.image.image.format != output_format(output))
       ks::fail(KS_ERROR_INVALID_ARGUMENT, "output %u (%s) has format %u: must be %u (%s)", output, output_names[output],
-               wanted.image.image.format, output_format(output), output_format(output) == KS_FORMAT_U8 ? "u8" : "f32");
+               wanted.image.image.format, output_format(output), format_name(output_format(output)));
     frame.outputs[output].emplace(*device_, wanted.image, output_shape(output), output_names[output]);
   }
 }
@@ -134,19 +147,39 @@ void Engine::compute_pair(Frame& frame, uint32_t n) {
   if (registered) make_registered(frame, n, disparity);
 }
 
-/// The image as the imager gives it, 8 bit: the caller's own pixels where nothing changes them.
+NoiseKey Engine::noise_key(uint32_t n, uint32_t eye) const {
+  const simsense_signal& s = signal(eye);
+  return {parameters_.noise_seed, parameters_.frame_index, s.scene_index, s.first_view + n, eye};
+}
+
+/// The image as the matcher takes it, 8 bit: the caller's own pixels where nothing changes them.
 ConstImage Engine::measure_eye(Frame& frame, uint32_t n, uint32_t eye) {
+  const Imager& imager = imagers_[eye];
+  const auto pitch = static_cast<ptrdiff_t>(width_);
+  if (imager.is_wide()) return {measure_wide(frame, n, eye), pitch};
   const uint32_t output = SIMSENSE_OUTPUT_IR_LEFT + eye;
   const ConstPlane input = frame.inputs[eye]->input(n);
-  const SignalParameters signal = signal_parameters(parameters_);
   ConstImage image{reinterpret_cast<const uint8_t*>(input.data), input.row_stride};
-  if (input.format != KS_FORMAT_U8 || input.pixel_stride != 1 || !signal.is_neutral()) {
+  if (input.format != KS_FORMAT_U8 || input.pixel_stride != 1 || !imager.is_neutral()) {
     uint8_t* counts = frame.target(output, n, counts_[eye], size_t{width_} * height_);
-    measure(signal, {parameters_.noise_seed, parameters_.frame_index, n, eye}, input, width_, height_, counts, workers_);
-    image = {counts, static_cast<ptrdiff_t>(width_)};
+    imager.measure(noise_key(n, eye), input, width_, height_, counts, workers_);
+    image = {counts, pitch};
   }
   frame.store(output, n, image.data, image.row_stride, width_, height_);
   return image;
+}
+
+/// More than 8 bits: the output has them all, the matcher's image the leading 8.
+const uint8_t* Engine::measure_wide(Frame& frame, uint32_t n, uint32_t eye) {
+  const uint32_t output = SIMSENSE_OUTPUT_IR_LEFT + eye;
+  const size_t pixels = size_t{width_} * height_;
+  uint16_t* counts = frame.target(output, n, wide_counts_, pixels);
+  imagers_[eye].measure(noise_key(n, eye), frame.inputs[eye]->input(n), width_, height_, counts, workers_);
+  frame.store(output, n, counts, static_cast<ptrdiff_t>(width_), width_, height_);
+  counts_[eye].resize(pixels);
+  const uint32_t shift = signal(eye).bit_depth - 8;
+  std::transform(counts, counts + pixels, counts_[eye].begin(), [=](uint16_t count) { return static_cast<uint8_t>(count >> shift); });
+  return counts_[eye].data();
 }
 
 ConstImage Engine::prepare_eye(Frame& frame, uint32_t n, uint32_t eye) {

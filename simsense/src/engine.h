@@ -12,6 +12,7 @@
 #include "image_access.h"
 #include "parameters.h"
 #include "rectify/rectification.h"
+#include "signal/imager.h"
 #include "stage_clock.h"
 
 namespace simsense {
@@ -37,6 +38,8 @@ class Engine {
   /// A refused set leaves the old one in force.
   void set_parameters(const simsense_parameters& parameters);
   [[nodiscard]] const simsense_parameters& parameters() const { return parameters_; }
+  void set_signal(const simsense_signal& left, const simsense_signal& right);
+  [[nodiscard]] const simsense_signal& signal(uint32_t eye) const { return imagers_[eye].signal(); }
   [[nodiscard]] const StereoGeometry& geometry() const { return rectification_.geometry; }
   void compute(const ComputeRequest& request);
   [[nodiscard]] const std::vector<ks_stage_time>& stage_times() const { return clock_.times(); }
@@ -44,10 +47,13 @@ class Engine {
  private:
   struct Frame;  // the images of one compute call
   [[nodiscard]] ImageShape output_shape(uint32_t output) const;
+  [[nodiscard]] uint32_t output_format(uint32_t output) const;
   void open_outputs(const ComputeRequest& request, Frame& frame) const;
   void compute_pair(Frame& frame, uint32_t batch_index);
   ConstImage prepare_eye(Frame& frame, uint32_t batch_index, uint32_t eye);
   ConstImage measure_eye(Frame& frame, uint32_t batch_index, uint32_t eye);
+  const uint8_t* measure_wide(Frame& frame, uint32_t batch_index, uint32_t eye);
+  [[nodiscard]] NoiseKey noise_key(uint32_t batch_index, uint32_t eye) const;
   void match(ConstImage left, ConstImage right, float* disparity);
   void make_depth(Frame& frame, uint32_t batch_index, const float* disparity);
   void make_registered(Frame& frame, uint32_t batch_index, const float* disparity);
@@ -56,6 +62,7 @@ class Engine {
   ks::ThreadPool& workers_;
   simsense_rig_desc rig_;
   simsense_parameters parameters_;
+  Imager imagers_[2];
   Rectification rectification_;
   uint32_t width_, height_;
   bool has_rgb_;
@@ -64,6 +71,7 @@ class Engine {
   std::unique_ptr<Matcher> matcher_;
   StageClock clock_;
   std::vector<uint8_t> counts_[2], rectified_[2];
+  std::vector<uint16_t> wide_counts_;
   std::vector<float> disparity_, depth_, depth_rgb_;
 };
 

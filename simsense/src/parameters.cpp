@@ -19,18 +19,6 @@ void check_window(uint32_t width, uint32_t height, uint64_t min_product, uint64_
              static_cast<unsigned long long>(min_product), static_cast<unsigned long long>(max_product));
 }
 
-void check_signal(const simsense_parameters& p) {
-  check_not_negative(p.gain, "gain");
-  check_not_negative(p.black_level_dn, "black_level_dn");
-  check_not_negative(p.speckle_shape, "speckle_shape");
-  check_not_negative(p.speckle_scale, "speckle_scale");
-  check_not_negative(p.gaussian_sigma_dn, "gaussian_sigma_dn");
-  if (!std::isfinite(p.gaussian_mu_dn)) ks::fail(KS_ERROR_INVALID_ARGUMENT, "gaussian_mu_dn is %g: must be finite", p.gaussian_mu_dn);
-  if (p.speckle_shape > 0 && !(p.speckle_scale > 0))
-    ks::fail(KS_ERROR_INVALID_ARGUMENT, "speckle_scale is %g with speckle_shape %g: must be > 0 (1 / shape keeps the mean)",
-             p.speckle_scale, p.speckle_shape);
-}
-
 void check_matching(const simsense_parameters& p) {
   check_window(p.census_width, p.census_height, 3, 65, "census window");
   if (p.max_disparity < 16 || p.max_disparity > 1024)
@@ -51,15 +39,10 @@ void check_matching(const simsense_parameters& p) {
 }  // namespace
 
 void check_parameters(const simsense_parameters& p) {
-  check_signal(p);
   check_matching(p);
   check_not_negative(p.min_depth_m, "min_depth_m");
   if (!(p.max_depth_m > p.min_depth_m))
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "max_depth_m is %g, min_depth_m is %g: the maximum must be larger", p.max_depth_m, p.min_depth_m);
-}
-
-SignalParameters signal_parameters(const simsense_parameters& p) {
-  return {p.gain, p.black_level_dn, p.speckle_shape, p.speckle_scale, p.gaussian_mu_dn, p.gaussian_sigma_dn};
 }
 
 MatchParameters match_parameters(const simsense_parameters& p) {

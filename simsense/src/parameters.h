@@ -3,7 +3,6 @@
 
 #include "depth/depth.h"
 #include "matcher.h"
-#include "signal/signal.h"
 #include "simsense/simsense.h"
 
 namespace simsense {
@@ -11,7 +10,6 @@ namespace simsense {
 /// Throws KS_ERROR_INVALID_ARGUMENT with the name, the value and the range of the first parameter that cannot be.
 void check_parameters(const simsense_parameters& parameters);
 
-SignalParameters signal_parameters(const simsense_parameters& parameters);
 MatchParameters match_parameters(const simsense_parameters& parameters);
 DepthRange depth_range(const simsense_parameters& parameters);
 

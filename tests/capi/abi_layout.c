@@ -92,6 +92,7 @@ STARTS_WITH_HEADER(kuafu_output_desc);
 STARTS_WITH_HEADER(kuafu_render_desc);
 STARTS_WITH_HEADER(simsense_rig_desc);
 STARTS_WITH_HEADER(simsense_parameters);
+STARTS_WITH_HEADER(simsense_signal);
 STARTS_WITH_HEADER(simsense_output_desc);
 STARTS_WITH_HEADER(simsense_compute_desc);
 
@@ -110,6 +111,7 @@ ENDS_WITH(kuafu_render_desc, progress_user);
 ENDS_WITH(simsense_camera, distortion);
 ENDS_WITH(simsense_rig_desc, reserved);
 ENDS_WITH(simsense_parameters, depth_dilation);
+ENDS_WITH(simsense_signal, scene_index);
 ENDS_WITH(simsense_image, image);
 ENDS_WITH(simsense_output_desc, image);
 ENDS_WITH(simsense_compute_desc, progress_user);

@@ -259,7 +259,9 @@ def test_stub_names_what_the_module_has(library):
     assert (folder / "py.typed").exists()
     tree = ast.parse((folder / "__init__.pyi").read_text())
     classes = {node.name: node for node in tree.body if isinstance(node, ast.ClassDef)}
-    assert set(classes) == set(library.__all__)
+    functions = {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}
+    constants = {node.target.id for node in tree.body if isinstance(node, ast.AnnAssign)} - {"__version__"}
+    assert set(classes) | functions | constants == set(library.__all__)
     for name, node in classes.items():
         kind = getattr(library, name)
         if issubclass(kind, Exception):

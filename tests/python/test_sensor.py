@@ -155,9 +155,9 @@ def test_setters_reach_the_engine_and_bad_values_change_nothing(small_config):
     p = sensor.engine.parameters
     names = ("census_width", "census_height", "block_width", "block_height", "p1", "p2", "uniqueness_ratio", "lr_max_diff")
     assert [p[name] for name in names] == [5, 7, 3, 5, 5, 50, 20, -1]
-    assert (p["speckle_shape"], p["gaussian_sigma_dn"]) == pytest.approx((1333.33 / 2.0, 0.75))
+    assert (p["speckle_shape"], p["adc_noise_dn"]) == pytest.approx((1333.33 / 2.0, 0.75))
     sensor.set_ir_noise(0.0, 0.0)
-    assert sensor.engine.parameters["speckle_shape"] == sensor.engine.parameters["gaussian_sigma_dn"] == 0.0
+    assert sensor.engine.parameters["speckle_shape"] == sensor.engine.parameters["adc_noise_dn"] == 0.0
     for bad in (lambda: sensor.set_penalties(50, 5), lambda: sensor.set_ir_noise(1.0, 0.0), lambda: sensor.set_census_window_size(4, 4)):
         with pytest.raises(ValueError):
             bad()

@@ -59,6 +59,7 @@ SIMSENSE_API void simsense_buffer_release(simsense_buffer buffer);
 #define SIMSENSE_TYPE_PARAMETERS 0x2002u
 #define SIMSENSE_TYPE_COMPUTE_DESC 0x2003u
 #define SIMSENSE_TYPE_OUTPUT_DESC 0x2004u
+#define SIMSENSE_TYPE_SIGNAL 0x2005u
 
 /* One pinhole camera with Brown-Conrady distortion (OpenCV's [k1,k2,p1,p2,k3]). width = 0: absent. */
 typedef struct simsense_camera {
@@ -104,15 +105,9 @@ static inline simsense_rig_desc simsense_rig_desc_init(void) {
 /* Everything that may change between frames. Ranges are checked by simsense_engine_set_parameters. */
 typedef struct simsense_parameters {
   ks_header header;
-  /* signal: counts = clamp(round(gain * input * Gamma(shape, scale) + black_level + N(mu, sigma))), 8 bit; factors are neutral at 0 */
-  float gain;                    /* counts per unit of input, >= 0; at gain 1 a 16-bit input saturates above 255 */
-  float black_level_dn;          /* >= 0 */
-  float speckle_shape;           /* > 0 turns the gamma factor on; its scale must then be > 0 */
-  float speckle_scale;
-  float gaussian_mu_dn;
-  float gaussian_sigma_dn;       /* >= 0 */
-  uint64_t noise_seed;           /* streams are keyed by (seed, frame, batch index, eye, pixel) */
-  uint64_t frame_index;          /* which draw of the noise; advance it for a new frame of the same scene */
+  /* noise of the imagers, see simsense_signal */
+  uint64_t noise_seed;           /* streams are keyed by (seed; frame, scene or neither; view; eye; pixel; dimension) */
+  uint64_t frame_index;          /* which draw of the temporal noise; advance it for a new frame of the same scene */
   /* matching */
   uint32_t census_width, census_height; /* odd; center-symmetric, at most 32 comparisons */
   uint32_t max_disparity;        /* disparities 0 .. max_disparity - 1; 16..1024 */
@@ -134,12 +129,11 @@ typedef struct simsense_parameters {
  * The aggregated costs take their place where the block is 1x1 or its costs have no minimum at the winner. */
 #define SIMSENSE_SUBPIXEL_EQUIANGULAR 2u
 
-/* Defaults of the published SimSense (p1 7, p2 86, 7x7 census and block, uniqueness 15, LR 1, median 3) but for the subpixel step; noise off. */
+/* Defaults of the published SimSense (p1 7, p2 86, 7x7 census and block, uniqueness 15, LR 1, median 3) but for the subpixel step. */
 static inline simsense_parameters simsense_parameters_init(void) {
   simsense_parameters p;
   memset(&p, 0, sizeof p);
   p.header = ks_header_make(SIMSENSE_TYPE_PARAMETERS, (uint32_t)sizeof p);
-  p.gain = 1.0f;
   p.census_width = p.census_height = 7;
   p.max_disparity = 128;
   p.block_width = p.block_height = 7;
@@ -153,9 +147,83 @@ static inline simsense_parameters simsense_parameters_init(void) {
   return p;
 }
 
+/* One imager, from irradiance to counts. The stages act in the order of the fields and each is neutral at its initial value: a new struct gives
+ * counts = clamp(round(input)). Charge is in electrons (e-), counts in digital numbers (DN) of the given bit depth; with the gains at 1 an electron is a
+ * count. Gains, noise terms and their estimation follow EMVA 1288. A random variate is the quantile of its law at the uniform number of its stream, so
+ * noise changes smoothly with its parameters. Fixed patterns depend on (seed, view, eye, pixel) alone. NaN reads as 0. */
+typedef struct simsense_signal {
+  ks_header header;
+  /* exposure: light_e = input * responsivity_e * exposure_s */
+  float exposure_s;              /* seconds, >= 0; dark charge grows with it too */
+  float responsivity_e;          /* e- per unit of input and second, >= 0 */
+  /* speckle: light times Gamma(shape, scale). Contrast 1 / sqrt(shape), mean shape * scale */
+  float speckle_shape;           /* 0 = off */
+  float speckle_scale;           /* > 0 where shape is; 1 / shape keeps the mean */
+  float speckle_correlation;     /* between frames of one scene: 0 temporal, new grains in each; 1 static; between: shape * correlation is static */
+  float speckle_psf_sigma_px;    /* grains shaped by a Gaussian PSF of this sigma, 0 = white, <= 16 */
+  /* pixels: light times 1 + N(0, prnu) */
+  float prnu;                    /* photo-response non-uniformity, relative standard deviation, >= 0 */
+  /* dark charge, doubling every dark_doubling_k; hot pixels have more, exponentially distributed */
+  float dark_current_e_per_s;    /* at dark_reference_c, >= 0 */
+  float hot_pixel_share;         /* 0..0.5 */
+  float hot_pixel_e_per_s;       /* mean over the hot pixels at dark_reference_c, >= 0 */
+  float temperature_c;
+  float dark_reference_c;
+  float dark_doubling_k;         /* > 0 */
+  /* shot noise */
+  float shot_noise;              /* deviation from the mean charge, 0 = none, 1 = that of Poisson's law */
+  /* full well */
+  float full_well_e;             /* 0 = unbounded */
+  float blooming;                /* share of the overflow that fills the column's next pixels with room, half up, half down; the rest drains off; 0..1 */
+  /* readout, standard deviations in e- before the amplifier, >= 0 */
+  float dsnu_e;                  /* dark signal non-uniformity: fixed, per pixel */
+  float row_fixed_e;             /* fixed, per row */
+  float column_fixed_e;
+  float row_noise_e;             /* new in each frame, per row */
+  float column_noise_e;
+  float read_noise_e;            /* new in each frame, per pixel */
+  /* amplifier: DN = e- * conversion_gain_dn_per_e * gain */
+  float conversion_gain_dn_per_e; /* EMVA's K at gain 1, >= 0 */
+  float gain;                    /* >= 0 */
+  /* response: DN = max_dn * sign(v) |v|^response_exponent, v = DN / max_dn */
+  float response_exponent;       /* 0.05..20 */
+  /* converter: counts = clamp(round(DN + N(0, adc_noise_dn) + black level), 0, 2^bit_depth - 1), halves to even */
+  float adc_noise_dn;            /* >= 0 */
+  float black_level_dn;          /* may be negative: an offset error */
+  float black_level_dn_per_k;    /* times temperature_c - dark_reference_c */
+  uint32_t bit_depth;            /* 8..16; more than 8 makes the IR outputs uint16, and the matcher sees the 8 leading bits */
+  /* which noise */
+  uint32_t first_view;           /* image n of a batch is view first_view + n: a batch may be split and gives the same images */
+  uint64_t scene_index;          /* which draw of the static speckle; advance it when scene or rig has moved */
+} simsense_signal;
+
+static inline simsense_signal simsense_signal_init(void) {
+  simsense_signal s;
+  memset(&s, 0, sizeof s);
+  s.header = ks_header_make(SIMSENSE_TYPE_SIGNAL, (uint32_t)sizeof s);
+  s.exposure_s = s.responsivity_e = 1.0f;
+  s.temperature_c = s.dark_reference_c = 25.0f;
+  s.dark_doubling_k = 8.0f;
+  s.conversion_gain_dn_per_e = s.gain = 1.0f;
+  s.response_exponent = 1.0f;
+  s.bit_depth = 8;
+  return s;
+}
+
+/* Measured imagers whose input is in 8-bit counts; multiply responsivity_e for other units. `out` is initialised by the caller.
+ * "paper-d415": gamma factor and Gaussian noise fitted to a D415 (Zhang et al., Close the Optical Sensing Domain Gap by Physics-Grounded Active Stereo
+ *   Sensor Simulation, 2023): shape 3.98, scale 0.254, mu -0.231 DN, sigma 0.83 DN.
+ * "sapien": defaults of SAPIEN 3's stereo depth sensor: a gamma factor of 2.7 % and 0.25 DN.
+ * "d435": shot noise of a D435, from pairs of frames of a static scene without projector: variance 0.00497 DN * signal + (0.1 DN)^2. */
+SIMSENSE_API ks_status simsense_signal_preset(const char* name, simsense_signal* out);
+
 SIMSENSE_API ks_status simsense_engine_create(simsense_device device, const simsense_rig_desc* rig, const simsense_parameters* parameters, simsense_engine* out);
 SIMSENSE_API ks_status simsense_engine_set_parameters(simsense_engine engine, const simsense_parameters* parameters);
 SIMSENSE_API ks_status simsense_engine_get_parameters(simsense_engine engine, simsense_parameters* out);
+/* The two imagers; a new engine's are neutral. Their noise is independent, and unequal gains or black levels are the pair's mismatch. Either struct of
+ * get may be NULL. A refused pair leaves the old one in force. */
+SIMSENSE_API ks_status simsense_engine_set_signal(simsense_engine engine, const simsense_signal* left, const simsense_signal* right);
+SIMSENSE_API ks_status simsense_engine_get_signal(simsense_engine engine, simsense_signal* left, simsense_signal* right);
 SIMSENSE_API void simsense_engine_retain(simsense_engine engine);
 SIMSENSE_API void simsense_engine_release(simsense_engine engine);
 
@@ -174,7 +242,7 @@ typedef struct simsense_image {
 #define SIMSENSE_OUTPUT_DISPARITY 1u      /* float32 [N,H,W] pixels in the rectified left image, -1 = invalid */
 #define SIMSENSE_OUTPUT_DEPTH 2u          /* float32 [N,H,W] metres in the rectified left camera, 0 = invalid */
 #define SIMSENSE_OUTPUT_DEPTH_RGB 3u      /* float32 [N,H_rgb,W_rgb] metres in the RGB camera, 0 = invalid; needs rig.rgb */
-#define SIMSENSE_OUTPUT_IR_LEFT 4u        /* uint8 [N,H,W] what the left imager gives: after the signal stage, before rectification */
+#define SIMSENSE_OUTPUT_IR_LEFT 4u        /* uint8 [N,H,W], uint16 above 8 bit: what the left imager gives: after the signal stage, before rectification */
 #define SIMSENSE_OUTPUT_IR_RIGHT 5u
 #define SIMSENSE_OUTPUT_RECTIFIED_LEFT 6u /* uint8 [N,H,W] what the matcher saw */
 #define SIMSENSE_OUTPUT_RECTIFIED_RIGHT 7u

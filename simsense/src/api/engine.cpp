@@ -6,6 +6,7 @@
 
 #include "api/handles.h"
 #include "device/struct_read.h"
+#include "signal/presets.h"
 #include "simsense/simsense.h"
 
 namespace {
@@ -63,6 +64,26 @@ ks_status simsense_engine_set_parameters(simsense_engine engine, const simsense_
 
 ks_status simsense_engine_get_parameters(simsense_engine engine, simsense_parameters* out) {
   return ks::guard([&] { ks::write_struct(out, ks::object_of(engine, "engine")->parameters(), SIMSENSE_TYPE_PARAMETERS, "out"); });
+}
+
+ks_status simsense_signal_preset(const char* name, simsense_signal* out) {
+  return ks::guard([&] { ks::write_struct(out, simsense::signal_preset(name), SIMSENSE_TYPE_SIGNAL, "out"); });
+}
+
+ks_status simsense_engine_set_signal(simsense_engine engine, const simsense_signal* left, const simsense_signal* right) {
+  return ks::guard([&] {
+    const auto& object = ks::object_of(engine, "engine");
+    object->set_signal(ks::read_struct(left, SIMSENSE_TYPE_SIGNAL, "left signal"),
+                       ks::read_struct(right, SIMSENSE_TYPE_SIGNAL, "right signal"));
+  });
+}
+
+ks_status simsense_engine_get_signal(simsense_engine engine, simsense_signal* left, simsense_signal* right) {
+  return ks::guard([&] {
+    const auto& object = ks::object_of(engine, "engine");
+    if (left) ks::write_struct(left, object->signal(0), SIMSENSE_TYPE_SIGNAL, "left signal");
+    if (right) ks::write_struct(right, object->signal(1), SIMSENSE_TYPE_SIGNAL, "right signal");
+  });
 }
 
 void simsense_engine_retain(simsense_engine engine) { ks::retain(engine, "engine"); }

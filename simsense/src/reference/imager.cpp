@@ -34,7 +34,9 @@ class Image {
     return normal_quantile(pixel_word(key, dimension, x, y));
   }
   [[nodiscard]] double grain_normal(const PhiloxKey& key, Dimension dimension, uint32_t x, uint32_t y) const;
-  [[nodiscard]] double dark_seconds() const { return s.exposure_s * std::pow(2.0, (s.temperature_c - s.dark_reference_c) / double{s.dark_doubling_k}); }
+  [[nodiscard]] double dark_seconds() const {
+    return s.exposure_s * std::pow(2.0, (s.temperature_c - s.dark_reference_c) / double{s.dark_doubling_k});
+  }
   void flow(uint32_t x, bool down, const std::vector<double>& overflow);
 
   const simsense_signal& s;
@@ -53,8 +55,7 @@ double Image::grain_normal(const PhiloxKey& key, Dimension dimension, uint32_t x
   const auto size = static_cast<uint32_t>(weights.size()), radius = size / 2;
   double sum = 0;
   for (uint32_t j = 0; j < size; ++j)
-    for (uint32_t i = 0; i < size; ++i)
-      sum += double{weights[i]} * weights[j] * normal(key, dimension, x + i - radius, y + j - radius);
+    for (uint32_t i = 0; i < size; ++i) sum += double{weights[i]} * weights[j] * normal(key, dimension, x + i - radius, y + j - radius);
   return sum;
 }
 
@@ -117,8 +118,7 @@ void Image::fill_wells() {
 
 void Image::add_readout_noise() {
   const auto add = [&](double sigma, const PhiloxKey& key, Dimension dimension, bool by_column, bool by_row) {
-    if (sigma > 0)
-      each([&](double& v, uint32_t x, uint32_t y) { v += sigma * normal(key, dimension, by_column ? x : 0, by_row ? y : 0); });
+    if (sigma > 0) each([&](double& v, uint32_t x, uint32_t y) { v += sigma * normal(key, dimension, by_column ? x : 0, by_row ? y : 0); });
   };
   add(s.dsnu_e, keys.sensor, Dimension::dsnu, true, true);
   add(s.row_fixed_e, keys.sensor, Dimension::row_fixed, false, true);

@@ -1,4 +1,5 @@
-// The imager written for reading: double precision, one stage after the other over the whole image, every variate the exact quantile at its pixel's word.
+// The imager written for reading: double precision, one stage after the other over the whole image, every variate the exact quantile at its
+// pixel's word.
 #pragma once
 
 #include <vector>

@@ -63,8 +63,8 @@ void check_signal(const simsense_signal& s, const char* eye) {
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s signal: bit_depth is %u: must be 8..16", eye, s.bit_depth);
   const float doublings = (s.temperature_c - s.dark_reference_c) / s.dark_doubling_k;
   if (doublings > 40)
-    ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s signal: dark current doubles %g times from dark_reference_c %g to temperature_c %g: at most 40", eye,
-             doublings, s.dark_reference_c, s.temperature_c);
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s signal: dark current doubles %g times from dark_reference_c %g to temperature_c %g: at most 40",
+             eye, doublings, s.dark_reference_c, s.temperature_c);
 }
 
 }  // namespace simsense

@@ -1,5 +1,5 @@
-// How temperature acts on an imager. Dark current doubles every few kelvins (Widenhorn et al., Temperature dependence of dark current in a CCD, SPIE 4669,
-// 2002); the black level drifts.
+// How temperature acts on an imager. Dark current doubles every few kelvins (Widenhorn et al., Temperature dependence of dark current in a
+// CCD, SPIE 4669, 2002); the black level drifts.
 #pragma once
 
 #include <cmath>

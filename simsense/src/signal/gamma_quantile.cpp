@@ -8,8 +8,8 @@ namespace {
 
 constexpr double largest_solved_shape = 1e4;
 
-/// Regularised incomplete gamma functions of one side: lower P by its power series, upper Q by its continued fraction (Abramowitz and Stegun
-/// 6.5.29 and 6.5.31), each where it converges fast. `density` is x times the density of x.
+/// Regularised incomplete gamma functions of one side: lower P by its power series, upper Q by its continued fraction (Abramowitz and
+/// Stegun 6.5.29 and 6.5.31), each where it converges fast. `density` is x times the density of x.
 struct IncompleteGamma {
   double lower, upper, density;
 };

@@ -8,8 +8,8 @@ namespace simsense {
 /// x with P(Gamma(shape, 1) <= x) = Phi(z), to about 1e-12 relative (1e-6 for shapes above 1e4). Precise in both tails.
 double gamma_quantile(double shape, double z);
 
-/// Cube roots of Gamma(shape, scale) quantiles over z, which are nearly straight lines (Wilson and Hilferty, PNAS 17, 1931): linear interpolation
-/// keeps 1e-5 of the mean.
+/// Cube roots of Gamma(shape, scale) quantiles over z, which are nearly straight lines (Wilson and Hilferty, PNAS 17, 1931): linear
+/// interpolation keeps 1e-5 of the mean.
 class GammaTable {
  public:
   static constexpr float z_min = -6.5f, z_max = 6.5f;

@@ -19,7 +19,8 @@ std::vector<float> grain_kernel(float sigma_px) {
   return weights;
 }
 
-cpu::Buffer<float> grain_normals(const PhiloxKey& key, Dimension dimension, float sigma_px, size_t pitch, size_t height, ks::ThreadPool& workers) {
+cpu::Buffer<float> grain_normals(const PhiloxKey& key, Dimension dimension, float sigma_px, size_t pitch, size_t height,
+                                 ks::ThreadPool& workers) {
   const std::vector<float> weights = grain_kernel(sigma_px);
   const size_t radius = weights.size() / 2, reach = cpu::round_up(radius, 4);  // rows start at a multiple of 4 pixels
   const size_t drawn = cpu::round_up(pitch + 2 * reach, cpu::row_padding);

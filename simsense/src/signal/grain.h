@@ -1,5 +1,5 @@
-// Standard normal numbers that neighbouring pixels share as a point spread function makes them: what gives speckle its grain. Each number alone is N(0, 1),
-// so a quantile of it keeps its law; numbers d pixels apart correlate by exp(-d^2 / (4 sigma^2)).
+// Standard normal numbers that neighbouring pixels share as a point spread function makes them: what gives speckle its grain. Each number
+// alone is N(0, 1), so a quantile of it keeps its law; numbers d pixels apart correlate by exp(-d^2 / (4 sigma^2)).
 #pragma once
 
 #include <vector>
@@ -17,6 +17,7 @@ namespace simsense {
 std::vector<float> grain_kernel(float sigma_px);
 
 /// [height][pitch] normals; pitch is a multiple of cpu::row_padding, at least the width.
-cpu::Buffer<float> grain_normals(const PhiloxKey& key, Dimension dimension, float sigma_px, size_t pitch, size_t height, ks::ThreadPool& workers);
+cpu::Buffer<float> grain_normals(const PhiloxKey& key, Dimension dimension, float sigma_px, size_t pitch, size_t height,
+                                 ks::ThreadPool& workers);
 
 }  // namespace simsense

@@ -94,7 +94,8 @@ Imager::Imager(const simsense_signal& signal) : signal_(signal), is_neutral_(is_
 }
 
 template <class Count>
-void Imager::measure(const NoiseKey& key, const ConstPlane& input, uint32_t width, uint32_t height, Count* counts, ks::ThreadPool& workers) const {
+void Imager::measure(const NoiseKey& key, const ConstPlane& input, uint32_t width, uint32_t height, Count* counts,
+                     ks::ThreadPool& workers) const {
   const StreamKeys keys(key);
   const size_t pitch = cpu::round_up(width, cpu::row_padding);
   const float sigma_px = signal_.speckle_psf_sigma_px;

@@ -37,7 +37,8 @@ inline PhiloxKey encrypted_key(const NoiseKey& k, uint64_t index) {
   return {block[0], block[1]};
 }
 
-/// The keys of what is new in each frame, of what stays with the scene, and of what stays with the sensor. A dimension is used with one of them only.
+/// The keys of what is new in each frame, of what stays with the scene, and of what stays with the sensor. A dimension is used with one of
+/// them only.
 struct StreamKeys {
   PhiloxKey frame, scene, sensor;
 

@@ -28,7 +28,4 @@ inline PhiloxBlock philox(PhiloxBlock counter, PhiloxKey key) {
   return counter;
 }
 
-/// Uniform in (0, 1]: never 0, so its logarithm is finite.
-inline float philox_uniform(uint32_t bits) { return (static_cast<float>(bits) + 0.5f) * 0x1p-32f; }
-
 }  // namespace simsense

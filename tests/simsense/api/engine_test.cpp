@@ -28,15 +28,6 @@ simsense_parameters small_parameters() {
   return p;
 }
 
-simsense_parameters noisy_parameters() {
-  simsense_parameters p = small_parameters();
-  p.speckle_shape = 398.12f;
-  p.speckle_scale = 0.00254f;
-  p.gaussian_sigma_dn = 0.83f;
-  p.noise_seed = 11;
-  return p;
-}
-
 struct Pair {
   std::vector<uint8_t> left, right;
 };
@@ -114,7 +105,7 @@ TEST(Engine, ReadsAnyStridesAndFormats) {
 
 TEST(Engine, WritesAnyStrides) {
   const Device device = open_device();
-  const EngineHandle engine = open_engine(device, small_rig(), noisy_parameters());
+  const EngineHandle engine = open_engine(device, small_rig(), small_parameters(), noisy_signal());
   const Pair pair = photograph(0.7);
   const std::pair<uint32_t, uint32_t> outputs[] = {{SIMSENSE_OUTPUT_DISPARITY, KS_FORMAT_F32},
                                                    {SIMSENSE_OUTPUT_DEPTH, KS_FORMAT_F32},
@@ -168,7 +159,7 @@ TEST(Engine, GivesTheSameOutputsTogetherAsApart) {
   const Device device = open_device();
   simsense_rig_desc rig = crooked_rig(width, height, 215);
   rig.rgb = camera(120, 80, 150);
-  const EngineHandle engine = open_engine(device, rig, noisy_parameters());
+  const EngineHandle engine = open_engine(device, rig, small_parameters(), noisy_signal());
   const Pair pair = photograph(0.7);
   std::vector<float> disparity(width * height), depth(width * height), depth_rgb(120 * 80), points(120 * 80 * 3);
   std::vector<uint8_t> ir[2] = {std::vector<uint8_t>(width * height), std::vector<uint8_t>(width * height)}, rectified[2] = {ir[0], ir[0]};
@@ -203,10 +194,10 @@ TEST(Engine, NoiseFollowsSeedAndFrameAndNothingElse) {
   const Pair pair = photograph(0.7);
   const auto measured = [&](simsense_parameters p, uint32_t workers, uint32_t output) {
     const Device device = open_device(KS_SELECT_HOST, workers);
-    const EngineHandle engine = open_engine(device, small_rig(), p);
+    const EngineHandle engine = open_engine(device, small_rig(), p, noisy_signal());
     return compute_one<uint8_t>(engine, output, pair.left, pair.right, height, width, {height, width});
   };
-  const simsense_parameters base = noisy_parameters();
+  const simsense_parameters base = small_parameters();
   simsense_parameters other_seed = base, other_frame = base;
   other_seed.noise_seed = 12;
   other_frame.frame_index = 1;

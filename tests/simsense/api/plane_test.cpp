@@ -183,12 +183,7 @@ TEST(Plane, IsFoundUnderTheImagersNoise) {
   const simsense_rig_desc rig = ideal_rig(width, height, focal);
   const Pair pair = photograph(facing(0.7), rig);
   const Device device = open_device();
-  simsense_parameters parameters = near_parameters();
-  parameters.speckle_shape = 398.12f;  // the published fit to a D415 with the multiplicative part at 5 %
-  parameters.speckle_scale = 0.00254f;
-  parameters.gaussian_mu_dn = -0.231f;
-  parameters.gaussian_sigma_dn = 0.83f;
-  const EngineHandle engine = open_engine(device, rig, parameters);
+  const EngineHandle engine = open_engine(device, rig, near_parameters(), noisy_signal());
   const auto depth = compute_one<float>(engine, SIMSENSE_OUTPUT_DEPTH, pair.left, pair.right, height, width, {height, width});
   const Agreement a = agreement(depth, rig.left, identity, facing(0.7));
   EXPECT_LT(a.median_error, 0.005);

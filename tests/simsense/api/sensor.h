@@ -29,10 +29,23 @@ inline Device open_device(uint32_t select = KS_SELECT_HOST, uint32_t workers = 2
   return Device(device);
 }
 
-inline EngineHandle open_engine(const Device& device, const simsense_rig_desc& rig, const simsense_parameters& parameters) {
+/// Both imagers with the same signal.
+inline EngineHandle open_engine(const Device& device, const simsense_rig_desc& rig, const simsense_parameters& parameters,
+                                const simsense_signal& signal = simsense_signal_init()) {
   simsense_engine engine = nullptr;
   EXPECT_EQ(simsense_engine_create(device.get(), &rig, &parameters, &engine), KS_OK) << simsense_last_error();
+  EXPECT_EQ(simsense_engine_set_signal(engine, &signal, &signal), KS_OK) << simsense_last_error();
   return EngineHandle(engine);
+}
+
+/// The published fit to a D415 with the multiplicative part at 5 %.
+inline simsense_signal noisy_signal() {
+  simsense_signal s = simsense_signal_init();
+  s.speckle_shape = 398.12f;
+  s.speckle_scale = 0.00254f;
+  s.black_level_dn = -0.231f;
+  s.adc_noise_dn = 0.83f;
+  return s;
 }
 
 template <class T>

@@ -1,5 +1,5 @@
-// Elementary functions and random words in vectors, of IEEE's basic operations alone: with contraction off (see CMakeLists.txt) every instruction set
-// gives the same bits.
+// Elementary functions and random words in vectors, of IEEE's basic operations alone: with contraction off (see CMakeLists.txt) every
+// instruction set gives the same bits.
 #if defined(SIMSENSE_CPU_SIGNAL_MATH_INL_H_) == defined(HWY_TARGET_TOGGLE)
 #ifdef SIMSENSE_CPU_SIGNAL_MATH_INL_H_
 #undef SIMSENSE_CPU_SIGNAL_MATH_INL_H_
@@ -59,8 +59,8 @@ HWY_INLINE Floats exponential(Floats x) {
 
 /// The uniform number (word + 1/2) / 2^32 by its distances from 1/2 and from the nearer end, each to full precision.
 struct Uniform {
-  FloatMask low;         // below 1/2
-  Floats centre, tail;   // > 0; their sum is 1/2
+  FloatMask low;        // below 1/2
+  Floats centre, tail;  // > 0; their sum is 1/2
 };
 
 HWY_INLINE Uniform uniform_of(Words word) {
@@ -71,8 +71,8 @@ HWY_INLINE Uniform uniform_of(Words word) {
           scaled(hn::Sub(splat_int(0x7FFFFFFF), distance))};
 }
 
-/// The standard normal quantile, absolute error 2e-6: algorithm AS 241, PPND7 (Wichura, Applied Statistics 37(3), 1988). No word comes near its far
-/// tail, which has a third case there.
+/// The standard normal quantile, absolute error 2e-6: algorithm AS 241, PPND7 (Wichura, Applied Statistics 37(3), 1988). No word comes near
+/// its far tail, which has a third case there.
 HWY_INLINE Floats normal_of(const Uniform& u) {
   const Floats centre_r = hn::Sub(splat(0.180625f), hn::Mul(u.centre, u.centre));
   const Floats centre_top = hn::Mul(u.centre, polynomial(centre_r, 59.109374720f, 159.29113202f, 50.434271938f, 3.3871327179f));

@@ -32,7 +32,8 @@ HWY_INLINE void amplifier_row(const SignalRow& row) {
   if (dn_per_e != 1) map_row(row, [=](Floats charge) { return hn::Mul(charge, splat(dn_per_e)); });
 }
 
-/// The power law, odd about 0 so that noise in the dark keeps its mean; full scale stays. What exceeds it fourfold is cut, which clipping hides.
+/// The power law, odd about 0 so that noise in the dark keeps its mean; full scale stays. What exceeds it fourfold is cut, which clipping
+/// hides.
 HWY_INLINE void response_row(const SignalRow& row, float max_dn) {
   const float exponent = row.signal.response_exponent;
   if (exponent == 1) return;

@@ -42,8 +42,7 @@ void draw_normals(const PhiloxKey& key, Dimension dimension, int32_t x0, uint32_
 void weigh(const float* values, size_t step, const float* weights, size_t weight_count, size_t width, float* sums) {
   for (size_t x = 0; x < width; x += hn::Lanes(FloatTag())) {
     Floats sum = splat(0);
-    for (size_t k = 0; k < weight_count; ++k)
-      sum = hn::Add(sum, hn::Mul(hn::LoadU(FloatTag(), values + k * step + x), splat(weights[k])));
+    for (size_t k = 0; k < weight_count; ++k) sum = hn::Add(sum, hn::Mul(hn::LoadU(FloatTag(), values + k * step + x), splat(weights[k])));
     hn::Store(sum, FloatTag(), sums + x);
   }
 }
