@@ -1,4 +1,4 @@
-// What only GLSL has: the workgroup, specialisation constants, and places in a queue taken by one atomic per subgroup.
+// What only GLSL has: the workgroup, specialisation constants, and places in a queue.
 #ifndef KUAFU_INVOCATION_GLSL
 #define KUAFU_INVOCATION_GLSL
 #extension GL_KHR_shader_subgroup_basic : require
@@ -16,14 +16,23 @@ void cover(UintArray counters, uint word, uint count, uint group_size) {
   counters.at[word + 2u] = 1u;
 }
 
-/// Reserves a place for each invocation that wants one. `end` is one past the subgroup's last, 0 when it wants none. Call in uniform control flow.
+shared uint wanted_count, first_place;
+
+/// Reserves a place for each invocation that wants one, with one atomic of the queue per workgroup. `end` is one past the workgroup's last, 0 when it
+/// wants none. All invocations of the workgroup must call it.
 uint append(bool wanted, UintArray counters, uint count_word, out uint end) {
+  if (gl_LocalInvocationIndex == 0u) wanted_count = 0u;
+  barrier();
   uvec4 ballot = subgroupBallot(wanted);
-  uint count = subgroupBallotBitCount(ballot);
-  uint base = 0u;
-  if (subgroupElect() && count > 0u) base = atomicAdd(counters.at[count_word], count);
-  base = subgroupBroadcastFirst(base);
-  end = count > 0u ? base + count : 0u;
-  return base + subgroupBallotExclusiveBitCount(ballot);
+  uint place = 0u;
+  if (subgroupElect()) place = atomicAdd(wanted_count, subgroupBallotBitCount(ballot));
+  place = subgroupBroadcastFirst(place) + subgroupBallotExclusiveBitCount(ballot);
+  barrier();
+  if (gl_LocalInvocationIndex == 0u && wanted_count > 0u) first_place = atomicAdd(counters.at[count_word], wanted_count);
+  barrier();
+  end = wanted_count > 0u ? first_place + wanted_count : 0u;
+  place += first_place;
+  barrier();
+  return place;
 }
 #endif

@@ -1,4 +1,4 @@
-// Entry of both shade shaders: one ray per invocation, queues filled by subgroups.
+// Entry of both shade shaders: one ray per invocation, queues filled by workgroups.
 #include "lib/invocation.glsl"
 #include "lib/shading.glsl"
 
@@ -16,7 +16,7 @@ void main() {
     request.wanted = false;
     if (shading.hit && takes_light(shading.vertex.bsdf)) request = ask_light(shading, k);
     uint place = append(request.wanted, push.counters, block + counter_shadow_count, end);
-    if (end > 0u && subgroupElect()) cover(push.counters, block + counter_shadow_arguments, end, trace_group_size);
+    if (end > 0u && gl_LocalInvocationIndex == 0u) cover(push.counters, block + counter_shadow_arguments, end, trace_group_size);
     if (request.wanted) queue_shadow(shading.path, request, k, place);
     else if (live) queue_no_shadow(shading.path, k);
   }
@@ -25,7 +25,7 @@ void main() {
   if (goes_on(shading)) next = scatter(shading);
   block += counter_words;
   uint place = append(next.wanted, push.counters, block + counter_ray_count, end);
-  if (end > 0u && subgroupElect()) {
+  if (end > 0u && gl_LocalInvocationIndex == 0u) {
     cover(push.counters, block + counter_trace_arguments, end, trace_group_size);
     cover(push.counters, block + counter_shade_arguments, end, gl_WorkGroupSize.x);
   }
