@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Builds if needed and runs every test: ctest for C and C++, pytest for Python. Ends with the runners' own closing lines.
-# --full adds what takes long: sanitizers and long fuzzing.
+# --full adds what takes long (tests/full.sh): sanitizers, ray tracing pipelines, the practice captures at full quality.
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 full=0
@@ -24,6 +24,7 @@ cd "$root"
 status=0
 if [ "$full" -eq 1 ]; then
   bash tests/full.sh || status=1
+  export ACTIVESTEREO_FULL=1
 fi
 echo "== ctest"
 ctest --test-dir build --output-on-failure -j "$(nproc)" --progress >build/ctest.log 2>&1 || {
