@@ -135,7 +135,9 @@ ShadowRequest ask_light(Shading s, uint k) {
 NextRequest scatter(INOUT(Shading) s) {
   NextRequest request;
   request.wanted = false;
-  vec2 choice = sample_2d(s.path.key, s.path.index, pair_choice(push.bounce));
+  bool roulette = push.bounce >= 3u;
+  vec2 choice = vec2(0.0f);  // where there is nothing to choose, not drawn
+  if (roulette || s.vertex.chances.x < 1.0f) choice = sample_2d(s.path.key, s.path.index, pair_choice(push.bounce));
   vec2 u = sample_2d(s.path.key, s.path.index, pair_direction(push.bounce));
   BsdfSample b = bsdf_sample(s.vertex.bsdf, push.scene.at[0].specular_albedo, s.vertex.wo, s.vertex.chances, u, choice.x);
   vec3 direction = to_world(s.vertex.frame, b.direction);
@@ -144,7 +146,7 @@ NextRequest scatter(INOUT(Shading) s) {
   s.path.throughput *= b.weight;
   if (!b.delta) s.path.flags &= ~path_all_delta;
   float survival = max_component(s.path.throughput);
-  if (push.bounce >= 3u && survival < 1.0f) {  // Russian roulette
+  if (roulette && survival < 1.0f) {
     if (choice.y >= survival) return request;
     s.path.throughput /= survival;
   }

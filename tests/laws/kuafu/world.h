@@ -65,7 +65,7 @@ inline kuafu_view_desc view_at(const Vec3& position, uint32_t width, uint32_t he
 }
 
 struct Shape {
-  std::vector<float> positions, normals;
+  std::vector<float> positions, normals, uvs;
   std::vector<uint32_t> indices;
 };
 
@@ -168,6 +168,7 @@ class World {
     kuafu_mesh_desc mesh{ks_header_make(KUAFU_TYPE_MESH_DESC, sizeof mesh)};
     mesh.positions = shape.positions.data();
     mesh.normals = shape.normals.empty() ? nullptr : shape.normals.data();
+    mesh.uvs = shape.uvs.empty() ? nullptr : shape.uvs.data();
     mesh.indices = shape.indices.data();
     mesh.vertex_count = uint32_t(shape.positions.size() / 3);
     mesh.triangle_count = uint32_t(shape.indices.size() / 3);
