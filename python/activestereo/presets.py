@@ -105,6 +105,9 @@ class StereoDepthSensorConfig:
         self.ir_noise_seed = 0
         self.ir_speckle_noise = 1.0
         self.ir_thermal_noise = 1.0
+        # Instead of that noise: 'd435', 'paper-d415' or another of simsense.signal_preset, or a dict of simsense_signal's parameters whose
+        # input is in counts; exposure, responsivity and black level above come on top.
+        self.ir_signal = None
 
         # Matching.
         self.census_width = 7

@@ -8,7 +8,7 @@ import numpy as np
 import kuafu
 import simsense
 from activestereo.ir_link import IrLink
-from activestereo.matching import engine_parameters, noise_parameters
+from activestereo.matching import engine_parameters
 from activestereo.pose import Pose, as_matrix, camera_to_camera, camera_to_world
 
 RGB_OUTPUTS = ("radiance", "depth", "material_id", "instance_id")
@@ -184,9 +184,8 @@ class StereoDepthSensor:
     # ---- parameters ----
 
     def set_ir_noise(self, ir_speckle_noise, ir_thermal_noise):
-        """Scales of the default noise; ir_speckle_noise 0 switches both off."""
-        changed = self._changed(ir_speckle_noise=ir_speckle_noise, ir_thermal_noise=ir_thermal_noise)
-        self._apply(changed, noise_parameters(changed))
+        """Scales of the default noise; ir_speckle_noise 0 switches both off. It takes the place of ir_signal."""
+        self._set(ir_speckle_noise=ir_speckle_noise, ir_thermal_noise=ir_thermal_noise, ir_signal=None)
 
     def set_census_window_size(self, census_width, census_height):
         self._set(census_width=census_width, census_height=census_height)
@@ -232,8 +231,6 @@ class StereoDepthSensor:
             rgb=rgb,
             left_to_rgb=camera_to_camera(c.trans_pose_l, Pose()),
             rectified=c.rectified,
-            gain=self.ir_gain,
-            black_level_dn=c.ir_black_level_dn,
             noise_seed=c.ir_noise_seed,
             **engine_parameters(c),
         )

@@ -287,10 +287,11 @@ void bind_engine(py::module_& module) {
   bind_camera(module);
   module.def(
       "signal_preset", [](const std::string& name) { return get_signal(signal_preset(name)); }, py::arg("name"),
-      "All parameters of a measured imager as a dict: 'paper-d415', 'sapien' or 'd435'; their input is in 8-bit counts.");
-  py::class_<Engine>(module, "Engine",
-                     "A stereo rig's depth engine. Parameters are those of simsense_parameters, and of simsense_signal for both eyes, by name; see "
-                     "Engine.parameters.")
+      "All parameters of an imager as a dict: 'neutral', or measured ones whose input is in 8-bit counts, 'paper-d415', 'sapien', 'd435'.");
+  py::class_<Engine>(
+      module, "Engine",
+      "A stereo rig's depth engine. Parameters are those of simsense_parameters, and of simsense_signal for both eyes, by name; see "
+      "Engine.parameters.")
       .def(py::init<std::shared_ptr<Device<Simsense>>, const simsense_camera&, const simsense_camera&, const py::object&, const py::object&,
                     const py::object&, bool, uint32_t, const py::object&, const py::kwargs&>(),
            py::arg("device"), py::arg("left"), py::arg("right"), py::arg("left_to_right"), py::kw_only(), py::arg("rgb") = py::none(),
@@ -299,8 +300,8 @@ void bind_engine(py::module_& module) {
            "left_to_right, left_to_rgb: 4x4. rgb: the camera to register to, or None. rectified: the input pair is row-aligned already.\n"
            "faults: those of the published SimSense to keep, by name (SIMSENSE_FAULT_* of simsense.h); simsense.FAULTS has all.")
       .def_property_readonly("device", &Engine::device)
-      .def_property_readonly(
-          "parameters", &Engine::parameters, "All parameters, as a new dict; those of the imagers as the left one has them, see Engine.signal.")
+      .def_property_readonly("parameters", &Engine::parameters,
+                             "All parameters, as a new dict; those of the imagers as the left one has them, see Engine.signal.")
       .def("set_parameters", &Engine::set_parameters, "Changes the named parameters; the others stay. Raises ArgumentError out of range.")
       .def_property_readonly("signal", &Engine::signal, "(left, right): all parameters of the two imagers, as new dicts.")
       .def("set_signal", &Engine::set_signal, py::arg("left") = py::dict(), py::arg("right") = py::dict(),

@@ -79,7 +79,8 @@ void Engine::set_parameters(const simsense_parameters& parameters) {
 void Engine::set_signal(const simsense_signal& left, const simsense_signal& right) {
   check_signal(left, "left");
   check_signal(right, "right");
-  Imager left_imager(left), right_imager(right);
+  Imager left_imager(left, &imagers_[0]);
+  Imager right_imager(right, &imagers_[1]);
   imagers_[0] = std::move(left_imager);
   imagers_[1] = std::move(right_imager);
 }

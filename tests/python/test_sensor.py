@@ -1,5 +1,7 @@
 """StereoDepthSensor in front of the example scene, at half resolution, and in scenes made for one question."""
 
+from copy import deepcopy
+
 import numpy as np
 import pytest
 
@@ -158,10 +160,28 @@ def test_setters_reach_the_engine_and_bad_values_change_nothing(small_config):
     assert (p["speckle_shape"], p["adc_noise_dn"]) == pytest.approx((1333.33 / 2.0, 0.75))
     sensor.set_ir_noise(0.0, 0.0)
     assert sensor.engine.parameters["speckle_shape"] == sensor.engine.parameters["adc_noise_dn"] == 0.0
+    assert p["exposure_s"] * p["responsivity_e"] == pytest.approx(sensor.ir_gain) and p["black_level_dn"] == small_config.ir_black_level_dn
     for bad in (lambda: sensor.set_penalties(50, 5), lambda: sensor.set_ir_noise(1.0, 0.0), lambda: sensor.set_census_window_size(4, 4)):
         with pytest.raises(ValueError):
             bad()
     assert sensor.get_config().p1_penalty == 5 and sensor.get_config().ir_speckle_noise == 0.0
+
+
+def test_imagers_of_a_preset_see_the_same_light_with_their_own_noise(small_config):
+    clean, noisy = deepcopy(small_config), deepcopy(small_config)
+    clean.ir_speckle_noise = 0.0
+    noisy.ir_signal = "d435"
+    images = []
+    for config in (clean, noisy):
+        sensor = StereoDepthSensor(config, wall_scene(1.0))
+        sensor.take_picture(infrared_only=True)
+        sensor.compute_depth()
+        images.append(sensor.get_ir_measured()[0].astype(float))
+    lit = (images[0] > 10) & (images[0] < 240)
+    difference, light = (images[1] - images[0])[lit], images[0][lit].mean() - small_config.ir_black_level_dn
+    # Two roundings and the preset's variance.
+    assert abs(difference.mean()) < 0.05
+    assert difference.var() == pytest.approx(0.00497 * light + 0.01 + 2 / 12, rel=0.15)
 
 
 def test_results_before_the_picture_say_what_to_call(small_config):

@@ -210,7 +210,8 @@ static inline simsense_signal simsense_signal_init(void) {
   return s;
 }
 
-/* Measured imagers whose input is in 8-bit counts; multiply responsivity_e for other units. `out` is initialised by the caller.
+/* Imagers by name. "neutral" is simsense_signal_init; the others are measured, and their input is in 8-bit counts: multiply responsivity_e for other
+ * units. `out` is initialised by the caller.
  * "paper-d415": gamma factor and Gaussian noise fitted to a D415 (Zhang et al., Close the Optical Sensing Domain Gap by Physics-Grounded Active Stereo
  *   Sensor Simulation, 2023): shape 3.98, scale 0.254, mu -0.231 DN, sigma 0.83 DN.
  * "sapien": defaults of SAPIEN 3's stereo depth sensor: a gamma factor of 2.7 % and 0.25 DN.

@@ -28,6 +28,10 @@ bool is_identity(const simsense_signal& s) {
   return !has_noise(s) && !has_dark && gains == 1 && s.full_well_e == 0 && s.response_exponent == 1 && black_dn(s) == 0 && s.bit_depth == 8;
 }
 
+bool has_same_speckle(const simsense_signal& a, const simsense_signal& b) {
+  return a.speckle_shape == b.speckle_shape && a.speckle_scale == b.speckle_scale && a.speckle_correlation == b.speckle_correlation;
+}
+
 template <class T>
 void load_as(const ConstPlane& input, uint32_t width, uint32_t y, float* row) {
   if (input.pixel_stride == sizeof(T)) {
@@ -87,8 +91,13 @@ void for_bands(size_t height, ks::ThreadPool& workers, F&& f) {
 
 }  // namespace
 
-Imager::Imager(const simsense_signal& signal) : signal_(signal), is_neutral_(is_identity(signal)) {
+Imager::Imager(const simsense_signal& signal, const Imager* former) : signal_(signal), is_neutral_(is_identity(signal)) {
   const double shape = signal.speckle_shape, fixed = signal.speckle_correlation;
+  if (former && has_same_speckle(signal, former->signal_)) {
+    static_speckle_ = former->static_speckle_;
+    temporal_speckle_ = former->temporal_speckle_;
+    return;
+  }
   if (shape * fixed > 0) static_speckle_ = GammaTable(shape * fixed, signal.speckle_scale);
   if (shape * (1 - fixed) > 0) temporal_speckle_ = GammaTable(shape * (1 - fixed), signal.speckle_scale);
 }

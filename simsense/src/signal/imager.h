@@ -18,8 +18,8 @@ void check_signal(const simsense_signal& signal, const char* eye);
 
 class Imager {
  public:
-  /// signal has been checked.
-  explicit Imager(const simsense_signal& signal = simsense_signal_init());
+  /// signal has been checked. Gamma tables, which take milliseconds, are taken from `former` where it has the same speckle.
+  explicit Imager(const simsense_signal& signal = simsense_signal_init(), const Imager* former = nullptr);
 
   [[nodiscard]] const simsense_signal& signal() const { return signal_; }
   [[nodiscard]] bool is_wide() const { return signal_.bit_depth > 8; }

@@ -34,14 +34,14 @@ struct Preset {
   const char* name;
   simsense_signal (*make)();
 };
-constexpr Preset presets[] = {{"paper-d415", paper_d415}, {"sapien", sapien}, {"d435", d435}};
+constexpr Preset presets[] = {{"neutral", simsense_signal_init}, {"paper-d415", paper_d415}, {"sapien", sapien}, {"d435", d435}};
 
 }  // namespace
 
 simsense_signal signal_preset(const char* name) {
   for (const Preset& preset : presets)
     if (name && std::strcmp(name, preset.name) == 0) return preset.make();
-  ks::fail(KS_ERROR_INVALID_ARGUMENT, "no signal preset '%s' (known: paper-d415, sapien, d435)", name ? name : "NULL");
+  ks::fail(KS_ERROR_INVALID_ARGUMENT, "no signal preset '%s' (known: neutral, paper-d415, sapien, d435)", name ? name : "NULL");
 }
 
 }  // namespace simsense

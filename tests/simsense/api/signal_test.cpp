@@ -98,6 +98,9 @@ TEST(Signal, EachFaultIsRefusedWithItsNumberAndItsEye) {
 
 TEST(Signal, PresetsAreKnownByNameAlone) {
   simsense_signal s = simsense_signal_init();
+  ASSERT_EQ(simsense_signal_preset("neutral", &s), KS_OK);
+  EXPECT_EQ(s.speckle_shape, 0);
+  EXPECT_EQ(s.gain, 1);
   ASSERT_EQ(simsense_signal_preset("paper-d415", &s), KS_OK);
   EXPECT_EQ(s.speckle_shape, 3.98f);
   EXPECT_EQ(s.black_level_dn, -0.231f);
@@ -107,7 +110,7 @@ TEST(Signal, PresetsAreKnownByNameAlone) {
   EXPECT_EQ(s.conversion_gain_dn_per_e, 0.00497f);
   EXPECT_EQ(s.bit_depth, 8u);
   EXPECT_EQ(simsense_signal_preset("d999", &s), KS_ERROR_INVALID_ARGUMENT);
-  EXPECT_NE(std::string(simsense_last_error()).find("paper-d415, sapien, d435"), std::string::npos);
+  EXPECT_NE(std::string(simsense_last_error()).find("neutral, paper-d415, sapien, d435"), std::string::npos);
   EXPECT_EQ(simsense_signal_preset(nullptr, &s), KS_ERROR_INVALID_ARGUMENT);
   EXPECT_EQ(simsense_signal_preset("d435", nullptr), KS_ERROR_INVALID_ARGUMENT);
 }

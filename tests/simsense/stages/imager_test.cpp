@@ -124,6 +124,20 @@ TEST(Imager, IsNeutralAtFirstAndOnlyThen) {
   for (const auto& [name, signal] : signals()) EXPECT_FALSE(Imager(signal).is_neutral()) << name;
 }
 
+TEST(Imager, MadeOfAFormerOneIsAsNew) {
+  ks::ThreadPool workers(1);
+  const std::vector<float> image = ramp();
+  for (const auto& [former_name, former] : signals()) {
+    const Imager from(former);
+    for (const auto& [name, signal] : signals()) {
+      std::vector<uint16_t> counts(image.size());
+      Imager(signal, &from).measure(key, packed(image, width, KS_FORMAT_F32), width, height, counts.data(), workers);
+      EXPECT_EQ(std::vector<double>(counts.begin(), counts.end()), measure(signal, key, image, width, height))
+          << former_name << ", " << name;
+    }
+  }
+}
+
 TEST(Imager, QuietCountsAreTheRoundedAffineOfTheInput) {
   const float nan = std::numeric_limits<float>::quiet_NaN(), inf = std::numeric_limits<float>::infinity();
   const std::vector<float> f32{0, 0.25f, 0.75f, 1.25f, 300, -5, nan, inf};
