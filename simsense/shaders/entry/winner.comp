@@ -1,4 +1,4 @@
-// Winners of the left and the right image from the four paths' mean, uniqueness and the subpixel step. A cluster sweeps a part of a row. The
+// Winners of the left and the right image from the four paths' mean, uniqueness and the subpixel step. A cluster sweeps a part of a row; the
 // right image's candidates travel with it: pixel x's disparity d concerns the right pixel x - d, as does disparity d + 1 of the next pixel,
 // so the best so far moves one disparity on per pixel and leaves behind the last one.
 #version 460
@@ -142,11 +142,11 @@ float disparity_at(uint x, int winner) {
 
 void main() {
   width = push.width;
-  uint sweep = gl_WorkGroupID.x * cluster_count() + cluster();
-  bool valid = sweep < push.height * push.segments;
-  sweep = min(sweep, push.height * push.segments - 1u);
-  pixel_row = (gl_WorkGroupID.z * push.height + sweep / push.segments) * width;
-  uint segment = sweep % push.segments, begin = segment * width / push.segments, end = (segment + 1u) * width / push.segments;
+  uint row = gl_WorkGroupID.x * cluster_count() + cluster();
+  bool valid = row < push.height;
+  pixel_row = (gl_WorkGroupID.z * push.height + min(row, push.height - 1u)) * width;
+  // The same for the whole workgroup: shuffles in code that may diverge are several times as long on NVIDIA.
+  uint segment = gl_WorkGroupID.y, begin = segment * width / push.segments, end = (segment + 1u) * width / push.segments;
   [[unroll]] for (uint k = 0u; k < lane_disparities; ++k) right_keys[k] = no_key;
   [[unroll]] for (uint s = 0u; s < steps; ++s) load_pixel(begin + s, s);
   [[dont_unroll]] for (uint first = begin; first < end; first += path_lanes) {

@@ -11,7 +11,7 @@ uint left_ahead[steps];
 
 /// The lane's right words of a pixel start at any column; one of the four shifted copies has them aligned.
 void fetch_census(Path p, uint t, uint slot) {
-  uint y = p.backward ? p.pixels - 1u - t : t, row = gl_WorkGroupID.z * push.height + y;
+  uint position = t - p.start, y = p.backward ? p.pixels - 1u - position : position, row = gl_WorkGroupID.z * push.height + y;
   left_ahead[slot] = push.left_census.at[row * push.width + p.line];
   uint shift = (3u - p.line) & 3u;
   uint word = shift * push.right_copy_words + row * push.right_pitch + push.right_origin + shift + p.line + 1u - (lane() + 1u) * lane_disparities;
@@ -22,7 +22,7 @@ void fetch_census(Path p, uint t, uint slot) {
 }
 
 void fetch(Path p, uint t, uint slot) {
-  t = min(t, p.pixels - 1u);
+  t = time_on_line(p, t);
   if (stored_costs) {
     LOAD_WORDS(needed, slot * lane_pairs, lane_pairs, push.cost, lane_item(p, t))
   } else {
@@ -39,16 +39,13 @@ uint pair_cost(Path p, uint slot, uint k) {
   return hamming_pair(left_ahead[slot], needed[last - k], needed[last - k - lane_pairs]);
 }
 
-/// Pixels first_block * steps .. last_block * steps - 1 of the path.
-void walk_lines(UintArray sums, Path p, uint first_block, uint last_block) {
-  if (first_block >= last_block) return;
-  [[unroll]] for (uint s = 0u; s < steps; ++s) {
-    fetch(p, first_block * steps + s, s);
-    look_ahead(sums, p, first_block * steps + s, s);
-  }
-  [[dont_unroll]] for (uint t = first_block * steps; t < last_block * steps; t += steps) {
+void walk_lines(UintArray sums, Path p) {
+  [[unroll]] for (uint s = 0u; s < steps; ++s) fetch(p, s, s);
+  [[dont_unroll]] for (uint t = 0u; t < p.end; t += steps) {
+    begin_block(sums, p, t);
     [[unroll]] for (uint s = 0u; s < steps; ++s) {
-      [[unroll]] for (uint k = 0u; k < lane_pairs; ++k) step_cost[k] = pair_cost(p, s, k);
+      uint mask = cost_mask(p, t + s);
+      [[unroll]] for (uint k = 0u; k < lane_pairs; ++k) step_cost[k] = mask & pair_cost(p, s, k);
       fetch(p, t + s + steps, s);
       visit(sums, p, t + s, s);
     }

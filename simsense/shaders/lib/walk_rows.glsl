@@ -7,13 +7,14 @@
 uint window[lane_disparities + steps];  // [lane_disparities + s - k]: right word of the s-th pixel ahead at the lane's disparity k
 uint left_words[steps], next_left[steps], next_right[steps];
 
-/// Group of four right words that holds position 0 of the mirrored or plain row, as this lane counts.
+/// Group of four right words at position 0 of the lane's window, at time 0, in the plain or the mirrored row.
 int first_group(Path p) {
   uint pair_row = gl_WorkGroupID.z * push.height + p.line, row = pair_row * push.right_pitch + push.right_origin;
   uint lane_start = lane() * lane_disparities;
-  if (!p.mirrored) return int(row - lane_start - lane_disparities) >> 2;
-  uint shift = (3u - push.width) & 3u;  // the copy in which the mirrored groups are aligned
-  return int(shift * push.right_copy_words + row + shift + push.width - padded_disparities + lane_start + lane_disparities - 3u) >> 2;
+  uint shift = (p.mirrored ? 3u - push.width - p.start : p.start) & 3u;  // the copy in which the groups are aligned
+  row += shift * push.right_copy_words + shift;
+  if (!p.mirrored) return int(row - p.start - lane_start - lane_disparities) >> 2;
+  return int(row + p.start + push.width - padded_disparities + lane_start + lane_disparities - 3u) >> 2;
 }
 
 uvec4 right_group(Path p, int first, uint position) {
@@ -22,7 +23,7 @@ uvec4 right_group(Path p, int first, uint position) {
   return p.mirrored ? words.wzyx : words;
 }
 
-uint left_word(Path p, uint t) { return push.left_census.at[path_pixel(p, min(t, p.pixels - 1u))]; }
+uint left_word(Path p, uint t) { return push.left_census.at[path_pixel(p, time_on_line(p, t))]; }
 
 void fill_window(Path p, int first, uint t) {
   [[unroll]] for (uint i = 0u; i < lane_disparities + steps; i += 4u) {
@@ -45,17 +46,16 @@ void move_window() {
   [[unroll]] for (uint s = 0u; s < steps; ++s) window[lane_disparities + s] = next_right[s], left_words[s] = next_left[s];
 }
 
-/// Pixels first_block * steps .. last_block * steps - 1 of the path.
-void walk_rows(UintArray sums, Path p, uint first_block, uint last_block) {
-  if (first_block >= last_block) return;
+void walk_rows(UintArray sums, Path p) {
   int first = first_group(p);
-  fill_window(p, first, first_block * steps);
-  [[unroll]] for (uint s = 0u; s < steps; ++s) look_ahead(sums, p, first_block * steps + s, s);
-  [[dont_unroll]] for (uint t = first_block * steps; t < last_block * steps; t += steps) {
+  fill_window(p, first, 0u);
+  [[dont_unroll]] for (uint t = 0u; t < p.end; t += steps) {
     fetch_next(p, first, t + steps);
+    begin_block(sums, p, t);
     [[unroll]] for (uint s = 0u; s < steps; ++s) {
+      uint mask = cost_mask(p, t + s);
       [[unroll]] for (uint k = 0u; k < lane_pairs; ++k)
-        step_cost[k] = hamming_pair(left_words[s], window[lane_disparities + s - k], window[lane_disparities + s - k - lane_pairs]);
+        step_cost[k] = mask & hamming_pair(left_words[s], window[lane_disparities + s - k], window[lane_disparities + s - k - lane_pairs]);
       visit(sums, p, t + s, s);
     }
     move_window();

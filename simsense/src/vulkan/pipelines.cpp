@@ -31,7 +31,7 @@ Constants lane_constants(const MatchPlan& plan, const MatchParameters& p, uint32
 
 Constants block_constants(const MatchPlan& plan, const MatchParameters& p) {
   Constants constants = lane_constants(plan, p, 256);
-  constants.insert(constants.end(), {p.block_width, p.block_height, plan.block_pairs, plan.block_columns, plan.block_rows_per_group});
+  constants.insert(constants.end(), {p.block_width, p.block_height, plan.block_group_parts, plan.block_rows_per_group});
   return constants;
 }
 

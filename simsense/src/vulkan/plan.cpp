@@ -10,7 +10,9 @@ namespace {
 
 constexpr uint32_t half_bias = 0x0400, largest_half = 0x7bff;  // as in path_state.glsl
 
-bool has_half_minima(const ks::Device& device) {
+/// CPU devices emulate half floats, several times slower than integers.
+bool want_half_minima(const ks::Device& device, Minima minima) {
+  if (minima == Minima::integer || (minima == Minima::automatic && device.is_cpu())) return false;
   VkPhysicalDeviceVulkan12Features features{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES};
   VkPhysicalDeviceFeatures2 all{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2, &features};
   vkGetPhysicalDeviceFeatures2(device.physical(), &all);
@@ -20,10 +22,11 @@ bool has_half_minima(const ks::Device& device) {
 uint32_t divide_up(uint32_t a, uint32_t b) { return (a + b - 1) / b; }
 
 /// Lanes of one path: with few pairs many lanes shorten its steps, with many pairs few lanes waste less on their exchange.
-void choose_lanes(MatchPlan& plan, uint32_t disparities, uint32_t batch, const MatchTuning& tuning) {
+void choose_lanes(MatchPlan& plan, uint32_t disparities, bool block, uint32_t batch, const MatchTuning& tuning) {
+  const uint32_t unit = block ? 8 : 4;  // the block stage takes four pairs at a time
   const uint32_t wanted = divide_up(disparities, batch == 1 ? 8 : 16);
   plan.path_lanes = tuning.path_lanes ? tuning.path_lanes : std::clamp(std::bit_ceil(wanted), 4u, std::min(plan.subgroup_lanes, 32u));
-  plan.lane_disparities = 4 * divide_up(disparities, 4 * plan.path_lanes);
+  plan.lane_disparities = unit * divide_up(disparities, unit * plan.path_lanes);
   plan.steps = tuning.steps ? tuning.steps : 4;
   if (!std::has_single_bit(plan.path_lanes) || plan.path_lanes < plan.steps || plan.path_lanes > plan.subgroup_lanes ||
       plan.path_lanes > 32 || (plan.steps != 4 && plan.steps != 8))
@@ -40,9 +43,12 @@ void choose_ranges(MatchPlan& plan, const MatchParameters& p, bool half) {
   plan.half_minima = half && half_bias + largest + plan.p1 <= largest_half;
 }
 
+/// Many parts in a workgroup write long runs of memory; few leave it more columns, of which the block's width is lost.
 void choose_block_stage(MatchPlan& plan, const MatchParameters& p) {
-  plan.block_pairs = plan.lane_disparities % 8 == 0 ? 4 : 2;
-  plan.block_columns = p.block_width > 65 ? 2 : 1;
+  const uint32_t parts = plan.padded_disparities() / 8;
+  plan.block_group_parts = 16;
+  while (plan.block_group_parts > 1 && (parts % plan.block_group_parts != 0 || plan.block_columns() < 4 * p.block_width))
+    plan.block_group_parts /= 2;
   plan.block_rows_per_group = std::max(64u, 4 * p.block_height);
 }
 
@@ -72,10 +78,11 @@ MatchPlan make_match_plan(const ks::Device& device, uint32_t width, uint32_t hei
   plan.width = width;
   plan.height = height;
   plan.subgroup_lanes = device.subgroup_size();
-  choose_lanes(plan, parameters.max_disparity, batch, tuning);
-  choose_ranges(plan, parameters, !tuning.integer_minima && has_half_minima(device));
+  const bool block = parameters.block_width * parameters.block_height > 1;
+  choose_lanes(plan, parameters.max_disparity, block, batch, tuning);
+  choose_ranges(plan, parameters, want_half_minima(device, tuning.minima));
   choose_block_stage(plan, parameters);
-  plan.census_copies = parameters.block_width * parameters.block_height > 1 ? 1 : 4;
+  plan.census_copies = block ? 1 : 4;
   plan.right_origin = plan.padded_disparities() + 32;  // as far as a path reads ahead
   plan.right_pitch = 4 * divide_up(plan.right_origin + width + 32, 4);
   plan.pairs_at_once = std::min({batch, tuning.pairs_at_once ? tuning.pairs_at_once : device.is_cpu() ? 1u : 8u, most_pairs(plan)});

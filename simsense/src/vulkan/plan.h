@@ -7,15 +7,18 @@
 
 namespace simsense {
 
+/// How the path stage takes minima: two at a time as half floats, where the device has them and the costs' range fits, or as integers.
+enum class Minima : uint8_t { automatic, half, integer };
+
 /// What a caller may fix, to measure or to test; 0 = the default of the device.
 struct MatchTuning {
-  uint32_t path_lanes = 0;      // power of two, 4 .. subgroup size
-  uint32_t steps = 0;           // pixels that a path reads ahead: 4 or 8
-  uint32_t path_group = 0;      // invocations per workgroup of the path stage
-  uint32_t winner_group = 0;    // of the winner stage
-  uint32_t segments = 0;        // parts of a row in the winner stage
-  uint32_t pairs_at_once = 0;   // pairs that share one pass through the stages
-  bool integer_minima = false;  // even where half floats would do
+  uint32_t path_lanes = 0;     // power of two, 4 .. subgroup size
+  uint32_t steps = 0;          // pixels that a path reads ahead: 4 or 8
+  uint32_t path_group = 0;     // invocations per workgroup of the path stage
+  uint32_t winner_group = 0;   // of the winner stage
+  uint32_t segments = 0;       // parts of a row in the winner stage
+  uint32_t pairs_at_once = 0;  // pairs that share one pass through the stages
+  Minima minima = Minima::automatic;
 };
 
 struct MatchPlan {
@@ -26,9 +29,11 @@ struct MatchPlan {
   uint32_t p1 = 0, p2 = 0;  // times the block's area
   uint32_t path_group = 0, winner_group = 0, segments = 0;
   uint32_t census_copies = 0, right_origin = 0, right_pitch = 0;
-  uint32_t block_pairs = 0, block_columns = 0, block_rows_per_group = 0;  // of the block stage
+  uint32_t block_group_parts = 0, block_rows_per_group = 0;  // workgroup of the block stage: parts of 4 pairs of disparities, rows
 
   [[nodiscard]] uint32_t padded_disparities() const { return path_lanes * lane_disparities; }
+  /// Columns that a workgroup of the block stage sums up, those beside its output included.
+  [[nodiscard]] uint32_t block_columns() const { return 256 / block_group_parts * 4; }
   [[nodiscard]] uint64_t pixels() const { return uint64_t{width} * height * pairs_at_once; }
   [[nodiscard]] uint64_t sum_volume_bytes() const { return pixels() * padded_disparities() * sum_bytes; }
   [[nodiscard]] uint64_t cost_volume_bytes() const { return census_copies > 1 ? 0 : pixels() * padded_disparities() * 2; }

@@ -94,15 +94,15 @@ void VulkanMatcher::State::record(const MatchPush& push, uint32_t pairs) {
   commands.dispatch(pipelines.census, push, groups(plan.right_origin, 64) + groups(w, 64), groups(h, 4), 2 * pairs);
   if (pipelines.block_cost) {
     commands.begin_stage("block cost");
-    const uint32_t parts = plan.padded_disparities() / 2 / plan.block_pairs;
-    const uint32_t outputs = 256 * plan.block_columns - (parameters.block_width - 1);
-    commands.dispatch(*pipelines.block_cost, push, parts * groups(w, outputs), groups(h, plan.block_rows_per_group), pairs);
+    const uint32_t part_groups = plan.padded_disparities() / 8 / plan.block_group_parts;
+    const uint32_t outputs = plan.block_columns() - (parameters.block_width - 1);
+    commands.dispatch(*pipelines.block_cost, push, part_groups * groups(w, outputs), groups(h, plan.block_rows_per_group), pairs);
   }
   commands.begin_stage("paths");
   const uint32_t lines_per_group = plan.path_group / plan.path_lanes / 2;
-  commands.dispatch(pipelines.paths, push, groups(h, lines_per_group) + groups(w, lines_per_group), 1, pairs);
+  commands.dispatch(pipelines.paths, push, groups(h, lines_per_group) + 4 * groups(w, 4 * lines_per_group), 1, pairs);
   commands.begin_stage("winner");
-  commands.dispatch(pipelines.winner, push, groups(uint64_t{h} * plan.segments, plan.winner_group / plan.path_lanes), 1, pairs);
+  commands.dispatch(pipelines.winner, push, groups(h, plan.winner_group / plan.path_lanes), plan.segments, pairs);
   commands.begin_stage("check and median");
   commands.dispatch(pipelines.finish, push, groups(w, 32), groups(h, 8), pairs);
 }

@@ -1,5 +1,5 @@
-// The Vulkan matcher gives the bits of the scalar reference on the CPU device: over fuzzed parameters and sizes, lane layouts, both kinds
-// of minima, and batches.
+// The Vulkan matcher gives the bits of the scalar reference on the best device there is: over fuzzed parameters and sizes, lane layouts,
+// both kinds of minima, and batches.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -15,9 +15,10 @@ namespace {
 
 using simsense::MatchParameters;
 using simsense::MatchTuning;
+using simsense::Minima;
 
 const std::shared_ptr<ks::Device>& device() {
-  static const std::shared_ptr<ks::Device> opened = ks::test::cpu_device();
+  static const std::shared_ptr<ks::Device> opened = ks::test::best_device();
   return opened;
 }
 
@@ -27,7 +28,7 @@ std::string describe(const StereoPair& pair, const MatchParameters& p, const Mat
        << " block " << p.block_width << "x" << p.block_height << " p1 " << p.p1 << " p2 " << p.p2 << " uniqueness " << p.uniqueness_ratio
        << " lr " << p.lr_max_diff << " median " << p.median_size << " subpixel " << static_cast<int>(p.subpixel) << "; lanes "
        << t.path_lanes << " steps " << t.steps << " groups " << t.path_group << ", " << t.winner_group << " segments " << t.segments
-       << (t.integer_minima ? " integer" : "");
+       << (t.minima == Minima::half ? " half" : "");
   return text.str();
 }
 
@@ -73,7 +74,10 @@ class Fuzz {
     p.subpixel = static_cast<simsense::Subpixel>(in(0, 2));
     return p;
   }
-  MatchTuning tuning() { return {one_of({0u, 4u, 8u}), 4u, one_of({0u, 16u, 128u}), one_of({0u, 32u, 256u}), in(0, 5), 0, in(0, 1) == 1}; }
+  MatchTuning tuning() {
+    return {
+        one_of({0u, 4u, 8u}), 4u, one_of({0u, 16u, 128u}), one_of({0u, 32u, 256u}), in(0, 5), 0, one_of({Minima::half, Minima::integer})};
+  }
   StereoPair pair() { return random_dots(in(32, 150), in(32, 100), in(0, 20), in(0, 25), in(0, 1u << 30)); }
 
  private:
@@ -94,7 +98,7 @@ TEST(vulkan_matcher, lines_of_every_length_around_a_block_of_steps_meet_right) {
   MatchParameters p;
   p.max_disparity = 24;
   for (uint32_t extra = 0; extra < 17; ++extra) {
-    const MatchTuning tuning{8, extra % 2 ? 8u : 4u, 0, 0, 0, 0, false};
+    const MatchTuning tuning{8, extra % 2 ? 8u : 4u, 0, 0, 0, 0, Minima::automatic};
     compare(random_dots(32 + extra, 49 - extra, 5, 10, extra), p, tuning);
   }
 }
@@ -110,9 +114,9 @@ TEST(vulkan_matcher, widest_sums_equal_the_reference) {
   compare(random_dots(64, 48, 6, 60, 4), p);
 }
 
-TEST(vulkan_matcher, thousand_disparities_equal_the_reference) {
+TEST(vulkan_matcher, most_disparities_equal_the_reference) {
   MatchParameters p;
-  p.max_disparity = 1024;
+  p.max_disparity = device()->is_cpu() ? 400 : 1024;  // a narrow subgroup's long registers take a CPU device minutes to compile
   compare(random_dots(64, 32, 9, 10, 5), p);
 }
 
