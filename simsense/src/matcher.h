@@ -1,4 +1,4 @@
-// The matcher: a rectified 8-bit pair in, a disparity map out (census, Hamming cost, block sum, semi-global aggregation, winner,
+// The matcher: a rectified pair in, a disparity map out (census, Hamming cost, block sum, semi-global aggregation, winner,
 // uniqueness, subpixel, left-right check, median). One interface, several back ends that give the same bits: the scalar reference, the CPU
 // (SIMD), later Vulkan compute. Thread rule: externally synchronised.
 #pragma once
@@ -23,29 +23,65 @@ enum class Subpixel : uint8_t {
   equiangular,  // apex of the V through the block's costs; through the aggregated ones where the block is 1x1 or has no minimum there
 };
 
+/// Which pixels of the window a census word compares.
+enum class CensusKind : uint8_t {
+  center_symmetric,  // each pixel with its mirror through the centre: half the bits
+  plain,             // each pixel with the centre
+};
+
 /// Ranges are those of simsense_parameters (simsense.h), already checked.
 struct MatchParameters {
+  CensusKind census = CensusKind::center_symmetric;
   uint32_t census_width = 7, census_height = 7;
-  uint32_t max_disparity = 128;
+  uint32_t max_disparity = 128;  // how many disparities are searched
+  int32_t min_disparity = 0;     // the first of them
   uint32_t block_width = 1, block_height = 1;
+  uint32_t path_count = 4;  // or 8, with the diagonals
   uint32_t p1 = 7, p2 = 86;
+  uint32_t p2_full_gradient = 0;  // counts; a steeper step between two pixels g lowers their p2 to p2 * full / g; 0 = p2 everywhere
   uint32_t uniqueness_ratio = 15;
   int32_t lr_max_diff = 1;  // -1 = off
   uint32_t median_size = 3;
   Subpixel subpixel = Subpixel::equiangular;
   bool operator==(const MatchParameters&) const = default;
+
+  [[nodiscard]] uint32_t census_bits() const {
+    return census == CensusKind::plain ? census_width * census_height - 1 : (census_width * census_height - 1) / 2;
+  }
+  [[nodiscard]] uint32_t block_area() const { return block_width * block_height; }
+  /// What an invalid pixel's disparity is: below every valid one.
+  [[nodiscard]] float invalid_disparity() const { return static_cast<float>(min_disparity < 0 ? min_disparity - 1 : -1); }
+  /// Whether every back end has this; the CPU has all. The name of the first parameter that only the CPU knows, or nullptr.
+  [[nodiscard]] const char* cpu_only() const;
 };
 
 struct ConstImage {
   const uint8_t* data = nullptr;
-  ptrdiff_t row_stride = 0;  // elements
+  ptrdiff_t row_stride = 0;    // elements
+  uint32_t element_bytes = 1;  // 2: data points to uint16_t
+
+  [[nodiscard]] uint32_t at(ptrdiff_t x, ptrdiff_t y) const {
+    const ptrdiff_t i = y * row_stride + x;
+    return element_bytes == 1 ? data[i] : reinterpret_cast<const uint16_t*>(data)[i];
+  }
+};
+
+/// Why a pixel has no disparity, in the order of the stages.
+enum class MatchReason : uint8_t { valid, not_unique, outside, occluded, isolated };
+
+/// The maps of one match, [height][width] packed.
+struct MatchMaps {
+  float* disparity = nullptr;     // pixels; invalid: MatchParameters::invalid_disparity(), -1 by default
+  float* confidence = nullptr;    // if wanted: 1 - lowest cost / lowest cost of a disparity that is no neighbour of the winner; 0..1
+  MatchReason* reason = nullptr;  // if wanted
+  MatchMaps(float* disparities) : disparity(disparities) {}  // implicit: disparities alone are the usual wish
 };
 
 class Matcher {
  public:
   virtual ~Matcher() = default;
-  /// disparity: [height][width] packed, pixels, -1 = invalid.
-  virtual void match(ConstImage left, ConstImage right, float* disparity) = 0;
+  /// Both images have one element size. Throws KS_ERROR_UNSUPPORTED where a back end lacks a wanted map or 16-bit images.
+  virtual void match(ConstImage left, ConstImage right, const MatchMaps& maps) = 0;
   /// Milliseconds of each stage of the last match.
   [[nodiscard]] virtual std::vector<ks_stage_time> stage_times() const = 0;
 };

@@ -26,7 +26,7 @@ class BlockSweep {
         layout_(layout),
         block_width_(p.block_width),
         block_height_(p.block_height),
-        narrow_(p.block_width * ((p.census_width * p.census_height - 1) / 2) <= 255),
+        narrow_(p.block_width * p.census_bits() <= 255),
         hamming_(batch * hamming_pitch),
         fresh_(columns),
         history_(block_height_ * layout.disparities * columns * (narrow_ ? 1 : 2)),
@@ -55,10 +55,18 @@ class BlockSweep {
     const size_t row = static_cast<size_t>(std::clamp<ptrdiff_t>(y_, 0, static_cast<ptrdiff_t>(layout_.height) - 1));
     for (size_t d = 0; d < layout_.disparities; d += batch) {
       const size_t count = std::min(batch, layout_.disparities - d);
-      if (left_.plane_count() == 3) {
-        hamming<3>(row, d, count);
-      } else {
-        hamming<4>(row, d, count);
+      switch (left_.plane_count()) {
+        case 3:
+          hamming<3>(row, d, count);
+          break;
+        case 4:
+          hamming<4>(row, d, count);
+          break;
+        case 6:
+          hamming<6>(row, d, count);
+          break;
+        default:
+          hamming<8>(row, d, count);
       }
       for (size_t k = 0; k < count; ++k) {
         const size_t at = (d + k) * lanes;
@@ -86,11 +94,13 @@ class BlockSweep {
       const ColumnCosts<planes> costs(left_, right_, first + static_cast<ptrdiff_t>(i), row);
       for (size_t k = 0; k < count; ++k) hn::StoreU(costs(d + k), Lanes<uint8_t>(), hamming_.data() + k * hamming_pitch + i);
     }
+    const size_t before = first < 0 ? static_cast<size_t>(-first) : 0;
     const size_t inside = static_cast<size_t>(static_cast<ptrdiff_t>(layout_.width) - first);
-    if (inside >= length) return;
+    if (before == 0 && inside >= length) return;
     for (size_t k = 0; k < count; ++k) {
       uint8_t* costs = hamming_.data() + k * hamming_pitch;
-      std::fill(costs + inside, costs + length, costs[inside - 1]);
+      std::fill_n(costs, before, costs[before]);
+      if (inside < length) std::fill(costs + inside, costs + length, costs[inside - 1]);
     }
   }
 

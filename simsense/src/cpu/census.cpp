@@ -10,27 +10,52 @@ HWY_BEFORE_NAMESPACE();
 namespace simsense::cpu::HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
-/// Bits [first_bit, end_bit) of one row, into the plane that holds them.
-void census_row(const PaddedImage& image, size_t window_width, size_t window_height, size_t y, size_t first_bit, size_t end_bit,
-                uint8_t* plane) {
-  const hn::CappedTag<uint8_t, 64> tag;
-  const ptrdiff_t half_width = static_cast<ptrdiff_t>(window_width / 2), half_height = static_cast<ptrdiff_t>(window_height / 2);
+template <class V, class Mask>
+HWY_INLINE V set_bit(V bits, Mask mask, size_t k) {
+  const hn::DFromV<V> tag;
+  return hn::Or(bits, hn::IfThenElseZero(mask, hn::Set(tag, static_cast<hn::TFromV<V>>(1u << k))));
+}
+
+/// The word's bits [first_bit, end_bit) of one row, into the plane that holds them.
+template <class T, CensusKind kind>
+void census_row(const PaddedImage& image, const CensusWindow& window, size_t y, size_t first_bit, size_t end_bit, uint8_t* plane) {
+  const hn::CappedTag<T, 64 / sizeof(T)> tag;
+  const hn::Rebind<uint8_t, decltype(tag)> byte_tag;
   ptrdiff_t offsets[8];
+  const size_t centre_cell = window.width * window.height / 2;
   for (size_t bit = first_bit; bit < end_bit; ++bit) {
-    const ptrdiff_t dx = static_cast<ptrdiff_t>(bit % window_width) - half_width;
-    offsets[bit - first_bit] = (static_cast<ptrdiff_t>(bit / window_width) - half_height) * image.pitch() + dx;
+    const size_t cell = bit + (kind == CensusKind::plain && bit >= centre_cell);
+    const ptrdiff_t dx = static_cast<ptrdiff_t>(cell % window.width) - static_cast<ptrdiff_t>(window.width / 2);
+    const ptrdiff_t dy = static_cast<ptrdiff_t>(cell / window.width) - static_cast<ptrdiff_t>(window.height / 2);
+    offsets[bit - first_bit] = dy * image.pitch() + dx;
   }
-  const uint8_t* centre = image.at(0, static_cast<ptrdiff_t>(y));
+  const T* centre = image.at<T>(0, static_cast<ptrdiff_t>(y));
   for (size_t x = 0; x < image.width(); x += hn::Lanes(tag)) {
     auto bits = hn::Zero(tag);
+    const auto own = hn::LoadU(tag, centre + x);
     for (size_t k = 0; k < end_bit - first_bit; ++k) {
       const auto pixel = hn::LoadU(tag, centre + x + offsets[k]);
-      const auto mirror = hn::LoadU(tag, centre + x - offsets[k]);
-      const auto not_less = hn::Eq(hn::Max(pixel, mirror), pixel);
-      bits = hn::Or(bits, hn::IfThenElseZero(not_less, hn::Set(tag, static_cast<uint8_t>(1u << k))));
+      if constexpr (kind == CensusKind::plain) {
+        bits = set_bit(bits, hn::Lt(pixel, own), k);
+      } else {
+        const auto mirror = hn::LoadU(tag, centre + x - offsets[k]);
+        bits = set_bit(bits, hn::Eq(hn::Max(pixel, mirror), pixel), k);
+      }
     }
-    hn::StoreU(bits, tag, plane + x);
+    if constexpr (sizeof(T) == 1) {
+      hn::StoreU(bits, byte_tag, plane + x);
+    } else {
+      hn::StoreU(hn::DemoteTo(byte_tag, hn::BitCast(hn::RebindToSigned<decltype(tag)>(), bits)), byte_tag, plane + x);
+    }
   }
+}
+
+void census_bits(const PaddedImage& image, const CensusWindow& window, size_t y, size_t first_bit, size_t end_bit, uint8_t* plane) {
+  const bool plain = window.kind == CensusKind::plain;
+  const auto row = image.element_bytes() == 1
+                       ? (plain ? census_row<uint8_t, CensusKind::plain> : census_row<uint8_t, CensusKind::center_symmetric>)
+                       : (plain ? census_row<uint16_t, CensusKind::plain> : census_row<uint16_t, CensusKind::center_symmetric>);
+  row(image, window, y, first_bit, end_bit, plane);
 }
 
 }  // namespace simsense::cpu::HWY_NAMESPACE
@@ -41,40 +66,60 @@ HWY_AFTER_NAMESPACE();
 
 namespace simsense::cpu {
 
-HWY_EXPORT(census_row);
+HWY_EXPORT(census_bits);
 
-PaddedImage::PaddedImage(size_t width, size_t height)
+namespace {
+
+size_t planes_for(size_t bit_count) {
+  for (const size_t planes : {3, 4, 6})
+    if (bit_count <= 8 * planes) return planes;
+  return 8;
+}
+
+}  // namespace
+
+PaddedImage::PaddedImage(size_t width, size_t height, size_t element_bytes)
     : width_(width),
-      pitch_(static_cast<ptrdiff_t>(round_up(width, 64) + 2 * border)),
-      storage_(static_cast<size_t>(pitch_) * (height + 2 * border)),
-      origin_(storage_.data() + static_cast<ptrdiff_t>(border) * pitch_ + border) {}
+      element_bytes_(element_bytes),
+      pitch_(static_cast<ptrdiff_t>(round_up(width, 64)) + 2 * border),
+      storage_(static_cast<size_t>(pitch_) * (height + 2 * border) * element_bytes) {}
 
 void PaddedImage::copy_rows(ConstImage image, size_t first_row, size_t end_row) {
+  const auto bytes = static_cast<ptrdiff_t>(element_bytes_);
   for (size_t y = first_row; y < end_row; ++y) {
     const ptrdiff_t row = static_cast<ptrdiff_t>(y);
-    std::copy_n(image.data + row * image.row_stride, width_, origin_ + row * pitch_);
+    std::copy_n(image.data + row * image.row_stride * bytes, width_ * element_bytes_,
+                storage_.data() + ((row + border) * pitch_ + border) * bytes);
   }
 }
 
-CensusPlanes::CensusPlanes(size_t width, size_t height, size_t bit_count, size_t left_reach)
-    : height_(height),
-      plane_count_(bit_count > 24 ? 4 : 3),
-      left_pad_(round_up(left_reach, 64)),
-      pitch_(left_pad_ + round_up(width, 64) + right_reach),
+CensusPlanes::CensusPlanes(size_t width, size_t height, size_t bit_count, size_t left_reach, ptrdiff_t shift)
+    : width_(width),
+      height_(height),
+      plane_count_(planes_for(bit_count)),
+      shift_(shift),
+      left_pad_(round_up(std::max(left_reach, static_cast<size_t>(std::max<ptrdiff_t>(0, -shift))), 64)),
+      pitch_(left_pad_ + round_up(width + static_cast<size_t>(std::max<ptrdiff_t>(0, shift)), 64) + right_reach),
       storage_(plane_count_ * height * pitch_) {}
 
-void CensusPlanes::repeat_first_column(size_t y) {
-  for (size_t plane = 0; plane < plane_count_; ++plane) std::fill_n(row(plane, y) - left_pad_, left_pad_, row(plane, y)[0]);
+void CensusPlanes::repeat_ends(size_t y) {
+  const ptrdiff_t end = shift_ + static_cast<ptrdiff_t>(width_);
+  for (size_t plane = 0; plane < plane_count_; ++plane) {
+    uint8_t* columns = row(plane, y);
+    std::fill(columns - left_pad_, columns + shift_, columns[shift_]);
+    if (end < static_cast<ptrdiff_t>(width_)) std::fill(columns + end, columns + width_ + right_reach, columns[end - 1]);
+  }
 }
 
-void census_rows(const PaddedImage& image, size_t window_width, size_t window_height, size_t first_row, size_t end_row,
-                 CensusPlanes& census) {
-  const size_t bit_count = (window_width * window_height - 1) / 2;
+void census_rows(const PaddedImage& image, const CensusWindow& window, size_t first_row, size_t end_row, CensusPlanes& census) {
+  const size_t cells = window.width * window.height;
+  const size_t bit_count = window.kind == CensusKind::plain ? cells - 1 : (cells - 1) / 2;
   for (size_t y = first_row; y < end_row; ++y) {
     for (size_t bit = 0; bit < bit_count; bit += 8) {
-      HWY_DYNAMIC_DISPATCH(census_row)(image, window_width, window_height, y, bit, std::min(bit + 8, bit_count), census.row(bit / 8, y));
+      HWY_DYNAMIC_DISPATCH(census_bits)
+      (image, window, y, bit, std::min(bit + 8, bit_count), census.row(bit / 8, y) + census.shift());
     }
-    census.repeat_first_column(y);
+    census.repeat_ends(y);
   }
 }
 

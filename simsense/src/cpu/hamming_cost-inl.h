@@ -29,7 +29,9 @@ HWY_INLINE V bit_count(const V* word) {
   const auto first_three = hn::Add(hn::PopulationCount(sum), hn::Add(carries, carries));
 #endif
   if constexpr (planes == 3) return first_three;
-  return hn::Add(first_three, hn::PopulationCount(word[planes - 1]));
+  auto count = first_three;
+  for (size_t p = 3; p < planes; ++p) count = hn::Add(count, hn::PopulationCount(word[p]));
+  return count;
 }
 
 /// Lanes are neighbouring columns: disparity moves the right image's bytes by one.
@@ -97,38 +99,41 @@ struct HammingCost {
           right_(right),
           layout_(layout),
           left_strip_(layout.blocks * lanes * pixel),
-          right_strip_((layout.blocks * lanes + layout.disparities) * pixel) {}
+          right_strip_((layout.blocks * lanes + left_columns()) * pixel) {}
 
     void begin(Range rows) {
-      uint8_t* right_column0 = right_strip_.data() + layout_.disparities * pixel;
+      uint8_t* right_column0 = right_strip_.data() + left_columns() * pixel;
+      const ptrdiff_t first = right_.shift() < 0 ? -static_cast<ptrdiff_t>(left_columns()) : 0;
+      const ptrdiff_t end = static_cast<ptrdiff_t>(layout_.blocks * lanes);
       for (size_t p = 0; p < planes; ++p) {
-        for (size_t block = 0; block < layout_.blocks; ++block) {
-          const size_t at = block * lanes * pixel + p * lanes;
-          transpose_columns(left_, p, rows, block, left_strip_.data() + at);
-          transpose_columns(right_, p, rows, block, right_column0 + at);
-        }
+        for (ptrdiff_t x = 0; x < end; x += lanes) transpose_columns(left_, p, rows, x, left_strip_.data());
+        for (ptrdiff_t x = first; x < end; x += lanes) transpose_columns(right_, p, rows, x, right_column0);
       }
-      for (size_t d = 1; d <= layout_.disparities; ++d) std::copy_n(right_column0, pixel, right_column0 - d * pixel);
+      if (first == 0) {
+        for (size_t d = 1; d <= layout_.disparities; ++d) std::copy_n(right_column0, pixel, right_column0 - d * pixel);
+      }
     }
     void begin_tile(size_t) {}
     HWY_INLINE ColumnCosts<planes> column_costs(size_t block, size_t y) const {
       return ColumnCosts<planes>(left_, right_, static_cast<ptrdiff_t>(block * lanes), y);
     }
     HWY_INLINE RowCosts<planes> row_costs(size_t x) const {
-      return RowCosts<planes>(left_strip_.data() + x * pixel, right_strip_.data() + (layout_.disparities + x) * pixel);
+      return RowCosts<planes>(left_strip_.data() + x * pixel, right_strip_.data() + (left_columns() + x) * pixel);
     }
 
    private:
     static constexpr size_t lanes = lane_count<uint8_t>, pixel = planes * lanes;
+    [[nodiscard]] size_t left_columns() const { return round_up(layout_.disparities, lanes); }
 
-    static void transpose_columns(const CensusPlanes& census, size_t plane, Range rows, size_t block, uint8_t* to) {
+    /// A square of columns from x on, into the strip whose column 0 is given.
+    static void transpose_columns(const CensusPlanes& census, size_t plane, Range rows, ptrdiff_t x, uint8_t* column0) {
       const Lanes<uint8_t> tag;
       HWY_ALIGN uint8_t square[lanes * lanes];
       for (size_t i = 0; i < lanes; ++i) {
         const size_t y = std::min(rows.begin + i, rows.end - 1);
-        hn::Store(hn::LoadU(tag, census.row(plane, y) + block * lanes), tag, square + i * lanes);
+        hn::Store(hn::LoadU(tag, census.row(plane, y) + x), tag, square + i * lanes);
       }
-      transpose(square, lanes, to, pixel, lanes);
+      transpose(square, lanes, column0 + x * static_cast<ptrdiff_t>(pixel) + static_cast<ptrdiff_t>(plane * lanes), pixel, lanes);
     }
 
     const CensusPlanes& left_;

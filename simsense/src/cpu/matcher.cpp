@@ -21,27 +21,28 @@ class CpuMatcher final : public Matcher {
         parameters_(p),
         workers_(workers),
         images_{{width, height}, {width, height}},
-        census_{{width, height, bit_count(p), cpu::left_reach(p)}, {width, height, bit_count(p), cpu::left_reach(p)}},
-        aggregation_(cpu::make_aggregation(census_[0], census_[1], width, height, p, workers.size())),
+        census_{{width, height, p.census_bits(), cpu::left_reach(p)},
+                {width, height, p.census_bits(), cpu::left_reach(p), p.min_disparity}},
+        penalties_(width, height, p),
+        aggregation_(cpu::make_aggregation(census_[0], census_[1], penalties_, width, height, p, workers.size())),
         unfiltered_(size_t{width} * height) {}
 
-  void match(ConstImage left, ConstImage right, float* disparity) override {
+  void match(ConstImage left, ConstImage right, const MatchMaps& maps) override {
     times_.clear();
-    const ConstImage pair[2] = {left, right};
     timed("census", [&] {
-      for (size_t eye = 0; eye < 2; ++eye) {
-        for_rows([&](size_t begin, size_t end) { images_[eye].copy_rows(pair[eye], begin, end); });
-        for_rows([&](size_t begin, size_t end) {
-          cpu::census_rows(images_[eye], parameters_.census_width, parameters_.census_height, begin, end, census_[eye]);
-        });
-      }
+      transform(left, 0);
+      transform(right, 1);
+      if (!penalties_.uniform()) for_rows([&](size_t begin, size_t end) { penalties_.compute_rows(images_[0], begin, end); });
     });
+    MatchMaps unfiltered = maps;
+    unfiltered.disparity = unfiltered_.data();
     timed("vertical paths", [&] { workers_.parallel_for(aggregation_->sweep_count(), [&](size_t i) { aggregation_->sweep(i); }); });
     timed("aggregation and winner",
-          [&] { workers_.parallel_for(aggregation_->band_count(), [&](size_t i) { aggregation_->match_band(i, unfiltered_.data()); }); });
+          [&] { workers_.parallel_for(aggregation_->band_count(), [&](size_t i) { aggregation_->match_band(i, unfiltered); }); });
     timed("median", [&] {
       for_rows([&](size_t begin, size_t end) {
-        cpu::median_rows(unfiltered_.data(), width_, height_, parameters_.median_size, begin, end, disparity);
+        cpu::median_rows(unfiltered_.data(), width_, height_, parameters_.median_size, begin, end, maps.disparity);
+        follow_median(maps, begin * width_, end * width_);
       });
     });
   }
@@ -49,7 +50,23 @@ class CpuMatcher final : public Matcher {
   [[nodiscard]] std::vector<ks_stage_time> stage_times() const override { return times_; }
 
  private:
-  static size_t bit_count(const MatchParameters& p) { return (size_t{p.census_width} * p.census_height - 1) / 2; }
+  void transform(ConstImage image, size_t eye) {
+    if (images_[eye].element_bytes() != image.element_bytes) images_[eye] = {width_, height_, image.element_bytes};
+    const cpu::CensusWindow window{parameters_.census, parameters_.census_width, parameters_.census_height};
+    for_rows([&](size_t begin, size_t end) { images_[eye].copy_rows(image, begin, end); });
+    for_rows([&](size_t begin, size_t end) { cpu::census_rows(images_[eye], window, begin, end, census_[eye]); });
+  }
+
+  /// The other maps tell of the disparity after the median.
+  void follow_median(const MatchMaps& maps, size_t begin, size_t end) const {
+    for (size_t i = begin; i < end && (maps.reason || maps.confidence); ++i) {
+      const bool valid = maps.disparity[i] != parameters_.invalid_disparity();
+      if (maps.confidence && !valid) maps.confidence[i] = 0;
+      if (!maps.reason) continue;
+      if (valid) maps.reason[i] = MatchReason::valid;
+      if (!valid && maps.reason[i] == MatchReason::valid) maps.reason[i] = MatchReason::isolated;
+    }
+  }
 
   template <class F>
   void for_rows(F&& fn) {
@@ -72,6 +89,7 @@ class CpuMatcher final : public Matcher {
   ks::ThreadPool& workers_;
   cpu::PaddedImage images_[2];
   cpu::CensusPlanes census_[2];
+  cpu::PenaltyMaps penalties_;
   std::unique_ptr<cpu::Aggregation> aggregation_;
   cpu::Buffer<float> unfiltered_;
   std::vector<ks_stage_time> times_;

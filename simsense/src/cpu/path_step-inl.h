@@ -12,13 +12,31 @@
 #include <algorithm>
 
 #include "cpu/lanes-inl.h"
+#include "cpu/penalty_maps.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace simsense::cpu::HWY_NAMESPACE {
 
+/// P1, and P2 for a vector of pixels.
 template <class T>
 struct Penalties {
-  T p1, p2;
+  T p1, p2, area;
+  const PenaltyMaps* maps;
+
+  [[nodiscard]] bool uniform() const { return maps->uniform(); }
+  /// Lanes are columns from x on.
+  HWY_INLINE Vector<T> columns(PathDirection direction, ptrdiff_t x, size_t y) const {
+    return uniform() ? hn::Set(Lanes<T>(), p2) : scaled(maps->row(direction, y) + x);
+  }
+  /// Lanes are what lies in memory side by side.
+  HWY_INLINE Vector<T> scaled(const uint8_t* per_pixel) const {
+    const Lanes<T> tag;
+    if constexpr (sizeof(T) == 1) {
+      return hn::LoadU(tag, per_pixel);
+    } else {
+      return hn::Mul(hn::PromoteTo(tag, hn::LoadU(hn::Rebind<uint8_t, Lanes<T>>(), per_pixel)), hn::Set(tag, area));
+    }
+  }
 };
 
 /// A path's state: L of the pixel before for each d, a row of `unreachable` (the neighbour of d = D - 1), and min over d of L.
@@ -35,19 +53,33 @@ void enter_image(size_t disparities, T* state) {
   std::fill_n(state + disparities * lanes, lanes, unreachable<T>);
 }
 
+/// A state of its own, [row][lanes].
+template <class T>
+struct PackedState {
+  T* HWY_RESTRICT rows;
+  HWY_INLINE Vector<T> load(size_t row) const { return hn::Load(Lanes<T>(), rows + row * lane_count<T>); }
+  HWY_INLINE void store(size_t row, Vector<T> v) const { hn::Store(v, Lanes<T>(), rows + row * lane_count<T>); }
+};
+
+/// Part of the states of a whole row of pixels, [row][pitch]; the path comes from `step` columns further right.
+template <class T>
+struct SlantedState {
+  T* rows;
+  ptrdiff_t pitch, step;
+  HWY_INLINE Vector<T> load(size_t row) const { return hn::LoadU(Lanes<T>(), rows + static_cast<ptrdiff_t>(row) * pitch + step); }
+  HWY_INLINE void store(size_t row, Vector<T> v) const { hn::StoreU(v, Lanes<T>(), rows + static_cast<ptrdiff_t>(row) * pitch); }
+};
+
 /// Moves the state one pixel on. cost(d) gives the pixel's costs; visit(d, m, cost) sees every disparity.
-template <class T, class Cost, class Visit>
-HWY_INLINE void path_step(Penalties<T> penalties, size_t disparities, const Cost& cost, T* HWY_RESTRICT state, Visit& visit) {
-  const Lanes<T> tag;
-  constexpr size_t lanes = lane_count<T>;
-  T* lowest_row = state + (disparities + 1) * lanes;
-  const auto p1 = hn::Set(tag, penalties.p1);
-  const auto lowest = hn::Load(tag, lowest_row);
-  const auto jump = add_bounded(lowest, hn::Set(tag, penalties.p2));
-  auto below = hn::Set(tag, unreachable<T>), here = hn::Load(tag, state), new_lowest = below;
+template <class T, class State, class Cost, class Visit>
+HWY_INLINE void path_step(T p1_value, Vector<T> p2, size_t disparities, const Cost& cost, State state, Visit& visit) {
+  const auto p1 = hn::Set(Lanes<T>(), p1_value);
+  const auto lowest = state.load(disparities + 1);
+  const auto jump = add_bounded(lowest, p2);
+  auto below = hn::Set(Lanes<T>(), unreachable<T>), here = state.load(0), new_lowest = below;
 #pragma GCC unroll 4
   for (size_t d = 0; d < disparities; ++d) {
-    const auto above = hn::Load(tag, state + (d + 1) * lanes);
+    const auto above = state.load(d + 1);
     const auto c = cost(d);
     const auto beside = add_bounded(hn::Min(below, above), p1);
     const auto m = hn::Sub(hn::Min(hn::Min(beside, here), jump), lowest);
@@ -56,9 +88,9 @@ HWY_INLINE void path_step(Penalties<T> penalties, size_t disparities, const Cost
     new_lowest = hn::Min(new_lowest, path_cost);
     below = here;
     here = above;
-    hn::Store(path_cost, tag, state + d * lanes);
+    state.store(d, path_cost);
   }
-  hn::Store(new_lowest, tag, lowest_row);
+  state.store(disparities + 1, new_lowest);
 }
 
 /// Visitors. The state alone is wanted:
@@ -85,7 +117,7 @@ struct KeepPathAndCost {
   }
 };
 
-/// Add m to the opposite path's.
+/// Add m to what other paths left.
 template <class T>
 struct AddPath {
   T* HWY_RESTRICT m_row;

@@ -16,8 +16,7 @@
 #include "cpu/layout.h"
 #include "cpu/path_step-inl.h"
 #include "cpu/sgm.h"
-#include "cpu/subpixel-inl.h"
-#include "cpu/winner-inl.h"
+#include "cpu/winner_strip-inl.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace simsense::cpu::HWY_NAMESPACE {
@@ -40,16 +39,6 @@ class VerticalStates {
   Buffer<T> up_, down_;
 };
 
-/// What all workers share.
-template <class T>
-struct Shared {
-  Layout layout;
-  MatchParameters parameters;
-  Penalties<T> penalties;
-  std::vector<T> thresholds;
-  VerticalStates<T> states;
-};
-
 /// One worker's band of strips.
 template <class Cost>
 class Band {
@@ -57,13 +46,12 @@ class Band {
   static constexpr size_t lanes = lane_count<T>, column_group = std::min<size_t>(16, lanes);
 
  public:
-  Band(const CensusPlanes& left, const CensusPlanes& right, Shared<T>& shared)
+  Band(const CensusPlanes& left, const CensusPlanes& right, const Shared<T>& shared, VerticalStates<T>& states)
       : shared_(shared),
+        states_(states),
         layout_(shared.layout),
         disparities_(layout_.disparities),
-        state_size_(shared.states.size()),
-        row_pitch_(layout_.blocks * lanes),
-        right_pitch_(round_up(disparities_ + lanes, lanes) + row_pitch_),
+        state_size_(states.size()),
         costs_(left, right, shared.parameters, layout_),
         leftward_(round_up(layout_.width, column_group) / column_group * state_size_),
         path_state_(state_size_),
@@ -71,27 +59,23 @@ class Band {
         across_(lanes * across_pitch()),
         up_(layout_.max_group_rows() * pixel()),
         stash_(std::max(layout_.max_group_rows(), column_group) * pixel()),
-        summed_(disparities_),
-        winners_(8 * layout_.max_strip_rows() * row_pitch_),
-        right_(2 * layout_.max_strip_rows() * right_pitch_),
-        right_row_(row_pitch_ + 64),
-        disparity_row_(row_pitch_ + 64) {}
+        jump_rows_(shared.penalties.uniform() ? 0 : (layout_.blocks + 1) * lanes * lanes),
+        winners_(shared) {}
 
-  void match(size_t band, float* disparity) {
+  void match(size_t band, const MatchMaps& maps) {
     const Range strips = layout_.band_strips(band);
     for (size_t s = strips.begin; s < strips.end; ++s) {
       rows_ = layout_.strip(s);
       costs_.begin(rows_);
+      if (!shared_.penalties.uniform()) gather_jump_rows();
       leave_leftward_states();
       enter_image(disparities_, rightward_state_.data());
-      const size_t right_size = layout_.max_strip_rows() * right_pitch_;
-      std::fill_n(right_.data(), right_size, hwy::LimitsMax<T>());
-      std::fill_n(right_.data() + right_size, right_size, T{0});
+      winners_.begin(rows_, maps.confidence != nullptr);
       for (size_t block = 0; block < layout_.blocks; ++block) {
         horizontal_paths(block);
         for (size_t g = s * layout_.groups_per_strip; g < (s + 1) * layout_.groups_per_strip; ++g) vertical_paths(band, g, block);
       }
-      finish(disparity);
+      winners_.finish(maps);
     }
   }
 
@@ -103,13 +87,17 @@ class Band {
     return {group * column_group, std::min(layout_.width, (group + 1) * column_group)};
   }
   T* leftward_state(size_t group) { return leftward_.data() + group * state_size_; }
+  /// P2 between column x and the one before it, for the strip's rows.
+  HWY_INLINE Vector<T> jump_across(size_t x) const {
+    return shared_.penalties.uniform() ? hn::Set(Lanes<T>(), shared_.penalties.p2)
+                                       : shared_.penalties.scaled(jump_rows_.data() + x * lanes);
+  }
 
-  WinnerRow<T> winner_row(size_t y) {
-    const size_t plane = layout_.max_strip_rows() * row_pitch_, right_plane = layout_.max_strip_rows() * right_pitch_;
-    T* row = winners_.data() + (y - rows_.begin) * row_pitch_;
-    T* right = right_.data() + (y - rows_.begin) * right_pitch_ + right_pitch_ - row_pitch_;
-    return {row,   row + plane,        row + 2 * plane, row + 3 * plane, row + 4 * plane, row + 5 * plane, row + 6 * plane, row + 7 * plane,
-            right, right + right_plane};
+  void gather_jump_rows() {
+    for (size_t x = 0; x <= layout_.width; ++x) {
+      for (size_t i = 0; i < rows_.size(); ++i)
+        jump_rows_.data()[x * lanes + i] = shared_.penalties.maps->row(from_left, rows_.begin + i)[x];
+    }
   }
 
   /// Follows the strip's leftward paths and leaves their state at each group of columns.
@@ -123,7 +111,7 @@ class Band {
       for (size_t group = round_up(columns.end, column_group) / column_group; group-- > columns.begin / column_group;) {
         std::copy_n(state, state_size_, leftward_state(group));
         const Range in_group = column_range(group);
-        for (size_t x = in_group.end; x-- > in_group.begin;) path_step(shared_.penalties, disparities_, costs_.row_costs(x), state, pass);
+        for (size_t x = in_group.end; x-- > in_group.begin;) step(jump_across(x + 1), costs_.row_costs(x), state, pass);
       }
     }
   }
@@ -137,14 +125,14 @@ class Band {
       T* leftward = leftward_state(group);
       for (size_t x = in_group.end; x-- > in_group.begin;) {
         T* m_row = across_.data() + (x - columns.begin) * across_pitch();
-        keep_path(costs_.row_costs(x), leftward, m_row, x - in_group.begin);
+        keep_path(jump_across(x + 1), costs_.row_costs(x), leftward, m_row, x - in_group.begin);
       }
       for (size_t x = in_group.begin; x < in_group.end; ++x) {
         AddPath<T> add{across_.data() + (x - columns.begin) * across_pitch()};
         if constexpr (Cost::in_memory) {
-          path_step(shared_.penalties, disparities_, costs_.row_costs(x), rightward_state_.data(), add);
+          step(jump_across(x), costs_.row_costs(x), rightward_state_.data(), add);
         } else {
-          path_step(shared_.penalties, disparities_, stashed(x - in_group.begin), rightward_state_.data(), add);
+          step(jump_across(x), stashed(x - in_group.begin), rightward_state_.data(), add);
         }
       }
     }
@@ -158,66 +146,44 @@ class Band {
   void vertical_paths(size_t band, size_t group, size_t block) {
     const Range rows = layout_.group(group);
     T* upward = path_state_.data();
-    std::copy_n(shared_.states.up(group, block), state_size_, upward);
+    std::copy_n(states_.up(group, block), state_size_, upward);
     for (size_t y = rows.end; y-- > rows.begin;) {
-      keep_path(costs_.column_costs(block, y), upward, up_.data() + (y - rows.begin) * pixel(), y - rows.begin);
+      const auto p2 = shared_.penalties.columns(from_above, static_cast<ptrdiff_t>(block * lanes), y + 1);
+      keep_path(p2, costs_.column_costs(block, y), upward, up_.data() + (y - rows.begin) * pixel(), y - rows.begin);
     }
-    T* downward = shared_.states.down(band, block);
+    const PackedState<T> downward{states_.down(band, block)};
     for (size_t y = rows.begin; y < rows.end; ++y) {
+      const MeanOfFour<T> mean{across_.data() + (y - rows_.begin) * across_pitch(), up_.data() + (y - rows.begin) * pixel()};
       if constexpr (Cost::in_memory) {
-        sum_and_win(costs_.column_costs(block, y), downward, block, y, y - rows.begin);
+        winners_.sum_and_win(mean, costs_.column_costs(block, y), downward, from_above, block, y);
       } else {
-        sum_and_win(stashed(y - rows.begin), downward, block, y, y - rows.begin);
+        winners_.sum_and_win(mean, stashed(y - rows.begin), downward, from_above, block, y);
       }
     }
   }
 
-  HWY_INLINE void sum_and_win(const StoredCosts<T>& cost, T* state, size_t block, size_t y, size_t row_in_group) {
-    const Lanes<T> tag;
-    SumAndWinner<T> winner(across_.data() + (y - rows_.begin) * across_pitch(), up_.data() + row_in_group * pixel(), summed_.row(0));
-    path_step(shared_.penalties, disparities_, cost, state, winner);
-    winner.finish();
-    const WinnerRow<T> row = winner_row(y);
-    const size_t x = block * lanes;
-    hn::Store(winner.winner, tag, row.disparity + x);
-    hn::Store(winner.before, tag, row.before + x);
-    hn::Store(winner.lowest, tag, row.lowest + x);
-    hn::Store(winner.after, tag, row.after + x);
-    hn::Store(ambiguity(winner, disparities_, summed_.row(0), shared_.thresholds), tag, row.ambiguous + x);
-    if (uses_block_costs(shared_.parameters)) {
-      costs_around(row.disparity + x, cost.row, disparities_, row.block_before + x, row.block_lowest + x, row.block_after + x);
-    }
-    if (shared_.parameters.lr_max_diff < 0) return;
-    const size_t inside = layout_.columns(block).size();
-    if (inside < lanes) {  // no right pixel may match what lies beyond the last column
-      for (size_t d = 0; d < disparities_; ++d) std::fill(summed_.row(d) + inside, summed_.row(d) + lanes, hwy::LimitsMax<T>());
-    }
-    offer_to_right(disparities_, summed_.row(0), row.right_lowest + x, row.right_disparity + x);
+  template <class CostAt, class Visit>
+  HWY_INLINE void step(Vector<T> p2, const CostAt& cost, T* state, Visit& visit) {
+    path_step(shared_.penalties.p1, p2, disparities_, cost, PackedState<T>{state}, visit);
   }
 
   /// One step that keeps m, and the costs too where asking for them again would compute them again.
   template <class CostAt>
-  HWY_INLINE void keep_path(const CostAt& cost, T* state, T* m_row, size_t stash_slot) {
+  HWY_INLINE void keep_path(Vector<T> p2, const CostAt& cost, T* state, T* m_row, size_t stash_slot) {
     if constexpr (Cost::in_memory) {
       KeepPath<T> keep{m_row};
-      path_step(shared_.penalties, disparities_, cost, state, keep);
+      step(p2, cost, state, keep);
     } else {
       KeepPathAndCost<T> keep{m_row, stash_.data() + stash_slot * pixel()};
-      path_step(shared_.penalties, disparities_, cost, state, keep);
+      step(p2, cost, state, keep);
     }
   }
   StoredCosts<T> stashed(size_t slot) const { return {stash_.data() + slot * pixel()}; }
 
-  void finish(float* disparity) {
-    for (size_t y = rows_.begin; y < rows_.end; ++y) {
-      finish_row(winner_row(y), layout_.width, shared_.parameters, right_row_.data(), disparity_row_.data());
-      std::copy_n(disparity_row_.data(), layout_.width, disparity + y * layout_.width);
-    }
-  }
-
-  Shared<T>& shared_;
+  const Shared<T>& shared_;
+  VerticalStates<T>& states_;
   const Layout& layout_;
-  size_t disparities_, state_size_, row_pitch_, right_pitch_;
+  size_t disparities_, state_size_;
   Range rows_{};
   typename Cost::Strip costs_;
   Buffer<T> leftward_;         // [column group] states
@@ -226,10 +192,8 @@ class Band {
   Buffer<T> across_;           // sum of m of both horizontal paths in a tile: [column][d][row], then [row][d][column]
   Buffer<T> up_;               // m of the upward paths in a group: [row][d][column]
   Buffer<T> stash_;            // costs of a replayed group
-  SummedCosts<T> summed_;
-  Buffer<T> winners_, right_;
-  Buffer<int32_t> right_row_;
-  Buffer<float> disparity_row_;
+  Buffer<uint8_t> jump_rows_;  // [column][row] P2 per pixel of the block, unless it is one everywhere
+  WinnerStrip<T> winners_;
 };
 
 template <class Cost>
@@ -238,12 +202,18 @@ class Sgm final : public Aggregation {
   static constexpr size_t lanes = lane_count<T>;
 
  public:
-  Sgm(const CensusPlanes& left, const CensusPlanes& right, size_t width, size_t height, const MatchParameters& p, size_t threads)
-      : Sgm(left, right, Layout(width, height, p.max_disparity, lanes, threads), p) {}
+  Sgm(const CensusPlanes& left, const CensusPlanes& right, const PenaltyMaps& maps, size_t width, size_t height, const MatchParameters& p,
+      size_t threads)
+      : shared_(Layout(width, height, p.max_disparity, lanes, threads), p, maps), states_(shared_.layout) {
+    const size_t directions = shared_.layout.bands > 1 ? 2 : 1;
+    for (size_t i = 0; i < directions * chunks(); ++i) sweeps_.emplace_back(left, right, p, shared_.layout);
+    for (size_t i = 0; i < shared_.layout.bands; ++i) bands_.emplace_back(left, right, shared_, states_);
+    sweep_states_ = Buffer<T>(sweeps_.size() * Cost::Sweep::blocks * states_.size());
+  }
 
   [[nodiscard]] size_t sweep_count() const override { return sweeps_.size(); }
   [[nodiscard]] size_t band_count() const override { return bands_.size(); }
-  void match_band(size_t index, float* disparity) override { bands_[index].match(index, disparity); }
+  void match_band(size_t index, const MatchMaps& maps) override { bands_[index].match(index, maps); }
 
   void sweep(size_t index) override {
     if (index < chunks()) {
@@ -254,34 +224,20 @@ class Sgm final : public Aggregation {
   }
 
  private:
-  Sgm(const CensusPlanes& left, const CensusPlanes& right, const Layout& layout, const MatchParameters& p)
-      : area_(p.block_width * p.block_height),
-        max_cost_(((p.census_width * p.census_height - 1) / 2 + p.p2) * area_),
-        shared_{layout,
-                p,
-                {static_cast<T>(p.p1 * area_), static_cast<T>(p.p2 * area_)},
-                uniqueness_thresholds<T>(p.uniqueness_ratio, max_cost_),
-                VerticalStates<T>(layout)} {
-    const size_t directions = shared_.layout.bands > 1 ? 2 : 1;
-    for (size_t i = 0; i < directions * chunks(); ++i) sweeps_.emplace_back(left, right, p, shared_.layout);
-    for (size_t i = 0; i < shared_.layout.bands; ++i) bands_.emplace_back(left, right, shared_);
-    sweep_states_ = Buffer<T>(sweeps_.size() * Cost::Sweep::blocks * shared_.states.size());
-  }
-
   [[nodiscard]] size_t chunks() const { return round_up(shared_.layout.blocks, Cost::Sweep::blocks) / Cost::Sweep::blocks; }
   [[nodiscard]] Range chunk_blocks(size_t chunk) const {
     return {chunk * Cost::Sweep::blocks, std::min(shared_.layout.blocks, (chunk + 1) * Cost::Sweep::blocks)};
   }
-  T* sweep_state(size_t index, size_t block) {
-    return sweep_states_.data() + (index * Cost::Sweep::blocks + block) * shared_.states.size();
-  }
+  T* sweep_state(size_t index, size_t block) { return sweep_states_.data() + (index * Cost::Sweep::blocks + block) * states_.size(); }
 
-  void step_row(size_t index, size_t y, size_t block_count) {
+  /// jump_row: where the penalties between y and the row before it are.
+  void step_row(size_t index, size_t y, size_t jump_row, Range blocks) {
     auto& costs = sweeps_[index];
     costs.advance(y);
     Pass pass;
-    for (size_t k = 0; k < block_count; ++k) {
-      path_step(shared_.penalties, shared_.layout.disparities, costs.costs(k), sweep_state(index, k), pass);
+    for (size_t k = 0; k < blocks.size(); ++k) {
+      const auto p2 = shared_.penalties.columns(from_above, static_cast<ptrdiff_t>((blocks.begin + k) * lanes), jump_row);
+      path_step(shared_.penalties.p1, p2, shared_.layout.disparities, costs.costs(k), PackedState<T>{sweep_state(index, k)}, pass);
     }
   }
 
@@ -293,13 +249,13 @@ class Sgm final : public Aggregation {
     for (size_t k = 0; k < blocks.size(); ++k) enter_image(layout.disparities, sweep_state(index, k));
     for (size_t group = layout.groups(); group-- > 0;) {
       for (size_t k = 0; k < blocks.size(); ++k) {
-        std::copy_n(sweep_state(index, k), shared_.states.size(), shared_.states.up(group, blocks.begin + k));
+        std::copy_n(sweep_state(index, k), states_.size(), states_.up(group, blocks.begin + k));
       }
       if (group == 0) break;
       const Range rows = layout.group(group);
-      for (size_t y = rows.end; y-- > rows.begin;) step_row(index, y, blocks.size());
+      for (size_t y = rows.end; y-- > rows.begin;) step_row(index, y, y + 1, blocks);
     }
-    for (size_t block = blocks.begin; block < blocks.end; ++block) enter_image(layout.disparities, shared_.states.down(0, block));
+    for (size_t block = blocks.begin; block < blocks.end; ++block) enter_image(layout.disparities, states_.down(0, block));
   }
 
   /// Downward paths, saved where they enter each band but the first.
@@ -310,15 +266,15 @@ class Sgm final : public Aggregation {
     for (size_t k = 0; k < blocks.size(); ++k) enter_image(layout.disparities, sweep_state(index, k));
     size_t y = 0;
     for (size_t band = 1; band < layout.bands; ++band) {
-      for (; y < layout.band_first_row(band); ++y) step_row(index, y, blocks.size());
+      for (; y < layout.band_first_row(band); ++y) step_row(index, y, y, blocks);
       for (size_t k = 0; k < blocks.size(); ++k) {
-        std::copy_n(sweep_state(index, k), shared_.states.size(), shared_.states.down(band, blocks.begin + k));
+        std::copy_n(sweep_state(index, k), states_.size(), states_.down(band, blocks.begin + k));
       }
     }
   }
 
-  size_t area_, max_cost_;
   Shared<T> shared_;
+  VerticalStates<T> states_;
   std::vector<typename Cost::Sweep> sweeps_;
   std::vector<Band<Cost>> bands_;
   Buffer<T> sweep_states_;

@@ -6,6 +6,7 @@
 #define SIMSENSE_CPU_SUBPIXEL_INL_H_
 #endif
 
+#include "cpu/buffer.h"
 #include "cpu/winner-inl.h"
 #include "matcher.h"
 
@@ -25,7 +26,7 @@ HWY_INLINE hn::Vec<Ints> load_ints(const T* values) {
 }
 
 /// The equiangular step looks at the block's costs, where there is a block.
-inline bool uses_block_costs(const MatchParameters& p) { return p.subpixel == Subpixel::equiangular && p.block_width * p.block_height > 1; }
+inline bool uses_block_costs(const MatchParameters& p) { return p.subpixel == Subpixel::equiangular && p.block_area() > 1; }
 
 struct Triple {
   hn::Vec<Ints> before, lowest, after;
@@ -57,17 +58,43 @@ HWY_INLINE hn::Vec<Floats> between(hn::Vec<Ints> winner, const Triple& cost, Sub
   return hn::Sub(hn::ConvertTo(floats, winner), hn::IfThenZeroElse(hn::RebindMask(floats, flat), offset));
 }
 
-/// disparity[0 .. width), -1 where not unique or where the right image disagrees; `right` is scratch of the row's padded width.
+/// The rows of the maps that a row's winners end in; those not wanted are nullptr. Readable and writable one vector beyond the width.
+struct MapRows {
+  float *disparity, *confidence;
+  uint8_t* reason;  // MatchReason
+};
+
+/// 1 - lowest / second, 0 where the second is 0.
 template <class T>
-void finish_row(const WinnerRow<T>& row, size_t width, const MatchParameters& parameters, int32_t* right, float* disparity) {
+HWY_INLINE hn::Vec<Floats> confidence_of(const WinnerRow<T>& row, size_t x) {
+  const Floats floats;
+  const auto second = load_ints(row.second + x), none = hn::Zero(Ints());
+  const auto divisor = hn::ConvertTo(floats, hn::Max(second, hn::Set(Ints(), 1)));
+  const auto ratio = hn::Div(hn::ConvertTo(floats, load_ints(row.lowest + x)), divisor);
+  return hn::IfThenZeroElse(hn::RebindMask(floats, hn::Eq(second, none)), hn::Sub(hn::Set(floats, 1.0f), ratio));
+}
+
+template <class V>
+HWY_INLINE V reason_where(hn::Mask<hn::DFromV<V>> mask, MatchReason reason, V otherwise) {
+  return hn::IfThenElse(mask, hn::Set(hn::DFromV<V>(), static_cast<int32_t>(reason)), otherwise);
+}
+
+/// Columns [0, width): not unique, or disagreeing with the right image, or valid. `right` is scratch of right_scratch_size.
+template <class T>
+void finish_row(const WinnerRow<T>& row, size_t width, const MatchParameters& parameters, int32_t* right, const MapRows& maps) {
   const Ints ints;
   const Floats floats;
   const size_t lanes = hn::Lanes(floats);
   const auto zero = hn::Zero(ints);
   const bool check = parameters.lr_max_diff >= 0;
+  // Columns count from the one that sees min_disparity: a negative one lets right pixels lie left of 0.
+  const ptrdiff_t before = parameters.min_disparity < 0 ? static_cast<ptrdiff_t>(round_up(parameters.max_disparity, lanes)) : 0;
   if (check) {
-    for (size_t x = 0; x < width; x += lanes) hn::StoreU(load_ints(row.right_disparity + x), ints, right + x);
+    for (ptrdiff_t x = -before; x < static_cast<ptrdiff_t>(width); x += static_cast<ptrdiff_t>(lanes))
+      hn::StoreU(load_ints(row.right_disparity + x), ints, right + before + x);
   }
+  const auto first_right = hn::Set(ints, parameters.min_disparity);
+  const auto last_right = hn::Set(ints, parameters.min_disparity + static_cast<int32_t>(width) - 1);
   for (size_t x = 0; x < width; x += lanes) {
     const auto winner = load_ints(row.disparity + x);
     auto value = hn::ConvertTo(floats, winner);
@@ -75,17 +102,30 @@ void finish_row(const WinnerRow<T>& row, size_t width, const MatchParameters& pa
       const Triple costs = costs_at(row, x, uses_block_costs(parameters));
       value = between(winner, costs, parameters.subpixel, parameters.max_disparity);
     }
-    auto invalid = hn::Ne(load_ints(row.ambiguous + x), zero);
+    auto reason = zero;
     if (check) {
       const auto rounded = hn::ConvertTo(ints, hn::Add(value, hn::Set(floats, 0.5f)));
       const auto right_x = hn::Sub(hn::Iota(ints, static_cast<int32_t>(x)), rounded);
-      const auto there = hn::GatherIndex(ints, right, hn::Max(right_x, zero));
+      const auto at = hn::Add(right_x, hn::Set(ints, static_cast<int32_t>(before)));
+      const auto there = hn::GatherIndex(ints, right, hn::Max(at, zero));
       const auto differ = hn::Gt(hn::Abs(hn::Sub(rounded, there)), hn::Set(ints, parameters.lr_max_diff));
-      invalid = hn::Or(invalid, hn::Or(hn::Lt(right_x, zero), differ));
+      const auto outside = hn::Or(hn::Lt(right_x, first_right), hn::Gt(right_x, last_right));
+      reason = reason_where(outside, MatchReason::outside, reason_where(differ, MatchReason::occluded, zero));
     }
-    hn::StoreU(hn::IfThenElse(hn::RebindMask(floats, invalid), hn::Set(floats, -1.0f), value), floats, disparity + x);
+    reason = reason_where(hn::Ne(load_ints(row.ambiguous + x), zero), MatchReason::not_unique, reason);
+    const auto invalid = hn::RebindMask(floats, hn::Ne(reason, zero));
+    const auto shifted = hn::Add(value, hn::Set(floats, static_cast<float>(parameters.min_disparity)));
+    hn::StoreU(hn::IfThenElse(invalid, hn::Set(floats, parameters.invalid_disparity()), shifted), floats, maps.disparity + x);
+    if (maps.confidence) hn::StoreU(confidence_of(row, x), floats, maps.confidence + x);
+    if (maps.reason) {
+      const hn::Rebind<uint8_t, Floats> bytes;
+      hn::StoreU(hn::DemoteTo(bytes, reason), bytes, maps.reason + x);
+    }
   }
 }
+
+/// Elements of finish_row's scratch.
+inline size_t right_scratch_size(size_t width, size_t disparities) { return round_up(disparities, 16) + width + 64; }
 
 }  // namespace simsense::cpu::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();

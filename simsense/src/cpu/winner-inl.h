@@ -21,6 +21,7 @@ struct WinnerRow {
   T *disparity, *before, *lowest, *after;        // winner and the costs at winner - 1, winner, winner + 1
   T* ambiguous;                                  // nonzero: not unique
   T *block_before, *block_lowest, *block_after;  // the block's own costs there, for the equiangular step
+  T* second;                                     // lowest cost of a disparity that is no neighbour of the winner, for the confidence
   T *right_lowest, *right_disparity;             // per right pixel; may be written up to max_disparity columns left of the image
 };
 
@@ -39,17 +40,36 @@ class SummedCosts {
   Buffer<T> storage_;
 };
 
-/// Visitor of the last path: sums the four, and follows the lowest sum. `across` and `up` hold m of two paths and of the one opposite.
+/// Mean m over four paths: `across` holds that of two, `up` that of the one opposite to the last.
 template <class T>
-struct SumAndWinner {
-  using V = Vector<T>;
+struct MeanOfFour {
   const T* HWY_RESTRICT across;
   const T* HWY_RESTRICT up;
+  HWY_INLINE Vector<T> operator()(size_t d, Vector<T> m) const {
+    const Lanes<T> tag;
+    return quarter_sum(hn::Load(tag, across + d * lane_count<T>), hn::Add(m, hn::Load(tag, up + d * lane_count<T>)));
+  }
+};
+
+/// Mean m over eight paths: `others` holds the sum of seven.
+template <class T>
+struct MeanOfEight {
+  const T* HWY_RESTRICT others;
+  HWY_INLINE Vector<T> operator()(size_t d, Vector<T> m) const {
+    return hn::ShiftRight<3>(hn::Add(m, hn::Load(Lanes<T>(), others + d * lane_count<T>)));
+  }
+};
+
+/// Visitor of the last path: sums all, and follows the lowest sum.
+template <class T, class MeanPath>
+struct SumAndWinner {
+  using V = Vector<T>;
+  MeanPath mean;
   T* HWY_RESTRICT summed;
   V lowest, winner, index, before, after, last;
   hn::Mask<Lanes<T>> last_stayed;
 
-  HWY_INLINE SumAndWinner(const T* across_row, const T* up_row, T* summed_row) : across(across_row), up(up_row), summed(summed_row) {
+  HWY_INLINE SumAndWinner(const MeanPath& mean_path, T* summed_row) : mean(mean_path), summed(summed_row) {
     const Lanes<T> tag;
     lowest = before = after = last = hn::Set(tag, hwy::LimitsMax<T>());
     winner = index = hn::Zero(tag);
@@ -58,8 +78,7 @@ struct SumAndWinner {
   HWY_INLINE void operator()(size_t d, V m, V cost) {
     const Lanes<T> tag;
     constexpr size_t lanes = lane_count<T>;
-    const V horizontal = hn::Load(tag, across + d * lanes), vertical = hn::Add(m, hn::Load(tag, up + d * lanes));
-    const V sum = hn::Add(quarter_sum(horizontal, vertical), cost);
+    const V sum = hn::Add(mean(d, m), cost);
     hn::Store(sum, tag, summed + d * 2 * lanes);
     const V lower = hn::Min(lowest, sum);
     const auto stays = hn::Eq(lower, lowest);  // on a tie the smaller disparity stays
@@ -100,8 +119,8 @@ std::vector<T> uniqueness_thresholds(uint32_t ratio, size_t max_cost) {
 }
 
 /// Nonzero where a disparity that is no neighbour of the winner lies below its threshold: more of them than winner and neighbours make up.
-template <class T>
-HWY_INLINE Vector<T> ambiguity(const SumAndWinner<T>& w, size_t disparities, const T* summed, const std::vector<T>& thresholds) {
+template <class T, class MeanPath>
+HWY_INLINE Vector<T> ambiguity(const SumAndWinner<T, MeanPath>& w, size_t disparities, const T* summed, const std::vector<T>& thresholds) {
   const Lanes<T> tag;
   constexpr size_t lanes = lane_count<T>;
   HWY_ALIGN T per_lane[lanes];
@@ -116,6 +135,21 @@ HWY_INLINE Vector<T> ambiguity(const SumAndWinner<T>& w, size_t disparities, con
   const auto own = hn::Add(hn::VecFromMask(tag, hn::Lt(w.lowest, threshold)),
                            hn::Add(hn::VecFromMask(tag, hn::Lt(w.before, threshold)), hn::VecFromMask(tag, hn::Lt(w.after, threshold))));
   return hn::Xor(count, own);
+}
+
+/// Lowest cost of a disparity that is no neighbour of the winner.
+template <class T>
+HWY_INLINE Vector<T> second_lowest(Vector<T> winner, size_t disparities, const T* summed) {
+  const Lanes<T> tag;
+  const auto one = hn::Set(tag, 1);
+  auto lowest = hn::Set(tag, hwy::LimitsMax<T>()), index = hn::Zero(tag);
+  for (size_t d = 0; d < disparities; ++d) {
+    const auto distance = hn::Sub(hn::Max(index, winner), hn::Min(index, winner));
+    const auto sum = hn::Load(tag, summed + d * 2 * lane_count<T>);
+    lowest = hn::IfThenElse(hn::Gt(distance, one), hn::Min(lowest, sum), lowest);
+    index = hn::Add(index, one);
+  }
+  return lowest;
 }
 
 /// Offers each pixel's costs to the right pixels they belong to: column x at disparity d is right column x - d. Blocks come from left to

@@ -5,13 +5,14 @@
 
 namespace simsense::reference {
 
-Volume<uint16_t> hamming_cost(const Grid<uint32_t>& left, const Grid<uint32_t>& right, size_t disparities) {
+Volume<uint16_t> hamming_cost(const Grid<uint64_t>& left, const Grid<uint64_t>& right, size_t disparities, int32_t min_disparity) {
+  const ptrdiff_t last_x = static_cast<ptrdiff_t>(left.width) - 1;
   Volume<uint16_t> cost(left.width, left.height, disparities);
   for (size_t y = 0; y < left.height; ++y) {
     for (size_t x = 0; x < left.width; ++x) {
       for (size_t d = 0; d < disparities; ++d) {
-        const size_t right_x = x > d ? x - d : 0;
-        cost.at(x, y)[d] = static_cast<uint16_t>(std::popcount(left.at(x, y) ^ right.at(right_x, y)));
+        const ptrdiff_t right_x = std::clamp<ptrdiff_t>(static_cast<ptrdiff_t>(x) - min_disparity - static_cast<ptrdiff_t>(d), 0, last_x);
+        cost.at(x, y)[d] = static_cast<uint16_t>(std::popcount(left.at(x, y) ^ right.at(static_cast<size_t>(right_x), y)));
       }
     }
   }

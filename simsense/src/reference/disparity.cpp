@@ -52,31 +52,62 @@ Grid<float> left_winner(const Volume<uint16_t>& cost, uint32_t uniqueness_ratio,
   return disparity;
 }
 
-Grid<uint32_t> right_winner(const Volume<uint16_t>& cost) {
+Grid<float> confidence(const Volume<uint16_t>& cost) {
+  Grid<float> out(cost.width, cost.height);
+  for (size_t y = 0; y < cost.height; ++y) {
+    for (size_t x = 0; x < cost.width; ++x) {
+      const uint16_t* c = cost.at(x, y);
+      const size_t winner = static_cast<size_t>(std::min_element(c, c + cost.disparities) - c);
+      uint16_t second = UINT16_MAX;
+      for (size_t d = 0; d < cost.disparities; ++d) {
+        if (d + 1 < winner || d > winner + 1) second = std::min(second, c[d]);
+      }
+      out.at(x, y) = second == 0 ? 0.0f : 1.0f - static_cast<float>(c[winner]) / static_cast<float>(second);
+    }
+  }
+  return out;
+}
+
+Grid<uint32_t> right_winner(const Volume<uint16_t>& cost, int32_t min_disparity) {
   Grid<uint32_t> disparity(cost.width, cost.height);
   for (size_t y = 0; y < cost.height; ++y) {
     for (size_t x = 0; x < cost.width; ++x) {
-      size_t winner = 0;
-      for (size_t d = 1; d < std::min(cost.disparities, cost.width - x); ++d) {
-        if (cost.at(x + d, y)[d] < cost.at(x + winner, y)[winner]) winner = d;
+      uint32_t lowest = UINT32_MAX;
+      for (size_t d = 0; d < cost.disparities; ++d) {
+        const ptrdiff_t left_x = static_cast<ptrdiff_t>(x + d) + min_disparity;
+        if (left_x < 0 || left_x >= static_cast<ptrdiff_t>(cost.width)) continue;
+        const uint32_t c = cost.at(static_cast<size_t>(left_x), y)[d];
+        if (c >= lowest) continue;
+        lowest = c;
+        disparity.at(x, y) = static_cast<uint32_t>(d);
       }
-      disparity.at(x, y) = static_cast<uint32_t>(winner);
     }
   }
   return disparity;
 }
 
-Grid<float> left_right_check(const Grid<float>& left, const Grid<uint32_t>& right, int32_t max_diff) {
+Grid<float> left_right_check(const Grid<float>& left, const Grid<uint32_t>& right, int32_t max_diff, int32_t min_disparity,
+                             Grid<MatchReason>* reason) {
+  const auto note = [&](size_t x, size_t y, MatchReason why) {
+    if (reason) reason->at(x, y) = why;
+  };
   Grid<float> checked(left.width, left.height, -1.0f);
   for (size_t y = 0; y < left.height; ++y) {
     for (size_t x = 0; x < left.width; ++x) {
       const float disparity = left.at(x, y);
       if (disparity < 0.0f) continue;
       const int rounded = static_cast<int>(std::floor(disparity + 0.5f));
-      const int right_x = static_cast<int>(x) - rounded;
-      if (right_x < 0) continue;
+      const int right_x = static_cast<int>(x) - rounded - min_disparity;
+      if (right_x < 0 || right_x >= static_cast<int>(left.width)) {
+        note(x, y, MatchReason::outside);
+        continue;
+      }
       const int right_disparity = static_cast<int>(right.at(static_cast<size_t>(right_x), y));
-      if (std::abs(rounded - right_disparity) <= max_diff) checked.at(x, y) = disparity;
+      if (std::abs(rounded - right_disparity) <= max_diff) {
+        checked.at(x, y) = disparity;
+      } else {
+        note(x, y, MatchReason::occluded);
+      }
     }
   }
   return checked;

@@ -11,12 +11,19 @@ namespace simsense::reference {
 /// where the costs are equal. block_cost: what the equiangular step looks at, the sums before aggregation; nullptr = the aggregated costs.
 Grid<float> left_winner(const Volume<uint16_t>& cost, uint32_t uniqueness_ratio, Subpixel subpixel, const Volume<uint16_t>* block_cost);
 
-/// Disparity of lowest cost as seen from the right pixel (x, y): over the left pixels (x + d, y) inside the image, at d; the smaller one on
-/// a tie.
-Grid<uint32_t> right_winner(const Volume<uint16_t>& cost);
+/// 1 - c1 / c2, with c1 the lowest cost and c2 the lowest of a disparity that is no neighbour of c1's; 0 if c2 is 0. The ratio c2 / c1 is
+/// the peak ratio of Hu and Mordohai 2012 ("A quantitative evaluation of confidence measures for stereo vision", PKR). A pixel is unique by
+/// ratio r where this is >= r percent.
+Grid<float> confidence(const Volume<uint16_t>& cost);
+
+/// Disparity of lowest cost as seen from the right pixel (x, y): over the left pixels (x + min_disparity + d, y) inside the image, at d;
+/// the smaller one on a tie. Disparities here and below count from min_disparity.
+Grid<uint32_t> right_winner(const Volume<uint16_t>& cost, int32_t min_disparity = 0);
 
 /// -1 where the left disparity, rounded, points outside the right image or differs by more than max_diff from the right disparity there.
-Grid<float> left_right_check(const Grid<float>& left, const Grid<uint32_t>& right, int32_t max_diff);
+/// reason: if given, outside and occluded are noted.
+Grid<float> left_right_check(const Grid<float>& left, const Grid<uint32_t>& right, int32_t max_diff, int32_t min_disparity = 0,
+                             Grid<MatchReason>* reason = nullptr);
 
 /// Median of size x size values, invalid ones (-1) included; pixels nearer than size / 2 to the border are copied.
 Grid<float> median(const Grid<float>& disparity, size_t size);

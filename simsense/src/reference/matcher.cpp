@@ -16,20 +16,34 @@ class ReferenceMatcher final : public Matcher {
   ReferenceMatcher(uint32_t width, uint32_t height, const MatchParameters& parameters)
       : width_(width), height_(height), parameters_(parameters) {}
 
-  void match(ConstImage left, ConstImage right, float* disparity) override {
+  void match(ConstImage left, ConstImage right, const MatchMaps& maps) override {
     using namespace reference;
     const MatchParameters& p = parameters_;
     const auto cost = [&] {
-      const auto left_census = census(left, width_, height_, p.census_width, p.census_height);
-      const auto right_census = census(right, width_, height_, p.census_width, p.census_height);
-      return block_sum(hamming_cost(left_census, right_census, p.max_disparity), p.block_width, p.block_height);
+      const auto left_census = census(left, width_, height_, p.census_width, p.census_height, p.census);
+      const auto right_census = census(right, width_, height_, p.census_width, p.census_height, p.census);
+      return block_sum(hamming_cost(left_census, right_census, p.max_disparity, p.min_disparity), p.block_width, p.block_height);
     }();
-    const uint32_t area = p.block_width * p.block_height;  // the penalties are given per pixel of the block
-    const auto aggregated = aggregate(cost, p.p1 * area, p.p2 * area);
+    const uint32_t area = p.block_area();  // the penalties are given per pixel of the block
+    const auto aggregated = aggregate(cost, {p.p1, p.p2, p.p2_full_gradient, left}, area, p.path_count);
     auto result = left_winner(aggregated, p.uniqueness_ratio, p.subpixel, area > 1 ? &cost : nullptr);
-    if (p.lr_max_diff >= 0) result = left_right_check(result, right_winner(aggregated), p.lr_max_diff);
+    Grid<MatchReason> reason(width_, height_, MatchReason::valid);
+    std::transform(result.data.begin(), result.data.end(), reason.data.begin(),
+                   [](float d) { return d < 0 ? MatchReason::not_unique : MatchReason::valid; });
+    if (p.lr_max_diff >= 0)
+      result = left_right_check(result, right_winner(aggregated, p.min_disparity), p.lr_max_diff, p.min_disparity, &reason);
     result = median(result, p.median_size);
-    std::copy(result.data.begin(), result.data.end(), disparity);
+    for (size_t i = 0; i < result.data.size(); ++i) {
+      const bool valid = result.data[i] >= 0;
+      if (valid) reason.data[i] = MatchReason::valid;
+      if (!valid && reason.data[i] == MatchReason::valid) reason.data[i] = MatchReason::isolated;
+      maps.disparity[i] = valid ? result.data[i] + static_cast<float>(p.min_disparity) : p.invalid_disparity();
+    }
+    if (maps.reason) std::copy(reason.data.begin(), reason.data.end(), maps.reason);
+    if (maps.confidence) {
+      const auto sure = confidence(aggregated);
+      for (size_t i = 0; i < sure.data.size(); ++i) maps.confidence[i] = result.data[i] >= 0 ? sure.data[i] : 0;
+    }
   }
 
   [[nodiscard]] std::vector<ks_stage_time> stage_times() const override { return {}; }

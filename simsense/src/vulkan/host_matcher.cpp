@@ -1,6 +1,7 @@
 // The Vulkan matcher behind the interface of host images: one pair at a time through host-visible buffers.
 #include <cstring>
 
+#include "device/error.h"
 #include "vulkan/vulkan_matcher.h"
 
 namespace simsense {
@@ -17,11 +18,13 @@ class VulkanHostMatcher final : public Matcher {
         right_(ks::Buffer::create(device, uint64_t{width} * height, KS_BUFFER_HOST_VISIBLE)),
         disparity_(ks::Buffer::create(device, uint64_t{width} * height * sizeof(float), KS_BUFFER_HOST_VISIBLE)) {}
 
-  void match(ConstImage left, ConstImage right, float* disparity) override {
+  void match(ConstImage left, ConstImage right, const MatchMaps& maps) override {
+    if (maps.confidence || maps.reason || left.element_bytes != 1 || right.element_bytes != 1)
+      ks::fail(KS_ERROR_UNSUPPORTED, "the Vulkan matcher takes 8-bit images and gives disparities alone: match on the host device");
     copy_rows(left, *left_);
     copy_rows(right, *right_);
     matcher_->match({*left_}, {*right_}, {*disparity_});
-    std::memcpy(disparity, disparity_->mapped(), disparity_->size_bytes());
+    std::memcpy(maps.disparity, disparity_->mapped(), disparity_->size_bytes());
   }
 
   [[nodiscard]] std::vector<ks_stage_time> stage_times() const override { return matcher_->stage_times(); }

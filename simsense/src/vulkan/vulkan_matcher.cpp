@@ -165,6 +165,8 @@ std::unique_ptr<VulkanMatcher> make_vulkan_matcher(std::shared_ptr<ks::Device> d
   std::string why_not;
   if (!can_match_on(*device, &why_not))
     ks::fail(KS_ERROR_UNSUPPORTED, "the Vulkan matcher cannot run on %s: %s", device->info().name, why_not.c_str());
+  if (const char* name = parameters.cpu_only())
+    ks::fail(KS_ERROR_UNSUPPORTED, "the Vulkan matcher knows only the default %s: match on the host device", name);
   if (batch == 0) ks::fail(KS_ERROR_INVALID_ARGUMENT, "batch is 0: must be at least 1");
   return std::make_unique<VulkanMatcher>(std::move(device), width, height, batch, parameters, tuning);
 }

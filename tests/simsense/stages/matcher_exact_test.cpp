@@ -17,19 +17,22 @@ std::string describe(size_t width, size_t height, const MatchParameters& p) {
   std::ostringstream text;
   text << width << "x" << height << " D " << p.max_disparity << " census " << p.census_width << "x" << p.census_height << " block "
        << p.block_width << "x" << p.block_height << " p1 " << p.p1 << " p2 " << p.p2 << " uniqueness " << p.uniqueness_ratio << " lr "
-       << p.lr_max_diff << " median " << p.median_size << " subpixel " << static_cast<int>(p.subpixel);
+       << p.lr_max_diff << " median " << p.median_size << " subpixel " << static_cast<int>(p.subpixel) << " plain "
+       << (p.census == simsense::CensusKind::plain) << " min " << p.min_disparity << " paths " << p.path_count << " gradient "
+       << p.p2_full_gradient;
   return text.str();
 }
 
 /// Every pixel equal, or where the first difference is.
-void expect_same(const std::vector<float>& expected, const std::vector<float>& actual, size_t width, const std::string& what) {
+template <class T>
+void expect_same(const std::vector<T>& expected, const std::vector<T>& actual, size_t width, const std::string& what) {
   const auto [e, a] = std::mismatch(expected.begin(), expected.end(), actual.begin());
   if (e == expected.end()) return;
   const size_t at = static_cast<size_t>(e - expected.begin());
   size_t count = 0;
   for (size_t i = 0; i < expected.size(); ++i) count += expected[i] != actual[i];
-  ADD_FAILURE() << what << ": " << count << " pixels differ, first at x " << at % width << " y " << at / width << ": expected " << *e
-                << ", got " << *a;
+  ADD_FAILURE() << what << ": " << count << " pixels differ, first at x " << at % width << " y " << at / width << ": expected "
+                << static_cast<float>(*e) << ", got " << static_cast<float>(*a);
 }
 
 void compare(const StereoPair& pair, const MatchParameters& p, unsigned threads) {
@@ -40,6 +43,19 @@ void compare(const StereoPair& pair, const MatchParameters& p, unsigned threads)
   const std::string what = describe(pair.width, pair.height, p) + " threads " + std::to_string(threads);
   expect_same(expected, match(*cpu, pair), pair.width, what);
   expect_same(expected, match(*cpu, pair), pair.width, what + ", second call");
+}
+
+/// Disparity, confidence and reason; on wide images too if asked.
+void compare_all(const StereoPair& pair, const MatchParameters& p, unsigned threads, bool wide) {
+  ks::ThreadPool workers(threads);
+  const auto reference = simsense::make_reference_matcher(pair.width, pair.height, p);
+  const auto cpu = simsense::make_cpu_matcher(pair.width, pair.height, p, workers);
+  const Match expected = match_all(*reference, pair, wide), actual = match_all(*cpu, pair, wide);
+  const std::string what = describe(pair.width, pair.height, p) + " threads " + std::to_string(threads) + (wide ? " wide" : "");
+  expect_same(expected.disparity, actual.disparity, pair.width, what + ": disparity");
+  expect_same(expected.confidence, actual.confidence, pair.width, what + ": confidence");
+  expect_same(expected.reason, actual.reason, pair.width, what + ": reason");
+  expect_same(expected.disparity, match(*cpu, pair), pair.width, what + ": disparity alone");
 }
 
 class Fuzz {
@@ -69,6 +85,23 @@ class Fuzz {
     p.subpixel = static_cast<simsense::Subpixel>(in(0, 2));
     return p;
   }
+  /// Those that only the CPU knows, mixed with the others.
+  MatchParameters all_parameters(bool block) {
+    MatchParameters p = parameters(block);
+    if (in(0, 1)) {
+      static constexpr uint32_t windows[][2] = {{9, 7}, {7, 9}, {7, 7}, {5, 5}, {7, 5}, {3, 3}, {63, 1}};
+      const auto& window = windows[in(0, 6)];
+      p.census = simsense::CensusKind::plain;
+      p.census_width = window[0];
+      p.census_height = window[1];
+      while (p.block_area() * (p.census_bits() + p.p2) > 65535) p.block_width = p.block_height = 3;
+    }
+    if (in(0, 2) > 0) p.min_disparity = static_cast<int32_t>(in(0, 60)) - 30;
+    if (in(0, 5) == 0) p.min_disparity = static_cast<int32_t>(in(0, 400)) - 200;
+    if (in(0, 1)) p.path_count = 8;
+    if (in(0, 1)) p.p2_full_gradient = in(1, 60);
+    return p;
+  }
   StereoPair pair() { return random_dots(in(32, 150), in(32, 100), in(0, 20), in(0, 25), in(0, 1u << 30)); }
 
  private:
@@ -83,6 +116,30 @@ TEST(matcher, fuzzed_parameters_without_block_equal_the_reference) {
 TEST(matcher, fuzzed_parameters_with_block_equal_the_reference) {
   Fuzz fuzz(2);
   for (int i = 0; i < 25; ++i) compare(fuzz.pair(), fuzz.parameters(true), fuzz.in(1, 4));
+}
+
+TEST(matcher, fuzzed_extensions_without_block_equal_the_reference) {
+  Fuzz fuzz(11);
+  for (int i = 0; i < 60; ++i) compare_all(fuzz.pair(), fuzz.all_parameters(false), fuzz.in(1, 4), false);
+}
+
+TEST(matcher, fuzzed_extensions_with_block_equal_the_reference) {
+  Fuzz fuzz(12);
+  for (int i = 0; i < 40; ++i) compare_all(fuzz.pair(), fuzz.all_parameters(true), fuzz.in(1, 4), false);
+}
+
+TEST(matcher, fuzzed_16_bit_images_equal_the_reference) {
+  Fuzz fuzz(13);
+  for (int i = 0; i < 20; ++i) {
+    MatchParameters p = fuzz.all_parameters(i % 3 == 0);
+    p.p2_full_gradient *= 257;
+    const StereoPair pair = fuzz.pair();
+    ks::ThreadPool workers(2);
+    const auto reference = simsense::make_reference_matcher(pair.width, pair.height, p);
+    const auto cpu = simsense::make_cpu_matcher(pair.width, pair.height, p, workers);
+    expect_same(match_all(*reference, pair, true).disparity, match_all(*cpu, pair, true).disparity, pair.width,
+                describe(pair.width, pair.height, p));
+  }
 }
 
 TEST(matcher, winners_at_the_last_disparity_equal_the_reference) {
@@ -136,6 +193,7 @@ TEST(matcher, every_instruction_set_of_this_machine_equals_the_reference) {
     hwy::SetSupportedTargetsForTest(target);
     Fuzz fuzz(7);
     for (int i = 0; i < 6; ++i) compare(fuzz.pair(), fuzz.parameters(i % 2 == 1), 2);
+    for (int i = 0; i < 8; ++i) compare_all(fuzz.pair(), fuzz.all_parameters(i % 2 == 1), 2, false);
     hwy::SetSupportedTargetsForTest(0);
   }
 }

@@ -40,13 +40,13 @@ TEST(census, each_mirrored_pair_is_one_bit_and_the_centre_none) {
   for (const auto& [w, h] : windows) {
     std::vector<uint8_t> image(side * side, 100);
     const auto at_centre = [&] { return census({image.data(), side}, side, side, w, h).at(45, 45); };
-    const uint32_t even = at_centre();
+    const uint64_t even = at_centre();
     EXPECT_EQ(std::popcount(even), static_cast<int>((w * h - 1) / 2)) << "equal pixels give 1";
-    uint32_t cleared = 0;
+    uint64_t cleared = 0;
     for (size_t k = 0; k < w * h; ++k) {
       uint8_t& pixel = image[(45 - h / 2 + k / w) * side + 45 - w / 2 + k % w];
       pixel = k < w * h / 2 ? 99 : 101;  // first pixel of a pair darker, or second one brighter
-      const uint32_t flipped = even ^ at_centre();
+      const uint64_t flipped = even ^ at_centre();
       EXPECT_EQ(std::popcount(flipped), k == w * h / 2 ? 0 : 1) << w << "x" << h << " position " << k;
       cleared |= flipped;
       pixel = 100;
@@ -69,7 +69,7 @@ TEST(census, three_by_three_by_hand) {
 }
 
 TEST(hamming_cost, counts_bits_and_repeats_the_first_right_column) {
-  Grid<uint32_t> left(3, 1), right(3, 1);
+  Grid<uint64_t> left(3, 1), right(3, 1);
   left.data = {0b0000, 0b1111, 0xffffffffu};
   right.data = {0b0001, 0b0111, 0};
   const auto cost = hamming_cost(left, right, 3);
