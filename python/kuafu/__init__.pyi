@@ -226,5 +226,6 @@ class Renderer:
         first_sample: int = 0,
         ir_ambient_scale: float = 0.05,
         ir_ambient_radiance: float = 0.002,
+        glass_surfaces: int = 8,
         progress: Callable[[float], object] | None = None,
     ) -> dict[str, NDArray[Any]]: ...

@@ -368,7 +368,8 @@ typedef struct kuafu_render_desc {
   uint32_t first_sample;             /* continue a sequence: samples first_sample .. first_sample + samples_per_pixel - 1 */
   float ir_ambient_scale;            /* what visible lights give in the infrared where they do not say (the paper's a = 0.05) */
   float ir_ambient_radiance;         /* weak constant added to the environment in the infrared where it does not say, W/(sr m^2) */
-  uint32_t reserved;
+  uint32_t glass_surfaces;           /* smooth glass surfaces that light of points, directions and projectors passes straight on its way to a surface, dimmed by
+                                        Fresnel's reflection, tint and absorption; 0 = glass casts full shadows */
   ks_progress_fn progress;           /* may be NULL */
   void* progress_user;
 } kuafu_render_desc;
@@ -380,6 +381,7 @@ static inline kuafu_render_desc kuafu_render_desc_init(void) {
   r.max_bounces = 8;
   r.ir_ambient_scale = 0.05f;
   r.ir_ambient_radiance = 0.002f;
+  r.glass_surfaces = 8;
   return r;
 }
 /* Blocks until the outputs may be read (KS_SYNC_HOST). Same inputs and seed give the same bits on one device for any thread count or batch split. */

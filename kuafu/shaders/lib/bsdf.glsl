@@ -110,6 +110,14 @@ BsdfSample sample_glass(Bsdf b, vec3 wo, float choice) {
   return s;
 }
 
+/// What smooth glass lets through at one boundary, of a ray taken straight on: outside a plane-parallel plate the angle is the same on both sides, so
+/// `cosine`, the straight ray's, holds for both of its faces.
+Spectrum straight_transmittance(MaterialPoint m, float cosine) {
+  float cos_t;
+  float reflectance = fresnel_dielectric(cosine, 1.0f / m.ior, cos_t) * m.specular;
+  return m.base * ((1.0f - m.metallic) * m.transmission * (1.0f - reflectance));
+}
+
 BsdfSample bsdf_sample(Bsdf b, Vec2Array table, vec3 wo, vec3 chances, vec2 u, float choice) {
   BsdfSample s = BsdfSample(vec3(0.0f, 0.0f, 1.0f), Spectrum(0.0f), false, false);
   if (choice < chances.z) {

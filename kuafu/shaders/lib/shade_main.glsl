@@ -16,7 +16,10 @@ void main() {
     request.wanted = false;
     if (shading.hit && takes_light(shading.vertex.bsdf)) request = ask_light(shading, k);
     uint place = append(request.wanted, push.counters, block + counter_shadow_count, end);
-    if (end > 0u && gl_LocalInvocationIndex == 0u) cover(push.counters, block + counter_shadow_arguments, end, trace_group_size);
+    if (end > 0u && gl_LocalInvocationIndex == 0u) {
+      cover(push.counters, block + counter_shadow_arguments, end, trace_group_size);
+      cover(push.counters, block + counter_transmit_arguments, end, gl_WorkGroupSize.x);
+    }
     if (request.wanted) queue_shadow(shading.path, request, k, place);
     else if (live) queue_no_shadow(shading.path, k);
   }

@@ -27,13 +27,16 @@ KUAFU_FN state_shadow(uint channels) { return state_throughput + channels * (1u 
 // A path's shadow-ray plane holds its index in the shadow queue and, above, the light group it feeds.
 KUAFU_CONST shadow_none = 0xffffffffu;
 KUAFU_CONST shadow_group_shift = 30u;
+// Where shadow rays pass glass, their ray_id is the index of their contribution and, above, whether glass stops them all the same.
+KUAFU_CONST shadow_opaque = 0x80000000u;
 
-// Counters: one block per bounce.
+// Counters: one block per bounce; then, where shadow rays pass glass, one per bounce and surface that they passed.
 KUAFU_CONST counter_trace_arguments = 0u;   // VkDispatchIndirectCommand of `closest`
 KUAFU_CONST counter_ray_count = 3u;
 KUAFU_CONST counter_shade_arguments = 4u;
 KUAFU_CONST counter_shadow_arguments = 8u;  // VkDispatchIndirectCommand of `occluded`
 KUAFU_CONST counter_shadow_count = 11u;
+KUAFU_CONST counter_transmit_arguments = 12u;  // VkDispatchIndirectCommand of `transmit`
 KUAFU_CONST counter_words = 16u;
 
 KUAFU_CONST pixel_block = 32u;  // consecutive pixels that stay together when blocks are permuted
@@ -86,11 +89,12 @@ KUAFU_CONST generate_pixel_centre = 2u;  // AOV rays: no jitter, no path state
 KUAFU_CONST shade_environments = 1u;    // rays carry an environment
 KUAFU_CONST shade_ambient = 2u;         // there is light that only BSDF rays find: environment or emission
 KUAFU_CONST shade_select_lights = 4u;   // too many lights: take one by power
+KUAFU_CONST shade_glass_shadows = 8u;   // shadow rays pass smooth glass: they stand in a closest queue, and `transmit` follows them
 
 struct ShadePush {
   UintArray rays_in, rays_out, shadow_rays;
   UintArray ray_environments, shadow_environments;
-  FloatArray contributions;  // plane c of shadow ray i is c * shadow_capacity + i
+  FloatArray contributions;  // plane c of shadow ray i is c * shadow_capacity + i; with glass, plane `channels` is the way left in metres
   UintArray state, counters;
   SceneReference scene;
   uint capacity, shadow_capacity;
@@ -103,6 +107,20 @@ struct ResolvePush {
   FloatArray contributions;
   UintArray state, counters;
   uint capacity, shadow_capacity, bounce, shadow_rays_per_vertex, channels;
+  uint glass_shadows;  // nonzero: what is blocked contributes 0 already
+};
+
+/// One surface on the way of the shadow rays.
+struct TransmitPush {
+  UintArray rays_in, rays_out;  // closest queues
+  UintArray environments_in, environments_out;
+  FloatArray contributions;
+  UintArray counters;
+  SceneReference scene;
+  uint capacity;
+  uint block_in, block_out;  // of counters
+  uint has_environments;
+  uint last;  // nonzero: whatever stands in the way blocks
 };
 
 struct AccumulatePush {
@@ -128,6 +146,7 @@ static_assert(sizeof(OutputRecord) == 24);
 static_assert(sizeof(GeneratePush) == 88);
 static_assert(sizeof(ShadePush) == 96);
 static_assert(sizeof(ResolvePush) == 64);
+static_assert(sizeof(TransmitPush) == 80);
 static_assert(sizeof(AccumulatePush) == 80);
 static_assert(sizeof(AovPush) == 72);
 }  // namespace kuafu

@@ -1,8 +1,7 @@
 // Adds the light of the shadow rays that got through, path by path in the order of the rays: no two invocations touch one path.
 void add_light(uint slot, uint shadow) {
   uint i = shadow & ((1u << shadow_group_shift) - 1u), group = shadow >> shadow_group_shift;
-  float t_far = uintBitsToFloat(push.shadow_rays.at[occlusion_word(i, ray_t_far, push.shadow_capacity)]);
-  if (t_far < 0.0f) return;
+  if (push.glass_shadows == 0u && uintBitsToFloat(push.shadow_rays.at[occlusion_word(i, ray_t_far, push.shadow_capacity)]) < 0.0f) return;
   for (uint c = 0u; c < push.channels; ++c) {
     uint word = (state_radiance(push.channels) + group * push.channels + c) * push.capacity + slot;
     push.state.at[word] = floatBitsToUint(uintBitsToFloat(push.state.at[word]) + push.contributions.at[c * push.shadow_capacity + i]);

@@ -159,7 +159,12 @@ NextRequest scatter(INOUT(Shading) s) {
 bool goes_on(Shading s) { return s.hit && (push.bounce < push.max_bounces || (push.flags & shade_ambient) != 0u); }
 
 void queue_shadow(Path path, ShadowRequest request, uint k, uint i) {
-  store_ray(push.shadow_rays, i, occlusion_words, push.shadow_capacity, request.ray, path.slot);
+  if ((push.flags & shade_glass_shadows) != 0u) {
+    store_closest_ray(push.shadow_rays, i, push.shadow_capacity, request.ray, i);
+    push.contributions.at[channels * push.shadow_capacity + i] = request.ray.t_far;
+  } else {
+    store_ray(push.shadow_rays, i, occlusion_words, push.shadow_capacity, request.ray, path.slot);
+  }
   if ((push.flags & shade_environments) != 0u) push.shadow_environments.at[i] = path_environment(path);
   for (uint c = 0u; c < channels; ++c) push.contributions.at[c * push.shadow_capacity + i] = channel_of(request.contribution, c);
   push.state.at[plane(state_shadow(channels) + k, path.slot)] = i | (request.group << shadow_group_shift);

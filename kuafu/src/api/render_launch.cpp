@@ -12,7 +12,7 @@ namespace {
 
 using ull = unsigned long long;
 
-constexpr uint32_t most_pixels_per_side = 32768, most_bounces = 1024, most_environments = 65536;
+constexpr uint32_t most_pixels_per_side = 32768, most_bounces = 1024, most_environments = 65536, most_glass_surfaces = 64;
 
 struct OutputKind {
   const char* name;
@@ -70,6 +70,8 @@ void check_numbers(const kuafu_render_desc& d) {
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "first_sample %u + samples_per_pixel %u is beyond 2^32 - 1", d.first_sample, d.samples_per_pixel);
   if (d.max_bounces > most_bounces)
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "max_bounces is %u, at most %u are possible", d.max_bounces, most_bounces);
+  if (d.glass_surfaces > most_glass_surfaces)
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "glass_surfaces is %u, at most %u are possible", d.glass_surfaces, most_glass_surfaces);
   if (!(d.ir_ambient_scale >= 0.0f && d.ir_ambient_scale <= std::numeric_limits<float>::max()))
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "ir_ambient_scale is %g, it must be finite and >= 0", double(d.ir_ambient_scale));
   if (!(d.ir_ambient_radiance >= 0.0f && d.ir_ambient_radiance <= std::numeric_limits<float>::max()))
@@ -165,6 +167,7 @@ Launch read_launch(const kuafu_render_desc* desc, const ks::Device& device) {
   launch.first_sample = d.first_sample;
   launch.max_bounces = d.max_bounces;
   launch.seed = d.seed;
+  launch.glass_surfaces = d.glass_surfaces;
   if (d.progress != nullptr) launch.cancelled = [f = d.progress, user = d.progress_user](float fraction) { return f(user, fraction) != 0; };
   return launch;
 }

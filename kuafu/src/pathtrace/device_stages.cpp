@@ -10,6 +10,8 @@
 #include "spirv/resolve.h"
 #include "spirv/shade_infrared.h"
 #include "spirv/shade_visible.h"
+#include "spirv/transmit_infrared.h"
+#include "spirv/transmit_visible.h"
 
 namespace kuafu {
 namespace {
@@ -35,6 +37,15 @@ class DeviceStages final : public Stages {
     const ks::ComputePipeline& pipeline =
         infrared ? built<ShadePush>(shade_infrared_, shade_infrared_spirv) : built<ShadePush>(shade_visible_, shade_visible_spirv);
     commands.dispatch_indirect(pipeline, push, buffers.counters(), shade_arguments(push.bounce));
+  }
+
+  void transmit(ks::Commands& commands, const TransmitPush& push, const WaveBuffers& buffers) override {
+    commands.begin_stage("transmit");
+    const bool infrared = buffers.size().channels == 1;
+    const ks::ComputePipeline& pipeline = infrared ? built<TransmitPush>(transmit_infrared_, transmit_infrared_spirv)
+                                                   : built<TransmitPush>(transmit_visible_, transmit_visible_spirv);
+    commands.dispatch_indirect(pipeline, push, buffers.counters(),
+                               (uint64_t(push.block_in) * counter_words + counter_transmit_arguments) * 4);
   }
 
   void resolve(ks::Commands& commands, const ResolvePush& push, const WaveBuffers& buffers) override {
@@ -68,7 +79,7 @@ class DeviceStages final : public Stages {
 
   std::shared_ptr<ks::Device> device_;
   std::array<uint32_t, 3> specialisation_;
-  Pipeline generate_, shade_infrared_, shade_visible_, resolve_, accumulate_, aov_;
+  Pipeline generate_, shade_infrared_, shade_visible_, transmit_infrared_, transmit_visible_, resolve_, accumulate_, aov_;
 };
 
 }  // namespace

@@ -32,5 +32,7 @@ class QueuePlaces {
 
 void shade_infrared(const ShadePush& push, uint32_t first, uint32_t end, QueuePlaces& places, size_t chunk);
 void shade_visible(const ShadePush& push, uint32_t first, uint32_t end, QueuePlaces& places, size_t chunk);
+void transmit_infrared(const TransmitPush& push, uint32_t first, uint32_t end, QueuePlaces& places, size_t chunk);
+void transmit_visible(const TransmitPush& push, uint32_t first, uint32_t end, QueuePlaces& places, size_t chunk);
 
 }  // namespace kuafu::host

@@ -32,6 +32,14 @@ class HostStages final : public Stages {
     counters[counter_words + counter_ray_count] = places.ends().next;
   }
 
+  void transmit(ks::Commands& commands, const TransmitPush& push, const WaveBuffers& buffers) override {
+    host::QueuePlaces places;
+    const auto kernel = buffers.size().channels == 1 ? host::transmit_infrared : host::transmit_visible;
+    run(commands, "transmit", push.counters.at[push.block_in * counter_words + counter_shadow_count], chunk_rays,
+        [&](uint32_t first, uint32_t end, size_t chunk) { kernel(push, first, end, places, chunk); });
+    push.counters.at[push.block_out * counter_words + counter_shadow_count] = places.ends().shadow;
+  }
+
   void resolve(ks::Commands& commands, const ResolvePush& push, const WaveBuffers&) override {
     const uint32_t rays = push.counters.at[push.bounce * counter_words + counter_ray_count];
     run(commands, "resolve", rays, chunk_rays, [&](uint32_t first, uint32_t end, size_t) { host::resolve(push, first, end); });

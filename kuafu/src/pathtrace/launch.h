@@ -34,6 +34,7 @@ struct Launch {
   Band band;
   uint32_t samples = 1, first_sample = 0, max_bounces = 0;
   uint64_t seed = 0;
+  uint32_t glass_surfaces = 0;  // that shadow rays may pass
   std::array<OutputImage, output_kind_count> outputs;
   /// Called between waves with what is done, 0..1; true cancels. May be empty.
   std::function<bool(float)> cancelled;

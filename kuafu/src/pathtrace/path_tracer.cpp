@@ -66,10 +66,12 @@ class PathTracer::Run {
   void trace_paths();
   void generate(const WaveRange& range, uint32_t flags);
   void shade(uint32_t bounce);
+  void trace_shadows(uint32_t bounce);
   void resolve(uint32_t bounce);
   void accumulate(const WaveRange& range, bool first, bool last);
   [[nodiscard]] WaveRange range(uint32_t first_pixel, uint32_t pixel_count, uint32_t first_sample, uint32_t sample_count) const;
   void report(uint32_t pixels_done, float part);
+  [[nodiscard]] bool glass_shadows() const { return o_.buffers_.size().glass_surfaces > 0; }
   [[nodiscard]] uint32_t last_bounce() const { return launch_.max_bounces + (o_.tables_.has_ambient() ? 1 : 0); }
 
   PathTracer& o_;
@@ -104,8 +106,8 @@ void PathTracer::Run::fit_buffers() {
   const uint32_t most = most_paths(*o_.device_, shadows);
   const uint32_t samples = launch_.wants_radiance() ? std::min(launch_.samples, pass_samples) : 1;
   pixels_per_wave_ = std::min(launch_.pixel_count(), std::max(most / samples, pixel_block));
-  o_.buffers_.fit(
-      {round_up(pixels_per_wave_ * samples, pixel_block), launch_.band.channels(), shadows, launch_.max_bounces + 3, environments_});
+  o_.buffers_.fit({round_up(pixels_per_wave_ * samples, pixel_block), launch_.band.channels(), shadows, launch_.max_bounces + 3,
+                   environments_, shadows > 0 && o_.tables_.has_glass() ? launch_.glass_surfaces : 0});
 }
 
 void PathTracer::Run::render() {
@@ -157,12 +159,29 @@ void PathTracer::Run::trace_paths() {
   o_.tracer_->closest(commands_, o_.buffers_.closest_queue(0));
   for (uint32_t bounce = 0; bounce <= last_bounce(); ++bounce) {
     shade(bounce);
-    if (shadows && bounce <= launch_.max_bounces) o_.tracer_->occluded(commands_, o_.buffers_.shadow_queue(bounce));
+    if (shadows && bounce <= launch_.max_bounces) trace_shadows(bounce);
     if (o_.device_->is_cpu()) commands_.flush();  // then the host sees how many paths are left
     const bool more = bounce < last_bounce() && o_.buffers_.ray_count(bounce + 1) > 0;
     if (more) o_.tracer_->closest(commands_, o_.buffers_.closest_queue(bounce + 1));
     if (shadows && bounce <= launch_.max_bounces) resolve(bounce);
     if (!more) break;
+  }
+}
+
+void PathTracer::Run::trace_shadows(uint32_t bounce) {
+  const WaveBuffers& b = o_.buffers_;
+  if (!glass_shadows()) return o_.tracer_->occluded(commands_, b.shadow_queue(bounce));
+  const uint32_t surfaces = b.size().glass_surfaces;
+  for (uint32_t passed = 0; passed <= surfaces; ++passed) {
+    if (passed > 0 && o_.on_host_ && b.shadow_ray_count(bounce, passed) == 0) return;
+    o_.tracer_->closest(commands_, b.shadow_queue(bounce, passed));
+    const bool last = passed == surfaces;
+    o_.stages_->transmit(
+        commands_,
+        {b.shadow_rays(passed), b.shadow_rays(passed + 1), b.shadow_environments(passed), b.shadow_environments(passed + 1),
+         b.contributions(), b.counter_address(), o_.tables_.address(), b.shadow_capacity(), b.shadow_block(bounce, passed),
+         b.shadow_block(bounce, last ? passed : passed + 1), environments_ ? 1u : 0u, last ? 1u : 0u},
+        b);
   }
 }
 
@@ -193,7 +212,7 @@ void PathTracer::Run::shade(uint32_t bounce) {
   push.max_bounces = launch_.max_bounces;
   push.shadow_rays_per_vertex = bounce <= launch_.max_bounces ? b.size().shadow_rays_per_vertex : 0;
   push.flags = (environments_ ? shade_environments : 0) | (o_.tables_.has_ambient() ? shade_ambient : 0) |
-               (o_.tables_.select_lights() ? shade_select_lights : 0);
+               (o_.tables_.select_lights() ? shade_select_lights : 0) | (glass_shadows() ? shade_glass_shadows : 0);
   o_.stages_->shade(commands_, push, b);
 }
 
@@ -208,7 +227,8 @@ void PathTracer::Run::resolve(uint32_t bounce) {
                          b.shadow_capacity(),
                          bounce,
                          b.size().shadow_rays_per_vertex,
-                         b.size().channels};
+                         b.size().channels,
+                         glass_shadows() ? 1u : 0u};
   o_.stages_->resolve(commands_, push, b);
 }
 

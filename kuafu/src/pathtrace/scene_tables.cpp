@@ -148,6 +148,7 @@ void SceneTables::write_materials(const Scene& scene) {
   const auto records = materials_.resize(memory_, materials.size() + 1);
   for (uint32_t i = 0; i < materials.size(); ++i) records[i] = record_of(materials[i], i);
   records[materials.size()] = record_of(grey_default(), none);
+  has_glass_ = std::ranges::any_of(materials, [](const Material& m) { return m.transmission > 0.0f && m.metallic < 1.0f; });
   emissive_[0] = std::ranges::any_of(materials, [](const Material& m) { return m.emission != glm::vec3(0); });
   emissive_[1] = std::ranges::any_of(materials, [](const Material& m) { return m.ir_emission != 0.0f; });
 }

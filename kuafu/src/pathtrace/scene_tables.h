@@ -23,6 +23,8 @@ class SceneTables {
   [[nodiscard]] uint64_t address() const { return tables_.address(); }
   [[nodiscard]] uint32_t shadow_rays_per_vertex() const { return shadow_rays_per_vertex_; }
   [[nodiscard]] bool select_lights() const { return select_lights_; }
+  /// Whether a surface lets light through.
+  [[nodiscard]] bool has_glass() const { return has_glass_; }
   /// Whether the environment or a surface shines in the band: light that only BSDF rays find.
   [[nodiscard]] bool has_ambient() const { return has_environment_light_ || emissive_[band_.infrared ? 1 : 0]; }
 
@@ -67,7 +69,7 @@ class SceneTables {
   MappedTable<EnvironmentRecord> environments_;
   MappedTable<SceneAddresses> tables_;
   uint32_t shadow_rays_per_vertex_ = 0;
-  bool select_lights_ = false, has_environment_light_ = false;
+  bool select_lights_ = false, has_environment_light_ = false, has_glass_ = false;
   bool emissive_[2] = {false, false};  // visible, infrared
 };
 

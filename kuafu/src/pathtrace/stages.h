@@ -18,6 +18,8 @@ class Stages {
   /// Clears the counters and fills the first queue.
   virtual void generate(ks::Commands& commands, const GeneratePush& push, const WaveBuffers& buffers) = 0;
   virtual void shade(ks::Commands& commands, const ShadePush& push, const WaveBuffers& buffers) = 0;
+  /// Follows the shadow rays past one surface.
+  virtual void transmit(ks::Commands& commands, const TransmitPush& push, const WaveBuffers& buffers) = 0;
   virtual void resolve(ks::Commands& commands, const ResolvePush& push, const WaveBuffers& buffers) = 0;
   virtual void accumulate(ks::Commands& commands, const AccumulatePush& push) = 0;
   virtual void aov(ks::Commands& commands, const AovPush& push) = 0;

@@ -7,12 +7,16 @@ void WaveBuffers::fit(const WaveSize& size) {
   const uint64_t capacity = size.capacity, shadows = shadow_capacity();
   for (auto& rays : rays_) grow(rays, capacity * closest_words);
   for (auto& environments : environments_) grow(environments, size.environments ? capacity : 1);
-  grow(shadow_rays_, shadows * occlusion_words);
-  grow(shadow_environments_, size.environments ? shadows : 1);
-  grow(contributions_, shadows * size.channels);
+  const bool glass = size.glass_surfaces > 0;
+  for (int i = 0; i < 2; ++i) {
+    const uint64_t rays = i == 0 || glass ? shadows : 0;
+    grow(shadow_rays_[i], rays * (glass ? closest_words : occlusion_words));
+    grow(shadow_environments_[i], size.environments ? rays : 0);
+  }
+  grow(contributions_, shadows * (size.channels + (glass ? 1 : 0)));
   grow(state_, capacity * (state_shadow(size.channels) + size.shadow_rays_per_vertex));
   grow(sums_, capacity * group_count * size.channels);
-  grow(counters_, uint64_t(size.bounces) * counter_words);
+  grow(counters_, counter_bytes() / 4);
 }
 
 void WaveBuffers::grow(std::shared_ptr<ks::Buffer>& buffer, uint64_t words) const {
@@ -34,13 +38,14 @@ RayQueue WaveBuffers::closest_queue(uint32_t bounce) const {
   return queue;
 }
 
-RayQueue WaveBuffers::shadow_queue(uint32_t bounce) const {
+RayQueue WaveBuffers::shadow_queue(uint32_t bounce, uint32_t passed) const {
+  const uint64_t block = uint64_t(shadow_block(bounce, passed)) * counter_words;
   RayQueue queue;
-  queue.words = shadow_rays_.get();
-  queue.environments = size_.environments ? shadow_environments_.get() : nullptr;
+  queue.words = shadow_rays_[passed & 1].get();
+  queue.environments = size_.environments ? shadow_environments_[passed & 1].get() : nullptr;
   queue.counters = counters_.get();
-  queue.count_offset = (uint64_t(bounce) * counter_words + counter_shadow_count) * 4;
-  queue.arguments_offset = (uint64_t(bounce) * counter_words + counter_shadow_arguments) * 4;
+  queue.count_offset = (block + counter_shadow_count) * 4;
+  queue.arguments_offset = (block + counter_shadow_arguments) * 4;
   queue.capacity = shadow_capacity();
   return queue;
 }
@@ -48,6 +53,11 @@ RayQueue WaveBuffers::shadow_queue(uint32_t bounce) const {
 uint32_t WaveBuffers::ray_count(uint32_t bounce) const {
   const auto* words = static_cast<const uint32_t*>(counters_->mapped());
   return words ? words[bounce * counter_words + counter_ray_count] : size_.capacity;
+}
+
+uint32_t WaveBuffers::shadow_ray_count(uint32_t bounce, uint32_t passed) const {
+  const auto* words = static_cast<const uint32_t*>(counters_->mapped());
+  return words ? words[shadow_block(bounce, passed) * counter_words + counter_shadow_count] : shadow_capacity();
 }
 
 }  // namespace kuafu

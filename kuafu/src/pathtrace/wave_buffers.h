@@ -16,6 +16,7 @@ struct WaveSize {
   uint32_t shadow_rays_per_vertex = 0;
   uint32_t bounces = 0;  // counter blocks
   bool environments = false;
+  uint32_t glass_surfaces = 0;  // that a shadow ray may pass; 0: shadow rays only ask whether something stands in the way
 };
 
 class WaveBuffers {
@@ -25,19 +26,26 @@ class WaveBuffers {
   void fit(const WaveSize& size);
 
   [[nodiscard]] RayQueue closest_queue(uint32_t bounce) const;
-  [[nodiscard]] RayQueue shadow_queue(uint32_t bounce) const;
+  /// `passed`: how many surfaces of glass the rays have passed; two queues take turns.
+  [[nodiscard]] RayQueue shadow_queue(uint32_t bounce, uint32_t passed = 0) const;
+  /// Counter block of shadow_queue(bounce, passed).
+  [[nodiscard]] uint32_t shadow_block(uint32_t bounce, uint32_t passed) const {
+    return passed == 0 ? bounce : size_.bounces + bounce * size_.glass_surfaces + passed - 1;
+  }
   [[nodiscard]] uint64_t closest_rays(uint32_t bounce) const { return address(rays_[bounce & 1]); }
-  [[nodiscard]] uint64_t shadow_rays() const { return address(shadow_rays_); }
+  [[nodiscard]] uint64_t shadow_rays(uint32_t passed = 0) const { return address(shadow_rays_[passed & 1]); }
   [[nodiscard]] uint64_t closest_environments(uint32_t bounce) const { return address(environments_[bounce & 1]); }
-  [[nodiscard]] uint64_t shadow_environments() const { return address(shadow_environments_); }
+  [[nodiscard]] uint64_t shadow_environments(uint32_t passed = 0) const { return address(shadow_environments_[passed & 1]); }
   [[nodiscard]] uint64_t contributions() const { return address(contributions_); }
   [[nodiscard]] uint64_t state() const { return address(state_); }
   [[nodiscard]] uint64_t sums() const { return address(sums_); }
   [[nodiscard]] const ks::Buffer& counters() const { return *counters_; }
   [[nodiscard]] uint64_t counter_address() const { return address(counters_); }
-  [[nodiscard]] uint64_t counter_bytes() const { return uint64_t(size_.bounces) * counter_words * 4; }
+  [[nodiscard]] uint64_t counter_bytes() const { return uint64_t(size_.bounces) * (1 + size_.glass_surfaces) * counter_words * 4; }
   /// Rays of a bounce, where the host can see them; else the capacity.
   [[nodiscard]] uint32_t ray_count(uint32_t bounce) const;
+  /// The same of shadow rays.
+  [[nodiscard]] uint32_t shadow_ray_count(uint32_t bounce, uint32_t passed) const;
   [[nodiscard]] uint32_t shadow_capacity() const { return size_.capacity * size_.shadow_rays_per_vertex; }
   [[nodiscard]] const WaveSize& size() const { return size_; }
 
@@ -47,7 +55,8 @@ class WaveBuffers {
 
   Memory memory_;
   WaveSize size_;
-  std::shared_ptr<ks::Buffer> rays_[2], environments_[2], shadow_rays_, shadow_environments_, contributions_, state_, sums_, counters_;
+  std::shared_ptr<ks::Buffer> rays_[2], environments_[2], shadow_rays_[2], shadow_environments_[2], contributions_, state_, sums_,
+      counters_;
 };
 
 }  // namespace kuafu

@@ -1,0 +1,45 @@
+// Stage `transmit`: a shadow ray that met smooth glass goes straight on, dimmed; any other surface ends it. The light's pattern so reaches what stands
+// behind a bottle; its bending does not.
+struct Onward {
+  bool wanted;
+  Ray ray;
+  uint id;
+};
+
+uint shadow_field(uint i, uint field) { return push.rays_in.at[closest_word(i, field, push.capacity)]; }
+
+/// What the surface at ray i lets through, straight; `onward` gets the ray's next origin.
+Spectrum pass_surface(uint i, INOUT(Onward) onward) {
+  SceneAddresses scene = push.scene.at[0];
+  Surface s = load_surface(scene, scene.instances.at[shadow_field(i, hit_instance)], shadow_field(i, hit_primitive),
+                           uintBitsToFloat(shadow_field(i, hit_u)), uintBitsToFloat(shadow_field(i, hit_v)));
+  MaterialPoint m = load_material(scene, scene.materials.at[s.material], s);
+  bool front = dot(s.geometric_normal, onward.ray.direction) <= 0.0f;
+  onward.ray.origin = offset_origin(s.position, s.coordinate_size, front ? -s.geometric_normal : s.geometric_normal);
+  return straight_transmittance(m, abs(dot(s.shading_normal, onward.ray.direction)));
+}
+
+Onward transmit(uint i) {
+  Onward onward;
+  onward.wanted = false;
+  if (shadow_field(i, hit_geometry) == miss) return onward;
+  onward.id = shadow_field(i, ray_id);
+  onward.ray.direction = load_direction(push.rays_in, i, push.capacity);
+  bool blocked = push.last != 0u || (onward.id & shadow_opaque) != 0u;
+  Spectrum transmittance = Spectrum(0.0f);
+  if (!blocked) transmittance = pass_surface(i, onward);
+  uint index = onward.id & ~shadow_opaque, way = channels * push.capacity + index;
+  for (uint c = 0u; c < channels; ++c) push.contributions.at[c * push.capacity + index] *= channel_of(transmittance, c);
+  if (max_component(transmittance) == 0.0f) return onward;
+  float left = push.contributions.at[way] - uintBitsToFloat(shadow_field(i, ray_t_far));
+  push.contributions.at[way] = left;
+  onward.ray.t_near = 0.0f;
+  onward.ray.t_far = left;
+  onward.wanted = left > 0.0f;
+  return onward;
+}
+
+void queue_onward(uint from, Onward onward, uint i) {
+  store_closest_ray(push.rays_out, i, push.capacity, onward.ray, onward.id);
+  if (push.has_environments != 0u) push.environments_out.at[i] = push.environments_in.at[from];
+}
