@@ -74,11 +74,14 @@ class Bench {
     const auto matcher = simsense::make_vulkan_matcher(device_, width, height, c.batch, c.parameters, tuning);
     std::map<std::string, std::vector<double>> stages;
     std::vector<double> walls, totals;
-    for (int i = -2; i < repeats; ++i) {
+    const auto timed_match = [&] {
       const auto start = std::chrono::steady_clock::now();
       matcher->match({*left_}, {*right_}, {*disparity_});
-      const double wall = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
-      if (i < 0) continue;  // clocks rise, pipelines compile
+      return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
+    };
+    for (double warm_ms = 0; warm_ms < 60;) warm_ms += timed_match();  // clocks rise, pipelines compile
+    for (int i = 0; i < repeats; ++i) {
+      const double wall = timed_match();
       double total = 0;
       for (const ks_stage_time& stage : matcher->stage_times())
         stages[stage.name].push_back(stage.milliseconds), total += stage.milliseconds;

@@ -20,7 +20,7 @@ uvec4 sums[thread_columns];
 int clamp_to(int value, uint size) { return clamp(value, 0, int(size) - 1); }
 
 uvec4 pair_costs(uint row, uint column, uint lane_start) {
-  uint left = push.left_census.at[row * push.width + column];
+  uint left = push.left_census.at[row * push.width + column + left_margin];
   uint right = row * push.right_pitch + push.right_origin + column - lane_start;
   uvec4 costs;
   [[unroll]] for (uint k = 0u; k < part_pairs; ++k)

@@ -2,6 +2,7 @@
 // raster order is >= its mirror. Columns left of the right image repeat its first one, so that no disparity needs a check later.
 #version 460
 #extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_control_flow_attributes : require
 #include "shared/match_push.h"
 
 const uint tile_width = 64u, tile_height = 4u;
@@ -32,7 +33,7 @@ void load_tile(bool right, ivec2 origin) {
 uint census_word(uint x, uint y) {
   uint first = y * shared_width + x, last = first + (window_height - 1u) * shared_width + window_width - 1u;
   uint bits = 0u;
-  for (uint i = 0u; i < (window_width * window_height - 1u) / 2u; ++i) {
+  [[unroll]] for (uint i = 0u; i < (window_width * window_height - 1u) / 2u; ++i) {
     uint offset = i / window_width * shared_width + i % window_width;
     if (pixels[first + offset] >= pixels[last - offset]) bits |= 1u << i;
   }
@@ -52,7 +53,7 @@ void main() {
   uint word = census_word(outside ? 0u : gl_LocalInvocationID.x, gl_LocalInvocationID.y);
   uint row = (gl_WorkGroupID.z >> 1) * push.height + uint(y);
   if (!right) {
-    push.left_census.at[row * push.width + uint(x)] = word;
+    push.left_census.at[row * push.width + uint(x) + left_margin] = word;
     push.right_winner.at[row * push.width + uint(x)] = 0xffffffffu;
     return;
   }

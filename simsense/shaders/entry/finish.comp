@@ -2,6 +2,7 @@
 // whose window leaves the image are copied.
 #version 460
 #extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_control_flow_attributes : require
 #include "shared/match_push.h"
 
 const uint tile_width = 32u, tile_height = 8u;
@@ -22,6 +23,20 @@ float checked_disparity(int x, int y) {
   if (right_x < 0) return -1.0f;
   int right = int(push.right_winner.at[row + uint(right_x)] & 0xffffu);
   return abs(rounded - right) <= push.lr_max_diff ? disparity : -1.0f;
+}
+
+float middle(float a, float b, float c) { return max(min(a, b), min(max(a, b), c)); }
+
+/// Of 3 x 3 values: the middle one of the largest minimum, the middle median and the smallest maximum of the columns.
+float median_of_nine(uint first) {
+  float low = -1.0f, high = 3.4e38f, mid[3];
+  [[unroll]] for (uint i = 0u; i < 3u; ++i) {
+    float a = checked[first + i], b = checked[first + shared_width + i], c = checked[first + 2u * shared_width + i];
+    low = max(low, min(a, min(b, c)));
+    high = min(high, max(a, max(b, c)));
+    mid[i] = middle(a, b, c);
+  }
+  return middle(low, middle(mid[0], mid[1], mid[2]), high);
 }
 
 /// The value with at most half of the others below it and at most half above it.
@@ -48,6 +63,6 @@ void main() {
   if (pixel.x >= push.width || pixel.y >= push.height) return;
   bool inside = pixel.x >= reach && pixel.y >= reach && pixel.x + reach < push.width && pixel.y + reach < push.height;
   uint first = local.y * shared_width + local.x;
-  float disparity = inside ? median(first) : checked[first + reach * shared_width + reach];
+  float disparity = inside ? (median_size == 3u ? median_of_nine(first) : median(first)) : checked[first + reach * shared_width + reach];
   push.disparity.at[(gl_WorkGroupID.z * push.height + pixel.y) * push.width + pixel.x] = disparity;
 }

@@ -17,7 +17,7 @@ layout(constant_id = 3) const uint disparities = 128u;      // at most path_lane
 layout(constant_id = 4) const uint subgroup_lanes = 8u;
 layout(constant_id = 5) const uint sum_bytes = 1u;          // of a volume of path costs: 1, 2 or 4
 layout(constant_id = 6) const uint block_pixels = 1u;
-layout(constant_id = 7) const uint steps = 4u;              // pixels that a path reads ahead: 4 or 8
+layout(constant_id = 7) const uint steps = 4u;              // pixels read ahead: 4 or 8
 layout(constant_id = 8) const uint uniqueness_ratio = 15u;  // percent
 layout(constant_id = 9) const uint subpixel = 2u;           // 0 none, 1 parabola, 2 equiangular
 

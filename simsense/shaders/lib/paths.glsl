@@ -13,7 +13,7 @@ Path make_path(bool horizontal, uint group) {
   uint lines = cluster_count() / 2u, count = horizontal ? push.height : push.width, line = line_of(horizontal, group, lines);
   Path p;
   p.pixels = horizontal ? push.width : push.height;
-  p.valid = line < count;
+  p.kept = line < count ? p.pixels : 0u;
   p.line = min(line, count - 1u);
   p.backward = cluster() >= lines;
   p.mirrored = horizontal && p.backward;
@@ -33,7 +33,6 @@ void main() {
   bool horizontal = gl_WorkGroupID.x < row_groups;
   Path p = make_path(horizontal, horizontal ? gl_WorkGroupID.x : gl_WorkGroupID.x - row_groups);
   begin_path(p.mirrored);
-  forget_met();
   if (horizontal && !stored_costs) {
     walk_rows(push.horizontal, p);
   } else {

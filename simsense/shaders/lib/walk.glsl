@@ -12,27 +12,26 @@ layout(buffer_reference, scalar, buffer_reference_align = 8) coherent buffer Sum
 layout(buffer_reference, scalar, buffer_reference_align = 16) coherent buffer SumVec4Array { uvec4 at[]; };
 
 struct Path {
-  uint pixels;     // along the path
-  uint line;       // row or column
-  uint first;      // volume pixel at time 0, which may lie before the line
-  int stride;      // pixels from one to the next
-  uint start;      // time of the first pixel
+  uint pixels;       // along the path
+  uint line;         // row or column
+  uint first;        // pixel at time 0, which may lie before the line
+  int stride;        // pixels from one to the next
+  uint start;        // time of the first pixel
   uint middle, end;  // times, the same for both paths of all lines
-  bool mirrored;   // lanes and registers hold the disparities in reverse order
+  uint kept;         // pixels to store: all, or none of a path that only fills up its workgroup
+  bool mirrored;     // lanes and registers hold the disparities in reverse order
   bool backward;
-  bool valid;      // else it runs along, and stores nothing
 };
 
 uint met[steps * lane_words];  // what the opposite path has left at the pixels ahead
 
-bool on_line(Path p, uint t) { return t - p.start < p.pixels; }
 uint time_on_line(Path p, uint t) { return clamp(t, p.start, p.start + p.pixels - 1u); }
 uint path_pixel(Path p, uint t) { return uint(int(p.first) + int(t) * p.stride); }
 uint lane_item(Path p, uint t) { return path_pixel(p, t) * path_lanes + (p.mirrored ? path_lanes - 1u - lane() : lane()); }
 
+/// The time is after the middle.
 void look_ahead(UintArray sums, Path p, uint t, uint slot) {
-  if (!on_line(p, t)) return;
-  uint item = lane_item(p, t);
+  uint item = lane_item(p, min(t, p.start + p.pixels - 1u));
   if (lane_words % 4u == 0u) {
     [[unroll]] for (uint i = 0u; i < lane_words / 4u; ++i) {
       uvec4 v = SumVec4Array(sums).at[item * (lane_words / 4u) + i];
@@ -54,45 +53,44 @@ uint mirror_elements(uint word) {
   return sum_bytes == 2u ? word : (word << 8 & 0xff00ff00u) | (word >> 8 & 0x00ff00ffu);
 }
 
-uint sum_word(Path p, uint slot, uint w) {
+/// Word w of what the path leaves at a pixel: its own costs, after the middle the sum of both.
+uint kept_word(Path p, uint slot, bool after_middle, uint w) {
   uint own = p.mirrored ? mirror_elements(path_word(lane_words - 1u - w)) : path_word(w);
-  return own + met[slot * lane_words + w];
+  return after_middle ? own + met[slot * lane_words + w] : own;
 }
 
-void store_sum(UintArray sums, Path p, uint t, uint slot) {
-  if (!p.valid || !on_line(p, t)) return;
+void leave(UintArray sums, Path p, uint t, uint slot, bool after_middle) {
+  if (t - p.start >= p.kept) return;
   uint item = lane_item(p, t);
   if (lane_words % 4u == 0u) {
     [[unroll]] for (uint i = 0u; i < lane_words / 4u; ++i)
-      SumVec4Array(sums).at[item * (lane_words / 4u) + i] = uvec4(sum_word(p, slot, 4u * i), sum_word(p, slot, 4u * i + 1u),
-                                                                   sum_word(p, slot, 4u * i + 2u), sum_word(p, slot, 4u * i + 3u));
+      SumVec4Array(sums).at[item * (lane_words / 4u) + i] = uvec4(kept_word(p, slot, after_middle, 4u * i), kept_word(p, slot, after_middle, 4u * i + 1u),
+                                                                   kept_word(p, slot, after_middle, 4u * i + 2u), kept_word(p, slot, after_middle, 4u * i + 3u));
   } else if (lane_words % 2u == 0u) {
     [[unroll]] for (uint i = 0u; i < lane_words / 2u; ++i)
-      SumVec2Array(sums).at[item * (lane_words / 2u) + i] = uvec2(sum_word(p, slot, 2u * i), sum_word(p, slot, 2u * i + 1u));
+      SumVec2Array(sums).at[item * (lane_words / 2u) + i] = uvec2(kept_word(p, slot, after_middle, 2u * i), kept_word(p, slot, after_middle, 2u * i + 1u));
   } else {
-    [[unroll]] for (uint w = 0u; w < lane_words; ++w) SumArray(sums).at[item * lane_words + w] = sum_word(p, slot, w);
+    [[unroll]] for (uint w = 0u; w < lane_words; ++w) SumArray(sums).at[item * lane_words + w] = kept_word(p, slot, after_middle, w);
   }
 }
 
-void forget_met() {
-  [[unroll]] for (uint i = 0u; i < steps * lane_words; ++i) met[i] = 0u;
-}
-
-/// Before the times t .. t + steps - 1.
-void begin_block(UintArray sums, Path p, uint t) {
-  if (t != p.middle) return;
+/// Between the two halves of the way.
+void meet(UintArray sums, Path p) {
   memoryBarrierBuffer();
   barrier();
-  [[unroll]] for (uint s = 0u; s < steps; ++s) look_ahead(sums, p, t + s, s);
+  [[unroll]] for (uint s = 0u; s < steps; ++s) look_ahead(sums, p, p.middle + s, s);
 }
 
-/// One pixel, whose cost is in step_cost; slot = t % steps.
-void visit(UintArray sums, Path p, uint t, uint slot) {
+/// One pixel, whose cost is in step_cost; slot = t % steps. after_middle is a constant: a loop of its own for each half keeps the loads ahead
+/// free of conditions, which would make them wait for memory.
+void visit(UintArray sums, Path p, uint t, uint slot, bool after_middle) {
+  // A cost of 0 before the start leaves the path's initial state as it is.
+  if (!after_middle) {
+    uint mask = t < p.start ? 0u : 0xffffffffu;
+    [[unroll]] for (uint k = 0u; k < lane_pairs; ++k) step_cost[k] &= mask;
+  }
   step_path();
-  store_sum(sums, p, t, slot);
-  if (t >= p.middle) look_ahead(sums, p, t + steps, slot);
+  leave(sums, p, t, slot, after_middle);
+  if (after_middle) look_ahead(sums, p, t + steps, slot);
 }
-
-/// A cost of 0 before the start leaves the path's initial state as it is.
-uint cost_mask(Path p, uint t) { return t < p.start ? 0u : 0xffffffffu; }
 #endif

@@ -1,18 +1,19 @@
-// Along a column with costs from census words, or along any line with stored costs: what a pixel needs is loaded `steps` pixels ahead.
+// Along a column with costs from census words, or along any line with stored costs: what a pixel needs is loaded some pixels ahead.
 #ifndef SIMSENSE_WALK_LINES_GLSL
 #define SIMSENSE_WALK_LINES_GLSL
 #include "lib/walk.glsl"
 
 const bool stored_costs = block_pixels > 1u;
 const uint needed_words = stored_costs ? lane_pairs : lane_disparities;
+const uint ahead = needed_words > 8u ? 2u : steps;  // pixels; many registers cost more than the wait
 
-uint needed[steps * needed_words];
-uint left_ahead[steps];
+uint needed[ahead * needed_words];
+uint left_ahead[ahead];
 
 /// The lane's right words of a pixel start at any column; one of the four shifted copies has them aligned.
 void fetch_census(Path p, uint t, uint slot) {
   uint position = t - p.start, y = p.backward ? p.pixels - 1u - position : position, row = gl_WorkGroupID.z * push.height + y;
-  left_ahead[slot] = push.left_census.at[row * push.width + p.line];
+  left_ahead[slot] = push.left_census.at[row * push.width + p.line + left_margin];
   uint shift = (3u - p.line) & 3u;
   uint word = shift * push.right_copy_words + row * push.right_pitch + push.right_origin + shift + p.line + 1u - (lane() + 1u) * lane_disparities;
   [[unroll]] for (uint i = 0u; i < lane_disparities; i += 4u) {
@@ -39,16 +40,20 @@ uint pair_cost(Path p, uint slot, uint k) {
   return hamming_pair(left_ahead[slot], needed[last - k], needed[last - k - lane_pairs]);
 }
 
-void walk_lines(UintArray sums, Path p) {
-  [[unroll]] for (uint s = 0u; s < steps; ++s) fetch(p, s, s);
-  [[dont_unroll]] for (uint t = 0u; t < p.end; t += steps) {
-    begin_block(sums, p, t);
+void walk_line_part(UintArray sums, Path p, uint begin, uint end, bool after_middle) {
+  [[dont_unroll]] for (uint t = begin; t < end; t += steps) {
     [[unroll]] for (uint s = 0u; s < steps; ++s) {
-      uint mask = cost_mask(p, t + s);
-      [[unroll]] for (uint k = 0u; k < lane_pairs; ++k) step_cost[k] = mask & pair_cost(p, s, k);
-      fetch(p, t + s + steps, s);
-      visit(sums, p, t + s, s);
+      [[unroll]] for (uint k = 0u; k < lane_pairs; ++k) step_cost[k] = pair_cost(p, s % ahead, k);
+      fetch(p, t + s + ahead, s % ahead);
+      visit(sums, p, t + s, s, after_middle);
     }
   }
+}
+
+void walk_lines(UintArray sums, Path p) {
+  [[unroll]] for (uint s = 0u; s < ahead; ++s) fetch(p, s, s);
+  walk_line_part(sums, p, 0u, p.middle, false);
+  meet(sums, p);
+  walk_line_part(sums, p, p.middle, p.end, true);
 }
 #endif

@@ -23,7 +23,7 @@ uvec4 right_group(Path p, int first, uint position) {
   return p.mirrored ? words.wzyx : words;
 }
 
-uint left_word(Path p, uint t) { return push.left_census.at[path_pixel(p, time_on_line(p, t))]; }
+uint left_word(Path p, uint t) { return push.left_census.at[path_pixel(p, t) + left_margin]; }
 
 void fill_window(Path p, int first, uint t) {
   [[unroll]] for (uint i = 0u; i < lane_disparities + steps; i += 4u) {
@@ -46,19 +46,23 @@ void move_window() {
   [[unroll]] for (uint s = 0u; s < steps; ++s) window[lane_disparities + s] = next_right[s], left_words[s] = next_left[s];
 }
 
-void walk_rows(UintArray sums, Path p) {
-  int first = first_group(p);
-  fill_window(p, first, 0u);
-  [[dont_unroll]] for (uint t = 0u; t < p.end; t += steps) {
+void walk_row_part(UintArray sums, Path p, int first, uint begin, uint end, bool after_middle) {
+  [[dont_unroll]] for (uint t = begin; t < end; t += steps) {
     fetch_next(p, first, t + steps);
-    begin_block(sums, p, t);
     [[unroll]] for (uint s = 0u; s < steps; ++s) {
-      uint mask = cost_mask(p, t + s);
       [[unroll]] for (uint k = 0u; k < lane_pairs; ++k)
-        step_cost[k] = mask & hamming_pair(left_words[s], window[lane_disparities + s - k], window[lane_disparities + s - k - lane_pairs]);
-      visit(sums, p, t + s, s);
+        step_cost[k] = hamming_pair(left_words[s], window[lane_disparities + s - k], window[lane_disparities + s - k - lane_pairs]);
+      visit(sums, p, t + s, s, after_middle);
     }
     move_window();
   }
+}
+
+void walk_rows(UintArray sums, Path p) {
+  int first = first_group(p);
+  fill_window(p, first, 0u);
+  walk_row_part(sums, p, first, 0u, p.middle, false);
+  meet(sums, p);
+  walk_row_part(sums, p, first, p.middle, p.end, true);
 }
 #endif

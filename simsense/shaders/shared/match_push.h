@@ -17,6 +17,12 @@ layout(buffer_reference, scalar, buffer_reference_align = 4) buffer UintArray { 
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer FloatArray { float at[]; };
 #endif
 
+#ifdef __cplusplus
+inline constexpr uint left_margin = 64;
+#else
+const uint left_margin = 64u;  // a path reads a little before and after its line
+#endif
+
 /// [P] pairs of one chunk. A volume holds one element per pixel and disparity, in the order that lib/lanes.glsl tells.
 struct MatchPush {
   UintArray left_image, right_image;  // [P][height][width] bytes; pixel 0 is byte left_byte (right_byte) of the first word

@@ -15,8 +15,10 @@ namespace {
 
 using Constants = std::vector<uint32_t>;
 
+constexpr uint32_t winner_steps = 4;  // pixels that the winner stage reads ahead
+
 /// The constants of lanes.glsl.
-Constants lane_constants(const MatchPlan& plan, const MatchParameters& p, uint32_t group) {
+Constants lane_constants(const MatchPlan& plan, const MatchParameters& p, uint32_t group, uint32_t steps) {
   return {group,
           plan.path_lanes,
           plan.lane_disparities,
@@ -24,13 +26,13 @@ Constants lane_constants(const MatchPlan& plan, const MatchParameters& p, uint32
           plan.subgroup_lanes,
           plan.sum_bytes,
           p.block_width * p.block_height,
-          plan.steps,
+          steps,
           p.uniqueness_ratio,
           static_cast<uint32_t>(p.subpixel)};
 }
 
 Constants block_constants(const MatchPlan& plan, const MatchParameters& p) {
-  Constants constants = lane_constants(plan, p, 256);
+  Constants constants = lane_constants(plan, p, 256, plan.steps);
   constants.insert(constants.end(), {p.block_width, p.block_height, plan.block_group_parts, plan.block_rows_per_group});
   return constants;
 }
@@ -41,8 +43,9 @@ std::span<const uint32_t> paths_code(bool half) { return half ? std::span<const 
 
 MatchPipelines::MatchPipelines(const std::shared_ptr<ks::Device>& device, const MatchPlan& plan, const MatchParameters& p)
     : census(device, census_spirv, sizeof(MatchPush), Constants{p.census_width, p.census_height, plan.census_copies}),
-      paths(device, paths_code(plan.half_minima), sizeof(MatchPush), lane_constants(plan, p, plan.path_group), plan.subgroup_lanes),
-      winner(device, winner_spirv, sizeof(MatchPush), lane_constants(plan, p, plan.winner_group), plan.subgroup_lanes),
+      paths(device, paths_code(plan.half_minima), sizeof(MatchPush), lane_constants(plan, p, plan.path_group, plan.steps),
+            plan.subgroup_lanes),
+      winner(device, winner_spirv, sizeof(MatchPush), lane_constants(plan, p, plan.winner_group, winner_steps), plan.subgroup_lanes),
       finish(device, finish_spirv, sizeof(MatchPush), Constants{p.median_size}) {
   if (p.block_width * p.block_height > 1) block_cost.emplace(device, block_cost_spirv, sizeof(MatchPush), block_constants(plan, p));
 }

@@ -24,7 +24,7 @@ uint32_t divide_up(uint32_t a, uint32_t b) { return (a + b - 1) / b; }
 /// Lanes of one path: with few pairs many lanes shorten its steps, with many pairs few lanes waste less on their exchange.
 void choose_lanes(MatchPlan& plan, uint32_t disparities, bool block, uint32_t batch, const MatchTuning& tuning) {
   const uint32_t unit = block ? 8 : 4;  // the block stage takes four pairs at a time
-  const uint32_t wanted = divide_up(disparities, batch == 1 ? 8 : 16);
+  const uint32_t wanted = divide_up(disparities, batch == 1 || disparities <= 64 ? 8 : 16);
   plan.path_lanes = tuning.path_lanes ? tuning.path_lanes : std::clamp(std::bit_ceil(wanted), 4u, std::min(plan.subgroup_lanes, 32u));
   plan.lane_disparities = unit * divide_up(disparities, unit * plan.path_lanes);
   plan.steps = tuning.steps ? tuning.steps : 4;
@@ -43,21 +43,41 @@ void choose_ranges(MatchPlan& plan, const MatchParameters& p, bool half) {
   plan.half_minima = half && half_bias + largest + plan.p1 <= largest_half;
 }
 
-/// Many parts in a workgroup write long runs of memory; few leave it more columns, of which the block's width is lost.
+/// Many parts in a workgroup write long runs of memory; few leave it more columns, of which the block's width is lost. The rows above a
+/// workgroup's first one are summed anew, so it takes as many rows as leave enough workgroups.
 void choose_block_stage(MatchPlan& plan, const MatchParameters& p) {
+  constexpr uint32_t wanted_groups = 1024;
   const uint32_t parts = plan.padded_disparities() / 8;
   plan.block_group_parts = 16;
   while (plan.block_group_parts > 1 && (parts % plan.block_group_parts != 0 || plan.block_columns() < 4 * p.block_width))
     plan.block_group_parts /= 2;
-  plan.block_rows_per_group = std::max(64u, 4 * p.block_height);
+  const uint32_t tiles = divide_up(plan.width, plan.block_columns() - (p.block_width - 1)) * (parts / plan.block_group_parts);
+  const uint32_t wanted_rows = plan.height / std::max(wanted_groups / (tiles * plan.pairs_at_once), 1u);
+  plan.block_rows_per_group = std::clamp(wanted_rows, std::max(16u, 2 * p.block_height), std::max(64u, 4 * p.block_height));
 }
 
-/// Enough sweeps to fill a large GPU; a sweep also takes the columns of one disparity range past its end.
+/// Enough sweeps to fill a large GPU and to keep them short; a sweep also takes the columns of one disparity range past its end.
 uint32_t default_segments(const MatchPlan& plan, uint32_t disparities) {
-  constexpr uint32_t wanted_subgroups = 4096;
+  constexpr uint32_t wanted_subgroups = 4096, wanted_columns = 80;
   const uint64_t subgroups = std::max<uint64_t>(uint64_t{plan.height} * plan.pairs_at_once * plan.path_lanes / plan.subgroup_lanes, 1);
   const uint32_t most = std::max(plan.width / std::max(disparities / 2, 32u), 1u);
-  return static_cast<uint32_t>(std::clamp<uint64_t>(wanted_subgroups / subgroups, 1, most));
+  return static_cast<uint32_t>(
+      std::clamp<uint64_t>(std::max<uint64_t>(wanted_subgroups / subgroups, plan.width / wanted_columns), 1, most));
+}
+
+uint64_t device_memory_bytes(const ks::Device& device) {
+  uint64_t largest = 0;
+  const VkPhysicalDeviceMemoryProperties& memory = device.memory_properties();
+  for (uint32_t i = 0; i < memory.memoryHeapCount; ++i)
+    if (memory.memoryHeaps[i].flags & VK_MEMORY_HEAP_DEVICE_LOCAL_BIT) largest = std::max<uint64_t>(largest, memory.memoryHeaps[i].size);
+  return largest;
+}
+
+/// More pairs fill a large GPU better; their volumes may take a sixteenth of its memory. A CPU device gains nothing.
+uint32_t default_pairs(const ks::Device& device, const MatchPlan& one_pair) {
+  if (device.is_cpu()) return 1;
+  const uint64_t bytes = 2 * one_pair.sum_volume_bytes() + one_pair.cost_volume_bytes();
+  return static_cast<uint32_t>(std::clamp<uint64_t>(device_memory_bytes(device) / 16 / bytes, 1, 32));
 }
 
 /// A volume's words are counted by positive 32-bit integers.
@@ -81,12 +101,12 @@ MatchPlan make_match_plan(const ks::Device& device, uint32_t width, uint32_t hei
   const bool block = parameters.block_width * parameters.block_height > 1;
   choose_lanes(plan, parameters.max_disparity, block, batch, tuning);
   choose_ranges(plan, parameters, want_half_minima(device, tuning.minima));
-  choose_block_stage(plan, parameters);
   plan.census_copies = block ? 1 : 4;
   plan.right_origin = plan.padded_disparities() + 32;  // as far as a path reads ahead
   plan.right_pitch = 4 * divide_up(plan.right_origin + width + 32, 4);
-  plan.pairs_at_once = std::min({batch, tuning.pairs_at_once ? tuning.pairs_at_once : device.is_cpu() ? 1u : 8u, most_pairs(plan)});
-  plan.path_group = std::max({tuning.path_group ? tuning.path_group : 64u, plan.subgroup_lanes, 2 * plan.path_lanes});
+  plan.pairs_at_once = std::min({batch, tuning.pairs_at_once ? tuning.pairs_at_once : default_pairs(device, plan), most_pairs(plan)});
+  choose_block_stage(plan, parameters);
+  plan.path_group = std::max({tuning.path_group ? tuning.path_group : batch == 1 ? 64u : 128u, plan.subgroup_lanes, 2 * plan.path_lanes});
   plan.winner_group = std::max({tuning.winner_group ? tuning.winner_group : 64u, plan.subgroup_lanes});
   plan.segments = tuning.segments ? std::min(tuning.segments, width) : default_segments(plan, parameters.max_disparity);
   return plan;

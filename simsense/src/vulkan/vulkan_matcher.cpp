@@ -31,7 +31,7 @@ struct VulkanMatcher::State {
         plan(make_match_plan(*device, width, height, batch, p, tuning)),
         pipelines(device, plan, p),
         commands(device) {
-    left_census = allocate(plan.pixels() * 4);
+    left_census = allocate((plan.pixels() + 2 * left_margin) * 4);
     right_census = allocate(plan.right_copy_words() * plan.census_copies * 4);
     if (plan.cost_volume_bytes() > 0) cost = allocate(plan.cost_volume_bytes());
     horizontal = allocate(plan.sum_volume_bytes());

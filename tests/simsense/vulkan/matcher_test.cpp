@@ -86,12 +86,12 @@ class Fuzz {
 
 TEST(vulkan_matcher, fuzzed_parameters_without_block_equal_the_reference) {
   Fuzz fuzz(1);
-  for (int i = 0; i < 16; ++i) compare(fuzz.pair(), fuzz.parameters(false), fuzz.tuning());
+  for (int i = 0; i < 12; ++i) compare(fuzz.pair(), fuzz.parameters(false), fuzz.tuning());
 }
 
 TEST(vulkan_matcher, fuzzed_parameters_with_block_equal_the_reference) {
   Fuzz fuzz(2);
-  for (int i = 0; i < 12; ++i) compare(fuzz.pair(), fuzz.parameters(true), fuzz.tuning());
+  for (int i = 0; i < 10; ++i) compare(fuzz.pair(), fuzz.parameters(true), fuzz.tuning());
 }
 
 TEST(vulkan_matcher, lines_of_every_length_around_a_block_of_steps_meet_right) {
