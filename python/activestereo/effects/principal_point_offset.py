@@ -1,7 +1,6 @@
 """Principal point of the right camera off its calibration (also: yaw)."""
 
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
-from activestereo.effects.core.resample import sample
 
 
 @effect(
@@ -19,4 +18,4 @@ def principal_point_offset(light, view, cx_px, cy_px):
     if not view.is_right or (cx_px == 0.0 and cy_px == 0.0):
         return light
     u, v = view.pixels()
-    return light.map(lambda images: sample(images, u - cx_px, v - cy_px))
+    return light.warped(u - cx_px, v - cy_px)

@@ -1,9 +1,7 @@
 """Lens distortion that the nominal calibration lacks."""
 
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
-from activestereo.effects.core.resample import sample
-
-_ITERATIONS = 12
+from activestereo.effects.core.lens import undistort
 
 
 @effect(
@@ -20,11 +18,4 @@ def radial_distortion(light, view, k1, k2):
     """Straight lines bend: image radius r is drawn at r (1 + k1 r^2 + k2 r^4), r in focal lengths, in both cameras."""
     if k1 == 0.0 and k2 == 0.0:
         return light
-    x, y = view.rays()
-    ux, uy = x, y
-    for _ in range(_ITERATIONS):  # Where the ideal picture has what the distorted one shows here.
-        r2 = ux * ux + uy * uy
-        factor = (1.0 + k1 * r2 + k2 * r2 * r2).clip(0.5, 2.0)
-        ux, uy = x / factor, y / factor
-    u, v = view.to_pixels(ux, uy)
-    return light.map(lambda images: sample(images, u, v))
+    return light.warped(*view.to_pixels(*undistort(*view.rays(), (k1, k2, 0.0, 0.0, 0.0))))

@@ -1,7 +1,6 @@
 """Calibration that drifts with temperature."""
 
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
-from activestereo.effects.core.resample import sample
 
 
 @effect(
@@ -22,4 +21,4 @@ def thermal_drift(light, view, cx_px_per_k, focal_per_k):
         return light
     x, y = view.rays()
     u, v = view.to_pixels(x / growth, y / growth)
-    return light.map(lambda images: sample(images, u - shift, v))
+    return light.warped(u - shift, v)

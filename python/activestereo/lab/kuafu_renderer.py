@@ -7,17 +7,23 @@ import numpy as np
 
 import kuafu
 from activestereo.lab.layers import Layers
+from activestereo.lab.smooth import SMOOTH_VERSION, smooth_bounced
 
+# Rougher surfaces have no highlight that would move through bounced light.
+_MATT_ROUGHNESS = 0.5
+_NOTHING_HIT = 0xFFFFFFFF
 _OUTPUTS = ("projector_direct", "projector_indirect", "ambient", "depth", "normal", "material_id")
 
 
 class KuafuRenderer:
     """Renders RenderRequests. A scene is loaded once and kept; the projector moves from request to request.
 
-    device: 'auto', 'cpu', an index or a kuafu.Device. Raises kuafu.NoDeviceError or kuafu.FileError.
+    device: 'auto', 'cpu', an index or a kuafu.Device. smooth: filter bounced projector light on diffuse surfaces, see smooth.py.
+    Raises kuafu.NoDeviceError or kuafu.FileError.
     """
 
-    def __init__(self, device="auto"):
+    def __init__(self, device="auto", smooth=True):
+        self._smooth = smooth
         self._device = device if isinstance(device, kuafu.Device) else kuafu.Device(device)
         self._renderer = kuafu.Renderer(self._device)
         self._scene_path = self._scene = self._texture = self._white = self._light = self._pattern = None
@@ -25,7 +31,8 @@ class KuafuRenderer:
     @property
     def version(self):
         """Changes with the library's code and the device: pixels are the same bits on one device only."""
-        return f"kuafu {kuafu.__version__} {_library_digest()} on {self._device.info.name}"
+        smooth = f", bounced light smoothed {SMOOTH_VERSION}" if self._smooth else ""
+        return f"kuafu {kuafu.__version__} {_library_digest()} on {self._device.info.name}{smooth}"
 
     def __call__(self, request, progress=None):
         """One Layers per camera. progress: called as progress(fraction)."""
@@ -38,7 +45,7 @@ class KuafuRenderer:
         return tuple(
             Layers(
                 direct=images["projector_direct"][i, ..., 0].copy(),
-                indirect=images["projector_indirect"][i, ..., 0].copy(),
+                indirect=self._indirect(images, i, request.cameras[i]),
                 ambient=images["ambient"][i, ..., 0].copy(),
                 flat=flat[i, ..., 0].copy(),
                 depth_m=images["depth"][i, ..., 0].copy(),
@@ -47,6 +54,28 @@ class KuafuRenderer:
             )
             for i in range(len(cameras))
         )
+
+    def _indirect(self, images, i, camera):
+        indirect, depth_m = images["projector_indirect"][i, ..., 0].copy(), images["depth"][i, ..., 0]
+        if not self._smooth:
+            return indirect
+        normal, material = images["normal"][i] @ camera.camera_to_world[:3, :3], images["material_id"][i, ..., 0]
+        column, row = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
+        y = (row - camera.K[1, 2]) / camera.K[1, 1]
+        x = (column - camera.K[0, 2] - camera.K[0, 1] * y) / camera.K[0, 0]
+        points = np.stack([x * depth_m, y * depth_m, depth_m], axis=-1)
+        filtered = smooth_bounced(indirect, depth_m, normal, points, material, camera.K[0, 0])
+        return np.where(np.isin(material, self._matt_materials(material)), filtered, indirect)
+
+    def _matt_materials(self, material):
+        """Ids of those whose bounced light follows the surface alone: no mirror, no glass, no albedo texture."""
+        seen = {int(m): self._scene.get_material(int(m)) for m in np.unique(material) if m != _NOTHING_HIT}
+        return [
+            i
+            for i, m in seen.items()
+            if m.transmission == 0 and m.metallic == 0 and (m.roughness > _MATT_ROUGHNESS or m.specular == 0)
+            and (m.base_color_texture is None or m.ir_albedo is not None)
+        ]  # fmt: skip
 
     def _render(self, request, cameras, outputs, max_bounces, progress):
         return self._renderer.render(

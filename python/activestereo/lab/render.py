@@ -6,20 +6,23 @@ whenever its pixels may change.
 
 from activestereo.capture import EYES
 from activestereo.lab.cache import LayerCache, request_key
-from activestereo.lab.layers import rig_request
+from activestereo.lab.layers import rig_request, sampling_of
 
 
-def render_frames(capture, renderer, samples_per_pixel=64, max_bounces=8, seed=0, cache=None, progress=None):
+def render_frames(capture, renderer, samples_per_pixel=64, max_bounces=8, seed=0, cache=None, progress=None, scale=1):
     """{frame id: {eye: Layers}} of every frame; frames at one pose share their layers.
 
     A moving frame is rendered at its mid-exposure pose: motion within the exposure is an effect, not part of the base model.
-    cache: a LayerCache, None for the user's own. progress: called as progress(fraction done).
+    cache: a LayerCache, None for the user's own. progress: called as progress(fraction done). scale: image samples per pixel
+    side; from 2 on the layers are PixelLayers, whose fine images keep warps (lenses, calibration, motion) sharp to the frame's
+    border, at about 1.1 times the cost: the samples per pixel stay. ValueError for a nominal lens that distorts too much.
     """
     cache = cache or LayerCache()
+    sampling = sampling_of(capture.rig, scale)
     requests = {}
     keys = {}
     for frame in capture.frames:
-        request = rig_request(capture, frame, samples_per_pixel, max_bounces, seed)
+        request = rig_request(capture, frame, samples_per_pixel, max_bounces, seed, sampling)
         keys[frame.id] = key = request_key(request, renderer.version)
         requests.setdefault(key, request)
     rendered = {}
@@ -28,6 +31,8 @@ def render_frames(capture, renderer, samples_per_pixel=64, max_bounces=8, seed=0
         if layers is None:
             layers = renderer(request, _part(progress, done, len(requests)))
             cache.put(key, layers)
+        if sampling.scale > 1:
+            layers = tuple(sampling.pixel_layers(view, capture.rig.camera(eye)) for eye, view in zip(EYES, layers, strict=True))
         rendered[key] = dict(zip(EYES, layers, strict=True))
         if progress:
             progress((done + 1) / len(requests))

@@ -1,10 +1,11 @@
 """What a moving rig sees a little before or after mid-exposure: the scene shifts, the rig's own dots hardly do."""
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.linalg import expm
 
 from activestereo.effects.core.dots import DotView
-from activestereo.effects.core.light import Light
 from activestereo.effects.core.resample import sample
 
 _ITERATIONS = 3
@@ -22,7 +23,7 @@ def displaced(light, view, dt_s):
         return light
     then_to_mid = _poses(view, rows)
     u, v, then, mid = _source_pixels(view, then_to_mid)
-    moved = Light(*sample(np.stack([light.direct, light.indirect, light.ambient, light.flat]), u, v, order=3))
+    moved = light.warped(u, v)
     flat = moved.flat * _falloff_ratio(view, then_to_mid, u, v, then, mid)
     dots = DotView(view)
     nominal = dots.mean(view.pattern)
@@ -30,7 +31,7 @@ def displaced(light, view, dt_s):
     lit = dots.lit & (light.flat > 0)
     seen = np.where(lit, light.direct / np.where(lit, light.flat, 1.0), nominal)
     direct = np.maximum(flat * (seen + now - nominal), 0.0)
-    return Light(direct, moved.indirect, moved.ambient, flat)
+    return replace(moved, direct=direct, flat=flat)
 
 
 def _poses(view, rows):

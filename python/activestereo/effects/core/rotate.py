@@ -2,8 +2,6 @@
 
 import numpy as np
 
-from activestereo.effects.core.resample import sample
-
 
 def turned(light, view, axis, angle_rad):
     """The Light of a camera turned by angle_rad about its own `axis` (unit, camera coordinates), right-handed."""
@@ -16,4 +14,4 @@ def turned(light, view, axis, angle_rad):
     rx, ry = view.rays()
     ray = np.stack([rx, ry, np.ones_like(rx)], axis=-1) @ rotation.T
     u, v = view.to_pixels(ray[..., 0] / ray[..., 2], ray[..., 1] / ray[..., 2])
-    return light.map(lambda images: sample(images, u, v))
+    return light.warped(u, v)

@@ -16,4 +16,4 @@ def shifted(light, view, shift_x_m):
     source = u
     for _ in range(_ITERATIONS):
         source = u + view.K[0, 0] * shift_x_m * sample(inverse_depth, source, v, order=1)
-    return light.map(lambda images: sample(images, source, v))
+    return light.warped(source, v)

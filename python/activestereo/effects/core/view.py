@@ -5,13 +5,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from activestereo.effects.core.lens import distort, undistort
+
 REFERENCE_TEMPERATURE_C = 25.0
+_NO_DISTORTION = (0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
 class View:
     """One eye of one frame. Arrays are [height][width]; depth 0 = nothing there; normal [height][width][3], unit, camera
-    coordinates; a_to_b maps coordinates in a to those in b."""
+    coordinates; a_to_b maps coordinates in a to those in b; distortion: of the nominal camera, see core/lens.py."""
 
     eye: str
     K: np.ndarray
@@ -25,6 +28,7 @@ class View:
     max_dn: float = 255.0
     line_time_s: float | None = None
     seed: int = 0
+    distortion: tuple = _NO_DISTORTION
 
     @classmethod
     def of(cls, capture, frame, eye, layers, seed=0):
@@ -44,6 +48,7 @@ class View:
             max_dn=rig.max_dn,
             line_time_s=rig.line_time_s,
             seed=seed,
+            distortion=tuple(rig.camera(eye).distortion),
         )
 
     @property
@@ -65,13 +70,17 @@ class View:
         return np.meshgrid(np.arange(width, dtype=np.float64), np.arange(height, dtype=np.float64))
 
     def rays(self, u=None, v=None):
-        """(x, y) with z = 1 through pixels (all of them by default)."""
+        """(x, y) with z = 1 through pixels (all of them by default) of the nominal camera, its lens included."""
         if u is None:
             u, v = self.pixels()
         y = (v - self.K[1, 2]) / self.K[1, 1]
-        return (u - self.K[0, 2] - self.K[0, 1] * y) / self.K[0, 0], y
+        x = (u - self.K[0, 2] - self.K[0, 1] * y) / self.K[0, 0]
+        return undistort(x, y, self.distortion) if any(self.distortion) else (x, y)
 
     def to_pixels(self, x, y):
+        """(u, v) at which the nominal camera draws the direction (x, y, 1)."""
+        if any(self.distortion):
+            x, y = distort(x, y, self.distortion)
         return self.K[0, 0] * x + self.K[0, 1] * y + self.K[0, 2], self.K[1, 1] * y + self.K[1, 2]
 
     def field(self):

@@ -1,0 +1,45 @@
+"""Light between pixels: images finer than the camera's and wider than its frame, so that a warp has something to look up."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from activestereo.effects.core.resample import sample
+
+
+@dataclass(frozen=True)
+class FineImages:
+    """images: float32 [n][(height + 2 margin_px) scale][(width + 2 margin_px) scale]; margin_px in pixels of the camera."""
+
+    images: np.ndarray
+    scale: int
+    margin_px: int
+
+    @cached_property
+    def pixels(self):
+        """Means over the pixels' squares, float64 [n][height][width]."""
+        s, edge = self.scale, self.margin_px * self.scale
+        inside = self.images[:, edge : self.images.shape[1] - edge, edge : self.images.shape[2] - edge]
+        count, height, width = inside.shape
+        return inside.reshape(count, height // s, s, width // s, s).mean(axis=(2, 4), dtype=np.float64)
+
+    def warped(self, u, v):
+        """The images of a camera whose pixels show what lies at pixel positions (u, v) [height][width] here.
+
+        The displacement goes on beyond the frame as it is at the border."""
+        height, width = u.shape
+        down, right = self._positions(height), self._positions(width)
+        rows, columns = np.meshgrid(down, right, indexing="ij")
+        column, row = np.meshgrid(np.arange(width, dtype=np.float64), np.arange(height, dtype=np.float64))
+        moved = sample(np.stack([u - column, v - row]), columns, rows, order=1)
+        return FineImages(self.at(columns + moved[0], rows + moved[1]), self.scale, self.margin_px)
+
+    def at(self, u, v):
+        """Values at pixel positions (u, v) of any shape, float32 [n][...]."""
+        fine_u, fine_v = ((x + self.margin_px + 0.5) * self.scale - 0.5 for x in (u, v))
+        return sample(self.images, fine_u, fine_v).astype(np.float32)
+
+    def _positions(self, size):
+        """Pixel coordinates of the fine samples along an axis of `size` pixels."""
+        return (np.arange((size + 2 * self.margin_px) * self.scale) + 0.5) / self.scale - 0.5 - self.margin_px

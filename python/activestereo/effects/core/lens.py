@@ -1,0 +1,21 @@
+"""Brown-Conrady lens distortion [k1, k2, p1, p2, k3] (OpenCV's order) of image positions x, y in focal lengths."""
+
+_ITERATIONS = 20
+
+
+def distort(x, y, coefficients):
+    """Where a lens draws what an ideal pinhole draws at (x, y)."""
+    k1, k2, p1, p2, k3 = coefficients
+    r2 = x * x + y * y
+    # A polynomial that turns over far outside the picture must not fold the scene back into it.
+    radial = (1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))).clip(0.5, 2.0)
+    return x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x), y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
+
+
+def undistort(x, y, coefficients):
+    """The inverse of distort(), by fixed-point iteration."""
+    ideal_x, ideal_y = x, y
+    for _ in range(_ITERATIONS):
+        drawn_x, drawn_y = distort(ideal_x, ideal_y, coefficients)
+        ideal_x, ideal_y = ideal_x + x - drawn_x, ideal_y + y - drawn_y
+    return ideal_x, ideal_y

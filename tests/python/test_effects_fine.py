@@ -1,0 +1,115 @@
+"""Fine images: warps that look between and beyond pixels, lenses of the nominal rig, and the filter of bounced light."""
+
+import cv2
+import numpy as np
+import pytest
+
+from activestereo.capture import Camera, Projector, Rig
+from activestereo.effects import Light, builtin
+from activestereo.effects.core.laws import example_view
+from activestereo.effects.core.lens import distort, undistort
+from activestereo.lab.layers import Layers, Sampling, ViewCamera, ideal_pixels, sampling_of
+from activestereo.lab.smooth import smooth_bounced
+
+K = np.array([[60.0, 0, 47.5], [0, 60.0, 35.5], [0, 0, 1]])
+LENS = np.array([-0.12, 0.03, 0.002, -0.001, 0.004])
+
+
+def radiance(x, y):
+    """A picture by direction, with detail near the pixel's size."""
+    return 1.2 + np.sin(40 * x + 3 * y) * np.cos(35 * y) * 0.8
+
+
+def rendered(camera, sampling):
+    """Layers of the picture as a renderer gives them: means over samples, the depth a slanted plane's."""
+    fine = sampling.camera(ViewCamera(camera.width, camera.height, camera.K, np.eye(4)))
+    within = (np.arange(4) - 1.5) / 4
+    v, u = np.mgrid[0 : fine.height, 0 : fine.width].astype(float)
+
+    def direction(du, dv):
+        return (u + du - fine.K[0, 2]) / fine.K[0, 0], (v + dv - fine.K[1, 2]) / fine.K[1, 1]
+
+    image = np.mean([radiance(*direction(a, b)) for a in within for b in within], axis=0).astype(np.float32)
+    x, y = direction(0, 0)
+    depth = (1.0 / (1.0 + 0.2 * x)).astype(np.float32)
+    normal = np.broadcast_to(np.float32([0, 0, -1]), (*depth.shape, 3))
+    return Layers(image, image, image, image, depth, normal, np.zeros(depth.shape, np.uint32))
+
+
+def truth(camera, to_ideal):
+    """Pixel means of the picture under any lens: to_ideal maps drawn directions to ideal ones."""
+    within = (np.arange(16) - 7.5) / 16
+    v, u = np.mgrid[0 : camera.height, 0 : camera.width].astype(float)
+    total = 0.0
+    for a in within:
+        for b in within:
+            total = total + radiance(*to_ideal((u + a - camera.K[0, 2]) / camera.K[0, 0], (v + b - camera.K[1, 2]) / camera.K[1, 1]))
+    return total / 256
+
+
+def test_lens_distortion_is_opencvs_and_undistort_inverts_it():
+    x, y = np.random.default_rng(1).uniform(-0.7, 0.7, (2, 500))
+    drawn = np.stack(distort(x, y, LENS), axis=1)
+    points = np.stack([x, y, np.ones_like(x)], axis=1)
+    expected, _ = cv2.projectPoints(points, np.zeros(3), np.zeros(3), np.eye(3), LENS)
+    np.testing.assert_allclose(drawn, expected[:, 0], atol=1e-12)
+    np.testing.assert_allclose(undistort(*drawn.T, LENS), (x, y), atol=1e-7)
+
+
+def test_a_warp_of_fine_images_is_sharp_up_to_the_border():
+    view, camera = example_view(), Camera(96, 72, K)
+    k1 = -0.03
+    expected = truth(camera, lambda x, y: undistort(x, y, (k1, 0, 0, 0, 0)))
+    errors = {}
+    for scale in (1, 2):
+        sampling = Sampling(scale, 6 if scale > 1 else 0)
+        moved = builtin()["radial_distortion"](Light.of(sampling.pixel_layers(rendered(camera, sampling), camera)), view, k1=k1)
+        errors[scale] = np.sqrt(np.mean((moved.ambient - expected) ** 2))
+        assert moved.ambient.shape == view.shape
+    assert errors[2] < 0.01 * expected.std()
+    assert errors[1] > 5 * errors[2]
+
+
+def test_what_effects_changed_before_a_warp_is_warped_with_the_rest():
+    view, camera, sampling = example_view(), Camera(96, 72, K), Sampling(2, 4)
+    light = Light.of(sampling.pixel_layers(rendered(camera, sampling), camera))
+    dimmed = light.scale_projector(0.25)
+    one_after_the_other = builtin()["radial_distortion"](dimmed, view, k1=-0.02)
+    other_order = builtin()["radial_distortion"](light, view, k1=-0.02).scale_projector(0.25)
+    np.testing.assert_allclose(one_after_the_other.ambient, other_order.ambient)
+    assert np.sqrt(np.mean((one_after_the_other.direct - other_order.direct) ** 2)) < 0.05 * other_order.direct.std()
+
+
+def test_a_nominal_lens_is_drawn_into_lights_and_depth():
+    camera = Camera(96, 72, K, LENS)
+    rig = Rig(camera, camera, np.eye(4), Projector(None, K, np.eye(4)))
+    sampling = sampling_of(rig, 1)
+    assert sampling.scale == 2
+    layers = sampling.pixel_layers(rendered(camera, sampling), camera)
+    expected = truth(camera, lambda x, y: undistort(x, y, LENS))
+    assert np.sqrt(np.mean((layers.ambient - expected) ** 2)) < 0.02 * expected.std()
+    v, u = np.mgrid[0:72, 0:96].astype(float)
+    ideal_u, _ = ideal_pixels(camera, u, v)
+    np.testing.assert_allclose(layers.depth_m, 1 / (1 + 0.2 * (ideal_u - K[0, 2]) / K[0, 0]), atol=1e-4)
+
+
+def test_a_lens_that_reaches_too_far_is_refused():
+    camera = Camera(960, 720, K * [[10, 1, 10], [1, 10, 10], [1, 1, 1]], np.array([-0.45, 0.0, 0.0, 0.0, 0.0]))
+    with pytest.raises(ValueError, match="rectify the images"):
+        sampling_of(Rig(camera, camera, np.eye(4), Projector(None, K, np.eye(4))), 1)
+
+
+def test_bounced_light_is_smoothed_along_a_surface_and_not_across_materials():
+    rng = np.random.default_rng(2)
+    v, u = np.mgrid[0:72, 0:96].astype(float)
+    depth = np.full(u.shape, 0.8)
+    points = np.stack([(u - 47.5) / 215 * depth, (v - 35.5) / 215 * depth, depth], axis=-1)
+    normal = np.broadcast_to([0.0, 0.0, -1.0], points.shape)
+    material = (u > 40).astype(np.uint32)
+    clean = np.where(material, 0.3, 1.0) * (1 + 0.002 * v)
+    noisy = clean * rng.gamma(10, 0.1, clean.shape)
+    filtered = smooth_bounced(noisy, depth, normal, points, material, 215.0)
+    error, noise = ((image - clean).std() for image in (filtered, noisy))
+    assert error < 0.15 * noise
+    assert filtered.mean() == pytest.approx(noisy.mean(), rel=0.005)
+    assert abs((filtered - clean)[:, 36:46].mean(axis=0)).max() < 0.05
