@@ -83,7 +83,8 @@ void get_fields(const Struct& record, const Field<Struct> (&fields)[count], py::
 inline void set_signal(simsense_signal& signal, const py::dict& changes) {
   for (const auto& [key, value] : changes) {
     const std::string name = py::str(key);
-    if (!set_field(signal, signal_fields, name, value)) throw py::type_error("an imager has no parameter '" + name + "'; see simsense_signal");
+    if (!set_field(signal, signal_fields, name, value))
+      throw py::type_error("an imager has no parameter '" + name + "'; see simsense_signal");
   }
 }
 
