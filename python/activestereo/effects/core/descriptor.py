@@ -7,6 +7,8 @@ By stage, in the light's order, `apply(value, view, **parameters)` gets and retu
     CHARGE                               DN above black before the amplifier: proportional to collected light
     READOUT                              DN above black
     DIGITAL                              DN as the sensor gives them, black level included
+    DISPARITY                            matched disparity in the left image, pixels, 0 = no match
+    DEPTH                                depth in the left image, metres, 0 = none
 
 It must not change its input, and must return the input itself or an equal one where every parameter is neutral.
 Random effects draw from view.rng(id) alone.
@@ -28,6 +30,8 @@ class Stage(IntEnum):
     CHARGE = 6
     READOUT = 7
     DIGITAL = 8
+    DISPARITY = 9
+    DEPTH = 10
 
 
 class Randomness(Enum):

@@ -29,19 +29,21 @@ def example_view(eye="right", frame_id=0, seed=0, temperature_c=45.0, move=True)
     """A slanted plane before a wall, a moving warm rig, a dot pattern."""
     height, width = _SIZE
     v, u = np.mgrid[0:height, 0:width].astype(np.float64)
-    depth = np.where((u > 30) & (u < 66) & (v > 20) & (v < 56), 0.6 + 0.002 * u, 1.1)
+    slanted = (u > 30) & (u < 66) & (v > 20) & (v < 56)
+    depth = np.where(slanted, 0.6 + 0.002 * u, 1.1)
+    normal = np.where(slanted[..., None], np.array([0.2, 0.0, -1.0]) / np.hypot(0.2, 1.0), [0.0, 0.0, -1.0])
     pose, left_to_right, left_to_projector = np.eye(4), np.eye(4), np.eye(4)
     left_to_right[0, 3], left_to_projector[0, 3] = -0.05, -0.015
     left_to_camera = left_to_right if eye == "right" else np.eye(4)
     frame = Frame(
         id=frame_id, left_path=None, right_path=None, timestamp_s=2.003, exposure_s=0.004, camera_to_world=pose, split="train",
-        temperature_c=temperature_c, camera_velocity=np.array([0.5, 0.1, 0.2, 0.1, 0.6, 0.3]) * move,
+        gain=2.0, temperature_c=temperature_c, camera_velocity=np.array([0.5, 0.1, 0.2, 0.1, 0.6, 0.3]) * move,
     )  # fmt: skip
     return View(
         eye=eye,
         K=np.array([[60.0, 0, (width - 1) / 2], [0, 60.0, (height - 1) / 2], [0, 0, 1]]),
         depth_m=depth,
-        normal=np.broadcast_to([0.0, 0.0, -1.0], (height, width, 3)),
+        normal=normal,
         pattern=_dots((140, 200)),
         projector_K=np.array([[110.0, 0, 99.5], [0, 110.0, 69.5], [0, 0, 1]]),
         camera_to_projector=left_to_projector @ np.linalg.inv(left_to_camera),
@@ -58,7 +60,7 @@ def _dots(shape):
 
 
 def example_value(stage, view):
-    """An input for an effect of the stage: light, an image of radiance, or DN up to beyond the range's end."""
+    """An input for an effect of the stage: light, an image of radiance, DN up to beyond the range's end, disparity or depth."""
     height, width = view.shape
     v, u = np.mgrid[0:height, 0:width].astype(np.float64)
     flat = 0.2 / view.depth_m**2
@@ -66,6 +68,10 @@ def example_value(stage, view):
     light = Light(direct, 0.05 * flat, 0.3 + 0.001 * u + 0.002 * v, flat)
     if stage < Stage.OPTICS:
         return light
+    if stage is Stage.DEPTH:
+        return view.depth_m * ((u + 2 * v) % 17 > 0)
+    if stage is Stage.DISPARITY:
+        return view.K[0, 0] * view.baseline_m / view.depth_m * ((u + 2 * v) % 17 > 0)
     if stage is Stage.OPTICS:
         return np.stack([light.direct, light.ambient])
     return 20.0 + 300.0 * light.direct + v

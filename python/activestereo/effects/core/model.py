@@ -47,8 +47,25 @@ class Model:
             value = effect.apply(value, view, **parameters)
         return np.clip(value, 0.0, view.max_dn)
 
+    def depth(self, depth_m, view):
+        """A matched depth image (left eye, metres, 0 = none) as the device gives it. view: the left eye's."""
+        matched, focal_baseline = np.asarray(depth_m, dtype=np.float64), view.K[0, 0] * view.baseline_m
+        if self._of(Stage.DISPARITY, Stage.DISPARITY, True):
+            disparity = _inverse(matched, focal_baseline)
+            for effect, parameters in self._of(Stage.DISPARITY, Stage.DISPARITY, True):
+                disparity = effect.apply(disparity, view, **parameters)
+            matched = _inverse(disparity, focal_baseline)
+        for effect, parameters in self._of(Stage.DEPTH, Stage.DEPTH, True):
+            matched = effect.apply(matched, view, **parameters)
+        return matched
+
     def _of(self, first, last, random):
         chosen = [(e, p) for e, p in self.effects if first <= e.stage <= last]
         if not random:
             chosen = [(e, p) for e, p in chosen if e.randomness is Randomness.NONE]
         return sorted(chosen, key=lambda pair: pair[0].stage)
+
+
+def _inverse(image, focal_baseline):
+    """Disparity of depth, or depth of disparity; 0 stays 0."""
+    return np.where(image > 0, focal_baseline / np.where(image > 0, image, 1.0), 0.0)

@@ -14,7 +14,8 @@ _NO_DISTORTION = (0.0, 0.0, 0.0, 0.0, 0.0)
 @dataclass(frozen=True)
 class View:
     """One eye of one frame. Arrays are [height][width]; depth 0 = nothing there; normal [height][width][3], unit, camera
-    coordinates; a_to_b maps coordinates in a to those in b; distortion: of the nominal camera, see core/lens.py."""
+    coordinates; a_to_b maps coordinates in a to those in b; distortion: of the nominal camera, see core/lens.py. Disparity and depth effects get
+    the left eye's view."""
 
     eye: str
     K: np.ndarray
@@ -29,6 +30,7 @@ class View:
     line_time_s: float | None = None
     seed: int = 0
     distortion: tuple = _NO_DISTORTION
+    baseline_m: float = 0.05
 
     @classmethod
     def of(cls, capture, frame, eye, layers, seed=0):
@@ -49,6 +51,7 @@ class View:
             line_time_s=rig.line_time_s,
             seed=seed,
             distortion=tuple(rig.camera(eye).distortion),
+            baseline_m=rig.baseline_m,
         )
 
     @property

@@ -1,0 +1,62 @@
+"""The dielectric highlight of glTF 2.0's material model: GGX, Schlick's Fresnel term, specularFactor 1, ior 1.5.
+
+Arrays of cosines and directions may have any leading shape; roughness is a number (alpha = roughness squared).
+"""
+
+from functools import lru_cache
+
+import numpy as np
+
+_F0 = 0.04
+_COSINES = 33
+_RINGS, _SPOKES = 96, 64
+
+
+def highlight(normal, to_light, to_camera, roughness):
+    """Radiance reflected per irradiance, [...]; directions [...][3], unit. Walter et al. 2007, height-correlated Smith shadowing."""
+    half = to_light + to_camera
+    half = half / np.maximum(np.linalg.norm(half, axis=-1, keepdims=True), 1e-12)
+    dot = lambda a, b: np.clip((a * b).sum(-1), 0.0, 1.0)  # noqa: E731
+    n_h, n_l, n_v = dot(normal, half), dot(normal, to_light), dot(normal, to_camera)
+    square = roughness**4
+    density = square / (np.pi * (n_h * n_h * (square - 1.0) + 1.0) ** 2)
+    masked = n_l * np.sqrt(n_v * n_v * (1.0 - square) + square) + n_v * np.sqrt(n_l * n_l * (1.0 - square) + square)
+    fresnel = _F0 + (1.0 - _F0) * (1.0 - dot(half, to_camera)) ** 5
+    return np.where((n_l > 0) & (n_v > 0), fresnel * density * 0.5 / np.maximum(masked, 1e-6), 0.0)
+
+
+def reflected_share(cosine, roughness):
+    """Share of light from a direction, at a cosine to the normal, that the lobe reflects."""
+    return np.interp(cosine, *_shares(float(roughness)))
+
+
+def dimmed_share(cosine, roughness):
+    """Share of uniform surrounding light that never comes out of the diffuse base below the lobe, seen at a cosine: the larger of
+    what the lobe reflects on the way in and on the way out, as the renderer has it."""
+    cosines, shares = _shares(float(roughness))
+    lost = np.trapz(np.maximum(shares[:, None], shares[None]) * 2 * cosines[None], cosines, axis=1)
+    return np.interp(cosine, cosines, lost)
+
+
+@lru_cache(maxsize=64)
+def _shares(roughness):
+    """(cosines, reflected shares): the lobe's integral over outgoing directions, by rings of equal projected solid angle about
+    the half vector's density, so that narrow lobes are resolved."""
+    cosines = np.linspace(0.0, 1.0, _COSINES)
+    cosines[0] = 1e-3
+    square = roughness**4
+    quantile, angle = (np.arange(_RINGS) + 0.5) / _RINGS, (np.arange(_SPOKES) + 0.5) / _SPOKES * 2 * np.pi
+    n_h = np.sqrt((1.0 - quantile) / (1.0 + (square - 1.0) * quantile))[:, None]
+    side = np.sqrt(1.0 - n_h * n_h)
+    half = np.stack(np.broadcast_arrays(side * np.cos(angle), side * np.sin(angle), n_h), axis=-1)
+    shares = []
+    for cosine in cosines:
+        view = np.array([np.sqrt(1.0 - cosine * cosine), 0.0, cosine])
+        v_h = half @ view
+        out = 2 * v_h[..., None] * half - view
+        # Density of the half vectors is D n_h, of the reflected ones that over 4 v_h.
+        density = square / (np.pi * (n_h * n_h * (square - 1.0) + 1.0) ** 2) * n_h / (4.0 * np.maximum(v_h, 1e-9))
+        radiance = highlight(np.array([0.0, 0.0, 1.0]), out, np.broadcast_to(view, out.shape), roughness)
+        weight = np.where((v_h > 0) & (out[..., 2] > 0), radiance * out[..., 2] / np.maximum(density, 1e-300), 0.0)
+        shares.append(weight.mean())
+    return cosines, np.array(shares)

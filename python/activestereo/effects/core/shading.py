@@ -1,0 +1,62 @@
+"""How the projector lights what each pixel sees: distance, angles, and the diffuse reflectance that the light layers tell."""
+
+import numpy as np
+
+from activestereo.effects.core.view import transform
+
+# Below this cosine a grazing surface tells nothing of its reflectance.
+_LEAST_COSINE = 0.05
+
+
+class Shading:
+    """Directions are unit, camera coordinates, [height][width][3]; cosines are 0 where nothing is seen or it faces away.
+
+    reflectance: diffuse radiance per irradiance, albedo / pi, [height][width]; where the projector does not reach it is guessed
+    from the ambient light by the scene's median.
+    """
+
+    def __init__(self, light, view):
+        self._view = view
+        self.hit = view.depth_m > 0
+        self.points = view.points()
+        self.to_camera = _unit(-self.points)
+        self.normal = np.where((view.normal * self.to_camera).sum(-1, keepdims=True) < 0, -view.normal, view.normal)
+        self.camera_cosine = self._cosine(self.to_camera)
+        source = np.linalg.inv(view.camera_to_projector)[:3, 3]
+        self.to_projector, self.projector_cosine, irradiance = self.from_source(source)
+        self.reflectance = self._reflectance(light, irradiance)
+        self.irradiance = irradiance
+
+    def from_source(self, position):
+        """(direction to it, cosine, irradiance per radiant intensity in 1/m^2) of a point source, shadows not counted."""
+        way = position - self.points
+        square = np.maximum((way**2).sum(-1), 1e-12)
+        direction = _unit(way)
+        cosine = self._cosine(direction)
+        return direction, cosine, cosine / square
+
+    def _cosine(self, direction):
+        return np.where(self.hit, np.maximum((self.normal * direction).sum(-1), 0.0), 0.0)
+
+    def _reflectance(self, light, irradiance):
+        told = self.hit & (light.flat > 0) & (self.projector_cosine > _LEAST_COSINE)
+        own = light.flat / np.where(told, irradiance, 1.0)
+        share = np.median((own / np.maximum(light.ambient, 1e-12))[told]) if told.any() else 0.0
+        return np.where(self.hit, np.where(told, own, light.ambient * share), 0.0)
+
+    def pattern_from(self, projector_points, sampler):
+        """Means of a BoxSampler's pattern at points in a projector's frame, 0 behind it; the own projector's footprint holds."""
+        K, view = self._view.projector_K, self._view
+        z = np.where(projector_points[..., 2] > 0, projector_points[..., 2], np.inf)
+        y = projector_points[..., 1] / z
+        u = K[0, 0] * projector_points[..., 0] / z + K[0, 1] * y + K[0, 2]
+        box = K[0, 0] / view.K[0, 0], K[1, 1] / view.K[1, 1]
+        mean = sampler(u, K[1, 1] * y + K[1, 2], *(np.full(u.shape, side) for side in box))
+        return np.where(np.isfinite(z) & self.hit, mean, 0.0)
+
+    def projector_points(self):
+        return transform(self._view.camera_to_projector, self.points)
+
+
+def _unit(vectors):
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-12)

@@ -1,0 +1,19 @@
+"""Exposure time and gain that are not what the frame says."""
+
+from activestereo.effects.core.descriptor import Parameter, Stage, effect
+
+
+@effect(
+    "gain_error",
+    stage=Stage.CHARGE,
+    family="tone",
+    source="EMVA 1288 linearity: exposure offsets of microseconds, gain steps off by per cents",
+    parameters=[
+        Parameter("exposure_offset_s", "s", neutral=0.0, low=-2e-4, high=1e-3, typical=1e-4, source="exposed longer than told"),
+        Parameter("log_gain", "1", neutral=0.0, low=-0.5, high=0.5, typical=0.05, source="true gain = told gain^(1 + log_gain)"),
+    ],
+)
+def gain_error(signal, view, exposure_offset_s, log_gain):
+    """Frames of different exposure or gain differ by another ratio than told; frames of one setting show nothing."""
+    longer = max(0.0, 1.0 + exposure_offset_s / view.frame.exposure_s)
+    return signal * (longer * view.frame.gain**log_gain)

@@ -1,0 +1,17 @@
+"""Bounced light of a wrong strength."""
+
+from dataclasses import replace
+
+from activestereo.effects.core.descriptor import Parameter, Stage, effect
+
+
+@effect(
+    "interreflection",
+    stage=Stage.SURFACE,
+    family="surface",
+    source="radiosity: bounced light goes with the product of two albedos (Goral et al. 1984)",
+    parameters=[Parameter("gain", "1", neutral=0.0, low=-1.0, high=3.0, typical=0.3, source="-1 = a model of single reflections")],
+)
+def interreflection(light, view, gain):
+    """The projector's light that comes over other surfaces, smooth and strongest in corners, is 1 + gain times the rendered one."""
+    return replace(light, indirect=light.indirect * (1.0 + gain))

@@ -1,0 +1,38 @@
+"""Another pattern projector that lights the scene."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from activestereo.effects.core.descriptor import Parameter, Stage, effect
+from activestereo.effects.core.resample import Pattern, disc_sampler
+from activestereo.effects.core.shading import Shading
+
+
+@effect(
+    "second_projector",
+    stage=Stage.SURFACE,
+    family="second projector",
+    source="overlapping units: holes where two patterns meet (librealsense issue 516)",
+    parameters=[
+        Parameter(
+            "intensity_m2", "m^2", neutral=0.0, low=0.0, high=200.0, typical=8.0,
+            source="radiant intensity over ambient radiance: the unit burns whatever the own projector does",
+        ),
+        Parameter("offset_x_m", "m", neutral=0.2, low=-1.0, high=1.0, typical=0.1, source="from the own projector, its axes"),
+        Parameter("offset_y_m", "m", neutral=0.0, low=-1.0, high=1.0, typical=0.1),
+        Parameter("yaw_rad", "rad", neutral=0.0, low=-0.6, high=0.6, typical=0.1, source="positive turns its axis to the right"),
+    ],
+)  # fmt: skip
+def second_projector(light, view, intensity_m2, offset_x_m, offset_y_m, yaw_rad):
+    """A second unit on the same rig throws the same pattern from beside; it shines in frames with the own projector off too."""
+    if intensity_m2 == 0.0:
+        return light
+    shading = Shading(light, view)
+    offset = np.array([offset_x_m, offset_y_m, 0.0])
+    c, s = np.cos(yaw_rad), np.sin(yaw_rad)
+    to_second = np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]])
+    dots = shading.pattern_from((shading.projector_points() - offset) @ to_second.T, disc_sampler(Pattern(view.pattern), 0.0))
+    projector_to_camera = np.linalg.inv(view.camera_to_projector)
+    _, _, irradiance = shading.from_source(projector_to_camera[:3, :3] @ offset + projector_to_camera[:3, 3])
+    return replace(light, ambient=light.ambient + intensity_m2 * dots * irradiance * shading.reflectance)

@@ -1,0 +1,112 @@
+"""Surface, second-projector and gain effects against kuafu, ray-cast worlds and closed forms."""
+
+from dataclasses import replace
+
+import kuafu
+import numpy as np
+import pytest
+
+from activestereo.effects import Light, builtin
+from activestereo.effects.core.descriptor import Stage
+from activestereo.effects.core.ggx import reflected_share
+from activestereo.effects.core.laws import example_value, example_view
+from test_effects_worlds import CAMERA_K, PATTERN, POSE, PROJECTOR_K, SIZE, seen, shift, smooth_places, view_of
+from worlds.view import PatternSource, look
+from worlds.world import table_top
+
+EFFECTS = builtin()
+
+
+def kuafu_plane(device, specular, roughness, size=(96, 64)):
+    """A tilted plane before an open sky, under a white projector: (Light, View)."""
+    K = np.array([[80.0, 0, 47.5], [0, 80.0, 31.5], [0, 0, 1]])
+    scene = kuafu.Scene(device)
+    scene.set_environment((1.0, 1.0, 1.0), ir_radiance=1.0)
+    corners = np.float32([[-1, -1, 0.9], [1, -1, 0.5], [1, 1, 0.7], [-1, 1, 1.1]])
+    mesh = scene.add_mesh(corners, np.uint32([[0, 2, 1], [0, 3, 2]]))
+    material = kuafu.Material(ir_albedo=0.4, metallic=0.0, roughness=roughness, specular=specular)
+    scene.add_instance(mesh, [scene.add_material(material)])
+    white = scene.add_texture(np.ones((64, 96), np.float32))
+    projector_K = np.array([[60.0, 0, 47.5], [0, 60.0, 31.5], [0, 0, 1]])
+    scene.add_light(kuafu.Light(kind="projector", texture=white, k=projector_K, ir_intensity=1.0, light_to_world=shift(0.03)))
+    outputs = ("projector_direct", "ambient", "depth", "normal")
+    images = kuafu.Renderer(device).render(scene, [kuafu.Camera(*size, K)], outputs, spp=256, seed=3)
+    direct, ambient, depth = (images[name][0, ..., 0].astype(np.float64) for name in ("projector_direct", "ambient", "depth"))
+    geometry = dict(K=K, depth_m=depth, normal=images["normal"][0].astype(np.float64), pattern=np.ones((64, 96), np.float32))
+    view = replace(example_view("left"), projector_K=projector_K, camera_to_projector=shift(-0.03), **geometry)
+    return Light(direct, np.zeros_like(direct), ambient, direct), view
+
+
+@pytest.mark.parametrize("roughness", [0.35, 0.6])
+def test_specular_is_the_renderers_own_gloss(device, roughness):
+    matt, view = kuafu_plane(device, 0.0, roughness)
+    for factor in (0.5, 1.0):
+        glossy, _ = kuafu_plane(device, factor, roughness)
+        modelled = EFFECTS["specular"](matt, view, factor=factor, roughness=roughness)
+        change, left = glossy.direct - matt.direct, glossy.direct - modelled.direct
+        assert np.sqrt(np.mean(left**2)) < 0.03 * np.sqrt(np.mean(change**2))
+        ambient_change = (glossy.ambient - matt.ambient)[view.depth_m > 0].mean()
+        assert (modelled.ambient - matt.ambient)[view.depth_m > 0].mean() == pytest.approx(ambient_change, rel=0.1)
+
+
+def test_the_lobe_reflects_its_fresnel_share_where_it_is_smooth():
+    cosines = np.array([1.0, 0.7, 0.3])
+    np.testing.assert_allclose(reflected_share(cosines, 0.1), 0.04 + 0.96 * (1 - cosines) ** 5, rtol=0.05)
+
+
+def test_interreflection_of_minus_one_is_a_world_of_single_reflections():
+    bounced, geometry = seen(bounces=1)
+    single, _ = seen(bounces=0)
+    modelled = EFFECTS["interreflection"](bounced, view_of(geometry), gain=-1.0)
+    assert bounced.indirect.max() > 0
+    np.testing.assert_array_equal(modelled.indirect, single.indirect)
+    np.testing.assert_array_equal(modelled.direct, bounced.direct)
+
+
+def test_second_projector_is_a_second_source_in_the_world():
+    light, geometry = seen(bounces=0)
+    view = view_of(geometry)
+    offset, yaw = (0.08, 0.03), 0.12
+    turn = np.eye(4)
+    turn[:3, :3] = [[np.cos(yaw), 0, np.sin(yaw)], [0, 1, 0], [-np.sin(yaw), 0, np.cos(yaw)]]
+    place = np.eye(4)
+    place[:2, 3] = offset
+    pose = POSE @ shift(0.015) @ place @ turn
+    source = PatternSource(pose[:3, 3], pose[:3, :3], PROJECTOR_K, PATTERN)
+    truth = look(table_top(), SIZE, CAMERA_K, POSE @ shift(0.05), source, seed=3, grid=6, bounces=0).direct
+    modelled = EFFECTS["second_projector"](light, view, intensity_m2=1.0, offset_x_m=offset[0], offset_y_m=offset[1], yaw_rad=yaw)
+    added = modelled.ambient - light.ambient
+    # Shadows of the second unit are not modelled, edges mix surfaces.
+    here = smooth_places(view.depth_m) & (truth > 0) & (light.flat > 0)
+    assert here.mean() > 0.3
+    assert np.sqrt(np.mean((added - truth)[here] ** 2)) < 0.3 * truth[here].std()
+
+
+@pytest.mark.parametrize("depth_m", [0.5, 1.0])
+def test_subsurface_widens_a_dot_by_its_length_on_the_surface(depth_m):
+    view = example_view("left")
+    view = replace(view, K=view.K * np.array([[5, 1, 1], [1, 5, 1], [1, 1, 1]]), depth_m=np.full(view.shape, depth_m))
+    u, v = view.pixels()
+    dot = np.exp(-((u - 48) ** 2 + (v - 36) ** 2) / (2 * 1.5**2))
+    light = Light(dot, 0 * dot, 0 * dot, np.ones_like(dot))
+    seen_dot = EFFECTS["subsurface"](light, view, fraction=1.0, length_m=0.004).direct
+    width = np.sqrt((seen_dot * (u - 48) ** 2).sum() / seen_dot.sum())
+    assert width == pytest.approx(np.hypot(1.5, view.K[0, 0] * 0.004 / depth_m), rel=0.02)
+    assert seen_dot.sum() == pytest.approx(dot.sum(), rel=1e-3)
+
+
+def test_what_is_wholly_transparent_shows_what_is_behind_it_alone():
+    view = example_view()
+    light = example_value(Stage.SURFACE, view)
+    clear = EFFECTS["transmission"](light, view, fraction=1.0, behind=0.7)
+    assert clear.projector.max() == 0.0
+    np.testing.assert_allclose(clear.ambient, 0.7)
+
+
+def test_gain_error_changes_the_ratio_of_exposures_and_not_of_equal_ones():
+    view = example_view()
+    signal = np.full(view.shape, 40.0)
+    half = replace(view, frame=replace(view.frame, exposure_s=view.frame.exposure_s / 2))
+    of = lambda v, **p: EFFECTS["gain_error"](signal, v, **p).mean() / 40.0  # noqa: E731
+    assert of(half, exposure_offset_s=1e-4) / of(view, exposure_offset_s=1e-4) == pytest.approx((1 + 0.05) / (1 + 0.025))
+    assert of(view, log_gain=0.1) == pytest.approx(view.frame.gain**0.1)
