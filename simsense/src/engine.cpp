@@ -8,6 +8,7 @@
 #include "device/error.h"
 #include "device/thread_pool.h"
 #include "rectify/remap.h"
+#include "vulkan/host_batch.h"
 
 namespace simsense {
 namespace {
@@ -23,6 +24,11 @@ const simsense_rig_desc& checked(const simsense_rig_desc& rig) {
   return rig;
 }
 
+void check_progress(const ComputeRequest& request, uint32_t pair, uint32_t pairs) {
+  if (request.progress && request.progress(request.progress_user, static_cast<float>(pair) / static_cast<float>(pairs)))
+    ks::fail(KS_ERROR_CANCELLED, "cancelled by the progress callback before pair %u of %u", pair, pairs);
+}
+
 PointMaker make_points(const simsense_rig_desc& rig, const StereoGeometry& geometry) {
   return rig.rgb.width ? PointMaker(rig.rgb) : PointMaker(geometry.camera, rig.left.width, rig.left.height);
 }
@@ -34,6 +40,10 @@ struct Engine::Frame {
   std::array<std::optional<ImageAccess>, output_count> outputs;
 
   [[nodiscard]] bool wants(uint32_t output) const { return outputs[output].has_value(); }
+  [[nodiscard]] bool wants_disparity() const {
+    return wants(SIMSENSE_OUTPUT_DISPARITY) || wants(SIMSENSE_OUTPUT_DEPTH) || wants(SIMSENSE_OUTPUT_DEPTH_RGB) ||
+           wants(SIMSENSE_OUTPUT_POINTS);
+  }
 
   /// Where a stage writes an output of one component: the caller's memory if it is packed, else scratch.
   template <class T>
@@ -65,6 +75,7 @@ Engine::Engine(std::shared_ptr<ks::Device> device, const simsense_rig_desc& rig,
       has_rgb_(rig.rgb.width != 0),
       points_(make_points(rig, rectification_.geometry)) {
   check_parameters(parameters);
+  on_device_ = use_vulkan(parameters);
   if (has_rgb_) registration_.emplace(rig, rectification_.geometry);
 }
 
@@ -72,8 +83,22 @@ Engine::~Engine() = default;
 
 void Engine::set_parameters(const simsense_parameters& parameters) {
   check_parameters(parameters);
-  if (!(match_parameters(parameters) == match_parameters(parameters_))) matcher_.reset();
+  on_device_ = use_vulkan(parameters);
+  if (!(match_parameters(parameters) == match_parameters(parameters_))) {
+    matcher_.reset();
+    device_batch_.reset();
+  }
   parameters_ = parameters;
+}
+
+bool Engine::use_vulkan(const simsense_parameters& parameters) const {
+  if (rig_.back_end == SIMSENSE_BACK_END_CPU || (rig_.back_end == SIMSENSE_BACK_END_AUTO && device_->is_cpu())) return false;
+  const std::string why_not = why_not_vulkan(*device_, width_, height_, rig_.batch_count, match_parameters(parameters));
+  if (why_not.empty()) return true;
+  if (rig_.back_end == SIMSENSE_BACK_END_VULKAN)
+    ks::fail(KS_ERROR_UNSUPPORTED, "back_end is vulkan, but the Vulkan matcher cannot serve on %s: %s", device_->info().name,
+             why_not.c_str());
+  return false;
 }
 
 void Engine::set_signal(const simsense_signal& left, const simsense_signal& right) {
@@ -124,28 +149,38 @@ void Engine::compute(const ComputeRequest& request) {
       ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s image has format %u: must be u8 (1), u16 (2) or f32 (6)",
                &input == frame.inputs ? "left" : "right", input->format());
   open_outputs(request, frame);
-  for (uint32_t n = 0; n < rig_.batch_count; ++n) {
-    if (request.progress && request.progress(request.progress_user, static_cast<float>(n) / static_cast<float>(rig_.batch_count)))
-      ks::fail(KS_ERROR_CANCELLED, "cancelled by the progress callback before pair %u of %u", n, rig_.batch_count);
-    compute_pair(frame, n);
-  }
+  on_device_ ? compute_on_device(frame, request) : compute_on_host(frame, request);
   for (auto& output : frame.outputs)
     if (output) output->commit();
   if (request.progress) request.progress(request.progress_user, 1);
 }
 
-void Engine::compute_pair(Frame& frame, uint32_t n) {
-  const ConstImage left = prepare_eye(frame, n, 0);
-  const ConstImage right = prepare_eye(frame, n, 1);
-  const bool points = frame.wants(SIMSENSE_OUTPUT_POINTS);
-  const bool registered = frame.wants(SIMSENSE_OUTPUT_DEPTH_RGB) || (points && has_rgb_);
-  const bool depth = frame.wants(SIMSENSE_OUTPUT_DEPTH) || (points && !has_rgb_);
-  if (!frame.wants(SIMSENSE_OUTPUT_DISPARITY) && !depth && !registered) return;
-  float* disparity = frame.target(SIMSENSE_OUTPUT_DISPARITY, n, disparity_, size_t{width_} * height_);
-  match(left, right, disparity);
-  frame.store(SIMSENSE_OUTPUT_DISPARITY, n, disparity, width_, width_, height_);
-  if (depth) make_depth(frame, n, disparity);
-  if (registered) make_registered(frame, n, disparity);
+void Engine::compute_on_host(Frame& frame, const ComputeRequest& request) {
+  for (uint32_t n = 0; n < rig_.batch_count; ++n) {
+    check_progress(request, n, rig_.batch_count);
+    const ConstImage left = prepare_eye(frame, n, 0);
+    const ConstImage right = prepare_eye(frame, n, 1);
+    if (!frame.wants_disparity()) continue;
+    float* disparity = frame.target(SIMSENSE_OUTPUT_DISPARITY, n, disparity_, size_t{width_} * height_);
+    match(left, right, disparity);
+    finish_pair(frame, n, disparity);
+  }
+}
+
+void Engine::compute_on_device(Frame& frame, const ComputeRequest& request) {
+  const uint32_t count = rig_.batch_count;
+  if (!device_batch_ && frame.wants_disparity())
+    device_batch_ = std::make_unique<VulkanHostBatch>(device_, width_, height_, count, match_parameters(parameters_));
+  for (uint32_t n = 0; n < count; ++n) {
+    check_progress(request, n, count);
+    const ConstImage left = prepare_eye(frame, n, 0);
+    const ConstImage right = prepare_eye(frame, n, 1);
+    if (frame.wants_disparity()) device_batch_->put(n, left, right);
+  }
+  if (!frame.wants_disparity()) return;
+  device_batch_->match();
+  for (const ks_stage_time& stage : device_batch_->stage_times()) clock_.add(stage.name, stage.milliseconds);
+  for (uint32_t n = 0; n < count; ++n) finish_pair(frame, n, device_batch_->disparity(n));
 }
 
 NoiseKey Engine::noise_key(uint32_t n, uint32_t eye) const {
@@ -203,8 +238,16 @@ void Engine::match(ConstImage left, ConstImage right, float* disparity) {
   if (!matcher_) matcher_ = make_cpu_matcher(width_, height_, match_parameters(parameters_), workers_);
   matcher_->match(left, right, disparity);
   for (const ks_stage_time& stage : matcher_->stage_times()) clock_.add(stage.name, stage.milliseconds);
-  if (rectification_.is_identity() || (rig_.faults & SIMSENSE_FAULT_PADDING_MATCHED)) return;
-  clock_.measure("rectify", [&] { invalidate_outside(rectification_.left, disparity, workers_); });
+}
+
+/// What follows from a pair's disparities.
+void Engine::finish_pair(Frame& frame, uint32_t n, float* disparity) {
+  if (!rectification_.is_identity() && !(rig_.faults & SIMSENSE_FAULT_PADDING_MATCHED))
+    clock_.measure("rectify", [&] { invalidate_outside(rectification_.left, disparity, workers_); });
+  const bool points = frame.wants(SIMSENSE_OUTPUT_POINTS);
+  frame.store(SIMSENSE_OUTPUT_DISPARITY, n, disparity, width_, width_, height_);
+  if (frame.wants(SIMSENSE_OUTPUT_DEPTH) || (points && !has_rgb_)) make_depth(frame, n, disparity);
+  if (frame.wants(SIMSENSE_OUTPUT_DEPTH_RGB) || (points && has_rgb_)) make_registered(frame, n, disparity);
 }
 
 void Engine::make_depth(Frame& frame, uint32_t n, const float* disparity) {

@@ -1,4 +1,5 @@
-// The pipeline: signal, rectification, matching, depth, registration, points, for a batch of image pairs, each pair one after the other.
+// The pipeline: signal, rectification, matching, depth, registration, points, for a batch of image pairs: each pair one after the other, or
+// on a GPU the matching of all at once.
 // A stage writes straight into the caller's memory where that is packed; scratch memory is kept between calls.
 // Thread rule: externally synchronised.
 #pragma once
@@ -16,6 +17,8 @@
 #include "stage_clock.h"
 
 namespace simsense {
+
+class VulkanHostBatch;
 
 struct ComputeRequest {
   ImageArgument left, right;
@@ -49,12 +52,15 @@ class Engine {
   [[nodiscard]] ImageShape output_shape(uint32_t output) const;
   [[nodiscard]] uint32_t output_format(uint32_t output) const;
   void open_outputs(const ComputeRequest& request, Frame& frame) const;
-  void compute_pair(Frame& frame, uint32_t batch_index);
+  [[nodiscard]] bool use_vulkan(const simsense_parameters& parameters) const;
+  void compute_on_host(Frame& frame, const ComputeRequest& request);
+  void compute_on_device(Frame& frame, const ComputeRequest& request);
   ConstImage prepare_eye(Frame& frame, uint32_t batch_index, uint32_t eye);
   ConstImage measure_eye(Frame& frame, uint32_t batch_index, uint32_t eye);
   const uint8_t* measure_wide(Frame& frame, uint32_t batch_index, uint32_t eye);
   [[nodiscard]] NoiseKey noise_key(uint32_t batch_index, uint32_t eye) const;
   void match(ConstImage left, ConstImage right, float* disparity);
+  void finish_pair(Frame& frame, uint32_t batch_index, float* disparity);
   void make_depth(Frame& frame, uint32_t batch_index, const float* disparity);
   void make_registered(Frame& frame, uint32_t batch_index, const float* disparity);
 
@@ -68,7 +74,9 @@ class Engine {
   bool has_rgb_;
   std::optional<Registration> registration_;
   PointMaker points_;
+  bool on_device_ = false;  // else matcher_ works, pair by pair
   std::unique_ptr<Matcher> matcher_;
+  std::unique_ptr<VulkanHostBatch> device_batch_;
   StageClock clock_;
   std::vector<uint8_t> counts_[2], rectified_[2];
   std::vector<uint16_t> wide_counts_;

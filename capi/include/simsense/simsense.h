@@ -79,6 +79,11 @@ typedef struct simsense_camera {
 #define SIMSENSE_FAULT_SPLAT_INVALID 0x20u            /* register unmeasured pixels as points at the left camera's centre */
 #define SIMSENSE_FAULTS_PUBLISHED 0x3fu
 
+/* AUTO: Vulkan compute on a GPU where it knows all parameters, else the CPU's vectors. VULKAN: KS_ERROR_UNSUPPORTED where it cannot serve. */
+#define SIMSENSE_BACK_END_AUTO 0u
+#define SIMSENSE_BACK_END_CPU 1u
+#define SIMSENSE_BACK_END_VULKAN 2u
+
 /* The stereo rig; fixed for the life of an engine. */
 typedef struct simsense_rig_desc {
   ks_header header;
@@ -90,7 +95,7 @@ typedef struct simsense_rig_desc {
                                     distortions and left_to_right (OpenCV's stereoRectify, zero disparity at infinity, focal length kept) */
   uint32_t batch_count;          /* image pairs per compute, >= 1 */
   uint32_t faults;               /* SIMSENSE_FAULT_*, or'ed; 0 = none */
-  uint32_t reserved;
+  uint32_t back_end;             /* SIMSENSE_BACK_END_*: where the pairs are matched; the results are the same in every bit */
 } simsense_rig_desc;
 static inline simsense_rig_desc simsense_rig_desc_init(void) {
   simsense_rig_desc r;

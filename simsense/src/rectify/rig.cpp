@@ -108,6 +108,8 @@ void check_rig(const simsense_rig_desc& rig) {
   if ((rig.faults & SIMSENSE_FAULT_REGISTRATION_UNRECTIFIED) && is_distorted(rig.rgb))
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "rgb.distortion[0] = %g with SIMSENSE_FAULT_REGISTRATION_UNRECTIFIED: that one knows no lenses",
              rig.rgb.distortion[0]);
+  if (rig.back_end > SIMSENSE_BACK_END_VULKAN)
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "back_end is %u: must be a SIMSENSE_BACK_END_*, auto (0), cpu (1) or vulkan (2)", rig.back_end);
   if (rig.batch_count < 1) ks::fail(KS_ERROR_INVALID_ARGUMENT, "batch_count is %u: must be at least 1", rig.batch_count);
 }
 

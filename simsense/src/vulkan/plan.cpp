@@ -80,16 +80,6 @@ uint32_t default_pairs(const ks::Device& device, const MatchPlan& one_pair) {
   return static_cast<uint32_t>(std::clamp<uint64_t>(device_memory_bytes(device) / 16 / bytes, 1, 32));
 }
 
-/// A volume's words are counted by positive 32-bit integers.
-uint32_t most_pairs(const MatchPlan& one_pair) {
-  const uint64_t words =
-      std::max({one_pair.sum_volume_bytes(), one_pair.cost_volume_bytes(), 4 * one_pair.census_copies * one_pair.right_copy_words()}) / 4;
-  if (words > INT32_MAX)
-    ks::fail(KS_ERROR_UNSUPPORTED, "%ux%u with %u disparities needs a volume of %llu words, the Vulkan matcher reaches %d: use the CPU one",
-             one_pair.width, one_pair.height, one_pair.padded_disparities(), static_cast<unsigned long long>(words), INT32_MAX);
-  return static_cast<uint32_t>(INT32_MAX / words);
-}
-
 }  // namespace
 
 MatchPlan make_match_plan(const ks::Device& device, uint32_t width, uint32_t height, uint32_t batch, const MatchParameters& parameters,
@@ -104,7 +94,9 @@ MatchPlan make_match_plan(const ks::Device& device, uint32_t width, uint32_t hei
   plan.census_copies = block ? 1 : 4;
   plan.right_origin = plan.padded_disparities() + 32;  // as far as a path reads ahead
   plan.right_pitch = 4 * divide_up(plan.right_origin + width + 32, 4);
-  plan.pairs_at_once = std::min({batch, tuning.pairs_at_once ? tuning.pairs_at_once : default_pairs(device, plan), most_pairs(plan)});
+  const uint64_t most_pairs = std::max<uint64_t>(MatchPlan::most_array_words / plan.largest_array_words(), 1);
+  const uint32_t wanted_pairs = tuning.pairs_at_once ? tuning.pairs_at_once : default_pairs(device, plan);
+  plan.pairs_at_once = static_cast<uint32_t>(std::min<uint64_t>({batch, wanted_pairs, most_pairs}));
   choose_block_stage(plan, parameters);
   plan.path_group = std::max({tuning.path_group ? tuning.path_group : batch == 1 ? 64u : 128u, plan.subgroup_lanes, 2 * plan.path_lanes});
   plan.winner_group = std::max({tuning.winner_group ? tuning.winner_group : 64u, plan.subgroup_lanes});

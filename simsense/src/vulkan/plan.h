@@ -2,6 +2,8 @@
 // at a time. Plain values, decided once.
 #pragma once
 
+#include <algorithm>
+
 #include "device/device.h"
 #include "matcher.h"
 
@@ -38,6 +40,11 @@ struct MatchPlan {
   [[nodiscard]] uint64_t sum_volume_bytes() const { return pixels() * padded_disparities() * sum_bytes; }
   [[nodiscard]] uint64_t cost_volume_bytes() const { return census_copies > 1 ? 0 : pixels() * padded_disparities() * 2; }
   [[nodiscard]] uint64_t right_copy_words() const { return uint64_t{right_pitch} * height * pairs_at_once; }
+  /// Shaders count words by positive 32-bit integers.
+  static constexpr uint64_t most_array_words = INT32_MAX;
+  [[nodiscard]] uint64_t largest_array_words() const {
+    return std::max({sum_volume_bytes() / 4, cost_volume_bytes() / 4, census_copies * right_copy_words()});
+  }
 };
 
 MatchPlan make_match_plan(const ks::Device& device, uint32_t width, uint32_t height, uint32_t batch, const MatchParameters& parameters,

@@ -142,32 +142,30 @@ uint64_t VulkanMatcher::memory_bytes() const { return state_->memory_bytes; }
 
 const MatchPlan& VulkanMatcher::plan() const { return state_->plan; }
 
-bool can_match_on(const ks::Device& device, std::string* why_not) {
+std::string why_not_vulkan(const ks::Device& device, uint32_t width, uint32_t height, uint32_t batch, const MatchParameters& parameters) {
   constexpr VkSubgroupFeatureFlags needed = VK_SUBGROUP_FEATURE_BASIC_BIT | VK_SUBGROUP_FEATURE_VOTE_BIT |
                                             VK_SUBGROUP_FEATURE_ARITHMETIC_BIT | VK_SUBGROUP_FEATURE_BALLOT_BIT |
                                             VK_SUBGROUP_FEATURE_SHUFFLE_BIT | VK_SUBGROUP_FEATURE_SHUFFLE_RELATIVE_BIT;
-  const auto refuse = [why_not](const char* reason) {
-    if (why_not) *why_not = reason;
-    return false;
-  };
-  if (!device.has_vulkan()) return refuse("the host device has no Vulkan");
+  if (!device.has_vulkan()) return "the host device has no Vulkan";
+  if (const char* name = parameters.cpu_only()) return std::string("it knows only the default ") + name;
   VkPhysicalDeviceSubgroupProperties subgroup{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_SUBGROUP_PROPERTIES};
   VkPhysicalDeviceProperties2 all{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2, &subgroup};
   vkGetPhysicalDeviceProperties2(device.physical(), &all);
   if ((subgroup.supportedOperations & needed) != needed || !(subgroup.supportedStages & VK_SHADER_STAGE_COMPUTE_BIT))
-    return refuse("subgroups in compute lack vote, arithmetic, ballot or shuffle operations");
-  if (device.subgroup_size() < 4 || device.subgroup_size() > 64) return refuse("subgroups are not of 4 to 64 lanes");
-  return true;
+    return "subgroups in compute lack vote, arithmetic, ballot or shuffle operations";
+  if (device.subgroup_size() < 4 || device.subgroup_size() > 64) return "subgroups are not of 4 to 64 lanes";
+  const uint64_t words = make_match_plan(device, width, height, batch, parameters, {}).largest_array_words();
+  if (words > MatchPlan::most_array_words)
+    return "its largest volume would have " + std::to_string(words) + " words, it reaches " + std::to_string(MatchPlan::most_array_words);
+  return {};
 }
 
 std::unique_ptr<VulkanMatcher> make_vulkan_matcher(std::shared_ptr<ks::Device> device, uint32_t width, uint32_t height, uint32_t batch,
                                                    const MatchParameters& parameters, const MatchTuning& tuning) {
-  std::string why_not;
-  if (!can_match_on(*device, &why_not))
-    ks::fail(KS_ERROR_UNSUPPORTED, "the Vulkan matcher cannot run on %s: %s", device->info().name, why_not.c_str());
-  if (const char* name = parameters.cpu_only())
-    ks::fail(KS_ERROR_UNSUPPORTED, "the Vulkan matcher knows only the default %s: match on the host device", name);
   if (batch == 0) ks::fail(KS_ERROR_INVALID_ARGUMENT, "batch is 0: must be at least 1");
+  const std::string why_not = why_not_vulkan(*device, width, height, batch, parameters);
+  if (!why_not.empty())
+    ks::fail(KS_ERROR_UNSUPPORTED, "the Vulkan matcher cannot serve on %s: %s; use the CPU back end", device->info().name, why_not.c_str());
   return std::make_unique<VulkanMatcher>(std::move(device), width, height, batch, parameters, tuning);
 }
 

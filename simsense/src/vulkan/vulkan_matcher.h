@@ -4,7 +4,8 @@
 #pragma once
 
 #include <memory>
-#include <utility>
+#include <string>
+#include <vector>
 
 #include "device/compute.h"
 #include "matcher.h"
@@ -39,10 +40,10 @@ class VulkanMatcher {
   std::unique_ptr<State> state_;
 };
 
-/// Whether the device has what the matcher needs; if not and why_not is given, it says what is missing.
-bool can_match_on(const ks::Device& device, std::string* why_not = nullptr);
+/// Why the Vulkan matcher cannot do this on the device; empty where it can.
+std::string why_not_vulkan(const ks::Device& device, uint32_t width, uint32_t height, uint32_t batch, const MatchParameters& parameters);
 
-/// Throws KS_ERROR_UNSUPPORTED where can_match_on is false or where one volume is more than 32-bit indices reach.
+/// Throws KS_ERROR_UNSUPPORTED with that reason.
 std::unique_ptr<VulkanMatcher> make_vulkan_matcher(std::shared_ptr<ks::Device> device, uint32_t width, uint32_t height, uint32_t batch,
                                                    const MatchParameters& parameters, const MatchTuning& tuning = {});
 
