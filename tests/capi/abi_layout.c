@@ -109,7 +109,7 @@ ENDS_WITH(kuafu_view_desc, environment);
 ENDS_WITH(kuafu_output_desc, image);
 ENDS_WITH(kuafu_render_desc, progress_user);
 ENDS_WITH(simsense_camera, distortion);
-ENDS_WITH(simsense_rig_desc, reserved);
+ENDS_WITH(simsense_rig_desc, back_end);
 ENDS_WITH(simsense_parameters, depth_dilation);
 ENDS_WITH(simsense_signal, scene_index);
 ENDS_WITH(simsense_image, image);
