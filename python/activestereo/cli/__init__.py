@@ -1,14 +1,15 @@
-"""The command line: activestereo simulate | depth | compare | devices, one file each. This one parses, runs and makes failures one line."""
+"""The command line: activestereo simulate | depth | compare | effect | devices, one file each. This one parses, runs and
+makes failures one line."""
 
 import argparse
 import os
 import re
 import sys
 
-from activestereo.cli import compare, depth, devices, simulate
+from activestereo.cli import compare, depth, devices, effect, simulate
 from activestereo.cli.arguments import CommandError
 
-_COMMANDS = (simulate, depth, compare, devices)
+_COMMANDS = (simulate, depth, compare, effect, devices)
 
 
 class _Parser(argparse.ArgumentParser):

@@ -17,6 +17,7 @@ import pkgutil
 from activestereo.effects.core.descriptor import Effect, Parameter, Randomness, Stage, effect
 from activestereo.effects.core.laws import broken_laws
 from activestereo.effects.core.light import Light
+from activestereo.effects.core.load import load_effects
 from activestereo.effects.core.model import Model
 from activestereo.effects.core.view import View
 
@@ -28,4 +29,4 @@ def builtin():
     return {e.id: e for e in sorted(found, key=lambda e: (e.stage, e.id))}
 
 
-__all__ = ["Effect", "Light", "Model", "Parameter", "Randomness", "Stage", "View", "broken_laws", "builtin", "effect"]
+__all__ = ["Effect", "Light", "Model", "Parameter", "Randomness", "Stage", "View", "broken_laws", "builtin", "effect", "load_effects"]

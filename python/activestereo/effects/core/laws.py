@@ -6,6 +6,7 @@ they vary with; 3 every value in range gives finite numbers; 4 every parameter h
 
 from dataclasses import replace
 from itertools import product
+from pathlib import Path
 
 import numpy as np
 
@@ -21,8 +22,26 @@ def broken_laws(effect):
     """Sentences, one per law that the effect breaks; empty = a lawful effect."""
     view = example_view()
     value = example_value(effect.stage, view)
+    failure = _failure(effect, value, view)
+    if failure:
+        return [f"{effect.id}: {failure}"]
     checks = (_neutral, _deterministic, _random_as_told, _finite, _influence, _input_untouched)
     return [sentence for check in checks for sentence in check(effect, value, view)]
+
+
+def _failure(effect, value, view):
+    """Why the effect cannot be tried at all, or None."""
+    try:
+        given = effect(_copy(value), view, **effect.typical_values)
+    except Exception as error:  # a user's function may raise anything
+        line = error.__traceback__
+        while line.tb_next:
+            line = line.tb_next
+        return f"fails at {Path(line.tb_frame.f_code.co_filename).name}, line {line.tb_lineno}: {type(error).__name__}: {error}"
+    wanted, shape = ("a Light", None) if isinstance(value, Light) else (f"an array of shape {value.shape}", value.shape)
+    if isinstance(given, Light) != isinstance(value, Light) or (shape and np.shape(given) != shape):
+        return f"returns {f'an array of shape {given.shape}' if isinstance(given, np.ndarray) else type(given).__name__}, not {wanted}"
+    return None
 
 
 def example_view(eye="right", frame_id=0, seed=0, temperature_c=45.0, move=True):

@@ -1,0 +1,136 @@
+"""Effects from C: the descriptors of a shared library (capi/include/ks/effect.h) as Effects."""
+
+import ctypes as c
+import keyword
+from pathlib import Path
+
+import numpy as np
+
+from activestereo.effects.core.descriptor import Effect, Parameter, Randomness, Stage
+from activestereo.effects.core.light import Light
+
+_ENTRY = "ks_effect_plugin"
+_TYPE_EFFECT, _TYPE_EFFECT_VIEW = 0x07, 0x08
+_RANDOMNESS = (Randomness.NONE, Randomness.STATIC, Randomness.TEMPORAL)
+_RNG_PER = {Randomness.NONE: "rig", Randomness.STATIC: "sensor", Randomness.TEMPORAL: "frame"}
+
+
+class _Header(c.Structure):
+    _fields_ = [("type", c.c_uint32), ("size_bytes", c.c_uint32), ("next", c.c_void_p)]
+
+
+class _Parameter(c.Structure):
+    _fields_ = [(n, c.c_char_p) for n in ("name", "unit", "source")] + [(n, c.c_double) for n in ("neutral", "low", "high", "typical")]
+
+
+class _View(c.Structure):
+    _fields_ = [
+        ("header", _Header),
+        *((n, c.c_uint32) for n in ("width", "height", "is_right", "frame_id")),
+        ("k", c.c_double * 9),
+        ("projector_k", c.c_double * 9),
+        ("camera_to_projector", c.c_double * 16),
+        ("left_to_camera", c.c_double * 16),
+        ("camera_velocity", c.c_double * 6),
+        *((n, c.c_double) for n in ("baseline_m", "max_dn", "exposure_s", "gain", "timestamp_s", "temperature_c")),
+        ("random_seed", c.c_uint64),
+        *((n, c.c_void_p) for n in ("depth_m", "normal", "pattern")),
+        ("pattern_width", c.c_uint32),
+        ("pattern_height", c.c_uint32),
+    ]
+
+
+_Apply = c.CFUNCTYPE(c.c_int32, c.POINTER(_View), c.POINTER(c.c_double), c.c_uint32, c.POINTER(c.c_double), c.POINTER(c.c_double))
+
+
+class _Effect(c.Structure):
+    _fields_ = [
+        ("header", _Header),
+        *((n, c.c_char_p) for n in ("id", "family", "summary", "source")),
+        *((n, c.c_uint32) for n in ("stage", "randomness", "parameter_count", "reserved")),
+        ("parameters", c.POINTER(_Parameter)),
+        ("apply", _Apply),
+    ]
+
+
+def load_plugin(path):
+    """The Effects of a shared library. ValueError says what is wrong with it; OSError where it cannot be loaded."""
+    library = c.CDLL(str(Path(path).resolve()))
+    try:
+        entry = getattr(library, _ENTRY)
+    except AttributeError:
+        raise ValueError(f"{path}: exports no {_ENTRY}; see ks/effect.h") from None
+    entry.restype, entry.argtypes = c.POINTER(_Effect), [c.POINTER(c.c_uint32)]
+    count = c.c_uint32()
+    found = entry(c.byref(count))
+    if not found or count.value == 0:
+        raise ValueError(f"{path}: {_ENTRY} gives no effect")
+    return [_effect(path, found[i], library) for i in range(count.value)]
+
+
+def _effect(path, record, library):
+    if record.header.type != _TYPE_EFFECT or record.header.size_bytes != c.sizeof(_Effect):
+        raise ValueError(f"{path}: built against another ks/effect.h (its ks_effect has {record.header.size_bytes} bytes, not {c.sizeof(_Effect)})")
+    name = _text(record.id)
+    if not name.isidentifier() or not record.apply or record.randomness >= len(_RANDOMNESS):
+        raise ValueError(f"{path}: effect '{name}' needs an identifier as id, an apply function and a known randomness")
+    parameters = tuple(_parameter(path, name, record.parameters[i]) for i in range(record.parameter_count))
+    randomness = _RANDOMNESS[record.randomness]
+    try:
+        stage = Stage(record.stage)
+    except ValueError:
+        raise ValueError(f"{path}: effect '{name}' has stage {record.stage}, not one of KS_STAGE_*") from None
+
+    def apply(value, view, **values):
+        assert library  # its code runs below
+        return _run(record.apply, name, randomness, value, view, [values[p.name] for p in parameters])
+
+    return Effect(name, _text(record.family), stage, parameters, apply, _text(record.summary), _text(record.source), randomness)
+
+
+def _parameter(path, effect, record):
+    name = _text(record.name)
+    if not name.isidentifier() or keyword.iskeyword(name):
+        raise ValueError(f"{path}: effect '{effect}': parameter name '{name}' is no identifier")
+    return Parameter(name, _text(record.unit), record.neutral, record.low, record.high, record.typical, _text(record.source))
+
+
+def _text(pointer):
+    return (pointer or b"").decode()
+
+
+def _run(function, name, randomness, value, view, parameters):
+    images = value.images if isinstance(value, Light) else value
+    images = np.ascontiguousarray(images, dtype=np.float64)
+    out = np.empty_like(images)
+    record, kept = _view(view, name, randomness)
+    numbers = (c.c_double * len(parameters))(*parameters)
+    doubles = c.POINTER(c.c_double)
+    planes = images.size // (view.shape[0] * view.shape[1])
+    status = function(c.byref(record), numbers, planes, images.ctypes.data_as(doubles), out.ctypes.data_as(doubles))
+    del kept
+    if status != 0:
+        raise ValueError(f"{name}: the plug-in gave status {status}")
+    return Light(*out, value.fine) if isinstance(value, Light) else out
+
+
+def _view(view, name, randomness):
+    """The C record of a View, and the arrays that it points into."""
+    frame = view.frame
+    depth = np.ascontiguousarray(view.depth_m, dtype=np.float64)
+    normal = np.ascontiguousarray(view.normal, dtype=np.float64)
+    pattern = np.ascontiguousarray(view.pattern, dtype=np.float32)
+    numbers = lambda array: tuple(np.asarray(array, dtype=np.float64).ravel())  # noqa: E731
+    record = _View(
+        header=_Header(_TYPE_EFFECT_VIEW, c.sizeof(_View), None),
+        width=view.shape[1], height=view.shape[0], is_right=view.is_right, frame_id=frame.id,
+        k=numbers(view.K), projector_k=numbers(view.projector_K),
+        camera_to_projector=numbers(view.camera_to_projector), left_to_camera=numbers(view.left_to_camera),
+        camera_velocity=numbers(frame.camera_velocity), baseline_m=view.baseline_m, max_dn=view.max_dn,
+        exposure_s=frame.exposure_s, gain=frame.gain, timestamp_s=frame.timestamp_s,
+        temperature_c=np.nan if frame.temperature_c is None else frame.temperature_c,
+        random_seed=int(view.rng(name, per=_RNG_PER[randomness]).integers(0, 2**63)),
+        depth_m=depth.ctypes.data, normal=normal.ctypes.data, pattern=pattern.ctypes.data,
+        pattern_width=pattern.shape[1], pattern_height=pattern.shape[0],
+    )  # fmt: skip
+    return record, (depth, normal, pattern)

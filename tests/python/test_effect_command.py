@@ -1,0 +1,180 @@
+"""activestereo effect: the catalogue, its page, and the check of users' effects in Python and C."""
+
+import re
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from activestereo.cli import main
+from activestereo.effects import Model, Stage, builtin, load_effects
+from activestereo.effects.core.laws import example_value, example_view
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGE = ROOT / "examples" / "effects" / "README.md"
+HEADER = "from activestereo.effects import Parameter, Randomness, Stage, effect\n"
+A = "parameters=[Parameter('a', '1', 0.0, 0.0, 1.0, 0.5)]"
+
+
+def check(capsys, path):
+    status = main(["effect", "check", str(path)])
+    out = capsys.readouterr()
+    return status, out.out, out.err
+
+
+def user_file(folder, body, parameters=A, stage="READOUT"):
+    path = folder / "my_effects.py"
+    text = f"{HEADER}\n@effect('mine', stage=Stage.{stage}, family='f', source='s', {parameters})\ndef mine(signal, view, a):\n    'Mine.'\n    {body}\n"
+    path.write_text(text)
+    return path
+
+
+def test_list_names_every_effect_with_its_units(capsys):
+    assert main(["effect", "list"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines] == ["id", *builtin()]
+    assert any(re.match(r"rolling_shutter +camera +motion +line_time_s \[s\]", line) for line in lines)
+
+
+def test_the_documentation_page_is_what_the_command_prints(capsys):
+    assert main(["effect", "list", "--markdown"]) == 0
+    assert capsys.readouterr().out == PAGE.read_text(encoding="utf-8"), "activestereo effect list --markdown > examples/effects/README.md"
+
+
+def test_the_pages_ten_line_example_is_lawful_and_joins_a_model(tmp_path, capsys):
+    (code,) = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.S)
+    assert len([line for line in code.splitlines() if line.strip()]) <= 10
+    path = tmp_path / "filter_haze.py"
+    path.write_text(code)
+    status, out, err = check(capsys, path)
+    assert (status, err) == (0, "")
+    assert "ok: all laws hold" in out
+    (haze,) = load_effects(path).values()
+    view = example_view()
+    light = example_value(Stage.PROJECTOR, view)
+    hazy = Model().with_effect(haze, fraction=0.1).light(light, view)
+    assert hazy.ambient.mean() == pytest.approx(light.ambient.mean())
+    assert hazy.ambient.std() == pytest.approx(0.9 * light.ambient.std())
+
+
+def test_the_pages_example_is_the_example_file():
+    assert (ROOT / "examples/effects/filter_haze.py").read_text().strip() in PAGE.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("body", "words"),
+    [
+        ("return signal + 1", "neutral"),
+        ("return signal / (1 - a)", "not finite"),
+        ("return signal", "no influence"),
+        ("return signal.sum() * a", "not an array of shape"),
+        ("return signal[None] * (1 + a)", "returns an array of shape (1, 72, 96)"),
+        ("return signal @ view.missing", "fails at my_effects.py, line 6: AttributeError"),
+    ],
+)
+def test_a_broken_law_is_named_and_the_status_says_so(tmp_path, capsys, body, words):
+    with np.errstate(all="ignore"):
+        status, out, err = check(capsys, user_file(tmp_path, body))
+    assert status == 2
+    assert "broken: " in out and words in out
+    assert len(err.splitlines()) == 1 and "1 effect with broken laws" in err
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("x = (\n", "line 1: SyntaxError"),
+        ("x = 1\n", "holds no effect"),
+        (HEADER + "\n\n1 / 0\n", "line 4: ZeroDivisionError"),
+        (HEADER + "Parameter('a', '1', 0.0, 1.0, 2.0, 0.5)\n", "needs low <= neutral <= high"),
+    ],
+)
+def test_a_file_that_does_not_load_is_one_line_with_the_place(tmp_path, capsys, text, words):
+    path = tmp_path / "my_effects.py"
+    path.write_text(text)
+    status, _, err = check(capsys, path)
+    assert status == 2 and len(err.splitlines()) == 1 and words in err
+
+
+def test_missing_and_foreign_files_are_refused(tmp_path, capsys):
+    foreign = tmp_path / "foreign.so"
+    foreign.write_bytes(b"no library")
+    for path, words in ((tmp_path / "none.py", "no such effect file"), (foreign, "neither a Python file nor a shared library")):
+        status, _, err = check(capsys, path)
+        assert status == 2 and words in err
+
+
+@pytest.fixture(scope="module")
+def compiled(tmp_path_factory):
+    """Compiles C text, or a file, against ks/effect.h as strict C99."""
+
+    def compile_c(source, name):
+        folder = tmp_path_factory.mktemp(name)
+        if not isinstance(source, Path):
+            path = folder / f"{name}.c"
+            path.write_text(source)
+            source = path
+        library = folder / f"{name}.so"
+        flags = ["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-shared", "-fPIC", f"-I{ROOT / 'capi/include'}"]
+        subprocess.run(["cc", *flags, str(source), "-o", str(library)], check=True, capture_output=True, text=True)
+        return library
+
+    return compile_c
+
+
+def test_an_effect_in_c_is_lawful_and_does_what_it_says(compiled, capsys):
+    library = compiled(ROOT / "examples/effects/tinted_window.c", "tinted_window")
+    status, out, _ = check(capsys, library)
+    assert status == 0 and "tinted_window: medium stage, family 'medium', absorbed [1] 0..0.9" in out
+    (tinted,) = load_effects(library).values()
+    light = example_value(Stage.MEDIUM, example_view())
+    seen = tinted(light, example_view(), absorbed=0.2)
+    np.testing.assert_allclose(seen.direct, 0.64 * light.direct)
+    np.testing.assert_allclose(seen.ambient, 0.8 * light.ambient)
+
+
+SPY = """
+#include "ks/effect.h"
+static int32_t apply(const ks_effect_view* v, const double* p, uint32_t n, const double* in, double* out) {
+  uint32_t i = 0, count = n * v->width * v->height;
+  if (p[0] > 0.9) return KS_ERROR_UNSUPPORTED;
+  for (; i < count; ++i) out[i] = in[i];
+  if (p[0] > 0.0) {
+    out[0] = v->k[2]; out[1] = v->camera_to_projector[3]; out[2] = v->depth_m[v->width - 1]; out[3] = v->normal[2];
+    out[4] = v->pattern[v->pattern_width * v->pattern_height - 1]; out[5] = v->temperature_c; out[6] = v->is_right;
+    out[7] = (double)(v->random_seed %% 1000003u); out[8] = v->baseline_m; out[9] = v->header.size_bytes == sizeof *v;
+  }
+  return KS_OK;
+}
+static const ks_effect_parameter parameters[] = {{"a", "1", "", 0.0, 0.0, 1.0, 0.5}};
+const ks_effect* ks_effect_plugin(uint32_t* count) {
+  static ks_effect e;
+  e = ks_effect_init();
+  e.header.size_bytes += %d;
+  e.id = "spy"; e.family = "f"; e.summary = "s"; e.source = "s"; e.stage = %d;
+  e.randomness = KS_RANDOMNESS_TEMPORAL; e.parameter_count = 1; e.parameters = parameters; e.apply = apply;
+  *count = 1;
+  return &e;
+}
+"""
+
+
+def test_what_c_sees_is_what_python_has(compiled):
+    (spy,) = load_effects(compiled(SPY % (0, 7), "spy")).values()
+    view = example_view()
+    seen = spy(np.zeros(view.shape), view, a=0.5)[0]
+    expected = [view.K[0, 2], view.camera_to_projector[0, 3], view.depth_m[0, -1], -1.0, view.pattern[-1, -1], 45.0, 1.0]
+    np.testing.assert_allclose(seen[:7], expected)
+    np.testing.assert_allclose(seen[8:10], [view.baseline_m, 1.0])
+    with pytest.raises(ValueError, match="gave status -3"):
+        spy(np.zeros(view.shape), view, a=1.0)
+
+
+def test_a_plug_in_of_another_header_or_stage_is_refused(compiled):
+    with pytest.raises(ValueError, match="built against another ks/effect.h"):
+        load_effects(compiled(SPY % (8, 7), "newer"))
+    with pytest.raises(ValueError, match="stage 77"):
+        load_effects(compiled(SPY % (0, 77), "astray"))
+    with pytest.raises(ValueError, match="exports no ks_effect_plugin"):
+        load_effects(compiled("int nothing(void);\nint nothing(void) { return 0; }\n", "nothing"))
