@@ -22,12 +22,13 @@ bool want_half_minima(const ks::Device& device, Minima minima) {
 uint32_t divide_up(uint32_t a, uint32_t b) { return (a + b - 1) / b; }
 
 /// Lanes of one path: with few pairs many lanes shorten its steps, with many pairs few lanes waste less on their exchange.
-void choose_lanes(MatchPlan& plan, uint32_t disparities, bool block, uint32_t batch, const MatchTuning& tuning) {
+void choose_lanes(MatchPlan& plan, const ks::Device& device, uint32_t disparities, bool block, uint32_t batch, const MatchTuning& tuning) {
   const uint32_t unit = block ? 8 : 4;  // the block stage takes four pairs at a time
   const uint32_t wanted = divide_up(disparities, batch == 1 || disparities <= 64 ? 8 : 16);
   plan.path_lanes = tuning.path_lanes ? tuning.path_lanes : std::clamp(std::bit_ceil(wanted), 4u, std::min(plan.subgroup_lanes, 32u));
   plan.lane_disparities = unit * divide_up(disparities, unit * plan.path_lanes);
-  plan.steps = tuning.steps ? tuning.steps : 4;
+  const bool far_ahead = batch == 1 && !block && disparities <= 128 && !device.is_cpu();  // one pair's time is latency
+  plan.steps = tuning.steps ? tuning.steps : std::min(far_ahead ? 8u : 4u, plan.path_lanes);
   if (!std::has_single_bit(plan.path_lanes) || plan.path_lanes < plan.steps || plan.path_lanes > plan.subgroup_lanes ||
       plan.path_lanes > 32 || (plan.steps != 4 && plan.steps != 8))
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "path_lanes is %u, steps %u: need a power of two of %u..%u and 4 or 8, no more than path_lanes",
@@ -89,7 +90,7 @@ MatchPlan make_match_plan(const ks::Device& device, uint32_t width, uint32_t hei
   plan.height = height;
   plan.subgroup_lanes = device.subgroup_size();
   const bool block = parameters.block_width * parameters.block_height > 1;
-  choose_lanes(plan, parameters.max_disparity, block, batch, tuning);
+  choose_lanes(plan, device, parameters.max_disparity, block, batch, tuning);
   choose_ranges(plan, parameters, want_half_minima(device, tuning.minima));
   plan.census_copies = block ? 1 : 4;
   plan.right_origin = plan.padded_disparities() + 32;  // as far as a path reads ahead
