@@ -1,6 +1,6 @@
 """A model: the base renderer plus effects with their parameters, from light layers to what the sensor gives."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,9 +22,10 @@ class Model:
     def without_effect(self, effect_id):
         return Model(tuple((e, p) for e, p in self.effects if e.id != effect_id))
 
-    def light(self, layers, view, random=False):
-        """The Light that falls on the sensor, from rendered layers."""
-        light = Light.of(layers)
+    def light(self, layers, view, random=False, fine=True):
+        """The Light that falls on the sensor, from rendered layers. fine=False: warps look up the pixels even where the layers
+        have finer images: less than half the time, for scans."""
+        light = Light.of(layers) if fine else replace(Light.of(layers), fine=None)
         for effect, parameters in self._of(Stage.PROJECTOR, Stage.OPTICS, random):
             if effect.stage is Stage.OPTICS:
                 light = light.map(lambda images, e=effect, p=parameters: e.apply(images, view, **p))
