@@ -154,13 +154,13 @@ def test_without_repeats_the_floor_is_unknown_not_zero(world, tmp_path):
     assert "unknown" in summary_table(scores)
 
 
-def test_the_report_is_whole_json_and_a_picture(comparison, tmp_path):
-    json_path, picture = write_report(comparison, tmp_path / "out")
+def test_the_report_is_whole_json_and_a_page(comparison, tmp_path):
+    json_path, page = write_report(comparison, tmp_path / "out")
     stored = json.loads(json_path.read_text())
     assert set(stored["ir"]) == {"train", "test"}
     assert {"rmse_dn", "noise_floor_dn", "explainable_rmse_dn"} <= set(stored["ir"]["test"])
-    assert picture.read_bytes()[:4] == b"\x89PNG"
-    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["compare.json", "compare.png"]
+    assert page.read_text().startswith("<!doctype html>")
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["compare.json", "report.html"]
 
 
 def test_sixteen_bit_images_keep_their_values(tmp_path):

@@ -8,12 +8,13 @@ from activestereo.cli.arguments import add_device, add_max_bounces, add_out, add
 _TEXT = """\
 Compares the simulator with a capture: renders the scene from the capture's poses, fits
 projector scale, ambient scale and black level on the train frames, and gives the root
-mean square error of the infrared images, train and test, beside the noise floor that
-the repeated frames show.
+mean square error of the infrared images and of depth, train and test, beside the noise
+floor that repeated frames show. It looks on the train frames where the model fails.
 
 Writes into DIR:
-  compare.json  the figures: ir.{train,test}.{rmse_dn,noise_floor_dn,explainable_rmse_dn}
-  compare.png   measured, simulated and residual images
+  compare.json  all figures (documented in lab/schema/compare.schema.json)
+  report.html   the same on one page, with pictures; it needs no other file. A
+                diagnose.json in DIR is shown too
 
 CAPTURE is a folder with capture.json, the scene, the projector's pattern and the images
 of both infrared cameras.
@@ -57,4 +58,4 @@ def run(args):
         )
     write_report(comparison, args.out)
     print(summary_table(comparison.scores))
-    print(f"written: compare.json, compare.png in {args.out}")
+    print(f"written: compare.json, report.html in {args.out}")

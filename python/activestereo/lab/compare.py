@@ -1,6 +1,7 @@
-"""Compares the simulator with a capture: render its poses, fit the nuisances on the train frames, score both splits.
+"""Compares the simulator with a capture: render its poses, fit the nuisances on the train frames, score both splits, and
+look on the train frames where the model fails.
 
-compare() computes; report.py writes compare.json and the picture.
+compare() computes; report.py writes compare.json and report.html.
 """
 
 from dataclasses import dataclass
@@ -8,18 +9,22 @@ from dataclasses import dataclass
 import numpy as np
 
 from activestereo.capture import EYES, SPLITS, read_capture
+from activestereo.lab.depth_compare import depth_scores, model_depths
 from activestereo.lab.fit import fit_nuisances, predict
-from activestereo.lab.noise import frame_floors
+from activestereo.lab.noise import frame_floors, transfer_points
 from activestereo.lab.render import render_frames
+from activestereo.lab.where_channels import where_it_fails
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """scores: what compare.json holds. predictions: {(frame id, eye): expected DN, float32 [height][width]}."""
+    """scores: what compare.json holds (lab/schema/compare.schema.json). predictions: {(frame id, eye): expected DN, float32
+    [height][width]}. depths: a DepthFrame for each frame with the device's depth."""
 
     capture: object
     scores: dict
     predictions: dict
+    depths: list
 
 
 def compare(capture_path, renderer=None, samples_per_pixel=64, max_bounces=8, seed=0, cache=None, progress=None):
@@ -42,6 +47,8 @@ def compare(capture_path, renderer=None, samples_per_pixel=64, max_bounces=8, se
         for eye in EYES
     }
     floors, law = frame_floors(capture, fit.nuisances.black_dn)
+    truth = {f.id: layers[f.id]["left"].depth_m for f in capture.frames}
+    depths = model_depths(capture, measured, predictions, truth, law, seed)
     images = {key: _image_scores(measured[key], predictions[key], floors.get(key)) for key in measured}
     scores = {
         "capture": capture.name,
@@ -50,11 +57,15 @@ def compare(capture_path, renderer=None, samples_per_pixel=64, max_bounces=8, se
         "max_bounces": max_bounces,
         "seed": seed,
         "fit": fit.as_json(),
+        "effects": [],
         "noise_law": None if law is None else vars(law),
+        "photon_transfer": transfer_points(capture),
         "ir": {split: _split_scores(capture.split(split), images) for split in SPLITS if capture.split(split)},
+        "depth": depth_scores(depths),
         "frames": [_frame_scores(frame, images) for frame in capture.frames],
     }
-    return Comparison(capture, scores, predictions)
+    scores |= where_it_fails(capture, layers, measured, predictions, floors, law, depths, seed)
+    return Comparison(capture, scores, predictions, depths)
 
 
 def _image_scores(measured, predicted, floor):

@@ -72,6 +72,12 @@ def fit_noise_law(statistics, black_dn, max_dn):
     return next(law for chi2, law in laws if chi2 <= limit)
 
 
+def transfer_points(capture):
+    """The photon-transfer curve of the repeats: [{gain, mean_dn, variance_dn2}], both eyes, clipped pixels left out."""
+    bins = [row for entry in repeat_statistics(capture) for row in _transfer_bins(entry, capture.rig.max_dn)]
+    return [{"gain": float(gain), "mean_dn": float(mean), "variance_dn2": float(v)} for gain, mean, _, v, _ in bins]
+
+
 def _transfer_bins(entry, max_dn):
     """Rows (gain, mean, mean of squares, variance, 1 / standard error of the variance) over bins of equal pixel count."""
     frames, _, mean, variance = entry

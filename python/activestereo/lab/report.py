@@ -1,38 +1,44 @@
-"""Writes a comparison: compare.json, and compare.png with measured, simulated and residual images over a chart per frame.
+"""Writes a comparison: compare.json, and report.html, one self-contained page that shows a diagnosis too where there is one.
 
-Both appear whole or not at all: written aside, then renamed.
+Files appear whole or not at all: written aside, then renamed.
 """
 
 import json
 from pathlib import Path
 
-import numpy as np
-from matplotlib.colors import PowerNorm
-from matplotlib.figure import Figure
-
-from activestereo.capture import EYES, SPLITS
+from activestereo.lab.html import page, text
+from activestereo.lab.report_compare import cards, comparison_sections, settings_section, summary_line
+from activestereo.lab.report_diagnosis import diagnosis_sections
 from activestereo.output_files import replace_file
 
-_INK, _MUTED, _GRID = "#1f2933", "#7b8794", "#e4e7eb"
-_BAR = {"train": "#3e6fb0", "test": "#c8722c"}
-# The residual scale ends here, in noise floors: white noise stays pale, a failing model shows.
-_RESIDUAL_FLOORS = 4.0
 
+def write_report(comparison, folder, diagnosis=None):
+    """Writes compare.json and report.html into `folder` (made where absent); returns both paths.
 
-def write_report(comparison, folder):
-    """Writes compare.json and compare.png into `folder` (made where absent); returns both paths."""
+    diagnosis: what diagnose.json holds, a dict; None for the folder's own diagnose.json, if there is one of this capture.
+    """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    text = json.dumps(comparison.scores, indent=1) + "\n"
-    figure = comparison_figure(comparison)
-    replace_file(folder / "compare.json", lambda file: file.write(text.encode()))
-    replace_file(folder / "compare.png", lambda file: figure.savefig(file, format="png", dpi=130))
-    return folder / "compare.json", folder / "compare.png"
+    if diagnosis is None:
+        diagnosis = _stored_diagnosis(folder, comparison.capture.name)
+    json_text = json.dumps(comparison.scores, indent=1, allow_nan=False) + "\n"
+    html_text = report_page(comparison, diagnosis)
+    replace_file(folder / "compare.json", lambda file: file.write(json_text.encode()))
+    replace_file(folder / "report.html", lambda file: file.write(html_text.encode()))
+    return folder / "compare.json", folder / "report.html"
+
+
+def report_page(comparison, diagnosis=None):
+    """The page's text."""
+    scores = comparison.scores
+    head = f'<h1>{text(scores["capture"])}: the model against the measurement</h1><p class="muted">{text(summary_line(scores))}</p>'
+    found = diagnosis_sections(diagnosis) if diagnosis else []
+    body = [head, cards(scores), *found, *comparison_sections(comparison), settings_section(scores)]
+    return page(f"{scores['capture']}: comparison", body)
 
 
 def summary_table(scores):
     """The figures of compare.json that a reader wants first, as text."""
-    fit, error = scores["fit"]["nuisances"], scores["fit"]["standard_errors"]
     lines = [f"{'':8}{'IR RMSE':>10}{'floor':>10}{'explainable':>14}   floor from"]
     for split, values in scores["ir"].items():
         floor, excess = values["noise_floor_dn"], values["explainable_rmse_dn"]
@@ -42,95 +48,28 @@ def summary_table(scores):
         else:
             source = " and ".join(values["noise_floor_from"])
             lines.append(f"{split:8}{numbers}{floor:>7.3f} DN{excess:>11.3f} DN   {source}")
+    if scores["depth"]:
+        lines.append(f"{'':8}{'depth RMSE':>13}{'floor':>11}{'fill device':>13}{'model':>9}{'IoU':>8}")
+    for split, v in scores["depth"].items():
+        error, floor = ("-" if x is None else f"{x:.3f} px" for x in (v["rmse_px"], v["noise_floor_px"]))
+        fill = f"{100 * v['fill_measured']:>11.1f} %{100 * v['fill_model']:>7.1f} %"
+        lines.append(f"{split:8}{error:>13}{floor:>11}{fill}{v['validity_iou']:>8.3f}")
+    for channel, region in scores["regions"].items():
+        if head := region["headline"]:
+            lines.append(f"{channel}: {100 * head['share']:.0f} % of the explainable error: {head['words']}")
+    return "\n".join([*lines, _fit_line(scores["fit"])])
+
+
+def _fit_line(fit):
+    value, error = fit["nuisances"], fit["standard_errors"]
     names = (("projector scale", "projector_scale"), ("ambient scale", "ambient_scale"), ("black level", "black_dn"))
-    lines.append("fit on train: " + ", ".join(f"{text} {fit[k]:.6g} ± {error[k]:.2g}" for text, k in names))
-    return "\n".join(lines)
+    return "fit on train: " + ", ".join(f"{words} {value[k]:.6g} ± {error[k]:.2g}" for words, k in names)
 
 
-def comparison_figure(comparison):
-    """A matplotlib Figure: the worst frame of each split, left eye, above a bar per frame with its noise floor."""
-    scores = comparison.scores
-    rows = [_worst_frame(scores, split) for split in SPLITS if split in scores["ir"]]
-    figure = Figure(figsize=(13.5, 2.7 * len(rows) + 3.4), facecolor="white")
-    grid = figure.add_gridspec(
-        len(rows) + 1, 6, height_ratios=[*([2.7] * len(rows)), 1.9], width_ratios=[1, 1, 0.022, 0.035, 1, 0.022],
-        left=0.055, right=0.955, top=0.86, bottom=0.085, wspace=0.07, hspace=0.22,
-    )  # fmt: skip
-    _title(figure, scores)
-    for row, frame_id in enumerate(rows):
-        _image_row(figure, grid, row, comparison, frame_id)
-    _frame_chart(figure.add_subplot(grid[-1, :]), scores)
-    return figure
-
-
-def _title(figure, scores):
-    figure.text(0.055, 0.955, f"{scores['capture']}: measured against simulated infrared", size=15, weight="bold", color=_INK)
-    parts = []
-    for split, values in scores["ir"].items():
-        floor = values["noise_floor_dn"]
-        above = "" if floor is None else f" (noise floor {floor:.2f}, explainable {values['explainable_rmse_dn']:.2f})"
-        parts.append(f"{split} RMSE {values['rmse_dn']:.2f} DN{above}")
-    figure.text(0.055, 0.918, "     ".join(parts), size=10.5, color=_MUTED)
-
-
-def _worst_frame(scores, split):
-    """The frame whose error stands furthest above its floor (or is largest, where there is no floor)."""
-
-    def above(entry):
-        return entry["rmse_dn"] if entry["explainable_rmse_dn"] is None else entry["explainable_rmse_dn"]
-
-    return max((e for e in scores["frames"] if e["split"] == split), key=above)["id"]
-
-
-def _image_row(figure, grid, row, comparison, frame_id):
-    entry = next(e for e in comparison.scores["frames"] if e["id"] == frame_id)
-    frame = next(f for f in comparison.capture.frames if f.id == frame_id)
-    measured = comparison.capture.ir(frame, "left")
-    predicted = comparison.predictions[frame_id, "left"]
-    high = float(np.quantile(measured, 0.998))
-    residual_limit = _RESIDUAL_FLOORS * (entry["noise_floor_dn"] or entry["rmse_dn"])
-    panels = (
-        (0, "measured", measured, {"cmap": "gray", "norm": PowerNorm(0.5, 0, high)}),
-        (1, "simulated (square-root scale)", predicted, {"cmap": "gray", "norm": PowerNorm(0.5, 0, high)}),
-        (4, "measured - simulated", measured - predicted, {"cmap": "RdBu_r", "vmin": -residual_limit, "vmax": residual_limit}),
-    )
-    for column, title, image, style in panels:
-        axes = figure.add_subplot(grid[row, column])
-        shown = axes.imshow(image, interpolation="nearest", aspect="equal", **style)
-        axes.set_xticks([])
-        axes.set_yticks([])
-        axes.spines[:].set_color(_GRID)
-        if row == 0:
-            axes.set_title(title, size=11, color=_INK, loc="left")
-        if column == 0:
-            axes.set_ylabel(f"{frame.split}, frame {frame_id}, left", size=10, color=_INK)
-        if column:
-            bar = figure.colorbar(shown, cax=figure.add_subplot(grid[row, column + 1]))
-            bar.ax.tick_params(labelsize=8, colors=_MUTED, length=2)
-            bar.outline.set_edgecolor(_GRID)
-            bar.ax.set_title("DN", size=8, color=_MUTED, pad=3)
-
-
-def _frame_chart(axes, scores):
-    """RMSE per frame and eye against the frame's noise floor."""
-    for index, entry in enumerate(scores["frames"]):
-        color = _BAR[entry["split"]]
-        for side, eye in zip((-0.2, 0.2), EYES, strict=True):
-            values = entry["eyes"][eye]
-            axes.bar(index + side, values["rmse_dn"], width=0.36, color=color, alpha=1.0 if eye == "left" else 0.6)
-            if values["noise_floor_dn"] is not None:
-                axes.hlines(values["noise_floor_dn"], index + side - 0.2, index + side + 0.2, color=_INK, lw=1.6)
-    axes.set_xticks(range(len(scores["frames"])), [str(e["id"]) for e in scores["frames"]])
-    axes.set_xlim(-0.6, len(scores["frames"]) - 0.4)
-    axes.set_xlabel("frame (dark bar: left eye, light bar: right eye)", size=9, color=_MUTED)
-    axes.set_ylabel("IR RMSE, DN", size=9, color=_MUTED)
-    axes.tick_params(labelsize=9, colors=_MUTED, length=0)
-    axes.spines[["top", "right", "left"]].set_visible(False)
-    axes.spines["bottom"].set_color(_GRID)
-    axes.grid(axis="y", color=_GRID, lw=0.8)
-    axes.set_axisbelow(True)
-    handles = [axes.bar(0, 0, color=_BAR[split]) for split in scores["ir"]]
-    axes.plot([], [], color=_INK, lw=1.6, label="noise floor")
-    line = axes.get_lines()[0]
-    axes.legend([*handles, line], [*scores["ir"], "noise floor"], loc="upper center", bbox_to_anchor=(0.5, 1.2), ncol=3,
-                frameon=False, fontsize=9, labelcolor=_INK)  # fmt: skip
+def _stored_diagnosis(folder, capture):
+    """The folder's diagnose.json if it is of this capture; one that cannot be read is as good as none."""
+    try:
+        diagnosis = json.loads((folder / "diagnose.json").read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return diagnosis if isinstance(diagnosis, dict) and diagnosis.get("capture", capture) == capture else None

@@ -1,0 +1,114 @@
+"""What is known of every pixel besides its error: the quantities against which a residual is looked at.
+
+Each covariate is one map [height][width] of an image, or one number of a frame. NaN = not defined there (the sky has no depth).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import distance_transform_edt
+
+from activestereo.effects.core.dots import DotView
+
+# A step in depth of this share between neighbours is an edge.
+_EDGE_STEP = 0.03
+
+
+@dataclass(frozen=True)
+class Covariate:
+    """name as in compare.json; words for a reader; unit, '' for pure numbers; categories of no order where it is not a number."""
+
+    name: str
+    words: str
+    unit: str
+    is_category: bool = False
+
+
+COVARIATES = (
+    Covariate("depth", "depth", "m"),
+    Covariate("radius", "radius", "of the half diagonal"),
+    Covariate("column", "column", "px"),
+    Covariate("row", "row", "px"),
+    Covariate("incidence", "viewing angle", "deg"),
+    Covariate("material", "material", "", is_category=True),
+    Covariate("pattern_irradiance", "pattern irradiance", "1/m²"),
+    Covariate("intensity", "expected signal", "DN"),
+    Covariate("velocity", "image speed", "px/s"),
+    Covariate("time", "time", "s"),
+    Covariate("temperature", "temperature", "°C"),
+    Covariate("exposure", "exposure x gain", "ms"),
+    Covariate("disparity_fraction", "disparity fraction", "px"),
+    Covariate("edge_distance", "distance to a depth edge", "px"),
+)
+
+
+def covariate_maps(view, material, predicted_dn, baseline_m):
+    """{name: float32 [height][width]} of one image. view: an effects View; material: ids; predicted_dn: the expected image."""
+    height, width = view.shape
+    u, v = view.pixels()
+    seen = view.depth_m > 0
+    depth = np.where(seen, view.depth_m, np.nan)
+    frame = view.frame
+    maps = {
+        "depth": depth,
+        "radius": np.hypot(u - (width - 1) / 2, v - (height - 1) / 2) / np.hypot((width - 1) / 2, (height - 1) / 2),
+        "column": u,
+        "row": v,
+        "incidence": _incidence_deg(view),
+        "material": np.where(seen, material, np.nan),
+        "pattern_irradiance": _pattern_irradiance(view),
+        "intensity": predicted_dn,
+        "velocity": _image_speed(view),
+        "time": frame.timestamp_s,
+        "temperature": np.nan if frame.temperature_c is None else frame.temperature_c,
+        "exposure": 1e3 * frame.exposure_gain,
+        "disparity_fraction": np.mod(view.K[0, 0] * baseline_m / depth, 1.0),
+        "edge_distance": _edge_distance(view.depth_m),
+    }
+    return {name: np.broadcast_to(np.asarray(value, dtype=np.float32), view.shape) for name, value in maps.items()}
+
+
+def _incidence_deg(view):
+    """Angle between the ray to the camera and the surface's normal."""
+    points = view.points()
+    distance = np.linalg.norm(points, axis=-1)
+    cosine = np.abs((points * view.normal).sum(-1)) / np.where(distance > 0, distance, 1.0)
+    return np.where(view.depth_m > 0, np.degrees(np.arccos(np.clip(cosine, 0.0, 1.0))), np.nan)
+
+
+def _pattern_irradiance(view):
+    """Pattern x cos / d^2 at the surface, times the frame's power: what the nominal projector sends there, shadows aside."""
+    source = np.linalg.inv(view.camera_to_projector)[:3, 3]
+    points = view.points()
+    way = source - points
+    distance = np.linalg.norm(way, axis=-1)
+    cosine = np.maximum((way * view.normal).sum(-1), 0.0) / np.maximum(distance, 1e-9)
+    irradiance = view.frame.projector_power * DotView(view).mean(view.pattern) * cosine / np.maximum(distance, 1e-9) ** 2
+    return np.where(view.depth_m > 0, irradiance, np.nan)
+
+
+def _image_speed(view):
+    """Pixels per second at which the static scene moves through the image (optical flow of the rig's own twist)."""
+    if not view.frame.is_moving:
+        return 0.0
+    velocity, spin = view.left_to_camera[:3, :3] @ view.frame.camera_velocity.reshape(2, 3, 1)
+    velocity, spin = velocity.ravel(), spin.ravel()
+    velocity = velocity + np.cross(spin, -view.left_to_camera[:3, 3])
+    points = view.points()
+    flow = -(velocity + np.cross(spin, points))
+    z = np.where(view.depth_m > 0, view.depth_m, np.nan)
+    du = view.K[0, 0] * (flow[..., 0] - flow[..., 2] * points[..., 0] / z) / z
+    dv = view.K[1, 1] * (flow[..., 1] - flow[..., 2] * points[..., 1] / z) / z
+    return np.hypot(du, dv)
+
+
+def _edge_distance(depth_m):
+    """Pixels to the nearest jump in depth; the image's size where there is none."""
+    z = np.where(depth_m > 0, depth_m, np.inf)
+    edge = np.zeros(z.shape, dtype=bool)
+    for near, far in ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])):
+        low, high = np.minimum(z[near], z[far]), np.maximum(z[near], z[far])
+        jump = np.isfinite(low) & (high > (1.0 + _EDGE_STEP) * low)
+        edge[near] |= jump
+        edge[far] |= jump
+    return distance_transform_edt(~edge) if edge.any() else float(max(z.shape))

@@ -1,0 +1,65 @@
+"""The model's own depth: the predicted pair with the capture's noise through simsense, as the device would have matched it."""
+
+import numpy as np
+
+# Quantisation is in the measured variance already, and rounding adds it again.
+_QUANTISATION_VARIANCE = 1.0 / 12.0
+_DEFAULT_MAX_DISPARITY = 128
+_LEAST_MAX_DISPARITY, _MOST_MAX_DISPARITY = 16, 1024
+_DEFAULT_MAX_DEPTH_M = 65.0
+_HINTS = ("max_disparity", "census_width", "census_height", "block_width", "block_height", "p1", "p2", "uniqueness_ratio",
+          "lr_max_diff", "median_size", "min_depth_m", "max_depth_m")  # fmt: skip
+_MAD_TO_SIGMA = 1.4826
+
+
+def expose(expected_dn, gain, law, max_dn, rng):
+    """One noisy exposure of an expected image, whole DN in float32: gamma speckle for the law's quadratic term, the rest normal."""
+    signal = np.maximum(expected_dn - law.black_dn, 0.0)
+    variance = np.maximum(law.offset - _QUANTISATION_VARIANCE + law.shot * gain * signal, 0.0)
+    noise = np.sqrt(variance) * rng.standard_normal(signal.shape)
+    if law.relative > 0:
+        noise += signal * (rng.gamma(1.0 / law.relative, law.relative, signal.shape) - 1.0)
+    return np.clip(np.rint(expected_dn + noise), 0, max_dn).astype(np.float32)
+
+
+def residual_variance(measured, predicted):
+    """DN^2 of a stand-in for the noise where no repeat tells it: the middle half of the residual, taken as normal."""
+    residual = measured - predicted
+    return float((_MAD_TO_SIGMA * np.median(np.abs(residual - np.median(residual)))) ** 2)
+
+
+class DepthModel:
+    """simsense on a capture's nominal calibration. Depth is z in the left camera's frame, metres, 0 = none.
+
+    Of the capture's depth_engine hints those that bear an engine parameter's name are followed; the rest of the device's
+    matcher is not known, so the engine's own defaults hold.
+    """
+
+    def __init__(self, capture):
+        import simsense
+
+        rig = capture.rig
+        left, right = (simsense.Camera(c.width, c.height, c.K, c.distortion) for c in (rig.left, rig.right))
+        is_ideal = _is_rectified(rig)
+        self.parameters = {"max_disparity": _DEFAULT_MAX_DISPARITY, "max_depth_m": _DEFAULT_MAX_DEPTH_M} | {
+            name: value for name, value in capture.depth_engine.items() if name in _HINTS and isinstance(value, int | float)
+        }
+        self.parameters["max_disparity"] = min(max(self.parameters["max_disparity"], _LEAST_MAX_DISPARITY), _MOST_MAX_DISPARITY)
+        registered = {} if is_ideal else {"rgb": left, "left_to_rgb": np.eye(4)}
+        self._engine = simsense.Engine(
+            simsense.Device("host"), left, right, rig.left_to_right, rectified=is_ideal, **registered, **self.parameters
+        )
+        self._output = "depth" if is_ideal else "depth_rgb"
+        self._dtype = np.uint8 if rig.bit_depth <= 8 else np.uint16
+
+    def depth(self, left_dn, right_dn):
+        """float32 [height][width] of a pair in whole DN."""
+        pair = (image.astype(self._dtype) for image in (left_dn, right_dn))
+        return self._engine.compute(*pair, outputs=(self._output,))[self._output].copy()
+
+
+def _is_rectified(rig):
+    same_k = np.allclose(rig.left.K, rig.right.K) and (rig.left.width, rig.left.height) == (rig.right.width, rig.right.height)
+    shift = rig.left_to_right.copy()
+    shift[0, 3] = 0.0
+    return same_k and rig.left.is_pinhole and rig.right.is_pinhole and np.allclose(shift, np.eye(4))

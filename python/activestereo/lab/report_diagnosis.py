@@ -1,0 +1,79 @@
+"""The report's sections on a diagnosis: which effect is missing, what cannot be told apart, what to measure next."""
+
+from activestereo.lab.html import chart, section, share_bar, table, text
+from activestereo.lab.report_charts import effects_chart
+
+_VERDICT = {
+    "effect": "A known effect is missing",
+    "none": "Nothing is missing: the model is at the noise floor",
+    "unknown": "Something is missing that no known effect explains",
+    "undetermined": "This data cannot tell what is missing",
+}
+_ROWS = 12
+
+
+def diagnosis_sections(diagnosis):
+    """Sections of diagnose.json's contents (lab/schema/diagnose.schema.json)."""
+    parts = [_verdict(diagnosis)]
+    if diagnosis["ranking"]:
+        parts.append(_ranking(diagnosis["ranking"]))
+    if diagnosis["next_measurement"]:
+        parts.append(section("What to measure next", _list(diagnosis["next_measurement"])))
+    return parts
+
+
+def _verdict(diagnosis):
+    parts = [f'<p class="headline"><b>{_VERDICT[diagnosis["verdict"]]}</b>{_added(diagnosis)}</p>']
+    before, after, floor = (diagnosis[k] for k in ("heldout_ir_rmse_before", "heldout_ir_rmse_after", "heldout_noise_floor"))
+    if before is not None and after is not None:
+        noise = "" if floor is None else f"; noise alone gives {floor:.2f} DN"
+        parts.append(f"<p>Held-out infrared error {before:.2f} → {after:.2f} DN{noise}.</p>")
+    greedy = diagnosis.get("greedy") or []
+    if greedy:
+        parts.append(f'<div style="max-width:760px">{chart(effects_chart(greedy), "error against effects added")}</div>')
+    if diagnosis.get("law"):
+        parts.append(f"<h3>Law of what is left</h3>{_law(diagnosis['law'])}")
+    return section("Which effect is missing", *parts)
+
+
+def _added(diagnosis):
+    return ": " + ", ".join(text(name) for name in diagnosis["added"]) if diagnosis["added"] else ""
+
+
+def _ranking(ranking):
+    rows = []
+    for place, entry in enumerate(ranking[:_ROWS], 1):
+        values = "<br>".join(_parameter(name, p) for name, p in entry["parameters"].items())
+        twins = "".join(f'<span class="tag">{text(e)}</span>' for e in entry["equivalent"] if e != entry["effect"]) or "—"
+        rows.append([f"{place}", f"<b>{text(entry['effect'])}</b><br><span class='muted'>{text(entry['family'])}</span>",
+                     f"{entry['score_nats']:.1f}", share_bar(entry["confidence"]) + f"{100 * entry['confidence']:.0f} %", values, twins])  # fmt: skip
+    head = ["", "effect, family", "gain, nats", "confidence", "fitted value (90 %)", "cannot be told from"]
+    rest = f'<p class="muted small">{len(ranking) - _ROWS} more in diagnose.json.</p>' if len(ranking) > _ROWS else ""
+    return section("Ranking", table(head, rows, numbers=(2,), wide=True), rest)
+
+
+def _parameter(name, p):
+    limits = "" if p["low"] is None or p["high"] is None else f" ({p['low']:.3g} … {p['high']:.3g})"
+    unit = "" if p["unit"] in ("", "1") else f" {text(p['unit'])}"
+    return f"{text(name)} {p['value']:.4g}{unit}<span class='muted'>{limits}</span>"
+
+
+def _list(items):
+    """Texts, or objects as 'key: value' lines."""
+    return "<ul>" + "".join(f"<li>{_item(item)}</li>" for item in items) + "</ul>"
+
+
+def _item(item):
+    if not isinstance(item, dict):
+        return text(item)
+    return "; ".join(f"<span class='muted'>{text(key.replace('_', ' '))}</span> {_value(value)}" for key, value in item.items())
+
+
+def _value(value):
+    if isinstance(value, float):
+        return f"{value:.3g}"
+    return ", ".join(map(_value, value)) if isinstance(value, list | tuple) else text(value)
+
+
+def _law(law):
+    return f"<p>{text(law)}</p>" if isinstance(law, str) else f"<p>{_item(law)}</p>" if isinstance(law, dict) else _list(law)

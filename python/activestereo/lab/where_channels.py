@@ -1,0 +1,91 @@
+"""Turns a comparison's images and depths into the channels that where.py and tree.py look at."""
+
+import json
+
+import numpy as np
+
+from activestereo.capture import EYES
+from activestereo.effects.core.view import View
+from activestereo.lab.covariates import covariate_maps
+from activestereo.lab.tree import HonestTree
+from activestereo.lab.where import where_tables
+from activestereo.lab.where_samples import LARGEST_DISPARITY_ERROR_PX, ResidualImage, gather_samples
+
+# Below this share of the floor's variance an excess may be the renderer's own Monte Carlo noise, and is not explained further.
+_SMALLEST_EXCESS = 0.05
+
+
+def where_it_fails(capture, layers, measured, predictions, floors, law, depths, seed=0):
+    """{where: tables, regions: {channel: ...}} of compare.json, from the train frames."""
+    maps, infrared = {}, []
+    for frame in capture.split("train"):
+        for eye in EYES:
+            key, expected = (frame.id, eye), predictions[frame.id, eye]
+            view, own = View.of(capture, frame, eye, layers[frame.id][eye]), layers[frame.id][eye]
+            maps[key] = covariate_maps(view, own.material, expected, capture.rig.baseline_m)
+            infrared.append((key, measured[key] - expected, _floor(expected, frame, floors.get(key), law), _pose(frame, eye)))
+    channels = residual_channels(infrared, [d for d in depths if d.frame.split == "train"], maps, seed)
+    name_of = material_names(capture.scene_path)
+    return {
+        "where": where_tables(channels, name_of, seed),
+        "regions": {
+            name: {
+                "is_explainable": explainable,
+                "rmse": float(np.sqrt(np.mean(samples.residual**2))),
+                "noise_floor": float(np.sqrt(samples.floor.mean())),
+            }
+            | (HonestTree(samples, seed).regions(name_of) if explainable else {"leaves": [], "headline": None})
+            for name, (samples, _, explainable) in channels.items()
+        },
+    }
+
+
+def residual_channels(infrared, depths, maps, seed=0):
+    """{channel: (Samples, unit, is there anything to explain)}. infrared: [(key, residual, floor, pose)]; depths: DepthFrames;
+    maps: {(frame id, eye): covariates}."""
+    images = {"infrared": [ResidualImage(r, floor, np.ones(r.shape, bool), maps[key], pose) for key, r, floor, pose in infrared]}
+    images["disparity"], images["validity"] = [], []
+    for d in depths:
+        here, pose = maps[d.frame.id, "left"], _pose(d.frame, "left")
+        images["disparity"].append(ResidualImage(*_disparity(d), here, pose))
+        device, one, two = (np.asarray(z > 0, dtype=np.float64) for z in (d.measured, *d.model))
+        images["validity"].append(ResidualImage(device - one, np.abs(one - two), np.ones(one.shape, bool), here, pose))
+    units = {"infrared": "DN", "disparity": "px", "validity": "1"}
+    channels = {}
+    for name, parts in images.items():
+        samples = gather_samples(parts, seed) if parts else None
+        if samples is not None:
+            channels[name] = (samples, units[name], bool(samples.total_excess > _SMALLEST_EXCESS * samples.floor.sum()))
+    return channels
+
+
+def material_names(scene_path):
+    """Text of a material id: the glTF file's own names, in whose order kuafu numbers materials."""
+    try:
+        materials = json.loads(scene_path.read_text(encoding="utf-8")).get("materials", [])
+    except (OSError, ValueError):
+        materials = []  # a binary scene keeps numbers
+    names = [material.get("name") for material in materials]
+    return lambda index: (names[index] if index < len(names) else None) or f"material {index}"
+
+
+def _floor(expected, frame, image_floor, law):
+    """Variance per pixel [height][width] by the law, scaled to the image's own floor; 0 where nothing tells it."""
+    if image_floor is None:
+        return np.zeros(expected.shape)
+    variance = law.variance(expected, frame.gain)
+    mean = variance.mean()
+    return variance * (image_floor[0] / mean) if mean > 0 else np.full(expected.shape, image_floor[0])
+
+
+def _pose(frame, eye):
+    """Equal for images whose static errors are the same ones."""
+    return eye.encode() + np.ascontiguousarray(frame.camera_to_world, dtype=np.float64).tobytes()
+
+
+def _disparity(d):
+    """(residual, floor, mask): device minus model, and the squared difference of two exposures of the model."""
+    error, valid = d.disparity_error(d.measured, d.model[0])
+    repeat, again = d.disparity_error(d.model[0], d.model[1])
+    limit = LARGEST_DISPARITY_ERROR_PX
+    return np.clip(error, -limit, limit), np.clip(repeat, -limit, limit) ** 2, valid & again
