@@ -84,12 +84,12 @@ class Box:
     yaw: float
     albedo: float
 
-    def _rotation(self):
+    def rotation(self):
         c, s = np.cos(self.yaw), np.sin(self.yaw)
         return np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
 
     def intersect(self, origins, directions):
-        rotation, half = self._rotation(), np.asarray(self.half_size, dtype=np.float64)
+        rotation, half = self.rotation(), np.asarray(self.half_size, dtype=np.float64)
         local_origin = (origins - np.asarray(self.centre)) @ rotation
         local_direction = directions @ rotation
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -115,6 +115,6 @@ class Box:
                 faces.append(quad[2] + 4 * len(faces))
                 positions.append(quad[0])
                 normals.append(quad[1])
-        rotation = self._rotation()
+        rotation = self.rotation()
         return (np.concatenate(positions) @ rotation.T + self.centre, np.concatenate(normals) @ rotation.T,
                 np.concatenate(faces))  # fmt: skip

@@ -1,0 +1,86 @@
+"""Rays of a camera's subpixel grid, with what may be wrong in its place, its lens' geometry and its timing."""
+
+import numpy as np
+
+from worlds.blind.rig import HEIGHT, WIDTH, moved
+
+
+def rays(rig, frame, eye, hidden, sub, dt_s=0.0, offset=(0.0, 0.0)):
+    """(origins, directions [n][3], rig poses [n][4][4] at the ray's time), row by row of a grid of sub x sub rays per pixel;
+    offset: shift of the grid within its cells."""
+    columns = (np.arange(WIDTH * sub) + 0.5 + offset[0]) / sub - 0.5
+    rows = (np.arange(HEIGHT * sub) + 0.5 + offset[1]) / sub - 0.5
+    u, v = np.meshgrid(columns, rows)
+    local = _turned(_directions(rig, frame, eye, hidden, u, v), eye, hidden)
+    poses = _poses_by_row(frame, eye, hidden, dt_s, sub)
+    centre = np.array([_camera_x(rig, eye, hidden), 0.0, 0.0])
+    directions = np.einsum("rij,rcj->rci", poses[:, :3, :3], local).reshape(-1, 3)
+    origins = np.repeat(poses[:, :3, :3] @ centre + poses[:, :3, 3], WIDTH * sub, axis=0)
+    return origins, directions, np.repeat(np.arange(len(poses)), WIDTH * sub), poses
+
+
+def axis_cosine(directions, poses, row):
+    """Depth per unit of distance along the rays."""
+    return np.einsum("ni,ni->n", directions, poses[row, :3, 2])
+
+
+def _directions(rig, frame, eye, hidden, u, v):
+    K = rig.camera_K()
+    fx = fy = K[0, 0]
+    cx, cy = K[0, 2], K[1, 2]
+    if "thermal_drift" in hidden:
+        growth = 1.0 + hidden["thermal_drift"]["focal_per_k"] * frame.warming_k
+        fx, fy = fx * growth, fy * growth
+        cx += hidden["thermal_drift"]["cx_px_per_k"] * frame.warming_k * (eye == "right")
+    if "thermal_lens" in hidden:  # Heats up from power-on, whatever the thermometer says.
+        p = hidden["thermal_lens"]
+        growth = 1.0 + p["growth"] * (1.0 - np.exp(-frame.timestamp_s / p["time_constant_s"]))
+        fx, fy = fx * growth, fy * growth
+    if "principal_point_offset" in hidden and eye == "right":
+        cx, cy = cx + hidden["principal_point_offset"]["cx_px"], cy + hidden["principal_point_offset"]["cy_px"]
+    if "rectification_resampling" in hidden:  # The raw grid lies off the rectified one.
+        u, v = u + hidden["rectification_resampling"]["phase_u_px"], v + hidden["rectification_resampling"]["phase_v_px"]
+    x, y = (u - cx) / fx, (v - cy) / fy
+    if "radial_distortion" in hidden:  # Division model (Fitzgibbon 2001); k1 to first order.
+        ratio = 1.0 / (1.0 + hidden["radial_distortion"]["k1"] * (x * x + y * y))
+        x, y = x * ratio, y * ratio
+    if "tangential_distortion" in hidden:
+        p, r2 = hidden["tangential_distortion"], x * x + y * y
+        x, y = x - 2 * p["p1"] * x * y - p["p2"] * (r2 + 2 * x * x), y - p["p1"] * (r2 + 2 * y * y) - 2 * p["p2"] * x * y
+    directions = np.stack([x, y, np.ones_like(x)], axis=-1)
+    return directions / np.linalg.norm(directions, axis=-1, keepdims=True)
+
+
+def _turned(directions, eye, hidden):
+    """The right camera's own rotation: roll, then pitch."""
+    if eye == "left":
+        return directions
+    for name, (a, b) in (("stereo_roll", (0, 1)), ("stereo_pitch", (1, 2))):
+        if name in hidden:
+            angle = hidden[name]["angle_rad"]
+            turned = directions.copy()
+            turned[..., a] = np.cos(angle) * directions[..., a] - np.sin(angle) * directions[..., b]
+            turned[..., b] = np.sin(angle) * directions[..., a] + np.cos(angle) * directions[..., b]
+            directions = turned
+    return directions
+
+
+def _camera_x(rig, eye, hidden):
+    if eye == "left":
+        return 0.0
+    return rig.baseline_m + hidden.get("baseline_drift", {}).get("offset_m", 0.0)
+
+
+def _poses_by_row(frame, eye, hidden, dt_s, sub):
+    """The left camera's pose at the time of every row of the grid."""
+    row = np.repeat(np.arange(HEIGHT) - (HEIGHT - 1) / 2, sub)
+    times = np.full(len(row), dt_s)
+    if "rolling_shutter" in hidden:
+        times += hidden["rolling_shutter"]["line_time_s"] * row
+    if eye == "right" and "exposure_desync" in hidden:
+        times += hidden["exposure_desync"]["delay_s"]
+    if eye == "right" and "row_desync" in hidden:  # Delay that grows from the middle both ways: no shutter's law.
+        times += hidden["row_desync"]["delay_s"] * (2 * row / HEIGHT) ** 2
+    if not frame.is_moving or not times.any():
+        return np.broadcast_to(frame.camera_to_world, (len(row), 4, 4))
+    return moved(frame.camera_to_world, frame.twist, times)

@@ -1,0 +1,67 @@
+"""Nearest hits and occlusion, with rays sorted out by bounding spheres first."""
+
+import numpy as np
+
+from worlds.blind.charts import bounding_radius
+
+LIFT_M = 1e-6
+
+
+def closest(solids, origins, directions, skip=None):
+    """(t, unit normal facing the ray, index or -1) of rays [n][3]; skip: index of a solid that the ray does not see, per ray."""
+    t = np.full(len(directions), np.inf)
+    normal = np.zeros((len(directions), 3))
+    index = np.full(len(directions), -1)
+    for i, solid in enumerate(solids):
+        rays = _candidates(solid, origins, directions)
+        if skip is not None:
+            rays = rays[skip[rays] != i]
+        if not rays.size:
+            continue
+        distance, n = solid.intersect(origins[rays], directions[rays])
+        nearer = distance < t[rays]
+        chosen = rays[nearer]
+        t[chosen], normal[chosen], index[chosen] = distance[nearer], n[nearer], i
+    facing = np.einsum("ij,ij->i", normal, directions) > 0
+    normal[facing] *= -1.0
+    return t, normal, index
+
+
+def transmittance(solids, origins, targets, through=None):
+    """Share of light that passes from origins to targets [n][3]: 0 behind a solid; through: {index: share per solid}.
+
+    Rectangles bound the room and cast no shadow into it.
+    """
+    way = targets - origins
+    distance = np.linalg.norm(way, axis=1)
+    directions = way / distance[:, None]
+    share = np.ones(len(targets))
+    for i, solid in enumerate(solids):
+        if bounding_radius(solid) is None:
+            continue
+        rays = _candidates(solid, origins, directions)
+        if rays.size:
+            hit = solid.intersect(origins[rays], directions[rays])[0] < distance[rays] - LIFT_M
+            share[rays[hit]] *= (through or {}).get(i, 0.0)
+    return share
+
+
+def albedo_of(solids, index, points):
+    """Diffuse albedo at hit points; 0 where nothing was hit."""
+    albedo = np.zeros(len(points))
+    for i, solid in enumerate(solids):
+        here = index == i
+        if here.any():
+            albedo[here] = solid.albedo_at(points[here]) if hasattr(solid, "albedo_at") else solid.albedo
+    return albedo
+
+
+def _candidates(solid, origins, directions):
+    """Indices of the rays that meet the solid's bounding sphere ahead of them."""
+    radius = bounding_radius(solid)
+    if radius is None:
+        return np.arange(len(directions))
+    to_centre = np.asarray(solid.centre) - origins
+    along = np.einsum("ij,ij->i", to_centre, directions)
+    across = np.einsum("ij,ij->i", to_centre, to_centre) - along**2
+    return np.flatnonzero((across <= radius**2) & (along > -radius))

@@ -1,0 +1,115 @@
+"""The virtual device's own depth engine: census of a cross-shaped window, eight-path SGM, and its possible faults."""
+
+import numpy as np
+from scipy.ndimage import gaussian_filter, median_filter, uniform_filter
+
+MAX_DISPARITY = 32
+_P1, _P2 = 4, 28
+_CROSS = [(dy, dx) for dy in range(-3, 4) for dx in range(-4, 5) if (dy, dx) != (0, 0) and (abs(dx) % 2 == 0 or dy == 0)]
+_PATHS = [(0, 1), (0, -1), (1, 0), (-1, 0), (1, 1), (1, -1), (-1, 1), (-1, -1)]
+
+
+def device_depth(left, right, focal_px, baseline_m, hidden):
+    """Metres [height][width], 0 = none."""
+    fattening = hidden.get("edge_fattening", {}).get("block_px", 1)
+    cost = _cost(_census(left), _census(right), fattening)
+    total = sum(_aggregate(cost, *path) for path in _PATHS)
+    disparity = _subpixel(total)
+    other = _right_winner(total)
+    disparity = np.where(_consistent(disparity, other), disparity, 0.0)
+    disparity = np.rint(_faults(disparity, hidden) * 16) / 16
+    disparity = np.where(disparity > 0, median_filter(disparity, 3), 0.0)
+    return np.where(disparity > 0.5, focal_px * baseline_m / np.maximum(disparity, 0.5), 0.0)
+
+
+def _faults(disparity, hidden):
+    valid = disparity > 0
+    d = disparity
+    if "pixel_locking" in hidden:  # A triangle-like wave: fundamental and third harmonic.
+        a = hidden["pixel_locking"]["amplitude_px"]
+        d = d - a * (np.sin(2 * np.pi * d) - np.sin(6 * np.pi * d) / 9)
+    if "foreshortening_bias" in hidden:
+        smooth = gaussian_filter(np.where(valid, d, 0.0), 2.5) / np.maximum(gaussian_filter(valid.astype(float), 2.5), 1e-6)
+        d = d + hidden["foreshortening_bias"]["px_per_slope"] * np.abs(np.gradient(smooth, axis=0)).clip(0, 0.3)
+    if "post_filter" in hidden:
+        sigma = hidden["post_filter"]["sigma_px"]
+        d = gaussian_filter(np.where(valid, d, 0.0), sigma) / np.maximum(gaussian_filter(valid.astype(float), sigma), 1e-6)
+    return np.where(valid, d, 0.0)
+
+
+def _census(image):
+    height, width = image.shape
+    padded = np.pad(image.astype(np.int16), ((3, 3), (4, 4)), mode="edge")
+    code = np.zeros((height, width), dtype=np.uint64)
+    for k, (dy, dx) in enumerate(_CROSS):
+        brighter = padded[3 + dy : 3 + dy + height, 4 + dx : 4 + dx + width] > image
+        code |= brighter.astype(np.uint64) << np.uint64(k)
+    return code
+
+
+def _cost(left, right, block):
+    """Hamming distance [height][width][disparity]; where the right image has no partner, the worst."""
+    height, width = left.shape
+    cost = np.full((height, width, MAX_DISPARITY), float(len(_CROSS)))
+    for d in range(MAX_DISPARITY):
+        cost[:, d:, d] = _bits(left[:, d:] ^ right[:, : width - d])
+    return cost if block <= 1 else uniform_filter(cost, (block, block, 1), mode="nearest")
+
+
+def _bits(x):
+    table = np.array([bin(i).count("1") for i in range(256)], dtype=np.uint8)
+    return table[np.ascontiguousarray(x).view(np.uint8).reshape(*x.shape, 8)].sum(axis=-1)
+
+
+def _aggregate(cost, dy, dx):
+    """One direction of semi-global matching (Hirschmueller 2008), line by line."""
+    vertical = dy != 0
+    volume = cost if vertical else cost.transpose(1, 0, 2)
+    step = dy if vertical else dx
+    order = range(volume.shape[0]) if step > 0 else range(volume.shape[0] - 1, -1, -1)
+    out, before = np.empty_like(volume), None
+    for i in order:
+        line = volume[i].copy()
+        if before is not None:
+            line += _least(before, dx if vertical else 0)
+        out[i] = before = line
+    return out if vertical else out.transpose(1, 0, 2)
+
+
+def _least(before, shift):
+    """Cheapest way from the line before, less its minimum; new paths start at the border."""
+    low = before.min(axis=1, keepdims=True)
+    best = np.minimum(before, low + _P2)
+    best[:, 1:] = np.minimum(best[:, 1:], before[:, :-1] + _P1)
+    best[:, :-1] = np.minimum(best[:, :-1], before[:, 1:] + _P1)
+    best -= low
+    if shift:
+        best = np.roll(best, shift, axis=0)
+        best[0 if shift > 0 else -1] = 0.0
+    return best
+
+
+def _subpixel(total):
+    winner = total.argmin(axis=2)
+    inner = np.clip(winner, 1, MAX_DISPARITY - 2)
+    y, x = np.indices(winner.shape)
+    below, at, above = (total[y, x, inner + k] for k in (-1, 0, 1))
+    slope = np.maximum(below - at, above - at)
+    step = np.where((slope > 0) & (inner == winner), 0.5 * (below - above) / np.maximum(slope, 1e-9), 0.0)
+    return winner + step.clip(-0.5, 0.5)
+
+
+def _right_winner(total):
+    height, width, _ = total.shape
+    best, winner = np.full((height, width), np.inf), np.zeros((height, width))
+    for d in range(MAX_DISPARITY):
+        cost = np.full((height, width), np.inf)
+        cost[:, : width - d] = total[:, d:, d]
+        winner, best = np.where(cost < best, d, winner), np.minimum(cost, best)
+    return winner
+
+
+def _consistent(disparity, other):
+    y, x = np.indices(disparity.shape)
+    partner = np.rint(x - disparity).astype(int)
+    return (partner >= 0) & (np.abs(other[y, np.maximum(partner, 0)] - disparity) <= 1.0)

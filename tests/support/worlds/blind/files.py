@@ -1,0 +1,97 @@
+"""Writes a capture folder: PNG, JSON and glTF by the standards, without the product's writers."""
+
+import json
+import struct
+import zlib
+from pathlib import Path
+
+import numpy as np
+
+from worlds.blind.rig import HEIGHT, WIDTH
+from worlds.blind.scene import gltf_pieces
+from worlds.gltf import write_gltf
+
+DEPTH_SCALE = 0.001
+
+
+def write_png(path, image):
+    """Gray, uint8 or uint16 [height][width]."""
+    height, width = image.shape
+    depth = 8 * image.dtype.itemsize
+    raw = image.astype(">u2" if depth == 16 else "u1").tobytes()
+    stride = width * depth // 8
+    lines = b"".join(b"\0" + raw[i * stride : (i + 1) * stride] for i in range(height))
+    header = struct.pack(">IIBBBBB", width, height, depth, 0, 0, 0, 0)
+    chunks = ((b"IHDR", header), (b"IDAT", zlib.compress(lines, 6)), (b"IEND", b""))
+    body = b"".join(struct.pack(">I", len(d)) + t + d + struct.pack(">I", zlib.crc32(t + d)) for t, d in chunks)
+    Path(path).write_bytes(b"\x89PNG\r\n\x1a\n" + body)
+
+
+def write_capture(folder, name, rig, solids, frames, images, depths, max_disparity, line_time_s=None):
+    """rig, solids: as the user believes them. images: {(frame id, eye): uint8}; depths: {frame id: metres}."""
+    folder = Path(folder)
+    for part in ("left", "right", "depth"):
+        (folder / part).mkdir(parents=True, exist_ok=True)
+    write_gltf(folder, gltf_pieces(solids))
+    write_png(folder / "pattern.png", np.rint(255 * rig.pattern).astype(np.uint8))
+    for (frame_id, eye), image in images.items():
+        write_png(folder / eye / f"{frame_id:06}.png", image)
+    for frame_id, depth in depths.items():
+        write_png(folder / "depth" / f"{frame_id:06}.png", np.rint(depth / DEPTH_SCALE).clip(0, 65535).astype(np.uint16))
+    document = {
+        "format": "active-stereo-capture",
+        "version": 1,
+        "name": name,
+        "scene": "scene.gltf",
+        "rig": _rig(rig, line_time_s),
+        "depth_engine": {"max_disparity": max_disparity, "notes": "census + 8-path SGM, left-right check, 1/16 px, 3x3 median"},
+        "frames": [_frame(frame, frame.id in depths) for frame in frames],
+    }
+    (folder / "capture.json").write_text(json.dumps(document, indent=1))
+
+
+def _rig(rig, line_time_s):
+    camera = {"width": WIDTH, "height": HEIGHT, "K": _list(rig.camera_K()), "distortion": [0.0] * 5}
+    return {
+        "left": camera,
+        "right": camera,
+        "left_to_right": _list(_shift(-rig.baseline_m)),
+        "projector": {
+            "pattern": "pattern.png",
+            "K": _list(rig.projector_K()),
+            "left_to_projector": _list(_shift(-rig.projector_x_m)),
+        },
+        "bit_depth": 8,
+        "readout": {"line_time_s": line_time_s},
+    }
+
+
+def _frame(frame, has_depth):
+    name = f"{frame.id:06}.png"
+    depth = {"depth": f"depth/{name}", "depth_scale": DEPTH_SCALE} if has_depth else {}
+    return {
+        "id": frame.id,
+        "left": f"left/{name}",
+        "right": f"right/{name}",
+        **depth,
+        "timestamp_s": round(float(frame.timestamp_s), 4),
+        "exposure_s": float(f"{frame.exposure_s:.9g}"),
+        "gain": frame.gain,
+        "projector_power": frame.power,
+        "ambient": None,
+        "temperature_c": frame.temperature_c,
+        "camera_to_world": _list(frame.camera_to_world),
+        "camera_velocity": [float(f"{x:.9g}") for x in frame.twist],
+        "repeat_group": frame.repeat_group,
+        "split": frame.split,
+    }
+
+
+def _list(matrix):
+    return [float(f"{x:.12g}") for x in np.asarray(matrix).ravel()]
+
+
+def _shift(x):
+    pose = np.eye(4)
+    pose[0, 3] = x
+    return pose

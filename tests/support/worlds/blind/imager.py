@@ -1,0 +1,166 @@
+"""From light on pixels to digital numbers. Static fields come from the sensor's seed, temporal noise from the frame's."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import gaussian_filter
+
+from worlds.blind.rig import HEIGHT, REFERENCE_C, WIDTH
+
+MAX_DN = 255
+SHAPE = (HEIGHT, WIDTH)
+_EYES = ("left", "right")
+_BOLTZMANN_EV, _ACTIVATION_EV = 8.617333e-5, 0.63
+_SPECKLE_CELLS = 48
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """projector_scale, ambient_scale: DN per second and radiance; speckle: contrast of the
+    multiplicative noise; shot: DN of variance per DN at gain 1."""
+
+    projector_scale: float
+    ambient_scale: float
+    black_dn: float
+    read_dn: float
+    shot: float
+    speckle: float
+    seed: int
+
+
+def static_rng(sensor, tag, eye=None, extra=0):
+    return np.random.Generator(np.random.PCG64([sensor.seed, tag, 0 if eye is None else 1 + _EYES.index(eye), extra]))
+
+
+def expected(sensor, lights, frame, eye, hidden, previous=None):
+    """DN without temporal noise and rounding, clipped to the range."""
+    charge = _charge(sensor, lights, frame, eye, hidden, previous)
+    return np.clip(_digital(_read_out(charge, sensor, eye, hidden), sensor, frame, hidden, rounded=False), 0, MAX_DN)
+
+
+def exposed(sensor, lights, frame, eye, hidden, previous=None):
+    """uint8: one exposure with its noise."""
+    rng = np.random.Generator(np.random.PCG64([sensor.seed, 1000 + frame.id, 1 + _EYES.index(eye)]))
+    k = 1.0 / sensor.speckle**2
+    grain = rng.gamma(k, 1 / k, SHAPE)
+    charge = _charge(sensor, tuple(light * grain for light in lights), frame, eye, hidden, previous)
+    charge = charge + np.sqrt(sensor.shot * frame.gain * np.maximum(charge, 0)) * rng.standard_normal(SHAPE)
+    signal = _read_out(charge, sensor, eye, hidden) + sensor.read_dn * rng.standard_normal(SHAPE)
+    if "row_noise" in hidden:
+        signal = signal + hidden["row_noise"]["sigma_dn"] * np.sqrt(3) * rng.uniform(-1, 1, (HEIGHT, 1))
+    return np.clip(np.rint(_digital(signal, sensor, frame, hidden)), 0, MAX_DN).astype(np.uint8)
+
+
+def collected(sensor, lights, frame, eye, hidden):
+    """DN of light alone, at the frame's exposure and true gain."""
+    projector, ambient, other = lights
+    if "speckle_static" in hidden:
+        projector = projector * _grain(sensor, frame, eye, **hidden["speckle_static"])
+    if "flicker_banding" in hidden:
+        ambient = ambient * _flicker(frame, **hidden["flicker_banding"])[:, None]
+    gain = frame.gain * (1.0 + hidden.get("gain_error", {}).get("error", 0.0) * (frame.gain != 1.0))
+    light = sensor.projector_scale * (frame.power * projector + other) + sensor.ambient_scale * ambient
+    return frame.exposure_s * gain * light
+
+
+def _charge(sensor, lights, frame, eye, hidden, previous):
+    signal = collected(sensor, lights, frame, eye, hidden)
+    if previous is not None:
+        signal = signal + previous
+    if "prnu" in hidden:
+        signal = signal * (1.0 + hidden["prnu"]["sigma"] * np.sqrt(3) * static_rng(sensor, 21, eye).uniform(-1, 1, SHAPE))
+    if "tap_gain" in hidden:
+        signal = signal * np.where(np.arange(WIDTH) < WIDTH // 2, 1.0, 1.0 + hidden["tap_gain"]["gain"])
+    exposure = frame.exposure_s * frame.gain
+    if "dark_signal" in hidden:
+        signal = signal + hidden["dark_signal"]["rate_dn_per_s"] * exposure * _arrhenius(frame)
+    if "hot_pixels" in hidden:
+        signal = signal + exposure * _hot(sensor, eye, **hidden["hot_pixels"])
+    if "saturation_blooming" in hidden:
+        signal = _bloomed(signal, **hidden["saturation_blooming"])
+    if "column_smear" in hidden:
+        signal = signal + hidden["column_smear"]["fraction"] * signal.mean(axis=0, keepdims=True)
+    return signal
+
+
+def _read_out(signal, sensor, eye, hidden):
+    if "column_crosstalk" in hidden:
+        c = hidden["column_crosstalk"]["fraction"] * (np.arange(WIDTH) % 2)
+        signal = (1 - c) * signal + c * np.roll(signal, 1, axis=1)
+    if "response_gamma" in hidden:
+        signal = tone(signal, hidden["response_gamma"]["curvature"])
+    if "gain_mismatch" in hidden:
+        side = 0.5 if eye == "right" else -0.5
+        signal = signal * (1.0 + side * hidden["gain_mismatch"]["gain"]) + side * hidden["gain_mismatch"]["offset_dn"]
+    if "fixed_pattern_noise" in hidden:
+        p, rng = hidden["fixed_pattern_noise"], static_rng(sensor, 22, eye)
+        for sigma, shape in ((p["column_dn"], (1, WIDTH)), (p["row_dn"], (HEIGHT, 1)), (p["pixel_dn"], SHAPE)):
+            signal = signal + sigma * np.sqrt(3) * rng.uniform(-1, 1, shape)
+    if "row_droop" in hidden:
+        signal = signal - hidden["row_droop"]["fraction"] * signal.mean(axis=1, keepdims=True)
+    return signal
+
+
+def _digital(signal, sensor, frame, hidden, rounded=True):
+    dn = signal + sensor.black_dn
+    if "black_level" in hidden:  # Exponential in temperature, so that its first 20 K are per_k_dn each on average.
+        dn = dn + hidden["black_level"]["per_k_dn"] * 20.0 * np.expm1(frame.warming_k / 30.0) / np.expm1(20.0 / 30.0)
+    if "rectification_resampling" in hidden:
+        for axis, name in ((1, "phase_u_px"), (0, "phase_v_px")):
+            phase = hidden["rectification_resampling"][name]
+            before = np.concatenate([np.take(dn, [0], axis), np.delete(dn, -1, axis)], axis)
+            dn = (1 - phase) * dn + phase * before
+    if "quantisation" in hidden and rounded:  # Mid-rise steps; the offset of half a step joins the black level.
+        q = hidden["quantisation"]["step_dn"]
+        dn = q * (np.floor(dn / q) + 0.5)
+    return dn
+
+
+def tone(signal, curvature):
+    """Logarithmic compression with full scale fixed."""
+    relative = np.maximum(signal, 0.0) / MAX_DN
+    return MAX_DN * np.log1p(curvature * relative) / np.log1p(curvature)
+
+
+def _arrhenius(frame):
+    hot, cold = frame.temperature_c + 273.15, REFERENCE_C + 273.15
+    return np.exp(_ACTIVATION_EV / _BOLTZMANN_EV * (1 / cold - 1 / hot))
+
+
+def _hot(sensor, eye, share, rate_dn_per_s):
+    """A log-normal tail of the given mean."""
+    rng = static_rng(sensor, 23, eye)
+    strength = np.exp(0.7 * rng.standard_normal(SHAPE) - 0.245)
+    return np.where(rng.random(SHAPE) < share, strength, 0.0) * rate_dn_per_s
+
+
+def _bloomed(signal, lost_range, spill):
+    """Hard full well; the overflow runs along the column, two pixels far."""
+    full = (1 - lost_range) * MAX_DN
+    over = spill * np.maximum(signal - full, 0.0)
+    value = np.minimum(signal, full)
+    for shift, share in ((1, 0.36), (2, 0.14)):
+        padded = np.pad(over, ((shift, shift), (0, 0)))
+        value = value + share * (padded[: -2 * shift] + padded[2 * shift :])
+    return np.minimum(value, full)
+
+
+def _grain(sensor, frame, eye, contrast):
+    """Sums of correlated speckle patterns (complex Gaussian fields through a pupil), one per pose of the rig."""
+    pose = int(np.abs(frame.camera_to_world[:3, 3] @ [7919, 104729, 1299709] * 1e3)) % 2**31
+    rng = static_rng(sensor, 24, eye, pose)
+    cells = min(_SPECKLE_CELLS, max(1, round(1 / contrast**2)))
+    total = np.zeros(SHAPE)
+    for _ in range(cells):
+        field = gaussian_filter(rng.standard_normal((2, *SHAPE)), (0, 0.45, 0.45), mode="wrap")
+        total += (field**2).sum(axis=0)
+    total /= total.mean()
+    return np.maximum(1.0 + contrast * (total - 1.0) / total.std(), 0.0)
+
+
+def _flicker(frame, depth, frequency_hz, phase_rad, line_time_s):
+    """A rectified sine, as lamps without smoothing give; its fundamental has the amplitude `depth`. Mean over each row's exposure."""
+    row_time = frame.timestamp_s + (np.arange(HEIGHT) - (HEIGHT - 1) / 2) * line_time_s
+    instants = row_time[:, None] + (np.arange(24) + 0.5 - 12) / 24 * frame.exposure_s
+    wave = np.pi / 2 * np.abs(np.sin(np.pi * frequency_hz * instants + phase_rad / 2))
+    return 1.0 + 1.5 * depth * (wave.mean(axis=1) - 1.0)

@@ -1,0 +1,72 @@
+"""What the best model could reach on a world: its own noise, and the error while the hidden effects are left out."""
+
+import numpy as np
+
+from worlds.blind.imager import MAX_DN, tone
+
+EYES = ("left", "right")
+
+
+def errors(world, images):
+    """{split: {floor_dn, before_dn, ratio}}: RMSE of the truth, and of the world without its hidden effects after fitting projector
+    scale, ambient scale and black level on the train frames; ratio: root of the excess square, over the floor."""
+    scales = _fit(world, images)
+    figures = {}
+    for split in ("train", "test"):
+        floor, before = [], []
+        for frame in (f for f in world.frames if f.split == split):
+            for eye in EYES:
+                measured = images[frame.id, eye].astype(np.float64)
+                floor.append(np.mean((measured - world.expected(frame, eye, world.hidden)) ** 2))
+                before.append(np.mean((measured - np.clip(scales @ _columns(world, frame, eye), 0, MAX_DN).reshape(measured.shape)) ** 2))
+        floor, before = np.sqrt(np.mean(floor)), np.sqrt(np.mean(before))
+        ratio = np.sqrt(max(0.0, before**2 - floor**2)) / floor
+        figures[split] = {"floor_dn": float(floor), "before_dn": float(before), "ratio": float(ratio)}
+    return figures
+
+
+def _fit(world, images):
+    columns, values = [], []
+    for frame in (f for f in world.frames if f.split == "train"):
+        for eye in EYES:
+            columns.append(_columns(world, frame, eye))
+            values.append(images[frame.id, eye].ravel())
+    return np.linalg.lstsq(np.concatenate(columns, axis=1).T, np.concatenate(values).astype(np.float64), rcond=None)[0]
+
+
+def _columns(world, frame, eye):
+    projector, ambient, _ = world.lights(frame, eye, {})
+    exposure = frame.exposure_s * frame.gain
+    return np.stack([exposure * frame.power * projector.ravel(), exposure * ambient.ravel(), np.ones(ambient.size)])
+
+
+def scored_parameters(world):
+    """{effect: {parameter: value}} that a tool can be held to, under the names of the catalogue's physics."""
+    return {name: _scored(world, name, dict(values)) for name, values in world.hidden.items()}
+
+
+def _scored(world, name, values):
+    if name == "response_gamma":  # The power law that fits the true curve best over the first frame's own signal.
+        signal = world.expected(world.frames[0], "left", {}) - world.sensor.black_dn
+        x = signal[signal > 0.5]
+        y = tone(x, values["curvature"])
+        exponents = np.linspace(0.3, 1.2, 181)
+        misfit = [np.sum((y - x**e * (y @ x**e) / (x**e @ x**e)) ** 2) for e in exponents]
+        return {"log_exponent": float(np.log(exponents[int(np.argmin(misfit))]))}
+    main = {
+        "projector_defocus": ("aperture_px_m",),
+        "flicker_banding": ("depth",),
+        "chromatic_drift": ("sigma_px_per_k",),
+        "saturation_blooming": ("lost_range",),
+        "laser_power_drift": ("per_k",),
+        "thermal_drift": ("cx_px_per_k",),
+        "principal_point_offset": ("cx_px",),
+        "fixed_pattern_noise": ("pixel_dn",),
+        "gain_mismatch": ("gain",),
+        "hot_pixels": ("share",),
+        "specular": ("roughness",),
+        "dark_signal": ("rate_dn_per_s",),
+    }
+    # Lamps, second projectors, clear walls and bounce gains have no parameter that every model would name alike.
+    free = {"ambient_ir", "second_projector", "interreflection", "transmission", "edge_fattening", "foreshortening_bias", "post_filter"}
+    return {} if name in free else {k: values[k] for k in main.get(name, values)}

@@ -1,0 +1,172 @@
+"""Light that leaves the scene towards the camera: one radiance image per light source on the subpixel grid."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from worlds.blind.camera import axis_cosine
+from worlds.blind.caster import LIFT_M, albedo_of, closest, transmittance
+from worlds.blind.medium import backscatter, faded
+from worlds.blind.rig import look_at
+from worlds.blind.specular import glints
+
+LAMP_POSITION = (1.1, 0.8, 0.5)
+_RING = 12
+
+
+@dataclass(frozen=True)
+class Layers:
+    """Radiance [rows][columns]: projector straight off a surface and otherwise (power 1), sky of radiance 1, a second projector
+    (its own power), lamp; depth in metres, 0 where nothing was hit."""
+
+    direct: np.ndarray
+    indirect: np.ndarray
+    sky: np.ndarray
+    other: np.ndarray
+    lamp: np.ndarray
+    depth: np.ndarray
+
+    def map(self, function):
+        """Of the lights; depth stays."""
+        return replace(self, **{name: function(getattr(self, name)) for name in ("direct", "indirect", "sky", "other", "lamp")})
+
+
+def shade(world, frame, eye_rays, shape, bounced, ambient):
+    """Layers of a bundle of rays. world: solids, rig, emitter, hidden, lightmap; bounced, ambient: lightmap values."""
+    origins, directions, row, poses = eye_rays
+    t, normal, index = closest(world.solids, origins, directions)
+    lights = _lights(world, frame, origins, directions, row, poses, (t, normal, index), bounced, ambient)
+    if "transmission" in world.hidden:
+        lights = _seen_through(world, frame, eye_rays, (t, normal, index), lights, bounced, ambient)
+    if "haze" in world.hidden:
+        lights = faded(lights, origins, directions, t, _projector_centres(world, poses, row), **world.hidden["haze"])
+        lights[1] = lights[1] + backscatter(world, frame, origins, directions, t, row, poses, **world.hidden["haze"])
+    depth = np.where(index >= 0, np.where(index >= 0, t, 0.0) * axis_cosine(directions, poses, row), 0.0)
+    return Layers(*(value.reshape(shape) for value in (*lights, depth)))
+
+
+def projector_irradiance(world, frame, points, normals, poses, row, coarse=False):
+    """Irradiance / pi at points [n][3] from the rig's projector; poses[row] is the left camera's at each point's time."""
+    centre = _projector_centres(world, poses, row)
+    way = points - centre
+    local = np.einsum("nji,nj->ni", poses[row, :3, :3], way)
+    distance = np.linalg.norm(way, axis=1)
+    cosine = -np.einsum("ij,ij->i", normals, way) / distance
+    intensity = np.where(cosine > 0, world.emitter.intensity(local, frame, coarse), 0.0)
+    value = intensity * np.maximum(cosine, 0.0) / (np.pi * distance**2)
+    lit = np.flatnonzero(value > 0)
+    value[lit] *= transmittance(world.solids, centre[lit], points[lit], _clear_solids(world))
+    return value
+
+
+def _projector_centres(world, poses, row):
+    centres = poses[:, :3, 0] * world.rig.projector_x_m + poses[:, :3, 3]
+    return centres[row]
+
+
+def _clear_solids(world):
+    if "transmission" not in world.hidden:
+        return None
+    return {i: world.hidden["transmission"]["share"] for i, s in enumerate(world.solids) if s.name in world.clear_solids}
+
+
+def _lights(world, frame, origins, directions, row, poses, hits, bounced, ambient):
+    """[direct, indirect, sky, other, lamp] along the rays."""
+    t, normal, index = hits
+    count = len(directions)
+    lights = [np.zeros(count) for _ in range(5)]
+    hit = np.flatnonzero(index >= 0)
+    points = origins[hit] + t[hit, None] * directions[hit] + LIFT_M * normal[hit]
+    albedo, n, i = albedo_of(world.solids, index[hit], points), normal[hit], index[hit]
+    lights[0][hit] = albedo * _direct(world, frame, points, n, i, poses, row[hit])
+    lights[1][hit] = albedo * world.lightmap.look_up(bounced, i, points)
+    lights[2][hit] = albedo * world.lightmap.look_up(ambient, i, points)
+    lights[2][index < 0] = 1.0
+    if "second_projector" in world.hidden:
+        lights[3][hit] = albedo * _second_projector(world, frame, points, n, **world.hidden["second_projector"])
+    if "ambient_ir" in world.hidden:
+        lights[4][hit] = albedo * _lamp(world, points, n, **world.hidden["ambient_ir"])
+    if "specular" in world.hidden:
+        dots, sky, keep = glints(world, frame, directions[hit], points, n, i, poses, row[hit], ambient)
+        for k in range(5):
+            lights[k][hit] *= keep
+        lights[0][hit] += dots
+        lights[2][hit] += sky
+    return lights
+
+
+def _direct(world, frame, points, normals, index, poses, row):
+    if "subsurface" not in world.hidden:
+        return projector_irradiance(world, frame, points, normals, poses, row)
+    value = np.zeros(len(points))
+    wax = np.isin(index, [i for i, s in enumerate(world.solids) if s.name in world.wax_solids])
+    hard = np.flatnonzero(~wax)
+    value[hard] = projector_irradiance(world, frame, points[hard], normals[hard], poses, row[hard])
+    soft = np.flatnonzero(wax)
+    if soft.size:
+        value[soft] = _diffused(world, frame, points[soft], normals[soft], poses, row[soft], **world.hidden["subsurface"])
+    return value
+
+
+def _diffused(world, frame, points, normals, poses, row, length_m):
+    """Light enters around where it leaves, with density exp(-r / length) over the tangent plane."""
+    helper = np.where(np.abs(normals[:, :1]) < 0.7, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
+    tangent = np.cross(helper, normals)
+    tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
+    bitangent = np.cross(normals, tangent)
+    start = (np.arange(len(points)) * 0.61803398875) % 1.0 * 2 * np.pi
+    total = np.zeros(len(points))
+    for k in range(_RING):
+        radius = length_m * _gamma2_quantile((k + 0.5) / _RING)
+        angle = start + 2 * np.pi * k * 0.38196601125
+        around = points + radius * (np.cos(angle)[:, None] * tangent + np.sin(angle)[:, None] * bitangent)
+        total += projector_irradiance(world, frame, around, normals, poses, row)
+    return total / _RING
+
+
+def _gamma2_quantile(p):
+    """Of the density r exp(-r), by Newton's method."""
+    r = 1.7
+    for _ in range(30):
+        r -= (1 - (1 + r) * np.exp(-r) - p) / (r * np.exp(-r))
+        r = max(r, 1e-3)
+    return r
+
+
+def _second_projector(world, frame, points, normals, power):
+    """Another device, fixed in the room, with its own copy of the pattern upside down."""
+    pose = look_at((-0.45, 0.5, 0.45), (0.0, 0.05, -0.25))
+    way = points - pose[:3, 3]
+    local = (way @ pose[:3, :3]) * np.array([-1.0, -1.0, 1.0])
+    distance = np.linalg.norm(way, axis=1)
+    cosine = np.maximum(-np.einsum("ij,ij->i", normals, way) / distance, 0.0)
+    value = power * world.emitter.intensity(local, frame) * cosine / (np.pi * distance**2)
+    lit = np.flatnonzero(value > 0)
+    value[lit] *= transmittance(world.solids, np.broadcast_to(pose[:3, 3], (len(lit), 3)), points[lit])
+    return value
+
+
+def _lamp(world, points, normals, strength):
+    """A small lamp on one side; irradiance / pi is `strength` at one metre, facing it."""
+    position = np.asarray(LAMP_POSITION)
+    way = position - points
+    distance = np.linalg.norm(way, axis=1)
+    value = strength * np.maximum(np.einsum("ij,ij->i", normals, way) / distance, 0.0) / distance**2
+    lit = np.flatnonzero(value > 0)
+    value[lit] *= transmittance(world.solids, np.broadcast_to(position, (len(lit), 3)), points[lit])
+    return value
+
+
+def _seen_through(world, frame, eye_rays, hits, lights, bounced, ambient):
+    """Thin clear walls: a share of what is behind joins what the surface itself shows."""
+    origins, directions, row, poses = eye_rays
+    share = world.hidden["transmission"]["share"]
+    for i, solid in enumerate(world.solids):
+        here = np.flatnonzero(hits[2] == i) if solid.name in world.clear_solids else np.zeros(0, int)
+        if not here.size:
+            continue
+        behind = closest(world.solids, origins[here], directions[here], skip=np.full(len(here), i))
+        seen = _lights(world, frame, origins[here], directions[here], row[here], poses, behind, bounced, ambient)
+        for k in range(5):
+            lights[k][here] = (1 - share) * lights[k][here] + share * seen[k]
+    return lights

@@ -1,0 +1,168 @@
+"""One blind world: a capture folder for the tool under test, and the answer key that it must not see."""
+
+import hashlib
+import json
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from worlds.blind import camera, imager, oracle
+from worlds.blind.depth import MAX_DISPARITY, device_depth
+from worlds.blind.emitter import Emitter
+from worlds.blind.files import write_capture
+from worlds.blind.lightmap import Lightmap
+from worlds.blind.optics import on_pixels
+from worlds.blind.rig import HEIGHT, WIDTH, Rig, believed, draw_frames, draw_rig
+from worlds.blind.scene import draw_scene, surveyed, texel_spacing
+from worlds.blind.surface import Layers, projector_irradiance, shade
+
+EYES = ("left", "right")
+SUB = 4
+_BLUR_INSTANTS, _BLUR_SUB = 8, 2
+# What acts on rays and surfaces; everything else acts on images.
+RAY_EFFECTS = frozenset(
+    "projector_defocus pattern_scale_drift pattern_rotation dot_gain_spread dot_astigmatism projector_vignetting laser_power_drift"
+    " emitter_bands second_projector ambient_ir specular transmission subsurface interreflection haze radial_distortion"
+    " tangential_distortion rectification_resampling thermal_drift thermal_lens principal_point_offset baseline_drift"
+    " stereo_pitch stereo_roll rolling_shutter exposure_desync row_desync motion_blur".split()
+)
+_BY_FRAME = frozenset({"pattern_scale_drift", "laser_power_drift", "thermal_drift", "thermal_lens"})
+
+
+@dataclass(frozen=True)
+class Hardware:
+    """What stands in front of a ray: the scene, the rig, and what is wrong with them."""
+
+    solids: tuple
+    rig: Rig
+    emitter: Emitter
+    lightmap: Lightmap
+    hidden: dict
+    glossy_solids: tuple = ("ball", "can", "box1")
+    clear_solids: tuple = ("can", "box2")
+    wax_solids: tuple = ("ball", "box1", "pipe")
+
+
+class World:
+    """Everything follows from the seed, the hidden effects {id: {parameter: value}}, and the survey errors' size."""
+
+    def __init__(self, seed, hidden, survey=1.0, sub=SUB, moving_exposure=1 / 8):
+        self.seed, self.hidden, self._survey, self._sub = seed, hidden, survey, sub
+        draw = np.random.Generator(np.random.PCG64([seed, 0]))
+        self.solids, self.rig = draw_scene(draw), draw_rig(draw)
+        self.frames = draw_frames(draw, moving_exposure)
+        self._noise = draw.standard_normal(6)
+        self._layers, self._ambient = {}, {}
+
+    @cached_property
+    def lightmap(self):
+        return Lightmap(self.solids, np.random.Generator(np.random.PCG64([self.seed, 1])), texel_spacing(self.solids))
+
+    @cached_property
+    def sensor(self):
+        """Exposed so that a tenth of a percent of the first frame's pixels pass half of the range, before other errors."""
+        lights = on_pixels(self.layers(self.frames[0], "left", {}), self.frames[0], "left", {}, self.rig)
+        n, exposure = self._noise, self.frames[0].exposure_s
+        target = 0.45 * imager.MAX_DN / np.quantile(lights[0], 0.999)
+        return imager.Sensor(
+            projector_scale=target * (1 + 0.05 * n[0]) / exposure,
+            ambient_scale=7.0 / lights[1].mean() * (1 + 0.08 * n[1]) / exposure,
+            black_dn=4.0 + 0.5 * n[2],
+            read_dn=0.9 * (1 + 0.1 * n[3]),
+            shot=0.012 * (1 + 0.13 * n[4]),
+            speckle=0.12 * (1 + 0.1 * n[5]),
+            seed=self.seed,
+        )
+
+    def hardware(self, hidden):
+        return self._hardware(tuple(sorted((k, tuple(sorted(v.items()))) for k, v in hidden.items() if k in RAY_EFFECTS)))
+
+    def _hardware(self, key):
+        if not hasattr(self, "_hardwares"):
+            self._hardwares = {}
+        if key not in self._hardwares:
+            hidden = {name: dict(values) for name, values in key}
+            self._hardwares[key] = Hardware(self.solids, self.rig, Emitter(self.rig, hidden, self.seed), self.lightmap, hidden)
+        return self._hardwares[key]
+
+    def layers(self, frame, eye, hidden):
+        """Layers of a frame on the subpixel grid; equal frames share theirs."""
+        hardware = self.hardware(hidden)
+        timing = (frame.warming_k, frame.timestamp_s) if _BY_FRAME & set(hardware.hidden) else ()
+        key = (id(hardware), eye, frame.camera_to_world.tobytes(), timing)
+        if key not in self._layers:
+            self._layers[key] = self._render(hardware, frame, eye)
+        return self._layers[key]
+
+    def _render(self, hardware, frame, eye):
+        bounced, ambient = self._indirect(hardware, frame)
+        if "motion_blur" not in hardware.hidden or not frame.is_moving:
+            return self._cast(hardware, frame, eye, self._sub, 0.0, (0.0, 0.0), bounced, ambient)
+        span = hardware.hidden["motion_blur"]["exposure_fraction"] * frame.exposure_s
+        sums = None
+        for i in range(_BLUR_INSTANTS):  # Each instant sees its own subpixel places.
+            offset = ((i * 0.7549) % 1.0 - 0.5, (i * 0.5698) % 1.0 - 0.5)
+            seen = self._cast(hardware, frame, eye, _BLUR_SUB, ((i + 0.5) / _BLUR_INSTANTS - 0.5) * span, offset, bounced, ambient)
+            lights = [seen.direct, seen.indirect, seen.sky, seen.other, seen.lamp]
+            sums = lights if sums is None else [a + b for a, b in zip(sums, lights, strict=True)]
+        return Layers(*(s / _BLUR_INSTANTS for s in sums), seen.depth)
+
+    def _cast(self, hardware, frame, eye, sub, dt_s, offset, bounced, ambient):
+        bundle = camera.rays(self.rig, frame, eye, hardware.hidden, sub, dt_s, offset)
+        return shade(hardware, frame, bundle, (HEIGHT * sub, WIDTH * sub), bounced, ambient)
+
+    def _indirect(self, hardware, frame):
+        """Lightmap values: the projector's bounced light at the frame's pose, and ambient light."""
+        reflectance = 1.0 + hardware.hidden.get("interreflection", {}).get("gain", 0.0)
+        if id(hardware) not in self._ambient:
+            self._ambient[id(hardware)] = self.lightmap.ambient(reflectance)
+        texels = self.lightmap
+        poses, row = frame.camera_to_world[None], np.zeros(len(texels.points), dtype=int)
+        first = projector_irradiance(hardware, frame, texels.points + 1e-6 * texels.normals, texels.normals, poses, row, coarse=True)
+        return texels.bounced(np.where(texels.exposed, first, 0.0), reflectance), self._ambient[id(hardware)]
+
+    def lights(self, frame, eye, hidden):
+        return on_pixels(self.layers(frame, eye, hidden), frame, eye, hidden, self.rig)
+
+    def _residue(self, frame, eye, hidden):
+        """What the frame before leaves behind, or None."""
+        if "image_lag" not in hidden or frame.id == 0:
+            return None
+        before = self.frames[frame.id - 1]
+        left = imager.collected(self.sensor, self.lights(before, eye, hidden), before, eye, hidden)
+        return hidden["image_lag"]["fraction"] * left
+
+    def expected(self, frame, eye, hidden):
+        """Noise-free DN under the effects given: the world's own, or fewer."""
+        return imager.expected(self.sensor, self.lights(frame, eye, hidden), frame, eye, hidden, self._residue(frame, eye, hidden))
+
+    def measured(self, frame, eye):
+        lights = self.lights(frame, eye, self.hidden)
+        return imager.exposed(self.sensor, lights, frame, eye, self.hidden, self._residue(frame, eye, self.hidden))
+
+    def capture(self, folder, name):
+        """Writes the capture and returns what the oracle says of it."""
+        images = {(frame.id, eye): self.measured(frame, eye) for frame in self.frames for eye in EYES}
+        survey = np.random.Generator(np.random.PCG64([self.seed, 2]))
+        rig, solids = believed(self.rig, survey, self._survey), surveyed(self.solids, survey, self._survey)
+        depths = {
+            frame.id: device_depth(images[frame.id, "left"], images[frame.id, "right"], rig.focal_px, rig.baseline_m, self.hidden)
+            for frame in self.frames
+            if frame.power > 0 and frame.id != 1
+        }
+        write_capture(folder, name, rig, solids, self.frames, images, depths, MAX_DISPARITY)
+        return oracle.errors(self, images)
+
+
+def make(folder, key_path, seed, hidden, about, survey=1.0):
+    """Writes the capture into `folder` and its answer into `key_path`; about: what else the key should hold."""
+    name = "blind-" + hashlib.sha256(f"{seed} {sorted(hidden)}".encode()).hexdigest()[:10]
+    world = World(seed, hidden, survey)
+    figures = world.capture(folder, name)
+    key = {"name": name, "seed": seed, "survey": survey, **about, "hidden": hidden, "oracle": figures}
+    key["scored"] = oracle.scored_parameters(world)
+    Path(key_path).parent.mkdir(parents=True, exist_ok=True)
+    Path(key_path).write_text(json.dumps(key, indent=1))
+    return key
