@@ -24,10 +24,10 @@ uint32_t divide_up(uint32_t a, uint32_t b) { return (a + b - 1) / b; }
 /// Lanes of one path: with few pairs many lanes shorten its steps, with many pairs few lanes waste less on their exchange.
 void choose_lanes(MatchPlan& plan, const ks::Device& device, uint32_t disparities, bool block, uint32_t batch, const MatchTuning& tuning) {
   const uint32_t unit = block ? 8 : 4;  // the block stage takes four pairs at a time
-  const uint32_t wanted = divide_up(disparities, batch == 1 || disparities <= 64 ? 8 : 16);
+  const uint32_t wanted = divide_up(disparities, disparities <= (batch == 1 ? 128u : 64u) ? 8 : 16);
   plan.path_lanes = tuning.path_lanes ? tuning.path_lanes : std::clamp(std::bit_ceil(wanted), 4u, std::min(plan.subgroup_lanes, 32u));
   plan.lane_disparities = unit * divide_up(disparities, unit * plan.path_lanes);
-  const bool far_ahead = batch == 1 && !block && disparities <= 128 && !device.is_cpu();  // one pair's time is latency
+  const bool far_ahead = batch == 1 && disparities <= 128 && !device.is_cpu();  // one pair's time is latency
   plan.steps = tuning.steps ? tuning.steps : std::min(far_ahead ? 8u : 4u, plan.path_lanes);
   if (!std::has_single_bit(plan.path_lanes) || plan.path_lanes < plan.steps || plan.path_lanes > plan.subgroup_lanes ||
       plan.path_lanes > 32 || (plan.steps != 4 && plan.steps != 8))
@@ -99,7 +99,7 @@ MatchPlan make_match_plan(const ks::Device& device, uint32_t width, uint32_t hei
   const uint32_t wanted_pairs = tuning.pairs_at_once ? tuning.pairs_at_once : default_pairs(device, plan);
   plan.pairs_at_once = static_cast<uint32_t>(std::min<uint64_t>({batch, wanted_pairs, most_pairs}));
   choose_block_stage(plan, parameters);
-  plan.path_group = std::max({tuning.path_group ? tuning.path_group : batch == 1 ? 64u : 128u, plan.subgroup_lanes, 2 * plan.path_lanes});
+  plan.path_group = std::max({tuning.path_group ? tuning.path_group : batch == 1 ? 64u : 256u, plan.subgroup_lanes, 2 * plan.path_lanes});
   plan.winner_group = std::max({tuning.winner_group ? tuning.winner_group : 64u, plan.subgroup_lanes});
   plan.segments = tuning.segments ? std::min(tuning.segments, width) : default_segments(plan, parameters.max_disparity);
   return plan;
