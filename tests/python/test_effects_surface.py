@@ -10,9 +10,12 @@ from activestereo.effects import Light, builtin
 from activestereo.effects.core.descriptor import Stage
 from activestereo.effects.core.ggx import reflected_share
 from activestereo.effects.core.laws import example_value, example_view
+from activestereo.lab.kuafu_renderer import KuafuRenderer
+from activestereo.lab.layers import RenderRequest, ViewCamera
 from test_effects_worlds import CAMERA_K, PATTERN, POSE, PROJECTOR_K, SIZE, seen, shift, smooth_places, view_of
 from worlds.view import PatternSource, look
-from worlds.world import table_top
+from worlds.world import look_at
+from worlds.world import table_top as world_table_top
 
 EFFECTS = builtin()
 
@@ -73,7 +76,7 @@ def test_second_projector_is_a_second_source_in_the_world():
     place[:2, 3] = offset
     pose = POSE @ shift(0.015) @ place @ turn
     source = PatternSource(pose[:3, 3], pose[:3, :3], PROJECTOR_K, PATTERN)
-    truth = look(table_top(), SIZE, CAMERA_K, POSE @ shift(0.05), source, seed=3, grid=6, bounces=0).direct
+    truth = look(world_table_top(), SIZE, CAMERA_K, POSE @ shift(0.05), source, seed=3, grid=6, bounces=0).direct
     modelled = EFFECTS["second_projector"](light, view, intensity_m2=1.0, offset_x_m=offset[0], offset_y_m=offset[1], yaw_rad=yaw)
     added = modelled.ambient - light.ambient
     # Shadows of the second unit are not modelled, edges mix surfaces.
@@ -110,3 +113,16 @@ def test_gain_error_changes_the_ratio_of_exposures_and_not_of_equal_ones():
     of = lambda v, **p: EFFECTS["gain_error"](signal, v, **p).mean() / 40.0  # noqa: E731
     assert of(half, exposure_offset_s=1e-4) / of(view, exposure_offset_s=1e-4) == pytest.approx((1 + 0.05) / (1 + 0.025))
     assert of(view, log_gain=0.1) == pytest.approx(view.frame.gain**0.1)
+
+
+def test_smoothing_brings_bounced_light_nearer_to_a_long_render(device, table_top):
+    camera = ViewCamera(96, 64, np.array([[120.0, 0, 47.5], [0, 120.0, 31.5], [0, 0, 1]]), look_at((0.1, 0.4, 0.5), (0.0, 0.08, -0.2)))
+    request = RenderRequest(table_top, (camera,), PATTERN.astype(np.float32), PROJECTOR_K, camera.camera_to_world, 32, 4, 1)
+    raw, smooth = (KuafuRenderer(device, smooth=s)(request)[0] for s in (False, True))
+    reference = KuafuRenderer(device, smooth=False)(replace(request, samples_per_pixel=512, seed=2))[0].indirect
+    matt = raw.indirect != smooth.indirect
+    assert 0.3 < matt.mean() < 1.0
+    raw_error, smooth_error = (np.abs(layers.indirect - reference)[matt].mean() for layers in (raw, smooth))
+    assert smooth_error < 0.6 * raw_error, (smooth_error, raw_error)
+    assert smooth.indirect.mean() == pytest.approx(raw.indirect.mean(), rel=0.01)
+    np.testing.assert_array_equal(smooth.direct, raw.direct)
