@@ -9,6 +9,7 @@ in a to coordinates in b. `Engine` is the whole engine; `DepthSensor` keeps the 
 
 from ._simsense import (
     FAULTS,
+    REASONS,
     ArgumentError,
     Buffer,
     BufferDesc,
@@ -29,6 +30,7 @@ from .depth_sensor import DepthSensor, SettingError
 
 __all__ = [
     "FAULTS",
+    "REASONS",
     "ArgumentError",
     "Buffer",
     "BufferDesc",

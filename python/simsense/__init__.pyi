@@ -6,6 +6,7 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 __version__: str
 FAULTS: tuple[str, ...]
+REASONS: tuple[str, ...]
 
 class Error(RuntimeError):
     status: int
@@ -143,8 +144,9 @@ class Engine:
         self,
         left: NDArray[Any] | Image,
         right: NDArray[Any] | Image,
-        outputs: Sequence[str] | Mapping[str, NDArray[Any] | Image] = ("depth",),
+        outputs: Sequence[str] | Mapping[str, NDArray[Any] | Image | DTypeLike] = ("depth",),
         *,
+        rgb: NDArray[np.uint8] | Image | None = None,
         progress: Callable[[float], object] | None = None,
     ) -> dict[str, NDArray[Any]]: ...
 

@@ -9,7 +9,7 @@ struct Output {
   uint32_t output;
   uint32_t format;
   bool rgb_size;  // of the RGB camera's size, else of the IR cameras'
-  bool points;    // three floats a pixel, RGB size where there is an RGB camera
+  bool points;    // three or six floats a pixel, RGB size where there is an RGB camera
 };
 constexpr Output outputs_known[] = {{"disparity", SIMSENSE_OUTPUT_DISPARITY, KS_FORMAT_F32, false, false},
                                     {"depth", SIMSENSE_OUTPUT_DEPTH, KS_FORMAT_F32, false, false},
@@ -18,7 +18,10 @@ constexpr Output outputs_known[] = {{"disparity", SIMSENSE_OUTPUT_DISPARITY, KS_
                                     {"ir_right", SIMSENSE_OUTPUT_IR_RIGHT, KS_FORMAT_U8, false, false},
                                     {"rectified_left", SIMSENSE_OUTPUT_RECTIFIED_LEFT, KS_FORMAT_U8, false, false},
                                     {"rectified_right", SIMSENSE_OUTPUT_RECTIFIED_RIGHT, KS_FORMAT_U8, false, false},
-                                    {"points", SIMSENSE_OUTPUT_POINTS, KS_FORMAT_F32, false, true}};
+                                    {"points", SIMSENSE_OUTPUT_POINTS, KS_FORMAT_F32, false, true},
+                                    {"confidence", SIMSENSE_OUTPUT_CONFIDENCE, KS_FORMAT_F32, false, false},
+                                    {"reason", SIMSENSE_OUTPUT_REASON, KS_FORMAT_U8, false, false},
+                                    {"points_colored", SIMSENSE_OUTPUT_POINTS_COLORED, KS_FORMAT_F32, true, true}};
 
 const Output& find_output(const std::string& name) {
   std::string known;
@@ -30,17 +33,18 @@ const Output& find_output(const std::string& name) {
 }
 
 /// Numpy memory as an image argument. `keep` holds what must live through the call: a copy where C cannot read the array as it is.
-simsense_image host_image(py::array array, uint32_t batch_count, const char* what, bool writable, std::vector<py::object>& keep) {
-  if (array.ndim() != 2 && array.ndim() != 3)
-    raise_argument<Simsense>(std::string(what) + " must be [height, width] or [batch, height, width]");
-  if (array.ndim() == 2 && batch_count != 1)
+simsense_image host_image(py::array array, uint32_t batch_count, const char* what, bool color, std::vector<py::object>& keep) {
+  const py::ssize_t dimensions = color ? 3 : 2;
+  if (array.ndim() != dimensions && array.ndim() != dimensions + 1)
+    raise_argument<Simsense>(std::string(what) + (color ? " must be [height, width, 3] or [batch, height, width, 3]"
+                                                        : " must be [height, width] or [batch, height, width]"));
+  if (array.ndim() == dimensions && batch_count != 1)
     raise_argument<Simsense>(std::string(what) + " needs a leading dimension of " + std::to_string(batch_count));
   bool plain = (array.flags() & py::detail::npy_api::NPY_ARRAY_ALIGNED_) != 0;
   for (py::ssize_t k = 0; k < array.ndim(); ++k) plain = plain && (array.strides(k) != 0 || array.shape(k) == 1);
-  if (!plain && writable) raise_argument<Simsense>(std::string(what) + " is not an array one can write into");
   if (!plain) array = py::array::ensure(array.attr("copy")(), py::array::c_style);
   simsense_image image = {};
-  image.host = writable ? array.mutable_data() : const_cast<void*>(array.data());
+  image.host = const_cast<void*>(array.data());
   image.image = ks_image_desc_packed(format_of<Simsense>(array.dtype()), 0, nullptr);
   image.image.dim_count = static_cast<uint32_t>(array.ndim());
   for (py::ssize_t k = 0; k < array.ndim(); ++k) {
@@ -153,9 +157,11 @@ class Engine {
     return py::make_tuple(matrix(k, 3, 3), baseline_m, matrix(left_to_rectified, 4, 4));
   }
 
-  py::dict compute(const py::object& left, const py::object& right, const py::object& outputs, const py::object& callback) {
+  py::dict compute(const py::object& left, const py::object& right, const py::object& outputs, const py::object& rgb,
+                   const py::object& callback) {
     std::vector<py::object> keep;
     simsense_compute_desc desc = simsense_compute_desc_init();
+    if (!rgb.is_none()) desc.rgb = input(rgb, "rgb", keep, true);
     desc.left = input(left, "left", keep);
     desc.right = input(right, "right", keep);
     const bool batched = desc.left.image.dim_count == 3;
@@ -179,10 +185,10 @@ class Engine {
   }
 
  private:
-  simsense_image input(const py::object& value, const char* what, std::vector<py::object>& keep) const {
+  simsense_image input(const py::object& value, const char* what, std::vector<py::object>& keep, bool color = false) const {
     if (py::isinstance<Image<Simsense>>(value)) return buffer_image(py::cast<Image<Simsense>>(value));
     if (!py::isinstance<py::array>(value)) raise_argument<Simsense>(std::string(what) + " must be a numpy array or a simsense.Image");
-    return host_image(py::reinterpret_borrow<py::array>(value), rig_.batch_count, what, false, keep);
+    return host_image(py::reinterpret_borrow<py::array>(value), rig_.batch_count, what, color, keep);
   }
 
   static simsense_image buffer_image(const Image<Simsense>& image) {
@@ -192,7 +198,7 @@ class Engine {
     return out;
   }
 
-  /// `outputs`: names (arrays are made) or {name: array or Image} to fill.
+  /// `outputs`: names (arrays are made), or {name: array or Image} to fill or {name: dtype} to make.
   void read_outputs(const py::object& outputs, bool batched, std::vector<simsense_output_desc>& c_outputs, py::dict& results,
                     std::vector<py::object>& keep) const {
     if (py::isinstance<py::str>(outputs)) raise_argument<Simsense>("outputs is a sequence of names, not one name");
@@ -202,12 +208,14 @@ class Engine {
       simsense_output_desc c = {};
       c.header = ks_header_make(SIMSENSE_TYPE_OUTPUT_DESC, sizeof c);
       c.output = o.output;
-      py::object result = given ? py::object(outputs[item]) : py::object(new_array(o));
+      py::object result = given ? py::object(outputs[item]) : py::none();
+      const bool made = !given || !(py::isinstance<Image<Simsense>>(result) || py::isinstance<py::array>(result));
+      if (made) result = py::array(given ? py::dtype::from_args(result) : dtype_of(format_of_output(o)), shape_of(o));
       if (py::isinstance<Image<Simsense>>(result)) {
         c.image = buffer_image(py::cast<Image<Simsense>>(result));
       } else {
-        c.image = target(py::array::ensure(result), o, keep);
-        if (!given && !batched) result = result[py::int_(0)];
+        c.image = target(py::reinterpret_borrow<py::array>(result), o, keep);
+        if (made && !batched) result = result[py::int_(0)];
       }
       c_outputs.push_back(c);
       results[item] = result;
@@ -218,25 +226,24 @@ class Engine {
     const bool rgb = o.rgb_size || (o.points && rig_.rgb.width > 0);
     const simsense_camera& size = rgb ? rig_.rgb : rig_.left;
     std::vector<py::ssize_t> shape = {rig_.batch_count, size.height, size.width};
-    if (o.points) shape.push_back(3);
+    if (o.points) shape.push_back(o.output == SIMSENSE_OUTPUT_POINTS_COLORED ? 6 : 3);
     return shape;
   }
 
-  [[nodiscard]] py::array new_array(const Output& o) const { return py::array(dtype_of(format_of_output(o)), shape_of(o)); }
-
-  /// An imager of more than 8 bits gives uint16.
+  /// An imager of more than 8 bits gives uint16; rectified, both eyes have the deeper one's.
   [[nodiscard]] uint32_t format_of_output(const Output& o) const {
-    if (o.output != SIMSENSE_OUTPUT_IR_LEFT && o.output != SIMSENSE_OUTPUT_IR_RIGHT) return o.format;
+    if (o.format != KS_FORMAT_U8 || o.output == SIMSENSE_OUTPUT_REASON) return o.format;
     const Settings s = settings();
-    return (o.output == SIMSENSE_OUTPUT_IR_LEFT ? s.left : s.right).bit_depth > 8 ? KS_FORMAT_U16 : KS_FORMAT_U8;
+    const uint32_t bits = o.output == SIMSENSE_OUTPUT_IR_LEFT    ? s.left.bit_depth
+                          : o.output == SIMSENSE_OUTPUT_IR_RIGHT ? s.right.bit_depth
+                                                                 : std::max(s.left.bit_depth, s.right.bit_depth);
+    return bits > 8 ? KS_FORMAT_U16 : KS_FORMAT_U8;
   }
 
   simsense_image target(py::array array, const Output& o, std::vector<py::object>& keep) const {
     const std::vector<py::ssize_t> shape = shape_of(o);
-    const uint32_t format = format_of_output(o);
-    if (!array || !array.writeable() || !array.dtype().equal(dtype_of(format)) || array.ndim() < 2)
-      raise_argument<Simsense>(std::string("output '") + o.name + "' needs a writable array of " +
-                               std::string(py::str(py::handle(dtype_of(format)))));
+    if (!array.writeable() || array.ndim() < 2) raise_argument<Simsense>(std::string("output '") + o.name + "' needs a writable array");
+    const uint32_t format = format_of<Simsense>(array.dtype());
     std::vector<py::ssize_t> have(array.shape(), array.shape() + array.ndim()), strides(array.strides(), array.strides() + array.ndim());
     if (have.size() + 1 == shape.size() && shape[0] == 1) {
       have.insert(have.begin(), 1);
@@ -284,6 +291,8 @@ void bind_engine(py::module_& module) {
   py::list faults;
   for (const Fault& fault : faults_known) faults.append(fault.name);
   module.attr("FAULTS") = py::tuple(faults);
+  module.attr("REASONS") = py::make_tuple("valid", "not_unique", "outside", "occluded", "isolated", "speckle", "out_of_range",
+                                          "not_computed", "low_texture", "saturated");
   bind_camera(module);
   module.def(
       "signal_preset", [](const std::string& name) { return get_signal(signal_preset(name)); }, py::arg("name"),
@@ -308,10 +317,12 @@ void bind_engine(py::module_& module) {
            "Changes the named parameters of each imager (simsense_signal), as from signal_preset(); the others stay.")
       .def_property_readonly("rectified", &Engine::rectified, "(k 3x3, baseline_m, left_to_rectified 4x4) after rectification.")
       .def("compute", &Engine::compute, py::arg("left"), py::arg("right"), py::arg("outputs") = py::make_tuple("depth"), py::kw_only(),
-           py::arg("progress") = py::none(),
+           py::arg("rgb") = py::none(), py::arg("progress") = py::none(),
            "left, right: uint8, uint16 or float32 arrays [height, width] or [batch, height, width] of any strides, or Images. outputs: "
            "names of disparity, depth,\n"
-           "depth_rgb, ir_left, ir_right, rectified_left, rectified_right, points; or {name: array or Image} to fill those.\n"
+           "depth_rgb, ir_left, ir_right, rectified_left, rectified_right, points, confidence, reason, points_colored; or\n"
+           "{name: array or Image} to fill those; or {name: dtype} (depth in uint16 or int16 millimetres, disparity in int16 sixteenths).\n"
+           "rgb: uint8 [height, width, 3] of the RGB camera, for points_colored. REASONS has the names of reason's values.\n"
            "Returns {name: array}, shaped like the input. progress(fraction: float) may return True to cancel (CancelledError).")
       .def_property_readonly(
           "stage_times",

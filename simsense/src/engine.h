@@ -6,11 +6,14 @@
 
 #include <memory>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "depth/points.h"
 #include "depth/registration.h"
-#include "image_access.h"
+#include "disparity/holes.h"
+#include "disparity/speckle.h"
+#include "frame.h"
 #include "parameters.h"
 #include "rectify/rectification.h"
 #include "signal/imager.h"
@@ -22,6 +25,7 @@ class VulkanHostBatch;
 
 struct ComputeRequest {
   ImageArgument left, right;
+  std::optional<ImageArgument> rgb;
   struct Output {
     uint32_t output = 0;  // SIMSENSE_OUTPUT_*
     ImageArgument image;
@@ -48,20 +52,33 @@ class Engine {
   [[nodiscard]] const std::vector<ks_stage_time>& stage_times() const { return clock_.times(); }
 
  private:
-  struct Frame;  // the images of one compute call
   [[nodiscard]] ImageShape output_shape(uint32_t output) const;
-  [[nodiscard]] uint32_t output_format(uint32_t output) const;
+  /// Bit k: KS_FORMAT_ k is possible.
+  [[nodiscard]] uint32_t output_formats(uint32_t output) const;
+  /// Whether the matcher sees 16-bit images.
+  [[nodiscard]] bool is_wide() const { return imagers_[0].is_wide() || imagers_[1].is_wide(); }
+  [[nodiscard]] Region region(const simsense_parameters& parameters) const;
+  /// What the matcher is given to find a region's disparities.
+  [[nodiscard]] Region reach(const Region& region) const;
+  void open_rgb(const ImageArgument& image, Frame& frame) const;
   void open_outputs(const ComputeRequest& request, Frame& frame) const;
   [[nodiscard]] bool use_vulkan(const simsense_parameters& parameters) const;
+  [[nodiscard]] bool use_vulkan(const Frame& frame) const;
+  [[nodiscard]] bool refuse_vulkan(const std::string& why_not) const;
   void compute_on_host(Frame& frame, const ComputeRequest& request);
   void compute_on_device(Frame& frame, const ComputeRequest& request);
   ConstImage prepare_eye(Frame& frame, uint32_t batch_index, uint32_t eye);
   ConstImage measure_eye(Frame& frame, uint32_t batch_index, uint32_t eye);
-  const uint8_t* measure_wide(Frame& frame, uint32_t batch_index, uint32_t eye);
+  ConstImage measure_wide(Frame& frame, uint32_t batch_index, uint32_t eye);
+  ConstImage widened(ConstImage image, uint32_t eye);
   [[nodiscard]] NoiseKey noise_key(uint32_t batch_index, uint32_t eye) const;
-  void match(ConstImage left, ConstImage right, float* disparity);
-  void finish_pair(Frame& frame, uint32_t batch_index, float* disparity);
+  void match(ConstImage left, ConstImage right, const MatchMaps& maps);
+  void match_region(ConstImage left, ConstImage right, const Region& region, const MatchMaps& maps);
+  MatchMaps open_maps(Frame& frame, uint32_t batch_index);
+  void finish_pair(Frame& frame, uint32_t batch_index, const MatchMaps& maps);
+  void clean(const MatchMaps& maps);
   void make_depth(Frame& frame, uint32_t batch_index, const float* disparity);
+  void explain(Frame& frame, uint32_t batch_index, ConstImage left, const MatchMaps& maps);
   void make_registered(Frame& frame, uint32_t batch_index, const float* disparity);
 
   std::shared_ptr<ks::Device> device_;
@@ -78,9 +95,10 @@ class Engine {
   std::unique_ptr<Matcher> matcher_;
   std::unique_ptr<VulkanHostBatch> device_batch_;
   StageClock clock_;
-  std::vector<uint8_t> counts_[2], rectified_[2];
-  std::vector<uint16_t> wide_counts_;
-  std::vector<float> disparity_, depth_, depth_rgb_;
+  SpeckleFilter speckle_filter_;
+  std::vector<uint8_t> counts_[2], rectified_[2], reason_, region_reason_;
+  std::vector<uint16_t> wide_counts_[2], wide_rectified_[2];
+  std::vector<float> disparity_, confidence_, depth_, depth_rgb_, region_disparity_, region_confidence_;
 };
 
 }  // namespace simsense

@@ -66,8 +66,19 @@ struct ConstImage {
   }
 };
 
-/// Why a pixel has no disparity, in the order of the stages.
-enum class MatchReason : uint8_t { valid, not_unique, outside, occluded, isolated };
+/// Why a pixel has no measurement: SIMSENSE_REASON_*. A matcher knows the first five.
+enum class MatchReason : uint8_t {
+  valid,
+  not_unique,
+  outside,
+  occluded,
+  isolated,
+  speckle,
+  out_of_range,
+  not_computed,
+  low_texture,
+  saturated,
+};
 
 /// The maps of one match, [height][width] packed.
 struct MatchMaps {

@@ -171,3 +171,29 @@ def test_faults_are_named_switches():
         simsense.Engine(simsense.Device("host"), camera, camera, L2R, rectified=True, faults=[name])
     with pytest.raises(simsense.ArgumentError, match="remap_nearest"):
         simsense.Engine(simsense.Device("host"), camera, camera, L2R, rectified=True, faults=["everything"])
+
+
+def test_engine_gives_maps_and_integer_depth(pair):
+    camera = simsense.Camera(*SIZE, K)
+    engine = simsense.Engine(simsense.Device("host"), camera, camera, L2R, rgb=camera, left_to_rgb=np.eye(4), rectified=True, max_disparity=32)
+    rgb = np.random.default_rng(2).integers(0, 256, (SIZE[1], SIZE[0], 3), dtype=np.uint8)
+    out = engine.compute(*pair, ("depth", "disparity", "confidence", "reason", "points_colored"), rgb=rgb)
+    depth, reason = out["depth"], out["reason"]
+    np.testing.assert_array_equal(depth > 0, reason == simsense.REASONS.index("valid"))
+    assert out["confidence"].min() >= 0 and out["confidence"].max() <= 1
+    seen = out["points_colored"][..., 2] > 0
+    np.testing.assert_array_equal(out["points_colored"][seen][:, 3:], (rgb[seen] / np.float32(255)).astype(np.float32))
+    whole = engine.compute(*pair, {"depth": np.uint16, "disparity": "int16"})
+    np.testing.assert_array_equal(whole["depth"], np.rint(depth * 1000))
+    np.testing.assert_array_equal(whole["disparity"], np.rint(out["disparity"] * 16))
+    with pytest.raises(simsense.ArgumentError, match="u16"):
+        engine.compute(*pair, {"depth": np.uint8})
+
+
+def test_eight_paths_and_a_first_disparity(pair):
+    camera = simsense.Camera(*SIZE, K)
+    settings = {"path_count": 8, "min_disparity": 5, "max_disparity": 16, "census_kind": 1, "p2_full_gradient_dn": 20, "roi_x": 40, "roi_width": 80, "roi_height": 96}
+    engine = simsense.Engine(simsense.Device("host"), camera, camera, L2R, rectified=True, **settings)
+    disparity = engine.compute(*pair, ("disparity",))["disparity"]
+    assert np.median(disparity[:, 44:116]) == pytest.approx(DISPARITY, abs=0.1)
+    assert (disparity[:, :40] == -1).all()

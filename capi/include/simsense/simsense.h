@@ -114,8 +114,8 @@ typedef struct simsense_parameters {
   uint64_t noise_seed;           /* streams are keyed by (seed; frame, scene or neither; view; eye; pixel; dimension) */
   uint64_t frame_index;          /* which draw of the temporal noise; advance it for a new frame of the same scene */
   /* matching */
-  uint32_t census_width, census_height; /* odd; center-symmetric, at most 32 comparisons */
-  uint32_t max_disparity;        /* disparities 0 .. max_disparity - 1; 16..1024 */
+  uint32_t census_width, census_height; /* odd */
+  uint32_t max_disparity;        /* how many disparities are searched, from min_disparity on; 16..1024 */
   uint32_t block_width, block_height;   /* odd, product <= 256; 1x1 = no block sum */
   uint32_t p1, p2;               /* 0 < p1 < p2 < 224 */
   uint32_t uniqueness_ratio;     /* percent, 0 = off, 0..100 */
@@ -124,8 +124,29 @@ typedef struct simsense_parameters {
   uint32_t subpixel;             /* SIMSENSE_SUBPIXEL_* */
   /* depth */
   float min_depth_m, max_depth_m; /* keep min <= z < max */
-  uint32_t depth_dilation;       /* registration: fill 2x2 up/left */
+  uint32_t depth_dilation;       /* registration: fill 2x2 up/left; the same as splat_size 2 */
+  /* more of matching; all are off at 0 */
+  uint32_t census_kind;          /* SIMSENSE_CENSUS_* */
+  int32_t min_disparity;         /* first disparity searched, -1024..4096: the range is min_disparity .. min_disparity + max_disparity - 1 */
+  uint32_t path_count;           /* 4 (or 0), or 8 with the diagonals */
+  uint32_t p2_full_gradient_dn;  /* > 0: where neighbours differ by g > this many counts, p2 is p2 * this / g, but at least p1 (Hirschmueller 2008) */
+  uint32_t speckle_max_size;     /* > 0: islands of at most this many pixels are dropped */
+  float speckle_max_diff_px;     /* neighbours that differ by at most this belong to one island */
+  uint32_t hole_filling;         /* SIMSENSE_HOLES_*; what it fills is a guess */
+  uint32_t low_texture_dn;       /* only for the reason: invalid pixels whose census window spans at most this many counts have too little texture */
+  uint32_t roi_x, roi_y, roi_width, roi_height; /* rectified left image; the rest is invalid, and not searched. Size 0x0 = all of it */
+  uint32_t splat_size;           /* registration: each point covers this many pixels in x and y, 1 (or 0)..15 */
+  uint32_t reserved;
 } simsense_parameters;
+
+/* Center-symmetric: each pixel of the window with its mirror, at most 32 comparisons. Plain: each with the centre, at most 62 (9x7). */
+#define SIMSENSE_CENSUS_CENTER_SYMMETRIC 0u
+#define SIMSENSE_CENSUS_PLAIN 1u
+
+/* Invalid pixels stay; or take the disparity of the valid pixel to the left; or the smaller one of the valid pixels to the left and right. */
+#define SIMSENSE_HOLES_KEEP 0u
+#define SIMSENSE_HOLES_LEFT 1u
+#define SIMSENSE_HOLES_BACKGROUND 2u
 
 #define SIMSENSE_SUBPIXEL_NONE 0u
 /* Vertex of the parabola through the aggregated costs, as the published SimSense has it: pulls towards whole pixels by up to 0.2. */
@@ -149,6 +170,10 @@ static inline simsense_parameters simsense_parameters_init(void) {
   p.median_size = 3;
   p.subpixel = SIMSENSE_SUBPIXEL_EQUIANGULAR;
   p.max_depth_m = 10.0f;
+  p.path_count = 4;
+  p.speckle_max_diff_px = 1.0f;
+  p.low_texture_dn = 4;
+  p.splat_size = 1;
   return p;
 }
 
@@ -196,7 +221,7 @@ typedef struct simsense_signal {
   float adc_noise_dn;            /* >= 0 */
   float black_level_dn;          /* may be negative: an offset error */
   float black_level_dn_per_k;    /* times temperature_c - dark_reference_c */
-  uint32_t bit_depth;            /* 8..16; more than 8 makes the IR outputs uint16, and the matcher sees the 8 leading bits */
+  uint32_t bit_depth;            /* 8..16; more than 8 makes the IR and rectified outputs uint16, and the matcher sees them all */
   /* which noise */
   uint32_t first_view;           /* image n of a batch is view first_view + n: a batch may be split and gives the same images */
   uint64_t scene_index;          /* which draw of the static speckle; advance it when scene or rig has moved */
@@ -245,14 +270,32 @@ typedef struct simsense_image {
 } simsense_image;
 
 /* What an output holds. H,W are the IR size except where said. */
-#define SIMSENSE_OUTPUT_DISPARITY 1u      /* float32 [N,H,W] pixels in the rectified left image, -1 = invalid */
-#define SIMSENSE_OUTPUT_DEPTH 2u          /* float32 [N,H,W] metres in the rectified left camera, 0 = invalid */
-#define SIMSENSE_OUTPUT_DEPTH_RGB 3u      /* float32 [N,H_rgb,W_rgb] metres in the RGB camera, 0 = invalid; needs rig.rgb */
+#define SIMSENSE_OUTPUT_DISPARITY 1u      /* float32 [N,H,W] pixels in the rectified left image, or int16: sixteenths of pixels. -1 pixel = invalid;
+                                             min_disparity - 1 where that is less */
+#define SIMSENSE_OUTPUT_DEPTH 2u          /* float32 [N,H,W] metres in the rectified left camera, or uint16 or int16: millimetres. 0 = invalid, or
+                                             beyond the integer's range */
+#define SIMSENSE_OUTPUT_DEPTH_RGB 3u      /* the same [N,H_rgb,W_rgb] in the RGB camera; needs rig.rgb */
 #define SIMSENSE_OUTPUT_IR_LEFT 4u        /* uint8 [N,H,W], uint16 above 8 bit: what the left imager gives: after the signal stage, before rectification */
 #define SIMSENSE_OUTPUT_IR_RIGHT 5u
-#define SIMSENSE_OUTPUT_RECTIFIED_LEFT 6u /* uint8 [N,H,W] what the matcher saw */
+#define SIMSENSE_OUTPUT_RECTIFIED_LEFT 6u /* uint8 [N,H,W], uint16 where either imager has more than 8 bit: what the matcher saw */
 #define SIMSENSE_OUTPUT_RECTIFIED_RIGHT 7u
 #define SIMSENSE_OUTPUT_POINTS 8u         /* float32 [N,H',W',3] metres, RGB camera frame and size if rig.rgb is present, else rectified left; 0,0,0 = invalid */
+#define SIMSENSE_OUTPUT_CONFIDENCE 9u     /* float32 [N,H,W] 0..1: 1 - lowest cost / lowest cost of a disparity that is no neighbour of the winner;
+                                             unique by ratio r is what has at least r percent. 0 where nothing was measured */
+#define SIMSENSE_OUTPUT_REASON 10u        /* uint8 [N,H,W] SIMSENSE_REASON_*: why the left depth is 0 (before hole filling, for disparities) */
+#define SIMSENSE_OUTPUT_POINTS_COLORED 11u /* float32 [N,H_rgb,W_rgb,6] x, y, z as POINTS, red, green, blue of the rgb image 0..1; needs rig.rgb */
+
+#define SIMSENSE_REASON_VALID 0u
+#define SIMSENSE_REASON_NOT_UNIQUE 1u     /* another disparity fits nearly as well */
+#define SIMSENSE_REASON_OUTSIDE 2u        /* its match would lie outside the right image */
+#define SIMSENSE_REASON_OCCLUDED 3u       /* the right image's match disagrees: seen by the left eye alone, or wrong */
+#define SIMSENSE_REASON_ISOLATED 4u       /* the median: most pixels around are invalid */
+#define SIMSENSE_REASON_SPECKLE 5u        /* part of too small an island */
+#define SIMSENSE_REASON_OUT_OF_RANGE 6u   /* measured, but not in min_depth_m .. max_depth_m, or at infinity */
+#define SIMSENSE_REASON_NOT_COMPUTED 7u   /* outside the region of interest, or seen by no pixel of the unrectified image */
+/* These two replace 1, 3, 4, 5 and 6 where the left image explains them. */
+#define SIMSENSE_REASON_LOW_TEXTURE 8u
+#define SIMSENSE_REASON_SATURATED 9u      /* at least half of the census window is at the largest count */
 
 typedef struct simsense_output_desc {
   ks_header header;
@@ -269,6 +312,7 @@ typedef struct simsense_compute_desc {
   uint32_t reserved;
   ks_progress_fn progress;
   void* progress_user;
+  simsense_image rgb;                    /* uint8 [N,H_rgb,W_rgb,3], only for POINTS_COLORED; neither buffer nor host = none */
 } simsense_compute_desc;
 static inline simsense_compute_desc simsense_compute_desc_init(void) {
   simsense_compute_desc c;

@@ -108,6 +108,7 @@ ks_status simsense_engine_compute(simsense_engine engine, const simsense_compute
     simsense::ComputeRequest request;
     request.left = read_image(known.left, "left image");
     request.right = read_image(known.right, "right image");
+    if (known.rgb.buffer || known.rgb.host) request.rgb = read_image(known.rgb, "rgb image");
     request.outputs = read_outputs(known.outputs, known.output_count);
     request.progress = known.progress;
     request.progress_user = known.progress_user;

@@ -16,8 +16,8 @@ struct DepthRange {
   [[nodiscard]] float keep(float z) const { return z >= min_m && z < max_m ? z : 0; }
 };
 
-/// disparity: packed [height][width] pixels, < 0 invalid. depth: packed [height][width] metres; may be the same memory.
-void depth_from_disparity(const StereoGeometry& geometry, const DepthRange& range, const float* disparity, uint32_t width, uint32_t height,
-                          float* depth, ks::ThreadPool& workers);
+/// disparity: packed [height][width] pixels, `invalid` and below are invalid. depth: packed [height][width] metres; may be the same memory.
+void depth_from_disparity(const StereoGeometry& geometry, const DepthRange& range, const float* disparity, float invalid, uint32_t width,
+                          uint32_t height, float* depth, ks::ThreadPool& workers);
 
 }  // namespace simsense

@@ -44,4 +44,18 @@ void PointMaker::apply(const float* depth, const Plane& points, ptrdiff_t compon
   });
 }
 
+void PointMaker::color(const float* depth, const ConstPlane& rgb, ptrdiff_t rgb_component_stride, const Plane& points,
+                       ptrdiff_t component_stride, ks::ThreadPool& workers) const {
+  workers.parallel_for(height_, [&](size_t row) {
+    const auto y = static_cast<uint32_t>(row);
+    for (uint32_t x = 0; x < width_; ++x) {
+      const Plane point{points.data + x * points.pixel_stride + static_cast<ptrdiff_t>(y) * points.row_stride, 0, component_stride};
+      for (uint32_t c = 0; c < 3; ++c) {
+        const ConstPlane channel{rgb.data + static_cast<ptrdiff_t>(c) * rgb_component_stride, rgb.row_stride, rgb.pixel_stride, rgb.format};
+        point.set(3 + c, 0, depth[row * width_ + x] > 0 ? static_cast<float>(channel.at<uint8_t>(x, y)) / 255.0f : 0.0f);
+      }
+    }
+  });
+}
+
 }  // namespace simsense

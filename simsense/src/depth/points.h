@@ -22,6 +22,9 @@ class PointMaker {
 
   /// depth: packed [height][width] metres. points: the x of pixel (0, 0); component_stride is from x to y to z, in bytes.
   void apply(const float* depth, const Plane& points, ptrdiff_t component_stride, ks::ThreadPool& workers) const;
+  /// Components 3..5 of each point: red, green, blue of the same pixel of an 8-bit image, 0..1; 0 where there is no depth.
+  void color(const float* depth, const ConstPlane& rgb, ptrdiff_t rgb_component_stride, const Plane& points, ptrdiff_t component_stride,
+             ks::ThreadPool& workers) const;
 
  private:
   uint32_t width_, height_;

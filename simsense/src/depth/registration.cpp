@@ -102,17 +102,22 @@ void Registration::splat_row_unrectified(const float* depth, uint32_t y) {
   }
 }
 
-void Registration::resolve_row(const DepthRange& range, bool dilate, uint32_t y, float* out) const {
-  const uint32_t* row = nearest_.data() + size_t{y} * rgb_width_;
-  const uint32_t* below = dilate && y + 1 < rgb_height_ ? row + rgb_width_ : row;
+void Registration::resolve_row(const DepthRange& range, uint32_t splat_size, uint32_t y, float* out) const {
+  const uint32_t before = (splat_size - 1) / 2,
+                 after = splat_size / 2;  // which points reach a pixel from the left and above, from the right and below
+  const uint32_t first_row = y - std::min(y, before), end_row = std::min(rgb_height_, y + after + 1);
   for (uint32_t x = 0; x < rgb_width_; ++x) {
-    const uint32_t right = dilate && x + 1 < rgb_width_ ? x + 1 : x;
-    const uint32_t bits = std::min({row[x], row[right], below[x], below[right]});
+    const uint32_t first = x - std::min(x, before), end = std::min(rgb_width_, x + after + 1);
+    uint32_t bits = nothing;
+    for (uint32_t v = first_row; v < end_row; ++v) {
+      const uint32_t* row = nearest_.data() + size_t{v} * rgb_width_;
+      for (uint32_t u = first; u < end; ++u) bits = std::min(bits, row[u]);
+    }
     out[x] = bits == nothing ? 0 : range.keep(std::bit_cast<float>(bits));
   }
 }
 
-void Registration::apply(const float* depth, const DepthRange& range, bool dilate, float* out, ks::ThreadPool& workers) {
+void Registration::apply(const float* depth, const DepthRange& range, uint32_t splat_size, float* out, ks::ThreadPool& workers) {
   std::fill(nearest_.begin(), nearest_.end(), nothing);
   workers.parallel_for(height_, [&](size_t y) {
     if (unrectified_) {
@@ -121,7 +126,7 @@ void Registration::apply(const float* depth, const DepthRange& range, bool dilat
       splat_row(depth + y * width_, static_cast<uint32_t>(y));
     }
   });
-  workers.parallel_for(rgb_height_, [&](size_t y) { resolve_row(range, dilate, static_cast<uint32_t>(y), out + y * rgb_width_); });
+  workers.parallel_for(rgb_height_, [&](size_t y) { resolve_row(range, splat_size, static_cast<uint32_t>(y), out + y * rgb_width_); });
 }
 
 }  // namespace simsense

@@ -19,15 +19,15 @@ class Registration {
   Registration(const simsense_rig_desc& rig, const StereoGeometry& left);
 
   /// depth: packed [height][width] of the rectified left camera. out: packed [rgb.height][rgb.width], z in the RGB camera, 0 = nothing
-  /// landed there. dilate: each point covers 2x2 pixels, its own and those to the left, above, and above left.
-  void apply(const float* depth, const DepthRange& range, bool dilate, float* out, ks::ThreadPool& workers);
+  /// landed there. splat_size: each point covers n x n pixels about its own; where n is even, one more to the left and above.
+  void apply(const float* depth, const DepthRange& range, uint32_t splat_size, float* out, ks::ThreadPool& workers);
 
  private:
   void splat_row(const float* depth, uint32_t y);
   void splat_row_unrectified(const float* depth, uint32_t y);
   void splat(float x, float y, float z);
   void keep_nearest(float column, float row, float z);
-  void resolve_row(const DepthRange& range, bool dilate, uint32_t y, float* out) const;
+  void resolve_row(const DepthRange& range, uint32_t splat_size, uint32_t y, float* out) const;
 
   uint32_t width_, height_, rgb_width_, rgb_height_;
   std::array<double, 9> pixel_to_rgb_;  // rotation * K_rectified^-1: direction per unit depth of a homogeneous left pixel

@@ -7,13 +7,14 @@
 
 namespace simsense {
 
-/// source and out: table.width x table.height; out packed.
-void remap(const RemapTable& table, const ConstImage& source, uint8_t* out, ks::ThreadPool& workers);
+/// source and out: table.width x table.height elements of source.element_bytes; out packed.
+void remap(const RemapTable& table, const ConstImage& source, void* out, ks::ThreadPool& workers);
 
 /// The nearest pixel instead, halves away from zero; outside the source its edge repeats (SIMSENSE_FAULT_REMAP_NEAREST).
-void remap_nearest(const RemapTable& table, const ConstImage& source, uint8_t* out, ks::ThreadPool& workers);
+void remap_nearest(const RemapTable& table, const ConstImage& source, void* out, ks::ThreadPool& workers);
 
-/// Disparity -1 where a rectified pixel's position is not inside its source image: what was matched there is padding.
-void invalidate_outside(const RemapTable& table, float* disparity, ks::ThreadPool& workers);
+/// Disparity `invalid` (and reason not_computed, confidence 0) where a rectified pixel's position is not inside its source image: what was
+/// matched there is padding.
+void invalidate_outside(const RemapTable& table, const MatchMaps& maps, float invalid, ks::ThreadPool& workers);
 
 }  // namespace simsense

@@ -28,7 +28,8 @@ std::array<double, 3> project_to_rgb(const StereoGeometry& geometry, const simse
 }
 
 std::vector<float> register_to_rgb(const StereoGeometry& geometry, uint32_t width, uint32_t height, const simsense_camera& rgb,
-                                   const Rigid& left_to_rgb, const std::vector<float>& depth, const DepthRange& range, bool dilate) {
+                                   const Rigid& left_to_rgb, const std::vector<float>& depth, const DepthRange& range,
+                                   uint32_t splat_size) {
   constexpr double nothing = std::numeric_limits<double>::infinity();
   std::vector<double> nearest(size_t{rgb.width} * rgb.height, nothing);
   for (uint32_t v = 0; v < height; ++v)
@@ -38,18 +39,15 @@ std::vector<float> register_to_rgb(const StereoGeometry& geometry, uint32_t widt
       const auto [column, row, z_rgb] = project_to_rgb(geometry, rgb, left_to_rgb, u, v, z);
       const double x = std::floor(column + 0.5), y = std::floor(row + 0.5);
       if (z_rgb <= 0 || x < 0 || y < 0 || x >= rgb.width || y >= rgb.height) continue;
-      double& cell = nearest[static_cast<size_t>(y) * rgb.width + static_cast<size_t>(x)];
-      cell = std::min(cell, z_rgb);
+      for (uint32_t k = 0; k < splat_size * splat_size; ++k) {
+        const double covered_x = x - splat_size / 2 + k % splat_size, covered_y = y - splat_size / 2 + k / splat_size;
+        if (covered_x < 0 || covered_y < 0 || covered_x >= rgb.width || covered_y >= rgb.height) continue;
+        double& cell = nearest[static_cast<size_t>(covered_y) * rgb.width + static_cast<size_t>(covered_x)];
+        cell = std::min(cell, z_rgb);
+      }
     }
   std::vector<float> out(nearest.size());
-  const uint32_t reach = dilate ? 1 : 0;
-  for (uint32_t y = 0; y < rgb.height; ++y)
-    for (uint32_t x = 0; x < rgb.width; ++x) {
-      double z = nothing;
-      for (uint32_t dy = 0; dy <= reach && y + dy < rgb.height; ++dy)
-        for (uint32_t dx = 0; dx <= reach && x + dx < rgb.width; ++dx) z = std::min(z, nearest[size_t{y + dy} * rgb.width + x + dx]);
-      out[size_t{y} * rgb.width + x] = std::isinf(z) ? 0 : range.keep(static_cast<float>(z));
-    }
+  for (size_t i = 0; i < out.size(); ++i) out[i] = std::isinf(nearest[i]) ? 0 : range.keep(static_cast<float>(nearest[i]));
   return out;
 }
 

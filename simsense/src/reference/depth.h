@@ -14,8 +14,9 @@ double depth(const StereoGeometry& geometry, double disparity);
 std::array<double, 3> project_to_rgb(const StereoGeometry& geometry, const simsense_camera& rgb, const Rigid& left_to_rgb, double u,
                                      double v, double z);
 
-/// Nearest-pixel splat, nearest point wins, then an optional 2x2 minimum towards right and below.
+/// Each point covers splat_size x splat_size pixels about the nearest one (an even size reaches one further left and up); the nearest point
+/// wins.
 std::vector<float> register_to_rgb(const StereoGeometry& geometry, uint32_t width, uint32_t height, const simsense_camera& rgb,
-                                   const Rigid& left_to_rgb, const std::vector<float>& depth, const DepthRange& range, bool dilate);
+                                   const Rigid& left_to_rgb, const std::vector<float>& depth, const DepthRange& range, uint32_t splat_size);
 
 }  // namespace simsense::reference

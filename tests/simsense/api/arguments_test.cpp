@@ -114,7 +114,7 @@ TEST(ComputeArguments, EachFaultIsRefusedWithItsNumber) {
       {"byte_stride[1] is 9223372036854775807", [](Compute& c) { c.left.image.byte_stride[1] = INT64_MAX; }},
       {"left image has neither", [](Compute& c) { c.left.host = nullptr; }},
       {"struct type 0x0", [](Compute& c) { c.left.image.header.type = 0; }},
-      {"output 9 is unknown", [](Compute& c) { c.output.output = 9; }},
+      {"output 12 is unknown", [](Compute& c) { c.output.output = 12; }},
       {"output 0 is unknown", [](Compute& c) { c.output.output = 0; }},
       {"output 3 (depth_rgb) needs a rig with an rgb camera", [](Compute& c) { c.output.output = SIMSENSE_OUTPUT_DEPTH_RGB; }},
       {"output 4 (ir_left) has format 6", [](Compute& c) { c.output.output = SIMSENSE_OUTPUT_IR_LEFT; }},

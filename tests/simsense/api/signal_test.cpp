@@ -142,18 +142,18 @@ TEST(Signal, ABatchMayBeSplit) {
   EXPECT_NE(views(device, 1, 0), last);
 }
 
-TEST(Signal, TwelveBitsComeOutWholeAndTheMatcherSeesTheLeadingEight) {
+TEST(Signal, TwelveBitsComeOutWholeAndTheMatcherSeesThem) {
   const Device device = open_device();
   simsense_signal wide = simsense_signal_init();
   wide.bit_depth = 12;
   wide.gain = 15.7f;
   const EngineHandle engine = engine_with(device, wide, wide);
   const auto counts = eye_of<uint16_t>(engine, SIMSENSE_OUTPUT_IR_LEFT);
-  const auto seen = eye_of<uint8_t>(engine, SIMSENSE_OUTPUT_RECTIFIED_LEFT);
+  const auto seen = eye_of<uint16_t>(engine, SIMSENSE_OUTPUT_RECTIFIED_LEFT);
   const auto input = ramp();
   for (size_t i = 0; i < counts.size(); ++i) {
     ASSERT_EQ(counts[i], std::lrint(15.7f * static_cast<float>(input[i])));
-    ASSERT_EQ(seen[i], counts[i] >> 4);
+    ASSERT_EQ(seen[i], counts[i]);
   }
   std::vector<uint8_t> narrow(input.size());
   EXPECT_EQ(

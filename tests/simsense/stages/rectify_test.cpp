@@ -139,6 +139,19 @@ TEST(Remap, EqualsTheReference) {
   EXPECT_GT(padding, 100) << "this rig must leave padding";
 }
 
+TEST(Remap, TakesSixteenBitsAsItTakesEight) {
+  const Rectification r = make_rectification(crooked_rig());
+  std::vector<uint8_t> image(320 * 240), out(image.size());
+  for (size_t i = 0; i < image.size(); ++i) image[i] = static_cast<uint8_t>((i * 2654435761u) >> 24);
+  std::vector<uint16_t> wide(image.begin(), image.end()), wide_out(image.size());
+  ks::ThreadPool workers(2);
+  for (const auto resample : {remap, remap_nearest}) {
+    resample(r.left, {image.data(), 320}, out.data(), workers);
+    resample(r.left, {reinterpret_cast<const uint8_t*>(wide.data()), 320, 2}, wide_out.data(), workers);
+    EXPECT_TRUE(std::equal(out.begin(), out.end(), wide_out.begin()));
+  }
+}
+
 TEST(Remap, KeepsWholePixelsAndFadesOutOverTheBorder) {
   const std::vector<uint8_t> image{10, 20, 30, 40};
   RemapTable t{2, 2, {0, 1, -0.5f, 1.5f}, {0, 1, 0, 1}};
@@ -147,7 +160,7 @@ TEST(Remap, KeepsWholePixelsAndFadesOutOverTheBorder) {
   remap(t, {image.data(), 2}, out.data(), workers);
   EXPECT_EQ(out, (std::vector<uint8_t>{10, 40, 5, 20}));
   std::vector<float> disparity(4, 7);
-  invalidate_outside(t, disparity.data(), workers);
+  invalidate_outside(t, disparity.data(), -1, workers);
   EXPECT_EQ(disparity, (std::vector<float>{7, 7, -1, -1}));
 }
 

@@ -33,10 +33,10 @@ Rigid pose(double rx, double ry, double rz, double tx, double ty, double tz) {
 }
 
 std::vector<float> registered(const StereoGeometry& g, const simsense_camera& rgb, const Rigid& to_rgb, const std::vector<float>& depth,
-                              const DepthRange& range = everything, bool dilate = false, unsigned workers = 2) {
+                              const DepthRange& range = everything, uint32_t splat_size = 1, unsigned workers = 2) {
   ks::ThreadPool pool(workers);
   std::vector<float> out(size_t{rgb.width} * rgb.height, -7);
-  Registration(g, width, height, rgb, to_rgb).apply(depth.data(), range, dilate, out.data(), pool);
+  Registration(g, width, height, rgb, to_rgb).apply(depth.data(), range, splat_size, out.data(), pool);
   return out;
 }
 
@@ -93,9 +93,9 @@ TEST(Registration, EqualsTheReferenceThroughRotationsAndLens) {
   std::copy(lens, lens + 5, rgb.distortion);
   const Rigid to_rgb = pose(-0.02, 0.04, 0.01, 0.015, 0.002, -0.004);
   const auto depth = bumpy();
-  for (bool dilate : {false, true}) {
-    const auto fast = registered(g, rgb, to_rgb, depth, {0.2f, 1.2f}, dilate);
-    const auto slow = reference::register_to_rgb(g, width, height, rgb, to_rgb, depth, {0.2f, 1.2f}, dilate);
+  for (const uint32_t splat_size : {1u, 2u, 3u, 6u}) {
+    const auto fast = registered(g, rgb, to_rgb, depth, {0.2f, 1.2f}, splat_size);
+    const auto slow = reference::register_to_rgb(g, width, height, rgb, to_rgb, depth, {0.2f, 1.2f}, splat_size);
     size_t different = 0;  // a projection within float rounding of half a pixel may land on either side
     for (size_t i = 0; i < fast.size(); ++i) different += std::abs(fast[i] - slow[i]) > 1e-5;
     EXPECT_LE(different, fast.size() / 1000);
@@ -144,7 +144,7 @@ TEST(Registration, DilationCoversTwoByTwoUpAndLeft) {
   depth[50 * width + 60] = 1;
   depth[50 * width + 61] = 2;
   depth[0] = 3;
-  const auto out = registered(straight(), camera(width, height, 100), Rigid{}, depth, everything, true);
+  const auto out = registered(straight(), camera(width, height, 100), Rigid{}, depth, everything, 2);
   std::vector<float> expected(depth.size(), 0.0f);
   for (uint32_t y : {49u, 50u}) {
     expected[y * width + 59] = expected[y * width + 60] = 1;  // the nearer point covers the farther one's left half

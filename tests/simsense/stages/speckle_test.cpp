@@ -1,117 +1,115 @@
-// Laws of speckle (Goodman, Speckle Phenomena in Optics): contrast, what averaging leaves of it, its correlation in time and space.
+// Speckle filter and hole filling against plain accounts of them, and by hand.
 #include <gtest/gtest.h>
 
-#include "simsense/stages/signal_samples.h"
+#include <cmath>
+#include <random>
+
+#include "device/thread_pool.h"
+#include "disparity/holes.h"
+#include "disparity/reason.h"
+#include "disparity/speckle.h"
 
 using namespace simsense;
-using namespace simsense_test;
 
 namespace {
 
-simsense_signal speckled(float shape, float correlation = 0) {
-  simsense_signal s = fine_signal(1, 0);
-  s.speckle_shape = shape;
-  s.speckle_scale = 1 / shape;
-  s.speckle_correlation = correlation;
-  return s;
-}
-
-double contrast(const std::vector<double>& counts) {
-  const Moments m = moments(counts);
-  return std::sqrt(m.variance) / m.mean;
-}
-
-constexpr float light = 2000;  // of 65535: the brightest grain of shape 1 in a field is about 13 times the mean
-
-std::vector<std::vector<double>> frames(const simsense_signal& signal, uint64_t count) {
-  std::vector<std::vector<double>> all;
-  for (uint64_t frame = 0; frame < count; ++frame) all.push_back(flat(signal, light, {1, frame}));
-  return all;
-}
-
-/// Correlation of a field with itself, moved.
-double moved_correlation(const std::vector<double>& field, uint32_t dx, uint32_t dy) {
-  std::vector<double> here, there;
-  for (uint32_t y = 0; y + dy < field_height; ++y)
-    for (uint32_t x = 0; x + dx < field_width; ++x) {
-      here.push_back(field[size_t{y} * field_width + x]);
-      there.push_back(field[size_t{y + dy} * field_width + x + dx]);
+/// Islands found by flooding from each pixel in turn.
+std::vector<float> without_islands(std::vector<float> disparity, uint32_t width, float invalid, size_t max_size, float max_diff) {
+  const uint32_t height = static_cast<uint32_t>(disparity.size()) / width;
+  std::vector<bool> seen(disparity.size());
+  const std::vector<float> before = disparity;
+  for (uint32_t start = 0; start < disparity.size(); ++start) {
+    if (seen[start] || before[start] == invalid) continue;
+    std::vector<uint32_t> island{start};
+    seen[start] = true;
+    for (size_t k = 0; k < island.size(); ++k) {
+      const uint32_t i = island[k], x = i % width, y = i / width;
+      const auto reach = [&](bool inside, uint32_t j) {
+        if (!inside || seen[j] || before[j] == invalid || std::abs(before[i] - before[j]) > max_diff) return;
+        seen[j] = true;
+        island.push_back(j);
+      };
+      reach(x > 0, i - 1);
+      reach(x + 1 < width, i + 1);
+      reach(y > 0, i - width);
+      reach(y + 1 < height, i + width);
     }
-  return correlation(here, there);
+    if (island.size() > max_size) continue;
+    for (const uint32_t i : island) disparity[i] = invalid;
+  }
+  return disparity;
+}
+
+std::vector<float> filtered(std::vector<float> disparity, uint32_t width, float invalid, uint32_t max_size, float max_diff,
+                            unsigned threads) {
+  ks::ThreadPool workers(threads);
+  SpeckleFilter filter;
+  filter.apply(disparity.data(), width, static_cast<uint32_t>(disparity.size()) / width, invalid, max_size, max_diff, workers);
+  return disparity;
+}
+
+TEST(SpeckleFilter, EqualsFlooding) {
+  std::mt19937 random(1);
+  for (int i = 0; i < 30; ++i) {
+    const uint32_t width = 20 + random() % 90, height = 20 + random() % 90, levels = 2 + random() % 5;
+    std::vector<float> disparity(width * height);
+    for (float& d : disparity) d = random() % 3 == 0 ? -1.0f : 10.0f + 0.75f * static_cast<float>(random() % levels);
+    const uint32_t max_size = random() % 40;
+    const float max_diff = 0.75f * static_cast<float>(random() % 3);
+    const auto expected = without_islands(disparity, width, -1, max_size, max_diff);
+    ASSERT_EQ(filtered(disparity, width, -1, max_size, max_diff, 1), expected) << width << "x" << height;
+    ASSERT_EQ(filtered(disparity, width, -1, max_size, max_diff, 3), expected) << width << "x" << height;
+  }
+}
+
+TEST(SpeckleFilter, SlopeIsOneIslandAndNotesAreKept) {
+  std::vector<float> disparity(40 * 33), confidence(disparity.size(), 0.5f);
+  std::vector<MatchReason> reason(disparity.size(), MatchReason::valid);
+  for (size_t i = 0; i < disparity.size(); ++i) disparity[i] = static_cast<float>(i % 40);
+  disparity[5] = 90;
+  MatchMaps maps = disparity.data();
+  maps.confidence = confidence.data();
+  maps.reason = reason.data();
+  ks::ThreadPool workers(2);
+  SpeckleFilter().apply(maps, 40, 33, -1, 100, 1, workers);
+  for (size_t i = 0; i < disparity.size(); ++i) {
+    EXPECT_EQ(disparity[i], i == 5 ? -1.0f : static_cast<float>(i % 40));
+    EXPECT_EQ(reason[i], i == 5 ? MatchReason::speckle : MatchReason::valid);
+    EXPECT_EQ(confidence[i], i == 5 ? 0.0f : 0.5f);
+  }
+}
+
+TEST(HoleFilling, ByHand) {
+  const std::vector<float> row{-1, 5, -1, -1, 9, 3, -1, 7, -1}, empty(9, -1.0f);
+  ks::ThreadPool workers(1);
+  const auto fill = [&](HoleFilling filling, std::vector<float> values) {
+    fill_holes(filling, values.data(), 9, {0, 0, 9, 1}, -1, workers);
+    return values;
+  };
+  EXPECT_EQ(fill(HoleFilling::none, row), row);
+  EXPECT_EQ(fill(HoleFilling::left, row), (std::vector<float>{-1, 5, 5, 5, 9, 3, 3, 7, 7}));
+  EXPECT_EQ(fill(HoleFilling::background, row), (std::vector<float>{5, 5, 5, 5, 9, 3, 3, 7, 7}));
+  EXPECT_EQ(fill(HoleFilling::background, empty), empty);
+  std::vector<float> part = row;
+  fill_holes(HoleFilling::background, part.data(), 9, {2, 0, 5, 1}, -1, workers);
+  EXPECT_EQ(part, (std::vector<float>{-1, 5, 9, 9, 9, 3, -1, 7, -1})) << "what lies outside the region is not looked at";
+}
+
+TEST(Reason, TheImageExplainsWhatStagesRejected) {
+  std::vector<uint8_t> image(60 * 40);
+  for (size_t y = 0; y < 40; ++y)
+    for (size_t x = 0; x < 60; ++x)
+      image[y * 60 + x] = x < 20 ? static_cast<uint8_t>(100 + (x + y) % 4) : x < 40 ? 255 : static_cast<uint8_t>(40 * ((x + y) % 4));
+  std::vector<MatchReason> reason(image.size(), MatchReason::not_unique);
+  std::fill_n(reason.begin(), 60 * 10, MatchReason::valid);
+  std::fill_n(reason.begin() + 60 * 10, 60 * 10, MatchReason::outside);
+  ks::ThreadPool workers(2);
+  explain_invalid({7, 7, 4, 255}, {image.data(), 60}, 60, 40, reason.data(), workers);
+  EXPECT_EQ(reason[5 * 60 + 10], MatchReason::valid);
+  EXPECT_EQ(reason[15 * 60 + 10], MatchReason::outside) << "geometry needs no other cause";
+  EXPECT_EQ(reason[30 * 60 + 10], MatchReason::low_texture);
+  EXPECT_EQ(reason[30 * 60 + 30], MatchReason::saturated);
+  EXPECT_EQ(reason[30 * 60 + 50], MatchReason::not_unique);
 }
 
 }  // namespace
-
-class SpeckleContrast : public testing::TestWithParam<float> {};
-
-TEST_P(SpeckleContrast, IsOneOverTheRootOfTheShapeHoweverStatic) {
-  const double shape = GetParam(), excess = 6 / shape;
-  for (const float correlation : {0.0f, 0.3f, 1.0f}) {
-    const Moments m = moments(flat(speckled(GetParam(), correlation), light));
-    EXPECT_NEAR(m.mean / light, 1, 5 / std::sqrt(shape * field_pixels)) << correlation;
-    EXPECT_NEAR(m.variance * shape / (light * light), 1, 5 * std::sqrt((2 + excess) / field_pixels) + shape / (12 * light * light))
-        << correlation;
-    EXPECT_NEAR(m.skewness, 2 / std::sqrt(shape), 0.02 + 0.03 * 2 / std::sqrt(shape)) << correlation;
-  }
-}
-
-INSTANTIATE_TEST_SUITE_P(Shapes, SpeckleContrast, testing::Values(1.0f, 3.98f, 100.0f, 1333.33f));
-
-TEST(SpeckleInTime, StaticDoesNotAverageOutAndTemporalDoes) {
-  constexpr double count = 16;
-  for (const float correlation : {0.0f, 0.25f, 1.0f}) {
-    const double left = contrast(mean_of(frames(speckled(4, correlation), 16)));
-    EXPECT_NEAR(left, 0.5 * std::sqrt(correlation + (1 - correlation) / count), 0.005) << correlation;
-  }
-}
-
-TEST(SpeckleInTime, FramesOfASceneCorrelateAsToldAtEveryLag) {
-  for (const float rho : {0.0f, 0.35f, 0.8f}) {
-    const auto first = flat(speckled(4, rho), light, {1, 0});
-    for (const uint64_t lag : {1u, 2u, 50u})
-      EXPECT_NEAR(correlation(first, flat(speckled(4, rho), light, {1, lag})), rho, 2 * correlation_limit) << lag;
-    EXPECT_LT(std::abs(correlation(first, flat(speckled(4, rho), light, {1, 1, 1}))), correlation_limit) << "another scene";
-    EXPECT_LT(std::abs(correlation(first, flat(speckled(4, rho), light, {1, 0, 0, 0, 1}))), correlation_limit) << "the other eye";
-  }
-  EXPECT_EQ(flat(speckled(4, 1), light, {1, 0}), flat(speckled(4, 1), light, {1, 7}));
-}
-
-TEST(SpeckleInSpace, IsWhiteWithoutAPsf) {
-  const auto field = flat(speckled(4), light);
-  for (const auto& [dx, dy] : {std::pair{1u, 0u}, {0u, 1u}, {1u, 1u}, {4u, 0u}})
-    EXPECT_LT(std::abs(moved_correlation(field, dx, dy)), 1.1 * correlation_limit) << dx << ", " << dy;
-}
-
-TEST(SpeckleInSpace, GrainsHaveThePsfsAutocorrelationAndTheGammaLaw) {
-  simsense_signal s = speckled(200);  // nearly normal, so that the factor correlates as its normal does
-  s.speckle_psf_sigma_px = 1.5f;
-  const auto field = flat(s, light);
-  const double independent = field_pixels / (4 * M_PI * 1.5 * 1.5), error = 5 / std::sqrt(independent);
-  for (const auto& [dx, dy] : {std::pair{1u, 0u}, {0u, 1u}, {2u, 0u}, {0u, 3u}, {2u, 2u}}) {
-    const double squared = dx * dx + dy * dy;
-    EXPECT_NEAR(moved_correlation(field, dx, dy), std::exp(-squared / (4 * 1.5 * 1.5)), error) << dx << ", " << dy;
-  }
-  EXPECT_NEAR(contrast(field) * std::sqrt(200), 1, error);
-  simsense_signal strong = speckled(2, 0.5f);
-  strong.speckle_psf_sigma_px = 1.5f;
-  const Moments m = moments(flat(strong, light));
-  EXPECT_NEAR(std::sqrt(m.variance) / m.mean * std::sqrt(2), 1, 2 * error);
-  EXPECT_NEAR(m.skewness, 2 / std::sqrt(2), 0.2);
-}
-
-TEST(SpeckleInSpace, GrainsDoNotEndAtTheBorder) {
-  simsense_signal s = speckled(4);
-  s.speckle_psf_sigma_px = 2;
-  double sum = 0, squares = 0, count = 0;
-  for (uint64_t frame = 0; frame < 12; ++frame) {
-    const auto field = flat(s, light, {1, frame});
-    for (uint32_t x = 0; x < field_width; ++x) sum += field[x], squares += field[x] * field[x], ++count;
-    for (uint32_t y = 0; y < field_height; ++y) {
-      const double value = field[size_t{y} * field_width];
-      sum += value, squares += value * value, ++count;
-    }
-  }
-  const double mean = sum / count, deviation = std::sqrt(squares / count - mean * mean);
-  EXPECT_NEAR(mean / light, 1, 0.06);
-  EXPECT_NEAR(deviation / mean, 0.5, 0.05);
-}

@@ -1,0 +1,298 @@
+// The outputs beside disparity and depth, their integer forms, and the parameters that come with them, through the C API.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+#include "simsense/api/sensor.h"
+#include "simsense/rig_samples.h"
+
+using namespace simsense_test;
+
+namespace {
+
+constexpr uint32_t width = 200, height = 120, shift = 14;
+constexpr double f = 140;
+const std::vector<uint64_t> shape{height, width};
+
+struct Pair {
+  std::vector<uint8_t> left, right;
+};
+
+/// A plane at `shift` pixels with a patch that only the left eye sees, a flat patch and a saturated one.
+Pair scene() {
+  std::mt19937 random(1);
+  std::vector<uint8_t> texture((width + shift) * height);
+  for (uint8_t& value : texture) value = static_cast<uint8_t>(random() % 200);
+  Pair pair{std::vector<uint8_t>(width * height), std::vector<uint8_t>(width * height)};
+  for (uint32_t y = 0; y < height; ++y)
+    for (uint32_t x = 0; x < width; ++x) {
+      pair.left[y * width + x] = texture[y * (width + shift) + x];
+      pair.right[y * width + x] = texture[y * (width + shift) + x + shift];
+      const bool patch = y >= 20 && y < 50;
+      if (patch && x >= 60 && x < 90) pair.left[y * width + x] = static_cast<uint8_t>(random() % 200);
+      if (patch && x >= 110 && x < 140) pair.left[y * width + x] = pair.right[y * width + x - shift] = 90;
+      if (patch && x >= 160 && x < 190) pair.left[y * width + x] = pair.right[y * width + x - shift] = 255;
+    }
+  return pair;
+}
+
+simsense_parameters parameters() {
+  simsense_parameters p = simsense_parameters_init();
+  p.max_disparity = 32;
+  p.block_width = p.block_height = 1;
+  return p;
+}
+
+simsense_rig_desc rig() { return ideal_rig(width, height, f); }
+
+template <class T>
+simsense_image image_of(const std::vector<T>& pixels, uint32_t format, std::vector<uint64_t> sizes = shape) {
+  simsense_image image{};
+  image.host = const_cast<T*>(pixels.data());
+  image.image = ks_image_desc_packed(format, static_cast<uint32_t>(sizes.size()), sizes.data());
+  return image;
+}
+
+size_t count(const std::vector<uint8_t>& reasons, uint8_t reason) {
+  return static_cast<size_t>(std::count(reasons.begin(), reasons.end(), reason));
+}
+
+size_t count_in(const std::vector<uint8_t>& reasons, uint8_t reason, uint32_t x0, uint32_t x1) {
+  size_t n = 0;
+  for (uint32_t y = 26; y < 44; ++y)
+    for (uint32_t x = x0 + 6; x < x1 - 6; ++x) n += reasons[y * width + x] == reason;
+  return n;
+}
+
+TEST(Outputs, ReasonAndConfidenceTellOfEveryPixel) {
+  const Device device = open_device();
+  const EngineHandle engine = open_engine(device, rig(), parameters());
+  const Pair pair = scene();
+  std::vector<float> depth(width * height), disparity(depth.size()), confidence(depth.size());
+  std::vector<uint8_t> reason(depth.size());
+  ASSERT_EQ(
+      compute(engine, host_image(pair.left, shape), host_image(pair.right, shape),
+              {output_of(SIMSENSE_OUTPUT_DEPTH, host_image(depth, shape)), output_of(SIMSENSE_OUTPUT_REASON, host_image(reason, shape)),
+               output_of(SIMSENSE_OUTPUT_DISPARITY, host_image(disparity, shape)),
+               output_of(SIMSENSE_OUTPUT_CONFIDENCE, host_image(confidence, shape))}),
+      KS_OK)
+      << simsense_last_error();
+  for (size_t i = 0; i < depth.size(); ++i) {
+    ASSERT_EQ(depth[i] > 0, reason[i] == SIMSENSE_REASON_VALID);
+    ASSERT_TRUE(confidence[i] >= 0 && confidence[i] <= 1);
+    ASSERT_TRUE(disparity[i] >= 0 || confidence[i] == 0);
+  }
+  EXPECT_GT(count(reason, SIMSENSE_REASON_VALID), width * height * 3 / 4);
+  EXPECT_GT(count_in(reason, SIMSENSE_REASON_NOT_UNIQUE, 60, 90) + count_in(reason, SIMSENSE_REASON_OCCLUDED, 60, 90) +
+                count_in(reason, SIMSENSE_REASON_ISOLATED, 60, 90),
+            60u);
+  EXPECT_EQ(count_in(reason, SIMSENSE_REASON_LOW_TEXTURE, 110, 140) + count_in(reason, SIMSENSE_REASON_VALID, 110, 140), 18u * 18u);
+  EXPECT_EQ(count_in(reason, SIMSENSE_REASON_SATURATED, 160, 190) + count_in(reason, SIMSENSE_REASON_VALID, 160, 190), 18u * 18u);
+  EXPECT_GT(count(reason, SIMSENSE_REASON_OUTSIDE), 50u);
+}
+
+TEST(Outputs, WhatLiesBeyondTheRangeIsSaidToBe) {
+  simsense_parameters p = parameters();
+  p.max_depth_m = 0.3f;  // the plane is at 0.5 m
+  const Device device = open_device();
+  const EngineHandle engine = open_engine(device, rig(), p);
+  const Pair pair = scene();
+  const auto reason = compute_one<uint8_t>(engine, SIMSENSE_OUTPUT_REASON, pair.left, pair.right, height, width, shape);
+  EXPECT_EQ(reason[80 * width + 100], SIMSENSE_REASON_OUT_OF_RANGE);
+}
+
+TEST(Outputs, IntegerFormsAreTheRoundedFloats) {
+  const Device device = open_device();
+  simsense_rig_desc with_rgb = rig();
+  with_rgb.rgb = camera(width, height, f);
+  const EngineHandle engine = open_engine(device, with_rgb, parameters());
+  const Pair pair = scene();
+  const auto input = [&](const std::vector<uint8_t>& image) { return host_image(image, shape); };
+  const auto disparity = compute_one<float>(engine, SIMSENSE_OUTPUT_DISPARITY, pair.left, pair.right, height, width, shape);
+  const auto depth = compute_one<float>(engine, SIMSENSE_OUTPUT_DEPTH, pair.left, pair.right, height, width, shape);
+  const auto depth_rgb = compute_one<float>(engine, SIMSENSE_OUTPUT_DEPTH_RGB, pair.left, pair.right, height, width, shape);
+  std::vector<int16_t> sixteenths(depth.size()), millimetres(depth.size());
+  std::vector<uint16_t> millimetres_rgb(depth.size());
+  ASSERT_EQ(compute(engine, input(pair.left), input(pair.right),
+                    {output_of(SIMSENSE_OUTPUT_DISPARITY, image_of(sixteenths, KS_FORMAT_I16)),
+                     output_of(SIMSENSE_OUTPUT_DEPTH, image_of(millimetres, KS_FORMAT_I16)),
+                     output_of(SIMSENSE_OUTPUT_DEPTH_RGB, image_of(millimetres_rgb, KS_FORMAT_U16))}),
+            KS_OK)
+      << simsense_last_error();
+  for (size_t i = 0; i < depth.size(); ++i) {
+    ASSERT_EQ(sixteenths[i], std::lrint(16 * disparity[i]));
+    ASSERT_EQ(millimetres[i], std::lrint(1000 * depth[i]));
+    ASSERT_EQ(millimetres_rgb[i], std::lrint(1000 * depth_rgb[i]));
+  }
+  EXPECT_EQ(compute(engine, input(pair.left), input(pair.right), {output_of(SIMSENSE_OUTPUT_DEPTH, image_of(millimetres, KS_FORMAT_F16))}),
+            KS_ERROR_INVALID_ARGUMENT);
+  EXPECT_NE(std::string(simsense_last_error()).find("i16"), std::string::npos) << simsense_last_error();
+}
+
+TEST(Outputs, MillimetresBeyondTheTypeAreNoMeasurement) {
+  simsense_rig_desc far = rig();
+  far.left_to_right[3] = -5;  // 50 m
+  simsense_parameters p = parameters();
+  p.max_depth_m = 1000;
+  const Device device = open_device();
+  const EngineHandle engine = open_engine(device, far, p);
+  const Pair pair = scene();
+  std::vector<int16_t> narrow(width * height, 1);
+  std::vector<uint16_t> wide(width * height, 1);
+  for (const auto& [image, expected] : {std::pair{image_of(narrow, KS_FORMAT_I16), 0}, std::pair{image_of(wide, KS_FORMAT_U16), 50000}}) {
+    ASSERT_EQ(compute(engine, host_image(pair.left, shape), host_image(pair.right, shape), {output_of(SIMSENSE_OUTPUT_DEPTH, image)}),
+              KS_OK)
+        << simsense_last_error();
+    EXPECT_NEAR(static_cast<const uint16_t*>(image.host)[80 * width + 100], expected, 500);
+  }
+}
+
+TEST(Outputs, ColoredPointsAreThePointsAndTheImage) {
+  simsense_rig_desc with_rgb = rig();
+  with_rgb.rgb = camera(width, height, f);
+  const Device device = open_device();
+  const EngineHandle engine = open_engine(device, with_rgb, parameters());
+  const Pair pair = scene();
+  std::vector<uint8_t> rgb(width * height * 3);
+  for (size_t i = 0; i < rgb.size(); ++i) rgb[i] = static_cast<uint8_t>(i * 7);
+  std::vector<float> points(width * height * 3), colored(width * height * 6);
+  const std::vector<simsense_output_desc> outputs{output_of(SIMSENSE_OUTPUT_POINTS, host_image(points, {height, width, 3})),
+                                                  output_of(SIMSENSE_OUTPUT_POINTS_COLORED, host_image(colored, {height, width, 6}))};
+  simsense_compute_desc desc = simsense_compute_desc_init();
+  desc.left = host_image(pair.left, shape);
+  desc.right = host_image(pair.right, shape);
+  desc.outputs = outputs.data();
+  desc.output_count = 2;
+  EXPECT_EQ(simsense_engine_compute(engine.get(), &desc), KS_ERROR_INVALID_ARGUMENT) << "without the image";
+  desc.rgb = host_image(rgb, {height, width, 3});
+  ASSERT_EQ(simsense_engine_compute(engine.get(), &desc), KS_OK) << simsense_last_error();
+  size_t measured = 0;
+  for (size_t i = 0; i < width * height; ++i) {
+    for (size_t c = 0; c < 3; ++c) {
+      ASSERT_EQ(colored[6 * i + c], points[3 * i + c]);
+      ASSERT_EQ(colored[6 * i + 3 + c], points[3 * i + 2] > 0 ? static_cast<float>(rgb[3 * i + c]) / 255.0f : 0.0f);
+    }
+    measured += points[3 * i + 2] > 0;
+  }
+  EXPECT_GT(measured, width * height / 2);
+}
+
+TEST(Outputs, RegionOfInterestIsWhatTheWholeImageGivesThere) {
+  const Device device = open_device();
+  const Pair pair = scene();
+  const auto disparities = [&](const simsense_parameters& p) {
+    return compute_one<float>(open_engine(device, rig(), p), SIMSENSE_OUTPUT_DISPARITY, pair.left, pair.right, height, width, shape);
+  };
+  simsense_parameters p = parameters();
+  const auto whole = disparities(p);
+  p.roi_x = 100, p.roi_y = 60, p.roi_width = 50, p.roi_height = 30;
+  const auto part = disparities(p);
+  size_t same = 0;
+  for (uint32_t y = 0; y < height; ++y)
+    for (uint32_t x = 0; x < width; ++x) {
+      const bool inside = x >= 100 && x < 150 && y >= 60 && y < 90;
+      ASSERT_TRUE(inside || part[y * width + x] == -1.0f);
+      if (inside) same += std::abs(part[y * width + x] - whole[y * width + x]) < 0.1f;
+    }
+  EXPECT_GT(same, 50u * 30u * 99 / 100);
+  p.roi_x = 180;
+  simsense_engine engine = nullptr;
+  const simsense_rig_desc r = rig();
+  EXPECT_EQ(simsense_engine_create(device.get(), &r, &p, &engine), KS_ERROR_INVALID_ARGUMENT);
+  EXPECT_NE(std::string(simsense_last_error()).find("roi"), std::string::npos);
+}
+
+TEST(Outputs, SpecklesGoAndHolesFill) {
+  const Device device = open_device();
+  const Pair pair = scene();
+  simsense_parameters p = parameters();
+  p.uniqueness_ratio = 0;
+  p.lr_max_diff = -1;
+  p.median_size = 1;
+  const auto run = [&](uint32_t output) {
+    return compute_one<uint8_t>(open_engine(device, rig(), p), output, pair.left, pair.right, height, width, shape);
+  };
+  const auto invalid = [&] {
+    const auto d =
+        compute_one<float>(open_engine(device, rig(), p), SIMSENSE_OUTPUT_DISPARITY, pair.left, pair.right, height, width, shape);
+    return std::count(d.begin(), d.end(), -1.0f);
+  };
+  EXPECT_EQ(invalid(), 0);
+  p.speckle_max_size = 60;
+  EXPECT_GT(count(run(SIMSENSE_OUTPUT_REASON), SIMSENSE_REASON_SPECKLE), 200u);
+  EXPECT_GT(invalid(), 200);
+  p.hole_filling = SIMSENSE_HOLES_BACKGROUND;
+  EXPECT_EQ(invalid(), 0);
+}
+
+TEST(Outputs, SixteenBitCountsReachTheMatcher) {
+  // A texture of 3 counts in 4096: nothing of it is left in 8 bits.
+  std::mt19937 random(2);
+  std::vector<uint16_t> texture((width + shift) * height), left(width * height), right(left.size());
+  for (uint16_t& value : texture) value = static_cast<uint16_t>(2000 + random() % 4);
+  for (uint32_t y = 0; y < height; ++y)
+    for (uint32_t x = 0; x < width; ++x) {
+      left[y * width + x] = texture[y * (width + shift) + x];
+      right[y * width + x] = texture[y * (width + shift) + x + shift];
+    }
+  const Device device = open_device();
+  const EngineHandle engine = open_engine(device, rig(), parameters());
+  const auto fill = [&](uint32_t bits, float gain) {
+    simsense_signal s = simsense_signal_init();
+    s.bit_depth = bits;
+    s.gain = gain;
+    EXPECT_EQ(simsense_engine_set_signal(engine.get(), &s, &s), KS_OK);
+    std::vector<float> disparity(left.size());
+    EXPECT_EQ(compute(engine, image_of(left, KS_FORMAT_U16), image_of(right, KS_FORMAT_U16),
+                      {output_of(SIMSENSE_OUTPUT_DISPARITY, host_image(disparity, shape))}),
+              KS_OK)
+        << simsense_last_error();
+    size_t right_ones = 0;
+    for (const float d : disparity) right_ones += std::abs(d - shift) < 0.5f;
+    return right_ones;
+  };
+  EXPECT_GT(fill(12, 1), width * height * 4 / 5);
+  EXPECT_LT(fill(8, 1.0f / 16), width * height / 5);
+}
+
+TEST(Outputs, EachNewParameterIsCheckedWithItsNumber) {
+  struct Case {
+    const char* says;
+    void (*set)(simsense_parameters&);
+  };
+  const Case cases[] = {{"census_kind is 2", [](simsense_parameters& p) { p.census_kind = 2; }},
+                        {"min_disparity is -2000", [](simsense_parameters& p) { p.min_disparity = -2000; }},
+                        {"path_count is 5", [](simsense_parameters& p) { p.path_count = 5; }},
+                        {"speckle_max_diff_px is -1", [](simsense_parameters& p) { p.speckle_max_diff_px = -1; }},
+                        {"hole_filling is 3", [](simsense_parameters& p) { p.hole_filling = 3; }},
+                        {"splat_size is 16", [](simsense_parameters& p) { p.splat_size = 16; }},
+                        {"at most 65535", [](simsense_parameters& p) {
+                           p.census_kind = SIMSENSE_CENSUS_PLAIN;
+                           p.census_width = 9;
+                           p.p2 = 223;
+                           p.block_width = 15;
+                           p.block_height = 17;
+                         }}};
+  const Device device = open_device();
+  const EngineHandle engine = open_engine(device, rig(), parameters());
+  for (const Case& c : cases) {
+    simsense_parameters p = parameters();
+    c.set(p);
+    EXPECT_EQ(simsense_engine_set_parameters(engine.get(), &p), KS_ERROR_INVALID_ARGUMENT) << c.says;
+    EXPECT_NE(std::string(simsense_last_error()).find(c.says), std::string::npos) << simsense_last_error();
+  }
+}
+
+TEST(Outputs, ParametersOfAnOlderCallerMeanWhatTheyMeant) {
+  const Device device = open_device();
+  const Pair pair = scene();
+  simsense_parameters old = parameters();
+  old.header.size_bytes = offsetof(simsense_parameters, census_kind);
+  const auto depth = [&](const simsense_parameters& p) {
+    return compute_one<float>(open_engine(device, rig(), p), SIMSENSE_OUTPUT_DEPTH, pair.left, pair.right, height, width, shape);
+  };
+  EXPECT_EQ(depth(old), depth(parameters()));
+}
+
+}  // namespace
