@@ -10,6 +10,7 @@ import pytest
 
 from lab_worlds import WorldRenderer
 from activestereo.capture import read_capture
+from activestereo.effects import Model, View, builtin
 from activestereo.images import read_gray, write_gray
 from activestereo.lab.cache import LayerCache, request_key
 from activestereo.lab.compare import compare
@@ -30,7 +31,7 @@ def world(tmp_path_factory):
 @pytest.fixture(scope="module")
 def comparison(world, tmp_path_factory):
     cache = LayerCache(tmp_path_factory.mktemp("cache"))
-    return compare(world.capture_path, WorldRenderer(world, grid=8), cache=cache)
+    return compare(world.capture_path, renderer=WorldRenderer(world, grid=8), cache=cache)
 
 
 def test_the_fit_finds_what_the_world_was_made_with(world, comparison):
@@ -64,7 +65,7 @@ def test_the_right_model_leaves_little_to_explain(comparison):
 
 def test_a_wrong_scene_leaves_much_to_explain(world, comparison, tmp_path):
     wrong = replace(world, solids=tuple(s for s in world.solids if s.name != "ball"))
-    scores = compare(world.capture_path, WorldRenderer(wrong), cache=LayerCache(tmp_path)).scores
+    scores = compare(world.capture_path, renderer=WorldRenderer(wrong), cache=LayerCache(tmp_path)).scores
     for split in ("train", "test"):
         assert scores["ir"][split]["explainable_rmse_dn"] > 3 * comparison.scores["ir"][split]["explainable_rmse_dn"]
 
@@ -149,7 +150,7 @@ def test_without_repeats_the_floor_is_unknown_not_zero(world, tmp_path):
         frame["repeat_group"] = None
     (copy / "capture.json").write_text(json.dumps(values))
     assert frame_floors(read_capture(copy), 4.0) == ({}, None)
-    scores = compare(copy, WorldRenderer(world, grid=1), cache=LayerCache(tmp_path / "cache")).scores
+    scores = compare(copy, renderer=WorldRenderer(world, grid=1), cache=LayerCache(tmp_path / "cache")).scores
     assert scores["ir"]["test"]["noise_floor_dn"] is None
     assert "unknown" in summary_table(scores)
 
@@ -167,3 +168,24 @@ def test_sixteen_bit_images_keep_their_values(tmp_path):
     image = np.arange(6000, dtype=np.uint16).reshape(60, 100) * 10
     write_gray(tmp_path / "deep.png", image)
     np.testing.assert_array_equal(read_gray(tmp_path / "deep.png"), image)
+
+
+def test_an_effect_that_the_world_has_makes_the_error_fall(world, comparison, tmp_path):
+    """A sensor of bent response: the base model fails, the model with the effect is at the floor again."""
+    gamma = builtin()["response_gamma"]
+    model = Model().with_effect(gamma, log_exponent=np.log(0.8))
+    copy = Path(shutil.copytree(world.capture_path, tmp_path / "copy"))
+    capture = read_capture(copy)
+    layers = render_frames(capture, WorldRenderer(world, grid=8), cache=LayerCache(tmp_path / "cache"))
+    truth, rng = Nuisances(9.0e4, 3.0e3, 4.0), np.random.default_rng(8)
+    for frame in capture.frames:
+        for eye in ("left", "right"):
+            view = View.of(capture, frame, eye, layers[frame.id][eye])
+            image = model.signal(model.light(layers[frame.id][eye], view), view, truth) + rng.normal(size=view.shape)
+            write_gray(frame.path(eye), np.clip(np.rint(image), 0, 255).astype(np.uint8))
+    base, right = (compare(copy, m, WorldRenderer(world), cache=LayerCache(tmp_path / "cache")).scores for m in (None, model))
+    for split in ("train", "test"):
+        assert base["ir"][split]["rmse_dn"] > 1.5 * right["ir"][split]["rmse_dn"]
+        assert right["ir"][split]["rmse_dn"] == pytest.approx(np.sqrt(1 + 1 / 12), rel=0.02)
+    np.testing.assert_allclose(list(right["fit"]["nuisances"].values()), truth.vector(), rtol=0.01)
+    assert (base["effects"], right["effects"]) == ([], ["response_gamma"])

@@ -37,11 +37,11 @@ _DIAGNOSIS = {
     "heldout_ir_rmse_before": 6.21,
     "heldout_ir_rmse_after": 2.51,
     "heldout_noise_floor": 2.44,
-    "next_measurement": ["a second distance", {"do": "tilt by 30 degrees", "separates": ["a", "b"], "expected_nats": 14.2}],
+    "next_measurement": ["a second distance", {"text": "tilt by 30 degrees (expected 14.2 nats)", "separates": ["a", "b"]}],
     "law": None,
-    "greedy": [
-        {"effects": [], "heldout_rmse": 6.21, "floor": 2.44},
-        {"effects": ["radial_distortion"], "heldout_rmse": 2.51, "floor": 2.44},
+    "curve": [
+        {"effects": [], "heldout_ir_rmse": 6.21, "train_ir_rmse": 5.9},
+        {"effects": ["radial_distortion"], "heldout_ir_rmse": 2.51, "train_ir_rmse": 2.3},
     ],
 }  # fmt: skip
 
@@ -75,7 +75,7 @@ def comparison(tmp_path_factory):
     world = make_world(folder / "world", size=(160, 90), grid=3)
     capture = with_device_depth(world, folder / "capture", ids=(0, 2, 4))
     wrong = replace(world, solids=tuple(s for s in world.solids if s.name != "ball"))
-    return compare(capture, WorldRenderer(wrong, grid=3), cache=LayerCache(folder / "cache"))
+    return compare(capture, renderer=WorldRenderer(wrong, grid=3), cache=LayerCache(folder / "cache"))
 
 
 @pytest.fixture(scope="module")
@@ -143,9 +143,18 @@ def test_a_damaged_or_foreign_diagnosis_is_left_out(comparison, tmp_path):
 
 
 def test_an_empty_diagnosis_has_a_page_too(comparison):
-    empty = _DIAGNOSIS | {"verdict": "none", "ranking": [], "added": [], "next_measurement": [], "greedy": []}
+    empty = _DIAGNOSIS | {"verdict": "none", "ranking": [], "added": [], "next_measurement": [], "curve": []}
     empty |= dict.fromkeys(("heldout_ir_rmse_after", "heldout_noise_floor"))
     assert "Nothing is missing" in report_page(comparison, empty)
+
+
+def test_an_unknown_effect_shows_its_law(comparison):
+    term = {"term": "r^2", "value": -0.31, "low": -0.35, "high": -0.27}
+    law = {"stage": "PROJECTOR", "text": "residual / the projector's light = -0.31 r^2", "terms": [term], "explained_share": 0.8}
+    unknown = _DIAGNOSIS | {"verdict": "unknown", "added": [], "law": law}
+    assert violations(unknown, _schema("diagnose")) == []
+    page = report_page(comparison, unknown)
+    assert "no known effect explains" in page and "-0.35 … -0.27" in page
 
 
 def test_summary_names_depth_and_where(comparison):

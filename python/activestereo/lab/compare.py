@@ -9,8 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from activestereo.capture import EYES, SPLITS, read_capture
+from activestereo.effects.core.model import Model
+from activestereo.effects.core.view import View
 from activestereo.lab.depth_compare import depth_scores, model_depths
-from activestereo.lab.fit import fit_nuisances, predict
+from activestereo.lab.fit_model import fit_under_model
 from activestereo.lab.noise import frame_floors, transfer_points
 from activestereo.lab.render import render_frames
 from activestereo.lab.where_channels import where_it_fails
@@ -27,10 +29,13 @@ class Comparison:
     depths: list
 
 
-def compare(capture_path, renderer=None, samples_per_pixel=64, max_bounces=8, seed=0, cache=None, progress=None):
+def compare(
+    capture_path, model=None, renderer=None, samples_per_pixel=64, max_bounces=8, seed=0, cache=None, progress=None
+):  # fmt: skip
     """A Comparison of the capture folder. CaptureError where the capture cannot be used.
 
-    renderer: see lab.render; None for kuafu on the best device. progress: called as progress(fraction done).
+    model: effects on top of the base renderer, a Model; expected images are compared, so random effects show in the noise floor
+    alone. renderer: see lab.render; None for kuafu on the best device. progress: called as progress(fraction done).
     """
     capture = read_capture(capture_path)
     measured = {(frame.id, eye): capture.ir(frame, eye) for frame in capture.frames for eye in EYES}
@@ -39,16 +44,14 @@ def compare(capture_path, renderer=None, samples_per_pixel=64, max_bounces=8, se
 
         renderer = KuafuRenderer()
     layers = render_frames(capture, renderer, samples_per_pixel, max_bounces, seed, cache, progress)
-    train = [(f, layers[f.id][eye], measured[f.id, eye]) for f in capture.split("train") for eye in EYES]
-    fit = fit_nuisances(train, capture.rig.max_dn)
-    predictions = {
-        (f.id, eye): predict(f, layers[f.id][eye], fit.nuisances, capture.rig.max_dn).astype(np.float32)
-        for f in capture.frames
-        for eye in EYES
-    }
+    model = model or Model()
+    views = {key: View.of(capture, frame, key[1], layers[frame.id][key[1]], seed) for frame in capture.frames for key in _keys(frame)}
+    lights = {key: model.light(layers[key[0]][key[1]], view) for key, view in views.items()}
+    train = [(views[key], lights[key], measured[key]) for frame in capture.split("train") for key in _keys(frame)]
+    fit = fit_under_model(model, train, capture.rig.max_dn)
+    predictions = {key: model.signal(lights[key], view, fit.nuisances).astype(np.float32) for key, view in views.items()}
     floors, law = frame_floors(capture, fit.nuisances.black_dn)
-    truth = {f.id: layers[f.id]["left"].depth_m for f in capture.frames}
-    depths = model_depths(capture, measured, predictions, truth, law, seed)
+    depths = model_depths(capture, measured, predictions, views, law, model, seed)
     images = {key: _image_scores(measured[key], predictions[key], floors.get(key)) for key in measured}
     scores = {
         "capture": capture.name,
@@ -57,15 +60,19 @@ def compare(capture_path, renderer=None, samples_per_pixel=64, max_bounces=8, se
         "max_bounces": max_bounces,
         "seed": seed,
         "fit": fit.as_json(),
-        "effects": [],
+        "effects": [effect.id for effect, _ in model.effects],
         "noise_law": None if law is None else vars(law),
         "photon_transfer": transfer_points(capture),
         "ir": {split: _split_scores(capture.split(split), images) for split in SPLITS if capture.split(split)},
         "depth": depth_scores(depths),
         "frames": [_frame_scores(frame, images) for frame in capture.frames],
     }
-    scores |= where_it_fails(capture, layers, measured, predictions, floors, law, depths, seed)
+    scores |= where_it_fails(capture, layers, views, measured, predictions, floors, law, depths, seed)
     return Comparison(capture, scores, predictions, depths)
+
+
+def _keys(frame):
+    return [(frame.id, eye) for eye in EYES]
 
 
 def _image_scores(measured, predicted, floor):

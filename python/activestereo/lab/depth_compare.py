@@ -31,8 +31,11 @@ class DepthFrame:
         return np.where(both, self.focal_baseline * (1.0 / safe(depth_m) - 1.0 / safe(reference_m)), 0.0), both
 
 
-def model_depths(capture, measured, predictions, truth, law, seed=0):
-    """A DepthFrame for each frame that has the device's depth. measured, predictions: {(frame id, eye): DN}; truth: {frame id: m}."""
+def model_depths(capture, measured, predictions, views, law, model, seed=0):
+    """A DepthFrame for each frame that has the device's depth. measured, predictions: {(frame id, eye): DN}; views: {...: View}.
+
+    model: its effects on disparity and depth act on what simsense matches.
+    """
     frames = [frame for frame in capture.frames if frame.depth_path is not None]
     if not frames:
         return []
@@ -40,7 +43,7 @@ def model_depths(capture, measured, predictions, truth, law, seed=0):
     focal_baseline = float(capture.rig.left.K[0, 0]) * capture.rig.baseline_m
     out = []
     for frame in frames:
-        draws = []
+        view, draws = views[frame.id, "left"], []
         for draw in range(2):
             pair = []
             for index, eye in enumerate(EYES):
@@ -48,8 +51,8 @@ def model_depths(capture, measured, predictions, truth, law, seed=0):
                 noise = law or NoiseLaw(residual_variance(measured[frame.id, eye], expected), 0.0, 0.0, 0.0)
                 rng = np.random.Generator(np.random.Philox(key=[seed, 4 * frame.id + 2 * draw + index]))
                 pair.append(expose(expected, frame.gain, noise, capture.rig.max_dn, rng))
-            draws.append(engine.depth(*pair))
-        out.append(DepthFrame(frame, capture.depth(frame), tuple(draws), truth[frame.id], focal_baseline))
+            draws.append(model.depth(engine.depth(*pair), view))
+        out.append(DepthFrame(frame, capture.depth(frame), tuple(draws), view.depth_m, focal_baseline))
     return out
 
 

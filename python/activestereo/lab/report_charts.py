@@ -108,26 +108,25 @@ def _draw_bins(axes, bins):
     axes.plot(x, floor, color=INK, lw=1.3, ls=(0, (4, 2)), label="noise floor")
 
 
-def effects_chart(greedy):
-    """Held-out error against effects added, with the floor line. greedy: [{effects, heldout_rmse, floor}] from none on."""
+def effects_chart(steps, floor):
+    """Held-out error against effects added, with the floor line. steps: [{effects, heldout_ir_rmse}] from none on; floor: DN or None."""
     figure = Figure(figsize=(7.2, 3.4), layout="constrained")
     axes = _axes(figure, 1, 1, 1, y="held-out infrared RMSE, DN", title="Error against effects added", grid="y")
-    error = [step["heldout_rmse"] for step in greedy]
-    axes.plot(range(len(error)), error, "o-", color=BLUE, lw=2, ms=8, label="model")
+    error = [step["heldout_ir_rmse"] for step in steps]
+    axes.plot(range(len(error)), error, "o-", color=BLUE, lw=2, ms=8)
     for i, value in enumerate(error):
         axes.annotate(f"{value:.2f}", (i, value), (0, 9), textcoords="offset points", ha="center", size=9.5, color=INK)
-    floor = greedy[-1]["floor"]
     if floor is not None:
-        axes.axhline(floor, color=INK, lw=1.4, ls=(0, (4, 2)), label="noise floor")
-        axes.annotate(f"noise floor {floor:.2f}", (len(error) - 0.55, floor), (0, -12), textcoords="offset points", ha="right", size=9, color=INK)
+        axes.axhline(floor, color=INK, lw=1.4, ls=(0, (4, 2)))
+        axes.annotate(f"noise floor {floor:.2f}", (-0.45, floor), (0, -12), textcoords="offset points", size=9, color=INK)
     axes.set_ylim(0.0, 1.18 * max(error))
     axes.set_xlim(-0.5, max(len(error) - 0.5, 0.5))
-    axes.set_xticks(range(len(error)), [_step_name(greedy, i) for i in range(len(error))], size=9, color=INK)
+    axes.set_xticks(range(len(error)), [_step_name(steps, i) for i in range(len(error))], size=9, color=INK)
     return figure
 
 
-def _step_name(greedy, index):
+def _step_name(steps, index):
     """What a step changed, in words."""
-    now, before = greedy[index]["effects"], greedy[index - 1]["effects"] if index else []
+    now, before = steps[index]["effects"], steps[index - 1]["effects"] if index else []
     changes = [f"+ {name}" for name in now if name not in before] + [f"− {name}" for name in before if name not in now]
     return "\n".join(changes) or ("refitted" if index else "base model")

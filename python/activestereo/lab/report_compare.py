@@ -141,7 +141,7 @@ def _regions(region):
          "{:.0f} … {:.0f} %".format(*(100 * v for v in leaf["share_interval"])), f"{100 * leaf['pixel_share']:.0f} %"]
         for leaf in region["leaves"]
     ]  # fmt: skip
-    head = ["region", "share of the explainable error (orange: share of pixels)", "share", "95 %", "pixels"]
+    head = ["region", "explainable error (orange: pixels)", "share", "95 %", "pixels"]
     return "".join(parts) + table(head, rows, numbers=(2, 3, 4), wide=True)
 
 

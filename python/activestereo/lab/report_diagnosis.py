@@ -28,9 +28,11 @@ def _verdict(diagnosis):
     if before is not None and after is not None:
         noise = "" if floor is None else f"; noise alone gives {floor:.2f} DN"
         parts.append(f"<p>Held-out infrared error {before:.2f} → {after:.2f} DN{noise}.</p>")
-    greedy = diagnosis.get("greedy") or []
-    if greedy:
-        parts.append(f'<div style="max-width:760px">{chart(effects_chart(greedy), "error against effects added")}</div>')
+    if diagnosis.get("reason"):
+        parts.append(f"<p>{text(diagnosis['reason'])}</p>")
+    steps = [step for step in diagnosis.get("curve", []) if step["heldout_ir_rmse"] is not None]
+    if steps:
+        parts.append(f'<div style="max-width:760px">{chart(effects_chart(steps, floor), "error against effects added")}</div>')
     if diagnosis.get("law"):
         parts.append(f"<h3>Law of what is left</h3>{_law(diagnosis['law'])}")
     return section("Which effect is missing", *parts)
@@ -59,21 +61,18 @@ def _parameter(name, p):
 
 
 def _list(items):
-    """Texts, or objects as 'key: value' lines."""
-    return "<ul>" + "".join(f"<li>{_item(item)}</li>" for item in items) + "</ul>"
+    return "<ul>" + "".join(f"<li>{_advice(item)}</li>" for item in items) + "</ul>"
 
 
-def _item(item):
-    if not isinstance(item, dict):
+def _advice(item):
+    """A text, or an object with one and the effects that the measurement tells apart."""
+    if isinstance(item, str):
         return text(item)
-    return "; ".join(f"<span class='muted'>{text(key.replace('_', ' '))}</span> {_value(value)}" for key, value in item.items())
-
-
-def _value(value):
-    if isinstance(value, float):
-        return f"{value:.3g}"
-    return ", ".join(map(_value, value)) if isinstance(value, list | tuple) else text(value)
+    between = "".join(f'<span class="tag">{text(effect)}</span>' for effect in item.get("separates", []))
+    return text(item["text"]) + (f"<br><span class='muted'>tells apart</span> {between}" if between else "")
 
 
 def _law(law):
-    return f"<p>{text(law)}</p>" if isinstance(law, str) else f"<p>{_item(law)}</p>" if isinstance(law, dict) else _list(law)
+    rows = [[text(t["term"]), f"{t['value']:+.4g}", f"{t['low']:+.3g} … {t['high']:+.3g}"] for t in law.get("terms", [])]
+    terms = table(["term", "value", "interval"], rows, numbers=(1, 2)) if rows else ""
+    return f"<p>{text(law['text'])}</p><p class='muted small'>Stage: {text(law['stage'].lower())}</p>{terms}"

@@ -5,7 +5,6 @@ import json
 import numpy as np
 
 from activestereo.capture import EYES
-from activestereo.effects.core.view import View
 from activestereo.lab.covariates import covariate_maps
 from activestereo.lab.tree import HonestTree
 from activestereo.lab.where import where_tables
@@ -15,14 +14,13 @@ from activestereo.lab.where_samples import LARGEST_DISPARITY_ERROR_PX, ResidualI
 _SMALLEST_EXCESS = 0.05
 
 
-def where_it_fails(capture, layers, measured, predictions, floors, law, depths, seed=0):
+def where_it_fails(capture, layers, views, measured, predictions, floors, law, depths, seed=0):
     """{where: tables, regions: {channel: ...}} of compare.json, from the train frames."""
     maps, infrared = {}, []
     for frame in capture.split("train"):
         for eye in EYES:
             key, expected = (frame.id, eye), predictions[frame.id, eye]
-            view, own = View.of(capture, frame, eye, layers[frame.id][eye]), layers[frame.id][eye]
-            maps[key] = covariate_maps(view, own.material, expected, capture.rig.baseline_m)
+            maps[key] = covariate_maps(views[key], layers[frame.id][eye].material, expected, capture.rig.baseline_m)
             infrared.append((key, measured[key] - expected, _floor(expected, frame, floors.get(key), law), _pose(frame, eye)))
     channels = residual_channels(infrared, [d for d in depths if d.frame.split == "train"], maps, seed)
     name_of = material_names(capture.scene_path)
