@@ -27,6 +27,7 @@ from ._simsense import (
     signal_preset,
 )
 from .depth_sensor import DepthSensor, SettingError
+from .stereo_sgm import StereoSGM
 
 __all__ = [
     "FAULTS",
@@ -46,5 +47,6 @@ __all__ = [
     "MissingFileError",
     "NoDeviceError",
     "SettingError",
+    "StereoSGM",
     "signal_preset",
 ]

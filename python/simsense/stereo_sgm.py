@@ -1,0 +1,155 @@
+"""StereoSGM: cv2.StereoSGBM's parameters and result on this engine, so that a script which has one needs one line changed."""
+
+import numpy as np
+
+from ._simsense import Camera, Device, Engine
+
+_NO_PENALTY = {"p1": 7, "p2": 86}  # OpenCV's P1 = P2 = 0, which is no smoothness at all, means this engine's defaults
+_LARGEST_BLOCK = 15
+
+
+class StereoSGM:
+    """Disparity of a rectified pair: compute(left, right) gives int16 [height, width], sixteenths of pixels, (minDisparity - 1) * 16 = invalid.
+
+    The parameters are cv2.StereoSGBM's, in its order. What differs: the cost is census, not Birchfield-Tomasi, so preFilterCap has nothing to do; P1
+    and P2 are divided by blockSize * blockSize and then count differing census bits (1 <= P1 < P2 <= 223 after that; the usual 8 and 32 times the
+    block's area are good values here too; 0, 0 means this engine's own); numDisparities is 16..1024 and need not be a multiple of 16; the columns
+    left of the largest disparity are computed as well. disp12MaxDiff 0 means 1, as OpenCV takes it; -1 switches the check off. A speckleWindowSize of
+    0 switches the speckle filter off. mode: MODE_HH follows 8 paths, the others 4. A 3x3 median follows, as in OpenCV.
+
+    device: 'host', 'auto', an index, or a simsense.Device. Raises ValueError out of range. As with OpenCV, one thread at a time may use an object.
+    """
+
+    MODE_SGBM = 0
+    MODE_HH = 1
+    MODE_SGBM_3WAY = 2
+    MODE_HH4 = 3
+    DISP_SHIFT = 4
+    DISP_SCALE = 16
+
+    def __init__(
+        self,
+        minDisparity=0,
+        numDisparities=16,
+        blockSize=3,
+        P1=0,
+        P2=0,
+        disp12MaxDiff=0,
+        preFilterCap=0,
+        uniquenessRatio=0,
+        speckleWindowSize=0,
+        speckleRange=0,
+        mode=MODE_SGBM,
+        *,
+        device="host",
+    ):
+        self._values = dict(
+            MinDisparity=minDisparity,
+            NumDisparities=numDisparities,
+            BlockSize=blockSize,
+            P1=P1,
+            P2=P2,
+            Disp12MaxDiff=disp12MaxDiff,
+            PreFilterCap=preFilterCap,
+            UniquenessRatio=uniquenessRatio,
+            SpeckleWindowSize=speckleWindowSize,
+            SpeckleRange=speckleRange,
+            Mode=mode,
+        )
+        self._device = device if isinstance(device, Device) else Device(device)
+        self._engine = None
+        self._parameters()
+
+    @classmethod
+    def create(cls, *args, **kwargs):
+        """The constructor, under the name that cv2.StereoSGBM has."""
+        return cls(*args, **kwargs)
+
+    def compute(self, left, right, disparity=None):
+        """left, right: uint8 or uint16 [height, width], or [height, width, 3] BGR. disparity: an int16 array to fill, or None."""
+        left, right = _gray(left, "left"), _gray(right, "right")
+        if left.shape != right.shape or left.dtype != right.dtype:
+            raise ValueError(f"the images differ: left is {left.shape} {left.dtype}, right {right.shape} {right.dtype}")
+        engine = self._engine_of(left)
+        if disparity is None:
+            return engine.compute(left, right, {"disparity": np.int16})["disparity"]
+        engine.compute(left, right, {"disparity": disparity})
+        return disparity
+
+    def _engine_of(self, image):
+        height, width = image.shape
+        parameters = self._parameters() | {"bit_depth": 16 if image.dtype == np.uint16 else 8}
+        if self._engine is None or self._size != (width, height):
+            camera = Camera(width, height, [[1, 0, 0], [0, 1, 0], [0, 0, 1]])
+            left_to_right = np.eye(4)
+            left_to_right[0, 3] = -1
+            self._engine = Engine(self._device, camera, camera, left_to_right, rectified=True, **parameters)
+            self._size = (width, height)
+        else:
+            self._engine.set_parameters(**parameters)
+        return self._engine
+
+    def _parameters(self):
+        """The engine's parameters."""
+        v = self._values
+        block = v["BlockSize"]
+        if not (0 < block <= _LARGEST_BLOCK and block % 2 == 1):
+            raise ValueError(f"blockSize must be odd and in 1..{_LARGEST_BLOCK}, not {block}")
+        if not 16 <= v["NumDisparities"] <= 1024:
+            raise ValueError(f"numDisparities must be in 16..1024, not {v['NumDisparities']}")
+        if v["Mode"] not in (self.MODE_SGBM, self.MODE_HH, self.MODE_SGBM_3WAY, self.MODE_HH4):
+            raise ValueError(f"mode must be one of StereoSGM.MODE_*, not {v['Mode']}")
+        return {
+            "min_disparity": v["MinDisparity"],
+            "max_disparity": v["NumDisparities"],
+            "block_width": block,
+            "block_height": block,
+            "lr_max_diff": -1 if v["Disp12MaxDiff"] < 0 else max(1, v["Disp12MaxDiff"]),
+            "uniqueness_ratio": min(100, max(0, v["UniquenessRatio"])),
+            "speckle_max_size": max(0, v["SpeckleWindowSize"]),
+            "speckle_max_diff_px": float(max(0, v["SpeckleRange"])),
+            "path_count": 8 if v["Mode"] == self.MODE_HH else 4,
+            **self._penalties(block * block),
+        }
+
+    def _penalties(self, area):
+        p1, p2 = self._values["P1"], self._values["P2"]
+        if p1 == 0 and p2 == 0:
+            return _NO_PENALTY
+        p1, p2 = max(1, round(p1 / area)), round(p2 / area)
+        if not p1 < p2 < 224:
+            raise ValueError(f"P1 and P2 per pixel of the block are {p1} and {p2}: must be 0 < P1 < P2 < 224")
+        return {"p1": p1, "p2": p2}
+
+
+def _gray(image, what):
+    image = np.asarray(image)
+    if image.dtype not in (np.uint8, np.uint16) or not (image.ndim == 2 or (image.ndim == 3 and image.shape[2] == 3)):
+        raise ValueError(f"{what} must be uint8 or uint16, [height, width] or [height, width, 3], not {image.dtype} {image.shape}")
+    if image.ndim == 2:
+        return image
+    return np.rint(image @ np.array([0.114, 0.587, 0.299])).astype(image.dtype)  # ITU-R BT.601, BGR
+
+
+def _accessors(name):
+    def get(self):
+        return self._values[name]
+
+    def change(self, value):
+        old = self._values[name]
+        self._values[name] = value
+        try:
+            self._parameters()
+        except ValueError:
+            self._values[name] = old
+            raise
+
+    return get, change
+
+
+for _name in (
+    "MinDisparity NumDisparities BlockSize P1 P2 Disp12MaxDiff PreFilterCap UniquenessRatio SpeckleWindowSize SpeckleRange Mode".split()
+):
+    for _prefix, _function in zip(("get", "set"), _accessors(_name), strict=True):
+        _function.__name__ = _prefix + _name
+        setattr(StereoSGM, _function.__name__, _function)
