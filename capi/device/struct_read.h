@@ -2,7 +2,9 @@
 // header (rules in ks/header.h).
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
+#include <cstring>
 
 #include "device/error.h"
 #include "ks/header.h"
@@ -22,6 +24,15 @@ template <class T>
 [[nodiscard]] T read_struct(const T* from, uint32_t type, const char* name) {
   T out;
   read_struct_bytes(from, type, name, &out, sizeof(T));
+  return out;
+}
+
+/// The same over `defaults`: fields that an older caller does not have keep their value there.
+template <class T>
+[[nodiscard]] T read_struct(const T* from, uint32_t type, const char* name, const T& defaults) {
+  const T given = read_struct(from, type, name);
+  T out = defaults;
+  std::memcpy(&out, &given, std::min<size_t>(check_header(from, type, name)->size_bytes, sizeof(T)));
   return out;
 }
 

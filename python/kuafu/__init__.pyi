@@ -122,13 +122,21 @@ class Material:
 
 class Light:
     name: str
-    kind: Literal["point", "projector"]
+    kind: Literal["point", "projector", "directional", "spot", "rectangle", "disk"]
     intensity: tuple[float, float, float]
     ir_intensity: float | None
     light_to_world: NDArray[np.float64]
     k: NDArray[np.float64]
     texture: int | None
     environment: int | None
+    radius_m: float
+    angle_rad: float
+    inner_rad: float
+    outer_rad: float
+    size_m: tuple[float, float]
+    distortion: tuple[float, float, float, float, float, float, float, float]
+    falloff: float
+    focus_m: float
     def __init__(self, **fields: Any) -> None: ...
 
 class Camera:
@@ -201,7 +209,14 @@ class Scene:
     def set_light(self, id: int, light: Light) -> None: ...
     def get_light(self, id: int) -> Light: ...
     def remove_light(self, id: int) -> None: ...
-    def set_environment(self, radiance: Sequence[float], ir_radiance: float | None = None) -> None: ...
+    def set_environment(
+        self,
+        radiance: Sequence[float],
+        ir_radiance: float | None = None,
+        *,
+        texture: int | None = None,
+        map_to_world: ArrayLike | None = None,
+    ) -> None: ...
     def camera(self, index: int) -> Camera: ...
     def instance_name(self, id: int) -> str: ...
     def material_name(self, id: int) -> str: ...
@@ -227,5 +242,6 @@ class Renderer:
         ir_ambient_scale: float = 0.05,
         ir_ambient_radiance: float = 0.002,
         glass_surfaces: int = 8,
+        light_sampling: Literal["mis", "lights", "bsdf"] = "mis",
         progress: Callable[[float], object] | None = None,
     ) -> dict[str, NDArray[Any]]: ...

@@ -2,7 +2,10 @@
 // said".
 #include "records.h"
 
+#include <algorithm>
+#include <array>
 #include <cmath>
+#include <string_view>
 
 namespace ks_python {
 namespace {
@@ -32,16 +35,16 @@ void scalar(py::class_<Record>& type, const char* name, T Desc::*member, const c
       name, [member](const Record& r) { return r.c.*member; }, [member](Record& r, T value) { r.c.*member = value; }, doc);
 }
 
-template <class Record, class Desc, size_t n>
-void vector(py::class_<Record>& type, const char* name, float (Desc::*member)[n], const char* doc = "") {
+template <class Record, class Desc, class T, size_t n>
+void vector(py::class_<Record>& type, const char* name, T (Desc::*member)[n], const char* doc = "") {
   type.def_property(
       name,
       [member](const Record& r) {
-        std::array<float, n> out;
+        std::array<T, n> out;
         std::copy_n(r.c.*member, n, out.begin());
         return py::tuple(py::cast(out));
       },
-      [member](Record& r, const std::array<float, n>& value) { std::copy(value.begin(), value.end(), r.c.*member); }, doc);
+      [member](Record& r, const std::array<T, n>& value) { std::copy(value.begin(), value.end(), r.c.*member); }, doc);
 }
 
 template <class Record, class Desc, size_t n>
@@ -89,17 +92,22 @@ void bind_material(py::module_& module) {
   maybe(type, "specular_texture", &kuafu_material_desc::specular_texture);
 }
 
+// By KUAFU_LIGHT_*, which count from 1.
+constexpr std::array<std::string_view, 6> light_kinds = {"point", "projector", "directional", "spot", "rectangle", "disk"};
+
 void bind_light(py::module_& module) {
   py::class_<Light> type(module, "Light", "A point light or a pattern projector. Every field is a keyword argument.");
   type.def(py::init(&from_fields<Light>));
   type.def_readwrite("name", &Light::name);
   type.def_property(
-      "kind", [](const Light& l) { return l.c.kind == KUAFU_LIGHT_PROJECTOR ? "projector" : "point"; },
+      "kind", [](const Light& l) { return light_kinds[l.c.kind - 1]; },
       [](Light& l, const std::string& kind) {
-        if (kind != "point" && kind != "projector") raise_argument<Kuafu>("unknown light kind '" + kind + "' (known: point, projector)");
-        l.c.kind = kind == "point" ? KUAFU_LIGHT_POINT : KUAFU_LIGHT_PROJECTOR;
+        const auto found = std::ranges::find(light_kinds, kind);
+        if (found == light_kinds.end())
+          raise_argument<Kuafu>("unknown light kind '" + kind + "' (known: point, projector, directional, spot, rectangle, disk)");
+        l.c.kind = static_cast<uint32_t>(found - light_kinds.begin()) + 1;
       },
-      "'point' (default) or 'projector'.");
+      "'point' (default), 'projector', 'directional', 'spot', 'rectangle' or 'disk'.");
   vector(type, "intensity", &kuafu_light_desc::intensity,
          "Visible radiant intensity, W/sr; 0 for a projector that an RGB camera does not see.");
   maybe(type, "ir_intensity", &kuafu_light_desc::ir_intensity,
@@ -107,6 +115,14 @@ void bind_light(py::module_& module) {
   square(type, "light_to_world", &kuafu_light_desc::light_to_world, "4x4; +z is a projector's axis, x right, y down.");
   square(type, "k", &kuafu_light_desc::k, "Projector: 3x3 in pixels of the texture.");
   maybe(type, "texture", &kuafu_light_desc::texture, "Projector: id of the pattern, red channel read linearly.");
+  scalar(type, "radius_m", &kuafu_light_desc::radius_m, "Point: of the sphere that shines; disk; projector: of its lens.");
+  scalar(type, "angle_rad", &kuafu_light_desc::angle_rad, "Directional: half angle of its disc.");
+  scalar(type, "inner_rad", &kuafu_light_desc::inner_rad, "Spot: half angle that is fully lit.");
+  scalar(type, "outer_rad", &kuafu_light_desc::outer_rad, "Spot: half angle where it ends.");
+  vector(type, "size_m", &kuafu_light_desc::size_m, "Rectangle: width and height; directional with a texture: of a tile.");
+  vector(type, "distortion", &kuafu_light_desc::distortion, "Projector: k1 k2 p1 p2 k3 k4 k5 k6 (OpenCV's order).");
+  scalar(type, "falloff", &kuafu_light_desc::falloff, "Projector: n of cos^n.");
+  scalar(type, "focus_m", &kuafu_light_desc::focus_m, "Projector: distance of its sharpest image; 0 = sharp everywhere.");
   maybe(type, "environment", &kuafu_light_desc::environment, "Which environment of a batch has it; None = all.");
 }
 

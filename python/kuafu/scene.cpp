@@ -103,10 +103,13 @@ void set_instance_materials(Scene& scene, uint32_t id, const std::vector<uint32_
   check<Kuafu>(kuafu_scene_set_instance_materials(scene.get(), id, materials.data(), static_cast<uint32_t>(materials.size())));
 }
 
-void set_environment(Scene& scene, const std::array<float, 3>& radiance, std::optional<float> ir_radiance) {
+void set_environment(Scene& scene, const std::array<float, 3>& radiance, std::optional<float> ir_radiance,
+                     const std::optional<uint32_t>& texture, const py::object& map_to_world) {
   kuafu_environment_desc environment = kuafu_environment_desc_init();
   std::copy(radiance.begin(), radiance.end(), environment.radiance);
   if (ir_radiance) environment.ir_radiance = *ir_radiance;
+  if (texture) environment.texture = *texture;
+  read_matrix<Kuafu>(map_to_world, "map_to_world", environment.map_to_world, 9);
   const InUse<Kuafu> in_use(scene.in_use, "scene");
   check<Kuafu>(kuafu_scene_set_environment(scene.get(), &environment));
 }
@@ -236,8 +239,10 @@ void bind_scene(py::module_& module) {
             check<Kuafu>(kuafu_scene_remove_instance(s.get(), id));
           },
           py::arg("id"))
-      .def("set_environment", &set_environment, py::arg("radiance"), py::arg("ir_radiance") = py::none(),
-           "Uniform radiance from all directions, W/(sr m^2). ir_radiance None: red of radiance times ir_ambient_scale plus "
+      .def("set_environment", &set_environment, py::arg("radiance"), py::arg("ir_radiance") = py::none(), py::kw_only(),
+           py::arg("texture") = py::none(), py::arg("map_to_world") = py::none(),
+           "Radiance from all directions, W/(sr m^2), times an equirectangular texture turned by the 3x3 map_to_world. ir_radiance None: "
+           "red of radiance times ir_ambient_scale plus "
            "ir_ambient_radiance.")
       .def("camera", &camera, py::arg("index"), "A camera that a file brought.")
       .def(

@@ -224,18 +224,32 @@ KUAFU_API const char* kuafu_scene_material_name(kuafu_scene scene, uint32_t id);
 
 #define KUAFU_LIGHT_POINT 1u
 #define KUAFU_LIGHT_PROJECTOR 2u /* a point with a textured radiant intensity: texture value in [0,1] times intensity, towards pixel (u,v) of K, bilinear, 0 outside */
+#define KUAFU_LIGHT_DIRECTIONAL 3u /* from infinitely far, along +z; a disc of half angle angle_rad in the sky */
+#define KUAFU_LIGHT_SPOT 4u        /* a point; full within inner_rad of +z, falling to 0 at outer_rad as KHR_lights_punctual says */
+#define KUAFU_LIGHT_RECTANGLE 5u   /* size_m, centred in the frame's xy plane; shines towards +z */
+#define KUAFU_LIGHT_DISK 6u        /* radius_m, the same */
+/* Lights with an extent are seen, by the camera and in mirrors, and block nothing; both light and BSDF samples find them. */
 
 typedef struct kuafu_light_desc {
   ks_header header;
   const char* name;
   uint32_t kind;             /* KUAFU_LIGHT_* */
   uint32_t environment;      /* KUAFU_ALL_ENVIRONMENTS or 0.. */
-  float intensity[3];        /* visible band, radiant intensity W/sr. A projector's is 0 by default: an RGB camera does not see it */
-  float ir_intensity;        /* infrared band, W/sr; NAN = red of `intensity` times kuafu_render_desc.ir_ambient_scale */
+  float intensity[3];        /* visible band. Point, spot, projector: radiant intensity, W/sr; directional: irradiance on a surface that faces it, W/m^2;
+                                rectangle, disk: radiance, W/(sr m^2). A projector's is 0 by default: an RGB camera does not see it */
+  float ir_intensity;        /* infrared band, the same unit; NAN = red of `intensity` times kuafu_render_desc.ir_ambient_scale */
   double light_to_world[16]; /* +z is the projector's optical axis, x right, y down */
-  uint32_t texture;          /* projector: pattern, red channel read linearly */
+  uint32_t texture;          /* projector: pattern, red channel read linearly. Else a factor, or KUAFU_NONE: over a rectangle or a disk's square; over the
+                                square around a spot's outer cone; equirectangular around a point; directional: tiles of size_m across it */
   uint32_t reserved;
   double k[9];               /* projector: row-major 3x3 in pixels of the texture */
+  double radius_m;           /* point: of the sphere that shines, 0 = a point; disk; projector: of its lens, which blurs by radius |1/z - 1/focus_m| f */
+  double angle_rad;          /* directional: half angle of its disc, 0 = parallel light; at most pi/2 */
+  double inner_rad, outer_rad; /* spot: half angles, 0 <= inner < outer <= pi/2 */
+  double size_m[2];          /* rectangle: width and height; directional with a texture: of a tile */
+  double distortion[8];      /* projector: k1 k2 p1 p2 k3 k4 k5 k6 of Brown and Conrady (OpenCV's order) */
+  double falloff;            /* projector: intensity times cos^falloff of the angle from its axis */
+  double focus_m;            /* projector: distance of its sharpest image; 0 = sharp everywhere */
 } kuafu_light_desc;
 static inline kuafu_light_desc kuafu_light_desc_init(uint32_t kind) {
   kuafu_light_desc l;
@@ -248,6 +262,7 @@ static inline kuafu_light_desc kuafu_light_desc_init(uint32_t kind) {
   l.texture = KUAFU_NONE;
   for (i = 0; i < 4; ++i) l.light_to_world[5 * i] = 1.0;
   for (i = 0; i < 3; ++i) l.k[4 * i] = 1.0;
+  l.outer_rad = 0.78539816339744831;
   return l;
 }
 KUAFU_API ks_status kuafu_scene_add_light(kuafu_scene scene, const kuafu_light_desc* desc, uint32_t* id);
@@ -255,17 +270,23 @@ KUAFU_API ks_status kuafu_scene_set_light(kuafu_scene scene, uint32_t id, const 
 KUAFU_API ks_status kuafu_scene_get_light(kuafu_scene scene, uint32_t id, kuafu_light_desc* out);
 KUAFU_API ks_status kuafu_scene_remove_light(kuafu_scene scene, uint32_t id);
 
-/* Uniform radiance from all directions, seen by every ray that leaves the scene. */
+/* Radiance from all directions, seen by every ray that leaves the scene: uniform, or times an equirectangular map, which is sampled by its brightness. */
 typedef struct kuafu_environment_desc {
   ks_header header;
   float radiance[3];     /* visible band, W/(sr m^2) */
   float ir_radiance;     /* infrared band; NAN = red of `radiance` times ir_ambient_scale plus ir_ambient_radiance (kuafu_render_desc) */
+  uint32_t texture;      /* factor (infrared: its red), or KUAFU_NONE. Its middle column lies towards +z of the map's frame, columns go towards +x, row 0 is -y (up) */
+  uint32_t reserved;
+  double map_to_world[9]; /* row-major rotation */
 } kuafu_environment_desc;
 static inline kuafu_environment_desc kuafu_environment_desc_init(void) {
   kuafu_environment_desc e;
+  int i;
   memset(&e, 0, sizeof e);
   e.header = ks_header_make(KUAFU_TYPE_ENVIRONMENT_DESC, (uint32_t)sizeof e);
   e.ir_radiance = NAN;
+  e.texture = KUAFU_NONE;
+  for (i = 0; i < 3; ++i) e.map_to_world[4 * i] = 1.0;
   return e;
 }
 KUAFU_API ks_status kuafu_scene_set_environment(kuafu_scene scene, const kuafu_environment_desc* desc);
@@ -310,6 +331,11 @@ typedef struct kuafu_renderer_desc {
 KUAFU_API ks_status kuafu_renderer_create(kuafu_device device, const kuafu_renderer_desc* desc, kuafu_renderer* out);
 KUAFU_API void kuafu_renderer_retain(kuafu_renderer renderer);
 KUAFU_API void kuafu_renderer_release(kuafu_renderer renderer);
+
+/* How light with an extent (rectangles, disks, spheres, emissive surfaces, the environment's map) is found. All three give the same mean. */
+#define KUAFU_SAMPLING_MIS 0u    /* by samples of the lights and of the BSDF, weighted (Veach's power heuristic) */
+#define KUAFU_SAMPLING_LIGHTS 1u /* by samples of the lights alone, except in mirrors */
+#define KUAFU_SAMPLING_BSDF 2u   /* by samples of the BSDF alone */
 
 #define KUAFU_BAND_VISIBLE 0u  /* RGB: the projector gives its visible intensity, 0 by default */
 #define KUAFU_BAND_INFRARED 1u /* one channel: ir_albedo, ir intensities, ambient lights scaled */
@@ -372,6 +398,8 @@ typedef struct kuafu_render_desc {
                                         Fresnel's reflection, tint and absorption; 0 = glass casts full shadows */
   ks_progress_fn progress;           /* may be NULL */
   void* progress_user;
+  uint32_t light_sampling;           /* KUAFU_SAMPLING_* */
+  uint32_t reserved;
 } kuafu_render_desc;
 static inline kuafu_render_desc kuafu_render_desc_init(void) {
   kuafu_render_desc r;

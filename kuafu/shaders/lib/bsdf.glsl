@@ -24,6 +24,7 @@ struct Bsdf {
 struct BsdfSample {
   vec3 direction;
   Spectrum weight;  // f cos / pdf
+  float pdf;        // of all lobes that are no mirrors; 0 with delta
   bool delta, transmitted;
 };
 
@@ -103,6 +104,7 @@ BsdfSample sample_glass(Bsdf b, vec3 wo, float choice) {
   float cos_t;
   float reflectance = fresnel_dielectric(wo.z, b.eta, cos_t);
   if (cos_t > 0.0f) reflectance *= b.glass_specular;
+  s.pdf = 0.0f;
   s.delta = true;
   s.transmitted = choice >= reflectance;
   s.direction = s.transmitted ? vec3(-b.eta * xy(wo), -cos_t) : vec3(-xy(wo), wo.z);
@@ -119,7 +121,7 @@ Spectrum straight_transmittance(MaterialPoint m, float cosine) {
 }
 
 BsdfSample bsdf_sample(Bsdf b, Vec2Array table, vec3 wo, vec3 chances, vec2 u, float choice) {
-  BsdfSample s = BsdfSample(vec3(0.0f, 0.0f, 1.0f), Spectrum(0.0f), false, false);
+  BsdfSample s = BsdfSample(vec3(0.0f, 0.0f, 1.0f), Spectrum(0.0f), 0.0f, false, false);
   if (choice < chances.z) {
     s = sample_glass(b, wo, choice / chances.z);
     s.weight *= b.glass / chances.z;
@@ -134,9 +136,8 @@ BsdfSample bsdf_sample(Bsdf b, Vec2Array table, vec3 wo, vec3 chances, vec2 u, f
   }
   if (!lobe && chances.x == 0.0f) return s;
   s.direction = lobe ? reflect(-wo, sample_visible_normal(wo, b.alpha, u)) : sample_cosine(u);
-  float pdf;
-  Spectrum f = bsdf_evaluate(b, table, wo, s.direction, chances, pdf);
-  if (pdf > 0.0f) s.weight = f / pdf;
+  Spectrum f = bsdf_evaluate(b, table, wo, s.direction, chances, s.pdf);
+  if (s.pdf > 0.0f) s.weight = f / s.pdf;
   return s;
 }
 #endif

@@ -8,6 +8,7 @@
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint queue_layout = queue_layout_planes;
 layout(constant_id = 2) const uint trace_group_size = 32u;
+layout(constant_id = 3) const uint features = 0u;
 
 /// Raises the indirect dispatch at `word` to one that covers `count` invocations.
 void cover(UintArray counters, uint word, uint count, uint group_size) {

@@ -8,6 +8,7 @@ struct LightSample {
   vec3 direction;  // towards the light
   float distance_m;
   Spectrum irradiance;  // on a surface that faces the light, W/m^2
+  float pdf;            // per solid angle; 0: the light has no extent
 };
 
 // I / d^2; a projector's I is its pattern's value where the direction falls (spec: no falloff of its own).
@@ -16,6 +17,7 @@ LightSample light_at(LightRecord light, vec3 position) {
   vec3 to_light = light.position - position;
   float distance_squared = max(dot(to_light, to_light), 1e-12f);
   s.distance_m = sqrt(distance_squared);
+  s.pdf = 0.0f;
   s.direction = to_light / s.distance_m;
   s.irradiance = band_of(light.intensity, light.intensity.x) / distance_squared;
   if (light.kind == light_projector) {

@@ -2,5 +2,6 @@
 #include "lib/bsdf.glsl"
 #include "lib/frame.glsl"
 #include "lib/light.glsl"
+#include "lib/light_shape.glsl"
 #include "lib/queue.glsl"
 #include "lib/sequence.glsl"

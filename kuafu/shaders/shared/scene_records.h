@@ -53,22 +53,50 @@ KUAFU_ARRAY(TextureArray, TextureRecord, 8)
 
 KUAFU_CONST light_point = 1u;
 KUAFU_CONST light_projector = 2u;
+KUAFU_CONST light_directional = 3u;
+KUAFU_CONST light_spot = 4u;
+KUAFU_CONST light_rectangle = 5u;
+KUAFU_CONST light_disk = 6u;
+KUAFU_CONST light_mesh = 7u;  // all emissive surfaces of an environment
+KUAFU_CONST light_map = 8u;   // the environment's texture
 
 struct LightRecord {
   UintArray pattern;  // [height][width] relative radiant intensity of pattern_bits each, packed; projectors only
   uint width, height, pattern_bits;  // 8 and 16: 0..1 as an integer; 32: float
   vec3 position;
   uint kind;
-  vec3 intensity;          // W/sr in the band being rendered
+  vec3 intensity;          // in the band being rendered: W/sr (point, spot, projector), W/m^2 (directional) or W/(sr m^2) (those with an area)
   vec3 world_to_pixel[3];  // rows of K R: homogeneous pixel of a world direction from the light
   float probability, cumulative;              // selection among all lights of the environment, by power
   float other_probability, other_cumulative;  // the same among those that are no projectors
 };
 KUAFU_ARRAY(LightArray, LightRecord, 8)
 
+/// What a light has beyond LightRecord; read only with feature_lights.
+struct LightShape {
+  vec3 axis_x, axis_y, axis_z;  // of the light's frame, unit; it shines along +z
+  vec2 half_size;               // rectangle; directional: half a tile of the texture, metres
+  float radius_m;               // point, disk; of a projector's lens
+  float one_minus_cos;          // directional: of its half angle
+  float cos_inner, cos_outer;   // spot
+  uint texture;                 // or no_texture
+  vec2 focal, centre;           // projector: of K, pixels
+  float skew, falloff, focus_m;
+  float distortion[8];          // k1 k2 p1 p2 k3 k4 k5 k6
+  float distortion_reach;       // tangent of the angle up to which the distortion grows
+  uint first, count;            // of light_cumulative: mesh: triangles; map: rows, whose columns follow
+  uint first_triangle;          // of light_triangles
+  uint columns;                 // map
+  float half_texel;             // map: of a row
+  float total;                  // mesh: sum of emission times area
+};
+KUAFU_ARRAY(LightShapeArray, LightShape, 4)
+
 struct EnvironmentRecord {
   vec3 radiance;
   uint first_light, projector_count, light_count;  // projectors come first
+  uint first_shape;  // from here to the end: lights that rays meet; counted from first_light
+  uint mesh_light;   // index into lights, or miss
 };
 KUAFU_ARRAY(EnvironmentArray, EnvironmentRecord, 4)
 
@@ -82,6 +110,9 @@ struct SceneAddresses {
   LightArray lights;
   EnvironmentArray environments;
   Vec2Array specular_albedo;  // [roughness][cosine]
+  LightShapeArray light_shapes;  // as lights
+  FloatArray light_cumulative;
+  UintArray light_triangles;  // instance and primitive
 };
 KUAFU_ARRAY(SceneReference, SceneAddresses, 8)
 
@@ -90,8 +121,9 @@ static_assert(sizeof(InstanceRecord) == 144);
 static_assert(sizeof(MaterialRecord) == 88);
 static_assert(sizeof(TextureRecord) == 24);
 static_assert(sizeof(LightRecord) == 104);
-static_assert(sizeof(EnvironmentRecord) == 24);
-static_assert(sizeof(SceneAddresses) == 56);
+static_assert(sizeof(LightShape) == 152);
+static_assert(sizeof(EnvironmentRecord) == 32);
+static_assert(sizeof(SceneAddresses) == 80);
 }  // namespace kuafu
 #endif
 #endif

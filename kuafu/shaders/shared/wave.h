@@ -18,8 +18,10 @@ KUAFU_CONST group_count = 3u;
 KUAFU_CONST state_pixel_key = 0u;   // hash of seed, view and pixel
 KUAFU_CONST state_sample = 1u;      // index in the pixel's sample sequence
 KUAFU_CONST state_flags = 2u;       // environment, and path_* bits
-KUAFU_CONST state_throughput = 3u;  // `channels` planes; then group_count * channels of radiance; then one per shadow ray of a vertex
+KUAFU_CONST state_pdf = 3u;         // of the direction that the path came by, per solid angle; 0: by a mirror, or it is the camera's
+KUAFU_CONST state_throughput = 4u;  // `channels` planes; then group_count * channels of radiance; then one per shadow ray of a vertex
 KUAFU_CONST path_environment_mask = 0x00ffffffu;
+KUAFU_CONST path_after_first = 0x40000000u;  // the path's last rough surface is the first that the camera sees
 KUAFU_CONST path_all_delta = 0x80000000u;  // only mirrors and smooth glass between this ray and the camera
 KUAFU_FN state_radiance(uint channels) { return state_throughput + channels; }
 KUAFU_FN state_shadow(uint channels) { return state_throughput + channels * (1u + group_count); }
@@ -86,9 +88,14 @@ struct GeneratePush {
 KUAFU_CONST generate_environments = 1u;  // rays carry an environment
 KUAFU_CONST generate_pixel_centre = 2u;  // AOV rays: no jitter, no path state
 
+// What the kernels of `shade` and `transmit` can do: a constant for each of their compilations.
+KUAFU_CONST feature_lights = 1u;  // lights with an extent or a profile (LightShape); multiple importance sampling
+
 KUAFU_CONST shade_environments = 1u;    // rays carry an environment
 KUAFU_CONST shade_ambient = 2u;         // there is light that only BSDF rays find: environment or emission
 KUAFU_CONST shade_select_lights = 4u;   // too many lights: take one by power
+KUAFU_CONST shade_lights_only = 16u;    // light with an extent is found by light samples alone, or
+KUAFU_CONST shade_bsdf_only = 32u;      // by BSDF samples alone; else by both, weighted
 KUAFU_CONST shade_glass_shadows = 8u;   // shadow rays pass smooth glass: they stand in a closest queue, and `transmit` follows them
 
 struct ShadePush {

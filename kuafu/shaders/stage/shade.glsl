@@ -2,6 +2,7 @@
 // for; the BSDF gives the next ray. The caller queues both.
 struct Path {
   uint slot, key, index, flags;
+  float pdf;
   Spectrum throughput;
 };
 
@@ -23,6 +24,7 @@ struct Shading {
 
 struct ShadowRequest {
   bool wanted;
+  bool opaque;  // glass stops it
   Ray ray;
   Spectrum contribution;
   uint group;
@@ -44,6 +46,8 @@ Path load_path(uint i) {
   p.key = push.state.at[plane(state_pixel_key, p.slot)];
   p.index = push.state.at[plane(state_sample, p.slot)];
   p.flags = push.state.at[plane(state_flags, p.slot)];
+  p.pdf = 0.0f;
+  if ((features & feature_lights) != 0u && push.bounce > 0u) p.pdf = load_float(state_pdf, p.slot);
 #if KUAFU_CHANNELS == 1
   p.throughput = load_float(state_throughput, p.slot);
 #else
@@ -54,6 +58,7 @@ Path load_path(uint i) {
 
 void store_path(Path p) {
   push.state.at[plane(state_flags, p.slot)] = p.flags;
+  if ((features & feature_lights) != 0u) store_float(state_pdf, p.slot, p.pdf);
   for (uint c = 0u; c < channels; ++c) store_float(state_throughput + c, p.slot, channel_of(p.throughput, c));
 }
 
@@ -67,14 +72,50 @@ void add_radiance(uint slot, uint group, Spectrum radiance) {
 uint path_environment(Path path) { return path.flags & path_environment_mask; }
 bool all_delta(Path path) { return (path.flags & path_all_delta) != 0u; }
 
+/// Weight of light `index` where the path's direction, not a light sample, found it; pdf: that of the light sample.
+float found_weight(Path path, uint index, float pdf) {
+  if (path.pdf == 0.0f || (push.flags & shade_bsdf_only) != 0u) return 1.0f;
+  if ((push.flags & shade_lights_only) != 0u) return 0.0f;
+  LightRecord light = push.scene.at[0].lights.at[index];
+  if ((push.flags & shade_select_lights) != 0u) pdf *= (path.flags & path_after_first) != 0u ? light.other_probability : light.probability;
+  return mis_weight(path.pdf, pdf);
+}
+
+float emission_weight(Path path, MaterialRecord m, float t, float cosine) {
+  if ((features & feature_lights) == 0u) return 1.0f;
+  uint index = push.scene.at[0].environments.at[path_environment(path)].mesh_light;
+  return index == miss ? 1.0f : found_weight(path, index, mesh_pdf(m, push.scene.at[0].light_shapes.at[index], t, cosine));
+}
+
+/// Adds the light of shapes that the ray meets before t_far.
+void add_shapes(uint i, Path path, float t_far) {
+  SceneAddresses scene = push.scene.at[0];
+  EnvironmentRecord environment = scene.environments.at[path_environment(path)];
+  vec3 origin = vec3(uintBitsToFloat(ray_field(i, ray_origin)), uintBitsToFloat(ray_field(i, ray_origin + 1u)),
+                     uintBitsToFloat(ray_field(i, ray_origin + 2u)));
+  vec3 direction = load_direction(push.rays_in, i, push.capacity);
+  float t_near = uintBitsToFloat(ray_field(i, ray_t_near));
+  for (uint k = environment.first_shape; k < environment.light_count; ++k) {
+    uint index = environment.first_light + k;
+    ShapeHit hit = meet_light(scene, scene.lights.at[index], scene.light_shapes.at[index], origin, direction);
+    if (!hit.found || hit.t < t_near || hit.t > t_far) continue;
+    float weight = found_weight(path, index, hit.pdf);
+    if (weight > 0.0f) add_radiance(path.slot, group_ambient, path.throughput * hit.radiance * weight);
+  }
+}
+
 /// The surface that ray i met; adds its emission to the path.
 Vertex load_vertex(uint i, Path path) {
   vec3 wo = -load_direction(push.rays_in, i, push.capacity);
   SceneAddresses scene = push.scene.at[0];
   Surface s = load_surface(scene, scene.instances.at[ray_field(i, hit_instance)], ray_field(i, hit_primitive),
                            uintBitsToFloat(ray_field(i, hit_u)), uintBitsToFloat(ray_field(i, hit_v)));
-  MaterialPoint m = load_material(scene, scene.materials.at[s.material], s);
-  if (max_component(m.emission) > 0.0f) add_radiance(path.slot, group_ambient, path.throughput * m.emission);
+  MaterialRecord record = scene.materials.at[s.material];
+  MaterialPoint m = load_material(scene, record, s);
+  if (max_component(m.emission) > 0.0f) {
+    float weight = emission_weight(path, record, uintBitsToFloat(ray_field(i, ray_t_far)), dot(s.geometric_normal, wo));
+    add_radiance(path.slot, group_ambient, path.throughput * m.emission * weight);
+  }
   bool front = dot(s.geometric_normal, wo) >= 0.0f;
   Vertex vertex;
   vertex.position = s.position;
@@ -95,6 +136,7 @@ Shading begin_shading(uint i) {
   Shading s;
   s.path = load_path(i);
   s.hit = ray_field(i, hit_geometry) != miss;
+  if ((features & feature_lights) != 0u) add_shapes(i, s.path, s.hit ? uintBitsToFloat(ray_field(i, ray_t_far)) : 2.0f * infinite_m);
   if (s.hit) {
     s.vertex = load_vertex(i, s.path);
     s.hit = push.bounce <= push.max_bounces;
@@ -116,15 +158,24 @@ ShadowRequest ask_light(Shading s, uint k) {
   LightChoice choice = vertex_light(scene.lights, environment, k, select, all_delta(s.path), u);
   if (choice.probability == 0.0f) return request;
   LightRecord record = scene.lights.at[choice.index];
-  LightSample light = light_at(record, s.vertex.position);
+  request.ray.origin = offset_origin(s.vertex.position, s.vertex.coordinate_size, s.vertex.side_normal);
+  LightSample light;
+  if ((features & feature_lights) != 0u) {
+    vec2 point = sample_2d(s.path.key, s.path.index, pair_light_point(push.bounce, k));
+    light = sample_light(scene, record, scene.light_shapes.at[choice.index], request.ray.origin, point);
+    if (light.pdf > 0.0f && (push.flags & shade_bsdf_only) != 0u) return request;
+  } else {
+    light = light_at(record, s.vertex.position);
+  }
   if (max_component(light.irradiance) == 0.0f || dot(light.direction, s.vertex.side_normal) <= 0.0f) return request;
   float pdf;
   vec3 wi = to_local(s.vertex.frame, light.direction);
   Spectrum f = bsdf_evaluate(s.vertex.bsdf, scene.specular_albedo, s.vertex.wo, wi, s.vertex.chances, pdf);
   request.contribution = s.path.throughput * f * light.irradiance / choice.probability;
+  request.opaque = light.pdf > 0.0f;  // directions that find it go through glass by themselves
+  if (request.opaque && (push.flags & shade_lights_only) == 0u) request.contribution *= mis_weight(light.pdf * choice.probability, pdf);
   request.wanted = max_component(request.contribution) > 0.0f;
   request.group = record.kind != light_projector ? group_ambient : all_delta(s.path) ? group_projector_direct : group_projector_indirect;
-  request.ray.origin = offset_origin(s.vertex.position, s.vertex.coordinate_size, s.vertex.side_normal);
   request.ray.t_near = 0.0f;
   request.ray.direction = light.direction;
   request.ray.t_far = light.distance_m * 0.99999f;
@@ -144,7 +195,8 @@ NextRequest scatter(INOUT(Shading) s) {
   // The shading normal may send a ray to the wrong side of the triangle.
   if (b.transmitted == (dot(direction, s.vertex.side_normal) > 0.0f)) return request;
   s.path.throughput *= b.weight;
-  if (!b.delta) s.path.flags &= ~path_all_delta;
+  s.path.pdf = b.pdf;
+  if (!b.delta) s.path.flags = (s.path.flags & ~(path_all_delta | path_after_first)) | (all_delta(s.path) ? path_after_first : 0u);
   float survival = max_component(s.path.throughput);
   if (roulette && survival < 1.0f) {
     if (choice.y >= survival) return request;
@@ -160,7 +212,7 @@ bool goes_on(Shading s) { return s.hit && (push.bounce < push.max_bounces || (pu
 
 void queue_shadow(Path path, ShadowRequest request, uint k, uint i) {
   if ((push.flags & shade_glass_shadows) != 0u) {
-    store_closest_ray(push.shadow_rays, i, push.shadow_capacity, request.ray, i);
+    store_closest_ray(push.shadow_rays, i, push.shadow_capacity, request.ray, request.opaque ? i | shadow_opaque : i);
     push.contributions.at[channels * push.shadow_capacity + i] = request.ray.t_far;
   } else {
     store_ray(push.shadow_rays, i, occlusion_words, push.shadow_capacity, request.ray, path.slot);

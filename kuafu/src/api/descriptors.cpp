@@ -1,6 +1,8 @@
 #include "api/descriptors.h"
 
+#include <algorithm>
 #include <cstring>
+#include <iterator>
 
 #include "device/error.h"
 #include "scene/matrix.h"
@@ -106,7 +108,24 @@ Light to_light(const kuafu_light_desc& desc) {
   light.light_to_world = from_row_major<4>(desc.light_to_world);
   light.texture = desc.texture;
   light.k = from_row_major<3>(desc.k);
+  light.radius_m = desc.radius_m;
+  light.angle_rad = desc.angle_rad;
+  light.inner_rad = desc.inner_rad;
+  light.outer_rad = desc.outer_rad;
+  light.size_m = {desc.size_m[0], desc.size_m[1]};
+  std::copy(std::begin(desc.distortion), std::end(desc.distortion), light.distortion);
+  light.falloff = desc.falloff;
+  light.focus_m = desc.focus_m;
   return light;
+}
+
+Environment to_environment(const kuafu_environment_desc& desc) {
+  Environment environment;
+  environment.radiance = {desc.radiance[0], desc.radiance[1], desc.radiance[2]};
+  environment.ir_radiance = desc.ir_radiance;
+  environment.texture = desc.texture;
+  environment.map_to_world = from_row_major<3>(desc.map_to_world);
+  return environment;
 }
 
 Camera to_camera(const kuafu_camera_desc& desc) {
@@ -150,6 +169,14 @@ kuafu_light_desc to_desc(const Light& light) {
   to_row_major<4>(light.light_to_world, desc.light_to_world);
   desc.texture = light.texture;
   to_row_major<3>(light.k, desc.k);
+  desc.radius_m = light.radius_m;
+  desc.angle_rad = light.angle_rad;
+  desc.inner_rad = light.inner_rad;
+  desc.outer_rad = light.outer_rad;
+  for (int i = 0; i < 2; ++i) desc.size_m[i] = light.size_m[i];
+  std::copy(std::begin(light.distortion), std::end(light.distortion), desc.distortion);
+  desc.falloff = light.falloff;
+  desc.focus_m = light.focus_m;
   return desc;
 }
 

@@ -70,6 +70,8 @@ void check_numbers(const kuafu_render_desc& d) {
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "first_sample %u + samples_per_pixel %u is beyond 2^32 - 1", d.first_sample, d.samples_per_pixel);
   if (d.max_bounces > most_bounces)
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "max_bounces is %u, at most %u are possible", d.max_bounces, most_bounces);
+  if (d.light_sampling > KUAFU_SAMPLING_BSDF)
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "light_sampling %u is no KUAFU_SAMPLING_*", d.light_sampling);
   if (d.glass_surfaces > most_glass_surfaces)
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "glass_surfaces is %u, at most %u are possible", d.glass_surfaces, most_glass_surfaces);
   if (!(d.ir_ambient_scale >= 0.0f && d.ir_ambient_scale <= std::numeric_limits<float>::max()))
@@ -168,6 +170,7 @@ Launch read_launch(const kuafu_render_desc* desc, const ks::Device& device) {
   launch.max_bounces = d.max_bounces;
   launch.seed = d.seed;
   launch.glass_surfaces = d.glass_surfaces;
+  launch.light_sampling = static_cast<LightSampling>(d.light_sampling);
   if (d.progress != nullptr) launch.cancelled = [f = d.progress, user = d.progress_user](float fraction) { return f(user, fraction) != 0; };
   return launch;
 }

@@ -177,8 +177,8 @@ ks_status kuafu_scene_remove_light(kuafu_scene scene, uint32_t id) {
 
 ks_status kuafu_scene_set_environment(kuafu_scene scene, const kuafu_environment_desc* desc) {
   return ks::guard([&] {
-    const kuafu_environment_desc known = ks::read_struct(desc, KUAFU_TYPE_ENVIRONMENT_DESC, "environment desc");
-    scene_of(scene).set_environment({{known.radiance[0], known.radiance[1], known.radiance[2]}, known.ir_radiance});
+    scene_of(scene).set_environment(
+        kuafu::to_environment(ks::read_struct(desc, KUAFU_TYPE_ENVIRONMENT_DESC, "environment desc", kuafu_environment_desc_init())));
   });
 }
 

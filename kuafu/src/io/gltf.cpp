@@ -45,6 +45,9 @@ glm::dmat4 node_to_parent(const tinygltf::Node& node, const std::string& field) 
   return out;
 }
 
+// glTF's cameras and lights look along -z with y up (section 3.10); ours along +z with y down.
+const glm::dmat4 camera_to_node(glm::dvec4(1, 0, 0, 0), glm::dvec4(0, -1, 0, 0), glm::dvec4(0, 0, -1, 0), glm::dvec4(0, 0, 0, 1));
+
 /// The rotation and translation of a node, without its scale: what cameras and lights take from it.
 glm::dmat4 without_scale(const glm::dmat4& m, const std::string& field) {
   const glm::dvec3 z = glm::normalize(glm::dvec3(m[2]));
@@ -140,8 +143,6 @@ class Nodes {
       import_.warn(field + ": a camera of type '" + from.type + "' is ignored");
       return;
     }
-    // glTF: x right, y up, looks along -z (section 3.10). Ours: x right, y down, looks along +z.
-    const glm::dmat4 camera_to_node(glm::dvec4(1, 0, 0, 0), glm::dvec4(0, -1, 0, 0), glm::dvec4(0, 0, -1, 0), glm::dvec4(0, 0, 0, 1));
     const tinygltf::PerspectiveCamera& lens = from.perspective;
     if (!(lens.yfov > 0.0 && lens.yfov < glm::pi<double>()))
       ks::fail(KS_ERROR_FILE, "%s: camera yfov is %g rad, must be in (0, pi)", field.c_str(), lens.yfov);
@@ -159,15 +160,22 @@ class Nodes {
     if (index < 0 || static_cast<size_t>(index) >= model_.lights.size())
       ks::fail(KS_ERROR_FILE, "%s: light %d of %zu", field.c_str(), index, model_.lights.size());
     const tinygltf::Light& from = model_.lights[static_cast<size_t>(index)];
-    if (from.type != "point") {
-      import_.warn(field + ": a light of type '" + from.type + "' is ignored, only point lights are read");
+    Light light;
+    if (from.type == "directional" || from.type == "spot") {
+      light.kind = from.type == "spot" ? Light::Kind::spot : Light::Kind::directional;
+    } else if (from.type != "point") {
+      import_.warn(field + ": a light of type '" + from.type + "' is not known and ignored");
       return;
     }
-    Light light;
     light.name = node.name.empty() ? from.name : node.name;
     for (int i = 0; i < 3; ++i)
       light.intensity[i] = static_cast<float>(from.intensity * (from.color.empty() ? 1.0 : from.color[static_cast<size_t>(i)]));
     light.light_to_world = without_scale(node_to_world, field);
+    if (light.kind != Light::Kind::point) light.light_to_world *= camera_to_node;  // they shine along the node's -z, ours along +z
+    if (light.kind == Light::Kind::spot) {
+      light.inner_rad = from.spot.innerConeAngle;
+      light.outer_rad = from.spot.outerConeAngle;
+    }
     import_.scene.add_light(std::move(light));
   }
 

@@ -1,51 +1,51 @@
 #include "light/light_table.h"
 
 #include <algorithm>
-#include <span>
+
+#include "light/emitters.h"
 
 namespace kuafu {
 namespace {
 
-LightRecord record_of(const Light& light, const glm::vec3& intensity, const Scene& scene,
-                      const std::function<PatternAddress(uint32_t)>& pattern) {
-  LightRecord r{};
-  r.kind = light.kind == Light::Kind::projector ? light_projector : light_point;
-  r.position = glm::vec3(light.light_to_world[3]);
-  r.intensity = intensity;
-  if (r.kind != light_projector) return r;
-  const Texture& texture = scene.textures()[light.texture];
-  r.width = texture.width;
-  r.height = texture.height;
-  const PatternAddress plane = pattern(light.texture);
-  r.pattern = plane.address;
-  r.pattern_bits = plane.bits;
-  const glm::dmat3 to_pixel = glm::transpose(light.k * glm::inverse(glm::dmat3(light.light_to_world)));
-  for (int row = 0; row < 3; ++row) r.world_to_pixel[row] = glm::vec3(to_pixel[row]);
-  return r;
+/// Projectors, lights without extent, the surfaces' light, lights that rays meet.
+int rank(const LightEntry& e) {
+  if (e.record.kind == light_projector) return 0;
+  if (e.record.kind == light_mesh) return 2;
+  return e.met ? 3 : 1;
 }
 
-// Power up to a common factor; a projector's is its brightest direction's, which errs to the safe side.
-double weight_of(const LightRecord& light) { return std::max({light.intensity.x, light.intensity.y, light.intensity.z}); }
-
-void set_chances(std::span<LightRecord> lights, float LightRecord::*probability, float LightRecord::*cumulative) {
+void set_chances(std::vector<LightEntry>& lights, size_t first, float LightRecord::*probability, float LightRecord::*cumulative) {
   double sum = 0, running = 0;
-  for (const LightRecord& l : lights) sum += weight_of(l);
-  for (LightRecord& l : lights) {
-    running += weight_of(l);
-    l.*probability = float(weight_of(l) / sum);
-    l.*cumulative = float(running / sum);
+  for (size_t i = first; i < lights.size(); ++i) sum += lights[i].power;
+  for (size_t i = first; i < lights.size(); ++i) {
+    running += lights[i].power;
+    lights[i].record.*probability = float(lights[i].power / sum);
+    lights[i].record.*cumulative = float(running / sum);
   }
 }
 
-uint32_t add_environment(LightTable& table, std::vector<LightRecord> seen) {
-  const auto others = std::ranges::stable_partition(seen, [](const LightRecord& l) { return l.kind == light_projector; });
-  const auto projectors = uint32_t(others.begin() - seen.begin());
-  set_chances(seen, &LightRecord::probability, &LightRecord::cumulative);
-  set_chances(std::span(seen).subspan(projectors), &LightRecord::other_probability, &LightRecord::other_cumulative);
-  const auto first = uint32_t(table.lights.size());
-  table.lights.insert(table.lights.end(), seen.begin(), seen.end());
-  table.environments.push_back({glm::vec3(0), first, projectors, uint32_t(seen.size())});
+uint32_t add_environment(LightTable& table, std::vector<LightEntry> seen) {
+  std::ranges::stable_sort(seen, {}, rank);
+  const auto begin_of = [&](int from) {
+    return uint32_t(std::ranges::find_if(seen, [&](const LightEntry& e) { return rank(e) >= from; }) - seen.begin());
+  };
+  const uint32_t first = uint32_t(table.lights.size()), projectors = begin_of(1), mesh = begin_of(2), shapes = begin_of(3);
+  set_chances(seen, 0, &LightRecord::probability, &LightRecord::cumulative);
+  set_chances(seen, projectors, &LightRecord::other_probability, &LightRecord::other_cumulative);
+  for (const LightEntry& e : seen) {
+    table.lights.push_back(e.record);
+    table.shapes.push_back(e.shape);
+    table.has_shapes = table.has_shapes || e.shaped;
+  }
+  table.environments.push_back({glm::vec3(0), first, projectors, uint32_t(seen.size()), shapes, mesh < shapes ? first + mesh : miss});
   return projectors;
+}
+
+double world_radius_m(const Scene& scene) {
+  const auto needs = [](const auto& light) { return light && light->kind == Light::Kind::directional; };
+  if (scene.environment().texture == none && std::ranges::none_of(scene.lights(), needs)) return 0;
+  const Scene::Bounds bounds = scene.bounds();
+  return bounds.min.x <= bounds.max.x ? std::max(1e-3, glm::length(bounds.max - bounds.min) / 2) : 1;
 }
 
 }  // namespace
@@ -54,19 +54,24 @@ LightTable make_light_table(const Scene& scene, const Band& band, uint32_t envir
                             const std::function<PatternAddress(uint32_t)>& pattern) {
   LightTable table;
   uint32_t most_lights = 0, most_projectors = 0;
+  const double radius_m = world_radius_m(scene);
+  const std::optional<LightEntry> map = map_light(scene, band, radius_m, table);
   for (uint32_t e = 0; e < environment_count; ++e) {
-    std::vector<LightRecord> seen;
+    std::vector<LightEntry> seen;
     for (const auto& light : scene.lights()) {
       if (!light || (light->environment != none && light->environment != e)) continue;
       const glm::vec3 intensity = band.intensity(light->intensity, light->ir_intensity);
       if (intensity == glm::vec3(0) || (light->kind == Light::Kind::projector && light->texture == none)) continue;
-      seen.push_back(record_of(*light, intensity, scene, pattern));
+      seen.push_back(light_entry(*light, intensity, scene, radius_m, pattern));
     }
+    if (const auto mesh = mesh_light(scene, band, e, table)) seen.push_back(*mesh);
+    if (map) seen.push_back(*map);
     most_lights = std::max(most_lights, uint32_t(seen.size()));
     most_projectors = std::max(most_projectors, add_environment(table, std::move(seen)));
   }
   const Environment& environment = scene.environment();
-  for (EnvironmentRecord& e : table.environments) e.radiance = band.environment(environment.radiance, environment.ir_radiance);
+  const glm::vec3 radiance = environment.texture == none ? band.environment(environment.radiance, environment.ir_radiance) : glm::vec3(0);
+  for (EnvironmentRecord& e : table.environments) e.radiance = radiance;
   table.select_lights = most_lights > few_lights;
   table.shadow_rays_per_vertex = table.select_lights ? most_projectors + 1 : most_lights;
   return table;

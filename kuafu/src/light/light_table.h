@@ -1,4 +1,5 @@
-// The lights that each environment sees, as shaders read them: projectors first, with chances by power. Thread rule: pure functions.
+// The lights that each environment sees, as shaders read them: projectors first, then those without extent, emissive surfaces, and those
+// that rays meet; with chances by power. Thread rule: pure functions.
 #pragma once
 
 #include <functional>
@@ -12,9 +13,13 @@ namespace kuafu {
 
 struct LightTable {
   std::vector<LightRecord> lights;  // environment after environment; those that are dark in the band are left out
+  std::vector<LightShape> shapes;   // as lights
   std::vector<EnvironmentRecord> environments;
+  std::vector<float> cumulative;    // of meshes and maps
+  std::vector<uint32_t> triangles;  // of meshes: instance and primitive
   uint32_t shadow_rays_per_vertex = 0;
   bool select_lights = false;  // more than few_lights somewhere: each vertex asks one light, chosen by power
+  bool has_shapes = false;     // some light needs its LightShape
 };
 
 inline constexpr uint32_t few_lights = 4;

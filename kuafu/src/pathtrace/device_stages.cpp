@@ -1,5 +1,6 @@
 // The stages in Vulkan compute; each pipeline is built when it is first used.
 #include <array>
+#include <map>
 #include <optional>
 
 #include "device/compute.h"
@@ -23,7 +24,7 @@ constexpr uint32_t group_size = 128;  // measured best on an NVIDIA H200 and on 
 class DeviceStages final : public Stages {
  public:
   DeviceStages(std::shared_ptr<ks::Device> device, const Tracer& tracer)
-      : device_(std::move(device)), specialisation_{group_size, tracer.queue_layout(), tracer.trace_group_size()} {}
+      : device_(std::move(device)), specialisation_{group_size, tracer.queue_layout(), tracer.trace_group_size(), 0} {}
 
   void generate(ks::Commands& commands, const GeneratePush& push, const WaveBuffers& buffers) override {
     commands.begin_stage("generate");
@@ -34,16 +35,18 @@ class DeviceStages final : public Stages {
   void shade(ks::Commands& commands, const ShadePush& push, const WaveBuffers& buffers) override {
     commands.begin_stage("shade");
     const bool infrared = buffers.size().channels == 1;
+    Pipeline& slot = shade_[{infrared, buffers.size().features}];
     const ks::ComputePipeline& pipeline =
-        infrared ? built<ShadePush>(shade_infrared_, shade_infrared_spirv) : built<ShadePush>(shade_visible_, shade_visible_spirv);
+        built<ShadePush>(slot, infrared ? std::span<const uint32_t>(shade_infrared_spirv) : shade_visible_spirv, buffers.size().features);
     commands.dispatch_indirect(pipeline, push, buffers.counters(), shade_arguments(push.bounce));
   }
 
   void transmit(ks::Commands& commands, const TransmitPush& push, const WaveBuffers& buffers) override {
     commands.begin_stage("transmit");
     const bool infrared = buffers.size().channels == 1;
-    const ks::ComputePipeline& pipeline = infrared ? built<TransmitPush>(transmit_infrared_, transmit_infrared_spirv)
-                                                   : built<TransmitPush>(transmit_visible_, transmit_visible_spirv);
+    Pipeline& slot = transmit_[{infrared, buffers.size().features}];
+    const ks::ComputePipeline& pipeline = built<TransmitPush>(
+        slot, infrared ? std::span<const uint32_t>(transmit_infrared_spirv) : transmit_visible_spirv, buffers.size().features);
     commands.dispatch_indirect(pipeline, push, buffers.counters(),
                                (uint64_t(push.block_in) * counter_words + counter_transmit_arguments) * 4);
   }
@@ -67,7 +70,8 @@ class DeviceStages final : public Stages {
   static uint64_t shade_arguments(uint32_t bounce) { return (uint64_t(bounce) * counter_words + counter_shade_arguments) * 4; }
 
   template <class Push>
-  const ks::ComputePipeline& built(Pipeline& slot, std::span<const uint32_t> spirv) {
+  const ks::ComputePipeline& built(Pipeline& slot, std::span<const uint32_t> spirv, uint32_t features = 0) {
+    specialisation_[3] = features;
     if (!slot) slot.emplace(device_, spirv, uint32_t(sizeof(Push)), specialisation_);
     return *slot;
   }
@@ -78,8 +82,9 @@ class DeviceStages final : public Stages {
   }
 
   std::shared_ptr<ks::Device> device_;
-  std::array<uint32_t, 3> specialisation_;
-  Pipeline generate_, shade_infrared_, shade_visible_, transmit_infrared_, transmit_visible_, resolve_, accumulate_, aov_;
+  std::array<uint32_t, 4> specialisation_;
+  Pipeline generate_, resolve_, accumulate_, aov_;
+  std::map<std::pair<bool, uint32_t>, Pipeline> shade_, transmit_;  // by infrared and features
 };
 
 }  // namespace

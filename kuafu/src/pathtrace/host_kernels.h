@@ -30,9 +30,10 @@ class QueuePlaces {
   Places ends_;
 };
 
-void shade_infrared(const ShadePush& push, uint32_t first, uint32_t end, QueuePlaces& places, size_t chunk);
-void shade_visible(const ShadePush& push, uint32_t first, uint32_t end, QueuePlaces& places, size_t chunk);
-void transmit_infrared(const TransmitPush& push, uint32_t first, uint32_t end, QueuePlaces& places, size_t chunk);
-void transmit_visible(const TransmitPush& push, uint32_t first, uint32_t end, QueuePlaces& places, size_t chunk);
+/// Each band and stage plain, for feature set 0, and full.
+using ShadeKernel = void(const ShadePush& push, uint32_t first, uint32_t end, QueuePlaces& places, size_t chunk);
+using TransmitKernel = void(const TransmitPush& push, uint32_t first, uint32_t end, QueuePlaces& places, size_t chunk);
+ShadeKernel shade_infrared, shade_visible, shade_infrared_full, shade_visible_full;
+TransmitKernel transmit_infrared, transmit_visible, transmit_infrared_full, transmit_visible_full;
 
 }  // namespace kuafu::host

@@ -25,7 +25,9 @@ class HostStages final : public Stages {
   void shade(ks::Commands& commands, const ShadePush& push, const WaveBuffers& buffers) override {
     uint32_t* counters = push.counters.at + push.bounce * counter_words;
     host::QueuePlaces places;
-    const auto kernel = buffers.size().channels == 1 ? host::shade_infrared : host::shade_visible;
+    const bool infrared = buffers.size().channels == 1, plain = buffers.size().features == 0;
+    host::ShadeKernel* const kernel =
+        infrared ? (plain ? host::shade_infrared : host::shade_infrared_full) : (plain ? host::shade_visible : host::shade_visible_full);
     run(commands, "shade", counters[counter_ray_count], chunk_rays,
         [&](uint32_t first, uint32_t end, size_t chunk) { kernel(push, first, end, places, chunk); });
     counters[counter_shadow_count] = places.ends().shadow;
@@ -34,7 +36,9 @@ class HostStages final : public Stages {
 
   void transmit(ks::Commands& commands, const TransmitPush& push, const WaveBuffers& buffers) override {
     host::QueuePlaces places;
-    const auto kernel = buffers.size().channels == 1 ? host::transmit_infrared : host::transmit_visible;
+    const bool infrared = buffers.size().channels == 1, plain = buffers.size().features == 0;
+    host::TransmitKernel* const kernel = infrared ? (plain ? host::transmit_infrared : host::transmit_infrared_full)
+                                                  : (plain ? host::transmit_visible : host::transmit_visible_full);
     run(commands, "transmit", push.counters.at[push.block_in * counter_words + counter_shadow_count], chunk_rays,
         [&](uint32_t first, uint32_t end, size_t chunk) { kernel(push, first, end, places, chunk); });
     push.counters.at[push.block_out * counter_words + counter_shadow_count] = places.ends().shadow;

@@ -20,6 +20,8 @@ struct View {
   uint32_t environment = 0;
 };
 
+enum class LightSampling { mis, lights, bsdf };
+
 /// Where an output goes: a view into the caller's buffer whose lowest word is at offset_bytes; first element and strides in 32-bit words.
 /// No buffer: it is not asked for.
 struct OutputImage {
@@ -34,6 +36,7 @@ struct Launch {
   Band band;
   uint32_t samples = 1, first_sample = 0, max_bounces = 0;
   uint64_t seed = 0;
+  LightSampling light_sampling = LightSampling::mis;
   uint32_t glass_surfaces = 0;  // that shadow rays may pass
   std::array<OutputImage, output_kind_count> outputs;
   /// Called between waves with what is done, 0..1; true cancels. May be empty.

@@ -107,7 +107,7 @@ void PathTracer::Run::fit_buffers() {
   const uint32_t samples = launch_.wants_radiance() ? std::min(launch_.samples, pass_samples) : 1;
   pixels_per_wave_ = std::min(launch_.pixel_count(), std::max(most / samples, pixel_block));
   o_.buffers_.fit({round_up(pixels_per_wave_ * samples, pixel_block), launch_.band.channels(), shadows, launch_.max_bounces + 3,
-                   environments_, shadows > 0 && o_.tables_.has_glass() ? launch_.glass_surfaces : 0});
+                   environments_, o_.tables_.features(), shadows > 0 && o_.tables_.has_glass() ? launch_.glass_surfaces : 0});
 }
 
 void PathTracer::Run::render() {
@@ -212,7 +212,9 @@ void PathTracer::Run::shade(uint32_t bounce) {
   push.max_bounces = launch_.max_bounces;
   push.shadow_rays_per_vertex = bounce <= launch_.max_bounces ? b.size().shadow_rays_per_vertex : 0;
   push.flags = (environments_ ? shade_environments : 0) | (o_.tables_.has_ambient() ? shade_ambient : 0) |
-               (o_.tables_.select_lights() ? shade_select_lights : 0) | (glass_shadows() ? shade_glass_shadows : 0);
+               (o_.tables_.select_lights() ? shade_select_lights : 0) | (glass_shadows() ? shade_glass_shadows : 0) |
+               (launch_.light_sampling == LightSampling::lights ? shade_lights_only : 0) |
+               (launch_.light_sampling == LightSampling::bsdf ? shade_bsdf_only : 0);
   o_.stages_->shade(commands_, push, b);
 }
 

@@ -67,8 +67,10 @@ SceneTables::SceneTables(Memory memory) : memory_(std::move(memory)) {
 void SceneTables::update(const Scene& scene, const Band& band, uint32_t environment_count) {
   if (&scene != scene_) forget(scene);
   const Revisions& now = scene.revisions();
-  const bool lights_changed =
-      now.lights != seen_.lights || now.textures != seen_.textures || !(band == band_) || environment_count != environment_count_;
+  const bool geometry_changed = now.instances != seen_.instances || now.meshes != seen_.meshes;
+  const bool lights_changed = now.lights != seen_.lights || now.textures != seen_.textures || now.materials != seen_.materials ||
+                              (geometry_changed && (light_features_ != 0 || emissive_[band.infrared ? 1 : 0])) || !(band == band_) ||
+                              environment_count != environment_count_;
   band_ = band;
   if (now.meshes != seen_.meshes) move_vertices(scene);
   if (meshes_.size() < scene.meshes().size()) add_meshes(scene);
@@ -78,9 +80,16 @@ void SceneTables::update(const Scene& scene, const Band& band, uint32_t environm
   if (lights_changed) write_lights(scene, environment_count);
   seen_ = now;
   environment_count_ = environment_count;
-  tables_.resize(memory_, 1)[0] = {
-      instances_.address(),    instance_materials_.address(),     materials_.address(), textures_.address(), lights_.address(),
-      environments_.address(), memory_.address(*specular_albedo_)};
+  tables_.resize(memory_, 1)[0] = {instances_.address(),
+                                   instance_materials_.address(),
+                                   materials_.address(),
+                                   textures_.address(),
+                                   lights_.address(),
+                                   environments_.address(),
+                                   memory_.address(*specular_albedo_),
+                                   light_shapes_.address(),
+                                   light_cumulative_.address(),
+                                   light_triangles_.address()};
 }
 
 void SceneTables::forget(const Scene& scene) {
@@ -183,6 +192,10 @@ void SceneTables::write_instances(const Scene& scene) {
 void SceneTables::write_lights(const Scene& scene, uint32_t environment_count) {
   const LightTable table = make_light_table(scene, band_, environment_count, [&](uint32_t texture) { return pattern(scene, texture); });
   std::ranges::copy(table.lights, lights_.resize(memory_, table.lights.size()).begin());
+  std::ranges::copy(table.shapes, light_shapes_.resize(memory_, table.shapes.size()).begin());
+  std::ranges::copy(table.cumulative, light_cumulative_.resize(memory_, table.cumulative.size()).begin());
+  std::ranges::copy(table.triangles, light_triangles_.resize(memory_, table.triangles.size()).begin());
+  light_features_ = table.has_shapes ? feature_lights : 0;
   std::ranges::copy(table.environments, environments_.resize(memory_, table.environments.size()).begin());
   shadow_rays_per_vertex_ = table.shadow_rays_per_vertex;
   select_lights_ = table.select_lights;

@@ -10,6 +10,7 @@
 #include "pathtrace/device_array.h"
 #include "scene/scene.h"
 #include "shared/scene_records.h"
+#include "shared/wave.h"
 
 namespace kuafu {
 
@@ -22,11 +23,15 @@ class SceneTables {
 
   [[nodiscard]] uint64_t address() const { return tables_.address(); }
   [[nodiscard]] uint32_t shadow_rays_per_vertex() const { return shadow_rays_per_vertex_; }
+  /// feature_* that the scene needs.
+  [[nodiscard]] uint32_t features() const { return light_features_; }
   [[nodiscard]] bool select_lights() const { return select_lights_; }
   /// Whether a surface lets light through.
   [[nodiscard]] bool has_glass() const { return has_glass_; }
   /// Whether the environment or a surface shines in the band: light that only BSDF rays find.
-  [[nodiscard]] bool has_ambient() const { return has_environment_light_ || emissive_[band_.infrared ? 1 : 0]; }
+  [[nodiscard]] bool has_ambient() const {
+    return has_environment_light_ || (light_features_ & feature_lights) != 0 || emissive_[band_.infrared ? 1 : 0];
+  }
 
  private:
   struct MeshAddresses {
@@ -67,9 +72,13 @@ class SceneTables {
   MappedTable<uint32_t> instance_materials_;
   MappedTable<LightRecord> lights_;
   MappedTable<EnvironmentRecord> environments_;
+  MappedTable<LightShape> light_shapes_;
+  MappedTable<float> light_cumulative_;
+  MappedTable<uint32_t> light_triangles_;
   MappedTable<SceneAddresses> tables_;
   uint32_t shadow_rays_per_vertex_ = 0;
   bool select_lights_ = false, has_environment_light_ = false, has_glass_ = false;
+  uint32_t light_features_ = 0;
   bool emissive_[2] = {false, false};  // visible, infrared
 };
 

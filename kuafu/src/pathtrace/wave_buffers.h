@@ -16,6 +16,7 @@ struct WaveSize {
   uint32_t shadow_rays_per_vertex = 0;
   uint32_t bounces = 0;  // counter blocks
   bool environments = false;
+  uint32_t features = 0;        // feature_*
   uint32_t glass_surfaces = 0;  // that a shadow ray may pass; 0: shadow rays only ask whether something stands in the way
 };
 

@@ -53,8 +53,12 @@ void Scene::check_references(const Light& light) const {
   if (light.kind == Light::Kind::projector) {
     check_exists("projector", light.name, "texture", light.texture, textures_.size());
   } else if (light.texture != none) {
-    ks::fail(KS_ERROR_INVALID_ARGUMENT, "light '%s': a point light takes no texture, use a projector", light.name.c_str());
+    check_exists("light", light.name, "texture", light.texture, textures_.size());
   }
+}
+
+void Scene::check_references(const Environment& environment) const {
+  if (environment.texture != none) check_exists("environment", "", "texture", environment.texture, textures_.size());
 }
 
 void Scene::check_materials(const std::vector<uint32_t>& ids) const {
@@ -139,6 +143,7 @@ void Scene::set_light(uint32_t id, Light light) {
 
 void Scene::set_environment(const Environment& environment) {
   check(environment);
+  check_references(environment);
   environment_ = environment;
   ++revisions_.lights;
 }

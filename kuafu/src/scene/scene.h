@@ -54,20 +54,26 @@ struct Instance {
 };
 
 struct Light {
-  enum class Kind : uint32_t { point = 1, projector = 2 };
+  enum class Kind : uint32_t { point = 1, projector = 2, directional = 3, spot = 4, rectangle = 5, disk = 6 };
   std::string name;
   Kind kind = Kind::point;
   uint32_t environment = none;
-  glm::vec3 intensity{0.0f};  // W/sr
+  glm::vec3 intensity{0.0f};  // W/sr, W/m^2 or W/(sr m^2), as kuafu_light_desc says
   float ir_intensity = std::numeric_limits<float>::quiet_NaN();
   glm::dmat4 light_to_world{1.0};
   uint32_t texture = none;
   glm::dmat3 k{1.0};  // column-major glm: k[2][0] is cx
+  double radius_m = 0.0, angle_rad = 0.0, inner_rad = 0.0, outer_rad = 0.0;
+  glm::dvec2 size_m{0.0};
+  double distortion[8] = {};  // k1 k2 p1 p2 k3 k4 k5 k6
+  double falloff = 0.0, focus_m = 0.0;
 };
 
 struct Environment {
   glm::vec3 radiance{0.0f};
   float ir_radiance = std::numeric_limits<float>::quiet_NaN();
+  uint32_t texture = none;  // equirectangular, multiplies both
+  glm::dmat3 map_to_world{1.0};
 };
 
 struct Camera {
@@ -122,6 +128,7 @@ class Scene {
  private:
   void check_references(const Material& material) const;
   void check_references(const Light& light) const;
+  void check_references(const Environment& environment) const;
   void check_materials(const std::vector<uint32_t>& ids) const;
 
   std::vector<Mesh> meshes_;

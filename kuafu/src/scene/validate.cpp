@@ -135,18 +135,53 @@ void check(const Material& material) {
   check_not_negative("material", material.name, "ir_emission", material.ir_emission);
 }
 
+namespace {
+
+void check_shape(const Light& light) {
+  using Kind = Light::Kind;
+  const auto not_negative = [&](const char* field, double value) { check_not_negative("light", light.name, field, value); };
+  const auto positive = [&](const char* field, double value) {
+    if (!(value > 0.0 && std::isfinite(value)))
+      ks::fail(KS_ERROR_INVALID_ARGUMENT, "light '%s': %s is %g, must be finite and > 0", light.name.c_str(), field, value);
+  };
+  const double right_angle = std::acos(0.0);
+  not_negative("radius_m", light.radius_m);
+  if (light.kind == Kind::disk) positive("radius_m", light.radius_m);
+  if (light.kind == Kind::rectangle || (light.kind == Kind::directional && light.texture != none))
+    for (int i = 0; i < 2; ++i) positive("size_m", light.size_m[i]);
+  if (light.kind == Kind::directional) check_range("light", light.name, "angle_rad", light.angle_rad, 0.0, right_angle);
+  if (light.kind == Kind::point && light.radius_m > 0.0 && light.texture != none)
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "light '%s': a point light with a radius takes no texture", light.name.c_str());
+  if (light.kind != Kind::spot) return;
+  if (!(light.inner_rad >= 0.0 && light.outer_rad > light.inner_rad && light.outer_rad <= right_angle))
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "light '%s': inner_rad is %g and outer_rad %g, must be 0 <= inner < outer <= pi/2",
+             light.name.c_str(), light.inner_rad, light.outer_rad);
+}
+
+void check_projector(const Light& light) {
+  check_pinhole("light", light.name, light.k);
+  check_not_negative("light", light.name, "falloff", light.falloff);
+  check_not_negative("light", light.name, "focus_m", light.focus_m);
+  for (const double d : light.distortion)
+    if (!std::isfinite(d)) ks::fail(KS_ERROR_INVALID_ARGUMENT, "light '%s': distortion has a value that is not finite", light.name.c_str());
+}
+
+}  // namespace
+
 void check(const Light& light) {
-  if (light.kind != Light::Kind::point && light.kind != Light::Kind::projector)
+  if (light.kind < Light::Kind::point || light.kind > Light::Kind::disk)
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "light '%s': kind %u is not known", light.name.c_str(), static_cast<uint32_t>(light.kind));
   check_not_negative("light", light.name, "intensity", light.intensity);
   check_infrared("light", light.name, "ir_intensity", light.ir_intensity);
   check_rigid(light.light_to_world, ("light '" + light.name + "': light_to_world").c_str());
-  if (light.kind == Light::Kind::projector) check_pinhole("light", light.name, light.k);
+  check_shape(light);
+  if (light.kind == Light::Kind::projector) check_projector(light);
 }
 
 void check(const Environment& environment) {
   check_not_negative("environment", "", "radiance", environment.radiance);
   check_infrared("environment", "", "ir_radiance", environment.ir_radiance);
+  check_rigid(glm::dmat4(environment.map_to_world), "environment: map_to_world");
 }
 
 void check(const Camera& camera) {

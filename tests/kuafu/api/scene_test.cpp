@@ -150,15 +150,15 @@ TEST_F(SceneApi, AFailedLoadLeavesTheSceneAndNamesTheFile) {
 
 TEST_F(SceneApi, WhatIsIgnoredGoesToTheLog) {
   GltfWriter w;
-  w.root["extensions"]["KHR_lights_punctual"]["lights"] = {{{"type", "spot"}, {"spot", json::object()}}};
+  w.root["cameras"] = {{{"type", "orthographic"}, {"orthographic", {{"xmag", 1}, {"ymag", 1}, {"znear", 0}, {"zfar", 1}}}}};
   w.triangle();
-  w.node({{"mesh", 0}, {"extensions", {{"KHR_lights_punctual", {{"light", 0}}}}}});
+  w.node({{"mesh", 0}, {"camera", 0}});
   const Folder folder;
   w.write_gltf(folder / "scene.gltf");
   ASSERT_EQ(kuafu_scene_load(scene_, (folder / "scene.gltf").c_str(), nullptr), KS_OK) << kuafu_last_error();
-  const auto about_spot = [](const std::string& text) { return text.find("'spot' is ignored") != std::string::npos; };
-  EXPECT_EQ(std::count_if(warnings_.begin(), warnings_.end(), about_spot), 1);
-  EXPECT_EQ(summary().light_count, 0u);
+  const auto about_camera = [](const std::string& text) { return text.find("'orthographic' is ignored") != std::string::npos; };
+  EXPECT_EQ(std::count_if(warnings_.begin(), warnings_.end(), about_camera), 1);
+  EXPECT_EQ(summary().camera_count, 0u);
 }
 
 TEST_F(SceneApi, CamerasOfAFileProjectAsTheHeaderSays) {

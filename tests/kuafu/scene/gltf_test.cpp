@@ -325,7 +325,7 @@ TEST(GltfTexture, MissingAndBrokenImagesAreErrors) {
   expect_error(w, "image 2 of 1");
 }
 
-TEST(GltfLight, CandelasAreWattsPerSteradianAndOtherKindsWarn) {
+TEST(GltfLight, CandelasAreWattsPerSteradianAndLightsLookForward) {
   GltfWriter w;
   w.root["extensionsUsed"] = {"KHR_lights_punctual"};
   w.root["extensions"]["KHR_lights_punctual"]["lights"] = {
@@ -335,15 +335,19 @@ TEST(GltfLight, CandelasAreWattsPerSteradianAndOtherKindsWarn) {
   for (int i = 0; i < 3; ++i)
     w.node({{"translation", {1, 2, 3 + i}}, {"scale", {2, 2, 2}}, {"extensions", {{"KHR_lights_punctual", {{"light", i}}}}}});
   const Loaded loaded = load(w);
-  ASSERT_EQ(loaded.scene.lights().size(), 1u);
+  ASSERT_EQ(loaded.scene.lights().size(), 3u);
   const Light& light = *loaded.scene.lights()[0];
   EXPECT_EQ(light.intensity, glm::vec3(8, 4, 2));
   EXPECT_EQ(light.name, "lamp");
   EXPECT_TRUE(std::isnan(light.ir_intensity));
   expect_near(glm::dvec3(light.light_to_world[3]), {1, 2, 3});
   EXPECT_EQ(glm::dmat3(light.light_to_world), glm::dmat3(1.0)) << "a light takes no scale";
-  expect_warning(loaded, "type 'spot' is ignored");
-  expect_warning(loaded, "type 'directional' is ignored");
+  const Light &spot = *loaded.scene.lights()[1], &sun = *loaded.scene.lights()[2];
+  EXPECT_EQ(spot.kind, Light::Kind::spot);
+  EXPECT_EQ(spot.inner_rad, 0.0);
+  EXPECT_NEAR(spot.outer_rad, 0.78539816339744831, 1e-9) << "the extension's default, pi / 4";
+  EXPECT_EQ(sun.kind, Light::Kind::directional);
+  expect_near(glm::dvec3(sun.light_to_world[2]), {0, 0, -1});
 }
 
 TEST(GltfCamera, LooksForwardWithDownwardY) {

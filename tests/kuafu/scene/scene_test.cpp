@@ -79,7 +79,9 @@ TEST(Scene, RefusesLightsAndPosesThatAreNoRotation) {
   refuse([](Light& l) { l.light_to_world[0][0] = 1.1; }, "is not a rotation and translation");
   refuse([](Light& l) { l.light_to_world[0][0] = -1; }, "determinant -1");
   refuse([](Light& l) { l.light_to_world[3][1] = NAN; }, "not finite");
-  refuse([](Light& l) { l.texture = 0; }, "takes no texture");
+  refuse([](Light& l) { l.texture = 0; }, "there is no texture");
+  refuse([](Light& l) { l.texture = 0, l.radius_m = 1; }, "takes no texture");
+  refuse([](Light& l) { l.kind = Light::Kind::disk; }, "radius_m is 0");
   refuse([](Light& l) { l.kind = Light::Kind::projector; }, "there is no texture");
   refuse([](Light& l) { l.kind = Light::Kind::projector, l.k[0][0] = 0; }, "focal lengths of K are 0");
   Scene scene;

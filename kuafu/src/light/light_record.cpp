@@ -1,0 +1,99 @@
+#include "light/light_record.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace kuafu {
+namespace {
+
+constexpr double pi = std::numbers::pi;
+
+void set_projector(LightEntry& e, const Light& light, const Scene& scene, const std::function<PatternAddress(uint32_t)>& pattern) {
+  const Texture& texture = scene.textures()[light.texture];
+  const PatternAddress plane = pattern(light.texture);
+  e.record.width = texture.width;
+  e.record.height = texture.height;
+  e.record.pattern = plane.address;
+  e.record.pattern_bits = plane.bits;
+  const glm::dmat3 to_pixel = glm::transpose(light.k * glm::inverse(glm::dmat3(light.light_to_world)));
+  for (int row = 0; row < 3; ++row) e.record.world_to_pixel[row] = glm::vec3(to_pixel[row]);
+}
+
+/// Distorted radius of a ray whose tangent of the angle to the axis is r.
+double distorted(const double* d, double r) {
+  const double r2 = r * r;
+  return r * (1 + r2 * (d[0] + r2 * (d[1] + r2 * d[4]))) / (1 + r2 * (d[5] + r2 * (d[6] + r2 * d[7])));
+}
+
+/// Beyond it the polynomial folds back, and would show the pattern twice.
+double distortion_reach(const double* d) {
+  constexpr double step = 1e-3, last = 20;
+  double r = 0;
+  while (r < last && distorted(d, r + step) > distorted(d, r)) r += step;
+  return r < last ? r : 1e18;
+}
+
+void set_lens(LightEntry& e, const Light& light) {
+  LightShape& s = e.shape;
+  s.focal = glm::vec2(light.k[0][0], light.k[1][1]);
+  s.centre = glm::vec2(light.k[2][0], light.k[2][1]);
+  s.skew = float(light.k[1][0]);
+  s.falloff = float(light.falloff);
+  s.focus_m = float(light.focus_m);
+  std::ranges::copy(light.distortion, s.distortion);
+  s.distortion_reach = float(distortion_reach(light.distortion));
+  e.shaped = light.falloff > 0 || (light.focus_m > 0 && light.radius_m > 0) ||
+             std::ranges::any_of(light.distortion, [](double k) { return k != 0; });
+}
+
+double power_of(const Light& light, double brightness, double world_radius_m) {
+  switch (light.kind) {
+    case Light::Kind::directional:
+      return brightness * pi * world_radius_m * world_radius_m;
+    case Light::Kind::spot:
+      return brightness * 2 * pi * (1 - std::cos(light.outer_rad));
+    case Light::Kind::rectangle:
+      return brightness * pi * light.size_m.x * light.size_m.y;
+    case Light::Kind::disk:
+      return brightness * pi * pi * light.radius_m * light.radius_m;
+    default:
+      return brightness * 4 * pi;  // a projector's is its brightest direction's
+  }
+}
+
+}  // namespace
+
+double brightness(const glm::vec3& value) { return std::max({value.x, value.y, value.z}); }
+
+LightEntry light_entry(const Light& light, const glm::vec3& intensity, const Scene& scene, double world_radius_m,
+                       const std::function<PatternAddress(uint32_t)>& pattern) {
+  LightEntry e;
+  e.record.kind = uint32_t(light.kind);
+  e.record.position = glm::vec3(light.light_to_world[3]);
+  e.record.intensity = intensity;
+  e.power = power_of(light, brightness(intensity), world_radius_m);
+  LightShape& s = e.shape;
+  s.axis_x = glm::vec3(light.light_to_world[0]);
+  s.axis_y = glm::vec3(light.light_to_world[1]);
+  s.axis_z = glm::vec3(light.light_to_world[2]);
+  s.half_size = glm::vec2(light.size_m * 0.5);
+  s.radius_m = float(light.radius_m);
+  const double half_sine = std::sin(light.angle_rad / 2);
+  s.one_minus_cos = float(2 * half_sine * half_sine);
+  s.cos_inner = float(std::cos(light.inner_rad));
+  s.cos_outer = float(std::cos(light.outer_rad));
+  s.texture = light.texture;
+  if (light.kind == Light::Kind::projector) {
+    set_projector(e, light, scene, pattern);
+    set_lens(e, light);
+  } else {
+    e.shaped = light.kind != Light::Kind::point || light.radius_m > 0 || light.texture != none;
+  }
+  const bool sphere = light.kind == Light::Kind::point && light.radius_m > 0,
+             disc = light.kind == Light::Kind::directional && light.angle_rad > 0;
+  e.met = sphere || disc || light.kind == Light::Kind::rectangle || light.kind == Light::Kind::disk;
+  return e;
+}
+
+}  // namespace kuafu
