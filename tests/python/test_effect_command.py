@@ -1,5 +1,6 @@
 """activestereo effect: the catalogue, its page, and the check of users' effects in Python and C."""
 
+import ctypes
 import re
 import subprocess
 from pathlib import Path
@@ -9,6 +10,7 @@ import pytest
 
 from activestereo.cli import main
 from activestereo.effects import Model, Stage, builtin, load_effects
+from activestereo.effects.core import plugin
 from activestereo.effects.core.laws import example_value, example_view
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -178,3 +180,18 @@ def test_a_plug_in_of_another_header_or_stage_is_refused(compiled):
         load_effects(compiled(SPY % (0, 77), "astray"))
     with pytest.raises(ValueError, match="exports no ks_effect_plugin"):
         load_effects(compiled("int nothing(void);\nint nothing(void) { return 0; }\n", "nothing"))
+
+
+def test_the_python_mirror_of_the_c_descriptor_has_its_layout(tmp_path):
+    """Sizes are those that plug-ins were compiled against: they never change."""
+    structs = {"ks_effect": (plugin._Effect, 80), "ks_effect_parameter": (plugin._Parameter, 56), "ks_effect_view": (plugin._View, 568)}
+    fields = [(name, field) for name, (mirror, _) in structs.items() for field, *_ in mirror._fields_]
+    prints = [f'printf("%u\\n", (unsigned)sizeof({name}));' for name in structs]
+    prints += [f'printf("%u\\n", (unsigned)offsetof({name}, {field}));' for name, field in fields]
+    source, program = tmp_path / "layout.c", tmp_path / "layout"
+    body = "\n".join(prints)
+    source.write_text(f'#include <stddef.h>\n#include <stdio.h>\n#include "ks/effect.h"\nint main(void) {{\n{body}\nreturn 0; }}\n')
+    subprocess.run(["cc", "-std=c99", f"-I{ROOT / 'capi/include'}", str(source), "-o", str(program)], check=True)
+    seen = [int(line) for line in subprocess.run([program], capture_output=True, text=True, check=True).stdout.split()]
+    assert seen[:3] == [size for _, size in structs.values()] == [ctypes.sizeof(mirror) for mirror, _ in structs.values()]
+    assert seen[3:] == [getattr(structs[name][0], field).offset for name, field in fields]
