@@ -9,15 +9,17 @@ _LARGEST_BLOCK = 15
 
 
 class StereoSGM:
-    """Disparity of a rectified pair: compute(left, right) gives int16 [height, width], sixteenths of pixels, (minDisparity - 1) * 16 = invalid.
+    """Disparity of a rectified pair: compute(left, right) gives int16 [height, width], sixteenths of pixels, (minDisparity - 1) * 16 =
+    invalid.
 
-    The parameters are cv2.StereoSGBM's, in its order. What differs: the cost is census, not Birchfield-Tomasi, so preFilterCap has nothing to do; P1
-    and P2 are divided by blockSize * blockSize and then count differing census bits (1 <= P1 < P2 <= 223 after that; the usual 8 and 32 times the
-    block's area are good values here too; 0, 0 means this engine's own); numDisparities is 16..1024 and need not be a multiple of 16; the columns
-    left of the largest disparity are computed as well. disp12MaxDiff 0 means 1, as OpenCV takes it; -1 switches the check off. A speckleWindowSize of
-    0 switches the speckle filter off. mode: MODE_HH follows 8 paths, the others 4. A 3x3 median follows, as in OpenCV.
+    The parameters are cv2.StereoSGBM's, in its order. What differs: the cost is census, not Birchfield-Tomasi, so preFilterCap has nothing
+    to do; P1 and P2 are divided by blockSize * blockSize and then count differing census bits (1 <= P1 < P2 <= 223 after that; the usual 8
+    and 32 times the block's area are good values here too; 0, 0 means this engine's own); numDisparities is 16..1024 and need not be a
+    multiple of 16; the columns left of the largest disparity are computed as well. disp12MaxDiff 0 means 1, as OpenCV takes it; -1 switches
+    the check off. A speckleWindowSize of 0 switches the speckle filter off. mode: MODE_HH follows 8 paths, the others 4. A 3x3 median
+    follows, as in OpenCV.
 
-    device: 'host', 'auto', an index, or a simsense.Device. Raises ValueError out of range. As with OpenCV, one thread at a time may use an object.
+    device: 'host', 'auto', an index, or a simsense.Device. Raises ValueError out of range. One thread at a time may use an object.
     """
 
     MODE_SGBM = 0
@@ -71,9 +73,10 @@ class StereoSGM:
         if left.shape != right.shape or left.dtype != right.dtype:
             raise ValueError(f"the images differ: left is {left.shape} {left.dtype}, right {right.shape} {right.dtype}")
         engine = self._engine_of(left)
-        if disparity is None:
-            return engine.compute(left, right, {"disparity": np.int16})["disparity"]
-        engine.compute(left, right, {"disparity": disparity})
+        wanted = np.int16 if disparity is None else disparity
+        disparity = engine.compute(left, right, {"disparity": wanted})["disparity"]
+        if self._values["MinDisparity"] > 0:  # the engine's own invalid is -1 pixel then
+            disparity[disparity < 0] = (self._values["MinDisparity"] - 1) * self.DISP_SCALE
         return disparity
 
     def _engine_of(self, image):

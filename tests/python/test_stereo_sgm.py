@@ -8,7 +8,8 @@ import pytest
 import simsense
 
 SHAPE = (120, 240)
-USUAL = dict(numDisparities=48, blockSize=5, P1=8 * 25, P2=32 * 25, disp12MaxDiff=1, uniquenessRatio=10, speckleWindowSize=50, speckleRange=2)
+USUAL = dict(numDisparities=48, blockSize=5, P1=8 * 25, P2=32 * 25, disp12MaxDiff=1, uniquenessRatio=10)
+USUAL |= dict(speckleWindowSize=50, speckleRange=2)
 
 
 @pytest.fixture(scope="module")
@@ -48,6 +49,7 @@ def test_first_disparity_moves_the_invalid_value(pair):
     left, right, truth = pair
     disparity = simsense.StereoSGM(minDisparity=-20, numDisparities=64, blockSize=5, uniquenessRatio=10).compute(left, right)
     assert disparity.min() == -21 * 16
+    assert simsense.StereoSGM(minDisparity=15, numDisparities=32, blockSize=5, uniquenessRatio=10).compute(left, right).min() == 14 * 16
     assert np.median(disparity[60, 60:200]) / 16 == pytest.approx(truth[60], abs=0.5)
 
 

@@ -1,4 +1,4 @@
-"""The command line: activestereo simulate | depth | compare | effect | devices, one file each. This one parses, runs and
+"""The command line: activestereo simulate | depth | depth-quality | compare | effect | devices, one file each. This one parses, runs and
 makes failures one line."""
 
 import argparse
@@ -6,10 +6,10 @@ import os
 import re
 import sys
 
-from activestereo.cli import compare, depth, devices, effect, simulate
+from activestereo.cli import compare, depth, depth_quality, devices, effect, simulate
 from activestereo.cli.arguments import CommandError
 
-_COMMANDS = (simulate, depth, compare, effect, devices)
+_COMMANDS = (simulate, depth, depth_quality, compare, effect, devices)
 
 
 class _Parser(argparse.ArgumentParser):

@@ -1,0 +1,86 @@
+"""activestereo depth-quality: Intel's depth quality metrics on a flat target."""
+
+import argparse
+import json
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+
+from activestereo.cli.arguments import CommandError, camera_matrix, positive
+
+_TEXT = """\
+Measures depth maps of a flat target by the metrics of Intel's Depth Quality Tool, under their names: fill rate, Z accuracy, plane fit
+RMS error, subpixel RMS error and, with two or more frames of the same view, temporal noise (the tool takes 40).
+
+DEPTH is a 16-bit PNG in millimetres (--unit changes that), or a .npy of metres; 0 = no measurement. A .npy may hold many frames.
+
+example, the plane that a simulated D435 saw 0.8 m away:
+  activestereo depth-quality out/depth.png --k 430.14,430.14,425.16,235.28 --baseline 0.05 --truth 0.8
+"""
+
+
+def add_parser(commands):
+    parser = commands.add_parser(
+        "depth-quality",
+        help="measure depth maps of a flat target by Intel's metrics",
+        description=_TEXT,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("depth", type=Path, nargs="+", metavar="DEPTH", help="depth maps of one size: PNG or .npy")
+    parser.add_argument(
+        "--k",
+        required=True,
+        type=camera_matrix,
+        metavar="fx,0,cx,0,fy,cy,0,0,1",
+        help="camera matrix of the depth maps in pixels; or short: fx,fy,cx,cy",
+    )
+    parser.add_argument("--baseline", required=True, type=positive, metavar="M", help="distance between the two infrared cameras, metres")
+    parser.add_argument("--truth", type=positive, metavar="M", help="true distance of the target along the optical axis, metres")
+    parser.add_argument(
+        "--roi", type=positive, default=0.4, metavar="FRACTION", help="centred part of height and width, 0..1 (default %(default)s)"
+    )
+    parser.add_argument("--unit", type=positive, default=0.001, metavar="M", help="metres per step of a PNG (default %(default)s)")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the metrics there too")
+    parser.set_defaults(run=run)
+
+
+def run(args):
+    from activestereo.depth_quality import depth_quality, quality_table, region_of
+
+    if args.roi > 1:
+        raise CommandError(f"--roi is {args.roi:g}: a fraction of the image, 0..1")
+    frames = _read_all(args)
+    quality = depth_quality(frames, args.k, args.baseline, args.truth, region_of(frames.shape[1:], args.roi))
+    print(f"{len(frames)} frame{'s' if len(frames) > 1 else ''} of {frames.shape[2]}x{frames.shape[1]}, central {100 * args.roi:.0f} %")
+    print(quality_table(quality))
+    if args.json:
+        from activestereo.output_files import replace_file
+
+        values = {name: None if np.isnan(value) else value for name, value in asdict(quality).items()}
+        text = json.dumps({"frames": len(frames), **values}, indent=2) + "\n"
+        replace_file(args.json, lambda file: file.write(text.encode()))
+
+
+def _read_all(args):
+    parts = [_read(path, args.unit) for path in args.depth]
+    for path, part in zip(args.depth, parts, strict=True):
+        if part.shape[1:] != parts[0].shape[1:]:
+            sizes = (f"{p.shape[2]}x{p.shape[1]}" for p in (parts[0], part))
+            raise CommandError(f"the depth maps differ in size: {args.depth[0]} is {next(sizes)}, {path} is {next(sizes)}")
+    return np.concatenate(parts)
+
+
+def _read(path, unit_m):
+    """[frames, height, width] in metres."""
+    if path.suffix != ".npy":
+        from activestereo.images import read_gray
+
+        return read_gray(path, key="depth")[None] * unit_m
+    try:
+        depth = np.load(path)
+    except (OSError, ValueError) as error:
+        raise CommandError(f"{path}: cannot be read as a .npy array: {error}") from error
+    if depth.ndim not in (2, 3) or depth.dtype.kind not in "fiu":
+        raise CommandError(f"{path}: is {depth.dtype} {depth.shape}, expected numbers [height, width] or [frames, height, width]")
+    return np.nan_to_num(depth.reshape(-1, *depth.shape[-2:]))

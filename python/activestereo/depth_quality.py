@@ -1,0 +1,114 @@
+"""Depth quality on a flat target, by the metrics and names of Intel's Depth Quality Tool (librealsense, tools/depth-quality), so that a
+simulated sensor's numbers stand beside those that the tool shows for a real one."""
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+_TRIMMED = 200  # one in this many points is left out at each end of the depths: below 0.5 % and above 99.5 %
+
+
+@dataclass(frozen=True)
+class DepthQuality:
+    """NaN where a metric has nothing to work on: no truth, a single frame, or too few points for a plane."""
+
+    fill_rate_percent: float  # pixels with a depth, of all in the region
+    z_accuracy_percent: float  # median signed error against the truth once the fitted plane is turned to face the camera; + is too far
+    plane_fit_rms_mm: float  # spatial noise: root mean square distance from the plane fitted to the points
+    subpixel_rms_px: float  # the same in disparity: B f / |point| against B f / |its foot on the plane|, as the tool computes it
+    temporal_noise_percent: float  # median over pixels of 100 * standard deviation / median over the frames
+
+
+def region_of(shape, fraction):
+    """The centred rectangle of this fraction of height and width, as slices. The tool's usual region is 0.4."""
+    if not 0 < fraction <= 1:
+        raise ValueError(f"the region must be a fraction of the image in 0..1, not {fraction}")
+    spans = ((size, max(1, round(size * fraction))) for size in shape)
+    return tuple(slice((size - span) // 2, (size - span) // 2 + span) for size, span in spans)
+
+
+def depth_quality(depth_m, k, baseline_m, true_distance_m=None, region=None):
+    """The metrics of depth maps [height, width] or [frames, height, width] in metres, 0 = none; each is the mean over the frames.
+
+    k: 3x3 in pixels. true_distance_m: the target's distance along the optical axis. region: slices of rows and columns, None =
+    region_of(shape, 0.4).
+    """
+    frames = np.asarray(depth_m, dtype=np.float64)
+    frames = frames[None] if frames.ndim == 2 else frames
+    if frames.ndim != 3 or 0 in frames.shape:
+        raise ValueError(f"depth must be [height, width] or [frames, height, width], not {np.shape(depth_m)}")
+    if true_distance_m is not None and not true_distance_m > 0:
+        raise ValueError(f"the true distance must be larger than 0 metres, not {true_distance_m}")
+    rows, columns = region or region_of(frames.shape[1:], 0.4)
+    rays = _rays(frames.shape[1:], np.asarray(k, dtype=np.float64))[rows, columns]
+    frames = frames[:, rows, columns]
+    single = np.array([_of_frame(z, rays, k[0][0] * baseline_m, true_distance_m) for z in frames])
+    return DepthQuality(*_mean(single), _temporal_noise_percent(frames))
+
+
+def quality_table(quality):
+    """One line per metric, under the tool's names."""
+    names = ("Fill-Rate", "Z Accuracy", "Plane Fit RMS Error", "Subpixel RMS Error", "Temporal Noise")
+    units = ("%", "%", "mm", "pixel", "%")
+    values = (getattr(quality, field.name) for field in fields(quality))
+    rows = zip(names, values, units, strict=True)
+    return "\n".join(f"{name:22}" + (f"{value:10.3f} {unit}" if np.isfinite(value) else f"{'-':>10}") for name, value, unit in rows)
+
+
+def _rays(shape, k):
+    rows, columns = np.indices(shape, dtype=np.float64)
+    return np.stack([(columns - k[0, 2]) / k[0, 0], (rows - k[1, 2]) / k[1, 1], np.ones(shape)], axis=-1)
+
+
+def _mean(values):
+    """Over the frames that have a value."""
+    known = np.isfinite(values)
+    return np.where(known.any(axis=0), np.where(known, values, 0).sum(axis=0) / np.maximum(1, known.sum(axis=0)), np.nan)
+
+
+def _of_frame(z, rays, focal_baseline, true_distance_m):
+    """Fill rate, Z accuracy, plane-fit RMS, sub-pixel RMS."""
+    measured = z > 0
+    points = rays[measured] * z[measured][:, None]
+    fill = 100.0 * measured.mean()
+    plane = _fit_plane(points)
+    if plane is None:
+        return fill, np.nan, np.nan, np.nan
+    normal, offset = plane
+    points = points[np.argsort(points[:, 2], kind="stable")]
+    outliers = len(points) // _TRIMMED
+    points = points[outliers : len(points) - outliers]
+    distance = points @ normal + offset
+    feet = points - distance[:, None] * normal
+    disparity_error = focal_baseline / np.linalg.norm(points, axis=1) - focal_baseline / np.linalg.norm(feet, axis=1)
+    accuracy = np.nan
+    if true_distance_m is not None:
+        on_axis = -offset / normal[2]  # where the plane meets the optical axis
+        accuracy = 100.0 * np.median(on_axis - true_distance_m + distance) / true_distance_m
+    return fill, accuracy, 1e3 * np.sqrt(np.mean(distance**2)), np.sqrt(np.mean(disparity_error**2))
+
+
+def _fit_plane(points):
+    """(unit normal away from the camera, offset) with normal . point + offset = 0, least squares of the distances; None if there is none."""
+    if len(points) < 3:
+        return None
+    centre = points.mean(axis=0)
+    spread, axes = np.linalg.eigh((points - centre).T @ (points - centre))
+    if not spread[1] > 1e-12 * spread[2]:
+        return None  # a line
+    normal = axes[:, 0] * (1.0 if axes[2, 0] > 0 else -1.0)
+    if abs(normal[2]) < 1e-6:
+        return None  # seen edge on
+    return normal, -float(normal @ centre)
+
+
+def _temporal_noise_percent(frames):
+    """Over the pixels measured in at least half of the frames."""
+    if len(frames) < 2:
+        return np.nan
+    measured = frames > 0
+    often = 2 * measured.sum(axis=0) >= max(3, len(frames))
+    if not often.any():
+        return np.nan
+    depths = np.where(measured, frames, np.nan)[:, often]
+    return float(np.median(100.0 * np.nanstd(depths, axis=0) / np.nanmedian(depths, axis=0)))
