@@ -2,6 +2,7 @@
 
 import json
 import math
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -27,7 +28,7 @@ class JsonObject:
             values = json.loads(Path(path).read_text(encoding="utf-8"))
         except OSError as error:
             raise CaptureError(f"{path}: cannot be read ({error.strerror}); a capture is a folder with a capture.json") from error
-        except ValueError as error:
+        except (ValueError, RecursionError) as error:
             raise CaptureError(f"{path}: is not JSON: {error}") from error
         if not isinstance(values, dict):
             raise CaptureError(f"{path}: is not a JSON object")
@@ -147,4 +148,5 @@ class JsonObject:
 
 
 def _is_finite_number(value):
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+    # Whole numbers have no limit in JSON; those beyond a float's range are not finite here. NaN fails the comparison.
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= sys.float_info.max

@@ -109,6 +109,7 @@ def test_a_good_capture_gives_no_warning(pristine):
         (lambda c: c["frames"][3].update(exposure_s=0), ["frames[id=3].exposure_s", "more than 0"]),
         (lambda c: c["frames"][3].update(gain="high"), ["frames[id=3].gain", "high"]),
         (lambda c: c["frames"][3].update(exposure_s=float("nan")), ["frames[id=3].exposure_s", "finite"]),
+        (lambda c: c["frames"][3].update(gain=10**400), ["frames[id=3].gain", "finite"]),
         (lambda c: c["frames"][3].update(camera_velocity=[0] * 5), ["frames[id=3].camera_velocity", "6"]),
         (lambda c: c["frames"][3].update(left="left/none.png"), ["frames[id=3].left", "none.png"]),
         (lambda c: c["frames"][3].update(depth="left/000000.png"), ["frames[id=3].depth_scale", "missing"]),
@@ -123,6 +124,8 @@ def test_a_wrong_value_is_an_error_with_file_and_key(folder, change, words):
 def test_a_file_that_is_not_json_or_absent_is_an_error(folder, tmp_path):
     (folder / "capture.json").write_text("{oops")
     expect_error(folder, "not JSON")
+    (folder / "capture.json").write_text("[" * 100_000)
+    expect_error(folder, "not JSON", "recursion")
     expect_error(tmp_path / "nowhere", "cannot be read")
 
 
