@@ -42,5 +42,6 @@ def accuracy_table(rows):
     lines = [f"{'material':16}{'pixels':>9}{'measured':>11}{'median error':>15}{'90 % within':>14}"]
     for row in rows:
         errors = (f"{1e3 * error:.1f} mm" if np.isfinite(error) else "-" for error in (row.median_error_m, row.p90_error_m))
-        lines.append(f"{row.name[:15]:16}{row.pixels:>9}{100.0 * row.fill:>9.1f} %{next(errors):>15}{next(errors):>14}")
+        measured = f"{100.0 * row.fill:.1f} %" if row.pixels else "-"
+        lines.append(f"{row.name[:15]:16}{row.pixels:>9}{measured:>11}{next(errors):>15}{next(errors):>14}")
     return "\n".join(lines)

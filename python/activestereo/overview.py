@@ -100,6 +100,10 @@ def colored(values, span, cmap):
 
 def _headline(rows):
     total = rows[-1]
+    if not total.pixels:
+        return "nothing is in the sensor's range"
+    if not total.fill:
+        return "no pixel measured"
     return (
         f"{100.0 * total.fill:.1f} % of the pixels measured, median error {1e3 * total.median_error_m:.1f} mm, "
         f"nine in ten within {1e3 * total.p90_error_m:.1f} mm"
@@ -142,7 +146,7 @@ def _error(axes, depth, true_depth):
 def _bars(axes, rows, values, title, unit, color):
     places = np.arange(len(rows))
     axes.barh(places, np.nan_to_num(values), height=0.66, color=[color] * (len(rows) - 1) + [_INK])
-    most = max([v for v in values if np.isfinite(v)], default=1.0)
+    most = max([v for v in values if np.isfinite(v)], default=0.0) or 1.0
     for place, value in zip(places, values, strict=True):
         text = f"{value:.1f} {unit}" if np.isfinite(value) else "no measurement"
         axes.text(max(np.nan_to_num(value), 0.0) + 0.008 * most, place, text, va="center", fontsize=10.5, color=_INK)

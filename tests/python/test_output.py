@@ -1,6 +1,7 @@
 """What the commands write and say: files whole or not at all, the progress bar, accuracy."""
 
 import io
+import warnings
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ from PIL import Image
 
 from activestereo.accuracy import accuracy_by_material, accuracy_table
 from activestereo.output_files import replace_file, write_depth_png, write_ply
+from activestereo.overview import simulation_figure
 from activestereo.progress_bar import ProgressBar, duration
 
 
@@ -97,3 +99,15 @@ def test_a_material_never_measured_has_no_error():
     row = accuracy_by_material(np.zeros((10, 10)), np.ones((10, 10)), np.zeros((10, 10), int), lambda i: "dark")[0]
     assert row.fill == 0.0 and np.isnan(row.median_error_m)
     assert "dark" in accuracy_table([row])
+
+
+def test_a_picture_of_nothing_says_so():
+    nothing, ids = np.zeros((32, 32), np.float32), np.zeros((32, 32), np.uint32)
+    rgb, ir = np.zeros((32, 32, 3), np.float32), [np.zeros((32, 32), np.uint8)] * 2
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for true, words in ((nothing, "nothing is in"), (nothing + 1.0, "no pixel measured")):
+            rows = accuracy_by_material(nothing, true, ids, lambda i: "dark")
+            assert "nan" not in accuracy_table(rows)
+            figure = simulation_figure("nothing", rgb, ir, nothing, true, rows)
+            assert any(words in text.get_text() for text in figure.texts)
