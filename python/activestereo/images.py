@@ -25,7 +25,11 @@ def read_gray(path, expected_size=None, key="image"):
             pixels = np.asarray(image)
         except (OSError, SyntaxError) as error:
             raise CaptureError(f"{path}: {key}: is damaged: {error}") from error
-    return pixels if pixels.dtype == np.uint8 else pixels.astype(np.uint16)
+    if pixels.dtype == np.uint8:
+        return pixels
+    if pixels.size and not 0 <= pixels.min() <= pixels.max() <= 65535:
+        raise CaptureError(f"{path}: {key}: has values from {pixels.min()} to {pixels.max()}, 16 bits hold 0 to 65535")
+    return pixels.astype(np.uint16)
 
 
 def write_gray(path, pixels):
@@ -38,5 +42,8 @@ def write_gray(path, pixels):
 def _open(path, key):
     try:
         return Image.open(path)
-    except (OSError, UnidentifiedImageError) as error:
+    except UnidentifiedImageError as error:
         raise CaptureError(f"{path}: {key}: cannot be read as an image") from error
+    except (OSError, Image.DecompressionBombError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise CaptureError(f"{path}: {key}: cannot be read as an image: {reason}") from error

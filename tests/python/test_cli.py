@@ -1,7 +1,9 @@
 """The command line as a user runs it: results, help, and one line with status 2 for what is wrong."""
 
 import os
+import struct
 import subprocess
+import zlib
 
 import numpy as np
 import pytest
@@ -29,7 +31,18 @@ def pair(tmp_path_factory):
     for name, image in (("left", wide[:, :160]), ("right", wide[:, 12:]), ("small", wide[:50, :160]), ("color", np.dstack([wide] * 3))):
         Image.fromarray(np.ascontiguousarray(image)).save(folder / f"{name}.png")
     (folder / "text.png").write_text("no image")
+    Image.fromarray(wide[:, :160].astype(np.uint16)).save(folder / "deep.png")
+    Image.fromarray(wide[:, :160].astype(np.int32) - 500).save(folder / "signed.tiff")
+    (folder / "vast.png").write_bytes(_png_header(60_000, 60_000))
     return folder
+
+
+def _png_header(width, height):
+    """An 8-bit gray PNG that ends before its pixels."""
+    head = b"IHDR" + struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)
+    chunks = (head, b"IDAT")
+    framed = (struct.pack(">I", len(c) - 4) + c + struct.pack(">I", zlib.crc32(c)) for c in chunks)
+    return b"\x89PNG\r\n\x1a\n" + b"".join(framed)
 
 
 def assert_refused(result, *words):
@@ -44,7 +57,7 @@ def test_help_of_each_command(run):
     assert all(name in run("--help").stdout for name in ("simulate", "depth", "compare", "devices"))
     for command, words in {
         "simulate": ("--sensor", "--spp", "--seed", "--device", "--camera-to-world", "--out", "depth_true.png", "example"),
-        "depth": ("--k", "--baseline", "--max-disparity", "cloud.ply", "example"),
+        "depth": ("--k", "--baseline", "--max-disparity", "cloud.ply", "example", "0,0,1 \\\n"),
         "compare": ("--out", "compare.json", "--spp"),
         "devices": ("lavapipe", "--device"),
     }.items():
@@ -109,18 +122,24 @@ def test_depth_of_a_pair(run, pair, tmp_path):
 def test_depth_refuses_what_is_wrong(run, pair, tmp_path):
     left, right = pair / "left.png", pair / "right.png"
     rest = ("--k", K, "--baseline", "0.05", "--out", tmp_path / "out")
-    assert_refused(run("depth", pair / "none.png", right, *rest), "none.png")
+    assert_refused(run("depth", pair / "none.png", right, *rest), "none.png", "No such file")
+    assert_refused(run("depth", pair / "vast.png", right, *rest), "vast.png", "3600000000 pixels")
+    assert_refused(run("depth", pair / "signed.tiff", right, *rest), "signed.tiff", "-500")
+    assert_refused(run("depth", left, pair / "deep.png", *rest), "8 and 16 bits")
     assert_refused(run("depth", left, pair / "text.png", *rest), "text.png")
     assert_refused(run("depth", pair / "color.png", right, *rest), "color.png", "gray")
     assert_refused(run("depth", left, pair / "small.png", *rest), "160x96", "160x50")
     assert_refused(run("depth", left, right, "--k", "1,2,3", *rest[2:]), "--k", "9 or 4")
     assert_refused(run("depth", left, right, "--k", "a,b,c,d", *rest[2:]), "--k")
+    assert_refused(run("depth", left, right, "--k", "1,1,nan,1", *rest[2:]), "--k", "finite")
     assert_refused(run("depth", left, right, "--k", "-5,0,1,0,5,1,0,0,1", *rest[2:]), "--k", "positive")
     assert_refused(run("depth", left, right, "--k", K, "--baseline", "0", *rest[4:]), "--baseline")
     assert_refused(run("depth", left, right, *rest, "--max-disparity", "8"), "max_disparity")
     assert_refused(run("depth", left, right, *rest, "--p1", "90", "--p2", "80"), "p1")
     assert_refused(run("depth", left, right, *rest, "--census", "6x6"), "census")
+    assert_refused(run("depth", left, right, *rest, "--p1", "\u00b2"), "whole number")
     assert_refused(run("depth", left, right, *rest[:4], "--out", left / "out"), "left.png")
+    assert_refused(run("depth", left, right, *rest[:4], "--out", ""), "--out", "folder")
     assert not (tmp_path / "out").exists()
 
 

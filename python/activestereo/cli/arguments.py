@@ -16,8 +16,10 @@ def numbers(text, counts, what):
         values = np.array([float(part) for part in text.replace(",", " ").split()])
     except ValueError:
         raise argparse.ArgumentTypeError(f"{what} is not a list of numbers: '{text}'") from None
-    if len(values) not in counts or not np.isfinite(values).all():
+    if len(values) not in counts:
         raise argparse.ArgumentTypeError(f"{what} needs {' or '.join(map(str, counts))} finite numbers, '{text}' has {len(values)}")
+    if not np.isfinite(values).all():
+        raise argparse.ArgumentTypeError(f"{what} needs finite numbers, '{text}' has others")
     return values
 
 
@@ -43,15 +45,15 @@ def transform(text):
 def size(text):
     """WIDTHxHEIGHT."""
     parts = text.lower().split("x")
-    if len(parts) != 2 or not all(part.isdigit() and 0 < int(part) < 65536 for part in parts):
+    if len(parts) != 2 or not all(part.isdecimal() and 0 < int(part) < 65536 for part in parts):
         raise argparse.ArgumentTypeError(f"a size is WIDTHxHEIGHT, such as 848x480, not '{text}'")
     return int(parts[0]), int(parts[1])
 
 
 def integer_from(least):
     def parse(text):
-        if not text.isdigit() or int(text) < least or int(text) >= 2**32:
-            raise argparse.ArgumentTypeError(f"a whole number of at least {least} is needed, not '{text}'")
+        if not text.isdecimal() or len(text) > 10 or not least <= int(text) < 2**32:
+            raise argparse.ArgumentTypeError(f"a whole number from {least} to {2**32 - 1} is needed, not '{text}'")
         return int(text)
 
     return parse
@@ -63,7 +65,7 @@ def positive(text):
     except ValueError:
         value = -1.0
     if not 0.0 <= value < 1e9:
-        raise argparse.ArgumentTypeError(f"a number of at least 0 is needed, not '{text}'")
+        raise argparse.ArgumentTypeError(f"a number of at least 0 and below 1e9 is needed, not '{text}'")
     return value
 
 
@@ -82,9 +84,15 @@ def add_seed(parser, text):
     parser.add_argument("--seed", type=integer_from(0), default=0, metavar="N", help=f"{text} (default: 0)")
 
 
+def _folder(text):
+    if not text:
+        raise argparse.ArgumentTypeError("the name of a folder is needed; . is the present one")
+    return Path(text)
+
+
 def add_out(parser):
     text = "folder for the results; made if it is not there, files of the same names are replaced"
-    parser.add_argument("--out", required=True, type=Path, metavar="DIR", help=text)
+    parser.add_argument("--out", required=True, type=_folder, metavar="DIR", help=text)
 
 
 def add_matching(parser, p1, p2):

@@ -17,7 +17,7 @@ Writes into DIR:
   overview.png   all on one page
 
 example, a RealSense D435's pair:
-  activestereo depth left.png right.png --k 427.12,0,426.93,0,427.12,234.78,0,0,1 \
+  activestereo depth left.png right.png --k 427.12,0,426.93,0,427.12,234.78,0,0,1 \\
       --baseline 0.05 --out out/depth
 """
 
@@ -43,6 +43,9 @@ def run(args):
     if left.shape != right.shape:
         sizes = " and ".join(f"{image.shape[1]}x{image.shape[0]}" for image in (left, right))
         raise CommandError(f"the images differ in size: {args.left} and {args.right} are {sizes}")
+    if left.dtype != right.dtype:
+        bits = " and ".join(str(8 * image.itemsize) for image in (left, right))
+        raise CommandError(f"the images differ in depth: {args.left} and {args.right} have {bits} bits")
     engine = _make_engine(args, left, right)
     make_folder(args.out)
     result = engine.compute(left, right, ("depth", "disparity", "points"))
@@ -61,7 +64,7 @@ def _make_engine(args, left, right):
 
     height, width = left.shape
     brightest = max(left.max(), right.max())
-    gain = 1.0 if left.dtype == right.dtype == np.uint8 or brightest == 0 else 255.0 / brightest  # the engine counts in 8 bits
+    gain = 1.0 if left.dtype == np.uint8 or brightest == 0 else 255.0 / brightest  # the engine counts in 8 bits
     camera = simsense.Camera(width, height, args.k)
     left_to_right = np.eye(4)
     left_to_right[0, 3] = -args.baseline
