@@ -1,6 +1,7 @@
 // Rays of CPU devices: Embree answers the queues on the host, in place on their mapped memory.
 #include <bit>
 #include <chrono>
+#include <cmath>
 #include <cstddef>
 
 #include "accel/embree_world.h"
@@ -44,6 +45,17 @@ MappedQueue map_queue(const RayQueue& rays, size_t alignment) {
   if (reinterpret_cast<uintptr_t>(queue.words) % alignment != 0)
     ks::fail(KS_ERROR_INTERNAL, "a ray queue at %p is not aligned to %zu bytes", static_cast<void*>(queue.words), alignment);
   return queue;
+}
+
+const RTCRay8& rays_of(const RTCRayHit8& packet) { return packet.ray; }
+const RTCRay8& rays_of(const RTCRay8& packet) { return packet; }
+
+/// Embree stops the program at a ray that is not finite or starts beyond 1.8e18 m (its FLT_LARGE). Such a ray hits nothing; NaN fails too.
+bool can_trace(const RTCRay8& ray, uint32_t lane) {
+  constexpr float most = 1.8e18f;
+  const auto fits = [](float x, float y, float z) { return std::abs(x) <= most && std::abs(y) <= most && std::abs(z) <= most; };
+  return fits(ray.org_x[lane], ray.org_y[lane], ray.org_z[lane]) && fits(ray.dir_x[lane], ray.dir_y[lane], ray.dir_z[lane]) &&
+         ray.tnear[lane] <= ray.tfar[lane];
 }
 
 void trace(const EmbreeWorld::Environment& environment, const int* valid, RTCIntersectContext& context, RTCRayHit8& packet) {
@@ -98,7 +110,7 @@ class EmbreeTracer final : public Tracer {
       alignas(32) int valid[packet_rays];
       for (uint32_t lane = 0; lane < packet_rays; ++lane) {
         const bool here = (waiting >> lane & 1u) && (!queue.environments || queue.environments[first + lane] == environment);
-        valid[lane] = here ? -1 : 0;
+        valid[lane] = here && can_trace(rays_of(packet), lane) ? -1 : 0;
         if (here) waiting &= ~(1u << lane);
       }
       if (environment < world_.environments().size()) trace(world_.environments()[environment], valid, context, packet);

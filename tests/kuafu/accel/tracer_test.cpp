@@ -104,6 +104,22 @@ TEST_P(Tracers, IntervalIsHonoured) {
   expect_like_brute_force(scene, rays);
 }
 
+TEST_P(Tracers, RaysThatAreNotFiniteOrFromBeyondTheWorldSpareTheOthers) {
+  const Scene scene = instanced_world(5, 12, 2.0);
+  tracer_->update(scene, 1);
+  const float inf = std::numeric_limits<float>::infinity(), nan = std::numeric_limits<float>::quiet_NaN();
+  std::vector<TestRay> rays = random_rays(8, 64, 3.0);
+  const std::vector<TestRay> sane = rays;
+  const glm::vec3 wrong[] = {{nan, 0, 0}, {0, inf, 0}, {0, 0, -inf}, {1e38f, 0, 0}};
+  for (size_t i = 0; i < rays.size(); i += 2) (i % 4 ? rays[i].origin : rays[i].direction) = i % 4 ? wrong[i / 4 % 4] : wrong[i / 4 % 3];
+  const std::vector<TestHit> expected = bench_->closest(sane), hits = bench_->closest(rays);
+  const std::vector<bool> occluded = bench_->occluded(rays);
+  for (size_t i = 1; i < rays.size(); i += 2) {
+    EXPECT_EQ(hits[i], expected[i]) << i;
+    EXPECT_EQ(occluded[i], expected[i].hit) << i;
+  }
+}
+
 TEST_P(Tracers, BarycentricsBelongToVerticesOneAndTwo) {
   Scene scene;
   Mesh mesh;
