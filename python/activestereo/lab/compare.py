@@ -18,6 +18,10 @@ from activestereo.lab.render import render_frames
 from activestereo.lab.where_channels import where_it_fails
 
 
+# Of the progress; what follows takes seconds.
+_RENDER_SHARE = 0.9
+
+
 @dataclass(frozen=True)
 class Comparison:
     """scores: what compare.json holds (lab/schema/compare.schema.json). predictions: {(frame id, eye): expected DN, float32
@@ -43,7 +47,8 @@ def compare(
         from activestereo.lab.kuafu_renderer import KuafuRenderer
 
         renderer = KuafuRenderer()
-    layers = render_frames(capture, renderer, samples_per_pixel, max_bounces, seed, cache, progress)
+    share = progress and (lambda fraction: progress(_RENDER_SHARE * fraction))
+    layers = render_frames(capture, renderer, samples_per_pixel, max_bounces, seed, cache, share)
     model = model or Model()
     views = {key: View.of(capture, frame, key[1], layers[frame.id][key[1]], seed) for frame in capture.frames for key in _keys(frame)}
     lights = {key: model.light(layers[key[0]][key[1]], view) for key, view in views.items()}
