@@ -2,13 +2,14 @@
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from lab_worlds import WorldRenderer
-from activestereo.capture import read_capture
+from activestereo.capture import CaptureWarning, read_capture
 from activestereo.images import write_gray
 from activestereo.lab.cache import LayerCache
 from activestereo.lab.compare import compare
@@ -112,6 +113,15 @@ def test_nothing_in_common_is_unknown_not_zero():
     one, none = np.ones((2, 2)), np.zeros((2, 2))
     depth = depth_scores([DepthFrame(Still(), one, (none, none), none, 10.0)])["test"]
     assert depth["rmse_px"] is None and depth["validity_iou"] == 0.0 and depth["fill_model"] == 0.0
+
+
+def test_hints_are_followed_where_they_can_be(world):
+    capture = read_capture(world.capture_path)
+    good = DepthModel(replace(capture, depth_engine={"max_disparity": 10, "census_width": 9, "notes": "SGM", "p1": "many"}))
+    assert good.parameters["max_disparity"] == 16 and good.parameters["census_width"] == 9 and "p1" not in good.parameters
+    with pytest.warns(CaptureWarning, match="hints cannot be followed"):
+        bad = DepthModel(replace(capture, depth_engine={"census_width": 4}))
+    assert "census_width" not in bad.parameters
 
 
 @pytest.mark.parametrize("law", [NoiseLaw(4.0, 0.0, 0.0, 5.0), NoiseLaw(1.0, 0.3, 0.0, 5.0), NoiseLaw(1.0, 0.0, 0.02, 5.0)])

@@ -1,6 +1,10 @@
 """The model's own depth: the predicted pair with the capture's noise through simsense, as the device would have matched it."""
 
+import warnings
+
 import numpy as np
+
+from activestereo.capture import CaptureWarning
 
 # Quantisation is in the measured variance already, and rounding adds it again.
 _QUANTISATION_VARIANCE = 1.0 / 12.0
@@ -8,7 +12,7 @@ _DEFAULT_MAX_DISPARITY = 128
 _LEAST_MAX_DISPARITY, _MOST_MAX_DISPARITY = 16, 1024
 _DEFAULT_MAX_DEPTH_M = 65.0
 _HINTS = ("max_disparity", "census_width", "census_height", "block_width", "block_height", "p1", "p2", "uniqueness_ratio",
-          "lr_max_diff", "median_size", "min_depth_m", "max_depth_m")  # fmt: skip
+          "lr_max_diff", "median_size", "path_count", "min_disparity", "min_depth_m", "max_depth_m")  # fmt: skip
 _MAD_TO_SIGMA = 1.4826
 
 
@@ -41,14 +45,20 @@ class DepthModel:
         rig = capture.rig
         left, right = (simsense.Camera(c.width, c.height, c.K, c.distortion) for c in (rig.left, rig.right))
         is_ideal = _is_rectified(rig)
-        self.parameters = {"max_disparity": _DEFAULT_MAX_DISPARITY, "max_depth_m": _DEFAULT_MAX_DEPTH_M} | {
-            name: value for name, value in capture.depth_engine.items() if name in _HINTS and isinstance(value, int | float)
-        }
-        self.parameters["max_disparity"] = min(max(self.parameters["max_disparity"], _LEAST_MAX_DISPARITY), _MOST_MAX_DISPARITY)
         registered = {} if is_ideal else {"rgb": left, "left_to_rgb": np.eye(4)}
-        self._engine = simsense.Engine(
-            simsense.Device("host"), left, right, rig.left_to_right, rectified=is_ideal, **registered, **self.parameters
-        )
+
+        def engine(parameters):
+            device = simsense.Device("host")
+            return simsense.Engine(device, left, right, rig.left_to_right, rectified=is_ideal, **registered, **parameters)
+
+        self.parameters = _followed(capture.depth_engine)
+        try:
+            self._engine = engine(self.parameters)
+        except simsense.ArgumentError as error:
+            text = f"{capture.path}: depth_engine hints cannot be followed: {error}"
+            warnings.warn(text, CaptureWarning, stacklevel=2)
+            self.parameters = _followed({})
+            self._engine = engine(self.parameters)
         self._output = "depth" if is_ideal else "depth_rgb"
         self._dtype = np.uint8 if rig.bit_depth <= 8 else np.uint16
 
@@ -56,6 +66,14 @@ class DepthModel:
         """float32 [height][width] of a pair in whole DN."""
         pair = (image.astype(self._dtype) for image in (left_dn, right_dn))
         return self._engine.compute(*pair, outputs=(self._output,))[self._output].copy()
+
+
+def _followed(hints):
+    """The engine's parameters under the hints that it understands."""
+    known = {name: hints[name] for name in _HINTS if isinstance(hints.get(name), int | float)}
+    parameters = {"max_disparity": _DEFAULT_MAX_DISPARITY, "max_depth_m": _DEFAULT_MAX_DEPTH_M} | known
+    parameters["max_disparity"] = min(max(parameters["max_disparity"], _LEAST_MAX_DISPARITY), _MOST_MAX_DISPARITY)
+    return parameters
 
 
 def _is_rectified(rig):
