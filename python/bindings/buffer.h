@@ -151,12 +151,12 @@ void bind_buffer(py::module_& module) {
   using Shared = std::shared_ptr<B>;
   py::class_<B, Shared>(module, "Buffer", py::buffer_protocol(),
                         "Memory of a device. Host-visible ones are seen by numpy.asarray() as uint8 without a copy.")
-      .def(py::init<std::shared_ptr<Device<Api>>, uint64_t, bool, bool>(), py::arg("device"), py::arg("size_bytes"), py::kw_only(),
-           py::arg("exportable") = false, py::arg("host_visible") = true)
+      .def(py::init<std::shared_ptr<Device<Api>>, uint64_t, bool, bool>(), py::arg("device").none(false), py::arg("size_bytes"),
+           py::kw_only(), py::arg("exportable") = false, py::arg("host_visible") = true)
       .def_static(
           "import_",
           [](std::shared_ptr<Device<Api>> device, const py::object& desc) { return std::make_shared<B>(std::move(device), desc); },
-          py::arg("device"), py::arg("desc"), "The memory that another library exported; desc is its BufferDesc.")
+          py::arg("device").none(false), py::arg("desc"), "The memory that another library exported; desc is its BufferDesc.")
       .def_property_readonly("size_bytes", &B::size_bytes)
       .def(
           "export",

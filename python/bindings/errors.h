@@ -44,7 +44,9 @@ struct Errors {
 
 template <class Api>
 [[noreturn]] void raise(ks_status status, PyObject* type, const std::string& text) {
-  py::object exception = py::reinterpret_borrow<py::object>(type)(text);
+  // A message may quote a broken file, whose bytes need not be UTF-8.
+  const auto decoded = py::reinterpret_steal<py::object>(PyUnicode_DecodeUTF8(text.data(), py::ssize_t(text.size()), "backslashreplace"));
+  py::object exception = py::reinterpret_borrow<py::object>(type)(decoded);
   exception.attr("status") = status;
   PyErr_SetObject(type, exception.ptr());
   throw py::error_already_set();

@@ -142,7 +142,7 @@ uint32_t sampling_of(const std::string& name) {
 void bind_renderer(py::module_& module) {
   const kuafu_render_desc d = kuafu_render_desc_init();
   py::class_<Renderer>(module, "Renderer", "Renders scenes of its device.")
-      .def(py::init<std::shared_ptr<Device<Kuafu>>, const std::string&>(), py::arg("device"), py::arg("tracer") = "auto",
+      .def(py::init<std::shared_ptr<Device<Kuafu>>, const std::string&>(), py::arg("device").none(false), py::arg("tracer") = "auto",
            "tracer: 'auto' (Embree on CPU devices, compute on GPUs), 'embree', 'compute', or 'rt_pipeline' where the driver has it.")
       .def_property_readonly("device", &Renderer::device)
       .def(

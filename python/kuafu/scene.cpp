@@ -214,7 +214,7 @@ void bind_materials_and_lights(SceneType& type) {
 void bind_scene(py::module_& module) {
   bind_summary(module);
   SceneType type(module, "Scene", "Meshes, textures, materials, instances and lights. Ids are stable and not reused.");
-  type.def(py::init<std::shared_ptr<Device<Kuafu>>>(), py::arg("device"))
+  type.def(py::init<std::shared_ptr<Device<Kuafu>>>(), py::arg("device").none(false))
       .def_property_readonly("device", [](const Scene& s) { return s.device; })
       .def_property_readonly("summary", &summary)
       .def("load", &load, py::arg("path"), py::arg("root_to_world") = py::none(),

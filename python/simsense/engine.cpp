@@ -303,8 +303,8 @@ void bind_engine(py::module_& module) {
       "Engine.parameters.")
       .def(py::init<std::shared_ptr<Device<Simsense>>, const simsense_camera&, const simsense_camera&, const py::object&, const py::object&,
                     const py::object&, bool, uint32_t, const py::object&, const py::kwargs&>(),
-           py::arg("device"), py::arg("left"), py::arg("right"), py::arg("left_to_right"), py::kw_only(), py::arg("rgb") = py::none(),
-           py::arg("left_to_rgb") = py::none(), py::arg("rectified") = false, py::arg("batch_count") = 1,
+           py::arg("device").none(false), py::arg("left"), py::arg("right"), py::arg("left_to_right"), py::kw_only(),
+           py::arg("rgb") = py::none(), py::arg("left_to_rgb") = py::none(), py::arg("rectified") = false, py::arg("batch_count") = 1,
            py::arg("faults") = py::make_tuple(),
            "left_to_right, left_to_rgb: 4x4. rgb: the camera to register to, or None. rectified: the input pair is row-aligned already.\n"
            "faults: those of the published SimSense to keep, by name (SIMSENSE_FAULT_* of simsense.h); simsense.FAULTS has all.")

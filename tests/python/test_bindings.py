@@ -71,6 +71,28 @@ def test_damaged_file_is_an_os_error_that_names_it(scene, tmp_path):
     assert scene.summary.instance_count == 1
 
 
+def test_an_error_quotes_bytes_that_are_no_text(scene, tmp_path):
+    path = tmp_path / "binary.gltf"
+    path.write_bytes(b"\xff\xfe\0" * 9)
+    with pytest.raises(OSError, match=r"binary\.gltf"):
+        scene.load(path)
+
+
+def test_none_is_no_device():
+    camera = simsense.Camera(64, 48, np.array([[60, 0, 32], [0, 60, 24], [0, 0, 1]]))
+    baseline = np.eye(4)
+    baseline[0, 3] = -0.05
+    for make in (
+        lambda: kuafu.Scene(None),
+        lambda: kuafu.Renderer(None),
+        lambda: kuafu.Buffer(None, 64),
+        lambda: simsense.Buffer(None, 64),
+        lambda: simsense.Engine(None, camera, camera, baseline),
+    ):
+        with pytest.raises(TypeError):
+            make()
+
+
 def test_wrong_arrays_are_refused(scene):
     positions, indices = TRIANGLE
     with pytest.raises(ValueError, match=r"\(3, 2\)"):
