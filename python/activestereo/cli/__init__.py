@@ -1,15 +1,15 @@
-"""The command line: activestereo simulate | depth | depth-quality | compare | effect | devices, one file each. This one parses, runs and
-makes failures one line."""
+"""The command line: activestereo simulate | depth | depth-quality | compare | diagnose | add | effect | devices, one file
+each. This one parses, runs and makes failures one line."""
 
 import argparse
 import os
 import re
 import sys
 
-from activestereo.cli import compare, depth, depth_quality, devices, effect, simulate
+from activestereo.cli import add, compare, depth, depth_quality, devices, diagnose, effect, simulate
 from activestereo.cli.arguments import CommandError
 
-_COMMANDS = (simulate, depth, depth_quality, compare, effect, devices)
+_COMMANDS = (simulate, depth, depth_quality, compare, diagnose, add, effect, devices)
 
 
 class _Parser(argparse.ArgumentParser):

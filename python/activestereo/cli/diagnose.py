@@ -1,0 +1,82 @@
+"""activestereo diagnose: which physical effect does the model of a capture lack?"""
+
+import argparse
+import os
+from pathlib import Path
+
+from activestereo.cli.arguments import add_device, add_max_bounces, add_out, add_seed, integer_from, make_folder
+
+_TEXT = """\
+Ranks which physical effect the model of a capture lacks. Every effect of the
+library is fitted on the train frames together with projector scale, ambient
+scale, black level and albedos, and judged on image tiles that its fit did not
+see. It is accepted only if it is significant among all that were tried, explains
+a tenth of the error above the noise floor or more, and helps wherever it acts.
+Test frames serve once, for the held-out figures.
+
+The verdict is one of
+  effect        what was added explains most of the error above the noise floor
+  none          the model is at the noise floor
+  unknown       something is missing that no effect of the library explains: the
+                law of the residual is told, and effect_stub.py is for you to edit
+  undetermined  the data cannot tell; what to measure next is told
+
+Writes into DIR:
+  diagnose.json  verdict, ranking, held-out figures, next measurements
+  model.json     the model with what was added: compare --model, diagnose --model
+
+examples:
+  activestereo diagnose captures/table --out out/diagnosis
+  activestereo diagnose captures/table --greedy --effects mine.py --out out/2
+"""
+
+
+def add_parser(commands):
+    parser = commands.add_parser(
+        "diagnose",
+        help="rank which physical effect is missing from a capture's model",
+        description=_TEXT,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("capture", type=Path, metavar="CAPTURE", help="the capture's folder")
+    add_out(parser)
+    parser.add_argument("--model", type=Path, metavar="FILE", help="model.json to start from (default: no effects)")
+    parser.add_argument(
+        "--effects", type=Path, action="append", default=[], metavar="FILE", help="your own effects, ranked beside the built-in ones"
+    )
+    parser.add_argument("--greedy", action="store_true", help="add, refit and remove effects until nothing passes")
+    parser.add_argument("--spp", type=integer_from(1), default=64, metavar="N", help="samples per pixel (default: 64)")
+    add_max_bounces(parser)
+    add_seed(parser, "same seed, same answer")
+    text = "threads that fit (default: one per core)"
+    parser.add_argument("--workers", type=integer_from(1), default=os.cpu_count() or 1, metavar="N", help=text)
+    add_device(parser)
+    parser.set_defaults(run=run)
+
+
+def run(args):
+    from activestereo.lab.diagnose import diagnose
+    from activestereo.lab.diagnose_report import diagnosis_text, write_diagnosis
+    from activestereo.lab.kuafu_renderer import KuafuRenderer
+    from activestereo.lab.model_file import library, read_model
+    from activestereo.progress_bar import ProgressBar
+
+    make_folder(args.out)
+    effects = library(*args.effects)
+    model = read_model(args.model, effects)
+    with ProgressBar(f"diagnosing {args.capture.name}") as bar:
+        diagnosis = diagnose(
+            args.capture,
+            model=model,
+            effects=effects,
+            steps="greedy" if args.greedy else "one",
+            renderer=KuafuRenderer(args.device),
+            samples_per_pixel=args.spp,
+            max_bounces=args.max_bounces,
+            seed=args.seed,
+            workers=args.workers,
+            progress=bar,
+        )
+    paths = write_diagnosis(diagnosis, args.out)
+    print(diagnosis_text(diagnosis.result))
+    print(f"written: {', '.join(path.name for path in paths)} in {args.out}")

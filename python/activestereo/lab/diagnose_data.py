@@ -1,0 +1,135 @@
+"""What a diagnosis looks at: measured images with their light layers, expected variances and tiles.
+
+Everything random is judged against the photon-transfer law of the repeats, everything correlated by tiles of 16 pixels.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from activestereo.capture import EYES
+from activestereo.effects import View
+from activestereo.lab.fit import fit_nuisances, predict
+from activestereo.lab.noise import NoiseLaw, frame_floors
+
+TILE_PX = 16
+FOLDS = 4
+# Noise of captures without repeats: the paper's gamma speckle (k = 60) and a read noise of 1 DN; never used to name an effect.
+_ASSUMED_NOISE = (1.0, 0.0, 1.0 / 60.0)
+_QUANTISATION_VARIANCE = 1.0 / 12.0
+# A material's nominal albedo is believed to this relative deviation.
+_ALBEDO_SIGMA = 0.03
+_SMALLEST_MATERIAL = 0.002
+
+
+@dataclass
+class Observation:
+    """One eye of one frame. weight: 1 / variance, [height][width]; tile: index of each pixel's tile, from 0, over all
+    observations; fold: the tile's cross-validation fold; material: index into the albedo nuisances, -1 = none; pick: flat indices
+    of the pixels that count, None = all."""
+
+    frame: object
+    eye: str
+    view: object
+    layers: object
+    measured: np.ndarray
+    weight: np.ndarray = None
+    tile: np.ndarray = None
+    fold: np.ndarray = None
+    material: np.ndarray = None
+    pick: object = None
+
+    def picked(self, image):
+        """The pixels that count, [n]: all of them, or a scan's random part."""
+        return image.ravel() if self.pick is None else image.ravel()[self.pick]
+
+    @property
+    def key(self):
+        return self.frame.id, self.eye
+
+
+@dataclass
+class Evidence:
+    """train, test: Observations; floors: {(frame id, eye): DN^2}; law: NoiseLaw; has_floor: whether repeats told it."""
+
+    capture: object
+    train: list
+    test: list
+    nuisances: object
+    law: NoiseLaw
+    floors: dict
+    has_floor: bool
+    materials: int = 0
+    tiles: int = 0
+
+    @property
+    def albedo_sigma(self):
+        return np.full(self.materials, _ALBEDO_SIGMA)
+
+    def floor_variance(self, observations):
+        """Mean temporal variance of their pixels, DN^2."""
+        return float(np.mean([self.floors[o.key] for o in observations]))
+
+    def reweigh(self, predictions):
+        """Weights from expected values {(frame id, eye): DN}."""
+        for o in self.train + self.test:
+            variance = np.maximum(self.law.variance(predictions[o.key], o.frame.gain), _QUANTISATION_VARIANCE)
+            o.weight = (1.0 / variance).astype(np.float32)
+
+
+def gather(capture, layers):
+    """The Evidence of a capture and its rendered layers {frame id: {eye: Layers}}."""
+    observations = [
+        Observation(f, eye, View.of(capture, f, eye, layers[f.id][eye]), layers[f.id][eye], capture.ir(f, eye))
+        for f in capture.frames
+        for eye in EYES
+    ]
+    train = [o for o in observations if o.frame.split == "train"]
+    test = [o for o in observations if o.frame.split == "test"]
+    fit = fit_nuisances([(o.frame, o.layers, o.measured) for o in train], capture.rig.max_dn)
+    floors, law = frame_floors(capture, fit.nuisances.black_dn)
+    has_floor = law is not None
+    if not has_floor:
+        law = NoiseLaw(*_ASSUMED_NOISE, fit.nuisances.black_dn)
+        floors = {o.key: (law.mean_variance(o.measured, o.frame.gain), "assumed") for o in observations}
+    evidence = Evidence(
+        capture, train, test, fit.nuisances, law, {key: max(v[0], _QUANTISATION_VARIANCE) for key, v in floors.items()}, has_floor
+    )
+    _number_tiles(evidence)
+    _number_materials(evidence)
+    evidence.reweigh(_expected(observations, fit.nuisances, capture.rig.max_dn))
+    return evidence
+
+
+def _expected(observations, nuisances, max_dn):
+    """Expected values without trust in the model: the mean of its prediction and of the repeats' mean."""
+    groups = {}
+    for o in observations:
+        key = (o.frame.repeat_group, o.eye) if o.frame.repeat_group is not None else o.key
+        groups.setdefault(key, []).append(o)
+    means = {o.key: np.mean([p.measured for p in group], axis=0) for group in groups.values() for o in group}
+    return {o.key: 0.5 * (means[o.key] + predict(o.frame, o.layers, nuisances, max_dn)) for o in observations}
+
+
+def _number_tiles(evidence):
+    first = 0
+    for o in evidence.train:
+        height, width = o.measured.shape
+        rows, columns = np.arange(height) // TILE_PX, np.arange(width) // TILE_PX
+        across = columns[-1] + 1
+        o.tile = first + rows[:, None] * across + columns[None]
+        o.fold = ((rows[:, None] // 2) % 2 * 2 + (columns[None] // 2) % 2).astype(np.int64)
+        first += (rows[-1] + 1) * across
+    evidence.tiles = first
+
+
+def _number_materials(evidence):
+    """Materials that cover enough of the train frames get an albedo nuisance, but for the largest one: the scales are its own."""
+    ids, counts = np.unique(np.concatenate([np.asarray(o.layers.material).ravel() for o in evidence.train]), return_counts=True)
+    order = np.argsort(-counts)
+    chosen = [ids[i] for i in order if counts[i] > _SMALLEST_MATERIAL * counts.sum()][1:]
+    for o in evidence.train + evidence.test:
+        o.material = np.full(o.measured.shape, -1)
+        for index, name in enumerate(chosen):
+            o.material[np.asarray(o.layers.material) == name] = index
+    evidence.materials = len(chosen)

@@ -1,0 +1,87 @@
+"""Where to start a fit: a coarse scan of an effect's parameters around their priors, on few images, nuisances refitted each time."""
+
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+
+from activestereo.effects import Stage
+
+_MULTIPLES = (0.3, 1.0, 3.0)
+_LARGEST_SCAN = 24
+_STARTS = 2
+_PICKED_SHARE = 0.25
+_SEED = 11
+
+
+def scan_observations(observations):
+    """One image of each situation: the right eye (which every camera effect touches), one frame per pose and setting;
+    a random part of the pixels counts."""
+    seen, chosen = set(), []
+    for o in observations:
+        f = o.frame
+        setting = (f.camera_to_world.tobytes(), f.exposure_gain, f.projector_power, f.ambient, f.temperature_c, f.is_moving)
+        if o.eye == "right" and setting not in seen:
+            seen.add(setting)
+            rng = np.random.Generator(np.random.PCG64([_SEED, len(chosen)]))
+            picked = np.sort(rng.permutation(o.measured.size)[: int(_PICKED_SHARE * o.measured.size)])
+            chosen.append(replace(o, pick=picked))
+    return chosen
+
+
+def starts(fitter, play, candidate, phi):
+    """The best few (chi2, theta, phi) of a scan, best first, and the chi2 of the neutral start."""
+    first = len(play.free) - len(candidate.parameters)
+    rounds = 1 if candidate.stage <= Stage.OPTICS else 3
+    fixed_lights = None if play.in_light[first:].any() else fitter.lights(play, play.start)
+    scored = []
+    for point in _points(candidate):
+        theta = play.start.copy()
+        theta[first:] = point
+        lights = fixed_lights or fitter.lights(play, theta)
+        phi_here, chi2 = fitter.nuisance_fit(play, theta, phi, lights, rounds)
+        scored.append((chi2, theta, phi_here))
+    scored.sort(key=lambda entry: entry[0])
+    return scored[:_STARTS]
+
+
+def _points(candidate):
+    """Parameter vectors: each amplitude alone over multiples of its prior's deviation, with every choice of the shape parameters."""
+    parameters = candidate.parameters
+    amplitudes = [i for i, p in enumerate(parameters) if not _is_shape(p)]
+    shapes = [i for i, p in enumerate(parameters) if _is_shape(p)]
+    neutral = np.array([p.neutral for p in parameters])
+    points = []
+    for i in amplitudes:
+        for level in _levels(parameters[i]):
+            for choice in product(*(_choices(parameters[s]) for s in shapes)):
+                point = neutral.copy()
+                point[i] = level
+                point[shapes] = choice
+                points.append(point)
+    if len(points) > _LARGEST_SCAN:
+        keep = np.linspace(0, len(points) - 1, _LARGEST_SCAN).round().astype(int)
+        points = [points[i] for i in keep]
+    return points
+
+
+def _is_shape(p):
+    """Shape parameters (a focus, a frequency) have no neutral value of zero."""
+    return p.neutral != 0.0
+
+
+def _levels(p):
+    out = []
+    for side in (1.0, -1.0):
+        reach = p.high - p.neutral if side > 0 else p.neutral - p.low
+        out += [p.neutral + side * m * p.typical for m in _MULTIPLES if m * p.typical <= reach * (1 + 1e-9)]
+    return out
+
+
+def _choices(p):
+    """The neutral value, and where the range is one-signed a geometric ladder over it."""
+    if p.low > 0:
+        ladder = np.geomspace(max(p.low, 0.2 * p.neutral), min(p.high, 4.0 * p.neutral), 5)
+        return sorted({p.neutral, *ladder.tolist()})
+    around = (p.neutral, p.neutral + p.typical, p.neutral - p.typical)
+    return sorted({v for v in around if p.low <= v <= p.high})

@@ -1,0 +1,93 @@
+"""From fits to evidence: cross-validated chi2, the pixels' effective number, log-likelihood gains, intervals."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from activestereo.lab.diagnose_data import FOLDS, TILE_PX
+
+# Normal quantile of a two-sided 90 % interval.
+_Z90 = 1.645
+
+
+@dataclass
+class Entry:
+    """One explanation of the train frames. chi2: cross-validated; tile_chi2: in-sample, by tile; frame_gain: relative fall of each
+    frame's chi2 that the effect touches; parameters: {name: {value, low, high, unit}}; explained: share of the chi2 above the floor."""
+
+    effect: object
+    chi2: float
+    tile_chi2: np.ndarray
+    solution: object = None
+    static: object = None
+    parameters: dict = field(default_factory=dict)
+    nats: float = 0.0
+    explained: float = 0.0
+    gain_floors: float = 0.0
+    consistency: float = 1.0
+
+    @property
+    def id(self):
+        return self.effect.id
+
+
+def cross_validated(fitter, solution):
+    """chi2 where each fold of tiles is judged with the parameters of the others, by the linearisation at the solution."""
+    sums, play = solution.sums, solution.play
+    n = len(solution.theta)
+    total = 0.0
+    for fold in range(FOLDS):
+        kept = type(sums)(np.delete(sums.gram, fold, 0), np.delete(sums.moment, fold, 0), sums.chi2, sums.tile_chi2)
+        step = fitter.solve(kept, solution.phi, n, play, solution.theta, 1e-9)
+        total += sums.chi2[fold] - 2.0 * step @ sums.moment[fold] + step @ sums.gram[fold] @ step
+    return float(total)
+
+
+def design_effect(tile_chi2, tile_pixels):
+    """By how much the tiles' chi2 varies more than that of as many independent normal pixels: 1 = independent."""
+    full = tile_pixels == TILE_PX**2
+    values = tile_chi2[full] if full.sum() > 8 else tile_chi2
+    per_tile = tile_pixels[full] if full.sum() > 8 else tile_pixels
+    scale = values.sum() / per_tile.sum()
+    return float(max(1.0, values.var() / (2.0 * per_tile.mean() * max(scale, 1e-12) ** 2)))
+
+
+def nats_of(base_chi2, chi2, pixels, deff):
+    """Gain of the profile log-likelihood with the noise scale free: what no model explains counts as noise."""
+    return 0.5 * pixels / deff * float(np.log(base_chi2 / chi2))
+
+
+def gain_error(base, entry, deff, base_chi2, pixels):
+    """Standard error of a difference of nats between two entries, paired by tile."""
+    difference = base.tile_chi2 - entry.tile_chi2
+    spread = np.sqrt(len(difference) * difference.var())
+    return 0.5 * pixels / deff * spread / base_chi2
+
+
+def intervals(entry_solution, fitter, first, candidate, deff, pixels):
+    """{name: {value, low, high, unit}} of the candidate's parameters, 90 %, clipped to their ranges."""
+    sums, n = entry_solution.sums, len(entry_solution.theta)
+    gram = sums.gram.sum(0)
+    albedo = fitter.prior(n, entry_solution.play)
+    norm = np.sqrt(np.maximum(np.diag(gram) + albedo, 1e-300))
+    inverse = np.linalg.pinv((gram + np.diag(albedo)) / np.outer(norm, norm), rcond=1e-12, hermitian=True) / np.outer(norm, norm)
+    scale = sums.total / pixels * deff
+    out = {}
+    for i, p in enumerate(candidate.parameters):
+        value = entry_solution.theta[first + i]
+        error = _Z90 * np.sqrt(max(inverse[first + i, first + i], 0.0) * scale)
+        low, high = max(p.low, value - error), min(p.high, value + error)
+        out[p.name] = {"value": float(value), "low": float(low), "high": float(high), "unit": p.unit}
+    return out
+
+
+def frame_consistency(observations, base_tiles, tiles):
+    """Share of the images that get better, of those that an effect touches noticeably (weighed alike)."""
+    better = touched = 0
+    for o in observations:
+        index = np.unique(o.tile)
+        before, after = base_tiles[index].sum(), tiles[index].sum()
+        if abs(before - after) > 0.002 * before:
+            touched += 1
+            better += after < before
+    return better / touched if touched else 0.0

@@ -1,0 +1,62 @@
+"""What a ranking allows to say: which entries pass, which cannot be told apart, how sure the first is, and the verdict."""
+
+import numpy as np
+
+# Gates of acceptance. Log-likelihood: the largest of K null gains grows with log K, and five nats more are asked for.
+_MARGIN_NATS = 5.0
+# Practical size: share of the error above the floor that must go, and the least fall of the mean square in units of the floor's.
+_SMALLEST_SHARE = 0.10
+_SMALLEST_GAIN_FLOORS = 0.01
+_CONSISTENT = 0.7
+# What is left above the floor after the best explanation: more than this share of the excess, and of the floor, is unexplained.
+_UNEXPLAINED_SHARE = 0.5
+_UNEXPLAINED_FLOORS = 0.05
+# Equivalence: as much left above the floor, within these, cannot be told apart by a model that is itself approximate.
+_SAME_EXCESS_RATIO, _SAME_EXCESS_FLOORS = 1.2, 0.002
+# Temperature of the confidence's softmax over log excess, and how well the floor itself is known.
+_TEMPERATURE, _FLOOR_KNOWN_TO = 0.2, 0.01
+
+
+def passes(ranking, entry):
+    """Whether an entry may be named: significant among all tried, of practical size, and better wherever it acts."""
+    threshold = _MARGIN_NATS + np.log(max(len(ranking.entries), 1))
+    return (
+        entry.nats > threshold
+        and entry.explained >= _SMALLEST_SHARE
+        and entry.gain_floors >= _SMALLEST_GAIN_FLOORS
+        and entry.consistency >= _CONSISTENT
+    )
+
+
+def left(ranking, entry):
+    """What an entry leaves above the floor, in floors."""
+    return max(entry.chi2 / ranking.pixels - ranking.floor_chi2 / ranking.pixels, 0.0)
+
+
+def equivalents(ranking, entry):
+    """Other entries that explain the data as well, within their paired error or the models' own inadequacy."""
+    if entry.nats <= 0:
+        return []
+    limit = _SAME_EXCESS_RATIO * left(ranking, entry) + _SAME_EXCESS_FLOORS
+    chosen = []
+    for other in ranking.entries:
+        if other is entry or other.nats <= 0 or other.gain_floors < 0.25 * entry.gain_floors:
+            continue
+        close = entry.nats - other.nats <= 2.0 * ranking.difference_error(entry, other) + 2.0
+        if close or left(ranking, other) <= limit:
+            chosen.append(other.id)
+    return chosen
+
+
+def confidences(ranking):
+    """{id: probability}: a softmax of minus log of what each leaves above the floor; 'none' takes part."""
+    excess = np.array([left(ranking, e) for e in [*ranking.entries, ranking.base]]) + _FLOOR_KNOWN_TO
+    logits = -np.log(excess) / _TEMPERATURE
+    weights = np.exp(logits - logits.max())
+    return {e.id: float(w) for e, w in zip(ranking.entries, weights / weights.sum(), strict=False)}
+
+
+def is_unexplained(ranking, entry, first_excess):
+    """Whether much is left above the floor after an entry (the base for none); first_excess: of the model without effects."""
+    rest = entry.chi2 / ranking.pixels - 1.0
+    return rest > _UNEXPLAINED_FLOORS and rest > _UNEXPLAINED_SHARE * first_excess

@@ -1,0 +1,54 @@
+"""The lab in a notebook: compare, diagnose, add, report on one object."""
+
+import os
+
+from activestereo.lab.compare import compare
+from activestereo.lab.diagnose import diagnose
+from activestereo.lab.diagnose_report import write_diagnosis
+from activestereo.lab.model_file import find, library, read_model, write_model
+from activestereo.lab.report import write_report
+
+
+class Lab:
+    """A capture folder and a model of it (a Model, a model.json, or None for no effects).
+
+    effects: files of your own effects. settings: renderer, samples_per_pixel, max_bounces, seed, cache, progress of compare().
+    """
+
+    def __init__(self, capture, model=None, effects=(), **settings):
+        self.capture = capture
+        self.effects = library(*effects)
+        self.model = model if hasattr(model, "with_effect") else read_model(model, self.effects)
+        self.comparison = self.diagnosis = None
+        self._settings = settings
+
+    def compare(self):
+        """A Comparison of the capture with the model as it is now."""
+        self.comparison = compare(self.capture, model=self.model, **self._settings)
+        return self.comparison
+
+    def diagnose(self, greedy=False, workers=None):
+        """A Diagnosis of what the model lacks. The model stays as it is: add() what you believe."""
+        steps, workers = "greedy" if greedy else "one", workers or os.cpu_count() or 1
+        self.diagnosis = diagnose(self.capture, self.model, self.effects, steps, workers=workers, **self._settings)
+        return self.diagnosis
+
+    def add(self, effect_id, **parameters):
+        """Adds an effect: with the given parameters, else as the last diagnosis found it, else typical. Returns the model."""
+        effect = find(self.effects, effect_id)
+        if not parameters:
+            entries = self.diagnosis.result["ranking"] if self.diagnosis else []
+            found = next((e["parameters"] for e in entries if e["effect"] == effect_id), None)
+            parameters = {name: v["value"] for name, v in found.items()} if found else effect.typical_values
+        self.model = self.model.with_effect(effect, **parameters)
+        return self.model
+
+    def report(self, folder):
+        """Writes compare.json, report.html, model.json and, after diagnose(), diagnose.json into a folder."""
+        if self.comparison is None:
+            self.compare()
+        if self.diagnosis is not None:
+            write_diagnosis(self.diagnosis, folder)
+        paths = write_report(self.comparison, folder)
+        write_model(paths[0].parent / "model.json", self.model)
+        return paths
