@@ -118,6 +118,12 @@ class Material:
     emission_texture: int | None
     transmission_texture: int | None
     specular_texture: int | None
+    transmission_roughness: float
+    diffuse_roughness: float
+    attenuation_color: tuple[float, float, float]
+    ir_attenuation_color: float | None
+    attenuation_distance_m: float
+    bsdf: Literal["gltf", "paper"]
     def __init__(self, **fields: Any) -> None: ...
 
 class Light:

@@ -90,6 +90,18 @@ void bind_material(py::module_& module) {
   maybe(type, "emission_texture", &kuafu_material_desc::emission_texture);
   maybe(type, "transmission_texture", &kuafu_material_desc::transmission_texture);
   maybe(type, "specular_texture", &kuafu_material_desc::specular_texture);
+  scalar(type, "transmission_roughness", &kuafu_material_desc::transmission_roughness, "Of the glass, 0..1; 0 = clear.");
+  scalar(type, "diffuse_roughness", &kuafu_material_desc::diffuse_roughness, "0..1: Oren and Nayar's, in Fujii's form; 0 = Lambert.");
+  vector(type, "attenuation_color", &kuafu_material_desc::attenuation_color, "Of white light after attenuation_distance_m inside.");
+  maybe(type, "ir_attenuation_color", &kuafu_material_desc::ir_attenuation_color, "The same in the infrared; None = red.");
+  scalar(type, "attenuation_distance_m", &kuafu_material_desc::attenuation_distance_m, "0 = nothing is absorbed.");
+  type.def_property(
+      "bsdf", [](const Material& m) { return m.c.bsdf == KUAFU_BSDF_PAPER ? "paper" : "gltf"; },
+      [](Material& m, const std::string& bsdf) {
+        if (bsdf != "gltf" && bsdf != "paper") raise_argument<Kuafu>("unknown bsdf '" + bsdf + "' (known: gltf, paper)");
+        m.c.bsdf = bsdf == "paper" ? KUAFU_BSDF_PAPER : KUAFU_BSDF_GLTF;
+      },
+      "'gltf' (default), or 'paper': w f_diffuse + (1 - w) f_specular, w = (1 - metallic)(1 - transmission).");
 }
 
 // By KUAFU_LIGHT_*, which count from 1.

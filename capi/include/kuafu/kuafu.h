@@ -155,6 +155,9 @@ static inline kuafu_texture_desc kuafu_texture_desc_init(void) {
 }
 KUAFU_API ks_status kuafu_scene_add_texture(kuafu_scene scene, const kuafu_texture_desc* desc, uint32_t* id);
 
+#define KUAFU_BSDF_GLTF 0u  /* glTF 2.0's: a dielectric's base lies under a reflecting layer */
+#define KUAFU_BSDF_PAPER 1u /* w f_diffuse + (1 - w) f_specular, w = (1 - metallic)(1 - transmission): no layer */
+
 /* glTF 2.0's material model: GGX (alpha = roughness squared), metallic-roughness, KHR_materials_ior/specular/transmission. */
 typedef struct kuafu_material_desc {
   ks_header header;
@@ -174,6 +177,12 @@ typedef struct kuafu_material_desc {
   uint32_t emission_texture;
   uint32_t transmission_texture; /* R */
   uint32_t specular_texture;     /* A */
+  float transmission_roughness;  /* of the glass, 0..1; 0 = clear. Files give it their roughness */
+  float diffuse_roughness;       /* 0..1: Oren and Nayar's, in Fujii's form; 0 = Lambert */
+  float attenuation_color[3];    /* of white light after attenuation_distance_m inside the glass (KHR_materials_volume) */
+  float ir_attenuation_color;    /* NAN = red */
+  float attenuation_distance_m;  /* 0 = nothing is absorbed */
+  uint32_t bsdf;                 /* KUAFU_BSDF_* */
 } kuafu_material_desc;
 static inline kuafu_material_desc kuafu_material_desc_init(void) {
   kuafu_material_desc m;
@@ -186,6 +195,8 @@ static inline kuafu_material_desc kuafu_material_desc_init(void) {
   m.ir_albedo = NAN;
   m.base_color_texture = m.metallic_roughness_texture = m.normal_texture = KUAFU_NONE;
   m.emission_texture = m.transmission_texture = m.specular_texture = KUAFU_NONE;
+  m.attenuation_color[0] = m.attenuation_color[1] = m.attenuation_color[2] = 1.0f;
+  m.ir_attenuation_color = NAN;
   return m;
 }
 KUAFU_API ks_status kuafu_scene_add_material(kuafu_scene scene, const kuafu_material_desc* desc, uint32_t* id);

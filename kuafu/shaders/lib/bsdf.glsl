@@ -1,6 +1,7 @@
 // glTF 2.0's material as one BSDF in the shading frame (z on the viewer's side): Lambert base, GGX lobe of coat and metal, smooth glass.
 // The base keeps what the coat does not reflect, min(1 - E(wo), 1 - E(wi)) with the coat's directional albedo E: reciprocal, creates no energy, and
-// equals glTF's (1 - F) away from grazing angles. A glass share (transmission) is smooth, with exact Fresnel.
+// equals glTF's (1 - F) away from grazing angles. A glass share (transmission) has exact Fresnel and a roughness of its own (Walter et al. 2007).
+// Light that meets several microfacets comes back as one more diffuse lobe (Kulla and Conty, "Revisiting Physically Based Shading at Imageworks", 2017).
 #ifndef KUAFU_BSDF_GLSL
 #define KUAFU_BSDF_GLSL
 #include "lib/material.glsl"
@@ -15,7 +16,12 @@ struct Bsdf {
   float coat_f0, coat_f90;      // of the dielectric coat alone, which dims the base
   float coat_albedo;            // towards the viewer
   float roughness, alpha;
-  float glass;                  // share of smooth glass
+  Spectrum multiple;            // of light that met several facets: share of 1 - E that comes back
+  float coat_multiple;
+  float multiple_scale;         // 1 / (1 - mean of E)
+  float diffuse_roughness;
+  float glass;                  // share of glass
+  float glass_alpha;
   float eta;                    // n_viewer / n_other
   float glass_specular;
   Spectrum tint;
@@ -39,55 +45,120 @@ vec2 lobe_albedo(Vec2Array table, float cosine, float roughness) {
 
 float coat_albedo(Bsdf b, Vec2Array table, float cosine) {
   if (b.coat_f90 == 0.0f) return 0.0f;
-  return dot(lobe_albedo(table, cosine, b.roughness), vec2(b.coat_f0, b.coat_f90));
+  vec2 e = lobe_albedo(table, cosine, b.roughness);
+  return dot(e, vec2(b.coat_f0, b.coat_f90)) + (1.0f - e.x - e.y) * b.coat_multiple;
 }
+
+/// Mean over the hemisphere, weighted by the cosine, of the albedo of a lobe without loss at the facets.
+float lobe_mean(Vec2Array table, float roughness) {
+  float p = clamp(roughness, 0.0f, 1.0f) * float(specular_albedo_size - 1u);
+  uint i = min(uint(p), specular_albedo_size - 2u), first = specular_albedo_size * specular_albedo_size;
+  return mix(table.at[first + i].x, table.at[first + i + 1u].x, p - float(i));
+}
+
+// F_avg^2 E / (1 - F_avg (1 - E)), with the mean of Schlick's Fresnel over the hemisphere.
+Spectrum multiple_share(Spectrum f0, float f90, float mean) {
+  Spectrum average = f0 + (Spectrum(f90) - f0) * (1.0f / 21.0f);
+  return average * average * mean / (Spectrum(1.0f) - average * (1.0f - mean));
+}
+
+bool is_mirror(Bsdf b) { return b.alpha < mirror_alpha; }
+bool is_rough_glass(Bsdf b) { return (features & feature_materials) != 0u && b.glass > 0.0f && b.glass_alpha >= mirror_alpha; }
 
 Bsdf make_bsdf(MaterialPoint m, Vec2Array table, float cos_o, bool front) {
   Bsdf b;
   float dielectric = (1.0f - m.metallic) * (1.0f - m.transmission);
   float r = (m.ior - 1.0f) / (m.ior + 1.0f);
   b.diffuse = m.base * dielectric;
-  b.coat_f0 = r * r * m.specular;
-  b.coat_f90 = m.specular;
+  b.coat_f0 = r * r * m.coat;
+  b.coat_f90 = m.coat;
   b.f0 = Spectrum(b.coat_f0 * dielectric) + m.base * m.metallic;
   b.f90 = b.coat_f90 * dielectric + m.metallic;
   b.roughness = m.roughness;
-  b.coat_albedo = coat_albedo(b, table, cos_o);
   b.alpha = m.roughness * m.roughness;
+  b.multiple = Spectrum(0.0f);
+  b.coat_multiple = 0.0f;
+  b.multiple_scale = 0.0f;
+  if (b.f90 > 0.0f && !is_mirror(b)) {
+    float mean = lobe_mean(table, b.roughness);
+    b.multiple = multiple_share(b.f0, b.f90, mean);
+    b.coat_multiple = channel_of(multiple_share(Spectrum(b.coat_f0), b.coat_f90, mean), 0u);
+    b.multiple_scale = 1.0f / max(1.0f - mean, 1e-4f);
+  }
+  b.coat_albedo = coat_albedo(b, table, cos_o);
+  b.diffuse_roughness = m.diffuse_roughness;
   b.glass = (1.0f - m.metallic) * m.transmission;
+  b.glass_alpha = m.transmission_roughness * m.transmission_roughness;
   b.eta = front ? 1.0f / m.ior : m.ior;
   b.glass_specular = m.specular;
   b.tint = m.base;
   return b;
 }
 
-bool is_mirror(Bsdf b) { return b.alpha < mirror_alpha; }
 /// Has a part that light from a point can be scattered by.
-bool takes_light(Bsdf b) { return max_component(b.diffuse) > 0.0f || (b.f90 > 0.0f && !is_mirror(b)); }
+bool takes_light(Bsdf b) { return max_component(b.diffuse) > 0.0f || (b.f90 > 0.0f && !is_mirror(b)) || is_rough_glass(b); }
 
-/// Chances of taking the base, the GGX lobe and the glass.
+/// Chances of taking the base and what several facets scatter, the GGX lobe and the glass.
 vec3 lobe_chances(Bsdf b, Vec2Array table, float cos_o) {
   vec3 w = vec3(max_component(b.diffuse) * (1.0f - b.coat_albedo), 0.0f, b.glass);
-  if (b.f90 > 0.0f) w.y = dot(lobe_albedo(table, cos_o, b.roughness), vec2(max_component(b.f0), b.f90));
+  if (b.f90 > 0.0f) {
+    vec2 e = lobe_albedo(table, cos_o, b.roughness);
+    w.y = dot(e, vec2(max_component(b.f0), b.f90));
+    w.x += max_component(b.multiple) * max(1.0f - e.x - e.y, 0.0f);
+  }
   float sum = w.x + w.y + w.z;
   return sum > 0.0f ? w / sum : vec3(0.0f);
+}
+
+/// Lambert's 1 / pi, or rough diffuse: Oren and Nayar 1994 in Fujii's form, which is reciprocal and creates no energy.
+float diffuse_shape(float roughness, vec3 wo, vec3 wi) {
+  if ((features & feature_materials) == 0u || roughness == 0.0f) return 1.0f / pi;
+  float s = dot(wo, wi) - wo.z * wi.z, t = s > 0.0f ? max(wo.z, wi.z) : 1.0f;
+  return (1.0f + roughness * s / max(t, 1e-6f)) / (pi + (pi / 2.0f - 2.0f / 3.0f) * roughness);
+}
+
+float glass_reflectance(Bsdf b, float cosine, OUT(float) cos_t) {
+  float reflectance = fresnel_dielectric(cosine, b.eta, cos_t);
+  return cos_t > 0.0f ? reflectance * b.glass_specular : reflectance;
+}
+
+/// f cos of rough glass, both sides, and the density of sample_rough_glass times its chance (Walter et al. 2007, eq. 20, 21).
+Spectrum evaluate_glass(Bsdf b, vec3 wo, vec3 wi, float chance, OUT(float) pdf) {
+  bool reflected = wi.z > 0.0f;
+  vec3 h = normalize(reflected ? wo + wi : -(b.eta * wo + wi));
+  pdf = 0.0f;
+  if (h.z < 0.0f) h = -h;
+  float cos_t, o = dot(wo, h), i = dot(wi, h);
+  if (o <= 0.0f || reflected != (i > 0.0f)) return Spectrum(0.0f);
+  float reflectance = glass_reflectance(b, o, cos_t), visible = ggx_reflection_pdf(wo, h, b.glass_alpha);
+  float facets = ggx_distribution(h, b.glass_alpha) * ggx_visibility(wo.z, abs(wi.z), b.glass_alpha) * abs(wi.z);
+  if (reflected) {
+    pdf = chance * reflectance * visible;
+    return Spectrum(b.glass * reflectance * facets);
+  }
+  float way = b.eta * o + i, turn = 4.0f * o * abs(i) / (way * way);  // of facet to direction, times the 4 o of reflection
+  pdf = chance * (1.0f - reflectance) * visible * turn;
+  return b.tint * (b.glass * (1.0f - reflectance) * facets * turn * b.eta * b.eta);
 }
 
 /// f cos of the parts that are no mirrors, and the density of bsdf_sample for them.
 Spectrum bsdf_evaluate(Bsdf b, Vec2Array table, vec3 wo, vec3 wi, vec3 chances, OUT(float) pdf) {
   pdf = 0.0f;
-  if (wi.z <= 0.0f) return Spectrum(0.0f);
   Spectrum f = Spectrum(0.0f);
+  if (is_rough_glass(b)) f = evaluate_glass(b, wo, wi, chances.z, pdf);
+  if (wi.z <= 0.0f) return f;
+  pdf += chances.x * wi.z / pi;
   if (max_component(b.diffuse) > 0.0f) {
     float dimming = 1.0f - max(b.coat_albedo, coat_albedo(b, table, wi.z));
-    f += b.diffuse * (dimming * wi.z / pi);
-    pdf += chances.x * wi.z / pi;
+    f += b.diffuse * (dimming * wi.z * diffuse_shape(b.diffuse_roughness, wo, wi));
   }
   if (b.f90 > 0.0f && !is_mirror(b)) {
     vec3 h = normalize(wo + wi);
     float schlick = schlick_weight(dot(wo, h));
     Spectrum fresnel = b.f0 + (Spectrum(b.f90) - b.f0) * schlick;
     f += fresnel * (ggx_distribution(h, b.alpha) * ggx_visibility(wo.z, wi.z, b.alpha) * wi.z);
+    vec2 e_o = lobe_albedo(table, wo.z, b.roughness), e_i = lobe_albedo(table, wi.z, b.roughness);
+    f += b.multiple * (max(1.0f - e_o.x - e_o.y, 0.0f) * max(1.0f - e_i.x - e_i.y, 0.0f) * b.multiple_scale * wi.z / pi);
     pdf += chances.y * ggx_reflection_pdf(wo, h, b.alpha);
   }
   return f;
@@ -102,8 +173,7 @@ vec3 sample_cosine(vec2 u) {
 BsdfSample sample_glass(Bsdf b, vec3 wo, float choice) {
   BsdfSample s;
   float cos_t;
-  float reflectance = fresnel_dielectric(wo.z, b.eta, cos_t);
-  if (cos_t > 0.0f) reflectance *= b.glass_specular;
+  float reflectance = glass_reflectance(b, wo.z, cos_t);
   s.pdf = 0.0f;
   s.delta = true;
   s.transmitted = choice >= reflectance;
@@ -115,14 +185,28 @@ BsdfSample sample_glass(Bsdf b, vec3 wo, float choice) {
 /// What smooth glass lets through at one boundary, of a ray taken straight on: outside a plane-parallel plate the angle is the same on both sides, so
 /// `cosine`, the straight ray's, holds for both of its faces.
 Spectrum straight_transmittance(MaterialPoint m, float cosine) {
+  if (m.transmission_roughness * m.transmission_roughness >= mirror_alpha) return Spectrum(0.0f);
   float cos_t;
   float reflectance = fresnel_dielectric(cosine, 1.0f / m.ior, cos_t) * m.specular;
   return m.base * ((1.0f - m.metallic) * m.transmission * (1.0f - reflectance));
 }
 
+BsdfSample sample_rough_glass(Bsdf b, Vec2Array table, vec3 wo, vec3 chances, vec2 u, float choice) {
+  BsdfSample s = BsdfSample(vec3(0.0f, 0.0f, 1.0f), Spectrum(0.0f), 0.0f, false, false);
+  vec3 h = sample_visible_normal(wo, b.glass_alpha, u);
+  float cos_t, o = dot(wo, h), reflectance = glass_reflectance(b, o, cos_t);
+  s.transmitted = choice >= reflectance;
+  s.direction = s.transmitted ? h * (b.eta * o - cos_t) - b.eta * wo : reflect(-wo, h);
+  if (s.transmitted == (s.direction.z > 0.0f)) return s;
+  Spectrum f = bsdf_evaluate(b, table, wo, s.direction, chances, s.pdf);
+  if (s.pdf > 0.0f) s.weight = f / s.pdf;
+  return s;
+}
+
 BsdfSample bsdf_sample(Bsdf b, Vec2Array table, vec3 wo, vec3 chances, vec2 u, float choice) {
   BsdfSample s = BsdfSample(vec3(0.0f, 0.0f, 1.0f), Spectrum(0.0f), 0.0f, false, false);
   if (choice < chances.z) {
+    if (is_rough_glass(b)) return sample_rough_glass(b, table, wo, chances, u, choice / chances.z);
     s = sample_glass(b, wo, choice / chances.z);
     s.weight *= b.glass / chances.z;
     return s;

@@ -9,6 +9,9 @@ struct MaterialPoint {
   Spectrum base;  // diffuse albedo, or metal reflectance
   Spectrum emission;
   float metallic, roughness, specular, ior, transmission;
+  float coat;         // specular of the layer over the base
+  Spectrum attenuation;  // inside, 1/m
+  float transmission_roughness, diffuse_roughness;
 };
 
 vec4 material_texel(SceneAddresses scene, uint texture, vec2 uv) {
@@ -37,6 +40,10 @@ MaterialPoint load_material(SceneAddresses scene, MaterialRecord m, INOUT(Surfac
   p.specular = m.specular;
   p.ior = m.ior;
   p.transmission = m.transmission;
+  p.coat = m.specular * m.coat;
+  p.attenuation = band_of(m.attenuation, m.ir_attenuation);
+  p.transmission_roughness = m.transmission_roughness;
+  p.diffuse_roughness = m.diffuse_roughness;
   if (m.textured == 0u) return p;
   vec4 base = material_texel(scene, KUAFU_CHANNELS == 1 ? m.ir_albedo_texture : m.base_color_texture, s.uv);
   p.base *= band_of(xyz(base), base.r);
@@ -47,6 +54,7 @@ MaterialPoint load_material(SceneAddresses scene, MaterialRecord m, INOUT(Surfac
   p.metallic *= metallic_roughness.b;
   p.transmission *= material_texel(scene, m.transmission_texture, s.uv).r;
   p.specular *= material_texel(scene, m.specular_texture, s.uv).a;
+  p.coat = p.specular * m.coat;
   apply_normal_map(scene, m.normal_texture, s);
   return p;
 }

@@ -7,11 +7,13 @@
 Spectrum band_of(vec3 visible, float infrared) { return infrared; }
 float channel_of(Spectrum s, uint c) { return s; }
 float max_component(Spectrum s) { return s; }
+Spectrum band_exp(Spectrum s) { return exp(s); }
 #else
 #define Spectrum vec3
 Spectrum band_of(vec3 visible, float infrared) { return visible; }
 float channel_of(Spectrum s, uint c) { return s[c]; }
 float max_component(Spectrum s) { return max(s.x, max(s.y, s.z)); }
+Spectrum band_exp(Spectrum s) { return vec3(exp(s.x), exp(s.y), exp(s.z)); }
 #endif
 const uint channels = KUAFU_CHANNELS;
 #endif

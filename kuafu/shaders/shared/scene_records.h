@@ -37,6 +37,9 @@ struct MaterialRecord {
   uint textured;  // nonzero: any of the textures below
   uint base_color_texture, ir_albedo_texture, metallic_roughness_texture, normal_texture;
   uint emission_texture, transmission_texture, specular_texture;
+  vec3 attenuation;  // inside, 1/m
+  float ir_attenuation, transmission_roughness, diffuse_roughness;
+  float coat;  // 1, or 0: no dielectric layer (KUAFU_BSDF_PAPER)
 };
 KUAFU_ARRAY(MaterialArray, MaterialRecord, 4)
 
@@ -100,7 +103,7 @@ struct EnvironmentRecord {
 };
 KUAFU_ARRAY(EnvironmentArray, EnvironmentRecord, 4)
 
-KUAFU_CONST specular_albedo_size = 32u;  // cosines and roughnesses of the table
+KUAFU_CONST specular_albedo_size = 32u;  // cosines and roughnesses of the table, which means over the hemisphere follow
 
 struct SceneAddresses {
   InstanceArray instances;
@@ -118,7 +121,7 @@ KUAFU_ARRAY(SceneReference, SceneAddresses, 8)
 
 #ifdef __cplusplus
 static_assert(sizeof(InstanceRecord) == 144);
-static_assert(sizeof(MaterialRecord) == 88);
+static_assert(sizeof(MaterialRecord) == 116);
 static_assert(sizeof(TextureRecord) == 24);
 static_assert(sizeof(LightRecord) == 104);
 static_assert(sizeof(LightShape) == 152);

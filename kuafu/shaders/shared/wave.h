@@ -90,6 +90,7 @@ KUAFU_CONST generate_pixel_centre = 2u;  // AOV rays: no jitter, no path state
 
 // What the kernels of `shade` and `transmit` can do: a constant for each of their compilations.
 KUAFU_CONST feature_lights = 1u;  // lights with an extent or a profile (LightShape); multiple importance sampling
+KUAFU_CONST feature_materials = 2u;  // rough transmission, absorption inside, rough diffuse
 
 KUAFU_CONST shade_environments = 1u;    // rays carry an environment
 KUAFU_CONST shade_ambient = 2u;         // there is light that only BSDF rays find: environment or emission

@@ -104,19 +104,21 @@ void add_shapes(uint i, Path path, float t_far) {
   }
 }
 
-/// The surface that ray i met; adds its emission to the path.
-Vertex load_vertex(uint i, Path path) {
+/// The surface that ray i met; the path loses what the way inside absorbed, and gets the surface's emission.
+Vertex load_vertex(uint i, INOUT(Path) path) {
   vec3 wo = -load_direction(push.rays_in, i, push.capacity);
   SceneAddresses scene = push.scene.at[0];
   Surface s = load_surface(scene, scene.instances.at[ray_field(i, hit_instance)], ray_field(i, hit_primitive),
                            uintBitsToFloat(ray_field(i, hit_u)), uintBitsToFloat(ray_field(i, hit_v)));
   MaterialRecord record = scene.materials.at[s.material];
   MaterialPoint m = load_material(scene, record, s);
+  bool front = dot(s.geometric_normal, wo) >= 0.0f;
+  if ((features & feature_materials) != 0u && !front && m.transmission > 0.0f)
+    path.throughput *= band_exp(m.attenuation * -uintBitsToFloat(ray_field(i, ray_t_far)));
   if (max_component(m.emission) > 0.0f) {
     float weight = emission_weight(path, record, uintBitsToFloat(ray_field(i, ray_t_far)), dot(s.geometric_normal, wo));
     add_radiance(path.slot, group_ambient, path.throughput * m.emission * weight);
   }
-  bool front = dot(s.geometric_normal, wo) >= 0.0f;
   Vertex vertex;
   vertex.position = s.position;
   vertex.coordinate_size = s.coordinate_size;
@@ -167,9 +169,15 @@ ShadowRequest ask_light(Shading s, uint k) {
   } else {
     light = light_at(record, s.vertex.position);
   }
-  if (max_component(light.irradiance) == 0.0f || dot(light.direction, s.vertex.side_normal) <= 0.0f) return request;
+  bool behind = dot(light.direction, s.vertex.side_normal) <= 0.0f;
+  if (max_component(light.irradiance) == 0.0f || (behind && !is_rough_glass(s.vertex.bsdf))) return request;
+  if (behind) {
+    request.ray.origin = offset_origin(s.vertex.position, s.vertex.coordinate_size, -s.vertex.side_normal);
+    light.distance_m -= s.vertex.coordinate_size * (1.0f / 65536.0f);  // nearer by both offsets
+  }
   float pdf;
   vec3 wi = to_local(s.vertex.frame, light.direction);
+  if (behind == (wi.z > 0.0f)) return request;
   Spectrum f = bsdf_evaluate(s.vertex.bsdf, scene.specular_albedo, s.vertex.wo, wi, s.vertex.chances, pdf);
   request.contribution = s.path.throughput * f * light.irradiance / choice.probability;
   request.opaque = light.pdf > 0.0f;  // directions that find it go through glass by themselves

@@ -16,7 +16,9 @@ Spectrum pass_surface(uint i, INOUT(Onward) onward) {
   MaterialPoint m = load_material(scene, scene.materials.at[s.material], s);
   bool front = dot(s.geometric_normal, onward.ray.direction) <= 0.0f;
   onward.ray.origin = offset_origin(s.position, s.coordinate_size, front ? -s.geometric_normal : s.geometric_normal);
-  return straight_transmittance(m, abs(dot(s.shading_normal, onward.ray.direction)));
+  Spectrum transmittance = straight_transmittance(m, abs(dot(s.shading_normal, onward.ray.direction)));
+  if ((features & feature_materials) != 0u && !front) transmittance *= band_exp(m.attenuation * -uintBitsToFloat(shadow_field(i, ray_t_far)));
+  return transmittance;
 }
 
 Onward transmit(uint i) {

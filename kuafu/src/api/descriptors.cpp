@@ -84,6 +84,12 @@ Material to_material(const kuafu_material_desc& desc) {
   m.emission_texture = desc.emission_texture;
   m.transmission_texture = desc.transmission_texture;
   m.specular_texture = desc.specular_texture;
+  m.transmission_roughness = desc.transmission_roughness;
+  m.diffuse_roughness = desc.diffuse_roughness;
+  m.ir_attenuation_color = desc.ir_attenuation_color;
+  m.attenuation_distance_m = desc.attenuation_distance_m;
+  for (int i = 0; i < 3; ++i) m.attenuation_color[i] = desc.attenuation_color[i];
+  m.bsdf = static_cast<Material::Bsdf>(desc.bsdf);
   return m;
 }
 
@@ -157,6 +163,12 @@ kuafu_material_desc to_desc(const Material& m) {
   desc.emission_texture = m.emission_texture;
   desc.transmission_texture = m.transmission_texture;
   desc.specular_texture = m.specular_texture;
+  desc.transmission_roughness = m.transmission_roughness;
+  desc.diffuse_roughness = m.diffuse_roughness;
+  desc.ir_attenuation_color = m.ir_attenuation_color;
+  desc.attenuation_distance_m = m.attenuation_distance_m;
+  for (int i = 0; i < 3; ++i) desc.attenuation_color[i] = m.attenuation_color[i];
+  desc.bsdf = static_cast<uint32_t>(m.bsdf);
   return desc;
 }
 

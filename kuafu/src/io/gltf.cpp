@@ -12,9 +12,9 @@
 namespace kuafu {
 namespace {
 
-constexpr std::array known_extensions = {"KHR_materials_ior",      "KHR_materials_transmission",
-                                         "KHR_materials_specular", "KHR_materials_emissive_strength",
-                                         "KHR_lights_punctual",    "KHR_mesh_quantization"};
+constexpr std::array known_extensions = {"KHR_materials_ior",    "KHR_materials_transmission",      "KHR_materials_specular",
+                                         "KHR_materials_volume", "KHR_materials_emissive_strength", "KHR_lights_punctual",
+                                         "KHR_mesh_quantization"};
 
 bool is_known(const std::string& extension) {
   return std::find(known_extensions.begin(), known_extensions.end(), extension) != known_extensions.end();

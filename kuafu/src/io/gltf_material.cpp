@@ -68,6 +68,7 @@ Material GltfMaterials::read(const tinygltf::Material& from, const std::string& 
   to.emission_texture = texture(from.emissiveTexture.index, from.emissiveTexture.texCoord, true, field + ".emissiveTexture");
   read_extensions(from, field, to);
   to.ir_albedo = static_cast<float>(number(from.extras, "ir_albedo", to.ir_albedo));
+  to.ir_attenuation_color = static_cast<float>(number(from.extras, "ir_attenuation_color", to.ir_attenuation_color));
   to.ir_emission = static_cast<float>(number(from.extras, "ir_emission", to.ir_emission));
   if (from.alphaMode != "OPAQUE") import_.warn(field + ".alphaMode " + from.alphaMode + " is rendered as OPAQUE");
   if (from.normalTexture.scale != 1.0) import_.warn(field + ".normalTexture.scale is ignored");
@@ -95,6 +96,12 @@ void GltfMaterials::read_extensions(const tinygltf::Material& from, const std::s
     to.specular_texture = texture(index, uv_set, false, field + ".specularTexture");
     if (e->Has("specularColorFactor") || e->Has("specularColorTexture"))
       import_.warn(field + ": specularColorFactor and specularColorTexture are ignored");
+  }
+  to.transmission_roughness = to.roughness;
+  if (const auto* e = extension("KHR_materials_volume")) {
+    to.attenuation_distance_m = static_cast<float>(number(*e, "attenuationDistance", 0.0));
+    if (e->Has("attenuationColor"))
+      for (int i = 0; i < 3; ++i) to.attenuation_color[i] = static_cast<float>(e->Get("attenuationColor").Get(i).GetNumberAsDouble());
   }
   if (const auto* e = extension("KHR_materials_emissive_strength")) to.emission *= static_cast<float>(number(*e, "emissiveStrength", 1.0));
 }

@@ -19,6 +19,17 @@ glm::dvec3 visible_normal(const glm::dvec3& wo, double alpha, double u, double v
   return glm::normalize(glm::dvec3(h.x * alpha, h.y * alpha, std::max(h.z, 1e-12)));
 }
 
+/// Mean of a lobe's albedo x + y over the hemisphere, weighted by 2 cosine: exact for its piecewise linear table.
+float hemisphere_mean(const glm::vec2* row) {
+  constexpr double step = 1.0 / (specular_albedo_size - 1);
+  double sum = 0;
+  for (uint32_t i = 0; i + 1 < specular_albedo_size; ++i) {
+    const double a = row[i].x + row[i].y, b = row[i + 1].x + row[i + 1].y, c = i * step;
+    sum += 2 * step * (a * (c / 2 + step / 6) + b * (c / 2 + step / 3));
+  }
+  return float(sum);
+}
+
 }  // namespace
 
 glm::vec2 specular_albedo(double cosine, double roughness) {
@@ -41,10 +52,11 @@ glm::vec2 specular_albedo(double cosine, double roughness) {
 
 std::vector<glm::vec2> specular_albedo_table() {
   std::vector<glm::vec2> table;
-  table.reserve(size_t(specular_albedo_size) * specular_albedo_size);
+  table.reserve(size_t(specular_albedo_size) * (specular_albedo_size + 1));
   for (uint32_t r = 0; r < specular_albedo_size; ++r)
     for (uint32_t c = 0; c < specular_albedo_size; ++c)
       table.push_back(specular_albedo(double(c) / (specular_albedo_size - 1), double(r) / (specular_albedo_size - 1)));
+  for (uint32_t r = 0; r < specular_albedo_size; ++r) table.emplace_back(hemisphere_mean(&table[size_t(r) * specular_albedo_size]), 0.0f);
   return table;
 }
 

@@ -7,7 +7,7 @@
 
 namespace kuafu {
 
-/// [roughness][cosine], specular_albedo_size each, both from 0 to 1.
+/// [roughness][cosine], specular_albedo_size each, both from 0 to 1; then per roughness the mean of x + y over the hemisphere, as x.
 std::vector<glm::vec2> specular_albedo_table();
 
 /// One entry by quadrature over the visible normals.

@@ -1,12 +1,16 @@
 #include "pathtrace/scene_tables.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "material/specular_albedo.h"
 #include "material/texels.h"
 
 namespace kuafu {
 namespace {
+
+// Beer and Lambert: white light has this colour after the given distance. Black would be opaque; its stand-in lets e^-20 through.
+float attenuation(float color, float distance_m) { return distance_m > 0.0f ? -std::log(std::max(color, 2e-9f)) / distance_m : 0.0f; }
 
 MaterialRecord record_of(const Material& m, uint32_t id) {
   MaterialRecord r{};
@@ -21,6 +25,11 @@ MaterialRecord record_of(const Material& m, uint32_t id) {
   r.ir_albedo = from_colour ? m.base_color.r : m.ir_albedo;
   r.ir_emission = m.ir_emission;
   r.id = id;
+  for (int i = 0; i < 3; ++i) r.attenuation[i] = attenuation(m.attenuation_color[i], m.attenuation_distance_m);
+  r.ir_attenuation = std::isnan(m.ir_attenuation_color) ? r.attenuation.r : attenuation(m.ir_attenuation_color, m.attenuation_distance_m);
+  r.transmission_roughness = m.transmission_roughness;
+  r.diffuse_roughness = m.diffuse_roughness;
+  r.coat = m.bsdf == Material::Bsdf::paper ? 0.0f : 1.0f;
   r.base_color_texture = m.base_color_texture;
   r.ir_albedo_texture = from_colour ? m.base_color_texture : no_texture;
   r.metallic_roughness_texture = m.metallic_roughness_texture;
@@ -158,6 +167,10 @@ void SceneTables::write_materials(const Scene& scene) {
   for (uint32_t i = 0; i < materials.size(); ++i) records[i] = record_of(materials[i], i);
   records[materials.size()] = record_of(grey_default(), none);
   has_glass_ = std::ranges::any_of(materials, [](const Material& m) { return m.transmission > 0.0f && m.metallic < 1.0f; });
+  const auto special = [](const Material& m) {
+    return m.diffuse_roughness > 0.0f || (m.transmission > 0.0f && (m.transmission_roughness > 0.0f || m.attenuation_distance_m > 0.0f));
+  };
+  material_features_ = std::ranges::any_of(materials, special) ? feature_materials : 0;
   emissive_[0] = std::ranges::any_of(materials, [](const Material& m) { return m.emission != glm::vec3(0); });
   emissive_[1] = std::ranges::any_of(materials, [](const Material& m) { return m.ir_emission != 0.0f; });
 }

@@ -24,7 +24,7 @@ class SceneTables {
   [[nodiscard]] uint64_t address() const { return tables_.address(); }
   [[nodiscard]] uint32_t shadow_rays_per_vertex() const { return shadow_rays_per_vertex_; }
   /// feature_* that the scene needs.
-  [[nodiscard]] uint32_t features() const { return light_features_; }
+  [[nodiscard]] uint32_t features() const { return light_features_ | material_features_; }
   [[nodiscard]] bool select_lights() const { return select_lights_; }
   /// Whether a surface lets light through.
   [[nodiscard]] bool has_glass() const { return has_glass_; }
@@ -78,7 +78,7 @@ class SceneTables {
   MappedTable<SceneAddresses> tables_;
   uint32_t shadow_rays_per_vertex_ = 0;
   bool select_lights_ = false, has_environment_light_ = false, has_glass_ = false;
-  uint32_t light_features_ = 0;
+  uint32_t light_features_ = 0, material_features_ = 0;
   bool emissive_[2] = {false, false};  // visible, infrared
 };
 

@@ -42,6 +42,12 @@ struct Material {
   float ir_emission = 0.0f;
   uint32_t base_color_texture = none, metallic_roughness_texture = none, normal_texture = none;
   uint32_t emission_texture = none, transmission_texture = none, specular_texture = none;
+  float transmission_roughness = 0.0f, diffuse_roughness = 0.0f;
+  glm::vec3 attenuation_color{1.0f};
+  float ir_attenuation_color = std::numeric_limits<float>::quiet_NaN();
+  float attenuation_distance_m = 0.0f;  // 0: nothing is absorbed
+  enum class Bsdf : uint32_t { gltf = 0, paper = 1 };
+  Bsdf bsdf = Bsdf::gltf;
 };
 
 struct Instance {

@@ -129,6 +129,14 @@ void check(const Material& material) {
   unit("roughness", material.roughness);
   unit("specular", material.specular);
   unit("transmission", material.transmission);
+  unit("transmission_roughness", material.transmission_roughness);
+  unit("diffuse_roughness", material.diffuse_roughness);
+  for (int i = 0; i < 3; ++i) unit("attenuation_color", material.attenuation_color[i]);
+  if (!std::isnan(material.ir_attenuation_color)) unit("ir_attenuation_color", material.ir_attenuation_color);
+  check_not_negative("material", material.name, "attenuation_distance_m", material.attenuation_distance_m);
+  if (material.bsdf > Material::Bsdf::paper)
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "material '%s': bsdf %u is no KUAFU_BSDF_*", material.name.c_str(),
+             static_cast<uint32_t>(material.bsdf));
   if (!std::isnan(material.ir_albedo)) unit("ir_albedo", material.ir_albedo);
   check_range("material", material.name, "ior", material.ior, 1.0, std::numeric_limits<float>::max());
   check_not_negative("material", material.name, "emission", material.emission);

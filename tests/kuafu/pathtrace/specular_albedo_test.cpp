@@ -50,7 +50,7 @@ TEST(SpecularAlbedo, is_fresnel_itself_where_smooth) {
 
 TEST(SpecularAlbedo, never_exceeds_one) {
   const auto table = kuafu::specular_albedo_table();
-  ASSERT_EQ(table.size(), size_t(kuafu::specular_albedo_size) * kuafu::specular_albedo_size);
+  ASSERT_EQ(table.size(), size_t(kuafu::specular_albedo_size) * (kuafu::specular_albedo_size + 1));
   for (const glm::vec2& e : table) EXPECT_LE(e.x + e.y, 1.0f + 1e-5f);
 }
 

@@ -254,6 +254,22 @@ TEST(GltfMaterial, DefaultsAreTheSpecifications) {
   EXPECT_TRUE(std::isnan(m.ir_albedo));
 }
 
+TEST(GltfMaterial, VolumeAndItsRoughnessAreRead) {
+  GltfWriter w;
+  w.root["materials"] = {
+      {{"pbrMetallicRoughness", {{"roughnessFactor", 0.25}}},
+       {"extensions", {{"KHR_materials_volume", {{"attenuationDistance", 0.5}, {"attenuationColor", {0.75, 0.5, 0.25}}}}}},
+       {"extras", {{"ir_attenuation_color", 0.125}}}}};
+  w.triangle(0);
+  w.node({{"mesh", 0}});
+  const Loaded loaded = load(w);
+  const Material& m = loaded.scene.materials()[0];
+  EXPECT_EQ(m.transmission_roughness, 0.25f);
+  EXPECT_EQ(m.attenuation_distance_m, 0.5f);
+  EXPECT_EQ(m.attenuation_color, glm::vec3(0.75f, 0.5f, 0.25f));
+  EXPECT_EQ(m.ir_attenuation_color, 0.125f);
+}
+
 TEST(GltfMaterial, WrongTypesAndRangesNameTheField) {
   const auto with = [](const json& material) {
     GltfWriter w;
