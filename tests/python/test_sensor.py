@@ -46,8 +46,9 @@ def test_most_of_the_table_is_measured_well(by_material):
 
 
 def test_materials_that_break_stereo_do(by_material):
-    for name in ("glass", "steel", "velvet"):
+    for name in ("glass", "steel"):  # light goes elsewhere: every match is off
         assert by_material[name].median_error_m > 2 * by_material["clay"].median_error_m, name
+    assert by_material["velvet"].p90_error_m > 2 * by_material["clay"].p90_error_m  # little light comes back: some matches are noise
     assert by_material["glass"].fill < by_material["clay"].fill - 0.03
 
 
