@@ -77,16 +77,16 @@ class Lightmap:
             texel[here] = self._starts[i][chart] + row * shapes[chart, 1] + column
         return texel
 
-    def bounced(self, first, reflectance=1.0):
-        """What arrives after one bounce or more, where `first` arrives directly; reflectance scales every albedo."""
+    def bounced(self, first):
+        """What arrives after one bounce or more, where `first` arrives directly."""
         total = np.zeros_like(first)
         for _ in range(_BOUNCES):
-            total = self._transport @ (reflectance * self.albedo * (first + total))
+            total = self._transport @ (self.albedo * self._filled(first + total))
         return self._filled(total)
 
-    def ambient(self, reflectance=1.0):
-        """Under uniform sky of radiance 1, all bounces included."""
-        return self._filled(self._sky) + self.bounced(self._sky, reflectance)
+    def ambient(self, bounce_gain=0.0):
+        """Under uniform sky of radiance 1, all bounces included; bounce_gain: by how much too strong they are."""
+        return self._filled(self._sky) + (1.0 + bounce_gain) * self.bounced(self._sky)
 
     def _filled(self, values):
         """Texels that nobody sees take the nearest exposed one's value, so that interpolation does not darken its neighbours."""

@@ -53,6 +53,9 @@ def _scored(world, name, values):
         exponents = np.linspace(0.3, 1.2, 181)
         misfit = [np.sum((y - x**e * (y @ x**e) / (x**e @ x**e)) ** 2) for e in exponents]
         return {"log_exponent": float(np.log(exponents[int(np.argmin(misfit))]))}
+    if name == "gain_error":  # As a power of the told gain.
+        gain = max(frame.gain for frame in world.frames)
+        return {"log_gain": float(np.log1p(values["error"]) / np.log(gain))}
     main = {
         "projector_defocus": ("aperture_px_m",),
         "flicker_banding": ("depth",),
@@ -65,8 +68,9 @@ def _scored(world, name, values):
         "gain_mismatch": ("gain",),
         "hot_pixels": ("share",),
         "specular": ("roughness",),
+        "subsurface": ("length_m",),
         "dark_signal": ("rate_dn_per_s",),
     }
-    # Lamps, second projectors, clear walls and bounce gains have no parameter that every model would name alike.
-    free = {"ambient_ir", "second_projector", "interreflection", "transmission", "edge_fattening", "foreshortening_bias", "post_filter"}
+    # Lamps, second projectors and clear walls have no parameter that every model would name alike.
+    free = {"ambient_ir", "second_projector", "transmission", "edge_fattening", "foreshortening_bias", "post_filter"}
     return {} if name in free else {k: values[k] for k in main.get(name, values)}

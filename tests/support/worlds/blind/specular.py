@@ -11,7 +11,7 @@ def glints(world, frame, directions, points, normals, index, poses, row, ambient
     """(projector's glint, reflected sky and surroundings, share of the diffuse light that is left) per hit."""
     p = world.hidden["specular"]
     dots, sky, keep = np.zeros(len(points)), np.zeros(len(points)), np.ones(len(points))
-    glossy = np.flatnonzero(np.isin(index, [i for i, s in enumerate(world.solids) if s.name in world.glossy_solids]))
+    glossy = np.flatnonzero(np.isin(index, [i for i, s in enumerate(world.solids) if world.is_glossy(s)]))
     if not glossy.size:
         return dots, sky, keep
     n, view, at = normals[glossy], -directions[glossy], points[glossy]
@@ -22,7 +22,7 @@ def glints(world, frame, directions, points, normals, index, poses, row, ambient
     return dots, sky, keep
 
 
-def _projector_glint(world, frame, points, n, view, poses, row, f0, roughness):
+def _projector_glint(world, frame, points, n, view, poses, row, f0, roughness, everywhere):
     centre = (poses[:, :3, 0] * world.rig.projector_x_m + poses[:, :3, 3])[row]
     way = centre - points
     distance = np.linalg.norm(way, axis=1)

@@ -67,7 +67,7 @@ def _projector_centres(world, poses, row):
 def _clear_solids(world):
     if "transmission" not in world.hidden:
         return None
-    return {i: world.hidden["transmission"]["share"] for i, s in enumerate(world.solids) if s.name in world.clear_solids}
+    return {i: world.hidden["transmission"]["share"] for i, s in enumerate(world.solids) if world.is_clear(s)}
 
 
 def _lights(world, frame, origins, directions, row, poses, hits, bounced, ambient):
@@ -83,7 +83,7 @@ def _lights(world, frame, origins, directions, row, poses, hits, bounced, ambien
     lights[2][hit] = albedo * world.lightmap.look_up(ambient, i, points)
     lights[2][index < 0] = 1.0
     if "second_projector" in world.hidden:
-        lights[3][hit] = albedo * _second_projector(world, frame, points, n, **world.hidden["second_projector"])
+        lights[3][hit] = albedo * _second_projector(world, frame, points, n, poses, row[hit], **world.hidden["second_projector"])
     if "ambient_ir" in world.hidden:
         lights[4][hit] = albedo * _lamp(world, points, n, **world.hidden["ambient_ir"])
     if "specular" in world.hidden:
@@ -99,7 +99,7 @@ def _direct(world, frame, points, normals, index, poses, row):
     if "subsurface" not in world.hidden:
         return projector_irradiance(world, frame, points, normals, poses, row)
     value = np.zeros(len(points))
-    wax = np.isin(index, [i for i, s in enumerate(world.solids) if s.name in world.wax_solids])
+    wax = np.isin(index, [i for i, s in enumerate(world.solids) if world.is_wax(s)])
     hard = np.flatnonzero(~wax)
     value[hard] = projector_irradiance(world, frame, points[hard], normals[hard], poses, row[hard])
     soft = np.flatnonzero(wax)
@@ -108,7 +108,7 @@ def _direct(world, frame, points, normals, index, poses, row):
     return value
 
 
-def _diffused(world, frame, points, normals, poses, row, length_m):
+def _diffused(world, frame, points, normals, poses, row, length_m, everywhere):
     """Light enters around where it leaves, with density exp(-r / length) over the tangent plane."""
     helper = np.where(np.abs(normals[:, :1]) < 0.7, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
     tangent = np.cross(helper, normals)
@@ -133,16 +133,22 @@ def _gamma2_quantile(p):
     return r
 
 
-def _second_projector(world, frame, points, normals, power):
-    """Another device, fixed in the room, with its own copy of the pattern upside down."""
-    pose = look_at((-0.45, 0.5, 0.45), (0.0, 0.05, -0.25))
-    way = points - pose[:3, 3]
-    local = (way @ pose[:3, :3]) * np.array([-1.0, -1.0, 1.0])
+def _second_projector(world, frame, points, normals, poses, row, power, on_rig, beside_m, yaw_rad):
+    """Another unit with the same pattern: mounted beside, or standing in the room."""
+    if on_rig > 0:
+        turn = np.array([[np.cos(yaw_rad), 0, np.sin(yaw_rad)], [0, 1, 0], [-np.sin(yaw_rad), 0, np.cos(yaw_rad)]])
+        centre = (poses[:, :3, 0] * (world.rig.projector_x_m + beside_m) + poses[:, :3, 3])[row]
+        rotation = poses[row, :3, :3] @ turn
+    else:
+        pose = look_at((np.sign(beside_m) * 0.45, 0.5, 0.45), (0.0, 0.05, -0.25))
+        centre = np.broadcast_to(pose[:3, 3], points.shape)
+        rotation = np.broadcast_to(pose[:3, :3], (len(points), 3, 3))
+    way = points - centre
     distance = np.linalg.norm(way, axis=1)
     cosine = np.maximum(-np.einsum("ij,ij->i", normals, way) / distance, 0.0)
-    value = power * world.emitter.intensity(local, frame) * cosine / (np.pi * distance**2)
+    value = power * world.emitter.intensity(np.einsum("nji,nj->ni", rotation, way), frame) * cosine / (np.pi * distance**2)
     lit = np.flatnonzero(value > 0)
-    value[lit] *= transmittance(world.solids, np.broadcast_to(pose[:3, 3], (len(lit), 3)), points[lit])
+    value[lit] *= transmittance(world.solids, centre[lit], points[lit])
     return value
 
 
@@ -162,7 +168,7 @@ def _seen_through(world, frame, eye_rays, hits, lights, bounced, ambient):
     origins, directions, row, poses = eye_rays
     share = world.hidden["transmission"]["share"]
     for i, solid in enumerate(world.solids):
-        here = np.flatnonzero(hits[2] == i) if solid.name in world.clear_solids else np.zeros(0, int)
+        here = np.flatnonzero(hits[2] == i) if world.is_clear(solid) else np.zeros(0, int)
         if not here.size:
             continue
         behind = closest(world.solids, origins[here], directions[here], skip=np.full(len(here), i))

@@ -1,10 +1,7 @@
 """One blind world: a capture folder for the tool under test, and the answer key that it must not see."""
 
-import hashlib
-import json
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
 
@@ -40,9 +37,15 @@ class Hardware:
     emitter: Emitter
     lightmap: Lightmap
     hidden: dict
-    glossy_solids: tuple = ("ball", "can", "box1")
-    clear_solids: tuple = ("can", "box2")
-    wax_solids: tuple = ("ball", "box1", "pipe")
+
+    def is_glossy(self, solid):
+        return self.hidden["specular"]["everywhere"] > 0 or solid.name in ("ball", "can", "box1")
+
+    def is_wax(self, solid):
+        return self.hidden["subsurface"]["everywhere"] > 0 or solid.name in ("ball", "box1", "pipe")
+
+    def is_clear(self, solid):
+        return solid.name in ("ball", "can", "box1", "box2")
 
 
 class World:
@@ -115,13 +118,13 @@ class World:
 
     def _indirect(self, hardware, frame):
         """Lightmap values: the projector's bounced light at the frame's pose, and ambient light."""
-        reflectance = 1.0 + hardware.hidden.get("interreflection", {}).get("gain", 0.0)
+        gain = hardware.hidden.get("interreflection", {}).get("gain", 0.0)
         if id(hardware) not in self._ambient:
-            self._ambient[id(hardware)] = self.lightmap.ambient(reflectance)
+            self._ambient[id(hardware)] = self.lightmap.ambient(gain)
         texels = self.lightmap
         poses, row = frame.camera_to_world[None], np.zeros(len(texels.points), dtype=int)
         first = projector_irradiance(hardware, frame, texels.points + 1e-6 * texels.normals, texels.normals, poses, row, coarse=True)
-        return texels.bounced(np.where(texels.exposed, first, 0.0), reflectance), self._ambient[id(hardware)]
+        return (1.0 + gain) * texels.bounced(np.where(texels.exposed, first, 0.0)), self._ambient[id(hardware)]
 
     def lights(self, frame, eye, hidden):
         return on_pixels(self.layers(frame, eye, hidden), frame, eye, hidden, self.rig)
@@ -147,6 +150,7 @@ class World:
         images = {(frame.id, eye): self.measured(frame, eye) for frame in self.frames for eye in EYES}
         survey = np.random.Generator(np.random.PCG64([self.seed, 2]))
         rig, solids = believed(self.rig, survey, self._survey), surveyed(self.solids, survey, self._survey)
+        # The second frame only repeats the first, and without dots there is nothing to match.
         depths = {
             frame.id: device_depth(images[frame.id, "left"], images[frame.id, "right"], rig.focal_px, rig.baseline_m, self.hidden)
             for frame in self.frames
@@ -156,13 +160,3 @@ class World:
         return oracle.errors(self, images)
 
 
-def make(folder, key_path, seed, hidden, about, survey=1.0):
-    """Writes the capture into `folder` and its answer into `key_path`; about: what else the key should hold."""
-    name = "blind-" + hashlib.sha256(f"{seed} {sorted(hidden)}".encode()).hexdigest()[:10]
-    world = World(seed, hidden, survey)
-    figures = world.capture(folder, name)
-    key = {"name": name, "seed": seed, "survey": survey, **about, "hidden": hidden, "oracle": figures}
-    key["scored"] = oracle.scored_parameters(world)
-    Path(key_path).parent.mkdir(parents=True, exist_ok=True)
-    Path(key_path).write_text(json.dumps(key, indent=1))
-    return key

@@ -1,0 +1,151 @@
+"""The bank's page: README.md with the score table and every miss, and its pictures."""
+
+import numpy as np
+from matplotlib.figure import Figure
+
+# (at least or at most, to ship, world-class)
+BARS = {
+    "top-1": (">=", 0.85, 0.92),
+    "top-3": (">=", 0.95, 0.98),
+    "family": (">=", 0.95, 0.98),
+    "equivalence set holds the truth": (">=", 0.95, 0.97),
+    "equivalence set size (median)": ("<=", 2, 1),
+    "false alarms": ("<=", 0.05, 0.02),
+    "outside the library: said so": (">=", 0.8, 0.9),
+    "outside the library: wrong name": ("<=", 0.1, 0.05),
+    "pairs: both found": (">=", 0.75, 0.85),
+    "parameter error (median)": ("<=", 0.10, 0.05),
+    "90 % intervals hold the truth": (">=", 0.85, 0.88),
+    "calibration error (ECE)": ("<=", 0.07, 0.04),
+    "error fall F (median)": (">=", 0.8, 0.9),
+    "seconds per diagnosis (median)": ("<=", 45, 45),
+    "depth alone is undetermined": (">=", 1.0, 1.0),
+}
+_GOOD, _FAIR, _BAD, _QUIET, _INK = "#2f855a", "#d69e2e", "#c53030", "#cbd5e0", "#1f2933"
+
+
+def write_page(scores, results, folder, set_name):
+    """Writes README.md, answers.png, confusion.png, calibration.png; returns the table as text."""
+    table = _table(scores["measures"])
+    lines = [
+        f"# The blind bank: set `{set_name}`, {len(results)} worlds",
+        "",
+        "Every world is a capture by an independent virtual sensor with an effect that the tool does not know. An effect counts as",
+        "detectable where it raises the error on test frames by half a noise floor or more, in quadrature. Intervals: 95 %.",
+        "",
+        *table,
+        "",
+    ]
+    if scores["by_strength"]:
+        _answers_picture(scores["by_strength"]).savefig(folder / "answers.png", dpi=110)
+        _confusion_picture(scores["by_strength"]).savefig(folder / "confusion.png", dpi=110)
+        lines += [*_strength_table(scores["by_strength"]), "", "![answers](answers.png)", "", "![confusion](confusion.png)", ""]
+    if scores["calibration"]:
+        _calibration_picture(scores["calibration"]).savefig(folder / "calibration.png", dpi=110)
+        lines += ["![calibration](calibration.png)", ""]
+    lines += _misses(results)
+    (folder / "README.md").write_text("\n".join(lines) + "\n")
+    return "\n".join(table)
+
+
+def _table(measures):
+    rows = ["| measure | value | 95 % interval | n | bar | aim | |", "|---|---|---|---|---|---|---|"]
+    for name, m in measures.items():
+        if not m["n"]:
+            continue
+        interval = "" if m["low"] is None else f"{m['low']:.3g} .. {m['high']:.3g}"
+        bar, aim, mark = "", "", ""
+        if name in BARS:
+            sign, ship, best = BARS[name]
+            reached = [(m["value"] >= x) if sign == ">=" else (m["value"] <= x) for x in (ship, best)]
+            bar, aim, mark = f"{sign} {ship}", f"{sign} {best}", "aim" if reached[1] else "bar" if reached[0] else "**no**"
+        rows.append(f"| {name} | {m['value']:.3g} | {interval} | {m['n']} | {bar} | {aim} | {mark} |")
+    return rows
+
+
+def _strength_table(by_strength):
+    rows = ["| strength | top-1 | named and right | named and wrong | n |", "|---|---|---|---|---|"]
+    for strength, part in by_strength.items():
+        cells = " | ".join(f"{part[k]['value']:.2f} ({part[k]['low']:.2f}..{part[k]['high']:.2f})" for k in ("top-1", "named and right", "named and wrong"))
+        rows.append(f"| {strength} | {cells} | {part['top-1']['n']} |")
+    return rows
+
+
+def _misses(results):
+    """Every world whose answer is not the truth."""
+    rows = ["| world | truth | strength | error over floor | verdict | added | first three |", "|---|---|---|---|---|---|---|"]
+    for r in sorted(results, key=lambda r: r.key["id"]):
+        outside = r.key["set"] == "outside"
+        right = r.verdict == "unknown" if outside else r.added == r.truth and r.verdict in ("effect", "none")
+        if right or not r.key["infrared"] and r.verdict == "undetermined":
+            continue
+        strength = " + ".join(r.key["strengths"].values())
+        cells = (r.key["id"], " + ".join(sorted(r.truth)), strength, f"{r.key['oracle']['test']['ratio']:.2f}", r.verdict,
+                 ", ".join(sorted(r.added)), ", ".join(r.names(3)))  # fmt: skip
+        rows.append("| " + " | ".join(cells) + " |")
+    return ["## Misses", "", *rows] if len(rows) > 2 else ["No misses."]
+
+
+def _color(truth, answer):
+    return _GOOD if answer == truth else _QUIET if answer in ("none", "undetermined", "unknown") else _BAD
+
+
+def _answers_picture(by_strength):
+    """What was said of each effect at each strength."""
+    effects = sorted({truth for part in by_strength.values() for truth in part["confusion"]})
+    figure = Figure(figsize=(3.2 + 2.3 * len(by_strength), 1.2 + 0.24 * len(effects)), facecolor="white", layout="constrained")
+    axes = figure.add_subplot()
+    for column, part in enumerate(by_strength.values()):
+        for row, truth in enumerate(effects):
+            answer = part["confusion"].get(truth)
+            if answer is None:
+                continue
+            axes.add_patch(_cell(column, row, _color(truth, answer)))
+            text = "found" if answer == truth else answer
+            axes.text(column, row, text, ha="center", va="center", size=7.5, color=_INK if _color(truth, answer) == _QUIET else "white")
+    axes.set_xlim(-0.5, len(by_strength) - 0.5)
+    axes.set_ylim(len(effects) - 0.5, -0.5)
+    axes.set_xticks(range(len(by_strength)), list(by_strength))
+    axes.set_yticks(range(len(effects)), effects, size=8)
+    axes.xaxis.tick_top()
+    axes.tick_params(length=0)
+    axes.spines[:].set_visible(False)
+    axes.set_title("hidden effect, and what was said of it", size=11, loc="left", color=_INK)
+    return figure
+
+
+def _cell(column, row, color):
+    from matplotlib.patches import Rectangle
+
+    return Rectangle((column - 0.48, row - 0.46), 0.96, 0.92, color=color, lw=0)
+
+
+def _confusion_picture(by_strength):
+    truths = sorted({t for part in by_strength.values() for t in part["confusion"]})
+    answers = [*truths, *sorted({a for part in by_strength.values() for a in part["confusion"].values()} - set(truths))]
+    figure = Figure(figsize=(15, 14), facecolor="white", layout="constrained")
+    for axes, (strength, part) in zip(figure.subplots(2, 2).flat, by_strength.items(), strict=False):
+        for truth, answer in part["confusion"].items():
+            axes.add_patch(_cell(answers.index(answer), truths.index(truth), _color(truth, answer)))
+        axes.set_xlim(-0.5, len(answers) - 0.5)
+        axes.set_ylim(len(truths) - 0.5, -0.5)
+        axes.set_xticks(range(len(answers)), answers, rotation=90, size=6)
+        axes.set_yticks(range(len(truths)), truths, size=6)
+        axes.grid(color="#e4e7eb", lw=0.4)
+        axes.set_axisbelow(True)
+        axes.set_title(f"{strength}: hidden (rows) against answered (columns)", size=10, loc="left")
+    return figure
+
+
+def _calibration_picture(bins):
+    figure = Figure(figsize=(4.6, 4.2), facecolor="white", layout="constrained")
+    axes = figure.add_subplot()
+    axes.plot([0, 1], [0, 1], color=_QUIET)
+    n = np.array([b["n"] for b in bins])
+    axes.scatter([b["stated"] for b in bins], [b["right"] for b in bins], s=20 + 4 * n, color=_FAIR, zorder=3)
+    for b in bins:
+        axes.annotate(str(b["n"]), (b["stated"], b["right"]), textcoords="offset points", xytext=(7, -3), size=8)
+    axes.set_xlabel("stated confidence")
+    axes.set_ylabel("share that was right")
+    axes.spines[["top", "right"]].set_visible(False)
+    return figure

@@ -1,0 +1,186 @@
+"""Scores the tool's answers against the keys; every rate comes with its Wilson interval (95 %)."""
+
+import json
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import binomtest
+
+# An effect counts as detectable where it leaves this much error on test frames above the noise floor, in floors.
+DETECTABLE = 0.5
+
+
+@dataclass(frozen=True)
+class Result:
+    """One world: the key, the tool's diagnose.json (None where it failed) and the run's figures."""
+
+    key: dict
+    answer: dict | None
+    run: dict
+
+    @property
+    def failed(self):
+        return self.answer is None
+
+    @property
+    def truth(self):
+        return set(self.key["hidden"])
+
+    @property
+    def verdict(self):
+        return "failed" if self.failed else self.answer["verdict"]
+
+    @property
+    def ranking(self):
+        return [] if self.failed else self.answer["ranking"]
+
+    @property
+    def added(self):
+        return set() if self.failed else set(self.answer["added"])
+
+    @property
+    def detectable(self):
+        return self.key["oracle"]["test"]["ratio"] >= DETECTABLE
+
+    def names(self, count):
+        return [entry["effect"] for entry in self.ranking[:count]]
+
+    @property
+    def named(self):
+        """Whether the tool puts a name to something."""
+        return self.verdict == "effect" or bool(self.added)
+
+
+def read_results(folder, ids):
+    """Results of the worlds that were run."""
+    results = []
+    for item_id in ids:
+        place = folder / "answers" / item_id
+        if not (place / "run.json").is_file():
+            continue
+        run, answer = json.loads((place / "run.json").read_text()), place / "diagnose.json"
+        read = json.loads(answer.read_text()) if answer.is_file() and run["returncode"] == 0 else None
+        results.append(Result(json.loads((folder / "keys" / f"{item_id}.json").read_text()), read, run))
+    return results
+
+
+def score(results):
+    """{measure: {value, low, high, n}}, by strength, and what the pictures show."""
+    of = {name: [r for r in results if r.key["set"] == name] for name in ("single", "pairs", "outside", "none", "depth")}
+    clear = [r for r in of["single"] if r.detectable]
+    measures = {
+        "top-1": rate([_first(r) for r in clear]),
+        "top-3": rate([bool(r.truth & set(r.names(3))) for r in clear]),
+        "family": rate([_family_right(r) for r in clear]),
+        "equivalence set holds the truth": rate([bool(r.truth & _set_of(r)) for r in clear]),
+        "equivalence set size (median)": median([len(_set_of(r)) for r in clear if r.ranking]),
+        "named and right": rate([r.added == r.truth for r in clear]),
+        "false alarms": rate([r.named for r in of["none"]]),
+        "outside the library: said so": rate([r.verdict == "unknown" for r in of["outside"]]),
+        "outside the library: wrong name": rate([r.verdict == "effect" for r in of["outside"]]),
+        "pairs: both found": rate([r.added == r.truth for r in of["pairs"]]),
+        "pairs: one of two first": rate([_first(r) for r in of["pairs"]]),
+        "parameter error (median)": median([e for r in clear for e in _parameter_errors(r)]),
+        "90 % intervals hold the truth": rate([c for r in clear for c in _covered(r)]),
+        "calibration error (ECE)": _ece(results),
+        "error fall F (median)": median([f for r in clear if (f := _fall(r)) is not None]),
+        "depth alone is undetermined": rate([r.verdict == "undetermined" for r in of["depth"] if not r.key["infrared"]]),
+        "depth engine's fault first": rate([_first(r) for r in of["depth"] if r.key["infrared"]]),
+        "seconds per diagnosis (median)": median([r.run["diagnose_s"] for r in results]),
+        "failed": rate([r.failed for r in results]),
+    }
+    return {"measures": measures, "by_strength": _by_strength(of["single"]), "calibration": _calibration(results)}
+
+
+def rate(outcomes):
+    outcomes = [bool(o) for o in outcomes]
+    if not outcomes:
+        return {"value": None, "low": None, "high": None, "n": 0}
+    interval = binomtest(sum(outcomes), len(outcomes)).proportion_ci(method="wilson")
+    return {"value": sum(outcomes) / len(outcomes), "low": interval.low, "high": interval.high, "n": len(outcomes)}
+
+
+def median(values):
+    """With the order statistics' binomial interval (95 %)."""
+    values = np.sort(np.asarray(values, dtype=np.float64))
+    if not values.size:
+        return {"value": None, "low": None, "high": None, "n": 0}
+    half = 0.98 * np.sqrt(values.size)
+    low, high = max(0, int(np.floor(values.size / 2 - half))), min(values.size - 1, int(np.ceil(values.size / 2 + half)))
+    return {"value": float(np.median(values)), "low": float(values[low]), "high": float(values[high]), "n": int(values.size)}
+
+
+def _first(r):
+    return bool(r.names(1)) and r.names(1)[0] in r.truth
+
+
+def _family_right(r):
+    families = {entry["family"] for entry in r.ranking if entry["effect"] in r.truth}
+    return bool(r.ranking) and r.ranking[0]["family"] in families
+
+
+def _set_of(r):
+    return {r.ranking[0]["effect"], *r.ranking[0]["equivalent"]} if r.ranking else set()
+
+
+def _own_parameters(r):
+    """(truth, what the tool says) of every parameter of the first entry that both know."""
+    if not _first(r):
+        return []
+    entry = r.ranking[0]
+    scored = r.key["scored"].get(entry["effect"], {})
+    return [(true, entry["parameters"][name]) for name, true in scored.items() if true and name in entry["parameters"]]
+
+
+def _parameter_errors(r):
+    return [abs(said["value"] - true) / abs(true) for true, said in _own_parameters(r)]
+
+
+def _covered(r):
+    known = [(true, said) for true, said in _own_parameters(r) if said["low"] is not None and said["high"] is not None]
+    return [said["low"] <= true <= said["high"] for true, said in known]
+
+
+def _fall(r):
+    """Share of the explainable held-out error that went, by the tool's own figures and the true floor."""
+    if r.failed or r.answer["heldout_ir_rmse_before"] is None:
+        return None
+    before, after, floor = r.answer["heldout_ir_rmse_before"], r.answer["heldout_ir_rmse_after"], r.key["oracle"]["test"]["floor_dn"]
+    return (before - after) / (before - floor) if before > floor else None
+
+
+def _calibration(results):
+    """Named worlds in bins of stated confidence: [{stated, right, n}]."""
+    pairs = [(r.ranking[0]["confidence"], _first(r)) for r in results if r.verdict == "effect" and r.ranking]
+    if not pairs:
+        return []
+    stated, right = np.array(pairs, dtype=np.float64).T
+    which = np.minimum((stated * 10).astype(int), 9)
+    chosen = [which == b for b in range(10) if (which == b).any()]
+    return [{"stated": float(stated[c].mean()), "right": float(right[c].mean()), "n": int(c.sum())} for c in chosen]
+
+
+def _ece(results):
+    bins = _calibration(results)
+    total = sum(b["n"] for b in bins)
+    value = sum(b["n"] * abs(b["stated"] - b["right"]) for b in bins) / total if total else None
+    return {"value": value, "low": None, "high": None, "n": total}
+
+
+def _by_strength(singles):
+    """{strength: {measures, confusion: {truth: first name, or what was said instead}}}."""
+    table = {}
+    for strength in ("below", "weak", "medium", "strong"):
+        part = [r for r in singles if strength in r.key["strengths"].values()]
+        if part:
+            table[strength] = {
+                "top-1": rate([_first(r) for r in part]),
+                "named and right": rate([r.added == r.truth for r in part]),
+                "named and wrong": rate([bool(r.added - r.truth) for r in part]),
+                "confusion": {next(iter(r.truth)): _answer_of(r) for r in part},
+            }
+    return table
+
+
+def _answer_of(r):
+    return (r.names(1) or [r.verdict])[0] if r.named else r.verdict

@@ -1,0 +1,92 @@
+"""The sets of the blind bank: which world hides what. World k of a set is the same in every run."""
+
+import hashlib
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+sys.path.append(str(Path(__file__).resolve().parents[1] / "support"))
+
+from worlds.blind import catalogue  # noqa: E402
+from worlds.blind.catalogue import DEPTH_ENGINE, OUTSIDE, SINGLE, STRENGTHS  # noqa: E402
+
+MEDIUM, STRONG = STRENGTHS.index("medium"), STRENGTHS.index("strong")
+PAIRS, NONES, DEPTH_ONLY = 40, 100, 4
+_CODES = {"single": 1, "pairs": 2, "outside": 3, "none": 4, "depth": 5}
+ALL = ("single", "pairs", "outside", "none", "depth")
+_SMALL = (
+    ("none", 0), ("none", 1), ("single", "projector_defocus"), ("single", "radial_distortion"), ("single", "response_gamma"),
+    ("single", "rolling_shutter"), ("single", "vignetting"), ("single", "prnu"), ("single", "laser_power_drift"),
+    ("single", "stereo_pitch"), ("pairs", ("lens_psf", "projector_defocus")), ("outside", "column_crosstalk"),
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Item:
+    """strengths: {effect: index into STRENGTHS}. infrared: False leaves the images out of the capture."""
+
+    set: str
+    number: int
+    strengths: tuple
+    infrared: bool = True
+
+    @property
+    def id(self):
+        return f"{self.set}-{self.number:03}"
+
+    @property
+    def seed(self):
+        return 100_000 * _CODES[self.set] + self.number
+
+    @property
+    def blind_name(self):
+        """What the tool under test sees of it."""
+        return "blind-" + hashlib.sha256(f"bank {self.seed}".encode()).hexdigest()[:10]
+
+    def draw(self):
+        """(hidden effects, moving frames' exposure) of the world."""
+        return catalogue.draw_hidden(dict(self.strengths), np.random.Generator(np.random.PCG64([self.seed, 9])))
+
+
+def items(name):
+    """The items of a set; 'all' is every set but 'small', mixed, so that a part of it is a sample of it."""
+    if name == "small":
+        return [_small(*entry) for entry in _SMALL]
+    if name == "all":
+        found = [item for part in ALL for item in items(part)]
+        return [found[i] for i in np.random.Generator(np.random.PCG64(1)).permutation(len(found))]
+    lists = {"single": _single, "pairs": _pairs, "outside": _outside, "none": _none, "depth": _depth}
+    return [Item(name, number, tuple(strengths.items()), infrared) for number, (strengths, infrared) in enumerate(lists[name]())]
+
+
+def _single():
+    return [({effect: strength}, True) for strength in range(len(STRENGTHS)) for effect in SINGLE]
+
+
+def _pairs():
+    return [(dict.fromkeys(pair, STRONG if i % 2 else MEDIUM), True) for i, pair in enumerate(catalogue.pairs(PAIRS))]
+
+
+def _outside():
+    return [({effect: strength}, True) for strength in (MEDIUM, STRONG) for effect in OUTSIDE]
+
+
+def _none():
+    return [({}, True)] * NONES
+
+
+def _depth():
+    """Faults of the depth engine beside good images, and captures of depth alone."""
+    engine = [({effect: strength}, True) for strength in (MEDIUM, STRONG) for effect in DEPTH_ENGINE]
+    return engine + [({effect: STRONG}, False) for effect in list(SINGLE)[:DEPTH_ONLY]]
+
+
+def _small(name, what):
+    found = items(name)
+    if name == "none":
+        return found[what]
+    wanted = {what} if isinstance(what, str) else set(what)
+    matching = [item for item in found if set(dict(item.strengths)) == wanted]
+    return matching[-1]

@@ -1,0 +1,46 @@
+"""Makes one world of the bank: the capture, and the answer key in another place."""
+
+import json
+import shutil
+
+from bank_sets import STRENGTHS
+from worlds.blind import oracle
+from worlds.blind.world import World
+
+
+def make_world(item, capture_folder, key_path, survey):
+    """Writes both, whole or not at all; returns the key."""
+    hidden, moving_exposure = item.draw()
+    world = World(item.seed, hidden, survey, moving_exposure=moving_exposure)
+    building = capture_folder.with_name(capture_folder.name + ".part")
+    shutil.rmtree(building, ignore_errors=True)
+    figures = world.capture(building, item.blind_name)
+    if not item.infrared:
+        _leave_out_infrared(building)
+    key = {
+        "id": item.id,
+        "set": item.set,
+        "name": item.blind_name,
+        "infrared": item.infrared,
+        "survey": survey,
+        "strengths": {name: STRENGTHS[index] for name, index in item.strengths},
+        "hidden": hidden,
+        "scored": oracle.scored_parameters(world),
+        "oracle": figures,
+    }
+    shutil.rmtree(capture_folder, ignore_errors=True)
+    building.rename(capture_folder)
+    key_path.parent.mkdir(parents=True, exist_ok=True)
+    part = key_path.with_suffix(".part")
+    part.write_text(json.dumps(key, indent=1))
+    part.rename(key_path)
+    return key
+
+
+def _leave_out_infrared(folder):
+    document = json.loads((folder / "capture.json").read_text())
+    for frame in document["frames"]:
+        del frame["left"], frame["right"]
+    (folder / "capture.json").write_text(json.dumps(document, indent=1))
+    for eye in ("left", "right"):
+        shutil.rmtree(folder / eye)

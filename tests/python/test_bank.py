@@ -1,0 +1,106 @@
+"""The blind bank's runner and scores, with stubs in the tool's place."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+BANK = Path(__file__).resolve().parents[1] / "bank"
+sys.path.append(str(BANK))
+
+from bank_score import Result, median, rate, score  # noqa: E402
+from bank_sets import ALL, items  # noqa: E402
+
+STUB = """
+import json, sys
+names = ("capture.json", "scene.gltf", "pattern.png")
+assert all((__import__("pathlib").Path(sys.argv[1]) / n).is_file() for n in names)
+answer = {"verdict": "none", "ranking": [], "added": [], "heldout_ir_rmse_before": 3.0, "heldout_ir_rmse_after": 3.0,
+          "heldout_noise_floor": 2.9, "next_measurement": []}
+open(sys.argv[2] + "/diagnose.json", "w").write(json.dumps(answer))
+"""
+
+
+def entry(effect, family="f", confidence=0.9, equivalent=(), **parameters):
+    told = {name: {"value": v, "low": 0.8 * v, "high": 1.2 * v, "unit": "1"} for name, v in parameters.items()}
+    return {"effect": effect, "family": family, "score_nats": 10.0, "confidence": confidence, "parameters": told, "equivalent": list(equivalent)}
+
+
+def result(truth, verdict, ranking=(), added=(), set_name="single", ratio=1.0, scored=None, strength="strong"):
+    key = {
+        "id": f"{set_name}-0", "set": set_name, "hidden": dict.fromkeys(truth, {}), "scored": scored or {}, "infrared": True,
+        "strengths": dict.fromkeys(truth, strength), "oracle": {"test": {"ratio": ratio, "floor_dn": 2.0}},
+    }  # fmt: skip
+    answer = {"verdict": verdict, "ranking": list(ranking), "added": list(added), "heldout_ir_rmse_before": 4.0, "heldout_ir_rmse_after": 2.5}
+    return Result(key, answer, {"diagnose_s": 10.0})
+
+
+def test_worlds_of_a_set_are_fixed_and_differ_between_sets():
+    assert items("single") == items("single")
+    everything = items("all")
+    assert len({item.seed for item in everything}) == len({item.blind_name for item in everything}) == len(everything)
+    assert sorted(i.id for i in everything) == sorted(i.id for part in ALL for i in items(part))
+    assert len(items("small")) == 12
+    assert len({name for item in items("single") for name, _ in item.strengths}) >= 25
+    assert len(items("none")) >= 100
+    assert len(items("pairs")) == 40
+    assert items("single")[7].draw() == items("single")[7].draw()
+
+
+def test_right_answers_score_one_and_faint_effects_are_not_asked_for():
+    right = result({"a"}, "effect", [entry("a", equivalent=["b"], x=1.1)], {"a"}, scored={"a": {"x": 1.0}})
+    faint = result({"a"}, "none", ratio=0.2, strength="below")
+    measures = score([right, faint])["measures"]
+    for name in ("top-1", "top-3", "family", "equivalence set holds the truth", "named and right"):
+        assert (measures[name]["value"], measures[name]["n"]) == (1.0, 1)
+    assert measures["equivalence set size (median)"]["value"] == 2
+    assert measures["parameter error (median)"]["value"] == pytest.approx(0.1)
+    assert measures["90 % intervals hold the truth"]["value"] == 1.0
+    assert measures["error fall F (median)"]["value"] == pytest.approx(0.75)
+    assert measures["calibration error (ECE)"]["value"] == pytest.approx(0.1)
+
+
+def test_wrong_answers_are_told_apart():
+    kin = result({"a"}, "effect", [entry("b"), entry("a", family="f")], {"b"})
+    stranger = result({"a"}, "effect", [entry("b", family="g"), entry("c"), entry("d"), entry("a")], {"b"})
+    alarm, quiet = result((), "effect", [entry("b")], {"b"}, "none"), result((), "none", set_name="none")
+    said, misled = result({"z"}, "unknown", set_name="outside"), result({"z"}, "effect", [entry("b")], {"b"}, "outside")
+    both = result({"a", "b"}, "effect", [entry("a")], {"b", "a"}, "pairs")
+    one = result({"a", "b"}, "effect", [entry("a")], {"a"}, "pairs")
+    out = score([kin, stranger, alarm, quiet, said, misled, both, one])
+    value = {name: m["value"] for name, m in out["measures"].items()}
+    assert (value["top-1"], value["top-3"], value["family"]) == (0.0, 0.5, 0.5)
+    assert value["false alarms"] == value["outside the library: said so"] == value["outside the library: wrong name"] == 0.5
+    assert value["pairs: both found"] == 0.5
+    assert value["pairs: one of two first"] == 1.0
+    assert out["by_strength"]["strong"]["confusion"] == {"a": "b"}
+
+
+def test_intervals_cover_what_they_say():
+    rng = np.random.default_rng(1)
+    held = [low <= 0.9 <= high for low, high in ((r["low"], r["high"]) for r in (rate(rng.random(40) < 0.9) for _ in range(400)))]
+    assert 0.91 < np.mean(held) < 0.99
+    held = [m["low"] <= 0.0 <= m["high"] for m in (median(rng.standard_normal(30)) for _ in range(400))]
+    assert 0.92 < np.mean(held) < 1.0
+
+
+def test_a_bank_is_run_once_and_resumed(tmp_path):
+    stub = tmp_path / "stub.py"
+    stub.write_text(STUB)
+    out = tmp_path / "bank"
+    command = [sys.executable, BANK / "run_bank.py", "--set", "small", "--limit", "2", "--jobs", "1", "--out", out]
+    command += ["--command", f"{sys.executable} {stub} {{capture}} {{out}}"]
+    first = subprocess.run(command, capture_output=True, text=True)
+    assert first.returncode == 0, first.stdout + first.stderr
+    assert "[2/2]" in first.stdout
+    assert "false alarms | 0 " in first.stdout
+    keys = sorted(path.name for path in (out / "keys").iterdir())
+    assert keys == ["none-000.json", "none-001.json"]
+    assert json.loads((out / "keys" / keys[0]).read_text())["hidden"] == {}
+    assert not list((out / "captures").iterdir())
+    assert "No misses." in (out / "README.md").read_text()
+    again = subprocess.run(command, capture_output=True, text=True)
+    assert "2 answered already" in again.stdout and "[1/" not in again.stdout
