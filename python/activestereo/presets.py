@@ -139,6 +139,8 @@ class StereoDepthSensorConfig:
 
     def scaled(self, factor):
         """A copy with all images and the disparity range `factor` times as large; fields of view, projector and depths are the same."""
+        if not 0.0 < factor <= 100.0:
+            raise ValueError(f"a sensor is scaled by a factor above 0 and up to 100, not {factor}")
         out = deepcopy(self)
         out.max_disp = max(32, round(self.max_disp * factor))
         for camera in ("rgb", "ir"):

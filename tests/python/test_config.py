@@ -68,6 +68,12 @@ def test_ir_pair_is_row_aligned(model):
     assert left_to_right[0, 3] < -0.04
 
 
+@pytest.mark.parametrize("factor", [0, -1, float("nan"), float("inf"), 1e9])
+def test_no_sensor_is_scaled_to_nothing_or_beyond_measure(factor):
+    with pytest.raises(ValueError, match="factor"):
+        StereoDepthSensorConfig("D435").scaled(factor)
+
+
 def test_scaled_keeps_what_a_camera_sees():
     config = StereoDepthSensorConfig("D435")
     half = config.scaled(0.5)
