@@ -19,8 +19,9 @@ Writes into DIR:
 CAPTURE is a folder with capture.json, the scene, the projector's pattern and the images
 of both infrared cameras.
 
-example:
+examples:
   activestereo compare captures/table --out out/compare
+  activestereo compare captures/table --model out/diagnosis/model.json --out out/again
 """
 
 
@@ -33,6 +34,9 @@ def add_parser(commands):
     )
     parser.add_argument("capture", type=Path, metavar="CAPTURE", help="the capture's folder")
     add_out(parser)
+    parser.add_argument("--model", type=Path, metavar="FILE", help="model.json: effects on top of the base renderer (default: none)")
+    text = "your own effects, where the model has some"
+    parser.add_argument("--effects", type=Path, action="append", default=[], metavar="FILE", help=text)
     parser.add_argument("--spp", type=integer_from(1), default=64, metavar="N", help="samples per pixel (default: 64)")
     add_max_bounces(parser)
     add_seed(parser, "same seed, same pictures")
@@ -43,13 +47,16 @@ def add_parser(commands):
 def run(args):
     from activestereo.lab.compare import compare
     from activestereo.lab.kuafu_renderer import KuafuRenderer
+    from activestereo.lab.model_file import library, read_model
     from activestereo.lab.report import summary_table, write_report
     from activestereo.progress_bar import ProgressBar
 
     make_folder(args.out)
-    with ProgressBar(f"rendering {args.capture.name}") as bar:
+    model = read_model(args.model, library(*args.effects))
+    with ProgressBar(f"comparing {args.capture.name}") as bar:
         comparison = compare(
             args.capture,
+            model=model,
             renderer=KuafuRenderer(args.device),
             samples_per_pixel=args.spp,
             max_bounces=args.max_bounces,
