@@ -207,8 +207,10 @@ def _predicted(row, total_a, total_b, variance, sparse):
     return row.residual - row.z * np.where(known, value[np.minimum(row.index, len(value) - 1)], 0.0)
 
 
-def repeats_are_white(train):
-    """Whether what stays between repeats of a pose is white over the image, as grains are; shifted or blurred dots are not."""
+def white_rest(train):
+    """Variance that stays between repeats of a view and is white over the image, in floors; 0 where it is not white.
+
+    Grains are white, and so is the renderer's own Monte Carlo noise; shifted, dimmed or blurred dots are not."""
     by_view = {}
     for o, _, _, r in train:
         by_view.setdefault((_pose(o), o.frame.exposure_gain, o.frame.projector_power, o.eye), []).append(r * np.sqrt(o.weight))
@@ -217,4 +219,5 @@ def repeats_are_white(train):
         same += (first * second).mean()
         beside += [(first[:, 1:] * second[:, :-1]).mean(), (first[1:] * second[:-1]).mean()]
         count += 1
-    return count > 0 and same > 0 and np.abs(beside).max() < _WHITE_LIMIT * same
+    white = count > 0 and same > 0 and np.abs(beside).max() < _WHITE_LIMIT * same
+    return float(same / count) if white else 0.0

@@ -57,6 +57,8 @@ def confidences(ranking):
 
 
 def is_unexplained(ranking, entry, first_excess):
-    """Whether much is left above the floor after an entry (the base for none); first_excess: of the model without effects."""
-    rest = entry.chi2 / ranking.pixels - 1.0
+    """Whether much is left above the floor after an entry (the base for none); first_excess: of the model without effects.
+
+    What is white and stays counts as the renderer's noise: a missing effect of that kind (speckle) has a candidate of its own."""
+    rest = entry.chi2 / ranking.pixels - 1.0 - ranking.white
     return rest > _UNEXPLAINED_FLOORS and rest > _UNEXPLAINED_SHARE * first_excess

@@ -16,7 +16,7 @@ from activestereo.lab.diagnose_score import (
     intervals,
     nats_of,
 )
-from activestereo.lab.diagnose_static import PARTS, fit_static, repeats_are_white
+from activestereo.lab.diagnose_static import PARTS, fit_static, white_rest
 
 # A fit on the scan's images that gains less than this share of chi2 is not polished on all images.
 _WORTH_POLISHING = 2e-4
@@ -35,6 +35,7 @@ class Ranking:
         self.pixels = sum(o.measured.size for o in evidence.train)
         self.tile_pixels = np.bincount(np.concatenate([o.tile.ravel() for o in evidence.train]), minlength=evidence.tiles)
         self.base = self._fit_base()
+        self.white = white_rest(self.rows(evidence.train, self.base.solution))
         known = {e.id for e, _ in model.effects}
         chosen = [e for e in candidates if e.id not in known and e.stage <= Stage.DIGITAL]
         self.entries = [e for e in self._fit_all(chosen, workers, progress) if e is not None]
@@ -100,7 +101,7 @@ class Ranking:
     def _fit_random(self, candidate):
         solution = self.base.solution
         train = self.rows(self.evidence.train, solution)
-        if candidate.id == "speckle_static" and not repeats_are_white(train):
+        if candidate.id == "speckle_static" and not self.white:
             return None
         fit = fit_static(candidate.id, train, self.rows(self.evidence.test, solution), solution.nuisances.black_dn)
         if fit is None:
@@ -132,8 +133,8 @@ class Ranking:
 
     @property
     def excess(self):
-        """What the base model leaves above the floor, in floors of variance."""
-        return self.base.chi2 / self.pixels - 1.0
+        """What the base model leaves above the floor and the renderer's own noise, in floors of variance."""
+        return self.base.chi2 / self.pixels - 1.0 - self.white
 
     def difference_error(self, first, second):
         """Standard error of the difference of two entries' nats."""
