@@ -119,7 +119,8 @@ def _where(scores):
         tables = [t for t in scores["where"] if t["channel"] == channel]
         unit = tables[0]["unit"] if tables and tables[0]["unit"] != "1" else ""
         parts.append(f"<h3>{_CHANNEL[channel]}</h3><p class='muted small'>{text(_MEANING[channel])}</p>")
-        size = f"RMSE {region['rmse']:.3g} {unit}, noise floor {region['noise_floor']:.3g} {unit}".replace(" ,", ",")
+        unit_text = f" {unit}" if unit else ""
+        size = f"RMSE {region['rmse']:.3g}{unit_text}, noise floor {region['noise_floor']:.3g}{unit_text}"
         if not region["is_explainable"]:
             parts.append(f"<p>{size}: at the floor, there is nothing to explain.</p>")
         else:
