@@ -86,9 +86,11 @@ Bsdf make_bsdf(MaterialPoint m, Vec2Array table, float cos_o, bool front) {
     b.multiple_scale = 1.0f / max(1.0f - mean, 1e-4f);
   }
   b.coat_albedo = coat_albedo(b, table, cos_o);
-  b.diffuse_roughness = m.diffuse_roughness;
+  if ((features & feature_materials) != 0u) {
+    b.diffuse_roughness = m.diffuse_roughness;
+    b.glass_alpha = m.transmission_roughness * m.transmission_roughness;
+  }
   b.glass = (1.0f - m.metallic) * m.transmission;
-  b.glass_alpha = m.transmission_roughness * m.transmission_roughness;
   b.eta = front ? 1.0f / m.ior : m.ior;
   b.glass_specular = m.specular;
   b.tint = m.base;

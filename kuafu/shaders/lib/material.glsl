@@ -4,6 +4,7 @@
 #include "lib/spectrum.glsl"
 #include "lib/surface.glsl"
 #include "lib/texture.glsl"
+#include "shared/wave.h"
 
 struct MaterialPoint {
   Spectrum base;  // diffuse albedo, or metal reflectance
@@ -41,9 +42,12 @@ MaterialPoint load_material(SceneAddresses scene, MaterialRecord m, INOUT(Surfac
   p.ior = m.ior;
   p.transmission = m.transmission;
   p.coat = m.specular * m.coat;
-  p.attenuation = band_of(m.attenuation, m.ir_attenuation);
-  p.transmission_roughness = m.transmission_roughness;
-  p.diffuse_roughness = m.diffuse_roughness;
+  p.transmission_roughness = 0.0f;
+  if ((features & feature_materials) != 0u) {
+    p.attenuation = band_of(m.attenuation, m.ir_attenuation);
+    p.transmission_roughness = m.transmission_roughness;
+    p.diffuse_roughness = m.diffuse_roughness;
+  }
   if (m.textured == 0u) return p;
   vec4 base = material_texel(scene, KUAFU_CHANNELS == 1 ? m.ir_albedo_texture : m.base_color_texture, s.uv);
   p.base *= band_of(xyz(base), base.r);

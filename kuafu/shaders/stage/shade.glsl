@@ -160,9 +160,9 @@ ShadowRequest ask_light(Shading s, uint k) {
   LightChoice choice = vertex_light(scene.lights, environment, k, select, all_delta(s.path), u);
   if (choice.probability == 0.0f) return request;
   LightRecord record = scene.lights.at[choice.index];
-  request.ray.origin = offset_origin(s.vertex.position, s.vertex.coordinate_size, s.vertex.side_normal);
   LightSample light;
   if ((features & feature_lights) != 0u) {
+    request.ray.origin = offset_origin(s.vertex.position, s.vertex.coordinate_size, s.vertex.side_normal);
     vec2 point = sample_2d(s.path.key, s.path.index, pair_light_point(push.bounce, k));
     light = sample_light(scene, record, scene.light_shapes.at[choice.index], request.ray.origin, point);
     if (light.pdf > 0.0f && (push.flags & shade_bsdf_only) != 0u) return request;
@@ -171,6 +171,7 @@ ShadowRequest ask_light(Shading s, uint k) {
   }
   bool behind = dot(light.direction, s.vertex.side_normal) <= 0.0f;
   if (max_component(light.irradiance) == 0.0f || (behind && !is_rough_glass(s.vertex.bsdf))) return request;
+  request.ray.origin = offset_origin(s.vertex.position, s.vertex.coordinate_size, s.vertex.side_normal);
   if (behind) {
     request.ray.origin = offset_origin(s.vertex.position, s.vertex.coordinate_size, -s.vertex.side_normal);
     light.distance_m -= s.vertex.coordinate_size * (1.0f / 65536.0f);  // nearer by both offsets

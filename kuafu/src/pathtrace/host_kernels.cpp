@@ -6,6 +6,7 @@
 namespace kuafu {
 namespace {
 
+constexpr uint features = 0u;
 #include "lib/material.glsl"
 #include "lib/pixels.glsl"
 #include "lib/queue.glsl"
