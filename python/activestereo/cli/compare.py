@@ -13,6 +13,7 @@ floor that repeated frames show. It looks on the train frames where the model fa
 
 Writes into DIR:
   compare.json  all figures (documented in lab/schema/compare.schema.json)
+  compare.png   measured, simulated and residual images, error of each frame
   report.html   the same on one page, with pictures; it needs no other file. A
                 diagnose.json in DIR is shown too
 
@@ -65,4 +66,4 @@ def run(args):
         )
     write_report(comparison, args.out)
     print(summary_table(comparison.scores))
-    print(f"written: compare.json, report.html in {args.out}")
+    print(f"written: compare.json, compare.png, report.html in {args.out}")

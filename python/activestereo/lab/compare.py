@@ -1,7 +1,7 @@
 """Compares the simulator with a capture: render its poses, fit the nuisances on the train frames, score both splits, and
 look on the train frames where the model fails.
 
-compare() computes; report.py writes compare.json and report.html.
+compare() computes; report.py writes compare.json, compare.png and report.html.
 """
 
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Writes a comparison: compare.json, and report.html, one self-contained page that shows a diagnosis too where there is one.
+"""Writes a comparison: compare.json, its picture compare.png, and report.html, one self-contained page that shows a diagnosis too where there is one.
 
 Files appear whole or not at all: written aside, then renamed.
 """
@@ -9,11 +9,12 @@ from pathlib import Path
 from activestereo.lab.html import page, text
 from activestereo.lab.report_compare import cards, comparison_sections, settings_section, summary_line
 from activestereo.lab.report_diagnosis import diagnosis_sections
+from activestereo.lab.report_sheet import comparison_figure
 from activestereo.output_files import replace_file
 
 
 def write_report(comparison, folder, diagnosis=None):
-    """Writes compare.json and report.html into `folder` (made where absent); returns both paths.
+    """Writes compare.json, compare.png and report.html into `folder` (made where absent); returns the paths of the first and the last.
 
     diagnosis: what diagnose.json holds, a dict; None for the folder's own diagnose.json, if there is one of this capture.
     """
@@ -24,6 +25,8 @@ def write_report(comparison, folder, diagnosis=None):
     json_text = json.dumps(comparison.scores, indent=1, allow_nan=False) + "\n"
     html_text = report_page(comparison, diagnosis)
     replace_file(folder / "compare.json", lambda file: file.write(json_text.encode()))
+    figure = comparison_figure(comparison)
+    replace_file(folder / "compare.png", lambda file: figure.savefig(file, format="png", dpi=110))
     replace_file(folder / "report.html", lambda file: file.write(html_text.encode()))
     return folder / "compare.json", folder / "report.html"
 
