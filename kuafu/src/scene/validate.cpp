@@ -207,6 +207,13 @@ void check_affine(const glm::dmat4& matrix, const char* what) {
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s has the last row %g %g %g %g, must be 0 0 0 1 (row-major)", what, matrix[0][3], matrix[1][3],
              matrix[2][3], matrix[3][3]);
   const glm::dmat3 linear(matrix);
+  for (int c = 0; c < 3; ++c) {  // beyond these the rays in the mesh's own axes leave the range of floats
+    const double scale = glm::length(linear[c]);
+    if (!(scale >= 1e-9 && scale <= 1e9))
+      ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s scales axis %d by %g, must be 1e-9 to 1e9", what, c, scale);
+  }
+  if (!(glm::length(glm::dvec3(matrix[3])) <= 1e12))
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s moves by %g m, must be at most 1e12", what, glm::length(glm::dvec3(matrix[3])));
   const double volume = glm::length(linear[0]) * glm::length(linear[1]) * glm::length(linear[2]);
   if (!(std::abs(glm::determinant(linear)) > 1e-12 * volume))
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s is not invertible (determinant %g)", what, glm::determinant(linear));
