@@ -21,6 +21,10 @@ from activestereo.lab.diagnose_static import PARTS, fit_static, white_rest
 # A fit on the scan's images that gains less than this share of chi2 is not polished on all images.
 _WORTH_POLISHING = 2e-4
 _POLISH, _SCAN_STEPS = 6, 5
+# Polished are the first few, and all whose scan gained this share of the best's; below the other share they are left out.
+_POLISHED, _CLOSE, _HOPELESS = 3, 0.4, 0.01
+# Part of the time that scans take, for the progress.
+_SCAN_TIME = 0.75
 _Z90 = 1.645
 
 
@@ -38,7 +42,7 @@ class Ranking:
         self.white = white_rest(self.rows(evidence.train, self.base.solution))
         known = {e.id for e, _ in model.effects}
         chosen = [e for e in candidates if e.id not in known and e.stage <= Stage.DIGITAL]
-        self.entries = [e for e in self._fit_all(chosen, workers, progress) if e is not None]
+        self.entries = self._fit_all(chosen, workers, progress)
         self._score()
 
     def _fit_base(self):
@@ -47,32 +51,37 @@ class Ranking:
         return Entry(None, cross_validated(self.fitter, solution), solution.sums.tile_chi2, solution)
 
     def _fit_all(self, candidates, workers, progress):
+        """Scans all, then polishes on all images those that came close to the best; the hopeless are left out."""
         done = [0]
 
-        def fit(candidate):
-            entry = self._fit_one(candidate)
-            done[0] += 1
-            if progress:
-                progress(done[0] / max(len(candidates), 1))
-            return entry
+        def tracked(share, work):
+            def one(item):
+                out = work(item)
+                done[0] += share
+                if progress:
+                    progress(min(done[0], 1.0))
+                return out
+
+            return one
 
         with ThreadPoolExecutor(max_workers=workers) as pool:
-            return list(pool.map(fit, candidates))
+            scanned = list(pool.map(tracked(_SCAN_TIME / max(len(candidates), 1), self._look_at), candidates))
+            random = [entry for entry in scanned if isinstance(entry, Entry)]
+            hopeful = sorted((s for s in scanned if isinstance(s, tuple)), key=lambda s: -s[0])
+            hopeful = [s for s in hopeful if s[0] > _HOPELESS * hopeful[0][0]]
+            jobs = [(rank < _POLISHED or gain > _CLOSE * hopeful[0][0], *rest) for rank, (gain, *rest) in enumerate(hopeful)]
+            return random + list(pool.map(tracked((1 - _SCAN_TIME) / max(len(jobs), 1), self._polish), jobs))
 
-    def _fit_one(self, candidate):
+    def _look_at(self, candidate):
+        """An Entry of a random effect; (relative gain, candidate, Solution) of a scan; None where there is nothing to see."""
         if candidate.id in PARTS:
             return self._fit_random(candidate)
         if candidate.randomness is not Randomness.NONE:
             return None  # temporal noise is a matter of variances, not of expected images
-        return self._fit_expected(candidate)
-
-    def _fit_expected(self, candidate):
         base = self.base.solution
         play = Play(self._model, candidate)
-        first = len(play.free) - len(candidate.parameters)
-        play.start[:first] = base.theta
-        lights = self._scan.lights(play, play.start)
-        neutral = self._scan.nuisance_fit(play, play.start, base.phi, lights, 1)[1]
+        play.start[: len(base.theta)] = base.theta
+        neutral = self._scan.nuisance_fit(play, play.start, base.phi, self._scan.lights(play, play.start), 1)[1]
         best = None
         for chi2, theta, phi in starts(self._scan, play, candidate, base.phi):
             if chi2 > 1.5 * neutral:
@@ -82,9 +91,15 @@ class Ranking:
                 best = solution
         if best is None or best.sums.total > neutral * (1.0 - _WORTH_POLISHING):
             return None
-        solution = self.fitter.refine(play, best.theta, best.phi, _POLISH)
+        return 1.0 - best.sums.total / neutral, candidate, best
+
+    def _polish(self, job):
+        fully, candidate, start = job
+        play = start.play
+        solution = self.fitter.refine(play, start.theta, start.phi, _POLISH if fully else 0)
         entry = Entry(candidate, cross_validated(self.fitter, solution), solution.sums.tile_chi2, solution)
         deff = design_effect(entry.tile_chi2, self.tile_pixels)
+        first = len(play.free) - len(candidate.parameters)
         entry.parameters = intervals(solution, self.fitter, first, candidate, deff, self.pixels)
         return entry
 
