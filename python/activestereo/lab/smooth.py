@@ -8,7 +8,7 @@ a per cent (measured).
 import numpy as np
 
 # Changes whenever the filter does.
-SMOOTH_VERSION = 1
+SMOOTH_VERSION = 2
 
 # Cubic B-spline, 5 taps.
 _TAPS = np.array([1, 4, 6, 4, 1]) / 16.0
@@ -39,7 +39,8 @@ def _filter(image, guide, reach, step):
             weight = row_tap * column_tap * _likeness(guide, reach, here, there)
             total[here] += weight * image[there]
             weight_sum[here] += weight
-    return total / weight_sum
+    # Where nothing is seen nothing weighs, and a NaN there would spread over the next level's taps.
+    return np.where(weight_sum > 0, total / np.where(weight_sum > 0, weight_sum, 1.0), image)
 
 
 def _likeness(guide, reach, here, there):
