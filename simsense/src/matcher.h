@@ -21,6 +21,7 @@ enum class Subpixel : uint8_t {
   none,
   parabola,     // vertex of the parabola through the aggregated costs, as the published SimSense; pulls towards whole pixels by up to 0.2
   equiangular,  // apex of the V through the block's costs; through the aggregated ones where the block is 1x1 or has no minimum there
+  equiangular_summed,  // through the aggregated ones everywhere: less noise, more pull
 };
 
 /// Which pixels of the window a census word compares.

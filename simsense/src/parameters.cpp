@@ -1,6 +1,8 @@
 #include "parameters.h"
 
+#include <algorithm>
 #include <cmath>
+#include <iterator>
 
 #include "device/error.h"
 
@@ -43,7 +45,8 @@ void check_matching(const simsense_parameters& p) {
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "lr_max_diff is %d pixels: must be 0..1024, or -1 for off", p.lr_max_diff);
   if (p.median_size != 1 && p.median_size != 3 && p.median_size != 5 && p.median_size != 7)
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "median_size is %u: must be 1 (off), 3, 5 or 7", p.median_size);
-  check_choice(p.subpixel, SIMSENSE_SUBPIXEL_EQUIANGULAR, "subpixel", "SIMSENSE_SUBPIXEL_*, none (0), parabola (1) or equiangular (2)");
+  check_choice(p.subpixel, SIMSENSE_SUBPIXEL_EQUIANGULAR_SUMMED, "subpixel",
+               "SIMSENSE_SUBPIXEL_*, none (0), parabola (1), equiangular (2) or equiangular_summed (3)");
   check_not_negative(p.speckle_max_diff_px, "speckle_max_diff_px");
   check_choice(p.hole_filling, SIMSENSE_HOLES_BACKGROUND, "hole_filling", "SIMSENSE_HOLES_*, keep (0), left (1) or background (2)");
 }
@@ -82,9 +85,8 @@ MatchParameters match_parameters(const simsense_parameters& p) {
   m.uniqueness_ratio = p.uniqueness_ratio;
   m.lr_max_diff = p.lr_max_diff;
   m.median_size = p.median_size;
-  m.subpixel = p.subpixel == SIMSENSE_SUBPIXEL_NONE       ? Subpixel::none
-               : p.subpixel == SIMSENSE_SUBPIXEL_PARABOLA ? Subpixel::parabola
-                                                          : Subpixel::equiangular;
+  constexpr Subpixel steps[] = {Subpixel::none, Subpixel::parabola, Subpixel::equiangular, Subpixel::equiangular_summed};
+  m.subpixel = steps[std::min<size_t>(p.subpixel, std::size(steps) - 1)];
   return m;
 }
 

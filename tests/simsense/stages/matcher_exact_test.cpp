@@ -100,6 +100,7 @@ class Fuzz {
     if (in(0, 5) == 0) p.min_disparity = static_cast<int32_t>(in(0, 400)) - 200;
     if (in(0, 1)) p.path_count = 8;
     if (in(0, 1)) p.p2_full_gradient = in(1, 60);
+    if (in(0, 3) == 0) p.subpixel = simsense::Subpixel::equiangular_summed;
     return p;
   }
   StereoPair pair() { return random_dots(in(32, 150), in(32, 100), in(0, 20), in(0, 25), in(0, 1u << 30)); }

@@ -89,6 +89,13 @@ TEST(confidence, is_the_margin_that_the_uniqueness_test_asks_for) {
   EXPECT_EQ(confidence(cost).data[0], 0.0f);
 }
 
+TEST(equiangular_summed, looks_at_the_aggregated_costs_alone) {
+  Volume<uint16_t> summed(1, 1, 5), block(1, 1, 5);
+  summed.data = {90, 60, 10, 50, 90};
+  block.data = {9, 8, 2, 6, 9};
+  EXPECT_FLOAT_EQ(left_winner(summed, 0, Subpixel::equiangular_summed, &block).data[0], 2.0f + (60 - 50) / 100.0f);
+}
+
 TEST(min_disparity, moves_the_searched_range) {
   MatchParameters p;
   p.max_disparity = 32;

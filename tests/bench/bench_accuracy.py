@@ -1,0 +1,215 @@
+"""How accurate the matcher is, beside the published SimSense's arithmetic and OpenCV's StereoSGBM, on pairs whose disparity is known, and on a
+real pair beside the device's own depth. Prints tables; draws the bias against the fraction of a pixel.
+
+    PYTHONPATH=build/python python3 tests/bench/bench_accuracy.py [--out tests/bench] [--no-render]
+"""
+
+import argparse
+import os
+from pathlib import Path
+
+import cv2
+import numpy as np
+from matplotlib.figure import Figure
+from scipy.ndimage import gaussian_filter, map_coordinates
+
+import simsense
+
+DISPARITIES = 128
+BORDER = 12
+DATA = Path(os.environ.get("ACTIVESTEREO_DATA", Path(__file__).parents[3] / "shared")) / "data" / "d435-real"
+
+
+def engine(**changes):
+    """A matcher of rectified pairs: disparity in pixels, -1 = none."""
+    faults = changes.pop("faults", ())
+
+    def match(left, right):
+        height, width = left.shape
+        camera = simsense.Camera(width, height, [[400, 0, width / 2], [0, 400, height / 2], [0, 0, 1]])
+        pose = np.eye(4)
+        pose[0, 3] = -0.05
+        settings = {"max_disparity": DISPARITIES} | changes
+        matcher = simsense.Engine(simsense.Device("host"), camera, camera, pose, rectified=True, faults=faults, **settings)
+        return matcher.compute(left, right, ("disparity",))["disparity"]
+
+    return match
+
+
+def opencv(mode, block):
+    """The same range, checks and relative penalties; padded on the left, so that all columns are computed."""
+
+    def match(left, right):
+        settings = dict(minDisparity=0, numDisparities=DISPARITIES, blockSize=block, P1=8 * block**2, P2=32 * block**2)
+        stereo = cv2.StereoSGBM_create(**settings, disp12MaxDiff=1, preFilterCap=63, uniquenessRatio=15, mode=mode)
+        padded = (cv2.copyMakeBorder(image, 0, 0, DISPARITIES, 0, cv2.BORDER_REPLICATE) for image in (left, right))
+        return stereo.compute(*padded)[:, DISPARITIES:].astype(np.float32) / 16
+
+    return match
+
+
+MATCHERS = {
+    "simsense, default (block 7x7)": engine(),
+    "simsense, 8 paths": engine(path_count=8),
+    "simsense, p1 8, p2 32": engine(p1=8, p2=32),
+    "simsense, equiangular on summed costs": engine(subpixel=3),
+    "simsense, block 1x1": engine(block_width=1, block_height=1),
+    "simsense, plain census 9x7, block 1x1": engine(block_width=1, block_height=1, census_kind=1, census_width=9),
+    "simsense-exact (the published engine)": engine(faults=simsense.FAULTS, subpixel=1),
+    "OpenCV StereoSGBM HH4, block 7": opencv(cv2.STEREO_SGBM_MODE_HH4, 7),
+    "OpenCV StereoSGBM HH, block 7": opencv(cv2.STEREO_SGBM_MODE_HH, 7),
+    "OpenCV StereoSGBM 3WAY, block 7": opencv(cv2.STEREO_SGBM_MODE_SGBM_3WAY, 7),
+}
+
+
+def sloped_dots(width=960, height=540, noise_dn=2.0, seed=1):
+    """(left, right, disparity): Gaussian dots, as a projector makes them, on a slope that passes every fraction of a pixel; the left image is the
+    right one's continuous pattern at exactly x - disparity."""
+    random = np.random.default_rng(seed)
+    fine, reach = 8, 140
+    pattern = np.zeros((height, (width + reach) * fine))
+    count = width * height // 28
+    rows, columns = random.integers(0, height, count), random.integers(0, pattern.shape[1], count)
+    np.add.at(pattern, (rows, columns), random.gamma(3.0, 1.0, count))
+    pattern = gaussian_filter(pattern, (0.9, 0.9 * fine))
+    pattern *= 60.0 / pattern.mean()
+    y, x = np.mgrid[0:height, 0:width].astype(float)
+    disparity = 25.0 + 0.045 * x + 0.021 * y
+    at = lambda u: map_coordinates(pattern, [y, (u + reach - 1) * fine], order=3, mode="nearest")  # noqa: E731
+    images = (at(x - disparity), at(x))
+    counts = (np.clip(np.rint(15 + image + random.normal(0, noise_dn, image.shape)), 0, 255).astype(np.uint8) for image in images)
+    return (*counts, disparity)
+
+
+def rendered_table_top(folder):
+    """(left, right, disparity): the example scene as a D435 sees it, with its imager's noise; truth from the renderer, at pixel centres."""
+    import kuafu
+    from activestereo import Pose, StereoDepthSensor, StereoDepthSensorConfig
+    from activestereo.pose import body_pose
+    from activestereo.scene import write_table_top
+
+    config = StereoDepthSensorConfig("D435")
+    config.rgb_resolution, config.rgb_intrinsic = config.ir_resolution, config.ir_intrinsic
+    config.trans_pose_l, config.trans_pose_r = Pose(), Pose([0, -0.05, 0])
+    config.ir_signal, config.samples_per_pixel = "d435", 32
+    path = folder / "table_top.gltf"
+    write_table_top(path)
+    scene = kuafu.Scene(kuafu.Device())
+    scene.load(path)
+    scene.set_environment((0.25, 0.25, 0.25))
+    sensor = StereoDepthSensor(config, scene, pose=body_pose(scene.camera(0).camera_to_world))
+    sensor.take_picture()
+    sensor.compute_depth()
+    true = sensor.get_true_depth().astype(float)
+    disparity = np.where(true > 0, config.focal_baseline_px_m / np.where(true > 0, true, 1), np.nan)
+    return (*sensor.get_ir_measured(), disparity)
+
+
+def seen_by_both(disparity):
+    """Pixels that the right eye sees too: nothing nearer lands where they do."""
+    height, width = disparity.shape
+    rows, columns = np.nonzero(np.isfinite(disparity))
+    d = disparity[rows, columns]
+    target = np.rint(columns - d).astype(int)
+    inside = (target >= 0) & (target < width)
+    nearest = np.zeros((height, width))
+    np.maximum.at(nearest, (rows[inside], target[inside]), d[inside])
+    seen = np.zeros((height, width), bool)
+    seen[rows[inside], columns[inside]] = d[inside] >= nearest[rows[inside], target[inside]] - 1
+    seen[:BORDER] = seen[-BORDER:] = False
+    seen[:, :BORDER] = seen[:, -BORDER:] = False
+    return seen
+
+
+def table_of(left, right, truth):
+    """Per matcher: fill of what both eyes see; share of the measured that is off by more; RMS of those within a pixel; median error."""
+    seen = seen_by_both(truth)
+    print(f"| {'matcher':40} | fill | off > 0.5 px | > 1 px | > 2 px | RMS within 1 px | median |\n|--|--|--|--|--|--|--|")
+    for name, match in MATCHERS.items():
+        found = match(left, right)
+        measured = (found >= 0) & np.isfinite(truth)
+        error = np.abs(found - truth)[measured]
+        off = [100 * np.mean(error > limit) for limit in (0.5, 1, 2)]
+        rms = np.sqrt(np.mean(error[error < 1] ** 2))
+        fill = 100 * np.mean((found >= 0)[seen])
+        print(f"| {name:40} | {fill:.1f} % | {off[0]:.2f} % | {off[1]:.2f} % | {off[2]:.2f} % | {rms:.3f} px | {np.median(error):.3f} px |")
+
+
+def locking_curve(found, truth, bins=25):
+    """Mean error over the fraction of the true disparity, and its amplitude: half of the peak-to-peak of the curve."""
+    inside = np.zeros(truth.shape, bool)
+    inside[BORDER:-BORDER, BORDER:-BORDER] = True
+    use = inside & (found >= 0) & (np.abs(found - truth) < 1)
+    fraction = np.floor((truth % 1) * bins).astype(int)[use]
+    mean = np.bincount(fraction, (found - truth)[use], bins) / np.bincount(fraction, minlength=bins)
+    mean -= mean.mean()
+    return mean, np.ptp(mean) / 2
+
+
+def pixel_locking(left, right, truth, folder):
+    shown = {
+        "equiangular on the block's costs (default)": engine(),
+        "equiangular on summed costs": engine(subpixel=3),
+        "parabola (published SimSense)": engine(subpixel=1),
+        "equiangular, block 1x1": engine(block_width=1, block_height=1),
+        "OpenCV StereoSGBM HH4, block 7": opencv(cv2.STEREO_SGBM_MODE_HH4, 7),
+    }
+    figure = Figure(figsize=(7.2, 3.8), layout="constrained")
+    axes = figure.subplots()
+    print("| subpixel step | pixel locking: amplitude of the bias |\n|--|--|")
+    for name, match in shown.items():
+        mean, amplitude = locking_curve(match(left, right), truth)
+        print(f"| {name} | {amplitude:.4f} px |")
+        axes.plot((np.arange(len(mean)) + 0.5) / len(mean), mean, label=f"{name}: {amplitude:.3f} px")
+    axes.set_xlabel("fraction of the true disparity, pixels")
+    axes.set_ylabel("mean error, pixels")
+    axes.grid(alpha=0.3)
+    axes.legend(fontsize=8)
+    figure.savefig(folder / "pixel_locking.png", dpi=90)
+
+
+def real_pair():
+    """Beside the depth that a D435 computed itself, after one affine fit: its scale was decoded from a picture."""
+    if not DATA.is_dir():
+        print(f"no real pair at {DATA}: set ACTIVESTEREO_DATA")
+        return
+    left, right, device = (cv2.imread(str(DATA / f"{name}.png"), cv2.IMREAD_UNCHANGED) for name in ("left", "right", "device_depth_mm"))
+    print(f"| {'matcher':40} | median difference | within 2 % | fill (device {100 * np.mean(device > 0):.1f} %) |\n|--|--|--|--|")
+    for name, match in MATCHERS.items():
+        disparity = match(left, right)[::2, ::2]
+        depth = np.where(disparity > 0, 427.12 * 50 / np.where(disparity > 0, disparity, 1), 0)
+        both = (depth > 150) & (depth < 2000) & (device > 0)
+        fit = [1.0, 0.0]
+        for limit in (100, 20, 20):  # the fit is to what agrees, so that a matcher's outliers do not bend it
+            agree = both & (np.abs(np.polyval(fit, depth) - device) < limit)
+            fit = np.polyfit(depth[agree], device[agree], 1)
+        both = (depth > 0) & (device > 0)
+        difference = np.abs(np.polyval(fit, depth[both]) - device[both])
+        near = 100 * np.mean(difference < 0.02 * device[both])
+        print(f"| {name:40} | {np.median(difference):.2f} mm | {near:.1f} % | {100 * np.mean(depth > 0):.1f} % |")
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--out", type=Path, default=Path("."), help="folder for pixel_locking.png")
+    parser.add_argument("--no-render", action="store_true", help="leave the rendered pair out (it needs kuafu and half a minute)")
+    args = parser.parse_args()
+    args.out.mkdir(parents=True, exist_ok=True)
+    dots = sloped_dots()
+    print("\nDots on a slope, 960x540, 25..80 px, 2 DN of noise")
+    table_of(*dots)
+    print()
+    pixel_locking(*dots, args.out)
+    if not args.no_render:
+        import tempfile
+
+        with tempfile.TemporaryDirectory() as folder:
+            pair = rendered_table_top(Path(folder))
+        print("\nTable top, rendered, D435 with its imager's noise, 848x480")
+        table_of(*pair)
+    print("\nReal D435 pair")
+    real_pair()
+
+
+if __name__ == "__main__":
+    main()
