@@ -95,13 +95,8 @@ def test_without_a_hidden_effect_nothing_is_left_to_explain(world):
 @pytest.mark.parametrize("name", [n for n in (*SINGLE, *OUTSIDE) if n not in RAY_EFFECTS])
 def test_hidden_effects_on_images_leave_error(world, name):
     hidden = {name: CATALOGUE[name].draw(STRENGTHS.index("strong"), pcg64(3))}
-    images = {}
-    changed = World(world.seed, hidden, survey=0.0)
-    changed._layers, changed.__dict__["sensor"] = world._layers, world.sensor
-    changed._hardwares = world._hardwares
-    for frame in changed.frames:
-        for eye in EYES:
-            images[frame.id, eye] = changed.measured(frame, eye)
+    changed = world.hiding(hidden)
+    images = {(frame.id, eye): changed.measured(frame, eye) for frame in changed.frames for eye in EYES}
     if name in ("row_noise", "quantisation"):  # These are in the images' noise, not in their mean.
         calm = np.std(world.measured(world.frames[2], "left") - world.expected(world.frames[2], "left", {}))
         assert np.std(images[2, "left"] - world.expected(world.frames[2], "left", {})) > 1.5 * calm
@@ -113,7 +108,7 @@ def test_hidden_effects_on_images_leave_error(world, name):
 def test_hidden_effects_on_rays_leave_error(world, name):
     hidden = {name: CATALOGUE[name].draw(STRENGTHS.index("strong"), pcg64(3))}
     frame = world.frames[6]
-    difference = World(world.seed, hidden, survey=0.0).expected(frame, "right", hidden) - world.expected(frame, "right", {})
+    difference = world.hiding(hidden).expected(frame, "right", hidden) - world.expected(frame, "right", {})
     assert np.sqrt(np.mean(difference**2)) > 1.0
 
 
@@ -136,8 +131,8 @@ def test_the_simulator_reaches_the_floor_of_a_world_that_hides_nothing(world, tm
 
     figures = world.capture(tmp_path / "capture", "null")
     assert len(read_capture(tmp_path / "capture").frames) == 8
-    scores = compare(tmp_path / "capture", cache=LayerCache(tmp_path / "cache"), samples_per_pixel=128).scores
+    scores = compare(tmp_path / "capture", cache=LayerCache(tmp_path / "cache"), samples_per_pixel=64).scores
     for split in ("train", "test"):
-        assert scores["ir"][split]["rmse_dn"] < 1.03 * figures[split]["floor_dn"]
+        assert scores["ir"][split]["rmse_dn"] < 1.04 * figures[split]["floor_dn"]
     assert scores["fit"]["nuisances"]["projector_scale"] == pytest.approx(world.sensor.projector_scale, rel=0.01)
     assert scores["fit"]["nuisances"]["black_dn"] == pytest.approx(world.sensor.black_dn, abs=0.1)

@@ -57,7 +57,14 @@ class World:
         self.solids, self.rig = draw_scene(draw), draw_rig(draw)
         self.frames = draw_frames(draw, moving_exposure)
         self._noise = draw.standard_normal(6)
-        self._layers, self._ambient = {}, {}
+        self._layers, self._ambient, self._hardwares = {}, {}, {}
+
+    def hiding(self, hidden):
+        """The same world with other hidden effects; shares what has been computed."""
+        other = World(self.seed, hidden, self._survey, self._sub)
+        other._layers, other._ambient, other._hardwares = self._layers, self._ambient, self._hardwares
+        other.__dict__.update(lightmap=self.lightmap, sensor=self.sensor)
+        return other
 
     @cached_property
     def lightmap(self):
@@ -83,8 +90,6 @@ class World:
         return self._hardware(tuple(sorted((k, tuple(sorted(v.items()))) for k, v in hidden.items() if k in RAY_EFFECTS)))
 
     def _hardware(self, key):
-        if not hasattr(self, "_hardwares"):
-            self._hardwares = {}
         if key not in self._hardwares:
             hidden = {name: dict(values) for name, values in key}
             self._hardwares[key] = Hardware(self.solids, self.rig, Emitter(self.rig, hidden, self.seed), self.lightmap, hidden)
