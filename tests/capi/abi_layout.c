@@ -1,5 +1,6 @@
-/* The ABI that callers were compiled against, for 64-bit targets: sizes and offsets never change, new fields are appended, and no struct ends in padding
- * (a field appended into padding would leave the size, and with it the version check, as it was). A failure is a negative array size. */
+/* The ABI that callers were compiled against, for 64-bit targets: sizes and offsets never change, new fields are appended, and no struct
+ * ends in padding (a field appended into padding would leave the size, and with it the version check, as it was). A failure is a negative
+ * array size. */
 #include <stddef.h>
 
 #include "kuafu/kuafu.h"

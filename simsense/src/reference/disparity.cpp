@@ -30,7 +30,8 @@ float equiangular_apex(int before, int lowest, int after) {
 float subpixel_offset(Subpixel subpixel, const uint16_t* cost, const uint16_t* block_cost, size_t winner) {
   if (subpixel == Subpixel::none) return 0.0f;
   if (subpixel == Subpixel::parabola) return parabola_vertex(cost[winner - 1], cost[winner], cost[winner + 1]);
-  const bool minimum = subpixel == Subpixel::equiangular && block_cost && block_cost[winner] <= block_cost[winner - 1] && block_cost[winner] <= block_cost[winner + 1];
+  const bool minimum = subpixel == Subpixel::equiangular && block_cost && block_cost[winner] <= block_cost[winner - 1] &&
+                       block_cost[winner] <= block_cost[winner + 1];
   const uint16_t* c = minimum ? block_cost : cost;
   return equiangular_apex(c[winner - 1], c[winner], c[winner + 1]);
 }
