@@ -75,9 +75,7 @@ def _misses(results):
     """Every world whose answer is not the truth."""
     rows = ["| world | truth | strength | error over floor | verdict | added | first three |", "|---|---|---|---|---|---|---|"]
     for r in sorted(results, key=lambda r: r.key["id"]):
-        outside = r.key["set"] == "outside"
-        right = r.verdict == "unknown" if outside else r.added == r.truth and r.verdict in ("effect", "none")
-        if right or not r.key["infrared"] and r.verdict == "undetermined":
+        if r.right:
             continue
         strength = " + ".join(r.key["strengths"].values())
         cells = (r.key["id"], " + ".join(sorted(r.truth)), strength, f"{r.key['oracle']['test']['ratio']:.2f}", r.verdict,

@@ -46,6 +46,15 @@ class Result:
         return [entry["effect"] for entry in self.ranking[:count]]
 
     @property
+    def right(self):
+        """Whether the tool said all that is true, and nothing else."""
+        if not self.key["infrared"]:
+            return self.verdict == "undetermined" and not self.added
+        if self.key["set"] == "outside":
+            return self.verdict == "unknown" and not self.added
+        return self.verdict == ("effect" if self.truth else "none") and self.added == self.truth
+
+    @property
     def named(self):
         """Whether the tool puts a name to something."""
         return self.verdict == "effect" or bool(self.added)

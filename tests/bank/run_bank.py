@@ -37,7 +37,9 @@ def main():
     scores = score(results)
     (args.out / "score.json").write_text(json.dumps(scores, indent=1) + "\n")
     print(write_page(scores, results, args.out, args.set))
-    return 1 if any(result.failed for result in results) else 0
+    right = sum(result.right for result in results)
+    print(f"{right} of {len(results)} worlds answered in full and without error; {args.out / 'README.md'}")
+    return 1 if right < args.least or any(result.failed for result in results) else 0
 
 
 def _arguments():
@@ -50,6 +52,7 @@ def _arguments():
     parser.add_argument("--survey", type=float, default=1.0, metavar="X", help="size of the calibration's and scene's errors (default: 1)")
     parser.add_argument("--command", default=COMMAND, help="the tool, with {capture} and {out} (default: %(default)s)")
     parser.add_argument("--timeout", type=float, default=900.0, metavar="S", help="seconds per diagnosis (default: 900)")
+    parser.add_argument("--least", type=int, default=0, metavar="N", help="fail where fewer worlds are answered rightly")
     parser.add_argument("--keep", action="store_true", help="keep the captures")
     return parser.parse_args()
 
