@@ -96,8 +96,8 @@ TEST(Scene, RefusesLightsAndPosesThatAreNoRotation) {
   instance.local_to_world[3][3] = 1.0;
   expect_refused([&] { scene.add_instance(instance); }, "scales axis 0 by 1e-19");
   instance.local_to_world = glm::dmat4(1.0);
-  instance.local_to_world[3][0] = 1e300;
-  expect_refused([&] { scene.add_instance(instance); }, "moves by 1e+300 m");
+  instance.local_to_world[3][0] = 1e13;
+  expect_refused([&] { scene.add_instance(instance); }, "moves by 1e+13 m");
   expect_refused([&] { scene.add_instance({.name = "i", .mesh = 1}); }, "there is no mesh 1 (the scene has 1)");
   expect_refused([&] { scene.add_instance({.name = "i", .mesh = 0, .materials = {2}}); }, "materials[0] is 2");
 }
