@@ -60,5 +60,5 @@ def is_unexplained(ranking, entry, first_excess):
     """Whether much is left above the floor after an entry (the base for none); first_excess: of the model without effects.
 
     What is white and stays counts as the renderer's noise: a missing effect of that kind (speckle) has a candidate of its own."""
-    rest = entry.chi2 / ranking.pixels - 1.0 - ranking.white
+    rest = entry.chi2 / ranking.pixels - 1.0 - ranking.white_after(entry)
     return rest > _UNEXPLAINED_FLOORS and rest > _UNEXPLAINED_SHARE * first_excess

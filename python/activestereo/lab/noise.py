@@ -16,6 +16,8 @@ from scipy.optimize import nnls
 from activestereo.capture import EYES
 
 _BINS = 40
+# Of whole digital numbers. Pixels that vary less are clipped somewhere on their way: they must not pass for exact.
+_QUANTISATION_VARIANCE = 1.0 / 12.0
 _BLACK_LEVELS = 33
 _CHI2_MARGIN = 4.0
 
@@ -91,7 +93,7 @@ def _transfer_bins(entry, max_dn):
         m, v = mean[index == b], variance[index == b]
         # A mean of n repeats is itself noisy: its square is too large by variance / n.
         square = (m**2 - v / count).mean()
-        error = max(v.mean(), 1e-6) * np.sqrt(2.0 / ((count - 1) * m.size))
+        error = max(v.mean(), _QUANTISATION_VARIANCE) * np.sqrt(2.0 / ((count - 1) * m.size))
         rows.append((frames[0].gain, m.mean(), square, v.mean(), 1.0 / error))
     return rows
 

@@ -146,6 +146,12 @@ class Ranking:
             e.consistency = frame_consistency(self.evidence.train, base.tile_chi2, e.tile_chi2)
         self.entries.sort(key=lambda e: -e.nats)
 
+    def white_after(self, entry):
+        """white_rest of what an entry leaves."""
+        if entry is self.base or entry.solution is None:
+            return self.white
+        return white_rest(self.rows(self.evidence.train, entry.solution))
+
     @property
     def excess(self):
         """What the base model leaves above the floor and the renderer's own noise, in floors of variance."""
