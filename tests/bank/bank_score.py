@@ -85,6 +85,7 @@ def score(results):
         "equivalence set size (median)": median([len(_set_of(r)) for r in clear if r.ranking]),
         "named and right": rate([r.added == r.truth for r in clear]),
         "false alarms": rate([r.named for r in of["none"]]),
+        "no effect: said so": rate([r.verdict == "none" for r in of["none"]]),
         "outside the library: said so": rate([r.verdict == "unknown" for r in of["outside"]]),
         "outside the library: wrong name": rate([r.verdict == "effect" for r in of["outside"]]),
         "pairs: both found": rate([r.added == r.truth for r in of["pairs"]]),
