@@ -113,6 +113,7 @@ struct HammingCost {
         for (size_t d = 1; d <= layout_.disparities; ++d) std::copy_n(right_column0, pixel, right_column0 - d * pixel);
       }
     }
+    void begin_pass(size_t) {}
     void begin_tile(size_t) {}
     HWY_INLINE ColumnCosts<planes> column_costs(size_t block, size_t y) const {
       return ColumnCosts<planes>(left_, right_, static_cast<ptrdiff_t>(block * lanes), y);

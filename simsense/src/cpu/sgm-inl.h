@@ -107,7 +107,7 @@ class Band {
     Pass pass;
     for (size_t block = layout_.blocks; block-- > 0;) {
       const Range columns = layout_.columns(block);
-      costs_.begin_tile(block);
+      costs_.begin_pass(block);
       for (size_t group = round_up(columns.end, column_group) / column_group; group-- > columns.begin / column_group;) {
         std::copy_n(state, state_size_, leftward_state(group));
         const Range in_group = column_range(group);

@@ -192,7 +192,7 @@ class Band8 {
   const Layout& layout_;
   size_t disparities_;
   Range rows_{};
-  typename BlockCost<T>::Strip costs_;
+  StoredStrip<T> costs_;
   Buffer<T> horizontal_;
   Buffer<T> tile_;    // m of a horizontal path in a tile, [column][d][row]
   Buffer<T> square_;  // of one disparity, [row][column]
