@@ -1,7 +1,8 @@
-// The CPU matcher beside OpenCV's StereoSGBM MODE_HH4 (the same four paths) on the same pair with the same threads: medians and their
-// ratio. StereoSGBM leaves the columns left of the largest disparity out; the pair is widened for it, so that both give every pixel a
-// disparity.
-// Random dots with noise, and the real D435 pair under $ACTIVESTEREO_DATA or ../shared if it is there.
+// The CPU matcher beside OpenCV's StereoSGBM, MODE_HH4 (the same four paths) and MODE_SGBM_3WAY, on the same pair with the same threads:
+// medians and their ratio. StereoSGBM leaves the columns left of the largest disparity out; the pair is widened for it, so that both give
+// every pixel a disparity. Random dots with noise, and the real D435 pair under $ACTIVESTEREO_DATA or ../shared if it is there. `avx2` as
+// argument: without AVX-512.
+#include <hwy/targets.h>
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
@@ -68,12 +69,11 @@ Time median_time(F&& fn) {
   return {median(wall), median(cpu)};
 }
 
-Time opencv_time(const Pair& pair, int disparities, int block) {
+Time opencv_time(const Pair& pair, int disparities, int block, int mode) {
   cv::Mat left, right, disparity;
   cv::copyMakeBorder(pair.left, left, 0, 0, disparities, 0, cv::BORDER_REPLICATE);
   cv::copyMakeBorder(pair.right, right, 0, 0, disparities, 0, cv::BORDER_REPLICATE);
-  const auto sgbm =
-      cv::StereoSGBM::create(0, disparities, block, 8 * block * block, 32 * block * block, 1, 63, 15, 0, 0, cv::StereoSGBM::MODE_HH4);
+  const auto sgbm = cv::StereoSGBM::create(0, disparities, block, 8 * block * block, 32 * block * block, 1, 63, 15, 0, 0, mode);
   return median_time([&] { sgbm->compute(left, right, disparity); });
 }
 
@@ -86,11 +86,15 @@ void report(const Pair& pair, uint32_t disparities, uint32_t block, ks::ThreadPo
   const simsense::ConstImage left{pair.left.data, static_cast<ptrdiff_t>(pair.left.step)};
   const simsense::ConstImage right{pair.right.data, static_cast<ptrdiff_t>(pair.right.step)};
   const Time ours = median_time([&] { matcher->match(left, right, disparity.data()); });
-  const Time opencv = opencv_time(pair, static_cast<int>(disparities), static_cast<int>(block));
+  const auto opencv = [&](int mode) { return opencv_time(pair, static_cast<int>(disparities), static_cast<int>(block), mode); };
+  const Time hh4 = opencv(cv::StereoSGBM::MODE_HH4), three_way = opencv(cv::StereoSGBM::MODE_SGBM_3WAY);
   const auto valid = std::count_if(disparity.begin(), disparity.end(), [](float d) { return d >= 0.0f; });
-  std::printf("D %3u block %ux%u: simsense %7.2f ms (cpu %7.2f), OpenCV HH4 %7.2f ms (cpu %7.2f), ratio %5.1f (cpu %5.1f); valid %.1f %%\n",
-              disparities, block, block, ours.wall_ms, ours.cpu_ms, opencv.wall_ms, opencv.cpu_ms, opencv.wall_ms / ours.wall_ms,
-              opencv.cpu_ms / ours.cpu_ms, 100.0 * static_cast<double>(valid) / static_cast<double>(disparity.size()));
+  std::printf(
+      "D %3u block %ux%u: simsense %7.2f ms (cpu %7.2f), OpenCV HH4 %7.2f (cpu %7.2f), 3WAY %7.2f (cpu %7.2f): ratios %.1f (cpu %.1f), "
+      "%.1f (cpu %.1f); valid %.1f %%\n",
+      disparities, block, block, ours.wall_ms, ours.cpu_ms, hh4.wall_ms, hh4.cpu_ms, three_way.wall_ms, three_way.cpu_ms,
+      hh4.wall_ms / ours.wall_ms, hh4.cpu_ms / ours.cpu_ms, three_way.wall_ms / ours.wall_ms, three_way.cpu_ms / ours.cpu_ms,
+      100.0 * static_cast<double>(valid) / static_cast<double>(disparity.size()));
   for (const ks_stage_time& stage : matcher->stage_times()) std::printf("    %-24s %7.2f ms\n", stage.name, stage.milliseconds);
 }
 
@@ -103,7 +107,8 @@ void report_all(const char* name, const Pair& pair, ks::ThreadPool& workers) {
 
 }  // namespace
 
-int main() {
+int main(int count, char** arguments) {
+  if (count > 1 && std::string(arguments[1]) == "avx2") hwy::SetSupportedTargetsForTest(HWY_AVX2);
   cv::setNumThreads(threads);
   ks::ThreadPool workers(threads);
   report_all("random dots", synthetic_pair(), workers);
