@@ -124,6 +124,17 @@ void Commands::fill(const Buffer& buffer, uint64_t offset_bytes, uint64_t size_b
   state_->done();
 }
 
+void Commands::update(const Buffer& buffer, uint64_t offset_bytes, const void* data, uint64_t size_bytes) {
+  constexpr uint64_t most_bytes = 65536;
+  check_extent(buffer, offset_bytes, size_bytes, "an update");
+  if (offset_bytes % 4 != 0 || size_bytes % 4 != 0 || size_bytes > most_bytes)
+    fail(KS_ERROR_INTERNAL, "an update of %llu bytes at offset %llu: both must be multiples of 4, and at most %llu bytes",
+         static_cast<ull>(size_bytes), static_cast<ull>(offset_bytes), static_cast<ull>(most_bytes));
+  if (size_bytes == 0) return;
+  state_->device->vk().vkCmdUpdateBuffer(state_->begun(), buffer.handle(), offset_bytes, size_bytes, data);
+  state_->done();
+}
+
 void Commands::copy(const Buffer& from, uint64_t from_offset, const Buffer& to, uint64_t to_offset, uint64_t size_bytes) {
   check_extent(from, from_offset, size_bytes, "a copy's source");
   check_extent(to, to_offset, size_bytes, "a copy's target");

@@ -51,6 +51,8 @@ class Commands {
     dispatch_indirect_raw(pipeline, &push, sizeof(Push), arguments, offset_bytes);
   }
   void fill(const Buffer& buffer, uint64_t offset_bytes, uint64_t size_bytes, uint32_t value);
+  /// At most 65536 bytes, taken from `data` now and written when the commands run; multiples of 4.
+  void update(const Buffer& buffer, uint64_t offset_bytes, const void* data, uint64_t size_bytes);
   void copy(const Buffer& from, uint64_t from_offset, const Buffer& to, uint64_t to_offset, uint64_t size_bytes);
   void barrier();
   /// false: the caller places barriers itself.

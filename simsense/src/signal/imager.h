@@ -23,6 +23,9 @@ class Imager {
 
   [[nodiscard]] const simsense_signal& signal() const { return signal_; }
   [[nodiscard]] bool is_wide() const { return signal_.bit_depth > 8; }
+  /// Factors of the speckle's parts; empty where there is no such part.
+  [[nodiscard]] const GammaTable& static_speckle() const { return static_speckle_; }
+  [[nodiscard]] const GammaTable& temporal_speckle() const { return temporal_speckle_; }
   /// 8-bit images come out as they go in.
   [[nodiscard]] bool is_neutral() const { return is_neutral_; }
 

@@ -8,7 +8,6 @@
 #include "device/error.h"
 #include "hwy/targets.h"
 #include "reference/imager.h"
-#include "signal/presets.h"
 #include "simsense/stages/signal_samples.h"
 
 using namespace simsense;
@@ -23,44 +22,6 @@ std::vector<float> ramp() {
   std::vector<float> image(size_t{width} * height);
   for (size_t i = 0; i < image.size(); ++i) image[i] = static_cast<float>((i * 37) % 251);
   return image;
-}
-
-/// Each stage alone, and all of them; every one does something to the ramp.
-std::vector<std::pair<const char*, simsense_signal>> signals() {
-  std::vector<std::pair<const char*, simsense_signal>> all;
-  const auto add = [&](const char* name, auto&& change) {
-    simsense_signal s = simsense_signal_init();
-    change(s);
-    all.emplace_back(name, s);
-  };
-  add("exposure", [](simsense_signal& s) { s.exposure_s = 0.01f, s.responsivity_e = 77.13f; });
-  add("temporal speckle", [](simsense_signal& s) { s.speckle_shape = 3.98f, s.speckle_scale = 0.254f; });
-  add("static speckle", [](simsense_signal& s) { s.speckle_shape = 0.6f, s.speckle_scale = 1.6f, s.speckle_correlation = 1; });
-  add("partly static speckle", [](simsense_signal& s) { s.speckle_shape = 20, s.speckle_scale = 0.05f, s.speckle_correlation = 0.3f; });
-  add("grainy speckle", [](simsense_signal& s) { s.speckle_shape = 4, s.speckle_scale = 0.25f, s.speckle_psf_sigma_px = 0.8f; });
-  add("prnu", [](simsense_signal& s) { s.prnu = 0.05f; });
-  add("dark", [](simsense_signal& s) { s.dark_current_e_per_s = 7, s.temperature_c = 45; });
-  add("hot pixels", [](simsense_signal& s) { s.hot_pixel_share = 0.01f, s.hot_pixel_e_per_s = 100; });
-  add("shot noise", [](simsense_signal& s) { s.shot_noise = 1; });
-  add("weaker shot noise", [](simsense_signal& s) { s.shot_noise = 0.4f, s.responsivity_e = 30, s.conversion_gain_dn_per_e = 1.0f / 30; });
-  add("full well", [](simsense_signal& s) { s.full_well_e = 150.5f; });
-  add("blooming", [](simsense_signal& s) { s.full_well_e = 150.5f, s.blooming = 0.7f; });
-  add("fixed patterns", [](simsense_signal& s) { s.dsnu_e = 2, s.row_fixed_e = 3, s.column_fixed_e = 4; });
-  add("temporal noise", [](simsense_signal& s) { s.read_noise_e = 2, s.row_noise_e = 3, s.column_noise_e = 4; });
-  add("response", [](simsense_signal& s) { s.response_exponent = 0.45f; });
-  add("converter",
-      [](simsense_signal& s) { s.adc_noise_dn = 0.8f, s.black_level_dn = 5.3f, s.black_level_dn_per_k = 0.1f, s.temperature_c = 33; });
-  add("ten bits", [](simsense_signal& s) { s.bit_depth = 10, s.gain = 3.9137f; });
-  for (const char* preset : {"paper-d415", "sapien", "d435"}) all.emplace_back(preset, signal_preset(preset));
-  simsense_signal everything = signal_preset("d435");
-  everything.speckle_shape = 50, everything.speckle_scale = 0.02f, everything.speckle_correlation = 0.5f, everything.prnu = 0.01f;
-  everything.dark_current_e_per_s = 50, everything.hot_pixel_share = 0.002f, everything.hot_pixel_e_per_s = 9000,
-  everything.temperature_c = 50;
-  everything.full_well_e = 40000, everything.blooming = 0.5f, everything.dsnu_e = everything.row_fixed_e = everything.column_noise_e = 20;
-  everything.read_noise_e = 30, everything.response_exponent = 0.9f, everything.black_level_dn = 8, everything.bit_depth = 12,
-  everything.gain = 16;
-  all.emplace_back("everything", everything);
-  return all;
 }
 
 template <class T>
@@ -84,7 +45,7 @@ simsense_signal affine(float gain, float black_dn) {
 // Float against double: a count changes where a value lies within rounding of a half, or a Poisson expansion misses by an electron.
 TEST(Imager, EqualsTheReferenceButForRounding) {
   const std::vector<float> image = ramp();
-  for (const auto& [name, signal] : signals()) {
+  for (const auto& [name, signal] : every_stage()) {
     const auto fast = measure(signal, key, image, width, height);
     const auto exact = reference::measure(signal, key, {image.begin(), image.end()}, width, height);
     size_t different = 0;
@@ -100,7 +61,7 @@ TEST(Imager, EqualsTheReferenceButForRounding) {
 }
 
 TEST(Imager, GivesTheSameBitsOnEveryInstructionSet) {
-  for (const auto& [name, signal] : signals()) {
+  for (const auto& [name, signal] : every_stage()) {
     const auto best = measure(signal, key, ramp(), width, height);
     for (const int64_t target : hwy::SupportedAndGeneratedTargets()) {
       hwy::SetSupportedTargetsForTest(target);
@@ -111,7 +72,7 @@ TEST(Imager, GivesTheSameBitsOnEveryInstructionSet) {
 }
 
 TEST(Imager, DoesNotDependOnTheNumberOfWorkers) {
-  for (const auto& [name, signal] : signals()) {
+  for (const auto& [name, signal] : every_stage()) {
     const auto one = measure(signal, key, ramp(), width, height, 1);
     for (unsigned workers : {2u, 3u, 7u}) EXPECT_EQ(one, measure(signal, key, ramp(), width, height, workers)) << name << ", " << workers;
   }
@@ -121,15 +82,15 @@ TEST(Imager, IsNeutralAtFirstAndOnlyThen) {
   EXPECT_TRUE(Imager().is_neutral());
   const std::vector<float> image = ramp();
   EXPECT_EQ(measure(simsense_signal_init(), key, image, width, height), std::vector<double>(image.begin(), image.end()));
-  for (const auto& [name, signal] : signals()) EXPECT_FALSE(Imager(signal).is_neutral()) << name;
+  for (const auto& [name, signal] : every_stage()) EXPECT_FALSE(Imager(signal).is_neutral()) << name;
 }
 
 TEST(Imager, MadeOfAFormerOneIsAsNew) {
   ks::ThreadPool workers(1);
   const std::vector<float> image = ramp();
-  for (const auto& [former_name, former] : signals()) {
+  for (const auto& [former_name, former] : every_stage()) {
     const Imager from(former);
-    for (const auto& [name, signal] : signals()) {
+    for (const auto& [name, signal] : every_stage()) {
       std::vector<uint16_t> counts(image.size());
       Imager(signal, &from).measure(key, packed(image, width, KS_FORMAT_F32), width, height, counts.data(), workers);
       EXPECT_EQ(std::vector<double>(counts.begin(), counts.end()), measure(signal, key, image, width, height))
@@ -153,7 +114,7 @@ TEST(Imager, QuietCountsAreTheRoundedAffineOfTheInput) {
 TEST(Imager, StaysFiniteUnderAnyInput) {
   const float inf = std::numeric_limits<float>::infinity();
   const std::vector<float> wild{-inf, -1e38f, -1, 0, 1e-40f, 1e38f, inf, std::numeric_limits<float>::quiet_NaN()};
-  for (const auto& [name, signal] : signals()) {
+  for (const auto& [name, signal] : every_stage()) {
     const auto counts = measure(signal, key, wild, 8, 1);
     const double full = std::pow(2.0, signal.bit_depth) - 1;
     EXPECT_LE(counts[0], 0.2 * full) << name;

@@ -7,6 +7,7 @@
 #include "device/thread_pool.h"
 #include "ks/image.h"
 #include "signal/imager.h"
+#include "signal/presets.h"
 
 namespace simsense_test {
 
@@ -41,6 +42,44 @@ inline simsense_signal fine_signal(float counts_per_unit, float black_dn = 1000)
   s.gain = counts_per_unit;
   s.black_level_dn = black_dn;
   return s;
+}
+
+/// Each stage alone, and all of them; every one does something to an image of 0..250.
+inline std::vector<std::pair<const char*, simsense_signal>> every_stage() {
+  std::vector<std::pair<const char*, simsense_signal>> all;
+  const auto add = [&](const char* name, auto&& change) {
+    simsense_signal s = simsense_signal_init();
+    change(s);
+    all.emplace_back(name, s);
+  };
+  add("exposure", [](simsense_signal& s) { s.exposure_s = 0.01f, s.responsivity_e = 77.13f; });
+  add("temporal speckle", [](simsense_signal& s) { s.speckle_shape = 3.98f, s.speckle_scale = 0.254f; });
+  add("static speckle", [](simsense_signal& s) { s.speckle_shape = 0.6f, s.speckle_scale = 1.6f, s.speckle_correlation = 1; });
+  add("partly static speckle", [](simsense_signal& s) { s.speckle_shape = 20, s.speckle_scale = 0.05f, s.speckle_correlation = 0.3f; });
+  add("grainy speckle", [](simsense_signal& s) { s.speckle_shape = 4, s.speckle_scale = 0.25f, s.speckle_psf_sigma_px = 0.8f; });
+  add("prnu", [](simsense_signal& s) { s.prnu = 0.05f; });
+  add("dark", [](simsense_signal& s) { s.dark_current_e_per_s = 7, s.temperature_c = 45; });
+  add("hot pixels", [](simsense_signal& s) { s.hot_pixel_share = 0.01f, s.hot_pixel_e_per_s = 100; });
+  add("shot noise", [](simsense_signal& s) { s.shot_noise = 1; });
+  add("weaker shot noise", [](simsense_signal& s) { s.shot_noise = 0.4f, s.responsivity_e = 30, s.conversion_gain_dn_per_e = 1.0f / 30; });
+  add("full well", [](simsense_signal& s) { s.full_well_e = 150.5f; });
+  add("blooming", [](simsense_signal& s) { s.full_well_e = 150.5f, s.blooming = 0.7f; });
+  add("fixed patterns", [](simsense_signal& s) { s.dsnu_e = 2, s.row_fixed_e = 3, s.column_fixed_e = 4; });
+  add("temporal noise", [](simsense_signal& s) { s.read_noise_e = 2, s.row_noise_e = 3, s.column_noise_e = 4; });
+  add("response", [](simsense_signal& s) { s.response_exponent = 0.45f; });
+  add("converter",
+      [](simsense_signal& s) { s.adc_noise_dn = 0.8f, s.black_level_dn = 5.3f, s.black_level_dn_per_k = 0.1f, s.temperature_c = 33; });
+  add("ten bits", [](simsense_signal& s) { s.bit_depth = 10, s.gain = 3.9137f; });
+  for (const char* preset : {"paper-d415", "sapien", "d435"}) all.emplace_back(preset, simsense::signal_preset(preset));
+  simsense_signal everything = simsense::signal_preset("d435");
+  everything.speckle_shape = 50, everything.speckle_scale = 0.02f, everything.speckle_correlation = 0.5f, everything.prnu = 0.01f;
+  everything.dark_current_e_per_s = 50, everything.hot_pixel_share = 0.002f, everything.hot_pixel_e_per_s = 9000,
+  everything.temperature_c = 50;
+  everything.full_well_e = 40000, everything.blooming = 0.5f, everything.dsnu_e = everything.row_fixed_e = everything.column_noise_e = 20;
+  everything.read_noise_e = 30, everything.response_exponent = 0.9f, everything.black_level_dn = 8, everything.bit_depth = 12,
+  everything.gain = 16;
+  all.emplace_back("everything", everything);
+  return all;
 }
 
 struct Moments {
