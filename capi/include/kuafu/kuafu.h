@@ -365,7 +365,8 @@ static inline kuafu_view_desc kuafu_view_desc_init(void) {
   return v;
 }
 
-/* What an output holds; C is the channel count for an infrared / a visible view. All are float32 unless said. Radiance is the mean over the pixel's square. */
+/* What an output holds; C is the channel count for an infrared / a visible view. Radiance is the mean over the pixel's square.
+ * Formats: F32, F16, U16 or U8 for numbers; U32, U16 or U8 for ids. See kuafu_output_desc.scale. */
 #define KUAFU_OUTPUT_RADIANCE 1u           /* 1 / 3: sum of all light groups */
 #define KUAFU_OUTPUT_PROJECTOR_DIRECT 2u   /* 1 / 3: projector light with one surface between it and the camera (mirrors and smooth glass not counted) */
 #define KUAFU_OUTPUT_PROJECTOR_INDIRECT 3u /* 1 / 3: the rest of the projectors' light */
@@ -373,13 +374,15 @@ static inline kuafu_view_desc kuafu_view_desc_init(void) {
 /* AOVs are taken at the pixel's centre. */
 #define KUAFU_OUTPUT_DEPTH 16u             /* 1: z in metres, 0 = nothing hit */
 #define KUAFU_OUTPUT_NORMAL 17u            /* 3: shading normal, world frame, 0 = nothing hit */
-#define KUAFU_OUTPUT_INSTANCE_ID 18u       /* 1, uint32: instance id, KUAFU_NONE = nothing hit */
-#define KUAFU_OUTPUT_MATERIAL_ID 19u       /* 1, uint32: material id, KUAFU_NONE = nothing hit */
+#define KUAFU_OUTPUT_INSTANCE_ID 18u       /* 1, id: instance id, KUAFU_NONE = nothing hit */
+#define KUAFU_OUTPUT_MATERIAL_ID 19u       /* 1, id: material id, KUAFU_NONE = nothing hit */
 
 typedef struct kuafu_output_desc {
   ks_header header;
   uint32_t output;      /* KUAFU_OUTPUT_* */
-  uint32_t reserved;
+  float scale;          /* numbers are written times this. 0: 1 for F32 and F16; 255 for U8 and 65535 for U16, so that 1.0 is full range. U8 and U16 are
+                           rounded and clamped, NaN is 0; F16 is clamped to +-65504. Ids are not scaled; ids of the scene that do not fit their format
+                           are an error, and KUAFU_NONE is the format's largest number */
   kuafu_buffer buffer;
   ks_image_desc image;  /* [view_count][height][width][C], packed in the last two dimensions */
 } kuafu_output_desc;

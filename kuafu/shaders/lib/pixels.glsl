@@ -16,7 +16,7 @@ Pixel wave_pixel(WaveRange range, uint local_pixel) {
   return Pixel(row / range.height, row % range.height, p % range.width);
 }
 
-uint output_word(OutputRecord record, Pixel pixel, uint channels) {
+uint output_element(OutputRecord record, Pixel pixel, uint channels) {
   return uint(record.first + int(pixel.view) * record.view_stride + int(pixel.row) * record.row_stride + int(pixel.column * channels));
 }
 #endif

@@ -60,11 +60,22 @@ KUAFU_CONST output_material_id = 3u;
 KUAFU_CONST output_radiance = 4u;  // then the light groups
 KUAFU_CONST output_kind_count = 8u;
 
-/// One output image; in 32-bit words from its lowest one. Strides may be negative. enabled = 0 when it is not asked for.
+// Element formats of output images; numbers are KS_FORMAT_*.
+KUAFU_CONST format_u8 = 1u;
+KUAFU_CONST format_u16 = 2u;
+KUAFU_CONST format_u32 = 4u;
+KUAFU_CONST format_f16 = 5u;
+KUAFU_CONST format_f32 = 6u;
+KUAFU_FN format_bits(uint format) { return format == format_u8 ? 8u : format == format_u16 || format == format_f16 ? 16u : 32u; }
+
+/// One output image; first element and strides in elements from `words`. Strides may be negative. enabled = 0 when it is not asked for.
+/// Stages write words of 32 bits alone (float32, ids as uint32); only `write` reads format and scale.
 struct OutputRecord {
   UintArray words;
   int first, view_stride, row_stride;
   uint enabled;
+  uint format;
+  float scale;
 };
 KUAFU_ARRAY(OutputArray, OutputRecord, 8)
 
@@ -148,15 +159,25 @@ struct AovPush {
   WaveRange range;
 };
 
+/// A held image (pathtrace/frame.h), packed [view][row][column][channel], on its way to the caller's.
+struct WritePush {
+  UintArray from;
+  OutputRecord to;
+  uint pixel_count, width, height;  // pixels of all views
+  uint channels;
+  uint integer;  // nonzero: ids or counts, not floats
+};
+
 #ifdef __cplusplus
 static_assert(sizeof(ViewRecord) == 64);
-static_assert(sizeof(OutputRecord) == 24);
+static_assert(sizeof(OutputRecord) == 32);
 static_assert(sizeof(GeneratePush) == 88);
 static_assert(sizeof(ShadePush) == 96);
 static_assert(sizeof(ResolvePush) == 64);
 static_assert(sizeof(TransmitPush) == 80);
 static_assert(sizeof(AccumulatePush) == 80);
 static_assert(sizeof(AovPush) == 72);
+static_assert(sizeof(WritePush) == 64);
 }  // namespace kuafu
 #endif
 #endif

@@ -8,7 +8,7 @@ float pass_sum(uint radiance_plane, uint local_pixel) {
 
 void write_output(uint kind, Pixel pixel, uint channel, float value) {
   OutputRecord record = push.outputs.at[kind];
-  if (record.enabled != 0u) record.words.at[output_word(record, pixel, push.channels) + channel] = floatBitsToUint(value);
+  if (record.enabled != 0u) record.words.at[output_element(record, pixel, push.channels) + channel] = floatBitsToUint(value);
 }
 
 void accumulate(uint local_pixel) {

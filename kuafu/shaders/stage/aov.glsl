@@ -1,7 +1,7 @@
 // Depth, normal and ids of what the ray through each pixel's centre met.
 void write_word(uint kind, Pixel pixel, uint channel_count, uint channel, uint value) {
   OutputRecord record = push.outputs.at[kind];
-  if (record.enabled != 0u) record.words.at[output_word(record, pixel, channel_count) + channel] = value;
+  if (record.enabled != 0u) record.words.at[output_element(record, pixel, channel_count) + channel] = value;
 }
 
 uint hit_word(uint i, uint field) { return push.rays.at[closest_word(i, field, push.range.capacity)]; }

@@ -3,8 +3,9 @@
 #include <limits>
 
 #include "api/descriptors.h"
-#include "api/handles.h"
-#include "device/struct_read.h"
+#include "api/render_outputs.h"
+#include "api/struct_array.h"
+#include "device/error.h"
 #include "scene/validate.h"
 
 namespace kuafu {
@@ -13,54 +14,6 @@ namespace {
 using ull = unsigned long long;
 
 constexpr uint32_t most_pixels_per_side = 32768, most_bounces = 1024, most_environments = 65536, most_glass_surfaces = 64;
-
-struct OutputKind {
-  const char* name;
-  uint32_t kind;      // output_*
-  uint32_t channels;  // 0: the band's
-  uint32_t format;
-};
-
-OutputKind output_kind(uint32_t output) {
-  switch (output) {
-    case KUAFU_OUTPUT_RADIANCE:
-      return {"KUAFU_OUTPUT_RADIANCE", output_radiance, 0, KS_FORMAT_F32};
-    case KUAFU_OUTPUT_PROJECTOR_DIRECT:
-      return {"KUAFU_OUTPUT_PROJECTOR_DIRECT", output_radiance + 1 + group_projector_direct, 0, KS_FORMAT_F32};
-    case KUAFU_OUTPUT_PROJECTOR_INDIRECT:
-      return {"KUAFU_OUTPUT_PROJECTOR_INDIRECT", output_radiance + 1 + group_projector_indirect, 0, KS_FORMAT_F32};
-    case KUAFU_OUTPUT_AMBIENT:
-      return {"KUAFU_OUTPUT_AMBIENT", output_radiance + 1 + group_ambient, 0, KS_FORMAT_F32};
-    case KUAFU_OUTPUT_DEPTH:
-      return {"KUAFU_OUTPUT_DEPTH", output_depth, 1, KS_FORMAT_F32};
-    case KUAFU_OUTPUT_NORMAL:
-      return {"KUAFU_OUTPUT_NORMAL", output_normal, 3, KS_FORMAT_F32};
-    case KUAFU_OUTPUT_INSTANCE_ID:
-      return {"KUAFU_OUTPUT_INSTANCE_ID", output_instance_id, 1, KS_FORMAT_U32};
-    case KUAFU_OUTPUT_MATERIAL_ID:
-      return {"KUAFU_OUTPUT_MATERIAL_ID", output_material_id, 1, KS_FORMAT_U32};
-    default:
-      ks::fail(KS_ERROR_INVALID_ARGUMENT, "output %u is no KUAFU_OUTPUT_*", output);
-  }
-}
-
-// Arrays of structs have the stride that the caller compiled with.
-template <class T>
-T element(const T* first, uint32_t i, uint32_t type, const char* name) {
-  const size_t stride = ks::check_header(first, type, name)->size_bytes;
-  return ks::read_struct(reinterpret_cast<const T*>(reinterpret_cast<const unsigned char*>(first) + i * stride), type, name);
-}
-
-// A struct inside another cannot grow by itself: its length must be ours.
-template <class T>
-void check_embedded(const T& value, uint32_t type, const char* name) {
-  const ks_header* header = ks::check_header(&value, type, name);
-  if (header->size_bytes != sizeof(T))
-    ks::fail(KS_ERROR_VERSION, "%s is %u bytes long, this library knows %zu: use headers and library of one version", name,
-             header->size_bytes, sizeof(T));
-  if (header->next != nullptr)
-    ks::fail(KS_ERROR_UNSUPPORTED, "%s chains a struct of type 0x%x that is not known here", name, header->next->type);
-}
 
 void check_numbers(const kuafu_render_desc& d) {
   if (d.view_count == 0) ks::fail(KS_ERROR_INVALID_ARGUMENT, "view_count is 0: there is nothing to render");
@@ -122,41 +75,6 @@ void read_views(const kuafu_render_desc& desc, Launch& launch) {
              launch.height, pixels);
 }
 
-void check_shape(const ks_image_desc& image, const OutputKind& kind, const Launch& launch, uint32_t channels) {
-  if (image.format != kind.format)
-    ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s has format %u, it must be %s", kind.name, image.format,
-             kind.format == KS_FORMAT_F32 ? "KS_FORMAT_F32" : "KS_FORMAT_U32");
-  const uint64_t want[4] = {launch.views.size(), launch.height, launch.width, channels};
-  bool same = image.dim_count == 4;
-  for (int i = 0; i < 4; ++i) same = same && image.shape[i] == want[i];
-  if (!same)
-    ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s has %u dimensions, shape [%llu][%llu][%llu][%llu]; it must be [%llu][%llu][%llu][%llu]",
-             kind.name, image.dim_count, ull(image.shape[0]), ull(image.shape[1]), ull(image.shape[2]), ull(image.shape[3]), ull(want[0]),
-             ull(want[1]), ull(want[2]), ull(want[3]));
-  if ((channels > 1 && image.byte_stride[3] != 4) || (launch.width > 1 && image.byte_stride[2] != int64_t(4 * channels)))
-    ks::fail(KS_ERROR_INVALID_ARGUMENT,
-             "%s has byte strides %lld and %lld of column and channel; columns and channels must be packed (%u and 4)", kind.name,
-             static_cast<long long>(image.byte_stride[2]), static_cast<long long>(image.byte_stride[3]), 4 * channels);
-}
-
-void read_output(const kuafu_output_desc& desc, const ks::Device& device, Launch& launch) {
-  const OutputKind kind = output_kind(desc.output);
-  const std::shared_ptr<ks::Buffer>& buffer = ks::object_of(desc.buffer, kind.name);
-  if (buffer->device().get() != &device)
-    ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s: its buffer belongs to another device than the renderer", kind.name);
-  const ks_image_desc& image = desc.image;
-  check_embedded(image, KS_TYPE_IMAGE_DESC, kind.name);
-  check_shape(image, kind, launch, kind.channels == 0 ? launch.band.channels() : kind.channels);
-  const ks::ByteRange range = ks::check_image(image, buffer->size_bytes(), kind.name);
-  if ((range.end - range.begin) / 4 > std::numeric_limits<int32_t>::max())
-    ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s spans %llu bytes, at most 8 GiB are possible", kind.name, ull(range.end - range.begin));
-  OutputImage& out = launch.outputs[kind.kind];
-  if (out.buffer) ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s is asked for twice", kind.name);
-  const auto words = [](int64_t bytes, uint64_t extent) { return extent > 1 ? int(bytes / 4) : 0; };
-  out = {buffer, range.begin, int((image.offset_bytes - range.begin) / 4), words(image.byte_stride[0], image.shape[0]),
-         words(image.byte_stride[1], image.shape[1])};
-}
-
 }  // namespace
 
 Launch read_launch(const kuafu_render_desc* desc, const ks::Device& device) {
@@ -164,7 +82,7 @@ Launch read_launch(const kuafu_render_desc* desc, const ks::Device& device) {
   check_numbers(d);
   Launch launch;
   read_views(d, launch);
-  for (uint32_t i = 0; i < d.output_count; ++i) read_output(element(d.outputs, i, KUAFU_TYPE_OUTPUT_DESC, "outputs"), device, launch);
+  read_outputs(d, device, launch);
   launch.samples = d.samples_per_pixel;
   launch.first_sample = d.first_sample;
   launch.max_bounces = d.max_bounces;

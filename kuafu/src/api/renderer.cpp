@@ -4,6 +4,7 @@
 
 #include "api/handles.h"
 #include "api/render_launch.h"
+#include "api/render_outputs.h"
 #include "device/struct_read.h"
 #include "pathtrace/path_tracer.h"
 
@@ -49,7 +50,9 @@ ks_status kuafu_renderer_render(kuafu_renderer renderer, kuafu_scene scene, cons
   return ks::guard([&] {
     kuafu::PathTracer& tracer = *ks::object_of(renderer, "renderer");
     const std::shared_ptr<kuafu::DeviceScene>& owner = ks::object_of(scene, "scene");
-    tracer.render(std::shared_ptr<const kuafu::Scene>(owner, &owner->scene), kuafu::read_launch(desc, *tracer.device()));
+    const kuafu::Launch launch = kuafu::read_launch(desc, *tracer.device());
+    kuafu::check_ids_fit(launch, owner->scene);
+    tracer.render(std::shared_ptr<const kuafu::Scene>(owner, &owner->scene), launch);
   });
 }
 

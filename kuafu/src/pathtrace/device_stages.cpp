@@ -13,6 +13,7 @@
 #include "spirv/shade_visible.h"
 #include "spirv/transmit_infrared.h"
 #include "spirv/transmit_visible.h"
+#include "spirv/write.h"
 
 namespace kuafu {
 namespace {
@@ -66,6 +67,11 @@ class DeviceStages final : public Stages {
     dispatch(commands, aov_, aov_spirv, push, push.range.pixel_count);
   }
 
+  void write(ks::Commands& commands, const WritePush& push) override {
+    commands.begin_stage("write");
+    dispatch(commands, write_, write_spirv, push, push.pixel_count);
+  }
+
  private:
   static uint64_t shade_arguments(uint32_t bounce) { return (uint64_t(bounce) * counter_words + counter_shade_arguments) * 4; }
 
@@ -83,7 +89,7 @@ class DeviceStages final : public Stages {
 
   std::shared_ptr<ks::Device> device_;
   std::array<uint32_t, 4> specialisation_;
-  Pipeline generate_, resolve_, accumulate_, aov_;
+  Pipeline generate_, resolve_, accumulate_, aov_, write_;
   std::map<std::pair<bool, uint32_t>, Pipeline> shade_, transmit_;  // by infrared and features
 };
 

@@ -7,6 +7,7 @@ namespace kuafu {
 namespace {
 
 constexpr uint features = 0u;
+#include "lib/element.glsl"
 #include "lib/material.glsl"
 #include "lib/pixels.glsl"
 #include "lib/queue.glsl"
@@ -32,6 +33,11 @@ struct Aov {
 #include "stage/aov.glsl"
 };
 
+struct Write {
+  const WritePush& push;
+#include "stage/write.glsl"
+};
+
 }  // namespace
 
 namespace host {
@@ -50,6 +56,10 @@ void accumulate(const AccumulatePush& push, uint32_t first, uint32_t end) {
 
 void aov(const AovPush& push, uint32_t first, uint32_t end) {
   for (Aov stage{push}; first < end; ++first) stage.aov(first);
+}
+
+void write(const WritePush& push, uint32_t first, uint32_t end) {
+  for (Write stage{push}; first < end; ++first) stage.write_pixel(first);
 }
 
 QueuePlaces::Places QueuePlaces::take(size_t chunk, uint32_t next_count, uint32_t shadow_count) {

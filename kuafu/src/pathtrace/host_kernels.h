@@ -12,6 +12,7 @@ void generate(const GeneratePush& push, uint32_t first, uint32_t end);
 void resolve(const ResolvePush& push, uint32_t first, uint32_t end);
 void accumulate(const AccumulatePush& push, uint32_t first, uint32_t end);
 void aov(const AovPush& push, uint32_t first, uint32_t end);
+void write(const WritePush& push, uint32_t first, uint32_t end);
 
 /// Gives chunk after chunk its places in the queues, in the order of the chunks: queues do not depend on the threads.
 /// Chunks must be started in order, as ks::ThreadPool does.

@@ -22,13 +22,19 @@ struct View {
 
 enum class LightSampling { mis, lights, bsdf };
 
-/// Where an output goes: a view into the caller's buffer whose lowest word is at offset_bytes; first element and strides in 32-bit words.
+/// Where an output goes: a view into the caller's buffer, from the word at offset_bytes; first element and strides in elements.
 /// No buffer: it is not asked for.
 struct OutputImage {
   std::shared_ptr<ks::Buffer> buffer;
   uint64_t offset_bytes = 0;
   int first = 0, view_stride = 0, row_stride = 0;
+  uint32_t format = format_f32;
+  float scale = 1.0f;
+  /// Whether the stages can write it themselves.
+  [[nodiscard]] bool is_plain() const { return format_bits(format) == 32 && scale == 1.0f; }
 };
+
+[[nodiscard]] constexpr bool is_integer(uint32_t kind) { return kind == output_instance_id || kind == output_material_id; }
 
 struct Launch {
   std::vector<View> views;
@@ -39,6 +45,7 @@ struct Launch {
   LightSampling light_sampling = LightSampling::mis;
   uint32_t glass_surfaces = 0;  // that shadow rays may pass
   std::array<OutputImage, output_kind_count> outputs;
+  uint32_t held = 0;  // bit per output kind: a step after accumulation reads it from the frame, asked for or not
   /// Called between waves with what is done, 0..1; true cancels. May be empty.
   std::function<bool(float)> cancelled;
 
@@ -50,8 +57,12 @@ struct Launch {
   }
   [[nodiscard]] bool wants(uint32_t first_kind, uint32_t end_kind) const {
     for (uint32_t k = first_kind; k < end_kind; ++k)
-      if (outputs[k].buffer) return true;
+      if (outputs[k].buffer || (held >> k & 1) != 0) return true;
     return false;
+  }
+  [[nodiscard]] uint32_t channels(uint32_t kind) const {
+    if (kind >= output_radiance) return band.channels();
+    return kind == output_normal ? 3 : 1;
   }
   [[nodiscard]] bool wants_aovs() const { return wants(output_depth, output_radiance); }
   [[nodiscard]] bool wants_radiance() const { return wants(output_radiance, output_kind_count); }

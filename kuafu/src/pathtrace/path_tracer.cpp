@@ -61,6 +61,7 @@ class PathTracer::Run {
 
  private:
   void fit_buffers();
+  void develop();
   void render_aovs(uint32_t first_pixel, uint32_t pixel_count);
   void render_pixels(uint32_t first_pixel, uint32_t pixel_count);
   void trace_paths();
@@ -88,12 +89,8 @@ void PathTracer::Run::prepare(const Scene& scene) {
   const auto views = o_.views_.resize(o_.memory(), launch_.views.size());
   for (size_t i = 0; i < launch_.views.size(); ++i) views[i] = view_record(launch_, launch_.views[i]);
   const auto outputs = o_.outputs_.resize(o_.memory(), output_kind_count);
-  for (size_t i = 0; i < outputs.size(); ++i) {
-    const OutputImage& image = launch_.outputs[i];
-    outputs[i] = {};
-    if (image.buffer)
-      outputs[i] = {o_.memory().address(*image.buffer) + image.offset_bytes, image.first, image.view_stride, image.row_stride, 1};
-  }
+  o_.frame_.fit(launch_);
+  for (uint32_t kind = 0; kind < output_kind_count; ++kind) outputs[kind] = o_.frame_.target(launch_, kind);
   fit_buffers();
   commands_.add_host_time("upload", milliseconds_since(start));
   start = std::chrono::steady_clock::now();
@@ -119,6 +116,14 @@ void PathTracer::Run::render() {
     commands_.flush();
     report(first, float(count));
   }
+  if (!o_.frame_.is_empty()) develop();
+}
+
+// Steps on whole images, in the order of the light: noise goes before the optics spread it, and the caller's format comes last.
+void PathTracer::Run::develop() {
+  for (uint32_t kind = 0; kind < output_kind_count; ++kind)
+    if (launch_.outputs[kind].buffer && o_.frame_.holds(kind)) o_.stages_->write(commands_, o_.frame_.write(launch_, kind));
+  commands_.flush();
 }
 
 void PathTracer::Run::report(uint32_t pixels_done, float part) {
@@ -247,7 +252,8 @@ PathTracer::PathTracer(std::shared_ptr<ks::Device> device, TracerKind tracer)
       tracer_(make_tracer(device_, tracer)),
       stages_(on_host_ ? make_host_stages(device_) : make_device_stages(device_, *tracer_)),
       tables_(memory()),
-      buffers_(memory()) {}
+      buffers_(memory()),
+      frame_(memory()) {}
 
 PathTracer::~PathTracer() = default;
 

@@ -1,4 +1,5 @@
 // The wavefront path tracer: generate, then per bounce closest, shade, occluded, resolve, then accumulate; in waves of bounded memory.
+// At last what the frame holds is developed: steps on whole images, then the caller's formats.
 // Results depend on the launch alone: per-path sums in a fixed order, samples keyed by view, pixel and index.
 // Thread rule: externally synchronised.
 #pragma once
@@ -8,6 +9,7 @@
 #include <vector>
 
 #include "accel/tracer.h"
+#include "pathtrace/frame.h"
 #include "pathtrace/launch.h"
 #include "pathtrace/scene_tables.h"
 #include "pathtrace/stages.h"
@@ -39,6 +41,7 @@ class PathTracer {
   std::unique_ptr<Stages> stages_;
   SceneTables tables_;
   WaveBuffers buffers_;
+  Frame frame_;
   MappedTable<ViewRecord> views_;
   MappedTable<OutputRecord> outputs_;
   // Tracer and tables know a scene by its address, so the last one lives until both have taken the next.

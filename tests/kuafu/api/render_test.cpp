@@ -85,7 +85,7 @@ TEST_F(RenderApi, refuses_views_that_differ) {
 TEST_F(RenderApi, refuses_wrong_outputs) {
   refused("no KUAFU_OUTPUT", [&] { output_.output = 99; });
   refused("KUAFU_OUTPUT_RADIANCE is NULL", [&] { output_.buffer = nullptr; });
-  refused("KS_FORMAT_F32", [&] { output_.image.format = KS_FORMAT_U8; });
+  refused("KS_FORMAT_F32", [&] { output_.image.format = KS_FORMAT_U32; });
   refused("KS_FORMAT_U32", [&] { output_.output = KUAFU_OUTPUT_INSTANCE_ID; });
   refused("[1][4][8][3]", [&] { view_.band = KUAFU_BAND_VISIBLE; });
   refused("[1][4][8][1]", [&] { output_.image.shape[1] = 5; });

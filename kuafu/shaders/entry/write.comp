@@ -1,0 +1,12 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "lib/element.glsl"
+#include "lib/invocation.glsl"
+#include "lib/pixels.glsl"
+
+layout(push_constant, scalar) uniform Push { WritePush push; };
+#include "stage/write.glsl"
+
+void main() {
+  if (gl_GlobalInvocationID.x < push.pixel_count) write_pixel(gl_GlobalInvocationID.x);
+}

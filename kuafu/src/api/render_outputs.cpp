@@ -1,0 +1,116 @@
+#include "api/render_outputs.h"
+
+#include <limits>
+
+#include "api/handles.h"
+#include "api/struct_array.h"
+#include "device/error.h"
+
+namespace kuafu {
+namespace {
+
+using ull = unsigned long long;
+
+static_assert(format_u8 == KS_FORMAT_U8 && format_u16 == KS_FORMAT_U16 && format_u32 == KS_FORMAT_U32 && format_f16 == KS_FORMAT_F16 &&
+              format_f32 == KS_FORMAT_F32);
+
+struct OutputKind {
+  uint32_t output;  // KUAFU_OUTPUT_*
+  uint32_t kind;    // output_*
+  const char* name;
+};
+
+constexpr OutputKind output_kinds[] = {
+    {KUAFU_OUTPUT_RADIANCE, output_radiance, "KUAFU_OUTPUT_RADIANCE"},
+    {KUAFU_OUTPUT_PROJECTOR_DIRECT, output_radiance + 1 + group_projector_direct, "KUAFU_OUTPUT_PROJECTOR_DIRECT"},
+    {KUAFU_OUTPUT_PROJECTOR_INDIRECT, output_radiance + 1 + group_projector_indirect, "KUAFU_OUTPUT_PROJECTOR_INDIRECT"},
+    {KUAFU_OUTPUT_AMBIENT, output_radiance + 1 + group_ambient, "KUAFU_OUTPUT_AMBIENT"},
+    {KUAFU_OUTPUT_DEPTH, output_depth, "KUAFU_OUTPUT_DEPTH"},
+    {KUAFU_OUTPUT_NORMAL, output_normal, "KUAFU_OUTPUT_NORMAL"},
+    {KUAFU_OUTPUT_INSTANCE_ID, output_instance_id, "KUAFU_OUTPUT_INSTANCE_ID"},
+    {KUAFU_OUTPUT_MATERIAL_ID, output_material_id, "KUAFU_OUTPUT_MATERIAL_ID"},
+};
+
+const OutputKind& find_output(uint32_t output) {
+  for (const OutputKind& kind : output_kinds)
+    if (kind.output == output) return kind;
+  ks::fail(KS_ERROR_INVALID_ARGUMENT, "output %u is no KUAFU_OUTPUT_*", output);
+}
+
+void check_format(const ks_image_desc& image, const OutputKind& kind) {
+  const uint32_t f = image.format;
+  const bool narrow = f == KS_FORMAT_U8 || f == KS_FORMAT_U16;
+  if (is_integer(kind.kind) ? !narrow && f != KS_FORMAT_U32 : !narrow && f != KS_FORMAT_F16 && f != KS_FORMAT_F32)
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s has format %u, it must be KS_FORMAT_%s, _U16 or _U8", kind.name, f,
+             is_integer(kind.kind) ? "U32" : "F32, _F16");
+}
+
+void check_shape(const ks_image_desc& image, const OutputKind& kind, const Launch& launch) {
+  const uint32_t channels = launch.channels(kind.kind);
+  const uint64_t want[4] = {launch.views.size(), launch.height, launch.width, channels};
+  bool same = image.dim_count == 4;
+  for (int i = 0; i < 4; ++i) same = same && image.shape[i] == want[i];
+  if (!same)
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s has %u dimensions, shape [%llu][%llu][%llu][%llu]; it must be [%llu][%llu][%llu][%llu]",
+             kind.name, image.dim_count, ull(image.shape[0]), ull(image.shape[1]), ull(image.shape[2]), ull(image.shape[3]), ull(want[0]),
+             ull(want[1]), ull(want[2]), ull(want[3]));
+  const uint32_t bytes = ks_format_bytes(image.format);
+  if ((channels > 1 && image.byte_stride[3] != bytes) || (launch.width > 1 && image.byte_stride[2] != int64_t(bytes * channels)))
+    ks::fail(KS_ERROR_INVALID_ARGUMENT,
+             "%s has byte strides %lld and %lld of column and channel; columns and channels must be packed (%u and %u)", kind.name,
+             static_cast<long long>(image.byte_stride[2]), static_cast<long long>(image.byte_stride[3]), bytes * channels, bytes);
+}
+
+float read_scale(const kuafu_output_desc& desc, const OutputKind& kind) {
+  if (!(desc.scale >= 0.0f && desc.scale <= std::numeric_limits<float>::max()))
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s has scale %g, it must be finite and >= 0", kind.name, double(desc.scale));
+  if (is_integer(kind.kind) && desc.scale != 0.0f && desc.scale != 1.0f)
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s has scale %g, but ids are not scaled: leave it 0", kind.name, double(desc.scale));
+  if (desc.scale != 0.0f || is_integer(kind.kind)) return is_integer(kind.kind) ? 1.0f : desc.scale;
+  return desc.image.format == KS_FORMAT_U8 ? 255.0f : desc.image.format == KS_FORMAT_U16 ? 65535.0f : 1.0f;
+}
+
+void read_output(const kuafu_output_desc& desc, const ks::Device& device, Launch& launch) {
+  const OutputKind& kind = find_output(desc.output);
+  const std::shared_ptr<ks::Buffer>& buffer = ks::object_of(desc.buffer, kind.name);
+  if (buffer->device().get() != &device)
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s: its buffer belongs to another device than the renderer", kind.name);
+  const ks_image_desc& image = desc.image;
+  check_embedded(image, KS_TYPE_IMAGE_DESC, kind.name);
+  check_format(image, kind);
+  check_shape(image, kind, launch);
+  const ks::ByteRange range = ks::check_image(image, buffer->size_bytes(), kind.name);
+  const int64_t bytes = ks_format_bytes(image.format);
+  const uint64_t begin = range.begin / 4 * 4;
+  if ((range.end - begin) / bytes > std::numeric_limits<int32_t>::max())
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s spans %llu elements, at most 2^31 - 1 are possible", kind.name,
+             ull((range.end - begin) / bytes));
+  OutputImage& out = launch.outputs[kind.kind];
+  if (out.buffer) ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s is asked for twice", kind.name);
+  const auto elements = [&](int dim) { return image.shape[dim] > 1 ? int(image.byte_stride[dim] / bytes) : 0; };
+  out = {buffer, begin, int((image.offset_bytes - begin) / bytes), elements(0), elements(1), image.format, read_scale(desc, kind)};
+}
+
+void check_fits(const Launch& launch, uint32_t kind, const char* what, uint64_t largest) {
+  if (!launch.outputs[kind].buffer) return;
+  const uint64_t most = (uint64_t(1) << format_bits(launch.outputs[kind].format)) - 2;  // the last one says: none
+  if (largest > most)
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s go to %llu, its output's format holds 0..%llu: take a wider format", what, ull(largest),
+             ull(most));
+}
+
+}  // namespace
+
+void read_outputs(const kuafu_render_desc& desc, const ks::Device& device, Launch& launch) {
+  for (uint32_t i = 0; i < desc.output_count; ++i) read_output(element(desc.outputs, i, KUAFU_TYPE_OUTPUT_DESC, "outputs"), device, launch);
+}
+
+void check_ids_fit(const Launch& launch, const Scene& scene) {
+  uint64_t largest = 0;
+  for (uint64_t i = 0; i < scene.instances().size(); ++i)
+    if (scene.instances()[i]) largest = i;
+  check_fits(launch, output_instance_id, "instance ids", largest);
+  check_fits(launch, output_material_id, "material ids", scene.materials().empty() ? 0 : scene.materials().size() - 1);
+}
+
+}  // namespace kuafu

@@ -1,0 +1,17 @@
+// Which outputs there are, and where the caller wants them: kuafu_output_desc, checked. Thread rule: pure functions.
+#pragma once
+
+#include "device/device.h"
+#include "kuafu/kuafu.h"
+#include "pathtrace/launch.h"
+#include "scene/scene.h"
+
+namespace kuafu {
+
+/// Fills launch.outputs; its views are read already.
+void read_outputs(const kuafu_render_desc& desc, const ks::Device& device, Launch& launch);
+
+/// Throws where an id of the scene does not fit the format that it is asked for in.
+void check_ids_fit(const Launch& launch, const Scene& scene);
+
+}  // namespace kuafu
