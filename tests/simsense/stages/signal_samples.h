@@ -63,7 +63,7 @@ inline std::vector<std::pair<const char*, simsense_signal>> every_stage() {
   add("shot noise", [](simsense_signal& s) { s.shot_noise = 1; });
   add("weaker shot noise", [](simsense_signal& s) { s.shot_noise = 0.4f, s.responsivity_e = 30, s.conversion_gain_dn_per_e = 1.0f / 30; });
   add("full well", [](simsense_signal& s) { s.full_well_e = 150.5f; });
-  add("blooming", [](simsense_signal& s) { s.full_well_e = 150.5f, s.blooming = 0.7f; });
+  add("blooming", [](simsense_signal& s) { s.full_well_e = 150.3f, s.blooming = 0.7f; });
   add("fixed patterns", [](simsense_signal& s) { s.dsnu_e = 2, s.row_fixed_e = 3, s.column_fixed_e = 4; });
   add("temporal noise", [](simsense_signal& s) { s.read_noise_e = 2, s.row_noise_e = 3, s.column_noise_e = 4; });
   add("response", [](simsense_signal& s) { s.response_exponent = 0.45f; });
