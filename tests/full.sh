@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# The long set behind tests/run.sh --full: address and undefined-behaviour sanitizers over the C++ tests, ray tracing pipelines, and the practice captures at
-# full quality (ACTIVESTEREO_FULL=1 for pytest, set by tests/run.sh). Each part says what it ran; the latest results stand in tests/README.md.
+# The long set behind tests/run.sh --full: address and undefined-behaviour sanitizers over the C++ tests, ray tracing pipelines, the depth engine on ARM
+# (emulated), and the practice captures at full quality (ACTIVESTEREO_FULL=1 for pytest, set by tests/run.sh). Each part says what it ran; the latest
+# results stand in tests/README.md.
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 cd "$root"
@@ -15,4 +16,7 @@ ASAN_OPTIONS=detect_leaks=0 UBSAN_OPTIONS=halt_on_error=1:print_stacktrace=1 cte
 
 echo "== full: ray tracing pipelines"
 bash tests/rt_pipeline.sh || status=1
+
+echo "== full: simsense on ARM NEON"
+bash tests/neon.sh || status=1
 exit $status

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Builds if needed and runs every test: ctest for C and C++, pytest for Python. Ends with the runners' own closing lines.
-# --full adds what takes long (tests/full.sh): sanitizers, ray tracing pipelines, the practice captures at full quality.
+# --full adds what takes long (tests/full.sh): sanitizers, ray tracing pipelines, ARM, the practice captures at full quality.
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 full=0
