@@ -3,6 +3,7 @@
 
 #include "device/compute.h"
 #include "device/error.h"
+#include "device/pipeline_cache.h"
 
 namespace ks {
 namespace {
@@ -54,7 +55,7 @@ ComputePipeline::ComputePipeline(std::shared_ptr<Device> device, std::span<const
   info.stage.pSpecializationInfo = &constants;
   info.layout = layout_;
   if (result == VK_SUCCESS)
-    result = vk.vkCreateComputePipelines(device_->handle(), device_->pipeline_cache(), 1, &info, nullptr, &pipeline_);
+    result = vk.vkCreateComputePipelines(device_->handle(), device_->pipeline_cache().for_new_pipeline(), 1, &info, nullptr, &pipeline_);
   vk.vkDestroyShaderModule(device_->handle(), module, nullptr);
   if (result != VK_SUCCESS) vk.vkDestroyPipelineLayout(device_->handle(), layout_, nullptr);
   check(result, "building a compute pipeline");

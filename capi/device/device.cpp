@@ -5,12 +5,14 @@
 #include <cstdio>
 #include <cstring>
 
+#include "device/cache_file.h"
 #include "device/device_select.h"
 #include "device/error.h"
 #include "device/host_memory.h"
 #include "device/instance.h"
 #include "device/log_sink.h"
 #include "device/physical.h"
+#include "device/pipeline_cache.h"
 #include "device/thread_pool.h"
 
 namespace ks {
@@ -64,7 +66,7 @@ std::vector<ks_device_info> enumerate_devices(std::string* why_none) {
 
 Device::Device() = default;
 
-std::shared_ptr<Device> Device::create(const ks_device_desc& desc) {
+std::shared_ptr<Device> Device::create(const ks_device_desc& desc, const char* library) {
   if (desc.worker_count > max_worker_count)
     fail(KS_ERROR_INVALID_ARGUMENT, "device desc: worker_count is %u, at most %u are allowed", desc.worker_count, max_worker_count);
   std::shared_ptr<Device> self(new Device);
@@ -72,13 +74,13 @@ std::shared_ptr<Device> Device::create(const ks_device_desc& desc) {
   if (desc.select == KS_SELECT_HOST)
     self->info_ = host_info();
   else
-    self->open_vulkan(desc);
+    self->open_vulkan(desc, library);
   self->workers_ = std::make_unique<ThreadPool>(desc.worker_count);
   self->log(KS_LOG_INFO, "device %s, driver %s, %u host threads", self->info_.name, self->info_.driver, self->workers_->size());
   return self;
 }
 
-void Device::open_vulkan(const ks_device_desc& desc) {
+void Device::open_vulkan(const ks_device_desc& desc, const char* library) {
   std::string why_none;
   instance_ = Instance::create(log_, desc.validation != 0, &why_none);
   std::vector<PhysicalFacts> facts;
@@ -94,8 +96,9 @@ void Device::open_vulkan(const ks_device_desc& desc) {
   vk().vkGetDeviceQueue(device_, queue_family_, 0, &queue_);
   const VkFenceCreateInfo fence{VK_STRUCTURE_TYPE_FENCE_CREATE_INFO};
   check(vk().vkCreateFence(device_, &fence, nullptr, &fence_), "vkCreateFence");
-  const VkPipelineCacheCreateInfo cache{VK_STRUCTURE_TYPE_PIPELINE_CACHE_CREATE_INFO};
-  check(vk().vkCreatePipelineCache(device_, &cache, nullptr, &pipeline_cache_), "vkCreatePipelineCache");
+  std::filesystem::path file = library == nullptr ? std::filesystem::path() : cache_folder(desc.cache_directory);
+  if (!file.empty()) file /= pipeline_file_name(library, facts[chosen].properties);
+  pipeline_cache_ = std::make_unique<PipelineCache>(table_, device_, std::move(file));
 }
 
 void Device::create_vk_device(const PhysicalFacts& facts) {
@@ -155,7 +158,7 @@ Device::~Device() {
   workers_.reset();
   if (device_ == VK_NULL_HANDLE) return;
   vk().vkDeviceWaitIdle(device_);
-  vk().vkDestroyPipelineCache(device_, pipeline_cache_, nullptr);
+  pipeline_cache_.reset();
   vk().vkDestroyFence(device_, fence_, nullptr);
   vk().vkDestroyDevice(device_, nullptr);
 }
@@ -198,6 +201,12 @@ void Device::submit_and_wait(VkCommandBuffer commands) {
   if (result == VK_ERROR_DEVICE_LOST) lost_ = true;
   check(result, "running commands on the device");
   check(vk().vkResetFences(device_, 1, &fence_), "vkResetFences");
+  save_pipelines();  // drivers may compile as late as at the first run; and a process that ends without releasing its device keeps them too
+}
+
+void Device::save_pipelines() {
+  if (!pipeline_cache_->save())
+    log(KS_LOG_INFO, "compiled pipelines could not be written to the cache folder: the next process builds them again");
 }
 
 void Device::log(uint32_t level, const char* format, ...) const {

@@ -16,6 +16,7 @@ namespace ks {
 
 class Instance;
 class LogSink;
+class PipelineCache;
 class ThreadPool;
 struct PhysicalFacts;
 
@@ -24,8 +25,9 @@ std::vector<ks_device_info> enumerate_devices(std::string* why_none);
 
 class Device : public std::enable_shared_from_this<Device> {
  public:
-  /// Throws KS_ERROR_NO_DEVICE with every device's reasons and what to install.
-  static std::shared_ptr<Device> create(const ks_device_desc& desc);
+  /// Throws KS_ERROR_NO_DEVICE with every device's reasons and what to install. `library`: name and version, whose pipelines are kept in
+  /// the cache folder; nullptr keeps none.
+  static std::shared_ptr<Device> create(const ks_device_desc& desc, const char* library = nullptr);
   ~Device();
   Device(const Device&) = delete;
   Device& operator=(const Device&) = delete;
@@ -42,7 +44,7 @@ class Device : public std::enable_shared_from_this<Device> {
   [[nodiscard]] uint32_t queue_family() const { return queue_family_; }
   [[nodiscard]] const VkPhysicalDeviceLimits& limits() const { return limits_; }
   [[nodiscard]] uint32_t subgroup_size() const { return subgroup_size_; }
-  [[nodiscard]] VkPipelineCache pipeline_cache() const { return pipeline_cache_; }
+  [[nodiscard]] PipelineCache& pipeline_cache() const { return *pipeline_cache_; }
   /// Whether a compute pipeline may ask for this subgroup size (VK_EXT_subgroup_size_control), or has it anyway.
   [[nodiscard]] bool can_require_subgroup_size(uint32_t size) const;
   /// Bits of a timestamp on our queue; 0 = the queue has none.
@@ -66,7 +68,8 @@ class Device : public std::enable_shared_from_this<Device> {
 
  private:
   Device();
-  void open_vulkan(const ks_device_desc& desc);
+  void open_vulkan(const ks_device_desc& desc, const char* library);
+  void save_pipelines();
   void create_vk_device(const PhysicalFacts& facts);
   ks_device_info info_{};
   std::shared_ptr<LogSink> log_;
@@ -75,7 +78,6 @@ class Device : public std::enable_shared_from_this<Device> {
   VkDevice device_ = VK_NULL_HANDLE;
   VkQueue queue_ = VK_NULL_HANDLE;
   VkFence fence_ = VK_NULL_HANDLE;
-  VkPipelineCache pipeline_cache_ = VK_NULL_HANDLE;
   uint32_t queue_family_ = 0, timestamp_bits_ = 0;
   uint32_t subgroup_size_ = 0, min_required_subgroup_size_ = 0, max_required_subgroup_size_ = 0;
   uint64_t host_pointer_alignment_ = 0;
@@ -83,6 +85,7 @@ class Device : public std::enable_shared_from_this<Device> {
   VkPhysicalDeviceMemoryProperties memory_{};
   std::vector<std::string> extensions_;
   VolkDeviceTable table_{};
+  std::unique_ptr<PipelineCache> pipeline_cache_;
   std::mutex queue_mutex_;
   std::atomic<bool> lost_{false};
   std::atomic<uint64_t> copied_bytes_{0};

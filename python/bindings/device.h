@@ -16,11 +16,14 @@ struct DeviceInfo {
 template <class Api>
 class Device {
  public:
-  Device(const py::object& select, uint32_t worker_count, bool validation, const py::object& log) : log_(log) {
+  Device(const py::object& select, uint32_t worker_count, bool validation, const py::object& log,
+         const std::optional<std::string>& cache_directory)
+      : log_(log) {
     ks_device_desc desc = ks_device_desc_init();
     read_select(select, desc);
     desc.worker_count = worker_count;
     desc.validation = validation ? 1 : 0;
+    desc.cache_directory = cache_directory ? cache_directory->c_str() : nullptr;
     if (!log.is_none()) {
       desc.log = &Device::call_log;
       desc.log_user = &log_;
@@ -136,11 +139,13 @@ void bind_device(py::module_& module) {
 
   using D = Device<Api>;
   py::class_<D, std::shared_ptr<D>>(module, "Device", "A device the library runs on.")
-      .def(py::init<const py::object&, uint32_t, bool, const py::object&>(), py::arg("select") = "auto", py::kw_only(),
-           py::arg("worker_count") = 0, py::arg("validation") = false, py::arg("log") = py::none(),
+      .def(py::init<const py::object&, uint32_t, bool, const py::object&, const std::optional<std::string>&>(), py::arg("select") = "auto",
+           py::kw_only(), py::arg("worker_count") = 0, py::arg("validation") = false, py::arg("log") = py::none(),
+           py::arg("cache_directory") = py::none(),
            "select: 'auto', 'cpu', 'host', an index of enumerate(), or 16 bytes of device UUID. worker_count: host threads, 0 = one per "
            "core.\n"
-           "log(level: int, text: str) hears what the library has to say. Raises NoDeviceError.")
+           "log(level: int, text: str) hears what the library has to say. cache_directory: for compiled pipelines; None = the user's cache "
+           "folder,\n'' = keep none. Raises NoDeviceError.")
       .def_static("enumerate", &D::enumerate, "Every Vulkan device, usable or not.")
       .def_property_readonly("info", &D::info)
       .def_property_readonly("copied_bytes", &D::copied_bytes,

@@ -49,6 +49,7 @@ class Device:
         worker_count: int = 0,
         validation: bool = False,
         log: Callable[[int, str], object] | None = None,
+        cache_directory: str | None = None,
     ) -> None: ...
     @staticmethod
     def enumerate() -> list[DeviceInfo]: ...

@@ -21,7 +21,7 @@ AT(ks_header, type, 0);
 AT(ks_header, size_bytes, 4);
 AT(ks_header, next, 8);
 
-SIZE(ks_device_desc, 64);
+SIZE(ks_device_desc, 72);
 AT(ks_device_desc, select, 16);
 AT(ks_device_desc, index, 20);
 AT(ks_device_desc, uuid, 24);
@@ -29,7 +29,8 @@ AT(ks_device_desc, worker_count, 40);
 AT(ks_device_desc, validation, 44);
 AT(ks_device_desc, log, 48);
 AT(ks_device_desc, log_user, 56);
-ENDS_WITH(ks_device_desc, log_user);
+AT(ks_device_desc, cache_directory, 64);
+ENDS_WITH(ks_device_desc, cache_directory);
 
 SIZE(ks_device_info, 1104);
 AT(ks_device_info, name, 16);

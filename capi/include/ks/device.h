@@ -25,6 +25,10 @@ typedef struct ks_device_desc {
   uint32_t validation;   /* nonzero: enable VK_LAYER_KHRONOS_validation where installed; its messages go to `log` */
   ks_log_fn log;         /* may be NULL */
   void* log_user;
+  /* Folder for compiled pipelines, so that later processes start at once; made when needed, one small file per library, version, device and
+   * driver. NULL = $XDG_CACHE_HOME/activestereo, else ~/.cache/activestereo; "" = keep none. A folder that cannot be written does no harm.
+   * Drivers may keep more of their own elsewhere (Mesa: MESA_SHADER_CACHE_DIR). */
+  const char* cache_directory;
 } ks_device_desc;
 
 static inline ks_device_desc ks_device_desc_init(void) {

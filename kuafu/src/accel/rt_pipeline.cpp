@@ -4,6 +4,7 @@
 #include <cstring>
 #include <span>
 
+#include "device/pipeline_cache.h"
 #include "spirv/trace_closest_rgen.h"
 #include "spirv/trace_hit_rchit.h"
 #include "spirv/trace_miss_rmiss.h"
@@ -96,8 +97,8 @@ void RtPipeline::create_pipeline() {
   info.pGroups = groups.data();
   info.maxPipelineRayRecursionDepth = 1;
   info.layout = layout_;
-  ks::check(device_->vk().vkCreateRayTracingPipelinesKHR(device_->handle(), VK_NULL_HANDLE, device_->pipeline_cache(), 1, &info, nullptr,
-                                                         &pipeline_),
+  ks::check(device_->vk().vkCreateRayTracingPipelinesKHR(device_->handle(), VK_NULL_HANDLE, device_->pipeline_cache().for_new_pipeline(), 1,
+                                                         &info, nullptr, &pipeline_),
             "building the ray tracing pipeline");
 }
 

@@ -1,0 +1,39 @@
+// The driver's cache of compiled pipelines, kept in a file between processes. Thread rule: internally synchronised.
+#pragma once
+
+#include <atomic>
+#include <filesystem>
+#include <mutex>
+
+#include "device/vulkan.h"
+
+namespace ks {
+
+/// A name for what `library` (name and version) builds on this device and driver; other drivers' data would be refused.
+std::string pipeline_file_name(const char* library, const VkPhysicalDeviceProperties& device);
+
+class PipelineCache {
+ public:
+  /// Starts with what the file holds, if it is sound. An empty path: nothing is kept.
+  PipelineCache(const VolkDeviceTable& vk, VkDevice device, std::filesystem::path file);
+  ~PipelineCache();
+  PipelineCache(const PipelineCache&) = delete;
+  PipelineCache& operator=(const PipelineCache&) = delete;
+
+  /// For one vkCreate...Pipelines; from then on there may be something to save.
+  [[nodiscard]] VkPipelineCache for_new_pipeline();
+  /// Writes the file if pipelines were built since the last time and the driver has more to keep than before. false: it could not be
+  /// written.
+  bool save();
+
+ private:
+  const VolkDeviceTable& vk_;
+  VkDevice device_;
+  std::filesystem::path file_;
+  VkPipelineCache cache_ = VK_NULL_HANDLE;
+  std::atomic<bool> used_{false};
+  std::mutex mutex_;
+  size_t kept_bytes_ = 0;  // of the file
+};
+
+}  // namespace ks
