@@ -31,5 +31,5 @@ def dot_gain_spread(light, view, spread, dot_px):
         return light
     width = np.sqrt(np.log1p(spread**2))
     gain = np.exp(width * _gain_field(view, dot_px) - 0.5 * width**2)
-    dots = DotView(view)
-    return dots.change(light, dots.mean(view.pattern), dots.mean(view.pattern * gain))
+    dots = DotView.of(view)
+    return dots.change(light, dots.nominal, dots.mean(view.pattern * gain))

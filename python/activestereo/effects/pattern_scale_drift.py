@@ -19,7 +19,7 @@ def pattern_scale_drift(light, view, scale, per_k):
     growth = 1.0 + scale + per_k * view.warming_k
     if growth == 1.0:
         return light
-    dots = DotView(view)
+    dots = DotView.of(view)
     cx, cy = view.projector_K[0, 2], view.projector_K[1, 2]
     after = dots.mean(view.pattern, cx + (dots.u - cx) / growth, cy + (dots.v - cy) / growth)
-    return dots.change(light, dots.mean(view.pattern), after)
+    return dots.change(light, dots.nominal, after)

@@ -22,7 +22,7 @@ def projector_defocus(light, view, aperture_px_m, focus_m):
     """Each dot becomes a disc whose diameter in pattern pixels is aperture x |1/z - 1/focus|; ambient edges stay sharp."""
     if aperture_px_m == 0.0:
         return light
-    dots = DotView(view)
+    dots = DotView.of(view)
     z = np.where(dots.lit, dots.z, focus_m)
     diameter = np.minimum(aperture_px_m * np.abs(1.0 / z - 1.0 / focus_m), _LARGEST_PX)
-    return dots.change(light, dots.mean(view.pattern), dots.mean_of_discs(view.pattern, diameter))
+    return dots.change(light, dots.nominal, dots.mean_of_discs(view.pattern, diameter))

@@ -33,6 +33,7 @@ class Play:
         self.high = np.array([p.high for _, p in self.free])
         self.typical = np.array([p.typical for _, p in self.free])
         self.neutral = np.array([p.neutral for _, p in self.free])
+        self.in_camera = np.array([e.stage is Stage.CAMERA for e, _ in self.free], dtype=bool)
         self.in_light = np.array([e.stage <= Stage.OPTICS for e, _ in self.free], dtype=bool)
 
     def model(self, theta):
@@ -103,8 +104,8 @@ class Fitter:
         model = play.model(theta)
         return [self._light(model, o) for o in self.observations]
 
-    def _light(self, model, o):
-        return model.light(o.layers, o.view, fine=self._fine)
+    def _light(self, model, o, fine=True):
+        return model.light(o.layers, o.view, fine=self._fine and fine)
 
     def predictions(self, play, theta, phi, lights):
         model = play.model(theta)
@@ -126,14 +127,19 @@ class Fitter:
             moved = theta.copy()
             moved[j] += steps[j]
             models.append(play.model(moved))
-        here = play.model(theta)
+        here, scales = play.model(theta), Nuisances(*phi[:_NUISANCES])
+        # The slope of a warp is known well enough from the pixels alone; what is fitted are the fine images.
+        coarse = self._fine and bool(play.in_camera[:n_theta].any())
         for o, light in zip(self.observations, lights, strict=True):
             graded = _graded(o, light, phi)
-            image = here.signal(graded, o.view, Nuisances(*phi[:_NUISANCES]))
+            image = here.signal(graded, o.view, scales)
+            near = _graded(o, self._light(here, o, fine=False), phi) if coarse else graded
+            from_there = here.signal(near, o.view, scales) if coarse else image
             columns = []
             for j in range(n_theta):
-                moved = _graded(o, self._light(models[j], o), phi) if play.in_light[j] else graded
-                columns.append((models[j].signal(moved, o.view, Nuisances(*phi[:_NUISANCES])) - image) / steps[j])
+                in_light = play.in_light[j]
+                moved = _graded(o, self._light(models[j], o, fine=not coarse), phi) if in_light else graded
+                columns.append((models[j].signal(moved, o.view, scales) - (from_there if in_light else image)) / steps[j])
             columns += _nuisance_columns(here, o, graded, phi, image)
             _accumulate(sums, o, columns, o.measured - image, n_theta + _NUISANCES, phi)
         return sums

@@ -13,7 +13,7 @@ from activestereo.lab.diagnose_fit import signal
 from activestereo.lab.diagnose_scan import scan_observations
 from activestereo.lab.diagnose_verdict import equivalents
 
-_MEMBERS = 4
+_MEMBERS = 3
 _SUGGESTIONS = 3
 _WORTH_NATS = 2.0
 
@@ -72,7 +72,7 @@ def _worst_pair(ranking, evidence, members, observations, change):
 
 def _image(entry, o):
     s = entry.solution
-    return signal(s.model, o, s.model.light(o.layers, o.view), s.phi)
+    return signal(s.model, o, s.model.light(o.layers, o.view, fine=False), s.phi)
 
 
 def _distance(observations, first, second, law):

@@ -53,7 +53,7 @@ def _pixel_of_pose(o, context):
 def _dot(o, context):
     key = ("dots", o.eye, _pose(o))
     if key not in context:
-        dots, size = DotView(o.view), 4
+        dots, size = DotView.of(o.view), 4
         height, width = (-(-n // size) for n in o.view.pattern.shape)
         u, v = np.floor((dots.u + 0.5) / size).astype(int), np.floor((dots.v + 0.5) / size).astype(int)
         inside = dots.lit & (u >= 0) & (u < width) & (v >= 0) & (v < height)

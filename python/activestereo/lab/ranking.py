@@ -23,8 +23,10 @@ _WORTH_POLISHING = 2e-4
 _POLISH, _SCAN_STEPS = 6, 5
 # Polished are the first few, and all whose scan gained this share of the best's; below the other share they are left out.
 _POLISHED, _CLOSE, _HOPELESS = 3, 0.4, 0.01
-# Part of the time that scans take, for the progress.
-_SCAN_TIME = 0.75
+# A scan knows an effect's gain coarsely: what gains less than this share of the best scan is not fitted.
+_OUT_OF_REACH = 0.03
+# Parts of the time, for the progress; polishing takes the rest.
+_RANDOM_TIME, _SCAN_TIME, _FIT_TIME = 0.05, 0.35, 0.25
 _Z90 = 1.645
 
 
@@ -39,7 +41,9 @@ class Ranking:
         self.pixels = sum(o.measured.size for o in evidence.train)
         self.tile_pixels = np.bincount(np.concatenate([o.tile.ravel() for o in evidence.train]), minlength=evidence.tiles)
         self.base = self._fit_base()
-        self.white = white_rest(self.rows(evidence.train, self.base.solution))
+        self._base_rows = self.rows(evidence.train, self.base.solution)
+        self._base_test_rows = self.rows(evidence.test, self.base.solution)
+        self.white = white_rest(self._base_rows)
         known = {e.id for e, _ in model.effects}
         chosen = [e for e in candidates if e.id not in known and e.stage <= Stage.DIGITAL]
         self.entries = self._fit_all(chosen, workers, progress)
@@ -51,47 +55,53 @@ class Ranking:
         return Entry(None, cross_validated(self.fitter, solution), solution.sums.tile_chi2, solution)
 
     def _fit_all(self, candidates, workers, progress):
-        """Scans all, then polishes on all images those that came close to the best; the hopeless are left out."""
-        done = [0]
+        """Scans all; fits on the scan's images those that a scan shows to be within reach of the best; polishes on all images those
+        that came close to it."""
+        done = [0.0]
 
-        def tracked(share, work):
+        def all_of(items, share, work):
             def one(item):
                 out = work(item)
-                done[0] += share
+                done[0] += share / len(items)
                 if progress:
                     progress(min(done[0], 1.0))
                 return out
 
-            return one
+            return [out for out in pool.map(one, items) if out is not None] if items else []
 
+        def best_of(found, share):
+            best = max((gain for gain, *_ in found), default=0.0)
+            return sorted((f for f in found if f[0] > share * best), key=lambda f: -f[0])
+
+        random = [e for e in candidates if e.id in PARTS]
+        smooth = [e for e in candidates if e.randomness is Randomness.NONE]
         with ThreadPoolExecutor(max_workers=workers) as pool:
-            scanned = list(pool.map(tracked(_SCAN_TIME / max(len(candidates), 1), self._look_at), candidates))
-            random = [entry for entry in scanned if isinstance(entry, Entry)]
-            hopeful = sorted((s for s in scanned if isinstance(s, tuple)), key=lambda s: -s[0])
-            hopeful = [s for s in hopeful if s[0] > _HOPELESS * hopeful[0][0]]
+            entries = all_of(random, _RANDOM_TIME, self._fit_random)
+            scanned = best_of(all_of(smooth, _SCAN_TIME, self._look_at), _OUT_OF_REACH)
+            hopeful = best_of(all_of(scanned, _FIT_TIME, self._approach), _HOPELESS)
             jobs = [(rank < _POLISHED or gain > _CLOSE * hopeful[0][0], *rest) for rank, (gain, *rest) in enumerate(hopeful)]
-            return random + list(pool.map(tracked((1 - _SCAN_TIME) / max(len(jobs), 1), self._polish), jobs))
+            entries += all_of(jobs, 1.0 - _RANDOM_TIME - _SCAN_TIME - _FIT_TIME, self._polish)
+        return entries
 
     def _look_at(self, candidate):
-        """An Entry of a random effect; (relative gain, candidate, Solution) of a scan; None where there is nothing to see."""
-        if candidate.id in PARTS:
-            return self._fit_random(candidate)
-        if candidate.randomness is not Randomness.NONE:
-            return None  # temporal noise is a matter of variances, not of expected images
+        """(relative gain, candidate, Play, chi2 without it, starts) of a coarse scan; None where there is nothing to see."""
         base = self.base.solution
         play = Play(self._model, candidate)
         play.start[: len(base.theta)] = base.theta
         neutral = self._scan.nuisance_fit(play, play.start, base.phi, self._scan.lights(play, play.start), 1)[1]
+        found = [s for s in starts(self._scan, play, candidate, base.phi) if s[0] < 1.5 * neutral]
+        return (1.0 - found[0][0] / neutral, candidate, play, neutral, found) if found else None
+
+    def _approach(self, scanned):
+        """(relative gain, candidate, Solution) of a fit to the scan's images; None where it gains nothing."""
+        _, candidate, play, neutral, found = scanned
         best = None
-        for chi2, theta, phi in starts(self._scan, play, candidate, base.phi):
-            if chi2 > 1.5 * neutral:
-                continue
+        for _, theta, phi in found:
             solution = self._scan.refine(play, theta, phi, _SCAN_STEPS)
             if best is None or solution.sums.total < best.sums.total:
                 best = solution
-        if best is None or best.sums.total > neutral * (1.0 - _WORTH_POLISHING):
-            return None
-        return 1.0 - best.sums.total / neutral, candidate, best
+        gain = 1.0 - best.sums.total / neutral
+        return (gain, candidate, best) if gain > _WORTH_POLISHING else None
 
     def _polish(self, job):
         fully, candidate, start = job
@@ -114,11 +124,10 @@ class Ranking:
         return out
 
     def _fit_random(self, candidate):
-        solution = self.base.solution
-        train = self.rows(self.evidence.train, solution)
+        solution, train = self.base.solution, self._base_rows
         if candidate.id == "speckle_static" and not self.white:
             return None
-        fit = fit_static(candidate.id, train, self.rows(self.evidence.test, solution), solution.nuisances.black_dn)
+        fit = fit_static(candidate.id, train, self._base_test_rows, solution.nuisances.black_dn)
         if fit is None:
             return None
         tiles = np.zeros(self.evidence.tiles)

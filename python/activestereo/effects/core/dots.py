@@ -1,6 +1,7 @@
 """The projector's pattern as the camera's pixels see it: what lets an effect move, blur or dim dots without a new ray."""
 
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
@@ -14,8 +15,14 @@ _LARGEST_BOX = 64.0
 class DotView:
     """Projector pixels (u, v) of every camera pixel, and the box of projector pixels that the camera pixel's square covers."""
 
+    @classmethod
+    def of(cls, view):
+        """The DotView of a view, made once."""
+        return view.once("dots", lambda: cls(view))
+
     def __init__(self, view):
         self._view = view
+        self._pattern = Pattern(view.pattern)
         points = view.projector_points()
         self.z = points[..., 2]
         self.lit = (view.depth_m > 0) & (self.z > 0)
@@ -30,14 +37,22 @@ class DotView:
     def project_camera(self, camera_points):
         return self.project(transform(self._view.camera_to_projector, camera_points))
 
+    @cached_property
+    def nominal(self):
+        """mean() of the view's own pattern."""
+        return self.mean(self._view.pattern)
+
+    def _known(self, pattern):
+        return self._pattern if pattern is self._view.pattern else Pattern(pattern)
+
     def mean(self, pattern, u=None, v=None):
         """Mean of a pattern image over each pixel's box, around (u, v) if given."""
-        sampler = disc_sampler(Pattern(pattern), 0.0)
+        sampler = disc_sampler(self._known(pattern), 0.0)
         return sampler(self.u if u is None else u, self.v if v is None else v, self.box_u, self.box_v)
 
     def mean_of_discs(self, pattern, diameter_px):
         """mean() of the pattern blurred by discs of a diameter [height][width] in pattern pixels, interpolated between whole ones."""
-        pattern = Pattern(pattern)
+        pattern = self._known(pattern)
         low = np.floor(diameter_px).astype(int)
         share = diameter_px - low
         out = np.zeros(self.u.shape)

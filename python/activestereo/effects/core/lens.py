@@ -1,6 +1,9 @@
 """Brown-Conrady lens distortion [k1, k2, p1, p2, k3] (OpenCV's order) of image positions x, y in focal lengths."""
 
+import numpy as np
+
 _ITERATIONS = 20
+_CONVERGED = 1e-10
 
 
 def distort(x, y, coefficients):
@@ -17,5 +20,8 @@ def undistort(x, y, coefficients):
     ideal_x, ideal_y = x, y
     for _ in range(_ITERATIONS):
         drawn_x, drawn_y = distort(ideal_x, ideal_y, coefficients)
-        ideal_x, ideal_y = ideal_x + x - drawn_x, ideal_y + y - drawn_y
+        step_x, step_y = x - drawn_x, y - drawn_y
+        ideal_x, ideal_y = ideal_x + step_x, ideal_y + step_y
+        if max(np.abs(step_x).max(), np.abs(step_y).max()) < _CONVERGED:
+            break
     return ideal_x, ideal_y

@@ -25,8 +25,8 @@ def displaced(light, view, dt_s):
     u, v, then, mid = _source_pixels(view, then_to_mid)
     moved = light.warped(u, v)
     flat = moved.flat * _falloff_ratio(view, then_to_mid, u, v, then, mid)
-    dots = DotView(view)
-    nominal = dots.mean(view.pattern)
+    dots = DotView.of(view)
+    nominal = dots.nominal
     now = dots.mean(view.pattern, *dots.project_camera(then))
     lit = dots.lit & (light.flat > 0)
     seen = np.where(lit, light.direct / np.where(lit, light.flat, 1.0), nominal)

@@ -2,6 +2,7 @@
 
 import hashlib
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -67,6 +68,16 @@ class View:
         """Kelvin above the reference temperature; 0 where the temperature is not known."""
         return 0.0 if self.frame.temperature_c is None else self.frame.temperature_c - REFERENCE_TEMPERATURE_C
 
+    @cached_property
+    def _memory(self):
+        return {}
+
+    def once(self, name, make):
+        """make(), computed the first time that this view is asked for `name`: fits look at one view hundreds of times."""
+        if name not in self._memory:
+            self._memory[name] = make()
+        return self._memory[name]
+
     def pixels(self):
         """(u, v) of every pixel's centre, float64 [height][width] each."""
         height, width = self.shape
@@ -75,7 +86,7 @@ class View:
     def rays(self, u=None, v=None):
         """(x, y) with z = 1 through pixels (all of them by default) of the nominal camera, its lens included."""
         if u is None:
-            u, v = self.pixels()
+            return self.once("rays", lambda: _read_only(*self.rays(*self.pixels())))
         y = (v - self.K[1, 2]) / self.K[1, 1]
         x = (u - self.K[0, 2] - self.K[0, 1] * y) / self.K[0, 0]
         return undistort(x, y, self.distortion) if any(self.distortion) else (x, y)
@@ -94,13 +105,15 @@ class View:
 
     def points(self, depth_m=None, u=None, v=None):
         """Camera coordinates [..., 3] of what the pixels see."""
+        if depth_m is None and u is None:
+            return self.once("points", lambda: _read_only(self.points(self.depth_m))[0])
         x, y = self.rays(u, v)
         z = self.depth_m if depth_m is None else depth_m
         return np.stack([x * z, y * z, z], axis=-1)
 
     def projector_points(self):
         """Projector coordinates [height][width][3] of what the pixels see."""
-        return transform(self.camera_to_projector, self.points())
+        return self.once("projector points", lambda: _read_only(transform(self.camera_to_projector, self.points()))[0])
 
     def rng(self, name, per="sensor"):
         """A numpy Generator of this view for one effect. per: 'sensor' (one per eye), 'pose' (the same while the rig stands
@@ -113,6 +126,12 @@ class View:
         }[per]
         digest = hashlib.sha256(f"{self.seed} {name} ".encode() + salt).digest()
         return np.random.Generator(np.random.Philox(key=np.frombuffer(digest[:16], dtype=np.uint64)))
+
+
+def _read_only(*arrays):
+    for array in arrays:
+        array.flags.writeable = False
+    return arrays
 
 
 def transform(a_to_b, points):
