@@ -19,11 +19,12 @@ class Buffer {
   Buffer() = default;
   explicit Buffer(size_t count) {
     constexpr size_t huge_page_bytes = size_t{2} << 20;
-    const size_t alignment = count * sizeof(T) >= huge_page_bytes ? huge_page_bytes : 64;
-    const size_t bytes = round_up(count * sizeof(T) + 64, alignment);  // one vector of slack behind the last element
-    data_.reset(static_cast<T*>(std::aligned_alloc(alignment, bytes)));
-    if (!data_) throw std::bad_alloc();
-    if (alignment == huge_page_bytes) madvise(data_.get(), bytes, MADV_HUGEPAGE);
+    const size_t bytes = count * sizeof(T) + 64;  // one vector of slack behind the last element
+    void* data = nullptr;
+    if (posix_memalign(&data, bytes >= huge_page_bytes ? huge_page_bytes : 64, bytes) != 0) throw std::bad_alloc();
+    data_.reset(static_cast<T*>(data));
+    // whole huge pages only: the rest of the last one would be memory for nothing
+    if (bytes >= huge_page_bytes) madvise(data, bytes / huge_page_bytes * huge_page_bytes, MADV_HUGEPAGE);
     std::memset(data_.get(), 0, bytes);
   }
   T* data() { return data_.get(); }
