@@ -90,6 +90,10 @@ class StereoDepthSensorConfig:
         self.active_light_fov = preset["active_light_fov"]
         self.light_pattern = "generated"
         self.pattern_design = preset["pattern_design"]
+        # In place of light_pattern: [n, 3] u, v and power of dots, in pixels of pattern_design's image and with its dot_sigma_px. A dot's
+        # power is the pattern's integral over it, in pixels squared. light_pattern_scale magnifies the pattern about its middle.
+        self.light_dots = None
+        self.light_pattern_scale = 1.0
         self.projector_intensity = 3.0  # W/sr where the pattern is 1
 
         # Exposure and infrared light. ir_camera_exposure in seconds; ir_responsivity_dn in counts per W s / (sr m^2).
@@ -168,5 +172,9 @@ class StereoDepthSensorConfig:
 
             image = read_gray(self.light_pattern, key="light_pattern")
         height, width = image.shape
+        return image, self.pattern_k(width, height)
+
+    def pattern_k(self, width, height):
+        """The projector's 3x3 K for a pattern image of this size."""
         focal = 0.5 * width / np.tan(0.5 * self.active_light_fov)
-        return image, _k(focal, focal, 0.5 * (width - 1), 0.5 * (height - 1))
+        return _k(focal, focal, 0.5 * (width - 1), 0.5 * (height - 1))

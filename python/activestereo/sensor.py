@@ -236,14 +236,27 @@ class StereoDepthSensor:
         )
 
     def _add_projector(self):
-        pattern = self._config.pattern()
+        light = self._pattern_fields()
+        if light is None:
+            return None
+        c = self._config
+        self._projector = kuafu.Light(
+            kind="projector", name="projector", ir_intensity=c.projector_intensity, pattern_scale=c.light_pattern_scale, **light
+        )
+        return self._scene.add_light(self._projector)
+
+    def _pattern_fields(self):
+        """What the projector throws, as fields of kuafu.Light; None where there is no projector."""
+        c = self._config
+        if c.light_dots is not None:
+            design = c.pattern_design
+            size = {"pattern_width": design.width, "pattern_height": design.height, "dot_sigma_px": design.dot_sigma_px}
+            return {"dots": c.light_dots, "k": c.pattern_k(design.width, design.height), **size}
+        pattern = c.pattern()
         if pattern is None:
             return None
         image, k = pattern
-        texture = self._scene.add_texture(image, name="projector pattern")
-        power = self._config.projector_intensity
-        self._projector = kuafu.Light(kind="projector", name="projector", texture=texture, k=k, ir_intensity=power)
-        return self._scene.add_light(self._projector)
+        return {"texture": self._scene.add_texture(image, name="projector pattern"), "k": k}
 
     def _place_projector(self):
         if self._light is not None:

@@ -135,6 +135,22 @@ void bind_light(py::module_& module) {
   vector(type, "distortion", &kuafu_light_desc::distortion, "Projector: k1 k2 p1 p2 k3 k4 k5 k6 (OpenCV's order).");
   scalar(type, "falloff", &kuafu_light_desc::falloff, "Projector: n of cos^n.");
   scalar(type, "focus_m", &kuafu_light_desc::focus_m, "Projector: distance of its sharpest image; 0 = sharp everywhere.");
+  scalar(type, "pattern_scale", &kuafu_light_desc::pattern_scale,
+         "Projector: magnifies the pattern about the principal point; 1 = neutral.");
+  type.def_property(
+      "dots",
+      [](const Light& l) {
+        return py::array_t<float>(std::vector<py::ssize_t>{py::ssize_t(l.dots.size() / 3), 3}, l.dots.data());
+      },
+      [](Light& l, const std::optional<py::array_t<float, py::array::c_style | py::array::forcecast>>& dots) {
+        if (dots && (dots->ndim() != 2 || dots->shape(1) != 3))
+          raise_argument<Kuafu>("dots have shape " + std::string(py::str(dots->attr("shape"))) + ", they need (n, 3)");
+        l.dots = dots ? std::vector<float>(dots->data(), dots->data() + dots->size()) : std::vector<float>();
+      },
+      "Projector: [n, 3] u, v in pixels and power, in place of a texture; power is the pattern's integral over the dot in pixels squared.");
+  scalar(type, "pattern_width", &kuafu_light_desc::pattern_width, "Of the dots' image, whose pixels k and dots count.");
+  scalar(type, "pattern_height", &kuafu_light_desc::pattern_height, "Of the dots' image.");
+  scalar(type, "dot_sigma_px", &kuafu_light_desc::dot_sigma_px, "Of each dot, a Gaussian.");
   maybe(type, "environment", &kuafu_light_desc::environment, "Which environment of a batch has it; None = all.");
 }
 

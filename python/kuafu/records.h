@@ -1,6 +1,8 @@
 // Material, Light and Camera as Python sees them: the C descriptor and the memory it points to.
 #pragma once
 
+#include <vector>
+
 #include "kuafu_api.h"
 
 namespace ks_python {
@@ -18,9 +20,12 @@ struct Material {
 struct Light {
   kuafu_light_desc c = kuafu_light_desc_init(KUAFU_LIGHT_POINT);
   std::string name;
+  std::vector<float> dots;  // [dot_count][3]
   [[nodiscard]] kuafu_light_desc desc() const {
     kuafu_light_desc d = c;
     d.name = name.c_str();
+    d.dots = dots.empty() ? nullptr : dots.data();
+    d.dot_count = static_cast<uint32_t>(dots.size() / 3);
     return d;
   }
 };

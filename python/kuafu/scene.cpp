@@ -59,7 +59,9 @@ void update_mesh(Scene& scene, uint32_t id, const std::optional<Floats>& positio
   check<Kuafu>(kuafu_scene_update_mesh(scene.get(), id, p, n, static_cast<uint32_t>(positions->shape(0))));
 }
 
-uint32_t add_texture(Scene& scene, const py::array& texels, bool srgb, const std::string& name) {
+/// Hands the texels to `take` as a descriptor, which lives until it returns.
+template <class Take>
+void with_texture(Scene& scene, const py::array& texels, bool srgb, const std::string& name, const Take& take) {
   const py::array packed = py::array::ensure(texels, py::array::c_style);
   if (packed.ndim() != 2 && packed.ndim() != 3) raise_argument<Kuafu>("texels must be [height][width] or [height][width][channels]");
   kuafu_texture_desc texture = kuafu_texture_desc_init();
@@ -71,9 +73,17 @@ uint32_t add_texture(Scene& scene, const py::array& texels, bool srgb, const std
   texture.format = format_of<Kuafu>(packed.dtype());
   texture.srgb = srgb ? 1 : 0;
   const InUse<Kuafu> in_use(scene.in_use, "scene");
+  check<Kuafu>(take(texture));
+}
+
+uint32_t add_texture(Scene& scene, const py::array& texels, bool srgb, const std::string& name) {
   uint32_t id = 0;
-  check<Kuafu>(kuafu_scene_add_texture(scene.get(), &texture, &id));
+  with_texture(scene, texels, srgb, name, [&](const kuafu_texture_desc& t) { return kuafu_scene_add_texture(scene.get(), &t, &id); });
   return id;
+}
+
+void set_texture(Scene& scene, uint32_t id, const py::array& texels, bool srgb, const std::string& name) {
+  with_texture(scene, texels, srgb, name, [&](const kuafu_texture_desc& t) { return kuafu_scene_set_texture(scene.get(), id, &t); });
 }
 
 uint32_t add_instance(Scene& scene, uint32_t mesh, const std::vector<uint32_t>& materials, const py::object& local_to_world,
@@ -197,6 +207,7 @@ void bind_materials_and_lights(SceneType& type) {
         Light l;
         check<Kuafu>(kuafu_scene_get_light(s.get(), id, &l.c));
         l.name = text_of(l.c.name);
+        l.dots.assign(l.c.dots, l.c.dots + size_t{3} * l.c.dot_count);
         return l;
       },
       py::arg("id"));
@@ -228,6 +239,8 @@ void bind_scene(py::module_& module) {
            "Moves the vertices of a deforming mesh; normals where it was made with them.")
       .def("add_texture", &add_texture, py::arg("texels"), py::kw_only(), py::arg("srgb") = false, py::arg("name") = "",
            "texels: [height, width] or [height, width, 1..4], uint8, uint16 or float32; row 0 on top.")
+      .def("set_texture", &set_texture, py::arg("id"), py::arg("texels"), py::kw_only(), py::arg("srgb") = false, py::arg("name") = "",
+           "Replaces a texture; its size may change. Cost follows this texture's size.")
       .def("add_instance", &add_instance, py::arg("mesh"), py::arg("materials") = std::vector<uint32_t>(), py::kw_only(),
            py::arg("local_to_world") = py::none(), py::arg("environment") = py::none(), py::arg("semantic_id") = 0, py::arg("name") = "")
       .def("set_instance_pose", &set_instance_pose, py::arg("id"), py::arg("local_to_world"))

@@ -147,6 +147,23 @@ def test_records_come_back_as_they_went_in(scene):
     np.testing.assert_array_equal(light.light_to_world, pose)
 
 
+def test_dots_make_a_pattern_and_come_back(scene):
+    dots = np.array([[3, 4, 1], [5.5, 6, 0.5]], np.float32)
+    light = kuafu.Light(kind="projector", dots=dots, pattern_width=16, pattern_height=12, dot_sigma_px=0.8, pattern_scale=1.01)
+    back = scene.get_light(scene.add_light(light))
+    np.testing.assert_array_equal(back.dots, dots)
+    assert (back.pattern_width, back.pattern_height, back.pattern_scale) == (16, 12, 1.01) and back.texture is None
+    with pytest.raises(ValueError, match=r"need \(n, 3\)"):
+        kuafu.Light(dots=np.zeros((4, 2)))
+
+
+def test_a_texture_can_be_set_again(scene):
+    texture = scene.add_texture(np.zeros((4, 4), np.uint8))
+    scene.set_texture(texture, np.ones((2, 3, 3), np.float32), srgb=True)
+    with pytest.raises(ValueError, match="no texture 7"):
+        scene.set_texture(7, np.zeros((4, 4), np.uint8))
+
+
 # ---- rendering and memory ----
 
 

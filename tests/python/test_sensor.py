@@ -218,6 +218,15 @@ def test_without_a_projector_it_is_a_passive_pair(small_config):
     assert np.ptp(sensor.get_ir()[0]) < 1e-3
 
 
+def test_a_list_of_dots_takes_the_place_of_the_pattern_image(small_config):
+    design = small_config.pattern_design
+    small_config.light_dots = [[design.width / 2, design.height / 2, 2 * np.pi * design.dot_sigma_px**2]]
+    sensor = StereoDepthSensor(small_config, wall_scene(1.0))
+    sensor.take_picture(infrared_only=True)
+    image = sensor.get_ir()[0].astype(float)
+    assert np.sum(image > (np.median(image) + image.max()) / 2) < 30 and image.max() > 2 * np.median(image)
+
+
 def test_what_is_no_scene_is_refused(small_config):
     with pytest.raises(TypeError, match="kuafu.Scene"):
         StereoDepthSensor(small_config, 42)

@@ -154,6 +154,9 @@ static inline kuafu_texture_desc kuafu_texture_desc_init(void) {
   return t;
 }
 KUAFU_API ks_status kuafu_scene_add_texture(kuafu_scene scene, const kuafu_texture_desc* desc, uint32_t* id);
+/* Replaces a texture, also from frame to frame: materials, lights and the environment that name it show the new one. Size, channels and format may
+ * change. Cost follows this texture's size, not the scene's (an environment map is also sorted by brightness again). */
+KUAFU_API ks_status kuafu_scene_set_texture(kuafu_scene scene, uint32_t id, const kuafu_texture_desc* desc);
 
 #define KUAFU_BSDF_GLTF 0u  /* glTF 2.0's: a dielectric's base lies under a reflecting layer */
 #define KUAFU_BSDF_PAPER 1u /* w f_diffuse + (1 - w) f_specular, w = (1 - metallic)(1 - transmission): no layer */
@@ -250,7 +253,7 @@ typedef struct kuafu_light_desc {
                                 rectangle, disk: radiance, W/(sr m^2). A projector's is 0 by default: an RGB camera does not see it */
   float ir_intensity;        /* infrared band, the same unit; NAN = red of `intensity` times kuafu_render_desc.ir_ambient_scale */
   double light_to_world[16]; /* +z is the projector's optical axis, x right, y down */
-  uint32_t texture;          /* projector: pattern, red channel read linearly. Else a factor, or KUAFU_NONE: over a rectangle or a disk's square; over the
+  uint32_t texture;          /* projector: pattern, red channel read linearly (KUAFU_NONE with dots). Else a factor, or KUAFU_NONE: over a rectangle or a disk's square; over the
                                 square around a spot's outer cone; equirectangular around a point; directional: tiles of size_m across it */
   uint32_t reserved;
   double k[9];               /* projector: row-major 3x3 in pixels of the texture */
@@ -261,6 +264,13 @@ typedef struct kuafu_light_desc {
   double distortion[8];      /* projector: k1 k2 p1 p2 k3 k4 k5 k6 of Brown and Conrady (OpenCV's order) */
   double falloff;            /* projector: intensity times cos^falloff of the angle from its axis */
   double focus_m;            /* projector: distance of its sharpest image; 0 = sharp everywhere */
+  double pattern_scale;      /* projector: magnifies the pattern about K's principal point, > 0; 1 = neutral */
+  const float* dots;         /* projector: [dot_count][3] u, v in pixels and power, or NULL: its pattern is `texture`. Else a Gaussian each, integrated over the
+                                pixels of pattern_width x pattern_height, which K's pixels then are; power is the pattern's integral over the dot in pixels
+                                squared, so a lone dot peaks at about power / (2 pi dot_sigma_px^2). Copied; as read back: valid until the scene changes */
+  uint32_t dot_count;
+  uint32_t pattern_width, pattern_height;
+  float dot_sigma_px;        /* > 0 */
 } kuafu_light_desc;
 static inline kuafu_light_desc kuafu_light_desc_init(uint32_t kind) {
   kuafu_light_desc l;
@@ -274,6 +284,7 @@ static inline kuafu_light_desc kuafu_light_desc_init(uint32_t kind) {
   for (i = 0; i < 4; ++i) l.light_to_world[5 * i] = 1.0;
   for (i = 0; i < 3; ++i) l.k[4 * i] = 1.0;
   l.outer_rad = 0.78539816339744831;
+  l.pattern_scale = 1.0;
   return l;
 }
 KUAFU_API ks_status kuafu_scene_add_light(kuafu_scene scene, const kuafu_light_desc* desc, uint32_t* id);

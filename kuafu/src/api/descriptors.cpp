@@ -122,6 +122,8 @@ Light to_light(const kuafu_light_desc& desc) {
   std::copy(std::begin(desc.distortion), std::end(desc.distortion), light.distortion);
   light.falloff = desc.falloff;
   light.focus_m = desc.focus_m;
+  light.pattern_scale = desc.pattern_scale;
+  light.dots = {array<glm::vec3>(desc.dots, desc.dot_count, "dots"), desc.pattern_width, desc.pattern_height, desc.dot_sigma_px};
   return light;
 }
 
@@ -189,6 +191,12 @@ kuafu_light_desc to_desc(const Light& light) {
   std::copy(std::begin(light.distortion), std::end(light.distortion), desc.distortion);
   desc.falloff = light.falloff;
   desc.focus_m = light.focus_m;
+  desc.pattern_scale = light.pattern_scale;
+  desc.dots = light.dots.dots.empty() ? nullptr : &light.dots.dots[0].x;
+  desc.dot_count = uint32_t(light.dots.dots.size());
+  desc.pattern_width = light.dots.width;
+  desc.pattern_height = light.dots.height;
+  desc.dot_sigma_px = light.dots.sigma_px;
   return desc;
 }
 

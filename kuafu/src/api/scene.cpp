@@ -55,6 +55,10 @@ kuafu_scene_summary summarise(const kuafu::Scene& scene) {
   return s;
 }
 
+kuafu::Light to_light(const kuafu_light_desc* desc) {
+  return kuafu::to_light(ks::read_struct(desc, KUAFU_TYPE_LIGHT_DESC, "light desc", kuafu_light_desc_init(0)));
+}
+
 }  // namespace
 
 extern "C" {
@@ -102,6 +106,11 @@ ks_status kuafu_scene_add_texture(kuafu_scene scene, const kuafu_texture_desc* d
     required(id, "id") = KUAFU_NONE;
     *id = scene_of(scene).add_texture(kuafu::to_texture(ks::read_struct(desc, KUAFU_TYPE_TEXTURE_DESC, "texture desc")));
   });
+}
+
+ks_status kuafu_scene_set_texture(kuafu_scene scene, uint32_t id, const kuafu_texture_desc* desc) {
+  return ks::guard(
+      [&] { scene_of(scene).set_texture(id, kuafu::to_texture(ks::read_struct(desc, KUAFU_TYPE_TEXTURE_DESC, "texture desc"))); });
 }
 
 ks_status kuafu_scene_add_material(kuafu_scene scene, const kuafu_material_desc* desc, uint32_t* id) {
@@ -158,12 +167,12 @@ const char* kuafu_scene_material_name(kuafu_scene scene, uint32_t id) {
 ks_status kuafu_scene_add_light(kuafu_scene scene, const kuafu_light_desc* desc, uint32_t* id) {
   return ks::guard([&] {
     required(id, "id") = KUAFU_NONE;
-    *id = scene_of(scene).add_light(kuafu::to_light(ks::read_struct(desc, KUAFU_TYPE_LIGHT_DESC, "light desc")));
+    *id = scene_of(scene).add_light(to_light(desc));
   });
 }
 
 ks_status kuafu_scene_set_light(kuafu_scene scene, uint32_t id, const kuafu_light_desc* desc) {
-  return ks::guard([&] { scene_of(scene).set_light(id, kuafu::to_light(ks::read_struct(desc, KUAFU_TYPE_LIGHT_DESC, "light desc"))); });
+  return ks::guard([&] { scene_of(scene).set_light(id, to_light(desc)); });
 }
 
 ks_status kuafu_scene_get_light(kuafu_scene scene, uint32_t id, kuafu_light_desc* out) {

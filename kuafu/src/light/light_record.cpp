@@ -9,14 +9,21 @@ namespace {
 
 constexpr double pi = std::numbers::pi;
 
-void set_projector(LightEntry& e, const Light& light, const Scene& scene, const std::function<PatternAddress(uint32_t)>& pattern) {
-  const Texture& texture = scene.textures()[light.texture];
-  const PatternAddress plane = pattern(light.texture);
+/// K with the pattern magnified about its principal point.
+glm::dmat3 scaled_k(const Light& light) {
+  glm::dmat3 k = light.k;
+  for (const glm::ivec2 at : {glm::ivec2(0, 0), glm::ivec2(1, 0), glm::ivec2(1, 1)}) k[at.x][at.y] /= light.pattern_scale;
+  return k;
+}
+
+void set_projector(LightEntry& e, const Light& light, const Scene& scene, const std::function<PatternAddress(const Light&)>& pattern) {
+  const Texture& texture = pattern_of(scene, light);
+  const PatternAddress plane = pattern(light);
   e.record.width = texture.width;
   e.record.height = texture.height;
   e.record.pattern = plane.address;
   e.record.pattern_bits = plane.bits;
-  const glm::dmat3 to_pixel = glm::transpose(light.k * glm::inverse(glm::dmat3(light.light_to_world)));
+  const glm::dmat3 to_pixel = glm::transpose(scaled_k(light) * glm::inverse(glm::dmat3(light.light_to_world)));
   for (int row = 0; row < 3; ++row) e.record.world_to_pixel[row] = glm::vec3(to_pixel[row]);
 }
 
@@ -36,9 +43,10 @@ double distortion_reach(const double* d) {
 
 void set_lens(LightEntry& e, const Light& light) {
   LightShape& s = e.shape;
-  s.focal = glm::vec2(light.k[0][0], light.k[1][1]);
-  s.centre = glm::vec2(light.k[2][0], light.k[2][1]);
-  s.skew = float(light.k[1][0]);
+  const glm::dmat3 k = scaled_k(light);
+  s.focal = glm::vec2(k[0][0], k[1][1]);
+  s.centre = glm::vec2(k[2][0], k[2][1]);
+  s.skew = float(k[1][0]);
   s.falloff = float(light.falloff);
   s.focus_m = float(light.focus_m);
   std::ranges::copy(light.distortion, s.distortion);
@@ -67,7 +75,7 @@ double power_of(const Light& light, double brightness, double world_radius_m) {
 double brightness(const glm::vec3& value) { return std::max({value.x, value.y, value.z}); }
 
 LightEntry light_entry(const Light& light, const glm::vec3& intensity, const Scene& scene, double world_radius_m,
-                       const std::function<PatternAddress(uint32_t)>& pattern) {
+                       const std::function<PatternAddress(const Light&)>& pattern) {
   LightEntry e;
   e.record.kind = uint32_t(light.kind);
   e.record.position = glm::vec3(light.light_to_world[3]);

@@ -15,7 +15,7 @@ struct LightEntry {
 
 /// world_radius_m: half the diagonal of what there is, for the power of lights that come from infinitely far.
 LightEntry light_entry(const Light& light, const glm::vec3& intensity, const Scene& scene, double world_radius_m,
-                       const std::function<PatternAddress(uint32_t)>& pattern);
+                       const std::function<PatternAddress(const Light&)>& pattern);
 
 /// Largest channel: what chances go by.
 double brightness(const glm::vec3& value);

@@ -51,7 +51,7 @@ double world_radius_m(const Scene& scene) {
 }  // namespace
 
 LightTable make_light_table(const Scene& scene, const Band& band, uint32_t environment_count,
-                            const std::function<PatternAddress(uint32_t)>& pattern) {
+                            const std::function<PatternAddress(const Light&)>& pattern) {
   LightTable table;
   uint32_t most_lights = 0, most_projectors = 0;
   const double radius_m = world_radius_m(scene);
@@ -61,7 +61,7 @@ LightTable make_light_table(const Scene& scene, const Band& band, uint32_t envir
     for (const auto& light : scene.lights()) {
       if (!light || (light->environment != none && light->environment != e)) continue;
       const glm::vec3 intensity = band.intensity(light->intensity, light->ir_intensity);
-      if (intensity == glm::vec3(0) || (light->kind == Light::Kind::projector && light->texture == none)) continue;
+      if (intensity == glm::vec3(0) || (light->kind == Light::Kind::projector && light->texture == none && !light->raster)) continue;
       seen.push_back(light_entry(*light, intensity, scene, radius_m, pattern));
     }
     if (const auto mesh = mesh_light(scene, band, e, table)) seen.push_back(*mesh);

@@ -30,8 +30,8 @@ struct PatternAddress {
   uint32_t bits;
 };
 
-/// `pattern` gives a texture's plane.
+/// `pattern` gives the plane of a projector's pattern.
 LightTable make_light_table(const Scene& scene, const Band& band, uint32_t environment_count,
-                            const std::function<PatternAddress(uint32_t)>& pattern);
+                            const std::function<PatternAddress(const Light&)>& pattern);
 
 }  // namespace kuafu

@@ -4,7 +4,6 @@
 #include <cmath>
 
 #include "material/specular_albedo.h"
-#include "material/texels.h"
 
 namespace kuafu {
 namespace {
@@ -67,7 +66,7 @@ void set_transform(InstanceRecord& record, const glm::dmat4& local_to_world) {
 
 }  // namespace
 
-SceneTables::SceneTables(Memory memory) : memory_(std::move(memory)) {
+SceneTables::SceneTables(Memory memory) : memory_(std::move(memory)), textures_(memory_) {
   Block block;
   block.add(specular_albedo_table());
   specular_albedo_ = block.upload(memory_.device);
@@ -77,13 +76,13 @@ void SceneTables::update(const Scene& scene, const Band& band, uint32_t environm
   if (&scene != scene_) forget(scene);
   const Revisions& now = scene.revisions();
   const bool geometry_changed = now.instances != seen_.instances || now.meshes != seen_.meshes;
-  const bool lights_changed = now.lights != seen_.lights || now.textures != seen_.textures || now.materials != seen_.materials ||
+  const bool patterns_changed = now.textures != seen_.textures && textures_.update(scene);
+  const bool lights_changed = now.lights != seen_.lights || patterns_changed || now.materials != seen_.materials ||
                               (geometry_changed && (light_features_ != 0 || emissive_[band.infrared ? 1 : 0])) || !(band == band_) ||
                               environment_count != environment_count_;
   band_ = band;
   if (now.meshes != seen_.meshes) move_vertices(scene);
   if (meshes_.size() < scene.meshes().size()) add_meshes(scene);
-  if (now.textures != seen_.textures) add_textures(scene);
   if (now.materials != seen_.materials) write_materials(scene);
   if (now.instances != seen_.instances || now.meshes != seen_.meshes || now.materials != seen_.materials) write_instances(scene);
   if (lights_changed) write_lights(scene, environment_count);
@@ -106,8 +105,7 @@ void SceneTables::forget(const Scene& scene) {
   seen_ = {0, 0, 0, 0, 0};
   blocks_.clear();
   meshes_.clear();
-  patterns_.clear();
-  texture_records_.clear();
+  textures_.forget();
 }
 
 void SceneTables::add_meshes(const Scene& scene) {
@@ -144,21 +142,6 @@ void SceneTables::move_vertices(const Scene& scene) {
     if (!m.normals.empty()) a.block->write(a.normals - base, m.normals.data(), m.normals.size() * sizeof(glm::vec3));
     a.deformation = m.deformation;
   }
-}
-
-void SceneTables::add_textures(const Scene& scene) {
-  Block block;
-  std::vector<uint64_t> offsets;
-  const size_t first = texture_records_.size();
-  for (size_t i = first; i < scene.textures().size(); ++i) {
-    const Texture& t = scene.textures()[i];
-    const Texels texels = linear_texels(t);
-    offsets.push_back(block.add(texels.words));
-    texture_records_.push_back({{}, t.width, t.height, texels.format, 0});
-  }
-  const auto buffer = blocks_.emplace_back(block.upload(memory_.device));
-  for (size_t i = first; i < texture_records_.size(); ++i) texture_records_[i].texels = memory_.address(*buffer) + offsets[i - first];
-  std::ranges::copy(texture_records_, textures_.resize(memory_, texture_records_.size()).begin());
 }
 
 void SceneTables::write_materials(const Scene& scene) {
@@ -203,7 +186,9 @@ void SceneTables::write_instances(const Scene& scene) {
 }
 
 void SceneTables::write_lights(const Scene& scene, uint32_t environment_count) {
-  const LightTable table = make_light_table(scene, band_, environment_count, [&](uint32_t texture) { return pattern(scene, texture); });
+  const LightTable table =
+      make_light_table(scene, band_, environment_count, [&](const Light& light) { return textures_.pattern(scene, light); });
+  textures_.drop_unused();
   std::ranges::copy(table.lights, lights_.resize(memory_, table.lights.size()).begin());
   std::ranges::copy(table.shapes, light_shapes_.resize(memory_, table.shapes.size()).begin());
   std::ranges::copy(table.cumulative, light_cumulative_.resize(memory_, table.cumulative.size()).begin());
@@ -213,17 +198,6 @@ void SceneTables::write_lights(const Scene& scene, uint32_t environment_count) {
   shadow_rays_per_vertex_ = table.shadow_rays_per_vertex;
   select_lights_ = table.select_lights;
   has_environment_light_ = std::ranges::any_of(table.environments, [](const auto& e) { return e.radiance != glm::vec3(0); });
-}
-
-PatternAddress SceneTables::pattern(const Scene& scene, uint32_t texture) {
-  Pattern& pattern = patterns_[texture];
-  if (!pattern.buffer) {
-    const PatternPlane plane = pattern_plane(scene.textures()[texture]);
-    Block block;
-    block.add(plane.words);
-    pattern = {block.upload(memory_.device), plane.bits};
-  }
-  return {memory_.address(*pattern.buffer), pattern.bits};
 }
 
 }  // namespace kuafu

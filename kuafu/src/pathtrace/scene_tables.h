@@ -3,11 +3,11 @@
 #pragma once
 
 #include <memory>
-#include <unordered_map>
 
 #include "light/light_table.h"
 #include "pathtrace/band.h"
 #include "pathtrace/device_array.h"
+#include "pathtrace/texture_tables.h"
 #include "scene/scene.h"
 #include "shared/scene_records.h"
 #include "shared/wave.h"
@@ -41,19 +41,12 @@ class SceneTables {
     std::shared_ptr<ks::Buffer> block;  // where they lie
   };
 
-  struct Pattern {
-    std::shared_ptr<ks::Buffer> buffer;
-    uint32_t bits = 0;
-  };
-
   void forget(const Scene& scene);
   void add_meshes(const Scene& scene);
   void move_vertices(const Scene& scene);
-  void add_textures(const Scene& scene);
   void write_materials(const Scene& scene);
   void write_instances(const Scene& scene);
   void write_lights(const Scene& scene, uint32_t environment_count);
-  PatternAddress pattern(const Scene& scene, uint32_t texture);
 
   Memory memory_;
   std::shared_ptr<ks::Buffer> specular_albedo_;
@@ -64,9 +57,7 @@ class SceneTables {
 
   std::vector<std::shared_ptr<ks::Buffer>> blocks_;
   std::vector<MeshAddresses> meshes_;
-  std::unordered_map<uint32_t, Pattern> patterns_;  // by texture
-  std::vector<TextureRecord> texture_records_;
-  MappedTable<TextureRecord> textures_;
+  TextureTables textures_;
   MappedTable<MaterialRecord> materials_;
   MappedTable<InstanceRecord> instances_;
   MappedTable<uint32_t> instance_materials_;

@@ -50,7 +50,7 @@ void Scene::check_references(const Material& m) const {
 }
 
 void Scene::check_references(const Light& light) const {
-  if (light.kind == Light::Kind::projector) {
+  if (light.kind == Light::Kind::projector && light.dots.dots.empty()) {
     check_exists("projector", light.name, "texture", light.texture, textures_.size());
   } else if (light.texture != none) {
     check_exists("light", light.name, "texture", light.texture, textures_.size());
@@ -90,9 +90,12 @@ uint32_t Scene::add_instance(Instance instance) {
   return add(instances_, std::move(instance), revisions_.instances);
 }
 
+const Texture& pattern_of(const Scene& scene, const Light& light) { return light.raster ? *light.raster : scene.textures()[light.texture]; }
+
 uint32_t Scene::add_light(Light light) {
   check(light);
   check_references(light);
+  if (!light.dots.dots.empty()) light.raster = std::make_shared<const Texture>(rasterise(light.dots));
   return add(lights_, std::move(light), revisions_.lights);
 }
 
@@ -109,6 +112,14 @@ void Scene::update_mesh_positions(uint32_t id, std::vector<glm::vec3> positions,
   mesh.normals = std::move(normals);
   ++mesh.deformation;
   ++revisions_.meshes;
+}
+
+void Scene::set_texture(uint32_t id, Texture texture) {
+  if (id >= textures_.size()) ks::fail(KS_ERROR_INVALID_ARGUMENT, "there is no texture %u (the scene has %zu)", id, textures_.size());
+  check(texture);
+  texture.revision = textures_[id].revision + 1;
+  textures_[id] = std::move(texture);
+  ++revisions_.textures;
 }
 
 void Scene::set_material(uint32_t id, Material material) {
@@ -137,6 +148,9 @@ void Scene::set_light(uint32_t id, Light light) {
   Light& old = live(lights_, "light", id);
   check(light);
   check_references(light);
+  light.raster = nullptr;
+  if (!light.dots.dots.empty())  // a light that only moves keeps its image
+    light.raster = light.dots == old.dots ? old.raster : std::make_shared<const Texture>(rasterise(light.dots));
   old = std::move(light);
   ++revisions_.lights;
 }

@@ -5,9 +5,12 @@
 #include <cstdint>
 #include <glm/glm.hpp>
 #include <limits>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
+
+#include "scene/dot_pattern.h"
 
 namespace kuafu {
 
@@ -30,6 +33,7 @@ struct Texture {
   Format format = Format::u8;
   bool srgb = false;
   std::vector<uint8_t> texels;  // row 0 first, packed
+  uint64_t revision = 0;        // how often set_texture replaced it
 };
 
 /// Fields mean what kuafu_material_desc says.
@@ -73,6 +77,9 @@ struct Light {
   glm::dvec2 size_m{0.0};
   double distortion[8] = {};  // k1 k2 p1 p2 k3 k4 k5 k6
   double falloff = 0.0, focus_m = 0.0;
+  double pattern_scale = 1.0;
+  DotPattern dots;                        // projector: in place of the texture, where there are any
+  std::shared_ptr<const Texture> raster;  // of the dots; made by the scene
 };
 
 struct Environment {
@@ -81,6 +88,10 @@ struct Environment {
   uint32_t texture = none;  // equirectangular, multiplies both
   glm::dmat3 map_to_world{1.0};
 };
+
+class Scene;
+/// The image that a projector throws.
+const Texture& pattern_of(const Scene& scene, const Light& light);
 
 struct Camera {
   std::string name;
@@ -105,6 +116,8 @@ class Scene {
   uint32_t add_light(Light light);
   /// Moves the vertices; triangles stay. As many positions as there are vertices, and normals exactly where the mesh has them.
   void update_mesh_positions(uint32_t id, std::vector<glm::vec3> positions, std::vector<glm::vec3> normals);
+  /// Replaces the texels; size, channels and format may change.
+  void set_texture(uint32_t id, Texture texture);
   void set_material(uint32_t id, Material material);
   void set_instance_pose(uint32_t id, const glm::dmat4& local_to_world);
   void set_instance_materials(uint32_t id, std::vector<uint32_t> materials);

@@ -170,6 +170,9 @@ void check_projector(const Light& light) {
   check_pinhole("light", light.name, light.k);
   check_not_negative("light", light.name, "falloff", light.falloff);
   check_not_negative("light", light.name, "focus_m", light.focus_m);
+  if (!(light.pattern_scale > 0.0 && std::isfinite(light.pattern_scale)))
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "light '%s': pattern_scale is %g, must be finite and > 0", light.name.c_str(), light.pattern_scale);
+  if (!light.dots.dots.empty()) check(light.dots, light.name);
   for (const double d : light.distortion)
     if (!std::isfinite(d)) ks::fail(KS_ERROR_INVALID_ARGUMENT, "light '%s': distortion has a value that is not finite", light.name.c_str());
 }
@@ -183,7 +186,10 @@ void check(const Light& light) {
   check_infrared("light", light.name, "ir_intensity", light.ir_intensity);
   check_rigid(light.light_to_world, ("light '" + light.name + "': light_to_world").c_str());
   check_shape(light);
-  if (light.kind == Light::Kind::projector) check_projector(light);
+  if (light.kind == Light::Kind::projector) return check_projector(light);
+  if (!light.dots.dots.empty())
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "light '%s': %zu dots, but only a projector takes dots", light.name.c_str(),
+             light.dots.dots.size());
 }
 
 void check(const Environment& environment) {

@@ -1,0 +1,93 @@
+#include "pathtrace/texture_tables.h"
+
+#include <algorithm>
+
+#include "material/texels.h"
+
+namespace kuafu {
+namespace {
+
+/// Writes the words into the buffer, or into a new one where they do not fit exactly.
+void put(const Memory& memory, std::shared_ptr<ks::Buffer>& buffer, const std::vector<uint32_t>& words) {
+  Block block;
+  const uint64_t bytes = words.size() * 4;
+  if (buffer && buffer->size_bytes() == std::max<uint64_t>(bytes, 16)) {
+    buffer->write(0, words.data(), bytes);
+    return;
+  }
+  block.add(words);
+  buffer = block.upload(memory.device);
+}
+
+}  // namespace
+
+bool TextureTables::update(const Scene& scene) {
+  bool lights = false;
+  for (uint32_t id = 0; id < slots_.size(); ++id) {
+    const Texture& texture = scene.textures()[id];
+    if (texture.revision == slots_[id].revision) continue;
+    replace(texture, id);
+    lights |= replace_pattern(texture, id) || scene.environment().texture == id;
+    slots_[id].revision = texture.revision;
+  }
+  if (records_.size() < scene.textures().size()) add_new(scene);
+  std::ranges::copy(records_, table_.resize(memory_, records_.size()).begin());
+  return lights;
+}
+
+void TextureTables::forget() {
+  blocks_.clear();
+  records_.clear();
+  slots_.clear();
+  patterns_.clear();
+  dots_.clear();
+}
+
+void TextureTables::add_new(const Scene& scene) {
+  Block block;
+  std::vector<uint64_t> offsets;
+  const size_t first = records_.size();
+  for (size_t i = first; i < scene.textures().size(); ++i) {
+    const Texture& t = scene.textures()[i];
+    const Texels texels = linear_texels(t);
+    offsets.push_back(block.add(texels.words));
+    records_.push_back({{}, t.width, t.height, texels.format, 0});
+    slots_.push_back({t.revision, nullptr});
+  }
+  const auto buffer = blocks_.emplace_back(block.upload(memory_.device));
+  for (size_t i = first; i < records_.size(); ++i) records_[i].texels = memory_.address(*buffer) + offsets[i - first];
+}
+
+void TextureTables::replace(const Texture& texture, uint32_t id) {
+  const Texels texels = linear_texels(texture);
+  put(memory_, slots_[id].own, texels.words);
+  records_[id] = {memory_.address(*slots_[id].own), texture.width, texture.height, texels.format, 0};
+}
+
+bool TextureTables::replace_pattern(const Texture& texture, uint32_t id) {
+  const auto found = patterns_.find(id);
+  if (found == patterns_.end()) return false;
+  const PatternPlane plane = pattern_plane(texture);
+  put(memory_, found->second.buffer, plane.words);
+  found->second.bits = plane.bits;
+  return true;
+}
+
+TextureTables::Pattern TextureTables::upload(const Texture& texture) {
+  const PatternPlane plane = pattern_plane(texture);
+  Pattern pattern{nullptr, plane.bits};
+  put(memory_, pattern.buffer, plane.words);
+  return pattern;
+}
+
+PatternAddress TextureTables::pattern(const Scene& scene, const Light& light) {
+  Pattern& pattern = light.raster ? dots_[light.raster] : patterns_[light.texture];
+  if (!pattern.buffer) pattern = upload(pattern_of(scene, light));
+  return {memory_.address(*pattern.buffer), pattern.bits};
+}
+
+void TextureTables::drop_unused() {
+  std::erase_if(dots_, [](const auto& entry) { return entry.first.use_count() == 1; });
+}
+
+}  // namespace kuafu

@@ -1,0 +1,55 @@
+// Textures and projector patterns in device memory. A texture that is set again is uploaded alone, in place where its size stays.
+// Thread rule: externally synchronised; no work may be in flight during update.
+#pragma once
+
+#include <map>
+#include <memory>
+#include <unordered_map>
+#include <vector>
+
+#include "light/light_table.h"
+#include "pathtrace/device_array.h"
+#include "scene/scene.h"
+#include "shared/scene_records.h"
+
+namespace kuafu {
+
+class TextureTables {
+ public:
+  explicit TextureTables(Memory memory) : memory_(std::move(memory)) {}
+
+  /// Uploads what is new or was set again. True: a light's record may name what is not there any more.
+  bool update(const Scene& scene);
+  /// Everything is to be uploaded again, from another scene.
+  void forget();
+  /// The plane of a projector's pattern: its texture's, or that of its dots.
+  PatternAddress pattern(const Scene& scene, const Light& light);
+  /// Lets go of the dots that no light has any more.
+  void drop_unused();
+  [[nodiscard]] uint64_t address() const { return table_.address(); }
+
+ private:
+  struct Pattern {
+    std::shared_ptr<ks::Buffer> buffer;
+    uint32_t bits = 0;
+  };
+  struct Slot {
+    uint64_t revision = 0;            // Texture::revision that the device has
+    std::shared_ptr<ks::Buffer> own;  // where the texels lie once it was set again; before: in a block of many
+  };
+
+  void add_new(const Scene& scene);
+  void replace(const Texture& texture, uint32_t id);
+  bool replace_pattern(const Texture& texture, uint32_t id);
+  Pattern upload(const Texture& texture);
+
+  Memory memory_;
+  std::vector<std::shared_ptr<ks::Buffer>> blocks_;
+  std::vector<TextureRecord> records_;
+  std::vector<Slot> slots_;
+  MappedTable<TextureRecord> table_;
+  std::unordered_map<uint32_t, Pattern> patterns_;          // by texture
+  std::map<std::shared_ptr<const Texture>, Pattern> dots_;  // by raster
+};
+
+}  // namespace kuafu
