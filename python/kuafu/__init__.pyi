@@ -162,6 +162,16 @@ class Camera:
         self, width: int, height: int, k: ArrayLike, camera_to_world: ArrayLike | None = None, near_m: float = 0.0, far_m: float = ...
     ) -> None: ...
 
+class Film:
+    vignetting_exponent: float
+    vignetting_polynomial: tuple[float, float, float]
+    defocus_lens_radius_m: float
+    defocus_focus_m: float
+    psf_sigma_px: float
+    psf_corner_sigma_px: float
+    veiling_glare_fraction: float
+    def __init__(self, **fields: Any) -> None: ...
+
 class SceneSummary:
     @property
     def mesh_count(self) -> int: ...
@@ -256,5 +266,6 @@ class Renderer:
         ir_ambient_radiance: float = 0.002,
         glass_surfaces: int = 8,
         light_sampling: Literal["mis", "lights", "bsdf"] = "mis",
+        film: Film | Mapping[str, Any] | Sequence[Film | Mapping[str, Any]] | None = None,
         progress: Callable[[float], object] | None = None,
     ) -> dict[str, NDArray[Any]]: ...

@@ -1,5 +1,5 @@
-// Material, Light, Camera: built from keyword arguments, every field a property under its C name. None stands for "no texture" and "not
-// said".
+// Material, Light, Camera, Film: built from keyword arguments, every field a property under its C name. None stands for "no texture" and
+// "not said".
 #include "records.h"
 
 #include <algorithm>
@@ -177,12 +177,27 @@ void bind_camera(py::module_& module) {
   scalar(type, "far_m", &kuafu_camera_desc::far_m, "Farther hits are not seen.");
 }
 
+void bind_film(py::module_& module) {
+  py::class_<Film> type(
+      module, "Film", "A camera's optics on linear light, neutral by default. Every field is a keyword argument; applied in their order.");
+  type.def(py::init(&from_fields<Film>));
+  scalar(type, "vignetting_exponent", &kuafu_film_desc::vignetting_exponent, "n of cos^n of the angle to the axis; 4 is a thin lens'.");
+  vector(type, "vignetting_polynomial", &kuafu_film_desc::vignetting_polynomial,
+         "a1, a2, a3 of 1 + a1 r^2 + a2 r^4 + a3 r^6; r is 1 in the corners.");
+  scalar(type, "defocus_lens_radius_m", &kuafu_film_desc::defocus_lens_radius_m, "0 = sharp everywhere.");
+  scalar(type, "defocus_focus_m", &kuafu_film_desc::defocus_focus_m, "Distance that is sharp.");
+  scalar(type, "psf_sigma_px", &kuafu_film_desc::psf_sigma_px, "Gaussian of the whole image.");
+  scalar(type, "psf_corner_sigma_px", &kuafu_film_desc::psf_corner_sigma_px, "Its part that grows with r^2, in the corners.");
+  scalar(type, "veiling_glare_fraction", &kuafu_film_desc::veiling_glare_fraction, "Of the light, spread evenly over the image.");
+}
+
 }  // namespace
 
 void bind_records(py::module_& module) {
   bind_material(module);
   bind_light(module);
   bind_camera(module);
+  bind_film(module);
 }
 
 }  // namespace ks_python

@@ -1,4 +1,4 @@
-// Material, Light and Camera as Python sees them: the C descriptor and the memory it points to.
+// Material, Light, Camera and Film as Python sees them: the C descriptor and the memory it points to.
 #pragma once
 
 #include <vector>
@@ -32,6 +32,10 @@ struct Light {
 
 struct Camera {
   kuafu_camera_desc c = kuafu_camera_desc_init();
+};
+
+struct Film {
+  kuafu_film_desc c = kuafu_film_desc_init();
 };
 
 inline std::string text_of(const char* name) { return name ? name : ""; }

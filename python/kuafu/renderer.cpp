@@ -53,8 +53,11 @@ class Renderer {
   [[nodiscard]] const std::shared_ptr<Device<Kuafu>>& device() const { return device_; }
 
   py::dict render(Scene& scene, const py::object& cameras, const py::object& outputs, const std::string& band,
-                  const std::optional<std::vector<uint32_t>>& environments, kuafu_render_desc desc, const py::object& callback) {
-    const std::vector<kuafu_view_desc> views = read_views(cameras, band, environments);
+                  const std::optional<std::vector<uint32_t>>& environments, const py::object& film, kuafu_render_desc desc,
+                  const py::object& callback) {
+    std::vector<kuafu_view_desc> views = read_views(cameras, band, environments);
+    const std::vector<Film> films = read_films(film, views.size());
+    for (size_t i = 0; i < films.size(); ++i) views[i].film = &films[i].c;
     std::vector<kuafu_output_desc> c_outputs;
     py::dict arrays;
     read_outputs(outputs, views, c_outputs, arrays);
@@ -94,6 +97,20 @@ class Renderer {
       views.push_back(view);
     }
     return views;
+  }
+
+  /// None, one Film for all views, or one for each; a dict of its fields stands for a Film.
+  static std::vector<Film> read_films(const py::object& film, size_t view_count) {
+    if (film.is_none()) return {};
+    const auto one = [](const py::object& value) {
+      return py::isinstance<py::dict>(value) ? py::cast<Film>(py::type::of<Film>()(**value)) : py::cast<Film>(value);
+    };
+    if (py::isinstance<Film>(film) || py::isinstance<py::dict>(film)) return std::vector<Film>(view_count, one(film));
+    std::vector<Film> films;
+    for (const py::handle item : film) films.push_back(one(py::reinterpret_borrow<py::object>(item)));
+    if (films.size() != view_count)
+      raise_argument<Kuafu>(std::to_string(films.size()) + " films for " + std::to_string(view_count) + " cameras");
+    return films;
   }
 
   /// `outputs`: names (buffers are made) or {name: Image or Buffer}. Fills the C descriptors and the arrays to return.
@@ -150,7 +167,7 @@ void bind_renderer(py::module_& module) {
           [](Renderer& self, Scene& scene, const py::object& cameras, const py::object& outputs, const std::string& band,
              const std::optional<std::vector<uint32_t>>& environments, uint32_t spp, uint32_t max_bounces, uint64_t seed,
              uint32_t first_sample, float ir_ambient_scale, float ir_ambient_radiance, uint32_t glass_surfaces,
-             const std::string& light_sampling, const py::object& progress) {
+             const std::string& light_sampling, const py::object& film, const py::object& progress) {
             kuafu_render_desc desc = kuafu_render_desc_init();
             desc.samples_per_pixel = spp;
             desc.max_bounces = max_bounces;
@@ -160,18 +177,20 @@ void bind_renderer(py::module_& module) {
             desc.ir_ambient_radiance = ir_ambient_radiance;
             desc.glass_surfaces = glass_surfaces;
             desc.light_sampling = sampling_of(light_sampling);
-            return self.render(scene, cameras, outputs, band, environments, desc, progress);
+            return self.render(scene, cameras, outputs, band, environments, film, desc, progress);
           },
           py::arg("scene"), py::arg("cameras"), py::arg("outputs") = py::make_tuple("radiance"), py::kw_only(),
           py::arg("band") = "infrared", py::arg("environments") = py::none(), py::arg("spp") = d.samples_per_pixel,
           py::arg("max_bounces") = d.max_bounces, py::arg("seed") = 0, py::arg("first_sample") = 0,
           py::arg("ir_ambient_scale") = d.ir_ambient_scale, py::arg("ir_ambient_radiance") = d.ir_ambient_radiance,
-          py::arg("glass_surfaces") = d.glass_surfaces, py::arg("light_sampling") = "mis", py::arg("progress") = py::none(),
+          py::arg("glass_surfaces") = d.glass_surfaces, py::arg("light_sampling") = "mis", py::arg("film") = py::none(),
+          py::arg("progress") = py::none(),
           "cameras: a Camera or a sequence of them, all of one size. outputs: names of radiance, projector_direct, projector_indirect, "
           "ambient, depth, normal,\n"
           "instance_id, material_id; or {name: Image or Buffer} to fill those. band: 'infrared' (one channel) or 'visible' (three).\n"
           "Returns {name: array [view, height, width, channel]}: float32, uint32 for ids; views of the buffers, nothing is copied.\n"
           "light_sampling: 'mis', 'lights' or 'bsdf', how light with an extent is found.\n"
+          "film: optics of the cameras: a Film, a dict of its fields, or one for each camera; None is perfect.\n"
           "glass_surfaces: how many smooth glass surfaces a light's straight way to a surface may pass; 0: glass casts full shadows.\n"
           "progress(fraction: float) may return True to cancel (CancelledError); what it raises is raised here. Same seed, same bits.")
       .def_property_readonly(

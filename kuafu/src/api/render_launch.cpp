@@ -3,9 +3,11 @@
 #include <limits>
 
 #include "api/descriptors.h"
+#include "api/film_desc.h"
 #include "api/render_outputs.h"
 #include "api/struct_array.h"
 #include "device/error.h"
+#include "film/film.h"
 #include "scene/validate.h"
 
 namespace kuafu {
@@ -49,7 +51,7 @@ View read_view(const kuafu_view_desc& desc, uint32_t index) {
   check(camera);
   if (desc.environment >= most_environments)
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "views[%u].environment is %u, it must be below %u", index, desc.environment, most_environments);
-  return {camera.k, camera.camera_to_world, camera.near_m, camera.far_m, desc.environment};
+  return {camera.k, camera.camera_to_world, camera.near_m, camera.far_m, desc.environment, read_film(desc.film, camera.name)};
 }
 
 void read_views(const kuafu_render_desc& desc, Launch& launch) {
@@ -83,6 +85,7 @@ Launch read_launch(const kuafu_render_desc* desc, const ks::Device& device) {
   Launch launch;
   read_views(d, launch);
   read_outputs(d, device, launch);
+  launch.held |= held_for_film(launch);
   launch.samples = d.samples_per_pixel;
   launch.first_sample = d.first_sample;
   launch.max_bounces = d.max_bounces;

@@ -21,6 +21,14 @@ struct Memory {
   }
 };
 
+/// At least `words` of 32 bits; what was there is lost when it has to grow.
+inline void grow(const Memory& memory, std::shared_ptr<ks::Buffer>& buffer, uint64_t words) {
+  const uint64_t bytes = std::max<uint64_t>(words, 1) * 4;
+  if (buffer && buffer->size_bytes() >= bytes) return;
+  buffer.reset();
+  buffer = ks::Buffer::create(memory.device, bytes, memory.device->is_cpu() ? KS_BUFFER_HOST_VISIBLE : 0);
+}
+
 /// A table that the host writes through its mapping: small, rewritten often, no staging copy.
 template <class T>
 class MappedTable {

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "device/buffer.h"
+#include "film/optics.h"
 #include "pathtrace/band.h"
 #include "shared/wave.h"
 
@@ -18,6 +19,7 @@ struct View {
   glm::dmat4 camera_to_world{1.0};
   double near_m = 0.0, far_m = 0.0;
   uint32_t environment = 0;
+  Film film;
 };
 
 enum class LightSampling { mis, lights, bsdf };

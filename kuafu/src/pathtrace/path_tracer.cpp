@@ -121,6 +121,7 @@ void PathTracer::Run::render() {
 
 // Steps on whole images, in the order of the light: noise goes before the optics spread it, and the caller's format comes last.
 void PathTracer::Run::develop() {
+  o_.film_.run(commands_, launch_, o_.frame_);
   for (uint32_t kind = 0; kind < output_kind_count; ++kind)
     if (launch_.outputs[kind].buffer && o_.frame_.holds(kind)) o_.stages_->write(commands_, o_.frame_.write(launch_, kind));
   commands_.flush();
@@ -253,7 +254,8 @@ PathTracer::PathTracer(std::shared_ptr<ks::Device> device, TracerKind tracer)
       stages_(on_host_ ? make_host_stages(device_) : make_device_stages(device_, *tracer_)),
       tables_(memory()),
       buffers_(memory()),
-      frame_(memory()) {}
+      frame_(memory()),
+      film_(memory()) {}
 
 PathTracer::~PathTracer() = default;
 

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "accel/tracer.h"
+#include "film/film.h"
 #include "pathtrace/frame.h"
 #include "pathtrace/launch.h"
 #include "pathtrace/scene_tables.h"
@@ -42,6 +43,7 @@ class PathTracer {
   SceneTables tables_;
   WaveBuffers buffers_;
   Frame frame_;
+  FilmOptics film_;
   MappedTable<ViewRecord> views_;
   MappedTable<OutputRecord> outputs_;
   // Tracer and tables know a scene by its address, so the last one lives until both have taken the next.

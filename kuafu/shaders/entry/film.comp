@@ -1,0 +1,11 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "lib/invocation.glsl"
+#include "shared/film_record.h"
+
+layout(push_constant, scalar) uniform Push { FilmPush push; };
+#include "stage/film.glsl"
+
+void main() {
+  if (gl_GlobalInvocationID.x < push.count) film(gl_GlobalInvocationID.x);
+}

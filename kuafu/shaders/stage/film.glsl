@@ -1,0 +1,137 @@
+// Stage `film`: what the camera's optics do to linear light, one step per launch, one element of it per invocation.
+uint pixels_per_view() { return push.width * push.height; }
+FilmRecord film_of(uint pixel) { return push.films.at[pixel / pixels_per_view()]; }
+float field(uint position, uint length) { return length > 1u ? 2.0f * float(position) / float(length - 1u) - 1.0f : 0.0f; }
+
+/// (fx^2 + fy^2) / 2.
+float field_square(uint column, uint row) {
+  float x = field(column, push.width), y = field(row, push.height);
+  return 0.5f * (x * x + y * y);
+}
+
+void copy_pixel(uint pixel) {
+  for (uint c = 0u; c < push.channels; ++c) push.to.at[pixel * push.channels + c] = push.from.at[pixel * push.channels + c];
+}
+
+void vignetting(uint pixel) {
+  FilmRecord f = film_of(pixel);
+  uint column = pixel % push.width, row = pixel / push.width % push.height;
+  float y = (float(row) - f.cy) / f.fy, x = (float(column) - f.cx - f.skew * y) / f.fx;
+  float r2 = field_square(column, row);
+  float factor = max(0.0f, 1.0f + r2 * (f.vignetting_a1 + r2 * (f.vignetting_a2 + r2 * f.vignetting_a3)));
+  factor *= pow(1.0f + x * x + y * y, -0.5f * f.vignetting_exponent);
+  for (uint c = 0u; c < push.channels; ++c) push.to.at[pixel * push.channels + c] *= factor;
+}
+
+float inverse_depth(uint pixel) {
+  float z = push.depth.at[pixel];
+  return z > 0.0f ? 1.0f / z : 0.0f;  // nothing hit is infinitely far
+}
+
+/// Radius in pixels of the circle that a point at this depth becomes; half a pixel is a point.
+float circle_radius(FilmRecord f, float inverse_z) {
+  return clamp(f.defocus_px_m * abs(inverse_z - f.defocus_inverse_focus), 0.5f, float(film_most_radius_px));
+}
+
+void circle_row(uint row) {
+  FilmRecord f = push.films.at[row / push.height];
+  float most = 0.5f;
+  for (uint column = 0u; column < push.width; ++column) most = max(most, circle_radius(f, inverse_depth(row * push.width + column)));
+  push.rows.at[row] = most;
+}
+
+/// Share of its light that a circle brings to the pixel at this distance; its rim is one pixel wide, and pi (r^2 + 1/12) its whole.
+float circle_share(float radius, float distance) {
+  return clamp(radius + 0.5f - distance, 0.0f, 1.0f) / (3.14159265f * (radius * radius + 1.0f / 12.0f));
+}
+
+// Light is spread from its own circle. What lies behind a pixel's surface spreads no farther over it than that surface blurs itself, so a sharp edge
+// stays sharp before a blurred background; what lies before it spreads over it. Dividing by the sum of shares fills in for what is hidden.
+void defocus(uint pixel) {
+  FilmRecord f = film_of(pixel);
+  if (f.defocus_px_m == 0.0f) {
+    copy_pixel(pixel);
+    return;
+  }
+  int column = int(pixel % push.width), row = int(pixel / push.width % push.height), first_row = int(pixel / push.width) - row;
+  float here = inverse_depth(pixel), own = circle_radius(f, here);
+  float sum[3], shares = 0.0f;
+  for (uint c = 0u; c < 3u; ++c) sum[c] = 0.0f;
+  int reach = int(film_most_radius_px);
+  for (int y = max(row - reach, 0); y <= min(row + reach, int(push.height) - 1); ++y) {
+    float rise = float(y - row), most = push.rows.at[first_row + y] + 0.5f;
+    if (abs(rise) >= most) continue;
+    int side = int(sqrt(most * most - rise * rise));
+    for (int x = max(column - side, 0); x <= min(column + side, int(push.width) - 1); ++x) {
+      uint other = uint((first_row + y) * int(push.width) + x);
+      float there = inverse_depth(other), radius = circle_radius(f, there);
+      if (there < here) radius = min(radius, own);
+      float run = float(x - column), share = circle_share(radius, sqrt(run * run + rise * rise));
+      shares += share;
+      for (uint c = 0u; c < push.channels; ++c) sum[c] += share * push.from.at[other * push.channels + c];
+    }
+  }
+  for (uint c = 0u; c < push.channels; ++c) push.to.at[pixel * push.channels + c] = sum[c] / shares;
+}
+
+/// Between two kernels of the table: their mixture has exactly the variance in between.
+float psf_weight(FilmRecord f, uint column, uint row, uint distance) {
+  uint word = f.psf_kernels + distance, stride = f.psf_radius + 1u;
+  if (f.psf_kernels_per_variance == 0.0f) return push.kernels.at[word];
+  float corner = f.psf_corner_sigma_px * field_square(column, row);
+  float k = corner * corner * f.psf_kernels_per_variance;
+  word += uint(k) * stride;
+  float nearer = push.kernels.at[word];
+  return nearer + (k - floor(k)) * (push.kernels.at[word + stride] - nearer);
+}
+
+// Each source pixel spreads by its own kernel, whose sum is 1, so energy stays. Beyond the border the light is that of the border's pixel.
+void psf(uint pixel, bool along_row) {
+  FilmRecord f = film_of(pixel);
+  int column = int(pixel % push.width), row = int(pixel / push.width % push.height), first_row = int(pixel / push.width) - row;
+  int last_column = int(push.width) - 1, last_row = int(push.height) - 1, radius = int(f.psf_radius);
+  float sum[3];
+  for (uint c = 0u; c < 3u; ++c) sum[c] = 0.0f;
+  for (int k = -radius; k <= radius; ++k) {
+    int x = along_row ? clamp(column + k, 0, last_column) : column, y = along_row ? row : clamp(row + k, 0, last_row);
+    float weight = psf_weight(f, uint(x), uint(y), uint(abs(k)));
+    uint word = uint((first_row + y) * int(push.width) + x) * push.channels;
+    for (uint c = 0u; c < push.channels; ++c) sum[c] += weight * push.from.at[word + c];
+  }
+  for (uint c = 0u; c < push.channels; ++c) push.to.at[pixel * push.channels + c] = sum[c];
+}
+
+void row_sum(uint i) {
+  uint row = i / push.channels, c = i % push.channels;
+  float sum = 0.0f;
+  for (uint x = 0u; x < push.width; ++x) sum += push.from.at[(row * push.width + x) * push.channels + c];
+  push.rows.at[i] = sum;
+}
+
+void view_mean(uint i) {
+  uint view = i / push.channels, c = i % push.channels;
+  float sum = 0.0f;
+  for (uint y = 0u; y < push.height; ++y) sum += push.rows.at[(view * push.height + y) * push.channels + c];
+  push.rows.at[push.view_count * push.height * push.channels + i] = sum / float(pixels_per_view());
+}
+
+void veiling_glare(uint pixel) {
+  float fraction = film_of(pixel).veiling_glare_fraction;
+  uint mean = (push.view_count * push.height + pixel / pixels_per_view()) * push.channels;
+  for (uint c = 0u; c < push.channels; ++c) {
+    uint word = pixel * push.channels + c;
+    push.to.at[word] = (1.0f - fraction) * push.to.at[word] + fraction * push.rows.at[mean + c];
+  }
+}
+
+void film(uint i) {
+  if (push.step == film_vignetting) vignetting(i);
+  if (push.step == film_circle_rows) circle_row(i);
+  if (push.step == film_defocus) defocus(i);
+  if (push.step == film_psf_columns) psf(i, true);
+  if (push.step == film_psf_rows) psf(i, false);
+  if (push.step == film_row_sums) row_sum(i);
+  if (push.step == film_view_means) view_mean(i);
+  if (push.step == film_veiling_glare) veiling_glare(i);
+  if (push.step == film_copy) copy_pixel(i);
+}

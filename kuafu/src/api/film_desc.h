@@ -1,0 +1,14 @@
+// Reads and checks a kuafu_film_desc. Thread rule: pure functions.
+#pragma once
+
+#include <string>
+
+#include "film/optics.h"
+#include "kuafu/kuafu.h"
+
+namespace kuafu {
+
+/// NULL gives perfect optics. Errors name `view`, the field and the number.
+Film read_film(const kuafu_film_desc* desc, const std::string& view);
+
+}  // namespace kuafu

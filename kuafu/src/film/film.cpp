@@ -1,0 +1,140 @@
+#include "film/film.h"
+
+#include "film/gaussian.h"
+#include "film/host_film.h"
+#include "spirv/film.h"
+
+namespace kuafu {
+namespace {
+
+constexpr uint32_t varying_kernels = 32;  // between the middle's variance and the corners'
+
+double square(double x) { return x * x; }
+
+/// Puts the view's kernels behind `table` and says in `record` where they are.
+void add_kernels(const Film& film, FilmRecord& record, std::vector<float>& table) {
+  if (!film.spreads()) return;
+  const double middle = square(film.psf_sigma_px), corner = square(film.psf_corner_sigma_px);
+  record.psf_corner_sigma_px = float(film.psf_corner_sigma_px);
+  record.psf_radius = gaussian_radius(middle + corner);
+  record.psf_kernels = uint32_t(table.size());
+  record.psf_kernels_per_variance = corner > 0.0 ? float(varying_kernels / corner) : 0.0f;
+  // One more than there are intervals, and one that the corners' rounding may read.
+  for (uint32_t k = 0; k < (corner > 0.0 ? varying_kernels + 2 : 1); ++k) {
+    const std::vector<float> kernel = gaussian_kernel(middle + corner * k / varying_kernels, record.psf_radius);
+    table.insert(table.end(), kernel.begin(), kernel.end());
+  }
+}
+
+FilmRecord film_record(const View& view) {
+  const Film& film = view.film;
+  FilmRecord r{};
+  r.vignetting_exponent = float(film.vignetting_exponent);
+  r.vignetting_a1 = float(film.vignetting_polynomial[0]);
+  r.vignetting_a2 = float(film.vignetting_polynomial[1]);
+  r.vignetting_a3 = float(film.vignetting_polynomial[2]);
+  r.fx = float(view.k[0][0]);
+  r.fy = float(view.k[1][1]);
+  r.cx = float(view.k[2][0]);
+  r.cy = float(view.k[2][1]);
+  r.skew = float(view.k[1][0]);
+  r.defocus_px_m = float(film.defocus_lens_radius_m * 0.5 * (view.k[0][0] + view.k[1][1]));
+  r.defocus_inverse_focus = film.defocuses() ? float(1.0 / film.defocus_focus_m) : 0.0f;
+  r.veiling_glare_fraction = float(film.veiling_glare_fraction);
+  return r;
+}
+
+}  // namespace
+
+uint32_t held_for_film(const Launch& launch) {
+  bool any = false, defocus = false;
+  for (const View& view : launch.views) {
+    any = any || !view.film.is_neutral();
+    defocus = defocus || view.film.defocuses();
+  }
+  uint32_t held = 0;
+  for (uint32_t kind = output_radiance; any && kind < output_kind_count; ++kind)
+    if (launch.outputs[kind].buffer) held |= 1u << kind;
+  return held != 0 && defocus ? held | 1u << output_depth : held;
+}
+
+FilmOptics::FilmOptics(Memory memory) : memory_(std::move(memory)), step_(memory_, film_spirv, host::film) {}
+
+void FilmOptics::run(ks::Commands& commands, const Launch& launch, const Frame& frame) {
+  fit(launch);
+  if (!vignettes_ && !defocuses_ && !spreads_ && !glares_) return;
+  write_records(launch);
+  FilmPush push{};
+  push.rows = memory_.address(*rows_);
+  push.films = records_.address();
+  push.kernels = kernels_.address();
+  push.width = launch.width;
+  push.height = launch.height;
+  push.view_count = uint32_t(launch.views.size());
+  if (defocuses_) {
+    push.depth = frame.address(output_depth);
+    step(commands, push, film_circle_rows, push.view_count * push.height);
+  }
+  for (uint32_t kind = output_radiance; kind < output_kind_count; ++kind) {
+    if (!launch.outputs[kind].buffer) continue;
+    push.channels = launch.channels(kind);
+    push.to = frame.address(kind);
+    develop(commands, push);
+  }
+}
+
+void FilmOptics::fit(const Launch& launch) {
+  vignettes_ = defocuses_ = spreads_ = glares_ = false;
+  for (const View& view : launch.views) {
+    vignettes_ = vignettes_ || view.film.vignettes();
+    defocuses_ = defocuses_ || view.film.defocuses();
+    spreads_ = spreads_ || view.film.spreads();
+    glares_ = glares_ || view.film.glares();
+  }
+  const uint32_t channels = launch.band.channels(), rows = uint32_t(launch.views.size()) * (launch.height + 1) * (channels + 1);
+  grow(memory_, scratch_, defocuses_ || spreads_ ? uint64_t(launch.pixel_count()) * channels : 1);
+  grow(memory_, rows_, rows);
+}
+
+void FilmOptics::write_records(const Launch& launch) {
+  const auto records = records_.resize(memory_, launch.views.size());
+  std::vector<float> kernels = {1.0f};  // of views without blur
+  for (size_t i = 0; i < launch.views.size(); ++i) {
+    records[i] = film_record(launch.views[i]);
+    add_kernels(launch.views[i].film, records[i], kernels);
+  }
+  std::copy(kernels.begin(), kernels.end(), kernels_.resize(memory_, kernels.size()).begin());
+}
+
+void FilmOptics::develop(ks::Commands& commands, FilmPush push) {
+  const uint32_t pixels = push.view_count * push.width * push.height, channels = push.channels;
+  const FloatArray image = push.to;
+  FloatArray spare = memory_.address(*scratch_);
+  const auto in_place = [&](uint32_t which, uint32_t count) {
+    push.from = push.to;
+    step(commands, push, which, count);
+  };
+  const auto moved = [&](uint32_t which) {
+    push.from = push.to;
+    push.to = spare;
+    step(commands, push, which, pixels);
+    spare = push.from;
+  };
+  if (vignettes_) in_place(film_vignetting, pixels);
+  if (defocuses_) moved(film_defocus);
+  if (spreads_) moved(film_psf_columns), moved(film_psf_rows);
+  if (push.to.at != image.at) moved(film_copy);
+  if (!glares_) return;
+  push.rows.at += push.view_count * push.height;  // behind the circles
+  in_place(film_row_sums, push.view_count * push.height * channels);
+  in_place(film_view_means, push.view_count * channels);
+  in_place(film_veiling_glare, pixels);
+}
+
+void FilmOptics::step(ks::Commands& commands, FilmPush push, uint32_t step, uint32_t count) {
+  push.step = step;
+  push.count = count;
+  step_.run(commands, "film", push);
+}
+
+}  // namespace kuafu

@@ -1,0 +1,34 @@
+// Film optics on the frame's images of light, view by view: vignetting, defocus by depth, point spread, veiling glare, in that order. All
+// are linear, so every light group gets them and their sum stays the image. Thread rule: externally synchronised.
+#pragma once
+
+#include "pathtrace/frame.h"
+#include "pathtrace/image_step.h"
+#include "shared/film_record.h"
+
+namespace kuafu {
+
+/// Which images the frame must hold for the launch's films: those of light, and depth for defocus.
+uint32_t held_for_film(const Launch& launch);
+
+class FilmOptics {
+ public:
+  explicit FilmOptics(Memory memory);
+  /// Changes the light images that the caller asked for.
+  void run(ks::Commands& commands, const Launch& launch, const Frame& frame);
+
+ private:
+  void fit(const Launch& launch);
+  void write_records(const Launch& launch);
+  void develop(ks::Commands& commands, FilmPush push);
+  void step(ks::Commands& commands, FilmPush push, uint32_t step, uint32_t count);
+
+  Memory memory_;
+  ImageStep<FilmPush> step_;
+  MappedTable<FilmRecord> records_;
+  MappedTable<float> kernels_;
+  std::shared_ptr<ks::Buffer> scratch_, rows_;
+  bool vignettes_ = false, defocuses_ = false, spreads_ = false, glares_ = false;  // some view
+};
+
+}  // namespace kuafu

@@ -1,0 +1,19 @@
+#include "film/host_film.h"
+
+#include "pathtrace/host_language.h"
+
+namespace kuafu {
+namespace {
+
+struct FilmStage {
+  const FilmPush& push;
+#include "stage/film.glsl"
+};
+
+}  // namespace
+
+void host::film(const FilmPush& push, uint32_t first, uint32_t end) {
+  for (FilmStage stage{push}; first < end; ++first) stage.film(first);
+}
+
+}  // namespace kuafu

@@ -1,0 +1,50 @@
+// A step on whole images: one text (shaders/stage) as a Vulkan pipeline or as C++ on the worker threads. Push is the step's launch; it has
+// `count`, the number of invocations. Thread rule: externally synchronised.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <optional>
+#include <span>
+
+#include "device/compute.h"
+#include "device/thread_pool.h"
+#include "pathtrace/device_array.h"
+
+namespace kuafu {
+
+template <class Push>
+class ImageStep {
+ public:
+  using HostKernel = void(const Push& push, uint32_t first, uint32_t end);
+  ImageStep(Memory memory, std::span<const uint32_t> spirv, HostKernel* kernel)
+      : memory_(std::move(memory)), spirv_(spirv), kernel_(kernel) {}
+
+  void run(ks::Commands& commands, const char* stage, const Push& push) {
+    if (memory_.on_host) return run_on_host(commands, stage, push);
+    commands.begin_stage(stage);
+    const std::array<uint32_t, 1> specialisation{group_size};
+    if (!pipeline_) pipeline_.emplace(memory_.device, spirv_, uint32_t(sizeof(Push)), specialisation);
+    commands.dispatch(*pipeline_, push, (push.count + group_size - 1) / group_size);
+  }
+
+ private:
+  static constexpr uint32_t group_size = 128, chunk_size = 512;
+
+  void run_on_host(ks::Commands& commands, const char* stage, const Push& push) const {
+    const auto start = std::chrono::steady_clock::now();
+    memory_.device->workers().parallel_for((size_t(push.count) + chunk_size - 1) / chunk_size, [&](size_t chunk) {
+      const auto first = uint32_t(chunk) * chunk_size;
+      kernel_(push, first, std::min(push.count, first + chunk_size));
+    });
+    commands.add_host_time(stage, std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count());
+  }
+
+  Memory memory_;
+  std::span<const uint32_t> spirv_;
+  HostKernel* kernel_;
+  std::optional<ks::ComputePipeline> pipeline_;
+};
+
+}  // namespace kuafu

@@ -1,0 +1,69 @@
+"""kuafu's film optics beside the effects of the same name: one definition, wherever it runs."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import kuafu
+from activestereo.effects import builtin
+from activestereo.effects.core.laws import example_view
+
+WIDTH, HEIGHT, K = 60, 44, np.array([[50.0, 0, 28.0], [0, 52.0, 23.0], [0, 0, 1]])
+
+
+@pytest.fixture(scope="module")
+def render(device):
+    rng = np.random.default_rng(1)
+    scene = kuafu.Scene(device)
+    cells = scene.add_texture(rng.random((12, 16, 3)).astype(np.float32))
+    wall = kuafu.Material(base_color=(0, 0, 0, 1), specular=0.0, emission=(1, 1, 1), emission_texture=cells)
+    corners = np.array([[-2, -2, 2], [2, -2, 2], [2, 2, 2], [-2, 2, 2]], np.float32)
+    uvs = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float32)
+    mesh = scene.add_mesh(corners, np.array([[0, 1, 2], [0, 2, 3]], np.uint32), uvs=uvs)
+    scene.add_instance(mesh, [scene.add_material(wall)])
+    renderer, camera = kuafu.Renderer(device), kuafu.Camera(WIDTH, HEIGHT, K)
+
+    def image(film=None):
+        return renderer.render(scene, camera, ["radiance"], band="visible", spp=4, max_bounces=0, film=film)["radiance"][0].astype(np.float64)
+
+    return image
+
+
+def by_effect(image, name, **values):
+    view = replace(example_view(), K=K, depth_m=np.full((HEIGHT, WIDTH), 2.0), distortion=(0.0,) * 5)
+    stack = builtin()[name](np.moveaxis(image, -1, 0), view, **values)
+    return np.moveaxis(stack, 0, -1)
+
+
+def test_vignetting_is_the_effect_s(render):
+    seen = render({"vignetting_exponent": 3.0})
+    np.testing.assert_allclose(seen, by_effect(render(), "vignetting", exponent=3.0), rtol=2e-6)
+
+
+def test_veiling_glare_is_the_effect_s(render):
+    seen = render(kuafu.Film(veiling_glare_fraction=0.3))
+    np.testing.assert_allclose(seen, by_effect(render(), "veiling_glare", fraction=0.3), rtol=2e-5)
+
+
+@pytest.mark.parametrize("sigma, corner, tolerance", [(1.5, 0.0, 0.008), (1.2, 1.5, 0.025)])
+def test_lens_psf_is_the_effect_s(render, sigma, corner, tolerance):
+    """But for the kernel on the pixels, whose variance is exact here and sampled there, and for who tells a varying blur's width."""
+    seen = render(kuafu.Film(psf_sigma_px=sigma, psf_corner_sigma_px=corner))
+    other = by_effect(render(), "lens_psf", sigma_px=sigma, corner_sigma_px=corner)
+    assert np.abs(seen - other).max() < tolerance
+    assert np.abs(seen - render()).max() > 5 * tolerance
+
+
+def test_one_film_for_each_camera_or_for_all(render, device):
+    scene = kuafu.Scene(device)
+    scene.set_environment((1.0, 1.0, 1.0), 1.0)
+    camera, renderer = kuafu.Camera(9, 9, [[9, 0, 4], [0, 9, 4], [0, 0, 1]]), kuafu.Renderer(device)
+    images = renderer.render(scene, [camera, camera], spp=1, film=[kuafu.Film(), {"vignetting_exponent": 4}])["radiance"]
+    assert (images[0] == 1.0).all() and images[1, 0, 0, 0] < 0.8
+    with pytest.raises(ValueError, match="1 films for 2 cameras"):
+        renderer.render(scene, [camera, camera], film=[kuafu.Film()])
+    with pytest.raises(TypeError, match="no field 'sigma'"):
+        renderer.render(scene, camera, film={"sigma": 1})
+    with pytest.raises(kuafu.ArgumentError, match="psf_sigma_px is -1"):
+        renderer.render(scene, camera, film=kuafu.Film(psf_sigma_px=-1))
