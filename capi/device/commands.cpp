@@ -3,6 +3,7 @@
 #include "device/compute.h"
 #include "device/error.h"
 #include "device/stage_clock.h"
+#include "device/timeline.h"
 
 namespace ks {
 namespace {
@@ -37,6 +38,8 @@ struct Commands::State {
     if (pool != VK_NULL_HANDLE) device->vk().vkDestroyCommandPool(device->handle(), pool, nullptr);
   }
   VkCommandBuffer begun();
+  VkCommandBuffer ended();
+  void collect();
   void barrier(VkPipelineStageFlags to, VkAccessFlags accesses);
   void work_barrier() { barrier(work.stages | VK_PIPELINE_STAGE_DRAW_INDIRECT_BIT, work.writes | work.reads); }
   void done() {
@@ -49,7 +52,8 @@ struct Commands::State {
   VkCommandPool pool = VK_NULL_HANDLE;
   VkCommandBuffer buffer = VK_NULL_HANDLE;
   StageClock clock;
-  bool recording = false;
+  std::chrono::steady_clock::time_point start;  // of the submission
+  bool recording = false, submitted = false;
   bool automatic_barriers = true;
 };
 
@@ -70,6 +74,7 @@ Commands::~Commands() = default;
 
 VkCommandBuffer Commands::State::begun() {
   if (recording) return buffer;
+  if (submitted) fail(KS_ERROR_INTERNAL, "commands are recorded while what was submitted may still run: finish() it first");
   check(device->vk().vkResetCommandPool(device->handle(), pool, 0), "vkResetCommandPool");
   VkCommandBufferBeginInfo info{VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO};
   info.flags = VK_COMMAND_BUFFER_USAGE_ONE_TIME_SUBMIT_BIT;
@@ -149,15 +154,34 @@ void Commands::barrier() { state_->work_barrier(); }
 
 void Commands::set_automatic_barriers(bool on) { state_->automatic_barriers = on; }
 
+VkCommandBuffer Commands::State::ended() {
+  barrier(VK_PIPELINE_STAGE_HOST_BIT, VK_ACCESS_HOST_READ_BIT | VK_ACCESS_HOST_WRITE_BIT);
+  clock.end_recording(buffer);
+  recording = false;
+  check(device->vk().vkEndCommandBuffer(buffer), "vkEndCommandBuffer");
+  start = std::chrono::steady_clock::now();
+  return buffer;
+}
+
+void Commands::State::collect() {
+  clock.collect(std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count());
+}
+
 void Commands::flush() {
   if (!state_->recording) return;
-  state_->barrier(VK_PIPELINE_STAGE_HOST_BIT, VK_ACCESS_HOST_READ_BIT | VK_ACCESS_HOST_WRITE_BIT);
-  state_->clock.end_recording(state_->buffer);
-  state_->recording = false;
-  check(state_->device->vk().vkEndCommandBuffer(state_->buffer), "vkEndCommandBuffer");
-  const auto start = std::chrono::steady_clock::now();
-  state_->device->submit_and_wait(state_->buffer);
-  state_->clock.collect(std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count());
+  state_->device->submit_and_wait(state_->ended());
+  state_->collect();
+}
+
+void Commands::submit(const Timeline& timeline, uint64_t value) {
+  (void)state_->begun();  // an empty submission still reaches its value
+  state_->device->submit(state_->ended(), timeline.handle(), value);
+  state_->submitted = true;
+}
+
+void Commands::finish() {
+  if (state_->submitted) state_->collect();
+  state_->submitted = false;
 }
 
 void Commands::begin_stage(const char* name) { state_->clock.begin_stage(name, state_->recording ? state_->buffer : VK_NULL_HANDLE); }

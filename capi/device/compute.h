@@ -12,6 +12,8 @@
 
 namespace ks {
 
+class Timeline;
+
 /// A compute pipeline whose only inputs are push constants (device addresses of its buffers live in them) and specialisation constants (ids
 /// 0..n-1).
 class ComputePipeline {
@@ -59,6 +61,10 @@ class Commands {
   void set_automatic_barriers(bool on);
   /// Submits what was recorded, waits on the host, and starts recording anew. A no-op when nothing was recorded.
   void flush();
+  /// Submits what was recorded and returns; `timeline` reaches `value` when it has run. Nothing may be recorded before finish().
+  void submit(const Timeline& timeline, uint64_t value);
+  /// After the submitted work has run: takes its stage times. A no-op when nothing was submitted.
+  void finish();
 
   void begin_stage(const char* name);
   /// Milliseconds per stage name, in order of first use, since construction or reset_stage_times(); valid after flush().

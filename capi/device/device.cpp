@@ -198,8 +198,7 @@ void Device::submit_and_wait(VkCommandBuffer commands) {
   submit.pCommandBuffers = &commands;
   VkResult result = vk().vkQueueSubmit(queue_, 1, &submit, fence_);
   if (result == VK_SUCCESS) result = vk().vkWaitForFences(device_, 1, &fence_, VK_TRUE, UINT64_MAX);
-  if (result == VK_ERROR_DEVICE_LOST) lost_ = true;
-  check(result, "running commands on the device");
+  check_alive(result, "running commands on the device");
   check(vk().vkResetFences(device_, 1, &fence_), "vkResetFences");
   save_pipelines();  // drivers may compile as late as at the first run; and a process that ends without releasing its device keeps them too
 }
@@ -207,6 +206,25 @@ void Device::submit_and_wait(VkCommandBuffer commands) {
 void Device::save_pipelines() {
   if (!pipeline_cache_->save())
     log(KS_LOG_INFO, "compiled pipelines could not be written to the cache folder: the next process builds them again");
+}
+
+void Device::submit(VkCommandBuffer commands, VkSemaphore timeline, uint64_t value) {
+  VkTimelineSemaphoreSubmitInfo signal{VK_STRUCTURE_TYPE_TIMELINE_SEMAPHORE_SUBMIT_INFO};
+  signal.signalSemaphoreValueCount = 1;
+  signal.pSignalSemaphoreValues = &value;
+  VkSubmitInfo submit{VK_STRUCTURE_TYPE_SUBMIT_INFO, &signal};
+  submit.commandBufferCount = 1;
+  submit.pCommandBuffers = &commands;
+  submit.signalSemaphoreCount = 1;
+  submit.pSignalSemaphores = &timeline;
+  std::lock_guard lock(queue_mutex_);
+  if (lost_) fail(KS_ERROR_DEVICE_LOST, "%s was lost in an earlier call: create a new device", info_.name);
+  check_alive(vk().vkQueueSubmit(queue_, 1, &submit, VK_NULL_HANDLE), "vkQueueSubmit");
+}
+
+void Device::check_alive(VkResult result, const char* what) {
+  if (result == VK_ERROR_DEVICE_LOST) lost_ = true;
+  check(result, what);
 }
 
 void Device::log(uint32_t level, const char* format, ...) const {

@@ -59,6 +59,10 @@ class Device : public std::enable_shared_from_this<Device> {
 
   /// Submits one command buffer and waits for it on the host. Device loss is sticky and throws KS_ERROR_DEVICE_LOST.
   void submit_and_wait(VkCommandBuffer commands);
+  /// Submits one command buffer; the timeline semaphore reaches `value` when it has run.
+  void submit(VkCommandBuffer commands, VkSemaphore timeline, uint64_t value);
+  /// check() that remembers a lost device.
+  void check_alive(VkResult result, const char* what);
 
   [[nodiscard]] ThreadPool& workers() const { return *workers_; }
   void log(uint32_t level, const char* format, ...) const __attribute__((format(printf, 3, 4)));

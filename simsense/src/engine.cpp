@@ -1,10 +1,11 @@
 #include "engine.h"
 
+#include <algorithm>
 #include <string>
 
 #include "device/device.h"
 #include "device/error.h"
-#include "vulkan/host_batch.h"
+#include "vulkan/pipeline.h"
 
 namespace simsense {
 namespace {
@@ -63,7 +64,7 @@ void Engine::set_parameters(const simsense_parameters& parameters) {
   on_device_ = use_vulkan(parameters);
   if (!(match_parameters(parameters) == match_parameters(parameters_)) || !(region(parameters) == region(parameters_))) {
     matcher_.reset();
-    device_batch_.reset();
+    if (pipeline_) pipeline_->set_match_parameters(match_parameters(parameters));
   }
   parameters_ = parameters;
 }
@@ -75,17 +76,19 @@ Region Engine::region(const simsense_parameters& p) const {
 
 bool Engine::use_vulkan(const simsense_parameters& parameters) const {
   if (rig_.back_end == SIMSENSE_BACK_END_CPU || (rig_.back_end == SIMSENSE_BACK_END_AUTO && device_->is_cpu())) return false;
-  std::string why_not = why_not_vulkan(*device_, width_, height_, rig_.batch_count, match_parameters(parameters));
+  std::string why_not = why_no_pipeline(*device_, rig_);
+  if (why_not.empty()) why_not = why_not_vulkan(*device_, width_, height_, rig_.batch_count, match_parameters(parameters));
   if (parameters.roi_width != 0) why_not = "it knows no region of interest";
   return why_not.empty() || refuse_vulkan(why_not);
 }
 
 /// Of this call: the imagers and the outputs may ask for more than the Vulkan matcher has.
-bool Engine::use_vulkan(const Frame& frame) const {
+bool Engine::use_vulkan(const ComputeRequest& request) const {
   if (!on_device_) return false;
   if (is_wide()) return refuse_vulkan("it takes 8-bit images, and an imager has more");
-  if (frame.wants(SIMSENSE_OUTPUT_CONFIDENCE) || frame.wants(SIMSENSE_OUTPUT_REASON))
-    return refuse_vulkan("it gives neither confidence nor reasons");
+  for (const ComputeRequest::Output& wanted : request.outputs)
+    if (wanted.output == SIMSENSE_OUTPUT_CONFIDENCE || wanted.output == SIMSENSE_OUTPUT_REASON)
+      return refuse_vulkan("it gives neither confidence nor reasons");
   return true;
 }
 
@@ -101,6 +104,7 @@ void Engine::set_signal(const simsense_signal& left, const simsense_signal& righ
   check_signal(right, "right");
   Imager left_imager(left, &imagers_[0]);
   Imager right_imager(right, &imagers_[1]);
+  if (pipeline_) pipeline_->wait_idle();  // its arrays may grow
   imagers_[0] = std::move(left_imager);
   imagers_[1] = std::move(right_imager);
 }
@@ -133,51 +137,95 @@ ImageShape Engine::output_shape(uint32_t output) const {
   return {rig_.batch_count, camera.height, camera.width, channels};
 }
 
-void Engine::open_outputs(const ComputeRequest& request, Frame& frame) const {
-  for (const ComputeRequest::Output& wanted : request.outputs) {
-    const uint32_t output = wanted.output;
-    if (output == 0 || output >= output_count)
-      ks::fail(KS_ERROR_INVALID_ARGUMENT, "output %u is unknown: SIMSENSE_OUTPUT_* are 1..%u", output, output_count - 1);
-    if (frame.wants(output)) ks::fail(KS_ERROR_INVALID_ARGUMENT, "output %u (%s) is listed twice", output, output_names[output]);
-    const bool colored = output == SIMSENSE_OUTPUT_POINTS_COLORED;
-    if ((output == SIMSENSE_OUTPUT_DEPTH_RGB || colored) && !has_rgb_)
-      ks::fail(KS_ERROR_INVALID_ARGUMENT, "output %u (%s) needs a rig with an rgb camera: rgb.width is 0", output, output_names[output]);
-    if (colored && !frame.rgb) ks::fail(KS_ERROR_INVALID_ARGUMENT, "output %u (points_colored) needs the rgb image", output);
-    const uint32_t format = wanted.image.image.format, formats = output_formats(output);
-    if (format > KS_FORMAT_F32 || !(formats & bit(format)))
-      ks::fail(KS_ERROR_INVALID_ARGUMENT, "output %u (%s) has format %u: must be %s", output, output_names[output], format,
-               format_names(formats).c_str());
-    frame.outputs[output].emplace(*device_, wanted.image, output_shape(output), output_names[output]);
-  }
+void Engine::check_output(const ComputeRequest::Output& wanted, bool listed_before, bool has_rgb_image) const {
+  const uint32_t output = wanted.output;
+  if (output == 0 || output >= output_count)
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "output %u is unknown: SIMSENSE_OUTPUT_* are 1..%u", output, output_count - 1);
+  if (listed_before) ks::fail(KS_ERROR_INVALID_ARGUMENT, "output %u (%s) is listed twice", output, output_names[output]);
+  const bool colored = output == SIMSENSE_OUTPUT_POINTS_COLORED;
+  if ((output == SIMSENSE_OUTPUT_DEPTH_RGB || colored) && !has_rgb_)
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "output %u (%s) needs a rig with an rgb camera: rgb.width is 0", output, output_names[output]);
+  if (colored && !has_rgb_image) ks::fail(KS_ERROR_INVALID_ARGUMENT, "output %u (points_colored) needs the rgb image", output);
+  const uint32_t format = wanted.image.image.format, formats = output_formats(output);
+  if (format > KS_FORMAT_F32 || !(formats & bit(format)))
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "output %u (%s) has format %u: must be %s", output, output_names[output], format,
+             format_names(formats).c_str());
 }
 
-void Engine::open_rgb(const ImageArgument& image, Frame& frame) const {
-  if (!has_rgb_) ks::fail(KS_ERROR_INVALID_ARGUMENT, "an rgb image is given, but the rig has no rgb camera: rgb.width is 0");
-  if (image.image.format != KS_FORMAT_U8)
-    ks::fail(KS_ERROR_INVALID_ARGUMENT, "rgb image has format %u: must be u8 (1)", image.image.format);
-  frame.rgb.emplace(*device_, image, ImageShape{rig_.batch_count, rig_.rgb.height, rig_.rgb.width, 3}, "rgb image");
+template <class FrameType, class Open>
+void Engine::open_frame(const ComputeRequest& request, FrameType& frame, const Open& open) const {
+  if (request.outputs.empty()) ks::fail(KS_ERROR_INVALID_ARGUMENT, "output_count is 0: nothing to compute");
+  const ImageArgument* inputs[] = {&request.left, &request.right};
+  constexpr const char* names[] = {"left image", "right image"};
+  for (uint32_t eye : {0u, 1u}) {
+    const uint32_t format = inputs[eye]->image.format;
+    if (format != KS_FORMAT_U8 && format != KS_FORMAT_U16 && format != KS_FORMAT_F32)
+      ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s has format %u: must be u8 (1), u16 (2) or f32 (6)", names[eye], format);
+    frame.inputs[eye].emplace(open(*inputs[eye], {rig_.batch_count, height_, width_, 0}, names[eye]));
+  }
+  if (request.rgb) {
+    if (!has_rgb_) ks::fail(KS_ERROR_INVALID_ARGUMENT, "an rgb image is given, but the rig has no rgb camera: rgb.width is 0");
+    if (request.rgb->image.format != KS_FORMAT_U8)
+      ks::fail(KS_ERROR_INVALID_ARGUMENT, "rgb image has format %u: must be u8 (1)", request.rgb->image.format);
+    frame.rgb.emplace(open(*request.rgb, {rig_.batch_count, rig_.rgb.height, rig_.rgb.width, 3}, "rgb image"));
+  }
+  for (const ComputeRequest::Output& wanted : request.outputs) {
+    check_output(wanted, wanted.output < output_count && frame.wants(wanted.output), frame.rgb.has_value());
+    frame.outputs[wanted.output].emplace(open(wanted.image, output_shape(wanted.output), output_names[wanted.output]));
+  }
 }
 
 void Engine::compute(const ComputeRequest& request) {
   clock_.reset();
-  if (request.outputs.empty()) ks::fail(KS_ERROR_INVALID_ARGUMENT, "output_count is 0: nothing to compute");
-  Frame frame;
-  const ImageShape input_shape{rig_.batch_count, height_, width_, 0};
-  frame.inputs[0].emplace(*device_, request.left, input_shape, "left image");
-  frame.inputs[1].emplace(*device_, request.right, input_shape, "right image");
-  for (const auto& input : frame.inputs)
-    if (input->format() != KS_FORMAT_U8 && input->format() != KS_FORMAT_U16 && input->format() != KS_FORMAT_F32)
-      ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s image has format %u: must be u8 (1), u16 (2) or f32 (6)",
-               &input == frame.inputs ? "left" : "right", input->format());
-  if (request.rgb) open_rgb(*request.rgb, frame);
-  open_outputs(request, frame);
-  use_vulkan(frame) ? compute_on_device(frame, request) : compute_on_host(frame, request);
-  for (auto& output : frame.outputs)
-    if (output) output->commit();
+  if (use_vulkan(request)) {
+    wait_for_device(submit_to_device(request));
+  } else {
+    compute_on_host(request);
+  }
   if (request.progress) request.progress(request.progress_user, 1);
 }
 
-void Engine::compute_on_host(Frame& frame, const ComputeRequest& request) {
+ks_sync Engine::submit(const ComputeRequest& request) {
+  const auto is_host = [](const ImageArgument& image) { return !image.buffer; };
+  const bool on_host = is_host(request.left) || is_host(request.right) || (request.rgb && is_host(*request.rgb)) ||
+                       std::ranges::any_of(request.outputs, [&](const ComputeRequest::Output& o) { return is_host(o.image); });
+  ks_sync sync = ks_sync_init();
+  if (on_host || !use_vulkan(request)) {
+    compute(request);
+    return sync;
+  }
+  clock_.reset();
+  sync.value = submit_to_device(request);
+  if (pipeline_->timeline()) sync.kind = KS_SYNC_TIMELINE;
+  return sync;
+}
+
+void Engine::wait(const ks_sync& sync) {
+  if (sync.kind == KS_SYNC_HOST) return;
+  if (sync.kind != KS_SYNC_TIMELINE)
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "sync: kind is %u, submit gives host (0) or timeline (2)", sync.kind);
+  const uint64_t submitted = pipeline_ ? pipeline_->submitted() : 0;
+  if (sync.value > submitted)
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "sync: value is %llu, only %llu were submitted", static_cast<unsigned long long>(sync.value),
+             static_cast<unsigned long long>(submitted));
+  wait_for_device(sync.value);
+}
+
+ks_sync Engine::export_timeline() {
+  if (!pipeline_ || !pipeline_->timeline())
+    ks::fail(KS_ERROR_UNSUPPORTED, "there is no timeline: nothing was submitted to a Vulkan device that has one");
+  ks_sync sync = ks_sync_init();
+  sync.kind = KS_SYNC_TIMELINE_FD;
+  sync.handle = static_cast<uint64_t>(pipeline_->timeline()->export_fd());
+  sync.value = pipeline_->submitted();
+  return sync;
+}
+
+void Engine::compute_on_host(const ComputeRequest& request) {
+  Frame frame;
+  open_frame(request, frame, [this](const ImageArgument& argument, const ImageShape& shape, const char* name) {
+    return ImageAccess(*device_, argument, shape, name);
+  });
   for (uint32_t n = 0; n < rig_.batch_count; ++n) {
     check_progress(request, n, rig_.batch_count);
     const ConstImage left = prepare_eye(frame, n, 0);
@@ -188,22 +236,27 @@ void Engine::compute_on_host(Frame& frame, const ComputeRequest& request) {
     finish_pair(frame, n, maps);
     if (maps.reason) explain(frame, n, left, maps);
   }
+  for (auto& output : frame.outputs)
+    if (output) output->commit();
 }
 
-void Engine::compute_on_device(Frame& frame, const ComputeRequest& request) {
-  const uint32_t count = rig_.batch_count;
-  if (!device_batch_ && frame.wants_disparity())
-    device_batch_ = std::make_unique<VulkanHostBatch>(device_, width_, height_, count, match_parameters(parameters_));
-  for (uint32_t n = 0; n < count; ++n) {
-    check_progress(request, n, count);
-    const ConstImage left = prepare_eye(frame, n, 0);
-    const ConstImage right = prepare_eye(frame, n, 1);
-    if (frame.wants_disparity()) device_batch_->put(n, left, right);
+uint64_t Engine::submit_to_device(const ComputeRequest& request) {
+  if (!pipeline_) {
+    const PipelineParts parts{rig_, rectification_, registration_ ? &*registration_ : nullptr, points_};
+    pipeline_ = std::make_unique<VulkanPipeline>(device_, parts, match_parameters(parameters_));
   }
-  if (!frame.wants_disparity()) return;
-  device_batch_->match();
-  for (const ks_stage_time& stage : device_batch_->stage_times()) clock_.add(stage.name, stage.milliseconds);
-  for (uint32_t n = 0; n < count; ++n) finish_pair(frame, n, device_batch_->disparity(n));
+  DeviceFrame frame;
+  pipeline_->staging().reset();
+  open_frame(request, frame, [this](const ImageArgument& argument, const ImageShape& shape, const char* name) {
+    return DeviceImage(pipeline_->staging(), argument, shape, name);
+  });
+  return pipeline_->submit(std::move(frame), {parameters_, imagers_, is_wide(), request.progress, request.progress_user});
+}
+
+void Engine::wait_for_device(uint64_t submission) {
+  pipeline_->wait(submission);
+  clock_.reset();
+  for (const auto& [name, milliseconds] : pipeline_->stage_times()) clock_.add(name.c_str(), milliseconds);
 }
 
 }  // namespace simsense

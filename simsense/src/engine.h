@@ -1,5 +1,5 @@
-// The pipeline: signal, rectification, matching, depth, registration, points, for a batch of image pairs: each pair one after the other, or
-// on a GPU the matching of all at once.
+// The pipeline: signal, rectification, matching, depth, registration, points, for a batch of image pairs: on the CPU one pair after the
+// other, or all of it on a GPU (vulkan/pipeline.h).
 // A stage writes straight into the caller's memory where that is packed; scratch memory is kept between calls.
 // Thread rule: externally synchronised.
 #pragma once
@@ -14,6 +14,7 @@
 #include "disparity/holes.h"
 #include "disparity/speckle.h"
 #include "frame.h"
+#include "ks/sync.h"
 #include "parameters.h"
 #include "rectify/rectification.h"
 #include "signal/imager.h"
@@ -21,7 +22,7 @@
 
 namespace simsense {
 
-class VulkanHostBatch;
+class VulkanPipeline;
 
 struct ComputeRequest {
   ImageArgument left, right;
@@ -49,6 +50,12 @@ class Engine {
   [[nodiscard]] const simsense_signal& signal(uint32_t eye) const { return imagers_[eye].signal(); }
   [[nodiscard]] const StereoGeometry& geometry() const { return rectification_.geometry; }
   void compute(const ComputeRequest& request);
+  /// compute() that returns before the work is done where that is possible: on a GPU with all images in its buffers. What the result says
+  /// is what wait() takes; the images must live until then.
+  ks_sync submit(const ComputeRequest& request);
+  void wait(const ks_sync& sync);
+  /// The semaphore of submit()'s values, as an fd of the caller's; KS_ERROR_UNSUPPORTED where there is none.
+  [[nodiscard]] ks_sync export_timeline();
   [[nodiscard]] const std::vector<ks_stage_time>& stage_times() const { return clock_.times(); }
 
  private:
@@ -60,13 +67,16 @@ class Engine {
   [[nodiscard]] Region region(const simsense_parameters& parameters) const;
   /// What the matcher is given to find a region's disparities.
   [[nodiscard]] Region reach(const Region& region) const;
-  void open_rgb(const ImageArgument& image, Frame& frame) const;
-  void open_outputs(const ComputeRequest& request, Frame& frame) const;
+  /// Checks all of a call's images and makes them reachable; open(argument, shape, name) gives an image of the frame.
+  template <class FrameType, class Open>
+  void open_frame(const ComputeRequest& request, FrameType& frame, const Open& open) const;
+  void check_output(const ComputeRequest::Output& wanted, bool listed_before, bool has_rgb_image) const;
   [[nodiscard]] bool use_vulkan(const simsense_parameters& parameters) const;
-  [[nodiscard]] bool use_vulkan(const Frame& frame) const;
+  [[nodiscard]] bool use_vulkan(const ComputeRequest& request) const;
   [[nodiscard]] bool refuse_vulkan(const std::string& why_not) const;
-  void compute_on_host(Frame& frame, const ComputeRequest& request);
-  void compute_on_device(Frame& frame, const ComputeRequest& request);
+  void compute_on_host(const ComputeRequest& request);
+  uint64_t submit_to_device(const ComputeRequest& request);
+  void wait_for_device(uint64_t submission);
   ConstImage prepare_eye(Frame& frame, uint32_t batch_index, uint32_t eye);
   ConstImage measure_eye(Frame& frame, uint32_t batch_index, uint32_t eye);
   ConstImage measure_wide(Frame& frame, uint32_t batch_index, uint32_t eye);
@@ -93,7 +103,7 @@ class Engine {
   PointMaker points_;
   bool on_device_ = false;  // else matcher_ works, pair by pair
   std::unique_ptr<Matcher> matcher_;
-  std::unique_ptr<VulkanHostBatch> device_batch_;
+  std::unique_ptr<VulkanPipeline> pipeline_;
   StageClock clock_;
   SpeckleFilter speckle_filter_;
   std::vector<uint8_t> counts_[2], rectified_[2], reason_, region_reason_;

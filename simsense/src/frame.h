@@ -31,10 +31,12 @@ T to_millimetres(float z_m) {
 /// Pixels to OpenCV's fixed point of four fractional bits.
 inline int16_t to_sixteenths(float disparity_px) { return static_cast<int16_t>(std::lrint(disparity_px * 16.0f)); }
 
-struct Frame {
-  std::optional<ImageAccess> inputs[2];
-  std::optional<ImageAccess> rgb;
-  std::array<std::optional<ImageAccess>, output_count> outputs;
+/// The images as a back end reaches them.
+template <class Image>
+struct FrameOf {
+  std::optional<Image> inputs[2];
+  std::optional<Image> rgb;
+  std::array<std::optional<Image>, output_count> outputs;
 
   [[nodiscard]] bool wants(uint32_t output) const { return outputs[output].has_value(); }
   [[nodiscard]] bool wants_points() const { return wants(SIMSENSE_OUTPUT_POINTS) || wants(SIMSENSE_OUTPUT_POINTS_COLORED); }
@@ -42,7 +44,9 @@ struct Frame {
     return wants(SIMSENSE_OUTPUT_DISPARITY) || wants(SIMSENSE_OUTPUT_DEPTH) || wants(SIMSENSE_OUTPUT_DEPTH_RGB) || wants_points() ||
            wants(SIMSENSE_OUTPUT_CONFIDENCE) || wants(SIMSENSE_OUTPUT_REASON);
   }
+};
 
+struct Frame : FrameOf<ImageAccess> {
   /// Where a stage writes an output of one component of type T.
   template <class T>
   T* target(uint32_t output, uint32_t batch_index, std::vector<T>& scratch, size_t pixels) const {

@@ -9,13 +9,14 @@
 #include "ks/header.h"
 
 #define KS_SYNC_HOST 0u
-#define KS_SYNC_TIMELINE_FD 1u
+#define KS_SYNC_TIMELINE_FD 1u /* an opaque fd of a timeline semaphore, which reaches `value` */
+#define KS_SYNC_TIMELINE 2u    /* the maker's own timeline: its ..._wait takes this */
 
 typedef struct ks_sync {
   ks_header header;
   uint32_t kind;     /* KS_SYNC_* */
   uint32_t reserved;
-  uint64_t handle;   /* fd, for KS_SYNC_TIMELINE_FD */
+  uint64_t handle;   /* fd, for KS_SYNC_TIMELINE_FD: the caller's to close */
   uint64_t value;
 } ks_sync;
 

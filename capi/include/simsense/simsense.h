@@ -79,7 +79,10 @@ typedef struct simsense_camera {
 #define SIMSENSE_FAULT_SPLAT_INVALID 0x20u            /* register unmeasured pixels as points at the left camera's centre */
 #define SIMSENSE_FAULTS_PUBLISHED 0x3fu
 
-/* AUTO: Vulkan compute on a GPU where it knows all parameters, else the CPU's vectors. VULKAN: KS_ERROR_UNSUPPORTED where it cannot serve. */
+/* AUTO: Vulkan compute on a GPU where it knows all parameters, else the CPU's vectors. VULKAN: KS_ERROR_UNSUPPORTED where it cannot serve.
+ * Disparities from equal images are the same in every bit. Counts of a noisy signal differ by one where a value lies within rounding of a half, in at
+ * most 1 of 1000 pixels; depths by a device's rounding of a quotient (2.5 units in the last place). Vulkan works on the caller's device buffers without
+ * any copy; images in host memory are copied, and counted (simsense_device_copied_bytes). */
 #define SIMSENSE_BACK_END_AUTO 0u
 #define SIMSENSE_BACK_END_CPU 1u
 #define SIMSENSE_BACK_END_VULKAN 2u
@@ -95,7 +98,7 @@ typedef struct simsense_rig_desc {
                                     distortions and left_to_right (OpenCV's stereoRectify, zero disparity at infinity, focal length kept) */
   uint32_t batch_count;          /* image pairs per compute, >= 1 */
   uint32_t faults;               /* SIMSENSE_FAULT_*, or'ed; 0 = none */
-  uint32_t back_end;             /* SIMSENSE_BACK_END_*: where the pairs are matched; the results are the same in every bit */
+  uint32_t back_end;             /* SIMSENSE_BACK_END_*: where the stages run */
 } simsense_rig_desc;
 static inline simsense_rig_desc simsense_rig_desc_init(void) {
   simsense_rig_desc r;
@@ -324,6 +327,16 @@ static inline simsense_compute_desc simsense_compute_desc_init(void) {
 }
 /* Blocks until the outputs may be read (KS_SYNC_HOST). */
 SIMSENSE_API ks_status simsense_engine_compute(simsense_engine engine, const simsense_compute_desc* desc);
+/* The same, but returns as soon as the work is under way where that is possible: in Vulkan with every image in a buffer of the device (else it has
+ * ended, KS_SYNC_HOST). Buffers may be used again, and parameters and signals changed, only for what is submitted later: work of one engine runs in the
+ * order of its submissions. `out` is initialised by the caller and becomes what wait takes; two submissions may be under way, a third waits for the first. */
+SIMSENSE_API ks_status simsense_engine_submit(simsense_engine engine, const simsense_compute_desc* desc, ks_sync* out);
+/* Blocks until that submission's outputs may be read. */
+SIMSENSE_API ks_status simsense_engine_wait(simsense_engine engine, const ks_sync* sync);
+/* The semaphore that reaches each submission's value, for waiting on the device: a KS_SYNC_TIMELINE_FD with the last submission's value, whose fd is the
+ * caller's to close. Needs KS_CAP_TIMELINE_FD and one submission. */
+SIMSENSE_API ks_status simsense_engine_export_timeline(simsense_engine engine, ks_sync* out);
+/* Of the last compute or wait. */
 SIMSENSE_API ks_status simsense_engine_get_stage_times(simsense_engine engine, ks_stage_time* times, uint32_t* count);
 
 #ifdef __cplusplus

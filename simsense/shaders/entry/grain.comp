@@ -14,7 +14,7 @@ shared float white[tile + 2u * most_reach];
 /// Row `row` of along_rows stands for the image's row - radius.
 void shape_rows(SignalParameters p, uint part, uint row) {
   uint n = gl_WorkGroupID.z, tile_x = gl_WorkGroupID.x * tile, reach = (p.grain_radius + 3u) / 4u * 4u;
-  uint key[2] = part == 0u ? push.block.head.keys[n].scene : push.block.head.keys[n].frame;
+  uvec2 key = part == 0u ? push.block.head.keys[n].scene : push.block.head.keys[n].frame;
   int first_quad = (int(tile_x) - int(reach)) / 4;
   for (uint q = gl_LocalInvocationID.x; q < (tile + 2u * reach) / 4u; q += gl_WorkGroupSize.x) {
     vec4 normals = normals_of(quad_words(key, dimension_speckle + part, uint(first_quad + int(q)), row - p.grain_radius));

@@ -8,8 +8,12 @@
 namespace simsense {
 using SignalBlockAddress = uint64_t;
 using SignalFloats = uint64_t;
+struct SignalKey {
+  uint x, y;
+};
 inline constexpr uint signal_pairs = 32, grain_taps = 129, gamma_intervals = 1025;
 #else
+#define SignalKey uvec2
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer SignalFloats { float at[]; };
 const uint signal_pairs = 32u;  // images of one dispatch
 const uint grain_taps = 129u;   // of the widest PSF
@@ -32,7 +36,7 @@ struct SignalParameters {
 
 /// Keys of one image's streams.
 struct SignalKeys {
-  uint frame[2], scene[2], sensor[2];
+  SignalKey frame, scene, sensor;
 };
 
 struct SignalHead {

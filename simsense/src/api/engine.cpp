@@ -37,6 +37,18 @@ std::vector<simsense::ComputeRequest::Output> read_outputs(const simsense_output
   return read;
 }
 
+simsense::ComputeRequest read_request(const simsense_compute_desc* desc) {
+  const auto known = ks::read_struct(desc, SIMSENSE_TYPE_COMPUTE_DESC, "compute desc");
+  simsense::ComputeRequest request;
+  request.left = read_image(known.left, "left image");
+  request.right = read_image(known.right, "right image");
+  if (known.rgb.buffer || known.rgb.host) request.rgb = read_image(known.rgb, "rgb image");
+  request.outputs = read_outputs(known.outputs, known.output_count);
+  request.progress = known.progress;
+  request.progress_user = known.progress_user;
+  return request;
+}
+
 void copy_rotation(const simsense::Rotation& rotation, double matrix[16]) {
   std::fill(matrix, matrix + 16, 0.0);
   for (size_t i = 0; i < 3; ++i)
@@ -102,17 +114,24 @@ ks_status simsense_engine_get_rectified(simsense_engine engine, double* k, doubl
 }
 
 ks_status simsense_engine_compute(simsense_engine engine, const simsense_compute_desc* desc) {
+  return ks::guard([&] { ks::object_of(engine, "engine")->compute(read_request(desc)); });
+}
+
+ks_status simsense_engine_submit(simsense_engine engine, const simsense_compute_desc* desc, ks_sync* out) {
   return ks::guard([&] {
-    const auto& object = ks::object_of(engine, "engine");
-    const auto known = ks::read_struct(desc, SIMSENSE_TYPE_COMPUTE_DESC, "compute desc");
-    simsense::ComputeRequest request;
-    request.left = read_image(known.left, "left image");
-    request.right = read_image(known.right, "right image");
-    if (known.rgb.buffer || known.rgb.host) request.rgb = read_image(known.rgb, "rgb image");
-    request.outputs = read_outputs(known.outputs, known.output_count);
-    request.progress = known.progress;
-    request.progress_user = known.progress_user;
-    object->compute(request);
+    (void)ks::check_header(out, KS_TYPE_SYNC, "out");  // before work begins that nobody could wait for
+    ks::write_struct(out, ks::object_of(engine, "engine")->submit(read_request(desc)), KS_TYPE_SYNC, "out");
+  });
+}
+
+ks_status simsense_engine_wait(simsense_engine engine, const ks_sync* sync) {
+  return ks::guard([&] { ks::object_of(engine, "engine")->wait(ks::read_struct(sync, KS_TYPE_SYNC, "sync")); });
+}
+
+ks_status simsense_engine_export_timeline(simsense_engine engine, ks_sync* out) {
+  return ks::guard([&] {
+    (void)ks::check_header(out, KS_TYPE_SYNC, "out");  // before an fd is made that nobody would close
+    ks::write_struct(out, ks::object_of(engine, "engine")->export_timeline(), KS_TYPE_SYNC, "out");
   });
 }
 

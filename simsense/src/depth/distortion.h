@@ -1,6 +1,8 @@
 // Brown-Conrady distortion of normalised image coordinates, float, for the per-pixel stages.
 #pragma once
 
+#include <array>
+
 #include "rectify/rig.h"
 
 namespace simsense {
@@ -14,6 +16,9 @@ class BrownConrady {
         p1_(static_cast<float>(d[2])),
         p2_(static_cast<float>(d[3])),
         max_radius2_(fold_radius2(d)) {}
+
+  /// k1, k2, k3, p1, p2, and the squared radius from which on apply() is false.
+  [[nodiscard]] std::array<float, 6> coefficients() const { return {k1_, k2_, k3_, p1_, p2_, max_radius2_}; }
 
   /// false where the polynomial has folded back: such a point is far outside the lens' field, though its image may land inside.
   bool apply(float& x, float& y) const {

@@ -26,6 +26,11 @@ class PointMaker {
   void color(const float* depth, const ConstPlane& rgb, ptrdiff_t rgb_component_stride, const Plane& points, ptrdiff_t component_stride,
              ks::ThreadPool& workers) const;
 
+  /// Rays at z = 1: of each column and each row, or where has_ray_per_pixel() of each pixel, [height][width].
+  [[nodiscard]] const std::vector<float>& ray_x() const { return ray_x_; }
+  [[nodiscard]] const std::vector<float>& ray_y() const { return ray_y_; }
+  [[nodiscard]] bool has_ray_per_pixel() const { return per_pixel_; }
+
  private:
   uint32_t width_, height_;
   std::vector<float> ray_x_, ray_y_;  // at z = 1; one row and one column for a pinhole, one per pixel for a distorted camera

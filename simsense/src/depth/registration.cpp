@@ -23,7 +23,7 @@ Registration::Registration(const StereoGeometry& left, uint32_t width, uint32_t 
       cx_(static_cast<float>(rgb.k[2])),
       cy_(static_cast<float>(rgb.k[5])),
       distorted_(is_distorted(rgb)),
-      distortion_(distortion(rgb)),
+      distortion_(simsense::distortion(rgb)),
       nearest_(size_t{rgb.width} * rgb.height) {
   const Rigid rectified_to_rgb = compose(left_to_rgb, {transposed(left.left_to_rectified), {}});
   const Pinhole& k = left.camera;
@@ -73,12 +73,18 @@ void Registration::keep_nearest(float column, float row, float z) {
   }
 }
 
+std::array<float, 3> Registration::ray_step() const {
+  return {static_cast<float>(pixel_to_rgb_[0]), static_cast<float>(pixel_to_rgb_[3]), static_cast<float>(pixel_to_rgb_[6])};
+}
+
+std::array<float, 3> Registration::ray_start(uint32_t y) const {
+  std::array<float, 3> start;
+  for (size_t i = 0; i < 3; ++i) start[i] = static_cast<float>(pixel_to_rgb_[3 * i + 1] * y + pixel_to_rgb_[3 * i + 2]);
+  return start;
+}
+
 void Registration::splat_row(const float* depth, uint32_t y) {
-  std::array<float, 3> step, start;
-  for (size_t i = 0; i < 3; ++i) {
-    step[i] = static_cast<float>(pixel_to_rgb_[3 * i]);
-    start[i] = static_cast<float>(pixel_to_rgb_[3 * i + 1] * y + pixel_to_rgb_[3 * i + 2]);
-  }
+  const std::array<float, 3> step = ray_step(), start = ray_start(y);
   for (uint32_t x = 0; x < width_; ++x) {
     const float z = depth[x];
     if (!(z > 0) && !splat_invalid_) continue;

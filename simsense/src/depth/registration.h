@@ -22,6 +22,15 @@ class Registration {
   /// landed there. splat_size: each point covers n x n pixels about its own; where n is even, one more to the left and above.
   void apply(const float* depth, const DepthRange& range, uint32_t splat_size, float* out, ks::ThreadPool& workers);
 
+  /// A pixel's ray in the RGB camera, per unit depth: step times column plus its row's start.
+  [[nodiscard]] std::array<float, 3> ray_step() const;
+  [[nodiscard]] std::array<float, 3> ray_start(uint32_t y) const;
+  [[nodiscard]] const std::array<float, 3>& translation() const { return translation_; }
+  [[nodiscard]] bool is_unrectified() const { return unrectified_; }
+  [[nodiscard]] bool splats_invalid() const { return splat_invalid_; }
+  /// nullptr where the RGB camera has no distortion.
+  [[nodiscard]] const BrownConrady* distortion() const { return distorted_ ? &distortion_ : nullptr; }
+
  private:
   void splat_row(const float* depth, uint32_t y);
   void splat_row_unrectified(const float* depth, uint32_t y);

@@ -17,15 +17,10 @@ constexpr uint32_t quads_per_group = 32, rows_per_group = 4, grain_tile = 256, b
 
 uint32_t groups(uint32_t items, uint32_t per_group) { return (items + per_group - 1) / per_group; }
 
-void copy_key(const PhiloxKey& from, uint (&to)[2]) { std::copy(from.begin(), from.end(), to); }
-
 SignalKeys signal_keys(const NoiseKey& key) {
   const StreamKeys streams(key);
-  SignalKeys out{};
-  copy_key(streams.frame, out.frame);
-  copy_key(streams.scene, out.scene);
-  copy_key(streams.sensor, out.sensor);
-  return out;
+  const auto pair = [](const PhiloxKey& k) { return SignalKey{k[0], k[1]}; };
+  return {pair(streams.frame), pair(streams.scene), pair(streams.sensor)};
 }
 
 bool blooms(const simsense_signal& s) { return s.full_well_e > 0 && s.blooming > 0; }

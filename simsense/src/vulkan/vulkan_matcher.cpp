@@ -45,8 +45,8 @@ struct VulkanMatcher::State {
     return ks::Buffer::create(device, bytes, 0);
   }
 
-  [[nodiscard]] MatchPush push(const DeviceImages& left, const DeviceImages& right, const DeviceImages& disparity, uint32_t pair) const;
-  void record(const MatchPush& push, uint32_t pairs);
+  [[nodiscard]] MatchPush push(const MatchArrays& arrays) const;
+  void record(ks::Commands& on, const MatchPush& push, uint32_t pairs);
 
   std::shared_ptr<ks::Device> device;
   uint32_t batch;
@@ -58,16 +58,12 @@ struct VulkanMatcher::State {
   uint64_t memory_bytes = 0;
 };
 
-MatchPush VulkanMatcher::State::push(const DeviceImages& left, const DeviceImages& right, const DeviceImages& disparity,
-                                     uint32_t pair) const {
-  const uint64_t image_pixels = uint64_t{plan.width} * plan.height;
-  const uint64_t left_at = left.buffer.address() + left.offset_bytes + pair * image_pixels;
-  const uint64_t right_at = right.buffer.address() + right.offset_bytes + pair * image_pixels;
+MatchPush VulkanMatcher::State::push(const MatchArrays& arrays) const {
   MatchPush push{};
-  push.left_image = left_at & ~uint64_t{3};
-  push.right_image = right_at & ~uint64_t{3};
-  push.left_byte = left_at & 3;
-  push.right_byte = right_at & 3;
+  push.left_image = arrays.left & ~uint64_t{3};
+  push.right_image = arrays.right & ~uint64_t{3};
+  push.left_byte = arrays.left & 3;
+  push.right_byte = arrays.right & 3;
   push.left_census = left_census->address();
   push.right_census = right_census->address();
   push.cost = cost ? cost->address() : 0;
@@ -75,7 +71,7 @@ MatchPush VulkanMatcher::State::push(const DeviceImages& left, const DeviceImage
   push.vertical = vertical->address();
   push.right_winner = right_winner->address();
   push.unchecked = unchecked->address();
-  push.disparity = disparity.buffer.address() + disparity.offset_bytes + pair * image_pixels * 4;
+  push.disparity = arrays.disparity;
   push.width = plan.width;
   push.height = plan.height;
   push.right_pitch = plan.right_pitch;
@@ -88,23 +84,23 @@ MatchPush VulkanMatcher::State::push(const DeviceImages& left, const DeviceImage
   return push;
 }
 
-void VulkanMatcher::State::record(const MatchPush& push, uint32_t pairs) {
+void VulkanMatcher::State::record(ks::Commands& on, const MatchPush& push, uint32_t pairs) {
   const uint32_t w = plan.width, h = plan.height;
-  commands.begin_stage("census");
-  commands.dispatch(pipelines.census, push, groups(plan.right_origin, 64) + groups(w, 64), groups(h, 4), 2 * pairs);
+  on.begin_stage("census");
+  on.dispatch(pipelines.census, push, groups(plan.right_origin, 64) + groups(w, 64), groups(h, 4), 2 * pairs);
   if (pipelines.block_cost) {
-    commands.begin_stage("block cost");
+    on.begin_stage("block cost");
     const uint32_t part_groups = plan.padded_disparities() / 8 / plan.block_group_parts;
     const uint32_t outputs = plan.block_columns() - (parameters.block_width - 1);
-    commands.dispatch(*pipelines.block_cost, push, part_groups * groups(w, outputs), groups(h, plan.block_rows_per_group), pairs);
+    on.dispatch(*pipelines.block_cost, push, part_groups * groups(w, outputs), groups(h, plan.block_rows_per_group), pairs);
   }
-  commands.begin_stage("paths");
+  on.begin_stage("paths");
   const uint32_t lines_per_group = plan.path_group / plan.path_lanes / 2;
-  commands.dispatch(pipelines.paths, push, groups(h, lines_per_group) + 4 * groups(w, 4 * lines_per_group), 1, pairs);
-  commands.begin_stage("winner");
-  commands.dispatch(pipelines.winner, push, groups(h, plan.winner_group / plan.path_lanes), plan.segments, pairs);
-  commands.begin_stage("check and median");
-  commands.dispatch(pipelines.finish, push, groups(w, 32), groups(h, 8), pairs);
+  on.dispatch(pipelines.paths, push, groups(h, lines_per_group) + 4 * groups(w, 4 * lines_per_group), 1, pairs);
+  on.begin_stage("winner");
+  on.dispatch(pipelines.winner, push, groups(h, plan.winner_group / plan.path_lanes), plan.segments, pairs);
+  on.begin_stage("check and median");
+  on.dispatch(pipelines.finish, push, groups(w, 32), groups(h, 8), pairs);
 }
 
 VulkanMatcher::VulkanMatcher(std::shared_ptr<ks::Device> device, uint32_t width, uint32_t height, uint32_t batch,
@@ -123,9 +119,17 @@ void VulkanMatcher::match(const DeviceImages& left, const DeviceImages& right, c
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "disparities start at byte %llu: must be a multiple of 4",
              static_cast<unsigned long long>(disparity.offset_bytes));
   s.commands.reset_stage_times();
-  for (uint32_t pair = 0; pair < s.batch; pair += s.plan.pairs_at_once)
-    s.record(s.push(left, right, disparity, pair), std::min(s.plan.pairs_at_once, s.batch - pair));
+  const uint64_t image_pixels = uint64_t{s.plan.width} * s.plan.height;
+  const auto at = [](const DeviceImages& images, uint64_t bytes) { return images.buffer.address() + images.offset_bytes + bytes; };
+  for (uint32_t pair = 0; pair < s.batch; pair += s.plan.pairs_at_once) {
+    const uint64_t first = pair * image_pixels;
+    record(s.commands, {at(left, first), at(right, first), at(disparity, 4 * first)}, std::min(s.plan.pairs_at_once, s.batch - pair));
+  }
   s.commands.flush();
+}
+
+void VulkanMatcher::record(ks::Commands& commands, const MatchArrays& arrays, uint32_t pairs) {
+  state_->record(commands, state_->push(arrays), pairs);
 }
 
 std::vector<ks_stage_time> VulkanMatcher::stage_times() const {

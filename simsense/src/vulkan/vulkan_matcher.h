@@ -19,6 +19,12 @@ struct DeviceImages {
   uint64_t offset_bytes = 0;
 };
 
+/// Packed arrays of one pass through the stages, by device address: [pairs][height][width].
+struct MatchArrays {
+  uint64_t left = 0, right = 0;  // 8 bit
+  uint64_t disparity = 0;        // 32-bit float
+};
+
 class VulkanMatcher {
  public:
   VulkanMatcher(std::shared_ptr<ks::Device> device, uint32_t width, uint32_t height, uint32_t batch, const MatchParameters& parameters,
@@ -29,6 +35,8 @@ class VulkanMatcher {
 
   /// left, right: 8 bit; disparity: 32-bit float, pixels, -1 = invalid, at a multiple of 4 bytes. Returns when it can be read.
   void match(const DeviceImages& left, const DeviceImages& right, const DeviceImages& disparity);
+  /// The same as part of other work, for at most plan().pairs_at_once pairs.
+  void record(ks::Commands& commands, const MatchArrays& arrays, uint32_t pairs);
   /// Milliseconds of each stage of the last call, on the device.
   [[nodiscard]] std::vector<ks_stage_time> stage_times() const;
   /// Device memory that this matcher holds.

@@ -8,6 +8,7 @@
 
 #include "capi/device/devices.h"
 #include "capi/device/expect_error.h"
+#include "device/timeline.h"
 #include "spirv/multiply.h"
 
 namespace ks {
@@ -44,6 +45,31 @@ class ComputeTest : public testing::Test {
 TEST_F(ComputeTest, DispatchesSeeEachOthersResults) {
   const std::vector<uint32_t> values = multiply_twice(device_, 3, 5);
   for (uint32_t i = 0; i < count; ++i) ASSERT_EQ(values[i], (i + 1) * 225) << i;
+}
+
+TEST_F(ComputeTest, SubmittedWorkReachesItsValueOnTheTimeline) {
+  ASSERT_TRUE(Timeline::can_have(*device_));
+  const uint32_t constants[] = {3};
+  const ComputePipeline pipeline(device_, multiply_spirv, sizeof(Push), constants);
+  const auto a = Buffer::create(device_, count * 4, 0), b = Buffer::create(device_, count * 4, 0);
+  const std::vector<uint32_t> ones(count, 1);
+  Timeline timeline(device_);
+  EXPECT_EQ(timeline.reached(), 0u);
+  Commands commands(device_);
+  commands.update(*a, 0, ones.data(), count * 4);
+  commands.dispatch(pipeline, Push{a->address(), b->address(), count, 5}, (count + 63) / 64);
+  commands.submit(timeline, 1);
+  EXPECT_ERROR(commands.barrier(), KS_ERROR_INTERNAL, "finish()");
+  timeline.wait(1);
+  EXPECT_EQ(timeline.reached(), 1u);
+  commands.finish();
+  uint32_t last = 0;
+  b->read(4 * (count - 1), &last, 4);
+  EXPECT_EQ(last, 15u);
+  commands.submit(timeline, 2);  // nothing was recorded
+  timeline.wait(2);
+  EXPECT_ERROR(commands.update(*Buffer::create(device_, 65540, 0), 0, ones.data(), 65540), KS_ERROR_INTERNAL, "at most 65536");
+  EXPECT_ERROR(Timeline(test::host_device()), KS_ERROR_UNSUPPORTED, "no timeline semaphores");
 }
 
 TEST_F(ComputeTest, ThreadsMayUseOneDeviceOrTheirOwn) {

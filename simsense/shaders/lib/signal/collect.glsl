@@ -26,7 +26,7 @@ vec4 gamma_of(SignalBlockAddress block, uint part, vec4 normal) {
 }
 
 vec4 speckle_part(SignalBlockAddress block, uint n, uint quad, uint y, uint part) {
-  uint key[2] = part == 0u ? block.head.keys[n].scene : block.head.keys[n].frame;
+  uvec2 key = part == 0u ? block.head.keys[n].scene : block.head.keys[n].frame;
   vec4 normal;
   if (block.head.parameters.grain_radius == 0u) {
     normal = normals_of(quad_words(key, dimension_speckle + part, quad, y));

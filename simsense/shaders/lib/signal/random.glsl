@@ -20,7 +20,5 @@ uvec4 philox(uvec4 counter, uvec2 key) {
 }
 
 /// Words of columns 4 * quad .. 4 * quad + 3; both coordinates may be negative, as two's complements.
-uvec4 quad_words(uint key[2], uint dimension, uint quad, uint y) {
-  return philox(uvec4(quad, y, dimension, 0u), uvec2(key[0], key[1]));
-}
+uvec4 quad_words(uvec2 key, uint dimension, uint quad, uint y) { return philox(uvec4(quad, y, dimension, 0u), key); }
 #endif

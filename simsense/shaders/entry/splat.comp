@@ -1,0 +1,35 @@
+// Registration: each measured pixel is a point that lands on the nearest pixel of the RGB camera; the nearest point stays. The arithmetic of
+// depth/registration.cpp. Positive floats sort as their bits do.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "lib/depth.glsl"
+
+layout(local_size_x = 32, local_size_y = 8) in;
+layout(push_constant, scalar) uniform Push { DepthPush push; };
+
+/// false where the polynomial has folded back.
+bool distort(DepthParameters p, inout float x, inout float y) {
+  precise float r2 = x * x + y * y;
+  if (!(r2 < p.max_radius2)) return false;
+  precise float radial = 1.0f + r2 * (p.k1 + r2 * (p.k2 + r2 * p.k3)), xy2 = 2.0f * x * y;
+  precise float distorted_x = x * radial + p.p1 * xy2 + p.p2 * (r2 + 2.0f * x * x);
+  precise float distorted_y = y * radial + p.p1 * (r2 + 2.0f * y * y) + p.p2 * xy2;
+  x = distorted_x, y = distorted_y;
+  return true;
+}
+
+void main() {
+  DepthParameters p = push.block.parameters;
+  uint column = gl_GlobalInvocationID.x, row = gl_GlobalInvocationID.y, n = gl_WorkGroupID.z;
+  if (column >= p.width || row >= p.height) return;
+  float depth = depth_of(p, push.disparity.at[(n * p.height + row) * p.width + column]);
+  if (!(depth > 0.0f) && p.splat_invalid == 0u) return;
+  precise float seen[3];
+  for (uint i = 0u; i < 3u; ++i) seen[i] = depth * (p.step[i] * float(column) + p.row_starts.at[3u * row + i]) + p.translation_m[i];
+  if (!(seen[2] > 0.0f)) return;
+  precise float x = seen[0] / seen[2], y = seen[1] / seen[2];
+  if (p.max_radius2 > 0.0f && !distort(p, x, y)) return;
+  precise float u = floor(p.rgb_focal[0] * x + p.rgb_centre[0] + 0.5f), v = floor(p.rgb_focal[1] * y + p.rgb_centre[1] + 0.5f);
+  if (!(u >= 0.0f && v >= 0.0f && u < float(p.rgb_width) && v < float(p.rgb_height))) return;
+  atomicMin(push.nearest.at[(n * p.rgb_height + uint(v)) * p.rgb_width + uint(u)], floatBitsToUint(seen[2]));
+}

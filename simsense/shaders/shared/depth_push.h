@@ -1,0 +1,46 @@
+// What the stages from disparity to depth, registration and points share, read by GLSL and C++ (scalar layout).
+#ifndef SIMSENSE_DEPTH_PUSH_H
+#define SIMSENSE_DEPTH_PUSH_H
+#include "shared/image_ref.h"
+
+#ifdef __cplusplus
+namespace simsense {
+using DepthBlockAddress = uint64_t;
+using DepthFloats = uint64_t;
+using DepthCells = uint64_t;
+#else
+layout(buffer_reference, scalar, buffer_reference_align = 4) buffer DepthFloats { float at[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 4) buffer DepthCells { uint at[]; };
+#endif
+
+/// Parameters of depth/depth.h, depth/registration.h and depth/points.h.
+struct DepthParameters {
+  DepthFloats ray_x, ray_y;  // of the points' camera at z = 1: one row and one column, or one per pixel
+  DepthFloats row_starts;    // [height][3]: where each row's rays start in the RGB camera
+  uint rays_per_pixel;       // nonzero: ray_x, ray_y are [height][width]
+  uint width, height, rgb_width, rgb_height;
+  float focal_baseline, offset_px, invalid;
+  float min_m, max_m;
+  uint splat_size, splat_invalid;
+  float step[3], translation_m[3];  // of a ray from column to column; of the left camera
+  float rgb_focal[2], rgb_centre[2];
+  float k1, k2, k3, p1, p2, max_radius2;  // Brown-Conrady; max_radius2 0 = no distortion
+};
+
+#ifndef __cplusplus
+layout(buffer_reference, scalar, buffer_reference_align = 8) buffer DepthBlockAddress { DepthParameters parameters; };
+#endif
+
+struct DepthPush {
+  DepthBlockAddress block;
+  DepthFloats disparity;          // [pairs][height][width] pixels, packed
+  DepthCells nearest;             // [pairs][rgb_height][rgb_width] bits of the nearest z, infinity where nothing landed
+  ImageRef first, second, third;  // each stage says which; may be absent
+};
+
+#ifdef __cplusplus
+static_assert(sizeof(DepthPush) == 120);
+static_assert(sizeof(DepthParameters) % 4 == 0);
+}  // namespace simsense
+#endif
+#endif

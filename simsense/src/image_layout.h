@@ -1,0 +1,39 @@
+// Where an image argument's elements lie: its shape and strides, checked against what the call needs. Plain values.
+#pragma once
+
+#include <memory>
+
+#include "device/buffer.h"
+#include "ks/image.h"
+
+namespace simsense {
+
+/// A strided view on a buffer, or on the caller's memory where buffer is empty.
+struct ImageArgument {
+  std::shared_ptr<ks::Buffer> buffer;
+  void* host = nullptr;
+  ks_image_desc image{};
+};
+
+/// What an image must be: [batch][height][width] or [batch][height][width][channels]; the batch dimension may be missing when it is 1.
+struct ImageShape {
+  uint64_t batch = 1, height = 0, width = 0, channels = 0;  // channels 0: no such dimension
+};
+
+/// Strides in bytes; those of missing dimensions are 0.
+struct ImageLayout {
+  ks_image_desc image{};
+  ImageShape shape;
+  ptrdiff_t batch_stride = 0, row_stride = 0, pixel_stride = 0, component_stride = 0;
+
+  [[nodiscard]] bool has_packed_rows() const {
+    const auto element = static_cast<ptrdiff_t>(ks_format_bytes(image.format));
+    return component_stride == 0 && pixel_stride == element && row_stride == element * static_cast<ptrdiff_t>(shape.width);
+  }
+};
+
+/// Throws KS_ERROR_INVALID_ARGUMENT that starts with `name`, unless the shape is the wanted one and the argument has memory that holds it:
+/// a buffer of the engine's device, or a host pointer.
+ImageLayout check_layout(const ks::Device& device, const ImageArgument& argument, const ImageShape& shape, const char* name);
+
+}  // namespace simsense

@@ -1,0 +1,38 @@
+#include "vulkan/rectifier.h"
+
+#include "spirv/remap.h"
+#include "vulkan/dispatch.h"
+
+namespace simsense {
+namespace {
+
+std::shared_ptr<ks::Buffer> upload(const std::shared_ptr<ks::Device>& device, const std::vector<float>& values) {
+  auto buffer = ks::Buffer::create(device, values.size() * sizeof(float), 0);
+  buffer->write(0, values.data(), values.size() * sizeof(float));
+  return buffer;
+}
+
+}  // namespace
+
+VulkanRectifier::VulkanRectifier(const std::shared_ptr<ks::Device>& device, const Rectification& rectification)
+    : width_(rectification.left.width),
+      height_(rectification.left.height),
+      tables_{{upload(device, rectification.left.x), upload(device, rectification.left.y)},
+              {upload(device, rectification.right.x), upload(device, rectification.right.y)}},
+      remap_(device, remap_spirv, sizeof(RemapPush)) {}
+
+void VulkanRectifier::record(ks::Commands& commands, uint32_t eye, bool nearest, const ImageRef& source, const ImageRef& target,
+                             const ImageRef& copy, uint32_t pairs) const {
+  RemapPush push{};
+  push.source = source;
+  push.target = target;
+  push.copy = copy;
+  push.x = tables_[eye].x->address();
+  push.y = tables_[eye].y->address();
+  push.width = width_;
+  push.height = height_;
+  push.nearest = nearest ? 1 : 0;
+  dispatch_pixels(commands, remap_, push, width_, height_, pairs);
+}
+
+}  // namespace simsense
