@@ -187,6 +187,8 @@ typedef struct kuafu_material_desc {
   float ir_attenuation_color;    /* NAN = red */
   float attenuation_distance_m;  /* 0 = nothing is absorbed */
   uint32_t bsdf;                 /* KUAFU_BSDF_* */
+  uint32_t light_group;          /* that its emission belongs to, 0..3 */
+  uint32_t reserved;
 } kuafu_material_desc;
 static inline kuafu_material_desc kuafu_material_desc_init(void) {
   kuafu_material_desc m;
@@ -256,7 +258,7 @@ typedef struct kuafu_light_desc {
   double light_to_world[16]; /* +z is the projector's optical axis, x right, y down */
   uint32_t texture;          /* projector: pattern, red channel read linearly (KUAFU_NONE with dots). Else a factor, or KUAFU_NONE: over a rectangle or a disk's square; over the
                                 square around a spot's outer cone; equirectangular around a point; directional: tiles of size_m across it */
-  uint32_t reserved;
+  uint32_t light_group;      /* KUAFU_OUTPUT_LIGHT_GROUP_0 + light_group gets its light, 0..3; a projector's goes to its own two outputs */
   double k[9];               /* projector: row-major 3x3 in pixels of the texture */
   double radius_m;           /* point: of the sphere that shines, 0 = a point; disk; projector: of its lens, which blurs by radius |1/z - 1/focus_m| f */
   double angle_rad;          /* directional: half angle of its disc, 0 = parallel light; at most pi/2 */
@@ -299,7 +301,7 @@ typedef struct kuafu_environment_desc {
   float radiance[3];     /* visible band, W/(sr m^2) */
   float ir_radiance;     /* infrared band; NAN = red of `radiance` times ir_ambient_scale plus ir_ambient_radiance (kuafu_render_desc) */
   uint32_t texture;      /* factor (infrared: its red), or KUAFU_NONE. Its middle column lies towards +z of the map's frame, columns go towards +x, row 0 is -y (up) */
-  uint32_t reserved;
+  uint32_t light_group;  /* 0..3 */
   double map_to_world[9]; /* row-major rotation */
 } kuafu_environment_desc;
 static inline kuafu_environment_desc kuafu_environment_desc_init(void) {
@@ -411,6 +413,7 @@ static inline kuafu_view_desc kuafu_view_desc_init(void) {
 #define KUAFU_OUTPUT_PROJECTOR_DIRECT 2u   /* 1 / 3: projector light with one surface between it and the camera (mirrors and smooth glass not counted) */
 #define KUAFU_OUTPUT_PROJECTOR_INDIRECT 3u /* 1 / 3: the rest of the projectors' light */
 #define KUAFU_OUTPUT_AMBIENT 4u            /* 1 / 3: every other light */
+#define KUAFU_OUTPUT_LIGHT_GROUP_0 5u      /* C each: lights, emission and environment of one light_group; + 1, + 2, + 3 for the others. Together they are AMBIENT */
 /* AOVs are taken at the pixel's centre. */
 #define KUAFU_OUTPUT_DEPTH 16u             /* 1: z in metres, 0 = nothing hit */
 #define KUAFU_OUTPUT_NORMAL 17u            /* 3: shading normal, world frame, 0 = nothing hit */

@@ -9,6 +9,7 @@ struct LightSample {
   float distance_m;
   Spectrum irradiance;  // on a surface that faces the light, W/m^2
   float pdf;            // per solid angle; 0: the light has no extent
+  uint light_group;     // of a light_mesh alone
 };
 
 // I / d^2; a projector's I is its pattern's value where the direction falls (spec: no falloff of its own).

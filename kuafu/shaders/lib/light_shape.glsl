@@ -185,6 +185,7 @@ LightSample sample_mesh(SceneAddresses scene, LightShape s, vec3 position, vec2 
   l.pdf = max_component(band_of(record.emission, record.ir_emission)) / s.total * distance_squared /
           max(abs(dot(l.direction, surface.geometric_normal)), 1e-9f);
   l.irradiance = m.emission / l.pdf;
+  l.light_group = record.light_group;
   l.distance_m -= surface.coordinate_size * (1.0f / 131072.0f);
   return l;
 }

@@ -40,6 +40,7 @@ struct MaterialRecord {
   vec3 attenuation;  // inside, 1/m
   float ir_attenuation, transmission_roughness, diffuse_roughness;
   float coat;  // 1, or 0: no dielectric layer (KUAFU_BSDF_PAPER)
+  uint light_group;
 };
 KUAFU_ARRAY(MaterialArray, MaterialRecord, 4)
 
@@ -72,6 +73,7 @@ struct LightRecord {
   vec3 world_to_pixel[3];  // rows of K R: homogeneous pixel of a world direction from the light
   float probability, cumulative;              // selection among all lights of the environment, by power
   float other_probability, other_cumulative;  // the same among those that are no projectors
+  uint light_group, reserved;  // not of a projector; light_mesh has those of its materials
 };
 KUAFU_ARRAY(LightArray, LightRecord, 8)
 
@@ -100,6 +102,7 @@ struct EnvironmentRecord {
   uint first_light, projector_count, light_count;  // projectors come first
   uint first_shape;  // from here to the end: lights that rays meet; counted from first_light
   uint mesh_light;   // index into lights, or miss
+  uint light_group;  // of the radiance
 };
 KUAFU_ARRAY(EnvironmentArray, EnvironmentRecord, 4)
 
@@ -121,11 +124,11 @@ KUAFU_ARRAY(SceneReference, SceneAddresses, 8)
 
 #ifdef __cplusplus
 static_assert(sizeof(InstanceRecord) == 144);
-static_assert(sizeof(MaterialRecord) == 116);
+static_assert(sizeof(MaterialRecord) == 120);
 static_assert(sizeof(TextureRecord) == 24);
-static_assert(sizeof(LightRecord) == 104);
+static_assert(sizeof(LightRecord) == 112);
 static_assert(sizeof(LightShape) == 152);
-static_assert(sizeof(EnvironmentRecord) == 32);
+static_assert(sizeof(EnvironmentRecord) == 36);
 static_assert(sizeof(SceneAddresses) == 80);
 }  // namespace kuafu
 #endif

@@ -8,27 +8,28 @@
 namespace kuafu {
 #endif
 
-// Light groups, in the order of KUAFU_OUTPUT_PROJECTOR_DIRECT, _PROJECTOR_INDIRECT, _AMBIENT.
+// What a path sums apart, plane after plane: the projectors' light, and all other. The latter has a plane for each light group where one of them is asked for.
 KUAFU_CONST group_projector_direct = 0u;
 KUAFU_CONST group_projector_indirect = 1u;
 KUAFU_CONST group_ambient = 2u;
-KUAFU_CONST group_count = 3u;
+KUAFU_CONST group_count = 3u;  // without light groups; at most
+KUAFU_CONST most_groups = 6u;
 
 // Path state: plane p of path slot s is word p * capacity + s.
 KUAFU_CONST state_pixel_key = 0u;   // hash of seed, view and pixel
 KUAFU_CONST state_sample = 1u;      // index in the pixel's sample sequence
 KUAFU_CONST state_flags = 2u;       // environment, and path_* bits
 KUAFU_CONST state_pdf = 3u;         // of the direction that the path came by, per solid angle; 0: by a mirror, or it is the camera's
-KUAFU_CONST state_throughput = 4u;  // `channels` planes; then group_count * channels of radiance; then one per shadow ray of a vertex
+KUAFU_CONST state_throughput = 4u;  // `channels` planes; then groups * channels of radiance; then one per shadow ray of a vertex
 KUAFU_CONST path_environment_mask = 0x00ffffffu;
 KUAFU_CONST path_after_first = 0x40000000u;  // the path's last rough surface is the first that the camera sees
 KUAFU_CONST path_all_delta = 0x80000000u;  // only mirrors and smooth glass between this ray and the camera
 KUAFU_FN state_radiance(uint channels) { return state_throughput + channels; }
-KUAFU_FN state_shadow(uint channels) { return state_throughput + channels * (1u + group_count); }
+KUAFU_FN state_shadow(uint channels, uint groups) { return state_throughput + channels * (1u + groups); }
 
 // A path's shadow-ray plane holds its index in the shadow queue and, above, the light group it feeds.
 KUAFU_CONST shadow_none = 0xffffffffu;
-KUAFU_CONST shadow_group_shift = 30u;
+KUAFU_CONST shadow_group_shift = 29u;
 // Where shadow rays pass glass, their ray_id is the index of their contribution and, above, whether glass stops them all the same.
 KUAFU_CONST shadow_opaque = 0x80000000u;
 
@@ -57,8 +58,9 @@ KUAFU_CONST output_depth = 0u;
 KUAFU_CONST output_normal = 1u;
 KUAFU_CONST output_instance_id = 2u;
 KUAFU_CONST output_material_id = 3u;
-KUAFU_CONST output_radiance = 4u;  // then the light groups
-KUAFU_CONST output_kind_count = 8u;
+KUAFU_CONST output_radiance = 4u;  // then projector direct, projector indirect, ambient
+KUAFU_CONST output_light_group = 8u;  // 0, then the others
+KUAFU_CONST output_kind_count = 12u;
 
 // Element formats of output images; numbers are KS_FORMAT_*.
 KUAFU_CONST format_u8 = 1u;
@@ -92,8 +94,8 @@ struct GeneratePush {
   ViewArray views;
   UintArray rays, ray_environments, state, counters;
   WaveRange range;
-  uint channels;
-  uint flags;
+  uint channels, groups;
+  uint flags, reserved;
 };
 
 KUAFU_CONST generate_environments = 1u;  // rays carry an environment
@@ -119,14 +121,16 @@ struct ShadePush {
   uint capacity, shadow_capacity;
   uint bounce, max_bounces;
   uint shadow_rays_per_vertex, flags;
+  uint groups, reserved;
 };
 
 struct ResolvePush {
   UintArray rays, shadow_rays;
   FloatArray contributions;
   UintArray state, counters;
-  uint capacity, shadow_capacity, bounce, shadow_rays_per_vertex, channels;
+  uint capacity, shadow_capacity, bounce, shadow_rays_per_vertex, channels, groups;
   uint glass_shadows;  // nonzero: what is blocked contributes 0 already
+  uint reserved;
 };
 
 /// One surface on the way of the shadow rays.
@@ -146,7 +150,7 @@ struct AccumulatePush {
   FloatArray state, sums;  // sums: plane (group, channel) of local pixel p is plane * pixel_count + p
   OutputArray outputs;
   WaveRange range;
-  uint channels;
+  uint channels, groups;
   uint first_pass, last_pass;
   float inverse_samples;  // 1 / samples of all passes
 };
@@ -171,9 +175,9 @@ struct WritePush {
 #ifdef __cplusplus
 static_assert(sizeof(ViewRecord) == 64);
 static_assert(sizeof(OutputRecord) == 32);
-static_assert(sizeof(GeneratePush) == 88);
-static_assert(sizeof(ShadePush) == 96);
-static_assert(sizeof(ResolvePush) == 64);
+static_assert(sizeof(GeneratePush) == 96);
+static_assert(sizeof(ShadePush) == 104);
+static_assert(sizeof(ResolvePush) == 72);
 static_assert(sizeof(TransmitPush) == 80);
 static_assert(sizeof(AccumulatePush) == 80);
 static_assert(sizeof(AovPush) == 72);

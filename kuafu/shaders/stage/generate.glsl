@@ -20,5 +20,5 @@ void generate(uint slot) {
   push.state.at[state_flags * capacity + slot] = view.environment | path_all_delta;
   uint plane = state_throughput;
   for (; plane < state_radiance(push.channels); ++plane) push.state.at[plane * capacity + slot] = floatBitsToUint(1.0f);
-  for (; plane < state_shadow(push.channels); ++plane) push.state.at[plane * capacity + slot] = 0u;
+  for (; plane < state_shadow(push.channels, push.groups); ++plane) push.state.at[plane * capacity + slot] = 0u;
 }

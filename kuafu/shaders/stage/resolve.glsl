@@ -11,7 +11,7 @@ void add_light(uint slot, uint shadow) {
 void resolve(uint i) {
   uint slot = push.rays.at[closest_word(i, ray_id, push.capacity)];
   for (uint k = 0u; k < push.shadow_rays_per_vertex; ++k) {
-    uint shadow = push.state.at[(state_shadow(push.channels) + k) * push.capacity + slot];
+    uint shadow = push.state.at[(state_shadow(push.channels, push.groups) + k) * push.capacity + slot];
     if (shadow != shadow_none) add_light(slot, shadow);
   }
 }

@@ -69,6 +69,9 @@ void add_radiance(uint slot, uint group, Spectrum radiance) {
   }
 }
 
+/// Where light groups are not kept apart, all are the first.
+uint ambient_group(uint light_group) { return group_ambient + min(light_group, push.groups - group_count); }
+
 uint path_environment(Path path) { return path.flags & path_environment_mask; }
 bool all_delta(Path path) { return (path.flags & path_all_delta) != 0u; }
 
@@ -97,10 +100,11 @@ void add_shapes(uint i, Path path, float t_far) {
   float t_near = uintBitsToFloat(ray_field(i, ray_t_near));
   for (uint k = environment.first_shape; k < environment.light_count; ++k) {
     uint index = environment.first_light + k;
-    ShapeHit hit = meet_light(scene, scene.lights.at[index], scene.light_shapes.at[index], origin, direction);
+    LightRecord light = scene.lights.at[index];
+    ShapeHit hit = meet_light(scene, light, scene.light_shapes.at[index], origin, direction);
     if (!hit.found || hit.t < t_near || hit.t > t_far) continue;
     float weight = found_weight(path, index, hit.pdf);
-    if (weight > 0.0f) add_radiance(path.slot, group_ambient, path.throughput * hit.radiance * weight);
+    if (weight > 0.0f) add_radiance(path.slot, ambient_group(light.light_group), path.throughput * hit.radiance * weight);
   }
 }
 
@@ -117,7 +121,7 @@ Vertex load_vertex(uint i, INOUT(Path) path) {
     path.throughput *= band_exp(m.attenuation * -uintBitsToFloat(ray_field(i, ray_t_far)));
   if (max_component(m.emission) > 0.0f) {
     float weight = emission_weight(path, record, uintBitsToFloat(ray_field(i, ray_t_far)), dot(s.geometric_normal, wo));
-    add_radiance(path.slot, group_ambient, path.throughput * m.emission * weight);
+    add_radiance(path.slot, ambient_group(record.light_group), path.throughput * m.emission * weight);
   }
   Vertex vertex;
   vertex.position = s.position;
@@ -143,8 +147,8 @@ Shading begin_shading(uint i) {
     s.vertex = load_vertex(i, s.path);
     s.hit = push.bounce <= push.max_bounces;
   } else {
-    vec3 radiance = push.scene.at[0].environments.at[path_environment(s.path)].radiance;
-    add_radiance(s.path.slot, group_ambient, s.path.throughput * band_of(radiance, radiance.x));
+    EnvironmentRecord environment = push.scene.at[0].environments.at[path_environment(s.path)];
+    add_radiance(s.path.slot, ambient_group(environment.light_group), s.path.throughput * band_of(environment.radiance, environment.radiance.x));
   }
   return s;
 }
@@ -184,7 +188,8 @@ ShadowRequest ask_light(Shading s, uint k) {
   request.opaque = light.pdf > 0.0f;  // directions that find it go through glass by themselves
   if (request.opaque && (push.flags & shade_lights_only) == 0u) request.contribution *= mis_weight(light.pdf * choice.probability, pdf);
   request.wanted = max_component(request.contribution) > 0.0f;
-  request.group = record.kind != light_projector ? group_ambient : all_delta(s.path) ? group_projector_direct : group_projector_indirect;
+  uint light_group = (features & feature_lights) != 0u && record.kind == light_mesh ? light.light_group : record.light_group;
+  request.group = record.kind != light_projector ? ambient_group(light_group) : all_delta(s.path) ? group_projector_direct : group_projector_indirect;
   request.ray.t_near = 0.0f;
   request.ray.direction = light.direction;
   request.ray.t_far = light.distance_m * 0.99999f;
@@ -228,10 +233,10 @@ void queue_shadow(Path path, ShadowRequest request, uint k, uint i) {
   }
   if ((push.flags & shade_environments) != 0u) push.shadow_environments.at[i] = path_environment(path);
   for (uint c = 0u; c < channels; ++c) push.contributions.at[c * push.shadow_capacity + i] = channel_of(request.contribution, c);
-  push.state.at[plane(state_shadow(channels) + k, path.slot)] = i | (request.group << shadow_group_shift);
+  push.state.at[plane(state_shadow(channels, push.groups) + k, path.slot)] = i | (request.group << shadow_group_shift);
 }
 
-void queue_no_shadow(Path path, uint k) { push.state.at[plane(state_shadow(channels) + k, path.slot)] = shadow_none; }
+void queue_no_shadow(Path path, uint k) { push.state.at[plane(state_shadow(channels, push.groups) + k, path.slot)] = shadow_none; }
 
 void queue_next(Path path, NextRequest request, uint i) {
   store_closest_ray(push.rays_out, i, push.capacity, request.ray, path.slot);

@@ -90,6 +90,7 @@ Material to_material(const kuafu_material_desc& desc) {
   m.attenuation_distance_m = desc.attenuation_distance_m;
   for (int i = 0; i < 3; ++i) m.attenuation_color[i] = desc.attenuation_color[i];
   m.bsdf = static_cast<Material::Bsdf>(desc.bsdf);
+  m.light_group = desc.light_group;
   return m;
 }
 
@@ -124,6 +125,7 @@ Light to_light(const kuafu_light_desc& desc) {
   light.focus_m = desc.focus_m;
   light.pattern_scale = desc.pattern_scale;
   light.dots = {array<glm::vec3>(desc.dots, desc.dot_count, "dots"), desc.pattern_width, desc.pattern_height, desc.dot_sigma_px};
+  light.light_group = desc.light_group;
   return light;
 }
 
@@ -132,6 +134,7 @@ Environment to_environment(const kuafu_environment_desc& desc) {
   environment.radiance = {desc.radiance[0], desc.radiance[1], desc.radiance[2]};
   environment.ir_radiance = desc.ir_radiance;
   environment.texture = desc.texture;
+  environment.light_group = desc.light_group;
   environment.map_to_world = from_row_major<3>(desc.map_to_world);
   return environment;
 }
@@ -171,6 +174,7 @@ kuafu_material_desc to_desc(const Material& m) {
   desc.attenuation_distance_m = m.attenuation_distance_m;
   for (int i = 0; i < 3; ++i) desc.attenuation_color[i] = m.attenuation_color[i];
   desc.bsdf = static_cast<uint32_t>(m.bsdf);
+  desc.light_group = m.light_group;
   return desc;
 }
 
@@ -197,6 +201,7 @@ kuafu_light_desc to_desc(const Light& light) {
   desc.pattern_width = light.dots.width;
   desc.pattern_height = light.dots.height;
   desc.dot_sigma_px = light.dots.sigma_px;
+  desc.light_group = light.light_group;
   return desc;
 }
 

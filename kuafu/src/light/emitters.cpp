@@ -101,6 +101,7 @@ std::optional<LightEntry> map_light(const Scene& scene, const Band& band, double
   LightEntry e;
   e.record.kind = light_map;
   e.record.intensity = band.environment(environment.radiance, environment.ir_radiance);
+  e.record.light_group = environment.light_group;
   LightShape& s = e.shape;
   s.axis_x = glm::vec3(environment.map_to_world[0]);
   s.axis_y = glm::vec3(environment.map_to_world[1]);

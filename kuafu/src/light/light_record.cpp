@@ -80,6 +80,7 @@ LightEntry light_entry(const Light& light, const glm::vec3& intensity, const Sce
   e.record.kind = uint32_t(light.kind);
   e.record.position = glm::vec3(light.light_to_world[3]);
   e.record.intensity = intensity;
+  e.record.light_group = light.light_group;
   e.power = power_of(light, brightness(intensity), world_radius_m);
   LightShape& s = e.shape;
   s.axis_x = glm::vec3(light.light_to_world[0]);

@@ -37,7 +37,7 @@ uint32_t add_environment(LightTable& table, std::vector<LightEntry> seen) {
     table.shapes.push_back(e.shape);
     table.has_shapes = table.has_shapes || e.shaped;
   }
-  table.environments.push_back({glm::vec3(0), first, projectors, uint32_t(seen.size()), shapes, mesh < shapes ? first + mesh : miss});
+  table.environments.push_back({glm::vec3(0), first, projectors, uint32_t(seen.size()), shapes, mesh < shapes ? first + mesh : miss, 0});
   return projectors;
 }
 
@@ -71,7 +71,10 @@ LightTable make_light_table(const Scene& scene, const Band& band, uint32_t envir
   }
   const Environment& environment = scene.environment();
   const glm::vec3 radiance = environment.texture == none ? band.environment(environment.radiance, environment.ir_radiance) : glm::vec3(0);
-  for (EnvironmentRecord& e : table.environments) e.radiance = radiance;
+  for (EnvironmentRecord& e : table.environments) {
+    e.radiance = radiance;
+    e.light_group = environment.light_group;
+  }
   table.select_lights = most_lights > few_lights;
   table.shadow_rays_per_vertex = table.select_lights ? most_projectors + 1 : most_lights;
   return table;

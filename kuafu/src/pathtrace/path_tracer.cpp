@@ -73,6 +73,11 @@ class PathTracer::Run {
   [[nodiscard]] WaveRange range(uint32_t first_pixel, uint32_t pixel_count, uint32_t first_sample, uint32_t sample_count) const;
   void report(uint32_t pixels_done, float part);
   [[nodiscard]] bool glass_shadows() const { return o_.buffers_.size().glass_surfaces > 0; }
+  /// Of light, kept apart.
+  [[nodiscard]] uint32_t groups() const {
+    return launch_.wants(output_light_group, output_light_group + light_group_count) ? group_ambient + o_.tables_.light_groups()
+                                                                                     : group_count;
+  }
   [[nodiscard]] uint32_t last_bounce() const { return launch_.max_bounces + (o_.tables_.has_ambient() ? 1 : 0); }
 
   PathTracer& o_;
@@ -103,7 +108,7 @@ void PathTracer::Run::fit_buffers() {
   const uint32_t most = most_paths(*o_.device_, shadows);
   const uint32_t samples = launch_.wants_radiance() ? std::min(launch_.samples, pass_samples) : 1;
   pixels_per_wave_ = std::min(launch_.pixel_count(), std::max(most / samples, pixel_block));
-  o_.buffers_.fit({round_up(pixels_per_wave_ * samples, pixel_block), launch_.band.channels(), shadows, launch_.max_bounces + 3,
+  o_.buffers_.fit({round_up(pixels_per_wave_ * samples, pixel_block), launch_.band.channels(), groups(), shadows, launch_.max_bounces + 3,
                    environments_, o_.tables_.features(), shadows > 0 && o_.tables_.has_glass() ? launch_.glass_surfaces : 0});
 }
 
@@ -193,10 +198,16 @@ void PathTracer::Run::trace_shadows(uint32_t bounce) {
 
 void PathTracer::Run::generate(const WaveRange& wave, uint32_t flags) {
   const WaveBuffers& b = o_.buffers_;
-  const GeneratePush push{o_.views_.address(),       b.closest_rays(0),
-                          b.closest_environments(0), b.state(),
-                          b.counter_address(),       wave,
-                          b.size().channels,         flags | (environments_ ? generate_environments : 0)};
+  const GeneratePush push{o_.views_.address(),
+                          b.closest_rays(0),
+                          b.closest_environments(0),
+                          b.state(),
+                          b.counter_address(),
+                          wave,
+                          b.size().channels,
+                          b.size().groups,
+                          flags | (environments_ ? generate_environments : 0),
+                          0};
   o_.stages_->generate(commands_, push, b);
 }
 
@@ -221,6 +232,7 @@ void PathTracer::Run::shade(uint32_t bounce) {
                (o_.tables_.select_lights() ? shade_select_lights : 0) | (glass_shadows() ? shade_glass_shadows : 0) |
                (launch_.light_sampling == LightSampling::lights ? shade_lights_only : 0) |
                (launch_.light_sampling == LightSampling::bsdf ? shade_bsdf_only : 0);
+  push.groups = b.size().groups;
   o_.stages_->shade(commands_, push, b);
 }
 
@@ -236,14 +248,16 @@ void PathTracer::Run::resolve(uint32_t bounce) {
                          bounce,
                          b.size().shadow_rays_per_vertex,
                          b.size().channels,
-                         glass_shadows() ? 1u : 0u};
+                         b.size().groups,
+                         glass_shadows() ? 1u : 0u,
+                         0};
   o_.stages_->resolve(commands_, push, b);
 }
 
 void PathTracer::Run::accumulate(const WaveRange& wave, bool first, bool last) {
   const WaveBuffers& b = o_.buffers_;
-  o_.stages_->accumulate(commands_, {b.state(), b.sums(), o_.outputs_.address(), wave, b.size().channels, first ? 1u : 0u, last ? 1u : 0u,
-                                     float(1.0 / launch_.samples)});
+  o_.stages_->accumulate(commands_, {b.state(), b.sums(), o_.outputs_.address(), wave, b.size().channels, b.size().groups, first ? 1u : 0u,
+                                     last ? 1u : 0u, float(1.0 / launch_.samples)});
 }
 
 // Where the rays are, there the stages are.

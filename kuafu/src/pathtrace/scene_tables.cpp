@@ -29,6 +29,7 @@ MaterialRecord record_of(const Material& m, uint32_t id) {
   r.transmission_roughness = m.transmission_roughness;
   r.diffuse_roughness = m.diffuse_roughness;
   r.coat = m.bsdf == Material::Bsdf::paper ? 0.0f : 1.0f;
+  r.light_group = m.light_group;
   r.base_color_texture = m.base_color_texture;
   r.ir_albedo_texture = from_colour ? m.base_color_texture : no_texture;
   r.metallic_roughness_texture = m.metallic_roughness_texture;
@@ -155,6 +156,8 @@ void SceneTables::write_materials(const Scene& scene) {
   };
   material_features_ = std::ranges::any_of(materials, special) ? feature_materials : 0;
   emissive_[0] = std::ranges::any_of(materials, [](const Material& m) { return m.emission != glm::vec3(0); });
+  emission_group_ = 0;
+  for (const Material& m : materials) emission_group_ = std::max(emission_group_, m.light_group);
   emissive_[1] = std::ranges::any_of(materials, [](const Material& m) { return m.ir_emission != 0.0f; });
 }
 
@@ -197,6 +200,8 @@ void SceneTables::write_lights(const Scene& scene, uint32_t environment_count) {
   std::ranges::copy(table.environments, environments_.resize(memory_, table.environments.size()).begin());
   shadow_rays_per_vertex_ = table.shadow_rays_per_vertex;
   select_lights_ = table.select_lights;
+  light_group_ = scene.environment().light_group;
+  for (const LightRecord& light : table.lights) light_group_ = std::max(light_group_, light.light_group);
   has_environment_light_ = std::ranges::any_of(table.environments, [](const auto& e) { return e.radiance != glm::vec3(0); });
 }
 

@@ -26,6 +26,8 @@ class SceneTables {
   /// feature_* that the scene needs.
   [[nodiscard]] uint32_t features() const { return light_features_ | material_features_; }
   [[nodiscard]] bool select_lights() const { return select_lights_; }
+  /// One past the last light group that the scene uses.
+  [[nodiscard]] uint32_t light_groups() const { return 1 + std::max(emission_group_, light_group_); }
   /// Whether a surface lets light through.
   [[nodiscard]] bool has_glass() const { return has_glass_; }
   /// Whether the environment or a surface shines in the band: light that only BSDF rays find.
@@ -70,7 +72,8 @@ class SceneTables {
   uint32_t shadow_rays_per_vertex_ = 0;
   bool select_lights_ = false, has_environment_light_ = false, has_glass_ = false;
   uint32_t light_features_ = 0, material_features_ = 0;
-  bool emissive_[2] = {false, false};  // visible, infrared
+  uint32_t light_group_ = 0, emission_group_ = 0;  // highest
+  bool emissive_[2] = {false, false};              // visible, infrared
 };
 
 }  // namespace kuafu

@@ -14,8 +14,8 @@ void WaveBuffers::fit(const WaveSize& size) {
     grow(shadow_environments_[i], size.environments ? rays : 0);
   }
   grow(contributions_, shadows * (size.channels + (glass ? 1 : 0)));
-  grow(state_, capacity * (state_shadow(size.channels) + size.shadow_rays_per_vertex));
-  grow(sums_, capacity * group_count * size.channels);
+  grow(state_, capacity * (state_shadow(size.channels, size.groups) + size.shadow_rays_per_vertex));
+  grow(sums_, capacity * size.groups * size.channels);
   grow(counters_, counter_bytes() / 4);
 }
 

@@ -13,6 +13,7 @@ namespace kuafu {
 struct WaveSize {
   uint32_t capacity = 0;  // paths, a multiple of pixel_block
   uint32_t channels = 1;
+  uint32_t groups = group_count;  // of light, kept apart
   uint32_t shadow_rays_per_vertex = 0;
   uint32_t bounces = 0;  // counter blocks
   bool environments = false;

@@ -15,6 +15,7 @@
 namespace kuafu {
 
 inline constexpr uint32_t none = 0xffffffffu;
+inline constexpr uint32_t light_group_count = 4;  // of all light but projectors'
 
 struct Mesh {
   std::string name;
@@ -52,6 +53,7 @@ struct Material {
   float attenuation_distance_m = 0.0f;  // 0: nothing is absorbed
   enum class Bsdf : uint32_t { gltf = 0, paper = 1 };
   Bsdf bsdf = Bsdf::gltf;
+  uint32_t light_group = 0;
 };
 
 struct Instance {
@@ -80,6 +82,7 @@ struct Light {
   double pattern_scale = 1.0;
   DotPattern dots;                        // projector: in place of the texture, where there are any
   std::shared_ptr<const Texture> raster;  // of the dots; made by the scene
+  uint32_t light_group = 0;
 };
 
 struct Environment {
@@ -87,6 +90,7 @@ struct Environment {
   float ir_radiance = std::numeric_limits<float>::quiet_NaN();
   uint32_t texture = none;  // equirectangular, multiplies both
   glm::dmat3 map_to_world{1.0};
+  uint32_t light_group = 0;
 };
 
 class Scene;

@@ -108,6 +108,11 @@ uint64_t texel_bytes(const Texture& texture) {
   return uint64_t{texture.width} * texture.height * texture.channels * channel_bytes;
 }
 
+void check_light_group(const char* owner, const std::string& name, uint32_t group) {
+  if (group >= light_group_count)
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s '%s': light_group is %u, must be below %u", owner, name.c_str(), group, light_group_count);
+}
+
 void check(const Texture& texture) {
   const char* name = texture.name.c_str();
   const uint64_t bytes = texel_bytes(texture);
@@ -137,6 +142,7 @@ void check(const Material& material) {
   if (material.bsdf > Material::Bsdf::paper)
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "material '%s': bsdf %u is no KUAFU_BSDF_*", material.name.c_str(),
              static_cast<uint32_t>(material.bsdf));
+  check_light_group("material", material.name, material.light_group);
   if (!std::isnan(material.ir_albedo)) unit("ir_albedo", material.ir_albedo);
   check_range("material", material.name, "ior", material.ior, 1.0, std::numeric_limits<float>::max());
   check_not_negative("material", material.name, "emission", material.emission);
@@ -185,6 +191,7 @@ void check(const Light& light) {
   check_not_negative("light", light.name, "intensity", light.intensity);
   check_infrared("light", light.name, "ir_intensity", light.ir_intensity);
   check_rigid(light.light_to_world, ("light '" + light.name + "': light_to_world").c_str());
+  check_light_group("light", light.name, light.light_group);
   check_shape(light);
   if (light.kind == Light::Kind::projector) return check_projector(light);
   if (!light.dots.dots.empty())
@@ -195,6 +202,7 @@ void check(const Light& light) {
 void check(const Environment& environment) {
   check_not_negative("environment", "", "radiance", environment.radiance);
   check_infrared("environment", "", "ir_radiance", environment.ir_radiance);
+  check_light_group("environment", "", environment.light_group);
   check_rigid(glm::dmat4(environment.map_to_world), "environment: map_to_world");
 }
 

@@ -215,8 +215,9 @@ class World {
     return id;
   }
 
-  void set_environment(float radiance) {
+  void set_environment(float radiance, uint32_t light_group = 0) {
     kuafu_environment_desc e = kuafu_environment_desc_init();
+    e.light_group = light_group;
     for (float& r : e.radiance) r = radiance;
     e.ir_radiance = radiance;
     ok(kuafu_scene_set_environment(scene_, &e));
