@@ -125,6 +125,7 @@ class Material:
     ir_attenuation_color: float | None
     attenuation_distance_m: float
     bsdf: Literal["gltf", "paper"]
+    light_group: int
     def __init__(self, **fields: Any) -> None: ...
 
 class Light:
@@ -149,6 +150,7 @@ class Light:
     pattern_width: int
     pattern_height: int
     dot_sigma_px: float
+    light_group: int
     def __init__(self, **fields: Any) -> None: ...
 
 class Camera:
@@ -239,6 +241,7 @@ class Scene:
         *,
         texture: int | None = None,
         map_to_world: ArrayLike | None = None,
+        light_group: int = 0,
     ) -> None: ...
     def camera(self, index: int) -> Camera: ...
     def instance_name(self, id: int) -> str: ...

@@ -95,6 +95,7 @@ void bind_material(py::module_& module) {
   vector(type, "attenuation_color", &kuafu_material_desc::attenuation_color, "Of white light after attenuation_distance_m inside.");
   maybe(type, "ir_attenuation_color", &kuafu_material_desc::ir_attenuation_color, "The same in the infrared; None = red.");
   scalar(type, "attenuation_distance_m", &kuafu_material_desc::attenuation_distance_m, "0 = nothing is absorbed.");
+  scalar(type, "light_group", &kuafu_material_desc::light_group, "0..3: which group of outputs its emission belongs to.");
   type.def_property(
       "bsdf", [](const Material& m) { return m.c.bsdf == KUAFU_BSDF_PAPER ? "paper" : "gltf"; },
       [](Material& m, const std::string& bsdf) {
@@ -151,6 +152,7 @@ void bind_light(py::module_& module) {
   scalar(type, "pattern_width", &kuafu_light_desc::pattern_width, "Of the dots' image, whose pixels k and dots count.");
   scalar(type, "pattern_height", &kuafu_light_desc::pattern_height, "Of the dots' image.");
   scalar(type, "dot_sigma_px", &kuafu_light_desc::dot_sigma_px, "Of each dot, a Gaussian.");
+  scalar(type, "light_group", &kuafu_light_desc::light_group, "0..3: which group of outputs it belongs to; projectors have their own.");
   maybe(type, "environment", &kuafu_light_desc::environment, "Which environment of a batch has it; None = all.");
 }
 

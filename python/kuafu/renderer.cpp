@@ -14,6 +14,10 @@ constexpr Output outputs_known[] = {{"radiance", KUAFU_OUTPUT_RADIANCE, 0, KS_FO
                                     {"projector_direct", KUAFU_OUTPUT_PROJECTOR_DIRECT, 0, KS_FORMAT_F32},
                                     {"projector_indirect", KUAFU_OUTPUT_PROJECTOR_INDIRECT, 0, KS_FORMAT_F32},
                                     {"ambient", KUAFU_OUTPUT_AMBIENT, 0, KS_FORMAT_F32},
+                                    {"light_group_0", KUAFU_OUTPUT_LIGHT_GROUP_0, 0, KS_FORMAT_F32},
+                                    {"light_group_1", KUAFU_OUTPUT_LIGHT_GROUP_0 + 1, 0, KS_FORMAT_F32},
+                                    {"light_group_2", KUAFU_OUTPUT_LIGHT_GROUP_0 + 2, 0, KS_FORMAT_F32},
+                                    {"light_group_3", KUAFU_OUTPUT_LIGHT_GROUP_0 + 3, 0, KS_FORMAT_F32},
                                     {"depth", KUAFU_OUTPUT_DEPTH, 1, KS_FORMAT_F32},
                                     {"normal", KUAFU_OUTPUT_NORMAL, 3, KS_FORMAT_F32},
                                     {"instance_id", KUAFU_OUTPUT_INSTANCE_ID, 1, KS_FORMAT_U32},
@@ -186,7 +190,7 @@ void bind_renderer(py::module_& module) {
           py::arg("glass_surfaces") = d.glass_surfaces, py::arg("light_sampling") = "mis", py::arg("film") = py::none(),
           py::arg("progress") = py::none(),
           "cameras: a Camera or a sequence of them, all of one size. outputs: names of radiance, projector_direct, projector_indirect, "
-          "ambient, depth, normal,\n"
+          "ambient, light_group_0 .. light_group_3 (ambient's parts), depth, normal,\n"
           "instance_id, material_id; or {name: Image or Buffer} to fill those. band: 'infrared' (one channel) or 'visible' (three).\n"
           "Returns {name: array [view, height, width, channel]}: float32, uint32 for ids; views of the buffers, nothing is copied.\n"
           "light_sampling: 'mis', 'lights' or 'bsdf', how light with an extent is found.\n"

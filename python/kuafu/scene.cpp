@@ -114,11 +114,12 @@ void set_instance_materials(Scene& scene, uint32_t id, const std::vector<uint32_
 }
 
 void set_environment(Scene& scene, const std::array<float, 3>& radiance, std::optional<float> ir_radiance,
-                     const std::optional<uint32_t>& texture, const py::object& map_to_world) {
+                     const std::optional<uint32_t>& texture, const py::object& map_to_world, uint32_t light_group) {
   kuafu_environment_desc environment = kuafu_environment_desc_init();
   std::copy(radiance.begin(), radiance.end(), environment.radiance);
   if (ir_radiance) environment.ir_radiance = *ir_radiance;
   if (texture) environment.texture = *texture;
+  environment.light_group = light_group;
   read_matrix<Kuafu>(map_to_world, "map_to_world", environment.map_to_world, 9);
   const InUse<Kuafu> in_use(scene.in_use, "scene");
   check<Kuafu>(kuafu_scene_set_environment(scene.get(), &environment));
@@ -253,7 +254,7 @@ void bind_scene(py::module_& module) {
           },
           py::arg("id"))
       .def("set_environment", &set_environment, py::arg("radiance"), py::arg("ir_radiance") = py::none(), py::kw_only(),
-           py::arg("texture") = py::none(), py::arg("map_to_world") = py::none(),
+           py::arg("texture") = py::none(), py::arg("map_to_world") = py::none(), py::arg("light_group") = 0,
            "Radiance from all directions, W/(sr m^2), times an equirectangular texture turned by the 3x3 map_to_world. ir_radiance None: "
            "red of radiance times ir_ambient_scale plus "
            "ir_ambient_radiance.")
