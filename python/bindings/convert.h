@@ -50,6 +50,23 @@ void read_matrix(const py::object& value, const char* what, double* out, py::ssi
   std::copy_n(array.data(), count, out);
 }
 
+/// A matrix that must be there.
+template <class Api>
+void read_required_matrix(const py::object& value, const char* what, double* out, py::ssize_t count) {
+  if (value.is_none()) raise_argument<Api>(std::string(what) + " is missing: it needs " + std::to_string(count) + " numbers");
+  read_matrix<Api>(value, what, out, count);
+}
+
+/// value as a T, or an error that names the argument and says what it must be.
+template <class Api, class T>
+T read_as(const py::handle& value, const char* what, const char* wanted) {
+  try {
+    if (!value.is_none()) return py::cast<T>(value);
+  } catch (const py::cast_error&) {
+  }
+  raise_argument<Api>(std::string(what) + " must be " + wanted + ", not " + std::string(py::repr(value)));
+}
+
 inline py::array_t<double> matrix(const double* values, py::ssize_t rows, py::ssize_t columns) {
   py::array_t<double> out({rows, columns});
   std::copy_n(values, rows * columns, out.mutable_data());

@@ -4,8 +4,6 @@ import numpy as np
 
 from ._simsense import FAULTS, Camera, Device, Engine
 
-_PARABOLA = 1  # SIMSENSE_SUBPIXEL_PARABOLA
-
 
 class SettingError(ValueError, TypeError):
     """A setting is out of its range. Both ValueError, which it is, and TypeError, which SimSense raises."""
@@ -18,6 +16,12 @@ def _require(condition, text):
 
 def _is_int(value):
     return isinstance(value, (int, np.integer)) and not isinstance(value, bool)
+
+
+def _require_numbers(**values):
+    for name, value in values.items():
+        ok = isinstance(value, (int, float, np.number)) and not isinstance(value, bool) and np.isfinite(value)
+        _require(ok, f"{name} must be a finite number, not {value!r}")
 
 
 def _check_size(size, what):
@@ -43,6 +47,7 @@ def _check_window(width, height, largest, what):
 
 
 def _noise(shape, scale, mu, sigma):
+    _require_numbers(speckle_shape=shape, speckle_scale=scale, gaussian_mu=mu, gaussian_sigma=sigma)
     _require(shape >= 0, f"speckle_shape must not be negative, it is {shape}")
     if shape == 0:  # SimSense adds no noise at all then
         return {"speckle_shape": 0.0, "speckle_scale": 0.0, "black_level_dn": 0.0, "adc_noise_dn": 0.0}
@@ -74,9 +79,9 @@ class DepthSensor:
     lr_max_diff 255 and speckle_shape 0 switch their stage off. device: which device computes ('host' needs no Vulkan). Raises SettingError
     (a ValueError and a TypeError) out of range.
 
-    mode 'fixed' computes what those arguments mean; 'simsense-exact' also keeps SimSense's faults (FAULTS, one switch each in Engine) and its
-    parabola as subpixel step, and gives its results bit for bit as long as noise is off: SimSense's random numbers are CUDA's, ours are drawn
-    from the same distributions.
+    mode 'fixed' computes what those arguments mean; 'simsense-exact' also keeps SimSense's faults and its parabola as subpixel step, and gives
+    its results bit for bit as long as noise is off: SimSense's random numbers are CUDA's, ours are drawn from the same distributions.
+    faults: names out of simsense.FAULTS, those to keep instead of the mode's (none, or all of them); simsense/README.md says what each does.
     """
 
     def __init__(
@@ -110,10 +115,12 @@ class DepthSensor:
         *,
         device="host",
         mode="fixed",
+        faults=None,
     ):
         width, height = _check_size(lr_size, "lr_size")
         _require(_is_int(max_disp) and 32 <= max_disp <= 1024, f"max_disp must be an integer in 32..1024, not {max_disp}")
         _require(median_filter_size in (1, 3, 5, 7), f"median_filter_size must be 1, 3, 5 or 7, not {median_filter_size}")
+        _require_numbers(min_depth=min_depth, max_depth=max_depth)
         _require(0 <= min_depth < max_depth, f"depths must satisfy 0 <= min_depth < max_depth, not {min_depth} and {max_depth}")
         _require(_is_int(ir_noise_seed) and ir_noise_seed >= 0, f"ir_noise_seed must be an integer of at least 0, not {ir_noise_seed}")
         parameters = {
@@ -133,7 +140,7 @@ class DepthSensor:
         _require(mode in ("fixed", "simsense-exact"), f"mode must be 'fixed' or 'simsense-exact', not {mode!r}")
         exact = mode == "simsense-exact"
         if exact:
-            parameters["subpixel"] = _PARABOLA
+            parameters["subpixel"] = "parabola"
         left = Camera(width, height, _check_matrix(k_l, 3, "k_l"))
         right = Camera(width, height, _check_matrix(k_r, 3, "k_r"))
         rgb, l2rgb = self._rgb_camera(rgb_size, k_rgb, l2rgb)
@@ -142,7 +149,9 @@ class DepthSensor:
         self._frame = 0
         device = device if isinstance(device, Device) else Device(device)
         l2r = _check_matrix(l2r, 4, "l2r")
-        rig = {"rgb": rgb, "left_to_rgb": l2rgb, "rectified": bool(rectified), "faults": FAULTS if exact else ()}
+        if faults is None:
+            faults = FAULTS if exact else ()
+        rig = {"rgb": rgb, "left_to_rgb": l2rgb, "rectified": bool(rectified), "faults": faults}
         self._engine = Engine(device, left, right, l2r, **rig, **parameters)
 
     @staticmethod

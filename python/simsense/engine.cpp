@@ -55,6 +55,17 @@ simsense_image host_image(py::array array, uint32_t batch_count, const char* wha
   return image;
 }
 
+std::vector<std::string> read_names(const py::object& names, const char* what) {
+  const std::string wanted = std::string(what) + " must be a sequence of names, not " + std::string(py::repr(names));
+  if (py::isinstance<py::str>(names) || !py::isinstance<py::iterable>(names)) raise_argument<Simsense>(wanted);
+  std::vector<std::string> out;
+  for (const py::handle name : names) {
+    if (!py::isinstance<py::str>(name)) raise_argument<Simsense>(wanted);
+    out.push_back(py::cast<std::string>(name));
+  }
+  return out;
+}
+
 struct Fault {
   const char* name;
   uint32_t bit;
@@ -67,10 +78,8 @@ constexpr Fault faults_known[] = {{"rectified_shrunk", SIMSENSE_FAULT_RECTIFIED_
                                   {"splat_invalid", SIMSENSE_FAULT_SPLAT_INVALID}};
 
 uint32_t read_faults(const py::object& names) {
-  if (py::isinstance<py::str>(names)) raise_argument<Simsense>("faults is a sequence of names, not one name");
   uint32_t bits = 0;
-  for (const py::handle item : names) {
-    const auto name = py::cast<std::string>(item);
+  for (const std::string& name : read_names(names, "faults")) {
     std::string known;
     const Fault* found = nullptr;
     for (const Fault& fault : faults_known) {
@@ -86,22 +95,24 @@ uint32_t read_faults(const py::object& names) {
 simsense_camera read_camera(const py::object& camera) {
   simsense_camera out = {};
   if (camera.is_none()) return out;
-  return py::cast<simsense_camera>(camera);
+  return read_as<Simsense, simsense_camera>(camera, "rgb", "a simsense.Camera or None");
 }
 
 class Engine {
  public:
-  Engine(std::shared_ptr<Device<Simsense>> device, const simsense_camera& left, const simsense_camera& right,
-         const py::object& left_to_right, const py::object& rgb, const py::object& left_to_rgb, bool rectified, uint32_t batch_count,
-         const py::object& faults, const py::kwargs& parameters)
-      : device_(std::move(device)) {
-    rig_.left = left;
-    rig_.right = right;
+  Engine(const py::object& device, const py::object& left, const py::object& right, const py::object& left_to_right, const py::object& rgb,
+         const py::object& left_to_rgb, bool rectified, const py::object& batch_count, const py::object& faults,
+         const py::kwargs& parameters) {
+    if (!py::isinstance<Device<Simsense>>(device))
+      raise_argument<Simsense>("device must be a simsense.Device, not " + std::string(py::repr(device)));
+    device_ = py::cast<std::shared_ptr<Device<Simsense>>>(device);
+    rig_.left = read_as<Simsense, simsense_camera>(left, "left", "a simsense.Camera");
+    rig_.right = read_as<Simsense, simsense_camera>(right, "right", "a simsense.Camera");
     rig_.rgb = read_camera(rgb);
     rig_.rectified = rectified ? 1 : 0;
-    rig_.batch_count = batch_count;
+    rig_.batch_count = read_as<Simsense, uint32_t>(batch_count, "batch_count", "a whole number of pairs");
     rig_.faults = read_faults(faults);
-    read_matrix<Simsense>(left_to_right, "left_to_right", rig_.left_to_right, 16);
+    read_required_matrix<Simsense>(left_to_right, "left_to_right", rig_.left_to_right, 16);
     read_matrix<Simsense>(left_to_rgb, "left_to_rgb", rig_.left_to_rgb, 16);
     Settings settings;
     settings.change(parameters);
@@ -132,10 +143,10 @@ class Engine {
       throw;
     }
   }
-  void set_signal(const py::dict& left, const py::dict& right) {
+  void set_signal(const py::object& left, const py::object& right) {
     Settings s = settings();
-    ks_python::set_signal(s.left, left);
-    ks_python::set_signal(s.right, right);
+    ks_python::set_signal(s.left, left, "left");
+    ks_python::set_signal(s.right, right, "right");
     const InUse<Simsense> in_use(in_use_, "engine");
     check<Simsense>(simsense_engine_set_signal(get(), &s.left, &s.right));
   }
@@ -201,10 +212,10 @@ class Engine {
   /// `outputs`: names (arrays are made), or {name: array or Image} to fill or {name: dtype} to make.
   void read_outputs(const py::object& outputs, bool batched, std::vector<simsense_output_desc>& c_outputs, py::dict& results,
                     std::vector<py::object>& keep) const {
-    if (py::isinstance<py::str>(outputs)) raise_argument<Simsense>("outputs is a sequence of names, not one name");
     const bool given = py::isinstance<py::dict>(outputs);
-    for (const py::handle item : outputs) {
-      const Output& o = find_output(py::cast<std::string>(item));
+    for (const std::string& name : read_names(outputs, "outputs")) {
+      const Output& o = find_output(name);
+      const py::str item(name);
       simsense_output_desc c = {};
       c.header = ks_header_make(SIMSENSE_TYPE_OUTPUT_DESC, sizeof c);
       c.output = o.output;
@@ -269,11 +280,11 @@ class Engine {
 void bind_camera(py::module_& module) {
   using C = simsense_camera;
   py::class_<C>(module, "Camera", "A pinhole camera with Brown-Conrady distortion [k1, k2, p1, p2, k3].")
-      .def(py::init([](uint32_t width, uint32_t height, const py::object& k, const py::object& distortion) {
+      .def(py::init([](const py::object& width, const py::object& height, const py::object& k, const py::object& distortion) {
              C camera = {};
-             camera.width = width;
-             camera.height = height;
-             read_matrix<Simsense>(k, "k", camera.k, 9);
+             camera.width = read_as<Simsense, uint32_t>(width, "width", "a number of pixels");
+             camera.height = read_as<Simsense, uint32_t>(height, "height", "a number of pixels");
+             read_required_matrix<Simsense>(k, "k", camera.k, 9);
              read_matrix<Simsense>(distortion, "distortion", camera.distortion, 5);
              return camera;
            }),
@@ -295,16 +306,20 @@ void bind_engine(py::module_& module) {
                                           "not_computed", "low_texture", "saturated");
   bind_camera(module);
   module.def(
-      "signal_preset", [](const std::string& name) { return get_signal(signal_preset(name)); }, py::arg("name"),
+      "signal_preset",
+      [](const py::object& name) { return get_signal(signal_preset(read_as<Simsense, std::string>(name, "name", "a preset's name"))); },
+      py::arg("name"),
       "All parameters of an imager as a dict: 'neutral', or measured ones whose input is in 8-bit counts, 'paper-d415', 'sapien', 'd435'.");
   py::class_<Engine>(
       module, "Engine",
       "A stereo rig's depth engine. Parameters are those of simsense_parameters, and of simsense_signal for both eyes, by name; see "
-      "Engine.parameters.")
-      .def(py::init<std::shared_ptr<Device<Simsense>>, const simsense_camera&, const simsense_camera&, const py::object&, const py::object&,
-                    const py::object&, bool, uint32_t, const py::object&, const py::kwargs&>(),
-           py::arg("device").none(false), py::arg("left"), py::arg("right"), py::arg("left_to_right"), py::kw_only(),
-           py::arg("rgb") = py::none(), py::arg("left_to_rgb") = py::none(), py::arg("rectified") = false, py::arg("batch_count") = 1,
+      "Engine.parameters.\n"
+      "census_kind ('center_symmetric', 'plain'), subpixel ('none', 'parabola', 'equiangular', 'equiangular_summed') and hole_filling\n"
+      "('keep', 'left', 'background') may be given by name or by number.")
+      .def(py::init<const py::object&, const py::object&, const py::object&, const py::object&, const py::object&, const py::object&, bool,
+                    const py::object&, const py::object&, const py::kwargs&>(),
+           py::arg("device"), py::arg("left"), py::arg("right"), py::arg("left_to_right"), py::kw_only(), py::arg("rgb") = py::none(),
+           py::arg("left_to_rgb") = py::none(), py::arg("rectified") = false, py::arg("batch_count") = 1,
            py::arg("faults") = py::make_tuple(),
            "left_to_right, left_to_rgb: 4x4. rgb: the camera to register to, or None. rectified: the input pair is row-aligned already.\n"
            "faults: those of the published SimSense to keep, by name (SIMSENSE_FAULT_* of simsense.h); simsense.FAULTS has all.")

@@ -75,13 +75,36 @@ inline constexpr Field<simsense_signal> signal_fields[] = {{"exposure_s", &simse
                                                            {"first_view", &simsense_signal::first_view},
                                                            {"scene_index", &simsense_signal::scene_index}};
 
+/// Parameters that choose one of several ways, which may be given by name.
+struct Choice {
+  const char* field;
+  std::vector<const char*> names;  // of 0, 1, ...
+};
+inline const std::vector<Choice> choices = {{"census_kind", {"center_symmetric", "plain"}},
+                                            {"subpixel", {"none", "parabola", "equiangular", "equiangular_summed"}},
+                                            {"hole_filling", {"keep", "left", "background"}}};
+
+/// The number of a choice that is given by name; any other value as it is.
+inline py::object chosen(const std::string& field, const py::handle& value) {
+  const auto choice = std::find_if(choices.begin(), choices.end(), [&](const Choice& c) { return field == c.field; });
+  if (choice == choices.end() || !py::isinstance<py::str>(value)) return py::reinterpret_borrow<py::object>(value);
+  const auto name = py::cast<std::string>(value);
+  std::string known;
+  for (size_t i = 0; i < choice->names.size(); ++i) {
+    if (name == choice->names[i]) return py::int_(i);
+    known += (known.empty() ? "" : ", ") + std::string(choice->names[i]);
+  }
+  raise_argument<Simsense>(field + " is '" + name + "' (known: " + known + ")");
+}
+
 /// Whether there is such a field; it is set then.
 template <class Struct, size_t count>
 bool set_field(Struct& record, const Field<Struct> (&fields)[count], const std::string& name, const py::handle& value) {
   const auto field = std::find_if(std::begin(fields), std::end(fields), [&](const Field<Struct>& f) { return name == f.name; });
   if (field == std::end(fields)) return false;
   try {
-    std::visit([&](auto member) { record.*member = py::cast<std::decay_t<decltype(record.*member)>>(value); }, field->member);
+    const py::object number = chosen(name, value);
+    std::visit([&](auto member) { record.*member = py::cast<std::decay_t<decltype(record.*member)>>(number); }, field->member);
   } catch (const py::cast_error&) {
     raise_argument<Simsense>(name + " cannot be " + std::string(py::repr(value)));
   }
@@ -93,8 +116,10 @@ void get_fields(const Struct& record, const Field<Struct> (&fields)[count], py::
   for (const Field<Struct>& field : fields) std::visit([&](auto member) { out[field.name] = record.*member; }, field.member);
 }
 
-inline void set_signal(simsense_signal& signal, const py::dict& changes) {
-  for (const auto& [key, value] : changes) {
+inline void set_signal(simsense_signal& signal, const py::object& changes, const char* eye) {
+  if (!py::isinstance<py::dict>(changes))
+    raise_argument<Simsense>(std::string(eye) + " must be a dict of parameters, not " + std::string(py::repr(changes)));
+  for (const auto& [key, value] : py::reinterpret_borrow<py::dict>(changes)) {
     const std::string name = py::str(key);
     if (!set_field(signal, signal_fields, name, value))
       throw py::type_error("an imager has no parameter '" + name + "'; see simsense_signal");

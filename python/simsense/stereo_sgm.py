@@ -83,7 +83,7 @@ class StereoSGM:
         height, width = image.shape
         parameters = self._parameters() | {"bit_depth": 16 if image.dtype == np.uint16 else 8}
         if self._engine is None or self._size != (width, height):
-            camera = Camera(width, height, [[1, 0, 0], [0, 1, 0], [0, 0, 1]])
+            camera = Camera(width, height, [[width, 0, 0], [0, width, 0], [0, 0, 1]])  # any: disparities alone are asked for
             left_to_right = np.eye(4)
             left_to_right[0, 3] = -1
             self._engine = Engine(self._device, camera, camera, left_to_right, rectified=True, **parameters)
@@ -95,6 +95,9 @@ class StereoSGM:
     def _parameters(self):
         """The engine's parameters."""
         v = self._values
+        for name, value in v.items():
+            if not isinstance(value, (int, np.integer)) or isinstance(value, bool):
+                raise ValueError(f"{name[0].lower() if name[1:2].islower() else name[0]}{name[1:]} must be an integer, not {value!r}")
         block = v["BlockSize"]
         if not (0 < block <= _LARGEST_BLOCK and block % 2 == 1):
             raise ValueError(f"blockSize must be odd and in 1..{_LARGEST_BLOCK}, not {block}")

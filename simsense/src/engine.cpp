@@ -140,11 +140,12 @@ ImageShape Engine::output_shape(uint32_t output) const {
 void Engine::check_output(const ComputeRequest::Output& wanted, bool listed_before, bool has_rgb_image) const {
   const uint32_t output = wanted.output;
   if (output == 0 || output >= output_count)
-    ks::fail(KS_ERROR_INVALID_ARGUMENT, "output %u is unknown: SIMSENSE_OUTPUT_* are 1..%u", output, output_count - 1);
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "output %u is unknown: they are 1..%u", output, output_count - 1);
   if (listed_before) ks::fail(KS_ERROR_INVALID_ARGUMENT, "output %u (%s) is listed twice", output, output_names[output]);
   const bool colored = output == SIMSENSE_OUTPUT_POINTS_COLORED;
   if ((output == SIMSENSE_OUTPUT_DEPTH_RGB || colored) && !has_rgb_)
-    ks::fail(KS_ERROR_INVALID_ARGUMENT, "output %u (%s) needs a rig with an rgb camera: rgb.width is 0", output, output_names[output]);
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "output %u (%s) needs a rig with an rgb camera, and this one has none", output,
+             output_names[output]);
   if (colored && !has_rgb_image) ks::fail(KS_ERROR_INVALID_ARGUMENT, "output %u (points_colored) needs the rgb image", output);
   const uint32_t format = wanted.image.image.format, formats = output_formats(output);
   if (format > KS_FORMAT_F32 || !(formats & bit(format)))
@@ -154,7 +155,7 @@ void Engine::check_output(const ComputeRequest::Output& wanted, bool listed_befo
 
 template <class FrameType, class Open>
 void Engine::open_frame(const ComputeRequest& request, FrameType& frame, const Open& open) const {
-  if (request.outputs.empty()) ks::fail(KS_ERROR_INVALID_ARGUMENT, "output_count is 0: nothing to compute");
+  if (request.outputs.empty()) ks::fail(KS_ERROR_INVALID_ARGUMENT, "no output is asked for (output_count is 0): nothing to compute");
   const ImageArgument* inputs[] = {&request.left, &request.right};
   constexpr const char* names[] = {"left image", "right image"};
   for (uint32_t eye : {0u, 1u}) {
@@ -164,7 +165,7 @@ void Engine::open_frame(const ComputeRequest& request, FrameType& frame, const O
     frame.inputs[eye].emplace(open(*inputs[eye], {rig_.batch_count, height_, width_, 0}, names[eye]));
   }
   if (request.rgb) {
-    if (!has_rgb_) ks::fail(KS_ERROR_INVALID_ARGUMENT, "an rgb image is given, but the rig has no rgb camera: rgb.width is 0");
+    if (!has_rgb_) ks::fail(KS_ERROR_INVALID_ARGUMENT, "an rgb image is given, but the rig has no rgb camera");
     if (request.rgb->image.format != KS_FORMAT_U8)
       ks::fail(KS_ERROR_INVALID_ARGUMENT, "rgb image has format %u: must be u8 (1)", request.rgb->image.format);
     frame.rgb.emplace(open(*request.rgb, {rig_.batch_count, rig_.rgb.height, rig_.rgb.width, 3}, "rgb image"));

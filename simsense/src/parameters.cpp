@@ -26,7 +26,7 @@ void check_choice(uint32_t value, uint32_t last, const char* name, const char* c
 }
 
 void check_matching(const simsense_parameters& p) {
-  check_choice(p.census_kind, SIMSENSE_CENSUS_PLAIN, "census_kind", "SIMSENSE_CENSUS_*, center-symmetric (0) or plain (1)");
+  check_choice(p.census_kind, SIMSENSE_CENSUS_PLAIN, "census_kind", "center_symmetric (0), plain (1)");
   check_window(p.census_width, p.census_height, 3, p.census_kind == SIMSENSE_CENSUS_PLAIN ? 63 : 65, "census window");
   if (p.max_disparity < 16 || p.max_disparity > 1024)
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "max_disparity is %u: must be 16..1024", p.max_disparity);
@@ -46,9 +46,9 @@ void check_matching(const simsense_parameters& p) {
   if (p.median_size != 1 && p.median_size != 3 && p.median_size != 5 && p.median_size != 7)
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "median_size is %u: must be 1 (off), 3, 5 or 7", p.median_size);
   check_choice(p.subpixel, SIMSENSE_SUBPIXEL_EQUIANGULAR_SUMMED, "subpixel",
-               "SIMSENSE_SUBPIXEL_*, none (0), parabola (1), equiangular (2) or equiangular_summed (3)");
+               "none (0), parabola (1), equiangular (2), equiangular_summed (3)");
   check_not_negative(p.speckle_max_diff_px, "speckle_max_diff_px");
-  check_choice(p.hole_filling, SIMSENSE_HOLES_BACKGROUND, "hole_filling", "SIMSENSE_HOLES_*, keep (0), left (1) or background (2)");
+  check_choice(p.hole_filling, SIMSENSE_HOLES_BACKGROUND, "hole_filling", "keep (0), left (1), background (2)");
 }
 
 }  // namespace

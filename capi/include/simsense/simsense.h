@@ -1,8 +1,14 @@
 /* simsense: a stereo depth engine (imager noise, rectification, census, semi-global matching, checks, registration). C99.
  *
- * Conventions, errors, lifetime and threads are those of kuafu.h: metres, radians; camera x right, y down, z forward; pixel centres at integers;
- * depth is z, 0 = invalid; disparity = x_left - x_right in pixels, -1 = invalid; transforms are row-major a_to_b.
- * An engine is used by one thread at a time. */
+ * Conventions: metres, radians, seconds; camera x right, y down, z forward; pixel centres at integers; depth is z, 0 = invalid; disparity =
+ * x_left - x_right in pixels, -1 = invalid. A 4x4 transform is row-major and named a_to_b: it maps coordinates in a to coordinates in b.
+ * Errors: a call that can fail returns ks_status; simsense_last_error() is the calling thread's last message, with the numbers and what to do. A failed
+ * call leaves its objects as they were, and sets no handle.
+ * Handles: a create or import gives its caller one reference; whoever holds one gives it back with ..._release, once, from any thread; ..._retain takes
+ * one more. An engine or buffer keeps its device and what it was given, so any order of releases is right; release(NULL) does nothing. A handle
+ * never goes to another library: buffers meet through ks_buffer_desc.
+ * Threads: a device may be used by several threads at once; an engine or a buffer by one at a time, its release included; distinct objects are
+ * independent. Callbacks come on the thread that called and must not call back into the library. */
 #ifndef SIMSENSE_SIMSENSE_H
 #define SIMSENSE_SIMSENSE_H
 

@@ -12,12 +12,18 @@ namespace {
 // What a pair that calls itself rectified may leave over: larger residuals shift rows by pixels and ruin the match silently.
 constexpr double max_rotation_rad = 0.01, max_sideways = 0.05 /* of the baseline */, max_focal_difference = 0.01 /* relative */,
                  max_row_offset_px = 1;
+// Beyond these it is a slip of units.
+constexpr double min_baseline_m = 1e-4, max_baseline_m = 1e3;
 
 void check_side_by_side(const std::array<double, 3>& t) {
   if (!(t[0] < 0))
     ks::fail(KS_ERROR_INVALID_ARGUMENT,
              "left_to_right has x translation %g m: must be negative (minus the baseline). Swap the images, or give the inverse transform",
              t[0]);
+  const double baseline_m = std::hypot(t[0], t[1], t[2]);
+  if (baseline_m < min_baseline_m || baseline_m > max_baseline_m)
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "left_to_right moves the camera by %g m: a baseline must be %g..%g m; translations are in metres",
+             baseline_m, min_baseline_m, max_baseline_m);
 }
 
 void check_rectified(const simsense_rig_desc& rig, const Rigid& pose) {

@@ -1,5 +1,6 @@
 #include "rectify/rig.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 
@@ -9,7 +10,23 @@ namespace simsense {
 namespace {
 
 constexpr uint32_t min_size = 32, max_size = 16384;
+// Beyond these it is a slip of units or of order, not a camera.
+constexpr double min_focal_sizes = 0.01 /* of the image's longer side */, max_focal_px = 1e7, max_aspect = 10, max_centre_sizes = 100;
 constexpr double orthonormal_tolerance = 1e-3;  // calibration files are often written with few digits
+
+void check_intrinsics(const simsense_camera& camera, const char* name) {
+  const double* k = camera.k;
+  const double size = std::max(camera.width, camera.height), least = min_focal_sizes * size, farthest = max_centre_sizes * size;
+  if (std::min(k[0], k[4]) < least || std::max(k[0], k[4]) > max_focal_px || std::max(k[0] / k[4], k[4] / k[0]) > max_aspect)
+    ks::fail(
+        KS_ERROR_INVALID_ARGUMENT,
+        "%s camera: focal lengths fx = %g, fy = %g pixels: must be %g..%g and within a factor of %g of each other for %ux%u pixels; K is "
+        "in pixels",
+        name, k[0], k[4], least, max_focal_px, max_aspect, camera.width, camera.height);
+  if (std::abs(k[2]) > farthest || std::abs(k[5]) > farthest)
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s camera: principal point %g, %g pixels: must be within %g of the origin for %ux%u pixels", name,
+             k[2], k[5], farthest, camera.width, camera.height);
+}
 
 void check_camera(const simsense_camera& camera, const char* name, uint32_t smallest) {
   if (camera.width < smallest || camera.height < smallest || camera.width > max_size || camera.height > max_size)
@@ -24,6 +41,7 @@ void check_camera(const simsense_camera& camera, const char* name, uint32_t smal
     ks::fail(KS_ERROR_INVALID_ARGUMENT,
              "%s camera: k = [%g %g %g; %g %g %g; %g %g %g] must be [fx 0 cx; 0 fy cy; 0 0 1], row-major, without skew", name, k[0], k[1],
              k[2], k[3], k[4], k[5], k[6], k[7], k[8]);
+  check_intrinsics(camera, name);
   for (int i = 0; i < 5; ++i)
     if (!std::isfinite(camera.distortion[i]))
       ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s camera: distortion[%d] = %g is not finite", name, i, camera.distortion[i]);
@@ -104,12 +122,12 @@ void check_rig(const simsense_rig_desc& rig) {
     check_rigid(rig.left_to_rgb, "left_to_rgb");
   }
   if (rig.faults & ~SIMSENSE_FAULTS_PUBLISHED)
-    ks::fail(KS_ERROR_INVALID_ARGUMENT, "faults is 0x%x: SIMSENSE_FAULT_* are the bits of 0x%x", rig.faults, SIMSENSE_FAULTS_PUBLISHED);
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "faults is 0x%x: only the bits of 0x%x are known", rig.faults, SIMSENSE_FAULTS_PUBLISHED);
   if ((rig.faults & SIMSENSE_FAULT_REGISTRATION_UNRECTIFIED) && is_distorted(rig.rgb))
-    ks::fail(KS_ERROR_INVALID_ARGUMENT, "rgb.distortion[0] = %g with SIMSENSE_FAULT_REGISTRATION_UNRECTIFIED: that one knows no lenses",
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "rgb.distortion[0] = %g with the fault registration_unrectified: that one knows no lenses",
              rig.rgb.distortion[0]);
   if (rig.back_end > SIMSENSE_BACK_END_VULKAN)
-    ks::fail(KS_ERROR_INVALID_ARGUMENT, "back_end is %u: must be a SIMSENSE_BACK_END_*, auto (0), cpu (1) or vulkan (2)", rig.back_end);
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "back_end is %u: must be auto (0), cpu (1) or vulkan (2)", rig.back_end);
   if (rig.batch_count < 1) ks::fail(KS_ERROR_INVALID_ARGUMENT, "batch_count is %u: must be at least 1", rig.batch_count);
 }
 
