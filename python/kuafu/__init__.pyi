@@ -160,8 +160,27 @@ class Camera:
     camera_to_world: NDArray[np.float64]
     near_m: float
     far_m: float
+    @property
+    def distortion(self) -> tuple[float, float, float, float, float, float, float, float]: ...
+    @distortion.setter
+    def distortion(self, values: Sequence[float]) -> None: ...
+    lens_radius_m: float
+    focus_m: float
+    shutter: Literal["global", "rolling"]
+    readout: Literal["rows_down", "rows_up", "columns_right", "columns_left"]
+    exposure_s: float
+    line_time_s: float
+    linear_velocity: tuple[float, float, float]
+    angular_velocity: tuple[float, float, float]
     def __init__(
-        self, width: int, height: int, k: ArrayLike, camera_to_world: ArrayLike | None = None, near_m: float = 0.0, far_m: float = ...
+        self,
+        width: int,
+        height: int,
+        k: ArrayLike,
+        camera_to_world: ArrayLike | None = None,
+        near_m: float = 0.0,
+        far_m: float = ...,
+        **fields: Any,
     ) -> None: ...
 
 class Film:

@@ -156,27 +156,69 @@ void bind_light(py::module_& module) {
   maybe(type, "environment", &kuafu_light_desc::environment, "Which environment of a batch has it; None = all.");
 }
 
+constexpr std::array<std::string_view, 2> shutters = {"global", "rolling"};                                      // by KUAFU_SHUTTER_*
+constexpr std::array<std::string_view, 4> readouts = {"rows_down", "rows_up", "columns_right", "columns_left"};  // by KUAFU_READOUT_*
+
+/// A C constant that counts from 0, by its name in Python.
+template <class Record, class Desc, size_t n>
+void named(py::class_<Record>& type, const char* name, uint32_t Desc::*member, const std::array<std::string_view, n>& names,
+           const char* doc) {
+  type.def_property(
+      name, [member, &names](const Record& r) { return names.at(r.c.*member); },
+      [member, &names, name](Record& r, const std::string& value) {
+        const auto found = std::ranges::find(names, value);
+        std::string known;
+        for (const std::string_view text : names) known += (known.empty() ? "" : ", ") + std::string(text);
+        if (found == names.end()) raise_argument<Kuafu>("unknown " + std::string(name) + " '" + value + "' (known: " + known + ")");
+        r.c.*member = uint32_t(found - names.begin());
+      },
+      doc);
+}
+
 void bind_camera(py::module_& module) {
-  py::class_<Camera> type(module, "Camera", "A pinhole camera: x right, y down, z forward; pixel centres at integers.");
-  type.def(
-      py::init([](uint32_t width, uint32_t height, const py::object& k, const py::object& camera_to_world, double near_m, double far_m) {
-        Camera camera;
-        camera.c.width = width;
-        camera.c.height = height;
-        camera.c.near_m = near_m;
-        camera.c.far_m = far_m;
-        read_matrix<Kuafu>(k, "k", camera.c.k, 9);
-        read_matrix<Kuafu>(camera_to_world, "camera_to_world", camera.c.camera_to_world, 16);
-        return camera;
-      }),
-      py::arg("width"), py::arg("height"), py::arg("k"), py::arg("camera_to_world") = py::none(), py::arg("near_m") = 0.0,
-      py::arg("far_m") = INFINITY);
+  py::class_<Camera> type(
+      module, "Camera",
+      "A camera: x right, y down, z forward; pixel centres at integers. A pinhole at rest unless its lens, shutter or velocity "
+      "say more; every field is a keyword argument. Time 0 is mid-exposure of the middle line.");
+  type.def(py::init([](uint32_t width, uint32_t height, const py::object& k, const py::object& camera_to_world, double near_m, double far_m,
+                       const py::kwargs& fields) {
+             Camera camera;
+             camera.c.width = width;
+             camera.c.height = height;
+             camera.c.near_m = near_m;
+             camera.c.far_m = far_m;
+             read_matrix<Kuafu>(k, "k", camera.c.k, 9);
+             read_matrix<Kuafu>(camera_to_world, "camera_to_world", camera.c.camera_to_world, 16);
+             set_fields<Camera>(py::cast(&camera, py::return_value_policy::reference), fields);
+             return camera;
+           }),
+           py::arg("width"), py::arg("height"), py::arg("k"), py::arg("camera_to_world") = py::none(), py::arg("near_m") = 0.0,
+           py::arg("far_m") = INFINITY);
   scalar(type, "width", &kuafu_camera_desc::width);
   scalar(type, "height", &kuafu_camera_desc::height);
   square(type, "k", &kuafu_camera_desc::k, "3x3, pixels.");
   square(type, "camera_to_world", &kuafu_camera_desc::camera_to_world, "4x4");
   scalar(type, "near_m", &kuafu_camera_desc::near_m, "Nearer hits are not seen.");
   scalar(type, "far_m", &kuafu_camera_desc::far_m, "Farther hits are not seen.");
+  type.def_property(
+      "distortion", [](const Camera& camera) { return py::tuple(py::cast(std::to_array(camera.c.distortion))); },
+      [](Camera& camera, const std::vector<double>& values) {
+        if (values.size() != 4 && values.size() != 5 && values.size() != 8)
+          raise_argument<Kuafu>("distortion has " + std::to_string(values.size()) + " numbers, it needs 4, 5 or 8");
+        std::ranges::fill(camera.c.distortion, 0.0);
+        std::ranges::copy(values, camera.c.distortion);
+      },
+      "k1 k2 p1 p2 k3 k4 k5 k6 (OpenCV's order; 4 or 5 of them leave the others 0): from ideal to seen pixels.");
+  scalar(type, "lens_radius_m", &kuafu_camera_desc::lens_radius_m, "Of a thin lens' aperture; 0 = pinhole.");
+  scalar(type, "focus_m", &kuafu_camera_desc::focus_m, "z of the sharp plane, > 0.");
+  named(type, "shutter", &kuafu_camera_desc::shutter, shutters, "'global' (default) or 'rolling'.");
+  named(type, "readout", &kuafu_camera_desc::readout, readouts,
+        "Of a rolling shutter: 'rows_down' (default: row 0 first), 'rows_up', 'columns_right' or 'columns_left'.");
+  scalar(type, "exposure_s", &kuafu_camera_desc::exposure_s, "Of each line; 0 = an instant.");
+  scalar(type, "line_time_s", &kuafu_camera_desc::line_time_s, "From one line to the next, of a rolling shutter.");
+  vector(type, "linear_velocity", &kuafu_camera_desc::linear_velocity, "m/s, in the camera's own frame.");
+  vector(type, "angular_velocity", &kuafu_camera_desc::angular_velocity,
+         "rad/s, in the camera's own frame: pose(t) = camera_to_world exp(t [linear, angular]).");
 }
 
 void bind_film(py::module_& module) {

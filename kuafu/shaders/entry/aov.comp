@@ -2,6 +2,7 @@
 #extension GL_GOOGLE_include_directive : require
 #define KUAFU_CHANNELS 3
 #include "lib/invocation.glsl"
+#include "lib/camera.glsl"
 #include "lib/material.glsl"
 #include "lib/pixels.glsl"
 #include "lib/queue.glsl"

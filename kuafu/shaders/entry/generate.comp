@@ -1,6 +1,7 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "lib/invocation.glsl"
+#include "lib/camera.glsl"
 #include "lib/pixels.glsl"
 #include "lib/queue.glsl"
 #include "lib/sequence.glsl"

@@ -2,6 +2,7 @@
 // for lights without extent, which no ray meets. Light shapes do not block: only scene surfaces do.
 #ifndef KUAFU_LIGHT_SHAPE_GLSL
 #define KUAFU_LIGHT_SHAPE_GLSL
+#include "lib/distortion.glsl"
 #include "lib/frame.glsl"
 #include "lib/light.glsl"
 #include "lib/material.glsl"
@@ -39,23 +40,13 @@ vec3 sample_cone(float one_minus_cos, vec2 u) {
   return vec3(s * cos(phi), s * sin(phi), 1.0f - h);
 }
 
-/// Brown and Conrady's model, rational (k1 k2 p1 p2 k3 k4 k5 k6), of a direction at z = 1.
-vec2 distort(LightShape s, vec2 p) {
-  float r2 = dot(p, p);
-  float radial = (1.0f + r2 * (s.distortion[0] + r2 * (s.distortion[1] + r2 * s.distortion[4]))) /
-                 (1.0f + r2 * (s.distortion[5] + r2 * (s.distortion[6] + r2 * s.distortion[7])));
-  float p1 = s.distortion[2], p2 = s.distortion[3];
-  return vec2(p.x * radial + 2.0f * p1 * p.x * p.y + p2 * (r2 + 2.0f * p.x * p.x),
-              p.y * radial + p1 * (r2 + 2.0f * p.y * p.y) + 2.0f * p2 * p.x * p.y);
-}
-
 /// Relative intensity of a projector: pattern through the distorting lens, cos^n towards the edge, and a disc of confusion that grows with |1/z - 1/z0|.
 float projected(LightRecord light, LightShape s, vec3 away, vec2 u) {
   vec3 d = to_light_frame(s, away);
   if (d.z <= 0.0f) return 0.0f;
   vec2 p = xy(d) / d.z;
   if (dot(p, p) > s.distortion_reach * s.distortion_reach) return 0.0f;
-  vec2 q = distort(s, p);
+  vec2 q = distort(s.distortion, p);
   vec2 pixel = vec2(s.focal.x * q.x + s.skew * q.y + s.centre.x, s.focal.y * q.y + s.centre.y);
   if (s.radius_m > 0.0f && s.focus_m > 0.0f) {
     float radius = s.radius_m * abs(1.0f / d.z - 1.0f / s.focus_m) * sqrt(u.x), phi = 2.0f * pi * u.y;

@@ -46,6 +46,8 @@ const uint pair_film = 0u;
 uint pair_direction(uint bounce) { return 1u + 3u * bounce; }
 uint pair_choice(uint bounce) { return 2u + 3u * bounce; }  // x: lobe, y: Russian roulette
 uint pair_light(uint bounce) { return 3u + 3u * bounce; }
+const uint pair_lens = 0x8000u;  // of the camera; beyond the pairs of all bounces
+const uint pair_time = 0x8001u;  // x: moment of the exposure
 /// The point on the k-th light that a vertex asks; beyond all other pairs.
 uint pair_light_point(uint bounce, uint k) { return 0x10000u + 0x100u * bounce + k; }
 #endif

@@ -2,6 +2,7 @@
 #ifndef KUAFU_WAVE_H
 #define KUAFU_WAVE_H
 
+#include "shared/camera_record.h"
 #include "shared/scene_records.h"
 
 #ifdef __cplusplus
@@ -92,17 +93,20 @@ struct WaveRange {
 
 struct GeneratePush {
   ViewArray views;
+  CameraArray cameras;  // as views; read only with generate_camera
   UintArray rays, ray_environments, state, counters;
   WaveRange range;
   uint channels, groups;
-  uint flags, reserved;
+  uint flags;
 };
 
 KUAFU_CONST generate_environments = 1u;  // rays carry an environment
 KUAFU_CONST generate_pixel_centre = 2u;  // AOV rays: no jitter, no path state
+KUAFU_CONST generate_camera = 4u;       // some camera distorts, has a lens, or something moves while its shutter is open
 
 // What the kernels of `shade` and `transmit` can do: a constant for each of their compilations.
 KUAFU_CONST feature_lights = 1u;  // lights with an extent or a profile (LightShape); multiple importance sampling
+KUAFU_CONST feature_camera = 0x80000000u;  // of `generate` and `aov`: generate_camera may be there
 KUAFU_CONST feature_materials = 2u;  // rough transmission, absorption inside, rough diffuse
 
 KUAFU_CONST shade_environments = 1u;    // rays carry an environment
@@ -159,8 +163,10 @@ struct AovPush {
   UintArray rays;
   SceneReference scene;
   ViewArray views;
+  CameraArray cameras;
   OutputArray outputs;
   WaveRange range;
+  uint flags;  // generate_camera
 };
 
 /// A held image (pathtrace/frame.h), packed [view][row][column][channel], on its way to the caller's.
@@ -180,7 +186,7 @@ static_assert(sizeof(ShadePush) == 104);
 static_assert(sizeof(ResolvePush) == 72);
 static_assert(sizeof(TransmitPush) == 80);
 static_assert(sizeof(AccumulatePush) == 80);
-static_assert(sizeof(AovPush) == 72);
+static_assert(sizeof(AovPush) == 80);
 static_assert(sizeof(WritePush) == 64);
 }  // namespace kuafu
 #endif

@@ -4,6 +4,13 @@ void write_word(uint kind, Pixel pixel, uint channel_count, uint channel, uint v
   if (record.enabled != 0u) record.words.at[output_element(record, pixel, channel_count) + channel] = value;
 }
 
+/// Length of the ray to z = 1 in the camera.
+float metres_per_z(ViewRecord view, Pixel pixel) {
+  vec2 film = vec2(float(pixel.column), float(pixel.row));
+  if ((features & feature_camera) == 0u || (push.flags & generate_camera) == 0u) return length(view.axis_0 + film.x * view.axis_u + film.y * view.axis_v);
+  return length(camera_ray(view, push.cameras.at[pixel.view], pixel, push.range, FilmSample(film, vec2(0.0f), 0.0f)).direction);
+}
+
 uint hit_word(uint i, uint field) { return push.rays.at[closest_word(i, field, push.range.capacity)]; }
 
 void aov(uint i) {
@@ -18,7 +25,7 @@ void aov(uint i) {
                              uintBitsToFloat(hit_word(i, hit_u)), uintBitsToFloat(hit_word(i, hit_v)));
     MaterialRecord m = scene.materials.at[s.material];
     load_material(scene, m, s);
-    z = uintBitsToFloat(hit_word(i, ray_t_far)) / length(view.axis_0 + float(pixel.column) * view.axis_u + float(pixel.row) * view.axis_v);
+    z = uintBitsToFloat(hit_word(i, ray_t_far)) / metres_per_z(view, pixel);
     bool front = dot(s.geometric_normal, load_direction(push.rays, i, push.range.capacity)) <= 0.0f;
     normal = front ? s.shading_normal : -s.shading_normal;
     instance_id = s.instance_id;

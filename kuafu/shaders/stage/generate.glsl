@@ -1,4 +1,4 @@
-// Primary rays: one path per pixel and sample, uniform over the pixel's square (box filter).
+// Primary rays: one path per pixel and sample, uniform over the pixel's square (box filter), the lens and the exposure.
 void generate(uint slot) {
   uint local_pixel = slot / push.range.sample_count;
   uint index = push.range.first_sample + slot - local_pixel * push.range.sample_count;
@@ -8,10 +8,20 @@ void generate(uint slot) {
   bool centre = (push.flags & generate_pixel_centre) != 0u;
   vec2 film = vec2(float(pixel.column), float(pixel.row));
   if (!centre) film += sample_2d(key, index, pair_film) - 0.5f;
-  vec3 ray = view.axis_0 + film.x * view.axis_u + film.y * view.axis_v;
+  vec3 origin = view.origin, ray = view.axis_0 + film.x * view.axis_u + film.y * view.axis_v;
+  if ((features & feature_camera) != 0u && (push.flags & generate_camera) != 0u) {
+    FilmSample s = FilmSample(film, vec2(0.0f), 0.0f);
+    if (!centre) {
+      s.lens = unit_disk(sample_2d(key, index, pair_lens));
+      s.moment = sample_2d(key, index, pair_time).x - 0.5f;
+    }
+    CameraRay moved = camera_ray(view, push.cameras.at[pixel.view], pixel, push.range, s);
+    origin = moved.origin;
+    ray = moved.direction;
+  }
   float metres_per_z = length(ray);  // ray length for one metre of z
   uint capacity = push.range.capacity;
-  store_closest_ray(push.rays, slot, capacity, Ray(view.origin, view.near_m * metres_per_z, ray / metres_per_z, view.far_m * metres_per_z),
+  store_closest_ray(push.rays, slot, capacity, Ray(origin, view.near_m * metres_per_z, ray / metres_per_z, view.far_m * metres_per_z),
                     slot);
   if ((push.flags & generate_environments) != 0u) push.ray_environments.at[slot] = view.environment;
   if (centre) return;

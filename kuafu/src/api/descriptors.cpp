@@ -39,6 +39,14 @@ Texture::Format to_format(uint32_t format) {
   }
 }
 
+Twist to_twist(const double* linear, const double* angular) {
+  return {{linear[0], linear[1], linear[2]}, {angular[0], angular[1], angular[2]}};
+}
+
+void from_twist(const Twist& twist, double* linear, double* angular) {
+  for (int i = 0; i < 3; ++i) linear[i] = twist.linear[i], angular[i] = twist.angular[i];
+}
+
 }  // namespace
 
 std::vector<glm::vec3> to_vectors(const float* values, uint32_t count) { return array<glm::vec3>(values, count); }
@@ -147,6 +155,12 @@ Camera to_camera(const kuafu_camera_desc& desc) {
   camera.camera_to_world = from_row_major<4>(desc.camera_to_world);
   camera.near_m = desc.near_m;
   camera.far_m = desc.far_m;
+  std::copy(std::begin(desc.distortion), std::end(desc.distortion), camera.optics.distortion.begin());
+  camera.optics.lens_radius_m = desc.lens_radius_m;
+  camera.optics.focus_m = desc.focus_m;
+  camera.shutter = {static_cast<Shutter::Kind>(desc.shutter), static_cast<Shutter::Readout>(desc.readout), desc.exposure_s,
+                    desc.line_time_s};
+  camera.velocity = to_twist(desc.linear_velocity, desc.angular_velocity);
   return camera;
 }
 
@@ -213,6 +227,14 @@ kuafu_camera_desc to_desc(const Camera& camera) {
   to_row_major<4>(camera.camera_to_world, desc.camera_to_world);
   desc.near_m = camera.near_m;
   desc.far_m = camera.far_m;
+  std::ranges::copy(camera.optics.distortion, desc.distortion);
+  desc.lens_radius_m = camera.optics.lens_radius_m;
+  desc.focus_m = camera.optics.focus_m;
+  desc.shutter = static_cast<uint32_t>(camera.shutter.kind);
+  desc.readout = static_cast<uint32_t>(camera.shutter.readout);
+  desc.exposure_s = camera.shutter.exposure_s;
+  desc.line_time_s = camera.shutter.line_time_s;
+  from_twist(camera.velocity, desc.linear_velocity, desc.angular_velocity);
   return desc;
 }
 

@@ -30,7 +30,9 @@ class DeviceStages final : public Stages {
   void generate(ks::Commands& commands, const GeneratePush& push, const WaveBuffers& buffers) override {
     commands.begin_stage("generate");
     commands.fill(buffers.counters(), 0, buffers.counter_bytes(), 0);
-    dispatch(commands, generate_, generate_spirv, push, push.range.pixel_count * push.range.sample_count);
+    const bool camera = (push.flags & generate_camera) != 0;
+    dispatch(commands, generate_[camera], generate_spirv, push, push.range.pixel_count * push.range.sample_count,
+             camera ? feature_camera : 0);
   }
 
   void shade(ks::Commands& commands, const ShadePush& push, const WaveBuffers& buffers) override {
@@ -64,7 +66,8 @@ class DeviceStages final : public Stages {
 
   void aov(ks::Commands& commands, const AovPush& push) override {
     commands.begin_stage("aov");
-    dispatch(commands, aov_, aov_spirv, push, push.range.pixel_count);
+    const bool camera = (push.flags & generate_camera) != 0;
+    dispatch(commands, aov_[camera], aov_spirv, push, push.range.pixel_count, camera ? feature_camera : 0);
   }
 
   void write(ks::Commands& commands, const WritePush& push) override {
@@ -83,13 +86,15 @@ class DeviceStages final : public Stages {
   }
 
   template <class Push>
-  void dispatch(ks::Commands& commands, Pipeline& slot, std::span<const uint32_t> spirv, const Push& push, uint32_t invocations) {
-    commands.dispatch(built<Push>(slot, spirv), push, (invocations + group_size - 1) / group_size);
+  void dispatch(ks::Commands& commands, Pipeline& slot, std::span<const uint32_t> spirv, const Push& push, uint32_t invocations,
+                uint32_t features = 0) {
+    commands.dispatch(built<Push>(slot, spirv, features), push, (invocations + group_size - 1) / group_size);
   }
 
   std::shared_ptr<ks::Device> device_;
   std::array<uint32_t, 4> specialisation_;
-  Pipeline generate_, resolve_, accumulate_, aov_, write_;
+  Pipeline generate_[2], aov_[2];  // plain, and with feature_camera
+  Pipeline resolve_, accumulate_, write_;
   std::map<std::pair<bool, uint32_t>, Pipeline> shade_, transmit_;  // by infrared and features
 };
 

@@ -6,7 +6,8 @@
 namespace kuafu {
 namespace {
 
-constexpr uint features = 0u;
+constexpr uint features = feature_camera;
+#include "lib/camera.glsl"
 #include "lib/element.glsl"
 #include "lib/material.glsl"
 #include "lib/pixels.glsl"

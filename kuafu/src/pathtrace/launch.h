@@ -10,6 +10,7 @@
 #include "device/buffer.h"
 #include "film/optics.h"
 #include "pathtrace/band.h"
+#include "scene/camera.h"
 #include "shared/wave.h"
 
 namespace kuafu {
@@ -20,6 +21,11 @@ struct View {
   double near_m = 0.0, far_m = 0.0;
   uint32_t environment = 0;
   Film film;
+  Optics optics;
+  Shutter shutter;
+  Twist velocity;
+  /// Rays differ from a pinhole's at rest.
+  [[nodiscard]] bool special() const;
 };
 
 enum class LightSampling { mis, lights, bsdf };
@@ -69,6 +75,9 @@ struct Launch {
   [[nodiscard]] bool wants_aovs() const { return wants(output_depth, output_radiance); }
   [[nodiscard]] bool wants_radiance() const { return wants(output_radiance, output_kind_count); }
 };
+
+/// What `generate` needs of a view that is special.
+CameraRecord camera_record(const View& view);
 
 /// What `generate` needs of a view. Its key depends on seed, camera and environment alone, never on the position in the batch: a view gives
 /// the same bits rendered alone or with others, and two eyes draw different samples.

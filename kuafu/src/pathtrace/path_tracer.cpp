@@ -85,6 +85,7 @@ class PathTracer::Run {
   ks::Commands commands_;
   uint32_t pixels_per_wave_ = 0;
   bool environments_ = false;
+  bool camera_ = false;  // some view is more than a pinhole at rest
 };
 
 void PathTracer::Run::prepare(const Scene& scene) {
@@ -93,6 +94,9 @@ void PathTracer::Run::prepare(const Scene& scene) {
   o_.tables_.update(scene, launch_.band, launch_.environment_count());
   const auto views = o_.views_.resize(o_.memory(), launch_.views.size());
   for (size_t i = 0; i < launch_.views.size(); ++i) views[i] = view_record(launch_, launch_.views[i]);
+  camera_ = std::ranges::any_of(launch_.views, &View::special);
+  const auto cameras = o_.cameras_.resize(o_.memory(), camera_ ? launch_.views.size() : 0);
+  for (size_t i = 0; i < cameras.size(); ++i) cameras[i] = camera_record(launch_.views[i]);
   const auto outputs = o_.outputs_.resize(o_.memory(), output_kind_count);
   o_.frame_.fit(launch_);
   for (uint32_t kind = 0; kind < output_kind_count; ++kind) outputs[kind] = o_.frame_.target(launch_, kind);
@@ -148,7 +152,8 @@ void PathTracer::Run::render_aovs(uint32_t first_pixel, uint32_t pixel_count) {
   const WaveRange centre = range(first_pixel, pixel_count, 0, 1);
   generate(centre, generate_pixel_centre);
   o_.tracer_->closest(commands_, o_.buffers_.closest_queue(0));
-  o_.stages_->aov(commands_, {o_.buffers_.closest_rays(0), o_.tables_.address(), o_.views_.address(), o_.outputs_.address(), centre});
+  o_.stages_->aov(commands_, {o_.buffers_.closest_rays(0), o_.tables_.address(), o_.views_.address(), o_.cameras_.address(),
+                              o_.outputs_.address(), centre, camera_ ? generate_camera : 0});
 }
 
 void PathTracer::Run::render_pixels(uint32_t first_pixel, uint32_t pixel_count) {
@@ -198,16 +203,17 @@ void PathTracer::Run::trace_shadows(uint32_t bounce) {
 
 void PathTracer::Run::generate(const WaveRange& wave, uint32_t flags) {
   const WaveBuffers& b = o_.buffers_;
-  const GeneratePush push{o_.views_.address(),
-                          b.closest_rays(0),
-                          b.closest_environments(0),
-                          b.state(),
-                          b.counter_address(),
-                          wave,
-                          b.size().channels,
-                          b.size().groups,
-                          flags | (environments_ ? generate_environments : 0),
-                          0};
+  GeneratePush push{o_.views_.address(),
+                    o_.cameras_.address(),
+                    b.closest_rays(0),
+                    b.closest_environments(0),
+                    b.state(),
+                    b.counter_address(),
+                    wave,
+                    b.size().channels,
+                    b.size().groups,
+                    flags};
+  push.flags |= (environments_ ? generate_environments : 0) | (camera_ ? generate_camera : 0);
   o_.stages_->generate(commands_, push, b);
 }
 

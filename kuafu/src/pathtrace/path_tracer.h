@@ -45,6 +45,7 @@ class PathTracer {
   Frame frame_;
   FilmOptics film_;
   MappedTable<ViewRecord> views_;
+  MappedTable<CameraRecord> cameras_;
   MappedTable<OutputRecord> outputs_;
   // Tracer and tables know a scene by its address, so the last one lives until both have taken the next.
   std::shared_ptr<const Scene> scene_, next_scene_;

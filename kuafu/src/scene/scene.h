@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "scene/camera.h"
 #include "scene/dot_pattern.h"
 
 namespace kuafu {
@@ -99,6 +100,9 @@ const Texture& pattern_of(const Scene& scene, const Light& light);
 
 struct Camera {
   std::string name;
+  Optics optics;
+  Shutter shutter;
+  Twist velocity;
   uint32_t width = 0, height = 0;
   glm::dmat3 k{1.0};
   glm::dmat4 camera_to_world{1.0};  // our axes: x right, y down, z forward

@@ -14,6 +14,8 @@ constexpr float unit_tolerance = 1e-2f;      // of a normal's length; float32 fi
 constexpr double rotation_tolerance = 1e-4;  // of R^T R - 1
 constexpr uint32_t max_slots = 1u << 16;     // of one mesh
 constexpr uint32_t max_texture_side = 1u << 15;
+constexpr double most_seconds = 1e4;  // of an exposure and of a line
+constexpr double most_speed = 1e6;    // m/s, rad/s
 
 template <class Vector>
 bool all_finite(const Vector& v) {
@@ -172,6 +174,33 @@ void check_shape(const Light& light) {
              light.name.c_str(), light.inner_rad, light.outer_rad);
 }
 
+void check_optics(const Camera& camera) {
+  const char* name = camera.name.c_str();
+  for (const double d : camera.optics.distortion)
+    if (!std::isfinite(d)) ks::fail(KS_ERROR_INVALID_ARGUMENT, "camera '%s': distortion has a value that is not finite", name);
+  check_not_negative("camera", camera.name, "lens_radius_m", camera.optics.lens_radius_m);
+  if (camera.optics.lens_radius_m > 0.0 && !(camera.optics.focus_m > 0.0))
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "camera '%s': focus_m is %g, a lens of radius %g m needs a distance > 0 (INFINITY is one)", name,
+             camera.optics.focus_m, camera.optics.lens_radius_m);
+}
+
+void check_shutter(const Camera& camera) {
+  const Shutter& shutter = camera.shutter;
+  if (shutter.kind > Shutter::Kind::rolling)
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "camera '%s': shutter %u is no KUAFU_SHUTTER_*", camera.name.c_str(), uint32_t(shutter.kind));
+  if (shutter.readout > Shutter::Readout::columns_left)
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "camera '%s': readout %u is no KUAFU_READOUT_*", camera.name.c_str(), uint32_t(shutter.readout));
+  check_range("camera", camera.name, "exposure_s", shutter.exposure_s, 0.0, most_seconds);
+  check_range("camera", camera.name, "line_time_s", shutter.line_time_s, 0.0, most_seconds);
+}
+
+void check_velocity(const char* what, const std::string& name, const Twist& velocity) {
+  for (int i = 0; i < 3; ++i) {
+    check_range(what, name, "linear_velocity", velocity.linear[i], -most_speed, most_speed);
+    check_range(what, name, "angular_velocity", velocity.angular[i], -most_speed, most_speed);
+  }
+}
+
 void check_projector(const Light& light) {
   check_pinhole("light", light.name, light.k);
   check_not_negative("light", light.name, "falloff", light.falloff);
@@ -212,6 +241,22 @@ void check(const Camera& camera) {
   if (!(camera.near_m >= 0.0 && camera.far_m > camera.near_m))
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "camera '%s': near_m is %g and far_m is %g, must be 0 <= near < far", camera.name.c_str(),
              camera.near_m, camera.far_m);
+  check_optics(camera);
+  check_shutter(camera);
+  check_velocity("camera", camera.name, camera.velocity);
+}
+
+void check_undistortable(const Camera& camera) {
+  if (!distorts(camera.optics.distortion)) return;
+  const std::optional<Fold> fold = find_fold(camera.optics.distortion, camera.k, camera.width, camera.height);
+  if (!fold) return;
+  ks::fail(
+      KS_ERROR_INVALID_ARGUMENT,
+      "camera '%s': its distortion cannot be inverted over the image: towards pixel (%.1f, %.1f) it grows to radius %.4g (tangent of the "
+      "angle "
+      "from the axis, %.1f pixels) and folds back, but the pixel lies at %.4g: use coefficients fitted out to the image's corners, or a "
+      "smaller image",
+      camera.name.c_str(), fold->pixel.x, fold->pixel.y, fold->reached, fold->reached * camera.k[0][0], fold->needed);
 }
 
 void check_affine(const glm::dmat4& matrix, const char* what) {

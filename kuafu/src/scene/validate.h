@@ -17,6 +17,8 @@ void check(const Light& light);
 void check(const Environment& environment);
 /// width and height may be 0: a camera whose image size is not known yet.
 void check(const Camera& camera);
+/// Every pixel of the image has one ray: the distortion does not fold back before the image ends.
+void check_undistortable(const Camera& camera);
 /// Finite, affine (last row 0 0 0 1) and invertible.
 void check_affine(const glm::dmat4& matrix, const char* what);
 /// check_affine, and a proper rotation: columns of unit length and orthogonal within 1e-4, determinant > 0.

@@ -1,0 +1,57 @@
+// The ray of a camera with a lens and a shutter: where on the lens it starts, where it goes, and when.
+#ifndef KUAFU_CAMERA_GLSL
+#define KUAFU_CAMERA_GLSL
+#include "lib/distortion.glsl"
+#include "lib/motion.glsl"
+#include "lib/pixels.glsl"
+
+/// What a sample draws; the middle of each is the pixel's centre, mid-exposure and the lens' centre.
+struct FilmSample {
+  vec2 film;     // pixels
+  vec2 lens;     // point of the unit disk
+  float moment;  // -0.5..0.5 of the exposure
+};
+
+struct CameraRay {
+  vec3 origin;
+  vec3 direction;  // z is 1 in the camera's frame
+  float time_s;
+};
+
+vec3 film_direction(ViewRecord view, CameraRecord camera, vec2 film) {
+  if ((camera.flags & camera_distorts) == 0u) return view.axis_0 + film.x * view.axis_u + film.y * view.axis_v;
+  float y = (film.y - camera.centre.y) / camera.focal.y;
+  vec2 p = undistort(camera.distortion, vec2((film.x - camera.centre.x - camera.skew * y) / camera.focal.x, y));
+  return camera.axis_x * p.x + camera.axis_y * p.y + camera.axis_z;
+}
+
+/// Seconds from mid-exposure of the middle line.
+float exposure_time(CameraRecord camera, Pixel pixel, WaveRange range, float moment) {
+  vec2 from_middle = vec2(float(pixel.column), float(pixel.row)) - 0.5f * vec2(float(range.width - 1u), float(range.height - 1u));
+  return dot(from_middle, camera.seconds_per_pixel) + moment * camera.exposure_s;
+}
+
+CameraRay camera_ray(ViewRecord view, CameraRecord camera, Pixel pixel, WaveRange range, FilmSample s) {
+  CameraRay ray = CameraRay(vec3(0.0f), film_direction(view, camera, s.film), exposure_time(camera, pixel, range, s.moment));
+  if ((camera.flags & camera_has_lens) != 0u) {  // all rays of a film point meet at the focused distance
+    ray.origin = camera.lens_radius_m * (s.lens.x * camera.axis_x + s.lens.y * camera.axis_y);
+    ray.direction -= ray.origin * camera.inverse_focus;
+  }
+  if ((camera.flags & camera_moves) != 0u) {
+    ray.origin = moved_direction(camera.motion, ray.time_s, ray.origin) + path_at(camera.motion, ray.time_s);
+    ray.direction = moved_direction(camera.motion, ray.time_s, ray.direction);
+  }
+  ray.origin += view.origin;
+  return ray;
+}
+
+/// Concentric map of the unit square onto the unit disk (Shirley and Chiu 1997): keeps strata compact.
+vec2 unit_disk(vec2 u) {
+  vec2 p = 2.0f * u - 1.0f;
+  if (p.x == 0.0f && p.y == 0.0f) return p;
+  bool wide = abs(p.x) > abs(p.y);
+  float radius = wide ? p.x : p.y;
+  float angle = 0.7853981634f * (wide ? p.y / p.x : 2.0f - p.x / p.y);
+  return vec2(radius * cos(angle), radius * sin(angle));
+}
+#endif

@@ -1,0 +1,52 @@
+// A view's lens, shutter and motion as `generate` reads them.
+#include <algorithm>
+#include <cmath>
+
+#include "pathtrace/launch.h"
+
+namespace kuafu {
+namespace {
+
+glm::vec2 seconds_per_pixel(const Shutter& shutter) {
+  if (shutter.kind == Shutter::Kind::global) return glm::vec2(0.0f);
+  const auto line_s = float(shutter.line_time_s);
+  switch (shutter.readout) {
+    case Shutter::Readout::rows_up:
+      return {0.0f, -line_s};
+    case Shutter::Readout::columns_right:
+      return {line_s, 0.0f};
+    case Shutter::Readout::columns_left:
+      return {-line_s, 0.0f};
+    default:
+      return {0.0f, line_s};
+  }
+}
+
+MotionRecord motion_record(const Motion& m) { return {glm::vec3(m.pivot), glm::vec3(m.linear), glm::vec3(m.angular)}; }
+
+}  // namespace
+
+bool View::special() const {
+  return distorts(optics.distortion) || optics.lens_radius_m > 0.0 || (velocity.moves() && shutter.takes_time());
+}
+
+CameraRecord camera_record(const View& view) {
+  CameraRecord r{};
+  r.axis_x = glm::vec3(view.camera_to_world[0]);
+  r.axis_y = glm::vec3(view.camera_to_world[1]);
+  r.axis_z = glm::vec3(view.camera_to_world[2]);
+  r.motion = motion_record(world_motion(view.camera_to_world, view.velocity));
+  r.focal = {float(view.k[0][0]), float(view.k[1][1])};
+  r.centre = glm::vec2(view.k[2]);
+  r.skew = float(view.k[1][0]);
+  std::ranges::copy(view.optics.distortion, r.distortion);
+  r.lens_radius_m = float(view.optics.lens_radius_m);
+  r.inverse_focus = view.optics.lens_radius_m > 0.0 ? float(1.0 / view.optics.focus_m) : 0.0f;
+  r.seconds_per_pixel = seconds_per_pixel(view.shutter);
+  r.exposure_s = float(view.shutter.exposure_s);
+  r.flags = (distorts(view.optics.distortion) ? camera_distorts : 0) | (view.optics.lens_radius_m > 0.0 ? camera_has_lens : 0) |
+            (view.velocity.moves() ? camera_moves : 0);
+  return r;
+}
+
+}  // namespace kuafu

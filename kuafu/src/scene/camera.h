@@ -1,0 +1,26 @@
+// What makes a camera more than a pinhole at rest; fields mean what kuafu_camera_desc says. Thread rule: plain data.
+#pragma once
+
+#include "scene/distortion.h"
+#include "scene/motion.h"
+
+namespace kuafu {
+
+struct Optics {
+  Distortion distortion{};
+  double lens_radius_m = 0.0, focus_m = 0.0;
+};
+
+struct Shutter {
+  enum class Kind : uint32_t { global = 0, rolling = 1 };
+  enum class Readout : uint32_t { rows_down = 0, rows_up = 1, columns_right = 2, columns_left = 3 };
+  Kind kind = Kind::global;
+  Readout readout = Readout::rows_down;
+  double exposure_s = 0.0, line_time_s = 0.0;
+
+  [[nodiscard]] bool takes_time() const { return exposure_s > 0.0 || (kind == Kind::rolling && line_time_s > 0.0); }
+  /// When it is open for some pixel of an image.
+  [[nodiscard]] TimeSpan span(uint32_t width, uint32_t height) const;
+};
+
+}  // namespace kuafu

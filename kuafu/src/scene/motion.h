@@ -1,0 +1,35 @@
+// Rigid motion at constant velocity: what a camera, a light or an instance does while the shutter is open. Thread rule: pure functions.
+#pragma once
+
+#include <glm/glm.hpp>
+
+namespace kuafu {
+
+/// Velocities in the object's own frame, m/s and rad/s: pose(t) = pose exp(t [linear, angular]).
+struct Twist {
+  glm::dvec3 linear{0.0}, angular{0.0};
+  [[nodiscard]] bool moves() const { return linear != glm::dvec3(0.0) || angular != glm::dvec3(0.0); }
+  bool operator==(const Twist&) const = default;
+};
+
+/// The same motion as a map of the world: x goes to pivot + R(angular t) (x - pivot) + path(t), where the pivot's velocity is `linear` at t
+/// = 0 and turns with the object (a helix).
+struct Motion {
+  glm::dvec3 pivot{0.0}, linear{0.0}, angular{0.0};
+  [[nodiscard]] glm::dmat4 at(double seconds) const;
+  /// Upper bound of the speed of the points within `radius_m` of the pivot.
+  [[nodiscard]] double speed(double radius_m) const;
+  bool operator==(const Motion&) const = default;
+};
+
+/// Of an object whose frame has the rotation of `pose` (its polar factor, where it scales) and its origin.
+Motion world_motion(const glm::dmat4& pose, const Twist& twist);
+
+/// What the shutters of a launch are open for; 0 is mid-exposure of the middle line.
+struct TimeSpan {
+  double from_s = 0.0, until_s = 0.0;
+  [[nodiscard]] bool instant() const { return from_s == until_s; }
+  bool operator==(const TimeSpan&) const = default;
+};
+
+}  // namespace kuafu
