@@ -64,7 +64,6 @@ void Engine::set_parameters(const simsense_parameters& parameters) {
   on_device_ = use_vulkan(parameters);
   if (!(match_parameters(parameters) == match_parameters(parameters_)) || !(region(parameters) == region(parameters_))) {
     matcher_.reset();
-    if (pipeline_) pipeline_->set_match_parameters(match_parameters(parameters));
   }
   parameters_ = parameters;
 }
@@ -78,18 +77,7 @@ bool Engine::use_vulkan(const simsense_parameters& parameters) const {
   if (rig_.back_end == SIMSENSE_BACK_END_CPU || (rig_.back_end == SIMSENSE_BACK_END_AUTO && device_->is_cpu())) return false;
   std::string why_not = why_no_pipeline(*device_, rig_);
   if (why_not.empty()) why_not = why_not_vulkan(*device_, width_, height_, rig_.batch_count, match_parameters(parameters));
-  if (parameters.roi_width != 0) why_not = "it knows no region of interest";
   return why_not.empty() || refuse_vulkan(why_not);
-}
-
-/// Of this call: the imagers and the outputs may ask for more than the Vulkan matcher has.
-bool Engine::use_vulkan(const ComputeRequest& request) const {
-  if (!on_device_) return false;
-  if (is_wide()) return refuse_vulkan("it takes 8-bit images, and an imager has more");
-  for (const ComputeRequest::Output& wanted : request.outputs)
-    if (wanted.output == SIMSENSE_OUTPUT_CONFIDENCE || wanted.output == SIMSENSE_OUTPUT_REASON)
-      return refuse_vulkan("it gives neither confidence nor reasons");
-  return true;
 }
 
 bool Engine::refuse_vulkan(const std::string& why_not) const {
@@ -178,7 +166,7 @@ void Engine::open_frame(const ComputeRequest& request, FrameType& frame, const O
 
 void Engine::compute(const ComputeRequest& request) {
   clock_.reset();
-  if (use_vulkan(request)) {
+  if (on_device_) {
     wait_for_device(submit_to_device(request));
   } else {
     compute_on_host(request);
@@ -191,7 +179,7 @@ ks_sync Engine::submit(const ComputeRequest& request) {
   const bool on_host = is_host(request.left) || is_host(request.right) || (request.rgb && is_host(*request.rgb)) ||
                        std::ranges::any_of(request.outputs, [&](const ComputeRequest::Output& o) { return is_host(o.image); });
   ks_sync sync = ks_sync_init();
-  if (on_host || !use_vulkan(request)) {
+  if (on_host || !on_device_) {
     compute(request);
     return sync;
   }
@@ -244,14 +232,15 @@ void Engine::compute_on_host(const ComputeRequest& request) {
 uint64_t Engine::submit_to_device(const ComputeRequest& request) {
   if (!pipeline_) {
     const PipelineParts parts{rig_, rectification_, registration_ ? &*registration_ : nullptr, points_};
-    pipeline_ = std::make_unique<VulkanPipeline>(device_, parts, match_parameters(parameters_));
+    pipeline_ = std::make_unique<VulkanPipeline>(device_, parts);
   }
   DeviceFrame frame;
   pipeline_->staging().reset();
   open_frame(request, frame, [this](const ImageArgument& argument, const ImageShape& shape, const char* name) {
     return DeviceImage(pipeline_->staging(), argument, shape, name);
   });
-  return pipeline_->submit(std::move(frame), {parameters_, imagers_, is_wide(), request.progress, request.progress_user});
+  const Matching matching{match_parameters(parameters_), region(parameters_), reach(region(parameters_))};
+  return pipeline_->submit(std::move(frame), {parameters_, imagers_, is_wide(), matching, request.progress, request.progress_user});
 }
 
 void Engine::wait_for_device(uint64_t submission) {

@@ -72,7 +72,6 @@ class Engine {
   void open_frame(const ComputeRequest& request, FrameType& frame, const Open& open) const;
   void check_output(const ComputeRequest::Output& wanted, bool listed_before, bool has_rgb_image) const;
   [[nodiscard]] bool use_vulkan(const simsense_parameters& parameters) const;
-  [[nodiscard]] bool use_vulkan(const ComputeRequest& request) const;
   [[nodiscard]] bool refuse_vulkan(const std::string& why_not) const;
   void compute_on_host(const ComputeRequest& request);
   uint64_t submit_to_device(const ComputeRequest& request);

@@ -1,6 +1,6 @@
 // The matcher: a rectified pair in, a disparity map out (census, Hamming cost, block sum, semi-global aggregation, winner,
 // uniqueness, subpixel, left-right check, median). One interface, several back ends that give the same bits: the scalar reference, the CPU
-// (SIMD), later Vulkan compute. Thread rule: externally synchronised.
+// (SIMD), Vulkan compute. Thread rule: externally synchronised.
 #pragma once
 
 #include <cstddef>
@@ -52,8 +52,6 @@ struct MatchParameters {
   [[nodiscard]] uint32_t block_area() const { return block_width * block_height; }
   /// What an invalid pixel's disparity is: below every valid one.
   [[nodiscard]] float invalid_disparity() const { return static_cast<float>(min_disparity < 0 ? min_disparity - 1 : -1); }
-  /// Whether every back end has this; the CPU has all. The name of the first parameter that only the CPU knows, or nullptr.
-  [[nodiscard]] const char* cpu_only() const;
 };
 
 struct ConstImage {
@@ -92,7 +90,7 @@ struct MatchMaps {
 class Matcher {
  public:
   virtual ~Matcher() = default;
-  /// Both images have one element size. Throws KS_ERROR_UNSUPPORTED where a back end lacks a wanted map or 16-bit images.
+  /// Both images have one element size.
   virtual void match(ConstImage left, ConstImage right, const MatchMaps& maps) = 0;
   /// Milliseconds of each stage of the last match.
   [[nodiscard]] virtual std::vector<ks_stage_time> stage_times() const = 0;

@@ -85,8 +85,8 @@ typedef struct simsense_camera {
 #define SIMSENSE_FAULT_SPLAT_INVALID 0x20u            /* register unmeasured pixels as points at the left camera's centre */
 #define SIMSENSE_FAULTS_PUBLISHED 0x3fu
 
-/* AUTO: Vulkan compute on a GPU where it knows all parameters, else the CPU's vectors. VULKAN: KS_ERROR_UNSUPPORTED where it cannot serve.
- * Disparities from equal images are the same in every bit. Counts of a noisy signal differ by one where a value lies within rounding of a half, in at
+/* AUTO: Vulkan compute on a GPU that can, else the CPU's vectors (on lavapipe too, where they are faster). VULKAN: KS_ERROR_UNSUPPORTED where it cannot serve.
+ * Disparities, confidences and reasons from equal images are the same in every bit. Counts of a noisy signal differ by one where a value lies within rounding of a half, in at
  * most 1 of 1000 pixels; depths by a device's rounding of a quotient (2.5 units in the last place). Vulkan works on the caller's device buffers without
  * any copy; images in host memory are copied, and counted (simsense_device_copied_bytes). */
 #define SIMSENSE_BACK_END_AUTO 0u

@@ -5,10 +5,10 @@
 #extension GL_GOOGLE_include_directive : require
 #include "lib/lanes.glsl"
 
-layout(constant_id = 10) const uint block_width = 7u;
-layout(constant_id = 11) const uint block_height = 7u;
-layout(constant_id = 12) const uint group_parts = 16u;      // power of two, divides the parts of a pixel
-layout(constant_id = 13) const uint rows_per_group = 64u;
+layout(constant_id = 14) const uint block_width = 7u;
+layout(constant_id = 15) const uint block_height = 7u;
+layout(constant_id = 16) const uint group_parts = 16u;      // power of two, divides the parts of a pixel
+layout(constant_id = 17) const uint rows_per_group = 64u;
 
 const uint part_pairs = 4u, thread_columns = 4u;
 const uint parts = padded_disparities / (2u * part_pairs);
@@ -20,11 +20,13 @@ uvec4 sums[thread_columns];
 int clamp_to(int value, uint size) { return clamp(value, 0, int(size) - 1); }
 
 uvec4 pair_costs(uint row, uint column, uint lane_start) {
-  uint left = push.left_census.at[row * push.width + column + left_margin];
-  uint right = row * push.right_pitch + push.right_origin + column - lane_start;
-  uvec4 costs;
-  [[unroll]] for (uint k = 0u; k < part_pairs; ++k)
-    costs[k] = hamming_pair(left, push.right_census.at[right - k], push.right_census.at[right - k - lane_pairs]);
+  uint left = row * push.width + column + left_margin;
+  uint right = row * right_pitch_of(push.right_origin, push.width) + push.right_origin + column - lane_start;
+  uvec4 costs = uvec4(0u);
+  [[unroll]] for (uint word = 0u; word < census_words; ++word)
+    [[unroll]] for (uint k = 0u; k < part_pairs; ++k)
+      costs[k] += hamming_pair(push.left_census.at[left * census_words + word], push.right_census.at[(right - k) * census_words + word],
+                               push.right_census.at[(right - k - lane_pairs) * census_words + word]);
   return costs;
 }
 

@@ -14,15 +14,24 @@ const uint reach = median_size / 2u, values = median_size * median_size;
 const uint shared_width = tile_width + 2u * reach, shared_height = tile_height + 2u * reach;
 shared float checked[shared_width * shared_height];
 
-float checked_disparity(int x, int y) {
+const uint reason_valid = 0u, reason_not_unique = 1u, reason_outside = 2u, reason_occluded = 3u, reason_isolated = 4u;  // SIMSENSE_REASON_*
+
+/// -1 where the check fails, and why.
+float checked_disparity(int x, int y, out uint reason) {
+  reason = reason_not_unique;
   if (x < 0 || y < 0 || x >= int(push.width) || y >= int(push.height)) return -1.0f;
   uint row = (gl_WorkGroupID.z * push.height + uint(y)) * push.width;
   float disparity = push.unchecked.at[row + uint(x)];
-  if (disparity < 0.0f || push.lr_max_diff < 0) return disparity;
-  int rounded = int(floor(disparity + 0.5f)), right_x = x - rounded;
-  if (right_x < 0) return -1.0f;
+  if (disparity < 0.0f) return disparity;
+  reason = reason_valid;
+  if (push.lr_max_diff < 0) return disparity;
+  int rounded = int(floor(disparity + 0.5f)), right_x = x - rounded - push.min_disparity;
+  reason = reason_outside;
+  if (right_x < 0 || right_x >= int(push.width)) return -1.0f;
   int right = int(push.right_winner.at[row + uint(right_x)] & 0xffffu);
-  return abs(rounded - right) <= push.lr_max_diff ? disparity : -1.0f;
+  bool agree = abs(rounded - right) <= push.lr_max_diff;
+  reason = agree ? reason_valid : reason_occluded;
+  return agree ? disparity : -1.0f;
 }
 
 float middle(float a, float b, float c) { return max(min(a, b), min(max(a, b), c)); }
@@ -56,13 +65,20 @@ float median(uint first) {
 
 void main() {
   ivec2 origin = ivec2(gl_WorkGroupID.xy) * ivec2(tile_width, tile_height) - int(reach);
+  uint reason;
   for (uint i = gl_LocalInvocationIndex; i < shared_width * shared_height; i += tile_width * tile_height)
-    checked[i] = checked_disparity(origin.x + int(i % shared_width), origin.y + int(i / shared_width));
+    checked[i] = checked_disparity(origin.x + int(i % shared_width), origin.y + int(i / shared_width), reason);
   barrier();
   uvec2 pixel = gl_GlobalInvocationID.xy, local = gl_LocalInvocationID.xy;
   if (pixel.x >= push.width || pixel.y >= push.height) return;
   bool inside = pixel.x >= reach && pixel.y >= reach && pixel.x + reach < push.width && pixel.y + reach < push.height;
   uint first = local.y * shared_width + local.x;
   float disparity = inside ? (median_size == 3u ? median_of_nine(first) : median(first)) : checked[first + reach * shared_width + reach];
-  push.disparity.at[(gl_WorkGroupID.z * push.height + pixel.y) * push.width + pixel.x] = disparity;
+  uint at = (gl_WorkGroupID.z * push.height + pixel.y) * push.width + pixel.x;
+  bool valid = disparity >= 0.0f;
+  push.disparity.at[at] = valid ? disparity + float(push.min_disparity) : float(min(push.min_disparity, 0) - 1);
+  if ((push.maps & MATCH_CONFIDENCE) != 0u && !valid) push.confidence.at[at] = 0.0f;
+  if ((push.maps & MATCH_REASON) == 0u) return;
+  checked_disparity(int(pixel.x), int(pixel.y), reason);
+  push.reason.at[at] = uint8_t(valid ? reason_valid : reason == reason_valid ? reason_isolated : reason);
 }

@@ -17,19 +17,21 @@ uint horizontal_sums[steps * lane_words], vertical_sums[steps * lane_words];
 uint keys[lane_disparities];   // mean cost << 16 | disparity
 uint right_keys[lane_disparities];
 uint width, pixel_row;         // first pixel of the row
+const uint mean_shift = path_count == 8u ? 3u : 2u;
+layout(constant_id = 14) const uint segments = 1u;  // parts of a row that are swept side by side
 
-/// Mean of the four paths at the lane's disparities k and k + lane_pairs, as a pair.
+/// Mean of the paths at the lane's disparities k and k + lane_pairs, as a pair.
 uint mean_pair(uint slot, uint k) {
   if (sum_bytes == 1u) {
     uint w = slot * lane_words + k / 2u, shift = 8u * (k & 1u);
-    return ((horizontal_sums[w] >> shift & 0x00ff00ffu) + (vertical_sums[w] >> shift & 0x00ff00ffu)) >> 2 & 0x00ff00ffu;
+    return ((horizontal_sums[w] >> shift & 0x00ff00ffu) + (vertical_sums[w] >> shift & 0x00ff00ffu)) >> mean_shift & 0x00ff00ffu;
   }
   if (sum_bytes == 2u) {
     uint h = horizontal_sums[slot * lane_words + k], v = vertical_sums[slot * lane_words + k];
-    return ((h & 0xffffu) + (v & 0xffffu)) >> 2 | ((h >> 16) + (v >> 16)) >> 2 << 16;
+    return ((h & 0xffffu) + (v & 0xffffu)) >> mean_shift | ((h >> 16) + (v >> 16)) >> mean_shift << 16;
   }
   uint w = slot * lane_words + 2u * k;
-  return (horizontal_sums[w] + vertical_sums[w]) >> 2 | (horizontal_sums[w + 1u] + vertical_sums[w + 1u]) >> 2 << 16;
+  return (horizontal_sums[w] + vertical_sums[w]) >> mean_shift | (horizontal_sums[w + 1u] + vertical_sums[w + 1u]) >> mean_shift << 16;
 }
 
 void load_pixel(uint x, uint slot) {
@@ -70,20 +72,31 @@ uint least_other(uint winner_cost) {
   return min((winner_cost * 100u + share - 1u) / share, 0xffffu) << 16;
 }
 
-/// Winning disparity, or -1 where it is not unique.
-int left_winner() {
+/// 1 - lowest cost / lowest cost of a disparity that is no neighbour of the winner.
+float sureness(uint lowest, uint relative) {
+  uint second = no_key;
+  [[unroll]] for (uint k = 0u; k < lane_disparities; ++k) second = relative + k > 2u ? min(second, keys[k]) : second;
+  second = cluster_min(second) >> 16;
+  if (second == 0u) return 0.0f;
+  return lowest == second ? 0.0f : 1.0f - exact_ratio(lowest, second);
+}
+
+/// Winning disparity, or -1 where it is not unique; how sure, if wanted.
+int left_winner(out float sure) {
   uint best = keys[0];
   [[unroll]] for (uint k = 1u; k < lane_disparities; ++k) best = min(best, keys[k]);
   best = cluster_min(best);
   uint winner = best & 0xffffu, limit = least_other(best >> 16);
   uint relative = lane() * lane_disparities - winner + 1u;  // |d - winner| <= 1 exactly if relative + k <= 2
+  sure = (push.maps & MATCH_CONFIDENCE) != 0u ? sureness(best >> 16, relative) : 0.0f;
   bool rival = false;
   [[unroll]] for (uint k = 0u; k < lane_disparities; ++k) rival = rival || (keys[k] < limit && relative + k > 2u);
   return cluster_any(rival) ? -1 : int(winner);
 }
 
-void offer_right(int right_x, uint key) {
-  if (right_x >= 0) atomicMin(push.right_winner.at[pixel_row + uint(right_x)], key);
+void offer_right(int column, uint key) {
+  int right_x = column - push.min_disparity;
+  if (right_x >= 0 && right_x < int(width)) atomicMin(push.right_winner.at[pixel_row + uint(right_x)], key);
 }
 
 void right_step(uint x) {
@@ -112,7 +125,7 @@ uvec2 element_place(uint d, uint bytes) {
 int mean_cost(uint x, uint d) {
   uvec2 place = element_place(d, sum_bytes);
   uint at = (pixel_row + x) * (path_lanes * lane_words) + place.x, mask = sum_bytes == 1u ? 0xffu : sum_bytes == 2u ? 0xffffu : 0xffffffffu;
-  return int(((push.horizontal.at[at] >> place.y & mask) + (push.vertical.at[at] >> place.y & mask)) >> 2);
+  return int(((push.horizontal.at[at] >> place.y & mask) + (push.vertical.at[at] >> place.y & mask)) >> mean_shift);
 }
 
 int block_cost(uint x, uint d) {
@@ -122,7 +135,7 @@ int block_cost(uint x, uint d) {
 
 /// Costs at winner - 1, winner, winner + 1 that the subpixel step looks at.
 ivec3 costs_around(uint x, uint winner) {
-  if (subpixel == 2u && block_pixels > 1u) {
+  if (subpixel == 2u && stored_costs && block_pixels > 1u) {
     ivec3 c = ivec3(block_cost(x, winner - 1u), block_cost(x, winner), block_cost(x, winner + 1u));
     if (c.y <= c.x && c.y <= c.z) return c;
   }
@@ -146,23 +159,27 @@ void main() {
   bool valid = row < push.height;
   pixel_row = (gl_WorkGroupID.z * push.height + min(row, push.height - 1u)) * width;
   // The same for the whole workgroup: shuffles in code that may diverge are several times as long on NVIDIA.
-  uint segment = gl_WorkGroupID.y, begin = segment * width / push.segments, end = (segment + 1u) * width / push.segments;
+  uint segment = gl_WorkGroupID.y, begin = segment * width / segments, end = (segment + 1u) * width / segments;
   [[unroll]] for (uint k = 0u; k < lane_disparities; ++k) right_keys[k] = no_key;
   [[unroll]] for (uint s = 0u; s < steps; ++s) load_pixel(begin + s, s);
   [[dont_unroll]] for (uint first = begin; first < end; first += path_lanes) {
     int own_winner = -1;
+    float own_sureness = 0.0f;
     [[dont_unroll]] for (uint part = 0u; part < path_lanes; part += steps) {
       [[unroll]] for (uint s = 0u; s < steps; ++s) {
         uint x = first + part + s;
         make_keys(s);
         load_pixel(x + steps, s);
-        int winner = left_winner();
-        if (part + s == lane()) own_winner = winner;
+        float sure;
+        int winner = left_winner(sure);
+        if (part + s == lane()) own_winner = winner, own_sureness = sure;
         if (x < end) right_step(x);
       }
     }
     uint x = first + lane();
-    if (valid && x < end) push.unchecked.at[pixel_row + x] = disparity_at(x, own_winner);
+    if (!valid || x >= end) continue;
+    push.unchecked.at[pixel_row + x] = disparity_at(x, own_winner);
+    if ((push.maps & MATCH_CONFIDENCE) != 0u) push.confidence.at[pixel_row + x] = own_sureness;
   }
   flush_right(end);
 }

@@ -26,5 +26,14 @@ void store_counts(ImageRef image, uint element, uint counts) {
   if (image.format == format_u16) U16Array(image.address).at[element] = uint16_t(counts);
 }
 
+/// A value of the same format, or counts of another width.
+void store_element(ImageRef image, uint element, float value) {
+  if (image.format == format_f32) {
+    F32Array(image.address).at[element] = value;
+  } else {
+    store_counts(image, element, uint(value));
+  }
+}
+
 void store_f32(ImageRef image, uint element, float value) { F32Array(image.address).at[element] = value; }
 #endif

@@ -24,16 +24,23 @@ uint no_path() { return 0xffffu; }
 uint path[lane_pairs];      // biased L_r of the pixel last visited
 uint lowest;                // its minimum over all disparities, in both halves
 uint step_cost[lane_pairs];  // of the pixel to visit
+uint jump_penalty;           // p2 between the pixel last visited and the one to visit
 uint beyond[lane_pairs];    // all ones where a half is beyond the last disparity
+
+/// L_r = 0 before the first pixel makes L_r = C there.
+void restart_path(bool restart) {
+  [[unroll]] for (uint k = 0u; k < lane_pairs; ++k) path[k] = restart ? both(bias) : path[k];
+  lowest = restart ? both(bias) : lowest;
+}
 
 void begin_path(bool mirrored) {
   [[unroll]] for (uint k = 0u; k < lane_pairs; ++k) {
-    path[k] = both(bias);  // L_r = 0 before the first pixel makes L_r = C there
     uint first = lane() * lane_disparities + k, second = first + lane_pairs, last = padded_disparities - 1u;
     uvec2 d = mirrored ? uvec2(last - first, last - second) : uvec2(first, second);
     beyond[k] = (d.x >= disparities ? 0xffffu : 0u) | (d.y >= disparities ? 0xffff0000u : 0u);
   }
-  lowest = both(bias);
+  restart_path(true);
+  jump_penalty = push.p2;
 }
 
 uint cluster_min(uint value) {
@@ -51,9 +58,9 @@ void find_lowest() {
 /// L_r from the neighbouring disparities' minimum, the same disparity's and the overall one; and the cost.
 uint next_path(uint neighbours, uint here, uint cost) {
 #ifdef HALF_MIN
-  uint least = min_pairs(min_pairs(neighbours + both(push.p1), here), lowest + both(push.p2));
+  uint least = min_pairs(min_pairs(neighbours + both(push.p1), here), lowest + both(jump_penalty));
 #else
-  uint least = min_pairs(here, min_pairs(neighbours, lowest + both(push.p2 - push.p1)) + both(push.p1));
+  uint least = min_pairs(here, min_pairs(neighbours, lowest + both(jump_penalty - push.p1)) + both(push.p1));
 #endif
   return least + cost + both(bias) - lowest;
 }

@@ -1,4 +1,4 @@
-// All four paths in one dispatch, rows first because they are the longest: a path runs in a cluster of lanes without barriers, a workgroup
+// Rows and columns in one dispatch, rows first because they are the longest: a path runs in a cluster of lanes without barriers, a workgroup
 // holds both paths of its lines, which wait for each other where they meet, once.
 #include "lib/walk_lines.glsl"
 #include "lib/walk_rows.glsl"
@@ -17,6 +17,7 @@ Path make_path(bool horizontal, uint group) {
   p.line = min(line, count - 1u);
   p.backward = cluster() >= lines;
   p.mirrored = horizontal && p.backward;
+  p.leftward = false;
   p.stride = (horizontal ? 1 : int(push.width)) * (p.backward ? -1 : 1);
   uint half_line = (p.pixels + 1u) / 2u, odd = p.pixels & 1u;
   p.middle = (half_line + steps - 1u) / steps * steps;
@@ -28,14 +29,22 @@ Path make_path(bool horizontal, uint group) {
   return p;
 }
 
+/// Wrapped lines in both directions: one of a pair of groups goes down to the right, the other down to the left.
+Path make_diagonal(uint group) {
+  Path p = make_path(false, group / 2u);
+  p.leftward = group % 2u != 0u;
+  return p;
+}
+
 void main() {
-  uint lines = cluster_count() / 2u, row_groups = (push.height + lines - 1u) / lines;
+  uint lines = cluster_count() / 2u, row_groups = diagonal != 0u ? 0u : (push.height + lines - 1u) / lines;
   bool horizontal = gl_WorkGroupID.x < row_groups;
-  Path p = make_path(horizontal, horizontal ? gl_WorkGroupID.x : gl_WorkGroupID.x - row_groups);
+  Path p = diagonal != 0u ? make_diagonal(gl_WorkGroupID.x) : make_path(horizontal, horizontal ? gl_WorkGroupID.x : gl_WorkGroupID.x - row_groups);
   begin_path(p.mirrored);
+  gray_before = 0u;
   if (horizontal && !stored_costs) {
     walk_rows(push.horizontal, p);
   } else {
-    walk_lines(horizontal ? push.horizontal : push.vertical, p);
+    walk_lines(horizontal || p.leftward ? push.horizontal : push.vertical, p);
   }
 }

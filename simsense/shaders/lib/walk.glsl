@@ -11,9 +11,11 @@ layout(buffer_reference, scalar, buffer_reference_align = 4) coherent buffer Sum
 layout(buffer_reference, scalar, buffer_reference_align = 8) coherent buffer SumVec2Array { uvec2 at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) coherent buffer SumVec4Array { uvec4 at[]; };
 
+layout(constant_id = 14) const uint diagonal = 0u;  // nonzero: the dispatch of the diagonal paths, which add to what the others have left
+
 struct Path {
   uint pixels;       // along the path
-  uint line;         // row or column
+  uint line;         // row or column; of a diagonal, the column where it crosses row 0
   uint first;        // pixel at time 0, which may lie before the line
   int stride;        // pixels from one to the next
   uint start;        // time of the first pixel
@@ -21,17 +23,41 @@ struct Path {
   uint kept;         // pixels to store: all, or none of a path that only fills up its workgroup
   bool mirrored;     // lanes and registers hold the disparities in reverse order
   bool backward;
+  bool leftward;     // of a diagonal: down and to the left, as seen from above
 };
 
 uint met[steps * lane_words];  // what the opposite path has left at the pixels ahead
 
 uint time_on_line(Path p, uint t) { return clamp(t, p.start, p.start + p.pixels - 1u); }
-uint path_pixel(Path p, uint t) { return uint(int(p.first) + int(t) * p.stride); }
+
+/// Diagonals leave the image at one side and enter it at the other, as a new path: all are as long as the columns, and lie side by side.
+uvec2 diagonal_pixel(Path p, uint t) {
+  uint position = t - p.start, y = p.backward ? p.pixels - 1u - position : position;
+  return uvec2((p.line + (p.leftward ? push.width - y % push.width : y)) % push.width, y);
+}
+
+uint path_pixel(Path p, uint t) {
+  if (diagonal == 0u) return uint(int(p.first) + int(t) * p.stride);
+  uvec2 pixel = diagonal_pixel(p, t);
+  return (gl_WorkGroupID.z * push.height + pixel.y) * push.width + pixel.x;
+}
+
+/// Whether a diagonal path enters the image at this time.
+bool enters(Path p, uint t) { return diagonal_pixel(p, t).x == (p.leftward != p.backward ? push.width - 1u : 0u); }
+
+uint gray_before;
+
+/// SGM's P2 between the pixel before and this one (Hirschmüller 2008): less across edges of the left image, but at least P1.
+void heed_gradient(uint gray) {
+  uint gradient = uint(abs(int(gray) - int(gray_before)));
+  uint penalty = gradient <= push.p2_full_gradient ? push.p2 / block_pixels : push.p2 / block_pixels * push.p2_full_gradient / gradient;
+  jump_penalty = max(push.p1, penalty * block_pixels);
+  gray_before = gray;
+}
 uint lane_item(Path p, uint t) { return path_pixel(p, t) * path_lanes + (p.mirrored ? path_lanes - 1u - lane() : lane()); }
 
-/// The time is after the middle.
 void look_ahead(UintArray sums, Path p, uint t, uint slot) {
-  uint item = lane_item(p, min(t, p.start + p.pixels - 1u));
+  uint item = lane_item(p, time_on_line(p, t));
   if (lane_words % 4u == 0u) {
     [[unroll]] for (uint i = 0u; i < lane_words / 4u; ++i) {
       uvec4 v = SumVec4Array(sums).at[item * (lane_words / 4u) + i];
@@ -53,10 +79,10 @@ uint mirror_elements(uint word) {
   return sum_bytes == 2u ? word : (word << 8 & 0xff00ff00u) | (word >> 8 & 0x00ff00ffu);
 }
 
-/// Word w of what the path leaves at a pixel: its own costs, after the middle the sum of both.
+/// Word w of what the path leaves at a pixel: its own costs, and what others have left there after the middle, or ever of a diagonal.
 uint kept_word(Path p, uint slot, bool after_middle, uint w) {
   uint own = p.mirrored ? mirror_elements(path_word(lane_words - 1u - w)) : path_word(w);
-  return after_middle ? own + met[slot * lane_words + w] : own;
+  return after_middle || diagonal != 0u ? own + met[slot * lane_words + w] : own;
 }
 
 void leave(UintArray sums, Path p, uint t, uint slot, bool after_middle) {
@@ -74,6 +100,12 @@ void leave(UintArray sums, Path p, uint t, uint slot, bool after_middle) {
   }
 }
 
+/// Before the first step.
+void begin_sums(UintArray sums, Path p) {
+  if (diagonal == 0u) return;
+  [[unroll]] for (uint s = 0u; s < steps; ++s) look_ahead(sums, p, s, s);
+}
+
 /// Between the two halves of the way.
 void meet(UintArray sums, Path p) {
   memoryBarrierBuffer();
@@ -89,8 +121,9 @@ void visit(UintArray sums, Path p, uint t, uint slot, bool after_middle) {
     uint mask = t < p.start ? 0u : 0xffffffffu;
     [[unroll]] for (uint k = 0u; k < lane_pairs; ++k) step_cost[k] &= mask;
   }
+  if (diagonal != 0u) restart_path(enters(p, t));
   step_path();
   leave(sums, p, t, slot, after_middle);
-  if (after_middle) look_ahead(sums, p, t + steps, slot);
+  if (after_middle || diagonal != 0u) look_ahead(sums, p, t + steps, slot);
 }
 #endif

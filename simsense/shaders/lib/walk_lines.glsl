@@ -3,19 +3,20 @@
 #define SIMSENSE_WALK_LINES_GLSL
 #include "lib/walk.glsl"
 
-const bool stored_costs = block_pixels > 1u;
 const uint needed_words = stored_costs ? lane_pairs : lane_disparities;
 const uint ahead = needed_words > 8u ? 2u : steps;  // pixels; many registers cost more than the wait
 
 uint needed[ahead * needed_words];
-uint left_ahead[ahead];
+uint left_ahead[ahead], gray_ahead[ahead];
 
 /// The lane's right words of a pixel start at any column; one of the four shifted copies has them aligned.
 void fetch_census(Path p, uint t, uint slot) {
-  uint position = t - p.start, y = p.backward ? p.pixels - 1u - position : position, row = gl_WorkGroupID.z * push.height + y;
-  left_ahead[slot] = push.left_census.at[row * push.width + p.line + left_margin];
-  uint shift = (3u - p.line) & 3u;
-  uint word = shift * push.right_copy_words + row * push.right_pitch + push.right_origin + shift + p.line + 1u - (lane() + 1u) * lane_disparities;
+  uint position = t - p.start;
+  uvec2 pixel = diagonal != 0u ? diagonal_pixel(p, t) : uvec2(p.line, p.backward ? p.pixels - 1u - position : position);
+  uint row = gl_WorkGroupID.z * push.height + pixel.y, shift = (3u - pixel.x) & 3u;
+  left_ahead[slot] = push.left_census.at[row * push.width + pixel.x + left_margin];
+  uint word = shift * push.right_copy_words + row * right_pitch_of(push.right_origin, push.width) + push.right_origin + shift + pixel.x + 1u -
+              (lane() + 1u) * lane_disparities;
   [[unroll]] for (uint i = 0u; i < lane_disparities; i += 4u) {
     uvec4 words = Uvec4Array(push.right_census).at[(word + i) >> 2];
     [[unroll]] for (uint c = 0u; c < 4u; ++c) needed[slot * lane_disparities + i + c] = words[c];
@@ -24,6 +25,7 @@ void fetch_census(Path p, uint t, uint slot) {
 
 void fetch(Path p, uint t, uint slot) {
   t = time_on_line(p, t);
+  if (adaptive != 0u) gray_ahead[slot] = push.gray.at[path_pixel(p, t) + left_margin];
   if (stored_costs) {
     LOAD_WORDS(needed, slot * lane_pairs, lane_pairs, push.cost, lane_item(p, t))
   } else {
@@ -44,6 +46,7 @@ void walk_line_part(UintArray sums, Path p, uint begin, uint end, bool after_mid
   [[dont_unroll]] for (uint t = begin; t < end; t += steps) {
     [[unroll]] for (uint s = 0u; s < steps; ++s) {
       [[unroll]] for (uint k = 0u; k < lane_pairs; ++k) step_cost[k] = pair_cost(p, s % ahead, k);
+      if (adaptive != 0u) heed_gradient(gray_ahead[s % ahead]);
       fetch(p, t + s + ahead, s % ahead);
       visit(sums, p, t + s, s, after_middle);
     }
@@ -52,6 +55,7 @@ void walk_line_part(UintArray sums, Path p, uint begin, uint end, bool after_mid
 
 void walk_lines(UintArray sums, Path p) {
   [[unroll]] for (uint s = 0u; s < ahead; ++s) fetch(p, s, s);
+  begin_sums(sums, p);
   walk_line_part(sums, p, 0u, p.middle, false);
   meet(sums, p);
   walk_line_part(sums, p, p.middle, p.end, true);

@@ -6,10 +6,11 @@
 
 uint window[lane_disparities + steps];  // [lane_disparities + s - k]: right word of the s-th pixel ahead at the lane's disparity k
 uint left_words[steps], next_left[steps], next_right[steps];
+uint gray_values[steps], next_gray[steps];
 
 /// Group of four right words at position 0 of the lane's window, at time 0, in the plain or the mirrored row.
 int first_group(Path p) {
-  uint pair_row = gl_WorkGroupID.z * push.height + p.line, row = pair_row * push.right_pitch + push.right_origin;
+  uint pair_row = gl_WorkGroupID.z * push.height + p.line, row = pair_row * right_pitch_of(push.right_origin, push.width) + push.right_origin;
   uint lane_start = lane() * lane_disparities;
   uint shift = (p.mirrored ? 3u - push.width - p.start : p.start) & 3u;  // the copy in which the groups are aligned
   row += shift * push.right_copy_words + shift;
@@ -24,13 +25,14 @@ uvec4 right_group(Path p, int first, uint position) {
 }
 
 uint left_word(Path p, uint t) { return push.left_census.at[path_pixel(p, t) + left_margin]; }
+uint gray_value(Path p, uint t) { return adaptive != 0u ? push.gray.at[path_pixel(p, t) + left_margin] : 0u; }
 
 void fill_window(Path p, int first, uint t) {
   [[unroll]] for (uint i = 0u; i < lane_disparities + steps; i += 4u) {
     uvec4 words = right_group(p, first, t + i);
     [[unroll]] for (uint c = 0u; c < 4u; ++c) window[i + c] = words[c];
   }
-  [[unroll]] for (uint s = 0u; s < steps; ++s) left_words[s] = left_word(p, t + s);
+  [[unroll]] for (uint s = 0u; s < steps; ++s) left_words[s] = left_word(p, t + s), gray_values[s] = gray_value(p, t + s);
 }
 
 void fetch_next(Path p, int first, uint t) {
@@ -38,12 +40,13 @@ void fetch_next(Path p, int first, uint t) {
     uvec4 words = right_group(p, first, t + lane_disparities + i);
     [[unroll]] for (uint c = 0u; c < 4u; ++c) next_right[i + c] = words[c];
   }
-  [[unroll]] for (uint s = 0u; s < steps; ++s) next_left[s] = left_word(p, t + s);
+  [[unroll]] for (uint s = 0u; s < steps; ++s) next_left[s] = left_word(p, t + s), next_gray[s] = gray_value(p, t + s);
 }
 
 void move_window() {
   [[unroll]] for (uint i = 0u; i < lane_disparities; ++i) window[i] = window[i + steps];
-  [[unroll]] for (uint s = 0u; s < steps; ++s) window[lane_disparities + s] = next_right[s], left_words[s] = next_left[s];
+  [[unroll]] for (uint s = 0u; s < steps; ++s)
+    window[lane_disparities + s] = next_right[s], left_words[s] = next_left[s], gray_values[s] = next_gray[s];
 }
 
 void walk_row_part(UintArray sums, Path p, int first, uint begin, uint end, bool after_middle) {
@@ -52,6 +55,7 @@ void walk_row_part(UintArray sums, Path p, int first, uint begin, uint end, bool
     [[unroll]] for (uint s = 0u; s < steps; ++s) {
       [[unroll]] for (uint k = 0u; k < lane_pairs; ++k)
         step_cost[k] = hamming_pair(left_words[s], window[lane_disparities + s - k], window[lane_disparities + s - k - lane_pairs]);
+      if (adaptive != 0u) heed_gradient(gray_values[s]);
       visit(sums, p, t + s, s, after_middle);
     }
     move_window();

@@ -9,12 +9,15 @@ namespace simsense {
 using uint = uint32_t;
 using UintArray = uint64_t;  // device address
 using FloatArray = uint64_t;
+using ByteArray = uint64_t;
 #else
 #extension GL_EXT_buffer_reference : require
 #extension GL_EXT_buffer_reference2 : require
 #extension GL_EXT_scalar_block_layout : require
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer UintArray { uint at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer FloatArray { float at[]; };
+#extension GL_EXT_shader_8bit_storage : require
+layout(buffer_reference, scalar, buffer_reference_align = 1) buffer ByteArray { uint8_t at[]; };
 #endif
 
 #ifdef __cplusplus
@@ -23,27 +26,54 @@ inline constexpr uint left_margin = 64;
 const uint left_margin = 64u;  // a path reads a little before and after its line
 #endif
 
-/// [P] pairs of one chunk. A volume holds one element per pixel and disparity, in the order that lib/lanes.glsl tells.
-struct MatchPush {
-  UintArray left_image, right_image;  // [P][height][width] bytes; pixel 0 is byte left_byte (right_byte) of the first word
-  UintArray left_census;              // [P][height][width]
-  UintArray right_census;             // [copies][P][height][right_pitch]; pixel x of copy s stands at right_origin + s + x
-  UintArray cost;                     // volume of block sums, 16 bit; unused where the block is one pixel
-  UintArray horizontal, vertical;     // volumes of path costs, each the sum of two opposite paths
-  UintArray right_winner;             // [P][height][width] least of cost << 16 | disparity
-  FloatArray unchecked;               // [P][height][width] disparities before the left-right check
-  FloatArray disparity;               // [P][height][width]
+/// [P] pairs of one chunk, at most the batch's. A volume holds one element per pixel and disparity, in the order that lib/lanes.glsl tells.
+/// Column c of the right image stands for its column c - min_disparity, the nearest one where there is none: a path that looks for
+/// disparities from 0 on finds those from min_disparity on.
+struct CensusPush {
+  UintArray left_image, right_image;  // [P][height][image_pitch] elements; pixel 0 is byte left_byte (right_byte) of the first word
+  UintArray left_census;              // [P][height][width], each of census_words words
+  UintArray right_census;             // [copies][P][height][right_pitch]; column c of copy s stands at right_origin + s + c
+  UintArray gray;                     // [P][height][width] the left image, where penalties heed it
+  UintArray right_winner;             // as below; filled with its largest value
   uint left_byte, right_byte;
+  uint image_pitch, image_stride;  // elements from row to row, from image to image
   uint width, height;
   uint right_pitch, right_origin, right_copy_words;
-  uint p1, p2;      // times the block's area
-  int lr_max_diff;  // -1 = off
-  uint segments;    // parts of a row that the winner stage sweeps side by side
-  uint reserved;
+  int min_disparity;
 };
 
+struct MatchPush {
+  UintArray left_census, right_census, gray;
+  UintArray cost;                  // volume of block sums, 16 bit; unused where costs come from census words
+  UintArray horizontal, vertical;  // volumes of path costs, each the sum of opposite paths
+  UintArray right_winner;          // [P][height][width] least of cost << 16 | disparity
+  FloatArray unchecked;            // [P][height][width] disparities before the left-right check
+  FloatArray disparity;            // [P][height][width]
+  FloatArray confidence;           // [P][height][width], if MATCH_CONFIDENCE
+  ByteArray reason;                // [P][height][width], if MATCH_REASON
+  uint width, height;
+  uint right_origin, right_copy_words;
+  uint p1, p2;            // times the block's area
+  uint p2_full_gradient;  // counts
+  int lr_max_diff;        // -1 = off
+  int min_disparity;
+  uint maps;  // MATCH_*
+};
+
+/// Columns of a row of the right census, with room to read ahead, in groups of four.
 #ifdef __cplusplus
-static_assert(sizeof(MatchPush) == 128, "the least that Vulkan grants");
+inline
+#endif
+    uint
+    right_pitch_of(uint right_origin, uint width) {
+  return (right_origin + width + 32u + 3u) / 4u * 4u;
+}
+
+#define MATCH_CONFIDENCE 1u
+#define MATCH_REASON 2u
+
+#ifdef __cplusplus
+static_assert(sizeof(MatchPush) == 128 && sizeof(CensusPush) <= 128, "the least that Vulkan grants");
 }  // namespace simsense
 #endif
 #endif

@@ -32,6 +32,8 @@ class VulkanDepth {
                    uint32_t pairs) const;
   void record_rgb(ks::Commands& commands, uint64_t disparity, const ImageRef& depth, const ImageRef& points, const ImageRef& colored,
                   const ImageRef& rgb, uint32_t pairs);
+  /// Address of the parameters, for other stages that need depths.
+  [[nodiscard]] uint64_t block() const { return block_->address(); }
   [[nodiscard]] uint64_t memory_bytes() const { return nearest_ ? nearest_->size_bytes() : 0; }
 
  private:

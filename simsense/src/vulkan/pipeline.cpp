@@ -4,20 +4,12 @@
 
 #include "device/error.h"
 #include "parameters.h"
+#include "vulkan/dispatch.h"
 
 namespace simsense {
 namespace {
 
 constexpr size_t slot_count = 2;
-
-/// Address of the first of some pairs where a packed image of that format may be a stage's own array, else 0.
-uint64_t in_place_address(const std::optional<DeviceImage>& image, const Pairs& pairs, uint32_t format) {
-  if (!image || image->format() != format || !image->is_packed()) return 0;
-  const ImageRef ref = image->ref(pairs.first);
-  return ref.address + uint64_t{ref.first} * ks_format_bytes(format);
-}
-
-uint64_t address_of(const ImageRef& packed) { return packed.address + uint64_t{packed.first} * ks_format_bytes(packed.format); }
 
 ImageRef ref_or_none(const DeviceFrame& frame, uint32_t output, const Pairs& pairs) {
   return frame.wants(output) ? frame.outputs[output]->ref(pairs.first) : ImageRef{};
@@ -36,14 +28,14 @@ std::vector<NoiseKey> noise_keys(const simsense_parameters& p, const simsense_si
   return keys;
 }
 
-CleanRequest clean_request(const simsense_parameters& p, const simsense_rig_desc& rig, bool drop_padding) {
+CleanRequest clean_request(const simsense_parameters& p, const simsense_rig_desc& rig, const Region& region, bool drop_padding) {
   CleanRequest request;
   request.invalid = match_parameters(p).invalid_disparity();
   request.drop_padding = drop_padding && !(rig.faults & SIMSENSE_FAULT_PADDING_MATCHED);
   request.speckle_max_size = p.speckle_max_size;
   request.speckle_max_diff_px = p.speckle_max_diff_px;
   request.filling = static_cast<HoleFilling>(p.hole_filling);
-  request.region = {0, 0, rig.left.width, rig.left.height};
+  request.region = region;
   return request;
 }
 
@@ -53,7 +45,7 @@ DepthRequest depth_request(const simsense_parameters& p) {
 
 }  // namespace
 
-VulkanPipeline::VulkanPipeline(std::shared_ptr<ks::Device> device, const PipelineParts& parts, const MatchParameters& parameters)
+VulkanPipeline::VulkanPipeline(std::shared_ptr<ks::Device> device, const PipelineParts& parts)
     : device_(std::move(device)),
       rig_(parts.rig),
       has_rgb_(parts.rig.rgb.width != 0),
@@ -61,7 +53,6 @@ VulkanPipeline::VulkanPipeline(std::shared_ptr<ks::Device> device, const Pipelin
       eyes_(device_, rig_.left.width, rig_.left.height, rectifier_.get()),
       cleaner_(device_, rig_.left.width, rig_.left.height, rectifier_.get()),
       parts_(parts),
-      match_parameters_(parameters),
       staging_(device_) {
   if (ks::Timeline::can_have(*device_)) timeline_.emplace(device_);
   while (slots_.size() < slot_count) slots_.push_back(std::make_unique<Slot>(device_));
@@ -75,35 +66,36 @@ VulkanPipeline::~VulkanPipeline() {
   }
 }
 
-uint32_t VulkanPipeline::pairs_at_once() const {
-  return matcher_ ? std::min(matcher_->plan().pairs_at_once, signal_pairs) : std::min(rig_.batch_count, signal_pairs);
-}
+uint32_t VulkanPipeline::pairs_at_once() const { return maps_ ? maps_->pairs_at_once() : std::min(rig_.batch_count, signal_pairs); }
 
-/// What follows the matcher, from disparities that may already lie where the caller wants them.
-void VulkanPipeline::record_outputs(ks::Commands& commands, const DeviceFrame& frame, const Pairs& pairs, uint64_t disparity,
-                                    bool in_place) {
+/// What follows from finished disparities.
+void VulkanPipeline::record_outputs(ks::Commands& commands, const DeviceFrame& frame, const Pairs& pairs, const DeviceMaps& maps) {
   const auto output = [&](uint32_t which) { return ref_or_none(frame, which, pairs); };
-  const ImageRef disparity_out = in_place ? ImageRef{} : output(SIMSENSE_OUTPUT_DISPARITY);
+  const ImageRef disparity = VulkanMaps::is_in_place(frame) ? ImageRef{} : output(SIMSENSE_OUTPUT_DISPARITY);
   const ImageRef depth = output(SIMSENSE_OUTPUT_DEPTH), points = output(SIMSENSE_OUTPUT_POINTS);
-  if (disparity_out.format || depth.format || (points.format && !has_rgb_)) {
+  if (disparity.format || depth.format || (points.format && !has_rgb_)) {
     commands.begin_stage("depth");
-    depth_->record_left(commands, disparity, disparity_out, depth, has_rgb_ ? ImageRef{} : points, pairs.count);
+    depth_->record_left(commands, maps.disparity, disparity, depth, has_rgb_ ? ImageRef{} : points, pairs.count);
   }
   if (!has_rgb_ || !(frame.wants(SIMSENSE_OUTPUT_DEPTH_RGB) || frame.wants_points())) return;
   commands.begin_stage("registration");
-  depth_->record_rgb(commands, disparity, output(SIMSENSE_OUTPUT_DEPTH_RGB), points, output(SIMSENSE_OUTPUT_POINTS_COLORED),
+  depth_->record_rgb(commands, maps.disparity, output(SIMSENSE_OUTPUT_DEPTH_RGB), points, output(SIMSENSE_OUTPUT_POINTS_COLORED),
                      frame.rgb ? frame.rgb->ref(pairs.first) : ImageRef{}, pairs.count);
 }
 
 void VulkanPipeline::record_disparity(ks::Commands& commands, const DeviceFrame& frame, const Pairs& pairs,
-                                      const simsense_parameters& parameters, const ImageRef (&images)[2]) {
-  const uint64_t in_place = in_place_address(frame.outputs[SIMSENSE_OUTPUT_DISPARITY], pairs, KS_FORMAT_F32);
-  const uint64_t bytes = uint64_t{rig_.left.width} * rig_.left.height * sizeof(float) * pairs_at_once();
-  if (!in_place && (!disparity_ || disparity_->size_bytes() < bytes)) disparity_ = ks::Buffer::create(device_, bytes, 0);
-  const uint64_t disparity = in_place ? in_place : disparity_->address();
-  matcher_->record(commands, {address_of(images[0]), address_of(images[1]), disparity}, pairs.count);
-  cleaner_.record(commands, clean_request(parameters, rig_, rectifier_ != nullptr), {disparity}, pairs.count);
-  record_outputs(commands, frame, pairs, disparity, in_place != 0);
+                                      const PipelineSettings& settings, const ImageRef (&images)[2]) {
+  const simsense_parameters& p = settings.parameters;
+  const DeviceMaps maps = maps_->open(frame, pairs);
+  maps_->record_match(commands, images, maps, pairs.count);
+  cleaner_.record(commands, clean_request(p, rig_, settings.matching.wanted, rectifier_ != nullptr), maps, pairs.count);
+  record_outputs(commands, frame, pairs, maps);
+  if (maps.reason) {
+    const uint32_t saturated_dn = (1u << settings.imagers[0].signal().bit_depth) - 1;
+    const ExplainRequest request{depth_->block(), p.census_width, p.census_height, p.low_texture_dn, saturated_dn};
+    maps_->record_explanation(commands, request, images[0], maps, pairs.count);
+  }
+  maps_->record_copies(commands, frame, pairs, maps);
 }
 
 void VulkanPipeline::record_pairs(ks::Commands& commands, const DeviceFrame& frame, const Pairs& pairs, const PipelineSettings& settings) {
@@ -113,19 +105,14 @@ void VulkanPipeline::record_pairs(ks::Commands& commands, const DeviceFrame& fra
     images[eye] =
         eyes_.record(commands, frame, pairs, eye, {settings.imagers, settings.wide, (rig_.faults & SIMSENSE_FAULT_REMAP_NEAREST) != 0},
                      noise_keys(p, settings.imagers[eye].signal(), pairs, eye));
-  if (frame.wants_disparity()) record_disparity(commands, frame, pairs, p, images);
-}
-
-void VulkanPipeline::set_match_parameters(const MatchParameters& parameters) {
-  if (parameters == match_parameters_) return;
-  wait_idle();
-  matcher_.reset();
-  match_parameters_ = parameters;
+  if (frame.wants_disparity()) record_disparity(commands, frame, pairs, settings, images);
 }
 
 void VulkanPipeline::record(ks::Commands& commands, const DeviceFrame& frame, const PipelineSettings& settings) {
-  if (frame.wants_disparity() && !matcher_)
-    matcher_ = make_vulkan_matcher(device_, rig_.left.width, rig_.left.height, rig_.batch_count, match_parameters_);
+  if (!(settings.matching == matching_)) maps_.reset();  // nothing is under way, see submit()
+  matching_ = settings.matching;
+  if (frame.wants_disparity() && !maps_)
+    maps_ = std::make_unique<VulkanMaps>(device_, rig_.left.width, rig_.left.height, rig_.batch_count, matching_);
   if (frame.wants_disparity() && !depth_) depth_.emplace(device_, rig_, parts_.rectification.geometry, parts_.registration, parts_.points);
   commands.reset_stage_times();
   commands.begin_stage("signal");
@@ -142,7 +129,7 @@ void VulkanPipeline::record(ks::Commands& commands, const DeviceFrame& frame, co
 uint64_t VulkanPipeline::submit(DeviceFrame frame, const PipelineSettings& settings) {
   uint64_t outputs = 0;
   for (uint32_t i = 0; i < output_count; ++i) outputs |= uint64_t{frame.wants(i)} << i;
-  if (outputs != recorded_outputs_) wait_idle();  // arrays may grow
+  if (outputs != recorded_outputs_ || !(settings.matching == matching_)) wait_idle();  // arrays may change
   recorded_outputs_ = outputs;
   std::unique_ptr<Slot>& slot = slots_[submitted_ % slot_count];
   if (slot->number) wait(slot->number);
@@ -183,8 +170,7 @@ void VulkanPipeline::wait(uint64_t submission) {
 }
 
 uint64_t VulkanPipeline::memory_bytes() const {
-  return eyes_.memory_bytes() + cleaner_.memory_bytes() + (depth_ ? depth_->memory_bytes() : 0) +
-         (matcher_ ? matcher_->memory_bytes() : 0) + (disparity_ ? disparity_->size_bytes() : 0);
+  return eyes_.memory_bytes() + cleaner_.memory_bytes() + (depth_ ? depth_->memory_bytes() : 0) + (maps_ ? maps_->memory_bytes() : 0);
 }
 
 std::string why_no_pipeline(const ks::Device& device, const simsense_rig_desc& rig) {

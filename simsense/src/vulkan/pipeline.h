@@ -12,7 +12,7 @@
 #include "vulkan/cleaner.h"
 #include "vulkan/depth.h"
 #include "vulkan/eyes.h"
-#include "vulkan/vulkan_matcher.h"
+#include "vulkan/maps.h"
 
 namespace simsense {
 
@@ -28,20 +28,19 @@ struct PipelineParts {
 struct PipelineSettings {
   const simsense_parameters& parameters;
   const Imager (&imagers)[2];
-  bool wide;
+  bool wide;  // the matcher sees 16 bit
+  Matching matching;
   ks_progress_fn progress;  // called while the work is recorded; may be nullptr
   void* progress_user;
 };
 
 class VulkanPipeline {
  public:
-  VulkanPipeline(std::shared_ptr<ks::Device> device, const PipelineParts& parts, const MatchParameters& parameters);
+  VulkanPipeline(std::shared_ptr<ks::Device> device, const PipelineParts& parts);
   ~VulkanPipeline();
   VulkanPipeline(const VulkanPipeline&) = delete;
   VulkanPipeline& operator=(const VulkanPipeline&) = delete;
 
-  /// For the submissions that follow.
-  void set_match_parameters(const MatchParameters& parameters);
   [[nodiscard]] HostStaging& staging() { return staging_; }
   /// Loads host inputs, records and submits. Returns the submission's number, from 1 on.
   uint64_t submit(DeviceFrame frame, const PipelineSettings& settings);
@@ -65,9 +64,9 @@ class VulkanPipeline {
   };
   void record(ks::Commands& commands, const DeviceFrame& frame, const PipelineSettings& settings);
   void record_pairs(ks::Commands& commands, const DeviceFrame& frame, const Pairs& pairs, const PipelineSettings& settings);
-  void record_disparity(ks::Commands& commands, const DeviceFrame& frame, const Pairs& pairs, const simsense_parameters& parameters,
+  void record_disparity(ks::Commands& commands, const DeviceFrame& frame, const Pairs& pairs, const PipelineSettings& settings,
                         const ImageRef (&images)[2]);
-  void record_outputs(ks::Commands& commands, const DeviceFrame& frame, const Pairs& pairs, uint64_t disparity, bool in_place);
+  void record_outputs(ks::Commands& commands, const DeviceFrame& frame, const Pairs& pairs, const DeviceMaps& maps);
   void finish(Slot& slot);
   [[nodiscard]] uint32_t pairs_at_once() const;
 
@@ -78,10 +77,9 @@ class VulkanPipeline {
   VulkanEyes eyes_;
   VulkanCleaner cleaner_;
   std::optional<VulkanDepth> depth_;
-  std::unique_ptr<VulkanMatcher> matcher_;  // made when first needed, as depth_
+  std::unique_ptr<VulkanMaps> maps_;  // made when first needed, as depth_
   const PipelineParts parts_;
-  MatchParameters match_parameters_;
-  std::shared_ptr<ks::Buffer> disparity_;
+  Matching matching_;
   HostStaging staging_;
   std::optional<ks::Timeline> timeline_;
   std::vector<std::unique_ptr<Slot>> slots_;

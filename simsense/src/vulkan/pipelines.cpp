@@ -28,13 +28,38 @@ Constants lane_constants(const MatchPlan& plan, const MatchParameters& p, uint32
           p.block_width * p.block_height,
           steps,
           p.uniqueness_ratio,
-          static_cast<uint32_t>(p.subpixel)};
+          static_cast<uint32_t>(p.subpixel),
+          plan.stored_costs ? 1u : 0u,
+          p.path_count,
+          plan.census_words,
+          p.p2_full_gradient > 0 ? 1u : 0u};
+}
+
+Constants with(Constants constants, std::initializer_list<uint32_t> more) {
+  constants.insert(constants.end(), more);
+  return constants;
 }
 
 Constants block_constants(const MatchPlan& plan, const MatchParameters& p) {
-  Constants constants = lane_constants(plan, p, 256, plan.steps);
-  constants.insert(constants.end(), {p.block_width, p.block_height, plan.block_group_parts, plan.block_rows_per_group});
-  return constants;
+  return with(lane_constants(plan, p, 256, plan.steps), {p.block_width, p.block_height, plan.block_group_parts, plan.block_rows_per_group});
+}
+
+Constants path_constants(const MatchPlan& plan, const MatchParameters& p, bool diagonal) {
+  return with(lane_constants(plan, p, plan.path_group, plan.steps), {diagonal ? 1u : 0u});
+}
+
+Constants winner_constants(const MatchPlan& plan, const MatchParameters& p) {
+  return with(lane_constants(plan, p, plan.winner_group, winner_steps), {plan.segments});
+}
+
+Constants census_constants(const MatchPlan& plan, const MatchParameters& p, uint32_t element_bytes) {
+  return {p.census_width,
+          p.census_height,
+          plan.census_copies,
+          p.census == CensusKind::plain ? 1u : 0u,
+          plan.census_words,
+          element_bytes,
+          p.p2_full_gradient > 0 ? 1u : 0u};
 }
 
 std::span<const uint32_t> paths_code(bool half) { return half ? std::span<const uint32_t>(paths_half_spirv) : paths_integer_spirv; }
@@ -42,12 +67,20 @@ std::span<const uint32_t> paths_code(bool half) { return half ? std::span<const 
 }  // namespace
 
 MatchPipelines::MatchPipelines(const std::shared_ptr<ks::Device>& device, const MatchPlan& plan, const MatchParameters& p)
-    : census(device, census_spirv, sizeof(MatchPush), Constants{p.census_width, p.census_height, plan.census_copies}),
-      paths(device, paths_code(plan.half_minima), sizeof(MatchPush), lane_constants(plan, p, plan.path_group, plan.steps),
-            plan.subgroup_lanes),
-      winner(device, winner_spirv, sizeof(MatchPush), lane_constants(plan, p, plan.winner_group, winner_steps), plan.subgroup_lanes),
+    : census_8(device, census_spirv, sizeof(CensusPush), census_constants(plan, p, 1)),
+      paths(device, paths_code(plan.half_minima), sizeof(MatchPush), path_constants(plan, p, false), plan.subgroup_lanes),
+      winner(device, winner_spirv, sizeof(MatchPush), winner_constants(plan, p), plan.subgroup_lanes),
       finish(device, finish_spirv, sizeof(MatchPush), Constants{p.median_size}) {
-  if (p.block_width * p.block_height > 1) block_cost.emplace(device, block_cost_spirv, sizeof(MatchPush), block_constants(plan, p));
+  if (plan.stored_costs) block_cost.emplace(device, block_cost_spirv, sizeof(MatchPush), block_constants(plan, p));
+  if (p.path_count == 8)
+    diagonals.emplace(device, paths_code(plan.half_minima), sizeof(MatchPush), path_constants(plan, p, true), plan.subgroup_lanes);
+}
+
+const ks::ComputePipeline& MatchPipelines::census(const std::shared_ptr<ks::Device>& device, const MatchPlan& plan,
+                                                  const MatchParameters& p, uint32_t element_bytes) {
+  if (element_bytes == 1) return census_8;
+  if (!census_16) census_16.emplace(device, census_spirv, sizeof(CensusPush), census_constants(plan, p, 2));
+  return *census_16;
 }
 
 }  // namespace simsense

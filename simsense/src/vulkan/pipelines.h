@@ -10,9 +10,16 @@ namespace simsense {
 
 struct MatchPipelines {
   MatchPipelines(const std::shared_ptr<ks::Device>& device, const MatchPlan& plan, const MatchParameters& parameters);
-  ks::ComputePipeline census;
-  std::optional<ks::ComputePipeline> block_cost;  // where the block is more than one pixel
-  ks::ComputePipeline paths, winner, finish;
+  /// For images of 1 or 2 bytes per pixel.
+  const ks::ComputePipeline& census(const std::shared_ptr<ks::Device>& device, const MatchPlan& plan, const MatchParameters& parameters,
+                                    uint32_t element_bytes);
+
+  ks::ComputePipeline census_8;
+  std::optional<ks::ComputePipeline> census_16;   // of 16-bit images, made when first needed
+  std::optional<ks::ComputePipeline> block_cost;  // where costs are stored
+  ks::ComputePipeline paths;
+  std::optional<ks::ComputePipeline> diagonals;  // of 8 paths
+  ks::ComputePipeline winner, finish;
 };
 
 }  // namespace simsense

@@ -4,6 +4,7 @@
 #include <bit>
 
 #include "device/error.h"
+#include "shared/match_push.h"
 
 namespace simsense {
 namespace {
@@ -22,8 +23,8 @@ bool want_half_minima(const ks::Device& device, Minima minima) {
 uint32_t divide_up(uint32_t a, uint32_t b) { return (a + b - 1) / b; }
 
 /// Lanes of one path: with few pairs many lanes shorten its steps, with many pairs few lanes waste less on their exchange.
-void choose_lanes(MatchPlan& plan, const ks::Device& device, uint32_t disparities, bool block, uint32_t batch, const MatchTuning& tuning) {
-  const uint32_t unit = block ? 8 : 4;  // the block stage takes four pairs at a time
+void choose_lanes(MatchPlan& plan, const ks::Device& device, uint32_t disparities, uint32_t batch, const MatchTuning& tuning) {
+  const uint32_t unit = plan.stored_costs ? 8 : 4;  // the block stage takes four pairs at a time
   const uint32_t wanted = divide_up(disparities, disparities <= (batch == 1 ? 128u : 64u) ? 8 : 16);
   plan.path_lanes = tuning.path_lanes ? tuning.path_lanes : std::clamp(std::bit_ceil(wanted), 4u, std::min(plan.subgroup_lanes, 32u));
   plan.lane_disparities = unit * divide_up(disparities, unit * plan.path_lanes);
@@ -39,8 +40,9 @@ void choose_ranges(MatchPlan& plan, const MatchParameters& p, bool half) {
   const uint32_t area = p.block_width * p.block_height;
   plan.p1 = p.p1 * area;
   plan.p2 = p.p2 * area;
-  const uint32_t largest = (p.census_width * p.census_height - 1) / 2 * area + plan.p2;  // of one path's costs
-  plan.sum_bytes = 2 * largest <= 0xff ? 1 : 2 * largest <= 0xffff ? 2 : 4;
+  const uint32_t largest = p.census_bits() * area + plan.p2;  // of one path's costs
+  const uint32_t sum = p.path_count / 2 * largest;            // of those that share a volume
+  plan.sum_bytes = sum <= 0xff ? 1 : sum <= 0xffff ? 2 : 4;
   plan.half_minima = half && half_bias + largest + plan.p1 <= largest_half;
 }
 
@@ -89,12 +91,13 @@ MatchPlan make_match_plan(const ks::Device& device, uint32_t width, uint32_t hei
   plan.width = width;
   plan.height = height;
   plan.subgroup_lanes = device.subgroup_size();
-  const bool block = parameters.block_width * parameters.block_height > 1;
-  choose_lanes(plan, device, parameters.max_disparity, block, batch, tuning);
+  plan.census_words = parameters.census_bits() > 32 ? 2 : 1;
+  plan.stored_costs = parameters.block_area() > 1 || plan.census_words > 1;
+  choose_lanes(plan, device, parameters.max_disparity, batch, tuning);
   choose_ranges(plan, parameters, want_half_minima(device, tuning.minima));
-  plan.census_copies = block ? 1 : 4;
+  plan.census_copies = plan.stored_costs ? 1 : 4;
   plan.right_origin = plan.padded_disparities() + 32;  // as far as a path reads ahead
-  plan.right_pitch = 4 * divide_up(plan.right_origin + width + 32, 4);
+  plan.right_pitch = right_pitch_of(plan.right_origin, width);
   const uint64_t most_pairs = std::max<uint64_t>(MatchPlan::most_array_words / plan.largest_array_words(), 1);
   const uint32_t wanted_pairs = tuning.pairs_at_once ? tuning.pairs_at_once : default_pairs(device, plan);
   plan.pairs_at_once = static_cast<uint32_t>(std::min<uint64_t>({batch, wanted_pairs, most_pairs}));

@@ -28,9 +28,10 @@ struct MatchPlan {
   uint32_t subgroup_lanes = 0, path_lanes = 0, lane_disparities = 0, steps = 0;
   uint32_t sum_bytes = 0;  // per element of a volume of path costs
   bool half_minima = false;
-  uint32_t p1 = 0, p2 = 0;  // times the block's area
+  bool stored_costs = false;  // in a volume, not made of census words where a path needs them
+  uint32_t p1 = 0, p2 = 0;    // times the block's area
   uint32_t path_group = 0, winner_group = 0, segments = 0;
-  uint32_t census_copies = 0, right_origin = 0, right_pitch = 0;
+  uint32_t census_copies = 0, census_words = 1, right_origin = 0, right_pitch = 0;
   uint32_t block_group_parts = 0, block_rows_per_group = 0;  // workgroup of the block stage: parts of 4 pairs of disparities, rows
 
   [[nodiscard]] uint32_t padded_disparities() const { return path_lanes * lane_disparities; }
@@ -38,12 +39,12 @@ struct MatchPlan {
   [[nodiscard]] uint32_t block_columns() const { return 256 / block_group_parts * 4; }
   [[nodiscard]] uint64_t pixels() const { return uint64_t{width} * height * pairs_at_once; }
   [[nodiscard]] uint64_t sum_volume_bytes() const { return pixels() * padded_disparities() * sum_bytes; }
-  [[nodiscard]] uint64_t cost_volume_bytes() const { return census_copies > 1 ? 0 : pixels() * padded_disparities() * 2; }
+  [[nodiscard]] uint64_t cost_volume_bytes() const { return stored_costs ? pixels() * padded_disparities() * 2 : 0; }
   [[nodiscard]] uint64_t right_copy_words() const { return uint64_t{right_pitch} * height * pairs_at_once; }
   /// Shaders count words by positive 32-bit integers.
   static constexpr uint64_t most_array_words = INT32_MAX;
   [[nodiscard]] uint64_t largest_array_words() const {
-    return std::max({sum_volume_bytes() / 4, cost_volume_bytes() / 4, census_copies * right_copy_words()});
+    return std::max({sum_volume_bytes() / 4, cost_volume_bytes() / 4, uint64_t{census_copies} * census_words * right_copy_words()});
   }
 };
 

@@ -5,12 +5,11 @@
 
 #include "device/error.h"
 #include "shared/match_push.h"
+#include "vulkan/dispatch.h"
 #include "vulkan/pipelines.h"
 
 namespace simsense {
 namespace {
-
-uint32_t groups(uint64_t items, uint64_t per_group) { return static_cast<uint32_t>((items + per_group - 1) / per_group); }
 
 void check_images(const DeviceImages& images, uint64_t bytes, const char* name) {
   const uint64_t size = images.buffer.size_bytes();
@@ -31,8 +30,9 @@ struct VulkanMatcher::State {
         plan(make_match_plan(*device, width, height, batch, p, tuning)),
         pipelines(device, plan, p),
         commands(device) {
-    left_census = allocate((plan.pixels() + 2 * left_margin) * 4);
-    right_census = allocate(plan.right_copy_words() * plan.census_copies * 4);
+    left_census = allocate((plan.pixels() + 2 * left_margin) * plan.census_words * 4);
+    right_census = allocate(plan.right_copy_words() * plan.census_copies * plan.census_words * 4);
+    if (parameters.p2_full_gradient > 0) gray = allocate((plan.pixels() + 2 * left_margin) * 4);
     if (plan.cost_volume_bytes() > 0) cost = allocate(plan.cost_volume_bytes());
     horizontal = allocate(plan.sum_volume_bytes());
     vertical = allocate(plan.sum_volume_bytes());
@@ -45,8 +45,9 @@ struct VulkanMatcher::State {
     return ks::Buffer::create(device, bytes, 0);
   }
 
+  [[nodiscard]] CensusPush census_push(const MatchArrays& arrays) const;
   [[nodiscard]] MatchPush push(const MatchArrays& arrays) const;
-  void record(ks::Commands& on, const MatchPush& push, uint32_t pairs);
+  void record(ks::Commands& on, const MatchArrays& arrays, uint32_t pairs);
 
   std::shared_ptr<ks::Device> device;
   uint32_t batch;
@@ -54,53 +55,77 @@ struct VulkanMatcher::State {
   MatchPlan plan;
   MatchPipelines pipelines;
   ks::Commands commands;
-  std::shared_ptr<ks::Buffer> left_census, right_census, cost, horizontal, vertical, right_winner, unchecked;
+  std::shared_ptr<ks::Buffer> left_census, right_census, gray, cost, horizontal, vertical, right_winner, unchecked;
   uint64_t memory_bytes = 0;
 };
 
-MatchPush VulkanMatcher::State::push(const MatchArrays& arrays) const {
-  MatchPush push{};
+CensusPush VulkanMatcher::State::census_push(const MatchArrays& arrays) const {
+  CensusPush push{};
   push.left_image = arrays.left & ~uint64_t{3};
   push.right_image = arrays.right & ~uint64_t{3};
   push.left_byte = arrays.left & 3;
   push.right_byte = arrays.right & 3;
+  push.image_pitch = arrays.image_pitch ? arrays.image_pitch : plan.width;
+  push.image_stride = arrays.image_stride ? arrays.image_stride : plan.width * plan.height;
   push.left_census = left_census->address();
   push.right_census = right_census->address();
+  push.gray = gray ? gray->address() : 0;
+  push.right_winner = right_winner->address();
+  push.width = plan.width;
+  push.height = plan.height;
+  push.right_pitch = plan.right_pitch;
+  push.right_origin = plan.right_origin;
+  push.right_copy_words = static_cast<uint32_t>(plan.right_copy_words());
+  push.min_disparity = parameters.min_disparity;
+  return push;
+}
+
+MatchPush VulkanMatcher::State::push(const MatchArrays& arrays) const {
+  MatchPush push{};
+  push.left_census = left_census->address();
+  push.right_census = right_census->address();
+  push.gray = gray ? gray->address() : 0;
   push.cost = cost ? cost->address() : 0;
   push.horizontal = horizontal->address();
   push.vertical = vertical->address();
   push.right_winner = right_winner->address();
   push.unchecked = unchecked->address();
   push.disparity = arrays.disparity;
+  push.confidence = arrays.confidence;
+  push.reason = arrays.reason;
   push.width = plan.width;
   push.height = plan.height;
-  push.right_pitch = plan.right_pitch;
   push.right_origin = plan.right_origin;
   push.right_copy_words = static_cast<uint32_t>(plan.right_copy_words());
   push.p1 = plan.p1;
   push.p2 = plan.p2;
+  push.p2_full_gradient = parameters.p2_full_gradient;
   push.lr_max_diff = parameters.lr_max_diff;
-  push.segments = plan.segments;
+  push.min_disparity = parameters.min_disparity;
+  push.maps = (arrays.confidence ? MATCH_CONFIDENCE : 0u) | (arrays.reason ? MATCH_REASON : 0u);
   return push;
 }
 
-void VulkanMatcher::State::record(ks::Commands& on, const MatchPush& push, uint32_t pairs) {
+void VulkanMatcher::State::record(ks::Commands& on, const MatchArrays& arrays, uint32_t pairs) {
   const uint32_t w = plan.width, h = plan.height;
+  const MatchPush push = this->push(arrays);
   on.begin_stage("census");
-  on.dispatch(pipelines.census, push, groups(plan.right_origin, 64) + groups(w, 64), groups(h, 4), 2 * pairs);
+  on.dispatch(pipelines.census(device, plan, parameters, arrays.element_bytes), census_push(arrays),
+              groups_of(plan.right_origin, 64) + groups_of(w, 64), groups_of(h, 4), 2 * pairs);
   if (pipelines.block_cost) {
     on.begin_stage("block cost");
     const uint32_t part_groups = plan.padded_disparities() / 8 / plan.block_group_parts;
     const uint32_t outputs = plan.block_columns() - (parameters.block_width - 1);
-    on.dispatch(*pipelines.block_cost, push, part_groups * groups(w, outputs), groups(h, plan.block_rows_per_group), pairs);
+    on.dispatch(*pipelines.block_cost, push, part_groups * groups_of(w, outputs), groups_of(h, plan.block_rows_per_group), pairs);
   }
   on.begin_stage("paths");
-  const uint32_t lines_per_group = plan.path_group / plan.path_lanes / 2;
-  on.dispatch(pipelines.paths, push, groups(h, lines_per_group) + 4 * groups(w, 4 * lines_per_group), 1, pairs);
+  const uint32_t lines_per_group = plan.path_group / plan.path_lanes / 2, column_groups = 4 * groups_of(w, 4 * lines_per_group);
+  on.dispatch(pipelines.paths, push, groups_of(h, lines_per_group) + column_groups, 1, pairs);
+  if (pipelines.diagonals) on.dispatch(*pipelines.diagonals, push, 2 * column_groups, 1, pairs);
   on.begin_stage("winner");
-  on.dispatch(pipelines.winner, push, groups(h, plan.winner_group / plan.path_lanes), plan.segments, pairs);
+  on.dispatch(pipelines.winner, push, groups_of(h, plan.winner_group / plan.path_lanes), plan.segments, pairs);
   on.begin_stage("check and median");
-  on.dispatch(pipelines.finish, push, groups(w, 32), groups(h, 8), pairs);
+  dispatch_pixels(on, pipelines.finish, push, w, h, pairs);
 }
 
 VulkanMatcher::VulkanMatcher(std::shared_ptr<ks::Device> device, uint32_t width, uint32_t height, uint32_t batch,
@@ -123,24 +148,28 @@ void VulkanMatcher::match(const DeviceImages& left, const DeviceImages& right, c
   const auto at = [](const DeviceImages& images, uint64_t bytes) { return images.buffer.address() + images.offset_bytes + bytes; };
   for (uint32_t pair = 0; pair < s.batch; pair += s.plan.pairs_at_once) {
     const uint64_t first = pair * image_pixels;
-    record(s.commands, {at(left, first), at(right, first), at(disparity, 4 * first)}, std::min(s.plan.pairs_at_once, s.batch - pair));
+    MatchArrays arrays;
+    arrays.left = at(left, first);
+    arrays.right = at(right, first);
+    arrays.disparity = at(disparity, 4 * first);
+    record(s.commands, arrays, std::min(s.plan.pairs_at_once, s.batch - pair));
   }
   s.commands.flush();
 }
 
-void VulkanMatcher::record(ks::Commands& commands, const MatchArrays& arrays, uint32_t pairs) {
-  state_->record(commands, state_->push(arrays), pairs);
-}
+void VulkanMatcher::record(ks::Commands& commands, const MatchArrays& arrays, uint32_t pairs) { state_->record(commands, arrays, pairs); }
 
-std::vector<ks_stage_time> VulkanMatcher::stage_times() const {
-  std::vector<ks_stage_time> times;
-  for (const auto& [name, milliseconds] : state_->commands.stage_times()) {
-    ks_stage_time& time = times.emplace_back();
+std::vector<ks_stage_time> to_stage_times(const std::vector<std::pair<std::string, double>>& times) {
+  std::vector<ks_stage_time> out;
+  for (const auto& [name, milliseconds] : times) {
+    ks_stage_time& time = out.emplace_back();
     std::strncpy(time.name, name.c_str(), sizeof time.name - 1);
     time.milliseconds = milliseconds;
   }
-  return times;
+  return out;
 }
+
+std::vector<ks_stage_time> VulkanMatcher::stage_times() const { return to_stage_times(state_->commands.stage_times()); }
 
 uint64_t VulkanMatcher::memory_bytes() const { return state_->memory_bytes; }
 
@@ -151,7 +180,10 @@ std::string why_not_vulkan(const ks::Device& device, uint32_t width, uint32_t he
                                             VK_SUBGROUP_FEATURE_ARITHMETIC_BIT | VK_SUBGROUP_FEATURE_BALLOT_BIT |
                                             VK_SUBGROUP_FEATURE_SHUFFLE_BIT | VK_SUBGROUP_FEATURE_SHUFFLE_RELATIVE_BIT;
   if (!device.has_vulkan()) return "the host device has no Vulkan";
-  if (const char* name = parameters.cpu_only()) return std::string("it knows only the default ") + name;
+  VkPhysicalDeviceVulkan12Features features{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES};
+  VkPhysicalDeviceFeatures2 all_features{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2, &features};
+  vkGetPhysicalDeviceFeatures2(device.physical(), &all_features);
+  if (!features.storageBuffer8BitAccess) return "storage buffers of 8 bit are missing";
   VkPhysicalDeviceSubgroupProperties subgroup{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_SUBGROUP_PROPERTIES};
   VkPhysicalDeviceProperties2 all{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2, &subgroup};
   vkGetPhysicalDeviceProperties2(device.physical(), &all);

@@ -19,10 +19,13 @@ struct DeviceImages {
   uint64_t offset_bytes = 0;
 };
 
-/// Packed arrays of one pass through the stages, by device address: [pairs][height][width].
+/// Arrays of one pass through the stages, by device address: [pairs][height][width].
 struct MatchArrays {
-  uint64_t left = 0, right = 0;  // 8 bit
-  uint64_t disparity = 0;        // 32-bit float
+  uint64_t left = 0, right = 0;                // at a multiple of element_bytes
+  uint32_t element_bytes = 1;                  // 1 or 2 per pixel
+  uint32_t image_pitch = 0, image_stride = 0;  // pixels from row to row, from image to image; 0 = packed
+  uint64_t disparity = 0;                      // 32-bit float, packed
+  uint64_t confidence = 0, reason = 0;         // 32-bit float, MatchReason; 0 = not wanted
 };
 
 class VulkanMatcher {
@@ -47,6 +50,8 @@ class VulkanMatcher {
   struct State;
   std::unique_ptr<State> state_;
 };
+
+std::vector<ks_stage_time> to_stage_times(const std::vector<std::pair<std::string, double>>& times);
 
 /// Why the Vulkan matcher cannot do this on the device; empty where it can.
 std::string why_not_vulkan(const ks::Device& device, uint32_t width, uint32_t height, uint32_t batch, const MatchParameters& parameters);

@@ -184,6 +184,51 @@ TEST(vulkan_engine, both_back_ends_draw_the_same_noise) {
   compare(crooked(), small_parameters(), {{SIMSENSE_OUTPUT_DISPARITY, KS_FORMAT_F32}}, simsense::signal_preset("sapien"), 1e-6, 0.02);
 }
 
+TEST(vulkan_engine, both_back_ends_explain_alike) {
+  const std::vector<Wanted> wanted{{SIMSENSE_OUTPUT_DISPARITY, KS_FORMAT_F32},
+                                   {SIMSENSE_OUTPUT_CONFIDENCE, KS_FORMAT_F32},
+                                   {SIMSENSE_OUTPUT_REASON, KS_FORMAT_U8},
+                                   {SIMSENSE_OUTPUT_DEPTH, KS_FORMAT_I16}};
+  simsense_parameters p = small_parameters();
+  p.uniqueness_ratio = 25;
+  p.speckle_max_size = 30;
+  p.max_depth_m = 0.4f;
+  p.low_texture_dn = 100;
+  compare(crooked(), p, wanted, simsense_signal_init(), 0);
+  simsense_signal bright = simsense_signal_init();
+  bright.gain = 1.7f;
+  compare(ideal(), p, wanted, bright, 0);
+}
+
+TEST(vulkan_engine, both_back_ends_match_a_region_alike) {
+  const std::vector<Wanted> wanted{
+      {SIMSENSE_OUTPUT_DISPARITY, KS_FORMAT_F32}, {SIMSENSE_OUTPUT_CONFIDENCE, KS_FORMAT_F32}, {SIMSENSE_OUTPUT_REASON, KS_FORMAT_U8}};
+  simsense_parameters p = small_parameters();
+  p.max_disparity = 16;
+  p.hole_filling = SIMSENSE_HOLES_BACKGROUND;
+  p.roi_x = 41, p.roi_y = 9, p.roi_width = 17, p.roi_height = 21;
+  compare(crooked(), p, wanted, simsense_signal_init(), 0);
+  p.roi_x = 0, p.roi_y = 0, p.roi_width = width, p.roi_height = height - 1;
+  compare(ideal(), p, wanted, simsense_signal_init(), 0);
+}
+
+TEST(vulkan_engine, both_back_ends_match_more_than_8_bit_alike) {
+  simsense_signal s = simsense_signal_init();
+  s.bit_depth = 12;
+  s.gain = 13.37f;
+  simsense_parameters p = small_parameters();
+  p.path_count = 8;
+  p.census_kind = SIMSENSE_CENSUS_PLAIN;
+  p.min_disparity = -3;
+  p.p2_full_gradient_dn = 300;
+  const std::vector<Wanted> wanted{{SIMSENSE_OUTPUT_DISPARITY, KS_FORMAT_I16},
+                                   {SIMSENSE_OUTPUT_IR_LEFT, KS_FORMAT_U16},
+                                   {SIMSENSE_OUTPUT_RECTIFIED_RIGHT, KS_FORMAT_U16},
+                                   {SIMSENSE_OUTPUT_REASON, KS_FORMAT_U8}};
+  compare(crooked(), p, wanted, s, 0);
+  compare(ideal(), p, wanted, s, 0);
+}
+
 TEST(vulkan_engine, parameters_change_between_calls) {
   simsense_rig_desc rig = crooked();
   rig.back_end = SIMSENSE_BACK_END_VULKAN;
@@ -193,6 +238,7 @@ TEST(vulkan_engine, parameters_change_between_calls) {
   const Maps before = compute(changing, Images(), wanted, false);
   p.p2 = 40;
   p.max_depth_m = 0.4f;
+  p.roi_width = p.roi_height = 40;
   changing.set_parameters(p);
   Engine fresh(device(), rig, p);
   const Maps after = compute(changing, Images(), wanted, false);

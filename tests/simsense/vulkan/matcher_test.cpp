@@ -1,5 +1,5 @@
-// The Vulkan matcher gives the bits of the scalar reference on the best device there is: over fuzzed parameters and sizes, lane layouts,
-// both kinds of minima, and batches.
+// The Vulkan matcher gives the bits of the scalar reference on the best device there is: disparities, confidence and reasons, over fuzzed
+// parameters and sizes, 8 and 16 bit, lane layouts, both kinds of minima, and batches.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -14,6 +14,7 @@
 namespace {
 
 using simsense::MatchParameters;
+using simsense::MatchReason;
 using simsense::MatchTuning;
 using simsense::Minima;
 
@@ -26,30 +27,62 @@ std::string describe(const StereoPair& pair, const MatchParameters& p, const Mat
   std::ostringstream text;
   text << pair.width << "x" << pair.height << " D " << p.max_disparity << " census " << p.census_width << "x" << p.census_height
        << " block " << p.block_width << "x" << p.block_height << " p1 " << p.p1 << " p2 " << p.p2 << " uniqueness " << p.uniqueness_ratio
-       << " lr " << p.lr_max_diff << " median " << p.median_size << " subpixel " << static_cast<int>(p.subpixel) << "; lanes "
-       << t.path_lanes << " steps " << t.steps << " groups " << t.path_group << ", " << t.winner_group << " segments " << t.segments
-       << (t.minima == Minima::half ? " half" : "");
+       << " lr " << p.lr_max_diff << " median " << p.median_size << " subpixel " << static_cast<int>(p.subpixel) << " census kind "
+       << static_cast<int>(p.census) << " paths " << p.path_count << " min " << p.min_disparity << " gradient " << p.p2_full_gradient
+       << "; lanes " << t.path_lanes << " steps " << t.steps << " groups " << t.path_group << ", " << t.winner_group << " segments "
+       << t.segments << (t.minima == Minima::half ? " half" : "");
   return text.str();
 }
 
 /// Every pixel equal, or where the first difference is.
-void expect_same(const std::vector<float>& expected, const float* actual, size_t width, const std::string& what) {
+template <class T>
+void expect_same(const std::vector<T>& expected, const T* actual, size_t width, const std::string& what) {
   size_t count = 0, first = 0;
   for (size_t i = expected.size(); i-- > 0;)
     if (expected[i] != actual[i]) ++count, first = i;
-  EXPECT_EQ(count, 0u) << what << ": first difference at x " << first % width << " y " << first / width << ": expected " << expected[first]
-                       << ", got " << actual[first];
+  EXPECT_EQ(count, 0u) << what << ": first difference at x " << first % width << " y " << first / width << ": expected "
+                       << static_cast<double>(expected[first]) << ", got " << static_cast<double>(actual[first]);
+}
+
+struct Maps {
+  std::vector<float> disparity, confidence;
+  std::vector<MatchReason> reason;
+};
+
+/// element_bytes 2: the pair's grey levels with eight more bits of texture.
+Maps all_maps(simsense::Matcher& matcher, const StereoPair& pair, uint32_t element_bytes) {
+  const auto wide = [](const std::vector<uint8_t>& image) {
+    std::vector<uint16_t> out;
+    for (const uint8_t value : image) out.push_back(static_cast<uint16_t>(value * 251));
+    return out;
+  };
+  const std::vector<uint16_t> wide_left = wide(pair.left), wide_right = wide(pair.right);
+  const auto image = [&](const std::vector<uint8_t>& narrow, const std::vector<uint16_t>& other) {
+    const auto* data = element_bytes == 1 ? narrow.data() : reinterpret_cast<const uint8_t*>(other.data());
+    return simsense::ConstImage{data, static_cast<ptrdiff_t>(pair.width), element_bytes};
+  };
+  const size_t pixels = pair.left.size();
+  Maps maps{std::vector<float>(pixels), std::vector<float>(pixels), std::vector<MatchReason>(pixels)};
+  simsense::MatchMaps wanted = maps.disparity.data();
+  wanted.confidence = maps.confidence.data();
+  wanted.reason = maps.reason.data();
+  matcher.match(image(pair.left, wide_left), image(pair.right, wide_right), wanted);
+  return maps;
 }
 
 std::vector<float> reference(const StereoPair& pair, const MatchParameters& p) {
   return match(*simsense::make_reference_matcher(pair.width, pair.height, p), pair);
 }
 
-void compare(const StereoPair& pair, const MatchParameters& p, const MatchTuning& tuning = {}) {
+void compare(const StereoPair& pair, const MatchParameters& p, const MatchTuning& tuning = {}, uint32_t element_bytes = 1) {
   const auto vulkan = simsense::make_vulkan_host_matcher(device(), pair.width, pair.height, p, tuning);
-  const std::vector<float> expected = reference(pair, p);
-  expect_same(expected, match(*vulkan, pair).data(), pair.width, describe(pair, p, tuning));
-  expect_same(expected, match(*vulkan, pair).data(), pair.width, describe(pair, p, tuning) + ", second call");
+  const Maps expected = all_maps(*simsense::make_reference_matcher(pair.width, pair.height, p), pair, element_bytes);
+  const Maps found = all_maps(*vulkan, pair, element_bytes);
+  const std::string what = describe(pair, p, tuning);
+  expect_same(expected.disparity, found.disparity.data(), pair.width, what);
+  expect_same(expected.confidence, found.confidence.data(), pair.width, what + ", confidence");
+  expect_same(expected.reason, found.reason.data(), pair.width, what + ", reason");
+  if (element_bytes == 1) expect_same(expected.disparity, match(*vulkan, pair).data(), pair.width, what + ", second call");
 }
 
 class Fuzz {
@@ -71,8 +104,18 @@ class Fuzz {
     p.uniqueness_ratio = one_of({0u, 5u, 15u, 40u, 99u, 100u});
     p.lr_max_diff = static_cast<int32_t>(in(0, 4)) - 1;
     p.median_size = one_of({1u, 3u, 5u, 7u});
-    p.subpixel = static_cast<simsense::Subpixel>(in(0, 2));
+    p.subpixel = static_cast<simsense::Subpixel>(in(0, 3));
     return p;
+  }
+  /// What extends the published matcher.
+  void extend(MatchParameters& p) {
+    if (in(0, 1)) p.path_count = 8;
+    if (in(0, 1)) p.min_disparity = static_cast<int32_t>(in(0, 40)) - 20;
+    if (in(0, 1)) p.p2_full_gradient = in(1, 60);
+    if (in(0, 2)) return;
+    using Window = std::pair<uint32_t, uint32_t>;
+    p.census = simsense::CensusKind::plain;
+    std::tie(p.census_width, p.census_height) = one_of<Window>({{9, 7}, {7, 7}, {5, 5}, {3, 11}, {7, 5}});
   }
   MatchTuning tuning() {
     return {
@@ -92,6 +135,35 @@ TEST(vulkan_matcher, fuzzed_parameters_without_block_equal_the_reference) {
 TEST(vulkan_matcher, fuzzed_parameters_with_block_equal_the_reference) {
   Fuzz fuzz(2);
   for (int i = 0; i < 10; ++i) compare(fuzz.pair(), fuzz.parameters(true), fuzz.tuning());
+}
+
+TEST(vulkan_matcher, fuzzed_extensions_equal_the_reference) {
+  Fuzz fuzz(3);
+  for (int i = 0; i < 10; ++i) {
+    MatchParameters p = fuzz.parameters(i % 2 == 1);
+    fuzz.extend(p);
+    if (p.block_area() * (p.census_bits() + p.p2) > 65535) continue;
+    compare(fuzz.pair(), p, fuzz.tuning(), 1 + static_cast<uint32_t>(i) / 2 % 2);
+  }
+}
+
+TEST(vulkan_matcher, diagonals_of_flat_and_of_tall_images_equal_the_reference) {
+  MatchParameters p;
+  p.max_disparity = 24;
+  p.path_count = 8;
+  for (const auto& [width, height] : {std::pair{130u, 32u}, {32u, 130u}, {65u, 65u}, {37u, 111u}}) {
+    p.p2_full_gradient = height % 2 ? 20 : 0;
+    compare(random_dots(width, height, 5, 10, width), p);
+  }
+}
+
+TEST(vulkan_matcher, disparities_far_from_the_image_equal_the_reference) {
+  MatchParameters p;
+  p.max_disparity = 20;
+  for (const int32_t least : {-1024, -70, -63, 63, 70, 4096}) {
+    p.min_disparity = least;
+    compare(random_dots(64, 33, 5, 10, 9), p);
+  }
 }
 
 TEST(vulkan_matcher, lines_of_every_length_around_a_block_of_steps_meet_right) {
