@@ -288,6 +288,7 @@ class Renderer:
         ir_ambient_radiance: float = 0.002,
         glass_surfaces: int = 8,
         light_sampling: Literal["mis", "lights", "bsdf"] = "mis",
+        denoise: Literal["none", "atrous"] = "none",
         film: Film | Mapping[str, Any] | Sequence[Film | Mapping[str, Any]] | None = None,
         progress: Callable[[float], object] | None = None,
     ) -> dict[str, NDArray[Any]]: ...

@@ -158,6 +158,12 @@ uint32_t sampling_of(const std::string& name) {
   raise_argument<Kuafu>("unknown light_sampling '" + name + "' (known: mis, lights, bsdf)");
 }
 
+uint32_t denoise_of(const std::string& name) {
+  if (name == "none") return KUAFU_DENOISE_NONE;
+  if (name == "atrous") return KUAFU_DENOISE_ATROUS;
+  raise_argument<Kuafu>("unknown denoise '" + name + "' (known: none, atrous)");
+}
+
 }  // namespace
 
 void bind_renderer(py::module_& module) {
@@ -171,7 +177,7 @@ void bind_renderer(py::module_& module) {
           [](Renderer& self, Scene& scene, const py::object& cameras, const py::object& outputs, const std::string& band,
              const std::optional<std::vector<uint32_t>>& environments, uint32_t spp, uint32_t max_bounces, uint64_t seed,
              uint32_t first_sample, float ir_ambient_scale, float ir_ambient_radiance, uint32_t glass_surfaces,
-             const std::string& light_sampling, const py::object& film, const py::object& progress) {
+             const std::string& light_sampling, const std::string& denoise, const py::object& film, const py::object& progress) {
             kuafu_render_desc desc = kuafu_render_desc_init();
             desc.samples_per_pixel = spp;
             desc.max_bounces = max_bounces;
@@ -181,20 +187,22 @@ void bind_renderer(py::module_& module) {
             desc.ir_ambient_radiance = ir_ambient_radiance;
             desc.glass_surfaces = glass_surfaces;
             desc.light_sampling = sampling_of(light_sampling);
+            desc.denoise = denoise_of(denoise);
             return self.render(scene, cameras, outputs, band, environments, film, desc, progress);
           },
           py::arg("scene"), py::arg("cameras"), py::arg("outputs") = py::make_tuple("radiance"), py::kw_only(),
           py::arg("band") = "infrared", py::arg("environments") = py::none(), py::arg("spp") = d.samples_per_pixel,
           py::arg("max_bounces") = d.max_bounces, py::arg("seed") = 0, py::arg("first_sample") = 0,
           py::arg("ir_ambient_scale") = d.ir_ambient_scale, py::arg("ir_ambient_radiance") = d.ir_ambient_radiance,
-          py::arg("glass_surfaces") = d.glass_surfaces, py::arg("light_sampling") = "mis", py::arg("film") = py::none(),
-          py::arg("progress") = py::none(),
+          py::arg("glass_surfaces") = d.glass_surfaces, py::arg("light_sampling") = "mis", py::arg("denoise") = "none",
+          py::arg("film") = py::none(), py::arg("progress") = py::none(),
           "cameras: a Camera or a sequence of them, all of one size. outputs: names of radiance, projector_direct, projector_indirect, "
           "ambient, light_group_0 .. light_group_3 (ambient's parts), depth, normal,\n"
           "instance_id, material_id; or {name: Image or Buffer} to fill those. band: 'infrared' (one channel) or 'visible' (three).\n"
           "Returns {name: array [view, height, width, channel]}: float32, uint32 for ids; views of the buffers, nothing is copied.\n"
           "light_sampling: 'mis', 'lights' or 'bsdf', how light with an extent is found.\n"
           "film: optics of the cameras: a Film, a dict of its fields, or one for each camera; None is perfect.\n"
+          "denoise: 'none' or 'atrous', which filters all light but projector_direct.\n"
           "glass_surfaces: how many smooth glass surfaces a light's straight way to a surface may pass; 0: glass casts full shadows.\n"
           "progress(fraction: float) may return True to cancel (CancelledError); what it raises is raised here. Same seed, same bits.")
       .def_property_readonly(

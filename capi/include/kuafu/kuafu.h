@@ -421,6 +421,10 @@ static inline kuafu_output_desc kuafu_output_desc_init(uint32_t output, kuafu_bu
   return o;
 }
 
+/* What takes the noise out of the image. The projectors' direct light carries the dots and is never touched; all other images of light are. Same inputs, same bits. */
+#define KUAFU_DENOISE_NONE 0u
+#define KUAFU_DENOISE_ATROUS 1u /* filter guided by surfaces and by the samples' own scatter; then 16 rays per pixel put textures and edges back */
+
 typedef struct kuafu_render_desc {
   ks_header header;
   const kuafu_view_desc* views;      /* [view_count]; all of one width, height and band */
@@ -438,7 +442,7 @@ typedef struct kuafu_render_desc {
   ks_progress_fn progress;           /* may be NULL */
   void* progress_user;
   uint32_t light_sampling;           /* KUAFU_SAMPLING_* */
-  uint32_t reserved;
+  uint32_t denoise;                  /* KUAFU_DENOISE_* */
 } kuafu_render_desc;
 static inline kuafu_render_desc kuafu_render_desc_init(void) {
   kuafu_render_desc r;

@@ -6,6 +6,7 @@
 #include "api/film_desc.h"
 #include "api/render_outputs.h"
 #include "api/struct_array.h"
+#include "denoise/denoiser.h"
 #include "device/error.h"
 #include "film/film.h"
 #include "scene/validate.h"
@@ -27,6 +28,7 @@ void check_numbers(const kuafu_render_desc& d) {
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "max_bounces is %u, at most %u are possible", d.max_bounces, most_bounces);
   if (d.light_sampling > KUAFU_SAMPLING_BSDF)
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "light_sampling %u is no KUAFU_SAMPLING_*", d.light_sampling);
+  if (d.denoise > KUAFU_DENOISE_ATROUS) ks::fail(KS_ERROR_INVALID_ARGUMENT, "denoise %u is no KUAFU_DENOISE_*", d.denoise);
   if (d.glass_surfaces > most_glass_surfaces)
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "glass_surfaces is %u, at most %u are possible", d.glass_surfaces, most_glass_surfaces);
   if (!(d.ir_ambient_scale >= 0.0f && d.ir_ambient_scale <= std::numeric_limits<float>::max()))
@@ -95,13 +97,14 @@ Launch read_launch(const kuafu_render_desc* desc, const ks::Device& device) {
   Launch launch;
   read_views(d, launch);
   read_outputs(d, device, launch);
-  launch.held |= held_for_film(launch);
   launch.samples = d.samples_per_pixel;
   launch.first_sample = d.first_sample;
   launch.max_bounces = d.max_bounces;
   launch.seed = d.seed;
   launch.glass_surfaces = d.glass_surfaces;
   launch.light_sampling = static_cast<LightSampling>(d.light_sampling);
+  launch.denoise = static_cast<DenoiseKind>(d.denoise);
+  launch.held |= held_for_denoiser(launch) | held_for_film(launch);
   if (d.progress != nullptr) launch.cancelled = [f = d.progress, user = d.progress_user](float fraction) { return f(user, fraction) != 0; };
   return launch;
 }

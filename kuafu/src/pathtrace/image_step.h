@@ -11,6 +11,7 @@
 #include "device/compute.h"
 #include "device/thread_pool.h"
 #include "pathtrace/device_array.h"
+#include "shared/ray_queue.h"
 
 namespace kuafu {
 
@@ -18,14 +19,14 @@ template <class Push>
 class ImageStep {
  public:
   using HostKernel = void(const Push& push, uint32_t first, uint32_t end);
-  ImageStep(Memory memory, std::span<const uint32_t> spirv, HostKernel* kernel)
-      : memory_(std::move(memory)), spirv_(spirv), kernel_(kernel) {}
+  /// queue_layout: where the step reads rays.
+  ImageStep(Memory memory, std::span<const uint32_t> spirv, HostKernel* kernel, uint32_t queue_layout = queue_layout_planes)
+      : memory_(std::move(memory)), spirv_(spirv), kernel_(kernel), specialisation_{group_size, queue_layout} {}
 
   void run(ks::Commands& commands, const char* stage, const Push& push) {
     if (memory_.on_host) return run_on_host(commands, stage, push);
     commands.begin_stage(stage);
-    const std::array<uint32_t, 1> specialisation{group_size};
-    if (!pipeline_) pipeline_.emplace(memory_.device, spirv_, uint32_t(sizeof(Push)), specialisation);
+    if (!pipeline_) pipeline_.emplace(memory_.device, spirv_, uint32_t(sizeof(Push)), specialisation_);
     commands.dispatch(*pipeline_, push, (push.count + group_size - 1) / group_size);
   }
 
@@ -44,6 +45,7 @@ class ImageStep {
   Memory memory_;
   std::span<const uint32_t> spirv_;
   HostKernel* kernel_;
+  std::array<uint32_t, 2> specialisation_;  // ids 0 and 1 of lib/invocation.glsl
   std::optional<ks::ComputePipeline> pipeline_;
 };
 

@@ -29,6 +29,7 @@ struct View {
 };
 
 enum class LightSampling { mis, lights, bsdf };
+enum class DenoiseKind { none, atrous };
 
 /// Where an output goes: a view into the caller's buffer, from the word at offset_bytes; first element and strides in elements.
 /// No buffer: it is not asked for.
@@ -51,6 +52,7 @@ struct Launch {
   uint32_t samples = 1, first_sample = 0, max_bounces = 0;
   uint64_t seed = 0;
   LightSampling light_sampling = LightSampling::mis;
+  DenoiseKind denoise = DenoiseKind::none;
   uint32_t glass_surfaces = 0;  // that shadow rays may pass
   std::array<OutputImage, output_kind_count> outputs;
   uint32_t held = 0;  // bit per output kind: a step after accumulation reads it from the frame, asked for or not

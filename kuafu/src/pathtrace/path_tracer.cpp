@@ -62,6 +62,7 @@ class PathTracer::Run {
  private:
   void fit_buffers();
   void develop();
+  void denoise();
   void render_aovs(uint32_t first_pixel, uint32_t pixel_count);
   void render_pixels(uint32_t first_pixel, uint32_t pixel_count);
   void trace_paths();
@@ -72,6 +73,10 @@ class PathTracer::Run {
   void accumulate(const WaveRange& range, bool first, bool last);
   [[nodiscard]] WaveRange range(uint32_t first_pixel, uint32_t pixel_count, uint32_t first_sample, uint32_t sample_count) const;
   void report(uint32_t pixels_done, float part);
+  [[nodiscard]] bool denoises() const { return launch_.denoise != DenoiseKind::none && launch_.wants_radiance(); }
+  [[nodiscard]] WaveRays rays_of(const WaveRange& wave) const {
+    return {o_.buffers_.closest_rays(0), o_.tables_.address(), o_.views_.address(), wave};
+  }
   [[nodiscard]] bool glass_shadows() const { return o_.buffers_.size().glass_surfaces > 0; }
   /// Of light, kept apart.
   [[nodiscard]] uint32_t groups() const {
@@ -101,6 +106,7 @@ void PathTracer::Run::prepare(const Scene& scene) {
   o_.frame_.fit(launch_);
   for (uint32_t kind = 0; kind < output_kind_count; ++kind) outputs[kind] = o_.frame_.target(launch_, kind);
   fit_buffers();
+  if (denoises()) o_.denoiser_.fit(launch_, o_.frame_);
   commands_.add_host_time("upload", milliseconds_since(start));
   start = std::chrono::steady_clock::now();
   o_.tracer_->update(scene, launch_.environment_count());
@@ -120,7 +126,7 @@ void PathTracer::Run::render() {
   const uint32_t total = launch_.pixel_count();
   for (uint32_t first = 0; first < total; first += pixels_per_wave_) {
     const uint32_t count = std::min(pixels_per_wave_, total - first);
-    if (launch_.wants_aovs()) render_aovs(first, count);
+    if (launch_.wants_aovs() || denoises()) render_aovs(first, count);
     if (launch_.wants_radiance()) render_pixels(first, count);
     commands_.flush();
     report(first, float(count));
@@ -130,10 +136,24 @@ void PathTracer::Run::render() {
 
 // Steps on whole images, in the order of the light: noise goes before the optics spread it, and the caller's format comes last.
 void PathTracer::Run::develop() {
+  if (denoises()) denoise();
   o_.film_.run(commands_, launch_, o_.frame_);
   for (uint32_t kind = 0; kind < output_kind_count; ++kind)
     if (launch_.outputs[kind].buffer && o_.frame_.holds(kind)) o_.stages_->write(commands_, o_.frame_.write(launch_, kind));
   commands_.flush();
+}
+
+void PathTracer::Run::denoise() {
+  o_.denoiser_.filter(commands_);
+  const uint32_t total = launch_.pixel_count(), step = std::max(1u, o_.buffers_.size().capacity / Denoiser::rays_per_pixel);
+  for (uint32_t first = 0; first < total; first += step) {
+    const WaveRange square = range(first, std::min(step, total - first), launch_.first_sample, Denoiser::rays_per_pixel);
+    generate(square, 0);
+    o_.tracer_->closest(commands_, o_.buffers_.closest_queue(0));
+    o_.denoiser_.remodulate(commands_, rays_of(square));
+    commands_.flush();
+  }
+  o_.denoiser_.sum(commands_);
 }
 
 void PathTracer::Run::report(uint32_t pixels_done, float part) {
@@ -152,6 +172,8 @@ void PathTracer::Run::render_aovs(uint32_t first_pixel, uint32_t pixel_count) {
   const WaveRange centre = range(first_pixel, pixel_count, 0, 1);
   generate(centre, generate_pixel_centre);
   o_.tracer_->closest(commands_, o_.buffers_.closest_queue(0));
+  if (denoises()) o_.denoiser_.guide(commands_, rays_of(centre));
+  if (!launch_.wants_aovs()) return;
   o_.stages_->aov(commands_, {o_.buffers_.closest_rays(0), o_.tables_.address(), o_.views_.address(), o_.cameras_.address(),
                               o_.outputs_.address(), centre, camera_ ? generate_camera : 0});
 }
@@ -162,6 +184,7 @@ void PathTracer::Run::render_pixels(uint32_t first_pixel, uint32_t pixel_count) 
     const WaveRange wave = range(first_pixel, pixel_count, launch_.first_sample + sample, count);
     generate(wave, 0);
     trace_paths();
+    if (denoises()) o_.denoiser_.moments(commands_, o_.buffers_.state(), wave, group_count, sample == 0);
     accumulate(wave, sample == 0, sample + count == launch_.samples);
     if (sample + count == launch_.samples) break;
     commands_.flush();
@@ -275,6 +298,7 @@ PathTracer::PathTracer(std::shared_ptr<ks::Device> device, TracerKind tracer)
       tables_(memory()),
       buffers_(memory()),
       frame_(memory()),
+      denoiser_(memory(), tracer_->queue_layout()),
       film_(memory()) {}
 
 PathTracer::~PathTracer() = default;

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "accel/tracer.h"
+#include "denoise/denoiser.h"
 #include "film/film.h"
 #include "pathtrace/frame.h"
 #include "pathtrace/launch.h"
@@ -43,6 +44,7 @@ class PathTracer {
   SceneTables tables_;
   WaveBuffers buffers_;
   Frame frame_;
+  Denoiser denoiser_;
   FilmOptics film_;
   MappedTable<ViewRecord> views_;
   MappedTable<CameraRecord> cameras_;

@@ -1,0 +1,98 @@
+// What the denoiser knows of each pixel, and the launches of its stages; read by GLSL and C++ (scalar layout).
+#ifndef KUAFU_DENOISE_RECORD_H
+#define KUAFU_DENOISE_RECORD_H
+
+#include "shared/wave.h"
+
+#ifdef __cplusplus
+namespace kuafu {
+#endif
+
+/// The surface that a ray from the camera met.
+struct GuideRecord {
+  vec3 normal;  // shading normal, on the viewer's side
+  uint material;  // miss: nothing hit
+  vec3 position;
+  float footprint_m;  // of a pixel, across the ray
+  vec3 albedo;  // what light is divided by before it is filtered
+  float normal_exponent;  // of the cosine between normals: what is alike for a rough surface is not for a mirror
+};
+KUAFU_ARRAY(GuideArray, GuideRecord, 4)
+
+/// Writes the guides of pixel centres.
+struct GuidePush {
+  UintArray rays;
+  SceneReference scene;
+  ViewArray views;
+  UintArray guides;
+  WaveRange range;
+  uint count;  // pixels
+  uint infrared;
+};
+
+/// Adds the first and second moment of a pixel's samples, the mean over channels of all light but the projectors' direct one.
+struct MomentsPush {
+  FloatArray state;
+  FloatArray moments;  // [pixel][2]
+  WaveRange range;
+  uint count;  // pixels
+  uint channels, groups, first_pass;
+};
+
+KUAFU_CONST most_denoised = 5u;  // images: projector indirect, and ambient or its light groups
+
+/// The images of one launch, packed [pixel][channel]; those with address 0 are not there.
+struct DenoiseImages {
+  FloatArray denoised[most_denoised];
+  FloatArray direct, ambient, radiance;
+  uint denoised_count, channels;
+};
+KUAFU_ARRAY(DenoiseImagesArray, DenoiseImages, 8)
+
+KUAFU_CONST denoise_divide = 0u;     // by albedo; statistics of each pixel
+KUAFU_CONST denoise_despeckle = 1u;  // neighbours' variance; what is far above them by its own noise
+KUAFU_CONST denoise_atrous = 2u;     // one pass of the filter, its taps `spacing` pixels apart
+KUAFU_CONST denoise_sum = 3u;        // ambient and radiance from their parts
+
+// Statistics of a pixel: state_words floats.
+KUAFU_CONST denoise_level = 0u;       // mean over channels of the light over albedo, all images together
+KUAFU_CONST denoise_variance = 1u;    // of that mean
+KUAFU_CONST denoise_confidence = 2u;  // 1; less where the pixel's samples may be of several surfaces
+KUAFU_CONST denoise_inside = 3u;      // the confidence that it began with
+KUAFU_CONST denoise_words = 4u;
+
+struct DenoisePush {
+  DenoiseImagesArray images;
+  GuideArray guides;
+  FloatArray moments;
+  FloatArray light_in, light_out;  // [pixel][image][channel], over albedo
+  FloatArray pixels_in, pixels_out;  // [pixel][denoise_words]
+  uint step, count;  // denoise_*; pixels of all views
+  uint width, height;
+  uint samples, spacing;
+};
+
+/// Filtered light times what rays over the pixel's square meet.
+struct RemodulatePush {
+  UintArray rays;  // sample_count of each pixel
+  SceneReference scene;
+  ViewArray views;
+  DenoiseImagesArray images;
+  GuideArray guides;
+  FloatArray light, pixels;
+  WaveRange range;
+  uint count;  // pixels
+  uint infrared;
+  uint samples;  // of the image
+};
+
+#ifdef __cplusplus
+static_assert(sizeof(GuideRecord) == 48);
+static_assert(sizeof(GuidePush) == 80);
+static_assert(sizeof(MomentsPush) == 72);
+static_assert(sizeof(DenoiseImages) == 72);
+static_assert(sizeof(DenoisePush) == 80);
+static_assert(sizeof(RemodulatePush) == 104);
+}  // namespace kuafu
+#endif
+#endif

@@ -1,0 +1,157 @@
+// Stage `denoise`: an edge-stopping a-trous filter (Dammertz 2010, Schied 2017) on all images but the projectors' direct light, with one set of weights,
+// so that the sum of the images is filtered as they are. Light is filtered over albedo; noise is known from the pixel's own samples.
+const float level_reach = 6.0f;     // standard deviations between pixels that still mix
+const float speckle_reach = 4.0f;   // and that a pixel may stand out by from its neighbours, if its noise explains it
+const float edge_confidence = 0.1f;
+
+uint plane_count() { return push.images.at[0].denoised_count * push.images.at[0].channels; }
+float statistic(uint pixel, uint word) { return push.pixels_in.at[pixel * denoise_words + word]; }
+void set_statistics(uint pixel, float level, float variance, float confidence, float inside) {
+  push.pixels_out.at[pixel * denoise_words + denoise_level] = level;
+  push.pixels_out.at[pixel * denoise_words + denoise_variance] = variance;
+  push.pixels_out.at[pixel * denoise_words + denoise_confidence] = confidence;
+  push.pixels_out.at[pixel * denoise_words + denoise_inside] = inside;
+}
+
+/// The pixel (dx, dy) away, or `miss` where the view ends.
+uint neighbour(uint pixel, int dx, int dy) {
+  int x = int(pixel % push.width) + dx, y = int(pixel / push.width % push.height) + dy;
+  if (x < 0 || y < 0 || x >= int(push.width) || y >= int(push.height)) return miss;
+  return uint(int(pixel) + dy * int(push.width) + dx);
+}
+
+/// Where a neighbour is of another surface or colour, this pixel's square may be, too.
+float confidence_of(uint pixel) {
+  GuideRecord here = push.guides.at[pixel];
+  for (int i = 0; i < 4; ++i) {
+    uint other = neighbour(pixel, i == 0 ? -1 : i == 1 ? 1 : 0, i == 2 ? -1 : i == 3 ? 1 : 0);
+    if (other == miss) continue;
+    GuideRecord there = push.guides.at[other];
+    vec3 turn = abs(there.albedo - here.albedo);
+    if (surface_unlike(here, there, 1.0f, 8.0f) > 1.2f || max(turn.x, max(turn.y, turn.z)) > 0.1f * max(here.albedo.x, max(here.albedo.y, here.albedo.z)))
+      return edge_confidence;
+  }
+  return 1.0f;
+}
+
+void divide(uint pixel) {
+  vec3 albedo = push.guides.at[pixel].albedo;
+  uint channels = push.images.at[0].channels;
+  float level = 0.0f;
+  for (uint k = 0u; k < push.images.at[0].denoised_count; ++k)
+    for (uint c = 0u; c < channels; ++c) {
+      float light = push.images.at[0].denoised[k].at[pixel * channels + c] / albedo[int(c)];
+      push.light_out.at[pixel * plane_count() + k * channels + c] = light;
+      level += light / float(channels);
+    }
+  // Of the mean of the samples, from their own scatter; scaled as the light is.
+  float n = float(push.samples), mean = push.moments.at[pixel * 2u] / n;
+  float variance = push.samples > 1u ? max(0.0f, push.moments.at[pixel * 2u + 1u] / n - mean * mean) / (n - 1.0f) : 0.0f;
+  float scale = mean > 0.0f ? level / mean : 0.0f;
+  float inside = confidence_of(pixel);
+  set_statistics(pixel, level, variance * scale * scale, inside, inside);
+}
+
+// Variances are averaged over like neighbours: two samples tell little of their own. One sample tells nothing: the neighbours' scatter stands in.
+void despeckle(uint pixel) {
+  GuideRecord here = push.guides.at[pixel];
+  float own_variance = statistic(pixel, denoise_variance), level = statistic(pixel, denoise_level);
+  float weights = 0.0f, first = 0.0f, second = 0.0f, variance = own_variance, all = 1.0f;
+  for (int dy = -2; dy <= 2; ++dy)
+    for (int dx = -2; dx <= 2; ++dx) {
+      uint other = neighbour(pixel, dx, dy);
+      if (other == miss || other == pixel) continue;
+      float distance = float(max(abs(dx), abs(dy)));
+      float weight = falling(surface_unlike(here, push.guides.at[other], distance, 1e9f));
+      if (weight == 0.0f) continue;
+      all += weight;
+      variance += weight * statistic(other, denoise_variance);
+      weight *= statistic(other, denoise_confidence);
+      float there = statistic(other, denoise_level);
+      weights += weight;
+      first += weight * there;
+      second += weight * there * there;
+    }
+  variance /= all;
+  float keep = 1.0f;
+  if (weights > 1.0f) {
+    first /= weights;
+    float scatter = max(0.0f, second / weights - first * first);
+    if (push.samples == 1u) own_variance = variance = scatter;
+    float most = first + speckle_reach * sqrt(scatter);
+    bool explained = push.samples == 1u || own_variance > 0.0625f * (level - first) * (level - first);
+    if (level > most && level > 0.0f && explained) keep = most / level;
+  }
+  for (uint p = 0u; p < plane_count(); ++p) {
+    uint word = pixel * plane_count() + p;
+    push.light_out.at[word] = push.light_in.at[word] * keep;
+  }
+  float inside = statistic(pixel, denoise_inside);
+  set_statistics(pixel, level * keep, variance, inside, inside);
+}
+
+float binomial(int i) { return i == 0 ? 0.375f : abs(i) == 1 ? 0.25f : 0.0625f; }
+
+/// Mean over 3 x 3 pixels: a variance that is too low at one pixel must not keep it from mixing.
+float smooth_variance(uint pixel) {
+  float sum = 0.0f, weights = 0.0f;
+  for (int dy = -1; dy <= 1; ++dy)
+    for (int dx = -1; dx <= 1; ++dx) {
+      uint other = neighbour(pixel, dx, dy);
+      if (other == miss) continue;
+      float weight = (dx == 0 ? 2.0f : 1.0f) * (dy == 0 ? 2.0f : 1.0f);
+      sum += weight * statistic(other, denoise_variance);
+      weights += weight;
+    }
+  return sum / weights;
+}
+
+void atrous(uint pixel) {
+  GuideRecord here = push.guides.at[pixel];
+  float level = statistic(pixel, denoise_level), own = smooth_variance(pixel), confidence = statistic(pixel, denoise_confidence);
+  const uint most_planes = 15u;
+  float sum[15], weights = 0.0f, variance = 0.0f, support = 0.0f;
+  uint planes = plane_count();
+  for (uint p = 0u; p < most_planes; ++p) sum[p] = 0.0f;
+  for (int dy = -2; dy <= 2; ++dy)
+    for (int dx = -2; dx <= 2; ++dx) {
+      uint other = neighbour(pixel, dx * int(push.spacing), dy * int(push.spacing));
+      if (other == miss) continue;
+      float t = other == pixel ? 0.0f : surface_unlike(here, push.guides.at[other], float(max(abs(dx), abs(dy))) * float(push.spacing), 1e9f);
+      if (t >= unlike) continue;
+      float kernel = binomial(dx) * binomial(dy), there = statistic(other, denoise_level);
+      float trust = statistic(other, denoise_confidence), noise = max(own, statistic(other, denoise_variance));
+      support += kernel * falling(t) * trust;
+      t += abs(there - level) * confidence / (level_reach * sqrt(noise) + 1e-3f * abs(level) + 1e-12f);
+      float weight = kernel * falling(t) * trust;
+      if (other == pixel) weight = max(weight, 1e-4f);
+      weights += weight;
+      variance += weight * weight * statistic(other, denoise_variance);
+      for (uint p = 0u; p < planes; ++p) sum[p] += weight * push.light_in.at[other * planes + p];
+    }
+  float mean = 0.0f;
+  for (uint p = 0u; p < planes; ++p) {
+    sum[p] /= weights;
+    push.light_out.at[pixel * planes + p] = sum[p];
+    mean += sum[p] / float(push.images.at[0].channels);
+  }
+  set_statistics(pixel, mean, variance / (weights * weights), max(confidence, min(1.0f, 2.0f * support)), statistic(pixel, denoise_inside));
+}
+
+void sum_images(uint pixel) {
+  DenoiseImages images = push.images.at[0];
+  for (uint c = 0u; c < images.channels; ++c) {
+    uint word = pixel * images.channels + c;
+    float ambient = 0.0f;
+    for (uint k = 1u; k < images.denoised_count; ++k) ambient += images.denoised[k].at[word];
+    images.ambient.at[word] = ambient;
+    images.radiance.at[word] = images.direct.at[word] + images.denoised[0].at[word] + ambient;
+  }
+}
+
+void denoise(uint pixel) {
+  if (push.step == denoise_divide) divide(pixel);
+  if (push.step == denoise_despeckle) despeckle(pixel);
+  if (push.step == denoise_atrous) atrous(pixel);
+  if (push.step == denoise_sum) sum_images(pixel);
+}

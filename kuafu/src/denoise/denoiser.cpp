@@ -1,0 +1,104 @@
+#include "denoise/denoiser.h"
+
+#include <utility>
+
+#include "denoise/host_denoise.h"
+#include "spirv/denoise.h"
+#include "spirv/guide.h"
+#include "spirv/moments.h"
+#include "spirv/remodulate.h"
+
+namespace kuafu {
+namespace {
+
+constexpr uint32_t passes = 4;  // taps 1, 2, 4 and 8 pixels apart
+constexpr uint32_t output_direct = output_radiance + 1 + group_projector_direct,
+                   output_indirect = output_radiance + 1 + group_projector_indirect, output_ambient = output_radiance + 1 + group_ambient;
+
+/// What is filtered, in the order of DenoiseImages.
+std::vector<uint32_t> denoised_kinds(const Launch&) { return {output_indirect, output_ambient}; }
+
+}  // namespace
+
+uint32_t held_for_denoiser(const Launch& launch) {
+  if (launch.denoise == DenoiseKind::none || !launch.wants_radiance()) return 0;
+  uint32_t held = 1u << output_radiance | 1u << output_direct | 1u << output_ambient;
+  for (const uint32_t kind : denoised_kinds(launch)) held |= 1u << kind;
+  return held;
+}
+
+Denoiser::Denoiser(Memory memory, uint32_t queue_layout)
+    : memory_(std::move(memory)),
+      guide_(memory_, guide_spirv, host::guide, queue_layout),
+      moments_(memory_, moments_spirv, host::moments),
+      denoise_(memory_, denoise_spirv, host::denoise),
+      remodulate_(memory_, remodulate_spirv, host::remodulate, queue_layout) {}
+
+void Denoiser::fit(const Launch& launch, const Frame& frame) {
+  const std::vector<uint32_t> kinds = denoised_kinds(launch);
+  const uint64_t pixels = launch.pixel_count();
+  channels_ = launch.band.channels();
+  infrared_ = launch.band.infrared;
+  DenoiseImages& images = images_.resize(memory_, 1)[0];
+  images = {};
+  for (size_t i = 0; i < kinds.size(); ++i) images.denoised[i] = frame.address(kinds[i]);
+  images.direct = frame.address(output_direct);
+  images.ambient = frame.address(output_ambient);
+  images.radiance = frame.address(output_radiance);
+  images.denoised_count = uint32_t(kinds.size());
+  images.channels = channels_;
+  grow(memory_, guides_, pixels * sizeof(GuideRecord) / 4);
+  grow(memory_, sums_, pixels * 2);
+  for (auto& light : light_) grow(memory_, light, pixels * kinds.size() * channels_);
+  for (auto& statistics : pixels_) grow(memory_, statistics, pixels * denoise_words);
+  push_ = {};
+  push_.images = images_.address();
+  push_.guides = memory_.address(*guides_);
+  push_.moments = memory_.address(*sums_);
+  push_.count = uint32_t(pixels);
+  push_.width = launch.width;
+  push_.height = launch.height;
+  push_.samples = launch.samples;
+}
+
+void Denoiser::guide(ks::Commands& commands, const WaveRays& centre) {
+  guide_.run(
+      commands, "guide",
+      {centre.rays, centre.scene, centre.views, memory_.address(*guides_), centre.range, centre.range.pixel_count, infrared_ ? 1u : 0u});
+}
+
+void Denoiser::moments(ks::Commands& commands, uint64_t state, const WaveRange& range, uint32_t groups, bool first_pass) {
+  moments_.run(commands, "denoise", {state, memory_.address(*sums_), range, range.pixel_count, channels_, groups, first_pass ? 1u : 0u});
+}
+
+void Denoiser::filter(ks::Commands& commands) {
+  step(commands, denoise_divide);
+  step(commands, denoise_despeckle);
+  for (uint32_t pass = 0; pass < passes; ++pass) step(commands, denoise_atrous, 1u << pass);
+}
+
+// Each step reads what the last one wrote.
+void Denoiser::step(ks::Commands& commands, uint32_t step, uint32_t spacing) {
+  std::swap(light_[0], light_[1]);
+  std::swap(pixels_[0], pixels_[1]);
+  push_.light_in = memory_.address(*light_[0]);
+  push_.light_out = memory_.address(*light_[1]);
+  push_.pixels_in = memory_.address(*pixels_[0]);
+  push_.pixels_out = memory_.address(*pixels_[1]);
+  push_.step = step;
+  push_.spacing = spacing;
+  denoise_.run(commands, "denoise", push_);
+}
+
+void Denoiser::remodulate(ks::Commands& commands, const WaveRays& square) {
+  remodulate_.run(commands, "remodulate",
+                  {square.rays, square.scene, square.views, images_.address(), memory_.address(*guides_), push_.light_out, push_.pixels_out,
+                   square.range, square.range.pixel_count, infrared_ ? 1u : 0u, push_.samples});
+}
+
+void Denoiser::sum(ks::Commands& commands) {
+  push_.step = denoise_sum;
+  denoise_.run(commands, "denoise", push_);
+}
+
+}  // namespace kuafu

@@ -1,0 +1,54 @@
+// Takes the noise out of all light but the projectors' direct one, which carries the dots and has none: an a-trous filter on light over
+// albedo, guided by surfaces and by the noise that the samples themselves show, then rays over each pixel's square that put albedo and
+// edges back (shaders/stage/denoise.glsl, remodulate.glsl). Thread rule: externally synchronised.
+#pragma once
+
+#include "pathtrace/frame.h"
+#include "pathtrace/image_step.h"
+#include "shared/denoise_record.h"
+
+namespace kuafu {
+
+/// Which images the frame must hold for the launch's denoiser.
+uint32_t held_for_denoiser(const Launch& launch);
+
+/// Rays of a wave and what they met.
+struct WaveRays {
+  uint64_t rays, scene, views;
+  WaveRange range;
+};
+
+class Denoiser {
+ public:
+  static constexpr uint32_t rays_per_pixel = 16;  // that put albedo and edges back
+
+  Denoiser(Memory memory, uint32_t queue_layout);
+  /// Before the first wave of a launch that denoises.
+  void fit(const Launch& launch, const Frame& frame);
+  /// After rays through pixel centres were traced.
+  void guide(ks::Commands& commands, const WaveRays& centre);
+  /// After a wave of paths: their state.
+  void moments(ks::Commands& commands, uint64_t state, const WaveRange& range, uint32_t groups, bool first_pass);
+  /// After the last wave.
+  void filter(ks::Commands& commands);
+  /// After rays_per_pixel rays over each pixel's square were traced.
+  void remodulate(ks::Commands& commands, const WaveRays& square);
+  /// At last.
+  void sum(ks::Commands& commands);
+
+ private:
+  void step(ks::Commands& commands, uint32_t step, uint32_t spacing = 0);
+
+  Memory memory_;
+  ImageStep<GuidePush> guide_;
+  ImageStep<MomentsPush> moments_;
+  ImageStep<DenoisePush> denoise_;
+  ImageStep<RemodulatePush> remodulate_;
+  MappedTable<DenoiseImages> images_;
+  std::shared_ptr<ks::Buffer> guides_, sums_, light_[2], pixels_[2];
+  DenoisePush push_{};
+  uint32_t channels_ = 1;
+  bool infrared_ = false;
+};
+
+}  // namespace kuafu

@@ -1,0 +1,142 @@
+// The denoiser: what it must keep, and how much noise it must take.
+#include <algorithm>
+
+#include "world.h"
+
+namespace laws {
+namespace {
+
+constexpr uint32_t width = 64, height = 48;
+const std::vector<uint32_t> groups = {KUAFU_OUTPUT_RADIANCE, KUAFU_OUTPUT_PROJECTOR_DIRECT, KUAFU_OUTPUT_PROJECTOR_INDIRECT,
+                                      KUAFU_OUTPUT_AMBIENT};
+
+/// A ball and a box before a wall, an area light above, dots over all.
+void furnish(World& world) {
+  world.add(quad({0, 0, 2}, {-2, 0, 0}, {0, 2, 0}), lambert(0.6f));
+  world.add(quad({0, 0.5, 1.2}, {-2, 0, 0}, {0, 0, -1}), lambert(0.4f));
+  world.add(sphere(0.25, 16, true), lambert(0.8f), placed({-0.25, 0.2, 1.2}));
+  world.add(box({0.15, 0.2, 0.15}), lambert(0.2f), placed({0.35, 0.3, 1.4}, 0.5));
+  std::vector<float> dots(61 * 45, 0.0f);
+  for (size_t i = 0; i < dots.size(); i += 7) dots[i] = 1;
+  world.add_projector(dots, 61, 45, 60, 2.0f, placed({0.05, 0, 0}));
+  kuafu_light_desc lamp = kuafu_light_desc_init(KUAFU_LIGHT_RECTANGLE);
+  lamp.ir_intensity = 3;
+  for (float& i : lamp.intensity) i = 3;
+  lamp.size_m[0] = lamp.size_m[1] = 0.5;
+  world.add_light(lamp, {1, 0, 0, 0.3, 0, 0, 1, -1.2, 0, -1, 0, 1, 0, 0, 0, 1});
+  world.set_environment(0.2f);
+}
+
+kuafu_view_desc view() { return view_at({0, 0, 0}, width, height, 60); }
+
+double rms(const Pixels& a, const Pixels& b) {
+  double sum = 0;
+  for (size_t i = 0; i < a.values.size(); ++i) sum += double(a.values[i] - b.values[i]) * (a.values[i] - b.values[i]);
+  return std::sqrt(sum / double(a.values.size()));
+}
+
+class Denoise : public testing::TestWithParam<uint32_t> {
+ protected:
+  Denoise() : world_(GetParam()) { world_.desc().max_bounces = 3; }
+  std::map<uint32_t, Pixels> render(uint32_t samples, uint32_t kind, const kuafu_view_desc& of = view()) {
+    world_.desc().samples_per_pixel = samples;
+    world_.desc().denoise = kind;
+    return world_.render({of}, groups);
+  }
+  World world_;
+};
+
+TEST_P(Denoise, projector_direct_keeps_every_bit_and_groups_sum_to_the_image) {
+  furnish(world_);
+  auto plain = render(2, KUAFU_DENOISE_NONE), clean = render(2, KUAFU_DENOISE_ATROUS);
+  EXPECT_EQ(plain[KUAFU_OUTPUT_PROJECTOR_DIRECT].values, clean[KUAFU_OUTPUT_PROJECTOR_DIRECT].values);
+  EXPECT_NE(plain[KUAFU_OUTPUT_AMBIENT].values, clean[KUAFU_OUTPUT_AMBIENT].values);
+  for (size_t i = 0; i < width * height; ++i) {
+    const float sum = clean[KUAFU_OUTPUT_PROJECTOR_DIRECT].values[i] + clean[KUAFU_OUTPUT_PROJECTOR_INDIRECT].values[i] +
+                      clean[KUAFU_OUTPUT_AMBIENT].values[i];
+    ASSERT_NEAR(clean[KUAFU_OUTPUT_RADIANCE].values[i], sum, 1e-6 * sum);
+  }
+  EXPECT_NEAR(clean[KUAFU_OUTPUT_AMBIENT].mean(), plain[KUAFU_OUTPUT_AMBIENT].mean(), 0.02 * plain[KUAFU_OUTPUT_AMBIENT].mean());
+}
+
+TEST_P(Denoise, even_light_stays_even) {
+  world_.add(quad({0, 0, 2}, {-9, 0, 0}, {0, 9, 0}), lambert(0.5f));
+  world_.set_environment(1);
+  world_.desc().max_bounces = 0;
+  const Pixels clean = render(1, KUAFU_DENOISE_ATROUS)[KUAFU_OUTPUT_RADIANCE];
+  for (const float value : clean.values) ASSERT_NEAR(value, 0.5, 1e-5);
+}
+
+TEST_P(Denoise, textures_come_back_finer_than_the_samples) {
+  // A checkerboard of half a pixel's period: every pixel's square has the mean albedo, its two samples do not.
+  kuafu_texture_desc texture{ks_header_make(KUAFU_TYPE_TEXTURE_DESC, sizeof texture)};
+  const float cells[4] = {0.2f, 0.8f, 0.8f, 0.2f};
+  texture.texels = cells;
+  texture.width = texture.height = 2;
+  texture.channels = 1;
+  texture.format = KS_FORMAT_F32;
+  kuafu_material_desc material = lambert(1);
+  ok(kuafu_scene_add_texture(world_.scene(), &texture, &material.base_color_texture));
+  Shape wall = quad({0, 0, 2}, {-2, 0, 0}, {0, 2, 0});
+  const float repeat = 120;  // 4 m are 120 px
+  wall.uvs = {0, 0, repeat, 0, repeat, repeat, 0, repeat};
+  world_.add(wall, material);
+  world_.set_environment(1);
+  world_.desc().max_bounces = 0;
+  const Pixels plain = render(2, KUAFU_DENOISE_NONE)[KUAFU_OUTPUT_AMBIENT], clean = render(2, KUAFU_DENOISE_ATROUS)[KUAFU_OUTPUT_AMBIENT],
+               truth = render(128, KUAFU_DENOISE_NONE)[KUAFU_OUTPUT_AMBIENT];
+  EXPECT_LT(rms(clean, truth), 0.5 * rms(plain, truth));
+}
+
+INSTANTIATE_TEST_SUITE_P(, Denoise, testing::Values(KUAFU_TRACER_EMBREE, KUAFU_TRACER_COMPUTE),
+                         [](const auto& info) { return info.param == KUAFU_TRACER_EMBREE ? "host_stages" : "compute"; });
+
+Pixels clean_image(World& world, uint32_t band) {
+  furnish(world);
+  world.desc().samples_per_pixel = 2;
+  world.desc().max_bounces = 3;
+  world.desc().denoise = KUAFU_DENOISE_ATROUS;
+  kuafu_view_desc of = view();
+  of.band = band;
+  return world.radiance(of);
+}
+
+TEST(Denoiser, host_stages_and_compute_agree_in_colour) {
+  World host(KUAFU_TRACER_EMBREE), compute(KUAFU_TRACER_COMPUTE);
+  const Pixels a = clean_image(host, KUAFU_BAND_VISIBLE), b = clean_image(compute, KUAFU_BAND_VISIBLE);
+  EXPECT_LT(rms(a, b), 2e-3 * a.mean());
+}
+
+TEST(Denoiser, two_samples_become_as_good_as_thirty_two_and_many_stay) {
+  World world;
+  furnish(world);
+  world.desc().max_bounces = 3;
+  const auto ambient = [&](uint32_t samples, uint32_t kind) {
+    world.desc().samples_per_pixel = samples;
+    world.desc().denoise = kind;
+    return world.render({view_at({0, 0, 0}, 2 * width, 2 * height, 120)}, {KUAFU_OUTPUT_AMBIENT})[KUAFU_OUTPUT_AMBIENT];
+  };
+  const Pixels truth = ambient(256, KUAFU_DENOISE_NONE);
+  world.desc().seed = 9;
+  const double plain_32 = rms(ambient(32, KUAFU_DENOISE_NONE), truth), plain_128 = rms(ambient(128, KUAFU_DENOISE_NONE), truth);
+  EXPECT_LT(rms(ambient(2, KUAFU_DENOISE_ATROUS), truth), plain_32);
+  EXPECT_LT(rms(ambient(128, KUAFU_DENOISE_ATROUS), truth), plain_128);
+}
+
+TEST(Denoiser, same_bits_for_any_thread_count) {
+  World one(KUAFU_TRACER_EMBREE, 1), three(KUAFU_TRACER_EMBREE, 3);
+  EXPECT_EQ(clean_image(one, KUAFU_BAND_INFRARED).values, clean_image(three, KUAFU_BAND_INFRARED).values);
+}
+
+TEST(Denoiser, views_of_a_batch_are_as_if_alone) {
+  World world;
+  furnish(world);
+  world.desc().samples_per_pixel = 2;
+  world.desc().denoise = KUAFU_DENOISE_ATROUS;
+  kuafu_view_desc other = view_at({0.1, 0, 0}, width, height, 60);
+  const Pixels both = world.render({view(), other}, {KUAFU_OUTPUT_RADIANCE})[KUAFU_OUTPUT_RADIANCE], alone = world.radiance(other);
+  EXPECT_TRUE(std::equal(alone.values.begin(), alone.values.end(), both.values.begin() + width * height));
+}
+
+}  // namespace
+}  // namespace laws
