@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "denoise/host_denoise.h"
+#include "scene/scene.h"
 #include "spirv/denoise.h"
 #include "spirv/guide.h"
 #include "spirv/moments.h"
@@ -16,7 +17,12 @@ constexpr uint32_t output_direct = output_radiance + 1 + group_projector_direct,
                    output_indirect = output_radiance + 1 + group_projector_indirect, output_ambient = output_radiance + 1 + group_ambient;
 
 /// What is filtered, in the order of DenoiseImages.
-std::vector<uint32_t> denoised_kinds(const Launch&) { return {output_indirect, output_ambient}; }
+std::vector<uint32_t> denoised_kinds(const Launch& launch) {
+  if (!launch.wants(output_light_group, output_light_group + light_group_count)) return {output_indirect, output_ambient};
+  std::vector<uint32_t> kinds = {output_indirect};
+  for (uint32_t group = 0; group < light_group_count; ++group) kinds.push_back(output_light_group + group);
+  return kinds;
+}
 
 }  // namespace
 

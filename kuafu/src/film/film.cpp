@@ -2,11 +2,13 @@
 
 #include "film/gaussian.h"
 #include "film/host_film.h"
+#include "scene/scene.h"
 #include "spirv/film.h"
 
 namespace kuafu {
 namespace {
 
+constexpr uint32_t light_kind_end = output_light_group + light_group_count;
 constexpr uint32_t varying_kernels = 32;  // between the middle's variance and the corners'
 
 double square(double x) { return x * x; }
@@ -53,7 +55,7 @@ uint32_t held_for_film(const Launch& launch) {
     defocus = defocus || view.film.defocuses();
   }
   uint32_t held = 0;
-  for (uint32_t kind = output_radiance; any && kind < output_kind_count; ++kind)
+  for (uint32_t kind = output_radiance; any && kind < light_kind_end; ++kind)
     if (launch.outputs[kind].buffer) held |= 1u << kind;
   return held != 0 && defocus ? held | 1u << output_depth : held;
 }
@@ -75,7 +77,7 @@ void FilmOptics::run(ks::Commands& commands, const Launch& launch, const Frame& 
     push.depth = frame.address(output_depth);
     step(commands, push, film_circle_rows, push.view_count * push.height);
   }
-  for (uint32_t kind = output_radiance; kind < output_kind_count; ++kind) {
+  for (uint32_t kind = output_radiance; kind < light_kind_end; ++kind) {
     if (!launch.outputs[kind].buffer) continue;
     push.channels = launch.channels(kind);
     push.to = frame.address(kind);

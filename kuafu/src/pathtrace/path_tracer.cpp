@@ -184,7 +184,7 @@ void PathTracer::Run::render_pixels(uint32_t first_pixel, uint32_t pixel_count) 
     const WaveRange wave = range(first_pixel, pixel_count, launch_.first_sample + sample, count);
     generate(wave, 0);
     trace_paths();
-    if (denoises()) o_.denoiser_.moments(commands_, o_.buffers_.state(), wave, group_count, sample == 0);
+    if (denoises()) o_.denoiser_.moments(commands_, o_.buffers_.state(), wave, o_.buffers_.size().groups, sample == 0);
     accumulate(wave, sample == 0, sample + count == launch_.samples);
     if (sample + count == launch_.samples) break;
     commands_.flush();

@@ -128,6 +128,29 @@ TEST(Denoiser, same_bits_for_any_thread_count) {
   EXPECT_EQ(clean_image(one, KUAFU_BAND_INFRARED).values, clean_image(three, KUAFU_BAND_INFRARED).values);
 }
 
+TEST(Denoiser, light_groups_are_filtered_and_sum_to_ambient) {
+  World world;
+  furnish(world);
+  kuafu_light_desc lamp = kuafu_light_desc_init(KUAFU_LIGHT_RECTANGLE);
+  lamp.ir_intensity = 5;
+  lamp.light_group = 2;
+  lamp.size_m[0] = lamp.size_m[1] = 0.3;
+  world.add_light(lamp, {1, 0, 0, -0.6, 0, 0, 1, -1.0, 0, -1, 0, 1, 0, 0, 0, 1});
+  world.desc().samples_per_pixel = 2;
+  const std::vector<uint32_t> outputs = {KUAFU_OUTPUT_AMBIENT, KUAFU_OUTPUT_LIGHT_GROUP_0, KUAFU_OUTPUT_LIGHT_GROUP_0 + 2};
+  auto plain = world.render({view()}, outputs);
+  world.desc().denoise = KUAFU_DENOISE_ATROUS;
+  auto clean = world.render({view()}, outputs);
+  for (const uint32_t group : {KUAFU_OUTPUT_LIGHT_GROUP_0, KUAFU_OUTPUT_LIGHT_GROUP_0 + 2}) {
+    EXPECT_NE(plain[group].values, clean[group].values);
+    EXPECT_NEAR(plain[group].mean(), clean[group].mean(), 0.03 * plain[group].mean());
+  }
+  for (size_t i = 0; i < width * height; ++i) {
+    const float sum = clean[KUAFU_OUTPUT_LIGHT_GROUP_0].values[i] + clean[KUAFU_OUTPUT_LIGHT_GROUP_0 + 2].values[i];
+    ASSERT_NEAR(clean[KUAFU_OUTPUT_AMBIENT].values[i], sum, 1e-6 * sum);
+  }
+}
+
 TEST(Denoiser, views_of_a_batch_are_as_if_alone) {
   World world;
   furnish(world);
