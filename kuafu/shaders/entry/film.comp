@@ -1,6 +1,7 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "lib/invocation.glsl"
+#include "lib/distortion.glsl"
 #include "shared/film_record.h"
 
 layout(push_constant, scalar) uniform Push { FilmPush push; };

@@ -12,6 +12,8 @@ namespace kuafu {
 struct FilmRecord {
   float vignetting_exponent, vignetting_a1, vignetting_a2, vignetting_a3;
   float fx, fy, cx, cy, skew;  // of the camera: x = (u - cx - skew y) / fx, y = (v - cy) / fy
+  float distortion[8];  // k1 k2 p1 p2 k3 k4 k5 k6, where `distorts`
+  uint distorts;
   float psf_corner_sigma_px;
   uint psf_radius, psf_kernels;  // taps beside the middle one; first word of the kernels. Radius 0: no blur
   float psf_kernels_per_variance;  // how many per px^2 from the middle's variance to the corners'; 0: one alone
@@ -44,7 +46,7 @@ struct FilmPush {
 };
 
 #ifdef __cplusplus
-static_assert(sizeof(FilmRecord) == 64);
+static_assert(sizeof(FilmRecord) == 100);
 static_assert(sizeof(FilmPush) == 72);
 }  // namespace kuafu
 #endif

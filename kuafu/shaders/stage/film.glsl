@@ -16,10 +16,12 @@ void copy_pixel(uint pixel) {
 void vignetting(uint pixel) {
   FilmRecord f = film_of(pixel);
   uint column = pixel % push.width, row = pixel / push.width % push.height;
-  float y = (float(row) - f.cy) / f.fy, x = (float(column) - f.cx - f.skew * y) / f.fx;
+  float y = (float(row) - f.cy) / f.fy;
+  vec2 p = vec2((float(column) - f.cx - f.skew * y) / f.fx, y);
+  if (f.distorts != 0u) p = undistort(f.distortion, p);
   float r2 = field_square(column, row);
   float factor = max(0.0f, 1.0f + r2 * (f.vignetting_a1 + r2 * (f.vignetting_a2 + r2 * f.vignetting_a3)));
-  factor *= pow(1.0f + x * x + y * y, -0.5f * f.vignetting_exponent);
+  factor *= pow(1.0f + dot(p, p), -0.5f * f.vignetting_exponent);
   for (uint c = 0u; c < push.channels; ++c) push.to.at[pixel * push.channels + c] *= factor;
 }
 

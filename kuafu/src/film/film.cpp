@@ -1,5 +1,7 @@
 #include "film/film.h"
 
+#include <algorithm>
+
 #include "film/gaussian.h"
 #include "film/host_film.h"
 #include "scene/scene.h"
@@ -40,6 +42,8 @@ FilmRecord film_record(const View& view) {
   r.cx = float(view.k[2][0]);
   r.cy = float(view.k[2][1]);
   r.skew = float(view.k[1][0]);
+  r.distorts = distorts(view.optics.distortion) ? 1 : 0;
+  std::ranges::copy(view.optics.distortion, r.distortion);
   r.defocus_px_m = float(film.defocus_lens_radius_m * 0.5 * (view.k[0][0] + view.k[1][1]));
   r.defocus_inverse_focus = film.defocuses() ? float(1.0 / film.defocus_focus_m) : 0.0f;
   r.veiling_glare_fraction = float(film.veiling_glare_fraction);

@@ -5,6 +5,8 @@
 namespace kuafu {
 namespace {
 
+#include "lib/distortion.glsl"
+
 struct FilmStage {
   const FilmPush& push;
 #include "stage/film.glsl"
