@@ -75,7 +75,8 @@ constexpr Fault faults_known[] = {{"rectified_shrunk", SIMSENSE_FAULT_RECTIFIED_
                                   {"remap_nearest", SIMSENSE_FAULT_REMAP_NEAREST},
                                   {"padding_matched", SIMSENSE_FAULT_PADDING_MATCHED},
                                   {"registration_unrectified", SIMSENSE_FAULT_REGISTRATION_UNRECTIFIED},
-                                  {"splat_invalid", SIMSENSE_FAULT_SPLAT_INVALID}};
+                                  {"splat_invalid", SIMSENSE_FAULT_SPLAT_INVALID},
+                                  {"splat_clipped", SIMSENSE_FAULT_SPLAT_CLIPPED}};
 
 uint32_t read_faults(const py::object& names) {
   uint32_t bits = 0;

@@ -29,9 +29,10 @@ const simsense_rig_desc& checked(const simsense_rig_desc& rig) {
   return rig;
 }
 
-void check_progress(const ComputeRequest& request, uint32_t pair, uint32_t pairs) {
-  if (request.progress && request.progress(request.progress_user, static_cast<float>(pair) / static_cast<float>(pairs)))
-    ks::fail(KS_ERROR_CANCELLED, "cancelled by the progress callback before pair %u of %u", pair, pairs);
+/// done: the share of the pair that is.
+void check_progress(const ComputeRequest& request, uint32_t pair, uint32_t pairs, float done) {
+  if (request.progress && request.progress(request.progress_user, (static_cast<float>(pair) + done) / static_cast<float>(pairs)))
+    ks::fail(KS_ERROR_CANCELLED, "cancelled by the progress callback in pair %u of %u", pair + 1, pairs);
 }
 
 PointMaker make_points(const simsense_rig_desc& rig, const StereoGeometry& geometry) {
@@ -216,12 +217,13 @@ void Engine::compute_on_host(const ComputeRequest& request) {
     return ImageAccess(*device_, argument, shape, name);
   });
   for (uint32_t n = 0; n < rig_.batch_count; ++n) {
-    check_progress(request, n, rig_.batch_count);
+    const auto tell = [&](float done) { check_progress(request, n, rig_.batch_count, done); };
+    tell(0);
     const ConstImage left = prepare_eye(frame, n, 0);
     const ConstImage right = prepare_eye(frame, n, 1);
     if (!frame.wants_disparity()) continue;
     const MatchMaps maps = open_maps(frame, n);
-    match(left, right, maps);
+    match(left, right, maps, tell);
     finish_pair(frame, n, maps);
     if (maps.reason) explain(frame, n, left, maps);
   }

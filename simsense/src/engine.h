@@ -4,6 +4,7 @@
 // Thread rule: externally synchronised.
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -81,7 +82,7 @@ class Engine {
   ConstImage measure_wide(Frame& frame, uint32_t batch_index, uint32_t eye);
   ConstImage widened(ConstImage image, uint32_t eye);
   [[nodiscard]] NoiseKey noise_key(uint32_t batch_index, uint32_t eye) const;
-  void match(ConstImage left, ConstImage right, const MatchMaps& maps);
+  void match(ConstImage left, ConstImage right, const MatchMaps& maps, const std::function<void(float)>& tell);
   void match_region(ConstImage left, ConstImage right, const Region& region, const MatchMaps& maps);
   MatchMaps open_maps(Frame& frame, uint32_t batch_index);
   void finish_pair(Frame& frame, uint32_t batch_index, const MatchMaps& maps);

@@ -70,10 +70,11 @@ ConstImage Engine::prepare_eye(Frame& frame, uint32_t n, uint32_t eye) {
   return image;
 }
 
-void Engine::match(ConstImage left, ConstImage right, const MatchMaps& maps) {
+void Engine::match(ConstImage left, ConstImage right, const MatchMaps& maps, const std::function<void(float)>& tell) {
   const Region wanted = region(parameters_);
   const Region used = reach(wanted);
   if (!matcher_) matcher_ = make_cpu_matcher(used.x1 - used.x0, used.y1 - used.y0, match_parameters(parameters_), workers_);
+  matcher_->set_progress(tell);
   if (used == Region{0, 0, width_, height_} && wanted == used) {
     matcher_->match(left, right, maps);
   } else {

@@ -5,6 +5,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <vector>
 
@@ -94,6 +95,11 @@ class Matcher {
   virtual void match(ConstImage left, ConstImage right, const MatchMaps& maps) = 0;
   /// Milliseconds of each stage of the last match.
   [[nodiscard]] virtual std::vector<ks_stage_time> stage_times() const = 0;
+  /// Told now and then how far match() is, 0..1, on the thread that called it; may throw, and match() ends with that.
+  void set_progress(std::function<void(float)> progress) { progress_ = std::move(progress); }
+
+ protected:
+  std::function<void(float)> progress_;
 };
 
 std::unique_ptr<Matcher> make_reference_matcher(uint32_t width, uint32_t height, const MatchParameters& parameters);

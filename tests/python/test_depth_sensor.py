@@ -197,3 +197,24 @@ def test_eight_paths_and_a_first_disparity(pair):
     disparity = engine.compute(*pair, ("disparity",))["disparity"]
     assert np.median(disparity[:, 44:116]) == pytest.approx(DISPARITY, abs=0.1)
     assert (disparity[:, :40] == -1).all()
+
+
+def test_each_fault_has_its_switch(pair):
+    rgb = {"rgb_size": SIZE, "k_rgb": K * [[2.4], [2.4], [1]] - [[0, 0, 112], [0, 0, 67], [0, 0, 0]], "l2rgb": np.eye(4)}
+    turned = L2R.copy()
+    turned[:3, :3] = [[np.cos(0.03), 0, np.sin(0.03)], [0, 1, 0], [-np.sin(0.03), 0, np.cos(0.03)]]
+    views = ({}, {**rgb, "depth_dilation": True})
+
+    def depth(**settings):
+        sensors = (simsense.DepthSensor(SIZE, K, K, turned, max_disp=32, **view, **settings) for view in views)
+        return np.concatenate([sensor.compute(*pair).ravel() for sensor in sensors])
+
+    fixed, exact = depth(), depth(mode="simsense-exact")
+    np.testing.assert_array_equal(depth(faults=()), fixed)
+    np.testing.assert_array_equal(depth(mode="simsense-exact", faults=simsense.FAULTS), exact)
+    assert simsense.FAULTS[-1] == "splat_clipped" and len(set(simsense.FAULTS)) == 7
+    assert (depth(faults=("remap_nearest",)) != fixed).any()
+    without = [name for name in simsense.FAULTS if name != "remap_nearest"]
+    assert (depth(mode="simsense-exact", faults=without) != exact).any()
+    with pytest.raises(ValueError, match="unknown fault"):
+        make(faults=("remap",))

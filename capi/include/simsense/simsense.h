@@ -83,7 +83,8 @@ typedef struct simsense_camera {
 #define SIMSENSE_FAULT_PADDING_MATCHED 0x08u          /* keep disparities of rectified pixels that lie beyond the source image */
 #define SIMSENSE_FAULT_REGISTRATION_UNRECTIFIED 0x10u /* register with the left camera's own K and pose, as if nothing had been rectified */
 #define SIMSENSE_FAULT_SPLAT_INVALID 0x20u            /* register unmeasured pixels as points at the left camera's centre */
-#define SIMSENSE_FAULTS_PUBLISHED 0x3fu
+#define SIMSENSE_FAULT_SPLAT_CLIPPED 0x40u            /* registration: a point just beyond the RGB image covers nothing of it, though its splat reaches in */
+#define SIMSENSE_FAULTS_PUBLISHED 0x7fu
 
 /* AUTO: Vulkan compute on a GPU that can, else the CPU's vectors (on lavapipe too, where they are faster). VULKAN: KS_ERROR_UNSUPPORTED where it cannot serve.
  * Disparities, confidences and reasons from equal images are the same in every bit. Counts of a noisy signal differ by one where a value lies within rounding of a half, in at

@@ -8,11 +8,10 @@ layout(local_size_x = 32, local_size_y = 8) in;
 layout(push_constant, scalar) uniform Push { DepthPush push; };
 
 float resolved_depth(DepthParameters p, uint n, uint x, uint y) {
-  uint before = (p.splat_size - 1u) / 2u, after = p.splat_size / 2u;
+  int first_x = int(x) + SPLAT_MARGIN - int((p.splat_size - 1u) / 2u), first_y = int(y) + SPLAT_MARGIN - int((p.splat_size - 1u) / 2u);
   uint bits = infinity;
-  for (uint v = y - min(y, before); v < min(p.rgb_height, y + after + 1u); ++v)
-    for (uint u = x - min(x, before); u < min(p.rgb_width, x + after + 1u); ++u)
-      bits = min(bits, push.nearest.at[(n * p.rgb_height + v) * p.rgb_width + u]);
+  for (int v = 0; v < int(p.splat_size); ++v)
+    for (int u = 0; u < int(p.splat_size); ++u) bits = min(bits, push.nearest.at[cell_at(p, n, first_x + u, first_y + v)]);
   return bits == infinity ? 0.0f : keep(p, uintBitsToFloat(bits));
 }
 

@@ -30,6 +30,7 @@ void main() {
   precise float x = seen[0] / seen[2], y = seen[1] / seen[2];
   if (p.max_radius2 > 0.0f && !distort(p, x, y)) return;
   precise float u = floor(p.rgb_focal[0] * x + p.rgb_centre[0] + 0.5f), v = floor(p.rgb_focal[1] * y + p.rgb_centre[1] + 0.5f);
-  if (!(u >= 0.0f && v >= 0.0f && u < float(p.rgb_width) && v < float(p.rgb_height))) return;
-  atomicMin(push.nearest.at[(n * p.rgb_height + uint(v)) * p.rgb_width + uint(u)], floatBitsToUint(seen[2]));
+  float m = p.landing_margin;
+  if (!(u >= -m && v >= -m && u < float(p.rgb_width) + m && v < float(p.rgb_height) + m)) return;
+  atomicMin(push.nearest.at[cell_at(p, n, int(u) + SPLAT_MARGIN, int(v) + SPLAT_MARGIN)], floatBitsToUint(seen[2]));
 }

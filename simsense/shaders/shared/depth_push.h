@@ -13,6 +13,9 @@ layout(buffer_reference, scalar, buffer_reference_align = 4) buffer DepthFloats 
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer DepthCells { uint at[]; };
 #endif
 
+/// How far a splat of the largest size, 15, reaches: the z-buffer goes on that many pixels beyond each border of the image.
+#define SPLAT_MARGIN 7
+
 /// Parameters of depth/depth.h, depth/registration.h and depth/points.h.
 struct DepthParameters {
   DepthFloats ray_x, ray_y;  // of the points' camera at z = 1: one row and one column, or one per pixel
@@ -22,6 +25,7 @@ struct DepthParameters {
   float focal_baseline, offset_px, invalid;
   float min_m, max_m;
   uint splat_size, splat_invalid;
+  float landing_margin;  // how far beyond the image's border points are kept, pixels, at most SPLAT_MARGIN
   float step[3], translation_m[3];  // of a ray from column to column; of the left camera
   float rgb_focal[2], rgb_centre[2];
   float k1, k2, k3, p1, p2, max_radius2;  // Brown-Conrady; max_radius2 0 = no distortion
@@ -34,7 +38,7 @@ layout(buffer_reference, scalar, buffer_reference_align = 8) buffer DepthBlockAd
 struct DepthPush {
   DepthBlockAddress block;
   DepthFloats disparity;          // [pairs][height][width] pixels, packed
-  DepthCells nearest;             // [pairs][rgb_height][rgb_width] bits of the nearest z, infinity where nothing landed
+  DepthCells nearest;             // [pairs][rgb_height + 2 SPLAT_MARGIN][rgb_width + 2 SPLAT_MARGIN] bits of the nearest z, or infinity
   ImageRef first, second, third;  // each stage says which; may be absent
 };
 

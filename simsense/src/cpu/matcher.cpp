@@ -36,9 +36,11 @@ class CpuMatcher final : public Matcher {
     });
     MatchMaps unfiltered = maps;
     unfiltered.disparity = unfiltered_.data();
-    timed("vertical paths", [&] { workers_.parallel_for(aggregation_->sweep_count(), [&](size_t i) { aggregation_->sweep(i); }); });
+    const size_t sweeps = aggregation_->sweep_count(), bands = aggregation_->band_count();
+    cpu::Progress sweeping(progress_, 0.0f, 0.25f, sweeps), matching(progress_, 0.25f, 1.0f, aggregation_->strip_count());
+    timed("vertical paths", [&] { workers_.parallel_for(sweeps, [&](size_t i) { aggregation_->sweep(i, sweeping); }); });
     timed("aggregation and winner",
-          [&] { workers_.parallel_for(aggregation_->band_count(), [&](size_t i) { aggregation_->match_band(i, unfiltered); }); });
+          [&] { workers_.parallel_for(bands, [&](size_t i) { aggregation_->match_band(i, unfiltered, matching); }); });
     timed("median", [&] {
       for_rows([&](size_t begin, size_t end) {
         cpu::median_rows(unfiltered_.data(), width_, height_, parameters_.median_size, begin, end, maps.disparity);

@@ -62,9 +62,9 @@ class Band {
         jump_rows_(shared.penalties.uniform() ? 0 : (layout_.blocks + 1) * lanes * lanes),
         winners_(shared) {}
 
-  void match(size_t band, const MatchMaps& maps) {
+  void match(size_t band, const MatchMaps& maps, Progress& progress) {
     const Range strips = layout_.band_strips(band);
-    for (size_t s = strips.begin; s < strips.end; ++s) {
+    for (size_t s = strips.begin; s < strips.end && progress.go_on(s == strips.begin ? 0 : 1); ++s) {
       rows_ = layout_.strip(s);
       costs_.begin(rows_);
       if (!shared_.penalties.uniform()) gather_jump_rows();
@@ -213,14 +213,16 @@ class Sgm final : public Aggregation {
 
   [[nodiscard]] size_t sweep_count() const override { return sweeps_.size(); }
   [[nodiscard]] size_t band_count() const override { return bands_.size(); }
-  void match_band(size_t index, const MatchMaps& maps) override { bands_[index].match(index, maps); }
+  [[nodiscard]] size_t strip_count() const override { return shared_.layout.strips; }
+  void match_band(size_t index, const MatchMaps& maps, Progress& progress) override { bands_[index].match(index, maps, progress); }
 
-  void sweep(size_t index) override {
+  void sweep(size_t index, Progress& progress) override {
     if (index < chunks()) {
-      sweep_up(index);
+      sweep_up(index, progress);
     } else {
-      sweep_down(index);
+      sweep_down(index, progress);
     }
+    progress.go_on(1);
   }
 
  private:
@@ -242,7 +244,7 @@ class Sgm final : public Aggregation {
   }
 
   /// Upward paths, saved where they enter each group of rows.
-  void sweep_up(size_t index) {
+  void sweep_up(size_t index, Progress& progress) {
     const Layout& layout = shared_.layout;
     const Range blocks = chunk_blocks(index);
     sweeps_[index].begin(blocks.begin, layout.height - 1, -1);
@@ -251,7 +253,7 @@ class Sgm final : public Aggregation {
       for (size_t k = 0; k < blocks.size(); ++k) {
         std::copy_n(sweep_state(index, k), states_.size(), states_.up(group, blocks.begin + k));
       }
-      if (group == 0) break;
+      if (group == 0 || !progress.go_on(0)) break;
       const Range rows = layout.group(group);
       for (size_t y = rows.end; y-- > rows.begin;) step_row(index, y, y + 1, blocks);
     }
@@ -259,14 +261,17 @@ class Sgm final : public Aggregation {
   }
 
   /// Downward paths, saved where they enter each band but the first.
-  void sweep_down(size_t index) {
+  void sweep_down(size_t index, Progress& progress) {
     const Layout& layout = shared_.layout;
     const Range blocks = chunk_blocks(index - chunks());
     sweeps_[index].begin(blocks.begin, 0, 1);
     for (size_t k = 0; k < blocks.size(); ++k) enter_image(layout.disparities, sweep_state(index, k));
     size_t y = 0;
     for (size_t band = 1; band < layout.bands; ++band) {
-      for (; y < layout.band_first_row(band); ++y) step_row(index, y, y, blocks);
+      for (; y < layout.band_first_row(band); ++y) {
+        if (y % layout.max_strip_rows() == 0 && !progress.go_on(0)) return;
+        step_row(index, y, y, blocks);
+      }
       for (size_t k = 0; k < blocks.size(); ++k) {
         std::copy_n(sweep_state(index, k), states_.size(), states_.down(band, blocks.begin + k));
       }

@@ -5,6 +5,7 @@
 
 #include "cpu/census.h"
 #include "cpu/penalty_maps.h"
+#include "cpu/progress.h"
 #include "matcher.h"
 
 namespace simsense::cpu {
@@ -15,10 +16,12 @@ class Aggregation {
   virtual ~Aggregation() = default;
   [[nodiscard]] virtual size_t sweep_count() const = 0;
   /// Follows paths up or down the image and leaves checkpoints.
-  virtual void sweep(size_t index) = 0;
+  virtual void sweep(size_t index, Progress& progress) = 0;
   [[nodiscard]] virtual size_t band_count() const = 0;
   /// One band of rows of the whole maps, before the median.
-  virtual void match_band(size_t index, const MatchMaps& maps) = 0;
+  virtual void match_band(size_t index, const MatchMaps& maps, Progress& progress) = 0;
+  /// All bands' pieces of work, as match_band counts them; a sweep is one.
+  [[nodiscard]] virtual size_t strip_count() const = 0;
 };
 
 /// How far the census planes must reach to the left of the image: the largest disparity and half the widest block.

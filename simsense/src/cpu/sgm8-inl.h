@@ -37,24 +37,27 @@ class RowSweep {
     for (size_t i = 0; i < chunks; ++i) costs_.emplace_back(left, right, shared.parameters, shared.layout);
   }
 
-  void up(RowCheckpoints<T>& checkpoints) {
+  void up(RowCheckpoints<T>& checkpoints, Progress& progress) {
     const Layout& layout = shared_.layout;
     begin(layout.height - 1, -1);
     for (size_t s = layout.strips; s-- > 0;) {
       checkpoints.up[s].copy_from(states_);
-      if (s == 0) break;
+      if (s == 0 || !progress.go_on(0)) break;
       const Range rows = layout.strip(s);
       for (size_t y = rows.end; y-- > rows.begin;) step_row(y, false);
     }
     checkpoints.down[0].enter_image();
   }
 
-  void down(RowCheckpoints<T>& checkpoints) {
+  void down(RowCheckpoints<T>& checkpoints, Progress& progress) {
     const Layout& layout = shared_.layout;
     begin(0, 1);
     size_t y = 0;
     for (size_t band = 1; band < layout.bands; ++band) {
-      for (; y < layout.band_first_row(band); ++y) step_row(y, true);
+      for (; y < layout.band_first_row(band); ++y) {
+        if (y % layout.max_strip_rows() == 0 && !progress.go_on(0)) return;
+        step_row(y, true);
+      }
       checkpoints.down[band].copy_from(states_);
     }
   }
@@ -103,9 +106,9 @@ class Band8 {
         upward_(layout_),
         winners_(shared) {}
 
-  void match(size_t band, const MatchMaps& maps) {
+  void match(size_t band, const MatchMaps& maps, Progress& progress) {
     const Range strips = layout_.band_strips(band);
-    for (size_t s = strips.begin; s < strips.end; ++s) {
+    for (size_t s = strips.begin; s < strips.end && progress.go_on(s == strips.begin ? 0 : 1); ++s) {
       rows_ = layout_.strip(s);
       costs_.begin(rows_);
       horizontal_paths();
@@ -213,15 +216,17 @@ class Sgm8 final : public Aggregation {
   }
 
   [[nodiscard]] size_t sweep_count() const override { return sweeps_.size(); }
-  void sweep(size_t index) override {
+  void sweep(size_t index, Progress& progress) override {
     if (index == 0) {
-      sweeps_[0].up(checkpoints_);
+      sweeps_[0].up(checkpoints_, progress);
     } else {
-      sweeps_[1].down(checkpoints_);
+      sweeps_[1].down(checkpoints_, progress);
     }
+    progress.go_on(1);
   }
   [[nodiscard]] size_t band_count() const override { return bands_.size(); }
-  void match_band(size_t index, const MatchMaps& maps) override { bands_[index].match(index, maps); }
+  [[nodiscard]] size_t strip_count() const override { return shared_.layout.strips; }
+  void match_band(size_t index, const MatchMaps& maps, Progress& progress) override { bands_[index].match(index, maps, progress); }
 
  private:
   Shared<T> shared_;

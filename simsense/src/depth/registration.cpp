@@ -9,7 +9,7 @@
 
 namespace simsense {
 namespace {
-constexpr uint32_t nothing = 0x7f800000;  // bits of +infinity
+constexpr int32_t nothing = 0x7f800000;  // bits of +infinity
 }
 
 Registration::Registration(const StereoGeometry& left, uint32_t width, uint32_t height, const simsense_camera& rgb,
@@ -24,7 +24,7 @@ Registration::Registration(const StereoGeometry& left, uint32_t width, uint32_t 
       cy_(static_cast<float>(rgb.k[5])),
       distorted_(is_distorted(rgb)),
       distortion_(simsense::distortion(rgb)),
-      nearest_(size_t{rgb.width} * rgb.height) {
+      nearest_(size_t{rgb.width + 2 * SPLAT_MARGIN} * (rgb.height + 2 * SPLAT_MARGIN)) {
   const Rigid rectified_to_rgb = compose(left_to_rgb, {transposed(left.left_to_rectified), {}});
   const Pinhole& k = left.camera;
   for (size_t i = 0; i < 3; ++i) {
@@ -40,6 +40,7 @@ Registration::Registration(const simsense_rig_desc& rig, const StereoGeometry& l
     : Registration(left, rig.left.width, rig.left.height, rig.rgb, rigid(rig.left_to_rgb)) {
   unrectified_ = (rig.faults & SIMSENSE_FAULT_REGISTRATION_UNRECTIFIED) != 0;
   splat_invalid_ = (rig.faults & SIMSENSE_FAULT_SPLAT_INVALID) != 0;
+  if (rig.faults & SIMSENSE_FAULT_SPLAT_CLIPPED) landing_margin_ = 0;
   if (!unrectified_) return;
   // K_rgb * rotation * K_left^-1 and K_rgb * translation: image coordinates times z
   const Pinhole l = pinhole(rig.left), c = pinhole(rig.rgb);
@@ -57,22 +58,6 @@ Registration::Registration(const simsense_rig_desc& rig, const StereoGeometry& l
   }
 }
 
-void Registration::splat(float x, float y, float z) {
-  if (!(z > 0)) return;
-  float nx = x / z, ny = y / z;
-  if (distorted_ && !distortion_.apply(nx, ny)) return;
-  keep_nearest(std::floor(fx_ * nx + cx_ + 0.5f), std::floor(fy_ * ny + cy_ + 0.5f), z);
-}
-
-void Registration::keep_nearest(float column, float row, float z) {
-  if (!(column >= 0 && row >= 0 && column < static_cast<float>(rgb_width_) && row < static_cast<float>(rgb_height_))) return;
-  std::atomic_ref<uint32_t> cell(nearest_[static_cast<size_t>(row) * rgb_width_ + static_cast<size_t>(column)]);
-  const uint32_t bits = std::bit_cast<uint32_t>(z);
-  uint32_t seen = cell.load(std::memory_order_relaxed);
-  while (bits < seen && !cell.compare_exchange_weak(seen, bits, std::memory_order_relaxed)) {
-  }
-}
-
 std::array<float, 3> Registration::ray_step() const {
   return {static_cast<float>(pixel_to_rgb_[0]), static_cast<float>(pixel_to_rgb_[3]), static_cast<float>(pixel_to_rgb_[6])};
 }
@@ -83,56 +68,99 @@ std::array<float, 3> Registration::ray_start(uint32_t y) const {
   return start;
 }
 
-void Registration::splat_row(const float* depth, uint32_t y) {
-  const std::array<float, 3> step = ray_step(), start = ray_start(y);
-  for (uint32_t x = 0; x < width_; ++x) {
-    const float z = depth[x];
-    if (!(z > 0) && !splat_invalid_) continue;
-    const float u = static_cast<float>(x);
-    splat(z * (step[0] * u + start[0]) + translation_[0], z * (step[1] * u + start[1]) + translation_[1],
-          z * (step[2] * u + start[2]) + translation_[2]);
+/// Branchless, so that the compiler makes vectors of the loops around it. column, row: to be rounded down.
+int32_t Registration::cell_at(float column, float row, bool seen) const {
+  const auto m = static_cast<float>(landing_margin_);
+  seen = seen & (column >= -m) & (row >= -m) & (column < static_cast<float>(rgb_width_) + m) & (row < static_cast<float>(rgb_height_) + m);
+  const float c = seen ? column : 0, r = seen ? row : 0;
+  const auto whole = [](float v) { return static_cast<int32_t>(v) - (static_cast<float>(static_cast<int32_t>(v)) > v); };
+  const int32_t cell = (whole(r) + SPLAT_MARGIN) * static_cast<int32_t>(pitch()) + whole(c) + SPLAT_MARGIN;
+  return seen ? cell : -1;
+}
+
+void Registration::project(const float* depth, size_t first, size_t count, uint32_t y, Landings& out) const {
+  const std::array<float, 3> step = ray_step(), start = ray_start(y), t = translation_;
+  std::array<float, chunk> nx, ny;
+  for (size_t i = 0; i < count; ++i) {
+    const float z = depth[first + i], u = static_cast<float>(first + i);
+    out.z[i] = z * (step[2] * u + start[2]) + t[2];
+    nx[i] = (z * (step[0] * u + start[0]) + t[0]) / out.z[i];
+    ny[i] = (z * (step[1] * u + start[1]) + t[1]) / out.z[i];
+  }
+  if (distorted_) {
+    for (size_t i = 0; i < count; ++i)
+      if (!distortion_.apply(nx[i], ny[i])) out.z[i] = -1;
+  }
+  for (size_t i = 0; i < count; ++i) {
+    const bool seen = ((depth[first + i] > 0) | splat_invalid_) & (out.z[i] > 0);
+    out.cell[i] = cell_at(fx_ * nx[i] + cx_ + 0.5f, fy_ * ny[i] + cy_ + 0.5f, seen);
   }
 }
 
 /// The published arithmetic: one multiply-add per coordinate, halves away from zero.
-void Registration::splat_row_unrectified(const float* depth, uint32_t y) {
-  for (uint32_t x = 0; x < width_; ++x) {
-    const float z = depth[x];
-    if (!(z > 0) && !splat_invalid_) continue;
+void Registration::project_unrectified(const float* depth, size_t first, size_t count, uint32_t y, Landings& out) const {
+  for (size_t i = 0; i < count; ++i) {
+    const float z = depth[first + i];
     float seen[3];
-    for (size_t i = 0; i < 3; ++i) {
-      const double* m = pixel_to_rgb_.data() + 3 * i;
-      seen[i] = std::fma(static_cast<float>(m[0] * x + m[1] * y + m[2]), z, translation_[i]);
+    for (size_t k = 0; k < 3; ++k) {
+      const double* m = pixel_to_rgb_.data() + 3 * k;
+      seen[k] = std::fma(static_cast<float>(m[0] * static_cast<double>(first + i) + m[1] * y + m[2]), z, translation_[k]);
     }
-    if (seen[2] > 0) keep_nearest(std::round(seen[0] / seen[2]), std::round(seen[1] / seen[2]), seen[2]);
+    out.z[i] = seen[2];
+    out.cell[i] = cell_at(std::round(seen[0] / seen[2]), std::round(seen[1] / seen[2]), (z > 0 || splat_invalid_) && seen[2] > 0);
   }
 }
 
-void Registration::resolve_row(const DepthRange& range, uint32_t splat_size, uint32_t y, float* out) const {
-  const uint32_t before = (splat_size - 1) / 2,
-                 after = splat_size / 2;  // which points reach a pixel from the left and above, from the right and below
-  const uint32_t first_row = y - std::min(y, before), end_row = std::min(rgb_height_, y + after + 1);
-  for (uint32_t x = 0; x < rgb_width_; ++x) {
-    const uint32_t first = x - std::min(x, before), end = std::min(rgb_width_, x + after + 1);
-    uint32_t bits = nothing;
-    for (uint32_t v = first_row; v < end_row; ++v) {
-      const uint32_t* row = nearest_.data() + size_t{v} * rgb_width_;
-      for (uint32_t u = first; u < end; ++u) bits = std::min(bits, row[u]);
+void Registration::keep_nearest(const Landings& landings, size_t count) {
+  for (size_t i = 0; i < count; ++i) {
+    if (landings.cell[i] < 0) continue;
+    std::atomic_ref<int32_t> cell(nearest_[static_cast<size_t>(landings.cell[i])]);
+    const auto bits = std::bit_cast<int32_t>(landings.z[i]);
+    int32_t seen = cell.load(std::memory_order_relaxed);
+    while (bits < seen && !cell.compare_exchange_weak(seen, bits, std::memory_order_relaxed)) {
     }
-    out[x] = bits == nothing ? 0 : range.keep(std::bit_cast<float>(bits));
+  }
+}
+
+void Registration::splat_row(const float* depth, uint32_t y) {
+  Landings landings;
+  for (size_t first = 0; first < width_; first += chunk) {
+    const size_t count = std::min(chunk, width_ - first);
+    if (unrectified_) {
+      project_unrectified(depth, first, count, y, landings);
+    } else {
+      project(depth, first, count, y, landings);
+    }
+    keep_nearest(landings, count);
+  }
+}
+
+/// lowest: room for a row of the z-buffer.
+void Registration::resolve_row(const DepthRange& range, uint32_t splat_size, uint32_t y, int32_t* lowest, float* out) const {
+  const size_t first = SPLAT_MARGIN - (splat_size - 1) / 2;  // where n is even, points to the right and below reach one farther
+  const int32_t* rows = nearest_.data() + (y + first) * pitch() + first;
+  const size_t columns = rgb_width_ + splat_size - 1;
+  std::copy_n(rows, columns, lowest);
+  for (size_t k = 1; k < splat_size; ++k) {
+    const int32_t* row = rows + k * pitch();
+    for (size_t x = 0; x < columns; ++x) lowest[x] = std::min(lowest[x], row[x]);
+  }
+  for (size_t x = 0; x < rgb_width_; ++x) {
+    int32_t bits = lowest[x];
+    for (size_t k = 1; k < splat_size; ++k) bits = std::min(bits, lowest[x + k]);
+    out[x] = range.keep(std::bit_cast<float>(bits));  // which infinity is not within
   }
 }
 
 void Registration::apply(const float* depth, const DepthRange& range, uint32_t splat_size, float* out, ks::ThreadPool& workers) {
   std::fill(nearest_.begin(), nearest_.end(), nothing);
-  workers.parallel_for(height_, [&](size_t y) {
-    if (unrectified_) {
-      splat_row_unrectified(depth + y * width_, static_cast<uint32_t>(y));
-    } else {
-      splat_row(depth + y * width_, static_cast<uint32_t>(y));
-    }
+  workers.parallel_for(height_, [&](size_t y) { splat_row(depth + y * width_, static_cast<uint32_t>(y)); });
+  constexpr size_t rows = 16;
+  workers.parallel_for((rgb_height_ + rows - 1) / rows, [&](size_t block) {
+    std::vector<int32_t> lowest(pitch());
+    for (size_t y = block * rows; y < std::min<size_t>((block + 1) * rows, rgb_height_); ++y)
+      resolve_row(range, splat_size, static_cast<uint32_t>(y), lowest.data(), out + y * rgb_width_);
   });
-  workers.parallel_for(rgb_height_, [&](size_t y) { resolve_row(range, splat_size, static_cast<uint32_t>(y), out + y * rgb_width_); });
 }
 
 }  // namespace simsense

@@ -38,7 +38,7 @@ std::vector<float> register_to_rgb(const StereoGeometry& geometry, uint32_t widt
       if (z <= 0) continue;
       const auto [column, row, z_rgb] = project_to_rgb(geometry, rgb, left_to_rgb, u, v, z);
       const double x = std::floor(column + 0.5), y = std::floor(row + 0.5);
-      if (z_rgb <= 0 || x < 0 || y < 0 || x >= rgb.width || y >= rgb.height) continue;
+      if (z_rgb <= 0) continue;
       for (uint32_t k = 0; k < splat_size * splat_size; ++k) {
         const double covered_x = x - splat_size / 2 + k % splat_size, covered_y = y - splat_size / 2 + k / splat_size;
         if (covered_x < 0 || covered_y < 0 || covered_x >= rgb.width || covered_y >= rgb.height) continue;

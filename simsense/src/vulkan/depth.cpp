@@ -29,6 +29,7 @@ void set_rgb_camera(DepthParameters& p, const simsense_camera& rgb, const Regist
   std::ranges::copy(registration.ray_step(), p.step);
   std::ranges::copy(registration.translation(), p.translation_m);
   p.splat_invalid = registration.splats_invalid() ? 1 : 0;
+  p.landing_margin = static_cast<float>(registration.landing_margin());
   p.rgb_width = rgb.width;
   p.rgb_height = rgb.height;
   p.rgb_focal[0] = static_cast<float>(rgb.k[0]);
@@ -82,7 +83,7 @@ void VulkanDepth::record_left(ks::Commands& commands, uint64_t disparity, const 
 void VulkanDepth::record_rgb(ks::Commands& commands, uint64_t disparity, const ImageRef& depth, const ImageRef& points,
                              const ImageRef& colored, const ImageRef& rgb, uint32_t pairs) {
   const DepthParameters& p = parameters_;
-  const uint64_t cell_bytes = uint64_t{p.rgb_width} * p.rgb_height * sizeof(uint32_t);
+  const uint64_t cell_bytes = uint64_t{p.rgb_width + 2 * SPLAT_MARGIN} * (p.rgb_height + 2 * SPLAT_MARGIN) * sizeof(uint32_t);
   const auto at_once = static_cast<uint32_t>(std::clamp<uint64_t>(most_cell_bytes / cell_bytes, 1, pairs));
   if (!nearest_ || nearest_->size_bytes() < cell_bytes * at_once) nearest_ = ks::Buffer::create(device_, cell_bytes * at_once, 0);
   for (uint32_t n = 0; n < pairs; n += at_once) {

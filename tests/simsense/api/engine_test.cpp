@@ -263,7 +263,7 @@ TEST(Engine, CanBeCancelledAndUsedAgain) {
   desc.output_count = 1;
   desc.progress = [](void*, float fraction) -> int32_t { return fraction >= 0.5f; };
   EXPECT_EQ(simsense_engine_compute(engine.get(), &desc), KS_ERROR_CANCELLED);
-  EXPECT_NE(std::string(simsense_last_error()).find("pair 1 of 2"), std::string::npos) << simsense_last_error();
+  EXPECT_NE(std::string(simsense_last_error()).find("pair 2 of 2"), std::string::npos) << simsense_last_error();
   desc.progress = nullptr;
   EXPECT_EQ(simsense_engine_compute(engine.get(), &desc), KS_OK) << simsense_last_error();
 }

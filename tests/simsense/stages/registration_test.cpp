@@ -154,6 +154,20 @@ TEST(Registration, DilationCoversTwoByTwoUpAndLeft) {
   EXPECT_EQ(out, expected);
 }
 
+TEST(Registration, SplatsOfPointsBeyondTheBorderReachIn) {
+  // Points land on every second pixel, at odd columns and rows; what covers the last column and row lands one beyond them.
+  const std::vector<float> depth(width * height, 1.0f);
+  simsense_rig_desc rig = ideal_rig(width, height, 100);
+  rig.rgb = camera(301, 221, 200);
+  ks::ThreadPool pool(2);
+  std::vector<float> out(size_t{301} * 221);
+  Registration(rig, straight()).apply(depth.data(), everything, 2, out.data(), pool);
+  EXPECT_EQ(landed(out), out.size());
+  rig.faults = SIMSENSE_FAULT_SPLAT_CLIPPED;
+  Registration(rig, straight()).apply(depth.data(), everything, 2, out.data(), pool);
+  EXPECT_EQ(landed(out), size_t{300} * 220);
+}
+
 TEST(Registration, DoesNotDependOnTheNumberOfWorkers) {
   const Rigid to_rgb = pose(0.1, 0.3, 0.05, 0.2, 0.1, 0.4);
   const simsense_camera rgb = camera(40, 30, 12);  // many points per pixel: the workers fight for each

@@ -1,0 +1,38 @@
+// How far a stage of the matcher is that several threads share: each asks between two pieces of its work whether to go on; the thread that
+// called the matcher tells its caller then.
+#pragma once
+
+#include <atomic>
+#include <functional>
+#include <thread>
+
+namespace simsense::cpu {
+
+class Progress {
+ public:
+  /// The stage is the part begin..end of the whole and has `count` pieces.
+  Progress(const std::function<void(float)>& tell, float begin, float end, size_t count)
+      : tell_(tell), begin_(begin), scale_((end - begin) / static_cast<float>(count)) {}
+
+  /// After a piece of work, or part of one (pieces = 0). false: the caller has thrown, leave.
+  bool go_on(size_t pieces) {
+    const size_t done = done_.fetch_add(pieces, std::memory_order_relaxed) + pieces;
+    if (!tell_ || std::this_thread::get_id() != caller_) return !stopped_.load(std::memory_order_relaxed);
+    try {
+      tell_(begin_ + scale_ * static_cast<float>(done));
+    } catch (...) {
+      stopped_.store(true, std::memory_order_relaxed);
+      throw;
+    }
+    return true;
+  }
+
+ private:
+  const std::function<void(float)>& tell_;
+  float begin_, scale_;
+  std::thread::id caller_ = std::this_thread::get_id();
+  std::atomic<size_t> done_{0};
+  std::atomic<bool> stopped_{false};
+};
+
+}  // namespace simsense::cpu
