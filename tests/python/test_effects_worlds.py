@@ -94,7 +94,7 @@ def test_projector_defocus_blurs_by_depth(nominal):
     columns, rows = np.meshgrid(np.arange(320.0), np.arange(200.0))
     blurred = sampler(columns, rows, np.ones((200, 320)), np.ones((200, 320)))
     truth, _ = seen(pattern=blurred)
-    modelled = EFFECTS["projector_defocus"](light, view, aperture_px_m=3.0, focus_m=0.4)
+    modelled = EFFECTS["projector_defocus"](light, view, aperture_px_m=1.5, focus_m=0.4)
     diameter = 3.0 * np.abs(1 / np.where(view.depth_m > 0, view.depth_m, 0.4) - 1 / 0.4)
     here = np.abs(diameter - 5.0) < 0.25
     assert here.sum() > 100

@@ -12,17 +12,17 @@ _LARGEST_PX = 40.0
     "projector_defocus",
     stage=Stage.PROJECTOR,
     family="projector blur",
-    source="thin lens: angular blur = aperture x |1/z - 1/z_focus|",
+    source="thin lens: the blur circle's angular radius = aperture radius x |1/z - 1/z_focus|",
     parameters=[
-        Parameter("aperture_px_m", "px m", neutral=0.0, low=0.0, high=12.0, typical=2.0, source="aperture times focal length in pattern pixels"),
+        Parameter("aperture_px_m", "px m", neutral=0.0, low=0.0, high=6.0, typical=1.0, source="radius of the aperture times focal length in pattern pixels"),
         Parameter("focus_m", "m", neutral=1.0, low=0.2, high=5.0, typical=0.5),
     ],
 )
 def projector_defocus(light, view, aperture_px_m, focus_m):
-    """Each dot becomes a disc whose diameter in pattern pixels is aperture x |1/z - 1/focus|; ambient edges stay sharp."""
+    """Each dot becomes a disc whose radius in pattern pixels is aperture x |1/z - 1/focus|; ambient edges stay sharp."""
     if aperture_px_m == 0.0:
         return light
     dots = DotView.of(view)
     z = np.where(dots.lit, dots.z, focus_m)
-    diameter = np.minimum(aperture_px_m * np.abs(1.0 / z - 1.0 / focus_m), _LARGEST_PX)
+    diameter = np.minimum(2.0 * aperture_px_m * np.abs(1.0 / z - 1.0 / focus_m), _LARGEST_PX)
     return dots.change(light, dots.nominal, dots.mean_of_discs(view.pattern, diameter))

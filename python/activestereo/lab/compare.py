@@ -9,12 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from activestereo.capture import EYES, SPLITS, read_capture
+from activestereo.effects.core.descriptor import Stage
 from activestereo.effects.core.model import Model
 from activestereo.effects.core.view import View
 from activestereo.lab.depth_compare import depth_scores, model_depths
 from activestereo.lab.fit_model import fit_under_model
 from activestereo.lab.noise import frame_floors, transfer_points
-from activestereo.lab.render import render_frames
+from activestereo.lab.render import WARP_SCALE, render_frames
 from activestereo.lab.where_channels import where_it_fails
 
 
@@ -48,8 +49,9 @@ def compare(
 
         renderer = KuafuRenderer()
     share = progress and (lambda fraction: progress(_RENDER_SHARE * fraction))
-    layers = render_frames(capture, renderer, samples_per_pixel, max_bounces, seed, cache, share)
     model = model or Model()
+    moves = any(effect.stage is Stage.CAMERA for effect, _ in model.effects)
+    layers = render_frames(capture, renderer, samples_per_pixel, max_bounces, seed, cache, share, WARP_SCALE if moves else 1)
     views = {key: View.of(capture, frame, key[1], layers[frame.id][key[1]], seed) for frame in capture.frames for key in _keys(frame)}
     lights = {key: model.light(layers[key[0]][key[1]], view) for key, view in views.items()}
     train = [(views[key], lights[key], measured[key]) for frame in capture.split("train") for key in _keys(frame)]

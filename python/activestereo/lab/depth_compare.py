@@ -31,12 +31,12 @@ class DepthFrame:
         return np.where(both, self.focal_baseline * (1.0 / safe(depth_m) - 1.0 / safe(reference_m)), 0.0), both
 
 
-def model_depths(capture, measured, predictions, views, law, model, seed=0):
+def model_depths(capture, measured, predictions, views, law, model, seed=0, split=None):
     """A DepthFrame for each frame that has the device's depth. measured, predictions: {(frame id, eye): DN}; views: {...: View}.
 
-    model: its effects on disparity and depth act on what simsense matches.
+    model: its effects on disparity and depth act on what simsense matches. split: frames of it alone.
     """
-    frames = [frame for frame in capture.frames if frame.depth_path is not None]
+    frames = [frame for frame in capture.frames if frame.depth_path is not None and split in (None, frame.split)]
     if not frames:
         return []
     engine = DepthModel(capture)

@@ -19,11 +19,9 @@ from activestereo.lab.diagnose_verdict import is_unexplained, passes
 from activestereo.lab.greedy import Step, greedy
 from activestereo.lab.model_file import library, model_json
 from activestereo.lab.ranking import Ranking
-from activestereo.lab.render import render_frames
+from activestereo.lab.render import WARP_SCALE, render_frames
 
 _RENDER_SHARE = 0.4
-# Image samples per pixel side: fine images keep warps sharp.
-_SCALE = 2
 
 
 @dataclass(frozen=True)
@@ -54,7 +52,7 @@ def diagnose(
 
         renderer = KuafuRenderer()
     share = progress and (lambda f: progress(_RENDER_SHARE * f))
-    layers = render_frames(capture, renderer, samples_per_pixel, max_bounces, seed, cache, share, _SCALE)
+    layers = render_frames(capture, renderer, samples_per_pixel, max_bounces, seed, cache, share, WARP_SCALE)
     evidence = gather(capture, layers)
     share = progress and (lambda f: progress(_RENDER_SHARE + (1.0 - _RENDER_SHARE) * f))
     return examine(evidence, model, list(effects.values()), steps, workers, share)
@@ -97,14 +95,16 @@ def examine(evidence, model, candidates, steps="one", workers=2, progress=None):
     last = way[-1].ranking
     verdict = _verdict(first, best, named, last, evidence)
     law = residual_law(last, evidence) if verdict == "unknown" else None
+    beside = []
     if verdict != "effect":
-        added, way = (), way[:1]  # no name is claimed where most of the error stays
+        way = way[:1]  # no name is claimed where most of the error stays
     elif steps == "one":
-        added, way = (best.id,), way[:1]
+        way, beside = way[:1], [best]
     else:
-        added = way[-1].added + _random_last(last)
-    final_model = _model_of(way[-1].ranking, added)
-    figures = _figures(evidence, first, best, added, way, steps)
+        beside = _beside(last)
+    added = way[-1].added + tuple(e.id for e in beside)
+    final_model = _model_of(way[-1].ranking, beside)
+    figures = _figures(evidence, first, way, beside)
     result = {
         "verdict": verdict,
         "capture": evidence.capture.name,
@@ -118,10 +118,14 @@ def examine(evidence, model, candidates, steps="one", workers=2, progress=None):
     return Diagnosis(result, final_model, law and law.stub())
 
 
-def _random_last(ranking):
-    """The random effect that stays and still passes at the end: it has no expected image to go on from."""
-    best = ranking.entries[0] if ranking.entries else None
-    return (best.id,) if best is not None and best.static is not None and passes(ranking, best) else ()
+def _beside(ranking):
+    """Entries that still pass at the end without an expected image to go on from: one random field that stays, noise, and the
+    best fault of the depth engine."""
+    passing = [e for e in ranking.entries if e.solution is None and passes(ranking, e)]
+    chosen = [e for e in passing if e.channel == "noise"]
+    for kind in ([e for e in passing if e.static is not None], [e for e in passing if e.channel == "depth"]):
+        chosen += kind[:1]
+    return chosen
 
 
 def _verdict(first, best, named, last, evidence):
@@ -134,26 +138,25 @@ def _verdict(first, best, named, last, evidence):
     return "unknown" if is_unexplained(last, explained, first.excess) else "effect"
 
 
-def _model_of(ranking, added):
-    """The ranking's base model with what was added on top of it last."""
+def _model_of(ranking, beside):
+    """The ranking's base model, or that of the one fitted entry added to it, with what was added beside."""
     model = ranking.base.solution.model
-    if not added or added[-1] in {e.id for e, _ in model.effects}:
-        return model
-    entry = next(e for e in ranking.entries if e.id == added[-1])
-    if entry.solution is not None:
-        return entry.solution.model
-    return model.with_effect(entry.effect, **{name: v["value"] for name, v in entry.parameters.items()})
+    for entry in beside:
+        if entry.solution is not None:
+            model = entry.solution.model
+        else:
+            model = model.with_effect(entry.effect, **{name: v["value"] for name, v in entry.parameters.items()})
+    return model
 
 
-def _figures(evidence, first, best, added, way, steps):
+def _figures(evidence, first, way, beside):
     """Held-out figures, and error against effects added: pooled over test images, DN."""
-    rankings = [(step.added, step.ranking.base) for step in way]
-    if steps == "one":
-        rankings = rankings[:1] + ([(added, best)] if added else [])
-    elif added != way[-1].added:
-        rankings.append((added, way[-1].ranking.entries[0]))
+    stages = [(step.added, step.ranking.base) for step in way]
+    for entry in beside:
+        shown = stages[-1][1] if entry.channel != "infrared" else entry
+        stages.append(((*stages[-1][0], entry.id), shown))
     curve = []
-    for names, entry in rankings:
+    for names, entry in stages:
         train, test = (_rmse(first, entry, split, held) for split, held in ((evidence.train, False), (evidence.test, True)))
         curve.append({"effects": list(names), "train_ir_rmse": train, "heldout_ir_rmse": test})
     floor = {}

@@ -8,25 +8,32 @@ from dataclasses import dataclass
 import numpy as np
 
 from activestereo.capture import EYES
-from activestereo.effects import View
+from activestereo.effects import Model, View
+from activestereo.lab.diagnose_inadequacy import edge_slopes, law_at_other_gains, place_error
 from activestereo.lab.fit import fit_nuisances, predict
 from activestereo.lab.noise import NoiseLaw, frame_floors
 
 TILE_PX = 16
+# What lies closer may share an error: folds and standard errors go by blocks.
+BLOCK_PX = 32
 FOLDS = 4
+_SIDE = BLOCK_PX // TILE_PX
 # Noise of captures without repeats: the paper's gamma speckle (k = 60) and a read noise of 1 DN; never used to name an effect.
 _ASSUMED_NOISE = (1.0, 0.0, 1.0 / 60.0)
 _QUANTISATION_VARIANCE = 1.0 / 12.0
 # A material's nominal albedo is believed to this relative deviation.
 _ALBEDO_SIGMA = 0.03
+# A calibration's focal length is, too.
+_FOCAL_SIGMA = 6e-4
+_FOCAL_STEP = 2e-3
 _SMALLEST_MATERIAL = 0.002
 
 
 @dataclass
 class Observation:
     """One eye of one frame. weight: 1 / variance, [height][width]; tile: index of each pixel's tile, from 0, over all
-    observations; fold: the tile's cross-validation fold; material: index into the albedo nuisances, -1 = none; pick: flat indices
-    of the pixels that count, None = all."""
+    observations; fold: the tile's cross-validation fold; material: index into the albedo nuisances, -1 = none; focal_slope: DN per
+    relative change of the focal length; pick: flat indices of the pixels that count, None = all."""
 
     frame: object
     eye: str
@@ -37,6 +44,7 @@ class Observation:
     tile: np.ndarray = None
     fold: np.ndarray = None
     material: np.ndarray = None
+    focal_slope: np.ndarray = None
     pick: object = None
 
     def picked(self, image):
@@ -61,10 +69,12 @@ class Evidence:
     has_floor: bool
     materials: int = 0
     tiles: int = 0
+    place_error_m: float = 0.0
 
     @property
-    def albedo_sigma(self):
-        return np.full(self.materials, _ALBEDO_SIGMA)
+    def held_sigma(self):
+        """Prior deviations of the nuisances that a calibration or survey tells: focal lengths of both eyes, then albedos."""
+        return np.concatenate([np.full(len(EYES), _FOCAL_SIGMA), np.full(self.materials, _ALBEDO_SIGMA)])
 
     def floor_variance(self, observations):
         """Mean temporal variance of their pixels, DN^2."""
@@ -74,6 +84,8 @@ class Evidence:
         """Weights from expected values {(frame id, eye): DN}."""
         for o in self.train + self.test:
             variance = np.maximum(self.law.variance(predictions[o.key], o.frame.gain), _QUANTISATION_VARIANCE)
+            if self.place_error_m > 0:
+                variance = variance + (self.place_error_m * edge_slopes(o, predictions[o.key])) ** 2
             o.weight = (1.0 / variance).astype(np.float32)
 
 
@@ -97,8 +109,33 @@ def gather(capture, layers):
     )
     _number_tiles(evidence)
     _number_materials(evidence)
-    evidence.reweigh(_expected(observations, fit.nuisances, capture.rig.max_dn))
+    for o in observations:
+        o.focal_slope = _focal_slope(o, fit.nuisances)
+    expected = _expected(observations, fit.nuisances, capture.rig.max_dn)
+    _allow_for_inadequacy(evidence, observations, expected)
+    evidence.reweigh(expected)
     return evidence
+
+
+def _allow_for_inadequacy(evidence, observations, expected):
+    """Noise at gains without repeats, and what the survey of the scene leaves at edges."""
+    predicted = {o.key: predict(o.frame, o.layers, evidence.nuisances, evidence.capture.rig.max_dn) for o in evidence.train}
+    if evidence.has_floor:
+        shown = {o.frame.gain for o in evidence.train if o.frame.repeat_group is not None}
+        evidence.law = law_at_other_gains(evidence.law, evidence.train, predicted, shown)
+        for o in observations:
+            if o.frame.gain not in shown:
+                evidence.floors[o.key] = max(evidence.law.mean_variance(o.measured, o.frame.gain), _QUANTISATION_VARIANCE)
+    evidence.place_error_m = place_error(evidence.train, predicted, evidence.law)
+
+
+def _focal_slope(o, nuisances):
+    model, (u, v), (cx, cy) = Model(), o.view.pixels(), o.view.K[:2, 2]
+    light = model.light(o.layers, o.view, fine=False)
+    shorter = 1.0 / (1.0 + _FOCAL_STEP)
+    longer = light.warped(cx + (u - cx) * shorter, cy + (v - cy) * shorter)
+    change = model.signal(longer, o.view, nuisances) - model.signal(light, o.view, nuisances)
+    return (change / _FOCAL_STEP).astype(np.float32)
 
 
 def _expected(observations, nuisances, max_dn):
@@ -118,7 +155,7 @@ def _number_tiles(evidence):
         rows, columns = np.arange(height) // TILE_PX, np.arange(width) // TILE_PX
         across = columns[-1] + 1
         o.tile = first + rows[:, None] * across + columns[None]
-        o.fold = ((rows[:, None] // 2) % 2 * 2 + (columns[None] // 2) % 2).astype(np.int64)
+        o.fold = ((rows[:, None] // _SIDE) % 2 * 2 + (columns[None] // _SIDE) % 2).astype(np.int64)
         first += (rows[-1] + 1) * across
     evidence.tiles = first
 

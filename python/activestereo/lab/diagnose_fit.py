@@ -1,7 +1,7 @@
 """Fits a model with one candidate effect to the train frames: weighted least squares in effect parameters and nuisances jointly.
 
-Free are the parameters of every effect in play, projector scale, ambient scale, black level, and each material's albedo under
-its prior. Gauss-Newton with Levenberg's damping from several starts; images are recomputed, never extrapolated.
+Free are the parameters of every effect in play, projector scale, ambient scale, black level, focal lengths and albedos under
+their priors. Gauss-Newton with Levenberg's damping from several starts; images are recomputed, never extrapolated.
 """
 
 from dataclasses import dataclass, replace
@@ -9,11 +9,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from activestereo.effects import Randomness, Stage
-from activestereo.lab.diagnose_data import FOLDS
+from activestereo.lab.diagnose_data import BLOCK_PX, FOLDS
 from activestereo.lab.fit import Nuisances
 
 _STEP = 0.02
-_NUISANCES = 3
+# Of the nuisances phi: projector scale, ambient scale, black level; then those with priors: focal length by eye, albedos.
+_SCALES, _DENSE = 3, 5
 # Parameters are held by a prior this many ranges wide: it only breaks ties.
 _PRIOR_RANGES = 3.0
 
@@ -67,7 +68,7 @@ class Sums:
 
 @dataclass
 class Solution:
-    """theta, phi: effect parameters and nuisances (projector, ambient, black, albedo corrections); sums at the solution."""
+    """theta, phi: effect parameters and nuisances; sums at the solution."""
 
     play: Play
     theta: np.ndarray
@@ -80,24 +81,24 @@ class Solution:
 
     @property
     def nuisances(self):
-        return Nuisances(*map(float, self.phi[:_NUISANCES]))
+        return Nuisances(*map(float, self.phi[:_SCALES]))
 
     @property
     def albedo(self):
-        return self.phi[_NUISANCES:]
+        return self.phi[_DENSE:]
 
 
 class Fitter:
-    """Fits over given observations. albedo_sigma: prior deviations of the albedo nuisances. fine=False: warps on pixels alone."""
+    """Fits over given observations. held_sigma: prior deviations of the nuisances that have one. fine=False: warps on pixels alone."""
 
-    def __init__(self, observations, albedo_sigma, tiles, fine=True):
+    def __init__(self, observations, held_sigma, tiles, fine=True):
         self.observations = observations
         self._fine = fine
-        self._albedo_sigma = albedo_sigma
+        self._held_sigma = held_sigma
         self._tiles = tiles
 
     def phi0(self, nuisances):
-        return np.concatenate([nuisances.vector(), np.zeros(len(self._albedo_sigma))])
+        return np.concatenate([nuisances.vector(), np.zeros(len(self._held_sigma))])
 
     def lights(self, play, theta):
         """The Light of every observation."""
@@ -114,25 +115,32 @@ class Fitter:
     def chi2(self, play, theta, phi, lights):
         images = self.predictions(play, theta, phi, lights)
         total = sum(float((o.picked(o.weight) * (o.picked(o.measured) - o.picked(m)) ** 2).sum()) for o, m in zip(self.observations, images, strict=True))
-        return total + float(((phi[_NUISANCES:] / self._albedo_sigma) ** 2).sum())
+        return total + float(((phi[_SCALES:] / self._held_sigma) ** 2).sum())
 
     def linearise(self, play, theta, phi, lights, free_theta=True):
         """Sums at (theta, phi). Columns: theta (if free), then phi."""
         n_theta = len(theta) if free_theta else 0
         size = n_theta + len(phi)
         sums = Sums(np.zeros((FOLDS, size, size)), np.zeros((FOLDS, size)), np.zeros(FOLDS), np.zeros(self._tiles))
+        for o, columns, residual in self.slopes(play, theta, phi, lights, n_theta):
+            _accumulate(sums, o, columns, residual, n_theta, phi)
+        return sums
+
+    def slopes(self, play, theta, phi, lights, n_theta):
+        """Yields (observation, derivatives by the first n_theta of theta, scales and black level, residual)."""
         steps = play.steps(theta)
         models = []
         for j in range(n_theta):
             moved = theta.copy()
             moved[j] += steps[j]
             models.append(play.model(moved))
-        here, scales = play.model(theta), Nuisances(*phi[:_NUISANCES])
+        here, scales = play.model(theta), Nuisances(*phi[:_SCALES])
         # The slope of a warp is known well enough from the pixels alone; what is fitted are the fine images.
         coarse = self._fine and bool(play.in_camera[:n_theta].any())
         for o, light in zip(self.observations, lights, strict=True):
             graded = _graded(o, light, phi)
             image = here.signal(graded, o.view, scales)
+            focal = phi[_SCALES + o.view.is_right] * o.focal_slope
             near = _graded(o, self._light(here, o, fine=False), phi) if coarse else graded
             from_there = here.signal(near, o.view, scales) if coarse else image
             columns = []
@@ -141,13 +149,34 @@ class Fitter:
                 moved = _graded(o, self._light(models[j], o, fine=not coarse), phi) if in_light else graded
                 columns.append((models[j].signal(moved, o.view, scales) - (from_there if in_light else image)) / steps[j])
             columns += _nuisance_columns(here, o, graded, phi, image)
-            _accumulate(sums, o, columns, o.measured - image, n_theta + _NUISANCES, phi)
-        return sums
+            columns += [np.zeros(image.shape), o.focal_slope] if o.view.is_right else [o.focal_slope, np.zeros(image.shape)]
+            yield o, columns, o.measured - image - focal
+
+    def covariance(self, solution):
+        """Of theta, [n][n]: the sandwich over clusters that share errors (Liang and Zeger 1986): blocks of an eye's image, repeats and
+        settings of one pose together. None of it asks for independent pixels."""
+        play, theta, phi, n = solution.play, solution.theta, solution.phi, len(solution.theta)
+        gram = solution.sums.gram.sum(0) + np.diag(self.prior(n, play))
+        norm = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+        rows = (np.linalg.pinv(gram / np.outer(norm, norm), rcond=1e-12, hermitian=True) / np.outer(norm, norm))[:n]
+        dense, clusters = n + _DENSE, {}
+        for o, columns, residual in self.slopes(play, theta, phi, self.lights(play, theta), n):
+            A = np.stack(columns)
+            pull = np.einsum("kj,jyx->kyx", rows[:, :dense], A)
+            if rows.shape[1] > dense:
+                share = np.append(rows[:, dense:], np.zeros((n, 1)), axis=1)[:, o.material]
+                pull += share * (A[n] * phi[0] + A[n + 1] * phi[1])
+            pull *= o.weight * residual
+            height, width = residual.shape
+            block = np.add.outer(np.arange(height) // BLOCK_PX * (width // BLOCK_PX + 1), np.arange(width) // BLOCK_PX).ravel()
+            key = o.eye, o.frame.camera_to_world.tobytes(), o.frame.is_moving
+            clusters[key] = clusters.get(key, 0.0) + np.stack([np.bincount(block, p.ravel()) for p in pull])
+        return sum(sums @ sums.T for sums in clusters.values())
 
     def solve(self, sums, phi, n_theta, play, theta, damping):
         """The damped Gauss-Newton step in (theta, phi)."""
         prior = self.prior(n_theta, play)
-        offset = np.concatenate([theta[:n_theta] - play.neutral[:n_theta], np.zeros(_NUISANCES), phi[_NUISANCES:]])
+        offset = np.concatenate([theta[:n_theta] - play.neutral[:n_theta], np.zeros(_SCALES), phi[_SCALES:]])
         gram, moment = sums.gram.sum(0) + np.diag(prior), sums.moment.sum(0) - prior * offset
         norm = np.sqrt(np.maximum(np.diag(gram), 1e-300))
         scaled = gram / np.outer(norm, norm) + damping * np.eye(len(norm))
@@ -156,7 +185,7 @@ class Fitter:
     def prior(self, n_theta, play):
         """Precisions of the priors: wide for effects, none for scales and black level, the albedo's own."""
         ranges = (play.high - play.low)[:n_theta]
-        return np.concatenate([1.0 / (_PRIOR_RANGES * ranges) ** 2, np.zeros(_NUISANCES), 1.0 / self._albedo_sigma**2])
+        return np.concatenate([1.0 / (_PRIOR_RANGES * ranges) ** 2, np.zeros(_SCALES), 1.0 / self._held_sigma**2])
 
     def nuisance_fit(self, play, theta, phi, lights, rounds):
         """phi refitted at fixed theta, and chi2; with rounds = 1 the model is taken to be linear in phi."""
@@ -206,12 +235,15 @@ class Fitter:
 
 def signal(model, observation, light, phi):
     """Expected DN, float64 [height][width]."""
-    return model.signal(_graded(observation, light, phi), observation.view, Nuisances(*map(float, phi[:_NUISANCES])))
+    view = observation.view
+    image = model.signal(_graded(observation, light, phi), view, Nuisances(*map(float, phi[:_SCALES])))
+    focal = phi[_SCALES + view.is_right]
+    return np.clip(image + focal * observation.focal_slope, 0.0, view.max_dn) if focal else image
 
 
 def _graded(observation, light, phi):
     """The light with each material's relative albedo correction: it scales all light that the material sends."""
-    albedo = phi[_NUISANCES:]
+    albedo = phi[_DENSE:]
     if not albedo.any():
         return light
     gain = np.append(1.0 + albedo, 1.0)[observation.material]
@@ -221,22 +253,23 @@ def _graded(observation, light, phi):
 def _nuisance_columns(model, o, graded, phi, image):
     """Derivatives by projector scale, ambient scale and black level, by small relative steps."""
     columns = []
-    for j in range(_NUISANCES):
+    for j in range(_SCALES):
         step = 1e-3 * max(abs(phi[j]), 1.0)
-        moved = phi[:_NUISANCES].copy()
+        moved = phi[:_SCALES].copy()
         moved[j] += step
         columns.append((model.signal(graded, o.view, Nuisances(*moved)) - image) / step)
     return columns
 
 
-def _accumulate(sums, o, columns, residual, dense, phi):
-    """Adds one observation. The first `dense` columns are images; albedo columns live on their own material's pixels: a material's
-    column is the light it sends, projector and ambient columns times their scales."""
+def _accumulate(sums, o, columns, residual, n_theta, phi):
+    """Adds one observation. The columns are images; albedo columns live on their own material's pixels: a material's column is the
+    light it sends, projector and ambient columns times their scales."""
+    dense = len(columns)
     A = np.stack([o.picked(c) for c in columns])
     r, weight, fold, material = (o.picked(image) for image in (residual, o.weight, o.fold, o.material))
     squares = weight * r**2
     sums.tile_chi2 += np.bincount(o.picked(o.tile), squares, minlength=len(sums.tile_chi2))
-    glow = A[dense - 3] * phi[0] + A[dense - 2] * phi[1]
+    glow = A[n_theta] * phi[0] + A[n_theta + 1] * phi[1]
     materials = sums.moment.shape[1] - dense
     label = np.where(material >= 0, material, materials) + (materials + 1) * fold
     bins = FOLDS * (materials + 1)

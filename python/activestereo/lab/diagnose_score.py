@@ -13,7 +13,10 @@ _Z90 = 1.645
 @dataclass
 class Entry:
     """One explanation of the train frames. chi2: cross-validated; tile_chi2: in-sample, by tile; frame_gain: relative fall of each
-    frame's chi2 that the effect touches; parameters: {name: {value, low, high, unit}}; explained: share of the chi2 above the floor."""
+    frame's chi2 that the effect touches; parameters: {name: {value, low, high, unit}}; explained: share of the chi2 above the floor.
+
+    channel: what it is judged on: "infrared" (expected images), "noise" (repeats) or "depth" (the device's disparity); of the last two
+    chi2 is the base's, and explained is a share of the noise's or the disparity error's variance."""
 
     effect: object
     chi2: float
@@ -25,6 +28,7 @@ class Entry:
     explained: float = 0.0
     gain_floors: float = 0.0
     consistency: float = 1.0
+    channel: str = "infrared"
 
     @property
     def id(self):
@@ -64,20 +68,23 @@ def gain_error(base, entry, deff, base_chi2, pixels):
     return 0.5 * pixels / deff * spread / base_chi2
 
 
-def intervals(entry_solution, fitter, first, candidate, deff, pixels):
-    """{name: {value, low, high, unit}} of the candidate's parameters, 90 %, clipped to their ranges."""
-    sums, n = entry_solution.sums, len(entry_solution.theta)
-    gram = sums.gram.sum(0)
-    albedo = fitter.prior(n, entry_solution.play)
-    norm = np.sqrt(np.maximum(np.diag(gram) + albedo, 1e-300))
-    inverse = np.linalg.pinv((gram + np.diag(albedo)) / np.outer(norm, norm), rcond=1e-12, hermitian=True) / np.outer(norm, norm)
-    scale = sums.total / pixels * deff
+def intervals(fitter, solution, first, candidate):
+    """{name: {value, low, high, unit}} of the candidate's parameters, 90 %, clipped to their ranges. first: the index of its first."""
+    deviation = np.sqrt(np.maximum(np.diag(fitter.covariance(solution)), 0.0))
     out = {}
     for i, p in enumerate(candidate.parameters):
-        value = entry_solution.theta[first + i]
-        error = _Z90 * np.sqrt(max(inverse[first + i, first + i], 0.0) * scale)
+        value, error = solution.theta[first + i], _Z90 * deviation[first + i]
         low, high = max(p.low, value - error), min(p.high, value + error)
         out[p.name] = {"value": float(value), "low": float(low), "high": float(high), "unit": p.unit}
+    return out
+
+
+def told(candidate, found):
+    """Parameters of an Entry from {name: (value, low, high)}, inside their ranges; neutral and unknown where not found."""
+    out = {}
+    for p in candidate.parameters:
+        value, low, high = (float(np.clip(v, p.low, p.high)) for v in found.get(p.name, (p.neutral, p.low, p.high)))
+        out[p.name] = {"value": value, "low": low, "high": high, "unit": p.unit}
     return out
 
 

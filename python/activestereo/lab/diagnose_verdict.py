@@ -7,22 +7,27 @@ _MARGIN_NATS = 5.0
 # Practical size: share of the error above the floor that must go, and the least fall of the mean square in units of the floor's.
 _SMALLEST_SHARE = 0.10
 _SMALLEST_GAIN_FLOORS = 0.01
+# Of the disparity error's mean square: engines differ by themselves.
+_SMALLEST_DEPTH_SHARE = 0.03
 _CONSISTENT = 0.7
 # What is left above the floor after the best explanation: more than this share of the excess, and of the floor, is unexplained.
 _UNEXPLAINED_SHARE = 0.5
-_UNEXPLAINED_FLOORS = 0.05
+_UNEXPLAINED_FLOORS = 0.12
 # Equivalence: as much left above the floor, within these, cannot be told apart by a model that is itself approximate.
 _SAME_EXCESS_RATIO, _SAME_EXCESS_FLOORS = 1.2, 0.002
 # Temperature of the confidence's softmax over log excess, and how well the floor itself is known.
+_CERTAIN = 3.0
 _TEMPERATURE, _FLOOR_KNOWN_TO = 0.2, 0.01
 
 
 def passes(ranking, entry):
     """Whether an entry may be named: significant among all tried, of practical size, and better wherever it acts."""
     threshold = _MARGIN_NATS + np.log(max(len(ranking.entries), 1))
+    if entry.channel == "depth" and not ranking.at_floor:
+        return False  # first what the images show: the engine matched those
     return (
         entry.nats > threshold
-        and entry.explained >= _SMALLEST_SHARE
+        and entry.explained >= (_SMALLEST_DEPTH_SHARE if entry.channel == "depth" else _SMALLEST_SHARE)
         and entry.gain_floors >= _SMALLEST_GAIN_FLOORS
         and entry.consistency >= _CONSISTENT
     )
@@ -35,12 +40,12 @@ def left(ranking, entry):
 
 def equivalents(ranking, entry):
     """Other entries that explain the data as well, within their paired error or the models' own inadequacy."""
-    if entry.nats <= 0:
+    if entry.nats <= 0 or entry.channel != "infrared":
         return []
     limit = _SAME_EXCESS_RATIO * left(ranking, entry) + _SAME_EXCESS_FLOORS
     chosen = []
     for other in ranking.entries:
-        if other is entry or other.nats <= 0 or other.gain_floors < 0.25 * entry.gain_floors:
+        if other is entry or other.channel != "infrared" or other.nats <= 0 or other.gain_floors < 0.25 * entry.gain_floors:
             continue
         close = entry.nats - other.nats <= 2.0 * ranking.difference_error(entry, other) + 2.0
         if close or left(ranking, other) <= limit:
@@ -52,6 +57,9 @@ def confidences(ranking):
     """{id: probability}: a softmax of minus log of what each leaves above the floor; 'none' takes part."""
     excess = np.array([left(ranking, e) for e in [*ranking.entries, ranking.base]]) + _FLOOR_KNOWN_TO
     logits = -np.log(excess) / _TEMPERATURE
+    for i, e in enumerate(ranking.entries):
+        if e.channel != "infrared":  # no rival in the expected images
+            logits[i] = logits.max() + _CERTAIN if passes(ranking, e) else logits.min()
     weights = np.exp(logits - logits.max())
     return {e.id: float(w) for e, w in zip(ranking.entries, weights / weights.sum(), strict=False)}
 

@@ -63,7 +63,11 @@ def fit_nuisances(observations, max_dn):
     total = sum(measured.size for _, _, measured in observations)
     solution, deviation = None, 0.0
     for _ in range(_CLIP_ROUNDS):
-        gram, moment, energy, used = _normal_equations(observations, solution, deviation, max_dn)
+        with np.errstate(over="ignore", invalid="ignore"):
+            gram, moment, energy, used = _normal_equations(observations, solution, deviation, max_dn)
+        if not np.isfinite(gram).all():
+            most = max(observations, key=lambda o: o[0].exposure_gain)[0]
+            raise ValueError(f"nothing to fit: frame {most.id} has an exposure x gain of {most.exposure_gain:.3g} s, beyond all measure")
         if used == 0:
             raise ValueError("nothing to fit: every pixel of the train frames is clipped")
         solution, inverse = _solve(gram, moment)

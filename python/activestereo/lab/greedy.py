@@ -8,9 +8,13 @@ from activestereo.lab.diagnose_verdict import passes
 from activestereo.lab.ranking import Ranking
 
 _LARGEST_MODEL = 5
-# A removal is kept where the model stays as good: its loss of nats is below this.
+# A removal is kept where the model stays as good: its loss of nats is below this; so is a swap that gains more.
 _NEEDLESS_NATS = 5.0
 _SMALLEST_GAIN_FLOORS = 0.005
+# Of a ranking, so many may be what an earlier effect was mistaken for.
+_RIVALS = 3
+# Share of the first excess that, once gone, leaves nothing worth another ranking.
+_ENOUGH = 0.95
 
 
 @dataclass
@@ -24,27 +28,54 @@ class Step:
 def greedy(first, evidence, model, candidates, workers, progress=None):
     """Steps from the given model on; the last one's model is the answer. first: the Ranking on top of `model`."""
     steps, ranking, given = [Step((), first)], first, len(model.effects)
-    tried = set()
+    tried, rivals = set(), set()
     while len(steps) <= _LARGEST_MODEL:
-        best = next((e for e in ranking.entries if e.id not in tried and e.solution is not None and passes(ranking, e)), None)
+        passing = [e for e in ranking.entries if e.solution is not None and passes(ranking, e)]
+        best = next((e for e in passing if e.id not in tried), None)
         if best is None:
             break
         tried.add(best.id)
-        grown = pruned(best.solution.model, evidence, candidates, given)
-        ranking = Ranking(evidence, grown, candidates, workers, progress)
+        rivals |= {e.id for e in passing[: 1 + _RIVALS]}
+        grown = pruned(best.solution.model, evidence, given)
+        grown = swapped(grown, evidence, [c for c in candidates if c.id in rivals], given)
+        ranking = Ranking(evidence, grown, _worth_trying(grown, evidence, first, candidates), workers, progress)
         steps.append(Step(tuple(e.id for e, _ in grown.effects[given:]), ranking))
     return steps
 
 
-def pruned(model, evidence, candidates, given):
+def _worth_trying(model, evidence, first, candidates):
+    """No candidates where next to nothing is left; what random effects leave is theirs alone."""
+    left = Ranking(evidence, model, []).excess
+    return [] if left < (1.0 - _ENOUGH) * first.excess else candidates
+
+
+def _loss(ranking, full):
+    """Nats and floors that a ranking's base is behind a better base."""
+    behind = ranking.base.chi2 / full.chi2
+    return 0.5 * ranking.pixels * float(np.log(behind)) / ranking.deff, (ranking.base.chi2 - full.chi2) / ranking.pixels
+
+
+def pruned(model, evidence, given):
     """The model without those added effects that, all others refitted, it does not need."""
     if len(model.effects) - given < 2:
         return model
-    full = Ranking(evidence, model, [], 1).base
+    full = Ranking(evidence, model, []).base
     for e, _ in model.effects[given:-1]:
         smaller = model.without_effect(e.id)
-        ranking = Ranking(evidence, smaller, [], 1)
-        loss = 0.5 * ranking.pixels * float(np.log(ranking.base.chi2 / full.chi2)) / ranking.deff
-        if loss < _NEEDLESS_NATS or ranking.base.chi2 - full.chi2 < _SMALLEST_GAIN_FLOORS * ranking.pixels:
-            return pruned(smaller, evidence, candidates, given)
+        nats, floors = _loss(Ranking(evidence, smaller, []), full)
+        if nats < _NEEDLESS_NATS or floors < _SMALLEST_GAIN_FLOORS:
+            return pruned(smaller, evidence, given)
+    return model
+
+
+def swapped(model, evidence, rivals, given):
+    """The model with each earlier effect replaced by the rival that, beside the later ones, explains clearly more."""
+    if len(model.effects) - given < 2:
+        return model
+    for e, _ in model.effects[given:-1]:
+        others = Ranking(evidence, model.without_effect(e.id), [c for c in rivals if c.id == e.id or c.id not in {x.id for x, _ in model.effects}])
+        best = min((r for r in others.entries if r.solution is not None), key=lambda r: r.chi2, default=None)
+        own = next((r for r in others.entries if r.id == e.id), None)
+        if best is not None and own is not None and best.nats - own.nats > _NEEDLESS_NATS and own.chi2 - best.chi2 > _SMALLEST_GAIN_FLOORS * others.pixels:
+            model = best.solution.model
     return model

@@ -6,11 +6,13 @@ import numpy as np
 
 from activestereo.capture import EYES
 from activestereo.effects.core.fine import FineImages
-from activestereo.effects.core.lens import undistort
+from activestereo.effects.core.lens import distort, undistort
 
 # Rendered beyond the frame at finer scales: what calibration errors, lenses and motion bring into sight.
 _MARGIN_SHARE = 0.02
 _LARGEST_MARGIN_PX = 200
+# A lens that draws a border pixel so far from where it was looked up draws several places there, or none.
+_LARGEST_FOLD_PX = 1.0
 # A lens is drawn by resampling, which needs finer images than the pixels themselves.
 _LEAST_SCALE_OF_A_LENS = 2
 # Depths that differ by less than this share belong to one surface.
@@ -123,6 +125,13 @@ def ideal_pixels(camera, column, row):
     return camera.K[0, 0] * x + camera.K[0, 1] * y + camera.K[0, 2], camera.K[1, 1] * y + camera.K[1, 2]
 
 
+def drawn_pixels(camera, column, row):
+    """[2][...]: where the Camera draws what an ideal pinhole of the same K draws at pixels (column, row): ideal_pixels() inverted."""
+    y = (row - camera.K[1, 2]) / camera.K[1, 1]
+    x, y = distort((column - camera.K[0, 2] - camera.K[0, 1] * y) / camera.K[0, 0], y, camera.distortion)
+    return np.stack([camera.K[0, 0] * x + camera.K[0, 1] * y + camera.K[0, 2], camera.K[1, 1] * y + camera.K[1, 2]])
+
+
 def sampling_of(rig, scale):
     """The Sampling at a scale: at 1 the pixels alone; finer ones with a margin, and always enough for the nominal lenses."""
     cameras = [rig.camera(eye) for eye in EYES]
@@ -130,9 +139,10 @@ def sampling_of(rig, scale):
         return Sampling()
     reach = max(_reach_px(camera) for camera in cameras)
     share = max(int(np.ceil(_MARGIN_SHARE * max(camera.width, camera.height))) for camera in cameras)
-    if reach > _LARGEST_MARGIN_PX:
+    if not reach <= _LARGEST_MARGIN_PX:
+        how_far = f"{reach:.0f} pixels" if np.isfinite(reach) else "without limit"
         raise ValueError(
-            f"the rig's lens distortion reaches {reach:.0f} pixels beyond an ideal camera's frame; at most {_LARGEST_MARGIN_PX} "
+            f"the rig's lens distortion reaches {how_far} beyond an ideal camera's frame; at most {_LARGEST_MARGIN_PX} pixels "
             "are rendered: rectify the images and give the rig's distortion as zeros"
         )
     return Sampling(max(scale, _LEAST_SCALE_OF_A_LENS), share + int(np.ceil(reach)))
@@ -146,8 +156,11 @@ def _reach_px(camera):
     along = np.linspace(0.0, 1.0, 65)
     border_u = np.concatenate([along * right, along * right, 0 * along, 0 * along + right])
     border_v = np.concatenate([0 * along, 0 * along + bottom, along * bottom, along * bottom])
-    u, v = ideal_pixels(camera, border_u, border_v)
-    return max(0.0, -u.min(), -v.min(), u.max() - right, v.max() - bottom)
+    with np.errstate(all="ignore"):  # a lens beyond all sense diverges
+        u, v = ideal_pixels(camera, border_u, border_v)
+        reach = np.max([0.0, -u.min(), -v.min(), u.max() - right, v.max() - bottom])
+        is_single_valued = np.abs(drawn_pixels(camera, u, v) - np.stack([border_u, border_v])).max() < _LARGEST_FOLD_PX
+    return float(reach) if is_single_valued and np.isfinite(reach) else np.inf
 
 
 def rig_request(capture, frame, samples_per_pixel, max_bounces, seed, sampling=Sampling()):

@@ -60,7 +60,7 @@ def fit_noise_law(statistics, black_dn, max_dn):
     a fitted black level is biased while an effect is missing. Of the levels that fit, the lowest is taken: it asks for the
     least shot noise, so the least is extrapolated to gains that no repeat has shown.
     """
-    bins = [row for entry in statistics for row in _transfer_bins(entry, max_dn)]
+    bins = [row for entry in statistics for row in transfer_rows(entry, max_dn)]
     if not bins:
         return None
     gain, mean, square, variance, weight = np.array(bins).T
@@ -76,11 +76,11 @@ def fit_noise_law(statistics, black_dn, max_dn):
 
 def transfer_points(capture):
     """The photon-transfer curve of the repeats: [{gain, mean_dn, variance_dn2}], both eyes, clipped pixels left out."""
-    bins = [row for entry in repeat_statistics(capture) for row in _transfer_bins(entry, capture.rig.max_dn)]
+    bins = [row for entry in repeat_statistics(capture) for row in transfer_rows(entry, capture.rig.max_dn)]
     return [{"gain": float(gain), "mean_dn": float(mean), "variance_dn2": float(v)} for gain, mean, _, v, _ in bins]
 
 
-def _transfer_bins(entry, max_dn):
+def transfer_rows(entry, max_dn):
     """Rows (gain, mean, mean of squares, variance, 1 / standard error of the variance) over bins of equal pixel count."""
     frames, _, mean, variance = entry
     count = len(frames)

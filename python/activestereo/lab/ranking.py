@@ -5,7 +5,9 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 
 from activestereo.effects import Randomness, Stage
+from activestereo.lab.diagnose_depth import DepthEvidence
 from activestereo.lab.diagnose_fit import Fitter, Play, signal
+from activestereo.lab.diagnose_noise import fit_noise
 from activestereo.lab.diagnose_scan import scan_observations, starts
 from activestereo.lab.diagnose_score import (
     Entry,
@@ -15,6 +17,7 @@ from activestereo.lab.diagnose_score import (
     gain_error,
     intervals,
     nats_of,
+    told,
 )
 from activestereo.lab.diagnose_static import PARTS, fit_static, white_rest
 
@@ -28,6 +31,8 @@ _OUT_OF_REACH = 0.03
 # Parts of the time, for the progress; polishing takes the rest.
 _RANDOM_TIME, _SCAN_TIME, _FIT_TIME = 0.05, 0.35, 0.25
 _Z90 = 1.645
+# Below this excess, in floors of variance, the infrared images lack nothing.
+_AT_FLOOR = 0.12
 
 
 class Ranking:
@@ -36,8 +41,8 @@ class Ranking:
     def __init__(self, evidence, model, candidates, workers=2, progress=None):
         self.evidence = evidence
         self._model = model
-        self.fitter = Fitter(evidence.train, evidence.albedo_sigma, evidence.tiles)
-        self._scan = Fitter(scan_observations(evidence.train), evidence.albedo_sigma, evidence.tiles, fine=False)
+        self.fitter = Fitter(evidence.train, evidence.held_sigma, evidence.tiles)
+        self._scan = Fitter(scan_observations(evidence.train), evidence.held_sigma, evidence.tiles, fine=False)
         self.pixels = sum(o.measured.size for o in evidence.train)
         self.tile_pixels = np.bincount(np.concatenate([o.tile.ravel() for o in evidence.train]), minlength=evidence.tiles)
         self.base = self._fit_base()
@@ -45,9 +50,11 @@ class Ranking:
         self._base_test_rows = self.rows(evidence.test, self.base.solution)
         self.white = white_rest(self._base_rows)
         known = {e.id for e, _ in model.effects}
-        chosen = [e for e in candidates if e.id not in known and e.stage <= Stage.DIGITAL]
-        self.entries = self._fit_all(chosen, workers, progress)
+        chosen = [e for e in candidates if e.id not in known]
+        self.entries = self._fit_all([e for e in chosen if e.stage <= Stage.DIGITAL], workers, progress)
         self._score()
+        self.entries += self._beside([e for e in chosen if e not in {entry.effect for entry in self.entries}])
+        self.entries.sort(key=lambda e: (e.channel == "depth" and not self.at_floor, -e.nats))
 
     def _fit_base(self):
         play = Play(self._model)
@@ -74,7 +81,7 @@ class Ranking:
             return sorted((f for f in found if f[0] > share * best), key=lambda f: -f[0])
 
         random = [e for e in candidates if e.id in PARTS]
-        smooth = [e for e in candidates if e.randomness is Randomness.NONE]
+        smooth = [e for e in candidates if e.randomness is Randomness.NONE and e.id != "quantisation"]
         with ThreadPoolExecutor(max_workers=workers) as pool:
             entries = all_of(random, _RANDOM_TIME, self._fit_random)
             scanned = best_of(all_of(smooth, _SCAN_TIME, self._look_at), _OUT_OF_REACH)
@@ -108,14 +115,12 @@ class Ranking:
         play = start.play
         solution = self.fitter.refine(play, start.theta, start.phi, _POLISH if fully else 0)
         entry = Entry(candidate, cross_validated(self.fitter, solution), solution.sums.tile_chi2, solution)
-        deff = design_effect(entry.tile_chi2, self.tile_pixels)
-        first = len(play.free) - len(candidate.parameters)
-        entry.parameters = intervals(solution, self.fitter, first, candidate, deff, self.pixels)
+        entry.parameters = intervals(self.fitter, solution, len(play.free) - len(candidate.parameters), candidate)
         return entry
 
     def rows(self, observations, solution):
         """(observation, prediction, projector DN, residual) of each."""
-        lights = Fitter(observations, self.evidence.albedo_sigma, self.evidence.tiles).lights(solution.play, solution.theta)
+        lights = Fitter(observations, self.evidence.held_sigma, self.evidence.tiles).lights(solution.play, solution.theta)
         out = []
         for o, light in zip(observations, lights, strict=True):
             image = signal(solution.model, o, light, solution.phi)
@@ -142,6 +147,35 @@ class Ranking:
             entry.parameters[p.name] = {"value": value, "low": low, "high": high, "unit": p.unit}
         return entry
 
+    def _beside(self, candidates):
+        """Entries of what expected images cannot show: noise from repeats, the depth engine's faults from its disparity."""
+        entries = []
+        floor = self.evidence.floor_variance(self.evidence.train)
+        for candidate in (e for e in candidates if e.stage <= Stage.DIGITAL):
+            fit = fit_noise(candidate, self.evidence, self._model)
+            if fit is not None:
+                share = fit.variance / max(floor, fit.variance)
+                entries.append(self._entry_beside(candidate, "noise", fit.nats, share, 1.0, fit.values))
+        engine = [e for e in candidates if e.stage > Stage.DIGITAL]
+        if engine and any(o.frame.depth_path is not None for o in self.evidence.train):
+            evidence = self._depth_evidence()
+            for candidate in engine:
+                fit = evidence.fit(candidate)
+                if fit is not None:
+                    entries.append(self._entry_beside(candidate, "depth", fit.nats, fit.share, fit.consistency, fit.values))
+        return entries
+
+    def _entry_beside(self, candidate, channel, nats, share, consistency, values):
+        entry = Entry(candidate, self.base.chi2, self.base.tile_chi2, parameters=told(candidate, values), channel=channel)
+        entry.nats, entry.explained, entry.gain_floors, entry.consistency = nats, share, share, consistency
+        return entry
+
+    def _depth_evidence(self):
+        observations = self.evidence.train
+        predictions = {o.key: image for (o, image, *_) in self._base_rows}
+        measured, views = {o.key: o.measured for o in observations}, {o.key: o.view for o in observations}
+        return DepthEvidence(self.evidence.capture, measured, predictions, views, self.evidence.law, self._model)
+
     def _score(self):
         base = self.base
         best = min([base, *self.entries], key=lambda e: e.chi2)
@@ -153,13 +187,17 @@ class Ranking:
             e.explained = (base.chi2 - e.chi2) / above
             e.gain_floors = (base.chi2 - e.chi2) / self.pixels
             e.consistency = frame_consistency(self.evidence.train, base.tile_chi2, e.tile_chi2)
-        self.entries.sort(key=lambda e: -e.nats)
 
     def white_after(self, entry):
         """white_rest of what an entry leaves."""
         if entry is self.base or entry.solution is None:
             return self.white
         return white_rest(self.rows(self.evidence.train, entry.solution))
+
+    @property
+    def at_floor(self):
+        """Whether the expected images lack nothing."""
+        return self.excess < _AT_FLOOR
 
     @property
     def excess(self):

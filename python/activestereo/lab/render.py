@@ -8,6 +8,9 @@ from activestereo.capture import EYES
 from activestereo.lab.cache import LayerCache, request_key
 from activestereo.lab.layers import rig_request, sampling_of
 
+# Image samples per pixel side where effects may warp the images: finer ones keep dots sharp.
+WARP_SCALE = 2
+
 
 def render_frames(capture, renderer, samples_per_pixel=64, max_bounces=8, seed=0, cache=None, progress=None, scale=1):
     """{frame id: {eye: Layers}} of every frame; frames at one pose share their layers.

@@ -56,8 +56,9 @@ def _scored(world, name, values):
     if name == "gain_error":  # As a power of the told gain.
         gain = max(frame.gain for frame in world.frames)
         return {"log_gain": float(np.log1p(values["error"]) / np.log(gain))}
+    if name == "projector_defocus":  # The radius; hidden is the diameter of the disc of equal second moment.
+        return {"aperture_px_m": values["aperture_px_m"] / 2}
     main = {
-        "projector_defocus": ("aperture_px_m",),
         "flicker_banding": ("depth",),
         "chromatic_drift": ("sigma_px_per_k",),
         "saturation_blooming": ("lost_range",),

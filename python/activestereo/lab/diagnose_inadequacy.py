@@ -1,0 +1,57 @@
+"""What a measured scene is never known to: places of its edges, and the noise at gains that no repeat has shown.
+
+A tape measure leaves a millimetre or so: where materials or surfaces meet, the image is off by the local slope times that. It is
+judged on static frames alone and never believed beyond a limit, so that what moves edges in earnest stays to be explained.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.ndimage import maximum_filter, minimum_filter
+
+# Largest survey error of a place that is believed, metres; beyond it something else is missing.
+_LARGEST_PLACE_ERROR_M = 1.5e-3
+_DEPTH_STEP = 0.03
+# Neighbours whose expected values differ by less than this share show noise alone in their difference.
+_ALIKE = 0.1
+
+
+def edge_slopes(o, image):
+    """Change of the expected image in DN per metre of misplacement, at pixels next to an edge, else 0; float32 [height][width]."""
+    z, material = o.view.depth_m, np.asarray(o.layers.material)
+    edge = maximum_filter(material, 3) != minimum_filter(material, 3)
+    edge |= maximum_filter(z, 3) - minimum_filter(z, 3) > _DEPTH_STEP * z
+    down, right = np.gradient(image)
+    per_m = np.where(z > 0, o.view.K[0, 0] / np.where(z > 0, z, 1.0), 0.0)
+    return np.where(edge, np.hypot(down, right) * per_m, 0.0).astype(np.float32)
+
+
+def place_error(observations, images, law):
+    """Deviation of the edges' places in metres, from the static frames' excess at edges; 0 where there is none."""
+    excess = slopes = 0.0
+    for o in observations:
+        if not o.frame.is_moving and o.frame.projector_power > 0:
+            slope = edge_slopes(o, images[o.key])
+            edge = slope > 0
+            variance = law.variance(images[o.key], o.frame.gain)
+            excess += ((o.measured - images[o.key]) ** 2 - variance)[edge].sum()
+            slopes += (slope[edge].astype(np.float64) ** 2).sum()
+    return float(np.sqrt(np.clip(excess / slopes, 0.0, _LARGEST_PLACE_ERROR_M**2))) if slopes > 0 else 0.0
+
+
+def law_at_other_gains(law, observations, images, shown_gains):
+    """The law with the shot noise that frames at other gains than the repeats' show between neighbours alike in expected value."""
+    top = bottom = 0.0
+    for o in observations:
+        if o.frame.gain in shown_gains:
+            continue
+        image = images[o.key]
+        rest = o.measured - image
+        pair = 0.5 * (rest[:, 1:] - rest[:, :-1]) ** 2
+        mean = 0.5 * (image[:, 1:] + image[:, :-1])
+        alike = (np.abs(image[:, 1:] - image[:, :-1]) < _ALIKE * mean) & (mean < o.view.max_dn - 1)
+        lever = o.frame.gain * np.maximum(mean - law.black_dn, 0.0)
+        weight = 1.0 / np.maximum(law.variance(mean, o.frame.gain), 1.0 / 12.0) ** 2
+        top += (weight * lever * (pair - law.variance(mean, o.frame.gain)))[alike].sum()
+        bottom += (weight * lever**2)[alike].sum()
+    return replace(law, shot=law.shot + max(top / bottom, 0.0)) if bottom > 0 else law
