@@ -7,6 +7,7 @@ well exposed from 0.5 m to 1.5 m (a quarter of a percent of the example's pixels
 """
 
 from copy import deepcopy
+from difflib import get_close_matches
 
 import numpy as np
 
@@ -64,9 +65,11 @@ _MODELS = {"D415": _d415, "D435": _d435}
 
 
 class StereoDepthSensorConfig:
-    """Everything about a sensor; change any field before making the sensor. Raises ValueError for an unknown model."""
+    """Everything about a sensor; change any field before making the sensor. Raises ValueError for an unknown model, AttributeError for a field
+    that there is not."""
 
     SUPPORTED_MODELS = tuple(_MODELS)
+    _FIELDS = ()  # all names, once a first one has been made
 
     def __init__(self, model="D435"):
         if str(model).upper() not in _MODELS:
@@ -135,6 +138,13 @@ class StereoDepthSensorConfig:
         self.max_bounces = 8
         self.render_seed = 0
 
+    def __setattr__(self, name, value):
+        if self._FIELDS and name not in self._FIELDS:
+            close = get_close_matches(name, self._FIELDS, 1)
+            hint = f"; did you mean '{close[0]}'?" if close else ""
+            raise AttributeError(f"a sensor's configuration has no field '{name}'{hint}")
+        object.__setattr__(self, name, value)
+
     @property
     def focal_baseline_px_m(self):
         """f * B of the IR pair: depth = this / disparity."""
@@ -178,3 +188,6 @@ class StereoDepthSensorConfig:
         """The projector's 3x3 K for a pattern image of this size."""
         focal = 0.5 * width / np.tan(0.5 * self.active_light_fov)
         return _k(focal, focal, 0.5 * (width - 1), 0.5 * (height - 1))
+
+
+StereoDepthSensorConfig._FIELDS = tuple(vars(StereoDepthSensorConfig()))

@@ -9,7 +9,7 @@ _WIDTH = 28
 
 
 class ProgressBar:
-    """Called with fractions 0..1; a context manager that ends the line. Never cancels."""
+    """Called with fractions 0..1; a context manager that ends the line. Never cancels by itself; Ctrl-C does."""
 
     def __init__(self, label, stream=None, clock=time.monotonic):
         self._label = label

@@ -316,3 +316,24 @@ def test_activestereo_stub():
     tree = ast.parse((Path(activestereo.__file__).parent / "__init__.pyi").read_text())
     assert {alias.name for node in tree.body for alias in node.names} == set(activestereo.__all__)
     assert all(getattr(activestereo, name).__name__ == name for name in activestereo.__all__)
+
+
+def test_depth_can_be_stopped_within_a_pair():
+    camera = simsense.Camera(320, 240, np.array([[300, 0, 160], [0, 300, 120], [0, 0, 1]]))
+    baseline = np.eye(4)
+    baseline[0, 3] = -0.05
+    device = simsense.Device("host", worker_count=1)
+    engine = simsense.Engine(device, camera, camera, baseline, rectified=True, max_disparity=64)
+    image = np.random.default_rng(1).integers(0, 256, (240, 320), dtype=np.uint8)
+    told = []
+
+    def stop(fraction):
+        told.append(fraction)
+        if 0.3 < fraction < 1:
+            raise KeyboardInterrupt
+
+    expected = engine.compute(image, image)["depth"]
+    with pytest.raises(KeyboardInterrupt):
+        engine.compute(image, image, progress=stop)
+    assert 0 <= min(told) < 0.3 and told == sorted(told)
+    np.testing.assert_array_equal(engine.compute(image, image)["depth"], expected)

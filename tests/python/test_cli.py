@@ -119,6 +119,19 @@ def test_depth_of_a_pair(run, pair, tmp_path):
     assert np.median(depth[depth > 0]) == 500
 
 
+def test_depth_of_a_dim_16_bit_pair_with_one_bright_pixel(run, pair, tmp_path):
+    """Each count of a 16-bit image is seen, however bright its brightest pixel is."""
+    for name in ("left", "right"):
+        dim = np.asarray(Image.open(pair / f"{name}.png")).astype(np.uint16)
+        dim[3, 5] = 65535
+        Image.fromarray(dim).save(tmp_path / f"{name}.png")
+    result = run("depth", tmp_path / "left.png", tmp_path / "right.png", "--k", K, "--baseline", "0.05", "--max-disparity", "32", "--out", tmp_path)
+    assert result.returncode == 0, result.stderr
+    assert "p1 8, p2 32" in result.stdout and "disparities 0..31" in result.stdout and "matching 160x96" in result.stderr
+    depth = np.asarray(Image.open(tmp_path / "depth.png"))
+    assert np.median(depth[depth > 0]) == 500 and (depth > 0).mean() > 0.8
+
+
 def test_depth_refuses_what_is_wrong(run, pair, tmp_path):
     left, right = pair / "left.png", pair / "right.png"
     rest = ("--k", K, "--baseline", "0.05", "--out", tmp_path / "out")
@@ -134,6 +147,8 @@ def test_depth_refuses_what_is_wrong(run, pair, tmp_path):
     assert_refused(run("depth", left, right, "--k", "1,1,nan,1", *rest[2:]), "--k", "finite")
     assert_refused(run("depth", left, right, "--k", "-5,0,1,0,5,1,0,0,1", *rest[2:]), "--k", "positive")
     assert_refused(run("depth", left, right, "--k", K, "--baseline", "0", *rest[4:]), "--baseline")
+    assert_refused(run("depth", left, right, "--k", K, "--baseline", "50000", *rest[4:]), "50000 m", "metres")
+    assert_refused(run("depth", left, right, "--k", "1e9,1e9,80,48", *rest[2:]), "focal", "pixels")
     assert_refused(run("depth", left, right, *rest, "--max-disparity", "8"), "max_disparity")
     assert_refused(run("depth", left, right, *rest, "--p1", "90", "--p2", "80"), "p1")
     assert_refused(run("depth", left, right, *rest, "--census", "6x6"), "census")

@@ -90,3 +90,13 @@ def test_config_of_one_sensor_does_not_change_another():
     first.ir_intrinsic[0, 0] = 1.0
     first.trans_pose_l = Pose()
     assert StereoDepthSensorConfig().ir_intrinsic[0, 0] == 430.139801025391
+
+
+def test_a_misspelt_field_is_refused():
+    config = StereoDepthSensorConfig()
+    with pytest.raises(AttributeError, match="no field 'max_disparity'; did you mean 'max_disp'"):
+        config.max_disparity = 64
+    with pytest.raises(AttributeError, match="no field 'zzz'$"):
+        config.scaled(0.5).zzz = 1
+    config.max_disp = 64
+    assert config.scaled(1).max_disp == 64

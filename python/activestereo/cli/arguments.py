@@ -95,8 +95,12 @@ def add_out(parser):
     parser.add_argument("--out", required=True, type=_folder, metavar="DIR", help=text)
 
 
-def add_matching(parser, p1, p2):
-    """Options of the stereo matcher; those not given are None, and the sensor's or engine's own value holds."""
+# The penalties of SAPIEN's sensor: those of the presets, and of the commands where none are given.
+P1, P2 = 8, 32
+
+
+def add_matching(parser, min_depth_m):
+    """Options of the stereo matcher; those not given are None, and the command's own value holds."""
     group = parser.add_argument_group("matching", "Semi-global matching of census descriptors.")
 
     def add(name, kind, metavar, text, **more):
@@ -105,12 +109,12 @@ def add_matching(parser, p1, p2):
     add("--max-disparity", integer_from(1), "N", "disparities 0..N-1 are searched, 16..1024 (default: 128)")
     add("--census", size, "WxH", "census window, odd (default: 7x7)")
     add("--block", size, "WxH", "window over which costs are summed, odd; 1x1 = none (default: 7x7)")
-    add("--p1", integer_from(1), "N", f"penalty of a disparity step of one pixel (default: {p1})")
-    add("--p2", integer_from(1), "N", f"penalty of a larger step, p1 < p2 < 224 (default: {p2})")
+    add("--p1", integer_from(1), "N", f"penalty of a disparity step of one pixel (default: {P1})")
+    add("--p2", integer_from(1), "N", f"penalty of a larger step, p1 < p2 < 224 (default: {P2})")
     add("--uniqueness", integer_from(0), "PERCENT", "by how much the best match must beat the second; 0 = off (default: 15)")
     add("--lr-max-diff", int, "PIXELS", "left-right check; -1 = off (default: 1)")
     add("--median", int, "N", "median filter on the disparity: 1 (off), 3, 5 or 7 (default: 3)", choices=(1, 3, 5, 7))
-    add("--min-depth", positive, "M", "nearer depths are dropped, metres")
+    add("--min-depth", positive, "M", f"nearer depths are dropped, metres (default: {min_depth_m:g})")
     add("--max-depth", positive, "M", "farther depths are dropped, metres (default: 10)")
     return group
 

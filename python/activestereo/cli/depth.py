@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from activestereo.cli.arguments import CommandError, add_matching, add_out, camera_matrix, make_folder, positive
+from activestereo.cli.arguments import P1, P2, CommandError, add_matching, add_out, camera_matrix, make_folder, positive
 
 _TEXT = """\
 Computes depth from a rectified infrared (or gray) image pair, as a depth camera does inside.
@@ -32,7 +32,7 @@ def add_parser(commands):
     parser.add_argument("--k", required=True, type=camera_matrix, metavar="fx,0,cx,0,fy,cy,0,0,1", help=text)
     parser.add_argument("--baseline", required=True, type=positive, metavar="M", help="distance between the cameras, metres")
     add_out(parser)
-    add_matching(parser, p1=7, p2=86)
+    add_matching(parser, min_depth_m=0)
     parser.set_defaults(run=run)
 
 
@@ -48,7 +48,10 @@ def run(args):
         raise CommandError(f"the images differ in depth: {args.left} and {args.right} have {bits} bits")
     engine = _make_engine(args, left, right)
     make_folder(args.out)
-    result = engine.compute(left, right, ("depth", "disparity", "points"))
+    from activestereo.progress_bar import ProgressBar
+
+    with ProgressBar(f"matching {left.shape[1]}x{left.shape[0]}") as bar:
+        result = engine.compute(left, right, ("depth", "disparity", "points"), progress=bar)
     _write(args, left, right, result)
     _report(args, engine, result["depth"])
 
@@ -63,16 +66,17 @@ def _make_engine(args, left, right):
     import simsense
 
     height, width = left.shape
-    brightest = max(left.max(), right.max())
-    gain = 1.0 if left.dtype == np.uint8 or brightest == 0 else 255.0 / brightest  # the engine counts in 8 bits
     camera = simsense.Camera(width, height, args.k)
     left_to_right = np.eye(4)
     left_to_right[0, 3] = -args.baseline
-    return simsense.Engine(simsense.Device("host"), camera, camera, left_to_right, rectified=True, gain=gain, **matching_parameters(args))
+    bits = 8 * left.itemsize  # the matcher sees every count of either depth
+    return simsense.Engine(
+        simsense.Device("host"), camera, camera, left_to_right, rectified=True, bit_depth=bits, **matching_parameters(args)
+    )
 
 
 def matching_parameters(args):
-    """The matcher's options that were given, as keyword arguments of simsense.Engine."""
+    """The matcher's options as keyword arguments of simsense.Engine; those not given are the engine's own, but for the penalties."""
     given = {
         "max_disparity": args.max_disparity,
         "p1": args.p1,
@@ -86,7 +90,7 @@ def matching_parameters(args):
     for name in ("census", "block"):
         if getattr(args, name) is not None:
             given[f"{name}_width"], given[f"{name}_height"] = getattr(args, name)
-    return {name: value for name, value in given.items() if value is not None}
+    return {"p1": P1, "p2": P2} | {name: value for name, value in given.items() if value is not None}
 
 
 def _write(args, left, right, result):
@@ -103,9 +107,10 @@ def _write(args, left, right, result):
 
 
 def _report(args, engine, depth):
-    from activestereo.cli.report import stage_table
+    from activestereo.cli.report import matching_line, stage_table
 
     valid = depth[depth > 0]
+    print(matching_line(engine))
     print(stage_table({"depth": engine.stage_times}))
     middle = f", median depth {np.median(valid):.3f} m" if valid.size else ""
     print(f"measured: {100.0 * valid.size / depth.size:.1f} % of {depth.shape[1]}x{depth.shape[0]} pixels{middle}")

@@ -9,3 +9,12 @@ def stage_table(groups):
         lines.append(f"{group:32}{sum(stages.values()):>9.1f} ms")
         lines += [f"  {name:30}{time:>9.1f} ms" for name, time in stages.items() if time >= 0.001 * total]
     return "\n".join(lines)
+
+
+def matching_line(engine):
+    """How a simsense.Engine matches, in one line."""
+    p = engine.parameters
+    first, last = p["min_disparity"], p["min_disparity"] + p["max_disparity"] - 1
+    checks = f"uniqueness {p['uniqueness_ratio']} %, left-right {p['lr_max_diff']}, median {p['median_size']}"
+    windows = f"census {p['census_width']}x{p['census_height']}, block {p['block_width']}x{p['block_height']}"
+    return f"matching: disparities {first}..{last}, {windows}, p1 {p['p1']}, p2 {p['p2']}, {checks}, {p['min_depth_m']:g}..{p['max_depth_m']:g} m"

@@ -54,7 +54,7 @@ def add_parser(commands):
     add_device(parser)
     _add_view(parser.add_argument_group("view"))
     _add_rendering(parser.add_argument_group("rendering and noise"))
-    matching = add_matching(parser, p1=8, p2=32)
+    matching = add_matching(parser, min_depth_m=0.2)
     matching.add_argument("--no-dilation", action="store_true", help="leave the small holes that registration to the RGB camera makes")
     parser.set_defaults(run=run)
 
@@ -207,7 +207,7 @@ def _write(args, sensor, rows):
 
 def _report(args, sensor, rows):
     from activestereo.accuracy import accuracy_table
-    from activestereo.cli.report import stage_table
+    from activestereo.cli.report import matching_line, stage_table
 
     groups = {}
     for name, time in sensor.stage_times.items():
@@ -215,6 +215,7 @@ def _report(args, sensor, rows):
         groups.setdefault(group, {})[stage] = time
     info = sensor.device.info
     print(f"device: {info.name} ({info.kind}, {info.driver}); infrared pair shared by {sensor.ir_memory}")
+    print(matching_line(sensor.engine))
     print(stage_table(groups))
     print(accuracy_table(rows))
     print(f"written: rgb, ir_left, ir_right, depth, depth_true, overview (.png) and cloud.ply in {args.out}")
