@@ -133,7 +133,12 @@ class StereoDepthSensorConfig:
         self.max_depth = 10.0
         self.depth_dilation = True
 
-        # Rendering.
+        # Optics of the cameras: a dict of kuafu.Film's fields (vignetting_exponent, psf_sigma_px, ...); None is perfect.
+        self.ir_film = None
+        self.rgb_film = None
+
+        # Rendering. denoiser: 'none', 'atrous', or 'oidn' where Open Image Denoise is found; it never touches the dots' own light.
+        self.denoiser = "none"
         self.samples_per_pixel = 16
         self.max_bounces = 8
         self.render_seed = 0

@@ -278,6 +278,8 @@ class StereoDepthSensor:
             seed=(c.render_seed << 32) + frame,
             ir_ambient_scale=c.ir_light_dim_factor,
             ir_ambient_radiance=c.ir_ambient_strength,
+            denoise=c.denoiser,
+            film=c.ir_film if band == "infrared" else c.rgb_film,
             progress=progress,
         )
 

@@ -267,7 +267,12 @@ class Scene:
     def material_name(self, id: int) -> str: ...
 
 class Renderer:
-    def __init__(self, device: Device, tracer: Literal["auto", "embree", "compute", "rt_pipeline"] = "auto") -> None: ...
+    def __init__(
+        self,
+        device: Device,
+        tracer: Literal["auto", "embree", "compute", "rt_pipeline"] = "auto",
+        oidn_library: str | None = None,
+    ) -> None: ...
     @property
     def device(self) -> Device: ...
     @property
@@ -288,7 +293,7 @@ class Renderer:
         ir_ambient_radiance: float = 0.002,
         glass_surfaces: int = 8,
         light_sampling: Literal["mis", "lights", "bsdf"] = "mis",
-        denoise: Literal["none", "atrous"] = "none",
+        denoise: Literal["none", "atrous", "oidn"] = "none",
         film: Film | Mapping[str, Any] | Sequence[Film | Mapping[str, Any]] | None = None,
         progress: Callable[[float], object] | None = None,
     ) -> dict[str, NDArray[Any]]: ...

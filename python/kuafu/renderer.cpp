@@ -34,9 +34,11 @@ const Output& find_output(const std::string& name) {
 
 class Renderer {
  public:
-  Renderer(std::shared_ptr<Device<Kuafu>> device, const std::string& tracer) : device_(std::move(device)) {
+  Renderer(std::shared_ptr<Device<Kuafu>> device, const std::string& tracer, const std::optional<std::string>& oidn_library)
+      : device_(std::move(device)) {
     kuafu_renderer_desc desc = {};
     desc.header = ks_header_make(KUAFU_TYPE_RENDERER_DESC, sizeof desc);
+    desc.oidn_library = oidn_library ? oidn_library->c_str() : nullptr;
     if (tracer == "embree")
       desc.tracer = KUAFU_TRACER_EMBREE;
     else if (tracer == "compute")
@@ -161,7 +163,8 @@ uint32_t sampling_of(const std::string& name) {
 uint32_t denoise_of(const std::string& name) {
   if (name == "none") return KUAFU_DENOISE_NONE;
   if (name == "atrous") return KUAFU_DENOISE_ATROUS;
-  raise_argument<Kuafu>("unknown denoise '" + name + "' (known: none, atrous)");
+  if (name == "oidn") return KUAFU_DENOISE_OIDN;
+  raise_argument<Kuafu>("unknown denoise '" + name + "' (known: none, atrous, oidn)");
 }
 
 }  // namespace
@@ -169,8 +172,10 @@ uint32_t denoise_of(const std::string& name) {
 void bind_renderer(py::module_& module) {
   const kuafu_render_desc d = kuafu_render_desc_init();
   py::class_<Renderer>(module, "Renderer", "Renders scenes of its device.")
-      .def(py::init<std::shared_ptr<Device<Kuafu>>, const std::string&>(), py::arg("device").none(false), py::arg("tracer") = "auto",
-           "tracer: 'auto' (Embree on CPU devices, compute on GPUs), 'embree', 'compute', or 'rt_pipeline' where the driver has it.")
+      .def(py::init<std::shared_ptr<Device<Kuafu>>, const std::string&, const std::optional<std::string>&>(), py::arg("device").none(false),
+           py::arg("tracer") = "auto", py::arg("oidn_library") = py::none(),
+           "tracer: 'auto' (Embree on CPU devices, compute on GPUs), 'embree', 'compute', or 'rt_pipeline' where the driver has it.\n"
+           "oidn_library: path of Open Image Denoise's library; None: $KUAFU_OIDN_LIBRARY, else its usual names.")
       .def_property_readonly("device", &Renderer::device)
       .def(
           "render",
@@ -202,7 +207,8 @@ void bind_renderer(py::module_& module) {
           "Returns {name: array [view, height, width, channel]}: float32, uint32 for ids; views of the buffers, nothing is copied.\n"
           "light_sampling: 'mis', 'lights' or 'bsdf', how light with an extent is found.\n"
           "film: optics of the cameras: a Film, a dict of its fields, or one for each camera; None is perfect.\n"
-          "denoise: 'none' or 'atrous', which filters all light but projector_direct.\n"
+          "denoise: 'none', 'atrous' or 'oidn' (Open Image Denoise, where its library is found); all light but projector_direct is "
+          "filtered.\n"
           "glass_surfaces: how many smooth glass surfaces a light's straight way to a surface may pass; 0: glass casts full shadows.\n"
           "progress(fraction: float) may return True to cancel (CancelledError); what it raises is raised here. Same seed, same bits.")
       .def_property_readonly(

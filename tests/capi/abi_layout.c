@@ -107,7 +107,7 @@ ENDS_WITH(kuafu_instance_desc, local_to_world);
 ENDS_WITH(kuafu_light_desc, dot_sigma_px);
 ENDS_WITH(kuafu_environment_desc, map_to_world);
 ENDS_WITH(kuafu_camera_desc, angular_velocity);
-ENDS_WITH(kuafu_renderer_desc, reserved);
+ENDS_WITH(kuafu_renderer_desc, oidn_library);
 ENDS_WITH(kuafu_film_desc, veiling_glare_fraction);
 ENDS_WITH(kuafu_view_desc, film);
 ENDS_WITH(kuafu_output_desc, image);

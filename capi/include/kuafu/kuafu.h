@@ -334,6 +334,7 @@ typedef struct kuafu_renderer_desc {
   ks_header header;
   uint32_t tracer;   /* KUAFU_TRACER_* */
   uint32_t reserved;
+  const char* oidn_library; /* path of Open Image Denoise's library, for KUAFU_DENOISE_OIDN; NULL: environment variable KUAFU_OIDN_LIBRARY, else its usual names */
 } kuafu_renderer_desc;
 KUAFU_API ks_status kuafu_renderer_create(kuafu_device device, const kuafu_renderer_desc* desc, kuafu_renderer* out);
 KUAFU_API void kuafu_renderer_retain(kuafu_renderer renderer);
@@ -397,6 +398,7 @@ static inline kuafu_output_desc kuafu_output_desc_init(uint32_t output, kuafu_bu
 /* What takes the noise out of the image. The projectors' direct light carries the dots and is never touched; all other images of light are. Same inputs, same bits. */
 #define KUAFU_DENOISE_NONE 0u
 #define KUAFU_DENOISE_ATROUS 1u /* filter guided by surfaces and by the samples' own scatter; then 16 rays per pixel put textures and edges back */
+#define KUAFU_DENOISE_OIDN 2u   /* Open Image Denoise, versions 1 and 2, opened at run time, on the host; KS_ERROR_UNSUPPORTED where it is not found */
 
 typedef struct kuafu_render_desc {
   ks_header header;

@@ -28,7 +28,7 @@ void check_numbers(const kuafu_render_desc& d) {
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "max_bounces is %u, at most %u are possible", d.max_bounces, most_bounces);
   if (d.light_sampling > KUAFU_SAMPLING_BSDF)
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "light_sampling %u is no KUAFU_SAMPLING_*", d.light_sampling);
-  if (d.denoise > KUAFU_DENOISE_ATROUS) ks::fail(KS_ERROR_INVALID_ARGUMENT, "denoise %u is no KUAFU_DENOISE_*", d.denoise);
+  if (d.denoise > KUAFU_DENOISE_OIDN) ks::fail(KS_ERROR_INVALID_ARGUMENT, "denoise %u is no KUAFU_DENOISE_*", d.denoise);
   if (d.glass_surfaces > most_glass_surfaces)
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "glass_surfaces is %u, at most %u are possible", d.glass_surfaces, most_glass_surfaces);
   if (!(d.ir_ambient_scale >= 0.0f && d.ir_ambient_scale <= std::numeric_limits<float>::max()))

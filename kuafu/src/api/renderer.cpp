@@ -14,9 +14,7 @@ struct kuafu_renderer_t : ks::Handle<kuafu::PathTracer, 0x6b726e64> {
 
 namespace {
 
-kuafu::TracerKind tracer_kind(const kuafu_renderer_desc* desc) {
-  if (desc == nullptr) return kuafu::TracerKind::automatic;
-  const uint32_t tracer = ks::read_struct(desc, KUAFU_TYPE_RENDERER_DESC, "renderer desc").tracer;
+kuafu::TracerKind tracer_kind(uint32_t tracer) {
   switch (tracer) {
     case KUAFU_TRACER_AUTO:
       return kuafu::TracerKind::automatic;
@@ -38,7 +36,10 @@ extern "C" {
 ks_status kuafu_renderer_create(kuafu_device device, const kuafu_renderer_desc* desc, kuafu_renderer* out) {
   return ks::guard([&] {
     ks::clear_out(out);
-    *out = new kuafu_renderer_t(std::make_shared<kuafu::PathTracer>(ks::object_of(device, "device"), tracer_kind(desc)));
+    const kuafu_renderer_desc d =
+        desc == nullptr ? kuafu_renderer_desc{} : ks::read_struct(desc, KUAFU_TYPE_RENDERER_DESC, "renderer desc");
+    const std::string library = d.oidn_library == nullptr ? "" : d.oidn_library;
+    *out = new kuafu_renderer_t(std::make_shared<kuafu::PathTracer>(ks::object_of(device, "device"), tracer_kind(d.tracer), library));
   });
 }
 

@@ -16,15 +16,14 @@ constexpr uint32_t passes = 4;  // taps 1, 2, 4 and 8 pixels apart
 constexpr uint32_t output_direct = output_radiance + 1 + group_projector_direct,
                    output_indirect = output_radiance + 1 + group_projector_indirect, output_ambient = output_radiance + 1 + group_ambient;
 
-/// What is filtered, in the order of DenoiseImages.
+}  // namespace
+
 std::vector<uint32_t> denoised_kinds(const Launch& launch) {
   if (!launch.wants(output_light_group, output_light_group + light_group_count)) return {output_indirect, output_ambient};
   std::vector<uint32_t> kinds = {output_indirect};
   for (uint32_t group = 0; group < light_group_count; ++group) kinds.push_back(output_light_group + group);
   return kinds;
 }
-
-}  // namespace
 
 uint32_t held_for_denoiser(const Launch& launch) {
   if (launch.denoise == DenoiseKind::none || !launch.wants_radiance()) return 0;
@@ -33,12 +32,13 @@ uint32_t held_for_denoiser(const Launch& launch) {
   return held;
 }
 
-Denoiser::Denoiser(Memory memory, uint32_t queue_layout)
+Denoiser::Denoiser(Memory memory, uint32_t queue_layout, std::string oidn_library)
     : memory_(std::move(memory)),
       guide_(memory_, guide_spirv, host::guide, queue_layout),
       moments_(memory_, moments_spirv, host::moments),
       denoise_(memory_, denoise_spirv, host::denoise),
-      remodulate_(memory_, remodulate_spirv, host::remodulate, queue_layout) {}
+      remodulate_(memory_, remodulate_spirv, host::remodulate, queue_layout),
+      oidn_library_(std::move(oidn_library)) {}
 
 void Denoiser::fit(const Launch& launch, const Frame& frame) {
   const std::vector<uint32_t> kinds = denoised_kinds(launch);

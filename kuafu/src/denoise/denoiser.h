@@ -3,6 +3,7 @@
 // edges back (shaders/stage/denoise.glsl, remodulate.glsl). Thread rule: externally synchronised.
 #pragma once
 
+#include "denoise/oidn.h"
 #include "pathtrace/frame.h"
 #include "pathtrace/image_step.h"
 #include "shared/denoise_record.h"
@@ -11,6 +12,8 @@ namespace kuafu {
 
 /// Which images the frame must hold for the launch's denoiser.
 uint32_t held_for_denoiser(const Launch& launch);
+/// What is filtered, in the order of DenoiseImages.
+std::vector<uint32_t> denoised_kinds(const Launch& launch);
 
 /// Rays of a wave and what they met.
 struct WaveRays {
@@ -22,7 +25,8 @@ class Denoiser {
  public:
   static constexpr uint32_t rays_per_pixel = 16;  // that put albedo and edges back
 
-  Denoiser(Memory memory, uint32_t queue_layout);
+  /// oidn_library: as Oidn takes it; opened when a launch asks for it.
+  Denoiser(Memory memory, uint32_t queue_layout, std::string oidn_library);
   /// Before the first wave of a launch that denoises.
   void fit(const Launch& launch, const Frame& frame);
   /// After rays through pixel centres were traced.
@@ -31,6 +35,8 @@ class Denoiser {
   void moments(ks::Commands& commands, uint64_t state, const WaveRange& range, uint32_t groups, bool first_pass);
   /// After the last wave.
   void filter(ks::Commands& commands);
+  /// The same by Open Image Denoise, on images that are finished; nothing is remodulated then.
+  void filter_by_oidn(const Launch& launch, const Frame& frame);
   /// After rays_per_pixel rays over each pixel's square were traced.
   void remodulate(ks::Commands& commands, const WaveRays& square);
   /// At last.
@@ -45,6 +51,8 @@ class Denoiser {
   ImageStep<DenoisePush> denoise_;
   ImageStep<RemodulatePush> remodulate_;
   MappedTable<DenoiseImages> images_;
+  std::unique_ptr<Oidn> oidn_;
+  std::string oidn_library_;
   std::shared_ptr<ks::Buffer> guides_, sums_, light_[2], pixels_[2];
   DenoisePush push_{};
   uint32_t channels_ = 1;

@@ -18,7 +18,7 @@ class Frame {
   void fit(const Launch& launch);
   [[nodiscard]] bool holds(uint32_t kind) const { return images_[kind] != nullptr; }
   [[nodiscard]] bool is_empty() const;
-  [[nodiscard]] const ks::Buffer& image(uint32_t kind) const { return *images_[kind]; }
+  [[nodiscard]] ks::Buffer& image(uint32_t kind) const { return *images_[kind]; }
   [[nodiscard]] uint64_t address(uint32_t kind) const { return memory_.address(*images_[kind]); }
   /// Where the stages write output `kind`: here or, where it is not held, into the caller's image.
   [[nodiscard]] OutputRecord target(const Launch& launch, uint32_t kind) const;

@@ -29,7 +29,7 @@ struct View {
 };
 
 enum class LightSampling { mis, lights, bsdf };
-enum class DenoiseKind { none, atrous };
+enum class DenoiseKind { none, atrous, oidn };
 
 /// Where an output goes: a view into the caller's buffer, from the word at offset_bytes; first element and strides in elements.
 /// No buffer: it is not asked for.

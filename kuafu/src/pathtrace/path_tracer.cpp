@@ -144,6 +144,12 @@ void PathTracer::Run::develop() {
 }
 
 void PathTracer::Run::denoise() {
+  if (launch_.denoise == DenoiseKind::oidn) {
+    const auto start = std::chrono::steady_clock::now();
+    o_.denoiser_.filter_by_oidn(launch_, o_.frame_);
+    commands_.add_host_time("denoise", milliseconds_since(start));
+    return o_.denoiser_.sum(commands_);
+  }
   o_.denoiser_.filter(commands_);
   const uint32_t total = launch_.pixel_count(), step = std::max(1u, o_.buffers_.size().capacity / Denoiser::rays_per_pixel);
   for (uint32_t first = 0; first < total; first += step) {
@@ -184,7 +190,8 @@ void PathTracer::Run::render_pixels(uint32_t first_pixel, uint32_t pixel_count) 
     const WaveRange wave = range(first_pixel, pixel_count, launch_.first_sample + sample, count);
     generate(wave, 0);
     trace_paths();
-    if (denoises()) o_.denoiser_.moments(commands_, o_.buffers_.state(), wave, o_.buffers_.size().groups, sample == 0);
+    if (launch_.denoise == DenoiseKind::atrous)
+      o_.denoiser_.moments(commands_, o_.buffers_.state(), wave, o_.buffers_.size().groups, sample == 0);
     accumulate(wave, sample == 0, sample + count == launch_.samples);
     if (sample + count == launch_.samples) break;
     commands_.flush();
@@ -290,7 +297,7 @@ void PathTracer::Run::accumulate(const WaveRange& wave, bool first, bool last) {
 }
 
 // Where the rays are, there the stages are.
-PathTracer::PathTracer(std::shared_ptr<ks::Device> device, TracerKind tracer)
+PathTracer::PathTracer(std::shared_ptr<ks::Device> device, TracerKind tracer, std::string oidn_library)
     : device_(std::move(device)),
       on_host_(wants_embree(*device_, tracer)),
       tracer_(make_tracer(device_, tracer)),
@@ -298,7 +305,7 @@ PathTracer::PathTracer(std::shared_ptr<ks::Device> device, TracerKind tracer)
       tables_(memory()),
       buffers_(memory()),
       frame_(memory()),
-      denoiser_(memory(), tracer_->queue_layout()),
+      denoiser_(memory(), tracer_->queue_layout(), std::move(oidn_library)),
       film_(memory()) {}
 
 PathTracer::~PathTracer() = default;

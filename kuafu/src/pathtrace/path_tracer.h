@@ -24,7 +24,8 @@ enum class TracerKind { automatic, embree, compute, rt_pipeline };
 class PathTracer {
  public:
   /// Throws KS_ERROR_UNSUPPORTED for Embree on a device whose memory the host does not share.
-  PathTracer(std::shared_ptr<ks::Device> device, TracerKind tracer);
+  /// oidn_library: path of Open Image Denoise; empty: wherever it is found.
+  PathTracer(std::shared_ptr<ks::Device> device, TracerKind tracer, std::string oidn_library = {});
   ~PathTracer();
 
   /// Blocks until the outputs are written. Throws KS_ERROR_CANCELLED when the launch's callback says so.

@@ -151,6 +151,58 @@ TEST(Denoiser, light_groups_are_filtered_and_sum_to_ambient) {
   }
 }
 
+/// What a renderer with this library answers when Open Image Denoise is asked for; NULL: wherever it is found.
+ks_status render_by_oidn(World& world, const char* library, Pixels& image) {
+  kuafu_renderer_desc desc{ks_header_make(KUAFU_TYPE_RENDERER_DESC, sizeof desc), KUAFU_TRACER_AUTO, 0, library};
+  kuafu_renderer renderer = nullptr;
+  ok(kuafu_renderer_create(shared_device(), &desc, &renderer));
+  kuafu_buffer buffer = nullptr;
+  image = {1, 2 * height, 2 * width, 1, std::vector<float>(4 * width * height)};
+  const ks_buffer_create create = ks_buffer_create_init(image.values.size() * 4, KS_BUFFER_HOST_VISIBLE);
+  ok(kuafu_buffer_create(shared_device(), &create, &buffer));
+  const uint64_t shape[4] = {1, image.height, image.width, 1};
+  const kuafu_output_desc output = kuafu_output_desc_init(KUAFU_OUTPUT_AMBIENT, buffer, ks_image_desc_packed(KS_FORMAT_F32, 4, shape));
+  const kuafu_view_desc of = view_at({0, 0, 0}, 2 * width, 2 * height, 120);
+  kuafu_render_desc render = world.desc();
+  render.views = &of;
+  render.outputs = &output;
+  render.view_count = render.output_count = 1;
+  render.samples_per_pixel = 2;
+  render.denoise = KUAFU_DENOISE_OIDN;
+  const ks_status status = kuafu_renderer_render(renderer, world.scene(), &render);
+  const std::string why = kuafu_last_error();
+  ok(kuafu_buffer_read(buffer, 0, image.values.data(), image.values.size() * 4));
+  kuafu_buffer_release(buffer);
+  kuafu_renderer_release(renderer);
+  if (status == KS_ERROR_UNSUPPORTED) {
+    EXPECT_NE(why.find("KUAFU_OIDN_LIBRARY"), std::string::npos) << why;
+  }
+  return status;
+}
+
+TEST(Oidn, a_library_that_is_not_there_is_named) {
+  World world;
+  furnish(world);
+  Pixels image;
+  EXPECT_EQ(render_by_oidn(world, "/no/such/libOpenImageDenoise.so", image), KS_ERROR_UNSUPPORTED);
+}
+
+TEST(Oidn, takes_noise_where_it_is_found) {
+  World world;
+  furnish(world);
+  world.desc().max_bounces = 3;
+  Pixels image;
+  const ks_status status = render_by_oidn(world, nullptr, image);
+  if (status == KS_ERROR_UNSUPPORTED) GTEST_SKIP() << "Open Image Denoise is not here: name its library in KUAFU_OIDN_LIBRARY to test it";
+  ASSERT_EQ(status, KS_OK);
+  const auto plain = [&](uint32_t samples) {
+    world.desc().samples_per_pixel = samples;
+    return world.render({view_at({0, 0, 0}, 2 * width, 2 * height, 120)}, {KUAFU_OUTPUT_AMBIENT})[KUAFU_OUTPUT_AMBIENT];
+  };
+  const Pixels truth = plain(128);
+  EXPECT_LT(rms(image, truth), 0.5 * rms(plain(2), truth));
+}
+
 TEST(Denoiser, views_of_a_batch_are_as_if_alone) {
   World world;
   furnish(world);

@@ -1,0 +1,48 @@
+// Open Image Denoise in the place of the filter: image after image, view after view, on the host.
+#include "denoise/denoiser.h"
+
+namespace kuafu {
+namespace {
+
+/// [count][3] from one or three channels.
+std::vector<float> three_channels(const std::vector<float>& values, uint32_t channels) {
+  if (channels == 3) return values;
+  std::vector<float> out;
+  for (const float value : values) out.insert(out.end(), 3, value);
+  return out;
+}
+
+void read_guides(const ks::Buffer& buffer, uint64_t first, uint64_t count, OidnImages& images) {
+  std::vector<GuideRecord> guides(count);
+  buffer.read(first * sizeof(GuideRecord), guides.data(), count * sizeof(GuideRecord));
+  images.albedo.clear();
+  images.normal.clear();
+  for (const GuideRecord& g : guides)
+    for (int i = 0; i < 3; ++i) {
+      images.albedo.push_back(g.albedo[i]);
+      images.normal.push_back(g.normal[i]);
+    }
+}
+
+}  // namespace
+
+void Denoiser::filter_by_oidn(const Launch& launch, const Frame& frame) {
+  if (!oidn_) oidn_ = std::make_unique<Oidn>(oidn_library_);
+  const uint64_t pixels = uint64_t(launch.width) * launch.height;
+  std::vector<float> values(pixels * channels_);
+  OidnImages images;
+  for (uint64_t view = 0; view < launch.views.size(); ++view) {
+    read_guides(*guides_, view * pixels, pixels, images);
+    for (const uint32_t kind : denoised_kinds(launch)) {
+      ks::Buffer& image = frame.image(kind);
+      const uint64_t offset_bytes = view * values.size() * sizeof(float);
+      image.read(offset_bytes, values.data(), values.size() * sizeof(float));
+      images.color = three_channels(values, channels_);
+      oidn_->filter(images, launch.width, launch.height);
+      for (size_t i = 0; i < values.size(); ++i) values[i] = images.output[channels_ == 3 ? i : 3 * i];
+      image.write(offset_bytes, values.data(), values.size() * sizeof(float));
+    }
+  }
+}
+
+}  // namespace kuafu
