@@ -19,6 +19,9 @@ uint right_keys[lane_disparities];
 uint width, pixel_row;         // first pixel of the row
 const uint mean_shift = path_count == 8u ? 3u : 2u;
 layout(constant_id = 14) const uint segments = 1u;  // parts of a row that are swept side by side
+layout(constant_id = 15) const uint volumes = 2u;   // 1: push.horizontal holds the sum of all paths
+layout(constant_id = 16) const uint block_width = 1u;
+layout(constant_id = 17) const uint block_height = 1u;
 
 /// Mean of the paths at the lane's disparities k and k + lane_pairs, as a pair.
 uint mean_pair(uint slot, uint k) {
@@ -37,7 +40,11 @@ uint mean_pair(uint slot, uint k) {
 void load_pixel(uint x, uint slot) {
   uint item = (pixel_row + min(x, width - 1u)) * path_lanes + lane();
   LOAD_WORDS(horizontal_sums, slot * lane_words, lane_words, push.horizontal, item)
-  LOAD_WORDS(vertical_sums, slot * lane_words, lane_words, push.vertical, item)
+  if (volumes == 2u) {
+    LOAD_WORDS(vertical_sums, slot * lane_words, lane_words, push.vertical, item)
+  } else {
+    [[unroll]] for (uint w = 0u; w < lane_words; ++w) vertical_sums[slot * lane_words + w] = 0u;
+  }
 }
 
 void make_keys(uint slot) {
@@ -125,18 +132,38 @@ uvec2 element_place(uint d, uint bytes) {
 int mean_cost(uint x, uint d) {
   uvec2 place = element_place(d, sum_bytes);
   uint at = (pixel_row + x) * (path_lanes * lane_words) + place.x, mask = sum_bytes == 1u ? 0xffu : sum_bytes == 2u ? 0xffffu : 0xffffffffu;
-  return int(((push.horizontal.at[at] >> place.y & mask) + (push.vertical.at[at] >> place.y & mask)) >> mean_shift);
+  uint sum = push.horizontal.at[at] >> place.y & mask;
+  if (volumes == 2u) sum += push.vertical.at[at] >> place.y & mask;
+  return int(sum >> mean_shift);
 }
 
-int block_cost(uint x, uint d) {
+int stored_block_cost(uint x, uint d) {
   uvec2 place = element_place(d, 2u);
   return int(push.cost.at[(pixel_row + x) * (padded_disparities / 2u) + place.x] >> place.y & 0xffffu);
 }
 
+/// Block costs at winner - 1, winner, winner + 1, from census words.
+ivec3 summed_block_costs(uint x, uint winner) {
+  uint pair = gl_WorkGroupID.z * push.height, pitch = right_pitch_of(push.right_origin, width);
+  int row = int(pixel_row / width - pair);
+  ivec3 sum = ivec3(0);
+  for (int j = -int(block_height / 2u); j <= int(block_height / 2u); ++j) {
+    uint y = pair + uint(clamp(row + j, 0, int(push.height) - 1));
+    for (int i = -int(block_width / 2u); i <= int(block_width / 2u); ++i) {
+      uint column = uint(clamp(int(x) + i, 0, int(width) - 1)), right = y * pitch + push.right_origin + column - winner;
+      uint left = push.left_census.at[y * width + column + left_margin];
+      sum += ivec3(bitCount(left ^ push.right_census.at[right + 1u]), bitCount(left ^ push.right_census.at[right]),
+                   bitCount(left ^ push.right_census.at[right - 1u]));
+    }
+  }
+  return sum;
+}
+
 /// Costs at winner - 1, winner, winner + 1 that the subpixel step looks at.
 ivec3 costs_around(uint x, uint winner) {
-  if (subpixel == 2u && stored_costs && block_pixels > 1u) {
-    ivec3 c = ivec3(block_cost(x, winner - 1u), block_cost(x, winner), block_cost(x, winner + 1u));
+  if (subpixel == 2u && block_pixels > 1u) {
+    ivec3 c = stored_costs ? ivec3(stored_block_cost(x, winner - 1u), stored_block_cost(x, winner), stored_block_cost(x, winner + 1u))
+                           : summed_block_costs(x, winner);
     if (c.y <= c.x && c.y <= c.z) return c;
   }
   return ivec3(mean_cost(x, winner - 1u), mean_cost(x, winner), mean_cost(x, winner + 1u));

@@ -18,14 +18,7 @@ Path make_path(bool horizontal, uint group) {
   p.backward = cluster() >= lines;
   p.mirrored = horizontal && p.backward;
   p.leftward = false;
-  p.stride = (horizontal ? 1 : int(push.width)) * (p.backward ? -1 : 1);
-  uint half_line = (p.pixels + 1u) / 2u, odd = p.pixels & 1u;
-  p.middle = (half_line + steps - 1u) / steps * steps;
-  p.start = p.middle - half_line + (p.backward ? odd : 0u);
-  p.end = p.middle - half_line + odd + p.pixels;
-  p.first = gl_WorkGroupID.z * push.width * push.height + p.line * (horizontal ? push.width : 1u);
-  if (p.backward) p.first += (p.pixels - 1u) * (horizontal ? 1u : push.width);
-  p.first -= uint(int(p.start) * p.stride);
+  set_times(p, horizontal);
   return p;
 }
 
@@ -37,9 +30,9 @@ Path make_diagonal(uint group) {
 }
 
 void main() {
-  uint lines = cluster_count() / 2u, row_groups = diagonal != 0u ? 0u : (push.height + lines - 1u) / lines;
+  uint lines = cluster_count() / 2u, row_groups = diagonal ? 0u : (push.height + lines - 1u) / lines;
   bool horizontal = gl_WorkGroupID.x < row_groups;
-  Path p = diagonal != 0u ? make_diagonal(gl_WorkGroupID.x) : make_path(horizontal, horizontal ? gl_WorkGroupID.x : gl_WorkGroupID.x - row_groups);
+  Path p = diagonal ? make_diagonal(gl_WorkGroupID.x) : make_path(horizontal, horizontal ? gl_WorkGroupID.x : gl_WorkGroupID.x - row_groups);
   begin_path(p.mirrored);
   gray_before = 0u;
   if (horizontal && !stored_costs) {

@@ -11,7 +11,9 @@ layout(buffer_reference, scalar, buffer_reference_align = 4) coherent buffer Sum
 layout(buffer_reference, scalar, buffer_reference_align = 8) coherent buffer SumVec2Array { uvec2 at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) coherent buffer SumVec4Array { uvec4 at[]; };
 
-layout(constant_id = 14) const uint diagonal = 0u;  // nonzero: the dispatch of the diagonal paths, which add to what the others have left
+layout(constant_id = 14) const uint part = 0u;  // paths of this dispatch: 0 rows and columns, 1 diagonals, 2 rows, 3 columns
+const bool diagonal = part == 1u;
+const bool adds = part == 1u || part == 3u;  // to what the paths of an earlier dispatch have left
 
 struct Path {
   uint pixels;       // along the path
@@ -26,6 +28,18 @@ struct Path {
   bool leftward;     // of a diagonal: down and to the left, as seen from above
 };
 
+/// Sets what follows from the line, its pixels and the direction.
+void set_times(inout Path p, bool horizontal) {
+  uint half_line = (p.pixels + 1u) / 2u, odd = p.pixels & 1u;
+  p.stride = (horizontal ? 1 : int(push.width)) * (p.backward ? -1 : 1);
+  p.middle = (half_line + steps - 1u) / steps * steps;
+  p.start = p.middle - half_line + (p.backward ? odd : 0u);
+  p.end = p.middle - half_line + odd + p.pixels;
+  p.first = gl_WorkGroupID.z * push.width * push.height + p.line * (horizontal ? push.width : 1u);
+  if (p.backward) p.first += (p.pixels - 1u) * (horizontal ? 1u : push.width);
+  p.first -= uint(int(p.start) * p.stride);
+}
+
 uint met[steps * lane_words];  // what the opposite path has left at the pixels ahead
 
 uint time_on_line(Path p, uint t) { return clamp(t, p.start, p.start + p.pixels - 1u); }
@@ -37,7 +51,7 @@ uvec2 diagonal_pixel(Path p, uint t) {
 }
 
 uint path_pixel(Path p, uint t) {
-  if (diagonal == 0u) return uint(int(p.first) + int(t) * p.stride);
+  if (!diagonal) return uint(int(p.first) + int(t) * p.stride);
   uvec2 pixel = diagonal_pixel(p, t);
   return (gl_WorkGroupID.z * push.height + pixel.y) * push.width + pixel.x;
 }
@@ -79,10 +93,10 @@ uint mirror_elements(uint word) {
   return sum_bytes == 2u ? word : (word << 8 & 0xff00ff00u) | (word >> 8 & 0x00ff00ffu);
 }
 
-/// Word w of what the path leaves at a pixel: its own costs, and what others have left there after the middle, or ever of a diagonal.
+/// Word w of what the path leaves at a pixel: its own costs, and what others have left there after the middle or, where the dispatch adds, ever.
 uint kept_word(Path p, uint slot, bool after_middle, uint w) {
   uint own = p.mirrored ? mirror_elements(path_word(lane_words - 1u - w)) : path_word(w);
-  return after_middle || diagonal != 0u ? own + met[slot * lane_words + w] : own;
+  return after_middle || adds ? own + met[slot * lane_words + w] : own;
 }
 
 void leave(UintArray sums, Path p, uint t, uint slot, bool after_middle) {
@@ -102,7 +116,7 @@ void leave(UintArray sums, Path p, uint t, uint slot, bool after_middle) {
 
 /// Before the first step.
 void begin_sums(UintArray sums, Path p) {
-  if (diagonal == 0u) return;
+  if (!adds) return;
   [[unroll]] for (uint s = 0u; s < steps; ++s) look_ahead(sums, p, s, s);
 }
 
@@ -121,9 +135,9 @@ void visit(UintArray sums, Path p, uint t, uint slot, bool after_middle) {
     uint mask = t < p.start ? 0u : 0xffffffffu;
     [[unroll]] for (uint k = 0u; k < lane_pairs; ++k) step_cost[k] &= mask;
   }
-  if (diagonal != 0u) restart_path(enters(p, t));
+  if (diagonal) restart_path(enters(p, t));
   step_path();
   leave(sums, p, t, slot, after_middle);
-  if (after_middle || diagonal != 0u) look_ahead(sums, p, t + steps, slot);
+  if (after_middle || adds) look_ahead(sums, p, t + steps, slot);
 }
 #endif

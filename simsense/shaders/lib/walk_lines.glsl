@@ -12,7 +12,7 @@ uint left_ahead[ahead], gray_ahead[ahead];
 /// The lane's right words of a pixel start at any column; one of the four shifted copies has them aligned.
 void fetch_census(Path p, uint t, uint slot) {
   uint position = t - p.start;
-  uvec2 pixel = diagonal != 0u ? diagonal_pixel(p, t) : uvec2(p.line, p.backward ? p.pixels - 1u - position : position);
+  uvec2 pixel = diagonal ? diagonal_pixel(p, t) : uvec2(p.line, p.backward ? p.pixels - 1u - position : position);
   uint row = gl_WorkGroupID.z * push.height + pixel.y, shift = (3u - pixel.x) & 3u;
   left_ahead[slot] = push.left_census.at[row * push.width + pixel.x + left_margin];
   uint word = shift * push.right_copy_words + row * right_pitch_of(push.right_origin, push.width) + push.right_origin + shift + pixel.x + 1u -

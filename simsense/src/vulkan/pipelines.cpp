@@ -4,6 +4,8 @@
 
 #include "shared/match_push.h"
 #include "spirv/block_cost.h"
+#include "spirv/block_paths_half.h"
+#include "spirv/block_paths_integer.h"
 #include "spirv/census.h"
 #include "spirv/finish.h"
 #include "spirv/paths_half.h"
@@ -44,12 +46,16 @@ Constants block_constants(const MatchPlan& plan, const MatchParameters& p) {
   return with(lane_constants(plan, p, 256, plan.steps), {p.block_width, p.block_height, plan.block_group_parts, plan.block_rows_per_group});
 }
 
-Constants path_constants(const MatchPlan& plan, const MatchParameters& p, bool diagonal) {
-  return with(lane_constants(plan, p, plan.path_group, plan.steps), {diagonal ? 1u : 0u});
+enum PathPart : uint32_t { rows_and_columns, diagonals, rows, columns };  // as in walk.glsl
+
+Constants path_constants(const MatchPlan& plan, const MatchParameters& p, PathPart part) {
+  const Constants constants = with(lane_constants(plan, p, plan.path_group, plan.steps), {part});
+  if (!plan.sums_blocks()) return constants;
+  return with(constants, {p.block_width, p.block_height, plan.path_group * plan.lane_disparities / 2});
 }
 
 Constants winner_constants(const MatchPlan& plan, const MatchParameters& p) {
-  return with(lane_constants(plan, p, plan.winner_group, winner_steps), {plan.segments});
+  return with(lane_constants(plan, p, plan.winner_group, winner_steps), {plan.segments, plan.sum_volumes(), p.block_width, p.block_height});
 }
 
 Constants census_constants(const MatchPlan& plan, const MatchParameters& p, uint32_t element_bytes) {
@@ -62,18 +68,23 @@ Constants census_constants(const MatchPlan& plan, const MatchParameters& p, uint
           p.p2_full_gradient > 0 ? 1u : 0u};
 }
 
-std::span<const uint32_t> paths_code(bool half) { return half ? std::span<const uint32_t>(paths_half_spirv) : paths_integer_spirv; }
+std::span<const uint32_t> paths_code(const MatchPlan& plan) {
+  if (plan.sums_blocks()) return plan.half_minima ? std::span<const uint32_t>(block_paths_half_spirv) : block_paths_integer_spirv;
+  return plan.half_minima ? std::span<const uint32_t>(paths_half_spirv) : paths_integer_spirv;
+}
 
 }  // namespace
 
 MatchPipelines::MatchPipelines(const std::shared_ptr<ks::Device>& device, const MatchPlan& plan, const MatchParameters& p)
     : census_8(device, census_spirv, sizeof(CensusPush), census_constants(plan, p, 1)),
-      paths(device, paths_code(plan.half_minima), sizeof(MatchPush), path_constants(plan, p, false), plan.subgroup_lanes),
+      paths(device, paths_code(plan), sizeof(MatchPush), path_constants(plan, p, plan.sums_blocks() ? rows : rows_and_columns),
+            plan.subgroup_lanes),
       winner(device, winner_spirv, sizeof(MatchPush), winner_constants(plan, p), plan.subgroup_lanes),
       finish(device, finish_spirv, sizeof(MatchPush), Constants{p.median_size}) {
   if (plan.stored_costs) block_cost.emplace(device, block_cost_spirv, sizeof(MatchPush), block_constants(plan, p));
-  if (p.path_count == 8)
-    diagonals.emplace(device, paths_code(plan.half_minima), sizeof(MatchPush), path_constants(plan, p, true), plan.subgroup_lanes);
+  if (plan.sums_blocks() || p.path_count == 8)
+    more_paths.emplace(device, paths_code(plan), sizeof(MatchPush), path_constants(plan, p, plan.sums_blocks() ? columns : diagonals),
+                       plan.subgroup_lanes);
 }
 
 const ks::ComputePipeline& MatchPipelines::census(const std::shared_ptr<ks::Device>& device, const MatchPlan& plan,

@@ -40,10 +40,35 @@ void choose_ranges(MatchPlan& plan, const MatchParameters& p, bool half) {
   const uint32_t area = p.block_width * p.block_height;
   plan.p1 = p.p1 * area;
   plan.p2 = p.p2 * area;
-  const uint32_t largest = p.census_bits() * area + plan.p2;  // of one path's costs
-  const uint32_t sum = p.path_count / 2 * largest;            // of those that share a volume
+  const uint32_t largest = p.census_bits() * area + plan.p2;         // of one path's costs
+  const uint32_t sum = p.path_count / plan.sum_volumes() * largest;  // of those that share a volume
   plan.sum_bytes = sum <= 0xff ? 1 : sum <= 0xffff ? 2 : 4;
   plan.half_minima = half && half_bias + largest + plan.p1 <= largest_half;
+}
+
+constexpr uint32_t most_across = 15;  // lines of a block that a workgroup's neighbours sum up
+
+/// Whether paths may sum the costs of their blocks themselves; shared words take 16 bit with room for the changes.
+bool can_sum_blocks(const MatchParameters& p) {
+  const uint32_t across = std::max(p.block_width, p.block_height), area = p.block_area();
+  return area > 1 && across <= most_across && p.census_bits() <= 32 && p.path_count == 4 && area * p.census_bits() + 64 * across <= 0xffff;
+}
+
+/// As many lines as workgroups and shared memory allow: those at the edges are walked for their neighbours alone.
+uint32_t summed_lines(const ks::Device& device, const MatchPlan& plan, const MatchParameters& p) {
+  constexpr uint32_t most_invocations = 512, most_shared_bytes = 32768;
+  const uint32_t invocations = std::min(most_invocations, device.limits().maxComputeWorkGroupInvocations);
+  const uint32_t lane_bytes = 2 * (plan.lane_disparities / 2) * sizeof(uint32_t);  // two turns
+  const uint32_t lanes = std::min(invocations, std::min(most_shared_bytes, device.limits().maxComputeSharedMemorySize) / lane_bytes);
+  const uint32_t whole_subgroups = std::max(plan.subgroup_lanes / (2 * plan.path_lanes), 1u);
+  const uint32_t lines = lanes / plan.path_lanes / 2 / whole_subgroups * whole_subgroups;
+  return lines >= std::max(p.block_width, p.block_height) + 1 ? lines : 0;
+}
+
+/// One pair is short of memory first; in a batch the volume is written once for many steps that are not waited for.
+bool want_summed_blocks(const ks::Device& device, const MatchParameters& p, uint32_t batch, const MatchTuning& tuning) {
+  if (!can_sum_blocks(p) || tuning.block_costs == BlockCosts::stored) return false;
+  return tuning.block_costs == BlockCosts::summed || (batch == 1 && !device.is_cpu());
 }
 
 /// Many parts in a workgroup write long runs of memory; few leave it more columns, of which the block's width is lost. The rows above a
@@ -79,7 +104,7 @@ uint64_t device_memory_bytes(const ks::Device& device) {
 /// More pairs fill a large GPU better; their volumes may take a sixteenth of its memory. A CPU device gains nothing.
 uint32_t default_pairs(const ks::Device& device, const MatchPlan& one_pair) {
   if (device.is_cpu()) return 1;
-  const uint64_t bytes = 2 * one_pair.sum_volume_bytes() + one_pair.cost_volume_bytes();
+  const uint64_t bytes = one_pair.sum_volumes() * one_pair.sum_volume_bytes() + one_pair.cost_volume_bytes();
   return static_cast<uint32_t>(std::clamp<uint64_t>(device_memory_bytes(device) / 16 / bytes, 1, 32));
 }
 
@@ -93,7 +118,14 @@ MatchPlan make_match_plan(const ks::Device& device, uint32_t width, uint32_t hei
   plan.subgroup_lanes = device.subgroup_size();
   plan.census_words = parameters.census_bits() > 32 ? 2 : 1;
   plan.stored_costs = parameters.block_area() > 1 || plan.census_words > 1;
+  const bool summed = want_summed_blocks(device, parameters, batch, tuning);
+  if (summed) plan.stored_costs = false;
   choose_lanes(plan, device, parameters.max_disparity, batch, tuning);
+  if (summed) plan.summed_lines = summed_lines(device, plan, parameters);
+  if (summed && !plan.sums_blocks()) {
+    plan.stored_costs = true;
+    choose_lanes(plan, device, parameters.max_disparity, batch, tuning);
+  }
   choose_ranges(plan, parameters, want_half_minima(device, tuning.minima));
   plan.census_copies = plan.stored_costs ? 1 : 4;
   plan.right_origin = plan.padded_disparities() + 32;  // as far as a path reads ahead
@@ -101,8 +133,9 @@ MatchPlan make_match_plan(const ks::Device& device, uint32_t width, uint32_t hei
   const uint64_t most_pairs = std::max<uint64_t>(MatchPlan::most_array_words / plan.largest_array_words(), 1);
   const uint32_t wanted_pairs = tuning.pairs_at_once ? tuning.pairs_at_once : default_pairs(device, plan);
   plan.pairs_at_once = static_cast<uint32_t>(std::min<uint64_t>({batch, wanted_pairs, most_pairs}));
-  choose_block_stage(plan, parameters);
+  if (plan.stored_costs) choose_block_stage(plan, parameters);
   plan.path_group = std::max({tuning.path_group ? tuning.path_group : batch == 1 ? 64u : 256u, plan.subgroup_lanes, 2 * plan.path_lanes});
+  if (plan.sums_blocks()) plan.path_group = 2 * plan.summed_lines * plan.path_lanes;
   plan.winner_group = std::max({tuning.winner_group ? tuning.winner_group : 64u, plan.subgroup_lanes});
   plan.segments = tuning.segments ? std::min(tuning.segments, width) : default_segments(plan, parameters.max_disparity);
   return plan;

@@ -12,6 +12,9 @@ namespace simsense {
 /// How the path stage takes minima: two at a time as half floats, where the device has them and the costs' range fits, or as integers.
 enum class Minima : uint8_t { automatic, half, integer };
 
+/// How costs of a block of pixels reach the paths: from a volume in memory, or summed again by each path (less than half of the memory).
+enum class BlockCosts : uint8_t { automatic, stored, summed };
+
 /// What a caller may fix, to measure or to test; 0 = the default of the device.
 struct MatchTuning {
   uint32_t path_lanes = 0;     // power of two, 4 .. subgroup size
@@ -21,6 +24,7 @@ struct MatchTuning {
   uint32_t segments = 0;       // parts of a row in the winner stage
   uint32_t pairs_at_once = 0;  // pairs that share one pass through the stages
   Minima minima = Minima::automatic;
+  BlockCosts block_costs = BlockCosts::automatic;
 };
 
 struct MatchPlan {
@@ -29,6 +33,7 @@ struct MatchPlan {
   uint32_t sum_bytes = 0;  // per element of a volume of path costs
   bool half_minima = false;
   bool stored_costs = false;  // in a volume, not made of census words where a path needs them
+  uint32_t summed_lines = 0;  // where block costs are summed by the paths: lines of a workgroup, those at its edges included; else 0
   uint32_t p1 = 0, p2 = 0;    // times the block's area
   uint32_t path_group = 0, winner_group = 0, segments = 0;
   uint32_t census_copies = 0, census_words = 1, right_origin = 0, right_pitch = 0;
@@ -38,6 +43,9 @@ struct MatchPlan {
   /// Columns that a workgroup of the block stage sums up, those beside its output included.
   [[nodiscard]] uint32_t block_columns() const { return 256 / block_group_parts * 4; }
   [[nodiscard]] uint64_t pixels() const { return uint64_t{width} * height * pairs_at_once; }
+  [[nodiscard]] bool sums_blocks() const { return summed_lines > 0; }
+  /// Volumes of path costs: all paths share one where columns add to what the rows have left.
+  [[nodiscard]] uint32_t sum_volumes() const { return sums_blocks() ? 1 : 2; }
   [[nodiscard]] uint64_t sum_volume_bytes() const { return pixels() * padded_disparities() * sum_bytes; }
   [[nodiscard]] uint64_t cost_volume_bytes() const { return stored_costs ? pixels() * padded_disparities() * 2 : 0; }
   [[nodiscard]] uint64_t right_copy_words() const { return uint64_t{right_pitch} * height * pairs_at_once; }

@@ -35,7 +35,7 @@ struct VulkanMatcher::State {
     if (parameters.p2_full_gradient > 0) gray = allocate((plan.pixels() + 2 * left_margin) * 4);
     if (plan.cost_volume_bytes() > 0) cost = allocate(plan.cost_volume_bytes());
     horizontal = allocate(plan.sum_volume_bytes());
-    vertical = allocate(plan.sum_volume_bytes());
+    if (plan.sum_volumes() == 2) vertical = allocate(plan.sum_volume_bytes());
     right_winner = allocate(plan.pixels() * 4);
     unchecked = allocate(plan.pixels() * 4);
   }
@@ -48,6 +48,7 @@ struct VulkanMatcher::State {
   [[nodiscard]] CensusPush census_push(const MatchArrays& arrays) const;
   [[nodiscard]] MatchPush push(const MatchArrays& arrays) const;
   void record(ks::Commands& on, const MatchArrays& arrays, uint32_t pairs);
+  void record_paths(ks::Commands& on, const MatchPush& push, uint32_t pairs);
 
   std::shared_ptr<ks::Device> device;
   uint32_t batch;
@@ -87,7 +88,7 @@ MatchPush VulkanMatcher::State::push(const MatchArrays& arrays) const {
   push.gray = gray ? gray->address() : 0;
   push.cost = cost ? cost->address() : 0;
   push.horizontal = horizontal->address();
-  push.vertical = vertical->address();
+  push.vertical = vertical ? vertical->address() : 0;
   push.right_winner = right_winner->address();
   push.unchecked = unchecked->address();
   push.disparity = arrays.disparity;
@@ -106,6 +107,17 @@ MatchPush VulkanMatcher::State::push(const MatchArrays& arrays) const {
   return push;
 }
 
+void VulkanMatcher::State::record_paths(ks::Commands& on, const MatchPush& push, uint32_t pairs) {
+  if (plan.sums_blocks()) {
+    on.dispatch(pipelines.paths, push, groups_of(plan.height, plan.summed_lines - (parameters.block_height - 1)), 1, pairs);
+    on.dispatch(*pipelines.more_paths, push, groups_of(plan.width, plan.summed_lines - (parameters.block_width - 1)), 1, pairs);
+    return;
+  }
+  const uint32_t lines_per_group = plan.path_group / plan.path_lanes / 2, column_groups = 4 * groups_of(plan.width, 4 * lines_per_group);
+  on.dispatch(pipelines.paths, push, groups_of(plan.height, lines_per_group) + column_groups, 1, pairs);
+  if (pipelines.more_paths) on.dispatch(*pipelines.more_paths, push, 2 * column_groups, 1, pairs);
+}
+
 void VulkanMatcher::State::record(ks::Commands& on, const MatchArrays& arrays, uint32_t pairs) {
   const uint32_t w = plan.width, h = plan.height;
   const MatchPush push = this->push(arrays);
@@ -119,9 +131,7 @@ void VulkanMatcher::State::record(ks::Commands& on, const MatchArrays& arrays, u
     on.dispatch(*pipelines.block_cost, push, part_groups * groups_of(w, outputs), groups_of(h, plan.block_rows_per_group), pairs);
   }
   on.begin_stage("paths");
-  const uint32_t lines_per_group = plan.path_group / plan.path_lanes / 2, column_groups = 4 * groups_of(w, 4 * lines_per_group);
-  on.dispatch(pipelines.paths, push, groups_of(h, lines_per_group) + column_groups, 1, pairs);
-  if (pipelines.diagonals) on.dispatch(*pipelines.diagonals, push, 2 * column_groups, 1, pairs);
+  record_paths(on, push, pairs);
   on.begin_stage("winner");
   on.dispatch(pipelines.winner, push, groups_of(h, plan.winner_group / plan.path_lanes), plan.segments, pairs);
   on.begin_stage("check and median");

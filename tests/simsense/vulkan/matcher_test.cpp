@@ -13,6 +13,7 @@
 
 namespace {
 
+using simsense::BlockCosts;
 using simsense::MatchParameters;
 using simsense::MatchReason;
 using simsense::MatchTuning;
@@ -30,7 +31,7 @@ std::string describe(const StereoPair& pair, const MatchParameters& p, const Mat
        << " lr " << p.lr_max_diff << " median " << p.median_size << " subpixel " << static_cast<int>(p.subpixel) << " census kind "
        << static_cast<int>(p.census) << " paths " << p.path_count << " min " << p.min_disparity << " gradient " << p.p2_full_gradient
        << "; lanes " << t.path_lanes << " steps " << t.steps << " groups " << t.path_group << ", " << t.winner_group << " segments "
-       << t.segments << (t.minima == Minima::half ? " half" : "");
+       << t.segments << (t.minima == Minima::half ? " half" : "") << (t.block_costs == BlockCosts::summed ? " summed" : "");
   return text.str();
 }
 
@@ -118,8 +119,14 @@ class Fuzz {
     std::tie(p.census_width, p.census_height) = one_of<Window>({{9, 7}, {7, 7}, {5, 5}, {3, 11}, {7, 5}});
   }
   MatchTuning tuning() {
-    return {
-        one_of({0u, 4u, 8u}), 4u, one_of({0u, 16u, 128u}), one_of({0u, 32u, 256u}), in(0, 5), 0, one_of({Minima::half, Minima::integer})};
+    MatchTuning t;
+    t.path_lanes = one_of({0u, 4u, 8u});
+    t.steps = 4;
+    t.path_group = one_of({0u, 16u, 128u});
+    t.winner_group = one_of({0u, 32u, 256u});
+    t.segments = in(0, 5);
+    t.minima = one_of({Minima::half, Minima::integer});
+    return t;
   }
   StereoPair pair() { return random_dots(in(32, 150), in(32, 100), in(0, 20), in(0, 25), in(0, 1u << 30)); }
 
@@ -170,7 +177,7 @@ TEST(vulkan_matcher, lines_of_every_length_around_a_block_of_steps_meet_right) {
   MatchParameters p;
   p.max_disparity = 24;
   for (uint32_t extra = 0; extra < 17; ++extra) {
-    const MatchTuning tuning{8, extra % 2 ? 8u : 4u, 0, 0, 0, 0, Minima::automatic};
+    const MatchTuning tuning{8, extra % 2 ? 8u : 4u};
     compare(random_dots(32 + extra, 49 - extra, 5, 10, extra), p, tuning);
   }
 }
@@ -195,8 +202,28 @@ TEST(vulkan_matcher, most_disparities_equal_the_reference) {
 TEST(vulkan_matcher, sensor_size_equals_the_reference) { compare(random_dots(960, 540, 37, 10, 6), MatchParameters{}); }
 
 TEST(vulkan_matcher, a_pair_of_the_sensors_size_needs_at_most_150_megabytes) {
-  const auto matcher = simsense::make_vulkan_matcher(device(), 960, 540, 1, MatchParameters{});
-  EXPECT_LE(matcher->memory_bytes(), 150'000'000u);
+  MatchParameters p;
+  EXPECT_LE(simsense::make_vulkan_matcher(device(), 960, 540, 1, p)->memory_bytes(), 150'000'000u);
+  p.block_width = p.block_height = 7;
+  MatchTuning summed;
+  summed.block_costs = BlockCosts::summed;
+  EXPECT_LE(simsense::make_vulkan_matcher(device(), 960, 540, 1, p, summed)->memory_bytes(), 150'000'000u);
+}
+
+TEST(vulkan_matcher, block_costs_summed_on_the_way_equal_the_reference) {
+  MatchParameters p;
+  p.max_disparity = 24;
+  MatchTuning summed;
+  summed.block_costs = BlockCosts::summed;
+  summed.path_lanes = 8;  // few registers: a CPU device takes long to compile many
+  for (const auto& [block_width, block_height] : {std::pair{7u, 7u}, {3u, 13u}}) {
+    p.block_width = block_width;
+    p.block_height = block_height;
+    p.p2_full_gradient = block_width == 3 ? 12 : 0;
+    const StereoPair pair = random_dots(64 + block_width, 49 + block_height, 6, 10, block_width);
+    EXPECT_TRUE(simsense::make_vulkan_matcher(device(), pair.width, pair.height, 1, p, summed)->plan().sums_blocks());
+    compare(pair, p, summed);
+  }
 }
 
 TEST(vulkan_matcher, every_pair_of_a_batch_equals_its_own_match) {
