@@ -54,10 +54,20 @@ bool can_sum_blocks(const MatchParameters& p) {
   return area > 1 && across <= most_across && p.census_bits() <= 32 && p.path_count == 4 && area * p.census_bits() + 64 * across <= 0xffff;
 }
 
+/// Of a workgroup whose subgroups have a required size.
+uint32_t most_invocations(const ks::Device& device, uint32_t subgroup_lanes) {
+  const uint32_t most = device.limits().maxComputeWorkGroupInvocations;
+  if (!device.can_require_subgroup_size(subgroup_lanes)) return most;
+  VkPhysicalDeviceSubgroupSizeControlProperties control{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_SUBGROUP_SIZE_CONTROL_PROPERTIES};
+  VkPhysicalDeviceProperties2 all{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2, &control};
+  vkGetPhysicalDeviceProperties2(device.physical(), &all);
+  return static_cast<uint32_t>(std::min<uint64_t>(most, uint64_t{control.maxComputeWorkgroupSubgroups} * subgroup_lanes));
+}
+
 /// As many lines as workgroups and shared memory allow: those at the edges are walked for their neighbours alone.
 uint32_t summed_lines(const ks::Device& device, const MatchPlan& plan, const MatchParameters& p) {
-  constexpr uint32_t most_invocations = 512, most_shared_bytes = 32768;
-  const uint32_t invocations = std::min(most_invocations, device.limits().maxComputeWorkGroupInvocations);
+  constexpr uint32_t wanted_invocations = 512, most_shared_bytes = 32768;
+  const uint32_t invocations = std::min(wanted_invocations, most_invocations(device, plan.subgroup_lanes));
   const uint32_t lane_bytes = 2 * (plan.lane_disparities / 2) * sizeof(uint32_t);  // two turns
   const uint32_t lanes = std::min(invocations, std::min(most_shared_bytes, device.limits().maxComputeSharedMemorySize) / lane_bytes);
   const uint32_t whole_subgroups = std::max(plan.subgroup_lanes / (2 * plan.path_lanes), 1u);
