@@ -17,6 +17,9 @@ ASAN_OPTIONS=detect_leaks=0 UBSAN_OPTIONS=halt_on_error=1:print_stacktrace=1 cte
 echo "== full: ray tracing pipelines"
 bash tests/rt_pipeline.sh || status=1
 
+echo "== full: the stock Mesa of Debian 12"
+bash tests/stock_mesa.sh || status=1
+
 echo "== full: simsense on ARM NEON"
 bash tests/neon.sh || status=1
 exit $status

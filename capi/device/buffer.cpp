@@ -37,6 +37,8 @@ std::shared_ptr<Buffer> Buffer::create(std::shared_ptr<Device> device, uint64_t 
     self->allocate_vulkan();
   else
     self->allocate_host();
+  self->owned_bytes_ = self->allocation_bytes_;
+  self->device_->count_allocated(int64_t(self->owned_bytes_));
   return self;
 }
 
@@ -125,6 +127,7 @@ void Buffer::clear() {
 }
 
 Buffer::~Buffer() {
+  if (owned_bytes_ > 0) device_->count_allocated(-int64_t(owned_bytes_));
   if (owns_host_) unmap_host_pages(mapped_, allocation_bytes_);
   if (buffer_ != VK_NULL_HANDLE) device_->vk().vkDestroyBuffer(device_->handle(), buffer_, nullptr);
   if (memory_ != VK_NULL_HANDLE) device_->vk().vkFreeMemory(device_->handle(), memory_, nullptr);

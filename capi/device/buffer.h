@@ -52,7 +52,7 @@ class Buffer {
   std::shared_ptr<Device> device_;
   VkBuffer buffer_ = VK_NULL_HANDLE;
   VkDeviceMemory memory_ = VK_NULL_HANDLE;
-  uint64_t size_bytes_ = 0, allocation_bytes_ = 0, address_ = 0;
+  uint64_t size_bytes_ = 0, allocation_bytes_ = 0, owned_bytes_ = 0, address_ = 0;
   uint32_t memory_type_ = 0, flags_ = 0;
   VkBufferUsageFlags extra_usage_ = 0;
   bool owns_host_ = false;

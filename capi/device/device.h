@@ -69,6 +69,8 @@ class Device : public std::enable_shared_from_this<Device> {
 
   void count_copy(uint64_t bytes) { copied_bytes_ += bytes; }
   [[nodiscard]] uint64_t copied_bytes() const { return copied_bytes_; }
+  void count_allocated(int64_t bytes) { allocated_bytes_ += uint64_t(bytes); }
+  [[nodiscard]] uint64_t allocated_bytes() const { return allocated_bytes_; }
 
  private:
   Device();
@@ -92,7 +94,7 @@ class Device : public std::enable_shared_from_this<Device> {
   std::unique_ptr<PipelineCache> pipeline_cache_;
   std::mutex queue_mutex_;
   std::atomic<bool> lost_{false};
-  std::atomic<uint64_t> copied_bytes_{0};
+  std::atomic<uint64_t> copied_bytes_{0}, allocated_bytes_{0};
   std::unique_ptr<ThreadPool> workers_;
 };
 

@@ -13,24 +13,25 @@
 
 namespace py = pybind11;
 
-#define KS_BINDING_API(Type, prefix)                                           \
-  struct Type {                                                                \
-    static constexpr const char* name = #prefix;                               \
-    using DeviceHandle = prefix##_device;                                      \
-    using BufferHandle = prefix##_buffer;                                      \
-    static constexpr auto last_error = &prefix##_last_error;                   \
-    static constexpr auto device_enumerate = &prefix##_device_enumerate;       \
-    static constexpr auto device_create = &prefix##_device_create;             \
-    static constexpr auto device_get_info = &prefix##_device_get_info;         \
-    static constexpr auto device_release = &prefix##_device_release;           \
-    static constexpr auto device_copied_bytes = &prefix##_device_copied_bytes; \
-    static constexpr auto buffer_create = &prefix##_buffer_create;             \
-    static constexpr auto buffer_import = &prefix##_buffer_import;             \
-    static constexpr auto buffer_export = &prefix##_buffer_export;             \
-    static constexpr auto buffer_map = &prefix##_buffer_map;                   \
-    static constexpr auto buffer_write = &prefix##_buffer_write;               \
-    static constexpr auto buffer_read = &prefix##_buffer_read;                 \
-    static constexpr auto buffer_release = &prefix##_buffer_release;           \
+#define KS_BINDING_API(Type, prefix)                                                 \
+  struct Type {                                                                      \
+    static constexpr const char* name = #prefix;                                     \
+    using DeviceHandle = prefix##_device;                                            \
+    using BufferHandle = prefix##_buffer;                                            \
+    static constexpr auto last_error = &prefix##_last_error;                         \
+    static constexpr auto device_enumerate = &prefix##_device_enumerate;             \
+    static constexpr auto device_create = &prefix##_device_create;                   \
+    static constexpr auto device_get_info = &prefix##_device_get_info;               \
+    static constexpr auto device_release = &prefix##_device_release;                 \
+    static constexpr auto device_copied_bytes = &prefix##_device_copied_bytes;       \
+    static constexpr auto device_allocated_bytes = &prefix##_device_allocated_bytes; \
+    static constexpr auto buffer_create = &prefix##_buffer_create;                   \
+    static constexpr auto buffer_import = &prefix##_buffer_import;                   \
+    static constexpr auto buffer_export = &prefix##_buffer_export;                   \
+    static constexpr auto buffer_map = &prefix##_buffer_map;                         \
+    static constexpr auto buffer_write = &prefix##_buffer_write;                     \
+    static constexpr auto buffer_read = &prefix##_buffer_read;                       \
+    static constexpr auto buffer_release = &prefix##_buffer_release;                 \
   }
 
 namespace ks_python {

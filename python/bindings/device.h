@@ -48,6 +48,12 @@ class Device {
     return bytes;
   }
 
+  [[nodiscard]] uint64_t allocated_bytes() const {
+    uint64_t bytes = 0;
+    check<Api>(Api::device_allocated_bytes(get(), &bytes));
+    return bytes;
+  }
+
   static std::vector<DeviceInfo<Api>> enumerate() {
     uint32_t count = 0;
     check<Api>(Api::device_enumerate(nullptr, &count));
@@ -149,7 +155,8 @@ void bind_device(py::module_& module) {
       .def_static("enumerate", &D::enumerate, "Every Vulkan device, usable or not.")
       .def_property_readonly("info", &D::info)
       .def_property_readonly("copied_bytes", &D::copied_bytes,
-                             "Bytes copied between buffers, or between host memory and buffers, since the device was created.");
+                             "Bytes copied between buffers, or between host memory and buffers, since the device was created.")
+      .def_property_readonly("allocated_bytes", &D::allocated_bytes, "Bytes of memory that this device's buffers hold now.");
 }
 
 }  // namespace ks_python

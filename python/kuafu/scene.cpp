@@ -6,6 +6,12 @@
 namespace ks_python {
 namespace {
 
+template <ks_status (*call)(kuafu_scene, uint32_t)>
+void remove(Scene& s, uint32_t id) {
+  const InUse<Kuafu> in_use(s.in_use, "scene");
+  check<Kuafu>(call(s.get(), id));
+}
+
 using Floats = py::array_t<float, py::array::c_style | py::array::forcecast>;
 using Indices = py::array_t<uint32_t, py::array::c_style | py::array::forcecast>;
 
@@ -212,13 +218,7 @@ void bind_materials_and_lights(SceneType& type) {
         return l;
       },
       py::arg("id"));
-  type.def(
-      "remove_light",
-      [](Scene& s, uint32_t id) {
-        const InUse<Kuafu> in_use(s.in_use, "scene");
-        check<Kuafu>(kuafu_scene_remove_light(s.get(), id));
-      },
-      py::arg("id"));
+  type.def("remove_light", &remove<kuafu_scene_remove_light>, py::arg("id"));
 }
 
 }  // namespace
@@ -246,13 +246,11 @@ void bind_scene(py::module_& module) {
            py::arg("local_to_world") = py::none(), py::arg("environment") = py::none(), py::arg("semantic_id") = 0, py::arg("name") = "")
       .def("set_instance_pose", &set_instance_pose, py::arg("id"), py::arg("local_to_world"))
       .def("set_instance_materials", &set_instance_materials, py::arg("id"), py::arg("materials"))
-      .def(
-          "remove_instance",
-          [](Scene& s, uint32_t id) {
-            const InUse<Kuafu> in_use(s.in_use, "scene");
-            check<Kuafu>(kuafu_scene_remove_instance(s.get(), id));
-          },
-          py::arg("id"))
+      .def("remove_mesh", &remove<kuafu_scene_remove_mesh>, py::arg("id"), "Frees a mesh; refused while an instance uses it.")
+      .def("remove_texture", &remove<kuafu_scene_remove_texture>, py::arg("id"),
+           "Frees a texture; refused while a material, a light or the environment uses it.")
+      .def("remove_material", &remove<kuafu_scene_remove_material>, py::arg("id"), "Refused while it is on an instance.")
+      .def("remove_instance", &remove<kuafu_scene_remove_instance>, py::arg("id"))
       .def("set_environment", &set_environment, py::arg("radiance"), py::arg("ir_radiance") = py::none(), py::kw_only(),
            py::arg("texture") = py::none(), py::arg("map_to_world") = py::none(), py::arg("light_group") = 0,
            "Radiance from all directions, W/(sr m^2), times an equirectangular texture turned by the 3x3 map_to_world. ir_radiance None: "

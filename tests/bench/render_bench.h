@@ -81,15 +81,20 @@ class Renderer {
     return image_;
   }
 
-  /// One line: milliseconds per stage of the last render.
-  std::string stages() {
-    ks_stage_time times[32];
-    uint32_t count = 32;
+  /// Milliseconds per stage of the last render.
+  std::vector<std::pair<std::string, double>> stage_times() {
+    ks_stage_time times[64];
+    uint32_t count = 64;
     ok(kuafu_renderer_get_stage_times(renderer_, times, &count));
+    std::vector<std::pair<std::string, double>> out;
+    for (uint32_t i = 0; i < std::min(count, 64u); ++i) out.emplace_back(times[i].name, times[i].milliseconds);
+    return out;
+  }
+  std::string stages() {
     std::string text;
-    for (uint32_t i = 0; i < std::min(count, 32u); ++i) {
+    for (const auto& [name, ms] : stage_times()) {
       char part[64];
-      std::snprintf(part, sizeof part, "%s%s %.2f", i ? ", " : "", times[i].name, times[i].milliseconds);
+      std::snprintf(part, sizeof part, "%s%s %.2f", text.empty() ? "" : ", ", name.c_str(), ms);
       text += part;
     }
     return text;

@@ -36,6 +36,18 @@ TYPED_TEST_SUITE(Handles, Libraries, LibraryName);
 
 bool says(const char* text, const char* part) { return std::strstr(text, part) != nullptr; }
 
+TYPED_TEST(Handles, AllocatedBytesAreThoseOfTheBuffersThatLive) {
+  uint64_t before = 0, with = 0, after = 0;
+  ASSERT_EQ(TypeParam::device_allocated_bytes(this->device_, &before), KS_OK);
+  const auto buffer = this->new_buffer(1 << 20, KS_BUFFER_HOST_VISIBLE);
+  ASSERT_EQ(TypeParam::device_allocated_bytes(this->device_, &with), KS_OK);
+  TypeParam::buffer_release(buffer);
+  ASSERT_EQ(TypeParam::device_allocated_bytes(this->device_, &after), KS_OK);
+  EXPECT_GE(with, before + (1 << 20));
+  EXPECT_LT(with, before + (1 << 20) + (1 << 16));
+  EXPECT_EQ(after, before);
+}
+
 TYPED_TEST(Handles, EnumerationTellsTheCountAndFillsWhatFits) {
   uint32_t count = 0;
   ASSERT_EQ(TypeParam::device_enumerate(nullptr, &count), KS_OK);
@@ -122,6 +134,7 @@ TYPED_TEST(Handles, NullArgumentsAreRefused) {
   EXPECT_EQ(TypeParam::device_create(nullptr, nullptr), KS_ERROR_INVALID_ARGUMENT);
   EXPECT_EQ(TypeParam::device_get_info(this->device_, nullptr), KS_ERROR_INVALID_ARGUMENT);
   EXPECT_EQ(TypeParam::device_copied_bytes(this->device_, nullptr), KS_ERROR_INVALID_ARGUMENT);
+  EXPECT_EQ(TypeParam::device_allocated_bytes(this->device_, nullptr), KS_ERROR_INVALID_ARGUMENT);
   typename TypeParam::Buffer buffer = nullptr;
   EXPECT_EQ(TypeParam::buffer_create(this->device_, nullptr, &buffer), KS_ERROR_INVALID_ARGUMENT);
   EXPECT_EQ(TypeParam::buffer_import(this->device_, nullptr, &buffer), KS_ERROR_INVALID_ARGUMENT);

@@ -58,6 +58,8 @@ KUAFU_API void kuafu_device_retain(kuafu_device device);
 KUAFU_API void kuafu_device_release(kuafu_device device);
 /* Bytes that this library copied between buffers, or between host memory and buffers, since the device was created. Zero-copy pipelines keep it still. */
 KUAFU_API ks_status kuafu_device_copied_bytes(kuafu_device device, uint64_t* out);
+/* Bytes of memory that this device's buffers hold now, those of renderers and scenes included. */
+KUAFU_API ks_status kuafu_device_allocated_bytes(kuafu_device device, uint64_t* out);
 
 /* ---- buffer ---------------------------------------------------------------------------------------------------------------- */
 
@@ -101,7 +103,7 @@ KUAFU_API ks_status kuafu_scene_load(kuafu_scene scene, const char* path, const 
 
 typedef struct kuafu_scene_summary {
   ks_header header;
-  uint32_t mesh_count, texture_count, material_count, instance_count, light_count, camera_count;
+  uint32_t mesh_count, texture_count, material_count, instance_count, light_count, camera_count; /* removed ones not counted */
   uint64_t triangle_count;     /* of all instances */
   double bounds_min_m[3];      /* world, of all instances; +inf/-inf when empty */
   double bounds_max_m[3];
@@ -232,7 +234,12 @@ static inline kuafu_instance_desc kuafu_instance_desc_init(uint32_t mesh) {
 KUAFU_API ks_status kuafu_scene_add_instance(kuafu_scene scene, const kuafu_instance_desc* desc, uint32_t* id);
 KUAFU_API ks_status kuafu_scene_set_instance_pose(kuafu_scene scene, uint32_t id, const double* local_to_world);
 KUAFU_API ks_status kuafu_scene_set_instance_materials(kuafu_scene scene, uint32_t id, const uint32_t* materials, uint32_t material_count);
-/* Ids are stable and not reused; ids of removed objects are refused from then on. */
+/* Ids are stable and not reused; ids of removed objects are refused from then on. Removing frees the object's memory, on the device with the next
+ * render; some hundred bytes remain for the id. A mesh that an instance uses, a material on an instance, a texture of a material, light or
+ * environment cannot be removed: the error names the user. */
+KUAFU_API ks_status kuafu_scene_remove_mesh(kuafu_scene scene, uint32_t id);
+KUAFU_API ks_status kuafu_scene_remove_texture(kuafu_scene scene, uint32_t id);
+KUAFU_API ks_status kuafu_scene_remove_material(kuafu_scene scene, uint32_t id);
 KUAFU_API ks_status kuafu_scene_remove_instance(kuafu_scene scene, uint32_t id);
 
 /* Names as loaded, for ids 0.. of the AOVs; the pointer lives until the scene changes. NULL for an id that is not there, with the reason in kuafu_last_error(). */

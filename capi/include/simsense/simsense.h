@@ -51,6 +51,8 @@ SIMSENSE_API ks_status simsense_device_get_info(simsense_device device, ks_devic
 SIMSENSE_API void simsense_device_retain(simsense_device device);
 SIMSENSE_API void simsense_device_release(simsense_device device);
 SIMSENSE_API ks_status simsense_device_copied_bytes(simsense_device device, uint64_t* out);
+/* Bytes of memory that this device's buffers hold now, those of renderers and scenes included. */
+SIMSENSE_API ks_status simsense_device_allocated_bytes(simsense_device device, uint64_t* out);
 
 SIMSENSE_API ks_status simsense_buffer_create(simsense_device device, const ks_buffer_create* create, simsense_buffer* out);
 SIMSENSE_API ks_status simsense_buffer_import(simsense_device device, const ks_buffer_desc* desc, simsense_buffer* out);

@@ -1,9 +1,11 @@
-// One array in device memory, grown when needed, else written in place. Thread rule: externally synchronised.
+// One array in device memory, grown when needed, else written in place, as a whole or the elements that changed.
+// Thread rule: externally synchronised.
 #pragma once
 
 #include <algorithm>
 #include <memory>
 #include <span>
+#include <vector>
 
 #include "device/buffer.h"
 
@@ -26,10 +28,23 @@ class ArrayBuffer {
   void write(uint64_t offset_bytes, const std::vector<T>& values) {
     if (!values.empty()) buffer_->write(offset_bytes, values.data(), values.size() * sizeof(T));
   }
+  /// `indices` (any order, taken) say which of `values` changed. All of them are written where the array has to grow.
+  template <class T>
+  void upload_changed(const std::shared_ptr<ks::Device>& device, const std::vector<T>& values, std::vector<uint32_t> indices) {
+    if (!buffer_ || buffer_->size_bytes() < values.size() * sizeof(T)) {
+      reserve(device, (values.size() + values.size() / 2) * sizeof(T));
+      write(0, values);
+    } else {
+      write_elements(reinterpret_cast<const std::byte*>(values.data()), sizeof(T), std::move(indices));
+    }
+  }
   [[nodiscard]] uint64_t address() const { return buffer_ ? buffer_->address() : 0; }
+  [[nodiscard]] uint64_t size_bytes() const { return buffer_ ? buffer_->size_bytes() : 0; }
   [[nodiscard]] const std::shared_ptr<ks::Buffer>& buffer() const { return buffer_; }
 
  private:
+  void write_elements(const std::byte* values, uint64_t element_bytes, std::vector<uint32_t> indices);
+
   VkBufferUsageFlags extra_usage_;
   std::shared_ptr<ks::Buffer> buffer_;
 };

@@ -2,8 +2,8 @@
 
 #include <utility>
 
-#include "accel/instance_bvh.h"
 #include "device/error.h"
+#include "device/thread_pool.h"
 
 namespace kuafu {
 namespace {
@@ -11,27 +11,43 @@ namespace {
 /// A refitted tree that costs more than this times what it did when it was built is built anew.
 constexpr double worn_out = 1.5;
 
+/// A node whose inner children's indices count from elsewhere.
+BvhNode moved_by(uint32_t first, BvhNode node) {
+  for (uint32_t* code : {&node.child0, &node.child1})
+    if (!(*code & bvh_leaf)) *code += first;
+  return node;
+}
+
 }  // namespace
 
 void BvhWorld::update(const Scene& scene, uint32_t environment_count) {
   if (environment_count == 0) ks::fail(KS_ERROR_INVALID_ARGUMENT, "a tracer needs at least one environment");
   if (std::exchange(scene_, nullptr) != &scene) forget();  // and forget too what a failed update left
-  const std::vector<uint32_t> deformed = watch_.look(scene).deformed;
-  device_->workers().parallel_for(deformed.size(), [&](size_t i) { deform(scene.meshes()[deformed[i]], meshes_[deformed[i]]); });
-  for (const uint32_t id : deformed) upload(meshes_[id]);
-  if (meshes_.size() < scene.meshes().size()) add_meshes(scene);
-  const bool must_place = !deformed.empty() || environment_count != environment_count_;
-  if (must_place || scene.revisions().instances != instances_revision_) {
-    std::vector<Placement> placements = live_placements(scene);
-    if (must_place || placements != placements_) place(std::move(placements), environment_count);
-    instances_revision_ = scene.revisions().instances;
-  }
+  const std::vector<uint32_t> deformed = follow_meshes(scene);
+  const auto changed = changed_slots(scene, instances_revision_, deformed, placements_);
+  if (changed && environment_count == environment_count_)
+    follow(scene, *changed);
+  else
+    place_all(scene, environment_count);
+  instances_revision_ = scene.revisions().instances;
   scene_ = &scene;
 }
 
 void BvhWorld::forget() {
-  blocks_.clear(), meshes_.clear(), placements_.clear(), watch_.forget();
+  meshes_.clear(), watch_.forget();
   instances_revision_ = 0, environment_count_ = 0;
+  all_roots_.clear();
+}
+
+/// Returns the meshes that deformed.
+std::vector<uint32_t> BvhWorld::follow_meshes(const Scene& scene) {
+  const MeshWatch::Changes changes = watch_.look(scene);
+  const std::vector<uint32_t>& deformed = changes.deformed;
+  device_->workers().parallel_for(deformed.size(), [&](size_t i) { deform(scene.meshes()[deformed[i]], meshes_[deformed[i]]); });
+  for (const uint32_t id : deformed) upload(meshes_[id]);
+  for (const uint32_t id : changes.removed) meshes_[id] = {};
+  if (meshes_.size() < scene.meshes().size()) add_meshes(scene);
+  return deformed;
 }
 
 /// All meshes that are new go into one allocation: nodes of 64 and triangles of 48 bytes, mesh after mesh.
@@ -49,12 +65,14 @@ void BvhWorld::add_meshes(const Scene& scene) {
   };
   for (const MeshBvh& mesh : built) {
     const uint64_t nodes = append(mesh.nodes);
-    meshes_.push_back({nodes, append(mesh.triangles), mesh.bounds, nullptr});
+    meshes_.push_back({nodes, append(mesh.triangles), mesh.bounds, nullptr, nullptr});
   }
-  blocks_.emplace_back().upload(device_, bytes);
+  ArrayBuffer block;
+  block.upload(device_, bytes);
   for (size_t i = first; i < meshes_.size(); ++i) {
-    meshes_[i].nodes += blocks_.back().address();
-    meshes_[i].triangles += blocks_.back().address();
+    meshes_[i].nodes += block.address();
+    meshes_[i].triangles += block.address();
+    if (!scene.meshes()[i].removed) meshes_[i].block = block.buffer();
   }
 }
 
@@ -77,25 +95,106 @@ void BvhWorld::upload(PlacedMesh& placed) const {
   state.block.reserve(device_, most_node_bytes + triangle_count * sizeof(BvhTriangle));
   state.block.write(0, state.bvh.nodes);
   state.block.write(most_node_bytes, state.bvh.triangles);
+  placed.block.reset();
   placed.nodes = state.block.address();
   placed.triangles = state.block.address() + most_node_bytes;
 }
 
-void BvhWorld::place(std::vector<Placement> placements, uint32_t environment_count) {
-  std::vector<Box> bounds;
-  for (const PlacedMesh& mesh : meshes_) bounds.push_back(mesh.bounds);
-  const InstanceBvhs top = build_instance_bvhs(placements, bounds, environment_count, device_->workers());
-  std::vector<BvhInstance> records;
-  records.reserve(placements.size());
-  for (const Placement& p : placements) {
-    const glm::mat4 rows(glm::transpose(p.world_to_local));
-    records.push_back({rows[0], rows[1], rows[2], meshes_[p.mesh].nodes, meshes_[p.mesh].triangles});
-  }
-  nodes_.upload(device_, top.nodes);
-  instances_.upload(device_, records);
-  roots_.upload(device_, top.roots);
-  placements_ = std::move(placements);
+void BvhWorld::put(uint32_t slot, const Placement& p) {
+  placements_[slot] = p;
+  if (!p.traceable) return;
+  const PlacedMesh& mesh = meshes_[p.mesh];
+  const glm::mat4 rows(glm::transpose(p.world_to_local));
+  boxes_[slot] = world_box(mesh.bounds, p.local_to_world);
+  records_[slot] = {rows[0], rows[1], rows[2], mesh.nodes, mesh.triangles};
+}
+
+void BvhWorld::place_all(const Scene& scene, uint32_t environment_count) {
+  const std::vector<Placement> placements = all_placements(scene);
+  placements_.resize(placements.size());
+  boxes_.resize(placements.size());
+  records_.resize(placements.size());
+  for (uint32_t slot = 0; slot < placements.size(); ++slot) put(slot, placements[slot]);
+  const auto seen = placements_by_environment(placements_, environment_count);
+  parts_.clear();
+  parts_.resize(environment_count);
+  device_->workers().parallel_for(environment_count, [&](size_t e) { parts_[e].top.build(seen[e], boxes_); });
+  instances_.upload(device_, records_);
+  upload_all_tops();
   environment_count_ = environment_count;
+}
+
+void BvhWorld::follow(const Scene& scene, const std::vector<uint32_t>& slots) {
+  if (slots.empty()) return;
+  placements_.resize(scene.instance_slots().size());
+  boxes_.resize(placements_.size());
+  records_.resize(placements_.size());
+  for (const uint32_t slot : slots) {
+    const Placement before = placements_[slot];
+    put(slot, placement_in(scene, slot));
+    for (uint32_t e = 0; e < environment_count_; ++e) follow_in(e, slot, before.seen_by(e), placements_[slot].seen_by(e));
+  }
+  for (uint32_t e = 0; e < environment_count_; ++e)
+    if (parts_[e].top.worn_out()) build(e);
+  instances_.upload_changed(device_, records_, slots);
+  upload_tops();
+}
+
+void BvhWorld::follow_in(uint32_t environment, uint32_t slot, bool before, bool after) {
+  TopLevel& top = parts_[environment].top;
+  if (before && after) {
+    top.move(slot, boxes_[slot]);
+  } else if (before) {
+    top.erase(slot);
+  } else if (after && !top.insert(slot, boxes_[slot])) {
+    build(environment);
+  }
+}
+
+void BvhWorld::build(uint32_t environment) {
+  std::vector<uint32_t> slots;
+  for (uint32_t slot = 0; slot < placements_.size(); ++slot)
+    if (placements_[slot].seen_by(environment)) slots.push_back(slot);
+  parts_[environment].top.build(slots, boxes_);
+}
+
+void BvhWorld::upload_tops() {
+  std::vector<uint32_t> changed;
+  for (Part& part : parts_) {
+    if (part.top.nodes().size() > part.capacity) return upload_all_tops();
+    for (const uint32_t n : part.top.take_changes()) {
+      all_nodes_[part.first + n] = moved_by(part.first, part.top.nodes()[n]);
+      changed.push_back(part.first + n);
+    }
+  }
+  nodes_.upload_changed(device_, all_nodes_, std::move(changed));
+  upload_roots();
+}
+
+void BvhWorld::upload_all_tops() {
+  uint64_t end = 0;
+  for (Part& part : parts_) {
+    const auto count = uint32_t(part.top.nodes().size());
+    part.first = uint32_t(end);
+    part.capacity = count + count / 4 + 1;
+    end += part.capacity;
+    if (end >= bvh_leaf) ks::fail(KS_ERROR_UNSUPPORTED, "more than 2^31 top-level nodes over %zu environments", parts_.size());
+  }
+  all_nodes_.assign(end, {});
+  for (Part& part : parts_) {
+    for (size_t n = 0; n < part.top.nodes().size(); ++n) all_nodes_[part.first + n] = moved_by(part.first, part.top.nodes()[n]);
+    part.top.take_changes();
+  }
+  nodes_.upload(device_, all_nodes_);
+  upload_roots();
+}
+
+void BvhWorld::upload_roots() {
+  std::vector<uint32_t> roots;
+  for (const Part& part : parts_) roots.push_back(part.top.empty() ? bvh_done : part.first);
+  if (roots == all_roots_) return;
+  roots_.upload(device_, roots);
+  all_roots_ = std::move(roots);
 }
 
 }  // namespace kuafu

@@ -1,11 +1,12 @@
-// The scene as our own tracer knows it, in device memory: a BVH2 per mesh, built once or refitted, and a top level per environment.
-// Thread rule: externally synchronised; no work may be in flight during update.
+// The scene as our own tracer knows it, in device memory: a BVH2 per mesh, built once or refitted, and a top level per environment, which
+// follows single instances. Thread rule: externally synchronised; no work may be in flight during update.
 #pragma once
 
 #include "accel/array_buffer.h"
 #include "accel/mesh_bvh.h"
 #include "accel/mesh_watch.h"
 #include "accel/placement.h"
+#include "accel/top_level.h"
 
 namespace kuafu {
 
@@ -29,25 +30,44 @@ class BvhWorld {
     ArrayBuffer block;
   };
   struct PlacedMesh {
-    uint64_t nodes, triangles;  // device addresses
+    uint64_t nodes = 0, triangles = 0;  // device addresses
     Box bounds;
+    std::shared_ptr<ks::Buffer> block;  // with meshes of its time, as long as one of them is left
     std::unique_ptr<Deforming> deforming;
+  };
+  /// An environment's part of the node array.
+  struct Part {
+    TopLevel top;
+    uint32_t first = 0, capacity = 0;
   };
 
   void forget();
+  std::vector<uint32_t> follow_meshes(const Scene& scene);
   void add_meshes(const Scene& scene);
   void deform(const Mesh& mesh, PlacedMesh& placed) const;
   void upload(PlacedMesh& placed) const;
-  void place(std::vector<Placement> placements, uint32_t environment_count);
+  void place_all(const Scene& scene, uint32_t environment_count);
+  void follow(const Scene& scene, const std::vector<uint32_t>& slots);
+  void put(uint32_t slot, const Placement& placement);
+  void follow_in(uint32_t environment, uint32_t slot, bool before, bool after);
+  void build(uint32_t environment);
+  void upload_tops();
+  void upload_all_tops();
+  void upload_roots();
 
   std::shared_ptr<ks::Device> device_;
   const Scene* scene_ = nullptr;
   MeshWatch watch_;
-  std::vector<ArrayBuffer> blocks_;  // bottom levels of meshes that do not deform
   std::vector<PlacedMesh> meshes_;
-  std::vector<Placement> placements_;
   uint64_t instances_revision_ = 0;
   uint32_t environment_count_ = 0;
+  // By slot.
+  std::vector<Placement> placements_;
+  std::vector<Box> boxes_;  // world
+  std::vector<BvhInstance> records_;
+  std::vector<Part> parts_;         // by environment
+  std::vector<BvhNode> all_nodes_;  // what the device has
+  std::vector<uint32_t> all_roots_;
   ArrayBuffer nodes_, instances_, roots_;
 };
 

@@ -24,26 +24,29 @@ T* new_buffer(RTCGeometry geometry, RTCBufferType type, RTCFormat format, size_t
 void EmbreeWorld::update(const Scene& scene, uint32_t environment_count) {
   if (environment_count == 0) ks::fail(KS_ERROR_INVALID_ARGUMENT, "a tracer needs at least one environment");
   if (std::exchange(scene_, nullptr) != &scene) forget();  // and forget too what a failed update left
-  const std::vector<uint32_t> deformed = watch_.look(scene).deformed;
-  for (const uint32_t id : deformed) deform(scene.meshes()[id], meshes_[id]);
-  while (meshes_.size() < scene.meshes().size()) add_mesh(scene.meshes()[meshes_.size()]);
-  const bool same_count = environment_count == environments_.size();
-  if (!same_count || !deformed.empty() || scene.revisions().instances != instances_revision_) {
-    std::vector<Placement> placements = live_placements(scene);
-    if (same_count && only_moved(placements))
-      move(placements, deformed);
-    else
-      place(placements, environment_count);
-    device_.check("building the top level");
-    placements_ = std::move(placements);
-    instances_revision_ = scene.revisions().instances;
-  }
+  const std::vector<uint32_t> deformed = follow_meshes(scene);
+  const auto changed = changed_slots(scene, instances_revision_, deformed, placements_);
+  if (changed && environment_count == environments_.size())
+    follow(scene, *changed);
+  else
+    place_all(scene, environment_count);
+  device_.check("building the top level");
+  instances_revision_ = scene.revisions().instances;
   scene_ = &scene;
 }
 
 void EmbreeWorld::forget() {
   environments_.clear(), geometries_.clear(), placements_.clear(), meshes_.clear(), watch_.forget();
   instances_revision_ = 0;
+}
+
+/// Returns the meshes that deformed.
+std::vector<uint32_t> EmbreeWorld::follow_meshes(const Scene& scene) {
+  MeshWatch::Changes changes = watch_.look(scene);
+  for (const uint32_t id : changes.deformed) deform(scene.meshes()[id], meshes_[id]);
+  for (const uint32_t id : changes.removed) meshes_[id] = {};
+  while (meshes_.size() < scene.meshes().size()) add_mesh(scene.meshes()[meshes_.size()]);
+  return std::move(changes.deformed);
 }
 
 void EmbreeWorld::add_mesh(const Mesh& mesh) {
@@ -82,39 +85,70 @@ void EmbreeWorld::deform(const Mesh& mesh, Bottom& bottom) {
   bottom.refits = refit ? bottom.refits + 1 : 0;
 }
 
-bool EmbreeWorld::only_moved(const std::vector<Placement>& placements) const {
-  return std::ranges::equal(placements, placements_, [](const Placement& a, const Placement& b) {
-    return a.mesh == b.mesh && a.environment == b.environment && a.traceable == b.traceable;
-  });
-}
-
-void EmbreeWorld::move(const std::vector<Placement>& placements, const std::vector<uint32_t>& deformed) {
-  std::vector<bool> moved(placements.size());
-  for (size_t i = 0; i < placements.size(); ++i) {
-    if (!placements[i].traceable) continue;
-    moved[i] = placements[i] != placements_[i] || std::ranges::binary_search(deformed, placements[i].mesh);
-    if (moved[i]) set_transform(geometries_[i].get(), placements[i].local_to_world);
-  }
-  for (const Environment& environment : environments_)
-    if (std::ranges::any_of(environment.instances, [&](uint32_t i) { return moved[i]; })) rtcCommitScene(environment.scene.get());
-}
-
-void EmbreeWorld::place(const std::vector<Placement>& placements, uint32_t environment_count) {
-  environments_.clear();
-  geometries_.clear();
-  for (const Placement& p : placements) {
-    EmbreeGeometry& geometry = geometries_.emplace_back();
-    if (!p.traceable) continue;
-    geometry.reset(rtcNewGeometry(device_.handle(), RTC_GEOMETRY_TYPE_INSTANCE));
-    rtcSetGeometryInstancedScene(geometry.get(), meshes_[p.mesh].scene.get());
+void EmbreeWorld::put(uint32_t slot, const Placement& p) {
+  EmbreeGeometry& geometry = geometries_[slot];
+  if (!p.traceable) {
+    geometry.reset();
+  } else {
+    const bool same = geometry && placements_[slot].mesh == p.mesh;
+    if (!same) {
+      geometry.reset(rtcNewGeometry(device_.handle(), RTC_GEOMETRY_TYPE_INSTANCE));
+      rtcSetGeometryInstancedScene(geometry.get(), meshes_[p.mesh].scene.get());
+    }
     set_transform(geometry.get(), p.local_to_world);
   }
-  for (auto& instances : placements_by_environment(placements, environment_count)) {
-    EmbreeScene scene = device_.new_scene();
-    for (uint32_t i = 0; i < instances.size(); ++i) rtcAttachGeometryByID(scene.get(), geometries_[instances[i]].get(), i);
-    rtcCommitScene(scene.get());
-    environments_.push_back({std::move(scene), std::move(instances)});
+  placements_[slot] = p;
+}
+
+void EmbreeWorld::place_all(const Scene& scene, uint32_t environment_count) {
+  environments_.clear();
+  geometries_.clear();
+  geometries_.resize(scene.instance_slots().size());
+  placements_.assign(geometries_.size(), {});
+  for (uint32_t slot = 0; slot < geometries_.size(); ++slot) put(slot, placement_in(scene, slot));
+  for (auto& slots : placements_by_environment(placements_, environment_count)) {
+    Environment environment{device_.new_scene(), std::move(slots), {}};
+    for (uint32_t i = 0; i < environment.instances.size(); ++i) {
+      rtcAttachGeometryByID(environment.scene.get(), geometries_[environment.instances[i]].get(), i);
+      environment.places[environment.instances[i]] = i;
+    }
+    rtcCommitScene(environment.scene.get());
+    environments_.push_back(std::move(environment));
   }
+}
+
+void EmbreeWorld::follow(const Scene& scene, const std::vector<uint32_t>& slots) {
+  if (slots.empty()) return;
+  geometries_.resize(scene.instance_slots().size());
+  placements_.resize(geometries_.size());
+  std::vector<bool> concerned(environments_.size());
+  for (const uint32_t slot : slots) {
+    const Placement before = placements_[slot];
+    put(slot, placement_in(scene, slot));
+    for (uint32_t e = 0; e < environments_.size(); ++e) {
+      const bool after = placements_[slot].seen_by(e);
+      if (!before.seen_by(e) && !after) continue;
+      const bool stays = before.seen_by(e) && after && before.mesh == placements_[slot].mesh;
+      if (!stays) follow_in(environments_[e], slot, after ? geometries_[slot].get() : nullptr);
+      concerned[e] = true;
+    }
+  }
+  for (uint32_t e = 0; e < environments_.size(); ++e)
+    if (concerned[e]) rtcCommitScene(environments_[e].scene.get());
+}
+
+/// The slot's geometry in this environment is now `geometry`, or none.
+void EmbreeWorld::follow_in(Environment& environment, uint32_t slot, RTCGeometry geometry) {
+  const auto place = environment.places.find(slot);
+  if (place != environment.places.end()) {
+    rtcDetachGeometry(environment.scene.get(), place->second);
+    environment.places.erase(place);
+  }
+  if (geometry == nullptr) return;
+  const uint32_t id = rtcAttachGeometry(environment.scene.get(), geometry);
+  if (id >= environment.instances.size()) environment.instances.resize(id + 1);
+  environment.instances[id] = slot;
+  environment.places[slot] = id;
 }
 
 }  // namespace kuafu

@@ -2,6 +2,7 @@
 // them. Thread rule: externally synchronised; tracing the top scenes is allowed from many threads.
 #pragma once
 
+#include <unordered_map>
 #include <vector>
 
 #include "accel/embree_handle.h"
@@ -14,10 +15,11 @@ class EmbreeWorld {
  public:
   struct Environment {
     EmbreeScene scene;
-    std::vector<uint32_t> instances;  // Embree's instID -> index of the placement
+    std::vector<uint32_t> instances;                // Embree's instID -> slot
+    std::unordered_map<uint32_t, uint32_t> places;  // slot -> instID
   };
 
-  /// Builds what is new, moves what moved, and commits the top scenes concerned. New meshes are appended to known ones.
+  /// Builds what is new, moves what moved, and commits the top scenes concerned: that is Embree's own cost per instance, a quick one.
   void update(const Scene& scene, uint32_t environment_count);
   [[nodiscard]] const std::vector<Environment>& environments() const { return environments_; }
 
@@ -30,19 +32,22 @@ class EmbreeWorld {
   };
 
   void forget();
+  std::vector<uint32_t> follow_meshes(const Scene& scene);
   void add_mesh(const Mesh& mesh);
   void deform(const Mesh& mesh, Bottom& bottom);
-  [[nodiscard]] bool only_moved(const std::vector<Placement>& placements) const;
-  void move(const std::vector<Placement>& placements, const std::vector<uint32_t>& deformed);
-  void place(const std::vector<Placement>& placements, uint32_t environment_count);
+  void place_all(const Scene& scene, uint32_t environment_count);
+  void follow(const Scene& scene, const std::vector<uint32_t>& slots);
+  void put(uint32_t slot, const Placement& placement);
+  static void follow_in(Environment& environment, uint32_t slot, RTCGeometry geometry);
 
   EmbreeDevice device_;
   const Scene* scene_ = nullptr;
   uint64_t instances_revision_ = 0;
   MeshWatch watch_;
   std::vector<Bottom> meshes_;
+  // By slot.
   std::vector<Placement> placements_;
-  std::vector<EmbreeGeometry> geometries_;  // per placement; null where it is not traceable
+  std::vector<EmbreeGeometry> geometries_;  // null where it is not traceable
   std::vector<Environment> environments_;
 };
 

@@ -1,5 +1,6 @@
 #include "accel/placement.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace kuafu {
@@ -14,16 +15,20 @@ bool all_finite(const glm::dmat4& m) {
 
 }  // namespace
 
-std::vector<Placement> live_placements(const Scene& scene) {
-  std::vector<Placement> placements;
-  for (const auto& instance : scene.instances()) {
-    if (!instance) continue;
-    Placement p{instance->mesh, instance->environment, instance->local_to_world};
-    const glm::dmat4 inverse = glm::inverse(p.local_to_world);
-    p.traceable = all_finite(inverse) && !scene.meshes()[p.mesh].indices.empty();
-    if (p.traceable) p.world_to_local = inverse;
-    placements.push_back(p);
-  }
+Placement placement_in(const Scene& scene, uint32_t slot) {
+  const uint32_t id = scene.instance_slots()[slot];
+  if (id == none) return {};
+  const Instance& instance = *scene.instances()[id];
+  Placement p{instance.mesh, instance.environment, instance.local_to_world};
+  const glm::dmat4 inverse = glm::inverse(p.local_to_world);
+  p.traceable = all_finite(inverse) && !scene.meshes()[p.mesh].indices.empty();
+  if (p.traceable) p.world_to_local = inverse;
+  return p;
+}
+
+std::vector<Placement> all_placements(const Scene& scene) {
+  std::vector<Placement> placements(scene.instance_slots().size());
+  for (uint32_t slot = 0; slot < placements.size(); ++slot) placements[slot] = placement_in(scene, slot);
   return placements;
 }
 
@@ -37,6 +42,20 @@ std::vector<std::vector<uint32_t>> placements_by_environment(const std::vector<P
       seen[placements[i].environment].push_back(i);
   }
   return seen;
+}
+
+std::optional<std::vector<uint32_t>> changed_slots(const Scene& scene, uint64_t revision, const std::vector<uint32_t>& deformed,
+                                                   const std::vector<Placement>& placements) {
+  const auto changes = scene.instance_changes(revision);
+  const size_t most = scene.instance_slots().size() / 4 + 16;  // beyond, building anew is as quick
+  if (!changes || changes->size() > most) return std::nullopt;
+  std::vector<uint32_t> slots(changes->begin(), changes->end());
+  for (uint32_t slot = 0; !deformed.empty() && slot < placements.size(); ++slot)
+    if (std::ranges::binary_search(deformed, placements[slot].mesh)) slots.push_back(slot);
+  std::ranges::sort(slots);
+  slots.erase(std::unique(slots.begin(), slots.end()), slots.end());
+  if (slots.size() > most) return std::nullopt;
+  return slots;
 }
 
 }  // namespace kuafu

@@ -1,5 +1,5 @@
-// Where the meshes stand: the scene's live instances in id order, which is the order of hit_instance, and who sees them.
-// Thread rule: pure functions.
+// Where the meshes stand: one placement per slot of the scene's instances (Scene::instance_slots), which is what a hit's instance means,
+// and who sees them. Thread rule: pure functions.
 #pragma once
 
 #include <vector>
@@ -12,14 +12,21 @@ struct Placement {
   uint32_t mesh = none;
   uint32_t environment = none;  // none = every environment
   glm::dmat4 local_to_world{1.0}, world_to_local{1.0};
-  /// false: nothing to hit, because the mesh has no triangles or the transform flattens it to nothing (no inverse).
+  /// false: nothing to hit, because the slot is empty, the mesh has no triangles or the transform flattens it to nothing (no inverse).
   bool traceable = false;
   bool operator==(const Placement&) const = default;
+  [[nodiscard]] bool seen_by(uint32_t e) const { return traceable && (environment == none || environment == e); }
 };
 
-std::vector<Placement> live_placements(const Scene& scene);
+Placement placement_in(const Scene& scene, uint32_t slot);
+std::vector<Placement> all_placements(const Scene& scene);
 
-/// For each environment, the traceable placements it sees, ascending. Instances of environments beyond the count are seen by none.
+/// For each environment, the slots of placements it sees, ascending. Instances of environments beyond the count are seen by none.
 std::vector<std::vector<uint32_t>> placements_by_environment(const std::vector<Placement>& placements, uint32_t environment_count);
+
+/// Slots in which something may have changed since `revision` of the instances, or whose mesh deformed; ascending, each once. None: too
+/// many to follow one by one.
+std::optional<std::vector<uint32_t>> changed_slots(const Scene& scene, uint64_t revision, const std::vector<uint32_t>& deformed,
+                                                   const std::vector<Placement>& placements);
 
 }  // namespace kuafu

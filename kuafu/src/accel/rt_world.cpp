@@ -1,7 +1,6 @@
 #include "accel/rt_world.h"
 
 #include <cstring>
-#include <numeric>
 #include <utility>
 
 #include "device/error.h"
@@ -55,7 +54,7 @@ void RtWorld::update(const Scene& scene, uint32_t environment_count) {
   if (std::exchange(scene_, nullptr) != &scene) forget();  // and forget too what a failed update left
   const bool deformed = follow_meshes(scene), recounted = environment_count != environment_count_;
   if (deformed || recounted || scene.revisions().instances != instances_revision_) {
-    std::vector<Placement> placements = live_placements(scene);
+    std::vector<Placement> placements = all_placements(scene);
     if (deformed || recounted || placements != placements_) place(std::move(placements), environment_count);
     instances_revision_ = scene.revisions().instances;
   }
@@ -70,8 +69,10 @@ void RtWorld::forget() {
 /// A mesh that deforms once is expected to deform again: from then on its bottom level can be refitted.
 bool RtWorld::follow_meshes(const Scene& scene) {
   const MeshWatch::Changes changes = watch_.look(scene);
-  std::vector<uint32_t> added(scene.meshes().size() - changes.first_new), rebuilt, refitted;
-  std::iota(added.begin(), added.end(), changes.first_new);
+  std::vector<uint32_t> added, rebuilt, refitted;
+  for (uint32_t id = changes.first_new; id < scene.meshes().size(); ++id)
+    if (!scene.meshes()[id].removed) added.push_back(id);
+  for (const uint32_t id : changes.removed) meshes_[id].reset();
   for (const uint32_t id : changes.deformed)
     (meshes_[id]->updatable && meshes_[id]->refits < most_refits ? refitted : rebuilt).push_back(id);
   meshes_.resize(scene.meshes().size());

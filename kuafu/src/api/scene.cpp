@@ -6,6 +6,7 @@
 #include "device/struct_read.h"
 #include "io/load.h"
 #include "scene/matrix.h"
+#include "scene/table.h"
 
 namespace {
 
@@ -37,11 +38,18 @@ uint32_t count_live(const std::vector<std::optional<T>>& table) {
   return count;
 }
 
+template <class T>
+uint32_t count_kept(const std::vector<T>& table) {
+  uint32_t count = 0;
+  for (const T& entry : table) count += !entry.removed;
+  return count;
+}
+
 kuafu_scene_summary summarise(const kuafu::Scene& scene) {
   kuafu_scene_summary s = kuafu_scene_summary_init();
-  s.mesh_count = static_cast<uint32_t>(scene.meshes().size());
-  s.texture_count = static_cast<uint32_t>(scene.textures().size());
-  s.material_count = static_cast<uint32_t>(scene.materials().size());
+  s.mesh_count = count_kept(scene.meshes());
+  s.texture_count = count_kept(scene.textures());
+  s.material_count = count_kept(scene.materials());
   s.instance_count = count_live(scene.instances());
   s.light_count = count_live(scene.lights());
   s.camera_count = static_cast<uint32_t>(scene.cameras().size());
@@ -126,8 +134,9 @@ ks_status kuafu_scene_set_material(kuafu_scene scene, uint32_t id, const kuafu_m
 }
 
 ks_status kuafu_scene_get_material(kuafu_scene scene, uint32_t id, kuafu_material_desc* out) {
-  return ks::guard(
-      [&] { ks::write_struct(out, kuafu::to_desc(at(scene_of(scene).materials(), "material", id)), KUAFU_TYPE_MATERIAL_DESC, "out"); });
+  return ks::guard([&] {
+    ks::write_struct(out, kuafu::to_desc(kuafu::there(scene_of(scene).materials(), "material", id)), KUAFU_TYPE_MATERIAL_DESC, "out");
+  });
 }
 
 ks_status kuafu_scene_add_instance(kuafu_scene scene, const kuafu_instance_desc* desc, uint32_t* id) {
@@ -148,6 +157,18 @@ ks_status kuafu_scene_set_instance_materials(kuafu_scene scene, uint32_t id, con
   });
 }
 
+ks_status kuafu_scene_remove_mesh(kuafu_scene scene, uint32_t id) {
+  return ks::guard([&] { scene_of(scene).remove_mesh(id); });
+}
+
+ks_status kuafu_scene_remove_texture(kuafu_scene scene, uint32_t id) {
+  return ks::guard([&] { scene_of(scene).remove_texture(id); });
+}
+
+ks_status kuafu_scene_remove_material(kuafu_scene scene, uint32_t id) {
+  return ks::guard([&] { scene_of(scene).remove_material(id); });
+}
+
 ks_status kuafu_scene_remove_instance(kuafu_scene scene, uint32_t id) {
   return ks::guard([&] { scene_of(scene).remove_instance(id); });
 }
@@ -160,7 +181,7 @@ const char* kuafu_scene_instance_name(kuafu_scene scene, uint32_t id) {
 
 const char* kuafu_scene_material_name(kuafu_scene scene, uint32_t id) {
   const char* name = nullptr;
-  (void)ks::guard([&] { name = at(scene_of(scene).materials(), "material", id).name.c_str(); });
+  (void)ks::guard([&] { name = kuafu::there(scene_of(scene).materials(), "material", id).name.c_str(); });
   return name;
 }
 

@@ -12,7 +12,7 @@ namespace {
 
 double emission_of(const Material& m, const Band& band) { return band.infrared ? m.ir_emission : brightness(m.emission); }
 
-/// The live instance `index` adds its shining triangles; their weights are emission times area.
+/// The instance in slot `index` adds its shining triangles; their weights are emission times area.
 void add_triangles(const Scene& scene, const Band& band, const Instance& instance, uint32_t index, std::vector<double>& weights,
                    std::vector<uint32_t>& triangles) {
   const Mesh& mesh = scene.meshes()[instance.mesh];
@@ -26,12 +26,6 @@ void add_triangles(const Scene& scene, const Band& band, const Instance& instanc
     weights.push_back(emission * 0.5 * glm::length(glm::cross(p[1] - p[0], p[2] - p[0])));
     triangles.insert(triangles.end(), {index, i});
   }
-}
-
-bool shines(const Scene& scene, const Band& band, const Instance& instance) {
-  for (const uint32_t m : instance.materials)
-    if (m != none && emission_of(scene.materials()[m], band) > 0) return true;
-  return false;
 }
 
 /// Running sums divided by their last; returns that.
@@ -54,15 +48,21 @@ glm::vec3 texel_at(const Texels& texels, size_t i) {
 
 }  // namespace
 
+bool shines(const Scene& scene, const Band& band, const Instance& instance) {
+  for (const uint32_t m : instance.materials)
+    if (m != none && emission_of(scene.materials()[m], band) > 0) return true;
+  return false;
+}
+
 std::optional<LightEntry> mesh_light(const Scene& scene, const Band& band, uint32_t environment, LightTable& table) {
   std::vector<double> weights;
   std::vector<uint32_t> triangles;
-  uint32_t index = 0;  // among the live ones, as tracers count
-  for (const auto& instance : scene.instances()) {
-    if (!instance) continue;
-    if ((instance->environment == none || instance->environment == environment) && shines(scene, band, *instance))
-      add_triangles(scene, band, *instance, index, weights, triangles);
-    ++index;
+  for (uint32_t slot = 0; slot < scene.instance_slots().size(); ++slot) {
+    const uint32_t id = scene.instance_slots()[slot];
+    if (id == none) continue;
+    const Instance& instance = *scene.instances()[id];
+    if ((instance.environment == none || instance.environment == environment) && shines(scene, band, instance))
+      add_triangles(scene, band, instance, slot, weights, triangles);
   }
   LightEntry e;
   e.record.kind = light_mesh;

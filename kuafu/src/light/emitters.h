@@ -7,6 +7,9 @@
 
 namespace kuafu {
 
+/// Whether one of its materials gives light in the band.
+bool shines(const Scene& scene, const Band& band, const Instance& instance);
+
 /// All emissive surfaces that environment `environment` sees, sampled by power; appends to the table's cumulative and triangles. None:
 /// nothing shines.
 std::optional<LightEntry> mesh_light(const Scene& scene, const Band& band, uint32_t environment, LightTable& table);

@@ -41,14 +41,14 @@ uint32_t add_environment(LightTable& table, std::vector<LightEntry> seen) {
   return projectors;
 }
 
+}  // namespace
+
 double world_radius_m(const Scene& scene) {
   const auto needs = [](const auto& light) { return light && light->kind == Light::Kind::directional; };
   if (scene.environment().texture == none && std::ranges::none_of(scene.lights(), needs)) return 0;
-  const Scene::Bounds bounds = scene.bounds();
+  const Scene::Bounds bounds = scene.rough_bounds();
   return bounds.min.x <= bounds.max.x ? std::max(1e-3, glm::length(bounds.max - bounds.min) / 2) : 1;
 }
-
-}  // namespace
 
 LightTable make_light_table(const Scene& scene, const Band& band, uint32_t environment_count,
                             const std::function<PatternAddress(const Light&)>& pattern) {

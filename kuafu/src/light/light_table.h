@@ -24,6 +24,9 @@ struct LightTable {
 
 inline constexpr uint32_t few_lights = 4;
 
+/// Half the diagonal of what there is, where some light comes from infinitely far, for its power; else 0.
+double world_radius_m(const Scene& scene);
+
 /// A projector's pattern in the memory of the stages.
 struct PatternAddress {
   uint64_t address;

@@ -40,6 +40,14 @@ class MappedTable {
     address_ = memory.address(*buffer_);
     return {static_cast<T*>(buffer_->mapped()), count};
   }
+  /// Brings elements [first, first + count) of `values` to the device; all of them where the table has to grow.
+  void write(const Memory& memory, const std::vector<T>& values, size_t first, size_t count) {
+    if (!buffer_ || buffer_->size_bytes() < values.size() * sizeof(T)) {
+      std::ranges::copy(values, resize(memory, values.size() + values.size() / 2).begin());
+    } else if (count > 0) {
+      std::copy_n(values.begin() + ptrdiff_t(first), count, static_cast<T*>(buffer_->mapped()) + first);
+    }
+  }
   [[nodiscard]] uint64_t address() const { return address_; }
 
  private:

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "light/emitters.h"
 #include "material/specular_albedo.h"
 
 namespace kuafu {
@@ -50,21 +51,6 @@ Material grey_default() {
   return m;
 }
 
-void set_transform(InstanceRecord& record, const glm::dmat4& local_to_world) {
-  const glm::dmat4 rows = glm::transpose(local_to_world);
-  const glm::dmat3 linear(local_to_world);
-  // Columns of the inverse are rows of its transpose; scaled so that a normal stays in range whatever the instance's scale.
-  const glm::dmat3 inverse = glm::inverse(linear);
-  double largest = 0;
-  for (int c = 0; c < 3; ++c) largest = std::max(largest, glm::length(inverse[c]));
-  const double scale = std::isfinite(largest) && largest > 0 ? 1 / largest : 1;
-  const glm::dmat3 normal_rows = inverse * scale;  // element (row r, column c) of the inverse transpose is inverse[r][c]
-  for (int i = 0; i < 3; ++i) {
-    record.local_to_world[i] = glm::vec4(rows[i]);
-    record.normal_to_world[i] = glm::vec3(normal_rows[i]);
-  }
-}
-
 }  // namespace
 
 SceneTables::SceneTables(Memory memory) : memory_(std::move(memory)), textures_(memory_) {
@@ -76,21 +62,18 @@ SceneTables::SceneTables(Memory memory) : memory_(std::move(memory)), textures_(
 void SceneTables::update(const Scene& scene, const Band& band, uint32_t environment_count) {
   if (&scene != scene_) forget(scene);
   const Revisions& now = scene.revisions();
-  const bool geometry_changed = now.instances != seen_.instances || now.meshes != seen_.meshes;
   const bool patterns_changed = now.textures != seen_.textures && textures_.update(scene);
-  const bool lights_changed = now.lights != seen_.lights || patterns_changed || now.materials != seen_.materials ||
-                              (geometry_changed && (light_features_ != 0 || emissive_[band.infrared ? 1 : 0])) || !(band == band_) ||
-                              environment_count != environment_count_;
+  const bool lights_changed = now.lights != seen_.lights || patterns_changed || now.materials != seen_.materials || !(band == band_) ||
+                              environment_count != environment_count_ || moved_lights(scene);
   band_ = band;
-  if (now.meshes != seen_.meshes) move_vertices(scene);
-  if (meshes_.size() < scene.meshes().size()) add_meshes(scene);
+  if (now.meshes != seen_.meshes) meshes_.update(memory_, scene);
   if (now.materials != seen_.materials) write_materials(scene);
-  if (now.instances != seen_.instances || now.meshes != seen_.meshes || now.materials != seen_.materials) write_instances(scene);
+  if (now.instances != seen_.instances) instances_.update(memory_, scene, meshes_);
   if (lights_changed) write_lights(scene, environment_count);
   seen_ = now;
   environment_count_ = environment_count;
-  tables_.resize(memory_, 1)[0] = {instances_.address(),
-                                   instance_materials_.address(),
+  tables_.resize(memory_, 1)[0] = {instances_.records(),
+                                   instances_.materials(),
                                    materials_.address(),
                                    textures_.address(),
                                    lights_.address(),
@@ -101,55 +84,33 @@ void SceneTables::update(const Scene& scene, const Band& band, uint32_t environm
                                    light_triangles_.address()};
 }
 
+/// Whether what moved since the last update gives light, or changes the power of light from infinitely far. The band is as it was.
+bool SceneTables::moved_lights(const Scene& scene) {
+  const Revisions& now = scene.revisions();
+  if (now.instances == seen_.instances && now.meshes == seen_.meshes) return false;
+  if (world_radius_m(scene) != world_radius_m_) return true;
+  if (!emissive_[band_.infrared ? 1 : 0]) return false;
+  const auto changes = scene.instance_changes(seen_.instances);
+  if (now.meshes != seen_.meshes || !changes) return true;
+  return std::ranges::any_of(*changes, [&](uint32_t slot) {
+    const uint32_t id = scene.instance_slots()[slot];
+    return (slot < shining_.size() && shining_[slot]) || (id != none && shines(scene, band_, *scene.instances()[id]));
+  });
+}
+
 void SceneTables::forget(const Scene& scene) {
   scene_ = &scene;
   seen_ = {0, 0, 0, 0, 0};
-  blocks_.clear();
-  meshes_.clear();
+  meshes_.forget();
+  instances_.forget();
   textures_.forget();
-}
-
-void SceneTables::add_meshes(const Scene& scene) {
-  Block block;
-  const size_t first = meshes_.size();
-  for (size_t i = first; i < scene.meshes().size(); ++i) {
-    const Mesh& m = scene.meshes()[i];
-    MeshAddresses a{};
-    a.positions = block.add(m.positions);
-    a.normals = block.add(m.normals);
-    a.uvs = block.add(m.uvs);
-    a.indices = block.add(m.indices);
-    a.slots = block.add(m.slots);
-    a.flags = (m.normals.empty() ? 0 : instance_has_normals) | (m.uvs.empty() ? 0 : instance_has_uvs) |
-              (m.slots.empty() ? 0 : instance_has_slots);
-    a.deformation = m.deformation;
-    meshes_.push_back(a);
-  }
-  const auto buffer = blocks_.emplace_back(block.upload(memory_.device));
-  for (size_t i = first; i < meshes_.size(); ++i) {
-    for (uint64_t* offset : {&meshes_[i].positions, &meshes_[i].normals, &meshes_[i].uvs, &meshes_[i].indices, &meshes_[i].slots})
-      *offset += memory_.address(*buffer);
-    meshes_[i].block = buffer;
-  }
-}
-
-void SceneTables::move_vertices(const Scene& scene) {
-  for (size_t i = 0; i < meshes_.size(); ++i) {
-    const Mesh& m = scene.meshes()[i];
-    MeshAddresses& a = meshes_[i];
-    if (m.deformation == a.deformation) continue;
-    const uint64_t base = memory_.address(*a.block);
-    a.block->write(a.positions - base, m.positions.data(), m.positions.size() * sizeof(glm::vec3));
-    if (!m.normals.empty()) a.block->write(a.normals - base, m.normals.data(), m.normals.size() * sizeof(glm::vec3));
-    a.deformation = m.deformation;
-  }
 }
 
 void SceneTables::write_materials(const Scene& scene) {
   const std::vector<Material>& materials = scene.materials();
   const auto records = materials_.resize(memory_, materials.size() + 1);
-  for (uint32_t i = 0; i < materials.size(); ++i) records[i] = record_of(materials[i], i);
-  records[materials.size()] = record_of(grey_default(), none);
+  for (uint32_t i = 0; i < materials.size(); ++i) records[material_index(i)] = record_of(materials[i], i);
+  records[material_index(none)] = record_of(grey_default(), none);
   has_glass_ = std::ranges::any_of(materials, [](const Material& m) { return m.transmission > 0.0f && m.metallic < 1.0f; });
   const auto special = [](const Material& m) {
     return m.diffuse_roughness > 0.0f || (m.transmission > 0.0f && (m.transmission_roughness > 0.0f || m.attenuation_distance_m > 0.0f));
@@ -161,37 +122,16 @@ void SceneTables::write_materials(const Scene& scene) {
   emissive_[1] = std::ranges::any_of(materials, [](const Material& m) { return m.ir_emission != 0.0f; });
 }
 
-void SceneTables::write_instances(const Scene& scene) {
-  const auto default_material = uint32_t(scene.materials().size());
-  std::vector<InstanceRecord> records;
-  std::vector<uint32_t> materials;
-  for (uint32_t id = 0; id < scene.instances().size(); ++id) {
-    const auto& instance = scene.instances()[id];
-    if (!instance) continue;
-    const MeshAddresses& mesh = meshes_[instance->mesh];
-    InstanceRecord r{};
-    r.positions = mesh.positions;
-    r.normals = mesh.normals;
-    r.uvs = mesh.uvs;
-    r.indices = mesh.indices;
-    r.slots = mesh.slots;
-    r.flags = mesh.flags;
-    set_transform(r, instance->local_to_world);
-    r.first_material = uint32_t(materials.size());
-    r.material_count = uint32_t(instance->materials.size());
-    r.id = id;
-    for (const uint32_t m : instance->materials) materials.push_back(m == none ? default_material : m);
-    materials.push_back(default_material);  // for slots beyond the instance's materials
-    records.push_back(r);
-  }
-  std::ranges::copy(records, instances_.resize(memory_, records.size()).begin());
-  std::ranges::copy(materials, instance_materials_.resize(memory_, materials.size()).begin());
-}
-
 void SceneTables::write_lights(const Scene& scene, uint32_t environment_count) {
   const LightTable table =
       make_light_table(scene, band_, environment_count, [&](const Light& light) { return textures_.pattern(scene, light); });
   textures_.drop_unused();
+  world_radius_m_ = world_radius_m(scene);
+  shining_.assign(emissive_[band_.infrared ? 1 : 0] ? scene.instance_slots().size() : 0, false);
+  for (size_t slot = 0; slot < shining_.size(); ++slot) {
+    const uint32_t id = scene.instance_slots()[slot];
+    shining_[slot] = id != none && shines(scene, band_, *scene.instances()[id]);
+  }
   std::ranges::copy(table.lights, lights_.resize(memory_, table.lights.size()).begin());
   std::ranges::copy(table.shapes, light_shapes_.resize(memory_, table.shapes.size()).begin());
   std::ranges::copy(table.cumulative, light_cumulative_.resize(memory_, table.cumulative.size()).begin());

@@ -6,7 +6,7 @@
 
 #include "light/light_table.h"
 #include "pathtrace/band.h"
-#include "pathtrace/device_array.h"
+#include "pathtrace/instance_table.h"
 #include "pathtrace/texture_tables.h"
 #include "scene/scene.h"
 #include "shared/scene_records.h"
@@ -36,18 +36,9 @@ class SceneTables {
   }
 
  private:
-  struct MeshAddresses {
-    uint64_t positions, normals, uvs, indices, slots;
-    uint32_t flags;
-    uint64_t deformation;               // Mesh::deformation that the device has
-    std::shared_ptr<ks::Buffer> block;  // where they lie
-  };
-
   void forget(const Scene& scene);
-  void add_meshes(const Scene& scene);
-  void move_vertices(const Scene& scene);
+  bool moved_lights(const Scene& scene);
   void write_materials(const Scene& scene);
-  void write_instances(const Scene& scene);
   void write_lights(const Scene& scene, uint32_t environment_count);
 
   Memory memory_;
@@ -57,12 +48,10 @@ class SceneTables {
   Band band_;
   uint32_t environment_count_ = 0;
 
-  std::vector<std::shared_ptr<ks::Buffer>> blocks_;
-  std::vector<MeshAddresses> meshes_;
+  MeshTable meshes_;
+  InstanceTable instances_;
   TextureTables textures_;
   MappedTable<MaterialRecord> materials_;
-  MappedTable<InstanceRecord> instances_;
-  MappedTable<uint32_t> instance_materials_;
   MappedTable<LightRecord> lights_;
   MappedTable<EnvironmentRecord> environments_;
   MappedTable<LightShape> light_shapes_;
@@ -74,6 +63,8 @@ class SceneTables {
   uint32_t light_features_ = 0, material_features_ = 0;
   uint32_t light_group_ = 0, emission_group_ = 0;  // highest
   bool emissive_[2] = {false, false};              // visible, infrared
+  double world_radius_m_ = 0.0;                    // that the lights were written with
+  std::vector<bool> shining_;                      // by slot of the instances: whether it was among the lights
 };
 
 }  // namespace kuafu

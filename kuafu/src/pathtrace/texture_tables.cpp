@@ -26,8 +26,12 @@ bool TextureTables::update(const Scene& scene) {
   for (uint32_t id = 0; id < slots_.size(); ++id) {
     const Texture& texture = scene.textures()[id];
     if (texture.revision == slots_[id].revision) continue;
-    replace(texture, id);
-    lights |= replace_pattern(texture, id) || scene.environment().texture == id;
+    if (texture.removed) {
+      drop(id);
+    } else {
+      replace(texture, id);
+      lights |= replace_pattern(texture, id) || scene.environment().texture == id;
+    }
     slots_[id].revision = texture.revision;
   }
   if (records_.size() < scene.textures().size()) add_new(scene);
@@ -36,7 +40,6 @@ bool TextureTables::update(const Scene& scene) {
 }
 
 void TextureTables::forget() {
-  blocks_.clear();
   records_.clear();
   slots_.clear();
   patterns_.clear();
@@ -52,15 +55,26 @@ void TextureTables::add_new(const Scene& scene) {
     const Texels texels = linear_texels(t);
     offsets.push_back(block.add(texels.words));
     records_.push_back({{}, t.width, t.height, texels.format, 0});
-    slots_.push_back({t.revision, nullptr});
+    slots_.push_back({t.revision, nullptr, nullptr});
   }
-  const auto buffer = blocks_.emplace_back(block.upload(memory_.device));
-  for (size_t i = first; i < records_.size(); ++i) records_[i].texels = memory_.address(*buffer) + offsets[i - first];
+  const auto buffer = block.upload(memory_.device);
+  for (size_t i = first; i < records_.size(); ++i) {
+    records_[i].texels = memory_.address(*buffer) + offsets[i - first];
+    if (!scene.textures()[i].removed) slots_[i].block = buffer;
+  }
+}
+
+void TextureTables::drop(uint32_t id) {
+  records_[id] = {};
+  slots_[id].own.reset();
+  slots_[id].block.reset();
+  patterns_.erase(id);
 }
 
 void TextureTables::replace(const Texture& texture, uint32_t id) {
   const Texels texels = linear_texels(texture);
   put(memory_, slots_[id].own, texels.words);
+  slots_[id].block.reset();
   records_[id] = {memory_.address(*slots_[id].own), texture.width, texture.height, texels.format, 0};
 }
 

@@ -34,17 +34,18 @@ class TextureTables {
     uint32_t bits = 0;
   };
   struct Slot {
-    uint64_t revision = 0;            // Texture::revision that the device has
-    std::shared_ptr<ks::Buffer> own;  // where the texels lie once it was set again; before: in a block of many
+    uint64_t revision = 0;              // Texture::revision that the device has
+    std::shared_ptr<ks::Buffer> own;    // where the texels lie once it was set again
+    std::shared_ptr<ks::Buffer> block;  // before: with others of its time, as long as one of them is left
   };
 
   void add_new(const Scene& scene);
+  void drop(uint32_t id);
   void replace(const Texture& texture, uint32_t id);
   bool replace_pattern(const Texture& texture, uint32_t id);
   Pattern upload(const Texture& texture);
 
   Memory memory_;
-  std::vector<std::shared_ptr<ks::Buffer>> blocks_;
   std::vector<TextureRecord> records_;
   std::vector<Slot> slots_;
   MappedTable<TextureRecord> table_;

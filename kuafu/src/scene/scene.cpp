@@ -4,21 +4,19 @@
 #include <iterator>
 
 #include "device/error.h"
+#include "scene/table.h"
 #include "scene/validate.h"
 
 namespace kuafu {
 namespace {
 
-void check_exists(const char* owner, const std::string& name, const char* kind, uint32_t id, size_t count) {
-  if (id >= count)
-    ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s '%s': there is no %s %u (the scene has %zu)", owner, name.c_str(), kind, id, count);
-}
-
-template <class T>
-T& live(std::vector<std::optional<T>>& table, const char* kind, uint32_t id) {
-  if (id >= table.size()) ks::fail(KS_ERROR_INVALID_ARGUMENT, "there is no %s %u (ids go to %zu)", kind, id, table.size());
-  if (!table[id]) ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s %u was removed", kind, id);
-  return *table[id];
+Scene::Bounds bounds_of(const std::vector<glm::vec3>& positions) {
+  Scene::Bounds bounds;
+  for (const glm::vec3& position : positions) {
+    bounds.min = glm::min(bounds.min, glm::dvec3(position));
+    bounds.max = glm::max(bounds.max, glm::dvec3(position));
+  }
+  return bounds;
 }
 
 /// Adds and returns the id.
@@ -46,29 +44,32 @@ void move_to_end(std::vector<T>& to, std::vector<T>& from, uint64_t& revision) {
 void Scene::check_references(const Material& m) const {
   for (const uint32_t texture : {m.base_color_texture, m.metallic_roughness_texture, m.normal_texture, m.emission_texture,
                                  m.transmission_texture, m.specular_texture})
-    if (texture != none) check_exists("material", m.name, "texture", texture, textures_.size());
+    if (texture != none) check_exists("material", m.name, "texture", texture, textures_);
 }
 
 void Scene::check_references(const Light& light) const {
   if (light.kind == Light::Kind::projector && light.dots.dots.empty()) {
-    check_exists("projector", light.name, "texture", light.texture, textures_.size());
+    check_exists("projector", light.name, "texture", light.texture, textures_);
   } else if (light.texture != none) {
-    check_exists("light", light.name, "texture", light.texture, textures_.size());
+    check_exists("light", light.name, "texture", light.texture, textures_);
   }
 }
 
 void Scene::check_references(const Environment& environment) const {
-  if (environment.texture != none) check_exists("environment", "", "texture", environment.texture, textures_.size());
+  if (environment.texture != none) check_exists("environment", "", "texture", environment.texture, textures_);
 }
 
 void Scene::check_materials(const std::vector<uint32_t>& ids) const {
   for (size_t i = 0; i < ids.size(); ++i)
     if (ids[i] != none && ids[i] >= materials_.size())
       ks::fail(KS_ERROR_INVALID_ARGUMENT, "materials[%zu] is %u, but the scene has %zu materials", i, ids[i], materials_.size());
+    else if (ids[i] != none && materials_[ids[i]].removed)
+      ks::fail(KS_ERROR_INVALID_ARGUMENT, "materials[%zu] is %u, which was removed", i, ids[i]);
 }
 
 uint32_t Scene::add_mesh(Mesh mesh) {
   check(mesh);
+  mesh_bounds_.push_back(bounds_of(mesh.positions));
   return add(meshes_, std::move(mesh), revisions_.meshes);
 }
 
@@ -84,10 +85,29 @@ uint32_t Scene::add_material(Material material) {
 }
 
 uint32_t Scene::add_instance(Instance instance) {
-  check_exists("instance", instance.name, "mesh", instance.mesh, meshes_.size());
+  check_exists("instance", instance.name, "mesh", instance.mesh, meshes_);
   check_materials(instance.materials);
   check_affine(instance.local_to_world, ("instance '" + instance.name + "': local_to_world").c_str());
-  return add(instances_, std::move(instance), revisions_.instances);
+  const uint32_t id = add(instances_, std::move(instance), revisions_.instances);
+  take_slot(id);
+  return id;
+}
+
+void Scene::take_slot(uint32_t id) {
+  if (free_slots_.empty()) {
+    free_slots_.push_back(uint32_t(instance_slots_.size()));
+    instance_slots_.push_back(none);
+  }
+  const uint32_t slot = free_slots_.back();
+  free_slots_.pop_back();
+  instance_slots_[slot] = id;
+  instances_[id]->slot = slot;
+  note_instance(slot);
+}
+
+void Scene::note_instance(uint32_t slot) {
+  instance_log_.note(slot);
+  revisions_.instances = instance_log_.revision();
 }
 
 const Texture& pattern_of(const Scene& scene, const Light& light) { return light.raster ? *light.raster : scene.textures()[light.texture]; }
@@ -100,14 +120,14 @@ uint32_t Scene::add_light(Light light) {
 }
 
 void Scene::update_mesh_positions(uint32_t id, std::vector<glm::vec3> positions, std::vector<glm::vec3> normals) {
-  if (id >= meshes_.size()) ks::fail(KS_ERROR_INVALID_ARGUMENT, "there is no mesh %u (the scene has %zu)", id, meshes_.size());
-  Mesh& mesh = meshes_[id];
+  Mesh& mesh = there(meshes_, "mesh", id);
   const char* name = mesh.name.c_str();
   if (positions.size() != mesh.positions.size())
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "mesh '%s': %zu positions for its %zu vertices", name, positions.size(), mesh.positions.size());
   if (normals.size() != mesh.normals.size())
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "mesh '%s': %zu normals, it was made with %zu", name, normals.size(), mesh.normals.size());
   check_vertices(mesh.name, positions, normals);
+  mesh_bounds_[id] = bounds_of(positions);
   mesh.positions = std::move(positions);
   mesh.normals = std::move(normals);
   ++mesh.deformation;
@@ -115,18 +135,18 @@ void Scene::update_mesh_positions(uint32_t id, std::vector<glm::vec3> positions,
 }
 
 void Scene::set_texture(uint32_t id, Texture texture) {
-  if (id >= textures_.size()) ks::fail(KS_ERROR_INVALID_ARGUMENT, "there is no texture %u (the scene has %zu)", id, textures_.size());
+  Texture& old = there(textures_, "texture", id);
   check(texture);
-  texture.revision = textures_[id].revision + 1;
-  textures_[id] = std::move(texture);
+  texture.revision = old.revision + 1;
+  old = std::move(texture);
   ++revisions_.textures;
 }
 
 void Scene::set_material(uint32_t id, Material material) {
-  if (id >= materials_.size()) ks::fail(KS_ERROR_INVALID_ARGUMENT, "there is no material %u (the scene has %zu)", id, materials_.size());
+  Material& old = there(materials_, "material", id);
   check(material);
   check_references(material);
-  materials_[id] = std::move(material);
+  old = std::move(material);
   ++revisions_.materials;
 }
 
@@ -134,14 +154,14 @@ void Scene::set_instance_pose(uint32_t id, const glm::dmat4& local_to_world) {
   Instance& instance = live(instances_, "instance", id);
   check_affine(local_to_world, ("instance '" + instance.name + "': local_to_world").c_str());
   instance.local_to_world = local_to_world;
-  ++revisions_.instances;
+  note_instance(instance.slot);
 }
 
 void Scene::set_instance_materials(uint32_t id, std::vector<uint32_t> materials) {
   Instance& instance = live(instances_, "instance", id);
   check_materials(materials);
   instance.materials = std::move(materials);
-  ++revisions_.instances;
+  note_instance(instance.slot);
 }
 
 void Scene::set_light(uint32_t id, Light light) {
@@ -162,18 +182,6 @@ void Scene::set_environment(const Environment& environment) {
   ++revisions_.lights;
 }
 
-void Scene::remove_instance(uint32_t id) {
-  live(instances_, "instance", id);
-  instances_[id].reset();
-  ++revisions_.instances;
-}
-
-void Scene::remove_light(uint32_t id) {
-  live(lights_, "light", id);
-  lights_[id].reset();
-  ++revisions_.lights;
-}
-
 void Scene::add_camera(Camera camera) {
   check(camera);
   cameras_.push_back(std::move(camera));
@@ -188,6 +196,9 @@ void Scene::append(Scene&& other) {
   grow(textures_, other.textures_);
   grow(materials_, other.materials_);
   grow(instances_, other.instances_);
+  grow(mesh_bounds_, other.mesh_bounds_);
+  grow(instance_slots_, other.instance_slots_);
+  free_slots_.reserve(free_slots_.size() + 1);
   grow(lights_, other.lights_);
   grow(cameras_, other.cameras_);
   for (Material& m : other.materials_)
@@ -201,10 +212,14 @@ void Scene::append(Scene&& other) {
   }
   for (auto& light : other.lights_)
     if (light) shift(light->texture, textures_.size());
+  const size_t first_instance = instances_.size();
+  std::ranges::copy(other.mesh_bounds_, std::back_inserter(mesh_bounds_));
   move_to_end(meshes_, other.meshes_, revisions_.meshes);
   move_to_end(textures_, other.textures_, revisions_.textures);
   move_to_end(materials_, other.materials_, revisions_.materials);
   move_to_end(instances_, other.instances_, revisions_.instances);
+  for (size_t id = first_instance; id < instances_.size(); ++id)
+    if (instances_[id]) take_slot(uint32_t(id));
   move_to_end(lights_, other.lights_, revisions_.lights);
   std::move(other.cameras_.begin(), other.cameras_.end(), std::back_inserter(cameras_));
 }
@@ -215,6 +230,22 @@ Scene::Bounds Scene::bounds() const {
     if (!instance) continue;
     for (const glm::vec3& position : meshes_[instance->mesh].positions) {
       const glm::dvec3 world(instance->local_to_world * glm::dvec4(position, 1.0));
+      bounds.min = glm::min(bounds.min, world);
+      bounds.max = glm::max(bounds.max, world);
+    }
+  }
+  return bounds;
+}
+
+Scene::Bounds Scene::rough_bounds() const {
+  Bounds bounds;
+  for (const auto& instance : instances_) {
+    if (!instance || meshes_[instance->mesh].positions.empty()) continue;
+    const Bounds& local = mesh_bounds_[instance->mesh];
+    for (int corner = 0; corner < 8; ++corner) {
+      const glm::dvec4 p(corner & 1 ? local.max.x : local.min.x, corner & 2 ? local.max.y : local.min.y,
+                         corner & 4 ? local.max.z : local.min.z, 1.0);
+      const glm::dvec3 world(instance->local_to_world * p);
       bounds.min = glm::min(bounds.min, world);
       bounds.max = glm::max(bounds.max, world);
     }

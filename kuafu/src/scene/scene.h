@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "scene/camera.h"
+#include "scene/change_log.h"
 #include "scene/dot_pattern.h"
 
 namespace kuafu {
@@ -26,6 +27,7 @@ struct Mesh {
   std::vector<glm::uvec3> indices;
   std::vector<uint32_t> slots;  // per triangle, index into Instance::materials; empty = 0
   uint64_t deformation = 0;     // how often update_mesh_positions moved its vertices
+  bool removed = false;         // then it is empty
 };
 
 struct Texture {
@@ -36,6 +38,7 @@ struct Texture {
   bool srgb = false;
   std::vector<uint8_t> texels;  // row 0 first, packed
   uint64_t revision = 0;        // how often set_texture replaced it
+  bool removed = false;         // then it is empty
 };
 
 /// Fields mean what kuafu_material_desc says.
@@ -55,6 +58,7 @@ struct Material {
   enum class Bsdf : uint32_t { gltf = 0, paper = 1 };
   Bsdf bsdf = Bsdf::gltf;
   uint32_t light_group = 0;
+  bool removed = false;
 };
 
 struct Instance {
@@ -64,6 +68,7 @@ struct Instance {
   std::vector<uint32_t> materials;  // per slot; none or missing = grey Lambertian
   uint32_t semantic_id = 0;
   glm::dmat4 local_to_world{1.0};  // glm is column-major: column 3 is the translation
+  uint32_t slot = none;            // given by the scene (Scene::instance_slots)
 };
 
 struct Light {
@@ -131,6 +136,10 @@ class Scene {
   void set_instance_materials(uint32_t id, std::vector<uint32_t> materials);
   void set_light(uint32_t id, Light light);
   void set_environment(const Environment& environment);
+  // Frees what it holds; the id is not given again. Refused while something uses it.
+  void remove_mesh(uint32_t id);
+  void remove_texture(uint32_t id);
+  void remove_material(uint32_t id);
   void remove_instance(uint32_t id);
   void remove_light(uint32_t id);
   void add_camera(Camera camera);
@@ -142,6 +151,11 @@ class Scene {
   [[nodiscard]] const std::vector<Material>& materials() const { return materials_; }
   /// Removed ones are empty; the index is the id.
   [[nodiscard]] const std::vector<std::optional<Instance>>& instances() const { return instances_; }
+  /// Where the live instances stand in tables of all of them, which is what a hit's instance means: slot -> id, or none where one was
+  /// removed. A slot is an instance's as long as it lives, and then another's.
+  [[nodiscard]] const std::vector<uint32_t>& instance_slots() const { return instance_slots_; }
+  /// Slots whose instance changed, came or went after this value of Revisions::instances; none: look at all of them.
+  [[nodiscard]] std::optional<std::span<const uint32_t>> instance_changes(uint64_t revision) const { return instance_log_.since(revision); }
   [[nodiscard]] const std::vector<std::optional<Light>>& lights() const { return lights_; }
   [[nodiscard]] const Environment& environment() const { return environment_; }
   [[nodiscard]] const std::vector<Camera>& cameras() const { return cameras_; }
@@ -150,18 +164,24 @@ class Scene {
   struct Bounds {
     glm::dvec3 min{std::numeric_limits<double>::infinity()}, max{-std::numeric_limits<double>::infinity()};
   };
-  [[nodiscard]] Bounds bounds() const;  // world, of all instances
+  [[nodiscard]] Bounds bounds() const;        // world, of all instances
+  [[nodiscard]] Bounds rough_bounds() const;  // around their boxes: no smaller, and found without looking at vertices
 
  private:
   void check_references(const Material& material) const;
   void check_references(const Light& light) const;
   void check_references(const Environment& environment) const;
   void check_materials(const std::vector<uint32_t>& ids) const;
+  void take_slot(uint32_t id);
+  void note_instance(uint32_t slot);
 
   std::vector<Mesh> meshes_;
   std::vector<Texture> textures_;
   std::vector<Material> materials_;
   std::vector<std::optional<Instance>> instances_;
+  std::vector<uint32_t> instance_slots_, free_slots_;
+  ChangeLog instance_log_;
+  std::vector<Bounds> mesh_bounds_;  // local, by mesh
   std::vector<std::optional<Light>> lights_;
   Environment environment_;
   std::vector<Camera> cameras_;

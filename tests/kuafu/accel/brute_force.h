@@ -11,9 +11,10 @@ namespace kuafu::test {
 class BruteForce {
  public:
   explicit BruteForce(const Scene& scene) {
-    for (const auto& instance : scene.instances()) {
-      if (!instance) continue;
+    for (const uint32_t id : scene.instance_slots()) {
       first_.push_back(triangles_.size());
+      if (id == none) continue;
+      const auto& instance = scene.instances()[id];
       const Mesh& mesh = scene.meshes()[instance->mesh];
       for (uint32_t i = 0; i < mesh.indices.size(); ++i) {
         glm::dvec3 corner[3];
@@ -62,7 +63,7 @@ class BruteForce {
   }
 
   std::vector<Triangle> triangles_;
-  std::vector<size_t> first_;  // per live instance
+  std::vector<size_t> first_;  // per slot of the instances
 };
 
 }  // namespace kuafu::test

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <numeric>
 #include <optional>
 
 #include "device/error.h"
@@ -242,6 +243,54 @@ TEST_P(Tracers, UpdateFollowsMovedRemovedAndAddedInstancesAndMeshes) {
   const Scene other = instanced_world(19, 5, 1.0);
   tracer_->update(other, 1);
   expect_like_brute_force(other, rays);
+}
+
+TEST_P(Tracers, AnySequenceOfSmallChangesMatchesBruteForce) {
+  Random random(40);
+  Scene scene = instanced_world(41, 60, 3.0);
+  std::vector<TestRay> rays = random_rays(42, 300, 4.0);
+  for (TestRay& ray : rays) ray.environment = random.below(3);
+  std::vector<uint32_t> ids(60);
+  std::iota(ids.begin(), ids.end(), 0u);
+  for (int round = 0; round < 30; ++round) {
+    for (uint32_t change = random.below(6); change > 0; --change) {
+      const uint32_t which = random.below(uint32_t(ids.size()));
+      const double kind = random.uniform();
+      if (kind < 0.5) {
+        scene.set_instance_pose(ids[which], random_pose(random, 3.0));
+      } else if (kind < 0.7) {
+        scene.remove_instance(ids[which]);
+        ids.erase(ids.begin() + which);
+      } else {
+        ids.push_back(scene.add_instance(place(random.below(3), random_pose(random, 3.0), kind < 0.8 ? none : random.below(4))));
+      }
+    }
+    tracer_->update(scene, 3);
+    expect_like_brute_force(scene, rays);
+  }
+}
+
+TEST_P(Tracers, RemovedMeshesAreForgottenAndTheirNeighboursStay) {
+  Random random(43);
+  Scene scene;
+  const std::vector<TestRay> rays = random_rays(44, 500, 3.0);
+  std::vector<uint32_t> meshes, instances;
+  for (int i = 0; i < 4; ++i) {
+    meshes.push_back(scene.add_mesh(soup(random, 30, 0.5)));
+    instances.push_back(scene.add_instance(place(meshes.back(), random_pose(random, 1.0))));
+  }
+  tracer_->update(scene, 1);
+  expect_like_brute_force(scene, rays);
+  scene.remove_instance(instances[1]);
+  scene.remove_mesh(meshes[1]);
+  scene.remove_mesh(scene.add_mesh(soup(random, 10, 0.5)));  // gone before anyone saw it
+  scene.add_instance(place(meshes[2], random_pose(random, 1.0)));
+  tracer_->update(scene, 1);
+  expect_like_brute_force(scene, rays);
+  shake(scene, meshes[3], random, 0.2);
+  scene.add_instance(place(scene.add_mesh(soup(random, 30, 0.5)), random_pose(random, 1.0)));
+  tracer_->update(scene, 1);
+  expect_like_brute_force(scene, rays);
 }
 
 TEST_P(Tracers, DeformedMeshesMatchBruteForce) {

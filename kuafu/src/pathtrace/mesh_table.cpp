@@ -1,0 +1,40 @@
+#include "pathtrace/mesh_table.h"
+
+namespace kuafu {
+
+void MeshTable::update(const Memory& memory, const Scene& scene) {
+  const MeshWatch::Changes changes = watch_.look(scene);
+  for (const uint32_t id : changes.deformed) move_vertices(memory, scene.meshes()[id], meshes_[id]);
+  for (const uint32_t id : changes.removed) meshes_[id] = {};
+  if (meshes_.size() < scene.meshes().size()) add(memory, scene, meshes_.size());
+}
+
+void MeshTable::add(const Memory& memory, const Scene& scene, size_t first) {
+  Block block;
+  for (size_t i = first; i < scene.meshes().size(); ++i) {
+    const Mesh& m = scene.meshes()[i];
+    Addresses a;
+    a.positions = block.add(m.positions);
+    a.normals = block.add(m.normals);
+    a.uvs = block.add(m.uvs);
+    a.indices = block.add(m.indices);
+    a.slots = block.add(m.slots);
+    a.flags = (m.normals.empty() ? 0 : instance_has_normals) | (m.uvs.empty() ? 0 : instance_has_uvs) |
+              (m.slots.empty() ? 0 : instance_has_slots);
+    meshes_.push_back(a);
+  }
+  const auto buffer = block.upload(memory.device);
+  for (size_t i = first; i < meshes_.size(); ++i) {
+    Addresses& a = meshes_[i];
+    for (uint64_t* offset : {&a.positions, &a.normals, &a.uvs, &a.indices, &a.slots}) *offset += memory.address(*buffer);
+    if (!scene.meshes()[i].removed) a.block = buffer;
+  }
+}
+
+void MeshTable::move_vertices(const Memory& memory, const Mesh& mesh, const Addresses& a) {
+  const uint64_t base = memory.address(*a.block);
+  a.block->write(a.positions - base, mesh.positions.data(), mesh.positions.size() * sizeof(glm::vec3));
+  if (!mesh.normals.empty()) a.block->write(a.normals - base, mesh.normals.data(), mesh.normals.size() * sizeof(glm::vec3));
+}
+
+}  // namespace kuafu

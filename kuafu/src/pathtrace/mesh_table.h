@@ -1,0 +1,36 @@
+// Where the vertices and triangles of a scene's meshes lie in the stages' memory. Thread rule: externally synchronised; no work may be in
+// flight during update.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "accel/mesh_watch.h"
+#include "pathtrace/device_array.h"
+#include "shared/scene_records.h"
+
+namespace kuafu {
+
+class MeshTable {
+ public:
+  /// A mesh' addresses stay as long as it lives.
+  struct Addresses {
+    uint64_t positions = 0, normals = 0, uvs = 0, indices = 0, slots = 0;
+    uint32_t flags = 0;                 // instance_has_*
+    std::shared_ptr<ks::Buffer> block;  // where they lie, with meshes of the same time; freed with the last of them
+  };
+
+  /// Uploads what is new or moved and drops what was removed.
+  void update(const Memory& memory, const Scene& scene);
+  void forget() { meshes_.clear(), watch_.forget(); }
+  [[nodiscard]] const Addresses& operator[](uint32_t mesh) const { return meshes_[mesh]; }
+
+ private:
+  void add(const Memory& memory, const Scene& scene, size_t first);
+  static void move_vertices(const Memory& memory, const Mesh& mesh, const Addresses& addresses);
+
+  MeshWatch watch_;
+  std::vector<Addresses> meshes_;
+};
+
+}  // namespace kuafu
