@@ -28,13 +28,28 @@ std::shared_ptr<Buffer> Buffer::create(std::shared_ptr<Device> device, uint64_t 
          device->info().name);
   if ((flags & KS_BUFFER_EXPORTABLE) && extra_usage != 0)
     fail(KS_ERROR_INTERNAL, "a buffer with usage 0x%x beyond that of every buffer cannot be exported", extra_usage);
+  const bool host = (flags & KS_BUFFER_HOST_VISIBLE) || device->is_cpu();
+  return make(std::move(device), size_bytes, flags, extra_usage,
+              host ? VK_MEMORY_PROPERTY_HOST_CACHED_BIT : VK_MEMORY_PROPERTY_DEVICE_LOCAL_BIT);
+}
+
+std::shared_ptr<Buffer> Buffer::create_table(const std::shared_ptr<Device>& device, uint64_t size_bytes) {
+  try {
+    return make(device, size_bytes, KS_BUFFER_HOST_VISIBLE, 0, VK_MEMORY_PROPERTY_DEVICE_LOCAL_BIT);
+  } catch (const Error&) {  // such memory may be a small window, and full
+    return create(device, size_bytes, KS_BUFFER_HOST_VISIBLE);
+  }
+}
+
+std::shared_ptr<Buffer> Buffer::make(std::shared_ptr<Device> device, uint64_t size_bytes, uint32_t flags, VkBufferUsageFlags extra_usage,
+                                     VkMemoryPropertyFlags preferred) {
   std::shared_ptr<Buffer> self(new Buffer);
   self->device_ = std::move(device);
   self->size_bytes_ = size_bytes;
   self->flags_ = flags;
   self->extra_usage_ = extra_usage;
   if (self->device_->has_vulkan())
-    self->allocate_vulkan();
+    self->allocate_vulkan(preferred);
   else
     self->allocate_host();
   self->owned_bytes_ = self->allocation_bytes_;
@@ -52,12 +67,11 @@ void Buffer::allocate_host() {
   owns_host_ = true;
 }
 
-void Buffer::allocate_vulkan() {
+void Buffer::allocate_vulkan(VkMemoryPropertyFlags preferred) {
   const bool exportable = flags_ & KS_BUFFER_EXPORTABLE;
   const bool host = (flags_ & KS_BUFFER_HOST_VISIBLE) || device_->is_cpu();
   const VkMemoryRequirements needs = make_vk_buffer(exportable ? VK_EXTERNAL_MEMORY_HANDLE_TYPE_OPAQUE_FD_BIT : 0);
-  memory_type_ = host ? device_->memory_type(needs.memoryTypeBits, host_coherent, VK_MEMORY_PROPERTY_HOST_CACHED_BIT)
-                      : device_->memory_type(needs.memoryTypeBits, 0, VK_MEMORY_PROPERTY_DEVICE_LOCAL_BIT);
+  memory_type_ = device_->memory_type(needs.memoryTypeBits, host ? host_coherent : 0, preferred);
   VkExportMemoryAllocateInfo export_info{VK_STRUCTURE_TYPE_EXPORT_MEMORY_ALLOCATE_INFO};
   export_info.handleTypes = VK_EXTERNAL_MEMORY_HANDLE_TYPE_OPAQUE_FD_BIT;
   allocate_memory(needs.size, memory_type_, exportable, exportable ? &export_info : nullptr);

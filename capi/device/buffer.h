@@ -17,6 +17,8 @@ class Buffer {
   /// extra_usage: what acceleration structures need beyond that; such a buffer is not exportable.
   static std::shared_ptr<Buffer> create(std::shared_ptr<Device> device, uint64_t size_bytes, uint32_t flags /* KS_BUFFER_* */,
                                         VkBufferUsageFlags extra_usage = 0);
+  /// For tables that the host writes and only the device reads: mapped, and in the device's own memory where that can be mapped.
+  static std::shared_ptr<Buffer> create_table(const std::shared_ptr<Device>& device, uint64_t size_bytes);
   static std::shared_ptr<Buffer> import(std::shared_ptr<Device> device, const ks_buffer_desc& desc);
   ~Buffer();
   Buffer(const Buffer&) = delete;
@@ -37,9 +39,11 @@ class Buffer {
 
  private:
   Buffer() = default;
+  static std::shared_ptr<Buffer> make(std::shared_ptr<Device> device, uint64_t size_bytes, uint32_t flags, VkBufferUsageFlags extra_usage,
+                                      VkMemoryPropertyFlags preferred);
   void check_range(uint64_t offset_bytes, uint64_t size_bytes, const char* what) const;
   void allocate_host();
-  void allocate_vulkan();
+  void allocate_vulkan(VkMemoryPropertyFlags preferred);
   void import_host(const ks_buffer_desc& desc);
   void import_host_pages(const ks_buffer_desc& desc);
   void import_opaque_fd(const ks_buffer_desc& desc);

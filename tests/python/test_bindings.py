@@ -167,6 +167,23 @@ def test_a_texture_can_be_set_again(scene):
 # ---- rendering and memory ----
 
 
+def test_what_is_removed_frees_its_memory(scene, renderer, device):
+    renderer.render(scene, CAMERA, spp=1)
+    before = device.allocated_bytes
+    texture = scene.add_texture(np.zeros((512, 512), np.uint8))
+    material = scene.add_material(kuafu.Material(base_color_texture=texture))
+    renderer.render(scene, CAMERA, spp=1)
+    assert device.allocated_bytes > before + 512 * 512
+    with pytest.raises(ValueError, match=f"texture {texture} .* is used by material {material}"):
+        scene.remove_texture(texture)
+    scene.remove_material(material)
+    scene.remove_texture(texture)
+    renderer.render(scene, CAMERA, spp=1)
+    assert device.allocated_bytes < before + 4096
+    with pytest.raises(ValueError, match="was removed"):
+        scene.get_material(material)
+
+
 def test_render_gives_named_arrays(scene, renderer):
     images = renderer.render(scene, [CAMERA, CAMERA], ["radiance", "depth", "normal", "instance_id"], band="visible", spp=4)
     assert {name: (image.shape, image.dtype.name) for name, image in images.items()} == {

@@ -29,14 +29,14 @@ inline void grow(const Memory& memory, std::shared_ptr<ks::Buffer>& buffer, uint
   buffer = ks::Buffer::create(memory.device, bytes, memory.device->is_cpu() ? KS_BUFFER_HOST_VISIBLE : 0);
 }
 
-/// A table that the host writes through its mapping: small, rewritten often, no staging copy.
+/// A table that the host writes, and never reads, through its mapping: small, rewritten often, no staging copy.
 template <class T>
 class MappedTable {
  public:
   /// Room for `count` records; what was there is lost when it has to grow.
   std::span<T> resize(const Memory& memory, size_t count) {
     const uint64_t bytes = std::max<uint64_t>(count, 1) * sizeof(T);
-    if (!buffer_ || buffer_->size_bytes() < bytes) buffer_ = ks::Buffer::create(memory.device, bytes, KS_BUFFER_HOST_VISIBLE);
+    if (!buffer_ || buffer_->size_bytes() < bytes) buffer_ = ks::Buffer::create_table(memory.device, bytes);
     address_ = memory.address(*buffer_);
     return {static_cast<T*>(buffer_->mapped()), count};
   }

@@ -54,7 +54,7 @@ double milliseconds_since(std::chrono::steady_clock::time_point start) {
 /// Everything one render call needs; records stage after stage.
 class PathTracer::Run {
  public:
-  Run(PathTracer& owner, const Launch& launch) : o_(owner), launch_(launch), commands_(owner.device_) {}
+  Run(PathTracer& owner, const Launch& launch, ks::Commands& commands) : o_(owner), launch_(launch), commands_(commands) {}
   void prepare(const Scene& scene);
   void render();
   [[nodiscard]] std::vector<std::pair<std::string, double>> stage_times() const { return commands_.stage_times(); }
@@ -77,6 +77,8 @@ class PathTracer::Run {
   [[nodiscard]] WaveRays rays_of(const WaveRange& wave) const {
     return {o_.buffers_.closest_rays(0), o_.tables_.address(), o_.views_.address(), wave};
   }
+  /// Who asks for progress hears of it as it is made; else a GPU gets several waves at once, and not so many that a watchdog minds.
+  [[nodiscard]] bool ends_submission(uint32_t wave) const { return o_.device_->is_cpu() || launch_.cancelled || wave % 8 == 7; }
   [[nodiscard]] bool glass_shadows() const { return o_.buffers_.size().glass_surfaces > 0; }
   /// Of light, kept apart.
   [[nodiscard]] uint32_t groups() const {
@@ -87,7 +89,7 @@ class PathTracer::Run {
 
   PathTracer& o_;
   const Launch& launch_;
-  ks::Commands commands_;
+  ks::Commands& commands_;
   uint32_t pixels_per_wave_ = 0;
   bool environments_ = false;
   bool camera_ = false;  // some view is more than a pinhole at rest
@@ -128,7 +130,7 @@ void PathTracer::Run::render() {
     const uint32_t count = std::min(pixels_per_wave_, total - first);
     if (launch_.wants_aovs() || denoises()) render_aovs(first, count);
     if (launch_.wants_radiance()) render_pixels(first, count);
-    commands_.flush();
+    if (ends_submission(first / pixels_per_wave_) || first + count == total) commands_.flush();
     report(first, float(count));
   }
   if (!o_.frame_.is_empty()) develop();
@@ -312,11 +314,15 @@ PathTracer::~PathTracer() = default;
 
 void PathTracer::render(const std::shared_ptr<const Scene>& scene, const Launch& launch) {
   next_scene_ = scene;
-  Run run(*this, launch);
+  // A recorder is made once and kept, unless an error leaves it in the middle of its work.
+  std::unique_ptr<ks::Commands> commands = commands_ ? std::move(commands_) : std::make_unique<ks::Commands>(device_);
+  commands->reset_stage_times();
+  Run run(*this, launch, *commands);
   run.prepare(*scene);
   scene_ = scene;
   run.render();
   stage_times_ = run.stage_times();
+  commands_ = std::move(commands);
 }
 
 }  // namespace kuafu

@@ -52,6 +52,7 @@ class PathTracer {
   MappedTable<OutputRecord> outputs_;
   // Tracer and tables know a scene by its address, so the last one lives until both have taken the next.
   std::shared_ptr<const Scene> scene_, next_scene_;
+  std::unique_ptr<ks::Commands> commands_;  // null during a render, and after one that failed
   std::vector<std::pair<std::string, double>> stage_times_;
 };
 

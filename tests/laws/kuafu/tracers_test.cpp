@@ -111,7 +111,7 @@ TEST_P(EachTracer, has_no_bias_against_the_own_bvh_over_64_seeds) {
   for (const uint32_t output : outputs) {
     const Estimate &a = own[output], &b = other[output];
     EXPECT_GT(a.mean, 0.0);
-    EXPECT_LT(a.standard_error, 0.02 * a.mean) << "too noisy to tell";
+    EXPECT_LT(a.standard_error, 0.08 * a.mean) << "too noisy to tell";
     EXPECT_LT(std::abs(a.mean - b.mean), 3 * std::hypot(a.standard_error, b.standard_error)) << "output " << output;
   }
 }

@@ -1,0 +1,65 @@
+#!/usr/bin/env python3
+"""Draws the gallery: a small picture of each material, light and effect, and the page that shows them.
+
+usage: gallery.py [--only NAME ...] [--spp N]
+Writes pictures/*.jpg and README.md beside this file. Needs the kuafu module (PYTHONPATH=build/python).
+"""
+
+import argparse
+from pathlib import Path
+
+import film  # noqa: F401  each module adds its tiles, in the order of the page
+import kuafu
+import lights  # noqa: F401
+import materials  # noqa: F401
+import outputs  # noqa: F401
+import stage
+from PIL import Image
+from tiles import TILES
+
+HERE = Path(__file__).resolve().parent
+COLUMNS = 4
+ORDER = ("Materials", "Lights", "Projector", "Film", "Outputs")
+HEAD = """# Gallery
+
+What kuafu renders, one small picture each, made by
+```
+PYTHONPATH=build/python python3 examples/gallery/gallery.py
+```
+Each is a function of a few lines in this folder: take one as a start.
+"""
+
+
+def page():
+    parts = [HEAD]
+    for section in ORDER:
+        parts.append(f"\n## {section}\n\n|" + " |" * COLUMNS + "\n|" + "--|" * COLUMNS + "\n")
+        for row in rows_of(section):
+            cells = [f"![{t.title}](pictures/{t.name}.jpg)<br>**{t.title}**<br>{t.note}" for t in row]
+            parts.append("| " + " | ".join(cells + [""] * (COLUMNS - len(cells))) + " |\n")
+    return "".join(parts)
+
+
+def rows_of(section):
+    tiles = [t for t in TILES if t.section == section]
+    return [tiles[i : i + COLUMNS] for i in range(0, len(tiles), COLUMNS)]
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
+    parser.add_argument("--only", nargs="*", help="names of pictures")
+    parser.add_argument("--spp", type=int, default=256, help="samples per pixel")
+    arguments = parser.parse_args()
+    stage.SAMPLES = arguments.spp
+    device = kuafu.Device()
+    (HERE / "pictures").mkdir(exist_ok=True)
+    for t in TILES:
+        if arguments.only and t.name not in arguments.only:
+            continue
+        Image.fromarray(t.draw(device)).save(HERE / "pictures" / f"{t.name}.jpg", quality=90)
+        print(f"{t.section}: {t.name}", flush=True)
+    (HERE / "README.md").write_text(page())
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,119 @@
+"""Tiles of materials: one ball each, under a sky and a lamp."""
+
+import numpy as np
+from shapes import ball, bumps, checker
+from stage import Stage
+from tiles import tile
+
+
+def ball_of(device, **material):
+    stage = Stage(device)
+    stage.daylight()
+    stage.ball(**material)
+    return stage.picture()
+
+
+@tile("Materials", "Lambert", "`specular=0`")
+def lambert(device):
+    return ball_of(device, base_color=(0.7, 0.25, 0.2, 1), specular=0.0)
+
+
+@tile("Materials", "Oren-Nayar", "`diffuse_roughness=1`: brighter towards its rim")
+def oren_nayar(device):
+    return ball_of(device, base_color=(0.7, 0.25, 0.2, 1), specular=0.0, diffuse_roughness=1.0)
+
+
+@tile("Materials", "Glazed", "a dielectric layer, `roughness=0.05`")
+def glazed(device):
+    return ball_of(device, base_color=(0.7, 0.25, 0.2, 1), roughness=0.05)
+
+
+@tile("Materials", "Satin", "the same layer, `roughness=0.4`")
+def satin(device):
+    return ball_of(device, base_color=(0.7, 0.25, 0.2, 1), roughness=0.4)
+
+
+@tile("Materials", "Polished gold", "`metallic=1, roughness=0.05`")
+def gold(device):
+    return ball_of(device, base_color=(1.0, 0.78, 0.34, 1), metallic=1.0, roughness=0.05)
+
+
+@tile("Materials", "Brushed steel", "`metallic=1, roughness=0.45`")
+def steel(device):
+    return ball_of(device, base_color=(0.6, 0.6, 0.62, 1), metallic=1.0, roughness=0.45)
+
+
+@tile("Materials", "Glass", "`transmission=1, ior=1.5`")
+def glass(device):
+    return ball_of(device, transmission=1.0, roughness=0.0, ior=1.5)
+
+
+@tile("Materials", "Frosted glass", "`transmission_roughness=0.35` under a smooth surface")
+def frosted_glass(device):
+    return ball_of(device, transmission=1.0, roughness=0.0, transmission_roughness=0.35)
+
+
+@tile("Materials", "Tinted glass", "absorbs along the way: `attenuation_color`, `attenuation_distance_m`")
+def tinted_glass(device):
+    return ball_of(device, transmission=1.0, roughness=0.0, attenuation_color=(0.2, 0.75, 0.45), attenuation_distance_m=0.4)
+
+
+@tile("Materials", "Diamond", "`ior=2.42`")
+def diamond(device):
+    return ball_of(device, transmission=1.0, roughness=0.0, ior=2.42)
+
+
+@tile("Materials", "The paper's mix", '`bsdf="paper"`: diffuse and specular weighted, no layer')
+def paper_mix(device):
+    return ball_of(device, base_color=(0.25, 0.35, 0.7, 1), metallic=0.5, roughness=0.25, bsdf="paper")
+
+
+@tile("Materials", "Colour and normal textures", "sRGB colour, tangent-space normals")
+def textured(device):
+    stage = Stage(device)
+    stage.daylight()
+    colour = stage.texture(np.stack([checker(16, 90, 230), checker(16, 60, 120), checker(16, 40, 60)], -1), srgb=True)
+    stage.ball(base_color_texture=colour, normal_texture=stage.texture(bumps()), roughness=0.3)
+    return stage.picture()
+
+
+@tile("Materials", "Glowing", "`emission`: its surface is a light that is sampled")
+def glowing(device):
+    stage = Stage(device)
+    stage.scene.set_environment((0.02, 0.02, 0.03), 0.02)
+    stage.ball(emission=(3.0, 1.6, 0.5), ir_emission=2.0, specular=0.0)
+    stage.boxes()
+    return stage.picture()
+
+
+@tile("Materials", "Visible", "three paints that differ to the eye ...")
+def visible(device):
+    return _two_bands(device, "visible")
+
+
+@tile("Materials", "Infrared", "... and not in the infrared: `ir_albedo`")
+def infrared(device):
+    return _two_bands(device, "infrared")
+
+
+def _two_bands(device, band):
+    stage = Stage(device)
+    stage.daylight()
+    for x, colour in ((-0.8, (0.05, 0.05, 0.05, 1)), (0.0, (0.7, 0.1, 0.1, 1)), (0.8, (0.1, 0.2, 0.7, 1))):
+        stage.ball(x=x, radius=0.36, base_color=colour, specular=0.0, ir_albedo=0.7)
+    stage.options["band"] = band
+    return stage.picture()
+
+
+@tile("Materials", "Per instance", "one mesh, a material each; flattened by its vertices")
+def instances(device):
+    stage = Stage(device)
+    stage.daylight()
+    positions, faces, normals, uvs = ball(0.28, squeeze=0.8)
+    mesh = stage.scene.add_mesh(positions, faces, normals=normals, uvs=uvs)
+    for i in range(5):
+        pose = np.eye(4)
+        pose[:3, 3] = -1.1 + 0.55 * i, 0.25 * (i % 2), 0.24
+        paint = stage.material(base_color=(0.8 - 0.15 * i, 0.25 + 0.1 * i, 0.15 + 0.15 * i, 1), roughness=0.1 + 0.2 * i)
+        stage.scene.add_instance(mesh, [paint], local_to_world=pose)
+    return stage.picture()
