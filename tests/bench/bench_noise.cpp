@@ -1,4 +1,4 @@
-// Samples per pixel until an image is 5 % noisy (root mean square over the image, relative to its mean): light and BSDF samples weighted
+// Samples per pixel until the median pixel is 5 % noisy (standard error over its mean): light and BSDF samples weighted
 // (the default), beside plain estimators that find light by the BSDF alone or by the lights alone. The table-top under lights with an
 // extent. From the variance between independent renders; the mean images must agree. Usage: bench_noise [renders = 24]
 #include "render_bench.h"
@@ -38,12 +38,16 @@ Noise measure(Renderer& renderer, kuafu_scene scene, uint32_t sampling, uint32_t
     squares.resize(image.size());
     for (size_t i = 0; i < image.size(); ++i) sum[i] += image[i], squares[i] += double(image[i]) * image[i];
   }
-  double mean = 0, variance = 0;
+  double all = 0;
+  std::vector<double> relative_variance;
   for (size_t i = 0; i < sum.size(); ++i) {
-    mean += sum[i] / renders / double(sum.size());
-    variance += (squares[i] - sum[i] * sum[i] / renders) / (renders - 1) / double(sum.size());
+    const double mean = sum[i] / renders;
+    all += mean / double(sum.size());
+    if (mean > 0) relative_variance.push_back((squares[i] - sum[i] * mean) / (renders - 1) / (mean * mean));
   }
-  return {mean, samples * variance / (0.05 * mean * 0.05 * mean)};
+  const auto middle = relative_variance.begin() + ptrdiff_t(relative_variance.size() / 2);
+  std::nth_element(relative_variance.begin(), middle, relative_variance.end());
+  return {all, samples * *middle / (0.05 * 0.05)};
 }
 
 }  // namespace
