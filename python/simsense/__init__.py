@@ -23,6 +23,7 @@ from ._simsense import (
     Image,
     MissingFileError,
     NoDeviceError,
+    Submission,
     __version__,
     signal_preset,
 )
@@ -48,5 +49,6 @@ __all__ = [
     "NoDeviceError",
     "SettingError",
     "StereoSGM",
+    "Submission",
     "signal_preset",
 ]

@@ -129,6 +129,7 @@ class Engine:
         rectified: bool = False,
         batch_count: int = 1,
         faults: Sequence[str] = (),
+        back_end: Literal["auto", "cpu", "vulkan"] = "auto",
         **parameters: float | str,
     ) -> None: ...
     @property
@@ -152,6 +153,17 @@ class Engine:
         rgb: NDArray[np.uint8] | Image | None = None,
         progress: Callable[[float], object] | None = None,
     ) -> dict[str, NDArray[Any]]: ...
+    def submit(
+        self,
+        left: NDArray[Any] | Image,
+        right: NDArray[Any] | Image,
+        outputs: Sequence[str] | Mapping[str, NDArray[Any] | Image | DTypeLike],
+        *,
+        rgb: NDArray[np.uint8] | Image | None = None,
+    ) -> Submission: ...
+
+class Submission:
+    def wait(self) -> dict[str, NDArray[Any]]: ...
 
 def signal_preset(name: Literal["neutral", "paper-d415", "sapien", "d435"]) -> dict[str, float]: ...
 

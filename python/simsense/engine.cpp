@@ -93,6 +93,14 @@ uint32_t read_faults(const py::object& names) {
   return bits;
 }
 
+uint32_t read_back_end(const py::object& name) {
+  const auto text = read_as<Simsense, std::string>(name, "back_end", "one of auto, cpu, vulkan");
+  constexpr const char* names[] = {"auto", "cpu", "vulkan"};  // SIMSENSE_BACK_END_*
+  for (uint32_t i = 0; i < std::size(names); ++i)
+    if (text == names[i]) return i;
+  raise_argument<Simsense>("unknown back_end '" + text + "' (known: auto, cpu, vulkan)");
+}
+
 simsense_camera read_camera(const py::object& camera) {
   simsense_camera out = {};
   if (camera.is_none()) return out;
@@ -102,7 +110,7 @@ simsense_camera read_camera(const py::object& camera) {
 class Engine {
  public:
   Engine(const py::object& device, const py::object& left, const py::object& right, const py::object& left_to_right, const py::object& rgb,
-         const py::object& left_to_rgb, bool rectified, const py::object& batch_count, const py::object& faults,
+         const py::object& left_to_rgb, bool rectified, const py::object& batch_count, const py::object& faults, const py::object& back_end,
          const py::kwargs& parameters) {
     if (!py::isinstance<Device<Simsense>>(device))
       raise_argument<Simsense>("device must be a simsense.Device, not " + std::string(py::repr(device)));
@@ -113,6 +121,7 @@ class Engine {
     rig_.rectified = rectified ? 1 : 0;
     rig_.batch_count = read_as<Simsense, uint32_t>(batch_count, "batch_count", "a whole number of pairs");
     rig_.faults = read_faults(faults);
+    rig_.back_end = read_back_end(back_end);
     read_required_matrix<Simsense>(left_to_right, "left_to_right", rig_.left_to_right, 16);
     read_matrix<Simsense>(left_to_rgb, "left_to_rgb", rig_.left_to_rgb, 16);
     Settings settings;
@@ -171,32 +180,64 @@ class Engine {
 
   py::dict compute(const py::object& left, const py::object& right, const py::object& outputs, const py::object& rgb,
                    const py::object& callback) {
-    std::vector<py::object> keep;
-    simsense_compute_desc desc = simsense_compute_desc_init();
-    if (!rgb.is_none()) desc.rgb = input(rgb, "rgb", keep, true);
-    desc.left = input(left, "left", keep);
-    desc.right = input(right, "right", keep);
-    const bool batched = desc.left.image.dim_count == 3;
-    std::vector<simsense_output_desc> c_outputs;
-    py::dict results;
-    read_outputs(outputs, batched, c_outputs, results, keep);
+    Call call = make_call(left, right, outputs, rgb);
     Progress progress(callback);
-    desc.outputs = c_outputs.data();
-    desc.output_count = static_cast<uint32_t>(c_outputs.size());
-    desc.progress = Progress::function();
-    desc.progress_user = &progress;
+    call.desc.progress = Progress::function();
+    call.desc.progress_user = &progress;
     const InUse<Simsense> in_use(in_use_, "engine");
     ks_status status;
     {
       py::gil_scoped_release nogil;
-      status = simsense_engine_compute(get(), &desc);
+      status = simsense_engine_compute(get(), &call.desc);
     }
     progress.rethrow();
     check<Simsense>(status);
-    return results;
+    return call.results;
+  }
+
+  /// The results are the caller's to read after wait().
+  std::pair<ks_sync, py::dict> submit(const py::object& left, const py::object& right, const py::object& outputs, const py::object& rgb) {
+    const Call call = make_call(left, right, outputs, rgb);
+    const InUse<Simsense> in_use(in_use_, "engine");
+    ks_sync sync = ks_sync_init();
+    ks_status status;
+    {
+      py::gil_scoped_release nogil;
+      status = simsense_engine_submit(get(), &call.desc, &sync);
+    }
+    check<Simsense>(status);
+    return {sync, call.results};
+  }
+
+  void wait(const ks_sync& sync) {
+    const InUse<Simsense> in_use(in_use_, "engine");
+    ks_status status;
+    {
+      py::gil_scoped_release nogil;
+      status = simsense_engine_wait(get(), &sync);
+    }
+    check<Simsense>(status);
   }
 
  private:
+  /// A compute call's arguments as C has them; `keep` holds what must live through it.
+  struct Call {
+    std::vector<py::object> keep;
+    std::vector<simsense_output_desc> outputs;
+    py::dict results;
+    simsense_compute_desc desc = simsense_compute_desc_init();
+  };
+  Call make_call(const py::object& left, const py::object& right, const py::object& outputs, const py::object& rgb) const {
+    Call call;
+    if (!rgb.is_none()) call.desc.rgb = input(rgb, "rgb", call.keep, true);
+    call.desc.left = input(left, "left", call.keep);
+    call.desc.right = input(right, "right", call.keep);
+    read_outputs(outputs, call.desc.left.image.dim_count == 3, call.outputs, call.results, call.keep);
+    call.desc.outputs = call.outputs.data();
+    call.desc.output_count = static_cast<uint32_t>(call.outputs.size());
+    return call;
+  }
+
   simsense_image input(const py::object& value, const char* what, std::vector<py::object>& keep, bool color = false) const {
     if (py::isinstance<Image<Simsense>>(value)) return buffer_image(py::cast<Image<Simsense>>(value));
     if (!py::isinstance<py::array>(value)) raise_argument<Simsense>(std::string(what) + " must be a numpy array or a simsense.Image");
@@ -278,6 +319,18 @@ class Engine {
   std::atomic<bool> in_use_{false};
 };
 
+/// Work under way, and its results, which must live until it is done.
+struct Submission {
+  py::object engine;
+  ks_sync sync;
+  py::dict results;
+
+  py::dict wait() const {
+    engine.cast<Engine&>().wait(sync);
+    return results;
+  }
+};
+
 void bind_camera(py::module_& module) {
   using C = simsense_camera;
   py::class_<C>(module, "Camera", "A pinhole camera with Brown-Conrady distortion [k1, k2, p1, p2, k3].")
@@ -311,6 +364,8 @@ void bind_engine(py::module_& module) {
       [](const py::object& name) { return get_signal(signal_preset(read_as<Simsense, std::string>(name, "name", "a preset's name"))); },
       py::arg("name"),
       "All parameters of an imager as a dict: 'neutral', or measured ones whose input is in 8-bit counts, 'paper-d415', 'sapien', 'd435'.");
+  py::class_<Submission>(module, "Submission", "What Engine.submit has begun.")
+      .def("wait", &Submission::wait, "Blocks until the outputs may be read, and returns them.");
   py::class_<Engine>(
       module, "Engine",
       "A stereo rig's depth engine. Parameters are those of simsense_parameters, and of simsense_signal for both eyes, by name; see "
@@ -318,12 +373,13 @@ void bind_engine(py::module_& module) {
       "census_kind ('center_symmetric', 'plain'), subpixel ('none', 'parabola', 'equiangular', 'equiangular_summed') and hole_filling\n"
       "('keep', 'left', 'background') may be given by name or by number.")
       .def(py::init<const py::object&, const py::object&, const py::object&, const py::object&, const py::object&, const py::object&, bool,
-                    const py::object&, const py::object&, const py::kwargs&>(),
+                    const py::object&, const py::object&, const py::object&, const py::kwargs&>(),
            py::arg("device"), py::arg("left"), py::arg("right"), py::arg("left_to_right"), py::kw_only(), py::arg("rgb") = py::none(),
            py::arg("left_to_rgb") = py::none(), py::arg("rectified") = false, py::arg("batch_count") = 1,
-           py::arg("faults") = py::make_tuple(),
+           py::arg("faults") = py::make_tuple(), py::arg("back_end") = "auto",
            "left_to_right, left_to_rgb: 4x4. rgb: the camera to register to, or None. rectified: the input pair is row-aligned already.\n"
-           "faults: those of the published SimSense to keep, by name (SIMSENSE_FAULT_* of simsense.h); simsense.FAULTS has all.")
+           "faults: those of the published SimSense to keep, by name (SIMSENSE_FAULT_* of simsense.h); simsense.FAULTS has all.\n"
+           "back_end: 'cpu'; 'vulkan', or simsense.Error where the device cannot; 'auto': Vulkan on a GPU, else the CPU.")
       .def_property_readonly("device", &Engine::device)
       .def_property_readonly("parameters", &Engine::parameters,
                              "All parameters, as a new dict; those of the imagers as the left one has them, see Engine.signal.")
@@ -340,12 +396,21 @@ void bind_engine(py::module_& module) {
            "{name: array or Image} to fill those; or {name: dtype} (depth in uint16 or int16 millimetres, disparity in int16 sixteenths).\n"
            "rgb: uint8 [height, width, 3] of the RGB camera, for points_colored. REASONS has the names of reason's values.\n"
            "Returns {name: array}, shaped like the input. progress(fraction: float) may return True to cancel (CancelledError).")
+      .def(
+          "submit",
+          [](const py::object& self, const py::object& left, const py::object& right, const py::object& outputs, const py::object& rgb) {
+            const auto [sync, results] = self.cast<Engine&>().submit(left, right, outputs, rgb);
+            return Submission{self, sync, results};
+          },
+          py::arg("left"), py::arg("right"), py::arg("outputs"), py::kw_only(), py::arg("rgb") = py::none(),
+          "compute() that returns at once where all images are simsense.Images and the back end is Vulkan; else when all is done.\n"
+          "Returns a Submission: its wait() returns what compute() would.")
       .def_property_readonly(
           "stage_times",
           [](const Engine& e) {
             return stage_times<Simsense>([&](ks_stage_time* t, uint32_t* n) { return simsense_engine_get_stage_times(e.get(), t, n); });
           },
-          "{stage: milliseconds} of the last compute.");
+          "{stage: milliseconds} of the last compute or wait.");
 }
 
 }  // namespace ks_python

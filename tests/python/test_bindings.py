@@ -354,3 +354,30 @@ def test_depth_can_be_stopped_within_a_pair():
         engine.compute(image, image, progress=stop)
     assert 0 <= min(told) < 0.3 and told == sorted(told)
     np.testing.assert_array_equal(engine.compute(image, image)["depth"], expected)
+
+
+def test_a_submission_gives_what_compute_gives():
+    """On the CPU device, by either back end, from and into device buffers."""
+    camera = simsense.Camera(64, 48, np.array([[60, 0, 31.5], [0, 60, 23.5], [0, 0, 1]]))
+    baseline = np.eye(4)
+    baseline[0, 3] = -0.05
+    device = simsense.Device("cpu")
+    light = np.random.default_rng(2).integers(0, 256, (48, 68), dtype=np.uint8)
+    eyes = np.ascontiguousarray(np.stack([light[:, :64], light[:, 4:]]))
+    buffer = simsense.Buffer(device, eyes.nbytes + 4 * 48 * 64)
+    buffer.write(eyes.tobytes())
+    left, right, depth = (buffer.image(t, (48, 64), n * 48 * 64) for n, t in enumerate((np.uint8, np.uint8, np.float32)))
+    found = {}
+    for back_end in ("cpu", "vulkan"):
+        engine = simsense.Engine(device, camera, camera, baseline, rectified=True, max_disparity=16, back_end=back_end)
+        expected = engine.compute(eyes[0], eyes[1])["depth"]
+        submission = engine.submit(left, right, {"depth": depth})
+        assert submission.wait()["depth"] is depth
+        np.testing.assert_array_equal(depth.array(), expected)
+        found[back_end] = expected
+    np.testing.assert_allclose(found["vulkan"], found["cpu"], rtol=1e-6)
+    assert (found["cpu"] > 0).mean() > 0.5
+    with pytest.raises(ValueError, match="known: auto, cpu, vulkan"):
+        simsense.Engine(device, camera, camera, baseline, back_end="gpu")
+    with pytest.raises(simsense.Error, match="back_end is vulkan"):
+        simsense.Engine(simsense.Device("host"), camera, camera, baseline, rectified=True, back_end="vulkan")
