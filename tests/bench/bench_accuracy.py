@@ -1,16 +1,18 @@
 """How accurate the matcher is, beside the published SimSense's arithmetic and OpenCV's StereoSGBM, on pairs whose disparity is known, and on a
-real pair beside the device's own depth. Prints tables; draws the bias against the fraction of a pixel.
+real pair beside the device's own depth. Prints tables; draws the bias against the fraction of a pixel, and what is wrong where.
 
     PYTHONPATH=build/python python3 tests/bench/bench_accuracy.py [--out tests/bench] [--no-render]
 """
 
 import argparse
+import io
 import os
 from pathlib import Path
 
 import cv2
 import numpy as np
 from matplotlib.figure import Figure
+from PIL import Image
 from scipy.ndimage import gaussian_filter, map_coordinates
 
 import simsense
@@ -60,6 +62,15 @@ MATCHERS = {
     "OpenCV StereoSGBM HH, block 7": opencv(cv2.STEREO_SGBM_MODE_HH, 7),
     "OpenCV StereoSGBM 3WAY, block 7": opencv(cv2.STEREO_SGBM_MODE_SGBM_3WAY, 7),
 }
+
+
+SHOWN = (
+    "simsense, default (block 7x7)",
+    "simsense, 8 paths",
+    "simsense-exact (the published engine)",
+    "OpenCV StereoSGBM HH4, block 7",
+    "OpenCV StereoSGBM 3WAY, block 7",
+)
 
 
 def sloped_dots(width=960, height=540, noise_dn=2.0, seed=1):
@@ -122,17 +133,56 @@ def seen_by_both(disparity):
 
 
 def table_of(left, right, truth):
-    """Per matcher: fill of what both eyes see; share of the measured that is off by more; RMS of those within a pixel; median error."""
+    """Per matcher: fill of what both eyes see; share of the measured that is off by more; RMS of those within a pixel; median error.
+    Returns {matcher: disparity}."""
     seen = seen_by_both(truth)
+    all_found = {}
     print(f"| {'matcher':40} | fill | off > 0.5 px | > 1 px | > 2 px | RMS within 1 px | median |\n|--|--|--|--|--|--|--|")
     for name, match in MATCHERS.items():
-        found = match(left, right)
+        found = all_found[name] = match(left, right)
         measured = (found >= 0) & np.isfinite(truth)
         error = np.abs(found - truth)[measured]
         off = [100 * np.mean(error > limit) for limit in (0.5, 1, 2)]
         rms = np.sqrt(np.mean(error[error < 1] ** 2))
         fill = 100 * np.mean((found >= 0)[seen])
         print(f"| {name:40} | {fill:.1f} % | {off[0]:.2f} % | {off[1]:.2f} % | {off[2]:.2f} % | {rms:.3f} px | {np.median(error):.3f} px |")
+    return all_found
+
+
+def draw(path, title, panels, columns=3):
+    """panels: (title, image [height, width], matplotlib's settings)."""
+    rows = -(-len(panels) // columns)
+    height, width = panels[0][1].shape
+    figure = Figure(figsize=(9.6, 0.45 + rows * (9.6 / columns * height / width + 0.2)), layout="constrained")
+    figure.suptitle(title, fontsize=9)
+    for axes, (name, image, settings) in zip(figure.subplots(rows, columns).flat, panels, strict=True):
+        axes.imshow(image, interpolation="nearest", **settings)
+        axes.set_title(name, fontsize=7)
+        axes.set_axis_off()
+    drawn = io.BytesIO()
+    figure.savefig(drawn, dpi=90)
+    Image.open(drawn).convert("RGB").quantize(96).save(path, optimize=True)  # a third of the bytes
+
+
+def draw_errors(path, left, found, truth):
+    """Signed disparity errors of some matchers beside the image."""
+    from matplotlib import colormaps
+
+    colours = colormaps["RdBu"].with_extremes(bad="black")
+    panels = [("infrared left (display gamma 2)", np.sqrt(left), {"cmap": "gray"})]
+    for name in SHOWN:
+        error = np.where((found[name] >= 0) & np.isfinite(truth), found[name] - truth, np.nan)
+        panels.append((name, error, {"cmap": colours, "vmin": -1, "vmax": 1}))
+    draw(path, "disparity error: -1 px red, 0 white, +1 px blue; black: no measurement, or no truth", panels)
+
+
+def draw_depths(path, left, device_mm, found_mm):
+    from matplotlib import colormaps
+
+    colours = {"cmap": colormaps["turbo"].with_extremes(bad="black"), "vmin": 400, "vmax": 1100}
+    shown = {"the device's own depth": device_mm} | found_mm
+    panels = [(name, np.where(depth > 0, depth, np.nan), colours) for name, depth in shown.items()]
+    draw(path, "depth of a real D435 pair, 0.4 m blue to 1.1 m red; black: no measurement", [("infrared left", left, {"cmap": "gray"}), *panels])
 
 
 def locking_curve(found, truth, bins=25):
@@ -168,13 +218,14 @@ def pixel_locking(left, right, truth, folder):
     figure.savefig(folder / "pixel_locking.png", dpi=90)
 
 
-def real_pair():
+def real_pair(folder):
     """Beside the depth that a D435 computed itself, after one affine fit: its scale was decoded from a picture."""
     if not DATA.is_dir():
         print(f"no real pair at {DATA}: set ACTIVESTEREO_DATA")
         return
     left, right, device = (cv2.imread(str(DATA / f"{name}.png"), cv2.IMREAD_UNCHANGED) for name in ("left", "right", "device_depth_mm"))
     print(f"| {'matcher':40} | median difference | within 2 % | fill (device {100 * np.mean(device > 0):.1f} %) |\n|--|--|--|--|")
+    found_mm = {}
     for name, match in MATCHERS.items():
         disparity = match(left, right)[::2, ::2]
         depth = np.where(disparity > 0, 427.12 * 50 / np.where(disparity > 0, disparity, 1), 0)
@@ -183,15 +234,17 @@ def real_pair():
         for limit in (100, 20, 20):  # the fit is to what agrees, so that a matcher's outliers do not bend it
             agree = both & (np.abs(np.polyval(fit, depth) - device) < limit)
             fit = np.polyfit(depth[agree], device[agree], 1)
+        found_mm[name] = np.where(depth > 0, np.polyval(fit, depth), 0)
         both = (depth > 0) & (device > 0)
         difference = np.abs(np.polyval(fit, depth[both]) - device[both])
         near = 100 * np.mean(difference < 0.02 * device[both])
         print(f"| {name:40} | {np.median(difference):.2f} mm | {near:.1f} % | {100 * np.mean(depth > 0):.1f} % |")
+    draw_depths(folder / "accuracy_real.png", left[::2, ::2], device, {name: found_mm[name] for name in SHOWN[:1] + SHOWN[2:]})
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--out", type=Path, default=Path("."), help="folder for pixel_locking.png")
+    parser.add_argument("--out", type=Path, default=Path("."), help="folder for the pictures")
     parser.add_argument("--no-render", action="store_true", help="leave the rendered pair out (it needs kuafu and half a minute)")
     args = parser.parse_args()
     args.out.mkdir(parents=True, exist_ok=True)
@@ -206,9 +259,9 @@ def main():
         with tempfile.TemporaryDirectory() as folder:
             pair = rendered_table_top(Path(folder))
         print("\nTable top, rendered, D435 with its imager's noise, 848x480")
-        table_of(*pair)
+        draw_errors(args.out / "accuracy_rendered.png", pair[0], table_of(*pair), pair[2])
     print("\nReal D435 pair")
-    real_pair()
+    real_pair(args.out)
 
 
 if __name__ == "__main__":

@@ -54,8 +54,8 @@ void report(const char* name, const simsense_rig_desc& rig, uint32_t splat_size,
   for (const char* stage : {"rectify", "depth", "registration"}) {
     auto found = times.find(stage);
     if (found == times.end()) continue;
-    std::nth_element(found->second.begin(), found->second.begin() + repeats / 2, found->second.end());
-    std::printf("    %-14s %6.2f ms\n", stage, found->second[repeats / 2]);
+    std::sort(found->second.begin(), found->second.end());
+    std::printf("    %-14s %6.2f ms, median %6.2f\n", stage, found->second.front(), found->second[repeats / 2]);
   }
 }
 

@@ -1,7 +1,7 @@
 // The CPU matcher beside OpenCV's StereoSGBM, MODE_HH4 (the same four paths) and MODE_SGBM_3WAY, on the same pair with the same threads:
-// medians and their ratio. StereoSGBM leaves the columns left of the largest disparity out; the pair is widened for it, so that both give
-// every pixel a disparity. Random dots with noise, and the real D435 pair under $ACTIVESTEREO_DATA or ../shared if it is there. `avx2` as
-// argument: without AVX-512.
+// medians and their ratio; eight paths beside MODE_HH. StereoSGBM leaves the columns left of the largest disparity out; the pair is widened
+// for it, so that both give every pixel a disparity. Random dots with noise, and the real D435 pair under $ACTIVESTEREO_DATA or ../shared
+// if it is there. `avx2` as argument: without AVX-512.
 #include <hwy/targets.h>
 #include <algorithm>
 #include <chrono>
@@ -77,31 +77,51 @@ Time opencv_time(const Pair& pair, int disparities, int block, int mode) {
   return median_time([&] { sgbm->compute(left, right, disparity); });
 }
 
-void report(const Pair& pair, uint32_t disparities, uint32_t block, ks::ThreadPool& workers) {
+struct Ours {
+  Time time;
+  double valid_percent;
+  std::vector<ks_stage_time> stages;
+};
+
+Ours measure(const Pair& pair, uint32_t disparities, uint32_t block, uint32_t paths, ks::ThreadPool& workers) {
   simsense::MatchParameters p;
   p.max_disparity = disparities;
   p.block_width = p.block_height = block;
+  p.path_count = paths;
   const auto matcher = simsense::make_cpu_matcher(static_cast<uint32_t>(pair.left.cols), static_cast<uint32_t>(pair.left.rows), p, workers);
   std::vector<float> disparity(pair.left.total());
   const simsense::ConstImage left{pair.left.data, static_cast<ptrdiff_t>(pair.left.step)};
   const simsense::ConstImage right{pair.right.data, static_cast<ptrdiff_t>(pair.right.step)};
-  const Time ours = median_time([&] { matcher->match(left, right, disparity.data()); });
+  const Time time = median_time([&] { matcher->match(left, right, disparity.data()); });
+  const auto valid = std::count_if(disparity.begin(), disparity.end(), [](float d) { return d >= 0.0f; });
+  return {time, 100.0 * static_cast<double>(valid) / static_cast<double>(disparity.size()), matcher->stage_times()};
+}
+
+void report_eight_paths(const Pair& pair, uint32_t disparities, uint32_t block, ks::ThreadPool& workers) {
+  const Time ours = measure(pair, disparities, block, 8, workers).time;
+  const Time hh = opencv_time(pair, static_cast<int>(disparities), static_cast<int>(block), cv::StereoSGBM::MODE_HH);
+  std::printf("D %3u block %ux%u, 8 paths: simsense %7.2f ms (cpu %7.2f), OpenCV HH %7.2f (cpu %7.2f): ratio %.1f (cpu %.1f)\n",
+              disparities, block, block, ours.wall_ms, ours.cpu_ms, hh.wall_ms, hh.cpu_ms, hh.wall_ms / ours.wall_ms,
+              hh.cpu_ms / ours.cpu_ms);
+}
+
+void report(const Pair& pair, uint32_t disparities, uint32_t block, ks::ThreadPool& workers) {
+  const auto [ours, valid, stages] = measure(pair, disparities, block, 4, workers);
   const auto opencv = [&](int mode) { return opencv_time(pair, static_cast<int>(disparities), static_cast<int>(block), mode); };
   const Time hh4 = opencv(cv::StereoSGBM::MODE_HH4), three_way = opencv(cv::StereoSGBM::MODE_SGBM_3WAY);
-  const auto valid = std::count_if(disparity.begin(), disparity.end(), [](float d) { return d >= 0.0f; });
   std::printf(
       "D %3u block %ux%u: simsense %7.2f ms (cpu %7.2f), OpenCV HH4 %7.2f (cpu %7.2f), 3WAY %7.2f (cpu %7.2f): ratios %.1f (cpu %.1f), "
       "%.1f (cpu %.1f); valid %.1f %%\n",
       disparities, block, block, ours.wall_ms, ours.cpu_ms, hh4.wall_ms, hh4.cpu_ms, three_way.wall_ms, three_way.cpu_ms,
-      hh4.wall_ms / ours.wall_ms, hh4.cpu_ms / ours.cpu_ms, three_way.wall_ms / ours.wall_ms, three_way.cpu_ms / ours.cpu_ms,
-      100.0 * static_cast<double>(valid) / static_cast<double>(disparity.size()));
-  for (const ks_stage_time& stage : matcher->stage_times()) std::printf("    %-24s %7.2f ms\n", stage.name, stage.milliseconds);
+      hh4.wall_ms / ours.wall_ms, hh4.cpu_ms / ours.cpu_ms, three_way.wall_ms / ours.wall_ms, three_way.cpu_ms / ours.cpu_ms, valid);
+  for (const ks_stage_time& stage : stages) std::printf("    %-24s %7.2f ms\n", stage.name, stage.milliseconds);
 }
 
 void report_all(const char* name, const Pair& pair, ks::ThreadPool& workers) {
   std::printf("%s, %dx%d, %d threads, census 7x7, 4 paths, median of %d\n", name, pair.left.cols, pair.left.rows, threads, repeats);
   for (const uint32_t block : {1u, 7u}) {
     for (const uint32_t disparities : {64u, 128u, 256u}) report(pair, disparities, block, workers);
+    for (const uint32_t disparities : {64u, 128u, 256u}) report_eight_paths(pair, disparities, block, workers);
   }
 }
 

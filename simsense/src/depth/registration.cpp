@@ -10,7 +10,19 @@
 namespace simsense {
 namespace {
 constexpr int32_t nothing = 0x7f800000;  // bits of +infinity
+
+/// target = the least of `count` neighbours from each element on.
+void least_across(const int32_t* __restrict from, size_t count, size_t size, int32_t* __restrict target) {
+  std::copy_n(from, size, target);
+  for (size_t k = 1; k < count; ++k)
+    for (size_t x = 0; x < size; ++x) target[x] = std::min(target[x], from[x + k]);
 }
+
+void take_less(const int32_t* __restrict from, size_t size, int32_t* __restrict target) {
+  for (size_t x = 0; x < size; ++x) target[x] = std::min(target[x], from[x]);
+}
+
+}  // namespace
 
 Registration::Registration(const StereoGeometry& left, uint32_t width, uint32_t height, const simsense_camera& rgb,
                            const Rigid& left_to_rgb)
@@ -135,21 +147,16 @@ void Registration::splat_row(const float* depth, uint32_t y) {
   }
 }
 
-/// lowest: room for a row of the z-buffer.
-void Registration::resolve_row(const DepthRange& range, uint32_t splat_size, uint32_t y, int32_t* lowest, float* out) const {
+/// scratch: two rows of the z-buffer.
+void Registration::resolve_row(const DepthRange& range, uint32_t splat_size, uint32_t y, int32_t* scratch, float* out) const {
   const size_t first = SPLAT_MARGIN - (splat_size - 1) / 2;  // where n is even, points to the right and below reach one farther
   const int32_t* rows = nearest_.data() + (y + first) * pitch() + first;
+  int32_t *below = scratch, *least = scratch + pitch();
   const size_t columns = rgb_width_ + splat_size - 1;
-  std::copy_n(rows, columns, lowest);
-  for (size_t k = 1; k < splat_size; ++k) {
-    const int32_t* row = rows + k * pitch();
-    for (size_t x = 0; x < columns; ++x) lowest[x] = std::min(lowest[x], row[x]);
-  }
-  for (size_t x = 0; x < rgb_width_; ++x) {
-    int32_t bits = lowest[x];
-    for (size_t k = 1; k < splat_size; ++k) bits = std::min(bits, lowest[x + k]);
-    out[x] = range.keep(std::bit_cast<float>(bits));  // which infinity is not within
-  }
+  std::copy_n(rows, columns, below);
+  for (size_t k = 1; k < splat_size; ++k) take_less(rows + k * pitch(), columns, below);
+  least_across(below, splat_size, rgb_width_, least);
+  for (size_t x = 0; x < rgb_width_; ++x) out[x] = range.keep(std::bit_cast<float>(least[x]));  // which infinity is not within
 }
 
 void Registration::apply(const float* depth, const DepthRange& range, uint32_t splat_size, float* out, ks::ThreadPool& workers) {
@@ -157,9 +164,9 @@ void Registration::apply(const float* depth, const DepthRange& range, uint32_t s
   workers.parallel_for(height_, [&](size_t y) { splat_row(depth + y * width_, static_cast<uint32_t>(y)); });
   constexpr size_t rows = 16;
   workers.parallel_for((rgb_height_ + rows - 1) / rows, [&](size_t block) {
-    std::vector<int32_t> lowest(pitch());
+    std::vector<int32_t> scratch(2 * pitch());
     for (size_t y = block * rows; y < std::min<size_t>((block + 1) * rows, rgb_height_); ++y)
-      resolve_row(range, splat_size, static_cast<uint32_t>(y), lowest.data(), out + y * rgb_width_);
+      resolve_row(range, splat_size, static_cast<uint32_t>(y), scratch.data(), out + y * rgb_width_);
   });
 }
 

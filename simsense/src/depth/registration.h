@@ -47,7 +47,7 @@ class Registration {
   void keep_nearest(const Landings& landings, size_t count);
   [[nodiscard]] int32_t cell_at(float column, float row, bool seen) const;
   [[nodiscard]] size_t pitch() const { return rgb_width_ + 2 * SPLAT_MARGIN; }
-  void resolve_row(const DepthRange& range, uint32_t splat_size, uint32_t y, int32_t* lowest, float* out) const;
+  void resolve_row(const DepthRange& range, uint32_t splat_size, uint32_t y, int32_t* scratch, float* out) const;
 
   uint32_t width_, height_, rgb_width_, rgb_height_;
   std::array<double, 9> pixel_to_rgb_;  // rotation * K_rectified^-1: direction per unit depth of a homogeneous left pixel
