@@ -125,6 +125,16 @@ class StereoDepthSensor:
         self._require_rgb()
         return self._rgb["instance_id"][..., 0]
 
+    def get_picture(self, name, camera="rgb"):
+        """[height, width, channels]: one of kuafu's outputs ('position', 'albedo', 'projector_uv', 'motion', ...; see kuafu.Renderer.render)
+        as camera 'rgb', 'left' or 'right' sees the scene now. projector_* are of this sensor's projector. Needs no take_picture()."""
+        cameras = {"rgb": self.rgb_camera, "left": lambda: self.ir_cameras()[0], "right": lambda: self.ir_cameras()[1]}
+        if camera not in cameras:
+            raise ValueError(f"unknown camera '{camera}' (known: rgb, left, right)")
+        self._place_projector()
+        band = "visible" if camera == "rgb" else "infrared"
+        return self._render([cameras[camera]()], [name], band, max(self._frame, 0), None)[name][0]
+
     # ---- the sensor itself ----
 
     def get_config(self):
@@ -280,6 +290,7 @@ class StereoDepthSensor:
             ir_ambient_radiance=c.ir_ambient_strength,
             denoise=c.denoiser,
             film=c.ir_film if band == "infrared" else c.rgb_film,
+            projector=self._light,
             progress=progress,
         )
 

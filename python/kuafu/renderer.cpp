@@ -1,4 +1,6 @@
 // Renderer: cameras in, arrays out. Arrays are views of host-visible buffers, or the caller's own buffers are filled.
+#include <map>
+
 #include "scene.h"
 
 namespace ks_python {
@@ -21,7 +23,16 @@ constexpr Output outputs_known[] = {{"radiance", KUAFU_OUTPUT_RADIANCE, 0, KS_FO
                                     {"depth", KUAFU_OUTPUT_DEPTH, 1, KS_FORMAT_F32},
                                     {"normal", KUAFU_OUTPUT_NORMAL, 3, KS_FORMAT_F32},
                                     {"instance_id", KUAFU_OUTPUT_INSTANCE_ID, 1, KS_FORMAT_U32},
-                                    {"material_id", KUAFU_OUTPUT_MATERIAL_ID, 1, KS_FORMAT_U32}};
+                                    {"material_id", KUAFU_OUTPUT_MATERIAL_ID, 1, KS_FORMAT_U32},
+                                    {"semantic_id", KUAFU_OUTPUT_SEMANTIC_ID, 1, KS_FORMAT_U32},
+                                    {"position", KUAFU_OUTPUT_POSITION, 3, KS_FORMAT_F32},
+                                    {"albedo", KUAFU_OUTPUT_ALBEDO, 0, KS_FORMAT_F32},
+                                    {"roughness", KUAFU_OUTPUT_ROUGHNESS, 1, KS_FORMAT_F32},
+                                    {"transmission", KUAFU_OUTPUT_TRANSMISSION, 1, KS_FORMAT_F32},
+                                    {"projector_uv", KUAFU_OUTPUT_PROJECTOR_UV, 2, KS_FORMAT_F32},
+                                    {"projector_visibility", KUAFU_OUTPUT_PROJECTOR_VISIBILITY, 1, KS_FORMAT_F32},
+                                    {"projector_geometry", KUAFU_OUTPUT_PROJECTOR_GEOMETRY, 1, KS_FORMAT_F32},
+                                    {"motion", KUAFU_OUTPUT_MOTION, 2, KS_FORMAT_F32}};
 
 const Output& find_output(const std::string& name) {
   std::string known;
@@ -31,6 +42,16 @@ const Output& find_output(const std::string& name) {
   }
   raise_argument<Kuafu>("unknown output '" + name + "' (known: " + known + ")");
 }
+
+/// What of a call is not in its C descriptor: as the caller gave it.
+struct Call {
+  py::object cameras, outputs;
+  std::string band;
+  std::optional<std::vector<uint32_t>> environments;
+  py::object film, previous_poses;
+  std::map<std::string, float> scales;
+  py::object progress;
+};
 
 class Renderer {
  public:
@@ -58,16 +79,15 @@ class Renderer {
   [[nodiscard]] kuafu_renderer get() const { return handle_.get(); }
   [[nodiscard]] const std::shared_ptr<Device<Kuafu>>& device() const { return device_; }
 
-  py::dict render(Scene& scene, const py::object& cameras, const py::object& outputs, const std::string& band,
-                  const std::optional<std::vector<uint32_t>>& environments, const py::object& film, kuafu_render_desc desc,
-                  const py::object& callback) {
-    std::vector<kuafu_view_desc> views = read_views(cameras, band, environments);
-    const std::vector<Film> films = read_films(film, views.size());
+  py::dict render(Scene& scene, const Call& call, kuafu_render_desc desc) {
+    std::vector<kuafu_view_desc> views = read_views(call.cameras, call.band, call.environments);
+    read_previous_poses(call.previous_poses, views);
+    const std::vector<Film> films = read_films(call.film, views.size());
     for (size_t i = 0; i < films.size(); ++i) views[i].film = &films[i].c;
     std::vector<kuafu_output_desc> c_outputs;
     py::dict arrays;
-    read_outputs(outputs, views, c_outputs, arrays);
-    Progress progress(callback);
+    read_outputs(call, views, c_outputs, arrays);
+    Progress progress(call.progress);
     desc.views = views.data();
     desc.view_count = static_cast<uint32_t>(views.size());
     desc.outputs = c_outputs.data();
@@ -119,9 +139,25 @@ class Renderer {
     return films;
   }
 
-  /// `outputs`: names (buffers are made) or {name: Image or Buffer}. Fills the C descriptors and the arrays to return.
-  void read_outputs(const py::object& outputs, const std::vector<kuafu_view_desc>& views, std::vector<kuafu_output_desc>& c_outputs,
+  /// One pose for all views, or one for each.
+  static void read_previous_poses(const py::object& poses, std::vector<kuafu_view_desc>& views) {
+    if (poses.is_none()) return;
+    const auto array = py::array_t<double, py::array::c_style | py::array::forcecast>::ensure(poses);
+    if (!array) throw py::error_already_set();
+    const bool one = array.ndim() == 2,
+               right = (one || array.ndim() == 3) && array.shape(array.ndim() - 1) == 4 && array.shape(array.ndim() - 2) == 4;
+    if (!right || (!one && static_cast<size_t>(array.shape(0)) != views.size()))
+      raise_argument<Kuafu>("previous_poses has shape " + std::string(py::str(array.attr("shape"))) + ", it must be (4, 4) or (" +
+                            std::to_string(views.size()) + ", 4, 4)");
+    for (size_t i = 0; i < views.size(); ++i) std::copy_n(array.data() + (one ? 0 : 16 * i), 16, views[i].previous_camera_to_world);
+  }
+
+  /// `outputs`: names (buffers are made) or {name: dtype, Image or Buffer}. Fills the C descriptors and the arrays to return.
+  void read_outputs(const Call& call, const std::vector<kuafu_view_desc>& views, std::vector<kuafu_output_desc>& c_outputs,
                     py::dict& arrays) const {
+    const py::object& outputs = call.outputs;
+    for (const auto& [name, scale] : call.scales)
+      if (!outputs.contains(name)) raise_argument<Kuafu>("scales has '" + name + "', which is no output of this call");
     const bool given = py::isinstance<py::dict>(outputs);
     if (py::isinstance<py::str>(outputs)) raise_argument<Kuafu>("outputs is a sequence of names, not one name");
     for (const py::handle item : outputs) {
@@ -129,23 +165,31 @@ class Renderer {
       const Output& o = find_output(name);
       const uint32_t channels = o.channels ? o.channels : views[0].band == KUAFU_BAND_VISIBLE ? 3 : 1;
       const std::vector<uint64_t> shape = {views.size(), views[0].camera.height, views[0].camera.width, channels};
-      const Image<Kuafu> image = given ? given_image(outputs[item], o, shape) : new_image(o, shape);
+      const Image<Kuafu> image = given ? given_image(outputs[item], o, shape) : new_image(o.format, shape);
       c_outputs.push_back(kuafu_output_desc_init(o.output, image.buffer->get(), image.c));
+      if (const auto scale = call.scales.find(name); scale != call.scales.end()) c_outputs.back().scale = scale->second;
       arrays[item] = image.buffer->address() ? py::object(image.array()) : py::cast(image);
     }
   }
 
-  [[nodiscard]] Image<Kuafu> new_image(const Output& o, const std::vector<uint64_t>& shape) const {
-    uint64_t bytes = ks_format_bytes(o.format);
+  [[nodiscard]] Image<Kuafu> new_image(uint32_t format, const std::vector<uint64_t>& shape) const {
+    uint64_t bytes = ks_format_bytes(format);
     for (const uint64_t extent : shape) bytes *= extent;
-    return make_image<Kuafu>(std::make_shared<Buffer<Kuafu>>(device_, bytes, false, true), o.format, shape, 0);
+    return make_image<Kuafu>(std::make_shared<Buffer<Kuafu>>(device_, bytes, false, true), format, shape, 0);
   }
 
-  static Image<Kuafu> given_image(const py::object& target, const Output& o, const std::vector<uint64_t>& shape) {
+  [[nodiscard]] Image<Kuafu> given_image(const py::object& target, const Output& o, const std::vector<uint64_t>& shape) const {
     if (py::isinstance<Image<Kuafu>>(target)) return py::cast<Image<Kuafu>>(target);
     if (py::isinstance<Buffer<Kuafu>>(target))
       return make_image<Kuafu>(py::cast<std::shared_ptr<Buffer<Kuafu>>>(target), o.format, shape, 0);
-    raise_argument<Kuafu>(std::string("output '") + o.name + "' needs a kuafu.Image or kuafu.Buffer");
+    if (target.is_none()) return new_image(o.format, shape);
+    py::dtype dtype;
+    try {
+      dtype = py::dtype::from_args(target);
+    } catch (const py::error_already_set&) {
+      raise_argument<Kuafu>(std::string("output '") + o.name + "' needs a dtype, a kuafu.Image or a kuafu.Buffer");
+    }
+    return new_image(format_of<Kuafu>(dtype), shape);
   }
 
   std::shared_ptr<Device<Kuafu>> device_;
@@ -182,7 +226,8 @@ void bind_renderer(py::module_& module) {
           [](Renderer& self, Scene& scene, const py::object& cameras, const py::object& outputs, const std::string& band,
              const std::optional<std::vector<uint32_t>>& environments, uint32_t spp, uint32_t max_bounces, uint64_t seed,
              uint32_t first_sample, float ir_ambient_scale, float ir_ambient_radiance, uint32_t glass_surfaces,
-             const std::string& light_sampling, const std::string& denoise, const py::object& film, const py::object& progress) {
+             const std::string& light_sampling, const std::string& denoise, const py::object& film, std::optional<uint32_t> projector,
+             const py::object& previous_poses, const std::map<std::string, float>& scales, const py::object& progress) {
             kuafu_render_desc desc = kuafu_render_desc_init();
             desc.samples_per_pixel = spp;
             desc.max_bounces = max_bounces;
@@ -193,18 +238,28 @@ void bind_renderer(py::module_& module) {
             desc.glass_surfaces = glass_surfaces;
             desc.light_sampling = sampling_of(light_sampling);
             desc.denoise = denoise_of(denoise);
-            return self.render(scene, cameras, outputs, band, environments, film, desc, progress);
+            desc.projector = projector.value_or(KUAFU_NONE);
+            return self.render(scene, {cameras, outputs, band, environments, film, previous_poses, scales, progress}, desc);
           },
           py::arg("scene"), py::arg("cameras"), py::arg("outputs") = py::make_tuple("radiance"), py::kw_only(),
           py::arg("band") = "infrared", py::arg("environments") = py::none(), py::arg("spp") = d.samples_per_pixel,
           py::arg("max_bounces") = d.max_bounces, py::arg("seed") = 0, py::arg("first_sample") = 0,
           py::arg("ir_ambient_scale") = d.ir_ambient_scale, py::arg("ir_ambient_radiance") = d.ir_ambient_radiance,
           py::arg("glass_surfaces") = d.glass_surfaces, py::arg("light_sampling") = "mis", py::arg("denoise") = "none",
-          py::arg("film") = py::none(), py::arg("progress") = py::none(),
+          py::arg("film") = py::none(), py::arg("projector") = py::none(), py::arg("previous_poses") = py::none(),
+          py::arg("scales") = std::map<std::string, float>(), py::arg("progress") = py::none(),
           "cameras: a Camera or a sequence of them, all of one size. outputs: names of radiance, projector_direct, projector_indirect, "
-          "ambient, light_group_0 .. light_group_3 (ambient's parts), depth, normal,\n"
-          "instance_id, material_id; or {name: Image or Buffer} to fill those. band: 'infrared' (one channel) or 'visible' (three).\n"
-          "Returns {name: array [view, height, width, channel]}: float32, uint32 for ids; views of the buffers, nothing is copied.\n"
+          "ambient, light_group_0 .. light_group_3 (ambient's parts), depth, normal, position, albedo, roughness, transmission, motion,\n"
+          "projector_uv, projector_visibility, projector_geometry, instance_id, material_id, semantic_id; or {name: dtype} (float32, "
+          "float16,\n"
+          "uint8, uint16; ids: uint32, uint16, uint8; None: the default), or {name: Image or Buffer} to fill those. "
+          "What they hold: kuafu/output.h.\n"
+          "scales: {name: factor} before rounding, as 1000 for depth in uint16 millimetres; by default 1.0 is an integer's full range.\n"
+          "band: 'infrared' (one channel) or 'visible' (three).\n"
+          "projector: light id that the projector_* outputs are of; None: the first of each view's environment.\n"
+          "previous_poses: camera_to_world one frame before, (4, 4) or one for each camera, for motion; None: as now.\n"
+          "Returns {name: array [view, height, width, channel]}: by default float32, uint32 for ids; views of the buffers, nothing is "
+          "copied.\n"
           "light_sampling: 'mis', 'lights' or 'bsdf', how light with an extent is found.\n"
           "film: optics of the cameras: a Film, a dict of its fields, or one for each camera; None is perfect.\n"
           "denoise: 'none', 'atrous' or 'oidn' (Open Image Denoise, where its library is found); all light but projector_direct is "

@@ -251,6 +251,13 @@ void bind_scene(py::module_& module) {
            "Frees a texture; refused while a material, a light or the environment uses it.")
       .def("remove_material", &remove<kuafu_scene_remove_material>, py::arg("id"), "Refused while it is on an instance.")
       .def("remove_instance", &remove<kuafu_scene_remove_instance>, py::arg("id"))
+      .def(
+          "next_frame",
+          [](Scene& s) {
+            const InUse<Kuafu> in_use(s.in_use, "scene");
+            check<Kuafu>(kuafu_scene_next_frame(s.get()));
+          },
+          "Begins a frame: motion from now on is against the poses that instances have now.")
       .def("set_environment", &set_environment, py::arg("radiance"), py::arg("ir_radiance") = py::none(), py::kw_only(),
            py::arg("texture") = py::none(), py::arg("map_to_world") = py::none(), py::arg("light_group") = 0,
            "Radiance from all directions, W/(sr m^2), times an equirectangular texture turned by the 3x3 map_to_world. ir_radiance None: "

@@ -79,6 +79,18 @@ def test_point_cloud_projects_onto_the_depth_map(table):
     assert table.get_pointcloud().shape[1] == 3
 
 
+def test_pictures_by_name_agree_with_each_other(table):
+    depth, position = table.get_picture("depth")[..., 0], table.get_picture("position")
+    assert np.array_equal(depth, table.get_true_depth())
+    world_to_camera = np.linalg.inv(table.rgb_camera().camera_to_world)
+    seen = depth > 0
+    np.testing.assert_allclose(position[seen] @ world_to_camera[2, :3] + world_to_camera[2, 3], depth[seen], atol=1e-4)
+    uv, visible = table.get_picture("projector_uv", "left"), table.get_picture("projector_visibility", "left")[..., 0]
+    assert uv.shape == (240, 424, 2) and np.all(np.isfinite(uv[visible == 1])) and 0.5 < visible.mean() < 1
+    with pytest.raises(ValueError, match="rgb, left, right"):
+        table.get_picture("depth", "middle")
+
+
 def test_stage_times_name_the_three_parts(table):
     assert {name.split(":")[0] for name in table.stage_times} == {"rgb", "ir", "depth"}
 

@@ -21,6 +21,7 @@
 #include "ks/sync.h"
 #include "kuafu/camera.h"
 #include "kuafu/film.h"
+#include "kuafu/output.h"
 
 #define KUAFU_VERSION_MAJOR 0
 #define KUAFU_VERSION_MINOR 1
@@ -37,7 +38,6 @@ extern "C" {
 #endif
 
 typedef struct kuafu_device_t* kuafu_device;
-typedef struct kuafu_buffer_t* kuafu_buffer;
 typedef struct kuafu_scene_t* kuafu_scene;
 typedef struct kuafu_renderer_t* kuafu_renderer;
 
@@ -86,7 +86,6 @@ KUAFU_API void kuafu_buffer_release(kuafu_buffer buffer);
 #define KUAFU_TYPE_LIGHT_DESC 0x1005u
 #define KUAFU_TYPE_ENVIRONMENT_DESC 0x1007u
 #define KUAFU_TYPE_VIEW_DESC 0x1008u
-#define KUAFU_TYPE_OUTPUT_DESC 0x1009u
 #define KUAFU_TYPE_RENDER_DESC 0x100au
 #define KUAFU_TYPE_SCENE_SUMMARY 0x100bu
 #define KUAFU_TYPE_RENDERER_DESC 0x100cu
@@ -234,6 +233,8 @@ static inline kuafu_instance_desc kuafu_instance_desc_init(uint32_t mesh) {
 KUAFU_API ks_status kuafu_scene_add_instance(kuafu_scene scene, const kuafu_instance_desc* desc, uint32_t* id);
 KUAFU_API ks_status kuafu_scene_set_instance_pose(kuafu_scene scene, uint32_t id, const double* local_to_world);
 KUAFU_API ks_status kuafu_scene_set_instance_materials(kuafu_scene scene, uint32_t id, const uint32_t* materials, uint32_t material_count);
+/* Begins a frame: motion vectors from now on are against the poses that instances have now. */
+KUAFU_API ks_status kuafu_scene_next_frame(kuafu_scene scene);
 /* Ids are stable and not reused; ids of removed objects are refused from then on. Removing frees the object's memory, on the device with the next
  * render; some hundred bytes remain for the id. A mesh that an instance uses, a material on an instance, a texture of a material, light or
  * environment cannot be removed: the error names the user. */
@@ -361,6 +362,7 @@ typedef struct kuafu_view_desc {
   uint32_t band;         /* KUAFU_BAND_* */
   uint32_t environment;  /* which environment of the batch this view looks into; 0 for a single one */
   const kuafu_film_desc* film; /* NULL: perfect optics */
+  double previous_camera_to_world[16]; /* one frame before, for motion vectors; all 0: as now */
 } kuafu_view_desc;
 static inline kuafu_view_desc kuafu_view_desc_init(void) {
   kuafu_view_desc v;
@@ -368,38 +370,6 @@ static inline kuafu_view_desc kuafu_view_desc_init(void) {
   v.header = ks_header_make(KUAFU_TYPE_VIEW_DESC, (uint32_t)sizeof v);
   v.camera = kuafu_camera_desc_init();
   return v;
-}
-
-/* What an output holds; C is the channel count for an infrared / a visible view. Radiance is the mean over the pixel's square.
- * Formats: F32, F16, U16 or U8 for numbers; U32, U16 or U8 for ids. See kuafu_output_desc.scale. */
-#define KUAFU_OUTPUT_RADIANCE 1u           /* 1 / 3: sum of all light groups */
-#define KUAFU_OUTPUT_PROJECTOR_DIRECT 2u   /* 1 / 3: projector light with one surface between it and the camera (mirrors and smooth glass not counted) */
-#define KUAFU_OUTPUT_PROJECTOR_INDIRECT 3u /* 1 / 3: the rest of the projectors' light */
-#define KUAFU_OUTPUT_AMBIENT 4u            /* 1 / 3: every other light */
-#define KUAFU_OUTPUT_LIGHT_GROUP_0 5u      /* C each: lights, emission and environment of one light_group; + 1, + 2, + 3 for the others. Together they are AMBIENT */
-/* AOVs are taken at the pixel's centre. */
-#define KUAFU_OUTPUT_DEPTH 16u             /* 1: z in metres, 0 = nothing hit */
-#define KUAFU_OUTPUT_NORMAL 17u            /* 3: shading normal, world frame, 0 = nothing hit */
-#define KUAFU_OUTPUT_INSTANCE_ID 18u       /* 1, id: instance id, KUAFU_NONE = nothing hit */
-#define KUAFU_OUTPUT_MATERIAL_ID 19u       /* 1, id: material id, KUAFU_NONE = nothing hit */
-
-typedef struct kuafu_output_desc {
-  ks_header header;
-  uint32_t output;      /* KUAFU_OUTPUT_* */
-  float scale;          /* numbers are written times this. 0: 1 for F32 and F16; 255 for U8 and 65535 for U16, so that 1.0 is full range. U8 and U16 are
-                           rounded and clamped, NaN is 0; F16 is clamped to +-65504. Ids are not scaled; ids of the scene that do not fit their format
-                           are an error, and KUAFU_NONE is the format's largest number */
-  kuafu_buffer buffer;
-  ks_image_desc image;  /* [view_count][height][width][C], packed in the last two dimensions */
-} kuafu_output_desc;
-static inline kuafu_output_desc kuafu_output_desc_init(uint32_t output, kuafu_buffer buffer, ks_image_desc image) {
-  kuafu_output_desc o;
-  memset(&o, 0, sizeof o);
-  o.header = ks_header_make(KUAFU_TYPE_OUTPUT_DESC, (uint32_t)sizeof o);
-  o.output = output;
-  o.buffer = buffer;
-  o.image = image;
-  return o;
 }
 
 /* What takes the noise out of the image. The projectors' direct light carries the dots and is never touched; all other images of light are. Same inputs, same bits. */
@@ -425,6 +395,8 @@ typedef struct kuafu_render_desc {
   void* progress_user;
   uint32_t light_sampling;           /* KUAFU_SAMPLING_* */
   uint32_t denoise;                  /* KUAFU_DENOISE_* */
+  uint32_t projector;                /* light id, for KUAFU_OUTPUT_PROJECTOR_UV, _VISIBILITY, _GEOMETRY; KUAFU_NONE: the first that a view's environment has */
+  uint32_t reserved;
 } kuafu_render_desc;
 static inline kuafu_render_desc kuafu_render_desc_init(void) {
   kuafu_render_desc r;
@@ -435,6 +407,7 @@ static inline kuafu_render_desc kuafu_render_desc_init(void) {
   r.ir_ambient_scale = 0.05f;
   r.ir_ambient_radiance = 0.002f;
   r.glass_surfaces = 8;
+  r.projector = KUAFU_NONE;
   return r;
 }
 /* Blocks until the outputs may be read (KS_SYNC_HOST). Same inputs and seed give the same bits on one device for any thread count or batch split. */

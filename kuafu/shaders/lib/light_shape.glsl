@@ -6,6 +6,7 @@
 #include "lib/frame.glsl"
 #include "lib/light.glsl"
 #include "lib/material.glsl"
+#include "lib/microfacet.glsl"
 
 const float infinite_m = 3.0e38f;
 
@@ -40,14 +41,21 @@ vec3 sample_cone(float one_minus_cos, vec2 u) {
   return vec3(s * cos(phi), s * sin(phi), 1.0f - h);
 }
 
+/// Where a direction of the projector's frame meets its pattern; false behind it, and where its lens does not reach.
+bool pattern_pixel(LightShape s, vec3 d, OUT(vec2) pixel) {
+  if (d.z <= 0.0f) return false;
+  vec2 p = xy(d) / d.z;
+  if (dot(p, p) > s.distortion_reach * s.distortion_reach) return false;
+  vec2 q = distort(s.distortion, p);
+  pixel = vec2(s.focal.x * q.x + s.skew * q.y + s.centre.x, s.focal.y * q.y + s.centre.y);
+  return true;
+}
+
 /// Relative intensity of a projector: pattern through the distorting lens, cos^n towards the edge, and a disc of confusion that grows with |1/z - 1/z0|.
 float projected(LightRecord light, LightShape s, vec3 away, vec2 u) {
   vec3 d = to_light_frame(s, away);
-  if (d.z <= 0.0f) return 0.0f;
-  vec2 p = xy(d) / d.z;
-  if (dot(p, p) > s.distortion_reach * s.distortion_reach) return 0.0f;
-  vec2 q = distort(s.distortion, p);
-  vec2 pixel = vec2(s.focal.x * q.x + s.skew * q.y + s.centre.x, s.focal.y * q.y + s.centre.y);
+  vec2 pixel;
+  if (!pattern_pixel(s, d, pixel)) return 0.0f;
   if (s.radius_m > 0.0f && s.focus_m > 0.0f) {
     float radius = s.radius_m * abs(1.0f / d.z - 1.0f / s.focus_m) * sqrt(u.x), phi = 2.0f * pi * u.y;
     pixel += s.focal * vec2(radius * cos(phi), radius * sin(phi));

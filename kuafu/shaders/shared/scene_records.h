@@ -25,6 +25,7 @@ struct InstanceRecord {
   uint first_material;      // slot s has material SceneAddresses.instance_materials[first_material + min(s, material_count)]
   uint material_count;
   uint id;
+  uint semantic_id;
 };
 KUAFU_ARRAY(InstanceArray, InstanceRecord, 8)
 
@@ -73,7 +74,7 @@ struct LightRecord {
   vec3 world_to_pixel[3];  // rows of K R: homogeneous pixel of a world direction from the light
   float probability, cumulative;              // selection among all lights of the environment, by power
   float other_probability, other_cumulative;  // the same among those that are no projectors
-  uint light_group, reserved;  // not of a projector; light_mesh has those of its materials
+  uint light_group;  // not of a projector; light_mesh has those of its materials
 };
 KUAFU_ARRAY(LightArray, LightRecord, 8)
 
@@ -126,7 +127,7 @@ KUAFU_ARRAY(SceneReference, SceneAddresses, 8)
 static_assert(sizeof(InstanceRecord) == 144);
 static_assert(sizeof(MaterialRecord) == 120);
 static_assert(sizeof(TextureRecord) == 24);
-static_assert(sizeof(LightRecord) == 112);
+static_assert(sizeof(LightRecord) == 104);
 static_assert(sizeof(LightShape) == 152);
 static_assert(sizeof(EnvironmentRecord) == 36);
 static_assert(sizeof(SceneAddresses) == 80);

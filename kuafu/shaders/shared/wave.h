@@ -2,6 +2,7 @@
 #ifndef KUAFU_WAVE_H
 #define KUAFU_WAVE_H
 
+#include "shared/aov_record.h"
 #include "shared/camera_record.h"
 #include "shared/scene_records.h"
 
@@ -59,9 +60,18 @@ KUAFU_CONST output_depth = 0u;
 KUAFU_CONST output_normal = 1u;
 KUAFU_CONST output_instance_id = 2u;
 KUAFU_CONST output_material_id = 3u;
-KUAFU_CONST output_radiance = 4u;  // then projector direct, projector indirect, ambient
-KUAFU_CONST output_light_group = 8u;  // 0, then the others
-KUAFU_CONST output_kind_count = 12u;
+KUAFU_CONST output_semantic_id = 4u;
+KUAFU_CONST output_position = 5u;
+KUAFU_CONST output_albedo = 6u;
+KUAFU_CONST output_roughness = 7u;
+KUAFU_CONST output_transmission = 8u;
+KUAFU_CONST output_projector_uv = 9u;
+KUAFU_CONST output_projector_visibility = 10u;
+KUAFU_CONST output_projector_geometry = 11u;
+KUAFU_CONST output_motion = 12u;
+KUAFU_CONST output_radiance = 13u;  // then projector direct, projector indirect, ambient
+KUAFU_CONST output_light_group = 17u;  // 0, then the others
+KUAFU_CONST output_kind_count = 21u;
 
 // Element formats of output images; numbers are KS_FORMAT_*.
 KUAFU_CONST format_u8 = 1u;
@@ -159,14 +169,23 @@ struct AccumulatePush {
   float inverse_samples;  // 1 / samples of all passes
 };
 
+KUAFU_CONST aov_infrared = 1u;
+KUAFU_CONST aov_projector = 2u;     // AovAddresses has projectors
+KUAFU_CONST aov_visibility = 4u;    // and shadow rays to them are asked for
+KUAFU_CONST aov_motion = 8u;        // AovAddresses has motion
+KUAFU_CONST aov_environments = 16u;  // shadow rays carry an environment
+KUAFU_CONST aov_camera = 32u;        // as generate_camera
+
 struct AovPush {
   UintArray rays;
   SceneReference scene;
   ViewArray views;
   CameraArray cameras;
   OutputArray outputs;
+  AovReference aov;
+  UintArray shadow_rays, shadow_environments, counters;
   WaveRange range;
-  uint flags;  // generate_camera
+  uint shadow_capacity, flags;
 };
 
 /// A held image (pathtrace/frame.h), packed [view][row][column][channel], on its way to the caller's.
@@ -186,7 +205,7 @@ static_assert(sizeof(ShadePush) == 104);
 static_assert(sizeof(ResolvePush) == 72);
 static_assert(sizeof(TransmitPush) == 80);
 static_assert(sizeof(AccumulatePush) == 80);
-static_assert(sizeof(AovPush) == 80);
+static_assert(sizeof(AovPush) == 120);
 static_assert(sizeof(WritePush) == 64);
 }  // namespace kuafu
 #endif

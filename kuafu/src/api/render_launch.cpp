@@ -9,6 +9,7 @@
 #include "denoise/denoiser.h"
 #include "device/error.h"
 #include "film/film.h"
+#include "scene/matrix.h"
 #include "scene/validate.h"
 
 namespace kuafu {
@@ -54,6 +55,14 @@ bool same_lens(const Camera& camera, const Launch& launch) {
   return camera.optics.distortion == before.optics.distortion && camera.k == before.k;
 }
 
+/// All zeros say that the camera stood still.
+glm::dmat4 read_previous_pose(const kuafu_view_desc& desc, const Camera& camera) {
+  const glm::dmat4 pose = from_row_major<4>(desc.previous_camera_to_world);
+  if (pose == glm::dmat4(0.0)) return camera.camera_to_world;
+  check_rigid(pose, (camera.name + ".previous_camera_to_world").c_str());
+  return pose;
+}
+
 View read_view(const kuafu_view_desc& desc, uint32_t index, const Launch& launch) {
   Camera camera = to_camera(desc.camera);
   camera.name = "views[" + std::to_string(index) + "]";
@@ -62,8 +71,8 @@ View read_view(const kuafu_view_desc& desc, uint32_t index, const Launch& launch
   if (desc.environment >= most_environments)
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "views[%u].environment is %u, it must be below %u", index, desc.environment, most_environments);
   const Film film = read_film(desc.film, camera.name);
-  return {camera.k, camera.camera_to_world, camera.near_m,  camera.far_m,   desc.environment,
-          film,     camera.optics,          camera.shutter, camera.velocity};
+  return {camera.k, camera.camera_to_world, camera.near_m,  camera.far_m,    desc.environment,
+          film,     camera.optics,          camera.shutter, camera.velocity, read_previous_pose(desc, camera)};
 }
 
 void read_views(const kuafu_render_desc& desc, Launch& launch) {
@@ -101,6 +110,7 @@ Launch read_launch(const kuafu_render_desc* desc, const ks::Device& device) {
   launch.first_sample = d.first_sample;
   launch.max_bounces = d.max_bounces;
   launch.seed = d.seed;
+  launch.projector = d.projector;
   launch.glass_surfaces = d.glass_surfaces;
   launch.light_sampling = static_cast<LightSampling>(d.light_sampling);
   launch.denoise = static_cast<DenoiseKind>(d.denoise);

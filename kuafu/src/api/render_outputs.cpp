@@ -33,6 +33,15 @@ constexpr OutputKind output_kinds[] = {
     {KUAFU_OUTPUT_NORMAL, output_normal, "KUAFU_OUTPUT_NORMAL"},
     {KUAFU_OUTPUT_INSTANCE_ID, output_instance_id, "KUAFU_OUTPUT_INSTANCE_ID"},
     {KUAFU_OUTPUT_MATERIAL_ID, output_material_id, "KUAFU_OUTPUT_MATERIAL_ID"},
+    {KUAFU_OUTPUT_SEMANTIC_ID, output_semantic_id, "KUAFU_OUTPUT_SEMANTIC_ID"},
+    {KUAFU_OUTPUT_POSITION, output_position, "KUAFU_OUTPUT_POSITION"},
+    {KUAFU_OUTPUT_ALBEDO, output_albedo, "KUAFU_OUTPUT_ALBEDO"},
+    {KUAFU_OUTPUT_ROUGHNESS, output_roughness, "KUAFU_OUTPUT_ROUGHNESS"},
+    {KUAFU_OUTPUT_TRANSMISSION, output_transmission, "KUAFU_OUTPUT_TRANSMISSION"},
+    {KUAFU_OUTPUT_PROJECTOR_UV, output_projector_uv, "KUAFU_OUTPUT_PROJECTOR_UV"},
+    {KUAFU_OUTPUT_PROJECTOR_VISIBILITY, output_projector_visibility, "KUAFU_OUTPUT_PROJECTOR_VISIBILITY"},
+    {KUAFU_OUTPUT_PROJECTOR_GEOMETRY, output_projector_geometry, "KUAFU_OUTPUT_PROJECTOR_GEOMETRY"},
+    {KUAFU_OUTPUT_MOTION, output_motion, "KUAFU_OUTPUT_MOTION"},
 };
 
 const OutputKind& find_output(uint32_t output) {
@@ -96,7 +105,7 @@ void read_output(const kuafu_output_desc& desc, const ks::Device& device, Launch
 }
 
 void check_fits(const Launch& launch, uint32_t kind, const char* what, uint64_t largest) {
-  if (!launch.outputs[kind].buffer) return;
+  if (!launch.outputs[kind].buffer || launch.outputs[kind].format == format_u32) return;
   const uint64_t most = (uint64_t(1) << format_bits(launch.outputs[kind].format)) - 2;  // the last one says: none
   if (largest > most)
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s go to %llu, its output's format holds 0..%llu: take a wider format", what, ull(largest),
@@ -110,10 +119,14 @@ void read_outputs(const kuafu_render_desc& desc, const ks::Device& device, Launc
 }
 
 void check_ids_fit(const Launch& launch, const Scene& scene) {
-  uint64_t largest = 0;
-  for (uint64_t i = 0; i < scene.instances().size(); ++i)
-    if (scene.instances()[i]) largest = i;
+  uint64_t largest = 0, largest_semantic = 0;
+  for (uint64_t i = 0; i < scene.instances().size(); ++i) {
+    if (!scene.instances()[i]) continue;
+    largest = i;
+    largest_semantic = std::max<uint64_t>(largest_semantic, scene.instances()[i]->semantic_id);
+  }
   check_fits(launch, output_instance_id, "instance ids", largest);
+  check_fits(launch, output_semantic_id, "semantic ids", largest_semantic);
   check_fits(launch, output_material_id, "material ids", scene.materials().empty() ? 0 : scene.materials().size() - 1);
 }
 

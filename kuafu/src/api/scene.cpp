@@ -157,6 +157,10 @@ ks_status kuafu_scene_set_instance_materials(kuafu_scene scene, uint32_t id, con
   });
 }
 
+ks_status kuafu_scene_next_frame(kuafu_scene scene) {
+  return ks::guard([&] { scene_of(scene).next_frame(); });
+}
+
 ks_status kuafu_scene_remove_mesh(kuafu_scene scene, uint32_t id) {
   return ks::guard([&] { scene_of(scene).remove_mesh(id); });
 }

@@ -6,13 +6,15 @@
 #include "device/compute.h"
 #include "pathtrace/stages.h"
 #include "spirv/accumulate.h"
-#include "spirv/aov.h"
+#include "spirv/aov_infrared.h"
+#include "spirv/aov_visible.h"
 #include "spirv/generate.h"
 #include "spirv/resolve.h"
 #include "spirv/shade_infrared.h"
 #include "spirv/shade_visible.h"
 #include "spirv/transmit_infrared.h"
 #include "spirv/transmit_visible.h"
+#include "spirv/visibility.h"
 #include "spirv/write.h"
 
 namespace kuafu {
@@ -66,8 +68,14 @@ class DeviceStages final : public Stages {
 
   void aov(ks::Commands& commands, const AovPush& push) override {
     commands.begin_stage("aov");
-    const bool camera = (push.flags & generate_camera) != 0;
-    dispatch(commands, aov_[camera], aov_spirv, push, push.range.pixel_count, camera ? feature_camera : 0);
+    const bool infrared = (push.flags & aov_infrared) != 0, camera = (push.flags & aov_camera) != 0;
+    dispatch(commands, aov_[infrared][camera], infrared ? std::span<const uint32_t>(aov_infrared_spirv) : aov_visible_spirv, push,
+             push.range.pixel_count, camera ? feature_camera : 0);
+  }
+
+  void visibility(ks::Commands& commands, const AovPush& push) override {
+    commands.begin_stage("aov");
+    dispatch(commands, visibility_, visibility_spirv, push, push.range.pixel_count);
   }
 
   void write(ks::Commands& commands, const WritePush& push) override {
@@ -93,8 +101,8 @@ class DeviceStages final : public Stages {
 
   std::shared_ptr<ks::Device> device_;
   std::array<uint32_t, 4> specialisation_;
-  Pipeline generate_[2], aov_[2];  // plain, and with feature_camera
-  Pipeline resolve_, accumulate_, write_;
+  Pipeline generate_[2], aov_[2][2];  // plain, and with feature_camera; aov: visible, infrared
+  Pipeline resolve_, accumulate_, visibility_, write_;
   std::map<std::pair<bool, uint32_t>, Pipeline> shade_, transmit_;  // by infrared and features
 };
 

@@ -9,7 +9,6 @@ namespace {
 constexpr uint features = feature_camera;
 #include "lib/camera.glsl"
 #include "lib/element.glsl"
-#include "lib/material.glsl"
 #include "lib/pixels.glsl"
 #include "lib/queue.glsl"
 #include "lib/sequence.glsl"
@@ -29,9 +28,9 @@ struct Accumulate {
 #include "stage/accumulate.glsl"
 };
 
-struct Aov {
+struct Visibility {
   const AovPush& push;
-#include "stage/aov.glsl"
+#include "stage/visibility.glsl"
 };
 
 struct Write {
@@ -55,8 +54,8 @@ void accumulate(const AccumulatePush& push, uint32_t first, uint32_t end) {
   for (Accumulate stage{push}; first < end; ++first) stage.accumulate(first);
 }
 
-void aov(const AovPush& push, uint32_t first, uint32_t end) {
-  for (Aov stage{push}; first < end; ++first) stage.aov(first);
+void visibility(const AovPush& push, uint32_t first, uint32_t end) {
+  for (Visibility stage{push}; first < end; ++first) stage.visibility(first);
 }
 
 void write(const WritePush& push, uint32_t first, uint32_t end) {

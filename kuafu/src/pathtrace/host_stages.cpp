@@ -56,7 +56,14 @@ class HostStages final : public Stages {
   }
 
   void aov(ks::Commands& commands, const AovPush& push) override {
-    run(commands, "aov", push.range.pixel_count, chunk_rays, [&](uint32_t first, uint32_t end, size_t) { host::aov(push, first, end); });
+    push.counters.at[counter_shadow_count] = (push.flags & aov_visibility) != 0 ? push.range.pixel_count : 0;
+    const auto kernel = (push.flags & aov_infrared) != 0 ? host::aov_infrared : host::aov_visible;
+    run(commands, "aov", push.range.pixel_count, chunk_rays, [&](uint32_t first, uint32_t end, size_t) { kernel(push, first, end); });
+  }
+
+  void visibility(ks::Commands& commands, const AovPush& push) override {
+    run(commands, "aov", push.range.pixel_count, 4 * chunk_rays,
+        [&](uint32_t first, uint32_t end, size_t) { host::visibility(push, first, end); });
   }
 
   void write(ks::Commands& commands, const WritePush& push) override {

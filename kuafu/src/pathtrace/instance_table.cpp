@@ -63,6 +63,7 @@ void InstanceTable::set(const Scene& scene, const MeshTable& meshes, uint32_t sl
   r.slots = mesh.slots;
   r.flags = mesh.flags;
   r.id = id;
+  r.semantic_id = instance.semantic_id;
   set_transform(r, instance.local_to_world);
   const auto count = uint32_t(instance.materials.size());
   r.material_count = count;

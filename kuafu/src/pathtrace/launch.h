@@ -11,6 +11,7 @@
 #include "film/optics.h"
 #include "pathtrace/band.h"
 #include "scene/camera.h"
+#include "scene/scene.h"
 #include "shared/wave.h"
 
 namespace kuafu {
@@ -24,6 +25,7 @@ struct View {
   Optics optics;
   Shutter shutter;
   Twist velocity;
+  glm::dmat4 previous_camera_to_world{1.0};  // one frame before
   /// Rays differ from a pinhole's at rest.
   [[nodiscard]] bool special() const;
 };
@@ -43,7 +45,7 @@ struct OutputImage {
   [[nodiscard]] bool is_plain() const { return format_bits(format) == 32 && scale == 1.0f; }
 };
 
-[[nodiscard]] constexpr bool is_integer(uint32_t kind) { return kind == output_instance_id || kind == output_material_id; }
+[[nodiscard]] constexpr bool is_integer(uint32_t kind) { return kind >= output_instance_id && kind <= output_semantic_id; }
 
 struct Launch {
   std::vector<View> views;
@@ -55,7 +57,8 @@ struct Launch {
   DenoiseKind denoise = DenoiseKind::none;
   uint32_t glass_surfaces = 0;  // that shadow rays may pass
   std::array<OutputImage, output_kind_count> outputs;
-  uint32_t held = 0;  // bit per output kind: a step after accumulation reads it from the frame, asked for or not
+  uint32_t projector = none;  // light id, for the AOVs of a projector; none: the first that an environment has
+  uint32_t held = 0;          // bit per output kind: a step after accumulation reads it from the frame, asked for or not
   /// Called between waves with what is done, 0..1; true cancels. May be empty.
   std::function<bool(float)> cancelled;
 
@@ -71,10 +74,14 @@ struct Launch {
     return false;
   }
   [[nodiscard]] uint32_t channels(uint32_t kind) const {
-    if (kind >= output_radiance) return band.channels();
-    return kind == output_normal ? 3 : 1;
+    if (kind >= output_radiance || kind == output_albedo) return band.channels();
+    if (kind == output_normal || kind == output_position) return 3;
+    return kind == output_projector_uv || kind == output_motion ? 2 : 1;
   }
   [[nodiscard]] bool wants_aovs() const { return wants(output_depth, output_radiance); }
+  [[nodiscard]] bool wants_projector() const { return wants(output_projector_uv, output_projector_geometry + 1); }
+  [[nodiscard]] bool wants_visibility() const { return wants(output_projector_visibility, output_projector_visibility + 1); }
+  [[nodiscard]] bool wants_motion() const { return wants(output_motion, output_motion + 1); }
   [[nodiscard]] bool wants_radiance() const { return wants(output_radiance, output_kind_count); }
 };
 

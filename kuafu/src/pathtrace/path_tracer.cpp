@@ -99,6 +99,7 @@ void PathTracer::Run::prepare(const Scene& scene) {
   environments_ = launch_.environment_count() > 1;
   auto start = std::chrono::steady_clock::now();
   o_.tables_.update(scene, launch_.band, launch_.environment_count());
+  o_.aov_tables_.update(scene, launch_);
   const auto views = o_.views_.resize(o_.memory(), launch_.views.size());
   for (size_t i = 0; i < launch_.views.size(); ++i) views[i] = view_record(launch_, launch_.views[i]);
   camera_ = std::ranges::any_of(launch_.views, &View::special);
@@ -121,7 +122,8 @@ void PathTracer::Run::fit_buffers() {
   const uint32_t samples = launch_.wants_radiance() ? std::min(launch_.samples, pass_samples) : 1;
   pixels_per_wave_ = std::min(launch_.pixel_count(), std::max(most / samples, pixel_block));
   o_.buffers_.fit({round_up(pixels_per_wave_ * samples, pixel_block), launch_.band.channels(), groups(), shadows, launch_.max_bounces + 3,
-                   environments_, o_.tables_.features(), shadows > 0 && o_.tables_.has_glass() ? launch_.glass_surfaces : 0});
+                   environments_, o_.tables_.features(), launch_.wants_visibility(),
+                   shadows > 0 && o_.tables_.has_glass() ? launch_.glass_surfaces : 0});
 }
 
 void PathTracer::Run::render() {
@@ -182,8 +184,26 @@ void PathTracer::Run::render_aovs(uint32_t first_pixel, uint32_t pixel_count) {
   o_.tracer_->closest(commands_, o_.buffers_.closest_queue(0));
   if (denoises()) o_.denoiser_.guide(commands_, rays_of(centre));
   if (!launch_.wants_aovs()) return;
-  o_.stages_->aov(commands_, {o_.buffers_.closest_rays(0), o_.tables_.address(), o_.views_.address(), o_.cameras_.address(),
-                              o_.outputs_.address(), centre, camera_ ? generate_camera : 0});
+  const WaveBuffers& b = o_.buffers_;
+  AovPush push{};
+  push.rays = b.closest_rays(0);
+  push.scene = o_.tables_.address();
+  push.views = o_.views_.address();
+  push.cameras = o_.cameras_.address();
+  push.outputs = o_.outputs_.address();
+  push.aov = o_.aov_tables_.address();
+  push.shadow_rays = b.shadow_rays();
+  push.shadow_environments = b.shadow_environments();
+  push.counters = b.counter_address();
+  push.range = centre;
+  push.shadow_capacity = b.shadow_capacity();
+  push.flags = (launch_.band.infrared ? aov_infrared : 0) | (launch_.wants_projector() ? aov_projector : 0) |
+               (launch_.wants_visibility() ? aov_visibility : 0) | (launch_.wants_motion() ? aov_motion : 0) |
+               (environments_ ? aov_environments : 0) | (camera_ ? aov_camera : 0);
+  o_.stages_->aov(commands_, push);
+  if (!launch_.wants_visibility()) return;
+  o_.tracer_->occluded(commands_, b.shadow_queue(0));
+  o_.stages_->visibility(commands_, push);
 }
 
 void PathTracer::Run::render_pixels(uint32_t first_pixel, uint32_t pixel_count) {
@@ -305,6 +325,7 @@ PathTracer::PathTracer(std::shared_ptr<ks::Device> device, TracerKind tracer, st
       tracer_(make_tracer(device_, tracer)),
       stages_(on_host_ ? make_host_stages(device_) : make_device_stages(device_, *tracer_)),
       tables_(memory()),
+      aov_tables_(memory()),
       buffers_(memory()),
       frame_(memory()),
       denoiser_(memory(), tracer_->queue_layout(), std::move(oidn_library)),

@@ -11,6 +11,7 @@
 #include "accel/tracer.h"
 #include "denoise/denoiser.h"
 #include "film/film.h"
+#include "pathtrace/aov_tables.h"
 #include "pathtrace/frame.h"
 #include "pathtrace/launch.h"
 #include "pathtrace/scene_tables.h"
@@ -43,6 +44,7 @@ class PathTracer {
   std::unique_ptr<Tracer> tracer_;
   std::unique_ptr<Stages> stages_;
   SceneTables tables_;
+  AovTables aov_tables_;
   WaveBuffers buffers_;
   Frame frame_;
   Denoiser denoiser_;

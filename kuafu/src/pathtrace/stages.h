@@ -23,6 +23,8 @@ class Stages {
   virtual void resolve(ks::Commands& commands, const ResolvePush& push, const WaveBuffers& buffers) = 0;
   virtual void accumulate(ks::Commands& commands, const AccumulatePush& push) = 0;
   virtual void aov(ks::Commands& commands, const AovPush& push) = 0;
+  /// After the shadow rays of `aov` were traced.
+  virtual void visibility(ks::Commands& commands, const AovPush& push) = 0;
   virtual void write(ks::Commands& commands, const WritePush& push) = 0;
 };
 

@@ -18,6 +18,7 @@ struct WaveSize {
   uint32_t bounces = 0;  // counter blocks
   bool environments = false;
   uint32_t features = 0;        // feature_*
+  bool visibility = false;      // `aov` asks a shadow ray of each pixel
   uint32_t glass_surfaces = 0;  // that a shadow ray may pass; 0: shadow rays only ask whether something stands in the way
 };
 
@@ -48,7 +49,9 @@ class WaveBuffers {
   [[nodiscard]] uint32_t ray_count(uint32_t bounce) const;
   /// The same of shadow rays.
   [[nodiscard]] uint32_t shadow_ray_count(uint32_t bounce, uint32_t passed) const;
-  [[nodiscard]] uint32_t shadow_capacity() const { return size_.capacity * size_.shadow_rays_per_vertex; }
+  [[nodiscard]] uint32_t shadow_capacity() const {
+    return size_.capacity * std::max(size_.shadow_rays_per_vertex, size_.visibility ? 1u : 0u);
+  }
   [[nodiscard]] const WaveSize& size() const { return size_; }
 
  private:

@@ -88,6 +88,7 @@ uint32_t Scene::add_instance(Instance instance) {
   check_exists("instance", instance.name, "mesh", instance.mesh, meshes_);
   check_materials(instance.materials);
   check_affine(instance.local_to_world, ("instance '" + instance.name + "': local_to_world").c_str());
+  instance.previous_local_to_world = instance.local_to_world;
   const uint32_t id = add(instances_, std::move(instance), revisions_.instances);
   take_slot(id);
   return id;
@@ -154,7 +155,18 @@ void Scene::set_instance_pose(uint32_t id, const glm::dmat4& local_to_world) {
   Instance& instance = live(instances_, "instance", id);
   check_affine(local_to_world, ("instance '" + instance.name + "': local_to_world").c_str());
   instance.local_to_world = local_to_world;
+  if (!instance.moved) moved_.push_back(id);
+  instance.moved = true;
   note_instance(instance.slot);
+}
+
+void Scene::next_frame() {
+  for (const uint32_t id : moved_) {
+    if (!instances_[id]) continue;
+    instances_[id]->previous_local_to_world = instances_[id]->local_to_world;
+    instances_[id]->moved = false;
+  }
+  moved_.clear();
 }
 
 void Scene::set_instance_materials(uint32_t id, std::vector<uint32_t> materials) {

@@ -67,8 +67,10 @@ struct Instance {
   uint32_t environment = none;      // none = every environment
   std::vector<uint32_t> materials;  // per slot; none or missing = grey Lambertian
   uint32_t semantic_id = 0;
-  glm::dmat4 local_to_world{1.0};  // glm is column-major: column 3 is the translation
-  uint32_t slot = none;            // given by the scene (Scene::instance_slots)
+  glm::dmat4 local_to_world{1.0};           // glm is column-major: column 3 is the translation
+  glm::dmat4 previous_local_to_world{1.0};  // kept by the scene: at the last next_frame(), or when it was added
+  bool moved = false;                       // since then; kept by the scene
+  uint32_t slot = none;                     // given by the scene (Scene::instance_slots)
 };
 
 struct Light {
@@ -133,6 +135,8 @@ class Scene {
   void set_texture(uint32_t id, Texture texture);
   void set_material(uint32_t id, Material material);
   void set_instance_pose(uint32_t id, const glm::dmat4& local_to_world);
+  /// What is there now is the frame before, for motion vectors. Cost follows what moved.
+  void next_frame();
   void set_instance_materials(uint32_t id, std::vector<uint32_t> materials);
   void set_light(uint32_t id, Light light);
   void set_environment(const Environment& environment);
@@ -186,6 +190,7 @@ class Scene {
   Environment environment_;
   std::vector<Camera> cameras_;
   Revisions revisions_;
+  std::vector<uint32_t> moved_;  // instances, since the frame before
 };
 
 }  // namespace kuafu

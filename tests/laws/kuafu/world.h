@@ -50,6 +50,21 @@ struct Pixels {
   }
 };
 
+inline uint32_t channels_of(uint32_t output, uint32_t band_channels) {
+  switch (output) {
+    case KUAFU_OUTPUT_NORMAL:
+    case KUAFU_OUTPUT_POSITION:
+      return 3;
+    case KUAFU_OUTPUT_PROJECTOR_UV:
+    case KUAFU_OUTPUT_MOTION:
+      return 2;
+    case KUAFU_OUTPUT_ALBEDO:
+      return band_channels;
+    default:
+      return output >= KUAFU_OUTPUT_DEPTH ? 1 : band_channels;
+  }
+}
+
 /// Looks along +z of the world from `position`, turned by `yaw` radians about y (towards +x).
 inline kuafu_view_desc view_at(const Vec3& position, uint32_t width, uint32_t height, double focal_px, double yaw = 0) {
   kuafu_view_desc v = kuafu_view_desc_init();
@@ -164,7 +179,7 @@ class World {
   World& operator=(const World&) = delete;
 
   uint32_t add(const Shape& shape, const kuafu_material_desc& material, const std::array<double, 16>& pose = placed({0, 0, 0}),
-               uint32_t environment = KUAFU_ALL_ENVIRONMENTS) {
+               uint32_t environment = KUAFU_ALL_ENVIRONMENTS, uint32_t semantic_id = 0) {
     kuafu_mesh_desc mesh{ks_header_make(KUAFU_TYPE_MESH_DESC, sizeof mesh)};
     mesh.positions = shape.positions.data();
     mesh.normals = shape.normals.empty() ? nullptr : shape.normals.data();
@@ -178,6 +193,7 @@ class World {
     kuafu_instance_desc instance{ks_header_make(KUAFU_TYPE_INSTANCE_DESC, sizeof instance)};
     instance.mesh = mesh_id;
     instance.environment = environment;
+    instance.semantic_id = semantic_id;
     instance.materials = &material_id;
     instance.material_count = 1;
     std::memcpy(instance.local_to_world, pose.data(), sizeof instance.local_to_world);
@@ -230,12 +246,12 @@ class World {
     std::vector<kuafu_buffer> buffers;
     const uint32_t band_channels = views[0].band == KUAFU_BAND_INFRARED ? 1 : 3;
     for (const uint32_t output : outputs) {
-      const bool id = output == KUAFU_OUTPUT_INSTANCE_ID || output == KUAFU_OUTPUT_MATERIAL_ID;
+      const bool id = output >= KUAFU_OUTPUT_INSTANCE_ID && output <= KUAFU_OUTPUT_SEMANTIC_ID;
       Pixels& p = images[output];
       p.views = uint32_t(views.size());
       p.height = views[0].camera.height;
       p.width = views[0].camera.width;
-      p.channels = output == KUAFU_OUTPUT_NORMAL ? 3 : output >= KUAFU_OUTPUT_DEPTH ? 1 : band_channels;
+      p.channels = channels_of(output, band_channels);
       p.values.resize(size_t(p.views) * p.height * p.width * p.channels);
       const ks_buffer_create create = ks_buffer_create_init(p.values.size() * 4, KS_BUFFER_HOST_VISIBLE);
       ok(kuafu_buffer_create(device_, &create, &buffers.emplace_back()));

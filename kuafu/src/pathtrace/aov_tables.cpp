@@ -1,0 +1,74 @@
+#include "pathtrace/aov_tables.h"
+
+#include <algorithm>
+
+#include "device/error.h"
+#include "light/light_record.h"
+
+namespace kuafu {
+namespace {
+
+bool is_projector(const std::optional<Light>& light) {
+  return light && light->kind == Light::Kind::projector && (light->texture != none || light->raster);
+}
+
+/// The projector that views into `environment` ask about, dark or not; nothing when there is none.
+const Light* projector_of(const Scene& scene, uint32_t wanted, uint32_t environment) {
+  for (uint32_t id = 0; id < scene.lights().size(); ++id) {
+    const std::optional<Light>& light = scene.lights()[id];
+    if (is_projector(light) && (wanted == none || wanted == id) && (light->environment == none || light->environment == environment))
+      return &*light;
+  }
+  return nullptr;
+}
+
+CameraPose camera_pose(const glm::dmat4& camera_to_world) {
+  return {glm::vec3(camera_to_world[3]), glm::vec3(camera_to_world[0]), glm::vec3(camera_to_world[1]), glm::vec3(camera_to_world[2])};
+}
+
+MotionView motion_view(const View& view) {
+  MotionView m{};
+  m.now = camera_pose(view.camera_to_world);
+  m.previous = camera_pose(view.previous_camera_to_world);
+  m.focal = {float(view.k[0][0]), float(view.k[1][1])};
+  m.centre = glm::vec2(view.k[2]);
+  m.skew = float(view.k[1][0]);
+  std::ranges::copy(view.optics.distortion, m.distortion);
+  return m;
+}
+
+}  // namespace
+
+void AovTables::update(const Scene& scene, const Launch& launch) {
+  if (launch.wants_projector()) write_projectors(scene, launch);
+  if (launch.wants_motion()) write_motion(scene, launch);
+  addresses_.resize(memory_, 1)[0] = {projectors_.address(), motion_.address(), previous_local_to_world_.address()};
+}
+
+void AovTables::write_projectors(const Scene& scene, const Launch& launch) {
+  const uint32_t id = launch.projector;
+  if (id != none && (id >= scene.lights().size() || !is_projector(scene.lights()[id])))
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "projector is %u, but the scene has no such projector: give a projector's light id or KUAFU_NONE",
+             id);
+  const auto records = projectors_.resize(memory_, launch.environment_count());
+  for (uint32_t e = 0; e < records.size(); ++e) {
+    records[e] = {};
+    const Light* light = projector_of(scene, id, e);
+    if (light == nullptr) continue;
+    const LightEntry entry = light_entry(*light, glm::vec3(1.0f), scene, 0.0, [](const Light&) { return PatternAddress{}; });
+    records[e] = {entry.record, entry.shape, 1, 0};
+  }
+}
+
+void AovTables::write_motion(const Scene& scene, const Launch& launch) {
+  const auto views = motion_.resize(memory_, launch.views.size());
+  std::ranges::transform(launch.views, views.begin(), motion_view);
+  std::vector<glm::vec4> rows;
+  for (const uint32_t id : scene.instance_slots()) {
+    const glm::dmat4 pose = id == none ? glm::dmat4(1.0) : scene.instances()[id]->previous_local_to_world;
+    for (int i = 0; i < 3; ++i) rows.emplace_back(glm::transpose(pose)[i]);
+  }
+  std::ranges::copy(rows, previous_local_to_world_.resize(memory_, rows.size()).begin());
+}
+
+}  // namespace kuafu

@@ -1,0 +1,29 @@
+// What `aov` reads beyond the scene's tables: the projectors and the motion of the frame, made anew by each render that asks for them.
+// Thread rule: externally synchronised; no work may be in flight during update.
+#pragma once
+
+#include "pathtrace/device_array.h"
+#include "pathtrace/launch.h"
+
+namespace kuafu {
+
+class AovTables {
+ public:
+  explicit AovTables(Memory memory) : memory_(std::move(memory)) {}
+
+  /// Throws where the launch names a light that is no projector.
+  void update(const Scene& scene, const Launch& launch);
+  [[nodiscard]] uint64_t address() const { return addresses_.address(); }
+
+ private:
+  void write_projectors(const Scene& scene, const Launch& launch);
+  void write_motion(const Scene& scene, const Launch& launch);
+
+  Memory memory_;
+  MappedTable<ProjectorRecord> projectors_;
+  MappedTable<MotionView> motion_;
+  MappedTable<glm::vec4> previous_local_to_world_;
+  MappedTable<AovAddresses> addresses_;
+};
+
+}  // namespace kuafu

@@ -1,0 +1,77 @@
+"""AOVs and formats through the bindings: a wall at 2 m, a projector 0.1 m to the right of the camera."""
+
+import numpy as np
+import pytest
+
+import kuafu
+
+CAMERA = kuafu.Camera(16, 12, [[20, 0, 7.5], [0, 20, 5.5], [0, 0, 1]])
+Z = 2.0
+
+
+@pytest.fixture(scope="module")
+def scene(device):
+    scene = kuafu.Scene(device)
+    wall = np.array([[-9, -9, Z], [9, -9, Z], [9, 9, Z], [-9, 9, Z]], np.float32)
+    mesh = scene.add_mesh(wall, np.array([[0, 2, 1], [0, 3, 2]], np.uint32))
+    scene.add_instance(mesh, [scene.add_material(kuafu.Material(ir_albedo=0.3, specular=0.0))], semantic_id=5)
+    pattern = scene.add_texture(np.ones((64, 64, 1), np.float32))
+    pose = np.eye(4)
+    pose[0, 3] = 0.1
+    k = [[20, 0, 31.5], [0, 20, 31.5], [0, 0, 1]]
+    scene.add_light(kuafu.Light(kind="projector", texture=pattern, ir_intensity=1.0, k=k, light_to_world=pose))
+    scene.set_environment((0.5, 0.5, 0.5), 0.5, light_group=2)
+    return scene
+
+
+@pytest.fixture(scope="module")
+def renderer(device):
+    return kuafu.Renderer(device)
+
+
+def test_a_users_own_set(renderer, scene):
+    names = ("position", "albedo", "projector_uv", "projector_visibility", "projector_geometry", "semantic_id", "motion")
+    images = renderer.render(scene, CAMERA, names, spp=1)
+    u, v = np.meshgrid(np.arange(16), np.arange(12))
+    x, y = (u - 7.5) / 20 * Z, (v - 5.5) / 20 * Z
+    np.testing.assert_allclose(images["position"][0], np.dstack([x, y, np.full_like(x, Z)]), atol=1e-5)
+    np.testing.assert_allclose(images["projector_uv"][0], np.dstack([20 * (x - 0.1) / Z + 31.5, 20 * y / Z + 31.5]), atol=1e-4)
+    np.testing.assert_allclose(images["projector_geometry"][0, ..., 0], Z / ((x - 0.1) ** 2 + y**2 + Z**2) ** 1.5, rtol=1e-5)
+    assert np.all(images["projector_visibility"] == 1) and np.all(images["semantic_id"] == 5) and np.all(images["motion"] == 0)
+    np.testing.assert_allclose(images["albedo"], 0.3, rtol=1e-6)
+
+
+def test_dtypes_and_scales(renderer, scene):
+    outputs = {"depth": np.uint16, "radiance": np.float16, "ambient": "uint8", "light_group_2": None, "instance_id": np.uint8}
+    images = renderer.render(scene, CAMERA, outputs, spp=4, scales={"depth": 1000})
+    assert {name: image.dtype.name for name, image in images.items()} == {
+        "depth": "uint16",
+        "radiance": "float16",
+        "ambient": "uint8",
+        "light_group_2": "float32",
+        "instance_id": "uint8",
+    }
+    assert np.all(images["depth"] == 2000) and np.all(images["instance_id"] == 0)
+    np.testing.assert_allclose(images["ambient"], 255 * images["light_group_2"], atol=0.51)
+
+
+def test_motion_of_cameras_and_of_frames(renderer, scene):
+    before = np.eye(4)
+    before[0, 3] = -0.2
+    motion = renderer.render(scene, CAMERA, ["motion"], previous_poses=before)["motion"]
+    np.testing.assert_allclose(motion[..., 0], -20 * 0.2 / Z, atol=1e-4)
+    scene.next_frame()
+    assert np.all(renderer.render(scene, CAMERA, ["motion"])["motion"] == 0)
+
+
+def test_wrong_words_are_named(renderer, scene):
+    with pytest.raises(ValueError, match="dtype"):
+        renderer.render(scene, CAMERA, {"depth": "colour"})
+    with pytest.raises(ValueError, match="int64"):
+        renderer.render(scene, CAMERA, {"depth": np.int64})
+    with pytest.raises(ValueError, match="scales has 'normal'"):
+        renderer.render(scene, CAMERA, ["depth"], scales={"normal": 2})
+    with pytest.raises(ValueError, match=r"\(2, 4, 4\)"):
+        renderer.render(scene, [CAMERA, CAMERA], ["motion"], previous_poses=np.zeros((3, 4, 4)))
+    with pytest.raises(ValueError, match="projector is 7"):
+        renderer.render(scene, CAMERA, ["projector_uv"], projector=7)
