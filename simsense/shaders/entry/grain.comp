@@ -18,7 +18,7 @@ void shape_rows(SignalParameters p, uint part, uint row) {
   int first_quad = (int(tile_x) - int(reach)) / 4;
   for (uint q = gl_LocalInvocationID.x; q < (tile + 2u * reach) / 4u; q += gl_WorkGroupSize.x) {
     vec4 normals = normals_of(quad_words(key, dimension_speckle + part, uint(first_quad + int(q)), row - p.grain_radius));
-    for (uint i = 0u; i < 4u; ++i) white[4u * q + i] = normals[i];
+    [[unroll]] for (uint i = 0u; i < 4u; ++i) white[4u * q + i] = normals[i];
   }
   barrier();
   uint rows = p.height + 2u * p.grain_radius;

@@ -11,13 +11,14 @@ layout(push_constant, scalar) uniform Push { SignalPush push; };
 
 vec4 load_light(uint n, uint quad, uint y, uint width) {
   vec4 light;
-  for (uint i = 0u; i < 4u; ++i) light[i] = load_element(push.light, element_of(push.light, n, min(4u * quad + i, width - 1u), y));
+  [[unroll]] for (uint i = 0u; i < 4u; ++i) light[i] = load_element(push.light, element_of(push.light, n, min(4u * quad + i, width - 1u), y));
   return light;
 }
 
 void store(uint n, uint quad, uint y, uint width, uvec4 counts) {
-  for (uint i = 0u; i < min(4u, width - 4u * quad); ++i) {
+  [[unroll]] for (uint i = 0u; i < 4u; ++i) {
     uint x = 4u * quad + i;
+    if (x >= width) break;
     if (push.counts.format != 0u) store_counts(push.counts, element_of(push.counts, n, x, y), counts[i]);
     if (push.ir.format != 0u) store_counts(push.ir, element_of(push.ir, n, x, y), counts[i]);
   }
@@ -32,11 +33,11 @@ void main() {
   if ((push.passes & SIGNAL_COLLECT) != 0u) {
     charge = collect(push.block, load_light(n, quad, y, p.width), n, quad, y);
   } else {
-    for (uint i = 0u; i < 4u; ++i) charge[i] = p.charge.at[at + i];
+    [[unroll]] for (uint i = 0u; i < 4u; ++i) charge[i] = p.charge.at[at + i];
   }
   if ((push.passes & SIGNAL_READ_OUT) != 0u) {
     store(n, quad, y, p.width, read_out(p, push.block.head.keys[n], charge, quad, y));
   } else {
-    for (uint i = 0u; i < 4u; ++i) p.charge.at[at + i] = charge[i];
+    [[unroll]] for (uint i = 0u; i < 4u; ++i) p.charge.at[at + i] = charge[i];
   }
 }

@@ -18,7 +18,7 @@ vec4 expose(vec4 light, float electrons_per_unit) {
 vec4 gamma_of(SignalBlockAddress block, uint part, vec4 normal) {
   const float per_unit = 1024.0f / 13.0f;
   vec4 place = clamp((normal + 6.5f) * per_unit, 0.0f, 1024.0f), whole = floor(place), root;
-  for (uint i = 0u; i < 4u; ++i) {
+  [[unroll]] for (uint i = 0u; i < 4u; ++i) {
     GammaInterval interval = block.tables.gamma[part * gamma_intervals + uint(whole[i])];
     root[i] = interval.start + interval.slope * (place[i] - whole[i]);
   }

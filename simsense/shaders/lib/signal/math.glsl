@@ -1,6 +1,7 @@
 // Elementary functions and quantiles for four pixels at once: the formulas of cpu/signal/math-inl.h, to the device's rounding.
 #ifndef SIMSENSE_SIGNAL_MATH_GLSL
 #define SIMSENSE_SIGNAL_MATH_GLSL
+#extension GL_EXT_control_flow_attributes : require
 
 /// ln x of positive normal numbers: 2 artanh((m - 1) / (m + 1)) of the mantissa m in [sqrt(1/2), sqrt(2)). Vulkan's own log is only good to
 /// 2^-21 absolute between 0.5 and 2.

@@ -20,7 +20,7 @@ vec4 poisson_sum(vec4 mean, Uniform u) {
   vec4 term = exponential(-mean), sum = term, n = vec4(0.0f);
   for (float next = 1.0f; next < 200.0f; ++next) {
     bvec4 open;
-    for (uint i = 0u; i < 4u; ++i) open[i] = target[i] > sum[i] && term[i] > 1e-9f;
+    [[unroll]] for (uint i = 0u; i < 4u; ++i) open[i] = target[i] > sum[i] && term[i] > 1e-9f;
     if (!any(open)) break;
     n = mix(n, vec4(next), open);
     term *= mean / next;
