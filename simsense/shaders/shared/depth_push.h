@@ -25,7 +25,7 @@ struct DepthParameters {
   float focal_baseline, offset_px, invalid;
   float min_m, max_m;
   uint splat_size, splat_invalid;
-  float landing_margin;  // how far beyond the image's border points are kept, pixels, at most SPLAT_MARGIN
+  float landing_margin;             // how far beyond the image's border points are kept, pixels, at most SPLAT_MARGIN
   float step[3], translation_m[3];  // of a ray from column to column; of the left camera
   float rgb_focal[2], rgb_centre[2];
   float k1, k2, k3, p1, p2, max_radius2;  // Brown-Conrady; max_radius2 0 = no distortion

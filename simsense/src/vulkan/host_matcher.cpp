@@ -59,7 +59,7 @@ class VulkanHostMatcher final : public Matcher {
 
 }  // namespace
 
-std::unique_ptr<Matcher> make_vulkan_host_matcher(std::shared_ptr<ks::Device> device, uint32_t width, uint32_t height,
+std::unique_ptr<Matcher> make_vulkan_host_matcher(const std::shared_ptr<ks::Device>& device, uint32_t width, uint32_t height,
                                                   const MatchParameters& parameters, const MatchTuning& tuning) {
   return std::make_unique<VulkanHostMatcher>(device, width, height, parameters, tuning);
 }

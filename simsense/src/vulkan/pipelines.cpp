@@ -49,9 +49,9 @@ Constants block_constants(const MatchPlan& plan, const MatchParameters& p) {
 enum PathPart : uint32_t { rows_and_columns, diagonals, rows, columns };  // as in walk.glsl
 
 Constants path_constants(const MatchPlan& plan, const MatchParameters& p, PathPart part) {
-  const Constants constants = with(lane_constants(plan, p, plan.path_group, plan.steps), {part});
+  Constants constants = with(lane_constants(plan, p, plan.path_group, plan.steps), {part});
   if (!plan.sums_blocks()) return constants;
-  return with(constants, {p.block_width, p.block_height, plan.path_group * plan.lane_disparities / 2});
+  return with(std::move(constants), {p.block_width, p.block_height, plan.path_group * plan.lane_disparities / 2});
 }
 
 Constants winner_constants(const MatchPlan& plan, const MatchParameters& p) {

@@ -61,7 +61,7 @@ std::unique_ptr<VulkanMatcher> make_vulkan_matcher(std::shared_ptr<ks::Device> d
                                                    const MatchParameters& parameters, const MatchTuning& tuning = {});
 
 /// The same behind the interface of host images.
-std::unique_ptr<Matcher> make_vulkan_host_matcher(std::shared_ptr<ks::Device> device, uint32_t width, uint32_t height,
+std::unique_ptr<Matcher> make_vulkan_host_matcher(const std::shared_ptr<ks::Device>& device, uint32_t width, uint32_t height,
                                                   const MatchParameters& parameters, const MatchTuning& tuning = {});
 
 }  // namespace simsense
