@@ -8,7 +8,9 @@ Writes pictures/*.jpg and README.md beside this file. Needs the kuafu module (PY
 import argparse
 from pathlib import Path
 
-import film  # noqa: F401  each module adds its tiles, in the order of the page
+import camera  # noqa: F401  each module adds its tiles, in the order of the page
+import denoising  # noqa: F401
+import film  # noqa: F401
 import kuafu
 import lights  # noqa: F401
 import materials  # noqa: F401
@@ -19,14 +21,14 @@ from tiles import TILES
 
 HERE = Path(__file__).resolve().parent
 COLUMNS = 4
-ORDER = ("Materials", "Lights", "Projector", "Film", "Outputs")
+ORDER = ("Materials", "Lights", "Projector", "Camera", "Film", "Denoising", "Outputs")
 HEAD = """# Gallery
 
 What kuafu renders, one small picture each, made by
 ```
 PYTHONPATH=build/python python3 examples/gallery/gallery.py
 ```
-Each is a function of a few lines in this folder: take one as a start.
+Each is a function of a few lines in this folder: take one as a start. 24 samples per pixel, denoised.
 """
 
 
@@ -48,7 +50,7 @@ def rows_of(section):
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("--only", nargs="*", help="names of pictures")
-    parser.add_argument("--spp", type=int, default=256, help="samples per pixel")
+    parser.add_argument("--spp", type=int, default=24, help="samples per pixel")
     arguments = parser.parse_args()
     stage.SAMPLES = arguments.spp
     device = kuafu.Device()

@@ -1,6 +1,6 @@
 """Tiles of lights: two boxes and a ball, one light each."""
 
-from shapes import at, box, dots, sky, stripes
+from shapes import at, box, dots, grid, sky, stripes
 from stage import MAP_TO_WORLD, Stage
 from tiles import tile
 
@@ -69,7 +69,7 @@ def slide(device):
     return stage.picture()
 
 
-def projected(device, *, glass=None, **fields):
+def projected(device, *, pattern=None, glass=None, options=None, **fields):
     """Infrared dots from beside the camera on the boxes and the ball; or all of that behind a window pane."""
     stage = Stage(device)
     stage.boxes()
@@ -78,9 +78,9 @@ def projected(device, *, glass=None, **fields):
         pane = stage.material(transmission=1.0, roughness=0.0, attenuation_color=(0.3, 0.6, 0.5), attenuation_distance_m=0.05)
         stage.add(box((0.6, 0.01, 0.5)), pane, at(0.0, -0.9, 0.5, 0.15))
         stage.options["glass_surfaces"] = glass
-    stage.options.update(band="infrared", ir_ambient_radiance=0.01)
+    stage.options.update(band="infrared", ir_ambient_radiance=0.01, **(options or {}))
     k = [[150, 0, 79.5], [0, 150, 79.5], [0, 0, 1]]
-    stage.light("projector", (0.25, -3.0, 1.2), (0, 0.3, 0.45), ir_intensity=24.0, k=k, texture=stage.texture(dots()), **fields)
+    stage.light("projector", (0.25, -3.0, 1.2), (0, 0.3, 0.45), ir_intensity=24.0, k=k, texture=stage.texture(dots() if pattern is None else pattern), **fields)
     return stage.picture()
 
 
@@ -96,12 +96,12 @@ def dots_defocused(device):
 
 @tile("Projector", "Distorted", "Brown and Conrady's polynomial")
 def dots_distorted(device):
-    return projected(device, distortion=(-0.5, 0.2, 0, 0, 0, 0, 0, 0))
+    return projected(device, pattern=grid(), distortion=(-0.9, 0.5, 0, 0, 0, 0, 0, 0))
 
 
 @tile("Projector", "Falloff", "`falloff`: cos^n of the angle from its axis")
 def dots_falloff(device):
-    return projected(device, falloff=12.0)
+    return projected(device, falloff=40.0)
 
 
 @tile("Projector", "Through glass", "shadow rays pass smooth glass (`glass_surfaces=8`) ...")

@@ -89,6 +89,14 @@ def dots(size=160, count=900, seed=3):
     return (255 * np.clip(pattern + 0.35 * near, 0, 1)).astype(np.uint8)
 
 
+def grid(size=160, step=10):
+    """A pattern of dots in rows and columns, on which distortion shows."""
+    pattern = np.zeros((size, size), np.uint8)
+    for row, column in ((0, 0), (0, 1), (1, 0), (1, 1)):
+        pattern[step // 2 + row :: step, step // 2 + column :: step] = 255
+    return pattern
+
+
 def stripes(size=128):
     """Coloured bars, a window of stained glass."""
     hues = np.array([[220, 40, 40], [230, 180, 30], [40, 160, 70], [40, 90, 210]], np.uint8)

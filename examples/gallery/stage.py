@@ -4,8 +4,8 @@ import kuafu
 import numpy as np
 from shapes import at, ball, box, checker, look_at, quad, sky
 
-WIDTH, HEIGHT = 240, 180
-SAMPLES = 256  # per pixel; gallery.py sets it
+WIDTH, HEIGHT = 208, 156
+SAMPLES = 24  # per pixel; gallery.py sets it
 GREY = {"base_color": (0.55, 0.55, 0.55, 1), "specular": 0.0}
 # The map's frame is x right, y down, z forward; the world's z is up.
 MAP_TO_WORLD = [[1, 0, 0], [0, 0, 1], [0, -1, 0]]
@@ -17,9 +17,9 @@ class Stage:
     def __init__(self, device, *, wall=True):
         self.scene = kuafu.Scene(device)
         self.renderer = kuafu.Renderer(device)
-        self.camera = {"eye": (0.0, -3.2, 1.3), "target": (0.0, 0.0, 0.42), "focal": 300.0}
+        self.camera = {"eye": (0.0, -3.2, 1.3), "target": (0.0, 0.0, 0.42), "focal": 260.0}
         self.camera_fields = {}
-        self.options = {"band": "visible", "spp": SAMPLES, "max_bounces": 8, "seed": 1}
+        self.options = {"band": "visible", "spp": SAMPLES, "max_bounces": 8, "seed": 1, "denoise": "atrous"}
         self.exposure = 1.0
         table = self.scene.add_material(kuafu.Material(specular=0.0, base_color_texture=self.texture(checker(), srgb=True)))
         self.add(quad((0, 1, 0), (4, 0, 0), (0, 4, 0), repeat=2.5), table)

@@ -80,4 +80,7 @@ int run(int repetitions) {
 }  // namespace
 }  // namespace bench
 
-int main(int argc, char** argv) { return bench::run(argc > 1 ? std::atoi(argv[1]) : 5); }
+int main(int argc, char** argv) {
+  std::setvbuf(stdout, nullptr, _IOLBF, 0);
+  return bench::run(argc > 1 ? std::atoi(argv[1]) : 5);
+}

@@ -1,0 +1,36 @@
+"""Tiles of the camera: its lens, and what moves while the shutter is open."""
+
+from stage import Stage
+from tiles import tile
+
+
+def seen_by(device, **fields):
+    """Boxes and a ball under a sky, by a camera with these fields."""
+    stage = Stage(device)
+    stage.daylight()
+    stage.boxes()
+    stage.ball(y=-0.2, radius=0.35, roughness=0.2)
+    stage.camera_fields = fields
+    # The denoiser puts back the edges of pixel centres, which blur would have none of.
+    stage.options.update(denoise="none", spp=4 * stage.options["spp"])
+    return stage.picture()
+
+
+@tile("Camera", "Distorting lens", "Brown and Conrady: `distortion`")
+def lens_distortion(device):
+    return seen_by(device, distortion=(-0.9, 0.6, 0, 0, 0, 0, 0, 0))
+
+
+@tile("Camera", "Thin lens", "`lens_radius_m`, `focus_m`: what is not in focus blurs")
+def thin_lens(device):
+    return seen_by(device, lens_radius_m=0.06, focus_m=3.1)
+
+
+@tile("Camera", "Motion blur", "`exposure_s` with a camera that moves: `linear_velocity`")
+def motion_blur(device):
+    return seen_by(device, exposure_s=0.1, linear_velocity=(2.0, 0.0, 0.0))
+
+
+@tile("Camera", "Rolling shutter", "rows read one after another: `line_time_s`")
+def rolling_shutter(device):
+    return seen_by(device, shutter="rolling", line_time_s=0.002, linear_velocity=(2.5, 0.0, 0.0))
