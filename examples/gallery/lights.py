@@ -89,7 +89,7 @@ def dots_sharp(device):
     return projected(device)
 
 
-@tile("Projector", "Out of focus", "blur grows with |1/z - 1/focus_m| times the lens' radius")
+@tile("Projector", "Out of focus", "blur grows with the distance from `focus_m` and the lens' radius")
 def dots_defocused(device):
     return projected(device, focus_m=1.2, radius_m=0.03)
 
