@@ -126,6 +126,17 @@ class Material:
     attenuation_color: tuple[float, float, float]
     ir_attenuation_color: float | None
     attenuation_distance_m: float
+    ior_texture: int | None
+    ir_albedo_texture: int | None
+    ir_roughness: float | None
+    ir_ior: float | None
+    ir_transmission: float | None
+    ir_transmission_roughness: float | None
+    subsurface: float
+    subsurface_color: tuple[float, float, float]
+    subsurface_radius_m: tuple[float, float, float]
+    ir_subsurface_color: float | None
+    ir_subsurface_radius_m: float | None
     bsdf: Literal["gltf", "paper"]
     light_group: int
     def __init__(self, **fields: Any) -> None: ...
@@ -267,6 +278,16 @@ class Scene:
         texture: int | None = None,
         map_to_world: ArrayLike | None = None,
         light_group: int = 0,
+    ) -> None: ...
+    def set_medium(
+        self,
+        extinction_per_m: tuple[float, float, float] | None,
+        albedo: tuple[float, float, float] = (0.0, 0.0, 0.0),
+        *,
+        ir_extinction_per_m: float | None = None,
+        ir_albedo: float | None = None,
+        phase_g: float = 0.0,
+        bounds_m: Sequence[Sequence[float]] | None = None,
     ) -> None: ...
     def camera(self, index: int) -> Camera: ...
     def instance_name(self, id: int) -> str: ...

@@ -96,6 +96,17 @@ void bind_material(py::module_& module) {
   maybe(type, "ir_attenuation_color", &kuafu_material_desc::ir_attenuation_color, "The same in the infrared; None = red.");
   scalar(type, "attenuation_distance_m", &kuafu_material_desc::attenuation_distance_m, "0 = nothing is absorbed.");
   scalar(type, "light_group", &kuafu_material_desc::light_group, "0..3: which group of outputs its emission belongs to.");
+  maybe(type, "ior_texture", &kuafu_material_desc::ior_texture, "R: ior = 1 + (ior - 1) R.");
+  maybe(type, "ir_albedo_texture", &kuafu_material_desc::ir_albedo_texture, "R, times ir_albedo (1 where that is None).");
+  maybe(type, "ir_roughness", &kuafu_material_desc::ir_roughness, "In the infrared band; None = as roughness.");
+  maybe(type, "ir_ior", &kuafu_material_desc::ir_ior, "In the infrared band; None = as ior.");
+  maybe(type, "ir_transmission", &kuafu_material_desc::ir_transmission, "In the infrared band; None = as transmission.");
+  maybe(type, "ir_transmission_roughness", &kuafu_material_desc::ir_transmission_roughness, "None = as transmission_roughness.");
+  scalar(type, "subsurface", &kuafu_material_desc::subsurface, "0..1: share of the diffuse base whose light wanders below the surface.");
+  vector(type, "subsurface_color", &kuafu_material_desc::subsurface_color, "Its albedo, 0..1; base_color does not tint it.");
+  vector(type, "subsurface_radius_m", &kuafu_material_desc::subsurface_radius_m, "Its mean free path.");
+  maybe(type, "ir_subsurface_color", &kuafu_material_desc::ir_subsurface_color, "In the infrared band; None = red.");
+  maybe(type, "ir_subsurface_radius_m", &kuafu_material_desc::ir_subsurface_radius_m, "In the infrared band; None = red.");
   type.def_property(
       "bsdf", [](const Material& m) { return m.c.bsdf == KUAFU_BSDF_PAPER ? "paper" : "gltf"; },
       [](Material& m, const std::string& bsdf) {

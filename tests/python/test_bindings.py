@@ -137,7 +137,7 @@ def test_engine_parameters_by_name():
 def test_records_come_back_as_they_went_in(scene):
     material = kuafu.Material(name="m", base_color=(0.1, 0.2, 0.3, 1.0), metallic=0.25, roughness=0.5, ior=1.25, ir_albedo=0.75, emission=(1, 2, 3))
     back = scene.get_material(scene.add_material(material))
-    for name in ("name", "base_color", "metallic", "roughness", "specular", "ior", "ir_albedo", "emission", "base_color_texture"):
+    for name in ("name", "ir_ior", "subsurface_radius_m", "ior_texture", "base_color", "metallic", "roughness", "specular", "ior", "ir_albedo", "emission", "base_color_texture"):
         assert getattr(back, name) == getattr(material, name), name
     assert kuafu.Material().ir_albedo is None and kuafu.Material().normal_texture is None
     pose = np.eye(4)
@@ -155,6 +155,16 @@ def test_dots_make_a_pattern_and_come_back(scene):
     assert (back.pattern_width, back.pattern_height, back.pattern_scale) == (16, 12, 1.01) and back.texture is None
     with pytest.raises(ValueError, match=r"need \(n, 3\)"):
         kuafu.Light(dots=np.zeros((4, 2)))
+
+
+def test_fog_can_be_set_and_taken_away(device, scene, renderer):
+    clear = renderer.render(scene, CAMERA, ["radiance"], band="visible", spp=4)["radiance"].mean()
+    scene.set_medium((2.0, 2.0, 2.0), bounds_m=((-9, -9, -9), (9, 9, 9)))
+    assert renderer.render(scene, CAMERA, ["radiance"], band="visible", spp=4)["radiance"].mean() < 0.1 * clear
+    scene.set_medium(None)
+    assert renderer.render(scene, CAMERA, ["radiance"], band="visible", spp=4)["radiance"].mean() == clear
+    with pytest.raises(ValueError, match="phase_g is 2"):
+        scene.set_medium((1, 1, 1), phase_g=2)
 
 
 def test_a_texture_can_be_set_again(scene):

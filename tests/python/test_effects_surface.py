@@ -54,7 +54,9 @@ def test_specular_is_the_renderers_own_gloss(device, roughness):
 
 def test_the_lobe_reflects_its_fresnel_share_where_it_is_smooth():
     cosines = np.array([1.0, 0.7, 0.3])
-    np.testing.assert_allclose(reflected_share(cosines, 0.1), 0.04 + 0.96 * (1 - cosines) ** 5, rtol=0.05)
+    inside = np.sqrt(1 - (1 - cosines**2) / 1.5**2)
+    across, along = (cosines - 1.5 * inside) / (cosines + 1.5 * inside), (1.5 * cosines - inside) / (1.5 * cosines + inside)
+    np.testing.assert_allclose(reflected_share(cosines, 0.1), (across**2 + along**2) / 2, rtol=0.05)
 
 
 def test_interreflection_of_minus_one_is_a_world_of_single_reflections():

@@ -21,6 +21,8 @@
 #include "ks/sync.h"
 #include "kuafu/camera.h"
 #include "kuafu/film.h"
+#include "kuafu/material.h"
+#include "kuafu/medium.h"
 #include "kuafu/output.h"
 
 #define KUAFU_VERSION_MAJOR 0
@@ -76,12 +78,10 @@ KUAFU_API void kuafu_buffer_release(kuafu_buffer buffer);
 
 /* ---- scene ----------------------------------------------------------------------------------------------------------------- */
 
-#define KUAFU_NONE 0xffffffffu             /* no texture, no mesh, ... */
 #define KUAFU_ALL_ENVIRONMENTS 0xffffffffu /* an instance or light that every environment of the batch sees */
 
 #define KUAFU_TYPE_MESH_DESC 0x1001u
 #define KUAFU_TYPE_TEXTURE_DESC 0x1002u
-#define KUAFU_TYPE_MATERIAL_DESC 0x1003u
 #define KUAFU_TYPE_INSTANCE_DESC 0x1004u
 #define KUAFU_TYPE_LIGHT_DESC 0x1005u
 #define KUAFU_TYPE_ENVIRONMENT_DESC 0x1007u
@@ -97,7 +97,8 @@ KUAFU_API void kuafu_scene_release(kuafu_scene scene);
 /* Appends a file: .gltf .glb (meshes, materials, textures, KHR_lights_punctual, cameras) or .obj .dae .stl .ply (meshes, materials).
  * root_to_world: row-major 4x4 put before every node, NULL = identity. Errors name the file and the field; the scene is then unchanged.
  * What the file has and the renderer ignores (spot lights, alpha modes, animations, ...) goes to the device's log as a warning. A point light's
- * candela are taken as W/sr one to one. */
+ * candela are taken as W/sr one to one. An .mtl gives Kd (and map_Kd), Ks, Ke, Ns, Ni, d, illum, Pr and Pm; a glTF material also what its extras say
+ * (kuafu_material_desc). */
 KUAFU_API ks_status kuafu_scene_load(kuafu_scene scene, const char* path, const double* root_to_world);
 
 typedef struct kuafu_scene_summary {
@@ -160,52 +161,6 @@ KUAFU_API ks_status kuafu_scene_add_texture(kuafu_scene scene, const kuafu_textu
  * change. Cost follows this texture's size, not the scene's (an environment map is also sorted by brightness again). */
 KUAFU_API ks_status kuafu_scene_set_texture(kuafu_scene scene, uint32_t id, const kuafu_texture_desc* desc);
 
-#define KUAFU_BSDF_GLTF 0u  /* glTF 2.0's: a dielectric's base lies under a reflecting layer */
-#define KUAFU_BSDF_PAPER 1u /* w f_diffuse + (1 - w) f_specular, w = (1 - metallic)(1 - transmission): no layer */
-
-/* glTF 2.0's material model: GGX (alpha = roughness squared), metallic-roughness, KHR_materials_ior/specular/transmission. */
-typedef struct kuafu_material_desc {
-  ks_header header;
-  const char* name;
-  float base_color[4];       /* linear RGB + alpha */
-  float metallic;            /* 0..1 */
-  float roughness;           /* 0..1 */
-  float specular;            /* 0..1; 0 with metallic 0 is exactly Lambertian */
-  float ior;                 /* >= 1 */
-  float transmission;        /* 0..1 */
-  float emission[3];         /* radiance, W/(sr m^2) in the visible band */
-  float ir_albedo;           /* diffuse albedo (or metal reflectance) in the infrared band; NAN = red of base colour */
-  float ir_emission;         /* radiance in the infrared band */
-  uint32_t base_color_texture; /* texture ids or KUAFU_NONE; each multiplies its factor */
-  uint32_t metallic_roughness_texture; /* G = roughness, B = metallic */
-  uint32_t normal_texture;
-  uint32_t emission_texture;
-  uint32_t transmission_texture; /* R */
-  uint32_t specular_texture;     /* A */
-  float transmission_roughness;  /* of the glass, 0..1; 0 = clear. Files give it their roughness */
-  float diffuse_roughness;       /* 0..1: Oren and Nayar's, in Fujii's form; 0 = Lambert */
-  float attenuation_color[3];    /* of white light after attenuation_distance_m inside the glass (KHR_materials_volume) */
-  float ir_attenuation_color;    /* NAN = red */
-  float attenuation_distance_m;  /* 0 = nothing is absorbed */
-  uint32_t bsdf;                 /* KUAFU_BSDF_* */
-  uint32_t light_group;          /* that its emission belongs to, 0..3 */
-  uint32_t reserved;
-} kuafu_material_desc;
-static inline kuafu_material_desc kuafu_material_desc_init(void) {
-  kuafu_material_desc m;
-  memset(&m, 0, sizeof m);
-  m.header = ks_header_make(KUAFU_TYPE_MATERIAL_DESC, (uint32_t)sizeof m);
-  m.base_color[0] = m.base_color[1] = m.base_color[2] = m.base_color[3] = 1.0f;
-  m.roughness = 1.0f;
-  m.specular = 1.0f;
-  m.ior = 1.5f;
-  m.ir_albedo = NAN;
-  m.base_color_texture = m.metallic_roughness_texture = m.normal_texture = KUAFU_NONE;
-  m.emission_texture = m.transmission_texture = m.specular_texture = KUAFU_NONE;
-  m.attenuation_color[0] = m.attenuation_color[1] = m.attenuation_color[2] = 1.0f;
-  m.ir_attenuation_color = NAN;
-  return m;
-}
 KUAFU_API ks_status kuafu_scene_add_material(kuafu_scene scene, const kuafu_material_desc* desc, uint32_t* id);
 KUAFU_API ks_status kuafu_scene_set_material(kuafu_scene scene, uint32_t id, const kuafu_material_desc* desc);
 KUAFU_API ks_status kuafu_scene_get_material(kuafu_scene scene, uint32_t id, kuafu_material_desc* out);
@@ -324,6 +279,9 @@ static inline kuafu_environment_desc kuafu_environment_desc_init(void) {
 }
 KUAFU_API ks_status kuafu_scene_set_environment(kuafu_scene scene, const kuafu_environment_desc* desc);
 
+/* desc NULL: none, as at the start. */
+KUAFU_API ks_status kuafu_scene_set_medium(kuafu_scene scene, const kuafu_medium_desc* desc);
+
 /* index < camera_count of the summary, in the order of the file's nodes. camera_to_world has our axes, not the file's. A camera of a file has no pixels:
  * width and height are 0 and k is for an image of height 1 whose origin is its top left corner, so 2 k[2] is the aspect ratio (1 where the file has none).
  * For H rows: fx = H k[0], cx = H k[2] - 0.5, fy = H k[4], cy = H k[5] - 0.5 (pixel centres at integers), and W = 2 H k[2]. */
@@ -384,7 +342,7 @@ typedef struct kuafu_render_desc {
   uint32_t view_count;
   uint32_t output_count;
   uint32_t samples_per_pixel;        /* >= 1 */
-  uint32_t max_bounces;              /* surface interactions after the first; 0 = direct light only */
+  uint32_t max_bounces;              /* surface interactions (and scatterings of a medium) after the first; 0 = direct light only */
   uint64_t seed;
   uint32_t first_sample;             /* continue a sequence: samples first_sample .. first_sample + samples_per_pixel - 1 */
   float ir_ambient_scale;            /* what visible lights give in the infrared where they do not say (the paper's a = 0.05) */

@@ -1,7 +1,9 @@
-// glTF 2.0's material as one BSDF in the shading frame (z on the viewer's side): Lambert base, GGX lobe of coat and metal, smooth glass.
-// The base keeps what the coat does not reflect, min(1 - E(wo), 1 - E(wi)) with the coat's directional albedo E: reciprocal, creates no energy, and
-// equals glTF's (1 - F) away from grazing angles. A glass share (transmission) has exact Fresnel and a roughness of its own (Walter et al. 2007).
-// Light that meets several microfacets comes back as one more diffuse lobe (Kulla and Conty, "Revisiting Physically Based Shading at Imageworks", 2017).
+// glTF 2.0's material as one BSDF in the shading frame (z on the viewer's side): diffuse base, GGX lobes of layer and metal, glass.
+// A dielectric's layer reflects as Fresnel says of its index, times specular. Its base gets and gives what the layer lets through,
+// (1 - E(wo)) (1 - E(wi)) / (1 - mean of E) with the layer's directional albedo E: reciprocal, and a white base loses nothing (Kelemen and
+// Szirmay-Kalos, "A Microfacet Based Coupled Specular-Matte BRDF Model", 2001). Both sides of a surface wear the layer. A glass share
+// (transmission) has Fresnel's reflectance from its side and a roughness of its own (Walter et al. 2007). Light that meets several
+// microfacets comes back as one more diffuse lobe (Kulla and Conty, "Revisiting Physically Based Shading at Imageworks", 2017).
 #ifndef KUAFU_BSDF_GLSL
 #define KUAFU_BSDF_GLSL
 #include "lib/material.glsl"
@@ -11,15 +13,20 @@ const float mirror_alpha = 1e-3f;  // below: a mirror
 
 struct Bsdf {
   Spectrum diffuse;             // albedo of the base
-  Spectrum f0;                  // of the whole GGX lobe
-  float f90;
-  float coat_f0, coat_f90;      // of the dielectric coat alone, which dims the base
+  Spectrum metal;               // reflectance at normal incidence, and
+  float metallic;               // at grazing (Schlick's Fresnel)
+  float layer;                  // share of the dielectric layer
+  float coat, coat_eta;         // the layer over the base: weight, and 1 / index
+  uint layer_row;               // its albedos: first row of the table, and the way to the next ones
+  float layer_roughness_part, layer_index_part;
   float coat_albedo;            // towards the viewer
+  vec2 lobe_albedo;             // metal's split sum, towards the viewer
+  float base_scale;             // 1 / (1 - mean of the coat's albedo)
   float roughness, alpha;
   Spectrum multiple;            // of light that met several facets: share of 1 - E that comes back
-  float coat_multiple;
   float multiple_scale;         // 1 / (1 - mean of E)
   float diffuse_roughness;
+  float subsurface;             // share that goes below the surface
   float glass;                  // share of glass
   float glass_alpha;
   float eta;                    // n_viewer / n_other
@@ -34,7 +41,7 @@ struct BsdfSample {
   bool delta, transmitted;
 };
 
-// Split-sum terms of the GGX lobe's directional albedo: E = f0 x + f90 y (material/specular_albedo.h).
+// Split-sum terms of a metal's directional albedo: E = f0 x + f90 y (material/specular_albedo.h).
 vec2 lobe_albedo(Vec2Array table, float cosine, float roughness) {
   vec2 p = clamp(vec2(cosine, roughness), 0.0f, 1.0f) * float(specular_albedo_size - 1u);
   uvec2 i = min(uvec2(p), uvec2(specular_albedo_size - 2u));
@@ -43,11 +50,32 @@ vec2 lobe_albedo(Vec2Array table, float cosine, float roughness) {
   return mix(mix(table.at[row], table.at[row + 1u], f.x), mix(table.at[next], table.at[next + 1u], f.x), f.y);
 }
 
-float coat_albedo(Bsdf b, Vec2Array table, float cosine) {
-  if (b.coat_f90 == 0.0f) return 0.0f;
-  vec2 e = lobe_albedo(table, cosine, b.roughness);
-  return dot(e, vec2(b.coat_f0, b.coat_f90)) + (1.0f - e.x - e.y) * b.coat_multiple;
+/// Where the layer's albedos of an index and a roughness lie in the table.
+void find_layer(INOUT(Bsdf) b, float ior) {
+  float last = float(layer_albedo_size - 1u), i = min((ior - 1.0f) / (ior + 1.0f), 1.0f) * last, r = clamp(b.roughness, 0.0f, 1.0f) * last;
+  uint index = min(uint(i), layer_albedo_size - 2u), row = min(uint(r), layer_albedo_size - 2u);
+  b.layer_row = layer_albedo_first + (index * layer_albedo_size + row) * specular_albedo_size;
+  b.layer_roughness_part = r - float(row);
+  b.layer_index_part = i - float(index);
 }
+
+/// Entry `c` of the layer's rows: albedos at two neighbouring cosines, or the mean.
+vec2 layer_entry(Bsdf b, Vec2Array table, uint c) {
+  uint row = b.layer_row + c, next = row + layer_albedo_size * specular_albedo_size;
+  vec2 e = mix(table.at[row], table.at[row + specular_albedo_size], b.layer_roughness_part);
+  if (b.layer_index_part == 0.0f) return e;
+  return mix(e, mix(table.at[next], table.at[next + specular_albedo_size], b.layer_roughness_part), b.layer_index_part);
+}
+
+/// Share of light that the layer reflects, single and multiple scattering.
+float layer_albedo(Bsdf b, Vec2Array table, float cosine) {
+  float p = clamp(cosine, 0.0f, 1.0f) * float(specular_albedo_size - 1u);
+  uint c = min(uint(p), specular_albedo_size - 2u);
+  vec2 e = layer_entry(b, table, c);
+  return mix(e.x, e.y, p - float(c));
+}
+
+float coat_albedo(Bsdf b, Vec2Array table, float cosine) { return b.coat == 0.0f ? 0.0f : b.coat * layer_albedo(b, table, cosine); }
 
 /// Mean over the hemisphere, weighted by the cosine, of the albedo of a lobe without loss at the facets.
 float lobe_mean(Vec2Array table, float roughness) {
@@ -56,36 +84,51 @@ float lobe_mean(Vec2Array table, float roughness) {
   return mix(table.at[first + i].x, table.at[first + i + 1u].x, p - float(i));
 }
 
-// F_avg^2 E / (1 - F_avg (1 - E)), with the mean of Schlick's Fresnel over the hemisphere.
-Spectrum multiple_share(Spectrum f0, float f90, float mean) {
-  Spectrum average = f0 + (Spectrum(f90) - f0) * (1.0f / 21.0f);
-  return average * average * mean / (Spectrum(1.0f) - average * (1.0f - mean));
-}
+// F_avg^2 E / (1 - F_avg (1 - E))
+Spectrum multiple_share(Spectrum average, float mean) { return average * average * mean / (Spectrum(1.0f) - average * (1.0f - mean)); }
 
 bool is_mirror(Bsdf b) { return b.alpha < mirror_alpha; }
+bool has_lobe(Bsdf b) { return b.metallic + b.layer > 0.0f; }
 bool is_rough_glass(Bsdf b) { return (features & feature_materials) != 0u && b.glass > 0.0f && b.glass_alpha >= mirror_alpha; }
+
+/// What several facets scatter. Means of Fresnel's reflectance: Schlick's exactly, the layer's by Kulla and Conty's fit.
+void set_multiple(INOUT(Bsdf) b, MaterialPoint m, Vec2Array table) {
+  float mean = lobe_mean(table, b.roughness), layer_mean = (m.ior - 1.0f) / (4.08567f + 1.00071f * m.ior);
+  b.multiple = multiple_share(m.base + (Spectrum(1.0f) - m.base) * (1.0f / 21.0f), mean) * b.metallic;
+  b.multiple += Spectrum(b.layer * (layer_mean * layer_mean * mean / (1.0f - layer_mean * (1.0f - mean))));
+  b.multiple_scale = 1.0f / max(1.0f - mean, 1e-4f);
+}
 
 Bsdf make_bsdf(MaterialPoint m, Vec2Array table, float cos_o, bool front) {
   Bsdf b;
   float dielectric = (1.0f - m.metallic) * (1.0f - m.transmission);
-  float r = (m.ior - 1.0f) / (m.ior + 1.0f);
   b.diffuse = m.base * dielectric;
-  b.coat_f0 = r * r * m.coat;
-  b.coat_f90 = m.coat;
-  b.f0 = Spectrum(b.coat_f0 * dielectric) + m.base * m.metallic;
-  b.f90 = b.coat_f90 * dielectric + m.metallic;
+  b.subsurface = 0.0f;
+  if ((features & feature_subsurface) != 0u && front) {
+    b.subsurface = m.subsurface * dielectric;
+    b.diffuse *= 1.0f - m.subsurface;
+  }
+  b.metallic = m.metallic;
+  b.metal = m.base * m.metallic;
+  b.coat = m.ior > 1.0f ? m.coat : 0.0f;
+  b.layer = b.coat * dielectric;
+  b.coat_eta = 1.0f / m.ior;
   b.roughness = m.roughness;
   b.alpha = m.roughness * m.roughness;
   b.multiple = Spectrum(0.0f);
-  b.coat_multiple = 0.0f;
   b.multiple_scale = 0.0f;
-  if (b.f90 > 0.0f && !is_mirror(b)) {
-    float mean = lobe_mean(table, b.roughness);
-    b.multiple = multiple_share(b.f0, b.f90, mean);
-    b.coat_multiple = channel_of(multiple_share(Spectrum(b.coat_f0), b.coat_f90, mean), 0u);
-    b.multiple_scale = 1.0f / max(1.0f - mean, 1e-4f);
+  b.lobe_albedo = vec2(0.0f);
+  if (has_lobe(b)) {
+    b.lobe_albedo = lobe_albedo(table, cos_o, b.roughness);
+    if (!is_mirror(b)) set_multiple(b, m, table);
   }
-  b.coat_albedo = coat_albedo(b, table, cos_o);
+  b.coat_albedo = 0.0f;
+  b.base_scale = 1.0f;
+  if (b.layer > 0.0f) {
+    find_layer(b, m.ior);
+    b.coat_albedo = coat_albedo(b, table, cos_o);
+    b.base_scale = 1.0f / (1.0f - b.coat * min(layer_entry(b, table, specular_albedo_size - 1u).x, 0.9999f));
+  }
   if ((features & feature_materials) != 0u) {
     b.diffuse_roughness = m.diffuse_roughness;
     b.glass_alpha = m.transmission_roughness * m.transmission_roughness;
@@ -98,17 +141,26 @@ Bsdf make_bsdf(MaterialPoint m, Vec2Array table, float cos_o, bool front) {
 }
 
 /// Has a part that light from a point can be scattered by.
-bool takes_light(Bsdf b) { return max_component(b.diffuse) > 0.0f || (b.f90 > 0.0f && !is_mirror(b)) || is_rough_glass(b); }
+bool takes_light(Bsdf b) { return max_component(b.diffuse) > 0.0f || (has_lobe(b) && !is_mirror(b)) || is_rough_glass(b); }
 
-/// Chances of taking the base and what several facets scatter, the GGX lobe and the glass.
-vec3 lobe_chances(Bsdf b, Vec2Array table, float cos_o) {
+/// Fresnel's reflectance of layer and metal where light meets a facet at this cosine.
+Spectrum lobe_fresnel(Bsdf b, float cosine) {
+  Spectrum f = b.metal + (Spectrum(b.metallic) - b.metal) * schlick_weight(cosine);
+  float cos_t;
+  if (b.layer > 0.0f) f += Spectrum(b.layer * fresnel_dielectric(min(cosine, 1.0f), b.coat_eta, cos_t));
+  return f;
+}
+
+/// Chances of taking the base and what several facets scatter, the GGX lobe and the glass; the rest goes below the surface.
+vec3 lobe_chances(Bsdf b) {
   vec3 w = vec3(max_component(b.diffuse) * (1.0f - b.coat_albedo), 0.0f, b.glass);
-  if (b.f90 > 0.0f) {
-    vec2 e = lobe_albedo(table, cos_o, b.roughness);
-    w.y = dot(e, vec2(max_component(b.f0), b.f90));
-    w.x += max_component(b.multiple) * max(1.0f - e.x - e.y, 0.0f);
+  if (has_lobe(b)) {
+    w.y = dot(b.lobe_albedo, vec2(max_component(b.metal), b.metallic));
+    if (b.layer > 0.0f) w.y += b.layer / b.coat * b.coat_albedo;
+    w.x += max_component(b.multiple) * max(1.0f - b.lobe_albedo.x - b.lobe_albedo.y, 0.0f);
   }
   float sum = w.x + w.y + w.z;
+  if ((features & feature_subsurface) != 0u) sum += b.subsurface * (1.0f - b.coat_albedo);
   return sum > 0.0f ? w / sum : vec3(0.0f);
 }
 
@@ -151,16 +203,15 @@ Spectrum bsdf_evaluate(Bsdf b, Vec2Array table, vec3 wo, vec3 wi, vec3 chances, 
   if (wi.z <= 0.0f) return f;
   pdf += chances.x * wi.z / pi;
   if (max_component(b.diffuse) > 0.0f) {
-    float dimming = 1.0f - max(b.coat_albedo, coat_albedo(b, table, wi.z));
-    f += b.diffuse * (dimming * wi.z * diffuse_shape(b.diffuse_roughness, wo, wi));
+    float through = 1.0f;
+    if (b.layer > 0.0f) through = (1.0f - b.coat_albedo) * (1.0f - coat_albedo(b, table, wi.z)) * b.base_scale;
+    f += b.diffuse * (through * wi.z * diffuse_shape(b.diffuse_roughness, wo, wi));
   }
-  if (b.f90 > 0.0f && !is_mirror(b)) {
+  if (has_lobe(b) && !is_mirror(b)) {
     vec3 h = normalize(wo + wi);
-    float schlick = schlick_weight(dot(wo, h));
-    Spectrum fresnel = b.f0 + (Spectrum(b.f90) - b.f0) * schlick;
-    f += fresnel * (ggx_distribution(h, b.alpha) * ggx_visibility(wo.z, wi.z, b.alpha) * wi.z);
-    vec2 e_o = lobe_albedo(table, wo.z, b.roughness), e_i = lobe_albedo(table, wi.z, b.roughness);
-    f += b.multiple * (max(1.0f - e_o.x - e_o.y, 0.0f) * max(1.0f - e_i.x - e_i.y, 0.0f) * b.multiple_scale * wi.z / pi);
+    f += lobe_fresnel(b, dot(wo, h)) * (ggx_distribution(h, b.alpha) * ggx_visibility(wo.z, wi.z, b.alpha) * wi.z);
+    vec2 e_i = lobe_albedo(table, wi.z, b.roughness);
+    f += b.multiple * (max(1.0f - b.lobe_albedo.x - b.lobe_albedo.y, 0.0f) * max(1.0f - e_i.x - e_i.y, 0.0f) * b.multiple_scale * wi.z / pi);
     pdf += chances.y * ggx_reflection_pdf(wo, h, b.alpha);
   }
   return f;
@@ -216,7 +267,7 @@ BsdfSample bsdf_sample(Bsdf b, Vec2Array table, vec3 wo, vec3 chances, vec2 u, f
   bool lobe = choice < chances.z + chances.y;
   if (lobe && is_mirror(b)) {
     s.direction = vec3(-xy(wo), wo.z);
-    s.weight = (b.f0 + (Spectrum(b.f90) - b.f0) * schlick_weight(wo.z)) / chances.y;
+    s.weight = lobe_fresnel(b, wo.z) / chances.y;
     s.delta = true;
     return s;
   }

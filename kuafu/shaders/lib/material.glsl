@@ -13,6 +13,7 @@ struct MaterialPoint {
   float coat;         // specular of the layer over the base
   Spectrum attenuation;  // inside, 1/m
   float transmission_roughness, diffuse_roughness;
+  float subsurface;  // share of the diffuse base
 };
 
 vec4 material_texel(SceneAddresses scene, uint texture, vec2 uv) {
@@ -43,6 +44,7 @@ MaterialPoint load_material(SceneAddresses scene, MaterialRecord m, INOUT(Surfac
   p.transmission = m.transmission;
   p.coat = m.specular * m.coat;
   p.transmission_roughness = 0.0f;
+  if ((features & feature_subsurface) != 0u) p.subsurface = m.subsurface;
   if ((features & feature_materials) != 0u) {
     p.attenuation = band_of(m.attenuation, m.ir_attenuation);
     p.transmission_roughness = m.transmission_roughness;
@@ -59,6 +61,7 @@ MaterialPoint load_material(SceneAddresses scene, MaterialRecord m, INOUT(Surfac
   p.transmission *= material_texel(scene, m.transmission_texture, s.uv).r;
   p.specular *= material_texel(scene, m.specular_texture, s.uv).a;
   p.coat = p.specular * m.coat;
+  p.ior = 1.0f + (p.ior - 1.0f) * material_texel(scene, m.ior_texture, s.uv).r;
   apply_normal_map(scene, m.normal_texture, s);
   return p;
 }

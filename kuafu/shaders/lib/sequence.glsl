@@ -48,6 +48,9 @@ uint pair_choice(uint bounce) { return 2u + 3u * bounce; }  // x: lobe, y: Russi
 uint pair_light(uint bounce) { return 3u + 3u * bounce; }
 const uint pair_lens = 0x8000u;  // of the camera; beyond the pairs of all bounces
 const uint pair_time = 0x8001u;  // x: moment of the exposure
+/// Where a medium scatters, and whether the path goes on from there; beyond the points on lights.
+uint pair_flight(uint bounce) { return 0x40000u + 2u * bounce; }
+uint pair_fog_or_surface(uint bounce) { return 0x40001u + 2u * bounce; }
 /// The point on the k-th light that a vertex asks; beyond all other pairs.
 uint pair_light_point(uint bounce, uint k) { return 0x10000u + 0x100u * bounce + k; }
 #endif

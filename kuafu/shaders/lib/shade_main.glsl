@@ -9,12 +9,12 @@ void main() {
   uint i = gl_GlobalInvocationID.x, block = push.bounce * counter_words, end;
   bool live = i < push.counters.at[block + counter_ray_count];
   Shading shading;
-  shading.hit = false;
+  shading.hit = shading.fog.found = shading.walk.inside = false;
   if (live) shading = begin_shading(i);
   for (uint k = 0u; k < push.shadow_rays_per_vertex; ++k) {
     ShadowRequest request;
     request.wanted = false;
-    if (shading.hit && takes_light(shading.vertex.bsdf)) request = ask_light(shading, k);
+    if (live && asks_light(shading, k)) request = ask_light(shading, k);
     uint place = append(request.wanted, push.counters, block + counter_shadow_count, end);
     if (end > 0u && gl_LocalInvocationIndex == 0u) {
       cover(push.counters, block + counter_shadow_arguments, end, trace_group_size);
@@ -25,7 +25,7 @@ void main() {
   }
   NextRequest next;
   next.wanted = false;
-  if (goes_on(shading)) next = scatter(shading);
+  if (live && goes_on(shading)) next = scatter(shading);
   block += counter_words;
   uint place = append(next.wanted, push.counters, block + counter_ray_count, end);
   if (end > 0u && gl_LocalInvocationIndex == 0u) {

@@ -3,5 +3,6 @@
 #include "lib/frame.glsl"
 #include "lib/light.glsl"
 #include "lib/light_shape.glsl"
+#include "lib/medium.glsl"
 #include "lib/queue.glsl"
 #include "lib/sequence.glsl"

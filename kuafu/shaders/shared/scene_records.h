@@ -29,6 +29,7 @@ struct InstanceRecord {
 };
 KUAFU_ARRAY(InstanceArray, InstanceRecord, 8)
 
+/// Roughness, index and transmission are those of the band being rendered.
 struct MaterialRecord {
   vec3 base_color;
   float metallic, roughness, specular, ior, transmission;
@@ -37,11 +38,14 @@ struct MaterialRecord {
   uint id;        // scene id, or none for the grey default
   uint textured;  // nonzero: any of the textures below
   uint base_color_texture, ir_albedo_texture, metallic_roughness_texture, normal_texture;
-  uint emission_texture, transmission_texture, specular_texture;
+  uint emission_texture, transmission_texture, specular_texture, ior_texture;
   vec3 attenuation;  // inside, 1/m
   float ir_attenuation, transmission_roughness, diffuse_roughness;
   float coat;  // 1, or 0: no dielectric layer (KUAFU_BSDF_PAPER)
   uint light_group;
+  float subsurface;
+  vec3 subsurface_albedo, subsurface_extinction;  // of one scattering, and 1/m
+  float ir_subsurface_albedo, ir_subsurface_extinction;
 };
 KUAFU_ARRAY(MaterialArray, MaterialRecord, 4)
 
@@ -107,7 +111,19 @@ struct EnvironmentRecord {
 };
 KUAFU_ARRAY(EnvironmentArray, EnvironmentRecord, 4)
 
-KUAFU_CONST specular_albedo_size = 32u;  // cosines and roughnesses of the table, which means over the hemisphere follow
+KUAFU_CONST specular_albedo_size = 32u;  // cosines and roughnesses of metal's table, which means over the hemisphere follow
+KUAFU_CONST layer_albedo_size = 16u;     // indices and roughnesses of the layer's
+KUAFU_CONST layer_albedo_first = 32u * 33u;
+KUAFU_CONST specular_albedo_entries = 32u * 33u + 16u * 16u * 32u;
+
+/// In the band being rendered, the infrared in x.
+struct MediumRecord {
+  vec3 extinction;  // 1/m
+  vec3 albedo;      // share of it that is scattered
+  float phase_g;
+  vec3 bounds_min, bounds_max;  // world, metres
+};
+KUAFU_ARRAY(MediumArray, MediumRecord, 4)
 
 struct SceneAddresses {
   InstanceArray instances;
@@ -116,21 +132,23 @@ struct SceneAddresses {
   TextureArray textures;
   LightArray lights;
   EnvironmentArray environments;
-  Vec2Array specular_albedo;  // [roughness][cosine]
+  Vec2Array specular_albedo;  // material/specular_albedo.h
   LightShapeArray light_shapes;  // as lights
   FloatArray light_cumulative;
   UintArray light_triangles;  // instance and primitive
+  MediumArray medium;         // one, where there is one
 };
 KUAFU_ARRAY(SceneReference, SceneAddresses, 8)
 
 #ifdef __cplusplus
 static_assert(sizeof(InstanceRecord) == 144);
-static_assert(sizeof(MaterialRecord) == 120);
+static_assert(sizeof(MaterialRecord) == 160);
 static_assert(sizeof(TextureRecord) == 24);
 static_assert(sizeof(LightRecord) == 104);
 static_assert(sizeof(LightShape) == 152);
 static_assert(sizeof(EnvironmentRecord) == 36);
-static_assert(sizeof(SceneAddresses) == 80);
+static_assert(sizeof(MediumRecord) == 52);
+static_assert(sizeof(SceneAddresses) == 88);
 }  // namespace kuafu
 #endif
 #endif

@@ -22,8 +22,13 @@ KUAFU_CONST state_pixel_key = 0u;   // hash of seed, view and pixel
 KUAFU_CONST state_sample = 1u;      // index in the pixel's sample sequence
 KUAFU_CONST state_flags = 2u;       // environment, and path_* bits
 KUAFU_CONST state_pdf = 3u;         // of the direction that the path came by, per solid angle; 0: by a mirror, or it is the camera's
-KUAFU_CONST state_throughput = 4u;  // `channels` planes; then groups * channels of radiance; then one per shadow ray of a vertex
-KUAFU_CONST path_environment_mask = 0x00ffffffu;
+KUAFU_CONST state_body = 4u;        // 1 + material of the glass that the path entered; 0: none, or it began in one
+KUAFU_CONST state_throughput = 5u;  // `channels` planes; then groups * channels of radiance; then one per shadow ray of a vertex
+KUAFU_CONST path_environment_mask = 0x000fffffu;
+KUAFU_CONST path_walk_shift = 20u;  // how often the path's ray went on inside of bodies (subsurface), which are no bounces
+KUAFU_CONST path_walk_mask = 0xffu;
+KUAFU_CONST walk_limit = 128u;            // then it flies straight out
+KUAFU_CONST path_inside = 0x20000000u;    // the ray runs inside a body
 KUAFU_CONST path_after_first = 0x40000000u;  // the path's last rough surface is the first that the camera sees
 KUAFU_CONST path_all_delta = 0x80000000u;  // only mirrors and smooth glass between this ray and the camera
 KUAFU_FN state_radiance(uint channels) { return state_throughput + channels; }
@@ -119,11 +124,15 @@ KUAFU_CONST feature_lights = 1u;  // lights with an extent or a profile (LightSh
 KUAFU_CONST feature_camera = 0x80000000u;  // of `generate` and `aov`: generate_camera may be there
 KUAFU_CONST feature_materials = 2u;  // rough transmission, absorption inside, rough diffuse
 
+KUAFU_CONST feature_medium = 0x100u;  // a participating medium
+KUAFU_CONST feature_subsurface = 0x200u;  // light that wanders below surfaces
+
 KUAFU_CONST shade_environments = 1u;    // rays carry an environment
 KUAFU_CONST shade_ambient = 2u;         // there is light that only BSDF rays find: environment or emission
 KUAFU_CONST shade_select_lights = 4u;   // too many lights: take one by power
 KUAFU_CONST shade_lights_only = 16u;    // light with an extent is found by light samples alone, or
 KUAFU_CONST shade_bsdf_only = 32u;      // by BSDF samples alone; else by both, weighted
+KUAFU_CONST shade_medium = 64u;         // there is a medium; half of a vertex' shadow rays are those of its scattering
 KUAFU_CONST shade_glass_shadows = 8u;   // shadow rays pass smooth glass: they stand in a closest queue, and `transmit` follows them
 
 struct ShadePush {
@@ -158,6 +167,7 @@ struct TransmitPush {
   uint block_in, block_out;  // of counters
   uint has_environments;
   uint last;  // nonzero: whatever stands in the way blocks
+  uint has_medium, reserved;
 };
 
 struct AccumulatePush {
@@ -203,7 +213,7 @@ static_assert(sizeof(OutputRecord) == 32);
 static_assert(sizeof(GeneratePush) == 96);
 static_assert(sizeof(ShadePush) == 104);
 static_assert(sizeof(ResolvePush) == 72);
-static_assert(sizeof(TransmitPush) == 80);
+static_assert(sizeof(TransmitPush) == 88);
 static_assert(sizeof(AccumulatePush) == 80);
 static_assert(sizeof(AovPush) == 120);
 static_assert(sizeof(WritePush) == 64);

@@ -8,6 +8,16 @@ struct Onward {
 
 uint shadow_field(uint i, uint field) { return push.rays_in.at[closest_word(i, field, push.capacity)]; }
 
+/// `shade` took the medium to fill the whole way; what of it lies in a body does not dim.
+Spectrum inside_instead_of_fog(uint i) {
+  if (push.has_medium == 0u) return Spectrum(1.0f);
+  vec3 origin = vec3(uintBitsToFloat(shadow_field(i, ray_origin)), uintBitsToFloat(shadow_field(i, ray_origin + 1u)),
+                     uintBitsToFloat(shadow_field(i, ray_origin + 2u)));
+  Spectrum dimmed = medium_transmittance(push.scene.at[0].medium.at[0], origin, load_direction(push.rays_in, i, push.capacity),
+                                         uintBitsToFloat(shadow_field(i, ray_t_far)));
+  return Spectrum(1.0f) / max(dimmed, Spectrum(1e-30f));
+}
+
 /// What the surface at ray i lets through, straight; `onward` gets the ray's next origin.
 Spectrum pass_surface(uint i, INOUT(Onward) onward) {
   SceneAddresses scene = push.scene.at[0];
@@ -18,6 +28,8 @@ Spectrum pass_surface(uint i, INOUT(Onward) onward) {
   onward.ray.origin = offset_origin(s.position, s.coordinate_size, front ? -s.geometric_normal : s.geometric_normal);
   Spectrum transmittance = straight_transmittance(m, abs(dot(s.shading_normal, onward.ray.direction)));
   if ((features & feature_materials) != 0u && !front) transmittance *= band_exp(m.attenuation * -uintBitsToFloat(shadow_field(i, ray_t_far)));
+  if ((features & feature_medium) != 0u && !front && m.transmission > 0.0f && max_component(transmittance) > 0.0f)
+    transmittance *= inside_instead_of_fog(i);
   return transmittance;
 }
 

@@ -99,6 +99,17 @@ Material to_material(const kuafu_material_desc& desc) {
   for (int i = 0; i < 3; ++i) m.attenuation_color[i] = desc.attenuation_color[i];
   m.bsdf = static_cast<Material::Bsdf>(desc.bsdf);
   m.light_group = desc.light_group;
+  m.ior_texture = desc.ior_texture;
+  m.ir_albedo_texture = desc.ir_albedo_texture;
+  m.ir_roughness = desc.ir_roughness;
+  m.ir_ior = desc.ir_ior;
+  m.ir_transmission = desc.ir_transmission;
+  m.ir_transmission_roughness = desc.ir_transmission_roughness;
+  m.subsurface = desc.subsurface;
+  for (int i = 0; i < 3; ++i) m.subsurface_color[i] = desc.subsurface_color[i];
+  for (int i = 0; i < 3; ++i) m.subsurface_radius_m[i] = desc.subsurface_radius_m[i];
+  m.ir_subsurface_color = desc.ir_subsurface_color;
+  m.ir_subsurface_radius_m = desc.ir_subsurface_radius_m;
   return m;
 }
 
@@ -147,6 +158,20 @@ Environment to_environment(const kuafu_environment_desc& desc) {
   return environment;
 }
 
+Medium to_medium(const kuafu_medium_desc& desc) {
+  Medium medium;
+  for (int i = 0; i < 3; ++i) {
+    medium.extinction_per_m[i] = desc.extinction_per_m[i];
+    medium.albedo[i] = desc.albedo[i];
+    medium.bounds_min_m[i] = desc.bounds_min_m[i];
+    medium.bounds_max_m[i] = desc.bounds_max_m[i];
+  }
+  medium.ir_extinction_per_m = desc.ir_extinction_per_m;
+  medium.ir_albedo = desc.ir_albedo;
+  medium.phase_g = desc.phase_g;
+  return medium;
+}
+
 Camera to_camera(const kuafu_camera_desc& desc) {
   Camera camera;
   camera.width = desc.width;
@@ -189,6 +214,17 @@ kuafu_material_desc to_desc(const Material& m) {
   for (int i = 0; i < 3; ++i) desc.attenuation_color[i] = m.attenuation_color[i];
   desc.bsdf = static_cast<uint32_t>(m.bsdf);
   desc.light_group = m.light_group;
+  desc.ior_texture = m.ior_texture;
+  desc.ir_albedo_texture = m.ir_albedo_texture;
+  desc.ir_roughness = m.ir_roughness;
+  desc.ir_ior = m.ir_ior;
+  desc.ir_transmission = m.ir_transmission;
+  desc.ir_transmission_roughness = m.ir_transmission_roughness;
+  desc.subsurface = m.subsurface;
+  for (int i = 0; i < 3; ++i) desc.subsurface_color[i] = m.subsurface_color[i];
+  for (int i = 0; i < 3; ++i) desc.subsurface_radius_m[i] = m.subsurface_radius_m[i];
+  desc.ir_subsurface_color = m.ir_subsurface_color;
+  desc.ir_subsurface_radius_m = m.ir_subsurface_radius_m;
   return desc;
 }
 

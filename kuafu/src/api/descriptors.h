@@ -14,6 +14,7 @@ Material to_material(const kuafu_material_desc& desc);
 Instance to_instance(const kuafu_instance_desc& desc);
 Light to_light(const kuafu_light_desc& desc);
 Environment to_environment(const kuafu_environment_desc& desc);
+Medium to_medium(const kuafu_medium_desc& desc);
 Camera to_camera(const kuafu_camera_desc& desc);
 
 /// `name` points into the argument.

@@ -63,6 +63,10 @@ kuafu_scene_summary summarise(const kuafu::Scene& scene) {
   return s;
 }
 
+kuafu::Material to_material(const kuafu_material_desc* desc) {
+  return kuafu::to_material(ks::read_struct(desc, KUAFU_TYPE_MATERIAL_DESC, "material desc", kuafu_material_desc_init()));
+}
+
 kuafu::Light to_light(const kuafu_light_desc* desc) {
   return kuafu::to_light(ks::read_struct(desc, KUAFU_TYPE_LIGHT_DESC, "light desc", kuafu_light_desc_init(0)));
 }
@@ -124,13 +128,12 @@ ks_status kuafu_scene_set_texture(kuafu_scene scene, uint32_t id, const kuafu_te
 ks_status kuafu_scene_add_material(kuafu_scene scene, const kuafu_material_desc* desc, uint32_t* id) {
   return ks::guard([&] {
     required(id, "id") = KUAFU_NONE;
-    *id = scene_of(scene).add_material(kuafu::to_material(ks::read_struct(desc, KUAFU_TYPE_MATERIAL_DESC, "material desc")));
+    *id = scene_of(scene).add_material(to_material(desc));
   });
 }
 
 ks_status kuafu_scene_set_material(kuafu_scene scene, uint32_t id, const kuafu_material_desc* desc) {
-  return ks::guard(
-      [&] { scene_of(scene).set_material(id, kuafu::to_material(ks::read_struct(desc, KUAFU_TYPE_MATERIAL_DESC, "material desc"))); });
+  return ks::guard([&] { scene_of(scene).set_material(id, to_material(desc)); });
 }
 
 ks_status kuafu_scene_get_material(kuafu_scene scene, uint32_t id, kuafu_material_desc* out) {
@@ -213,6 +216,13 @@ ks_status kuafu_scene_set_environment(kuafu_scene scene, const kuafu_environment
   return ks::guard([&] {
     scene_of(scene).set_environment(
         kuafu::to_environment(ks::read_struct(desc, KUAFU_TYPE_ENVIRONMENT_DESC, "environment desc", kuafu_environment_desc_init())));
+  });
+}
+
+ks_status kuafu_scene_set_medium(kuafu_scene scene, const kuafu_medium_desc* desc) {
+  return ks::guard([&] {
+    if (desc == nullptr) return scene_of(scene).set_medium(std::nullopt);
+    scene_of(scene).set_medium(kuafu::to_medium(ks::read_struct(desc, KUAFU_TYPE_MEDIUM_DESC, "medium desc", kuafu_medium_desc_init())));
   });
 }
 

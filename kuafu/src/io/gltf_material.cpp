@@ -67,12 +67,37 @@ Material GltfMaterials::read(const tinygltf::Material& from, const std::string& 
   to.normal_texture = texture(from.normalTexture.index, from.normalTexture.texCoord, false, field + ".normalTexture");
   to.emission_texture = texture(from.emissiveTexture.index, from.emissiveTexture.texCoord, true, field + ".emissiveTexture");
   read_extensions(from, field, to);
-  to.ir_albedo = static_cast<float>(number(from.extras, "ir_albedo", to.ir_albedo));
-  to.ir_attenuation_color = static_cast<float>(number(from.extras, "ir_attenuation_color", to.ir_attenuation_color));
-  to.ir_emission = static_cast<float>(number(from.extras, "ir_emission", to.ir_emission));
+  read_extras(from.extras, field, to);
   if (from.alphaMode != "OPAQUE") import_.warn(field + ".alphaMode " + from.alphaMode + " is rendered as OPAQUE");
   if (from.normalTexture.scale != 1.0) import_.warn(field + ".normalTexture.scale is ignored");
   return to;
+}
+
+// What glTF has no words for: fields of kuafu_material_desc by their names.
+void GltfMaterials::read_extras(const tinygltf::Value& extras, const std::string& field, Material& to) {
+  const std::pair<const char*, float*> numbers[] = {{"ir_albedo", &to.ir_albedo},
+                                                    {"ir_attenuation_color", &to.ir_attenuation_color},
+                                                    {"ir_emission", &to.ir_emission},
+                                                    {"ir_roughness", &to.ir_roughness},
+                                                    {"ir_ior", &to.ir_ior},
+                                                    {"ir_transmission", &to.ir_transmission},
+                                                    {"ir_transmission_roughness", &to.ir_transmission_roughness},
+                                                    {"diffuse_roughness", &to.diffuse_roughness},
+                                                    {"subsurface", &to.subsurface},
+                                                    {"ir_subsurface_color", &to.ir_subsurface_color},
+                                                    {"ir_subsurface_radius_m", &to.ir_subsurface_radius_m},
+                                                    {"transmission_roughness", &to.transmission_roughness}};
+  for (const auto& [name, value] : numbers) *value = static_cast<float>(number(extras, name, *value));
+  const std::pair<const char*, glm::vec3*> vectors[] = {{"subsurface_color", &to.subsurface_color},
+                                                        {"subsurface_radius_m", &to.subsurface_radius_m}};
+  for (const auto& [name, value] : vectors)
+    if (extras.IsObject() && extras.Has(name))
+      for (int i = 0; i < 3; ++i) (*value)[i] = static_cast<float>(extras.Get(name).Get(i).GetNumberAsDouble());
+  const std::pair<const char*, uint32_t*> textures[] = {{"ior_texture", &to.ior_texture}, {"ir_albedo_texture", &to.ir_albedo_texture}};
+  for (const auto& [name, id] : textures) {
+    const auto [index, uv_set] = reference(extras, name);
+    *id = texture(index, uv_set, false, field + ".extras." + name);
+  }
 }
 
 void GltfMaterials::read_extensions(const tinygltf::Material& from, const std::string& field, Material& to) {

@@ -19,44 +19,86 @@ glm::dvec3 visible_normal(const glm::dvec3& wo, double alpha, double u, double v
   return glm::normalize(glm::dvec3(h.x * alpha, h.y * alpha, std::max(h.z, 1e-12)));
 }
 
-/// Mean of a lobe's albedo x + y over the hemisphere, weighted by 2 cosine: exact for its piecewise linear table.
-float hemisphere_mean(const glm::vec2* row) {
-  constexpr double step = 1.0 / (specular_albedo_size - 1);
-  double sum = 0;
-  for (uint32_t i = 0; i + 1 < specular_albedo_size; ++i) {
-    const double a = row[i].x + row[i].y, b = row[i + 1].x + row[i + 1].y, c = i * step;
-    sum += 2 * step * (a * (c / 2 + step / 6) + b * (c / 2 + step / 3));
-  }
-  return float(sum);
-}
-
-}  // namespace
-
-glm::vec2 specular_albedo(double cosine, double roughness) {
-  constexpr int across = 12, along = 32;  // midpoints of the half of the cap that mirrors the other, and of its height
+/// Calls take(cosine to the facet, weight) for the midpoints of the half of the visible normals that mirrors the other; weight = f cos /
+/// pdf without Fresnel's reflectance, divided by their number.
+template <class Take>
+void over_facets(double cosine, double roughness, int across, int along, const Take& take) {
   const double alpha = roughness * roughness, a2 = alpha * alpha, c = std::max(cosine, 1e-4);
   const glm::dvec3 wo(std::sqrt(1 - c * c), 0, c);
-  glm::dvec2 sum(0);
   for (int i = 0; i < across; ++i)
     for (int j = 0; j < along; ++j) {
       const glm::dvec3 h = visible_normal(wo, alpha, (i + 0.5) / (2 * across), (j + 0.5) / along);
       const double oh = glm::dot(wo, h), cos_i = 2 * oh * h.z - wo.z;
       if (cos_i <= 0) continue;
-      // f cos / pdf = F G2 / G1
-      const double weight = cos_i * (c + smith_root(c, a2)) / (cos_i * smith_root(c, a2) + c * smith_root(cos_i, a2));
-      const double m = 1 - oh, schlick = m * m * m * m * m;
-      sum += weight * glm::dvec2(1 - schlick, schlick);
+      const double weight = cos_i * (c + smith_root(c, a2)) / (cos_i * smith_root(c, a2) + c * smith_root(cos_i, a2));  // F G2 / G1
+      take(oh, weight / (across * along));
     }
-  return sum / double(across * along);
+}
+
+/// Mean of values at equal steps of the cosine over the hemisphere, weighted by 2 cosine: exact for piecewise linear ones.
+template <class Value>
+double hemisphere_mean(uint32_t size, const Value& value) {
+  const double step = 1.0 / (size - 1);
+  double sum = 0;
+  for (uint32_t i = 0; i + 1 < size; ++i) {
+    const double c = i * step;
+    sum += 2 * step * (value(i) * (c / 2 + step / 6) + value(i + 1) * (c / 2 + step / 3));
+  }
+  return sum;
+}
+
+double fresnel(double cosine, double ior) {
+  const double cos_t = std::sqrt(1 - (1 - cosine * cosine) / (ior * ior));
+  const double s = (cosine - ior * cos_t) / (cosine + ior * cos_t), p = (ior * cosine - cos_t) / (ior * cosine + cos_t);
+  return (s * s + p * p) / 2;
+}
+
+/// Kulla and Conty 2017: F_avg^2 E / (1 - F_avg (1 - E)).
+double multiple_share(double average, double mean) { return average * average * mean / (1 - average * (1 - mean)); }
+
+/// The layer's directional albedos of one index and roughness.
+void append_layer_row(std::vector<glm::vec2>& table, double ior, double roughness) {
+  constexpr uint32_t size = specular_albedo_size;
+  std::vector<double> single(size), lossless(size);
+  for (uint32_t c = 0; c < size; ++c)
+    over_facets(double(c) / (size - 1), roughness, 6, 24, [&](double oh, double weight) {
+      single[c] += weight * fresnel(std::min(oh, 1.0), ior);
+      lossless[c] += weight;
+    });
+  const double share = multiple_share(layer_fresnel_mean(ior), hemisphere_mean(size, [&](uint32_t c) { return lossless[c]; }));
+  const auto albedo = [&](uint32_t c) { return single[c] + share * (1 - lossless[c]); };
+  for (uint32_t c = 0; c + 1 < size; ++c) table.emplace_back(float(albedo(c)), float(albedo(c + 1)));
+  table.emplace_back(float(hemisphere_mean(size, albedo)), 0.0f);
+}
+
+}  // namespace
+
+double layer_fresnel_mean(double ior) { return (ior - 1) / (4.08567 + 1.00071 * ior); }
+
+glm::vec2 specular_albedo(double cosine, double roughness) {
+  glm::dvec2 sum(0);
+  over_facets(cosine, roughness, 12, 32, [&](double oh, double weight) {
+    const double m = 1 - oh, schlick = m * m * m * m * m;
+    sum += weight * glm::dvec2(1 - schlick, schlick);
+  });
+  return sum;
 }
 
 std::vector<glm::vec2> specular_albedo_table() {
+  constexpr uint32_t size = specular_albedo_size;
   std::vector<glm::vec2> table;
-  table.reserve(size_t(specular_albedo_size) * (specular_albedo_size + 1));
-  for (uint32_t r = 0; r < specular_albedo_size; ++r)
-    for (uint32_t c = 0; c < specular_albedo_size; ++c)
-      table.push_back(specular_albedo(double(c) / (specular_albedo_size - 1), double(r) / (specular_albedo_size - 1)));
-  for (uint32_t r = 0; r < specular_albedo_size; ++r) table.emplace_back(hemisphere_mean(&table[size_t(r) * specular_albedo_size]), 0.0f);
+  table.reserve(specular_albedo_entries);
+  for (uint32_t r = 0; r < size; ++r)
+    for (uint32_t c = 0; c < size; ++c) table.push_back(specular_albedo(double(c) / (size - 1), double(r) / (size - 1)));
+  for (uint32_t r = 0; r < size; ++r) {
+    const glm::vec2* row = &table[size_t(r) * size];
+    table.emplace_back(float(hemisphere_mean(size, [&](uint32_t c) { return double(row[c].x) + double(row[c].y); })), 0.0f);
+  }
+  for (uint32_t i = 0; i < layer_albedo_size; ++i)
+    for (uint32_t r = 0; r < layer_albedo_size; ++r) {
+      const double root_f0 = std::min(double(i) / (layer_albedo_size - 1), 1 - 1e-6);
+      append_layer_row(table, (1 + root_f0) / (1 - root_f0), double(r) / (layer_albedo_size - 1));
+    }
   return table;
 }
 

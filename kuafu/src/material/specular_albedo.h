@@ -1,5 +1,6 @@
-// Directional albedo of the GGX lobe with Schlick's Fresnel, split into the terms of f0 and f90: E(cosine) = f0 x + f90 y (Karis 2013,
-// "split sum"). The BSDF dims the base under a dielectric coat by it. Thread rule: pure function.
+// Directional albedos of GGX lobes. Thread rule: pure functions.
+// Metal has Schlick's Fresnel, split into the terms of f0 and f90: E(cosine) = f0 x + f90 y (Karis 2013, "split sum").
+// A dielectric's layer has the exact one of its index; what several facets scatter is in it. The BSDF dims the base under a layer by it.
 #pragma once
 
 #include <glm/glm.hpp>
@@ -7,10 +8,15 @@
 
 namespace kuafu {
 
-/// [roughness][cosine], specular_albedo_size each, both from 0 to 1; then per roughness the mean of x + y over the hemisphere, as x.
+/// Metal: [roughness][cosine], specular_albedo_size each, both from 0 to 1; then per roughness the mean of x + y over the hemisphere, as x.
+/// Layer: [index][roughness], layer_albedo_size each, of specular_albedo_size entries: the albedo at cosine c as x and at c + 1 as y; the
+/// last is its mean over the hemisphere. Indices are at equal steps of (ior - 1) / (ior + 1).
 std::vector<glm::vec2> specular_albedo_table();
 
-/// One entry by quadrature over the visible normals.
+/// One entry of metal by quadrature over the visible normals.
 glm::vec2 specular_albedo(double cosine, double roughness);
+
+/// Mean of Fresnel's reflectance over the hemisphere, weighted by the cosine (Kulla and Conty 2017's fit).
+double layer_fresnel_mean(double ior);
 
 }  // namespace kuafu

@@ -85,7 +85,9 @@ class PathTracer::Run {
     return launch_.wants(output_light_group, output_light_group + light_group_count) ? group_ambient + o_.tables_.light_groups()
                                                                                      : group_count;
   }
-  [[nodiscard]] uint32_t last_bounce() const { return launch_.max_bounces + (o_.tables_.has_ambient() ? 1 : 0); }
+  [[nodiscard]] uint32_t last_bounce() const { return last_lit() + (o_.tables_.has_ambient() ? 1 : 0); }
+  /// The last pass that asks for light.
+  [[nodiscard]] uint32_t last_lit() const { return launch_.max_bounces + o_.tables_.walk_passes(); }
 
   PathTracer& o_;
   const Launch& launch_;
@@ -121,8 +123,8 @@ void PathTracer::Run::fit_buffers() {
   const uint32_t most = most_paths(*o_.device_, shadows);
   const uint32_t samples = launch_.wants_radiance() ? std::min(launch_.samples, pass_samples) : 1;
   pixels_per_wave_ = std::min(launch_.pixel_count(), std::max(most / samples, pixel_block));
-  o_.buffers_.fit({round_up(pixels_per_wave_ * samples, pixel_block), launch_.band.channels(), groups(), shadows, launch_.max_bounces + 3,
-                   environments_, o_.tables_.features(), launch_.wants_visibility(),
+  o_.buffers_.fit({round_up(pixels_per_wave_ * samples, pixel_block), launch_.band.channels(), groups(), shadows,
+                   launch_.max_bounces + 3 + o_.tables_.walk_passes(), environments_, o_.tables_.features(), launch_.wants_visibility(),
                    shadows > 0 && o_.tables_.has_glass() ? launch_.glass_surfaces : 0});
 }
 
@@ -227,11 +229,11 @@ void PathTracer::Run::trace_paths() {
   o_.tracer_->closest(commands_, o_.buffers_.closest_queue(0));
   for (uint32_t bounce = 0; bounce <= last_bounce(); ++bounce) {
     shade(bounce);
-    if (shadows && bounce <= launch_.max_bounces) trace_shadows(bounce);
+    if (shadows && bounce <= last_lit()) trace_shadows(bounce);
     if (o_.device_->is_cpu()) commands_.flush();  // then the host sees how many paths are left
     const bool more = bounce < last_bounce() && o_.buffers_.ray_count(bounce + 1) > 0;
     if (more) o_.tracer_->closest(commands_, o_.buffers_.closest_queue(bounce + 1));
-    if (shadows && bounce <= launch_.max_bounces) resolve(bounce);
+    if (shadows && bounce <= last_lit()) resolve(bounce);
     if (!more) break;
   }
 }
@@ -244,12 +246,12 @@ void PathTracer::Run::trace_shadows(uint32_t bounce) {
     if (passed > 0 && o_.on_host_ && b.shadow_ray_count(bounce, passed) == 0) return;
     o_.tracer_->closest(commands_, b.shadow_queue(bounce, passed));
     const bool last = passed == surfaces;
-    o_.stages_->transmit(
-        commands_,
-        {b.shadow_rays(passed), b.shadow_rays(passed + 1), b.shadow_environments(passed), b.shadow_environments(passed + 1),
-         b.contributions(), b.counter_address(), o_.tables_.address(), b.shadow_capacity(), b.shadow_block(bounce, passed),
-         b.shadow_block(bounce, last ? passed : passed + 1), environments_ ? 1u : 0u, last ? 1u : 0u},
-        b);
+    o_.stages_->transmit(commands_,
+                         {b.shadow_rays(passed), b.shadow_rays(passed + 1), b.shadow_environments(passed),
+                          b.shadow_environments(passed + 1), b.contributions(), b.counter_address(), o_.tables_.address(),
+                          b.shadow_capacity(), b.shadow_block(bounce, passed), b.shadow_block(bounce, last ? passed : passed + 1),
+                          environments_ ? 1u : 0u, last ? 1u : 0u, o_.tables_.has_medium() ? 1u : 0u, 0u},
+                         b);
   }
 }
 
@@ -285,10 +287,10 @@ void PathTracer::Run::shade(uint32_t bounce) {
   push.shadow_capacity = b.shadow_capacity();
   push.bounce = bounce;
   push.max_bounces = launch_.max_bounces;
-  push.shadow_rays_per_vertex = bounce <= launch_.max_bounces ? b.size().shadow_rays_per_vertex : 0;
+  push.shadow_rays_per_vertex = bounce <= last_lit() ? b.size().shadow_rays_per_vertex : 0;
   push.flags = (environments_ ? shade_environments : 0) | (o_.tables_.has_ambient() ? shade_ambient : 0) |
                (o_.tables_.select_lights() ? shade_select_lights : 0) | (glass_shadows() ? shade_glass_shadows : 0) |
-               (launch_.light_sampling == LightSampling::lights ? shade_lights_only : 0) |
+               (o_.tables_.has_medium() ? shade_medium : 0) | (launch_.light_sampling == LightSampling::lights ? shade_lights_only : 0) |
                (launch_.light_sampling == LightSampling::bsdf ? shade_bsdf_only : 0);
   push.groups = b.size().groups;
   o_.stages_->shade(commands_, push, b);

@@ -4,55 +4,10 @@
 #include <cmath>
 
 #include "light/emitters.h"
+#include "material/material_record.h"
 #include "material/specular_albedo.h"
 
 namespace kuafu {
-namespace {
-
-// Beer and Lambert: white light has this colour after the given distance. Black would be opaque; its stand-in lets e^-20 through.
-float attenuation(float color, float distance_m) { return distance_m > 0.0f ? -std::log(std::max(color, 2e-9f)) / distance_m : 0.0f; }
-
-MaterialRecord record_of(const Material& m, uint32_t id) {
-  MaterialRecord r{};
-  r.base_color = glm::vec3(m.base_color);
-  r.metallic = m.metallic;
-  r.roughness = m.roughness;
-  r.specular = m.specular;
-  r.ior = m.ior;
-  r.transmission = m.transmission;
-  r.emission = m.emission;
-  const bool from_colour = std::isnan(m.ir_albedo);
-  r.ir_albedo = from_colour ? m.base_color.r : m.ir_albedo;
-  r.ir_emission = m.ir_emission;
-  r.id = id;
-  for (int i = 0; i < 3; ++i) r.attenuation[i] = attenuation(m.attenuation_color[i], m.attenuation_distance_m);
-  r.ir_attenuation = std::isnan(m.ir_attenuation_color) ? r.attenuation.r : attenuation(m.ir_attenuation_color, m.attenuation_distance_m);
-  r.transmission_roughness = m.transmission_roughness;
-  r.diffuse_roughness = m.diffuse_roughness;
-  r.coat = m.bsdf == Material::Bsdf::paper ? 0.0f : 1.0f;
-  r.light_group = m.light_group;
-  r.base_color_texture = m.base_color_texture;
-  r.ir_albedo_texture = from_colour ? m.base_color_texture : no_texture;
-  r.metallic_roughness_texture = m.metallic_roughness_texture;
-  r.normal_texture = m.normal_texture;
-  r.emission_texture = m.emission_texture;
-  r.transmission_texture = m.transmission_texture;
-  r.specular_texture = m.specular_texture;
-  for (const uint32_t t : {r.base_color_texture, r.metallic_roughness_texture, r.normal_texture, r.emission_texture, r.transmission_texture,
-                           r.specular_texture})
-    if (t != no_texture) r.textured = 1;
-  return r;
-}
-
-Material grey_default() {
-  Material m;
-  m.base_color = glm::vec4(0.5f, 0.5f, 0.5f, 1.0f);
-  m.specular = 0.0f;
-  return m;
-}
-
-}  // namespace
-
 SceneTables::SceneTables(Memory memory) : memory_(std::move(memory)), textures_(memory_) {
   Block block;
   block.add(specular_albedo_table());
@@ -65,11 +20,13 @@ void SceneTables::update(const Scene& scene, const Band& band, uint32_t environm
   const bool patterns_changed = now.textures != seen_.textures && textures_.update(scene);
   const bool lights_changed = now.lights != seen_.lights || patterns_changed || now.materials != seen_.materials || !(band == band_) ||
                               environment_count != environment_count_ || moved_lights(scene);
+  const bool materials_changed = now.materials != seen_.materials || !(band == band_);
   band_ = band;
   if (now.meshes != seen_.meshes) meshes_.update(memory_, scene);
-  if (now.materials != seen_.materials) write_materials(scene);
+  if (materials_changed) write_materials(scene);
   if (now.instances != seen_.instances) instances_.update(memory_, scene, meshes_);
   if (lights_changed) write_lights(scene, environment_count);
+  write_medium(scene);
   seen_ = now;
   environment_count_ = environment_count;
   tables_.resize(memory_, 1)[0] = {instances_.records(),
@@ -81,7 +38,8 @@ void SceneTables::update(const Scene& scene, const Band& band, uint32_t environm
                                    memory_.address(*specular_albedo_),
                                    light_shapes_.address(),
                                    light_cumulative_.address(),
-                                   light_triangles_.address()};
+                                   light_triangles_.address(),
+                                   medium_.address()};
 }
 
 /// Whether what moved since the last update gives light, or changes the power of light from infinitely far. The band is as it was.
@@ -109,17 +67,37 @@ void SceneTables::forget(const Scene& scene) {
 void SceneTables::write_materials(const Scene& scene) {
   const std::vector<Material>& materials = scene.materials();
   const auto records = materials_.resize(memory_, materials.size() + 1);
-  for (uint32_t i = 0; i < materials.size(); ++i) records[material_index(i)] = record_of(materials[i], i);
-  records[material_index(none)] = record_of(grey_default(), none);
-  has_glass_ = std::ranges::any_of(materials, [](const Material& m) { return m.transmission > 0.0f && m.metallic < 1.0f; });
-  const auto special = [](const Material& m) {
-    return m.diffuse_roughness > 0.0f || (m.transmission > 0.0f && (m.transmission_roughness > 0.0f || m.attenuation_distance_m > 0.0f));
-  };
-  material_features_ = std::ranges::any_of(materials, special) ? feature_materials : 0;
+  has_glass_ = false;
+  material_features_ = 0;
+  for (uint32_t i = 0; i < materials.size(); ++i) {
+    const Material m = in_band(materials[i], band_);
+    records[material_index(i)] = material_record(m, i, band_);
+    has_glass_ = has_glass_ || (m.transmission > 0.0f && m.metallic < 1.0f);
+    material_features_ |= material_features(m);
+  }
+  records[material_index(none)] = material_record(grey_default(), none, band_);
   emissive_[0] = std::ranges::any_of(materials, [](const Material& m) { return m.emission != glm::vec3(0); });
   emission_group_ = 0;
   for (const Material& m : materials) emission_group_ = std::max(emission_group_, m.light_group);
   emissive_[1] = std::ranges::any_of(materials, [](const Material& m) { return m.ir_emission != 0.0f; });
+}
+
+void SceneTables::write_medium(const Scene& scene) {
+  MediumRecord& r = medium_.resize(memory_, 1)[0];
+  r = {};
+  has_medium_ = false;
+  if (!scene.medium()) return;
+  const Medium& m = *scene.medium();
+  const auto in_band = [&](const glm::vec3& visible, float infrared) {
+    return !band_.infrared ? visible : glm::vec3(std::isnan(infrared) ? visible.r : infrared);
+  };
+  constexpr float endless = 3e38f;
+  r.extinction = in_band(m.extinction_per_m, m.ir_extinction_per_m);
+  r.albedo = in_band(m.albedo, m.ir_albedo);
+  r.phase_g = m.phase_g;
+  r.bounds_min = glm::vec3(glm::max(m.bounds_min_m, glm::dvec3(-double(endless))));
+  r.bounds_max = glm::vec3(glm::min(m.bounds_max_m, glm::dvec3(double(endless))));
+  has_medium_ = r.extinction != glm::vec3(0);
 }
 
 void SceneTables::write_lights(const Scene& scene, uint32_t environment_count) {

@@ -22,9 +22,13 @@ class SceneTables {
   void update(const Scene& scene, const Band& band, uint32_t environment_count);
 
   [[nodiscard]] uint64_t address() const { return tables_.address(); }
-  [[nodiscard]] uint32_t shadow_rays_per_vertex() const { return shadow_rays_per_vertex_; }
+  /// With a medium half of them are those of its scattering.
+  [[nodiscard]] uint32_t shadow_rays_per_vertex() const { return shadow_rays_per_vertex_ * (has_medium_ ? 2 : 1); }
+  /// Passes of a wave beyond its bounces.
+  [[nodiscard]] uint32_t walk_passes() const { return (material_features_ & feature_subsurface) != 0 ? walk_limit : 0; }
+  [[nodiscard]] bool has_medium() const { return has_medium_; }
   /// feature_* that the scene needs.
-  [[nodiscard]] uint32_t features() const { return light_features_ | material_features_; }
+  [[nodiscard]] uint32_t features() const { return light_features_ | material_features_ | (has_medium_ ? feature_medium : 0); }
   [[nodiscard]] bool select_lights() const { return select_lights_; }
   /// One past the last light group that the scene uses.
   [[nodiscard]] uint32_t light_groups() const { return 1 + std::max(emission_group_, light_group_); }
@@ -39,6 +43,7 @@ class SceneTables {
   void forget(const Scene& scene);
   bool moved_lights(const Scene& scene);
   void write_materials(const Scene& scene);
+  void write_medium(const Scene& scene);
   void write_lights(const Scene& scene, uint32_t environment_count);
 
   Memory memory_;
@@ -57,9 +62,10 @@ class SceneTables {
   MappedTable<LightShape> light_shapes_;
   MappedTable<float> light_cumulative_;
   MappedTable<uint32_t> light_triangles_;
+  MappedTable<MediumRecord> medium_;
   MappedTable<SceneAddresses> tables_;
   uint32_t shadow_rays_per_vertex_ = 0;
-  bool select_lights_ = false, has_environment_light_ = false, has_glass_ = false;
+  bool select_lights_ = false, has_environment_light_ = false, has_glass_ = false, has_medium_ = false;
   uint32_t light_features_ = 0, material_features_ = 0;
   uint32_t light_group_ = 0, emission_group_ = 0;  // highest
   bool emissive_[2] = {false, false};              // visible, infrared

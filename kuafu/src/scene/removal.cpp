@@ -21,9 +21,7 @@ void take_out(T& entry) {
 }
 
 bool uses(const Material& m, uint32_t texture) {
-  const uint32_t ids[] = {m.base_color_texture, m.metallic_roughness_texture, m.normal_texture,
-                          m.emission_texture,   m.transmission_texture,       m.specular_texture};
-  return std::ranges::find(ids, texture) != std::end(ids);
+  return std::ranges::any_of(texture_ids(m), [&](const uint32_t* id) { return *id == texture; });
 }
 
 }  // namespace

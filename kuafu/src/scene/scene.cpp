@@ -42,9 +42,8 @@ void move_to_end(std::vector<T>& to, std::vector<T>& from, uint64_t& revision) {
 }  // namespace
 
 void Scene::check_references(const Material& m) const {
-  for (const uint32_t texture : {m.base_color_texture, m.metallic_roughness_texture, m.normal_texture, m.emission_texture,
-                                 m.transmission_texture, m.specular_texture})
-    if (texture != none) check_exists("material", m.name, "texture", texture, textures_);
+  for (const uint32_t* texture : texture_ids(m))
+    if (*texture != none) check_exists("material", m.name, "texture", *texture, textures_);
 }
 
 void Scene::check_references(const Light& light) const {
@@ -194,6 +193,12 @@ void Scene::set_environment(const Environment& environment) {
   ++revisions_.lights;
 }
 
+void Scene::set_medium(const std::optional<Medium>& medium) {
+  if (medium) check(*medium);
+  medium_ = medium;
+  ++revisions_.lights;
+}
+
 void Scene::add_camera(Camera camera) {
   check(camera);
   cameras_.push_back(std::move(camera));
@@ -214,9 +219,7 @@ void Scene::append(Scene&& other) {
   grow(lights_, other.lights_);
   grow(cameras_, other.cameras_);
   for (Material& m : other.materials_)
-    for (uint32_t* texture : {&m.base_color_texture, &m.metallic_roughness_texture, &m.normal_texture, &m.emission_texture,
-                              &m.transmission_texture, &m.specular_texture})
-      shift(*texture, textures_.size());
+    for (uint32_t* texture : texture_ids(m)) shift(*texture, textures_.size());
   for (auto& instance : other.instances_) {
     if (!instance) continue;
     shift(instance->mesh, meshes_.size());

@@ -2,6 +2,7 @@
 // Thread rule: externally synchronised. Nothing here knows Vulkan; io fills it, accel and pathtrace read it.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <glm/glm.hpp>
 #include <limits>
@@ -51,6 +52,7 @@ struct Material {
   float ir_emission = 0.0f;
   uint32_t base_color_texture = none, metallic_roughness_texture = none, normal_texture = none;
   uint32_t emission_texture = none, transmission_texture = none, specular_texture = none;
+  uint32_t ior_texture = none, ir_albedo_texture = none;
   float transmission_roughness = 0.0f, diffuse_roughness = 0.0f;
   glm::vec3 attenuation_color{1.0f};
   float ir_attenuation_color = std::numeric_limits<float>::quiet_NaN();
@@ -59,7 +61,19 @@ struct Material {
   Bsdf bsdf = Bsdf::gltf;
   uint32_t light_group = 0;
   bool removed = false;
+  static constexpr float as_visible = std::numeric_limits<float>::quiet_NaN();
+  float ir_roughness = as_visible, ir_ior = as_visible, ir_transmission = as_visible, ir_transmission_roughness = as_visible;
+  float subsurface = 0.0f;
+  glm::vec3 subsurface_color{1.0f}, subsurface_radius_m{1e-3f};
+  float ir_subsurface_color = as_visible, ir_subsurface_radius_m = as_visible;
 };
+
+/// Pointers to the fields that name textures.
+template <class M>
+auto texture_ids(M& m) {
+  return std::array{&m.base_color_texture,   &m.metallic_roughness_texture, &m.normal_texture, &m.emission_texture,
+                    &m.transmission_texture, &m.specular_texture,           &m.ior_texture,    &m.ir_albedo_texture};
+}
 
 struct Instance {
   std::string name;
@@ -101,6 +115,14 @@ struct Environment {
   uint32_t light_group = 0;
 };
 
+/// Fields mean what kuafu_medium_desc says.
+struct Medium {
+  glm::vec3 extinction_per_m{0.0f}, albedo{0.0f};
+  float ir_extinction_per_m = std::numeric_limits<float>::quiet_NaN(), ir_albedo = std::numeric_limits<float>::quiet_NaN();
+  float phase_g = 0.0f;
+  glm::dvec3 bounds_min_m{-std::numeric_limits<double>::infinity()}, bounds_max_m{std::numeric_limits<double>::infinity()};
+};
+
 class Scene;
 /// The image that a projector throws.
 const Texture& pattern_of(const Scene& scene, const Light& light);
@@ -140,6 +162,7 @@ class Scene {
   void set_instance_materials(uint32_t id, std::vector<uint32_t> materials);
   void set_light(uint32_t id, Light light);
   void set_environment(const Environment& environment);
+  void set_medium(const std::optional<Medium>& medium);
   // Frees what it holds; the id is not given again. Refused while something uses it.
   void remove_mesh(uint32_t id);
   void remove_texture(uint32_t id);
@@ -162,6 +185,7 @@ class Scene {
   [[nodiscard]] std::optional<std::span<const uint32_t>> instance_changes(uint64_t revision) const { return instance_log_.since(revision); }
   [[nodiscard]] const std::vector<std::optional<Light>>& lights() const { return lights_; }
   [[nodiscard]] const Environment& environment() const { return environment_; }
+  [[nodiscard]] const std::optional<Medium>& medium() const { return medium_; }
   [[nodiscard]] const std::vector<Camera>& cameras() const { return cameras_; }
   [[nodiscard]] const Revisions& revisions() const { return revisions_; }
 
@@ -188,6 +212,7 @@ class Scene {
   std::vector<Bounds> mesh_bounds_;  // local, by mesh
   std::vector<std::optional<Light>> lights_;
   Environment environment_;
+  std::optional<Medium> medium_;
   std::vector<Camera> cameras_;
   Revisions revisions_;
   std::vector<uint32_t> moved_;  // instances, since the frame before

@@ -139,14 +139,33 @@ void check(const Material& material) {
   unit("transmission_roughness", material.transmission_roughness);
   unit("diffuse_roughness", material.diffuse_roughness);
   for (int i = 0; i < 3; ++i) unit("attenuation_color", material.attenuation_color[i]);
-  if (!std::isnan(material.ir_attenuation_color)) unit("ir_attenuation_color", material.ir_attenuation_color);
+  const auto infrared_unit = [&](const char* field, float value) {
+    if (!std::isnan(value)) unit(field, value);
+  };
+  infrared_unit("ir_attenuation_color", material.ir_attenuation_color);
+  infrared_unit("ir_albedo", material.ir_albedo);
+  infrared_unit("ir_roughness", material.ir_roughness);
+  infrared_unit("ir_transmission", material.ir_transmission);
+  infrared_unit("ir_transmission_roughness", material.ir_transmission_roughness);
   check_not_negative("material", material.name, "attenuation_distance_m", material.attenuation_distance_m);
   if (material.bsdf > Material::Bsdf::paper)
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "material '%s': bsdf %u is no KUAFU_BSDF_*", material.name.c_str(),
              static_cast<uint32_t>(material.bsdf));
   check_light_group("material", material.name, material.light_group);
-  if (!std::isnan(material.ir_albedo)) unit("ir_albedo", material.ir_albedo);
-  check_range("material", material.name, "ior", material.ior, 1.0, std::numeric_limits<float>::max());
+  constexpr float huge = std::numeric_limits<float>::max();
+  check_range("material", material.name, "ior", material.ior, 1.0, huge);
+  const auto positive = [&](const char* field, float value) {
+    if (!(value > 0.0f && std::isfinite(value)))
+      ks::fail(KS_ERROR_INVALID_ARGUMENT, "material '%s': %s is %g, must be finite and > 0", material.name.c_str(), field, double(value));
+  };
+  unit("subsurface", material.subsurface);
+  for (int i = 0; i < 3; ++i) {
+    unit("subsurface_color", material.subsurface_color[i]);
+    positive("subsurface_radius_m", material.subsurface_radius_m[i]);
+  }
+  infrared_unit("ir_subsurface_color", material.ir_subsurface_color);
+  if (!std::isnan(material.ir_subsurface_radius_m)) positive("ir_subsurface_radius_m", material.ir_subsurface_radius_m);
+  if (!std::isnan(material.ir_ior)) check_range("material", material.name, "ir_ior", material.ir_ior, 1.0, huge);
   check_not_negative("material", material.name, "emission", material.emission);
   check_not_negative("material", material.name, "ir_emission", material.ir_emission);
 }
@@ -233,6 +252,20 @@ void check(const Environment& environment) {
   check_infrared("environment", "", "ir_radiance", environment.ir_radiance);
   check_light_group("environment", "", environment.light_group);
   check_rigid(glm::dmat4(environment.map_to_world), "environment: map_to_world");
+}
+
+void check(const Medium& medium) {
+  for (int i = 0; i < 3; ++i) {
+    check_not_negative("medium", "", "extinction_per_m", medium.extinction_per_m[i]);
+    check_range("medium", "", "albedo", medium.albedo[i], 0.0, 1.0);
+    if (!(medium.bounds_min_m[i] < medium.bounds_max_m[i]))
+      ks::fail(KS_ERROR_INVALID_ARGUMENT, "medium: bounds on axis %d are %g to %g, must grow", i, medium.bounds_min_m[i],
+               medium.bounds_max_m[i]);
+  }
+  check_infrared("medium", "", "ir_extinction_per_m", medium.ir_extinction_per_m);
+  if (!std::isnan(medium.ir_albedo)) check_range("medium", "", "ir_albedo", medium.ir_albedo, 0.0, 1.0);
+  if (!(std::abs(medium.phase_g) < 1.0f))
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "medium: phase_g is %g, must be in (-1, 1)", double(medium.phase_g));
 }
 
 void check(const Camera& camera) {

@@ -16,6 +16,7 @@ void check(const Material& material);
 void check(const Light& light);
 void check(const Environment& environment);
 /// width and height may be 0: a camera whose image size is not known yet.
+void check(const Medium& medium);
 void check(const Camera& camera);
 /// Every pixel of the image has one ray: the distortion does not fold back before the image ends.
 void check_undistortable(const Camera& camera);

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
-from activestereo.effects.core.ggx import dimmed_share, highlight, reflected_share
+from activestereo.effects.core.ggx import base_share, highlight, reflected_share
 from activestereo.effects.core.shading import Shading
 
 
@@ -27,13 +27,11 @@ def specular(light, view, factor, roughness):
     lobe = highlight(shading.normal, shading.to_projector, shading.to_camera, roughness)
     lit = light.flat > 0
     cosines = np.maximum(shading.camera_cosine, 1e-3), np.maximum(shading.projector_cosine, 1e-3)
-    kept = 1.0 - factor * np.maximum(*(reflected_share(cosine, roughness) for cosine in cosines))
-    flat = light.flat * kept + np.where(lit, factor * lobe * shading.irradiance, 0.0)
+    flat = light.flat * base_share(*cosines, roughness, factor) + np.where(lit, factor * lobe * shading.irradiance, 0.0)
     dots = light.direct / np.where(lit, light.flat, 1.0)
     sheen = factor * np.where(shading.hit, reflected_share(cosines[0], roughness), 0.0)
-    lost = factor * np.where(shading.hit, dimmed_share(cosines[0], roughness), 0.0)
     white = np.pi * shading.reflectance
     # What part of the sky a surface sees: its ambient light over that of an open surface of its albedo.
     open_share = np.clip(light.ambient / np.where(white > 0, white, np.inf), 0.0, 1.0)
-    ambient = light.ambient * (1.0 - lost) + sheen * open_share
+    ambient = light.ambient * (1.0 - sheen) + sheen * open_share
     return replace(light, direct=np.where(lit, dots * flat, light.direct), flat=flat, ambient=ambient)

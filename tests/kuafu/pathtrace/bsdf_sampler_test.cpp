@@ -51,7 +51,7 @@ Lobe lobe(const MaterialPoint& m, double angle, bool front) {
   l.albedo.at = table().data();
   l.wo = direction(std::cos(angle), 0.3);
   l.bsdf = make_bsdf(m, l.albedo, l.wo.z, front);
-  l.chances = lobe_chances(l.bsdf, l.albedo, l.wo.z);
+  l.chances = lobe_chances(l.bsdf);
   return l;
 }
 

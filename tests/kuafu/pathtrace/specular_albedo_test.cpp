@@ -12,8 +12,9 @@ namespace {
 
 using std::numbers::pi;
 
-// Walter et al. 2007 and Heitz 2014 over the hemisphere of outgoing directions, midpoint rule; reflectance f0 + (f90 - f0) (1 - oh)^5.
-double albedo_by_hemisphere(double cosine, double roughness, double f0, double f90) {
+// Walter et al. 2007 and Heitz 2014 over the hemisphere of outgoing directions, midpoint rule.
+template <class Reflectance>
+double albedo_by_hemisphere(double cosine, double roughness, const Reflectance& reflectance) {
   const double alpha = roughness * roughness;
   const auto lambda = [&](double c) { return (std::sqrt(1 + alpha * alpha * (1 / (c * c) - 1)) - 1) / 2; };
   const int n = 600;
@@ -26,9 +27,13 @@ double albedo_by_hemisphere(double cosine, double roughness, double f0, double f
       const double nh = hz / length, oh = (sine * hx + cosine * hz) / length;
       const double d = alpha * alpha / (pi * std::pow(nh * nh * (alpha * alpha - 1) + 1, 2));
       const double g = 1 / (1 + lambda(cosine) + lambda(c));
-      sum += (f0 + (f90 - f0) * std::pow(1 - oh, 5)) * d * g / (4 * cosine);
+      sum += reflectance(oh) * d * g / (4 * cosine);
     }
   return sum * 2 * pi / (double(n) * n);
+}
+
+double albedo_by_hemisphere(double cosine, double roughness, double f0, double f90) {
+  return albedo_by_hemisphere(cosine, roughness, [&](double oh) { return f0 + (f90 - f0) * std::pow(1 - oh, 5); });
 }
 
 TEST(SpecularAlbedo, equals_the_integral_over_the_hemisphere) {
@@ -48,10 +53,45 @@ TEST(SpecularAlbedo, is_fresnel_itself_where_smooth) {
   }
 }
 
+double fresnel(double cosine, double ior) {  // Hecht, Optics, 4.6
+  const double t = std::sqrt(1 - (1 - cosine * cosine) / (ior * ior));
+  return (std::pow((cosine - ior * t) / (cosine + ior * t), 2) + std::pow((ior * cosine - t) / (ior * cosine + t), 2)) / 2;
+}
+
+// Single scattering of the layer by quadrature over the hemisphere, and what several facets add by Kulla and Conty's formula.
+TEST(SpecularAlbedo, of_the_layer_is_the_integral_of_its_lobes) {
+  const auto table = kuafu::specular_albedo_table();
+  ASSERT_EQ(table.size(), size_t(kuafu::specular_albedo_entries));
+  constexpr uint32_t last = kuafu::layer_albedo_size - 1, cosines = kuafu::specular_albedo_size;
+  for (const uint32_t i : {3u, 5u})  // ior 1.5 and 2
+    for (const uint32_t r : {6u, 10u, 15u}) {
+      const double root_f0 = double(i) / last, ior = (1 + root_f0) / (1 - root_f0), roughness = double(r) / last;
+      const glm::vec2* row = &table[kuafu::layer_albedo_first + (i * kuafu::layer_albedo_size + r) * cosines];
+      double lossless_mean = 0;
+      for (int k = 0; k < 32; ++k) {
+        const double c = (k + 0.5) / 32;
+        const glm::vec2 e = kuafu::specular_albedo(c, roughness);
+        lossless_mean += 2 * c / 32 * double(e.x + e.y);
+      }
+      double mean = 0;
+      for (int k = 0; k < 2000; ++k) mean += 2 * (k + 0.5) / 2000 / 2000 * fresnel((k + 0.5) / 2000, ior);
+      EXPECT_NEAR(kuafu::layer_fresnel_mean(ior), mean, 0.005) << ior;
+      const double share = mean * mean * lossless_mean / (1 - mean * (1 - lossless_mean));
+      for (const uint32_t c : {8u, 20u, 30u}) {
+        const double cosine = double(c) / (cosines - 1);
+        const glm::vec2 e = kuafu::specular_albedo(cosine, roughness);
+        const double expected =
+            albedo_by_hemisphere(cosine, roughness, [&](double oh) { return fresnel(oh, ior); }) + share * (1 - double(e.x + e.y));
+        EXPECT_NEAR(row[c].x, expected, 0.004) << ior << " " << roughness << " " << cosine;
+        EXPECT_EQ(row[c - 1].y, row[c].x);
+      }
+    }
+}
+
 TEST(SpecularAlbedo, never_exceeds_one) {
   const auto table = kuafu::specular_albedo_table();
-  ASSERT_EQ(table.size(), size_t(kuafu::specular_albedo_size) * (kuafu::specular_albedo_size + 1));
-  for (const glm::vec2& e : table) EXPECT_LE(e.x + e.y, 1.0f + 1e-5f);
+  for (uint32_t i = 0; i < kuafu::layer_albedo_first; ++i) EXPECT_LE(table[i].x + table[i].y, 1.0f + 1e-5f);
+  for (size_t i = kuafu::layer_albedo_first; i < table.size(); ++i) EXPECT_LE(table[i].x, 1.0f + 1e-4f) << i;
 }
 
 }  // namespace

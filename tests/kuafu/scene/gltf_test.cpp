@@ -270,6 +270,37 @@ TEST(GltfMaterial, VolumeAndItsRoughnessAreRead) {
   EXPECT_EQ(m.ir_attenuation_color, 0.125f);
 }
 
+TEST(GltfMaterial, ExtrasGiveWhatGltfHasNoWordsFor) {
+  GltfWriter w;
+  w.root["materials"] = {{{"extras",
+                           {{"ir_roughness", 0.5},
+                            {"ir_ior", 1.25},
+                            {"ir_transmission", 0.75},
+                            {"ir_transmission_roughness", 0.125},
+                            {"diffuse_roughness", 0.25},
+                            {"transmission_roughness", 0.0625},
+                            {"subsurface", 0.5},
+                            {"subsurface_color", {0.5, 0.25, 0.125}},
+                            {"subsurface_radius_m", {0.5, 0.25, 2}},
+                            {"ir_subsurface_color", 0.75},
+                            {"ir_subsurface_radius_m", 0.5}}}}};
+  w.triangle(0);
+  w.node({{"mesh", 0}});
+  const Loaded loaded = load(w);
+  const Material& m = loaded.scene.materials()[0];
+  EXPECT_EQ(m.ir_roughness, 0.5f);
+  EXPECT_EQ(m.ir_ior, 1.25f);
+  EXPECT_EQ(m.ir_transmission, 0.75f);
+  EXPECT_EQ(m.ir_transmission_roughness, 0.125f);
+  EXPECT_EQ(m.diffuse_roughness, 0.25f);
+  EXPECT_EQ(m.transmission_roughness, 0.0625f);
+  EXPECT_EQ(m.subsurface, 0.5f);
+  EXPECT_EQ(m.subsurface_color, glm::vec3(0.5f, 0.25f, 0.125f));
+  EXPECT_EQ(m.subsurface_radius_m, glm::vec3(0.5f, 0.25f, 2.0f));
+  EXPECT_EQ(m.ir_subsurface_color, 0.75f);
+  EXPECT_EQ(m.ir_subsurface_radius_m, 0.5f);
+}
+
 TEST(GltfMaterial, WrongTypesAndRangesNameTheField) {
   const auto with = [](const json& material) {
     GltfWriter w;
@@ -286,6 +317,10 @@ TEST(GltfMaterial, WrongTypesAndRangesNameTheField) {
   expect_error(w, "roughness is 3");
   w = with({{"extras", {{"ir_albedo", -0.5}}}});
   expect_error(w, "ir_albedo is -0.5");
+  w = with({{"extras", {{"ior_texture", {{"index", 3}}}}}});
+  expect_error(w, "extras.ior_texture: texture 3 of 0");
+  w = with({{"extras", {{"subsurface_color", {1, 1}}}}});
+  expect_error(w, "must be 3 numbers");
   w = with({{"emissiveTexture", {{"index", 4}}}});
   expect_error(w, "emissiveTexture: texture 4 of 0");
   w = with(json::object());

@@ -1,4 +1,4 @@
-"""The dielectric highlight of glTF 2.0's material model: GGX, Schlick's Fresnel term, specularFactor 1, ior 1.5.
+"""The dielectric highlight of glTF 2.0's material model: GGX, Fresnel's exact reflectance, specularFactor 1, ior 1.5.
 
 Arrays of cosines and directions may have any leading shape; roughness is a number (alpha = roughness squared).
 """
@@ -7,7 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 
-_F0 = 0.04
+_IOR = 1.5
 _COSINES = 33
 _RINGS, _SPOKES = 96, 64
 
@@ -21,8 +21,15 @@ def highlight(normal, to_light, to_camera, roughness):
     square = roughness**4
     density = square / (np.pi * (n_h * n_h * (square - 1.0) + 1.0) ** 2)
     masked = n_l * np.sqrt(n_v * n_v * (1.0 - square) + square) + n_v * np.sqrt(n_l * n_l * (1.0 - square) + square)
-    fresnel = _F0 + (1.0 - _F0) * (1.0 - dot(half, to_camera)) ** 5
-    return np.where((n_l > 0) & (n_v > 0), fresnel * density * 0.5 / np.maximum(masked, 1e-6), 0.0)
+    return np.where((n_l > 0) & (n_v > 0), fresnel(dot(half, to_camera)) * density * 0.5 / np.maximum(masked, 1e-6), 0.0)
+
+
+def fresnel(cosine):
+    """Reflectance of unpolarised light (Hecht, Optics, 4.6)."""
+    inside = np.sqrt(1.0 - (1.0 - cosine * cosine) / _IOR**2)
+    across = (cosine - _IOR * inside) / (cosine + _IOR * inside)
+    along = (_IOR * cosine - inside) / (_IOR * cosine + inside)
+    return 0.5 * (across**2 + along**2)
 
 
 def reflected_share(cosine, roughness):
@@ -30,12 +37,13 @@ def reflected_share(cosine, roughness):
     return np.interp(cosine, *_shares(float(roughness)))
 
 
-def dimmed_share(cosine, roughness):
-    """Share of uniform surrounding light that never comes out of the diffuse base below the lobe, seen at a cosine: the larger of
-    what the lobe reflects on the way in and on the way out, as the renderer has it."""
+def base_share(cosine_in, cosine_out, roughness, factor):
+    """How bright the diffuse base is below `factor` of the lobe, relative to the bare one: what the lobe lets in and out, as the renderer
+    has it (Kelemen and Szirmay-Kalos 2001)."""
     cosines, shares = _shares(float(roughness))
-    lost = np.trapz(np.maximum(shares[:, None], shares[None]) * 2 * cosines[None], cosines, axis=1)
-    return np.interp(cosine, cosines, lost)
+    mean = np.trapz(shares * 2 * cosines, cosines)
+    let_in, let_out = (1.0 - factor * reflected_share(cosine, roughness) for cosine in (cosine_in, cosine_out))
+    return let_in * let_out / (1.0 - factor * mean)
 
 
 @lru_cache(maxsize=64)

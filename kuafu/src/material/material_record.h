@@ -1,0 +1,21 @@
+// A material as shaders read it, in the band being rendered. Thread rule: pure functions.
+#pragma once
+
+#include "pathtrace/band.h"
+#include "scene/scene.h"
+#include "shared/scene_records.h"
+
+namespace kuafu {
+
+/// The material with what it says of the infrared band in place of what it says of the visible one.
+Material in_band(const Material& material, const Band& band);
+
+MaterialRecord material_record(const Material& material, uint32_t id, const Band& band);
+
+/// feature_* that shaders need for it.
+uint32_t material_features(const Material& material);
+
+/// What stands in where an instance names no material: grey and Lambertian.
+Material grey_default();
+
+}  // namespace kuafu
