@@ -321,6 +321,7 @@ class Renderer:
         glass_surfaces: int = 8,
         light_sampling: Literal["mis", "lights", "bsdf"] = "mis",
         denoise: Literal["none", "atrous", "oidn"] = "none",
+        temporal_weight: float = 0.0,
         film: Film | Mapping[str, Any] | Sequence[Film | Mapping[str, Any]] | None = None,
         projector: int | None = None,
         previous_poses: ArrayLike | None = None,

@@ -226,8 +226,9 @@ void bind_renderer(py::module_& module) {
           [](Renderer& self, Scene& scene, const py::object& cameras, const py::object& outputs, const std::string& band,
              const std::optional<std::vector<uint32_t>>& environments, uint32_t spp, uint32_t max_bounces, uint64_t seed,
              uint32_t first_sample, float ir_ambient_scale, float ir_ambient_radiance, uint32_t glass_surfaces,
-             const std::string& light_sampling, const std::string& denoise, const py::object& film, std::optional<uint32_t> projector,
-             const py::object& previous_poses, const std::map<std::string, float>& scales, const py::object& progress) {
+             const std::string& light_sampling, const std::string& denoise, float temporal_weight, const py::object& film,
+             std::optional<uint32_t> projector, const py::object& previous_poses, const std::map<std::string, float>& scales,
+             const py::object& progress) {
             kuafu_render_desc desc = kuafu_render_desc_init();
             desc.samples_per_pixel = spp;
             desc.max_bounces = max_bounces;
@@ -238,6 +239,7 @@ void bind_renderer(py::module_& module) {
             desc.glass_surfaces = glass_surfaces;
             desc.light_sampling = sampling_of(light_sampling);
             desc.denoise = denoise_of(denoise);
+            desc.temporal_weight = temporal_weight;
             desc.projector = projector.value_or(KUAFU_NONE);
             return self.render(scene, {cameras, outputs, band, environments, film, previous_poses, scales, progress}, desc);
           },
@@ -246,8 +248,8 @@ void bind_renderer(py::module_& module) {
           py::arg("max_bounces") = d.max_bounces, py::arg("seed") = 0, py::arg("first_sample") = 0,
           py::arg("ir_ambient_scale") = d.ir_ambient_scale, py::arg("ir_ambient_radiance") = d.ir_ambient_radiance,
           py::arg("glass_surfaces") = d.glass_surfaces, py::arg("light_sampling") = "mis", py::arg("denoise") = "none",
-          py::arg("film") = py::none(), py::arg("projector") = py::none(), py::arg("previous_poses") = py::none(),
-          py::arg("scales") = std::map<std::string, float>(), py::arg("progress") = py::none(),
+          py::arg("temporal_weight") = 0.0f, py::arg("film") = py::none(), py::arg("projector") = py::none(),
+          py::arg("previous_poses") = py::none(), py::arg("scales") = std::map<std::string, float>(), py::arg("progress") = py::none(),
           "cameras: a Camera or a sequence of them, all of one size. outputs: names of radiance, projector_direct, projector_indirect, "
           "ambient, light_group_0 .. light_group_3 (ambient's parts), depth, normal, position, albedo, roughness, transmission, motion,\n"
           "projector_uv, projector_visibility, projector_geometry, instance_id, material_id, semantic_id; or {name: dtype} (float32, "
@@ -264,6 +266,8 @@ void bind_renderer(py::module_& module) {
           "film: optics of the cameras: a Film, a dict of its fields, or one for each camera; None is perfect.\n"
           "denoise: 'none', 'atrous' or 'oidn' (Open Image Denoise, where its library is found); all light but projector_direct is "
           "filtered.\n"
+          "temporal_weight: 'atrous' keeps this share, 0..<1, of what the renderer's last renders of these views saw on the same surface; "
+          "vary the seed.\n"
           "glass_surfaces: how many smooth glass surfaces a light's straight way to a surface may pass; 0: glass casts full shadows.\n"
           "progress(fraction: float) may return True to cancel (CancelledError); what it raises is raised here. Same seed, same bits.")
       .def_property_readonly(

@@ -113,7 +113,7 @@ ENDS_WITH(kuafu_renderer_desc, oidn_library);
 ENDS_WITH(kuafu_film_desc, veiling_glare_fraction);
 ENDS_WITH(kuafu_view_desc, previous_camera_to_world);
 ENDS_WITH(kuafu_output_desc, image);
-ENDS_WITH(kuafu_render_desc, reserved);
+ENDS_WITH(kuafu_render_desc, temporal_weight);
 ENDS_WITH(simsense_camera, distortion);
 ENDS_WITH(simsense_rig_desc, back_end);
 ENDS_WITH(simsense_parameters, reserved);

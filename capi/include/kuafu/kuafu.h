@@ -354,7 +354,9 @@ typedef struct kuafu_render_desc {
   uint32_t light_sampling;           /* KUAFU_SAMPLING_* */
   uint32_t denoise;                  /* KUAFU_DENOISE_* */
   uint32_t projector;                /* light id, for KUAFU_OUTPUT_PROJECTOR_UV, _VISIBILITY, _GEOMETRY; KUAFU_NONE: the first that a view's environment has */
-  uint32_t reserved;
+  float temporal_weight;             /* KUAFU_DENOISE_ATROUS: share of the light that this renderer's last renders of as many views of one size saw on the same
+                                        surface, 0..<1; 0: each render by itself. It follows pinhole cameras that move and starts anew where another surface
+                                        appears; it lags behind lights that change and bodies that slide along themselves. Give every render another seed */
 } kuafu_render_desc;
 static inline kuafu_render_desc kuafu_render_desc_init(void) {
   kuafu_render_desc r;

@@ -46,13 +46,21 @@ struct DenoiseImages {
   FloatArray denoised[most_denoised];
   FloatArray direct, ambient, radiance;
   uint denoised_count, channels;
+  // What the last launch accumulated, and what this one does; of denoise_accumulate.
+  FloatArray last_light, next_light;    // as DenoisePush's light
+  FloatArray last_pixels, next_pixels;  // [pixel][history_words]
+  GuideArray last_guides;
+  FloatArray projections;  // [view][3][4]: homogeneous pixel of a world point in the last launch's view
+  float temporal_weight;
+  uint has_last;
 };
 KUAFU_ARRAY(DenoiseImagesArray, DenoiseImages, 8)
 
 KUAFU_CONST denoise_divide = 0u;     // by albedo; statistics of each pixel
 KUAFU_CONST denoise_despeckle = 1u;  // neighbours' variance; what is far above them by its own noise
-KUAFU_CONST denoise_atrous = 2u;     // one pass of the filter, its taps `spacing` pixels apart
-KUAFU_CONST denoise_sum = 3u;        // ambient and radiance from their parts
+KUAFU_CONST denoise_accumulate = 2u;  // over launches
+KUAFU_CONST denoise_atrous = 3u;      // one pass of the filter, its taps `spacing` pixels apart
+KUAFU_CONST denoise_sum = 4u;        // ambient and radiance from their parts
 
 // Statistics of a pixel: state_words floats.
 KUAFU_CONST denoise_level = 0u;       // mean over channels of the light over albedo, all images together
@@ -60,6 +68,11 @@ KUAFU_CONST denoise_variance = 1u;    // of that mean
 KUAFU_CONST denoise_confidence = 2u;  // 1; less where the pixel's samples may be of several surfaces
 KUAFU_CONST denoise_inside = 3u;      // the confidence that it began with
 KUAFU_CONST denoise_words = 4u;
+
+// What history keeps of a pixel.
+KUAFU_CONST history_variance = 0u;
+KUAFU_CONST history_launches = 1u;  // that its mean is of
+KUAFU_CONST history_words = 2u;
 
 struct DenoisePush {
   DenoiseImagesArray images;
@@ -90,7 +103,7 @@ struct RemodulatePush {
 static_assert(sizeof(GuideRecord) == 48);
 static_assert(sizeof(GuidePush) == 80);
 static_assert(sizeof(MomentsPush) == 72);
-static_assert(sizeof(DenoiseImages) == 72);
+static_assert(sizeof(DenoiseImages) == 128);
 static_assert(sizeof(DenoisePush) == 80);
 static_assert(sizeof(RemodulatePush) == 104);
 }  // namespace kuafu

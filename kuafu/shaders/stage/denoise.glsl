@@ -90,6 +90,55 @@ void despeckle(uint pixel) {
   set_statistics(pixel, level * keep, variance, inside, inside);
 }
 
+/// Where the last launch saw this surface, in pixels of the view; x < -1 where it did not.
+vec2 last_place(GuideRecord here, uint view) {
+  float p[3];
+  for (uint row = 0u; row < 3u; ++row) {
+    p[row] = push.images.at[0].projections.at[view * 12u + row * 4u + 3u];
+    for (uint i = 0u; i < 3u; ++i) p[row] += push.images.at[0].projections.at[view * 12u + row * 4u + i] * here.position[int(i)];
+  }
+  return p[2] > 0.0f && here.material != miss ? vec2(p[0] / p[2], p[1] / p[2]) : vec2(-2.0f, -2.0f);
+}
+
+// Light of the last launches at this surface's place then, where that showed the same surface: disocclusion starts anew.
+void accumulate(uint pixel) {
+  DenoiseImages images = push.images.at[0];
+  uint planes = plane_count(), view = pixel / (push.width * push.height);
+  GuideRecord here = push.guides.at[pixel];
+  float sum[15], weights = 0.0f, variance = 0.0f, launches = 0.0f;
+  for (uint p = 0u; p < 15u; ++p) sum[p] = 0.0f;
+  if (images.has_last != 0u) {
+    vec2 place = last_place(here, view), corner = floor(place);
+    for (int k = 0; k < 4; ++k) {
+      int x = int(corner.x) + k % 2, y = int(corner.y) + k / 2;
+      if (x < 0 || y < 0 || x >= int(push.width) || y >= int(push.height)) continue;
+      uint other = (view * push.height + uint(y)) * push.width + uint(x);
+      float weight = max(0.0f, 1.0f - abs(place.x - float(x))) * max(0.0f, 1.0f - abs(place.y - float(y)));
+      weight *= falling(surface_unlike(here, images.last_guides.at[other], 1.0f, 1e9f));
+      weights += weight;
+      variance += weight * images.last_pixels.at[other * history_words + history_variance];
+      launches += weight * images.last_pixels.at[other * history_words + history_launches];
+      for (uint p = 0u; p < planes; ++p) sum[p] += weight * images.last_light.at[other * planes + p];
+    }
+  }
+  bool known = weights > 0.05f;
+  launches = known ? launches / weights + 1.0f : 1.0f;
+  float share = known ? max(1.0f - images.temporal_weight, 1.0f / launches) : 1.0f, level = 0.0f;
+  for (uint p = 0u; p < planes; ++p) {
+    float light = push.light_in.at[pixel * planes + p];
+    if (known) light = mix(sum[p] / weights, light, share);
+    push.light_out.at[pixel * planes + p] = light;
+    images.next_light.at[pixel * planes + p] = light;
+    level += light / float(images.channels);
+  }
+  float own = statistic(pixel, denoise_variance), rest = 1.0f - share;
+  if (known) own = share * share * own + rest * rest * variance / weights;
+  images.next_pixels.at[pixel * history_words + history_variance] = own;
+  images.next_pixels.at[pixel * history_words + history_launches] = launches;
+  float inside = statistic(pixel, denoise_inside);
+  set_statistics(pixel, level, own, inside, inside);
+}
+
 float binomial(int i) { return i == 0 ? 0.375f : abs(i) == 1 ? 0.25f : 0.0625f; }
 
 /// Mean over 3 x 3 pixels: a variance that is too low at one pixel must not keep it from mixing.
@@ -152,6 +201,7 @@ void sum_images(uint pixel) {
 void denoise(uint pixel) {
   if (push.step == denoise_divide) divide(pixel);
   if (push.step == denoise_despeckle) despeckle(pixel);
+  if (push.step == denoise_accumulate) accumulate(pixel);
   if (push.step == denoise_atrous) atrous(pixel);
   if (push.step == denoise_sum) sum_images(pixel);
 }

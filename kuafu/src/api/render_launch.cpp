@@ -30,6 +30,8 @@ void check_numbers(const kuafu_render_desc& d) {
   if (d.light_sampling > KUAFU_SAMPLING_BSDF)
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "light_sampling %u is no KUAFU_SAMPLING_*", d.light_sampling);
   if (d.denoise > KUAFU_DENOISE_OIDN) ks::fail(KS_ERROR_INVALID_ARGUMENT, "denoise %u is no KUAFU_DENOISE_*", d.denoise);
+  if (!(d.temporal_weight >= 0.0f && d.temporal_weight < 1.0f))
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "temporal_weight is %g, it must be 0..1, 1 not included", double(d.temporal_weight));
   if (d.glass_surfaces > most_glass_surfaces)
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "glass_surfaces is %u, at most %u are possible", d.glass_surfaces, most_glass_surfaces);
   if (!(d.ir_ambient_scale >= 0.0f && d.ir_ambient_scale <= std::numeric_limits<float>::max()))
@@ -114,6 +116,7 @@ Launch read_launch(const kuafu_render_desc* desc, const ks::Device& device) {
   launch.glass_surfaces = d.glass_surfaces;
   launch.light_sampling = static_cast<LightSampling>(d.light_sampling);
   launch.denoise = static_cast<DenoiseKind>(d.denoise);
+  launch.temporal_weight = d.temporal_weight;
   launch.held |= held_for_denoiser(launch) | held_for_film(launch);
   if (d.progress != nullptr) launch.cancelled = [f = d.progress, user = d.progress_user](float fraction) { return f(user, fraction) != 0; };
   return launch;

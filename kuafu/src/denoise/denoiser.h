@@ -1,6 +1,7 @@
 // Takes the noise out of all light but the projectors' direct one, which carries the dots and has none: an a-trous filter on light over
 // albedo, guided by surfaces and by the noise that the samples themselves show, then rays over each pixel's square that put albedo and
-// edges back (shaders/stage/denoise.glsl, remodulate.glsl). Thread rule: externally synchronised.
+// edges back (shaders/stage/denoise.glsl, remodulate.glsl). Light may be accumulated over launches of the same views. Thread rule:
+// externally synchronised.
 #pragma once
 
 #include "denoise/oidn.h"
@@ -44,6 +45,7 @@ class Denoiser {
 
  private:
   void step(ks::Commands& commands, uint32_t step, uint32_t spacing = 0);
+  void fit_history(const Launch& launch, DenoiseImages& images);
 
   Memory memory_;
   ImageStep<GuidePush> guide_;
@@ -54,6 +56,17 @@ class Denoiser {
   std::unique_ptr<Oidn> oidn_;
   std::string oidn_library_;
   std::shared_ptr<ks::Buffer> guides_, sums_, light_[2], pixels_[2];
+  /// Of the launch before this one, and of this one for the next.
+  struct History {
+    std::shared_ptr<ks::Buffer> light[2], pixels[2], guides;
+    MappedTable<float> projections;
+    std::vector<View> views;       // that they are of; empty: there is none
+    std::vector<View> next_views;  // of this launch, until it has got that far
+    uint32_t width = 0, height = 0;
+    size_t planes = 0;
+  };
+  History history_;
+  bool accumulates_ = false;
   DenoisePush push_{};
   uint32_t channels_ = 1;
   bool infrared_ = false;

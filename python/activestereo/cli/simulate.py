@@ -74,6 +74,7 @@ def _add_view(group):
 
 def _add_rendering(group):
     group.add_argument("--spp", type=integer_from(1), default=16, metavar="N", help="samples per pixel (default: 16)")
+    group.add_argument("--denoiser", choices=("none", "atrous", "oidn"), default="none", help="takes the samples' noise; the dots stay (default: none)")
     add_max_bounces(group)
     add_seed(group, "of rendering and noise; same seed, same files")
     text = "uniform visible radiance from all sides, W/(sr m^2) (default: 0.25; 1 where a scene has no light)"
@@ -109,7 +110,7 @@ def make_config(args):
     config = StereoDepthSensorConfig(args.sensor)
     if args.resolution:
         config = _resized(config, args.resolution)
-    config.samples_per_pixel, config.max_bounces = args.spp, args.max_bounces
+    config.samples_per_pixel, config.max_bounces, config.denoiser = args.spp, args.max_bounces, args.denoiser
     config.render_seed = config.ir_noise_seed = args.seed
     options = {
         "projector_intensity": args.projector,

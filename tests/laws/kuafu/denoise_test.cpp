@@ -151,6 +151,58 @@ TEST(Denoiser, light_groups_are_filtered_and_sum_to_ambient) {
   }
 }
 
+/// Renders of a moving camera with different seeds; the last one's ambient light.
+Pixels last_of_many(World& world, int renders, double step_m) {
+  Pixels image;
+  for (int i = 0; i < renders; ++i) {
+    world.desc().seed = uint64_t(100 + i);
+    image = world.render({view_at({step_m * (i + 1 - renders), 0, 0}, width, height, 60)}, {KUAFU_OUTPUT_AMBIENT})[KUAFU_OUTPUT_AMBIENT];
+  }
+  return image;
+}
+
+TEST(Temporal, light_accumulates_over_renders_and_follows_the_camera) {
+  for (const double step_m : {0.0, 0.004}) {
+    World world;
+    furnish(world);
+    world.desc().max_bounces = 3;
+    world.desc().samples_per_pixel = 256;
+    const Pixels truth = last_of_many(world, 1, step_m);
+    world.desc().samples_per_pixel = 1;
+    world.desc().denoise = KUAFU_DENOISE_ATROUS;
+    const double alone = rms(last_of_many(world, 1, step_m), truth);
+    world.desc().temporal_weight = 0.9f;
+    EXPECT_LT(rms(last_of_many(world, 12, step_m), truth), 0.8 * alone) << step_m;
+  }
+}
+
+TEST(Temporal, what_appears_starts_anew) {
+  World world;
+  world.add(quad({0, 0, 2}, {-9, 0, 0}, {0, 9, 0}), lambert(0.5f));
+  const uint32_t lamp = world.add(quad({0, 0, 1}, {-0.2, 0, 0}, {0, 0.2, 0}), emitter(3));
+  world.set_environment(1);
+  world.desc().max_bounces = 0;
+  world.desc().samples_per_pixel = 1;
+  world.desc().denoise = KUAFU_DENOISE_ATROUS;
+  world.desc().temporal_weight = 0.9f;
+  EXPECT_GT(last_of_many(world, 4, 0).at(0, height / 2, width / 2), 2.9f);
+  ok(kuafu_scene_remove_instance(world.scene(), lamp));
+  const Pixels image = last_of_many(world, 1, 0);
+  for (const float value : image.values) ASSERT_NEAR(value, 0.5, 0.02);  // beside the lamp, samples of pixels on its edge were mixed
+}
+
+TEST(Temporal, nothing_is_kept_unless_asked_for) {
+  World world;
+  furnish(world);
+  world.desc().samples_per_pixel = 2;
+  world.desc().denoise = KUAFU_DENOISE_ATROUS;
+  const Pixels alone = last_of_many(world, 1, 0);
+  world.desc().temporal_weight = 0.9f;
+  EXPECT_LT(rms(last_of_many(world, 1, 0), alone), 1e-6);  // the first has nothing to follow, but another order of sums
+  world.desc().temporal_weight = 0;
+  EXPECT_EQ(last_of_many(world, 1, 0).values, alone.values);
+}
+
 /// What a renderer with this library answers when Open Image Denoise is asked for; NULL: wherever it is found.
 ks_status render_by_oidn(World& world, const char* library, Pixels& image) {
   kuafu_renderer_desc desc{ks_header_make(KUAFU_TYPE_RENDERER_DESC, sizeof desc), KUAFU_TRACER_AUTO, 0, library};
