@@ -46,8 +46,7 @@ void Denoiser::fit(const Launch& launch, const Frame& frame) {
   const uint64_t pixels = launch.pixel_count();
   channels_ = launch.band.channels();
   infrared_ = launch.band.infrared;
-  DenoiseImages& images = images_.resize(memory_, 1)[0];
-  images = {};
+  DenoiseImages images{};
   for (size_t i = 0; i < kinds.size(); ++i) images.denoised[i] = frame.address(kinds[i]);
   images.direct = frame.address(output_direct);
   images.ambient = frame.address(output_ambient);
@@ -56,6 +55,7 @@ void Denoiser::fit(const Launch& launch, const Frame& frame) {
   images.channels = channels_;
   accumulates_ = launch.denoise == DenoiseKind::atrous && launch.temporal_weight > 0.0f;
   fit_history(launch, images);
+  images_.resize(memory_, 1)[0] = images;
   grow(memory_, guides_, pixels * sizeof(GuideRecord) / 4);
   grow(memory_, sums_, pixels * 2);
   for (auto& light : light_) grow(memory_, light, pixels * kinds.size() * channels_);

@@ -106,8 +106,9 @@ void FilmOptics::write_records(const Launch& launch) {
   const auto records = records_.resize(memory_, launch.views.size());
   std::vector<float> kernels = {1.0f};  // of views without blur
   for (size_t i = 0; i < launch.views.size(); ++i) {
-    records[i] = film_record(launch.views[i]);
-    add_kernels(launch.views[i].film, records[i], kernels);
+    FilmRecord record = film_record(launch.views[i]);
+    add_kernels(launch.views[i].film, record, kernels);
+    records[i] = record;
   }
   std::copy(kernels.begin(), kernels.end(), kernels_.resize(memory_, kernels.size()).begin());
 }
