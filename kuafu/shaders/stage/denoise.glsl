@@ -1,7 +1,7 @@
 // Stage `denoise`: an edge-stopping a-trous filter (Dammertz 2010, Schied 2017) on all images but the projectors' direct light, with one set of weights,
 // so that the sum of the images is filtered as they are. Light is filtered over albedo; noise is known from the pixel's own samples.
-const float level_reach = 6.0f;     // standard deviations between pixels that still mix
-const float speckle_reach = 4.0f;   // and that a pixel may stand out by from its neighbours, if its noise explains it
+const float level_reach = 4.0f;     // standard deviations between pixels that still mix
+const float speckle_reach = 3.0f;   // and that a pixel may stand out by from its neighbours, if its noise explains it
 const float edge_confidence = 0.1f;
 
 uint plane_count() { return push.images.at[0].denoised_count * push.images.at[0].channels; }
@@ -52,7 +52,7 @@ void divide(uint pixel) {
   set_statistics(pixel, level, variance * scale * scale, inside, inside);
 }
 
-// Variances are averaged over like neighbours: two samples tell little of their own. One sample tells nothing: the neighbours' scatter stands in.
+// Variances are averaged over like neighbours, mirror or not: two samples tell little of their own. One sample tells nothing: the neighbours' scatter stands in.
 void despeckle(uint pixel) {
   GuideRecord here = push.guides.at[pixel];
   float own_variance = statistic(pixel, denoise_variance), level = statistic(pixel, denoise_level);
@@ -62,7 +62,7 @@ void despeckle(uint pixel) {
       uint other = neighbour(pixel, dx, dy);
       if (other == miss || other == pixel) continue;
       float distance = float(max(abs(dx), abs(dy)));
-      float weight = falling(surface_unlike(here, push.guides.at[other], distance, 1e9f));
+      float weight = falling(surface_unlike(here, push.guides.at[other], distance, 32.0f));
       if (weight == 0.0f) continue;
       all += weight;
       variance += weight * statistic(other, denoise_variance);
