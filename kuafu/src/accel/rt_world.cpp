@@ -1,5 +1,6 @@
 #include "accel/rt_world.h"
 
+#include <algorithm>
 #include <cstring>
 #include <utility>
 
@@ -52,12 +53,11 @@ RtWorld::RtWorld(std::shared_ptr<ks::Device> device) : device_(std::move(device)
 void RtWorld::update(const Scene& scene, uint32_t environment_count) {
   if (environment_count == 0) ks::fail(KS_ERROR_INVALID_ARGUMENT, "a tracer needs at least one environment");
   if (std::exchange(scene_, nullptr) != &scene) forget();  // and forget too what a failed update left
-  const bool deformed = follow_meshes(scene), recounted = environment_count != environment_count_;
-  if (deformed || recounted || scene.revisions().instances != instances_revision_) {
-    std::vector<Placement> placements = all_placements(scene);
-    if (deformed || recounted || placements != placements_) place(std::move(placements), environment_count);
-    instances_revision_ = scene.revisions().instances;
-  }
+  const std::vector<uint32_t> deformed = follow_meshes(scene);
+  const auto changed = changed_slots(scene, instances_revision_, deformed, placements_);
+  const bool known = changed && environment_count == environment_count_;
+  if (!known || !follow(scene, *changed, deformed)) place_all(scene, environment_count);
+  instances_revision_ = scene.revisions().instances;
   scene_ = &scene;
 }
 
@@ -67,8 +67,9 @@ void RtWorld::forget() {
 }
 
 /// A mesh that deforms once is expected to deform again: from then on its bottom level can be refitted.
-bool RtWorld::follow_meshes(const Scene& scene) {
-  const MeshWatch::Changes changes = watch_.look(scene);
+/// Returns those that deformed.
+std::vector<uint32_t> RtWorld::follow_meshes(const Scene& scene) {
+  MeshWatch::Changes changes = watch_.look(scene);
   std::vector<uint32_t> added, rebuilt, refitted;
   for (uint32_t id = changes.first_new; id < scene.meshes().size(); ++id)
     if (!scene.meshes()[id].removed) added.push_back(id);
@@ -79,7 +80,7 @@ bool RtWorld::follow_meshes(const Scene& scene) {
   build_meshes(scene, added, false);
   build_meshes(scene, rebuilt, true);
   refit_meshes(scene, refitted);
-  return !changes.deformed.empty();
+  return std::move(changes.deformed);
 }
 
 void RtWorld::build_meshes(const Scene& scene, const std::vector<uint32_t>& ids, bool updatable) {
@@ -101,32 +102,63 @@ void RtWorld::refit_meshes(const Scene& scene, const std::vector<uint32_t>& ids)
   builder_.refit(geometry.inputs, structures);
 }
 
-void RtWorld::place(std::vector<Placement> placements, uint32_t environment_count) {
-  if (placements.size() > most_instances)
-    ks::fail(KS_ERROR_UNSUPPORTED, "%zu instances, ray tracing pipelines number at most %u: use KUAFU_TRACER_COMPUTE", placements.size(),
+void RtWorld::place_all(const Scene& scene, uint32_t environment_count) {
+  placements_ = all_placements(scene);
+  if (placements_.size() > most_instances)
+    ks::fail(KS_ERROR_UNSUPPORTED, "%zu instances, ray tracing pipelines number at most %u: use KUAFU_TRACER_COMPUTE", placements_.size(),
              most_instances);
-  const auto seen = placements_by_environment(placements, environment_count);
-  std::vector<VkAccelerationStructureInstanceKHR> records;
-  for (const auto& indices : seen)
-    for (const uint32_t i : indices) records.push_back(instance_record(placements[i], i, meshes_[placements[i].mesh]->structure.address()));
-  instances_.upload(device_, records);
+  seen_ = placements_by_environment(placements_, environment_count);
+  records_.clear();
+  for (const auto& slots : seen_)
+    for (const uint32_t slot : slots) records_.push_back(record_of(slot));
+  instances_.upload(device_, records_);
+  environment_count_ = environment_count;
+  build_tops();
+}
 
+/// false: what the environments see is not what it was, so that all must be placed anew.
+bool RtWorld::follow(const Scene& scene, const std::vector<uint32_t>& slots, const std::vector<uint32_t>& deformed) {
+  if (scene.instance_slots().size() != placements_.size()) return false;
+  std::vector<uint32_t> written;
+  for (const uint32_t slot : slots) {
+    const Placement now = placement_in(scene, slot), before = std::exchange(placements_[slot], now);
+    if (now.traceable != before.traceable || now.environment != before.environment) return false;
+    if (!now.traceable || (now == before && !std::ranges::binary_search(deformed, now.mesh))) continue;
+    uint32_t first = 0;
+    for (const auto& seen : seen_) {
+      const auto found = std::ranges::lower_bound(seen, slot);
+      if (found != seen.end() && *found == slot) {
+        written.push_back(first + uint32_t(found - seen.begin()));
+        records_[written.back()] = record_of(slot);
+      }
+      first += uint32_t(seen.size());
+    }
+  }
+  if (written.empty()) return true;
+  instances_.upload_changed(device_, records_, std::move(written));
+  build_tops();
+  return true;
+}
+
+VkAccelerationStructureInstanceKHR RtWorld::record_of(uint32_t slot) const {
+  return instance_record(placements_[slot], slot, meshes_[placements_[slot].mesh]->structure.address());
+}
+
+void RtWorld::build_tops() {
   std::vector<RtInput> inputs;
   uint64_t at = instances_.address();
-  for (const auto& indices : seen) {
-    if (!indices.empty()) inputs.push_back(RtInput::instances(at, uint32_t(indices.size())));
-    at += indices.size() * sizeof(VkAccelerationStructureInstanceKHR);
+  for (const auto& slots : seen_) {
+    if (!slots.empty()) inputs.push_back(RtInput::instances(at, uint32_t(slots.size())));
+    at += slots.size() * sizeof(VkAccelerationStructureInstanceKHR);
   }
   tops_.clear();
   tops_ = builder_.build(inputs, top_storage_);
 
   std::vector<uint64_t> addresses;
-  addresses.reserve(seen.size());
+  addresses.reserve(seen_.size());
   size_t next = 0;
-  for (const auto& indices : seen) addresses.push_back(indices.empty() ? 0 : tops_[next++].address());
+  for (const auto& slots : seen_) addresses.push_back(slots.empty() ? 0 : tops_[next++].address());
   addresses_.upload(device_, addresses);
-  placements_ = std::move(placements);
-  environment_count_ = environment_count;
 }
 
 }  // namespace kuafu

@@ -29,17 +29,22 @@ class RtWorld {
   struct Geometry;  // meshes' vertices and triangles, as long as a build needs them
 
   void forget();
-  bool follow_meshes(const Scene& scene);
+  std::vector<uint32_t> follow_meshes(const Scene& scene);
   void build_meshes(const Scene& scene, const std::vector<uint32_t>& ids, bool updatable);
   void refit_meshes(const Scene& scene, const std::vector<uint32_t>& ids);
-  void place(std::vector<Placement> placements, uint32_t environment_count);
+  void place_all(const Scene& scene, uint32_t environment_count);
+  bool follow(const Scene& scene, const std::vector<uint32_t>& slots, const std::vector<uint32_t>& deformed);
+  [[nodiscard]] VkAccelerationStructureInstanceKHR record_of(uint32_t slot) const;
+  void build_tops();
 
   std::shared_ptr<ks::Device> device_;
   RtBuilder builder_;
   const Scene* scene_ = nullptr;
   MeshWatch watch_;
   std::vector<std::optional<Bottom>> meshes_;
-  std::vector<Placement> placements_;
+  std::vector<Placement> placements_;                        // by slot
+  std::vector<std::vector<uint32_t>> seen_;                  // slots, by environment
+  std::vector<VkAccelerationStructureInstanceKHR> records_;  // environment after environment, as in seen_
   uint64_t instances_revision_ = 0;
   uint32_t environment_count_ = 0;
   ArrayBuffer instances_{rt_input_usage}, top_storage_{rt_storage_usage}, addresses_;
