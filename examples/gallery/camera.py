@@ -23,7 +23,7 @@ def lens_distortion(device):
 
 @tile("Camera", "Thin lens", "`lens_radius_m`, `focus_m`: what is not in focus blurs")
 def thin_lens(device):
-    return seen_by(device, lens_radius_m=0.06, focus_m=3.1)
+    return seen_by(device, lens_radius_m=0.12, focus_m=3.1)
 
 
 @tile("Camera", "Motion blur", "`exposure_s` with a camera that moves: `linear_velocity`")

@@ -69,6 +69,16 @@ def slide(device):
     return stage.picture()
 
 
+@tile("Lights", "Fog", "`set_medium`: a spot's cone in a medium that scatters")
+def fog(device):
+    stage = under(device)
+    stage.light("spot", (-1.6, 0.4, 2.4), (0.2, -0.1, 0.0), intensity=(90, 85, 75), inner_rad=0.14, outer_rad=0.18)
+    stage.scene.set_medium((0.25, 0.25, 0.25), (0.95, 0.95, 0.95), phase_g=0.3)
+    stage.options.update(denoise="none", spp=12 * stage.options["spp"], max_bounces=3)
+    stage.scene.set_environment((0.02, 0.02, 0.03))
+    return stage.picture()
+
+
 def projected(device, *, pattern=None, glass=None, options=None, **fields):
     """Infrared dots from beside the camera on the boxes and the ball; or all of that behind a window pane."""
     stage = Stage(device)

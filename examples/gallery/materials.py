@@ -58,6 +58,11 @@ def tinted_glass(device):
     return ball_of(device, transmission=1.0, roughness=0.0, attenuation_color=(0.2, 0.75, 0.45), attenuation_distance_m=0.4)
 
 
+@tile("Materials", "Wax", "`subsurface=1`: light wanders below the surface, red the farthest")
+def wax(device):
+    return ball_of(device, roughness=0.4, subsurface=1.0, subsurface_color=(0.9, 0.75, 0.5), subsurface_radius_m=(0.2, 0.08, 0.03))
+
+
 @tile("Materials", "Diamond", "`ior=2.42`")
 def diamond(device):
     return ball_of(device, transmission=1.0, roughness=0.0, ior=2.42)
