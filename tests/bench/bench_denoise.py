@@ -156,7 +156,7 @@ def picture(results, path):
             axis.set_title(f"{kind}: {name} spp" if name != "truth" else f"{kind}: 4096 spp", fontsize=9)
             axis.axis("off")
     figure.tight_layout()
-    figure.savefig(path, dpi=55)
+    figure.savefig(path, dpi=55, pil_kwargs={"optimize": True})
 
 
 def main():
