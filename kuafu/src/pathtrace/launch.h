@@ -56,7 +56,7 @@ struct Launch {
   LightSampling light_sampling = LightSampling::mis;
   DenoiseKind denoise = DenoiseKind::none;
   float temporal_weight = 0.0f;  // of the last launches' light, where the denoiser accumulates
-  uint32_t glass_surfaces = 0;  // that shadow rays may pass
+  uint32_t glass_surfaces = 0;   // that shadow rays may pass
   std::array<OutputImage, output_kind_count> outputs;
   uint32_t projector = none;  // light id, for the AOVs of a projector; none: the first that an environment has
   uint32_t held = 0;          // bit per output kind: a step after accumulation reads it from the frame, asked for or not
