@@ -60,7 +60,7 @@ void find_layer(INOUT(Bsdf) b, float ior) {
 }
 
 /// Entry `c` of the layer's rows: albedos at two neighbouring cosines, or the mean.
-vec2 layer_entry(Bsdf b, Vec2Array table, uint c) {
+vec2 layer_entry(IN(Bsdf) b, Vec2Array table, uint c) {
   uint row = b.layer_row + c, next = row + layer_albedo_size * specular_albedo_size;
   vec2 e = mix(table.at[row], table.at[row + specular_albedo_size], b.layer_roughness_part);
   if (b.layer_index_part == 0.0f) return e;
@@ -68,14 +68,14 @@ vec2 layer_entry(Bsdf b, Vec2Array table, uint c) {
 }
 
 /// Share of light that the layer reflects, single and multiple scattering.
-float layer_albedo(Bsdf b, Vec2Array table, float cosine) {
+float layer_albedo(IN(Bsdf) b, Vec2Array table, float cosine) {
   float p = clamp(cosine, 0.0f, 1.0f) * float(specular_albedo_size - 1u);
   uint c = min(uint(p), specular_albedo_size - 2u);
   vec2 e = layer_entry(b, table, c);
   return mix(e.x, e.y, p - float(c));
 }
 
-float coat_albedo(Bsdf b, Vec2Array table, float cosine) { return b.coat == 0.0f ? 0.0f : b.coat * layer_albedo(b, table, cosine); }
+float coat_albedo(IN(Bsdf) b, Vec2Array table, float cosine) { return b.coat == 0.0f ? 0.0f : b.coat * layer_albedo(b, table, cosine); }
 
 /// Mean over the hemisphere, weighted by the cosine, of the albedo of a lobe without loss at the facets.
 float lobe_mean(Vec2Array table, float roughness) {
@@ -87,9 +87,9 @@ float lobe_mean(Vec2Array table, float roughness) {
 // F_avg^2 E / (1 - F_avg (1 - E))
 Spectrum multiple_share(Spectrum average, float mean) { return average * average * mean / (Spectrum(1.0f) - average * (1.0f - mean)); }
 
-bool is_mirror(Bsdf b) { return b.alpha < mirror_alpha; }
-bool has_lobe(Bsdf b) { return b.metallic + b.layer > 0.0f; }
-bool is_rough_glass(Bsdf b) { return (features & feature_materials) != 0u && b.glass > 0.0f && b.glass_alpha >= mirror_alpha; }
+bool is_mirror(IN(Bsdf) b) { return b.alpha < mirror_alpha; }
+bool has_lobe(IN(Bsdf) b) { return b.metallic + b.layer > 0.0f; }
+bool is_rough_glass(IN(Bsdf) b) { return (features & feature_materials) != 0u && b.glass > 0.0f && b.glass_alpha >= mirror_alpha; }
 
 /// What several facets scatter. Means of Fresnel's reflectance: Schlick's exactly, the layer's by Kulla and Conty's fit.
 void set_multiple(INOUT(Bsdf) b, MaterialPoint m, Vec2Array table) {
@@ -141,10 +141,10 @@ Bsdf make_bsdf(MaterialPoint m, Vec2Array table, float cos_o, bool front) {
 }
 
 /// Has a part that light from a point can be scattered by.
-bool takes_light(Bsdf b) { return max_component(b.diffuse) > 0.0f || (has_lobe(b) && !is_mirror(b)) || is_rough_glass(b); }
+bool takes_light(IN(Bsdf) b) { return max_component(b.diffuse) > 0.0f || (has_lobe(b) && !is_mirror(b)) || is_rough_glass(b); }
 
 /// Fresnel's reflectance of layer and metal where light meets a facet at this cosine.
-Spectrum lobe_fresnel(Bsdf b, float cosine) {
+Spectrum lobe_fresnel(IN(Bsdf) b, float cosine) {
   Spectrum f = b.metal + (Spectrum(b.metallic) - b.metal) * schlick_weight(cosine);
   float cos_t;
   if (b.layer > 0.0f) f += Spectrum(b.layer * fresnel_dielectric(min(cosine, 1.0f), b.coat_eta, cos_t));
@@ -152,7 +152,7 @@ Spectrum lobe_fresnel(Bsdf b, float cosine) {
 }
 
 /// Chances of taking the base and what several facets scatter, the GGX lobe and the glass; the rest goes below the surface.
-vec3 lobe_chances(Bsdf b) {
+vec3 lobe_chances(IN(Bsdf) b) {
   vec3 w = vec3(max_component(b.diffuse) * (1.0f - b.coat_albedo), 0.0f, b.glass);
   if (has_lobe(b)) {
     w.y = dot(b.lobe_albedo, vec2(max_component(b.metal), b.metallic));
@@ -171,13 +171,13 @@ float diffuse_shape(float roughness, vec3 wo, vec3 wi) {
   return (1.0f + roughness * s / max(t, 1e-6f)) / (pi + (pi / 2.0f - 2.0f / 3.0f) * roughness);
 }
 
-float glass_reflectance(Bsdf b, float cosine, OUT(float) cos_t) {
+float glass_reflectance(IN(Bsdf) b, float cosine, OUT(float) cos_t) {
   float reflectance = fresnel_dielectric(cosine, b.eta, cos_t);
   return cos_t > 0.0f ? reflectance * b.glass_specular : reflectance;
 }
 
 /// f cos of rough glass, both sides, and the density of sample_rough_glass times its chance (Walter et al. 2007, eq. 20, 21).
-Spectrum evaluate_glass(Bsdf b, vec3 wo, vec3 wi, float chance, OUT(float) pdf) {
+Spectrum evaluate_glass(IN(Bsdf) b, vec3 wo, vec3 wi, float chance, OUT(float) pdf) {
   bool reflected = wi.z > 0.0f;
   vec3 h = normalize(reflected ? wo + wi : -(b.eta * wo + wi));
   pdf = 0.0f;
@@ -196,7 +196,7 @@ Spectrum evaluate_glass(Bsdf b, vec3 wo, vec3 wi, float chance, OUT(float) pdf) 
 }
 
 /// f cos of the parts that are no mirrors, and the density of bsdf_sample for them.
-Spectrum bsdf_evaluate(Bsdf b, Vec2Array table, vec3 wo, vec3 wi, vec3 chances, OUT(float) pdf) {
+Spectrum bsdf_evaluate(IN(Bsdf) b, Vec2Array table, vec3 wo, vec3 wi, vec3 chances, OUT(float) pdf) {
   pdf = 0.0f;
   Spectrum f = Spectrum(0.0f);
   if (is_rough_glass(b)) f = evaluate_glass(b, wo, wi, chances.z, pdf);
@@ -223,7 +223,7 @@ vec3 sample_cosine(vec2 u) {
 }
 
 // `choice` in [0,1) picks reflection or refraction. Radiance shrinks by eta squared as it leaves the denser side (Veach 1997, 5.2).
-BsdfSample sample_glass(Bsdf b, vec3 wo, float choice) {
+BsdfSample sample_glass(IN(Bsdf) b, vec3 wo, float choice) {
   BsdfSample s;
   float cos_t;
   float reflectance = glass_reflectance(b, wo.z, cos_t);
@@ -244,7 +244,7 @@ Spectrum straight_transmittance(MaterialPoint m, float cosine) {
   return m.base * ((1.0f - m.metallic) * m.transmission * (1.0f - reflectance));
 }
 
-BsdfSample sample_rough_glass(Bsdf b, Vec2Array table, vec3 wo, vec3 chances, vec2 u, float choice) {
+BsdfSample sample_rough_glass(IN(Bsdf) b, Vec2Array table, vec3 wo, vec3 chances, vec2 u, float choice) {
   BsdfSample s = BsdfSample(vec3(0.0f, 0.0f, 1.0f), Spectrum(0.0f), 0.0f, false, false);
   vec3 h = sample_visible_normal(wo, b.glass_alpha, u);
   float cos_t, o = dot(wo, h), reflectance = glass_reflectance(b, o, cos_t);
@@ -256,7 +256,7 @@ BsdfSample sample_rough_glass(Bsdf b, Vec2Array table, vec3 wo, vec3 chances, ve
   return s;
 }
 
-BsdfSample bsdf_sample(Bsdf b, Vec2Array table, vec3 wo, vec3 chances, vec2 u, float choice) {
+BsdfSample bsdf_sample(IN(Bsdf) b, Vec2Array table, vec3 wo, vec3 chances, vec2 u, float choice) {
   BsdfSample s = BsdfSample(vec3(0.0f, 0.0f, 1.0f), Spectrum(0.0f), 0.0f, false, false);
   if (choice < chances.z) {
     if (is_rough_glass(b)) return sample_rough_glass(b, table, wo, chances, u, choice / chances.z);

@@ -110,7 +110,7 @@ struct LightRequest {
   LightSample light;
 };
 
-LightRequest find_light(Path path, vec3 position, vec3 shape_origin, uint k) {
+LightRequest find_light(IN(Path) path, vec3 position, vec3 shape_origin, uint k) {
   LightRequest request;
   request.found = false;
   SceneAddresses scene = push.scene.at[0];
@@ -242,9 +242,9 @@ Shading begin_shading(uint i) {
 /// Shadow rays of the surface; those of the fog follow.
 uint surface_rays() { return in_medium() ? push.shadow_rays_per_vertex / 2u : push.shadow_rays_per_vertex; }
 
-bool asks_light(Shading s, uint k) { return k < surface_rays() ? s.hit && takes_light(s.vertex.bsdf) : s.fog.found; }
+bool asks_light(IN(Shading) s, uint k) { return k < surface_rays() ? s.hit && takes_light(s.vertex.bsdf) : s.fog.found; }
 
-ShadowRequest ask_light_at_surface(Path path, Vertex vertex, uint k) {
+ShadowRequest ask_light_at_surface(IN(Path) path, IN(Vertex) vertex, uint k) {
   ShadowRequest request;
   request.wanted = false;
   request.ray.origin = offset_origin(vertex.position, vertex.coordinate_size, vertex.side_normal);
@@ -273,7 +273,7 @@ ShadowRequest ask_light_at_surface(Path path, Vertex vertex, uint k) {
 }
 
 /// The k-th shadow ray of the vertex, where asks_light.
-ShadowRequest ask_light(Shading s, uint k) {
+ShadowRequest ask_light(IN(Shading) s, uint k) {
   if (in_medium() && k >= surface_rays()) return ask_light_in_fog(s.path, s.fog, k - surface_rays());
   return ask_light_at_surface(s.path, s.vertex, k);
 }
@@ -322,7 +322,7 @@ NextRequest scatter(INOUT(Shading) s) {
   return request;
 }
 
-bool goes_on(Shading s) {
+bool goes_on(IN(Shading) s) {
   if (s.walk.inside) return s.walk.scattered;
   if (can_walk() && s.hit && s.vertex.bsdf.subsurface > 0.0f) return true;  // below the surface is no bounce
   return (s.hit || s.fog.found) && bounces_on(s.path);
