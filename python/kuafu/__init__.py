@@ -25,6 +25,7 @@ from ._kuafu import (
     MissingFileError,
     NoDeviceError,
     Renderer,
+    RenderSummary,
     Scene,
     SceneSummary,
     __version__,
@@ -47,6 +48,7 @@ __all__ = [
     "MissingFileError",
     "NoDeviceError",
     "Renderer",
+    "RenderSummary",
     "Scene",
     "SceneSummary",
 ]

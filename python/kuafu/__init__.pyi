@@ -293,6 +293,16 @@ class Scene:
     def instance_name(self, id: int) -> str: ...
     def material_name(self, id: int) -> str: ...
 
+class RenderSummary:
+    @property
+    def samples_per_pixel(self) -> int: ...
+    @property
+    def call_samples_per_pixel(self) -> int: ...
+    @property
+    def relative_error(self) -> float: ...
+    @property
+    def seconds(self) -> float: ...
+
 class Renderer:
     def __init__(
         self,
@@ -304,6 +314,8 @@ class Renderer:
     def device(self) -> Device: ...
     @property
     def stage_times(self) -> dict[str, float]: ...
+    @property
+    def summary(self) -> RenderSummary: ...
     def render(
         self,
         scene: Scene,
@@ -326,5 +338,8 @@ class Renderer:
         projector: int | None = None,
         previous_poses: ArrayLike | None = None,
         scales: Mapping[str, float] = {},
+        accumulate: bool = False,
+        max_seconds: float = 0.0,
+        relative_error: float = 0.0,
         progress: Callable[[float], object] | None = None,
     ) -> dict[str, NDArray[Any]]: ...

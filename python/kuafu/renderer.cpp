@@ -20,6 +20,8 @@ constexpr Output outputs_known[] = {{"radiance", KUAFU_OUTPUT_RADIANCE, 0, KS_FO
                                     {"light_group_1", KUAFU_OUTPUT_LIGHT_GROUP_0 + 1, 0, KS_FORMAT_F32},
                                     {"light_group_2", KUAFU_OUTPUT_LIGHT_GROUP_0 + 2, 0, KS_FORMAT_F32},
                                     {"light_group_3", KUAFU_OUTPUT_LIGHT_GROUP_0 + 3, 0, KS_FORMAT_F32},
+                                    {"variance", KUAFU_OUTPUT_VARIANCE, 0, KS_FORMAT_F32},
+                                    {"sample_count", KUAFU_OUTPUT_SAMPLE_COUNT, 1, KS_FORMAT_U32},
                                     {"depth", KUAFU_OUTPUT_DEPTH, 1, KS_FORMAT_F32},
                                     {"normal", KUAFU_OUTPUT_NORMAL, 3, KS_FORMAT_F32},
                                     {"instance_id", KUAFU_OUTPUT_INSTANCE_ID, 1, KS_FORMAT_U32},
@@ -214,6 +216,12 @@ uint32_t denoise_of(const std::string& name) {
 }  // namespace
 
 void bind_renderer(py::module_& module) {
+  using S = kuafu_render_summary;
+  py::class_<S>(module, "RenderSummary", "What a render came to.")
+      .def_readonly("samples_per_pixel", &S::samples_per_pixel, "In the images.")
+      .def_readonly("call_samples_per_pixel", &S::call_samples_per_pixel, "Of those, this call's.")
+      .def_readonly("relative_error", &S::relative_error, "NaN where none was aimed at.")
+      .def_readonly("seconds", &S::seconds, "Wall time of the call.");
   const kuafu_render_desc d = kuafu_render_desc_init();
   py::class_<Renderer>(module, "Renderer", "Renders scenes of its device.")
       .def(py::init<std::shared_ptr<Device<Kuafu>>, const std::string&, const std::optional<std::string>&>(), py::arg("device").none(false),
@@ -228,7 +236,7 @@ void bind_renderer(py::module_& module) {
              uint32_t first_sample, float ir_ambient_scale, float ir_ambient_radiance, uint32_t glass_surfaces,
              const std::string& light_sampling, const std::string& denoise, float temporal_weight, const py::object& film,
              std::optional<uint32_t> projector, const py::object& previous_poses, const std::map<std::string, float>& scales,
-             const py::object& progress) {
+             bool accumulate, double max_seconds, double relative_error, const py::object& progress) {
             kuafu_render_desc desc = kuafu_render_desc_init();
             desc.samples_per_pixel = spp;
             desc.max_bounces = max_bounces;
@@ -241,6 +249,9 @@ void bind_renderer(py::module_& module) {
             desc.denoise = denoise_of(denoise);
             desc.temporal_weight = temporal_weight;
             desc.projector = projector.value_or(KUAFU_NONE);
+            desc.accumulate = accumulate;
+            desc.max_seconds = max_seconds;
+            desc.relative_error = relative_error;
             return self.render(scene, {cameras, outputs, band, environments, film, previous_poses, scales, progress}, desc);
           },
           py::arg("scene"), py::arg("cameras"), py::arg("outputs") = py::make_tuple("radiance"), py::kw_only(),
@@ -249,15 +260,21 @@ void bind_renderer(py::module_& module) {
           py::arg("ir_ambient_scale") = d.ir_ambient_scale, py::arg("ir_ambient_radiance") = d.ir_ambient_radiance,
           py::arg("glass_surfaces") = d.glass_surfaces, py::arg("light_sampling") = "mis", py::arg("denoise") = "none",
           py::arg("temporal_weight") = 0.0f, py::arg("film") = py::none(), py::arg("projector") = py::none(),
-          py::arg("previous_poses") = py::none(), py::arg("scales") = std::map<std::string, float>(), py::arg("progress") = py::none(),
+          py::arg("previous_poses") = py::none(), py::arg("scales") = std::map<std::string, float>(), py::arg("accumulate") = false,
+          py::arg("max_seconds") = 0.0, py::arg("relative_error") = 0.0, py::arg("progress") = py::none(),
           "cameras: a Camera or a sequence of them, all of one size. outputs: names of radiance, projector_direct, projector_indirect, "
-          "ambient, light_group_0 .. light_group_3 (ambient's parts), depth, normal, position, albedo, roughness, transmission, motion,\n"
+          "ambient, light_group_0 .. light_group_3 (ambient's parts), variance (of the mean radiance), sample_count, depth, normal, "
+          "position, albedo, roughness, transmission, motion,\n"
           "projector_uv, projector_visibility, projector_geometry, instance_id, material_id, semantic_id; or {name: dtype} (float32, "
           "float16,\n"
           "uint8, uint16; ids: uint32, uint16, uint8; None: the default), or {name: Image or Buffer} to fill those. "
           "What they hold: kuafu/output.h.\n"
           "scales: {name: factor} before rounding, as 1000 for depth in uint16 millimetres; by default 1.0 is an integer's full range.\n"
           "band: 'infrared' (one channel) or 'visible' (three).\n"
+          "accumulate: adds to the samples of the calls before that accumulated; the images are means of all. A call without begins anew.\n"
+          "max_seconds, relative_error: budgets, 0 = none; spp is then the most, and summary says what was taken. relative_error is the "
+          "root\n"
+          "of the pixels' mean variance over their mean radiance.\n"
           "projector: light id that the projector_* outputs are of; None: the first of each view's environment.\n"
           "previous_poses: camera_to_world one frame before, (4, 4) or one for each camera, for motion; None: as now.\n"
           "Returns {name: array [view, height, width, channel]}: by default float32, uint32 for ids; views of the buffers, nothing is "
@@ -270,6 +287,14 @@ void bind_renderer(py::module_& module) {
           "vary the seed.\n"
           "glass_surfaces: how many smooth glass surfaces a light's straight way to a surface may pass; 0: glass casts full shadows.\n"
           "progress(fraction: float) may return True to cancel (CancelledError); what it raises is raised here. Same seed, same bits.")
+      .def_property_readonly(
+          "summary",
+          [](const Renderer& r) {
+            kuafu_render_summary s = kuafu_render_summary_init();
+            check<Kuafu>(kuafu_renderer_get_summary(r.get(), &s));
+            return s;
+          },
+          "What the last render came to: a RenderSummary.")
       .def_property_readonly(
           "stage_times",
           [](const Renderer& r) {

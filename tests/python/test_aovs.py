@@ -75,3 +75,19 @@ def test_wrong_words_are_named(renderer, scene):
         renderer.render(scene, [CAMERA, CAMERA], ["motion"], previous_poses=np.zeros((3, 4, 4)))
     with pytest.raises(ValueError, match="projector is 7"):
         renderer.render(scene, CAMERA, ["projector_uv"], projector=7)
+
+
+def test_calls_that_accumulate(renderer, scene):
+    once = renderer.render(scene, CAMERA, ["radiance", "variance"], spp=64)
+    for calls in (1, 2, 3, 4):
+        parts = renderer.render(scene, CAMERA, ["radiance", "variance", "sample_count"], spp=16, accumulate=True)
+        assert np.all(parts["sample_count"] == 16 * calls) and parts["sample_count"].dtype == np.uint32
+        assert (renderer.summary.samples_per_pixel, renderer.summary.call_samples_per_pixel) == (16 * calls, 16)
+    np.testing.assert_allclose(parts["radiance"], once["radiance"], rtol=1e-5)
+
+
+def test_a_noise_budget(renderer, scene):
+    renderer.render(scene, CAMERA, spp=10000, relative_error=0.01)
+    assert renderer.summary.relative_error <= 0.01 and renderer.summary.samples_per_pixel < 10000 and renderer.summary.seconds > 0
+    with pytest.raises(ValueError, match="max_seconds is -1"):
+        renderer.render(scene, CAMERA, max_seconds=-1)

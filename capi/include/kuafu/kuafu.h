@@ -88,6 +88,7 @@ KUAFU_API void kuafu_buffer_release(kuafu_buffer buffer);
 #define KUAFU_TYPE_VIEW_DESC 0x1008u
 #define KUAFU_TYPE_RENDER_DESC 0x100au
 #define KUAFU_TYPE_SCENE_SUMMARY 0x100bu
+#define KUAFU_TYPE_RENDER_SUMMARY 0x100eu
 #define KUAFU_TYPE_RENDERER_DESC 0x100cu
 
 KUAFU_API ks_status kuafu_scene_create(kuafu_device device, kuafu_scene* out);
@@ -357,6 +358,15 @@ typedef struct kuafu_render_desc {
   float temporal_weight;             /* KUAFU_DENOISE_ATROUS: share of the light that this renderer's last renders of as many views of one size saw on the same
                                         surface, 0..<1; 0: each render by itself. It follows pinhole cameras that move and starts anew where another surface
                                         appears; it lags behind lights that change and bodies that slide along themselves. Give every render another seed */
+  uint32_t accumulate;               /* nonzero: these samples are added to those that the renderer has accumulated since its last call without it, and the images
+                                        are means of all. They go on where the last call ended. A call of other sizes, band, light groups or variance, and one
+                                        that fails, begins anew. Cameras and scene may move in between: the images are then means over that time */
+  uint32_t reserved;
+  /* Budgets, 0 = none: samples_per_pixel is then the most. The render goes in rounds over all views, at least one, and stops before max_seconds are over (as
+   * the rounds before tell), or when the noise falls to relative_error: the root of the pixels' mean KUAFU_OUTPUT_VARIANCE over their mean radiance, over all
+   * views and channels. A noise budget alone is deterministic. */
+  double max_seconds;
+  double relative_error;
 } kuafu_render_desc;
 static inline kuafu_render_desc kuafu_render_desc_init(void) {
   kuafu_render_desc r;
@@ -372,6 +382,22 @@ static inline kuafu_render_desc kuafu_render_desc_init(void) {
 }
 /* Blocks until the outputs may be read (KS_SYNC_HOST). Same inputs and seed give the same bits on one device for any thread count or batch split. */
 KUAFU_API ks_status kuafu_renderer_render(kuafu_renderer renderer, kuafu_scene scene, const kuafu_render_desc* desc);
+
+typedef struct kuafu_render_summary {
+  ks_header header;
+  uint32_t samples_per_pixel;       /* in the images */
+  uint32_t call_samples_per_pixel;  /* of those, this call's */
+  double relative_error;            /* as kuafu_render_desc.relative_error; NAN where none was aimed at */
+  double seconds;                   /* wall time of the call */
+} kuafu_render_summary;
+static inline kuafu_render_summary kuafu_render_summary_init(void) {
+  kuafu_render_summary s;
+  memset(&s, 0, sizeof s);
+  s.header = ks_header_make(KUAFU_TYPE_RENDER_SUMMARY, (uint32_t)sizeof s);
+  return s;
+}
+/* Of the last render that succeeded. */
+KUAFU_API ks_status kuafu_renderer_get_summary(kuafu_renderer renderer, kuafu_render_summary* out);
 /* Stage times of the last render. In: *count = capacity of times; out: the number there is. times may be NULL. */
 KUAFU_API ks_status kuafu_renderer_get_stage_times(kuafu_renderer renderer, ks_stage_time* times, uint32_t* count);
 

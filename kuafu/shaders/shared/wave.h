@@ -76,7 +76,9 @@ KUAFU_CONST output_projector_geometry = 11u;
 KUAFU_CONST output_motion = 12u;
 KUAFU_CONST output_radiance = 13u;  // then projector direct, projector indirect, ambient
 KUAFU_CONST output_light_group = 17u;  // 0, then the others
-KUAFU_CONST output_kind_count = 21u;
+KUAFU_CONST output_variance = 21u;
+KUAFU_CONST output_sample_count = 22u;
+KUAFU_CONST output_kind_count = 23u;
 
 // Element formats of output images; numbers are KS_FORMAT_*.
 KUAFU_CONST format_u8 = 1u;
@@ -117,6 +119,7 @@ struct GeneratePush {
 
 KUAFU_CONST generate_environments = 1u;  // rays carry an environment
 KUAFU_CONST generate_pixel_centre = 2u;  // AOV rays: no jitter, no path state
+KUAFU_CONST generate_replicates = 8u;  // see replicate_count
 KUAFU_CONST generate_camera = 4u;       // some camera distorts, has a lens, or something moves while its shutter is open
 
 // What the kernels of `shade` and `transmit` can do: a constant for each of their compilations.
@@ -170,13 +173,24 @@ struct TransmitPush {
   uint has_medium, reserved;
 };
 
+/// Where the variance of a pixel's mean is asked for, its samples are dealt out to this many sequences with scrambles of their own: sample i is number
+/// i / replicate_count of sequence i % replicate_count. Their means are independent, as points of one scrambled sequence are not.
+KUAFU_CONST replicate_count = 8u;
+
+KUAFU_CONST accumulate_continues = 1u;   // there are sums of earlier passes
+KUAFU_CONST accumulate_keeps = 2u;       // later passes will want the sums
+KUAFU_CONST accumulate_writes = 4u;      // the outputs
+KUAFU_CONST accumulate_replicates = 8u;  // see replicate_count
+
 struct AccumulatePush {
-  FloatArray state, sums;  // sums: plane (group, channel) of local pixel p is plane * pixel_count + p
+  FloatArray state, sums;  // sums: plane p of local pixel i is p * sums_stride + sums_first + i; planes: (group, channel), then (channel, replicate)
   OutputArray outputs;
   WaveRange range;
-  uint channels, groups;
-  uint first_pass, last_pass;
-  float inverse_samples;  // 1 / samples of all passes
+  uint channels, groups, flags;
+  uint sums_first, sums_stride;
+  uint first_sample, sample_count;  // of all passes until now
+  float inverse_samples;
+  uint reserved;
 };
 
 KUAFU_CONST aov_infrared = 1u;
@@ -214,7 +228,7 @@ static_assert(sizeof(GeneratePush) == 96);
 static_assert(sizeof(ShadePush) == 104);
 static_assert(sizeof(ResolvePush) == 72);
 static_assert(sizeof(TransmitPush) == 88);
-static_assert(sizeof(AccumulatePush) == 80);
+static_assert(sizeof(AccumulatePush) == 96);
 static_assert(sizeof(AovPush) == 120);
 static_assert(sizeof(WritePush) == 64);
 }  // namespace kuafu

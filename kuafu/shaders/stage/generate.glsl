@@ -6,6 +6,10 @@ void generate(uint slot) {
   ViewRecord view = push.views.at[pixel.view];
   uint key = hash(view.key ^ hash(pixel.row * push.range.width + pixel.column));
   bool centre = (push.flags & generate_pixel_centre) != 0u;
+  if ((push.flags & generate_replicates) != 0u) {
+    key = hash(key + (1u + index % replicate_count) * 0x9e3779b9u);
+    index /= replicate_count;
+  }
   vec2 film = vec2(float(pixel.column), float(pixel.row));
   if (!centre) film += sample_2d(key, index, pair_film) - 0.5f;
   vec3 origin = view.origin, ray = view.axis_0 + film.x * view.axis_u + film.y * view.axis_v;

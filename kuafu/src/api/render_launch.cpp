@@ -34,6 +34,9 @@ void check_numbers(const kuafu_render_desc& d) {
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "temporal_weight is %g, it must be 0..1, 1 not included", double(d.temporal_weight));
   if (d.glass_surfaces > most_glass_surfaces)
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "glass_surfaces is %u, at most %u are possible", d.glass_surfaces, most_glass_surfaces);
+  for (const auto& [name, value] : {std::pair{"max_seconds", d.max_seconds}, {"relative_error", d.relative_error}})
+    if (!(value >= 0.0 && value <= std::numeric_limits<double>::max()))
+      ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s is %g, it must be finite and >= 0 (0: no such budget)", name, value);
   if (!(d.ir_ambient_scale >= 0.0f && d.ir_ambient_scale <= std::numeric_limits<float>::max()))
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "ir_ambient_scale is %g, it must be finite and >= 0", double(d.ir_ambient_scale));
   if (!(d.ir_ambient_radiance >= 0.0f && d.ir_ambient_radiance <= std::numeric_limits<float>::max()))
@@ -113,6 +116,10 @@ Launch read_launch(const kuafu_render_desc* desc, const ks::Device& device) {
   launch.max_bounces = d.max_bounces;
   launch.seed = d.seed;
   launch.projector = d.projector;
+  launch.accumulate = d.accumulate != 0;
+  launch.max_seconds = d.max_seconds;
+  launch.relative_error = d.relative_error;
+  if (launch.relative_error > 0.0) launch.held |= 1u << output_variance | 1u << output_radiance;
   launch.glass_surfaces = d.glass_surfaces;
   launch.light_sampling = static_cast<LightSampling>(d.light_sampling);
   launch.denoise = static_cast<DenoiseKind>(d.denoise);

@@ -29,6 +29,8 @@ constexpr OutputKind output_kinds[] = {
     {KUAFU_OUTPUT_LIGHT_GROUP_0 + 1, output_light_group + 1, "KUAFU_OUTPUT_LIGHT_GROUP_0 + 1"},
     {KUAFU_OUTPUT_LIGHT_GROUP_0 + 2, output_light_group + 2, "KUAFU_OUTPUT_LIGHT_GROUP_0 + 2"},
     {KUAFU_OUTPUT_LIGHT_GROUP_0 + 3, output_light_group + 3, "KUAFU_OUTPUT_LIGHT_GROUP_0 + 3"},
+    {KUAFU_OUTPUT_VARIANCE, output_variance, "KUAFU_OUTPUT_VARIANCE"},
+    {KUAFU_OUTPUT_SAMPLE_COUNT, output_sample_count, "KUAFU_OUTPUT_SAMPLE_COUNT"},
     {KUAFU_OUTPUT_DEPTH, output_depth, "KUAFU_OUTPUT_DEPTH"},
     {KUAFU_OUTPUT_NORMAL, output_normal, "KUAFU_OUTPUT_NORMAL"},
     {KUAFU_OUTPUT_INSTANCE_ID, output_instance_id, "KUAFU_OUTPUT_INSTANCE_ID"},
@@ -53,6 +55,8 @@ const OutputKind& find_output(uint32_t output) {
 void check_format(const ks_image_desc& image, const OutputKind& kind) {
   const uint32_t f = image.format;
   const bool narrow = f == KS_FORMAT_U8 || f == KS_FORMAT_U16;
+  if (kind.kind == output_sample_count && f != KS_FORMAT_U32)
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s has format %u, it must be KS_FORMAT_U32", kind.name, f);
   if (is_integer(kind.kind) ? !narrow && f != KS_FORMAT_U32 : !narrow && f != KS_FORMAT_F16 && f != KS_FORMAT_F32)
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s has format %u, it must be KS_FORMAT_%s, _U16 or _U8", kind.name, f,
              is_integer(kind.kind) ? "U32" : "F32, _F16");

@@ -57,6 +57,18 @@ ks_status kuafu_renderer_render(kuafu_renderer renderer, kuafu_scene scene, cons
   });
 }
 
+ks_status kuafu_renderer_get_summary(kuafu_renderer renderer, kuafu_render_summary* out) {
+  return ks::guard([&] {
+    const kuafu::RenderSummary& last = ks::object_of(renderer, "renderer")->summary();
+    kuafu_render_summary summary = kuafu_render_summary_init();
+    summary.samples_per_pixel = last.samples;
+    summary.call_samples_per_pixel = last.call_samples;
+    summary.relative_error = last.relative_error;
+    summary.seconds = last.seconds;
+    ks::write_struct(out, summary, KUAFU_TYPE_RENDER_SUMMARY, "out");
+  });
+}
+
 ks_status kuafu_renderer_get_stage_times(kuafu_renderer renderer, ks_stage_time* times, uint32_t* count) {
   return ks::guard([&] {
     const auto& stages = ks::object_of(renderer, "renderer")->stage_times();

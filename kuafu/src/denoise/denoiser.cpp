@@ -67,7 +67,6 @@ void Denoiser::fit(const Launch& launch, const Frame& frame) {
   push_.count = uint32_t(pixels);
   push_.width = launch.width;
   push_.height = launch.height;
-  push_.samples = launch.samples;
 }
 
 // The place of a point in the last launch: K times the inverse pose. A distorting lens or one that moves has no such matrix, so no history.
@@ -121,7 +120,8 @@ void Denoiser::moments(ks::Commands& commands, uint64_t state, const WaveRange& 
   moments_.run(commands, "denoise", {state, memory_.address(*sums_), range, range.pixel_count, channels_, groups, first_pass ? 1u : 0u});
 }
 
-void Denoiser::filter(ks::Commands& commands) {
+void Denoiser::filter(ks::Commands& commands, uint32_t samples) {
+  push_.samples = samples;
   step(commands, denoise_divide);
   step(commands, denoise_despeckle);
   if (accumulates_) step(commands, denoise_accumulate);

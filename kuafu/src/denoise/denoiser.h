@@ -34,8 +34,8 @@ class Denoiser {
   void guide(ks::Commands& commands, const WaveRays& centre);
   /// After a wave of paths: their state.
   void moments(ks::Commands& commands, uint64_t state, const WaveRange& range, uint32_t groups, bool first_pass);
-  /// After the last wave.
-  void filter(ks::Commands& commands);
+  /// After the last wave; `samples` were in all the waves since first_pass.
+  void filter(ks::Commands& commands, uint32_t samples);
   /// The same by Open Image Denoise, on images that are finished; nothing is remodulated then.
   void filter_by_oidn(const Launch& launch, const Frame& frame);
   /// After rays_per_pixel rays over each pixel's square were traced.

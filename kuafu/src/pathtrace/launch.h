@@ -45,13 +45,18 @@ struct OutputImage {
   [[nodiscard]] bool is_plain() const { return format_bits(format) == 32 && scale == 1.0f; }
 };
 
-[[nodiscard]] constexpr bool is_integer(uint32_t kind) { return kind >= output_instance_id && kind <= output_semantic_id; }
+[[nodiscard]] constexpr bool is_integer(uint32_t kind) {
+  return (kind >= output_instance_id && kind <= output_semantic_id) || kind == output_sample_count;
+}
 
 struct Launch {
   std::vector<View> views;
   uint32_t width = 0, height = 0;
   Band band;
   uint32_t samples = 1, first_sample = 0, max_bounces = 0;
+  bool accumulate = false;      // onto the calls before
+  double max_seconds = 0.0;     // 0: no limit
+  double relative_error = 0.0;  // 0: none is aimed at
   uint64_t seed = 0;
   LightSampling light_sampling = LightSampling::mis;
   DenoiseKind denoise = DenoiseKind::none;
@@ -75,11 +80,14 @@ struct Launch {
     return false;
   }
   [[nodiscard]] uint32_t channels(uint32_t kind) const {
+    if (kind == output_sample_count) return 1;
     if (kind >= output_radiance || kind == output_albedo) return band.channels();
     if (kind == output_normal || kind == output_position) return 3;
     return kind == output_projector_uv || kind == output_motion ? 2 : 1;
   }
   [[nodiscard]] bool wants_aovs() const { return wants(output_depth, output_radiance); }
+  [[nodiscard]] bool has_budget() const { return max_seconds > 0.0 || relative_error > 0.0; }
+  [[nodiscard]] bool wants_variance() const { return relative_error > 0.0 || wants(output_variance, output_variance + 1); }
   [[nodiscard]] bool wants_projector() const { return wants(output_projector_uv, output_projector_geometry + 1); }
   [[nodiscard]] bool wants_visibility() const { return wants(output_projector_visibility, output_projector_visibility + 1); }
   [[nodiscard]] bool wants_motion() const { return wants(output_motion, output_motion + 1); }

@@ -5,14 +5,16 @@
 #include <numeric>
 
 #include "device/error.h"
+#include "pathtrace/budget.h"
 
 namespace kuafu {
 namespace {
 
 // Paths in flight that measured best: enough to fill the device, few enough for a CPU's caches.
 constexpr uint32_t cpu_wave = 1u << 17, gpu_wave = 1u << 22;
-constexpr uint64_t path_bytes = 320;    // of queues and state, about
-constexpr uint32_t pass_samples = 256;  // most samples of a pixel in one wave; fixed, since the order of sums follows from it
+constexpr uint64_t path_bytes = 320;          // of queues and state, about
+constexpr uint32_t pass_samples = 256;        // most samples of a pixel in one wave; fixed, since the order of sums follows from it
+constexpr uint32_t budget_pass_samples = 32;  // the same where a budget renders in rounds, which are short
 
 bool wants_embree(const ks::Device& device, TracerKind kind) {
   const bool embree = kind == TracerKind::embree || (kind == TracerKind::automatic && device.is_cpu());
@@ -54,13 +56,20 @@ double milliseconds_since(std::chrono::steady_clock::time_point start) {
 /// Everything one render call needs; records stage after stage.
 class PathTracer::Run {
  public:
-  Run(PathTracer& owner, const Launch& launch, ks::Commands& commands) : o_(owner), launch_(launch), commands_(commands) {}
+  Run(PathTracer& owner, const Launch& launch, ks::Commands& commands)
+      : o_(owner), launch_(launch), commands_(commands), budget_(launch.samples, launch.max_seconds, launch.relative_error) {}
   void prepare(const Scene& scene);
   void render();
   [[nodiscard]] std::vector<std::pair<std::string, double>> stage_times() const { return commands_.stage_times(); }
+  [[nodiscard]] RenderSummary summary() const {
+    return {samples_before() + (keeps_sums() ? 0 : budget_.done()), budget_.done(), relative_error_, seconds()};
+  }
 
  private:
   void fit_buffers();
+  void begin_accumulation();
+  void render_round();
+  void finish_round();
   void develop();
   void denoise();
   void render_aovs(uint32_t first_pixel, uint32_t pixel_count);
@@ -70,7 +79,7 @@ class PathTracer::Run {
   void shade(uint32_t bounce);
   void trace_shadows(uint32_t bounce);
   void resolve(uint32_t bounce);
-  void accumulate(const WaveRange& range, bool first, bool last);
+  void accumulate(const WaveRange& range, bool last);
   [[nodiscard]] WaveRange range(uint32_t first_pixel, uint32_t pixel_count, uint32_t first_sample, uint32_t sample_count) const;
   void report(uint32_t pixels_done, float part);
   [[nodiscard]] bool denoises() const { return launch_.denoise != DenoiseKind::none && launch_.wants_radiance(); }
@@ -89,9 +98,22 @@ class PathTracer::Run {
   /// The last pass that asks for light.
   [[nodiscard]] uint32_t last_lit() const { return launch_.max_bounces + o_.tables_.walk_passes(); }
 
+  /// Sums outlive the wave: later rounds or calls go on with them.
+  [[nodiscard]] bool keeps_sums() const { return launch_.accumulate || launch_.has_budget(); }
+  [[nodiscard]] uint32_t samples_before() const { return keeps_sums() ? o_.accumulation_.samples() : 0; }
+  [[nodiscard]] uint32_t first_sample() const { return keeps_sums() ? o_.accumulation_.first_sample() : launch_.first_sample; }
+  [[nodiscard]] uint32_t most_pass_samples() const { return launch_.has_budget() ? budget_pass_samples : pass_samples; }
+  [[nodiscard]] uint32_t sum_planes() const {
+    return launch_.band.channels() * (groups() + (launch_.wants_variance() ? replicate_count : 0));
+  }
+  [[nodiscard]] double seconds() const { return milliseconds_since(start_) / 1e3; }
+
   PathTracer& o_;
   const Launch& launch_;
   ks::Commands& commands_;
+  Budget budget_;
+  double relative_error_ = std::numeric_limits<double>::quiet_NaN();
+  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
   uint32_t pixels_per_wave_ = 0;
   bool environments_ = false;
   bool camera_ = false;  // some view is more than a pinhole at rest
@@ -111,6 +133,7 @@ void PathTracer::Run::prepare(const Scene& scene) {
   o_.frame_.fit(launch_);
   for (uint32_t kind = 0; kind < output_kind_count; ++kind) outputs[kind] = o_.frame_.target(launch_, kind);
   fit_buffers();
+  begin_accumulation();
   if (denoises()) o_.denoiser_.fit(launch_, o_.frame_);
   commands_.add_host_time("upload", milliseconds_since(start));
   start = std::chrono::steady_clock::now();
@@ -121,23 +144,50 @@ void PathTracer::Run::prepare(const Scene& scene) {
 void PathTracer::Run::fit_buffers() {
   const uint32_t shadows = o_.tables_.shadow_rays_per_vertex();
   const uint32_t most = most_paths(*o_.device_, shadows);
-  const uint32_t samples = launch_.wants_radiance() ? std::min(launch_.samples, pass_samples) : 1;
+  const uint32_t samples = launch_.wants_radiance() ? std::min(launch_.samples, most_pass_samples()) : 1;
   pixels_per_wave_ = std::min(launch_.pixel_count(), std::max(most / samples, pixel_block));
   o_.buffers_.fit({round_up(pixels_per_wave_ * samples, pixel_block), launch_.band.channels(), groups(), shadows,
-                   launch_.max_bounces + 3 + o_.tables_.walk_passes(), environments_, o_.tables_.features(), launch_.wants_visibility(),
+                   launch_.max_bounces + 3 + o_.tables_.walk_passes(), environments_, o_.tables_.features(),
+                   keeps_sums() ? 0 : uint64_t(pixels_per_wave_) * sum_planes(), launch_.wants_visibility(),
                    shadows > 0 && o_.tables_.has_glass() ? launch_.glass_surfaces : 0});
 }
 
+void PathTracer::Run::begin_accumulation() {
+  if (!keeps_sums()) return o_.accumulation_.clear();
+  o_.accumulation_.begin({uint32_t(launch_.views.size()), launch_.width, launch_.height, launch_.band.channels(), groups(),
+                          launch_.wants_variance(), denoises()},
+                         launch_.accumulate, launch_.first_sample);
+  const uint64_t end = uint64_t(first_sample()) + samples_before() + launch_.samples;
+  if (end > std::numeric_limits<uint32_t>::max())
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "samples would go up to %llu, beyond 2^32 - 1: accumulate anew",
+             static_cast<unsigned long long>(end));
+}
+
 void PathTracer::Run::render() {
+  while (budget_.next() > 0) {
+    render_round();
+    finish_round();
+  }
+  if (!o_.frame_.is_empty()) develop();
+}
+
+void PathTracer::Run::finish_round() {
+  if (keeps_sums()) o_.accumulation_.add(budget_.next());
+  if (launch_.relative_error > 0)
+    relative_error_ = kuafu::relative_error(o_.frame_.image(output_variance), o_.frame_.image(output_radiance),
+                                            uint64_t(launch_.pixel_count()) * launch_.band.channels());
+  budget_.round_done(seconds(), samples_before(), relative_error_);
+}
+
+void PathTracer::Run::render_round() {
   const uint32_t total = launch_.pixel_count();
   for (uint32_t first = 0; first < total; first += pixels_per_wave_) {
     const uint32_t count = std::min(pixels_per_wave_, total - first);
-    if (launch_.wants_aovs() || denoises()) render_aovs(first, count);
+    if ((launch_.wants_aovs() || denoises()) && budget_.done() == 0) render_aovs(first, count);
     if (launch_.wants_radiance()) render_pixels(first, count);
     if (ends_submission(first / pixels_per_wave_) || first + count == total) commands_.flush();
     report(first, float(count));
   }
-  if (!o_.frame_.is_empty()) develop();
 }
 
 // Steps on whole images, in the order of the light: noise goes before the optics spread it, and the caller's format comes last.
@@ -156,7 +206,7 @@ void PathTracer::Run::denoise() {
     commands_.add_host_time("denoise", milliseconds_since(start));
     return o_.denoiser_.sum(commands_);
   }
-  o_.denoiser_.filter(commands_);
+  o_.denoiser_.filter(commands_, samples_before() + (keeps_sums() ? 0 : budget_.done()));
   const uint32_t total = launch_.pixel_count(), step = std::max(1u, o_.buffers_.size().capacity / Denoiser::rays_per_pixel);
   for (uint32_t first = 0; first < total; first += step) {
     const WaveRange square = range(first, std::min(step, total - first), launch_.first_sample, Denoiser::rays_per_pixel);
@@ -169,7 +219,8 @@ void PathTracer::Run::denoise() {
 }
 
 void PathTracer::Run::report(uint32_t pixels_done, float part) {
-  const float fraction = std::min(1.0f, (float(pixels_done) + part) / float(launch_.pixel_count()));
+  const float round = std::min(1.0f, (float(pixels_done) + part) / float(launch_.pixel_count()));
+  const float fraction = (float(budget_.done()) + round * float(budget_.next())) / float(launch_.samples);
   if (launch_.cancelled && launch_.cancelled(fraction))
     ks::fail(KS_ERROR_CANCELLED, "the progress callback cancelled the render at %.0f %%", 100.0 * fraction);
 }
@@ -209,17 +260,18 @@ void PathTracer::Run::render_aovs(uint32_t first_pixel, uint32_t pixel_count) {
 }
 
 void PathTracer::Run::render_pixels(uint32_t first_pixel, uint32_t pixel_count) {
-  for (uint32_t sample = 0; sample < launch_.samples; sample += pass_samples) {
-    const uint32_t count = std::min(pass_samples, launch_.samples - sample);
-    const WaveRange wave = range(first_pixel, pixel_count, launch_.first_sample + sample, count);
-    generate(wave, 0);
+  const uint32_t samples = budget_.next();
+  for (uint32_t sample = 0; sample < samples; sample += most_pass_samples()) {
+    const uint32_t count = std::min(most_pass_samples(), samples - sample);
+    const WaveRange wave = range(first_pixel, pixel_count, first_sample() + samples_before() + sample, count);
+    generate(wave, launch_.wants_variance() ? generate_replicates : 0);
     trace_paths();
     if (launch_.denoise == DenoiseKind::atrous)
-      o_.denoiser_.moments(commands_, o_.buffers_.state(), wave, o_.buffers_.size().groups, sample == 0);
-    accumulate(wave, sample == 0, sample + count == launch_.samples);
-    if (sample + count == launch_.samples) break;
+      o_.denoiser_.moments(commands_, o_.buffers_.state(), wave, o_.buffers_.size().groups, wave.first_sample == first_sample());
+    accumulate(wave, sample + count == samples);
+    if (sample + count == samples) break;
     commands_.flush();
-    report(first_pixel, float(pixel_count) * float(sample + count) / float(launch_.samples));
+    report(first_pixel, float(pixel_count) * float(sample + count) / float(samples));
   }
 }
 
@@ -314,10 +366,23 @@ void PathTracer::Run::resolve(uint32_t bounce) {
   o_.stages_->resolve(commands_, push, b);
 }
 
-void PathTracer::Run::accumulate(const WaveRange& wave, bool first, bool last) {
+void PathTracer::Run::accumulate(const WaveRange& wave, bool last) {
   const WaveBuffers& b = o_.buffers_;
-  o_.stages_->accumulate(commands_, {b.state(), b.sums(), o_.outputs_.address(), wave, b.size().channels, b.size().groups, first ? 1u : 0u,
-                                     last ? 1u : 0u, float(1.0 / launch_.samples)});
+  AccumulatePush push{};
+  push.state = b.state();
+  push.sums = keeps_sums() ? o_.accumulation_.address() : b.sums();
+  push.outputs = o_.outputs_.address();
+  push.range = wave;
+  push.channels = b.size().channels;
+  push.groups = b.size().groups;
+  push.flags = (wave.first_sample > first_sample() ? accumulate_continues : 0) | (keeps_sums() || !last ? accumulate_keeps : 0) |
+               (last ? accumulate_writes : 0) | (launch_.wants_variance() ? accumulate_replicates : 0);
+  push.sums_first = keeps_sums() ? wave.first_pixel : 0;
+  push.sums_stride = keeps_sums() ? launch_.pixel_count() : wave.pixel_count;
+  push.first_sample = first_sample();
+  push.sample_count = wave.first_sample - first_sample() + wave.sample_count;
+  push.inverse_samples = float(1.0 / push.sample_count);
+  o_.stages_->accumulate(commands_, push);
 }
 
 // Where the rays are, there the stages are.
@@ -330,6 +395,7 @@ PathTracer::PathTracer(std::shared_ptr<ks::Device> device, TracerKind tracer, st
       aov_tables_(memory()),
       buffers_(memory()),
       frame_(memory()),
+      accumulation_(memory()),
       denoiser_(memory(), tracer_->queue_layout(), std::move(oidn_library)),
       film_(memory()) {}
 
@@ -341,10 +407,17 @@ void PathTracer::render(const std::shared_ptr<const Scene>& scene, const Launch&
   std::unique_ptr<ks::Commands> commands = commands_ ? std::move(commands_) : std::make_unique<ks::Commands>(device_);
   commands->reset_stage_times();
   Run run(*this, launch, *commands);
-  run.prepare(*scene);
-  scene_ = scene;
-  run.render();
+  try {
+    run.prepare(*scene);
+    scene_ = scene;
+    run.render();
+  } catch (...) {
+    accumulation_.clear();  // some pixels have more samples than others
+    throw;
+  }
   stage_times_ = run.stage_times();
+  summary_ = run.summary();
+  if (!launch.accumulate) accumulation_.clear();
   commands_ = std::move(commands);
 }
 

@@ -4,6 +4,7 @@
 // Thread rule: externally synchronised.
 #pragma once
 
+#include <limits>
 #include <memory>
 #include <string>
 #include <vector>
@@ -11,6 +12,7 @@
 #include "accel/tracer.h"
 #include "denoise/denoiser.h"
 #include "film/film.h"
+#include "pathtrace/accumulation.h"
 #include "pathtrace/aov_tables.h"
 #include "pathtrace/frame.h"
 #include "pathtrace/launch.h"
@@ -19,6 +21,13 @@
 #include "pathtrace/wave_buffers.h"
 
 namespace kuafu {
+
+/// What a render came to.
+struct RenderSummary {
+  uint32_t samples = 0, call_samples = 0;  // in the images; of those, this call's
+  double relative_error;                   // NaN where none was aimed at
+  double seconds = 0.0;
+};
 
 enum class TracerKind { automatic, embree, compute, rt_pipeline };
 
@@ -33,6 +42,7 @@ class PathTracer {
   void render(const std::shared_ptr<const Scene>& scene, const Launch& launch);
   /// Milliseconds per stage of the last render.
   [[nodiscard]] const std::vector<std::pair<std::string, double>>& stage_times() const { return stage_times_; }
+  [[nodiscard]] const RenderSummary& summary() const { return summary_; }
   [[nodiscard]] const std::shared_ptr<ks::Device>& device() const { return device_; }
 
  private:
@@ -47,6 +57,7 @@ class PathTracer {
   AovTables aov_tables_;
   WaveBuffers buffers_;
   Frame frame_;
+  Accumulation accumulation_;
   Denoiser denoiser_;
   FilmOptics film_;
   MappedTable<ViewRecord> views_;
@@ -56,6 +67,7 @@ class PathTracer {
   std::shared_ptr<const Scene> scene_, next_scene_;
   std::unique_ptr<ks::Commands> commands_;  // null during a render, and after one that failed
   std::vector<std::pair<std::string, double>> stage_times_;
+  RenderSummary summary_{0, 0, std::numeric_limits<double>::quiet_NaN(), 0.0};
 };
 
 }  // namespace kuafu

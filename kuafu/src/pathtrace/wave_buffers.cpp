@@ -15,7 +15,7 @@ void WaveBuffers::fit(const WaveSize& size) {
   }
   grow(contributions_, shadows * (size.channels + (glass ? 1 : 0)));
   grow(state_, capacity * (state_shadow(size.channels, size.groups) + size.shadow_rays_per_vertex));
-  grow(sums_, capacity * size.groups * size.channels);
+  grow(sums_, size.sum_words);
   grow(counters_, counter_bytes() / 4);
 }
 

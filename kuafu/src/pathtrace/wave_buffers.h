@@ -18,6 +18,7 @@ struct WaveSize {
   uint32_t bounces = 0;  // counter blocks
   bool environments = false;
   uint32_t features = 0;        // feature_*
+  uint64_t sum_words = 0;       // of passes over the same pixels
   bool visibility = false;      // `aov` asks a shadow ray of each pixel
   uint32_t glass_surfaces = 0;  // that a shadow ray may pass; 0: shadow rays only ask whether something stands in the way
 };

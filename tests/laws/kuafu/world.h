@@ -60,6 +60,8 @@ inline uint32_t channels_of(uint32_t output, uint32_t band_channels) {
       return 2;
     case KUAFU_OUTPUT_ALBEDO:
       return band_channels;
+    case KUAFU_OUTPUT_SAMPLE_COUNT:
+      return 1;
     default:
       return output >= KUAFU_OUTPUT_DEPTH ? 1 : band_channels;
   }
@@ -246,7 +248,7 @@ class World {
     std::vector<kuafu_buffer> buffers;
     const uint32_t band_channels = views[0].band == KUAFU_BAND_INFRARED ? 1 : 3;
     for (const uint32_t output : outputs) {
-      const bool id = output >= KUAFU_OUTPUT_INSTANCE_ID && output <= KUAFU_OUTPUT_SEMANTIC_ID;
+      const bool id = (output >= KUAFU_OUTPUT_INSTANCE_ID && output <= KUAFU_OUTPUT_SEMANTIC_ID) || output == KUAFU_OUTPUT_SAMPLE_COUNT;
       Pixels& p = images[output];
       p.views = uint32_t(views.size());
       p.height = views[0].camera.height;
