@@ -9,10 +9,11 @@ from activestereo.cli.arguments import add_device, add_max_bounces, add_out, add
 _TEXT = """\
 Ranks which physical effect the model of a capture lacks. Every effect of the
 library is fitted on the train frames together with projector scale, ambient
-scale, black level and albedos, and judged on image tiles that its fit did not
-see. It is accepted only if it is significant among all that were tried, explains
-a tenth of the error above the noise floor or more, and helps wherever it acts.
-Test frames serve once, for the held-out figures.
+scale, black level, focal lengths and albedos, and judged on image tiles that its
+fit did not see; temporal noise is judged on repeats, faults of the depth engine
+on the device's disparity. An effect is accepted only if it is significant among
+all that were tried, explains a tenth of the error above the noise floor or more,
+and helps wherever it acts. Test frames serve once, for the held-out figures.
 
 The verdict is one of
   effect        what was added explains most of the error above the noise floor
@@ -44,7 +45,7 @@ def add_parser(commands):
     parser.add_argument(
         "--effects", type=Path, action="append", default=[], metavar="FILE", help="your own effects, ranked beside the built-in ones"
     )
-    parser.add_argument("--greedy", action="store_true", help="add, refit and remove effects until nothing passes")
+    parser.add_argument("--greedy", action="store_true", help="add, refit, swap and remove effects until nothing passes")
     parser.add_argument("--spp", type=integer_from(1), default=64, metavar="N", help="samples per pixel (default: 64)")
     add_max_bounces(parser)
     add_seed(parser, "same seed, same answer")

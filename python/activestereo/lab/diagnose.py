@@ -133,6 +133,8 @@ def _verdict(first, best, named, last, evidence):
         if not evidence.has_floor:
             return "undetermined"
         return "unknown" if is_unexplained(first, first.base, 0.0) else "none"
+    if best.channel != "infrared":
+        return "effect"  # its own channel tells it; the images lack nothing that an effect on them explains
     end = min([last.base, *[e for e in last.entries if passes(last, e)]], key=lambda e: e.chi2)
     explained = min([end, best], key=lambda e: e.chi2)
     return "unknown" if is_unexplained(last, explained, first.excess) else "effect"

@@ -20,7 +20,7 @@ _STARTS = (-1.0, 0.3, 1.0, 3.0)
 _EVALUATIONS = 60
 _Z90 = 1.645
 # Neighbouring disparities of two engines differ alike within this factor; a filter makes the device's differ less.
-_ENGINES_DIFFER = 2.5
+_ENGINES_DIFFER = 1.7
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,8 @@ class DepthEvidence:
                 trials.append(trial)
         best = min(trials, key=cost)
         start = np.where(best == neutral, best + 0.1 * np.array([p.typical for p in candidate.parameters]), best)
-        simplex = np.vstack([best, *[np.where(np.arange(len(best)) == i, start if best[i] == neutral[i] else 0.7 * best + 0.3 * neutral, best) for i in range(len(best))]])
+        corners = np.where(best == neutral, start, 0.7 * best + 0.3 * neutral)
+        simplex = np.vstack([best, *[np.where(np.arange(len(best)) == i, corners, best) for i in range(len(best))]])
         found = np.clip(minimize(cost, best, method="Nelder-Mead", options={"maxfev": _EVALUATIONS, "initial_simplex": simplex}).x, low, high)
         return self._judged(candidate, neutral, found, before)
 
@@ -122,7 +123,7 @@ class DepthEvidence:
         ladder = [0.0, *np.linspace(0.4, 2.0, 5) * first.typical]
         rough = [self._roughness([self._through(candidate, x, frame) for frame in self.frames]) for x in ladder]
         ratio = rough[0] / max(wanted, 1e-12)
-        if ratio < _ENGINES_DIFFER or rough[-1] > 0.5 * rough[0]:
+        if ratio < _ENGINES_DIFFER or rough[-1] > 0.7 * rough[0]:
             return None
         value = float(np.interp(-np.log(wanted), -np.log(np.maximum(rough, 1e-12)), ladder))
         engines = [float(np.interp(-np.log(wanted * f), -np.log(np.maximum(rough, 1e-12)), ladder)) for f in (_ENGINES_DIFFER, 1 / _ENGINES_DIFFER)]

@@ -14,6 +14,8 @@ _LARGEST_PLACE_ERROR_M = 1.5e-3
 _DEPTH_STEP = 0.03
 # Neighbours whose expected values differ by less than this share show noise alone in their difference.
 _ALIKE = 0.1
+# A squared difference beyond so many variances is a dot out of place.
+_OUTLIER = 12.0
 
 
 def edge_slopes(o, image):
@@ -40,18 +42,29 @@ def place_error(observations, images, law):
 
 
 def law_at_other_gains(law, observations, images, shown_gains):
-    """The law with the shot noise that frames at other gains than the repeats' show between neighbours alike in expected value."""
+    """The law with the shot noise that frames at other gains than the repeats' show between neighbours alike in expected value.
+
+    What a missing effect leaves there grows with the square of the signal, at all gains alike: the shown gains tell how much."""
+    shown = [o for o in observations if o.frame.gain in shown_gains and o.frame.projector_power > 0]
+    others = [o for o in observations if o.frame.gain not in shown_gains]
+    if not shown or not others:
+        return law
+    missing = max(_slope(law, shown, images, lambda o, signal: signal**2, 0.0), 0.0)
+    return replace(law, shot=law.shot + max(_slope(law, others, images, lambda o, signal: o.frame.gain * signal, missing), 0.0))
+
+
+def _slope(law, observations, images, lever_of, missing):
+    """By how much the variance between alike neighbours, beyond the law's and missing x signal^2, grows with a lever."""
     top = bottom = 0.0
     for o in observations:
-        if o.frame.gain in shown_gains:
-            continue
         image = images[o.key]
         rest = o.measured - image
-        pair = 0.5 * (rest[:, 1:] - rest[:, :-1]) ** 2
         mean = 0.5 * (image[:, 1:] + image[:, :-1])
+        signal = np.maximum(mean - law.black_dn, 0.0)
+        known = law.variance(mean, o.frame.gain) + missing * signal**2
         alike = (np.abs(image[:, 1:] - image[:, :-1]) < _ALIKE * mean) & (mean < o.view.max_dn - 1)
-        lever = o.frame.gain * np.maximum(mean - law.black_dn, 0.0)
-        weight = 1.0 / np.maximum(law.variance(mean, o.frame.gain), 1.0 / 12.0) ** 2
-        top += (weight * lever * (pair - law.variance(mean, o.frame.gain)))[alike].sum()
+        pair = np.minimum(0.5 * (rest[:, 1:] - rest[:, :-1]) ** 2, _OUTLIER * known)
+        lever, weight = lever_of(o, signal), 1.0 / np.maximum(known, 1.0 / 12.0) ** 2
+        top += (weight * lever * (pair - known))[alike].sum()
         bottom += (weight * lever**2)[alike].sum()
-    return replace(law, shot=law.shot + max(top / bottom, 0.0)) if bottom > 0 else law
+    return top / bottom if bottom > 0 else 0.0

@@ -44,7 +44,8 @@ def fit_noise(candidate, evidence, model):
 
 def _comb(evidence):
     """Digital numbers that come in steps: the widest comb that holds all pixels."""
-    counts = sum(np.bincount(np.clip(np.rint(o.measured), 0, o.view.max_dn).astype(int).ravel(), minlength=int(o.view.max_dn) + 1) for o in evidence.train)
+    levels = int(evidence.capture.rig.max_dn) + 1
+    counts = sum(np.bincount(np.rint(o.measured).astype(int).ravel(), minlength=levels) for o in evidence.train)
     counts[0] = counts[-1] = 0  # clipped
     used, total = np.nonzero(counts)[0], counts.sum()
     if len(used) < _LEAST_LEVELS or len(used) > 0.7 * (used[-1] - used[0] + 1):

@@ -18,6 +18,7 @@ def ranking_json(ranking):
             {
                 "effect": e.id,
                 "family": e.effect.family,
+                "channel": e.channel,
                 "score_nats": e.nats,
                 "confidence": confidence[e.id],
                 "explained_share": e.explained,

@@ -6,8 +6,12 @@ from itertools import product
 import numpy as np
 
 from activestereo.effects import Stage
+from activestereo.lab.diagnose_periodic import periodic_points
 
 _MULTIPLES = (0.3, 1.0, 3.0)
+# Of the way to the end of a range that is only a few deviations long: a threshold acts nowhere but near its place.
+_SHARES = (0.5, 0.65, 0.8)
+_SHORT_RANGE = 4.0
 _LARGEST_SCAN = 24
 _STARTS = 2
 _PICKED_SHARE = 0.25
@@ -15,14 +19,14 @@ _SEED = 11
 
 
 def scan_observations(observations):
-    """One image of each situation: the right eye (which every camera effect touches), one frame per pose and setting;
-    a random part of the pixels counts."""
+    """One image of each situation: the right eye (which every camera effect touches), one frame per pose and setting, and one of the
+    left eye, which the right one may differ from; a random part of the pixels counts."""
     seen, chosen = set(), []
     for o in observations:
         f = o.frame
         setting = (f.camera_to_world.tobytes(), f.exposure_gain, f.projector_power, f.ambient, f.temperature_c, f.is_moving)
-        if o.eye == "right" and setting not in seen:
-            seen.add(setting)
+        if (o.eye == "right" and setting not in seen) or (o.eye == "left" and not any(c.eye == "left" for c in chosen)):
+            seen |= {setting} if o.eye == "right" else set()
             rng = np.random.Generator(np.random.PCG64([_SEED, len(chosen)]))
             picked = np.sort(rng.permutation(o.measured.size)[: int(_PICKED_SHARE * o.measured.size)])
             chosen.append(replace(o, pick=picked))
@@ -35,7 +39,8 @@ def starts(fitter, play, candidate, phi):
     rounds = 1 if candidate.stage <= Stage.OPTICS else 3
     fixed_lights = None if play.in_light[first:].any() else fitter.lights(play, play.start)
     scored = []
-    for point in _points(candidate):
+    points = periodic_points(candidate, fitter, play, phi)
+    for point in _points(candidate) if points is None else points:
         theta = play.start.copy()
         theta[first:] = point
         lights = fixed_lights or fitter.lights(play, theta)
@@ -75,6 +80,8 @@ def _levels(p):
     for side in (1.0, -1.0):
         reach = p.high - p.neutral if side > 0 else p.neutral - p.low
         out += [p.neutral + side * m * p.typical for m in _MULTIPLES if m * p.typical <= reach * (1 + 1e-9)]
+        if 0 < reach < _SHORT_RANGE * p.typical:
+            out += [p.neutral + side * share * reach for share in _SHARES]
     return out
 
 

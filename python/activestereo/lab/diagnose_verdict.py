@@ -13,6 +13,8 @@ _CONSISTENT = 0.7
 # What is left above the floor after the best explanation: more than this share of the excess, and of the floor, is unexplained.
 _UNEXPLAINED_SHARE = 0.5
 _UNEXPLAINED_FLOORS = 0.12
+# And so much of it must be more than noise of single pixels, whose level is a nuisance.
+_STRUCTURED_SHARE = 0.2
 # Equivalence: as much left above the floor, within these, cannot be told apart by a model that is itself approximate.
 _SAME_EXCESS_RATIO, _SAME_EXCESS_FLOORS = 1.2, 0.002
 # Temperature of the confidence's softmax over log excess, and how well the floor itself is known.
@@ -69,4 +71,6 @@ def is_unexplained(ranking, entry, first_excess):
 
     What is white and stays counts as the renderer's noise: a missing effect of that kind (speckle) has a candidate of its own."""
     rest = entry.chi2 / ranking.pixels - 1.0 - ranking.white_after(entry)
-    return rest > _UNEXPLAINED_FLOORS and rest > _UNEXPLAINED_SHARE * first_excess
+    if rest <= _UNEXPLAINED_FLOORS or rest <= _UNEXPLAINED_SHARE * first_excess:
+        return False
+    return entry.channel != "noise" and ranking.structure_after(entry) > _STRUCTURED_SHARE * rest

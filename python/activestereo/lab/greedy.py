@@ -73,9 +73,12 @@ def swapped(model, evidence, rivals, given):
     if len(model.effects) - given < 2:
         return model
     for e, _ in model.effects[given:-1]:
-        others = Ranking(evidence, model.without_effect(e.id), [c for c in rivals if c.id == e.id or c.id not in {x.id for x, _ in model.effects}])
+        taken = {other.id for other, _ in model.effects} - {e.id}
+        others = Ranking(evidence, model.without_effect(e.id), [c for c in rivals if c.id not in taken])
         best = min((r for r in others.entries if r.solution is not None), key=lambda r: r.chi2, default=None)
         own = next((r for r in others.entries if r.id == e.id), None)
-        if best is not None and own is not None and best.nats - own.nats > _NEEDLESS_NATS and own.chi2 - best.chi2 > _SMALLEST_GAIN_FLOORS * others.pixels:
+        if best is None or own is None:
+            continue
+        if best.nats - own.nats > _NEEDLESS_NATS and own.chi2 - best.chi2 > _SMALLEST_GAIN_FLOORS * others.pixels:
             model = best.solution.model
     return model

@@ -1,6 +1,7 @@
 """kuafu as the lab's renderer: the known scene under the projector at power 1 and under ambient radiance 1, infrared band."""
 
 import hashlib
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -115,6 +116,7 @@ class KuafuRenderer:
             self._scene.set_light(self._light, light)
 
 
+@cache
 def _library_digest():
     """Short content hash of the loaded libkuafu, so that no cached picture outlives the code that made it."""
     maps = Path("/proc/self/maps").read_text(encoding="utf-8").split("\n")

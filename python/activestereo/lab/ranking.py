@@ -19,7 +19,8 @@ from activestereo.lab.diagnose_score import (
     nats_of,
     told,
 )
-from activestereo.lab.diagnose_static import PARTS, fit_static, white_rest
+from activestereo.lab.diagnose_static import PARTS, fit_static, structure, white_rest
+from activestereo.lab.diagnose_verdict import passes
 
 # A fit on the scan's images that gains less than this share of chi2 is not polished on all images.
 _WORTH_POLISHING = 2e-4
@@ -36,7 +37,7 @@ _AT_FLOOR = 0.12
 
 
 class Ranking:
-    """The base fit and an Entry per candidate, best first."""
+    """The base fit and an Entry per candidate: those that may be named first, each part by its gain."""
 
     def __init__(self, evidence, model, candidates, workers=2, progress=None):
         self.evidence = evidence
@@ -54,7 +55,7 @@ class Ranking:
         self.entries = self._fit_all([e for e in chosen if e.stage <= Stage.DIGITAL], workers, progress)
         self._score()
         self.entries += self._beside([e for e in chosen if e not in {entry.effect for entry in self.entries}])
-        self.entries.sort(key=lambda e: (e.channel == "depth" and not self.at_floor, -e.nats))
+        self.entries.sort(key=lambda e: (not passes(self, e), e.channel == "depth" and not self.at_floor, -e.nats))
 
     def _fit_base(self):
         play = Play(self._model)
@@ -193,6 +194,13 @@ class Ranking:
         if entry is self.base or entry.solution is None:
             return self.white
         return white_rest(self.rows(self.evidence.train, entry.solution))
+
+    def structure_after(self, entry):
+        """diagnose_static.structure of what an entry leaves."""
+        solution = (entry.solution or self.base.solution) if entry.static is None else None
+        if solution is None:
+            return np.inf  # a random field's own prediction is no image that another frame could share
+        return structure(self._base_rows if solution is self.base.solution else self.rows(self.evidence.train, solution))
 
     @property
     def at_floor(self):

@@ -1,0 +1,99 @@
+"""A capture with an effect that neither you nor the model knows: compare, find it, add it, watch the error fall.
+
+    PYTHONPATH=build/python /usr/bin/python3 examples/hidden_effect/hidden_effect.py --out out/hidden_effect
+"""
+
+import argparse
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from activestereo.lab import Lab
+from activestereo.output_files import replace_file
+from activestereo.progress_bar import ProgressBar
+
+HIDE = Path(__file__).resolve().parents[2] / "tests" / "bank" / "hide.py"
+INK, WARM, COOL = "#1f2933", "#c53030", "#2f855a"
+
+
+def residuals(comparison, frame_id):
+    frame = next(f for f in comparison.capture.frames if f.id == frame_id)
+    return comparison.capture.ir(frame, "left").astype(np.float64) - comparison.predictions[frame_id, "left"]
+
+
+def picture(before, after, result):
+    """Measured, what the model leaves before and after, and error against effects added with the floor."""
+    frame = [f for f in before.capture.frames if f.split == "test"][-1]
+    images = [before.capture.ir(frame, "left"), residuals(before, frame.id), residuals(after, frame.id)]
+    floor = result["heldout_noise_floor"]
+    figure = Figure(figsize=(12, 6.4), layout="constrained", facecolor="white")
+    parts = figure.subplots(2, 2)
+    titles = ("measured: a frame that no fit has seen", "measured minus model, no effects", "measured minus model with what was found")
+    for axes, image, title in zip(parts.flat, images, titles, strict=False):
+        style = {"cmap": "gray"} if image is images[0] else {"cmap": "RdBu_r", "vmin": -5 * floor, "vmax": 5 * floor}
+        shown = axes.imshow(image, **style)
+        figure.colorbar(shown, ax=axes, label="DN", shrink=0.8)
+        axes.set_title(title, loc="left", fontsize=11, color=INK)
+        axes.set_xticks([])
+        axes.set_yticks([])
+    curve(parts[1, 1], result, floor)
+    return figure
+
+
+def curve(axes, result, floor):
+    steps = result["curve"]
+    names = ["none", *(f"+ {step['effects'][-1]}" for step in steps[1:])]
+    errors = [step["heldout_ir_rmse"] for step in steps]
+    axes.plot(names, errors, "o-", color=WARM, lw=2)
+    for name, error in zip(names, errors, strict=True):
+        axes.annotate(f"{error:.2f} DN", (name, error), textcoords="offset points", xytext=(10, 4), color=INK)
+    axes.axhline(floor, color=COOL, ls="--")
+    axes.annotate(f"noise floor {floor:.2f} DN", (0.02, floor), xycoords=("axes fraction", "data"), textcoords="offset points", xytext=(0, 5), color=COOL)
+    axes.set_ylim(0, 1.15 * max(errors))
+    axes.margins(x=0.25)
+    axes.set_title("error on unseen frames against effects added", loc="left", fontsize=11, color=INK)
+    axes.spines[["top", "right"]].set_visible(False)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--out", type=Path, default=Path("out/hidden_effect"))
+    parser.add_argument("--seed", type=int, default=20, metavar="N", help="another world, another effect (default: 20)")
+    args = parser.parse_args()
+    capture, key = args.out / f"capture-{args.seed}", args.out / f"answer-{args.seed}.json"
+    if not (capture.is_dir() and key.is_file()):
+        print("a virtual sensor that shares no code with activestereo takes its pictures ...", flush=True)
+        subprocess.run([sys.executable, HIDE, str(args.seed), capture, key], check=True)
+    with ProgressBar("comparing") as bar:
+        lab = Lab(capture, progress=bar)
+        before = lab.compare()
+    with ProgressBar("which effect is missing?") as bar:
+        lab = Lab(capture, progress=bar)
+        result = lab.diagnose(greedy=True).result
+    lab.model = lab.diagnosis.model
+    with ProgressBar("comparing again") as bar:
+        after = Lab(capture, lab.model, progress=bar).compare()
+    lab.comparison = after
+    lab.report(args.out / "report")
+    replace_file(args.out / "hidden_effect.png", lambda file: picture(before, after, result).savefig(file, format="png", dpi=90))
+    report(result, json.loads(key.read_text()), args.out)
+    return 0
+
+
+def report(result, answer, out):
+    print(f"verdict: {result['verdict']}; added: {', '.join(result['added']) or 'nothing'}")
+    for entry in result["ranking"][:3]:
+        values = ", ".join(f"{name} {v['value']:.4g} ({v['low']:.4g} to {v['high']:.4g}) {v['unit']}" for name, v in entry["parameters"].items())
+        print(f"  {entry['effect']:24} {entry['score_nats']:9.0f} nats, confidence {entry['confidence']:.2f}: {values}")
+    figures = [result[f"heldout_{name}"] for name in ("ir_rmse_before", "ir_rmse_after", "noise_floor")]
+    print("error on frames that no fit has seen: {:.2f} DN before, {:.2f} after; noise alone gives {:.2f}".format(*figures))
+    print(f"what was hidden: {', '.join(answer['hidden'])}")
+    print(f"report: {out / 'report' / 'report.html'}, picture: {out / 'hidden_effect.png'}")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,39 @@
+#!/usr/bin/env python3
+"""Makes one capture with a hidden effect, and the answer in another place: hide.py SEED CAPTURE_FOLDER KEY_FILE. Says nothing of it."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+
+from bank_sets import STRONG, Item  # noqa: E402
+from make_world import make_world  # noqa: E402
+from worlds.blind.catalogue import SINGLE  # noqa: E402
+
+# Seeds of the bank's own worlds lie below.
+_FIRST_SEED = 900_000
+
+
+class Secret(Item):
+    """A world outside the bank: any effect, strong."""
+
+    @property
+    def seed(self):
+        return _FIRST_SEED + self.number
+
+
+def main():
+    if len(sys.argv) != 4 or not sys.argv[1].isdecimal():
+        print(__doc__, file=sys.stderr)
+        return 2
+    number, capture, key = int(sys.argv[1]), Path(sys.argv[2]), Path(sys.argv[3])
+    effect = str(np.random.Generator(np.random.PCG64([number, 77])).choice(list(SINGLE)))
+    capture.parent.mkdir(parents=True, exist_ok=True)
+    make_world(Secret("secret", number, ((effect, STRONG),)), capture, key, survey=1.0)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
