@@ -164,6 +164,10 @@ void bind_light(py::module_& module) {
   scalar(type, "pattern_height", &kuafu_light_desc::pattern_height, "Of the dots' image.");
   scalar(type, "dot_sigma_px", &kuafu_light_desc::dot_sigma_px, "Of each dot, a Gaussian.");
   scalar(type, "light_group", &kuafu_light_desc::light_group, "0..3: which group of outputs it belongs to; projectors have their own.");
+  vector(type, "linear_velocity", &kuafu_light_desc::linear_velocity, "m/s, in the light's own frame.");
+  vector(type, "angular_velocity", &kuafu_light_desc::angular_velocity, "rad/s, in the light's own frame: pose exp(t [linear, angular]).");
+  scalar(type, "on_from_s", &kuafu_light_desc::on_from_s, "It shines from here of the frame's time; equal to on_until_s: always.");
+  scalar(type, "on_until_s", &kuafu_light_desc::on_until_s, "Until here.");
   maybe(type, "environment", &kuafu_light_desc::environment, "Which environment of a batch has it; None = all.");
 }
 

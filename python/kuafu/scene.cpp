@@ -13,6 +13,7 @@ void remove(Scene& s, uint32_t id) {
 }
 
 using Floats = py::array_t<float, py::array::c_style | py::array::forcecast>;
+using Vector3 = std::array<double, 3>;
 using Indices = py::array_t<uint32_t, py::array::c_style | py::array::forcecast>;
 
 void load(Scene& scene, const std::filesystem::path& path, const py::object& root_to_world) {
@@ -93,7 +94,8 @@ void set_texture(Scene& scene, uint32_t id, const py::array& texels, bool srgb, 
 }
 
 uint32_t add_instance(Scene& scene, uint32_t mesh, const std::vector<uint32_t>& materials, const py::object& local_to_world,
-                      const std::optional<uint32_t>& environment, uint32_t semantic_id, const std::string& name) {
+                      const std::optional<uint32_t>& environment, uint32_t semantic_id, const std::string& name,
+                      const Vector3& linear_velocity, const Vector3& angular_velocity) {
   kuafu_instance_desc instance = kuafu_instance_desc_init(mesh);
   instance.name = name.c_str();
   instance.environment = environment_of(environment);
@@ -101,6 +103,8 @@ uint32_t add_instance(Scene& scene, uint32_t mesh, const std::vector<uint32_t>& 
   instance.material_count = static_cast<uint32_t>(materials.size());
   instance.semantic_id = semantic_id;
   read_matrix<Kuafu>(local_to_world, "local_to_world", instance.local_to_world, 16);
+  std::ranges::copy(linear_velocity, instance.linear_velocity);
+  std::ranges::copy(angular_velocity, instance.angular_velocity);
   const InUse<Kuafu> in_use(scene.in_use, "scene");
   uint32_t id = 0;
   check<Kuafu>(kuafu_scene_add_instance(scene.get(), &instance, &id));
@@ -112,6 +116,11 @@ void set_instance_pose(Scene& scene, uint32_t id, const py::object& local_to_wor
   read_matrix<Kuafu>(local_to_world, "local_to_world", pose, 16);
   const InUse<Kuafu> in_use(scene.in_use, "scene");
   check<Kuafu>(kuafu_scene_set_instance_pose(scene.get(), id, pose));
+}
+
+void set_instance_velocity(Scene& scene, uint32_t id, const Vector3& linear, const Vector3& angular) {
+  const InUse<Kuafu> in_use(scene.in_use, "scene");
+  check<Kuafu>(kuafu_scene_set_instance_velocity(scene.get(), id, linear.data(), angular.data()));
 }
 
 void set_instance_materials(Scene& scene, uint32_t id, const std::vector<uint32_t>& materials) {
@@ -260,8 +269,11 @@ void bind_scene(py::module_& module) {
       .def("set_texture", &set_texture, py::arg("id"), py::arg("texels"), py::kw_only(), py::arg("srgb") = false, py::arg("name") = "",
            "Replaces a texture; its size may change. Cost follows this texture's size.")
       .def("add_instance", &add_instance, py::arg("mesh"), py::arg("materials") = std::vector<uint32_t>(), py::kw_only(),
-           py::arg("local_to_world") = py::none(), py::arg("environment") = py::none(), py::arg("semantic_id") = 0, py::arg("name") = "")
+           py::arg("local_to_world") = py::none(), py::arg("environment") = py::none(), py::arg("semantic_id") = 0, py::arg("name") = "",
+           py::arg("linear_velocity") = Vector3{}, py::arg("angular_velocity") = Vector3{}, "Velocities as set_instance_velocity says.")
       .def("set_instance_pose", &set_instance_pose, py::arg("id"), py::arg("local_to_world"))
+      .def("set_instance_velocity", &set_instance_velocity, py::arg("id"), py::arg("linear"), py::arg("angular") = Vector3{},
+           "What it does while a shutter is open, m/s and rad/s in its own frame (local_to_world's rotation without its scale).")
       .def("set_instance_materials", &set_instance_materials, py::arg("id"), py::arg("materials"))
       .def("remove_mesh", &remove<kuafu_scene_remove_mesh>, py::arg("id"), "Frees a mesh; refused while an instance uses it.")
       .def("remove_texture", &remove<kuafu_scene_remove_texture>, py::arg("id"),

@@ -56,7 +56,7 @@ struct Rates {
 };
 
 Rates measure_rates(Tracer& tracer, const Scene& scene, uint32_t side, int repetitions) {
-  tracer.update(scene, 1);
+  tracer.update(scene, 1, {});
   RayBench bench(tracer);
   const std::vector<TestRay> primary = camera_rays(side, glm::vec3(0.0f));
   const std::vector<TestHit> hits = bench.closest(primary);
@@ -77,7 +77,7 @@ Updates measure_updates(Tracer& tracer, int repetitions) {
   scene.add_instance(place(big));
   const auto update_ms = [&] {
     const double start = now_ms();
-    tracer.update(scene, 1);
+    tracer.update(scene, 1, {});
     return now_ms() - start;
   };
   Random random(4);

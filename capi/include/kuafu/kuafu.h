@@ -4,6 +4,8 @@
  * A 4x4 transform is row-major and named a_to_b: it maps coordinates in a to coordinates in b.
  * Errors: every call that can fail returns ks_status; kuafu_last_error() is the thread's last message, with the numbers and what to do.
  * Lifetime: create returns one reference; retain/release; release(NULL) is a no-op; a child keeps its parents, so any release order is legal.
+ * Time: 0 is mid-exposure of a view's middle line. Poses are those of time 0; what has a twist [v, w] is at pose exp(t [v, w]) at time t, v (m/s) and
+ * w (rad/s) being in its own frame. Motion within an exposure, or from line to line, is rendered where a camera's exposure_s or line_time_s is not 0.
  * Threads: a device is internally synchronised; a scene and a renderer are used by one thread at a time; distinct objects are independent. */
 #ifndef KUAFU_KUAFU_H
 #define KUAFU_KUAFU_H
@@ -175,6 +177,9 @@ typedef struct kuafu_instance_desc {
   uint32_t material_count;
   uint32_t semantic_id;
   double local_to_world[16];
+  double linear_velocity[3];   /* twist in the instance's own frame, m/s and rad/s. The frame has local_to_world's origin and rotation, not its scale
+                                  (the rotation nearest to it, where it shears) */
+  double angular_velocity[3];
 } kuafu_instance_desc;
 static inline kuafu_instance_desc kuafu_instance_desc_init(uint32_t mesh) {
   kuafu_instance_desc d;
@@ -188,6 +193,8 @@ static inline kuafu_instance_desc kuafu_instance_desc_init(uint32_t mesh) {
 }
 KUAFU_API ks_status kuafu_scene_add_instance(kuafu_scene scene, const kuafu_instance_desc* desc, uint32_t* id);
 KUAFU_API ks_status kuafu_scene_set_instance_pose(kuafu_scene scene, uint32_t id, const double* local_to_world);
+/* linear and angular: [3], as kuafu_instance_desc says. Moves nothing by itself: it is what the instance does while a shutter is open. */
+KUAFU_API ks_status kuafu_scene_set_instance_velocity(kuafu_scene scene, uint32_t id, const double* linear, const double* angular);
 KUAFU_API ks_status kuafu_scene_set_instance_materials(kuafu_scene scene, uint32_t id, const uint32_t* materials, uint32_t material_count);
 /* Begins a frame: motion vectors from now on are against the poses that instances have now. */
 KUAFU_API ks_status kuafu_scene_next_frame(kuafu_scene scene);
@@ -238,6 +245,9 @@ typedef struct kuafu_light_desc {
   uint32_t dot_count;
   uint32_t pattern_width, pattern_height;
   float dot_sigma_px;        /* > 0 */
+  double linear_velocity[3];   /* twist in the light's own frame, m/s and rad/s */
+  double angular_velocity[3];
+  double on_from_s, on_until_s; /* it shines within this window of the frame's time; equal = always */
 } kuafu_light_desc;
 static inline kuafu_light_desc kuafu_light_desc_init(uint32_t kind) {
   kuafu_light_desc l;

@@ -8,7 +8,7 @@ void main() {
   if (i >= queue_ray_count()) return;
   BvhRay ray = queue_ray(i, closest_words);
   BvhHit hit;
-  if (!bvh_trace(push.nodes, push.instances, queue_root(i), false, ray, hit)) return;
+  if (!bvh_trace(push.nodes, push.instances, push.motions, queue_root(i), false, ray, hit)) return;
   queue_store(i, ray_t_far, closest_words, floatBitsToUint(ray.t_far));
   queue_store(i, hit_u, closest_words, floatBitsToUint(hit.uv.x));
   queue_store(i, hit_v, closest_words, floatBitsToUint(hit.uv.y));

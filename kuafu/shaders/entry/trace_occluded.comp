@@ -8,6 +8,6 @@ void main() {
   if (i >= queue_ray_count()) return;
   BvhRay ray = queue_ray(i, occlusion_words);
   BvhHit hit;
-  if (bvh_trace(push.nodes, push.instances, queue_root(i), true, ray, hit))
+  if (bvh_trace(push.nodes, push.instances, push.motions, queue_root(i), true, ray, hit))
     queue_store(i, ray_t_far, occlusion_words, 0xff800000u);
 }

@@ -3,11 +3,14 @@
 #define KUAFU_BVH_GLSL
 
 #include "lib/bvh_triangle.glsl"
+#include "lib/motion.glsl"
 #include "shared/bvh_node.h"
 
 layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer BvhNodes { BvhNode node[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer BvhTriangles { BvhTriangle triangle[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer BvhInstances { BvhInstance instance[]; };
+
+layout(constant_id = 2) const bool rays_have_time = false;  // some instance moves
 
 const uint bvh_world = 0xffffffffu;  // "instance" while the ray is in the top level
 
@@ -16,6 +19,7 @@ struct BvhRay {
   float t_near;
   vec3 direction;
   float t_far;  // shortened to the hit
+  float time_s;
 };
 
 struct BvhHit {
@@ -47,6 +51,14 @@ struct BvhView {
 
 BvhView bvh_view(vec3 origin, vec3 direction) { return BvhView(origin, direction, bvh_inverse(direction)); }
 
+/// The ray as it runs past an instance that stands where it is at t = 0.
+BvhRay bvh_unmoved(MotionRecord m, BvhRay ray) {
+  if (m.moves == 0u) return ray;
+  ray.origin = unmoved_point(m, ray.time_s, ray.origin);
+  ray.direction = unmoved_direction(m, ray.time_s, ray.direction);
+  return ray;
+}
+
 BvhView bvh_local_view(BvhInstance placed, BvhRay ray) {
   vec4 point = vec4(ray.origin, 1.0);
   vec3 origin = vec3(dot(placed.world_to_local0, point), dot(placed.world_to_local1, point), dot(placed.world_to_local2, point));
@@ -69,7 +81,7 @@ bool bvh_hit_leaf(BvhTriangles triangles, uint leaf, BvhView view, inout BvhRay 
 }
 
 /// any: stops at the first hit found. Returns whether there is one in [t_near, t_far].
-bool bvh_trace(BvhNodes top_nodes, BvhInstances instances, uint root, const bool any, inout BvhRay ray, out BvhHit hit) {
+bool bvh_trace(BvhNodes top_nodes, BvhInstances instances, MotionArray motions, uint root, const bool any, inout BvhRay ray, out BvhHit hit) {
   uint stack[bvh_stack_size];
   uint height = 0u;
   stack[height++] = bvh_done;
@@ -103,7 +115,9 @@ bool bvh_trace(BvhNodes top_nodes, BvhInstances instances, uint root, const bool
       }
     } else if (bvh_leaf_count(current) != 0u) {
       instance = current & bvh_first_mask;
-      view = bvh_local_view(instances.instance[instance], ray);
+      BvhRay seen = ray;
+      if (rays_have_time) seen = bvh_unmoved(motions.at[instance], ray);
+      view = bvh_local_view(instances.instance[instance], seen);
       nodes = BvhNodes(instances.instance[instance].nodes);
       triangles = BvhTriangles(instances.instance[instance].triangles);
       stack[height++] = bvh_leave;

@@ -15,6 +15,7 @@ layout(push_constant, scalar) uniform Push {
   QueueWords roots;         // child code of each environment's top level
   BvhNodes nodes;
   BvhInstances instances;
+  MotionArray motions;      // as instances; null where none moves
   uint capacity;
   uint environment_count;
   uint has_environments;
@@ -33,7 +34,7 @@ uint queue_root(uint i) {
 
 BvhRay queue_ray(uint i, uint words) {
   return BvhRay(queue_vec3(i, ray_origin, words), queue_float(i, ray_t_near, words), queue_vec3(i, ray_direction, words),
-                queue_float(i, ray_t_far, words));
+                queue_float(i, ray_t_far, words), rays_have_time ? queue_float(i, ray_time, words) : 0.0);
 }
 
 #endif

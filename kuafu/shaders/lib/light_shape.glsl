@@ -166,15 +166,14 @@ uint search_above(FloatArray table, uint first, uint count, float u) {
 }
 
 // Every point of the emissive meshes, by power: the density per area is the emission's largest channel over the sum of it times area.
-LightSample sample_mesh(SceneAddresses scene, LightShape s, vec3 position, vec2 u) {
+LightSample sample_mesh(SceneAddresses scene, LightShape s, vec3 position, vec2 u, float time_s) {
   LightSample l;
   uint i = search_above(scene.light_cumulative, s.first, s.count, u.x);
   float below = i > s.first ? scene.light_cumulative.at[i - 1u] : 0.0f;
   u.x = clamp((u.x - below) / max(scene.light_cumulative.at[i] - below, 1e-20f), 0.0f, 0.999999f);
   float root = sqrt(u.x);
   uint word = 2u * (s.first_triangle + i - s.first);
-  Surface surface = load_surface(scene, scene.instances.at[scene.light_triangles.at[word]], scene.light_triangles.at[word + 1u],
-                                 root * (1.0f - u.y), root * u.y);
+  Surface surface = surface_at(scene, scene.light_triangles.at[word], scene.light_triangles.at[word + 1u], root * (1.0f - u.y), root * u.y, time_s);
   MaterialRecord record = scene.materials.at[surface.material];
   MaterialPoint m = load_material(scene, record, surface);
   vec3 way = surface.position - position;
@@ -223,9 +222,9 @@ LightSample sample_map(SceneAddresses scene, LightRecord light, LightShape s, ve
   return l;
 }
 
-LightSample sample_light(SceneAddresses scene, LightRecord light, LightShape s, vec3 position, vec2 u) {
+LightSample sample_light(SceneAddresses scene, LightRecord light, LightShape s, vec3 position, vec2 u, float time_s) {
   if (is_flat(light.kind)) return sample_flat(scene, light, s, position, u);
-  if (light.kind == light_mesh) return sample_mesh(scene, s, position, u);
+  if (light.kind == light_mesh) return sample_mesh(scene, s, position, u, time_s);
   if (light.kind == light_map) return sample_map(scene, light, s, u);
   if (light.kind == light_directional) return sample_directional(scene, light, s, position, u);
   if (light.kind == light_point && s.radius_m > 0.0f) return sample_sphere(light, s, position, u);

@@ -23,7 +23,7 @@ void store_float(UintArray words, uint i, uint field, uint stride, uint capacity
   words.at[ray_word(i, field, stride, queue_layout, capacity)] = floatBitsToUint(value);
 }
 
-void store_ray(UintArray words, uint i, uint stride, uint capacity, Ray ray, uint slot) {
+void store_ray(UintArray words, uint i, uint stride, uint capacity, Ray ray, float time_s, uint slot) {
   store_float(words, i, ray_origin, stride, capacity, ray.origin.x);
   store_float(words, i, ray_origin + 1u, stride, capacity, ray.origin.y);
   store_float(words, i, ray_origin + 2u, stride, capacity, ray.origin.z);
@@ -31,15 +31,15 @@ void store_ray(UintArray words, uint i, uint stride, uint capacity, Ray ray, uin
   store_float(words, i, ray_direction, stride, capacity, ray.direction.x);
   store_float(words, i, ray_direction + 1u, stride, capacity, ray.direction.y);
   store_float(words, i, ray_direction + 2u, stride, capacity, ray.direction.z);
-  store_float(words, i, ray_time, stride, capacity, 0.0f);
+  store_float(words, i, ray_time, stride, capacity, time_s);
   store_float(words, i, ray_t_far, stride, capacity, ray.t_far);
   words.at[ray_word(i, ray_mask, stride, queue_layout, capacity)] = 0xffffffffu;
   words.at[ray_word(i, ray_id, stride, queue_layout, capacity)] = slot;
   words.at[ray_word(i, ray_flags, stride, queue_layout, capacity)] = 0u;
 }
 
-void store_closest_ray(UintArray words, uint i, uint capacity, Ray ray, uint slot) {
-  store_ray(words, i, closest_words, capacity, ray, slot);
+void store_closest_ray(UintArray words, uint i, uint capacity, Ray ray, float time_s, uint slot) {
+  store_ray(words, i, closest_words, capacity, ray, time_s, slot);
   words.at[closest_word(i, hit_geometry, capacity)] = miss;
   words.at[closest_word(i, hit_instance, capacity)] = miss;
 }

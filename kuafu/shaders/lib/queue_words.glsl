@@ -5,6 +5,7 @@
 #extension GL_EXT_buffer_reference_uvec2 : require
 #extension GL_EXT_scalar_block_layout : require
 
+#include "shared/arrays.h"  // its extensions, before any code
 #include "shared/ray_queue.h"
 
 layout(constant_id = 1) const uint layout_kind = queue_layout_planes;

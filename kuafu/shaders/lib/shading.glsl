@@ -2,6 +2,7 @@
 #include "lib/bsdf.glsl"
 #include "lib/frame.glsl"
 #include "lib/light.glsl"
+#include "lib/light_motion.glsl"
 #include "lib/light_shape.glsl"
 #include "lib/medium.glsl"
 #include "lib/queue.glsl"

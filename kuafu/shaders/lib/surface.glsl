@@ -2,6 +2,7 @@
 #ifndef KUAFU_SURFACE_GLSL
 #define KUAFU_SURFACE_GLSL
 #include "lib/language.glsl"
+#include "lib/motion.glsl"
 #include "shared/scene_records.h"
 
 struct Surface {
@@ -58,6 +59,27 @@ Surface load_surface(SceneAddresses scene, InstanceRecord r, uint primitive, flo
   uint slot = (r.flags & instance_has_slots) != 0u ? r.slots.at[primitive] : 0u;
   s.material = scene.instance_materials.at[r.first_material + min(slot, r.material_count)];
   s.instance_id = r.id;
+  return s;
+}
+
+/// Takes a point of something that moves from its place at t = 0 to that of another time.
+void move_surface(MotionRecord m, float time_s, INOUT(Surface) s) {
+  s.position = moved_point(m, time_s, s.position);
+  vec3 size = abs(s.position) + abs(m.pivot);
+  s.coordinate_size = max(s.coordinate_size, max(size.x, max(size.y, size.z)));
+  s.geometric_normal = moved_direction(m, time_s, s.geometric_normal);
+  s.shading_normal = moved_direction(m, time_s, s.shading_normal);
+  s.tangent_u = moved_direction(m, time_s, s.tangent_u);
+  s.tangent_v = moved_direction(m, time_s, s.tangent_v);
+}
+
+/// load_surface of instance `index` at a time.
+Surface surface_at(SceneAddresses scene, uint index, uint primitive, float u, float v, float time_s) {
+  Surface s = load_surface(scene, scene.instances.at[index], primitive, u, v);
+  if ((features & feature_motion) != 0u && scene.moves != 0u) {
+    MotionRecord m = scene.instance_motions.at[index];
+    if (m.moves != 0u) move_surface(m, time_s, s);
+  }
   return s;
 }
 #endif

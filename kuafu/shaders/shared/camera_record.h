@@ -29,7 +29,7 @@ struct CameraRecord {
 KUAFU_ARRAY(CameraArray, CameraRecord, 4)
 
 #ifdef __cplusplus
-static_assert(sizeof(CameraRecord) == 148);
+static_assert(sizeof(CameraRecord) == 152);
 }  // namespace kuafu
 #endif
 #endif

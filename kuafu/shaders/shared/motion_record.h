@@ -14,10 +14,12 @@ struct MotionRecord {
   vec3 pivot;    // metres, world
   vec3 linear;   // m/s
   vec3 angular;  // rad/s
+  uint moves;    // 0: stands still
 };
+KUAFU_ARRAY(MotionArray, MotionRecord, 4)
 
 #ifdef __cplusplus
-static_assert(sizeof(MotionRecord) == 36);
+static_assert(sizeof(MotionRecord) == 40);
 }  // namespace kuafu
 #endif
 #endif

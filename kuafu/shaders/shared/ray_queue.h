@@ -21,7 +21,7 @@ KUAFU_CONST queue_layout_packets = 1u;
 KUAFU_CONST ray_origin = 0u;   // 3 words
 KUAFU_CONST ray_t_near = 3u;
 KUAFU_CONST ray_direction = 4u;  // 3 words, unit length
-KUAFU_CONST ray_time = 7u;     // seconds from mid-exposure
+KUAFU_CONST ray_time = 7u;     // seconds from mid-exposure of the middle line; 0 where nothing moves
 KUAFU_CONST ray_t_far = 8u;    // in: limit; out: hit distance (closest), or < 0 = occluded (occluded)
 KUAFU_CONST ray_mask = 9u;     // 0xffffffff
 KUAFU_CONST ray_id = 10u;      // path slot

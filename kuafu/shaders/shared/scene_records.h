@@ -3,6 +3,7 @@
 #define KUAFU_SCENE_RECORDS_H
 
 #include "shared/arrays.h"
+#include "shared/motion_record.h"
 #include "shared/ray_queue.h"
 
 #ifdef __cplusplus
@@ -102,6 +103,13 @@ struct LightShape {
 };
 KUAFU_ARRAY(LightShapeArray, LightShape, 4)
 
+/// What a light does in time; read only with feature_motion.
+struct LightMotion {
+  MotionRecord motion;
+  float on_from_s, on_until_s;  // equal: always
+};
+KUAFU_ARRAY(LightMotionArray, LightMotion, 4)
+
 struct EnvironmentRecord {
   vec3 radiance;
   uint first_light, projector_count, light_count;  // projectors come first
@@ -137,6 +145,10 @@ struct SceneAddresses {
   FloatArray light_cumulative;
   UintArray light_triangles;  // instance and primitive
   MediumArray medium;         // one, where there is one
+  MotionArray instance_motions;  // as instances; filled where something moves
+  LightMotionArray light_motions;  // as lights
+  uint moves;  // nonzero: an instance or a light moves or goes on or off while a shutter is open
+  uint reserved;
 };
 KUAFU_ARRAY(SceneReference, SceneAddresses, 8)
 
@@ -148,7 +160,7 @@ static_assert(sizeof(LightRecord) == 104);
 static_assert(sizeof(LightShape) == 152);
 static_assert(sizeof(EnvironmentRecord) == 36);
 static_assert(sizeof(MediumRecord) == 52);
-static_assert(sizeof(SceneAddresses) == 88);
+static_assert(sizeof(SceneAddresses) == 112);
 }  // namespace kuafu
 #endif
 #endif

@@ -120,10 +120,12 @@ struct GeneratePush {
 KUAFU_CONST generate_environments = 1u;  // rays carry an environment
 KUAFU_CONST generate_pixel_centre = 2u;  // AOV rays: no jitter, no path state
 KUAFU_CONST generate_replicates = 8u;  // see replicate_count
+KUAFU_CONST generate_motion = 16u;      // rays have a time
 KUAFU_CONST generate_camera = 4u;       // some camera distorts, has a lens, or something moves while its shutter is open
 
 // What the kernels of `shade` and `transmit` can do: a constant for each of their compilations.
 KUAFU_CONST feature_lights = 1u;  // lights with an extent or a profile (LightShape); multiple importance sampling
+KUAFU_CONST feature_motion = 0x40000000u;  // rays have a time: SceneAddresses.moves
 KUAFU_CONST feature_camera = 0x80000000u;  // of `generate` and `aov`: generate_camera may be there
 KUAFU_CONST feature_materials = 2u;  // rough transmission, absorption inside, rough diffuse
 

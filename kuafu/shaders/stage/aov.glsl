@@ -54,7 +54,7 @@ Ray no_ray() { return Ray(vec3(0.0f), 0.0f, vec3(0.0f, 0.0f, 1.0f), 0.0f); }
 
 void ask_projector(uint i, Pixel pixel, Ray ray) {
   if ((push.flags & aov_visibility) == 0u) return;
-  store_ray(push.shadow_rays, i, occlusion_words, push.shadow_capacity, ray, i);
+  store_ray(push.shadow_rays, i, occlusion_words, push.shadow_capacity, ray, uintBitsToFloat(hit_word(i, ray_time)), i);
   if ((push.flags & aov_environments) != 0u) push.shadow_environments.at[i] = push.views.at[pixel.view].environment;
 }
 
@@ -87,7 +87,8 @@ void write_motion(uint i, Pixel pixel, InstanceRecord instance, vec3 position) {
 void write_surface(uint i, Pixel pixel) {
   SceneAddresses scene = push.scene.at[0];
   InstanceRecord instance = scene.instances.at[hit_word(i, hit_instance)];
-  Surface s = load_surface(scene, instance, hit_word(i, hit_primitive), uintBitsToFloat(hit_word(i, hit_u)), uintBitsToFloat(hit_word(i, hit_v)));
+  Surface s = surface_at(scene, hit_word(i, hit_instance), hit_word(i, hit_primitive), uintBitsToFloat(hit_word(i, hit_u)),
+                         uintBitsToFloat(hit_word(i, hit_v)), uintBitsToFloat(hit_word(i, ray_time)));
   MaterialRecord m = scene.materials.at[s.material];
   MaterialPoint point = load_material(scene, m, s);
   bool front = dot(s.geometric_normal, load_direction(push.rays, i, push.range.capacity)) <= 0.0f;

@@ -12,6 +12,7 @@ void generate(uint slot) {
   }
   vec2 film = vec2(float(pixel.column), float(pixel.row));
   if (!centre) film += sample_2d(key, index, pair_film) - 0.5f;
+  float time_s = 0.0f;
   vec3 origin = view.origin, ray = view.axis_0 + film.x * view.axis_u + film.y * view.axis_v;
   if ((features & feature_camera) != 0u && (push.flags & generate_camera) != 0u) {
     FilmSample s = FilmSample(film, vec2(0.0f), 0.0f);
@@ -22,11 +23,12 @@ void generate(uint slot) {
     CameraRay moved = camera_ray(view, push.cameras.at[pixel.view], pixel, push.range, s);
     origin = moved.origin;
     ray = moved.direction;
+    if ((push.flags & generate_motion) != 0u) time_s = moved.time_s;
   }
   float metres_per_z = length(ray);  // ray length for one metre of z
   uint capacity = push.range.capacity;
   store_closest_ray(push.rays, slot, capacity, Ray(origin, view.near_m * metres_per_z, ray / metres_per_z, view.far_m * metres_per_z),
-                    slot);
+                    time_s, slot);
   if ((push.flags & generate_environments) != 0u) push.ray_environments.at[slot] = view.environment;
   if (centre) return;
   push.state.at[state_pixel_key * capacity + slot] = key;

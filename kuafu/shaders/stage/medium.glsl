@@ -19,7 +19,7 @@ bool ran_inside(uint i, Path path) {
   if (path.body != 0u) return true;
   if (ray_field(i, hit_geometry) == miss) return false;
   SceneAddresses scene = push.scene.at[0];
-  Surface s = load_surface(scene, scene.instances.at[ray_field(i, hit_instance)], ray_field(i, hit_primitive), 0.0f, 0.0f);
+  Surface s = surface_at(scene, ray_field(i, hit_instance), ray_field(i, hit_primitive), 0.0f, 0.0f, path.time_s);
   return dot(s.geometric_normal, load_direction(push.rays_in, i, push.capacity)) > 0.0f && scene.materials.at[s.material].transmission > 0.0f;
 }
 

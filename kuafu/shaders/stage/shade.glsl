@@ -4,6 +4,7 @@ struct Path {
   uint slot, key, index, flags;
   uint body;  // as state_body
   float pdf;
+  float time_s;
   Spectrum throughput;
 };
 
@@ -45,7 +46,8 @@ Path load_path(uint i) {
   p.key = push.state.at[plane(state_pixel_key, p.slot)];
   p.index = push.state.at[plane(state_sample, p.slot)];
   p.flags = push.state.at[plane(state_flags, p.slot)];
-  p.pdf = 0.0f;
+  p.pdf = p.time_s = 0.0f;
+  if ((features & feature_motion) != 0u) p.time_s = uintBitsToFloat(ray_field(i, ray_time));
   p.body = 0u;
   if (tracks_body() && push.bounce > 0u) p.body = push.state.at[plane(state_body, p.slot)];
   if ((features & feature_lights) != 0u && push.bounce > 0u) p.pdf = load_float(state_pdf, p.slot);
@@ -122,13 +124,13 @@ LightRequest find_light(IN(Path) path, vec3 position, vec3 shape_origin, uint k)
   if (choice.probability == 0.0f) return request;
   LightRecord record = scene.lights.at[choice.index];
   request.projector = record.kind == light_projector;
+  vec2 point = vec2(0.0f);
   if ((features & feature_lights) != 0u) {
-    vec2 point = sample_2d(path.key, path.index, pair_light_point(push.bounce, k));
-    request.light = sample_light(scene, record, scene.light_shapes.at[choice.index], shape_origin, point);
-    if (request.light.pdf > 0.0f && (push.flags & shade_bsdf_only) != 0u) return request;
-  } else {
-    request.light = light_at(record, position);
+    point = sample_2d(path.key, path.index, pair_light_point(push.bounce, k));
+    position = shape_origin;
   }
+  request.light = light_towards(scene, choice.index, position, point, path.time_s);
+  if (request.light.pdf > 0.0f && (push.flags & shade_bsdf_only) != 0u) return request;
   bool mesh = (features & feature_lights) != 0u && record.kind == light_mesh;
   request.group = ambient_group(mesh ? request.light.light_group : record.light_group);
   request.found = max_component(request.light.irradiance) > 0.0f;
@@ -163,7 +165,7 @@ void add_shapes(uint i, Path path, float t_far, bool open) {
   for (uint k = environment.first_shape; k < environment.light_count; ++k) {
     uint index = environment.first_light + k;
     LightRecord light = scene.lights.at[index];
-    ShapeHit hit = meet_light(scene, light, scene.light_shapes.at[index], origin, direction);
+    ShapeHit hit = meet_moving_light(scene, index, origin, direction, path.time_s);
     if (!hit.found || hit.t < t_near || hit.t > t_far) continue;
     float weight = found_weight(path, index, hit.pdf);
     if (weight == 0.0f) continue;
@@ -186,8 +188,8 @@ Spectrum absorbed(Path path, MaterialPoint m, bool front, float t) {
 Vertex load_vertex(uint i, INOUT(Path) path) {
   vec3 wo = -load_direction(push.rays_in, i, push.capacity);
   SceneAddresses scene = push.scene.at[0];
-  Surface s = load_surface(scene, scene.instances.at[ray_field(i, hit_instance)], ray_field(i, hit_primitive),
-                           uintBitsToFloat(ray_field(i, hit_u)), uintBitsToFloat(ray_field(i, hit_v)));
+  Surface s = surface_at(scene, ray_field(i, hit_instance), ray_field(i, hit_primitive), uintBitsToFloat(ray_field(i, hit_u)),
+                         uintBitsToFloat(ray_field(i, hit_v)), path.time_s);
   MaterialRecord record = scene.materials.at[s.material];
   MaterialPoint m = load_material(scene, record, s);
   bool front = dot(s.geometric_normal, wo) >= 0.0f;
@@ -330,10 +332,10 @@ bool goes_on(IN(Shading) s) {
 
 void queue_shadow(Path path, ShadowRequest request, uint k, uint i) {
   if ((push.flags & shade_glass_shadows) != 0u) {
-    store_closest_ray(push.shadow_rays, i, push.shadow_capacity, request.ray, request.opaque ? i | shadow_opaque : i);
+    store_closest_ray(push.shadow_rays, i, push.shadow_capacity, request.ray, path.time_s, request.opaque ? i | shadow_opaque : i);
     push.contributions.at[channels * push.shadow_capacity + i] = request.ray.t_far;
   } else {
-    store_ray(push.shadow_rays, i, occlusion_words, push.shadow_capacity, request.ray, path.slot);
+    store_ray(push.shadow_rays, i, occlusion_words, push.shadow_capacity, request.ray, path.time_s, path.slot);
   }
   if ((push.flags & shade_environments) != 0u) push.shadow_environments.at[i] = path_environment(path);
   for (uint c = 0u; c < channels; ++c) push.contributions.at[c * push.shadow_capacity + i] = channel_of(request.contribution, c);
@@ -343,7 +345,7 @@ void queue_shadow(Path path, ShadowRequest request, uint k, uint i) {
 void queue_no_shadow(Path path, uint k) { push.state.at[plane(state_shadow(channels, push.groups) + k, path.slot)] = shadow_none; }
 
 void queue_next(Path path, NextRequest request, uint i) {
-  store_closest_ray(push.rays_out, i, push.capacity, request.ray, path.slot);
+  store_closest_ray(push.rays_out, i, push.capacity, request.ray, path.time_s, path.slot);
   if ((push.flags & shade_environments) != 0u) push.ray_environments.at[i] = path_environment(path);
   store_path(path);
 }

@@ -21,8 +21,8 @@ Spectrum inside_instead_of_fog(uint i) {
 /// What the surface at ray i lets through, straight; `onward` gets the ray's next origin.
 Spectrum pass_surface(uint i, INOUT(Onward) onward) {
   SceneAddresses scene = push.scene.at[0];
-  Surface s = load_surface(scene, scene.instances.at[shadow_field(i, hit_instance)], shadow_field(i, hit_primitive),
-                           uintBitsToFloat(shadow_field(i, hit_u)), uintBitsToFloat(shadow_field(i, hit_v)));
+  Surface s = surface_at(scene, shadow_field(i, hit_instance), shadow_field(i, hit_primitive), uintBitsToFloat(shadow_field(i, hit_u)),
+                         uintBitsToFloat(shadow_field(i, hit_v)), uintBitsToFloat(shadow_field(i, ray_time)));
   MaterialPoint m = load_material(scene, scene.materials.at[s.material], s);
   bool front = dot(s.geometric_normal, onward.ray.direction) <= 0.0f;
   onward.ray.origin = offset_origin(s.position, s.coordinate_size, front ? -s.geometric_normal : s.geometric_normal);
@@ -54,6 +54,6 @@ Onward transmit(uint i) {
 }
 
 void queue_onward(uint from, Onward onward, uint i) {
-  store_closest_ray(push.rays_out, i, push.capacity, onward.ray, onward.id);
+  store_closest_ray(push.rays_out, i, push.capacity, onward.ray, uintBitsToFloat(shadow_field(from, ray_time)), onward.id);
   if (push.has_environments != 0u) push.environments_out.at[i] = push.environments_in.at[from];
 }

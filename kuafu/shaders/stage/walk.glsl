@@ -71,8 +71,8 @@ bool walk_on(uint i, INOUT(Path) path, INOUT(Walk) walk, INOUT(Vertex) vertex) {
   walk.scattered = false;
   if (ray_field(i, hit_geometry) == miss) return false;  // the body is open
   SceneAddresses scene = push.scene.at[0];
-  Surface s = load_surface(scene, scene.instances.at[ray_field(i, hit_instance)], ray_field(i, hit_primitive),
-                           uintBitsToFloat(ray_field(i, hit_u)), uintBitsToFloat(ray_field(i, hit_v)));
+  Surface s = surface_at(scene, ray_field(i, hit_instance), ray_field(i, hit_primitive),
+                           uintBitsToFloat(ray_field(i, hit_u)), uintBitsToFloat(ray_field(i, hit_v)), path.time_s);
   MaterialRecord record = scene.materials.at[s.material];
   vec3 direction = load_direction(push.rays_in, i, push.capacity);
   if (record.subsurface == 0.0f || dot(s.geometric_normal, direction) <= 0.0f) return false;  // something stands in the body

@@ -2,8 +2,10 @@
 
 #include <utility>
 
+#include "accel/swept_box.h"
 #include "device/error.h"
 #include "device/thread_pool.h"
+#include "scene/motion_record.h"
 
 namespace kuafu {
 namespace {
@@ -20,12 +22,15 @@ BvhNode moved_by(uint32_t first, BvhNode node) {
 
 }  // namespace
 
-void BvhWorld::update(const Scene& scene, uint32_t environment_count) {
+void BvhWorld::update(const Scene& scene, uint32_t environment_count, const TimeSpan& open) {
   if (environment_count == 0) ks::fail(KS_ERROR_INVALID_ARGUMENT, "a tracer needs at least one environment");
   if (std::exchange(scene_, nullptr) != &scene) forget();  // and forget too what a failed update left
   const std::vector<uint32_t> deformed = follow_meshes(scene);
   const auto changed = changed_slots(scene, instances_revision_, deformed, placements_);
-  if (changed && environment_count == environment_count_)
+  const TimeSpan times = ray_times(scene, open);
+  const bool same_times = times == times_;
+  times_ = times;
+  if (changed && environment_count == environment_count_ && same_times)
     follow(scene, *changed);
   else
     place_all(scene, environment_count);
@@ -102,24 +107,27 @@ void BvhWorld::upload(PlacedMesh& placed) const {
 
 void BvhWorld::put(uint32_t slot, const Placement& p) {
   placements_[slot] = p;
+  if (moves()) motion_records_[slot] = p.sweep ? motion_record(p.sweep->motion) : MotionRecord{};
   if (!p.traceable) return;
   const PlacedMesh& mesh = meshes_[p.mesh];
   const glm::mat4 rows(glm::transpose(p.world_to_local));
-  boxes_[slot] = world_box(mesh.bounds, p.local_to_world);
+  boxes_[slot] = placement_box(mesh.bounds, p);
   records_[slot] = {rows[0], rows[1], rows[2], mesh.nodes, mesh.triangles};
 }
 
 void BvhWorld::place_all(const Scene& scene, uint32_t environment_count) {
-  const std::vector<Placement> placements = all_placements(scene);
+  const std::vector<Placement> placements = all_placements(scene, times_);
   placements_.resize(placements.size());
   boxes_.resize(placements.size());
   records_.resize(placements.size());
+  motion_records_.resize(moves() ? placements.size() : 0);
   for (uint32_t slot = 0; slot < placements.size(); ++slot) put(slot, placements[slot]);
   const auto seen = placements_by_environment(placements_, environment_count);
   parts_.clear();
   parts_.resize(environment_count);
   device_->workers().parallel_for(environment_count, [&](size_t e) { parts_[e].top.build(seen[e], boxes_); });
   instances_.upload(device_, records_);
+  motions_.upload(device_, motion_records_);
   upload_all_tops();
   environment_count_ = environment_count;
 }
@@ -129,14 +137,16 @@ void BvhWorld::follow(const Scene& scene, const std::vector<uint32_t>& slots) {
   placements_.resize(scene.instance_slots().size());
   boxes_.resize(placements_.size());
   records_.resize(placements_.size());
+  motion_records_.resize(moves() ? placements_.size() : 0);
   for (const uint32_t slot : slots) {
     const Placement before = placements_[slot];
-    put(slot, placement_in(scene, slot));
+    put(slot, placement_in(scene, slot, times_));
     for (uint32_t e = 0; e < environment_count_; ++e) follow_in(e, slot, before.seen_by(e), placements_[slot].seen_by(e));
   }
   for (uint32_t e = 0; e < environment_count_; ++e)
     if (parts_[e].top.worn_out()) build(e);
   instances_.upload_changed(device_, records_, slots);
+  if (moves()) motions_.upload_changed(device_, motion_records_, slots);
   upload_tops();
 }
 

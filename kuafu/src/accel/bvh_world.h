@@ -7,6 +7,7 @@
 #include "accel/mesh_watch.h"
 #include "accel/placement.h"
 #include "accel/top_level.h"
+#include "shared/motion_record.h"
 
 namespace kuafu {
 
@@ -14,13 +15,15 @@ class BvhWorld {
  public:
   explicit BvhWorld(std::shared_ptr<ks::Device> device) : device_(std::move(device)) {}
 
-  void update(const Scene& scene, uint32_t environment_count);
+  void update(const Scene& scene, uint32_t environment_count, const TimeSpan& open);
   /// 0 until a scene was seen.
   [[nodiscard]] uint32_t environment_count() const { return environment_count_; }
   // Device addresses of arrays (shared/bvh_node.h).
   [[nodiscard]] uint64_t roots() const { return roots_.address(); }  // child code of each environment's top level
   [[nodiscard]] uint64_t nodes() const { return nodes_.address(); }  // of all top levels
   [[nodiscard]] uint64_t instances() const { return instances_.address(); }
+  [[nodiscard]] uint64_t motions() const { return motions_.address(); }  // as instances, where any moves
+  [[nodiscard]] bool moves() const { return !times_.instant(); }
 
  private:
   /// A mesh whose vertices moved once is expected to move again: the host keeps its tree, and it has device memory of its own.
@@ -60,15 +63,17 @@ class BvhWorld {
   MeshWatch watch_;
   std::vector<PlacedMesh> meshes_;
   uint64_t instances_revision_ = 0;
+  TimeSpan times_;
   uint32_t environment_count_ = 0;
   // By slot.
   std::vector<Placement> placements_;
   std::vector<Box> boxes_;  // world
   std::vector<BvhInstance> records_;
-  std::vector<Part> parts_;         // by environment
-  std::vector<BvhNode> all_nodes_;  // what the device has
+  std::vector<MotionRecord> motion_records_;  // where any moves
+  std::vector<Part> parts_;                   // by environment
+  std::vector<BvhNode> all_nodes_;            // what the device has
   std::vector<uint32_t> all_roots_;
-  ArrayBuffer nodes_, instances_, roots_;
+  ArrayBuffer nodes_, instances_, roots_, motions_;
 };
 
 }  // namespace kuafu

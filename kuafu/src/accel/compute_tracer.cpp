@@ -1,5 +1,6 @@
 // Our own two-level BVH2, built on the host and traced in Vulkan compute: the portable tracer of GPUs, and of CPU devices when asked for.
 #include <array>
+#include <optional>
 
 #include "accel/bvh_world.h"
 #include "accel/tracer.h"
@@ -12,7 +13,7 @@ namespace kuafu {
 namespace {
 
 struct TracePush {
-  uint64_t words, environments, count, roots, nodes, instances;
+  uint64_t words, environments, count, roots, nodes, instances, motions;
   uint32_t capacity, environment_count, has_environments, unused = 0;
 };
 
@@ -21,25 +22,29 @@ class ComputeTracer final : public Tracer {
   ComputeTracer(std::shared_ptr<ks::Device> device, uint32_t layout)
       : layout_(layout),
         group_size_(device->is_cpu() ? 8 : 32),
-        specialisation_{group_size_, layout_},
+        specialisation_{group_size_, layout_, 0},
         closest_(device, trace_closest_spirv, sizeof(TracePush), specialisation_),
         occluded_(device, trace_occluded_spirv, sizeof(TracePush), specialisation_),
+        device_(device),
         world_(std::move(device)) {}
 
   [[nodiscard]] const char* name() const override { return "compute"; }
   [[nodiscard]] uint32_t queue_layout() const override { return layout_; }
   [[nodiscard]] uint32_t trace_group_size() const override { return group_size_; }
 
-  void update(const Scene& scene, uint32_t environment_count) override { world_.update(scene, environment_count); }
+  void update(const Scene& scene, uint32_t environment_count, const TimeSpan& open) override {
+    world_.update(scene, environment_count, open);
+    if (world_.moves() && !moving_) moving_.emplace(device_, std::array{group_size_, layout_, 1u});
+  }
 
   void closest(ks::Commands& commands, const RayQueue& rays) override {
     commands.begin_stage("trace closest");
-    commands.dispatch_indirect(closest_, push(rays), *rays.counters, rays.arguments_offset);
+    commands.dispatch_indirect(world_.moves() ? moving_->closest : closest_, push(rays), *rays.counters, rays.arguments_offset);
   }
 
   void occluded(ks::Commands& commands, const RayQueue& rays) override {
     commands.begin_stage("trace occluded");
-    commands.dispatch_indirect(occluded_, push(rays), *rays.counters, rays.arguments_offset);
+    commands.dispatch_indirect(world_.moves() ? moving_->occluded : occluded_, push(rays), *rays.counters, rays.arguments_offset);
   }
 
  private:
@@ -51,14 +56,24 @@ class ComputeTracer final : public Tracer {
             world_.roots(),
             world_.nodes(),
             world_.instances(),
+            world_.moves() ? world_.motions() : 0,
             rays.capacity,
             world_.environment_count(),
             rays.environments ? 1u : 0u};
   }
 
   uint32_t layout_, group_size_;
-  std::array<uint32_t, 2> specialisation_;
+  std::array<uint32_t, 3> specialisation_;
   ks::ComputePipeline closest_, occluded_;
+  /// The same for rays with a time; built when something moves first.
+  struct Moving {
+    Moving(const std::shared_ptr<ks::Device>& device, const std::array<uint32_t, 3>& specialisation)
+        : closest(device, trace_closest_spirv, sizeof(TracePush), specialisation),
+          occluded(device, trace_occluded_spirv, sizeof(TracePush), specialisation) {}
+    ks::ComputePipeline closest, occluded;
+  };
+  std::optional<Moving> moving_;
+  std::shared_ptr<ks::Device> device_;
   BvhWorld world_;
 };
 

@@ -1,4 +1,5 @@
 // Rays of CPU devices: Embree answers the queues on the host, in place on their mapped memory.
+#include <algorithm>
 #include <bit>
 #include <chrono>
 #include <cmath>
@@ -47,8 +48,28 @@ MappedQueue map_queue(const RayQueue& rays, size_t alignment) {
   return queue;
 }
 
-const RTCRay8& rays_of(const RTCRayHit8& packet) { return packet.ray; }
-const RTCRay8& rays_of(const RTCRay8& packet) { return packet; }
+RTCRay8& rays_of(RTCRayHit8& packet) { return packet.ray; }
+RTCRay8& rays_of(RTCRay8& packet) { return packet; }
+
+/// Gives a packet's rays Embree's times, 0..1, while it lives; a queue's are in seconds.
+class EmbreeTimes {
+ public:
+  EmbreeTimes(RTCRay8& rays, const TimeSpan& span) : rays_(span.instant() ? nullptr : &rays) {
+    if (!rays_) return;
+    std::copy_n(rays.time, packet_rays, seconds_);
+    const auto from = float(span.from_s), scale = float(1.0 / (span.until_s - span.from_s));
+    for (float& t : rays.time) t = std::clamp((t - from) * scale, 0.0f, 1.0f);
+  }
+  ~EmbreeTimes() {
+    if (rays_) std::copy_n(seconds_, packet_rays, rays_->time);
+  }
+  EmbreeTimes(const EmbreeTimes&) = delete;
+  EmbreeTimes& operator=(const EmbreeTimes&) = delete;
+
+ private:
+  RTCRay8* rays_;
+  float seconds_[packet_rays];
+};
 
 /// Embree stops the program at a ray that is not finite or starts beyond 1.8e18 m (its FLT_LARGE). Such a ray hits nothing; NaN fails too.
 bool can_trace(const RTCRay8& ray, uint32_t lane) {
@@ -76,7 +97,9 @@ class EmbreeTracer final : public Tracer {
   [[nodiscard]] uint32_t queue_layout() const override { return queue_layout_packets; }
   [[nodiscard]] uint32_t trace_group_size() const override { return packet_rays; }
 
-  void update(const Scene& scene, uint32_t environment_count) override { world_.update(scene, environment_count); }
+  void update(const Scene& scene, uint32_t environment_count, const TimeSpan& open) override {
+    world_.update(scene, environment_count, open);
+  }
   void closest(ks::Commands& commands, const RayQueue& rays) override { run<RTCRayHit8>(commands, rays, "trace closest"); }
   void occluded(ks::Commands& commands, const RayQueue& rays) override { run<RTCRay8>(commands, rays, "trace occluded"); }
 
@@ -103,6 +126,7 @@ class EmbreeTracer final : public Tracer {
     RTCIntersectContext context;
     rtcInitIntersectContext(&context);
     context.flags = queue.flags;
+    const EmbreeTimes times(rays_of(packet), world_.times());
     const uint32_t first = index * packet_rays;
     uint32_t waiting = queue.count - first >= packet_rays ? 0xffu : (1u << (queue.count - first)) - 1u;
     while (waiting != 0) {

@@ -3,13 +3,18 @@
 #include <algorithm>
 #include <utility>
 
+#include "accel/embree_motion.h"
 #include "device/error.h"
 
 namespace kuafu {
 namespace {
 
-void set_transform(RTCGeometry geometry, const glm::dmat4& local_to_world) {
-  const glm::mat4x3 columns(glm::dmat4x3{local_to_world});
+/// Of an instance that keeps its geometry: Embree's is made for a mesh, and for motion or none.
+bool alike(const Placement& a, const Placement& b) { return a.mesh == b.mesh && a.sweep.has_value() == b.sweep.has_value(); }
+
+void set_transform(RTCGeometry geometry, const Placement& placement) {
+  if (placement.sweep) return set_motion(geometry, placement);
+  const glm::mat4x3 columns(glm::dmat4x3{placement.local_to_world});
   rtcSetGeometryTransform(geometry, 0, RTC_FORMAT_FLOAT3X4_COLUMN_MAJOR, &columns[0][0]);
   rtcCommitGeometry(geometry);
 }
@@ -21,12 +26,15 @@ T* new_buffer(RTCGeometry geometry, RTCBufferType type, RTCFormat format, size_t
 
 }  // namespace
 
-void EmbreeWorld::update(const Scene& scene, uint32_t environment_count) {
+void EmbreeWorld::update(const Scene& scene, uint32_t environment_count, const TimeSpan& open) {
   if (environment_count == 0) ks::fail(KS_ERROR_INVALID_ARGUMENT, "a tracer needs at least one environment");
   if (std::exchange(scene_, nullptr) != &scene) forget();  // and forget too what a failed update left
   const std::vector<uint32_t> deformed = follow_meshes(scene);
   const auto changed = changed_slots(scene, instances_revision_, deformed, placements_);
-  if (changed && environment_count == environments_.size())
+  const TimeSpan times = ray_times(scene, open);
+  const bool same_times = times == times_;
+  times_ = times;
+  if (changed && environment_count == environments_.size() && same_times)
     follow(scene, *changed);
   else
     place_all(scene, environment_count);
@@ -90,12 +98,12 @@ void EmbreeWorld::put(uint32_t slot, const Placement& p) {
   if (!p.traceable) {
     geometry.reset();
   } else {
-    const bool same = geometry && placements_[slot].mesh == p.mesh;
+    const bool same = geometry && alike(placements_[slot], p);
     if (!same) {
       geometry.reset(rtcNewGeometry(device_.handle(), RTC_GEOMETRY_TYPE_INSTANCE));
       rtcSetGeometryInstancedScene(geometry.get(), meshes_[p.mesh].scene.get());
     }
-    set_transform(geometry.get(), p.local_to_world);
+    set_transform(geometry.get(), p);
   }
   placements_[slot] = p;
 }
@@ -105,7 +113,7 @@ void EmbreeWorld::place_all(const Scene& scene, uint32_t environment_count) {
   geometries_.clear();
   geometries_.resize(scene.instance_slots().size());
   placements_.assign(geometries_.size(), {});
-  for (uint32_t slot = 0; slot < geometries_.size(); ++slot) put(slot, placement_in(scene, slot));
+  for (uint32_t slot = 0; slot < geometries_.size(); ++slot) put(slot, placement_in(scene, slot, times_));
   for (auto& slots : placements_by_environment(placements_, environment_count)) {
     Environment environment{device_.new_scene(), std::move(slots), {}};
     for (uint32_t i = 0; i < environment.instances.size(); ++i) {
@@ -124,11 +132,11 @@ void EmbreeWorld::follow(const Scene& scene, const std::vector<uint32_t>& slots)
   std::vector<bool> concerned(environments_.size());
   for (const uint32_t slot : slots) {
     const Placement before = placements_[slot];
-    put(slot, placement_in(scene, slot));
+    put(slot, placement_in(scene, slot, times_));
     for (uint32_t e = 0; e < environments_.size(); ++e) {
       const bool after = placements_[slot].seen_by(e);
       if (!before.seen_by(e) && !after) continue;
-      const bool stays = before.seen_by(e) && after && before.mesh == placements_[slot].mesh;
+      const bool stays = before.seen_by(e) && after && alike(before, placements_[slot]);
       if (!stays) follow_in(environments_[e], slot, after ? geometries_[slot].get() : nullptr);
       concerned[e] = true;
     }

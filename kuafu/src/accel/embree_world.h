@@ -20,7 +20,9 @@ class EmbreeWorld {
   };
 
   /// Builds what is new, moves what moved, and commits the top scenes concerned: that is Embree's own cost per instance, a quick one.
-  void update(const Scene& scene, uint32_t environment_count);
+  void update(const Scene& scene, uint32_t environment_count, const TimeSpan& open);
+  /// The times that Embree's 0..1 stands for; an instant where nothing moves.
+  [[nodiscard]] const TimeSpan& times() const { return times_; }
   [[nodiscard]] const std::vector<Environment>& environments() const { return environments_; }
 
  private:
@@ -43,6 +45,7 @@ class EmbreeWorld {
   EmbreeDevice device_;
   const Scene* scene_ = nullptr;
   uint64_t instances_revision_ = 0;
+  TimeSpan times_;
   MeshWatch watch_;
   std::vector<Bottom> meshes_;
   // By slot.

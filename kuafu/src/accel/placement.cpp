@@ -15,7 +15,9 @@ bool all_finite(const glm::dmat4& m) {
 
 }  // namespace
 
-Placement placement_in(const Scene& scene, uint32_t slot) {
+TimeSpan ray_times(const Scene& scene, const TimeSpan& open) { return scene.instances_move() ? open : TimeSpan{}; }
+
+Placement placement_in(const Scene& scene, uint32_t slot, const TimeSpan& times) {
   const uint32_t id = scene.instance_slots()[slot];
   if (id == none) return {};
   const Instance& instance = *scene.instances()[id];
@@ -23,12 +25,13 @@ Placement placement_in(const Scene& scene, uint32_t slot) {
   const glm::dmat4 inverse = glm::inverse(p.local_to_world);
   p.traceable = all_finite(inverse) && !scene.meshes()[p.mesh].indices.empty();
   if (p.traceable) p.world_to_local = inverse;
+  if (p.traceable && !times.instant() && instance.velocity.moves()) p.sweep = {world_motion(p.local_to_world, instance.velocity), times};
   return p;
 }
 
-std::vector<Placement> all_placements(const Scene& scene) {
+std::vector<Placement> all_placements(const Scene& scene, const TimeSpan& times) {
   std::vector<Placement> placements(scene.instance_slots().size());
-  for (uint32_t slot = 0; slot < placements.size(); ++slot) placements[slot] = placement_in(scene, slot);
+  for (uint32_t slot = 0; slot < placements.size(); ++slot) placements[slot] = placement_in(scene, slot, times);
   return placements;
 }
 

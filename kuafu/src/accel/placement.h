@@ -8,18 +8,29 @@
 
 namespace kuafu {
 
+/// What an instance does while the shutters are open.
+struct Sweep {
+  Motion motion;
+  TimeSpan span;
+  bool operator==(const Sweep&) const = default;
+};
+
 struct Placement {
   uint32_t mesh = none;
   uint32_t environment = none;  // none = every environment
   glm::dmat4 local_to_world{1.0}, world_to_local{1.0};
   /// false: nothing to hit, because the slot is empty, the mesh has no triangles or the transform flattens it to nothing (no inverse).
   bool traceable = false;
+  std::optional<Sweep> sweep;  // empty: it stands still
   bool operator==(const Placement&) const = default;
   [[nodiscard]] bool seen_by(uint32_t e) const { return traceable && (environment == none || environment == e); }
 };
 
-Placement placement_in(const Scene& scene, uint32_t slot);
-std::vector<Placement> all_placements(const Scene& scene);
+/// Times that rays may have: those when the shutters are open, or an instant where no instance moves.
+TimeSpan ray_times(const Scene& scene, const TimeSpan& open);
+
+Placement placement_in(const Scene& scene, uint32_t slot, const TimeSpan& times);
+std::vector<Placement> all_placements(const Scene& scene, const TimeSpan& times);
 
 /// For each environment, the slots of placements it sees, ascending. Instances of environments beyond the count are seen by none.
 std::vector<std::vector<uint32_t>> placements_by_environment(const std::vector<Placement>& placements, uint32_t environment_count);

@@ -23,7 +23,9 @@ class RtTracer final : public Tracer {
   [[nodiscard]] uint32_t queue_layout() const override { return queue_layout_planes; }
   [[nodiscard]] uint32_t trace_group_size() const override { return 1; }  // a launch counts rays, not groups
 
-  void update(const Scene& scene, uint32_t environment_count) override { world_.update(scene, environment_count); }
+  void update(const Scene& scene, uint32_t environment_count, const TimeSpan& open) override {
+    world_.update(scene, environment_count, open);
+  }
   void closest(ks::Commands& commands, const RayQueue& rays) override { run(commands, rays, RtPipeline::closest, "trace closest"); }
   void occluded(ks::Commands& commands, const RayQueue& rays) override { run(commands, rays, RtPipeline::occluded, "trace occluded"); }
 

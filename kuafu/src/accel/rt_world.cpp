@@ -50,9 +50,14 @@ struct RtWorld::Geometry {
 
 RtWorld::RtWorld(std::shared_ptr<ks::Device> device) : device_(std::move(device)), builder_(device_) {}
 
-void RtWorld::update(const Scene& scene, uint32_t environment_count) {
+void RtWorld::update(const Scene& scene, uint32_t environment_count, const TimeSpan& open) {
   if (environment_count == 0) ks::fail(KS_ERROR_INVALID_ARGUMENT, "a tracer needs at least one environment");
   if (std::exchange(scene_, nullptr) != &scene) forget();  // and forget too what a failed update left
+  if (!ray_times(scene, open).instant())
+    ks::fail(KS_ERROR_UNSUPPORTED,
+             "an instance moves while the shutter is open (%g to %g s), which VK_KHR_ray_tracing_pipeline cannot follow: use "
+             "KUAFU_TRACER_COMPUTE, or set instances' velocities to 0 (cameras and lights may move)",
+             open.from_s, open.until_s);
   const std::vector<uint32_t> deformed = follow_meshes(scene);
   const auto changed = changed_slots(scene, instances_revision_, deformed, placements_);
   const bool known = changed && environment_count == environment_count_;
@@ -103,7 +108,7 @@ void RtWorld::refit_meshes(const Scene& scene, const std::vector<uint32_t>& ids)
 }
 
 void RtWorld::place_all(const Scene& scene, uint32_t environment_count) {
-  placements_ = all_placements(scene);
+  placements_ = all_placements(scene, {});
   if (placements_.size() > most_instances)
     ks::fail(KS_ERROR_UNSUPPORTED, "%zu instances, ray tracing pipelines number at most %u: use KUAFU_TRACER_COMPUTE", placements_.size(),
              most_instances);
@@ -121,7 +126,7 @@ bool RtWorld::follow(const Scene& scene, const std::vector<uint32_t>& slots, con
   if (scene.instance_slots().size() != placements_.size()) return false;
   std::vector<uint32_t> written;
   for (const uint32_t slot : slots) {
-    const Placement now = placement_in(scene, slot), before = std::exchange(placements_[slot], now);
+    const Placement now = placement_in(scene, slot, {}), before = std::exchange(placements_[slot], now);
     if (now.traceable != before.traceable || now.environment != before.environment) return false;
     if (!now.traceable || (now == before && !std::ranges::binary_search(deformed, now.mesh))) continue;
     uint32_t first = 0;

@@ -14,7 +14,7 @@ class RtWorld {
  public:
   explicit RtWorld(std::shared_ptr<ks::Device> device);
 
-  void update(const Scene& scene, uint32_t environment_count);
+  void update(const Scene& scene, uint32_t environment_count, const TimeSpan& open);
   /// 0 until a scene was seen.
   [[nodiscard]] uint32_t environment_count() const { return environment_count_; }
   /// Device address of an array: of each environment, the address of its top level; 0 where it is empty.

@@ -31,7 +31,8 @@ class Tracer {
   [[nodiscard]] virtual uint32_t trace_group_size() const = 0;  // workgroup size the indirect arguments are made for
   /// Brings the acceleration structure up to date with the scene; cost follows what changed (Scene::revisions). No work may be in flight.
   /// A scene is known by its address: keep the last one given alive until another is given.
-  virtual void update(const Scene& scene, uint32_t environment_count) = 0;
+  /// open: times that rays may have (ray_time), where instances move; an instant is time 0.
+  virtual void update(const Scene& scene, uint32_t environment_count, const TimeSpan& open) = 0;
   /// Nearest hit in [t_near, t_far] of each ray. A host tracer flushes `commands` first and works on the mapped queue; a device tracer
   /// records.
   virtual void closest(ks::Commands& commands, const RayQueue& rays) = 0;

@@ -39,15 +39,15 @@ Texture::Format to_format(uint32_t format) {
   }
 }
 
-Twist to_twist(const double* linear, const double* angular) {
-  return {{linear[0], linear[1], linear[2]}, {angular[0], angular[1], angular[2]}};
-}
-
 void from_twist(const Twist& twist, double* linear, double* angular) {
   for (int i = 0; i < 3; ++i) linear[i] = twist.linear[i], angular[i] = twist.angular[i];
 }
 
 }  // namespace
+
+Twist to_twist(const double* linear, const double* angular) {
+  return {{linear[0], linear[1], linear[2]}, {angular[0], angular[1], angular[2]}};
+}
 
 std::vector<glm::vec3> to_vectors(const float* values, uint32_t count) { return array<glm::vec3>(values, count); }
 
@@ -121,6 +121,7 @@ Instance to_instance(const kuafu_instance_desc& desc) {
   instance.materials = array<uint32_t>(desc.materials, desc.material_count, "materials");
   instance.semantic_id = desc.semantic_id;
   instance.local_to_world = from_row_major<4>(desc.local_to_world);
+  instance.velocity = to_twist(desc.linear_velocity, desc.angular_velocity);
   return instance;
 }
 
@@ -142,6 +143,9 @@ Light to_light(const kuafu_light_desc& desc) {
   std::copy(std::begin(desc.distortion), std::end(desc.distortion), light.distortion);
   light.falloff = desc.falloff;
   light.focus_m = desc.focus_m;
+  light.velocity = to_twist(desc.linear_velocity, desc.angular_velocity);
+  light.on_from_s = desc.on_from_s;
+  light.on_until_s = desc.on_until_s;
   light.pattern_scale = desc.pattern_scale;
   light.dots = {array<glm::vec3>(desc.dots, desc.dot_count, "dots"), desc.pattern_width, desc.pattern_height, desc.dot_sigma_px};
   light.light_group = desc.light_group;
@@ -245,6 +249,9 @@ kuafu_light_desc to_desc(const Light& light) {
   std::copy(std::begin(light.distortion), std::end(light.distortion), desc.distortion);
   desc.falloff = light.falloff;
   desc.focus_m = light.focus_m;
+  from_twist(light.velocity, desc.linear_velocity, desc.angular_velocity);
+  desc.on_from_s = light.on_from_s;
+  desc.on_until_s = light.on_until_s;
   desc.pattern_scale = light.pattern_scale;
   desc.dots = light.dots.dots.empty() ? nullptr : &light.dots.dots[0].x;
   desc.dot_count = uint32_t(light.dots.dots.size());

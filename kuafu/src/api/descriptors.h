@@ -8,6 +8,8 @@ namespace kuafu {
 
 /// [count][3]; empty from NULL.
 std::vector<glm::vec3> to_vectors(const float* values, uint32_t count);
+/// [3] each, m/s and rad/s.
+Twist to_twist(const double* linear, const double* angular);
 Mesh to_mesh(const kuafu_mesh_desc& desc);
 Texture to_texture(const kuafu_texture_desc& desc);
 Material to_material(const kuafu_material_desc& desc);

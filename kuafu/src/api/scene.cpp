@@ -153,6 +153,11 @@ ks_status kuafu_scene_set_instance_pose(kuafu_scene scene, uint32_t id, const do
   return ks::guard([&] { scene_of(scene).set_instance_pose(id, kuafu::from_row_major<4>(&required(local_to_world, "local_to_world"))); });
 }
 
+ks_status kuafu_scene_set_instance_velocity(kuafu_scene scene, uint32_t id, const double* linear, const double* angular) {
+  return ks::guard(
+      [&] { scene_of(scene).set_instance_velocity(id, kuafu::to_twist(&required(linear, "linear"), &required(angular, "angular"))); });
+}
+
 ks_status kuafu_scene_set_instance_materials(kuafu_scene scene, uint32_t id, const uint32_t* materials, uint32_t material_count) {
   return ks::guard([&] {
     if (material_count > 0) (void)required(materials, "materials");

@@ -6,7 +6,7 @@
 namespace kuafu {
 namespace {
 
-constexpr uint features = 0u;
+constexpr uint features = feature_motion;
 #include "lib/alike.glsl"
 #include "lib/material.glsl"
 #include "lib/pixels.glsl"

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "scene/motion_record.h"
+
 namespace kuafu {
 namespace {
 
@@ -81,6 +83,7 @@ LightEntry light_entry(const Light& light, const glm::vec3& intensity, const Sce
   e.record.position = glm::vec3(light.light_to_world[3]);
   e.record.intensity = intensity;
   e.record.light_group = light.light_group;
+  e.motion = {motion_record(light.light_to_world, light.velocity), float(light.on_from_s), float(light.on_until_s)};
   e.power = power_of(light, brightness(intensity), world_radius_m);
   LightShape& s = e.shape;
   s.axis_x = glm::vec3(light.light_to_world[0]);

@@ -8,6 +8,7 @@ namespace kuafu {
 struct LightEntry {
   LightRecord record{};
   LightShape shape{};
+  LightMotion motion{};
   double power = 0;     // W up to a common factor; errs to the bright side
   bool shaped = false;  // the shape says more than the record
   bool met = false;     // rays meet it

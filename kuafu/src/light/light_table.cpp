@@ -35,10 +35,15 @@ uint32_t add_environment(LightTable& table, std::vector<LightEntry> seen) {
   for (const LightEntry& e : seen) {
     table.lights.push_back(e.record);
     table.shapes.push_back(e.shape);
+    table.motions.push_back(e.motion);
     table.has_shapes = table.has_shapes || e.shaped;
   }
   table.environments.push_back({glm::vec3(0), first, projectors, uint32_t(seen.size()), shapes, mesh < shapes ? first + mesh : miss, 0});
   return projectors;
+}
+
+bool is_dark(const Light& light, const TimeSpan& open) {
+  return light.has_window() && (light.on_until_s <= open.from_s || light.on_from_s > open.until_s);
 }
 
 }  // namespace
@@ -51,7 +56,7 @@ double world_radius_m(const Scene& scene) {
 }
 
 LightTable make_light_table(const Scene& scene, const Band& band, uint32_t environment_count,
-                            const std::function<PatternAddress(const Light&)>& pattern) {
+                            const std::function<PatternAddress(const Light&)>& pattern, const TimeSpan& open) {
   LightTable table;
   uint32_t most_lights = 0, most_projectors = 0;
   const double radius_m = world_radius_m(scene);
@@ -60,6 +65,7 @@ LightTable make_light_table(const Scene& scene, const Band& band, uint32_t envir
     std::vector<LightEntry> seen;
     for (const auto& light : scene.lights()) {
       if (!light || (light->environment != none && light->environment != e)) continue;
+      if (is_dark(*light, open)) continue;
       const glm::vec3 intensity = band.intensity(light->intensity, light->ir_intensity);
       if (intensity == glm::vec3(0) || (light->kind == Light::Kind::projector && light->texture == none && !light->raster)) continue;
       seen.push_back(light_entry(*light, intensity, scene, radius_m, pattern));

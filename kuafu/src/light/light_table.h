@@ -12,8 +12,9 @@
 namespace kuafu {
 
 struct LightTable {
-  std::vector<LightRecord> lights;  // environment after environment; those that are dark in the band are left out
-  std::vector<LightShape> shapes;   // as lights
+  std::vector<LightRecord> lights;   // environment after environment; those that are dark in the band are left out
+  std::vector<LightShape> shapes;    // as lights
+  std::vector<LightMotion> motions;  // as lights
   std::vector<EnvironmentRecord> environments;
   std::vector<float> cumulative;    // of meshes and maps
   std::vector<uint32_t> triangles;  // of meshes: instance and primitive
@@ -33,8 +34,8 @@ struct PatternAddress {
   uint32_t bits;
 };
 
-/// `pattern` gives the plane of a projector's pattern.
+/// `pattern` gives the plane of a projector's pattern. Lights that are dark while the shutters are open are left out.
 LightTable make_light_table(const Scene& scene, const Band& band, uint32_t environment_count,
-                            const std::function<PatternAddress(const Light&)>& pattern);
+                            const std::function<PatternAddress(const Light&)>& pattern, const TimeSpan& open);
 
 }  // namespace kuafu

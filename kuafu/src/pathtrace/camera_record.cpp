@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "pathtrace/launch.h"
+#include "scene/motion_record.h"
 
 namespace kuafu {
 namespace {
@@ -22,12 +23,19 @@ glm::vec2 seconds_per_pixel(const Shutter& shutter) {
   }
 }
 
-MotionRecord motion_record(const Motion& m) { return {glm::vec3(m.pivot), glm::vec3(m.linear), glm::vec3(m.angular)}; }
-
 }  // namespace
 
 bool View::special() const {
   return distorts(optics.distortion) || optics.lens_radius_m > 0.0 || (velocity.moves() && shutter.takes_time());
+}
+
+TimeSpan open_span(const Launch& launch) {
+  TimeSpan all;
+  for (const View& view : launch.views) {
+    const TimeSpan span = view.shutter.span(launch.width, launch.height);
+    all = {std::min(all.from_s, span.from_s), std::max(all.until_s, span.until_s)};
+  }
+  return all;
 }
 
 CameraRecord camera_record(const View& view) {
@@ -35,7 +43,7 @@ CameraRecord camera_record(const View& view) {
   r.axis_x = glm::vec3(view.camera_to_world[0]);
   r.axis_y = glm::vec3(view.camera_to_world[1]);
   r.axis_z = glm::vec3(view.camera_to_world[2]);
-  r.motion = motion_record(world_motion(view.camera_to_world, view.velocity));
+  r.motion = motion_record(view.camera_to_world, view.velocity);
   r.focal = {float(view.k[0][0]), float(view.k[1][1])};
   r.centre = glm::vec2(view.k[2]);
   r.skew = float(view.k[1][0]);

@@ -6,7 +6,7 @@
 namespace kuafu {
 namespace {
 
-constexpr uint features = feature_camera;
+constexpr uint features = feature_camera | feature_motion;
 #include "lib/camera.glsl"
 #include "lib/element.glsl"
 #include "lib/pixels.glsl"

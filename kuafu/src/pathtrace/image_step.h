@@ -11,7 +11,7 @@
 #include "device/compute.h"
 #include "device/thread_pool.h"
 #include "pathtrace/device_array.h"
-#include "shared/ray_queue.h"
+#include "shared/wave.h"
 
 namespace kuafu {
 
@@ -21,7 +21,7 @@ class ImageStep {
   using HostKernel = void(const Push& push, uint32_t first, uint32_t end);
   /// queue_layout: where the step reads rays.
   ImageStep(Memory memory, std::span<const uint32_t> spirv, HostKernel* kernel, uint32_t queue_layout = queue_layout_planes)
-      : memory_(std::move(memory)), spirv_(spirv), kernel_(kernel), specialisation_{group_size, queue_layout} {}
+      : memory_(std::move(memory)), spirv_(spirv), kernel_(kernel), specialisation_{group_size, queue_layout, 1, feature_motion} {}
 
   void run(ks::Commands& commands, const char* stage, const Push& push) {
     if (memory_.on_host) return run_on_host(commands, stage, push);
@@ -45,7 +45,7 @@ class ImageStep {
   Memory memory_;
   std::span<const uint32_t> spirv_;
   HostKernel* kernel_;
-  std::array<uint32_t, 2> specialisation_;  // ids 0 and 1 of lib/invocation.glsl
+  std::array<uint32_t, 4> specialisation_;  // of lib/invocation.glsl; surfaces that rays met may move
   std::optional<ks::ComputePipeline> pipeline_;
 };
 

@@ -94,6 +94,8 @@ struct Launch {
   [[nodiscard]] bool wants_radiance() const { return wants(output_radiance, output_kind_count); }
 };
 
+/// When some camera's shutter is open.
+TimeSpan open_span(const Launch& launch);
 /// What `generate` needs of a view that is special.
 CameraRecord camera_record(const View& view);
 

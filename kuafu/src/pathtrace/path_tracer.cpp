@@ -122,11 +122,12 @@ class PathTracer::Run {
 void PathTracer::Run::prepare(const Scene& scene) {
   environments_ = launch_.environment_count() > 1;
   auto start = std::chrono::steady_clock::now();
-  o_.tables_.update(scene, launch_.band, launch_.environment_count());
+  const TimeSpan open = open_span(launch_);
+  o_.tables_.update(scene, launch_.band, launch_.environment_count(), open);
   o_.aov_tables_.update(scene, launch_);
   const auto views = o_.views_.resize(o_.memory(), launch_.views.size());
   for (size_t i = 0; i < launch_.views.size(); ++i) views[i] = view_record(launch_, launch_.views[i]);
-  camera_ = std::ranges::any_of(launch_.views, &View::special);
+  camera_ = o_.tables_.moves() || std::ranges::any_of(launch_.views, &View::special);
   const auto cameras = o_.cameras_.resize(o_.memory(), camera_ ? launch_.views.size() : 0);
   for (size_t i = 0; i < cameras.size(); ++i) cameras[i] = camera_record(launch_.views[i]);
   const auto outputs = o_.outputs_.resize(o_.memory(), output_kind_count);
@@ -137,7 +138,7 @@ void PathTracer::Run::prepare(const Scene& scene) {
   if (denoises()) o_.denoiser_.fit(launch_, o_.frame_);
   commands_.add_host_time("upload", milliseconds_since(start));
   start = std::chrono::steady_clock::now();
-  o_.tracer_->update(scene, launch_.environment_count());
+  o_.tracer_->update(scene, launch_.environment_count(), open);
   commands_.add_host_time("acceleration build", milliseconds_since(start));
 }
 
@@ -319,7 +320,7 @@ void PathTracer::Run::generate(const WaveRange& wave, uint32_t flags) {
                     b.size().channels,
                     b.size().groups,
                     flags};
-  push.flags |= (environments_ ? generate_environments : 0) | (camera_ ? generate_camera : 0);
+  push.flags |= (environments_ ? generate_environments : 0) | (camera_ ? generate_camera : 0) | (o_.tables_.moves() ? generate_motion : 0);
   o_.stages_->generate(commands_, push, b);
 }
 

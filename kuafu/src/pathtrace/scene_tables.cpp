@@ -6,6 +6,7 @@
 #include "light/emitters.h"
 #include "material/material_record.h"
 #include "material/specular_albedo.h"
+#include "scene/motion_record.h"
 
 namespace kuafu {
 SceneTables::SceneTables(Memory memory) : memory_(std::move(memory)), textures_(memory_) {
@@ -14,19 +15,22 @@ SceneTables::SceneTables(Memory memory) : memory_(std::move(memory)), textures_(
   specular_albedo_ = block.upload(memory_.device);
 }
 
-void SceneTables::update(const Scene& scene, const Band& band, uint32_t environment_count) {
+void SceneTables::update(const Scene& scene, const Band& band, uint32_t environment_count, const TimeSpan& open) {
   if (&scene != scene_) forget(scene);
   const Revisions& now = scene.revisions();
   const bool patterns_changed = now.textures != seen_.textures && textures_.update(scene);
   const bool lights_changed = now.lights != seen_.lights || patterns_changed || now.materials != seen_.materials || !(band == band_) ||
-                              environment_count != environment_count_ || moved_lights(scene);
+                              environment_count != environment_count_ || moved_lights(scene) || (lights_move_ && !(open == open_));
   const bool materials_changed = now.materials != seen_.materials || !(band == band_);
   band_ = band;
+  open_ = open;
   if (now.meshes != seen_.meshes) meshes_.update(memory_, scene);
   if (materials_changed) write_materials(scene);
   if (now.instances != seen_.instances) instances_.update(memory_, scene, meshes_);
   if (lights_changed) write_lights(scene, environment_count);
   write_medium(scene);
+  if (now.instances != seen_.instances || lights_changed) write_instance_motions(scene);
+  moves_ = !open.instant() && (scene.instances_move() || lights_move_);
   seen_ = now;
   environment_count_ = environment_count;
   tables_.resize(memory_, 1)[0] = {instances_.records(),
@@ -39,7 +43,11 @@ void SceneTables::update(const Scene& scene, const Band& band, uint32_t environm
                                    light_shapes_.address(),
                                    light_cumulative_.address(),
                                    light_triangles_.address(),
-                                   medium_.address()};
+                                   medium_.address(),
+                                   instance_motions_.address(),
+                                   light_motions_.address(),
+                                   moves_ ? 1u : 0u,
+                                   0};
 }
 
 /// Whether what moved since the last update gives light, or changes the power of light from infinitely far. The band is as it was.
@@ -100,9 +108,21 @@ void SceneTables::write_medium(const Scene& scene) {
   has_medium_ = r.extinction != glm::vec3(0);
 }
 
+/// Lights may move among instances that do not, so the table is there when either does.
+void SceneTables::write_instance_motions(const Scene& scene) {
+  if (!scene.instances_move() && !lights_move_) return;
+  const auto motions = instance_motions_.resize(memory_, scene.instance_slots().size());
+  for (size_t slot = 0; slot < motions.size(); ++slot) {
+    const uint32_t id = scene.instance_slots()[slot];
+    motions[slot] = id == none ? MotionRecord{} : motion_record(scene.instances()[id]->local_to_world, scene.instances()[id]->velocity);
+  }
+}
+
 void SceneTables::write_lights(const Scene& scene, uint32_t environment_count) {
-  const LightTable table =
-      make_light_table(scene, band_, environment_count, [&](const Light& light) { return textures_.pattern(scene, light); });
+  const LightTable table = make_light_table(
+      scene, band_, environment_count, [&](const Light& light) { return textures_.pattern(scene, light); }, open_);
+  std::ranges::copy(table.motions, light_motions_.resize(memory_, table.motions.size()).begin());
+  lights_move_ = std::ranges::any_of(scene.lights(), [](const auto& l) { return l && (l->velocity.moves() || l->has_window()); });
   textures_.drop_unused();
   world_radius_m_ = world_radius_m(scene);
   shining_.assign(emissive_[band_.infrared ? 1 : 0] ? scene.instance_slots().size() : 0, false);

@@ -19,7 +19,7 @@ class SceneTables {
   explicit SceneTables(Memory memory);
 
   /// A scene is known by its address: keep the last one given alive until another is given.
-  void update(const Scene& scene, const Band& band, uint32_t environment_count);
+  void update(const Scene& scene, const Band& band, uint32_t environment_count, const TimeSpan& open);
 
   [[nodiscard]] uint64_t address() const { return tables_.address(); }
   /// With a medium half of them are those of its scattering.
@@ -28,7 +28,11 @@ class SceneTables {
   [[nodiscard]] uint32_t walk_passes() const { return (material_features_ & feature_subsurface) != 0 ? walk_limit : 0; }
   [[nodiscard]] bool has_medium() const { return has_medium_; }
   /// feature_* that the scene needs.
-  [[nodiscard]] uint32_t features() const { return light_features_ | material_features_ | (has_medium_ ? feature_medium : 0); }
+  [[nodiscard]] uint32_t features() const {
+    return light_features_ | material_features_ | (has_medium_ ? feature_medium : 0) | (moves_ ? feature_motion : 0);
+  }
+  /// Whether anything but cameras moves, or goes on or off, while a shutter is open.
+  [[nodiscard]] bool moves() const { return moves_; }
   [[nodiscard]] bool select_lights() const { return select_lights_; }
   /// One past the last light group that the scene uses.
   [[nodiscard]] uint32_t light_groups() const { return 1 + std::max(emission_group_, light_group_); }
@@ -44,6 +48,7 @@ class SceneTables {
   bool moved_lights(const Scene& scene);
   void write_materials(const Scene& scene);
   void write_medium(const Scene& scene);
+  void write_instance_motions(const Scene& scene);
   void write_lights(const Scene& scene, uint32_t environment_count);
 
   Memory memory_;
@@ -63,7 +68,11 @@ class SceneTables {
   MappedTable<float> light_cumulative_;
   MappedTable<uint32_t> light_triangles_;
   MappedTable<MediumRecord> medium_;
+  MappedTable<MotionRecord> instance_motions_;
+  MappedTable<LightMotion> light_motions_;
   MappedTable<SceneAddresses> tables_;
+  TimeSpan open_;
+  bool moves_ = false, lights_move_ = false;
   uint32_t shadow_rays_per_vertex_ = 0;
   bool select_lights_ = false, has_environment_light_ = false, has_glass_ = false, has_medium_ = false;
   uint32_t light_features_ = 0, material_features_ = 0;

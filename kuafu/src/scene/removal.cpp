@@ -61,6 +61,7 @@ void Scene::remove_texture(uint32_t id) {
 
 void Scene::remove_instance(uint32_t id) {
   const uint32_t slot = live(instances_, "instance", id).slot;
+  moving_instances_ -= instances_[id]->velocity.moves();
   instances_[id].reset();
   instance_slots_[slot] = none;
   free_slots_.push_back(slot);

@@ -88,6 +88,7 @@ uint32_t Scene::add_instance(Instance instance) {
   check_materials(instance.materials);
   check_affine(instance.local_to_world, ("instance '" + instance.name + "': local_to_world").c_str());
   instance.previous_local_to_world = instance.local_to_world;
+  check_velocity("instance", instance.name, instance.velocity);
   const uint32_t id = add(instances_, std::move(instance), revisions_.instances);
   take_slot(id);
   return id;
@@ -102,6 +103,7 @@ void Scene::take_slot(uint32_t id) {
   free_slots_.pop_back();
   instance_slots_[slot] = id;
   instances_[id]->slot = slot;
+  moving_instances_ += instances_[id]->velocity.moves();
   note_instance(slot);
 }
 
@@ -166,6 +168,15 @@ void Scene::next_frame() {
     instances_[id]->moved = false;
   }
   moved_.clear();
+}
+
+void Scene::set_instance_velocity(uint32_t id, const Twist& velocity) {
+  Instance& instance = live(instances_, "instance", id);
+  check_velocity("instance", instance.name, velocity);
+  moving_instances_ += velocity.moves();
+  moving_instances_ -= instance.velocity.moves();
+  instance.velocity = velocity;
+  note_instance(instance.slot);
 }
 
 void Scene::set_instance_materials(uint32_t id, std::vector<uint32_t> materials) {

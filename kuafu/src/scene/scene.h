@@ -81,7 +81,8 @@ struct Instance {
   uint32_t environment = none;      // none = every environment
   std::vector<uint32_t> materials;  // per slot; none or missing = grey Lambertian
   uint32_t semantic_id = 0;
-  glm::dmat4 local_to_world{1.0};           // glm is column-major: column 3 is the translation
+  glm::dmat4 local_to_world{1.0};  // glm is column-major: column 3 is the translation
+  Twist velocity;
   glm::dmat4 previous_local_to_world{1.0};  // kept by the scene: at the last next_frame(), or when it was added
   bool moved = false;                       // since then; kept by the scene
   uint32_t slot = none;                     // given by the scene (Scene::instance_slots)
@@ -101,6 +102,9 @@ struct Light {
   glm::dvec2 size_m{0.0};
   double distortion[8] = {};  // k1 k2 p1 p2 k3 k4 k5 k6
   double falloff = 0.0, focus_m = 0.0;
+  Twist velocity;
+  double on_from_s = 0.0, on_until_s = 0.0;  // equal: always
+  [[nodiscard]] bool has_window() const { return on_from_s != on_until_s; }
   double pattern_scale = 1.0;
   DotPattern dots;                        // projector: in place of the texture, where there are any
   std::shared_ptr<const Texture> raster;  // of the dots; made by the scene
@@ -159,6 +163,7 @@ class Scene {
   void set_instance_pose(uint32_t id, const glm::dmat4& local_to_world);
   /// What is there now is the frame before, for motion vectors. Cost follows what moved.
   void next_frame();
+  void set_instance_velocity(uint32_t id, const Twist& velocity);
   void set_instance_materials(uint32_t id, std::vector<uint32_t> materials);
   void set_light(uint32_t id, Light light);
   void set_environment(const Environment& environment);
@@ -188,6 +193,8 @@ class Scene {
   [[nodiscard]] const std::optional<Medium>& medium() const { return medium_; }
   [[nodiscard]] const std::vector<Camera>& cameras() const { return cameras_; }
   [[nodiscard]] const Revisions& revisions() const { return revisions_; }
+  /// Whether an instance has a velocity.
+  [[nodiscard]] bool instances_move() const { return moving_instances_ > 0; }
 
   struct Bounds {
     glm::dvec3 min{std::numeric_limits<double>::infinity()}, max{-std::numeric_limits<double>::infinity()};
@@ -208,6 +215,7 @@ class Scene {
   std::vector<Material> materials_;
   std::vector<std::optional<Instance>> instances_;
   std::vector<uint32_t> instance_slots_, free_slots_;
+  uint64_t moving_instances_ = 0;
   ChangeLog instance_log_;
   std::vector<Bounds> mesh_bounds_;  // local, by mesh
   std::vector<std::optional<Light>> lights_;

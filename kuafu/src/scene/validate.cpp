@@ -213,13 +213,6 @@ void check_shutter(const Camera& camera) {
   check_range("camera", camera.name, "line_time_s", shutter.line_time_s, 0.0, most_seconds);
 }
 
-void check_velocity(const char* what, const std::string& name, const Twist& velocity) {
-  for (int i = 0; i < 3; ++i) {
-    check_range(what, name, "linear_velocity", velocity.linear[i], -most_speed, most_speed);
-    check_range(what, name, "angular_velocity", velocity.angular[i], -most_speed, most_speed);
-  }
-}
-
 void check_projector(const Light& light) {
   check_pinhole("light", light.name, light.k);
   check_not_negative("light", light.name, "falloff", light.falloff);
@@ -233,6 +226,13 @@ void check_projector(const Light& light) {
 
 }  // namespace
 
+void check_velocity(const char* what, const std::string& name, const Twist& velocity) {
+  for (int i = 0; i < 3; ++i) {
+    check_range(what, name, "linear_velocity", velocity.linear[i], -most_speed, most_speed);
+    check_range(what, name, "angular_velocity", velocity.angular[i], -most_speed, most_speed);
+  }
+}
+
 void check(const Light& light) {
   if (light.kind < Light::Kind::point || light.kind > Light::Kind::disk)
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "light '%s': kind %u is not known", light.name.c_str(), static_cast<uint32_t>(light.kind));
@@ -241,6 +241,10 @@ void check(const Light& light) {
   check_rigid(light.light_to_world, ("light '" + light.name + "': light_to_world").c_str());
   check_light_group("light", light.name, light.light_group);
   check_shape(light);
+  check_velocity("light", light.name, light.velocity);
+  if (!std::isfinite(light.on_from_s) || !std::isfinite(light.on_until_s) || light.on_until_s < light.on_from_s)
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "light '%s': it is on from %g to %g s, must be finite and in this order; both equal = always",
+             light.name.c_str(), light.on_from_s, light.on_until_s);
   if (light.kind == Light::Kind::projector) return check_projector(light);
   if (!light.dots.dots.empty())
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "light '%s': %zu dots, but only a projector takes dots", light.name.c_str(),

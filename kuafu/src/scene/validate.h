@@ -14,6 +14,8 @@ void check(const Texture& texture);
 uint64_t texel_bytes(const Texture& texture);
 void check(const Material& material);
 void check(const Light& light);
+/// Finite, at most 1e6 m/s and rad/s; `what` and `name` are the owner's.
+void check_velocity(const char* what, const std::string& name, const Twist& velocity);
 void check(const Environment& environment);
 /// width and height may be 0: a camera whose image size is not known yet.
 void check(const Medium& medium);

@@ -81,13 +81,13 @@ TEST_P(Tracers, NearestAndAnyHitMatchBruteForceOnASoup) {
   Random random(1);
   Scene scene;
   scene.add_instance(place(scene.add_mesh(soup(random, 500, 0.2))));
-  tracer_->update(scene, 1);
+  tracer_->update(scene, 1, {});
   expect_like_brute_force(scene, random_rays(2, 4001, 2.0));
 }
 
 TEST_P(Tracers, RotatedMirroredAndStretchedInstancesMatchBruteForce) {
   const Scene scene = instanced_world(3, 24, 3.0);
-  tracer_->update(scene, 1);
+  tracer_->update(scene, 1, {});
   const std::vector<TestRay> rays = random_rays(4, 4003, 4.0);
   EXPECT_GT(count_hits(bench_->closest(rays)), rays.size() / 5);
   expect_like_brute_force(scene, rays);
@@ -95,7 +95,7 @@ TEST_P(Tracers, RotatedMirroredAndStretchedInstancesMatchBruteForce) {
 
 TEST_P(Tracers, IntervalIsHonoured) {
   const Scene scene = instanced_world(5, 12, 2.0);
-  tracer_->update(scene, 1);
+  tracer_->update(scene, 1, {});
   std::vector<TestRay> rays = random_rays(6, 3000, 3.0);
   Random random(7);
   for (TestRay& ray : rays) {
@@ -107,7 +107,7 @@ TEST_P(Tracers, IntervalIsHonoured) {
 
 TEST_P(Tracers, RaysThatAreNotFiniteOrFromBeyondTheWorldSpareTheOthers) {
   const Scene scene = instanced_world(5, 12, 2.0);
-  tracer_->update(scene, 1);
+  tracer_->update(scene, 1, {});
   const float inf = std::numeric_limits<float>::infinity(), nan = std::numeric_limits<float>::quiet_NaN();
   std::vector<TestRay> rays = random_rays(8, 64, 3.0);
   const std::vector<TestRay> sane = rays;
@@ -127,7 +127,7 @@ TEST_P(Tracers, BarycentricsBelongToVerticesOneAndTwo) {
   mesh.positions = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
   mesh.indices = {{0, 1, 2}};
   scene.add_instance(place(scene.add_mesh(mesh), pose({0.0, 0.0, 3.0})));
-  tracer_->update(scene, 1);
+  tracer_->update(scene, 1, {});
   const std::vector<TestHit> hits = bench_->closest({{{0.5f, 0.25f, 0.0f}}, {{0.6f, 0.6f, 0.0f}}, {{0.2f, 0.2f, 4.0f}, 0.0f, {0, 0, -1}}});
   EXPECT_NEAR(hits[0].t, 3.0, 1e-6);
   EXPECT_NEAR(hits[0].u, 0.5, 1e-6);
@@ -138,7 +138,7 @@ TEST_P(Tracers, BarycentricsBelongToVerticesOneAndTwo) {
 
 TEST_P(Tracers, EmptySceneAndEmptyQueueAreHarmless) {
   Scene scene;
-  tracer_->update(scene, 1);
+  tracer_->update(scene, 1, {});
   EXPECT_EQ(count_hits(bench_->closest(random_rays(8, 13, 1.0))), 0u);
   EXPECT_TRUE(bench_->closest({}).empty());
   EXPECT_TRUE(bench_->occluded({}).empty());
@@ -154,7 +154,7 @@ TEST_P(Tracers, DegenerateTrianglesAndFlattenedInstancesAreNeverHit) {
   point.indices = {{0, 0, 0}};
   scene.add_instance(place(scene.add_mesh(line)));
   scene.add_instance(place(scene.add_mesh(point)));
-  tracer_->update(scene, 1);
+  tracer_->update(scene, 1, {});
   std::vector<TestRay> rays = random_rays(9, 500, 0.2);
   for (TestRay& ray : rays) ray.origin.y = 0.0f, ray.direction = glm::normalize(glm::vec3(ray.direction.x * 0.1f, 0.0f, 1.0f));
   EXPECT_EQ(count_hits(bench_->closest(rays)), 0u);
@@ -164,7 +164,7 @@ TEST_P(Tracers, NoRayLeavesAClosedMesh) {
   Scene scene;
   const Mesh mesh = sphere(40);
   scene.add_instance(place(scene.add_mesh(mesh), pose({0.3, -0.2, 0.1}, {1.0, 0.7, 1.3}, 0.4, {0.6, 0.8, 0.0})));
-  tracer_->update(scene, 1);
+  tracer_->update(scene, 1, {});
   // Half of them aim at edges, where cracks would be.
   std::vector<TestRay> rays = random_rays(10, 60000, 0.1);
   Random random(11);
@@ -183,7 +183,7 @@ TEST_P(Tracers, AxisParallelRaysSeeFlatMeshes) {
   wall.positions = {{-1, -1, 0}, {1, -1, 0}, {1, 1, 0}, {-1, 1, 0}};
   wall.indices = {{0, 1, 2}, {0, 2, 3}};
   scene.add_instance(place(scene.add_mesh(wall), pose({0.0, 0.0, 1.37})));
-  tracer_->update(scene, 1);
+  tracer_->update(scene, 1, {});
   std::vector<TestRay> rays;
   for (int i = -50; i <= 50; ++i) rays.push_back({{0.019f * float(i), 0.019f * float(i), -0.3f}});  // along the diagonal, exactly
   for (int i = -50; i <= 50; ++i) rays.push_back({{0.019f * float(i), 0.0f, -0.3f}});
@@ -192,7 +192,7 @@ TEST_P(Tracers, AxisParallelRaysSeeFlatMeshes) {
 
 TEST_P(Tracers, TenThousandInstancesMatchBruteForce) {
   const Scene scene = instanced_world(12, 10000, 40.0);
-  tracer_->update(scene, 1);
+  tracer_->update(scene, 1, {});
   expect_like_brute_force(scene, random_rays(13, 60, 40.0));
 }
 
@@ -206,7 +206,7 @@ TEST_P(Tracers, EnvironmentsInOneQueueSeeTheirOwnInstancesAndTheShared) {
     scene.add_instance(place(mesh, random_pose(random, 2.0), environment));
   }
   scene.add_instance(place(mesh, pose({0.0, 0.0, 0.0}), environments + 2));  // of an environment that is not rendered
-  tracer_->update(scene, environments);
+  tracer_->update(scene, environments, {});
   std::vector<TestRay> rays = random_rays(15, 3005, 2.5);
   for (TestRay& ray : rays) ray.environment = random.below(environments);
   expect_like_brute_force(scene, rays);
@@ -218,30 +218,30 @@ TEST_P(Tracers, EnvironmentsInOneQueueSeeTheirOwnInstancesAndTheShared) {
 TEST_P(Tracers, UpdateFollowsMovedRemovedAndAddedInstancesAndMeshes) {
   Scene scene = instanced_world(16, 20, 2.0);
   const std::vector<TestRay> rays = random_rays(17, 1500, 3.0);
-  tracer_->update(scene, 1);
+  tracer_->update(scene, 1, {});
   expect_like_brute_force(scene, rays);
 
   scene.set_instance_pose(4, pose({0.1, 0.2, 0.3}, {1.0, -1.0, 2.0}));
-  tracer_->update(scene, 1);
+  tracer_->update(scene, 1, {});
   expect_like_brute_force(scene, rays);
 
   scene.remove_instance(2);
   scene.remove_instance(19);
-  tracer_->update(scene, 1);
+  tracer_->update(scene, 1, {});
   expect_like_brute_force(scene, rays);
 
   Random random(18);
   scene.add_instance(place(scene.add_mesh(soup(random, 40, 0.5))));
-  tracer_->update(scene, 3);
+  tracer_->update(scene, 3, {});
   expect_like_brute_force(scene, rays);
 
   for (uint32_t id = 0; id < scene.instances().size(); ++id)
     if (scene.instances()[id]) scene.remove_instance(id);
-  tracer_->update(scene, 1);
+  tracer_->update(scene, 1, {});
   EXPECT_EQ(count_hits(bench_->closest(rays)), 0u);
 
   const Scene other = instanced_world(19, 5, 1.0);
-  tracer_->update(other, 1);
+  tracer_->update(other, 1, {});
   expect_like_brute_force(other, rays);
 }
 
@@ -265,7 +265,7 @@ TEST_P(Tracers, AnySequenceOfSmallChangesMatchesBruteForce) {
         ids.push_back(scene.add_instance(place(random.below(3), random_pose(random, 3.0), kind < 0.8 ? none : random.below(4))));
       }
     }
-    tracer_->update(scene, 3);
+    tracer_->update(scene, 3, {});
     expect_like_brute_force(scene, rays);
   }
 }
@@ -279,17 +279,17 @@ TEST_P(Tracers, RemovedMeshesAreForgottenAndTheirNeighboursStay) {
     meshes.push_back(scene.add_mesh(soup(random, 30, 0.5)));
     instances.push_back(scene.add_instance(place(meshes.back(), random_pose(random, 1.0))));
   }
-  tracer_->update(scene, 1);
+  tracer_->update(scene, 1, {});
   expect_like_brute_force(scene, rays);
   scene.remove_instance(instances[1]);
   scene.remove_mesh(meshes[1]);
   scene.remove_mesh(scene.add_mesh(soup(random, 10, 0.5)));  // gone before anyone saw it
   scene.add_instance(place(meshes[2], random_pose(random, 1.0)));
-  tracer_->update(scene, 1);
+  tracer_->update(scene, 1, {});
   expect_like_brute_force(scene, rays);
   shake(scene, meshes[3], random, 0.2);
   scene.add_instance(place(scene.add_mesh(soup(random, 30, 0.5)), random_pose(random, 1.0)));
-  tracer_->update(scene, 1);
+  tracer_->update(scene, 1, {});
   expect_like_brute_force(scene, rays);
 }
 
@@ -297,11 +297,11 @@ TEST_P(Tracers, DeformedMeshesMatchBruteForce) {
   Scene scene = instanced_world(30, 20, 2.0);
   const std::vector<TestRay> rays = random_rays(31, 1000, 3.0);
   Random random(32);
-  tracer_->update(scene, 1);
+  tracer_->update(scene, 1, {});
   for (const double reach : {0.01, 0.2, 3.0, 0.5}) {  // the third leaves nothing of the tree's order
     shake(scene, 0, random, reach);
     if (reach < 1.0) shake(scene, 1, random, reach);
-    tracer_->update(scene, 1);
+    tracer_->update(scene, 1, {});
     expect_like_brute_force(scene, rays);
   }
   // All kinds of change at once.
@@ -309,7 +309,7 @@ TEST_P(Tracers, DeformedMeshesMatchBruteForce) {
   scene.set_instance_pose(3, pose({0.3, 0.1, -0.2}, {-1.0, 1.0, 0.5}));
   scene.remove_instance(4);
   scene.add_instance(place(scene.add_mesh(soup(random, 20, 0.4))));
-  tracer_->update(scene, 2);
+  tracer_->update(scene, 2, {});
   expect_like_brute_force(scene, rays);
 }
 
@@ -318,10 +318,10 @@ TEST_P(Tracers, AMeshMayDeformForever) {
   Random random(33);
   scene.add_instance(place(scene.add_mesh(soup(random, 200, 0.2))));
   for (int round = 0; round < 80; ++round) {
-    tracer_->update(scene, 1);
+    tracer_->update(scene, 1, {});
     shake(scene, 0, random, 0.1);
   }
-  tracer_->update(scene, 1);
+  tracer_->update(scene, 1, {});
   expect_like_brute_force(scene, random_rays(34, 2000, 3.0));
 }
 
@@ -331,13 +331,13 @@ TEST_P(Tracers, DeformationCostsWhatTheMeshIsLargeNotTheScene) {
   const uint32_t large = scene.add_mesh(sphere(160)), small = scene.add_mesh(sphere(6));  // 102 400 and 144 triangles
   scene.add_instance(place(large));
   scene.add_instance(place(small));
-  tracer_->update(scene, 1);
+  tracer_->update(scene, 1, {});
   const auto update_ms = [&](uint32_t mesh) {
     double best = std::numeric_limits<double>::infinity();
     for (int i = 0; i < 4; ++i) {
       shake(scene, mesh, random, 1e-3);
       const auto start = std::chrono::steady_clock::now();
-      tracer_->update(scene, 1);
+      tracer_->update(scene, 1, {});
       if (i > 0) best = std::min(best, std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count());
     }
     return best;
@@ -349,7 +349,7 @@ TEST_P(Tracers, DeformationCostsWhatTheMeshIsLargeNotTheScene) {
 
 TEST_P(Tracers, AnAnswerDoesNotDependOnTheNeighboursInTheQueue) {
   const Scene scene = instanced_world(20, 40, 3.0);
-  tracer_->update(scene, 1);
+  tracer_->update(scene, 1, {});
   const std::vector<TestRay> rays = camera_rays(200, {0.0f, 0.0f, -6.0f});  // coherent in order, incoherent when shuffled
   const std::vector<TestHit> in_order = bench_->closest(rays);
 
@@ -368,7 +368,7 @@ TEST_P(Tracers, AnAnswerDoesNotDependOnTheNeighboursInTheQueue) {
 
 TEST_P(Tracers, MisuseIsAnError) {
   const Scene scene;
-  EXPECT_THROW(tracer_->update(scene, 0), ks::Error);
+  EXPECT_THROW(tracer_->update(scene, 0, {}), ks::Error);
   EXPECT_THROW(bench_->closest(random_rays(23, 8, 1.0)), ks::Error) << "no scene yet";
 }
 
@@ -382,8 +382,8 @@ TEST_P(TracersTogether, AgreeOnMoreThan9999Of10000Rays) {
   const Scene scene = instanced_world(24, 60, 3.0);
   const std::vector<TestRay> rays = random_rays(25, 200000, 4.0);
   const auto first = makers[0].make(), second = GetParam().make();
-  first->update(scene, 1);
-  second->update(scene, 1);
+  first->update(scene, 1, {});
+  second->update(scene, 1, {});
   const std::vector<TestHit> a = RayBench(*first).closest(rays), b = RayBench(*second).closest(rays);
   const std::vector<bool> shadow_a = RayBench(*first).occluded(rays), shadow_b = RayBench(*second).occluded(rays);
   size_t different = 0, different_shadow = 0;
