@@ -70,7 +70,8 @@ struct Lit {
   SceneAddresses addresses{};
 
   explicit Lit(const Scene& scene) {
-    table = make_light_table(scene, Band{true, 0.05f, 0.0f}, 1, [](const Light&) { return PatternAddress{}; });
+    table = make_light_table(
+        scene, Band{true, 0.05f, 0.0f}, 1, [](const Light&) { return PatternAddress{}; }, TimeSpan{});
     for (const Texture& t : scene.textures()) texels.push_back(linear_texels(t));
     for (size_t i = 0; i < texels.size(); ++i)
       textures.push_back(
@@ -82,7 +83,7 @@ struct Lit {
     addresses.light_triangles.at = table.triangles.data();
   }
   [[nodiscard]] LightSample sample(vec3 position, vec2 u) const {
-    return sample_light(addresses, table.lights[0], table.shapes[0], position, u);
+    return sample_light(addresses, table.lights[0], table.shapes[0], position, u, 0.0f);
   }
   [[nodiscard]] ShapeHit meet(vec3 position, vec3 d) const { return meet_light(addresses, table.lights[0], table.shapes[0], position, d); }
 };
