@@ -67,6 +67,15 @@ def camera_to_camera(pose_a, pose_b):
     return np.linalg.inv(camera_to_world(pose_b)) @ camera_to_world(pose_a)
 
 
+def carried_twist(a_to_b, twist):
+    """The twist [v, w] (6, m/s and rad/s) of frame b in its own axes, where b is fixed to a frame a whose own twist is `twist`: the adjoint of
+    a_to_b (Lynch and Park, Modern Robotics, 3.3.2). Exact for any time, as pose(t) = pose(0) exp(t [v, w]) of both."""
+    twist = np.asarray(twist, dtype=np.float64)
+    rotation, offset = a_to_b[:3, :3], a_to_b[:3, 3]
+    angular = rotation @ twist[3:]
+    return np.concatenate([rotation @ twist[:3] + np.cross(offset, angular), angular])
+
+
 def look_at(eye, target, up):
     """camera_to_world of a camera at `eye` that looks at `target` with `up` upwards in the image, in the three's own axes."""
     eye, target, up = (np.asarray(v, dtype=np.float64) for v in (eye, target, up))

@@ -85,6 +85,10 @@ class StereoDepthSensorConfig:
         self.ir_intrinsic = preset["ir_intrinsic"]
         self.trans_pose_l = preset["trans_pose_l"]
         self.trans_pose_r = preset["trans_pose_r"]
+        # Lenses, of Brown and Conrady as in OpenCV: k1, k2, p1, p2, k3; both IR cameras have the same one. rectified: the infrared pair is
+        # matched as it comes, its rows aligned; a pair with a distorting lens is rectified first all the same.
+        self.ir_distortion = (0.0,) * 5
+        self.rgb_distortion = (0.0,) * 5
         self.rectified = True
 
         # Projector. active_light_fov: the pattern image's horizontal angle, radians. light_pattern: "generated" from pattern_design, an
@@ -105,6 +109,13 @@ class StereoDepthSensorConfig:
         self.ir_light_dim_factor = 0.05  # what a visible light gives in the infrared, where it does not say
         self.ir_ambient_strength = 0.002  # weak ambient infrared radiance, W/(sr m^2)
         self.rgb_exposure = None  # colour value per radiance; None = the median lit pixel at a quarter of white
+
+        # Shutters, which what moves is seen through (the sensor by set_velocity(), instances and lights by kuafu.Scene). The IR cameras' is open
+        # for ir_camera_exposure, the RGB camera's for rgb_exposure_s, seconds, each centred on the same instant. A line time is how many
+        # seconds later each row is exposed than the one above; 0 = a global shutter.
+        self.rgb_exposure_s = 0.0
+        self.ir_line_time_s = 0.0
+        self.rgb_line_time_s = 0.0
 
         self.ir_black_level_dn = 5.0  # counts in the dark: the least one finds in pictures of real devices
 
@@ -157,7 +168,8 @@ class StereoDepthSensorConfig:
         return float(self.ir_intrinsic[0, 0] * baseline_m)
 
     def scaled(self, factor):
-        """A copy with all images and the disparity range `factor` times as large; fields of view, projector and depths are the same."""
+        """A copy with all images and the disparity range `factor` times as large; fields of view, readout times, projector and depths are
+        the same."""
         if not 0.0 < factor <= 100.0:
             raise ValueError(f"a sensor is scaled by a factor above 0 and up to 100, not {factor}")
         out = deepcopy(self)
@@ -172,6 +184,7 @@ class StereoDepthSensorConfig:
             k[:2, 2] -= 0.5
             setattr(out, f"{camera}_resolution", (int(new[0]), int(new[1])))
             setattr(out, f"{camera}_intrinsic", k)
+            setattr(out, f"{camera}_line_time_s", getattr(self, f"{camera}_line_time_s") / ratio[1])
         return out
 
     def pattern(self):

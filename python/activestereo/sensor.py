@@ -9,7 +9,7 @@ import kuafu
 import simsense
 from activestereo.ir_link import IrLink
 from activestereo.matching import engine_parameters
-from activestereo.pose import Pose, as_matrix, camera_to_camera, camera_to_world
+from activestereo.pose import Pose, as_matrix, camera_to_camera, camera_to_world, carried_twist
 
 RGB_OUTPUTS = ("radiance", "depth", "material_id", "instance_id")
 
@@ -35,6 +35,7 @@ class StereoDepthSensor:
         self._config = deepcopy(config)
         self._mount = _as_mount(scene_or_mount, device)
         self._pose = pose or Pose()
+        self._twist = np.zeros(6)
         self._scene = self._mount.scene
         self._device = self._scene.device
         self._renderer = kuafu.Renderer(self._device)
@@ -91,12 +92,13 @@ class StereoDepthSensor:
         return [self._result["ir_left"], self._result["ir_right"]]
 
     def get_depth(self):
-        """float32 [height, width] metres in the RGB camera, at its resolution; 0 = no measurement."""
+        """float32 [height, width] metres in the RGB camera, at its resolution and through its lens; 0 = no measurement."""
         self._require_depth()
         return self._result["depth_rgb"]
 
     def get_disparity(self):
-        """float32 [height, width] pixels in the left infrared camera; -1 = no measurement."""
+        """float32 [height, width] pixels in the left infrared camera, or in its rectified image where the config asks for one or the
+        lenses distort; -1 = no measurement."""
         self._require_depth()
         return self._result["disparity"]
 
@@ -105,8 +107,11 @@ class StereoDepthSensor:
         depth = self.get_depth()
         v, u = np.nonzero(depth)
         z = depth[v, u].astype(np.float64)
-        k = self._config.rgb_intrinsic
-        rays = np.linalg.inv(k) @ np.stack([u, v, np.ones_like(u)]).astype(np.float64)
+        rays = np.linalg.inv(self._config.rgb_intrinsic) @ np.stack([u, v, np.ones_like(u)]).astype(np.float64)
+        if np.any(self._config.rgb_distortion):
+            from activestereo.effects.core.lens import undistort  # with scipy: only where it is needed
+
+            rays[:2] = undistort(rays[0], rays[1], self._config.rgb_distortion)
         points = (rays * z).T.astype(np.float32)
         return np.hstack([points, self.get_rgb()[v, u]]) if with_rgb else points
 
@@ -149,6 +154,18 @@ class StereoDepthSensor:
         """Pose relative to the mount, or in the scene where there is none."""
         self._pose = Pose(as_matrix(pose))
 
+    def set_velocity(self, linear, angular=(0.0, 0.0, 0.0)):
+        """What the whole sensor, projector included, does while its shutters are open, m/s and rad/s in the left infrared camera's own frame
+        (x right, y down, z forward): pose(t) = pose exp(t [linear, angular]), as camera_velocity of captures; zeros = it stands still. It moves
+        nothing from one picture to the next: set_local_pose() does, and is the pose in the middle of the exposure."""
+        if not all(np.shape(part) == (3,) and np.isfinite(part).all() for part in (linear, angular)):
+            raise ValueError(f"a sensor's velocity is 3 finite numbers in m/s and 3 in rad/s, not {linear} and {angular}")
+        self._twist = np.concatenate([linear, angular]).astype(np.float64)
+
+    def get_velocity(self):
+        """(linear, angular) as set_velocity() has them."""
+        return self._twist[:3].copy(), self._twist[3:].copy()
+
     @property
     def scene(self):
         return self._scene
@@ -178,12 +195,15 @@ class StereoDepthSensor:
         return dict(self._stage_times)
 
     def rgb_camera(self):
-        return self._camera(self._config.rgb_resolution, self._config.rgb_intrinsic, Pose())
+        c = self._config
+        lens_and_shutter = {"distortion": c.rgb_distortion, "exposure_s": c.rgb_exposure_s, **_shutter(c.rgb_line_time_s)}
+        return self._camera(c.rgb_resolution, c.rgb_intrinsic, Pose(), lens_and_shutter)
 
     def ir_cameras(self):
         """The left and the right one."""
-        poses = (self._config.trans_pose_l, self._config.trans_pose_r)
-        return [self._camera(self._config.ir_resolution, self._config.ir_intrinsic, pose) for pose in poses]
+        c = self._config
+        lens_and_shutter = {"distortion": c.ir_distortion, "exposure_s": c.ir_camera_exposure, **_shutter(c.ir_line_time_s)}
+        return [self._camera(c.ir_resolution, c.ir_intrinsic, pose, lens_and_shutter) for pose in (c.trans_pose_l, c.trans_pose_r)]
 
     def close(self):
         """Takes the projector out of the scene."""
@@ -231,8 +251,8 @@ class StereoDepthSensor:
 
     def _make_engine(self):
         c = self._config
-        ir = simsense.Camera(*c.ir_resolution, c.ir_intrinsic)
-        rgb = simsense.Camera(*c.rgb_resolution, c.rgb_intrinsic)
+        ir = simsense.Camera(*c.ir_resolution, c.ir_intrinsic, c.ir_distortion)
+        rgb = simsense.Camera(*c.rgb_resolution, c.rgb_intrinsic, c.rgb_distortion)
         return simsense.Engine(
             simsense.Device(self._device.info.device_uuid),
             ir,
@@ -240,7 +260,7 @@ class StereoDepthSensor:
             camera_to_camera(c.trans_pose_l, c.trans_pose_r),
             rgb=rgb,
             left_to_rgb=camera_to_camera(c.trans_pose_l, Pose()),
-            rectified=c.rectified,
+            rectified=c.rectified and not np.any(c.ir_distortion),
             noise_seed=c.ir_noise_seed,
             **engine_parameters(c),
         )
@@ -270,11 +290,19 @@ class StereoDepthSensor:
 
     def _place_projector(self):
         if self._light is not None:
-            self._projector.light_to_world = camera_to_world(self.get_pose() * self._config.pose_rgb_irproj)
+            pose = self._config.pose_rgb_irproj
+            self._projector.light_to_world = camera_to_world(self.get_pose() * pose)
+            self._projector.linear_velocity, self._projector.angular_velocity = self._twist_of(pose)
             self._scene.set_light(self._light, self._projector)
 
-    def _camera(self, resolution, k, pose_in_rgb):
-        return kuafu.Camera(*resolution, k, camera_to_world(self.get_pose() * pose_in_rgb))
+    def _twist_of(self, pose_in_rgb):
+        """[2, 3] linear and angular velocity, in its own camera axes, of what stands at this place of the sensor."""
+        return carried_twist(camera_to_camera(self._config.trans_pose_l, pose_in_rgb), self._twist).reshape(2, 3)
+
+    def _camera(self, resolution, k, pose_in_rgb, lens_and_shutter):
+        linear, angular = self._twist_of(pose_in_rgb)
+        pose = camera_to_world(self.get_pose() * pose_in_rgb)
+        return kuafu.Camera(*resolution, k, pose, linear_velocity=linear, angular_velocity=angular, **lens_and_shutter)
 
     def _render(self, cameras, outputs, band, frame, progress):
         c = self._config
@@ -321,6 +349,10 @@ def srgb(linear):
     """sRGB's transfer curve (IEC 61966-2-1) on linear values, clipped to 0..1."""
     linear = np.clip(linear, 0.0, 1.0)
     return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055).astype(np.float32)
+
+
+def _shutter(line_time_s):
+    return {"shutter": "rolling", "line_time_s": line_time_s} if line_time_s else {}
 
 
 def _as_mount(scene_or_mount, device):
