@@ -1,7 +1,6 @@
 #!/usr/bin/env bash
 # The long set behind tests/run.sh --full: address and undefined-behaviour sanitizers over the C++ tests, ray tracing pipelines, the depth engine on ARM
-# (emulated), and the practice captures at full quality (ACTIVESTEREO_FULL=1 for pytest, set by tests/run.sh). Each part says what it ran; the latest
-# results stand in tests/README.md.
+# (emulated), and the practice captures at full quality (ACTIVESTEREO_FULL=1 for pytest, set by tests/run.sh). Each part says what it ran.
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 cd "$root"
