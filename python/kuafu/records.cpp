@@ -12,11 +12,13 @@ namespace {
 
 /// Fields of every record are set by name; an unknown name is a TypeError that lists the known ones.
 template <class Record>
-void set_fields(py::object self, const py::kwargs& fields) {
+void set_fields(const py::object& self, const py::kwargs& fields) {
   for (const auto& [name, value] : fields) {
     if (!py::hasattr(self, name)) {
       const std::string type = py::str(py::type::of(self).attr("__name__"));
-      throw py::type_error(type + " has no field '" + std::string(py::str(name)) + "'; see help(kuafu." + type + ")");
+      std::string message = type;
+      message.append(" has no field '").append(std::string(py::str(name))).append("'; see help(kuafu.").append(type).append(")");
+      throw py::type_error(message);
     }
     py::setattr(self, name, value);
   }

@@ -85,9 +85,9 @@ uint32_t read_faults(const py::object& names) {
     const Fault* found = nullptr;
     for (const Fault& fault : faults_known) {
       if (name == fault.name) found = &fault;
-      known += (known.empty() ? "" : ", ") + std::string(fault.name);
+      known.append(known.empty() ? "" : ", ").append(fault.name);
     }
-    if (!found) raise_argument<Simsense>("unknown fault '" + name + "' (known: " + known + ")");
+    if (!found) raise_argument<Simsense>(std::string("unknown fault '").append(name).append("' (known: ").append(known).append(")"));
     bits |= found->bit;
   }
   return bits;

@@ -72,7 +72,7 @@ void check_shape(const ks_image_desc& image, const OutputKind& kind, const Launc
              kind.name, image.dim_count, ull(image.shape[0]), ull(image.shape[1]), ull(image.shape[2]), ull(image.shape[3]), ull(want[0]),
              ull(want[1]), ull(want[2]), ull(want[3]));
   const uint32_t bytes = ks_format_bytes(image.format);
-  if ((channels > 1 && image.byte_stride[3] != bytes) || (launch.width > 1 && image.byte_stride[2] != int64_t(bytes * channels)))
+  if ((channels > 1 && image.byte_stride[3] != bytes) || (launch.width > 1 && image.byte_stride[2] != int64_t{bytes} * channels))
     ks::fail(KS_ERROR_INVALID_ARGUMENT,
              "%s has byte strides %lld and %lld of column and channel; columns and channels must be packed (%u and %u)", kind.name,
              static_cast<long long>(image.byte_stride[2]), static_cast<long long>(image.byte_stride[3]), bytes * channels, bytes);

@@ -28,6 +28,7 @@ std::vector<float> gaussian_kernel(double variance, uint32_t radius) {
     sum += taps[0] = here;
   }
   std::vector<float> kernel;
+  kernel.reserve(taps.size());
   for (const double tap : taps) kernel.push_back(float(tap / sum));
   return kernel;
 }

@@ -40,7 +40,8 @@ std::vector<float> register_to_rgb(const StereoGeometry& geometry, uint32_t widt
       const double x = std::floor(column + 0.5), y = std::floor(row + 0.5);
       if (z_rgb <= 0) continue;
       for (uint32_t k = 0; k < splat_size * splat_size; ++k) {
-        const double covered_x = x - splat_size / 2 + k % splat_size, covered_y = y - splat_size / 2 + k / splat_size;
+        const uint32_t half = splat_size / 2, column_of_splat = k % splat_size, row_of_splat = k / splat_size;
+        const double covered_x = x - half + column_of_splat, covered_y = y - half + row_of_splat;
         if (covered_x < 0 || covered_y < 0 || covered_x >= rgb.width || covered_y >= rgb.height) continue;
         double& cell = nearest[static_cast<size_t>(covered_y) * rgb.width + static_cast<size_t>(covered_x)];
         cell = std::min(cell, z_rgb);
