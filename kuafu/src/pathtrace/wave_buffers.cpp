@@ -5,25 +5,18 @@ namespace kuafu {
 void WaveBuffers::fit(const WaveSize& size) {
   size_ = size;
   const uint64_t capacity = size.capacity, shadows = shadow_capacity();
-  for (auto& rays : rays_) grow(rays, capacity * closest_words);
-  for (auto& environments : environments_) grow(environments, size.environments ? capacity : 1);
+  for (auto& rays : rays_) grow(memory_, rays, capacity * closest_words);
+  for (auto& environments : environments_) grow(memory_, environments, size.environments ? capacity : 1);
   const bool glass = size.glass_surfaces > 0;
   for (int i = 0; i < 2; ++i) {
     const uint64_t rays = i == 0 || glass ? shadows : 0;
-    grow(shadow_rays_[i], rays * (glass ? closest_words : occlusion_words));
-    grow(shadow_environments_[i], size.environments ? rays : 0);
+    grow(memory_, shadow_rays_[i], rays * (glass ? closest_words : occlusion_words));
+    grow(memory_, shadow_environments_[i], size.environments ? rays : 0);
   }
-  grow(contributions_, shadows * (size.channels + (glass ? 1 : 0)));
-  grow(state_, capacity * (state_shadow(size.channels, size.groups) + size.shadow_rays_per_vertex));
-  grow(sums_, size.sum_words);
-  grow(counters_, counter_bytes() / 4);
-}
-
-void WaveBuffers::grow(std::shared_ptr<ks::Buffer>& buffer, uint64_t words) const {
-  const uint64_t bytes = std::max<uint64_t>(words, 1) * 4;
-  if (buffer && buffer->size_bytes() >= bytes) return;
-  buffer.reset();
-  buffer = ks::Buffer::create(memory_.device, bytes, memory_.device->is_cpu() ? KS_BUFFER_HOST_VISIBLE : 0);
+  grow(memory_, contributions_, shadows * (size.channels + (glass ? 1 : 0)));
+  grow(memory_, state_, capacity * (state_shadow(size.channels, size.groups) + size.shadow_rays_per_vertex));
+  grow(memory_, sums_, size.sum_words);
+  grow(memory_, counters_, counter_bytes() / 4);
 }
 
 RayQueue WaveBuffers::closest_queue(uint32_t bounce) const {

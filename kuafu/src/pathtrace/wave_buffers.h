@@ -57,7 +57,6 @@ class WaveBuffers {
 
  private:
   [[nodiscard]] uint64_t address(const std::shared_ptr<ks::Buffer>& buffer) const { return memory_.address(*buffer); }
-  void grow(std::shared_ptr<ks::Buffer>& buffer, uint64_t words) const;
 
   Memory memory_;
   WaveSize size_;
