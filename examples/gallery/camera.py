@@ -1,5 +1,7 @@
 """Tiles of the camera: its lens, and what moves while the shutter is open."""
 
+import numpy as np
+from shapes import at, ball, box, checker
 from stage import Stage
 from tiles import tile
 
@@ -34,3 +36,15 @@ def motion_blur(device):
 @tile("Camera", "Rolling shutter", "rows read one after another: `line_time_s`")
 def rolling_shutter(device):
     return seen_by(device, shutter="rolling", line_time_s=0.002, linear_velocity=(2.5, 0.0, 0.0))
+
+
+@tile("Camera", "Things that move", "one slides, one spins: `linear_velocity` and `angular_velocity` of an instance")
+def moving_things(device):
+    stage = Stage(device)
+    stage.daylight()
+    stage.add(ball(0.35), stage.material(base_color=(0.7, 0.3, 0.2, 1), specular=0.0), at(-0.75, 0.0, 0.35), linear_velocity=(4.0, 0.0, 0.0))
+    squares = stage.material(specular=0.0, base_color_texture=stage.texture(checker(4), srgb=True))
+    stage.add(box((0.34, 0.34, 0.34)), squares, at(0.75, 0.1, 0.34), angular_velocity=(0.0, 0.0, np.deg2rad(250)))
+    stage.camera_fields = {"exposure_s": 0.1}
+    stage.options.update(denoise="none", spp=12 * stage.options["spp"])
+    return stage.picture()

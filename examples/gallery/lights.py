@@ -1,5 +1,6 @@
 """Tiles of lights: two boxes and a ball, one light each."""
 
+import numpy as np
 from shapes import at, box, dots, grid, sky, stripes
 from stage import MAP_TO_WORLD, Stage
 from tiles import tile
@@ -90,13 +91,23 @@ def projected(device, *, pattern=None, glass=None, options=None, **fields):
         stage.options["glass_surfaces"] = glass
     stage.options.update(band="infrared", ir_ambient_radiance=0.01, **(options or {}))
     k = [[150, 0, 79.5], [0, 150, 79.5], [0, 0, 1]]
-    stage.light("projector", (0.25, -3.0, 1.2), (0, 0.3, 0.45), ir_intensity=24.0, k=k, texture=stage.texture(dots() if pattern is None else pattern), **fields)
+    if "dots" not in fields:
+        fields["texture"] = stage.texture(dots() if pattern is None else pattern)
+    stage.light("projector", (0.25, -3.0, 1.2), (0, 0.3, 0.45), ir_intensity=24.0, k=k, **fields)
     return stage.picture()
 
 
 @tile("Projector", "Dots", "an image sent through K and seen in the infrared")
 def dots_sharp(device):
     return projected(device)
+
+
+@tile("Projector", "A list of dots", "`dots`: place and power of each; every fifth is four times as bright")
+def dots_listed(device):
+    places = np.stack(np.meshgrid(np.arange(4, 160, 8.0), np.arange(4, 160, 8.0)), -1).reshape(-1, 2)
+    places[:, 0] += 2.0 * np.sin(places[:, 1])  # anywhere, not only where an image has pixels
+    power = np.where(np.arange(len(places)) % 5, 6.0, 24.0)
+    return projected(device, dots=np.column_stack([places, power]), pattern_width=160, pattern_height=160, dot_sigma_px=0.7)
 
 
 @tile("Projector", "Out of focus", "blur grows with the distance from `focus_m` and the lens' radius")

@@ -1,7 +1,7 @@
 """Tiles of what one render call can return, all of one scene."""
 
 import numpy as np
-from shapes import dots
+from shapes import at, dots
 from stage import Stage, to_srgb
 from tiles import tile
 
@@ -67,3 +67,36 @@ def instance_ids(device):
 @tile("Outputs", "Materials", "`material_id`")
 def material_ids(device):
     return colours_of(furnished(device).render("material_id"))
+
+
+@tile("Outputs", "Albedo", "`albedo`: base colour in the band")
+def albedo(device):
+    return _group(device, "albedo", 1.0)
+
+
+@tile("Outputs", "Projector's pixel", "`projector_uv` as red and green, where `projector_visibility` is 1")
+def projector_pixel(device):
+    stage = furnished(device)
+    images = stage.renderer.render(stage.scene, stage.view(), ["projector_uv", "projector_visibility"], **stage.options)
+    colour = np.concatenate([images["projector_uv"][0] / 160, np.full((*images["projector_uv"].shape[1:3], 1), 0.3)], -1)
+    return to_srgb(np.where(images["projector_visibility"][0] > 0, np.nan_to_num(colour), 0.0))
+
+
+@tile("Outputs", "Motion", "`motion`: pixels since the last frame, right is red, left is blue")
+def motion(device):
+    stage = furnished(device)
+    balls = {thing: x for x in (-0.4, 0.5) for thing in [stage.ball(x, -0.9, 0.2)[1]]}
+    stage.scene.next_frame()
+    for thing, x in balls.items():
+        stage.scene.set_instance_pose(thing, at(0.7 * x, -0.9, 0.2))
+    pixels = stage.render("motion")[..., 0]
+    still = 0.15 * stage.render("albedo")[..., 0]
+    return to_srgb(np.stack([still + 0.04 * np.clip(pixels, 0, None), still, still - 0.04 * np.clip(pixels, None, 0)], -1))
+
+
+@tile("Outputs", "Variance", "`variance` of each pixel's mean; its root, over the light")
+def variance(device):
+    stage = furnished(device)
+    stage.options.update(spp=16, denoise="none")
+    images = stage.renderer.render(stage.scene, stage.view(), ["variance", "radiance"], **stage.options)
+    return to_srgb(np.sqrt(images["variance"][0]) / np.maximum(images["radiance"][0], 1e-6))

@@ -112,10 +112,13 @@ class StereoDepthSensorConfig:
 
         # Shutters, which what moves is seen through (the sensor by set_velocity(), instances and lights by kuafu.Scene). The IR cameras' is open
         # for ir_camera_exposure, the RGB camera's for rgb_exposure_s, seconds, each centred on the same instant. A line time is how many
-        # seconds later each row is exposed than the one above; 0 = a global shutter.
+        # seconds later each line is exposed than the one before; 0 = a global shutter. A readout is the way the lines go: 'rows_down',
+        # 'rows_up', 'columns_right' or 'columns_left'.
         self.rgb_exposure_s = 0.0
         self.ir_line_time_s = 0.0
         self.rgb_line_time_s = 0.0
+        self.ir_readout = "rows_down"
+        self.rgb_readout = "rows_down"
 
         self.ir_black_level_dn = 5.0  # counts in the dark: the least one finds in pictures of real devices
 
@@ -184,7 +187,8 @@ class StereoDepthSensorConfig:
             k[:2, 2] -= 0.5
             setattr(out, f"{camera}_resolution", (int(new[0]), int(new[1])))
             setattr(out, f"{camera}_intrinsic", k)
-            setattr(out, f"{camera}_line_time_s", getattr(self, f"{camera}_line_time_s") / ratio[1])
+            lines = 0 if "columns" in getattr(self, f"{camera}_readout") else 1
+            setattr(out, f"{camera}_line_time_s", getattr(self, f"{camera}_line_time_s") / ratio[lines])
         return out
 
     def pattern(self):

@@ -196,13 +196,13 @@ class StereoDepthSensor:
 
     def rgb_camera(self):
         c = self._config
-        lens_and_shutter = {"distortion": c.rgb_distortion, "exposure_s": c.rgb_exposure_s, **_shutter(c.rgb_line_time_s)}
+        lens_and_shutter = {"distortion": c.rgb_distortion, "exposure_s": c.rgb_exposure_s, **_shutter(c.rgb_line_time_s, c.rgb_readout)}
         return self._camera(c.rgb_resolution, c.rgb_intrinsic, Pose(), lens_and_shutter)
 
     def ir_cameras(self):
         """The left and the right one."""
         c = self._config
-        lens_and_shutter = {"distortion": c.ir_distortion, "exposure_s": c.ir_camera_exposure, **_shutter(c.ir_line_time_s)}
+        lens_and_shutter = {"distortion": c.ir_distortion, "exposure_s": c.ir_camera_exposure, **_shutter(c.ir_line_time_s, c.ir_readout)}
         return [self._camera(c.ir_resolution, c.ir_intrinsic, pose, lens_and_shutter) for pose in (c.trans_pose_l, c.trans_pose_r)]
 
     def close(self):
@@ -351,8 +351,8 @@ def srgb(linear):
     return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055).astype(np.float32)
 
 
-def _shutter(line_time_s):
-    return {"shutter": "rolling", "line_time_s": line_time_s} if line_time_s else {}
+def _shutter(line_time_s, readout):
+    return {"shutter": "rolling", "line_time_s": line_time_s, "readout": readout} if line_time_s else {}
 
 
 def _as_mount(scene_or_mount, device):

@@ -1,5 +1,6 @@
 """The command line as a user runs it: results, help, and one line with status 2 for what is wrong."""
 
+import argparse
 import os
 import struct
 import subprocess
@@ -101,6 +102,29 @@ def test_simulate_repeats_with_its_seed(run, table_top, tmp_path):
     assert files[0] == files[1] != files[2]
 
 
+def test_simulate_moves_the_sensor_while_it_exposes(run, table_top, tmp_path):
+    images = []
+    for speed in (0, 2):
+        options = ("--resolution", "106x60", "--spp", 1, "--max-bounces", 0, "--velocity", f"{speed},0,0")
+        result = run("simulate", table_top, *options, "--out", tmp_path / str(speed))
+        assert result.returncode == 0, result.stderr
+        images.append([(tmp_path / str(speed) / f"{name}.png").read_bytes() for name in ("ir_left", "rgb")])
+    assert images[0][0] != images[1][0] and images[0][1] == images[1][1]  # the RGB camera is open for an instant
+
+
+def test_simulate_options_are_the_configuration():
+    from activestereo.cli import simulate
+
+    parser = argparse.ArgumentParser()
+    simulate.add_parser(parser.add_subparsers())
+    options = ("--ir-distortion=-0.06,0.01,0,0", "--rgb-distortion", "0.1,0,0,0,0.2", "--readout", "rows_up")
+    times = ("--ir-line-time", "1e-4", "--rgb-line-time", "2e-4", "--rgb-exposure", "3e-3")
+    config = simulate.make_config(parser.parse_args(["simulate", "x.gltf", "--out", "x", *options, *times]))
+    assert config.ir_distortion == (-0.06, 0.01, 0, 0, 0) and config.rgb_distortion == (0.1, 0, 0, 0, 0.2)
+    assert (config.ir_line_time_s, config.rgb_line_time_s, config.rgb_exposure_s) == (1e-4, 2e-4, 3e-3)
+    assert config.ir_readout == config.rgb_readout == "rows_up"
+
+
 def test_simulate_from_a_given_pose(run, table_top, tmp_path):
     # Upright (y up) above the table's back, looking along +z over its front edge, where nothing is.
     pose = "-1,0,0,0, 0,-1,0,0.2, 0,0,1,-0.3, 0,0,0,1"
@@ -172,6 +196,9 @@ def test_simulate_refuses_what_is_wrong(run, table_top, tmp_path):
     assert_refused(run("simulate", table_top, "--camera", "3", *out), "--camera 3")
     assert_refused(run("simulate", table_top, "--camera-to-world", "1,2,3", *out), "16")
     assert_refused(run("simulate", table_top, "--camera-to-world", ",".join(["2"] * 16), *out), "rotation")
+    assert_refused(run("simulate", table_top, "--ir-distortion", "0.1,0.2", *out), "4 or 5")
+    assert_refused(run("simulate", table_top, "--velocity", "1,2", *out), "3 or 6")
+    assert_refused(run("simulate", table_top, "--readout", "rows_up", *out), "--ir-line-time")
     assert_refused(run("simulate", table_top, "--device", "97", *out), "97")
     assert_refused(run("simulate", table_top, "--device", "best", *out), "best", "auto")
     assert_refused(run("simulate", table_top, "--spp", "0", *out), "--spp")

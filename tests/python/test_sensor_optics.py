@@ -118,8 +118,9 @@ def edge_moments(image):
     return mean, weight @ x**2 - mean**2
 
 
-def test_a_rolling_shutter_shears_an_edge(small_config):
-    small_config.ir_line_time_s = 1e-4
+@pytest.mark.parametrize(("readout", "direction"), [("rows_down", 1), ("rows_up", -1)])
+def test_a_rolling_shutter_shears_an_edge(small_config, readout, direction):
+    small_config.ir_line_time_s, small_config.ir_readout = 1e-4, readout
     sensor = edge_sensor(small_config)
     slopes = []
     for speed in (0.0, SPEED):  # the edge has a tilt of its own in a camera that is turned
@@ -127,7 +128,7 @@ def test_a_rolling_shutter_shears_an_edge(small_config):
         pictures = radiances(sensor)
         slopes.append({name: np.polyfit(np.arange(len(image)), edge_moments(image)[0], 1)[0] for name, image in pictures.items()})
     config = sensor.get_config()
-    sheared = -config.ir_intrinsic[0, 0] * SPEED * config.ir_line_time_s / DISTANCE_M  # px per row: the edge goes to the left
+    sheared = -direction * config.ir_intrinsic[0, 0] * SPEED * config.ir_line_time_s / DISTANCE_M  # px per row: the edge goes to the left
     for name, expected in {"rgb": 0.0, "left": sheared, "right": sheared}.items():
         assert slopes[1][name] - slopes[0][name] == pytest.approx(expected, abs=0.05 * abs(sheared)), name
 
@@ -185,4 +186,7 @@ def test_a_scaled_sensor_reads_out_in_the_same_time():
     config.rgb_line_time_s, config.rgb_distortion = 2e-5, LENS
     half = config.scaled(0.5)
     assert half.rgb_line_time_s * half.rgb_resolution[1] == pytest.approx(2e-5 * 480)
+    config.rgb_readout = "columns_left"
+    half = config.scaled(0.5)
+    assert half.rgb_line_time_s * half.rgb_resolution[0] == pytest.approx(2e-5 * 848)
     assert half.rgb_distortion == LENS and half.ir_line_time_s == 0.0

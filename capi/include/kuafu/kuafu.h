@@ -99,7 +99,7 @@ KUAFU_API void kuafu_scene_release(kuafu_scene scene);
 
 /* Appends a file: .gltf .glb (meshes, materials, textures, KHR_lights_punctual, cameras) or .obj .dae .stl .ply (meshes, materials).
  * root_to_world: row-major 4x4 put before every node, NULL = identity. Errors name the file and the field; the scene is then unchanged.
- * What the file has and the renderer ignores (spot lights, alpha modes, animations, ...) goes to the device's log as a warning. A point light's
+ * What the file has and the renderer ignores (alpha modes, animations, skins, ...) goes to the device's log as a warning. A point light's
  * candela are taken as W/sr one to one. An .mtl gives Kd (and map_Kd), Ks, Ke, Ns, Ni, d, illum, Pr and Pm; a glTF material also what its extras say
  * (kuafu_material_desc). */
 KUAFU_API ks_status kuafu_scene_load(kuafu_scene scene, const char* path, const double* root_to_world);

@@ -18,6 +18,7 @@ from activestereo.cli.arguments import (
     size,
     transform,
 )
+from activestereo.cli.camera_options import add_camera_options, set_cameras
 
 _TEXT = """\
 Puts a depth sensor into a scene and takes one frame: path-traced RGB picture and
@@ -36,8 +37,9 @@ Writes into DIR:
   cloud.ply                 coloured points, metres (x right, y down, z forward)
   overview.png              all on one page, with the error of each material
 
-example:
+examples:
   activestereo simulate table_top.gltf --sensor d435 --out out/table_top
+  activestereo simulate table_top.gltf --velocity 0.5,0,0 --rgb-line-time 3e-5 --ir-distortion=-0.06,0.01,0,0 --out out/moving
 """
 
 
@@ -53,6 +55,7 @@ def add_parser(commands):
     add_out(parser)
     add_device(parser)
     _add_view(parser.add_argument_group("view"))
+    add_camera_options(parser.add_argument_group("lenses, shutters and motion"))
     _add_rendering(parser.add_argument_group("rendering and noise"))
     matching = add_matching(parser, min_depth_m=0.2)
     matching.add_argument("--no-dilation", action="store_true", help="leave the small holes that registration to the RGB camera makes")
@@ -93,6 +96,8 @@ def run(args):
 
     scene = _load_scene(args)
     sensor = StereoDepthSensor(config, scene, pose=_sensor_pose(args, scene))
+    if args.velocity is not None:
+        sensor.set_velocity(args.velocity[:3], args.velocity[3:])
     make_folder(args.out)
     with ProgressBar(f"rendering on {sensor.device.info.name}") as bar:
         sensor.take_picture(progress=bar)
@@ -112,6 +117,7 @@ def make_config(args):
         config = _resized(config, args.resolution)
     config.samples_per_pixel, config.max_bounces, config.denoiser = args.spp, args.max_bounces, args.denoiser
     config.render_seed = config.ir_noise_seed = args.seed
+    set_cameras(config, args)
     options = {
         "projector_intensity": args.projector,
         "max_disp": args.max_disparity,
