@@ -1,7 +1,7 @@
 // The stages between the tracer's calls. One text (shaders/lib, shaders/stage) runs in two places: in Vulkan compute, or compiled as C++ on
 // the device's worker threads. CPU devices take the second: there the rays are on the host already, and a native compiler makes more of it
-// than a driver's
-//. Thread rule: externally synchronised.
+// than a driver's.
+// Thread rule: externally synchronised.
 #pragma once
 
 #include <memory>

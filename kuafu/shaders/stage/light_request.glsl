@@ -1,0 +1,42 @@
+// Light that a vertex of stage `shade` asks for by a shadow ray, before visibility.
+/// A light that a vertex asks, before visibility.
+struct LightRequest {
+  bool found;
+  float probability;  // of this light among all
+  bool projector;
+  uint group;  // of light that is no projector's
+  LightSample light;
+};
+
+struct ShadowRequest {
+  bool wanted;
+  bool opaque;  // glass stops it
+  Ray ray;
+  Spectrum contribution;
+  uint group;
+};
+
+LightRequest find_light(IN(Path) path, vec3 position, vec3 shape_origin, uint k) {
+  LightRequest request;
+  request.found = false;
+  SceneAddresses scene = push.scene.at[0];
+  bool select = (push.flags & shade_select_lights) != 0u;
+  float u = select ? sample_2d(path.key, path.index, pair_light(push.bounce)).x : 0.0f;
+  EnvironmentRecord environment = scene.environments.at[path_environment(path)];
+  LightChoice choice = vertex_light(scene.lights, environment, k, select, all_delta(path), u);
+  request.probability = choice.probability;
+  if (choice.probability == 0.0f) return request;
+  LightRecord record = scene.lights.at[choice.index];
+  request.projector = record.kind == light_projector;
+  vec2 point = vec2(0.0f);
+  if ((features & feature_lights) != 0u) {
+    point = sample_2d(path.key, path.index, pair_light_point(push.bounce, k));
+    position = shape_origin;
+  }
+  request.light = light_towards(scene, choice.index, position, point, path.time_s);
+  if (request.light.pdf > 0.0f && (push.flags & shade_bsdf_only) != 0u) return request;
+  bool mesh = (features & feature_lights) != 0u && record.kind == light_mesh;
+  request.group = ambient_group(mesh ? request.light.light_group : record.light_group);
+  request.found = max_component(request.light.irradiance) > 0.0f;
+  return request;
+}

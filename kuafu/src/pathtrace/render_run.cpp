@@ -1,0 +1,133 @@
+// A render call as a whole: tables and memory, rounds of samples, steps on whole images.
+#include "pathtrace/render_run.h"
+
+#include <algorithm>
+
+#include "device/error.h"
+#include "pathtrace/wave_size.h"
+
+namespace kuafu {
+namespace {
+
+uint32_t round_up(uint32_t n, uint32_t step) { return (n + step - 1) / step * step; }
+
+double milliseconds_since(std::chrono::steady_clock::time_point start) {
+  return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
+}
+
+}  // namespace
+
+void PathTracer::Run::prepare(const Scene& scene) {
+  environments_ = launch_.environment_count() > 1;
+  auto start = std::chrono::steady_clock::now();
+  const TimeSpan open = open_span(launch_);
+  o_.tables_.update(scene, launch_.band, launch_.environment_count(), open);
+  o_.aov_tables_.update(scene, launch_);
+  const auto views = o_.views_.resize(o_.memory(), launch_.views.size());
+  for (size_t i = 0; i < launch_.views.size(); ++i) views[i] = view_record(launch_, launch_.views[i]);
+  camera_ = o_.tables_.moves() || std::ranges::any_of(launch_.views, &View::special);
+  const auto cameras = o_.cameras_.resize(o_.memory(), camera_ ? launch_.views.size() : 0);
+  for (size_t i = 0; i < cameras.size(); ++i) cameras[i] = camera_record(launch_.views[i]);
+  const auto outputs = o_.outputs_.resize(o_.memory(), output_kind_count);
+  o_.frame_.fit(launch_);
+  for (uint32_t kind = 0; kind < output_kind_count; ++kind) outputs[kind] = o_.frame_.target(launch_, kind);
+  fit_buffers();
+  begin_accumulation();
+  if (denoises()) o_.denoiser_.fit(launch_, o_.frame_);
+  commands_.add_host_time("upload", milliseconds_since(start));
+  start = std::chrono::steady_clock::now();
+  o_.tracer_->update(scene, launch_.environment_count(), open);
+  commands_.add_host_time("acceleration build", milliseconds_since(start));
+}
+
+void PathTracer::Run::fit_buffers() {
+  const uint32_t shadows = o_.tables_.shadow_rays_per_vertex();
+  const uint32_t most = most_paths(*o_.device_, shadows);
+  const uint32_t samples = launch_.wants_radiance() ? std::min(launch_.samples, most_pass_samples()) : 1;
+  pixels_per_wave_ = std::min(launch_.pixel_count(), std::max(most / samples, pixel_block));
+  o_.buffers_.fit({round_up(pixels_per_wave_ * samples, pixel_block), launch_.band.channels(), groups(), shadows,
+                   launch_.max_bounces + 3 + o_.tables_.walk_passes(), environments_, o_.tables_.features(),
+                   keeps_sums() ? 0 : uint64_t(pixels_per_wave_) * sum_planes(), launch_.wants_visibility(),
+                   shadows > 0 && o_.tables_.has_glass() ? launch_.glass_surfaces : 0});
+}
+
+void PathTracer::Run::begin_accumulation() {
+  if (!keeps_sums()) return o_.accumulation_.clear();
+  o_.accumulation_.begin({uint32_t(launch_.views.size()), launch_.width, launch_.height, launch_.band.channels(), groups(),
+                          launch_.wants_variance(), denoises()},
+                         launch_.accumulate, launch_.first_sample);
+  const uint64_t end = uint64_t(first_sample()) + samples_before() + launch_.samples;
+  if (end > std::numeric_limits<uint32_t>::max())
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "samples would go up to %llu, beyond 2^32 - 1: accumulate anew",
+             static_cast<unsigned long long>(end));
+}
+
+void PathTracer::Run::render() {
+  while (budget_.next() > 0) {
+    render_round();
+    finish_round();
+  }
+  if (!o_.frame_.is_empty()) develop();
+}
+
+void PathTracer::Run::finish_round() {
+  if (keeps_sums()) o_.accumulation_.add(budget_.next());
+  if (launch_.relative_error > 0)
+    relative_error_ = kuafu::relative_error(o_.frame_.image(output_variance), o_.frame_.image(output_radiance),
+                                            uint64_t(launch_.pixel_count()) * launch_.band.channels());
+  budget_.round_done(seconds(), samples_before(), relative_error_);
+}
+
+void PathTracer::Run::render_round() {
+  const uint32_t total = launch_.pixel_count();
+  for (uint32_t first = 0; first < total; first += pixels_per_wave_) {
+    const uint32_t count = std::min(pixels_per_wave_, total - first);
+    if ((launch_.wants_aovs() || denoises()) && budget_.done() == 0) render_aovs(first, count);
+    if (launch_.wants_radiance()) render_pixels(first, count);
+    if (ends_submission(first / pixels_per_wave_) || first + count == total) commands_.flush();
+    report(first, float(count));
+  }
+}
+
+// Steps on whole images, in the order of the light: noise goes before the optics spread it, and the caller's format comes last.
+void PathTracer::Run::develop() {
+  if (denoises()) denoise();
+  o_.film_.run(commands_, launch_, o_.frame_);
+  for (uint32_t kind = 0; kind < output_kind_count; ++kind)
+    if (launch_.outputs[kind].buffer && o_.frame_.holds(kind)) o_.stages_->write(commands_, o_.frame_.write(launch_, kind));
+  commands_.flush();
+}
+
+void PathTracer::Run::denoise() {
+  if (launch_.denoise == DenoiseKind::oidn) {
+    const auto start = std::chrono::steady_clock::now();
+    o_.denoiser_.filter_by_oidn(launch_, o_.frame_);
+    commands_.add_host_time("denoise", milliseconds_since(start));
+    return o_.denoiser_.sum(commands_);
+  }
+  o_.denoiser_.filter(commands_, samples_before() + (keeps_sums() ? 0 : budget_.done()));
+  const uint32_t total = launch_.pixel_count(), step = std::max(1u, o_.buffers_.size().capacity / Denoiser::rays_per_pixel);
+  for (uint32_t first = 0; first < total; first += step) {
+    const WaveRange square = range(first, std::min(step, total - first), launch_.first_sample, Denoiser::rays_per_pixel);
+    generate(square, 0);
+    o_.tracer_->closest(commands_, o_.buffers_.closest_queue(0));
+    o_.denoiser_.remodulate(commands_, rays_of(square));
+    commands_.flush();
+  }
+  o_.denoiser_.sum(commands_);
+}
+
+void PathTracer::Run::report(uint32_t pixels_done, float part) {
+  const float round = std::min(1.0f, (float(pixels_done) + part) / float(launch_.pixel_count()));
+  const float fraction = (float(budget_.done()) + round * float(budget_.next())) / float(launch_.samples);
+  if (launch_.cancelled && launch_.cancelled(fraction))
+    ks::fail(KS_ERROR_CANCELLED, "the progress callback cancelled the render at %.0f %%", 100.0 * fraction);
+}
+
+WaveRange PathTracer::Run::range(uint32_t first_pixel, uint32_t pixel_count, uint32_t first_sample, uint32_t sample_count) const {
+  const uint32_t blocks = launch_.pixel_count() / pixel_block;
+  return {first_pixel,  pixel_count,   blocks,         permutation_stride(blocks), first_sample,
+          sample_count, launch_.width, launch_.height, o_.buffers_.size().capacity};
+}
+
+}  // namespace kuafu

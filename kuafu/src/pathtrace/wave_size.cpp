@@ -1,0 +1,30 @@
+#include "pathtrace/wave_size.h"
+
+#include <algorithm>
+#include <numeric>
+
+namespace kuafu {
+namespace {
+
+// Paths in flight that measured best: enough to fill the device, few enough for a CPU's caches.
+constexpr uint32_t cpu_wave = 1u << 17, gpu_wave = 1u << 22;
+constexpr uint64_t path_bytes = 320;  // of queues and state, about
+
+}  // namespace
+
+uint32_t permutation_stride(uint32_t n) {
+  if (n < 3) return 1;
+  uint32_t stride = std::max(1u, std::min(uint32_t(0.618 * n), 0xffffffffu / n));
+  while (std::gcd(stride, n) != 1) --stride;
+  return stride;
+}
+
+uint32_t most_paths(const ks::Device& device, uint32_t shadow_rays_per_vertex) {
+  if (device.is_cpu()) return cpu_wave / (1 + shadow_rays_per_vertex / 4);
+  constexpr uint64_t smallest_group = 32;
+  const uint64_t fits =
+      std::min<uint64_t>(device.info().memory_bytes / 8 / path_bytes, device.limits().maxComputeWorkGroupCount[0] * smallest_group);
+  return uint32_t(std::min<uint64_t>(fits, gpu_wave)) / (1 + shadow_rays_per_vertex / 4);
+}
+
+}  // namespace kuafu

@@ -1,0 +1,15 @@
+// How many paths a wave holds, and how pixels are spread over waves.
+#pragma once
+
+#include <cstdint>
+
+#include "device/device.h"
+
+namespace kuafu {
+
+/// At most an eighth of a GPU's memory, and no dispatch beyond what the device takes.
+uint32_t most_paths(const ks::Device& device, uint32_t shadow_rays_per_vertex);
+/// Near the golden section of n, coprime to it, and small enough that block * stride stays below 2^32.
+uint32_t permutation_stride(uint32_t n);
+
+}  // namespace kuafu
