@@ -274,7 +274,7 @@ void bind_renderer(py::module_& module) {
           "accumulate: adds to the samples of the calls before that accumulated; the images are means of all. A call without begins anew.\n"
           "max_seconds, relative_error: budgets, 0 = none; spp is then the most, and summary says what was taken. relative_error is the "
           "root\n"
-          "of the pixels' mean variance over their mean radiance.\n"
+          "of the pixels' mean variance over their mean radiance, its upper limit at 84 % confidence.\n"
           "projector: light id that the projector_* outputs are of; None: the first of each view's environment.\n"
           "previous_poses: camera_to_world one frame before, (4, 4) or one for each camera, for motion; None: as now.\n"
           "Returns {name: array [view, height, width, channel]}: by default float32, uint32 for ids; views of the buffers, nothing is "

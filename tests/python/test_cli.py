@@ -1,6 +1,5 @@
 """The command line as a user runs it: results, help, and one line with status 2 for what is wrong."""
 
-import argparse
 import os
 import struct
 import subprocess
@@ -113,13 +112,11 @@ def test_simulate_moves_the_sensor_while_it_exposes(run, table_top, tmp_path):
 
 
 def test_simulate_options_are_the_configuration():
-    from activestereo.cli import simulate
+    from activestereo.cli import make_parser, simulate
 
-    parser = argparse.ArgumentParser()
-    simulate.add_parser(parser.add_subparsers())
     options = ("--ir-distortion=-0.06,0.01,0,0", "--rgb-distortion", "0.1,0,0,0,0.2", "--readout", "rows_up")
     times = ("--ir-line-time", "1e-4", "--rgb-line-time", "2e-4", "--rgb-exposure", "3e-3")
-    config = simulate.make_config(parser.parse_args(["simulate", "x.gltf", "--out", "x", *options, *times]))
+    config = simulate.make_config(make_parser().parse_args(["simulate", "x.gltf", "--out", "x", *options, *times]))
     assert config.ir_distortion == (-0.06, 0.01, 0, 0, 0) and config.rgb_distortion == (0.1, 0, 0, 0, 0.2)
     assert (config.ir_line_time_s, config.rgb_line_time_s, config.rgb_exposure_s) == (1e-4, 2e-4, 3e-3)
     assert config.ir_readout == config.rgb_readout == "rows_up"

@@ -374,7 +374,8 @@ typedef struct kuafu_render_desc {
   uint32_t reserved;
   /* Budgets, 0 = none: samples_per_pixel is then the most. The render goes in rounds over all views, at least one, and stops before max_seconds are over (as
    * the rounds before tell), or when the noise falls to relative_error: the root of the pixels' mean KUAFU_OUTPUT_VARIANCE over their mean radiance, over all
-   * views and channels. A noise budget alone is deterministic. */
+   * views and channels. What counts is its upper limit, 84 % sure by the scatter of the pixels' variances: few pixels, or rare bright samples, tell little,
+   * and take more. A noise budget alone is deterministic. */
   double max_seconds;
   double relative_error;
 } kuafu_render_desc;

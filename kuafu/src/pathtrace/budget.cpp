@@ -2,17 +2,24 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numeric>
 #include <vector>
 
 #include "shared/wave.h"
 
 namespace kuafu {
+namespace {
 
-Budget::Budget(uint32_t samples, double max_seconds, double relative_error)
+constexpr uint32_t least_paths = 4096;  // of a first round: what is bright and rare must have had its chance in images of few pixels, too
+
+}  // namespace
+
+Budget::Budget(uint32_t samples, uint32_t pixels, double max_seconds, double relative_error)
     : samples_(samples), next_(samples), max_seconds_(max_seconds), relative_error_(relative_error) {
   if (relative_error > 0)
-    next_ = std::min(samples, 2 * replicate_count);
+    next_ =
+        std::min(samples, std::max(2 * replicate_count, (least_paths / pixels + replicate_count - 1) / replicate_count * replicate_count));
   else if (max_seconds > 0)
     next_ = 1;
 }
@@ -32,19 +39,46 @@ void Budget::round_done(double seconds, uint32_t all_samples, double relative_er
   next_ = uint32_t(std::min<double>(more, samples_ - done_));
 }
 
-double relative_error(const ks::Buffer& variance, const ks::Buffer& radiance, uint64_t count) {
-  const auto sum = [count](const ks::Buffer& image) {
-    std::vector<float> copy;
-    const auto* values = static_cast<const float*>(image.mapped());
-    if (values == nullptr) {
-      copy.resize(count);
-      image.read(0, copy.data(), count * sizeof(float));
-      values = copy.data();
-    }
-    return std::accumulate(values, values + count, 0.0);
-  };
-  const double noise = sum(variance);
-  return noise > 0 ? std::sqrt(noise / double(count)) / (sum(radiance) / double(count)) : 0.0;
+namespace {
+
+constexpr double z_confidence = 1.0;  // standard deviations, one-sided: 84 %
+
+/// The image where it lies, or read into `copy`.
+const float* values_of(const ks::Buffer& image, uint64_t count, std::vector<float>& copy) {
+  if (const auto* values = static_cast<const float*>(image.mapped())) return values;
+  copy.resize(count);
+  image.read(0, copy.data(), count * sizeof(float));
+  return copy.data();
+}
+
+/// How many times as large the true mean of estimated variances may be as their mean, when that scatters like a chi-square of so many
+/// degrees of freedom (its lower quantile by Wilson and Hilferty 1931); infinite for fewer than about one.
+double upper_factor(double degrees_of_freedom) {
+  const double t = 2.0 / (9.0 * degrees_of_freedom), root = 1.0 - t - z_confidence * std::sqrt(t);
+  return root > 0.0 ? 1.0 / (root * root * root) : std::numeric_limits<double>::infinity();
+}
+
+}  // namespace
+
+double relative_error(const ks::Buffer& variance, const ks::Buffer& radiance, uint64_t pixels, uint32_t channels) {
+  const uint64_t count = pixels * channels;
+  std::vector<float> copies[2];
+  const float *noise = values_of(variance, count, copies[0]), *light = values_of(radiance, count, copies[1]);
+  double sum = 0.0, squares = 0.0;
+  for (uint64_t i = 0; i < pixels; ++i) {
+    const double pixel = std::accumulate(noise + i * channels, noise + (i + 1) * channels, 0.0);
+    sum += pixel;
+    squares += pixel * pixel;
+  }
+  if (!(sum > 0.0)) return 0.0;
+  if (!std::isfinite(sum)) return sum;
+  // Satterthwaite 1946: the mean's own variance, from the scatter of the pixels, and at least what Gaussian replicates have.
+  const auto n = double(pixels);
+  const double scatter = pixels > 1 ? (squares - sum * sum / n) / (n - 1.0) : 0.0;
+  const double of_gaussian = 2.0 / (replicate_count - 1) * sum * sum / (n * n);
+  const double freedom = 2.0 * sum * sum / (n * std::max(scatter, of_gaussian));
+  const double mean_light = std::accumulate(light, light + count, 0.0) / double(count);
+  return std::sqrt(sum / double(count) * upper_factor(freedom)) / mean_light;
 }
 
 }  // namespace kuafu

@@ -73,8 +73,8 @@ void PathTracer::Run::render() {
 void PathTracer::Run::finish_round() {
   if (keeps_sums()) o_.accumulation_.add(budget_.next());
   if (launch_.relative_error > 0)
-    relative_error_ = kuafu::relative_error(o_.frame_.image(output_variance), o_.frame_.image(output_radiance),
-                                            uint64_t(launch_.pixel_count()) * launch_.band.channels());
+    relative_error_ = kuafu::relative_error(o_.frame_.image(output_variance), o_.frame_.image(output_radiance), launch_.pixel_count(),
+                                            launch_.band.channels());
   budget_.round_done(seconds(), samples_before(), relative_error_);
 }
 

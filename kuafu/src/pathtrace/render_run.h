@@ -12,7 +12,10 @@ namespace kuafu {
 class PathTracer::Run {
  public:
   Run(PathTracer& owner, const Launch& launch, ks::Commands& commands)
-      : o_(owner), launch_(launch), commands_(commands), budget_(launch.samples, launch.max_seconds, launch.relative_error) {}
+      : o_(owner),
+        launch_(launch),
+        commands_(commands),
+        budget_(launch.samples, launch.pixel_count(), launch.max_seconds, launch.relative_error) {}
   void prepare(const Scene& scene);
   void render();
   [[nodiscard]] std::vector<std::pair<std::string, double>> stage_times() const { return commands_.stage_times(); }

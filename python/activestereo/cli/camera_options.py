@@ -11,7 +11,7 @@ READOUTS = ("rows_down", "rows_up", "columns_right", "columns_left")
 
 def add_camera_options(group):
     for camera, whose in (("ir", "both infrared cameras'"), ("rgb", "the RGB camera's")):
-        text = f"{whose} lens: Brown and Conrady's k1,k2,p1,p2[,k3], as in OpenCV (a first one below 0 needs the form --option=-0.1,...); depth is measured through it"
+        text = f"{whose} lens: Brown and Conrady's k1,k2,p1,p2[,k3], as in OpenCV; depth is measured through it"
         group.add_argument(f"--{camera}-distortion", type=_lens, metavar="K1,...", help=f"{text} (default: none)")
     text = "what the sensor does while its shutters are open, m/s and rad/s along and about the left infrared camera's x (right), y (down), z (forward)"
     group.add_argument("--velocity", type=_twist, metavar="VX,VY,VZ[,WX,WY,WZ]", help=f"{text} (default: it stands still)")

@@ -39,7 +39,7 @@ Writes into DIR:
 
 examples:
   activestereo simulate table_top.gltf --sensor d435 --out out/table_top
-  activestereo simulate table_top.gltf --velocity 0.5,0,0 --rgb-line-time 3e-5 --ir-distortion=-0.06,0.01,0,0 --out out/moving
+  activestereo simulate table_top.gltf --velocity 0.5,0,0 --rgb-line-time 3e-5 --ir-distortion -0.06,0.01,0,0 --out out/moving
 """
 
 
