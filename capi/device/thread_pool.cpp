@@ -9,6 +9,7 @@
 #include <list>
 #include <mutex>
 #include <thread>
+#include <utility>
 #include <vector>
 
 namespace ks {
@@ -28,6 +29,20 @@ unsigned usable_core_count() {
   return std::max(std::thread::hardware_concurrency(), 1u);
 }
 
+thread_local bool in_task = false;
+
+/// While a thread runs tasks, its own parallel_for shares nothing.
+class InTask {
+ public:
+  InTask() : before_(std::exchange(in_task, true)) {}
+  ~InTask() { in_task = before_; }
+  InTask(const InTask&) = delete;
+  InTask& operator=(const InTask&) = delete;
+
+ private:
+  bool before_;
+};
+
 // One parallel_for: lives on its caller's stack while it runs.
 struct Job {
   const std::function<void(size_t)>& fn;
@@ -40,6 +55,7 @@ struct Job {
 
   // Indices are handed out in order, so the lowest failing one always runs: which exception is rethrown does not depend on the threads.
   void run() {
+    const InTask inside;
     for (size_t i = next++; i < count; i = next++) {
       try {
         fn(i);
@@ -106,7 +122,7 @@ unsigned ThreadPool::size() const { return static_cast<unsigned>(state_->threads
 void ThreadPool::parallel_for(size_t count, const std::function<void(size_t)>& fn) {
   if (count == 0) return;
   Job job{fn, count};
-  const bool share = count > 1 && !state_->threads.empty();
+  const bool share = count > 1 && !in_task && !state_->threads.empty();
   std::list<Job*>::iterator place;
   if (share) {
     std::lock_guard lock(state_->mutex);

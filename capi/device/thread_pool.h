@@ -16,7 +16,7 @@ class ThreadPool {
   ThreadPool& operator=(const ThreadPool&) = delete;
   [[nodiscard]] unsigned size() const;
   /// Calls fn(index) for each index in [0, count), started in ascending order, on any thread; returns when all are done. Rethrows the first
-  /// exception.
+  /// exception. Called by a task, it runs everything in that task's thread.
   void parallel_for(size_t count, const std::function<void(size_t)>& fn);
 
  private:

@@ -28,7 +28,7 @@ PathTracer::PathTracer(std::shared_ptr<ks::Device> device, TracerKind tracer, st
       stages_(on_host_ ? make_host_stages(device_) : make_device_stages(device_, *tracer_)),
       tables_(memory()),
       aov_tables_(memory()),
-      buffers_(memory()),
+      slots_(memory()),
       frame_(memory()),
       accumulation_(memory()),
       denoiser_(memory(), tracer_->queue_layout(), std::move(oidn_library)),
@@ -40,6 +40,7 @@ void PathTracer::render(const std::shared_ptr<const Scene>& scene, const Launch&
   next_scene_ = scene;
   // A recorder is made once and kept, unless an error leaves it in the middle of its work.
   std::unique_ptr<ks::Commands> commands = commands_ ? std::move(commands_) : std::make_unique<ks::Commands>(device_);
+  slots_.collect_times(*commands);  // of a render that failed
   commands->reset_stage_times();
   Run run(*this, launch, *commands);
   try {

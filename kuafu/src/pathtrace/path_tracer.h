@@ -18,7 +18,7 @@
 #include "pathtrace/launch.h"
 #include "pathtrace/scene_tables.h"
 #include "pathtrace/stages.h"
-#include "pathtrace/wave_buffers.h"
+#include "pathtrace/wave_slots.h"
 
 namespace kuafu {
 
@@ -46,7 +46,8 @@ class PathTracer {
   [[nodiscard]] const std::shared_ptr<ks::Device>& device() const { return device_; }
 
  private:
-  class Run;  // one render call
+  class Run;   // one render call
+  class Wave;  // one wave of it
   [[nodiscard]] Memory memory() const { return {device_, on_host_}; }
 
   std::shared_ptr<ks::Device> device_;
@@ -55,7 +56,8 @@ class PathTracer {
   std::unique_ptr<Stages> stages_;
   SceneTables tables_;
   AovTables aov_tables_;
-  WaveBuffers buffers_;
+  WaveSlots slots_;
+  std::shared_ptr<ks::Buffer> sums_;  // of passes over the same pixels
   Frame frame_;
   Accumulation accumulation_;
   Denoiser denoiser_;

@@ -4,6 +4,8 @@
 #include <algorithm>
 
 #include "device/error.h"
+#include "device/thread_pool.h"
+#include "pathtrace/wave.h"
 #include "pathtrace/wave_size.h"
 
 namespace kuafu {
@@ -41,14 +43,15 @@ void PathTracer::Run::prepare(const Scene& scene) {
 }
 
 void PathTracer::Run::fit_buffers() {
-  const uint32_t shadows = o_.tables_.shadow_rays_per_vertex();
-  const uint32_t most = most_paths(*o_.device_, shadows);
+  const uint32_t shadows = o_.tables_.shadow_rays_per_vertex(), total = launch_.pixel_count();
   const uint32_t samples = launch_.wants_radiance() ? std::min(launch_.samples, most_pass_samples()) : 1;
-  pixels_per_wave_ = std::min(launch_.pixel_count(), std::max(most / samples, pixel_block));
-  o_.buffers_.fit({round_up(pixels_per_wave_ * samples, pixel_block), launch_.band.channels(), groups(), shadows,
-                   launch_.max_bounces + 3 + o_.tables_.walk_passes(), environments_, o_.tables_.features(),
-                   keeps_sums() ? 0 : uint64_t(pixels_per_wave_) * sum_planes(), launch_.wants_visibility(),
-                   shadows > 0 && o_.tables_.has_glass() ? launch_.glass_surfaces : 0});
+  const uint32_t paths = o_.on_host_ ? host_wave_paths(shadows) : most_paths(*o_.device_, shadows);
+  const uint32_t wave = std::min(total, std::max(paths / samples, pixel_block));
+  pixels_per_batch_ = o_.on_host_ ? std::min(total, wave * waves_per_worker * o_.device_->workers().size()) : wave;
+  o_.slots_.fit({round_up(wave * samples, pixel_block), launch_.band.channels(), groups(), shadows,
+                 launch_.max_bounces + 3 + o_.tables_.walk_passes(), environments_, o_.tables_.features(), launch_.wants_visibility(),
+                 shadows > 0 && o_.tables_.has_glass() ? launch_.glass_surfaces : 0});
+  grow(o_.memory(), o_.sums_, keeps_sums() ? 0 : uint64_t(pixels_per_batch_) * sum_planes());
 }
 
 void PathTracer::Run::begin_accumulation() {
@@ -68,6 +71,7 @@ void PathTracer::Run::render() {
     finish_round();
   }
   if (!o_.frame_.is_empty()) develop();
+  o_.slots_.collect_times(commands_);
 }
 
 void PathTracer::Run::finish_round() {
@@ -80,13 +84,44 @@ void PathTracer::Run::finish_round() {
 
 void PathTracer::Run::render_round() {
   const uint32_t total = launch_.pixel_count();
-  for (uint32_t first = 0; first < total; first += pixels_per_wave_) {
-    const uint32_t count = std::min(pixels_per_wave_, total - first);
-    if ((launch_.wants_aovs() || denoises()) && budget_.done() == 0) render_aovs(first, count);
+  for (uint32_t first = 0; first < total; first += pixels_per_batch_) {
+    const uint32_t count = std::min(pixels_per_batch_, total - first);
+    if ((launch_.wants_aovs() || denoises()) && budget_.done() == 0)
+      in_waves(range(first, count, 0, 1), [](Wave& wave) { wave.render_aovs(); });
     if (launch_.wants_radiance()) render_pixels(first, count);
-    if (ends_submission(first / pixels_per_wave_) || first + count == total) commands_.flush();
+    if (ends_submission(first / pixels_per_batch_) || first + count == total) commands_.flush();
     report(first, float(count));
   }
+}
+
+void PathTracer::Run::render_pixels(uint32_t first_pixel, uint32_t pixel_count) {
+  const uint32_t samples = budget_.next();
+  for (uint32_t sample = 0; sample < samples; sample += most_pass_samples()) {
+    const uint32_t count = std::min(most_pass_samples(), samples - sample);
+    const bool last = sample + count == samples;
+    in_waves(range(first_pixel, pixel_count, first_sample() + samples_before() + sample, count),
+             [last](Wave& wave) { wave.render_paths(last); });
+    if (last) break;
+    commands_.flush();
+    report(first_pixel, float(pixel_count) * float(sample + count) / float(samples));
+  }
+}
+
+void PathTracer::Run::in_waves(const WaveRange& batch, const std::function<void(Wave&)>& step) {
+  batch_ = batch;
+  if (!o_.on_host_) {
+    Wave wave(*this, o_.slots_.only(), commands_, batch);
+    return step(wave);
+  }
+  const uint32_t pixels = batch.capacity / batch.sample_count;
+  o_.device_->workers().parallel_for((batch.pixel_count + pixels - 1) / pixels, [&](size_t i) {
+    WaveRange range = batch;
+    range.first_pixel += uint32_t(i) * pixels;
+    range.pixel_count = std::min(pixels, batch.pixel_count - uint32_t(i) * pixels);
+    const WaveSlots::Lease lease(o_.slots_);
+    Wave wave(*this, lease.slot().buffers, *lease.slot().commands, range);
+    step(wave);
+  });
 }
 
 // Steps on whole images, in the order of the light: noise goes before the optics spread it, and the caller's format comes last.
@@ -106,12 +141,11 @@ void PathTracer::Run::denoise() {
     return o_.denoiser_.sum(commands_);
   }
   o_.denoiser_.filter(commands_, samples_before() + (keeps_sums() ? 0 : budget_.done()));
-  const uint32_t total = launch_.pixel_count(), step = std::max(1u, o_.buffers_.size().capacity / Denoiser::rays_per_pixel);
+  const uint32_t total = launch_.pixel_count();
+  const uint32_t step = o_.on_host_ ? pixels_per_batch_ : std::max(1u, o_.slots_.size().capacity / Denoiser::rays_per_pixel);
   for (uint32_t first = 0; first < total; first += step) {
-    const WaveRange square = range(first, std::min(step, total - first), launch_.first_sample, Denoiser::rays_per_pixel);
-    generate(square, 0);
-    o_.tracer_->closest(commands_, o_.buffers_.closest_queue(0));
-    o_.denoiser_.remodulate(commands_, rays_of(square));
+    in_waves(range(first, std::min(step, total - first), launch_.first_sample, Denoiser::rays_per_pixel),
+             [](Wave& wave) { wave.remodulate(); });
     commands_.flush();
   }
   o_.denoiser_.sum(commands_);
@@ -126,8 +160,8 @@ void PathTracer::Run::report(uint32_t pixels_done, float part) {
 
 WaveRange PathTracer::Run::range(uint32_t first_pixel, uint32_t pixel_count, uint32_t first_sample, uint32_t sample_count) const {
   const uint32_t blocks = launch_.pixel_count() / pixel_block;
-  return {first_pixel,  pixel_count,   blocks,         permutation_stride(blocks), first_sample,
-          sample_count, launch_.width, launch_.height, o_.buffers_.size().capacity};
+  const uint32_t stride = o_.on_host_ ? 1 : permutation_stride(blocks);  // workers take what is next: neighbours share caches
+  return {first_pixel, pixel_count, blocks, stride, first_sample, sample_count, launch_.width, launch_.height, o_.slots_.size().capacity};
 }
 
 }  // namespace kuafu

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <chrono>
+#include <functional>
 
 #include "pathtrace/budget.h"
 #include "pathtrace/path_tracer.h"
@@ -24,29 +25,21 @@ class PathTracer::Run {
   }
 
  private:
+  friend class Wave;
   void fit_buffers();
   void begin_accumulation();
   void render_round();
   void finish_round();
   void develop();
   void denoise();
-  void render_aovs(uint32_t first_pixel, uint32_t pixel_count);
   void render_pixels(uint32_t first_pixel, uint32_t pixel_count);
-  void trace_paths();
-  void generate(const WaveRange& range, uint32_t flags);
-  void shade(uint32_t bounce);
-  void trace_shadows(uint32_t bounce);
-  void resolve(uint32_t bounce);
-  void accumulate(const WaveRange& range, bool last);
+  /// Takes a batch through `step`: a device's as one wave, the host's as many as its workers' slots make of it.
+  void in_waves(const WaveRange& batch, const std::function<void(Wave&)>& step);
   [[nodiscard]] WaveRange range(uint32_t first_pixel, uint32_t pixel_count, uint32_t first_sample, uint32_t sample_count) const;
   void report(uint32_t pixels_done, float part);
   [[nodiscard]] bool denoises() const { return launch_.denoise != DenoiseKind::none && launch_.wants_radiance(); }
-  [[nodiscard]] WaveRays rays_of(const WaveRange& wave) const {
-    return {o_.buffers_.closest_rays(0), o_.tables_.address(), o_.views_.address(), wave};
-  }
-  /// Who asks for progress hears of it as it is made; else a GPU gets several waves at once, and not so many that a watchdog minds.
-  [[nodiscard]] bool ends_submission(uint32_t wave) const { return o_.device_->is_cpu() || launch_.cancelled || wave % 8 == 7; }
-  [[nodiscard]] bool glass_shadows() const { return o_.buffers_.size().glass_surfaces > 0; }
+  /// Who asks for progress hears of it as it is made; else a GPU gets several batches at once, and not so many that a watchdog minds.
+  [[nodiscard]] bool ends_submission(uint32_t batch) const { return o_.device_->is_cpu() || launch_.cancelled || batch % 8 == 7; }
   /// Of light, kept apart.
   [[nodiscard]] uint32_t groups() const {
     return launch_.wants(output_light_group, output_light_group + light_group_count) ? group_ambient + o_.tables_.light_groups()
@@ -73,7 +66,8 @@ class PathTracer::Run {
   Budget budget_;
   double relative_error_ = std::numeric_limits<double>::quiet_NaN();
   std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
-  uint32_t pixels_per_wave_ = 0;
+  uint32_t pixels_per_batch_ = 0;
+  WaveRange batch_{};  // being rendered
   bool environments_ = false;
   bool camera_ = false;  // some view is more than a pinhole at rest
 };

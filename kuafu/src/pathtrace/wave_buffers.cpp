@@ -15,7 +15,6 @@ void WaveBuffers::fit(const WaveSize& size) {
   }
   grow(memory_, contributions_, shadows * (size.channels + (glass ? 1 : 0)));
   grow(memory_, state_, capacity * (state_shadow(size.channels, size.groups) + size.shadow_rays_per_vertex));
-  grow(memory_, sums_, size.sum_words);
   grow(memory_, counters_, counter_bytes() / 4);
 }
 

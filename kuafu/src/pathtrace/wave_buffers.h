@@ -18,7 +18,6 @@ struct WaveSize {
   uint32_t bounces = 0;  // counter blocks
   bool environments = false;
   uint32_t features = 0;        // feature_*
-  uint64_t sum_words = 0;       // of passes over the same pixels
   bool visibility = false;      // `aov` asks a shadow ray of each pixel
   uint32_t glass_surfaces = 0;  // that a shadow ray may pass; 0: shadow rays only ask whether something stands in the way
 };
@@ -42,7 +41,6 @@ class WaveBuffers {
   [[nodiscard]] uint64_t shadow_environments(uint32_t passed = 0) const { return address(shadow_environments_[passed & 1]); }
   [[nodiscard]] uint64_t contributions() const { return address(contributions_); }
   [[nodiscard]] uint64_t state() const { return address(state_); }
-  [[nodiscard]] uint64_t sums() const { return address(sums_); }
   [[nodiscard]] const ks::Buffer& counters() const { return *counters_; }
   [[nodiscard]] uint64_t counter_address() const { return address(counters_); }
   [[nodiscard]] uint64_t counter_bytes() const { return uint64_t(size_.bounces) * (1 + size_.glass_surfaces) * counter_words * 4; }
@@ -60,8 +58,7 @@ class WaveBuffers {
 
   Memory memory_;
   WaveSize size_;
-  std::shared_ptr<ks::Buffer> rays_[2], environments_[2], shadow_rays_[2], shadow_environments_[2], contributions_, state_, sums_,
-      counters_;
+  std::shared_ptr<ks::Buffer> rays_[2], environments_[2], shadow_rays_[2], shadow_environments_[2], contributions_, state_, counters_;
 };
 
 }  // namespace kuafu

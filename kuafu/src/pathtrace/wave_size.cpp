@@ -7,7 +7,7 @@ namespace kuafu {
 namespace {
 
 // Paths in flight that measured best: enough to fill the device, few enough for a CPU's caches.
-constexpr uint32_t cpu_wave = 1u << 17, gpu_wave = 1u << 22;
+constexpr uint32_t host_wave = 1u << 11, cpu_wave = 1u << 17, gpu_wave = 1u << 22;
 constexpr uint64_t path_bytes = 320;  // of queues and state, about
 
 }  // namespace
@@ -18,6 +18,8 @@ uint32_t permutation_stride(uint32_t n) {
   while (std::gcd(stride, n) != 1) --stride;
   return stride;
 }
+
+uint32_t host_wave_paths(uint32_t shadow_rays_per_vertex) { return host_wave / (1 + shadow_rays_per_vertex / 4); }
 
 uint32_t most_paths(const ks::Device& device, uint32_t shadow_rays_per_vertex) {
   if (device.is_cpu()) return cpu_wave / (1 + shadow_rays_per_vertex / 4);

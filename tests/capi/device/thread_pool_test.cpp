@@ -53,6 +53,16 @@ TEST(ThreadPool, NestedCallsDoNotDeadlock) {
   EXPECT_EQ(visits, 64);
 }
 
+TEST(ThreadPool, NestedCallsStayInTheirThread) {
+  ThreadPool pool(3);
+  std::atomic<int> strayed = 0;
+  pool.parallel_for(8, [&](size_t) {
+    const std::thread::id here = std::this_thread::get_id();
+    pool.parallel_for(64, [&](size_t) { strayed += std::this_thread::get_id() != here; });
+  });
+  EXPECT_EQ(strayed, 0);
+}
+
 TEST(ThreadPool, SeveralThreadsMayShareOne) {
   ThreadPool pool(3);
   std::vector<size_t> sums(4, 0);
