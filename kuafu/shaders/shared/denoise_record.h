@@ -59,15 +59,18 @@ KUAFU_ARRAY(DenoiseImagesArray, DenoiseImages, 8)
 KUAFU_CONST denoise_divide = 0u;     // by albedo; statistics of each pixel
 KUAFU_CONST denoise_despeckle = 1u;  // neighbours' variance; what is far above them by its own noise
 KUAFU_CONST denoise_accumulate = 2u;  // over launches
-KUAFU_CONST denoise_atrous = 3u;      // one pass of the filter, its taps `spacing` pixels apart
-KUAFU_CONST denoise_sum = 4u;        // ambient and radiance from their parts
+KUAFU_CONST denoise_smooth = 3u;      // levels that the next pass tells pixels apart by; light stays where it is
+KUAFU_CONST denoise_atrous = 4u;      // one pass of the filter, its taps `spacing` pixels apart
+KUAFU_CONST denoise_sum = 5u;        // ambient and radiance from their parts
 
-// Statistics of a pixel: state_words floats.
+// Statistics of a pixel: denoise_words floats.
 KUAFU_CONST denoise_level = 0u;       // mean over channels of the light over albedo, all images together
 KUAFU_CONST denoise_variance = 1u;    // of that mean
 KUAFU_CONST denoise_confidence = 2u;  // 1; less where the pixel's samples may be of several surfaces
 KUAFU_CONST denoise_inside = 3u;      // the confidence that it began with
-KUAFU_CONST denoise_words = 4u;
+KUAFU_CONST denoise_smooth_level = 4u;     // mean over like neighbours
+KUAFU_CONST denoise_smooth_variance = 5u;  // of that mean
+KUAFU_CONST denoise_words = 6u;
 
 // What history keeps of a pixel.
 KUAFU_CONST history_variance = 0u;

@@ -126,12 +126,15 @@ void Denoiser::filter(ks::Commands& commands, uint32_t samples) {
   step(commands, denoise_despeckle);
   if (accumulates_) step(commands, denoise_accumulate);
   history_.views = std::exchange(history_.next_views, {});
-  for (uint32_t pass = 0; pass < passes; ++pass) step(commands, denoise_atrous, 1u << pass);
+  for (uint32_t pass = 0; pass < passes; ++pass) {
+    step(commands, denoise_smooth, 1u << pass);
+    step(commands, denoise_atrous, 1u << pass);
+  }
 }
 
 // Each step reads what the last one wrote.
 void Denoiser::step(ks::Commands& commands, uint32_t step, uint32_t spacing) {
-  std::swap(light_[0], light_[1]);
+  if (step != denoise_smooth) std::swap(light_[0], light_[1]);
   std::swap(pixels_[0], pixels_[1]);
   push_.light_in = memory_.address(*light_[0]);
   push_.light_out = memory_.address(*light_[1]);
