@@ -46,7 +46,7 @@ def add_parser(commands):
         "--effects", type=Path, action="append", default=[], metavar="FILE", help="your own effects, ranked beside the built-in ones"
     )
     parser.add_argument("--greedy", action="store_true", help="add, refit, swap and remove effects until nothing passes")
-    parser.add_argument("--spp", type=integer_from(1), default=64, metavar="N", help="samples per pixel (default: 64)")
+    parser.add_argument("--spp", type=integer_from(1), default=32, metavar="N", help="samples per pixel (default: 32)")
     add_max_bounces(parser)
     add_seed(parser, "same seed, same answer")
     text = "threads that fit (default: one per core)"

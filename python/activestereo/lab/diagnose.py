@@ -34,7 +34,7 @@ class Diagnosis:
 
 
 def diagnose(
-    capture_path, model=None, effects=None, steps="one", renderer=None, samples_per_pixel=64, max_bounces=8, seed=0,
+    capture_path, model=None, effects=None, steps="one", renderer=None, samples_per_pixel=32, max_bounces=8, seed=0,
     cache=None, workers=2, progress=None,
 ):  # fmt: skip
     """A Diagnosis of the capture folder.

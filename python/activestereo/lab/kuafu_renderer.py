@@ -19,7 +19,7 @@ _OUTPUTS = ("projector_direct", "projector_indirect", "ambient", "depth", "norma
 class KuafuRenderer:
     """Renders RenderRequests. A scene is loaded once and kept; the projector moves from request to request.
 
-    device: 'auto', 'cpu', an index or a kuafu.Device. smooth: filter bounced projector light on diffuse surfaces, see smooth.py.
+    device: 'auto', 'cpu', an index or a kuafu.Device. smooth: filter bounced and ambient light on diffuse surfaces, see smooth.py.
     Raises kuafu.NoDeviceError or kuafu.FileError.
     """
 
@@ -32,7 +32,7 @@ class KuafuRenderer:
     @property
     def version(self):
         """Changes with the library's code and the device: pixels are the same bits on one device only."""
-        smooth = f", bounced light smoothed {SMOOTH_VERSION}" if self._smooth else ""
+        smooth = f", smoothed {SMOOTH_VERSION}" if self._smooth else ""
         return f"kuafu {kuafu.__version__} {_library_digest()} on {self._device.info.name}{smooth}"
 
     def __call__(self, request, progress=None):
@@ -43,33 +43,26 @@ class KuafuRenderer:
         flat = self._render(request, cameras, ("projector_direct",), 0, None)["projector_direct"]
         self._place_projector(request, self._texture)
         images = self._render(request, cameras, _OUTPUTS, request.max_bounces, progress)
-        return tuple(
-            Layers(
-                direct=images["projector_direct"][i, ..., 0].copy(),
-                indirect=self._indirect(images, i, request.cameras[i]),
-                ambient=images["ambient"][i, ..., 0].copy(),
-                flat=flat[i, ..., 0].copy(),
-                depth_m=images["depth"][i, ..., 0].copy(),
-                normal=images["normal"][i].copy(),
-                material=images["material_id"][i, ..., 0].copy(),
-            )
-            for i in range(len(cameras))
-        )
+        return tuple(self._layers(images, flat, i, camera) for i, camera in enumerate(request.cameras))
 
-    def _indirect(self, images, i, camera):
-        indirect, depth_m = images["projector_indirect"][i, ..., 0].copy(), images["depth"][i, ..., 0]
-        if not self._smooth:
-            return indirect
-        normal, material = images["normal"][i] @ camera.camera_to_world[:3, :3], images["material_id"][i, ..., 0]
+    def _layers(self, images, flat, i, camera):
+        depth_m, normal, material = images["depth"][i, ..., 0].copy(), images["normal"][i].copy(), images["material_id"][i, ..., 0].copy()
+        many_ways = np.stack([images["projector_indirect"][i, ..., 0], images["ambient"][i, ..., 0]])
+        if self._smooth:
+            many_ways = self._smoothed(many_ways, depth_m, normal, material, camera)
+        direct = images["projector_direct"][i, ..., 0].copy()
+        return Layers(direct, *many_ways, flat[i, ..., 0].copy(), depth_m, normal, material)
+
+    def _smoothed(self, light, depth_m, normal, material, camera):
         column, row = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
         y = (row - camera.K[1, 2]) / camera.K[1, 1]
         x = (column - camera.K[0, 2] - camera.K[0, 1] * y) / camera.K[0, 0]
         points = np.stack([x * depth_m, y * depth_m, depth_m], axis=-1)
-        filtered = smooth_bounced(indirect, depth_m, normal, points, material, camera.K[0, 0])
-        return np.where(np.isin(material, self._matt_materials(material)), filtered, indirect)
+        filtered = smooth_bounced(light, depth_m, normal @ camera.camera_to_world[:3, :3], points, material, camera.K[0, 0])
+        return np.where(np.isin(material, self._matt_materials(material)), filtered, light)
 
     def _matt_materials(self, material):
-        """Ids of those whose bounced light follows the surface alone: no mirror, no glass, no albedo texture."""
+        """Ids of those whose bounced and ambient light follow the surface alone: no mirror, no glass, no albedo texture."""
         seen = {int(m): self._scene.get_material(int(m)) for m in np.unique(material) if m != _NOTHING_HIT}
         return [
             i

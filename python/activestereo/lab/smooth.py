@@ -1,6 +1,6 @@
-"""Takes Monte Carlo noise out of bounced light: an edge-avoiding a-trous wavelet filter (Dammertz et al. 2010, HPG).
+"""Takes Monte Carlo noise out of bounced and ambient light: an edge-avoiding a-trous wavelet filter (Dammertz et al. 2010, HPG).
 
-Bounced light is smooth along a diffuse surface, so a pixel may learn from neighbours of the same material that lie in its
+Such light is smooth along a diffuse surface, so a pixel may learn from neighbours of the same material that lie in its
 tangent plane. The weights look at geometry alone, never at the noisy light, so the filter is linear in it; its mean stays within
 a per cent (measured).
 """
@@ -8,22 +8,22 @@ a per cent (measured).
 import numpy as np
 
 # Changes whenever the filter does.
-SMOOTH_VERSION = 2
+SMOOTH_VERSION = 3
 
 # Cubic B-spline, 5 taps.
 _TAPS = np.array([1, 4, 6, 4, 1]) / 16.0
 # A level doubles the reach; so many make about this angle, whatever the resolution.
 _REACH_RAD = 0.02
-# Neighbours count less by their distance from the tangent plane, in shares of depth, and by their normals' angle.
+# Neighbours count less by their distance from the tangent plane, in shares of depth, and by their normals' angle: cosine^24.
 _PLANE_SHARE = 0.006
-_NORMAL_POWER = 24
 
 
 def smooth_bounced(image, depth_m, normal, points, material, focal_px):
-    """image [height][width], filtered where depth_m > 0. normal and points [height][width][3] in one frame; material
+    """image [..., height, width], filtered where depth_m > 0. normal and points [height][width][3] in one frame; material
     [height][width]; focal_px: the camera's, in samples of the image."""
     levels = max(1, round(np.log2(focal_px * _REACH_RAD)))
-    guide = (np.asarray(normal, dtype=np.float32), np.asarray(points, dtype=np.float32), np.asarray(material))
+    planes = (np.ascontiguousarray(np.moveaxis(vectors, -1, 0), dtype=np.float32) for vectors in (normal, points))
+    guide = (*planes, np.asarray(material))
     reach = np.maximum(_PLANE_SHARE * depth_m, 1e-6).astype(np.float32)
     out = np.asarray(image, dtype=np.float32)
     for level in range(levels):
@@ -32,12 +32,12 @@ def smooth_bounced(image, depth_m, normal, points, material, focal_px):
 
 
 def _filter(image, guide, reach, step):
-    total, weight_sum = np.zeros_like(image), np.zeros_like(image)
+    total, weight_sum = np.zeros_like(image), np.zeros_like(reach)
     for j, row_tap in enumerate(_TAPS):
         for i, column_tap in enumerate(_TAPS):
-            here, there = _overlap(image.shape, (j - 2) * step, (i - 2) * step)
-            weight = row_tap * column_tap * _likeness(guide, reach, here, there)
-            total[here] += weight * image[there]
+            here, there = _overlap(reach.shape, (j - 2) * step, (i - 2) * step)
+            weight = np.float32(row_tap * column_tap) * _likeness(guide, reach, here, there)
+            total[..., *here] += weight * image[..., *there]
             weight_sum[here] += weight
     # Where nothing is seen nothing weighs, and a NaN there would spread over the next level's taps.
     return np.where(weight_sum > 0, total / np.where(weight_sum > 0, weight_sum, 1.0), image)
@@ -46,10 +46,17 @@ def _filter(image, guide, reach, step):
 def _likeness(guide, reach, here, there):
     """1 for a neighbour of the same surface, towards 0 for another."""
     normal, points, material = guide
-    cosine = np.einsum("ijk,ijk->ij", normal[here], normal[there])
-    off_plane = np.einsum("ijk,ijk->ij", normal[here], points[there] - points[here]) / reach[here]
+    cosine = np.maximum(_dot(normal[:, *here], normal[:, *there]), np.float32(1e-6))
+    eighth = cosine * cosine
+    eighth *= eighth
+    eighth *= eighth
+    off_plane = _dot(normal[:, *here], points[:, *there] - points[:, *here]) / reach[here]
     same = (material[here] == material[there]) | (here == there)
-    return same * np.clip(cosine, 1e-6, 1.0) ** _NORMAL_POWER * np.exp(-off_plane * off_plane)
+    return same * (eighth * eighth * eighth) * np.exp(-off_plane * off_plane)
+
+
+def _dot(a, b):
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 def _overlap(shape, down, right):
