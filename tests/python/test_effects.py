@@ -76,10 +76,30 @@ def test_projector_effects_leave_ambient_light_alone():
 
 def test_energy_is_kept_by_blur_glare_and_defocus_of_a_plane():
     view = example_view()
-    image = np.zeros((1, *view.shape))
-    image[0, 30:40, 40:50] = 1.0
-    for name, parameters in (("lens_psf", {"sigma_px": 1.3}), ("veiling_glare", {"fraction": 0.2})):
-        assert EFFECTS[name](image, view, **parameters).sum() == pytest.approx(image.sum(), rel=1e-6)
+    image = np.zeros(view.shape)
+    image[30:40, 40:50] = 1.0
+    blurred = EFFECTS["lens_psf"](Light(image, image, image, image), view, sigma_px=1.3).ambient
+    assert blurred.sum() == pytest.approx(image.sum(), rel=1e-6)
+    assert EFFECTS["veiling_glare"](image[None], view, fraction=0.2).sum() == pytest.approx(image.sum(), rel=1e-6)
+
+
+@pytest.mark.parametrize("sigma", [0.2, 0.5, 1.3])
+def test_a_blur_s_variance_is_its_sigma_squared_below_a_pixel_too(sigma):
+    view, image = example_view(), np.zeros(example_view().shape)
+    image[36, 48] = 1.0
+    seen = EFFECTS["lens_psf"](Light(image, image, image, image), view, sigma_px=sigma).direct
+    assert (seen * (view.pixels()[0] - 48) ** 2).sum() == pytest.approx(sigma**2, rel=0.01)
+
+
+def test_resampling_keeps_the_place_and_spreads_it_as_two_weighted_pixels_do():
+    view = example_view()
+    u, v = view.pixels()
+    blob = np.exp(-((u - 48) ** 2 + (v - 36) ** 2) / 8)
+    seen = EFFECTS["rectification_resampling"](Light(blob, blob, blob, blob), view, phase_u_px=0.3, phase_v_px=0.0).direct
+    column, row = ((seen * x).sum() / seen.sum() for x in (u, v))
+    assert (column, row) == (pytest.approx(48, abs=1e-3), pytest.approx(36, abs=1e-6))
+    variance = (seen * (u - column) ** 2).sum() / seen.sum() - (blob * (u - 48) ** 2).sum() / blob.sum()
+    assert variance == pytest.approx(0.3 * 0.7, rel=0.01)
 
 
 def test_distortion_moves_a_corner_by_brown_conradys_formula():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import kuafu
-from activestereo.effects import builtin
+from activestereo.effects import Light, Stage, builtin
 from activestereo.effects.core.laws import example_view
 
 WIDTH, HEIGHT, K = 60, 44, np.array([[50.0, 0, 28.0], [0, 52.0, 23.0], [0, 0, 1]])
@@ -32,8 +32,11 @@ def render(device):
 
 def by_effect(image, name, **values):
     view = replace(example_view(), K=K, depth_m=np.full((HEIGHT, WIDTH), 2.0), distortion=(0.0,) * 5)
-    stack = builtin()[name](np.moveaxis(image, -1, 0), view, **values)
-    return np.moveaxis(stack, 0, -1)
+    effect, stack = builtin()[name], np.moveaxis(image, -1, 0)
+    if effect.stage is Stage.CAMERA:
+        lights = [effect(Light(one, one, one, one), view, **values).direct for one in stack]
+        return np.stack(lights, axis=-1)
+    return np.moveaxis(effect(stack, view, **values), 0, -1)
 
 
 def test_vignetting_is_the_effect_s(render):
@@ -48,7 +51,7 @@ def test_veiling_glare_is_the_effect_s(render):
 
 @pytest.mark.parametrize("sigma, corner, tolerance", [(1.5, 0.0, 0.008), (1.2, 1.5, 0.025)])
 def test_lens_psf_is_the_effect_s(render, sigma, corner, tolerance):
-    """But for the kernel on the pixels, whose variance is exact here and sampled there, and for who tells a varying blur's width."""
+    """But for the kernel on the pixels, and for who tells a varying blur's width."""
     seen = render(kuafu.Film(psf_sigma_px=sigma, psf_corner_sigma_px=corner))
     other = by_effect(render(), "lens_psf", sigma_px=sigma, corner_sigma_px=corner)
     assert np.abs(seen - other).max() < tolerance

@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
-from activestereo.effects.core.resample import blur
 
 
 @effect(
@@ -21,4 +20,7 @@ def chromatic_drift(light, view, transmission_per_k, sigma_px_per_k):
     gain = max(0.0, 1.0 + transmission_per_k * abs(view.warming_k))
     sigma = sigma_px_per_k * abs(view.warming_k)
     dimmed = light.scale_projector(gain)
-    return replace(dimmed, direct=blur(dimmed.direct, sigma), flat=blur(dimmed.flat, sigma))
+    if sigma == 0.0:
+        return dimmed
+    seen = dimmed.blurred(sigma)
+    return replace(dimmed, direct=seen.direct, flat=seen.flat)

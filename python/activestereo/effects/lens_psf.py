@@ -1,12 +1,11 @@
 """Camera blur: defocus and aberrations beyond the pixel's own square."""
 
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
-from activestereo.effects.core.resample import blur
 
 
 @effect(
     "lens_psf",
-    stage=Stage.OPTICS,
+    stage=Stage.CAMERA,
     family="camera blur",
     source="Gaussian line spread; visible dot sigma 0.8-1.2 px on D4xx frames",
     parameters=[
@@ -14,10 +13,10 @@ from activestereo.effects.core.resample import blur
         Parameter("corner_sigma_px", "px", neutral=0.0, low=0.0, high=4.0, typical=0.6, source="field curvature: grows with radius squared"),
     ],
 )
-def lens_psf(image, view, sigma_px, corner_sigma_px):
+def lens_psf(light, view, sigma_px, corner_sigma_px):
     """Gaussian blur of all light, constant over the image plus a part that grows towards the corners."""
     if corner_sigma_px == 0.0:
-        return blur(image, sigma_px)
+        return light.blurred(sigma_px) if sigma_px else light
     fx, fy = view.field()
     corner = corner_sigma_px * (fx * fx + fy * fy) / 2.0
-    return blur(image, (sigma_px**2 + corner**2) ** 0.5)
+    return light.blurred((sigma_px**2 + corner**2) ** 0.5)

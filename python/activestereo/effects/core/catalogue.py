@@ -6,7 +6,7 @@ _WHERE = {
     Stage.PROJECTOR: "Light leaves the projector",
     Stage.MEDIUM: "On the way through air",
     Stage.SURFACE: "At surfaces, and from other lights",
-    Stage.CAMERA: "Where and when the cameras look",
+    Stage.CAMERA: "Where, when and how sharply the cameras look",
     Stage.OPTICS: "Through the lens",
     Stage.CHARGE: "Light becomes charge",
     Stage.READOUT: "Charge is amplified and read",

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from scipy.ndimage import map_coordinates, spline_filter
 
-from activestereo.effects.core.resample import sample
+from activestereo.effects.core.resample import blur, sample, shifted_sum
 
 
 @dataclass(frozen=True)
@@ -35,6 +35,19 @@ class FineImages:
         column, row = np.meshgrid(np.arange(width, dtype=np.float64), np.arange(height, dtype=np.float64))
         moved = sample(np.stack([u - column, v - row]), columns, rows, order=1)
         return FineImages(self.at(columns + moved[0], rows + moved[1]), self.scale, self.margin_px)
+
+    def blurred(self, sigma_px):
+        """The images under a Gaussian blur; sigma_px: a number, or an image of it [height][width] that goes on beyond the frame."""
+        if np.ndim(sigma_px):
+            height, width = np.shape(sigma_px)
+            rows, columns = np.meshgrid(self._positions(height), self._positions(width), indexing="ij")
+            sigma_px = sample(np.asarray(sigma_px, dtype=np.float64), columns, rows, order=1)
+        return FineImages(blur(self.images, self.scale * sigma_px), self.scale, self.margin_px)
+
+    def shifted_sum(self, along_u, along_v):
+        """See resample.shifted_sum; shifts in pixels."""
+        fine_u, fine_v = ([(self.scale * shift, weight) for shift, weight in taps] for taps in (along_u, along_v))
+        return FineImages(shifted_sum(self.images, fine_u, fine_v), self.scale, self.margin_px)
 
     def at(self, u, v):
         """Values at pixel positions (u, v) of any shape, float32 [n][...]."""

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from activestereo.effects.core.fine import FineImages
-from activestereo.effects.core.resample import blur, sample
+from activestereo.effects.core.resample import blur, sample, shifted_sum
 
 # Rounding of the rendered float32 images; smaller changes are none.
 _UNCHANGED = 1e-6
@@ -53,12 +53,27 @@ class Light:
         only: a local gain, and what that leaves."""
         if self.fine is None:
             return Light(*sample(self.images, u, v))
-        fine = self.fine.warped(u, v)
+        return self._as(self.fine.warped(u, v), lambda rest: sample(rest, u, v), lambda gain: sample(gain, u, v, order=1))
+
+    def blurred(self, sigma_px):
+        """The light under a Gaussian blur of sigma_px, a number or an image of it; of the fine images where there are any."""
+        if self.fine is None:
+            return self.map(lambda images: blur(images, sigma_px))
+        return self._as(self.fine.blurred(sigma_px), lambda rest: blur(rest, sigma_px))
+
+    def shifted_sum(self, along_u, along_v):
+        """The weighted sum of shifted lights, see resample.shifted_sum; of the fine images where there are any."""
+        if self.fine is None:
+            return self.map(lambda images: shifted_sum(images, along_u, along_v))
+        return self._as(self.fine.shifted_sum(along_u, along_v), lambda rest: shifted_sum(rest, along_u, along_v))
+
+    def _as(self, fine, of_rest, of_gain=lambda gain: gain):
+        """This light with other fine images; what effects have changed since they were rendered follows by its gain and its rest."""
         moved = []
         for now, before, after in zip(self.images, self.fine.pixels, fine.pixels, strict=True):
             if np.abs(now - before).max() > _UNCHANGED * before.max():
                 gain = _local_gain(before, now)
-                after = np.maximum(after * sample(gain, u, v, order=1) + sample(now - gain * before, u, v), 0.0)
+                after = np.maximum(after * of_gain(gain) + of_rest(now - gain * before), 0.0)
             moved.append(after)
         return Light(*moved, fine)
 

@@ -1,13 +1,16 @@
-"""Moving and blurring images: cubic resampling, exact box means over a pattern, blurs that vary over the image."""
+"""Moving and blurring images: cubic resampling, sums of shifts, exact box means over a pattern, blurs that vary over the image."""
 
 import hashlib
 from functools import lru_cache
 
 import numpy as np
-from scipy.ndimage import gaussian_filter, map_coordinates, spline_filter
+from scipy.ndimage import convolve1d, map_coordinates, spline_filter
 from scipy.signal import fftconvolve
+from scipy.special import ive
 
 _MAX_LEVELS = 5
+# A blur's kernel ends where so many of its deviations, and a pixel, are passed.
+_REACH = 4.0
 
 
 def sample(images, u, v, order=3):
@@ -49,12 +52,37 @@ class BoxSampler:
         return (s[j, i] * (1 - a) + s[j, i + 1] * a) * (1 - b) + (s[j + 1, i] * (1 - a) + s[j + 1, i + 1] * a) * b
 
 
+def shifted_sum(images, along_u, along_v):
+    """Sums of shifted images [..., height][width], cubic splines between their samples: weight times the image at (u + shift), for all
+    pairs (shift in samples, weight) along columns and along rows; the border value beyond the border."""
+    coefficients = np.stack([spline_filter(image, 3, image.dtype, mode="mirror") for image in images.reshape(-1, *images.shape[-2:])])
+    for axis, taps in ((-1, along_u), (-2, along_v)):
+        reach = int(np.ceil(max(abs(shift) for shift, _ in taps))) + 2
+        at = np.arange(-reach, reach + 1.0)
+        coefficients = convolve1d(coefficients, sum(w * _cubic_spline(at + shift) for shift, w in taps), axis, mode="mirror")
+    low, high = (edge(images, axis=(-2, -1), keepdims=True) for edge in (np.min, np.max))
+    return np.clip(coefficients.reshape(images.shape), low, high)  # a spline may overshoot next to a dot
+
+
+def _cubic_spline(x):
+    """The cubic B-spline: of one coefficient, its share in the value at a distance x."""
+    x = np.abs(x)
+    return np.where(x < 1.0, 2.0 / 3.0 - x * x + 0.5 * x**3, np.maximum(2.0 - x, 0.0) ** 3 / 6.0)
+
+
 def blur(images, sigma_px):
     """Gaussian blur of images [..., height][width] by a sigma in pixels: a number, or an image of it.
 
-    A varying sigma is interpolated in variance between a few uniform blurs."""
+    Its kernel is the discrete analogue of the Gaussian (Lindeberg 1990), whose variance is sigma^2 below a pixel too. A varying
+    sigma is interpolated in variance between a few uniform blurs."""
     if np.ndim(sigma_px) == 0:
-        return images if sigma_px == 0 else gaussian_filter(images, [0] * (images.ndim - 2) + [sigma_px] * 2, mode="nearest")
+        if sigma_px == 0:
+            return images
+        reach = int(np.ceil(_REACH * sigma_px + 1.0))
+        kernel = ive(np.abs(np.arange(-reach, reach + 1)), sigma_px**2)
+        for axis in (-2, -1):
+            images = convolve1d(images, kernel / kernel.sum(), axis, mode="nearest")
+        return images
     variance = np.asarray(sigma_px, dtype=np.float64) ** 2
     low, high = variance.min(), variance.max()
     if high - low < 1e-12:
