@@ -1,7 +1,7 @@
 """Scores the tool's answers against the keys; every rate comes with its Wilson interval (95 %)."""
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.stats import binomtest
@@ -12,11 +12,13 @@ DETECTABLE = 0.5
 
 @dataclass(frozen=True)
 class Result:
-    """One world: the key, the tool's diagnose.json (None where it failed) and the run's figures."""
+    """One world: the key, the tool's diagnose.json (None where it failed) and the run's figures; followed: {"asked" or "random":
+    diagnose.json after one more measurement}, see run_next.py."""
 
     key: dict
     answer: dict | None
     run: dict
+    followed: dict = field(default_factory=dict)
 
     @property
     def failed(self):
@@ -55,6 +57,11 @@ class Result:
         return self.verdict == ("effect" if self.truth else "none") and self.added == self.truth
 
     @property
+    def is_ambiguous(self):
+        """Whether the one thing hidden is named, with others that fit as well."""
+        return self.verdict == "effect" and len(self.truth) == 1 and len(_set_of(self)) > 1 and self.truth <= _set_of(self)
+
+    @property
     def named(self):
         """Whether the tool puts a name to something."""
         return self.verdict == "effect" or bool(self.added)
@@ -69,7 +76,9 @@ def read_results(folder, ids):
             continue
         run, answer = json.loads((place / "run.json").read_text()), place / "diagnose.json"
         read = json.loads(answer.read_text()) if answer.is_file() and run["returncode"] == 0 else None
-        results.append(Result(json.loads((folder / "keys" / f"{item_id}.json").read_text()), read, run))
+        more = {how: folder / "next" / item_id / how / "diagnose.json" for how in ("asked", "random")}
+        followed = {how: json.loads(path.read_text()) for how, path in more.items() if path.is_file()}
+        results.append(Result(json.loads((folder / "keys" / f"{item_id}.json").read_text()), read, run, followed))
     return results
 
 
@@ -94,6 +103,8 @@ def score(results):
         "90 % intervals hold the truth": rate([c for r in clear for c in _covered(r)]),
         "calibration error (ECE)": _ece(results),
         "error fall F (median)": median([f for r in clear if (f := _fall(r)) is not None]),
+        "next measurement resolves": rate([_resolved(r, "asked") for r in results if r.followed]),
+        "a random one resolves": rate([_resolved(r, "random") for r in results if r.followed]),
         "depth alone is undetermined": rate([r.verdict == "undetermined" for r in of["depth"] if not r.key["infrared"]]),
         "depth engine's fault first": rate([_first(r) for r in of["depth"] if r.key["infrared"]]),
         "seconds per diagnosis (median)": median([r.run["diagnose_s"] for r in results]),
@@ -122,6 +133,12 @@ def median(values):
 
 def _first(r):
     return bool(r.names(1)) and r.names(1)[0] in r.truth
+
+
+def _resolved(r, how):
+    """Whether, after one more measurement, the truth alone is left."""
+    after = r.followed.get(how)
+    return after is not None and bool(after["ranking"]) and {after["ranking"][0]["effect"], *after["ranking"][0]["equivalent"]} == r.truth
 
 
 def _family_right(r):

@@ -8,10 +8,10 @@ from worlds.blind import oracle
 from worlds.blind.world import World
 
 
-def make_world(item, capture_folder, key_path, survey):
-    """Writes both, whole or not at all; returns the key."""
+def make_world(item, capture_folder, key_path, survey, more=None):
+    """Writes both, whole or not at all; returns the key. more: a change of frames recorded beside the usual ones."""
     hidden, moving_exposure = item.draw()
-    world = World(item.seed, hidden, survey, moving_exposure=moving_exposure)
+    world = World(item.seed, hidden, survey, moving_exposure=moving_exposure, more=more)
     building = capture_folder.with_name(capture_folder.name + ".part")
     shutil.rmtree(building, ignore_errors=True)
     figures = world.capture(building, item.blind_name)

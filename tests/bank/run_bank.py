@@ -94,14 +94,15 @@ def _run_one(task):
         capture.parent.mkdir(parents=True, exist_ok=True)
         make_world(item, capture, key, survey)
     made = time.monotonic()
-    run = _diagnose(command, capture, answer, timeout) | {"make_s": made - started, "diagnose_s": time.monotonic() - made}
+    run = diagnose_capture(command, capture, answer, timeout) | {"make_s": made - started, "diagnose_s": time.monotonic() - made}
     (answer / "run.json").write_text(json.dumps(run))
     if not keep:
         shutil.rmtree(capture)
     return item.id, run
 
 
-def _diagnose(command, capture, answer, timeout):
+def diagnose_capture(command, capture, answer, timeout):
+    """Runs the tool on a capture folder; {returncode, said}. answer: the folder for diagnose.json and the tool's output."""
     words = [word.format(capture=capture, out=answer) for word in shlex.split(command)]
     with open(answer / "log.txt", "w") as log:
         try:

@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -77,6 +78,14 @@ def test_wrong_answers_are_told_apart():
     assert value["pairs: both found"] == 0.5
     assert value["pairs: one of two first"] == 1.0
     assert out["by_strength"]["strong"]["confusion"] == {"a": "b"}
+
+
+def test_a_measurement_resolves_where_the_truth_alone_is_left():
+    first = result({"a"}, "effect", [entry("b", equivalent=["a"])], {"b"})
+    assert first.is_ambiguous and not result({"a"}, "effect", [entry("b")], {"b"}).is_ambiguous
+    told, open_still = {"ranking": [entry("a")]}, {"ranking": [entry("a", equivalent=["b"])]}
+    measures = score([replace(first, followed={"asked": told, "random": open_still})])["measures"]
+    assert (measures["next measurement resolves"]["value"], measures["a random one resolves"]["value"]) == (1.0, 0.0)
 
 
 def test_intervals_cover_what_they_say():

@@ -16,6 +16,7 @@ from worlds.blind.catalogue import CATALOGUE, OUTSIDE, SINGLE, STRENGTHS  # noqa
 from worlds.blind.depth import device_depth  # noqa: E402
 from worlds.blind.lightmap import Lightmap  # noqa: E402
 from worlds.blind.scene import draw_scene, texel_spacing  # noqa: E402
+from worlds.blind.more import more_frames  # noqa: E402
 from worlds.blind.world import EYES, RAY_EFFECTS, World  # noqa: E402
 from worlds.cylinder import Cylinder  # noqa: E402
 from worlds.solids import Box, Sphere  # noqa: E402
@@ -136,3 +137,14 @@ def test_the_simulator_reaches_the_floor_of_a_world_that_hides_nothing(world, tm
         assert scores["ir"][split]["rmse_dn"] < 1.04 * figures[split]["floor_dn"]
     assert scores["fit"]["nuisances"]["projector_scale"] == pytest.approx(world.sensor.projector_scale, rel=0.01)
     assert scores["fit"]["nuisances"]["black_dn"] == pytest.approx(world.sensor.black_dn, abs=0.1)
+
+
+def test_more_frames_repeat_each_train_view_under_the_change(world):
+    more = more_frames(world.frames, {"exposure_factor": 2.0})
+    views = [f for f in world.frames if f.split == "train" and f.id != 1]
+    assert [f.exposure_s for f in more[8:]] == [2.0 * f.exposure_s for f in views]
+    assert [f.id for f in more] == list(range(len(more)))
+    repeated = more_frames(world.frames, {"repeats": 2})
+    assert all(f.repeat_group is not None for f in repeated if f.split == "train")
+    groups = [f.repeat_group for f in repeated[8:]]
+    assert all(groups.count(g) == 2 for g in groups)

@@ -73,7 +73,7 @@ def no_infrared(capture_path):
 
 
 def _undetermined(reason, model):
-    advice = {"text": "record the infrared images of both cameras, with two or more frames of each static view", "separates": []}
+    advice = {"text": "record the infrared images of both cameras, with two or more frames of each static view", "separates": [], "change": None}
     return {
         "verdict": "undetermined", "reason": reason, "ranking": [], "added": [], "heldout_ir_rmse_before": None,
         "heldout_ir_rmse_after": None, "heldout_noise_floor": None, "next_measurement": [advice], "law": None, "curve": [],

@@ -9,6 +9,7 @@ from itertools import combinations
 
 import numpy as np
 
+from activestereo.effects.core.view import REFERENCE_TEMPERATURE_C
 from activestereo.lab.diagnose_fit import signal
 from activestereo.lab.diagnose_scan import scan_observations
 from activestereo.lab.diagnose_verdict import equivalents
@@ -17,25 +18,35 @@ _MEMBERS = 3
 _SUGGESTIONS = 3
 _WORTH_NATS = 2.0
 
+# What changes in frames of the known views: factors, values, kelvins more, a velocity [v, w], repeats more.
 _MENU = {
-    "the same views with the projector off": lambda f: replace(f, projector_power=0.0),
-    "the same views at a quarter of the exposure": lambda f: replace(f, exposure_s=f.exposure_s / 4),
-    "the same views at twice the exposure": lambda f: replace(f, exposure_s=f.exposure_s * 2),
-    "the same views at half the projector power": lambda f: replace(f, projector_power=f.projector_power / 2),
-    "the same views 20 K warmer": lambda f: replace(f, temperature_c=(25.0 if f.temperature_c is None else f.temperature_c) + 20.0),
-    "the same views with the rig moving sideways at 0.5 m/s": lambda f: replace(f, camera_velocity=np.array([0.5, 0, 0, 0, 0, 0])),
-    "the same views with the rig turning about its vertical axis at 1 rad/s": lambda f: replace(
-        f, camera_velocity=np.array([0, 0, 0, 0, 1.0, 0])
-    ),
-    "two more repeats of each view": lambda f: f,
+    "the same views with the projector off": {"power_factor": 0.0},
+    "the same views at a quarter of the exposure": {"exposure_factor": 0.25},
+    "the same views at twice the exposure": {"exposure_factor": 2.0},
+    "the same views at half the projector power": {"power_factor": 0.5},
+    "the same views 20 K warmer": {"warming_k": 20.0},
+    "the same views with the rig moving sideways at 0.5 m/s": {"velocity": [0.5, 0.0, 0.0, 0.0, 0.0, 0.0]},
+    "the same views with the rig turning about its vertical axis at 1 rad/s": {"velocity": [0.0, 0.0, 0.0, 0.0, 1.0, 0.0]},
+    "two more repeats of each view": {"repeats": 2},
 }
+_OTHER_VIEWS = "other views: another distance (at least twice as far) and other materials"
+
+
+def _changed(frame, power_factor=1.0, exposure_factor=1.0, warming_k=0.0, velocity=None, repeats=0):
+    temperature_c = frame.temperature_c
+    if warming_k:
+        temperature_c = (REFERENCE_TEMPERATURE_C if temperature_c is None else temperature_c) + warming_k
+    return replace(
+        frame, projector_power=power_factor * frame.projector_power, exposure_s=exposure_factor * frame.exposure_s,
+        temperature_c=temperature_c, camera_velocity=frame.camera_velocity if velocity is None else np.array(velocity),
+    )  # fmt: skip
 
 
 def next_measurements(ranking, evidence):
-    """[{text, nats, separates}] best first; empty where nothing is open."""
+    """[{text, nats, separates, change}] best first; empty where nothing is open. change: of the menu's frames, None for other advice."""
     if not evidence.has_floor:
         text = "repeat every static view at least twice: without repeats the noise floor is unknown"
-        return [{"text": text, "nats": None, "separates": []}]
+        return [{"text": text, "nats": None, "separates": [], "change": None}]
     members = _open_set(ranking)
     if len(members) < 2:
         return []
@@ -48,8 +59,11 @@ def next_measurements(ranking, evidence):
     useful = [entry for entry in scored if entry[0] > _WORTH_NATS][:_SUGGESTIONS]
     if not useful:
         names = [e.id for e in members]
-        return [{"text": "other views: another distance (at least twice as far) and other materials", "nats": None, "separates": names}]
-    return [{"text": f"{text} (expected {nats:.0f} nats)", "nats": nats, "separates": list(pair)} for nats, text, pair in useful]
+        return [{"text": _OTHER_VIEWS, "nats": None, "separates": names, "change": None}]
+    return [
+        {"text": f"{text} (expected {nats:.0f} nats)", "nats": nats, "separates": list(pair), "change": _MENU[text]}
+        for nats, text, pair in useful
+    ]
 
 
 def _open_set(ranking):
@@ -61,7 +75,8 @@ def _open_set(ranking):
 
 
 def _worst_pair(ranking, evidence, members, observations, change):
-    changed = [replace(o, frame=change(o.frame), view=replace(o.view, frame=change(o.frame))) for o in observations]
+    frames = [_changed(o.frame, **change) for o in observations]
+    changed = [replace(o, frame=f, view=replace(o.view, frame=f)) for o, f in zip(observations, frames, strict=True)]
     images = {e.id: [_image(e, o) for o in changed] for e in members}
     worst = (np.inf, ())
     for first, second in combinations(members, 2):

@@ -10,6 +10,7 @@ from worlds.blind.depth import MAX_DISPARITY, device_depth
 from worlds.blind.emitter import Emitter
 from worlds.blind.files import write_capture
 from worlds.blind.lightmap import Lightmap
+from worlds.blind.more import more_frames
 from worlds.blind.optics import on_pixels
 from worlds.blind.rig import HEIGHT, WIDTH, Rig, believed, draw_frames, draw_rig
 from worlds.blind.scene import draw_scene, surveyed, texel_spacing
@@ -49,13 +50,16 @@ class Hardware:
 
 
 class World:
-    """Everything follows from the seed, the hidden effects {id: {parameter: value}}, and the survey errors' size."""
+    """Everything follows from the seed, the hidden effects {id: {parameter: value}}, and the survey errors' size; more: a change of frames
+    that are recorded beside the usual ones, see more.py."""
 
-    def __init__(self, seed, hidden, survey=1.0, sub=SUB, moving_exposure=1 / 8):
+    def __init__(self, seed, hidden, survey=1.0, sub=SUB, moving_exposure=1 / 8, more=None):
         self.seed, self.hidden, self._survey, self._sub = seed, hidden, survey, sub
         draw = np.random.Generator(np.random.PCG64([seed, 0]))
         self.solids, self.rig = draw_scene(draw), draw_rig(draw)
         self.frames = draw_frames(draw, moving_exposure)
+        if more is not None:
+            self.frames = more_frames(self.frames, more)
         self._noise = draw.standard_normal(6)
         self._layers, self._ambient, self._hardwares = {}, {}, {}
 

@@ -1,0 +1,49 @@
+"""More frames of a world: what a user records who follows the tool's advice, or does something else instead."""
+
+from dataclasses import replace
+
+_PAUSE_S = 1.3
+# What a user could do without advice: {name: change}, in the words of diagnose.json.
+CHOICES = {
+    "projector off": {"power_factor": 0.0},
+    "quarter exposure": {"exposure_factor": 0.25},
+    "double exposure": {"exposure_factor": 2.0},
+    "half power": {"power_factor": 0.5},
+    "warmer": {"warming_k": 20.0},
+    "sideways": {"velocity": [0.5, 0.0, 0.0, 0.0, 0.0, 0.0]},
+    "turning": {"velocity": [0.0, 0.0, 0.0, 0.0, 1.0, 0.0]},
+    "repeats": {"repeats": 2},
+}
+
+
+def more_frames(frames, change):
+    """The frames, and after them the changed ones of every train view; repeats: as many more of each."""
+    views, seen = [], set()
+    for frame in frames:
+        view = frame.camera_to_world.tobytes(), frame.exposure_s, frame.power, frame.temperature_c, frame.twist
+        if frame.split == "train" and view not in seen:
+            seen.add(view)
+            views.append(frame)
+    out, time_s = list(frames), frames[-1].timestamp_s
+    group = 1 + max((f.repeat_group for f in frames if f.repeat_group is not None), default=-1)
+    for frame in views:
+        for _ in range(change.get("repeats", 1)):
+            time_s += _PAUSE_S
+            new = replace(_changed(frame, change), id=len(out), timestamp_s=time_s, repeat_group=None)
+            if "repeats" in change:
+                if frame.repeat_group is None:
+                    frame = replace(frame, repeat_group=group)
+                    out[frame.id], group = frame, group + 1
+                new = replace(new, repeat_group=frame.repeat_group)
+            out.append(new)
+    return tuple(out)
+
+
+def _changed(frame, change):
+    return replace(
+        frame,
+        power=frame.power * change.get("power_factor", 1.0),
+        exposure_s=frame.exposure_s * change.get("exposure_factor", 1.0),
+        temperature_c=frame.temperature_c + change["warming_k"] if "warming_k" in change else frame.temperature_c,
+        twist=tuple(change["velocity"]) if "velocity" in change else frame.twist,
+    )
