@@ -18,6 +18,8 @@ from activestereo.lab.diagnose_score import design_effect
 _LARGEST_ERROR_PX = 1.0
 _STARTS = (-1.0, 0.3, 1.0, 3.0)
 _EVALUATIONS = 60
+# Nodes, in deviations, and weights of Gauss and Hermite's rule for a normal mean.
+_NODES = ((-np.sqrt(3.0), 1 / 6), (0.0, 2 / 3), (np.sqrt(3.0), 1 / 6))
 _Z90 = 1.645
 # Neighbouring disparities of two engines differ alike within this factor; a filter makes the device's differ less.
 _ENGINES_DIFFER = 1.7
@@ -52,6 +54,13 @@ class DepthEvidence:
             for error in engine:
                 inside &= np.abs(error) < _LARGEST_ERROR_PX
             self.frames.append((view, truth, device, engine, valid, inside, d.focal_baseline))
+        self._noise_px = self._engines_noise()
+
+    def _engines_noise(self):
+        """Deviation of our engine's errors: a fault acts on disparities that are as noisy before it."""
+        squares = [np.square(frame[3][0][frame[5]]) for frame in self.frames]
+        count = sum(s.size for s in squares)
+        return float(np.sqrt(sum(s.sum() for s in squares) / count)) if count else 0.0
 
     def fit(self, candidate):
         """A DepthFit of an effect on disparity or depth; None without device depth."""
@@ -62,8 +71,12 @@ class DepthEvidence:
         return smooth if smooth is not None and smooth.nats > bias.nats else bias
 
     def _shift(self, candidate, values, frame):
-        """By how much the effect moves the true disparities, px."""
+        """By how much the effect moves the true disparities, px: its mean over the engine's noise, which it acts on."""
+        return sum(weight * self._shift_from(candidate, values, frame, node * self._noise_px) for node, weight in _NODES)
+
+    def _shift_from(self, candidate, values, frame, noise_px):
         view, truth, *_, focal_baseline = frame
+        truth = np.where(truth > 0, np.maximum(truth + noise_px, 1e-3), 0.0)
         named = {p.name: float(v) for p, v in zip(candidate.parameters, values, strict=True)}
         if candidate.stage is Stage.DISPARITY:
             return candidate.apply(truth, view, **named) - truth
