@@ -13,6 +13,7 @@ _MULTIPLES = (0.3, 1.0, 3.0)
 _SHARES = (0.5, 0.65, 0.8)
 _SHORT_RANGE = 4.0
 _LARGEST_SCAN = 24
+_SHARES_OF_BLAME = (0.4, 1.0)
 _STARTS = 2
 _PICKED_SHARE = 0.25
 _SEED = 11
@@ -33,16 +34,27 @@ def scan_observations(observations):
     return chosen
 
 
-def starts(fitter, play, candidate, phi):
-    """The best few (chi2, theta, phi) of a scan, best first, and the chi2 of the neutral start."""
+def starts(fitter, play, candidate, phi, alone=None):
+    """The best few (chi2, theta, phi) of a scan, best first, and the chi2 of the neutral start.
+
+    alone: the candidate's parameters as fitted without the effect that was added before it, or None. That effect is then scanned
+    beside them and beside a part of them, too: it may have been fitted to what is the candidate's."""
     first = len(play.free) - len(candidate.parameters)
-    rounds = 1 if candidate.stage <= Stage.OPTICS else 3
-    fixed_lights = None if play.in_light[first:].any() else fitter.lights(play, play.start)
-    scored = []
     points = periodic_points(candidate, fitter, play, phi)
-    for point in _points(candidate) if points is None else points:
+    tried = [(np.arange(first, len(play.free)), p) for p in (_points(candidate) if points is None else points)]
+    stage = candidate.stage
+    if alone is not None and first:
+        before = play.free[first - 1][0]
+        both = [i for i, (e, _) in enumerate(play.free) if e.id == before.id] + list(range(first, len(play.free)))
+        neutral = np.array([p.neutral for p in candidate.parameters])
+        tried += [(both, np.concatenate([p, neutral + share * (alone - neutral)])) for p in _points(before) for share in _SHARES_OF_BLAME]
+        stage = max(stage, before.stage)
+    rounds = 1 if stage <= Stage.OPTICS else 3
+    fixed_lights = None if play.in_light[min(index[0] for index, _ in tried) :].any() else fitter.lights(play, play.start)
+    scored = []
+    for index, values in tried:
         theta = play.start.copy()
-        theta[first:] = point
+        theta[index] = values
         lights = fixed_lights or fitter.lights(play, theta)
         phi_here, chi2 = fitter.nuisance_fit(play, theta, phi, lights, rounds)
         scored.append((chi2, theta, phi_here))

@@ -70,13 +70,18 @@ def gain_error(base, entry, deff, base_chi2, pixels):
     return 0.5 * pixels / deff * spread / base_chi2
 
 
+def half_width(deviation, found):
+    """Of a 90 % interval: a standard error, and the models' own inadequacy for what was found (value less neutral)."""
+    return _Z90 * float(np.hypot(deviation, _INADEQUACY * found))
+
+
 def intervals(fitter, solution, first, candidate):
     """{name: {value, low, high, unit}} of the candidate's parameters, 90 %, clipped to their ranges. first: the index of its first."""
     deviation = np.sqrt(np.maximum(np.diag(fitter.covariance(solution)), 0.0))
     out = {}
     for i, p in enumerate(candidate.parameters):
         value = solution.theta[first + i]
-        error = _Z90 * np.hypot(deviation[first + i], _INADEQUACY * (value - p.neutral))
+        error = half_width(deviation[first + i], value - p.neutral)
         low, high = max(p.low, value - error), min(p.high, value + error)
         out[p.name] = {"value": float(value), "low": float(low), "high": float(high), "unit": p.unit}
     return out

@@ -5,7 +5,7 @@ draw (a pixel in all poses, a pixel of one pose, a dot of the pattern, a column)
 the other groups alone (best linear unbiased prediction, Robinson 1991), so that the fall of the squared error is honest.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,6 +14,8 @@ from activestereo.effects.core.dots import DotView
 _HOT_SIGMA = 5.0
 _WHITE_LIMIT = 0.35
 _JACKKNIFE = 16
+# A pixel expected closer to an end of the range than so many deviations of what is looked for may be clipped.
+_CLEAR_OF_ENDS = 2.0
 
 
 @dataclass(frozen=True)
@@ -110,7 +112,7 @@ def fit_static(effect_id, train, test, black_dn):
         rows = [_row_of(part, o, image - black_dn, dots, r, context) for (o, image, dots, _), r in zip(train, now, strict=True)]
         if len({row.group for row in rows}) < 2:
             return None
-        variance, sigma_error = _variance(rows)
+        variance, sigma_error = _variance(_unclipped(rows, train, _variance(rows)[0]))
         sigma[part.parameter] = float(np.sqrt(max(variance, 0.0)))
         error[part.parameter] = float(sigma_error)
         if variance <= 0:
@@ -145,6 +147,15 @@ class _Row:
 
 def _row_of(part, o, image, dots, residual, context):
     return _Row(part.group(o), part.index(o, context), part.regressor(o, image, dots), residual, o.weight)
+
+
+def _unclipped(rows, train, variance):
+    """The rows without pixels that a draw of this variance may bring to an end of the range: clipped draws look smaller."""
+    out = []
+    for row, (o, image, *_) in zip(rows, train, strict=True):
+        reach = _CLEAR_OF_ENDS * np.sqrt(max(variance, 0.0)) * np.abs(row.z)
+        out.append(replace(row, weight=np.where((image > reach) & (image < o.view.max_dn - reach), row.weight, 0.0)))
+    return out
 
 
 def _size(rows):

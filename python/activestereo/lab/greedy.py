@@ -38,9 +38,15 @@ def greedy(first, evidence, model, candidates, workers, progress=None):
         rivals |= {e.id for e in passing[: 1 + _RIVALS]}
         grown = pruned(best.solution.model, evidence, given)
         grown = swapped(grown, evidence, [c for c in candidates if c.id in rivals], given)
-        ranking = Ranking(evidence, grown, _worth_trying(grown, evidence, first, candidates), workers, progress)
+        ranking = Ranking(evidence, grown, _worth_trying(grown, evidence, first, candidates), workers, progress, _alone(first, rivals))
         steps.append(Step(tuple(e.id for e, _ in grown.effects[given:]), ranking))
     return steps
+
+
+def _alone(first, rivals):
+    """{id: fitted parameters} of the effects that what was added may have been mistaken for."""
+    entries = (e for e in first.entries if e.id in rivals and e.solution is not None)
+    return {e.id: e.solution.theta[-len(e.effect.parameters) :] for e in entries}
 
 
 def _worth_trying(model, evidence, first, candidates):

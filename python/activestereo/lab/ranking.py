@@ -15,6 +15,7 @@ from activestereo.lab.diagnose_score import (
     design_effect,
     frame_consistency,
     gain_error,
+    half_width,
     intervals,
     nats_of,
     told,
@@ -31,7 +32,6 @@ _POLISHED, _CLOSE, _HOPELESS = 3, 0.4, 0.01
 _OUT_OF_REACH = 0.03
 # Parts of the time, for the progress; polishing takes the rest.
 _RANDOM_TIME, _SCAN_TIME, _FIT_TIME = 0.05, 0.35, 0.25
-_Z90 = 1.645
 # Below this excess, in floors of variance, the infrared images lack nothing.
 _AT_FLOOR = 0.12
 
@@ -39,8 +39,10 @@ _AT_FLOOR = 0.12
 class Ranking:
     """The base fit and an Entry per candidate: those that may be named first, each part by its gain."""
 
-    def __init__(self, evidence, model, candidates, workers=2, progress=None):
+    def __init__(self, evidence, model, candidates, workers=2, progress=None, alone=None):
+        """alone: {id: a candidate's parameters as fitted without the model's last effect}, see diagnose_scan.starts."""
         self.evidence = evidence
+        self._alone = alone or {}
         self._model = model
         self.fitter = Fitter(evidence.train, evidence.held_sigma, evidence.tiles)
         self._scan = Fitter(scan_observations(evidence.train), evidence.held_sigma, evidence.tiles, fine=False)
@@ -85,7 +87,10 @@ class Ranking:
         smooth = [e for e in candidates if e.randomness is Randomness.NONE and e.id != "quantisation"]
         with ThreadPoolExecutor(max_workers=workers) as pool:
             entries = all_of(random, _RANDOM_TIME, self._fit_random)
-            scanned = best_of(all_of(smooth, _SCAN_TIME, self._look_at), _OUT_OF_REACH)
+            seen = all_of(smooth, _SCAN_TIME, self._look_at)
+            scanned = best_of(seen, _OUT_OF_REACH)
+            within = {s[1].id for s in scanned}
+            scanned += [s for s in seen if s[1].id in self._alone and s[1].id not in within]
             hopeful = best_of(all_of(scanned, _FIT_TIME, self._approach), _HOPELESS)
             jobs = [(rank < _POLISHED or gain > _CLOSE * hopeful[0][0], *rest) for rank, (gain, *rest) in enumerate(hopeful)]
             entries += all_of(jobs, 1.0 - _RANDOM_TIME - _SCAN_TIME - _FIT_TIME, self._polish)
@@ -97,7 +102,7 @@ class Ranking:
         play = Play(self._model, candidate)
         play.start[: len(base.theta)] = base.theta
         neutral = self._scan.nuisance_fit(play, play.start, base.phi, self._scan.lights(play, play.start), 1)[1]
-        found = [s for s in starts(self._scan, play, candidate, base.phi) if s[0] < 1.5 * neutral]
+        found = [s for s in starts(self._scan, play, candidate, base.phi, self._alone.get(candidate.id)) if s[0] < 1.5 * neutral]
         return (1.0 - found[0][0] / neutral, candidate, play, neutral, found) if found else None
 
     def _approach(self, scanned):
@@ -142,8 +147,8 @@ class Ranking:
         entry = Entry(candidate, float(tiles.sum()), tiles, static=fit)
         for p in candidate.parameters:
             value = fit.share if p.name == "share" else fit.sigma.get(p.name, p.neutral)
-            error = _Z90 * fit.error.get(p.name, 0.0)
             value = float(np.clip(value, p.low, p.high))
+            error = half_width(fit.error.get(p.name, 0.0), value - p.neutral)
             low, high = max(p.low, value - error), min(p.high, value + error)
             entry.parameters[p.name] = {"value": value, "low": low, "high": high, "unit": p.unit}
         return entry
