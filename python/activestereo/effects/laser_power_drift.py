@@ -1,5 +1,7 @@
 """Laser power that drifts."""
 
+import numpy as np
+
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
 
 
@@ -14,5 +16,5 @@ from activestereo.effects.core.descriptor import Parameter, Stage, effect
     ],
 )
 def laser_power_drift(light, view, per_k, per_s):
-    """Projected light changes with the kelvins above 25 C and with the time since the capture began."""
-    return light.scale_projector(max(0.0, 1.0 + per_k * view.warming_k + per_s * view.frame.timestamp_s))
+    """Projected light changes by the same factor, exp(per_k), with every kelvin above 25 C, and with the time since the capture began."""
+    return light.scale_projector(np.exp(per_k * view.warming_k) * max(0.0, 1.0 + per_s * view.frame.timestamp_s))

@@ -1,5 +1,7 @@
 """Pattern that grows or shrinks: laser wavelength against a diffractive element."""
 
+import numpy as np
+
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
 from activestereo.effects.core.dots import DotView
 
@@ -8,18 +10,28 @@ from activestereo.effects.core.dots import DotView
     "pattern_scale_drift",
     stage=Stage.PROJECTOR,
     family="pattern geometry",
-    source="grating equation: angle in proportion to wavelength; 0.06-0.3 nm/K at 850 nm",
+    source="grating equation: sine of the angle in proportion to wavelength; 0.06-0.3 nm/K at 850 nm",
     parameters=[
         Parameter("scale", "1", neutral=0.0, low=-0.02, high=0.02, typical=0.002),
         Parameter("per_k", "1/K", neutral=0.0, low=-1e-3, high=1e-3, typical=1e-4),
     ],
 )
 def pattern_scale_drift(light, view, scale, per_k):
-    """The pattern is magnified about the projector's axis by 1 + scale + per_k x (kelvins above 25 C)."""
+    """The sines of the pattern's angles from the projector's axis grow by 1 + scale + per_k x (kelvins above 25 C)."""
     growth = 1.0 + scale + per_k * view.warming_k
     if growth == 1.0:
         return light
-    dots = DotView.of(view)
-    cx, cy = view.projector_K[0, 2], view.projector_K[1, 2]
-    after = dots.mean(view.pattern, cx + (dots.u - cx) / growth, cy + (dots.v - cy) / growth)
+    dots, K = DotView.of(view), view.projector_K
+    after = dots.mean(view.pattern, *_before(dots.u, dots.v, K, growth))
     return dots.change(light, dots.nominal, after)
+
+
+def _before(u, v, K, growth):
+    """Where the light that arrives at pattern pixels (u, v) would have gone without the growth."""
+    y = (v - K[1, 2]) / K[1, 1]
+    x = (u - K[0, 2] - K[0, 1] * y) / K[0, 0]
+    square = x * x + y * y
+    # Sine s = t / sqrt(1 + t^2) of the tangent t; of s / growth the tangent again.
+    ratio = 1.0 / np.sqrt(growth**2 * (1.0 + square) - square)
+    x, y = x * ratio, y * ratio
+    return K[0, 0] * x + K[0, 1] * y + K[0, 2], K[1, 1] * y + K[1, 2]

@@ -17,10 +17,12 @@ _STEP = 0.02
 _SCALES, _DENSE = 3, 5
 # Parameters are held by a prior this many ranges wide: it only breaks ties.
 _PRIOR_RANGES = 3.0
+# Those that are held, by one so many ranges wide.
+_HELD = 1e-7
 
 
 class Play:
-    """The effects in play, and which of their parameters are free."""
+    """The effects in play, and which of their parameters are free; held: those that stay neutral."""
 
     def __init__(self, model, candidate=None, refit=True):
         self._base = model
@@ -34,6 +36,7 @@ class Play:
         self.high = np.array([p.high for _, p in self.free])
         self.typical = np.array([p.typical for _, p in self.free])
         self.neutral = np.array([p.neutral for _, p in self.free])
+        self.held = np.zeros(len(self.free), dtype=bool)
         self.in_camera = np.array([e.stage is Stage.CAMERA for e, _ in self.free], dtype=bool)
         self.in_light = np.array([e.stage <= Stage.OPTICS for e, _ in self.free], dtype=bool)
 
@@ -184,8 +187,8 @@ class Fitter:
 
     def prior(self, n_theta, play):
         """Precisions of the priors: wide for effects, none for scales and black level, the albedo's own."""
-        ranges = (play.high - play.low)[:n_theta]
-        return np.concatenate([1.0 / (_PRIOR_RANGES * ranges) ** 2, np.zeros(_SCALES), 1.0 / self._held_sigma**2])
+        width = np.where(play.held, _HELD, _PRIOR_RANGES)[:n_theta] * (play.high - play.low)[:n_theta]
+        return np.concatenate([1.0 / width**2, np.zeros(_SCALES), 1.0 / self._held_sigma**2])
 
     def nuisance_fit(self, play, theta, phi, lights, rounds):
         """phi refitted at fixed theta, and chi2; with rounds = 1 the model is taken to be linear in phi."""

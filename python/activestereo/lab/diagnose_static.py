@@ -13,7 +13,13 @@ from activestereo.effects.core.dots import DotView
 
 _HOT_SIGMA = 5.0
 _WHITE_LIMIT = 0.35
+# A renderer's own noise is no more than so many floors; dots out of place are white, too, where they are as small as pixels.
+_LARGEST_WHITE = 0.12
 _JACKKNIFE = 16
+# Cells of the pattern that share a dot's gain.
+_DOT_PX = 4
+# Draws of a random field are independent: beyond this correlation something smooth is mistaken for one.
+_LARGEST_CORRELATION = 0.4
 # A pixel expected closer to an end of the range than so many deviations of what is looked for may be clipped.
 _CLEAR_OF_ENDS = 2.0
 
@@ -21,12 +27,14 @@ _CLEAR_OF_ENDS = 2.0
 @dataclass(frozen=True)
 class StaticPart:
     """One random field. regressor, index: functions of (observation, prediction, light, context) giving images; group: function
-    of an observation: draws are predicted from other groups; parameter: the effect's parameter that is its deviation."""
+    of an observation: draws are predicted from other groups; grid: function of an observation: the shape in which indices lie, and
+    how many steps lie between independent draws; parameter: the effect's parameter that is its deviation."""
 
     parameter: str
     regressor: object
     index: object
     group: object
+    grid: object
     sparse: bool = False
 
 
@@ -55,12 +63,27 @@ def _pixel_of_pose(o, context):
 def _dot(o, context):
     key = ("dots", o.eye, _pose(o))
     if key not in context:
-        dots, size = DotView.of(o.view), 4
-        height, width = (-(-n // size) for n in o.view.pattern.shape)
-        u, v = np.floor((dots.u + 0.5) / size).astype(int), np.floor((dots.v + 0.5) / size).astype(int)
+        dots, (height, width) = DotView.of(o.view), _dot_grid(o)[0]
+        u, v = np.floor((dots.u + 0.5) / _DOT_PX).astype(int), np.floor((dots.v + 0.5) / _DOT_PX).astype(int)
         inside = dots.lit & (u >= 0) & (u < width) & (v >= 0) & (v < height)
         context[key] = np.where(inside, v * width + u, height * width)
     return context[key]
+
+
+def _pixel_grid(o):
+    return o.measured.shape, 3
+
+
+def _column_grid(o):
+    return o.measured.shape[1:], 3
+
+
+def _row_grid(o):
+    return o.measured.shape[:1], 3
+
+
+def _dot_grid(o):
+    return tuple(-(-n // _DOT_PX) for n in o.view.pattern.shape), 2
 
 
 def _ones(o, image, dots):
@@ -80,34 +103,37 @@ def _exposure(o, image, dots):
 
 
 PARTS = {
-    "prnu": (StaticPart("sigma", _signal, _pixel, _pose),),
+    "prnu": (StaticPart("sigma", _signal, _pixel, _pose, _pixel_grid),),
     "fixed_pattern_noise": (
-        StaticPart("column_dn", _ones, _column, _pose),
-        StaticPart("row_dn", _ones, _row, _pose),
-        StaticPart("pixel_dn", _ones, _pixel, _pose),
+        StaticPart("column_dn", _ones, _column, _pose, _column_grid),
+        StaticPart("row_dn", _ones, _row, _pose, _row_grid),
+        StaticPart("pixel_dn", _ones, _pixel, _pose, _pixel_grid),
     ),
-    "hot_pixels": (StaticPart("rate_dn_per_s", _exposure, _pixel, _pose, sparse=True),),
-    "speckle_static": (StaticPart("contrast", _dots, _pixel_of_pose, lambda o: o.frame.id),),
-    "dot_gain_spread": (StaticPart("spread", _dots, _dot, _pose),),
+    "hot_pixels": (StaticPart("rate_dn_per_s", _exposure, _pixel, _pose, _pixel_grid, sparse=True),),
+    "speckle_static": (StaticPart("contrast", _dots, _pixel_of_pose, lambda o: o.frame.id, _pixel_grid),),
+    "dot_gain_spread": (StaticPart("spread", _dots, _dot, _pose, _dot_grid),),
 }
 
 
 @dataclass
 class StaticFit:
-    """residuals: train residuals after held-out prediction; test_residuals; sigma and its standard error by parameter."""
+    """residuals: train residuals after held-out prediction; test_residuals; sigma and its standard error by parameter; variance: what
+    fields of these sigmas leave in the train images, in floors, whether other frames tell their draws or not."""
 
     residuals: list
     test_residuals: list
     sigma: dict
     error: dict
     share: float = 0.0
+    variance: float = 0.0
 
 
 def fit_static(effect_id, train, test, black_dn):
-    """train, test: lists of (observation, prediction, dots DN, residual). Returns a StaticFit, or None where nothing repeats."""
+    """train, test: lists of (observation, prediction, dots DN, residual). Returns a StaticFit, or None where nothing repeats or what does is not
+    random."""
     context = {}
     now, now_test = [r for *_, r in train], [r for *_, r in test]
-    sigma, error, share = {}, {}, 0.0
+    sigma, error, share, explained = {}, {}, 0.0, 0.0
     for part in PARTS[effect_id]:
         rows = [_row_of(part, o, image - black_dn, dots, r, context) for (o, image, dots, _), r in zip(train, now, strict=True)]
         if len({row.group for row in rows}) < 2:
@@ -115,9 +141,11 @@ def fit_static(effect_id, train, test, black_dn):
         variance, sigma_error = _variance(_unclipped(rows, train, _variance(rows)[0]))
         sigma[part.parameter] = float(np.sqrt(max(variance, 0.0)))
         error[part.parameter] = float(sigma_error)
-        if variance <= 0:
-            continue
         total_a, total_b = _totals(rows)
+        if variance <= 0 or not (part.sparse or _is_white(total_a, total_b, variance, *part.grid(train[0][0]))):
+            sigma[part.parameter] = 0.0
+            continue
+        explained += variance * float(np.mean([(row.weight * row.z**2).mean() for row in rows]))
         now = [_corrected(row, rows, total_a, total_b, variance, part.sparse) for row in rows]
         tests = [_row_of(part, o, image - black_dn, dots, r, context) for (o, image, dots, _), r in zip(test, now_test, strict=True)]
         now_test = [_predicted(row, total_a, total_b, variance, part.sparse) for row in tests]
@@ -126,7 +154,7 @@ def fit_static(effect_id, train, test, black_dn):
             share = float(strong.sum() / max((total_a > 0).sum(), 1))
             if strong.any():
                 sigma[part.parameter] = float((total_b[strong] / total_a[strong]).mean())
-    return StaticFit(now, now_test, sigma, error, share)
+    return StaticFit(now, now_test, sigma, error, share, explained) if explained > 0 else None
 
 
 @dataclass
@@ -147,6 +175,18 @@ class _Row:
 
 def _row_of(part, o, image, dots, residual, context):
     return _Row(part.group(o), part.index(o, context), part.regressor(o, image, dots), residual, o.weight)
+
+
+def _is_white(total_a, total_b, variance, shape, steps):
+    """Whether draws `steps` apart on their grid are independent: what neighbours share in expectation, over the variance."""
+    count = len(total_a) // int(np.prod(shape)) * int(np.prod(shape))
+    a, b = (total[:count].reshape(-1, *shape) for total in (total_a, total_b))
+    for axis in range(1, a.ndim):
+        near, far = np.arange(a.shape[axis] - steps), np.arange(steps, a.shape[axis])
+        both = (a.take(near, axis) * a.take(far, axis)).sum()
+        if both > 0 and (b.take(near, axis) * b.take(far, axis)).sum() > _LARGEST_CORRELATION * variance * both:
+            return False
+    return True
 
 
 def _unclipped(rows, train, variance):
@@ -230,6 +270,15 @@ def structure(train):
     return max(float(np.mean(pairs)) if pairs else 0.0, float(np.abs(beside).max() / len(train)))
 
 
+def worst_image(train):
+    """The largest covariance of neighbours in one image, in floors: an effect that few frames show drowns in the mean of them all."""
+    worst = 0.0
+    for o, _, _, r in train:
+        x = r * np.sqrt(o.weight)
+        worst = max(worst, float((x[:, 1:] * x[:, :-1]).mean()), float((x[1:] * x[:-1]).mean()))
+    return worst
+
+
 def white_rest(train):
     """Variance that stays between repeats of a view and is white over the image, in floors; 0 where it is not white.
 
@@ -243,4 +292,4 @@ def white_rest(train):
         beside += [(first[:, 1:] * second[:, :-1]).mean(), (first[1:] * second[:-1]).mean()]
         count += 1
     white = count > 0 and same > 0 and np.abs(beside).max() < _WHITE_LIMIT * same
-    return float(same / count) if white else 0.0
+    return min(float(same / count), _LARGEST_WHITE) if white else 0.0

@@ -71,6 +71,8 @@ def is_unexplained(ranking, entry, first_excess):
 
     What is white and stays counts as the renderer's noise: a missing effect of that kind (speckle) has a candidate of its own."""
     rest = entry.chi2 / ranking.pixels - 1.0 - ranking.white_after(entry)
+    if entry.static is not None:  # other frames need not tell every draw
+        rest = min(rest, ranking.base.chi2 / ranking.pixels - 1.0 - ranking.white - entry.static.variance)
     if rest <= _UNEXPLAINED_FLOORS or rest <= _UNEXPLAINED_SHARE * first_excess:
         return False
     return entry.channel != "noise" and ranking.structure_after(entry) > _STRUCTURED_SHARE * rest

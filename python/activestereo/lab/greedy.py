@@ -15,6 +15,8 @@ _SMALLEST_GAIN_FLOORS = 0.005
 _RIVALS = 3
 # Share of the first excess that, once gone, leaves nothing worth another ranking.
 _ENOUGH = 0.95
+# And so much covariance of neighbours in every image, in floors.
+_SMOOTH_FLOORS = 0.06
 
 
 @dataclass
@@ -50,9 +52,9 @@ def _alone(first, rivals):
 
 
 def _worth_trying(model, evidence, first, candidates):
-    """No candidates where next to nothing is left; what random effects leave is theirs alone."""
-    left = Ranking(evidence, model, []).excess
-    return [] if left < (1.0 - _ENOUGH) * first.excess else candidates
+    """No candidates where next to nothing is left in any image; what random effects leave is theirs alone."""
+    rest = Ranking(evidence, model, [])
+    return [] if rest.excess < (1.0 - _ENOUGH) * first.excess and rest.worst_image < _SMOOTH_FLOORS else candidates
 
 
 def _loss(ranking, full):

@@ -20,11 +20,14 @@ from activestereo.lab.diagnose_score import (
     nats_of,
     told,
 )
-from activestereo.lab.diagnose_static import PARTS, fit_static, structure, white_rest
+from activestereo.lab.diagnose_static import PARTS, fit_static, structure, white_rest, worst_image
 from activestereo.lab.diagnose_verdict import passes
+from activestereo.lab.parsimony import simplified
 
 # A fit on the scan's images that gains less than this share of chi2 is not polished on all images.
 _WORTH_POLISHING = 2e-4
+# And below this one no step is taken there: no effect of practical size is in sight.
+_WORTH_STEPS = 4e-3
 _POLISH, _SCAN_STEPS = 6, 5
 # Polished are the first few, and all whose scan gained this share of the best's; below the other share they are left out.
 _POLISHED, _CLOSE, _HOPELESS = 3, 0.4, 0.01
@@ -56,6 +59,7 @@ class Ranking:
         chosen = [e for e in candidates if e.id not in known]
         self.entries = self._fit_all([e for e in chosen if e.stage <= Stage.DIGITAL], workers, progress)
         self._score()
+        self._simplify_best()
         self.entries += self._beside([e for e in chosen if e not in {entry.effect for entry in self.entries}])
         self.entries.sort(key=lambda e: (not passes(self, e), e.channel == "depth" and not self.at_floor, -e.nats))
 
@@ -92,7 +96,10 @@ class Ranking:
             within = {s[1].id for s in scanned}
             scanned += [s for s in seen if s[1].id in self._alone and s[1].id not in within]
             hopeful = best_of(all_of(scanned, _FIT_TIME, self._approach), _HOPELESS)
-            jobs = [(rank < _POLISHED or gain > _CLOSE * hopeful[0][0], *rest) for rank, (gain, *rest) in enumerate(hopeful)]
+            jobs = [
+                (gain > _WORTH_STEPS and (rank < _POLISHED or gain > _CLOSE * hopeful[0][0]), *rest)
+                for rank, (gain, *rest) in enumerate(hopeful)
+            ]
             entries += all_of(jobs, 1.0 - _RANDOM_TIME - _SCAN_TIME - _FIT_TIME, self._polish)
         return entries
 
@@ -153,6 +160,13 @@ class Ranking:
             entry.parameters[p.name] = {"value": value, "low": low, "high": high, "unit": p.unit}
         return entry
 
+    def _simplify_best(self):
+        best = max((e for e in self.entries if e.solution is not None and passes(self, e)), key=lambda e: e.nats, default=None)
+        if best is not None:
+            simple = simplified(self.fitter, best, self.base.chi2, self.pixels)
+            self.entries = [simple if e is best else e for e in self.entries]
+            self._score()
+
     def _beside(self, candidates):
         """Entries of what expected images cannot show: noise from repeats, the depth engine's faults from its disparity."""
         entries = []
@@ -206,6 +220,11 @@ class Ranking:
         if solution is None:
             return np.inf  # a random field's own prediction is no image that another frame could share
         return structure(self._base_rows if solution is self.base.solution else self.rows(self.evidence.train, solution))
+
+    @property
+    def worst_image(self):
+        """diagnose_static.worst_image of what the base model leaves."""
+        return worst_image(self._base_rows)
 
     @property
     def at_floor(self):
