@@ -15,6 +15,7 @@ from activestereo.lab.diagnose_data import gather
 from activestereo.lab.diagnose_law import residual_law
 from activestereo.lab.diagnose_next import next_measurements
 from activestereo.lab.diagnose_report import ranking_json
+from activestereo.lab.diagnose_settle import settled
 from activestereo.lab.diagnose_verdict import is_unexplained, passes
 from activestereo.lab.greedy import Step, greedy
 from activestereo.lab.model_file import library, model_json
@@ -90,6 +91,8 @@ def examine(evidence, model, candidates, steps="one", workers=2, progress=None):
     best = first.entries[0] if first.entries else None
     way = [Step((), first)]
     named = best is not None and passes(first, best)
+    if named and best.solution is not None:
+        best = first.entries[0] = settled(first, best)
     if named and (steps == "greedy" or is_unexplained(first, best, first.excess)):
         way = greedy(first, evidence, model, candidates, workers, progress)
     last = way[-1].ranking

@@ -27,6 +27,8 @@ _ALBEDO_SIGMA = 0.03
 _FOCAL_SIGMA = 6e-4
 _FOCAL_STEP = 2e-3
 _SMALLEST_MATERIAL = 0.002
+# Of an expected value, so much at most is taken from the measurement itself.
+_MOST_MEASURED = 0.5
 
 
 @dataclass
@@ -80,13 +82,12 @@ class Evidence:
         """Mean temporal variance of their pixels, DN^2."""
         return float(np.mean([self.floors[o.key] for o in observations]))
 
-    def reweigh(self, predictions):
-        """Weights from expected values {(frame id, eye): DN}."""
-        for o in self.train + self.test:
-            variance = np.maximum(self.law.variance(predictions[o.key], o.frame.gain), _QUANTISATION_VARIANCE)
-            if self.place_error_m > 0:
-                variance = variance + (self.place_error_m * edge_slopes(o, predictions[o.key])) ** 2
-            o.weight = (1.0 / variance).astype(np.float32)
+    def weight(self, o, expected):
+        """1 / variance of an Observation's pixels, float32, from their expected values in DN."""
+        variance = np.maximum(self.law.variance(expected, o.frame.gain), _QUANTISATION_VARIANCE)
+        if self.place_error_m > 0:
+            variance = variance + (self.place_error_m * edge_slopes(o, expected)) ** 2
+        return (1.0 / variance).astype(np.float32)
 
 
 def gather(capture, layers):
@@ -111,9 +112,10 @@ def gather(capture, layers):
     _number_materials(evidence)
     for o in observations:
         o.focal_slope = _focal_slope(o, fit.nuisances)
-    expected = _expected(observations, fit.nuisances, capture.rig.max_dn)
+    expected = _expected(observations, evidence)
     _allow_for_inadequacy(evidence, observations, expected)
-    evidence.reweigh(expected)
+    for o in observations:
+        o.weight = evidence.weight(o, expected[o.key])
     return evidence
 
 
@@ -138,14 +140,29 @@ def _focal_slope(o, nuisances):
     return (change / _FOCAL_STEP).astype(np.float32)
 
 
-def _expected(observations, nuisances, max_dn):
-    """Expected values without trust in the model: the mean of its prediction and of the repeats' mean."""
+def _expected(observations, evidence):
+    """Expected values: the model's prediction, and of the measurement (the mean of repeats) as much as the prediction lacks.
+
+    A weight that has seen its own pixel's noise pulls fits down: bright grains weigh too little. So a prediction that is as good
+    as the noise allows is trusted alone; one that misses something is believed half at least, for its own fit's sake."""
     groups = {}
     for o in observations:
         key = (o.frame.repeat_group, o.eye) if o.frame.repeat_group is not None else o.key
         groups.setdefault(key, []).append(o)
-    means = {o.key: np.mean([p.measured for p in group], axis=0) for group in groups.values() for o in group}
-    return {o.key: 0.5 * (means[o.key] + predict(o.frame, o.layers, nuisances, max_dn)) for o in observations}
+    expected = {}
+    for group in groups.values():
+        images = [predict(o.frame, o.layers, evidence.nuisances, evidence.capture.rig.max_dn) for o in group]
+        mean = np.mean([o.measured for o in group], axis=0)
+        share = _missing_share(group, images, mean, evidence)
+        expected |= {o.key: image + share * (mean - image) for o, image in zip(group, images, strict=True)}
+    return expected
+
+
+def _missing_share(group, images, mean, evidence):
+    """Share of the repeats' mean in an expected value, from none to a half: of the squared residual, what is no noise."""
+    noise = np.mean([evidence.floors[o.key] for o in group])
+    square = np.mean([(o.measured - image) ** 2 for o, image in zip(group, images, strict=True)])
+    return _MOST_MEASURED * max(0.0, 1.0 - noise / max(square, 1e-12))
 
 
 def _number_tiles(evidence):

@@ -218,7 +218,7 @@ class Fitter:
         sums = self.linearise(play, theta, phi, lights)
         for _ in range(iterations):
             step = self.solve(sums, phi, n, play, theta, damping)
-            trial = np.clip(theta + step[:n], play.low, play.high)
+            trial = np.where(play.held, play.neutral, np.clip(theta + step[:n], play.low, play.high))
             trial_phi = phi + step[n:]
             trial_lights = self.lights(play, trial) if play.in_light.any() else lights
             value = self.chi2(play, trial, trial_phi, trial_lights)
