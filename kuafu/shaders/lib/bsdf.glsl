@@ -99,6 +99,9 @@ void set_multiple(INOUT(Bsdf) b, MaterialPoint m, Vec2Array table) {
   b.multiple_scale = 1.0f / max(1.0f - mean, 1e-4f);
 }
 
+/// Alpha of the glass. An index that bends nothing has no facets to be seen: its half vectors vanish, and rays go straight on.
+float glass_alpha(MaterialPoint m) { return m.ior < 1.001f ? 0.0f : m.transmission_roughness * m.transmission_roughness; }
+
 Bsdf make_bsdf(MaterialPoint m, Vec2Array table, float cos_o, bool front) {
   Bsdf b;
   float dielectric = (1.0f - m.metallic) * (1.0f - m.transmission);
@@ -131,7 +134,7 @@ Bsdf make_bsdf(MaterialPoint m, Vec2Array table, float cos_o, bool front) {
   }
   if ((features & feature_materials) != 0u) {
     b.diffuse_roughness = m.diffuse_roughness;
-    b.glass_alpha = m.transmission_roughness * m.transmission_roughness;
+    b.glass_alpha = glass_alpha(m);
   }
   b.glass = (1.0f - m.metallic) * m.transmission;
   b.eta = front ? 1.0f / m.ior : m.ior;
@@ -204,7 +207,7 @@ Spectrum bsdf_evaluate(IN(Bsdf) b, Vec2Array table, vec3 wo, vec3 wi, vec3 chanc
   pdf += chances.x * wi.z / pi;
   if (max_component(b.diffuse) > 0.0f) {
     float through = 1.0f;
-    if (b.layer > 0.0f) through = (1.0f - b.coat_albedo) * (1.0f - coat_albedo(b, table, wi.z)) * b.base_scale;
+    if (b.coat > 0.0f) through = (1.0f - b.coat_albedo) * (1.0f - coat_albedo(b, table, wi.z)) * b.base_scale;
     f += b.diffuse * (through * wi.z * diffuse_shape(b.diffuse_roughness, wo, wi));
   }
   if (has_lobe(b) && !is_mirror(b)) {
@@ -238,7 +241,7 @@ BsdfSample sample_glass(IN(Bsdf) b, vec3 wo, float choice) {
 /// What smooth glass lets through at one boundary, of a ray taken straight on: outside a plane-parallel plate the angle is the same on both sides, so
 /// `cosine`, the straight ray's, holds for both of its faces.
 Spectrum straight_transmittance(MaterialPoint m, float cosine) {
-  if (m.transmission_roughness * m.transmission_roughness >= mirror_alpha) return Spectrum(0.0f);
+  if (glass_alpha(m) >= mirror_alpha) return Spectrum(0.0f);
   float cos_t;
   float reflectance = fresnel_dielectric(cosine, 1.0f / m.ior, cos_t) * m.specular;
   return m.base * ((1.0f - m.metallic) * m.transmission * (1.0f - reflectance));

@@ -1,5 +1,6 @@
 #include "light/emitters.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <glm/gtc/packing.hpp>
@@ -46,6 +47,26 @@ glm::vec3 texel_at(const Texels& texels, size_t i) {
   return value;
 }
 
+/// Mean brightness of each texel's cell. Texels are interpolated, so a cell has 1/8 of its neighbours' on both axes; columns go round, rows
+/// end.
+std::vector<float> cell_means(const Texture& texture, const Band& band) {
+  const Texels texels = linear_texels(texture);
+  const size_t width = texture.width, height = texture.height;
+  std::vector<float> along_rows(width * height), means(width * height);
+  const auto value = [&](size_t i) {
+    const glm::vec3 texel = texel_at(texels, i);
+    return std::max(0.0f, band.infrared ? texel.x : float(brightness(texel)));
+  };
+  for (size_t row = 0; row < height * width; row += width)
+    for (size_t x = 0; x < width; ++x)
+      along_rows[row + x] = 0.75f * value(row + x) + 0.125f * (value(row + (x + width - 1) % width) + value(row + (x + 1) % width));
+  for (size_t y = 0; y < height; ++y)
+    for (size_t x = 0; x < width; ++x)
+      means[y * width + x] = 0.75f * along_rows[y * width + x] +
+                             0.125f * (along_rows[(y > 0 ? y - 1 : 0) * width + x] + along_rows[std::min(y + 1, height - 1) * width + x]);
+  return means;
+}
+
 }  // namespace
 
 bool shines(const Scene& scene, const Band& band, const Instance& instance) {
@@ -86,16 +107,13 @@ std::optional<LightEntry> map_light(const Scene& scene, const Band& band, double
   const Environment& environment = scene.environment();
   if (environment.texture == none) return std::nullopt;
   const Texture& texture = scene.textures()[environment.texture];
-  const Texels texels = linear_texels(texture);
+  const std::vector<float> means = cell_means(texture, band);
   std::vector<double> rows(texture.height);
   std::vector<float> cells;
   for (uint32_t y = 0; y < texture.height; ++y) {
     const double sine = std::sin(std::numbers::pi * (y + 0.5) / texture.height);
     std::vector<double> row(texture.width);
-    for (uint32_t x = 0; x < texture.width; ++x) {
-      const glm::vec3 value = texel_at(texels, size_t(y) * texture.width + x);
-      row[x] = std::max(0.0, band.infrared ? double(value.x) : brightness(value)) * sine;
-    }
+    for (uint32_t x = 0; x < texture.width; ++x) row[x] = double(means[size_t(y) * texture.width + x]) * sine;
     rows[y] = append_cumulative(cells, row);
   }
   LightEntry e;

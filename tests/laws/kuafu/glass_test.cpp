@@ -71,6 +71,21 @@ TEST(Glass, a_tilted_slab_displaces_what_is_behind_it_as_snell_says) {
   EXPECT_GT(std::abs(edge[0] - edge[1]), 20);
 }
 
+// A body of the air's own index is not there, however rough: light goes straight through, a lamp's and a shadow ray's too.
+TEST(Glass, of_index_one_is_not_there) {
+  for (const float roughness : {0.0f, 0.1f, 0.6f})
+    for (const bool lamp : {false, true}) {
+      World world;
+      kuafu_material_desc m = glass(1.0f);
+      m.roughness = m.transmission_roughness = roughness;
+      world.add(box({5, 5, 0.1}), m, placed({0, 0, 1}, 0.3));
+      world.add(quad({0, 0, 3}, {-4, 0, 0}, {0, 4, 0}), lamp ? lambert(1.0f) : emitter(1.0f));
+      if (lamp) world.add_point({0, 0, 0}, float(9 * pi));  // on the wall's middle: irradiance pi
+      world.desc().samples_per_pixel = 64;
+      EXPECT_NEAR(world.radiance(view_at({0, 0, 0}, 8, 8, 4000)).mean(), 1, 2e-3) << roughness << " " << lamp;
+    }
+}
+
 TEST(Glass, total_internal_reflection_is_total) {
   // From inside a cube, 45 degrees to two pairs of walls: beyond the critical angle (41.8) at each of them, so no light from outside comes
   // in.

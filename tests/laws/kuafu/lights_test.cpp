@@ -192,12 +192,12 @@ TEST(Lights, many_lights_cost_one_shadow_ray_and_keep_their_mean) {
   EXPECT_NEAR(means[1] / means[0], 1, 0.01);
 }
 
-/// Environment map with a bright patch; returns floor irradiance.
-double under_map(uint32_t sampling, double yaw) {
+/// Environment map with a bright patch of `size` texels around +z of the map; returns floor irradiance.
+double under_map(uint32_t sampling, double yaw, float sky, int size) {
   World world;
-  std::vector<float> map(64 * 32, 0.1f);
-  for (int y = 14; y < 18; ++y)
-    for (int x = 30; x < 34; ++x) map[size_t(y * 64 + x)] = 50;  // around +z of the map
+  std::vector<float> map(64 * 32, sky);
+  for (int y = 16 - (size + 1) / 2; y < 16 + size / 2; ++y)
+    for (int x = 32 - (size + 1) / 2; x < 32 + size / 2; ++x) map[size_t(y * 64 + x)] = 50;
   kuafu_environment_desc e = kuafu_environment_desc_init();
   e.radiance[0] = e.radiance[1] = e.radiance[2] = e.ir_radiance = 1;
   e.texture = add_texture(world, map, 64, 32);
@@ -208,24 +208,31 @@ double under_map(uint32_t sampling, double yaw) {
   return irradiance_at_floor(world, 4096, sampling);
 }
 
-TEST(Lights, an_environment_map_is_the_integral_of_its_texels) {
-  // The floor faces -z; the patch is turned there.
+/// The same with the patch turned to the floor, which faces -z, by quadrature of the bilinear texels.
+double map_integral(double sky, int size) {
   constexpr int n = 1024;
-  double expected = 0;
+  double sum = 0;
   for (int i = 0; i < n; ++i)
     for (int j = 0; j < 2 * n; ++j) {
       const double theta = pi * (i + 0.5) / n, phi = pi * (j + 0.5) / n - pi;
       const auto share = [](double p, double first, double last) {  // of bilinear texels first..last
         return std::clamp(p - (first - 1), 0.0, 1.0) * std::clamp(last + 1 - p, 0.0, 1.0);
       };
+      const int before = (size + 1) / 2, after = size / 2 - 1;
       const double column = (phi / (2 * pi) + 0.5) * 64 - 0.5, row = theta / pi * 32 - 0.5;
-      const double bright = share(column, 30, 33) * share(row, 14, 17);
+      const double bright = share(column, 32 - before, 32 + after) * share(row, 16 - before, 16 + after);
       const double cosine = std::sin(theta) * std::cos(phi);
-      if (cosine > 0) expected += (0.1 + 49.9 * bright) * cosine * std::sin(theta) * (pi / n) * (pi / n);
+      if (cosine > 0) sum += (sky + (50 - sky) * bright) * cosine * std::sin(theta) * (pi / n) * (pi / n);
     }
-  for (const uint32_t sampling : {KUAFU_SAMPLING_MIS, KUAFU_SAMPLING_BSDF})
-    EXPECT_NEAR(under_map(sampling, pi) / expected, 1, 0.02) << sampling;
-  EXPECT_NEAR(under_map(KUAFU_SAMPLING_MIS, 0) / (0.1 * pi), 1, 0.02);  // behind the floor
+  return sum;
+}
+
+// A sun of one texel in a black sky is interpolated over its neighbours' cells: light samples find it there, too.
+TEST(Lights, an_environment_map_is_the_integral_of_its_texels) {
+  for (const auto& [sky, size] : {std::pair{0.0f, 1}, {0.1f, 4}})
+    for (const uint32_t sampling : {KUAFU_SAMPLING_MIS, KUAFU_SAMPLING_LIGHTS, KUAFU_SAMPLING_BSDF})
+      EXPECT_NEAR(under_map(sampling, pi, sky, size) / map_integral(double(sky), size), 1, 0.02) << sampling << " " << size;
+  EXPECT_NEAR(under_map(KUAFU_SAMPLING_MIS, 0, 0.1f, 4) / (0.1 * pi), 1, 0.02);  // behind the floor
 }
 
 TEST(Lights, mis_is_quieter_than_either_on_a_small_emitter_over_gloss) {

@@ -62,6 +62,27 @@ TEST(Subsurface, of_short_ways_is_lambert_under_a_lamp) {
   }
 }
 
+/// BRDF, up to a factor, of a block with a smooth layer and short ways below it.
+double below_layer(double light_angle, double view_angle) {
+  World world;
+  kuafu_material_desc m = body(0.8f, 1e-3f);
+  m.specular = 1;
+  m.roughness = 0;
+  world.add(box({1, 1, 1}), m, placed({0, 0, 1}));
+  world.add_point({10 * std::sin(light_angle), 0, -10 * std::cos(light_angle)}, 100.0f);
+  world.desc().samples_per_pixel = 2048;
+  world.desc().max_bounces = 0;
+  const Vec3 eye{std::sin(view_angle), 0, -std::cos(view_angle)};
+  return world.radiance(view_at(eye, 4, 4, 40000, -view_angle)).mean() / std::cos(light_angle);
+}
+
+// The layer takes from the light on its way in what Fresnel says, as it does on its way out.
+TEST(Subsurface, is_reciprocal_below_a_layer) {
+  const double there = below_layer(0.2, 1.35), back = below_layer(1.35, 0.2);
+  EXPECT_GT(there, 0.05);
+  EXPECT_NEAR(there / back, 1, 0.03);
+}
+
 TEST(Subsurface, channels_wander_each_on_their_own) {
   kuafu_material_desc m = body(0.5f, 1e-3f);
   const float colour[3] = {0.9f, 0.5f, 0.1f}, radius[3] = {1e-2f, 5e-3f, 2e-3f};
