@@ -93,7 +93,8 @@ void Engine::set_signal(const simsense_signal& left, const simsense_signal& righ
   check_signal(right, "right");
   Imager left_imager(left, &imagers_[0]);
   Imager right_imager(right, &imagers_[1]);
-  if (pipeline_) pipeline_->wait_idle();  // its arrays may grow
+  const bool was_wide = is_wide();
+  if (pipeline_ && (left_imager.is_wide() || right_imager.is_wide()) != was_wide) pipeline_->wait_idle();  // its arrays may grow
   imagers_[0] = std::move(left_imager);
   imagers_[1] = std::move(right_imager);
 }
@@ -140,6 +141,11 @@ void Engine::check_output(const ComputeRequest::Output& wanted, bool listed_befo
   if (format > KS_FORMAT_F32 || !(formats & bit(format)))
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "output %u (%s) has format %u: must be %s", output, output_names[output], format,
              format_names(formats).c_str());
+  constexpr int32_t whole_pixels = INT16_MAX / 16;  // what sixteenths of a pixel leave of 16 bits
+  const int32_t farthest = parameters_.min_disparity + static_cast<int32_t>(parameters_.max_disparity) - 1;
+  if (output == SIMSENSE_OUTPUT_DISPARITY && format == KS_FORMAT_I16 && farthest > whole_pixels)
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "disparities reach %d pixels: in int16 sixteenths at most %d, take float32", farthest,
+             whole_pixels);
 }
 
 template <class FrameType, class Open>
@@ -170,6 +176,7 @@ void Engine::compute(const ComputeRequest& request) {
   if (on_device_) {
     wait_for_device(submit_to_device(request));
   } else {
+    if (pipeline_) pipeline_->wait_idle();  // what was submitted before the parameters left the device comes first
     compute_on_host(request);
   }
   if (request.progress) request.progress(request.progress_user, 1);

@@ -285,7 +285,7 @@ typedef struct simsense_image {
 
 /* What an output holds. H,W are the IR size except where said. */
 #define SIMSENSE_OUTPUT_DISPARITY 1u      /* float32 [N,H,W] pixels in the rectified left image, or int16: sixteenths of pixels. -1 pixel = invalid;
-                                             min_disparity - 1 where that is less */
+                                             min_disparity - 1 where that is less. int16 holds disparities up to 2047 */
 #define SIMSENSE_OUTPUT_DEPTH 2u          /* float32 [N,H,W] metres in the rectified left camera, or uint16 or int16: millimetres. 0 = invalid, or
                                              beyond the integer's range */
 #define SIMSENSE_OUTPUT_DEPTH_RGB 3u      /* the same [N,H_rgb,W_rgb] in the RGB camera; needs rig.rgb */

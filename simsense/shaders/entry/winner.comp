@@ -69,7 +69,7 @@ bool cluster_any(bool value) {
   if (path_lanes == subgroup_lanes) return subgroupAny(value);
   uvec4 votes = subgroupBallot(value);
   uint own = gl_SubgroupInvocationID & ~(path_lanes - 1u);
-  return ((own < 32u ? votes.x : votes.y) >> (own & 31u) & ((1u << path_lanes) - 1u)) != 0u;
+  return ((own < 32u ? votes.x : votes.y) >> (own & 31u) & (0xffffffffu >> (32u - path_lanes))) != 0u;
 }
 
 /// Least mean cost, in key position, that a disparity away from the winner may have: cost * (100 - ratio) >= winner's cost * 100.

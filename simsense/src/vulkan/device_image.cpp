@@ -22,6 +22,13 @@ ImageLayout packed(ImageLayout layout) {
   return layout;
 }
 
+/// SPIR-V takes an array's index as a signed 32-bit number.
+void check_reach(uint64_t elements, const char* name) {
+  if (elements > INT32_MAX)
+    ks::fail(KS_ERROR_UNSUPPORTED, "%s spans %llu elements, the Vulkan back end reaches 2^31 - 1: split the batch", name,
+             static_cast<unsigned long long>(elements));
+}
+
 }  // namespace
 
 std::shared_ptr<ks::Buffer> HostStaging::take(uint64_t bytes) {
@@ -33,16 +40,16 @@ std::shared_ptr<ks::Buffer> HostStaging::take(uint64_t bytes) {
 
 DeviceImage::DeviceImage(HostStaging& staging, const ImageArgument& argument, const ImageShape& shape, const char* name)
     : layout_(check_layout(*staging.device(), argument, shape, name)), buffer_(argument.buffer) {
+  const auto element = static_cast<uint64_t>(element_bytes(layout_));
   if (!buffer_) {
+    const uint64_t bytes = static_cast<uint64_t>(packed(layout_).batch_stride) * shape.batch;
+    check_reach(bytes / element, name);
     host_ = static_cast<std::byte*>(argument.host) + layout_.image.offset_bytes;
-    buffer_ = staging.take(static_cast<uint64_t>(packed(layout_).batch_stride) * shape.batch);
+    buffer_ = staging.take(bytes);
     return;
   }
   const ks::ByteRange range = ks::check_image(layout_.image, buffer_->size_bytes(), name);
-  const auto element = static_cast<uint64_t>(element_bytes(layout_));
-  if ((range.end - range.begin) / element > UINT32_MAX)
-    ks::fail(KS_ERROR_UNSUPPORTED, "%s spans %llu elements, the Vulkan back end reaches 2^32: split the batch", name,
-             static_cast<unsigned long long>((range.end - range.begin) / element));
+  check_reach((range.end - range.begin) / element, name);
   begin_ = range.begin;
   first_ = static_cast<ptrdiff_t>((layout_.image.offset_bytes - range.begin) / element);
 }

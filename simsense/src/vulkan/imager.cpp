@@ -61,7 +61,8 @@ SignalParameters VulkanImagers::parameters(const Imager& imager, uint32_t pairs)
   const uint64_t floats = uint64_t{pitch_} * height_ * pairs;
   if (blooms(s)) p.charge = reserve(charge_, floats);
   if (p.grain_radius > 0) {
-    p.along_rows = reserve(along_rows_, uint64_t{pitch_} * (height_ + 2 * p.grain_radius) * pairs);
+    // Room for the widest PSF at once: both eyes of one recording use it, so it must not grow between them.
+    p.along_rows = reserve(along_rows_, uint64_t{pitch_} * (height_ + grain_taps - 1) * pairs);
     for (uint32_t part : {0u, 1u})
       if (p.speckle_parts >> part & 1u) p.normals[part] = reserve(normals_[part], floats);
   }

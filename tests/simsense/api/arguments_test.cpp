@@ -137,6 +137,23 @@ TEST(ComputeArguments, EachFaultIsRefusedWithItsNumber) {
   EXPECT_EQ(call.run(engine), KS_OK) << simsense_last_error();
 }
 
+TEST(ComputeArguments, DisparitiesThatSixteenthsCannotHoldAreRefused) {
+  const Device device = open_device();
+  simsense_parameters p = fitting();
+  p.max_disparity = 32;
+  for (const int32_t last : {2047, 2048}) {
+    p.min_disparity = last - 31;
+    const EngineHandle engine = open_engine(device, ideal_rig(width, height), p);
+    Compute call;
+    call.output.output = SIMSENSE_OUTPUT_DISPARITY;
+    EXPECT_EQ(call.run(engine), KS_OK) << simsense_last_error();
+    const uint64_t shape[] = {height, width};
+    call.output.image.image = ks_image_desc_packed(KS_FORMAT_I16, 2, shape);
+    EXPECT_EQ(call.run(engine), last > 2047 ? KS_ERROR_INVALID_ARGUMENT : KS_OK) << last;
+    if (last > 2047) expect_text("disparities reach 2048 pixels: in int16 sixteenths at most 2047");
+  }
+}
+
 TEST(EngineArguments, NullsAndStrangersAreRefused) {
   const Device device = open_device();
   const simsense_rig_desc rig = ideal_rig(width, height);

@@ -324,6 +324,49 @@ TEST(vulkan_engine, submissions_run_one_after_the_other) {
   }
 }
 
+TEST(vulkan_engine, signals_change_between_submissions) {
+  simsense_rig_desc rig = with_rgb(crooked(), false);
+  rig.back_end = SIMSENSE_BACK_END_VULKAN;
+  Engine engine(device(), rig, small_parameters()), calm(device(), rig, small_parameters());
+  std::vector<simsense_signal> signals(5, simsense::signal_preset("paper-d415"));
+  signals[1].speckle_psf_sigma_px = 0.7f;
+  signals[2].speckle_psf_sigma_px = 5;
+  signals[3].full_well_e = 150, signals[3].blooming = 1;
+  signals[4].bit_depth = 12;
+  std::vector<ComputeRequest> requests;
+  ks_sync last = ks_sync_init();
+  for (const simsense_signal& signal : signals) {
+    engine.set_signal(signals[0], signal);
+    requests.push_back(request_on_device(Images()));
+    last = engine.submit(requests.back());
+  }
+  engine.wait(last);
+  for (size_t k = 0; k < signals.size(); ++k) {
+    calm.set_signal(signals[0], signals[k]);
+    const ComputeRequest same = request_on_device(Images());
+    calm.compute(same);
+    for (size_t i = 0; i < same.outputs.size(); ++i)
+      EXPECT_EQ(floats_in(same.outputs[i].image), floats_in(requests[k].outputs[i].image)) << "signal " << k;
+  }
+}
+
+TEST(vulkan_engine, images_beyond_an_index_are_refused) {
+  simsense_rig_desc rig = simsense_test::ideal_rig(32, 32, 43);
+  rig.back_end = SIMSENSE_BACK_END_VULKAN;
+  rig.batch_count = (1u << 21) + 1;
+  Engine engine(device(), rig, small_parameters());
+  uint8_t never_read = 0;
+  ComputeRequest request;
+  request.left = request.right = packed(&never_read, KS_FORMAT_U8, {rig.batch_count, 32, 32});
+  request.outputs.push_back({SIMSENSE_OUTPUT_REASON, request.left});
+  try {
+    engine.compute(request);
+    FAIL() << "taken";
+  } catch (const ks::Error& error) {
+    EXPECT_NE(std::string(error.what()).find("left image spans 2147484672 elements"), std::string::npos) << error.what();
+  }
+}
+
 TEST(vulkan_engine, a_cancelled_call_leaves_the_engine_as_it_was) {
   simsense_rig_desc rig = with_rgb(crooked(), true);
   rig.back_end = SIMSENSE_BACK_END_VULKAN;

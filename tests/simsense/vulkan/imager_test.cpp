@@ -170,3 +170,31 @@ TEST(VulkanImager, PhotonTransferGivesTheParametersBack) {
   const double spatial = moments(mean_of(bright)).variance - 0.5 * temporal_variance(bright);
   EXPECT_NEAR(std::sqrt(spatial) / (bright_mean - dark_mean) / 0.02, 1, 0.05);
 }
+
+TEST(VulkanImager, BothEyesOfOneRecordingMayHaveGrainsOfTheirOwn) {
+  simsense_signal fine = signal_preset("paper-d415");
+  fine.speckle_psf_sigma_px = 0.5f;
+  simsense_signal coarse = fine;
+  coarse.speckle_psf_sigma_px = 16;
+  const std::vector<float> image(size_t{field_width} * field_height, 100);
+  const auto light = upload(image.data(), image.size() * 4);
+  const ImageRef from = packed_ref(*light, KS_FORMAT_F32, field_width, field_height);
+  NoiseKey keys[2] = {key, key};
+  keys[0].eye = 0;
+  VulkanImagers imagers(device(), field_width, field_height);
+  const auto counts = ks::Buffer::create(device(), image.size() * 4, 0);
+  ks::Commands commands(device());
+  ImageRef to = packed_ref(*counts, KS_FORMAT_U16, field_width, field_height);
+  imagers.record(commands, 0, Imager(fine), {&keys[0], 1}, from, to, {});
+  const uint64_t recorded_bytes = imagers.memory_bytes();
+  to.first = static_cast<uint32_t>(image.size());
+  imagers.record(commands, 1, Imager(coarse), {&keys[1], 1}, from, to, {});
+  EXPECT_EQ(imagers.memory_bytes(), recorded_bytes) << "an array that recorded work uses was replaced";
+  commands.flush();
+  std::vector<uint16_t> found(2 * image.size());
+  counts->read(0, found.data(), found.size() * 2);
+  for (const uint32_t eye : {0u, 1u}) {
+    const auto alone = run(eye ? coarse : fine, {keys[eye]}, from, field_width, field_height);
+    EXPECT_TRUE(std::equal(alone.begin(), alone.end(), found.begin() + static_cast<ptrdiff_t>(eye * image.size()))) << "eye " << eye;
+  }
+}
