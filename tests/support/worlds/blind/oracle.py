@@ -58,6 +58,8 @@ def _scored(world, name, values):
         return {"log_gain": float(np.log1p(values["error"]) / np.log(gain))}
     if name == "projector_defocus":  # The radius; hidden is the diameter of the disc of equal second moment.
         return {"aperture_px_m": values["aperture_px_m"] / 2}
+    if name == "subsurface":  # The rms distance along one axis; hidden is the length of exp(-r / length) over the surface.
+        return {"length_m": float(np.sqrt(3.0) * values["length_m"])}
     main = {
         "flicker_banding": ("depth",),
         "chromatic_drift": ("sigma_px_per_k",),
@@ -69,7 +71,6 @@ def _scored(world, name, values):
         "gain_mismatch": ("gain",),
         "hot_pixels": ("share",),
         "specular": ("roughness",),
-        "subsurface": ("length_m",),
         "dark_signal": ("rate_dn_per_s",),
     }
     # Lamps, second projectors and clear walls have no parameter that every model would name alike.
