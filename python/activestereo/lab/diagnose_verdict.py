@@ -19,7 +19,7 @@ _STRUCTURED_SHARE = 0.2
 _SAME_EXCESS_RATIO, _SAME_EXCESS_FLOORS = 1.2, 0.002
 # Temperature of the confidence's softmax over log excess, and how well the floor itself is known.
 _CERTAIN = 3.0
-_TEMPERATURE, _FLOOR_KNOWN_TO = 0.2, 0.01
+_TEMPERATURE, _FLOOR_KNOWN_TO = 0.1, 0.01
 
 
 def passes(ranking, entry):

@@ -7,7 +7,7 @@ import numpy as np
 from activestereo.lab.diagnose_verdict import passes
 from activestereo.lab.ranking import Ranking
 
-_LARGEST_MODEL = 5
+_LARGEST_MODEL = 4
 # A removal is kept where the model stays as good: its loss of nats is below this; so is a swap that gains more.
 _NEEDLESS_NATS = 5.0
 _SMALLEST_GAIN_FLOORS = 0.005
