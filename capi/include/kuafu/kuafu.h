@@ -366,8 +366,9 @@ typedef struct kuafu_render_desc {
   uint32_t denoise;                  /* KUAFU_DENOISE_* */
   uint32_t projector;                /* light id, for KUAFU_OUTPUT_PROJECTOR_UV, _VISIBILITY, _GEOMETRY; KUAFU_NONE: the first that a view's environment has */
   float temporal_weight;             /* KUAFU_DENOISE_ATROUS: share of the light that this renderer's last renders of as many views of one size saw on the same
-                                        surface, 0..<1; 0: each render by itself. It follows pinhole cameras that move and starts anew where another surface
-                                        appears; it lags behind lights that change and bodies that slide along themselves. Give every render another seed */
+                                        surface, 0..<1; 0: each render by itself. It follows cameras (of any lens and shutter) and instances that move, and starts
+                                        anew where another surface or instance appears. Where light changes by more than this render's noise, what was is
+                                        forgotten; smaller changes, reflections and deforming meshes lag. Give every render another seed */
   uint32_t accumulate;               /* nonzero: these samples are added to those that the renderer has accumulated since its last call without it, and the images
                                         are means of all. They go on where the last call ended. A call of other sizes, band, light groups or variance, and one
                                         that fails, begins anew. Cameras and scene may move in between: the images are then means over that time */

@@ -2,6 +2,8 @@
 #ifndef KUAFU_DENOISE_RECORD_H
 #define KUAFU_DENOISE_RECORD_H
 
+#include "shared/aov_record.h"
+#include "shared/camera_record.h"
 #include "shared/wave.h"
 
 #ifdef __cplusplus
@@ -19,6 +21,23 @@ struct GuideRecord {
 };
 KUAFU_ARRAY(GuideArray, GuideRecord, 4)
 
+/// How a view of the last launch saw the world.
+struct HistoryView {
+  MotionView camera;  // `now` is where it was then
+  MotionRecord motion;
+  vec2 seconds_per_pixel;  // rolling shutter: along columns and rows
+};
+KUAFU_ARRAY(HistoryViewArray, HistoryView, 4)
+
+/// Where the last launch saw what a pixel shows now, and how that stood then.
+struct PlaceRecord {
+  vec3 position, normal;
+  vec2 film;  // pixels; x < -1: nowhere
+  uint instance;
+};
+KUAFU_ARRAY(PlaceArray, PlaceRecord, 4)
+KUAFU_CONST place_words = 9u;
+
 /// Writes the guides of pixel centres.
 struct GuidePush {
   UintArray rays;
@@ -28,6 +47,11 @@ struct GuidePush {
   WaveRange range;
   uint count;  // pixels
   uint infrared;
+  // Of History: written where history is not 0; 2: there was a launch before.
+  UintArray places;
+  HistoryViewArray last_views;
+  Vec4Array last_local_to_world;  // rows, three of each instance slot; zeros where it was not there
+  uint history, reserved;
 };
 
 /// Adds the first and second moment of a pixel's samples, the mean over channels of all light but the projectors' direct one.
@@ -50,7 +74,7 @@ struct DenoiseImages {
   FloatArray last_light, next_light;    // as DenoisePush's light
   FloatArray last_pixels, next_pixels;  // [pixel][history_words]
   GuideArray last_guides;
-  FloatArray projections;  // [view][3][4]: homogeneous pixel of a world point in the last launch's view
+  PlaceArray places, last_places;
   float temporal_weight;
   uint has_last;
 };
@@ -104,9 +128,10 @@ struct RemodulatePush {
 
 #ifdef __cplusplus
 static_assert(sizeof(GuideRecord) == 48);
-static_assert(sizeof(GuidePush) == 80);
+static_assert(sizeof(GuidePush) == 112);
+static_assert(sizeof(PlaceRecord) == 4 * place_words);
 static_assert(sizeof(MomentsPush) == 72);
-static_assert(sizeof(DenoiseImages) == 128);
+static_assert(sizeof(DenoiseImages) == 136);
 static_assert(sizeof(DenoisePush) == 80);
 static_assert(sizeof(RemodulatePush) == 104);
 }  // namespace kuafu

@@ -2,6 +2,7 @@
 // so that the sum of the images is filtered as they are. Light is filtered over albedo; noise is known from the pixel's own samples.
 const float level_reach = 2.0f;     // standard deviations between means of pixels that still mix
 const float speckle_reach = 3.0f;   // and that a pixel may stand out by from its neighbours, if its noise explains it
+const float change_reach = 2.0f;    // and that light of the last launches may be off from means of this one's
 const float edge_confidence = 0.1f;
 
 uint plane_count() { return push.images.at[0].denoised_count * push.images.at[0].channels; }
@@ -90,30 +91,59 @@ void despeckle(uint pixel) {
   set_statistics(pixel, level * keep, variance, inside, inside);
 }
 
-/// Where the last launch saw this surface, in pixels of the view; x < -1 where it did not.
-vec2 last_place(GuideRecord here, uint view) {
-  float p[3];
-  for (uint row = 0u; row < 3u; ++row) {
-    p[row] = push.images.at[0].projections.at[view * 12u + row * 4u + 3u];
-    for (uint i = 0u; i < 3u; ++i) p[row] += push.images.at[0].projections.at[view * 12u + row * 4u + i] * here.position[int(i)];
-  }
-  return p[2] > 0.0f && here.material != miss ? vec2(p[0] / p[2], p[1] / p[2]) : vec2(-2.0f, -2.0f);
+// Pixels are told apart by the means of 3 x 3 alike around them, which have a third of the noise: a highlight's slope stands out from it earlier.
+void smooth_levels(uint pixel) {
+  GuideRecord here = push.guides.at[pixel];
+  int spacing = int(push.spacing);
+  float level = 0.0f, weights = 0.0f, variance = 0.0f;
+  for (int dy = -1; dy <= 1; ++dy)
+    for (int dx = -1; dx <= 1; ++dx) {
+      uint other = neighbour(pixel, dx * spacing, dy * spacing);
+      if (other == miss) continue;
+      float t = other == pixel ? 0.0f : surface_unlike(here, push.guides.at[other], float(spacing), 1e9f);
+      float weight = (dx == 0 ? 1.0f : 0.5f) * (dy == 0 ? 1.0f : 0.5f) * falling(t) * statistic(other, denoise_confidence);
+      weights += weight;
+      level += weight * statistic(other, denoise_level);
+      variance += weight * weight * statistic(other, denoise_variance);
+    }
+  for (uint word = 0u; word < denoise_smooth_level; ++word) push.pixels_out.at[pixel * denoise_words + word] = statistic(pixel, word);
+  push.pixels_out.at[pixel * denoise_words + denoise_smooth_level] = level / weights;
+  push.pixels_out.at[pixel * denoise_words + denoise_smooth_variance] = variance / (weights * weights);
 }
 
-// Light of the last launches at this surface's place then, where that showed the same surface: disocclusion starts anew.
+/// The least and the most that light here may be, by what this launch shows around it: where a shadow has gone, history must not keep it.
+vec2 plausible_levels(uint pixel) {
+  GuideRecord here = push.guides.at[pixel];
+  float least = 1e30f, most = 0.0f;
+  for (int dy = -1; dy <= 1; ++dy)
+    for (int dx = -1; dx <= 1; ++dx) {
+      uint other = neighbour(pixel, dx, dy);
+      if (other == miss || (other != pixel && surface_unlike(here, push.guides.at[other], 1.0f, 32.0f) > 1.0f)) continue;
+      float level = statistic(other, denoise_smooth_level), reach = change_reach * sqrt(statistic(other, denoise_smooth_variance));
+      least = min(least, level - reach);
+      most = max(most, level + reach);
+    }
+  return vec2(least, most);
+}
+
+// Light of the last launches at this surface's place then, where that showed the same surface of the same instance: disocclusion starts anew.
 void accumulate(uint pixel) {
   DenoiseImages images = push.images.at[0];
   uint planes = plane_count(), view = pixel / (push.width * push.height);
   GuideRecord here = push.guides.at[pixel];
+  PlaceRecord place = images.places.at[pixel];
+  here.position = place.position;
+  here.normal = place.normal;
   float sum[15], weights = 0.0f, variance = 0.0f, launches = 0.0f;
   for (uint p = 0u; p < 15u; ++p) sum[p] = 0.0f;
   if (images.has_last != 0u) {
-    vec2 place = last_place(here, view), corner = floor(place);
+    vec2 corner = floor(place.film);
     for (int k = 0; k < 4; ++k) {
       int x = int(corner.x) + k % 2, y = int(corner.y) + k / 2;
       if (x < 0 || y < 0 || x >= int(push.width) || y >= int(push.height)) continue;
       uint other = (view * push.height + uint(y)) * push.width + uint(x);
-      float weight = max(0.0f, 1.0f - abs(place.x - float(x))) * max(0.0f, 1.0f - abs(place.y - float(y)));
+      if (images.last_places.at[other].instance != place.instance) continue;
+      float weight = max(0.0f, 1.0f - abs(place.film.x - float(x))) * max(0.0f, 1.0f - abs(place.film.y - float(y)));
       weight *= falling(surface_unlike(here, images.last_guides.at[other], 1.0f, 1e9f));
       weights += weight;
       variance += weight * images.last_pixels.at[other * history_words + history_variance];
@@ -123,6 +153,16 @@ void accumulate(uint pixel) {
   }
   bool known = weights > 0.05f;
   launches = known ? launches / weights + 1.0f : 1.0f;
+  if (known) {
+    float before = 0.0f;
+    for (uint p = 0u; p < planes; ++p) before += sum[p] / (weights * float(images.channels));
+    vec2 levels = plausible_levels(pixel);
+    float plausible = clamp(before, levels.x, levels.y);
+    if (plausible != before) {
+      launches = 0.5f * launches + 0.5f;
+      for (uint p = 0u; p < planes; ++p) sum[p] = before > 0.0f ? sum[p] * plausible / before : push.light_in.at[pixel * planes + p] * weights;
+    }
+  }
   float share = known ? max(1.0f - images.temporal_weight, 1.0f / launches) : 1.0f, level = 0.0f;
   for (uint p = 0u; p < planes; ++p) {
     float light = push.light_in.at[pixel * planes + p];
@@ -153,26 +193,6 @@ float smooth_variance(uint pixel) {
       weights += weight;
     }
   return sum / weights;
-}
-
-// Pixels are told apart by the means of 3 x 3 alike around them, which have a third of the noise: a highlight's slope stands out from it earlier.
-void smooth_levels(uint pixel) {
-  GuideRecord here = push.guides.at[pixel];
-  int spacing = int(push.spacing);
-  float level = 0.0f, weights = 0.0f, variance = 0.0f;
-  for (int dy = -1; dy <= 1; ++dy)
-    for (int dx = -1; dx <= 1; ++dx) {
-      uint other = neighbour(pixel, dx * spacing, dy * spacing);
-      if (other == miss) continue;
-      float t = other == pixel ? 0.0f : surface_unlike(here, push.guides.at[other], float(spacing), 1e9f);
-      float weight = (dx == 0 ? 1.0f : 0.5f) * (dy == 0 ? 1.0f : 0.5f) * falling(t) * statistic(other, denoise_confidence);
-      weights += weight;
-      level += weight * statistic(other, denoise_level);
-      variance += weight * weight * statistic(other, denoise_variance);
-    }
-  for (uint word = 0u; word < denoise_smooth_level; ++word) push.pixels_out.at[pixel * denoise_words + word] = statistic(pixel, word);
-  push.pixels_out.at[pixel * denoise_words + denoise_smooth_level] = level / weights;
-  push.pixels_out.at[pixel * denoise_words + denoise_smooth_variance] = variance / (weights * weights);
 }
 
 void atrous(uint pixel) {

@@ -4,14 +4,26 @@ void store(uint word, vec3 value) {
   for (int i = 0; i < 3; ++i) push.guides.at[word + uint(i)] = floatBitsToUint(value[i]);
 }
 
+void store_place(uint index, PlaceRecord place) {
+  uint word = index * place_words;
+  for (int k = 0; k < 3; ++k) {
+    push.places.at[word + uint(k)] = floatBitsToUint(place.position[k]);
+    push.places.at[word + 3u + uint(k)] = floatBitsToUint(place.normal[k]);
+  }
+  push.places.at[word + 6u] = floatBitsToUint(place.film.x);
+  push.places.at[word + 7u] = floatBitsToUint(place.film.y);
+  push.places.at[word + 8u] = place.instance;
+}
+
 void guide(uint i) {
   Pixel pixel = wave_pixel(push.range, i);
   GuideRecord g = guide_of_ray(i, pixel.view);
-  uint word = ((pixel.view * push.range.height + pixel.row) * push.range.width + pixel.column) * 12u;
+  uint index = (pixel.view * push.range.height + pixel.row) * push.range.width + pixel.column, word = index * 12u;
   store(word, g.normal);
   push.guides.at[word + 3u] = g.material;
   store(word + 4u, g.position);
   store(word + 7u, g.footprint_m);
   store(word + 8u, g.albedo);
   store(word + 11u, g.normal_exponent);
+  if (push.history != 0u) store_place(index, place_of_ray(i, pixel.view, g));
 }

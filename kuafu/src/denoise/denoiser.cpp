@@ -39,9 +39,10 @@ Denoiser::Denoiser(Memory memory, uint32_t queue_layout, std::string oidn_librar
       moments_(memory_, moments_spirv, host::moments),
       denoise_(memory_, denoise_spirv, host::denoise),
       remodulate_(memory_, remodulate_spirv, host::remodulate, queue_layout),
+      history_(memory_),
       oidn_library_(std::move(oidn_library)) {}
 
-void Denoiser::fit(const Launch& launch, const Frame& frame) {
+void Denoiser::fit(const Launch& launch, const Scene& scene, const Frame& frame) {
   const std::vector<uint32_t> kinds = denoised_kinds(launch);
   const uint64_t pixels = launch.pixel_count();
   channels_ = launch.band.channels();
@@ -54,7 +55,10 @@ void Denoiser::fit(const Launch& launch, const Frame& frame) {
   images.denoised_count = uint32_t(kinds.size());
   images.channels = channels_;
   accumulates_ = launch.denoise == DenoiseKind::atrous && launch.temporal_weight > 0.0f;
-  fit_history(launch, images);
+  if (accumulates_)
+    history_.begin(launch, scene, kinds.size() * channels_, guides_, images);
+  else
+    history_.forget();
   images_.resize(memory_, 1)[0] = images;
   grow(memory_, guides_, pixels * sizeof(GuideRecord) / 4);
   grow(memory_, sums_, pixels * 2);
@@ -69,51 +73,17 @@ void Denoiser::fit(const Launch& launch, const Frame& frame) {
   push_.height = launch.height;
 }
 
-// The place of a point in the last launch: K times the inverse pose. A distorting lens or one that moves has no such matrix, so no history.
-void Denoiser::fit_history(const Launch& launch, DenoiseImages& images) {
-  const bool possible = accumulates_ && std::ranges::none_of(launch.views, &View::special);
-  const size_t planes = size_t(images.denoised_count) * channels_;
-  History& h = history_;
-  if (!possible || h.views.size() != launch.views.size() || h.width != launch.width || h.height != launch.height || h.planes != planes)
-    h.views.clear();
-  accumulates_ = possible;
-  h.next_views.clear();
-  if (!possible) return;
-  std::swap(h.guides, guides_);
-  std::swap(h.light[0], h.light[1]);
-  std::swap(h.pixels[0], h.pixels[1]);
-  const uint64_t pixels = launch.pixel_count();
-  for (int i = 0; i < 2; ++i) {
-    grow(memory_, h.light[i], pixels * planes);
-    grow(memory_, h.pixels[i], pixels * history_words);
-  }
-  grow(memory_, h.guides, pixels * sizeof(GuideRecord) / 4);
-  const auto projections = h.projections.resize(memory_, launch.views.size() * 12);
-  for (size_t view = 0; view < h.views.size(); ++view) {
-    const glm::dmat4 to_camera = glm::inverse(h.views[view].camera_to_world);
-    const glm::dmat4x3 to_pixel = h.views[view].k * glm::dmat4x3(to_camera);
-    for (int row = 0; row < 3; ++row)
-      for (int column = 0; column < 4; ++column) projections[view * 12 + size_t(row) * 4 + size_t(column)] = float(to_pixel[column][row]);
-  }
-  images.last_light = memory_.address(*h.light[0]);
-  images.next_light = memory_.address(*h.light[1]);
-  images.last_pixels = memory_.address(*h.pixels[0]);
-  images.next_pixels = memory_.address(*h.pixels[1]);
-  images.last_guides = memory_.address(*h.guides);
-  images.projections = h.projections.address();
-  images.temporal_weight = launch.temporal_weight;
-  images.has_last = h.views.empty() ? 0 : 1;
-  h.views.clear();
-  h.next_views = launch.views;
-  h.width = launch.width;
-  h.height = launch.height;
-  h.planes = planes;
-}
-
 void Denoiser::guide(ks::Commands& commands, const WaveRays& centre) {
-  guide_.run(
-      commands, "guide",
-      {centre.rays, centre.scene, centre.views, memory_.address(*guides_), centre.range, centre.range.pixel_count, infrared_ ? 1u : 0u});
+  GuidePush push{};
+  push.rays = centre.rays;
+  push.scene = centre.scene;
+  push.views = centre.views;
+  push.guides = memory_.address(*guides_);
+  push.range = centre.range;
+  push.count = centre.range.pixel_count;
+  push.infrared = infrared_ ? 1u : 0u;
+  if (accumulates_) history_.describe(push);
+  guide_.run(commands, "guide", push);
 }
 
 void Denoiser::moments(ks::Commands& commands, uint64_t state, const WaveRange& range, uint32_t groups, bool first_pass) {
@@ -124,8 +94,11 @@ void Denoiser::filter(ks::Commands& commands, uint32_t samples) {
   push_.samples = samples;
   step(commands, denoise_divide);
   step(commands, denoise_despeckle);
-  if (accumulates_) step(commands, denoise_accumulate);
-  history_.views = std::exchange(history_.next_views, {});
+  if (accumulates_) {
+    step(commands, denoise_smooth, 1);
+    step(commands, denoise_accumulate);
+    history_.end();
+  }
   for (uint32_t pass = 0; pass < passes; ++pass) {
     step(commands, denoise_smooth, 1u << pass);
     step(commands, denoise_atrous, 1u << pass);

@@ -4,6 +4,7 @@
 // externally synchronised.
 #pragma once
 
+#include "denoise/history.h"
 #include "denoise/oidn.h"
 #include "pathtrace/frame.h"
 #include "pathtrace/image_step.h"
@@ -29,7 +30,7 @@ class Denoiser {
   /// oidn_library: as Oidn takes it; opened when a launch asks for it.
   Denoiser(Memory memory, uint32_t queue_layout, std::string oidn_library);
   /// Before the first wave of a launch that denoises.
-  void fit(const Launch& launch, const Frame& frame);
+  void fit(const Launch& launch, const Scene& scene, const Frame& frame);
   /// After rays through pixel centres were traced.
   void guide(ks::Commands& commands, const WaveRays& centre);
   /// After a wave of paths: their state.
@@ -45,7 +46,6 @@ class Denoiser {
 
  private:
   void step(ks::Commands& commands, uint32_t step, uint32_t spacing = 0);
-  void fit_history(const Launch& launch, DenoiseImages& images);
 
   Memory memory_;
   ImageStep<GuidePush> guide_;
@@ -53,19 +53,10 @@ class Denoiser {
   ImageStep<DenoisePush> denoise_;
   ImageStep<RemodulatePush> remodulate_;
   MappedTable<DenoiseImages> images_;
+  History history_;
   std::unique_ptr<Oidn> oidn_;
   std::string oidn_library_;
   std::shared_ptr<ks::Buffer> guides_, sums_, light_[2], pixels_[2];
-  /// Of the launch before this one, and of this one for the next.
-  struct History {
-    std::shared_ptr<ks::Buffer> light[2], pixels[2], guides;
-    MappedTable<float> projections;
-    std::vector<View> views;       // that they are of; empty: there is none
-    std::vector<View> next_views;  // of this launch, until it has got that far
-    uint32_t width = 0, height = 0;
-    size_t planes = 0;
-  };
-  History history_;
   bool accumulates_ = false;
   DenoisePush push_{};
   uint32_t channels_ = 1;

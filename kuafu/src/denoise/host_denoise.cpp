@@ -9,12 +9,14 @@ namespace {
 constexpr uint features = feature_motion;
 #include "lib/alike.glsl"
 #include "lib/material.glsl"
+#include "lib/motion_vector.glsl"
 #include "lib/pixels.glsl"
 #include "lib/queue.glsl"
 
 struct Guide {
   const GuidePush& push;
 #include "lib/guide.glsl"
+#include "lib/history.glsl"
 #include "stage/guide.glsl"
 };
 

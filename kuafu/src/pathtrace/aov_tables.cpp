@@ -22,21 +22,6 @@ const Light* projector_of(const Scene& scene, uint32_t wanted, uint32_t environm
   return nullptr;
 }
 
-CameraPose camera_pose(const glm::dmat4& camera_to_world) {
-  return {glm::vec3(camera_to_world[3]), glm::vec3(camera_to_world[0]), glm::vec3(camera_to_world[1]), glm::vec3(camera_to_world[2])};
-}
-
-MotionView motion_view(const View& view) {
-  MotionView m{};
-  m.now = camera_pose(view.camera_to_world);
-  m.previous = camera_pose(view.previous_camera_to_world);
-  m.focal = {float(view.k[0][0]), float(view.k[1][1])};
-  m.centre = glm::vec2(view.k[2]);
-  m.skew = float(view.k[1][0]);
-  std::ranges::copy(view.optics.distortion, m.distortion);
-  return m;
-}
-
 }  // namespace
 
 void AovTables::update(const Scene& scene, const Launch& launch) {

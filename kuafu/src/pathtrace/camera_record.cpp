@@ -23,6 +23,10 @@ glm::vec2 seconds_per_pixel(const Shutter& shutter) {
   }
 }
 
+CameraPose camera_pose(const glm::dmat4& camera_to_world) {
+  return {glm::vec3(camera_to_world[3]), glm::vec3(camera_to_world[0]), glm::vec3(camera_to_world[1]), glm::vec3(camera_to_world[2])};
+}
+
 }  // namespace
 
 bool View::special() const {
@@ -55,6 +59,17 @@ CameraRecord camera_record(const View& view) {
   r.flags = (distorts(view.optics.distortion) ? camera_distorts : 0) | (view.optics.lens_radius_m > 0.0 ? camera_has_lens : 0) |
             (view.velocity.moves() ? camera_moves : 0);
   return r;
+}
+
+MotionView motion_view(const View& view) {
+  MotionView m{};
+  m.now = camera_pose(view.camera_to_world);
+  m.previous = camera_pose(view.previous_camera_to_world);
+  m.focal = {float(view.k[0][0]), float(view.k[1][1])};
+  m.centre = glm::vec2(view.k[2]);
+  m.skew = float(view.k[1][0]);
+  std::ranges::copy(view.optics.distortion, m.distortion);
+  return m;
 }
 
 }  // namespace kuafu

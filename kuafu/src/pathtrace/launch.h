@@ -12,6 +12,7 @@
 #include "pathtrace/band.h"
 #include "scene/camera.h"
 #include "scene/scene.h"
+#include "shared/aov_record.h"
 #include "shared/wave.h"
 
 namespace kuafu {
@@ -98,6 +99,8 @@ struct Launch {
 TimeSpan open_span(const Launch& launch);
 /// What `generate` needs of a view that is special.
 CameraRecord camera_record(const View& view);
+/// Where it sees points, now and one frame before.
+MotionView motion_view(const View& view);
 
 /// What `generate` needs of a view. Its key depends on seed, camera and environment alone, never on the position in the batch: a view gives
 /// the same bits rendered alone or with others, and two eyes draw different samples.

@@ -35,7 +35,7 @@ void PathTracer::Run::prepare(const Scene& scene) {
   for (uint32_t kind = 0; kind < output_kind_count; ++kind) outputs[kind] = o_.frame_.target(launch_, kind);
   fit_buffers();
   begin_accumulation();
-  if (denoises()) o_.denoiser_.fit(launch_, o_.frame_);
+  if (denoises()) o_.denoiser_.fit(launch_, scene, o_.frame_);
   commands_.add_host_time("upload", milliseconds_since(start));
   start = std::chrono::steady_clock::now();
   o_.tracer_->update(scene, launch_.environment_count(), open);
