@@ -80,3 +80,11 @@ def test_a_parameter_that_is_not_at_work_is_told_as_zero(found):
     assert slope["value"] == 0.0 and slope["low"] < 0.0 < slope["high"]
     assert rate["value"] == pytest.approx(PER_K, rel=0.03) and rate["low"] < PER_K < rate["high"]
     assert found.solution.model.effects[0][1]["per_s"] == 0.0
+
+
+def test_what_the_data_cannot_tell_apart_goes_by_prior(table):
+    """A filter that drifts dims dots in a warm rig as a laser does; a laser's drift of this size is the likelier."""
+    evidence = evidence_of(table, Model().with_effect(DRIFT, per_k=PER_K))
+    first, second = Ranking(evidence, Model(), [builtin()["chromatic_drift"], DRIFT], workers=1).entries
+    assert abs(first.nats - second.nats) < 3.0
+    assert (first.id, second.id) == ("laser_power_drift", "chromatic_drift")

@@ -63,6 +63,14 @@ def nats_of(base_chi2, chi2, pixels, deff):
     return 0.5 * pixels / deff * float(np.log(base_chi2 / chi2))
 
 
+def prior_nats(entry):
+    """Log density of what was found under the parameters' priors, up to a constant; 0 for what is not fitted to images. It decides
+    between explanations that the data cannot tell apart."""
+    if entry.solution is None:
+        return 0.0
+    return -0.5 * sum(((entry.parameters[p.name]["value"] - p.neutral) / p.typical) ** 2 for p in entry.effect.parameters)
+
+
 def gain_error(base, entry, deff, base_chi2, pixels):
     """Standard error of a difference of nats between two entries, paired by tile."""
     difference = base.tile_chi2 - entry.tile_chi2

@@ -11,11 +11,15 @@ What is static and random (fixed pattern, static speckle) is not in the floor: i
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 from scipy.optimize import nnls
 
 from activestereo.capture import EYES
 
 _BINS = 40
+_LEAST_WIDTH_DN = 2.0
+# Bins that tell a bin's variance.
+_NEIGHBOURS = 5
 # Of whole digital numbers. Pixels that vary less are clipped somewhere on their way: they must not pass for exact.
 _QUANTISATION_VARIANCE = 1.0 / 12.0
 _BLACK_LEVELS = 33
@@ -86,16 +90,34 @@ def transfer_rows(entry, max_dn):
     count = len(frames)
     inside = (mean > 0) & (mean < max_dn - 1)
     mean, variance = mean[inside], variance[inside]
-    edges = np.unique(np.quantile(mean, np.linspace(0, 1, _BINS + 1))) if mean.size else np.zeros(1)
+    edges = _apart(np.quantile(mean, np.linspace(0, 1, _BINS + 1))) if mean.size else np.zeros(1)
     index = np.clip(np.searchsorted(edges, mean, side="right") - 1, 0, max(len(edges) - 2, 0))
     rows = []
     for b in np.unique(index):
         m, v = mean[index == b], variance[index == b]
         # A mean of n repeats is itself noisy: its square is too large by variance / n.
-        square = (m**2 - v / count).mean()
-        error = max(v.mean(), _QUANTISATION_VARIANCE) * np.sqrt(2.0 / ((count - 1) * m.size))
-        rows.append((frames[0].gain, m.mean(), square, v.mean(), 1.0 / error))
-    return rows
+        rows.append((frames[0].gain, m.mean(), (m**2 - v / count).mean(), v.mean(), m.size))
+    return _with_weights(rows, count)
+
+
+def _apart(edges):
+    """Ascending bin edges without those that lie too close: repeats of whole numbers agree more often at some means than at others."""
+    kept = [edges[0]]
+    for edge in edges[1:]:
+        if edge >= kept[-1] + _LEAST_WIDTH_DN:
+            kept.append(edge)
+    return np.array(kept)
+
+
+def _with_weights(rows, count):
+    """The rows with weights in place of their pixel counts. A bin's error goes by the variance around it: equal and unequal numbers
+    have different means, so that a bin's own variance is large or small by how whole numbers fall into it."""
+    if not rows:
+        return rows
+    gain, mean, square, variance, pixels = np.array(rows).T
+    around = uniform_filter1d(variance * pixels, _NEIGHBOURS, mode="nearest") / uniform_filter1d(pixels, _NEIGHBOURS, mode="nearest")
+    error = np.maximum(around, _QUANTISATION_VARIANCE) * np.sqrt(2.0 / ((count - 1) * pixels))
+    return list(zip(gain, mean, square, variance, 1.0 / error, strict=True))
 
 
 def frame_floors(capture, black_dn):

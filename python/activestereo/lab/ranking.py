@@ -18,6 +18,7 @@ from activestereo.lab.diagnose_score import (
     half_width,
     intervals,
     nats_of,
+    prior_nats,
     told,
 )
 from activestereo.lab.diagnose_static import PARTS, fit_static, structure, white_rest, worst_image
@@ -61,7 +62,7 @@ class Ranking:
         self._score()
         self._simplify_best()
         self.entries += self._beside([e for e in chosen if e not in {entry.effect for entry in self.entries}])
-        self.entries.sort(key=lambda e: (not passes(self, e), e.channel == "depth" and not self.at_floor, -e.nats))
+        self.entries.sort(key=lambda e: (not passes(self, e), e.channel == "depth" and not self.at_floor, -e.nats - prior_nats(e)))
 
     def _fit_base(self):
         play = Play(self._model)
