@@ -100,6 +100,8 @@ void Commands::State::bind(const ComputePipeline& pipeline, const void* push, si
     device->vk().vkCmdPushConstants(buffer, pipeline.layout(), VK_SHADER_STAGE_COMPUTE_BIT, 0, static_cast<uint32_t>(push_bytes), push);
 }
 
+uint32_t Commands::most_groups() const { return state_->device->limits().maxComputeWorkGroupCount[0]; }
+
 void Commands::dispatch_raw(const ComputePipeline& pipeline, const void* push, size_t push_bytes, uint32_t x, uint32_t y, uint32_t z) {
   if (x == 0 || y == 0 || z == 0) return;
   const uint32_t(&most)[3] = state_->device->limits().maxComputeWorkGroupCount;

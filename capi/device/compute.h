@@ -48,6 +48,13 @@ class Commands {
   void dispatch(const ComputePipeline& pipeline, const Push& push, uint32_t groups_x, uint32_t groups_y = 1, uint32_t groups_z = 1) {
     dispatch_raw(pipeline, &push, sizeof(Push), groups_x, groups_y, groups_z);
   }
+  /// A line of groups, in rows where it is longer than the device's dispatches may be wide: a shader counts y * width + x, and minds that
+  /// there may be more groups than asked for.
+  template <class Push>
+  void dispatch_line(const ComputePipeline& pipeline, const Push& push, uint32_t groups) {
+    const uint32_t rows = groups == 0 ? 0 : (groups - 1) / most_groups() + 1;
+    dispatch(pipeline, push, rows == 0 ? 0 : (groups - 1) / rows + 1, rows);
+  }
   template <class Push>
   void dispatch_indirect(const ComputePipeline& pipeline, const Push& push, const Buffer& arguments, uint64_t offset_bytes) {
     dispatch_indirect_raw(pipeline, &push, sizeof(Push), arguments, offset_bytes);
@@ -77,6 +84,7 @@ class Commands {
   [[nodiscard]] VkCommandBuffer handle();  ///< begun; for what this class does not cover: follow it with barrier()
 
  private:
+  [[nodiscard]] uint32_t most_groups() const;  // of a dispatch, along x
   void dispatch_raw(const ComputePipeline&, const void* push, size_t push_bytes, uint32_t x, uint32_t y, uint32_t z);
   void dispatch_indirect_raw(const ComputePipeline&, const void* push, size_t push_bytes, const Buffer& arguments, uint64_t offset_bytes);
   struct State;

@@ -7,5 +7,6 @@ layout(push_constant, scalar) uniform Push { DenoisePush push; };
 #include "stage/denoise.glsl"
 
 void main() {
-  if (gl_GlobalInvocationID.x < push.count) denoise(gl_GlobalInvocationID.x);
+  uint i = line_index();
+  if (i < push.count) denoise(i);
 }

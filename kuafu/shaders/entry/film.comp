@@ -8,5 +8,6 @@ layout(push_constant, scalar) uniform Push { FilmPush push; };
 #include "stage/film.glsl"
 
 void main() {
-  if (gl_GlobalInvocationID.x < push.count) film(gl_GlobalInvocationID.x);
+  uint i = line_index();
+  if (i < push.count) film(i);
 }

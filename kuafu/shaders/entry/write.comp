@@ -8,5 +8,6 @@ layout(push_constant, scalar) uniform Push { WritePush push; };
 #include "stage/write.glsl"
 
 void main() {
-  if (gl_GlobalInvocationID.x < push.pixel_count) write_pixel(gl_GlobalInvocationID.x);
+  uint i = line_index();
+  if (i < push.pixel_count) write_pixel(i);
 }

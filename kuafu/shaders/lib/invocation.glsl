@@ -10,6 +10,9 @@ layout(constant_id = 1) const uint queue_layout = queue_layout_planes;
 layout(constant_id = 2) const uint trace_group_size = 32u;
 layout(constant_id = 3) const uint features = 0u;
 
+/// Number of this invocation in a line of groups, which may stand in rows (ks::Commands::dispatch_line).
+uint line_index() { return (gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x) * gl_WorkGroupSize.x + gl_LocalInvocationID.x; }
+
 /// Raises the indirect dispatch at `word` to one that covers `count` invocations.
 void cover(UintArray counters, uint word, uint count, uint group_size) {
   atomicMax(counters.at[word], (count + group_size - 1u) / group_size);

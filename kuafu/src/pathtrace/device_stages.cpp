@@ -80,10 +80,11 @@ class DeviceStages final : public Stages {
 
   void write(ks::Commands& commands, const WritePush& push) override {
     commands.begin_stage("write");
-    dispatch(commands, write_, write_spirv, push, push.pixel_count);
+    commands.dispatch_line(built<WritePush>(write_, write_spirv), push, groups_of(push.pixel_count));  // a whole image
   }
 
  private:
+  static uint32_t groups_of(uint32_t invocations) { return (invocations + group_size - 1) / group_size; }
   static uint64_t shade_arguments(uint32_t bounce) { return (uint64_t(bounce) * counter_words + counter_shade_arguments) * 4; }
 
   template <class Push>
@@ -96,7 +97,7 @@ class DeviceStages final : public Stages {
   template <class Push>
   void dispatch(ks::Commands& commands, Pipeline& slot, std::span<const uint32_t> spirv, const Push& push, uint32_t invocations,
                 uint32_t features = 0) {
-    commands.dispatch(built<Push>(slot, spirv, features), push, (invocations + group_size - 1) / group_size);
+    commands.dispatch(built<Push>(slot, spirv, features), push, groups_of(invocations));
   }
 
   std::shared_ptr<ks::Device> device_;

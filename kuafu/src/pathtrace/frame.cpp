@@ -13,10 +13,9 @@ OutputRecord callers(const Memory& memory, const OutputImage& image) {
 
 void Frame::fit(const Launch& launch) {
   for (uint32_t kind = 0; kind < output_kind_count; ++kind) {
-    const OutputImage& image = launch.outputs[kind];
     std::shared_ptr<ks::Buffer>& held = images_[kind];
     const uint64_t bytes = uint64_t(launch.pixel_count()) * launch.channels(kind) * 4;
-    const bool wanted = (launch.held >> kind & 1) != 0 || (image.buffer && !image.is_plain());
+    const bool wanted = needs(launch, kind);
     if (held && (!wanted || held->size_bytes() < bytes)) held.reset();
     if (wanted && !held) held = ks::Buffer::create(memory_.device, bytes, memory_.device->is_cpu() ? KS_BUFFER_HOST_VISIBLE : 0);
   }

@@ -16,6 +16,10 @@ class Frame {
 
   /// Makes room for what `launch` holds, and gives back what it does not.
   void fit(const Launch& launch);
+  /// Whether it must hold an image of this launch.
+  [[nodiscard]] static bool needs(const Launch& launch, uint32_t kind) {
+    return (launch.held >> kind & 1) != 0 || (launch.outputs[kind].buffer && !launch.outputs[kind].is_plain());
+  }
   [[nodiscard]] bool holds(uint32_t kind) const { return images_[kind] != nullptr; }
   [[nodiscard]] bool is_empty() const;
   [[nodiscard]] ks::Buffer& image(uint32_t kind) const { return *images_[kind]; }

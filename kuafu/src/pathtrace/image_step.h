@@ -27,7 +27,7 @@ class ImageStep {
     if (memory_.on_host) return run_on_host(commands, stage, push);
     commands.begin_stage(stage);
     if (!pipeline_) pipeline_.emplace(memory_.device, spirv_, uint32_t(sizeof(Push)), specialisation_);
-    commands.dispatch(*pipeline_, push, (push.count + group_size - 1) / group_size);
+    commands.dispatch_line(*pipeline_, push, (push.count + group_size - 1) / group_size);
   }
 
  private:

@@ -24,6 +24,7 @@ void PathTracer::Run::prepare(const Scene& scene) {
   auto start = std::chrono::steady_clock::now();
   const TimeSpan open = open_span(launch_);
   o_.tables_.update(scene, launch_.band, launch_.environment_count(), open);
+  check_countable();
   o_.aov_tables_.update(scene, launch_);
   const auto views = o_.views_.resize(o_.memory(), launch_.views.size());
   for (size_t i = 0; i < launch_.views.size(); ++i) views[i] = view_record(launch_, launch_.views[i]);
@@ -40,6 +41,22 @@ void PathTracer::Run::prepare(const Scene& scene) {
   start = std::chrono::steady_clock::now();
   o_.tracer_->update(scene, launch_.environment_count(), open);
   commands_.add_host_time("acceleration build", milliseconds_since(start));
+}
+
+/// Stages count an image's words in 32 bits, and its elements with a sign.
+void PathTracer::Run::check_countable() const {
+  const auto check = [&](const char* what, uint64_t words_per_pixel, uint64_t most) {
+    if (launch_.pixel_count() * words_per_pixel > most)
+      ks::fail(KS_ERROR_INVALID_ARGUMENT,
+               "%s: %zu views of %u x %u pixels with %llu values each are more than %llu: render fewer views in a call, or smaller ones",
+               what, launch_.views.size(), launch_.width, launch_.height, static_cast<unsigned long long>(words_per_pixel),
+               static_cast<unsigned long long>(most));
+  };
+  for (uint32_t kind = 0; kind < output_kind_count; ++kind)
+    if (o_.frame_.needs(launch_, kind))
+      check("images between the steps of a render", launch_.channels(kind), std::numeric_limits<int32_t>::max());
+  if (keeps_sums()) check("accumulation and budgets", sum_planes(), std::numeric_limits<uint32_t>::max());
+  if (denoises()) check("the denoiser", uint64_t(most_denoised) * 3, std::numeric_limits<uint32_t>::max());
 }
 
 void PathTracer::Run::fit_buffers() {

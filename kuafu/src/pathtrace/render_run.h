@@ -26,6 +26,7 @@ class PathTracer::Run {
 
  private:
   friend class Wave;
+  void check_countable() const;
   void fit_buffers();
   void begin_accumulation();
   void render_round();

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "light/emitters.h"
 #include "material/material_record.h"
@@ -16,7 +17,7 @@ SceneTables::SceneTables(Memory memory) : memory_(std::move(memory)), textures_(
 }
 
 void SceneTables::update(const Scene& scene, const Band& band, uint32_t environment_count, const TimeSpan& open) {
-  if (&scene != scene_) forget(scene);
+  if (std::exchange(scene_, nullptr) != &scene) forget();  // and forget too what a failed update left
   const Revisions& now = scene.revisions();
   const bool patterns_changed = now.textures != seen_.textures && textures_.update(scene);
   const bool lights_changed = now.lights != seen_.lights || patterns_changed || now.materials != seen_.materials || !(band == band_) ||
@@ -48,6 +49,7 @@ void SceneTables::update(const Scene& scene, const Band& band, uint32_t environm
                                    light_motions_.address(),
                                    moves_ ? 1u : 0u,
                                    0};
+  scene_ = &scene;
 }
 
 /// Whether what moved since the last update gives light, or changes the power of light from infinitely far. The band is as it was.
@@ -64,8 +66,7 @@ bool SceneTables::moved_lights(const Scene& scene) {
   });
 }
 
-void SceneTables::forget(const Scene& scene) {
-  scene_ = &scene;
+void SceneTables::forget() {
   seen_ = {0, 0, 0, 0, 0};
   meshes_.forget();
   instances_.forget();

@@ -44,7 +44,7 @@ class SceneTables {
   }
 
  private:
-  void forget(const Scene& scene);
+  void forget();
   bool moved_lights(const Scene& scene);
   void write_materials(const Scene& scene);
   void write_medium(const Scene& scene);
@@ -53,7 +53,7 @@ class SceneTables {
 
   Memory memory_;
   std::shared_ptr<ks::Buffer> specular_albedo_;
-  const Scene* scene_ = nullptr;
+  const Scene* scene_ = nullptr;  // null: the last update failed
   Revisions seen_{0, 0, 0, 0, 0};
   Band band_;
   uint32_t environment_count_ = 0;

@@ -8,7 +8,8 @@ namespace {
 
 // Paths in flight that measured best: enough to fill the device, few enough for a CPU's caches.
 constexpr uint32_t host_wave = 1u << 11, cpu_wave = 1u << 17, gpu_wave = 1u << 22;
-constexpr uint64_t path_bytes = 320;  // of queues and state, about
+constexpr uint64_t path_bytes = 320;     // of queues and state, about
+constexpr uint64_t smallest_group = 32;  // that a stage or a tracer on a GPU dispatches
 
 }  // namespace
 
@@ -23,10 +24,12 @@ uint32_t host_wave_paths(uint32_t shadow_rays_per_vertex) { return host_wave / (
 
 uint32_t most_paths(const ks::Device& device, uint32_t shadow_rays_per_vertex) {
   if (device.is_cpu()) return cpu_wave / (1 + shadow_rays_per_vertex / 4);
-  constexpr uint64_t smallest_group = 32;
-  const uint64_t fits =
-      std::min<uint64_t>(device.info().memory_bytes / 8 / path_bytes, device.limits().maxComputeWorkGroupCount[0] * smallest_group);
-  return uint32_t(std::min<uint64_t>(fits, gpu_wave)) / (1 + shadow_rays_per_vertex / 4);
+  return gpu_wave_paths(device.info().memory_bytes, device.limits().maxComputeWorkGroupCount[0], shadow_rays_per_vertex);
+}
+
+uint32_t gpu_wave_paths(uint64_t memory_bytes, uint32_t most_groups, uint32_t shadow_rays_per_vertex) {
+  const uint64_t fits = std::min<uint64_t>(memory_bytes / 8 / path_bytes, gpu_wave) / (1 + shadow_rays_per_vertex / 4);
+  return uint32_t(std::min(fits, most_groups * smallest_group / std::max(1u, shadow_rays_per_vertex)));  // all of a pass's are one queue
 }
 
 }  // namespace kuafu

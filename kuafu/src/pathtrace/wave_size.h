@@ -12,6 +12,8 @@ uint32_t host_wave_paths(uint32_t shadow_rays_per_vertex);
 constexpr uint32_t waves_per_worker = 32;  // between two reports of progress
 /// On a device. At most an eighth of a GPU's memory, and no dispatch beyond what the device takes.
 uint32_t most_paths(const ks::Device& device, uint32_t shadow_rays_per_vertex);
+/// The same of a GPU with so much memory, whose dispatches have at most so many groups.
+uint32_t gpu_wave_paths(uint64_t memory_bytes, uint32_t most_groups, uint32_t shadow_rays_per_vertex);
 /// Near the golden section of n, coprime to it, and small enough that block * stride stays below 2^32.
 uint32_t permutation_stride(uint32_t n);
 

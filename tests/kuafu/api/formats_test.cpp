@@ -154,6 +154,37 @@ TEST_P(Formats, wrong_scales_and_formats_are_named) {
   }
 }
 
+/// The error of a render of one view of w x h pixels into bytes whose rows overlap, so that the buffer is small.
+std::string error_of(uint32_t w, uint32_t h, uint32_t band, double relative_error, uint32_t denoise) {
+  World world;
+  world.add_point({0, 0, 0}, 1.0f);
+  kuafu_view_desc view = view_at({0, 0, 0}, w, h, 1000);
+  view.band = band;
+  const uint64_t shape[4] = {1, h, w, band == KUAFU_BAND_VISIBLE ? 3u : 1u};
+  ks_image_desc image = ks_image_desc_packed(KS_FORMAT_U8, 4, shape);
+  image.byte_stride[1] = 1;
+  const ks_buffer_create create = ks_buffer_create_init(h + 3ull * w, KS_BUFFER_HOST_VISIBLE);
+  kuafu_buffer buffer = nullptr;
+  ok(kuafu_buffer_create(shared_device(), &create, &buffer));
+  const kuafu_output_desc output = kuafu_output_desc_init(KUAFU_OUTPUT_RADIANCE, buffer, image);
+  kuafu_render_desc& desc = world.desc();
+  desc.views = &view;
+  desc.outputs = &output;
+  desc.view_count = desc.output_count = 1;
+  desc.relative_error = relative_error;
+  desc.denoise = denoise;
+  EXPECT_EQ(kuafu_renderer_render(world.renderer(), world.scene(), &desc), KS_ERROR_INVALID_ARGUMENT);
+  kuafu_buffer_release(buffer);
+  return kuafu_last_error();
+}
+
+TEST(LargeImages, what_32_bits_cannot_count_is_refused_before_it_is_allocated) {
+  for (const auto& [error, part] : {std::pair{error_of(32768, 30000, KUAFU_BAND_VISIBLE, 0, KUAFU_DENOISE_NONE), "between the steps"},
+                                    {error_of(32768, 16384, KUAFU_BAND_INFRARED, 0.1, KUAFU_DENOISE_NONE), "budgets"},
+                                    {error_of(32768, 16384, KUAFU_BAND_INFRARED, 0, KUAFU_DENOISE_ATROUS), "denoiser"}})
+    EXPECT_NE(error.find(part), std::string::npos) << error;
+}
+
 INSTANTIATE_TEST_SUITE_P(Stages, Formats, testing::Values(KUAFU_TRACER_EMBREE, KUAFU_TRACER_COMPUTE),
                          [](const auto& i) { return i.param == KUAFU_TRACER_EMBREE ? "host" : "device"; });
 

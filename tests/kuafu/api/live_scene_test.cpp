@@ -1,5 +1,6 @@
 // Scenes that live: what was changed looks like what was made so, rounds of adding and removing leave memory flat, and what is in use
 // stays. Threads with scenes and renderers of their own; the choice of a device.
+#include <sys/resource.h>
 #include <unistd.h>
 
 #include <fstream>
@@ -115,6 +116,54 @@ uint32_t add_texture(kuafu_scene scene, uint32_t size) {
   uint32_t id = 0;
   ok(kuafu_scene_add_texture(scene, &texture, &id));
   return id;
+}
+
+/// A quad with `texture` in front of the view.
+void add_textured(World& world, uint32_t texture) {
+  Shape shape = quad({0, 0, 1}, {-0.3, 0, 0}, {0, 0.3, 0});
+  shape.uvs = {0, 0, 1, 0, 1, 1, 0, 1};
+  kuafu_material_desc m = lambert(0.8f);
+  m.base_color_texture = texture;
+  world.add(shape, m);
+}
+
+// The first of two new textures is there already when memory for the second is refused.
+TEST(LiveScene, ARenderThatRunsOutOfMemoryLeavesNothingHalfDone) {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  GTEST_SKIP() << "a sanitizer's shadow memory leaves no sense in a limit of the address space";
+#endif
+  constexpr uint32_t large = 6144;  // 302 MB as texels of the stages
+  World world, made;
+  for (World* w : {&world, &made}) furnish(*w);
+  (void)world.radiance(view);
+  add_textured(world, add_texture(world.scene(), 16));
+  (void)add_texture(world.scene(), large);
+
+  std::ifstream statm("/proc/self/statm");
+  rlim_t pages = 0;
+  statm >> pages;
+  rlimit before{};
+  ASSERT_EQ(getrlimit(RLIMIT_AS, &before), 0);
+  const rlimit tight{pages * rlim_t(sysconf(_SC_PAGESIZE)) + (128u << 20), before.rlim_max};
+  ASSERT_EQ(setrlimit(RLIMIT_AS, &tight), 0);
+  kuafu_render_desc desc = world.desc();
+  std::vector<float> pixels(size_t(view.camera.width) * view.camera.height);
+  kuafu_buffer buffer = nullptr;
+  const ks_buffer_create create = ks_buffer_create_init(pixels.size() * 4, KS_BUFFER_HOST_VISIBLE);
+  const ks_status created = kuafu_buffer_create(shared_device(), &create, &buffer);
+  const uint64_t shape[4] = {1, view.camera.height, view.camera.width, 1};
+  const kuafu_output_desc output = kuafu_output_desc_init(KUAFU_OUTPUT_RADIANCE, buffer, ks_image_desc_packed(KS_FORMAT_F32, 4, shape));
+  desc.views = &view;
+  desc.outputs = &output;
+  desc.view_count = desc.output_count = 1;
+  const ks_status rendered = kuafu_renderer_render(world.renderer(), world.scene(), &desc);
+  ASSERT_EQ(setrlimit(RLIMIT_AS, &before), 0);
+  kuafu_buffer_release(buffer);
+  ASSERT_EQ(created, KS_OK);
+  EXPECT_TRUE(rendered == KS_ERROR_OUT_OF_HOST_MEMORY || rendered == KS_ERROR_OUT_OF_DEVICE_MEMORY) << rendered;
+
+  add_textured(made, add_texture(made.scene(), 16));
+  EXPECT_EQ(world.radiance(view).values, made.radiance(view).values);
 }
 
 /// Adds one of each, renders, and removes them: 60 kB of vertices, 260 kB of texels.

@@ -1,0 +1,50 @@
+// Launches stay within what devices take, however large the image: many GPUs allow no more than 65535 groups along a dispatch's axis.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "device/device.h"
+#include "film/film.h"
+#include "pathtrace/wave_size.h"
+
+namespace kuafu {
+namespace {
+
+TEST(LaunchSize, a_wave_s_shadow_rays_fit_one_dispatch) {
+  constexpr uint32_t most_groups = 65535, smallest_group = 32;
+  constexpr uint64_t memory_bytes = 64ull << 30;
+  for (uint32_t shadows = 0; shadows <= 40; ++shadows) {
+    const uint64_t paths = gpu_wave_paths(memory_bytes, most_groups, shadows);
+    EXPECT_LE(paths * std::max(1u, shadows), uint64_t(most_groups) * smallest_group) << shadows;
+    EXPECT_GT(paths, 32768u) << shadows;
+  }
+}
+
+// 4096 x 2049 pixels of 128 invocations a group are 65568 groups. Vignetting twice as bright in the corners reaches the last of them.
+TEST(LaunchSize, an_image_may_have_more_pixels_than_a_line_of_groups) {
+  ks_device_desc desc = ks_device_desc_init();
+  desc.select = KS_SELECT_CPU;
+  const Memory memory{ks::Device::create(desc), false};
+  Launch launch;
+  launch.width = 4096;
+  launch.height = 2049;
+  launch.band.infrared = true;
+  launch.views.resize(1);
+  launch.views[0].film.vignetting_polynomial[0] = 1.0;
+  launch.held = 1u << output_radiance;
+  launch.outputs[output_radiance].buffer = ks::Buffer::create(memory.device, 4, 0);
+  Frame frame(memory);
+  frame.fit(launch);
+  auto* values = static_cast<float*>(frame.image(output_radiance).mapped());
+  std::fill_n(values, launch.pixel_count(), 1.0f);
+  FilmOptics film(memory);
+  ks::Commands commands(memory.device);
+  film.run(commands, launch, frame);
+  commands.flush();
+  EXPECT_NEAR(values[0], 2, 1e-5);
+  EXPECT_NEAR(values[1024 * 4096 + 2048], 1, 1e-5);
+  EXPECT_NEAR(values[launch.pixel_count() - 1], 2, 1e-5);
+}
+
+}  // namespace
+}  // namespace kuafu
