@@ -10,6 +10,8 @@ from activestereo.capture import EYES, Capture, read_capture
 from activestereo.effects import Model, View, builtin
 from activestereo.lab.cache import LayerCache
 from activestereo.lab.diagnose_data import gather
+from activestereo.lab.diagnose_fit import Fitter, Play
+from activestereo.lab.diagnose_scan import scan_observations, starts
 from activestereo.lab.diagnose_settle import settled
 from activestereo.lab.fit import Nuisances
 from activestereo.lab.ranking import Ranking
@@ -88,3 +90,14 @@ def test_what_the_data_cannot_tell_apart_goes_by_prior(table):
     first, second = Ranking(evidence, Model(), [builtin()["chromatic_drift"], DRIFT], workers=1).entries
     assert abs(first.nats - second.nats) < 3.0
     assert (first.id, second.id) == ("laser_power_drift", "chromatic_drift")
+
+
+def test_a_second_effect_is_scanned_inside_its_range(table):
+    """From a neutral focus to its nearest and back, rounding leaves the range."""
+    evidence = evidence_of(table, Model())
+    focus = builtin()["projector_defocus"]
+    play = Play(Model().with_effect(DRIFT, per_k=PER_K), focus)
+    scan = Fitter(scan_observations(evidence.train), evidence.held_sigma, evidence.tiles, fine=False)
+    alone = np.array([1.0, focus.parameters[1].low])
+    for _, theta, _ in starts(scan, play, focus, scan.phi0(evidence.nuisances), alone):
+        assert (play.low <= theta).all() and (theta <= play.high).all()

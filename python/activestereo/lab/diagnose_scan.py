@@ -54,7 +54,7 @@ def starts(fitter, play, candidate, phi, alone=None):
     scored = []
     for index, values in tried:
         theta = play.start.copy()
-        theta[index] = values
+        theta[index] = np.clip(values, play.low[index], play.high[index])
         lights = fixed_lights or fitter.lights(play, theta)
         phi_here, chi2 = fitter.nuisance_fit(play, theta, phi, lights, rounds)
         scored.append((chi2, theta, phi_here))
