@@ -49,10 +49,6 @@ class Observation:
     focal_slope: np.ndarray = None
     pick: object = None
 
-    def picked(self, image):
-        """The pixels that count, [n]: all of them, or a scan's random part."""
-        return image.ravel() if self.pick is None else image.ravel()[self.pick]
-
     @property
     def key(self):
         return self.frame.id, self.eye
