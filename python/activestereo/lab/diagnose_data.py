@@ -3,7 +3,7 @@
 Everything random is judged against the photon-transfer law of the repeats, everything correlated by tiles of 16 pixels.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -68,6 +68,13 @@ class Evidence:
     materials: int = 0
     tiles: int = 0
     place_error_m: float = 0.0
+    _memory: dict = field(default_factory=dict, repr=False)
+
+    def once(self, name, make):
+        """make(), computed the first time that it is asked for: rankings of one capture share fitters and base fits."""
+        if name not in self._memory:
+            self._memory[name] = make()
+        return self._memory[name]
 
     @property
     def held_sigma(self):

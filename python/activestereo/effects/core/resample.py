@@ -4,8 +4,8 @@ import hashlib
 from functools import lru_cache
 
 import numpy as np
+from scipy.fft import irfft2, next_fast_len, rfft2
 from scipy.ndimage import convolve1d, map_coordinates, spline_filter
-from scipy.signal import fftconvolve
 from scipy.special import ive
 
 _MAX_LEVELS = 5
@@ -146,4 +146,12 @@ def disc_sampler(pattern, diameter_px):
     offsets = (np.arange(size * fine) + 0.5) / fine - reach - 0.5
     inside = (offsets[:, None] ** 2 + offsets[None] ** 2 <= radius**2).astype(np.float64)
     stamp = inside.reshape(size, fine, size, fine).sum(axis=(1, 3))
-    return BoxSampler(fftconvolve(pattern.image, stamp / stamp.sum(), mode="same"))
+    return BoxSampler(_convolved(pattern.image, stamp / stamp.sum(), reach))
+
+
+def _convolved(image, stamp, reach):
+    """The image under a stamp whose middle is at (reach, reach); zero outside the image."""
+    height, width = image.shape
+    shape = [next_fast_len(size + 2 * reach, real=True) for size in image.shape]
+    full = irfft2(rfft2(image.astype(np.float64), shape) * rfft2(stamp, shape), shape)
+    return full[reach : reach + height, reach : reach + width]
