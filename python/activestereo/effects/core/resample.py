@@ -27,10 +27,10 @@ def sample(images, u, v, order=3):
 
 
 class Spline:
-    """A cubic spline through an image [height][width], in its dtype: fitted once, looked up often."""
+    """A cubic spline through an image [height][width], in its precision: fitted once, looked up often."""
 
     def __init__(self, image):
-        self._coefficients = spline_filter(image, 3, image.dtype, mode="mirror")
+        self._coefficients = spline_filter(image, 3, np.result_type(image, np.float32), mode="mirror")
         self._low, self._high = image.min(), image.max()
 
     def __call__(self, u, v):
