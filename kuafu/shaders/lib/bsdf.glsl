@@ -10,6 +10,7 @@
 #include "lib/microfacet.glsl"
 
 const float mirror_alpha = 1e-3f;  // below: a mirror
+const int lobe_size = int(specular_albedo_size), layer_size = int(layer_albedo_size);
 
 struct Bsdf {
   Spectrum diffuse;             // albedo of the base
@@ -17,7 +18,7 @@ struct Bsdf {
   float metallic;               // at grazing (Schlick's Fresnel)
   float layer;                  // share of the dielectric layer
   float coat, coat_eta;         // the layer over the base: weight, and 1 / index
-  uint layer_row;               // its albedos: first row of the table, and the way to the next ones
+  int layer_row;                // its albedos: first row of the table, and the way to the next ones
   float layer_roughness_part, layer_index_part;
   float coat_albedo;            // towards the viewer
   vec2 lobe_albedo;             // metal's split sum, towards the viewer
@@ -41,36 +42,38 @@ struct BsdfSample {
   bool delta, transmitted;
 };
 
+/// The table's cell that x is in, of `size` entries; NaN is in one too.
+int table_cell(float x, int size) { return clamp(int(x), 0, size - 2); }
+
 // Split-sum terms of a metal's directional albedo: E = f0 x + f90 y (material/specular_albedo.h).
 vec2 lobe_albedo(Vec2Array table, float cosine, float roughness) {
-  vec2 p = clamp(vec2(cosine, roughness), 0.0f, 1.0f) * float(specular_albedo_size - 1u);
-  uvec2 i = min(uvec2(p), uvec2(specular_albedo_size - 2u));
-  vec2 f = p - vec2(i);
-  uint row = i.y * specular_albedo_size + i.x, next = row + specular_albedo_size;
-  return mix(mix(table.at[row], table.at[row + 1u], f.x), mix(table.at[next], table.at[next + 1u], f.x), f.y);
+  float x = clamp(cosine, 0.0f, 1.0f) * float(lobe_size - 1), y = clamp(roughness, 0.0f, 1.0f) * float(lobe_size - 1);
+  int column = table_cell(x, lobe_size), line = table_cell(y, lobe_size), row = line * lobe_size + column, next = row + lobe_size;
+  float f = x - float(column);
+  return mix(mix(table.at[row], table.at[row + 1], f), mix(table.at[next], table.at[next + 1], f), y - float(line));
 }
 
 /// Where the layer's albedos of an index and a roughness lie in the table.
 void find_layer(INOUT(Bsdf) b, float ior) {
-  float last = float(layer_albedo_size - 1u), i = min((ior - 1.0f) / (ior + 1.0f), 1.0f) * last, r = clamp(b.roughness, 0.0f, 1.0f) * last;
-  uint index = min(uint(i), layer_albedo_size - 2u), row = min(uint(r), layer_albedo_size - 2u);
-  b.layer_row = layer_albedo_first + (index * layer_albedo_size + row) * specular_albedo_size;
+  float last = float(layer_size - 1), i = min((ior - 1.0f) / (ior + 1.0f), 1.0f) * last, r = clamp(b.roughness, 0.0f, 1.0f) * last;
+  int index = table_cell(i, layer_size), row = table_cell(r, layer_size);
+  b.layer_row = int(layer_albedo_first) + (index * layer_size + row) * lobe_size;
   b.layer_roughness_part = r - float(row);
   b.layer_index_part = i - float(index);
 }
 
 /// Entry `c` of the layer's rows: albedos at two neighbouring cosines, or the mean.
-vec2 layer_entry(IN(Bsdf) b, Vec2Array table, uint c) {
-  uint row = b.layer_row + c, next = row + layer_albedo_size * specular_albedo_size;
-  vec2 e = mix(table.at[row], table.at[row + specular_albedo_size], b.layer_roughness_part);
+vec2 layer_entry(IN(Bsdf) b, Vec2Array table, int c) {
+  int row = b.layer_row + c, next = row + layer_size * lobe_size;
+  vec2 e = mix(table.at[row], table.at[row + lobe_size], b.layer_roughness_part);
   if (b.layer_index_part == 0.0f) return e;
-  return mix(e, mix(table.at[next], table.at[next + specular_albedo_size], b.layer_roughness_part), b.layer_index_part);
+  return mix(e, mix(table.at[next], table.at[next + lobe_size], b.layer_roughness_part), b.layer_index_part);
 }
 
 /// Share of light that the layer reflects, single and multiple scattering.
 float layer_albedo(IN(Bsdf) b, Vec2Array table, float cosine) {
-  float p = clamp(cosine, 0.0f, 1.0f) * float(specular_albedo_size - 1u);
-  uint c = min(uint(p), specular_albedo_size - 2u);
+  float p = clamp(cosine, 0.0f, 1.0f) * float(lobe_size - 1);
+  int c = table_cell(p, lobe_size);
   vec2 e = layer_entry(b, table, c);
   return mix(e.x, e.y, p - float(c));
 }
@@ -79,9 +82,9 @@ float coat_albedo(IN(Bsdf) b, Vec2Array table, float cosine) { return b.coat == 
 
 /// Mean over the hemisphere, weighted by the cosine, of the albedo of a lobe without loss at the facets.
 float lobe_mean(Vec2Array table, float roughness) {
-  float p = clamp(roughness, 0.0f, 1.0f) * float(specular_albedo_size - 1u);
-  uint i = min(uint(p), specular_albedo_size - 2u), first = specular_albedo_size * specular_albedo_size;
-  return mix(table.at[first + i].x, table.at[first + i + 1u].x, p - float(i));
+  float p = clamp(roughness, 0.0f, 1.0f) * float(lobe_size - 1);
+  int i = table_cell(p, lobe_size), first = lobe_size * lobe_size;
+  return mix(table.at[first + i].x, table.at[first + i + 1].x, p - float(i));
 }
 
 // F_avg^2 E / (1 - F_avg (1 - E))
@@ -92,7 +95,7 @@ bool has_lobe(IN(Bsdf) b) { return b.metallic + b.layer > 0.0f; }
 bool is_rough_glass(IN(Bsdf) b) { return (features & feature_materials) != 0u && b.glass > 0.0f && b.glass_alpha >= mirror_alpha; }
 
 /// What several facets scatter. Means of Fresnel's reflectance: Schlick's exactly, the layer's by Kulla and Conty's fit.
-void set_multiple(INOUT(Bsdf) b, MaterialPoint m, Vec2Array table) {
+void set_multiple(INOUT(Bsdf) b, IN(MaterialPoint) m, Vec2Array table) {
   float mean = lobe_mean(table, b.roughness), layer_mean = (m.ior - 1.0f) / (4.08567f + 1.00071f * m.ior);
   b.multiple = multiple_share(m.base + (Spectrum(1.0f) - m.base) * (1.0f / 21.0f), mean) * b.metallic;
   b.multiple += Spectrum(b.layer * (layer_mean * layer_mean * mean / (1.0f - layer_mean * (1.0f - mean))));
@@ -100,9 +103,9 @@ void set_multiple(INOUT(Bsdf) b, MaterialPoint m, Vec2Array table) {
 }
 
 /// Alpha of the glass. An index that bends nothing has no facets to be seen: its half vectors vanish, and rays go straight on.
-float glass_alpha(MaterialPoint m) { return m.ior < 1.001f ? 0.0f : m.transmission_roughness * m.transmission_roughness; }
+float glass_alpha(IN(MaterialPoint) m) { return m.ior < 1.001f ? 0.0f : m.transmission_roughness * m.transmission_roughness; }
 
-Bsdf make_bsdf(MaterialPoint m, Vec2Array table, float cos_o, bool front) {
+Bsdf make_bsdf(IN(MaterialPoint) m, Vec2Array table, float cos_o, bool front) {
   Bsdf b;
   float dielectric = (1.0f - m.metallic) * (1.0f - m.transmission);
   b.diffuse = m.base * dielectric;
@@ -127,10 +130,12 @@ Bsdf make_bsdf(MaterialPoint m, Vec2Array table, float cos_o, bool front) {
   }
   b.coat_albedo = 0.0f;
   b.base_scale = 1.0f;
+  b.layer_row = 0;
+  b.layer_roughness_part = b.layer_index_part = 0.0f;
   if (b.layer > 0.0f) {
     find_layer(b, m.ior);
     b.coat_albedo = coat_albedo(b, table, cos_o);
-    b.base_scale = 1.0f / (1.0f - b.coat * min(layer_entry(b, table, specular_albedo_size - 1u).x, 0.9999f));
+    b.base_scale = 1.0f / (1.0f - b.coat * min(layer_entry(b, table, lobe_size - 1).x, 0.9999f));
   }
   if ((features & feature_materials) != 0u) {
     b.diffuse_roughness = m.diffuse_roughness;
@@ -221,8 +226,7 @@ Spectrum bsdf_evaluate(IN(Bsdf) b, Vec2Array table, vec3 wo, vec3 wi, vec3 chanc
 }
 
 vec3 sample_cosine(vec2 u) {
-  float radius = sqrt(u.x), phi = 2.0f * pi * u.y;
-  return vec3(radius * cos(phi), radius * sin(phi), sqrt(max(1.0f - u.x, 0.0f)));
+  return vec3(sqrt(u.x) * unit_circle(u.y), sqrt(max(1.0f - u.x, 0.0f)));
 }
 
 // `choice` in [0,1) picks reflection or refraction. Radiance shrinks by eta squared as it leaves the denser side (Veach 1997, 5.2).
@@ -240,7 +244,7 @@ BsdfSample sample_glass(IN(Bsdf) b, vec3 wo, float choice) {
 
 /// What smooth glass lets through at one boundary, of a ray taken straight on: outside a plane-parallel plate the angle is the same on both sides, so
 /// `cosine`, the straight ray's, holds for both of its faces.
-Spectrum straight_transmittance(MaterialPoint m, float cosine) {
+Spectrum straight_transmittance(IN(MaterialPoint) m, float cosine) {
   if (glass_alpha(m) >= mirror_alpha) return Spectrum(0.0f);
   float cos_t;
   float reflectance = fresnel_dielectric(cosine, 1.0f / m.ior, cos_t) * m.specular;
@@ -254,6 +258,16 @@ BsdfSample sample_rough_glass(IN(Bsdf) b, Vec2Array table, vec3 wo, vec3 chances
   s.transmitted = choice >= reflectance;
   s.direction = s.transmitted ? h * (b.eta * o - cos_t) - b.eta * wo : reflect(-wo, h);
   if (s.transmitted == (s.direction.z > 0.0f)) return s;
+  Spectrum f = bsdf_evaluate(b, table, wo, s.direction, chances, s.pdf);
+  if (s.pdf > 0.0f) s.weight = f / s.pdf;
+  return s;
+}
+
+/// By the GGX lobe, which is no mirror, or by the base.
+BsdfSample sample_opaque(IN(Bsdf) b, Vec2Array table, vec3 wo, vec3 chances, vec2 u, bool lobe) {
+  BsdfSample s = BsdfSample(vec3(0.0f), Spectrum(0.0f), 0.0f, false, false);
+  vec3 mirrored = reflect(-wo, sample_visible_normal(wo, b.alpha, u)), diffuse = sample_cosine(u);
+  s.direction = vec3(lobe ? mirrored.x : diffuse.x, lobe ? mirrored.y : diffuse.y, lobe ? mirrored.z : diffuse.z);
   Spectrum f = bsdf_evaluate(b, table, wo, s.direction, chances, s.pdf);
   if (s.pdf > 0.0f) s.weight = f / s.pdf;
   return s;
@@ -275,9 +289,6 @@ BsdfSample bsdf_sample(IN(Bsdf) b, Vec2Array table, vec3 wo, vec3 chances, vec2 
     return s;
   }
   if (!lobe && chances.x == 0.0f) return s;
-  s.direction = lobe ? reflect(-wo, sample_visible_normal(wo, b.alpha, u)) : sample_cosine(u);
-  Spectrum f = bsdf_evaluate(b, table, wo, s.direction, chances, s.pdf);
-  if (s.pdf > 0.0f) s.weight = f / s.pdf;
-  return s;
+  return sample_opaque(b, table, wo, chances, u, lobe);
 }
 #endif

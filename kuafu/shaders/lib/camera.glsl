@@ -18,7 +18,7 @@ struct CameraRay {
   float time_s;
 };
 
-vec3 film_direction(ViewRecord view, CameraRecord camera, vec2 film) {
+vec3 film_direction(IN(ViewRecord) view, IN(CameraRecord) camera, vec2 film) {
   if ((camera.flags & camera_distorts) == 0u) return view.axis_0 + film.x * view.axis_u + film.y * view.axis_v;
   float y = (film.y - camera.centre.y) / camera.focal.y;
   vec2 p = undistort(camera.distortion, vec2((film.x - camera.centre.x - camera.skew * y) / camera.focal.x, y));
@@ -26,12 +26,12 @@ vec3 film_direction(ViewRecord view, CameraRecord camera, vec2 film) {
 }
 
 /// Seconds from mid-exposure of the middle line.
-float exposure_time(CameraRecord camera, Pixel pixel, WaveRange range, float moment) {
+float exposure_time(IN(CameraRecord) camera, Pixel pixel, IN(WaveRange) range, float moment) {
   vec2 from_middle = vec2(float(pixel.column), float(pixel.row)) - 0.5f * vec2(float(range.width - 1u), float(range.height - 1u));
   return dot(from_middle, camera.seconds_per_pixel) + moment * camera.exposure_s;
 }
 
-CameraRay camera_ray(ViewRecord view, CameraRecord camera, Pixel pixel, WaveRange range, FilmSample s) {
+CameraRay camera_ray(IN(ViewRecord) view, IN(CameraRecord) camera, Pixel pixel, IN(WaveRange) range, FilmSample s) {
   CameraRay ray = CameraRay(vec3(0.0f), film_direction(view, camera, s.film), exposure_time(camera, pixel, range, s.moment));
   if ((camera.flags & camera_has_lens) != 0u) {  // all rays of a film point meet at the focused distance
     ray.origin = camera.lens_radius_m * (s.lens.x * camera.axis_x + s.lens.y * camera.axis_y);

@@ -5,7 +5,7 @@
 #include "shared/camera_record.h"
 
 /// Where the ray through `p` appears.
-vec2 distort(float k[8], vec2 p) {
+vec2 distort(const float k[8], vec2 p) {
   float r2 = dot(p, p);
   float radial = (1.0f + r2 * (k[0] + r2 * (k[1] + r2 * k[4]))) / (1.0f + r2 * (k[5] + r2 * (k[6] + r2 * k[7])));
   return vec2(p.x * radial + 2.0f * k[2] * p.x * p.y + k[3] * (r2 + 2.0f * p.x * p.x),
@@ -13,7 +13,7 @@ vec2 distort(float k[8], vec2 p) {
 }
 
 /// Its derivative, which is symmetric: d x'/dx, d x'/dy = d y'/dx, d y'/dy.
-vec3 distortion_slope(float k[8], vec2 p) {
+vec3 distortion_slope(const float k[8], vec2 p) {
   float r2 = dot(p, p);
   float under = 1.0f + r2 * (k[5] + r2 * (k[6] + r2 * k[7])), radial = (1.0f + r2 * (k[0] + r2 * (k[1] + r2 * k[4]))) / under;
   float slope = 2.0f * (k[0] + r2 * (2.0f * k[1] + 3.0f * r2 * k[4]) - radial * (k[5] + r2 * (2.0f * k[6] + 3.0f * r2 * k[7]))) / under;
@@ -22,7 +22,7 @@ vec3 distortion_slope(float k[8], vec2 p) {
 }
 
 /// The ray that appears at `q`, by Newton's method, to the rounding of floats. Where the lens folds back there is none; the host refuses such images.
-vec2 undistort(float k[8], vec2 q) {
+vec2 undistort(const float k[8], vec2 q) {
   vec2 p = q;
   for (uint i = 0u; i < undistort_steps; ++i) {
     vec2 e = distort(k, p) - q;

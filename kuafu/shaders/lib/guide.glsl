@@ -12,10 +12,10 @@ GuideRecord guide_of_ray(uint i, uint view) {
   g.normal = g.position = vec3(0.0f);
   g.footprint_m = g.normal_exponent = 0.0f;
   if (guide_word(i, hit_geometry) == miss) return g;
-  SceneAddresses scene = push.scene.at[0];
+  IN(SceneAddresses) scene = push.scene.at[0];
   Surface s = surface_at(scene, guide_word(i, hit_instance), guide_word(i, hit_primitive),
                          uintBitsToFloat(guide_word(i, hit_u)), uintBitsToFloat(guide_word(i, hit_v)), uintBitsToFloat(guide_word(i, ray_time)));
-  MaterialRecord m = scene.materials.at[s.material];
+  IN(MaterialRecord) m = scene.materials.at[s.material];
   MaterialPoint p = load_material(scene, m, s);
   bool front = dot(s.geometric_normal, load_direction(push.rays, i, push.range.capacity)) <= 0.0f;
   g.normal = front ? s.shading_normal : -s.shading_normal;

@@ -13,7 +13,7 @@ struct LightSample {
 };
 
 // I / d^2; a projector's I is its pattern's value where the direction falls (spec: no falloff of its own).
-LightSample light_at(LightRecord light, vec3 position) {
+LightSample light_at(IN(LightRecord) light, vec3 position) {
   LightSample s;
   vec3 to_light = light.position - position;
   float distance_squared = max(dot(to_light, to_light), 1e-12f);
@@ -34,12 +34,12 @@ struct LightChoice {
   float probability;  // 0: none
 };
 
-LightChoice select_light(LightArray lights, EnvironmentRecord environment, bool skip_projectors, float u) {
+LightChoice select_light(LightArray lights, IN(EnvironmentRecord) environment, bool skip_projectors, float u) {
   uint begin = environment.first_light + (skip_projectors ? environment.projector_count : 0u);
   uint low = begin, high = environment.first_light + environment.light_count;
   while (low + 1u < high) {
     uint middle = (low + high) / 2u;
-    LightRecord before = lights.at[middle - 1u];
+    IN(LightRecord) before = lights.at[middle - 1u];
     if (u < (skip_projectors ? before.other_cumulative : before.cumulative)) high = middle;
     else low = middle;
   }
@@ -48,7 +48,7 @@ LightChoice select_light(LightArray lights, EnvironmentRecord environment, bool 
 }
 
 /// The light that shadow ray `k` of a vertex asks. With few lights: the k-th. Else every projector where the camera looks, exactly, and one light by power.
-LightChoice vertex_light(LightArray lights, EnvironmentRecord environment, uint k, bool select, bool all_delta, float u) {
+LightChoice vertex_light(LightArray lights, IN(EnvironmentRecord) environment, uint k, bool select, bool all_delta, float u) {
   if (!select || (all_delta && k < environment.projector_count))
     return LightChoice(environment.first_light + k, k < environment.light_count ? 1.0f : 0.0f);
   if (k != (all_delta ? environment.projector_count : 0u)) return LightChoice(0u, 0.0f);

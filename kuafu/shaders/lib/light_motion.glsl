@@ -4,11 +4,11 @@
 #include "lib/light_shape.glsl"
 #include "lib/motion.glsl"
 
-bool is_lit(LightMotion m, float time_s) { return m.on_from_s == m.on_until_s || (time_s >= m.on_from_s && time_s < m.on_until_s); }
+bool is_lit(IN(LightMotion) m, float time_s) { return m.on_from_s == m.on_until_s || (time_s >= m.on_from_s && time_s < m.on_until_s); }
 
 /// sample_light, or light_at where no light has a shape, at a time.
-LightSample light_towards(SceneAddresses scene, uint index, vec3 position, vec2 u, float time_s) {
-  LightRecord light = scene.lights.at[index];
+LightSample light_towards(IN(SceneAddresses) scene, uint index, vec3 position, vec2 u, float time_s) {
+  IN(LightRecord) light = scene.lights.at[index];
   LightMotion m;
   bool moves = false;
   if ((features & feature_motion) != 0u && scene.moves != 0u) {
@@ -25,9 +25,9 @@ LightSample light_towards(SceneAddresses scene, uint index, vec3 position, vec2 
 }
 
 /// meet_light at a time.
-ShapeHit meet_moving_light(SceneAddresses scene, uint index, vec3 origin, vec3 direction, float time_s) {
+ShapeHit meet_moving_light(IN(SceneAddresses) scene, uint index, vec3 origin, vec3 direction, float time_s) {
   if ((features & feature_motion) != 0u && scene.moves != 0u) {
-    MotionRecord m = scene.light_motions.at[index].motion;
+    IN(MotionRecord) m = scene.light_motions.at[index].motion;
     if (m.moves != 0u) {
       origin = unmoved_point(m, time_s, origin);
       direction = unmoved_direction(m, time_s, direction);

@@ -17,10 +17,10 @@ struct ShapeHit {
   float pdf;  // of sample_light for this direction, without the choice of the light
 };
 
-vec3 to_light_frame(LightShape s, vec3 w) { return vec3(dot(s.axis_x, w), dot(s.axis_y, w), dot(s.axis_z, w)); }
-vec3 from_light_frame(LightShape s, vec3 v) { return s.axis_x * v.x + s.axis_y * v.y + s.axis_z * v.z; }
+vec3 to_light_frame(IN(LightShape) s, vec3 w) { return vec3(dot(s.axis_x, w), dot(s.axis_y, w), dot(s.axis_z, w)); }
+vec3 from_light_frame(IN(LightShape) s, vec3 v) { return s.axis_x * v.x + s.axis_y * v.y + s.axis_z * v.z; }
 
-Spectrum light_texel(SceneAddresses scene, uint texture, vec2 uv) {
+Spectrum light_texel(IN(SceneAddresses) scene, uint texture, vec2 uv) {
   vec4 t = material_texel(scene, texture, uv);
   return band_of(xyz(t), t.r);
 }
@@ -42,7 +42,7 @@ vec3 sample_cone(float one_minus_cos, vec2 u) {
 }
 
 /// Where a direction of the projector's frame meets its pattern; false behind it, and where its lens does not reach.
-bool pattern_pixel(LightShape s, vec3 d, OUT(vec2) pixel) {
+bool pattern_pixel(IN(LightShape) s, vec3 d, OUT(vec2) pixel) {
   if (d.z <= 0.0f) return false;
   vec2 p = xy(d) / d.z;
   if (dot(p, p) > s.distortion_reach * s.distortion_reach) return false;
@@ -52,7 +52,7 @@ bool pattern_pixel(LightShape s, vec3 d, OUT(vec2) pixel) {
 }
 
 /// Relative intensity of a projector: pattern through the distorting lens, cos^n towards the edge, and a disc of confusion that grows with |1/z - 1/z0|.
-float projected(LightRecord light, LightShape s, vec3 away, vec2 u) {
+float projected(IN(LightRecord) light, IN(LightShape) s, vec3 away, vec2 u) {
   vec3 d = to_light_frame(s, away);
   vec2 pixel;
   if (!pattern_pixel(s, d, pixel)) return 0.0f;
@@ -66,7 +66,7 @@ float projected(LightRecord light, LightShape s, vec3 away, vec2 u) {
 }
 
 /// What the profile of a light without extent gives towards `away`, its intensity being 1.
-Spectrum profile(SceneAddresses scene, LightRecord light, LightShape s, vec3 away, vec2 u) {
+Spectrum profile(IN(SceneAddresses) scene, IN(LightRecord) light, IN(LightShape) s, vec3 away, vec2 u) {
   if (light.kind == light_projector) return Spectrum(projected(light, s, away, u));
   if (light.kind == light_point) return s.texture == no_texture ? Spectrum(1.0f) : light_texel(scene, s.texture, sphere_uv(to_light_frame(s, away)));
   vec3 d = to_light_frame(s, away);  // a spot, as KHR_lights_punctual shapes it
@@ -79,19 +79,19 @@ Spectrum profile(SceneAddresses scene, LightRecord light, LightShape s, vec3 awa
 
 bool is_flat(uint kind) { return kind == light_rectangle || kind == light_disk; }
 
-float flat_area(LightRecord light, LightShape s) {
+float flat_area(IN(LightRecord) light, IN(LightShape) s) {
   return light.kind == light_disk ? pi * s.radius_m * s.radius_m : 4.0f * s.half_size.x * s.half_size.y;
 }
 
 /// Radiance of a rectangle or disk at (x, y) of its plane, in metres.
-Spectrum flat_radiance(SceneAddresses scene, LightRecord light, LightShape s, vec2 p) {
+Spectrum flat_radiance(IN(SceneAddresses) scene, IN(LightRecord) light, IN(LightShape) s, vec2 p) {
   Spectrum radiance = band_of(light.intensity, light.intensity.x);
   if (s.texture == no_texture) return radiance;
   vec2 half_size = light.kind == light_disk ? vec2(s.radius_m) : s.half_size;
   return radiance * light_texel(scene, s.texture, clamp(p / half_size * 0.5f + 0.5f, 0.0f, 0.999999f));
 }
 
-LightSample sample_flat(SceneAddresses scene, LightRecord light, LightShape s, vec3 position, vec2 u) {
+LightSample sample_flat(IN(SceneAddresses) scene, IN(LightRecord) light, IN(LightShape) s, vec3 position, vec2 u) {
   vec2 p = (u * 2.0f - 1.0f) * s.half_size;
   if (light.kind == light_disk) {
     float radius = s.radius_m * sqrt(u.x), phi = 2.0f * pi * u.y;
@@ -113,7 +113,7 @@ float sphere_cap(float radius_m, float distance_squared) {
   return sin2 < 1.0f ? sin2 / (1.0f + sqrt(1.0f - sin2)) : 0.0f;
 }
 
-LightSample sample_sphere(LightRecord light, LightShape s, vec3 position, vec2 u) {
+LightSample sample_sphere(IN(LightRecord) light, IN(LightShape) s, vec3 position, vec2 u) {
   LightSample l;
   vec3 way = light.position - position;
   float distance_squared = max(dot(way, way), 1e-20f), distance = sqrt(distance_squared);
@@ -128,18 +128,18 @@ LightSample sample_sphere(LightRecord light, LightShape s, vec3 position, vec2 u
 }
 
 // E = L pi sin^2 of the half angle.
-Spectrum disc_radiance(LightRecord light, LightShape s) {
+Spectrum disc_radiance(IN(LightRecord) light, IN(LightShape) s) {
   return band_of(light.intensity, light.intensity.x) / (pi * s.one_minus_cos * (2.0f - s.one_minus_cos));
 }
 
 /// A directional light's texture stands across it in tiles of the given size, centred on the light's position.
-Spectrum tile(SceneAddresses scene, LightRecord light, LightShape s, vec3 position) {
+Spectrum tile(IN(SceneAddresses) scene, IN(LightRecord) light, IN(LightShape) s, vec3 position) {
   if (s.texture == no_texture) return Spectrum(1.0f);
   vec3 d = to_light_frame(s, position - light.position);
   return light_texel(scene, s.texture, xy(d) * (vec2(0.5f) / s.half_size) + 0.5f);
 }
 
-LightSample sample_directional(SceneAddresses scene, LightRecord light, LightShape s, vec3 position, vec2 u) {
+LightSample sample_directional(IN(SceneAddresses) scene, IN(LightRecord) light, IN(LightShape) s, vec3 position, vec2 u) {
   LightSample l;
   l.direction = -s.axis_z;
   l.distance_m = infinite_m;
@@ -166,7 +166,7 @@ uint search_above(FloatArray table, uint first, uint count, float u) {
 }
 
 // Every point of the emissive meshes, by power: the density per area is the emission's largest channel over the sum of it times area.
-LightSample sample_mesh(SceneAddresses scene, LightShape s, vec3 position, vec2 u, float time_s) {
+LightSample sample_mesh(IN(SceneAddresses) scene, IN(LightShape) s, vec3 position, vec2 u, float time_s) {
   LightSample l;
   uint i = search_above(scene.light_cumulative, s.first, s.count, u.x);
   float below = i > s.first ? scene.light_cumulative.at[i - 1u] : 0.0f;
@@ -174,7 +174,7 @@ LightSample sample_mesh(SceneAddresses scene, LightShape s, vec3 position, vec2 
   float root = sqrt(u.x);
   uint word = 2u * (s.first_triangle + i - s.first);
   Surface surface = surface_at(scene, scene.light_triangles.at[word], scene.light_triangles.at[word + 1u], root * (1.0f - u.y), root * u.y, time_s);
-  MaterialRecord record = scene.materials.at[surface.material];
+  IN(MaterialRecord) record = scene.materials.at[surface.material];
   MaterialPoint m = load_material(scene, record, surface);
   vec3 way = surface.position - position;
   float distance_squared = max(dot(way, way), 1e-20f);
@@ -189,12 +189,12 @@ LightSample sample_mesh(SceneAddresses scene, LightShape s, vec3 position, vec2 
 }
 
 /// Density of sample_mesh per solid angle for a surface met at distance t with this cosine.
-float mesh_pdf(MaterialRecord record, LightShape s, float t, float cosine) {
+float mesh_pdf(IN(MaterialRecord) record, IN(LightShape) s, float t, float cosine) {
   return max_component(band_of(record.emission, record.ir_emission)) / s.total * t * t / max(abs(cosine), 1e-9f);
 }
 
 // Cumulative tables of an environment map: its rows, then each row's columns.
-float map_pdf(SceneAddresses scene, LightShape s, vec2 uv) {
+float map_pdf(IN(SceneAddresses) scene, IN(LightShape) s, vec2 uv) {
   uint x = min(uint(fract(uv.x) * float(s.columns)), s.columns - 1u), y = min(uint(uv.y * float(s.count)), s.count - 1u);
   uint row = s.first + y, cell = s.first + s.count + y * s.columns + x;
   float p = scene.light_cumulative.at[row] - (y > 0u ? scene.light_cumulative.at[row - 1u] : 0.0f);
@@ -202,11 +202,11 @@ float map_pdf(SceneAddresses scene, LightShape s, vec2 uv) {
   return p * float(s.columns * s.count) / (2.0f * pi * pi * max(sin(uv.y * pi), 1e-6f));
 }
 
-Spectrum map_radiance(SceneAddresses scene, LightRecord light, LightShape s, vec2 uv) {
+Spectrum map_radiance(IN(SceneAddresses) scene, IN(LightRecord) light, IN(LightShape) s, vec2 uv) {
   return band_of(light.intensity, light.intensity.x) * light_texel(scene, s.texture, vec2(uv.x, clamp(uv.y, s.half_texel, 1.0f - s.half_texel)));
 }
 
-LightSample sample_map(SceneAddresses scene, LightRecord light, LightShape s, vec2 u) {
+LightSample sample_map(IN(SceneAddresses) scene, IN(LightRecord) light, IN(LightShape) s, vec2 u) {
   LightSample l;
   uint row = search_above(scene.light_cumulative, s.first, s.count, u.y), y = row - s.first;
   float below = y > 0u ? scene.light_cumulative.at[row - 1u] : 0.0f;
@@ -222,7 +222,7 @@ LightSample sample_map(SceneAddresses scene, LightRecord light, LightShape s, ve
   return l;
 }
 
-LightSample sample_light(SceneAddresses scene, LightRecord light, LightShape s, vec3 position, vec2 u, float time_s) {
+LightSample sample_light(IN(SceneAddresses) scene, IN(LightRecord) light, IN(LightShape) s, vec3 position, vec2 u, float time_s) {
   if (is_flat(light.kind)) return sample_flat(scene, light, s, position, u);
   if (light.kind == light_mesh) return sample_mesh(scene, s, position, u, time_s);
   if (light.kind == light_map) return sample_map(scene, light, s, u);
@@ -240,7 +240,7 @@ LightSample sample_light(SceneAddresses scene, LightRecord light, LightShape s, 
   return l;
 }
 
-ShapeHit meet_flat(SceneAddresses scene, LightRecord light, LightShape s, vec3 origin, vec3 direction) {
+ShapeHit meet_flat(IN(SceneAddresses) scene, IN(LightRecord) light, IN(LightShape) s, vec3 origin, vec3 direction) {
   ShapeHit hit = ShapeHit(false, 0.0f, Spectrum(0.0f), 0.0f);
   float cosine = -dot(direction, s.axis_z), height = dot(origin - light.position, s.axis_z);
   if (cosine <= 0.0f || height <= 0.0f) return hit;
@@ -252,7 +252,7 @@ ShapeHit meet_flat(SceneAddresses scene, LightRecord light, LightShape s, vec3 o
   return hit;
 }
 
-ShapeHit meet_sphere(LightRecord light, LightShape s, vec3 origin, vec3 direction) {
+ShapeHit meet_sphere(IN(LightRecord) light, IN(LightShape) s, vec3 origin, vec3 direction) {
   ShapeHit hit = ShapeHit(false, 0.0f, Spectrum(0.0f), 0.0f);
   vec3 way = light.position - origin;
   float distance_squared = dot(way, way), along = dot(way, direction);
@@ -267,7 +267,7 @@ ShapeHit meet_sphere(LightRecord light, LightShape s, vec3 origin, vec3 directio
 }
 
 /// Where the ray meets the light's shape; directional lights lie beyond everything.
-ShapeHit meet_light(SceneAddresses scene, LightRecord light, LightShape s, vec3 origin, vec3 direction) {
+ShapeHit meet_light(IN(SceneAddresses) scene, IN(LightRecord) light, IN(LightShape) s, vec3 origin, vec3 direction) {
   if (is_flat(light.kind)) return meet_flat(scene, light, s, origin, direction);
   if (light.kind == light_point) return meet_sphere(light, s, origin, direction);
   ShapeHit hit = ShapeHit(false, infinite_m, Spectrum(0.0f), 0.0f);

@@ -16,12 +16,12 @@ struct MaterialPoint {
   float subsurface;  // share of the diffuse base
 };
 
-vec4 material_texel(SceneAddresses scene, uint texture, vec2 uv) {
+vec4 material_texel(IN(SceneAddresses) scene, uint texture, vec2 uv) {
   return texture == no_texture ? vec4(1.0f) : texture_repeat(scene.textures.at[texture], uv);
 }
 
 // Tangent-space normal map of glTF: x along growing u, y against growing v (v points down).
-void apply_normal_map(SceneAddresses scene, uint texture, INOUT(Surface) s) {
+void apply_normal_map(IN(SceneAddresses) scene, uint texture, INOUT(Surface) s) {
   vec3 map = xyz(material_texel(scene, texture, s.uv)) * 2.0f - 1.0f;
   vec3 tangent = s.tangent_u - s.shading_normal * dot(s.tangent_u, s.shading_normal);
   float length_squared = dot(tangent, tangent);
@@ -33,7 +33,7 @@ void apply_normal_map(SceneAddresses scene, uint texture, INOUT(Surface) s) {
   if (dot(n, s.geometric_normal) > 0.0f) s.shading_normal = n;
 }
 
-MaterialPoint load_material(SceneAddresses scene, MaterialRecord m, INOUT(Surface) s) {
+MaterialPoint load_material(IN(SceneAddresses) scene, IN(MaterialRecord) m, INOUT(Surface) s) {
   MaterialPoint p;
   p.base = band_of(m.base_color, m.ir_albedo);
   p.emission = band_of(m.emission, m.ir_emission);

@@ -7,8 +7,8 @@
 #include "lib/spectrum.glsl"
 #include "shared/scene_records.h"
 
-Spectrum medium_extinction(MediumRecord m) { return band_of(m.extinction, m.extinction.x); }
-Spectrum medium_albedo(MediumRecord m) { return band_of(m.albedo, m.albedo.x); }
+Spectrum medium_extinction(IN(MediumRecord) m) { return band_of(m.extinction, m.extinction.x); }
+Spectrum medium_albedo(IN(MediumRecord) m) { return band_of(m.albedo, m.albedo.x); }
 
 /// 1 - e^-x, without cancellation.
 float one_minus_exp(float x) { return x < 1e-3f ? x * (1.0f - 0.5f * x) : 1.0f - exp(-x); }
@@ -16,7 +16,7 @@ float one_minus_exp(float x) { return x < 1e-3f ? x * (1.0f - 0.5f * x) : 1.0f -
 float minus_log_of_rest(float x) { return x < 1e-3f ? x * (1.0f + 0.5f * x) : -log(1.0f - x); }
 
 /// Where a ray's first t_far metres enter and leave the medium's box.
-vec2 medium_part(MediumRecord m, vec3 origin, vec3 direction, float t_far) {
+vec2 medium_part(IN(MediumRecord) m, vec3 origin, vec3 direction, float t_far) {
   float begin = 0.0f, end = t_far;
   for (uint axis = 0u; axis < 3u; ++axis) {
     float inverse = 1.0f / (abs(direction[axis]) < 1e-30f ? 1e-30f : direction[axis]);
@@ -27,7 +27,7 @@ vec2 medium_part(MediumRecord m, vec3 origin, vec3 direction, float t_far) {
   return vec2(begin, max(begin, end));
 }
 
-Spectrum medium_transmittance(MediumRecord m, vec3 origin, vec3 direction, float t_far) {
+Spectrum medium_transmittance(IN(MediumRecord) m, vec3 origin, vec3 direction, float t_far) {
   vec2 part = medium_part(m, origin, direction, t_far);
   return band_exp(medium_extinction(m) * (part.x - part.y));
 }
@@ -38,7 +38,7 @@ struct Flight {
 };
 
 /// A point of the first `length_m` metres, by the density of what is scattered there. Channels are one sampler each, weighted by the balance heuristic.
-Flight sample_flight(MediumRecord m, float length_m, vec2 u) {
+Flight sample_flight(IN(MediumRecord) m, float length_m, vec2 u) {
   Spectrum extinction = medium_extinction(m), albedo = medium_albedo(m);
   float shares[3], sum = 0.0f;
   for (uint c = 0u; c < channels; ++c) {

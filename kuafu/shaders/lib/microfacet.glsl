@@ -27,10 +27,9 @@ float ggx_reflection_pdf(vec3 wo, vec3 h, float alpha) {
 
 vec3 sample_visible_normal(vec3 wo, float alpha, vec2 u) {
   vec3 w = normalize(vec3(xy(wo) * alpha, wo.z));
-  float phi = 2.0f * pi * u.x;
   float z = (1.0f - u.y) * (1.0f + w.z) - w.z;
   float s = sqrt(clamp(1.0f - z * z, 0.0f, 1.0f));
-  vec3 h = vec3(s * cos(phi), s * sin(phi), z) + w;
+  vec3 h = vec3(s * unit_circle(u.x), z) + w;
   return normalize(vec3(xy(h) * alpha, max(h.z, 1e-7f)));
 }
 

@@ -1,6 +1,7 @@
 // Points and directions of something that moves at constant velocity (shared/motion_record.h).
 #ifndef KUAFU_MOTION_GLSL
 #define KUAFU_MOTION_GLSL
+#include "lib/language.glsl"
 #include "shared/motion_record.h"
 
 // sin(a)/a, (1 - cos a)/a^2 and (a - sin a)/a^3 of a^2; series where they would cancel.
@@ -19,15 +20,15 @@ vec3 turn(vec3 angle, vec3 v) {
 }
 
 /// How far the pivot has gone.
-vec3 path_at(MotionRecord m, float seconds) {
+vec3 path_at(IN(MotionRecord) m, float seconds) {
   vec3 angle = m.angular * seconds, way = m.linear * seconds, w = turn_weights(dot(angle, angle)), c = cross(angle, way);
   return way + w.y * c + w.z * cross(angle, c);
 }
 
-vec3 moved_direction(MotionRecord m, float seconds, vec3 v) { return turn(m.angular * seconds, v); }
-vec3 moved_point(MotionRecord m, float seconds, vec3 p) { return m.pivot + path_at(m, seconds) + turn(m.angular * seconds, p - m.pivot); }
+vec3 moved_direction(IN(MotionRecord) m, float seconds, vec3 v) { return turn(m.angular * seconds, v); }
+vec3 moved_point(IN(MotionRecord) m, float seconds, vec3 p) { return m.pivot + path_at(m, seconds) + turn(m.angular * seconds, p - m.pivot); }
 
 /// Back to where it was at t = 0.
-vec3 unmoved_direction(MotionRecord m, float seconds, vec3 v) { return turn(m.angular * -seconds, v); }
-vec3 unmoved_point(MotionRecord m, float seconds, vec3 p) { return m.pivot + turn(m.angular * -seconds, p - m.pivot - path_at(m, seconds)); }
+vec3 unmoved_direction(IN(MotionRecord) m, float seconds, vec3 v) { return turn(m.angular * -seconds, v); }
+vec3 unmoved_point(IN(MotionRecord) m, float seconds, vec3 p) { return m.pivot + turn(m.angular * -seconds, p - m.pivot - path_at(m, seconds)); }
 #endif

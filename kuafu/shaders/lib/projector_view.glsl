@@ -13,7 +13,7 @@ struct ProjectorView {
 };
 
 /// `normal` is the shading normal and `side_normal` the geometric one, both on the side that the camera sees.
-ProjectorView projector_view(ProjectorRecord projector, Surface s, vec3 normal, vec3 side_normal) {
+ProjectorView projector_view(ProjectorRecord projector, IN(Surface) s, vec3 normal, vec3 side_normal) {
   ProjectorView view;
   vec3 way = projector.light.position - s.position;
   view.inside = pattern_pixel(projector.shape, to_light_frame(projector.shape, -way), view.pixel) && view.pixel.x >= -0.5f &&

@@ -1,6 +1,7 @@
 // Reading and filling ray queues (shared/ray_queue.h). `queue_layout` is the includer's.
 #ifndef KUAFU_QUEUE_GLSL
 #define KUAFU_QUEUE_GLSL
+#include "lib/language.glsl"
 #include "shared/wave.h"
 
 struct Ray {
@@ -23,7 +24,7 @@ void store_float(UintArray words, uint i, uint field, uint stride, uint capacity
   words.at[ray_word(i, field, stride, queue_layout, capacity)] = floatBitsToUint(value);
 }
 
-void store_ray(UintArray words, uint i, uint stride, uint capacity, Ray ray, float time_s, uint slot) {
+void store_ray(UintArray words, uint i, uint stride, uint capacity, IN(Ray) ray, float time_s, uint slot) {
   store_float(words, i, ray_origin, stride, capacity, ray.origin.x);
   store_float(words, i, ray_origin + 1u, stride, capacity, ray.origin.y);
   store_float(words, i, ray_origin + 2u, stride, capacity, ray.origin.z);
@@ -38,7 +39,7 @@ void store_ray(UintArray words, uint i, uint stride, uint capacity, Ray ray, flo
   words.at[ray_word(i, ray_flags, stride, queue_layout, capacity)] = 0u;
 }
 
-void store_closest_ray(UintArray words, uint i, uint capacity, Ray ray, float time_s, uint slot) {
+void store_closest_ray(UintArray words, uint i, uint capacity, IN(Ray) ray, float time_s, uint slot) {
   store_ray(words, i, closest_words, capacity, ray, time_s, slot);
   words.at[closest_word(i, hit_geometry, capacity)] = miss;
   words.at[closest_word(i, hit_instance, capacity)] = miss;

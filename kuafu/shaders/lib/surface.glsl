@@ -16,15 +16,15 @@ struct Surface {
   uint instance_id;
 };
 
-vec3 to_world_normal(InstanceRecord r, vec3 n) {
+vec3 to_world_normal(IN(InstanceRecord) r, vec3 n) {
   return vec3(dot(r.normal_to_world[0], n), dot(r.normal_to_world[1], n), dot(r.normal_to_world[2], n));
 }
 
-vec3 to_world_vector(InstanceRecord r, vec3 v) {
+vec3 to_world_vector(IN(InstanceRecord) r, vec3 v) {
   return vec3(dot(xyz(r.local_to_world[0]), v), dot(xyz(r.local_to_world[1]), v), dot(xyz(r.local_to_world[2]), v));
 }
 
-void load_uv(InstanceRecord r, uvec3 vertices, vec3 weights, vec3 edge_1, vec3 edge_2, INOUT(Surface) s) {
+void load_uv(IN(InstanceRecord) r, uvec3 vertices, vec3 weights, vec3 edge_1, vec3 edge_2, INOUT(Surface) s) {
   vec2 uv_0 = r.uvs.at[vertices.x], uv_1 = r.uvs.at[vertices.y], uv_2 = r.uvs.at[vertices.z];
   s.uv = weights.x * uv_0 + weights.y * uv_1 + weights.z * uv_2;
   vec2 d_1 = uv_1 - uv_0, d_2 = uv_2 - uv_0;
@@ -35,7 +35,7 @@ void load_uv(InstanceRecord r, uvec3 vertices, vec3 weights, vec3 edge_1, vec3 e
 }
 
 // The point comes from the triangle, not from the ray: its error is a few ulps of the vertices, whatever the ray's length.
-Surface load_surface(SceneAddresses scene, InstanceRecord r, uint primitive, float u, float v) {
+Surface load_surface(IN(SceneAddresses) scene, IN(InstanceRecord) r, uint primitive, float u, float v) {
   uvec3 vertices = r.indices.at[primitive];
   vec3 p_0 = r.positions.at[vertices.x], p_1 = r.positions.at[vertices.y], p_2 = r.positions.at[vertices.z];
   vec3 weights = vec3(1.0f - u - v, u, v), edge_1 = p_1 - p_0, edge_2 = p_2 - p_0;
@@ -63,7 +63,7 @@ Surface load_surface(SceneAddresses scene, InstanceRecord r, uint primitive, flo
 }
 
 /// Takes a point of something that moves from its place at t = 0 to that of another time.
-void move_surface(MotionRecord m, float time_s, INOUT(Surface) s) {
+void move_surface(IN(MotionRecord) m, float time_s, INOUT(Surface) s) {
   s.position = moved_point(m, time_s, s.position);
   vec3 size = abs(s.position) + abs(m.pivot);
   s.coordinate_size = max(s.coordinate_size, max(size.x, max(size.y, size.z)));
@@ -74,10 +74,10 @@ void move_surface(MotionRecord m, float time_s, INOUT(Surface) s) {
 }
 
 /// load_surface of instance `index` at a time.
-Surface surface_at(SceneAddresses scene, uint index, uint primitive, float u, float v, float time_s) {
+Surface surface_at(IN(SceneAddresses) scene, uint index, uint primitive, float u, float v, float time_s) {
   Surface s = load_surface(scene, scene.instances.at[index], primitive, u, v);
   if ((features & feature_motion) != 0u && scene.moves != 0u) {
-    MotionRecord m = scene.instance_motions.at[index];
+    IN(MotionRecord) m = scene.instance_motions.at[index];
     if (m.moves != 0u) move_surface(m, time_s, s);
   }
   return s;

@@ -1,9 +1,10 @@
 // Bilinear reads of linear texels: material textures repeat, a projector's pattern is zero outside.
 #ifndef KUAFU_TEXTURE_GLSL
 #define KUAFU_TEXTURE_GLSL
+#include "lib/language.glsl"
 #include "shared/scene_records.h"
 
-vec4 texel(TextureRecord t, uint x, uint y) {
+vec4 texel(IN(TextureRecord) t, uint x, uint y) {
   uint i = y * t.width + x;
   if (t.format == texel_half4) return vec4(unpackHalf2x16(t.texels.at[2u * i]), unpackHalf2x16(t.texels.at[2u * i + 1u]));
   i *= 4u;
@@ -11,7 +12,7 @@ vec4 texel(TextureRecord t, uint x, uint y) {
 }
 
 /// uv in [0,1] covers the image; v grows downwards.
-vec4 texture_repeat(TextureRecord t, vec2 uv) {
+vec4 texture_repeat(IN(TextureRecord) t, vec2 uv) {
   vec2 size = vec2(t.width, t.height);
   vec2 p = fract(uv) * size - 0.5f;
   vec2 base = floor(p);
@@ -26,7 +27,7 @@ struct Pattern {
   uint width, height, bits;
 };
 
-float pattern_texel(Pattern p, int x, int y) {
+float pattern_texel(IN(Pattern) p, int x, int y) {
   if (x < 0 || y < 0 || x >= int(p.width) || y >= int(p.height)) return 0.0f;
   uint i = uint(y) * p.width + uint(x);
   if (p.bits == 8u) return float((p.words.at[i >> 2] >> ((i & 3u) * 8u)) & 0xffu) / 255.0f;
@@ -35,7 +36,7 @@ float pattern_texel(Pattern p, int x, int y) {
 }
 
 /// Pixel centres at integers; exactly the bilinear interpolation of the image padded with zeros.
-float pattern_bilinear(Pattern p, vec2 pixel) {
+float pattern_bilinear(IN(Pattern) p, vec2 pixel) {
   if (!(pixel.x > -1.0f && pixel.y > -1.0f && pixel.x < float(p.width) && pixel.y < float(p.height))) return 0.0f;
   vec2 base = floor(pixel), f = pixel - base;
   int x = int(base.x), y = int(base.y);

@@ -27,7 +27,7 @@ float total(uint sum_plane, uint local_pixel, float sum) {
 }
 
 void write_output(uint kind, Pixel pixel, uint channel, float value) {
-  OutputRecord record = push.outputs.at[kind];
+  IN(OutputRecord) record = push.outputs.at[kind];
   if ((push.flags & accumulate_writes) != 0u && record.enabled != 0u)
     record.words.at[output_element(record, pixel, push.channels) + channel] = floatBitsToUint(value);
 }
@@ -51,7 +51,7 @@ float variance_of_mean(uint channel, uint local_pixel, float mean) {
 }
 
 void write_sample_count(Pixel pixel) {
-  OutputRecord record = push.outputs.at[output_sample_count];
+  IN(OutputRecord) record = push.outputs.at[output_sample_count];
   if (record.enabled != 0u) record.words.at[output_element(record, pixel, 1u)] = push.sample_count;
 }
 

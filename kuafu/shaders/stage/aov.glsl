@@ -2,7 +2,7 @@
 const uint nan_bits = 0x7fc00000u;
 
 void write_word(uint kind, Pixel pixel, uint channel_count, uint channel, uint value) {
-  OutputRecord record = push.outputs.at[kind];
+  IN(OutputRecord) record = push.outputs.at[kind];
   if (record.enabled != 0u) record.words.at[output_element(record, pixel, channel_count) + channel] = value;
 }
 
@@ -24,7 +24,7 @@ void write_albedo(Pixel pixel, Spectrum albedo) {
 }
 
 /// Length of the ray to z = 1 in the camera.
-float metres_per_z(ViewRecord view, Pixel pixel) {
+float metres_per_z(IN(ViewRecord) view, Pixel pixel) {
   vec2 film = vec2(float(pixel.column), float(pixel.row));
   if ((features & feature_camera) == 0u || (push.flags & aov_camera) == 0u) return length(view.axis_0 + film.x * view.axis_u + film.y * view.axis_v);
   return length(camera_ray(view, push.cameras.at[pixel.view], pixel, push.range, FilmSample(film, vec2(0.0f), 0.0f)).direction);
@@ -52,14 +52,14 @@ void write_nothing(Pixel pixel) {
 /// A ray that meets nothing keeps its place in the queue.
 Ray no_ray() { return Ray(vec3(0.0f), 0.0f, vec3(0.0f, 0.0f, 1.0f), 0.0f); }
 
-void ask_projector(uint i, Pixel pixel, Ray ray) {
+void ask_projector(uint i, Pixel pixel, IN(Ray) ray) {
   if ((push.flags & aov_visibility) == 0u) return;
   store_ray(push.shadow_rays, i, occlusion_words, push.shadow_capacity, ray, uintBitsToFloat(hit_word(i, ray_time)), i);
   if ((push.flags & aov_environments) != 0u) push.shadow_environments.at[i] = push.views.at[pixel.view].environment;
 }
 
 /// Visible until the shadow ray says otherwise.
-void write_projector(uint i, Pixel pixel, Surface s, vec3 normal, vec3 side_normal) {
+void write_projector(uint i, Pixel pixel, IN(Surface) s, vec3 normal, vec3 side_normal) {
   ProjectorView view;
   view.inside = false;
   view.geometry = 0.0f;
@@ -73,13 +73,11 @@ void write_projector(uint i, Pixel pixel, Surface s, vec3 normal, vec3 side_norm
   else ask_projector(i, pixel, no_ray());
 }
 
-void write_motion(uint i, Pixel pixel, InstanceRecord instance, vec3 position) {
+void write_motion(uint i, Pixel pixel, IN(InstanceRecord) instance, vec3 position) {
   AovAddresses aov = push.aov.at[0];
   MotionView view = aov.motion.at[pixel.view];
   vec3 before = moved_position(instance, hit_word(i, hit_primitive), uintBitsToFloat(hit_word(i, hit_u)), uintBitsToFloat(hit_word(i, hit_v)),
                                aov.previous_local_to_world, 3u * hit_word(i, hit_instance));
-  if ((features & feature_motion) != 0u && push.scene.at[0].moves != 0u)  // what it does while the shutter is open, it did then, too
-    before += position - standing_position(instance, hit_word(i, hit_primitive), uintBitsToFloat(hit_word(i, hit_u)), uintBitsToFloat(hit_word(i, hit_v)));
   vec2 film, film_before;
   bool seen = film_position(view, view.now, position, film);
   seen = film_position(view, view.previous, before, film_before) && seen;
@@ -87,11 +85,11 @@ void write_motion(uint i, Pixel pixel, InstanceRecord instance, vec3 position) {
 }
 
 void write_surface(uint i, Pixel pixel) {
-  SceneAddresses scene = push.scene.at[0];
-  InstanceRecord instance = scene.instances.at[hit_word(i, hit_instance)];
+  IN(SceneAddresses) scene = push.scene.at[0];
+  IN(InstanceRecord) instance = scene.instances.at[hit_word(i, hit_instance)];
   Surface s = surface_at(scene, hit_word(i, hit_instance), hit_word(i, hit_primitive), uintBitsToFloat(hit_word(i, hit_u)),
                          uintBitsToFloat(hit_word(i, hit_v)), uintBitsToFloat(hit_word(i, ray_time)));
-  MaterialRecord m = scene.materials.at[s.material];
+  IN(MaterialRecord) m = scene.materials.at[s.material];
   MaterialPoint point = load_material(scene, m, s);
   bool front = dot(s.geometric_normal, load_direction(push.rays, i, push.range.capacity)) <= 0.0f;
   vec3 normal = front ? s.shading_normal : -s.shading_normal;

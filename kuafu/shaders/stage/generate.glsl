@@ -3,7 +3,7 @@ void generate(uint slot) {
   uint local_pixel = slot / push.range.sample_count;
   uint index = push.range.first_sample + slot - local_pixel * push.range.sample_count;
   Pixel pixel = wave_pixel(push.range, local_pixel);
-  ViewRecord view = push.views.at[pixel.view];
+  IN(ViewRecord) view = push.views.at[pixel.view];
   uint key = hash(view.key ^ hash(pixel.row * push.range.width + pixel.column));
   bool centre = (push.flags & generate_pixel_centre) != 0u;
   if ((push.flags & generate_replicates) != 0u) {

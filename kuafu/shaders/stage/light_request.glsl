@@ -19,14 +19,14 @@ struct ShadowRequest {
 LightRequest find_light(IN(Path) path, vec3 position, vec3 shape_origin, uint k) {
   LightRequest request;
   request.found = false;
-  SceneAddresses scene = push.scene.at[0];
+  IN(SceneAddresses) scene = push.scene.at[0];
   bool select = (push.flags & shade_select_lights) != 0u;
   float u = select ? sample_2d(path.key, path.index, pair_light(push.bounce)).x : 0.0f;
-  EnvironmentRecord environment = scene.environments.at[path_environment(path)];
+  IN(EnvironmentRecord) environment = scene.environments.at[path_environment(path)];
   LightChoice choice = vertex_light(scene.lights, environment, k, select, all_delta(path), u);
   request.probability = choice.probability;
   if (choice.probability == 0.0f) return request;
-  LightRecord record = scene.lights.at[choice.index];
+  IN(LightRecord) record = scene.lights.at[choice.index];
   request.projector = record.kind == light_projector;
   vec2 point = vec2(0.0f);
   if ((features & feature_lights) != 0u) {

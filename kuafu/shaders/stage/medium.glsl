@@ -15,18 +15,18 @@ Spectrum open_transmittance(vec3 origin, vec3 direction, float distance_m) {
 }
 
 /// Whether ray i ran inside a body, which keeps the medium out.
-bool ran_inside(uint i, Path path) {
+bool ran_inside(uint i, IN(Path) path) {
   if (path.body != 0u) return true;
   if (ray_field(i, hit_geometry) == miss) return false;
-  SceneAddresses scene = push.scene.at[0];
+  IN(SceneAddresses) scene = push.scene.at[0];
   Surface s = surface_at(scene, ray_field(i, hit_instance), ray_field(i, hit_primitive), 0.0f, 0.0f, path.time_s);
   return dot(s.geometric_normal, load_direction(push.rays_in, i, push.capacity)) > 0.0f && scene.materials.at[s.material].transmission > 0.0f;
 }
 
-FogVertex sample_fog(Path path, vec3 origin, vec3 direction, float t_far) {
+FogVertex sample_fog(IN(Path) path, vec3 origin, vec3 direction, float t_far) {
   FogVertex fog;
   fog.found = false;
-  MediumRecord medium = push.scene.at[0].medium.at[0];
+  IN(MediumRecord) medium = push.scene.at[0].medium.at[0];
   vec2 part = medium_part(medium, origin, direction, t_far);
   if (part.y <= part.x || max_component(medium_albedo(medium)) == 0.0f) return fog;
   Flight flight = sample_flight(medium, part.y - part.x, sample_2d(path.key, path.index, pair_flight(push.bounce)));
@@ -38,10 +38,10 @@ FogVertex sample_fog(Path path, vec3 origin, vec3 direction, float t_far) {
 }
 
 /// The k-th shadow ray of the fog's vertex. What it gives is projector indirect: light that only got dimmed is not in it.
-ShadowRequest ask_light_in_fog(Path path, FogVertex fog, uint k) {
+ShadowRequest ask_light_in_fog(IN(Path) path, IN(FogVertex) fog, uint k) {
   ShadowRequest request;
   request.wanted = false;
-  SceneAddresses scene = push.scene.at[0];
+  IN(SceneAddresses) scene = push.scene.at[0];
   LightRequest asked = find_light(path, fog.position, fog.position, k);
   if (!asked.found) return request;
   float pdf = phase(scene.medium.at[0].phase_g, dot(fog.direction, asked.light.direction));
@@ -56,14 +56,14 @@ ShadowRequest ask_light_in_fog(Path path, FogVertex fog, uint k) {
 }
 
 /// Chance that the path goes on from the fog, not from the surface behind it.
-float fog_chance(Path path, FogVertex fog, bool hit) {
+float fog_chance(IN(Path) path, IN(FogVertex) fog, bool hit) {
   if (!fog.found) return 0.0f;
   float scattered = max_component(fog.throughput), passed = hit ? max_component(path.throughput) : 0.0f;
   return scattered / (scattered + passed);
 }
 
 /// The next ray from the fog; the path takes its throughput, divided by its chance.
-NextRequest scatter_in_fog(INOUT(Path) path, FogVertex fog, float chance) {
+NextRequest scatter_in_fog(INOUT(Path) path, IN(FogVertex) fog, float chance) {
   NextRequest request;
   float g = push.scene.at[0].medium.at[0].phase_g;
   vec3 local = sample_phase(g, sample_2d(path.key, path.index, pair_direction(push.bounce)));

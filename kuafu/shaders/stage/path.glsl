@@ -12,6 +12,7 @@ float load_float(uint p, uint slot) { return uintBitsToFloat(push.state.at[plane
 void store_float(uint p, uint slot, float value) { push.state.at[plane(p, slot)] = floatBitsToUint(value); }
 uint ray_field(uint i, uint field) { return push.rays_in.at[closest_word(i, field, push.capacity)]; }
 
+bool can_walk() { return (features & feature_subsurface) != 0u; }
 bool tracks_body() { return (features & (feature_materials | feature_medium)) != 0u; }
 
 Path load_path(uint i) {
@@ -33,7 +34,7 @@ Path load_path(uint i) {
   return p;
 }
 
-void store_path(Path p) {
+void store_path(IN(Path) p) {
   push.state.at[plane(state_flags, p.slot)] = p.flags;
   if (tracks_body()) push.state.at[plane(state_body, p.slot)] = p.body;
   if ((features & feature_lights) != 0u) store_float(state_pdf, p.slot, p.pdf);
@@ -54,8 +55,8 @@ void add_radiance(uint slot, uint group, Spectrum radiance) {
 /// Where light groups are not kept apart, all are the first.
 uint ambient_group(uint light_group) { return group_ambient + min(light_group, push.groups - group_count); }
 
-uint path_environment(Path path) { return path.flags & path_environment_mask; }
-bool all_delta(Path path) { return (path.flags & path_all_delta) != 0u; }
+uint path_environment(IN(Path) path) { return path.flags & path_environment_mask; }
+bool all_delta(IN(Path) path) { return (path.flags & path_all_delta) != 0u; }
 
 /// The path is scattered by something rough.
 void leave_first(INOUT(Path) path) {

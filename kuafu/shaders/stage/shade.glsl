@@ -15,14 +15,14 @@ struct Shading {
   bool hit;  // and not beyond the last bounce
 };
 
-Shading begin_shading(uint i) {
-  Shading s;
+/// Everything up to the BSDF of the surface.
+void arrive(uint i, OUT(Shading) s) {
   s.path = load_path(i);
   s.hit = ray_field(i, hit_geometry) != miss;
   s.fog.found = s.walk.inside = false;
   if (can_walk() && (s.path.flags & path_inside) != 0u) {
     s.hit = walk_on(i, s.path, s.walk, s.vertex) && depth(s.path) <= push.max_bounces;
-    return s;
+    return;
   }
   float t_far = s.hit ? uintBitsToFloat(ray_field(i, ray_t_far)) : infinite_m;
   bool open = in_medium() && !ran_inside(i, s.path);
@@ -33,12 +33,18 @@ Shading begin_shading(uint i) {
     s.path.throughput *= open_transmittance(origin, direction, t_far);
   }
   if (s.hit) {
-    s.vertex = load_vertex(i, s.path);
+    load_vertex(i, s.path, s.vertex);
     s.hit = depth(s.path) <= push.max_bounces;
   } else {
-    EnvironmentRecord environment = push.scene.at[0].environments.at[path_environment(s.path)];
+    IN(EnvironmentRecord) environment = push.scene.at[0].environments.at[path_environment(s.path)];
     add_radiance(s.path.slot, ambient_group(environment.light_group), s.path.throughput * band_of(environment.radiance, environment.radiance.x));
   }
+}
+
+Shading begin_shading(uint i) {
+  Shading s;
+  arrive(i, s);
+  if (s.hit) set_bsdf(s.vertex);
   return s;
 }
 
@@ -47,32 +53,51 @@ uint surface_rays() { return in_medium() ? push.shadow_rays_per_vertex / 2u : pu
 
 bool asks_light(IN(Shading) s, uint k) { return k < surface_rays() ? s.hit && takes_light(s.vertex.bsdf) : s.fog.found; }
 
+/// The k-th light from where the surface is; what the BSDF makes of it completes the request.
+struct LightAtSurface {
+  bool found;
+  vec3 wi;  // local
+  LightRequest asked;
+  vec3 origin;  // of the shadow ray
+};
+
+LightAtSurface light_at_surface(IN(Path) path, IN(Vertex) vertex, uint k) {
+  LightAtSurface l;
+  l.origin = offset_origin(vertex.position, vertex.coordinate_size, vertex.side_normal);
+  l.asked = find_light(path, vertex.position, l.origin, k);
+  l.found = false;
+  if (!l.asked.found) return l;
+  bool behind = dot(l.asked.light.direction, vertex.side_normal) <= 0.0f;
+  if (behind) {
+    l.origin = offset_origin(vertex.position, vertex.coordinate_size, -vertex.side_normal);
+    l.asked.light.distance_m -= vertex.coordinate_size * (1.0f / 65536.0f);  // nearer by both offsets
+  }
+  l.wi = to_local(vertex.frame, l.asked.light.direction);
+  l.found = behind != (l.wi.z > 0.0f);
+  return l;
+}
+
+/// f, pdf: of bsdf_evaluate for the light's direction.
+ShadowRequest request_light(IN(Path) path, IN(LightAtSurface) l, Spectrum f, float pdf) {
+  ShadowRequest request;
+  request.contribution = path.throughput * f * l.asked.light.irradiance / l.asked.probability;
+  if (in_medium()) request.contribution *= open_transmittance(l.origin, l.asked.light.direction, l.asked.light.distance_m);
+  request.opaque = l.asked.light.pdf > 0.0f;  // directions that find it go through glass by themselves
+  if (request.opaque && (push.flags & shade_lights_only) == 0u) request.contribution *= mis_weight(l.asked.light.pdf * l.asked.probability, pdf);
+  request.wanted = max_component(request.contribution) > 0.0f;
+  request.group = !l.asked.projector ? l.asked.group : all_delta(path) ? group_projector_direct : group_projector_indirect;
+  request.ray = Ray(l.origin, 0.0f, l.asked.light.direction, l.asked.light.distance_m * 0.99999f);
+  return request;
+}
+
 ShadowRequest ask_light_at_surface(IN(Path) path, IN(Vertex) vertex, uint k) {
   ShadowRequest request;
   request.wanted = false;
-  request.ray.origin = offset_origin(vertex.position, vertex.coordinate_size, vertex.side_normal);
-  LightRequest asked = find_light(path, vertex.position, request.ray.origin, k);
-  if (!asked.found) return request;
-  bool behind = dot(asked.light.direction, vertex.side_normal) <= 0.0f;
-  if (behind && !is_rough_glass(vertex.bsdf)) return request;
-  if (behind) {
-    request.ray.origin = offset_origin(vertex.position, vertex.coordinate_size, -vertex.side_normal);
-    asked.light.distance_m -= vertex.coordinate_size * (1.0f / 65536.0f);  // nearer by both offsets
-  }
+  LightAtSurface l = light_at_surface(path, vertex, k);
+  if (!l.found || (l.wi.z <= 0.0f && !is_rough_glass(vertex.bsdf))) return request;
   float pdf;
-  vec3 wi = to_local(vertex.frame, asked.light.direction);
-  if (behind == (wi.z > 0.0f)) return request;
-  Spectrum f = bsdf_evaluate(vertex.bsdf, push.scene.at[0].specular_albedo, vertex.wo, wi, vertex.chances, pdf);
-  request.contribution = path.throughput * f * asked.light.irradiance / asked.probability;
-  if (in_medium()) request.contribution *= open_transmittance(request.ray.origin, asked.light.direction, asked.light.distance_m);
-  request.opaque = asked.light.pdf > 0.0f;  // directions that find it go through glass by themselves
-  if (request.opaque && (push.flags & shade_lights_only) == 0u) request.contribution *= mis_weight(asked.light.pdf * asked.probability, pdf);
-  request.wanted = max_component(request.contribution) > 0.0f;
-  request.group = !asked.projector ? asked.group : all_delta(path) ? group_projector_direct : group_projector_indirect;
-  request.ray.t_near = 0.0f;
-  request.ray.direction = asked.light.direction;
-  request.ray.t_far = asked.light.distance_m * 0.99999f;
-  return request;
+  Spectrum f = bsdf_evaluate(vertex.bsdf, push.scene.at[0].specular_albedo, vertex.wo, l.wi, vertex.chances, pdf);
+  return request_light(path, l, f, pdf);
 }
 
 /// The k-th shadow ray of the vertex, where asks_light.
@@ -82,7 +107,24 @@ ShadowRequest ask_light(IN(Shading) s, uint k) {
 }
 
 /// Whether a further surface would be seen.
-bool bounces_on(Path path) { return depth(path) < push.max_bounces || (push.flags & shade_ambient) != 0u; }
+bool bounces_on(IN(Path) path) { return depth(path) < push.max_bounces || (push.flags & shade_ambient) != 0u; }
+
+/// Where the BSDF's sample takes the path; roulette: a random number.
+NextRequest go_on(INOUT(Path) path, IN(Vertex) vertex, IN(BsdfSample) b, float roulette) {
+  NextRequest request;
+  request.wanted = false;
+  vec3 direction = to_world(vertex.frame, b.direction);
+  // The shading normal may send a ray to the wrong side of the triangle.
+  if (b.transmitted == (dot(direction, vertex.side_normal) > 0.0f)) return request;
+  path.throughput *= b.weight;
+  path.pdf = b.pdf;
+  if (!b.delta) leave_first(path);
+  if (b.transmitted) path.body = vertex.body_beyond;
+  request.wanted = survives(path, roulette);
+  vec3 outward = b.transmitted ? -vertex.side_normal : vertex.side_normal;
+  request.ray = Ray(offset_origin(vertex.position, vertex.coordinate_size, outward), 0.0f, direction, uintBitsToFloat(0x7f800000u));
+  return request;
+}
 
 NextRequest scatter(INOUT(Shading) s) {
   NextRequest request;
@@ -112,17 +154,7 @@ NextRequest scatter(INOUT(Shading) s) {
   if (!bounces_on(s.path)) return request;
   vec2 u = sample_2d(s.path.key, s.path.index, pair_direction(push.bounce));
   BsdfSample b = bsdf_sample(s.vertex.bsdf, push.scene.at[0].specular_albedo, s.vertex.wo, s.vertex.chances, u, choice.x);
-  vec3 direction = to_world(s.vertex.frame, b.direction);
-  // The shading normal may send a ray to the wrong side of the triangle.
-  if (b.transmitted == (dot(direction, s.vertex.side_normal) > 0.0f)) return request;
-  s.path.throughput *= b.weight;
-  s.path.pdf = b.pdf;
-  if (!b.delta) leave_first(s.path);
-  if (b.transmitted) s.path.body = s.vertex.body_beyond;
-  request.wanted = survives(s.path, choice.y);
-  vec3 outward = b.transmitted ? -s.vertex.side_normal : s.vertex.side_normal;
-  request.ray = Ray(offset_origin(s.vertex.position, s.vertex.coordinate_size, outward), 0.0f, direction, uintBitsToFloat(0x7f800000u));
-  return request;
+  return go_on(s.path, s.vertex, b, choice.y);
 }
 
 bool goes_on(IN(Shading) s) {

@@ -20,7 +20,7 @@ Spectrum inside_instead_of_fog(uint i) {
 
 /// What the surface at ray i lets through, straight; `onward` gets the ray's next origin.
 Spectrum pass_surface(uint i, INOUT(Onward) onward) {
-  SceneAddresses scene = push.scene.at[0];
+  IN(SceneAddresses) scene = push.scene.at[0];
   Surface s = surface_at(scene, shadow_field(i, hit_instance), shadow_field(i, hit_primitive), uintBitsToFloat(shadow_field(i, hit_u)),
                          uintBitsToFloat(shadow_field(i, hit_v)), uintBitsToFloat(shadow_field(i, ray_time)));
   MaterialPoint m = load_material(scene, scene.materials.at[s.material], s);

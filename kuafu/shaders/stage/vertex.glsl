@@ -6,27 +6,30 @@ struct Vertex {
   vec3 side_normal;  // geometric, on the viewer's side
   Frame frame;       // shading, on the viewer's side
   vec3 wo;           // local
-  Bsdf bsdf;
+  MaterialPoint material;
+  bool front;       // the viewer is outside
+  bool from_below;  // the path comes out of the body
+  Bsdf bsdf;        // and chances: by set_bsdf
   vec3 chances;
 };
 
 /// What is left after a way that ended at this surface: the glass absorbs that the path is in, also before an immersed thing.
-Spectrum absorbed(Path path, MaterialPoint m, bool front, float t) {
+Spectrum absorbed(IN(Path) path, IN(MaterialPoint) m, bool front, float t) {
   Spectrum attenuation = !front && m.transmission > 0.0f ? m.attenuation : Spectrum(0.0f);
   if (path.body != 0u) {
-    MaterialRecord body = push.scene.at[0].materials.at[path.body - 1u];
+    IN(MaterialRecord) body = push.scene.at[0].materials.at[path.body - 1u];
     attenuation = band_of(body.attenuation, body.ir_attenuation);
   }
   return band_exp(attenuation * -t);
 }
 
 /// The surface that ray i met; the path loses what the way inside absorbed, and gets the surface's emission.
-Vertex load_vertex(uint i, INOUT(Path) path) {
+void load_vertex(uint i, INOUT(Path) path, OUT(Vertex) vertex) {
   vec3 wo = -load_direction(push.rays_in, i, push.capacity);
-  SceneAddresses scene = push.scene.at[0];
+  IN(SceneAddresses) scene = push.scene.at[0];
   Surface s = surface_at(scene, ray_field(i, hit_instance), ray_field(i, hit_primitive), uintBitsToFloat(ray_field(i, hit_u)),
                          uintBitsToFloat(ray_field(i, hit_v)), path.time_s);
-  MaterialRecord record = scene.materials.at[s.material];
+  IN(MaterialRecord) record = scene.materials.at[s.material];
   MaterialPoint m = load_material(scene, record, s);
   bool front = dot(s.geometric_normal, wo) >= 0.0f;
   if ((features & feature_materials) != 0u) path.throughput *= absorbed(path, m, front, uintBitsToFloat(ray_field(i, ray_t_far)));
@@ -34,7 +37,6 @@ Vertex load_vertex(uint i, INOUT(Path) path) {
     float weight = emission_weight(path, record, uintBitsToFloat(ray_field(i, ray_t_far)), dot(s.geometric_normal, wo));
     add_radiance(path.slot, ambient_group(record.light_group), path.throughput * m.emission * weight);
   }
-  Vertex vertex;
   vertex.position = s.position;
   vertex.coordinate_size = s.coordinate_size;
   vertex.side_normal = front ? s.geometric_normal : -s.geometric_normal;
@@ -45,7 +47,17 @@ Vertex load_vertex(uint i, INOUT(Path) path) {
   if (facing < 1e-3f && m.specular + m.metallic > 0.0f) normal = normalize(normal + (1e-3f - facing) * wo);
   vertex.frame = frame_around(normal);
   vertex.wo = to_local(vertex.frame, wo);
-  vertex.bsdf = make_bsdf(m, scene.specular_albedo, vertex.wo.z, front);
+  vertex.material = m;
+  vertex.front = front;
+  vertex.from_below = false;
+}
+
+void set_bsdf(INOUT(Vertex) vertex) {
+  vertex.bsdf = make_bsdf(vertex.material, push.scene.at[0].specular_albedo, vertex.wo.z, vertex.front);
   vertex.chances = lobe_chances(vertex.bsdf);
-  return vertex;
+  if (!can_walk() || !vertex.from_below) return;
+  // Seen through the layer by the light alone: what the layer keeps from the eye was taken where the path entered.
+  vertex.bsdf.layer = vertex.bsdf.coat_albedo = 0.0f;
+  vertex.bsdf.multiple = Spectrum(0.0f);
+  vertex.chances = vec3(1.0f, 0.0f, 0.0f);
 }

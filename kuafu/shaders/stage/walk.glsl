@@ -7,11 +7,10 @@ struct Walk {
   vec3 position;
 };
 
-bool can_walk() { return (features & feature_subsurface) != 0u; }
-uint walked(Path path) { return (path.flags >> path_walk_shift) & path_walk_mask; }
+uint walked(IN(Path) path) { return (path.flags >> path_walk_shift) & path_walk_mask; }
 
 /// Surfaces (and scatterings of a medium) that the path has met.
-uint depth(Path path) { return can_walk() ? push.bounce - walked(path) : push.bounce; }
+uint depth(IN(Path) path) { return can_walk() ? push.bounce - walked(path) : push.bounce; }
 
 float one_channel(Spectrum weights, float u, OUT(uint) chosen) {
   float sum = 0.0f;
@@ -36,7 +35,7 @@ float rest_of_walk(float albedo, float n) {
 }
 
 /// Goes on from a surface into the body below it; share: what the surface lets in, per chance of this choice.
-NextRequest enter_body(INOUT(Path) path, Vertex vertex, float share) {
+NextRequest enter_body(INOUT(Path) path, IN(Vertex) vertex, float share) {
   NextRequest request;
   vec3 down = sample_cosine(sample_2d(path.key, path.index, pair_direction(push.bounce)));
   request.wanted = true;
@@ -47,8 +46,8 @@ NextRequest enter_body(INOUT(Path) path, Vertex vertex, float share) {
   return request;
 }
 
-/// The surface from below: white, seen through the layer by the light alone; what the layer keeps from the eye was taken where the path entered.
-Vertex exit_vertex(Surface s, MaterialPoint m) {
+/// The surface from below: white.
+Vertex exit_vertex(IN(Surface) s, MaterialPoint m) {
   Vertex vertex;
   vertex.position = s.position;
   vertex.coordinate_size = s.coordinate_size;
@@ -57,10 +56,8 @@ Vertex exit_vertex(Surface s, MaterialPoint m) {
   vertex.wo = vec3(0.0f, 0.0f, 1.0f);
   m.metallic = m.transmission = m.transmission_roughness = m.diffuse_roughness = m.subsurface = 0.0f;
   m.base = Spectrum(1.0f);
-  vertex.bsdf = make_bsdf(m, push.scene.at[0].specular_albedo, 1.0f, true);
-  vertex.bsdf.layer = vertex.bsdf.coat_albedo = 0.0f;
-  vertex.bsdf.multiple = Spectrum(0.0f);
-  vertex.chances = vec3(1.0f, 0.0f, 0.0f);
+  vertex.material = m;
+  vertex.front = vertex.from_below = true;
   return vertex;
 }
 
@@ -70,10 +67,10 @@ bool walk_on(uint i, INOUT(Path) path, INOUT(Walk) walk, INOUT(Vertex) vertex) {
   walk.inside = true;
   walk.scattered = false;
   if (ray_field(i, hit_geometry) == miss) return false;  // the body is open
-  SceneAddresses scene = push.scene.at[0];
+  IN(SceneAddresses) scene = push.scene.at[0];
   Surface s = surface_at(scene, ray_field(i, hit_instance), ray_field(i, hit_primitive),
                            uintBitsToFloat(ray_field(i, hit_u)), uintBitsToFloat(ray_field(i, hit_v)), path.time_s);
-  MaterialRecord record = scene.materials.at[s.material];
+  IN(MaterialRecord) record = scene.materials.at[s.material];
   vec3 direction = load_direction(push.rays_in, i, push.capacity);
   if (record.subsurface == 0.0f || dot(s.geometric_normal, direction) <= 0.0f) return false;  // something stands in the body
   Spectrum albedo = band_of(record.subsurface_albedo, record.ir_subsurface_albedo);
@@ -106,7 +103,7 @@ bool walk_on(uint i, INOUT(Path) path, INOUT(Walk) walk, INOUT(Vertex) vertex) {
 }
 
 /// The next ray of a path that was scattered in its body.
-NextRequest wander(INOUT(Path) path, Walk walk) {
+NextRequest wander(INOUT(Path) path, IN(Walk) walk) {
   NextRequest request;
   vec2 u = sample_2d(path.key, path.index, pair_direction(push.bounce));
   float cosine = 1.0f - 2.0f * u.x, sine = sqrt(max(1.0f - cosine * cosine, 0.0f)), phi = 2.0f * pi * u.y;

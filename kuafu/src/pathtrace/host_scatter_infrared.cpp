@@ -1,0 +1,2 @@
+#define KUAFU_CHANNELS 1
+#include "pathtrace/host_scatter.inc"
