@@ -80,20 +80,27 @@ def blur(images, sigma_px):
             return images
         reach = int(np.ceil(_REACH * sigma_px + 1.0))
         kernel = ive(np.abs(np.arange(-reach, reach + 1)), sigma_px**2)
-        for axis in (-2, -1):
-            images = convolve1d(images, kernel / kernel.sum(), axis, mode="nearest")
-        return images
+        return _along_both(images, kernel / kernel.sum())
     variance = np.asarray(sigma_px, dtype=np.float64) ** 2
     low, high = variance.min(), variance.max()
     if high - low < 1e-12:
         return blur(images, float(np.sqrt(low)))
     levels = np.linspace(low, high, _MAX_LEVELS)
     position = (variance - low) / (high - low) * (_MAX_LEVELS - 1)
-    out = np.zeros(images.shape)
+    out = np.zeros(images.shape, np.result_type(images, np.float32))
     for i, level in enumerate(levels):
-        weight = np.maximum(0.0, 1.0 - np.abs(position - i))
+        weight = np.maximum(0.0, 1.0 - np.abs(position - i)).astype(out.dtype)
         out += weight * blur(images, float(np.sqrt(level)))
     return out
+
+
+def _along_both(images, kernel):
+    """Images [..., height][width] under a kernel along columns and rows; the border value beyond the border."""
+    import cv2  # five times as fast as SciPy; loaded where something is blurred
+
+    stack = images.reshape(-1, *images.shape[-2:]).astype(np.result_type(images, np.float32), copy=False)
+    out = [cv2.sepFilter2D(image, -1, kernel, kernel, borderType=cv2.BORDER_REPLICATE) for image in stack]
+    return np.stack(out).reshape(images.shape)
 
 
 class Pattern:
