@@ -1,6 +1,7 @@
 """Writes captures (capture format, version 1): for recorders and for programs that make worlds with a known answer."""
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,7 @@ def write_capture(path, capture, images, pattern, depths=None):
     if final.exists():
         raise FileExistsError(f"{final}: exists already; a capture is written once")
     partial = final.with_name(final.name + ".partial")
+    shutil.rmtree(partial, ignore_errors=True)  # of a call that failed
     for folder in ("left", "right", "depth"):
         (partial / folder).mkdir(parents=True, exist_ok=True)
     for source in capture.scene_path.parent.glob(capture.scene_path.stem + ".*"):

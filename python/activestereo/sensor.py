@@ -8,7 +8,7 @@ import numpy as np
 import kuafu
 import simsense
 from activestereo.ir_link import IrLink
-from activestereo.matching import engine_parameters
+from activestereo.matching import engine_parameters, signal_parameters
 from activestereo.pose import Pose, as_matrix, camera_to_camera, camera_to_world, carried_twist
 
 RGB_OUTPUTS = ("radiance", "depth", "material_id", "instance_id")
@@ -19,7 +19,7 @@ class Mount:
 
     def __init__(self, scene, pose=None):
         self.scene = scene
-        self.pose = pose or Pose()
+        self.pose = Pose() if pose is None else pose
 
 
 class StereoDepthSensor:
@@ -34,7 +34,7 @@ class StereoDepthSensor:
     def __init__(self, config, scene_or_mount, pose=None, device="auto", copy_ir=False):
         self._config = deepcopy(config)
         self._mount = _as_mount(scene_or_mount, device)
-        self._pose = pose or Pose()
+        self._pose = Pose() if pose is None else pose
         self._twist = np.zeros(6)
         self._scene = self._mount.scene
         self._device = self._scene.device
@@ -81,13 +81,16 @@ class StereoDepthSensor:
         return srgb(radiance * np.float32(exposure))
 
     def get_ir(self):
-        """[left, right] float32 [height, width] in 0..1: what the imagers would count without noise, over full scale."""
+        """[left, right] float32 [height, width] in 0..1: what linear imagers would count without noise and dark current, over full scale."""
         self._require_picture()
-        gain, black = np.float32(self.ir_gain / 255.0), np.float32(self._config.ir_black_level_dn / 255.0)
-        return [np.clip(image * gain + black, 0.0, 1.0) for image in self._link.images]
+        s = signal_parameters(self._config)
+        full_scale_dn = 2 ** s["bit_depth"] - 1
+        gain = s["exposure_s"] * s["responsivity_e"] * s["conversion_gain_dn_per_e"] * s["gain"] / full_scale_dn
+        black = (s["black_level_dn"] + s["black_level_dn_per_k"] * (s["temperature_c"] - s["dark_reference_c"])) / full_scale_dn
+        return [np.clip(image * np.float32(gain) + np.float32(black), 0.0, 1.0) for image in self._link.images]
 
     def get_ir_measured(self):
-        """[left, right] uint8 [height, width]: what the sensor gives, with noise."""
+        """[left, right] uint8 [height, width], uint16 where ir_signal has more than 8 bits: what the sensor gives, with noise."""
         self._require_depth()
         return [self._result["ir_left"], self._result["ir_right"]]
 

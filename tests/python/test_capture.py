@@ -43,7 +43,10 @@ def test_what_is_written_is_read_back(pristine, tmp_path):
     first = read_capture(pristine.capture_path)
     images = {(f.id, eye): first.ir(f, eye).astype(np.uint8) for f in first.frames for eye in ("left", "right")}
     pattern = np.rint(first.rig.projector.pattern() * 255).astype(np.uint8)
+    (tmp_path / "copy.partial" / "left").mkdir(parents=True)
+    (tmp_path / "copy.partial" / "left" / "000099.png").touch()  # of a call that failed
     write_capture(tmp_path / "copy", first, images, pattern)
+    assert not (tmp_path / "copy" / "left" / "000099.png").exists()
     second = read_capture(tmp_path / "copy")
     assert json.loads((first.path / "capture.json").read_text()) == json.loads((second.path / "capture.json").read_text())
     assert second.scene_path.read_bytes() == first.scene_path.read_bytes()

@@ -115,6 +115,8 @@ def test_add_command_takes_the_parameters_of_a_diagnosis(hidden_shading, tmp_pat
     assert main(["add", "vignetting", "--from", str(tmp_path / "diagnose.json"), "-o", str(out)]) == 0
     found = diagnosis.result["ranking"][0]["parameters"]["exponent"]["value"]
     assert read_model(out, library()).effects[0][1]["exponent"] == pytest.approx(found)
+    (tmp_path / "list.json").write_text("[]")
+    assert main(["add", "vignetting", "--from", str(tmp_path / "list.json"), "-o", str(out)]) == 2
     assert main(["add", "no_such_effect", "-o", str(out)]) == 2
     assert "no effect 'no_such_effect'" in capsys.readouterr().err
 

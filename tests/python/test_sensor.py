@@ -129,6 +129,8 @@ def test_moving_the_mount_moves_the_sensor(small_config):
     mount.pose = Pose()
     sensor.take_picture()
     np.testing.assert_allclose(sensor.get_true_depth(), 1.0, rtol=1e-5)
+    matrix = Pose([0.1, 0.0, 0.0]).to_transformation_matrix()
+    np.testing.assert_allclose(StereoDepthSensor(small_config, Mount(wall_scene(0.9), matrix), pose=matrix).get_pose().p, [0.2, 0.0, 0.0])
 
 
 def test_the_projector_is_seen_by_the_infrared_cameras_only(small_config):
@@ -195,6 +197,16 @@ def test_imagers_of_a_preset_see_the_same_light_with_their_own_noise(small_confi
     # Two roundings and the preset's variance.
     assert abs(difference.mean()) < 0.05
     assert difference.var() == pytest.approx(0.00497 * light + 0.01 + 2 / 12, rel=0.15)
+
+
+def test_noise_free_pictures_are_of_the_imager_that_measures(small_config):
+    small_config.ir_signal = {"bit_depth": 12, "gain": 6.0, "black_level_dn": 90.0}
+    sensor = StereoDepthSensor(small_config, wall_scene(1.0))
+    sensor.take_picture(infrared_only=True)
+    sensor.compute_depth()
+    measured = sensor.get_ir_measured()[0]
+    assert measured.dtype == np.uint16
+    np.testing.assert_allclose(4095 * sensor.get_ir()[0], measured, atol=0.51)
 
 
 def test_results_before_the_picture_say_what_to_call(small_config):

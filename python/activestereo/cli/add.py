@@ -47,9 +47,12 @@ def run(args):
 
 def _read(path):
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
+        diagnosis = json.loads(path.read_text(encoding="utf-8"))
     except ValueError as error:
         raise CommandError(f"{path}: not a diagnose.json: {error}") from error
+    if not isinstance(diagnosis, dict):
+        raise CommandError(f"{path}: not a diagnose.json: it holds no object")
+    return diagnosis
 
 
 def _assignment(text):
