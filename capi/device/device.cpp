@@ -191,6 +191,11 @@ uint32_t Device::memory_type(uint32_t type_bits, VkMemoryPropertyFlags required,
 }
 
 void Device::submit_and_wait(VkCommandBuffer commands) {
+  run(commands);
+  save_pipelines();  // drivers may compile as late as at the first run; and a process that ends without releasing its device keeps them too
+}
+
+void Device::run(VkCommandBuffer commands) {
   std::lock_guard lock(queue_mutex_);
   if (lost_) fail(KS_ERROR_DEVICE_LOST, "%s was lost in an earlier call: create a new device", info_.name);
   VkSubmitInfo submit{VK_STRUCTURE_TYPE_SUBMIT_INFO};
@@ -200,7 +205,6 @@ void Device::submit_and_wait(VkCommandBuffer commands) {
   if (result == VK_SUCCESS) result = vk().vkWaitForFences(device_, 1, &fence_, VK_TRUE, UINT64_MAX);
   check_alive(result, "running commands on the device");
   check(vk().vkResetFences(device_, 1, &fence_), "vkResetFences");
-  save_pipelines();  // drivers may compile as late as at the first run; and a process that ends without releasing its device keeps them too
 }
 
 void Device::save_pipelines() {

@@ -75,6 +75,8 @@ class Device : public std::enable_shared_from_this<Device> {
  private:
   Device();
   void open_vulkan(const ks_device_desc& desc, const char* library);
+  void run(VkCommandBuffer commands);
+  /// May call the log: never under the queue's mutex, which the caller's other threads may be waiting for.
   void save_pipelines();
   void create_vk_device(const PhysicalFacts& facts);
   ks_device_info info_{};

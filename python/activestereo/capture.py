@@ -47,7 +47,10 @@ class Projector:
 
     def pattern(self):
         """Relative radiant intensity, float32 [height][width], 0..1."""
-        return read_gray(self.pattern_path).astype(np.float32) / 255.0
+        image = read_gray(self.pattern_path, key="rig.projector.pattern")
+        if image.dtype != np.uint8:
+            raise CaptureError(f"{self.pattern_path}: rig.projector.pattern: is a 16-bit image, expected 8-bit gray")
+        return image.astype(np.float32) / 255.0
 
 
 @dataclass(frozen=True)

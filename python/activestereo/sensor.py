@@ -44,25 +44,27 @@ class StereoDepthSensor:
         self._link = IrLink(self._device, self._engine.device, width, height, copy=copy_ir)
         self._light = self._add_projector()
         self._rgb = self._result = None
+        self._has_picture = False
         self._stage_times = {}
         self._frame = -1
 
     # ---- taking pictures ----
 
     def take_picture(self, infrared_only=False, progress=None):
-        """Renders the infrared pair, and before it the RGB picture unless infrared_only. progress(fraction) may return True to cancel."""
+        """Renders the infrared pair, and before it the RGB picture unless infrared_only. progress(fraction) may return True to cancel.
+        A call that fails or is cancelled leaves no picture."""
+        self._has_picture, self._result = False, None
         self._place_projector()
-        frame = self._frame + 1
+        frame, rgb = self._frame + 1, self._rgb
         share = 0.0 if infrared_only else 0.5
         if not infrared_only:
-            rgb = self._render([self.rgb_camera()], RGB_OUTPUTS, "visible", frame, _part(progress, 0.0, share))
-            self._rgb = {name: image[0] for name, image in rgb.items()}
+            images = self._render([self.rgb_camera()], RGB_OUTPUTS, "visible", frame, _part(progress, 0.0, share))
+            rgb = {name: image[0] for name, image in images.items()}
             self._keep_times("rgb", self._renderer)
         self._render(self.ir_cameras(), {"radiance": self._link.target}, "infrared", frame, _part(progress, share, 1.0))
         self._keep_times("ir", self._renderer)
         self._link.deliver()
-        self._result = None
-        self._frame = frame
+        self._frame, self._rgb, self._has_picture = frame, rgb, True
 
     def compute_depth(self):
         """Noise, matching, registration of the last picture. The same picture gives the same depth."""
@@ -330,10 +332,11 @@ class StereoDepthSensor:
         self._stage_times = kept | {f"{group}: {name}": t for name, t in worker.stage_times.items()}
 
     def _require_picture(self):
-        if self._frame < 0:
+        if not self._has_picture:
             raise RuntimeError("no picture yet: call take_picture() first")
 
     def _require_rgb(self):
+        self._require_picture()
         if self._rgb is None:
             raise RuntimeError("no RGB picture yet: call take_picture() first, without infrared_only")
 

@@ -37,7 +37,7 @@ class Buffer {
       : device_(std::move(device)), size_bytes_(size_bytes) {
     const uint32_t flags = (exportable ? KS_BUFFER_EXPORTABLE : 0u) | (host_visible ? KS_BUFFER_HOST_VISIBLE : 0u);
     const ks_buffer_create create = ks_buffer_create_init(size_bytes, flags);
-    check<Api>(Api::buffer_create(device_->get(), &create, handle_.put()));
+    check_unlocked<Api>([&] { return Api::buffer_create(device_->get(), &create, handle_.put()); });
     if (host_visible) check<Api>(Api::buffer_map(get(), &address_));
   }
 
@@ -52,7 +52,7 @@ class Buffer {
     desc.dedicated = py::cast<bool>(source.attr("dedicated")) ? 1 : 0;
     read_uuid(source.attr("device_uuid"), desc.device_uuid);
     read_uuid(source.attr("driver_uuid"), desc.driver_uuid);
-    check<Api>(Api::buffer_import(device_->get(), &desc, handle_.put()));
+    check_unlocked<Api>([&] { return Api::buffer_import(device_->get(), &desc, handle_.put()); });
     if (desc.memory == KS_MEMORY_HOST) source_ = source;
     if (Api::buffer_map(get(), &address_) < 0) address_ = nullptr;
   }
@@ -67,7 +67,7 @@ class Buffer {
     py::ssize_t packed = info.itemsize;
     for (py::ssize_t k = info.ndim; k-- > 0; packed *= info.shape[k])
       if (info.shape[k] > 1 && info.strides[k] != packed) raise_argument<Api>("the data to write is not contiguous; copy it first");
-    check<Api>(Api::buffer_write(get(), offset_bytes, info.ptr, static_cast<uint64_t>(info.size * info.itemsize)));
+    check_unlocked<Api>([&] { return Api::buffer_write(get(), offset_bytes, info.ptr, static_cast<uint64_t>(info.size * info.itemsize)); });
   }
 
   [[nodiscard]] py::array read(std::optional<uint64_t> size_bytes, uint64_t offset_bytes) const {
@@ -75,7 +75,8 @@ class Buffer {
     const uint64_t count = size_bytes.value_or(size_bytes_ - offset_bytes);
     if (count > size_bytes_ - offset_bytes) raise_argument<Api>("the buffer holds " + std::to_string(size_bytes_) + " bytes only");
     py::array_t<uint8_t> out(static_cast<py::ssize_t>(count));
-    check<Api>(Api::buffer_read(get(), offset_bytes, out.mutable_data(), count));
+    void* data = out.mutable_data();
+    check_unlocked<Api>([&] { return Api::buffer_read(get(), offset_bytes, data, count); });
     return out;
   }
 
@@ -132,7 +133,12 @@ void bind_buffer_desc(py::module_& module) {
       .def_property_readonly("memory", [](const Desc& d) { return memory_name(d.c.memory); })
       .def_property_readonly("memory_type_index", [](const Desc& d) { return d.c.memory_type_index; })
       .def_property_readonly(
-          "handle", [](const Desc& d) { return d.c.handle; }, "File descriptor or address.")
+          "handle",
+          [](const Desc& d) {  // a closed descriptor's number may be another file's by now
+            if (d.c.memory == KS_MEMORY_OPAQUE_FD && !d.open) raise_argument<Api>("this description was closed: export the buffer anew");
+            return d.c.handle;
+          },
+          "File descriptor, until close(), or address.")
       .def_property_readonly("allocation_bytes", [](const Desc& d) { return d.c.allocation_bytes; })
       .def_property_readonly("offset_bytes", [](const Desc& d) { return d.c.offset_bytes; })
       .def_property_readonly("size_bytes", [](const Desc& d) { return d.c.size_bytes; })

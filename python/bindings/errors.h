@@ -68,6 +68,18 @@ void check(ks_status status) {
   raise<Api>(status, type, Api::last_error());
 }
 
+/// check() of a call that may wait for the device: other Python threads run meanwhile, so that one of them inside the library can give its
+/// lock back though it needs the GIL first (a log callback).
+template <class Api, class Call>
+void check_unlocked(const Call& call) {
+  ks_status status;
+  {
+    py::gil_scoped_release nogil;
+    status = call();
+  }
+  check<Api>(status);
+}
+
 template <class Api>
 void check_file(ks_status status, const std::filesystem::path& path) {
   std::error_code ignored;

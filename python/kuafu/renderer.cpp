@@ -79,6 +79,8 @@ class Renderer {
   }
 
   [[nodiscard]] kuafu_renderer get() const { return handle_.get(); }
+  /// For reading what a render on another thread may be writing.
+  [[nodiscard]] InUse<Kuafu> hold() { return InUse<Kuafu>(in_use_, "renderer"); }
   [[nodiscard]] const std::shared_ptr<Device<Kuafu>>& device() const { return device_; }
 
   py::dict render(Scene& scene, const Call& call, kuafu_render_desc desc) {
@@ -289,7 +291,8 @@ void bind_renderer(py::module_& module) {
           "progress(fraction: float) may return True to cancel (CancelledError); what it raises is raised here. Same seed, same bits.")
       .def_property_readonly(
           "summary",
-          [](const Renderer& r) {
+          [](Renderer& r) {
+            const auto in_use = r.hold();
             kuafu_render_summary s = kuafu_render_summary_init();
             check<Kuafu>(kuafu_renderer_get_summary(r.get(), &s));
             return s;
@@ -297,7 +300,8 @@ void bind_renderer(py::module_& module) {
           "What the last render came to: a RenderSummary.")
       .def_property_readonly(
           "stage_times",
-          [](const Renderer& r) {
+          [](Renderer& r) {
+            const auto in_use = r.hold();
             return stage_times<Kuafu>([&](ks_stage_time* t, uint32_t* n) { return kuafu_renderer_get_stage_times(r.get(), t, n); });
           },
           "{stage: milliseconds} of the last render.");

@@ -172,6 +172,11 @@ class Engine {
     return py::make_tuple(get_signal(s.left), get_signal(s.right));
   }
 
+  py::dict stage_times() {
+    const InUse<Simsense> in_use(in_use_, "engine");
+    return ks_python::stage_times<Simsense>([this](ks_stage_time* t, uint32_t* n) { return simsense_engine_get_stage_times(get(), t, n); });
+  }
+
   [[nodiscard]] py::tuple rectified() const {
     double k[9], baseline_m = 0, left_to_rectified[16];
     check<Simsense>(simsense_engine_get_rectified(get(), k, &baseline_m, left_to_rectified));
@@ -405,12 +410,7 @@ void bind_engine(py::module_& module) {
           py::arg("left"), py::arg("right"), py::arg("outputs"), py::kw_only(), py::arg("rgb") = py::none(),
           "compute() that returns at once where all images are simsense.Images and the back end is Vulkan; else when all is done.\n"
           "Returns a Submission: its wait() returns what compute() would.")
-      .def_property_readonly(
-          "stage_times",
-          [](const Engine& e) {
-            return stage_times<Simsense>([&](ks_stage_time* t, uint32_t* n) { return simsense_engine_get_stage_times(e.get(), t, n); });
-          },
-          "{stage: milliseconds} of the last compute or wait.");
+      .def_property_readonly("stage_times", &Engine::stage_times, "{stage: milliseconds} of the last compute or wait.");
 }
 
 }  // namespace ks_python

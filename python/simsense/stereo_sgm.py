@@ -72,6 +72,8 @@ class StereoSGM:
         left, right = _gray(left, "left"), _gray(right, "right")
         if left.shape != right.shape or left.dtype != right.dtype:
             raise ValueError(f"the images differ: left is {left.shape} {left.dtype}, right {right.shape} {right.dtype}")
+        if disparity is not None and (not isinstance(disparity, np.ndarray) or disparity.dtype != np.int16):
+            raise ValueError(f"disparity must be an int16 array to fill, or None, not {getattr(disparity, 'dtype', disparity)!s}")
         engine = self._engine_of(left)
         wanted = np.int16 if disparity is None else disparity
         disparity = engine.compute(left, right, {"disparity": wanted})["disparity"]

@@ -132,6 +132,13 @@ def test_a_file_that_is_not_json_or_absent_is_an_error(folder, tmp_path):
     expect_error(tmp_path / "nowhere", "cannot be read")
 
 
+def test_a_pattern_of_16_bits_is_an_error(folder):
+    capture = read_capture(folder)
+    write_gray(capture.rig.projector.pattern_path, np.full((20, 32), 40000, np.uint16))
+    with pytest.raises(CaptureError, match=r"rig\.projector\.pattern: is a 16-bit image"):
+        capture.rig.projector.pattern()
+
+
 def test_a_damaged_or_coloured_image_is_an_error(folder):
     image = folder / "left" / "000000.png"
     whole = image.read_bytes()

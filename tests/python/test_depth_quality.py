@@ -94,6 +94,13 @@ def test_command_line(tmp_path, capsys):
     np.save(tmp_path / "stack.npy", np.stack([plane(0.8)] * 2))
     assert main(["depth-quality", str(tmp_path / "stack.npy"), *options]) == 0
     assert "Z Accuracy                     -" in capsys.readouterr().out
+    holes = plane(0.8)
+    holes[::7, ::5] = np.inf
+    holes[1::7, ::5] = np.nan
+    np.save(tmp_path / "holes.npy", holes)
+    assert main(["depth-quality", str(tmp_path / "holes.npy"), *options]) == 0
+    fit = next(line for line in capsys.readouterr().out.splitlines() if line.startswith("Plane Fit RMS Error"))
+    assert float(fit.split()[-2]) < 1e-6
     np.save(tmp_path / "small.npy", plane(0.8)[:100])
     for wrong in ([names[0], str(tmp_path / "small.npy")], [str(tmp_path / "none.png")], [names[0], "--roi", "2"]):
         assert main(["depth-quality", *wrong, *options]) == 2

@@ -234,6 +234,24 @@ def test_progress_of_a_picture_rises_to_one_and_its_exceptions_come_through(smal
     sensor.take_picture(infrared_only=True)
 
 
+def test_a_cancelled_picture_is_none(small_config):
+    sensor = StereoDepthSensor(small_config, wall_scene(1.0))
+    sensor.take_picture()
+    sensor.compute_depth()
+    with pytest.raises(kuafu.CancelledError):
+        sensor.take_picture(progress=lambda fraction: fraction > 0.6)  # within the infrared pair
+    for get in (sensor.compute_depth, sensor.get_depth, sensor.get_ir, sensor.get_rgb, sensor.get_true_depth):
+        with pytest.raises(RuntimeError, match="take_picture|compute_depth"):
+            get()
+    sensor.take_picture()
+    sensor.compute_depth()
+    again = StereoDepthSensor(small_config, wall_scene(1.0))
+    for _ in range(2):
+        again.take_picture()
+    again.compute_depth()
+    np.testing.assert_array_equal(sensor.get_depth(), again.get_depth())
+
+
 def test_without_a_projector_it_is_a_passive_pair(small_config):
     small_config.light_pattern = None
     sensor = StereoDepthSensor(small_config, wall_scene(1.0))

@@ -35,6 +35,15 @@ def test_a_mark_written_by_one_is_read_by_the_other(device, engine_device, memor
     assert np.asarray(source)[18] == 202
 
 
+def test_a_closed_description_has_no_file_descriptor_any_more(device, engine_device):
+    if "export_opaque_fd" not in device.info.capabilities:
+        pytest.skip(f"{device.info.name} exports no opaque_fd")
+    desc = kuafu.Buffer(device, SIZE, exportable=True).export("opaque_fd")
+    desc.close()
+    with pytest.raises(ValueError, match="closed"):
+        simsense.Buffer.import_(engine_device, desc)
+
+
 def test_both_address_the_same_memory(device, engine_device):
     """A shared file has one inode and the same offset in it on both sides; shared host memory has one address."""
     memory = shared_memory_kind(device, engine_device)

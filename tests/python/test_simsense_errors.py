@@ -73,6 +73,18 @@ def test_engine_says_what_is_wrong(call, words):
         assert word in text, text
 
 
+def test_times_of_a_running_call_are_refused():
+    engine = make()
+    engine.compute(IMAGE, IMAGE, ("disparity",))
+    assert "census" in engine.stage_times
+
+    def ask(fraction):
+        engine.stage_times
+
+    with pytest.raises(simsense.Error, match="inside another call"):
+        engine.compute(IMAGE, IMAGE, ("disparity",), progress=ask)
+
+
 def test_choices_may_be_named():
     engine = make(subpixel="parabola", census_kind="plain")
     assert (engine.parameters["subpixel"], engine.parameters["census_kind"]) == (1, 1)

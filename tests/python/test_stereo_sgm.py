@@ -43,6 +43,9 @@ def test_result_is_in_sixteenths_of_pixels(pair):
     given = np.empty(SHAPE, np.int16)
     assert stereo.compute(left, right, given) is given
     np.testing.assert_array_equal(given, disparity)
+    for wrong in (np.empty(SHAPE, np.float32), [0]):
+        with pytest.raises(ValueError, match="int16"):
+            stereo.compute(left, right, wrong)
 
 
 def test_first_disparity_moves_the_invalid_value(pair):

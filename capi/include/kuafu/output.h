@@ -42,7 +42,8 @@ typedef struct kuafu_buffer_t* kuafu_buffer;
 #define KUAFU_OUTPUT_PROJECTOR_VISIBILITY 26u /* 1: 1 where the straight way from it is free and the surface faces it inside the pattern, else 0; glass blocks */
 #define KUAFU_OUTPUT_PROJECTOR_GEOMETRY 27u   /* 1: cos / distance^2 with the shading normal, 1/m^2; 0 where the surface faces away; shadows do not matter */
 /* 2, pixels: where the camera sees the surface point now, less where it saw it one frame before (kuafu_scene_next_frame and
- * kuafu_view_desc.previous_camera_to_world); NaN where that was behind the camera. Deformations of meshes are not known to it. */
+ * kuafu_view_desc.previous_camera_to_world), at the same time of the frame; NaN where that was behind the camera. Deformations of meshes are
+ * not known to it. */
 #define KUAFU_OUTPUT_MOTION 28u
 
 typedef struct kuafu_output_desc {

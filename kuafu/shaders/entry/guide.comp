@@ -2,6 +2,7 @@
 #extension GL_GOOGLE_include_directive : require
 #define KUAFU_CHANNELS 3
 #include "lib/invocation.glsl"
+#include "lib/alike.glsl"
 #include "lib/material.glsl"
 #include "lib/motion_vector.glsl"
 #include "lib/pixels.glsl"

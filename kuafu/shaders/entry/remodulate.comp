@@ -9,8 +9,11 @@
 
 layout(push_constant, scalar) uniform Push { RemodulatePush push; };
 #include "lib/guide.glsl"
+#include "stage/blend.glsl"
 #include "stage/remodulate.glsl"
 
 void main() {
-  if (gl_GlobalInvocationID.x < push.count) remodulate(gl_GlobalInvocationID.x);
+  if (gl_GlobalInvocationID.x >= push.count) return;
+  if (push.blends != 0u) blend(gl_GlobalInvocationID.x);
+  else remodulate(gl_GlobalInvocationID.x);
 }

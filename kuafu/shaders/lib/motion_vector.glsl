@@ -22,6 +22,12 @@ vec3 local_position(IN(InstanceRecord) r, uint primitive, float u, float v) {
   return p_0 + u * (r.positions.at[vertices.y] - p_0) + v * (r.positions.at[vertices.z] - p_0);
 }
 
+/// The same in the world, at t = 0.
+vec3 standing_position(InstanceRecord r, uint primitive, float u, float v) {
+  vec4 local = vec4(local_position(r, primitive, u, v), 1.0f);
+  return vec3(dot(r.local_to_world[0], local), dot(r.local_to_world[1], local), dot(r.local_to_world[2], local));
+}
+
 /// The same, moved by other rows of local_to_world.
 vec3 moved_position(IN(InstanceRecord) r, uint primitive, float u, float v, Vec4Array rows, uint first_row) {
   vec4 local = vec4(local_position(r, primitive, u, v), 1.0f);

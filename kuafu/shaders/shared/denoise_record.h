@@ -20,6 +20,7 @@ struct GuideRecord {
   float normal_exponent;  // of the cosine between normals: what is alike for a rough surface is not for a mirror
 };
 KUAFU_ARRAY(GuideArray, GuideRecord, 4)
+KUAFU_CONST mixed_materials = 0xfffffffeu;  // GuideRecord.material of a blurred pixel that shows several
 
 /// How a view of the last launch saw the world.
 struct HistoryView {
@@ -85,7 +86,8 @@ KUAFU_CONST denoise_despeckle = 1u;  // neighbours' variance; what is far above 
 KUAFU_CONST denoise_accumulate = 2u;  // over launches
 KUAFU_CONST denoise_smooth = 3u;      // levels that the next pass tells pixels apart by; light stays where it is
 KUAFU_CONST denoise_atrous = 4u;      // one pass of the filter, its taps `spacing` pixels apart
-KUAFU_CONST denoise_sum = 5u;        // ambient and radiance from their parts
+KUAFU_CONST denoise_multiply = 5u;    // by albedo, where guides are blended
+KUAFU_CONST denoise_sum = 6u;        // ambient and radiance from their parts
 
 // Statistics of a pixel: denoise_words floats.
 KUAFU_CONST denoise_level = 0u;       // mean over channels of the light over albedo, all images together
@@ -112,7 +114,7 @@ struct DenoisePush {
   uint samples, spacing;
 };
 
-/// Filtered light times what rays over the pixel's square meet.
+/// Filtered light times what rays over the pixel's square meet; or, with `blended`, before the filter, guides of all that they meet.
 struct RemodulatePush {
   UintArray rays;  // sample_count of each pixel
   SceneReference scene;
@@ -124,6 +126,8 @@ struct RemodulatePush {
   uint count;  // pixels
   uint infrared;
   uint samples;  // of the image
+  uint blends;
+  UintArray blended;
 };
 
 #ifdef __cplusplus
@@ -133,7 +137,7 @@ static_assert(sizeof(PlaceRecord) == 4 * place_words);
 static_assert(sizeof(MomentsPush) == 72);
 static_assert(sizeof(DenoiseImages) == 136);
 static_assert(sizeof(DenoisePush) == 80);
-static_assert(sizeof(RemodulatePush) == 104);
+static_assert(sizeof(RemodulatePush) == 120);
 }  // namespace kuafu
 #endif
 #endif

@@ -78,6 +78,8 @@ void write_motion(uint i, Pixel pixel, IN(InstanceRecord) instance, vec3 positio
   MotionView view = aov.motion.at[pixel.view];
   vec3 before = moved_position(instance, hit_word(i, hit_primitive), uintBitsToFloat(hit_word(i, hit_u)), uintBitsToFloat(hit_word(i, hit_v)),
                                aov.previous_local_to_world, 3u * hit_word(i, hit_instance));
+  if ((features & feature_motion) != 0u && push.scene.at[0].moves != 0u)  // what it does while the shutter is open, it did then, too
+    before += position - standing_position(instance, hit_word(i, hit_primitive), uintBitsToFloat(hit_word(i, hit_u)), uintBitsToFloat(hit_word(i, hit_v)));
   vec2 film, film_before;
   bool seen = film_position(view, view.now, position, film);
   seen = film_position(view, view.previous, before, film_before) && seen;

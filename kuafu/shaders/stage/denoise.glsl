@@ -24,6 +24,7 @@ uint neighbour(uint pixel, int dx, int dy) {
 /// Where a neighbour is of another surface or colour, this pixel's square may be, too.
 float confidence_of(uint pixel) {
   GuideRecord here = push.guides.at[pixel];
+  if (here.material == mixed_materials) return 1.0f;
   for (int i = 0; i < 4; ++i) {
     uint other = neighbour(pixel, i == 0 ? -1 : i == 1 ? 1 : 0, i == 2 ? -1 : i == 3 ? 1 : 0);
     if (other == miss) continue;
@@ -227,6 +228,14 @@ void atrous(uint pixel) {
   set_statistics(pixel, mean, variance / (weights * weights), max(confidence, min(1.0f, 2.0f * support)), statistic(pixel, denoise_inside));
 }
 
+void multiply(uint pixel) {
+  DenoiseImages images = push.images.at[0];
+  vec3 albedo = push.guides.at[pixel].albedo;
+  for (uint k = 0u; k < images.denoised_count; ++k)
+    for (uint c = 0u; c < images.channels; ++c)
+      images.denoised[k].at[pixel * images.channels + c] = push.light_in.at[pixel * plane_count() + k * images.channels + c] * albedo[int(c)];
+}
+
 void sum_images(uint pixel) {
   DenoiseImages images = push.images.at[0];
   for (uint c = 0u; c < images.channels; ++c) {
@@ -244,5 +253,6 @@ void denoise(uint pixel) {
   if (push.step == denoise_accumulate) accumulate(pixel);
   if (push.step == denoise_smooth) smooth_levels(pixel);
   if (push.step == denoise_atrous) atrous(pixel);
+  if (push.step == denoise_multiply) multiply(pixel);
   if (push.step == denoise_sum) sum_images(pixel);
 }

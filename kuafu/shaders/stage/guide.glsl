@@ -1,9 +1,4 @@
 // Stage `guide`: what the ray through each pixel's centre met, as the denoiser compares it.
-void store(uint word, float value) { push.guides.at[word] = floatBitsToUint(value); }
-void store(uint word, vec3 value) {
-  for (int i = 0; i < 3; ++i) push.guides.at[word + uint(i)] = floatBitsToUint(value[i]);
-}
-
 void store_place(uint index, PlaceRecord place) {
   uint word = index * place_words;
   for (int k = 0; k < 3; ++k) {
@@ -18,12 +13,7 @@ void store_place(uint index, PlaceRecord place) {
 void guide(uint i) {
   Pixel pixel = wave_pixel(push.range, i);
   GuideRecord g = guide_of_ray(i, pixel.view);
-  uint index = (pixel.view * push.range.height + pixel.row) * push.range.width + pixel.column, word = index * 12u;
-  store(word, g.normal);
-  push.guides.at[word + 3u] = g.material;
-  store(word + 4u, g.position);
-  store(word + 7u, g.footprint_m);
-  store(word + 8u, g.albedo);
-  store(word + 11u, g.normal_exponent);
+  uint index = (pixel.view * push.range.height + pixel.row) * push.range.width + pixel.column;
+  store_guide(push.guides, index, g);
   if (push.history != 0u) store_place(index, place_of_ray(i, pixel.view, g));
 }

@@ -106,7 +106,7 @@ void read_views(const kuafu_render_desc& desc, Launch& launch) {
 }  // namespace
 
 Launch read_launch(const kuafu_render_desc* desc, const ks::Device& device) {
-  const kuafu_render_desc d = ks::read_struct(desc, KUAFU_TYPE_RENDER_DESC, "render desc");
+  const kuafu_render_desc d = ks::read_struct(desc, KUAFU_TYPE_RENDER_DESC, "render desc", kuafu_render_desc_init());
   check_numbers(d);
   Launch launch;
   read_views(d, launch);

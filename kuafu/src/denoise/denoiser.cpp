@@ -54,6 +54,10 @@ void Denoiser::fit(const Launch& launch, const Scene& scene, const Frame& frame)
   images.radiance = frame.address(output_radiance);
   images.denoised_count = uint32_t(kinds.size());
   images.channels = channels_;
+  blurs_ = std::ranges::any_of(launch.views, [&](const View& view) {
+    const bool motion = view.velocity.moves() || scene.instances_move();
+    return view.optics.lens_radius_m > 0.0 || (motion && view.shutter.exposure_s > 0.0);
+  });
   accumulates_ = launch.denoise == DenoiseKind::atrous && launch.temporal_weight > 0.0f;
   if (accumulates_)
     history_.begin(launch, scene, kinds.size() * channels_, guides_, images);
@@ -118,10 +122,17 @@ void Denoiser::step(ks::Commands& commands, uint32_t step, uint32_t spacing) {
   denoise_.run(commands, "denoise", push_);
 }
 
-void Denoiser::remodulate(ks::Commands& commands, const WaveRays& square) {
+void Denoiser::blend(ks::Commands& commands, const WaveRays& square) { over_square(commands, square, true); }
+
+void Denoiser::remodulate(ks::Commands& commands, const WaveRays& square) { over_square(commands, square, false); }
+
+void Denoiser::multiply(ks::Commands& commands) { step(commands, denoise_multiply); }
+
+void Denoiser::over_square(ks::Commands& commands, const WaveRays& square, bool blends) {
+  const uint64_t guides = memory_.address(*guides_);
   remodulate_.run(commands, "remodulate",
-                  {square.rays, square.scene, square.views, images_.address(), memory_.address(*guides_), push_.light_out, push_.pixels_out,
-                   square.range, square.range.pixel_count, infrared_ ? 1u : 0u, push_.samples});
+                  {square.rays, square.scene, square.views, images_.address(), guides, push_.light_out, push_.pixels_out, square.range,
+                   square.range.pixel_count, infrared_ ? 1u : 0u, push_.samples, blends ? 1u : 0u, guides});
 }
 
 void Denoiser::sum(ks::Commands& commands) {

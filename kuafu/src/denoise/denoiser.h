@@ -39,6 +39,11 @@ class Denoiser {
   void filter(ks::Commands& commands, uint32_t samples);
   /// The same by Open Image Denoise, on images that are finished; nothing is remodulated then.
   void filter_by_oidn(const Launch& launch, const Frame& frame);
+  /// Lens or exposure blur the launch: blend before the filter, and multiply in place of remodulate.
+  [[nodiscard]] bool blurs() const { return blurs_; }
+  /// After rays_per_pixel rays over each pixel's square were traced; before the filter.
+  void blend(ks::Commands& commands, const WaveRays& square);
+  void multiply(ks::Commands& commands);
   /// After rays_per_pixel rays over each pixel's square were traced.
   void remodulate(ks::Commands& commands, const WaveRays& square);
   /// At last.
@@ -57,7 +62,8 @@ class Denoiser {
   std::unique_ptr<Oidn> oidn_;
   std::string oidn_library_;
   std::shared_ptr<ks::Buffer> guides_, sums_, light_[2], pixels_[2];
-  bool accumulates_ = false;
+  void over_square(ks::Commands& commands, const WaveRays& square, bool blends);
+  bool accumulates_ = false, blurs_ = false;
   DenoisePush push_{};
   uint32_t channels_ = 1;
   bool infrared_ = false;

@@ -33,6 +33,7 @@ struct Denoise {
 struct Remodulate {
   const RemodulatePush& push;
 #include "lib/guide.glsl"
+#include "stage/blend.glsl"
 #include "stage/remodulate.glsl"
 };
 
@@ -53,7 +54,7 @@ void denoise(const DenoisePush& push, uint32_t first, uint32_t end) {
 }
 
 void remodulate(const RemodulatePush& push, uint32_t first, uint32_t end) {
-  for (Remodulate stage{push}; first < end; ++first) stage.remodulate(first);
+  for (Remodulate stage{push}; first < end; ++first) push.blends != 0 ? stage.blend(first) : stage.remodulate(first);
 }
 
 }  // namespace host

@@ -37,10 +37,11 @@ double distorted(const double* d, double r) {
 
 /// Beyond it the polynomial folds back, and would show the pattern twice.
 double distortion_reach(const double* d) {
-  constexpr double step = 1e-3, last = 20;
+  constexpr double step = 1e-3, last = 20, everywhere = 1e18;
+  if (std::all_of(d, d + 8, [](double k) { return k == 0.0; })) return everywhere;  // a batch of environments has many such
   double r = 0;
   while (r < last && distorted(d, r + step) > distorted(d, r)) r += step;
-  return r < last ? r : 1e18;
+  return r < last ? r : everywhere;
 }
 
 void set_lens(LightEntry& e, const Light& light) {

@@ -151,6 +151,7 @@ void PathTracer::Run::develop() {
 }
 
 void PathTracer::Run::denoise() {
+  if (o_.denoiser_.blurs()) in_squares([](Wave& wave) { wave.blend_guides(); });
   if (launch_.denoise == DenoiseKind::oidn) {
     const auto start = std::chrono::steady_clock::now();
     o_.denoiser_.filter_by_oidn(launch_, o_.frame_);
@@ -158,14 +159,20 @@ void PathTracer::Run::denoise() {
     return o_.denoiser_.sum(commands_);
   }
   o_.denoiser_.filter(commands_, samples_before() + (keeps_sums() ? 0 : budget_.done()));
+  if (o_.denoiser_.blurs())
+    o_.denoiser_.multiply(commands_);
+  else
+    in_squares([](Wave& wave) { wave.remodulate(); });
+  o_.denoiser_.sum(commands_);
+}
+
+void PathTracer::Run::in_squares(const std::function<void(Wave&)>& step) {
   const uint32_t total = launch_.pixel_count();
-  const uint32_t step = o_.on_host_ ? pixels_per_batch_ : std::max(1u, o_.slots_.size().capacity / Denoiser::rays_per_pixel);
-  for (uint32_t first = 0; first < total; first += step) {
-    in_waves(range(first, std::min(step, total - first), launch_.first_sample, Denoiser::rays_per_pixel),
-             [](Wave& wave) { wave.remodulate(); });
+  const uint32_t batch = o_.on_host_ ? pixels_per_batch_ : std::max(1u, o_.slots_.size().capacity / Denoiser::rays_per_pixel);
+  for (uint32_t first = 0; first < total; first += batch) {
+    in_waves(range(first, std::min(batch, total - first), launch_.first_sample, Denoiser::rays_per_pixel), step);
     commands_.flush();
   }
-  o_.denoiser_.sum(commands_);
 }
 
 void PathTracer::Run::report(uint32_t pixels_done, float part) {

@@ -39,9 +39,18 @@ void PathTracer::Wave::render_paths(bool last) {
   accumulate(last);
 }
 
-void PathTracer::Wave::remodulate() {
+void PathTracer::Wave::blend_guides() {
+  trace_squares();
+  o_.denoiser_.blend(commands_, rays());
+}
+
+void PathTracer::Wave::trace_squares() {
   generate(0);
   o_.tracer_->closest(commands_, b_.closest_queue(0));
+}
+
+void PathTracer::Wave::remodulate() {
+  trace_squares();
   o_.denoiser_.remodulate(commands_, rays());
 }
 

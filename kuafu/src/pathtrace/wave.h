@@ -15,10 +15,12 @@ class PathTracer::Wave {
   /// last: no more samples follow, so outputs are written.
   void render_paths(bool last);
   /// What the denoiser asks over each pixel's square.
+  void blend_guides();
   void remodulate();
 
  private:
   void aov();
+  void trace_squares();
   void trace_paths();
   void generate(uint32_t flags);
   void shade(uint32_t bounce);

@@ -83,4 +83,4 @@ def _read(path, unit_m):
         raise CommandError(f"{path}: cannot be read as a .npy array: {error}") from error
     if depth.ndim not in (2, 3) or depth.dtype.kind not in "fiu":
         raise CommandError(f"{path}: is {depth.dtype} {depth.shape}, expected numbers [height, width] or [frames, height, width]")
-    return np.nan_to_num(depth.reshape(-1, *depth.shape[-2:]))
+    return np.nan_to_num(depth.reshape(-1, *depth.shape[-2:]), posinf=0.0, neginf=0.0)

@@ -3,6 +3,14 @@
 from activestereo.lab.compare import Comparison, compare
 from activestereo.lab.diagnose import Diagnosis, diagnose
 from activestereo.lab.lab_object import Lab
-from activestereo.lab.report import summary_table, write_report
 
 __all__ = ["Comparison", "Diagnosis", "Lab", "compare", "diagnose", "summary_table", "write_report"]
+
+
+def __getattr__(name):
+    """Reports are loaded when asked for: a diagnosis draws nothing, and need not wait for what does."""
+    if name not in ("summary_table", "write_report"):
+        raise AttributeError(f"module {__name__} has no attribute {name}")
+    from activestereo.lab import report
+
+    return getattr(report, name)

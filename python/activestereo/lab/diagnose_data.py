@@ -3,7 +3,7 @@
 Everything random is judged against the photon-transfer law of the repeats, everything correlated by tiles of 16 pixels.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -49,10 +49,6 @@ class Observation:
     focal_slope: np.ndarray = None
     pick: object = None
 
-    def picked(self, image):
-        """The pixels that count, [n]: all of them, or a scan's random part."""
-        return image.ravel() if self.pick is None else image.ravel()[self.pick]
-
     @property
     def key(self):
         return self.frame.id, self.eye
@@ -72,6 +68,13 @@ class Evidence:
     materials: int = 0
     tiles: int = 0
     place_error_m: float = 0.0
+    _memory: dict = field(default_factory=dict, repr=False)
+
+    def once(self, name, make):
+        """make(), computed the first time that it is asked for: rankings of one capture share fitters and base fits."""
+        if name not in self._memory:
+            self._memory[name] = make()
+        return self._memory[name]
 
     @property
     def held_sigma(self):

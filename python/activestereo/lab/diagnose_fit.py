@@ -4,12 +4,15 @@ Free are the parameters of every effect in play, projector scale, ambient scale,
 their priors. Gauss-Newton with Levenberg's damping from several starts; images are recomputed, never extrapolated.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from activestereo.effects import Randomness, Stage
-from activestereo.lab.diagnose_data import BLOCK_PX, FOLDS
+from activestereo.lab.diagnose_data import BLOCK_PX
+from activestereo.lab.diagnose_light import AllPixels, LightMemory, exposed
+from activestereo.lab.diagnose_sums import Pixels, Sums
 from activestereo.lab.fit import Nuisances
 
 _STEP = 0.02
@@ -56,20 +59,6 @@ class Play:
 
 
 @dataclass
-class Sums:
-    """Normal equations of one linearisation, by fold: gram [folds][n][n], moment [folds][n], chi2 [folds]; and chi2 by tile."""
-
-    gram: np.ndarray
-    moment: np.ndarray
-    chi2: np.ndarray
-    tile_chi2: np.ndarray
-
-    @property
-    def total(self):
-        return float(self.chi2.sum())
-
-
-@dataclass
 class Solution:
     """theta, phi: effect parameters and nuisances; sums at the solution."""
 
@@ -99,6 +88,11 @@ class Fitter:
         self._fine = fine
         self._held_sigma = held_sigma
         self._tiles = tiles
+        self._lights = LightMemory(observations)
+
+    @cached_property
+    def _pixels(self):
+        return [Pixels(o, len(self._held_sigma) - (_DENSE - _SCALES)) for o in self.observations]
 
     def phi0(self, nuisances):
         return np.concatenate([nuisances.vector(), np.zeros(len(self._held_sigma))])
@@ -106,54 +100,51 @@ class Fitter:
     def lights(self, play, theta):
         """The Light of every observation."""
         model = play.model(theta)
-        return [self._light(model, o) for o in self.observations]
-
-    def _light(self, model, o, fine=True):
-        return model.light(o.layers, o.view, fine=self._fine and fine)
-
-    def predictions(self, play, theta, phi, lights):
-        model = play.model(theta)
-        return [signal(model, o, light, phi) for o, light in zip(self.observations, lights, strict=True)]
+        return [self._lights(model, i, self._fine) for i in range(len(self.observations))]
 
     def chi2(self, play, theta, phi, lights):
-        images = self.predictions(play, theta, phi, lights)
-        total = sum(float((o.picked(o.weight) * (o.picked(o.measured) - o.picked(m)) ** 2).sum()) for o, m in zip(self.observations, images, strict=True))
+        model, total = play.model(theta), 0.0
+        for pixels, light in zip(self._pixels, lights, strict=True):
+            image = exposed(model, pixels, light, phi)[0]
+            rest = (pixels.measured - _with_focal(image, pixels, phi)) * pixels.root_weight
+            total += float(rest @ rest)
         return total + float(((phi[_SCALES:] / self._held_sigma) ** 2).sum())
 
     def linearise(self, play, theta, phi, lights, free_theta=True):
         """Sums at (theta, phi). Columns: theta (if free), then phi."""
         n_theta = len(theta) if free_theta else 0
-        size = n_theta + len(phi)
-        sums = Sums(np.zeros((FOLDS, size, size)), np.zeros((FOLDS, size)), np.zeros(FOLDS), np.zeros(self._tiles))
-        for o, columns, residual in self.slopes(play, theta, phi, lights, n_theta):
-            _accumulate(sums, o, columns, residual, n_theta, phi)
+        sums = Sums.of_size(n_theta + len(phi), self._tiles)
+        for pixels, columns, residual in self._slopes(self._pixels, play, theta, phi, lights, n_theta):
+            sums.add(pixels, columns, residual, n_theta, phi)
         return sums
 
     def slopes(self, play, theta, phi, lights, n_theta):
-        """Yields (observation, derivatives by the first n_theta of theta, scales and black level, residual)."""
+        """Yields (observation, derivatives by the first n_theta of theta, scales and black level, residual), images."""
+        whole = [AllPixels(o) for o in self.observations]
+        for pixels, columns, residual in self._slopes(whole, play, theta, phi, lights, n_theta):
+            shape = pixels.observation.measured.shape
+            yield pixels.observation, [c.reshape(shape) for c in columns], residual.reshape(shape)
+
+    def _slopes(self, pixels_of, play, theta, phi, lights, n_theta):
+        """slopes() over Pixels: (Pixels, derivatives [n] each, residual [n])."""
         steps = play.steps(theta)
-        models = []
-        for j in range(n_theta):
-            moved = theta.copy()
-            moved[j] += steps[j]
-            models.append(play.model(moved))
-        here, scales = play.model(theta), Nuisances(*phi[:_SCALES])
+        models = [play.model(np.where(np.arange(len(theta)) == j, theta + steps, theta)) for j in range(n_theta)]
+        here = play.model(theta)
         # The slope of a warp is known well enough from the pixels alone; what is fitted are the fine images.
         coarse = self._fine and bool(play.in_camera[:n_theta].any())
-        for o, light in zip(self.observations, lights, strict=True):
-            graded = _graded(o, light, phi)
-            image = here.signal(graded, o.view, scales)
-            focal = phi[_SCALES + o.view.is_right] * o.focal_slope
-            near = _graded(o, self._light(here, o, fine=False), phi) if coarse else graded
-            from_there = here.signal(near, o.view, scales) if coarse else image
+        for i, (pixels, light) in enumerate(zip(pixels_of, lights, strict=True)):
+            image, scale_columns = exposed(here, pixels, light, phi, True)
+            near = self._lights(here, i, False) if coarse else light
+            from_there = exposed(here, pixels, near, phi)[0] if coarse else image
             columns = []
             for j in range(n_theta):
                 in_light = play.in_light[j]
-                moved = _graded(o, self._light(models[j], o, fine=not coarse), phi) if in_light else graded
-                columns.append((models[j].signal(moved, o.view, scales) - (from_there if in_light else image)) / steps[j])
-            columns += _nuisance_columns(here, o, graded, phi, image)
-            columns += [np.zeros(image.shape), o.focal_slope] if o.view.is_right else [o.focal_slope, np.zeros(image.shape)]
-            yield o, columns, o.measured - image - focal
+                moved = self._lights(models[j], i, self._fine and not coarse) if in_light else light
+                columns.append((exposed(models[j], pixels, moved, phi)[0] - (from_there if in_light else image)) / steps[j])
+            columns += scale_columns
+            none, is_right = np.zeros(image.shape), pixels.observation.view.is_right
+            columns += [none, pixels.focal_slope] if is_right else [pixels.focal_slope, none]
+            yield pixels, columns, pixels.measured - image - phi[_SCALES + is_right] * pixels.focal_slope
 
     def covariance(self, solution):
         """Of theta, [n][n]: the sandwich over clusters that share errors (Liang and Zeger 1986): blocks of an eye's image, repeats and
@@ -238,61 +229,13 @@ class Fitter:
 
 def signal(model, observation, light, phi):
     """Expected DN, float64 [height][width]."""
-    view = observation.view
-    image = model.signal(_graded(observation, light, phi), view, Nuisances(*map(float, phi[:_SCALES])))
+    pixels = AllPixels(observation)
+    image = _with_focal(exposed(model, pixels, light, phi)[0], pixels, phi)
+    return image.reshape(observation.measured.shape)
+
+
+def _with_focal(image, pixels, phi):
+    """Clipped where the focal length moves it: the expected image itself ends at the range's ends already."""
+    view = pixels.observation.view
     focal = phi[_SCALES + view.is_right]
-    return np.clip(image + focal * observation.focal_slope, 0.0, view.max_dn) if focal else image
-
-
-def _graded(observation, light, phi):
-    """The light with each material's relative albedo correction: it scales all light that the material sends."""
-    albedo = phi[_DENSE:]
-    if not albedo.any():
-        return light
-    gain = np.append(1.0 + albedo, 1.0)[observation.material]
-    return replace(light, direct=light.direct * gain, indirect=light.indirect * gain, ambient=light.ambient * gain)
-
-
-def _nuisance_columns(model, o, graded, phi, image):
-    """Derivatives by projector scale, ambient scale and black level, by small relative steps."""
-    columns = []
-    for j in range(_SCALES):
-        step = 1e-3 * max(abs(phi[j]), 1.0)
-        moved = phi[:_SCALES].copy()
-        moved[j] += step
-        columns.append((model.signal(graded, o.view, Nuisances(*moved)) - image) / step)
-    return columns
-
-
-def _accumulate(sums, o, columns, residual, n_theta, phi):
-    """Adds one observation. The columns are images; albedo columns live on their own material's pixels: a material's column is the
-    light it sends, projector and ambient columns times their scales."""
-    dense = len(columns)
-    A = np.stack([o.picked(c) for c in columns])
-    r, weight, fold, material = (o.picked(image) for image in (residual, o.weight, o.fold, o.material))
-    squares = weight * r**2
-    sums.tile_chi2 += np.bincount(o.picked(o.tile), squares, minlength=len(sums.tile_chi2))
-    glow = A[n_theta] * phi[0] + A[n_theta + 1] * phi[1]
-    materials = sums.moment.shape[1] - dense
-    label = np.where(material >= 0, material, materials) + (materials + 1) * fold
-    bins = FOLDS * (materials + 1)
-
-    def by_material(values):
-        return np.bincount(label, values, minlength=bins).reshape(FOLDS, -1)[:, :materials]
-
-    for f in range(FOLDS):
-        here = fold == f
-        part = A[:, here]
-        weighted = part * weight[here]
-        sums.gram[f, :dense, :dense] += weighted @ part.T
-        sums.moment[f, :dense] += weighted @ r[here]
-        sums.chi2[f] += squares[here].sum()
-    if materials:
-        shining = weight * glow
-        diagonal = np.arange(dense, dense + materials)
-        sums.gram[:, diagonal, diagonal] += by_material(shining * glow)
-        sums.moment[:, dense:] += by_material(shining * r)
-        for i in range(dense):
-            cross = by_material(shining * A[i])
-            sums.gram[:, i, dense:] += cross
-            sums.gram[:, dense:, i] += cross
+    return np.minimum(np.maximum(image + focal * pixels.focal_slope, 0.0), view.max_dn) if focal else image

@@ -38,9 +38,11 @@ def greedy(first, evidence, model, candidates, workers, progress=None):
             break
         tried.add(best.id)
         rivals |= {e.id for e in passing[: 1 + _RIVALS]}
-        grown = pruned(best.solution.model, evidence, given)
-        grown = swapped(grown, evidence, [c for c in candidates if c.id in rivals], given)
-        ranking = Ranking(evidence, grown, _worth_trying(grown, evidence, first, candidates), workers, progress, _alone(first, rivals))
+        phi = best.solution.phi
+        grown = pruned(best.solution.model, evidence, given, phi)
+        grown = swapped(grown, evidence, [c for c in candidates if c.id in rivals], given, phi)
+        worth_trying = _worth_trying(grown, evidence, first, candidates, phi)
+        ranking = Ranking(evidence, grown, worth_trying, workers, progress, _alone(first, rivals), phi)
         steps.append(Step(tuple(e.id for e, _ in grown.effects[given:]), ranking))
     return steps
 
@@ -51,9 +53,9 @@ def _alone(first, rivals):
     return {e.id: e.solution.theta[-len(e.effect.parameters) :] for e in entries}
 
 
-def _worth_trying(model, evidence, first, candidates):
+def _worth_trying(model, evidence, first, candidates, phi):
     """No candidates where next to nothing is left in any image; what random effects leave is theirs alone."""
-    rest = Ranking(evidence, model, [])
+    rest = Ranking(evidence, model, [], phi=phi)
     return [] if rest.excess < (1.0 - _ENOUGH) * first.excess and rest.worst_image < _SMOOTH_FLOORS else candidates
 
 
@@ -63,26 +65,26 @@ def _loss(ranking, full):
     return 0.5 * ranking.pixels * float(np.log(behind)) / ranking.deff, (ranking.base.chi2 - full.chi2) / ranking.pixels
 
 
-def pruned(model, evidence, given):
-    """The model without those added effects that, all others refitted, it does not need."""
+def pruned(model, evidence, given, phi=None):
+    """The model without those added effects that, all others refitted, it does not need. phi: nuisances to start from."""
     if len(model.effects) - given < 2:
         return model
-    full = Ranking(evidence, model, []).base
+    full = Ranking(evidence, model, [], phi=phi).base
     for e, _ in model.effects[given:-1]:
         smaller = model.without_effect(e.id)
-        nats, floors = _loss(Ranking(evidence, smaller, []), full)
+        nats, floors = _loss(Ranking(evidence, smaller, [], phi=phi), full)
         if nats < _NEEDLESS_NATS or floors < _SMALLEST_GAIN_FLOORS:
-            return pruned(smaller, evidence, given)
+            return pruned(smaller, evidence, given, phi)
     return model
 
 
-def swapped(model, evidence, rivals, given):
+def swapped(model, evidence, rivals, given, phi=None):
     """The model with each earlier effect replaced by the rival that, beside the later ones, explains clearly more."""
     if len(model.effects) - given < 2:
         return model
     for e, _ in model.effects[given:-1]:
         taken = {other.id for other, _ in model.effects} - {e.id}
-        others = Ranking(evidence, model.without_effect(e.id), [c for c in rivals if c.id not in taken])
+        others = Ranking(evidence, model.without_effect(e.id), [c for c in rivals if c.id not in taken], phi=phi)
         best = min((r for r in others.entries if r.solution is not None), key=lambda r: r.chi2, default=None)
         own = next((r for r in others.entries if r.id == e.id), None)
         if best is None or own is None:

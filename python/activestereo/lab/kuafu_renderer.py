@@ -1,6 +1,7 @@
 """kuafu as the lab's renderer: the known scene under the projector at power 1 and under ambient radiance 1, infrared band."""
 
 import hashlib
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -13,6 +14,8 @@ from activestereo.lab.smooth import SMOOTH_VERSION, smooth_bounced
 # Rougher surfaces have no highlight that would move through bounced light.
 _MATT_ROUGHNESS = 0.5
 _NOTHING_HIT = 0xFFFFFFFF
+# Light without the pattern varies at edges alone: it needs fewer samples.
+_FLAT_SHARE = 0.5
 _OUTPUTS = ("projector_direct", "projector_indirect", "ambient", "depth", "normal", "material_id")
 
 
@@ -33,14 +36,15 @@ class KuafuRenderer:
     def version(self):
         """Changes with the library's code and the device: pixels are the same bits on one device only."""
         smooth = f", smoothed {SMOOTH_VERSION}" if self._smooth else ""
-        return f"kuafu {kuafu.__version__} {_library_digest()} on {self._device.info.name}{smooth}"
+        return f"kuafu {kuafu.__version__} {_library_digest()} on {self._device.info.name}{smooth}, flat {_FLAT_SHARE}"
 
     def __call__(self, request, progress=None):
         """One Layers per camera. progress: called as progress(fraction)."""
         self._load(request)
         cameras = [kuafu.Camera(c.width, c.height, c.K, c.camera_to_world) for c in request.cameras]
         self._place_projector(request, self._white)
-        flat = self._render(request, cameras, ("projector_direct",), 0, None)["projector_direct"]
+        fewer = replace(request, samples_per_pixel=max(1, round(_FLAT_SHARE * request.samples_per_pixel)))
+        flat = self._render(fewer, cameras, ("projector_direct",), 0, None)["projector_direct"]
         self._place_projector(request, self._texture)
         images = self._render(request, cameras, _OUTPUTS, request.max_bounces, progress)
         return tuple(self._layers(images, flat, i, camera) for i, camera in enumerate(request.cameras))

@@ -6,7 +6,6 @@ from activestereo.lab.compare import compare
 from activestereo.lab.diagnose import diagnose
 from activestereo.lab.diagnose_report import write_diagnosis
 from activestereo.lab.model_file import find, library, read_model, write_model
-from activestereo.lab.report import write_report
 
 
 class Lab:
@@ -45,6 +44,8 @@ class Lab:
 
     def report(self, folder):
         """Writes compare.json, report.html, model.json and, after diagnose(), diagnose.json into a folder."""
+        from activestereo.lab.report import write_report  # matplotlib takes its time to load
+
         if self.comparison is None:
             self.compare()
         if self.diagnosis is not None:

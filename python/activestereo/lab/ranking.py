@@ -43,16 +43,17 @@ _AT_FLOOR = 0.12
 class Ranking:
     """The base fit and an Entry per candidate: those that may be named first, each part by its gain."""
 
-    def __init__(self, evidence, model, candidates, workers=2, progress=None, alone=None):
-        """alone: {id: a candidate's parameters as fitted without the model's last effect}, see diagnose_scan.starts."""
+    def __init__(self, evidence, model, candidates, workers=2, progress=None, alone=None, phi=None):
+        """alone: {id: a candidate's parameters as fitted without the model's last effect}, see diagnose_scan.starts. phi: nuisances to
+        start from, of a fit near by."""
         self.evidence = evidence
         self._alone = alone or {}
         self._model = model
-        self.fitter = Fitter(evidence.train, evidence.held_sigma, evidence.tiles)
-        self._scan = Fitter(scan_observations(evidence.train), evidence.held_sigma, evidence.tiles, fine=False)
+        self._rows = {}
+        self.fitter, self._tests, self._scan = evidence.once("fitters", lambda: _fitters(evidence))
         self.pixels = sum(o.measured.size for o in evidence.train)
         self.tile_pixels = np.bincount(np.concatenate([o.tile.ravel() for o in evidence.train]), minlength=evidence.tiles)
-        self.base = self._fit_base()
+        self.base = evidence.once(("base", _key(model)), lambda: self._fit_base(phi))
         self._base_rows = self.rows(evidence.train, self.base.solution)
         self._base_test_rows = self.rows(evidence.test, self.base.solution)
         self.white = white_rest(self._base_rows)
@@ -64,9 +65,9 @@ class Ranking:
         self.entries += self._beside([e for e in chosen if e not in {entry.effect for entry in self.entries}])
         self.entries.sort(key=lambda e: (not passes(self, e), e.channel == "depth" and not self.at_floor, -e.nats - prior_nats(e)))
 
-    def _fit_base(self):
+    def _fit_base(self, phi):
         play = Play(self._model)
-        solution = self.fitter.refine(play, play.start, self.fitter.phi0(self.evidence.nuisances), _POLISH)
+        solution = self.fitter.refine(play, play.start, self.fitter.phi0(self.evidence.nuisances) if phi is None else phi, _POLISH)
         return Entry(None, cross_validated(self.fitter, solution), solution.sums.tile_chi2, solution)
 
     def _fit_all(self, candidates, workers, progress):
@@ -134,9 +135,15 @@ class Ranking:
 
     def rows(self, observations, solution):
         """(observation, prediction, projector DN, residual) of each."""
-        lights = Fitter(observations, self.evidence.held_sigma, self.evidence.tiles).lights(solution.play, solution.theta)
+        key = id(solution), observations is self.evidence.train
+        if key not in self._rows:
+            self._rows[key] = solution, self._rows_of(self.fitter if key[1] else self._tests, solution)
+        return self._rows[key][1]
+
+    @staticmethod
+    def _rows_of(fitter, solution):
         out = []
-        for o, light in zip(observations, lights, strict=True):
+        for o, light in zip(fitter.observations, fitter.lights(solution.play, solution.theta), strict=True):
             image = signal(solution.model, o, light, solution.phi)
             dots = solution.phi[0] * o.frame.exposure_gain * o.frame.projector_power * light.direct
             out.append((o, image, dots, o.measured - image))
@@ -240,3 +247,13 @@ class Ranking:
     def difference_error(self, first, second):
         """Standard error of the difference of two entries' nats."""
         return gain_error(first, second, self.deff, min(first.chi2, second.chi2), self.pixels)
+
+
+def _fitters(evidence):
+    """Of the train images, the test images and a scan's."""
+    observations = evidence.train, evidence.test, scan_observations(evidence.train)
+    return [Fitter(o, evidence.held_sigma, evidence.tiles, fine=o is not observations[2]) for o in observations]
+
+
+def _key(model):
+    return tuple((e, tuple(values.items())) for e, values in model.effects)

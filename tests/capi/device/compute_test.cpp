@@ -3,7 +3,10 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <chrono>
+#include <future>
 #include <numeric>
+#include <string>
 #include <thread>
 
 #include "capi/device/devices.h"
@@ -45,6 +48,36 @@ class ComputeTest : public testing::Test {
 TEST_F(ComputeTest, DispatchesSeeEachOthersResults) {
   const std::vector<uint32_t> values = multiply_twice(device_, 3, 5);
   for (uint32_t i = 0; i < count; ++i) ASSERT_EQ(values[i], (i + 1) * 225) << i;
+}
+
+// A log callback may wait for another thread of its program (an interpreter's lock), which may be using the device.
+TEST_F(ComputeTest, TheLogIsToldWhileOtherThreadsMayUseTheDevice) {
+  struct Log {
+    std::shared_ptr<Device> device;
+    std::future<void> other;
+    bool told = false, ran = false;
+  } log;
+  ks_device_desc desc = ks_device_desc_init();
+  desc.cache_directory = "/dev/null/no-folder";
+  desc.log_user = &log;
+  desc.log = [](void* user, uint32_t, const char* text) {
+    Log& self = *static_cast<Log*>(user);
+    if (std::string(text).find("could not be written") == std::string::npos) return;
+    self.told = true;
+    self.other = std::async(std::launch::async, [device = self.device] {
+      const auto buffer = Buffer::create(device, 64, 0);
+      Commands commands(device);
+      commands.fill(*buffer, 0, 64, 1);
+      commands.flush();
+    });
+    self.ran = self.other.wait_for(std::chrono::seconds(10)) == std::future_status::ready;
+  };
+  log.device = Device::create(desc, "test");
+  (void)multiply_twice(log.device, 3, 5);
+  EXPECT_TRUE(log.told);
+  EXPECT_TRUE(log.ran);
+  if (log.other.valid()) log.other.wait();
+  log.device.reset();
 }
 
 TEST_F(ComputeTest, SubmittedWorkReachesItsValueOnTheTimeline) {

@@ -1,4 +1,6 @@
 // AOVs against closed forms: planes seen by pinholes, projectors as pinholes the other way round, motion as differences of projections.
+#include <cstddef>
+
 #include "laws/kuafu/world.h"
 
 namespace {
@@ -196,6 +198,30 @@ TEST(Projector, of_the_aovs_must_be_one) {
   EXPECT_EQ(kuafu_renderer_render(world.renderer(), world.scene(), &world.desc()), KS_ERROR_INVALID_ARGUMENT);
   EXPECT_NE(std::string(kuafu_last_error()).find("projector is 0"), std::string::npos) << kuafu_last_error();
   kuafu_buffer_release(buffer);
+}
+
+// Compiled before there was kuafu_render_desc.projector: the first projector, not light 0.
+TEST_P(Aovs, of_an_older_caller_are_of_the_first_projector) {
+  world_.add(quad({0, 0, 2}, {-9, 0, 0}, {0, 9, 0}), lambert(0.5f));
+  world_.add_point({0, 0, 0}, 1);
+  world_.add_projector(std::vector<float>(64, 1.0f), 8, 8, 4, 1);
+  world_.desc().header.size_bytes = uint32_t(offsetof(kuafu_render_desc, projector));
+  const kuafu_view_desc view = view_at({0, 0, 0}, 1, 1, 60);
+  EXPECT_EQ(world_.render({view}, {KUAFU_OUTPUT_PROJECTOR_VISIBILITY})[KUAFU_OUTPUT_PROJECTOR_VISIBILITY].mean(), 1);
+}
+
+// A body of constant speed moves by the same in every line of a rolling shutter, whenever that is read.
+TEST_P(Aovs, of_motion_are_from_a_line_to_the_same_line_one_frame_before) {
+  const double speed = 2.0, frame_s = 0.03;
+  const uint32_t moving = world_.add(quad({0, 0, 0}, {-9, 0, 0}, {0, 9, 0}), lambert(0.5f), placed({-speed * frame_s, 0, 2}));
+  const double linear[3] = {speed, 0, 0}, angular[3] = {};
+  ok(kuafu_scene_set_instance_velocity(world_.scene(), moving, linear, angular));
+  ok(kuafu_scene_set_instance_pose(world_.scene(), moving, placed({0, 0, 2}).data()));
+  kuafu_view_desc view = view_at({0, 0, 0}, 8, 21, 60);
+  view.camera.shutter = KUAFU_SHUTTER_ROLLING;
+  view.camera.line_time_s = 1e-3;
+  const Pixels m = world_.render({view}, {KUAFU_OUTPUT_MOTION})[KUAFU_OUTPUT_MOTION];
+  for (uint32_t row = 0; row < 21; ++row) EXPECT_NEAR(m.at(0, row, 4, 0), 60 * speed * frame_s / 2, 1e-3) << row;
 }
 
 TEST_P(Aovs, of_motion_are_differences_of_projections) {

@@ -88,6 +88,36 @@ TEST_P(Denoise, textures_come_back_finer_than_the_samples) {
   EXPECT_LT(rms(clean, truth), 0.5 * rms(plain, truth));
 }
 
+TEST_P(Denoise, what_lens_and_motion_blur_stays_blurred) {
+  // Stripes as wide as the blur is long: every pixel sees dark and bright ones.
+  kuafu_texture_desc texture{ks_header_make(KUAFU_TYPE_TEXTURE_DESC, sizeof texture)};
+  const float stripes[2] = {0.1f, 0.9f};
+  texture.texels = stripes;
+  texture.width = 2;
+  texture.height = texture.channels = 1;
+  texture.format = KS_FORMAT_F32;
+  kuafu_material_desc material = lambert(1);
+  ok(kuafu_scene_add_texture(world_.scene(), &texture, &material.base_color_texture));
+  Shape wall = quad({0, 0, 2}, {-2, 0, 0}, {0, 2, 0});
+  const float repeat = 15;  // 4 m are 120 px: stripes of 4
+  wall.uvs = {0, 0, repeat, 0, repeat, repeat, 0, repeat};
+  world_.add(wall, material);
+  world_.add(sphere(0.25, 16, true), lambert(0.8f), placed({0.2, 0.1, 1.2}));
+  world_.set_environment(1);
+  world_.desc().max_bounces = 1;
+  kuafu_view_desc moving = view(), defocused = view();
+  moving.camera.exposure_s = 0.01;
+  moving.camera.linear_velocity[0] = 27;  // 8 px at the wall
+  defocused.camera.lens_radius_m = 0.1;
+  defocused.camera.focus_m = 1.2;  // 2 px at the wall, in radius
+  for (const kuafu_view_desc& of : {moving, defocused}) {
+    const Pixels plain = render(4, KUAFU_DENOISE_NONE, of)[KUAFU_OUTPUT_AMBIENT],
+                 clean = render(4, KUAFU_DENOISE_ATROUS, of)[KUAFU_OUTPUT_AMBIENT],
+                 truth = render(128, KUAFU_DENOISE_NONE, of)[KUAFU_OUTPUT_AMBIENT];
+    EXPECT_LT(rms(clean, truth), 0.5 * rms(plain, truth));
+  }
+}
+
 INSTANTIATE_TEST_SUITE_P(, Denoise, testing::Values(KUAFU_TRACER_EMBREE, KUAFU_TRACER_COMPUTE),
                          [](const auto& info) { return info.param == KUAFU_TRACER_EMBREE ? "host_stages" : "compute"; });
 

@@ -4,9 +4,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.ndimage import map_coordinates, spline_filter
 
-from activestereo.effects.core.resample import blur, sample, shifted_sum
+from activestereo.effects.core.resample import Spline, blur, sample, shifted_sum
 
 
 @dataclass(frozen=True)
@@ -29,6 +28,9 @@ class FineImages:
         """The images of a camera whose pixels show what lies at pixel positions (u, v) [height][width] here.
 
         The displacement goes on beyond the frame as it is at the border."""
+        return _LaterFine(self, lambda fine: fine._warped(u, v))
+
+    def _warped(self, u, v):
         height, width = u.shape
         down, right = self._positions(height), self._positions(width)
         rows, columns = np.meshgrid(down, right, indexing="ij")
@@ -42,27 +44,51 @@ class FineImages:
             height, width = np.shape(sigma_px)
             rows, columns = np.meshgrid(self._positions(height), self._positions(width), indexing="ij")
             sigma_px = sample(np.asarray(sigma_px, dtype=np.float64), columns, rows, order=1)
-        return FineImages(blur(self.images, self.scale * sigma_px), self.scale, self.margin_px)
+        return _LaterFine(self, lambda fine: FineImages(blur(fine.images, self.scale * sigma_px), self.scale, self.margin_px))
 
     def shifted_sum(self, along_u, along_v):
         """See resample.shifted_sum; shifts in pixels."""
         fine_u, fine_v = ([(self.scale * shift, weight) for shift, weight in taps] for taps in (along_u, along_v))
-        return FineImages(shifted_sum(self.images, fine_u, fine_v), self.scale, self.margin_px)
+        return _LaterFine(self, lambda fine: FineImages(shifted_sum(fine.images, fine_u, fine_v), self.scale, self.margin_px))
 
     def at(self, u, v):
         """Values at pixel positions (u, v) of any shape, float32 [n][...]."""
         fine_u, fine_v = ((x + self.margin_px + 0.5) * self.scale - 0.5 for x in (u, v))
-        out = np.empty((len(self.images), *np.shape(u)), dtype=np.float32)
-        for image, coefficients, into in zip(self.images, self._coefficients, out, strict=True):
-            map_coordinates(coefficients, [fine_v, fine_u], into, order=3, mode="mirror", prefilter=False)
-            np.clip(into, image.min(), image.max(), out=into)  # a spline may overshoot next to a dot
-        return out
+        return np.stack([spline(fine_u, fine_v) for spline in self._splines])
+
+    def sum_of(self, indices):
+        """FineImages of one image, the sum of those at the indices."""
+        if indices not in self._sums:
+            self._sums[indices] = self._sum_of(indices)
+        return self._sums[indices]
+
+    def _sum_of(self, indices):
+        image = self.images[indices[0]] if len(indices) == 1 else self.images[list(indices)].sum(axis=0)
+        return FineImages(image[None], self.scale, self.margin_px)
 
     @cached_property
-    def _coefficients(self):
-        """Of the images' cubic splines: one set serves every warp of a fit."""
-        return np.stack([spline_filter(image, 3, np.float32, mode="mirror") for image in self.images])
+    def _sums(self):
+        return {}
+
+    @cached_property
+    def _splines(self):
+        """One set serves every warp of a fit."""
+        return [Spline(image) for image in self.images]
 
     def _positions(self, size):
         """Pixel coordinates of the fine samples along an axis of `size` pixels."""
         return (np.arange((size + 2 * self.margin_px) * self.scale) + 0.5) / self.scale - 0.5 - self.margin_px
+
+
+class _LaterFine(FineImages):
+    """FineImages under a linear operation that is done for the images that are asked for."""
+
+    def __init__(self, source, operation):
+        self.__dict__.update(scale=source.scale, margin_px=source.margin_px, _source=source, _operation=operation)
+
+    @cached_property
+    def images(self):
+        return self._operation(self._source).images
+
+    def _sum_of(self, indices):
+        return self._operation(self._source.sum_of(indices))

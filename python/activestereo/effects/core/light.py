@@ -5,11 +5,29 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from activestereo.effects.core.fine import FineImages
-from activestereo.effects.core.resample import blur, sample, shifted_sum
+from activestereo.effects.core.resample import Spline, blur, sample, shifted_sum
 
 # Rounding of the rendered float32 images; smaller changes are none.
 _UNCHANGED = 1e-6
 _GAIN_SIGMA_PX = 2.0
+_PROJECTOR, _AMBIENT = ("direct", "indirect"), ("ambient",)
+
+
+class _Part:
+    """A field of a Light, computed when first asked for where the Light is another one's image under an operation."""
+
+    def __set_name__(self, owner, name):
+        self._name, self._key = name, f"_{name}"
+
+    def __get__(self, light, owner):
+        if light is None:
+            raise AttributeError(self._name)  # a field without default
+        if self._key not in light.__dict__:
+            light.__dict__[self._key] = light.__dict__["_later"].image((self._name,))
+        return light.__dict__[self._key]
+
+    def __set__(self, light, value):
+        light.__dict__[self._key] = value
 
 
 @dataclass(frozen=True)
@@ -21,10 +39,10 @@ class Light:
     fine: the same four as rendered, finer and wider than the frame, or None. Effects change the four and leave it alone.
     """
 
-    direct: np.ndarray
-    indirect: np.ndarray
-    ambient: np.ndarray
-    flat: np.ndarray
+    direct: np.ndarray = _Part()
+    indirect: np.ndarray = _Part()
+    ambient: np.ndarray = _Part()
+    flat: np.ndarray = _Part()
     fine: FineImages | None = None
 
     @classmethod
@@ -35,53 +53,101 @@ class Light:
 
     @property
     def projector(self):
-        return self.direct + self.indirect
+        return self.sum_of(_PROJECTOR)
 
     @property
     def images(self):
         """[4][height][width]: direct, indirect, ambient, flat."""
         return np.stack([self.direct, self.indirect, self.ambient, self.flat])
 
+    def sum_of(self, names):
+        """Sum of the named images; of what an operation has yet to make, one image is made instead of several."""
+        if len(names) == 1:
+            return getattr(self, names[0])
+        later = self.__dict__.get("_later")
+        if later is None or any(f"_{name}" in self.__dict__ for name in names):
+            return self._once(("sum", names), lambda: sum(getattr(self, name) for name in names))
+        return self._once(("sum", names), lambda: later.image(names))
+
+    def seen(self, pick):
+        """Projector and ambient light, float64 [n] each, at flat indices of pixels."""
+        later = self.__dict__.get("_later")
+        if later is not None and later.at is not None and not {"_direct", "_indirect", "_ambient"} & self.__dict__.keys():
+            return tuple(later.at(names, pick) for names in (_PROJECTOR, _AMBIENT))
+        return self.projector.ravel()[pick], self.ambient.ravel()[pick]
+
     def map(self, operation):
-        """The same linear image operation on every light; images come stacked, [4][height][width]."""
-        return Light(*operation(self.images))
+        """The same linear operation on every light; images come stacked, [...][height][width], any number of them."""
+        return _Later(self, operation).light()
 
     def warped(self, u, v):
         """The light whose pixels show what lies at pixel positions (u, v) [height][width] here.
 
         Rendered light is looked up in the fine images where there are any. What effects have changed since is known per pixel
         only: a local gain, and what that leaves."""
-        if self.fine is None:
-            return Light(*sample(self.images, u, v))
-        return self._as(self.fine.warped(u, v), lambda rest: sample(rest, u, v), lambda gain: sample(gain, u, v, order=1))
+        if self.fine is not None:
+            operation = lambda images: sample(images, u, v)  # noqa: E731
+            return _Later(self, operation, lambda fine: fine.warped(u, v), lambda gain: sample(gain, u, v, order=1)).light()
+        look = lambda names: self._once(("spline", names), lambda: Spline(self.sum_of(names)))  # noqa: E731
+        later = _Later(self, lambda images: sample(images, u, v))
+        later.image = lambda names: look(names)(u, v)
+        later.at = lambda names, pick: look(names)(u.ravel()[pick], v.ravel()[pick])
+        return later.light()
 
     def blurred(self, sigma_px):
         """The light under a Gaussian blur of sigma_px, a number or an image of it; of the fine images where there are any."""
-        if self.fine is None:
-            return self.map(lambda images: blur(images, sigma_px))
-        return self._as(self.fine.blurred(sigma_px), lambda rest: blur(rest, sigma_px))
+        return _Later(self, lambda images: blur(images, sigma_px), self.fine and (lambda fine: fine.blurred(sigma_px))).light()
 
     def shifted_sum(self, along_u, along_v):
         """The weighted sum of shifted lights, see resample.shifted_sum; of the fine images where there are any."""
-        if self.fine is None:
-            return self.map(lambda images: shifted_sum(images, along_u, along_v))
-        return self._as(self.fine.shifted_sum(along_u, along_v), lambda rest: shifted_sum(rest, along_u, along_v))
+        of_fine = self.fine and (lambda fine: fine.shifted_sum(along_u, along_v))
+        return _Later(self, lambda images: shifted_sum(images, along_u, along_v), of_fine).light()
 
-    def _as(self, fine, of_rest, of_gain=lambda gain: gain):
-        """This light with other fine images; what effects have changed since they were rendered follows by its gain and its rest."""
-        moved = []
-        for now, before, after in zip(self.images, self.fine.pixels, fine.pixels, strict=True):
-            if np.abs(now - before).max() > _UNCHANGED * before.max():
-                gain = _local_gain(before, now)
-                after = np.maximum(after * of_gain(gain) + of_rest(now - gain * before), 0.0)
-            moved.append(after)
-        return Light(*moved, fine)
+    def _once(self, key, make):
+        memory = self.__dict__.setdefault("_memory", {})
+        if key not in memory:
+            memory[key] = make()
+        return memory[key]
 
     def scale_projector(self, gain):
         """Projector light times `gain` (a number or an image); bounced light gets the mean gain of the dots."""
         total = self.direct.sum()
         mean = float((self.direct * gain).sum() / total) if total > 0 else float(np.mean(gain))
         return replace(self, direct=self.direct * gain, flat=self.flat * gain, indirect=self.indirect * mean)
+
+
+_NAMES = ("direct", "indirect", "ambient", "flat")
+
+
+class _Later:
+    """A linear operation on a Light, done image by image when asked for; of_fine: the same on FineImages, where there are any.
+
+    of_gain: what becomes of a local gain, see Light.warped. at: function of (names, flat indices of pixels), or None."""
+
+    def __init__(self, source, of_images, of_fine=None, of_gain=lambda gain: gain):
+        self._source, self._of_images, self._of_gain, self.at = source, of_images, of_gain, None
+        self._fine = of_fine(source.fine) if of_fine else None
+
+    def light(self):
+        light = object.__new__(Light)
+        light.__dict__.update(_later=self, fine=self._fine)
+        return light
+
+    def image(self, names):
+        """Sum of the named images after the operation."""
+        now = self._source.sum_of(names)
+        if self._fine is None:
+            return self._of_images(now[None])[0]
+        indices = tuple(_NAMES.index(name) for name in names)
+        before = self._source.fine.sum_of(indices).pixels[0]
+        changed = np.abs(now - before).max() > _UNCHANGED * before.max()
+        if changed and len(names) > 1:
+            return sum(self.image((name,)) for name in names)
+        after = self._fine.sum_of(indices).pixels[0]
+        if not changed:
+            return after
+        gain = _local_gain(before, now)
+        return np.maximum(after * self._of_gain(gain) + self._of_images((now - gain * before)[None])[0], 0.0)
 
 
 def _local_gain(before, now):

@@ -26,27 +26,34 @@ class Model:
         """The Light that falls on the sensor, from rendered layers. fine=False: warps look up the pixels even where the layers
         have finer images: less than half the time, for scans."""
         light = Light.of(layers) if fine else replace(Light.of(layers), fine=None)
-        for effect, parameters in self._of(Stage.PROJECTOR, Stage.OPTICS, random):
-            if effect.stage is Stage.OPTICS:
-                light = light.map(lambda images, e=effect, p=parameters: e.apply(images, view, **p))
-            else:
-                light = effect.apply(light, view, **parameters)
+        for effect, parameters in self.on_light(random):
+            light = acted(effect, parameters, light, view)
         return light
+
+    def on_light(self, random=False):
+        """Pairs (Effect, {parameter: value}) up to the lens, in the light's order."""
+        return self._of(Stage.PROJECTOR, Stage.OPTICS, random)
+
+    @property
+    def is_linear(self):
+        """Whether nothing acts between the lens and the digital numbers: without random effects, signal() is linear but for clipping."""
+        return not self._of(Stage.CHARGE, Stage.DIGITAL, False)
 
     def signal(self, light, view, nuisances, random=False):
         """DN of a Light, black level included. random=False: the expected value, without rounding; zero-mean noise is left out
         and random fields are drawn as their mean. random=True: one exposure."""
-        frame = view.frame
-        level = 1.0 if frame.ambient is None else frame.ambient
-        value = frame.exposure_gain * (
-            nuisances.projector_scale * frame.projector_power * light.projector + nuisances.ambient_scale * level * light.ambient
-        )
+        projector, ambient = scales(view.frame)
+        value = nuisances.projector_scale * projector * light.projector + nuisances.ambient_scale * ambient * light.ambient
+        return self.digital(value, view, nuisances.black_dn, random)
+
+    def digital(self, value, view, black_dn, random=False):
+        """signal() of DN above black [height][width] that an ideal sensor would count."""
         for effect, parameters in self._of(Stage.CHARGE, Stage.READOUT, random):
             value = effect.apply(value, view, **parameters)
-        value = value + nuisances.black_dn
+        value = value + black_dn
         for effect, parameters in self._of(Stage.DIGITAL, Stage.DIGITAL, random):
             value = effect.apply(value, view, **parameters)
-        return np.clip(value, 0.0, view.max_dn)
+        return np.minimum(np.maximum(value, 0.0), view.max_dn)
 
     def depth(self, depth_m, view):
         """A matched depth image (left eye, metres, 0 = none) as the device gives it. view: the left eye's."""
@@ -65,6 +72,19 @@ class Model:
         if not random:
             chosen = [(e, p) for e, p in chosen if e.randomness is Randomness.NONE]
         return sorted(chosen, key=lambda pair: pair[0].stage)
+
+
+def acted(effect, parameters, light, view):
+    """A Light after an effect up to the lens."""
+    if effect.stage is Stage.OPTICS:
+        return light.map(lambda images: effect.apply(images, view, **parameters))
+    return effect.apply(light, view, **parameters)
+
+
+def scales(frame):
+    """What a frame's settings make of projector light and of ambient light: seconds x gain x level."""
+    level = 1.0 if frame.ambient is None else frame.ambient
+    return frame.exposure_gain * frame.projector_power, frame.exposure_gain * level
 
 
 def _inverse(image, focal_baseline):

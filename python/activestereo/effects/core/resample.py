@@ -4,8 +4,8 @@ import hashlib
 from functools import lru_cache
 
 import numpy as np
+from scipy.fft import irfft2, next_fast_len, rfft2
 from scipy.ndimage import convolve1d, map_coordinates, spline_filter
-from scipy.signal import fftconvolve
 from scipy.special import ive
 
 _MAX_LEVELS = 5
@@ -19,11 +19,24 @@ def sample(images, u, v, order=3):
     stack = images.reshape(-1, height, width)
     out = np.empty((len(stack), *u.shape))
     for i, image in enumerate(stack):
-        coefficients = spline_filter(image, order, mode="mirror") if order > 1 else image
-        map_coordinates(coefficients, [v, u], out[i], order=order, mode="mirror" if order > 1 else "nearest", prefilter=False)
-        if order > 1:
-            np.clip(out[i], image.min(), image.max(), out=out[i])  # a spline may overshoot next to a dot
+        if order == 3:
+            out[i] = Spline(image)(u, v)
+        else:
+            map_coordinates(image, [v, u], out[i], order=order, mode="nearest", prefilter=False)
     return out.reshape(*images.shape[:-2], *u.shape)
+
+
+class Spline:
+    """A cubic spline through an image [height][width], in its precision: fitted once, looked up often."""
+
+    def __init__(self, image):
+        self._coefficients = spline_filter(image, 3, np.result_type(image, np.float32), mode="mirror")
+        self._low, self._high = image.min(), image.max()
+
+    def __call__(self, u, v):
+        """Values at pixels (u, v) of any shape."""
+        out = map_coordinates(self._coefficients, [v, u], self._coefficients.dtype, order=3, mode="mirror", prefilter=False)
+        return np.clip(out, self._low, self._high, out=out)  # a spline may overshoot next to a dot
 
 
 class BoxSampler:
@@ -38,18 +51,30 @@ class BoxSampler:
     def __call__(self, u, v, box_u, box_v):
         """Mean over boxes of size box_u x box_v around (u, v), pixel centres at integers."""
         # Pixel i spans i - 0.5 .. i + 0.5, so the integral's corner i lies at i - 0.5.
-        left, right = u + 0.5 - box_u / 2, u + 0.5 + box_u / 2
-        top, bottom = v + 0.5 - box_v / 2, v + 0.5 + box_v / 2
-        total = self._at(right, bottom) - self._at(left, bottom) - self._at(right, top) + self._at(left, top)
+        (left, a), (right, b) = (_place(u + 0.5 + side * box_u, self._limits[0]) for side in (-0.5, 0.5))
+        total = 0.0
+        for side in (-0.5, 0.5):
+            row, share = _place(v + 0.5 + side * box_v, self._limits[1])
+            row *= self._limits[0] + 1
+            low = self._between(row + right, b) - self._between(row + left, a)
+            row += self._limits[0] + 1
+            high = self._between(row + right, b) - self._between(row + left, a)
+            total = low + share * (high - low) - total
         return total / (box_u * box_v)
 
-    def _at(self, x, y):
-        width, height = self._limits
-        x, y = np.clip(x, 0, width), np.clip(y, 0, height)
-        i, j = np.minimum(x.astype(int), width - 1), np.minimum(y.astype(int), height - 1)
-        a, b = x - i, y - j
-        s = self._integral
-        return (s[j, i] * (1 - a) + s[j, i + 1] * a) * (1 - b) + (s[j + 1, i] * (1 - a) + s[j + 1, i + 1] * a) * b
+    def _between(self, index, share):
+        """The integral between a flat index and the next, along a row."""
+        at = self._integral.ravel()
+        low = at.take(index)
+        index += 1
+        return low + share * (at.take(index) - low)
+
+
+def _place(x, size):
+    """(whole part, fraction) of positions in an integral of `size` pixels."""
+    x = np.minimum(np.maximum(x, 0.0), size)
+    i = np.minimum(x.astype(np.intp), size - 1)
+    return i, x - i
 
 
 def shifted_sum(images, along_u, along_v):
@@ -128,4 +153,12 @@ def disc_sampler(pattern, diameter_px):
     offsets = (np.arange(size * fine) + 0.5) / fine - reach - 0.5
     inside = (offsets[:, None] ** 2 + offsets[None] ** 2 <= radius**2).astype(np.float64)
     stamp = inside.reshape(size, fine, size, fine).sum(axis=(1, 3))
-    return BoxSampler(fftconvolve(pattern.image, stamp / stamp.sum(), mode="same"))
+    return BoxSampler(_convolved(pattern.image, stamp / stamp.sum(), reach))
+
+
+def _convolved(image, stamp, reach):
+    """The image under a stamp whose middle is at (reach, reach); zero outside the image."""
+    height, width = image.shape
+    shape = [next_fast_len(size + 2 * reach, real=True) for size in image.shape]
+    full = irfft2(rfft2(image.astype(np.float64), shape) * rfft2(stamp, shape), shape)
+    return full[reach : reach + height, reach : reach + width]

@@ -1,0 +1,80 @@
+"""Normal equations of a fit, by cross-validation fold: sums over the pixels of each observation, in an order that makes them slices."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from activestereo.lab.diagnose_data import FOLDS
+
+
+class Pixels:
+    """The pixels of an Observation that count, ordered by fold, then by material. All arrays are [n].
+
+    index: flat indices; measured: DN; root_weight: 1 / deviation; material: as the observation's, -1 = none; tile."""
+
+    def __init__(self, observation, materials):
+        o = observation
+        index = np.arange(o.measured.size) if o.pick is None else o.pick
+        label = (o.fold * (materials + 1) + np.where(o.material >= 0, o.material, materials)).ravel()[index]
+        order = np.argsort(label, kind="stable")
+        self.observation, self.index, label = o, index[order], label[order]
+        self.measured = self.of(o.measured).astype(np.float64)
+        self.root_weight = np.sqrt(self.of(o.weight).astype(np.float64))
+        self.material, self.tile = self.of(o.material), self.of(o.tile)
+        self.focal_slope = self.of(o.focal_slope).astype(np.float64)
+        bounds = np.searchsorted(label, np.arange(FOLDS + 1) * (materials + 1))
+        self.folds = [slice(first, last) for first, last in zip(bounds, bounds[1:], strict=False)]
+        self._starts = np.flatnonzero(np.diff(label, prepend=-1))
+        self._labels, self._materials = label[self._starts], materials
+
+    def of(self, image):
+        """An image's values."""
+        return image.ravel()[self.index]
+
+    def by_material(self, values):
+        """Sums of values [k][n], [k][folds][materials]."""
+        out = np.zeros((len(values), FOLDS * (self._materials + 1)))
+        out[:, self._labels] = np.add.reduceat(values, self._starts, axis=1)
+        return out.reshape(len(values), FOLDS, -1)[:, :, :-1]
+
+
+@dataclass
+class Sums:
+    """Normal equations of one linearisation, by fold: gram [folds][n][n], moment [folds][n], chi2 [folds]; and chi2 by tile."""
+
+    gram: np.ndarray
+    moment: np.ndarray
+    chi2: np.ndarray
+    tile_chi2: np.ndarray
+
+    @classmethod
+    def of_size(cls, size, tiles):
+        return cls(np.zeros((FOLDS, size, size)), np.zeros((FOLDS, size)), np.zeros(FOLDS), np.zeros(tiles))
+
+    @property
+    def total(self):
+        return float(self.chi2.sum())
+
+    def add(self, pixels, columns, residual, n_theta, phi):
+        """Adds one observation. columns: derivatives [k][n]; those by albedo live on their own material's pixels: a material's is the
+        light it sends, the columns of projector and ambient scale (n_theta and the next) times their scales."""
+        dense = len(columns)
+        A, r = np.stack(columns), residual * pixels.root_weight
+        A *= pixels.root_weight
+        squares = r * r
+        self.tile_chi2 += np.bincount(pixels.tile, squares, minlength=len(self.tile_chi2))
+        for f, part in enumerate(pixels.folds):
+            here = A[:, part]
+            self.gram[f, :dense, :dense] += here @ here.T
+            self.moment[f, :dense] += here @ r[part]
+            self.chi2[f] += squares[part].sum()
+        materials = self.moment.shape[1] - dense
+        if materials:
+            glow = A[n_theta] * phi[0] + A[n_theta + 1] * phi[1]
+            sums = pixels.by_material(np.concatenate([glow * A, [glow * glow, glow * r]]))
+            diagonal = np.arange(dense, dense + materials)
+            self.gram[:, diagonal, diagonal] += sums[-2]
+            self.moment[:, dense:] += sums[-1]
+            cross = np.moveaxis(sums[:-2], 0, 1)
+            self.gram[:, :dense, dense:] += cross
+            self.gram[:, dense:, :dense] += np.swapaxes(cross, 1, 2)
