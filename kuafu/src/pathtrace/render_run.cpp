@@ -72,9 +72,12 @@ void PathTracer::Run::fit_buffers() {
 }
 
 void PathTracer::Run::begin_accumulation() {
-  if (!keeps_sums()) return o_.accumulation_.clear();
+  if (!keeps_sums()) {
+    if (!launch_.accumulate) o_.accumulation_.clear();  // else only AOVs are asked for: what there is waits for the next call
+    return;
+  }
   o_.accumulation_.begin({uint32_t(launch_.views.size()), launch_.width, launch_.height, launch_.band.channels(), groups(),
-                          launch_.wants_variance(), denoises()},
+                          launch_.wants_variance(), launch_.denoise == DenoiseKind::atrous},
                          launch_.accumulate, launch_.first_sample);
   const uint64_t end = uint64_t(first_sample()) + samples_before() + launch_.samples;
   if (end > std::numeric_limits<uint32_t>::max())

@@ -53,7 +53,7 @@ class PathTracer::Run {
   [[nodiscard]] uint32_t last_lit() const { return launch_.max_bounces + o_.tables_.walk_passes(); }
 
   /// Sums outlive the wave: later rounds or calls go on with them.
-  [[nodiscard]] bool keeps_sums() const { return launch_.accumulate || launch_.has_budget(); }
+  [[nodiscard]] bool keeps_sums() const { return (launch_.accumulate || launch_.has_budget()) && launch_.wants_radiance(); }
   [[nodiscard]] uint32_t samples_before() const { return keeps_sums() ? o_.accumulation_.samples() : 0; }
   [[nodiscard]] uint32_t first_sample() const { return keeps_sums() ? o_.accumulation_.first_sample() : launch_.first_sample; }
   /// Of a pixel in one wave; fixed, since the order of sums follows from it. A budget renders in rounds, which are short.

@@ -67,6 +67,18 @@ TEST_P(Accumulation, four_calls_are_one) {
   }
 }
 
+// They take no samples of light: neither as the first call nor between two.
+TEST_P(Accumulation, calls_for_aovs_alone_leave_it_as_it_is) {
+  const std::vector<uint32_t> light = {KUAFU_OUTPUT_RADIANCE, KUAFU_OUTPUT_SAMPLE_COUNT};
+  auto once = render(32, false, light);
+  (void)render(16, true, {KUAFU_OUTPUT_DEPTH});
+  (void)render(16, true, light);
+  (void)render(16, true, {KUAFU_OUTPUT_DEPTH});
+  auto last = render(16, true, light);
+  EXPECT_EQ(last[KUAFU_OUTPUT_SAMPLE_COUNT].id_at(0, 3, 3), 32u);
+  expect_same(last[KUAFU_OUTPUT_RADIANCE], once[KUAFU_OUTPUT_RADIANCE], 2e-6);
+}
+
 TEST_P(Accumulation, begins_anew_after_a_call_without_it_and_with_other_sizes) {
   const auto count = [](std::map<uint32_t, Pixels> images) { return images[KUAFU_OUTPUT_SAMPLE_COUNT].id_at(0, 0, 0); };
   const std::vector<uint32_t> which = {KUAFU_OUTPUT_RADIANCE, KUAFU_OUTPUT_SAMPLE_COUNT};
