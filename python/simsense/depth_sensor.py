@@ -79,8 +79,8 @@ class DepthSensor:
     lr_max_diff 255 and speckle_shape 0 switch their stage off. device: which device computes ('host' needs no Vulkan). Raises SettingError
     (a ValueError and a TypeError) out of range.
 
-    mode 'fixed' computes what those arguments mean; 'simsense-exact' also keeps SimSense's faults and its parabola as subpixel step, and gives
-    its results bit for bit as long as noise is off: SimSense's random numbers are CUDA's, ours are drawn from the same distributions.
+    mode 'fixed' computes what those arguments mean; 'simsense-exact' also keeps SimSense's faults, its census of every count and its parabola
+    as subpixel step, and gives its results bit for bit as long as noise is off: SimSense's random numbers are CUDA's, ours are drawn from the same distributions.
     faults: names out of simsense.FAULTS, those to keep instead of the mode's (none, or all of them); simsense/README.md says what each does.
     """
 
@@ -140,7 +140,7 @@ class DepthSensor:
         _require(mode in ("fixed", "simsense-exact"), f"mode must be 'fixed' or 'simsense-exact', not {mode!r}")
         exact = mode == "simsense-exact"
         if exact:
-            parameters["subpixel"] = "parabola"
+            parameters |= {"subpixel": "parabola", "census_contrast": 0.0}
         left = Camera(width, height, _check_matrix(k_l, 3, "k_l"))
         right = Camera(width, height, _check_matrix(k_r, 3, "k_r"))
         rgb, l2rgb = self._rgb_camera(rgb_size, k_rgb, l2rgb)

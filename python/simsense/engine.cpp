@@ -376,7 +376,8 @@ void bind_engine(py::module_& module) {
       "A stereo rig's depth engine. Parameters are those of simsense_parameters, and of simsense_signal for both eyes, by name; see "
       "Engine.parameters.\n"
       "census_kind ('center_symmetric', 'plain'), subpixel ('none', 'parabola', 'equiangular', 'equiangular_summed') and hole_filling\n"
-      "('keep', 'left', 'background') may be given by name or by number.")
+      "('keep', 'left', 'background') may be given by name or by number.\n"
+      "census_contrast (0..1, default 1 / 16): how large a share of the local range of counts a difference must be to count; 0: any.")
       .def(py::init<const py::object&, const py::object&, const py::object&, const py::object&, const py::object&, const py::object&, bool,
                     const py::object&, const py::object&, const py::object&, const py::kwargs&>(),
            py::arg("device"), py::arg("left"), py::arg("right"), py::arg("left_to_right"), py::kw_only(), py::arg("rgb") = py::none(),

@@ -41,7 +41,8 @@ inline constexpr Field<simsense_parameters> parameter_fields[] = {{"noise_seed",
                                                                   {"roi_y", &simsense_parameters::roi_y},
                                                                   {"roi_width", &simsense_parameters::roi_width},
                                                                   {"roi_height", &simsense_parameters::roi_height},
-                                                                  {"splat_size", &simsense_parameters::splat_size}};
+                                                                  {"splat_size", &simsense_parameters::splat_size},
+                                                                  {"census_contrast", &simsense_parameters::census_contrast}};
 
 inline constexpr Field<simsense_signal> signal_fields[] = {{"exposure_s", &simsense_signal::exposure_s},
                                                            {"responsivity_e", &simsense_signal::responsivity_e},

@@ -108,8 +108,9 @@ Region Engine::reach(const Region& r) const {
   const MatchParameters p = match_parameters(parameters_);
   const auto half = [](uint32_t census, uint32_t block, uint32_t median) { return static_cast<int32_t>((census + block + median) / 2); };
   const int32_t farthest = std::max(0, p.min_disparity + static_cast<int32_t>(p.max_disparity)), nearest = std::max(0, -p.min_disparity);
-  const int32_t dx = surroundings + half(p.census_width, p.block_width, p.median_size);
-  const int32_t dy = surroundings + half(p.census_height, p.block_height, p.median_size);
+  const uint32_t margin = p.census_contrast > 0 ? 2 * MatchParameters::contrast_margin : 0;
+  const int32_t dx = surroundings + half(p.census_width + margin, p.block_width, p.median_size);
+  const int32_t dy = surroundings + half(p.census_height + margin, p.block_height, p.median_size);
   const auto widened = [](uint32_t begin, uint32_t end, int32_t before, int32_t after, uint32_t size) {
     const auto lower = static_cast<uint32_t>(std::max(0, static_cast<int32_t>(begin) - before));
     const auto upper = std::max(std::min(size, end + static_cast<uint32_t>(after)), lower + smallest);

@@ -35,8 +35,9 @@ enum class CensusKind : uint8_t {
 struct MatchParameters {
   CensusKind census = CensusKind::center_symmetric;
   uint32_t census_width = 7, census_height = 7;
-  uint32_t max_disparity = 128;  // how many disparities are searched
-  int32_t min_disparity = 0;     // the first of them
+  uint32_t census_contrast = 16;  // in 256ths of the range of counts around a pixel; what does not differ by more counts as equal. 0 = off
+  uint32_t max_disparity = 128;   // how many disparities are searched
+  int32_t min_disparity = 0;      // the first of them
   uint32_t block_width = 1, block_height = 1;
   uint32_t path_count = 4;  // or 8, with the diagonals
   uint32_t p1 = 7, p2 = 86;
@@ -47,6 +48,8 @@ struct MatchParameters {
   Subpixel subpixel = Subpixel::equiangular;
   bool operator==(const MatchParameters&) const = default;
 
+  /// How far beyond the census window the range of counts is taken.
+  static constexpr uint32_t contrast_margin = 2;
   [[nodiscard]] uint32_t census_bits() const {
     return census == CensusKind::plain ? census_width * census_height - 1 : (census_width * census_height - 1) / 2;
   }

@@ -28,6 +28,8 @@ void check_choice(uint32_t value, uint32_t last, const char* name, const char* c
 void check_matching(const simsense_parameters& p) {
   check_choice(p.census_kind, SIMSENSE_CENSUS_PLAIN, "census_kind", "center_symmetric (0), plain (1)");
   check_window(p.census_width, p.census_height, 3, p.census_kind == SIMSENSE_CENSUS_PLAIN ? 63 : 65, "census window");
+  if (!(p.census_contrast >= 0 && p.census_contrast <= 1))
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "census_contrast is %g: must be 0 (off) to 1", p.census_contrast);
   if (p.max_disparity < 16 || p.max_disparity > 1024)
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "max_disparity is %u: must be 16..1024", p.max_disparity);
   if (p.min_disparity < -1024 || p.min_disparity > 4096)
@@ -74,6 +76,7 @@ MatchParameters match_parameters(const simsense_parameters& p) {
   m.census = p.census_kind == SIMSENSE_CENSUS_PLAIN ? CensusKind::plain : CensusKind::center_symmetric;
   m.census_width = p.census_width;
   m.census_height = p.census_height;
+  m.census_contrast = std::min(255u, static_cast<uint32_t>(p.census_contrast * 256.0f + 0.5f));
   m.max_disparity = p.max_disparity;
   m.min_disparity = p.min_disparity;
   m.path_count = p.path_count == 8 ? 8 : 4;

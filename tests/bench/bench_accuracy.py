@@ -50,14 +50,18 @@ def opencv(mode, block):
     return match
 
 
+EXACT = {"faults": simsense.FAULTS, "subpixel": 1, "census_contrast": 0}
 MATCHERS = {
     "simsense, default (block 7x7)": engine(),
     "simsense, 8 paths": engine(path_count=8),
     "simsense, p1 8, p2 32": engine(p1=8, p2=32),
     "simsense, equiangular on summed costs": engine(subpixel=3),
+    "simsense, fast (block 1x1, p1 8, p2 32)": engine(block_width=1, block_height=1, p1=8, p2=32),
     "simsense, block 1x1": engine(block_width=1, block_height=1),
     "simsense, plain census 9x7, block 1x1": engine(block_width=1, block_height=1, census_kind=1, census_width=9),
-    "simsense-exact (the published engine)": engine(faults=simsense.FAULTS, subpixel=1),
+    "simsense, census_contrast 0": engine(census_contrast=0),
+    "simsense, census_contrast 0, block 1x1": engine(census_contrast=0, block_width=1, block_height=1),
+    "simsense-exact (the published engine)": engine(**EXACT),
     "OpenCV StereoSGBM HH4, block 7": opencv(cv2.STEREO_SGBM_MODE_HH4, 7),
     "OpenCV StereoSGBM HH, block 7": opencv(cv2.STEREO_SGBM_MODE_HH, 7),
     "OpenCV StereoSGBM 3WAY, block 7": opencv(cv2.STEREO_SGBM_MODE_SGBM_3WAY, 7),
@@ -66,7 +70,7 @@ MATCHERS = {
 
 SHOWN = (
     "simsense, default (block 7x7)",
-    "simsense, 8 paths",
+    "simsense, fast (block 1x1, p1 8, p2 32)",
     "simsense-exact (the published engine)",
     "OpenCV StereoSGBM HH4, block 7",
     "OpenCV StereoSGBM 3WAY, block 7",
@@ -133,18 +137,18 @@ def seen_by_both(disparity):
 
 
 def table_of(left, right, truth):
-    """Per matcher: fill of what both eyes see; share of the measured that is off by more; RMS of those within a pixel; median error.
+    """Per matcher (a disparity of 0 is no measurement: it has no depth): fill of what both eyes see; share of the measured that is off by more; RMS of those within a pixel; median error.
     Returns {matcher: disparity}."""
     seen = seen_by_both(truth)
     all_found = {}
     print(f"| {'matcher':40} | fill | off > 0.5 px | > 1 px | > 2 px | RMS within 1 px | median |\n|--|--|--|--|--|--|--|")
     for name, match in MATCHERS.items():
         found = all_found[name] = match(left, right)
-        measured = (found >= 0) & np.isfinite(truth)
+        measured = (found > 0) & np.isfinite(truth)
         error = np.abs(found - truth)[measured]
         off = [100 * np.mean(error > limit) for limit in (0.5, 1, 2)]
         rms = np.sqrt(np.mean(error[error < 1] ** 2))
-        fill = 100 * np.mean((found >= 0)[seen])
+        fill = 100 * np.mean((found > 0)[seen])
         print(f"| {name:40} | {fill:.1f} % | {off[0]:.2f} % | {off[1]:.2f} % | {off[2]:.2f} % | {rms:.3f} px | {np.median(error):.3f} px |")
     return all_found
 
@@ -171,7 +175,7 @@ def draw_errors(path, left, found, truth):
     colours = colormaps["RdBu"].with_extremes(bad="black")
     panels = [("infrared left (display gamma 2)", np.sqrt(left), {"cmap": "gray"})]
     for name in SHOWN:
-        error = np.where((found[name] >= 0) & np.isfinite(truth), found[name] - truth, np.nan)
+        error = np.where((found[name] > 0) & np.isfinite(truth), found[name] - truth, np.nan)
         panels.append((name, error, {"cmap": colours, "vmin": -1, "vmax": 1}))
     draw(path, "disparity error: -1 px red, 0 white, +1 px blue; black: no measurement, or no truth", panels)
 
@@ -200,8 +204,9 @@ def pixel_locking(left, right, truth, folder):
     shown = {
         "equiangular on the block's costs (default)": engine(),
         "equiangular on summed costs": engine(subpixel=3),
-        "parabola (published SimSense)": engine(subpixel=1),
-        "equiangular, block 1x1": engine(block_width=1, block_height=1),
+        "parabola": engine(subpixel=1),
+        "parabola, every count (published SimSense)": engine(subpixel=1, census_contrast=0),
+        "fast (block 1x1, p1 8, p2 32)": engine(block_width=1, block_height=1, p1=8, p2=32),
         "OpenCV StereoSGBM HH4, block 7": opencv(cv2.STEREO_SGBM_MODE_HH4, 7),
     }
     figure = Figure(figsize=(7.2, 3.8), layout="constrained")

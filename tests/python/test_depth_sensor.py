@@ -155,6 +155,7 @@ def test_exact_mode_keeps_every_fault(pair):
     """Of a rectified pair only the parabola and the rectifier's focal length count; tests/simsense/stages/published_test.cpp proves the bits."""
     exact, fixed = make(mode="simsense-exact"), make()
     assert exact.engine.parameters["subpixel"] == 1 and fixed.engine.parameters["subpixel"] == 2
+    assert exact.engine.parameters["census_contrast"] == 0 and fixed.engine.parameters["census_contrast"] > 0
     k_r = K.copy()
     k_r[0, 2] += 3  # SimSense does not heed it
     moved = simsense.DepthSensor(SIZE, K, k_r, L2R, rectified=True, max_disp=32, mode="simsense-exact").compute(*pair)

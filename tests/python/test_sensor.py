@@ -49,7 +49,7 @@ def test_materials_that_break_stereo_do(by_material):
     for name in ("glass", "steel"):  # light goes elsewhere: every match is off
         assert by_material[name].median_error_m > 2 * by_material["clay"].median_error_m, name
     assert by_material["velvet"].p90_error_m > 2 * by_material["clay"].p90_error_m  # little light comes back: some matches are noise
-    assert by_material["glass"].fill < by_material["clay"].fill - 0.03
+    assert 1 - by_material["glass"].fill > 3 * (1 - by_material["clay"].fill)  # and some find none
 
 
 def test_infrared_pictures_are_well_exposed(table):

@@ -148,7 +148,8 @@ typedef struct simsense_parameters {
   uint32_t low_texture_dn;       /* only for the reason: invalid pixels whose census window spans at most this many counts have too little texture */
   uint32_t roi_x, roi_y, roi_width, roi_height; /* rectified left image; the rest is invalid, and not searched. Size 0x0 = all of it */
   uint32_t splat_size;           /* registration: each point covers this many pixels in x and y, 1 (or 0)..15 */
-  uint32_t reserved;
+  float census_contrast;         /* 0..1: counts differ, for the census, where they do so by more than this share of the range of counts in the window and 2
+                                    pixels around it: the rest is noise between dots. 0: every count tells, as in the published SimSense */
 } simsense_parameters;
 
 /* Center-symmetric: each pixel of the window with its mirror, at most 32 comparisons. Plain: each with the centre, at most 62 (9x7). */
@@ -169,7 +170,8 @@ typedef struct simsense_parameters {
 /* The same through the aggregated costs everywhere: a third less noise, about half of the parabola's pull. */
 #define SIMSENSE_SUBPIXEL_EQUIANGULAR_SUMMED 3u
 
-/* Defaults of the published SimSense (p1 7, p2 86, 7x7 census and block, uniqueness 15, LR 1, median 3) but for the subpixel step. */
+/* Defaults of the published SimSense (p1 7, p2 86, 7x7 census and block, uniqueness 15, LR 1, median 3) but for the subpixel step and the census's
+ * contrast. */
 static inline simsense_parameters simsense_parameters_init(void) {
   simsense_parameters p;
   memset(&p, 0, sizeof p);
@@ -188,6 +190,7 @@ static inline simsense_parameters simsense_parameters_init(void) {
   p.speckle_max_diff_px = 1.0f;
   p.low_texture_dn = 4;
   p.splat_size = 1;
+  p.census_contrast = 0.0625f;
   return p;
 }
 

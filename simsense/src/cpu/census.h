@@ -6,11 +6,11 @@
 
 namespace simsense::cpu {
 
-/// An image with a border of zeros wide enough for any census window.
+/// An image with a border wide enough for any census window: zeros, or the nearest pixel.
 class PaddedImage {
  public:
   /// element_bytes: 1 or 2, as in ConstImage.
-  PaddedImage(size_t width, size_t height, size_t element_bytes = 1);
+  PaddedImage(size_t width, size_t height, size_t element_bytes = 1, bool repeats_edge = false);
   void copy_rows(ConstImage image, size_t first_row, size_t end_row);
   [[nodiscard]] size_t element_bytes() const { return element_bytes_; }
   /// T: uint8_t or uint16_t, of element_bytes. x, y may reach `border` outside the image.
@@ -23,7 +23,11 @@ class PaddedImage {
   static constexpr ptrdiff_t border = 64;
 
  private:
-  size_t width_, element_bytes_;
+  template <class T>
+  void repeat_edge(ptrdiff_t y);
+
+  size_t width_, height_, element_bytes_;
+  bool repeats_edge_;
   ptrdiff_t pitch_;
   Buffer<uint8_t> storage_;
 };
@@ -53,6 +57,7 @@ class CensusPlanes {
 struct CensusWindow {
   CensusKind kind = CensusKind::center_symmetric;
   size_t width = 0, height = 0;
+  uint32_t contrast = 0;  // 256ths
 };
 
 /// Census of rows [first_row, end_row).

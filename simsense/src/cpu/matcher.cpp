@@ -20,7 +20,7 @@ class CpuMatcher final : public Matcher {
         height_(height),
         parameters_(p),
         workers_(workers),
-        images_{{width, height}, {width, height}},
+        images_{{width, height, 1, p.census_contrast > 0}, {width, height, 1, p.census_contrast > 0}},
         census_{{width, height, p.census_bits(), cpu::left_reach(p)},
                 {width, height, p.census_bits(), cpu::left_reach(p), p.min_disparity}},
         penalties_(width, height, p),
@@ -53,8 +53,9 @@ class CpuMatcher final : public Matcher {
 
  private:
   void transform(ConstImage image, size_t eye) {
-    if (images_[eye].element_bytes() != image.element_bytes) images_[eye] = {width_, height_, image.element_bytes};
-    const cpu::CensusWindow window{parameters_.census, parameters_.census_width, parameters_.census_height};
+    if (images_[eye].element_bytes() != image.element_bytes)
+      images_[eye] = {width_, height_, image.element_bytes, parameters_.census_contrast > 0};
+    const cpu::CensusWindow window{parameters_.census, parameters_.census_width, parameters_.census_height, parameters_.census_contrast};
     for_rows([&](size_t begin, size_t end) { images_[eye].copy_rows(image, begin, end); });
     for_rows([&](size_t begin, size_t end) { cpu::census_rows(images_[eye], window, begin, end, census_[eye]); });
   }

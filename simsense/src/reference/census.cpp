@@ -1,28 +1,61 @@
 #include "reference/census.h"
 
-namespace simsense::reference {
+#include <algorithm>
+#include <utility>
 
-Grid<uint64_t> census(ConstImage image, size_t width, size_t height, size_t window_width, size_t window_height, CensusKind kind) {
+namespace simsense::reference {
+namespace {
+
+struct Window {
+  ConstImage image;
+  ptrdiff_t width, height, x, y;
+  bool repeats_edge;
+
+  [[nodiscard]] int pixel(ptrdiff_t dx, ptrdiff_t dy) const {
+    const ptrdiff_t px = std::clamp<ptrdiff_t>(x + dx, 0, width - 1), py = std::clamp<ptrdiff_t>(y + dy, 0, height - 1);
+    const bool outside = px != x + dx || py != y + dy;
+    return outside && !repeats_edge ? 0 : static_cast<int>(image.at(px, py));
+  }
+  /// Largest less smallest count, up to half_width columns and half_height rows away.
+  [[nodiscard]] int range(ptrdiff_t half_width, ptrdiff_t half_height) const {
+    int low = pixel(0, 0), high = low;
+    for (ptrdiff_t dy = -half_height; dy <= half_height; ++dy) {
+      for (ptrdiff_t dx = -half_width; dx <= half_width; ++dx) {
+        low = std::min(low, pixel(dx, dy));
+        high = std::max(high, pixel(dx, dy));
+      }
+    }
+    return high - low;
+  }
+};
+
+}  // namespace
+
+Grid<uint64_t> census(ConstImage image, size_t width, size_t height, size_t window_width, size_t window_height, CensusKind kind,
+                      uint32_t contrast) {
+  constexpr ptrdiff_t margin = MatchParameters::contrast_margin;
   const ptrdiff_t half_width = static_cast<ptrdiff_t>(window_width / 2), half_height = static_cast<ptrdiff_t>(window_height / 2);
-  const auto pixel = [&](ptrdiff_t x, ptrdiff_t y) -> uint32_t {
-    if (x < 0 || y < 0 || x >= static_cast<ptrdiff_t>(width) || y >= static_cast<ptrdiff_t>(height)) return 0;
-    return image.at(x, y);
-  };
   const size_t cell_count = window_width * window_height;
+  const bool plain = kind == CensusKind::plain;
   Grid<uint64_t> words(width, height);
   for (size_t y = 0; y < height; ++y) {
     for (size_t x = 0; x < width; ++x) {
+      const Window window{
+          image,       static_cast<ptrdiff_t>(width), static_cast<ptrdiff_t>(height), static_cast<ptrdiff_t>(x), static_cast<ptrdiff_t>(y),
+          contrast > 0};
+      const int needed = contrast == 0 ? 0 : static_cast<int>(contrast) * window.range(half_width + margin, half_height + margin);
       size_t bit = 0;
       for (size_t cell = 0; cell < cell_count; ++cell) {
         if (cell == cell_count / 2) {  // the centre; what follows are mirrors
-          if (kind == CensusKind::center_symmetric) break;
+          if (!plain) break;
           continue;
         }
         const ptrdiff_t dx = static_cast<ptrdiff_t>(cell % window_width) - half_width;
         const ptrdiff_t dy = static_cast<ptrdiff_t>(cell / window_width) - half_height;
-        const ptrdiff_t cx = static_cast<ptrdiff_t>(x), cy = static_cast<ptrdiff_t>(y);
-        const bool set =
-            kind == CensusKind::plain ? pixel(cx + dx, cy + dy) < pixel(cx, cy) : pixel(cx + dx, cy + dy) >= pixel(cx - dx, cy - dy);
+        int brighter = plain ? window.pixel(0, 0) : window.pixel(dx, dy), darker = plain ? window.pixel(dx, dy) : window.pixel(-dx, -dy);
+        if (!plain && contrast > 0 && bit % 2 == 1) std::swap(brighter, darker);
+        const bool equal_counts = !plain && contrast == 0;
+        const bool set = equal_counts ? brighter >= darker : 256 * (brighter - darker) > needed;
         words.at(x, y) |= uint64_t{set} << bit++;
       }
     }

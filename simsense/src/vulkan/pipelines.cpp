@@ -65,7 +65,8 @@ Constants census_constants(const MatchPlan& plan, const MatchParameters& p, uint
           p.census == CensusKind::plain ? 1u : 0u,
           plan.census_words,
           element_bytes,
-          p.p2_full_gradient > 0 ? 1u : 0u};
+          p.p2_full_gradient > 0 ? 1u : 0u,
+          p.census_contrast};
 }
 
 std::span<const uint32_t> paths_code(const MatchPlan& plan) {

@@ -122,7 +122,7 @@ TEST(min_disparity, may_be_negative_and_then_invalid_lies_below_it) {
   EXPECT_EQ(p.invalid_disparity(), -13.0f);
   for (uint32_t y = 4; y < 56; ++y)
     for (uint32_t x = 8; x < 140; ++x) ASSERT_EQ(m.disparity[y * 160 + x], -6.0f);
-  EXPECT_EQ(m.reason[30 * 160 + 158], MatchReason::outside);
+  EXPECT_GT(count(m.reason, MatchReason::outside), 0u);
 }
 
 TEST(eight_paths, keep_more_of_a_noisy_pair_than_four) {

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <random>
 
 #include "device/thread_pool.h"
 #include "simsense/stages/stereo_pair.h"
@@ -59,6 +60,26 @@ TEST_P(matcher_law, brighter_right_image_changes_nothing) {
   const auto expected = match_with(GetParam(), pair, p);
   for (uint8_t& value : pair.right) value = static_cast<uint8_t>(value + 90);  // zeros outside the image stay the darkest
   EXPECT_EQ(match_with(GetParam(), pair, p), expected);
+}
+
+TEST_P(matcher_law, contrast_lets_faint_noise_change_little) {
+  // up to two counts on texture of a hundred and more
+  const auto share_different = [](uint32_t contrast, Engine engine) {
+    StereoPair pair = random_dots(160, 80, 11, 0, 3), noisy = pair;
+    std::mt19937 random(7);
+    for (auto* image : {&noisy.left, &noisy.right}) {
+      for (uint8_t& value : *image) value = static_cast<uint8_t>(std::min<unsigned>(255, value + random() % 3));
+    }
+    MatchParameters p;
+    p.max_disparity = 32;
+    p.block_width = p.block_height = 1;
+    p.census_contrast = contrast;
+    const auto clean = match_with(engine, pair, p), found = match_with(engine, noisy, p);
+    size_t different = 0;
+    for (size_t i = 0; i < clean.size(); ++i) different += std::abs(clean[i] - found[i]) > 0.25f;
+    return static_cast<double>(different) / static_cast<double>(clean.size());
+  };
+  EXPECT_LT(share_different(26, GetParam()), 0.5 * share_different(0, GetParam()));
 }
 
 TEST_P(matcher_law, unrelated_images_are_mostly_rejected) {

@@ -68,6 +68,52 @@ TEST(census, three_by_three_by_hand) {
   EXPECT_EQ(bits.at(2, 2), 0b1111u);
 }
 
+TEST(census, a_difference_counts_from_its_share_of_the_contrast_on) {
+  constexpr size_t side = 21, centre = 10;
+  constexpr uint32_t contrast = 64;  // a quarter
+  std::vector<uint8_t> image(side * side, 100);
+  image[(centre - 5) * side + centre + 5] = 140;  // at the corner of what is looked at: window 7x7 and two pixels around
+  const auto at_centre = [&](simsense::CensusKind kind) {
+    return census({image.data(), side}, side, side, 7, 7, kind, contrast).at(10, 10);
+  };
+  const auto symmetric = [&] { return at_centre(simsense::CensusKind::center_symmetric); };
+  const auto plain = [&] { return at_centre(simsense::CensusKind::plain); };
+  EXPECT_EQ(symmetric(), 0u) << "equal pixels give 0";
+  for (size_t k = 0; k < 49; ++k) {
+    if (k == 24) continue;
+    const size_t pair = std::min(k, 48 - k);
+    const bool brighter_counts =
+        (pair % 2 == 0) == (k < 24);  // in even pairs the first pixel has to be the brighter one, in odd ones the second
+    uint8_t& pixel = image[(centre - 3 + k / 7) * side + centre - 3 + k % 7];
+    pixel = 110;
+    EXPECT_EQ(symmetric(), 0u) << "a quarter is not enough, position " << k;
+    pixel = 111;
+    EXPECT_EQ(symmetric(), brighter_counts ? uint64_t{1} << pair : 0u) << "position " << k;
+    EXPECT_EQ(plain(), 0u) << "brighter than the centre, position " << k;
+    pixel = 87;  // now 53 between darkest and brightest
+    EXPECT_EQ(symmetric(), 0u) << "position " << k;
+    pixel = 86;
+    EXPECT_EQ(symmetric(), brighter_counts ? 0u : uint64_t{1} << pair) << "position " << k;
+    EXPECT_EQ(plain(), uint64_t{1} << (k < 24 ? k : k - 1)) << "position " << k;
+    pixel = 100;
+  }
+}
+
+TEST(census, contrast_is_relative) {
+  // counts a * i + b have the words of i: gain and black level of an imager do not matter, up to its edge
+  std::mt19937 random(3);
+  std::vector<uint16_t> image(24 * 20), scaled(image.size());
+  for (size_t i = 0; i < image.size(); ++i) {
+    image[i] = static_cast<uint16_t>(random() % 256);
+    scaled[i] = static_cast<uint16_t>(image[i] * 251 + 900);
+  }
+  const auto words = [](const std::vector<uint16_t>& counts, simsense::CensusKind kind) {
+    return census({reinterpret_cast<const uint8_t*>(counts.data()), 24, 2}, 24, 20, 7, 5, kind, 26).data;
+  };
+  for (const auto kind : {simsense::CensusKind::center_symmetric, simsense::CensusKind::plain})
+    EXPECT_EQ(words(image, kind), words(scaled, kind));
+}
+
 TEST(hamming_cost, counts_bits_and_repeats_the_first_right_column) {
   Grid<uint64_t> left(3, 1), right(3, 1);
   left.data = {0b0000, 0b1111, 0xffffffffu};

@@ -55,6 +55,7 @@ simsense_rig_desc with_rgb(simsense_rig_desc rig, uint32_t width, uint32_t heigh
 simsense_parameters published_parameters() {
   simsense_parameters p = simsense_parameters_init();
   p.subpixel = SIMSENSE_SUBPIXEL_PARABOLA;
+  p.census_contrast = 0;
   p.max_disparity = 32;
   return p;
 }

@@ -30,8 +30,9 @@ std::string describe(const StereoPair& pair, const MatchParameters& p, const Mat
        << " block " << p.block_width << "x" << p.block_height << " p1 " << p.p1 << " p2 " << p.p2 << " uniqueness " << p.uniqueness_ratio
        << " lr " << p.lr_max_diff << " median " << p.median_size << " subpixel " << static_cast<int>(p.subpixel) << " census kind "
        << static_cast<int>(p.census) << " paths " << p.path_count << " min " << p.min_disparity << " gradient " << p.p2_full_gradient
-       << "; lanes " << t.path_lanes << " steps " << t.steps << " groups " << t.path_group << ", " << t.winner_group << " segments "
-       << t.segments << (t.minima == Minima::half ? " half" : "") << (t.block_costs == BlockCosts::summed ? " summed" : "");
+       << " contrast " << p.census_contrast << "; lanes " << t.path_lanes << " steps " << t.steps << " groups " << t.path_group << ", "
+       << t.winner_group << " segments " << t.segments << (t.minima == Minima::half ? " half" : "")
+       << (t.block_costs == BlockCosts::summed ? " summed" : "");
   return text.str();
 }
 
@@ -106,6 +107,7 @@ class Fuzz {
     p.lr_max_diff = static_cast<int32_t>(in(0, 4)) - 1;
     p.median_size = one_of({1u, 3u, 5u, 7u});
     p.subpixel = static_cast<simsense::Subpixel>(in(0, 3));
+    p.census_contrast = one_of({0u, 1u, 26u, 255u});
     return p;
   }
   /// What extends the published matcher.
