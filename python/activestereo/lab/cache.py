@@ -7,6 +7,7 @@ import hashlib
 import json
 import os
 import zipfile
+from contextlib import suppress
 from dataclasses import fields
 from pathlib import Path
 
@@ -81,7 +82,8 @@ class LayerCache:
                 layers = tuple(Layers(**{n: stored[f"{n}_{i}"] for n in names}) for i in range(count))
         except (OSError, KeyError, ValueError, zipfile.BadZipFile):
             return None  # absent, or not ours: rendered again and replaced
-        os.utime(path)
+        with suppress(FileNotFoundError):  # another run may forget it at any time
+            os.utime(path)
         return layers
 
     def put(self, key, layers):
@@ -91,9 +93,13 @@ class LayerCache:
         self._forget_oldest()
 
     def _forget_oldest(self):
-        entries = sorted(self.folder.glob("*.npz"), key=lambda p: p.stat().st_mtime, reverse=True)
+        entries = []
+        for path in self.folder.glob("*.npz"):
+            with suppress(FileNotFoundError):
+                status = path.stat()
+                entries.append((status.st_mtime, status.st_size, path))
         used = 0
-        for entry in entries:
-            used += entry.stat().st_size
+        for _, size, path in sorted(entries, reverse=True):
+            used += size
             if used > self._limit_bytes:
-                entry.unlink(missing_ok=True)
+                path.unlink(missing_ok=True)

@@ -48,8 +48,8 @@ class DepthModel:
         registered = {} if is_ideal else {"rgb": left, "left_to_rgb": np.eye(4)}
 
         def engine(parameters):
-            device = simsense.Device("host")
-            return simsense.Engine(device, left, right, rig.left_to_right, rectified=is_ideal, **registered, **parameters)
+            device, bits = simsense.Device("host"), max(8, rig.bit_depth)
+            return simsense.Engine(device, left, right, rig.left_to_right, rectified=is_ideal, bit_depth=bits, **registered, **parameters)
 
         self.parameters = _followed(capture.depth_engine)
         try:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 import kuafu
+from activestereo.lab.cache import scene_digest
 from activestereo.lab.layers import Layers
 from activestereo.lab.smooth import SMOOTH_VERSION, smooth_bounced
 
@@ -30,7 +31,7 @@ class KuafuRenderer:
         self._smooth = smooth
         self._device = device if isinstance(device, kuafu.Device) else kuafu.Device(device)
         self._renderer = kuafu.Renderer(self._device)
-        self._scene_path = self._scene = self._texture = self._white = self._light = self._pattern = None
+        self._scene_digest = self._scene = self._texture = self._white = self._light = self._pattern = None
 
     @property
     def version(self):
@@ -88,15 +89,16 @@ class KuafuRenderer:
         )
 
     def _load(self, request):
-        """The scene and its two patterns: the nominal one, and one that is 1 everywhere."""
-        if request.scene_path == self._scene_path and np.array_equal(request.pattern, self._pattern):
+        """The scene and its two patterns: the nominal one, and one that is 1 everywhere. An edited file is another scene."""
+        digest = scene_digest(request.scene_path)
+        if digest == self._scene_digest and np.array_equal(request.pattern, self._pattern):
             return
         self._scene = kuafu.Scene(self._device)
         self._scene.load(request.scene_path)
         self._scene.set_environment((1.0, 1.0, 1.0), ir_radiance=1.0)
         self._texture = self._scene.add_texture(request.pattern, name="pattern")
         self._white = self._scene.add_texture(np.ones_like(request.pattern), name="white pattern")
-        self._scene_path, self._pattern, self._light = request.scene_path, request.pattern, None
+        self._scene_digest, self._pattern, self._light = digest, request.pattern, None
 
     def _place_projector(self, request, texture):
         light = kuafu.Light(

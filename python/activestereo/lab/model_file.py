@@ -32,8 +32,11 @@ def read_model(path, effects):
     if not isinstance(root, dict) or root.get("format") != FORMAT or root.get("version") != VERSION:
         raise ValueError(f"{path}: format is not {FORMAT!r} version {VERSION}")
     model = Model()
-    for entry in root.get("effects", []):
-        model = model.with_effect(find(effects, entry["id"]), **entry.get("parameters", {}))
+    try:
+        for entry in root.get("effects", []):
+            model = model.with_effect(find(effects, entry["id"]), **entry.get("parameters", {}))
+    except (KeyError, TypeError, AttributeError) as error:
+        raise ValueError(f"{path}: effects is not a list of {{id, parameters}} with numbers: {error!r}") from error
     return model
 
 
