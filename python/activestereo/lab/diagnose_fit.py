@@ -10,7 +10,6 @@ from functools import cached_property
 import numpy as np
 
 from activestereo.effects import Randomness, Stage
-from activestereo.lab.diagnose_data import BLOCK_PX
 from activestereo.lab.diagnose_light import AllPixels, LightMemory, exposed
 from activestereo.lab.diagnose_sums import Pixels, Sums
 from activestereo.lab.fit import Nuisances
@@ -116,6 +115,8 @@ class Fitter:
         sums = Sums.of_size(n_theta + len(phi), self._tiles)
         for pixels, columns, residual in self._slopes(self._pixels, play, theta, phi, lights, n_theta):
             sums.add(pixels, columns, residual, n_theta, phi)
+            if self._fine and n_theta:
+                sums.add_blocks(pixels, columns, residual, n_theta, phi)
         return sums
 
     def slopes(self, play, theta, phi, lights, n_theta):
@@ -149,23 +150,12 @@ class Fitter:
     def covariance(self, solution):
         """Of theta, [n][n]: the sandwich over clusters that share errors (Liang and Zeger 1986): blocks of an eye's image, repeats and
         settings of one pose together. None of it asks for independent pixels."""
-        play, theta, phi, n = solution.play, solution.theta, solution.phi, len(solution.theta)
-        gram = solution.sums.gram.sum(0) + np.diag(self.prior(n, play))
+        n = len(solution.theta)
+        gram = solution.sums.gram.sum(0) + np.diag(self.prior(n, solution.play))
         norm = np.sqrt(np.maximum(np.diag(gram), 1e-300))
         rows = (np.linalg.pinv(gram / np.outer(norm, norm), rcond=1e-12, hermitian=True) / np.outer(norm, norm))[:n]
-        dense, clusters = n + _DENSE, {}
-        for o, columns, residual in self.slopes(play, theta, phi, self.lights(play, theta), n):
-            A = np.stack(columns)
-            pull = np.einsum("kj,jyx->kyx", rows[:, :dense], A)
-            if rows.shape[1] > dense:
-                share = np.append(rows[:, dense:], np.zeros((n, 1)), axis=1)[:, o.material]
-                pull += share * (A[n] * phi[0] + A[n + 1] * phi[1])
-            pull *= o.weight * residual
-            height, width = residual.shape
-            block = np.add.outer(np.arange(height) // BLOCK_PX * (width // BLOCK_PX + 1), np.arange(width) // BLOCK_PX).ravel()
-            key = o.eye, o.frame.camera_to_world.tobytes(), o.frame.is_moving
-            clusters[key] = clusters.get(key, 0.0) + np.stack([np.bincount(block, p.ravel()) for p in pull])
-        return sum(sums @ sums.T for sums in clusters.values())
+        pulls = [rows @ moment for moment in solution.sums.block_moment.values()]
+        return sum(pull @ pull.T for pull in pulls)
 
     def solve(self, sums, phi, n_theta, play, theta, damping):
         """The damped Gauss-Newton step in (theta, phi)."""

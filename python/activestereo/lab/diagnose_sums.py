@@ -1,10 +1,11 @@
 """Normal equations of a fit, by cross-validation fold: sums over the pixels of each observation, in an order that makes them slices."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
-from activestereo.lab.diagnose_data import FOLDS
+from activestereo.lab.diagnose_data import BLOCK_PX, FOLDS
 
 
 class Pixels:
@@ -31,6 +32,19 @@ class Pixels:
         """An image's values."""
         return image.ravel()[self.index]
 
+    @cached_property
+    def block(self):
+        """Index of each pixel's block of BLOCK_PX, from 0."""
+        height, width = self.observation.measured.shape
+        rows, columns = np.arange(height) // BLOCK_PX, np.arange(width) // BLOCK_PX
+        return self.of(np.add.outer(rows * (width // BLOCK_PX + 1), columns))
+
+    @property
+    def cluster(self):
+        """What shares errors: an eye's images of one pose, repeats and settings together."""
+        o = self.observation
+        return o.eye, o.frame.camera_to_world.tobytes(), o.frame.is_moving
+
     def by_material(self, values):
         """Sums of values [k][n], [k][folds][materials]."""
         out = np.zeros((len(values), FOLDS * (self._materials + 1)))
@@ -40,12 +54,14 @@ class Pixels:
 
 @dataclass
 class Sums:
-    """Normal equations of one linearisation, by fold: gram [folds][n][n], moment [folds][n], chi2 [folds]; and chi2 by tile."""
+    """Normal equations of one linearisation, by fold: gram [folds][n][n], moment [folds][n], chi2 [folds]; chi2 by tile; moments by
+    block, {cluster: [n][blocks]}."""
 
     gram: np.ndarray
     moment: np.ndarray
     chi2: np.ndarray
     tile_chi2: np.ndarray
+    block_moment: dict = field(default_factory=dict)
 
     @classmethod
     def of_size(cls, size, tiles):
@@ -78,3 +94,17 @@ class Sums:
             cross = np.moveaxis(sums[:-2], 0, 1)
             self.gram[:, :dense, dense:] += cross
             self.gram[:, dense:, :dense] += np.swapaxes(cross, 1, 2)
+
+    def add_blocks(self, pixels, columns, residual, n_theta, phi):
+        """Adds one observation to block_moment; arguments as of add()."""
+        dense, force, block = len(columns), residual * pixels.root_weight**2, pixels.block
+        blocks = int(block.max()) + 1
+        moment = np.zeros((self.moment.shape[1], blocks))
+        for j, column in enumerate(columns):
+            moment[j] = np.bincount(block, column * force, minlength=blocks)
+        glow = (columns[n_theta] * phi[0] + columns[n_theta + 1] * phi[1]) * force
+        # Pixels of no material come last, and go.
+        label = np.where(pixels.material >= 0, pixels.material, len(moment) - dense) * blocks + block
+        by_material = np.bincount(label, glow, minlength=(len(moment) - dense + 1) * blocks)
+        moment[dense:] = by_material.reshape(-1, blocks)[:-1]
+        self.block_moment[pixels.cluster] = self.block_moment.get(pixels.cluster, 0.0) + moment
