@@ -18,11 +18,19 @@ _ALIKE = 0.1
 _OUTLIER = 12.0
 
 
+def edges(o):
+    """Pixels next to an edge of a material or a surface, bool [height][width]: what they show depends on its place."""
+    return o.view.once("edges", lambda: _edges(o.view.depth_m, np.asarray(o.layers.material)))
+
+
+def _edges(z, material):
+    edge = maximum_filter(material, 3) != minimum_filter(material, 3)
+    return edge | (maximum_filter(z, 3) - minimum_filter(z, 3) > _DEPTH_STEP * z)
+
+
 def edge_slopes(o, image):
     """Change of the expected image in DN per metre of misplacement, at pixels next to an edge, else 0; float32 [height][width]."""
-    z, material = o.view.depth_m, np.asarray(o.layers.material)
-    edge = maximum_filter(material, 3) != minimum_filter(material, 3)
-    edge |= maximum_filter(z, 3) - minimum_filter(z, 3) > _DEPTH_STEP * z
+    z, edge = o.view.depth_m, edges(o)
     down, right = np.gradient(image)
     per_m = np.where(z > 0, o.view.K[0, 0] / np.where(z > 0, z, 1.0), 0.0)
     return np.where(edge, np.hypot(down, right) * per_m, 0.0).astype(np.float32)

@@ -10,11 +10,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from activestereo.effects.core.dots import DotView
+from activestereo.lab.diagnose_inadequacy import edges
 
 _HOT_SIGMA = 5.0
 _WHITE_LIMIT = 0.35
 # A renderer's own noise is no more than so many floors; dots out of place are white, too, where they are as small as pixels.
-_LARGEST_WHITE = 0.12
+_LARGEST_WHITE = 0.06
 _JACKKNIFE = 16
 # Cells of the pattern that share a dot's gain.
 _DOT_PX = 4
@@ -28,7 +29,8 @@ _CLEAR_OF_ENDS = 2.0
 class StaticPart:
     """One random field. regressor, index: functions of (observation, prediction, light, context) giving images; group: function
     of an observation: draws are predicted from other groups; grid: function of an observation: the shape in which indices lie, and
-    how many steps lie between independent draws; parameter: the effect's parameter that is its deviation."""
+    how many steps lie between independent draws; parameter: the effect's parameter that is its deviation; in_pose: draws last
+    as long as the rig stands still, as does the misplacement of edges, which therefore do not count."""
 
     parameter: str
     regressor: object
@@ -36,6 +38,7 @@ class StaticPart:
     group: object
     grid: object
     sparse: bool = False
+    in_pose: bool = False
 
 
 def _pose(o):
@@ -110,7 +113,7 @@ PARTS = {
         StaticPart("pixel_dn", _ones, _pixel, _pose, _pixel_grid),
     ),
     "hot_pixels": (StaticPart("rate_dn_per_s", _exposure, _pixel, _pose, _pixel_grid, sparse=True),),
-    "speckle_static": (StaticPart("contrast", _dots, _pixel_of_pose, lambda o: o.frame.id, _pixel_grid),),
+    "speckle_static": (StaticPart("contrast", _dots, _pixel_of_pose, lambda o: o.frame.id, _pixel_grid, in_pose=True),),
     "dot_gain_spread": (StaticPart("spread", _dots, _dot, _pose, _dot_grid),),
 }
 
@@ -145,7 +148,7 @@ def fit_static(effect_id, train, test, black_dn):
         if variance <= 0 or not (part.sparse or _is_white(total_a, total_b, variance, *part.grid(train[0][0]))):
             sigma[part.parameter] = 0.0
             continue
-        explained += variance * float(np.mean([(row.weight * row.z**2).mean() for row in rows]))
+        explained += variance * float(np.mean([(o.weight * row.z**2).mean() for row, (o, *_) in zip(rows, train, strict=True)]))
         now = [_corrected(row, rows, total_a, total_b, variance, part.sparse) for row in rows]
         tests = [_row_of(part, o, image - black_dn, dots, r, context) for (o, image, dots, _), r in zip(test, now_test, strict=True)]
         now_test = [_predicted(row, total_a, total_b, variance, part.sparse) for row in tests]
@@ -174,7 +177,8 @@ class _Row:
 
 
 def _row_of(part, o, image, dots, residual, context):
-    return _Row(part.group(o), part.index(o, context), part.regressor(o, image, dots), residual, o.weight)
+    weight = np.where(edges(o), 0.0, o.weight) if part.in_pose else o.weight
+    return _Row(part.group(o), part.index(o, context), part.regressor(o, image, dots), residual, weight)
 
 
 def _is_white(total_a, total_b, variance, shape, steps):
@@ -280,16 +284,17 @@ def worst_image(train):
 
 
 def white_rest(train):
-    """Variance that stays between repeats of a view and is white over the image, in floors; 0 where it is not white.
+    """Variance that stays between repeats of a view and is white over the image, edges left out, in floors; 0 where it is not white.
 
     Grains are white, and so is the renderer's own Monte Carlo noise; shifted, dimmed or blurred dots are not."""
     by_view = {}
     for o, _, _, r in train:
-        by_view.setdefault((_pose(o), o.frame.exposure_gain, o.frame.projector_power, o.eye), []).append(r * np.sqrt(o.weight))
+        view = _pose(o), o.frame.exposure_gain, o.frame.projector_power, o.eye
+        by_view.setdefault(view, []).append(np.where(edges(o), np.nan, r * np.sqrt(o.weight)))
     same, beside, count = 0.0, np.zeros(2), 0
     for first, second, *_ in (group for group in by_view.values() if len(group) > 1):
-        same += (first * second).mean()
-        beside += [(first[:, 1:] * second[:, :-1]).mean(), (first[1:] * second[:-1]).mean()]
+        same += np.nanmean(first * second)
+        beside += [np.nanmean(first[:, 1:] * second[:, :-1]), np.nanmean(first[1:] * second[:-1])]
         count += 1
     white = count > 0 and same > 0 and np.abs(beside).max() < _WHITE_LIMIT * same
     return min(float(same / count), _LARGEST_WHITE) if white else 0.0

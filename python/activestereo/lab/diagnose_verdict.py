@@ -7,6 +7,8 @@ _MARGIN_NATS = 5.0
 # Practical size: share of the error above the floor that must go, and the least fall of the mean square in units of the floor's.
 _SMALLEST_SHARE = 0.10
 _SMALLEST_GAIN_FLOORS = 0.01
+# The same of the error in DN as it is: what only the brightest pixels show is little beside their noise, and much of the picture's error.
+_SMALLEST_PLAIN_SHARE, _SMALLEST_PLAIN_FLOORS = 0.25, 0.05
 # Of the disparity error's mean square: engines differ by themselves.
 _SMALLEST_DEPTH_SHARE = 0.03
 _CONSISTENT = 0.7
@@ -22,17 +24,20 @@ _CERTAIN = 3.0
 _TEMPERATURE, _FLOOR_KNOWN_TO = 0.1, 0.01
 
 
-def passes(ranking, entry):
-    """Whether an entry may be named: significant among all tried, of practical size, and better wherever it acts."""
+def is_significant(ranking, entry):
+    """Whether an entry's gain is beyond chance among all tried, and an improvement wherever it acts."""
     threshold = _MARGIN_NATS + np.log(max(len(ranking.entries), 1))
+    return entry.nats > threshold and entry.consistency >= _CONSISTENT
+
+
+def passes(ranking, entry):
+    """Whether an entry may be named: significant, and of practical size."""
     if entry.channel == "depth" and not ranking.at_floor:
         return False  # first what the images show: the engine matched those
-    return (
-        entry.nats > threshold
-        and entry.explained >= (_SMALLEST_DEPTH_SHARE if entry.channel == "depth" else _SMALLEST_SHARE)
-        and entry.gain_floors >= _SMALLEST_GAIN_FLOORS
-        and entry.consistency >= _CONSISTENT
-    )
+    share = _SMALLEST_DEPTH_SHARE if entry.channel == "depth" else _SMALLEST_SHARE
+    large = entry.explained >= share and entry.gain_floors >= _SMALLEST_GAIN_FLOORS
+    plain = entry.plain_share >= _SMALLEST_PLAIN_SHARE and entry.plain_floors >= _SMALLEST_PLAIN_FLOORS
+    return is_significant(ranking, entry) and (large or plain)
 
 
 def left(ranking, entry):

@@ -22,7 +22,7 @@ from activestereo.lab.diagnose_score import (
     told,
 )
 from activestereo.lab.diagnose_static import PARTS, fit_static, structure, white_rest, worst_image
-from activestereo.lab.diagnose_verdict import passes
+from activestereo.lab.diagnose_verdict import is_significant, passes
 from activestereo.lab.parsimony import simplified
 
 # A fit on the scan's images that gains less than this share of chi2 is not polished on all images.
@@ -61,6 +61,7 @@ class Ranking:
         chosen = [e for e in candidates if e.id not in known]
         self.entries = self._fit_all([e for e in chosen if e.stage <= Stage.DIGITAL], workers, progress)
         self._score()
+        self._size_up()
         self._simplify_best()
         self.entries += self._beside([e for e in chosen if e not in {entry.effect for entry in self.entries}])
         self.entries.sort(key=lambda e: (not passes(self, e), e.channel == "depth" and not self.at_floor, -e.nats - prior_nats(e)))
@@ -168,6 +169,17 @@ class Ranking:
             entry.parameters[p.name] = {"value": value, "low": low, "high": high, "unit": p.unit}
         return entry
 
+    def _size_up(self):
+        """The plain error's fall, of the best few fits where none is of practical size by its weights."""
+        fits = sorted((e for e in self.entries if e.solution is not None and is_significant(self, e)), key=lambda e: -e.nats)
+        if not fits or any(passes(self, e) for e in self.entries):
+            return
+        floor = sum(self.evidence.floors[o.key] * o.measured.size for o in self.evidence.train)
+        before = _square(self._base_rows)
+        for e in fits[:_POLISHED]:
+            fall = before - _square(self.rows(self.evidence.train, e.solution))
+            e.plain_share, e.plain_floors = fall / max(before - floor, 1e-9 * floor), fall / floor
+
     def _simplify_best(self):
         best = max((e for e in self.entries if e.solution is not None and passes(self, e)), key=lambda e: e.nats, default=None)
         if best is not None:
@@ -257,3 +269,7 @@ def _fitters(evidence):
 
 def _key(model):
     return tuple((e, tuple(values.items())) for e, values in model.effects)
+
+
+def _square(rows):
+    return float(sum((r.astype(np.float64) ** 2).sum() for *_, r in rows))
