@@ -18,8 +18,8 @@ class Entry:
     """One explanation of the train frames. chi2: cross-validated; tile_chi2: in-sample, by tile; frame_gain: relative fall of each
     frame's chi2 that the effect touches; parameters: {name: {value, low, high, unit}}; explained: share of the chi2 above the floor.
 
-    plain_share, plain_floors: explained and gain_floors of the error in DN as it is, not weighed by its expected variance; computed
-    where these decide. channel: what it is judged on: "infrared" (expected images), "noise" (repeats) or "depth" (the device's disparity); of the last two
+    plain_share, plain_floors: explained and gain_floors of the error in DN as it is, not weighed by its expected variance; None
+    where it was not looked at. channel: what it is judged on: "infrared" (expected images), "noise" (repeats) or "depth" (the device's disparity); of the last two
     chi2 is the base's, and explained is a share of the noise's or the disparity error's variance."""
 
     effect: object
@@ -31,7 +31,7 @@ class Entry:
     nats: float = 0.0
     explained: float = 0.0
     gain_floors: float = 0.0
-    plain_share: float = 0.0
+    plain_share: float | None = None
     plain_floors: float = 0.0
     consistency: float = 1.0
     channel: str = "infrared"

@@ -7,8 +7,9 @@ _MARGIN_NATS = 5.0
 # Practical size: share of the error above the floor that must go, and the least fall of the mean square in units of the floor's.
 _SMALLEST_SHARE = 0.10
 _SMALLEST_GAIN_FLOORS = 0.01
-# The same of the error in DN as it is: what only the brightest pixels show is little beside their noise, and much of the picture's error.
-_SMALLEST_PLAIN_SHARE, _SMALLEST_PLAIN_FLOORS = 0.25, 0.05
+# The same of the error in DN as it is: what only the brightest pixels show is little beside their noise, and much of the picture's
+# error. And what leaves that error as it was is a patch for something else.
+_SMALLEST_PLAIN_SHARE, _SMALLEST_PLAIN_FLOORS, _PATCH_SHARE = 0.25, 0.05, 0.03
 # Of the disparity error's mean square: engines differ by themselves.
 _SMALLEST_DEPTH_SHARE = 0.03
 _CONSISTENT = 0.7
@@ -36,8 +37,10 @@ def passes(ranking, entry):
         return False  # first what the images show: the engine matched those
     share = _SMALLEST_DEPTH_SHARE if entry.channel == "depth" else _SMALLEST_SHARE
     large = entry.explained >= share and entry.gain_floors >= _SMALLEST_GAIN_FLOORS
-    plain = entry.plain_share >= _SMALLEST_PLAIN_SHARE and entry.plain_floors >= _SMALLEST_PLAIN_FLOORS
-    return is_significant(ranking, entry) and (large or plain)
+    if entry.plain_share is not None:
+        large = large and entry.plain_share >= _PATCH_SHARE
+        large = large or (entry.plain_share >= _SMALLEST_PLAIN_SHARE and entry.plain_floors >= _SMALLEST_PLAIN_FLOORS)
+    return large and is_significant(ranking, entry)
 
 
 def left(ranking, entry):

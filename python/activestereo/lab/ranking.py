@@ -32,6 +32,8 @@ _WORTH_STEPS = 4e-3
 _POLISH, _SCAN_STEPS = 6, 5
 # Polished are the first few, and all whose scan gained this share of the best's; below the other share they are left out.
 _POLISHED, _CLOSE, _HOPELESS = 3, 0.4, 0.01
+# Of so many the error in DN is looked at.
+_SIZED = 5
 # A scan knows an effect's gain coarsely: what gains less than this share of the best scan is not fitted.
 _OUT_OF_REACH = 0.03
 # Parts of the time, for the progress; polishing takes the rest.
@@ -170,13 +172,11 @@ class Ranking:
         return entry
 
     def _size_up(self):
-        """The plain error's fall, of the best few fits where none is of practical size by its weights."""
+        """The fall of the error in DN, of the best few fits."""
         fits = sorted((e for e in self.entries if e.solution is not None and is_significant(self, e)), key=lambda e: -e.nats)
-        if not fits or any(passes(self, e) for e in self.entries):
-            return
         floor = sum(self.evidence.floors[o.key] * o.measured.size for o in self.evidence.train)
         before = _square(self._base_rows)
-        for e in fits[:_POLISHED]:
+        for e in fits[:_SIZED]:
             fall = before - _square(self.rows(self.evidence.train, e.solution))
             e.plain_share, e.plain_floors = fall / max(before - floor, 1e-9 * floor), fall / floor
 
