@@ -13,8 +13,6 @@ def seen_by(device, **fields):
     stage.boxes()
     stage.ball(y=-0.2, radius=0.35, roughness=0.2)
     stage.camera_fields = fields
-    # The denoiser puts back the edges of pixel centres, which blur would have none of.
-    stage.options.update(denoise="none", spp=4 * stage.options["spp"])
     return stage.picture()
 
 
@@ -46,5 +44,4 @@ def moving_things(device):
     squares = stage.material(specular=0.0, base_color_texture=stage.texture(checker(4), srgb=True))
     stage.add(box((0.34, 0.34, 0.34)), squares, at(0.75, 0.1, 0.34), angular_velocity=(0.0, 0.0, np.deg2rad(250)))
     stage.camera_fields = {"exposure_s": 0.1}
-    stage.options.update(denoise="none", spp=12 * stage.options["spp"])
     return stage.picture()

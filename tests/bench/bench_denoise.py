@@ -141,7 +141,7 @@ def measure(device, kind, reference_spp):
     return out
 
 
-def picture(results, path):
+def picture(results, path, reference_spp):
     import matplotlib
 
     matplotlib.use("Agg")
@@ -153,7 +153,7 @@ def picture(results, path):
         for axis, name in zip(row, columns):
             image = result[name] if name == "truth" else result[name]["image"]
             axis.imshow(np.clip(image, 0, 1) ** (1 / 2.2), cmap="gray", vmin=0, vmax=1)
-            axis.set_title(f"{kind}: {name} spp" if name != "truth" else f"{kind}: 4096 spp", fontsize=9)
+            axis.set_title(f"{kind}: {name} spp" if name != "truth" else f"{kind}: {reference_spp} spp", fontsize=9)
             axis.axis("off")
     figure.tight_layout()
     figure.savefig(path, dpi=55, pil_kwargs={"optimize": True})
@@ -179,7 +179,7 @@ def main():
             errors = f"{plain[light]:.4f} | {many[light]:.4f} | {filtered[light]:.4f} | {ratio:.2f} | {oidn}"
             print(f"| {kind} | {light} | {errors} | {kept} | {times if kept else ''} |", flush=True)
     if arguments.picture:
-        picture(results, arguments.picture)
+        picture(results, arguments.picture, arguments.reference)
 
 
 if __name__ == "__main__":
