@@ -18,6 +18,7 @@ _LIKELIHOOD_DROP = 1.353
 _STEPS = np.arange(1.5, 32.01, 0.02)
 _OFFSETS = np.arange(8) / 8
 _COMB_SHARE = 0.995
+_LARGEST_CORRELATION = 0.4
 _LEAST_LEVELS = 6
 _GRID = np.geomspace(1e-3, 20.0, 400)
 
@@ -68,12 +69,14 @@ def _comb(evidence):
 
 def _rows(evidence):
     """Rows of a frame that share an offset: marginal likelihood of the differences of repeats."""
-    weight, moment, pixels = [], [], 0
+    weight, moment, pixels, beside, both = [], [], 0, 0.0, 0.0
     for first, second in _pairs(evidence.train):
         w = 0.5 * (first.weight + second.weight)
         difference = (first.measured.astype(np.float64) - second.measured) / np.sqrt(2.0)
         weight.append(w.sum(axis=1))
         moment.append((w * difference).sum(axis=1))
+        beside += float(moment[-1][1:] @ moment[-1][:-1])
+        both += float(weight[-1][1:] @ weight[-1][:-1])
         pixels += difference.size
     if not weight:
         return None
@@ -83,6 +86,8 @@ def _rows(evidence):
     best = int(nats.argmax())
     if nats[best] <= 0:
         return NoiseFit(0.0, 0.0, {"sigma_dn": (0.0, 0.0, float(_GRID[nats > -_LIKELIHOOD_DROP].max(initial=_GRID[0])))})
+    if beside > _LARGEST_CORRELATION * both * _GRID[best] ** 2:
+        return None  # bands of light that flickers: rows of noise know nothing of each other
     inside = _GRID[nats > nats[best] - _LIKELIHOOD_DROP]
     return NoiseFit(float(nats[best]), float(_GRID[best] ** 2), {"sigma_dn": (float(_GRID[best]), float(inside[0]), float(inside[-1]))})
 
