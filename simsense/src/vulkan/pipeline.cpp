@@ -121,7 +121,7 @@ void VulkanPipeline::record(ks::Commands& commands, const DeviceFrame& frame, co
   for (uint32_t n = 0; n < rig_.batch_count; n += pairs_at_once()) {
     const float share = static_cast<float>(n) / static_cast<float>(rig_.batch_count);
     if (settings.progress && settings.progress(settings.progress_user, share))
-      ks::fail(KS_ERROR_CANCELLED, "cancelled by the progress callback before pair %u of %u", n, rig_.batch_count);
+      ks::fail(KS_ERROR_CANCELLED, "cancelled by the progress callback before pair %u of %u", n + 1, rig_.batch_count);
     record_pairs(commands, frame, {n, std::min(pairs_at_once(), rig_.batch_count - n)}, settings);
   }
 }
