@@ -27,7 +27,8 @@ Spectrum light_texel(IN(SceneAddresses) scene, uint texture, vec2 uv) {
 
 /// Equirectangular: the middle column looks along the frame's +z, columns go towards +x, row 0 looks along -y (up).
 vec2 sphere_uv(vec3 d) {
-  return vec2(0.5f + atan(d.x, d.z) * (0.5f / pi), acos(clamp(-d.y, -1.0f, 1.0f)) / pi);
+  float azimuth = d.x == 0.0f && d.z == 0.0f ? 0.0f : atan(d.x, d.z);  // GLSL leaves atan(0, 0) open
+  return vec2(0.5f + azimuth * (0.5f / pi), acos(clamp(-d.y, -1.0f, 1.0f)) / pi);
 }
 
 vec3 sphere_direction(vec2 uv) {

@@ -11,13 +11,14 @@ vec4 texel(IN(TextureRecord) t, uint x, uint y) {
   return uintBitsToFloat(uvec4(t.texels.at[i], t.texels.at[i + 1u], t.texels.at[i + 2u], t.texels.at[i + 3u]));
 }
 
-/// uv in [0,1] covers the image; v grows downwards.
+/// uv in [0,1] covers the image; v grows downwards. A uv that is no number reads some texel of the image.
 vec4 texture_repeat(IN(TextureRecord) t, vec2 uv) {
   vec2 size = vec2(t.width, t.height);
   vec2 p = fract(uv) * size - 0.5f;
   vec2 base = floor(p);
   vec2 f = p - base;
-  uint x0 = base.x < 0.0f ? t.width - 1u : uint(base.x), y0 = base.y < 0.0f ? t.height - 1u : uint(base.y);
+  uint x0 = base.x < 0.0f ? t.width - 1u : min(uint(base.x), t.width - 1u);
+  uint y0 = base.y < 0.0f ? t.height - 1u : min(uint(base.y), t.height - 1u);
   uint x1 = x0 + 1u >= t.width ? 0u : x0 + 1u, y1 = y0 + 1u >= t.height ? 0u : y0 + 1u;
   return mix(mix(texel(t, x0, y0), texel(t, x1, y0), f.x), mix(texel(t, x0, y1), texel(t, x1, y1), f.x), f.y);
 }

@@ -7,7 +7,9 @@
 namespace kuafu {
 
 void History::begin(const Launch& launch, const Scene& scene, size_t planes, std::shared_ptr<ks::Buffer>& guides, DenoiseImages& images) {
-  if (views_.size() != launch.views.size() || width_ != launch.width || height_ != launch.height || planes_ != planes) forget();
+  if (std::exchange(scene_, &scene) != &scene || views_.size() != launch.views.size() || width_ != launch.width ||
+      height_ != launch.height || planes_ != planes)
+    forget();
   std::swap(guides_, guides);
   for (auto* pair : {light_, pixels_, places_}) std::swap(pair[0], pair[1]);
   const uint64_t pixels = launch.pixel_count();

@@ -37,6 +37,7 @@ class History {
   std::vector<Pose> poses_;       // by slot, of the last launch that began
   std::vector<View> views_;       // that [0] is of; empty: there is none
   std::vector<View> next_views_;  // of this launch, until it has got that far
+  const Scene* scene_ = nullptr;  // of the last launch: instances of another one have ids of their own
   uint32_t width_ = 0, height_ = 0;
   size_t planes_ = 0;
   bool has_last_ = false;

@@ -70,8 +70,8 @@ double relative_error(const ks::Buffer& variance, const ks::Buffer& radiance, ui
     sum += pixel;
     squares += pixel * pixel;
   }
-  if (!(sum > 0.0)) return 0.0;
-  if (!std::isfinite(sum)) return sum;
+  if (!std::isfinite(sum)) return std::numeric_limits<double>::infinity();
+  if (sum <= 0.0) return 0.0;
   // Satterthwaite 1946: the mean's own variance, from the scatter of the pixels, and at least what Gaussian replicates have.
   const auto n = double(pixels);
   const double scatter = pixels > 1 ? (squares - sum * sum / n) / (n - 1.0) : 0.0;
