@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.linalg import expm
-from scipy.ndimage import binary_dilation, maximum_filter, minimum_filter
+from scipy.ndimage import binary_dilation, map_coordinates, maximum_filter, minimum_filter
 
 import lab_worlds  # noqa: F401  (puts the worlds on the path)
 from activestereo.capture import Camera, Frame, Projector, Rig
@@ -80,10 +80,15 @@ def test_flat_light_times_pattern_is_the_direct_light(nominal):
     assert np.sqrt(np.mean(error**2)) < 0.05 * light.direct.std()
 
 
-def test_pattern_scale_drift_is_a_magnified_pattern(nominal):
+def test_pattern_scale_drift_spreads_the_diffraction_orders(nominal):
+    """Truth: each pattern pixel shows the order whose angle from the axis had a sine 1 % smaller."""
     light, view = nominal
-    magnified = PROJECTOR_K * np.array([[1 / 1.01, 1, 1], [1, 1 / 1.01, 1], [1, 1, 1]])  # fewer pattern pixels per radian
-    truth, _ = seen(projector_K=magnified)
+    rows, columns = np.mgrid[0:200, 0:320].astype(float)
+    x, y = (columns - PROJECTOR_K[0, 2]) / PROJECTOR_K[0, 0], (rows - PROJECTOR_K[1, 2]) / PROJECTOR_K[1, 1]
+    angle, azimuth = np.arctan(np.hypot(x, y)), np.arctan2(y, x)
+    radius = np.tan(np.arcsin(np.sin(angle) / 1.01))
+    places = [radius * np.sin(azimuth) * PROJECTOR_K[1, 1] + PROJECTOR_K[1, 2], radius * np.cos(azimuth) * PROJECTOR_K[0, 0] + PROJECTOR_K[0, 2]]
+    truth, _ = seen(pattern=map_coordinates(PATTERN, places, order=1))
     assert unexplained(light, truth, EFFECTS["pattern_scale_drift"](light, view, scale=0.01)) < 0.12
 
 
