@@ -20,8 +20,9 @@ _UNEXPLAINED_FLOORS = 0.12
 _STRUCTURED_SHARE = 0.2
 # Equivalence: as much left above the floor, within these, cannot be told apart by a model that is itself approximate.
 _SAME_EXCESS_RATIO, _SAME_EXCESS_FLOORS = 1.2, 0.002
-# Temperature of the confidence's softmax over log excess, and how well the floor itself is known.
-_CERTAIN = 3.0
+# How often the truth is among what may be named; temperature of the confidence's softmax over log excess, and how well the floor
+# itself is known.
+_NAMED = 0.95
 _TEMPERATURE, _FLOOR_KNOWN_TO = 0.1, 0.01
 
 
@@ -64,14 +65,24 @@ def equivalents(ranking, entry):
 
 
 def confidences(ranking):
-    """{id: probability}: a softmax of minus log of what each leaves above the floor; 'none' takes part."""
-    excess = np.array([left(ranking, e) for e in [*ranking.entries, ranking.base]]) + _FLOOR_KNOWN_TO
-    logits = -np.log(excess) / _TEMPERATURE
-    for i, e in enumerate(ranking.entries):
-        if e.channel != "infrared":  # no rival in the expected images
-            logits[i] = logits.max() + _CERTAIN if passes(ranking, e) else logits.min()
+    """{id: probability of being what is missing}: a softmax of minus log of what each leaves above the floor, among those that may
+    be named, which together have _NAMED; the others share the rest with 'none', or all where nothing may be named.
+
+    Noise and the depth engine have evidence of their own: no rivals of what is missing in the expected images."""
+    rivals = [e for e in ranking.entries if e.channel == "infrared"]
+    weights = _softmax(ranking, [*rivals, ranking.base])
+    named = np.array([passes(ranking, e) for e in rivals] + [False])
+    if named.any():
+        weights[named] *= _NAMED / weights[named].sum()
+        weights[~named] *= (1.0 - _NAMED) / weights[~named].sum()
+    out = {e.id: float(w) for e, w in zip(rivals, weights, strict=False)}
+    return out | {e.id: _NAMED if passes(ranking, e) else 0.0 for e in ranking.entries if e.channel != "infrared"}
+
+
+def _softmax(ranking, entries):
+    logits = -np.log(np.array([left(ranking, e) for e in entries]) + _FLOOR_KNOWN_TO) / _TEMPERATURE
     weights = np.exp(logits - logits.max())
-    return {e.id: float(w) for e, w in zip(ranking.entries, weights / weights.sum(), strict=False)}
+    return weights / weights.sum()
 
 
 def is_unexplained(ranking, entry, first_excess):

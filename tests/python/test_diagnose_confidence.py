@@ -1,0 +1,34 @@
+"""Confidences: what may be named shares nearly all, the depth engine's faults are no rivals of what the images lack."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from activestereo.lab import diagnose_verdict
+from activestereo.lab.diagnose_verdict import confidences
+
+
+def entry(name, chi2, channel="infrared"):
+    return SimpleNamespace(id=name, chi2=chi2, channel=channel)
+
+
+def told(monkeypatch, entries, may_be_named):
+    monkeypatch.setattr(diagnose_verdict, "passes", lambda _, e: e.id in may_be_named)
+    return confidences(SimpleNamespace(entries=entries, base=entry(None, 900.0), floor_chi2=100.0, pixels=100))
+
+
+def test_a_fault_of_the_depth_engine_takes_nothing_from_what_the_images_lack(monkeypatch):
+    found = told(monkeypatch, [entry("shutter", 101.0), entry("blur", 800.0), entry("locking", 50.0, "depth")], {"shutter", "locking"})
+    assert found["shutter"] == pytest.approx(0.95)
+    assert found["locking"] == pytest.approx(0.95)
+    assert found["blur"] < 0.05
+
+
+def test_what_explains_alike_shares(monkeypatch):
+    found = told(monkeypatch, [entry("laser", 110.0), entry("grating", 110.0), entry("blur", 800.0)], {"laser", "grating"})
+    assert found["laser"] == found["grating"] == pytest.approx(0.475)
+
+
+def test_where_nothing_may_be_named_none_takes_part(monkeypatch):
+    found = told(monkeypatch, [entry("laser", 899.0), entry("locking", 50.0, "depth")], set())
+    assert 0.3 < found["laser"] < 0.55 and found["locking"] == 0.0
