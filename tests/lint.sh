@@ -9,7 +9,7 @@ cd "$root"
 git ls-files '*.h' '*.c' '*.cpp' | grep -v '^kuafu/shaders/' | xargs clang-format --dry-run -Werror
 echo "== clang-format: clean"
 base=${LINT_BASE:-$(git rev-parse --verify -q HEAD~1 || git rev-parse HEAD)}
-changed=$(git diff --name-only --diff-filter=d "$base" -- '*.cpp' | grep -v '^tests/' | xargs -r grep -L '#include "pathtrace/host_\(language.h\|shade.inc\|aov.inc\)"' || true)
+changed=$(git diff --name-only --diff-filter=d "$base" -- '*.cpp' | grep -v '^tests/' | xargs -r grep -L '#include "pathtrace/host_\(language.h\|shade.inc\|scatter.inc\|aov.inc\)"' || true)
 if [ -n "$changed" ]; then
   build_all
   echo "$changed" | xargs -P "$(nproc)" -n 1 clang-tidy --quiet -p build 2>/dev/null

@@ -76,7 +76,7 @@ MatchParameters match_parameters(const simsense_parameters& p) {
   m.census = p.census_kind == SIMSENSE_CENSUS_PLAIN ? CensusKind::plain : CensusKind::center_symmetric;
   m.census_width = p.census_width;
   m.census_height = p.census_height;
-  m.census_contrast = std::min(255u, static_cast<uint32_t>(p.census_contrast * 256.0f + 0.5f));
+  m.census_contrast = std::min(255u, static_cast<uint32_t>(std::lround(p.census_contrast * 256.0f)));
   m.max_disparity = p.max_disparity;
   m.min_disparity = p.min_disparity;
   m.path_count = p.path_count == 8 ? 8 : 4;
