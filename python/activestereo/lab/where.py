@@ -41,12 +41,12 @@ def _table(channel, unit, samples, explainable, covariate, bootstrap, name_of):
     p_value = _p_value(columns, overall)
     count = pixels.sum(0)
     floor = sums(samples.floor).sum(0) / np.maximum(count, 1)
-    share, bin_share = count / count.sum(), excess * count
+    share = count / count.sum()
+    total = np.nansum(share * excess)
     concentration = mean_share = None
-    if explainable:
-        bin_share = bin_share / bin_share.sum()
-        concentration = float(np.nansum(np.maximum(bin_share - share, 0.0)))
-        mean_share = float(np.nansum(share * np.maximum(mean**2 - np.nanvar(mean_draws, axis=0), 0.0)) / np.nansum(share * excess))
+    if explainable and total > 0:  # pixels without this covariate may hold all of it
+        concentration = float(np.nansum(np.maximum(share * excess / total - share, 0.0)))
+        mean_share = float(np.nansum(share * np.maximum(mean**2 - np.nanvar(mean_draws, axis=0), 0.0)) / total)
     return {
         "channel": channel,
         "unit": unit,
