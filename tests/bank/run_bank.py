@@ -58,7 +58,7 @@ def _arguments():
 
 
 def _run_all(waiting, args):
-    started, seconds = time.monotonic(), []
+    started = time.monotonic()
     cores = sorted(os.sched_getaffinity(0))
     context = multiprocessing.get_context("spawn")
     lock_ids = context.Queue()
@@ -67,7 +67,6 @@ def _run_all(waiting, args):
     with context.Pool(args.jobs, initializer=_take_cores, initargs=(lock_ids,)) as pool:
         tasks = [(item, args.out.resolve(), args.survey, args.command, args.timeout, args.keep) for item in waiting]
         for done, (item_id, run) in enumerate(pool.imap_unordered(_run_one, tasks), 1):
-            seconds.append(run["diagnose_s"])
             left = (time.monotonic() - started) / done * (len(waiting) - done)
             what = run["said"] if run["returncode"] == 0 else f"failed ({run['returncode']})"
             print(f"[{done}/{len(waiting)}] {item_id}: {run['diagnose_s']:.0f} s, {what}; {_duration(left)} left", flush=True)

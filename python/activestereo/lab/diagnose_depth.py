@@ -13,14 +13,13 @@ from scipy.optimize import minimize
 from activestereo.effects import Stage
 from activestereo.lab.depth_compare import model_depths
 from activestereo.lab.diagnose_data import TILE_PX
-from activestereo.lab.diagnose_score import design_effect
+from activestereo.lab.diagnose_score import Z90, design_effect
 
 _LARGEST_ERROR_PX = 1.0
 _STARTS = (-1.0, 0.3, 1.0, 3.0)
 _EVALUATIONS = 60
 # Nodes, in deviations, and weights of Gauss and Hermite's rule for a normal mean.
 _NODES = ((-np.sqrt(3.0), 1 / 6), (0.0, 2 / 3), (np.sqrt(3.0), 1 / 6))
-_Z90 = 1.645
 # Neighbouring disparities of two engines differ alike within this factor; a filter makes the device's differ less.
 _ENGINES_DIFFER = 1.7
 
@@ -126,7 +125,7 @@ class DepthEvidence:
             moved = [np.where(np.arange(len(found)) == i, np.clip(found[i] + side * step, p.low, p.high), found) for side in (-1, 1)]
             curve = sum(s.sum() for m in moved for s in self._squares(candidate, m)) - 2 * after
             error = step * np.sqrt(2 * deff * (after / pixels) / curve) if curve > 0 else p.high - p.low
-            values[p.name] = tuple(float(np.clip(v, p.low, p.high)) for v in (found[i], found[i] - _Z90 * error, found[i] + _Z90 * error))
+            values[p.name] = tuple(float(np.clip(v, p.low, p.high)) for v in (found[i], found[i] - Z90 * error, found[i] + Z90 * error))
         return DepthFit(float(nats), float(1.0 - after / before), float(better), values)
 
     def _fit_smoothness(self, candidate):

@@ -10,13 +10,11 @@ from functools import cached_property
 import numpy as np
 
 from activestereo.effects import Randomness, Stage
-from activestereo.lab.diagnose_light import AllPixels, LightMemory, exposed
+from activestereo.lab.diagnose_light import DENSE, SCALES, AllPixels, LightMemory, exposed
 from activestereo.lab.diagnose_sums import Pixels, Sums
 from activestereo.lab.fit import Nuisances
 
 _STEP = 0.02
-# Of the nuisances phi: projector scale, ambient scale, black level; then those with priors: focal length by eye, albedos.
-_SCALES, _DENSE = 3, 5
 # Parameters are held by a prior this many ranges wide: it only breaks ties.
 _PRIOR_RANGES = 3.0
 # Those that are held, by one so many ranges wide.
@@ -72,11 +70,11 @@ class Solution:
 
     @property
     def nuisances(self):
-        return Nuisances(*map(float, self.phi[:_SCALES]))
+        return Nuisances(*map(float, self.phi[:SCALES]))
 
     @property
     def albedo(self):
-        return self.phi[_DENSE:]
+        return self.phi[DENSE:]
 
 
 class Fitter:
@@ -91,7 +89,7 @@ class Fitter:
 
     @cached_property
     def _pixels(self):
-        return [Pixels(o, len(self._held_sigma) - (_DENSE - _SCALES)) for o in self.observations]
+        return [Pixels(o, len(self._held_sigma) - (DENSE - SCALES)) for o in self.observations]
 
     def phi0(self, nuisances):
         return np.concatenate([nuisances.vector(), np.zeros(len(self._held_sigma))])
@@ -107,7 +105,7 @@ class Fitter:
             image = exposed(model, pixels, light, phi)[0]
             rest = (pixels.measured - _with_focal(image, pixels, phi)) * pixels.root_weight
             total += float(rest @ rest)
-        return total + float(((phi[_SCALES:] / self._held_sigma) ** 2).sum())
+        return total + float(((phi[SCALES:] / self._held_sigma) ** 2).sum())
 
     def linearise(self, play, theta, phi, lights, free_theta=True):
         """Sums at (theta, phi). Columns: theta (if free), then phi."""
@@ -145,7 +143,7 @@ class Fitter:
             columns += scale_columns
             none, is_right = np.zeros(image.shape), pixels.observation.view.is_right
             columns += [none, pixels.focal_slope] if is_right else [pixels.focal_slope, none]
-            yield pixels, columns, pixels.measured - image - phi[_SCALES + is_right] * pixels.focal_slope
+            yield pixels, columns, pixels.measured - image - phi[SCALES + is_right] * pixels.focal_slope
 
     def covariance(self, solution):
         """Of theta, [n][n]: the sandwich over clusters that share errors (Liang and Zeger 1986): blocks of an eye's image, repeats and
@@ -160,7 +158,7 @@ class Fitter:
     def solve(self, sums, phi, n_theta, play, theta, damping):
         """The damped Gauss-Newton step in (theta, phi)."""
         prior = self.prior(n_theta, play)
-        offset = np.concatenate([theta[:n_theta] - play.neutral[:n_theta], np.zeros(_SCALES), phi[_SCALES:]])
+        offset = np.concatenate([theta[:n_theta] - play.neutral[:n_theta], np.zeros(SCALES), phi[SCALES:]])
         gram, moment = sums.gram.sum(0) + np.diag(prior), sums.moment.sum(0) - prior * offset
         norm = np.sqrt(np.maximum(np.diag(gram), 1e-300))
         scaled = gram / np.outer(norm, norm) + damping * np.eye(len(norm))
@@ -169,7 +167,7 @@ class Fitter:
     def prior(self, n_theta, play):
         """Precisions of the priors: wide for effects, none for scales and black level, the albedo's own."""
         width = np.where(play.held, _HELD, _PRIOR_RANGES)[:n_theta] * (play.high - play.low)[:n_theta]
-        return np.concatenate([1.0 / width**2, np.zeros(_SCALES), 1.0 / self._held_sigma**2])
+        return np.concatenate([1.0 / width**2, np.zeros(SCALES), 1.0 / self._held_sigma**2])
 
     def nuisance_fit(self, play, theta, phi, lights, rounds):
         """phi refitted at fixed theta, and chi2; with rounds = 1 the model is taken to be linear in phi."""
@@ -227,5 +225,5 @@ def signal(model, observation, light, phi):
 def _with_focal(image, pixels, phi):
     """Clipped where the focal length moves it: the expected image itself ends at the range's ends already."""
     view = pixels.observation.view
-    focal = phi[_SCALES + view.is_right]
+    focal = phi[SCALES + view.is_right]
     return np.minimum(np.maximum(image + focal * pixels.focal_slope, 0.0), view.max_dn) if focal else image

@@ -10,7 +10,8 @@ from activestereo.effects.core.model import acted, scales
 
 # Lights that are remembered, per observation: those of a model's first effects, before the last one.
 _REMEMBERED = 3
-_SCALES, _DENSE = 3, 5
+# Of the nuisances phi: projector scale, ambient scale, black level; then those with priors: focal length by eye, albedos.
+SCALES, DENSE = 3, 5
 _STEP = 1e-3
 
 
@@ -87,8 +88,8 @@ def _sent(pixels, light, phi):
     """DN per projector and ambient scale, with each material's relative albedo correction: it scales all light that the material sends."""
     levels = scales(pixels.observation.view.frame)
     gain = 1.0
-    if phi[_DENSE:].any():
-        gain = np.append(1.0 + phi[_DENSE:], 1.0)[pixels.material]
+    if phi[DENSE:].any():
+        gain = np.append(1.0 + phi[DENSE:], 1.0)[pixels.material]
     return [level * gain * seen for level, seen in zip(levels, light.seen(pixels.index), strict=True)]
 
 
@@ -102,12 +103,12 @@ def _through_sensor(model, pixels, light, phi, with_slopes):
         value = projector_scale * projector + ambient_scale * ambient
         return pixels.of(model.digital(value.reshape(shape), view, black_dn))
 
-    here = image(*phi[:_SCALES])
+    here = image(*phi[:SCALES])
     if not with_slopes:
         return here, None
     columns = []
-    for j in range(_SCALES):
-        moved = phi[:_SCALES].copy()
+    for j in range(SCALES):
+        moved = phi[:SCALES].copy()
         step = _STEP * max(abs(phi[j]), 1.0)
         moved[j] += step
         columns.append((image(*moved) - here) / step)

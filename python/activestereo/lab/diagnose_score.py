@@ -7,7 +7,7 @@ import numpy as np
 from activestereo.lab.diagnose_data import FOLDS, TILE_PX
 
 # Normal quantile of a two-sided 90 % interval.
-_Z90 = 1.645
+Z90 = 1.645
 # Formulas and survey are approximate: to this share of what was found (blind worlds with formulas of their own err by 8 % in the
 # median, practice captures by 0.2-5 %).
 _INADEQUACY = 0.07
@@ -82,29 +82,26 @@ def gain_error(base, entry, deff, base_chi2, pixels):
     return 0.5 * pixels / deff * spread / base_chi2
 
 
-def half_width(deviation, found):
-    """Of a 90 % interval: a standard error, and the models' own inadequacy for what was found (value less neutral)."""
-    return _Z90 * float(np.hypot(deviation, _INADEQUACY * found))
+def interval(parameter, value, deviation):
+    """(value, low, high) of a 90 % interval: a standard error, and the models' own inadequacy for what was found."""
+    half = Z90 * float(np.hypot(deviation, _INADEQUACY * (value - parameter.neutral)))
+    return value, value - half, value + half
 
 
 def intervals(fitter, solution, first, candidate):
     """{name: {value, low, high, unit}} of the candidate's parameters, 90 %, clipped to their ranges. first: the index of its first."""
     deviation = np.sqrt(np.maximum(np.diag(fitter.covariance(solution)), 0.0))
-    out = {}
-    for i, p in enumerate(candidate.parameters):
-        value = solution.theta[first + i]
-        error = half_width(deviation[first + i], value - p.neutral)
-        low, high = max(p.low, value - error), min(p.high, value + error)
-        out[p.name] = {"value": float(value), "low": float(low), "high": float(high), "unit": p.unit}
-    return out
+    values = solution.theta[first:]
+    return told(candidate, {p.name: interval(p, v, d) for p, v, d in zip(candidate.parameters, values, deviation[first:], strict=False)})
 
 
 def told(candidate, found):
     """Parameters of an Entry from {name: (value, low, high)}, inside their ranges; neutral and unknown where not found."""
     out = {}
     for p in candidate.parameters:
-        value, low, high = (float(np.clip(v, p.low, p.high)) for v in found.get(p.name, (p.neutral, p.low, p.high)))
-        out[p.name] = {"value": value, "low": low, "high": high, "unit": p.unit}
+        value, low, high = found.get(p.name, (p.neutral, p.low, p.high))
+        low, high = min(max(p.low, low), p.high), max(min(p.high, high), p.low)  # an end that is no number is the range's
+        out[p.name] = {"value": float(np.clip(value, p.low, p.high)), "low": float(low), "high": float(high), "unit": p.unit}
     return out
 
 

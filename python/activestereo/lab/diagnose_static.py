@@ -269,7 +269,7 @@ def structure(train):
     for o, _, _, r in train:
         x = r * np.sqrt(o.weight)
         by_view.setdefault((_pose(o), o.frame.exposure_gain, o.frame.projector_power, o.frame.temperature_c, o.eye), []).append(x)
-        beside += [(x[:, 1:] * x[:, :-1]).mean(), (x[1:] * x[:-1]).mean()]
+        beside += _with_neighbours(x)
     pairs = [(group[0] * group[1]).mean() for group in by_view.values() if len(group) > 1]
     return max(float(np.mean(pairs)) if pairs else 0.0, float(np.abs(beside).max() / len(train)))
 
@@ -279,8 +279,13 @@ def worst_image(train):
     worst = 0.0
     for o, _, _, r in train:
         x = r * np.sqrt(o.weight)
-        worst = max(worst, float((x[:, 1:] * x[:, :-1]).mean()), float((x[1:] * x[:-1]).mean()))
+        worst = max(worst, *map(float, _with_neighbours(x)))
     return worst
+
+
+def _with_neighbours(x):
+    """Covariances of an image's pixels with those beside them and below them."""
+    return (x[:, 1:] * x[:, :-1]).mean(), (x[1:] * x[:-1]).mean()
 
 
 def white_rest(train):

@@ -65,7 +65,7 @@ def _loss(ranking, full):
     return 0.5 * ranking.pixels * float(np.log(behind)) / ranking.deff, (ranking.base.chi2 - full.chi2) / ranking.pixels
 
 
-def pruned(model, evidence, given, phi=None):
+def pruned(model, evidence, given, phi):
     """The model without those added effects that, all others refitted, it does not need. phi: nuisances to start from."""
     if len(model.effects) - given < 2:
         return model
@@ -78,7 +78,7 @@ def pruned(model, evidence, given, phi=None):
     return model
 
 
-def swapped(model, evidence, rivals, given, phi=None):
+def swapped(model, evidence, rivals, given, phi):
     """The model with each earlier effect replaced by the rival that, beside the later ones, explains clearly more."""
     if len(model.effects) - given < 2:
         return model

@@ -15,7 +15,7 @@ from activestereo.lab.diagnose_score import (
     design_effect,
     frame_consistency,
     gain_error,
-    half_width,
+    interval,
     intervals,
     nats_of,
     prior_nats,
@@ -163,12 +163,11 @@ class Ranking:
         for (o, *_), r in zip(train, fit.residuals, strict=True):
             tiles += np.bincount(o.tile.ravel(), (o.weight * r**2).ravel(), minlength=len(tiles))
         entry = Entry(candidate, float(tiles.sum()), tiles, static=fit)
+        found = {}
         for p in candidate.parameters:
             value = fit.share if p.name == "share" else fit.sigma.get(p.name, p.neutral)
-            value = float(np.clip(value, p.low, p.high))
-            error = half_width(fit.error.get(p.name, 0.0), value - p.neutral)
-            low, high = max(p.low, value - error), min(p.high, value + error)
-            entry.parameters[p.name] = {"value": value, "low": low, "high": high, "unit": p.unit}
+            found[p.name] = interval(p, float(np.clip(value, p.low, p.high)), fit.error.get(p.name, 0.0))
+        entry.parameters = told(candidate, found)
         return entry
 
     def _size_up(self):

@@ -19,6 +19,22 @@ kuafu_view_desc rolling(uint32_t width, uint32_t height, double line_time_s, dou
   return view;
 }
 
+/// What a render that must not succeed returns; kuafu_last_error() says why.
+ks_status refusal(World& world, const kuafu_view_desc& view) {
+  const uint64_t shape[4] = {1, view.camera.height, view.camera.width, 1};
+  kuafu_buffer buffer = nullptr;
+  const ks_buffer_create create = ks_buffer_create_init(shape[1] * shape[2] * sizeof(float), KS_BUFFER_HOST_VISIBLE);
+  ok(kuafu_buffer_create(shared_device(), &create, &buffer));
+  const kuafu_output_desc output = kuafu_output_desc_init(KUAFU_OUTPUT_RADIANCE, buffer, ks_image_desc_packed(KS_FORMAT_F32, 4, shape));
+  kuafu_render_desc desc = world.desc();
+  desc.views = &view;
+  desc.outputs = &output;
+  desc.view_count = desc.output_count = 1;
+  const ks_status status = kuafu_renderer_render(world.renderer(), world.scene(), &desc);
+  kuafu_buffer_release(buffer);
+  return status;
+}
+
 /// The edge of a half plane that moves by 3 m/s, seen at 2 m by lines 1 ms apart: 0.15 pixels a line. Its frame is turned and scaled:
 /// twists are not.
 TEST(Motion, rolling_shutter_shears_a_moving_bar) {
@@ -167,20 +183,8 @@ TEST(Motion, rt_pipelines_follow_cameras_and_refuse_instances) {
   EXPECT_LT(relative_difference(pipeline[KUAFU_OUTPUT_RADIANCE], compute[KUAFU_OUTPUT_RADIANCE]), 5e-3);
   World world(KUAFU_TRACER_RT_PIPELINE);
   set_velocity(world, world.add(quad({0, 0, 2}, {-1, 0, 0}, {0, 1, 0}), lambert(0.5f)), {1, 0, 0});
-  kuafu_view_desc view = rolling(8, 8, 1e-3);
-  kuafu_render_desc desc = world.desc();
-  desc.views = &view;
-  desc.view_count = 1;
-  const uint64_t shape[4] = {1, 8, 8, 1};
-  kuafu_buffer buffer = nullptr;
-  const ks_buffer_create create = ks_buffer_create_init(256, KS_BUFFER_HOST_VISIBLE);
-  ok(kuafu_buffer_create(shared_device(), &create, &buffer));
-  const kuafu_output_desc output = kuafu_output_desc_init(KUAFU_OUTPUT_RADIANCE, buffer, ks_image_desc_packed(KS_FORMAT_F32, 4, shape));
-  desc.outputs = &output;
-  desc.output_count = 1;
-  EXPECT_EQ(kuafu_renderer_render(world.renderer(), world.scene(), &desc), KS_ERROR_UNSUPPORTED);
+  EXPECT_EQ(refusal(world, rolling(8, 8, 1e-3)), KS_ERROR_UNSUPPORTED);
   EXPECT_NE(std::string(kuafu_last_error()).find("KUAFU_TRACER_COMPUTE"), std::string::npos) << kuafu_last_error();
-  kuafu_buffer_release(buffer);
 }
 
 TEST(Motion, what_moves_gives_the_same_bits_for_any_thread_count) {
@@ -291,19 +295,8 @@ TEST(Motion, what_cannot_be_is_refused_with_the_numbers) {
   if (!on_cpu()) return;
   World embree(KUAFU_TRACER_EMBREE);
   set_velocity(embree, embree.add(quad({0, 0, 2}, {-5, 0, 0}, {0, 5, 0}), lambert(0.5f)), {0, 0, 0}, {0, 0, 1000});
-  kuafu_view_desc view = rolling(4, 4, 1e-2);
-  kuafu_render_desc desc = embree.desc();
-  const uint64_t shape[4] = {1, 4, 4, 1};
-  kuafu_buffer buffer = nullptr;
-  const ks_buffer_create create = ks_buffer_create_init(64, KS_BUFFER_HOST_VISIBLE);
-  ok(kuafu_buffer_create(shared_device(), &create, &buffer));
-  const kuafu_output_desc output = kuafu_output_desc_init(KUAFU_OUTPUT_RADIANCE, buffer, ks_image_desc_packed(KS_FORMAT_F32, 4, shape));
-  desc.views = &view;
-  desc.outputs = &output;
-  desc.view_count = desc.output_count = 1;
-  EXPECT_EQ(kuafu_renderer_render(embree.renderer(), embree.scene(), &desc), KS_ERROR_UNSUPPORTED);
+  EXPECT_EQ(refusal(embree, rolling(4, 4, 1e-2)), KS_ERROR_UNSUPPORTED);
   EXPECT_NE(std::string(kuafu_last_error()).find("turns by 30 rad"), std::string::npos) << kuafu_last_error();
-  kuafu_buffer_release(buffer);
 }
 
 }  // namespace
