@@ -1,8 +1,11 @@
-"""The sets of the blind bank: which world hides what. World k of a set is the same in every run."""
+"""The sets of the blind bank: which world hides what. World k of a set is the same in every run; what is reported is generation 0.
+
+Other generations are other worlds of the same kinds, to learn from without looking at the bank's own.
+"""
 
 import hashlib
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -31,14 +34,16 @@ class Item:
     number: int
     strengths: tuple
     infrared: bool = True
+    generation: int = 0
 
     @property
     def id(self):
-        return f"{self.set}-{self.number:03}"
+        plain = f"{self.set}-{self.number:03}"
+        return f"g{self.generation}-{plain}" if self.generation else plain
 
     @property
     def seed(self):
-        return 100_000 * _CODES[self.set] + self.number
+        return 10_000_000 * self.generation + 100_000 * _CODES[self.set] + self.number
 
     @property
     def blind_name(self):
@@ -50,12 +55,16 @@ class Item:
         return catalogue.draw_hidden(dict(self.strengths), np.random.Generator(np.random.PCG64([self.seed, 9])))
 
 
-def items(name):
+def items(name, generation=0):
     """The items of a set; 'all' is every set but 'small', mixed, so that a part of it is a sample of it."""
+    return [replace(item, generation=generation) for item in _items(name)]
+
+
+def _items(name):
     if name == "small":
         return [_small(*entry) for entry in _SMALL]
     if name == "all":
-        found = [item for part in ALL for item in items(part)]
+        found = [item for part in ALL for item in _items(part)]
         return [found[i] for i in np.random.Generator(np.random.PCG64(1)).permutation(len(found))]
     lists = {"single": _single, "pairs": _pairs, "outside": _outside, "none": _none, "depth": _depth}
     return [Item(name, number, tuple(strengths.items()), infrared) for number, (strengths, infrared) in enumerate(lists[name]())]
@@ -84,7 +93,7 @@ def _depth():
 
 
 def _small(name, what):
-    found = items(name)
+    found = _items(name)
     if name == "none":
         return found[what]
     wanted = {what} if isinstance(what, str) else set(what)

@@ -26,7 +26,7 @@ def main():
     args = _arguments()
     from bank_sets import items
 
-    todo = items(args.set)[: args.limit]
+    todo = [item for item in items(args.set, args.generation) if is_wanted(item, args.only)][: args.limit]
     waiting = [item for item in todo if not (args.out / "answers" / item.id / "run.json").is_file()]
     print(f"{args.set}: {len(todo)} worlds, {len(todo) - len(waiting)} answered already")
     _run_all(waiting, args)
@@ -48,6 +48,8 @@ def _arguments():
     parser.add_argument("--set", choices=sets, required=True)
     parser.add_argument("--out", type=Path, required=True, metavar="DIR")
     parser.add_argument("--jobs", type=int, default=2, metavar="N", help="worlds at a time, each on its share of the cores (default: 2)")
+    parser.add_argument("--generation", type=int, default=0, metavar="N", help="other worlds of the same kinds (default: 0, the bank's own)")
+    parser.add_argument("--only", nargs="+", metavar="NAME", help="worlds of these ids, or that hide one of these effects")
     parser.add_argument("--limit", type=int, metavar="N", help="the first N worlds only")
     parser.add_argument("--survey", type=float, default=1.0, metavar="X", help="size of the calibration's and scene's errors (default: 1)")
     parser.add_argument("--command", default=COMMAND, help="the tool, with {capture} and {out} (default: %(default)s)")
@@ -55,6 +57,11 @@ def _arguments():
     parser.add_argument("--least", type=int, default=0, metavar="N", help="fail where fewer worlds are answered rightly")
     parser.add_argument("--keep", action="store_true", help="keep the captures")
     return parser.parse_args()
+
+
+def is_wanted(item, names):
+    """Whether a world is among the names: ids, or effects that it hides; every world where no name is given."""
+    return names is None or item.id in names or any(effect in names for effect, _ in item.strengths)
 
 
 def _run_all(waiting, args):

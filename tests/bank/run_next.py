@@ -28,13 +28,14 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--set", choices=("small", *ALL, "all"), required=True)
     parser.add_argument("--out", type=Path, required=True, metavar="DIR")
+    parser.add_argument("--generation", type=int, default=0, metavar="N", help="of the worlds, as for run_bank.py")
     parser.add_argument("--most", type=int, default=20, metavar="N", help="worlds (default: 20)")
     parser.add_argument("--jobs", type=int, default=2, metavar="N")
     parser.add_argument("--survey", type=float, default=1.0, metavar="X")
     parser.add_argument("--command", default=COMMAND, help="the tool, with {capture} and {out} (default: %(default)s)")
     parser.add_argument("--timeout", type=float, default=900.0, metavar="S")
     args = parser.parse_args()
-    by_id = {item.id: item for item in items(args.set)}
+    by_id = {item.id: item for item in items(args.set, args.generation)}
     chosen = [r for r in read_results(args.out, by_id) if r.is_ambiguous][: args.most]
     print(f"{len(chosen)} worlds where the truth is one of several names")
     tasks = [

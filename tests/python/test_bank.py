@@ -14,6 +14,7 @@ sys.path.append(str(BANK))
 
 from bank_score import Result, median, rate, score  # noqa: E402
 from bank_sets import ALL, items  # noqa: E402
+from run_bank import is_wanted  # noqa: E402
 
 STUB = """
 import json, sys
@@ -49,6 +50,15 @@ def test_worlds_of_a_set_are_fixed_and_differ_between_sets():
     assert len(items("none")) >= 100
     assert len(items("pairs")) == 40
     assert items("single")[7].draw() == items("single")[7].draw()
+
+
+def test_other_generations_are_other_worlds_of_the_same_kinds():
+    own, other = items("all"), items("all", 1)
+    assert [item.strengths for item in own] == [item.strengths for item in other]
+    assert not {i.seed for i in own} & {i.seed for i in other} and not {i.id for i in own} & {i.id for i in other}
+    assert own[0].seed == {"single": 1, "pairs": 2, "outside": 3, "none": 4, "depth": 5}[own[0].set] * 100_000 + own[0].number
+    assert is_wanted(own[0], None) and is_wanted(own[0], [own[0].id]) and not is_wanted(own[0], ["no such effect"])
+    assert [i.id for i in items("single") if is_wanted(i, ["haze"])] == [f"single-{k:03}" for k in (13, 52, 91, 130)]
 
 
 def test_right_answers_score_one_and_faint_effects_are_not_asked_for():
