@@ -49,7 +49,7 @@ KUAFU_CONST counter_shadow_count = 11u;
 KUAFU_CONST counter_transmit_arguments = 12u;  // VkDispatchIndirectCommand of `transmit`
 KUAFU_CONST counter_words = 16u;
 
-KUAFU_CONST pixel_block = 32u;  // consecutive pixels that stay together when blocks are permuted
+KUAFU_CONST pixel_block = 32u;  // pixels that stay together: consecutive ones, or a tile of 8 x 4
 
 /// A pinhole camera: the ray through pixel (u, v) has direction axis_0 + u axis_u + v axis_v, whose z in the camera is 1.
 struct ViewRecord {
@@ -102,7 +102,7 @@ KUAFU_ARRAY(OutputArray, OutputRecord, 8)
 /// Which pixels and samples a wave holds: path slot = local pixel * sample_count + local sample.
 struct WaveRange {
   uint first_pixel, pixel_count;  // of the permuted sequence of all views' pixels
-  uint block_count, block_stride; // permutation of full blocks of pixel_block pixels
+  uint block_count, block_stride; // permutation of full blocks of pixel_block pixels; stride 0: blocks are tiles where the image has no others
   uint first_sample, sample_count;
   uint width, height;
   uint capacity;

@@ -187,7 +187,8 @@ void PathTracer::Run::report(uint32_t pixels_done, float part) {
 
 WaveRange PathTracer::Run::range(uint32_t first_pixel, uint32_t pixel_count, uint32_t first_sample, uint32_t sample_count) const {
   const uint32_t blocks = launch_.pixel_count() / pixel_block;
-  const uint32_t stride = o_.on_host_ ? 1 : permutation_stride(blocks);  // workers take what is next: neighbours share caches
+  // Workers on the host take what is next, and GPUs deal out groups as they go: there neighbours share caches.
+  const uint32_t stride = o_.on_host_ ? 1 : o_.device_->is_cpu() ? permutation_stride(blocks) : 0;
   return {first_pixel, pixel_count, blocks, stride, first_sample, sample_count, launch_.width, launch_.height, o_.slots_.size().capacity};
 }
 

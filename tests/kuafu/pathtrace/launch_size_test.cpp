@@ -6,6 +6,7 @@
 #include "device/device.h"
 #include "film/film.h"
 #include "pathtrace/wave_size.h"
+#include "shared/ray_queue.h"
 
 namespace kuafu {
 namespace {
@@ -17,6 +18,14 @@ TEST(LaunchSize, a_wave_s_shadow_rays_fit_one_dispatch) {
     const uint64_t paths = gpu_wave_paths(memory_bytes, most_groups, shadows);
     EXPECT_LE(paths * std::max(1u, shadows), uint64_t(most_groups) * smallest_group) << shadows;
     EXPECT_GT(paths, 32768u) << shadows;
+  }
+}
+
+TEST(LaunchSize, a_wave_s_queues_fit_allocations_of_4_GB) {
+  for (uint32_t shadows = 0; shadows <= 64; ++shadows) {
+    const uint64_t paths = gpu_wave_paths(uint64_t(1) << 40, 0x7fffffff, shadows);
+    EXPECT_LT(paths * std::max(1u, shadows) * closest_words * 4, uint64_t(1) << 32) << shadows;
+    EXPECT_GT(paths, 500000u) << shadows;
   }
 }
 
