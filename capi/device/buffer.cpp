@@ -41,6 +41,16 @@ std::shared_ptr<Buffer> Buffer::create_table(const std::shared_ptr<Device>& devi
   }
 }
 
+std::shared_ptr<Buffer> Buffer::create_array(const std::shared_ptr<Device>& device, uint64_t size_bytes, VkBufferUsageFlags extra_usage) {
+  if (!device->is_cpu() && size_bytes <= device->mappable_bytes() / 8) {  // without resizable BAR the window is small, and shared by all
+    try {
+      return make(device, size_bytes, KS_BUFFER_HOST_VISIBLE, extra_usage, VK_MEMORY_PROPERTY_DEVICE_LOCAL_BIT);
+    } catch (const Error&) {  // it is full
+    }
+  }
+  return create(device, size_bytes, 0, extra_usage);
+}
+
 std::shared_ptr<Buffer> Buffer::make(std::shared_ptr<Device> device, uint64_t size_bytes, uint32_t flags, VkBufferUsageFlags extra_usage,
                                      VkMemoryPropertyFlags preferred) {
   std::shared_ptr<Buffer> self(new Buffer);

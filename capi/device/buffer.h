@@ -19,6 +19,10 @@ class Buffer {
                                         VkBufferUsageFlags extra_usage = 0);
   /// For tables that the host writes and only the device reads: mapped, and in the device's own memory where that can be mapped.
   static std::shared_ptr<Buffer> create_table(const std::shared_ptr<Device>& device, uint64_t size_bytes);
+  /// For arrays of which the host changes parts and only the device reads: in the device's own memory, and mapped where there is enough
+  /// that can be, so that a write is a store and no submission.
+  static std::shared_ptr<Buffer> create_array(const std::shared_ptr<Device>& device, uint64_t size_bytes,
+                                              VkBufferUsageFlags extra_usage = 0);
   static std::shared_ptr<Buffer> import(std::shared_ptr<Device> device, const ks_buffer_desc& desc);
   ~Buffer();
   Buffer(const Buffer&) = delete;

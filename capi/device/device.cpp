@@ -190,6 +190,16 @@ uint32_t Device::memory_type(uint32_t type_bits, VkMemoryPropertyFlags required,
   return best;
 }
 
+uint64_t Device::mappable_bytes() const {
+  constexpr VkMemoryPropertyFlags wanted =
+      VK_MEMORY_PROPERTY_DEVICE_LOCAL_BIT | VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT | VK_MEMORY_PROPERTY_HOST_COHERENT_BIT;
+  uint64_t bytes = 0;
+  for (uint32_t i = 0; i < memory_.memoryTypeCount; ++i)
+    if ((memory_.memoryTypes[i].propertyFlags & wanted) == wanted)
+      bytes = std::max<uint64_t>(bytes, memory_.memoryHeaps[memory_.memoryTypes[i].heapIndex].size);
+  return bytes;
+}
+
 void Device::submit_and_wait(VkCommandBuffer commands) {
   run(commands);
   save_pipelines();  // drivers may compile as late as at the first run; and a process that ends without releasing its device keeps them too

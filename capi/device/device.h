@@ -52,6 +52,8 @@ class Device : public std::enable_shared_from_this<Device> {
   /// Alignment of imported host pointers; 0 when the device cannot import any.
   [[nodiscard]] uint64_t host_pointer_alignment() const { return host_pointer_alignment_; }
   [[nodiscard]] const VkPhysicalDeviceMemoryProperties& memory_properties() const { return memory_; }
+  /// Of the device's own memory, what the host can map at most; 0 without such memory.
+  [[nodiscard]] uint64_t mappable_bytes() const;
   /// Whether the extension is enabled.
   [[nodiscard]] bool has_extension(const char* name) const;
   /// Index of a memory type in type_bits that has all `required` flags and as many `preferred` ones as there are; throws if none.

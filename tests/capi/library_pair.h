@@ -3,6 +3,7 @@
 
 #include "kuafu/kuafu.h"
 #include "simsense/simsense.h"
+#include "support/skip.h"
 
 namespace ks::test {
 

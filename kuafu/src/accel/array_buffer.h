@@ -13,11 +13,15 @@ namespace kuafu {
 
 class ArrayBuffer {
  public:
-  explicit ArrayBuffer(VkBufferUsageFlags extra_usage = 0) : extra_usage_(extra_usage) {}
+  enum class Writer { host, device };
+  explicit ArrayBuffer(VkBufferUsageFlags extra_usage = 0, Writer writer = Writer::host) : extra_usage_(extra_usage), writer_(writer) {}
 
   /// What was there is lost when it grows.
   void reserve(const std::shared_ptr<ks::Device>& device, uint64_t bytes) {
-    if (!buffer_ || buffer_->size_bytes() < bytes) buffer_ = ks::Buffer::create(device, std::max<uint64_t>(bytes, 16), 0, extra_usage_);
+    if (buffer_ && buffer_->size_bytes() >= bytes) return;
+    bytes = std::max<uint64_t>(bytes, 16);
+    buffer_ = writer_ == Writer::host ? ks::Buffer::create_array(device, bytes, extra_usage_)
+                                      : ks::Buffer::create(device, bytes, 0, extra_usage_);
   }
   template <class T>
   void upload(const std::shared_ptr<ks::Device>& device, const std::vector<T>& values) {
@@ -46,6 +50,7 @@ class ArrayBuffer {
   void write_elements(const std::byte* values, uint64_t element_bytes, std::vector<uint32_t> indices);
 
   VkBufferUsageFlags extra_usage_;
+  Writer writer_;
   std::shared_ptr<ks::Buffer> buffer_;
 };
 

@@ -81,43 +81,51 @@ RtInput RtInput::instances(uint64_t records, uint32_t count) {
 RtBuilder::RtBuilder(std::shared_ptr<ks::Device> device)
     : device_(std::move(device)), scratch_alignment_(scratch_alignment_of(device_->physical())) {}
 
-std::vector<RtStructure> RtBuilder::build(std::span<const RtInput> inputs, ArrayBuffer& storage) {
+std::vector<RtStructure> RtBuilder::build(std::vector<RtInput> inputs, ArrayBuffer& storage) {
+  Job job = describe(std::move(inputs), VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR);
+  std::vector<RtStructure> structures = lay_out(job, storage);
+  run(job);
+  return structures;
+}
+
+std::vector<RtStructure> RtBuilder::plan(std::vector<RtInput> inputs, ArrayBuffer& storage) {
+  planned_ = describe(std::move(inputs), VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR);
+  return lay_out(*planned_, storage);
+}
+
+std::vector<RtStructure> RtBuilder::lay_out(Job& job, ArrayBuffer& storage) const {
   std::vector<RtStructure> structures;
-  if (inputs.empty()) return structures;
-  Infos infos = describe(inputs, VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR);
-  std::vector<uint64_t> scratch_bytes, offsets, storage_bytes;
+  if (job.inputs.empty()) return structures;
+  std::vector<uint64_t> offsets, storage_bytes;
   uint64_t end = 0;
-  for (size_t i = 0; i < inputs.size(); ++i) {
-    const auto needed = sizes(infos[i], inputs[i].primitives);
-    scratch_bytes.push_back(needed.buildScratchSize);
+  for (size_t i = 0; i < job.inputs.size(); ++i) {
+    const auto needed = sizes(job.infos[i], job.inputs[i].primitives);
+    job.scratch_bytes.push_back(needed.buildScratchSize);
     storage_bytes.push_back(needed.accelerationStructureSize);
     offsets.push_back(end);
     end = round_up(end + needed.accelerationStructureSize, storage_alignment);
   }
   storage.reserve(device_, end);
-  structures.reserve(inputs.size());
-  for (size_t i = 0; i < inputs.size(); ++i) {
-    structures.emplace_back(storage.buffer(), offsets[i], storage_bytes[i], infos[i].type);
-    infos[i].dstAccelerationStructure = structures[i].handle();
+  structures.reserve(job.inputs.size());
+  for (size_t i = 0; i < job.inputs.size(); ++i) {
+    structures.emplace_back(storage.buffer(), offsets[i], storage_bytes[i], job.infos[i].type);
+    job.infos[i].dstAccelerationStructure = structures[i].handle();
   }
-  run(infos, inputs, scratch_bytes);
   return structures;
 }
 
-void RtBuilder::refit(std::span<const RtInput> inputs, std::span<RtStructure* const> structures) {
-  if (inputs.empty()) return;
-  Infos infos = describe(inputs, VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR);
-  std::vector<uint64_t> scratch_bytes;
-  for (size_t i = 0; i < inputs.size(); ++i) {
-    scratch_bytes.push_back(sizes(infos[i], inputs[i].primitives).updateScratchSize);
-    infos[i].srcAccelerationStructure = infos[i].dstAccelerationStructure = structures[i]->handle();
+void RtBuilder::refit(std::vector<RtInput> inputs, std::span<RtStructure* const> structures) {
+  Job job = describe(std::move(inputs), VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR);
+  for (size_t i = 0; i < job.inputs.size(); ++i) {
+    job.scratch_bytes.push_back(sizes(job.infos[i], job.inputs[i].primitives).updateScratchSize);
+    job.infos[i].srcAccelerationStructure = job.infos[i].dstAccelerationStructure = structures[i]->handle();
   }
-  run(infos, inputs, scratch_bytes);
+  run(job);
 }
 
-RtBuilder::Infos RtBuilder::describe(std::span<const RtInput> inputs, VkBuildAccelerationStructureModeKHR mode) const {
-  Infos infos;
-  for (const RtInput& input : inputs) {
+RtBuilder::Job RtBuilder::describe(std::vector<RtInput> inputs, VkBuildAccelerationStructureModeKHR mode) {
+  Job job{std::move(inputs), {}, {}};
+  for (const RtInput& input : job.inputs) {
     VkAccelerationStructureBuildGeometryInfoKHR info{VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_GEOMETRY_INFO_KHR};
     info.type = type_of(input);
     info.flags = VK_BUILD_ACCELERATION_STRUCTURE_PREFER_FAST_TRACE_BIT_KHR;
@@ -125,9 +133,9 @@ RtBuilder::Infos RtBuilder::describe(std::span<const RtInput> inputs, VkBuildAcc
     info.mode = mode;
     info.geometryCount = 1;
     info.pGeometries = &input.geometry;
-    infos.push_back(info);
+    job.infos.push_back(info);
   }
-  return infos;
+  return job;
 }
 
 VkAccelerationStructureBuildSizesInfoKHR RtBuilder::sizes(const VkAccelerationStructureBuildGeometryInfoKHR& info,
@@ -139,22 +147,36 @@ VkAccelerationStructureBuildSizesInfoKHR RtBuilder::sizes(const VkAccelerationSt
 }
 
 /// Side by side: each has its own part of the scratch memory.
-void RtBuilder::run(Infos& infos, std::span<const RtInput> inputs, const std::vector<uint64_t>& scratch_bytes) {
+void RtBuilder::record(ks::Commands& commands, Job& job) {
+  if (job.inputs.empty()) return;
   uint64_t total = scratch_alignment_;
-  for (const uint64_t bytes : scratch_bytes) total += round_up(bytes, scratch_alignment_);
+  for (const uint64_t bytes : job.scratch_bytes) total += round_up(bytes, scratch_alignment_);
   scratch_.reserve(device_, total);
   uint64_t at = round_up(scratch_.address(), scratch_alignment_);
-  std::vector<VkAccelerationStructureBuildRangeInfoKHR> ranges(infos.size());
-  std::vector<const VkAccelerationStructureBuildRangeInfoKHR*> range_pointers(infos.size());
-  for (size_t i = 0; i < infos.size(); ++i) {
-    infos[i].scratchData.deviceAddress = at;
-    at += round_up(scratch_bytes[i], scratch_alignment_);
-    ranges[i].primitiveCount = inputs[i].primitives;
+  std::vector<VkAccelerationStructureBuildRangeInfoKHR> ranges(job.infos.size());
+  std::vector<const VkAccelerationStructureBuildRangeInfoKHR*> range_pointers(job.infos.size());
+  for (size_t i = 0; i < job.infos.size(); ++i) {
+    job.infos[i].scratchData.deviceAddress = at;
+    at += round_up(job.scratch_bytes[i], scratch_alignment_);
+    ranges[i].primitiveCount = job.inputs[i].primitives;
     range_pointers[i] = &ranges[i];
   }
+  device_->vk().vkCmdBuildAccelerationStructuresKHR(commands.handle(), uint32_t(job.infos.size()), job.infos.data(), range_pointers.data());
+  commands.barrier();
+}
+
+void RtBuilder::run(Job& job) {
+  if (job.inputs.empty()) return;
   ks::Commands commands(device_);
-  device_->vk().vkCmdBuildAccelerationStructuresKHR(commands.handle(), uint32_t(infos.size()), infos.data(), range_pointers.data());
+  record(commands, job);
   commands.flush();
+}
+
+void RtBuilder::record(ks::Commands& commands) {
+  if (!planned_) return;
+  commands.begin_stage("acceleration build");
+  record(commands, *planned_);
+  planned_.reset();
 }
 
 }  // namespace kuafu

@@ -2,6 +2,7 @@
 // Thread rule: externally synchronised.
 #pragma once
 
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -42,20 +43,31 @@ class RtBuilder {
   explicit RtBuilder(std::shared_ptr<ks::Device> device);
 
   /// All of one type, in `storage`, which is grown when needed; structures that lie in it are overwritten and must be gone.
-  std::vector<RtStructure> build(std::span<const RtInput> inputs, ArrayBuffer& storage);
+  std::vector<RtStructure> build(std::vector<RtInput> inputs, ArrayBuffer& storage);
+  /// The same, built by the next record(): what was planned before and is not recorded is dropped.
+  std::vector<RtStructure> plan(std::vector<RtInput> inputs, ArrayBuffer& storage);
+  void record(ks::Commands& commands);
   /// In place: same topology as the structure was built with, new positions.
-  void refit(std::span<const RtInput> inputs, std::span<RtStructure* const> structures);
+  void refit(std::vector<RtInput> inputs, std::span<RtStructure* const> structures);
 
  private:
   using Infos = std::vector<VkAccelerationStructureBuildGeometryInfoKHR>;
-  [[nodiscard]] Infos describe(std::span<const RtInput> inputs, VkBuildAccelerationStructureModeKHR mode) const;
+  struct Job {
+    std::vector<RtInput> inputs;
+    Infos infos;  // point into inputs
+    std::vector<uint64_t> scratch_bytes;
+  };
+  [[nodiscard]] static Job describe(std::vector<RtInput> inputs, VkBuildAccelerationStructureModeKHR mode);
   [[nodiscard]] VkAccelerationStructureBuildSizesInfoKHR sizes(const VkAccelerationStructureBuildGeometryInfoKHR& info,
                                                                uint32_t primitives) const;
-  void run(Infos& infos, std::span<const RtInput> inputs, const std::vector<uint64_t>& scratch_bytes);
+  std::vector<RtStructure> lay_out(Job& job, ArrayBuffer& storage) const;
+  void record(ks::Commands& commands, Job& job);
+  void run(Job& job);
 
   std::shared_ptr<ks::Device> device_;
   uint64_t scratch_alignment_;
-  ArrayBuffer scratch_;
+  ArrayBuffer scratch_{0, ArrayBuffer::Writer::device};
+  std::optional<Job> planned_;
 };
 
 inline constexpr VkBufferUsageFlags rt_storage_usage = VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR;

@@ -39,6 +39,7 @@ class RtTracer final : public Tracer {
                       rays.capacity,
                       world_.environment_count(),
                       rays.environments ? 1u : 0u};
+    world_.record(commands);
     commands.begin_stage(stage);
     pipeline_.trace(commands, entry, push, *rays.counters, rays.arguments_offset);
   }

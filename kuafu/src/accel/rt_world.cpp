@@ -91,7 +91,7 @@ std::vector<uint32_t> RtWorld::follow_meshes(const Scene& scene) {
 void RtWorld::build_meshes(const Scene& scene, const std::vector<uint32_t>& ids, bool updatable) {
   if (ids.empty()) return;
   const Geometry geometry(device_, scene, ids, updatable);
-  ArrayBuffer storage{rt_storage_usage};  // the structures keep it
+  ArrayBuffer storage{rt_storage_usage, ArrayBuffer::Writer::device};  // the structures keep it
   std::vector<RtStructure> built = builder_.build(geometry.inputs, storage);
   for (size_t i = 0; i < ids.size(); ++i) meshes_[ids[i]].emplace(Bottom{std::move(built[i]), updatable});
 }
@@ -157,7 +157,7 @@ void RtWorld::build_tops() {
     at += slots.size() * sizeof(VkAccelerationStructureInstanceKHR);
   }
   tops_.clear();
-  tops_ = builder_.build(inputs, top_storage_);
+  tops_ = builder_.plan(std::move(inputs), top_storage_);
 
   std::vector<uint64_t> addresses;
   addresses.reserve(seen_.size());

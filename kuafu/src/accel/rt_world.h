@@ -15,6 +15,8 @@ class RtWorld {
   explicit RtWorld(std::shared_ptr<ks::Device> device);
 
   void update(const Scene& scene, uint32_t environment_count, const TimeSpan& open);
+  /// Builds the top levels that the last update has changed; before the first ray.
+  void record(ks::Commands& commands) { builder_.record(commands); }
   /// 0 until a scene was seen.
   [[nodiscard]] uint32_t environment_count() const { return environment_count_; }
   /// Device address of an array: of each environment, the address of its top level; 0 where it is empty.
@@ -47,7 +49,7 @@ class RtWorld {
   std::vector<VkAccelerationStructureInstanceKHR> records_;  // environment after environment, as in seen_
   uint64_t instances_revision_ = 0;
   uint32_t environment_count_ = 0;
-  ArrayBuffer instances_{rt_input_usage}, top_storage_{rt_storage_usage}, addresses_;
+  ArrayBuffer instances_{rt_input_usage}, top_storage_{rt_storage_usage, ArrayBuffer::Writer::device}, addresses_;
   std::vector<RtStructure> tops_;
 };
 

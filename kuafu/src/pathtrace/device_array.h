@@ -68,7 +68,7 @@ class Block {
     return offset;
   }
   [[nodiscard]] std::shared_ptr<ks::Buffer> upload(const std::shared_ptr<ks::Device>& device) const {
-    auto buffer = ks::Buffer::create(device, std::max<uint64_t>(bytes_.size(), 16), device->is_cpu() ? KS_BUFFER_HOST_VISIBLE : 0);
+    auto buffer = ks::Buffer::create_array(device, std::max<uint64_t>(bytes_.size(), 16));
     if (!bytes_.empty()) buffer->write(0, bytes_.data(), bytes_.size());
     return buffer;
   }

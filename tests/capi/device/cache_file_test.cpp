@@ -104,7 +104,6 @@ TEST_F(CacheFile, many_writers_leave_one_whole_file) {
 /// A process' device that builds one pipeline and runs it.
 void build_one(const std::string& folder, const char* library = "test-1") {
   ks_device_desc desc = ks_device_desc_init();
-  desc.select = KS_SELECT_CPU;
   desc.worker_count = 1;
   desc.cache_directory = folder.c_str();
   const auto device = Device::create(desc, library);

@@ -110,7 +110,7 @@ TEST_F(ComputeTest, ThreadsMayUseOneDeviceOrTheirOwn) {
   std::atomic<int> right = 0;
   for (uint32_t t = 0; t < 4; ++t)
     threads.emplace_back([&, t] {
-      const auto device = t % 2 ? device_ : test::cpu_device(1);
+      const auto device = t % 2 ? device_ : test::best_device();
       for (uint32_t repeat = 1; repeat <= 5; ++repeat)
         right += multiply_twice(device, t + 1, repeat)[99] == 100 * (t + 1) * (t + 1) * repeat * repeat;
     });

@@ -2,11 +2,34 @@
 #pragma once
 
 #include "device/device.h"
+#include "device/error.h"
+#include "support/skip.h"
 
 namespace ks::test {
 
-/// The CPU device (lavapipe): the tests need a Vulkan device, and that one is everywhere.
+/// Why there is no CPU device (lavapipe) here; empty where there is one.
+inline const std::string& why_no_cpu_device() {
+  static const std::string why = [] {
+    ks_device_desc desc = ks_device_desc_init();
+    desc.select = KS_SELECT_CPU;
+    try {
+      (void)Device::create(desc);
+    } catch (const Error& error) {
+      if (error.status() == KS_ERROR_NO_DEVICE) return std::string(error.what());
+      throw;
+    }
+    return std::string();
+  }();
+  return why;
+}
+
+/// The CPU device. A fixture's member skips the test where there is none; a test that makes one in its body asks
+/// SKIP_IF(why_no_cpu_device()) before.
 inline std::shared_ptr<Device> cpu_device(uint32_t worker_count = 2) {
+  if (!why_no_cpu_device().empty()) {
+    ks_test::skip(why_no_cpu_device());
+    return nullptr;
+  }
   ks_device_desc desc = ks_device_desc_init();
   desc.select = KS_SELECT_CPU;
   desc.worker_count = worker_count;

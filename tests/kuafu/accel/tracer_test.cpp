@@ -4,7 +4,6 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <chrono>
 #include <numeric>
 #include <optional>
 
@@ -326,25 +325,26 @@ TEST_P(Tracers, AMeshMayDeformForever) {
 }
 
 TEST_P(Tracers, DeformationCostsWhatTheMeshIsLargeNotTheScene) {
+  if (tracer_->name() == std::string("embree"))
+    GTEST_SKIP() << "Embree follows meshes in memory of its own: nothing is copied that could be counted";
   Scene scene;
   Random random(35);
   const uint32_t large = scene.add_mesh(sphere(160)), small = scene.add_mesh(sphere(6));  // 102 400 and 144 triangles
   scene.add_instance(place(large));
   scene.add_instance(place(small));
   tracer_->update(scene, 1, {});
-  const auto update_ms = [&](uint32_t mesh) {
-    double best = std::numeric_limits<double>::infinity();
-    for (int i = 0; i < 4; ++i) {
+  const auto copied_bytes = [&](uint32_t mesh) {
+    uint64_t before = 0;
+    for (int i = 0; i < 3; ++i) {  // a mesh that deforms the first time gets memory of its own
       shake(scene, mesh, random, 1e-3);
-      const auto start = std::chrono::steady_clock::now();
+      before = test_device()->copied_bytes();
       tracer_->update(scene, 1, {});
-      if (i > 0) best = std::min(best, std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count());
     }
-    return best;
+    return test_device()->copied_bytes() - before;
   };
-  const double large_ms = update_ms(large), small_ms = update_ms(small);
-  RecordProperty("ratio", std::to_string(large_ms / small_ms));
-  EXPECT_LT(small_ms, 0.2 * large_ms);
+  const uint64_t small_bytes = copied_bytes(small), large_bytes = copied_bytes(large);
+  EXPECT_GE(large_bytes, 102400u * 3 * sizeof(float)) << "at least its vertices";
+  EXPECT_LT(small_bytes, large_bytes / 200) << "a seven-hundredth of the triangles";
 }
 
 TEST_P(Tracers, AnAnswerDoesNotDependOnTheNeighboursInTheQueue) {

@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-#include "device/device.h"
+#include "capi/device/devices.h"
 #include "film/film.h"
 #include "pathtrace/wave_size.h"
 #include "shared/ray_queue.h"
@@ -31,9 +31,8 @@ TEST(LaunchSize, a_wave_s_queues_fit_allocations_of_4_GB) {
 
 // 4096 x 2049 pixels of 128 invocations a group are 65568 groups. Vignetting twice as bright in the corners reaches the last of them.
 TEST(LaunchSize, an_image_may_have_more_pixels_than_a_line_of_groups) {
-  ks_device_desc desc = ks_device_desc_init();
-  desc.select = KS_SELECT_CPU;
-  const Memory memory{ks::Device::create(desc), false};
+  SKIP_IF(ks::test::why_no_cpu_device());
+  const Memory memory{ks::test::cpu_device(), false};
   Launch launch;
   launch.width = 4096;
   launch.height = 2049;

@@ -145,6 +145,7 @@ TEST_F(AccumulationOnHost, relative_error_is_the_error) {
 }
 
 TEST(Variance, is_the_same_wherever_it_is_rendered) {
+  SKIP_IF(why_not(KUAFU_TRACER_EMBREE));
   std::map<uint32_t, Pixels> images[2];
   for (const uint32_t tracer : {KUAFU_TRACER_EMBREE, KUAFU_TRACER_COMPUTE}) {
     World world(tracer);

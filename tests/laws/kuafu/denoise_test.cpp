@@ -132,6 +132,7 @@ Pixels clean_image(World& world, uint32_t band) {
 }
 
 TEST(Denoiser, host_stages_and_compute_agree_in_colour) {
+  SKIP_IF(why_not(KUAFU_TRACER_EMBREE));
   World host(KUAFU_TRACER_EMBREE), compute(KUAFU_TRACER_COMPUTE);
   const Pixels a = clean_image(host, KUAFU_BAND_VISIBLE), b = clean_image(compute, KUAFU_BAND_VISIBLE);
   EXPECT_LT(rms(a, b), 2e-3 * a.mean());
@@ -154,6 +155,7 @@ TEST(Denoiser, two_samples_become_as_good_as_thirty_two_and_many_stay) {
 }
 
 TEST(Denoiser, same_bits_for_any_thread_count) {
+  SKIP_IF(why_not(KUAFU_TRACER_EMBREE));
   World one(KUAFU_TRACER_EMBREE, 1), three(KUAFU_TRACER_EMBREE, 3);
   EXPECT_EQ(clean_image(one, KUAFU_BAND_INFRARED).values, clean_image(three, KUAFU_BAND_INFRARED).values);
 }

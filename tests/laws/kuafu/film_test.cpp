@@ -228,6 +228,7 @@ INSTANTIATE_TEST_SUITE_P(, FilmOptics, testing::Values(KUAFU_TRACER_EMBREE, KUAF
                          [](const auto& info) { return info.param == KUAFU_TRACER_EMBREE ? "host_stages" : "compute"; });
 
 TEST(Film, host_stages_and_compute_agree) {
+  SKIP_IF(why_not(KUAFU_TRACER_EMBREE));
   std::vector<Pixels> images;
   for (const uint32_t tracer : {KUAFU_TRACER_EMBREE, KUAFU_TRACER_COMPUTE}) {
     World world(tracer);

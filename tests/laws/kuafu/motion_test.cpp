@@ -152,12 +152,6 @@ std::map<uint32_t, Pixels> moving_world(uint32_t tracer, uint32_t max_bounces) {
   return world.render({rolling(40, 24, 3e-3, 8e-3)}, outputs);
 }
 
-bool on_cpu() {
-  ks_device_info info = ks_device_info_init();
-  ok(kuafu_device_get_info(shared_device(), &info));
-  return info.kind == KS_DEVICE_KIND_CPU;
-}
-
 /// Same samples on both sides: what needs no direction around a normal agrees path by path, the rest of the direct light in its mean.
 TEST(Motion, a_camera_in_motion_sees_what_one_at_rest_sees_of_a_moving_world) {
   for (const uint32_t tracer : {KUAFU_TRACER_AUTO, KUAFU_TRACER_COMPUTE}) {
@@ -169,7 +163,7 @@ TEST(Motion, a_camera_in_motion_sees_what_one_at_rest_sees_of_a_moving_world) {
 }
 
 TEST(Motion, tracers_agree_on_a_moving_world) {
-  if (!on_cpu()) GTEST_SKIP() << "Embree needs a CPU device";
+  SKIP_IF(why_not(KUAFU_TRACER_EMBREE));
   auto embree = moving_world(KUAFU_TRACER_EMBREE, 3), compute = moving_world(KUAFU_TRACER_COMPUTE, 3);
   EXPECT_LT(relative_difference(embree[KUAFU_OUTPUT_DEPTH], compute[KUAFU_OUTPUT_DEPTH]), 1e-4);
   EXPECT_LT(relative_difference(embree[KUAFU_OUTPUT_RADIANCE], compute[KUAFU_OUTPUT_RADIANCE]), 5e-3);
@@ -292,7 +286,7 @@ TEST(Motion, what_cannot_be_is_refused_with_the_numbers) {
   light.on_from_s = 0;
   light.angular_velocity[2] = INFINITY;
   refused(kuafu_scene_add_light(world.scene(), &light, &light_id), "angular_velocity is inf");
-  if (!on_cpu()) return;
+  SKIP_IF(why_not(KUAFU_TRACER_EMBREE));
   World embree(KUAFU_TRACER_EMBREE);
   set_velocity(embree, embree.add(quad({0, 0, 2}, {-5, 0, 0}, {0, 5, 0}), lambert(0.5f)), {0, 0, 0}, {0, 0, 1000});
   EXPECT_EQ(refusal(embree, rolling(4, 4, 1e-2)), KS_ERROR_UNSUPPORTED);

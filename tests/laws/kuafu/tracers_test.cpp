@@ -11,24 +11,9 @@ struct Kind {
 void PrintTo(const Kind& kind, std::ostream* out) { *out << kind.name; }
 constexpr Kind kinds[] = {{"Embree", KUAFU_TRACER_EMBREE}, {"Compute", KUAFU_TRACER_COMPUTE}, {"RtPipeline", KUAFU_TRACER_RT_PIPELINE}};
 
-/// Why this device cannot have the tracer; empty when it can.
-std::string why_not(uint32_t tracer) {
-  ks_device_info info = ks_device_info_init();
-  ok(kuafu_device_get_info(shared_device(), &info));
-  if (tracer == KUAFU_TRACER_EMBREE && info.kind != KS_DEVICE_KIND_CPU)
-    return "Embree needs a CPU device, this is " + std::string(info.name);
-  if (tracer == KUAFU_TRACER_RT_PIPELINE && !(info.capabilities & KS_CAP_RAY_TRACING_PIPELINE))
-    return std::string(info.driver) + " has no ray tracing pipelines; to run this on a lavapipe that has: " +
-           "bash tests/support/rt_mesa.sh build/bin/kuafu_laws_tests";
-  return "";
-}
-
 class EachTracer : public testing::TestWithParam<Kind> {
  protected:
-  void SetUp() override {
-    const std::string reason = why_not(GetParam().tracer);
-    if (!reason.empty()) GTEST_SKIP() << reason;
-  }
+  void SetUp() override { SKIP_IF(why_not(GetParam().tracer)); }
 };
 std::string name_of(const testing::TestParamInfo<Kind>& info) { return info.param.name; }
 INSTANTIATE_TEST_SUITE_P(All, EachTracer, testing::ValuesIn(kinds), name_of);

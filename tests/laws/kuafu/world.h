@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "kuafu/kuafu.h"
+#include "support/skip.h"
 
 namespace laws {
 
@@ -29,6 +30,18 @@ inline kuafu_device shared_device(uint32_t worker_count = 0) {
     EXPECT_EQ(kuafu_device_create(&desc, &device), KS_OK) << kuafu_last_error();
   }
   return device;
+}
+
+/// Why the shared device cannot have the tracer; empty when it can.
+inline std::string why_not(uint32_t tracer) {
+  ks_device_info info = ks_device_info_init();
+  ok(kuafu_device_get_info(shared_device(), &info));
+  if (tracer == KUAFU_TRACER_EMBREE && info.kind != KS_DEVICE_KIND_CPU)
+    return "Embree needs a CPU device, this is " + std::string(info.name) + ": VK_DRIVER_FILES can name lavapipe's";
+  if (tracer == KUAFU_TRACER_RT_PIPELINE && !(info.capabilities & KS_CAP_RAY_TRACING_PIPELINE))
+    return std::string(info.driver) + " has no ray tracing pipelines; to run this on a lavapipe that has: " +
+           "bash tests/support/rt_mesa.sh build/bin/kuafu_laws_tests";
+  return "";
 }
 
 /// Rendered images of one output: value(view, row, column, channel).
@@ -164,14 +177,20 @@ inline kuafu_material_desc glass(float ior) {
   return m;
 }
 
+/// A member of a fixture whose tracer the device cannot have skips the test; a test that makes one in its body asks SKIP_IF(why_not(...))
+/// before.
 class World {
  public:
   explicit World(uint32_t tracer = KUAFU_TRACER_AUTO, uint32_t worker_count = 0) : device_(shared_device(worker_count)) {
+    desc_ = kuafu_render_desc_init();
+    desc_.ir_ambient_radiance = 0;
+    if (const std::string why = why_not(tracer); !why.empty()) {
+      ks_test::skip(why);
+      return;
+    }
     ok(kuafu_scene_create(device_, &scene_));
     kuafu_renderer_desc desc{ks_header_make(KUAFU_TYPE_RENDERER_DESC, sizeof desc), tracer, 0};
     ok(kuafu_renderer_create(device_, &desc, &renderer_));
-    desc_ = kuafu_render_desc_init();
-    desc_.ir_ambient_radiance = 0;
   }
   ~World() {
     kuafu_renderer_release(renderer_);
