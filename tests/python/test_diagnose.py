@@ -147,5 +147,5 @@ def test_model_files_say_what_is_wrong(tmp_path):
     path.write_text("{}")
     with pytest.raises(ValueError, match="format"):
         read_model(path, library())
-    write_model(path, Model().with_effect(builtin()["haze"], extinction_per_m=0.2))
-    assert read_model(path, library()).effects[0][1] == {"extinction_per_m": 0.2}
+    write_model(path, Model().with_effect(builtin()["vignetting"], exponent=0.2))
+    assert read_model(path, library()).effects[0][1] == {"exponent": 0.2}

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from activestereo.effects import Light, builtin
+from activestereo.effects.core.beam import glow
 from activestereo.effects.core.descriptor import Stage
 from activestereo.effects.core.ggx import reflected_share
 from activestereo.effects.core.laws import example_value, example_view
@@ -106,6 +107,21 @@ def test_what_is_wholly_transparent_shows_what_is_behind_it_alone():
     clear = EFFECTS["transmission"](light, view, fraction=1.0, behind=0.7)
     assert clear.projector.max() == 0.0
     np.testing.assert_allclose(clear.ambient, 0.7)
+
+
+@pytest.mark.parametrize(("extinction", "from_m"), [(0.05, 0.05), (1.0, 0.02)])
+def test_the_beams_glow_is_the_sum_of_what_every_piece_of_air_scatters(extinction, from_m):
+    view = replace(example_view("right"), pattern=np.full((140, 200), 0.6, np.float32), projector_K=np.diag([20.0, 20.0, 1.0]) + np.array([[0, 0, 99.5], [0, 0, 69.5], [0, 0, 0]]))
+    seen_glow = glow(view, extinction, from_m)
+    centre = np.linalg.inv(view.camera_to_projector)[:3, 3]
+    for row, column in ((36, 48), (8, 80), (60, 12)):
+        point = view.points()[row, column]
+        steps = np.geomspace(from_m, np.linalg.norm(point), 4001)
+        middle = 0.5 * (steps[1:] + steps[:-1])
+        way = middle[:, None] * point / np.linalg.norm(point) - centre
+        distance = np.linalg.norm(way, axis=1)
+        pieces = 0.6 / distance**2 / (4 * np.pi) * np.exp(-extinction * (middle + distance)) * np.diff(steps)
+        assert seen_glow[row, column] == pytest.approx(pieces.sum(), rel=0.02)
 
 
 def test_gain_error_changes_the_ratio_of_exposures_and_not_of_equal_ones():

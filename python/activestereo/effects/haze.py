@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from activestereo.effects.core.beam import glow
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
 
 
@@ -11,15 +12,27 @@ from activestereo.effects.core.descriptor import Parameter, Stage, effect
     "haze",
     stage=Stage.MEDIUM,
     family="medium",
-    source="Koschmieder 1924; single scattering of uniform ambient light",
-    parameters=[Parameter("extinction_per_m", "1/m", neutral=0.0, low=0.0, high=3.0, typical=0.1)],
-)
-def haze(light, view, extinction_per_m):
-    """Light fades by exp(-extinction x way); the uniform ambient light is scattered in where it is scattered out."""
+    source="Koschmieder 1924; single scattering of uniform ambient light and of the projector's own beam",
+    parameters=[
+        Parameter("extinction_per_m", "1/m", neutral=0.0, low=0.0, high=3.0, typical=0.1),
+        Parameter(
+            "backscatter", "1", neutral=1.0, low=0.0, high=3.0, typical=0.5,
+            source="scattering back to the rig over isotropic: fine smoke 1, fog 0.1-0.5 (Henyey and Greenstein 1941)",
+        ),
+        Parameter("hidden_m", "m", neutral=0.05, low=0.01, high=0.3, typical=0.03, source="what window and housing hide of the beam's first part"),
+    ],
+)  # fmt: skip
+def haze(light, view, extinction_per_m, backscatter, hidden_m):
+    """Light fades by exp(-extinction x way); ambient light is scattered in where it is scattered out, and so is the beam on its way out."""
+    if extinction_per_m == 0.0:
+        return light
     to_camera = np.linalg.norm(view.points(), axis=-1)
     to_projector = np.linalg.norm(view.projector_points(), axis=-1)
-    seen = np.where(view.depth_m > 0, np.exp(-extinction_per_m * to_camera), 0.0)
-    dots = np.where(view.depth_m > 0, np.exp(-extinction_per_m * (to_camera + to_projector)), 1.0)
     hit = view.depth_m > 0
+    seen = np.where(hit, np.exp(-extinction_per_m * to_camera), 0.0)
+    dots = np.where(hit, np.exp(-extinction_per_m * (to_camera + to_projector)), 1.0)
     ambient = np.where(hit, light.ambient * seen + (1.0 - seen), light.ambient)
-    return replace(light.scale_projector(dots), ambient=ambient)
+    faded = replace(light.scale_projector(dots), ambient=ambient)
+    if backscatter == 0.0:
+        return faded
+    return replace(faded, indirect=faded.indirect + backscatter * extinction_per_m * glow(view, extinction_per_m, hidden_m))

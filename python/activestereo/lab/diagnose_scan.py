@@ -6,7 +6,9 @@ from itertools import product
 import numpy as np
 
 from activestereo.effects import Stage
+from activestereo.lab.diagnose_occam import is_shape
 from activestereo.lab.diagnose_periodic import periodic_points
+from activestereo.lab.diagnose_unit import unit_points
 
 _MULTIPLES = (0.3, 1.0, 3.0)
 # Of the way to the end of a range that is only a few deviations long: a threshold acts nowhere but near its place.
@@ -40,8 +42,8 @@ def starts(fitter, play, candidate, phi, alone=None):
     alone: the candidate's parameters as fitted without the effect that was added before it, or None. That effect is then scanned
     beside them and beside a part of them, too: it may have been fitted to what is the candidate's."""
     first = len(play.free) - len(candidate.parameters)
-    points = periodic_points(candidate, fitter, play, phi)
-    tried = [(np.arange(first, len(play.free)), p) for p in (_points(candidate) if points is None else points)]
+    points = periodic_points(candidate, fitter, play, phi) or unit_points(candidate, fitter, play, phi) or _points(candidate)
+    tried = [(np.arange(first, len(play.free)), p) for p in points]
     stage = candidate.stage
     if alone is not None and first:
         before = play.free[first - 1][0]
@@ -65,8 +67,8 @@ def starts(fitter, play, candidate, phi, alone=None):
 def _points(candidate):
     """Parameter vectors: each amplitude alone over multiples of its prior's deviation, with every choice of the shape parameters."""
     parameters = candidate.parameters
-    amplitudes = [i for i, p in enumerate(parameters) if not _is_shape(p)]
-    shapes = [i for i, p in enumerate(parameters) if _is_shape(p)]
+    amplitudes = [i for i, p in enumerate(parameters) if not is_shape(p)]
+    shapes = [i for i, p in enumerate(parameters) if is_shape(p)]
     neutral = np.array([p.neutral for p in parameters])
     points = []
     for i in amplitudes:
@@ -80,11 +82,6 @@ def _points(candidate):
         keep = np.linspace(0, len(points) - 1, _LARGEST_SCAN).round().astype(int)
         points = [points[i] for i in keep]
     return points
-
-
-def _is_shape(p):
-    """Shape parameters (a focus, a frequency) have no neutral value of zero."""
-    return p.neutral != 0.0
 
 
 def _levels(p):

@@ -18,6 +18,8 @@ class Entry:
     """One explanation of the train frames. chi2: cross-validated; tile_chi2: in-sample, by tile; frame_gain: relative fall of each
     frame's chi2 that the effect touches; parameters: {name: {value, low, high, unit}}; explained: share of the chi2 above the floor.
 
+    occam: nats that its freedom costs, 0 for what is not fitted to images, see diagnose_occam.
+
     plain_share, plain_floors: explained and gain_floors of the error in DN as it is, not weighed by its expected variance; None
     where it was not looked at. channel: what it is judged on: "infrared" (expected images), "noise" (repeats) or "depth" (the device's disparity); of the last two
     chi2 is the base's, and explained is a share of the noise's or the disparity error's variance."""
@@ -35,6 +37,7 @@ class Entry:
     plain_floors: float = 0.0
     consistency: float = 1.0
     channel: str = "infrared"
+    occam: float = 0.0
 
     @property
     def id(self):
@@ -65,14 +68,6 @@ def design_effect(tile_chi2, tile_pixels):
 def nats_of(base_chi2, chi2, pixels, deff):
     """Gain of the profile log-likelihood with the noise scale free: what no model explains counts as noise."""
     return 0.5 * pixels / deff * float(np.log(base_chi2 / chi2))
-
-
-def prior_nats(entry):
-    """Log density of what was found under the parameters' priors, up to a constant; 0 for what is not fitted to images. It decides
-    between explanations that the data cannot tell apart."""
-    if entry.solution is None:
-        return 0.0
-    return -0.5 * sum(((entry.parameters[p.name]["value"] - p.neutral) / p.typical) ** 2 for p in entry.effect.parameters)
 
 
 def gain_error(base, entry, deff, base_chi2, pixels):

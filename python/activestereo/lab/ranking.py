@@ -8,6 +8,7 @@ from activestereo.effects import Randomness, Stage
 from activestereo.lab.diagnose_depth import DepthEvidence
 from activestereo.lab.diagnose_fit import Fitter, Play, signal
 from activestereo.lab.diagnose_noise import fit_noise
+from activestereo.lab.diagnose_occam import occam_nats
 from activestereo.lab.diagnose_scan import scan_observations, starts
 from activestereo.lab.diagnose_score import (
     Entry,
@@ -18,7 +19,6 @@ from activestereo.lab.diagnose_score import (
     interval,
     intervals,
     nats_of,
-    prior_nats,
     told,
 )
 from activestereo.lab.diagnose_static import PARTS, fit_static, structure, white_rest, worst_image
@@ -32,6 +32,8 @@ _WORTH_STEPS = 4e-3
 _POLISH, _SCAN_STEPS = 6, 5
 # Polished are the first few, and all whose scan gained this share of the best's; below the other share they are left out.
 _POLISHED, _CLOSE, _HOPELESS = 3, 0.4, 0.01
+# Explanations that are so many nats behind the best may come first yet.
+_CLOSE_NATS = 10.0
 # Of so many the error in DN is looked at.
 _SIZED = 5
 # A scan knows an effect's gain coarsely: what gains less than this share of the best scan is not fitted.
@@ -66,7 +68,7 @@ class Ranking:
         self._size_up()
         self._simplify_best()
         self.entries += self._beside([e for e in chosen if e not in {entry.effect for entry in self.entries}])
-        self.entries.sort(key=lambda e: (not passes(self, e), e.channel == "depth" and not self.at_floor, -e.nats - prior_nats(e)))
+        self.entries.sort(key=lambda e: (not passes(self, e), e.channel == "depth" and not self.at_floor, -e.nats - e.occam))
 
     def _fit_base(self, phi):
         play = Play(self._model)
@@ -180,10 +182,12 @@ class Ranking:
             e.plain_share, e.plain_floors = fall / max(before - floor, 1e-9 * floor), fall / floor
 
     def _simplify_best(self):
-        best = max((e for e in self.entries if e.solution is not None and passes(self, e)), key=lambda e: e.nats, default=None)
-        if best is not None:
-            simple = simplified(self.fitter, best, self.base.chi2, self.pixels)
-            self.entries = [simple if e is best else e for e in self.entries]
+        """The best and those as good as it, alike: a needless parameter costs an explanation a nat or so."""
+        passing = [e for e in self.entries if e.solution is not None and passes(self, e)]
+        best = max((e.nats for e in passing), default=0.0)
+        simple = {id(e): simplified(self.fitter, e, self.base.chi2, self.pixels) for e in passing if e.nats > best - _CLOSE_NATS}
+        if simple:
+            self.entries = [simple.get(id(e), e) for e in self.entries]
             self._score()
 
     def _beside(self, candidates):
@@ -226,6 +230,7 @@ class Ranking:
             e.explained = (base.chi2 - e.chi2) / above
             e.gain_floors = (base.chi2 - e.chi2) / self.pixels
             e.consistency = frame_consistency(self.evidence.train, base.tile_chi2, e.tile_chi2)
+            e.occam = occam_nats(self.fitter, e, self.deff) if e.solution is not None else 0.0
 
     def white_after(self, entry):
         """white_rest of what an entry leaves."""
