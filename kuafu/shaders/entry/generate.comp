@@ -2,9 +2,9 @@
 #extension GL_GOOGLE_include_directive : require
 #include "lib/invocation.glsl"
 #include "lib/camera.glsl"
+#include "lib/pixel_sample.glsl"
 #include "lib/pixels.glsl"
 #include "lib/queue.glsl"
-#include "lib/sequence.glsl"
 
 layout(push_constant, scalar) uniform Push { GeneratePush push; };
 #include "stage/generate.glsl"

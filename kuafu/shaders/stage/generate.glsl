@@ -1,17 +1,20 @@
 // Primary rays: one path per pixel and sample, uniform over the pixel's square (box filter), the lens and the exposure.
-void generate(uint slot) {
+
+/// Which sample of which pixel a slot is.
+Pixel slot_pixel(uint slot, OUT(uint) index) {
   uint local_pixel = slot / push.range.sample_count;
-  uint index = push.range.first_sample + slot - local_pixel * push.range.sample_count;
-  Pixel pixel = wave_pixel(push.range, local_pixel);
+  index = push.range.first_sample + slot - local_pixel * push.range.sample_count;
+  return wave_pixel(push.range, local_pixel);
+}
+
+uint pixel_word(Pixel pixel) { return pixel.row * push.range.width + pixel.column; }
+bool through_centres() { return (push.flags & generate_pixel_centre) != 0u; }
+bool in_replicates() { return (push.flags & generate_replicates) != 0u; }
+
+void start_path(uint slot, Pixel pixel, uint key, uint index, vec2 offset) {
   IN(ViewRecord) view = push.views.at[pixel.view];
-  uint key = hash(view.key ^ hash(pixel.row * push.range.width + pixel.column));
-  bool centre = (push.flags & generate_pixel_centre) != 0u;
-  if ((push.flags & generate_replicates) != 0u) {
-    key = hash(key + (1u + index % replicate_count) * 0x9e3779b9u);
-    index /= replicate_count;
-  }
-  vec2 film = vec2(float(pixel.column), float(pixel.row));
-  if (!centre) film += sample_2d(key, index, pair_film) - 0.5f;
+  bool centre = through_centres();
+  vec2 film = vec2(float(pixel.column), float(pixel.row)) + offset;
   float time_s = 0.0f;
   vec3 origin = view.origin, ray = view.axis_0 + film.x * view.axis_u + film.y * view.axis_v;
   if ((features & feature_camera) != 0u && (push.flags & generate_camera) != 0u) {
@@ -37,4 +40,11 @@ void generate(uint slot) {
   uint plane = state_throughput;
   for (; plane < state_radiance(push.channels); ++plane) push.state.at[plane * capacity + slot] = floatBitsToUint(1.0f);
   for (; plane < state_shadow(push.channels, push.groups); ++plane) push.state.at[plane * capacity + slot] = 0u;
+}
+
+void generate(uint slot) {
+  uint index;
+  Pixel pixel = slot_pixel(slot, index);
+  PixelSample s = pixel_sample(push.views.at[pixel.view].key, pixel_word(pixel), index, in_replicates());
+  start_path(slot, pixel, s.key, s.index, through_centres() ? vec2(0.0f) : s.offset);
 }

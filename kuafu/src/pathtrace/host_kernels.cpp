@@ -1,6 +1,9 @@
 #include "pathtrace/host_kernels.h"
 
+#include <algorithm>
+
 #include "pathtrace/host_language.h"
+#include "pathtrace/host_pixel_samples.h"
 
 #define KUAFU_CHANNELS 3
 namespace kuafu {
@@ -9,9 +12,9 @@ namespace {
 constexpr uint features = feature_camera | feature_motion;
 #include "lib/camera.glsl"
 #include "lib/element.glsl"
+#include "lib/pixel_sample.glsl"
 #include "lib/pixels.glsl"
 #include "lib/queue.glsl"
-#include "lib/sequence.glsl"
 
 struct Generate {
   const GeneratePush& push;
@@ -43,7 +46,20 @@ struct Write {
 namespace host {
 
 void generate(const GeneratePush& push, uint32_t first, uint32_t end) {
-  for (Generate stage{push}; first < end; ++first) stage.generate(first);
+  Generate stage{push};
+  PixelSampleLanes lanes{};
+  Pixel pixels[pixel_sample_lanes];
+  for (; first < end; first += pixel_sample_lanes) {
+    const uint32_t count = std::min(pixel_sample_lanes, end - first);
+    for (uint32_t l = 0; l < count; ++l) {
+      pixels[l] = stage.slot_pixel(first + l, lanes.index[l]);
+      lanes.view_key[l] = push.views.at[pixels[l].view].key;
+      lanes.pixel[l] = stage.pixel_word(pixels[l]);
+    }
+    if (!stage.through_centres()) sample_pixels(lanes, stage.in_replicates());
+    for (uint32_t l = 0; l < count; ++l)
+      stage.start_path(first + l, pixels[l], lanes.key[l], lanes.index[l], {lanes.offset_x[l], lanes.offset_y[l]});
+  }
 }
 
 void resolve(const ResolvePush& push, uint32_t first, uint32_t end) {
