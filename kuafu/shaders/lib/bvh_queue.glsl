@@ -1,4 +1,4 @@
-// What the two compute entries that trace share: their push constants, and a ray read from its queue (shared/ray_queue.h).
+// What the compute entries that trace share: their push constants, and a ray read from its queue (shared/ray_queue.h).
 #ifndef KUAFU_BVH_QUEUE_GLSL
 #define KUAFU_BVH_QUEUE_GLSL
 
@@ -19,6 +19,9 @@ layout(push_constant, scalar) uniform Push {
   uint capacity;
   uint environment_count;
   uint has_environments;
+#ifdef KUAFU_MORE_PUSH
+  KUAFU_MORE_PUSH
+#endif
 } push;
 
 #include "lib/trace_queue.glsl"

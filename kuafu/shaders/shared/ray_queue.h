@@ -24,7 +24,7 @@ KUAFU_CONST ray_direction = 4u;  // 3 words, unit length
 KUAFU_CONST ray_time = 7u;     // seconds from mid-exposure of the middle line; 0 where nothing moves
 KUAFU_CONST ray_t_far = 8u;    // in: limit; out: hit distance (closest), or < 0 = occluded (occluded)
 KUAFU_CONST ray_mask = 9u;     // 0xffffffff
-KUAFU_CONST ray_id = 10u;      // path slot
+KUAFU_CONST ray_id = 10u;      // path slot; of shadow rays: shared/wave.h
 KUAFU_CONST ray_flags = 11u;   // 0
 KUAFU_CONST occlusion_words = 12u;  // an occlusion ray ends here
 KUAFU_CONST hit_normal = 12u;  // 3 words; written by Embree only, do not read

@@ -37,7 +37,7 @@ KUAFU_FN state_shadow(uint channels, uint groups) { return state_throughput + ch
 // A path's shadow-ray plane holds its index in the shadow queue and, above, the light group it feeds.
 KUAFU_CONST shadow_none = 0xffffffffu;
 KUAFU_CONST shadow_group_shift = 29u;
-// Where shadow rays pass glass, their ray_id is the index of their contribution and, above, whether glass stops them all the same.
+// A shadow ray's ray_id is the index of its contribution and, above, whether glass stops it all the same.
 KUAFU_CONST shadow_opaque = 0x80000000u;
 
 // Counters: one block per bounce; then, where shadow rays pass glass, one per bounce and surface that they passed.

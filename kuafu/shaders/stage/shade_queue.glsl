@@ -4,7 +4,7 @@ void queue_shadow(IN(Path) path, IN(ShadowRequest) request, uint k, uint i) {
     store_closest_ray(push.shadow_rays, i, push.shadow_capacity, request.ray, path.time_s, request.opaque ? i | shadow_opaque : i);
     push.contributions.at[channels * push.shadow_capacity + i] = request.ray.t_far;
   } else {
-    store_ray(push.shadow_rays, i, occlusion_words, push.shadow_capacity, request.ray, path.time_s, path.slot);
+    store_ray(push.shadow_rays, i, occlusion_words, push.shadow_capacity, request.ray, path.time_s, request.opaque ? i | shadow_opaque : i);
   }
   if ((push.flags & shade_environments) != 0u) push.shadow_environments.at[i] = path_environment(path);
   for (uint c = 0u; c < channels; ++c) push.contributions.at[c * push.shadow_capacity + i] = channel_of(request.contribution, c);

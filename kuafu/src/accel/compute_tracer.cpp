@@ -1,12 +1,16 @@
 // Our own two-level BVH2, built on the host and traced in Vulkan compute: the portable tracer of GPUs, and of CPU devices when asked for.
 #include <array>
+#include <map>
 #include <optional>
+#include <utility>
 
 #include "accel/bvh_world.h"
 #include "accel/tracer.h"
 #include "device/error.h"
-#include "shared/ray_queue.h"
+#include "shared/wave.h"
 #include "spirv/trace_closest.h"
+#include "spirv/trace_glass_infrared.h"
+#include "spirv/trace_glass_visible.h"
 #include "spirv/trace_occluded.h"
 
 namespace kuafu {
@@ -14,7 +18,13 @@ namespace {
 
 struct TracePush {
   uint64_t words, environments, count, roots, nodes, instances, motions;
-  uint32_t capacity, environment_count, has_environments, unused = 0;
+  uint32_t capacity, environment_count, has_environments, glass_surfaces = 0;
+};
+
+struct GlassPush {
+  TracePush trace;
+  uint64_t contributions, scene;
+  uint32_t has_medium, unused = 0;
 };
 
 class ComputeTracer final : public Tracer {
@@ -38,16 +48,32 @@ class ComputeTracer final : public Tracer {
   }
 
   void closest(ks::Commands& commands, const RayQueue& rays) override {
-    commands.begin_stage("trace closest");
     commands.dispatch_indirect(world_.moves() ? moving_->closest : closest_, push(rays), *rays.counters, rays.arguments_offset);
   }
 
   void occluded(ks::Commands& commands, const RayQueue& rays) override {
-    commands.begin_stage("trace occluded");
     commands.dispatch_indirect(world_.moves() ? moving_->occluded : occluded_, push(rays), *rays.counters, rays.arguments_offset);
   }
 
+  [[nodiscard]] bool passes_glass() const override { return true; }
+  void occluded_by_more_than_glass(ks::Commands& commands, const RayQueue& rays, const GlassWay& glass) override {
+    GlassPush all{push(rays), glass.contributions, glass.scene, glass.medium ? 1u : 0u};
+    all.trace.glass_surfaces = glass.surfaces;
+    commands.dispatch_indirect(glass_pipeline(glass), all, *rays.counters, rays.arguments_offset);
+  }
+
  private:
+  /// Built for the features of a scene that asks for it.
+  [[nodiscard]] const ks::ComputePipeline& glass_pipeline(const GlassWay& glass) {
+    const uint32_t features = world_.moves() ? glass.features : glass.features & ~feature_motion;  // of lights alone: rays need no time
+    std::unique_ptr<ks::ComputePipeline>& slot = glass_[{glass.infrared, features}];
+    if (!slot)
+      slot = std::make_unique<ks::ComputePipeline>(
+          device_, glass.infrared ? std::span<const uint32_t>(trace_glass_infrared_spirv) : trace_glass_visible_spirv, sizeof(GlassPush),
+          std::array{group_size_, layout_, world_.moves() ? 1u : 0u, features});
+    return *slot;
+  }
+
   [[nodiscard]] TracePush push(const RayQueue& rays) const {
     if (world_.environment_count() == 0) ks::fail(KS_ERROR_INVALID_STATE, "the tracer has not seen a scene yet: call update first");
     return {rays.words->address(),
@@ -73,6 +99,7 @@ class ComputeTracer final : public Tracer {
     ks::ComputePipeline closest, occluded;
   };
   std::optional<Moving> moving_;
+  std::map<std::pair<bool, uint32_t>, std::unique_ptr<ks::ComputePipeline>> glass_;  // by infrared and features
   std::shared_ptr<ks::Device> device_;
   BvhWorld world_;
 };

@@ -172,11 +172,12 @@ void RtBuilder::run(Job& job) {
   commands.flush();
 }
 
-void RtBuilder::record(ks::Commands& commands) {
-  if (!planned_) return;
+bool RtBuilder::record(ks::Commands& commands) {
+  if (!planned_) return false;
   commands.begin_stage("acceleration build");
   record(commands, *planned_);
   planned_.reset();
+  return true;
 }
 
 }  // namespace kuafu

@@ -46,7 +46,8 @@ class RtBuilder {
   std::vector<RtStructure> build(std::vector<RtInput> inputs, ArrayBuffer& storage);
   /// The same, built by the next record(): what was planned before and is not recorded is dropped.
   std::vector<RtStructure> plan(std::vector<RtInput> inputs, ArrayBuffer& storage);
-  void record(ks::Commands& commands);
+  /// Whether anything was planned.
+  bool record(ks::Commands& commands);
   /// In place: same topology as the structure was built with, new positions.
   void refit(std::vector<RtInput> inputs, std::span<RtStructure* const> structures);
 

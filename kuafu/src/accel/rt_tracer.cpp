@@ -26,11 +26,11 @@ class RtTracer final : public Tracer {
   void update(const Scene& scene, uint32_t environment_count, const TimeSpan& open) override {
     world_.update(scene, environment_count, open);
   }
-  void closest(ks::Commands& commands, const RayQueue& rays) override { run(commands, rays, RtPipeline::closest, "trace closest"); }
-  void occluded(ks::Commands& commands, const RayQueue& rays) override { run(commands, rays, RtPipeline::occluded, "trace occluded"); }
+  void closest(ks::Commands& commands, const RayQueue& rays) override { run(commands, rays, RtPipeline::closest); }
+  void occluded(ks::Commands& commands, const RayQueue& rays) override { run(commands, rays, RtPipeline::occluded); }
 
  private:
-  void run(ks::Commands& commands, const RayQueue& rays, RtPipeline::Entry entry, const char* stage) {
+  void run(ks::Commands& commands, const RayQueue& rays, RtPipeline::Entry entry) {
     if (world_.environment_count() == 0) ks::fail(KS_ERROR_INVALID_STATE, "the tracer has not seen a scene yet: call update first");
     const RtPush push{rays.words->address(),
                       rays.environments ? rays.environments->address() : 0,
@@ -39,8 +39,7 @@ class RtTracer final : public Tracer {
                       rays.capacity,
                       world_.environment_count(),
                       rays.environments ? 1u : 0u};
-    world_.record(commands);
-    commands.begin_stage(stage);
+    if (world_.record(commands)) commands.begin_stage("trace closest");  // the first rays after an update are a camera's
     pipeline_.trace(commands, entry, push, *rays.counters, rays.arguments_offset);
   }
 

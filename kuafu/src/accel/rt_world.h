@@ -15,8 +15,8 @@ class RtWorld {
   explicit RtWorld(std::shared_ptr<ks::Device> device);
 
   void update(const Scene& scene, uint32_t environment_count, const TimeSpan& open);
-  /// Builds the top levels that the last update has changed; before the first ray.
-  void record(ks::Commands& commands) { builder_.record(commands); }
+  /// Builds the top levels that the last update has changed; before the first ray. Whether there were any.
+  bool record(ks::Commands& commands) { return builder_.record(commands); }
   /// 0 until a scene was seen.
   [[nodiscard]] uint32_t environment_count() const { return environment_count_; }
   /// Device address of an array: of each environment, the address of its top level; 0 where it is empty.

@@ -23,6 +23,14 @@ struct RayQueue {
   bool coherent = false;          // a hint: neighbours in the queue go nearly the same way, as camera rays do
 };
 
+/// What a tracer must know to follow shadow rays through glass.
+struct GlassWay {
+  uint64_t contributions = 0, scene = 0;  // device addresses (FloatArray, SceneReference)
+  uint32_t surfaces = 0;                  // that a ray may pass
+  uint32_t features = 0;                  // feature_* of the scene
+  bool infrared = false, medium = false;
+};
+
 class Tracer {
  public:
   virtual ~Tracer() = default;
@@ -38,6 +46,10 @@ class Tracer {
   virtual void closest(ks::Commands& commands, const RayQueue& rays) = 0;
   /// Any hit in [t_near, t_far]: t_far becomes negative where something stands in the way.
   virtual void occluded(ks::Commands& commands, const RayQueue& rays) = 0;
+  /// Whether it has occluded_by_more_than_glass; else the path tracer asks `closest` for each surface on the way.
+  [[nodiscard]] virtual bool passes_glass() const { return false; }
+  /// As occluded, but smooth glass in the way only dims the ray's contribution (shaders/stage/glass.glsl).
+  virtual void occluded_by_more_than_glass(ks::Commands&, const RayQueue&, const GlassWay&) {}
 };
 
 std::unique_ptr<Tracer> make_embree_tracer(std::shared_ptr<ks::Device> device);

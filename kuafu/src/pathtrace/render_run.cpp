@@ -67,7 +67,7 @@ void PathTracer::Run::fit_buffers() {
   pixels_per_batch_ = o_.on_host_ ? std::min(total, wave * waves_per_worker * o_.device_->workers().size()) : wave;
   o_.slots_.fit({round_up(wave * samples, pixel_block), launch_.band.channels(), groups(), shadows,
                  launch_.max_bounces + 3 + o_.tables_.walk_passes(), environments_, o_.tables_.features(), launch_.wants_visibility(),
-                 shadows > 0 && o_.tables_.has_glass() ? launch_.glass_surfaces : 0});
+                 passes_glass() && !o_.tracer_->passes_glass() ? launch_.glass_surfaces : 0});
   grow(o_.memory(), o_.sums_, keeps_sums() ? 0 : uint64_t(pixels_per_batch_) * sum_planes());
 }
 

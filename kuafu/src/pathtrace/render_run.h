@@ -43,6 +43,10 @@ class PathTracer::Run {
   [[nodiscard]] bool denoises() const { return launch_.denoise != DenoiseKind::none && launch_.wants_radiance(); }
   /// Who asks for progress hears of it as it is made; else a GPU gets several batches at once, and not so many that a watchdog minds.
   [[nodiscard]] bool ends_submission(uint32_t batch) const { return o_.device_->is_cpu() || launch_.cancelled || batch % 8 == 7; }
+  /// Whether shadow rays may pass something on their way.
+  [[nodiscard]] bool passes_glass() const {
+    return o_.tables_.shadow_rays_per_vertex() > 0 && o_.tables_.has_glass() && launch_.glass_surfaces > 0;
+  }
   /// Of light, kept apart.
   [[nodiscard]] uint32_t groups() const {
     return launch_.wants(output_light_group, output_light_group + light_group_count) ? group_ambient + o_.tables_.light_groups()

@@ -4,7 +4,7 @@ namespace kuafu {
 
 void PathTracer::Wave::render_aovs() {
   generate(generate_pixel_centre);
-  o_.tracer_->closest(commands_, b_.closest_queue(0));
+  trace_closest(0);
   if (run_.denoises()) o_.denoiser_.guide(commands_, rays());
   if (launch_.wants_aovs()) aov();
 }
@@ -27,6 +27,7 @@ void PathTracer::Wave::aov() {
                (run_.environments_ ? aov_environments : 0) | (run_.camera_ ? aov_camera : 0);
   o_.stages_->aov(commands_, push);
   if (!launch_.wants_visibility()) return;
+  commands_.begin_stage("trace occluded");
   o_.tracer_->occluded(commands_, b_.shadow_queue(0));
   o_.stages_->visibility(commands_, push);
 }
@@ -46,7 +47,7 @@ void PathTracer::Wave::blend_guides() {
 
 void PathTracer::Wave::trace_squares() {
   generate(0);
-  o_.tracer_->closest(commands_, b_.closest_queue(0));
+  trace_closest(0);
 }
 
 void PathTracer::Wave::remodulate() {
@@ -54,26 +55,51 @@ void PathTracer::Wave::remodulate() {
   o_.denoiser_.remodulate(commands_, rays());
 }
 
-// Shadow rays and next rays of a bounce are both there after `shade`, so a host tracer answers them in one stop.
+// Shadow rays and next rays of a bounce are both there after `shade`, so a host tracer answers them in one stop, and a GPU traces both at
+// once: the few long rays that each ends with then run beside each other.
 void PathTracer::Wave::trace_paths() {
   const bool shadows = o_.tables_.shadow_rays_per_vertex() > 0;
-  o_.tracer_->closest(commands_, b_.closest_queue(0));
+  trace_closest(0);
   for (uint32_t bounce = 0; bounce <= run_.last_bounce(); ++bounce) {
     shade(bounce);
-    if (shadows && bounce <= run_.last_lit()) trace_shadows(bounce);
-    if (o_.device_->is_cpu()) commands_.flush();  // then the host sees how many paths are left
-    const bool more = bounce < run_.last_bounce() && b_.ray_count(bounce + 1) > 0;
-    if (more) o_.tracer_->closest(commands_, b_.closest_queue(bounce + 1));
-    if (shadows && bounce <= run_.last_lit()) resolve(bounce);
+    const bool lit = shadows && bounce <= run_.last_lit();
+    bool more = bounce < run_.last_bounce();
+    if (lit && more && !o_.device_->is_cpu() && !glass_shadows()) {
+      commands_.set_automatic_barriers(false);
+      trace_shadows(bounce, "trace");
+      commands_.set_automatic_barriers(true);
+      trace_closest(bounce + 1, "trace");
+    } else {
+      if (lit) trace_shadows(bounce);
+      if (o_.device_->is_cpu()) commands_.flush();  // then the host sees how many paths are left
+      more = more && b_.ray_count(bounce + 1) > 0;
+      if (more) trace_closest(bounce + 1);
+    }
+    if (lit) resolve(bounce);
     if (!more) break;
   }
 }
 
-void PathTracer::Wave::trace_shadows(uint32_t bounce) {
-  if (!glass_shadows()) return o_.tracer_->occluded(commands_, b_.shadow_queue(bounce));
+void PathTracer::Wave::trace_closest(uint32_t bounce, const char* stage) {
+  commands_.begin_stage(stage);
+  o_.tracer_->closest(commands_, b_.closest_queue(bounce));
+}
+
+void PathTracer::Wave::trace_shadows(uint32_t bounce, const char* stage) {
+  if (glass_shadows()) return trace_by_surfaces(bounce);
+  commands_.begin_stage(stage);
+  const RayQueue rays = b_.shadow_queue(bounce);
+  if (!run_.passes_glass()) return o_.tracer_->occluded(commands_, rays);
+  o_.tracer_->occluded_by_more_than_glass(commands_, rays,
+                                          {b_.contributions(), o_.tables_.address(), launch_.glass_surfaces, b_.size().features,
+                                           launch_.band.infrared, o_.tables_.has_medium()});
+}
+
+void PathTracer::Wave::trace_by_surfaces(uint32_t bounce) {
   const uint32_t surfaces = b_.size().glass_surfaces;
   for (uint32_t passed = 0; passed <= surfaces; ++passed) {
     if (passed > 0 && o_.on_host_ && b_.shadow_ray_count(bounce, passed) == 0) return;
+    commands_.begin_stage("trace closest");
     o_.tracer_->closest(commands_, b_.shadow_queue(bounce, passed));
     const bool last = passed == surfaces;
     o_.stages_->transmit(commands_,

@@ -24,9 +24,12 @@ class PathTracer::Wave {
   void trace_paths();
   void generate(uint32_t flags);
   void shade(uint32_t bounce);
-  void trace_shadows(uint32_t bounce);
+  void trace_closest(uint32_t bounce, const char* stage = "trace closest");
+  void trace_shadows(uint32_t bounce, const char* stage = "trace occluded");
+  void trace_by_surfaces(uint32_t bounce);
   void resolve(uint32_t bounce);
   void accumulate(bool last);
+  /// Shadow rays pass glass surface by surface, in queues of their own.
   [[nodiscard]] bool glass_shadows() const { return b_.size().glass_surfaces > 0; }
   [[nodiscard]] WaveRays rays() const { return {b_.closest_rays(0), o_.tables_.address(), o_.views_.address(), range_}; }
 

@@ -70,6 +70,7 @@ class RayBench {
       commands_.begin_stage("restore");
       commands_.copy(*fresh, 0, *words_buffer_, 0, fresh->size_bytes());
       if (cpu) commands_.flush();
+      commands_.begin_stage("trace");
       const std::clock_t start = std::clock();
       any ? tracer_.occluded(commands_, queue()) : tracer_.closest(commands_, queue());
       if (cpu) commands_.flush();
