@@ -126,6 +126,9 @@ class StereoDepthSensorConfig:
         self.ir_noise_seed = 0
         self.ir_speckle_noise = 1.0
         self.ir_thermal_noise = 1.0
+        # Of which light the speckle is, that of ir_signal too: False = of all, as SAPIEN and the paper have it; True = of the projector's alone,
+        # which is coherent (two more images are rendered and copied to the engine).
+        self.ir_speckle_of_laser = False
         # Instead of that noise: 'd435', 'paper-d415' or another of simsense.signal_preset, or a dict of simsense_signal's parameters whose
         # input is in counts; exposure, responsivity and black level above come on top.
         self.ir_signal = None

@@ -12,6 +12,7 @@ from activestereo.matching import engine_parameters, signal_parameters
 from activestereo.pose import Pose, as_matrix, camera_to_camera, camera_to_world, carried_twist
 
 RGB_OUTPUTS = ("radiance", "depth", "material_id", "instance_id")
+LASER_OUTPUTS = ("projector_direct", "projector_indirect")
 
 
 class Mount:
@@ -44,6 +45,7 @@ class StereoDepthSensor:
         self._link = IrLink(self._device, self._engine.device, width, height, copy=copy_ir)
         self._light = self._add_projector()
         self._rgb = self._result = None
+        self._laser = (None, None)
         self._has_picture = False
         self._stage_times = {}
         self._frame = -1
@@ -61,16 +63,18 @@ class StereoDepthSensor:
             images = self._render([self.rgb_camera()], RGB_OUTPUTS, "visible", frame, _part(progress, 0.0, share))
             rgb = {name: image[0] for name, image in images.items()}
             self._keep_times("rgb", self._renderer)
-        self._render(self.ir_cameras(), {"radiance": self._link.target}, "infrared", frame, _part(progress, share, 1.0))
+        laser = self._render_infrared(frame, _part(progress, share, 1.0))
         self._keep_times("ir", self._renderer)
         self._link.deliver()
-        self._frame, self._rgb, self._has_picture = frame, rgb, True
+        self._frame, self._rgb, self._laser, self._has_picture = frame, rgb, laser, True
 
     def compute_depth(self):
         """Noise, matching, registration of the last picture. The same picture gives the same depth."""
         self._require_picture()
         self._engine.set_parameters(frame_index=self._frame)
-        self._result = self._engine.compute(self._link.left, self._link.right, ("depth_rgb", "disparity", "ir_left", "ir_right"))
+        outputs = ("depth_rgb", "disparity", "ir_left", "ir_right")
+        left_laser, right_laser = self._laser
+        self._result = self._engine.compute(self._link.left, self._link.right, outputs, left_laser=left_laser, right_laser=right_laser)
         self._keep_times("depth", self._engine)
 
     # ---- results ----
@@ -326,6 +330,13 @@ class StereoDepthSensor:
             projector=self._light,
             progress=progress,
         )
+
+    def _render_infrared(self, frame, progress):
+        """Into the link; returns the projector's part of both images, (None, None) where the config does not ask for it."""
+        apart = LASER_OUTPUTS if self._config.ir_speckle_of_laser else ()
+        outputs = {"radiance": self._link.target} | dict.fromkeys(apart, np.float32)
+        images = self._render(self.ir_cameras(), outputs, "infrared", frame, progress)
+        return tuple(sum(images[name] for name in apart)[..., 0]) if apart else (None, None)
 
     def _keep_times(self, group, worker):
         kept = {name: t for name, t in self._stage_times.items() if not name.startswith(f"{group}: ")}

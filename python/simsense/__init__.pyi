@@ -150,6 +150,8 @@ class Engine:
         right: NDArray[Any] | Image,
         outputs: Sequence[str] | Mapping[str, NDArray[Any] | Image | DTypeLike] = ("depth",),
         *,
+        left_laser: NDArray[Any] | Image | None = None,
+        right_laser: NDArray[Any] | Image | None = None,
         rgb: NDArray[np.uint8] | Image | None = None,
         progress: Callable[[float], object] | None = None,
     ) -> dict[str, NDArray[Any]]: ...
@@ -159,6 +161,8 @@ class Engine:
         right: NDArray[Any] | Image,
         outputs: Sequence[str] | Mapping[str, NDArray[Any] | Image | DTypeLike],
         *,
+        left_laser: NDArray[Any] | Image | None = None,
+        right_laser: NDArray[Any] | Image | None = None,
         rgb: NDArray[np.uint8] | Image | None = None,
     ) -> Submission: ...
 

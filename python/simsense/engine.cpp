@@ -183,9 +183,13 @@ class Engine {
     return py::make_tuple(matrix(k, 3, 3), baseline_m, matrix(left_to_rectified, 4, 4));
   }
 
-  py::dict compute(const py::object& left, const py::object& right, const py::object& outputs, const py::object& rgb,
-                   const py::object& callback) {
-    Call call = make_call(left, right, outputs, rgb);
+  /// What a call reads; all but the first two may be None.
+  struct Inputs {
+    py::object left, right, left_laser, right_laser, rgb;
+  };
+
+  py::dict compute(const Inputs& inputs, const py::object& outputs, const py::object& callback) {
+    Call call = make_call(inputs, outputs);
     Progress progress(callback);
     call.desc.progress = Progress::function();
     call.desc.progress_user = &progress;
@@ -201,8 +205,8 @@ class Engine {
   }
 
   /// The results are the caller's to read after wait().
-  std::pair<ks_sync, py::dict> submit(const py::object& left, const py::object& right, const py::object& outputs, const py::object& rgb) {
-    const Call call = make_call(left, right, outputs, rgb);
+  std::pair<ks_sync, py::dict> submit(const Inputs& inputs, const py::object& outputs) {
+    const Call call = make_call(inputs, outputs);
     const InUse<Simsense> in_use(in_use_, "engine");
     ks_sync sync = ks_sync_init();
     ks_status status;
@@ -232,11 +236,13 @@ class Engine {
     py::dict results;
     simsense_compute_desc desc = simsense_compute_desc_init();
   };
-  Call make_call(const py::object& left, const py::object& right, const py::object& outputs, const py::object& rgb) const {
+  Call make_call(const Inputs& inputs, const py::object& outputs) const {
     Call call;
-    if (!rgb.is_none()) call.desc.rgb = input(rgb, "rgb", call.keep, true);
-    call.desc.left = input(left, "left", call.keep);
-    call.desc.right = input(right, "right", call.keep);
+    if (!inputs.rgb.is_none()) call.desc.rgb = input(inputs.rgb, "rgb", call.keep, true);
+    call.desc.left = input(inputs.left, "left", call.keep);
+    call.desc.right = input(inputs.right, "right", call.keep);
+    if (!inputs.left_laser.is_none()) call.desc.left_laser = input(inputs.left_laser, "left_laser", call.keep);
+    if (!inputs.right_laser.is_none()) call.desc.right_laser = input(inputs.right_laser, "right_laser", call.keep);
     read_outputs(outputs, call.desc.left.image.dim_count == 3, call.outputs, call.results, call.keep);
     call.desc.outputs = call.outputs.data();
     call.desc.output_count = static_cast<uint32_t>(call.outputs.size());
@@ -394,21 +400,32 @@ void bind_engine(py::module_& module) {
       .def("set_signal", &Engine::set_signal, py::arg("left") = py::dict(), py::arg("right") = py::dict(),
            "Changes the named parameters of each imager (simsense_signal), as from signal_preset(); the others stay.")
       .def_property_readonly("rectified", &Engine::rectified, "(k 3x3, baseline_m, left_to_rectified 4x4) after rectification.")
-      .def("compute", &Engine::compute, py::arg("left"), py::arg("right"), py::arg("outputs") = py::make_tuple("depth"), py::kw_only(),
-           py::arg("rgb") = py::none(), py::arg("progress") = py::none(),
-           "left, right: uint8, uint16 or float32 arrays [height, width] or [batch, height, width] of any strides, or Images. outputs: "
-           "names of disparity, depth,\n"
-           "depth_rgb, ir_left, ir_right, rectified_left, rectified_right, points, confidence, reason, points_colored; or\n"
-           "{name: array or Image} to fill those; or {name: dtype} (depth in uint16 or int16 millimetres, disparity in int16 sixteenths).\n"
-           "rgb: uint8 [height, width, 3] of the RGB camera, for points_colored. REASONS has the names of reason's values.\n"
-           "Returns {name: array}, shaped like the input. progress(fraction: float) may return True to cancel (CancelledError).")
+      .def(
+          "compute",
+          [](Engine& self, const py::object& left, const py::object& right, const py::object& outputs, const py::object& left_laser,
+             const py::object& right_laser, const py::object& rgb, const py::object& progress) {
+            return self.compute({left, right, left_laser, right_laser, rgb}, outputs, progress);
+          },
+          py::arg("left"), py::arg("right"), py::arg("outputs") = py::make_tuple("depth"), py::kw_only(),
+          py::arg("left_laser") = py::none(), py::arg("right_laser") = py::none(), py::arg("rgb") = py::none(),
+          py::arg("progress") = py::none(),
+          "left, right: uint8, uint16 or float32 arrays [height, width] or [batch, height, width] of any strides, or Images. outputs: "
+          "names of disparity, depth,\n"
+          "depth_rgb, ir_left, ir_right, rectified_left, rectified_right, points, confidence, reason, points_colored; or\n"
+          "{name: array or Image} to fill those; or {name: dtype} (depth in uint16 or int16 millimetres, disparity in int16 sixteenths).\n"
+          "left_laser, right_laser: the part of left and right that is laser light, in their unit: it alone has speckle. Both or none: all "
+          "has.\n"
+          "rgb: uint8 [height, width, 3] of the RGB camera, for points_colored. REASONS has the names of reason's values.\n"
+          "Returns {name: array}, shaped like the input. progress(fraction: float) may return True to cancel (CancelledError).")
       .def(
           "submit",
-          [](const py::object& self, const py::object& left, const py::object& right, const py::object& outputs, const py::object& rgb) {
-            const auto [sync, results] = self.cast<Engine&>().submit(left, right, outputs, rgb);
+          [](const py::object& self, const py::object& left, const py::object& right, const py::object& outputs,
+             const py::object& left_laser, const py::object& right_laser, const py::object& rgb) {
+            const auto [sync, results] = self.cast<Engine&>().submit({left, right, left_laser, right_laser, rgb}, outputs);
             return Submission{self, sync, results};
           },
-          py::arg("left"), py::arg("right"), py::arg("outputs"), py::kw_only(), py::arg("rgb") = py::none(),
+          py::arg("left"), py::arg("right"), py::arg("outputs"), py::kw_only(), py::arg("left_laser") = py::none(),
+          py::arg("right_laser") = py::none(), py::arg("rgb") = py::none(),
           "compute() that returns at once where all images are simsense.Images and the back end is Vulkan; else when all is done.\n"
           "Returns a Submission: its wait() returns what compute() would.")
       .def_property_readonly("stage_times", &Engine::stage_times, "{stage: milliseconds} of the last compute or wait.");

@@ -151,13 +151,20 @@ void Engine::check_output(const ComputeRequest::Output& wanted, bool listed_befo
 template <class FrameType, class Open>
 void Engine::open_frame(const ComputeRequest& request, FrameType& frame, const Open& open) const {
   if (request.outputs.empty()) ks::fail(KS_ERROR_INVALID_ARGUMENT, "no output is asked for (output_count is 0): nothing to compute");
-  const ImageArgument* inputs[] = {&request.left, &request.right};
-  constexpr const char* names[] = {"left image", "right image"};
-  for (uint32_t eye : {0u, 1u}) {
-    const uint32_t format = inputs[eye]->image.format;
+  const auto open_light = [&](const ImageArgument& light, const char* name) {
+    const uint32_t format = light.image.format;
     if (format != KS_FORMAT_U8 && format != KS_FORMAT_U16 && format != KS_FORMAT_F32)
-      ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s has format %u: must be u8 (1), u16 (2) or f32 (6)", names[eye], format);
-    frame.inputs[eye].emplace(open(*inputs[eye], {rig_.batch_count, height_, width_, 0}, names[eye]));
+      ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s has format %u: must be u8 (1), u16 (2) or f32 (6)", name, format);
+    return open(light, {rig_.batch_count, height_, width_, 0}, name);
+  };
+  frame.inputs[0].emplace(open_light(request.left, "left image"));
+  frame.inputs[1].emplace(open_light(request.right, "right image"));
+  if (request.lasers[0].has_value() != request.lasers[1].has_value())
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "a laser image is given for the %s eye alone: give both or none",
+             request.lasers[0] ? "left" : "right");
+  if (request.lasers[0]) {
+    frame.lasers[0].emplace(open_light(*request.lasers[0], "left laser image"));
+    frame.lasers[1].emplace(open_light(*request.lasers[1], "right laser image"));
   }
   if (request.rgb) {
     if (!has_rgb_) ks::fail(KS_ERROR_INVALID_ARGUMENT, "an rgb image is given, but the rig has no rgb camera");
@@ -184,7 +191,9 @@ void Engine::compute(const ComputeRequest& request) {
 
 ks_sync Engine::submit(const ComputeRequest& request) {
   const auto is_host = [](const ImageArgument& image) { return !image.buffer; };
-  const bool on_host = is_host(request.left) || is_host(request.right) || (request.rgb && is_host(*request.rgb)) ||
+  const auto is_host_if_any = [&](const std::optional<ImageArgument>& image) { return image && is_host(*image); };
+  const bool on_host = is_host(request.left) || is_host(request.right) || is_host_if_any(request.lasers[0]) ||
+                       is_host_if_any(request.lasers[1]) || is_host_if_any(request.rgb) ||
                        std::ranges::any_of(request.outputs, [&](const ComputeRequest::Output& o) { return is_host(o.image); });
   ks_sync sync = ks_sync_init();
   if (on_host || !on_device_) {

@@ -27,6 +27,7 @@ class VulkanPipeline;
 
 struct ComputeRequest {
   ImageArgument left, right;
+  std::optional<ImageArgument> lasers[2];  // both or none
   std::optional<ImageArgument> rgb;
   struct Output {
     uint32_t output = 0;  // SIMSENSE_OUTPUT_*

@@ -8,6 +8,15 @@
 #include "rectify/remap.h"
 
 namespace simsense {
+namespace {
+
+Irradiance light(const Frame& frame, uint32_t n, uint32_t eye) {
+  Irradiance light{frame.inputs[eye]->input(n), std::nullopt};
+  if (frame.lasers[eye]) light.laser = frame.lasers[eye]->input(n);
+  return light;
+}
+
+}  // namespace
 
 NoiseKey Engine::noise_key(uint32_t n, uint32_t eye) const {
   const simsense_signal& s = signal(eye);
@@ -23,7 +32,7 @@ ConstImage Engine::measure_eye(Frame& frame, uint32_t n, uint32_t eye) {
   ConstImage image{reinterpret_cast<const uint8_t*>(input.data), input.row_stride};
   if (input.format != KS_FORMAT_U8 || input.pixel_stride != 1 || !imager.is_neutral()) {
     uint8_t* counts = frame.target(output, n, counts_[eye], size_t{width_} * height_);
-    imager.measure(noise_key(n, eye), input, width_, height_, counts, workers_);
+    imager.measure(noise_key(n, eye), light(frame, n, eye), width_, height_, counts, workers_);
     image = {counts, static_cast<ptrdiff_t>(width_)};
   }
   frame.store(output, n, image.data, image.row_stride, width_, height_);
@@ -34,7 +43,7 @@ ConstImage Engine::measure_wide(Frame& frame, uint32_t n, uint32_t eye) {
   const uint32_t output = SIMSENSE_OUTPUT_IR_LEFT + eye;
   const auto pitch = static_cast<ptrdiff_t>(width_);
   uint16_t* counts = frame.target(output, n, wide_counts_[eye], size_t{width_} * height_);
-  imagers_[eye].measure(noise_key(n, eye), frame.inputs[eye]->input(n), width_, height_, counts, workers_);
+  imagers_[eye].measure(noise_key(n, eye), light(frame, n, eye), width_, height_, counts, workers_);
   frame.store(output, n, counts, pitch, width_, height_);
   return {reinterpret_cast<const uint8_t*>(counts), pitch, 2};
 }

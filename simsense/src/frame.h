@@ -35,6 +35,7 @@ inline int16_t to_sixteenths(float disparity_px) { return static_cast<int16_t>(s
 template <class Image>
 struct FrameOf {
   std::optional<Image> inputs[2];
+  std::optional<Image> lasers[2];
   std::optional<Image> rgb;
   std::array<std::optional<Image>, output_count> outputs;
 

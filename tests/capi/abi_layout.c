@@ -122,4 +122,4 @@ ENDS_WITH(simsense_parameters, census_contrast);
 ENDS_WITH(simsense_signal, scene_index);
 ENDS_WITH(simsense_image, image);
 ENDS_WITH(simsense_output_desc, image);
-ENDS_WITH(simsense_compute_desc, rgb);
+ENDS_WITH(simsense_compute_desc, right_laser);

@@ -274,3 +274,21 @@ def test_what_is_no_scene_is_refused(small_config):
         StereoDepthSensor(small_config, 42)
     with pytest.raises(FileNotFoundError):
         StereoDepthSensor(small_config, "nowhere.gltf")
+
+
+def test_speckle_is_of_the_laser_alone_where_asked(table_top, small_config):
+    scene = kuafu.Scene(kuafu.Device())
+    scene.load(table_top)
+    small_config.max_bounces, small_config.ir_speckle_of_laser, small_config.ir_ambient_strength = 0, True, 0.1
+    small_config.ir_signal = {"speckle_shape": 4.0, "speckle_scale": 0.25, "bit_depth": 16, "gain": 100.0}
+    sensor = StereoDepthSensor(small_config, scene, pose=body_pose(scene.camera(0).camera_to_world))
+    sensor.take_picture(infrared_only=True)
+    sensor.compute_depth()
+    counts_per_radiance = sensor.ir_gain * 100.0
+    for got, clean, all_light, laser in zip(sensor.get_ir_measured(), sensor.get_ir(), sensor._link.images, sensor._laser, strict=True):
+        noise = (got - 65535.0 * clean) / counts_per_radiance
+        bright = (laser > 0.01) & (got < 65535)
+        assert np.std(noise[bright] / laser[bright]) == pytest.approx(0.5, rel=0.03)  # Gamma(4, 1/4)'s
+        ambient = laser < 0.1 * all_light
+        assert ambient.sum() > 500
+        assert np.std(noise[ambient] / all_light[ambient]) < 0.05

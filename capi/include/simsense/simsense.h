@@ -203,7 +203,7 @@ typedef struct simsense_signal {
   /* exposure: light_e = input * responsivity_e * exposure_s */
   float exposure_s;              /* seconds, >= 0; dark charge grows with it too */
   float responsivity_e;          /* e- per unit of input and second, >= 0 */
-  /* speckle: light times Gamma(shape, scale). Contrast 1 / sqrt(shape), mean shape * scale */
+  /* speckle: light times Gamma(shape, scale). Contrast 1 / sqrt(shape), mean shape * scale. Of all light, or of the laser's part (simsense_compute_desc) */
   float speckle_shape;           /* 0 = off */
   float speckle_scale;           /* > 0 where shape is; 1 / shape keeps the mean */
   float speckle_correlation;     /* between frames of one scene: 0 temporal, new grains in each; 1 static; between: shape * correlation is static */
@@ -330,6 +330,9 @@ typedef struct simsense_compute_desc {
   ks_progress_fn progress;
   void* progress_user;
   simsense_image rgb;                    /* uint8 [N,H_rgb,W_rgb,3], only for POINTS_COLORED; neither buffer nor host = none */
+  simsense_image left_laser, right_laser; /* the part of left and right that is laser light, in their unit, uint8, uint16 or float32 [N,H,W]: only coherent
+                                            light has speckle (Goodman, Speckle Phenomena in Optics). Taken to be 0..left. Neither buffer nor host: all
+                                            light has it. Both or none */
 } simsense_compute_desc;
 static inline simsense_compute_desc simsense_compute_desc_init(void) {
   simsense_compute_desc c;

@@ -9,9 +9,10 @@
 layout(local_size_x = 32, local_size_y = 4) in;
 layout(push_constant, scalar) uniform Push { SignalPush push; };
 
-vec4 load_light(uint n, uint quad, uint y, uint width) {
-  vec4 light;
-  [[unroll]] for (uint i = 0u; i < 4u; ++i) light[i] = load_element(push.light, element_of(push.light, n, min(4u * quad + i, width - 1u), y));
+vec4 load_light(ImageRef image, uint n, uint quad, uint y, uint width) {
+  vec4 light = vec4(0.0f);
+  if (image.format == 0u) return light;
+  [[unroll]] for (uint i = 0u; i < 4u; ++i) light[i] = load_element(image, element_of(image, n, min(4u * quad + i, width - 1u), y));
   return light;
 }
 
@@ -31,7 +32,7 @@ void main() {
   uint at = (n * p.height + y) * p.pitch + 4u * quad;
   vec4 charge;
   if ((push.passes & SIGNAL_COLLECT) != 0u) {
-    charge = collect(push.block, load_light(n, quad, y, p.width), n, quad, y);
+    charge = collect(push.block, load_light(push.light, n, quad, y, p.width), load_light(p.laser, n, quad, y, p.width), n, quad, y);
   } else {
     [[unroll]] for (uint i = 0u; i < 4u; ++i) charge[i] = p.charge.at[at + i];
   }

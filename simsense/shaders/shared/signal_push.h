@@ -32,6 +32,7 @@ struct SignalParameters {
   float full_well_e, bloom_share;
   float dsnu_e, row_fixed_e, column_fixed_e, row_noise_e, column_noise_e, read_noise_e;
   float dn_per_e, response_exponent, max_dn, adc_noise_dn, black_dn;
+  ImageRef laser;  // the light that has speckle; absent: all has
 };
 
 /// Keys of one image's streams.
@@ -77,7 +78,7 @@ struct SignalBlock {
   SignalTables tables;
 };
 static_assert(sizeof(SignalPush) == 112);
-static_assert(sizeof(SignalParameters) == 32 + 24 * 4);
+static_assert(sizeof(SignalParameters) == 32 + 24 * 4 + sizeof(ImageRef));
 static_assert(sizeof(SignalHead) % 4 == 0 && sizeof(SignalTables) % 4 == 0);
 }  // namespace simsense
 #endif

@@ -37,12 +37,16 @@ std::vector<simsense::ComputeRequest::Output> read_outputs(const simsense_output
   return read;
 }
 
+bool is_given(const simsense_image& image) { return image.buffer || image.host; }
+
 simsense::ComputeRequest read_request(const simsense_compute_desc* desc) {
   const auto known = ks::read_struct(desc, SIMSENSE_TYPE_COMPUTE_DESC, "compute desc");
   simsense::ComputeRequest request;
   request.left = read_image(known.left, "left image");
   request.right = read_image(known.right, "right image");
-  if (known.rgb.buffer || known.rgb.host) request.rgb = read_image(known.rgb, "rgb image");
+  if (is_given(known.left_laser)) request.lasers[0] = read_image(known.left_laser, "left laser image");
+  if (is_given(known.right_laser)) request.lasers[1] = read_image(known.right_laser, "right laser image");
+  if (is_given(known.rgb)) request.rgb = read_image(known.rgb, "rgb image");
   request.outputs = read_outputs(known.outputs, known.output_count);
   request.progress = known.progress;
   request.progress_user = known.progress_user;

@@ -11,8 +11,9 @@ namespace {
 
 class Image {
  public:
-  Image(const simsense_signal& signal, const NoiseKey& key, std::vector<double> values, uint32_t width, uint32_t height)
-      : s(signal), keys(key), values_(std::move(values)), width_(width), height_(height) {}
+  Image(const simsense_signal& signal, const NoiseKey& key, std::vector<double> values, std::vector<double> laser, uint32_t width,
+        uint32_t height)
+      : s(signal), keys(key), values_(std::move(values)), laser_(std::move(laser)), width_(width), height_(height) {}
 
   void expose();
   void speckle();
@@ -41,12 +42,13 @@ class Image {
 
   const simsense_signal& s;
   StreamKeys keys;
-  std::vector<double> values_;
+  std::vector<double> values_, laser_;  // no laser: all light has speckle
   uint32_t width_, height_;
 };
 
 void Image::expose() {
-  each([&](double& v, uint32_t, uint32_t) { v = std::isnan(v) ? 0 : v * s.responsivity_e * s.exposure_s; });
+  for (std::vector<double>* light : {&values_, &laser_})
+    for (double& v : *light) v = std::isnan(v) ? 0 : v * s.responsivity_e * s.exposure_s;
 }
 
 double Image::grain_normal(const PhiloxKey& key, Dimension dimension, uint32_t x, uint32_t y) const {
@@ -66,7 +68,8 @@ void Image::speckle() {
     double factor = 0;
     if (fixed > 0) factor += gamma_quantile(fixed, grain_normal(keys.scene, Dimension::speckle_static, x, y));
     if (temporal > 0) factor += gamma_quantile(temporal, grain_normal(keys.frame, Dimension::speckle_temporal, x, y));
-    v *= factor * s.speckle_scale;
+    const double coherent = laser_.empty() ? v : std::max(0.0, std::min(laser_[size_t{y} * width_ + x], v));
+    v += coherent * (factor * s.speckle_scale - 1);
   });
 }
 
@@ -150,8 +153,8 @@ std::vector<uint16_t> Image::convert() {
 }  // namespace
 
 std::vector<uint16_t> measure(const simsense_signal& signal, const NoiseKey& key, const std::vector<double>& input, uint32_t width,
-                              uint32_t height) {
-  Image image(signal, key, input, width, height);
+                              uint32_t height, const std::vector<double>& laser) {
+  Image image(signal, key, input, laser, width, height);
   image.expose();
   image.speckle();
   image.respond_unevenly();

@@ -14,8 +14,8 @@ double normal_quantile(uint32_t word);
 /// The least n with P(Poisson(mean) <= n) >= (word + 1/2) / 2^32.
 double poisson_quantile(double mean, uint32_t word);
 
-/// input: [height][width]. Counts, [height][width].
+/// input: [height][width]; laser: its part that has speckle, empty: all has. Counts, [height][width].
 std::vector<uint16_t> measure(const simsense_signal& signal, const NoiseKey& key, const std::vector<double>& input, uint32_t width,
-                              uint32_t height);
+                              uint32_t height, const std::vector<double>& laser = {});
 
 }  // namespace simsense::reference

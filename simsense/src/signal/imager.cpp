@@ -77,10 +77,10 @@ struct SpecklePart {
 template <class Count>
 struct RowMemory {
   cpu::Buffer<uint32_t> words;
-  cpu::Buffer<float> scratch, values;
+  cpu::Buffer<float> scratch, values, laser;
   cpu::Buffer<Count> counts;
 
-  explicit RowMemory(size_t pitch) : words(pitch), scratch(pitch), values(pitch), counts(pitch) {}
+  RowMemory(size_t pitch, bool has_laser) : words(pitch), scratch(pitch), values(pitch), laser(has_laser ? pitch : 0), counts(pitch) {}
 };
 
 template <class F>
@@ -103,22 +103,24 @@ Imager::Imager(const simsense_signal& signal, const Imager* former) : signal_(si
 }
 
 template <class Count>
-void Imager::measure(const NoiseKey& key, const ConstPlane& input, uint32_t width, uint32_t height, Count* counts,
+void Imager::measure(const NoiseKey& key, const Irradiance& light, uint32_t width, uint32_t height, Count* counts,
                      ks::ThreadPool& workers) const {
   const StreamKeys keys(key);
   const size_t pitch = cpu::round_up(width, cpu::row_padding);
   const float sigma_px = signal_.speckle_psf_sigma_px;
   const SpecklePart fixed(static_speckle_, keys.scene, Dimension::speckle_static, sigma_px, pitch, height, workers);
   const SpecklePart temporal(temporal_speckle_, keys.frame, Dimension::speckle_temporal, sigma_px, pitch, height, workers);
-  const bool blooms = signal_.full_well_e > 0 && signal_.blooming > 0;
+  const bool blooms = signal_.full_well_e > 0 && signal_.blooming > 0, has_laser = light.laser && signal_.speckle_shape > 0;
   cpu::Buffer<float> charge(blooms ? pitch * height : 0);
 
   const auto row_at = [&](size_t y, RowMemory<Count>& memory) {
     float* values = blooms ? charge.data() + y * pitch : memory.values.data();
-    return cpu::SignalRow{signal_, keys, static_cast<uint32_t>(y), pitch, memory.words.data(), memory.scratch.data(), values};
+    float* laser = has_laser ? memory.laser.data() : nullptr;
+    return cpu::SignalRow{signal_, keys, static_cast<uint32_t>(y), pitch, memory.words.data(), memory.scratch.data(), values, laser};
   };
   const auto collect = [&](const cpu::SignalRow& row) {
-    load_row(input, width, row.y, row.values);
+    load_row(light.all, width, row.y, row.values);
+    if (row.laser) load_row(*light.laser, width, row.y, row.laser);
     cpu::collect_row(row, fixed.row(row.y, pitch), temporal.row(row.y, pitch));
   };
   const auto read_out = [&](const cpu::SignalRow& row, RowMemory<Count>& memory) {
@@ -126,7 +128,7 @@ void Imager::measure(const NoiseKey& key, const ConstPlane& input, uint32_t widt
     std::copy_n(memory.counts.data(), width, counts + size_t{row.y} * width);
   };
   for_bands(height, workers, [&](size_t begin, size_t end) {
-    RowMemory<Count> memory(pitch);
+    RowMemory<Count> memory(pitch, has_laser);
     for (size_t y = begin; y < end; ++y) {
       const cpu::SignalRow row = row_at(y, memory);
       collect(row);
@@ -136,12 +138,12 @@ void Imager::measure(const NoiseKey& key, const ConstPlane& input, uint32_t widt
   if (!blooms) return;
   bloom(charge.data(), width, height, pitch, signal_.full_well_e, signal_.blooming, workers);
   for_bands(height, workers, [&](size_t begin, size_t end) {
-    RowMemory<Count> memory(pitch);
+    RowMemory<Count> memory(pitch, has_laser);
     for (size_t y = begin; y < end; ++y) read_out(row_at(y, memory), memory);
   });
 }
 
-template void Imager::measure(const NoiseKey&, const ConstPlane&, uint32_t, uint32_t, uint8_t*, ks::ThreadPool&) const;
-template void Imager::measure(const NoiseKey&, const ConstPlane&, uint32_t, uint32_t, uint16_t*, ks::ThreadPool&) const;
+template void Imager::measure(const NoiseKey&, const Irradiance&, uint32_t, uint32_t, uint8_t*, ks::ThreadPool&) const;
+template void Imager::measure(const NoiseKey&, const Irradiance&, uint32_t, uint32_t, uint16_t*, ks::ThreadPool&) const;
 
 }  // namespace simsense

@@ -2,6 +2,8 @@
 // Thread rule: immutable; measure may run on several threads at once, and its result does not depend on the number of workers.
 #pragma once
 
+#include <optional>
+
 #include "image_view.h"
 #include "signal/gamma_quantile.h"
 #include "signal/key.h"
@@ -16,6 +18,12 @@ namespace simsense {
 /// Throws KS_ERROR_INVALID_ARGUMENT with the eye, the name, the value and the range of the first parameter that cannot be.
 void check_signal(const simsense_signal& signal, const char* eye);
 
+/// What falls on one imager, [height][width], KS_FORMAT_U8, U16 or F32.
+struct Irradiance {
+  ConstPlane all;
+  std::optional<ConstPlane> laser;  // its part that has speckle; without one, all has
+};
+
 class Imager {
  public:
   /// signal has been checked. Gamma tables, which take milliseconds, are taken from `former` where it has the same speckle.
@@ -29,9 +37,9 @@ class Imager {
   /// 8-bit images come out as they go in.
   [[nodiscard]] bool is_neutral() const { return is_neutral_; }
 
-  /// input: [height][width], KS_FORMAT_U8, U16 or F32. counts: packed [height][width], uint16_t where is_wide().
+  /// counts: packed [height][width], uint16_t where is_wide().
   template <class Count>
-  void measure(const NoiseKey& key, const ConstPlane& input, uint32_t width, uint32_t height, Count* counts, ks::ThreadPool& workers) const;
+  void measure(const NoiseKey& key, const Irradiance& light, uint32_t width, uint32_t height, Count* counts, ks::ThreadPool& workers) const;
 
  private:
   simsense_signal signal_;

@@ -41,10 +41,11 @@ void VulkanEyes::copy(ks::Commands& commands, const ImageRef& from, const ImageR
 ImageRef VulkanEyes::measure(ks::Commands& commands, const DeviceFrame& frame, const Pairs& pairs, uint32_t eye, const Settings& settings,
                              std::span<const NoiseKey> keys) {
   const auto& ir_image = frame.outputs[SIMSENSE_OUTPUT_IR_LEFT + eye];
-  const ImageRef light = frame.inputs[eye]->ref(pairs.first), ir = ref_or_none(ir_image, pairs);
+  const LightRefs light{frame.inputs[eye]->ref(pairs.first), ref_or_none(frame.lasers[eye], pairs)};
+  const ImageRef ir = ref_or_none(ir_image, pairs);
   const auto unchanged = packed_ref(frame.inputs[eye], pairs, KS_FORMAT_U8);
   if (settings.imagers[eye].is_neutral() && !settings.wide && unchanged) {
-    if (ir.format) copy(commands, light, ir, pairs.count);
+    if (ir.format) copy(commands, light.all, ir, pairs.count);
     return *unchanged;
   }
   const auto in_place = packed_ref(ir_image, pairs, counts_format(settings.wide));

@@ -121,17 +121,18 @@ void VulkanImagers::record_grain(ks::Commands& commands, SignalPush push, const 
 }
 
 void VulkanImagers::record(ks::Commands& commands, uint32_t eye, const Imager& imager, std::span<const NoiseKey> keys,
-                           const ImageRef& light, const ImageRef& counts, const ImageRef& ir) {
+                           const LightRefs& light, const ImageRef& counts, const ImageRef& ir) {
   if (keys.size() > signal_pairs) ks::fail(KS_ERROR_INTERNAL, "%zu images at once: at most %u", keys.size(), signal_pairs);
   const auto pairs = static_cast<uint32_t>(keys.size());
   SignalHead head{};
   head.parameters = parameters(imager, pairs);
+  if (head.parameters.speckle_parts != 0) head.parameters.laser = light.laser;
   std::ranges::transform(keys, head.keys, signal_keys);
   commands.update(*eyes_[eye].block, offsetof(SignalBlock, head), &head, sizeof head);
   update_tables(commands, eye, imager);
   SignalPush push{};
   push.block = eyes_[eye].block->address();
-  push.light = light;
+  push.light = light.all;
   push.counts = counts;
   push.ir = ir;
   if (head.parameters.grain_radius > 0) record_grain(commands, push, head.parameters, pairs);

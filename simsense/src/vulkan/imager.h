@@ -13,12 +13,17 @@
 
 namespace simsense {
 
+/// Irradiance in device memory.
+struct LightRefs {
+  ImageRef all, laser;  // laser: may be absent
+};
+
 class VulkanImagers {
  public:
   VulkanImagers(std::shared_ptr<ks::Device> device, uint32_t width, uint32_t height);
 
   /// Records one eye's images, at most signal_pairs, one key each. counts and ir may be absent (format 0), not both.
-  void record(ks::Commands& commands, uint32_t eye, const Imager& imager, std::span<const NoiseKey> keys, const ImageRef& light,
+  void record(ks::Commands& commands, uint32_t eye, const Imager& imager, std::span<const NoiseKey> keys, const LightRefs& light,
               const ImageRef& counts, const ImageRef& ir);
   [[nodiscard]] uint64_t memory_bytes() const;
 

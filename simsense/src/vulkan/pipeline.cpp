@@ -133,7 +133,7 @@ uint64_t VulkanPipeline::submit(DeviceFrame frame, const PipelineSettings& setti
   recorded_outputs_ = outputs;
   std::unique_ptr<Slot>& slot = slots_[submitted_ % slot_count];
   if (slot->number) wait(slot->number);
-  for (auto* image : {&frame.inputs[0], &frame.inputs[1], &frame.rgb})
+  for (auto* image : {&frame.inputs[0], &frame.inputs[1], &frame.lasers[0], &frame.lasers[1], &frame.rgb})
     if (*image) (*image)->load();
   slot->frame.emplace(std::move(frame));
   try {

@@ -25,10 +25,19 @@ simsense_parameters fitting() {
 struct Compute {
   std::vector<uint8_t> pixels = std::vector<uint8_t>(width * height, 40);
   std::vector<float> depth = std::vector<float>(width * height);
-  simsense_image left = host_image(pixels, {height, width}), right = left;
+  simsense_image left = host_image(pixels, {height, width}), right = left, left_laser{}, right_laser{};
   simsense_output_desc output = output_of(SIMSENSE_OUTPUT_DEPTH, host_image(depth, {height, width}));
 
-  ks_status run(const EngineHandle& engine) const { return compute(engine, left, right, {output}); }
+  ks_status run(const EngineHandle& engine) const {
+    simsense_compute_desc desc = simsense_compute_desc_init();
+    desc.left = left;
+    desc.right = right;
+    desc.left_laser = left_laser;
+    desc.right_laser = right_laser;
+    desc.outputs = &output;
+    desc.output_count = 1;
+    return simsense_engine_compute(engine.get(), &desc);
+  }
 };
 
 }  // namespace
@@ -120,6 +129,12 @@ TEST(ComputeArguments, EachFaultIsRefusedWithItsNumber) {
       {"output 4 (ir_left) has format 6", [](Compute& c) { c.output.output = SIMSENSE_OUTPUT_IR_LEFT; }},
       {"points has shape [48, 64], must be [1, 48, 64, 3]", [](Compute& c) { c.output.output = SIMSENSE_OUTPUT_POINTS; }},
       {"depth has neither", [](Compute& c) { c.output.image.host = nullptr; }},
+      {"for the left eye alone", [](Compute& c) { c.left_laser = c.left; }},
+      {"for the right eye alone", [](Compute& c) { c.right_laser = c.right; }},
+      {"right laser image has shape [47, 64]",
+       [](Compute& c) { c.left_laser = c.right_laser = c.left, c.right_laser.image.shape[0] = 47; }},
+      {"left laser image has format 4",
+       [](Compute& c) { c.left_laser = c.right_laser = c.left, c.left_laser.image.format = KS_FORMAT_U32; }},
   };
   const Device device = open_device();
   const EngineHandle engine = open_engine(device, ideal_rig(width, height), fitting());

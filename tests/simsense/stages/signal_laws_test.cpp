@@ -119,6 +119,19 @@ INSTANTIATE_TEST_SUITE_P(Stages, LineNoise,
                                          std::pair{Sigma{"column_noise_e", &simsense_signal::column_noise_e, false}, false}),
                          [](const auto& info) { return std::string(info.param.first.name); });
 
+// Goodman, Speckle Phenomena in Optics, 3.2: coherent light has it, and incoherent light beside it lowers the contrast.
+TEST(SpeckleOfTheLaser, HasItsVarianceBesideSteadyLight) {
+  simsense_signal s = fine_signal(100);
+  s.speckle_shape = 4;
+  s.speckle_scale = 0.25f;
+  const std::vector<float> all(static_cast<size_t>(field_pixels), 100.0f), half(all.size(), 50.0f), none(all.size(), 0.0f);
+  const auto law = [&](const std::vector<float>& laser) { return moments(measure(s, {}, all, field_width, field_height, 2, &laser)); };
+  EXPECT_NEAR(law(half).mean, 1000 + 100 * 100, 5 * 100 * 25 / std::sqrt(field_pixels));
+  EXPECT_NEAR(law(half).variance / (100 * 100), 50.0 * 50 / 4, 0.02 * 50 * 50 / 4);
+  EXPECT_EQ(measure(s, {}, all, field_width, field_height, 2, &none), std::vector<double>(all.size(), 1000 + 100 * 100));
+  EXPECT_NEAR(law(all).variance, moments(measure(s, {}, all)).variance, 1);
+}
+
 TEST(Prnu, IsAFixedShareOfTheLight) {
   simsense_signal s = fine_signal(10);
   s.prnu = 0.02f;

@@ -19,13 +19,16 @@ simsense::ConstPlane packed(const std::vector<T>& image, uint32_t width, uint32_
   return {reinterpret_cast<const std::byte*>(image.data()), static_cast<ptrdiff_t>(width * sizeof(T)), sizeof(T), format};
 }
 
-/// Counts of an image of floats.
+/// Counts of an image of floats. laser: the part of it that has speckle; without one, all has.
 inline std::vector<double> measure(const simsense_signal& signal, const simsense::NoiseKey& key, const std::vector<float>& input,
-                                   uint32_t width = field_width, uint32_t height = field_height, unsigned worker_count = 2) {
+                                   uint32_t width = field_width, uint32_t height = field_height, unsigned worker_count = 2,
+                                   const std::vector<float>* laser = nullptr) {
   ks::ThreadPool workers(worker_count);
   const simsense::Imager imager(signal);
   std::vector<uint16_t> counts(size_t{width} * height);
-  imager.measure(key, packed(input, width, KS_FORMAT_F32), width, height, counts.data(), workers);
+  simsense::Irradiance light{packed(input, width, KS_FORMAT_F32), std::nullopt};
+  if (laser) light.laser = packed(*laser, width, KS_FORMAT_F32);
+  imager.measure(key, light, width, height, counts.data(), workers);
   return {counts.begin(), counts.end()};
 }
 

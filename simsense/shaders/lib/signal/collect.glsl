@@ -56,10 +56,17 @@ vec4 hot_charge(uvec4 words, float share, float mean_e) {
   return vec4(u.low.x && in_share.x, u.low.y && in_share.y, u.low.z && in_share.z, u.low.w && in_share.w) * strength;
 }
 
-vec4 collect(SignalBlockAddress block, vec4 light, uint n, uint quad, uint y) {
+/// laser: the part of the light that has speckle, where p.laser is present.
+vec4 collect(SignalBlockAddress block, vec4 light, vec4 laser, uint n, uint quad, uint y) {
   SignalParameters p = block.head.parameters;
   SignalKeys keys = block.head.keys[n];
-  vec4 charge = expose(light, p.electrons_per_unit) * speckle(block, n, quad, y);
+  vec4 charge = expose(light, p.electrons_per_unit), factor = speckle(block, n, quad, y);
+  if (p.laser.format != 0u) {
+    vec4 speckled = max(min(expose(laser, p.electrons_per_unit), charge), 0.0f);
+    charge = (charge - speckled) + speckled * factor;
+  } else {
+    charge *= factor;
+  }
   if (p.prnu != 0.0f) charge *= max(1.0f + normals_of(quad_words(keys.sensor, dimension_prnu, quad, y)) * p.prnu, 0.0f);
   charge += p.dark_e;
   if (p.hot_share != 0.0f && p.hot_mean_e != 0.0f)

@@ -16,12 +16,14 @@ namespace simsense::cpu::HWY_NAMESPACE {
 constexpr float largest_charge_e = 1e30f;
 
 /// Light to electrons; what is not a number reads as 0.
+HWY_INLINE Floats exposed(const simsense_signal& signal, Floats light) {
+  const Floats electrons = splat(signal.responsivity_e * signal.exposure_s);
+  const Floats number = hn::IfThenElseZero(hn::Eq(light, light), light);
+  return hn::Max(hn::Min(hn::Mul(number, electrons), splat(largest_charge_e)), splat(-largest_charge_e));
+}
+
 HWY_INLINE void exposure_row(const SignalRow& row) {
-  const Floats electrons = splat(row.signal.responsivity_e * row.signal.exposure_s);
-  map_row(row, [=](Floats light) {
-    const Floats number = hn::IfThenElseZero(hn::Eq(light, light), light);
-    return hn::Max(hn::Min(hn::Mul(number, electrons), splat(largest_charge_e)), splat(-largest_charge_e));
-  });
+  map_row(row, [&](Floats light) { return exposed(row.signal, light); });
 }
 
 HWY_INLINE void prnu_row(const SignalRow& row) {

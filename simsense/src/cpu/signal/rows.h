@@ -27,6 +27,7 @@ struct SignalRow {
   uint32_t* words;  // scratch, [width]
   float* scratch;   // [width]
   float* values;    // [width]; irradiance in, charge out, then charge in
+  float* laser;     // [width]; the irradiance that has speckle; null: all has
 };
 
 /// Input units to collected charge, e-: exposure, speckle, PRNU, dark charge, shot noise.

@@ -6,6 +6,7 @@
 #define SIMSENSE_CPU_SIGNAL_SPECKLE_INL_H_
 #endif
 
+#include "cpu/signal/pixel-inl.h"
 #include "cpu/signal/rows.h"
 #include "cpu/signal/words-inl.h"
 
@@ -51,8 +52,15 @@ HWY_INLINE void speckle_row(const SignalRow& row, const SpeckleRow& fixed, const
   if (fixed.table) gamma_row(row, fixed, row.keys.scene, Dimension::speckle_static, true);
   if (temporal.table) gamma_row(row, temporal, row.keys.frame, Dimension::speckle_temporal, !fixed.table);
   const FloatTag tag;
-  for (size_t x = 0; x < row.width; x += hn::Lanes(tag))
-    hn::Store(hn::Mul(hn::Load(tag, row.values + x), hn::Load(tag, row.scratch + x)), tag, row.values + x);
+  for (size_t x = 0; x < row.width; x += hn::Lanes(tag)) {
+    const Floats light = hn::Load(tag, row.values + x), factor = hn::Load(tag, row.scratch + x);
+    if (row.laser) {
+      const Floats laser = hn::Max(hn::Min(exposed(row.signal, hn::Load(tag, row.laser + x)), light), splat(0));
+      hn::Store(hn::Add(hn::Sub(light, laser), hn::Mul(laser, factor)), tag, row.values + x);
+    } else {
+      hn::Store(hn::Mul(light, factor), tag, row.values + x);
+    }
+  }
 }
 
 }  // namespace simsense::cpu::HWY_NAMESPACE
