@@ -8,8 +8,8 @@ from activestereo.lab import diagnose_verdict
 from activestereo.lab.diagnose_verdict import confidences
 
 
-def entry(name, chi2, channel="infrared"):
-    return SimpleNamespace(id=name, chi2=chi2, channel=channel)
+def entry(name, chi2, channel="infrared", occam=0.0):
+    return SimpleNamespace(id=name, chi2=chi2, channel=channel, occam=occam)
 
 
 def told(monkeypatch, entries, may_be_named):
@@ -27,6 +27,11 @@ def test_a_fault_of_the_depth_engine_takes_nothing_from_what_the_images_lack(mon
 def test_what_explains_alike_shares(monkeypatch):
     found = told(monkeypatch, [entry("laser", 110.0), entry("grating", 110.0), entry("blur", 800.0)], {"laser", "grating"})
     assert found["laser"] == found["grating"] == pytest.approx(0.475)
+
+
+def test_of_what_explains_alike_the_simpler_is_likelier(monkeypatch):
+    found = told(monkeypatch, [entry("level", 110.0, occam=-9.0), entry("dark", 110.0, occam=-12.0)], {"level", "dark"})
+    assert found["level"] / found["dark"] == pytest.approx(2.718, rel=1e-3)
 
 
 def test_where_nothing_may_be_named_none_takes_part(monkeypatch):

@@ -21,9 +21,10 @@ _STRUCTURED_SHARE = 0.2
 # Equivalence: as much left above the floor, within these, cannot be told apart by a model that is itself approximate.
 _SAME_EXCESS_RATIO, _SAME_EXCESS_FLOORS = 1.2, 0.002
 # How often the truth is among what may be named; temperature of the confidence's softmax over log excess, and how well the floor
-# itself is known.
+# itself is known. Laplace's evidence is good to a few nats: so many of them count as one.
 _NAMED = 0.95
 _TEMPERATURE, _FLOOR_KNOWN_TO = 0.1, 0.01
+_OCCAM_NATS = 3.0
 
 
 def is_significant(ranking, entry):
@@ -65,8 +66,9 @@ def equivalents(ranking, entry):
 
 
 def confidences(ranking):
-    """{id: probability of being what is missing}: a softmax of minus log of what each leaves above the floor, among those that may
-    be named, which together have _NAMED; the others share the rest with 'none', or all where nothing may be named.
+    """{id: probability of being what is missing}: a softmax of minus log of what each leaves above the floor and of what its freedom
+    costs, among those that may be named, which together have _NAMED; the others share the rest with 'none', or all where nothing may be
+    named.
 
     Noise and the depth engine have evidence of their own: no rivals of what is missing in the expected images."""
     rivals = [e for e in ranking.entries if e.channel == "infrared"]
@@ -81,6 +83,7 @@ def confidences(ranking):
 
 def _softmax(ranking, entries):
     logits = -np.log(np.array([left(ranking, e) for e in entries]) + _FLOOR_KNOWN_TO) / _TEMPERATURE
+    logits = logits + np.array([e.occam for e in entries]) / _OCCAM_NATS
     weights = np.exp(logits - logits.max())
     return weights / weights.sum()
 

@@ -1,6 +1,7 @@
 """Parameters that an explanation does not need: set to neutral where that costs next to nothing, the others fitted anew.
 
-Two parameters that the data can hardly tell apart otherwise share what belongs to one, and foretell other frames badly.
+Two parameters that the data can hardly tell apart otherwise share what belongs to one, and foretell other frames badly. Only
+amplitudes can be absent: a focus at its usual place is no simpler than one elsewhere, and holding it there would shift the rest.
 """
 
 from copy import copy
@@ -8,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from activestereo.lab.diagnose_occam import is_shape
 from activestereo.lab.diagnose_score import cross_validated, intervals
 
 # What leaving a parameter out may cost: of what the effect explains, and in floors.
@@ -20,7 +22,8 @@ def simplified(fitter, entry, base_chi2, pixels):
     limit = min(_COST_SHARE * (base_chi2 - entry.chi2), _COST_FLOORS * pixels)
     solution, own = entry.solution, len(entry.effect.parameters)
     first = len(solution.theta) - own
-    held = _needless(fitter, solution, range(first, len(solution.theta)), limit)
+    absent = [first + i for i, p in enumerate(entry.effect.parameters) if not is_shape(p)]
+    held = _needless(fitter, solution, absent, limit)
     if not held:
         return entry
     play = copy(solution.play)
