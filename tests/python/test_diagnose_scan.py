@@ -40,7 +40,7 @@ def explanation(name, values, information):
     """An entry with given values of its parameters, and what the data say of each (1 / variance)."""
     parameters = EFFECTS[name].parameters
     neutral = np.array([p.neutral for p in parameters])
-    play = SimpleNamespace(held=np.zeros(len(neutral), bool), neutral=neutral, free=[(EFFECTS[name], p) for p in parameters])
+    play = SimpleNamespace(held=np.zeros(len(neutral), bool), given=np.zeros(len(neutral), bool), neutral=neutral, free=[(EFFECTS[name], p) for p in parameters])
     sums = SimpleNamespace(gram=np.diag(information)[None])
     fitter = SimpleNamespace(prior=lambda n, play: np.zeros(n))
     return fitter, SimpleNamespace(effect=EFFECTS[name], solution=SimpleNamespace(play=play, theta=np.array(values), sums=sums))

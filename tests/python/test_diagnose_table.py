@@ -109,3 +109,15 @@ def test_an_effect_of_a_clear_strength_is_found(table, tmp_path, name):
     first = result["ranking"][0]
     assert name in (first["effect"], *first["equivalent"]), [(e["effect"], round(e["score_nats"])) for e in result["ranking"][:4]]
     assert result["verdict"] == "effect"
+
+
+@pytest.mark.parametrize("name", ["transmission", "subsurface"] if os.environ.get("ACTIVESTEREO_FULL") else ["transmission"])
+def test_what_some_surfaces_show_is_found_on_those(table, tmp_path, name):
+    """The second and third largest: the largest one's albedo is the scales' own."""
+    materials = np.concatenate([np.asarray(eyes[eye].material).ravel() for eyes in table[1].values() for eye in EYES])
+    seen, counts = np.unique(materials[materials < 48], return_counts=True)
+    chosen = float(sum(2 ** int(k) for k in seen[np.argsort(-counts)[1:3]]))
+    capture = captured(table, tmp_path, Model().with_effect(EFFECTS[name], **STRENGTH[name], surfaces=chosen))
+    rivals = [e for e in EFFECTS.values() if e.id in ALWAYS or e.family == EFFECTS[name].family]
+    first = examine(gather(capture, table[1]), Model(), rivals, workers=1).result["ranking"][0]
+    assert (first["effect"], first["parameters"]["surfaces"]["value"]) == (name, chosen)

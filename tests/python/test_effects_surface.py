@@ -144,3 +144,14 @@ def test_smoothing_brings_bounced_light_nearer_to_a_long_render(device, table_to
     assert smooth_error < 0.6 * raw_error, (smooth_error, raw_error)
     assert smooth.indirect.mean() == pytest.approx(raw.indirect.mean(), rel=0.01)
     np.testing.assert_array_equal(smooth.direct, raw.direct)
+
+
+@pytest.mark.parametrize(("name", "values"), [("transmission", {"fraction": 0.5}), ("specular", {"factor": 1.0}), ("subsurface", {"fraction": 0.8})])
+def test_what_one_surface_shows_leaves_the_others_alone(name, values):
+    view = example_view()
+    light = example_value(Stage.SURFACE, view)
+    everywhere, there = (EFFECTS[name](light, view, **values, surfaces=s) for s in (0.0, 2.0))
+    np.testing.assert_array_equal(there.images[:, view.material == 0], light.images[:, view.material == 0])
+    np.testing.assert_array_equal(there.images[:, view.material == 1], everywhere.images[:, view.material == 1])
+    assert np.abs(there.images - light.images).max() > 0
+    np.testing.assert_array_equal(EFFECTS[name](light, replace(view, material=None), **values, surfaces=2.0).images, everywhere.images)

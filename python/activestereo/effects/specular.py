@@ -7,6 +7,7 @@ import numpy as np
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
 from activestereo.effects.core.ggx import base_share, highlight, reflected_share
 from activestereo.effects.core.shading import Shading
+from activestereo.effects.core.surfaces import SURFACES, on_surfaces
 
 
 @effect(
@@ -17,10 +18,11 @@ from activestereo.effects.core.shading import Shading
     parameters=[
         Parameter("factor", "1", neutral=0.0, low=0.0, high=1.0, typical=0.5, source="specularFactor on top of the nominal one; 1 = common plastic"),
         Parameter("roughness", "1", neutral=0.5, low=0.1, high=1.0, typical=0.2, source="without effect at factor 0"),
+        SURFACES,
     ],
 )
-def specular(light, view, factor, roughness):
-    """All surfaces mirror the projector's dots in a highlight and the surroundings in a sheen, on top of their diffuse light."""
+def specular(light, view, factor, roughness, surfaces):
+    """Surfaces mirror the projector's dots in a highlight and the surroundings in a sheen, on top of their diffuse light."""
     if factor == 0.0:
         return light
     shading = Shading(light, view)
@@ -34,4 +36,4 @@ def specular(light, view, factor, roughness):
     # What part of the sky a surface sees: its ambient light over that of an open surface of its albedo.
     open_share = np.clip(light.ambient / np.where(white > 0, white, np.inf), 0.0, 1.0)
     ambient = light.ambient * (1.0 - sheen) + sheen * open_share
-    return replace(light, direct=np.where(lit, dots * flat, light.direct), flat=flat, ambient=ambient)
+    return on_surfaces(light, replace(light, direct=np.where(lit, dots * flat, light.direct), flat=flat, ambient=ambient), view, surfaces)

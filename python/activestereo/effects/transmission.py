@@ -4,6 +4,7 @@ import numpy as np
 
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
 from activestereo.effects.core.light import Light
+from activestereo.effects.core.surfaces import SURFACES, chosen
 
 
 @effect(
@@ -14,12 +15,13 @@ from activestereo.effects.core.light import Light
     parameters=[
         Parameter("fraction", "1", neutral=0.0, low=0.0, high=1.0, typical=0.2),
         Parameter("behind", "1", neutral=0.5, low=0.0, high=1.0, typical=0.3, source="radiance of what lies behind over the ambient radiance"),
+        SURFACES,
     ],
 )
-def transmission(light, view, fraction, behind):
+def transmission(light, view, fraction, behind, surfaces):
     """Surfaces send back less of all light, and show through what is behind them: ambient light, but none of the dots."""
     if fraction == 0.0:
         return light
-    share = np.where(view.depth_m > 0, fraction, 0.0)
+    share = np.where((view.depth_m > 0) & chosen(view, surfaces), fraction, 0.0)
     kept = 1.0 - share
     return Light(light.direct * kept, light.indirect * kept, light.ambient * kept + share * behind, light.flat * kept, light.fine)

@@ -22,7 +22,7 @@ _SIDE = BLOCK_PX // TILE_PX
 _ASSUMED_NOISE = (1.0, 0.0, 1.0 / 60.0)
 _QUANTISATION_VARIANCE = 1.0 / 12.0
 # A material's nominal albedo is believed to this relative deviation.
-_ALBEDO_SIGMA = 0.03
+ALBEDO_SIGMA = 0.03
 # A calibration's focal length is, too.
 _FOCAL_SIGMA = 6e-4
 _FOCAL_STEP = 2e-3
@@ -79,7 +79,7 @@ class Evidence:
     @property
     def held_sigma(self):
         """Prior deviations of the nuisances that a calibration or survey tells: focal lengths of both eyes, then albedos."""
-        return np.concatenate([np.full(len(EYES), _FOCAL_SIGMA), np.full(self.materials, _ALBEDO_SIGMA)])
+        return np.concatenate([np.full(len(EYES), _FOCAL_SIGMA), np.full(self.materials, ALBEDO_SIGMA)])
 
     def floor_variance(self, observations):
         """Mean temporal variance of their pixels, DN^2."""
@@ -169,13 +169,15 @@ def _missing_share(group, images, mean, evidence):
 
 
 def _number_tiles(evidence):
-    first = 0
+    """Folds are blocks of the image, other ones in every pose: a highlight that one place shows is judged by those of other poses."""
+    first, poses = 0, {}
     for o in evidence.train:
+        turn = poses.setdefault(o.frame.camera_to_world.tobytes(), len(poses))
         height, width = o.measured.shape
         rows, columns = np.arange(height) // TILE_PX, np.arange(width) // TILE_PX
         across = columns[-1] + 1
         o.tile = first + rows[:, None] * across + columns[None]
-        o.fold = ((rows[:, None] // _SIDE) % 2 * 2 + (columns[None] // _SIDE) % 2).astype(np.int64)
+        o.fold = (((rows[:, None] // _SIDE) % 2 * 2 + (columns[None] // _SIDE) % 2 + turn) % FOLDS).astype(np.int64)
         first += (rows[-1] + 1) * across
     evidence.tiles = first
 

@@ -22,7 +22,7 @@ _HELD = 1e-7
 
 
 class Play:
-    """The effects in play, and which of their parameters are free; held: those that stay neutral."""
+    """The effects in play, and which of their parameters are free; held: those that stay neutral; given: choices, which stay as they are."""
 
     def __init__(self, model, candidate=None, refit=True):
         self._base = model
@@ -37,6 +37,7 @@ class Play:
         self.typical = np.array([p.typical for _, p in self.free])
         self.neutral = np.array([p.neutral for _, p in self.free])
         self.held = np.zeros(len(self.free), dtype=bool)
+        self.given = np.array([p.choice for _, p in self.free], dtype=bool)
         self.in_camera = np.array([e.stage is Stage.CAMERA for e, _ in self.free], dtype=bool)
         self.in_light = np.array([e.stage <= Stage.OPTICS for e, _ in self.free], dtype=bool)
 
@@ -87,9 +88,14 @@ class Fitter:
         self._tiles = tiles
         self._lights = LightMemory(observations)
 
+    @property
+    def materials(self):
+        """Those that have an albedo nuisance."""
+        return len(self._held_sigma) - (DENSE - SCALES)
+
     @cached_property
     def _pixels(self):
-        return [Pixels(o, len(self._held_sigma) - (DENSE - SCALES)) for o in self.observations]
+        return [Pixels(o, self.materials) for o in self.observations]
 
     def phi0(self, nuisances):
         return np.concatenate([nuisances.vector(), np.zeros(len(self._held_sigma))])
@@ -127,7 +133,7 @@ class Fitter:
     def _slopes(self, pixels_of, play, theta, phi, lights, n_theta):
         """slopes() over Pixels: (Pixels, derivatives [n] each, residual [n])."""
         steps = play.steps(theta)
-        models = [play.model(np.where(np.arange(len(theta)) == j, theta + steps, theta)) for j in range(n_theta)]
+        models = [None if play.given[j] else play.model(np.where(np.arange(len(theta)) == j, theta + steps, theta)) for j in range(n_theta)]
         here = play.model(theta)
         # The slope of a warp is known well enough from the pixels alone; what is fitted are the fine images.
         coarse = self._fine and bool(play.in_camera[:n_theta].any())
@@ -137,6 +143,9 @@ class Fitter:
             from_there = exposed(here, pixels, near, phi)[0] if coarse else image
             columns = []
             for j in range(n_theta):
+                if models[j] is None:
+                    columns.append(np.zeros(image.shape))
+                    continue
                 in_light = play.in_light[j]
                 moved = self._lights(models[j], i, self._fine and not coarse) if in_light else light
                 columns.append((exposed(models[j], pixels, moved, phi)[0] - (from_there if in_light else image)) / steps[j])
@@ -158,7 +167,8 @@ class Fitter:
     def solve(self, sums, phi, n_theta, play, theta, damping):
         """The damped Gauss-Newton step in (theta, phi)."""
         prior = self.prior(n_theta, play)
-        offset = np.concatenate([theta[:n_theta] - play.neutral[:n_theta], np.zeros(SCALES), phi[SCALES:]])
+        offset = np.where(play.given, 0.0, theta - play.neutral)[:n_theta]
+        offset = np.concatenate([offset, np.zeros(SCALES), phi[SCALES:]])
         gram, moment = sums.gram.sum(0) + np.diag(prior), sums.moment.sum(0) - prior * offset
         norm = np.sqrt(np.maximum(np.diag(gram), 1e-300))
         scaled = gram / np.outer(norm, norm) + damping * np.eye(len(norm))
@@ -197,7 +207,7 @@ class Fitter:
         sums = self.linearise(play, theta, phi, lights)
         for _ in range(iterations):
             step = self.solve(sums, phi, n, play, theta, damping)
-            trial = np.where(play.held, play.neutral, np.clip(theta + step[:n], play.low, play.high))
+            trial = np.where(play.held, play.neutral, np.where(play.given, theta, np.clip(theta + step[:n], play.low, play.high)))
             trial_phi = phi + step[n:]
             trial_lights = self.lights(play, trial) if play.in_light.any() else lights
             value = self.chi2(play, trial, trial_phi, trial_lights)

@@ -20,7 +20,7 @@ def occam_nats(fitter, entry, deff):
     deff: the residuals' design effect."""
     solution, own = entry.solution, len(entry.effect.parameters)
     first = len(solution.theta) - own
-    free = first + np.flatnonzero(~solution.play.held[first:])
+    free = first + np.flatnonzero(~(solution.play.held | solution.play.given)[first:])
     if not free.size:
         return 0.0
     parameters = [solution.play.free[i][1] for i in free]
@@ -29,7 +29,10 @@ def occam_nats(fitter, entry, deff):
     density = np.array([_log_density(p, x) for p, x in zip(parameters, away, strict=True)])
     told = _information(fitter, solution, free) * np.outer(typical, typical) / deff
     sizes = range(1, len(free) + 1)
-    return max(_choice(list(kept), away, density, told) for size in sizes for kept in combinations(range(len(free)), size))
+    best = max(_choice(list(kept), away, density, told) for size in sizes for kept in combinations(range(len(free)), size))
+    # One choice of surfaces is one of two to the power of their number.
+    chosen = solution.theta[first:][solution.play.given[first:]].any()
+    return best - np.log(2.0) * fitter.materials if chosen else best
 
 
 def _choice(kept, away, density, told):

@@ -8,6 +8,7 @@ import numpy as np
 from activestereo.effects import Stage
 from activestereo.lab.diagnose_occam import is_shape
 from activestereo.lab.diagnose_periodic import periodic_points
+from activestereo.lab.diagnose_surfaces import explained_surfaces
 from activestereo.lab.diagnose_unit import unit_points
 
 _MULTIPLES = (0.3, 1.0, 3.0)
@@ -60,14 +61,28 @@ def starts(fitter, play, candidate, phi, alone=None):
         lights = fixed_lights or fitter.lights(play, theta)
         phi_here, chi2 = fitter.nuisance_fit(play, theta, phi, lights, rounds)
         scored.append((chi2, theta, phi_here))
+    if play.given[first:].any():
+        scored += _on_some_surfaces(fitter, play, scored, phi, rounds)
     scored.sort(key=lambda entry: entry[0])
     return scored[:_STARTS]
+
+
+def _on_some_surfaces(fitter, play, scored, phi, rounds):
+    """The same starts on those surfaces alone where they explain something, where these are neither all nor none."""
+    out = []
+    for _, theta, _ in scored:
+        changed = theta.copy()
+        changed[play.given] = explained_surfaces(fitter, play, theta, phi)
+        if changed[play.given].any():
+            phi_here, chi2 = fitter.nuisance_fit(play, changed, phi, fitter.lights(play, changed), rounds)
+            out.append((chi2, changed, phi_here))
+    return out
 
 
 def _points(candidate):
     """Parameter vectors: each amplitude alone over multiples of its prior's deviation, with every choice of the shape parameters."""
     parameters = candidate.parameters
-    amplitudes = [i for i, p in enumerate(parameters) if not is_shape(p)]
+    amplitudes = [i for i, p in enumerate(parameters) if not is_shape(p) and not p.choice]
     shapes = [i for i, p in enumerate(parameters) if is_shape(p)]
     neutral = np.array([p.neutral for p in parameters])
     points = []

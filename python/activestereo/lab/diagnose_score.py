@@ -79,7 +79,7 @@ def gain_error(base, entry, deff, base_chi2, pixels):
 
 def interval(parameter, value, deviation):
     """(value, low, high) of a 90 % interval: a standard error, and the models' own inadequacy for what was found."""
-    half = Z90 * float(np.hypot(deviation, _INADEQUACY * (value - parameter.neutral)))
+    half = 0.0 if parameter.choice else Z90 * float(np.hypot(deviation, _INADEQUACY * (value - parameter.neutral)))
     return value, value - half, value + half
 
 

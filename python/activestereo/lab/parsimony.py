@@ -22,7 +22,7 @@ def simplified(fitter, entry, base_chi2, pixels):
     limit = min(_COST_SHARE * (base_chi2 - entry.chi2), _COST_FLOORS * pixels)
     solution, own = entry.solution, len(entry.effect.parameters)
     first = len(solution.theta) - own
-    absent = [first + i for i, p in enumerate(entry.effect.parameters) if not is_shape(p)]
+    absent = [first + i for i, p in enumerate(entry.effect.parameters) if not is_shape(p) and not p.choice]
     held = _needless(fitter, solution, absent, limit)
     if not held:
         return entry

@@ -22,6 +22,7 @@ from activestereo.lab.diagnose_score import (
     told,
 )
 from activestereo.lab.diagnose_static import PARTS, fit_static, structure, white_rest, worst_image
+from activestereo.lab.diagnose_surfaces import on_explained
 from activestereo.lab.diagnose_verdict import is_significant, passes
 from activestereo.lab.parsimony import simplified
 
@@ -127,6 +128,7 @@ class Ranking:
             solution = self._scan.refine(play, theta, phi, _SCAN_STEPS)
             if best is None or solution.sums.total < best.sums.total:
                 best = solution
+        best = on_explained(self._scan, best, _SCAN_STEPS)
         gain = 1.0 - best.sums.total / neutral
         return (gain, candidate, best) if gain > _WORTH_POLISHING else None
 

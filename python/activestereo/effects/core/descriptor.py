@@ -44,7 +44,8 @@ class Randomness(Enum):
 
 @dataclass(frozen=True)
 class Parameter:
-    """neutral: the value of no effect. low..high: physically possible. typical: one prior deviation from neutral."""
+    """neutral: the value of no effect. low..high: physically possible. typical: one prior deviation from neutral. choice: it says where
+    or how, in whole numbers: fits take it as given."""
 
     name: str
     unit: str
@@ -53,6 +54,7 @@ class Parameter:
     high: float
     typical: float
     source: str = ""
+    choice: bool = False
 
     def __post_init__(self):
         if not self.low <= self.neutral <= self.high or self.low == self.high:

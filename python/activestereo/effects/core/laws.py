@@ -70,6 +70,7 @@ def example_view(eye="right", frame_id=0, seed=0, temperature_c=45.0, move=True)
         frame=frame,
         line_time_s=1e-5,
         seed=seed,
+        material=slanted.astype(np.uint32),
     )
 
 

@@ -15,8 +15,8 @@ _NO_DISTORTION = (0.0, 0.0, 0.0, 0.0, 0.0)
 @dataclass(frozen=True)
 class View:
     """One eye of one frame. Arrays are [height][width]; depth 0 = nothing there; normal [height][width][3], unit, camera
-    coordinates; a_to_b maps coordinates in a to those in b; distortion: of the nominal camera, see core/lens.py. Disparity and depth effects get
-    the left eye's view."""
+    coordinates; a_to_b maps coordinates in a to those in b; distortion: of the nominal camera, see core/lens.py; material: index in the scene
+    file, or None. Disparity and depth effects get the left eye's view."""
 
     eye: str
     K: np.ndarray
@@ -32,6 +32,7 @@ class View:
     seed: int = 0
     distortion: tuple = _NO_DISTORTION
     baseline_m: float = 0.05
+    material: np.ndarray | None = None
 
     @classmethod
     def of(cls, capture, frame, eye, layers, seed=0):
@@ -53,6 +54,7 @@ class View:
             seed=seed,
             distortion=tuple(rig.camera(eye).distortion),
             baseline_m=rig.baseline_m,
+            material=np.asarray(layers.material),
         )
 
     @property

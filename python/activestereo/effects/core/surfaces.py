@@ -1,0 +1,35 @@
+"""Effects that only some of the scene's surfaces show: a glaze on one object, a clear wall."""
+
+import numpy as np
+
+from activestereo.effects.core.descriptor import Parameter
+from activestereo.effects.core.light import Light
+
+# A number in a file holds so many materials exactly.
+MOST_MATERIALS = 48
+
+SURFACES = Parameter(
+    "surfaces", "bits", neutral=0.0, low=0.0, high=2.0**MOST_MATERIALS - 1, typical=1.0, choice=True,
+    source="sum of 2^k over the scene file's materials k that show it; 0 = all surfaces",
+)  # fmt: skip
+
+
+def chosen(view, surfaces):
+    """Pixels [height][width] whose material is among the chosen; all of them for 0, or where the view knows no materials."""
+    if surfaces == 0 or view.material is None:
+        return np.ones(view.shape, dtype=bool)
+    return view.once(("surfaces", surfaces), lambda: _chosen(view.material, int(surfaces)))
+
+
+def on_surfaces(light, changed, view, surfaces):
+    """The changed light where a chosen surface is seen, the light as it was elsewhere."""
+    if surfaces == 0:
+        return changed
+    here = chosen(view, surfaces)
+    pairs = zip((changed.direct, changed.indirect, changed.ambient, changed.flat), (light.direct, light.indirect, light.ambient, light.flat), strict=True)
+    return Light(*(np.where(here, new, old) for new, old in pairs), light.fine)
+
+
+def _chosen(material, surfaces):
+    numbers = [k for k in range(MOST_MATERIALS) if surfaces >> k & 1]
+    return np.isin(material, numbers)
