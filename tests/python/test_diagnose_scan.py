@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from activestereo.effects import builtin
+from activestereo.effects.core.dots import DotView
+from activestereo.lab.diagnose_dots import dots_seen
 from activestereo.lab.diagnose_occam import occam_nats
 from activestereo.lab.diagnose_unit import unit_points
 from test_effects_worlds import seen, view_of
@@ -60,3 +62,15 @@ def test_what_the_data_do_not_tell_costs_next_to_nothing():
     usual, odd = (occam_nats(*explanation("dark_signal", [100.0, k], [1e-2, 100.0]), deff=1.0) for k in (7.0, 4.0))
     # What physics tells: a normal's tail, and the usual value need not be told from the neutral one.
     assert usual - odd == pytest.approx(4.5 + 0.5 * np.log(101.0), abs=0.01)
+
+
+@pytest.mark.parametrize(("apart_px", "square_px", "low", "high"), [(12, 3.0, 0.9, 1.1), (5, 8.0, 0.6, 0.8)])
+def test_dots_that_share_pixels_show_less_of_their_own_gains(scene, apart_px, square_px, low, high):
+    """Pixels of this camera are 2.8 pattern pixels wide."""
+    light, view = scene
+    rows, columns = np.mgrid[0:200, 0:320]
+    pattern = np.exp(-(((rows % apart_px) - apart_px // 2) ** 2 + ((columns % apart_px) - apart_px // 2) ** 2) / square_px)
+    view = replace(view, pattern=pattern)
+    dots = light.flat * DotView.of(view).nominal
+    of_pixels = lambda residuals: (residuals[0] ** 2).sum() / (dots**2).sum()  # noqa: E731
+    assert low < dots_seen([(SimpleNamespace(view=view), None, dots, None)], of_pixels) < high

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from activestereo.effects.core.dots import DotView
+from activestereo.lab.diagnose_dots import dots_seen
 from activestereo.lab.diagnose_inadequacy import edges
 
 _HOT_SIGMA = 5.0
@@ -148,6 +149,9 @@ def fit_static(effect_id, train, test, black_dn):
         if variance <= 0 or not (part.sparse or _is_white(total_a, total_b, variance, *part.grid(train[0][0]))):
             sigma[part.parameter] = 0.0
             continue
+        if part.index is _dot:
+            share_seen = dots_seen(train, lambda residuals, rows=rows: _variance([replace(row, residual=r) for row, r in zip(rows, residuals, strict=True)])[0])
+            sigma[part.parameter], error[part.parameter] = (x / np.sqrt(share_seen) for x in (sigma[part.parameter], error[part.parameter]))
         explained += variance * float(np.mean([(o.weight * row.z**2).mean() for row, (o, *_) in zip(rows, train, strict=True)]))
         now = [_corrected(row, rows, total_a, total_b, variance, part.sparse) for row in rows]
         tests = [_row_of(part, o, image - black_dn, dots, r, context) for (o, image, dots, _), r in zip(test, now_test, strict=True)]
