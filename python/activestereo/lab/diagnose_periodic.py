@@ -7,7 +7,8 @@ time that is a regression on a few sums per row.
 import numpy as np
 
 _EFFECT = "flicker_banding"
-_FREQUENCIES_HZ = np.arange(80.0, 130.0, 0.02)
+# Lamps flicker at twice the mains' 50 or 60 Hz, which grids and generators keep to 2 %; few frames alone would fit other ones as well.
+_FREQUENCIES_HZ = np.arange(98.0, 122.5, 0.02)
 _FINE_STEPS = 50
 _LINE_TIMES_S = np.arange(0.0, 6.1e-5, 5e-6)
 _STARTS = 4
