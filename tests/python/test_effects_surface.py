@@ -111,7 +111,8 @@ def test_what_is_wholly_transparent_shows_what_is_behind_it_alone():
 
 @pytest.mark.parametrize(("extinction", "from_m"), [(0.05, 0.05), (1.0, 0.02)])
 def test_the_beams_glow_is_the_sum_of_what_every_piece_of_air_scatters(extinction, from_m):
-    view = replace(example_view("right"), pattern=np.full((140, 200), 0.6, np.float32), projector_K=np.diag([20.0, 20.0, 1.0]) + np.array([[0, 0, 99.5], [0, 0, 69.5], [0, 0, 0]]))
+    wide_K = np.array([[20.0, 0, 99.5], [0, 20.0, 69.5], [0, 0, 1]])
+    view = replace(example_view("right"), pattern=np.full((140, 200), 0.6, np.float32), projector_K=wide_K)
     seen_glow = glow(view, extinction, from_m)
     centre = np.linalg.inv(view.camera_to_projector)[:3, 3]
     for row, column in ((36, 48), (8, 80), (60, 12)):

@@ -8,6 +8,8 @@ from activestereo.effects.core.dots import DotView
 # Of the pattern: dots are this far apart at least, and no dimmer than this share of the brightest.
 _DOT_PX, _DIMMEST = 5, 0.1
 _SPREAD, _SEED = 0.1, 13
+# An estimate that sees less of it tells nothing, and is not blown up further.
+_LEAST = 0.1
 
 
 def dots_seen(train, variance_of):
@@ -21,7 +23,7 @@ def dots_seen(train, variance_of):
         view = DotView.of(o.view)
         nominal = view.nominal
         residuals.append(dots * np.where(nominal > 0, view.mean(drawn) / np.where(nominal > 0, nominal, 1.0) - 1.0, 0.0))
-    return variance_of(residuals) / _SPREAD**2
+    return max(variance_of(residuals) / _SPREAD**2, _LEAST)
 
 
 def _gains(pattern):

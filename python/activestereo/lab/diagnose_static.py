@@ -150,8 +150,8 @@ def fit_static(effect_id, train, test, black_dn):
             sigma[part.parameter] = 0.0
             continue
         if part.index is _dot:
-            share_seen = dots_seen(train, lambda residuals, rows=rows: _variance([replace(row, residual=r) for row, r in zip(rows, residuals, strict=True)])[0])
-            sigma[part.parameter], error[part.parameter] = (x / np.sqrt(share_seen) for x in (sigma[part.parameter], error[part.parameter]))
+            seen = np.sqrt(dots_seen(train, lambda residuals, rows=rows: _variance_of(residuals, rows)))
+            sigma[part.parameter], error[part.parameter] = sigma[part.parameter] / seen, error[part.parameter] / seen
         explained += variance * float(np.mean([(o.weight * row.z**2).mean() for row, (o, *_) in zip(rows, train, strict=True)]))
         now = [_corrected(row, rows, total_a, total_b, variance, part.sparse) for row in rows]
         tests = [_row_of(part, o, image - black_dn, dots, r, context) for (o, image, dots, _), r in zip(test, now_test, strict=True)]
@@ -241,6 +241,11 @@ def _variance(rows):
     left = (top.sum() - tops) / np.maximum(bottom.sum() - bottoms, 1e-300)
     spread = np.sqrt((_JACKKNIFE - 1) / _JACKKNIFE * ((left - left.mean()) ** 2).sum())
     return float(variance), float(spread / (2.0 * np.sqrt(max(variance, spread, 1e-30))))
+
+
+def _variance_of(residuals, rows):
+    """The same of other residuals."""
+    return _variance([replace(row, residual=r) for row, r in zip(rows, residuals, strict=True)])[0]
 
 
 def _shrunk(a, b, variance, sparse):

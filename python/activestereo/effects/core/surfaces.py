@@ -26,8 +26,7 @@ def on_surfaces(light, changed, view, surfaces):
     if surfaces == 0:
         return changed
     here = chosen(view, surfaces)
-    pairs = zip((changed.direct, changed.indirect, changed.ambient, changed.flat), (light.direct, light.indirect, light.ambient, light.flat), strict=True)
-    return Light(*(np.where(here, new, old) for new, old in pairs), light.fine)
+    return Light(*(np.where(here, new, old) for new, old in zip(changed.images, light.images, strict=True)), light.fine)
 
 
 def _chosen(material, surfaces):
