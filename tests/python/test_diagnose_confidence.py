@@ -4,7 +4,9 @@ from types import SimpleNamespace
 
 import pytest
 
+from activestereo.effects import Parameter
 from activestereo.lab import diagnose_verdict
+from activestereo.lab.diagnose_score import interval
 from activestereo.lab.diagnose_verdict import confidences
 
 
@@ -37,3 +39,11 @@ def test_of_what_explains_alike_the_simpler_is_likelier(monkeypatch):
 def test_where_nothing_may_be_named_none_takes_part(monkeypatch):
     found = told(monkeypatch, [entry("laser", 899.0), entry("locking", 50.0, "depth")], set())
     assert 0.3 < found["laser"] < 0.55 and found["locking"] == 0.0
+
+
+def test_what_formulas_lack_widens_a_shapes_interval_by_its_value_and_a_choices_not_at_all():
+    focus, strength = (Parameter(name, "m", neutral=neutral, low=0.0, high=5.0, typical=1.0) for name, neutral in (("focus", 1.0), ("strength", 0.0)))
+    (_, low, high), (_, other_low, other_high) = interval(focus, 1.5, 0.0), interval(strength, 1.5, 0.0)
+    assert high - low == pytest.approx(other_high - other_low)
+    place = Parameter("place", "bits", neutral=0.0, low=0.0, high=8.0, typical=1.0, choice=True)
+    assert interval(place, 3.0, 1.0) == (3.0, 3.0, 3.0)

@@ -49,6 +49,10 @@ def test_foreshortening_bias_is_the_disparity_of_a_point_beside(view, slant):
     view, disparity = plane(view, (slant, 0.2, -1.0), 0.8)
     biased = EFFECTS["foreshortening_bias"](disparity, view, offset_px=2.0)
     np.testing.assert_allclose(biased[:, :-2], disparity[:, 2:], rtol=1e-9)
+    tall = replace(view, K=view.K * np.array([[1.0, 1, 1], [1, 1.5, 1], [1, 1, 1]]))
+    tall, disparity = plane(tall, (slant, 0.2, -1.0), 0.8)
+    below = EFFECTS["foreshortening_bias"](disparity, tall, offset_down_px=3.0)
+    np.testing.assert_allclose(below[:-3], disparity[3:], rtol=1e-9)
 
 
 def test_fronto_parallel_walls_have_no_foreshortening_bias(view):

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from activestereo.lab.diagnose_data import FOLDS, TILE_PX
+from activestereo.lab.diagnose_occam import is_shape
 
 # Normal quantile of a two-sided 90 % interval.
 Z90 = 1.645
@@ -78,8 +79,10 @@ def gain_error(base, entry, deff, base_chi2, pixels):
 
 
 def interval(parameter, value, deviation):
-    """(value, low, high) of a 90 % interval: a standard error, and the models' own inadequacy for what was found."""
-    half = 0.0 if parameter.choice else Z90 * float(np.hypot(deviation, _INADEQUACY * (value - parameter.neutral)))
+    """(value, low, high) of a 90 % interval: a standard error, and the models' own inadequacy for what was found: an amplitude's distance
+    from neutral, a shape's whole value, whose neutral one is a usual place and not the absence of anything."""
+    size = value if is_shape(parameter) else value - parameter.neutral
+    half = 0.0 if parameter.choice else Z90 * float(np.hypot(deviation, _INADEQUACY * size))
     return value, value - half, value + half
 
 
