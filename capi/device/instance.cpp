@@ -23,6 +23,20 @@ void load_instance_functions(VkInstance instance) {
   std::call_once(once, [instance] { volkLoadInstanceOnly(instance); });
 }
 
+/// The instance that is shared; made by the first who asks when there is a driver.
+VkResult get_shared_instance(const VkInstanceCreateInfo& info, VkInstance& instance) {
+  static std::mutex mutex;
+  static VkInstance shared = VK_NULL_HANDLE;
+  const std::lock_guard lock(mutex);
+  if (shared == VK_NULL_HANDLE) {
+    const VkResult result = vkCreateInstance(&info, nullptr, &instance);
+    if (result != VK_SUCCESS) return result;
+    shared = instance;
+  }
+  instance = shared;
+  return VK_SUCCESS;
+}
+
 std::string driver_variables() {
   std::string text;
   for (const char* name : {"VK_DRIVER_FILES", "VK_ICD_FILENAMES"})
@@ -77,7 +91,8 @@ std::unique_ptr<Instance> Instance::create(std::shared_ptr<LogSink> log, bool va
   info.enabledLayerCount = info.enabledExtensionCount = validation ? 1 : 0;
   info.ppEnabledLayerNames = &validation_layer;
   info.ppEnabledExtensionNames = &extension;
-  const VkResult result = vkCreateInstance(&info, nullptr, &self->instance_);
+  self->shared_ = !validation;
+  const VkResult result = validation ? vkCreateInstance(&info, nullptr, &self->instance_) : get_shared_instance(info, self->instance_);
   if (result != VK_SUCCESS) {
     *why_not = std::string("the Vulkan loader found no working driver (vkCreateInstance: ") + result_name(result) + driver_variables() +
                "): " + install_hint;
@@ -103,7 +118,7 @@ void Instance::attach_messenger() {
 }
 
 Instance::~Instance() {
-  if (instance_ == VK_NULL_HANDLE) return;
+  if (instance_ == VK_NULL_HANDLE || shared_) return;
   if (messenger_ != VK_NULL_HANDLE) {
     const auto destroy =
         reinterpret_cast<PFN_vkDestroyDebugUtilsMessengerEXT>(vkGetInstanceProcAddr(instance_, "vkDestroyDebugUtilsMessengerEXT"));

@@ -1,4 +1,5 @@
-// A VkInstance. Each device and each enumeration has its own, so that no state outlives them; the loader itself stays open once found.
+// A VkInstance. All that ask for no validation share one, which stays, as the loader does: drivers go with the last instance, and NVIDIA's fails when it
+// is loaded anew some thirty times in a process. A device with validation has its own, for its messages.
 // Thread rule: immutable after construction.
 #pragma once
 
@@ -28,6 +29,7 @@ class Instance {
   void attach_messenger();
   std::shared_ptr<LogSink> log_;
   VkInstance instance_ = VK_NULL_HANDLE;
+  bool shared_ = false;
   VkDebugUtilsMessengerEXT messenger_ = VK_NULL_HANDLE;
   uint32_t api_version_ = 0;
 };

@@ -11,11 +11,11 @@ namespace {
 // Walter et al. 2007, eq. 34, times 2 cos: G1 = 2 cos / (cos + root).
 double smith_root(double cosine, double a2) { return std::sqrt(a2 + (1 - a2) * cosine * cosine); }
 
-// Dupuy and Benyoub 2023: visible normals from a cap of the sphere.
-glm::dvec3 visible_normal(const glm::dvec3& wo, double alpha, double u, double v) {
-  const glm::dvec3 w = glm::normalize(glm::dvec3(wo.x * alpha, wo.y * alpha, wo.z));
-  const double phi = 2 * std::numbers::pi * u, z = (1 - v) * (1 + w.z) - w.z, s = std::sqrt(std::max(1 - z * z, 0.0));
-  const glm::dvec3 h = glm::dvec3(s * std::cos(phi), s * std::sin(phi), z) + w;
+// Dupuy and Benyoub 2023: visible normals from a cap of the sphere. w: wo, stretched to the hemisphere of roughness 1; `turn`: (cos, sin)
+// of the cap's longitude; v: 0..1 over its heights.
+glm::dvec3 visible_normal(const glm::dvec3& w, double alpha, const glm::dvec2& turn, double v) {
+  const double z = (1 - v) * (1 + w.z) - w.z, s = std::sqrt(std::max(1 - z * z, 0.0));
+  const glm::dvec3 h = glm::dvec3(s * turn.x, s * turn.y, z) + w;
   return glm::normalize(glm::dvec3(h.x * alpha, h.y * alpha, std::max(h.z, 1e-12)));
 }
 
@@ -24,15 +24,18 @@ glm::dvec3 visible_normal(const glm::dvec3& wo, double alpha, double u, double v
 template <class Take>
 void over_facets(double cosine, double roughness, int across, int along, const Take& take) {
   const double alpha = roughness * roughness, a2 = alpha * alpha, c = std::max(cosine, 1e-4);
-  const glm::dvec3 wo(std::sqrt(1 - c * c), 0, c);
-  for (int i = 0; i < across; ++i)
+  const glm::dvec3 wo(std::sqrt(1 - c * c), 0, c), w = glm::normalize(glm::dvec3(wo.x * alpha, wo.y * alpha, wo.z));
+  for (int i = 0; i < across; ++i) {
+    const double phi = 2 * std::numbers::pi * ((i + 0.5) / (2 * across));
+    const glm::dvec2 turn(std::cos(phi), std::sin(phi));
     for (int j = 0; j < along; ++j) {
-      const glm::dvec3 h = visible_normal(wo, alpha, (i + 0.5) / (2 * across), (j + 0.5) / along);
+      const glm::dvec3 h = visible_normal(w, alpha, turn, (j + 0.5) / along);
       const double oh = glm::dot(wo, h), cos_i = 2 * oh * h.z - wo.z;
       if (cos_i <= 0) continue;
       const double weight = cos_i * (c + smith_root(c, a2)) / (cos_i * smith_root(c, a2) + c * smith_root(cos_i, a2));  // F G2 / G1
       take(oh, weight / (across * along));
     }
+  }
 }
 
 /// Mean of values at equal steps of the cosine over the hemisphere, weighted by 2 cosine: exact for piecewise linear ones.
@@ -56,19 +59,29 @@ double fresnel(double cosine, double ior) {
 /// Kulla and Conty 2017: F_avg^2 E / (1 - F_avg (1 - E)).
 double multiple_share(double average, double mean) { return average * average * mean / (1 - average * (1 - mean)); }
 
-/// The layer's directional albedos of one index and roughness.
-void append_layer_row(std::vector<glm::vec2>& table, double ior, double roughness) {
-  constexpr uint32_t size = specular_albedo_size;
-  std::vector<double> single(size), lossless(size);
+double layer_ior(uint32_t i) {
+  const double root_f0 = std::min(double(i) / (layer_albedo_size - 1), 1 - 1e-6);
+  return (1 + root_f0) / (1 - root_f0);
+}
+
+/// The layer's directional albedos of one roughness, for all indices: facets are the same for each.
+void write_layers(std::vector<glm::vec2>& table, uint32_t roughness) {
+  constexpr uint32_t size = specular_albedo_size, iors = layer_albedo_size;
+  std::vector<double> ior(iors), single(size_t(iors) * size), lossless(size);
+  for (uint32_t i = 0; i < iors; ++i) ior[i] = layer_ior(i);
   for (uint32_t c = 0; c < size; ++c)
-    over_facets(double(c) / (size - 1), roughness, 6, 24, [&](double oh, double weight) {
-      single[c] += weight * fresnel(std::min(oh, 1.0), ior);
+    over_facets(double(c) / (size - 1), double(roughness) / (layer_albedo_size - 1), 6, 24, [&](double oh, double weight) {
+      for (uint32_t i = 0; i < iors; ++i) single[i * size + c] += weight * fresnel(std::min(oh, 1.0), ior[i]);
       lossless[c] += weight;
     });
-  const double share = multiple_share(layer_fresnel_mean(ior), hemisphere_mean(size, [&](uint32_t c) { return lossless[c]; }));
-  const auto albedo = [&](uint32_t c) { return single[c] + share * (1 - lossless[c]); };
-  for (uint32_t c = 0; c + 1 < size; ++c) table.emplace_back(float(albedo(c)), float(albedo(c + 1)));
-  table.emplace_back(float(hemisphere_mean(size, albedo)), 0.0f);
+  const double lossless_mean = hemisphere_mean(size, [&](uint32_t c) { return lossless[c]; });
+  for (uint32_t i = 0; i < iors; ++i) {
+    const double share = multiple_share(layer_fresnel_mean(ior[i]), lossless_mean);
+    const auto albedo = [&](uint32_t c) { return single[i * size + c] + share * (1 - lossless[c]); };
+    glm::vec2* row = &table[layer_albedo_first + (size_t(i) * layer_albedo_size + roughness) * size];
+    for (uint32_t c = 0; c + 1 < size; ++c) row[c] = {float(albedo(c)), float(albedo(c + 1))};
+    row[size - 1] = {float(hemisphere_mean(size, albedo)), 0.0f};
+  }
 }
 
 }  // namespace
@@ -84,21 +97,15 @@ glm::vec2 specular_albedo(double cosine, double roughness) {
   return sum;
 }
 
-std::vector<glm::vec2> specular_albedo_table() {
+std::vector<glm::vec2> specular_albedo_table(ks::ThreadPool& workers) {
   constexpr uint32_t size = specular_albedo_size;
-  std::vector<glm::vec2> table;
-  table.reserve(specular_albedo_entries);
-  for (uint32_t r = 0; r < size; ++r)
-    for (uint32_t c = 0; c < size; ++c) table.push_back(specular_albedo(double(c) / (size - 1), double(r) / (size - 1)));
-  for (uint32_t r = 0; r < size; ++r) {
-    const glm::vec2* row = &table[size_t(r) * size];
-    table.emplace_back(float(hemisphere_mean(size, [&](uint32_t c) { return double(row[c].x) + double(row[c].y); })), 0.0f);
-  }
-  for (uint32_t i = 0; i < layer_albedo_size; ++i)
-    for (uint32_t r = 0; r < layer_albedo_size; ++r) {
-      const double root_f0 = std::min(double(i) / (layer_albedo_size - 1), 1 - 1e-6);
-      append_layer_row(table, (1 + root_f0) / (1 - root_f0), double(r) / (layer_albedo_size - 1));
-    }
+  std::vector<glm::vec2> table(specular_albedo_entries);
+  workers.parallel_for(size, [&](size_t r) {
+    glm::vec2* row = &table[r * size];
+    for (uint32_t c = 0; c < size; ++c) row[c] = specular_albedo(double(c) / (size - 1), double(r) / (size - 1));
+    table[size_t(size) * size + r] = {float(hemisphere_mean(size, [&](uint32_t c) { return double(row[c].x) + double(row[c].y); })), 0.0f};
+  });
+  workers.parallel_for(layer_albedo_size, [&](size_t r) { write_layers(table, uint32_t(r)); });
   return table;
 }
 

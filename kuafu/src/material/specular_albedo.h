@@ -6,12 +6,14 @@
 #include <glm/glm.hpp>
 #include <vector>
 
+#include "device/thread_pool.h"
+
 namespace kuafu {
 
 /// Metal: [roughness][cosine], specular_albedo_size each, both from 0 to 1; then per roughness the mean of x + y over the hemisphere, as x.
 /// Layer: [index][roughness], layer_albedo_size each, of specular_albedo_size entries: the albedo at cosine c as x and at c + 1 as y; the
 /// last is its mean over the hemisphere. Indices are at equal steps of (ior - 1) / (ior + 1).
-std::vector<glm::vec2> specular_albedo_table();
+std::vector<glm::vec2> specular_albedo_table(ks::ThreadPool& workers);
 
 /// One entry of metal by quadrature over the visible normals.
 glm::vec2 specular_albedo(double cosine, double roughness);

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "light/emitters.h"
+#include "device/thread_pool.h"
 #include "material/material_record.h"
 #include "material/specular_albedo.h"
 #include "scene/motion_record.h"
@@ -12,7 +13,7 @@
 namespace kuafu {
 SceneTables::SceneTables(Memory memory) : memory_(std::move(memory)), textures_(memory_) {
   Block block;
-  block.add(specular_albedo_table());
+  block.add(specular_albedo_table(memory_.device->workers()));
   specular_albedo_ = block.upload(memory_.device);
 }
 

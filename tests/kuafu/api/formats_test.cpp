@@ -16,7 +16,8 @@ constexpr uint32_t width = 9, height = 5, pixels = width * height;  // odd: rows
 /// A grey ramp of depths and radiances.
 class Formats : public testing::TestWithParam<uint32_t> {
  protected:
-  Formats() : world_(GetParam()) {
+  Formats() : world_(GetParam()) {}
+  void SetUp() override {
     wall_ = world_.add(quad({0, 0, 2}, {-0.3, 0, 0.1}, {0, 2, 0}), lambert(0.5f));
     world_.add_point({0.1, 0, 0}, 40.0f);
     world_.desc().samples_per_pixel = 2;

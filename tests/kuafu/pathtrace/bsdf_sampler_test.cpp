@@ -18,7 +18,8 @@ constexpr uint features = ~0u;
 constexpr int rows = 24, columns = 16, samples = 200000, sub = 24;
 
 const std::vector<glm::vec2>& table() {
-  static const std::vector<glm::vec2> values = specular_albedo_table();
+  static ks::ThreadPool workers(1);
+  static const std::vector<glm::vec2> values = specular_albedo_table(workers);
   return values;
 }
 

@@ -60,7 +60,8 @@ double fresnel(double cosine, double ior) {  // Hecht, Optics, 4.6
 
 // Single scattering of the layer by quadrature over the hemisphere, and what several facets add by Kulla and Conty's formula.
 TEST(SpecularAlbedo, of_the_layer_is_the_integral_of_its_lobes) {
-  const auto table = kuafu::specular_albedo_table();
+  ks::ThreadPool workers(2);
+  const auto table = kuafu::specular_albedo_table(workers);
   ASSERT_EQ(table.size(), size_t(kuafu::specular_albedo_entries));
   constexpr uint32_t last = kuafu::layer_albedo_size - 1, cosines = kuafu::specular_albedo_size;
   for (const uint32_t i : {3u, 5u})  // ior 1.5 and 2
@@ -89,7 +90,8 @@ TEST(SpecularAlbedo, of_the_layer_is_the_integral_of_its_lobes) {
 }
 
 TEST(SpecularAlbedo, never_exceeds_one) {
-  const auto table = kuafu::specular_albedo_table();
+  ks::ThreadPool workers(2);
+  const auto table = kuafu::specular_albedo_table(workers);
   for (uint32_t i = 0; i < kuafu::layer_albedo_first; ++i) EXPECT_LE(table[i].x + table[i].y, 1.0f + 1e-5f);
   for (size_t i = kuafu::layer_albedo_first; i < table.size(); ++i) EXPECT_LE(table[i].x, 1.0f + 1e-4f) << i;
 }

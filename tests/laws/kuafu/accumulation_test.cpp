@@ -13,7 +13,8 @@ const std::vector<uint32_t> outputs = {KUAFU_OUTPUT_RADIANCE, KUAFU_OUTPUT_AMBIE
 /// A corner under a small bright panel and a lamp: noise in every pixel.
 class Corner {
  protected:
-  explicit Corner(uint32_t tracer) : world_(tracer) {
+  explicit Corner(uint32_t tracer) : world_(tracer) {}
+  void furnish() {
     world_.add(quad({0, 0, 2}, {-1, 0, 0}, {0, 1, 0}), lambert(0.5f));
     world_.add(quad({-1, 0, 1}, {0, 0, 1}, {0, 1, 0}), lambert(0.8f));
     world_.add(quad({0.5, -0.8, 1.5}, {0.2, 0, 0}, {0, 0, 0.2}), emitter(8));
@@ -37,11 +38,13 @@ class Corner {
 class Accumulation : public Corner, public testing::TestWithParam<uint32_t> {
  protected:
   Accumulation() : Corner(GetParam()) {}
+  void SetUp() override { furnish(); }
 };
 
 class AccumulationOnHost : public Corner, public testing::Test {
  protected:
   AccumulationOnHost() : Corner(KUAFU_TRACER_EMBREE) {}
+  void SetUp() override { furnish(); }
 };
 
 void expect_same(const Pixels& a, const Pixels& b, double tolerance) {
