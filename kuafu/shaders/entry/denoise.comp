@@ -4,9 +4,14 @@
 #include "lib/alike.glsl"
 
 layout(push_constant, scalar) uniform Push { DenoisePush push; };
+#include "lib/planes.glsl"
 #include "stage/denoise.glsl"
 
 void main() {
-  uint i = line_index();
+  uint i = line_index(), end;
   if (i < push.count) denoise(i);
+  if (push.step != denoise_divide || push.lists == 0u) return;
+  bool listed = i < push.count && push.pixels_out.at[i].square != square_plain;
+  uint place = append(listed, push.squares, 0u, end);
+  if (listed) push.squares.at[1u + place] = i;
 }

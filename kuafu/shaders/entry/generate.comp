@@ -10,11 +10,11 @@ layout(push_constant, scalar) uniform Push { GeneratePush push; };
 #include "stage/generate.glsl"
 
 void main() {
-  uint slot = gl_GlobalInvocationID.x, path_count = push.range.pixel_count * push.range.sample_count;
+  uint slot = gl_GlobalInvocationID.x, paths = path_count();
   if (slot == 0u) {
-    push.counters.at[counter_ray_count] = path_count;
-    cover(push.counters, counter_trace_arguments, path_count, trace_group_size);
-    cover(push.counters, counter_shade_arguments, path_count, gl_WorkGroupSize.x);
+    push.counters.at[counter_ray_count] = paths;
+    cover(push.counters, counter_trace_arguments, paths, trace_group_size);
+    cover(push.counters, counter_shade_arguments, paths, gl_WorkGroupSize.x);
   }
-  if (slot < path_count) generate(slot);
+  if (slot < paths) generate(slot);
 }

@@ -8,12 +8,31 @@
 #include "lib/queue.glsl"
 
 layout(push_constant, scalar) uniform Push { RemodulatePush push; };
+#include "lib/planes.glsl"
 #include "lib/guide.glsl"
 #include "stage/blend.glsl"
 #include "stage/remodulate.glsl"
 
+shared float shares[gl_WorkGroupSize.x];
+
+// One ray per invocation; the first of a pixel's adds up.
 void main() {
-  if (gl_GlobalInvocationID.x >= push.count) return;
-  if (push.blends != 0u) blend(gl_GlobalInvocationID.x);
-  else remodulate(gl_GlobalInvocationID.x);
+  uint i = line_index(), place = gl_LocalInvocationIndex;
+  if (push.blends != 0u) {
+    if (i < push.count) blend(i);
+    return;
+  }
+  bool live = i / square_rays < square_count();
+  Gathered light;
+  if (live) light = square_light(i);
+  for (uint p = 0u; p < plane_count(); ++p) {
+    shares[place] = live ? light.light[p] : 0.0f;
+    barrier();
+    if (live && i % square_rays == 0u) {
+      float sum = 0.0f;
+      for (uint s = 0u; s < square_rays; ++s) sum += shares[place + s];
+      remodulate(square_pixel(i / square_rays), p, sum);
+    }
+    barrier();
+  }
 }

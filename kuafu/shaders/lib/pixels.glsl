@@ -26,6 +26,12 @@ Pixel wave_pixel(IN(WaveRange) range, uint local_pixel) {
   return Pixel(row / range.height, row % range.height, p % range.width);
 }
 
+/// Of an index into images, [view][row][column].
+Pixel image_pixel(IN(WaveRange) range, uint index) {
+  uint row = index / range.width;
+  return Pixel(row / range.height, row % range.height, index % range.width);
+}
+
 uint output_element(IN(OutputRecord) record, Pixel pixel, uint channels) {
   return uint(record.first + int(pixel.view) * record.view_stride + int(pixel.row) * record.row_stride + int(pixel.column * channels));
 }

@@ -23,6 +23,7 @@ using Vec2Array = AddressedArray<const vec2>;
 using Vec3Array = AddressedArray<const vec3>;
 using UVec3Array = AddressedArray<const uvec3>;
 #define KUAFU_ARRAY(Name, Record, alignment) using Name = AddressedArray<const Record>;
+#define KUAFU_WRITTEN_ARRAY(Name, Record, alignment) using Name = AddressedArray<Record>;
 }  // namespace kuafu
 #else
 #extension GL_EXT_buffer_reference : require
@@ -30,6 +31,7 @@ using UVec3Array = AddressedArray<const uvec3>;
 #extension GL_EXT_scalar_block_layout : require
 #define KUAFU_ARRAY(Name, Record, alignment) \
   layout(buffer_reference, scalar, buffer_reference_align = alignment) buffer Name { Record at[]; };
+#define KUAFU_WRITTEN_ARRAY(Name, Record, alignment) KUAFU_ARRAY(Name, Record, alignment)
 KUAFU_ARRAY(UintArray, uint, 4)
 KUAFU_ARRAY(FloatArray, float, 4)
 KUAFU_ARRAY(Vec2Array, vec2, 4)

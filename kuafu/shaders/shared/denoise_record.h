@@ -19,7 +19,7 @@ struct GuideRecord {
   vec3 albedo;  // what light is divided by before it is filtered
   float normal_exponent;  // of the cosine between normals: what is alike for a rough surface is not for a mirror
 };
-KUAFU_ARRAY(GuideArray, GuideRecord, 4)
+KUAFU_ARRAY(GuideArray, GuideRecord, 16)
 KUAFU_CONST mixed_materials = 0xfffffffeu;  // GuideRecord.material of a blurred pixel that shows several
 
 /// How a view of the last launch saw the world.
@@ -86,17 +86,32 @@ KUAFU_CONST denoise_despeckle = 1u;  // neighbours' variance; what is far above 
 KUAFU_CONST denoise_accumulate = 2u;  // over launches
 KUAFU_CONST denoise_smooth = 3u;      // levels that the next pass tells pixels apart by; light stays where it is
 KUAFU_CONST denoise_atrous = 4u;      // one pass of the filter, its taps `spacing` pixels apart
-KUAFU_CONST denoise_multiply = 5u;    // by albedo, where guides are blended
+KUAFU_CONST denoise_multiply = 5u;    // by albedo, where no rays do it
 KUAFU_CONST denoise_sum = 6u;        // ambient and radiance from their parts
 
-// Statistics of a pixel: denoise_words floats.
-KUAFU_CONST denoise_level = 0u;       // mean over channels of the light over albedo, all images together
-KUAFU_CONST denoise_variance = 1u;    // of that mean
-KUAFU_CONST denoise_confidence = 2u;  // 1; less where the pixel's samples may be of several surfaces
-KUAFU_CONST denoise_inside = 3u;      // the confidence that it began with
-KUAFU_CONST denoise_smooth_level = 4u;     // mean over like neighbours
-KUAFU_CONST denoise_smooth_variance = 5u;  // of that mean
-KUAFU_CONST denoise_words = 6u;
+// Whether one ray tells what a pixel shows.
+KUAFU_CONST square_plain = 0u;
+KUAFU_CONST square_varied = 1u;  // what is around it differs somewhat: rays over the pixel's square ask
+KUAFU_CONST square_edge = 2u;    // its samples may be of several surfaces
+KUAFU_CONST square_rays = 16u;   // that ask
+
+/// What the filter knows of a pixel's light over albedo, the mean over channels of all images together.
+struct PixelStatistics {
+  float level;
+  float variance;    // of that mean
+  float confidence;  // 1; less where the pixel's samples may be of several surfaces
+  uint square;       // square_*
+};
+KUAFU_WRITTEN_ARRAY(PixelStatisticsArray, PixelStatistics, 16)
+
+/// What the next pass tells pixels apart by.
+struct SmoothStatistics {
+  float level;           // mean over like neighbours
+  float variance;        // of that mean
+  float pixel_variance;  // as PixelStatistics
+  float confidence;
+};
+KUAFU_WRITTEN_ARRAY(SmoothStatisticsArray, SmoothStatistics, 16)
 
 // What history keeps of a pixel.
 KUAFU_CONST history_variance = 0u;
@@ -108,26 +123,31 @@ struct DenoisePush {
   GuideArray guides;
   FloatArray moments;
   FloatArray light_in, light_out;  // [pixel][image][channel], over albedo
-  FloatArray pixels_in, pixels_out;  // [pixel][denoise_words]
-  uint step, count;  // denoise_*; pixels of all views
+  PixelStatisticsArray pixels_in, pixels_out;
+  SmoothStatisticsArray smoothed;
+  UintArray squares;  // how many pixels are not square_plain, then which
+  uint step, count;   // denoise_*; pixels of all views
   uint width, height;
   uint samples, spacing;
+  uint lists;  // nonzero: squares is filled
+  uint reserved;
 };
 
-/// Filtered light times what rays over the pixel's square meet; or, with `blended`, before the filter, guides of all that they meet.
+/// Filtered light times what rays over the pixel's square meet, for the pixels of `squares`; or, before the filter, guides of all that they meet.
 struct RemodulatePush {
   UintArray rays;  // sample_count of each pixel
   SceneReference scene;
   ViewArray views;
   DenoiseImagesArray images;
   GuideArray guides;
-  FloatArray light, pixels;
+  FloatArray light;
+  PixelStatisticsArray pixels;
   WaveRange range;
-  uint count;  // pixels
+  uint count;  // rays, or pixels that blend
   uint infrared;
   uint samples;  // of the image
   uint blends;
-  UintArray blended;
+  UintArray squares_or_blended;  // of DenoisePush; or where blended guides go
 };
 
 #ifdef __cplusplus
@@ -136,7 +156,8 @@ static_assert(sizeof(GuidePush) == 112);
 static_assert(sizeof(PlaceRecord) == 4 * place_words);
 static_assert(sizeof(MomentsPush) == 72);
 static_assert(sizeof(DenoiseImages) == 136);
-static_assert(sizeof(DenoisePush) == 80);
+static_assert(sizeof(PixelStatistics) == 16 && sizeof(SmoothStatistics) == 16);
+static_assert(sizeof(DenoisePush) == 104);
 static_assert(sizeof(RemodulatePush) == 120);
 }  // namespace kuafu
 #endif

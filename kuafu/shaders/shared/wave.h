@@ -112,6 +112,7 @@ struct GeneratePush {
   ViewArray views;
   CameraArray cameras;  // as views; read only with generate_camera
   UintArray rays, ray_environments, state, counters;
+  UintArray pixels;  // with generate_listed: how many there are, then their indices in the images; the range is of this list
   WaveRange range;
   uint channels, groups;
   uint flags;
@@ -119,6 +120,8 @@ struct GeneratePush {
 
 KUAFU_CONST generate_environments = 1u;  // rays carry an environment
 KUAFU_CONST generate_pixel_centre = 2u;  // AOV rays: no jitter, no path state
+KUAFU_CONST generate_rays_only = 32u;    // no path state
+KUAFU_CONST generate_listed = 64u;       // rays of some pixels
 KUAFU_CONST generate_replicates = 8u;  // see replicate_count
 KUAFU_CONST generate_motion = 16u;      // rays have a time
 KUAFU_CONST generate_camera = 4u;       // some camera distorts, has a lens, or something moves while its shutter is open
@@ -226,7 +229,7 @@ struct WritePush {
 #ifdef __cplusplus
 static_assert(sizeof(ViewRecord) == 64);
 static_assert(sizeof(OutputRecord) == 32);
-static_assert(sizeof(GeneratePush) == 96);
+static_assert(sizeof(GeneratePush) == 104);
 static_assert(sizeof(ShadePush) == 104);
 static_assert(sizeof(ResolvePush) == 72);
 static_assert(sizeof(TransmitPush) == 88);

@@ -30,5 +30,5 @@ void blend(uint local_pixel) {
     g.footprint_m = sqrt(g.footprint_m * g.footprint_m + max(0.0f, square / hits - dot(offset, offset)));
     if (dot(normal, normal) > 0.0f) g.normal = normalize(normal);
   }
-  store_guide(push.blended, index, g);
+  store_guide(push.squares_or_blended, index, g);
 }

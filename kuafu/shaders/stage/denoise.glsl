@@ -4,15 +4,7 @@ const float level_reach = 2.0f;     // standard deviations between means of pixe
 const float speckle_reach = 3.0f;   // and that a pixel may stand out by from its neighbours, if its noise explains it
 const float change_reach = 2.0f;    // and that light of the last launches may be off from means of this one's
 const float edge_confidence = 0.1f;
-
-uint plane_count() { return push.images.at[0].denoised_count * push.images.at[0].channels; }
-float statistic(uint pixel, uint word) { return push.pixels_in.at[pixel * denoise_words + word]; }
-void set_statistics(uint pixel, float level, float variance, float confidence, float inside) {
-  push.pixels_out.at[pixel * denoise_words + denoise_level] = level;
-  push.pixels_out.at[pixel * denoise_words + denoise_variance] = variance;
-  push.pixels_out.at[pixel * denoise_words + denoise_confidence] = confidence;
-  push.pixels_out.at[pixel * denoise_words + denoise_inside] = inside;
-}
+const float most_apart = 0.5f, most_recoloured = 0.02f;  // of neighbours whose pixel one ray tells of
 
 /// The pixel (dx, dy) away, or `miss` where the view ends.
 uint neighbour(uint pixel, int dx, int dy) {
@@ -21,19 +13,25 @@ uint neighbour(uint pixel, int dx, int dy) {
   return uint(int(pixel) + dy * int(push.width) + dx);
 }
 
+float confidence_of(uint square) { return square == square_edge ? edge_confidence : 1.0f; }
+
 /// Where a neighbour is of another surface or colour, this pixel's square may be, too.
-float confidence_of(uint pixel) {
+uint square_of(uint pixel) {
   GuideRecord here = push.guides.at[pixel];
-  if (here.material == mixed_materials) return 1.0f;
-  for (int i = 0; i < 4; ++i) {
-    uint other = neighbour(pixel, i == 0 ? -1 : i == 1 ? 1 : 0, i == 2 ? -1 : i == 3 ? 1 : 0);
-    if (other == miss) continue;
+  uint square = square_plain;
+  if (here.material == mixed_materials) return square;
+  float brightest = max(here.albedo.x, max(here.albedo.y, here.albedo.z));
+  for (int i = 0; i < 9; ++i) {
+    int dx = i % 3 - 1, dy = i / 3 - 1;
+    uint other = neighbour(pixel, dx, dy);
+    if (other == miss || other == pixel) continue;
     GuideRecord there = push.guides.at[other];
     vec3 turn = abs(there.albedo - here.albedo);
-    if (surface_unlike(here, there, 1.0f, 8.0f) > 1.2f || max(turn.x, max(turn.y, turn.z)) > 0.1f * max(here.albedo.x, max(here.albedo.y, here.albedo.z)))
-      return edge_confidence;
+    float apart = surface_unlike(here, there, 1.0f, 8.0f), recoloured = max(turn.x, max(turn.y, turn.z)) / brightest;
+    if ((dx == 0 || dy == 0) && (apart > 1.2f || recoloured > 0.1f)) return square_edge;
+    if (surface_unlike(here, there, 1.0f, 1e9f) > most_apart || recoloured > most_recoloured) square = square_varied;
   }
-  return 1.0f;
+  return square;
 }
 
 void divide(uint pixel) {
@@ -50,14 +48,15 @@ void divide(uint pixel) {
   float n = float(push.samples), mean = push.moments.at[pixel * 2u] / n;
   float variance = push.samples > 1u ? max(0.0f, push.moments.at[pixel * 2u + 1u] / n - mean * mean) / (n - 1.0f) : 0.0f;
   float scale = mean > 0.0f ? level / mean : 0.0f;
-  float inside = confidence_of(pixel);
-  set_statistics(pixel, level, variance * scale * scale, inside, inside);
+  uint square = square_of(pixel);
+  push.pixels_out.at[pixel] = PixelStatistics(level, variance * scale * scale, confidence_of(square), square);
 }
 
 // Variances are averaged over like neighbours, mirror or not: two samples tell little of their own. One sample tells nothing: the neighbours' scatter stands in.
 void despeckle(uint pixel) {
   GuideRecord here = push.guides.at[pixel];
-  float own_variance = statistic(pixel, denoise_variance), level = statistic(pixel, denoise_level);
+  PixelStatistics own = push.pixels_in.at[pixel];
+  float own_variance = own.variance, level = own.level;
   float weights = 0.0f, first = 0.0f, second = 0.0f, variance = own_variance, all = 1.0f;
   for (int dy = -2; dy <= 2; ++dy)
     for (int dx = -2; dx <= 2; ++dx) {
@@ -67,12 +66,12 @@ void despeckle(uint pixel) {
       float weight = falling(surface_unlike(here, push.guides.at[other], distance, 32.0f));
       if (weight == 0.0f) continue;
       all += weight;
-      variance += weight * statistic(other, denoise_variance);
-      weight *= statistic(other, denoise_confidence);
-      float there = statistic(other, denoise_level);
+      PixelStatistics there = push.pixels_in.at[other];
+      variance += weight * there.variance;
+      weight *= there.confidence;
       weights += weight;
-      first += weight * there;
-      second += weight * there * there;
+      first += weight * there.level;
+      second += weight * there.level * there.level;
     }
   variance /= all;
   float keep = 1.0f;
@@ -88,8 +87,7 @@ void despeckle(uint pixel) {
     uint word = pixel * plane_count() + p;
     push.light_out.at[word] = push.light_in.at[word] * keep;
   }
-  float inside = statistic(pixel, denoise_inside);
-  set_statistics(pixel, level * keep, variance, inside, inside);
+  push.pixels_out.at[pixel] = PixelStatistics(level * keep, variance, confidence_of(own.square), own.square);
 }
 
 // Pixels are told apart by the means of 3 x 3 alike around them, which have a third of the noise: a highlight's slope stands out from it earlier.
@@ -102,14 +100,14 @@ void smooth_levels(uint pixel) {
       uint other = neighbour(pixel, dx * spacing, dy * spacing);
       if (other == miss) continue;
       float t = other == pixel ? 0.0f : surface_unlike(here, push.guides.at[other], float(spacing), 1e9f);
-      float weight = (dx == 0 ? 1.0f : 0.5f) * (dy == 0 ? 1.0f : 0.5f) * falling(t) * statistic(other, denoise_confidence);
+      PixelStatistics there = push.pixels_in.at[other];
+      float weight = (dx == 0 ? 1.0f : 0.5f) * (dy == 0 ? 1.0f : 0.5f) * falling(t) * there.confidence;
       weights += weight;
-      level += weight * statistic(other, denoise_level);
-      variance += weight * weight * statistic(other, denoise_variance);
+      level += weight * there.level;
+      variance += weight * weight * there.variance;
     }
-  for (uint word = 0u; word < denoise_smooth_level; ++word) push.pixels_out.at[pixel * denoise_words + word] = statistic(pixel, word);
-  push.pixels_out.at[pixel * denoise_words + denoise_smooth_level] = level / weights;
-  push.pixels_out.at[pixel * denoise_words + denoise_smooth_variance] = variance / (weights * weights);
+  PixelStatistics own = push.pixels_in.at[pixel];
+  push.smoothed.at[pixel] = SmoothStatistics(level / weights, variance / (weights * weights), own.variance, own.confidence);
 }
 
 /// The least and the most that light here may be, by what this launch shows around it: where a shadow has gone, history must not keep it.
@@ -120,9 +118,10 @@ vec2 plausible_levels(uint pixel) {
     for (int dx = -1; dx <= 1; ++dx) {
       uint other = neighbour(pixel, dx, dy);
       if (other == miss || (other != pixel && surface_unlike(here, push.guides.at[other], 1.0f, 32.0f) > 1.0f)) continue;
-      float level = statistic(other, denoise_smooth_level), reach = change_reach * sqrt(statistic(other, denoise_smooth_variance));
-      least = min(least, level - reach);
-      most = max(most, level + reach);
+      SmoothStatistics there = push.smoothed.at[other];
+      float reach = change_reach * sqrt(there.variance);
+      least = min(least, there.level - reach);
+      most = max(most, there.level + reach);
     }
   return vec2(least, most);
 }
@@ -172,12 +171,12 @@ void accumulate(uint pixel) {
     images.next_light.at[pixel * planes + p] = light;
     level += light / float(images.channels);
   }
-  float own = statistic(pixel, denoise_variance), rest = 1.0f - share;
+  float own = push.pixels_in.at[pixel].variance, rest = 1.0f - share;
   if (known) own = share * share * own + rest * rest * variance / weights;
   images.next_pixels.at[pixel * history_words + history_variance] = own;
   images.next_pixels.at[pixel * history_words + history_launches] = launches;
-  float inside = statistic(pixel, denoise_inside);
-  set_statistics(pixel, level, own, inside, inside);
+  uint square = push.pixels_in.at[pixel].square;
+  push.pixels_out.at[pixel] = PixelStatistics(level, own, confidence_of(square), square);
 }
 
 float binomial(int i) { return i == 0 ? 0.375f : abs(i) == 1 ? 0.25f : 0.0625f; }
@@ -190,7 +189,7 @@ float smooth_variance(uint pixel) {
       uint other = neighbour(pixel, dx, dy);
       if (other == miss) continue;
       float weight = (dx == 0 ? 2.0f : 1.0f) * (dy == 0 ? 2.0f : 1.0f);
-      sum += weight * statistic(other, denoise_smooth_variance);
+      sum += weight * push.smoothed.at[other].variance;
       weights += weight;
     }
   return sum / weights;
@@ -198,7 +197,8 @@ float smooth_variance(uint pixel) {
 
 void atrous(uint pixel) {
   GuideRecord here = push.guides.at[pixel];
-  float level = statistic(pixel, denoise_smooth_level), own = smooth_variance(pixel), confidence = statistic(pixel, denoise_confidence);
+  SmoothStatistics own = push.smoothed.at[pixel];
+  float noise_here = smooth_variance(pixel);
   const uint most_planes = 15u;
   float sum[15], weights = 0.0f, variance = 0.0f, support = 0.0f;
   uint planes = plane_count();
@@ -209,14 +209,14 @@ void atrous(uint pixel) {
       if (other == miss) continue;
       float t = other == pixel ? 0.0f : surface_unlike(here, push.guides.at[other], float(max(abs(dx), abs(dy))) * float(push.spacing), 1e9f);
       if (t >= unlike) continue;
-      float kernel = binomial(dx) * binomial(dy), there = statistic(other, denoise_smooth_level);
-      float trust = statistic(other, denoise_confidence), noise = max(own, statistic(other, denoise_smooth_variance));
-      support += kernel * falling(t) * trust;
-      t += abs(there - level) * confidence / (level_reach * sqrt(noise) + 1e-3f * abs(level) + 1e-12f);
-      float weight = kernel * falling(t) * trust;
+      SmoothStatistics there = push.smoothed.at[other];
+      float kernel = binomial(dx) * binomial(dy), noise = max(noise_here, there.variance);
+      support += kernel * falling(t) * there.confidence;
+      t += abs(there.level - own.level) * own.confidence / (level_reach * sqrt(noise) + 1e-3f * abs(own.level) + 1e-12f);
+      float weight = kernel * falling(t) * there.confidence;
       if (other == pixel) weight = max(weight, 1e-4f);
       weights += weight;
-      variance += weight * weight * statistic(other, denoise_variance);
+      variance += weight * weight * there.pixel_variance;
       for (uint p = 0u; p < planes; ++p) sum[p] += weight * push.light_in.at[other * planes + p];
     }
   float mean = 0.0f;
@@ -225,15 +225,31 @@ void atrous(uint pixel) {
     push.light_out.at[pixel * planes + p] = sum[p];
     mean += sum[p] / float(push.images.at[0].channels);
   }
-  set_statistics(pixel, mean, variance / (weights * weights), max(confidence, min(1.0f, 2.0f * support)), statistic(pixel, denoise_inside));
+  push.pixels_out.at[pixel] = PixelStatistics(mean, variance / (weights * weights), max(own.confidence, min(1.0f, 2.0f * support)),
+                                              push.pixels_in.at[pixel].square);
 }
 
+// Rays over a square whose surroundings are alike would gather with these weights in their mean (gather() of stage/remodulate.glsl), and meet one colour.
 void multiply(uint pixel) {
+  bool squares = push.lists != 0u;
+  if (squares && push.pixels_in.at[pixel].square != square_plain) return;
   DenoiseImages images = push.images.at[0];
-  vec3 albedo = push.guides.at[pixel].albedo;
-  for (uint k = 0u; k < images.denoised_count; ++k)
-    for (uint c = 0u; c < images.channels; ++c)
-      images.denoised[k].at[pixel * images.channels + c] = push.light_in.at[pixel * plane_count() + k * images.channels + c] * albedo[int(c)];
+  GuideRecord here = push.guides.at[pixel];
+  const uint most_planes = 15u;
+  float sum[15], weights = 0.0f;
+  uint planes = plane_count();
+  for (uint p = 0u; p < most_planes; ++p) sum[p] = 0.0f;
+  int reach = squares ? 1 : 0;
+  for (int dy = -reach; dy <= reach; ++dy)
+    for (int dx = -reach; dx <= reach; ++dx) {
+      uint other = neighbour(pixel, dx, dy);
+      if (other == miss) continue;
+      float weight = other == pixel ? 1.0f : (dx == 0 || dy == 0 ? 0.25f : 0.0875f) * falling(surface_unlike(here, push.guides.at[other], 2.0f, 1e9f));
+      weights += weight;
+      for (uint p = 0u; p < planes; ++p) sum[p] += weight * push.light_in.at[other * planes + p];
+    }
+  for (uint p = 0u; p < planes; ++p)
+    images.denoised[p / images.channels].at[pixel * images.channels + p % images.channels] = sum[p] / weights * here.albedo[int(p % images.channels)];
 }
 
 void sum_images(uint pixel) {

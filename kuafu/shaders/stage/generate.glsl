@@ -1,10 +1,20 @@
 // Primary rays: one path per pixel and sample, uniform over the pixel's square (box filter), the lens and the exposure.
 
+uint path_count() {
+  uint pixels = push.range.pixel_count;
+  if ((push.flags & generate_listed) != 0u) {
+    uint listed = push.pixels.at[0];
+    pixels = min(pixels, listed - min(listed, push.range.first_pixel));
+  }
+  return pixels * push.range.sample_count;
+}
+
 /// Which sample of which pixel a slot is.
 Pixel slot_pixel(uint slot, OUT(uint) index) {
   uint local_pixel = slot / push.range.sample_count;
   index = push.range.first_sample + slot - local_pixel * push.range.sample_count;
-  return wave_pixel(push.range, local_pixel);
+  if ((push.flags & generate_listed) == 0u) return wave_pixel(push.range, local_pixel);
+  return image_pixel(push.range, push.pixels.at[1u + push.range.first_pixel + local_pixel]);
 }
 
 uint pixel_word(Pixel pixel) { return pixel.row * push.range.width + pixel.column; }
@@ -33,7 +43,7 @@ void start_path(uint slot, Pixel pixel, uint key, uint index, vec2 offset) {
   store_closest_ray(push.rays, slot, capacity, Ray(origin, view.near_m * metres_per_z, ray / metres_per_z, view.far_m * metres_per_z),
                     time_s, slot);
   if ((push.flags & generate_environments) != 0u) push.ray_environments.at[slot] = view.environment;
-  if (centre) return;
+  if (centre || (push.flags & generate_rays_only) != 0u) return;
   push.state.at[state_pixel_key * capacity + slot] = key;
   push.state.at[state_sample * capacity + slot] = index;
   push.state.at[state_flags * capacity + slot] = view.environment | path_all_delta;

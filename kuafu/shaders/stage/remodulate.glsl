@@ -1,5 +1,6 @@
 // Stage `remodulate`: the filter works on one surface per pixel, an image has the mean over the pixel's square. So rays over the square ask what is there,
 // each takes the filtered light of the nearest pixels of its surface, and its own albedo: edges and textures become as smooth as there are rays.
+// Where all around is of one surface and colour, a pixel needs none (square_of).
 const uint most_planes = 15u;
 
 struct Gathered {
@@ -29,23 +30,29 @@ Gathered gather(GuideRecord g, Pixel pixel, uint planes) {
   return out_;
 }
 
-void remodulate(uint local_pixel) {
-  Pixel pixel = wave_pixel(push.range, local_pixel);
+/// How many pixels of the list the wave has.
+uint square_count() {
+  uint listed = push.squares_or_blended.at[0];
+  return min(push.range.pixel_count, listed - min(listed, push.range.first_pixel));
+}
+
+uint square_pixel(uint local_pixel) { return push.squares_or_blended.at[1u + push.range.first_pixel + local_pixel]; }
+
+/// A ray's share of its pixel.
+Gathered square_light(uint ray) {
+  Pixel pixel = image_pixel(push.range, square_pixel(ray / square_rays));
+  GuideRecord g = guide_of_ray(ray, pixel.view);
+  uint planes = plane_count(), channels = push.images.at[0].channels;
+  Gathered near = gather(g, pixel, planes);
+  for (uint p = 0u; p < planes; ++p) near.light[p] *= g.albedo[int(p % channels)] / (near.weights * float(square_rays));
+  return near;
+}
+
+/// On edges, more samples than rays know the square better than the rays do.
+void remodulate(uint pixel, uint plane, float light) {
   DenoiseImages images = push.images.at[0];
-  uint planes = images.denoised_count * images.channels, i = (pixel.view * push.range.height + pixel.row) * push.range.width + pixel.column;
-  float sum[15];
-  for (uint p = 0u; p < planes; ++p) sum[p] = 0.0f;
-  float share = 1.0f / float(push.range.sample_count);
-  for (uint s = 0u; s < push.range.sample_count; ++s) {
-    GuideRecord g = guide_of_ray(local_pixel * push.range.sample_count + s, pixel.view);
-    Gathered near = gather(g, pixel, planes);
-    for (uint p = 0u; p < planes; ++p) sum[p] += share * g.albedo[int(p % images.channels)] * near.light[p] / near.weights;
-  }
-  // On edges, more samples than rays know the square better than the rays do.
-  float rays = float(push.range.sample_count), samples = float(push.samples);
-  float trust = push.pixels.at[i * denoise_words + denoise_inside] < 1.0f && samples > rays ? rays / (rays + samples) : 1.0f;
-  for (uint p = 0u; p < planes; ++p) {
-    uint k = p / images.channels, word = i * images.channels + p % images.channels;
-    images.denoised[k].at[word] += trust * (sum[p] - images.denoised[k].at[word]);
-  }
+  float rays = float(square_rays), samples = float(push.samples);
+  float trust = push.pixels.at[pixel].square == square_edge && samples > rays ? rays / (rays + samples) : 1.0f;
+  uint k = plane / images.channels, word = pixel * images.channels + plane % images.channels;
+  images.denoised[k].at[word] += trust * (light - images.denoised[k].at[word]);
 }

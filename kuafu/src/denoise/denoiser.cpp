@@ -54,6 +54,7 @@ void Denoiser::fit(const Launch& launch, const Scene& scene, const Frame& frame)
   images.radiance = frame.address(output_radiance);
   images.denoised_count = uint32_t(kinds.size());
   images.channels = channels_;
+  planes_ = uint32_t(kinds.size()) * channels_;
   blurs_ = std::ranges::any_of(launch.views, [&](const View& view) {
     const bool motion = view.velocity.moves() || scene.instances_move();
     return view.optics.lens_radius_m > 0.0 || (motion && view.shutter.exposure_s > 0.0);
@@ -67,11 +68,16 @@ void Denoiser::fit(const Launch& launch, const Scene& scene, const Frame& frame)
   grow(memory_, guides_, pixels * sizeof(GuideRecord) / 4);
   grow(memory_, sums_, pixels * 2);
   for (auto& light : light_) grow(memory_, light, pixels * kinds.size() * channels_);
-  for (auto& statistics : pixels_) grow(memory_, statistics, pixels * denoise_words);
+  for (auto& statistics : pixels_) grow(memory_, statistics, pixels * sizeof(PixelStatistics) / 4);
+  grow(memory_, smooth_, pixels * sizeof(SmoothStatistics) / 4);
+  grow(memory_, squares_, pixels + 1);
   push_ = {};
   push_.images = images_.address();
   push_.guides = memory_.address(*guides_);
   push_.moments = memory_.address(*sums_);
+  push_.smoothed = memory_.address(*smooth_);
+  push_.squares = memory_.address(*squares_);
+  push_.lists = blurs_ ? 0u : 1u;
   push_.count = uint32_t(pixels);
   push_.width = launch.width;
   push_.height = launch.height;
@@ -96,7 +102,9 @@ void Denoiser::moments(ks::Commands& commands, uint64_t state, const WaveRange& 
 
 void Denoiser::filter(ks::Commands& commands, uint32_t samples) {
   push_.samples = samples;
+  if (!memory_.on_host) commands.fill(*squares_, 0, 4, 0);
   step(commands, denoise_divide);
+  if (memory_.on_host) list_squares();
   step(commands, denoise_despeckle);
   if (accumulates_) {
     step(commands, denoise_smooth, 1);
@@ -109,35 +117,55 @@ void Denoiser::filter(ks::Commands& commands, uint32_t samples) {
   }
 }
 
-// Each step reads what the last one wrote.
+void Denoiser::list_squares() const {
+  const auto* pixels = static_cast<const PixelStatistics*>(pixels_[1]->mapped());
+  auto* list = static_cast<uint32_t*>(squares_->mapped());
+  list[0] = 0;
+  for (uint32_t i = 0; i < push_.count; ++i)
+    if (pixels[i].square != square_plain) list[++list[0]] = i;
+}
+
+uint32_t Denoiser::square_count(ks::Commands& commands) const {
+  if (!memory_.device->is_cpu()) return push_.count;
+  commands.flush();
+  return *static_cast<const uint32_t*>(squares_->mapped());
+}
+
+// Each step reads what the last one wrote; light and statistics stay where they are while levels are smoothed.
 void Denoiser::step(ks::Commands& commands, uint32_t step, uint32_t spacing) {
-  if (step != denoise_smooth) std::swap(light_[0], light_[1]);
-  std::swap(pixels_[0], pixels_[1]);
+  const bool smooths = step == denoise_smooth;
+  if (!smooths) {
+    std::swap(light_[0], light_[1]);
+    std::swap(pixels_[0], pixels_[1]);
+  }
   push_.light_in = memory_.address(*light_[0]);
   push_.light_out = memory_.address(*light_[1]);
-  push_.pixels_in = memory_.address(*pixels_[0]);
+  push_.pixels_in = memory_.address(*pixels_[smooths ? 1 : 0]);
   push_.pixels_out = memory_.address(*pixels_[1]);
   push_.step = step;
   push_.spacing = spacing;
-  denoise_.run(commands, "denoise", push_);
+  denoise_.run(commands, "denoise", push_, planes_);
 }
 
-void Denoiser::blend(ks::Commands& commands, const WaveRays& square) { over_square(commands, square, true); }
-
-void Denoiser::remodulate(ks::Commands& commands, const WaveRays& square) { over_square(commands, square, false); }
+void Denoiser::blend(ks::Commands& commands, const WaveRays& square) { over_square(commands, square, square.range.pixel_count, true); }
 
 void Denoiser::multiply(ks::Commands& commands) { step(commands, denoise_multiply); }
 
-void Denoiser::over_square(ks::Commands& commands, const WaveRays& square, bool blends) {
+void Denoiser::remodulate(ks::Commands& commands, const WaveRays& square) {
+  over_square(commands, square, square.range.pixel_count * square_rays, false);
+}
+
+void Denoiser::over_square(ks::Commands& commands, const WaveRays& square, uint32_t count, bool blends) {
   const uint64_t guides = memory_.address(*guides_);
-  remodulate_.run(commands, "remodulate",
-                  {square.rays, square.scene, square.views, images_.address(), guides, push_.light_out, push_.pixels_out, square.range,
-                   square.range.pixel_count, infrared_ ? 1u : 0u, push_.samples, blends ? 1u : 0u, guides});
+  remodulate_.run(commands, blends ? "blend" : "remodulate",
+                  {square.rays, square.scene, square.views, images_.address(), guides, push_.light_in, push_.pixels_in, square.range, count,
+                   infrared_ ? 1u : 0u, push_.samples, blends ? 1u : 0u, blends ? guides : memory_.address(*squares_)},
+                  planes_);
 }
 
 void Denoiser::sum(ks::Commands& commands) {
   push_.step = denoise_sum;
-  denoise_.run(commands, "denoise", push_);
+  denoise_.run(commands, "denoise", push_, planes_);
 }
 
 }  // namespace kuafu

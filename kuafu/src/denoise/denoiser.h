@@ -25,8 +25,6 @@ struct WaveRays {
 
 class Denoiser {
  public:
-  static constexpr uint32_t rays_per_pixel = 16;  // that put albedo and edges back
-
   /// oidn_library: as Oidn takes it; opened when a launch asks for it.
   Denoiser(Memory memory, uint32_t queue_layout, std::string oidn_library);
   /// Before the first wave of a launch that denoises.
@@ -39,12 +37,18 @@ class Denoiser {
   void filter(ks::Commands& commands, uint32_t samples);
   /// The same by Open Image Denoise, on images that are finished; nothing is remodulated then.
   void filter_by_oidn(const Launch& launch, const Frame& frame);
-  /// Lens or exposure blur the launch: blend before the filter, and multiply in place of remodulate.
+  /// Lens or exposure blur the launch: blend before the filter, no rays after it.
   [[nodiscard]] bool blurs() const { return blurs_; }
-  /// After rays_per_pixel rays over each pixel's square were traced; before the filter.
+  /// After square_rays rays over each pixel's square were traced; before the filter.
   void blend(ks::Commands& commands, const WaveRays& square);
+  /// The filtered light times albedo, but for the pixels of squares().
   void multiply(ks::Commands& commands);
-  /// After rays_per_pixel rays over each pixel's square were traced.
+  /// How many pixels ask for rays over their squares, where the host can tell (`commands` are flushed then); elsewhere how many they may
+  /// be.
+  [[nodiscard]] uint32_t square_count(ks::Commands& commands) const;
+  /// Address of that number, which pixels they are follows; 0 where all are asked.
+  [[nodiscard]] uint64_t squares() const { return blurs_ ? 0 : memory_.address(*squares_); }
+  /// After square_rays rays for each of a wave's part of squares() were traced.
   void remodulate(ks::Commands& commands, const WaveRays& square);
   /// At last.
   void sum(ks::Commands& commands);
@@ -61,11 +65,12 @@ class Denoiser {
   History history_;
   std::unique_ptr<Oidn> oidn_;
   std::string oidn_library_;
-  std::shared_ptr<ks::Buffer> guides_, sums_, light_[2], pixels_[2];
-  void over_square(ks::Commands& commands, const WaveRays& square, bool blends);
+  std::shared_ptr<ks::Buffer> guides_, sums_, light_[2], pixels_[2], smooth_, squares_;
+  void over_square(ks::Commands& commands, const WaveRays& square, uint32_t count, bool blends);
+  void list_squares() const;
   bool accumulates_ = false, blurs_ = false;
   DenoisePush push_{};
-  uint32_t channels_ = 1;
+  uint32_t channels_ = 1, planes_ = 1;
   bool infrared_ = false;
 };
 

@@ -27,11 +27,15 @@ struct Moments {
 
 struct Denoise {
   const DenoisePush& push;
+  const uint planes = push.images.at[0].denoised_count * push.images.at[0].channels;
+  [[nodiscard]] uint plane_count() const { return planes; }
 #include "stage/denoise.glsl"
 };
 
 struct Remodulate {
   const RemodulatePush& push;
+  const uint planes = push.images.at[0].denoised_count * push.images.at[0].channels;
+  [[nodiscard]] uint plane_count() const { return planes; }
 #include "lib/guide.glsl"
 #include "stage/blend.glsl"
 #include "stage/remodulate.glsl"
@@ -54,7 +58,19 @@ void denoise(const DenoisePush& push, uint32_t first, uint32_t end) {
 }
 
 void remodulate(const RemodulatePush& push, uint32_t first, uint32_t end) {
-  for (Remodulate stage{push}; first < end; ++first) push.blends != 0 ? stage.blend(first) : stage.remodulate(first);
+  Remodulate stage{push};
+  if (push.blends != 0) {
+    for (; first < end; ++first) stage.blend(first);
+    return;
+  }
+  for (; first < end; first += square_rays) {  // chunks are of whole pixels
+    float sum[15] = {};
+    for (uint s = 0; s < square_rays; ++s) {
+      const auto light = stage.square_light(first + s);
+      for (uint p = 0; p < stage.planes; ++p) sum[p] += light.light[p];
+    }
+    for (uint p = 0; p < stage.planes; ++p) stage.remodulate(stage.square_pixel(first / square_rays), p, sum[p]);
+  }
 }
 
 }  // namespace host

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <chrono>
-#include <optional>
+#include <map>
 #include <span>
 
 #include "device/compute.h"
@@ -21,17 +21,22 @@ class ImageStep {
   using HostKernel = void(const Push& push, uint32_t first, uint32_t end);
   /// queue_layout: where the step reads rays.
   ImageStep(Memory memory, std::span<const uint32_t> spirv, HostKernel* kernel, uint32_t queue_layout = queue_layout_planes)
-      : memory_(std::move(memory)), spirv_(spirv), kernel_(kernel), specialisation_{group_size, queue_layout, 1, feature_motion} {}
+      : memory_(std::move(memory)), spirv_(spirv), kernel_(kernel), specialisation_{group_size, queue_layout, 1, feature_motion, 0} {}
 
-  void run(ks::Commands& commands, const char* stage, const Push& push) {
+  /// constant: the shader's specialisation constant 4, where it has one.
+  void run(ks::Commands& commands, const char* stage, const Push& push, uint32_t constant = 0) {
     if (memory_.on_host) return run_on_host(commands, stage, push);
     commands.begin_stage(stage);
-    if (!pipeline_) pipeline_.emplace(memory_.device, spirv_, uint32_t(sizeof(Push)), specialisation_);
-    commands.dispatch_line(*pipeline_, push, (push.count + group_size - 1) / group_size);
+    commands.dispatch_line(pipeline(constant), push, (push.count + group_size - 1) / group_size);
   }
 
  private:
   static constexpr uint32_t group_size = 128, chunk_size = 512;
+
+  const ks::ComputePipeline& pipeline(uint32_t constant) {
+    specialisation_.back() = constant;
+    return pipelines_.try_emplace(constant, memory_.device, spirv_, uint32_t(sizeof(Push)), specialisation_).first->second;
+  }
 
   void run_on_host(ks::Commands& commands, const char* stage, const Push& push) const {
     const auto start = std::chrono::steady_clock::now();
@@ -45,8 +50,8 @@ class ImageStep {
   Memory memory_;
   std::span<const uint32_t> spirv_;
   HostKernel* kernel_;
-  std::array<uint32_t, 4> specialisation_;  // of lib/invocation.glsl; surfaces that rays met may move
-  std::optional<ks::ComputePipeline> pipeline_;
+  std::array<uint32_t, 5> specialisation_;             // of lib/invocation.glsl; surfaces that rays met may move
+  std::map<uint32_t, ks::ComputePipeline> pipelines_;  // by constant
 };
 
 }  // namespace kuafu

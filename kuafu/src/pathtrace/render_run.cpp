@@ -64,8 +64,10 @@ void PathTracer::Run::fit_buffers() {
   const uint32_t samples = launch_.wants_radiance() ? std::min(launch_.samples, most_pass_samples()) : 1;
   const uint32_t paths = o_.on_host_ ? host_wave_paths(shadows) : most_paths(*o_.device_, shadows);
   const uint32_t wave = std::min(total, std::max(paths / samples, pixel_block));
+  // A fourth of the pixels in one wave: rays over squares seldom ask for more, and each wave ends in a tail.
+  const uint32_t squares = denoises() && !o_.on_host_ ? std::min(total / 4 * square_rays, paths) : 0;
   pixels_per_batch_ = o_.on_host_ ? std::min(total, wave * waves_per_worker * o_.device_->workers().size()) : wave;
-  o_.slots_.fit({round_up(wave * samples, pixel_block), launch_.band.channels(), groups(), shadows,
+  o_.slots_.fit({round_up(std::max(wave * samples, squares), pixel_block), launch_.band.channels(), groups(), shadows,
                  launch_.max_bounces + 3 + o_.tables_.walk_passes(), environments_, o_.tables_.features(), launch_.wants_visibility(),
                  passes_glass() && !o_.tracer_->passes_glass() ? launch_.glass_surfaces : 0});
   grow(o_.memory(), o_.sums_, keeps_sums() ? 0 : uint64_t(pixels_per_batch_) * sum_planes());
@@ -91,10 +93,12 @@ void PathTracer::Run::render() {
     finish_round();
   }
   if (!o_.frame_.is_empty()) develop();
+  commands_.flush();
   o_.slots_.collect_times(commands_);
 }
 
 void PathTracer::Run::finish_round() {
+  if (launch_.has_budget()) commands_.flush();  // images and time are looked at
   if (keeps_sums()) o_.accumulation_.add(budget_.next());
   if (launch_.relative_error > 0)
     relative_error_ = kuafu::relative_error(o_.frame_.image(output_variance), o_.frame_.image(output_radiance), launch_.pixel_count(),
@@ -109,7 +113,7 @@ void PathTracer::Run::render_round() {
     if ((launch_.wants_aovs() || denoises()) && budget_.done() == 0)
       in_waves(range(first, count, 0, 1), [](Wave& wave) { wave.render_aovs(); });
     if (launch_.wants_radiance()) render_pixels(first, count);
-    if (ends_submission(first / pixels_per_batch_) || first + count == total) commands_.flush();
+    if (ends_submission(first / pixels_per_batch_)) commands_.flush();
     report(first, float(count));
   }
 }
@@ -150,31 +154,28 @@ void PathTracer::Run::develop() {
   o_.film_.run(commands_, launch_, o_.frame_);
   for (uint32_t kind = 0; kind < output_kind_count; ++kind)
     if (launch_.outputs[kind].buffer && o_.frame_.holds(kind)) o_.stages_->write(commands_, o_.frame_.write(launch_, kind));
-  commands_.flush();
 }
 
 void PathTracer::Run::denoise() {
-  if (o_.denoiser_.blurs()) in_squares([](Wave& wave) { wave.blend_guides(); });
+  if (o_.denoiser_.blurs()) in_squares(launch_.pixel_count(), [](Wave& wave) { wave.blend_guides(); });
   if (launch_.denoise == DenoiseKind::oidn) {
+    commands_.flush();
     const auto start = std::chrono::steady_clock::now();
     o_.denoiser_.filter_by_oidn(launch_, o_.frame_);
     commands_.add_host_time("denoise", milliseconds_since(start));
     return o_.denoiser_.sum(commands_);
   }
   o_.denoiser_.filter(commands_, samples_before() + (keeps_sums() ? 0 : budget_.done()));
-  if (o_.denoiser_.blurs())
-    o_.denoiser_.multiply(commands_);
-  else
-    in_squares([](Wave& wave) { wave.remodulate(); });
+  o_.denoiser_.multiply(commands_);
+  if (!o_.denoiser_.blurs()) in_squares(o_.denoiser_.square_count(commands_), [](Wave& wave) { wave.remodulate(); });
   o_.denoiser_.sum(commands_);
 }
 
-void PathTracer::Run::in_squares(const std::function<void(Wave&)>& step) {
-  const uint32_t total = launch_.pixel_count();
-  const uint32_t batch = o_.on_host_ ? pixels_per_batch_ : std::max(1u, o_.slots_.size().capacity / Denoiser::rays_per_pixel);
-  for (uint32_t first = 0; first < total; first += batch) {
-    in_waves(range(first, std::min(batch, total - first), launch_.first_sample, Denoiser::rays_per_pixel), step);
-    commands_.flush();
+void PathTracer::Run::in_squares(uint32_t pixels, const std::function<void(Wave&)>& step) {
+  const uint32_t batch = o_.on_host_ ? pixels_per_batch_ : std::max(1u, o_.slots_.size().capacity / square_rays);
+  for (uint32_t first = 0; first < pixels; first += batch) {
+    in_waves(range(first, std::min(batch, pixels - first), launch_.first_sample, square_rays), step);
+    if (ends_submission(first / batch)) commands_.flush();
   }
 }
 

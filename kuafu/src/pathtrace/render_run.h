@@ -33,8 +33,8 @@ class PathTracer::Run {
   void finish_round();
   void develop();
   void denoise();
-  /// Rays over each pixel's square, as many as the denoiser asks for.
-  void in_squares(const std::function<void(Wave&)>& step);
+  /// Rays over pixels' squares, as many as the denoiser asks for.
+  void in_squares(uint32_t pixels, const std::function<void(Wave&)>& step);
   void render_pixels(uint32_t first_pixel, uint32_t pixel_count);
   /// Takes a batch through `step`: a device's as one wave, the host's as many as its workers' slots make of it.
   void in_waves(const WaveRange& batch, const std::function<void(Wave&)>& step);

@@ -41,17 +41,14 @@ void PathTracer::Wave::render_paths(bool last) {
 }
 
 void PathTracer::Wave::blend_guides() {
-  trace_squares();
+  generate(generate_rays_only);
+  trace_closest(0);
   o_.denoiser_.blend(commands_, rays());
 }
 
-void PathTracer::Wave::trace_squares() {
-  generate(0);
-  trace_closest(0);
-}
-
 void PathTracer::Wave::remodulate() {
-  trace_squares();
+  generate(generate_rays_only | generate_listed, o_.denoiser_.squares());
+  trace_closest(0);
   o_.denoiser_.remodulate(commands_, rays());
 }
 
@@ -111,13 +108,14 @@ void PathTracer::Wave::trace_by_surfaces(uint32_t bounce) {
   }
 }
 
-void PathTracer::Wave::generate(uint32_t flags) {
+void PathTracer::Wave::generate(uint32_t flags, uint64_t pixels) {
   GeneratePush push{o_.views_.address(),
                     o_.cameras_.address(),
                     b_.closest_rays(0),
                     b_.closest_environments(0),
                     b_.state(),
                     b_.counter_address(),
+                    pixels,
                     range_,
                     b_.size().channels,
                     b_.size().groups,

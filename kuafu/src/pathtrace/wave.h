@@ -20,9 +20,9 @@ class PathTracer::Wave {
 
  private:
   void aov();
-  void trace_squares();
   void trace_paths();
-  void generate(uint32_t flags);
+  /// pixels: with generate_listed, as GeneratePush has it.
+  void generate(uint32_t flags, uint64_t pixels = 0);
   void shade(uint32_t bounce);
   void trace_closest(uint32_t bounce, const char* stage = "trace closest");
   void trace_shadows(uint32_t bounce, const char* stage = "trace occluded");
