@@ -19,6 +19,7 @@ from activestereo.lab.diagnose_settle import settled
 from activestereo.lab.diagnose_verdict import is_unexplained, passes
 from activestereo.lab.greedy import Step, greedy
 from activestereo.lab.model_file import library, model_json
+from activestereo.lab.random_fields import shown_together
 from activestereo.lab.ranking import Ranking
 from activestereo.lab.render import WARP_SCALE, render_frames
 
@@ -93,7 +94,7 @@ def examine(evidence, model, candidates, steps="one", workers=2, progress=None):
     named = best is not None and passes(first, best)
     if named and best.solution is not None:
         best = first.entries[0] = settled(first, best)
-    if named and (steps == "greedy" or is_unexplained(first, best, first.excess)):
+    if named and (steps == "greedy" or is_unexplained(first, best, first)):
         way = greedy(first, evidence, model, candidates, workers, progress)
     last = way[-1].ranking
     verdict = _verdict(first, best, named, last, evidence)
@@ -122,25 +123,25 @@ def examine(evidence, model, candidates, steps="one", workers=2, progress=None):
 
 
 def _beside(ranking):
-    """Entries that still pass at the end without an expected image to go on from: one random field that stays, noise, and the
-    best fault of the depth engine."""
+    """Entries that still pass at the end without an expected image to go on from: random fields that stay (the best, or those that are
+    shown together), noise, and the best fault of the depth engine."""
     passing = [e for e in ranking.entries if e.solution is None and passes(ranking, e)]
-    chosen = [e for e in passing if e.channel == "noise"]
-    for kind in ([e for e in passing if e.static is not None], [e for e in passing if e.channel == "depth"]):
-        chosen += kind[:1]
-    return chosen
+    fields = [e for e in passing if e.static is not None]
+    both = shown_together(fields, ranking) if len(fields) > 1 else []
+    noise = [e for e in passing if e.channel == "noise"]
+    return noise + (both if fields and fields[0].id in {e.id for e in both} else fields[:1]) + [e for e in passing if e.channel == "depth"][:1]
 
 
 def _verdict(first, best, named, last, evidence):
     if not named:
         if not evidence.has_floor:
             return "undetermined"
-        return "unknown" if is_unexplained(first, first.base, 0.0) else "none"
+        return "unknown" if is_unexplained(first, first.base) else "none"
     if best.channel != "infrared":
-        return "effect"  # its own channel tells it; the images lack nothing that an effect on them explains
+        return "unknown" if is_unexplained(last, last.base) else "effect"  # its own channel tells it, where the images lack nothing
     end = min([last.base, *[e for e in last.entries if passes(last, e)]], key=lambda e: e.chi2)
     explained = min([end, best], key=lambda e: e.chi2)
-    return "unknown" if is_unexplained(last, explained, first.excess) else "effect"
+    return "unknown" if is_unexplained(last, explained, first) else "effect"
 
 
 def _model_of(ranking, beside):

@@ -271,18 +271,6 @@ def _predicted(row, total_a, total_b, variance, sparse):
     return row.residual - row.z * np.where(known, value[np.minimum(row.index, len(value) - 1)], 0.0)
 
 
-def structure(train):
-    """What of the residual is no noise of single pixels, in floors: the larger of what repeats of a view share, and of what neighbours
-    share. A wrong level of noise leaves neither."""
-    by_view, beside = {}, np.zeros(2)
-    for o, _, _, r in train:
-        x = r * np.sqrt(o.weight)
-        by_view.setdefault((_pose(o), o.frame.exposure_gain, o.frame.projector_power, o.frame.temperature_c, o.eye), []).append(x)
-        beside += _with_neighbours(x)
-    pairs = [(group[0] * group[1]).mean() for group in by_view.values() if len(group) > 1]
-    return max(float(np.mean(pairs)) if pairs else 0.0, float(np.abs(beside).max() / len(train)))
-
-
 def worst_image(train):
     """The largest covariance of neighbours in one image, in floors: an effect that few frames show drowns in the mean of them all."""
     worst = 0.0

@@ -13,11 +13,10 @@ _SMALLEST_PLAIN_SHARE, _SMALLEST_PLAIN_FLOORS, _PATCH_SHARE = 0.25, 0.05, 0.03
 # Of the disparity error's mean square: engines differ by themselves.
 _SMALLEST_DEPTH_SHARE = 0.03
 _CONSISTENT = 0.7
-# What is left above the floor after the best explanation: more than this share of the excess, and of the floor, is unexplained.
-_UNEXPLAINED_SHARE = 0.5
-_UNEXPLAINED_FLOORS = 0.12
-# And so much of it must be more than noise of single pixels, whose level is a nuisance.
-_STRUCTURED_SHARE = 0.2
+# What stays after the best explanation is unexplained where it is so many floors above the floor, of which as many are structure (see
+# goodness.py), and this share of the structure that was there at first. Surveys leave a structure of 0.02 to 0.09 floors where nothing is
+# hidden, and formulas that are right but not the world's own one tenth of the first; stand-ins leave a quarter and more.
+_UNEXPLAINED_FLOORS, _UNEXPLAINED_SHARE = 0.12, 0.2
 # Equivalence: as much left above the floor, within these, cannot be told apart by a model that is itself approximate.
 _SAME_EXCESS_RATIO, _SAME_EXCESS_FLOORS = 1.2, 0.002
 # How often the truth is among what may be named; temperature of the confidence's softmax over log excess, and how well the floor
@@ -88,13 +87,12 @@ def _softmax(ranking, entries):
     return weights / weights.sum()
 
 
-def is_unexplained(ranking, entry, first_excess):
-    """Whether much is left above the floor after an entry (the base for none); first_excess: of the model without effects.
+def is_unexplained(ranking, entry, first=None):
+    """Whether what an entry leaves (the base for none) asks for another effect; first: the Ranking without effects.
 
-    What is white and stays counts as the renderer's noise: a missing effect of that kind (speckle) has a candidate of its own."""
-    rest = entry.chi2 / ranking.pixels - 1.0 - ranking.white_after(entry)
-    if entry.static is not None:  # other frames need not tell every draw
-        rest = min(rest, ranking.base.chi2 / ranking.pixels - 1.0 - ranking.white - entry.static.variance)
-    if rest <= _UNEXPLAINED_FLOORS or rest <= _UNEXPLAINED_SHARE * first_excess:
+    Noise of single pixels asks for none: its level is a nuisance, and what is random and stays has candidates of its own. Those explain
+    no structure: it is the base's that counts beside them."""
+    structure = ranking.structure_after(entry)
+    if structure <= _UNEXPLAINED_FLOORS or entry.chi2 / ranking.pixels - 1.0 <= _UNEXPLAINED_FLOORS:
         return False
-    return entry.channel != "noise" and ranking.structure_after(entry) > _STRUCTURED_SHARE * rest
+    return first is None or structure > _UNEXPLAINED_SHARE * first.structure_after(first.base)

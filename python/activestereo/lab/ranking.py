@@ -21,9 +21,10 @@ from activestereo.lab.diagnose_score import (
     nats_of,
     told,
 )
-from activestereo.lab.diagnose_static import PARTS, fit_static, structure, white_rest, worst_image
+from activestereo.lab.diagnose_static import PARTS, fit_static, white_rest, worst_image
 from activestereo.lab.diagnose_surfaces import on_explained
 from activestereo.lab.diagnose_verdict import is_significant, passes
+from activestereo.lab.goodness import local_structure
 from activestereo.lab.parsimony import simplified
 
 # A fit on the scan's images that gains less than this share of chi2 is not polished on all images.
@@ -234,18 +235,9 @@ class Ranking:
             e.consistency = frame_consistency(self.evidence.train, base.tile_chi2, e.tile_chi2)
             e.occam = occam_nats(self.fitter, e, self.deff) if e.solution is not None else 0.0
 
-    def white_after(self, entry):
-        """white_rest of what an entry leaves."""
-        if entry is self.base or entry.solution is None:
-            return self.white
-        return white_rest(self.rows(self.evidence.train, entry.solution))
-
     def structure_after(self, entry):
-        """diagnose_static.structure of what an entry leaves."""
-        solution = (entry.solution or self.base.solution) if entry.static is None else None
-        if solution is None:
-            return np.inf  # a random field's own prediction is no image that another frame could share
-        return structure(self._base_rows if solution is self.base.solution else self.rows(self.evidence.train, solution))
+        """goodness.local_structure of what an entry's expected images leave."""
+        return local_structure(self.rows(self.evidence.train, (entry.solution or self.base.solution)))
 
     @property
     def worst_image(self):

@@ -1,0 +1,74 @@
+"""What a residual still holds for any effect to explain, and random fields that lie over each other."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import lab_worlds  # noqa: F401  (the path to worlds)
+from activestereo.lab.goodness import local_structure
+from activestereo.lab.random_fields import components
+
+SHAPE = (96, 160)
+NOISE_DN = 2.0
+
+
+def dots(rng):
+    """An image of smoothed random dots on a ramp, DN."""
+    image = np.kron(rng.random((SHAPE[0] // 4, SHAPE[1] // 4)) > 0.7, np.ones((4, 4))) * 80.0
+    for axis in (0, 1):
+        image = (np.roll(image, 1, axis) + 2 * image + np.roll(image, -1, axis)) / 4
+    return 20.0 + image + np.linspace(0, 10, SHAPE[1])
+
+
+def row(image, residual, **frame):
+    o = SimpleNamespace(
+        eye="left", frame=SimpleNamespace(**frame), weight=np.full(SHAPE, NOISE_DN**-2), view=SimpleNamespace(once=lambda *_: np.zeros(SHAPE, bool))
+    )
+    return o, image, image - 20.0, residual
+
+
+def test_noise_and_grains_are_no_structure():
+    rng = np.random.default_rng(3)
+    for _ in range(3):
+        image = dots(rng)
+        noise = NOISE_DN * rng.standard_normal(SHAPE)
+        assert abs(local_structure([row(image, noise)])) < 0.01
+        grains = 0.2 * image * rng.standard_normal(SHAPE)
+        assert abs(local_structure([row(image, noise + grains)])) < 0.03 * np.mean(grains**2) / NOISE_DN**2
+
+
+@pytest.mark.parametrize("kind", ["displaced", "brighter", "offset", "blurred"])
+def test_what_moves_dims_or_blurs_smoothly_is_structure_of_its_own_size(kind):
+    rng = np.random.default_rng(4)
+    image = dots(rng)
+    across = np.linspace(-1.0, 1.0, SHAPE[1])
+    change = {
+        "displaced": 0.2 * across * np.gradient(image)[1],
+        "brighter": 0.08 * across * image,
+        "offset": 3.0 * across * np.ones(SHAPE),
+        "blurred": 0.1 * (1.0 + across) * sum(np.gradient(np.gradient(image)[axis])[axis] for axis in (0, 1)),
+    }[kind]
+    size = np.mean(change**2) / NOISE_DN**2
+    structure = local_structure([row(image, change + NOISE_DN * rng.standard_normal(SHAPE))])
+    assert (0.5 if kind == "blurred" else 0.8) * size < structure < 1.1 * size
+
+
+def frames(rng, gain_sigma, contrast):
+    """Rows of six frames at three poses (two of them once repeated) under pixel gains, and grains that change with the pose."""
+    gains, rows = gain_sigma * rng.standard_normal(SHAPE), []
+    for pose, count in enumerate((3, 2, 1)):
+        image, grains = dots(rng), contrast * rng.standard_normal(SHAPE)
+        for _ in range(count):
+            residual = 1.0 * image * gains + (image - 20.0) * grains + NOISE_DN * rng.standard_normal(SHAPE)
+            rows.append(row(image, residual, is_moving=False, camera_to_world=np.eye(4) * (1 + pose)))
+    return rows
+
+
+@pytest.mark.parametrize(("gain_sigma", "contrast"), [(0.1, 0.2), (0.1, 0.0), (0.0, 0.2)])
+def test_gains_of_pixels_and_grains_are_told_apart_where_both_are_there(gain_sigma, contrast):
+    found = components(["prnu", "fixed_pattern_noise", "speckle_static"], frames(np.random.default_rng(5), gain_sigma, contrast), 0.0)
+    for name, truth in (("prnu", gain_sigma), ("fixed_pattern_noise", 0.0), ("speckle_static", contrast)):
+        deviation = abs(found[name].variance - truth**2)
+        assert deviation <= max(4.0 * found[name].error, 0.01 * max(gain_sigma, contrast) ** 2), name
+        assert (found[name].variance > 3.0 * found[name].error) == (truth > 0) or truth == 0 and found[name].floors < 0.02
