@@ -144,6 +144,9 @@ def test_more_frames_repeat_each_train_view_under_the_change(world):
     views = [f for f in world.frames if f.split == "train" and f.id != 1]
     assert [f.exposure_s for f in more[8:]] == [2.0 * f.exposure_s for f in views]
     assert [f.id for f in more] == list(range(len(more)))
+    elsewhere = more_frames(world.frames, {"views": 2})[len(world.frames) :]
+    assert [f.id for f in elsewhere] == [8, 9] and elsewhere[0].timestamp_s > world.frames[-1].timestamp_s
+    assert len({f.camera_to_world.tobytes() for f in (*world.frames, *elsewhere)}) == len({f.camera_to_world.tobytes() for f in world.frames}) + 2
     repeated = more_frames(world.frames, {"repeats": 2})
     assert all(f.repeat_group is not None for f in repeated if f.split == "train")
     groups = [f.repeat_group for f in repeated[8:]]

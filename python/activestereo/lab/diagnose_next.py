@@ -1,7 +1,8 @@
 """What to measure next: of a menu of exposures of the known views, those that would separate explanations that fit alike.
 
-Expected log-likelihood between two members, 1/2 |mu_i - mu_j|^2 / variance with scales and black level profiled out (T-optimal
-design: Atkinson and Fedorov 1975), divided by the residuals' design effect; a measurement counts by its worst pair.
+Expected log-likelihood, 1/2 |mu_i - mu_j|^2 / variance, that is left between two members when one is refitted to what the other
+foretells of the new frames, as far as the frames at hand let its parameters and nuisances go (T-optimal design: Atkinson and Fedorov
+1975); divided by the residuals' design effect. A measurement counts by its worst pair.
 """
 
 from dataclasses import replace
@@ -10,7 +11,7 @@ from itertools import combinations
 import numpy as np
 
 from activestereo.effects.core.view import REFERENCE_TEMPERATURE_C
-from activestereo.lab.diagnose_fit import signal
+from activestereo.lab.diagnose_fit import Fitter, signal
 from activestereo.lab.diagnose_scan import scan_observations
 from activestereo.lab.diagnose_verdict import equivalents
 
@@ -29,7 +30,8 @@ _MENU = {
     "the same views with the rig turning about its vertical axis at 1 rad/s": {"velocity": [0.0, 0.0, 0.0, 0.0, 1.0, 0.0]},
     "two more repeats of each view": {"repeats": 2},
 }
-_OTHER_VIEWS = "other views: another distance (at least twice as far) and other materials"
+# Where no exposure of the known views helps; what others would show cannot be foretold without rendering them.
+_OTHER_VIEWS = "other views: another distance (at least twice as far) and other materials", {"views": 2}
 
 
 def _changed(frame, power_factor=1.0, exposure_factor=1.0, warming_k=0.0, velocity=None, repeats=0):
@@ -43,7 +45,8 @@ def _changed(frame, power_factor=1.0, exposure_factor=1.0, warming_k=0.0, veloci
 
 
 def next_measurements(ranking, evidence):
-    """[{text, nats, separates, change}] best first; empty where nothing is open. change: of the menu's frames, None for other advice."""
+    """[{text, nats, separates, change}] best first; empty where nothing is open. change: of the menu's frames, views: so many more
+    poses; None for other advice."""
     if not evidence.has_floor:
         text = "repeat every static view at least twice: without repeats the noise floor is unknown"
         return [{"text": text, "nats": None, "separates": [], "change": None}]
@@ -51,15 +54,17 @@ def next_measurements(ranking, evidence):
     if len(members) < 2:
         return []
     observations = scan_observations(evidence.train)
+    # Of random fields no image can be foretold, but from other places they differ: gains stay on the pixels, grains do not.
+    foretold = [e for e in members if e.solution is not None]
     scored = []
-    for text, change in _MENU.items():
-        nats, pair = _worst_pair(ranking, evidence, members, observations, change)
+    for text, change in _MENU.items() if len(foretold) > 1 else ():
+        nats, pair = _worst_pair(ranking, evidence, foretold, observations, change)
         scored.append((nats, text, pair))
     scored.sort(key=lambda entry: -entry[0])
     useful = [entry for entry in scored if entry[0] > _WORTH_NATS][:_SUGGESTIONS]
     if not useful:
-        names = [e.id for e in members]
-        return [{"text": _OTHER_VIEWS, "nats": None, "separates": names, "change": None}]
+        text, change = _OTHER_VIEWS
+        return [{"text": text, "nats": None, "separates": [e.id for e in members], "change": change}]
     return [
         {"text": f"{text} (expected {nats:.0f} nats)", "nats": nats, "separates": list(pair), "change": _MENU[text]}
         for nats, text, pair in useful
@@ -68,37 +73,37 @@ def next_measurements(ranking, evidence):
 
 def _open_set(ranking):
     best = ranking.entries[0] if ranking.entries else None
-    if best is None or best.nats <= 0 or best.solution is None:
+    if best is None or best.nats <= 0 or best.channel != "infrared":
         return []
     names = {best.id, *equivalents(ranking, best)}
-    return [e for e in ranking.entries if e.id in names and e.solution is not None][:_MEMBERS]
+    return [e for e in ranking.entries if e.id in names][:_MEMBERS]
 
 
 def _worst_pair(ranking, evidence, members, observations, change):
     frames = [_changed(o.frame, **change) for o in observations]
     changed = [replace(o, frame=f, view=replace(o.view, frame=f)) for o, f in zip(observations, frames, strict=True)]
-    images = {e.id: [_image(e, o) for o in changed] for e in members}
+    # As many pixels as the train frames have: each view is recorded anew.
+    copies = ranking.pixels / sum(len(o.pick) for o in observations)
     worst = (np.inf, ())
     for first, second in combinations(members, 2):
-        nats = _distance(changed, images[first.id], images[second.id], evidence.law) / ranking.deff
+        nats = _left_between(evidence, changed, first.solution, second.solution, copies) / ranking.deff
         worst = min(worst, (float(nats), (first.id, second.id)))
     return worst
 
 
-def _image(entry, o):
-    s = entry.solution
-    return signal(s.model, o, s.model.light(o.layers, o.view, fine=False), s.phi)
-
-
-def _distance(observations, first, second, law):
-    """Half the squared distance of two sets of images in deviations, after the best change of scales and black level."""
-    gram, moment, total = np.zeros((3, 3)), np.zeros(3), 0.0
-    for o, a, b in zip(observations, first, second, strict=True):
-        weight = 1.0 / np.maximum(law.variance(0.5 * (a + b), o.frame.gain), 1.0 / 12.0)
-        light = o.frame.exposure_gain
-        columns = np.stack([o.layers.projector * o.frame.projector_power * light, o.layers.ambient * light, np.ones(a.shape)]).reshape(3, -1)
-        w, d = weight.ravel(), (a - b).ravel()
-        gram, moment, total = gram + (columns * w) @ columns.T, moment + columns @ (w * d), total + w @ d**2
+def _left_between(evidence, changed, truth, rival, copies):
+    """Half the squared distance in deviations from what the truth foretells to the nearest that the rival can, by one Gauss-Newton
+    step that costs what it worsens the frames at hand."""
+    foretold = []
+    for o in changed:
+        image = signal(truth.model, o, truth.model.light(o.layers, o.view, fine=False), truth.phi)
+        weight = 1.0 / np.maximum(evidence.law.variance(image, o.frame.gain), 1.0 / 12.0)
+        foretold.append(replace(o, measured=image, weight=weight))
+    fitter = Fitter(foretold, evidence.held_sigma, evidence.tiles, fine=False)
+    play, theta, phi = rival.play, rival.theta, rival.phi
+    new = fitter.linearise(play, theta, phi, fitter.lights(play, theta))
+    held = rival.sums.gram.sum(0) + np.diag(fitter.prior(len(theta), play))
+    gram, moment = copies * new.gram.sum(0) + held, copies * new.moment.sum(0)
     norm = np.sqrt(np.maximum(np.diag(gram), 1e-30))
     step = np.linalg.lstsq(gram / np.outer(norm, norm), moment / norm, rcond=1e-10)[0]
-    return 0.5 * max(total - step @ (moment / norm), 0.0)
+    return 0.5 * max(copies * new.total - step @ (moment / norm), 0.0)

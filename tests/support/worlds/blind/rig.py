@@ -70,7 +70,7 @@ def draw_frames(rng, moving_exposure=1 / 8):
     """Two poses with repeat, projector off and half exposure; two moving; warm at both poses. Test: a moving and a warm one.
 
     moving_exposure: of the moving frames, in units of the others; their gain makes up for it."""
-    poses = [look_at(*_eye_and_target(rng)) for _ in range(4)]
+    poses = [random_pose(rng) for _ in range(4)]
     exposure = rng.uniform(0.0035, 0.0045)
     moving = {"exposure_s": exposure * moving_exposure, "gain": round(1 / moving_exposure, 4)}
     time = np.cumsum(np.concatenate([[0.0, 0.0334], rng.uniform(0.8, 3.0, 3), rng.uniform(8.0, 14.0, 1), rng.uniform(0.8, 3.0, 2)]))
@@ -84,6 +84,11 @@ def draw_frames(rng, moving_exposure=1 / 8):
         Frame(6, poses[3], "test", time[6], temperature_c=28.0, twist=_twist(rng), **moving),
         Frame(7, poses[1], "test", time[7], exposure, temperature_c=40.0),
     )
+
+
+def random_pose(rng):
+    """Camera-to-world from somewhere in front of the table, towards its middle."""
+    return look_at(*_eye_and_target(rng))
 
 
 def look_at(eye, target):

@@ -1,0 +1,41 @@
+"""What to measure next: what a rival's parameters can make up for separates nothing."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lab_worlds import WorldRenderer
+from activestereo.capture import read_capture
+from activestereo.effects import Model, builtin
+from activestereo.lab.cache import LayerCache
+from activestereo.lab.diagnose_data import gather
+from activestereo.lab.diagnose_fit import Play
+from activestereo.lab.diagnose_next import _left_between
+from activestereo.lab.diagnose_scan import scan_observations
+from activestereo.lab.ranking import Ranking
+from activestereo.lab.render import WARP_SCALE, render_frames
+from worlds.world import make_world
+
+
+@pytest.fixture(scope="module")
+def fitted(tmp_path_factory):
+    """Evidence of a world that hides nothing, and a fit of lens shading to it."""
+    folder = tmp_path_factory.mktemp("world")
+    world = make_world(folder, grid=4)
+    capture = read_capture(world.capture_path)
+    evidence = gather(capture, render_frames(capture, WorldRenderer(world), 32, 8, 0, LayerCache(folder / "cache"), None, WARP_SCALE))
+    ranking = Ranking(evidence, Model(), [])
+    return evidence, ranking.fitter.refine(Play(Model(), builtin()["vignetting"]), np.array([0.5]), ranking.base.solution.phi, 0)
+
+
+def test_a_rival_that_can_be_refitted_is_no_rival(fitted):
+    evidence, rival = fitted
+    frames = scan_observations(evidence.train)
+    truth = replace(rival, theta=rival.theta + 0.2)
+    nothing = replace(rival.sums, gram=np.zeros_like(rival.sums.gram))
+    held = replace(rival.sums, gram=1e9 * rival.sums.gram)
+    left = [_left_between(evidence, frames, truth, replace(rival, sums=sums), 1.0) for sums in (nothing, rival.sums, held)]
+    assert left[0] < 0.05 * left[2]
+    assert left[0] < left[1] < left[2]
+    assert _left_between(evidence, frames, rival, rival, 1.0) == pytest.approx(0.0, abs=1e-6)
