@@ -42,7 +42,9 @@ class Result:
 
     @property
     def detectable(self):
-        return self.key["oracle"]["test"]["ratio"] >= DETECTABLE
+        """Whether all that is hidden is: each of several by what it would leave alone."""
+        oracle = self.key["oracle"]
+        return min(oracle.get("alone", {"": oracle["test"]["ratio"]}).values()) >= DETECTABLE
 
     def names(self, count):
         return [entry["effect"] for entry in self.ranking[:count]]
@@ -97,8 +99,8 @@ def score(results):
         "no effect: said so": rate([r.verdict == "none" for r in of["none"]]),
         "outside the library: said so": rate([r.verdict == "unknown" for r in of["outside"]]),
         "outside the library: wrong name": rate([r.verdict == "effect" for r in of["outside"]]),
-        "pairs: both found": rate([r.added == r.truth for r in of["pairs"]]),
-        "pairs: one of two first": rate([_first(r) for r in of["pairs"]]),
+        "pairs: both found": rate([r.added == r.truth for r in of["pairs"] if r.detectable]),
+        "pairs: one of two first": rate([_first(r) for r in of["pairs"] if r.detectable]),
         "parameter error (median)": median([e for r in clear for e in _parameter_errors(r)]),
         "90 % intervals hold the truth": rate([c for r in clear for c in _covered(r)]),
         "calibration error (ECE)": _ece(results),

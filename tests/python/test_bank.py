@@ -74,6 +74,13 @@ def test_right_answers_score_one_and_faint_effects_are_not_asked_for():
     assert measures["calibration error (ECE)"]["value"] == pytest.approx(0.1)
 
 
+def test_a_pair_is_asked_for_where_each_of_it_would_be_seen_alone():
+    seen, drowned = (result({"a", "b"}, "effect", [entry("a")], {"a"}, "pairs") for _ in range(2))
+    seen.key["oracle"]["alone"], drowned.key["oracle"]["alone"] = {"a": 1.0, "b": 0.6}, {"a": 1.0, "b": 0.3}
+    measures = score([seen, drowned])["measures"]
+    assert (measures["pairs: both found"]["value"], measures["pairs: both found"]["n"]) == (0.0, 1)
+
+
 def test_wrong_answers_are_told_apart():
     kin = result({"a"}, "effect", [entry("b"), entry("a", family="f")], {"b"})
     stranger = result({"a"}, "effect", [entry("b", family="g"), entry("c"), entry("d"), entry("a")], {"b"})

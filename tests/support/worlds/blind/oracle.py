@@ -25,6 +25,15 @@ def errors(world, images):
     return figures
 
 
+def ratio_alone(world, name, floor_dn):
+    """errors()' ratio on test frames if the world hid this one of its effects alone."""
+    hidden = {name: world.hidden[name]}
+    images = {(frame.id, eye): world.expected(frame, eye, hidden) for frame in world.frames for eye in EYES}
+    scales, tests = _fit(world, images), [(frame, eye) for frame in world.frames if frame.split == "test" for eye in EYES]
+    rest = [images[f.id, e].ravel() - np.clip(scales @ _columns(world, f, e), 0, MAX_DN) for f, e in tests]
+    return float(np.sqrt(np.mean(np.square(rest))) / floor_dn)
+
+
 def _fit(world, images):
     columns, values = [], []
     for frame in (f for f in world.frames if f.split == "train"):

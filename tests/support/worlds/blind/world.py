@@ -166,6 +166,9 @@ class World:
             if frame.power > 0 and frame.id != 1
         }
         write_capture(folder, name, rig, solids, self.frames, images, depths, MAX_DISPARITY)
-        return oracle.errors(self, images)
+        figures = oracle.errors(self, images)
+        if len(self.hidden) > 1:
+            figures["alone"] = {name: oracle.ratio_alone(self, name, figures["test"]["floor_dn"]) for name in self.hidden}
+        return figures
 
 
