@@ -343,7 +343,7 @@ static inline kuafu_view_desc kuafu_view_desc_init(void) {
 
 /* What takes the noise out of the image. The projectors' direct light carries the dots and is never touched; all other images of light are. Same inputs, same bits. */
 #define KUAFU_DENOISE_NONE 0u
-#define KUAFU_DENOISE_ATROUS 1u /* filter guided by surfaces and by the samples' own scatter; then 16 rays per pixel put textures and edges back */
+#define KUAFU_DENOISE_ATROUS 1u /* filter guided by surfaces and by the samples' own scatter; then 16 rays per pixel put textures and edges back where there are some */
 #define KUAFU_DENOISE_OIDN 2u   /* Open Image Denoise, versions 1 and 2, opened at run time, on the host; KS_ERROR_UNSUPPORTED where it is not found */
 
 typedef struct kuafu_render_desc {
