@@ -29,10 +29,13 @@ def occam_nats(fitter, entry, deff):
     density = np.array([_log_density(p, x) for p, x in zip(parameters, away, strict=True)])
     told = _information(fitter, solution, free) * np.outer(typical, typical) / deff
     sizes = range(1, len(free) + 1)
-    best = max(_choice(list(kept), away, density, told) for size in sizes for kept in combinations(range(len(free)), size))
-    # One choice of surfaces is one of two to the power of their number.
-    chosen = solution.theta[first:][solution.play.given[first:]].any()
-    return best - np.log(2.0) * fitter.materials if chosen else best
+    return max(_choice(list(kept), away, density, told) for size in sizes for kept in combinations(range(len(free)), size))
+
+
+def choice_nats(fitter, entry):
+    """log of the number of choices that were open where an Entry that has a Solution took one: surfaces are two to the power of theirs."""
+    solution, own = entry.solution, len(entry.effect.parameters)
+    return np.log(2.0) * fitter.materials if solution.theta[-own:][solution.play.given[-own:]].any() else 0.0
 
 
 def _choice(kept, away, density, told):

@@ -19,7 +19,7 @@ class Entry:
     """One explanation of the train frames. chi2: cross-validated; tile_chi2: in-sample, by tile; frame_gain: relative fall of each
     frame's chi2 that the effect touches; parameters: {name: {value, low, high, unit}}; explained: share of the chi2 above the floor.
 
-    occam: nats that its freedom costs, 0 for what is not fitted to images, see diagnose_occam.
+    occam: nats that its freedom costs, 0 for what is not fitted to images; choice: of choices that it took, see diagnose_occam.
 
     plain_share, plain_floors: explained and gain_floors of the error in DN as it is, not weighed by its expected variance; None
     where it was not looked at. channel: what it is judged on: "infrared" (expected images), "noise" (repeats) or "depth" (the device's disparity); of the last two
@@ -39,6 +39,7 @@ class Entry:
     consistency: float = 1.0
     channel: str = "infrared"
     occam: float = 0.0
+    choice: float = 0.0
 
     @property
     def id(self):

@@ -28,7 +28,7 @@ _OCCAM_NATS = 3.0
 
 def is_significant(ranking, entry):
     """Whether an entry's gain is beyond chance among all tried, and an improvement wherever it acts."""
-    threshold = _MARGIN_NATS + np.log(max(len(ranking.entries), 1))
+    threshold = _MARGIN_NATS + np.log(max(len(ranking.entries), 1)) + entry.choice
     return entry.nats > threshold and entry.consistency >= _CONSISTENT
 
 

@@ -8,7 +8,7 @@ from activestereo.effects import Randomness, Stage
 from activestereo.lab.diagnose_depth import DepthEvidence
 from activestereo.lab.diagnose_fit import Fitter, Play, signal
 from activestereo.lab.diagnose_noise import fit_noise
-from activestereo.lab.diagnose_occam import occam_nats
+from activestereo.lab.diagnose_occam import choice_nats, occam_nats
 from activestereo.lab.diagnose_scan import scan_observations, starts
 from activestereo.lab.diagnose_score import (
     Entry,
@@ -233,7 +233,9 @@ class Ranking:
             e.explained = (base.chi2 - e.chi2) / above
             e.gain_floors = (base.chi2 - e.chi2) / self.pixels
             e.consistency = frame_consistency(self.evidence.train, base.tile_chi2, e.tile_chi2)
-            e.occam = occam_nats(self.fitter, e, self.deff) if e.solution is not None else 0.0
+            if e.solution is not None:
+                e.choice = choice_nats(self.fitter, e)
+                e.occam = occam_nats(self.fitter, e, self.deff) - e.choice
 
     def structure_after(self, entry):
         """goodness.local_structure of what an entry's expected images leave."""
