@@ -5,6 +5,7 @@
 #extension GL_GOOGLE_include_directive : require
 #include "lib/lanes.glsl"
 
+layout(push_constant, scalar) uniform Push { PathPush push; };
 layout(constant_id = 14) const uint block_width = 7u;
 layout(constant_id = 15) const uint block_height = 7u;
 layout(constant_id = 16) const uint group_parts = 16u;      // power of two, divides the parts of a pixel
@@ -21,7 +22,7 @@ int clamp_to(int value, uint size) { return clamp(value, 0, int(size) - 1); }
 
 uvec4 pair_costs(uint row, uint column, uint lane_start) {
   uint left = row * push.width + column + left_margin;
-  uint right = row * right_pitch_of(push.right_origin, push.width) + push.right_origin + column - lane_start;
+  uint right = row * push.right_pitch + push.right_origin + column - lane_start;
   uvec4 costs = uvec4(0u);
   [[unroll]] for (uint word = 0u; word < census_words; ++word)
     [[unroll]] for (uint k = 0u; k < part_pairs; ++k)

@@ -6,8 +6,8 @@
 #extension GL_EXT_control_flow_attributes : require
 #include "shared/match_push.h"
 
-const uint tile_width = 64u, tile_height = 4u;
-layout(local_size_x = tile_width, local_size_y = tile_height) in;
+const uint tile_width = 64u, row_threads = 4u, thread_rows = 4u, tile_height = row_threads * thread_rows;
+layout(local_size_x = tile_width, local_size_y = row_threads) in;
 layout(constant_id = 0) const uint window_width = 7u;
 layout(constant_id = 1) const uint window_height = 7u;
 layout(constant_id = 2) const uint copies = 4u;  // of the right words, each one column further right
@@ -19,10 +19,15 @@ layout(constant_id = 7) const uint contrast = 0u;  // 256ths
 layout(push_constant, scalar) uniform Push { CensusPush push; };
 
 const uint margin = contrast > 0u ? 2u : 0u;  // how far beyond the window the range is taken
-const uint shared_width = tile_width + window_width - 1u + 2u * margin, shared_height = tile_height + window_height - 1u + 2u * margin;
+const uint range_width = window_width + 2u * margin, range_height = window_height + 2u * margin;
+const uint shared_width = tile_width + range_width - 1u, shared_height = tile_height + range_height - 1u;
 const uint extreme_count = contrast > 0u ? shared_width * tile_height : 1u;
+const uint invocations = tile_width * row_threads;
 shared uint pixels[shared_width * shared_height];
-shared uint extremes[extreme_count];  // of a column over the window's height: lowest count, highest << 16
+shared uint extremes[extreme_count];  // of a column over the range's height: lowest count, highest << 16
+const uint fixed_tolerance = plain != 0u ? 0u : 0xffffffffu;  // without contrast; -1: equal counts set the bit, too
+const uint tolerance_pitch = tile_width + 1u;
+shared uint tolerances[contrast > 0u ? tolerance_pitch * tile_height : 1u];
 
 uint pixel(bool right, int x, int y) {
   ivec2 inside = clamp(ivec2(x, y), ivec2(0), ivec2(push.width, push.height) - 1);
@@ -34,57 +39,76 @@ uint pixel(bool right, int x, int y) {
 }
 
 void load_tile(bool right, ivec2 origin) {
-  for (uint i = gl_LocalInvocationIndex; i < shared_width * shared_height; i += tile_width * tile_height) {
+  for (uint i = gl_LocalInvocationIndex; i < shared_width * shared_height; i += invocations) {
     ivec2 at = origin + ivec2(i % shared_width, i / shared_width) - ivec2(window_width / 2u + margin, window_height / 2u + margin);
     pixels[i] = pixel(right, at.x, at.y);
   }
 }
 
-void find_column_extremes() {
-  for (uint i = gl_LocalInvocationIndex; i < extreme_count; i += tile_width * tile_height) {
-    uint low = 0xffffu, high = 0u;
-    for (uint k = 0u; k < window_height + 2u * margin; ++k) {
-      uint count = pixels[i + k * shared_width];
-      low = min(low, count);
-      high = max(high, count);
+/// Of one column and thread_rows rows, whose windows share all lines but the outermost.
+void find_column_extremes(uint column, uint first_row) {
+  uint first = first_row * shared_width + column, low = 0xffffu, high = 0u;
+  for (uint k = thread_rows - 1u; k < range_height; ++k) {
+    uint count = pixels[first + k * shared_width];
+    low = min(low, count);
+    high = max(high, count);
+  }
+  [[unroll]] for (uint row = 0u; row < thread_rows; ++row) {
+    uint least = low, most = high;
+    [[unroll]] for (uint k = 0u; k < thread_rows - 1u; ++k) {
+      uint count = pixels[first + (k < row ? range_height + k : k) * shared_width];
+      least = min(least, count);
+      most = max(most, count);
     }
-    extremes[i] = low | high << 16;
+    extremes[first + row * shared_width] = least | most << 16;
   }
 }
 
-/// 256 times the largest difference that counts as none. first: of the extremes of its columns.
-int insignificant_256(uint first) {
-  if (contrast == 0u) return 0;
-  uint low = 0xffffu, high = 0u;
-  for (uint k = 0u; k < window_width + 2u * margin; ++k) {
-    low = min(low, extremes[first + k] & 0xffffu);
-    high = max(high, extremes[first + k] >> 16);
+/// The largest differences that count as none, of four neighbouring columns at a time, as above. Neighbouring invocations take neighbouring
+/// rows, which lie in different banks of shared memory.
+void find_tolerances(uint column, uint row) {
+  uint first = row * shared_width + column, low = 0xffffu, high = 0u;
+  for (uint k = 3u; k < range_width; ++k) {
+    uint extreme = extremes[first + k];
+    low = min(low, extreme & 0xffffu);
+    high = max(high, extreme >> 16);
   }
-  return int(contrast * (high - low));
+  [[unroll]] for (uint x = 0u; x < 4u; ++x) {
+    uint least = low, most = high;
+    [[unroll]] for (uint k = 0u; k < 3u; ++k) {
+      uint extreme = extremes[first + (k < x ? range_width + k : k)];
+      least = min(least, extreme & 0xffffu);
+      most = max(most, extreme >> 16);
+    }
+    tolerances[row * tolerance_pitch + column + x] = contrast * (most - least) >> 8;
+  }
 }
 
-bool is_above(uint brighter, uint darker, int insignificant) { return 256 * (int(brighter) - int(darker)) > insignificant; }
+/// Appends the bit that tells whether `brighter` is above `darker` by more than the tolerance: the sign of the opposite.
+void append_bit(inout uint bits, uint brighter, uint darker, uint tolerance) { bits = bits << 1 | (darker + tolerance - brighter) >> 31; }
 
-uvec2 center_symmetric_word(uint first, int insignificant) {
+/// The highest bit first.
+uvec2 center_symmetric_word(uint first, uint tolerance) {
+  const uint cells = window_width * window_height;
   uint last = first + (window_height - 1u) * shared_width + window_width - 1u, bits = 0u;
-  [[unroll]] for (uint i = 0u; i < (window_width * window_height - 1u) / 2u; ++i) {
-    uint offset = i / window_width * shared_width + i % window_width;
+  [[unroll]] for (uint n = 0u; n < cells / 2u; ++n) {
+    uint i = cells / 2u - 1u - n, offset = i / window_width * shared_width + i % window_width;
     uint pixel = pixels[first + offset], mirror = pixels[last - offset];
-    bool first_turn = (i & 1u) == 0u;
-    bool set = contrast == 0u ? pixel >= mirror : is_above(first_turn ? pixel : mirror, first_turn ? mirror : pixel, insignificant);
-    if (set) bits |= 1u << i;
+    bool first_turn = contrast == 0u || (i & 1u) == 0u;  // where equal counts are no difference, the pixel and its mirror take turns
+    append_bit(bits, first_turn ? pixel : mirror, first_turn ? mirror : pixel, tolerance);
   }
   return uvec2(bits, 0u);
 }
 
-uvec2 plain_word(uint first, int insignificant) {
+uvec2 plain_word(uint first, uint tolerance) {
   const uint cells = window_width * window_height;
   uint centre = pixels[first + window_height / 2u * shared_width + window_width / 2u];
   uvec2 bits = uvec2(0u);
-  [[unroll]] for (uint i = 0u; i < cells; ++i) {
+  [[unroll]] for (uint n = 0u; n < cells; ++n) {
+    uint i = cells - 1u - n;
     if (i == cells / 2u) continue;
     uint bit = i < cells / 2u ? i : i - 1u;
-    if (is_above(centre, pixels[first + i / window_width * shared_width + i % window_width], insignificant)) bits[bit / 32u] |= 1u << (bit % 32u);
+    append_bit(bits[bit / 32u], centre, pixels[first + i / window_width * shared_width + i % window_width], tolerance);
   }
   return bits;
 }
@@ -92,6 +116,18 @@ uvec2 plain_word(uint first, int insignificant) {
 void store_words(UintArray to, uint at, uvec2 words) {
   to.at[at * census_words] = words.x;
   if (census_words == 2u) to.at[at * census_words + 1u] = words.y;
+}
+
+void store_left(uint row, uint x, uvec2 words, uint count) {
+  uint at = row * push.width + x;
+  store_words(push.left_census, at + left_margin, words);
+  if (keep_gray != 0u) push.gray.at[at + left_margin] = count;
+  push.right_winner.at[at] = 0xffffffffu;
+}
+
+void store_right(uint row, int x, uvec2 words) {
+  uint at = uint(int(row * push.right_pitch + push.right_origin) + x);
+  for (uint copy = 0u; copy < copies; ++copy) store_words(push.right_census, copy * push.right_copy_words + at + copy, words);
 }
 
 void main() {
@@ -103,23 +139,26 @@ void main() {
   load_tile(right, ivec2(source_x, tile_y));
   barrier();
   if (contrast > 0u) {
-    find_column_extremes();
+    for (uint i = gl_LocalInvocationIndex; i < shared_width * row_threads; i += invocations)
+      find_column_extremes(i % shared_width, i / shared_width * thread_rows);
+    barrier();
+    find_tolerances(gl_LocalInvocationIndex / tile_height * 4u, gl_LocalInvocationIndex % tile_height);
     barrier();
   }
-  int x = tile_x + int(gl_LocalInvocationID.x), y = tile_y + int(gl_LocalInvocationID.y);
-  if (x < -int(push.right_origin) || x > last_x || y >= int(push.height)) return;
-  uint outermost = gl_LocalInvocationID.y * shared_width + uint(clamp(x - shift, 0, last_x) - source_x);
-  int insignificant = insignificant_256(outermost);
-  uint first = outermost + margin * shared_width + margin;
-  uvec2 words = plain != 0u ? plain_word(first, insignificant) : center_symmetric_word(first, insignificant);
-  uint row = (gl_WorkGroupID.z >> 1) * push.height + uint(y);
-  if (!right) {
-    uint at = row * push.width + uint(x);
-    store_words(push.left_census, at + left_margin, words);
-    if (keep_gray != 0u) push.gray.at[at + left_margin] = pixels[first + window_height / 2u * shared_width + window_width / 2u];
-    push.right_winner.at[at] = 0xffffffffu;
-    return;
+  int x = tile_x + int(gl_LocalInvocationID.x);
+  if (x < -int(push.right_origin) || x > last_x) return;
+  uint column = uint(clamp(x - shift, 0, last_x) - source_x);
+  [[unroll]] for (uint i = 0u; i < thread_rows; ++i) {
+    uint local_y = gl_LocalInvocationID.y * thread_rows + i, y = uint(tile_y) + local_y;
+    if (y >= push.height) return;
+    uint first = (local_y + margin) * shared_width + column + margin;
+    uint tolerance = contrast > 0u ? tolerances[local_y * tolerance_pitch + column] : fixed_tolerance;
+    uvec2 words = plain != 0u ? plain_word(first, tolerance) : center_symmetric_word(first, tolerance);
+    uint row = (gl_WorkGroupID.z >> 1) * push.height + y;
+    if (right) {
+      store_right(row, x, words);
+    } else {
+      store_left(row, uint(x), words, pixels[first + window_height / 2u * shared_width + window_width / 2u]);
+    }
   }
-  uint at = uint(int(row * push.right_pitch + push.right_origin) + x);
-  for (uint copy = 0u; copy < copies; ++copy) store_words(push.right_census, copy * push.right_copy_words + at + copy, words);
 }

@@ -3,15 +3,15 @@
 // neighbours' through shared memory. The lines at the workgroup's edges only do that for the others.
 #include "lib/walk.glsl"
 
-layout(constant_id = 15) const uint block_width = 7u;
-layout(constant_id = 16) const uint block_height = 7u;
+layout(constant_id = 16) const uint block_width = 7u;
+layout(constant_id = 17) const uint block_height = 7u;
 
-const bool along_rows = part == 2u;
+const bool along_rows = part == rows_alone;
 const uint across = along_rows ? block_height : block_width, along = along_rows ? block_width : block_height;
 const uint change_bias = 32u;  // keeps changes positive: a census word has at most 32 bits
 const uint ahead = lane_disparities > 8u ? 1u : 2u;
 
-layout(constant_id = 17) const uint group_words = 256u;  // a workgroup's lanes times lane_pairs
+layout(constant_id = 18) const uint group_words = 256u;  // a workgroup's lanes times lane_pairs
 shared uint changes[2u * group_words];
 
 uint entering[ahead * lane_disparities], leaving[ahead * lane_disparities];  // right words
@@ -28,7 +28,7 @@ uvec2 pixel_at(Path p, int position) {
 /// As in walk_lines.glsl: one of the four shifted copies has the lane's words aligned.
 uint first_right_word(uvec2 pixel) {
   uint shift = (3u - pixel.x) & 3u, row = gl_WorkGroupID.z * push.height + pixel.y;
-  return shift * push.right_copy_words + row * right_pitch_of(push.right_origin, push.width) + push.right_origin + shift + pixel.x + 1u -
+  return shift * push.right_copy_words + row * push.right_pitch + push.right_origin + shift + pixel.x + 1u -
          (lane() + 1u) * lane_disparities;
 }
 
@@ -48,7 +48,7 @@ void fetch(Path p, uint t, uint slot) {
     [[unroll]] for (uint c = 0u; c < 4u; ++c)
       entering[slot * lane_disparities + i + c] = in_words[c], leaving[slot * lane_disparities + i + c] = out_words[c];
   }
-  if (adaptive != 0u) gray_ahead[slot] = push.gray.at[path_pixel(p, time_on_line(p, t)) + left_margin];
+  if (adaptive != 0u) gray_ahead[slot] = push.gray.at[path_pixel(p, time_on_line(p, t), 0u) + left_margin];
 }
 
 /// Adds the changes of the lines that the block covers; `turn` alternates between 0 and 1, so that one barrier suffices.
@@ -91,6 +91,7 @@ void step_block(Path p, uint t, uint slot, uint turn) {
 
 void walk_part(UintArray sums, Path p, uint begin, uint end, bool after_middle) {
   [[dont_unroll]] for (uint t = begin; t < end; t += steps) {
+    begin_block(sums, p, t, after_middle);
     [[unroll]] for (uint s = 0u; s < steps; ++s) {
       step_block(p, t + s, s % ahead, s & 1u);
       [[unroll]] for (uint k = 0u; k < lane_pairs; ++k) step_cost[k] = block_costs[k];
@@ -98,6 +99,7 @@ void walk_part(UintArray sums, Path p, uint begin, uint end, bool after_middle) 
       fetch(p, t + s + ahead, s % ahead);
       visit(sums, p, t + s, s, after_middle);
     }
+    end_block(p, after_middle);
   }
 }
 
@@ -110,7 +112,8 @@ Path make_path() {
   p.kept = keeps ? p.pixels : 0u;
   p.line = uint(clamp(line, 0, int(count) - 1));
   p.backward = cluster() >= lines;
-  p.mirrored = p.leftward = false;
+  p.mirrored = false;
+  p.drift = 0;
   set_times(p, along_rows);
   return p;
 }
@@ -121,8 +124,8 @@ void main() {
   gray_before = 0u;
   fill_block(p);
   [[unroll]] for (uint s = 0u; s < ahead; ++s) fetch(p, s, s);
-  begin_sums(push.horizontal, p);
-  walk_part(push.horizontal, p, 0u, p.middle, false);
-  meet(push.horizontal, p);
-  walk_part(push.horizontal, p, p.middle, p.end, true);
+  begin_sums(push.first_sums, p);
+  walk_part(push.first_sums, p, 0u, p.middle, false);
+  meet(push.first_sums, p);
+  walk_part(push.first_sums, p, p.middle, p.end, true);
 }

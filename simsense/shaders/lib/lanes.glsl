@@ -30,8 +30,6 @@ const uint lane_words = lane_disparities * sum_bytes / 4u;
 const uint padded_disparities = path_lanes * lane_disparities;
 const bool stored_costs = stored != 0u;
 
-layout(push_constant, scalar) uniform Push { MatchPush push; };
-
 layout(buffer_reference, scalar, buffer_reference_align = 8) buffer Uvec2Array { uvec2 at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) buffer Uvec4Array { uvec4 at[]; };
 

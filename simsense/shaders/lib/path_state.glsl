@@ -8,6 +8,8 @@
 #extension GL_KHR_shader_subgroup_arithmetic : require
 #include "lib/lanes.glsl"
 
+layout(push_constant, scalar) uniform Push { PathPush push; };
+
 uint both(uint value) { return value * 0x10001u; }
 
 #ifdef HALF_MIN
@@ -55,18 +57,24 @@ void find_lowest() {
   lowest = both(cluster_min(min(least & 0xffffu, least >> 16)));
 }
 
-/// L_r from the neighbouring disparities' minimum, the same disparity's and the overall one; and the cost.
-uint next_path(uint neighbours, uint here, uint cost) {
+/// L_r from the neighbouring disparities' minimum, the same disparity's and the overall one plus `jump`; and the cost.
+uint next_path(uint neighbours, uint here, uint cost, uint jump) {
 #ifdef HALF_MIN
-  uint least = min_pairs(min_pairs(neighbours + both(push.p1), here), lowest + both(jump_penalty));
+  uint least = min_pairs(min_pairs(neighbours + both(push.p1), here), lowest + both(jump));
 #else
-  uint least = min_pairs(here, min_pairs(neighbours, lowest + both(jump_penalty - push.p1)) + both(push.p1));
+  uint least = min_pairs(here, min_pairs(neighbours, lowest + both(jump - push.p1)) + both(push.p1));
 #endif
   return least + cost + both(bias) - lowest;
 }
 
-/// One pixel further along the path.
-void step_path() {
+/// One pixel further along the path, or its first pixel: there a free jump makes L_r = C, whatever was before.
+void step_path(bool begins) {
+#ifdef HALF_MIN
+  uint jump = begins ? 0u : jump_penalty;
+#else
+  uint jump = jump_penalty;
+  restart_path(begins);
+#endif
   uint before = subgroupShuffleUp(path[lane_pairs - 1u], 1u), after = subgroupShuffleDown(path[0], 1u);
   if (lane() == 0u) before = both(no_path());
   if (lane() == path_lanes - 1u) after = both(no_path());
@@ -74,17 +82,27 @@ void step_path() {
   uint top = path[0] >> 16 | after << 16;
   [[unroll]] for (uint k = 0u; k < lane_pairs; ++k) {
     uint here = path[k], above = k + 1u < lane_pairs ? path[k + 1u] : top;
-    path[k] = next_path(min_pairs(below, above), here, step_cost[k]);
+    path[k] = next_path(min_pairs(below, above), here, step_cost[k], jump);
     if (padded_disparities != disparities) path[k] = (path[k] & ~beyond[k]) | (both(no_path()) & beyond[k]);
     below = here;
   }
   find_lowest();
 }
 
+/// The low bytes of the halves of two pairs.
+uint low_bytes(uint even, uint odd) { return (even & 0x00ff00ffu) | (odd << 8 & 0xff00ff00u); }
+
 /// Word w of this lane's path costs in a volume.
 uint path_word(uint w) {
-  if (sum_bytes == 1u) return (path[2u * w] & 0x00ff00ffu) | (path[2u * w + 1u] << 8 & 0xff00ff00u);
+  if (sum_bytes == 1u) return low_bytes(path[2u * w], path[2u * w + 1u]);
   if (sum_bytes == 2u) return path[w] - both(bias);
   return (path[w / 2u] - both(bias)) >> (16u * (w & 1u)) & 0xffffu;
+}
+
+/// The same with its elements in reverse order.
+uint mirrored_word(uint w) {
+  if (sum_bytes == 4u) return path_word(w);
+  uint word = sum_bytes == 1u ? low_bytes(path[2u * w + 1u], path[2u * w]) : path_word(w);
+  return word << 16 | word >> 16;
 }
 #endif

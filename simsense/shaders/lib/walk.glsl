@@ -11,21 +11,23 @@ layout(buffer_reference, scalar, buffer_reference_align = 4) coherent buffer Sum
 layout(buffer_reference, scalar, buffer_reference_align = 8) coherent buffer SumVec2Array { uvec2 at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) coherent buffer SumVec4Array { uvec4 at[]; };
 
-layout(constant_id = 14) const uint part = 0u;  // paths of this dispatch: 0 rows and columns, 1 diagonals, 2 rows, 3 columns
-const bool diagonal = part == 1u;
-const bool adds = part == 1u || part == 3u;  // to what the paths of an earlier dispatch have left
+const uint rows_and_columns = 0u, diagonals = 1u, rows_alone = 2u, columns_alone = 3u;
+layout(constant_id = 14) const uint part = rows_and_columns;  // paths of this dispatch
+layout(constant_id = 15) const uint adds_paths = 0u;  // nonzero: adds to what the paths of an earlier dispatch have left
+const bool diagonal = part == diagonals;
+const bool adds = adds_paths != 0u;
 
 struct Path {
   uint pixels;       // along the path
   uint line;         // row or column; of a diagonal, the column where it crosses row 0
-  uint first;        // pixel at time 0, which may lie before the line
-  int stride;        // pixels from one to the next
+  uint first;        // pixel at time 0, which may lie before the line; of a diagonal, the first of its row
+  int stride;        // pixels from one to the next; of a diagonal, from row to row
+  int drift;         // of a diagonal: columns from one pixel to the next, 1 or -1
   uint start;        // time of the first pixel
   uint middle, end;  // times, the same for both paths of all lines
   uint kept;         // pixels to store: all, or none of a path that only fills up its workgroup
   bool mirrored;     // lanes and registers hold the disparities in reverse order
   bool backward;
-  bool leftward;     // of a diagonal: down and to the left, as seen from above
 };
 
 /// Sets what follows from the line, its pixels and the direction.
@@ -35,29 +37,37 @@ void set_times(inout Path p, bool horizontal) {
   p.middle = (half_line + steps - 1u) / steps * steps;
   p.start = p.middle - half_line + (p.backward ? odd : 0u);
   p.end = p.middle - half_line + odd + p.pixels;
-  p.first = gl_WorkGroupID.z * push.width * push.height + p.line * (horizontal ? push.width : 1u);
+  p.first = gl_WorkGroupID.z * push.width * push.height + (diagonal ? 0u : p.line * (horizontal ? push.width : 1u));
   if (p.backward) p.first += (p.pixels - 1u) * (horizontal ? 1u : push.width);
   p.first -= uint(int(p.start) * p.stride);
 }
 
-uint met[steps * lane_words];  // what the opposite path has left at the pixels ahead
+uint block_column;  // of a diagonal, at the first time of the block of steps at hand
+
+/// Diagonals leave the image at one side and enter it at the other, as a new path: all are as long as the columns, and lie side by side.
+/// The column is less than a width away from the image.
+uint wrapped(int column) {
+  column += column < 0 ? int(push.width) : 0;
+  return uint(column - (column >= int(push.width) ? int(push.width) : 0));
+}
+
+/// `ahead` times after the first of the block.
+uint diagonal_column(Path p, int ahead) { return wrapped(int(block_column) + ahead * p.drift); }
+
+void begin_columns(Path p) {
+  if (!diagonal) return;
+  uint row = p.backward ? p.pixels - 1u : 0u, reach = row % push.width;
+  bool leftward = (p.drift < 0) != p.backward;  // as seen from above
+  block_column = wrapped(int(wrapped(int(p.line + (leftward ? push.width - reach : reach)))) - int(p.start) * p.drift);
+}
 
 uint time_on_line(Path p, uint t) { return clamp(t, p.start, p.start + p.pixels - 1u); }
 
-/// Diagonals leave the image at one side and enter it at the other, as a new path: all are as long as the columns, and lie side by side.
-uvec2 diagonal_pixel(Path p, uint t) {
-  uint position = t - p.start, y = p.backward ? p.pixels - 1u - position : position;
-  return uvec2((p.line + (p.leftward ? push.width - y % push.width : y)) % push.width, y);
-}
+/// Pixel at time t, which lies `ahead` after the first of the block.
+uint path_pixel(Path p, uint t, uint ahead) { return uint(int(p.first) + int(t) * p.stride) + (diagonal ? diagonal_column(p, int(ahead)) : 0u); }
 
-uint path_pixel(Path p, uint t) {
-  if (!diagonal) return uint(int(p.first) + int(t) * p.stride);
-  uvec2 pixel = diagonal_pixel(p, t);
-  return (gl_WorkGroupID.z * push.height + pixel.y) * push.width + pixel.x;
-}
-
-/// Whether a diagonal path enters the image at this time.
-bool enters(Path p, uint t) { return diagonal_pixel(p, t).x == (p.leftward != p.backward ? push.width - 1u : 0u); }
+/// Whether a diagonal path enters the image at this column.
+bool enters(Path p, uint column) { return column == (p.drift < 0 ? push.width - 1u : 0u); }
 
 uint gray_before;
 
@@ -68,40 +78,45 @@ void heed_gradient(uint gray) {
   jump_penalty = max(push.p1, penalty * block_pixels);
   gray_before = gray;
 }
-uint lane_item(Path p, uint t) { return path_pixel(p, t) * path_lanes + (p.mirrored ? path_lanes - 1u - lane() : lane()); }
 
-void look_ahead(UintArray sums, Path p, uint t, uint slot) {
-  uint item = lane_item(p, time_on_line(p, t));
-  if (lane_words % 4u == 0u) {
-    [[unroll]] for (uint i = 0u; i < lane_words / 4u; ++i) {
-      uvec4 v = SumVec4Array(sums).at[item * (lane_words / 4u) + i];
-      [[unroll]] for (uint c = 0u; c < 4u; ++c) met[slot * lane_words + 4u * i + c] = v[c];
+uint lane_item(Path p, uint pixel) { return pixel * path_lanes + (p.mirrored ? path_lanes - 1u - lane() : lane()); }
+
+const uint block_words = steps * lane_words;
+uint met[block_words], next_met[block_words];  // what others have left at the pixels of this block and of the next one
+
+/// All pixels of a block at once: a load at every step would have the step's shuffles wait for it.
+void look_ahead(UintArray sums, Path p, uint t, uint ahead) {
+  [[unroll]] for (uint s = 0u; s < steps; ++s) {
+    uint item = lane_item(p, path_pixel(p, time_on_line(p, t + s), ahead + s)), slot = s * lane_words;
+    if (lane_words % 4u == 0u) {
+      [[unroll]] for (uint i = 0u; i < lane_words / 4u; ++i) {
+        uvec4 v = SumVec4Array(sums).at[item * (lane_words / 4u) + i];
+        [[unroll]] for (uint c = 0u; c < 4u; ++c) next_met[slot + 4u * i + c] = v[c];
+      }
+    } else if (lane_words % 2u == 0u) {
+      [[unroll]] for (uint i = 0u; i < lane_words / 2u; ++i) {
+        uvec2 v = SumVec2Array(sums).at[item * (lane_words / 2u) + i];
+        next_met[slot + 2u * i] = v.x, next_met[slot + 2u * i + 1u] = v.y;
+      }
+    } else {
+      [[unroll]] for (uint w = 0u; w < lane_words; ++w) next_met[slot + w] = SumArray(sums).at[item * lane_words + w];
     }
-  } else if (lane_words % 2u == 0u) {
-    [[unroll]] for (uint i = 0u; i < lane_words / 2u; ++i) {
-      uvec2 v = SumVec2Array(sums).at[item * (lane_words / 2u) + i];
-      met[slot * lane_words + 2u * i] = v.x, met[slot * lane_words + 2u * i + 1u] = v.y;
-    }
-  } else {
-    [[unroll]] for (uint w = 0u; w < lane_words; ++w) met[slot * lane_words + w] = SumArray(sums).at[item * lane_words + w];
   }
 }
 
-uint mirror_elements(uint word) {
-  if (sum_bytes == 4u) return word;
-  word = word << 16 | word >> 16;
-  return sum_bytes == 2u ? word : (word << 8 & 0xff00ff00u) | (word >> 8 & 0x00ff00ffu);
+void take_met() {
+  [[unroll]] for (uint i = 0u; i < block_words; ++i) met[i] = next_met[i];
 }
 
 /// Word w of what the path leaves at a pixel: its own costs, and what others have left there after the middle or, where the dispatch adds, ever.
 uint kept_word(Path p, uint slot, bool after_middle, uint w) {
-  uint own = p.mirrored ? mirror_elements(path_word(lane_words - 1u - w)) : path_word(w);
+  uint own = p.mirrored ? mirrored_word(lane_words - 1u - w) : path_word(w);
   return after_middle || adds ? own + met[slot * lane_words + w] : own;
 }
 
 void leave(UintArray sums, Path p, uint t, uint slot, bool after_middle) {
   if (t - p.start >= p.kept) return;
-  uint item = lane_item(p, t);
+  uint item = lane_item(p, path_pixel(p, t, slot));
   if (lane_words % 4u == 0u) {
     [[unroll]] for (uint i = 0u; i < lane_words / 4u; ++i)
       SumVec4Array(sums).at[item * (lane_words / 4u) + i] = uvec4(kept_word(p, slot, after_middle, 4u * i), kept_word(p, slot, after_middle, 4u * i + 1u),
@@ -117,27 +132,34 @@ void leave(UintArray sums, Path p, uint t, uint slot, bool after_middle) {
 /// Before the first step.
 void begin_sums(UintArray sums, Path p) {
   if (!adds) return;
-  [[unroll]] for (uint s = 0u; s < steps; ++s) look_ahead(sums, p, s, s);
+  look_ahead(sums, p, 0u, 0u);
+  take_met();
 }
 
 /// Between the two halves of the way.
 void meet(UintArray sums, Path p) {
   memoryBarrierBuffer();
   barrier();
-  [[unroll]] for (uint s = 0u; s < steps; ++s) look_ahead(sums, p, p.middle + s, s);
+  look_ahead(sums, p, p.middle, 0u);
+  take_met();
 }
 
-/// One pixel, whose cost is in step_cost; slot = t % steps. after_middle is a constant: a loop of its own for each half keeps the loads ahead
-/// free of conditions, which would make them wait for memory.
+/// Before and after the steps of a block that begins at time t. after_middle is a constant: a loop of its own for each half keeps the loads
+/// ahead free of conditions, which would make them wait for memory.
+void begin_block(UintArray sums, Path p, uint t, bool after_middle) {
+  if (after_middle || adds) look_ahead(sums, p, t + steps, steps);
+}
+
+void end_block(Path p, bool after_middle) {
+  if (after_middle || adds) take_met();
+  if (diagonal) block_column = diagonal_column(p, int(steps));
+}
+
+/// One pixel, whose cost is in step_cost; slot = t % steps. Up to its start a path begins anew at every time.
 void visit(UintArray sums, Path p, uint t, uint slot, bool after_middle) {
-  // A cost of 0 before the start leaves the path's initial state as it is.
-  if (!after_middle) {
-    uint mask = t < p.start ? 0u : 0xffffffffu;
-    [[unroll]] for (uint k = 0u; k < lane_pairs; ++k) step_cost[k] &= mask;
-  }
-  if (diagonal) restart_path(enters(p, t));
-  step_path();
+  bool begins = !after_middle && t <= p.start;
+  if (diagonal) begins = begins || enters(p, diagonal_column(p, int(slot)));
+  step_path(begins);
   leave(sums, p, t, slot, after_middle);
-  if (after_middle || adds) look_ahead(sums, p, t + steps, slot);
 }
 #endif

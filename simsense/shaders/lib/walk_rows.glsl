@@ -9,25 +9,24 @@ uint left_words[steps], next_left[steps], next_right[steps];
 uint gray_values[steps], next_gray[steps];
 
 /// Group of four right words at position 0 of the lane's window, at time 0, in the plain or the mirrored row.
-int first_group(Path p) {
-  uint pair_row = gl_WorkGroupID.z * push.height + p.line, row = pair_row * right_pitch_of(push.right_origin, push.width) + push.right_origin;
-  uint lane_start = lane() * lane_disparities;
+uint first_group(Path p) {
+  uint row = gl_WorkGroupID.z * push.height + p.line, lane_start = lane() * lane_disparities;
   uint shift = (p.mirrored ? 3u - push.width - p.start : p.start) & 3u;  // the copy in which the groups are aligned
-  row += shift * push.right_copy_words + shift;
-  if (!p.mirrored) return int(row - p.start - lane_start - lane_disparities) >> 2;
-  return int(row + p.start + push.width - padded_disparities + lane_start + lane_disparities - 3u) >> 2;
+  uint origin = shift * push.right_copy_words + row * push.right_pitch + push.right_origin + shift;
+  if (!p.mirrored) return (origin - p.start - lane_start - lane_disparities) / 4u;
+  return (origin + p.start + push.width - padded_disparities + lane_start + lane_disparities - 3u) / 4u;
 }
 
-uvec4 right_group(Path p, int first, uint position) {
-  int group = int(position >> 2);
-  uvec4 words = Uvec4Array(push.right_census).at[p.mirrored ? first - group : first + group];
+uvec4 right_group(Path p, uint first, uint position) {
+  uint group = p.mirrored ? first - position / 4u : first + position / 4u;
+  uvec4 words = Uvec4Array(push.right_census).at[group];
   return p.mirrored ? words.wzyx : words;
 }
 
-uint left_word(Path p, uint t) { return push.left_census.at[path_pixel(p, t) + left_margin]; }
-uint gray_value(Path p, uint t) { return adaptive != 0u ? push.gray.at[path_pixel(p, t) + left_margin] : 0u; }
+uint left_word(Path p, uint t) { return push.left_census.at[path_pixel(p, t, 0u) + left_margin]; }
+uint gray_value(Path p, uint t) { return adaptive != 0u ? push.gray.at[path_pixel(p, t, 0u) + left_margin] : 0u; }
 
-void fill_window(Path p, int first, uint t) {
+void fill_window(Path p, uint first, uint t) {
   [[unroll]] for (uint i = 0u; i < lane_disparities + steps; i += 4u) {
     uvec4 words = right_group(p, first, t + i);
     [[unroll]] for (uint c = 0u; c < 4u; ++c) window[i + c] = words[c];
@@ -35,7 +34,7 @@ void fill_window(Path p, int first, uint t) {
   [[unroll]] for (uint s = 0u; s < steps; ++s) left_words[s] = left_word(p, t + s), gray_values[s] = gray_value(p, t + s);
 }
 
-void fetch_next(Path p, int first, uint t) {
+void fetch_next(Path p, uint first, uint t) {
   [[unroll]] for (uint i = 0u; i < steps; i += 4u) {
     uvec4 words = right_group(p, first, t + lane_disparities + i);
     [[unroll]] for (uint c = 0u; c < 4u; ++c) next_right[i + c] = words[c];
@@ -49,8 +48,9 @@ void move_window() {
     window[lane_disparities + s] = next_right[s], left_words[s] = next_left[s], gray_values[s] = next_gray[s];
 }
 
-void walk_row_part(UintArray sums, Path p, int first, uint begin, uint end, bool after_middle) {
+void walk_row_part(UintArray sums, Path p, uint first, uint begin, uint end, bool after_middle) {
   [[dont_unroll]] for (uint t = begin; t < end; t += steps) {
+    begin_block(sums, p, t, after_middle);
     fetch_next(p, first, t + steps);
     [[unroll]] for (uint s = 0u; s < steps; ++s) {
       [[unroll]] for (uint k = 0u; k < lane_pairs; ++k)
@@ -59,11 +59,12 @@ void walk_row_part(UintArray sums, Path p, int first, uint begin, uint end, bool
       visit(sums, p, t + s, s, after_middle);
     }
     move_window();
+    end_block(p, after_middle);
   }
 }
 
 void walk_rows(UintArray sums, Path p) {
-  int first = first_group(p);
+  uint first = first_group(p);
   fill_window(p, first, 0u);
   walk_row_part(sums, p, first, 0u, p.middle, false);
   meet(sums, p);

@@ -42,38 +42,48 @@ struct CensusPush {
   int min_disparity;
 };
 
-struct MatchPush {
+/// Costs and paths.
+struct PathPush {
   UintArray left_census, right_census, gray;
-  UintArray cost;                  // volume of block sums, 16 bit; unused where costs come from census words
-  UintArray horizontal, vertical;  // volumes of path costs, each the sum of opposite paths
-  UintArray right_winner;          // [P][height][width] least of cost << 16 | disparity
-  FloatArray unchecked;            // [P][height][width] disparities before the left-right check
-  FloatArray disparity;            // [P][height][width]
-  FloatArray confidence;           // [P][height][width], if MATCH_CONFIDENCE
-  ByteArray reason;                // [P][height][width], if MATCH_REASON
+  UintArray cost;                     // volume of block sums, 16 bit; unused where costs come from census words
+  UintArray first_sums, second_sums;  // volumes of path costs, each the sum of opposite paths: rows and columns, or both kinds of diagonals
   uint width, height;
-  uint right_origin, right_copy_words;
+  uint right_origin, right_pitch, right_copy_words;
   uint p1, p2;            // times the block's area
   uint p2_full_gradient;  // counts
-  int lr_max_diff;        // -1 = off
+};
+
+/// Winners and what follows. A block's costs around the winner come from their volume, or from census words.
+struct WinnerPush {
+  UintArray sums[4];               // volumes of path costs, as many as the pipeline was built for
+  UintArray cost;
+  UintArray left_census, right_census;
+  UintArray right_winner;  // [P][height][width] least of cost << 16 | disparity
+  FloatArray unchecked;    // [P][height][width] disparities before the left-right check
+  FloatArray confidence;   // [P][height][width], if MATCH_CONFIDENCE
+  uint width, height;
+  uint right_origin, right_pitch;
   int min_disparity;
   uint maps;  // MATCH_*
 };
 
-/// Columns of a row of the right census, with room to read ahead, in groups of four.
-#ifdef __cplusplus
-inline
-#endif
-    uint
-    right_pitch_of(uint right_origin, uint width) {
-  return (right_origin + width + 32u + 3u) / 4u * 4u;
-}
+struct FinishPush {
+  UintArray right_winner;
+  FloatArray unchecked;
+  FloatArray disparity;   // [P][height][width]
+  FloatArray confidence;  // [P][height][width], if MATCH_CONFIDENCE
+  ByteArray reason;       // [P][height][width], if MATCH_REASON
+  uint width, height;
+  int lr_max_diff;  // -1 = off
+  int min_disparity;
+  uint maps;  // MATCH_*
+};
 
 #define MATCH_CONFIDENCE 1u
 #define MATCH_REASON 2u
 
 #ifdef __cplusplus
-static_assert(sizeof(MatchPush) == 128 && sizeof(CensusPush) <= 128, "the least that Vulkan grants");
+static_assert(sizeof(CensusPush) <= 128 && sizeof(PathPush) <= 128 && sizeof(WinnerPush) <= 128, "the least that Vulkan grants");
 }  // namespace simsense
 #endif
 #endif

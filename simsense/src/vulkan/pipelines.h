@@ -17,8 +17,8 @@ struct MatchPipelines {
   ks::ComputePipeline census_8;
   std::optional<ks::ComputePipeline> census_16;   // of 16-bit images, made when first needed
   std::optional<ks::ComputePipeline> block_cost;  // where costs are stored
-  ks::ComputePipeline paths;                      // rows and columns; rows alone where they sum blocks
-  std::optional<ks::ComputePipeline> more_paths;  // that add to what the first have left: diagonals of 8 paths, columns that sum blocks
+  ks::ComputePipeline paths;                      // rows and columns, or rows alone
+  std::optional<ks::ComputePipeline> columns, diagonals;
   ks::ComputePipeline winner, finish;
 };
 

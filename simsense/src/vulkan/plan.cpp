@@ -36,14 +36,21 @@ void choose_lanes(MatchPlan& plan, const ks::Device& device, uint32_t disparitie
              plan.path_lanes, plan.steps, plan.steps, std::min(plan.subgroup_lanes, 32u));
 }
 
-void choose_ranges(MatchPlan& plan, const MatchParameters& p, bool half) {
+void choose_ranges(MatchPlan& plan, const MatchParameters& p, uint32_t batch, bool half) {
   const uint32_t area = p.block_width * p.block_height;
   plan.p1 = p.p1 * area;
   plan.p2 = p.p2 * area;
-  const uint32_t largest = p.census_bits() * area + plan.p2;         // of one path's costs
-  const uint32_t sum = p.path_count / plan.sum_volumes() * largest;  // of those that share a volume
+  const uint32_t largest = p.census_bits() * area + plan.p2;  // of one path's costs
+  // Opposite paths share a volume. Where that needs more than a byte per element anyway, columns add to what the rows have left, or
+  // diagonals to what both have: half of the memory for one more wait.
+  const bool bytes = 2 * largest <= 0xff, wide = 4 * largest > 0xffff;
+  plan.sum_volumes = plan.sums_blocks() ? 1 : p.path_count == 8 ? (bytes ? 4 : 2) : bytes || wide ? 2 : 1;
+  plan.rows_apart = plan.sum_volumes == 1 || batch > 1;  // of one pair, columns fill what the few long rows leave free
+  const uint32_t sum = p.path_count / plan.sum_volumes * largest;
   plan.sum_bytes = sum <= 0xff ? 1 : sum <= 0xffff ? 2 : 4;
-  plan.half_minima = half && half_bias + largest + plan.p1 <= largest_half;
+  const uint32_t beside_line = area == 1 ? std::max(largest, 32 + plan.p2) : largest;  // paths begin early, on words of any bits
+  plan.half_minima = half && half_bias + beside_line + plan.p1 <= largest_half;
+  plan.packed_keys = half && plan.sum_bytes == 1 && largest < 119 && p.max_disparity <= 256 && plan.lane_disparities <= 32;
 }
 
 constexpr uint32_t most_across = 15;  // lines of a block that a workgroup's neighbours sum up
@@ -75,12 +82,6 @@ uint32_t summed_lines(const ks::Device& device, const MatchPlan& plan, const Mat
   return lines >= std::max(p.block_width, p.block_height) + 1 ? lines : 0;
 }
 
-/// One pair is short of memory first; in a batch the volume is written once for many steps that are not waited for.
-bool want_summed_blocks(const ks::Device& device, const MatchParameters& p, uint32_t batch, const MatchTuning& tuning) {
-  if (!can_sum_blocks(p) || tuning.block_costs == BlockCosts::stored) return false;
-  return tuning.block_costs == BlockCosts::summed || (batch == 1 && !device.is_cpu());
-}
-
 /// Many parts in a workgroup write long runs of memory; few leave it more columns, of which the block's width is lost. The rows above a
 /// workgroup's first one are summed anew, so it takes as many rows as leave enough workgroups.
 void choose_block_stage(MatchPlan& plan, const MatchParameters& p) {
@@ -96,7 +97,7 @@ void choose_block_stage(MatchPlan& plan, const MatchParameters& p) {
 
 /// Enough sweeps to fill a large GPU and to keep them short; a sweep also takes the columns of one disparity range past its end.
 uint32_t default_segments(const MatchPlan& plan, uint32_t disparities) {
-  constexpr uint32_t wanted_subgroups = 4096, wanted_columns = 80;
+  constexpr uint32_t wanted_subgroups = 4096, wanted_columns = 240;
   const uint64_t subgroups = std::max<uint64_t>(uint64_t{plan.height} * plan.pairs_at_once * plan.path_lanes / plan.subgroup_lanes, 1);
   const uint32_t most = std::max(plan.width / std::max(disparities / 2, 32u), 1u);
   return static_cast<uint32_t>(
@@ -111,42 +112,60 @@ uint64_t device_memory_bytes(const ks::Device& device) {
   return largest;
 }
 
-/// More pairs fill a large GPU better; their volumes may take a sixteenth of its memory. A CPU device gains nothing.
+uint64_t volume_bytes(const MatchPlan& one_pair) {
+  return one_pair.sum_volumes * one_pair.sum_volume_bytes() + one_pair.cost_volume_bytes();
+}
+
+/// What volumes may take of a device's memory.
+uint64_t volume_allowance_bytes(const ks::Device& device) { return device_memory_bytes(device) / 16; }
+
+/// More pairs fill a large GPU better. A CPU device gains nothing.
 uint32_t default_pairs(const ks::Device& device, const MatchPlan& one_pair) {
   if (device.is_cpu()) return 1;
-  const uint64_t bytes = one_pair.sum_volumes() * one_pair.sum_volume_bytes() + one_pair.cost_volume_bytes();
-  return static_cast<uint32_t>(std::clamp<uint64_t>(device_memory_bytes(device) / 16 / bytes, 1, 32));
+  return static_cast<uint32_t>(std::clamp<uint64_t>(volume_allowance_bytes(device) / volume_bytes(one_pair), 1, 32));
+}
+
+/// Lanes and volumes for one pair. summed: block costs are, if a workgroup can hold enough lines.
+MatchPlan plan_pair(const ks::Device& device, uint32_t width, uint32_t height, uint32_t batch, const MatchParameters& parameters,
+                    const MatchTuning& tuning, bool summed) {
+  MatchPlan plan;
+  plan.width = width;
+  plan.height = height;
+  plan.subgroup_lanes = device.subgroup_size();
+  plan.census_words = parameters.census_bits() > 32 ? 2 : 1;
+  plan.stored_costs = !summed && (parameters.block_area() > 1 || plan.census_words > 1);
+  choose_lanes(plan, device, parameters.max_disparity, batch, tuning);
+  if (summed) plan.summed_lines = summed_lines(device, plan, parameters);
+  if (summed && !plan.sums_blocks()) return plan_pair(device, width, height, batch, parameters, tuning, false);
+  choose_ranges(plan, parameters, batch, want_half_minima(device, tuning.minima));
+  return plan;
+}
+
+/// Stored block costs are faster, summed ones take less than half of the memory.
+MatchPlan plan_pair(const ks::Device& device, uint32_t width, uint32_t height, uint32_t batch, const MatchParameters& parameters,
+                    const MatchTuning& tuning) {
+  const bool can_sum = can_sum_blocks(parameters), summed = can_sum && tuning.block_costs == BlockCosts::summed;
+  const MatchPlan plan = plan_pair(device, width, height, batch, parameters, tuning, summed);
+  const bool too_large =
+      can_sum && tuning.block_costs == BlockCosts::automatic && !device.is_cpu() && volume_bytes(plan) > volume_allowance_bytes(device);
+  return too_large ? plan_pair(device, width, height, batch, parameters, tuning, true) : plan;
 }
 
 }  // namespace
 
 MatchPlan make_match_plan(const ks::Device& device, uint32_t width, uint32_t height, uint32_t batch, const MatchParameters& parameters,
                           const MatchTuning& tuning) {
-  MatchPlan plan;
-  plan.width = width;
-  plan.height = height;
-  plan.subgroup_lanes = device.subgroup_size();
-  plan.census_words = parameters.census_bits() > 32 ? 2 : 1;
-  plan.stored_costs = parameters.block_area() > 1 || plan.census_words > 1;
-  const bool summed = want_summed_blocks(device, parameters, batch, tuning);
-  if (summed) plan.stored_costs = false;
-  choose_lanes(plan, device, parameters.max_disparity, batch, tuning);
-  if (summed) plan.summed_lines = summed_lines(device, plan, parameters);
-  if (summed && !plan.sums_blocks()) {
-    plan.stored_costs = true;
-    choose_lanes(plan, device, parameters.max_disparity, batch, tuning);
-  }
-  choose_ranges(plan, parameters, want_half_minima(device, tuning.minima));
+  MatchPlan plan = plan_pair(device, width, height, batch, parameters, tuning);
   plan.census_copies = plan.stored_costs ? 1 : 4;
-  plan.right_origin = plan.padded_disparities() + 32;  // as far as a path reads ahead
-  plan.right_pitch = right_pitch_of(plan.right_origin, width);
+  plan.right_origin = plan.padded_disparities() + 32;                   // as far as a path reads ahead
+  plan.right_pitch = divide_up(plan.right_origin + width + 32, 4) * 4;  // with room to read ahead, in groups of four
   const uint64_t most_pairs = std::max<uint64_t>(MatchPlan::most_array_words / plan.largest_array_words(), 1);
   const uint32_t wanted_pairs = tuning.pairs_at_once ? tuning.pairs_at_once : default_pairs(device, plan);
   plan.pairs_at_once = static_cast<uint32_t>(std::min<uint64_t>({batch, wanted_pairs, most_pairs}));
   if (plan.stored_costs) choose_block_stage(plan, parameters);
-  plan.path_group = std::max({tuning.path_group ? tuning.path_group : batch == 1 ? 64u : 256u, plan.subgroup_lanes, 2 * plan.path_lanes});
+  plan.path_group = std::max({tuning.path_group ? tuning.path_group : 64u, plan.subgroup_lanes, 2 * plan.path_lanes});
   if (plan.sums_blocks()) plan.path_group = 2 * plan.summed_lines * plan.path_lanes;
-  plan.winner_group = std::max({tuning.winner_group ? tuning.winner_group : 64u, plan.subgroup_lanes});
+  plan.winner_group = std::max({tuning.winner_group ? tuning.winner_group : batch == 1 ? 64u : 32u, plan.subgroup_lanes});
   plan.segments = tuning.segments ? std::min(tuning.segments, width) : default_segments(plan, parameters.max_disparity);
   return plan;
 }

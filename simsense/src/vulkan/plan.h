@@ -32,11 +32,14 @@ struct MatchPlan {
   uint32_t subgroup_lanes = 0, path_lanes = 0, lane_disparities = 0, steps = 0;
   uint32_t sum_bytes = 0;  // per element of a volume of path costs
   bool half_minima = false;
+  bool rows_apart = false;    // rows in a dispatch of their own
+  bool packed_keys = false;   // winners from 16-bit keys
   bool stored_costs = false;  // in a volume, not made of census words where a path needs them
   uint32_t summed_lines = 0;  // where block costs are summed by the paths: lines of a workgroup, those at its edges included; else 0
   uint32_t p1 = 0, p2 = 0;    // times the block's area
   uint32_t path_group = 0, winner_group = 0, segments = 0;
   uint32_t census_copies = 0, census_words = 1, right_origin = 0, right_pitch = 0;
+  uint32_t sum_volumes = 0;                                  // of path costs
   uint32_t block_group_parts = 0, block_rows_per_group = 0;  // workgroup of the block stage: parts of 4 pairs of disparities, rows
 
   [[nodiscard]] uint32_t padded_disparities() const { return path_lanes * lane_disparities; }
@@ -44,8 +47,7 @@ struct MatchPlan {
   [[nodiscard]] uint32_t block_columns() const { return 256 / block_group_parts * 4; }
   [[nodiscard]] uint64_t pixels() const { return uint64_t{width} * height * pairs_at_once; }
   [[nodiscard]] bool sums_blocks() const { return summed_lines > 0; }
-  /// Volumes of path costs: all paths share one where columns add to what the rows have left.
-  [[nodiscard]] uint32_t sum_volumes() const { return sums_blocks() ? 1 : 2; }
+  /// Of one volume.
   [[nodiscard]] uint64_t sum_volume_bytes() const { return pixels() * padded_disparities() * sum_bytes; }
   [[nodiscard]] uint64_t cost_volume_bytes() const { return stored_costs ? pixels() * padded_disparities() * 2 : 0; }
   [[nodiscard]] uint64_t right_copy_words() const { return uint64_t{right_pitch} * height * pairs_at_once; }

@@ -34,8 +34,7 @@ struct VulkanMatcher::State {
     right_census = allocate(plan.right_copy_words() * plan.census_copies * plan.census_words * 4);
     if (parameters.p2_full_gradient > 0) gray = allocate((plan.pixels() + 2 * left_margin) * 4);
     if (plan.cost_volume_bytes() > 0) cost = allocate(plan.cost_volume_bytes());
-    horizontal = allocate(plan.sum_volume_bytes());
-    if (plan.sum_volumes() == 2) vertical = allocate(plan.sum_volume_bytes());
+    for (uint32_t i = 0; i < plan.sum_volumes; ++i) sums[i] = allocate(plan.sum_volume_bytes());
     right_winner = allocate(plan.pixels() * 4);
     unchecked = allocate(plan.pixels() * 4);
   }
@@ -46,9 +45,11 @@ struct VulkanMatcher::State {
   }
 
   [[nodiscard]] CensusPush census_push(const MatchArrays& arrays) const;
-  [[nodiscard]] MatchPush push(const MatchArrays& arrays) const;
+  [[nodiscard]] PathPush path_push() const;
+  [[nodiscard]] WinnerPush winner_push(const MatchArrays& arrays) const;
+  [[nodiscard]] FinishPush finish_push(const MatchArrays& arrays) const;
   void record(ks::Commands& on, const MatchArrays& arrays, uint32_t pairs);
-  void record_paths(ks::Commands& on, const MatchPush& push, uint32_t pairs);
+  void record_paths(ks::Commands& on, uint32_t pairs);
 
   std::shared_ptr<ks::Device> device;
   uint32_t batch;
@@ -56,7 +57,7 @@ struct VulkanMatcher::State {
   MatchPlan plan;
   MatchPipelines pipelines;
   ks::Commands commands;
-  std::shared_ptr<ks::Buffer> left_census, right_census, gray, cost, horizontal, vertical, right_winner, unchecked;
+  std::shared_ptr<ks::Buffer> left_census, right_census, gray, cost, sums[4], right_winner, unchecked;  // as in match_push.h
   uint64_t memory_bytes = 0;
 };
 
@@ -81,14 +82,47 @@ CensusPush VulkanMatcher::State::census_push(const MatchArrays& arrays) const {
   return push;
 }
 
-MatchPush VulkanMatcher::State::push(const MatchArrays& arrays) const {
-  MatchPush push{};
+PathPush VulkanMatcher::State::path_push() const {
+  PathPush push{};
   push.left_census = left_census->address();
   push.right_census = right_census->address();
   push.gray = gray ? gray->address() : 0;
   push.cost = cost ? cost->address() : 0;
-  push.horizontal = horizontal->address();
-  push.vertical = vertical ? vertical->address() : 0;
+  push.first_sums = sums[0]->address();
+  push.second_sums = sums[plan.sum_volumes == 1 ? 0 : 1]->address();
+  push.width = plan.width;
+  push.height = plan.height;
+  push.right_origin = plan.right_origin;
+  push.right_pitch = plan.right_pitch;
+  push.right_copy_words = static_cast<uint32_t>(plan.right_copy_words());
+  push.p1 = plan.p1;
+  push.p2 = plan.p2;
+  push.p2_full_gradient = parameters.p2_full_gradient;
+  return push;
+}
+
+uint32_t maps_of(const MatchArrays& arrays) { return (arrays.confidence ? MATCH_CONFIDENCE : 0u) | (arrays.reason ? MATCH_REASON : 0u); }
+
+WinnerPush VulkanMatcher::State::winner_push(const MatchArrays& arrays) const {
+  WinnerPush push{};
+  for (uint32_t i = 0; i < plan.sum_volumes; ++i) push.sums[i] = sums[i]->address();
+  push.cost = cost ? cost->address() : 0;
+  push.left_census = left_census->address();
+  push.right_census = right_census->address();
+  push.right_winner = right_winner->address();
+  push.unchecked = unchecked->address();
+  push.confidence = arrays.confidence;
+  push.width = plan.width;
+  push.height = plan.height;
+  push.right_origin = plan.right_origin;
+  push.right_pitch = plan.right_pitch;
+  push.min_disparity = parameters.min_disparity;
+  push.maps = maps_of(arrays);
+  return push;
+}
+
+FinishPush VulkanMatcher::State::finish_push(const MatchArrays& arrays) const {
+  FinishPush push{};
   push.right_winner = right_winner->address();
   push.unchecked = unchecked->address();
   push.disparity = arrays.disparity;
@@ -96,46 +130,50 @@ MatchPush VulkanMatcher::State::push(const MatchArrays& arrays) const {
   push.reason = arrays.reason;
   push.width = plan.width;
   push.height = plan.height;
-  push.right_origin = plan.right_origin;
-  push.right_copy_words = static_cast<uint32_t>(plan.right_copy_words());
-  push.p1 = plan.p1;
-  push.p2 = plan.p2;
-  push.p2_full_gradient = parameters.p2_full_gradient;
   push.lr_max_diff = parameters.lr_max_diff;
   push.min_disparity = parameters.min_disparity;
-  push.maps = (arrays.confidence ? MATCH_CONFIDENCE : 0u) | (arrays.reason ? MATCH_REASON : 0u);
+  push.maps = maps_of(arrays);
   return push;
 }
 
-void VulkanMatcher::State::record_paths(ks::Commands& on, const MatchPush& push, uint32_t pairs) {
+/// Where a dispatch adds to what another leaves, it waits for that.
+void VulkanMatcher::State::record_paths(ks::Commands& on, uint32_t pairs) {
+  PathPush push = path_push();
+  const uint32_t lines = plan.path_group / plan.path_lanes / 2;
+  uint32_t row_groups = groups_of(plan.height, lines), column_groups = 4 * groups_of(plan.width, 4 * lines);
   if (plan.sums_blocks()) {
-    on.dispatch(pipelines.paths, push, groups_of(plan.height, plan.summed_lines - (parameters.block_height - 1)), 1, pairs);
-    on.dispatch(*pipelines.more_paths, push, groups_of(plan.width, plan.summed_lines - (parameters.block_width - 1)), 1, pairs);
-    return;
+    row_groups = groups_of(plan.height, plan.summed_lines - (parameters.block_height - 1));
+    column_groups = groups_of(plan.width, plan.summed_lines - (parameters.block_width - 1));
   }
-  const uint32_t lines_per_group = plan.path_group / plan.path_lanes / 2, column_groups = 4 * groups_of(plan.width, 4 * lines_per_group);
-  on.dispatch(pipelines.paths, push, groups_of(plan.height, lines_per_group) + column_groups, 1, pairs);
-  if (pipelines.more_paths) on.dispatch(*pipelines.more_paths, push, 2 * column_groups, 1, pairs);
+  on.set_automatic_barriers(plan.sum_volumes == 1);
+  on.dispatch(pipelines.paths, push, row_groups + (plan.rows_apart ? 0 : column_groups), 1, pairs);
+  if (pipelines.columns) on.dispatch(*pipelines.columns, push, column_groups, 1, pairs);
+  if (pipelines.diagonals) {
+    if (plan.sum_volumes == 2) on.barrier();
+    if (plan.sum_volumes == 4) push.first_sums = sums[2]->address(), push.second_sums = sums[3]->address();
+    on.dispatch(*pipelines.diagonals, push, 2 * column_groups, 1, pairs);
+  }
+  on.set_automatic_barriers(true);
+  on.barrier();
 }
 
 void VulkanMatcher::State::record(ks::Commands& on, const MatchArrays& arrays, uint32_t pairs) {
   const uint32_t w = plan.width, h = plan.height;
-  const MatchPush push = this->push(arrays);
   on.begin_stage("census");
   on.dispatch(pipelines.census(device, plan, parameters, arrays.element_bytes), census_push(arrays),
-              groups_of(plan.right_origin, 64) + groups_of(w, 64), groups_of(h, 4), 2 * pairs);
+              groups_of(plan.right_origin, 64) + groups_of(w, 64), groups_of(h, 16), 2 * pairs);
   if (pipelines.block_cost) {
     on.begin_stage("block cost");
     const uint32_t part_groups = plan.padded_disparities() / 8 / plan.block_group_parts;
     const uint32_t outputs = plan.block_columns() - (parameters.block_width - 1);
-    on.dispatch(*pipelines.block_cost, push, part_groups * groups_of(w, outputs), groups_of(h, plan.block_rows_per_group), pairs);
+    on.dispatch(*pipelines.block_cost, path_push(), part_groups * groups_of(w, outputs), groups_of(h, plan.block_rows_per_group), pairs);
   }
   on.begin_stage("paths");
-  record_paths(on, push, pairs);
+  record_paths(on, pairs);
   on.begin_stage("winner");
-  on.dispatch(pipelines.winner, push, groups_of(h, plan.winner_group / plan.path_lanes), plan.segments, pairs);
+  on.dispatch(pipelines.winner, winner_push(arrays), groups_of(h, plan.winner_group / plan.path_lanes), plan.segments, pairs);
   on.begin_stage("check and median");
-  dispatch_pixels(on, pipelines.finish, push, w, h, pairs);
+  dispatch_pixels(on, pipelines.finish, finish_push(arrays), w, h, pairs);
 }
 
 VulkanMatcher::VulkanMatcher(std::shared_ptr<ks::Device> device, uint32_t width, uint32_t height, uint32_t batch,
