@@ -128,7 +128,8 @@ typedef struct simsense_parameters {
   /* matching */
   uint32_t census_width, census_height; /* odd */
   uint32_t max_disparity;        /* how many disparities are searched, from min_disparity on; 16..1024 */
-  uint32_t block_width, block_height;   /* odd, product <= 256; 1x1 = no block sum */
+  uint32_t block_width, block_height;   /* odd, product <= 256; 1x1 = no block sum. A GPU keeps the sums in memory; where one pair's volumes would take
+                                     more than 1/16 of its memory it sums them on the way instead: about half of the memory, 2.5 times the time */
   uint32_t p1, p2;               /* 0 < p1 < p2 < 224 */
   uint32_t uniqueness_ratio;     /* percent, 0 = off, 0..100 */
   int32_t lr_max_diff;           /* pixels; -1 = off */

@@ -18,8 +18,6 @@ namespace {
 
 using Constants = std::vector<uint32_t>;
 
-constexpr uint32_t winner_steps = 4;  // pixels that the winner stage reads ahead
-
 /// The constants of lanes.glsl.
 Constants lane_constants(const MatchPlan& plan, const MatchParameters& p, uint32_t group, uint32_t steps) {
   return {group,
@@ -57,7 +55,8 @@ Constants path_constants(const MatchPlan& plan, const MatchParameters& p, PathPa
 }
 
 Constants winner_constants(const MatchPlan& plan, const MatchParameters& p) {
-  return with(lane_constants(plan, p, plan.winner_group, winner_steps), {plan.segments, plan.sum_volumes, p.block_width, p.block_height});
+  return with(lane_constants(plan, p, plan.winner_group, plan.winner_steps),
+              {plan.segments, plan.sum_volumes, p.block_width, p.block_height});
 }
 
 Constants census_constants(const MatchPlan& plan, const MatchParameters& p, uint32_t element_bytes) {

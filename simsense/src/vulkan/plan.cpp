@@ -166,6 +166,7 @@ MatchPlan make_match_plan(const ks::Device& device, uint32_t width, uint32_t hei
   plan.path_group = std::max({tuning.path_group ? tuning.path_group : 64u, plan.subgroup_lanes, 2 * plan.path_lanes});
   if (plan.sums_blocks()) plan.path_group = 2 * plan.summed_lines * plan.path_lanes;
   plan.winner_group = std::max({tuning.winner_group ? tuning.winner_group : batch == 1 ? 64u : 32u, plan.subgroup_lanes});
+  plan.winner_steps = batch == 1 ? 2 : 4;
   plan.segments = tuning.segments ? std::min(tuning.segments, width) : default_segments(plan, parameters.max_disparity);
   return plan;
 }

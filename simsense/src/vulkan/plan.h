@@ -38,6 +38,7 @@ struct MatchPlan {
   uint32_t summed_lines = 0;  // where block costs are summed by the paths: lines of a workgroup, those at its edges included; else 0
   uint32_t p1 = 0, p2 = 0;    // times the block's area
   uint32_t path_group = 0, winner_group = 0, segments = 0;
+  uint32_t winner_steps = 0;  // pixels that the winner stage reads ahead
   uint32_t census_copies = 0, census_words = 1, right_origin = 0, right_pitch = 0;
   uint32_t sum_volumes = 0;                                  // of path costs
   uint32_t block_group_parts = 0, block_rows_per_group = 0;  // workgroup of the block stage: parts of 4 pairs of disparities, rows

@@ -207,9 +207,18 @@ TEST(vulkan_matcher, a_pair_of_the_sensors_size_needs_at_most_150_megabytes) {
   MatchParameters p;
   EXPECT_LE(simsense::make_vulkan_matcher(device(), 960, 540, 1, p)->memory_bytes(), 150'000'000u);
   p.block_width = p.block_height = 7;
+  EXPECT_LE(simsense::make_vulkan_matcher(device(), 960, 540, 1, p)->memory_bytes(), 280'000'000u);
   MatchTuning summed;
   summed.block_costs = BlockCosts::summed;
   EXPECT_LE(simsense::make_vulkan_matcher(device(), 960, 540, 1, p, summed)->memory_bytes(), 150'000'000u);
+}
+
+TEST(vulkan_matcher, block_costs_are_stored_unless_they_take_much_of_a_gpus_memory) {
+  MatchParameters p;
+  p.block_width = p.block_height = 7;
+  EXPECT_TRUE(simsense::make_match_plan(*device(), 64, 64, 1, p, {}).stored_costs);
+  p.max_disparity = 1024;  // 36 GB of volumes
+  EXPECT_EQ(simsense::make_match_plan(*device(), 4096, 2160, 1, p, {}).stored_costs, device()->is_cpu());
 }
 
 TEST(vulkan_matcher, block_costs_summed_on_the_way_equal_the_reference) {
