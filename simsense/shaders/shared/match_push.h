@@ -55,7 +55,7 @@ struct PathPush {
 
 /// Winners and what follows. A block's costs around the winner come from their volume, or from census words.
 struct WinnerPush {
-  UintArray sums[4];               // volumes of path costs, as many as the pipeline was built for
+  UintArray sums[4];  // volumes of path costs, as many as the pipeline was built for
   UintArray cost;
   UintArray left_census, right_census;
   UintArray right_winner;  // [P][height][width] least of cost << 16 | disparity
