@@ -10,7 +10,7 @@ layout(push_constant, scalar) uniform Push { DenoisePush push; };
 void main() {
   uint i = line_index(), end;
   if (i < push.count) denoise(i);
-  if (push.step != denoise_divide || push.lists == 0u) return;
+  if (denoise_step() != denoise_divide || push.lists == 0u) return;
   bool listed = i < push.count && push.pixels_out.at[i].square != square_plain;
   uint place = append(listed, push.squares, 0u, end);
   if (listed) push.squares.at[1u + place] = i;

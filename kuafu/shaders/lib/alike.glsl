@@ -1,21 +1,44 @@
 // How alike two pixels are, as exponents of a falling weight.
 #ifndef KUAFU_ALIKE_GLSL
 #define KUAFU_ALIKE_GLSL
+#include "lib/language.glsl"
 #include "shared/denoise_record.h"
 
 const float unlike = 8.0f;  // and beyond: weight 0
 
-/// words: of an array of GuideRecord.
-void store_guide(UintArray words, uint index, GuideRecord g) {
-  uint word = index * 12u;
-  for (int k = 0; k < 3; ++k) {
-    words.at[word + uint(k)] = floatBitsToUint(g.normal[k]);
-    words.at[word + 4u + uint(k)] = floatBitsToUint(g.position[k]);
-    words.at[word + 8u + uint(k)] = floatBitsToUint(g.albedo[k]);
-  }
-  words.at[word + 3u] = g.material;
-  words.at[word + 7u] = floatBitsToUint(g.footprint_m);
-  words.at[word + 11u] = floatBitsToUint(g.normal_exponent);
+void store_guide_part(UintArray words, uint pixel, uint k, vec3 v, uint w) {
+  uint word = guide_place(pixel, k) * 4u;
+  for (int i = 0; i < 3; ++i) words.at[word + uint(i)] = floatBitsToUint(v[i]);
+  words.at[word + 3u] = w;
+}
+
+/// words: a GuideArray.
+void store_guide(UintArray words, uint pixel, GuideRecord g) {
+  store_guide_part(words, pixel, 0u, g.normal, g.material);
+  store_guide_part(words, pixel, 1u, g.position, floatBitsToUint(g.normal_exponent));
+  store_guide_part(words, pixel, 2u, g.albedo, floatBitsToUint(g.footprint_m));
+}
+
+/// What surface_unlike compares of a neighbour: no albedo, and the footprint of blurred pixels alone.
+GuideRecord load_surface(GuideArray guides, uint pixel) {
+  GuideRecord g;
+  vec4 a = guides.at[guide_place(pixel, 0u)], b = guides.at[guide_place(pixel, 1u)];
+  g.normal = xyz(a);
+  g.material = floatBitsToUint(a.w);
+  g.position = xyz(b);
+  g.normal_exponent = b.w;
+  g.albedo = vec3(0.0f);
+  g.footprint_m = 0.0f;
+  if (g.material == mixed_materials) g.footprint_m = guides.at[guide_place(pixel, 2u)].w;
+  return g;
+}
+
+GuideRecord load_guide(GuideArray guides, uint pixel) {
+  GuideRecord g = load_surface(guides, pixel);
+  vec4 c = guides.at[guide_place(pixel, 2u)];
+  g.albedo = xyz(c);
+  g.footprint_m = c.w;
+  return g;
 }
 
 /// (1 - t/8)^8 for exp(-t): cheaper, and it ends.

@@ -19,7 +19,11 @@ struct GuideRecord {
   vec3 albedo;  // what light is divided by before it is filtered
   float normal_exponent;  // of the cosine between normals: what is alike for a rough surface is not for a mirror
 };
-KUAFU_ARRAY(GuideArray, GuideRecord, 16)
+// In memory: three vec4 (lib/alike.glsl), each in a line of guide_block pixels, so that neighbours lie side by side.
+KUAFU_ARRAY(GuideArray, vec4, 16)
+KUAFU_CONST guide_block = 32u;
+KUAFU_FN guide_words(uint pixels) { return (pixels + guide_block - 1u) / guide_block * guide_block * 12u; }
+KUAFU_FN guide_place(uint pixel, uint k) { return (pixel / guide_block * 3u + k) * guide_block + pixel % guide_block; }
 KUAFU_CONST mixed_materials = 0xfffffffeu;  // GuideRecord.material of a blurred pixel that shows several
 
 /// How a view of the last launch saw the world.
@@ -151,7 +155,6 @@ struct RemodulatePush {
 };
 
 #ifdef __cplusplus
-static_assert(sizeof(GuideRecord) == 48);
 static_assert(sizeof(GuidePush) == 112);
 static_assert(sizeof(PlaceRecord) == 4 * place_words);
 static_assert(sizeof(MomentsPush) == 72);

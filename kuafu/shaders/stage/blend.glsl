@@ -3,7 +3,7 @@
 void blend(uint local_pixel) {
   Pixel pixel = wave_pixel(push.range, local_pixel);
   uint index = (pixel.view * push.range.height + pixel.row) * push.range.width + pixel.column;
-  GuideRecord g = push.guides.at[index];
+  GuideRecord g = load_guide(push.guides, index);
   vec3 albedo = vec3(0.0f), normal = vec3(0.0f), first = vec3(0.0f), offset = vec3(0.0f);
   float square = 0.0f, hits = 0.0f, share = 1.0f / float(push.range.sample_count);
   for (uint s = 0u; s < push.range.sample_count; ++s) {

@@ -17,7 +17,7 @@ float confidence_of(uint square) { return square == square_edge ? edge_confidenc
 
 /// Where a neighbour is of another surface or colour, this pixel's square may be, too.
 uint square_of(uint pixel) {
-  GuideRecord here = push.guides.at[pixel];
+  GuideRecord here = load_guide(push.guides, pixel);
   uint square = square_plain;
   if (here.material == mixed_materials) return square;
   float brightest = max(here.albedo.x, max(here.albedo.y, here.albedo.z));
@@ -25,7 +25,7 @@ uint square_of(uint pixel) {
     int dx = i % 3 - 1, dy = i / 3 - 1;
     uint other = neighbour(pixel, dx, dy);
     if (other == miss || other == pixel) continue;
-    GuideRecord there = push.guides.at[other];
+    GuideRecord there = load_guide(push.guides, other);
     vec3 turn = abs(there.albedo - here.albedo);
     float apart = surface_unlike(here, there, 1.0f, 8.0f), recoloured = max(turn.x, max(turn.y, turn.z)) / brightest;
     if ((dx == 0 || dy == 0) && (apart > 1.2f || recoloured > 0.1f)) return square_edge;
@@ -35,7 +35,7 @@ uint square_of(uint pixel) {
 }
 
 void divide(uint pixel) {
-  vec3 albedo = push.guides.at[pixel].albedo;
+  vec3 albedo = load_guide(push.guides, pixel).albedo;
   uint channels = push.images.at[0].channels;
   float level = 0.0f;
   for (uint k = 0u; k < push.images.at[0].denoised_count; ++k)
@@ -54,7 +54,7 @@ void divide(uint pixel) {
 
 // Variances are averaged over like neighbours, mirror or not: two samples tell little of their own. One sample tells nothing: the neighbours' scatter stands in.
 void despeckle(uint pixel) {
-  GuideRecord here = push.guides.at[pixel];
+  GuideRecord here = load_guide(push.guides, pixel);
   PixelStatistics own = push.pixels_in.at[pixel];
   float own_variance = own.variance, level = own.level;
   float weights = 0.0f, first = 0.0f, second = 0.0f, variance = own_variance, all = 1.0f;
@@ -63,7 +63,7 @@ void despeckle(uint pixel) {
       uint other = neighbour(pixel, dx, dy);
       if (other == miss || other == pixel) continue;
       float distance = float(max(abs(dx), abs(dy)));
-      float weight = falling(surface_unlike(here, push.guides.at[other], distance, 32.0f));
+      float weight = falling(surface_unlike(here, load_surface(push.guides, other), distance, 32.0f));
       if (weight == 0.0f) continue;
       all += weight;
       PixelStatistics there = push.pixels_in.at[other];
@@ -92,14 +92,14 @@ void despeckle(uint pixel) {
 
 // Pixels are told apart by the means of 3 x 3 alike around them, which have a third of the noise: a highlight's slope stands out from it earlier.
 void smooth_levels(uint pixel) {
-  GuideRecord here = push.guides.at[pixel];
+  GuideRecord here = load_guide(push.guides, pixel);
   int spacing = int(push.spacing);
   float level = 0.0f, weights = 0.0f, variance = 0.0f;
   for (int dy = -1; dy <= 1; ++dy)
     for (int dx = -1; dx <= 1; ++dx) {
       uint other = neighbour(pixel, dx * spacing, dy * spacing);
       if (other == miss) continue;
-      float t = other == pixel ? 0.0f : surface_unlike(here, push.guides.at[other], float(spacing), 1e9f);
+      float t = other == pixel ? 0.0f : surface_unlike(here, load_surface(push.guides, other), float(spacing), 1e9f);
       PixelStatistics there = push.pixels_in.at[other];
       float weight = (dx == 0 ? 1.0f : 0.5f) * (dy == 0 ? 1.0f : 0.5f) * falling(t) * there.confidence;
       weights += weight;
@@ -112,12 +112,12 @@ void smooth_levels(uint pixel) {
 
 /// The least and the most that light here may be, by what this launch shows around it: where a shadow has gone, history must not keep it.
 vec2 plausible_levels(uint pixel) {
-  GuideRecord here = push.guides.at[pixel];
+  GuideRecord here = load_guide(push.guides, pixel);
   float least = 1e30f, most = 0.0f;
   for (int dy = -1; dy <= 1; ++dy)
     for (int dx = -1; dx <= 1; ++dx) {
       uint other = neighbour(pixel, dx, dy);
-      if (other == miss || (other != pixel && surface_unlike(here, push.guides.at[other], 1.0f, 32.0f) > 1.0f)) continue;
+      if (other == miss || (other != pixel && surface_unlike(here, load_surface(push.guides, other), 1.0f, 32.0f) > 1.0f)) continue;
       SmoothStatistics there = push.smoothed.at[other];
       float reach = change_reach * sqrt(there.variance);
       least = min(least, there.level - reach);
@@ -130,7 +130,7 @@ vec2 plausible_levels(uint pixel) {
 void accumulate(uint pixel) {
   DenoiseImages images = push.images.at[0];
   uint planes = plane_count(), view = pixel / (push.width * push.height);
-  GuideRecord here = push.guides.at[pixel];
+  GuideRecord here = load_guide(push.guides, pixel);
   PlaceRecord place = images.places.at[pixel];
   here.position = place.position;
   here.normal = place.normal;
@@ -144,7 +144,7 @@ void accumulate(uint pixel) {
       uint other = (view * push.height + uint(y)) * push.width + uint(x);
       if (images.last_places.at[other].instance != place.instance) continue;
       float weight = max(0.0f, 1.0f - abs(place.film.x - float(x))) * max(0.0f, 1.0f - abs(place.film.y - float(y)));
-      weight *= falling(surface_unlike(here, images.last_guides.at[other], 1.0f, 1e9f));
+      weight *= falling(surface_unlike(here, load_surface(images.last_guides, other), 1.0f, 1e9f));
       weights += weight;
       variance += weight * images.last_pixels.at[other * history_words + history_variance];
       launches += weight * images.last_pixels.at[other * history_words + history_launches];
@@ -196,7 +196,7 @@ float smooth_variance(uint pixel) {
 }
 
 void atrous(uint pixel) {
-  GuideRecord here = push.guides.at[pixel];
+  GuideRecord here = load_guide(push.guides, pixel);
   SmoothStatistics own = push.smoothed.at[pixel];
   float noise_here = smooth_variance(pixel);
   const uint most_planes = 15u;
@@ -207,7 +207,7 @@ void atrous(uint pixel) {
     for (int dx = -2; dx <= 2; ++dx) {
       uint other = neighbour(pixel, dx * int(push.spacing), dy * int(push.spacing));
       if (other == miss) continue;
-      float t = other == pixel ? 0.0f : surface_unlike(here, push.guides.at[other], float(max(abs(dx), abs(dy))) * float(push.spacing), 1e9f);
+      float t = other == pixel ? 0.0f : surface_unlike(here, load_surface(push.guides, other), float(max(abs(dx), abs(dy))) * float(push.spacing), 1e9f);
       if (t >= unlike) continue;
       SmoothStatistics there = push.smoothed.at[other];
       float kernel = binomial(dx) * binomial(dy), noise = max(noise_here, there.variance);
@@ -234,7 +234,7 @@ void multiply(uint pixel) {
   bool squares = push.lists != 0u;
   if (squares && push.pixels_in.at[pixel].square != square_plain) return;
   DenoiseImages images = push.images.at[0];
-  GuideRecord here = push.guides.at[pixel];
+  GuideRecord here = load_guide(push.guides, pixel);
   const uint most_planes = 15u;
   float sum[15], weights = 0.0f;
   uint planes = plane_count();
@@ -244,7 +244,7 @@ void multiply(uint pixel) {
     for (int dx = -reach; dx <= reach; ++dx) {
       uint other = neighbour(pixel, dx, dy);
       if (other == miss) continue;
-      float weight = other == pixel ? 1.0f : (dx == 0 || dy == 0 ? 0.25f : 0.0875f) * falling(surface_unlike(here, push.guides.at[other], 2.0f, 1e9f));
+      float weight = other == pixel ? 1.0f : (dx == 0 || dy == 0 ? 0.25f : 0.0875f) * falling(surface_unlike(here, load_surface(push.guides, other), 2.0f, 1e9f));
       weights += weight;
       for (uint p = 0u; p < planes; ++p) sum[p] += weight * push.light_in.at[other * planes + p];
     }
@@ -264,11 +264,11 @@ void sum_images(uint pixel) {
 }
 
 void denoise(uint pixel) {
-  if (push.step == denoise_divide) divide(pixel);
-  if (push.step == denoise_despeckle) despeckle(pixel);
-  if (push.step == denoise_accumulate) accumulate(pixel);
-  if (push.step == denoise_smooth) smooth_levels(pixel);
-  if (push.step == denoise_atrous) atrous(pixel);
-  if (push.step == denoise_multiply) multiply(pixel);
-  if (push.step == denoise_sum) sum_images(pixel);
+  if (denoise_step() == denoise_divide) divide(pixel);
+  if (denoise_step() == denoise_despeckle) despeckle(pixel);
+  if (denoise_step() == denoise_accumulate) accumulate(pixel);
+  if (denoise_step() == denoise_smooth) smooth_levels(pixel);
+  if (denoise_step() == denoise_atrous) atrous(pixel);
+  if (denoise_step() == denoise_multiply) multiply(pixel);
+  if (denoise_step() == denoise_sum) sum_images(pixel);
 }

@@ -19,7 +19,7 @@ Gathered gather(GuideRecord g, Pixel pixel, uint planes) {
       int x = int(pixel.column) + dx, y = int(pixel.row) + dy;
       if (x < 0 || y < 0 || x >= int(width) || y >= int(height)) continue;
       uint other = (pixel.view * height + uint(y)) * width + uint(x);
-      GuideRecord there = push.guides.at[other];
+      GuideRecord there = load_surface(push.guides, other);
       vec3 away = there.position - g.position;
       float pixels = g.material == miss ? float(dx * dx + dy * dy) : length(away) / (g.footprint_m + 1e-9f);
       bool own = dx == 0 && dy == 0;

@@ -65,7 +65,7 @@ void Denoiser::fit(const Launch& launch, const Scene& scene, const Frame& frame)
   else
     history_.forget();
   images_.resize(memory_, 1)[0] = images;
-  grow(memory_, guides_, pixels * sizeof(GuideRecord) / 4);
+  grow(memory_, guides_, guide_words(uint32_t(pixels)));
   grow(memory_, sums_, pixels * 2);
   for (auto& light : light_) grow(memory_, light, pixels * kinds.size() * channels_);
   for (auto& statistics : pixels_) grow(memory_, statistics, pixels * sizeof(PixelStatistics) / 4);
@@ -144,7 +144,7 @@ void Denoiser::step(ks::Commands& commands, uint32_t step, uint32_t spacing) {
   push_.pixels_out = memory_.address(*pixels_[1]);
   push_.step = step;
   push_.spacing = spacing;
-  denoise_.run(commands, "denoise", push_, planes_);
+  denoise_.run(commands, "denoise", push_, planes_ | push_.step << 8);
 }
 
 void Denoiser::blend(ks::Commands& commands, const WaveRays& square) { over_square(commands, square, square.range.pixel_count, true); }
@@ -165,7 +165,7 @@ void Denoiser::over_square(ks::Commands& commands, const WaveRays& square, uint3
 
 void Denoiser::sum(ks::Commands& commands) {
   push_.step = denoise_sum;
-  denoise_.run(commands, "denoise", push_, planes_);
+  denoise_.run(commands, "denoise", push_, planes_ | push_.step << 8);
 }
 
 }  // namespace kuafu

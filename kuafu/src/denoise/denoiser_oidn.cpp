@@ -12,15 +12,15 @@ std::vector<float> three_channels(const std::vector<float>& values, uint32_t cha
   return out;
 }
 
-void read_guides(const ks::Buffer& buffer, uint64_t first, uint64_t count, OidnImages& images) {
-  std::vector<GuideRecord> guides(count);
-  buffer.read(first * sizeof(GuideRecord), guides.data(), count * sizeof(GuideRecord));
+void read_guides(const ks::Buffer& buffer, uint32_t first, uint32_t count, OidnImages& images) {
+  std::vector<glm::vec4> guides(guide_words(first + count) / 4);
+  buffer.read(0, guides.data(), guides.size() * sizeof(glm::vec4));
   images.albedo.clear();
   images.normal.clear();
-  for (const GuideRecord& g : guides)
+  for (uint32_t pixel = first; pixel < first + count; ++pixel)
     for (int i = 0; i < 3; ++i) {
-      images.albedo.push_back(g.albedo[i]);
-      images.normal.push_back(g.normal[i]);
+      images.albedo.push_back(guides[guide_place(pixel, 2)][i]);
+      images.normal.push_back(guides[guide_place(pixel, 0)][i]);
     }
 }
 
@@ -32,7 +32,7 @@ void Denoiser::filter_by_oidn(const Launch& launch, const Frame& frame) {
   std::vector<float> values(pixels * channels_);
   OidnImages images;
   for (uint64_t view = 0; view < launch.views.size(); ++view) {
-    read_guides(*guides_, view * pixels, pixels, images);
+    read_guides(*guides_, uint32_t(view * pixels), uint32_t(pixels), images);
     for (const uint32_t kind : denoised_kinds(launch)) {
       ks::Buffer& image = frame.image(kind);
       const uint64_t offset_bytes = view * values.size() * sizeof(float);

@@ -18,7 +18,7 @@ void History::begin(const Launch& launch, const Scene& scene, size_t planes, std
     grow(memory_, pixels_[i], pixels * history_words);
     grow(memory_, places_[i], pixels * place_words);
   }
-  grow(memory_, guides_, pixels * sizeof(GuideRecord) / 4);
+  grow(memory_, guides_, guide_words(uint32_t(pixels)));
   write_views();
   write_poses(scene);
   images.last_light = memory_.address(*light_[0]);

@@ -27,6 +27,7 @@ struct Moments {
 
 struct Denoise {
   const DenoisePush& push;
+  [[nodiscard]] uint denoise_step() const { return push.step; }
   const uint planes = push.images.at[0].denoised_count * push.images.at[0].channels;
   [[nodiscard]] uint plane_count() const { return planes; }
 #include "stage/denoise.glsl"
