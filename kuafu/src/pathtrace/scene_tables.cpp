@@ -4,8 +4,8 @@
 #include <cmath>
 #include <utility>
 
-#include "light/emitters.h"
 #include "device/thread_pool.h"
+#include "light/emitters.h"
 #include "material/material_record.h"
 #include "material/specular_albedo.h"
 #include "scene/motion_record.h"
