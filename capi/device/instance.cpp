@@ -1,5 +1,7 @@
 #include "device/instance.h"
 
+#include <unistd.h>
+
 #include <algorithm>
 #include <cstdlib>
 #include <cstring>
@@ -23,18 +25,26 @@ void load_instance_functions(VkInstance instance) {
   std::call_once(once, [instance] { volkLoadInstanceOnly(instance); });
 }
 
-/// The instance that is shared; made by the first who asks when there is a driver.
-VkResult get_shared_instance(const VkInstanceCreateInfo& info, VkInstance& instance) {
-  static std::mutex mutex;
-  static VkInstance shared = VK_NULL_HANDLE;
-  const std::lock_guard lock(mutex);
-  if (shared == VK_NULL_HANDLE) {
-    const VkResult result = vkCreateInstance(&info, nullptr, &instance);
-    if (result != VK_SUCCESS) return result;
-    shared = instance;
-  }
-  instance = shared;
-  return VK_SUCCESS;
+struct NoInstance {
+  VkResult result;
+};
+
+/// Throws NoInstance.
+VkInstance new_instance(const VkInstanceCreateInfo& info) {
+  VkInstance instance = VK_NULL_HANDLE;
+  const VkResult result = vkCreateInstance(&info, nullptr, &instance);
+  if (result != VK_SUCCESS) throw NoInstance{result};
+  return instance;
+}
+
+/// The first of the process that could be made; VK_NULL_HANDLE in a process forked since, which has none of the driver's threads.
+VkInstance shared_instance(const VkInstanceCreateInfo& info) {
+  struct Shared {
+    VkInstance instance;
+    pid_t process;
+  };
+  static const Shared first{new_instance(info), getpid()};
+  return first.process == getpid() ? first.instance : VK_NULL_HANDLE;
 }
 
 std::string driver_variables() {
@@ -91,12 +101,13 @@ std::unique_ptr<Instance> Instance::create(std::shared_ptr<LogSink> log, bool va
   info.enabledLayerCount = info.enabledExtensionCount = validation ? 1 : 0;
   info.ppEnabledLayerNames = &validation_layer;
   info.ppEnabledExtensionNames = &extension;
-  self->shared_ = !validation;
-  const VkResult result = validation ? vkCreateInstance(&info, nullptr, &self->instance_) : get_shared_instance(info, self->instance_);
-  if (result != VK_SUCCESS) {
-    *why_not = std::string("the Vulkan loader found no working driver (vkCreateInstance: ") + result_name(result) + driver_variables() +
-               "): " + install_hint;
-    self->instance_ = VK_NULL_HANDLE;
+  try {
+    if (!validation) self->instance_ = shared_instance(info);
+    self->shared_ = self->instance_ != VK_NULL_HANDLE;
+    if (!self->shared_) self->instance_ = new_instance(info);
+  } catch (const NoInstance& none) {
+    *why_not = std::string("the Vulkan loader found no working driver (vkCreateInstance: ") + result_name(none.result) +
+               driver_variables() + "): " + install_hint;
     return nullptr;
   }
   load_instance_functions(self->instance_);

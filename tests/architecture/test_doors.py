@@ -22,7 +22,7 @@ MAX_LINES = 500
 C99_HEADERS = {"stdint.h", "stddef.h", "string.h", "math.h"}
 
 # Written once when the Vulkan loader is opened, never changed afterwards.
-LOADER_STATE = {"open_loader()::opened", "load_instance_functions(VkInstance_T*)::once"}
+LOADER_STATE = {"open_loader()::opened", "load_instance_functions(VkInstance_T*)::once", "shared_instance(VkInstanceCreateInfo const&)::first"}
 
 
 def sources(folder, suffixes):

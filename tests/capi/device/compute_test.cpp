@@ -1,6 +1,8 @@
 #include "device/compute.h"
 
 #include <gtest/gtest.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <chrono>
@@ -116,6 +118,24 @@ TEST_F(ComputeTest, ThreadsMayUseOneDeviceOrTheirOwn) {
     });
   for (std::thread& thread : threads) thread.join();
   EXPECT_EQ(right, 20);
+}
+
+TEST_F(ComputeTest, AForkedProcessComputesOnADeviceOfItsOwn) {
+  SKIP_IF(test::why_no_cpu_device());
+  const auto parents = test::cpu_device(1);
+  EXPECT_EQ(multiply_twice(parents, 2, 3)[1], 72u);
+  const pid_t child = fork();
+  if (child == 0) {
+    alarm(20);  // none of the parent's threads is here, whatever waits for one waits for ever
+    try {
+      _exit(multiply_twice(test::cpu_device(1), 2, 3)[1] == 72u ? 0 : 1);
+    } catch (...) {
+      _exit(2);
+    }
+  }
+  int status = -1;
+  EXPECT_EQ(waitpid(child, &status, 0), child);
+  EXPECT_EQ(status, 0);
 }
 
 TEST_F(ComputeTest, IndirectDispatchTakesItsSizeFromTheBuffer) {
