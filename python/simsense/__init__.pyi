@@ -130,6 +130,7 @@ class Engine:
         batch_count: int = 1,
         faults: Sequence[str] = (),
         back_end: Literal["auto", "cpu", "vulkan"] = "auto",
+        low_memory: bool = False,
         **parameters: float | str,
     ) -> None: ...
     @property

@@ -111,7 +111,7 @@ class Engine {
  public:
   Engine(const py::object& device, const py::object& left, const py::object& right, const py::object& left_to_right, const py::object& rgb,
          const py::object& left_to_rgb, bool rectified, const py::object& batch_count, const py::object& faults, const py::object& back_end,
-         const py::kwargs& parameters) {
+         bool low_memory, const py::kwargs& parameters) {
     if (!py::isinstance<Device<Simsense>>(device))
       raise_argument<Simsense>("device must be a simsense.Device, not " + std::string(py::repr(device)));
     device_ = py::cast<std::shared_ptr<Device<Simsense>>>(device);
@@ -122,6 +122,7 @@ class Engine {
     rig_.batch_count = read_as<Simsense, uint32_t>(batch_count, "batch_count", "a whole number of pairs");
     rig_.faults = read_faults(faults);
     rig_.back_end = read_back_end(back_end);
+    rig_.low_memory = low_memory ? 1 : 0;
     read_required_matrix<Simsense>(left_to_right, "left_to_right", rig_.left_to_right, 16);
     read_matrix<Simsense>(left_to_rgb, "left_to_rgb", rig_.left_to_rgb, 16);
     Settings settings;
@@ -385,13 +386,14 @@ void bind_engine(py::module_& module) {
       "('keep', 'left', 'background') may be given by name or by number.\n"
       "census_contrast (0..1, default 1 / 16): how large a share of the local range of counts a difference must be to count; 0: any.")
       .def(py::init<const py::object&, const py::object&, const py::object&, const py::object&, const py::object&, const py::object&, bool,
-                    const py::object&, const py::object&, const py::object&, const py::kwargs&>(),
+                    const py::object&, const py::object&, const py::object&, bool, const py::kwargs&>(),
            py::arg("device"), py::arg("left"), py::arg("right"), py::arg("left_to_right"), py::kw_only(), py::arg("rgb") = py::none(),
            py::arg("left_to_rgb") = py::none(), py::arg("rectified") = false, py::arg("batch_count") = 1,
-           py::arg("faults") = py::make_tuple(), py::arg("back_end") = "auto",
+           py::arg("faults") = py::make_tuple(), py::arg("back_end") = "auto", py::arg("low_memory") = false,
            "left_to_right, left_to_rgb: 4x4. rgb: the camera to register to, or None. rectified: the input pair is row-aligned already.\n"
            "faults: those of the published SimSense to keep, by name (SIMSENSE_FAULT_* of simsense.h); simsense.FAULTS has all.\n"
-           "back_end: 'cpu'; 'vulkan', or simsense.Error where the device cannot; 'auto': Vulkan on a GPU, else the CPU.")
+           "back_end: 'cpu'; 'vulkan', or simsense.Error where the device cannot; 'auto': Vulkan on a GPU, else the CPU.\n"
+           "low_memory: Vulkan takes the least memory, not the least time; the maps stay the same.")
       .def_property_readonly("device", &Engine::device)
       .def_property_readonly("parameters", &Engine::parameters,
                              "All parameters, as a new dict; those of the imagers as the left one has them, see Engine.signal.")

@@ -257,7 +257,7 @@ uint64_t Engine::submit_to_device(const ComputeRequest& request) {
   open_frame(request, frame, [this](const ImageArgument& argument, const ImageShape& shape, const char* name) {
     return DeviceImage(pipeline_->staging(), argument, shape, name);
   });
-  const Matching matching{match_parameters(parameters_), region(parameters_), reach(region(parameters_))};
+  const Matching matching{match_parameters(parameters_), region(parameters_), reach(region(parameters_)), rig_.low_memory != 0};
   return pipeline_->submit(std::move(frame), {parameters_, imagers_, is_wide(), matching, request.progress, request.progress_user});
 }
 

@@ -117,7 +117,7 @@ ENDS_WITH(kuafu_output_desc, image);
 ENDS_WITH(kuafu_render_desc, relative_error);
 ENDS_WITH(kuafu_render_summary, seconds);
 ENDS_WITH(simsense_camera, distortion);
-ENDS_WITH(simsense_rig_desc, back_end);
+ENDS_WITH(simsense_rig_desc, reserved);
 ENDS_WITH(simsense_parameters, census_contrast);
 ENDS_WITH(simsense_signal, scene_index);
 ENDS_WITH(simsense_image, image);

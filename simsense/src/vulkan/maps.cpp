@@ -23,6 +23,16 @@ const ks::ComputePipeline& made(std::optional<ks::ComputePipeline>& slot, const 
 
 }  // namespace
 
+namespace {
+
+MatchTuning tuning_of(const Matching& matching) {
+  MatchTuning tuning;
+  if (matching.low_memory) tuning.pairs_at_once = 1, tuning.block_costs = BlockCosts::summed;
+  return tuning;
+}
+
+}  // namespace
+
 VulkanMaps::VulkanMaps(std::shared_ptr<ks::Device> device, uint32_t width, uint32_t height, uint32_t batch, const Matching& matching)
     : device_(std::move(device)),
       width_(width),
@@ -30,7 +40,7 @@ VulkanMaps::VulkanMaps(std::shared_ptr<ks::Device> device, uint32_t width, uint3
       whole_{0, 0, width, height},
       matching_(matching),
       matcher_(make_vulkan_matcher(device_, matching.used.x1 - matching.used.x0, matching.used.y1 - matching.used.y0, batch,
-                                   matching.parameters)) {}
+                                   matching.parameters, tuning_of(matching))) {}
 
 uint64_t VulkanMaps::reserve(std::shared_ptr<ks::Buffer>& buffer, uint64_t pixel_bytes, uint32_t width, uint32_t height) {
   const uint64_t bytes = pixel_bytes * width * height * pairs_at_once();

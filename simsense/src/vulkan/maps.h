@@ -18,6 +18,7 @@ namespace simsense {
 struct Matching {
   MatchParameters parameters;
   Region wanted, used;  // the region of interest, and what must be matched to find its disparities
+  bool low_memory = false;
   bool operator==(const Matching&) const = default;
 };
 

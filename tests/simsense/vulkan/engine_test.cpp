@@ -212,6 +212,15 @@ TEST(vulkan_engine, both_back_ends_match_a_region_alike) {
   compare(ideal(), p, wanted, simsense_signal_init(), 0);
 }
 
+TEST(vulkan_engine, low_memory_gives_the_same_maps) {
+  simsense_rig_desc rig = ideal();
+  rig.low_memory = 1;
+  simsense_parameters p = small_parameters();
+  p.max_disparity = 16;
+  p.block_width = p.block_height = 3;
+  compare(rig, p, {{SIMSENSE_OUTPUT_DISPARITY, KS_FORMAT_F32}, {SIMSENSE_OUTPUT_CONFIDENCE, KS_FORMAT_F32}}, simsense_signal_init(), 0);
+}
+
 TEST(vulkan_engine, both_back_ends_match_more_than_8_bit_alike) {
   simsense_signal s = simsense_signal_init();
   s.bit_depth = 12;
