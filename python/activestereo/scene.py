@@ -75,6 +75,7 @@ def _metal(color, roughness, ir_albedo):
 
 def _glass(ior):
     extensions = {"KHR_materials_transmission": {"transmissionFactor": 1.0}, "KHR_materials_ior": {"ior": ior}}
+    extensions["KHR_materials_volume"] = {"thicknessFactor": 0.01}  # without: a sheet; how thick it is, its mesh says
     pbr = {"baseColorFactor": [1.0, 1.0, 1.0, 1.0], "metallicFactor": 0.0, "roughnessFactor": 0.0}
     return {"pbrMetallicRoughness": pbr, "extensions": extensions}
 

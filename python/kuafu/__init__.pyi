@@ -137,6 +137,7 @@ class Material:
     subsurface_radius_m: tuple[float, float, float]
     ir_subsurface_color: float | None
     ir_subsurface_radius_m: float | None
+    thin_walled: bool
     bsdf: Literal["gltf", "paper"]
     light_group: int
     def __init__(self, **fields: Any) -> None: ...

@@ -110,6 +110,9 @@ void bind_material(py::module_& module) {
   maybe(type, "ir_subsurface_color", &kuafu_material_desc::ir_subsurface_color, "In the infrared band; None = red.");
   maybe(type, "ir_subsurface_radius_m", &kuafu_material_desc::ir_subsurface_radius_m, "In the infrared band; None = red.");
   type.def_property(
+      "thin_walled", [](const Material& m) { return m.c.thin_walled != 0; }, [](Material& m, bool thin) { m.c.thin_walled = thin ? 1 : 0; },
+      "Its glass is a sheet, not the skin of a body: light goes through both faces at once and straight on.");
+  type.def_property(
       "bsdf", [](const Material& m) { return m.c.bsdf == KUAFU_BSDF_PAPER ? "paper" : "gltf"; },
       [](Material& m, const std::string& bsdf) {
         if (bsdf != "gltf" && bsdf != "paper") raise_argument<Kuafu>("unknown bsdf '" + bsdf + "' (known: gltf, paper)");

@@ -104,7 +104,7 @@ STARTS_WITH_HEADER(simsense_compute_desc);
 ENDS_WITH(kuafu_scene_summary, bounds_max_m);
 ENDS_WITH(kuafu_mesh_desc, triangle_count);
 ENDS_WITH(kuafu_texture_desc, reserved);
-ENDS_WITH(kuafu_material_desc, ir_subsurface_radius_m);
+ENDS_WITH(kuafu_material_desc, reserved);
 ENDS_WITH(kuafu_instance_desc, angular_velocity);
 ENDS_WITH(kuafu_light_desc, on_until_s);
 ENDS_WITH(kuafu_environment_desc, map_to_world);

@@ -16,7 +16,8 @@
                                the base gets and gives what the layer lets through (Kelemen and Szirmay-Kalos 2001): a white one loses nothing */
 #define KUAFU_BSDF_PAPER 1u /* w f_diffuse + (1 - w) f_specular, w = (1 - metallic)(1 - transmission): no layer */
 
-/* glTF 2.0's material model: GGX (alpha = roughness squared), metallic-roughness, KHR_materials_ior/specular/transmission. Fields that glTF has no
+/* glTF 2.0's material model: GGX (alpha = roughness squared), metallic-roughness, KHR_materials_ior/specular/transmission/volume; no roughness
+ * loses or creates light. As KHR_materials_volume has it, transmission without its thicknessFactor is read as thin_walled. Fields that glTF has no
  * words for are read from a material's extras under their names here; textures there as {"index": n}. */
 typedef struct kuafu_material_desc {
   ks_header header;
@@ -52,6 +53,9 @@ typedef struct kuafu_material_desc {
                                     projector light that wandered is projector indirect: what is left direct has no noise */
   float ir_subsurface_color;     /* NAN = red */
   float ir_subsurface_radius_m;  /* NAN = red */
+  uint32_t thin_walled;          /* nonzero: its glass is a sheet, not the skin of a body: light goes through both faces at once and straight on, after all
+                                    reflections between them; base_color is what one way across leaves, attenuation is not used */
+  uint32_t reserved;
 } kuafu_material_desc;
 static inline kuafu_material_desc kuafu_material_desc_init(void) {
   kuafu_material_desc m;

@@ -14,7 +14,11 @@ struct MaterialPoint {
   Spectrum attenuation;  // inside, 1/m
   float transmission_roughness, diffuse_roughness;
   float subsurface;  // share of the diffuse base
+  bool thin_walled;  // the glass is a sheet
 };
+
+/// Without a body behind it: nothing absorbs there, and no path is inside.
+bool is_sheet(IN(MaterialPoint) m) { return (features & feature_materials) != 0u && m.thin_walled; }
 
 vec4 material_texel(IN(SceneAddresses) scene, uint texture, vec2 uv) {
   return texture == no_texture ? vec4(1.0f) : texture_repeat(scene.textures.at[texture], uv);
@@ -46,7 +50,8 @@ MaterialPoint load_material(IN(SceneAddresses) scene, IN(MaterialRecord) m, INOU
   p.transmission_roughness = 0.0f;
   if ((features & feature_subsurface) != 0u) p.subsurface = m.subsurface;
   if ((features & feature_materials) != 0u) {
-    p.attenuation = band_of(m.attenuation, m.ir_attenuation);
+    p.attenuation = m.thin_walled != 0u ? Spectrum(0.0f) : band_of(m.attenuation, m.ir_attenuation);
+    p.thin_walled = m.thin_walled != 0u;
     p.transmission_roughness = m.transmission_roughness;
     p.diffuse_roughness = m.diffuse_roughness;
   }

@@ -5,6 +5,7 @@
 #include "lib/language.glsl"
 
 const float pi = 3.14159265358979f;
+const float mirror_alpha = 1e-3f;  // below: a mirror
 
 float ggx_distribution(vec3 h, float alpha) {
   float a2 = alpha * alpha;

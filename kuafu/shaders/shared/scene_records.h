@@ -47,6 +47,7 @@ struct MaterialRecord {
   float subsurface;
   vec3 subsurface_albedo, subsurface_extinction;  // of one scattering, and 1/m
   float ir_subsurface_albedo, ir_subsurface_extinction;
+  uint thin_walled;
 };
 KUAFU_ARRAY(MaterialArray, MaterialRecord, 4)
 
@@ -123,6 +124,10 @@ KUAFU_CONST specular_albedo_size = 32u;  // cosines and roughnesses of metal's t
 KUAFU_CONST layer_albedo_size = 16u;     // indices and roughnesses of the layer's
 KUAFU_CONST layer_albedo_first = 32u * 33u;
 KUAFU_CONST specular_albedo_entries = 32u * 33u + 16u * 16u * 32u;
+KUAFU_CONST glass_albedo_first = 32u * 33u + 16u * 16u * 32u;  // where a scene has rough glass
+KUAFU_CONST glass_albedo_indices = 20u;
+KUAFU_CONST glass_albedo_roughnesses = 24u;
+KUAFU_CONST glass_albedo_cosines = 24u;
 
 /// In the band being rendered, the infrared in x.
 struct MediumRecord {
@@ -154,7 +159,7 @@ KUAFU_ARRAY(SceneReference, SceneAddresses, 8)
 
 #ifdef __cplusplus
 static_assert(sizeof(InstanceRecord) == 144);
-static_assert(sizeof(MaterialRecord) == 160);
+static_assert(sizeof(MaterialRecord) == 164);
 static_assert(sizeof(TextureRecord) == 24);
 static_assert(sizeof(LightRecord) == 104);
 static_assert(sizeof(LightShape) == 152);

@@ -20,7 +20,7 @@ Spectrum pass_surface(IN(MetSurface) met, float time_s, INOUT(Ray) ray) {
   bool front = dot(s.geometric_normal, ray.direction) <= 0.0f;
   Spectrum transmittance = straight_transmittance(m, abs(dot(s.shading_normal, ray.direction)));
   if ((features & feature_materials) != 0u && !front) transmittance *= band_exp(m.attenuation * -met.t);
-  if ((features & feature_medium) != 0u && !front && m.transmission > 0.0f && max_component(transmittance) > 0.0f)
+  if ((features & feature_medium) != 0u && !front && !is_sheet(m) && m.transmission > 0.0f && max_component(transmittance) > 0.0f)
     transmittance *= inside_instead_of_fog(ray, met.t);
   ray.origin = offset_origin(s.position, s.coordinate_size, front ? -s.geometric_normal : s.geometric_normal);
   return transmittance;

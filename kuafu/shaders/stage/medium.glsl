@@ -20,7 +20,8 @@ bool ran_inside(uint i, IN(Path) path) {
   if (ray_field(i, hit_geometry) == miss) return false;
   IN(SceneAddresses) scene = push.scene.at[0];
   Surface s = surface_at(scene, ray_field(i, hit_instance), ray_field(i, hit_primitive), 0.0f, 0.0f, path.time_s);
-  return dot(s.geometric_normal, load_direction(push.rays_in, i, push.capacity)) > 0.0f && scene.materials.at[s.material].transmission > 0.0f;
+  IN(MaterialRecord) m = scene.materials.at[s.material];
+  return dot(s.geometric_normal, load_direction(push.rays_in, i, push.capacity)) > 0.0f && m.transmission > 0.0f && m.thin_walled == 0u;
 }
 
 FogVertex sample_fog(IN(Path) path, vec3 origin, vec3 direction, float t_far) {

@@ -94,7 +94,7 @@ ShadowRequest ask_light_at_surface(IN(Path) path, IN(Vertex) vertex, uint k) {
   ShadowRequest request;
   request.wanted = false;
   LightAtSurface l = light_at_surface(path, vertex, k);
-  if (!l.found || (l.wi.z <= 0.0f && !is_rough_glass(vertex.bsdf))) return request;
+  if (!l.found || (l.wi.z <= 0.0f && !is_rough(vertex.bsdf.glass))) return request;
   float pdf;
   Spectrum f = bsdf_evaluate(vertex.bsdf, push.scene.at[0].specular_albedo, vertex.wo, l.wi, vertex.chances, pdf);
   return request_light(path, l, f, pdf);

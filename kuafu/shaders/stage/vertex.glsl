@@ -41,6 +41,7 @@ void load_vertex(uint i, INOUT(Path) path, OUT(Vertex) vertex) {
   vertex.coordinate_size = s.coordinate_size;
   vertex.side_normal = front ? s.geometric_normal : -s.geometric_normal;
   vertex.body_beyond = front ? s.material + 1u : 0u;
+  if (is_sheet(m)) vertex.body_beyond = path.body;
   vec3 normal = front ? s.shading_normal : -s.shading_normal;
   // An interpolated normal may face away from the viewer, where GGX is not defined: bend it back. Lambert needs no viewer.
   float facing = dot(normal, wo);

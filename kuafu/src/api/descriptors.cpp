@@ -110,6 +110,7 @@ Material to_material(const kuafu_material_desc& desc) {
   for (int i = 0; i < 3; ++i) m.subsurface_radius_m[i] = desc.subsurface_radius_m[i];
   m.ir_subsurface_color = desc.ir_subsurface_color;
   m.ir_subsurface_radius_m = desc.ir_subsurface_radius_m;
+  m.thin_walled = desc.thin_walled != 0;
   return m;
 }
 
@@ -229,6 +230,7 @@ kuafu_material_desc to_desc(const Material& m) {
   for (int i = 0; i < 3; ++i) desc.subsurface_radius_m[i] = m.subsurface_radius_m[i];
   desc.ir_subsurface_color = m.ir_subsurface_color;
   desc.ir_subsurface_radius_m = m.ir_subsurface_radius_m;
+  desc.thin_walled = m.thin_walled ? 1 : 0;
   return desc;
 }
 

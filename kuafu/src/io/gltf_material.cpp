@@ -88,6 +88,7 @@ void GltfMaterials::read_extras(const tinygltf::Value& extras, const std::string
                                                     {"ir_subsurface_radius_m", &to.ir_subsurface_radius_m},
                                                     {"transmission_roughness", &to.transmission_roughness}};
   for (const auto& [name, value] : numbers) *value = static_cast<float>(number(extras, name, *value));
+  if (extras.IsObject() && extras.Has("thin_walled")) to.thin_walled = number(extras, "thin_walled", 0.0) != 0.0;
   const std::pair<const char*, glm::vec3*> vectors[] = {{"subsurface_color", &to.subsurface_color},
                                                         {"subsurface_radius_m", &to.subsurface_radius_m}};
   for (const auto& [name, value] : vectors)
@@ -123,7 +124,12 @@ void GltfMaterials::read_extensions(const tinygltf::Material& from, const std::s
       import_.warn(field + ": specularColorFactor and specularColorTexture are ignored");
   }
   to.transmission_roughness = to.roughness;
-  if (const auto* e = extension("KHR_materials_volume")) {
+  const auto* volume = extension("KHR_materials_volume");
+  const double thickness = volume == nullptr ? 0.0 : number(*volume, "thicknessFactor", 0.0);
+  to.thin_walled = extension("KHR_materials_transmission") != nullptr && thickness == 0.0;  // as KHR_materials_volume has it
+  if (to.thin_walled && volume != nullptr && volume->Has("attenuationDistance"))
+    import_.warn(field + ": attenuationDistance is not used, for thicknessFactor is 0: the glass is a sheet");
+  if (const auto* e = volume) {
     to.attenuation_distance_m = static_cast<float>(number(*e, "attenuationDistance", 0.0));
     if (e->Has("attenuationColor"))
       for (int i = 0; i < 3; ++i) to.attenuation_color[i] = static_cast<float>(e->Get("attenuationColor").Get(i).GetNumberAsDouble());

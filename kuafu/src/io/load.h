@@ -1,10 +1,10 @@
 // Reads scene files. Thread rule: distinct scenes may be loaded at once.
 //
-// glTF 2.0 (.gltf .glb): meshes, pbrMetallicRoughness, KHR_materials_ior / _transmission / _specular / _emissive_strength, extras.ir_albedo
-// and extras.ir_emission of a material, KHR_lights_punctual point lights, perspective cameras, textures. World axes are the file's own. A
-// point light's candela are taken as W/sr one to one: the file's photometric scale is not known to be anything else. Wavefront, Collada,
-// STL, PLY (.obj .dae .stl .ply): meshes, nodes and materials as assimp gives them; it brings Collada's declared up axis to +y and its
-// declared unit to metres.
+// glTF 2.0 (.gltf .glb): meshes, pbrMetallicRoughness, KHR_materials_ior / _transmission (without _volume's thicknessFactor: a sheet) /
+// _volume / _specular / _emissive_strength, extras.ir_albedo and extras.ir_emission of a material, KHR_lights_punctual point lights,
+// perspective cameras, textures. World axes are the file's own. A point light's candela are taken as W/sr one to one: the file's
+// photometric scale is not known to be anything else. Wavefront, Collada, STL, PLY (.obj .dae .stl .ply): meshes, nodes and materials as
+// assimp gives them; it brings Collada's declared up axis to +y and its declared unit to metres.
 #pragma once
 
 #include <filesystem>

@@ -75,15 +75,20 @@ MaterialRecord material_record(const Material& material, uint32_t id, const Band
   r.diffuse_roughness = m.diffuse_roughness;
   r.coat = m.bsdf == Material::Bsdf::paper ? 0.0f : 1.0f;
   r.light_group = m.light_group;
+  r.thin_walled = m.thin_walled ? 1 : 0;
   set_subsurface(r, m);
   set_textures(r, m);
   return r;
 }
 
 uint32_t material_features(const Material& m) {
-  const bool special =
-      m.diffuse_roughness > 0.0f || (m.transmission > 0.0f && (m.transmission_roughness > 0.0f || m.attenuation_distance_m > 0.0f));
+  const bool special = m.diffuse_roughness > 0.0f ||
+                       (m.transmission > 0.0f && (m.transmission_roughness > 0.0f || m.thin_walled || m.attenuation_distance_m > 0.0f));
   return (special ? feature_materials : 0) | (m.subsurface > 0.0f ? feature_subsurface : 0);
+}
+
+bool is_frosted(const Material& m) {
+  return m.transmission > 0.0f && m.metallic < 1.0f && m.transmission_roughness > 0.0f && !m.thin_walled;
 }
 
 Material grey_default() {

@@ -3,21 +3,11 @@
 #include <cmath>
 #include <numbers>
 
+#include "material/facets.h"
 #include "shared/scene_records.h"
 
 namespace kuafu {
 namespace {
-
-// Walter et al. 2007, eq. 34, times 2 cos: G1 = 2 cos / (cos + root).
-double smith_root(double cosine, double a2) { return std::sqrt(a2 + (1 - a2) * cosine * cosine); }
-
-// Dupuy and Benyoub 2023: visible normals from a cap of the sphere. w: wo, stretched to the hemisphere of roughness 1; `turn`: (cos, sin)
-// of the cap's longitude; v: 0..1 over its heights.
-glm::dvec3 visible_normal(const glm::dvec3& w, double alpha, const glm::dvec2& turn, double v) {
-  const double z = (1 - v) * (1 + w.z) - w.z, s = std::sqrt(std::max(1 - z * z, 0.0));
-  const glm::dvec3 h = glm::dvec3(s * turn.x, s * turn.y, z) + w;
-  return glm::normalize(glm::dvec3(h.x * alpha, h.y * alpha, std::max(h.z, 1e-12)));
-}
 
 /// Calls take(cosine to the facet, weight) for the midpoints of the half of the visible normals that mirrors the other; weight = f cos /
 /// pdf without Fresnel's reflectance, divided by their number.

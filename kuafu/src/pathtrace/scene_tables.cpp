@@ -6,15 +6,21 @@
 
 #include "device/thread_pool.h"
 #include "light/emitters.h"
+#include "material/glass_albedo.h"
 #include "material/material_record.h"
 #include "material/specular_albedo.h"
 #include "scene/motion_record.h"
 
 namespace kuafu {
-SceneTables::SceneTables(Memory memory) : memory_(std::move(memory)), textures_(memory_) {
+SceneTables::SceneTables(Memory memory) : memory_(std::move(memory)), textures_(memory_) { write_albedos(false); }
+
+void SceneTables::write_albedos(bool frosted) {
+  std::vector<glm::vec2> table = specular_albedo_table(memory_.device->workers());
+  if (frosted) std::ranges::copy(glass_albedo_table(memory_.device->workers()), std::back_inserter(table));
   Block block;
-  block.add(specular_albedo_table(memory_.device->workers()));
+  block.add(table);
   specular_albedo_ = block.upload(memory_.device);
+  has_glass_albedo_ = frosted;
 }
 
 void SceneTables::update(const Scene& scene, const Band& band, uint32_t environment_count, const TimeSpan& open) {
@@ -86,6 +92,8 @@ void SceneTables::write_materials(const Scene& scene) {
     material_features_ |= material_features(m);
   }
   records[material_index(none)] = material_record(grey_default(), none, band_);
+  const bool frosted = std::ranges::any_of(materials, [&](const Material& m) { return is_frosted(in_band(m, band_)); });
+  if (frosted && !has_glass_albedo_) write_albedos(true);
   emissive_[0] = std::ranges::any_of(materials, [](const Material& m) { return m.emission != glm::vec3(0); });
   emission_group_ = 0;
   for (const Material& m : materials) emission_group_ = std::max(emission_group_, m.light_group);

@@ -45,6 +45,8 @@ class SceneTables {
 
  private:
   void forget();
+  /// The table of albedos, those of rough glass, too, where there is some.
+  void write_albedos(bool frosted);
   bool moved_lights(const Scene& scene);
   void write_materials(const Scene& scene);
   void write_medium(const Scene& scene);
@@ -53,6 +55,7 @@ class SceneTables {
 
   Memory memory_;
   std::shared_ptr<ks::Buffer> specular_albedo_;
+  bool has_glass_albedo_ = false;
   const Scene* scene_ = nullptr;  // null: the last update failed
   Revisions seen_{0, 0, 0, 0, 0};
   Band band_;

@@ -63,6 +63,7 @@ struct Material {
   bool removed = false;
   static constexpr float as_visible = std::numeric_limits<float>::quiet_NaN();
   float ir_roughness = as_visible, ir_ior = as_visible, ir_transmission = as_visible, ir_transmission_roughness = as_visible;
+  bool thin_walled = false;
   float subsurface = 0.0f;
   glm::vec3 subsurface_color{1.0f}, subsurface_radius_m{1e-3f};
   float ir_subsurface_color = as_visible, ir_subsurface_radius_m = as_visible;

@@ -5,6 +5,7 @@
 #include <random>
 #include <vector>
 
+#include "material/glass_albedo.h"
 #include "material/specular_albedo.h"
 #include "pathtrace/host_language.h"
 
@@ -19,7 +20,11 @@ constexpr int rows = 24, columns = 16, samples = 200000, sub = 24;
 
 const std::vector<glm::vec2>& table() {
   static ks::ThreadPool workers(1);
-  static const std::vector<glm::vec2> values = specular_albedo_table(workers);
+  static const std::vector<glm::vec2> values = [] {
+    std::vector<glm::vec2> all = specular_albedo_table(workers);
+    std::ranges::copy(glass_albedo_table(workers), std::back_inserter(all));
+    return all;
+  }();
   return values;
 }
 
@@ -117,7 +122,85 @@ TEST(BsdfSampler, rough_glass_from_both_sides) {
     for (const float roughness : {0.5f, 0.9f}) check(point(0, 1, 0.5f, roughness), 0.6, front);
 }
 
+TEST(BsdfSampler, a_rough_sheet) {
+  MaterialPoint m = point(0, 1, 0.5f, 0.6f);
+  m.thin_walled = true;
+  for (const bool front : {true, false})
+    for (const double angle : {0.2, 1.1}) check(m, angle, front);
+}
+
 TEST(BsdfSampler, everything_at_once) { check(point(0.3f, 0.4f, 0.6f, 0.7f), 0.9, true); }
+
+/// Energy that clear glass gives of light from one direction, by its sampler; radiance changes by eta squared besides.
+double energy(const MaterialPoint& m, double cosine, bool front) {
+  const Lobe l = lobe(m, std::acos(cosine), front);
+  constexpr int points = 16384;  // of a low-discrepancy sequence: multiples of the powers of x^4 = x + 1's root
+  const auto fraction = [](double x) { return float(x - std::floor(x)); };
+  double sum = 0;
+  for (int i = 0; i < points; ++i) {
+    const vec2 u(fraction(0.5 + i * 0.8191725134), fraction(0.5 + i * 0.6710436067));
+    const BsdfSample s = bsdf_sample(l.bsdf, l.albedo, l.wo, l.chances, u, fraction(0.5 + i * 0.5497004779));
+    sum += double(s.weight) / (s.transmitted && !m.thin_walled ? double(l.bsdf.glass.eta * l.bsdf.glass.eta) : 1.0);
+  }
+  return sum / points;
+}
+
+TEST(Glass, that_is_rough_loses_and_creates_nothing) {
+  for (const float ior : {1.1f, 1.33f, 1.5f, 1.75f, 2.0f})
+    for (const float roughness : {0.1f, 0.25f, 0.45f, 0.6f, 0.8f, 1.0f})
+      for (const float specular : {0.4f, 1.0f})
+        for (const bool front : {true, false})
+          for (const double cosine : {0.2, 0.4, 0.6, 0.8, 1.0}) {
+            MaterialPoint m = point(0, 1, 1, roughness);
+            m.base = 1;
+            m.ior = ior;
+            m.specular = specular;
+            EXPECT_NEAR(energy(m, cosine, front), 1, 0.01)
+                << ior << " roughness " << roughness << " specular " << specular << (front ? " outside " : " inside ") << cosine;
+          }
+}
+
+TEST(Glass, that_is_a_rough_sheet_loses_and_creates_nothing) {
+  for (const float roughness : {0.1f, 0.45f, 0.8f, 1.0f})
+    for (const bool front : {true, false})
+      for (const double cosine : {0.1, 0.3, 0.55, 1.0}) {
+        MaterialPoint m = point(0, 1, 1, roughness);
+        m.base = 1;
+        m.thin_walled = true;
+        EXPECT_NEAR(energy(m, cosine, front), 1, 0.01) << roughness << " " << cosine;
+        m.base = 0.5f;
+        EXPECT_LT(energy(m, cosine, front), 1);
+      }
+}
+
+/// f of glass from wo to wi, each on its side of the surface; radiance over the squared index of where it is, as reciprocity has it.
+double reciprocal_f(const MaterialPoint& m, vec3 wo, vec3 wi) {
+  const bool front = wo.z > 0, turned = !front;
+  const vec3 side = turned ? vec3(-1.0f) : vec3(1.0f);
+  Vec2Array albedo;
+  albedo.at = table().data();
+  const Bsdf b = make_bsdf(m, albedo, std::abs(wo.z), front);
+  float density;
+  const float f = bsdf_evaluate(b, albedo, wo * side, wi * side, lobe_chances(b), density) / std::abs(wi.z);
+  return double(f) / (front || m.thin_walled ? 1.0 : double(m.ior * m.ior));
+}
+
+TEST(Glass, is_reciprocal) {
+  for (const bool thin : {false, true})
+    for (const float ior : {1.1f, 1.5f, 2.0f})
+      for (const float roughness : {0.3f, 0.7f, 1.0f}) {
+        MaterialPoint m = point(0, 1, 1, roughness);
+        m.ior = ior;
+        m.thin_walled = thin;
+        const vec3 ways[] = {direction(0.9, 0), direction(0.3, 2), direction(-0.95, 1), direction(-0.5, 3)};
+        for (const vec3& a : ways)
+          for (const vec3& b : ways) {
+            const double there = reciprocal_f(m, a, b), back = reciprocal_f(m, b, a);
+            EXPECT_GT(there, 0);
+            EXPECT_NEAR(there / back, 1, 2e-3) << thin << " " << ior << " " << roughness << " " << a.z << " " << b.z;
+          }
+      }
+}
 
 }  // namespace
 }  // namespace kuafu

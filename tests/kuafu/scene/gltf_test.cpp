@@ -258,7 +258,9 @@ TEST(GltfMaterial, VolumeAndItsRoughnessAreRead) {
   GltfWriter w;
   w.root["materials"] = {
       {{"pbrMetallicRoughness", {{"roughnessFactor", 0.25}}},
-       {"extensions", {{"KHR_materials_volume", {{"attenuationDistance", 0.5}, {"attenuationColor", {0.75, 0.5, 0.25}}}}}},
+       {"extensions",
+        {{"KHR_materials_transmission", {{"transmissionFactor", 1}}},
+         {"KHR_materials_volume", {{"thicknessFactor", 0.1}, {"attenuationDistance", 0.5}, {"attenuationColor", {0.75, 0.5, 0.25}}}}}},
        {"extras", {{"ir_attenuation_color", 0.125}}}}};
   w.triangle(0);
   w.node({{"mesh", 0}});
@@ -268,6 +270,25 @@ TEST(GltfMaterial, VolumeAndItsRoughnessAreRead) {
   EXPECT_EQ(m.attenuation_distance_m, 0.5f);
   EXPECT_EQ(m.attenuation_color, glm::vec3(0.75f, 0.5f, 0.25f));
   EXPECT_EQ(m.ir_attenuation_color, 0.125f);
+  EXPECT_FALSE(m.thin_walled);
+}
+
+TEST(GltfMaterial, TransmissionWithoutThicknessIsASheet) {
+  const json transmission = {{"transmissionFactor", 1}};
+  GltfWriter w;
+  w.root["materials"] = {
+      {{"extensions", {{"KHR_materials_transmission", transmission}}}},
+      {{"extensions", {{"KHR_materials_transmission", transmission}, {"KHR_materials_volume", {{"attenuationDistance", 0.5}}}}}},
+      {{"extensions", {{"KHR_materials_transmission", transmission}, {"KHR_materials_volume", {{"thicknessFactor", 0.1}}}}}},
+      {{"extensions", {{"KHR_materials_transmission", transmission}}}, {"extras", {{"thin_walled", 0}}}},
+      {{"extras", {{"thin_walled", 1}}}},
+      json::object()};
+  w.triangle(0);
+  w.node({{"mesh", 0}});
+  const Loaded loaded = load(w);
+  const bool thin[] = {true, true, false, false, true, false};
+  for (size_t i = 0; i < std::size(thin); ++i) EXPECT_EQ(loaded.scene.materials()[i].thin_walled, thin[i]) << i;
+  expect_warning(loaded, "attenuationDistance is not used");
 }
 
 TEST(GltfMaterial, ExtrasGiveWhatGltfHasNoWordsFor) {

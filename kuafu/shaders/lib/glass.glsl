@@ -1,0 +1,203 @@
+// Glass: Fresnel's reflectance from its side, and a roughness of its own (Walter et al. 2007). It bounds a body, or is a sheet (thin): both of its faces at
+// once, with all reflections between them, and nothing bends. Light that meets several facets leaves as diffuse lobes on both sides (Kulla and
+// Conty 2017), so that none is lost; of what comes from outside, the share goes through that does on average at a smooth boundary: random walks over
+// facets (Heitz et al., "Multiple-Scattering Microfacet BSDFs with the Smith Model", 2016) find 0.73 to 0.99 for indices up to 2.4, this 0.79 to 0.97.
+// From inside, the share follows by reciprocity.
+#ifndef KUAFU_GLASS_GLSL
+#define KUAFU_GLASS_GLSL
+#include "lib/albedo_table.glsl"
+#include "lib/material.glsl"
+#include "lib/microfacet.glsl"
+
+const int glass_cosines = int(glass_albedo_cosines), glass_row_size = 2 * glass_cosines + 2;
+
+/// What faces give and let through, and the chance of taking what they reflect.
+struct Faces {
+  Spectrum reflected, through;
+  float chance;
+};
+
+struct Glass {
+  float share;  // of the surface
+  float alpha;
+  float eta;  // n_viewer / n_other
+  float specular;
+  Spectrum tint;
+  bool thin;
+  float roughness;   // what follows is of rough glass
+  float albedo;      // of one facet, towards the viewer
+  Faces several;     // facets: of the rest of the light
+  vec2 rest_scale;   // 1 / (1 - mean albedo), on the viewer's side and beyond
+  AlbedoRows rows;
+};
+
+struct GlassSample {
+  vec3 direction;
+  bool transmitted, valid;
+};
+
+bool is_thin(IN(Glass) g) { return (features & feature_materials) != 0u && g.thin; }
+
+/// Alpha of the glass. An index that bends nothing has no facets to be seen: its half vectors vanish, and rays go straight on.
+float glass_alpha(IN(MaterialPoint) m) { return m.ior < 1.001f ? 0.0f : m.transmission_roughness * m.transmission_roughness; }
+
+/// Both faces of a sheet that reflect `r` each, with all reflections between them; light is tinted each time it crosses the sheet.
+Faces sheet(float r, Spectrum tint) {
+  Faces f;
+  f.through = tint * ((1.0f - r) * (1.0f - r)) / max(Spectrum(1.0f) - tint * tint * (r * r), Spectrum(1e-12f));
+  f.reflected = Spectrum(r) + f.through * tint * r;
+  float reflected = max_component(f.reflected), sum = reflected + max_component(f.through);
+  f.chance = sum > 0.0f ? reflected / sum : 0.0f;
+  return f;
+}
+
+float glass_reflectance(IN(Glass) g, float cosine, OUT(float) cos_t) {
+  float reflectance = fresnel_dielectric(cosine, g.eta, cos_t);
+  return cos_t > 0.0f ? reflectance * g.specular : reflectance;
+}
+
+/// At a facet that light meets at this cosine. Energies: radiance that goes through changes by eta squared besides (Veach 1997, 5.2).
+Faces faces_at(IN(Glass) g, float cosine, OUT(float) cos_t) {
+  float r = glass_reflectance(g, min(cosine, 1.0f), cos_t);
+  if (g.thin) return sheet(r, g.tint);
+  Faces f;
+  f.reflected = Spectrum(r);
+  f.through = g.tint * (1.0f - r);
+  f.chance = r;
+  return f;
+}
+
+/// Albedos of one facet, outside and inside; they are linear in specular.
+vec2 facet_albedo(IN(Glass) g, Vec2Array table, int c) {
+  vec2 e = rows_entry(g.rows, table, c, glass_row_size);
+  if (g.specular == 1.0f) return e;
+  return mix(rows_entry(g.rows, table, c + glass_cosines + 1, glass_row_size), e, g.specular);
+}
+
+/// Albedo of one facet from the viewer's side, or from beyond.
+float facet_albedo_from(IN(Glass) g, Vec2Array table, float cosine, bool beyond) {
+  if (g.thin) {
+    vec2 lossless = lobe_albedo(table, cosine, g.roughness);
+    return min(lossless.x + lossless.y, 1.0f);
+  }
+  float p = sqrt(clamp(cosine, 0.0f, 1.0f)) * float(glass_cosines - 1);
+  int c = table_cell(p, glass_cosines);
+  vec2 e = mix(facet_albedo(g, table, c), facet_albedo(g, table, c + 1), p - float(c));
+  return clamp(beyond == (g.eta > 1.0f) ? e.x : e.y, 0.0f, 1.0f);
+}
+
+// Mean of Fresnel's reflectance from outside over the hemisphere: Kulla and Conty's fit.
+float mean_reflectance(IN(Glass) g) {
+  float ior = max(g.eta, 1.0f / g.eta);
+  return g.specular * (ior - 1.0f) / (4.08567f + 1.00071f * ior);
+}
+
+void set_several_of_sheet(INOUT(Glass) g, Vec2Array table) {
+  float mean = lobe_mean(table, g.roughness);
+  g.several = sheet(mean_reflectance(g), g.tint);
+  Spectrum left = g.several.reflected + g.several.through;  // after each facet
+  Spectrum scale = left * mean / (Spectrum(1.0f) - left * (1.0f - mean));
+  g.several.reflected *= scale;
+  g.several.through *= scale;
+  g.rest_scale = vec2(1.0f / max(1.0f - mean, 1e-4f));
+}
+
+void set_several_of_body(INOUT(Glass) g, Vec2Array table) {
+  vec2 rest = max(vec2(1.0f) - facet_albedo(g, table, glass_cosines), vec2(1e-4f));  // means, outside and inside
+  bool inside = g.eta > 1.0f;
+  float through = 1.0f - mean_reflectance(g);
+  if (inside) through *= min(rest.x / (rest.y * g.eta * g.eta), 1.0f);
+  g.several.chance = 1.0f - through;
+  g.several.reflected = Spectrum(1.0f - through);
+  g.several.through = g.tint * through;
+  g.rest_scale = inside ? vec2(1.0f / rest.y, 1.0f / rest.x) : vec2(1.0f / rest.x, 1.0f / rest.y);
+}
+
+Glass make_glass(IN(MaterialPoint) m, Vec2Array table, float cos_o, bool front) {
+  Glass g;
+  g.share = (1.0f - m.metallic) * m.transmission;
+  g.eta = front ? 1.0f / m.ior : m.ior;
+  g.specular = m.specular;
+  g.tint = m.base;
+  if ((features & feature_materials) == 0u) return g;
+  g.alpha = glass_alpha(m);
+  g.thin = m.thin_walled;
+  if (g.thin) g.eta = 1.0f / m.ior;  // the viewer is outside of either face
+  if (g.share == 0.0f || g.alpha < mirror_alpha) return g;
+  g.roughness = m.transmission_roughness;
+  g.rows = find_rows(sqrt((m.ior - 1.0f) / (m.ior + 1.0f)), int(glass_albedo_indices), g.roughness, int(glass_albedo_roughnesses), int(glass_albedo_first), glass_row_size);
+  g.albedo = facet_albedo_from(g, table, cos_o, false);
+  if (g.thin) set_several_of_sheet(g, table);
+  else set_several_of_body(g, table);
+  return g;
+}
+
+bool is_rough(IN(Glass) g) { return (features & feature_materials) != 0u && g.share > 0.0f && g.alpha >= mirror_alpha; }
+
+/// f cos of light that meets one facet, and the density of its sampler (Walter et al. 2007, eq. 20, 21). What goes through a sheet is what it would
+/// reflect, turned to the other side.
+Spectrum evaluate_facet(IN(Glass) g, vec3 wo, vec3 wi, OUT(float) pdf) {
+  bool reflected = wi.z > 0.0f;
+  pdf = 0.0f;
+  vec3 to = vec3(xy(wi), g.thin ? abs(wi.z) : wi.z);
+  vec3 h = normalize(reflected || g.thin ? wo + to : -(g.eta * wo + to));
+  if (h.z < 0.0f) h = -h;
+  float cos_t, o = dot(wo, h), i = dot(to, h);
+  if (o <= 0.0f || (reflected || g.thin) != (i > 0.0f)) return Spectrum(0.0f);
+  Faces faces = faces_at(g, o, cos_t);
+  float visible = ggx_reflection_pdf(wo, h, g.alpha);
+  float facets = ggx_distribution(h, g.alpha) * ggx_visibility(wo.z, abs(wi.z), g.alpha) * abs(wi.z);
+  pdf = (reflected ? faces.chance : 1.0f - faces.chance) * visible;
+  if (reflected) return faces.reflected * facets;
+  if (g.thin) return faces.through * facets;
+  float way = g.eta * o + i, turn = 4.0f * o * abs(i) / (way * way);  // of facet to direction, times the 4 o of reflection
+  pdf *= turn;
+  return faces.through * (facets * turn * g.eta * g.eta);
+}
+
+/// f cos of rough glass, both sides, and the density of sample_rough_glass.
+Spectrum evaluate_glass(IN(Glass) g, Vec2Array table, vec3 wo, vec3 wi, OUT(float) pdf) {
+  Spectrum f = evaluate_facet(g, wo, wi, pdf);
+  bool reflected = wi.z > 0.0f;
+  float cosine = abs(wi.z), rest = (1.0f - g.albedo) * cosine / pi;
+  pdf = g.albedo * pdf + rest * (reflected ? g.several.chance : 1.0f - g.several.chance);
+  rest *= 1.0f - facet_albedo_from(g, table, cosine, !reflected);
+  if (reflected) f += g.several.reflected * (rest * g.rest_scale.x);
+  else f += g.several.through * (rest * g.rest_scale.y * (g.thin ? 1.0f : g.eta * g.eta));
+  return f * g.share;
+}
+
+vec3 sample_cosine(vec2 u) {
+  return vec3(sqrt(u.x) * unit_circle(u.y), sqrt(max(1.0f - u.x, 0.0f)));
+}
+
+/// `choice` in [0, 1) picks one facet or several, reflection or refraction.
+GlassSample sample_rough_glass(IN(Glass) g, vec3 wo, vec2 u, float choice) {
+  GlassSample s;
+  if (choice >= g.albedo) {
+    s.transmitted = choice - g.albedo >= g.several.chance * (1.0f - g.albedo);
+    s.direction = sample_cosine(u);
+    if (s.transmitted) s.direction.z = -s.direction.z;
+    s.valid = true;
+    return s;
+  }
+  vec3 h = sample_visible_normal(wo, g.alpha, u);
+  float cos_t, o = dot(wo, h);
+  s.transmitted = choice >= faces_at(g, o, cos_t).chance * g.albedo;
+  s.direction = reflect(-wo, h);
+  if (s.transmitted && !g.thin) s.direction = h * (g.eta * o - cos_t) - g.eta * wo;
+  s.valid = (s.transmitted && !g.thin) != (s.direction.z > 0.0f);
+  if (s.transmitted && g.thin) s.direction.z = -s.direction.z;
+  return s;
+}
+
+/// What smooth glass lets through at one boundary, of a ray taken straight on: outside a plane-parallel plate the angle is the same on both sides, so
+/// `cosine`, the straight ray's, holds for both of its faces. A sheet is both at once.
+Spectrum straight_transmittance(IN(MaterialPoint) m, float cosine) {
+  if (glass_alpha(m) >= mirror_alpha) return Spectrum(0.0f);
+  float cos_t;
+  float reflectance = fresnel_dielectric(cosine, 1.0f / m.ior, cos_t) * m.specular, share = (1.0f - m.metallic) * m.transmission;
+  if (is_sheet(m)) return sheet(reflectance, m.base).through * share;
+  return m.base * (share * (1.0f - reflectance));
+}
+#endif

@@ -1,0 +1,96 @@
+#include "material/glass_albedo.h"
+
+#include <array>
+#include <numbers>
+
+#include "material/facets.h"
+#include "shared/scene_records.h"
+
+namespace kuafu {
+namespace {
+
+constexpr uint32_t cosines = glass_albedo_cosines, plane = cosines + 1, row_size = 2 * plane;
+constexpr uint32_t sides = 2 * glass_albedo_indices;  // outside of each index, then inside
+constexpr int facets = 377;                           // visible normals of one direction: of the half that mirrors the other
+// On a Fibonacci lattice: seen from the normal, where one of the two coordinates is idle, they still all differ.
+constexpr double golden = 0.6180339887498949;
+
+/// n here / n beyond, of each side.
+std::array<float, sides> index_ratios() {
+  std::array<float, sides> ratios{};
+  for (uint32_t i = 0; i < glass_albedo_indices; ++i) {
+    const double place = std::min(double(i) / (glass_albedo_indices - 1), 1 - 1e-3), root_f0 = place * place;
+    ratios[i] = float((1 - root_f0) / (1 + root_f0));
+    ratios[glass_albedo_indices + i] = 1 / ratios[i];
+  }
+  return ratios;
+}
+
+/// Light from one direction, and what it has met: with Fresnel's reflectance, and with total reflection alone.
+struct Light {
+  float cosine, a2;
+  float root = std::sqrt(a2 + (1 - a2) * cosine * cosine);
+  float full[sides] = {}, bare[sides] = {};
+};
+
+/// f cos / pdf of a facet that sends it on at cosine c, but for Fresnel's factor.
+inline float facet_weight(const Light& l, float c) {
+  const float weight = c * (l.cosine + l.root) / (c * l.root + l.cosine * std::sqrt(l.a2 + (1 - l.a2) * c * c) + 1e-20f);
+  return c <= 0 ? 0 : weight;
+}
+
+/// Adds facet h, which meets the light at cosine o, for all sides at once (vectorised).
+void add_facet(Light& l, const std::array<float, sides>& ratios, float h_z, float o) {
+  const float mirrored = facet_weight(l, 2 * o * h_z - l.cosine);
+  for (uint32_t i = 0; i < sides; ++i) {
+    const float ratio = ratios[i], rest = 1 - ratio * ratio * (1 - o * o), cos_t = std::sqrt(std::max(rest, 0.0f));
+    const float s = (ratio * o - cos_t) / (ratio * o + cos_t), p = (o - ratio * cos_t) / (o + ratio * cos_t);
+    const float reflectance = (s * s + p * p) / 2, refracted = facet_weight(l, ratio * l.cosine - h_z * (ratio * o - cos_t));
+    const bool total = rest <= 0;
+    l.full[i] += total ? mirrored : reflectance * mirrored + (1 - reflectance) * refracted;
+    l.bare[i] += total ? mirrored : refracted;
+  }
+}
+
+/// Fills column `c` of a roughness in the rows of all indices: visible normals do not depend on them.
+void fill_column(glm::vec2* rows, uint32_t c, double alpha, const std::array<float, sides>& ratios) {
+  const double root = double(c) / (cosines - 1), cosine = std::max(root * root, 1e-4);
+  const glm::dvec3 wo(std::sqrt(1 - cosine * cosine), 0, cosine), w = glm::normalize(glm::dvec3(wo.x * alpha, 0, wo.z));
+  Light l{float(cosine), float(alpha * alpha)};
+  for (int k = 0; k < facets; ++k) {
+    const double phi = std::numbers::pi * (k + 0.5) / facets;
+    const glm::dvec3 h = visible_normal(w, alpha, {std::cos(phi), std::sin(phi)}, std::fmod(0.5 + k * golden, 1.0));
+    add_facet(l, ratios, float(h.z), float(std::min(glm::dot(wo, h), 1.0)));
+  }
+  for (uint32_t i = 0; i < glass_albedo_indices; ++i) {
+    glm::vec2* row = rows + size_t(i) * glass_albedo_roughnesses * row_size;
+    row[c] = glm::vec2(l.full[i], l.full[glass_albedo_indices + i]) / float(facets);
+    row[plane + c] = glm::vec2(l.bare[i], l.bare[glass_albedo_indices + i]) / float(facets);
+  }
+}
+
+/// Over the hemisphere, weighted by 2 cosine: exact for what is piecewise linear in the root of the cosine.
+glm::vec2 mean_of(const glm::vec2* row) {
+  const auto power = [](uint32_t c, int n) { return std::pow(double(c) / (cosines - 1), n); };
+  glm::dvec2 sum(0);
+  for (uint32_t c = 0; c + 1 < cosines; ++c) {
+    const double all = power(c + 1, 4) - power(c, 4), right = (0.8 * (power(c + 1, 5) - power(c, 5)) - power(c, 1) * all) * (cosines - 1);
+    sum += (all - right) * glm::dvec2(row[c]) + right * glm::dvec2(row[c + 1]);
+  }
+  return sum;
+}
+
+}  // namespace
+
+std::vector<glm::vec2> glass_albedo_table(ks::ThreadPool& workers) {
+  std::vector<glm::vec2> table(size_t(glass_albedo_indices) * glass_albedo_roughnesses * row_size);
+  const std::array<float, sides> ratios = index_ratios();
+  workers.parallel_for(glass_albedo_roughnesses, [&](size_t r) {
+    const double roughness = double(r) / (glass_albedo_roughnesses - 1);
+    for (uint32_t c = 0; c < cosines; ++c) fill_column(&table[r * row_size], c, roughness * roughness, ratios);
+  });
+  for (size_t row = 0; row < table.size(); row += plane) table[row + cosines] = mean_of(&table[row]);
+  return table;
+}
+
+}  // namespace kuafu
