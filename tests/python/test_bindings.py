@@ -135,9 +135,9 @@ def test_engine_parameters_by_name():
 
 
 def test_records_come_back_as_they_went_in(scene):
-    material = kuafu.Material(name="m", base_color=(0.1, 0.2, 0.3, 1.0), metallic=0.25, roughness=0.5, ior=1.25, ir_albedo=0.75, emission=(1, 2, 3))
+    material = kuafu.Material(name="m", base_color=(0.1, 0.2, 0.3, 1.0), metallic=0.25, roughness=0.5, ior=1.25, ir_albedo=0.75, emission=(1, 2, 3), thin_walled=True)
     back = scene.get_material(scene.add_material(material))
-    for name in ("name", "ir_ior", "subsurface_radius_m", "ior_texture", "base_color", "metallic", "roughness", "specular", "ior", "ir_albedo", "emission", "base_color_texture"):
+    for name in ("name", "thin_walled", "ir_ior", "subsurface_radius_m", "ior_texture", "base_color", "metallic", "roughness", "specular", "ior", "ir_albedo", "emission", "base_color_texture"):
         assert getattr(back, name) == getattr(material, name), name
     assert kuafu.Material().ir_albedo is None and kuafu.Material().normal_texture is None
     pose = np.eye(4)
