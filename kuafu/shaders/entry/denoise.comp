@@ -8,10 +8,10 @@ layout(push_constant, scalar) uniform Push { DenoisePush push; };
 #include "stage/denoise.glsl"
 
 void main() {
-  uint i = line_index(), end;
+  uint i = line_index();
   if (i < push.count) denoise(i);
   if (denoise_step() != denoise_divide || push.lists == 0u) return;
   bool listed = i < push.count && push.pixels_out.at[i].square != square_plain;
-  uint place = append(listed, push.squares, 0u, end);
+  uint place = append(listed, push.squares, 0u);
   if (listed) push.squares.at[1u + place] = i;
 }

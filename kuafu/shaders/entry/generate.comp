@@ -13,8 +13,8 @@ void main() {
   uint slot = gl_GlobalInvocationID.x, paths = path_count();
   if (slot == 0u) {
     push.counters.at[counter_ray_count] = paths;
-    cover(push.counters, counter_trace_arguments, paths, trace_group_size);
-    cover(push.counters, counter_shade_arguments, paths, gl_WorkGroupSize.x);
+    cover_rays(push.counters, counter_trace_arguments, paths);
+    cover(push.counters, counter_shade_arguments, paths);
   }
   if (slot < paths) generate(slot);
 }

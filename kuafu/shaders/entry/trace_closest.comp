@@ -3,16 +3,19 @@
 #extension GL_GOOGLE_include_directive : require
 #include "lib/bvh_queue.glsl"
 
-void main() {
-  uint i = queue_ray_index();
-  if (i >= queue_ray_count()) return;
-  BvhRay ray = queue_ray(i, closest_words);
-  BvhHit hit;
-  if (!bvh_trace(push.nodes, push.instances, push.motions, queue_root(i), false, ray, hit)) return;
-  queue_store(i, ray_t_far, closest_words, floatBitsToUint(ray.t_far));
-  queue_store(i, hit_u, closest_words, floatBitsToUint(hit.uv.x));
-  queue_store(i, hit_v, closest_words, floatBitsToUint(hit.uv.y));
-  queue_store(i, hit_primitive, closest_words, hit.primitive);
+void begin(uint i) { bvh_begin(queue_world(), queue_root(i), queue_ray(i, closest_words)); }
+
+bool any_hit() { return false; }
+
+bool answer(uint i) {
+  if (!bvh_found) return false;
+  queue_store(i, ray_t_far, closest_words, floatBitsToUint(bvh_ray.t_far));
+  queue_store(i, hit_u, closest_words, floatBitsToUint(bvh_hit.uv.x));
+  queue_store(i, hit_v, closest_words, floatBitsToUint(bvh_hit.uv.y));
+  queue_store(i, hit_primitive, closest_words, bvh_hit.primitive);
   queue_store(i, hit_geometry, closest_words, 0u);
-  queue_store(i, hit_instance, closest_words, hit.instance);
+  queue_store(i, hit_instance, closest_words, bvh_hit.instance);
+  return false;
 }
+
+#include "lib/bvh_main.glsl"

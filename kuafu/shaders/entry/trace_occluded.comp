@@ -3,11 +3,13 @@
 #extension GL_GOOGLE_include_directive : require
 #include "lib/bvh_queue.glsl"
 
-void main() {
-  uint i = queue_ray_index();
-  if (i >= queue_ray_count()) return;
-  BvhRay ray = queue_ray(i, occlusion_words);
-  BvhHit hit;
-  if (bvh_trace(push.nodes, push.instances, push.motions, queue_root(i), true, ray, hit))
-    queue_store(i, ray_t_far, occlusion_words, 0xff800000u);
+void begin(uint i) { bvh_begin(queue_world(), queue_root(i), queue_ray(i, occlusion_words)); }
+
+bool any_hit() { return true; }
+
+bool answer(uint i) {
+  if (bvh_found) queue_store(i, ray_t_far, occlusion_words, 0xff800000u);
+  return false;
 }
+
+#include "lib/bvh_main.glsl"

@@ -14,7 +14,7 @@ void main() {
   uint i = gl_GlobalInvocationID.x;
   if (i == 0u && (push.flags & aov_visibility) != 0u) {
     push.counters.at[counter_shadow_count] = push.range.pixel_count;
-    cover(push.counters, counter_shadow_arguments, push.range.pixel_count, trace_group_size);
+    cover_rays(push.counters, counter_shadow_arguments, push.range.pixel_count);
   }
   if (i < push.range.pixel_count) aov(i);
 }

@@ -12,7 +12,7 @@ layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer Bv
 
 layout(constant_id = 2) const bool rays_have_time = false;  // some instance moves
 
-const uint bvh_world = 0xffffffffu;  // "instance" while the ray is in the top level
+const uint bvh_top = 0xffffffffu;  // "instance" while the ray is in the top level
 
 struct BvhRay {
   vec3 origin;
@@ -33,23 +33,29 @@ vec3 bvh_inverse(vec3 direction) {
   return 1.0 / mix(direction, vec3(least), lessThan(abs(direction), vec3(least)));
 }
 
+/// The ray as one space sees it: triangles by origin and direction; boxes by where it meets their planes, p * inverse + lower (or upper, of the plane with the
+/// greater coordinate). Directions keep their length, so that t means the same in every space.
+struct BvhView {
+  vec3 origin, direction, inverse, lower, upper;
+};
+
+BvhView bvh_view(vec3 origin, vec3 direction) {
+  vec3 inverse = bvh_inverse(direction), offset = -origin * inverse;
+  // What the offset's rounding may be, and that of a product that is not fused, moves both planes outwards.
+  vec3 rounding = sign(inverse) * abs(offset) * 2.4e-7;
+  return BvhView(origin, direction, inverse, offset - rounding, offset + rounding);
+}
+
 /// Where the ray is inside a box: (enter, leave), empty when enter > leave.
 /// The far side is widened by the rounding of three operations (Ize, "Robust BVH Ray Traversal", 2013), so that flat boxes are not missed.
-vec2 bvh_span(vec4 xy, vec2 z, vec3 origin, vec3 inverse, float t_near, float t_far) {
+vec2 bvh_span(vec4 xy, vec2 z, BvhView view, float t_near, float t_far) {
   const float widen = 1.00000036;
-  vec4 t_xy = (xy - origin.xxyy) * inverse.xxyy;
-  vec2 t_z = (z - origin.zz) * inverse.zz;
+  vec4 t_xy = fma(xy, view.inverse.xxyy, vec4(view.lower.x, view.upper.x, view.lower.y, view.upper.y));
+  vec2 t_z = fma(z, view.inverse.zz, vec2(view.lower.z, view.upper.z));
   float enter = max(max(min(t_xy.x, t_xy.y), min(t_xy.z, t_xy.w)), max(min(t_z.x, t_z.y), t_near));
   float leave = min(min(max(t_xy.x, t_xy.y), max(t_xy.z, t_xy.w)), max(t_z.x, t_z.y));
   return vec2(enter, min(leave * widen, t_far));
 }
-
-/// The ray as one space sees it. Directions keep their length, so that t means the same in every space.
-struct BvhView {
-  vec3 origin, direction, inverse;
-};
-
-BvhView bvh_view(vec3 origin, vec3 direction) { return BvhView(origin, direction, bvh_inverse(direction)); }
 
 /// The ray as it runs past an instance that stands where it is at t = 0.
 BvhRay bvh_unmoved(MotionRecord m, BvhRay ray) {
@@ -69,64 +75,88 @@ BvhView bvh_local_view(BvhInstance placed, BvhRay ray) {
 
 uint bvh_leaf_count(uint leaf) { return leaf >> bvh_count_shift & 7u; }
 
-bool bvh_hit_leaf(BvhTriangles triangles, uint leaf, BvhView view, inout BvhRay ray, inout BvhHit hit) {
-  bool found = false;
-  uint first = leaf & bvh_first_mask, end = first + bvh_leaf_count(leaf);
-  for (uint i = first; i < end; ++i) {
-    if (!hit_triangle(triangles.triangle[i], view.origin, view.direction, ray.t_near, ray.t_far, hit.uv)) continue;
-    found = true;
-    hit.primitive = triangles.triangle[i].primitive;
-  }
-  return found;
+/// What is traced: nodes of all top levels, instances, and what moves.
+struct BvhWorld {
+  BvhNodes nodes;
+  BvhInstances instances;
+  MotionArray motions;
+};
+
+// The walk of this invocation's ray, step by step.
+BvhRay bvh_ray;
+BvhHit bvh_hit;
+bool bvh_found;
+uint bvh_current;  // bvh_done at the end
+BvhView bvh_here;
+BvhNodes bvh_nodes;
+BvhTriangles bvh_triangles;
+uint bvh_instance;
+uint bvh_stack[bvh_stack_size];
+uint bvh_height;
+
+void bvh_push(uint code) { bvh_stack[bvh_height++] = code; }
+uint bvh_pop() { return bvh_stack[--bvh_height]; }
+
+void bvh_begin(BvhWorld world, uint root, BvhRay ray) {
+  bvh_ray = ray;
+  bvh_found = false;
+  bvh_current = root;
+  bvh_here = bvh_view(ray.origin, ray.direction);
+  bvh_nodes = world.nodes;
+  bvh_instance = bvh_top;
+  bvh_height = 0u;
+  bvh_push(bvh_done);
 }
 
-/// any: stops at the first hit found. Returns whether there is one in [t_near, t_far].
-bool bvh_trace(BvhNodes top_nodes, BvhInstances instances, MotionArray motions, uint root, const bool any, inout BvhRay ray, out BvhHit hit) {
-  uint stack[bvh_stack_size];
-  uint height = 0u;
-  stack[height++] = bvh_done;
-  BvhNodes nodes = top_nodes;
-  BvhTriangles triangles;
-  uint instance = bvh_world;
-  BvhView view = bvh_view(ray.origin, ray.direction);
-  bool found = false;
-  uint current = root;
-  while (current != bvh_done) {
-    while ((current & bvh_leaf) == 0u) {
-      BvhNode node = nodes.node[current];
-      vec2 span0 = bvh_span(node.xy0, node.z.xy, view.origin, view.inverse, ray.t_near, ray.t_far);
-      vec2 span1 = bvh_span(node.xy1, node.z.zw, view.origin, view.inverse, ray.t_near, ray.t_far);
-      bool hit0 = span0.x <= span0.y, hit1 = span1.x <= span1.y;
-      bool second_first = hit1 && (!hit0 || span1.x < span0.x);
-      if (hit0 && hit1) stack[height++] = second_first ? node.child0 : node.child1;
-      if (hit0 || hit1) current = second_first ? node.child1 : node.child0;
-      else current = stack[--height];
-    }
-    if (current == bvh_done) break;
-    if (current == bvh_leave) {
-      nodes = top_nodes;
-      instance = bvh_world;
-      view = bvh_view(ray.origin, ray.direction);
-    } else if (instance != bvh_world) {
-      if (bvh_hit_leaf(triangles, current, view, ray, hit)) {
-        found = true;
-        hit.instance = instance;
-        if (any) break;
-      }
-    } else if (bvh_leaf_count(current) != 0u) {
-      instance = current & bvh_first_mask;
-      BvhRay seen = ray;
-      if (rays_have_time) seen = bvh_unmoved(motions.at[instance], ray);
-      view = bvh_local_view(instances.instance[instance], seen);
-      nodes = BvhNodes(instances.instance[instance].nodes);
-      triangles = BvhTriangles(instances.instance[instance].triangles);
-      stack[height++] = bvh_leave;
-      current = 0u;
-      continue;
-    }
-    current = stack[--height];
+void bvh_descend() {
+  BvhNode node = bvh_nodes.node[bvh_current];
+  vec2 span0 = bvh_span(node.xy0, node.z.xy, bvh_here, bvh_ray.t_near, bvh_ray.t_far);
+  vec2 span1 = bvh_span(node.xy1, node.z.zw, bvh_here, bvh_ray.t_near, bvh_ray.t_far);
+  bool hit0 = span0.x <= span0.y, hit1 = span1.x <= span1.y;
+  bool second_first = hit1 && (!hit0 || span1.x < span0.x);
+  if (hit0 && hit1) bvh_push(second_first ? node.child0 : node.child1);
+  if (hit0 || hit1) bvh_current = second_first ? node.child1 : node.child0;
+  else bvh_current = bvh_pop();
+}
+
+void bvh_enter(BvhWorld world) {
+  bvh_instance = bvh_current & bvh_first_mask;
+  BvhRay seen = bvh_ray;
+  if (rays_have_time) seen = bvh_unmoved(world.motions.at[bvh_instance], bvh_ray);
+  BvhInstance placed = world.instances.instance[bvh_instance];
+  bvh_here = bvh_local_view(placed, seen);
+  bvh_nodes = BvhNodes(placed.nodes);
+  bvh_triangles = BvhTriangles(placed.triangles);
+  bvh_push(bvh_leave);
+  bvh_current = 0u;
+}
+
+void bvh_return(BvhWorld world) {
+  bvh_nodes = world.nodes;
+  bvh_instance = bvh_top;
+  bvh_here = bvh_view(bvh_ray.origin, bvh_ray.direction);
+  bvh_current = bvh_pop();
+}
+
+void bvh_test_leaf(const bool any) {
+  uint first = bvh_current & bvh_first_mask, end = first + bvh_leaf_count(bvh_current);
+  for (uint i = first; i < end; ++i) {
+    if (!hit_triangle(bvh_triangles.triangle[i], bvh_here.origin, bvh_here.direction, bvh_ray.t_near, bvh_ray.t_far, bvh_hit.uv)) continue;
+    bvh_found = true;
+    bvh_hit.primitive = bvh_triangles.triangle[i].primitive;
+    bvh_hit.instance = bvh_instance;
   }
-  return found;
+  bvh_current = any && bvh_found ? bvh_done : bvh_pop();
+}
+
+/// Down to the next leaf and through it. any: stops at the first hit found.
+void bvh_step(BvhWorld world, const bool any) {
+  while ((bvh_current & bvh_leaf) == 0u) bvh_descend();
+  if (bvh_current == bvh_done) return;
+  if (bvh_current == bvh_leave) bvh_return(world);
+  else if (bvh_instance != bvh_top) bvh_test_leaf(any);
+  else if (bvh_leaf_count(bvh_current) != 0u) bvh_enter(world);
+  else bvh_current = bvh_pop();
 }
 
 #endif

@@ -26,8 +26,19 @@ layout(push_constant, scalar) uniform Push {
 
 #include "lib/trace_queue.glsl"
 
+layout(constant_id = 4) const uint spread_groups = 0u;  // Tracer::spread_groups
+
+const uint no_ray = 0xffffffffu;
+
 /// This invocation's ray, or one past every queue; the grid may be two-dimensional.
-uint queue_ray_index() { return (gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x) * gl_WorkGroupSize.x + gl_LocalInvocationID.x; }
+/// A group waits for the longest way that any of its rays takes, and longer where they diverge. So the rays of a queue that would not fill the device
+/// are spread: over so many groups that each has as few as there can be.
+uint queue_ray_index() {
+  uint rays = gl_WorkGroupSize.x;
+  if (spread_groups > 0u) rays = clamp((queue_ray_count() + spread_groups - 1u) / spread_groups, 1u, rays);
+  if (gl_LocalInvocationID.x >= rays) return no_ray;
+  return (gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x) * rays + gl_LocalInvocationID.x;
+}
 
 /// Where a ray starts; bvh_done for rays of environments that there are not.
 uint queue_root(uint i) {
@@ -39,5 +50,7 @@ BvhRay queue_ray(uint i, uint words) {
   return BvhRay(queue_vec3(i, ray_origin, words), queue_float(i, ray_t_near, words), queue_vec3(i, ray_direction, words),
                 queue_float(i, ray_t_far, words), rays_have_time ? queue_float(i, ray_time, words) : 0.0);
 }
+
+BvhWorld queue_world() { return BvhWorld(push.nodes, push.instances, push.motions); }
 
 #endif

@@ -1,4 +1,4 @@
-// Entry of both trace_glass shaders: a shadow ray's whole way through smooth surfaces, in one go. What stage `transmit` does ray queue by ray queue.
+// Entry of both trace_glass shaders: a shadow ray's whole way through smooth surfaces, in one go; stage `transmit` does the same queue by queue.
 // t_far becomes minus infinity where something stands in the way; else the contribution is dimmed.
 #include "shared/wave.h"
 // What stage/glass.glsl reads, beyond what every tracer is given.
@@ -10,34 +10,53 @@ layout(constant_id = 3) const uint features = 0u;
 #include "lib/shading.glsl"
 #include "stage/glass.glsl"
 
-/// Whether light gets through; `light` is what of it.
-bool pass_glass(uint root, bool opaque, BvhRay seen, inout Spectrum light) {
-  Ray ray = Ray(seen.origin, seen.t_near, seen.direction, seen.t_far);
-  for (uint passed = 0u; ray.t_far > 0.0; ++passed) {
-    bool last = opaque || passed >= push.surfaces;
-    seen = BvhRay(ray.origin, ray.t_near, ray.direction, ray.t_far, seen.time_s);
-    BvhHit hit;
-    if (!bvh_trace(push.nodes, push.instances, push.motions, root, last, seen, hit)) return true;
-    if (last) return false;
-    light *= pass_surface(MetSurface(hit.instance, hit.primitive, hit.uv.x, hit.uv.y, seen.t_far), seen.time_s, ray);
-    if (max_component(light) == 0.0) return false;
-    ray.t_near = 0.0;
-    ray.t_far -= seen.t_far;
-  }
+// The ray on its way past surfaces, in pieces: how many it has passed, what is left of its light, and whether glass stops it all the same.
+Ray glass_ray;
+uint glass_passed;
+Spectrum glass_light;
+bool glass_opaque;
+
+uint contribution_word(uint c, uint i) { return c * push.capacity + i; }
+
+void begin(uint i) {
+  BvhRay ray = queue_ray(i, occlusion_words);
+  glass_ray = Ray(ray.origin, ray.t_near, ray.direction, ray.t_far);
+  glass_passed = 0u;
+  glass_opaque = (push.words.word[queue_word(i, ray_id, occlusion_words)] & shadow_opaque) != 0u;
+#if KUAFU_CHANNELS == 1
+  glass_light = push.contributions.at[i];
+#else
+  glass_light = vec3(push.contributions.at[i], push.contributions.at[contribution_word(1u, i)], push.contributions.at[contribution_word(2u, i)]);
+#endif
+  bvh_begin(queue_world(), queue_root(i), ray);
+}
+
+/// Nothing is passed from here on.
+bool any_hit() { return glass_opaque || glass_passed >= push.surfaces; }
+
+bool blocked(uint i) {
+  queue_store(i, ray_t_far, occlusion_words, 0xff800000u);
+  return false;
+}
+
+bool passed_all(uint i) {
+  if (glass_passed > 0u)
+    for (uint c = 0u; c < channels; ++c) push.contributions.at[contribution_word(c, i)] = channel_of(glass_light, c);
+  return false;
+}
+
+bool answer(uint i) {
+  if (!bvh_found) return passed_all(i);
+  if (any_hit()) return blocked(i);
+  MetSurface met = MetSurface(bvh_hit.instance, bvh_hit.primitive, bvh_hit.uv.x, bvh_hit.uv.y, bvh_ray.t_far);
+  glass_light *= pass_surface(met, bvh_ray.time_s, glass_ray);
+  if (max_component(glass_light) == 0.0) return blocked(i);
+  ++glass_passed;
+  glass_ray.t_near = 0.0;
+  glass_ray.t_far -= met.t;
+  if (glass_ray.t_far <= 0.0) return passed_all(i);
+  bvh_begin(queue_world(), queue_root(i), BvhRay(glass_ray.origin, glass_ray.t_near, glass_ray.direction, glass_ray.t_far, bvh_ray.time_s));
   return true;
 }
 
-void main() {
-  uint i = queue_ray_index();
-  if (i >= queue_ray_count()) return;
-  bool opaque = (push.words.word[queue_word(i, ray_id, occlusion_words)] & shadow_opaque) != 0u;
-#if KUAFU_CHANNELS == 1
-  Spectrum light = push.contributions.at[i], before = light;
-#else
-  Spectrum light = vec3(push.contributions.at[i], push.contributions.at[push.capacity + i], push.contributions.at[2u * push.capacity + i]), before = light;
-#endif
-  if (!pass_glass(queue_root(i), opaque, queue_ray(i, occlusion_words), light))
-    queue_store(i, ray_t_far, occlusion_words, 0xff800000u);
-  else if (light != before)
-    for (uint c = 0u; c < channels; ++c) push.contributions.at[c * push.capacity + i] = channel_of(light, c);
-}
+#include "lib/bvh_main.glsl"

@@ -34,14 +34,15 @@ void store_ray(UintArray words, uint i, uint stride, uint capacity, IN(Ray) ray,
   store_float(words, i, ray_direction + 2u, stride, capacity, ray.direction.z);
   store_float(words, i, ray_time, stride, capacity, time_s);
   store_float(words, i, ray_t_far, stride, capacity, ray.t_far);
-  words.at[ray_word(i, ray_mask, stride, queue_layout, capacity)] = 0xffffffffu;
   words.at[ray_word(i, ray_id, stride, queue_layout, capacity)] = slot;
+  if (queue_layout != queue_layout_packets) return;
+  words.at[ray_word(i, ray_mask, stride, queue_layout, capacity)] = 0xffffffffu;
   words.at[ray_word(i, ray_flags, stride, queue_layout, capacity)] = 0u;
 }
 
 void store_closest_ray(UintArray words, uint i, uint capacity, IN(Ray) ray, float time_s, uint slot) {
   store_ray(words, i, closest_words, capacity, ray, time_s, slot);
   words.at[closest_word(i, hit_geometry, capacity)] = miss;
-  words.at[closest_word(i, hit_instance, capacity)] = miss;
+  if (queue_layout == queue_layout_packets) words.at[closest_word(i, hit_instance, capacity)] = miss;
 }
 #endif

@@ -5,9 +5,19 @@
 layout(push_constant, scalar) uniform Push { ShadePush push; };
 #include "stage/shade.glsl"
 
+/// No more than each vertex' shadow rays and its next ray can come of `count` rays.
+void cover_next(uint block, uint count) {
+  uint shadows = count * push.shadow_rays_per_vertex;
+  cover_rays(push.counters, block + counter_shadow_arguments, shadows);
+  cover(push.counters, block + counter_transmit_arguments, shadows);
+  cover_rays(push.counters, block + counter_words + counter_trace_arguments, count);
+  cover(push.counters, block + counter_words + counter_shade_arguments, count);
+}
+
 void main() {
-  uint i = gl_GlobalInvocationID.x, block = push.bounce * counter_words, end;
-  bool live = i < push.counters.at[block + counter_ray_count];
+  uint i = gl_GlobalInvocationID.x, block = push.bounce * counter_words, count = push.counters.at[block + counter_ray_count];
+  bool live = i < count;
+  if (i == 0u) cover_next(block, count);
   Shading shading;
   shading.hit = shading.fog.found = shading.walk.inside = false;
   if (live) shading = begin_shading(i);
@@ -15,11 +25,7 @@ void main() {
     ShadowRequest request;
     request.wanted = false;
     if (live && asks_light(shading, k)) request = ask_light(shading, k);
-    uint place = append(request.wanted, push.counters, block + counter_shadow_count, end);
-    if (end > 0u && gl_LocalInvocationIndex == 0u) {
-      cover(push.counters, block + counter_shadow_arguments, end, trace_group_size);
-      cover(push.counters, block + counter_transmit_arguments, end, gl_WorkGroupSize.x);
-    }
+    uint place = append(request.wanted, push.counters, block + counter_shadow_count);
     if (request.wanted) queue_shadow(shading.path, request, k, place);
     else if (live) queue_no_shadow(shading.path, k);
   }
@@ -27,10 +33,6 @@ void main() {
   next.wanted = false;
   if (live && goes_on(shading)) next = scatter(shading);
   block += counter_words;
-  uint place = append(next.wanted, push.counters, block + counter_ray_count, end);
-  if (end > 0u && gl_LocalInvocationIndex == 0u) {
-    cover(push.counters, block + counter_trace_arguments, end, trace_group_size);
-    cover(push.counters, block + counter_shade_arguments, end, gl_WorkGroupSize.x);
-  }
+  uint place = append(next.wanted, push.counters, block + counter_ray_count);
   if (next.wanted) queue_next(shading.path, next, place);
 }

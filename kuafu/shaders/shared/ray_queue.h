@@ -23,7 +23,7 @@ KUAFU_CONST ray_t_near = 3u;
 KUAFU_CONST ray_direction = 4u;  // 3 words, unit length
 KUAFU_CONST ray_time = 7u;     // seconds from mid-exposure of the middle line; 0 where nothing moves
 KUAFU_CONST ray_t_far = 8u;    // in: limit; out: hit distance (closest), or < 0 = occluded (occluded)
-KUAFU_CONST ray_mask = 9u;     // 0xffffffff
+KUAFU_CONST ray_mask = 9u;     // 0xffffffff; for Embree, in packets alone, as ray_flags
 KUAFU_CONST ray_id = 10u;      // path slot; of shadow rays: shared/wave.h
 KUAFU_CONST ray_flags = 11u;   // 0
 KUAFU_CONST occlusion_words = 12u;  // an occlusion ray ends here

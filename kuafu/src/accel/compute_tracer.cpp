@@ -27,24 +27,30 @@ struct GlassPush {
   uint32_t has_medium, unused = 0;
 };
 
+/// By constant_id (lib/bvh_queue.glsl, lib/glass_main.glsl).
+using Constants = std::array<uint32_t, 5>;
+
+constexpr uint32_t gpu_spread_groups = 2048;  // about what a large GPU holds at once
+
 class ComputeTracer final : public Tracer {
  public:
   ComputeTracer(std::shared_ptr<ks::Device> device, uint32_t layout)
       : layout_(layout),
-        group_size_(device->is_cpu() ? 8 : 32),
-        specialisation_{group_size_, layout_, 0},
-        closest_(device, trace_closest_spirv, sizeof(TracePush), specialisation_),
-        occluded_(device, trace_occluded_spirv, sizeof(TracePush), specialisation_),
+        group_size_(device->is_cpu() ? 8 : 64),
+        spread_(device->is_cpu() ? 0 : gpu_spread_groups),
+        closest_(device, trace_closest_spirv, sizeof(TracePush), specialisation(false)),
+        occluded_(device, trace_occluded_spirv, sizeof(TracePush), specialisation(false)),
         device_(device),
         world_(std::move(device)) {}
 
   [[nodiscard]] const char* name() const override { return "compute"; }
   [[nodiscard]] uint32_t queue_layout() const override { return layout_; }
   [[nodiscard]] uint32_t trace_group_size() const override { return group_size_; }
+  [[nodiscard]] uint32_t spread_groups() const override { return spread_; }
 
   void update(const Scene& scene, uint32_t environment_count, const TimeSpan& open) override {
     world_.update(scene, environment_count, open);
-    if (world_.moves() && !moving_) moving_.emplace(device_, std::array{group_size_, layout_, 1u});
+    if (world_.moves() && !moving_) moving_.emplace(device_, specialisation(true));
   }
 
   void closest(ks::Commands& commands, const RayQueue& rays) override {
@@ -63,6 +69,9 @@ class ComputeTracer final : public Tracer {
   }
 
  private:
+  [[nodiscard]] Constants specialisation(bool moves, uint32_t features = 0) const {
+    return {group_size_, layout_, moves ? 1u : 0u, features, spread_};
+  }
   /// Built for the features of a scene that asks for it.
   [[nodiscard]] const ks::ComputePipeline& glass_pipeline(const GlassWay& glass) {
     const uint32_t features = world_.moves() ? glass.features : glass.features & ~feature_motion;  // of lights alone: rays need no time
@@ -70,7 +79,7 @@ class ComputeTracer final : public Tracer {
     if (!slot)
       slot = std::make_unique<ks::ComputePipeline>(
           device_, glass.infrared ? std::span<const uint32_t>(trace_glass_infrared_spirv) : trace_glass_visible_spirv, sizeof(GlassPush),
-          std::array{group_size_, layout_, world_.moves() ? 1u : 0u, features});
+          specialisation(world_.moves(), features));
     return *slot;
   }
 
@@ -88,12 +97,11 @@ class ComputeTracer final : public Tracer {
             rays.environments ? 1u : 0u};
   }
 
-  uint32_t layout_, group_size_;
-  std::array<uint32_t, 3> specialisation_;
+  uint32_t layout_, group_size_, spread_;
   ks::ComputePipeline closest_, occluded_;
   /// The same for rays with a time; built when something moves first.
   struct Moving {
-    Moving(const std::shared_ptr<ks::Device>& device, const std::array<uint32_t, 3>& specialisation)
+    Moving(const std::shared_ptr<ks::Device>& device, const Constants& specialisation)
         : closest(device, trace_closest_spirv, sizeof(TracePush), specialisation),
           occluded(device, trace_occluded_spirv, sizeof(TracePush), specialisation) {}
     ks::ComputePipeline closest, occluded;

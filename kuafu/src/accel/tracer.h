@@ -37,6 +37,8 @@ class Tracer {
   [[nodiscard]] virtual const char* name() const = 0;
   [[nodiscard]] virtual uint32_t queue_layout() const = 0;      // queue_layout_planes or queue_layout_packets
   [[nodiscard]] virtual uint32_t trace_group_size() const = 0;  // workgroup size the indirect arguments are made for
+  /// Indirect arguments ask for at least so many groups, or for one per ray where those are fewer; 0: never for more than rays fill.
+  [[nodiscard]] virtual uint32_t spread_groups() const { return 0; }
   /// Brings the acceleration structure up to date with the scene; cost follows what changed (Scene::revisions). No work may be in flight.
   /// A scene is known by its address: keep the last one given alive until another is given.
   /// open: times that rays may have (ray_time), where instances move; an instant is time 0.

@@ -27,7 +27,8 @@ constexpr uint32_t group_size = 128;  // measured best on an NVIDIA H200 and on 
 class DeviceStages final : public Stages {
  public:
   DeviceStages(std::shared_ptr<ks::Device> device, const Tracer& tracer)
-      : device_(std::move(device)), specialisation_{group_size, tracer.queue_layout(), tracer.trace_group_size(), 0} {}
+      : device_(std::move(device)), specialisation_{group_size, tracer.queue_layout(), tracer.trace_group_size(), 0,
+                                                    0,          tracer.spread_groups()} {}
 
   void generate(ks::Commands& commands, const GeneratePush& push, const WaveBuffers& buffers) override {
     commands.begin_stage("generate");
@@ -101,8 +102,8 @@ class DeviceStages final : public Stages {
   }
 
   std::shared_ptr<ks::Device> device_;
-  std::array<uint32_t, 4> specialisation_;
-  Pipeline generate_[2], aov_[2][2];  // plain, and with feature_camera; aov: visible, infrared
+  std::array<uint32_t, 6> specialisation_;  // by constant_id (lib/invocation.glsl); 4 is the denoiser's
+  Pipeline generate_[2], aov_[2][2];        // plain, and with feature_camera; aov: visible, infrared
   Pipeline resolve_, accumulate_, visibility_, write_;
   std::map<std::pair<bool, uint32_t>, Pipeline> shade_, transmit_;  // by infrared and features
 };

@@ -113,7 +113,9 @@ class RayBench {
       for (uint32_t field = 0; field < words; ++field) set(i, field, i < rays.size() ? 0u : tail_mark);
     for (uint32_t i = 0; i < rays.size(); ++i) fill_ray(i, rays[i]);
     // Two rows of groups where there are enough: shaders must not count on a one-dimensional grid.
-    const uint32_t groups = (uint32_t(rays.size()) + tracer_.trace_group_size() - 1) / tracer_.trace_group_size();
+    const auto count = uint32_t(rays.size());
+    const uint32_t groups =
+        std::max((count + tracer_.trace_group_size() - 1) / tracer_.trace_group_size(), std::min(count, tracer_.spread_groups()));
     const uint32_t rows = groups > 1 ? 2 : 1;
     const uint32_t counters[] = {0, uint32_t(rays.size()), (groups + rows - 1) / rows, groups ? rows : 0, 1};
     counters_->write(0, counters, sizeof counters);
