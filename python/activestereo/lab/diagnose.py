@@ -4,7 +4,7 @@ Test frames are touched once, for the held-out figures of the models along the w
 """
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -138,10 +138,10 @@ def _verdict(first, best, named, last, evidence):
             return "undetermined"
         return "unknown" if is_unexplained(first, first.base) else "none"
     if best.channel != "infrared":
-        return "unknown" if is_unexplained(last, last.base) else "effect"  # its own channel tells it, where the images lack nothing
+        left = replace(last.base, repeats=best.repeats)
+        return "unknown" if is_unexplained(last, left) else "effect"  # its own channel tells it, where the images lack nothing else
     end = min([last.base, *[e for e in last.entries if passes(last, e)]], key=lambda e: e.chi2)
-    explained = min([end, best], key=lambda e: e.chi2)
-    return "unknown" if is_unexplained(last, explained, first) else "effect"
+    return "unknown" if all(is_unexplained(last, e, first) for e in (best, end)) else "effect"
 
 
 def _model_of(ranking, beside):

@@ -25,11 +25,13 @@ _GRID = np.geomspace(1e-3, 20.0, 400)
 
 @dataclass(frozen=True)
 class NoiseFit:
-    """nats: gain of log-likelihood; variance: what it explains per pixel, DN^2; values: {parameter: (value, low, high)}."""
+    """nats: gain of log-likelihood; variance: what it explains per pixel, DN^2; values: {parameter: (value, low, high)}; repeats: frames
+    of one view share it, so that their floor does not hold it."""
 
     nats: float
     variance: float
     values: dict
+    repeats: bool = False
 
 
 def fit_noise(candidate, evidence, model):
@@ -64,7 +66,7 @@ def _comb(evidence):
     widest = max(fitting)
     same = [s for s in fitting if s > 0.97 * widest]
     step = float(np.mean(same))
-    return NoiseFit(float(total * np.log(step)), step**2 / 12.0, {"step_dn": (step, min(same) - 0.02, max(same) + 0.02)})
+    return NoiseFit(float(total * np.log(step)), step**2 / 12.0, {"step_dn": (step, min(same) - 0.02, max(same) + 0.02)}, repeats=True)
 
 
 def _rows(evidence):

@@ -31,7 +31,8 @@ class StaticPart:
     """One random field. regressor, index: functions of (observation, prediction, light, context) giving images; group: function
     of an observation: draws are predicted from other groups; grid: function of an observation: the shape in which indices lie, and
     how many steps lie between independent draws; parameter: the effect's parameter that is its deviation; in_pose: draws last
-    as long as the rig stands still, as does the misplacement of edges, which therefore do not count."""
+    as long as the rig stands still, as does the misplacement of edges, which therefore do not count; extended: pixels that lie
+    together share a draw, which is structure (goodness.py) until it is predicted."""
 
     parameter: str
     regressor: object
@@ -40,10 +41,16 @@ class StaticPart:
     grid: object
     sparse: bool = False
     in_pose: bool = False
+    extended: bool = False
 
 
 def _pose(o):
     return o.frame.camera_to_world.tobytes(), o.frame.is_moving
+
+
+def _place(o):
+    """Frames of one place show pixels the same dots, moving or not."""
+    return o.frame.camera_to_world.tobytes()
 
 
 def _pixel(o, context):
@@ -107,22 +114,22 @@ def _exposure(o, image, dots):
 
 
 PARTS = {
-    "prnu": (StaticPart("sigma", _signal, _pixel, _pose, _pixel_grid),),
+    "prnu": (StaticPart("sigma", _signal, _pixel, _place, _pixel_grid),),
     "fixed_pattern_noise": (
-        StaticPart("column_dn", _ones, _column, _pose, _column_grid),
-        StaticPart("row_dn", _ones, _row, _pose, _row_grid),
-        StaticPart("pixel_dn", _ones, _pixel, _pose, _pixel_grid),
+        StaticPart("column_dn", _ones, _column, _place, _column_grid),
+        StaticPart("row_dn", _ones, _row, _place, _row_grid),
+        StaticPart("pixel_dn", _ones, _pixel, _place, _pixel_grid),
     ),
-    "hot_pixels": (StaticPart("rate_dn_per_s", _exposure, _pixel, _pose, _pixel_grid, sparse=True),),
+    "hot_pixels": (StaticPart("rate_dn_per_s", _exposure, _pixel, _place, _pixel_grid, sparse=True),),
     "speckle_static": (StaticPart("contrast", _dots, _pixel_of_pose, lambda o: o.frame.id, _pixel_grid, in_pose=True),),
-    "dot_gain_spread": (StaticPart("spread", _dots, _dot, _pose, _dot_grid),),
+    "dot_gain_spread": (StaticPart("spread", _dots, _dot, _place, _dot_grid, extended=True),),
 }
 
 
 @dataclass
 class StaticFit:
     """residuals: train residuals after held-out prediction; test_residuals; sigma and its standard error by parameter; variance: what
-    fields of these sigmas leave in the train images, in floors, whether other frames tell their draws or not."""
+    fields of these sigmas leave in the train images, in floors, whether other frames tell their draws or not; extended: as StaticPart's."""
 
     residuals: list
     test_residuals: list
@@ -130,6 +137,7 @@ class StaticFit:
     error: dict
     share: float = 0.0
     variance: float = 0.0
+    extended: bool = False
 
 
 def fit_static(effect_id, train, test, black_dn):
@@ -161,7 +169,8 @@ def fit_static(effect_id, train, test, black_dn):
             share = float(strong.sum() / max((total_a > 0).sum(), 1))
             if strong.any():
                 sigma[part.parameter] = float((total_b[strong] / total_a[strong]).mean())
-    return StaticFit(now, now_test, sigma, error, share, explained) if explained > 0 else None
+    extended = any(part.extended for part in PARTS[effect_id])
+    return StaticFit(now, now_test, sigma, error, share, explained, extended) if explained > 0 else None
 
 
 @dataclass

@@ -17,6 +17,8 @@ _CONSISTENT = 0.7
 # goodness.py), and this share of the structure that was there at first. Surveys leave a structure of 0.02 to 0.09 floors where nothing is
 # hidden, and formulas that are right but not the world's own one tenth of the first; stand-ins leave a quarter and more.
 _UNEXPLAINED_FLOORS, _UNEXPLAINED_SHARE = 0.12, 0.2
+# Rounding errors are even within a step, but for dark pictures that only use a few steps.
+_ROUNDING_KNOWN_TO = 0.2
 # Equivalence: as much left above the floor, within these, cannot be told apart by a model that is itself approximate.
 _SAME_EXCESS_RATIO, _SAME_EXCESS_FLOORS = 1.2, 0.002
 # How often the truth is among what may be named; temperature of the confidence's softmax over log excess, and how well the floor
@@ -93,6 +95,7 @@ def is_unexplained(ranking, entry, first=None):
     Noise of single pixels asks for none: its level is a nuisance, and what is random and stays has candidates of its own. Those explain
     no structure: it is the base's that counts beside them."""
     structure = ranking.structure_after(entry)
-    if structure <= _UNEXPLAINED_FLOORS or entry.chi2 / ranking.pixels - 1.0 <= _UNEXPLAINED_FLOORS:
+    own = (1.0 + _ROUNDING_KNOWN_TO) * entry.repeats
+    if structure <= _UNEXPLAINED_FLOORS or entry.chi2 / ranking.pixels - 1.0 - own <= _UNEXPLAINED_FLOORS:
         return False
     return first is None or structure > _UNEXPLAINED_SHARE * first.structure_after(first.base)

@@ -23,7 +23,7 @@ from activestereo.lab.diagnose_score import (
 )
 from activestereo.lab.diagnose_static import PARTS, fit_static, white_rest, worst_image
 from activestereo.lab.diagnose_surfaces import on_explained
-from activestereo.lab.diagnose_verdict import is_significant, passes
+from activestereo.lab.diagnose_verdict import equivalents, is_significant, is_unexplained, passes
 from activestereo.lab.goodness import local_structure
 from activestereo.lab.parsimony import simplified
 
@@ -71,6 +71,17 @@ class Ranking:
         self._simplify_best()
         self.entries += self._beside([e for e in chosen if e not in {entry.effect for entry in self.entries}])
         self.entries.sort(key=lambda e: (not passes(self, e), e.channel == "depth" and not self.at_floor, -e.nats - e.occam))
+        self._prefer_what_leaves_no_structure()
+
+    def _prefer_what_leaves_no_structure(self):
+        """Of explanations alike one that leaves structure is none: the next of them that leaves none comes first."""
+        if not self.entries or not passes(self, self.entries[0]) or not is_unexplained(self, self.entries[0], self):
+            return
+        alike = equivalents(self, self.entries[0])
+        clean = (e for e in self.entries if e.id in alike and passes(self, e) and not is_unexplained(self, e, self))
+        if (better := next(clean, None)) is not None:
+            self.entries.remove(better)
+            self.entries.insert(0, better)
 
     def _fit_base(self, phi):
         play = Play(self._model)
@@ -201,7 +212,10 @@ class Ranking:
             fit = fit_noise(candidate, self.evidence, self._model)
             if fit is not None:
                 share = fit.variance / max(floor, fit.variance)
-                entries.append(self._entry_beside(candidate, "noise", fit.nats, share, 1.0, fit.values))
+                entry = self._entry_beside(candidate, "noise", fit.nats, share, 1.0, fit.values)
+                if fit.repeats:
+                    entry.repeats = fit.variance * float(np.mean([o.weight.mean() for o in self.evidence.train]))
+                entries.append(entry)
         engine = [e for e in candidates if e.stage > Stage.DIGITAL]
         if engine and any(o.frame.depth_path is not None for o in self.evidence.train):
             evidence = self._depth_evidence()
@@ -238,8 +252,11 @@ class Ranking:
                 e.occam = occam_nats(self.fitter, e, self.deff) - e.choice
 
     def structure_after(self, entry):
-        """goodness.local_structure of what an entry's expected images leave."""
-        return local_structure(self.rows(self.evidence.train, (entry.solution or self.base.solution)))
+        """goodness.local_structure of what an entry's expected images leave, and of its draws where they are larger than a pixel."""
+        rows = self.rows(self.evidence.train, (entry.solution or self.base.solution))
+        if entry.static is not None and entry.static.extended:
+            rows = [(*row[:3], r) for row, r in zip(rows, entry.static.residuals, strict=True)]
+        return local_structure(rows)
 
     @property
     def worst_image(self):
