@@ -2,10 +2,12 @@
 
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from activestereo.effects import Parameter
 from activestereo.lab import diagnose_verdict
+from activestereo.lab.diagnose_depth import _beyond_survey
 from activestereo.lab.diagnose_score import interval
 from activestereo.lab.diagnose_verdict import confidences
 
@@ -47,3 +49,12 @@ def test_what_formulas_lack_widens_a_shapes_interval_by_its_value_and_a_choices_
     assert high - low == pytest.approx(other_high - other_low)
     place = Parameter("place", "bits", neutral=0.0, low=0.0, high=8.0, typical=1.0, choice=True)
     assert interval(place, 3.0, 1.0) == (3.0, 3.0, 3.0)
+
+
+@pytest.mark.parametrize(("nats", "offset_px"), [(19.5, 0.6), (150.0, 1.8), (0.5, 3.0)])
+def test_what_misplaced_cameras_explain_is_no_fault_of_the_depth_engine(nats, offset_px):
+    survey_px = 0.27
+    tried = np.linspace(0.0, offset_px, 20001)
+    likelihood = nats * (1.0 - (1.0 - tried / offset_px) ** 2)
+    misplaced = (likelihood - 0.5 * (tried / survey_px) ** 2).max()
+    assert _beyond_survey(nats, np.array([0.6, 0.8]) * offset_px, survey_px) == pytest.approx(nats - misplaced, abs=1e-4)

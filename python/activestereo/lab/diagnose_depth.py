@@ -20,6 +20,9 @@ _STARTS = (-1.0, 0.3, 1.0, 3.0)
 _EVALUATIONS = 60
 # Nodes, in deviations, and weights of Gauss and Hermite's rule for a normal mean.
 _NODES = ((-np.sqrt(3.0), 1 / 6), (0.0, 2 / 3), (np.sqrt(3.0), 1 / 6))
+# Effects that displace what is measured in the picture, as an error of the surveyed poses does: these are good to an eighth of a degree.
+_DISPLACEMENTS = ("foreshortening_bias",)
+_SURVEYED_TO_RAD = 0.0025
 # Neighbouring disparities of two engines differ alike within this factor; a filter makes the device's differ less.
 _ENGINES_DIFFER = 1.7
 
@@ -119,14 +122,16 @@ class DepthEvidence:
         pixels, deff = counts.sum(), design_effect(tiles, counts)
         nats = 0.5 * pixels / deff * np.log(before / after) if after > 0 else 0.0
         better = np.mean([n.sum() < b.sum() for n, b in zip(now, base, strict=True)])
+        survey_px = _SURVEYED_TO_RAD * self.frames[0][0].K[0, 0] if candidate.id in _DISPLACEMENTS else 0.0
         values = {}
         for i, p in enumerate(candidate.parameters):
             step = 0.05 * p.typical
             moved = [np.where(np.arange(len(found)) == i, np.clip(found[i] + side * step, p.low, p.high), found) for side in (-1, 1)]
             curve = sum(s.sum() for m in moved for s in self._squares(candidate, m)) - 2 * after
             error = step * np.sqrt(2 * deff * (after / pixels) / curve) if curve > 0 else p.high - p.low
+            error = np.hypot(error, survey_px)
             values[p.name] = tuple(float(np.clip(v, p.low, p.high)) for v in (found[i], found[i] - Z90 * error, found[i] + Z90 * error))
-        return DepthFit(float(nats), float(1.0 - after / before), float(better), values)
+        return DepthFit(_beyond_survey(nats, found - neutral, survey_px), float(1.0 - after / before), float(better), values)
 
     def _fit_smoothness(self, candidate):
         """For effects with one leading amplitude: the engine's errors under the effect, their differences against the device's."""
@@ -163,6 +168,12 @@ class DepthEvidence:
                 total += (((error - np.roll(error, 1, axis)) ** 2)[both]).sum()
                 count += both.sum()
         return total / max(count, 1)
+
+
+def _beyond_survey(nats, offset_px, survey_px):
+    """Gain over the best displacement that the poses' errors, normal with this deviation, explain: of quadratic log-likelihoods."""
+    square = float((offset_px**2).sum())
+    return float(nats / (1.0 + 2.0 * nats * survey_px**2 / square)) if nats > 0 and survey_px > 0 and square > 0 else float(nats)
 
 
 def _by_tile(squares, valid):
