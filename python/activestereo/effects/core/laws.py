@@ -45,12 +45,12 @@ def _failure(effect, value, view):
 
 
 def example_view(eye="right", frame_id=0, seed=0, temperature_c=45.0, move=True):
-    """A slanted plane before a wall, a moving warm rig, a dot pattern."""
+    """A plane slanted both ways before a wall, a moving warm rig, a dot pattern."""
     height, width = _SIZE
     v, u = np.mgrid[0:height, 0:width].astype(np.float64)
     slanted = (u > 30) & (u < 66) & (v > 20) & (v < 56)
-    depth = np.where(slanted, 0.6 + 0.002 * u, 1.1)
-    normal = np.where(slanted[..., None], np.array([0.2, 0.0, -1.0]) / np.hypot(0.2, 1.0), [0.0, 0.0, -1.0])
+    depth = np.where(slanted, 0.6 + 0.002 * u + 0.001 * v, 1.1)
+    normal = np.where(slanted[..., None], np.array([0.2, 0.1, -1.0]) / np.linalg.norm([0.2, 0.1, 1.0]), [0.0, 0.0, -1.0])
     pose, left_to_right, left_to_projector = np.eye(4), np.eye(4), np.eye(4)
     left_to_right[0, 3], left_to_projector[0, 3] = -0.05, -0.015
     left_to_camera = left_to_right if eye == "right" else np.eye(4)
