@@ -9,7 +9,7 @@ from activestereo.effects import Parameter
 from activestereo.lab import diagnose_verdict
 from activestereo.lab.diagnose_depth import _beyond_survey
 from activestereo.lab.diagnose_score import interval
-from activestereo.lab.diagnose_verdict import confidences
+from activestereo.lab.diagnose_verdict import confidences, is_unexplained
 
 
 def entry(name, chi2, channel="infrared", occam=0.0):
@@ -58,3 +58,11 @@ def test_what_misplaced_cameras_explain_is_no_fault_of_the_depth_engine(nats, of
     likelihood = nats * (1.0 - (1.0 - tried / offset_px) ** 2)
     misplaced = (likelihood - 0.5 * (tried / survey_px) ** 2).max()
     assert _beyond_survey(nats, np.array([0.6, 0.8]) * offset_px, survey_px) == pytest.approx(nats - misplaced, abs=1e-4)
+
+
+@pytest.mark.parametrize(("floors", "structure", "unknown"), [(0.3, 0.05, False), (0.3, 0.2, True), (1.2, 0.05, True)])
+def test_unknown_is_what_has_structure_or_is_more_than_surveys_leave(floors, structure, unknown):
+    base = SimpleNamespace(chi2=100.0 * (1.0 + floors), repeats=0.0)
+    assert is_unexplained(SimpleNamespace(pixels=100, white=0.0, structure_after=lambda _: structure), base) is unknown
+    named = SimpleNamespace(pixels=100, white=0.0, structure_after=lambda _: 0.05)
+    assert not is_unexplained(named, base, named)  # what a named effect leaves is judged by its structure

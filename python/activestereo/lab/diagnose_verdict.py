@@ -17,6 +17,8 @@ _CONSISTENT = 0.7
 # goodness.py), and this share of the structure that was there at first. Surveys leave a structure of 0.02 to 0.09 floors where nothing is
 # hidden, and formulas that are right but not the world's own one tenth of the first; stand-ins leave a quarter and more.
 _UNEXPLAINED_FLOORS, _UNEXPLAINED_SHARE = 0.12, 0.2
+# And whatever its shape (stripes finer than a tile are no structure), where nothing is named and so much stays: surveys leave a third.
+_LARGEST_OF_SURVEYS = 0.5
 # Rounding errors are even within a step, but for dark pictures that only use a few steps.
 _ROUNDING_KNOWN_TO = 0.2
 # Equivalence: as much left above the floor, within these, cannot be told apart by a model that is itself approximate.
@@ -93,9 +95,11 @@ def is_unexplained(ranking, entry, first=None):
     """Whether what an entry leaves (the base for none) asks for another effect; first: the Ranking without effects.
 
     Noise of single pixels asks for none: its level is a nuisance, and what is random and stays has candidates of its own. Those explain
-    no structure: it is the base's that counts beside them."""
+    no structure: it is the base's that counts beside them. Where nothing is named, more than surveys leave does, too."""
     structure = ranking.structure_after(entry)
-    own = (1.0 + _ROUNDING_KNOWN_TO) * entry.repeats
-    if structure <= _UNEXPLAINED_FLOORS or entry.chi2 / ranking.pixels - 1.0 - own <= _UNEXPLAINED_FLOORS:
+    excess = entry.chi2 / ranking.pixels - 1.0 - (1.0 + _ROUNDING_KNOWN_TO) * entry.repeats
+    if first is None and excess - ranking.white > _LARGEST_OF_SURVEYS:
+        return True
+    if structure <= _UNEXPLAINED_FLOORS or excess <= _UNEXPLAINED_FLOORS:
         return False
     return first is None or structure > _UNEXPLAINED_SHARE * first.structure_after(first.base)
