@@ -7,7 +7,7 @@ import pytest
 
 from activestereo.effects import Parameter
 from activestereo.lab import diagnose_verdict
-from activestereo.lab.diagnose_depth import _beyond_survey
+from activestereo.lab.diagnose_depth import _surveyed
 from activestereo.lab.diagnose_score import interval
 from activestereo.lab.diagnose_verdict import confidences, is_unexplained
 
@@ -57,7 +57,7 @@ def test_what_misplaced_cameras_explain_is_no_fault_of_the_depth_engine(nats, of
     tried = np.linspace(0.0, offset_px, 20001)
     likelihood = nats * (1.0 - (1.0 - tried / offset_px) ** 2)
     misplaced = (likelihood - 0.5 * (tried / survey_px) ** 2).max()
-    assert _beyond_survey(nats, np.array([0.6, 0.8]) * offset_px, survey_px) == pytest.approx(nats - misplaced, abs=1e-4)
+    assert _surveyed(nats, np.array([0.6, 0.8]) * offset_px, survey_px) == pytest.approx(misplaced, abs=1e-4)
 
 
 @pytest.mark.parametrize(("floors", "structure", "unknown"), [(0.3, 0.05, False), (0.3, 0.2, True), (1.2, 0.05, True)])

@@ -30,12 +30,13 @@ _ENGINES_DIFFER = 1.7
 @dataclass(frozen=True)
 class DepthFit:
     """nats; share: of the disparity error's mean square that goes; consistency: share of frames that get better; values: {parameter:
-    (value, low, high)}."""
+    (value, low, high)}; surveyed: nats of it that errors of the surveyed poses may explain."""
 
     nats: float
     share: float
     consistency: float
     values: dict
+    surveyed: float = 0.0
 
 
 class DepthEvidence:
@@ -131,7 +132,8 @@ class DepthEvidence:
             error = step * np.sqrt(2 * deff * (after / pixels) / curve) if curve > 0 else p.high - p.low
             error = np.hypot(error, survey_px)
             values[p.name] = tuple(float(np.clip(v, p.low, p.high)) for v in (found[i], found[i] - Z90 * error, found[i] + Z90 * error))
-        return DepthFit(_beyond_survey(nats, found - neutral, survey_px), float(1.0 - after / before), float(better), values)
+        surveyed = _surveyed(nats, found - neutral, survey_px)
+        return DepthFit(float(nats), float(1.0 - after / before), float(better), values, surveyed)
 
     def _fit_smoothness(self, candidate):
         """For effects with one leading amplitude: the engine's errors under the effect, their differences against the device's."""
@@ -170,10 +172,10 @@ class DepthEvidence:
         return total / max(count, 1)
 
 
-def _beyond_survey(nats, offset_px, survey_px):
-    """Gain over the best displacement that the poses' errors, normal with this deviation, explain: of quadratic log-likelihoods."""
-    square = float((offset_px**2).sum())
-    return float(nats / (1.0 + 2.0 * nats * survey_px**2 / square)) if nats > 0 and survey_px > 0 and square > 0 else float(nats)
+def _surveyed(nats, offset_px, survey_px):
+    """What the best displacement that the poses' errors, normal with this deviation, explain gains: of quadratic log-likelihoods."""
+    gained = 2.0 * max(nats, 0.0) * survey_px**2
+    return float(nats * gained / (gained + (offset_px**2).sum())) if gained > 0 else 0.0
 
 
 def _by_tile(squares, valid):

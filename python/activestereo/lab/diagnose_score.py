@@ -19,8 +19,9 @@ class Entry:
     """One explanation of the train frames. chi2: cross-validated; tile_chi2: in-sample, by tile; frame_gain: relative fall of each
     frame's chi2 that the effect touches; parameters: {name: {value, low, high, unit}}; explained: share of the chi2 above the floor.
 
-    occam: nats that its freedom costs, 0 for what is not fitted to images; choice: of choices that it took, see diagnose_occam;
-    repeats: mean square, in floors, that it leaves in every frame of a view alike (rounding to coarse steps), which is no other effect's.
+    occam: nats that its freedom costs, 0 for what is not fitted to images; choice: nats of choices that it took (diagnose_occam) or that
+    the survey's errors may explain (diagnose_depth); repeats: mean square, in floors, that it leaves in every frame of a view alike
+    (rounding to coarse steps), which is no other effect's.
 
     plain_share, plain_floors: explained and gain_floors of the error in DN as it is, not weighed by its expected variance; None
     where it was not looked at. channel: what it is judged on: "infrared" (expected images), "noise" (repeats) or "depth" (the device's disparity); of the last two

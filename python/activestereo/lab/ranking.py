@@ -222,7 +222,9 @@ class Ranking:
             for candidate in engine:
                 fit = evidence.fit(candidate)
                 if fit is not None:
-                    entries.append(self._entry_beside(candidate, "depth", fit.nats, fit.share, fit.consistency, fit.values))
+                    entry = self._entry_beside(candidate, "depth", fit.nats, fit.share, fit.consistency, fit.values)
+                    entry.choice = fit.surveyed
+                    entries.append(entry)
         return entries
 
     def _entry_beside(self, candidate, channel, nats, share, consistency, values):
