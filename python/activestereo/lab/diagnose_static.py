@@ -128,15 +128,14 @@ PARTS = {
 
 @dataclass
 class StaticFit:
-    """residuals: train residuals after held-out prediction; test_residuals; sigma and its standard error by parameter; variance: what
-    fields of these sigmas leave in the train images, in floors, whether other frames tell their draws or not; extended: as StaticPart's."""
+    """residuals: train residuals after held-out prediction; test_residuals; sigma and its standard error by parameter; extended: as
+    StaticPart's."""
 
     residuals: list
     test_residuals: list
     sigma: dict
     error: dict
     share: float = 0.0
-    variance: float = 0.0
     extended: bool = False
 
 
@@ -145,7 +144,7 @@ def fit_static(effect_id, train, test, black_dn):
     random."""
     context = {}
     now, now_test = [r for *_, r in train], [r for *_, r in test]
-    sigma, error, share, explained = {}, {}, 0.0, 0.0
+    sigma, error, share, found = {}, {}, 0.0, False
     for part in PARTS[effect_id]:
         rows = [_row_of(part, o, image - black_dn, dots, r, context) for (o, image, dots, _), r in zip(train, now, strict=True)]
         if len({row.group for row in rows}) < 2:
@@ -160,7 +159,7 @@ def fit_static(effect_id, train, test, black_dn):
         if part.index is _dot:
             seen = np.sqrt(dots_seen(train, lambda residuals, rows=rows: _variance_of(residuals, rows)))
             sigma[part.parameter], error[part.parameter] = sigma[part.parameter] / seen, error[part.parameter] / seen
-        explained += variance * float(np.mean([(o.weight * row.z**2).mean() for row, (o, *_) in zip(rows, train, strict=True)]))
+        found = True
         now = [_corrected(row, rows, total_a, total_b, variance, part.sparse) for row in rows]
         tests = [_row_of(part, o, image - black_dn, dots, r, context) for (o, image, dots, _), r in zip(test, now_test, strict=True)]
         now_test = [_predicted(row, total_a, total_b, variance, part.sparse) for row in tests]
@@ -170,7 +169,7 @@ def fit_static(effect_id, train, test, black_dn):
             if strong.any():
                 sigma[part.parameter] = float((total_b[strong] / total_a[strong]).mean())
     extended = any(part.extended for part in PARTS[effect_id])
-    return StaticFit(now, now_test, sigma, error, share, explained, extended) if explained > 0 else None
+    return StaticFit(now, now_test, sigma, error, share, extended) if found else None
 
 
 @dataclass

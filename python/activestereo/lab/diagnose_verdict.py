@@ -96,10 +96,12 @@ def is_unexplained(ranking, entry, first=None):
 
     Noise of single pixels asks for none: its level is a nuisance, and what is random and stays has candidates of its own. Those explain
     no structure: it is the base's that counts beside them. Where nothing is named, more than surveys leave does, too."""
-    structure = ranking.structure_after(entry)
     excess = entry.chi2 / ranking.pixels - 1.0 - (1.0 + _ROUNDING_KNOWN_TO) * entry.repeats
     if first is None and excess - ranking.white > _LARGEST_OF_SURVEYS:
         return True
-    if structure <= _UNEXPLAINED_FLOORS or excess <= _UNEXPLAINED_FLOORS:
+    if excess <= _UNEXPLAINED_FLOORS:
+        return False
+    structure = ranking.structure_after(entry)
+    if structure <= _UNEXPLAINED_FLOORS:
         return False
     return first is None or structure > _UNEXPLAINED_SHARE * first.structure_after(first.base)

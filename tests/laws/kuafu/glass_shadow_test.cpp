@@ -1,15 +1,9 @@
 // Light on its straight way through smooth glass: what a lamp or a projector gives to a surface behind a pane.
+#include "fresnel.h"
 #include "world.h"
 
 namespace laws {
 namespace {
-
-// Reflectance of air to index n, unpolarised (Hecht, Optics, 4.6).
-double reflectance(double angle, double n) {
-  const double c = std::cos(angle), ct = std::sqrt(1 - std::pow(std::sin(angle) / n, 2));
-  const double s = (c - n * ct) / (c + n * ct), p = (n * c - ct) / (n * c + ct);
-  return (s * s + p * p) / 2;
-}
 
 /// A wall at z = 1 seen from the origin, a lamp 0.5 m before its centre and aside; panes stand between the lamp and the wall, not before
 /// the camera.

@@ -1,4 +1,5 @@
 // Laws of materials beyond Lambert and single scattering: energy, reciprocity, absorption, rough glass, and the paper's mix.
+#include "light_sampling.h"
 #include "world.h"
 
 namespace laws {
@@ -150,18 +151,7 @@ TEST(Materials, nearly_smooth_glass_is_smooth_glass) {
 }
 
 TEST(Materials, light_samples_and_bsdf_samples_agree_through_rough_glass) {
-  double means[3];
-  for (const uint32_t sampling : {KUAFU_SAMPLING_MIS, KUAFU_SAMPLING_LIGHTS, KUAFU_SAMPLING_BSDF}) {
-    World world;
-    world.add(box({1, 1, 0.05}), frosted(0.5f), placed({0, 0, 1}, 0.3));
-    world.add(quad({0, 0, 2}, {-0.3, 0, 0}, {0, 0.3, 0}), emitter(1.0f));
-    world.desc().samples_per_pixel = 4096;
-    world.desc().max_bounces = 6;
-    world.desc().light_sampling = sampling;
-    means[sampling] = world.radiance(view_at({0, 0, 0}, 6, 6, 40)).mean();
-  }
-  EXPECT_NEAR(means[KUAFU_SAMPLING_LIGHTS] / means[KUAFU_SAMPLING_MIS], 1, 0.02);
-  EXPECT_NEAR(means[KUAFU_SAMPLING_BSDF] / means[KUAFU_SAMPLING_MIS], 1, 0.02);
+  expect_samplings_agree_through(box({1, 1, 0.05}), frosted(0.5f), 4096, 6);
 }
 
 }  // namespace
