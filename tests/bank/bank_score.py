@@ -171,11 +171,11 @@ def _covered(r):
 
 
 def _fall(r):
-    """Share of the explainable held-out error that went, by the tool's own figures and the true floor."""
+    """1 - excess after / excess before: share of the held-out mean square above the true floor that went, by the tool's own figures."""
     if r.failed or r.answer["heldout_ir_rmse_before"] is None:
         return None
     before, after, floor = r.answer["heldout_ir_rmse_before"], r.answer["heldout_ir_rmse_after"], r.key["oracle"]["test"]["floor_dn"]
-    return (before - after) / (before - floor) if before > floor else None
+    return (before**2 - after**2) / (before**2 - floor**2) if before > floor else None
 
 
 def _calibration(results):

@@ -70,7 +70,7 @@ def test_right_answers_score_one_and_faint_effects_are_not_asked_for():
     assert measures["equivalence set size (median)"]["value"] == 2
     assert measures["parameter error (median)"]["value"] == pytest.approx(0.1)
     assert measures["90 % intervals hold the truth"]["value"] == 1.0
-    assert measures["error fall F (median)"]["value"] == pytest.approx(0.75)
+    assert measures["error fall F (median)"]["value"] == pytest.approx(1.0 - (2.5**2 - 2.0**2) / (4.0**2 - 2.0**2))
     assert measures["calibration error (ECE)"]["value"] == pytest.approx(0.1)
 
 

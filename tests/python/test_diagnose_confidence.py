@@ -12,8 +12,8 @@ from activestereo.lab.diagnose_score import interval
 from activestereo.lab.diagnose_verdict import confidences, is_unexplained
 
 
-def entry(name, chi2, channel="infrared", occam=0.0):
-    return SimpleNamespace(id=name, chi2=chi2, channel=channel, occam=occam)
+def entry(name, chi2, channel="infrared", occam=0.0, nats=0.0):
+    return SimpleNamespace(id=name, chi2=chi2, channel=channel, occam=occam, nats=nats)
 
 
 def told(monkeypatch, entries, may_be_named):
@@ -23,19 +23,24 @@ def told(monkeypatch, entries, may_be_named):
 
 def test_a_fault_of_the_depth_engine_takes_nothing_from_what_the_images_lack(monkeypatch):
     found = told(monkeypatch, [entry("shutter", 101.0), entry("blur", 800.0), entry("locking", 50.0, "depth")], {"shutter", "locking"})
-    assert found["shutter"] == pytest.approx(0.95)
-    assert found["locking"] == pytest.approx(0.95)
+    assert found["shutter"] == pytest.approx(0.97)
+    assert found["locking"] == pytest.approx(0.97)
     assert found["blur"] < 0.05
 
 
 def test_what_explains_alike_shares(monkeypatch):
     found = told(monkeypatch, [entry("laser", 110.0), entry("grating", 110.0), entry("blur", 800.0)], {"laser", "grating"})
-    assert found["laser"] == found["grating"] == pytest.approx(0.475)
+    assert found["laser"] == found["grating"] == pytest.approx(0.485)
 
 
 def test_of_what_explains_alike_the_simpler_is_likelier(monkeypatch):
     found = told(monkeypatch, [entry("level", 110.0, occam=-9.0), entry("dark", 110.0, occam=-12.0)], {"level", "dark"})
     assert found["level"] / found["dark"] == pytest.approx(2.718, rel=1e-3)
+
+
+def test_of_what_leaves_alike_the_better_fit_is_likelier_by_less_than_its_likelihood_says(monkeypatch):
+    found = told(monkeypatch, [entry("shutter", 110.0, nats=460.0), entry("delay", 110.0, nats=400.0)], {"shutter", "delay"})
+    assert found["shutter"] / found["delay"] == pytest.approx(np.exp(3.0), rel=1e-3)
 
 
 def test_where_nothing_may_be_named_none_takes_part(monkeypatch):
@@ -64,5 +69,7 @@ def test_what_misplaced_cameras_explain_is_no_fault_of_the_depth_engine(nats, of
 def test_unknown_is_what_has_structure_or_is_more_than_surveys_leave(floors, structure, unknown):
     base = SimpleNamespace(chi2=100.0 * (1.0 + floors), repeats=0.0)
     assert is_unexplained(SimpleNamespace(pixels=100, white=0.0, structure_after=lambda _: structure), base) is unknown
-    named = SimpleNamespace(pixels=100, white=0.0, structure_after=lambda _: 0.05)
+    bare = SimpleNamespace(effects=[], model=SimpleNamespace(effects=[]))
+    base.solution = bare
+    named = SimpleNamespace(pixels=100, white=0.0, structure_after=lambda _: 0.05, base=base)
     assert not is_unexplained(named, base, named)  # what a named effect leaves is judged by its structure

@@ -23,7 +23,7 @@ def dots(rng):
 
 def row(image, residual, **frame):
     o = SimpleNamespace(
-        eye="left", frame=SimpleNamespace(**frame), weight=np.full(SHAPE, NOISE_DN**-2), view=SimpleNamespace(once=lambda *_: np.zeros(SHAPE, bool))
+        eye="left", frame=SimpleNamespace(**frame), weight=np.full(SHAPE, NOISE_DN**-2), view=SimpleNamespace(once=lambda *_: np.zeros(SHAPE, bool), max_dn=255)
     )
     return o, image, image - 20.0, residual
 
@@ -67,8 +67,22 @@ def frames(rng, gain_sigma, contrast):
 
 @pytest.mark.parametrize(("gain_sigma", "contrast"), [(0.1, 0.2), (0.1, 0.0), (0.0, 0.2)])
 def test_gains_of_pixels_and_grains_are_told_apart_where_both_are_there(gain_sigma, contrast):
-    found = components(["prnu", "fixed_pattern_noise", "speckle_static"], frames(np.random.default_rng(5), gain_sigma, contrast), 0.0)
+    largest = {"prnu": 0.2, "fixed_pattern_noise": 5.0, "speckle_static": 0.3}
+    found = components(largest, frames(np.random.default_rng(5), gain_sigma, contrast), 0.0)
     for name, truth in (("prnu", gain_sigma), ("fixed_pattern_noise", 0.0), ("speckle_static", contrast)):
         deviation = abs(found[name].variance - truth**2)
         assert deviation <= max(4.0 * found[name].error, 0.01 * max(gain_sigma, contrast) ** 2), name
         assert (found[name].variance > 3.0 * found[name].error) == (truth > 0) or truth == 0 and found[name].floors < 0.02
+
+
+def test_offsets_that_the_range_clips_are_no_gains():
+    rng = np.random.default_rng(6)
+    offsets, rows = 12.0 * rng.standard_normal(SHAPE), []
+    for pose in range(5):
+        image = dots(rng)
+        measured = np.clip(image + offsets + NOISE_DN * rng.standard_normal(SHAPE), 0.0, 255.0)
+        rows.append(row(image, measured - image, is_moving=False, camera_to_world=np.eye(4) * (1 + pose)))
+    found = components({"prnu": 0.3, "fixed_pattern_noise": 12.0}, rows, 0.0)
+    assert found["prnu"].variance < 3.0 * found["prnu"].error
+    believed = components({"prnu": 0.0, "fixed_pattern_noise": 0.0}, rows, 0.0)
+    assert believed["prnu"].variance > 3.0 * believed["prnu"].error

@@ -70,6 +70,11 @@ class Solution:
         return self.play.model(self.theta)
 
     @property
+    def effects(self):
+        """Those whose parameters were fitted."""
+        return list({e.id: e for e, _ in self.play.free}.values())
+
+    @property
     def nuisances(self):
         return Nuisances(*map(float, self.phi[:SCALES]))
 

@@ -3,7 +3,9 @@
 import json
 from pathlib import Path
 
+from activestereo.effects.core.surfaces import material_numbers
 from activestereo.lab.diagnose_verdict import confidences, equivalents
+from activestereo.lab.where_channels import material_names
 from activestereo.output_files import replace_file
 
 _SHOWN = 8
@@ -11,7 +13,7 @@ _SHOWN = 8
 
 def ranking_json(ranking):
     """Every candidate, best first; those whose fit gained nothing have score 0."""
-    confidence = confidences(ranking)
+    confidence, name_of = confidences(ranking), material_names(ranking.evidence.capture.scene_path)
     out = []
     for e in ranking.entries:
         out.append(
@@ -24,11 +26,24 @@ def ranking_json(ranking):
                 "explained_share": e.explained,
                 "gain_floors": e.gain_floors,
                 "frame_consistency": e.consistency,
-                "parameters": e.parameters,
+                "parameters": {p.name: _named(p, e.parameters[p.name], name_of) for p in e.effect.parameters},
                 "equivalent": equivalents(ranking, e) if e.nats > 0 else [],
             }
         )
     return out
+
+
+def _named(parameter, told, name_of):
+    """What is told of a parameter; of a choice of surfaces by their materials' names, none for all surfaces."""
+    return told | {"materials": [name_of(k) for k in material_numbers(told["value"])]} if parameter.choice else told
+
+
+def parameter_text(name, told):
+    """One parameter of a ranking's entry for reading: a choice by its materials, else value, interval and unit."""
+    if "materials" in told:
+        return f"on {', '.join(told['materials']) or 'all surfaces'}"
+    interval = "" if told["low"] is None or told["high"] is None else f" ({told['low']:.4g} to {told['high']:.4g})"
+    return f"{name} {told['value']:.4g}{interval}" + ("" if told["unit"] in ("", "1") else f" {told['unit']}")
 
 
 def write_diagnosis(diagnosis, folder):
@@ -51,9 +66,7 @@ def diagnosis_text(result):
     if result["ranking"]:
         lines.append(f"{'effect':26}{'family':20}{'nats':>12}{'explains':>10}{'confidence':>12}  parameters (90 %)")
     for entry in result["ranking"][:_SHOWN]:
-        values = ", ".join(
-            f"{name} {v['value']:.4g} ({v['low']:.4g} to {v['high']:.4g}) {v['unit']}" for name, v in entry["parameters"].items()
-        )
+        values = ", ".join(parameter_text(name, told) for name, told in entry["parameters"].items())
         share, confidence = f"{100 * entry['explained_share']:.0f} %", f"{entry['confidence']:.2f}"
         lines.append(f"{entry['effect']:26}{entry['family']:20}{entry['score_nats']:>12.1f}{share:>10}{confidence:>12}  {values}")
     first = result["ranking"][0] if result["ranking"] else None

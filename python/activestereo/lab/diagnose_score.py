@@ -19,6 +19,8 @@ class Entry:
     """One explanation of the train frames. chi2: cross-validated; tile_chi2: in-sample, by tile; frame_gain: relative fall of each
     frame's chi2 that the effect touches; parameters: {name: {value, low, high, unit}}; explained: share of the chi2 above the floor.
 
+    varying: mean square, in floors, that its trace would explain beyond that with an amplitude that varies (diagnose_constancy).
+
     occam: nats that its freedom costs, 0 for what is not fitted to images; choice: nats of choices that it took (diagnose_occam) or that
     the survey's errors may explain (diagnose_depth); repeats: mean square, in floors, that it leaves in every frame of a view alike
     (rounding to coarse steps), which is no other effect's.
@@ -43,6 +45,7 @@ class Entry:
     occam: float = 0.0
     choice: float = 0.0
     repeats: float = 0.0
+    varying: float = 0.0
 
     @property
     def id(self):

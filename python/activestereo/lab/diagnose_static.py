@@ -23,7 +23,7 @@ _DOT_PX = 4
 # Draws of a random field are independent: beyond this correlation something smooth is mistaken for one.
 _LARGEST_CORRELATION = 0.4
 # A pixel expected closer to an end of the range than so many deviations of what is looked for may be clipped.
-_CLEAR_OF_ENDS = 2.0
+CLEAR_OF_ENDS = 2.0
 
 
 @dataclass(frozen=True)
@@ -209,7 +209,7 @@ def _unclipped(rows, train, variance):
     """The rows without pixels that a draw of this variance may bring to an end of the range: clipped draws look smaller."""
     out = []
     for row, (o, image, *_) in zip(rows, train, strict=True):
-        reach = _CLEAR_OF_ENDS * np.sqrt(max(variance, 0.0)) * np.abs(row.z)
+        reach = CLEAR_OF_ENDS * np.sqrt(max(variance, 0.0)) * np.abs(row.z)
         out.append(replace(row, weight=np.where((image > reach) & (image < o.view.max_dn - reach), row.weight, 0.0)))
     return out
 

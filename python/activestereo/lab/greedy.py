@@ -11,6 +11,8 @@ _LARGEST_MODEL = 4
 # A removal is kept where the model stays as good: its loss of nats is below this; so is a swap that gains more.
 _NEEDLESS_NATS = 5.0
 _SMALLEST_GAIN_FLOORS = 0.005
+# Formulas are approximate: this share of what earlier effects explained may be theirs, too, and asks for no further effect.
+_FORMULAS_SHARE = 0.03
 # Of a ranking, so many may be what an earlier effect was mistaken for.
 _RIVALS = 3
 # Share of the first excess that, once gone, leaves nothing worth another ranking.
@@ -32,7 +34,8 @@ def greedy(first, evidence, model, candidates, workers, progress=None):
     steps, ranking, given = [Step((), first)], first, len(model.effects)
     tried, rivals = set(), set()
     while len(steps) <= _LARGEST_MODEL:
-        passing = [e for e in ranking.entries if e.solution is not None and passes(ranking, e)]
+        least = _FORMULAS_SHARE * (first.base.chi2 - ranking.base.chi2) / first.pixels
+        passing = [e for e in ranking.entries if e.solution is not None and passes(ranking, e) and e.gain_floors > least]
         best = next((e for e in passing if e.id not in tried), None)
         if best is None:
             break

@@ -13,7 +13,7 @@ from scipy.optimize import nnls
 
 from activestereo.lab.diagnose_inadequacy import edges
 from activestereo.lab.diagnose_score import interval, told
-from activestereo.lab.diagnose_static import fit_static
+from activestereo.lab.diagnose_static import CLEAR_OF_ENDS, fit_static
 
 # Fields with a draw per pixel, from those that most frames share to those that fewest do: the order in which they are predicted.
 _ORDER = ("prnu", "fixed_pattern_noise", "speckle_static")
@@ -41,7 +41,7 @@ def shown_together(entries, ranking):
         return []
     train, test = (ranking.rows(o, ranking.base.solution) for o in (ranking.evidence.train, ranking.evidence.test))
     black_dn = ranking.base.solution.nuisances.black_dn
-    shown = components([e.id for e in chosen], train, black_dn)
+    shown = components({e.id: _largest_sigma(e) for e in chosen}, train, black_dn)
     least = _SMALLEST_PART * sum(c.floors for c in shown.values())
     fitted = []
     for e in (e for e in chosen if shown[e.id].floors > least and shown[e.id].variance > _SIGMAS * shown[e.id].error):
@@ -65,11 +65,17 @@ def _told(entry, component):
     return told(entry.effect, {first.name: interval(first, sigma, component.error / (2.0 * sigma))})
 
 
-def components(ids, train, black_dn):
-    """{id: Component}, jointly; standard errors by leaving out blocks of rows in turn."""
+def _largest_sigma(entry):
+    """The deviation of a draw as fitted alone: no less than what it is beside others."""
+    return float(np.sqrt(sum(s**2 for s in entry.static.sigma.values())))
+
+
+def components(sigmas, train, black_dn):
+    """{id: Component}, jointly; standard errors by leaving out blocks of rows in turn. sigmas: {id: deviation of a draw at most}."""
+    ids = list(sigmas)
     blocks, powers = [], {name: 0.0 for name in ids}
     for eye in {o.eye for o, *_ in train}:
-        images = [_image(row, ids, black_dn) for row in train if row[0].eye == eye]
+        images = [_image(row, sigmas, black_dn) for row in train if row[0].eye == eye]
         for image in images:
             for name in ids:
                 powers[name] += float((image.weight * image.levers[name] ** 2).mean()) / len(train)
@@ -85,7 +91,8 @@ def components(ids, train, black_dn):
 
 @dataclass(frozen=True)
 class _Image:
-    """pose: what stands still together; weight: 0 next to edges, whose misplacement stays with the pose; levers: {id: DN per draw}."""
+    """pose: what stands still together; weight: 0 next to edges, whose misplacement stays with the pose, and where draws may be clipped, which
+    makes offsets look like gains; levers: {id: DN per draw}."""
 
     pose: object
     weight: np.ndarray
@@ -93,11 +100,13 @@ class _Image:
     levers: dict
 
 
-def _image(row, ids, black_dn):
+def _image(row, sigmas, black_dn):
     o, image, dots, residual = row
     levers = {"prnu": image - black_dn, "fixed_pattern_noise": np.ones(image.shape), "speckle_static": dots}
     pose = None if o.frame.is_moving else o.frame.camera_to_world.tobytes()
-    return _Image(pose, np.where(edges(o), 0.0, o.weight), residual, {name: levers[name] for name in ids})
+    reach = np.max([CLEAR_OF_ENDS * sigma * np.abs(levers[name]) for name, sigma in sigmas.items()], axis=0)
+    counts = ~edges(o) & (image > reach) & (image < o.view.max_dn - reach)
+    return _Image(pose, np.where(counts, o.weight, 0.0), residual, {name: levers[name] for name in sigmas})
 
 
 def _rows_from(image, start):

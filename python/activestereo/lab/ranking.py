@@ -5,6 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 
 from activestereo.effects import Randomness, Stage
+from activestereo.lab.diagnose_constancy import varying_floors
 from activestereo.lab.diagnose_depth import DepthEvidence
 from activestereo.lab.diagnose_fit import Fitter, Play, signal
 from activestereo.lab.diagnose_noise import fit_noise
@@ -36,8 +37,8 @@ _POLISH, _SCAN_STEPS = 6, 5
 _POLISHED, _CLOSE, _HOPELESS = 3, 0.4, 0.01
 # Explanations that are so many nats behind the best may come first yet.
 _CLOSE_NATS = 10.0
-# Of so many the error in DN is looked at.
-_SIZED = 5
+# Of so many the error in DN is looked at, and of so many whether they are the same everywhere.
+_SIZED, _LOOKED_AT = 5, 8
 # A scan knows an effect's gain coarsely: what gains less than this share of the best scan is not fitted.
 _OUT_OF_REACH = 0.03
 # Parts of the time, for the progress; polishing takes the rest.
@@ -55,7 +56,7 @@ class Ranking:
         self.evidence = evidence
         self._alone = alone or {}
         self._model = model
-        self._rows = {}
+        self._rows, self._varying = {}, {}
         self.fitter, self._tests, self._scan = evidence.once("fitters", lambda: _fitters(evidence))
         self.pixels = sum(o.measured.size for o in evidence.train)
         self.tile_pixels = np.bincount(np.concatenate([o.tile.ravel() for o in evidence.train]), minlength=evidence.tiles)
@@ -69,6 +70,7 @@ class Ranking:
         self._score()
         self._size_up()
         self._simplify_best()
+        self._look_for_variation()
         self.entries += self._beside([e for e in chosen if e not in {entry.effect for entry in self.entries}])
         self.entries.sort(key=lambda e: (not passes(self, e), e.channel == "depth" and not self.at_floor, -e.nats - e.occam))
         self._prefer_what_leaves_no_structure()
@@ -203,6 +205,19 @@ class Ranking:
         if simple:
             self.entries = [simple.get(id(e), e) for e in self.entries]
             self._score()
+
+    def _look_for_variation(self):
+        """Of the best few fits: what their traces explain where they may vary."""
+        fits = sorted((e for e in self.entries if e.solution is not None and passes(self, e)), key=lambda e: -e.nats)
+        for e in fits[:_LOOKED_AT]:
+            e.varying = self.varying(e.solution, e.effect)
+
+    def varying(self, solution, effect):
+        """diagnose_constancy.varying_floors of an effect in a Solution on the train frames."""
+        key = id(solution), effect.id
+        if key not in self._varying:
+            self._varying[key] = varying_floors(self.fitter, self.rows(self.evidence.train, solution), solution, effect)
+        return self._varying[key]
 
     def _beside(self, candidates):
         """Entries of what expected images cannot show: noise from repeats, the depth engine's faults from its disparity."""

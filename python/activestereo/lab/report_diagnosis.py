@@ -1,5 +1,6 @@
 """The report's sections on a diagnosis: which effect is missing, what cannot be told apart, what to measure next."""
 
+from activestereo.lab.diagnose_report import parameter_text
 from activestereo.lab.html import chart, section, share_bar, table, text
 from activestereo.lab.report_charts import effects_chart
 
@@ -45,19 +46,13 @@ def _added(diagnosis):
 def _ranking(ranking):
     rows = []
     for place, entry in enumerate(ranking[:_ROWS], 1):
-        values = "<br>".join(_parameter(name, p) for name, p in entry["parameters"].items())
+        values = "<br>".join(text(parameter_text(name, p)) for name, p in entry["parameters"].items())
         twins = "".join(f'<span class="tag">{text(e)}</span>' for e in entry["equivalent"] if e != entry["effect"]) or "—"
         rows.append([f"{place}", f"<b>{text(entry['effect'])}</b><br><span class='muted'>{text(entry['family'])}</span>",
                      f"{entry['score_nats']:.1f}", share_bar(entry["confidence"]) + f"{100 * entry['confidence']:.0f} %", values, twins])  # fmt: skip
     head = ["", "effect, family", "gain, nats", "confidence", "fitted value (90 %)", "cannot be told from"]
     rest = f'<p class="muted small">{len(ranking) - _ROWS} more in diagnose.json.</p>' if len(ranking) > _ROWS else ""
     return section("Ranking", table(head, rows, numbers=(2,), wide=True), rest)
-
-
-def _parameter(name, p):
-    limits = "" if p["low"] is None or p["high"] is None else f" ({p['low']:.3g} … {p['high']:.3g})"
-    unit = "" if p["unit"] in ("", "1") else f" {text(p['unit'])}"
-    return f"{text(name)} {p['value']:.4g}{unit}<span class='muted'>{limits}</span>"
 
 
 def _list(items):

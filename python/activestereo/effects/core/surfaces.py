@@ -14,6 +14,11 @@ SURFACES = Parameter(
 )  # fmt: skip
 
 
+def material_numbers(surfaces):
+    """The materials k of a sum of 2^k."""
+    return [k for k in range(MOST_MATERIALS) if int(surfaces) >> k & 1]
+
+
 def chosen(view, surfaces):
     """Pixels [height][width] whose material is among the chosen; all of them for 0, or where the view knows no materials."""
     if surfaces == 0 or view.material is None:
@@ -30,5 +35,4 @@ def on_surfaces(light, changed, view, surfaces):
 
 
 def _chosen(material, surfaces):
-    numbers = [k for k in range(MOST_MATERIALS) if surfaces >> k & 1]
-    return np.isin(material, numbers)
+    return np.isin(material, material_numbers(surfaces))
