@@ -43,6 +43,11 @@ def test_of_what_leaves_alike_the_better_fit_is_likelier_by_less_than_its_likeli
     assert found["shutter"] / found["delay"] == pytest.approx(np.exp(3.0), rel=1e-3)
 
 
+def test_what_is_far_behind_shares_what_the_named_leave(monkeypatch):
+    found = told(monkeypatch, [entry("haze", 101.0, nats=90000.0), entry("blur", 880.0, nats=20.0)], {"haze"})
+    assert found["haze"] == pytest.approx(0.97) and 0.0 < found["blur"] < 0.03
+
+
 def test_where_nothing_may_be_named_none_takes_part(monkeypatch):
     found = told(monkeypatch, [entry("laser", 899.0), entry("locking", 50.0, "depth")], set())
     assert 0.3 < found["laser"] < 0.55 and found["locking"] == 0.0

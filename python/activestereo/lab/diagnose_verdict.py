@@ -84,20 +84,19 @@ def confidences(ranking):
 
     Noise and the depth engine have evidence of their own: no rivals of what is missing in the expected images."""
     rivals = [e for e in ranking.entries if e.channel == "infrared"]
-    weights = _softmax(ranking, [*rivals, ranking.base])
+    logits = _logits(ranking, [*rivals, ranking.base])
     named = np.array([passes(ranking, e) for e in rivals] + [False])
-    if named.any():
-        weights[named] *= _NAMED / weights[named].sum()
-        weights[~named] *= (1.0 - _NAMED) / weights[~named].sum()
+    weights = np.empty(len(logits))
+    for group, share in ((named, _NAMED), (~named, 1.0 - _NAMED)) if named.any() else ((~named, 1.0),):
+        likely = np.exp(logits[group] - logits[group].max())
+        weights[group] = share * likely / likely.sum()
     out = {e.id: float(w) for e, w in zip(rivals, weights, strict=False)}
     return out | {e.id: _NAMED if passes(ranking, e) else 0.0 for e in ranking.entries if e.channel != "infrared"}
 
 
-def _softmax(ranking, entries):
-    logits = -np.log(np.array([left(ranking, e) for e in entries]) + _FLOOR_KNOWN_TO) / _TEMPERATURE
-    logits = logits + np.array([e.nats for e in entries]) / _GAIN_NATS + np.array([e.occam for e in entries]) / _OCCAM_NATS
-    weights = np.exp(logits - logits.max())
-    return weights / weights.sum()
+def _logits(ranking, entries):
+    left_over, gains, costs = (np.array(x) for x in zip(*((left(ranking, e), e.nats, e.occam) for e in entries), strict=True))
+    return -np.log(left_over + _FLOOR_KNOWN_TO) / _TEMPERATURE + gains / _GAIN_NATS + costs / _OCCAM_NATS
 
 
 def follows_other_law(ranking, entry, first):
