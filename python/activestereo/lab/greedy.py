@@ -12,7 +12,7 @@ _LARGEST_MODEL = 4
 _NEEDLESS_NATS = 5.0
 _SMALLEST_GAIN_FLOORS = 0.005
 # Formulas are approximate: this share of what earlier effects explained may be theirs, too, and asks for no further effect.
-_FORMULAS_SHARE = 0.03
+_FORMULAS_SHARE = 0.015
 # Of a ranking, so many may be what an earlier effect was mistaken for.
 _RIVALS = 3
 # Share of the first excess that, once gone, leaves nothing worth another ranking.

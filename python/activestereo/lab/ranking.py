@@ -24,7 +24,7 @@ from activestereo.lab.diagnose_score import (
 )
 from activestereo.lab.diagnose_static import PARTS, fit_static, white_rest, worst_image
 from activestereo.lab.diagnose_surfaces import on_explained
-from activestereo.lab.diagnose_verdict import equivalents, is_significant, is_unexplained, passes
+from activestereo.lab.diagnose_verdict import confidences, equivalents, is_significant, is_unexplained, passes
 from activestereo.lab.goodness import local_structure
 from activestereo.lab.parsimony import simplified
 
@@ -73,7 +73,15 @@ class Ranking:
         self._look_for_variation()
         self.entries += self._beside([e for e in chosen if e not in {entry.effect for entry in self.entries}])
         self.entries.sort(key=lambda e: (not passes(self, e), e.channel == "depth" and not self.at_floor, -e.nats - e.occam))
+        self._put_the_likeliest_first()
         self._prefer_what_leaves_no_structure()
+
+    def _put_the_likeliest_first(self):
+        """Among what the images name, by confidence: where gains are alike, what had to be tuned less finely."""
+        confidence = confidences(self)
+        places = [i for i, e in enumerate(self.entries) if e.channel == "infrared" and passes(self, e)]
+        for place, entry in zip(places, sorted((self.entries[i] for i in places), key=lambda e: -confidence[e.id]), strict=True):
+            self.entries[place] = entry
 
     def _prefer_what_leaves_no_structure(self):
         """Of explanations alike one that leaves structure is none: the next of them that leaves none comes first."""
