@@ -49,7 +49,7 @@ def test_what_is_far_behind_shares_what_the_named_leave(monkeypatch):
 
 
 def test_where_nothing_may_be_named_none_takes_part(monkeypatch):
-    found = told(monkeypatch, [entry("laser", 899.0), entry("locking", 50.0, "depth")], set())
+    found = told(monkeypatch, [entry("laser", 899.0, nats=90.0), entry("locking", 50.0, "depth")], set())
     assert 0.3 < found["laser"] < 0.55 and found["locking"] == 0.0
 
 

@@ -84,8 +84,8 @@ def confidences(ranking):
 
     Noise and the depth engine have evidence of their own: no rivals of what is missing in the expected images."""
     rivals = [e for e in ranking.entries if e.channel == "infrared"]
-    logits = _logits(ranking, [*rivals, ranking.base])
     named = np.array([passes(ranking, e) for e in rivals] + [False])
+    logits = _logits(ranking, [*rivals, ranking.base], named)
     weights = np.empty(len(logits))
     for group, share in ((named, _NAMED), (~named, 1.0 - _NAMED)) if named.any() else ((~named, 1.0),):
         likely = np.exp(logits[group] - logits[group].max())
@@ -94,9 +94,10 @@ def confidences(ranking):
     return out | {e.id: _NAMED if passes(ranking, e) else 0.0 for e in ranking.entries if e.channel != "infrared"}
 
 
-def _logits(ranking, entries):
+def _logits(ranking, entries, named):
+    """Of the confidence. The gain of what may not be named is not believed: survey errors gain, too."""
     left_over, gains, costs = (np.array(x) for x in zip(*((left(ranking, e), e.nats, e.occam) for e in entries), strict=True))
-    return -np.log(left_over + _FLOOR_KNOWN_TO) / _TEMPERATURE + gains / _GAIN_NATS + costs / _OCCAM_NATS
+    return -np.log(left_over + _FLOOR_KNOWN_TO) / _TEMPERATURE + np.where(named, gains, 0.0) / _GAIN_NATS + costs / _OCCAM_NATS
 
 
 def follows_other_law(ranking, entry, first):
