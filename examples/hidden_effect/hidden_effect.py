@@ -13,6 +13,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from activestereo.lab import Lab
+from activestereo.lab.diagnose_report import parameter_text
 from activestereo.output_files import replace_file
 from activestereo.progress_bar import ProgressBar
 
@@ -87,7 +88,7 @@ def main():
 def report(result, answer, out):
     print(f"verdict: {result['verdict']}; added: {', '.join(result['added']) or 'nothing'}")
     for entry in result["ranking"][:3]:
-        values = ", ".join(f"{name} {v['value']:.4g} ({v['low']:.4g} to {v['high']:.4g}) {v['unit']}" for name, v in entry["parameters"].items())
+        values = ", ".join(parameter_text(name, told) for name, told in entry["parameters"].items())
         print(f"  {entry['effect']:24} {entry['score_nats']:9.0f} nats, confidence {entry['confidence']:.2f}: {values}")
     figures = [result[f"heldout_{name}"] for name in ("ir_rmse_before", "ir_rmse_after", "noise_floor")]
     print("error on frames that no fit has seen: {:.2f} DN before, {:.2f} after; noise alone gives {:.2f}".format(*figures))
