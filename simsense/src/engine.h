@@ -16,7 +16,7 @@
 #include "disparity/speckle.h"
 #include "frame.h"
 #include "ks/sync.h"
-#include "parameters.h"
+#include "parameters/parameters.h"
 #include "rectify/rectification.h"
 #include "signal/imager.h"
 #include "stage_clock.h"

@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "device/error.h"
-#include "parameters.h"
+#include "parameters/parameters.h"
 #include "vulkan/dispatch.h"
 
 namespace simsense {

@@ -1,4 +1,4 @@
-#include "parameters.h"
+#include "parameters/parameters.h"
 
 #include <algorithm>
 #include <cmath>
