@@ -8,6 +8,7 @@ import os
 import pathlib
 import re
 import subprocess
+import sys
 
 import pytest
 
@@ -22,7 +23,7 @@ MAX_LINES = 500
 C99_HEADERS = {"stdint.h", "stddef.h", "string.h", "math.h"}
 
 # Written once when the Vulkan loader is opened, never changed afterwards.
-LOADER_STATE = {"open_loader()::opened", "load_instance_functions(VkInstance_T*)::once", "shared_instance(VkInstanceCreateInfo const&)::first"}
+LOADER_STATE = {"open_loader()::opened", "embree_library()::opened", "load_instance_functions(VkInstance_T*)::once", "shared_instance(VkInstanceCreateInfo const&)::first"}
 
 
 def sources(folder, suffixes):
@@ -85,7 +86,7 @@ def test_device_leaf_knows_no_engine():
 def test_public_headers_include_only_c99_ks_and_their_own(folder):
     seen = []
     doors = ("ks/", f"{folder}/")
-    for path in sources(f"capi/include/{folder}", NATIVE_SUFFIXES):
+    for path in sources(f"capi/include/{folder}", {".h"}):
         seen += [f"{name_of(path)}: {i}" for i in includes(path) if i not in C99_HEADERS and not i.startswith(doors)]
     assert not seen
 
@@ -146,10 +147,24 @@ def test_no_source_is_longer_than_the_limit():
 def test_libraries_export_exactly_what_their_header_declares(library):
     name, path = library
     exported = {line.split()[2].split("@")[0] for line in run("nm", "-D", "--defined-only", str(path)).splitlines() if line.split()[1] != "A"}
-    header = code_of(ROOT / "capi/include" / name / f"{name}.h")
-    declared = set(re.findall(rf"{name.upper()}_API[^;(]*?\b({name}_\w+)\s*\(", header))
+    headers = "\n".join(code_of(p) for p in sources(f"capi/include/{name}", {".h"}))
+    declared = set(re.findall(rf"{name.upper()}_API[^;(]*?\b({name}_\w+)\s*\(", headers))
     assert declared, "no declaration found: the test reads the header wrongly"
     assert exported == declared
+
+
+def test_function_tables_and_symbol_lists_follow_the_headers():
+    check = [sys.executable, str(ROOT / "capi/abi/make_api_table.py"), "--check"]
+    said = subprocess.run(check, capture_output=True, text=True)
+    assert said.returncode == 0, said.stdout + said.stderr
+
+
+def test_libraries_export_the_listed_symbols_under_their_version(library):
+    name, path = library
+    listed = [line.split() for line in (ROOT / f"capi/abi/{name}.symbols").read_text().splitlines() if not line.startswith("#")]
+    table = run("nm", "-D", "--defined-only", "--with-symbol-versions", str(path))
+    exported = dict(re.findall(r" [TR] (\w+)@@(\w+\.\w+)", table.replace(f"{name.upper()}_", "")))
+    assert exported == dict(listed)
 
 
 def test_libraries_link_neither_vulkan_nor_each_other(library):

@@ -2,16 +2,17 @@
 // Thread rule: EmbreeDevice is internally synchronised, as Embree is.
 #pragma once
 
-#include <embree3/rtcore.h>
 #include <xmmintrin.h>
 
 #include <memory>
 #include <mutex>
 #include <string>
 
+#include "accel/embree_library.h"
+
 namespace kuafu {
 
-template <class T, void (*release)(T*)>
+template <class T, const auto& release>
 struct EmbreeRelease {
   void operator()(T* object) const { release(object); }
 };

@@ -1,0 +1,31 @@
+// Embree, opened at run time and known to nobody else. Linking it would let a host program that defines or loads another Embree (version 4
+// uses the same function names) take our calls; a private handle and a table of its functions cannot be taken.
+// Within namespace kuafu each Embree function is the table's one under its own name.
+#pragma once
+
+#include <embree3/rtcore.h>
+
+#define KUAFU_EMBREE_FUNCTIONS(use)                                                                                                        \
+  use(rtcNewDevice) use(rtcReleaseDevice) use(rtcGetDeviceError) use(rtcSetDeviceErrorFunction) use(rtcNewScene) use(rtcReleaseScene)      \
+      use(rtcSetSceneFlags) use(rtcSetSceneBuildQuality) use(rtcCommitScene) use(rtcAttachGeometry) use(rtcAttachGeometryByID)             \
+          use(rtcDetachGeometry) use(rtcNewGeometry) use(rtcReleaseGeometry) use(rtcCommitGeometry) use(rtcSetNewGeometryBuffer)           \
+              use(rtcGetGeometryBufferData) use(rtcUpdateGeometryBuffer) use(rtcSetGeometryBuildQuality) use(rtcSetGeometryInstancedScene) \
+                  use(rtcSetGeometryTransform) use(rtcSetGeometryTransformQuaternion) use(rtcSetGeometryTimeStepCount) use(rtcIntersect8)  \
+                      use(rtcOccluded8)
+
+namespace kuafu {
+
+struct EmbreeLibrary {
+#define KUAFU_MEMBER(name) decltype(&::name) name;
+  KUAFU_EMBREE_FUNCTIONS(KUAFU_MEMBER)
+#undef KUAFU_MEMBER
+};
+
+/// Opens the library with the first call, for the life of the process. Throws KS_ERROR_UNSUPPORTED where there is none.
+const EmbreeLibrary& embree_library();
+
+#define KUAFU_FORWARD(name) inline constexpr auto name = [](auto... arguments) { return embree_library().name(arguments...); };
+KUAFU_EMBREE_FUNCTIONS(KUAFU_FORWARD)
+#undef KUAFU_FORWARD
+
+}  // namespace kuafu
