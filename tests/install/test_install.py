@@ -1,0 +1,82 @@
+"""What is installed can be used from where it lies: by pkg-config, by find_package, after a move, and by add_subdirectory."""
+
+import os
+import pathlib
+import shutil
+import subprocess
+
+import pytest
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+BUILD = pathlib.Path(os.environ.get("ACTIVESTEREO_BUILD", ROOT / "build"))
+CLIENTS = ROOT / "examples/clients"
+STRICT = ("-Wall", "-Wextra", "-Werror", "-pedantic")
+
+
+def run(*command: object, **variables: object) -> str:
+    environment = os.environ | {name: str(value) for name, value in variables.items()}
+    said = subprocess.run([str(word) for word in command], capture_output=True, text=True, env=environment)
+    assert said.returncode == 0, f"{' '.join(map(str, command))}\n{said.stdout}{said.stderr}"
+    return said.stdout
+
+
+@pytest.fixture(scope="module")
+def moved_prefix(tmp_path_factory):
+    """An installed tree that was moved after cmake --install."""
+    first = tmp_path_factory.mktemp("installed") / "first"
+    run("cmake", "--install", BUILD, "--prefix", first)
+    return pathlib.Path(shutil.move(first, first.with_name("moved")))
+
+
+def pkg_config(prefix: pathlib.Path) -> list[str]:
+    return run("pkg-config", "--cflags", "--libs", "kuafu", "simsense", PKG_CONFIG_PATH=prefix / "lib/pkgconfig").split()
+
+
+def test_components_hold_what_they_are_named_for(tmp_path):
+    expected = {"kuafu": {"lib/libkuafu.so.0"}, "simsense": {"lib/libsimsense.so.0"},
+                "dev": {"lib/libkuafu.so", "include/ks/header.h", "include/simsense/simsense.h", "lib/cmake/kuafu/kuafu-config.cmake"}}
+    for component, names in expected.items():
+        run("cmake", "--install", BUILD, "--prefix", tmp_path / component, "--component", component)
+        held = {path.relative_to(tmp_path / component).as_posix() for path in (tmp_path / component).rglob("*")}
+        assert names <= held
+        assert not any(held & others for other, others in expected.items() if other != component)
+
+
+def test_nothing_installed_knows_where_it_was_built(moved_prefix):
+    text_files = [p for p in moved_prefix.rglob("*") if p.suffix in (".cmake", ".pc", ".h", ".hpp")]
+    assert len(text_files) > 20
+    assert not [p for p in text_files if str(ROOT) in p.read_text() or "/first" in p.read_text()]
+    for library in moved_prefix.glob("lib/*.so"):
+        assert "RUNPATH" not in run("readelf", "-d", library)
+
+
+def test_c99_client_by_pkg_config(moved_prefix, tmp_path):
+    run("cc", "-std=c99", *STRICT, CLIENTS / "first_depth.c", *pkg_config(moved_prefix), "-lm", "-o", tmp_path / "client")
+    assert "wall 1" in run(tmp_path / "client", LD_LIBRARY_PATH=moved_prefix / "lib")
+
+
+def test_cpp17_client_by_find_package(moved_prefix, tmp_path):
+    run("cmake", "-S", CLIENTS, "-B", tmp_path, f"-DCMAKE_PREFIX_PATH={moved_prefix}", f"-DCMAKE_CXX_FLAGS={' '.join(STRICT)}")
+    run("cmake", "--build", tmp_path)
+    assert "wall 1" in run(tmp_path / "first_depth")
+
+
+@pytest.mark.parametrize("library, older", [("kuafu", "0.0"), ("simsense", "0.2")])
+def test_other_versions_are_refused(moved_prefix, tmp_path, library, older):
+    (tmp_path / "CMakeLists.txt").write_text(f"cmake_minimum_required(VERSION 3.16)\nproject(p NONE)\nfind_package({library} {older} REQUIRED)\n")
+    said = subprocess.run(["cmake", "-S", tmp_path, "-B", tmp_path / "b", f"-DCMAKE_PREFIX_PATH={moved_prefix}"], capture_output=True, text=True)
+    assert said.returncode != 0
+    assert "0.1.0" in said.stderr
+
+
+def test_project_that_takes_this_one_in(tmp_path):
+    """Configures all, compiles a file of each library; ACTIVESTEREO_FULL=1 (.ci/run, tests/run.sh --full) builds and runs a program."""
+    launcher = ["-DCMAKE_CXX_COMPILER_LAUNCHER=ccache"] if shutil.which("ccache") else []
+    run("cmake", "-S", ROOT / "tests/install/subdirectory", "-B", tmp_path, "-G", "Ninja", f"-DACTIVESTEREO_SOURCE={ROOT}", *launcher,
+        "-DCMAKE_BUILD_TYPE=Debug", "-DCMAKE_CXX_FLAGS=-O0 -g0")
+    assert "libkuafu.so" in run("ninja", "-C", tmp_path, "-n", "kuafu")
+    for library in ("kuafu", "simsense"):
+        run("ninja", "-C", tmp_path, f"activestereo/{library}/CMakeFiles/{library}.dir/src/api/api_table.cpp.o")
+    if os.environ.get("ACTIVESTEREO_FULL"):
+        run("cmake", "--build", tmp_path, "--target", "client")
+        assert run(tmp_path / "client") == "simsense 100\n"
