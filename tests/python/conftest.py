@@ -33,6 +33,14 @@ def device():
     return kuafu.Device()
 
 
+@pytest.fixture(scope="session")
+def ball_comparison(tmp_path_factory):
+    """A lab Comparison with much to explain: see report_worlds.py."""
+    from report_worlds import make_ball_comparison
+
+    return make_ball_comparison(tmp_path_factory.mktemp("ball"))
+
+
 @pytest.fixture
 def small_config():
     """A D435 of half the size, quick to render."""

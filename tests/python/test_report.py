@@ -2,7 +2,6 @@
 
 import json
 import re
-from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -10,46 +9,20 @@ import numpy as np
 import pytest
 
 import activestereo.lab
-from lab_worlds import WorldRenderer
 from schema_check import violations
-from activestereo.lab.cache import LayerCache
-from activestereo.lab.compare import compare
-from activestereo.lab.html import picture, table
+from activestereo.lab.report import explorer
+from activestereo.lab.report.encode import encoded_image
+from activestereo.lab.report.explorer import explorer_data
+from activestereo.lab.report.models import model_images
+from activestereo.lab.report.page import table
 from activestereo.lab.report import report_page, summary_table, write_report
-from test_depth_compare import with_device_depth
-from worlds.world import make_world
+from report_worlds import DIAGNOSIS, WITH_MODEL, decoded
 
 _SCHEMAS = Path(activestereo.lab.__file__).resolve().parent / "schema"
-_DIAGNOSIS = {
-    "verdict": "effect",
-    "ranking": [
-        {
-            "effect": "radial_distortion", "family": "camera geometry", "score_nats": 812.4, "confidence": 0.97,
-            "parameters": {"k1": {"value": -0.0085, "low": -0.0088, "high": -0.0082, "unit": "1"}},
-            "equivalent": ["radial_distortion", "principal_point_offset"],
-        },
-        {
-            "effect": "vignetting", "family": "lens <shading>", "score_nats": 3.1, "confidence": 0.01,
-            "parameters": {"exponent": {"value": 0.1, "low": None, "high": None, "unit": "1"}}, "equivalent": [],
-        },
-    ],
-    "added": ["radial_distortion"],
-    "heldout_ir_rmse_before": 6.21,
-    "heldout_ir_rmse_after": 2.51,
-    "heldout_noise_floor": 2.44,
-    "next_measurement": ["a second distance", {"text": "tilt by 30 degrees (expected 14.2 nats)", "separates": ["a", "b"]}],
-    "law": None,
-    "curve": [
-        {"effects": [], "heldout_ir_rmse": 6.21, "train_ir_rmse": 5.9},
-        {"effects": ["radial_distortion"], "heldout_ir_rmse": 2.51, "train_ir_rmse": 2.3},
-    ],
-}  # fmt: skip
-
-
 class _Page(HTMLParser):
     """Every address that a page refers to, whether its tags are closed in order, and its text."""
 
-    _VOID = {"meta", "img", "br"}
+    _VOID = {"meta", "img", "br", "input"}
 
     def __init__(self, text):
         super().__init__()
@@ -69,13 +42,8 @@ class _Page(HTMLParser):
 
 
 @pytest.fixture(scope="module")
-def comparison(tmp_path_factory):
-    """A model that lacks the ball, on a world with device depth: there is much to explain."""
-    folder = tmp_path_factory.mktemp("report")
-    world = make_world(folder / "world", size=(160, 90), grid=3)
-    capture = with_device_depth(world, folder / "capture", ids=(0, 2, 4))
-    wrong = replace(world, solids=tuple(s for s in world.solids if s.name != "ball"))
-    return compare(capture, renderer=WorldRenderer(wrong, grid=3), cache=LayerCache(folder / "cache"))
+def comparison(ball_comparison):
+    return ball_comparison
 
 
 @pytest.fixture(scope="module")
@@ -96,17 +64,70 @@ def test_compare_json_obeys_its_schema(files):
 
 
 def test_diagnose_schema_takes_the_contract_and_not_less():
-    assert violations(_DIAGNOSIS, _schema("diagnose")) == []
-    assert violations(_DIAGNOSIS | {"verdict": "perhaps"}, _schema("diagnose"))
-    assert violations({k: v for k, v in _DIAGNOSIS.items() if k != "added"}, _schema("diagnose"))
+    assert violations(DIAGNOSIS, _schema("diagnose")) == []
+    assert violations(DIAGNOSIS | {"verdict": "perhaps"}, _schema("diagnose"))
+    assert violations({k: v for k, v in DIAGNOSIS.items() if k != "added"}, _schema("diagnose"))
 
 
 def test_the_page_is_whole_and_loads_nothing(files):
     page = _Page(files[1].read_text())
     assert page.open == []
-    assert len(page.addresses) >= 14  # six infrared and six depth pictures, charts
-    assert all(re.match(r"data:image/(png|svg\+xml);base64,", address) for address in page.addresses)
-    assert "<script" not in files[1].read_text()
+    assert len(page.addresses) == 5  # charts: frames, photon transfer, and one of covariates per channel
+    assert all(re.match(r"data:image/svg\+xml;base64,", address) for address in page.addresses)
+    assert "default-src 'none'" in files[1].read_text()  # the browser itself is told to load nothing
+
+
+def test_the_page_holds_every_frame_and_eye_under_every_model(comparison):
+    """Pictures are decoded here as the page's script does, and are what was measured and expected, to half a step."""
+    images = model_images(comparison, WITH_MODEL)
+    assert list(images) == ["base", "found", "radial_distortion", "vignetting"]
+    data = explorer_data(comparison, images)
+    seen = [(view["frame"], view["eye"]) for view in data["views"]]
+    assert seen == [(f.id, e) for f in comparison.capture.frames for e in ("left", "right", "depth") if e != "depth" or f.depth_path]
+    view = next(v for v in data["views"] if v["eye"] == "right")
+    frame = next(f for f in comparison.capture.frames if f.id == view["frame"])
+    measured = comparison.capture.ir(frame, "right")
+    assert np.array_equal(decoded(view["layers"]["measured"]), measured)
+    base = decoded(view["layers"]["base"])
+    for name, own in images.items():
+        values = decoded(view["layers"][name]) + (base if "added_to" in view["layers"][name] else 0.0)
+        steps = view["layers"][name]["step"] + view["layers"]["base"]["step"]
+        assert np.abs(values - own[frame.id, "right"]).max() <= 0.5 * steps + 1e-4, name
+        assert view["rmse"][name] == pytest.approx(np.sqrt(np.mean((measured - own[frame.id, "right"]) ** 2)), rel=1e-5)
+    assert view["layers"]["base"]["step"] < 0.2 * view["floor"]
+    depth = next(v for v in data["views"] if v["eye"] == "depth")
+    device = next(d for d in comparison.depths if d.frame.id == depth["frame"])
+    values = decoded(depth["layers"]["measured"])
+    assert np.array_equal(np.isnan(values), device.measured <= 0)
+    seen = device.measured > 0
+    assert np.abs(values[seen] - device.focal_baseline / device.measured[seen]).max() <= 0.5 * depth["layers"]["measured"]["step"] + 1e-6
+
+
+def test_what_the_ranking_cannot_show_is_left_out(comparison):
+    """A random effect, a fault of the depth engine, and an effect that this program does not know have no expected image."""
+    rows = [("shot_noise", {}), ("pixel_locking", {}), ("of another program", {"x": {"value": 1.0}})]
+    ranking = [{"effect": name, "parameters": parameters} for name, parameters in rows]
+    assert list(model_images(comparison, {"ranking": ranking})) == ["base"]
+
+
+def test_a_page_holds_as_many_frames_as_fit(comparison, monkeypatch):
+    monkeypatch.setattr(explorer, "_LARGEST_PIXELS", 3 * 2 * 160 * 90)
+    frames = {view["frame"] for view in explorer_data(comparison, model_images(comparison))["views"]}
+    splits = {frame.split for frame in comparison.capture.frames if frame.id in frames}
+    assert len(frames) == 3 and splits == {"train", "test"}
+    assert "3 of 8 frames" in report_page(comparison)
+
+
+@pytest.mark.parametrize("high", [200.0, 2000.0, 1e9])
+def test_codes_span_the_image(high):
+    image = np.linspace(-high, high, 240).reshape(12, 20)
+    valid = np.ones(image.shape, bool)
+    valid[3, 4] = False
+    layer = encoded_image(image, 0.25, valid)
+    values = decoded(layer)
+    assert np.isnan(values[3, 4]) and np.isfinite(values[valid]).all()
+    assert np.abs(values - image)[valid].max() <= 0.5 * layer["step"] * (1 + 1e-9)
+    assert layer["step"] == 0.25 or high == 1e9
 
 
 def test_the_page_says_what_the_scores_say(comparison, files):
@@ -127,7 +148,7 @@ def test_a_missing_ball_is_found_at_what_stands_behind_it(comparison):
 
 
 def test_a_diagnosis_in_the_folder_is_shown(comparison, tmp_path):
-    (tmp_path / "diagnose.json").write_text(json.dumps(_DIAGNOSIS))
+    (tmp_path / "diagnose.json").write_text(json.dumps(DIAGNOSIS))
     page = _Page(write_report(comparison, tmp_path)[1].read_text())
     words = " ".join(page.words)
     assert page.open == []
@@ -137,13 +158,13 @@ def test_a_diagnosis_in_the_folder_is_shown(comparison, tmp_path):
 
 
 def test_a_damaged_or_foreign_diagnosis_is_left_out(comparison, tmp_path):
-    for content in ("{", "[]", json.dumps(_DIAGNOSIS | {"capture": "another"})):
+    for content in ("{", "[]", json.dumps(DIAGNOSIS | {"capture": "another"})):
         (tmp_path / "diagnose.json").write_text(content)
         assert "Which effect is missing" not in write_report(comparison, tmp_path)[1].read_text()
 
 
 def test_an_empty_diagnosis_has_a_page_too(comparison):
-    empty = _DIAGNOSIS | {"verdict": "none", "ranking": [], "added": [], "next_measurement": [], "curve": []}
+    empty = DIAGNOSIS | {"verdict": "none", "ranking": [], "added": [], "next_measurement": [], "curve": []}
     empty |= dict.fromkeys(("heldout_ir_rmse_after", "heldout_noise_floor"))
     assert "Nothing is missing" in report_page(comparison, empty)
 
@@ -151,7 +172,7 @@ def test_an_empty_diagnosis_has_a_page_too(comparison):
 def test_an_unknown_effect_shows_its_law(comparison):
     term = {"term": "r^2", "value": -0.31, "low": -0.35, "high": -0.27}
     law = {"stage": "PROJECTOR", "text": "residual / the projector's light = -0.31 r^2", "terms": [term], "explained_share": 0.8}
-    unknown = _DIAGNOSIS | {"verdict": "unknown", "added": [], "law": law}
+    unknown = DIAGNOSIS | {"verdict": "unknown", "added": [], "law": law}
     assert violations(unknown, _schema("diagnose")) == []
     page = report_page(comparison, unknown)
     assert "no known effect explains" in page and "-0.35 … -0.27" in page
@@ -162,6 +183,5 @@ def test_summary_names_depth_and_where(comparison):
     assert "fill device" in summary and "% of the explainable error:" in summary
 
 
-def test_text_is_escaped_and_pictures_keep_their_pixels():
+def test_text_is_escaped():
     assert "<b>" not in table(["<b>"], [])
-    assert 'src="data:image/png;base64,' in picture(np.zeros((3, 4)), 0, 1, "gray", "t", "DN")

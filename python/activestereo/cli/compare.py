@@ -14,8 +14,9 @@ floor that repeated frames show. It looks on the train frames where the model fa
 Writes into DIR:
   compare.json  all figures (documented in lab/schema/compare.schema.json)
   compare.png   measured, simulated and residual images, error of each frame
-  report.html   the same on one page, with pictures; it needs no other file. A
-                diagnose.json in DIR is shown too
+  report.html   the same on one page, to explore in a browser: every frame and eye,
+                measured and modelled; it needs no other file and no network. A
+                diagnose.json in DIR is shown too, with what each effect leaves
 
 CAPTURE is a folder with capture.json, the scene, the projector's pattern and the images
 of both infrared cameras.
@@ -53,7 +54,8 @@ def run(args):
     from activestereo.progress_bar import ProgressBar
 
     make_folder(args.out)
-    model = read_model(args.model, library(*args.effects))
+    effects = library(*args.effects)
+    model = read_model(args.model, effects)
     with ProgressBar(f"comparing {args.capture.name}") as bar:
         comparison = compare(
             args.capture,
@@ -63,7 +65,9 @@ def run(args):
             max_bounces=args.max_bounces,
             seed=args.seed,
             progress=bar,
+            is_fine=(args.out / "diagnose.json").is_file(),
         )
-    write_report(comparison, args.out)
+    with ProgressBar("writing the report") as bar:
+        write_report(comparison, args.out, effects=effects, progress=bar)
     print(summary_table(comparison.scores))
     print(f"written: compare.json, compare.png, report.html in {args.out}")

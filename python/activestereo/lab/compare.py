@@ -1,7 +1,7 @@
 """Compares the simulator with a capture: render its poses, fit the nuisances on the train frames, score both splits, and
 look on the train frames where the model fails.
 
-compare() computes; report.py writes compare.json, compare.png and report.html.
+compare() computes; report/ writes compare.json, compare.png and report.html.
 """
 
 from dataclasses import dataclass
@@ -26,21 +26,24 @@ _RENDER_SHARE = 0.9
 @dataclass(frozen=True)
 class Comparison:
     """scores: what compare.json holds (lab/schema/compare.schema.json). predictions: {(frame id, eye): expected DN, float32
-    [height][width]}. depths: a DepthFrame for each frame with the device's depth."""
+    [height][width]}. depths: a DepthFrame for each frame with the device's depth. layers: {frame id: {eye: Layers}} as rendered."""
 
     capture: object
     scores: dict
     predictions: dict
     depths: list
+    layers: dict
+    model: Model
 
 
 def compare(
-    capture_path, model=None, renderer=None, samples_per_pixel=64, max_bounces=8, seed=0, cache=None, progress=None
+    capture_path, model=None, renderer=None, samples_per_pixel=64, max_bounces=8, seed=0, cache=None, progress=None, is_fine=False
 ):  # fmt: skip
     """A Comparison of the capture folder. CaptureError where the capture cannot be used.
 
     model: effects on top of the base renderer, a Model; expected images are compared, so random effects show in the noise floor
-    alone. renderer: see lab.render; None for kuafu on the best device. progress: called as progress(fraction done).
+    alone. renderer: see lab.render; None for kuafu on the best device. progress: called as progress(fraction done). is_fine: renders images finer
+    than the pixels even where the model does not warp them, for effects that are added to the Comparison's layers later.
     """
     capture = read_capture(capture_path)
     measured = {(frame.id, eye): capture.ir(frame, eye) for frame in capture.frames for eye in EYES}
@@ -50,13 +53,10 @@ def compare(
         renderer = KuafuRenderer()
     share = progress and (lambda fraction: progress(_RENDER_SHARE * fraction))
     model = model or Model()
-    moves = any(effect.stage is Stage.CAMERA for effect, _ in model.effects)
+    moves = is_fine or any(effect.stage is Stage.CAMERA for effect, _ in model.effects)
     layers = render_frames(capture, renderer, samples_per_pixel, max_bounces, seed, cache, share, WARP_SCALE if moves else 1)
     views = {key: View.of(capture, frame, key[1], layers[frame.id][key[1]], seed) for frame in capture.frames for key in _keys(frame)}
-    lights = {key: model.light(layers[key[0]][key[1]], view) for key, view in views.items()}
-    train = [(views[key], lights[key], measured[key]) for frame in capture.split("train") for key in _keys(frame)]
-    fit = fit_under_model(model, train, capture.rig.max_dn)
-    predictions = {key: model.signal(lights[key], view, fit.nuisances).astype(np.float32) for key, view in views.items()}
+    fit, predictions = predict_under_model(capture, model, layers, views, measured)
     floors, law = frame_floors(capture, fit.nuisances.black_dn)
     depths = model_depths(capture, measured, predictions, views, law, model, seed)
     images = {key: _image_scores(measured[key], predictions[key], floors.get(key)) for key in measured}
@@ -75,7 +75,18 @@ def compare(
         "frames": [_frame_scores(frame, images) for frame in capture.frames],
     }
     scores |= where_it_fails(capture, layers, views, measured, predictions, floors, law, depths, seed)
-    return Comparison(capture, scores, predictions, depths)
+    return Comparison(capture, scores, predictions, depths, layers, model)
+
+
+def predict_under_model(capture, model, layers, views, measured):
+    """(the Fit of the nuisances on the train frames, {(frame id, eye): expected DN, float32 [height][width]}) under a Model.
+
+    layers: {frame id: {eye: Layers}}; views and measured: {(frame id, eye): View and DN}. ValueError where there is nothing to fit.
+    """
+    lights = {key: model.light(layers[key[0]][key[1]], view) for key, view in views.items()}
+    train = [(views[key], lights[key], measured[key]) for frame in capture.split("train") for key in _keys(frame)]
+    fit = fit_under_model(model, train, capture.rig.max_dn)
+    return fit, {key: model.signal(lights[key], view, fit.nuisances).astype(np.float32) for key, view in views.items()}
 
 
 def _keys(frame):

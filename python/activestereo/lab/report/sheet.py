@@ -5,7 +5,7 @@ from matplotlib.colors import PowerNorm
 from matplotlib.figure import Figure
 
 from activestereo.capture import EYES, SPLITS
-from activestereo.lab.report_pictures import RESIDUAL_FLOORS, worst_frame
+from activestereo.lab.report.worst import RESIDUAL_FLOORS, worst_frame
 
 _INK, _MUTED, _GRID = "#1f2933", "#7b8794", "#e4e7eb"
 _BAR = {"train": "#3e6fb0", "test": "#c8722c"}

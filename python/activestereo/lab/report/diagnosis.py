@@ -1,8 +1,9 @@
 """The report's sections on a diagnosis: which effect is missing, what cannot be told apart, what to measure next."""
 
 from activestereo.lab.diagnose_report import parameter_text
-from activestereo.lab.html import chart, section, share_bar, table, text
-from activestereo.lab.report_charts import effects_chart
+from activestereo.lab.report.page import chart, section, share_bar, table, text
+from activestereo.lab.report.charts import effects_chart
+from activestereo.lab.report.models import ROWS
 
 _VERDICT = {
     "effect": "A known effect is missing",
@@ -10,14 +11,13 @@ _VERDICT = {
     "unknown": "Something is missing that no known effect explains",
     "undetermined": "This data cannot tell what is missing",
 }
-_ROWS = 12
 
 
-def diagnosis_sections(diagnosis):
-    """Sections of diagnose.json's contents (lab/schema/diagnose.schema.json)."""
+def diagnosis_sections(diagnosis, shown=()):
+    """Sections of diagnose.json's contents (lab/schema/diagnose.schema.json). shown: effects whose residuals the page holds."""
     parts = [_verdict(diagnosis)]
     if diagnosis["ranking"]:
-        parts.append(_ranking(diagnosis["ranking"]))
+        parts.append(_ranking(diagnosis["ranking"], shown))
     if diagnosis["next_measurement"]:
         parts.append(section("What to measure next", _list(diagnosis["next_measurement"])))
     return parts
@@ -43,16 +43,27 @@ def _added(diagnosis):
     return ": " + ", ".join(text(name) for name in diagnosis["added"]) if diagnosis["added"] else ""
 
 
-def _ranking(ranking):
+def _ranking(ranking, shown):
     rows = []
-    for place, entry in enumerate(ranking[:_ROWS], 1):
+    for place, entry in enumerate(ranking[:ROWS], 1):
         values = "<br>".join(text(parameter_text(name, p)) for name, p in entry["parameters"].items())
         twins = "".join(f'<span class="tag">{text(e)}</span>' for e in entry["equivalent"] if e != entry["effect"]) or "—"
         rows.append([f"{place}", f"<b>{text(entry['effect'])}</b><br><span class='muted'>{text(entry['family'])}</span>",
-                     f"{entry['score_nats']:.1f}", share_bar(entry["confidence"]) + f"{100 * entry['confidence']:.0f} %", values, twins])  # fmt: skip
-    head = ["", "effect, family", "gain, nats", "confidence", "fitted value (90 %)", "cannot be told from"]
-    rest = f'<p class="muted small">{len(ranking) - _ROWS} more in diagnose.json.</p>' if len(ranking) > _ROWS else ""
-    return section("Ranking", table(head, rows, numbers=(2,), wide=True), rest)
+                     f"{entry['score_nats']:.1f}", share_bar(entry["confidence"]) + f"{100 * entry['confidence']:.0f} %", values, twins,
+                     _residual(entry["effect"], shown)])  # fmt: skip
+    head = ["", "effect, family", "gain, nats", "confidence", "fitted value (90 %)", "cannot be told from", "what it leaves"]
+    rest = f'<p class="muted small">{len(ranking) - ROWS} more in diagnose.json.</p>' if len(ranking) > ROWS else ""
+    note = (
+        '<p class="muted small">What it leaves: the residual of the frame and eye chosen above when this effect alone is added; projector, ambient '
+        "and black level are fitted anew, focal lengths and albedos are not. A click shows it among the large pictures.</p>"
+    )
+    return section("Ranking", note if shown else "", table(head, rows, numbers=(2,), wide=True), rest)
+
+
+def _residual(effect_id, shown):
+    if effect_id not in shown:
+        return '<span class="muted small">no expected image of its own</span>'
+    return f'<figure class="row"><canvas data-model="{text(effect_id)}" tabindex="0" title="show it large"></canvas><figcaption></figcaption></figure>'
 
 
 def _list(items):

@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from activestereo.lab.covariates import COVARIATES
-from activestereo.lab.html import BLUE, GREEN, GRID, INK, MUTED, ORANGE
+from activestereo.lab.report.page import BLUE, GREEN, GRID, INK, MUTED, ORANGE
 
 _SPLIT_COLOR = {"train": BLUE, "test": ORANGE}
 _WORDS = {covariate.name: covariate.words for covariate in COVARIATES}

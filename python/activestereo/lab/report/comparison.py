@@ -1,9 +1,8 @@
 """The report's sections on a comparison: how large the error is, how large it must be, and where it sits."""
 
 from activestereo.lab.covariates import COVARIATES
-from activestereo.lab.html import card, chart, section, share_bar, table, text
-from activestereo.lab.report_charts import covariates_chart, frames_chart, photon_transfer_chart
-from activestereo.lab.report_pictures import depth_pictures, infrared_pictures
+from activestereo.lab.report.page import card, chart, section, share_bar, table, text
+from activestereo.lab.report.charts import covariates_chart, frames_chart, photon_transfer_chart
 from activestereo.lab.where_samples import LARGEST_DISPARITY_ERROR_PX
 
 _WORDS = {covariate.name: covariate.words for covariate in COVARIATES}
@@ -49,16 +48,9 @@ def cards(scores):
 def comparison_sections(comparison):
     """All sections, in reading order."""
     scores = comparison.scores
-    parts = [
-        section(
-            "Infrared: measured, simulated, residual",
-            '<p class="muted small">The frame of each split that stands furthest above its noise floor; grey levels in square-root scale.</p>',
-            infrared_pictures(comparison),
-        )
-    ]
-    pictures = depth_pictures(comparison)
-    if pictures:
-        parts.append(section("Depth: device, model, difference", pictures, _depth_table(scores["depth"])))
+    parts = []
+    if scores["depth"]:
+        parts.append(section("Depth: device, model and geometry", _depth_table(scores["depth"])))
     parts.append(section("Error and noise floor", chart(frames_chart(scores), "error per frame"), _noise(scores)))
     parts.append(_where(scores))
     return parts
@@ -96,7 +88,7 @@ def _depth_table(depth):
     source = {v["noise_floor_from"] for v in depth.values()}
     note = "two repeats of the device" if source == {"repeats"} else "two noisy exposures of the model, matched alike"
     head = ["", "", "RMSE", "bias", "RMSE, disparity", "median, disparity", "noise floor"]
-    return table(head, rows, numbers=range(2, 7)) + f'<p class="muted small">Noise floor: {note}. Dark pixels hold no measurement.</p>'
+    return table(head, rows, numbers=range(2, 7)) + f'<p class="muted small">Noise floor: {note}. The pictures above show the depth images, too.</p>'
 
 
 def _noise(scores):

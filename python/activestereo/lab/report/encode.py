@@ -1,0 +1,45 @@
+"""Images as lossless pictures of whole numbers: value = low + step * code. A browser's canvas reads the codes back exactly.
+
+Codes up to 255 take one plane; larger ones two, the high bytes above the low bytes in one picture of twice the height.
+"""
+
+import base64
+import io
+
+import numpy as np
+from PIL import Image
+
+_LARGEST_CODE = 2**16 - 1
+
+
+def encoded_image(image, step, valid=None):
+    """An image [height][width] as {src, low, step, planes, has_empty}, for the page's decoder; values are off by step / 2 at most.
+
+    step: of the values, in their unit; made larger where 65535 steps do not span the image. valid: mask of pixels that hold a value;
+    None for all. Pixels without one get code 0, the others start at code 1.
+    """
+    image = np.asarray(image, dtype=np.float64)
+    valid = np.isfinite(image) if valid is None else valid & np.isfinite(image)
+    has_empty = not bool(valid.all())
+    low, high = (float(image[valid].min()), float(image[valid].max())) if valid.any() else (0.0, 0.0)
+    low = step * np.floor(low / step)
+    first = int(has_empty)
+    step = max(step, (high - low) / (_LARGEST_CODE - first))
+    code = np.where(valid, np.rint((np.where(valid, image, low) - low) / step) + first, 0).astype(np.uint16)
+    planes = [(code >> 8).astype(np.uint8)] if code.max(initial=0) > 255 else []
+    planes.append((code & 255).astype(np.uint8))
+    return {
+        "src": _data_address(np.concatenate(planes)),
+        "low": low - first * step,
+        "step": step,
+        "planes": len(planes),
+        "has_empty": has_empty,
+    }
+
+
+def _data_address(gray):
+    """Lossless WebP takes about three quarters of PNG's bytes."""
+    file = io.BytesIO()
+    pixels = np.repeat(gray[..., None], 3, axis=2)
+    Image.fromarray(pixels).save(file, format="webp", lossless=True, quality=60, method=4)
+    return f"data:image/webp;base64,{base64.b64encode(file.getvalue()).decode()}"

@@ -1,0 +1,30 @@
+"""The figures of compare.json that a reader wants first, as text."""
+
+
+def summary_table(scores):
+    """The figures of compare.json that a reader wants first, as text."""
+    lines = [f"{'':8}{'IR RMSE':>10}{'floor':>10}{'explainable':>14}   floor from"]
+    for split, values in scores["ir"].items():
+        floor, excess = values["noise_floor_dn"], values["explainable_rmse_dn"]
+        numbers = f"{values['rmse_dn']:>7.3f} DN"
+        if floor is None:
+            lines.append(f"{split:8}{numbers}   no repeated frames: the noise floor is unknown")
+        else:
+            source = " and ".join(values["noise_floor_from"])
+            lines.append(f"{split:8}{numbers}{floor:>7.3f} DN{excess:>11.3f} DN   {source}")
+    if scores["depth"]:
+        lines.append(f"{'':8}{'depth RMSE':>13}{'floor':>11}{'fill device':>13}{'model':>9}{'IoU':>8}")
+    for split, v in scores["depth"].items():
+        error, floor = ("-" if x is None else f"{x:.3f} px" for x in (v["rmse_px"], v["noise_floor_px"]))
+        fill = f"{100 * v['fill_measured']:>11.1f} %{100 * v['fill_model']:>7.1f} %"
+        lines.append(f"{split:8}{error:>13}{floor:>11}{fill}{v['validity_iou']:>8.3f}")
+    for channel, region in scores["regions"].items():
+        if head := region["headline"]:
+            lines.append(f"{channel}: {100 * head['share']:.0f} % of the explainable error: {head['words']}")
+    return "\n".join([*lines, _fit_line(scores["fit"])])
+
+
+def _fit_line(fit):
+    value, error = fit["nuisances"], fit["standard_errors"]
+    names = (("projector scale", "projector_scale"), ("ambient scale", "ambient_scale"), ("black level", "black_dn"))
+    return "fit on train: " + ", ".join(f"{words} {value[k]:.6g} ± {error[k]:.2g}" for words, k in names)
