@@ -105,7 +105,8 @@ function rmseText(name) {
 function drawResiduals() {
   const first = "base" in layers ? "base" : "found";
   drawResidual(part("residual-base"), first);
-  part("residual-base-name").textContent = `${words("measured")} − ${words(first)}, ${rmseText(first)}`;
+  part("residual-base-name").textContent = `${words("measured")} − ${words(first)}`;
+  part("residual-base-rmse").textContent = rmseText(first);
   drawOther();
   for (const id of ["residual-base-scale", "residual-other-scale"]) showScale(part(id), data.maps.RdBu_r, -view.limit, view.limit, view.unit, 1);
   for (const canvas of rows) {
@@ -120,7 +121,7 @@ function drawResiduals() {
 function drawOther() {
   drawResidual(part("residual-other"), part("other").value);
   part("residual-other").dataset.model = part("other").value;
-  part("residual-other").title = rmseText(part("other").value);
+  part("residual-other-rmse").textContent = rmseText(part("other").value);
 }
 
 function showReadout() {
@@ -132,7 +133,7 @@ function showReadout() {
   const number = (value) => (Number.isNaN(value) ? "none" : value.toFixed(view.digits));
   const signed = (value) => (Number.isNaN(value) ? "none" : `${value < 0 ? "−" : "+"}${Math.abs(value).toFixed(view.digits)}`);
   const shown = [...new Set([...stations().slice(1), part("other").value])];
-  const texts = shown.map((name) => `${words(name)} ${number(layers[name][at])} (left ${signed(layers.measured[at] - layers[name][at])})`);
+  const texts = shown.map((name) => `${words(name)} ${number(layers[name][at])} (residual ${signed(layers.measured[at] - layers[name][at])})`);
   const value = `${words("measured")} ${layers.measured[at].toFixed(view.eye === "depth" ? 2 : 0)}`;
   part("readout").textContent = `u ${u}, v ${v}:  ${[Number.isNaN(layers.measured[at]) ? "device none" : value, ...texts].join("  ·  ")}  ${view.unit}`;
 }
