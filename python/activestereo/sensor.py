@@ -118,7 +118,7 @@ class StereoDepthSensor:
         z = depth[v, u].astype(np.float64)
         rays = np.linalg.inv(self._config.rgb_intrinsic) @ np.stack([u, v, np.ones_like(u)]).astype(np.float64)
         if np.any(self._config.rgb_distortion):
-            from activestereo.effects.core.lens import undistort  # with scipy: only where it is needed
+            from activestereo.lens import undistort
 
             rays[:2] = undistort(rays[0], rays[1], self._config.rgb_distortion)
         points = (rays * z).T.astype(np.float32)

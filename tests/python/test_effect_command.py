@@ -36,7 +36,7 @@ def test_list_names_every_effect_with_its_units(capsys):
     assert main(["effect", "list"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert [line.split()[0] for line in lines] == ["id", *builtin()]
-    assert any(re.match(r"rolling_shutter +camera +motion +line_time_s \[s\]", line) for line in lines)
+    assert any(re.match(r"rolling_shutter +camera +motion +engine +line_time_s \[s\]", line) for line in lines)
 
 
 def test_the_documentation_page_is_what_the_command_prints(capsys):

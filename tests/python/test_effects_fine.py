@@ -7,7 +7,7 @@ import pytest
 from activestereo.capture import Camera, Projector, Rig
 from activestereo.effects import Light, builtin
 from activestereo.effects.core.laws import example_view
-from activestereo.effects.core.lens import distort, undistort
+from activestereo.lens import distort, undistort
 from activestereo.lab.layers import Layers, Sampling, ViewCamera, ideal_pixels, sampling_of
 from activestereo.lab.smooth import smooth_bounced
 

@@ -3,12 +3,15 @@
 import argparse
 from pathlib import Path
 
+from activestereo.cli.arguments import add_device
+
 _TEXT = """\
 Physical effects that the lab can add to its model.
 
-  list   the built-in effects: id, stage on the light's way, family, parameters
-  check  loads effects of your own from a Python file or a shared library and tries
-         the laws that every effect obeys
+  list     the built-in effects: id, stage on the light's way, family, whether the
+           engines have it, parameters
+  check    loads effects of your own from a Python file or a shared library and tries
+           the laws that every effect obeys
 
 example:
   activestereo effect check my_effects.py
@@ -21,9 +24,14 @@ every parameter has an influence; the input is left alone.
 
 The exit status is 0 where all hold, else 2.
 """
+_MEASURE = """\
+Renders a small world with each effect inside of the engines, and with its image function,
+at typical values. Prints the root mean square difference of the two changes over the
+engines' change; of random fields, that of their standard deviations.
+"""
 
 
-def add_parser(commands):
+def add_parser(commands: argparse._SubParsersAction) -> None:
     raw = argparse.RawDescriptionHelpFormatter
     parser = commands.add_parser("effect", help="list physical effects, check your own", description=_TEXT, formatter_class=raw)
     actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
@@ -33,16 +41,41 @@ def add_parser(commands):
     check = actions.add_parser("check", help="try the laws on effects of your own", description=_CHECK, formatter_class=raw)
     check.add_argument("file", type=Path, metavar="FILE", help="Python file or shared library")
     check.set_defaults(run=run_check)
+    measure = actions.add_parser("measure", help="image functions against the engines", description=_MEASURE, formatter_class=raw)
+    measure.add_argument("effects", nargs="*", metavar="EFFECT", help="ids (default: all built-in ones)")
+    measure.add_argument("--effects", dest="files", type=Path, action="append", default=[], metavar="FILE", help="your own effects")
+    measure.add_argument("--write", type=Path, metavar="FILE", help="figures as JSON; python/activestereo/effects/differences.json is the page's")
+    add_device(measure)
+    measure.set_defaults(run=run_measure)
 
 
-def run_list(args):
+def run_list(args: argparse.Namespace) -> None:
     from activestereo.effects import builtin
     from activestereo.effects.core.catalogue import page, table
+    from activestereo.effects.core.differences import known_differences
 
-    print(page(builtin()) if args.markdown else table(builtin()), end="" if args.markdown else "\n")
+    print(page(builtin(), known_differences()) if args.markdown else table(builtin()), end="" if args.markdown else "\n")
 
 
-def run_check(args):
+def run_measure(args: argparse.Namespace) -> None:
+    import json
+
+    from activestereo.engines.surrogate import differences
+    from activestereo.lab.model_file import find, library
+    from activestereo.output_files import replace_file
+
+    effects = library(*args.files)
+    chosen = [find(effects, name) for name in args.effects] or list(effects.values())
+    found = {}
+    for name, difference in differences(chosen, args.device):
+        found[name] = round(difference, 4)
+        print(f"{name:28}{100 * difference:7.1f} %", flush=True)
+    if args.write:
+        text = json.dumps(found, indent=1) + "\n"
+        replace_file(args.write, lambda file: file.write(text.encode()))
+
+
+def run_check(args: argparse.Namespace) -> None:
     from activestereo.cli.arguments import CommandError
     from activestereo.effects import broken_laws, builtin, load_effects
 

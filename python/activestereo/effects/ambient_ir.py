@@ -17,6 +17,7 @@ from activestereo.effects.core.descriptor import Parameter, Stage, effect
         Parameter("gradient_x", "1", neutral=0.0, low=-0.9, high=0.9, typical=0.2, source="relative change per metre to the right in the scene"),
         Parameter("gradient_y", "1", neutral=0.0, low=-0.9, high=0.9, typical=0.2, source="relative change per metre downwards"),
     ],
+    image_only="kuafu's environment shines alike on every place",
 )
 def ambient_ir(light, view, level, gradient_x, gradient_y):
     """Ambient light is stronger, and grows to one side of the scene (left camera's axes)."""

@@ -1,6 +1,14 @@
 """Black level that is not constant."""
 
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
+from activestereo.effects.core.engine import EngineInputs, moves
+
+
+@moves("signal.black_level_dn", "signal.black_level_dn_per_k")
+def _engine(inputs: EngineInputs, offset_dn: float, per_k_dn: float) -> None:
+    for eye in inputs.eyes:
+        eye.signal["black_level_dn"] += offset_dn
+        eye.signal["black_level_dn_per_k"] += per_k_dn
 
 
 @effect(
@@ -12,6 +20,7 @@ from activestereo.effects.core.descriptor import Parameter, Stage, effect
         Parameter("offset_dn", "DN", neutral=0.0, low=-50.0, high=50.0, typical=2.0, source="the fit's black level absorbs a constant one"),
         Parameter("per_k_dn", "DN/K", neutral=0.0, low=-1.0, high=1.0, typical=0.05),
     ],
+    engine=_engine,
 )
 def black_level(dn, view, offset_dn, per_k_dn):
     """A pedestal that is there without light, and moves with temperature."""

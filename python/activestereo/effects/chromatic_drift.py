@@ -3,6 +3,15 @@
 from dataclasses import replace
 
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
+from activestereo.effects.core.engine import EngineInputs, moves
+
+
+@moves("projector.ir_intensity", "pattern")
+def _engine(inputs: EngineInputs, transmission_per_k: float, sigma_px_per_k: float) -> None:
+    warming_k = abs(inputs.warming_k)
+    if inputs.projector is not None:
+        inputs.projector.ir_intensity *= max(0.0, 1.0 + transmission_per_k * warming_k)
+        inputs.blur_pattern(sigma_px_per_k * warming_k)
 
 
 @effect(
@@ -14,6 +23,7 @@ from activestereo.effects.core.descriptor import Parameter, Stage, effect
         Parameter("transmission_per_k", "1/K", neutral=0.0, low=-0.03, high=0.01, typical=0.003),
         Parameter("sigma_px_per_k", "px/K", neutral=0.0, low=0.0, high=0.1, typical=0.01),
     ],
+    engine=_engine,
 )
 def chromatic_drift(light, view, transmission_per_k, sigma_px_per_k):
     """Per kelvin away from 25 C the filter passes less of the projected light, and it is less in focus; ambient light stays."""

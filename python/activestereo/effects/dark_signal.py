@@ -1,6 +1,14 @@
 """Dark current."""
 
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
+from activestereo.effects.core.engine import EngineInputs, moves
+
+
+@moves("signal.dark_current_e_per_s", "signal.dark_doubling_k")
+def _engine(inputs: EngineInputs, rate_dn_per_s: float, doubling_k: float) -> None:
+    for eye in inputs.eyes:
+        eye.signal["dark_current_e_per_s"] += rate_dn_per_s / eye.signal["conversion_gain_dn_per_e"]
+        eye.signal["dark_doubling_k"] = doubling_k
 
 
 @effect(
@@ -12,6 +20,7 @@ from activestereo.effects.core.descriptor import Parameter, Stage, effect
         Parameter("rate_dn_per_s", "DN/s", neutral=0.0, low=0.0, high=5000.0, typical=100.0, source="at 25 C and gain 1"),
         Parameter("doubling_k", "K", neutral=7.0, low=4.0, high=12.0, typical=1.0),
     ],
+    engine=_engine,
 )
 def dark_signal(signal, view, rate_dn_per_s, doubling_k):
     """Charge gathers without light: in proportion to exposure, and twice as fast every doubling_k kelvins."""

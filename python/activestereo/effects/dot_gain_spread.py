@@ -5,13 +5,20 @@ from scipy.ndimage import gaussian_filter
 
 from activestereo.effects.core.descriptor import Parameter, Randomness, Stage, effect
 from activestereo.effects.core.dots import DotView
+from activestereo.effects.core.engine import EngineInputs, moves
 
 
-def _gain_field(view, correlation_px):
-    """Zero-mean, unit-deviation random field over the pattern, the same for both eyes."""
-    field = view.rng("dot_gain_spread", per="rig").standard_normal(view.pattern.shape)
-    smooth = gaussian_filter(field, correlation_px, mode="wrap")
-    return smooth / smooth.std()
+def _gain(rng: np.random.Generator, shape: tuple[int, ...], spread: float, dot_px: float) -> np.ndarray:
+    """Log-normal gains over the pattern, mean 1, of standard deviation `spread`."""
+    smooth = gaussian_filter(rng.standard_normal(shape), dot_px, mode="wrap")
+    width = np.sqrt(np.log1p(spread**2))
+    return np.exp(width * smooth / smooth.std() - 0.5 * width**2)
+
+
+@moves("pattern")
+def _engine(inputs: EngineInputs, spread: float, dot_px: float) -> None:
+    if spread > 0.0 and inputs.pattern is not None:
+        inputs.pattern = inputs.pattern * _gain(inputs.rng("dot_gain_spread"), inputs.pattern.shape, spread, dot_px)
 
 
 @effect(
@@ -24,12 +31,12 @@ def _gain_field(view, correlation_px):
         Parameter("spread", "1", neutral=0.0, low=0.0, high=0.8, typical=0.15),
         Parameter("dot_px", "px", neutral=3.0, low=1.0, high=20.0, typical=2.0, source="size of a dot in pattern pixels"),
     ],
+    engine=_engine,
 )
 def dot_gain_spread(light, view, spread, dot_px):
     """Each dot has its own gain (log-normal, mean 1) that stays with it in every frame and both eyes."""
     if spread == 0.0:
         return light
-    width = np.sqrt(np.log1p(spread**2))
-    gain = np.exp(width * _gain_field(view, dot_px) - 0.5 * width**2)
     dots = DotView.of(view)
+    gain = _gain(view.rng("dot_gain_spread", per="rig"), view.pattern.shape, spread, dot_px)
     return dots.change(light, dots.nominal, dots.mean(view.pattern * gain))

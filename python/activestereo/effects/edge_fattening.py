@@ -12,6 +12,7 @@ from activestereo.effects.core.descriptor import Parameter, Stage, effect
     family="matcher",
     source="Scharstein and Szeliski 2002, A taxonomy: foreground fattening by half a window",
     parameters=[Parameter("radius_px", "px", neutral=0.0, low=0.0, high=8.0, typical=1.0)],
+    image_only="the matcher's window fattens edges by itself; a device's own way of it has no field in simsense",
 )
 def edge_fattening(disparity, view, radius_px):
     """Next to a depth edge the far side takes the near side's disparity, over radius_px; pixels without a match stay so."""

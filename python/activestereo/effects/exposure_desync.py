@@ -10,6 +10,7 @@ from activestereo.effects.core.motion import displaced
     family="motion",
     source="stereo pairs without hardware synchronisation: shift = f v dt / z",
     parameters=[Parameter("delay_s", "s", neutral=0.0, low=-0.02, high=0.02, typical=0.001)],
+    image_only="both of kuafu's cameras of a render are open at the same time",
 )
 def exposure_desync(light, view, delay_s):
     """The right camera exposes delay_s after the left; a disparity error that follows the rig's velocity."""

@@ -3,10 +3,19 @@
 import numpy as np
 
 from activestereo.effects.core.descriptor import Parameter, Randomness, Stage, effect
+from activestereo.effects.core.engine import EngineInputs, moves
 
 
 def _variance(signal, view, column_dn, row_dn, pixel_dn):
     return np.full(signal.shape, column_dn**2 + row_dn**2 + pixel_dn**2)
+
+
+@moves("signal.column_fixed_e", "signal.row_fixed_e", "signal.dsnu_e")
+def _engine(inputs: EngineInputs, column_dn: float, row_dn: float, pixel_dn: float) -> None:
+    for eye in inputs.eyes:
+        eye.add_variance("column_fixed_e", eye.electrons(column_dn))
+        eye.add_variance("row_fixed_e", eye.electrons(row_dn))
+        eye.add_variance("dsnu_e", eye.electrons(pixel_dn))
 
 
 @effect(
@@ -21,6 +30,7 @@ def _variance(signal, view, column_dn, row_dn, pixel_dn):
         Parameter("row_dn", "DN", neutral=0.0, low=0.0, high=10.0, typical=0.3),
         Parameter("pixel_dn", "DN", neutral=0.0, low=0.0, high=10.0, typical=0.3),
     ],
+    engine=_engine,
 )
 def fixed_pattern_noise(signal, view, column_dn, row_dn, pixel_dn):
     """Columns, rows and pixels have offsets of their own, the same in all frames."""

@@ -18,6 +18,7 @@ from activestereo.effects.core.descriptor import Parameter, Stage, effect
         Parameter("phase_rad", "rad", neutral=0.0, low=-np.pi, high=np.pi, typical=1.0),
         Parameter("line_time_s", "s", neutral=0.0, low=0.0, high=1e-4, typical=2e-5, source="0 = all rows at once: frames vary, no bands"),
     ],
+    image_only="kuafu's lights do not vary within a frame",
 )
 def flicker_banding(light, view, depth, frequency_hz, phase_rad, line_time_s):
     """Ambient light varies sinusoidally in time, averaged over each row's exposure."""

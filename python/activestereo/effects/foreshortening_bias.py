@@ -14,6 +14,7 @@ from activestereo.effects.core.descriptor import Parameter, Stage, effect
         Parameter("offset_px", "px", neutral=0.0, low=-3.0, high=3.0, typical=0.5, source="where in the window the match belongs, to the right"),
         Parameter("offset_down_px", "px", neutral=0.0, low=-3.0, high=3.0, typical=0.5, source="the same, downwards"),
     ],
+    image_only="simsense's matches belong to the pixel; a device's bias has no field",
 )
 def foreshortening_bias(disparity, view, offset_px, offset_down_px):
     """A match belongs to a point beside the pixel, or below it: the error is that offset times the disparity's slope along it."""

@@ -1,6 +1,14 @@
 """Exposure time and gain that are not what the frame says."""
 
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
+from activestereo.effects.core.engine import EngineInputs, moves
+
+
+@moves("signal.exposure_s", "signal.gain")
+def _engine(inputs: EngineInputs, exposure_offset_s: float, log_gain: float) -> None:
+    for eye in inputs.eyes:
+        eye.signal["exposure_s"] = max(0.0, eye.signal["exposure_s"] + exposure_offset_s)
+        eye.signal["gain"] *= inputs.frame.gain**log_gain
 
 
 @effect(
@@ -12,6 +20,7 @@ from activestereo.effects.core.descriptor import Parameter, Stage, effect
         Parameter("exposure_offset_s", "s", neutral=0.0, low=-2e-4, high=1e-3, typical=1e-4, source="exposed longer than told"),
         Parameter("log_gain", "1", neutral=0.0, low=-0.5, high=0.5, typical=0.05, source="true gain = told gain^(1 + log_gain)"),
     ],
+    engine=_engine,
 )
 def gain_error(signal, view, exposure_offset_s, log_gain):
     """Frames of different exposure or gain differ by another ratio than told; frames of one setting show nothing."""

@@ -1,6 +1,14 @@
 """Cameras of unequal gain."""
 
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
+from activestereo.effects.core.engine import EngineInputs, moves
+
+
+@moves("signal.gain", "signal.black_level_dn")
+def _engine(inputs: EngineInputs, gain: float, offset_dn: float) -> None:
+    for eye, side in zip(inputs.eyes, (-0.5, 0.5), strict=True):
+        eye.signal["gain"] *= 1.0 + side * gain
+        eye.signal["black_level_dn"] += side * offset_dn
 
 
 @effect(
@@ -12,6 +20,7 @@ from activestereo.effects.core.descriptor import Parameter, Stage, effect
         Parameter("gain", "1", neutral=0.0, low=-0.5, high=0.5, typical=0.05, source="right over left, minus 1"),
         Parameter("offset_dn", "DN", neutral=0.0, low=-20.0, high=20.0, typical=2.0),
     ],
+    engine=_engine,
 )
 def gain_mismatch(signal, view, gain, offset_dn):
     """The right camera amplifies more and has another offset; the left one half of each the other way."""

@@ -6,6 +6,24 @@ import numpy as np
 
 from activestereo.effects.core.beam import glow
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
+from activestereo.effects.core.engine import EngineInputs, Medium, moves
+
+# A phase function that scatters nothing back is not one of theirs.
+_MOST_FORWARD = 0.98
+
+
+def _phase_g(backscatter: float) -> float:
+    """Henyey and Greenstein's g whose phase function straight back is `backscatter` times the isotropic one: (1 - g) / (1 + g)^2."""
+    if backscatter == 0.0:
+        return _MOST_FORWARD
+    root = np.sqrt(8.0 * backscatter + 1.0)
+    return float(np.clip((root - 2.0 * backscatter - 1.0) / (2.0 * backscatter), -_MOST_FORWARD, _MOST_FORWARD))
+
+
+@moves("medium")
+def _engine(inputs: EngineInputs, extinction_per_m: float, backscatter: float, hidden_m: float) -> None:
+    if extinction_per_m > 0.0:
+        inputs.medium = Medium(extinction_per_m, 1.0, _phase_g(backscatter), inputs.bounds_m)
 
 
 @effect(
@@ -21,6 +39,7 @@ from activestereo.effects.core.descriptor import Parameter, Stage, effect
         ),
         Parameter("hidden_m", "m", neutral=0.05, low=0.01, high=0.3, typical=0.03, source="what window and housing hide of the beam's first part"),
     ],
+    engine=_engine,
 )  # fmt: skip
 def haze(light, view, extinction_per_m, backscatter, hidden_m):
     """Light fades by exp(-extinction x way); ambient light is scattered in where it is scattered out, and so is the beam on its way out."""

@@ -3,6 +3,14 @@
 import numpy as np
 
 from activestereo.effects.core.descriptor import Parameter, Randomness, Stage, effect
+from activestereo.effects.core.engine import EngineInputs, moves
+
+
+@moves("signal.hot_pixel_share", "signal.hot_pixel_e_per_s")
+def _engine(inputs: EngineInputs, share: float, rate_dn_per_s: float) -> None:
+    for eye in inputs.eyes:
+        eye.signal["hot_pixel_share"] = share
+        eye.signal["hot_pixel_e_per_s"] = rate_dn_per_s / eye.signal["conversion_gain_dn_per_e"]
 
 
 @effect(
@@ -15,6 +23,7 @@ from activestereo.effects.core.descriptor import Parameter, Randomness, Stage, e
         Parameter("share", "1", neutral=0.0, low=0.0, high=0.05, typical=0.002),
         Parameter("rate_dn_per_s", "DN/s", neutral=2000.0, low=0.0, high=100000.0, typical=2000.0, source="mean of the tail at gain 1"),
     ],
+    engine=_engine,
 )
 def hot_pixels(signal, view, share, rate_dn_per_s):
     """A share of the pixels gathers charge without light, exponentially distributed, the same pixels in all frames."""

@@ -1,6 +1,16 @@
 """Camera blur: defocus and aberrations beyond the pixel's own square."""
 
+import numpy as np
+
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
+from activestereo.effects.core.engine import EngineInputs, moves
+
+
+@moves("film.psf_sigma_px", "film.psf_corner_sigma_px")
+def _engine(inputs: EngineInputs, sigma_px: float, corner_sigma_px: float) -> None:
+    for eye in inputs.eyes:
+        eye.film.psf_sigma_px = np.hypot(eye.film.psf_sigma_px, sigma_px)
+        eye.film.psf_corner_sigma_px = np.hypot(eye.film.psf_corner_sigma_px, corner_sigma_px)
 
 
 @effect(
@@ -12,6 +22,7 @@ from activestereo.effects.core.descriptor import Parameter, Stage, effect
         Parameter("sigma_px", "px", neutral=0.0, low=0.0, high=3.0, typical=0.5),
         Parameter("corner_sigma_px", "px", neutral=0.0, low=0.0, high=4.0, typical=0.6, source="field curvature: grows with radius squared"),
     ],
+    engine=_engine,
 )
 def lens_psf(light, view, sigma_px, corner_sigma_px):
     """Gaussian blur of all light, constant over the image plus a part that grows towards the corners."""

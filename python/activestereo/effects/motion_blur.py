@@ -3,10 +3,17 @@
 import numpy as np
 
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
+from activestereo.effects.core.engine import EngineInputs, moves
 from activestereo.effects.core.light import Light
 from activestereo.effects.core.motion import displaced
 
 _INSTANTS = 5
+
+
+@moves("camera.exposure_s")
+def _engine(inputs: EngineInputs, exposure_fraction: float) -> None:
+    for eye in inputs.eyes:
+        eye.camera.exposure_s = exposure_fraction * inputs.frame.exposure_s
 
 
 @effect(
@@ -15,6 +22,7 @@ _INSTANTS = 5
     family="motion",
     source="exposure is an integral over time",
     parameters=[Parameter("exposure_fraction", "1", neutral=0.0, low=0.0, high=2.0, typical=1.0, source="1 = the frame's own exposure time")],
+    engine=_engine,
 )
 def motion_blur(light, view, exposure_fraction):
     """The image is the mean over the exposure of what the moving rig sees."""

@@ -4,6 +4,17 @@ import numpy as np
 
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
 from activestereo.effects.core.dots import DotView
+from activestereo.effects.core.engine import EngineInputs, moves
+
+
+@moves("projector.pattern_scale", "projector.distortion")
+def _engine(inputs: EngineInputs, scale: float, per_k: float) -> None:
+    growth = scale + per_k * inputs.warming_k
+    if inputs.projector is not None and growth != 0.0:
+        # Sines that grow by g let a tangent t grow by g (1 + t^2), to first order: a magnification and Brown's k1 of where light comes from.
+        first, *rest = inputs.projector.distortion
+        inputs.projector.distortion = (first - growth, *rest)
+        inputs.projector.pattern_scale *= 1.0 + growth
 
 
 @effect(
@@ -15,6 +26,7 @@ from activestereo.effects.core.dots import DotView
         Parameter("scale", "1", neutral=0.0, low=-0.02, high=0.02, typical=0.002),
         Parameter("per_k", "1/K", neutral=0.0, low=-1e-3, high=1e-3, typical=1e-4),
     ],
+    engine=_engine,
 )
 def pattern_scale_drift(light, view, scale, per_k):
     """The sines of the pattern's angles from the projector's axis grow by 1 + scale + per_k x (kelvins above 25 C)."""

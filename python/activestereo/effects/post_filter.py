@@ -18,6 +18,7 @@ _EDGE_PX = 1.0
         Parameter("smoothing_px", "px", neutral=0.0, low=0.0, high=8.0, typical=1.5),
         Parameter("step_px", "px", neutral=0.0, low=0.0, high=1.0, typical=0.0625, source="disparities come in multiples of it"),
     ],
+    image_only="what a device's firmware does after matching is no part of simsense",
 )
 def post_filter(disparity, view, smoothing_px, step_px):
     """Disparities are smoothed within surfaces and rounded to steps: their noise is correlated and their histogram a comb."""

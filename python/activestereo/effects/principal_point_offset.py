@@ -1,6 +1,12 @@
 """Principal point of the right camera off its calibration (also: yaw)."""
 
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
+from activestereo.effects.core.engine import EngineInputs, moves
+
+
+@moves("right.camera.k")
+def _engine(inputs: EngineInputs, cx_px: float, cy_px: float) -> None:
+    inputs.right.shift_image(cx_px, cy_px)
 
 
 @effect(
@@ -12,6 +18,7 @@ from activestereo.effects.core.descriptor import Parameter, Stage, effect
         Parameter("cx_px", "px", neutral=0.0, low=-5.0, high=5.0, typical=0.2),
         Parameter("cy_px", "px", neutral=0.0, low=-5.0, high=5.0, typical=0.1),
     ],
+    engine=_engine,
 )
 def principal_point_offset(light, view, cx_px, cy_px):
     """The right image is shifted: a constant disparity error, growing with distance squared in depth."""

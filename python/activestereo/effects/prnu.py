@@ -3,10 +3,17 @@
 import numpy as np
 
 from activestereo.effects.core.descriptor import Parameter, Randomness, Stage, effect
+from activestereo.effects.core.engine import EngineInputs, moves
 
 
 def _variance(signal, view, sigma):
     return (sigma * np.asarray(signal)) ** 2
+
+
+@moves("signal.prnu")
+def _engine(inputs: EngineInputs, sigma: float) -> None:
+    for eye in inputs.eyes:
+        eye.add_variance("prnu", sigma)
 
 
 @effect(
@@ -17,6 +24,7 @@ def _variance(signal, view, sigma):
     randomness=Randomness.STATIC,
     variance=_variance,
     parameters=[Parameter("sigma", "1", neutral=0.0, low=0.0, high=0.2, typical=0.01)],
+    engine=_engine,
 )
 def prnu(signal, view, sigma):
     """Every pixel has its own gain, the same in all frames."""

@@ -4,8 +4,16 @@ import numpy as np
 
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
 from activestereo.effects.core.dots import DotView
+from activestereo.effects.core.engine import EngineInputs, moves
 
 _LARGEST_PX = 40.0
+
+
+@moves("projector.radius_m", "projector.focus_m")
+def _engine(inputs: EngineInputs, aperture_px_m: float, focus_m: float) -> None:
+    if inputs.projector is not None and aperture_px_m > 0.0:
+        inputs.projector.radius_m = aperture_px_m / np.mean(np.diag(inputs.projector.k)[:2])
+        inputs.projector.focus_m = focus_m
 
 
 @effect(
@@ -17,6 +25,7 @@ _LARGEST_PX = 40.0
         Parameter("aperture_px_m", "px m", neutral=0.0, low=0.0, high=6.0, typical=1.0, source="radius of the aperture times focal length in pattern pixels"),
         Parameter("focus_m", "m", neutral=1.0, low=0.2, high=5.0, typical=0.5),
     ],
+    engine=_engine,
 )
 def projector_defocus(light, view, aperture_px_m, focus_m):
     """Each dot becomes a disc whose radius in pattern pixels is aperture x |1/z - 1/focus|; ambient edges stay sharp."""

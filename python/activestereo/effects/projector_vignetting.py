@@ -3,6 +3,13 @@
 import numpy as np
 
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
+from activestereo.effects.core.engine import EngineInputs, moves
+
+
+@moves("projector.falloff")
+def _engine(inputs: EngineInputs, exponent: float) -> None:
+    if inputs.projector is not None:
+        inputs.projector.falloff += exponent
 
 
 @effect(
@@ -11,6 +18,7 @@ from activestereo.effects.core.descriptor import Parameter, Stage, effect
     family="projector shading",
     source="radiant intensity of a collimated diffractive projector falls with a power of cos",
     parameters=[Parameter("exponent", "1", neutral=0.0, low=0.0, high=12.0, typical=1.5)],
+    engine=_engine,
 )
 def projector_vignetting(light, view, exponent):
     """Projected light falls by cos^exponent of the angle to the projector's axis; ambient light does not."""

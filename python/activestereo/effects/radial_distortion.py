@@ -1,7 +1,14 @@
 """Lens distortion that the nominal calibration lacks."""
 
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
-from activestereo.effects.core.lens import undistort
+from activestereo.effects.core.engine import EngineInputs, moves
+from activestereo.lens import undistort
+
+
+@moves("camera.distortion")
+def _engine(inputs: EngineInputs, k1: float, k2: float) -> None:
+    for eye in inputs.eyes:
+        eye.add_distortion(k1, k2)
 
 
 @effect(
@@ -13,6 +20,7 @@ from activestereo.effects.core.lens import undistort
         Parameter("k1", "1", neutral=0.0, low=-0.3, high=0.3, typical=0.01),
         Parameter("k2", "1", neutral=0.0, low=-0.1, high=0.1, typical=0.005),
     ],
+    engine=_engine,
 )
 def radial_distortion(light, view, k1, k2):
     """Straight lines bend: image radius r is drawn at r (1 + k1 r^2 + k2 r^4), r in focal lengths, in both cameras."""

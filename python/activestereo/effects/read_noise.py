@@ -3,10 +3,17 @@
 import numpy as np
 
 from activestereo.effects.core.descriptor import Parameter, Randomness, Stage, effect
+from activestereo.effects.core.engine import EngineInputs, moves
 
 
 def _variance(signal, view, sigma_dn):
     return np.full(signal.shape, sigma_dn**2)
+
+
+@moves("signal.read_noise_e")
+def _engine(inputs: EngineInputs, sigma_dn: float) -> None:
+    for eye in inputs.eyes:
+        eye.add_variance("read_noise_e", eye.electrons(sigma_dn))
 
 
 @effect(
@@ -17,6 +24,7 @@ def _variance(signal, view, sigma_dn):
     randomness=Randomness.TEMPORAL,
     variance=_variance,
     parameters=[Parameter("sigma_dn", "DN", neutral=0.0, low=0.0, high=20.0, typical=0.8)],
+    engine=_engine,
 )
 def read_noise(signal, view, sigma_dn):
     """The amplifier adds noise that no light changes."""

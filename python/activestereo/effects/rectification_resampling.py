@@ -1,6 +1,16 @@
 """Bilinear resampling on the way to rectified images."""
 
+import numpy as np
+
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
+from activestereo.effects.core.engine import EngineInputs, moves
+
+
+@moves("film.psf_sigma_px")
+def _engine(inputs: EngineInputs, phase_u_px: float, phase_v_px: float) -> None:
+    variance = 0.5 * (phase_u_px * (1.0 - phase_u_px) + phase_v_px * (1.0 - phase_v_px))
+    for eye in inputs.eyes:
+        eye.film.psf_sigma_px = np.sqrt(eye.film.psf_sigma_px**2 + variance)
 
 
 @effect(
@@ -12,6 +22,7 @@ from activestereo.effects.core.descriptor import Parameter, Stage, effect
         Parameter("phase_u_px", "px", neutral=0.0, low=0.0, high=1.0, typical=0.4),
         Parameter("phase_v_px", "px", neutral=0.0, low=0.0, high=1.0, typical=0.4),
     ],
+    engine=_engine,
 )
 def rectification_resampling(light, view, phase_u_px, phase_v_px):
     """The sensor's pixels lie phase_u_px to the right of the rectified ones and phase_v_px below: each of those is the weighted mean of

@@ -3,6 +3,13 @@
 import numpy as np
 
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
+from activestereo.effects.core.engine import EngineInputs, moves
+
+
+@moves("signal.response_exponent")
+def _engine(inputs: EngineInputs, log_exponent: float) -> None:
+    for eye in inputs.eyes:
+        eye.signal["response_exponent"] *= np.exp(log_exponent)
 
 
 @effect(
@@ -11,6 +18,7 @@ from activestereo.effects.core.descriptor import Parameter, Stage, effect
     family="tone",
     source="power-law camera response (Mitsunaga and Nayar 1999 treat the general case)",
     parameters=[Parameter("log_exponent", "1", neutral=0.0, low=-1.0, high=1.0, typical=0.15, source="natural logarithm of the exponent")],
+    engine=_engine,
 )
 def response_gamma(signal, view, log_exponent):
     """Output goes with a power of the light, exp(log_exponent), full scale fixed; the black level is added after."""

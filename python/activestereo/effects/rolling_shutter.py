@@ -3,7 +3,16 @@
 import numpy as np
 
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
+from activestereo.effects.core.engine import EngineInputs, moves
 from activestereo.effects.core.motion import displaced
+
+
+@moves("camera.shutter", "camera.line_time_s", "camera.readout")
+def _engine(inputs: EngineInputs, line_time_s: float) -> None:
+    for eye in inputs.eyes:
+        eye.camera.shutter = "rolling"
+        eye.camera.line_time_s = abs(line_time_s)
+        eye.camera.readout = "rows_down" if line_time_s > 0 else "rows_up"
 
 
 @effect(
@@ -12,6 +21,7 @@ from activestereo.effects.core.motion import displaced
     family="motion",
     source="Meingast, Geyer and Sastry 2005, Geometric models of rolling-shutter cameras",
     parameters=[Parameter("line_time_s", "s", neutral=0.0, low=-1e-4, high=1e-4, typical=2e-5, source="10-70 us on common imagers")],
+    engine=_engine,
 )
 def rolling_shutter(light, view, line_time_s):
     """Rows are exposed one after the other, the middle row at the frame's time."""

@@ -3,8 +3,17 @@
 import numpy as np
 
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
+from activestereo.effects.core.engine import EngineInputs, moves
 
 _ROUNDS = 4
+
+
+@moves("signal.full_well_e", "signal.blooming")
+def _engine(inputs: EngineInputs, lost_range: float, spill: float) -> None:
+    if lost_range > 0.0:
+        for eye in inputs.eyes:
+            eye.signal["full_well_e"] = eye.electrons((1.0 - lost_range) * inputs.max_dn)
+            eye.signal["blooming"] = spill
 
 
 @effect(
@@ -16,6 +25,7 @@ _ROUNDS = 4
         Parameter("lost_range", "1", neutral=0.0, low=0.0, high=0.95, typical=0.3, source="the well is full at (1 - this) of the range"),
         Parameter("spill", "1", neutral=0.0, low=0.0, high=1.0, typical=0.3, source="share of the overflow that reaches the column's neighbours"),
     ],
+    engine=_engine,
 )
 def saturation_blooming(signal, view, lost_range, spill):
     """Pixels stop counting before the range ends, and spill into the pixels above and below."""

@@ -5,8 +5,23 @@ from dataclasses import replace
 import numpy as np
 
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
+from activestereo.effects.core.engine import EngineInputs, moves, rotation
 from activestereo.effects.core.resample import Pattern, disc_sampler
 from activestereo.effects.core.shading import Shading
+
+
+@moves("lights")
+def _engine(inputs: EngineInputs, intensity_m2: float, offset_x_m: float, offset_y_m: float, yaw_rad: float) -> None:
+    own = inputs.projector
+    if own is None or intensity_m2 == 0.0:
+        return
+    place = np.eye(4)
+    place[:2, 3] = offset_x_m, offset_y_m
+    place[:3, :3] = rotation((0.0, 1.0, 0.0), yaw_rad)
+    inputs.add_light(
+        kind="projector", name="second projector", k=own.k, light_to_world=own.light_to_world @ place,
+        ir_intensity=intensity_m2 * inputs.ambient_radiance,
+    )  # fmt: skip
 
 
 @effect(
@@ -23,6 +38,7 @@ from activestereo.effects.core.shading import Shading
         Parameter("offset_y_m", "m", neutral=0.0, low=-1.0, high=1.0, typical=0.1),
         Parameter("yaw_rad", "rad", neutral=0.0, low=-0.6, high=0.6, typical=0.1, source="positive turns its axis to the right"),
     ],
+    engine=_engine,
 )  # fmt: skip
 def second_projector(light, view, intensity_m2, offset_x_m, offset_y_m, yaw_rad):
     """A second unit on the same rig throws the same pattern from beside; it shines in frames with the own projector off too."""

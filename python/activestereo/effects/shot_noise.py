@@ -3,10 +3,18 @@
 import numpy as np
 
 from activestereo.effects.core.descriptor import Parameter, Randomness, Stage, effect
+from activestereo.effects.core.engine import EngineInputs, moves
 
 
 def _variance(signal, view, dn_per_electron):
     return dn_per_electron * view.frame.gain * np.maximum(signal, 0.0)
+
+
+@moves("signal.shot_noise")
+def _engine(inputs: EngineInputs, dn_per_electron: float) -> None:
+    for eye in inputs.eyes:
+        # A share s of an electron's own fluctuation: variance s^2 K DN per DN at gain 1, K the conversion gain.
+        eye.add_variance("shot_noise", np.sqrt(dn_per_electron / eye.signal["conversion_gain_dn_per_e"]))
 
 
 @effect(
@@ -17,6 +25,7 @@ def _variance(signal, view, dn_per_electron):
     randomness=Randomness.TEMPORAL,
     variance=_variance,
     parameters=[Parameter("dn_per_electron", "DN", neutral=0.0, low=0.0, high=2.0, typical=0.03, source="at gain 1")],
+    engine=_engine,
 )
 def shot_noise(signal, view, dn_per_electron):
     """Photons arrive at random: variance in proportion to signal and gain."""

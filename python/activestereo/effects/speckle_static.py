@@ -1,7 +1,13 @@
 """Speckle of a scene that stands still."""
 
 from activestereo.effects.core.descriptor import Parameter, Randomness, Stage, effect
+from activestereo.effects.core.engine import EngineInputs, moves
 from activestereo.effects.core.speckle import speckled
+
+
+@moves("signal.speckle_shape", "signal.speckle_scale", "signal.speckle_correlation", "speckle_of_laser")
+def _engine(inputs: EngineInputs, contrast: float) -> None:
+    inputs.add_speckle(contrast, 1.0)
 
 
 @effect(
@@ -11,6 +17,7 @@ from activestereo.effects.core.speckle import speckled
     source="Goodman, Speckle Phenomena in Optics, 3.4; does not average out over frames (librealsense issue 1375)",
     randomness=Randomness.STATIC,
     parameters=[Parameter("contrast", "1", neutral=0.0, low=0.0, high=0.8, typical=0.1)],
+    engine=_engine,
 )
 def speckle_static(light, view, contrast):
     """Projected light is grainy; the grains are the same in repeats, and new when rig or scene moves."""

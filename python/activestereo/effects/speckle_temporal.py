@@ -1,7 +1,13 @@
 """Speckle that boils: mode hopping, vibration."""
 
 from activestereo.effects.core.descriptor import Parameter, Randomness, Stage, effect
+from activestereo.effects.core.engine import EngineInputs, moves
 from activestereo.effects.core.speckle import speckled
+
+
+@moves("signal.speckle_shape", "signal.speckle_scale", "speckle_of_laser")
+def _engine(inputs: EngineInputs, contrast: float) -> None:
+    inputs.add_speckle(contrast, 0.0)
 
 
 @effect(
@@ -11,6 +17,7 @@ from activestereo.effects.core.speckle import speckled
     source="Goodman, Speckle Phenomena in Optics, 3.4; gamma noise of Landau 2015 (Kinect)",
     randomness=Randomness.TEMPORAL,
     parameters=[Parameter("contrast", "1", neutral=0.0, low=0.0, high=0.8, typical=0.1)],
+    engine=_engine,
 )
 def speckle_temporal(light, view, contrast):
     """Projected light is grainy, with new grains in every frame: temporal variance grows with intensity squared."""

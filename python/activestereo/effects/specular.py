@@ -5,9 +5,17 @@ from dataclasses import replace
 import numpy as np
 
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
+from activestereo.effects.core.engine import EngineInputs, moves
 from activestereo.effects.core.ggx import base_share, highlight, reflected_share
 from activestereo.effects.core.shading import Shading
 from activestereo.effects.core.surfaces import SURFACES, on_surfaces
+
+
+@moves("materials.specular", "materials.ir_roughness")
+def _engine(inputs: EngineInputs, factor: float, roughness: float, surfaces: float) -> None:
+    for material in inputs.surfaces(surfaces):
+        material.specular = min(1.0, material.specular + factor)
+        material.ir_roughness = roughness
 
 
 @effect(
@@ -20,6 +28,7 @@ from activestereo.effects.core.surfaces import SURFACES, on_surfaces
         Parameter("roughness", "1", neutral=0.5, low=0.1, high=1.0, typical=0.2, source="without effect at factor 0"),
         SURFACES,
     ],
+    engine=_engine,
 )
 def specular(light, view, factor, roughness, surfaces):
     """Surfaces mirror the projector's dots in a highlight and the surroundings in a sheen, on top of their diffuse light."""

@@ -1,7 +1,13 @@
 """Right camera pitched against the left."""
 
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
+from activestereo.effects.core.engine import EngineInputs, moves
 from activestereo.effects.core.rotate import turned
+
+
+@moves("right.camera.camera_to_world")
+def _engine(inputs: EngineInputs, angle_rad: float) -> None:
+    inputs.right.turn((1.0, 0.0, 0.0), angle_rad)
 
 
 @effect(
@@ -10,6 +16,7 @@ from activestereo.effects.core.rotate import turned
     family="camera geometry",
     source="vertical disparity 0.02-0.3 px on real D4xx pairs",
     parameters=[Parameter("angle_rad", "rad", neutral=0.0, low=-0.02, high=0.02, typical=0.0005)],
+    engine=_engine,
 )
 def stereo_pitch(light, view, angle_rad):
     """The right camera is turned about its x axis: rows of the pair no longer meet."""

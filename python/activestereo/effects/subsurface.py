@@ -5,8 +5,25 @@ from dataclasses import replace
 import numpy as np
 
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
+from activestereo.effects.core.engine import EngineInputs, moves
 from activestereo.effects.core.resample import blur
 from activestereo.effects.core.surfaces import SURFACES, on_surfaces
+
+
+def _mean_free_path_m(length_m: float, albedo: float) -> float:
+    """Of a medium whose light leaves at an rms distance length_m along one axis. Christensen and Burley 2015 (Approximate reflectance
+    profiles for efficient subsurface scattering): the profile of two exponentials of width d = path / s has an rms distance of sqrt(7) d."""
+    s = 1.9 - albedo + 3.5 * (albedo - 0.8) ** 2
+    return length_m / np.sqrt(7.0) * s
+
+
+@moves("materials.subsurface", "materials.ir_subsurface_color", "materials.ir_subsurface_radius_m")
+def _engine(inputs: EngineInputs, fraction: float, length_m: float, surfaces: float) -> None:
+    for material in inputs.surfaces(surfaces):
+        albedo = material.base_color[0] if material.ir_albedo is None else material.ir_albedo
+        material.subsurface = fraction
+        material.ir_subsurface_color = albedo
+        material.ir_subsurface_radius_m = _mean_free_path_m(length_m, albedo)
 
 
 @effect(
@@ -19,6 +36,7 @@ from activestereo.effects.core.surfaces import SURFACES, on_surfaces
         Parameter("length_m", "m", neutral=0.003, low=0.0002, high=0.02, typical=0.002, source="rms distance along one axis; without effect at fraction 0"),
         SURFACES,
     ],
+    engine=_engine,
 )
 def subsurface(light, view, fraction, length_m, surfaces):
     """Dots grow wide tails of one width in metres on the surface, so that near dots look wider; ambient edges stay sharp."""

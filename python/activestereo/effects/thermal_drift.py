@@ -1,6 +1,14 @@
 """Calibration that drifts with temperature."""
 
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
+from activestereo.effects.core.engine import EngineInputs, moves
+
+
+@moves("camera.k")
+def _engine(inputs: EngineInputs, cx_px_per_k: float, focal_per_k: float) -> None:
+    inputs.right.shift_image(cx_px_per_k * inputs.warming_k, 0.0)
+    for eye in inputs.eyes:
+        eye.scale_focal(1.0 + focal_per_k * inputs.warming_k)
 
 
 @effect(
@@ -12,6 +20,7 @@ from activestereo.effects.core.descriptor import Parameter, Stage, effect
         Parameter("cx_px_per_k", "px/K", neutral=0.0, low=-0.1, high=0.1, typical=0.005),
         Parameter("focal_per_k", "1/K", neutral=0.0, low=-1e-3, high=1e-3, typical=2e-5),
     ],
+    engine=_engine,
 )
 def thermal_drift(light, view, cx_px_per_k, focal_per_k):
     """Per kelvin above 25 C the right image shifts and both images grow about their principal points."""

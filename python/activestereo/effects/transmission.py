@@ -3,8 +3,16 @@
 import numpy as np
 
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
+from activestereo.effects.core.engine import EngineInputs, moves
 from activestereo.effects.core.light import Light
 from activestereo.effects.core.surfaces import SURFACES, chosen
+
+
+@moves("materials.ir_transmission", "materials.thin_walled")
+def _engine(inputs: EngineInputs, fraction: float, behind: float, surfaces: float) -> None:
+    for material in inputs.surfaces(surfaces):
+        material.ir_transmission = fraction
+        material.thin_walled = True
 
 
 @effect(
@@ -17,6 +25,7 @@ from activestereo.effects.core.surfaces import SURFACES, chosen
         Parameter("behind", "1", neutral=0.5, low=0.0, high=1.0, typical=0.3, source="radiance of what lies behind over the ambient radiance"),
         SURFACES,
     ],
+    engine=_engine,
 )
 def transmission(light, view, fraction, behind, surfaces):
     """Surfaces send back less of all light, and show through what is behind them: ambient light, but none of the dots."""

@@ -1,6 +1,13 @@
 """Veiling glare: light scattered in the lens falls on the whole image."""
 
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
+from activestereo.effects.core.engine import EngineInputs, moves
+
+
+@moves("film.veiling_glare_fraction")
+def _engine(inputs: EngineInputs, fraction: float) -> None:
+    for eye in inputs.eyes:
+        eye.film.veiling_glare_fraction = 1.0 - (1.0 - eye.film.veiling_glare_fraction) * (1.0 - fraction)
 
 
 @effect(
@@ -9,6 +16,7 @@ from activestereo.effects.core.descriptor import Parameter, Stage, effect
     family="glare",
     source="ISO 9358 veiling glare index",
     parameters=[Parameter("fraction", "1", neutral=0.0, low=0.0, high=0.5, typical=0.04)],
+    engine=_engine,
 )
 def veiling_glare(image, view, fraction):
     """A fraction of all light is spread evenly over the image."""

@@ -1,6 +1,13 @@
 """Lens vignetting: the camera sees less light towards its corners."""
 
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
+from activestereo.effects.core.engine import EngineInputs, moves
+
+
+@moves("film.vignetting_exponent")
+def _engine(inputs: EngineInputs, exponent: float) -> None:
+    for eye in inputs.eyes:
+        eye.film.vignetting_exponent += exponent
 
 
 @effect(
@@ -9,6 +16,7 @@ from activestereo.effects.core.descriptor import Parameter, Stage, effect
     family="lens shading",
     source="cos^4 law of a thin lens: Born and Wolf, Principles of Optics, 4.8.1",
     parameters=[Parameter("exponent", "1", neutral=0.0, low=0.0, high=8.0, typical=1.5, source="4 = thin lens; D4xx corners 0.35-0.45")],
+    engine=_engine,
 )
 def vignetting(image, view, exponent):
     """All light falls by cos^exponent of the angle to the optical axis."""

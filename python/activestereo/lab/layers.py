@@ -6,7 +6,7 @@ import numpy as np
 
 from activestereo.capture import EYES
 from activestereo.effects.core.fine import FineImages
-from activestereo.effects.core.lens import distort, undistort
+from activestereo.lens import distort, undistort
 
 # Rendered beyond the frame at finer scales: what calibration errors, lenses and motion bring into sight.
 _MARGIN_SHARE = 0.02

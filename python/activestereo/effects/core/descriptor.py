@@ -12,9 +12,12 @@ By stage, in the light's order, `apply(value, view, **parameters)` gets and retu
 
 It must not change its input, and must return the input itself or an equal one where every parameter is neutral.
 Random effects draw from view.rng(id) alone.
+
+`engine` says what the effect is inside of the engines, see engine.py; an effect without one is `image_only`, and says why.
 """
 
 import inspect
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum, IntEnum
 
@@ -71,7 +74,8 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Effect:
-    """See the head of this file. variance(signal, view, **parameters): DN^2 that a random effect adds to its stage's value."""
+    """See the head of this file. variance(signal, view, **parameters): DN^2 that a random effect adds to its stage's value.
+    engine(inputs, **parameters): changes EngineInputs, see engine.py; None where no engine field expresses the effect: image_only says why."""
 
     id: str
     family: str
@@ -82,6 +86,13 @@ class Effect:
     source: str
     randomness: Randomness = Randomness.NONE
     variance: object = None
+    engine: Callable[..., None] | None = None
+    image_only: str = ""
+
+    @property
+    def engine_fields(self) -> tuple[str, ...]:
+        """Names of the engine fields that it moves; empty where it is image only."""
+        return getattr(self.engine, "fields", ("not told",) if self.engine else ())
 
     def values(self, given=None):
         """{name: value} of every parameter, neutral where not given; ValueError for an unknown name or a value out of range."""
@@ -109,7 +120,10 @@ class Effect:
         return self.apply(value, view, **self.values(parameters))
 
 
-def effect(id, *, stage, family, parameters, source, randomness=Randomness.NONE, variance=None):
+def effect(
+    id: str, *, stage: Stage, family: str, parameters: list[Parameter], source: str, randomness: Randomness = Randomness.NONE,
+    variance: Callable | None = None, engine: Callable[..., None] | None = None, image_only: str = "",
+) -> Callable[[Callable], Effect]:  # fmt: skip
     """Makes an Effect of a function; its docstring is the effect's summary."""
 
     def make(function):
@@ -119,6 +133,9 @@ def effect(id, *, stage, family, parameters, source, randomness=Randomness.NONE,
         wanted = list(inspect.signature(function).parameters)[2:]
         if wanted != [p.name for p in parameters]:
             raise ValueError(f"effect {id}: the function takes {wanted}, the parameters are {[p.name for p in parameters]}")
-        return Effect(id, family, stage, tuple(parameters), function, summary, source, randomness, variance)
+        moved = wanted if engine is None else list(inspect.signature(engine).parameters)[1:]
+        if moved != wanted:
+            raise ValueError(f"effect {id}: its engine function takes {moved}, the parameters are {wanted}")
+        return Effect(id, family, stage, tuple(parameters), function, summary, source, randomness, variance, engine, image_only)
 
     return make

@@ -1,12 +1,12 @@
 """What an effect may know of one image: camera, rig, geometry, frame settings, and random numbers of its own."""
 
-import hashlib
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from activestereo.effects.core.lens import distort, undistort
+from activestereo.effects.core.random_stream import random_stream
+from activestereo.lens import distort, undistort
 
 REFERENCE_TEMPERATURE_C = 25.0
 _NO_DISTORTION = (0.0, 0.0, 0.0, 0.0, 0.0)
@@ -15,7 +15,7 @@ _NO_DISTORTION = (0.0, 0.0, 0.0, 0.0, 0.0)
 @dataclass(frozen=True)
 class View:
     """One eye of one frame. Arrays are [height][width]; depth 0 = nothing there; normal [height][width][3], unit, camera
-    coordinates; a_to_b maps coordinates in a to those in b; distortion: of the nominal camera, see core/lens.py; material: index in the scene
+    coordinates; a_to_b maps coordinates in a to those in b; distortion: of the nominal camera, see activestereo/lens.py; material: index in the scene
     file, or None. Disparity and depth effects get the left eye's view."""
 
     eye: str
@@ -126,8 +126,7 @@ class View:
             "pose": self.eye.encode() + np.ascontiguousarray(self.frame.camera_to_world).tobytes(),
             "frame": f"{self.eye} {self.frame.id}".encode(),
         }[per]
-        digest = hashlib.sha256(f"{self.seed} {name} ".encode() + salt).digest()
-        return np.random.Generator(np.random.Philox(key=np.frombuffer(digest[:16], dtype=np.uint64)))
+        return random_stream(self.seed, name, salt)
 
 
 def _read_only(*arrays):

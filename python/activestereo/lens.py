@@ -1,12 +1,17 @@
 """Brown-Conrady lens distortion [k1, k2, p1, p2, k3] (OpenCV's order) of image positions x, y in focal lengths."""
 
+from collections.abc import Sequence
+
 import numpy as np
+from numpy.typing import NDArray
 
 _ITERATIONS = 20
 _CONVERGED = 1e-10
 
+Positions = tuple[NDArray[np.float64], NDArray[np.float64]]
 
-def distort(x, y, coefficients):
+
+def distort(x: NDArray[np.float64], y: NDArray[np.float64], coefficients: Sequence[float]) -> Positions:
     """Where a lens draws what an ideal pinhole draws at (x, y)."""
     k1, k2, p1, p2, k3 = coefficients
     r2 = x * x + y * y
@@ -15,7 +20,7 @@ def distort(x, y, coefficients):
     return x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x), y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
 
 
-def undistort(x, y, coefficients):
+def undistort(x: NDArray[np.float64], y: NDArray[np.float64], coefficients: Sequence[float]) -> Positions:
     """The inverse of distort(), by fixed-point iteration."""
     ideal_x, ideal_y = x, y
     for _ in range(_ITERATIONS):

@@ -1,0 +1,238 @@
+"""Renders a capture's frames with the engines under a model: every effect that has engine fields acts inside of kuafu and simsense."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+import kuafu
+from activestereo.capture import EYES, Capture, Frame
+from activestereo.effects.core.descriptor import Randomness
+from activestereo.effects.core.engine import EngineInputs, apply_engine
+from activestereo.effects.core.model import Model
+from activestereo.engines.capture_inputs import capture_inputs
+from activestereo.engines.imager import ExpectedImager
+from activestereo.engines.smoothing import smooth_view
+from activestereo.engines.survey import Survey
+from activestereo.engines.world import changed_world, record_key, world_key
+
+Key = tuple[int, str]
+_LIGHT = ("projector_direct", "projector_indirect", "ambient")
+_GEOMETRY = ("depth", "normal", "position", "material_id")
+# Lights that effects add have a group of their own: the room's light is scaled, theirs is not.
+_ADDED_GROUP = 1
+# So many renders are remembered.
+_KEPT = 3
+
+
+@dataclass(frozen=True)
+class EyeLight:
+    """One eye of one frame behind its optics, float32 [height][width]: radiance under the projector at power 1 (direct, indirect) and under ambient
+    radiance 1. depth_m: z, 0 = nothing there; normal: [height][width][3], world; material: id."""
+
+    direct: NDArray[np.float32]
+    indirect: NDArray[np.float32]
+    ambient: NDArray[np.float32]
+    depth_m: NDArray[np.float32]
+    normal: NDArray[np.float32]
+    material: NDArray[np.uint32]
+
+    @property
+    def projector(self) -> NDArray[np.float32]:
+        return self.direct + self.indirect
+
+
+@dataclass(frozen=True)
+class _Job:
+    """One pose under one set of inputs, and the frames that share its images; each has its own powers."""
+
+    inputs: EngineInputs
+    frames: list[tuple[Frame, EngineInputs]]
+
+
+class Nuisances(Protocol):
+    """Counts per second, gain and unit of radiance of both kinds of light, and the black level."""
+
+    projector_scale: float
+    ambient_scale: float
+    black_dn: float
+
+
+class CaptureRenderer:
+    """A capture's scene in kuafu. lights() and expected() leave it as they found it.
+
+    device: 'auto', 'cpu', an index or a kuafu.Device. smooth: bounced and ambient light on matt surfaces is filtered, see lab/smooth.py. Every call
+    has the same seed, and frames the same places in the batch: images of two models differ by what the models differ in, not by noise.
+    """
+
+    def __init__(
+        self, capture: Capture, device: str | int | kuafu.Device = "auto", samples_per_pixel: int = 64, max_bounces: int = 8, seed: int = 0,
+        smooth: bool = True,
+    ) -> None:  # fmt: skip
+        self.capture = capture
+        self.samples_per_pixel, self.max_bounces, self.seed = samples_per_pixel, max_bounces, seed
+        self._device = device if isinstance(device, kuafu.Device) else kuafu.Device(device)
+        self._renderer = kuafu.Renderer(self._device)
+        self._scene = kuafu.Scene(self._device)
+        self._scene.load(capture.scene_path)
+        self._scene.set_environment((1.0, 1.0, 1.0), ir_radiance=1.0)
+        self._pattern = capture.rig.projector.pattern()
+        self._smooth = smooth
+        self._kept: dict[tuple, list[list[dict[str, NDArray]]]] = {}
+        camera = capture.rig.left
+        self._imager = ExpectedImager(camera.width, camera.height, capture.rig.max_dn)
+
+    @property
+    def device(self) -> kuafu.Device:
+        return self._device
+
+    def inputs(self, frame: Frame, model: Model, survey: Survey | None = None, random: bool = False) -> EngineInputs:
+        """What the engines are told for a frame: calibration and settings, the survey's corrections, then the model's effects. random=False: those
+        that draw numbers are left out, for they have no part in an expected image."""
+        inputs = capture_inputs(self.capture, frame, self._scene, self._pattern, self.seed)
+        if survey is not None:
+            survey.apply(inputs)
+        apply_engine(inputs, tuple((e, p) for e, p in model.effects if random or e.randomness is Randomness.NONE))
+        return inputs
+
+    def lights(
+        self, model: Model, frames: Iterable[Frame] | None = None, survey: Survey | None = None, random: bool = False,
+        progress: Callable[[float], object] | None = None,
+    ) -> dict[Key, EyeLight]:  # fmt: skip
+        """{(frame id, eye): EyeLight} of the frames, all by default. Frames that differ in exposure, power or gain alone share their images;
+        all poses of one world are one render."""
+        jobs: dict[tuple, _Job] = {}
+        for frame in self.capture.frames if frames is None else frames:
+            inputs = self.inputs(frame, model, survey, random)
+            jobs.setdefault(_job_key(inputs), _Job(inputs, [])).frames.append((frame, inputs))
+        worlds: dict[tuple, list[_Job]] = {}
+        for job in jobs.values():
+            worlds.setdefault(world_key(job.inputs), []).append(job)
+        out: dict[Key, EyeLight] = {}
+        for done, group in enumerate(worlds.values()):
+            share = progress and (lambda f, done=done: progress((done + f) / len(worlds)))
+            for job, eyes in zip(group, self._images(group, share), strict=True):
+                out |= {(frame.id, eye): _eye_light(view, own) for frame, own in job.frames for eye, view in zip(EYES, eyes, strict=True)}
+        return out
+
+    def expected(
+        self, model: Model, nuisances: Nuisances, frames: Iterable[Frame] | None = None, survey: Survey | None = None, random: bool = False,
+        progress: Callable[[float], object] | None = None,
+    ) -> dict[Key, NDArray[np.float32]]:  # fmt: skip
+        """{(frame id, eye): expected DN [height][width]} of the frames, all by default; random: one exposure instead, not rounded."""
+        frames = list(self.capture.frames if frames is None else frames)
+        lights = self.lights(model, frames, survey, random, progress)
+        return {key: dn for frame in frames for key, dn in self.counts(frame, lights, model, nuisances, random).items()}
+
+    def counts(
+        self, frame: Frame, lights: dict[Key, EyeLight], model: Model, nuisances: Nuisances, random: bool = False
+    ) -> dict[Key, NDArray[np.float32]]:
+        """expected() of one frame from its lights: no ray is traced."""
+        inputs = self.inputs(frame, model, random=random)
+        per_s = nuisances.projector_scale * frame.projector_power
+        ambient_per_s = nuisances.ambient_scale * (1.0 if frame.ambient is None else frame.ambient)
+        images, signals = [], []
+        for eye, part in zip(EYES, inputs.eyes, strict=True):
+            light = lights[frame.id, eye]
+            laser = per_s * light.projector
+            images.append((laser + ambient_per_s * light.ambient, laser if inputs.speckle_of_laser else None))
+            signals.append(part.signal | {"black_level_dn": part.signal["black_level_dn"] + nuisances.black_dn})
+        counts = self._imager.counts(images, signals, inputs.seed + frame.id if random else None)
+        return {(frame.id, eye): image for eye, image in zip(EYES, counts, strict=True)}
+
+    # ---- inside ----
+
+    def _images(self, jobs: list[_Job], progress: Callable[[float], object] | None) -> list[list[dict[str, NDArray]]]:
+        """[job][eye]: images by name; remembered, so that what changes no ray traces none."""
+        key = tuple(_job_key(job.inputs) for job in jobs)
+        if key not in self._kept:
+            with changed_world(self._scene, jobs[0].inputs):
+                self._kept[key] = self._render_world(jobs, progress)
+            while len(self._kept) > _KEPT:
+                self._kept.pop(next(iter(self._kept)))
+        return self._kept[key]
+
+    def _render_world(self, jobs: list[_Job], progress: Callable[[float], object] | None) -> list[list[dict[str, NDArray]]]:
+        images = self._render(jobs, _LIGHT + _GEOMETRY, own=True, progress=progress)
+        if any(light.kind == "projector" for job in jobs for light in job.inputs.lights):
+            # Projectors' light has one pair of outputs; that of further units belongs to the room's.
+            others = self._render(jobs, _LIGHT[:2], own=False, progress=None)
+            images["added"] = images["added"] + others["projector_direct"] + others["projector_indirect"]
+        out = []
+        for i, job in enumerate(jobs):
+            views = [{name: image[2 * i + j] for name, image in images.items()} for j in range(len(EYES))]
+            if self._smooth:
+                views = [smooth_view(view, eye.camera, self._scene) for view, eye in zip(views, job.inputs.eyes, strict=True)]
+            out.append(views)
+        return out
+
+    def _render(
+        self, jobs: list[_Job], outputs: tuple[str, ...], own: bool, progress: Callable[[float], object] | None
+    ) -> dict[str, NDArray]:  # fmt: skip
+        """One render of all jobs, an environment each: own: the rig's projector at 1 W/sr and lamps; else further projectors alone."""
+        lights, textures = [], {}
+        has_lamps = own and any(light.kind != "projector" for job in jobs for light in job.inputs.lights)
+        group = f"light_group_{_ADDED_GROUP}"
+        try:
+            for environment, job in enumerate(jobs):
+                for light, intensity in _lights(job.inputs, own):
+                    if light.kind == "projector":
+                        light.texture = self._texture(job.inputs.pattern, textures)
+                    light.environment, light.ir_intensity = environment, intensity
+                    light.light_group = _ADDED_GROUP
+                    lights.append(self._scene.add_light(light))
+            eyes = [(n, eye) for n, job in enumerate(jobs) for eye in job.inputs.eyes]
+            images = self._renderer.render(
+                self._scene, [eye.camera for _, eye in eyes], (*outputs, group) if has_lamps else outputs, band="infrared",
+                environments=[n for n, _ in eyes], film=[eye.film for _, eye in eyes], spp=self.samples_per_pixel, max_bounces=self.max_bounces,
+                seed=self.seed, progress=progress,
+            )  # fmt: skip
+        finally:
+            for light in lights:
+                self._scene.remove_light(light)
+            for texture in textures.values():
+                self._scene.remove_texture(texture)
+        images = dict(images)
+        images["added"] = images["group"] = images.pop(group) if has_lamps else np.zeros_like(images[outputs[0]])
+        return images
+
+    def _texture(self, pattern: NDArray[np.float32], textures: dict[bytes, int]) -> int:
+        content = np.ascontiguousarray(pattern, dtype=np.float32)
+        key = content.tobytes()
+        if key not in textures:
+            textures[key] = self._scene.add_texture(content, name="pattern")
+        return textures[key]
+
+
+def _lights(inputs: EngineInputs, own: bool) -> list[tuple[kuafu.Light, float]]:
+    """(light, infrared intensity) of one pass."""
+    if not own:
+        return [(light, light.ir_intensity) for light in inputs.lights if light.kind == "projector"]
+    lamps = [(light, light.ir_intensity) for light in inputs.lights if light.kind != "projector"]
+    return lamps if inputs.projector is None else [(_unit(inputs.projector), 1.0), *lamps]
+
+
+def _unit(projector: kuafu.Light) -> kuafu.Light:
+    """The projector at 1 W/sr: its power scales the image afterwards."""
+    fields = {n: getattr(projector, n) for n, value in vars(kuafu.Light).items() if isinstance(value, property)}
+    return kuafu.Light(**fields | {"ir_intensity": 1.0})
+
+
+def _job_key(inputs: EngineInputs) -> tuple:
+    """What decides the images of one pose; powers scale them and do not count."""
+    eyes = tuple((record_key(eye.camera), record_key(eye.film)) for eye in inputs.eyes)
+    projector = () if inputs.projector is None else record_key(_unit(inputs.projector))
+    pattern = b"" if inputs.pattern is None else inputs.pattern.tobytes()
+    return (*eyes, projector, hash(pattern), tuple(map(record_key, inputs.lights)), world_key(inputs))
+
+
+def _eye_light(view: dict[str, NDArray], inputs: EngineInputs) -> EyeLight:
+    """A rendered view under a frame's own powers."""
+    power = 0.0 if inputs.projector is None else inputs.projector.ir_intensity
+    ambient = inputs.ambient.scale * (view["ambient"] - view["group"]) + view["added"]
+    lights = (power * view["projector_direct"], power * view["projector_indirect"], ambient, view["depth"])
+    return EyeLight(*(image[..., 0].astype(np.float32) for image in lights), view["normal"], view["material_id"][..., 0])

@@ -1,0 +1,136 @@
+"""How well an effect's image function stands for what the engines make of its engine fields.
+
+Both change the images of one small world (matt bodies on a table before a wall, a moving warm rig); the figure is the root mean square difference
+of the two changes over the engine's own change. Of random fields, which draw other numbers, it is that of the changes' standard deviations.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from activestereo import meshes
+from activestereo.capture import EYES, Camera, Capture, Frame, Projector, Rig
+from activestereo.effects.core.descriptor import Effect, Randomness
+from activestereo.effects.core.model import Model
+from activestereo.effects.core.surfaces import SURFACES
+from activestereo.effects.core.view import View
+from activestereo.engines.capture_renderer import CaptureRenderer, Key
+from activestereo.gltf_writer import GltfWriter
+from activestereo.images import write_gray
+from activestereo.lab.cache import LayerCache
+from activestereo.lab.fit import Nuisances
+from activestereo.lab.kuafu_renderer import KuafuRenderer
+from activestereo.lab.render import WARP_SCALE, render_frames
+from activestereo.pattern import PatternDesign, make_pattern
+from activestereo.pose import look_at
+
+_SIZE, _FOCAL_PX = (212, 120), 106.0
+_SAMPLES, _BOUNCES = 128, 4
+_NUISANCES = Nuisances(projector_scale=16000.0, ambient_scale=900.0, black_dn=5.0)
+_POSES = (((-0.02, 0.46, 0.72), (0.0, 0.035, -0.02)), ((0.22, 0.38, 0.62), (-0.03, 0.05, -0.05)))
+
+
+@dataclass
+class Trial:
+    """The small world, rendered once for all effects."""
+
+    capture: Capture
+    engine: CaptureRenderer
+    views: dict[Key, View]
+    layers: dict[int, dict[str, object]]
+
+    @classmethod
+    def make(cls, folder: Path, device: str | int = "auto") -> Trial:
+        """Writes the world into a folder and renders it."""
+        capture = _capture(folder)
+        engine = CaptureRenderer(capture, device, _SAMPLES, _BOUNCES)
+        layers = render_frames(capture, KuafuRenderer(engine.device), _SAMPLES, _BOUNCES, cache=LayerCache(folder / "cache"), scale=WARP_SCALE)
+        views = {(f.id, eye): View.of(capture, f, eye, layers[f.id][eye]) for f in capture.frames for eye in EYES}
+        return cls(capture, engine, views, layers)
+
+    def difference(self, effect: Effect) -> float:
+        """Of an effect with engine fields at its typical values, on all surfaces."""
+        values = effect.typical_values | ({SURFACES.name: 0.0} if SURFACES in effect.parameters else {})
+        model = Model().with_effect(effect, **values)
+        if effect.randomness is not Randomness.NONE and all(name.startswith(("signal.", "speckle")) for name in effect.engine_fields):
+            engine, surrogate = self.engine.expected(model, _NUISANCES, random=True), self._surrogate(model, random=True)
+            engine_change, change = (_change(images, base) for images, base in ((engine, self._engine_base), (surrogate, self._base)))
+            return abs(float(change.std() / engine_change.std()) - 1.0)
+        drawn = Model(tuple((replace(e, randomness=Randomness.NONE), p) for e, p in model.effects))
+        engine_change = _change(self.engine.expected(drawn, _NUISANCES), self._engine_base)
+        change = _change(self._surrogate(drawn, random=False), self._base)
+        return float(np.sqrt(np.mean((change - engine_change) ** 2) / np.mean(engine_change**2)))
+
+    @cached_property
+    def _engine_base(self) -> dict[Key, NDArray]:
+        return self.engine.expected(Model(), _NUISANCES)
+
+    @cached_property
+    def _base(self) -> dict[Key, NDArray]:
+        return self._surrogate(Model(), random=False)
+
+    def _surrogate(self, model: Model, random: bool) -> dict[Key, NDArray]:
+        out = {}
+        for key, view in self.views.items():
+            light = model.light(self.layers[key[0]][key[1]], view, random)
+            out[key] = model.signal(light, view, _NUISANCES, random)
+        return out
+
+
+def differences(effects: Iterable[Effect], device: str | int = "auto") -> Iterator[tuple[str, float]]:
+    """(id, relative difference) of each effect that has engine fields."""
+    with tempfile.TemporaryDirectory() as folder:
+        trial = Trial.make(Path(folder), device)
+        for e in effects:
+            if e.engine is not None:
+                yield e.id, trial.difference(e)
+
+
+def _change(images: dict[Key, NDArray], base: dict[Key, NDArray]) -> NDArray[np.float64]:
+    return np.stack([images[key].astype(np.float64) - base[key] for key in base])
+
+
+def _capture(folder: Path) -> Capture:
+    scene, pattern = folder / "trial.gltf", folder / "pattern.png"
+    _write_world(scene)
+    design = PatternDesign(width=530, height=300, dot_pitch_px=14.4, dot_sigma_px=1.6, seed=2)
+    write_gray(pattern, make_pattern(design))
+    width, height = _SIZE
+    k = np.array([[_FOCAL_PX, 0.0, (width - 1) / 2], [0.0, _FOCAL_PX, (height - 1) / 2], [0.0, 0.0, 1.0]])
+    projector_k = np.array([[214.0, 0.0, 264.5], [0.0, 214.0, 149.5], [0.0, 0.0, 1.0]])
+    left_to_right, left_to_projector = np.eye(4), np.eye(4)
+    left_to_right[0, 3], left_to_projector[0, 3] = -0.05, -0.029
+    camera = Camera(width, height, k)
+    rig = Rig(camera, camera, left_to_right, Projector(pattern, projector_k, left_to_projector), line_time_s=1e-5)
+    frames = tuple(
+        Frame(
+            id=i, left_path=None, right_path=None, timestamp_s=2.003 + i, exposure_s=0.004 / (1 + i), gain=1.0 + i, temperature_c=45.0,
+            camera_to_world=look_at(eye, target, (0.0, 1.0, 0.0)), split="train", camera_velocity=np.array([0.3, 0.1, 0.1, 0.1, 0.6, 0.3]),
+        )
+        for i, (eye, target) in enumerate(_POSES)
+    )  # fmt: skip
+    return Capture(folder, "trial", scene, rig, frames)
+
+
+def _write_world(path: Path) -> None:
+    """Closed matt bodies, so that light may wander below their surfaces."""
+    writer = GltfWriter("activestereo trial world")
+    matt = {"extensions": {"KHR_materials_specular": {"specularFactor": 0.0}}}
+    materials = [
+        writer.add_material(name, pbrMetallicRoughness={"metallicFactor": 0.0, "roughnessFactor": 1.0}, extras={"ir_albedo": albedo}, **matt)
+        for name, albedo in (("table", 0.5), ("wall", 0.6), ("clay", 0.55), ("card", 0.7))
+    ]
+    table, wall, clay, card = materials
+    writer.add_mesh("table", meshes.box(1.7, 0.04, 0.95), table, (0.0, -0.04, -0.02))
+    writer.add_mesh("wall", meshes.box(3.2, 2.2, 0.1), wall, (0.0, -0.8, -0.55))
+    writer.add_mesh("ball", meshes.sphere(0.06), clay, (-0.2, 0.06, 0.05))
+    writer.add_mesh("ring", meshes.torus(0.052, 0.02), clay, (0.0, 0.0, 0.13))
+    writer.add_mesh("box", meshes.box(0.17, 0.12, 0.10), card, (0.15, 0.0, -0.16), yaw_deg=-14.0)
+    writer.write(path)

@@ -1,0 +1,30 @@
+"""What a fit says of calibration and scene beside the effects: focal lengths and albedos."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from activestereo.effects.core.engine import EngineInputs
+
+
+@dataclass(frozen=True)
+class Survey:
+    """focal: relative change of the left and the right focal length. albedo: {material id: factor on its infrared albedo}."""
+
+    focal: tuple[float, float] = (0.0, 0.0)
+    albedo: dict[int, float] = field(default_factory=dict)
+
+    def apply(self, inputs: EngineInputs) -> None:
+        """Corrects the calibration's focal lengths and the scene's albedos."""
+        for eye, change in zip(inputs.eyes, self.focal, strict=True):
+            if change:
+                eye.scale_focal(1.0 + change)
+        for number, factor in self.albedo.items():
+            material = inputs.material(number)
+            if material.ir_albedo is None and material.ir_albedo_texture is None and material.base_color_texture is None:
+                material.ir_albedo = material.base_color[0]
+            if material.ir_albedo is None:
+                red, *others = material.base_color
+                material.base_color = (min(1.0, red * factor), *others)
+            else:
+                material.ir_albedo = min(1.0, material.ir_albedo * factor)
