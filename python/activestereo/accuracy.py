@@ -1,5 +1,6 @@
 """How good a depth map is against the truth: fill rate and error, as a whole and for each material."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +15,7 @@ class Accuracy:
     p90_error_m: float  # their 90th percentile
 
 
-def accuracy(name, measured, true, where):
+def accuracy(name: str, measured: np.ndarray, true: np.ndarray, where: np.ndarray) -> Accuracy:
     """measured, true: metres [height, width], 0 = none. where: the pixels that count."""
     where = where & (true > 0)
     hit = where & (measured > 0)
@@ -24,8 +25,16 @@ def accuracy(name, measured, true, where):
     return Accuracy(name, pixels, float(hit.sum() / pixels) if pixels else np.nan, float(median), float(p90))
 
 
-def accuracy_by_material(measured, true, ids, name_of, max_depth=np.inf, least_pixels=50):
-    """One Accuracy for each material seen in at least `least_pixels` pixels, largest first, and one of everything at the end."""
+def accuracy_by_material(
+    measured: np.ndarray,
+    true: np.ndarray,
+    ids: np.ndarray,
+    name_of: Callable[[int], str | None],
+    max_depth: float = np.inf,
+    least_pixels: int = 50,
+) -> list[Accuracy]:
+    """One Accuracy for each material seen in at least `least_pixels` pixels, largest first, and one of everything at
+    the end."""
     in_range = (true > 0) & (true < max_depth)
     known, counts = np.unique(ids[in_range], return_counts=True)
     rows = [
@@ -37,11 +46,13 @@ def accuracy_by_material(measured, true, ids, name_of, max_depth=np.inf, least_p
     return [*rows, accuracy("all", measured, true, in_range)]
 
 
-def accuracy_table(rows):
+def accuracy_table(rows: Sequence[Accuracy]) -> str:
     """The rows as text."""
     lines = [f"{'material':16}{'pixels':>9}{'measured':>11}{'median error':>15}{'90 % within':>14}"]
     for row in rows:
-        errors = (f"{1e3 * error:.1f} mm" if np.isfinite(error) else "-" for error in (row.median_error_m, row.p90_error_m))
+        errors = (
+            f"{1e3 * error:.1f} mm" if np.isfinite(error) else "-" for error in (row.median_error_m, row.p90_error_m)
+        )
         measured = f"{100.0 * row.fill:.1f} %" if row.pixels else "-"
         lines.append(f"{row.name[:15]:16}{row.pixels:>9}{measured:>11}{next(errors):>15}{next(errors):>14}")
     return "\n".join(lines)

@@ -7,6 +7,7 @@ array that maps coordinates in a to coordinates in b. Images are digital numbers
 import warnings
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -33,7 +34,7 @@ class Camera:
     distortion: np.ndarray = field(default_factory=lambda: np.zeros(5))
 
     @property
-    def is_pinhole(self):
+    def is_pinhole(self) -> bool:
         return not np.any(self.distortion)
 
 
@@ -45,7 +46,7 @@ class Projector:
     K: np.ndarray
     left_to_projector: np.ndarray
 
-    def pattern(self):
+    def pattern(self) -> np.ndarray:
         """Relative radiant intensity, float32 [height][width], 0..1."""
         image = read_gray(self.pattern_path, key="rig.projector.pattern")
         if image.dtype != np.uint8:
@@ -64,15 +65,15 @@ class Rig:
     bit_depth: int = 8
     line_time_s: float | None = None
 
-    def camera(self, eye):
+    def camera(self, eye: str) -> Camera:
         return {"left": self.left, "right": self.right}[eye]
 
     @property
-    def baseline_m(self):
+    def baseline_m(self) -> float:
         return float(np.linalg.norm(self.left_to_right[:3, 3]))
 
     @property
-    def max_dn(self):
+    def max_dn(self) -> int:
         """The largest digital number the sensor can give."""
         return 2**self.bit_depth - 1
 
@@ -97,16 +98,16 @@ class Frame:
     depth_path: Path | None = None
     depth_scale: float | None = None
 
-    def path(self, eye):
+    def path(self, eye: str) -> Path:
         return {"left": self.left_path, "right": self.right_path}[eye]
 
     @property
-    def exposure_gain(self):
+    def exposure_gain(self) -> float:
         """Seconds times gain: what scales every light in this frame alike."""
         return self.exposure_s * self.gain
 
     @property
-    def is_moving(self):
+    def is_moving(self) -> bool:
         return bool(np.any(self.camera_velocity))
 
 
@@ -118,37 +119,38 @@ class Capture:
     name: str
     scene_path: Path
     rig: Rig
-    frames: tuple
-    depth_engine: dict = field(default_factory=dict)
+    frames: tuple[Frame, ...]
+    depth_engine: dict[str, Any] = field(default_factory=dict)
 
-    def split(self, name):
+    def split(self, name: str) -> list[Frame]:
         return [frame for frame in self.frames if frame.split == name]
 
-    def ir(self, frame, eye):
+    def ir(self, frame: Frame, eye: str) -> np.ndarray:
         """One IR image, float32 [height][width], DN."""
         camera = self.rig.camera(eye)
         image = read_gray(frame.path(eye), (camera.width, camera.height), f"frames[id={frame.id}].{eye}")
         return image.astype(np.float32)
 
-    def depth(self, frame):
-        """The device's own depth in metres, float32 [height][width], 0 = no measurement; None where the frame has none."""
+    def depth(self, frame: Frame) -> np.ndarray | None:
+        """The device's own depth in metres, float32 [height][width], 0 = no measurement; None where there is none."""
         if frame.depth_path is None:
             return None
         size = (self.rig.left.width, self.rig.left.height)
         image = read_gray(frame.depth_path, size, f"frames[id={frame.id}].depth")
         return image.astype(np.float32) * np.float32(frame.depth_scale)
 
-    def repeats(self, split=None):
+    def repeats(self, split: str | None = None) -> dict[int, list[Frame]]:
         """Frames by repeat group, groups of at least two: {group: [frames]}."""
-        groups = {}
+        groups: dict[int, list[Frame]] = {}
         for frame in self.frames:
             if frame.repeat_group is not None and split in (None, frame.split):
                 groups.setdefault(frame.repeat_group, []).append(frame)
         return {group: frames for group, frames in groups.items() if len(frames) > 1}
 
 
-def read_capture(path):
-    """Reads and checks CAPTURE/capture.json. CaptureError names the file and the key; unknown keys give a CaptureWarning."""
+def read_capture(path: str | Path) -> Capture:
+    """Reads and checks CAPTURE/capture.json. CaptureError names the file and the key; unknown keys give a
+    CaptureWarning."""
     folder = Path(path)
     if folder.name == "capture.json":
         folder = folder.parent
@@ -166,12 +168,12 @@ def read_capture(path):
     return capture
 
 
-def _read_camera(entry):
+def _read_camera(entry: JsonObject) -> Camera:
     width, height = entry.integer("width", minimum=1), entry.integer("height", minimum=1)
     return Camera(width, height, entry.camera_matrix("K"), entry.numbers("distortion", (5,)))
 
 
-def _read_rig(entry):
+def _read_rig(entry: JsonObject) -> Rig:
     projector = entry.object("projector")
     readout = entry.object("readout", optional=True)
     rig = Rig(
@@ -189,7 +191,7 @@ def _read_rig(entry):
     return rig
 
 
-def _read_frame(entry, rig):
+def _read_frame(entry: JsonObject, rig: Rig) -> Frame:
     frame_id = entry.integer("id")
     entry.rename(f"frames[id={frame_id}]")
     for eye in EYES:
@@ -222,14 +224,14 @@ def _read_frame(entry, rig):
     )
 
 
-def _check_size(entry, key, expected):
+def _check_size(entry: JsonObject, key: str, expected: tuple[int, int]) -> None:
     path = entry.file(key)
     size = image_size(path, entry.key(key))
     if size != expected:
         entry.fail(key, f"{path.name} is {size[0]}x{size[1]}, the rig says {expected[0]}x{expected[1]}")
 
 
-def _check_frames(root, frames):
+def _check_frames(root: JsonObject, frames: tuple[Frame, ...]) -> None:
     if not frames:
         root.fail("frames", "is empty")
     ids = [frame.id for frame in frames]

@@ -1,9 +1,12 @@
 """Checked reading of a capture's JSON: every failure is a CaptureError that names the file, the key and the number."""
 
+from __future__ import annotations
+
 import json
 import math
 import sys
 from pathlib import Path
+from typing import Any, NoReturn
 
 import numpy as np
 
@@ -18,77 +21,81 @@ class CaptureError(ValueError):
 class JsonObject:
     """One object of the file: typed reads by key, remembering which keys were asked for."""
 
-    def __init__(self, path, name, values):
+    def __init__(self, path: Path, name: str, values: dict[str, Any]) -> None:
         self.path, self.name = path, name
-        self._values, self._known, self._children = values, set(), []
+        self._values = values
+        self._known: set[str] = set()
+        self._children: list[JsonObject] = []
 
     @classmethod
-    def read(cls, path):
+    def read(cls, path: str | Path) -> JsonObject:
         try:
             values = json.loads(Path(path).read_text(encoding="utf-8"))
         except OSError as error:
-            raise CaptureError(f"{path}: cannot be read ({error.strerror}); a capture is a folder with a capture.json") from error
+            raise CaptureError(
+                f"{path}: cannot be read ({error.strerror}); a capture is a folder with a capture.json"
+            ) from error
         except (ValueError, RecursionError) as error:
             raise CaptureError(f"{path}: is not JSON: {error}") from error
         if not isinstance(values, dict):
             raise CaptureError(f"{path}: is not a JSON object")
         return cls(Path(path), "", values)
 
-    def key(self, key):
+    def key(self, key: str) -> str:
         return f"{self.name}.{key}" if self.name else key
 
-    def rename(self, name):
+    def rename(self, name: str) -> None:
         """A friendlier name for messages, once an entry's identity is known."""
         self.name = name
 
-    def fail(self, key, what):
+    def fail(self, key: str, what: str) -> NoReturn:
         raise CaptureError(f"{self.path}: {self.key(key)}: {what}")
 
-    def unknown_keys(self):
+    def unknown_keys(self) -> list[str]:
         """Keys present in the file that nobody asked for, here and below, in the file's order."""
         own = [self.key(key) for key in self._values if key not in self._known]
         return own + [key for child in self._children for key in child.unknown_keys()]
 
-    def _get(self, key, optional=False):
+    def _get(self, key: str, optional: bool = False) -> Any:
         self._known.add(key)
         value = self._values.get(key)
         if value is None and not optional:
             self.fail(key, "is missing" if key not in self._values else "is null")
         return value
 
-    def object(self, key, optional=False):
+    def object(self, key: str, optional: bool = False) -> Any:
         value = self._get(key, optional)
         if value is None:
             return None
         return self._child(key, self.key(key), value)
 
-    def objects(self, key):
+    def objects(self, key: str) -> list[JsonObject]:
         values = self._get(key)
         if not isinstance(values, list):
             self.fail(key, "is not a list")
         return [self._child(key, f"{self.key(key)}[{i}]", value) for i, value in enumerate(values)]
 
-    def _child(self, key, name, value):
+    def _child(self, key: str, name: str, value: Any) -> JsonObject:
         if not isinstance(value, dict):
             raise CaptureError(f"{self.path}: {name}: is not an object")
         child = JsonObject(self.path, name, value)
         self._children.append(child)
         return child
 
-    def free_form(self, key):
+    def free_form(self, key: str) -> dict[str, Any]:
         """An optional object whose keys are nobody's business."""
         value = self._get(key, optional=True)
         if value is not None and not isinstance(value, dict):
             self.fail(key, "is not an object")
         return value or {}
 
-    def text(self, key):
+    def text(self, key: str) -> str:
         value = self._get(key)
         if not isinstance(value, str):
             self.fail(key, f"is {value!r}, expected text")
         return value
 
-    def number(self, key, optional=False, minimum=None, above=None):
+    def number(self, key: str, optional: bool = False, minimum: float | None = None, above: float | None = None) -> Any:
         value = self._get(key, optional)
         if value is None:
             return None
@@ -100,7 +107,7 @@ class JsonObject:
             self.fail(key, f"is {value}, expected more than {above}")
         return float(value)
 
-    def integer(self, key, optional=False, minimum=None):
+    def integer(self, key: str, optional: bool = False, minimum: int | None = None) -> Any:
         value = self._get(key, optional)
         if value is None:
             return None
@@ -110,7 +117,7 @@ class JsonObject:
             self.fail(key, f"is {value}, expected at least {minimum}")
         return value
 
-    def numbers(self, key, shape, optional=False):
+    def numbers(self, key: str, shape: tuple[int, ...], optional: bool = False) -> Any:
         """Row-major list of numbers as a float64 array of `shape`."""
         values = self._get(key, optional)
         if values is None:
@@ -123,13 +130,13 @@ class JsonObject:
             self.fail(key, "holds something that is not a finite number")
         return np.array(values, dtype=np.float64).reshape(shape)
 
-    def camera_matrix(self, key):
+    def camera_matrix(self, key: str) -> np.ndarray:
         k = self.numbers(key, (3, 3))
         if k[0, 0] <= 0 or k[1, 1] <= 0 or np.any(k[2] != [0, 0, 1]) or k[1, 0] != 0:
             self.fail(key, "is not a camera matrix [fx s cx, 0 fy cy, 0 0 1] with positive focal lengths")
         return k
 
-    def rigid_transform(self, key):
+    def rigid_transform(self, key: str) -> np.ndarray:
         pose = self.numbers(key, (4, 4))
         rotation = pose[:3, :3]
         error = np.abs(rotation @ rotation.T - np.eye(3)).max()
@@ -137,7 +144,7 @@ class JsonObject:
             self.fail(key, f"is not a rigid row-major 4x4 transform (rotation off by {error:.2g})")
         return pose
 
-    def file(self, key, optional=False):
+    def file(self, key: str, optional: bool = False) -> Any:
         """A path in the file, relative to the file's folder; the file must exist."""
         if self._get(key, optional) is None:
             return None
@@ -147,6 +154,6 @@ class JsonObject:
         return path
 
 
-def _is_finite_number(value):
+def _is_finite_number(value: Any) -> bool:
     # Whole numbers have no limit in JSON; those beyond a float's range are not finite here. NaN fails the comparison.
     return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= sys.float_info.max

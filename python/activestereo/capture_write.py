@@ -2,20 +2,28 @@
 
 import json
 import shutil
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from activestereo.capture import FORMAT, VERSION
+from activestereo.capture import FORMAT, VERSION, Camera, Capture, Frame
 from activestereo.images import write_gray
 
 
-def write_capture(path, capture, images, pattern, depths=None):
+def write_capture(
+    path: str | Path,
+    capture: Capture,
+    images: Mapping[tuple[int, str], np.ndarray],
+    pattern: np.ndarray,
+    depths: Mapping[int, np.ndarray] | None = None,
+) -> None:
     """Writes `capture` as a folder at `path` (made in a sibling folder, then renamed; `path` must not exist).
 
-    images: {(frame id, eye): uint8 or uint16 [height][width]}; pattern: uint8 [height][width];
-    depths: {frame id: uint16 [height][width]} in units of the frame's depth_scale. The scene and the files it names are the
-    caller's: capture.scene_path is copied with every file beside it that has the same stem.
+    images: {(frame id, eye): uint8 or uint16 [height][width]}; pattern: uint8 [height][width]; depths: {frame id:
+    uint16 [height][width]} in units of the frame's depth_scale. The scene and the files it names are the caller's:
+    capture.scene_path is copied with every file beside it that has the same stem.
     """
     final = Path(path)
     if final.exists():
@@ -36,7 +44,7 @@ def write_capture(path, capture, images, pattern, depths=None):
     partial.rename(final)
 
 
-def _capture_json(capture, depths):
+def _capture_json(capture: Capture, depths: Mapping[int, np.ndarray]) -> dict[str, Any]:
     rig = capture.rig
     return {
         "format": FORMAT,
@@ -60,7 +68,7 @@ def _capture_json(capture, depths):
     }
 
 
-def _camera_json(camera):
+def _camera_json(camera: Camera) -> dict[str, Any]:
     return {
         "width": camera.width,
         "height": camera.height,
@@ -69,7 +77,7 @@ def _camera_json(camera):
     }
 
 
-def _frame_json(frame, depths):
+def _frame_json(frame: Frame, depths: Mapping[int, np.ndarray]) -> dict[str, Any]:
     name = f"{frame.id:06d}.png"
     entry = {"id": frame.id, "left": f"left/{name}", "right": f"right/{name}"}
     if frame.id in depths:
@@ -88,5 +96,5 @@ def _frame_json(frame, depths):
     }
 
 
-def _flat(array):
+def _flat(array: np.ndarray) -> list[float]:
     return np.asarray(array, dtype=float).ravel().tolist()

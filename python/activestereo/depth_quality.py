@@ -1,9 +1,11 @@
-"""Depth quality on a flat target, by the metrics and names of Intel's Depth Quality Tool (librealsense, tools/depth-quality), so that a
-simulated sensor's numbers stand beside those that the tool shows for a real one."""
+"""Depth quality on a flat target, by the metrics and names of Intel's Depth Quality Tool (librealsense,
+tools/depth-quality), so that a simulated sensor's numbers stand beside those that the tool shows for a real one."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 _TRIMMED = 200  # one in this many points is left out at each end of the depths: below 0.5 % and above 99.5 %
 
@@ -13,25 +15,36 @@ class DepthQuality:
     """NaN where a metric has nothing to work on: no truth, a single frame, or too few points for a plane."""
 
     fill_rate_percent: float  # pixels with a depth, of all in the region
-    z_accuracy_percent: float  # median signed error against the truth once the fitted plane is turned to face the camera; + is too far
+    z_accuracy_percent: (
+        float  # median signed error against the truth once the fitted plane is turned to face the camera; + is too far
+    )
     plane_fit_rms_mm: float  # spatial noise: root mean square distance from the plane fitted to the points
-    subpixel_rms_px: float  # the same in disparity: B f / |point| against B f / |its foot on the plane|, as the tool computes it
+    subpixel_rms_px: (
+        float  # the same in disparity: B f / |point| against B f / |its foot on the plane|, as the tool computes it
+    )
     temporal_noise_percent: float  # median over pixels of 100 * standard deviation / median over the frames
 
 
-def region_of(shape, fraction):
+def region_of(shape: Sequence[int], fraction: float) -> tuple[slice, slice]:
     """The centred rectangle of this fraction of height and width, as slices. The tool's usual region is 0.4."""
     if not 0 < fraction <= 1:
         raise ValueError(f"the region must be a fraction of the image in 0..1, not {fraction}")
-    spans = ((size, max(1, round(size * fraction))) for size in shape)
-    return tuple(slice((size - span) // 2, (size - span) // 2 + span) for size, span in spans)
+    height, width = shape
+    return _centred(height, fraction), _centred(width, fraction)
 
 
-def depth_quality(depth_m, k, baseline_m, true_distance_m=None, region=None):
-    """The metrics of depth maps [height, width] or [frames, height, width] in metres, 0 = none; each is the mean over the frames.
+def depth_quality(
+    depth_m: ArrayLike,
+    k: ArrayLike,
+    baseline_m: float,
+    true_distance_m: float | None = None,
+    region: tuple[slice, slice] | None = None,
+) -> DepthQuality:
+    """The metrics of depth maps [height, width] or [frames, height, width] in metres, 0 = none; each is the mean over
+    the frames.
 
-    k: 3x3 in pixels. true_distance_m: the target's distance along the optical axis. region: slices of rows and columns, None =
-    region_of(shape, 0.4).
+    k: 3x3 in pixels. true_distance_m: the target's distance along the optical axis. region: slices of rows and columns,
+    None = region_of(shape, 0.4).
     """
     frames = np.asarray(depth_m, dtype=np.float64)
     frames = frames[None] if frames.ndim == 2 else frames
@@ -40,33 +53,46 @@ def depth_quality(depth_m, k, baseline_m, true_distance_m=None, region=None):
     if true_distance_m is not None and not true_distance_m > 0:
         raise ValueError(f"the true distance must be larger than 0 metres, not {true_distance_m}")
     rows, columns = region or region_of(frames.shape[1:], 0.4)
-    rays = _rays(frames.shape[1:], np.asarray(k, dtype=np.float64))[rows, columns]
+    matrix = np.asarray(k, dtype=np.float64)
+    rays = _rays(frames.shape[1:], matrix)[rows, columns]
     frames = frames[:, rows, columns]
-    single = np.array([_of_frame(z, rays, k[0][0] * baseline_m, true_distance_m) for z in frames])
-    return DepthQuality(*_mean(single), _temporal_noise_percent(frames))
+    single = np.array([_of_frame(z, rays, matrix[0, 0] * baseline_m, true_distance_m) for z in frames])
+    fill, accuracy, plane_fit, subpixel = map(float, _mean(single))
+    return DepthQuality(fill, accuracy, plane_fit, subpixel, _temporal_noise_percent(frames))
 
 
-def quality_table(quality):
+def quality_table(quality: DepthQuality) -> str:
     """One line per metric, under the tool's names."""
     names = ("Fill-Rate", "Z Accuracy", "Plane Fit RMS Error", "Subpixel RMS Error", "Temporal Noise")
     units = ("%", "%", "mm", "pixel", "%")
     values = (getattr(quality, field.name) for field in fields(quality))
     rows = zip(names, values, units, strict=True)
-    return "\n".join(f"{name:22}" + (f"{value:10.3f} {unit}" if np.isfinite(value) else f"{'-':>10}") for name, value, unit in rows)
+    return "\n".join(
+        f"{name:22}" + (f"{value:10.3f} {unit}" if np.isfinite(value) else f"{'-':>10}") for name, value, unit in rows
+    )
 
 
-def _rays(shape, k):
+def _centred(size: int, fraction: float) -> slice:
+    span = max(1, round(size * fraction))
+    return slice((size - span) // 2, (size - span) // 2 + span)
+
+
+def _rays(shape: Sequence[int], k: np.ndarray) -> np.ndarray:
     rows, columns = np.indices(shape, dtype=np.float64)
     return np.stack([(columns - k[0, 2]) / k[0, 0], (rows - k[1, 2]) / k[1, 1], np.ones(shape)], axis=-1)
 
 
-def _mean(values):
+def _mean(values: np.ndarray) -> np.ndarray:
     """Over the frames that have a value."""
     known = np.isfinite(values)
-    return np.where(known.any(axis=0), np.where(known, values, 0).sum(axis=0) / np.maximum(1, known.sum(axis=0)), np.nan)
+    return np.where(
+        known.any(axis=0), np.where(known, values, 0).sum(axis=0) / np.maximum(1, known.sum(axis=0)), np.nan
+    )
 
 
-def _of_frame(z, rays, focal_baseline, true_distance_m):
+def _of_frame(
+    z: np.ndarray, rays: np.ndarray, focal_baseline: float, true_distance_m: float | None
+) -> tuple[float, float, float, float]:
     """Fill rate, Z accuracy, plane-fit RMS, sub-pixel RMS."""
     measured = z > 0
     points = rays[measured] * z[measured][:, None]
@@ -88,8 +114,9 @@ def _of_frame(z, rays, focal_baseline, true_distance_m):
     return fill, accuracy, 1e3 * np.sqrt(np.mean(distance**2)), np.sqrt(np.mean(disparity_error**2))
 
 
-def _fit_plane(points):
-    """(unit normal away from the camera, offset) with normal . point + offset = 0, least squares of the distances; None if there is none."""
+def _fit_plane(points: np.ndarray) -> tuple[np.ndarray, float] | None:
+    """(unit normal away from the camera, offset) with normal . point + offset = 0, least squares of the distances; None
+    if there is none."""
     if len(points) < 3:
         return None
     centre = points.mean(axis=0)
@@ -102,7 +129,7 @@ def _fit_plane(points):
     return normal, -float(normal @ centre)
 
 
-def _temporal_noise_percent(frames):
+def _temporal_noise_percent(frames: np.ndarray) -> float:
     """Over the pixels measured in at least half of the frames."""
     if len(frames) < 2:
         return np.nan

@@ -3,9 +3,13 @@
 import base64
 import json
 import struct
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from activestereo.meshes import Mesh
 from activestereo.output_files import replace_file
 
 _ARRAY_BUFFER, _ELEMENT_BUFFER = 34962, 34963
@@ -13,22 +17,34 @@ _FLOAT, _UINT = 5126, 5125
 
 
 class GltfWriter:
-    def __init__(self, generator="activestereo"):
+    def __init__(self, generator: str = "activestereo") -> None:
         self._bytes = bytearray()
-        self._json = {"asset": {"version": "2.0", "generator": generator}, "scene": 0, "scenes": [{"nodes": []}], "nodes": []}
+        self._json: dict[str, Any] = {
+            "asset": {"version": "2.0", "generator": generator},
+            "scene": 0,
+            "scenes": [{"nodes": []}],
+            "nodes": [],
+        }
 
-    def add_material(self, name, **fields):
+    def add_material(self, name: str, **fields: Any) -> int:
         """Fields are those of glTF's material; extensions in use are declared. Returns its index."""
         for extension in fields.get("extensions", {}):
             self._use(extension)
         return self._append("materials", {"name": name, **fields})
 
-    def add_texture(self, png_bytes, name):
+    def add_texture(self, png_bytes: bytes, name: str) -> int:
         image = self._append("images", {"name": name, "mimeType": "image/png", "bufferView": self._view(png_bytes)})
         sampler = self._append("samplers", {"magFilter": 9729, "minFilter": 9729})
         return self._append("textures", {"source": image, "sampler": sampler})
 
-    def add_mesh(self, name, mesh, material, translation=(0.0, 0.0, 0.0), yaw_deg=0.0):
+    def add_mesh(
+        self,
+        name: str,
+        mesh: Mesh,
+        material: int,
+        translation: Sequence[float] = (0.0, 0.0, 0.0),
+        yaw_deg: float = 0.0,
+    ) -> None:
         """A mesh and a node that places it, turned about y."""
         attributes = {
             "POSITION": self._accessor(mesh.positions, "VEC3", bounds=True),
@@ -36,50 +52,60 @@ class GltfWriter:
             "TEXCOORD_0": self._accessor(mesh.uvs, "VEC2"),
         }
         indices = self._accessor(mesh.indices.reshape(-1), "SCALAR")
-        index = self._append("meshes", {"name": name, "primitives": [{"attributes": attributes, "indices": indices, "material": material}]})
+        index = self._append(
+            "meshes",
+            {"name": name, "primitives": [{"attributes": attributes, "indices": indices, "material": material}]},
+        )
         half = np.deg2rad(yaw_deg) / 2
-        self._node(name, mesh=index, translation=list(translation), rotation=[0.0, float(np.sin(half)), 0.0, float(np.cos(half))])
+        self._node(
+            name,
+            mesh=index,
+            translation=list(translation),
+            rotation=[0.0, float(np.sin(half)), 0.0, float(np.cos(half))],
+        )
 
-    def add_point_light(self, name, translation, color, intensity):
+    def add_point_light(
+        self, name: str, translation: Sequence[float], color: Sequence[float], intensity: float
+    ) -> None:
         """intensity: W/sr for each of the colour's channels."""
         self._use("KHR_lights_punctual")
         lights = self._json.setdefault("extensions", {}).setdefault("KHR_lights_punctual", {}).setdefault("lights", [])
         lights.append({"name": name, "type": "point", "color": list(color), "intensity": intensity})
         self._node(name, translation=list(translation), extensions={"KHR_lights_punctual": {"light": len(lights) - 1}})
 
-    def add_camera(self, name, camera_to_world, vertical_fov, aspect_ratio):
-        """camera_to_world: 4x4 in camera axes (x right, y down, z forward); glTF's cameras have y up and look along -z."""
+    def add_camera(self, name: str, camera_to_world: np.ndarray, vertical_fov: float, aspect_ratio: float) -> None:
+        """camera_to_world: 4x4 in camera axes (x right, y down, z forward); glTF's have y up and look along -z."""
         perspective = {"yfov": vertical_fov, "aspectRatio": aspect_ratio, "znear": 0.01}
         camera = self._append("cameras", {"name": name, "type": "perspective", "perspective": perspective})
         matrix = np.asarray(camera_to_world) @ np.diag([1.0, -1.0, -1.0, 1.0])
         self._node(name, camera=camera, matrix=matrix.T.reshape(-1).tolist())
 
-    def write(self, path):
+    def write(self, path: str | Path) -> None:
         """.gltf with the buffer inside as base64, or .glb."""
         suffix = str(path).lower().rsplit(".", 1)[-1]
         if suffix not in ("gltf", "glb"):
             raise ValueError(f"{path}: a scene file ends in .gltf or .glb")
-        buffer = {"byteLength": len(self._bytes)}
+        buffer: dict[str, Any] = {"byteLength": len(self._bytes)}
         if suffix == "gltf":
             buffer["uri"] = "data:application/octet-stream;base64," + base64.b64encode(self._bytes).decode()
         text = json.dumps({**self._json, "buffers": [buffer]}, indent=1 if suffix == "gltf" else None).encode()
         data = text if suffix == "gltf" else _glb(text, bytes(self._bytes))
         replace_file(path, lambda file: file.write(data))
 
-    def _append(self, kind, entry):
+    def _append(self, kind: str, entry: dict[str, Any]) -> int:
         entries = self._json.setdefault(kind, [])
         entries.append(entry)
         return len(entries) - 1
 
-    def _node(self, name, **fields):
+    def _node(self, name: str, **fields: Any) -> None:
         self._json["scenes"][0]["nodes"].append(self._append("nodes", {"name": name, **fields}))
 
-    def _use(self, extension):
+    def _use(self, extension: str) -> None:
         used = self._json.setdefault("extensionsUsed", [])
         if extension not in used:
             used.append(extension)
 
-    def _view(self, data, target=None):
+    def _view(self, data: bytes, target: int | None = None) -> int:
         self._bytes.extend(b"\0" * (-len(self._bytes) % 4))
         view = {"buffer": 0, "byteOffset": len(self._bytes), "byteLength": len(data)}
         if target:
@@ -87,16 +113,21 @@ class GltfWriter:
         self._bytes.extend(data)
         return self._append("bufferViews", view)
 
-    def _accessor(self, array, kind, bounds=False):
+    def _accessor(self, array: np.ndarray, kind: str, bounds: bool = False) -> int:
         indices = array.dtype == np.uint32
         view = self._view(array.tobytes(), _ELEMENT_BUFFER if indices else _ARRAY_BUFFER)
-        accessor = {"bufferView": view, "componentType": _UINT if indices else _FLOAT, "count": len(array), "type": kind}
+        accessor = {
+            "bufferView": view,
+            "componentType": _UINT if indices else _FLOAT,
+            "count": len(array),
+            "type": kind,
+        }
         if bounds:
             accessor["min"], accessor["max"] = array.min(axis=0).tolist(), array.max(axis=0).tolist()
         return self._append("accessors", accessor)
 
 
-def _glb(text, binary):
+def _glb(text: bytes, binary: bytes) -> bytes:
     text += b" " * (-len(text) % 4)
     binary += b"\0" * (-len(binary) % 4)
     chunks = struct.pack("<II", len(text), 0x4E4F534A) + text + struct.pack("<II", len(binary), 0x004E4942) + binary

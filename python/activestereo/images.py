@@ -1,4 +1,7 @@
-"""Gray image files of captures: 8-bit or 16-bit PNG to and from numpy arrays, with errors that name the file and the key."""
+"""Gray image files of captures: 8-bit or 16-bit PNG to and from numpy arrays, with errors that name the file and the
+key."""
+
+from pathlib import Path
 
 import numpy as np
 from PIL import Image, UnidentifiedImageError
@@ -8,19 +11,21 @@ from activestereo.capture_json import CaptureError
 _GRAY_MODES = ("L", "I;16", "I;16B", "I")
 
 
-def image_size(path, key="image"):
+def image_size(path: str | Path, key: str = "image") -> tuple[int, int]:
     """(width, height) from the file's header, without decoding the pixels."""
     with _open(path, key) as image:
         return image.size
 
 
-def read_gray(path, expected_size=None, key="image"):
+def read_gray(path: str | Path, expected_size: tuple[int, int] | None = None, key: str = "image") -> np.ndarray:
     """Pixels as stored: uint8 or uint16 [height][width]. expected_size: (width, height)."""
     with _open(path, key) as image:
         if image.mode not in _GRAY_MODES:
             raise CaptureError(f"{path}: {key}: is a {image.mode} image, expected 8-bit or 16-bit gray")
         if expected_size is not None and image.size != expected_size:
-            raise CaptureError(f"{path}: {key}: is {image.size[0]}x{image.size[1]}, expected {expected_size[0]}x{expected_size[1]}")
+            raise CaptureError(
+                f"{path}: {key}: is {image.size[0]}x{image.size[1]}, expected {expected_size[0]}x{expected_size[1]}"
+            )
         try:
             pixels = np.asarray(image)
         except (OSError, SyntaxError) as error:
@@ -32,14 +37,14 @@ def read_gray(path, expected_size=None, key="image"):
     return pixels.astype(np.uint16)
 
 
-def write_gray(path, pixels):
+def write_gray(path: str | Path, pixels: np.ndarray) -> None:
     """uint8 or uint16 [height][width]."""
     if pixels.dtype not in (np.uint8, np.uint16) or pixels.ndim != 2:
         raise ValueError(f"{path}: expected uint8 or uint16 [height][width], got {pixels.dtype} {pixels.shape}")
     Image.fromarray(np.ascontiguousarray(pixels)).save(path)
 
 
-def _open(path, key):
+def _open(path: str | Path, key: str) -> Image.Image:
     try:
         return Image.open(path)
     except UnidentifiedImageError as error:

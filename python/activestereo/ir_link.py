@@ -1,8 +1,11 @@
 """The infrared pair's way from kuafu to simsense: one memory that both libraries address, so that no frame is copied.
 
-kuafu exports the buffer once, as an opaque file descriptor where both devices can (GPUs, lavapipe), else as a host pointer; simsense
-imports it. With copy=True each library has its own buffer and every frame is copied, which is slower and shows what the sharing saves.
+kuafu exports the buffer once, as an opaque file descriptor where both devices can (GPUs, lavapipe), else as a host
+pointer; simsense imports it. With copy=True each library has its own buffer and every frame is copied, which is slower
+and shows what the sharing saves.
 """
+
+from typing import Literal
 
 import numpy as np
 
@@ -10,7 +13,7 @@ import kuafu
 import simsense
 
 
-def shared_memory_kind(renderer_device, engine_device):
+def shared_memory_kind(renderer_device: kuafu.Device, engine_device: simsense.Device) -> Literal["host", "opaque_fd"]:
     """'opaque_fd' where both devices share file descriptors and are the same physical device, else 'host'."""
     a, b = renderer_device.info, engine_device.info
     fd = "export_opaque_fd" in a.capabilities and "import_opaque_fd" in b.capabilities
@@ -19,27 +22,36 @@ def shared_memory_kind(renderer_device, engine_device):
 
 
 class IrLink:
-    """Two float32 images [height, width], left then right: kuafu renders into `target`, simsense reads `left` and `right`."""
+    """Two float32 images [height, width], left then right: kuafu renders into `target`, simsense reads `left` and
+    `right`."""
 
-    def __init__(self, renderer_device, engine_device, width, height, copy=False):
+    def __init__(
+        self,
+        renderer_device: kuafu.Device,
+        engine_device: simsense.Device,
+        width: int,
+        height: int,
+        copy: bool = False,
+    ) -> None:
         shape = (2, height, width, 1)
         size_bytes = 4 * int(np.prod(shape))
-        self.memory = "copy" if copy else shared_memory_kind(renderer_device, engine_device)
+        shared = shared_memory_kind(renderer_device, engine_device)
+        self.memory = "copy" if copy else shared
         self._source = kuafu.Buffer(renderer_device, size_bytes, exportable=self.memory == "opaque_fd")
         self.target = self._source.image(np.float32, shape)
         if copy:
             self._sink = simsense.Buffer(engine_device, size_bytes)
         else:
-            with self._source.export(self.memory) as desc:
+            with self._source.export(shared) as desc:
                 self._sink = simsense.Buffer.import_(engine_device, desc)
         self.left, self.right = (self._sink.image(np.float32, (height, width), eye * size_bytes // 2) for eye in (0, 1))
 
     @property
-    def images(self):
+    def images(self) -> np.ndarray:
         """The pair as kuafu wrote it, float32 [2, height, width]; a view."""
         return self.target.array()[..., 0]
 
-    def deliver(self):
+    def deliver(self) -> None:
         """After a render: makes `left` and `right` current. Costs nothing unless the link copies."""
         if self.memory == "copy":
             self._sink.write(self._source.read())

@@ -3,9 +3,13 @@
 Metres, y up, triangles counter-clockwise from outside.
 """
 
+from __future__ import annotations
+
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 
 @dataclass(frozen=True)
@@ -16,12 +20,12 @@ class Mesh:
     indices: np.ndarray  # uint32 [t, 3]
 
     @classmethod
-    def of(cls, positions, normals, uvs, indices):
-        floats = (np.ascontiguousarray(a, dtype=np.float32) for a in (positions, normals, uvs))
-        return cls(*floats, np.ascontiguousarray(indices, dtype=np.uint32))
+    def of(cls, positions: ArrayLike, normals: ArrayLike, uvs: ArrayLike, indices: ArrayLike) -> Mesh:
+        points, directions, places = (np.ascontiguousarray(a, dtype=np.float32) for a in (positions, normals, uvs))
+        return cls(points, directions, places, np.ascontiguousarray(indices, dtype=np.uint32))
 
 
-def joined(parts):
+def joined(parts: Sequence[Mesh]) -> Mesh:
     offsets = np.cumsum([0] + [len(p.positions) for p in parts[:-1]])
     return Mesh.of(
         np.vstack([p.positions for p in parts]),
@@ -31,14 +35,14 @@ def joined(parts):
     )
 
 
-def _grid(rows, columns):
+def _grid(rows: int, columns: int) -> np.ndarray:
     """Triangles of a rows x columns grid of vertices, counter-clockwise when columns go right and rows go up."""
     first = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
     a, b, c, d = first, first + 1, first + columns, first + columns + 1
     return np.vstack([np.stack([a, b, d], axis=1), np.stack([a, d, c], axis=1)])
 
 
-def sheet(origin, side_u, side_v):
+def sheet(origin: ArrayLike, side_u: ArrayLike, side_v: ArrayLike) -> Mesh:
     """A parallelogram, seen from the side that cross(side_u, side_v) points to; texture upright with side_v up."""
     origin, side_u, side_v = (np.asarray(v, dtype=np.float64) for v in (origin, side_u, side_v))
     normal = np.cross(side_u, side_v)
@@ -47,7 +51,7 @@ def sheet(origin, side_u, side_v):
     return Mesh.of(corners, [normal] * 4, [[0, 1], [1, 1], [0, 0], [1, 0]], _grid(2, 2))
 
 
-def box(width, height, depth):
+def box(width: float, height: float, depth: float) -> Mesh:
     """Sides along x, y, z; stands on y = 0, centred in x and z."""
     faces = []
     half = 0.5 * np.array([width, height, depth])
@@ -61,13 +65,13 @@ def box(width, height, depth):
     return joined(faces)
 
 
-def lathe(profiles, segments=96):
-    """Profiles turned about the y axis. Each is a smooth line of (radius, height) points; the surface's outside is to the right of its way,
-    and where one profile ends and the next begins there is a crease."""
+def lathe(profiles: Sequence[ArrayLike], segments: int = 96) -> Mesh:
+    """Profiles turned about the y axis. Each is a smooth line of (radius, height) points; the surface's outside is to
+    the right of its way, and where one profile ends and the next begins there is a crease."""
     return joined([_turned(np.asarray(p, dtype=np.float64), segments) for p in profiles])
 
 
-def _turned(profile, segments):
+def _turned(profile: np.ndarray, segments: int) -> Mesh:
     angle = np.linspace(0.0, 2.0 * np.pi, segments + 1)
     around = np.stack([np.cos(angle), np.zeros_like(angle), -np.sin(angle)], axis=1)
     tangent = np.gradient(profile, axis=0)
@@ -85,25 +89,25 @@ def _turned(profile, segments):
     return Mesh.of(flat, normals.reshape(-1, 3), np.stack([u.ravel(), v.ravel()], axis=1), triangles[area > 1e-14])
 
 
-def arc(centre, radius, start_deg, end_deg, points=24):
+def arc(centre: tuple[float, float], radius: float, start_deg: float, end_deg: float, points: int = 24) -> np.ndarray:
     """Points (radius, height) of a circle's arc for a lathe profile; 0 degrees points outwards, 90 up."""
     angle = np.deg2rad(np.linspace(start_deg, end_deg, points))
     return np.stack([centre[0] + radius * np.cos(angle), centre[1] + radius * np.sin(angle)], axis=1)
 
 
-def sphere(radius):
+def sphere(radius: float) -> Mesh:
     """Centred at the origin."""
     profile = arc((0.0, 0.0), radius, -90.0, 90.0, 49)
     profile[[0, -1], 0] = 0.0
     return lathe([profile])
 
 
-def torus(ring_radius, tube_radius):
+def torus(ring_radius: float, tube_radius: float) -> Mesh:
     """Lies on y = 0, about the y axis."""
     return lathe([arc((ring_radius, tube_radius), tube_radius, -180.0, 180.0, 49)])
 
 
-def tumbler(radius, height, wall, base):
+def tumbler(radius: float, height: float, wall: float, base: float) -> Mesh:
     """A straight drinking glass of closed glass: outer wall, round rim, inner wall, thick base. Stands on y = 0."""
     rim = arc((radius - 0.5 * wall, height - 0.5 * wall), 0.5 * wall, 0.0, 180.0, 13)
     foot = arc((radius - 0.004, 0.004), 0.004, -90.0, 0.0, 9)
@@ -112,11 +116,15 @@ def tumbler(radius, height, wall, base):
     return lathe([under, np.vstack([foot, rim, inside]), floor], segments=128)
 
 
-def vase(height):
+def vase(height: float) -> Mesh:
     """A bellied vase, open at the top; stands on y = 0."""
     t = np.linspace(0.0, 1.0, 65)
-    radius = height * (0.17 + 0.16 * np.sin(np.pi * (t * 0.92 + 0.06)) ** 2 - 0.06 * t + 0.05 * np.maximum(t - 0.85, 0.0) / 0.15)
+    radius = height * (
+        0.17 + 0.16 * np.sin(np.pi * (t * 0.92 + 0.06)) ** 2 - 0.06 * t + 0.05 * np.maximum(t - 0.85, 0.0) / 0.15
+    )
     outside = np.stack([radius, t * height], axis=1)
     inside = (outside - [0.005, 0.0])[::-1]
     inside = inside[inside[:, 1] > 0.006]
-    return lathe([[(0.0, 0.0), outside[0]], outside, [outside[-1], inside[0]], inside, [inside[-1], (0.0, inside[-1, 1])]])
+    return lathe(
+        [[(0.0, 0.0), outside[0]], outside, [outside[-1], inside[0]], inside, [inside[-1], (0.0, inside[-1, 1])]]
+    )

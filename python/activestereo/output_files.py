@@ -1,13 +1,15 @@
 """Files appear whole or not at all: each is written under a temporary name beside its place and then renamed."""
 
 import os
+from collections.abc import Callable
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 from PIL import Image
 
 
-def replace_file(path, write):
+def replace_file(path: str | Path, write: Callable[[BinaryIO], object]) -> None:
     """write(binary file) fills it. A failed write leaves what was there before. Raises OSError."""
     path = Path(path)
     temporary = path.with_name(f".{path.name}.{os.getpid()}")
@@ -19,18 +21,18 @@ def replace_file(path, write):
         temporary.unlink(missing_ok=True)
 
 
-def write_png(path, pixels):
+def write_png(path: str | Path, pixels: np.ndarray) -> None:
     """uint8 [h, w] or [h, w, 3], or uint16 [h, w]."""
     image = Image.fromarray(np.ascontiguousarray(pixels))
     replace_file(path, lambda file: image.save(file, format="png"))
 
 
-def write_depth_png(path, depth_m):
+def write_depth_png(path: str | Path, depth_m: np.ndarray) -> None:
     """Depth in metres as uint16 millimetres, 0 = no measurement; 65.535 m is the farthest."""
     write_png(path, np.clip(np.rint(np.nan_to_num(depth_m) * 1000.0), 0, 65535).astype(np.uint16))
 
 
-def write_ply(path, points, colors=None):
+def write_ply(path: str | Path, points: np.ndarray, colors: np.ndarray | None = None) -> None:
     """Points float32 [n, 3] in metres, with colours 0..1 [n, 3] or without, as binary PLY."""
     fields = [("x", "<f4"), ("y", "<f4"), ("z", "<f4")]
     if colors is not None:
@@ -43,7 +45,7 @@ def write_ply(path, points, colors=None):
     header = "ply\nformat binary_little_endian 1.0\n" + f"element vertex {len(table)}\n"
     header += "".join(f"property {types[t]} {name}\n" for name, t in fields) + "end_header\n"
 
-    def write(file):
+    def write(file: BinaryIO) -> None:
         file.write(header.encode())
         file.write(table.tobytes())
 

@@ -1,9 +1,16 @@
 """The pictures that put a result on one page. Figures are made without pyplot, so nothing global is touched."""
 
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.colors import Normalize, PowerNorm
 from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
 
+from activestereo.accuracy import Accuracy
 from activestereo.output_files import replace_file
 
 _INK, _MUTED, _GRID = "#1f2933", "#7b8794", "#e4e7eb"
@@ -12,20 +19,35 @@ _NO_DATA = "#15181c"
 _ERROR_SCALE_M = 0.02
 
 
-def write_figure(path, figure):
+def write_figure(path: str | Path, figure: Figure) -> None:
     replace_file(path, lambda file: figure.savefig(file, format="png", dpi=110))
 
 
-def simulation_figure(title, rgb, ir, depth, true_depth, rows):
-    """A sensor's frame: pictures on top, depth against truth below them, and the figures of each material at the bottom.
+def simulation_figure(
+    title: str,
+    rgb: np.ndarray,
+    ir: Sequence[np.ndarray],
+    depth: np.ndarray,
+    true_depth: np.ndarray,
+    rows: Sequence[Accuracy],
+) -> Figure:
+    """A sensor's frame: pictures on top, depth against truth below them, and the figures of each material at the
+    bottom.
 
-    rgb: float [h, w, 3] 0..1. ir: the measured pair, uint8. depth, true_depth: metres, 0 = none. rows: from accuracy_by_material.
+    rgb: float [h, w, 3] 0..1. ir: the measured pair, uint8. depth, true_depth: metres, 0 = none. rows: from
+    accuracy_by_material.
     """
     aspect, chart_height = depth.shape[0] / depth.shape[1], 0.27 * len(rows) + 0.25
     page = _Page(title, _headline(rows), columns=3, picture_rows=2, aspect=aspect, chart_height=chart_height)
     _picture(page.picture(0, 0), rgb, "RGB camera")
     for column, (image, eye) in enumerate(zip(ir, ("left", "right"), strict=True), start=1):
-        _picture(page.picture(0, column), image, f"infrared {eye}, as measured (display gamma 2)", cmap="gray", norm=PowerNorm(0.5, 0, 255))
+        _picture(
+            page.picture(0, column),
+            image,
+            f"infrared {eye}, as measured (display gamma 2)",
+            cmap="gray",
+            norm=PowerNorm(0.5, 0, 255),
+        )
     span = depth_span(true_depth)
     _depth(page.picture(1, 0), depth, "measured depth, registered to RGB (black: none)", span)
     _depth(page.picture(1, 1), true_depth, "true depth", span)
@@ -35,7 +57,9 @@ def simulation_figure(title, rgb, ir, depth, true_depth, rows):
     return page.figure
 
 
-def matching_figure(title, left, right, disparity, depth):
+def matching_figure(
+    title: str, left: np.ndarray, right: np.ndarray, disparity: np.ndarray, depth: np.ndarray
+) -> Figure:
     """An infrared pair and what the engine made of it. disparity: pixels, -1 = none; depth: metres, 0 = none."""
     subtitle = f"{100.0 * np.mean(depth > 0):.1f} % of the pixels measured"
     page = _Page(title, subtitle, columns=2, picture_rows=2, aspect=depth.shape[0] / depth.shape[1])
@@ -48,40 +72,47 @@ def matching_figure(title, left, right, disparity, depth):
 
 
 class _Page:
-    """A figure laid out in inches: title, rows of pictures of one shape with room for a colour bar each, and charts at the bottom."""
+    """A figure laid out in inches: title, rows of pictures of one shape with room for a colour bar each, and charts at
+    the bottom."""
 
     WIDTH, MARGIN, BAR, HEAD, CAPTION = 5.2, 0.45, 0.72, 0.95, 0.42
 
-    def __init__(self, title, subtitle, columns, picture_rows, aspect, chart_height=0.0):
+    def __init__(
+        self, title: str, subtitle: str, columns: int, picture_rows: int, aspect: float, chart_height: float = 0.0
+    ) -> None:
         self._picture_height = self.WIDTH * aspect
         self._chart_height = chart_height
         self._inner = columns * self.WIDTH + (columns - 1) * self.BAR
         below = chart_height + 0.95 if chart_height else 0.25
-        self._size = (self._inner + 2 * self.MARGIN + 0.3, self.HEAD + picture_rows * (self._picture_height + self.CAPTION) + below)
+        self._size = (
+            self._inner + 2 * self.MARGIN + 0.3,
+            self.HEAD + picture_rows * (self._picture_height + self.CAPTION) + below,
+        )
         self.figure = Figure(figsize=self._size, facecolor="white")
         self._text(0.42, title, fontsize=18, weight="bold", color=_INK)
         self._text(0.76, subtitle, fontsize=12, color=_MUTED)
 
-    def _text(self, top, text, **style):
+    def _text(self, top: float, text: str, **style: Any) -> None:
         self.figure.text(self.MARGIN / self._size[0], 1.0 - top / self._size[1], text, va="center", **style)
 
-    def _axes(self, left, bottom, width, height):
+    def _axes(self, left: float, bottom: float, width: float, height: float) -> Axes:
         w, h = self._size
         return self.figure.add_axes([left / w, bottom / h, width / w, height / h])
 
-    def picture(self, row, column):
+    def picture(self, row: int, column: int) -> Axes:
         top = self.HEAD + (row + 1) * (self._picture_height + self.CAPTION)
         left = self.MARGIN + column * (self.WIDTH + self.BAR)
         return self._axes(left, self._size[1] - top, self.WIDTH, self._picture_height)
 
-    def chart(self, index, count):
+    def chart(self, index: int, count: int) -> Axes:
         labels = 0.85
         width = self._inner / count
         return self._axes(self.MARGIN + index * width + labels, 0.4, width - labels - 0.35, self._chart_height)
 
 
-def depth_span(depth):
-    """(near, far) that leaves out the farthest and nearest percent, so that one stray pixel does not take all the colours."""
+def depth_span(depth: np.ndarray) -> tuple[float, float]:
+    """(near, far) that leaves out the farthest and nearest percent, so that one stray pixel does not take all the
+    colours."""
     valid = depth[depth > 0]
     if not valid.size:
         return 0.0, 1.0
@@ -89,7 +120,7 @@ def depth_span(depth):
     return float(near), float(max(far, near + 1e-3))
 
 
-def colored(values, span, cmap):
+def colored(values: np.ndarray, span: tuple[float, float], cmap: str) -> np.ndarray:
     """uint8 [h, w, 3] of positive values; dark where there is none."""
     from matplotlib import colormaps
 
@@ -98,7 +129,7 @@ def colored(values, span, cmap):
     return np.rint(255.0 * rgba).astype(np.uint8)
 
 
-def _headline(rows):
+def _headline(rows: Sequence[Accuracy]) -> str:
     total = rows[-1]
     if not total.pixels:
         return "nothing is in the sensor's range"
@@ -110,7 +141,7 @@ def _headline(rows):
     )
 
 
-def _picture(axes, image, title, **style):
+def _picture(axes: Axes, image: np.ndarray, title: str, **style: Any) -> AxesImage:
     shown = axes.imshow(image, interpolation="antialiased", aspect="auto", **style)
     axes.set_title(title, fontsize=12.5, color=_INK, loc="left", pad=6)
     axes.set_xticks([])
@@ -120,7 +151,7 @@ def _picture(axes, image, title, **style):
     return shown
 
 
-def _color_bar(axes, shown, label, **style):
+def _color_bar(axes: Axes, shown: AxesImage, label: str, **style: Any) -> None:
     inset = axes.inset_axes([1.012, 0.0, 0.018, 1.0])
     bar = axes.figure.colorbar(shown, cax=inset, **style)
     bar.outline.set_visible(False)
@@ -128,13 +159,15 @@ def _color_bar(axes, shown, label, **style):
     inset.set_title(label, fontsize=9.5, color=_INK, pad=5)
 
 
-def _depth(axes, depth, title, span, unit="m", cmap="viridis_r"):
+def _depth(
+    axes: Axes, depth: np.ndarray, title: str, span: tuple[float, float], unit: str = "m", cmap: str = "viridis_r"
+) -> None:
     shown = _picture(axes, np.ma.masked_where(depth <= 0, depth), title, cmap=cmap, vmin=span[0], vmax=span[1])
     axes.set_facecolor(_NO_DATA)
     _color_bar(axes, shown, unit)
 
 
-def _error(axes, depth, true_depth):
+def _error(axes: Axes, depth: np.ndarray, true_depth: np.ndarray) -> None:
     both = (depth > 0) & (true_depth > 0)
     error = np.ma.masked_where(~both, 1e3 * (depth - true_depth))
     limit = 1e3 * _ERROR_SCALE_M
@@ -143,7 +176,7 @@ def _error(axes, depth, true_depth):
     _color_bar(axes, shown, "mm", extend="both")
 
 
-def _bars(axes, rows, values, title, unit, color):
+def _bars(axes: Axes, rows: Sequence[Accuracy], values: Sequence[float], title: str, unit: str, color: str) -> None:
     places = np.arange(len(rows))
     axes.barh(places, np.nan_to_num(values), height=0.66, color=[color] * (len(rows) - 1) + [_INK])
     most = max([v for v in values if np.isfinite(v)], default=0.0) or 1.0

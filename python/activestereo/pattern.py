@@ -1,12 +1,13 @@
 """Projector patterns: pseudo-random dots like those of the D4xx, made at run time, the same on every machine.
 
-One dot a cell of a square grid, at a random place in it. Heights are stratified: in a row of cells each group of four takes the four
-quarters of the cell height in random order, so that no low, wide window stays without dots. What makes stereo work is the uniqueness law
-(tested): along a row, every window of UNIQUE_WINDOW camera pixels differs from all others within the disparity range by at least half the
-energy of a mean dot. Density and size are those measured on D435 and D415 images: about 5000 dots in view, visible sigma 1.2 and 1.8
-pixels with the pixel's own blur.
+One dot a cell of a square grid, at a random place in it. Heights are stratified: in a row of cells each group of four
+takes the four quarters of the cell height in random order, so that no low, wide window stays without dots. What makes
+stereo work is the uniqueness law (tested): along a row, every window of UNIQUE_WINDOW camera pixels differs from all
+others within the disparity range by at least half the energy of a mean dot. Density and size are those measured on D435
+and D415 images: about 5000 dots in view, visible sigma 1.2 and 1.8 pixels with the pixel's own blur.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,12 +23,14 @@ class PatternDesign:
     height: int
     dot_pitch_px: float  # side of the cell that holds one dot
     dot_sigma_px: float  # of the Gaussian spot
-    weakest_dot: float = 0.5  # dot peaks are uniform in weakest_dot..1, about the spread seen on devices once falloff is taken out
+    weakest_dot: float = (
+        0.5  # dot peaks are uniform in weakest_dot..1, about the spread seen on devices once falloff is taken out
+    )
     background: float = 0.02  # light between the dots, relative to the brightest peak
     seed: int = 0
 
 
-def make_pattern(design):
+def make_pattern(design: PatternDesign) -> np.ndarray:
     """The pattern as uint8 [height, width]; value / 255 is the relative radiant intensity."""
     x, y, peak = dots(design)
     reach = int(np.ceil(4.0 * design.dot_sigma_px))
@@ -43,7 +46,7 @@ def make_pattern(design):
     return np.rint(255.0 * np.minimum(image, 1.0)).astype(np.uint8)
 
 
-def dots(design):
+def dots(design: PatternDesign) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Centres x, y in pattern pixels, inside the image, and peaks 0..1 of all dots."""
     across = int(np.ceil(design.width / design.dot_pitch_px / 4)) * 4
     down = int(np.ceil(design.height / design.dot_pitch_px))
@@ -58,8 +61,9 @@ def dots(design):
     return x[inside], y[inside], peak[inside]
 
 
-def _random(seed, stream, shape):
-    """Uniform in [0, 1): SplitMix64 (Steele, Lea, Flood 2014) of a counter, so the numbers depend on no library's version."""
+def _random(seed: int, stream: int, shape: Sequence[int]) -> np.ndarray:
+    """Uniform in [0, 1): SplitMix64 (Steele, Lea, Flood 2014) of a counter, so the numbers depend on no library's
+    version."""
     count = np.arange(1, np.prod(shape) + 1, dtype=np.uint64)
     with np.errstate(over="ignore"):
         z = (count + (np.uint64(seed * 4 + stream) << np.uint64(40))) * np.uint64(0x9E3779B97F4A7C15)

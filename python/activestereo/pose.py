@@ -1,29 +1,44 @@
 """Poses in SAPIEN's manner, and the one place where its axes meet ours.
 
-SAPIEN's body axes: x forward, y left, z up. Camera axes (kuafu, simsense, OpenCV): x right, y down, z forward. Only this file knows both.
+SAPIEN's body axes: x forward, y left, z up. Camera axes (kuafu, simsense, OpenCV): x right, y down, z forward. Only
+this file knows both.
 """
 
+from __future__ import annotations
+
+from typing import Any
+
 import numpy as np
+from numpy.typing import ArrayLike
 
 CAMERA_TO_BODY = np.array([[0.0, 0.0, 1.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
 CAMERA_TO_BODY.setflags(write=False)
 
 
 class Pose:
-    """A rigid motion: position p in metres and unit quaternion q = (w, x, y, z), as sapien.Pose. a * b applies b first."""
+    """A rigid motion: position p in metres, unit quaternion q = (w, x, y, z), as sapien.Pose. a * b applies b first."""
 
-    def __init__(self, p=(0.0, 0.0, 0.0), q=(1.0, 0.0, 0.0, 0.0)):
+    def __init__(self, p: ArrayLike = (0.0, 0.0, 0.0), q: ArrayLike = (1.0, 0.0, 0.0, 0.0)) -> None:
         matrix = np.asarray(p, dtype=np.float64)
         if matrix.shape == (4, 4):
             p, q = matrix[:3, 3], _quaternion(matrix[:3, :3])
         self.p = np.array(p, dtype=np.float64)
         self.q = np.array(q, dtype=np.float64)
         norm = np.linalg.norm(self.q)
-        if self.p.shape != (3,) or self.q.shape != (4,) or not np.isfinite(self.p).all() or not norm > 0.0 or not np.isfinite(norm):
-            raise ValueError(f"a pose needs a position of 3 and a quaternion of 4 finite numbers, or a rigid 4x4 matrix; got {p} and {q}")
+        if (
+            self.p.shape != (3,)
+            or self.q.shape != (4,)
+            or not np.isfinite(self.p).all()
+            or not norm > 0.0
+            or not np.isfinite(norm)
+        ):
+            raise ValueError(
+                "a pose needs a position of 3 and a quaternion of 4 finite numbers, or a rigid 4x4 matrix; "
+                f"got {np.asarray(p)} and {np.asarray(q)}"
+            )
         self.q /= norm
 
-    def to_transformation_matrix(self):
+    def to_transformation_matrix(self) -> np.ndarray:
         """4x4, body to parent."""
         w, x, y, z = self.q
         out = np.eye(4)
@@ -35,49 +50,51 @@ class Pose:
         out[:3, 3] = self.p
         return out
 
-    def inv(self):
+    def inv(self) -> Pose:
         return Pose(np.linalg.inv(self.to_transformation_matrix()))
 
-    def __mul__(self, other):
+    def __mul__(self, other: Any) -> Pose:
         return Pose(self.to_transformation_matrix() @ as_matrix(other))
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return f"Pose({np.round(self.p, 6).tolist()}, {np.round(self.q, 6).tolist()})"
 
 
-def as_matrix(pose):
+def as_matrix(pose: Any) -> np.ndarray:
     """4x4 of a Pose, of anything with to_transformation_matrix() such as sapien.Pose, or of a 4x4 array."""
     if hasattr(pose, "to_transformation_matrix"):
         return np.asarray(pose.to_transformation_matrix(), dtype=np.float64)
     return Pose(pose).to_transformation_matrix()
 
 
-def camera_to_world(pose):
+def camera_to_world(pose: Any) -> np.ndarray:
     """camera_to_world (camera axes) of a camera whose body stands at `pose` (body axes)."""
     return as_matrix(pose) @ CAMERA_TO_BODY
 
 
-def body_pose(camera_to_world):
+def body_pose(camera_to_world: ArrayLike) -> Pose:
     """The Pose, in body axes, of a camera with this camera_to_world (camera axes)."""
     return Pose(np.asarray(camera_to_world, dtype=np.float64) @ CAMERA_TO_BODY.T)
 
 
-def camera_to_camera(pose_a, pose_b):
+def camera_to_camera(pose_a: Any, pose_b: Any) -> np.ndarray:
     """a_to_b in camera axes, for two bodies whose poses (body axes) are given in one common frame."""
     return np.linalg.inv(camera_to_world(pose_b)) @ camera_to_world(pose_a)
 
 
-def carried_twist(a_to_b, twist):
-    """The twist [v, w] (6, m/s and rad/s) of frame b in its own axes, where b is fixed to a frame a whose own twist is `twist`: the adjoint of
-    a_to_b (Lynch and Park, Modern Robotics, 3.3.2). Exact for any time, as pose(t) = pose(0) exp(t [v, w]) of both."""
+def carried_twist(a_to_b: np.ndarray, twist: ArrayLike) -> np.ndarray:
+    """The twist [v, w] (6, m/s and rad/s) of frame b in its own axes, where b is fixed to a frame a whose own twist is
+    `twist`: the adjoint of a_to_b (Lynch and Park, Modern Robotics, 3.3.2). Exact for any time, as pose(t) = pose(0)
+    exp(t [v, w]) of both."""
     twist = np.asarray(twist, dtype=np.float64)
     rotation, offset = a_to_b[:3, :3], a_to_b[:3, 3]
     angular = rotation @ twist[3:]
     return np.concatenate([rotation @ twist[:3] + np.cross(offset, angular), angular])
 
 
-def look_at(eye, target, up):
-    """camera_to_world of a camera at `eye` that looks at `target` with `up` upwards in the image, in the three's own axes."""
+def look_at(eye: ArrayLike, target: ArrayLike, up: ArrayLike) -> np.ndarray:
+    """camera_to_world of a camera at `eye` that looks at `target` with `up` upwards in the image, in the three's own
+    axes."""
     eye, target, up = (np.asarray(v, dtype=np.float64) for v in (eye, target, up))
     forward = (target - eye) / np.linalg.norm(target - eye)
     right = np.cross(forward, up)
@@ -87,8 +104,9 @@ def look_at(eye, target, up):
     return out
 
 
-def _quaternion(rotation):
-    """(w, x, y, z) of a rotation: the eigenvector of Bar-Itzhack's symmetric matrix, good at every angle (J. Guidance 23(6), 2000)."""
+def _quaternion(rotation: np.ndarray) -> np.ndarray:
+    """(w, x, y, z) of a rotation: the eigenvector of Bar-Itzhack's symmetric matrix, good at every angle (J. Guidance
+    23(6), 2000)."""
     if not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-4) or np.linalg.det(rotation) < 0:
         raise ValueError("the matrix is not a rigid motion: its 3x3 part is not a rotation")
     (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = rotation

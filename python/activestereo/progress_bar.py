@@ -1,7 +1,12 @@
-"""A progress bar with the time left, on stderr: it redraws itself on a terminal and says a line now and then elsewhere."""
+"""A progress bar with the time left, on stderr: it redraws itself on a terminal, and elsewhere says a line at times."""
+
+from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Callable
+from types import TracebackType
+from typing import TextIO
 
 _REDRAW_S = 0.1
 _LINE_S = 15.0
@@ -11,25 +16,27 @@ _WIDTH = 28
 class ProgressBar:
     """Called with fractions 0..1; a context manager that ends the line. Never cancels by itself; Ctrl-C does."""
 
-    def __init__(self, label, stream=None, clock=time.monotonic):
+    def __init__(self, label: str, stream: TextIO | None = None, clock: Callable[[], float] = time.monotonic) -> None:
         self._label = label
         self._stream = stream or sys.stderr
         self._clock = clock
         self._terminal = self._stream.isatty()
         self._start = self._drawn = clock()
 
-    def __enter__(self):
+    def __enter__(self) -> ProgressBar:
         self._start = self._drawn = self._clock()
         return self
 
-    def __exit__(self, kind, value, trace):
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
         if kind is None:
             self._say(1.0, f"done in {duration(self._clock() - self._start)}")
         if self._terminal:
             self._stream.write("\n")
             self._stream.flush()
 
-    def __call__(self, fraction):
+    def __call__(self, fraction: float) -> None:
         now = self._clock()
         if now - self._drawn < (_REDRAW_S if self._terminal else _LINE_S):
             return
@@ -38,7 +45,7 @@ class ProgressBar:
         left = f"{duration(elapsed * (1.0 - fraction) / fraction)} left" if fraction > 0.01 else "..."
         self._say(fraction, left)
 
-    def _say(self, fraction, note):
+    def _say(self, fraction: float, note: str) -> None:
         if self._terminal:
             full = round(_WIDTH * fraction)
             bar = "█" * full + "░" * (_WIDTH - full)
@@ -48,7 +55,7 @@ class ProgressBar:
         self._stream.flush()
 
 
-def duration(seconds):
+def duration(seconds: float) -> str:
     """'0.4 s', '12 s', '3 min 05 s' or '1 h 02 min'."""
     if seconds < 9.95:
         return f"{seconds:.1f} s"

@@ -2,11 +2,15 @@
 
     python -m activestereo.scene table_top.gltf
 
-World axes are glTF's (y up); the table top is y = 0. The node "camera" stands where a sensor would, 0.5 to 1.4 m from what it sees.
+World axes are glTF's (y up); the table top is y = 0. The node "camera" stands where a sensor would, 0.5 to 1.4 m from
+what it sees.
 """
 
 import io
 import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from PIL import Image
@@ -18,7 +22,7 @@ from activestereo.pose import look_at
 CAMERA_TO_WORLD = look_at(eye=(-0.02, 0.46, 0.72), target=(0.0, 0.035, -0.02), up=(0.0, 1.0, 0.0))
 
 
-def write_table_top(path):
+def write_table_top(path: str | Path) -> None:
     """Writes the scene to a .gltf or .glb file; the same bytes each time."""
     writer = GltfWriter("activestereo example scene")
     material = _materials(writer)
@@ -39,7 +43,7 @@ def write_table_top(path):
     writer.write(path)
 
 
-def _materials(writer):
+def _materials(writer: GltfWriter) -> dict[str, int]:
     """{name: index}. ir_albedo is the diffuse albedo (a metal's reflectance) at 850 nm."""
     wood = writer.add_texture(_wood_png(), "planks")
     table = {
@@ -56,35 +60,39 @@ def _materials(writer):
     return {name: writer.add_material(name, **fields) for name, fields in table.items()}
 
 
-def _dielectric(color, roughness, ir_albedo, texture=None):
+def _dielectric(
+    color: Sequence[float], roughness: float, ir_albedo: float, texture: int | None = None
+) -> dict[str, Any]:
     pbr = {"baseColorFactor": [*color, 1.0], "metallicFactor": 0.0, "roughnessFactor": roughness}
     if texture is not None:
         pbr["baseColorTexture"] = {"index": texture}
     return {"pbrMetallicRoughness": pbr, "extras": {"ir_albedo": ir_albedo}}
 
 
-def _lambertian(color, ir_albedo):
+def _lambertian(color: Sequence[float], ir_albedo: float) -> dict[str, Any]:
     return {**_dielectric(color, 1.0, ir_albedo), "extensions": {"KHR_materials_specular": {"specularFactor": 0.0}}}
 
 
-def _metal(color, roughness, ir_albedo):
+def _metal(color: Sequence[float], roughness: float, ir_albedo: float) -> dict[str, Any]:
     fields = _dielectric(color, roughness, ir_albedo)
     fields["pbrMetallicRoughness"]["metallicFactor"] = 1.0
     return fields
 
 
-def _glass(ior):
+def _glass(ior: float) -> dict[str, Any]:
     extensions = {"KHR_materials_transmission": {"transmissionFactor": 1.0}, "KHR_materials_ior": {"ior": ior}}
     extensions["KHR_materials_volume"] = {"thicknessFactor": 0.01}  # without: a sheet; how thick it is, its mesh says
     pbr = {"baseColorFactor": [1.0, 1.0, 1.0, 1.0], "metallicFactor": 0.0, "roughnessFactor": 0.0}
     return {"pbrMetallicRoughness": pbr, "extensions": extensions}
 
 
-def _cylinder(radius, height):
-    return meshes.lathe([[(0.0, 0.0), (radius, 0.0)], [(radius, 0.0), (radius, height)], [(radius, height), (0.0, height)]])
+def _cylinder(radius: float, height: float) -> meshes.Mesh:
+    return meshes.lathe(
+        [[(0.0, 0.0), (radius, 0.0)], [(radius, 0.0), (radius, height)], [(radius, height), (0.0, height)]]
+    )
 
 
-def _wood_png(width=1024, height=572, planks=6):
+def _wood_png(width: int = 1024, height: int = 572, planks: int = 6) -> bytes:
     """Six planks with a little grain, sRGB."""
     random = np.random.Generator(np.random.PCG64(5))
     u, v = np.meshgrid(np.linspace(0.0, 1.0, width), np.linspace(0.0, 1.0, height) * planks)
@@ -101,7 +109,7 @@ def _wood_png(width=1024, height=572, planks=6):
     return file.getvalue()
 
 
-def main(arguments=None):
+def main(arguments: Sequence[str] | None = None) -> int:
     arguments = sys.argv[1:] if arguments is None else arguments
     if len(arguments) != 1:
         print("usage: python -m activestereo.scene FILE.gltf|FILE.glb", file=sys.stderr)

@@ -51,7 +51,7 @@ def main(arguments=None):
 
 def _glued(arguments):
     """'--option -1,0' as '--option=-1,0': argparse takes a list that starts with a minus sign for an option."""
-    out = []
+    out: list[str] = []
     for argument in arguments:
         if out and out[-1].startswith("--") and "=" not in out[-1] and re.match(r"-\.?\d", argument):
             out[-1] += f"={argument}"

@@ -1,0 +1,25 @@
+# What goes into the wheel besides Python files: each package's module, its library, and under <package>/lib what that library needs and a
+# machine without our build packages may lack. The modules look there by DT_RPATH, which, unlike DT_RUNPATH, also holds for what the libraries
+# they load ask for.
+set(ks_on_every_machine "^(libc|libm|libdl|librt|libpthread|libgcc_s|libstdc\\+\\+|ld-linux.*|libvulkan)\\.so")
+
+# ks_wheel_module(library [file ...]): the files are libraries that `library` opens at run time.
+function(ks_wheel_module library)
+  set_target_properties(_${library} PROPERTIES INSTALL_RPATH "$ORIGIN/lib")
+  target_link_options(_${library} PRIVATE -Wl,--disable-new-dtags)
+  install(TARGETS _${library} LIBRARY DESTINATION ${library} COMPONENT wheel)
+  install(PROGRAMS $<TARGET_FILE:${library}::${library}> DESTINATION ${library}/lib COMPONENT wheel RENAME $<TARGET_SONAME_FILE_NAME:${library}::${library}>)
+  install(CODE "
+    set(opened \"${ARGN}\")
+    file(GET_RUNTIME_DEPENDENCIES LIBRARIES \"$<TARGET_FILE:${library}::${library}>\" \${opened}
+         RESOLVED_DEPENDENCIES_VAR found PRE_EXCLUDE_REGEXES \"${ks_on_every_machine}\")
+    foreach(file IN LISTS found opened)
+      get_filename_component(name \${file} NAME)  # a wheel has no symbolic links: one file, under the name that is asked for
+      file(REAL_PATH \${file} real)
+      file(COPY_FILE \${real} \${CMAKE_INSTALL_PREFIX}/${library}/lib/\${name} ONLY_IF_DIFFERENT)
+    endforeach()" COMPONENT wheel)
+endfunction()
+
+find_library(EMBREE_LIBRARY_FILE libembree3.so.3 REQUIRED)
+ks_wheel_module(kuafu ${EMBREE_LIBRARY_FILE})
+ks_wheel_module(simsense)

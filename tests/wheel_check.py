@@ -1,0 +1,26 @@
+"""Run by tests/wheel.sh inside a clean virtual environment: a D435 in front of the table-top, and where the libraries came from."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from activestereo import StereoDepthSensor, StereoDepthSensorConfig
+from activestereo.pose import body_pose
+from activestereo.scene import CAMERA_TO_WORLD, write_table_top
+
+write_table_top("table_top.gltf")
+config = StereoDepthSensorConfig("D435").scaled(0.25)
+config.samples_per_pixel = 2
+sensor = StereoDepthSensor(config, "table_top.gltf", pose=body_pose(CAMERA_TO_WORLD))
+sensor.take_picture()
+sensor.compute_depth()
+depth_m, truth_m = sensor.get_depth(), sensor.get_true_depth()
+valid = (depth_m > 0) & (truth_m > 0)
+error_mm = 1000 * np.median(np.abs(depth_m - truth_m)[valid])
+loaded = {line.split()[-1] for line in Path("/proc/self/maps").read_text().splitlines() if ".so" in line}
+ours = [path for path in loaded if any(name in path for name in ("libkuafu", "libsimsense", "libembree3", "libtbb.", "libhwy"))]
+outside = [path for path in ours if not path.startswith(sys.prefix)]
+print(f"NumPy {np.__version__}: {100 * valid.mean():.0f} % measured, median error {error_mm:.1f} mm, {len(ours)} of our libraries loaded")
+if outside or len(ours) < 4 or not valid.mean() > 0.5 or not error_mm < 20:
+    sys.exit(f"wrong: {outside} from outside the environment, {sorted(ours)}")
