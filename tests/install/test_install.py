@@ -80,3 +80,16 @@ def test_project_that_takes_this_one_in(tmp_path):
     if os.environ.get("ACTIVESTEREO_FULL"):
         run("cmake", "--build", tmp_path, "--target", "client")
         assert run(tmp_path / "client") == "simsense 100\n"
+
+
+def test_rust_client(moved_prefix, tmp_path):
+    rustc = shutil.which("rustc")
+    if rustc is None:
+        pytest.skip("rustc is not installed: apt-get install rustc")
+    library = moved_prefix / "lib"
+    run(rustc, "--edition", "2021", "-D", "warnings", "-L", library, CLIENTS / "first_depth.rs", "-o", tmp_path / "client")
+    assert "0.875 m" in run(tmp_path / "client", LD_LIBRARY_PATH=library)
+
+
+def test_ctypes_client(moved_prefix):
+    assert "wall 1" in run("/usr/bin/python3", CLIENTS / "first_depth.py", moved_prefix / "lib")
