@@ -1,0 +1,85 @@
+"""ARCHITECTURE.md says what is there: its tree are the folders, its orders of layers are those of the imports."""
+
+import ast
+import pathlib
+import re
+import subprocess
+
+import pytest
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+PAGE = (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8")
+PACKAGE = ROOT / "python/activestereo"
+BESIDE_THE_LAYERS = {"__init__", "__main__"}
+
+
+def tree_of_page() -> list[str]:
+    """Folders of the page's tree, two levels, as paths."""
+    block = re.search(r"^```tree\n(.*?)^```", PAGE, re.DOTALL | re.MULTILINE)
+    assert block, "ARCHITECTURE.md has no tree"
+    folders, room = [], ""
+    for line in block.group(1).splitlines():
+        name = line.split()[0]
+        assert len(line.split()) > 2, f"'{line}' says nothing about {name}"
+        room = name if not line.startswith(" ") else room
+        folders.append(name if name == room else f"{room}/{name}")
+    return folders
+
+
+def tracked_folders() -> set[str]:
+    """First and second level, of what git tracks or would track."""
+    listing = subprocess.run(["git", "ls-files", "--cached", "--others", "--exclude-standard"], cwd=ROOT, capture_output=True, text=True)
+    if listing.returncode:
+        pytest.skip("not a git checkout: the tree is not compared with the files")
+    paths = [pathlib.PurePosixPath(line) for line in listing.stdout.splitlines()]
+    paths = [p for p in paths if (ROOT / p).is_file() and not p.parts[0].startswith(".")]
+    return {"/".join(p.parts[:depth]) for p in paths for depth in (1, 2) if len(p.parts) > depth}
+
+
+def rows_of_page() -> list[list[str]]:
+    """Modules of activestereo by row, lowest first."""
+    rows = re.findall(r"^\| \d+ \| ([^|]+) \|", PAGE, re.MULTILINE)
+    assert len(rows) > 3, "ARCHITECTURE.md has no rows of modules"
+    return [re.findall(r"`(\w+)`", row) for row in rows]
+
+
+def modules_of_package() -> set[str]:
+    files = [path.relative_to(PACKAGE) for path in PACKAGE.rglob("*.py") if "__pycache__" not in path.parts]
+    return {path.parts[0].removesuffix(".py") for path in files} - BESIDE_THE_LAYERS
+
+
+def imports_of(path: pathlib.Path) -> set[str]:
+    """Modules and packages of activestereo that a file imports, wherever in the file."""
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"), filename=str(path))):
+        names = []
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module == "activestereo":
+            names = [f"activestereo.{alias.name}" for alias in node.names]
+        elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
+            names = [node.module]
+        found |= {name.split(".")[1] for name in names if name.startswith("activestereo.")}
+    return found
+
+
+def test_tree_of_the_page_exists():
+    assert not [folder for folder in tree_of_page() if not (ROOT / folder).is_dir()]
+
+
+def test_every_module_imports_only_from_rows_above():
+    row_of = {name: number for number, names in enumerate(rows_of_page(), start=1) for name in names}
+    seen = []
+    for path in PACKAGE.rglob("*.py"):
+        own = path.relative_to(PACKAGE).parts[0].removesuffix(".py")
+        for other in imports_of(path) - {own}:
+            if own in row_of and other in row_of and row_of[other] >= row_of[own]:
+                seen.append(f"{path.relative_to(ROOT)} (row {row_of[own]}) imports {other} (row {row_of[other]})")
+    assert not seen
+
+
+def test_recipes_name_what_exists():
+    recipes = PAGE[PAGE.index("## Recipes") :]
+    names = re.findall(r"`([\w./]+/[\w./]*\w)`", recipes)
+    assert names
+    assert not [name for name in names if not any((base / name).exists() for base in (ROOT, PACKAGE))]
