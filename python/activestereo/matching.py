@@ -1,6 +1,8 @@
 """The sensor's configuration in the engine's terms."""
 
 import simsense
+from activestereo.matcher_table import MATCHER
+from activestereo.presets import sapien_name
 
 # SAPIEN's noise at scale 1: a gamma factor of shape 1333.33 and mean 1, and Gaussian noise of 0.25 counts.
 SPECKLE_SHAPE = 1333.33
@@ -32,21 +34,15 @@ def _sapien_noise(config):
     }
 
 
+def matcher_parameters(config):
+    """The stereo matcher's parameters under the engine's names."""
+    values = {p.name: getattr(config, sapien_name(p.name)) for p in MATCHER}
+    # SAPIEN's ways to switch a check off.
+    values["uniqueness_ratio"] = min(values["uniqueness_ratio"], 100)
+    values["lr_max_diff"] = -1 if values["lr_max_diff"] == 255 else values["lr_max_diff"]
+    return values
+
+
 def engine_parameters(config):
     """Keyword arguments of simsense.Engine, the imagers' included."""
-    return {
-        "census_width": config.census_width,
-        "census_height": config.census_height,
-        "max_disparity": config.max_disp,
-        "block_width": config.block_width,
-        "block_height": config.block_height,
-        "p1": config.p1_penalty,
-        "p2": config.p2_penalty,
-        "uniqueness_ratio": min(config.uniqueness_ratio, 100),
-        "lr_max_diff": -1 if config.lr_max_diff == 255 else config.lr_max_diff,
-        "median_size": config.median_filter_size,
-        "min_depth_m": config.min_depth,
-        "max_depth_m": config.max_depth,
-        "depth_dilation": bool(config.depth_dilation),
-        **signal_parameters(config),
-    }
+    return matcher_parameters(config) | signal_parameters(config)

@@ -11,6 +11,7 @@ from difflib import get_close_matches
 
 import numpy as np
 
+from activestereo.matcher_table import MATCHER, MatcherFields
 from activestereo.pattern import PatternDesign, make_pattern
 from activestereo.pose import Pose
 
@@ -64,12 +65,35 @@ def _d435():
 _MODELS = {"D415": _d415, "D435": _d435}
 
 
-class StereoDepthSensorConfig:
+# What SAPIEN's StereoDepthSensorConfig calls the engine's parameters, and where its defaults are others.
+SAPIEN_NAMES = {
+    "max_disparity": "max_disp",
+    "p1": "p1_penalty",
+    "p2": "p2_penalty",
+    "median_size": "median_filter_size",
+    "min_depth_m": "min_depth",
+    "max_depth_m": "max_depth",
+}
+SAPIEN_DEFAULTS = {"min_depth_m": 0.2, "depth_dilation": True}
+
+
+def sapien_name(name: str) -> str:
+    """A parameter's name in a sensor's configuration."""
+    return SAPIEN_NAMES.get(name, name)
+
+
+class StereoDepthSensorConfig(MatcherFields):
     """Everything about a sensor; change any field before making the sensor. Raises ValueError for an unknown model, AttributeError for a field
     that there is not."""
 
     SUPPORTED_MODELS = tuple(_MODELS)
     _FIELDS = ()  # all names, once a first one has been made
+    max_disp: int
+    p1_penalty: int
+    p2_penalty: int
+    median_filter_size: int
+    min_depth: float
+    max_depth: float
 
     def __init__(self, model="D435"):
         if str(model).upper() not in _MODELS:
@@ -133,22 +157,12 @@ class StereoDepthSensorConfig:
         # input is in counts; exposure, responsivity and black level above come on top.
         self.ir_signal = None
 
-        # Matching.
-        self.census_width = 7
-        self.census_height = 7
-        self.max_disp = 128
-        self.block_width = 7
-        self.block_height = 7
-        self.p1_penalty = 8
-        self.p2_penalty = 32
-        self.uniqueness_ratio = 15
-        self.lr_max_diff = 1
-        self.median_filter_size = 3
-
-        # Depth, metres.
-        self.min_depth = 0.2
-        self.max_depth = 10.0
-        self.depth_dilation = True
+        # Matching and depth: every parameter of simsense_parameters that is not the sensor's own business (capi/tables/reference.md), those
+        # that SAPIEN has under SAPIEN's names. depth_maps: what compute_depth() gives besides, out of 'confidence', 'reason', 'points',
+        # 'rectified_left' and 'rectified_right'; get_depth_map() returns it.
+        for p in MATCHER:
+            setattr(self, sapien_name(p.name), SAPIEN_DEFAULTS.get(p.name, p.default))
+        self.depth_maps = ()
 
         # Optics of the cameras: a dict of kuafu.Film's fields (vignetting_exponent, psf_sigma_px, ...); None is perfect.
         self.ir_film = None
@@ -162,7 +176,7 @@ class StereoDepthSensorConfig:
 
     def __setattr__(self, name, value):
         if self._FIELDS and name not in self._FIELDS:
-            close = get_close_matches(name, self._FIELDS, 1)
+            close = [SAPIEN_NAMES[name]] if name in SAPIEN_NAMES else get_close_matches(name, self._FIELDS, 1)
             hint = f"; did you mean '{close[0]}'?" if close else ""
             raise AttributeError(f"a sensor's configuration has no field '{name}'{hint}")
         object.__setattr__(self, name, value)

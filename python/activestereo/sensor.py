@@ -72,7 +72,7 @@ class StereoDepthSensor:
         """Noise, matching, registration of the last picture. The same picture gives the same depth."""
         self._require_picture()
         self._engine.set_parameters(frame_index=self._frame)
-        outputs = ("depth_rgb", "disparity", "ir_left", "ir_right")
+        outputs = ("depth_rgb", "disparity", "ir_left", "ir_right", *self._config.depth_maps)
         left_laser, right_laser = self._laser
         self._result = self._engine.compute(self._link.left, self._link.right, outputs, left_laser=left_laser, right_laser=right_laser)
         self._keep_times("depth", self._engine)
@@ -110,6 +110,14 @@ class StereoDepthSensor:
         lenses distort; -1 = no measurement."""
         self._require_depth()
         return self._result["disparity"]
+
+    def get_depth_map(self, name):
+        """One of the config's depth_maps, of the (rectified) left infrared camera: 'confidence' float32 [height, width] 0..1, 'reason' uint8
+        [height, width] an index into simsense.REASONS, 'points' float32 [height, width, 3] metres, or 'rectified_left', 'rectified_right'."""
+        self._require_depth()
+        if name not in self._config.depth_maps:
+            raise ValueError(f"'{name}' is none of the config's depth_maps {tuple(self._config.depth_maps)}")
+        return self._result[name]
 
     def get_pointcloud(self, with_rgb=False):
         """float32 [n, 3], metres in the RGB camera's axes (x right, y down, z forward); with_rgb: [n, 6], colours 0..1."""

@@ -25,6 +25,7 @@ from ._simsense import (
     NoDeviceError,
     Submission,
     __version__,
+    default_parameters,
     signal_preset,
 )
 from .depth_sensor import DepthSensor, SettingError
@@ -50,5 +51,6 @@ __all__ = [
     "SettingError",
     "StereoSGM",
     "Submission",
+    "default_parameters",
     "signal_preset",
 ]

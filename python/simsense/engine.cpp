@@ -1,5 +1,5 @@
 // Engine and Camera: a rig and named parameters in, disparity and depth arrays out.
-#include "parameters.h"
+#include "settings.h"
 
 namespace ks_python {
 namespace {
@@ -371,6 +371,14 @@ void bind_engine(py::module_& module) {
   module.attr("REASONS") = py::make_tuple("valid", "not_unique", "outside", "occluded", "isolated", "speckle", "out_of_range",
                                           "not_computed", "low_texture", "saturated");
   bind_camera(module);
+  module.def(
+      "default_parameters",
+      [] {
+        py::dict out;
+        get_fields(simsense_parameters_init(), parameter_fields, out);
+        return out;
+      },
+      "The engine's parameters as it has them where none are given, as a new dict.");
   module.def(
       "signal_preset",
       [](const py::object& name) { return get_signal(signal_preset(read_as<Simsense, std::string>(name, "name", "a preset's name"))); },

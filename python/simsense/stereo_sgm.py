@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from ._simsense import Camera, Device, Engine
+from ._simsense import Camera, Device, Engine, default_parameters
 
-_NO_PENALTY = {"p1": 7, "p2": 86}  # OpenCV's P1 = P2 = 0, which is no smoothness at all, means this engine's defaults
 _LARGEST_BLOCK = 15
 
 
@@ -123,7 +122,8 @@ class StereoSGM:
     def _penalties(self, area):
         p1, p2 = self._values["P1"], self._values["P2"]
         if p1 == 0 and p2 == 0:
-            return _NO_PENALTY
+            engine = default_parameters()  # no smoothness at all, OpenCV's default, is no use to anybody
+            return {"p1": engine["p1"], "p2": engine["p2"]}
         p1, p2 = max(1, round(p1 / area)), round(p2 / area)
         if not p1 < p2 < 224:
             raise ValueError(f"P1 and P2 per pixel of the block are {p1} and {p2}: must be 0 < P1 < P2 < 224")

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "ks/log.h"
+#include "parameters/match_fields.h"
 
 namespace ks {
 class ThreadPool;
@@ -31,20 +32,15 @@ enum class CensusKind : uint8_t {
   plain,             // each pixel with the centre
 };
 
-/// Ranges are those of simsense_parameters (simsense.h), already checked.
-struct MatchParameters {
+/// Ranges are those of simsense_parameters, already checked. MatchFields has what keeps its name and value; here stands what a matcher
+/// wants in another form.
+struct MatchParameters : MatchFields {
+  MatchParameters() { block_width = block_height = 1; }  // a matcher by itself sums no block
+  explicit MatchParameters(const MatchFields& fields) : MatchFields(fields) {}
   CensusKind census = CensusKind::center_symmetric;
-  uint32_t census_width = 7, census_height = 7;
   uint32_t census_contrast = 16;  // in 256ths of the range of counts around a pixel; what does not differ by more counts as equal. 0 = off
-  uint32_t max_disparity = 128;   // how many disparities are searched
-  int32_t min_disparity = 0;      // the first of them
-  uint32_t block_width = 1, block_height = 1;
-  uint32_t path_count = 4;  // or 8, with the diagonals
-  uint32_t p1 = 7, p2 = 86;
+  uint32_t path_count = 4;        // or 8, with the diagonals
   uint32_t p2_full_gradient = 0;  // counts; a steeper step between two pixels g lowers their p2 to p2 * full / g; 0 = p2 everywhere
-  uint32_t uniqueness_ratio = 15;
-  int32_t lr_max_diff = 1;  // -1 = off
-  uint32_t median_size = 3;
   Subpixel subpixel = Subpixel::equiangular;
   bool operator==(const MatchParameters&) const = default;
 

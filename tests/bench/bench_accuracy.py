@@ -19,6 +19,7 @@ import simsense
 
 DISPARITIES = 128
 BORDER = 12
+PUBLISHED_PENALTIES = {"p1": 7, "p2": 86}  # of SimSense; rows that say nothing of penalties have them
 DATA = Path(os.environ.get("ACTIVESTEREO_DATA", Path(__file__).parents[3] / "shared")) / "data" / "d435-real"
 
 
@@ -31,7 +32,7 @@ def engine(**changes):
         camera = simsense.Camera(width, height, [[400, 0, width / 2], [0, 400, height / 2], [0, 0, 1]])
         pose = np.eye(4)
         pose[0, 3] = -0.05
-        settings = {"max_disparity": DISPARITIES} | changes
+        settings = {"max_disparity": DISPARITIES, **PUBLISHED_PENALTIES} | changes
         matcher = simsense.Engine(simsense.Device("host"), camera, camera, pose, rectified=True, faults=faults, **settings)
         return matcher.compute(left, right, ("disparity",))["disparity"]
 
@@ -52,9 +53,9 @@ def opencv(mode, block):
 
 EXACT = {"faults": simsense.FAULTS, "subpixel": 1, "census_contrast": 0}
 MATCHERS = {
-    "simsense, default (block 7x7)": engine(),
+    "simsense, p1 7, p2 86": engine(),
     "simsense, 8 paths": engine(path_count=8),
-    "simsense, p1 8, p2 32": engine(p1=8, p2=32),
+    "simsense, default (p1 8, p2 32)": engine(p1=8, p2=32),
     "simsense, equiangular on summed costs": engine(subpixel=3),
     "simsense, fast (block 1x1, p1 8, p2 32)": engine(block_width=1, block_height=1, p1=8, p2=32),
     "simsense, block 1x1": engine(block_width=1, block_height=1),
@@ -69,7 +70,7 @@ MATCHERS = {
 
 
 SHOWN = (
-    "simsense, default (block 7x7)",
+    "simsense, default (p1 8, p2 32)",
     "simsense, fast (block 1x1, p1 8, p2 32)",
     "simsense-exact (the published engine)",
     "OpenCV StereoSGBM HH4, block 7",

@@ -121,7 +121,7 @@ def test_engine_parameters_by_name():
     left_to_right = np.eye(4)
     left_to_right[0, 3] = -0.05
     engine = simsense.Engine(simsense.Device("host"), camera, camera, left_to_right, rectified=True, p1=5, max_disparity=32)
-    assert engine.parameters["p1"] == 5 and engine.parameters["p2"] == 86
+    assert engine.parameters["p1"] == 5 and engine.parameters["p2"] == simsense.default_parameters()["p2"] == 32
     with pytest.raises(TypeError, match="p3"):
         engine.set_parameters(p3=1)
     with pytest.raises(ValueError, match="p1"):

@@ -140,6 +140,16 @@ def test_depth_of_a_pair(run, pair, tmp_path):
     assert np.median(depth[depth > 0]) == 500
 
 
+def test_depth_explains_itself_where_asked(run, pair, tmp_path):
+    options = ("--max-disparity", "32", "--subpixel", "none", "--confidence", "--reason")
+    result = run("depth", pair / "left.png", pair / "right.png", "--k", K, "--baseline", "0.05", *options, "--out", tmp_path)
+    assert result.returncode == 0, result.stderr
+    assert "confidence.png, reason.png" in result.stdout
+    depth, confidence, reason = (np.asarray(Image.open(tmp_path / f"{name}.png")) for name in ("depth", "confidence", "reason"))
+    assert ((reason == 0) == (depth > 0)).all() and np.median(confidence[depth > 0]) > 0.15 * 65535
+    assert set(np.unique(depth)) <= {0} | {round(6000 / d) for d in range(1, 32)}, "whole disparities alone: f B is 6 px m"
+
+
 def test_depth_of_a_dim_16_bit_pair_with_one_bright_pixel(run, pair, tmp_path):
     """Each count of a 16-bit image is seen, however bright its brightest pixel is."""
     for name in ("left", "right"):

@@ -22,6 +22,8 @@
 #include "ks/log.h"
 #include "ks/status.h"
 #include "ks/sync.h"
+#include "simsense/parameters.h"
+#include "simsense/signal.h"
 
 #define SIMSENSE_VERSION_MAJOR 0
 #define SIMSENSE_VERSION_MINOR 1
@@ -64,10 +66,8 @@ SIMSENSE_API void simsense_buffer_retain(simsense_buffer buffer);
 SIMSENSE_API void simsense_buffer_release(simsense_buffer buffer);
 
 #define SIMSENSE_TYPE_RIG_DESC 0x2001u
-#define SIMSENSE_TYPE_PARAMETERS 0x2002u
 #define SIMSENSE_TYPE_COMPUTE_DESC 0x2003u
 #define SIMSENSE_TYPE_OUTPUT_DESC 0x2004u
-#define SIMSENSE_TYPE_SIGNAL 0x2005u
 
 /* One pinhole camera with Brown-Conrady distortion (OpenCV's [k1,k2,p1,p2,k3]). width = 0: absent. */
 typedef struct simsense_camera {
@@ -120,145 +120,6 @@ static inline simsense_rig_desc simsense_rig_desc_init(void) {
   for (i = 0; i < 4; ++i) r.left_to_right[5 * i] = r.left_to_rgb[5 * i] = 1.0;
   r.batch_count = 1;
   return r;
-}
-
-/* Everything that may change between frames. Ranges are checked by simsense_engine_set_parameters. */
-typedef struct simsense_parameters {
-  ks_header header;
-  /* noise of the imagers, see simsense_signal */
-  uint64_t noise_seed;           /* streams are keyed by (seed; frame, scene or neither; view; eye; pixel; dimension) */
-  uint64_t frame_index;          /* which draw of the temporal noise; advance it for a new frame of the same scene */
-  /* matching */
-  uint32_t census_width, census_height; /* odd */
-  uint32_t max_disparity;        /* how many disparities are searched, from min_disparity on; 16..1024 */
-  uint32_t block_width, block_height;   /* odd, product <= 256; 1x1 = no block sum. A GPU keeps the sums in memory; where one pair's volumes would take
-                                     more than 1/16 of its memory it sums them on the way instead, as with low_memory of the rig */
-  uint32_t p1, p2;               /* 0 < p1 < p2 < 224 */
-  uint32_t uniqueness_ratio;     /* percent, 0 = off, 0..100 */
-  int32_t lr_max_diff;           /* pixels; -1 = off */
-  uint32_t median_size;          /* 1 = off, 3, 5, 7 */
-  uint32_t subpixel;             /* SIMSENSE_SUBPIXEL_* */
-  /* depth */
-  float min_depth_m, max_depth_m; /* keep min <= z < max */
-  uint32_t depth_dilation;       /* registration: fill 2x2 up/left; the same as splat_size 2 */
-  /* more of matching; all are off at 0 */
-  uint32_t census_kind;          /* SIMSENSE_CENSUS_* */
-  int32_t min_disparity;         /* first disparity searched, -1024..4096: the range is min_disparity .. min_disparity + max_disparity - 1 */
-  uint32_t path_count;           /* 4 (or 0), or 8 with the diagonals */
-  uint32_t p2_full_gradient_dn;  /* > 0: where neighbours differ by g > this many counts, p2 is p2 * this / g, but at least p1 (Hirschmueller 2008) */
-  uint32_t speckle_max_size;     /* > 0: islands of at most this many pixels are dropped */
-  float speckle_max_diff_px;     /* neighbours that differ by at most this belong to one island */
-  uint32_t hole_filling;         /* SIMSENSE_HOLES_*; what it fills is a guess */
-  uint32_t low_texture_dn;       /* only for the reason: invalid pixels whose census window spans at most this many counts have too little texture */
-  uint32_t roi_x, roi_y, roi_width, roi_height; /* rectified left image; the rest is invalid, and not searched. Size 0x0 = all of it */
-  uint32_t splat_size;           /* registration: each point covers this many pixels in x and y, 1 (or 0)..15 */
-  float census_contrast;         /* 0..1: counts differ, for the census, where they do so by more than this share of the range of counts in the window and 2
-                                    pixels around it: the rest is noise between dots. 0: every count tells, as in the published SimSense */
-} simsense_parameters;
-
-/* Center-symmetric: each pixel of the window with its mirror, at most 32 comparisons. Plain: each with the centre, at most 62 (9x7). */
-#define SIMSENSE_CENSUS_CENTER_SYMMETRIC 0u
-#define SIMSENSE_CENSUS_PLAIN 1u
-
-/* Invalid pixels stay; or take the disparity of the valid pixel to the left; or the smaller one of the valid pixels to the left and right. */
-#define SIMSENSE_HOLES_KEEP 0u
-#define SIMSENSE_HOLES_LEFT 1u
-#define SIMSENSE_HOLES_BACKGROUND 2u
-
-#define SIMSENSE_SUBPIXEL_NONE 0u
-/* Vertex of the parabola through the aggregated costs, as the published SimSense has it: pulls towards whole pixels by up to 0.2. */
-#define SIMSENSE_SUBPIXEL_PARABOLA 1u
-/* Apex of the V through the block's own costs (equiangular line fit; Shimizu and Okutomi, IJCV 63(3), 2005): free of that pull to about 0.02 pixels.
- * The aggregated costs take their place where the block is 1x1 or its costs have no minimum at the winner. */
-#define SIMSENSE_SUBPIXEL_EQUIANGULAR 2u
-/* The same through the aggregated costs everywhere: a third less noise, about half of the parabola's pull. */
-#define SIMSENSE_SUBPIXEL_EQUIANGULAR_SUMMED 3u
-
-/* Defaults of the published SimSense (p1 7, p2 86, 7x7 census and block, uniqueness 15, LR 1, median 3) but for the subpixel step and the census's
- * contrast. */
-static inline simsense_parameters simsense_parameters_init(void) {
-  simsense_parameters p;
-  memset(&p, 0, sizeof p);
-  p.header = ks_header_make(SIMSENSE_TYPE_PARAMETERS, (uint32_t)sizeof p);
-  p.census_width = p.census_height = 7;
-  p.max_disparity = 128;
-  p.block_width = p.block_height = 7;
-  p.p1 = 7;
-  p.p2 = 86;
-  p.uniqueness_ratio = 15;
-  p.lr_max_diff = 1;
-  p.median_size = 3;
-  p.subpixel = SIMSENSE_SUBPIXEL_EQUIANGULAR;
-  p.max_depth_m = 10.0f;
-  p.path_count = 4;
-  p.speckle_max_diff_px = 1.0f;
-  p.low_texture_dn = 4;
-  p.splat_size = 1;
-  p.census_contrast = 0.0625f;
-  return p;
-}
-
-/* One imager, from irradiance to counts. The stages act in the order of the fields and each is neutral at its initial value: a new struct gives
- * counts = clamp(round(input)). Charge is in electrons (e-), counts in digital numbers (DN) of the given bit depth; with the gains at 1 an electron is a
- * count. Gains, noise terms and their estimation follow EMVA 1288. A random variate is the quantile of its law at the uniform number of its stream, so
- * noise changes smoothly with its parameters. Fixed patterns depend on (seed, view, eye, pixel) alone. NaN reads as 0. */
-typedef struct simsense_signal {
-  ks_header header;
-  /* exposure: light_e = input * responsivity_e * exposure_s */
-  float exposure_s;              /* seconds, >= 0; dark charge grows with it too */
-  float responsivity_e;          /* e- per unit of input and second, >= 0 */
-  /* speckle: light times Gamma(shape, scale). Contrast 1 / sqrt(shape), mean shape * scale. Of all light, or of the laser's part (simsense_compute_desc) */
-  float speckle_shape;           /* 0 = off */
-  float speckle_scale;           /* > 0 where shape is; 1 / shape keeps the mean */
-  float speckle_correlation;     /* between frames of one scene: 0 temporal, new grains in each; 1 static; between: shape * correlation is static */
-  float speckle_psf_sigma_px;    /* grains shaped by a Gaussian PSF of this sigma, 0 = white, <= 16 */
-  /* pixels: light times 1 + N(0, prnu) */
-  float prnu;                    /* photo-response non-uniformity, relative standard deviation, >= 0 */
-  /* dark charge, doubling every dark_doubling_k; hot pixels have more, exponentially distributed */
-  float dark_current_e_per_s;    /* at dark_reference_c, >= 0 */
-  float hot_pixel_share;         /* 0..0.5 */
-  float hot_pixel_e_per_s;       /* mean over the hot pixels at dark_reference_c, >= 0 */
-  float temperature_c;
-  float dark_reference_c;
-  float dark_doubling_k;         /* > 0 */
-  /* shot noise */
-  float shot_noise;              /* deviation from the mean charge, 0 = none, 1 = that of Poisson's law */
-  /* full well */
-  float full_well_e;             /* 0 = unbounded */
-  float blooming;                /* share of the overflow that fills the column's next pixels with room, half up, half down; the rest drains off; 0..1 */
-  /* readout, standard deviations in e- before the amplifier, >= 0 */
-  float dsnu_e;                  /* dark signal non-uniformity: fixed, per pixel */
-  float row_fixed_e;             /* fixed, per row */
-  float column_fixed_e;
-  float row_noise_e;             /* new in each frame, per row */
-  float column_noise_e;
-  float read_noise_e;            /* new in each frame, per pixel */
-  /* amplifier: DN = e- * conversion_gain_dn_per_e * gain */
-  float conversion_gain_dn_per_e; /* EMVA's K at gain 1, >= 0 */
-  float gain;                    /* >= 0 */
-  /* response: DN = max_dn * sign(v) |v|^response_exponent, v = DN / max_dn */
-  float response_exponent;       /* 0.05..20 */
-  /* converter: counts = clamp(round(DN + N(0, adc_noise_dn) + black level), 0, 2^bit_depth - 1), halves to even */
-  float adc_noise_dn;            /* >= 0 */
-  float black_level_dn;          /* may be negative: an offset error */
-  float black_level_dn_per_k;    /* times temperature_c - dark_reference_c */
-  uint32_t bit_depth;            /* 8..16; more than 8 makes the IR and rectified outputs uint16, and the matcher sees them all */
-  /* which noise */
-  uint32_t first_view;           /* image n of a batch is view first_view + n: a batch may be split and gives the same images */
-  uint64_t scene_index;          /* which draw of the static speckle; advance it when scene or rig has moved */
-} simsense_signal;
-
-static inline simsense_signal simsense_signal_init(void) {
-  simsense_signal s;
-  memset(&s, 0, sizeof s);
-  s.header = ks_header_make(SIMSENSE_TYPE_SIGNAL, (uint32_t)sizeof s);
-  s.exposure_s = s.responsivity_e = 1.0f;
-  s.temperature_c = s.dark_reference_c = 25.0f;
-  s.dark_doubling_k = 8.0f;
-  s.conversion_gain_dn_per_e = s.gain = 1.0f;
-  s.response_exponent = 1.0f;
-  s.bit_depth = 8;
-  return s;
 }
 
 /* Imagers by name. "neutral" is simsense_signal_init; the others are measured, and their input is in 8-bit counts: multiply responsivity_e for other

@@ -1,9 +1,12 @@
 """Argument types and groups that several commands share. Wrong text gives a message that says what is right."""
 
 import argparse
+import math
 from pathlib import Path
 
 import numpy as np
+
+from activestereo.matcher_table import MATCHER
 
 
 class CommandError(Exception):
@@ -95,28 +98,48 @@ def add_out(parser):
     parser.add_argument("--out", required=True, type=_folder, metavar="DIR", help=text)
 
 
-# The penalties of SAPIEN's sensor: those of the presets, and of the commands where none are given.
-P1, P2 = 8, 32
+def whole(text):
+    if not (text.isascii() and text.removeprefix("-").isdecimal() and len(text) <= 11):
+        raise argparse.ArgumentTypeError(f"a whole number is needed, not '{text}'")
+    return int(text)
 
 
-def add_matching(parser, min_depth_m):
-    """Options of the stereo matcher; those not given are None, and the command's own value holds."""
-    group = parser.add_argument_group("matching", "Semi-global matching of census descriptors.")
+def real(text):
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if math.isnan(value):
+        raise argparse.ArgumentTypeError(f"a number is needed, not '{text}'")
+    return value
 
-    def add(name, kind, metavar, text, **more):
-        group.add_argument(name, type=kind, metavar=metavar, help=text, **more)
 
-    add("--max-disparity", integer_from(1), "N", "disparities 0..N-1 are searched, 16..1024 (default: 128)")
-    add("--census", size, "WxH", "census window, odd (default: 7x7)")
-    add("--block", size, "WxH", "window over which costs are summed, odd; 1x1 = none (default: 7x7)")
-    add("--p1", integer_from(1), "N", f"penalty of a disparity step of one pixel (default: {P1})")
-    add("--p2", integer_from(1), "N", f"penalty of a larger step, p1 < p2 < 224 (default: {P2})")
-    add("--uniqueness", integer_from(0), "PERCENT", "by how much the best match must beat the second; 0 = off (default: 15)")
-    add("--lr-max-diff", int, "PIXELS", "left-right check; -1 = off (default: 1)")
-    add("--median", int, "N", "median filter on the disparity: 1 (off), 3, 5 or 7 (default: 3)", choices=(1, 3, 5, 7))
-    add("--min-depth", positive, "M", f"nearer depths are dropped, metres (default: {min_depth_m:g})")
-    add("--max-depth", positive, "M", "farther depths are dropped, metres (default: 10)")
+def add_matching(parser, defaults):
+    """One option for every parameter of the stereo matcher. `defaults`: those of the command that are not the engine's own. What is not
+    given is None."""
+    group = parser.add_argument_group("matching", "Semi-global matching of census descriptors, and what becomes of its depth.")
+    for p in MATCHER:
+        default = defaults.get(p.name, p.default)
+        if p.pair:
+            group.add_argument(f"--{p.pair}", type=size, metavar="WxH", help=f"{p.pair}-width and -height at once (default: {default}x{default})")
+        facts = ", ".join(filter(None, [f"{p.possible} {p.unit}".strip(), f"default: {str(default).lower() if p.kind is bool else default}"]))
+        kind = {
+            bool: {"action": argparse.BooleanOptionalAction},
+            str: {"choices": p.choices},
+            int: {"type": whole, "metavar": "N"},
+            float: {"type": real, "metavar": "X"},
+        }[p.kind]
+        group.add_argument(p.option, default=None, help=f"{p.doc} ({facts})".replace("%", "%%"), **kind)
     return group
+
+
+def given_matching(args):
+    """The matcher's parameters that were given, by name."""
+    given = {p.name: getattr(args, p.name) for p in MATCHER}
+    for p, after in zip(MATCHER, MATCHER[1:]):
+        if p.pair and getattr(args, p.pair) is not None:
+            given[p.name], given[after.name] = getattr(args, p.pair)
+    return {name: value for name, value in given.items() if value is not None}
 
 
 def make_folder(path):

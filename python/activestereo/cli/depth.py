@@ -5,7 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from activestereo.cli.arguments import P1, P2, CommandError, add_matching, add_out, camera_matrix, make_folder, positive
+from activestereo.cli.arguments import CommandError, add_matching, add_out, camera_matrix, given_matching, make_folder, positive
+from activestereo.cli.depth_maps import add_depth_maps, wanted_maps, write_maps
 
 _TEXT = """\
 Computes depth from a rectified infrared (or gray) image pair, as a depth camera does inside.
@@ -32,7 +33,7 @@ def add_parser(commands):
     parser.add_argument("--k", required=True, type=camera_matrix, metavar="fx,0,cx,0,fy,cy,0,0,1", help=text)
     parser.add_argument("--baseline", required=True, type=positive, metavar="M", help="distance between the cameras, metres")
     add_out(parser)
-    add_matching(parser, min_depth_m=0)
+    add_depth_maps(add_matching(parser, {}))
     parser.set_defaults(run=run)
 
 
@@ -51,7 +52,7 @@ def run(args):
     from activestereo.progress_bar import ProgressBar
 
     with ProgressBar(f"matching {left.shape[1]}x{left.shape[0]}") as bar:
-        result = engine.compute(left, right, ("depth", "disparity", "points"), progress=bar)
+        result = engine.compute(left, right, ("depth", "disparity", "points", *wanted_maps(args)), progress=bar)
     _write(args, left, right, result)
     _report(args, engine, result["depth"])
 
@@ -71,26 +72,8 @@ def _make_engine(args, left, right):
     left_to_right[0, 3] = -args.baseline
     bits = 8 * left.itemsize  # the matcher sees every count of either depth
     return simsense.Engine(
-        simsense.Device("host"), camera, camera, left_to_right, rectified=True, bit_depth=bits, **matching_parameters(args)
+        simsense.Device("host"), camera, camera, left_to_right, rectified=True, bit_depth=bits, **given_matching(args)
     )
-
-
-def matching_parameters(args):
-    """The matcher's options as keyword arguments of simsense.Engine; those not given are the engine's own, but for the penalties."""
-    given = {
-        "max_disparity": args.max_disparity,
-        "p1": args.p1,
-        "p2": args.p2,
-        "uniqueness_ratio": args.uniqueness,
-        "lr_max_diff": args.lr_max_diff,
-        "median_size": args.median,
-        "min_depth_m": args.min_depth,
-        "max_depth_m": args.max_depth,
-    }
-    for name in ("census", "block"):
-        if getattr(args, name) is not None:
-            given[f"{name}_width"], given[f"{name}_height"] = getattr(args, name)
-    return {"p1": P1, "p2": P2} | {name: value for name, value in given.items() if value is not None}
 
 
 def _write(args, left, right, result):
@@ -102,6 +85,7 @@ def _write(args, left, right, result):
     shown = np.where(disparity > 0, disparity, 0.0)
     write_png(args.out / "disparity.png", colored(shown, depth_span(shown), "turbo"))
     write_ply(args.out / "cloud.ply", result["points"][depth > 0])
+    write_maps(args.out, {name: result[name] for name in wanted_maps(args)})
     title = f"Depth from {args.left.name} and {args.right.name}"
     write_figure(args.out / "overview.png", matching_figure(title, left, right, disparity, depth))
 
@@ -114,4 +98,5 @@ def _report(args, engine, depth):
     print(stage_table({"depth": engine.stage_times}))
     middle = f", median depth {np.median(valid):.3f} m" if valid.size else ""
     print(f"measured: {100.0 * valid.size / depth.size:.1f} % of {depth.shape[1]}x{depth.shape[0]} pixels{middle}")
-    print(f"written: depth.png, disparity.png, cloud.ply, overview.png in {args.out}")
+    more = "".join(f", {name}.png" for name in wanted_maps(args))
+    print(f"written: depth.png, disparity.png, cloud.ply, overview.png{more} in {args.out}")

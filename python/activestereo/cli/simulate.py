@@ -12,6 +12,7 @@ from activestereo.cli.arguments import (
     add_max_bounces,
     add_out,
     add_seed,
+    given_matching,
     integer_from,
     make_folder,
     positive,
@@ -19,6 +20,8 @@ from activestereo.cli.arguments import (
     transform,
 )
 from activestereo.cli.camera_options import add_camera_options, set_cameras
+from activestereo.cli.depth_maps import add_depth_maps, wanted_maps, write_maps
+from activestereo.presets import SAPIEN_DEFAULTS
 
 _TEXT = """\
 Puts a depth sensor into a scene and takes one frame: path-traced RGB picture and
@@ -57,8 +60,7 @@ def add_parser(commands):
     _add_view(parser.add_argument_group("view"))
     add_camera_options(parser.add_argument_group("lenses, shutters and motion"))
     _add_rendering(parser.add_argument_group("rendering and noise"))
-    matching = add_matching(parser, min_depth_m=0.2)
-    matching.add_argument("--no-dilation", action="store_true", help="leave the small holes that registration to the RGB camera makes")
+    add_depth_maps(add_matching(parser, SAPIEN_DEFAULTS))
     parser.set_defaults(run=run)
 
 
@@ -110,7 +112,7 @@ def run(args):
 def make_config(args):
     """The preset with the options that were given."""
     from activestereo.matching import engine_parameters
-    from activestereo.presets import StereoDepthSensorConfig
+    from activestereo.presets import StereoDepthSensorConfig, sapien_name
 
     config = StereoDepthSensorConfig(args.sensor)
     if args.resolution:
@@ -118,26 +120,13 @@ def make_config(args):
     config.samples_per_pixel, config.max_bounces, config.denoiser = args.spp, args.max_bounces, args.denoiser
     config.render_seed = config.ir_noise_seed = args.seed
     set_cameras(config, args)
-    options = {
-        "projector_intensity": args.projector,
-        "max_disp": args.max_disparity,
-        "p1_penalty": args.p1,
-        "p2_penalty": args.p2,
-        "uniqueness_ratio": args.uniqueness,
-        "lr_max_diff": args.lr_max_diff,
-        "median_filter_size": args.median,
-        "min_depth": args.min_depth,
-        "max_depth": args.max_depth,
-    }
-    for name in ("census", "block"):
-        options[f"{name}_width"], options[f"{name}_height"] = getattr(args, name) or (None, None)
-    for name, value in options.items():
-        if value is not None:
-            setattr(config, name, value)
+    if args.projector is not None:
+        config.projector_intensity = args.projector
+    for name, value in given_matching(args).items():
+        setattr(config, sapien_name(name), value)
+    config.depth_maps = wanted_maps(args)
     if args.no_noise:
         config.ir_speckle_noise = 0.0
-    if args.no_dilation:
-        config.depth_dilation = False
     engine_parameters(config)  # its checks come before any work
     return config
 
@@ -208,6 +197,7 @@ def _write(args, sensor, rows):
     write_depth_png(args.out / "depth_true.png", true_depth)
     cloud = sensor.get_pointcloud(with_rgb=True)
     write_ply(args.out / "cloud.ply", cloud[:, :3], cloud[:, 3:])
+    write_maps(args.out, {name: sensor.get_depth_map(name) for name in wanted_maps(args)})
     title = f"{sensor.get_config().model} in {args.scene.name}"
     write_figure(args.out / "overview.png", simulation_figure(title, rgb, ir, depth, true_depth, rows))
 
@@ -225,4 +215,5 @@ def _report(args, sensor, rows):
     print(matching_line(sensor.engine))
     print(stage_table(groups))
     print(accuracy_table(rows))
-    print(f"written: rgb, ir_left, ir_right, depth, depth_true, overview (.png) and cloud.ply in {args.out}")
+    more = "".join(f"{name}, " for name in wanted_maps(args))
+    print(f"written: rgb, ir_left, ir_right, depth, depth_true, {more}overview (.png) and cloud.ply in {args.out}")

@@ -58,7 +58,7 @@ TEST(Parameters, EachFaultIsRefusedWithItsNumber) {
       {"block is 17x17", [](simsense_parameters& p) { p.block_width = p.block_height = 17; }},
       {"block is 7x2", [](simsense_parameters& p) { p.block_height = 2; }},
       {"p1 is 0", [](simsense_parameters& p) { p.p1 = 0; }},
-      {"p1 is 86, p2 is 86", [](simsense_parameters& p) { p.p1 = 86; }},
+      {"p1 is 32, p2 is 32", [](simsense_parameters& p) { p.p1 = 32; }},
       {"p2 is 224", [](simsense_parameters& p) { p.p2 = 224; }},
       {"uniqueness_ratio is 101", [](simsense_parameters& p) { p.uniqueness_ratio = 101; }},
       {"lr_max_diff is -2", [](simsense_parameters& p) { p.lr_max_diff = -2; }},

@@ -1,0 +1,101 @@
+"""C++ of the engines: checks of the fields, and copies of them into what the stages read."""
+
+from __future__ import annotations
+
+import math
+
+from table import SCALARS, Field, Struct, Tables
+from words import GENERATED, c_literal
+
+OFF = "// clang-format off"
+
+
+def banner(*structs: Struct, note: str = "") -> list[str]:
+    """The first lines of a generated C++ file."""
+    return ["// " + GENERATED.format(", ".join(s.source for s in structs)), *([f"// {note}"] if note else []), OFF]
+
+
+def _bound(field: Field, value: float) -> str:
+    """A bound in the field's own precision: 0.1 as a float is not 0.1 as a double."""
+    return c_literal("float" if field.type == "float" else "double", value)
+
+
+def _check(field: Field, value: str) -> list[str]:
+    """Statements that check one value of the field."""
+    name = f'{{owner, "{field.name}", "{field.unit}"}}'
+    real = field.type in ("float", "double")
+    out = []
+    if field.values:
+        names = ", ".join(f'"{v}"' for v in field.values)
+        out.append(f"ks::check_choice({name}, {value}, {field.first}, std::array<const char*, {len(field.values)}>{{{names}}});")
+    elif field.allowed:
+        allowed = sorted({*field.allowed, *([0] if field.zero_means is not None else [])})
+        out.append(f"ks::check_allowed({name}, {value}, std::array<uint32_t, {len(allowed)}>{{{', '.join(f'{v}u' for v in allowed)}}});")
+    elif field.above is not None:
+        out.append(f"ks::check_above({name}, {value}, {_bound(field, field.above)});")
+    elif field.range is not None:
+        low, high = field.range
+        if field.range[0] > 0 and field.zero_means is not None:
+            out.append(f"if ({value} != 0) ks::check_range({name}, {value}, {_bound(field, low)}, {_bound(field, high)});")
+        elif real or low != 0 or not math.isinf(high):
+            out.append(f"ks::check_range({name}, {value}, {_bound(field, low)}, {_bound(field, high)});")
+    if field.nan and real:
+        out = [f"if (!std::isnan({value})) {line}" for line in out]
+    return out
+
+
+def checks(struct: Struct, value: str = "s") -> list[str]:
+    """Statements that check every field that the table bounds."""
+    out: list[str] = []
+    for f in struct.fields:
+        if not f.check:
+            continue
+        if f.count == 1:
+            out += _check(f, f"{value}.{f.name}")
+        else:
+            out += [f"for (int i = 0; i < {f.count}; ++i) {line}" for line in _check(f, f"{value}.{f.name}[i]")]
+    return out
+
+
+def simsense_fields_h(tables: Tables) -> str:
+    """simsense/src/parameters/fields.h"""
+    both = [tables.structs["simsense_parameters"], tables.structs["simsense_signal"]]
+    return "\n".join([
+        *banner(*both, note="Checks of every field by itself; what two fields mean together is checked where it matters."),
+        "#pragma once", "", "#include <string>", "", '#include "parameters/match_fields.h"', '#include "simsense/simsense.h"', "",
+        "namespace simsense {", "",
+        "/// Throws KS_ERROR_INVALID_ARGUMENT with the name, the value and the range of the first field that cannot be.",
+        *(f"void check_fields(const {s.name}& s, const std::string& owner);" for s in both),
+        "/// The matcher's part, which keeps its names.",
+        "MatchFields match_fields(const simsense_parameters& s);", "", "}  // namespace simsense", "",
+    ])  # fmt: skip
+
+
+def simsense_match_fields_h(tables: Tables) -> str:
+    """simsense/src/parameters/match_fields.h"""
+    struct = tables.structs["simsense_parameters"]
+    fields = [f for f in struct.fields if f.match]
+    return "\n".join([
+        *banner(struct, note="Parameters that reach the matcher as they are."),
+        "#pragma once", "", "#include <cstdint>", "", "namespace simsense {", "", "struct MatchFields {",
+        *(f"  {f.c_type} {f.name} = {c_literal(f.type, f.default)};" for f in fields),
+        "  bool operator==(const MatchFields&) const = default;", "};", "", "}  // namespace simsense", "",
+    ])  # fmt: skip
+
+
+def simsense_fields_cpp(tables: Tables) -> str:
+    """simsense/src/parameters/fields.cpp"""
+    both = [tables.structs["simsense_parameters"], tables.structs["simsense_signal"]]
+    text = [*banner(*both), '#include "parameters/fields.h"', "", "#include <array>", "#include <cmath>", "",
+            '#include "device/field_check.h"', "", "namespace simsense {"]  # fmt: skip
+    for s in both:
+        text += ["", f"void check_fields(const {s.name}& s, const std::string& owner) {{", *(f"  {line}" for line in checks(s)), "}"]
+    copied = [f for f in both[0].fields if f.match]
+    text += ["", "MatchFields match_fields(const simsense_parameters& s) {", "  MatchFields m;"]
+    text += [f"  m.{f.name} = s.{f.name};" for f in copied]
+    return "\n".join([*text, "  return m;", "}", "", "}  // namespace simsense", ""])
+
+
+def scalar_kind(field: Field) -> str:
+    """The C++ type of one number of the field."""
+    return SCALARS[field.type][0]

@@ -1,0 +1,208 @@
+"""Reads the tables of the public structs (*.toml) and checks them: what each generated file is made from."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+FOLDER = Path(__file__).resolve().parent
+
+# Type in a table: C type, bytes, C type of a constant that prints it.
+SCALARS = {
+    "float": ("float", 4),
+    "double": ("double", 8),
+    "uint8": ("uint8_t", 1),
+    "uint32": ("uint32_t", 4),
+    "int32": ("int32_t", 4),
+    "uint64": ("uint64_t", 8),
+    "int64": ("int64_t", 8),
+    "char": ("char", 1),
+    "flag": ("uint32_t", 4),  # nonzero is yes
+    "choice": ("uint32_t", 4),  # one of `values`
+    "id": ("uint32_t", 4),  # `none` (a constant's name) is no id
+    "text": ("const char*", 8),
+}
+FIELD_KEYS = set(
+    "type doc count shape default neutral range above allowed zero_means unit group values prefix first none nan config match pair"
+    " python extras check reserved copy lengths".split()
+)
+STRUCT_KEYS = set("struct type_id doc what reach init fields python scene embedded has_neutral".split())
+
+
+class TableError(Exception):
+    """A table is wrong; the text names the file, the field and what it must be."""
+
+
+@dataclass
+class Field:
+    """One field of a public struct. `default` is what _init gives; `neutral` what a missing field means: no effect, or as it was before."""
+
+    name: str
+    type: str
+    doc: str = ""
+    count: int | str = 1
+    shape: tuple[int, ...] = ()
+    default: Any = None
+    neutral: Any = None
+    range: tuple[float, float] | None = None
+    above: float | None = None  # must be > this
+    allowed: tuple[int, ...] = ()
+    zero_means: int | None = None
+    unit: str = ""
+    group: str = ""
+    values: dict[str, str] = field(default_factory=dict)
+    prefix: str = ""
+    first: int = 0
+    none: str = ""  # constant that means "no id"
+    nan: str = ""  # what NaN means
+    pair: str = ""  # name of the WIDTHxHEIGHT option that sets this and the next field
+    config: bool = True
+    match: bool = False  # copied into the matcher's parameters
+    python: bool = True
+    extras: bool = False  # read from a glTF material's extras
+    check: bool = True
+    copy: bool = True  # copied between the public struct and the scene's record
+    lengths: tuple[int, ...] = ()  # a vector that may be given shorter in Python
+    reserved: bool = False
+
+    @property
+    def is_pointer(self) -> bool:
+        return self.type not in SCALARS and self.type.rstrip().endswith("*")
+
+    @property
+    def c_type(self) -> str:
+        return SCALARS[self.type][0] if self.type in SCALARS else self.type
+
+    @property
+    def constants(self) -> dict[str, int]:
+        """Name of each choice in C: its number."""
+        return {self.prefix + name.upper(): self.first + i for i, name in enumerate(self.values)}
+
+
+@dataclass
+class Struct:
+    """One public struct."""
+
+    name: str
+    doc: str
+    fields: list[Field]
+    source: str  # the table's file name
+    type_id: int | None = None
+    what: str = ""
+    reach: str = ""
+    init: tuple[str, ...] = ()
+    python: str = ""
+    scene: str = ""
+    embedded: bool = False  # stands inside other structs by value: can never grow
+    has_neutral: bool = False  # its record can say whether it changes anything
+
+    @property
+    def library(self) -> str:
+        return self.name.split("_")[0]
+
+    @property
+    def type_name(self) -> str:
+        library, rest = self.name.split("_", 1)
+        return f"{library.upper()}_TYPE_{rest.upper()}"
+
+    def __getitem__(self, name: str) -> Field:
+        return next(f for f in self.fields if f.name == name)
+
+
+def _require(condition: bool, source: str, name: str, text: str) -> None:
+    if not condition:
+        raise TableError(f"{source}: {name}: {text}")
+
+
+def _zero(kind: str) -> Any:
+    return 0.0 if kind in ("float", "double") else 0
+
+
+def _read_field(source: str, name: str, entry: dict[str, Any]) -> Field:
+    unknown = set(entry) - FIELD_KEYS
+    _require(not unknown, source, name, f"unknown keys {sorted(unknown)} (known: {' '.join(sorted(FIELD_KEYS))})")
+    _require("type" in entry, source, name, "it has no type")
+    out = Field(name=name, type=entry["type"])
+    for key in entry:
+        setattr(out, key, tuple(entry[key]) if key in ("shape", "range", "allowed", "lengths") else entry[key])
+    out.doc = " ".join(out.doc.split())
+    if out.shape:
+        out.count = math.prod(out.shape)
+    if name.startswith("reserved"):
+        out.reserved, out.python, out.config, out.copy = True, False, False, False
+    if out.nan:
+        out.default = math.nan
+    if out.none and out.default is None:
+        out.default = out.none
+    if out.type == "choice":
+        _require(bool(out.values and out.prefix), source, name, "a choice needs `prefix` and `values`")
+        out.default = next(iter(out.values)) if out.default is None else out.default
+        _require(out.default in out.values, source, name, f"default '{out.default}' is none of {list(out.values)}")
+        out.values = {key: " ".join(text.split()) for key, text in out.values.items()}
+    if out.default is None and (out.type in SCALARS and out.type != "text"):
+        out.default = _zero(out.type)
+    if out.neutral is None:
+        out.neutral = out.default
+    if out.range and not isinstance(out.default, (str, list)) and not math.isnan(out.default):
+        zero = out.zero_means is not None and out.default == 0
+        _require(zero or out.range[0] <= out.default <= out.range[1], source, name, f"default {out.default} is outside of {out.range}")
+    return out
+
+
+def read_struct(path: Path) -> Struct:
+    """One table. Raises TableError."""
+    with path.open("rb") as file:
+        try:
+            data = tomllib.load(file)
+        except tomllib.TOMLDecodeError as error:
+            raise TableError(f"{path.name}: {error}") from error
+    unknown = set(data) - STRUCT_KEYS
+    _require(not unknown, path.name, "struct", f"unknown keys {sorted(unknown)} (known: {' '.join(sorted(STRUCT_KEYS))})")
+    fields = [_read_field(path.name, name, entry) for name, entry in data["fields"].items()]
+    rest = {key: data[key] for key in ("type_id", "what", "reach", "python", "scene", "embedded", "has_neutral") if key in data}
+    return Struct(data["struct"], " ".join(data["doc"].split()), fields, path.name, init=tuple(data.get("init", ())), **rest)
+
+
+@dataclass
+class Header:
+    """One generated public header."""
+
+    path: str
+    doc: str
+    structs: list[Struct]
+    includes: list[str]
+    text: str = ""  # declarations between the constants and the structs
+
+
+@dataclass
+class Tables:
+    """All tables."""
+
+    headers: list[Header]
+    structs: dict[str, Struct]
+
+    def of(self, library: str) -> list[Struct]:
+        return [s for s in self.structs.values() if s.library == library]
+
+
+def read_tables() -> Tables:
+    """Every table, in the order of headers.toml. Raises TableError."""
+    found = {path.stem: read_struct(path) for path in sorted(FOLDER.glob("*.toml")) if path.stem != "headers"}
+    for stem, struct in found.items():
+        _require(stem == struct.name, f"{stem}.toml", "struct", f"the file is named as its struct, {struct.name}.toml")
+    with (FOLDER / "headers.toml").open("rb") as file:
+        listed = tomllib.load(file)
+    headers, structs = [], {}
+    for path, entry in listed.items():
+        for name in entry["structs"]:
+            _require(name in found, "headers.toml", path, f"there is no {name}.toml")
+            structs[name] = found.pop(name)
+        members = [structs[name] for name in entry["structs"]]
+        headers.append(Header(path, entry["doc"].strip(), members, entry.get("includes", []), entry.get("text", "").strip()))
+    _require(not found, "headers.toml", ", ".join(found), "no header has this struct")
+    ids = [s.type_id for s in structs.values() if s.type_id is not None]
+    _require(len(ids) == len(set(ids)), "headers.toml", "type_id", "two structs share one")
+    return Tables(headers, structs)
