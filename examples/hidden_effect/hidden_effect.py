@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from activestereo.lab import Lab
-from activestereo.lab.diagnose_report import parameter_text
+from activestereo.lab.diagnose.report import parameter_text
 from activestereo.output_files import replace_file
 from activestereo.progress_bar import ProgressBar
 

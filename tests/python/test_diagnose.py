@@ -15,7 +15,7 @@ from activestereo.effects import Model, builtin
 from activestereo.images import read_gray, write_gray
 from activestereo.lab import Lab, diagnose
 from activestereo.lab.cache import LayerCache
-from activestereo.lab.diagnose_report import diagnosis_text, write_diagnosis
+from activestereo.lab.diagnose.report import diagnosis_text, write_diagnosis
 from activestereo.lab.model_file import library, read_model, write_model
 from worlds.world import make_world
 

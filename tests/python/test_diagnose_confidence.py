@@ -6,23 +6,33 @@ import numpy as np
 import pytest
 
 from activestereo.effects import Parameter
-from activestereo.lab import diagnose_verdict
-from activestereo.lab.diagnose_depth import _surveyed
-from activestereo.lab.diagnose_score import interval
-from activestereo.lab.diagnose_verdict import confidences, is_unexplained
+from activestereo.effects.core.judging import Channel
+from activestereo.lab.diagnose.channels.depth_engine import surveyed_nats
+from activestereo.lab.diagnose.findings import Checks, Explanation, Finding, Ranking, Remainder, Score
+from activestereo.lab.diagnose.gates import GATES
+from activestereo.lab.diagnose.score.intervals import interval
+from activestereo.lab.diagnose.verdict import confidence
+from activestereo.lab.diagnose.verdict.completeness import is_unexplained
+from activestereo.lab.diagnose.verdict.confidence import confidences
 
 
-def entry(name, chi2, channel="infrared", occam=0.0, nats=0.0):
-    return SimpleNamespace(id=name, chi2=chi2, channel=channel, occam=occam, nats=nats)
+def entry(name, chi2, channel=Channel.EXPECTED_IMAGE, occam=0.0, nats=0.0):
+    explanation = Explanation(SimpleNamespace(id=name), channel, {}, chi2, np.zeros(1))
+    return Finding(explanation, Score(nats, 0.0, 0.0, 1.0, occam_nats=occam))
+
+
+def ranking_of(findings, base_chi2=900.0, pixels=100, base_structure=None):
+    base = SimpleNamespace(chi2=base_chi2, white_floors=0.0)
+    return Ranking(base, Checks(structure_floors=base_structure), tuple(findings), (), pixels, 1.0, 100.0, GATES)
 
 
 def told(monkeypatch, entries, may_be_named):
-    monkeypatch.setattr(diagnose_verdict, "passes", lambda _, e: e.id in may_be_named)
-    return confidences(SimpleNamespace(entries=entries, base=entry(None, 900.0), floor_chi2=100.0, pixels=100))
+    monkeypatch.setattr(confidence, "passes", lambda _, e: e.id in may_be_named)
+    return confidences(ranking_of(entries))
 
 
 def test_a_fault_of_the_depth_engine_takes_nothing_from_what_the_images_lack(monkeypatch):
-    found = told(monkeypatch, [entry("shutter", 101.0), entry("blur", 800.0), entry("locking", 50.0, "depth")], {"shutter", "locking"})
+    found = told(monkeypatch, [entry("shutter", 101.0), entry("blur", 800.0), entry("locking", 50.0, Channel.DEPTH_ENGINE)], {"shutter", "locking"})
     assert found["shutter"] == pytest.approx(0.97)
     assert found["locking"] == pytest.approx(0.97)
     assert found["blur"] < 0.05
@@ -49,7 +59,7 @@ def test_what_is_far_behind_shares_what_the_named_leave(monkeypatch):
 
 
 def test_where_nothing_may_be_named_none_takes_part(monkeypatch):
-    found = told(monkeypatch, [entry("laser", 899.0, nats=90.0), entry("locking", 50.0, "depth")], set())
+    found = told(monkeypatch, [entry("laser", 899.0, nats=90.0), entry("locking", 50.0, Channel.DEPTH_ENGINE)], set())
     assert 0.3 < found["laser"] < 0.55 and found["locking"] == 0.0
 
 
@@ -67,14 +77,13 @@ def test_what_misplaced_cameras_explain_is_no_fault_of_the_depth_engine(nats, of
     tried = np.linspace(0.0, offset_px, 20001)
     likelihood = nats * (1.0 - (1.0 - tried / offset_px) ** 2)
     misplaced = (likelihood - 0.5 * (tried / survey_px) ** 2).max()
-    assert _surveyed(nats, np.array([0.6, 0.8]) * offset_px, survey_px) == pytest.approx(misplaced, abs=1e-4)
+    assert surveyed_nats(nats, np.array([0.6, 0.8]) * offset_px, survey_px) == pytest.approx(misplaced, abs=1e-4)
 
 
 @pytest.mark.parametrize(("floors", "structure", "unknown"), [(0.3, 0.05, False), (0.3, 0.2, True), (1.2, 0.05, True)])
 def test_unknown_is_what_has_structure_or_is_more_than_surveys_leave(floors, structure, unknown):
-    base = SimpleNamespace(chi2=100.0 * (1.0 + floors), repeats=0.0)
-    assert is_unexplained(SimpleNamespace(pixels=100, white=0.0, structure_after=lambda _: structure), base) is unknown
-    bare = SimpleNamespace(effects=[], model=SimpleNamespace(effects=[]))
-    base.solution = bare
-    named = SimpleNamespace(pixels=100, white=0.0, structure_after=lambda _: 0.05, base=base)
-    assert not is_unexplained(named, base, named)  # what a named effect leaves is judged by its structure
+    left = Remainder(100.0 * (1.0 + floors), 0.0, structure, {})
+    assert is_unexplained(ranking_of([]), left) is unknown
+    first = ranking_of([], base_structure=0.05)
+    named = Remainder(100.0 * (1.0 + floors), 0.0, 0.05, {})
+    assert not is_unexplained(first, named, first)  # what a named effect leaves is judged by its structure

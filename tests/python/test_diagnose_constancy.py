@@ -5,8 +5,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from activestereo.lab import diagnose_constancy, diagnose_verdict
-from activestereo.lab.diagnose_constancy import varying_floors
+from activestereo.effects.core.judging import Channel
+from activestereo.lab.diagnose.findings import Checks, Explanation, Finding, Ranking, Score
+from activestereo.lab.diagnose.gates import GATES
+from activestereo.lab.diagnose.score import constancy
+from activestereo.lab.diagnose.score.constancy import varying_floors
+from activestereo.lab.diagnose.verdict.acceptance import passes
+from activestereo.lab.diagnose.verdict.completeness import is_unexplained
 
 SHAPE = (60, 80)
 NOISE_DN = 2.0
@@ -26,10 +31,10 @@ def found(monkeypatch, amplitude_of):
             hidden.append(np.mean(missing**2) / NOISE_DN**2)
             plains.append(plain)
             rows.append((o, plain + trace, None, missing + 0.7 + 0.01 * plain + NOISE_DN * rng.standard_normal(SHAPE)))
-    monkeypatch.setattr(diagnose_constancy, "signal", lambda model, o, light, phi: light)
-    play = SimpleNamespace(free=[(EFFECT, None)], neutral=np.zeros(1), model=lambda theta: None)
-    fitter = SimpleNamespace(observations=[o for o, *_ in rows], lights=lambda play, theta: plains)
-    solution = SimpleNamespace(play=play, theta=np.ones(1), phi=None)
+    monkeypatch.setattr(constancy, "signal", lambda model, o, light, phi: light)
+    space = SimpleNamespace(pairs=[(EFFECT, None)], neutral=np.zeros(1), model=lambda theta: None)
+    fitter = SimpleNamespace(observations=[o for o, *_ in rows], lights=lambda space, theta: plains)
+    solution = SimpleNamespace(space=space, theta=np.ones(1), phi=None)
     return varying_floors(fitter, rows, solution, EFFECT), float(np.mean(hidden))
 
 
@@ -53,17 +58,15 @@ def test_what_varies_over_the_picture_frames_or_eyes_is_found(monkeypatch, ampli
     assert floors == pytest.approx(hidden, rel=0.03, abs=1e-3)
 
 
-@pytest.mark.parametrize(("varying", "passes", "unknown"), [(0.0, True, False), (0.02, True, False), (0.03, True, True), (0.12, False, True)])
-def test_what_varies_much_is_not_named_and_what_varies_somewhat_is_unknown(varying, passes, unknown):
+@pytest.mark.parametrize(
+    ("varying", "is_named", "unknown"), [(0.0, True, False), (0.02, True, False), (0.03, True, True), (0.12, False, True)]
+)
+def test_what_varies_much_is_not_named_and_what_varies_somewhat_is_unknown(varying, is_named, unknown):
     gain = 0.2
-    free = SimpleNamespace(effects=[EFFECT], model=SimpleNamespace(effects=[]))
-    base = SimpleNamespace(chi2=125.0, solution=free, repeats=0.0)
-    entry = SimpleNamespace(
-        effect=EFFECT, chi2=125.0 - 100.0 * gain, solution=free, repeats=0.0, nats=500.0, choice=0.0, consistency=1.0, channel="infrared", plain_share=None,
-        explained=0.95, gain_floors=gain, varying=varying,
-    )  # fmt: skip
-    ranking = SimpleNamespace(
-        pixels=100, white=0.0, base=base, entries=[entry], at_floor=False, structure_after=lambda _: 0.0, varying=lambda solution, effect: varying
-    )
-    assert diagnose_verdict.passes(ranking, entry) is passes
-    assert diagnose_verdict.is_unexplained(ranking, entry, ranking) is unknown
+    base = SimpleNamespace(chi2=125.0, white_floors=0.0)
+    explanation = Explanation(EFFECT, Channel.EXPECTED_IMAGE, {}, 125.0 - 100.0 * gain, np.zeros(1))
+    checks = Checks(varying_floors=varying, structure_floors=0.0, variation={"blur": varying})
+    finding = Finding(explanation, Score(500.0, 0.95, gain, 1.0), checks)
+    ranking = Ranking(base, Checks(structure_floors=0.0), (finding,), (), 100, 1.0, 100.0, GATES)
+    assert passes(ranking, finding) is is_named
+    assert is_unexplained(ranking, finding.remainder, ranking) is unknown

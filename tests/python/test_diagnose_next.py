@@ -9,11 +9,12 @@ from lab_worlds import WorldRenderer
 from activestereo.capture import read_capture
 from activestereo.effects import Model, builtin
 from activestereo.lab.cache import LayerCache
-from activestereo.lab.diagnose_data import gather
-from activestereo.lab.diagnose_fit import Play
-from activestereo.lab.diagnose_next import _left_between
-from activestereo.lab.diagnose_scan import scan_observations
-from activestereo.lab.ranking import Ranking
+from activestereo.lab.diagnose.base_fit import fit_base
+from activestereo.lab.diagnose.evidence import gather
+from activestereo.lab.diagnose.gates import GATES
+from activestereo.lab.diagnose.next_measurement import left_between
+from activestereo.lab.diagnose.propose.scan import scan_observations
+from activestereo.lab.diagnose.refine import Fitters, ParameterSpace
 from activestereo.lab.render import WARP_SCALE, render_frames
 from worlds.world import make_world
 
@@ -25,8 +26,9 @@ def fitted(tmp_path_factory):
     world = make_world(folder, grid=4)
     capture = read_capture(world.capture_path)
     evidence = gather(capture, render_frames(capture, WorldRenderer(world), 32, 8, 0, LayerCache(folder / "cache"), None, WARP_SCALE))
-    ranking = Ranking(evidence, Model(), [])
-    return evidence, ranking.fitter.refine(Play(Model(), builtin()["vignetting"]), np.array([0.5]), ranking.base.solution.phi, 0)
+    fitters = Fitters.of(evidence, scan_observations(evidence.train))
+    phi = fit_base(evidence, fitters, Model(), GATES).solution.phi
+    return evidence, fitters.train.refine(ParameterSpace.of(Model(), builtin()["vignetting"]), np.array([0.5]), phi, 0)
 
 
 def test_a_rival_that_can_be_refitted_is_no_rival(fitted):
@@ -35,7 +37,7 @@ def test_a_rival_that_can_be_refitted_is_no_rival(fitted):
     truth = replace(rival, theta=rival.theta + 0.2)
     nothing = replace(rival.sums, gram=np.zeros_like(rival.sums.gram))
     held = replace(rival.sums, gram=1e9 * rival.sums.gram)
-    left = [_left_between(evidence, frames, truth, replace(rival, sums=sums), 1.0) for sums in (nothing, rival.sums, held)]
+    left = [left_between(evidence, frames, truth, replace(rival, sums=sums), 1.0) for sums in (nothing, rival.sums, held)]
     assert left[0] < 0.05 * left[2]
     assert left[0] < left[1] < left[2]
-    assert _left_between(evidence, frames, rival, rival, 1.0) == pytest.approx(0.0, abs=1e-6)
+    assert left_between(evidence, frames, rival, rival, 1.0) == pytest.approx(0.0, abs=1e-6)

@@ -8,9 +8,10 @@ import pytest
 
 from activestereo.effects import builtin
 from activestereo.effects.core.dots import DotView
-from activestereo.lab.diagnose_dots import dots_seen
-from activestereo.lab.diagnose_occam import occam_nats
-from activestereo.lab.diagnose_unit import unit_points
+from activestereo.effects.core.judging import StartImage
+from activestereo.effects.core.second_unit import unit_starts
+from activestereo.lab.diagnose.channels.dots_seen import dots_seen
+from activestereo.lab.diagnose.score.occam import occam_nats
 from test_effects_worlds import seen, view_of
 
 EFFECTS = builtin()
@@ -26,12 +27,12 @@ def scene():
 def test_a_second_units_place_is_found_from_its_dots(scene, x, yaw):
     (light, view), unit = scene, EFFECTS["second_projector"]
     view = replace(view, frame=replace(view.frame, projector_power=0.0))
-    phi, place = np.array([1.0, 500.0, 0.0]), {"intensity_m2": 6.0, "offset_x_m": x, "yaw_rad": yaw}
-    added = 500.0 * view.frame.exposure_gain * (unit(light, view, **place).ambient - light.ambient)
+    place = {"intensity_m2": 6.0, "offset_x_m": x, "yaw_rad": yaw}
+    ambient_dn = 500.0 * view.frame.exposure_gain
+    added = ambient_dn * (unit(light, view, **place).ambient - light.ambient)
     residual = added + np.random.default_rng(1).normal(0.0, added.std(), added.shape)
-    o = SimpleNamespace(frame=view.frame, view=view, weight=np.full(view.shape, added.var() ** -1))
-    fitter = SimpleNamespace(lights=lambda play, theta: [light], slopes=lambda *_: iter([(o, None, residual)]))
-    found = dict(zip((p.name for p in unit.parameters), unit_points(unit, fitter, SimpleNamespace(start=None), phi)[0], strict=True))
+    image = StartImage(view, light, np.full(view.shape, added.var() ** -1), residual, ambient_dn * light.ambient, ambient_dn)
+    found = unit_starts([image])[0]
     # A pixel of this small camera is 19 mrad wide.
     assert found["yaw_rad"] == pytest.approx(yaw, abs=0.03)
     assert found["offset_x_m"] == pytest.approx(x, abs=0.03)
@@ -39,27 +40,27 @@ def test_a_second_units_place_is_found_from_its_dots(scene, x, yaw):
 
 
 def explanation(name, values, information):
-    """An entry with given values of its parameters, and what the data say of each (1 / variance)."""
+    """A fit with given values of an effect's parameters, and what the data say of each (1 / variance)."""
     parameters = EFFECTS[name].parameters
-    neutral = np.array([p.neutral for p in parameters])
-    play = SimpleNamespace(held=np.zeros(len(neutral), bool), given=np.zeros(len(neutral), bool), neutral=neutral, free=[(EFFECTS[name], p) for p in parameters])
+    neutral, nothing = np.array([p.neutral for p in parameters]), np.zeros(len(parameters), bool)
+    space = SimpleNamespace(held=nothing, given=nothing, neutral=neutral, pairs=[(EFFECTS[name], p) for p in parameters])
     sums = SimpleNamespace(gram=np.diag(information)[None])
-    fitter = SimpleNamespace(prior=lambda n, play: np.zeros(n))
-    return fitter, SimpleNamespace(effect=EFFECTS[name], solution=SimpleNamespace(play=play, theta=np.array(values), sums=sums))
+    fitter = SimpleNamespace(prior=lambda n, space: np.zeros(n))
+    return fitter, SimpleNamespace(space=space, theta=np.array(values), sums=sums), EFFECTS[name]
 
 
 def test_freedom_costs_by_how_finely_it_was_used():
-    cost = [-occam_nats(*explanation("vignetting", [1.5], [n]), deff=1.0) for n in (1e2, 1e4, 1e6)]
+    cost = [-occam_nats(*explanation("vignetting", [1.5], [n]), design=1.0) for n in (1e2, 1e4, 1e6)]
     assert np.diff(cost) == pytest.approx(np.log(10.0), rel=0.05)
-    assert -occam_nats(*explanation("vignetting", [1.5], [4e6]), deff=4.0) == pytest.approx(cost[2])
+    assert -occam_nats(*explanation("vignetting", [1.5], [4e6]), design=4.0) == pytest.approx(cost[2])
 
 
 def test_what_the_data_do_not_tell_costs_next_to_nothing():
-    told = occam_nats(*explanation("black_level", [0.0, 0.4], [0.0, 1e6]), deff=1.0)
-    assert told - occam_nats(*explanation("black_level", [0.0, 0.4], [0.0, 1e6 + 1]), deff=1.0) == pytest.approx(0.0, abs=1e-3)
-    far = occam_nats(*explanation("black_level", [0.0, 0.8], [0.0, 1e6]), deff=1.0)
+    told = occam_nats(*explanation("black_level", [0.0, 0.4], [0.0, 1e6]), design=1.0)
+    assert told - occam_nats(*explanation("black_level", [0.0, 0.4], [0.0, 1e6 + 1]), design=1.0) == pytest.approx(0.0, abs=1e-3)
+    far = occam_nats(*explanation("black_level", [0.0, 0.8], [0.0, 1e6]), design=1.0)
     assert told - far == pytest.approx(2 * np.log(2.0), abs=0.05)  # amplitudes: a power law's tail
-    usual, odd = (occam_nats(*explanation("dark_signal", [100.0, k], [1e-2, 100.0]), deff=1.0) for k in (7.0, 4.0))
+    usual, odd = (occam_nats(*explanation("dark_signal", [100.0, k], [1e-2, 100.0]), design=1.0) for k in (7.0, 4.0))
     # What physics tells: a normal's tail, and the usual value need not be told from the neutral one.
     assert usual - odd == pytest.approx(4.5 + 0.5 * np.log(101.0), abs=0.01)
 

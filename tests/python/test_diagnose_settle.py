@@ -9,12 +9,13 @@ from lab_worlds import WorldRenderer
 from activestereo.capture import EYES, Capture, read_capture
 from activestereo.effects import Model, View, builtin
 from activestereo.lab.cache import LayerCache
-from activestereo.lab.diagnose_data import gather
-from activestereo.lab.diagnose_fit import Fitter, Play
-from activestereo.lab.diagnose_scan import scan_observations, starts
-from activestereo.lab.diagnose_settle import settled
+from activestereo.lab.diagnose.base_fit import fit_base
+from activestereo.lab.diagnose.evidence import gather
+from activestereo.lab.diagnose.gates import GATES
+from activestereo.lab.diagnose.propose.scan import scan_observations, starts
+from activestereo.lab.diagnose.rank import Bench, rank, settled_first
+from activestereo.lab.diagnose.refine import Fitter, Fitters, ParameterSpace
 from activestereo.lab.fit import Nuisances
-from activestereo.lab.ranking import Ranking
 from activestereo.lab.render import render_frames
 from worlds.world import make_world
 
@@ -58,10 +59,16 @@ def evidence_of(table, hidden):
     return gather(Exposed(**vars(capture), images=images), layers)
 
 
+def ranked(evidence, candidates):
+    """(Bench, Ranking) of candidates on top of no effects."""
+    bench = Bench(evidence, Fitters.of(evidence, scan_observations(evidence.train)), GATES, workers=1)
+    return bench, rank(bench, fit_base(evidence, bench.fitters, Model(), GATES), candidates)
+
+
 @pytest.fixture(scope="module")
 def found(table):
-    ranking = Ranking(evidence_of(table, Model().with_effect(DRIFT, per_k=PER_K)), Model(), [DRIFT], workers=1)
-    return settled(ranking, ranking.entries[0])
+    ranking = ranked(evidence_of(table, Model().with_effect(DRIFT, per_k=PER_K)), [DRIFT])
+    return settled_first(*ranking).best.explanation
 
 
 def assert_true_scales(nuisances):
@@ -70,7 +77,7 @@ def assert_true_scales(nuisances):
 
 
 def test_scales_are_not_pulled_down_by_bright_grains(table):
-    assert_true_scales(Ranking(evidence_of(table, Model()), Model(), []).base.solution.nuisances)
+    assert_true_scales(ranked(evidence_of(table, Model()), [])[1].base.solution.nuisances)
 
 
 def test_nor_are_they_beside_an_effect(found):
@@ -79,16 +86,16 @@ def test_nor_are_they_beside_an_effect(found):
 
 def test_a_parameter_that_is_not_at_work_is_told_as_zero(found):
     rate, slope = found.parameters["per_k"], found.parameters["per_s"]
-    assert slope["value"] == 0.0 and slope["low"] < 0.0 < slope["high"]
-    assert rate["value"] == pytest.approx(PER_K, rel=0.03) and rate["low"] < PER_K < rate["high"]
+    assert slope.value == 0.0 and slope.low < 0.0 < slope.high
+    assert rate.value == pytest.approx(PER_K, rel=0.03) and rate.low < PER_K < rate.high
     assert found.solution.model.effects[0][1]["per_s"] == 0.0
 
 
 def test_what_the_data_cannot_tell_apart_goes_by_prior(table):
     """A filter that drifts dims dots in a warm rig as a laser does; a laser's drift of this size is the likelier."""
     evidence = evidence_of(table, Model().with_effect(DRIFT, per_k=PER_K))
-    first, second = Ranking(evidence, Model(), [builtin()["chromatic_drift"], DRIFT], workers=1).entries
-    assert abs(first.nats - second.nats) < 3.0
+    first, second = ranked(evidence, [builtin()["chromatic_drift"], DRIFT])[1].findings
+    assert abs(first.score.nats - second.score.nats) < 3.0
     assert (first.id, second.id) == ("laser_power_drift", "chromatic_drift")
 
 
@@ -96,8 +103,8 @@ def test_a_second_effect_is_scanned_inside_its_range(table):
     """From a neutral focus to its nearest and back, rounding leaves the range."""
     evidence = evidence_of(table, Model())
     focus = builtin()["projector_defocus"]
-    play = Play(Model().with_effect(DRIFT, per_k=PER_K), focus)
+    space = ParameterSpace.of(Model().with_effect(DRIFT, per_k=PER_K), focus)
     scan = Fitter(scan_observations(evidence.train), evidence.held_sigma, evidence.tiles, fine=False)
     alone = np.array([1.0, focus.parameters[1].low])
-    for _, theta, _ in starts(scan, play, focus, scan.phi0(evidence.nuisances), alone):
-        assert (play.low <= theta).all() and (theta <= play.high).all()
+    for start in starts(scan, space, focus, scan.phi0(evidence.nuisances), alone):
+        assert (space.low <= start.theta).all() and (start.theta <= space.high).all()

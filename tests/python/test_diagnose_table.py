@@ -16,7 +16,7 @@ from activestereo.capture_write import write_capture
 from activestereo.effects import Model, View, builtin
 from activestereo.lab.depth_model import DepthModel
 from activestereo.lab.diagnose import examine
-from activestereo.lab.diagnose_data import gather
+from activestereo.lab.diagnose.evidence import gather
 from activestereo.lab.fit import Nuisances
 from activestereo.lab.render import render_frames
 from worlds.world import make_world

@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 
 import lab_worlds  # noqa: F401  (the path to worlds)
-from activestereo.lab.goodness import local_structure
-from activestereo.lab.random_fields import components
+from activestereo.effects import builtin
+from activestereo.lab.diagnose.channels.fields_together import components, pixel_term
+from activestereo.lab.diagnose.gates import GATES
+from activestereo.lab.diagnose.refine import ImageResidual
+from activestereo.lab.diagnose.score.structure import local_structure
 
 SHAPE = (96, 160)
 NOISE_DN = 2.0
@@ -25,7 +28,12 @@ def row(image, residual, **frame):
     o = SimpleNamespace(
         eye="left", frame=SimpleNamespace(**frame), weight=np.full(SHAPE, NOISE_DN**-2), view=SimpleNamespace(once=lambda *_: np.zeros(SHAPE, bool), max_dn=255)
     )
-    return o, image, image - 20.0, residual
+    return ImageResidual(o, image, image - 20.0, residual)
+
+
+def components_of(largest, rows):
+    """largest: {id: deviation of a draw at most}."""
+    return components({name: pixel_term(builtin()[name]) for name in largest}, largest, rows, 0.0, GATES)
 
 
 def test_noise_and_grains_are_no_structure():
@@ -68,7 +76,7 @@ def frames(rng, gain_sigma, contrast):
 @pytest.mark.parametrize(("gain_sigma", "contrast"), [(0.1, 0.2), (0.1, 0.0), (0.0, 0.2)])
 def test_gains_of_pixels_and_grains_are_told_apart_where_both_are_there(gain_sigma, contrast):
     largest = {"prnu": 0.2, "fixed_pattern_noise": 5.0, "speckle_static": 0.3}
-    found = components(largest, frames(np.random.default_rng(5), gain_sigma, contrast), 0.0)
+    found = components_of(largest, frames(np.random.default_rng(5), gain_sigma, contrast))
     for name, truth in (("prnu", gain_sigma), ("fixed_pattern_noise", 0.0), ("speckle_static", contrast)):
         deviation = abs(found[name].variance - truth**2)
         assert deviation <= max(4.0 * found[name].error, 0.01 * max(gain_sigma, contrast) ** 2), name
@@ -82,7 +90,7 @@ def test_offsets_that_the_range_clips_are_no_gains():
         image = dots(rng)
         measured = np.clip(image + offsets + NOISE_DN * rng.standard_normal(SHAPE), 0.0, 255.0)
         rows.append(row(image, measured - image, is_moving=False, camera_to_world=np.eye(4) * (1 + pose)))
-    found = components({"prnu": 0.3, "fixed_pattern_noise": 12.0}, rows, 0.0)
+    found = components_of({"prnu": 0.3, "fixed_pattern_noise": 12.0}, rows)
     assert found["prnu"].variance < 3.0 * found["prnu"].error
-    believed = components({"prnu": 0.0, "fixed_pattern_noise": 0.0}, rows, 0.0)
+    believed = components_of({"prnu": 0.0, "fixed_pattern_noise": 0.0}, rows)
     assert believed["prnu"].variance > 3.0 * believed["prnu"].error

@@ -57,7 +57,7 @@ def add_parser(commands):
 
 def run(args):
     from activestereo.lab.diagnose import diagnose
-    from activestereo.lab.diagnose_report import diagnosis_text, write_diagnosis
+    from activestereo.lab.diagnose.report import diagnosis_text, write_diagnosis
     from activestereo.lab.kuafu_renderer import KuafuRenderer
     from activestereo.lab.model_file import library, read_model
     from activestereo.progress_bar import ProgressBar

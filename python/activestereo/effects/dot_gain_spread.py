@@ -6,6 +6,7 @@ from scipy.ndimage import gaussian_filter
 from activestereo.effects.core.descriptor import Parameter, Randomness, Stage, effect
 from activestereo.effects.core.dots import DotView
 from activestereo.effects.core.engine import EngineInputs, moves
+from activestereo.effects.core.judging import Lever, RandomTerm, SharedBy
 
 
 def _gain(rng: np.random.Generator, shape: tuple[int, ...], spread: float, dot_px: float) -> np.ndarray:
@@ -27,6 +28,7 @@ def _engine(inputs: EngineInputs, spread: float, dot_px: float) -> None:
     family="pattern strength",
     source="coefficient of variation 0.4-0.5 over visible dots of D4xx, falloff included",
     randomness=Randomness.STATIC,
+    judged=(RandomTerm("spread", Lever.PROJECTOR, SharedBy.DOT),),
     parameters=[
         Parameter("spread", "1", neutral=0.0, low=0.0, high=0.8, typical=0.15),
         Parameter("dot_px", "px", neutral=3.0, low=1.0, high=20.0, typical=2.0, source="size of a dot in pattern pixels"),

@@ -4,6 +4,7 @@ import numpy as np
 
 from activestereo.effects.core.descriptor import Parameter, Randomness, Stage, effect
 from activestereo.effects.core.engine import EngineInputs, moves
+from activestereo.effects.core.judging import Lever, RandomTerm, SharedBy
 
 
 def _variance(signal, view, column_dn, row_dn, pixel_dn):
@@ -25,6 +26,9 @@ def _engine(inputs: EngineInputs, column_dn: float, row_dn: float, pixel_dn: flo
     source="EMVA 1288 dark signal non-uniformity, split by column and row readout",
     randomness=Randomness.STATIC,
     variance=_variance,
+    judged=(
+        RandomTerm("column_dn", Lever.ONE, SharedBy.COLUMN), RandomTerm("row_dn", Lever.ONE, SharedBy.ROW), RandomTerm("pixel_dn", Lever.ONE),
+    ),
     parameters=[
         Parameter("column_dn", "DN", neutral=0.0, low=0.0, high=10.0, typical=0.3),
         Parameter("row_dn", "DN", neutral=0.0, low=0.0, high=10.0, typical=0.3),

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
+from activestereo.effects.core.flicker import flicker_starts
 
 
 @effect(
@@ -12,6 +13,7 @@ from activestereo.effects.core.descriptor import Parameter, Stage, effect
     stage=Stage.SURFACE,
     family="ambient light",
     source="IEEE 1789: lamps vary at twice the mains frequency",
+    starts=flicker_starts,
     parameters=[
         Parameter("depth", "1", neutral=0.0, low=0.0, high=1.0, typical=0.15),
         Parameter("frequency_hz", "Hz", neutral=100.0, low=80.0, high=250.0, typical=20.0),

@@ -3,6 +3,7 @@
 import numpy as np
 
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
+from activestereo.effects.core.judging import EngineFault
 
 
 @effect(
@@ -10,6 +11,7 @@ from activestereo.effects.core.descriptor import Parameter, Stage, effect
     stage=Stage.DISPARITY,
     family="matcher",
     source="Xiong and Matthies 1997, Error analysis of a real-time stereo system: up to 0.3 px on slants",
+    judged=(EngineFault(displaces=True),),
     parameters=[
         Parameter("offset_px", "px", neutral=0.0, low=-3.0, high=3.0, typical=0.5, source="where in the window the match belongs, to the right"),
         Parameter("offset_down_px", "px", neutral=0.0, low=-3.0, high=3.0, typical=0.5, source="the same, downwards"),

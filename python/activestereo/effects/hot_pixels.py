@@ -11,6 +11,7 @@ def _engine(inputs: EngineInputs, share: float, rate_dn_per_s: float) -> None:
     for eye in inputs.eyes:
         eye.signal["hot_pixel_share"] = share
         eye.signal["hot_pixel_e_per_s"] = rate_dn_per_s / eye.signal["conversion_gain_dn_per_e"]
+from activestereo.effects.core.judging import Lever, RandomTerm
 
 
 @effect(
@@ -19,6 +20,7 @@ def _engine(inputs: EngineInputs, share: float, rate_dn_per_s: float) -> None:
     family="dark",
     source="EMVA 1288 defect pixels, 1e-5 to 1e-3 of all; exponential tail of dark current",
     randomness=Randomness.STATIC,
+    judged=(RandomTerm("rate_dn_per_s", Lever.EXPOSURE, sparse_share="share"),),
     parameters=[
         Parameter("share", "1", neutral=0.0, low=0.0, high=0.05, typical=0.002),
         Parameter("rate_dn_per_s", "DN/s", neutral=2000.0, low=0.0, high=100000.0, typical=2000.0, source="mean of the tail at gain 1"),

@@ -3,6 +3,7 @@
 import numpy as np
 
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
+from activestereo.effects.core.judging import EngineFault
 
 
 @effect(
@@ -10,6 +11,7 @@ from activestereo.effects.core.descriptor import Parameter, Stage, effect
     stage=Stage.DISPARITY,
     family="matcher",
     source="Shimizu and Okutomi 2001, Precise sub-pixel estimation on area-based matching; 0.03-0.15 px on real pairs",
+    judged=(EngineFault(is_matcher_choice=True),),
     parameters=[Parameter("amplitude_px", "px", neutral=0.0, low=-0.15, high=0.15, typical=0.04, source="positive: towards whole pixels")],
     image_only="simsense's sub-pixel step has its own, smaller bias; a device's has no field",
 )

@@ -4,6 +4,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter
 
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
+from activestereo.effects.core.judging import EngineFault
 
 # Neighbours this much apart in disparity belong to other surfaces and are not averaged.
 _EDGE_PX = 1.0
@@ -14,6 +15,7 @@ _EDGE_PX = 1.0
     stage=Stage.DISPARITY,
     family="matcher",
     source="librealsense post-processing filters: edge-preserving smoothing; disparities in 1/32 px",
+    judged=(EngineFault(is_matcher_choice=True),),
     parameters=[
         Parameter("smoothing_px", "px", neutral=0.0, low=0.0, high=8.0, typical=1.5),
         Parameter("step_px", "px", neutral=0.0, low=0.0, high=1.0, typical=0.0625, source="disparities come in multiples of it"),

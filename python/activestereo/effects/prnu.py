@@ -4,6 +4,7 @@ import numpy as np
 
 from activestereo.effects.core.descriptor import Parameter, Randomness, Stage, effect
 from activestereo.effects.core.engine import EngineInputs, moves
+from activestereo.effects.core.judging import Lever, RandomTerm
 
 
 def _variance(signal, view, sigma):
@@ -23,6 +24,7 @@ def _engine(inputs: EngineInputs, sigma: float) -> None:
     source="EMVA 1288 photo response non-uniformity, 0.5-2 %",
     randomness=Randomness.STATIC,
     variance=_variance,
+    judged=(RandomTerm("sigma", Lever.SIGNAL),),
     parameters=[Parameter("sigma", "1", neutral=0.0, low=0.0, high=0.2, typical=0.01)],
     engine=_engine,
 )

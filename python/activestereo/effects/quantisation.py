@@ -3,6 +3,7 @@
 import numpy as np
 
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
+from activestereo.effects.core.judging import CodeSteps
 
 
 @effect(
@@ -10,6 +11,7 @@ from activestereo.effects.core.descriptor import Parameter, Stage, effect
     stage=Stage.DIGITAL,
     family="quantisation",
     source="an ideal quantiser of step q adds a variance of q^2 / 12 (Bennett 1948)",
+    judged=(CodeSteps("step_dn"),),
     parameters=[Parameter("step_dn", "DN", neutral=0.0, low=0.0, high=32.0, typical=2.0, source="1 = whole digital numbers")],
     image_only="simsense's converter rounds to whole digital numbers only",
 )

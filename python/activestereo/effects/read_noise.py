@@ -4,6 +4,7 @@ import numpy as np
 
 from activestereo.effects.core.descriptor import Parameter, Randomness, Stage, effect
 from activestereo.effects.core.engine import EngineInputs, moves
+from activestereo.effects.core.judging import Lever, RandomTerm
 
 
 def _variance(signal, view, sigma_dn):
@@ -23,6 +24,7 @@ def _engine(inputs: EngineInputs, sigma_dn: float) -> None:
     source="EMVA 1288; 0.2-1 DN on D4xx",
     randomness=Randomness.TEMPORAL,
     variance=_variance,
+    judged=(RandomTerm("sigma_dn", Lever.ONE),),
     parameters=[Parameter("sigma_dn", "DN", neutral=0.0, low=0.0, high=20.0, typical=0.8)],
     engine=_engine,
 )

@@ -7,6 +7,7 @@ import numpy as np
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
 from activestereo.effects.core.engine import EngineInputs, moves, rotation
 from activestereo.effects.core.resample import Pattern, disc_sampler
+from activestereo.effects.core.second_unit import unit_starts
 from activestereo.effects.core.shading import Shading
 
 
@@ -29,6 +30,7 @@ def _engine(inputs: EngineInputs, intensity_m2: float, offset_x_m: float, offset
     stage=Stage.SURFACE,
     family="second projector",
     source="overlapping units: holes where two patterns meet (librealsense issue 516)",
+    starts=unit_starts,
     parameters=[
         Parameter(
             "intensity_m2", "m^2", neutral=0.0, low=0.0, high=200.0, typical=8.0,

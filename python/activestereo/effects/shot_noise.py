@@ -4,6 +4,7 @@ import numpy as np
 
 from activestereo.effects.core.descriptor import Parameter, Randomness, Stage, effect
 from activestereo.effects.core.engine import EngineInputs, moves
+from activestereo.effects.core.judging import Lever, RandomTerm
 
 
 def _variance(signal, view, dn_per_electron):
@@ -24,6 +25,7 @@ def _engine(inputs: EngineInputs, dn_per_electron: float) -> None:
     source="EMVA 1288 photon transfer; 0.005 DN on resampled D4xx frames at 640x480",
     randomness=Randomness.TEMPORAL,
     variance=_variance,
+    judged=(RandomTerm("dn_per_electron", Lever.PHOTONS),),
     parameters=[Parameter("dn_per_electron", "DN", neutral=0.0, low=0.0, high=2.0, typical=0.03, source="at gain 1")],
     engine=_engine,
 )

@@ -2,6 +2,7 @@
 
 from activestereo.effects.core.descriptor import Parameter, Randomness, Stage, effect
 from activestereo.effects.core.engine import EngineInputs, moves
+from activestereo.effects.core.judging import Lever, RandomTerm, SharedBy
 from activestereo.effects.core.speckle import speckled
 
 
@@ -16,6 +17,7 @@ def _engine(inputs: EngineInputs, contrast: float) -> None:
     family="speckle",
     source="Goodman, Speckle Phenomena in Optics, 3.4; does not average out over frames (librealsense issue 1375)",
     randomness=Randomness.STATIC,
+    judged=(RandomTerm("contrast", Lever.PROJECTOR, SharedBy.VIEW),),
     parameters=[Parameter("contrast", "1", neutral=0.0, low=0.0, high=0.8, typical=0.1)],
     engine=_engine,
 )

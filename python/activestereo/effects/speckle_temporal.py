@@ -2,6 +2,7 @@
 
 from activestereo.effects.core.descriptor import Parameter, Randomness, Stage, effect
 from activestereo.effects.core.engine import EngineInputs, moves
+from activestereo.effects.core.judging import Lever, RandomTerm
 from activestereo.effects.core.speckle import speckled
 
 
@@ -16,6 +17,7 @@ def _engine(inputs: EngineInputs, contrast: float) -> None:
     family="speckle",
     source="Goodman, Speckle Phenomena in Optics, 3.4; gamma noise of Landau 2015 (Kinect)",
     randomness=Randomness.TEMPORAL,
+    judged=(RandomTerm("contrast", Lever.SIGNAL),),
     parameters=[Parameter("contrast", "1", neutral=0.0, low=0.0, high=0.8, typical=0.1)],
     engine=_engine,
 )

@@ -4,7 +4,7 @@ import os
 
 from activestereo.lab.compare import compare
 from activestereo.lab.diagnose import diagnose
-from activestereo.lab.diagnose_report import write_diagnosis
+from activestereo.lab.diagnose.report import write_diagnosis
 from activestereo.lab.model_file import find, library, read_model, write_model
 
 

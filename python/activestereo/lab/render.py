@@ -4,15 +4,29 @@ A renderer is any callable (RenderRequest, progress) -> tuple of Layers (one per
 whenever its pixels may change.
 """
 
-from activestereo.capture import EYES
+from collections.abc import Callable
+from typing import Protocol
+
+from activestereo.capture import EYES, Capture
 from activestereo.lab.cache import LayerCache, request_key
-from activestereo.lab.layers import rig_request, sampling_of
+from activestereo.lab.layers import Layers, RenderRequest, rig_request, sampling_of
 
 # Image samples per pixel side where effects may warp the images: finer ones keep dots sharp.
 WARP_SCALE = 2
 
 
-def render_frames(capture, renderer, samples_per_pixel=64, max_bounces=8, seed=0, cache=None, progress=None, scale=1):
+class Renderer(Protocol):
+    """Renders one rig pose; see the head of this file."""
+
+    version: str
+
+    def __call__(self, request: RenderRequest, progress: Callable[[float], object] | None = None) -> tuple[Layers, ...]: ...
+
+
+def render_frames(
+    capture: Capture, renderer: Renderer, samples_per_pixel: int = 64, max_bounces: int = 8, seed: int = 0,
+    cache: LayerCache | None = None, progress: Callable[[float], object] | None = None, scale: int = 1,
+) -> dict[int, dict[str, Layers]]:  # fmt: skip
     """{frame id: {eye: Layers}} of every frame; frames at one pose share their layers.
 
     A moving frame is rendered at its mid-exposure pose: motion within the exposure is an effect, not part of the base model.
@@ -42,6 +56,6 @@ def render_frames(capture, renderer, samples_per_pixel=64, max_bounces=8, seed=0
     return {frame_id: rendered[key] for frame_id, key in keys.items()}
 
 
-def _part(progress, done, total):
+def _part(progress: Callable[[float], object] | None, done: int, total: int) -> Callable[[float], object] | None:
     """`progress` of one render as progress of them all."""
     return None if progress is None else lambda fraction: progress((done + fraction) / total)

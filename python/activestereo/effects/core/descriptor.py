@@ -11,7 +11,7 @@ By stage, in the light's order, `apply(value, view, **parameters)` gets and retu
     DEPTH                                depth in the left image, metres, 0 = none
 
 It must not change its input, and must return the input itself or an equal one where every parameter is neutral.
-Random effects draw from view.rng(id) alone.
+Random effects draw from view.rng(id) alone. How the lab judges an effect is told in judging.py.
 
 `engine` says what the effect is inside of the engines, see engine.py; an effect without one is `image_only`, and says why.
 """
@@ -20,6 +20,8 @@ import inspect
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum, IntEnum
+
+from activestereo.effects.core.judging import Channel, CodeSteps, EngineFault, Judgement, RandomTerm, Starts
 
 
 class Stage(IntEnum):
@@ -74,8 +76,12 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Effect:
-    """See the head of this file. variance(signal, view, **parameters): DN^2 that a random effect adds to its stage's value.
-    engine(inputs, **parameters): changes EngineInputs, see engine.py; None where no engine field expresses the effect: image_only says why."""
+    """See the head of this file.
+
+    variance(signal, view, **parameters): DN^2 that a random effect adds to its stage's value. engine(inputs, **parameters): changes
+    EngineInputs, see engine.py; None where no engine field expresses the effect: image_only says why. judged: how the lab finds it,
+    where its expected image is not what changes. starts: proposes where fits begin, where a coarse scan of the parameters would miss.
+    """
 
     id: str
     family: str
@@ -88,11 +94,41 @@ class Effect:
     variance: object = None
     engine: Callable[..., None] | None = None
     image_only: str = ""
+    judged: tuple[Judgement, ...] = ()
+    starts: Starts | None = None
 
     @property
     def engine_fields(self) -> tuple[str, ...]:
         """Names of the engine fields that it moves; empty where it is image only."""
         return getattr(self.engine, "fields", ("not told",) if self.engine else ())
+
+    def __post_init__(self) -> None:
+        names = {p.name for p in self.parameters}
+        for told in self.judged:
+            for name in (getattr(told, "parameter", ""), getattr(told, "sparse_share", "")):
+                if name and name not in names:
+                    raise ValueError(f"effect {self.id}: is judged by a parameter '{name}' that it does not have")
+
+    @property
+    def channel(self) -> Channel | None:
+        """What the lab judges it on; None where it is random and does not say how."""
+        if self.stage > Stage.DIGITAL:
+            return Channel.DEPTH_ENGINE if self.randomness is Randomness.NONE else None
+        if any(isinstance(told, CodeSteps) for told in self.judged):
+            return Channel.NOISE_LAW
+        if self.randomness is Randomness.NONE:
+            return Channel.EXPECTED_IMAGE
+        if not self.random_terms:
+            return None
+        return Channel.STATIC_FIELD if self.randomness is Randomness.STATIC else Channel.NOISE_LAW
+
+    @property
+    def random_terms(self) -> tuple[RandomTerm, ...]:
+        return tuple(told for told in self.judged if isinstance(told, RandomTerm))
+
+    @property
+    def engine_fault(self) -> EngineFault:
+        return next((told for told in self.judged if isinstance(told, EngineFault)), EngineFault())
 
     def values(self, given=None):
         """{name: value} of every parameter, neutral where not given; ValueError for an unknown name or a value out of range."""
@@ -123,10 +159,11 @@ class Effect:
 def effect(
     id: str, *, stage: Stage, family: str, parameters: list[Parameter], source: str, randomness: Randomness = Randomness.NONE,
     variance: Callable | None = None, engine: Callable[..., None] | None = None, image_only: str = "",
+    judged: tuple[Judgement, ...] = (), starts: Starts | None = None,
 ) -> Callable[[Callable], Effect]:  # fmt: skip
-    """Makes an Effect of a function; its docstring is the effect's summary."""
+    """Makes an Effect of a function; its docstring is the effect's summary. See Effect."""
 
-    def make(function):
+    def make(function: Callable) -> Effect:
         summary = inspect.getdoc(function)
         if not summary:
             raise ValueError(f"effect {id}: the function needs a docstring, it is what users read")
@@ -136,6 +173,8 @@ def effect(
         moved = wanted if engine is None else list(inspect.signature(engine).parameters)[1:]
         if moved != wanted:
             raise ValueError(f"effect {id}: its engine function takes {moved}, the parameters are {wanted}")
-        return Effect(id, family, stage, tuple(parameters), function, summary, source, randomness, variance, engine, image_only)
+        return Effect(
+            id, family, stage, tuple(parameters), function, summary, source, randomness, variance, engine, image_only, tuple(judged), starts
+        )
 
     return make

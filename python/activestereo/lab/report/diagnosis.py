@@ -1,6 +1,6 @@
 """The report's sections on a diagnosis: which effect is missing, what cannot be told apart, what to measure next."""
 
-from activestereo.lab.diagnose_report import parameter_text
+from activestereo.lab.diagnose.report import parameter_text
 from activestereo.lab.report.page import chart, section, share_bar, table, text
 from activestereo.lab.report.charts import effects_chart
 from activestereo.lab.report.models import ROWS

@@ -1,0 +1,76 @@
+"""Where to start a fit of light that flickers: its likelihood has a peak every hundredth of a hertz, so all of
+them are looked at.
+
+A row's share of ambient light is linear in the sine and cosine of the flicker's phase at that row's time: per
+frequency and line time that is a regression on a few sums per row.
+"""
+
+import numpy as np
+
+from activestereo.capture import Frame
+from activestereo.effects.core.judging import StartImage
+
+# Lamps flicker at twice the mains' 50 or 60 Hz, which grids and generators keep to 2 %; few frames alone would fit
+# others as well.
+_FREQUENCIES_HZ = np.arange(98.0, 122.5, 0.02)
+_FINE_STEPS = 50
+_LINE_TIMES_S = np.arange(0.0, 6.1e-5, 5e-6)
+_STARTS = 4
+
+# (frame, sums w A^2 and w A r of ambient light A over each row).
+_RowSums = tuple[Frame, np.ndarray, np.ndarray]
+
+
+def flicker_starts(images: list[StartImage]) -> list[dict[str, float]]:
+    """Depth, frequency, phase and line time of the best few peaks for the flicker of ambient light."""
+    rows, peaks = [_row_sums(image) for image in images], []
+    for line_time in _LINE_TIMES_S:
+        gains, sine, cosine = _gains(rows, line_time)
+        best = int(gains.argmax())
+        peaks.append((gains[best], _FREQUENCIES_HZ[best], line_time, sine[best], cosine[best]))
+    peaks.sort(reverse=True)
+    return [
+        {
+            "depth": np.hypot(sine, cosine),
+            "frequency_hz": frequency,
+            "phase_rad": np.arctan2(cosine, sine),
+            "line_time_s": line_time,
+        }
+        for _, frequency, line_time, sine, cosine in peaks[:_STARTS]
+    ]
+
+
+def _row_sums(image: StartImage) -> _RowSums:
+    weighted = image.weight * image.ambient
+    return image.view.frame, (weighted * image.ambient).sum(axis=1), (weighted * image.residual).sum(axis=1)
+
+
+def _gains(images: list[_RowSums], line_time: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(fall of chi2, amplitude of the sine, of the cosine) at every frequency.
+
+    Sums of squares and products of sine and cosine are those of twice the angle: of a row's wave exp(i angle) and of
+    its square.
+    """
+    total, square, product = 0.0, 0.0, 0.0
+    waves = {len(strength): _row_waves(len(strength), line_time) for _, strength, _ in images}
+    for frame, strength, moment in images:
+        rows, start = waves[len(strength)], np.exp(2j * np.pi * _FREQUENCIES_HZ * frame.timestamp_s)
+        averaged = np.sinc(_FREQUENCIES_HZ * frame.exposure_s)
+        total = total + averaged**2 * strength.sum()
+        square = square + (averaged * start) ** 2 * ((rows * rows) @ strength)
+        product = product + averaged * start * (rows @ moment)
+    ss, cc, sc = 0.5 * (total - square.real), 0.5 * (total + square.real), 0.5 * square.imag
+    determinant = np.maximum(ss * cc - sc * sc, 1e-12 * (ss * cc + 1e-30))
+    sine = (cc * product.imag - sc * product.real) / determinant
+    cosine = (ss * product.real - sc * product.imag) / determinant
+    return sine * product.imag + cosine * product.real, sine, cosine
+
+
+def _row_waves(height: int, line_time: float) -> np.ndarray:
+    """exp(i angle) of rows counted from the middle, [frequencies][height]: products of coarse and fine steps of
+    frequency.
+    """
+    lag = 2j * np.pi * line_time * (np.arange(height) - (height - 1) / 2)
+    coarse = np.exp(np.outer(_FREQUENCIES_HZ[::_FINE_STEPS], lag))
+    fine = np.exp(np.outer(_FREQUENCIES_HZ[:_FINE_STEPS] - _FREQUENCIES_HZ[0], lag))
+    return (coarse[:, None] * fine).reshape(-1, height)[: len(_FREQUENCIES_HZ)]

@@ -1,0 +1,76 @@
+"""Where to start a fit of a second unit's dots: they match the picture at one place of that unit alone.
+
+A fine grid of places beside the rig and of yaw angles is looked at, each by the regression of the residual on the
+dots that a unit there would throw.
+"""
+
+import numpy as np
+from scipy.ndimage import gaussian_filter
+
+from activestereo.effects.core.judging import StartImage
+from activestereo.effects.core.shading import Shading
+from activestereo.effects.core.view import transform
+
+_REACH_M, _LARGEST_YAW_RAD = 0.4, 0.3
+# Apart by about a dot's width: dots are blurred to it, so that none falls between two trials.
+_STEP_RAD = 0.009
+_IMAGES, _PIXELS = 3, 1500
+_STARTS = 4
+_SEED = 12
+
+
+def unit_starts(images: list[StartImage]) -> list[dict[str, float]]:
+    """Intensity, place and yaw of the best few places of a second unit; images without the own projector's dots
+    count first.
+    """
+    chosen = sorted(images, key=lambda image: image.view.frame.projector_power)[:_IMAGES]
+    scenes = [_Scene(image) for image in chosen]
+    depth = np.median(np.concatenate([s.points[:, 2] for s in scenes])) if scenes else 1.0
+    places = np.arange(-_REACH_M, _REACH_M, _STEP_RAD * depth)
+    yaws = np.arange(-_LARGEST_YAW_RAD, _LARGEST_YAW_RAD, _STEP_RAD)
+    gains, strengths = (np.zeros((len(places), len(yaws))) for _ in range(2))
+    for i, x in enumerate(places):
+        both = sum((s.products(x, yaws) for s in scenes), np.zeros((2, len(yaws))))
+        strengths[i] = np.maximum(both[0], 0.0) / np.maximum(both[1], 1e-300)
+        gains[i] = strengths[i] * both[0]
+    best = [np.unravel_index(flat, gains.shape) for flat in np.argsort(-gains, axis=None)[:_STARTS]]
+    return [
+        {"intensity_m2": strengths[i, j], "offset_x_m": places[i], "offset_y_m": 0.0, "yaw_rad": yaws[j]}
+        for i, j in best
+    ]
+
+
+class _Scene:
+    """Random pixels of one image. points: projector coordinates [n][3]."""
+
+    def __init__(self, image: StartImage) -> None:
+        view, shading = image.view, Shading(image.light, image.view)
+        where = np.flatnonzero(shading.hit & (shading.reflectance > 0))
+        pick = np.random.Generator(np.random.PCG64(_SEED)).permutation(where)[:_PIXELS]
+        rotation = view.camera_to_projector[:3, :3]
+        self.points = transform(view.camera_to_projector, shading.points).reshape(-1, 3)[pick]
+        self._normal = shading.normal.reshape(-1, 3)[pick] @ rotation.T
+        self._glow = image.ambient_dn * shading.reflectance.ravel()[pick]
+        self._weight, self._residual = image.weight.ravel()[pick].astype(np.float64), image.residual.ravel()[pick]
+        self._K = view.projector_K
+        sigma_px = 0.5 * _STEP_RAD * self._K[0, 0]
+        pattern = np.asarray(view.pattern, dtype=np.float64)
+        self._pattern = view.once("unit's pattern", lambda: gaussian_filter(pattern, sigma_px, mode="constant"))
+
+    def products(self, x: float, yaws: np.ndarray) -> np.ndarray:
+        """[2][yaws]: of the dots of unit intensity thrown from x beside the projector, with the residual and with
+        themselves.
+        """
+        way = self.points - [x, 0.0, 0.0]
+        square = np.maximum((way**2).sum(-1), 1e-6)
+        irradiance = np.maximum(-(way * self._normal).sum(-1), 0.0) / (square * np.sqrt(square))
+        c, s = np.cos(yaws)[:, None], np.sin(yaws)[:, None]
+        ahead = s * way[:, 0] + c * way[:, 2]
+        z = np.where(ahead > 1e-3, ahead, np.inf)
+        column = np.rint(self._K[0, 0] * (c * way[:, 0] - s * way[:, 2]) / z + self._K[0, 2]).astype(int)
+        row = np.rint(self._K[1, 1] * way[:, 1] / z + self._K[1, 2]).astype(int)
+        height, width = self._pattern.shape
+        inside = (column >= 0) & (column < width) & (row >= 0) & (row < height) & (ahead > 1e-3)
+        dots = np.where(inside, self._pattern[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)], 0.0)
+        dots = dots * (self._glow * irradiance)
+        return np.stack([dots @ (self._weight * self._residual), dots**2 @ self._weight])

@@ -1,0 +1,143 @@
+"""The channel of expected images: an effect is fitted with all nuisances, and judged on tiles that its fit did not
+see.
+
+All effects are scanned coarsely on a few images; those that a scan shows to be within reach of the best are fitted
+there; those that came close to it are polished on all images.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from threading import Lock
+from typing import ClassVar, TypeVar
+
+import numpy as np
+
+from activestereo.effects import Effect
+from activestereo.effects.core.judging import Channel
+from activestereo.lab.diagnose.channels.channel import JudgingChannel, Progress
+from activestereo.lab.diagnose.findings import BaseFit, Explanation, NotRanked
+from activestereo.lab.diagnose.gates import Gates
+from activestereo.lab.diagnose.propose.scan import Start, starts
+from activestereo.lab.diagnose.propose.surfaces import on_explained
+from activestereo.lab.diagnose.refine import Fitters, ParameterSpace, Solution
+from activestereo.lab.diagnose.score.intervals import intervals
+from activestereo.lab.diagnose.score.likelihood import cross_validated
+
+_SCAN_STEPS, _POLISH_STEPS = 5, 6
+# A start that is worse than the neutral one by this factor is none.
+_HOPELESS_START = 1.5
+# Parts of the time, for the progress; polishing takes the rest.
+_SCAN_TIME, _FIT_TIME = 0.4, 0.3
+
+_In, _Out = TypeVar("_In"), TypeVar("_Out")
+
+
+@dataclass(frozen=True)
+class _Scanned:
+    """gain: relative fall of chi2. neutral: chi2 without the effect. found: where fits start."""
+
+    gain: float
+    effect: Effect
+    space: ParameterSpace
+    neutral: float
+    found: tuple[Start, ...]
+
+
+@dataclass(frozen=True)
+class _Approached:
+    """A fit to the scan's images."""
+
+    gain: float
+    effect: Effect
+    solution: Solution
+
+
+class ExpectedImageChannel(JudgingChannel):
+    """Judges deterministic effects up to the digital numbers.
+
+    earlier: {id: an effect's parameters as fitted without the model's last effect}, see propose/scan.py. workers:
+    threads that fit.
+    """
+
+    kind: ClassVar[Channel] = Channel.EXPECTED_IMAGE
+
+    def __init__(
+        self,
+        fitters: Fitters,
+        base: BaseFit,
+        gates: Gates,
+        workers: int,
+        earlier: Mapping[str, np.ndarray] | None = None,
+    ) -> None:
+        self._fitters, self._base, self._gates, self._workers = fitters, base, gates, workers
+        self._earlier = earlier or {}
+
+    def explain(self, effects: Sequence[Effect], progress: Progress | None = None) -> list[Explanation | NotRanked]:
+        gates, steps = self._gates, _Steps(progress)
+        with ThreadPoolExecutor(max_workers=self._workers) as pool:
+            seen = steps.all_of(pool, effects, _SCAN_TIME, self._scanned)
+            within = {s.effect.id for s in _close_to_best(seen, gates.out_of_reach)} | set(self._earlier)
+            scanned = sorted((s for s in seen if s.effect.id in within), key=lambda s: -s.gain)
+            approached = steps.all_of(pool, scanned, _FIT_TIME, self._approached)
+            hopeful = _close_to_best(approached, gates.hopeless_share)
+            jobs = [(self._is_worth_steps(rank, a, hopeful[0].gain), a) for rank, a in enumerate(hopeful)]
+            return steps.all_of(pool, jobs, 1.0 - _SCAN_TIME - _FIT_TIME, self._polished)
+
+    def _is_worth_steps(self, rank: int, approached: _Approached, best: float) -> bool:
+        gates = self._gates
+        return approached.gain > gates.worth_steps and (
+            rank < gates.polished or approached.gain > gates.close_share * best
+        )
+
+    def _scanned(self, effect: Effect) -> _Scanned | None:
+        """A coarse scan; None where there is nothing to see."""
+        base, scan = self._base.solution, self._fitters.scan
+        space = ParameterSpace.of(self._base.model, effect).starting_at(base.theta)
+        neutral = scan.nuisance_fit(space, space.start, base.phi, scan.lights(space, space.start), 1)[1]
+        tried = starts(scan, space, effect, base.phi, self._earlier.get(effect.id))
+        found = tuple(s for s in tried if s.chi2 < _HOPELESS_START * neutral)
+        return _Scanned(1.0 - found[0].chi2 / neutral, effect, space, neutral, found) if found else None
+
+    def _approached(self, scanned: _Scanned) -> _Approached | None:
+        """The best fit to the scan's images; None where it gains nothing."""
+        scan = self._fitters.scan
+        fits = [scan.refine(scanned.space, s.theta, s.phi, _SCAN_STEPS) for s in scanned.found]
+        best = on_explained(scan, min(fits, key=lambda fit: fit.sums.total), _SCAN_STEPS)
+        gain = 1.0 - best.sums.total / scanned.neutral
+        return _Approached(gain, scanned.effect, best) if gain > self._gates.worth_polishing else None
+
+    def _polished(self, job: tuple[bool, _Approached]) -> Explanation:
+        takes_steps, approached = job
+        fitter, effect, start = self._fitters.train, approached.effect, approached.solution
+        solution = fitter.refine(start.space, start.theta, start.phi, _POLISH_STEPS if takes_steps else 0)
+        parameters, chi2 = intervals(fitter, solution, effect), cross_validated(fitter, solution)
+        return Explanation(effect, self.kind, parameters, chi2, solution.sums.tile_chi2, solution=solution)
+
+
+def _close_to_best(found: Sequence[_Out], share: float) -> list[_Out]:
+    """Those with more than a share of the best one's gain, best first."""
+    best = max((f.gain for f in found), default=0.0)
+    return sorted((f for f in found if f.gain > share * best), key=lambda f: -f.gain)
+
+
+class _Steps:
+    """Work over a pool, with the progress of the whole."""
+
+    def __init__(self, progress: Progress | None) -> None:
+        self._progress, self._done, self._lock = progress, 0.0, Lock()
+
+    def all_of(
+        self, pool: ThreadPoolExecutor, items: Sequence[_In], share: float, work: Callable[[_In], _Out | None]
+    ) -> list[_Out]:
+        """The results that are not None, in order. share: of the whole time."""
+
+        def one(item: _In) -> _Out | None:
+            out = work(item)
+            with self._lock:
+                self._done = min(self._done + share / len(items), 1.0)
+                if self._progress:
+                    self._progress(self._done)
+            return out
+
+        return [out for out in pool.map(one, items) if out is not None]

@@ -1,0 +1,198 @@
+"""Fits fields of random draws that stay (pixel gains, offsets, dots, speckle): what one frame shows tells another.
+
+Each is a random-effects model: residual = lever * b[draw] + noise, b ~ N(0, sigma^2). b is predicted for each group
+of frames from the other groups alone (best linear unbiased prediction, Robinson 1991), so that the fall of the
+squared error is honest.
+"""
+
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from activestereo.effects import Effect
+from activestereo.effects.core.judging import RandomTerm, SharedBy
+from activestereo.lab.diagnose.channels.dots_seen import dots_seen
+from activestereo.lab.diagnose.channels.draws import DrawIndex, draw_grid, frames_that_share, lever_image
+from activestereo.lab.diagnose.evidence.inadequacy import edges
+from activestereo.lab.diagnose.findings import FieldFit
+from activestereo.lab.diagnose.gates import Gates
+from activestereo.lab.diagnose.refine import ImageResidual
+
+_JACKKNIFE = 16
+
+
+def fit_fields(
+    effect: Effect, train: Sequence[ImageResidual], test: Sequence[ImageResidual], black_dn: float, gates: Gates
+) -> FieldFit | None:
+    """The fields of a random effect, each fitted to what those before it leave; None where nothing repeats or what
+    does is not random.
+    """
+    index, share, found = DrawIndex(), 0.0, False
+    sigma, error = {}, {}
+    for term in effect.random_terms:
+        rows = [_row_of(term, row, black_dn, index) for row in train]
+        if len({row.group for row in rows}) < 2:
+            return None
+        first = _variance(rows)[0]
+        variance, deviation = _variance(_unclipped(rows, train, first, gates))
+        sigma[term.parameter], error[term.parameter] = float(np.sqrt(max(variance, 0.0))), float(deviation)
+        totals = _totals(rows)
+        grid = draw_grid(term.shared_by, train[0].observation)
+        sparse = gates.hot_sigma if term.sparse_share else None
+        if variance <= 0 or not (term.sparse_share or _is_random(totals, variance, *grid, gates.field_correlation)):
+            sigma[term.parameter] = 0.0
+            continue
+        if term.shared_by is SharedBy.DOT:
+            seen = np.sqrt(dots_seen(train, lambda residuals, rows=rows: _variance_of(residuals, rows)))
+            sigma[term.parameter], error[term.parameter] = sigma[term.parameter] / seen, error[term.parameter] / seen
+        found = True
+        tests = [_row_of(term, row, black_dn, index) for row in test]
+        train = _with_residuals(train, [_corrected(row, rows, totals, variance, sparse) for row in rows])
+        test = _with_residuals(test, [_predicted(row, totals, variance, sparse) for row in tests])
+        if term.sparse_share:
+            share, mean = _sparse(totals, gates.hot_sigma)
+            sigma[term.parameter] = sigma[term.parameter] if mean is None else mean
+    residuals, test_residuals = (tuple(row.residual for row in rows) for rows in (train, test))
+    return FieldFit(residuals, test_residuals, sigma, error, share) if found else None
+
+
+def _with_residuals(rows: Sequence[ImageResidual], residuals: Sequence[np.ndarray]) -> list[ImageResidual]:
+    return [row._replace(residual=r) for row, r in zip(rows, residuals, strict=True)]
+
+
+def _sparse(totals: tuple[np.ndarray, np.ndarray], hot_sigma: float) -> tuple[float, float | None]:
+    """(share of the places with a draw, the draws' mean or None) of a sparse field."""
+    a, b = totals
+    strong = b > hot_sigma * np.sqrt(np.maximum(a, 1e-30))
+    share = float(strong.sum() / max((a > 0).sum(), 1))
+    return share, float((b[strong] / a[strong]).mean()) if strong.any() else None
+
+
+@dataclass(frozen=True)
+class _Row:
+    """One image as normal equations of b: a = w z^2, b = w z r at each pixel's draw."""
+
+    group: Hashable
+    index: np.ndarray
+    z: np.ndarray
+    residual: np.ndarray
+    weight: np.ndarray
+
+    def sums(self, size: int) -> tuple[np.ndarray, np.ndarray]:
+        flat, w = self.index.ravel(), self.weight
+        a = np.bincount(flat, (w * self.z**2).ravel(), minlength=size)
+        return a, np.bincount(flat, (w * self.z * self.residual).ravel(), minlength=size)
+
+
+def _row_of(term: RandomTerm, row: ImageResidual, black_dn: float, index: DrawIndex) -> _Row:
+    """Draws that last only while the rig stands still share that with misplaced edges, which therefore do not count."""
+    o = row.observation
+    weight = np.where(edges(o), 0.0, o.weight) if term.shared_by is SharedBy.VIEW else o.weight
+    return _Row(
+        frames_that_share(term, o), index(term, o), lever_image(term.lever, row, black_dn), row.residual, weight
+    )
+
+
+def _is_random(
+    totals: tuple[np.ndarray, np.ndarray],
+    variance: float,
+    shape: tuple[int, ...],
+    steps: int,
+    largest_correlation: float,
+) -> bool:
+    """Whether draws `steps` apart on their grid are independent: what neighbours share in expectation, over the
+    variance.
+    """
+    count = len(totals[0]) // int(np.prod(shape)) * int(np.prod(shape))
+    a, b = (total[:count].reshape(-1, *shape) for total in totals)
+    for axis in range(1, a.ndim):
+        near, far = np.arange(a.shape[axis] - steps), np.arange(steps, a.shape[axis])
+        both = (a.take(near, axis) * a.take(far, axis)).sum()
+        if both > 0 and (b.take(near, axis) * b.take(far, axis)).sum() > largest_correlation * variance * both:
+            return False
+    return True
+
+
+def _unclipped(rows: Sequence[_Row], train: Sequence[ImageResidual], variance: float, gates: Gates) -> list[_Row]:
+    """The rows without pixels that a draw of this variance may bring to an end of the range: clipped draws look
+    smaller.
+    """
+    out = []
+    for row, (o, image, *_) in zip(rows, train, strict=True):
+        reach = gates.clear_of_ends * np.sqrt(max(variance, 0.0)) * np.abs(row.z)
+        out.append(replace(row, weight=np.where((image > reach) & (image < o.view.max_dn - reach), row.weight, 0.0)))
+    return out
+
+
+def _size(rows: Sequence[_Row]) -> int:
+    return max(int(row.index.max()) for row in rows) + 1
+
+
+def _totals(rows: Sequence[_Row]) -> tuple[np.ndarray, np.ndarray]:
+    size = _size(rows)
+    sums = [row.sums(size) for row in rows]
+    return sum(a for a, _ in sums), sum(b for _, b in sums)
+
+
+def _group_sums(rows: Sequence[_Row]) -> dict[Hashable, tuple[np.ndarray, np.ndarray]]:
+    size, groups = _size(rows), {}
+    for row in rows:
+        a, b = row.sums(size)
+        if row.group in groups:
+            a, b = a + groups[row.group][0], b + groups[row.group][1]
+        groups[row.group] = a, b
+    return groups
+
+
+def _variance(rows: Sequence[_Row]) -> tuple[float, float]:
+    """(sigma^2, standard error of sigma).
+
+    The variance comes from products of different groups alone, unbiased under any noise that groups do not share; its
+    error from a jackknife over interleaved subsets of the draws.
+    """
+    groups = _group_sums(rows).values()
+    total_a, total_b = sum(a for a, _ in groups), sum(b for _, b in groups)
+    top = total_b**2 - sum(b**2 for _, b in groups)
+    bottom = total_a**2 - sum(a**2 for a, _ in groups)
+    if bottom.sum() <= 0:
+        return 0.0, 0.0
+    variance = top.sum() / bottom.sum()
+    part = np.arange(len(top)) % _JACKKNIFE
+    tops, bottoms = np.bincount(part, top, minlength=_JACKKNIFE), np.bincount(part, bottom, minlength=_JACKKNIFE)
+    without = (top.sum() - tops) / np.maximum(bottom.sum() - bottoms, 1e-300)
+    spread = np.sqrt((_JACKKNIFE - 1) / _JACKKNIFE * ((without - without.mean()) ** 2).sum())
+    return float(variance), float(spread / (2.0 * np.sqrt(max(variance, spread, 1e-30))))
+
+
+def _variance_of(residuals: Sequence[np.ndarray], rows: Sequence[_Row]) -> float:
+    """The variance of other residuals."""
+    return _variance([replace(row, residual=r) for row, r in zip(rows, residuals, strict=True)])[0]
+
+
+def _shrunk(a: np.ndarray, b: np.ndarray, variance: float, hot_sigma: float | None) -> np.ndarray:
+    """Best predictions of the draws; of a sparse field, of those beyond hot_sigma deviations alone."""
+    if hot_sigma is None:
+        return b / (a + 1.0 / variance)
+    return np.where(b > hot_sigma * np.sqrt(np.maximum(a, 1e-30)), b / np.maximum(a, 1e-30), 0.0)
+
+
+def _corrected(
+    row: _Row, rows: Sequence[_Row], totals: tuple[np.ndarray, np.ndarray], variance: float, hot_sigma: float | None
+) -> np.ndarray:
+    """The residual less what the other groups predict."""
+    own_a, own_b = (np.zeros(len(total)) for total in totals)
+    for other in rows:
+        if other.group == row.group:
+            a, b = other.sums(len(own_a))
+            own_a, own_b = own_a + a, own_b + b
+    value = _shrunk(totals[0] - own_a, totals[1] - own_b, variance, hot_sigma)
+    return row.residual - row.z * value[row.index]
+
+
+def _predicted(
+    row: _Row, totals: tuple[np.ndarray, np.ndarray], variance: float, hot_sigma: float | None
+) -> np.ndarray:
+    value = _shrunk(*totals, variance, hot_sigma)
+    known = row.index < len(value)
+    return row.residual - row.z * np.where(known, value[np.minimum(row.index, len(value) - 1)], 0.0)

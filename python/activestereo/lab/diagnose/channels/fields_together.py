@@ -1,0 +1,175 @@
+"""Random fields that lie over each other (pixel gains under speckle): which of them do the frames show at once?
+
+Variance components by the method of moments (Henderson's, as products of residuals of different frames at one pixel):
+a field adds its variance to a product where both frames share its draw, a gain in every frame, a grain while the rig
+stands still. Noise that frames do not share cancels, whatever its size.
+"""
+
+from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+from scipy.optimize import nnls
+
+from activestereo.effects import Effect
+from activestereo.effects.core.judging import Lever, RandomTerm, SharedBy
+from activestereo.lab.diagnose.channels.draws import lever_image
+from activestereo.lab.diagnose.channels.field_fit import fit_fields
+from activestereo.lab.diagnose.evidence.inadequacy import edges
+from activestereo.lab.diagnose.findings import BaseFit, Finding
+from activestereo.lab.diagnose.gates import Gates
+from activestereo.lab.diagnose.refine import ImageResidual
+from activestereo.lab.diagnose.score.intervals import Interval, interval, within_ranges
+
+_BLOCKS = 16
+
+
+@dataclass(frozen=True)
+class Component:
+    """variance and error: of a field's draws; floors: what it adds to the mean square of the train images, in
+    floors.
+    """
+
+    variance: float
+    error: float
+    floors: float
+
+
+def pixel_term(effect: Effect) -> RandomTerm | None:
+    """The term of an effect that draws for every pixel, or None."""
+    terms = (t for t in effect.random_terms if t.shared_by in (SharedBy.PIXEL, SharedBy.VIEW) and not t.sparse_share)
+    return next(terms, None)
+
+
+def shown_together(findings: Sequence[Finding], base: BaseFit, gates: Gates) -> list[Finding]:
+    """Findings of random fields that the frames show at once, refitted in order, each to what those before it
+    leave; [] for fewer than two.
+
+    findings: of random fields that may be named alone, on top of the base. They are fitted from those that most
+    frames share to those that fewest do, multiplicative ones first.
+    """
+    chosen = sorted(
+        ((pixel_term(f.effect), f) for f in findings if pixel_term(f.effect)), key=lambda pair: _order(pair[0])
+    )
+    if len(chosen) < 2:
+        return []
+    train, test = base.train, base.test
+    black_dn = base.solution.nuisances.black_dn
+    largest = {f.id: _largest_sigma(f) for _, f in chosen}
+    shown = components({f.id: term for term, f in chosen}, largest, train, black_dn, gates)
+    least = gates.component_share * sum(c.floors for c in shown.values())
+    fitted = []
+    for _, f in chosen:
+        part = shown[f.id]
+        if not (part.floors > least and part.variance > gates.component_sigmas * part.error):
+            continue
+        fit = fit_fields(f.effect, train, test, black_dn, gates)
+        if fit is not None:
+            explanation = replace(f.explanation, fields=fit, parameters=_parameters(f, part))
+            fitted.append(replace(f, explanation=explanation))
+            train, test = _leaving(train, fit.residuals), _leaving(test, fit.test_residuals)
+    return fitted if len(fitted) > 1 else []
+
+
+def _order(term: RandomTerm) -> tuple[bool, bool]:
+    return term.shared_by is SharedBy.VIEW, term.lever is Lever.ONE
+
+
+def _leaving(rows: Sequence[ImageResidual], residuals: Sequence[np.ndarray]) -> tuple[ImageResidual, ...]:
+    return tuple(row._replace(residual=r) for row, r in zip(rows, residuals, strict=True))
+
+
+def _parameters(finding: Finding, component: Component) -> Mapping[str, Interval]:
+    """The finding's parameters; that of a field of one part is the component's deviation."""
+    first, *more = finding.effect.parameters
+    if more:
+        return finding.explanation.parameters
+    sigma = float(np.sqrt(component.variance))
+    return within_ranges(finding.effect, {first.name: interval(first, sigma, component.error / (2.0 * sigma))})
+
+
+def _largest_sigma(finding: Finding) -> float:
+    """The deviation of a draw as fitted alone: no less than what it is beside others."""
+    return float(np.sqrt(sum(s**2 for s in finding.explanation.fields.sigma.values())))
+
+
+def components(
+    terms: Mapping[str, RandomTerm],
+    sigmas: Mapping[str, float],
+    train: Sequence[ImageResidual],
+    black_dn: float,
+    gates: Gates,
+) -> dict[str, Component]:
+    """{id: Component}, jointly; standard errors by leaving out blocks of rows in turn.
+
+    sigmas: {id: deviation of a draw at most}.
+    """
+    ids = list(terms)
+    blocks, powers = [], {name: 0.0 for name in ids}
+    for eye in {o.eye for o, *_ in train}:
+        images = [_image(row, terms, sigmas, black_dn, gates) for row in train if row[0].eye == eye]
+        for image in images:
+            for name in ids:
+                powers[name] += float((image.weight * image.levers[name] ** 2).mean()) / len(train)
+        for start in range(_BLOCKS):
+            part = [_rows_from(image, start) for image in images]
+            blocks.append(_normal_equations(part, terms))
+    grams, moments = (np.array(list(x)) for x in zip(*blocks, strict=True))
+    whole = _solved(grams.sum(0), moments.sum(0))
+    without = np.array([_solved(grams.sum(0) - g, moments.sum(0) - m) for g, m in zip(grams, moments, strict=True)])
+    spread = np.sqrt((len(blocks) - 1) / len(blocks) * ((without - without.mean(0)) ** 2).sum(0))
+    return {
+        name: Component(float(v), float(s), float(v * powers[name]))
+        for name, v, s in zip(ids, whole, spread, strict=True)
+    }
+
+
+@dataclass(frozen=True)
+class _Image:
+    """pose: what stands still together, None = moving.
+
+    weight: 0 next to edges, whose misplacement stays with the pose, and where draws may be clipped, which makes
+    offsets look like gains. levers: {id: DN per draw}.
+    """
+
+    pose: Hashable
+    weight: np.ndarray
+    residual: np.ndarray
+    levers: Mapping[str, np.ndarray]
+
+
+def _image(
+    row: ImageResidual, terms: Mapping[str, RandomTerm], sigmas: Mapping[str, float], black_dn: float, gates: Gates
+) -> _Image:
+    o, image, _, residual = row
+    levers = {name: lever_image(term.lever, row, black_dn) for name, term in terms.items()}
+    pose = None if o.frame.is_moving else o.frame.camera_to_world.tobytes()
+    reach = np.max([gates.clear_of_ends * sigma * np.abs(levers[name]) for name, sigma in sigmas.items()], axis=0)
+    counts = ~edges(o) & (image > reach) & (image < o.view.max_dn - reach)
+    return _Image(pose, np.where(counts, o.weight, 0.0), residual, levers)
+
+
+def _rows_from(image: _Image, start: int) -> _Image:
+    rows = slice(start, None, _BLOCKS)
+    levers = {k: v[rows] for k, v in image.levers.items()}
+    return _Image(image.pose, image.weight[rows], image.residual[rows], levers)
+
+
+def _normal_equations(images: Sequence[_Image], terms: Mapping[str, RandomTerm]) -> tuple[np.ndarray, np.ndarray]:
+    gram, moment = np.zeros((len(terms), len(terms))), np.zeros(len(terms))
+    for a, b in combinations(images, 2):
+        still = a.pose is not None and a.pose == b.pose
+        levers = [
+            a.levers[n] * b.levers[n] * (still or term.shared_by is not SharedBy.VIEW) for n, term in terms.items()
+        ]
+        weight = a.weight * b.weight
+        for i, lever in enumerate(levers):
+            moment[i] += float((weight * lever * a.residual * b.residual).sum())
+            gram[i] += [float((weight * lever * other).sum()) for other in levers]
+    return gram, moment
+
+
+def _solved(gram: np.ndarray, moment: np.ndarray) -> np.ndarray:
+    norm = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    return nnls(gram / np.outer(norm, norm), moment / norm)[0] / norm

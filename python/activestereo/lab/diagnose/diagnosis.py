@@ -1,0 +1,203 @@
+"""Ranks the library on a capture's train frames and says what the data allow to say.
+
+Test frames are touched once, for the held-out figures of the models along the way; they decide nothing.
+"""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from activestereo.capture import read_capture
+from activestereo.effects import Effect, Model
+from activestereo.effects.core.judging import Channel
+from activestereo.lab.cache import LayerCache
+from activestereo.lab.diagnose.base_fit import BaseFits
+from activestereo.lab.diagnose.channels import Progress
+from activestereo.lab.diagnose.channels.fields_together import shown_together
+from activestereo.lab.diagnose.evidence import Evidence, gather
+from activestereo.lab.diagnose.findings import Finding, Ranking
+from activestereo.lab.diagnose.gates import GATES, Gates
+from activestereo.lab.diagnose.greedy import Step, greedy
+from activestereo.lab.diagnose.next_measurement import next_measurements
+from activestereo.lab.diagnose.propose.scan import scan_observations
+from activestereo.lab.diagnose.rank import Bench, rank, settled_first
+from activestereo.lab.diagnose.refine import Fitters
+from activestereo.lab.diagnose.report.figures import held_out_figures
+from activestereo.lab.diagnose.report.ranking_json import not_ranked_json, ranking_json
+from activestereo.lab.diagnose.report.residual_law import residual_law
+from activestereo.lab.diagnose.verdict.acceptance import passes
+from activestereo.lab.diagnose.verdict.completeness import is_unexplained
+from activestereo.lab.diagnose.verdict.verdict import EFFECT, UNDETERMINED, UNKNOWN, is_named, verdict_of
+from activestereo.lab.model_file import library, model_json
+from activestereo.lab.render import WARP_SCALE, Renderer, render_frames
+from activestereo.lab.where_channels import material_names
+
+_RENDER_SHARE = 0.4
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """result: what diagnose.json holds.
+
+    model: the given model with what was added. stub: Python text of an effect, or None.
+    """
+
+    result: dict[str, object]
+    model: Model
+    stub: str | None = None
+
+
+def diagnose(
+    capture_path: str | Path,
+    model: Model | None = None,
+    effects: Mapping[str, Effect] | None = None,
+    steps: str = "one",
+    renderer: Renderer | None = None,
+    samples_per_pixel: int = 32,
+    max_bounces: int = 8,
+    seed: int = 0,
+    cache: LayerCache | None = None,
+    workers: int = 2,
+    progress: Progress | None = None,
+    gates: Gates = GATES,
+) -> Diagnosis:
+    """A Diagnosis of the capture folder. CaptureError where the capture cannot be used.
+
+    model: a Model to start from; effects: {id: Effect} to choose from, None for the built-in ones. steps: "one" adds
+    the best effect at most, "greedy" goes on until nothing may be named. progress: called with the fraction done.
+    """
+    model, effects = model or Model(), library() if effects is None else effects
+    reason = no_infrared(capture_path)
+    if reason:
+        return _undetermined(reason, model)
+    capture = read_capture(capture_path)
+    if renderer is None:
+        from activestereo.lab.kuafu_renderer import KuafuRenderer
+
+        renderer = KuafuRenderer()
+    share = progress and (lambda f: progress(_RENDER_SHARE * f))
+    layers = render_frames(capture, renderer, samples_per_pixel, max_bounces, seed, cache, share, WARP_SCALE)
+    share = progress and (lambda f: progress(_RENDER_SHARE + (1.0 - _RENDER_SHARE) * f))
+    return examine(gather(capture, layers), model, list(effects.values()), steps, workers, share, gates)
+
+
+def no_infrared(capture_path: str | Path) -> str | None:
+    """Why infrared images cannot be judged, or None.
+
+    Depth alone cannot tell one effect from another: nearly all fit it.
+    """
+    folder = Path(capture_path)
+    file = folder if folder.name == "capture.json" else folder / "capture.json"
+    if not file.is_file():
+        return None  # read_capture says what is wrong
+    try:
+        frames = json.loads(file.read_text(encoding="utf-8"))["frames"]
+        missing = frames and all(frame.get("left") is None and frame.get("right") is None for frame in frames)
+    except (ValueError, KeyError, TypeError, AttributeError):
+        return None
+    return "the capture has no infrared images: depth alone fits nearly every effect" if missing else None
+
+
+def _undetermined(reason: str, model: Model) -> Diagnosis:
+    text = "record the infrared images of both cameras, with two or more frames of each static view"
+    result = {
+        "verdict": UNDETERMINED,
+        "reason": reason,
+        "ranking": [],
+        "added": [],
+        "heldout_ir_rmse_before": None,
+        "heldout_ir_rmse_after": None,
+        "heldout_noise_floor": None,
+        "next_measurement": [{"text": text, "separates": [], "change": None}],
+        "law": None,
+        "curve": [],
+        "model": model_json(model),
+    }
+    return Diagnosis(result, model)
+
+
+def examine(
+    evidence: Evidence,
+    model: Model,
+    candidates: Sequence[Effect],
+    steps: str = "one",
+    workers: int = 2,
+    progress: Progress | None = None,
+    gates: Gates = GATES,
+) -> Diagnosis:
+    """diagnose() on gathered evidence."""
+    if all(np.ptp(o.measured) == 0 for o in evidence.train):
+        return _undetermined("the infrared images are blank", model)
+    fitters = Fitters.of(evidence, scan_observations(evidence.train))
+    bench = Bench(evidence, fitters, gates, workers, frozenset(e.id for e, _ in model.effects))
+    bases = BaseFits(evidence, fitters, gates)
+    first = rank(bench, bases(model), candidates, progress)
+    if is_named(first):
+        first = settled_first(bench, first)
+    way = _way(bench, bases, first, candidates, steps, progress)
+    last = way[-1].ranking
+    verdict = verdict_of(first, last, evidence.has_floor)
+    law = residual_law(last.base, evidence.capture.name) if verdict == UNKNOWN else None
+    way, beside = _accepted(verdict, first, way, steps)
+    found = _model_of(way[-1].ranking, beside)
+    result = {
+        "verdict": verdict,
+        "capture": evidence.capture.name,
+        "ranking": ranking_json(first, material_names(evidence.capture.scene_path)),
+        "not_ranked": not_ranked_json(first.not_ranked),
+        "added": [*way[-1].added, *(f.id for f in beside)],
+        **held_out_figures(evidence, fitters, [(step.added, step.ranking.base) for step in way], beside),
+        "next_measurement": next_measurements(first, evidence),
+        "law": law and law.as_json(),
+        "model": model_json(found, last.base.solution.nuisances),
+    }
+    return Diagnosis(result, found, law and law.stub())
+
+
+def _way(
+    bench: Bench, bases: BaseFits, first: Ranking, candidates: Sequence[Effect], steps: str, progress: Progress | None
+) -> list[Step]:
+    """Models from the given one on; further ones where they are asked for, or where what is named leaves something."""
+    if is_named(first) and (steps == "greedy" or is_unexplained(first, first.best.remainder, first)):
+        return greedy(bench, bases, first, candidates, progress)
+    return [Step((), first)]
+
+
+def _accepted(verdict: str, first: Ranking, way: list[Step], steps: str) -> tuple[list[Step], list[Finding]]:
+    """(the steps that count, findings to add on top of the last one's base): no name is claimed where most of the
+    error stays.
+    """
+    if verdict != EFFECT:
+        return way[:1], []
+    return (way[:1], [first.best]) if steps == "one" else (way, _beside(way[-1].ranking))
+
+
+def _beside(ranking: Ranking) -> list[Finding]:
+    """What may still be named at the end without an expected image to go on from: random fields that stay (the
+    best, or those that are shown together), noise, and the best fault of the depth engine.
+    """
+    passing = [f for f in ranking.findings if f.solution is None and passes(ranking, f)]
+    fields, noise, depth = (
+        [f for f in passing if f.channel is channel]
+        for channel in (Channel.STATIC_FIELD, Channel.NOISE_LAW, Channel.DEPTH_ENGINE)
+    )
+    together = shown_together(fields, ranking.base, ranking.gates) if len(fields) > 1 else []
+    if fields and fields[0].id not in {f.id for f in together}:
+        together = fields[:1]
+    return noise + together + depth[:1]
+
+
+def _model_of(ranking: Ranking, beside: Sequence[Finding]) -> Model:
+    """The ranking's base model, or that of the one fitted finding added to it, with what was added beside."""
+    model = ranking.base.solution.model
+    for finding in beside:
+        if finding.solution is not None:
+            model = finding.solution.model
+        else:
+            model = model.with_effect(
+                finding.effect, **{name: v.value for name, v in finding.explanation.parameters.items()}
+            )
+    return model

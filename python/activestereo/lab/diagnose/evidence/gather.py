@@ -1,0 +1,188 @@
+"""Gathers the evidence of a capture: everything random is judged against the repeats' noise law, everything
+correlated by tiles.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from activestereo.capture import EYES, Capture, Frame
+from activestereo.effects import Model, View
+from activestereo.lab.diagnose.evidence.inadequacy import law_at_other_gains, place_error
+from activestereo.lab.diagnose.evidence.observation import (
+    BLOCK_PX,
+    FOLDS,
+    QUANTISATION_VARIANCE,
+    TILE_PX,
+    Evidence,
+    Observation,
+    weight_of,
+)
+from activestereo.lab.fit import Nuisances, fit_nuisances, predict
+from activestereo.lab.layers import Layers
+from activestereo.lab.noise import NoiseLaw, frame_floors
+
+_BLOCK_TILES = BLOCK_PX // TILE_PX
+# Noise of captures without repeats: the paper's gamma speckle (k = 60) and a read noise of 1 DN. No effect is ever
+# named by it.
+_ASSUMED_NOISE = (1.0, 0.0, 1.0 / 60.0)
+_FOCAL_STEP = 2e-3
+# A material that covers less than this share of the train frames has no albedo nuisance.
+_SMALLEST_MATERIAL = 0.002
+# At most this share of an expected value is taken from the measurement itself.
+_MOST_MEASURED = 0.5
+
+Floors = dict[tuple[int, str], float]
+
+
+@dataclass(frozen=True)
+class _Shot:
+    """One eye of one frame before it is weighed."""
+
+    frame: Frame
+    eye: str
+    view: View
+    layers: Layers
+    measured: np.ndarray
+
+    @property
+    def key(self) -> tuple[int, str]:
+        return self.frame.id, self.eye
+
+
+def gather(capture: Capture, layers: dict[int, dict[str, Layers]]) -> Evidence:
+    """The Evidence of a capture and its rendered layers {frame id: {eye: Layers}}."""
+    shots = [
+        _Shot(f, eye, View.of(capture, f, eye, layers[f.id][eye]), layers[f.id][eye], capture.ir(f, eye))
+        for f in capture.frames
+        for eye in EYES
+    ]
+    train, test = ([s for s in shots if s.frame.split == split] for split in ("train", "test"))
+    nuisances = fit_nuisances([(s.frame, s.layers, s.measured) for s in train], capture.rig.max_dn).nuisances
+    floors, law, has_floor = _noise(capture, shots, nuisances)
+    expected = _expected(shots, floors, nuisances, capture.rig.max_dn)
+    law, floors = _noise_at_other_gains(law, floors, has_floor, shots, train, nuisances, capture.rig.max_dn)
+    predicted = {s.key: predict(s.frame, s.layers, nuisances, capture.rig.max_dn) for s in train}
+    place_error_m = place_error(train, predicted, law)
+    tiles, count = _tiles(train)
+    materials = _albedo_materials(train)
+
+    def observation(shot: _Shot) -> Observation:
+        weight = weight_of(law, place_error_m, shot, expected[shot.key])
+        tile, fold = tiles.get(shot.key, (None, None))
+        material, slope = _material_index(shot, materials), _focal_slope(shot, nuisances)
+        return Observation(
+            shot.frame, shot.eye, shot.view, shot.layers, shot.measured, weight, tile, fold, material, slope
+        )
+
+    return Evidence(
+        capture=capture,
+        train=tuple(map(observation, train)),
+        test=tuple(map(observation, test)),
+        nuisances=nuisances,
+        law=law,
+        floors=floors,
+        has_floor=has_floor,
+        materials=len(materials),
+        tiles=count,
+        place_error_m=place_error_m,
+    )
+
+
+def _noise(capture: Capture, shots: Sequence[_Shot], nuisances: Nuisances) -> tuple[Floors, NoiseLaw, bool]:
+    """(floor of each image in DN^2, noise law, whether repeats told them)."""
+    told, law = frame_floors(capture, nuisances.black_dn)
+    if law is not None:
+        return {key: max(v[0], QUANTISATION_VARIANCE) for key, v in told.items()}, law, True
+    law = NoiseLaw(*_ASSUMED_NOISE, nuisances.black_dn)
+    return {s.key: max(law.mean_variance(s.measured, s.frame.gain), QUANTISATION_VARIANCE) for s in shots}, law, False
+
+
+def _noise_at_other_gains(
+    law: NoiseLaw,
+    floors: Floors,
+    has_floor: bool,
+    shots: Sequence[_Shot],
+    train: Sequence[_Shot],
+    nuisances: Nuisances,
+    max_dn: float,
+) -> tuple[NoiseLaw, Floors]:
+    """The law and floors with the noise that frames at gains without repeats show."""
+    if not has_floor:
+        return law, floors
+    predicted = {s.key: predict(s.frame, s.layers, nuisances, max_dn) for s in train}
+    shown = {s.frame.gain for s in train if s.frame.repeat_group is not None}
+    law = law_at_other_gains(law, train, predicted, shown)
+    others = [s for s in shots if s.frame.gain not in shown]
+    return law, floors | {
+        s.key: max(law.mean_variance(s.measured, s.frame.gain), QUANTISATION_VARIANCE) for s in others
+    }
+
+
+def _focal_slope(shot: _Shot, nuisances: Nuisances) -> np.ndarray:
+    """DN per relative change of the focal length, float32 [height][width]."""
+    model, (u, v), (cx, cy) = Model(), shot.view.pixels(), shot.view.K[:2, 2]
+    light = model.light(shot.layers, shot.view, fine=False)
+    shorter = 1.0 / (1.0 + _FOCAL_STEP)
+    longer = light.warped(cx + (u - cx) * shorter, cy + (v - cy) * shorter)
+    change = model.signal(longer, shot.view, nuisances) - model.signal(light, shot.view, nuisances)
+    return (change / _FOCAL_STEP).astype(np.float32)
+
+
+def _expected(
+    shots: Sequence[_Shot], floors: Floors, nuisances: Nuisances, max_dn: float
+) -> dict[tuple[int, str], np.ndarray]:
+    """Expected values: the model's prediction, and of the measurement (the mean of repeats) as much as the
+    prediction lacks.
+
+    A weight that has seen its own pixel's noise pulls fits down: bright grains weigh too little. A prediction that is
+    as good as the noise allows is therefore trusted alone; one that misses something gives way to the measurement, at
+    most by half.
+    """
+    groups: dict[object, list[_Shot]] = {}
+    for s in shots:
+        key = (s.frame.repeat_group, s.eye) if s.frame.repeat_group is not None else s.key
+        groups.setdefault(key, []).append(s)
+    expected = {}
+    for group in groups.values():
+        images = [predict(s.frame, s.layers, nuisances, max_dn) for s in group]
+        mean = np.mean([s.measured for s in group], axis=0)
+        noise = np.mean([floors[s.key] for s in group])
+        square = np.mean([(s.measured - image) ** 2 for s, image in zip(group, images, strict=True)])
+        share = _MOST_MEASURED * max(0.0, 1.0 - noise / max(square, 1e-12))
+        expected |= {s.key: image + share * (mean - image) for s, image in zip(group, images, strict=True)}
+    return expected
+
+
+def _tiles(train: Sequence[_Shot]) -> tuple[dict[tuple[int, str], tuple[np.ndarray, np.ndarray]], int]:
+    """({key: (tile, fold)} of each image, number of tiles).
+
+    Folds are blocks of the image, other ones in every pose: a highlight that one place shows is judged by those of
+    other poses.
+    """
+    first, poses, out = 0, {}, {}
+    for s in train:
+        turn = poses.setdefault(s.frame.camera_to_world.tobytes(), len(poses))
+        height, width = s.measured.shape
+        rows, columns = np.arange(height) // TILE_PX, np.arange(width) // TILE_PX
+        across = columns[-1] + 1
+        tile = first + rows[:, None] * across + columns[None]
+        block = (rows[:, None] // _BLOCK_TILES) % 2 * 2 + (columns[None] // _BLOCK_TILES) % 2
+        out[s.key] = tile, ((block + turn) % FOLDS).astype(np.int64)
+        first += (rows[-1] + 1) * across
+    return out, int(first)
+
+
+def _albedo_materials(train: Sequence[_Shot]) -> list[int]:
+    """Materials that cover enough of the train frames, but for the largest one: its albedo is part of the scales."""
+    ids, counts = np.unique(np.concatenate([np.asarray(s.layers.material).ravel() for s in train]), return_counts=True)
+    order = np.argsort(-counts)
+    return [ids[i] for i in order if counts[i] > _SMALLEST_MATERIAL * counts.sum()][1:]
+
+
+def _material_index(shot: _Shot, materials: Sequence[int]) -> np.ndarray:
+    index = np.full(shot.measured.shape, -1)
+    for number, name in enumerate(materials):
+        index[np.asarray(shot.layers.material) == name] = number
+    return index

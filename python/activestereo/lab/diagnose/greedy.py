@@ -1,0 +1,112 @@
+"""Greedy addition: add the best effect that may be named, refit all, remove or swap earlier ones, until nothing
+may be named.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from activestereo.effects import Effect, Model
+from activestereo.lab.diagnose.base_fit import BaseFits
+from activestereo.lab.diagnose.channels import Progress
+from activestereo.lab.diagnose.findings import BaseFit, Ranking
+from activestereo.lab.diagnose.rank import Bench, bare_ranking, rank
+from activestereo.lab.diagnose.score.whiteness import worst_image
+from activestereo.lab.diagnose.verdict.acceptance import passes
+
+# Of a ranking, so many findings after the first may be what an effect added now was mistaken for.
+_RIVALS = 3
+
+
+@dataclass(frozen=True)
+class Step:
+    """A model along the way: the effects added so far, and the ranking that was made on top of it."""
+
+    added: tuple[str, ...]
+    ranking: Ranking
+
+
+def greedy(
+    bench: Bench, bases: BaseFits, first: Ranking, candidates: Sequence[Effect], progress: Progress | None = None
+) -> list[Step]:
+    """Steps from the given model on; the last one's model is the answer.
+
+    first: the Ranking on top of the given model.
+    """
+    gates, given = bench.gates, len(first.base.model.effects)
+    steps, ranking = [Step((), first)], first
+    tried: set[str] = set()
+    rivals: set[str] = set()
+    while len(steps) <= gates.most_effects:
+        least = gates.formulas_share * (first.base.chi2 - ranking.base.chi2) / first.pixels
+        passing = [
+            f for f in ranking.findings if f.solution is not None and passes(ranking, f) and f.score.gain_floors > least
+        ]
+        best = next((f for f in passing if f.id not in tried), None)
+        if best is None:
+            break
+        tried.add(best.id)
+        rivals |= {f.id for f in passing[: 1 + _RIVALS]}
+        phi = best.solution.phi
+        grown = _pruned(bench, bases, best.solution.model, given, phi)
+        grown = _swapped(bench, bases, grown, [c for c in candidates if c.id in rivals], given, phi)
+        base = bases(grown, phi)
+        worth_trying = candidates if _is_worth_another(bench, base, first) else []
+        ranking = rank(bench, base, worth_trying, progress, _fitted_at_first(first, rivals), first)
+        steps.append(Step(tuple(e.id for e, _ in grown.effects[given:]), ranking))
+    return steps
+
+
+def _fitted_at_first(first: Ranking, rivals: set[str]) -> dict[str, np.ndarray]:
+    """{id: fitted parameters} of the effects that what was added may have been mistaken for."""
+    return {f.id: f.solution.values_of(f.effect) for f in first.findings if f.id in rivals and f.solution is not None}
+
+
+def _is_worth_another(bench: Bench, base: BaseFit, first: Ranking) -> bool:
+    """Whether more than next to nothing is left in some image; what random effects leave is theirs alone."""
+    enough = bare_ranking(bench, base).excess_floors < (1.0 - bench.gates.enough_share) * first.excess_floors
+    return not enough or worst_image(base.train) >= bench.gates.smooth_floors
+
+
+def _loss(bench: Bench, smaller: BaseFit, full: BaseFit) -> tuple[float, float]:
+    """(nats, floors) that a base is behind a better one."""
+    ranking = bare_ranking(bench, smaller)
+    nats = 0.5 * ranking.pixels * float(np.log(smaller.chi2 / full.chi2)) / ranking.design_effect
+    return nats, (smaller.chi2 - full.chi2) / ranking.pixels
+
+
+def _pruned(bench: Bench, bases: BaseFits, model: Model, given: int, phi: np.ndarray) -> Model:
+    """The model without those added effects that, all others refitted, it does not need.
+
+    phi: nuisances to start from.
+    """
+    if len(model.effects) - given < 2:
+        return model
+    full = bases(model, phi)
+    for e, _ in model.effects[given:-1]:
+        smaller = model.without_effect(e.id)
+        nats, floors = _loss(bench, bases(smaller, phi), full)
+        if nats < bench.gates.needless_nats or floors < bench.gates.needless_floors:
+            return _pruned(bench, bases, smaller, given, phi)
+    return model
+
+
+def _swapped(
+    bench: Bench, bases: BaseFits, model: Model, rivals: Sequence[Effect], given: int, phi: np.ndarray
+) -> Model:
+    """The model with each earlier effect replaced by the rival that, beside the later ones, explains clearly more."""
+    if len(model.effects) - given < 2:
+        return model
+    for e, _ in model.effects[given:-1]:
+        taken = {other.id for other, _ in model.effects} - {e.id}
+        base = bases(model.without_effect(e.id), phi)
+        others = rank(bench, base, [c for c in rivals if c.id not in taken])
+        best = min((f for f in others.findings if f.solution is not None), key=lambda f: f.chi2, default=None)
+        own = next((f for f in others.findings if f.id == e.id), None)
+        if best is None or own is None:
+            continue
+        gains = best.score.nats - own.score.nats > bench.gates.needless_nats
+        if gains and own.chi2 - best.chi2 > bench.gates.needless_floors * others.pixels:
+            model = best.solution.model
+    return model

@@ -1,0 +1,67 @@
+"""On which surfaces an effect shows: of each material, whether its pixels are explained better with the effect
+than by another albedo.
+"""
+
+import numpy as np
+
+from activestereo.effects.core.surfaces import MOST_MATERIALS
+from activestereo.lab.diagnose.evidence.observation import ALBEDO_SIGMA
+from activestereo.lab.diagnose.refine.fitter import Fitter, signal
+from activestereo.lab.diagnose.refine.light import SCALES
+from activestereo.lab.diagnose.refine.parameter_space import ParameterSpace, Solution
+
+# Less than this share of a material's chi2 is no evidence that it shows the effect.
+_WORTH_SHARE = 0.01
+
+
+def explained_surfaces(fitter: Fitter, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray) -> float:
+    """The effect's `surfaces`: bits of the materials that fit better with the effect of theta than without it,
+    each with an albedo of its own; 0 where that is all of them, or none.
+    """
+    everywhere, nowhere = theta.copy(), space.start.copy()
+    everywhere[space.given] = 0.0
+    models = [space.model(everywhere), space.model(nowhere)]
+    sums = [[_Sums() for _ in range(MOST_MATERIALS)] for _ in models]
+    for o, *lights in zip(
+        fitter.observations, fitter.lights(space, everywhere), fitter.lights(space, nowhere), strict=True
+    ):
+        pick = slice(None) if o.pick is None else o.pick
+        material, weight = o.view.material.ravel()[pick], o.weight.ravel()[pick]
+        for part, model, light in zip(sums, models, lights, strict=True):
+            image = signal(model, o, light, phi)
+            rest, glow = (x.ravel()[pick] for x in (o.measured - image, image - phi[SCALES - 1]))
+            for k in np.unique(material[material < MOST_MATERIALS]):
+                here = material == k
+                part[k].add(rest[here], glow[here], weight[here])
+    with_effect, without = (np.array([s.chi2() for s in part]) for part in sums)
+    seen, showing = without > 0, without - with_effect > _WORTH_SHARE * without
+    if not (seen & ~showing).any():
+        return 0.0
+    return float(sum(2**k for k in np.flatnonzero(seen & showing)))
+
+
+def on_explained(fitter: Fitter, solution: Solution, steps: int) -> Solution:
+    """The Solution, or one on the surfaces that its own parameters explain, where that is better."""
+    if not solution.space.given.any():
+        return solution
+    theta = solution.theta.copy()
+    theta[solution.space.given] = explained_surfaces(fitter, solution.space, theta, solution.phi)
+    if (theta == solution.theta).all():
+        return solution
+    other = fitter.refine(solution.space, theta, solution.phi, steps)
+    return other if other.sums.total < solution.sums.total else solution
+
+
+class _Sums:
+    """Of one material: chi2 with its albedo fitted."""
+
+    def __init__(self) -> None:
+        self._square = self._cross = self._slope = 0.0
+
+    def add(self, rest: np.ndarray, glow: np.ndarray, weight: np.ndarray) -> None:
+        self._square += float(weight @ rest**2)
+        self._cross += float(weight @ (rest * glow))
+        self._slope += float(weight @ glow**2)
+
+    def chi2(self) -> float:
+        return self._square - self._cross**2 / (self._slope + ALBEDO_SIGMA**-2) if self._slope > 0 else 0.0

@@ -1,0 +1,271 @@
+"""Fits a model to observations: weighted least squares in effect parameters and nuisances jointly.
+
+Free are the parameters of every effect in a ParameterSpace, projector scale, ambient scale, black level, focal
+lengths and albedos under their priors. Gauss-Newton with Levenberg's damping; images are recomputed at every step,
+never extrapolated.
+"""
+
+from collections import OrderedDict
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from activestereo.effects import Light, Model
+from activestereo.lab.diagnose.evidence.observation import Evidence, Observation
+from activestereo.lab.diagnose.refine.light import DENSE, SCALES, AllPixels, LightMemory, exposed
+from activestereo.lab.diagnose.refine.normal_equations import Pixels, Sums
+from activestereo.lab.diagnose.refine.parameter_space import ParameterSpace, Solution
+from activestereo.lab.fit import Nuisances
+
+# Parameters have a prior this many ranges wide, which only breaks ties; those that are held, one this many ranges wide.
+_PRIOR_RANGES = 3.0
+_HELD_RANGES = 1e-7
+# Levenberg's damping: its start, its growth and fall, and where a fit gives up.
+_DAMPING, _DAMPING_STEP, _LEAST_RAISED, _MOST_DAMPING = 1e-3, 10.0, 1e-2, 10.0
+# Solutions whose images are remembered.
+_REMEMBERED = 12
+
+
+class ImageResidual(NamedTuple):
+    """One observation under a solution; images [height][width] in DN. projector: the projector's direct light."""
+
+    observation: Observation
+    expected: np.ndarray
+    projector: np.ndarray
+    residual: np.ndarray
+
+
+class Fitter:
+    """Fits over given observations.
+
+    held_sigma: prior deviations of the nuisances that have one. fine=False: warps look up pixels alone.
+    """
+
+    def __init__(
+        self, observations: Sequence[Observation], held_sigma: np.ndarray, tiles: int, fine: bool = True
+    ) -> None:
+        self.observations = observations
+        self._fine = fine
+        self._held_sigma = held_sigma
+        self._tiles = tiles
+        self._lights = LightMemory(observations)
+        self._residuals: OrderedDict[int, tuple[Solution, list[ImageResidual]]] = OrderedDict()
+
+    @property
+    def materials(self) -> int:
+        """How many materials have an albedo nuisance."""
+        return len(self._held_sigma) - (DENSE - SCALES)
+
+    @cached_property
+    def _pixels(self) -> list[Pixels]:
+        return [Pixels(o, self.materials) for o in self.observations]
+
+    def phi0(self, nuisances: Nuisances) -> np.ndarray:
+        return np.concatenate([nuisances.vector(), np.zeros(len(self._held_sigma))])
+
+    def lights(self, space: ParameterSpace, theta: np.ndarray) -> list[Light]:
+        """The Light of every observation."""
+        model = space.model(theta)
+        return [self._lights(model, i, self._fine) for i in range(len(self.observations))]
+
+    def residuals(self, solution: Solution) -> list[ImageResidual]:
+        """Every observation under a solution; the last few solutions' are remembered."""
+        if id(solution) not in self._residuals:
+            self._residuals[id(solution)] = solution, list(self._residuals_of(solution))
+        self._residuals.move_to_end(id(solution))
+        while len(self._residuals) > _REMEMBERED:
+            self._residuals.popitem(last=False)
+        return self._residuals[id(solution)][1]
+
+    def _residuals_of(self, solution: Solution) -> Iterator[ImageResidual]:
+        for o, light in zip(self.observations, self.lights(solution.space, solution.theta), strict=True):
+            image = signal(solution.model, o, light, solution.phi)
+            dots = solution.phi[0] * o.frame.exposure_gain * o.frame.projector_power * light.direct
+            yield ImageResidual(o, image, dots, o.measured - image)
+
+    def chi2(self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray, lights: Sequence[Light]) -> float:
+        model, total = space.model(theta), 0.0
+        for pixels, light in zip(self._pixels, lights, strict=True):
+            image = exposed(model, pixels, light, phi)[0]
+            rest = (pixels.measured - _with_focal(image, pixels, phi)) * pixels.root_weight
+            total += float(rest @ rest)
+        return total + float(((phi[SCALES:] / self._held_sigma) ** 2).sum())
+
+    def linearise(
+        self,
+        space: ParameterSpace,
+        theta: np.ndarray,
+        phi: np.ndarray,
+        lights: Sequence[Light],
+        free_theta: bool = True,
+    ) -> Sums:
+        """Sums at (theta, phi). Columns: theta (if free), then phi."""
+        n_theta = len(theta) if free_theta else 0
+        sums = Sums.of_size(n_theta + len(phi), self._tiles)
+        for pixels, columns, residual in self._slopes(self._pixels, space, theta, phi, lights, n_theta):
+            sums.add(pixels, columns, residual, n_theta, phi)
+            if self._fine and n_theta:
+                sums.add_blocks(pixels, columns, residual, n_theta, phi)
+        return sums
+
+    def slopes(
+        self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray, lights: Sequence[Light], n_theta: int
+    ) -> Iterator[tuple[Observation, list[np.ndarray], np.ndarray]]:
+        """Yields (observation, derivatives by the first n_theta of theta, scales and black level, residual), images."""
+        whole = [AllPixels(o) for o in self.observations]
+        for pixels, columns, residual in self._slopes(whole, space, theta, phi, lights, n_theta):
+            shape = pixels.observation.measured.shape
+            yield pixels.observation, [c.reshape(shape) for c in columns], residual.reshape(shape)
+
+    def _slopes(
+        self,
+        pixels_of: Sequence[Pixels | AllPixels],
+        space: ParameterSpace,
+        theta: np.ndarray,
+        phi: np.ndarray,
+        lights: Sequence[Light],
+        n_theta: int,
+    ) -> Iterator[tuple[Pixels | AllPixels, list[np.ndarray], np.ndarray]]:
+        """slopes() over Pixels: (Pixels, derivatives [n] each, residual [n])."""
+        steps = space.steps(theta)
+        models = [self._moved(space, theta, steps, j) for j in range(n_theta)]
+        here = space.model(theta)
+        # The slope of a warp is known well enough from the pixels alone; what is fitted are the fine images.
+        coarse = self._fine and bool(space.in_camera[:n_theta].any())
+        for i, (pixels, light) in enumerate(zip(pixels_of, lights, strict=True)):
+            image, scale_columns = exposed(here, pixels, light, phi, True)
+            near = self._lights(here, i, False) if coarse else light
+            from_there = exposed(here, pixels, near, phi)[0] if coarse else image
+            columns = []
+            for j, model in enumerate(models):
+                if model is None:
+                    columns.append(np.zeros(image.shape))
+                    continue
+                in_light = space.in_light[j]
+                moved = self._lights(model, i, self._fine and not coarse) if in_light else light
+                columns.append((exposed(model, pixels, moved, phi)[0] - (from_there if in_light else image)) / steps[j])
+            columns += scale_columns
+            none, is_right = np.zeros(image.shape), pixels.observation.view.is_right
+            columns += [none, pixels.focal_slope] if is_right else [pixels.focal_slope, none]
+            yield pixels, columns, pixels.measured - image - phi[SCALES + is_right] * pixels.focal_slope
+
+    @staticmethod
+    def _moved(space: ParameterSpace, theta: np.ndarray, steps: np.ndarray, j: int) -> Model | None:
+        """The model with parameter j one step further; None for a choice."""
+        return None if space.given[j] else space.model(np.where(np.arange(len(theta)) == j, theta + steps, theta))
+
+    def covariance(self, solution: Solution) -> np.ndarray:
+        """Of theta, [n][n]: the sandwich over clusters that share errors (Liang and Zeger 1986): blocks of an
+        eye's image, repeats and settings of one pose together.
+
+        None of it asks for independent pixels.
+        """
+        n = len(solution.theta)
+        rows = self.inverse(solution)[:n]
+        pulls = [rows @ moment for moment in solution.sums.block_moment.values()]
+        return sum(pull @ pull.T for pull in pulls)
+
+    def inverse(self, solution: Solution) -> np.ndarray:
+        """The inverse of the normal matrix with its priors, at a solution: (theta, phi) in rows and columns."""
+        gram = solution.sums.gram.sum(0) + np.diag(self.prior(len(solution.theta), solution.space))
+        norm = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+        return np.linalg.pinv(gram / np.outer(norm, norm), rcond=1e-12, hermitian=True) / np.outer(norm, norm)
+
+    def solve(
+        self, sums: Sums, phi: np.ndarray, n_theta: int, space: ParameterSpace, theta: np.ndarray, damping: float
+    ) -> np.ndarray:
+        """The damped Gauss-Newton step in (theta, phi)."""
+        prior = self.prior(n_theta, space)
+        offset = np.where(space.given, 0.0, theta - space.neutral)[:n_theta]
+        offset = np.concatenate([offset, np.zeros(SCALES), phi[SCALES:]])
+        gram, moment = sums.gram.sum(0) + np.diag(prior), sums.moment.sum(0) - prior * offset
+        norm = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+        scaled = gram / np.outer(norm, norm) + damping * np.eye(len(norm))
+        return np.linalg.lstsq(scaled, moment / norm, rcond=1e-10)[0] / norm
+
+    def prior(self, n_theta: int, space: ParameterSpace) -> np.ndarray:
+        """Precisions of the priors: wide for effects, none for scales and black level, the albedo's own."""
+        width = np.where(space.held, _HELD_RANGES, _PRIOR_RANGES)[:n_theta] * (space.high - space.low)[:n_theta]
+        return np.concatenate([1.0 / width**2, np.zeros(SCALES), 1.0 / self._held_sigma**2])
+
+    def nuisance_fit(
+        self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray, lights: Sequence[Light], rounds: int
+    ) -> tuple[np.ndarray, float]:
+        """phi refitted at fixed theta, and chi2; with rounds = 1 the model is taken to be linear in phi."""
+        if rounds == 1:
+            sums = self.linearise(space, theta, phi, lights, free_theta=False)
+            step = self.solve(sums, phi, 0, space, theta, 1e-9)
+            gram, moment = sums.gram.sum(0), sums.moment.sum(0)
+            return phi + step, sums.total - 2.0 * step @ moment + step @ gram @ step
+        chi2 = np.inf
+        for _ in range(rounds):
+            step = self.solve(self.linearise(space, theta, phi, lights, free_theta=False), phi, 0, space, theta, 0.0)
+            trial = phi + step
+            value = self.chi2(space, theta, trial, lights)
+            if not value < chi2:
+                break
+            done = chi2 - value < 1e-5 * value
+            phi, chi2 = trial, value
+            if done:
+                break
+        return phi, chi2
+
+    def refine(
+        self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray, iterations: int, tolerance: float = 2e-5
+    ) -> Solution:
+        """A Solution near the start."""
+        lights = self.lights(space, theta)
+        damping, n = _DAMPING, len(theta)
+        chi2 = self.chi2(space, theta, phi, lights)
+        sums = self.linearise(space, theta, phi, lights)
+        for _ in range(iterations):
+            step = self.solve(sums, phi, n, space, theta, damping)
+            moved = np.where(space.given, theta, np.clip(theta + step[:n], space.low, space.high))
+            trial = np.where(space.held, space.neutral, moved)
+            trial_phi = phi + step[n:]
+            trial_lights = self.lights(space, trial) if space.in_light.any() else lights
+            value = self.chi2(space, trial, trial_phi, trial_lights)
+            if value >= chi2:
+                damping = max(damping * _DAMPING_STEP, _LEAST_RAISED)
+                if damping > _MOST_DAMPING:
+                    break
+                continue
+            done = chi2 - value < tolerance * chi2
+            theta, phi, lights, chi2 = trial, trial_phi, trial_lights, value
+            sums = self.linearise(space, theta, phi, lights)
+            damping = max(damping / _DAMPING_STEP, 1e-6)
+            if done:
+                break
+        return Solution(space, theta, phi, sums)
+
+
+@dataclass(frozen=True)
+class Fitters:
+    """The Fitters of one capture: over its train frames, its test frames, and the few images that a scan looks at."""
+
+    train: Fitter
+    test: Fitter
+    scan: Fitter
+
+    @classmethod
+    def of(cls, evidence: Evidence, scanned: Sequence[Observation]) -> "Fitters":
+        """scanned: the observations of a scan, see propose/scan.py."""
+        train, test = (Fitter(o, evidence.held_sigma, evidence.tiles) for o in (evidence.train, evidence.test))
+        return cls(train, test, Fitter(scanned, evidence.held_sigma, evidence.tiles, fine=False))
+
+
+def signal(model: Model, observation: Observation, light: Light, phi: np.ndarray) -> np.ndarray:
+    """Expected DN, float64 [height][width]."""
+    pixels = AllPixels(observation)
+    image = _with_focal(exposed(model, pixels, light, phi)[0], pixels, phi)
+    return image.reshape(observation.measured.shape)
+
+
+def _with_focal(image: np.ndarray, pixels: Pixels | AllPixels, phi: np.ndarray) -> np.ndarray:
+    """Clipped where the focal length moves it: the expected image itself ends at the range's ends already."""
+    view = pixels.observation.view
+    focal = phi[SCALES + view.is_right]
+    return np.minimum(np.maximum(image + focal * pixels.focal_slope, 0.0), view.max_dn) if focal else image

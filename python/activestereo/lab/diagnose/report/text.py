@@ -1,0 +1,39 @@
+"""A diagnosis for reading."""
+
+from collections.abc import Mapping
+
+_SHOWN = 8
+
+
+def parameter_text(name: str, found: Mapping[str, object]) -> str:
+    """One parameter of a ranking's entry for reading: a choice by its materials, else value, interval and unit."""
+    if "materials" in found:
+        return f"on {', '.join(found['materials']) or 'all surfaces'}"
+    interval = "" if found["low"] is None or found["high"] is None else f" ({found['low']:.4g} to {found['high']:.4g})"
+    return f"{name} {found['value']:.4g}{interval}" + ("" if found["unit"] in ("", "1") else f" {found['unit']}")
+
+
+def diagnosis_text(result: Mapping[str, object]) -> str:
+    """What a reader wants first."""
+    lines = [f"verdict: {result['verdict']}" + (f" ({', '.join(result['added'])})" if result["added"] else "")]
+    if result.get("reason"):
+        lines.append(result["reason"])
+    if result["ranking"]:
+        lines.append(f"{'effect':26}{'family':20}{'nats':>12}{'explains':>10}{'confidence':>12}  parameters (90 %)")
+    for entry in result["ranking"][:_SHOWN]:
+        values = ", ".join(parameter_text(name, found) for name, found in entry["parameters"].items())
+        share, confidence = f"{100 * entry['explained_share']:.0f} %", f"{entry['confidence']:.2f}"
+        lines.append(
+            f"{entry['effect']:26}{entry['family']:20}{entry['score_nats']:>12.1f}{share:>10}{confidence:>12}  {values}"
+        )
+    first = result["ranking"][0] if result["ranking"] else None
+    if first and first["equivalent"] and result["verdict"] in ("effect", "undetermined"):
+        lines.append(f"this data cannot tell {first['effect']} from {', '.join(first['equivalent'])}")
+    if result["heldout_ir_rmse_before"] is not None:
+        figures = [result[f"heldout_{name}"] for name in ("ir_rmse_before", "ir_rmse_after", "noise_floor")]
+        texts = ["unknown" if f is None else f"{f:.3f} DN" for f in figures]
+        lines.append(f"held-out infrared RMSE: {texts[0]} before, {texts[1]} after, noise floor {texts[2]}")
+    lines += [f"next measurement: {advice['text']}" for advice in result["next_measurement"]]
+    if result.get("law"):
+        lines.append(f"law of the residual ({result['law']['stage']}): {result['law']['text']}")
+    return "\n".join(lines)

@@ -1,0 +1,25 @@
+"""Writes the files of a diagnosis."""
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from activestereo.output_files import replace_file
+
+if TYPE_CHECKING:
+    from activestereo.lab.diagnose.diagnosis import Diagnosis
+
+
+def write_diagnosis(diagnosis: "Diagnosis", folder: str | Path) -> list[Path]:
+    """Writes diagnose.json, model.json and, where an unknown effect was described, effect_stub.py; returns their
+    paths.
+    """
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    as_text = lambda value: json.dumps(value, indent=1) + "\n"  # noqa: E731
+    texts = {"diagnose.json": as_text(diagnosis.result), "model.json": as_text(diagnosis.result["model"])}
+    if diagnosis.stub:
+        texts["effect_stub.py"] = diagnosis.stub
+    for name, text in texts.items():
+        replace_file(folder / name, lambda file, text=text: file.write(text.encode()))
+    return [folder / name for name in texts]

@@ -1,0 +1,1 @@
+"""What findings allow to say. All functions here are pure: they look at findings and gates, and at nothing else."""

@@ -1,0 +1,64 @@
+"""Which findings cannot be told apart, and how sure each is."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from activestereo.lab.diagnose.findings import BaseFit, Finding, Ranking
+from activestereo.lab.diagnose.verdict.acceptance import passes
+
+
+def equivalents(ranking: Ranking, finding: Finding) -> list[str]:
+    """Ids of other findings that explain the images as well, within their paired error or the models' own
+    inadequacy.
+    """
+    gates = ranking.gates
+    if finding.score.nats <= 0 or not finding.on_images:
+        return []
+    limit = gates.same_excess_ratio * ranking.excess_after(finding.chi2) + gates.same_excess_floors
+    chosen = []
+    for other in ranking.findings:
+        if other is finding or not other.on_images or other.score.nats <= 0:
+            continue
+        if other.score.gain_floors < gates.same_gain_share * finding.score.gain_floors:
+            continue
+        error = gates.paired_errors * ranking.difference_error(finding, other) + gates.paired_nats
+        if finding.score.nats - other.score.nats <= error or ranking.excess_after(other.chi2) <= limit:
+            chosen.append(other.id)
+    return chosen
+
+
+def confidences(ranking: Ranking) -> dict[str, float]:
+    """{id: probability of being what is missing}.
+
+    It is a softmax of minus the logarithm of what each finding leaves above the floor, of its gain and of what its
+    freedom costs. What may be named shares `named_probability`; the others share the rest with 'none', or all where
+    nothing may be named. Noise and the depth engine have evidence of their own: they are no rivals of what is missing
+    in the images.
+    """
+    gates = ranking.gates
+    rivals = [f for f in ranking.findings if f.on_images]
+    named = np.array([passes(ranking, f) for f in rivals] + [False])
+    logits = _logits(ranking, rivals, ranking.base, named)
+    weights = np.empty(len(logits))
+    groups = (
+        ((named, gates.named_probability), (~named, 1.0 - gates.named_probability)) if named.any() else ((~named, 1.0),)
+    )
+    for group, share in groups:
+        likely = np.exp(logits[group] - logits[group].max())
+        weights[group] = share * likely / likely.sum()
+    out = {f.id: float(w) for f, w in zip(rivals, weights, strict=False)}
+    others = (f for f in ranking.findings if not f.on_images)
+    return out | {f.id: gates.named_probability if passes(ranking, f) else 0.0 for f in others}
+
+
+def _logits(ranking: Ranking, rivals: Sequence[Finding], base: BaseFit, named: np.ndarray) -> np.ndarray:
+    """Of the confidence; the last one is 'none'.
+
+    The gain of what may not be named is not believed: survey errors gain, too.
+    """
+    gates = ranking.gates
+    excess = np.array([ranking.excess_after(f.chi2) for f in rivals] + [ranking.excess_after(base.chi2)])
+    gains, costs = (np.array([getattr(f.score, name) for f in rivals] + [0.0]) for name in ("nats", "occam_nats"))
+    likeness = -np.log(excess + gates.floor_known_to) / gates.temperature
+    return likeness + np.where(named, gains, 0.0) / gates.nats_per_unit + costs / gates.occam_nats_per_unit

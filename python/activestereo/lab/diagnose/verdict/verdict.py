@@ -1,0 +1,34 @@
+"""The verdict on a sensor, from the findings on top of the given model and of the model that was found."""
+
+from dataclasses import replace
+
+from activestereo.lab.diagnose.findings import Ranking
+from activestereo.lab.diagnose.verdict.acceptance import passes
+from activestereo.lab.diagnose.verdict.completeness import is_unexplained
+
+EFFECT, NONE, UNKNOWN, UNDETERMINED = "effect", "none", "unknown", "undetermined"
+
+
+def is_named(ranking: Ranking) -> bool:
+    """Whether the first finding may be named."""
+    return ranking.best is not None and passes(ranking, ranking.best)
+
+
+def verdict_of(first: Ranking, last: Ranking, has_floor: bool) -> str:
+    """first: the ranking on top of the given model.
+
+    last: the one on top of the model that was found. has_floor: whether repeats told the noise.
+    """
+    best = first.best
+    if not is_named(first):
+        if not has_floor:
+            return UNDETERMINED
+        return UNKNOWN if is_unexplained(first, first.base_remainder) else NONE
+    if not best.on_images:
+        rest = replace(last.base_remainder, repeats_floors=best.explanation.repeats_floors)
+        return (
+            UNKNOWN if is_unexplained(last, rest) else EFFECT
+        )  # its own channel tells it, where the images lack nothing else
+    passing = [f.remainder for f in last.findings if passes(last, f)]
+    end = min([last.base_remainder, *passing], key=lambda rest: rest.chi2)
+    return UNKNOWN if all(is_unexplained(last, rest, first) for rest in (best.remainder, end)) else EFFECT
