@@ -32,6 +32,27 @@
 #define KS_RANDOMNESS_STATIC 1u
 #define KS_RANDOMNESS_TEMPORAL 2u
 
+/* How the lab finds a random effect: parameter x lever x a draw of deviation 1, a field that stays (KS_RANDOMNESS_STATIC) or a term of the
+ * noise law (KS_RANDOMNESS_TEMPORAL). An effect that is drawn never needs none: its expected image tells it. */
+#define KS_LEVER_ONE 0u       /* 1 DN */
+#define KS_LEVER_SIGNAL 1u    /* DN above black */
+#define KS_LEVER_PROJECTOR 2u /* DN of the projector's direct light */
+#define KS_LEVER_EXPOSURE 3u  /* exposure x gain, seconds */
+#define KS_LEVER_PHOTONS 4u   /* square root of gain x DN above black; the parameter is the variance's factor */
+/* What shares one draw: a pixel of one eye; the same while the rig stands still; a column, a row of one eye; a dot of the pattern. */
+#define KS_SHARED_BY_PIXEL 0u
+#define KS_SHARED_BY_VIEW 1u
+#define KS_SHARED_BY_COLUMN 2u
+#define KS_SHARED_BY_ROW 3u
+#define KS_SHARED_BY_DOT 4u
+
+typedef struct ks_effect_random_term {
+  const char* parameter;    /* that scales the draws */
+  const char* sparse_share; /* the parameter that says which share of the places has a draw; NULL = all have */
+  uint32_t lever;           /* KS_LEVER_* */
+  uint32_t shared_by;       /* KS_SHARED_BY_* */
+} ks_effect_random_term;
+
 /* low <= neutral <= high, low < high. neutral: the value of no effect; typical: one prior deviation from neutral, positive. */
 typedef struct ks_effect_parameter {
   const char* name;   /* an identifier */
@@ -87,6 +108,9 @@ typedef struct ks_effect {
   uint32_t reserved; /* 0 */
   const ks_effect_parameter* parameters;
   ks_effect_apply_fn apply;
+  const ks_effect_random_term* random_terms; /* of a random effect; without them it is listed as not ranked */
+  uint32_t random_term_count;
+  uint32_t reserved2; /* 0 */
 } ks_effect;
 
 static inline ks_effect ks_effect_init(void) {

@@ -12,7 +12,7 @@ library is fitted on the train frames together with projector scale, ambient
 scale, black level, focal lengths and albedos, and judged on image tiles that its
 fit did not see; temporal noise is judged on repeats, faults of the depth engine
 on the device's disparity. An effect is accepted only if it is significant among
-all that were tried, explains a tenth of the error above the noise floor or more,
+all that were tried, explains {share} of the error above the noise floor or more,
 and helps wherever it acts. Test frames serve once, for the held-out figures.
 
 The verdict is one of
@@ -29,7 +29,18 @@ Writes into DIR:
 examples:
   activestereo diagnose captures/table --out out/diagnosis
   activestereo diagnose captures/table --greedy --effects mine.py --out out/2
+
+Every threshold, with its unit and where it comes from: python/activestereo/lab/README.md.
 """
+
+
+class _HelpWithGates(argparse.RawDescriptionHelpFormatter):
+    """Fills thresholds into the help from the table that decides, which takes its time to load."""
+
+    def _format_text(self, text: str) -> str:
+        from activestereo.lab.diagnose.gates import GATES, share_words
+
+        return super()._format_text(text.format(share=share_words(GATES.smallest_share)))
 
 
 def add_parser(commands):
@@ -37,7 +48,7 @@ def add_parser(commands):
         "diagnose",
         help="rank which physical effect is missing from a capture's model",
         description=_TEXT,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        formatter_class=_HelpWithGates,
     )
     parser.add_argument("capture", type=Path, metavar="CAPTURE", help="the capture's folder")
     add_out(parser)
