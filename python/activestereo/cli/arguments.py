@@ -3,10 +3,14 @@
 import argparse
 import math
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 
 from activestereo.matcher_table import MATCHER
+
+# What a command's add_parser gets, and adds its own parser to.
+Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
 
 
 class CommandError(Exception):

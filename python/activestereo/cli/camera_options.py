@@ -1,32 +1,57 @@
-"""Options of simulate for what its cameras do to the light: lenses, shutters, and a sensor that moves while they are open."""
+"""Options of simulate for what its cameras do to the light: lenses, shutters, and a sensor that moves while they are
+open."""
+
+from __future__ import annotations
 
 import argparse
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from activestereo.cli.arguments import CommandError, numbers, positive
 
+if TYPE_CHECKING:
+    from activestereo.presets import StereoDepthSensorConfig
+
 READOUTS = ("rows_down", "rows_up", "columns_right", "columns_left")
 
 
-def add_camera_options(group):
+def add_camera_options(group: argparse._ArgumentGroup) -> None:
     for camera, whose in (("ir", "both infrared cameras'"), ("rgb", "the RGB camera's")):
         text = f"{whose} lens: Brown and Conrady's k1,k2,p1,p2[,k3], as in OpenCV; depth is measured through it"
         group.add_argument(f"--{camera}-distortion", type=_lens, metavar="K1,...", help=f"{text} (default: none)")
-    text = "what the sensor does while its shutters are open, m/s and rad/s along and about the left infrared camera's x (right), y (down), z (forward)"
-    group.add_argument("--velocity", type=_twist, metavar="VX,VY,VZ[,WX,WY,WZ]", help=f"{text} (default: it stands still)")
+    text = (
+        "what the sensor does while its shutters are open, m/s and rad/s along and about the left infrared camera's "
+        "x (right), y (down), z (forward)"
+    )
+    group.add_argument(
+        "--velocity", type=_twist, metavar="VX,VY,VZ[,WX,WY,WZ]", help=f"{text} (default: it stands still)"
+    )
     text = "seconds that each line is exposed after the one before; 0 = a global shutter (default: 0)"
-    group.add_argument("--ir-line-time", type=positive, metavar="S", help=f"rolling shutter of the infrared cameras: {text}")
+    group.add_argument(
+        "--ir-line-time", type=positive, metavar="S", help=f"rolling shutter of the infrared cameras: {text}"
+    )
     group.add_argument("--rgb-line-time", type=positive, metavar="S", help=f"the same of the RGB camera: {text}")
-    group.add_argument("--readout", choices=READOUTS, help="the way their lines go; a sensor built in upside down has rows_up (default: rows_down)")
-    group.add_argument("--rgb-exposure", type=positive, metavar="S", help="how long the RGB camera is open, which only blurs what moves (default: 0)")
+    group.add_argument(
+        "--readout",
+        choices=READOUTS,
+        help="the way their lines go; a sensor built in upside down has rows_up (default: rows_down)",
+    )
+    group.add_argument(
+        "--rgb-exposure",
+        type=positive,
+        metavar="S",
+        help="how long the RGB camera is open, which only blurs what moves (default: 0)",
+    )
 
 
-def set_cameras(config, args):
+def set_cameras(config: StereoDepthSensorConfig, args: argparse.Namespace) -> None:
     """Puts the options that were given into a sensor's configuration."""
     rolls = args.ir_line_time or args.rgb_line_time
     if args.readout is not None and not rolls:
-        raise CommandError(f"--readout {args.readout} is of a rolling shutter: give --ir-line-time or --rgb-line-time as well")
+        raise CommandError(
+            f"--readout {args.readout} is of a rolling shutter: give --ir-line-time or --rgb-line-time as well"
+        )
     values = {
         "ir_distortion": args.ir_distortion,
         "rgb_distortion": args.rgb_distortion,
@@ -41,12 +66,12 @@ def set_cameras(config, args):
             setattr(config, name, value)
 
 
-def _lens(text):
+def _lens(text: str) -> tuple[float, ...]:
     values = numbers(text, (4, 5), "a lens")
     return tuple(map(float, np.concatenate([values, np.zeros(5 - len(values))])))
 
 
-def _twist(text):
+def _twist(text: str) -> np.ndarray:
     values = numbers(text, (3, 6), "a velocity")
     if np.abs(values).max() >= 1e6:
         raise argparse.ArgumentTypeError(f"a velocity is in m/s and rad/s, below 1e6, not '{text}'")

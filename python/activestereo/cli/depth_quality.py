@@ -1,5 +1,7 @@
 """activestereo depth-quality: Intel's depth quality metrics on a flat target."""
 
+from __future__ import annotations
+
 import argparse
 import json
 from dataclasses import asdict
@@ -7,20 +9,22 @@ from pathlib import Path
 
 import numpy as np
 
-from activestereo.cli.arguments import CommandError, camera_matrix, positive
+from activestereo.cli.arguments import CommandError, Commands, camera_matrix, positive
 
 _TEXT = """\
-Measures depth maps of a flat target by the metrics of Intel's Depth Quality Tool, under their names: fill rate, Z accuracy, plane fit
-RMS error, subpixel RMS error and, with two or more frames of the same view, temporal noise (the tool takes 40).
+Measures depth maps of a flat target by the metrics of Intel's Depth Quality Tool, under
+their names: fill rate, Z accuracy, plane fit RMS error, subpixel RMS error and, with two
+or more frames of the same view, temporal noise (the tool takes 40).
 
-DEPTH is a 16-bit PNG in millimetres (--unit changes that), or a .npy of metres; 0 = no measurement. A .npy may hold many frames.
+DEPTH is a 16-bit PNG in millimetres (--unit changes that), or a .npy of metres; 0 = no
+measurement. A .npy may hold many frames.
 
 example, the plane that a simulated D435 saw 0.8 m away:
   activestereo depth-quality out/depth.png --k 430.14,430.14,425.16,235.28 --baseline 0.05 --truth 0.8
 """
 
 
-def add_parser(commands):
+def add_parser(commands: Commands) -> None:
     parser = commands.add_parser(
         "depth-quality",
         help="measure depth maps of a flat target by Intel's metrics",
@@ -35,24 +39,41 @@ def add_parser(commands):
         metavar="fx,0,cx,0,fy,cy,0,0,1",
         help="camera matrix of the depth maps in pixels; or short: fx,fy,cx,cy",
     )
-    parser.add_argument("--baseline", required=True, type=positive, metavar="M", help="distance between the two infrared cameras, metres")
-    parser.add_argument("--truth", type=positive, metavar="M", help="true distance of the target along the optical axis, metres")
     parser.add_argument(
-        "--roi", type=positive, default=0.4, metavar="FRACTION", help="centred part of height and width, 0..1 (default %(default)s)"
+        "--baseline",
+        required=True,
+        type=positive,
+        metavar="M",
+        help="distance between the two infrared cameras, metres",
     )
-    parser.add_argument("--unit", type=positive, default=0.001, metavar="M", help="metres per step of a PNG (default %(default)s)")
+    parser.add_argument(
+        "--truth", type=positive, metavar="M", help="true distance of the target along the optical axis, metres"
+    )
+    parser.add_argument(
+        "--roi",
+        type=positive,
+        default=0.4,
+        metavar="FRACTION",
+        help="centred part of height and width, 0..1 (default %(default)s)",
+    )
+    parser.add_argument(
+        "--unit", type=positive, default=0.001, metavar="M", help="metres per step of a PNG (default %(default)s)"
+    )
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the metrics there too")
     parser.set_defaults(run=run)
 
 
-def run(args):
+def run(args: argparse.Namespace) -> None:
     from activestereo.depth_quality import depth_quality, quality_table, region_of
 
     if args.roi > 1:
         raise CommandError(f"--roi is {args.roi:g}: a fraction of the image, 0..1")
     frames = _read_all(args)
     quality = depth_quality(frames, args.k, args.baseline, args.truth, region_of(frames.shape[1:], args.roi))
-    print(f"{len(frames)} frame{'s' if len(frames) > 1 else ''} of {frames.shape[2]}x{frames.shape[1]}, central {100 * args.roi:.0f} %")
+    print(
+        f"{len(frames)} frame{'s' if len(frames) > 1 else ''} of {frames.shape[2]}x{frames.shape[1]}, "
+        f"central {100 * args.roi:.0f} %"
+    )
     print(quality_table(quality))
     if args.json:
         from activestereo.output_files import replace_file
@@ -62,16 +83,18 @@ def run(args):
         replace_file(args.json, lambda file: file.write(text.encode()))
 
 
-def _read_all(args):
+def _read_all(args: argparse.Namespace) -> np.ndarray:
     parts = [_read(path, args.unit) for path in args.depth]
     for path, part in zip(args.depth, parts, strict=True):
         if part.shape[1:] != parts[0].shape[1:]:
             sizes = (f"{p.shape[2]}x{p.shape[1]}" for p in (parts[0], part))
-            raise CommandError(f"the depth maps differ in size: {args.depth[0]} is {next(sizes)}, {path} is {next(sizes)}")
+            raise CommandError(
+                f"the depth maps differ in size: {args.depth[0]} is {next(sizes)}, {path} is {next(sizes)}"
+            )
     return np.concatenate(parts)
 
 
-def _read(path, unit_m):
+def _read(path: Path, unit_m: float) -> np.ndarray:
     """[frames, height, width] in metres."""
     if path.suffix != ".npy":
         from activestereo.images import read_gray
@@ -82,5 +105,7 @@ def _read(path, unit_m):
     except (OSError, ValueError) as error:
         raise CommandError(f"{path}: cannot be read as a .npy array: {error}") from error
     if depth.ndim not in (2, 3) or depth.dtype.kind not in "fiu":
-        raise CommandError(f"{path}: is {depth.dtype} {depth.shape}, expected numbers [height, width] or [frames, height, width]")
+        raise CommandError(
+            f"{path}: is {depth.dtype} {depth.shape}, expected numbers [height, width] or [frames, height, width]"
+        )
     return np.nan_to_num(depth.reshape(-1, *depth.shape[-2:]), posinf=0.0, neginf=0.0)

@@ -1,6 +1,14 @@
 """activestereo devices."""
 
+from __future__ import annotations
+
 import argparse
+from typing import TYPE_CHECKING
+
+from activestereo.cli.arguments import CommandError, Commands
+
+if TYPE_CHECKING:
+    import kuafu
 
 _TEXT = """\
 Lists every Vulkan device, what it can do, and why it cannot be used where it cannot.
@@ -9,19 +17,23 @@ The number in front is what --device takes. 'auto' takes the best usable one: di
 GPU, integrated, virtual, then CPU. Without a GPU, Debian's mesa-vulkan-drivers brings
 lavapipe, a Vulkan device that computes on the CPU; it does everything here, only slower.
 """
-_INSTALL = "no Vulkan device here; install a GPU's Vulkan driver, or lavapipe: apt install libvulkan1 mesa-vulkan-drivers"
+_INSTALL = (
+    "no Vulkan device here; install a GPU's Vulkan driver, or lavapipe: apt install libvulkan1 mesa-vulkan-drivers"
+)
 
 
-def add_parser(commands):
+def add_parser(commands: Commands) -> None:
     parser = commands.add_parser(
-        "devices", help="list Vulkan devices and what each can do", description=_TEXT, formatter_class=argparse.RawDescriptionHelpFormatter
+        "devices",
+        help="list Vulkan devices and what each can do",
+        description=_TEXT,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.set_defaults(run=run)
 
 
-def run(args):
+def run(args: argparse.Namespace) -> None:
     import kuafu
-    from activestereo.cli.arguments import CommandError
 
     infos = kuafu.Device.enumerate()
     if not infos:
@@ -30,7 +42,7 @@ def run(args):
         print(describe(info))
 
 
-def describe(info):
+def describe(info: kuafu.DeviceInfo) -> str:
     """A few lines on one device."""
     lines = [
         f"[{info.index}] {info.name}",

@@ -1,12 +1,14 @@
 """activestereo pair: what a real sensor's infrared pair tells of it, without a scene."""
 
+from __future__ import annotations
+
 import argparse
 import json
 from pathlib import Path
 
 import numpy as np
 
-from activestereo.cli.arguments import CommandError, add_out, camera_matrix, make_folder, positive
+from activestereo.cli.arguments import CommandError, Commands, add_out, camera_matrix, make_folder, positive
 
 _TEXT = """\
 States what one rectified infrared pair of a real sensor tells without a known
@@ -21,22 +23,35 @@ example, the D435 pair of SimSense's tests:
 """
 
 
-def add_parser(commands):
+def add_parser(commands: Commands) -> None:
     parser = commands.add_parser(
-        "pair", help="state what a real infrared pair tells of its sensor", description=_TEXT, formatter_class=argparse.RawDescriptionHelpFormatter
+        "pair",
+        help="state what a real infrared pair tells of its sensor",
+        description=_TEXT,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("left", type=Path, metavar="LEFT.png", help="left image, 8-bit or 16-bit gray")
     parser.add_argument("right", type=Path, metavar="RIGHT.png", help="right image of the same size; rows are aligned")
-    parser.add_argument("--k", required=True, type=camera_matrix, metavar="fx,0,cx,0,fy,cy,0,0,1", help="camera matrix of both images in pixels")
-    parser.add_argument("--baseline", required=True, type=positive, metavar="M", help="distance between the cameras, metres")
+    parser.add_argument(
+        "--k",
+        required=True,
+        type=camera_matrix,
+        metavar="fx,0,cx,0,fy,cy,0,0,1",
+        help="camera matrix of both images in pixels",
+    )
+    parser.add_argument(
+        "--baseline", required=True, type=positive, metavar="M", help="distance between the cameras, metres"
+    )
     text = "the device's own depth, 16-bit, left image; a whole number of times smaller is fine"
     parser.add_argument("--device-depth", type=Path, metavar="DEPTH.png", help=text)
-    parser.add_argument("--depth-scale", type=positive, default=0.001, metavar="M", help="metres per unit of it (default: 0.001)")
+    parser.add_argument(
+        "--depth-scale", type=positive, default=0.001, metavar="M", help="metres per unit of it (default: 0.001)"
+    )
     add_out(parser)
     parser.set_defaults(run=run)
 
 
-def run(args):
+def run(args: argparse.Namespace) -> None:
     import simsense
     from activestereo.images import read_gray
     from activestereo.lab.pair_findings import findings_text, pair_findings
@@ -44,8 +59,15 @@ def run(args):
 
     left, right = (read_gray(path, key="image") for path in (args.left, args.right))
     if left.shape != right.shape or left.dtype != right.dtype:
-        raise CommandError(f"the images differ: {args.left} is {left.shape[::-1]} {left.dtype}, {args.right} is {right.shape[::-1]} {right.dtype}")
-    device = None if args.device_depth is None else _device_disparity(args, read_gray(args.device_depth, key="depth"), left.shape)
+        raise CommandError(
+            f"the images differ: {args.left} is {left.shape[::-1]} {left.dtype}, "
+            f"{args.right} is {right.shape[::-1]} {right.dtype}"
+        )
+    device = (
+        None
+        if args.device_depth is None
+        else _device_disparity(args, read_gray(args.device_depth, key="depth"), left.shape)
+    )
     max_dn = float(np.iinfo(left.dtype).max)
     gain = 1.0 if left.dtype == np.uint8 else 255.0 / max(left.max(), right.max(), 1)
     camera, left_to_right = simsense.Camera(left.shape[1], left.shape[0], args.k), np.eye(4)
@@ -60,10 +82,13 @@ def run(args):
     print(f"written: pair.json in {args.out}")
 
 
-def _device_disparity(args, depth, shape):
+def _device_disparity(args: argparse.Namespace, depth: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
     step = shape[0] // depth.shape[0] if depth.shape[0] else 0
     if step < 1 or (depth.shape[0] * step, depth.shape[1] * step) != shape:
-        raise CommandError(f"{args.device_depth} is {depth.shape[1]}x{depth.shape[0]}, the images are {shape[1]}x{shape[0]}: not a whole number of times smaller")
+        raise CommandError(
+            f"{args.device_depth} is {depth.shape[1]}x{depth.shape[0]}, the images are {shape[1]}x{shape[0]}: "
+            "not a whole number of times smaller"
+        )
     metres, out = depth * args.depth_scale, np.zeros(shape)
     out[::step, ::step] = np.where(metres > 0, args.k[0, 0] * args.baseline / np.where(metres > 0, metres, 1.0), 0.0)
     return out

@@ -1,8 +1,13 @@
 """What the commands print at their end."""
 
+from collections.abc import Mapping
 
-def stage_table(groups):
-    """{group: {stage: milliseconds}} as text, a group's sum first; stages below a tenth of a percent of everything are left out."""
+import simsense
+
+
+def stage_table(groups: Mapping[str, Mapping[str, float]]) -> str:
+    """{group: {stage: milliseconds}} as text, a group's sum first; stages below a tenth of a percent of everything are
+    left out."""
     total = sum(sum(stages.values()) for stages in groups.values())
     lines = [f"{'stage':32}{'time':>12}"]
     for group, stages in groups.items():
@@ -11,10 +16,11 @@ def stage_table(groups):
     return "\n".join(lines)
 
 
-def matching_line(engine):
+def matching_line(engine: simsense.Engine) -> str:
     """How a simsense.Engine matches, in one line."""
     p = engine.parameters
     first, last = p["min_disparity"], p["min_disparity"] + p["max_disparity"] - 1
     checks = f"uniqueness {p['uniqueness_ratio']} %, left-right {p['lr_max_diff']}, median {p['median_size']}"
     windows = f"census {p['census_width']}x{p['census_height']}, block {p['block_width']}x{p['block_height']}"
-    return f"matching: disparities {first}..{last}, {windows}, p1 {p['p1']}, p2 {p['p2']}, {checks}, {p['min_depth_m']:g}..{p['max_depth_m']:g} m"
+    penalties, depths = f"p1 {p['p1']}, p2 {p['p2']}", f"{p['min_depth_m']:g}..{p['max_depth_m']:g} m"
+    return f"matching: disparities {first}..{last}, {windows}, {penalties}, {checks}, {depths}"
