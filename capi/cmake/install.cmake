@@ -6,12 +6,19 @@ include(GNUInstallDirs)
 
 set(ks_cmake_dir ${CMAKE_CURRENT_LIST_DIR})
 
+function(ks_install_licence package component)
+  set(destination ${CMAKE_INSTALL_DATAROOTDIR}/doc/${package})
+  install(FILES ${PROJECT_SOURCE_DIR}/LICENSE DESTINATION ${destination} COMPONENT ${component} RENAME copyright)
+  install(FILES ${PROJECT_SOURCE_DIR}/NOTICE DESTINATION ${destination} COMPONENT ${component})
+endfunction()
+
 function(ks_install_library name description)
   add_library(${name}::${name} ALIAS ${name})
   target_include_directories(${name} PUBLIC $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/capi/include> $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>)
   if(NOT ACTIVESTEREO_INSTALL)
     return()
   endif()
+  ks_install_licence(lib${name}0 ${name})
   set(package_dir ${CMAKE_INSTALL_LIBDIR}/cmake/${name})
   set(generated ${CMAKE_CURRENT_BINARY_DIR}/package)
   install(TARGETS ${name} EXPORT ${name}
@@ -27,5 +34,6 @@ function(ks_install_library name description)
 endfunction()
 
 if(ACTIVESTEREO_INSTALL)
+  ks_install_licence(libactivestereo-dev dev)
   install(DIRECTORY ${PROJECT_SOURCE_DIR}/capi/include/ks DESTINATION ${CMAKE_INSTALL_INCLUDEDIR} COMPONENT dev)
 endif()

@@ -82,6 +82,20 @@ def test_project_that_takes_this_one_in(tmp_path):
         assert run(tmp_path / "client") == "simsense 100\n"
 
 
+def test_debian_packages_name_what_they_need(tmp_path):
+    if shutil.which("dpkg-shlibdeps") is None:
+        pytest.skip("dpkg-shlibdeps is not installed: apt-get install dpkg-dev")
+    run("cpack", "--config", BUILD / "CPackConfig.cmake", "-G", "DEB", "-B", tmp_path)
+    needs = {path.name.split("_")[0]: run("dpkg-deb", "-f", path, "Depends") for path in tmp_path.glob("*.deb")}
+    assert set(needs) == {"libkuafu0", "libsimsense0", "libactivestereo-dev"}
+    assert "libembree3-3" in needs["libkuafu0"]
+    assert "libhwy1" in needs["libsimsense0"]
+    assert "libkuafu0 (= 0.1.0), libsimsense0 (= 0.1.0)" in needs["libactivestereo-dev"]
+    held = run("dpkg-deb", "-c", next(tmp_path.glob("libkuafu0_*.deb")))
+    assert "./usr/lib/libkuafu.so.0" in held
+    assert "./usr/share/doc/libkuafu0/copyright" in held
+
+
 def test_rust_client(moved_prefix, tmp_path):
     rustc = shutil.which("rustc")
     if rustc is None:
