@@ -48,6 +48,34 @@ class JsonObject:
         """A friendlier name for messages, once an entry's identity is known."""
         self.name = name
 
+    def has(self, key: str) -> bool:
+        """Whether the key is there and not null."""
+        return self._values.get(key) is not None
+
+    def keys(self) -> list[str]:
+        """The names of the entries, in the file's order."""
+        return list(self._values)
+
+    def plain(self, key: str) -> object:
+        """An entry as it stands."""
+        return self._get(key)
+
+    def texts(self, key: str) -> list[str]:
+        """A list of text."""
+        values = self._get(key)
+        if not isinstance(values, list) or not all(isinstance(value, str) for value in values):
+            self.fail(key, "is not a list of text")
+        return values
+
+    def table(self, key: str, columns: int) -> np.ndarray:
+        """A list of rows of so many numbers each, as float64 [n][columns]."""
+        rows = self._get(key)
+        if not isinstance(rows, list) or not all(isinstance(row, list) and len(row) == columns for row in rows):
+            self.fail(key, f"is not a list of rows of {columns} numbers")
+        if not all(_is_finite_number(value) for row in rows for value in row):
+            self.fail(key, "holds something that is not a finite number")
+        return np.array(rows, dtype=np.float64).reshape(-1, columns)
+
     def fail(self, key: str, what: str) -> NoReturn:
         raise CaptureError(f"{self.path}: {self.key(key)}: {what}")
 

@@ -9,7 +9,7 @@ from activestereo.effects import Light, builtin
 from activestereo.effects.core.laws import example_view
 from activestereo.lens import distort, undistort
 from activestereo.lab.layers import Layers, Sampling, ViewCamera, ideal_pixels, sampling_of
-from activestereo.lab.smooth import smooth_bounced
+from activestereo.engines.smooth import smooth_bounced
 
 K = np.array([[60.0, 0, 47.5], [0, 60.0, 35.5], [0, 0, 1]])
 LENS = np.array([-0.12, 0.03, 0.002, -0.001, 0.004])

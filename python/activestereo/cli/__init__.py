@@ -1,4 +1,4 @@
-"""The command line: activestereo simulate | depth | pair | depth-quality | compare | diagnose | add | effect | devices, one file
+"""The command line: activestereo simulate | depth | pair | depth-quality | compare | diagnose | add | model | effect | devices, one file
 each. This one parses, runs and makes failures one line."""
 
 import argparse
@@ -6,10 +6,10 @@ import os
 import re
 import sys
 
-from activestereo.cli import add, compare, depth, depth_quality, devices, diagnose, effect, pair, simulate
+from activestereo.cli import add, compare, depth, depth_quality, devices, diagnose, effect, model, pair, simulate
 from activestereo.cli.arguments import CommandError
 
-_COMMANDS = (simulate, depth, pair, depth_quality, compare, diagnose, add, effect, devices)
+_COMMANDS = (simulate, depth, pair, depth_quality, compare, diagnose, add, model, effect, devices)
 
 
 class _Parser(argparse.ArgumentParser):

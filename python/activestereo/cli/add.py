@@ -3,20 +3,22 @@
 import argparse
 import json
 from pathlib import Path
+from typing import Any
 
 from activestereo.cli.arguments import CommandError
 
 _TEXT = """\
 Adds an effect to a model, or gives one that it has other parameters. They come
-from a diagnosis (--from), from --set, or are the effect's typical ones. Then
-compare and diagnose take the new model: compare --model model2.json.
+from a diagnosis (--from), from --set, or are the effect's typical ones. All else
+in the model stays. Then simulate, compare and diagnose take the new model.
 
-example:
+examples:
   activestereo add rolling_shutter --from out/diagnose.json -o model2.json
+  activestereo add specular --set factor=0.6 --on cup --model model.json -o model.json
 """
 
 
-def add_parser(commands):
+def add_parser(commands: argparse._SubParsersAction) -> None:
     parser = commands.add_parser(
         "add", help="add an effect to a model", description=_TEXT, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -24,28 +26,38 @@ def add_parser(commands):
     parser.add_argument("--model", type=Path, metavar="FILE", help="model.json to start from (default: no effects)")
     parser.add_argument("--from", dest="diagnosis", type=Path, metavar="FILE", help="a diagnose.json that has the parameters")
     parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="a parameter's value")
+    parser.add_argument("--on", action="append", default=[], metavar="MATERIAL", help="a surface that shows it, by its material's name (default: all)")
     parser.add_argument("--effects", type=Path, action="append", default=[], metavar="FILE", help="your own effects")
-    parser.add_argument("-o", "--output", required=True, type=Path, metavar="FILE", help="the model to write")
+    parser.add_argument("-o", "--output", required=True, type=Path, metavar="FILE", help="the model to write; may be the same file")
     parser.set_defaults(run=run)
 
 
-def run(args):
-    from activestereo.lab.model_file import added_from, find, library, read_model, write_model
+def run(args: argparse.Namespace) -> None:
+    from activestereo.effects.core.surfaces import SURFACES
+    from activestereo.lab.model_file import find, library
+    from activestereo.sensor_model import Quantity, SensorModel, read_model, write_model
+    from activestereo.sensor_model.found import found_effect
+    from activestereo.sensor_model.words import quantity_text
 
     effects = library(*args.effects)
-    model = read_model(args.model, effects)
+    model = SensorModel() if args.model is None else read_model(args.model, effects)
     effect = find(effects, args.effect)
-    values = {} if args.diagnosis is None else added_from(_read(args.diagnosis), effect.id)
-    values |= dict(_assignment(text) for text in args.set)
-    values = effect.values(values or effect.typical_values)
-    model = model.with_effect(effect, **values)
-    write_model(args.output, model)
+    if args.on and SURFACES not in effect.parameters:
+        raise CommandError(f"--on {args.on[0]}: {effect.id} is not an effect of surfaces")
+    given, surfaces = ({}, ()) if args.diagnosis is None else found_effect(_read(args.diagnosis), effect.id)
     units = {p.name: p.unit for p in effect.parameters}
-    print(f"{effect.id}: " + ", ".join(f"{name} = {value:.5g} {units[name]}" for name, value in values.items()))
-    print(f"written: {args.output} with {', '.join(e.id for e, _ in model.effects)}")
+    given |= {name: Quantity(value, unit=units.get(name, ""), source="set by hand") for name, value in map(_assignment, args.set)}
+    if not given:
+        given = {n: Quantity(v, unit=units[n], source="typical") for n, v in effect.typical_values.items() if n != SURFACES.name}
+    model = model.with_effect(effect, given, tuple(args.on) or surfaces)
+    write_model(args.output, model)
+    added = model.effects[-1]
+    on = f" on {', '.join(added.surfaces)}" if added.surfaces else ""
+    print(f"{effect.id}{on}: " + ", ".join(f"{name} = {quantity_text(q)}" for name, q in added.parameters.items()))
+    print(f"written: {args.output} with {', '.join(e.effect.id for e in model.effects)}")
 
 
-def _read(path):
+def _read(path: Path) -> dict[str, Any]:
     try:
         diagnosis = json.loads(path.read_text(encoding="utf-8"))
     except ValueError as error:
@@ -55,8 +67,8 @@ def _read(path):
     return diagnosis
 
 
-def _assignment(text):
-    name, sign, value = text.partition("=")
+def _assignment(text: str) -> tuple[str, float]:
+    name, _, value = text.partition("=")
     try:
         return name, float(value)
     except ValueError:

@@ -60,7 +60,7 @@ def run_list(args: argparse.Namespace) -> None:
 def run_measure(args: argparse.Namespace) -> None:
     import json
 
-    from activestereo.engines.surrogate import differences
+    from activestereo.lab.surrogate import differences
     from activestereo.lab.model_file import find, library
     from activestereo.output_files import replace_file
 

@@ -65,7 +65,7 @@ class Nuisances(Protocol):
 class CaptureRenderer:
     """A capture's scene in kuafu. lights() and expected() leave it as they found it.
 
-    device: 'auto', 'cpu', an index or a kuafu.Device. smooth: bounced and ambient light on matt surfaces is filtered, see lab/smooth.py. Every call
+    device: 'auto', 'cpu', an index or a kuafu.Device. smooth: bounced and ambient light on matt surfaces is filtered, see engines/smooth.py. Every call
     has the same seed, and frames the same places in the batch: images of two models differ by what the models differ in, not by noise.
     """
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import kuafu
-from activestereo.lab.smooth import smooth_bounced
+from activestereo.engines.smooth import smooth_bounced
 
 # Rougher surfaces have no highlight that would move through bounced light.
 _MATT_ROUGHNESS = 0.5

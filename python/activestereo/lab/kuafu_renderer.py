@@ -10,7 +10,7 @@ import numpy as np
 import kuafu
 from activestereo.lab.cache import scene_digest
 from activestereo.lab.layers import Layers
-from activestereo.lab.smooth import SMOOTH_VERSION, smooth_bounced
+from activestereo.engines.smooth import SMOOTH_VERSION, smooth_bounced
 
 # Rougher surfaces have no highlight that would move through bounced light.
 _MATT_ROUGHNESS = 0.5

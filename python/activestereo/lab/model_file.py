@@ -1,19 +1,21 @@
-"""model.json: the effects that a model has, with their parameters; and libraries of effects, built in or a user's own file.
+"""Libraries of effects, built in or a user's own file; and the effects of a model file (sensor_model/) as the lab takes them."""
 
-    {"format": "active-stereo-model", "version": 1, "effects": [{"id": ..., "parameters": {...}}], "nuisances": {...}}
-"""
+from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
-from activestereo.effects import Model, builtin, load_effects
-from activestereo.output_files import replace_file
+from activestereo.effects import Effect, Model, builtin, load_effects
+from activestereo.sensor_model import Quantity, SensorModel
+from activestereo.sensor_model import read_model as read_sensor_model
+from activestereo.sensor_model import write_model as write_sensor_model
+from activestereo.sensor_model.model import NUISANCES, with_surfaces
 
 FORMAT = "active-stereo-model"
-VERSION = 1
 
 
-def library(*files):
+def library(*files: str | Path) -> dict[str, Effect]:
     """The built-in effects and those of files, by id; a file's effect replaces a built-in one of the same id."""
     effects = builtin()
     for file in files:
@@ -21,47 +23,46 @@ def library(*files):
     return effects
 
 
-def read_model(path, effects):
-    """A Model from a file, or the empty one for None. ValueError says what is wrong and where."""
-    if path is None:
-        return Model()
-    try:
-        root = json.loads(Path(path).read_text(encoding="utf-8"))
-    except json.JSONDecodeError as error:
-        raise ValueError(f"{path}: not JSON: {error}") from error
-    if not isinstance(root, dict) or root.get("format") != FORMAT or root.get("version") != VERSION:
-        raise ValueError(f"{path}: format is not {FORMAT!r} version {VERSION}")
-    model = Model()
-    try:
-        for entry in root.get("effects", []):
-            model = model.with_effect(find(effects, entry["id"]), **entry.get("parameters", {}))
-    except (KeyError, TypeError, AttributeError) as error:
-        raise ValueError(f"{path}: effects is not a list of {{id, parameters}} with numbers: {error!r}") from error
-    return model
-
-
-def find(effects, effect_id):
+def find(effects: dict[str, Effect], effect_id: str) -> Effect:
     """The effect of an id; ValueError lists what there is."""
     if effect_id not in effects:
         raise ValueError(f"no effect '{effect_id}' (there are: {', '.join(effects)})")
     return effects[effect_id]
 
 
-def model_json(model, nuisances=None):
+def read_model(path: str | Path | None, effects: dict[str, Effect], scene_path: str | Path | None = None) -> Model:
+    """The effects of a model file, or none for None. scene_path: the scene whose materials the file may name. ValueError says what is wrong."""
+    if path is None:
+        return Model()
+    names = [] if scene_path is None else material_names_of(scene_path)
+    try:
+        return read_sensor_model(path, effects).bound(names)
+    except ValueError as error:
+        raise ValueError(str(error) if str(path) in str(error) else f"{path}: {error}") from error
+
+
+def material_names_of(scene_path: str | Path) -> list[str]:
+    """Names of a glTF file's materials, in whose order kuafu numbers them; of a binary file none."""
+    try:
+        materials = json.loads(Path(scene_path).read_text(encoding="utf-8")).get("materials", [])
+    except (OSError, ValueError):
+        return []
+    return [material.get("name") or f"material {n}" for n, material in enumerate(materials)]
+
+
+def model_json(model: Model, nuisances: Any = None) -> dict[str, Any]:
+    """A model's effects and nuisances in plain numbers, as diagnose.json has them."""
     effects = [{"id": e.id, "parameters": dict(values)} for e, values in model.effects]
-    return {"format": FORMAT, "version": VERSION, "effects": effects, "nuisances": vars(nuisances) if nuisances else {}}
+    return {"format": FORMAT, "version": 1, "effects": effects, "nuisances": vars(nuisances) if nuisances else {}}
 
 
-def write_model(path, model, nuisances=None):
-    text = json.dumps(model_json(model, nuisances), indent=1) + "\n"
-    replace_file(path, lambda file: file.write(text.encode()))
-
-
-def added_from(diagnosis, effect_id):
-    """{parameter: value} that a diagnose.json found for an effect: as accepted, else as ranked."""
-    entries = [*diagnosis.get("model", {}).get("effects", []), *diagnosis.get("ranking", [])]
-    for entry in entries:
-        if entry.get("id", entry.get("effect")) == effect_id:
-            values = entry["parameters"]
-            return {name: v["value"] if isinstance(v, dict) else v for name, v in values.items()}
-    raise ValueError(f"the diagnosis has no parameters of '{effect_id}'")
+def write_model(path: str | Path, model: Model, nuisances: Any = None, scene_path: str | Path | None = None) -> None:
+    """Writes a model file of the effects and nuisances alone."""
+    names = [] if scene_path is None else material_names_of(scene_path)
+    told = {n: Quantity(float(v), unit=NUISANCES[n][0]) for n, v in (vars(nuisances) if nuisances else {}).items()}
+    out = SensorModel(nuisances=told)
+    for effect, values in model.effects:
+        units = {p.name: p.unit for p in effect.parameters}
+        plain, surfaces = with_surfaces(effect, values, names)
+        out = out.with_effect(effect, {n: Quantity(v, unit=units[n]) for n, v in plain.items()}, surfaces)
+    write_sensor_model(path, out)

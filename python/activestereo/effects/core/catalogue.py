@@ -27,7 +27,7 @@ def table(effects: dict[str, Effect]) -> str:
 
 def page(effects: dict[str, Effect], differences: dict[str, float] | None = None) -> str:
     """Markdown: a user's own effect as an example, what the engines have, then every effect in the light's order with its parameters.
-    differences: how far the image function is from the engines, see engines/surrogate.py."""
+    differences: how far the image function is from the engines, see lab/surrogate.py."""
     in_engine = sum(e.engine is not None for e in effects.values())
     lines = ["# Physical effects", "", _INTRODUCTION.format(count=len(effects), engine=in_engine, example=EXAMPLE.strip())]
     lines += _engine_table(effects, differences or {})
