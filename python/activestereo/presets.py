@@ -112,6 +112,9 @@ class StereoDepthSensorConfig(MatcherFields):
         # Lenses, of Brown and Conrady as in OpenCV: k1, k2, p1, p2, k3; both IR cameras have the same one. rectified: the infrared pair is
         # matched as it comes, its rows aligned; a pair with a distorting lens is rectified first all the same.
         self.ir_distortion = (0.0,) * 5
+        # Of the right IR camera, where it is not as the left one; None = it is.
+        self.ir_intrinsic_right = None
+        self.ir_distortion_right = None
         self.rgb_distortion = (0.0,) * 5
         self.rectified = True
 
@@ -120,6 +123,7 @@ class StereoDepthSensorConfig(MatcherFields):
         self.pose_rgb_irproj = preset["pose_rgb_irproj"]
         self.active_light_fov = preset["active_light_fov"]
         self.light_pattern = "generated"
+        self.pattern_intrinsic = None  # 3x3 of the pattern image in place of active_light_fov
         self.pattern_design = preset["pattern_design"]
         # In place of light_pattern: [n, 3] u, v and power of dots, in pixels of pattern_design's image and with its dot_sigma_px. A dot's
         # power is the pattern's integral over it, in pixels squared. light_pattern_scale magnifies the pattern about its middle.
@@ -181,11 +185,29 @@ class StereoDepthSensorConfig(MatcherFields):
             raise AttributeError(f"a sensor's configuration has no field '{name}'{hint}")
         object.__setattr__(self, name, value)
 
+    @classmethod
+    def from_model(cls, model, base="D435"):
+        """The sensor that a model describes: a sensor_model.SensorModel or the path of a model.json. What it does not say is the preset's. Give the
+        model to the sensor, too: StereoDepthSensor(config, scene, model=model)."""
+        from activestereo.sensor_model import SensorModel, read_model
+        from activestereo.sensor_model.configure import configure
+
+        config = cls(base)
+        configure(config, model if isinstance(model, SensorModel) else read_model(model))
+        return config
+
     @property
     def focal_baseline_px_m(self):
         """f * B of the IR pair: depth = this / disparity."""
         baseline_m = np.linalg.norm(self.trans_pose_r.p - self.trans_pose_l.p)
         return float(self.ir_intrinsic[0, 0] * baseline_m)
+
+    def ir_eye(self, is_right):
+        """(K, distortion) of an infrared camera."""
+        if not is_right:
+            return self.ir_intrinsic, self.ir_distortion
+        k, lens = self.ir_intrinsic_right, self.ir_distortion_right
+        return self.ir_intrinsic if k is None else k, self.ir_distortion if lens is None else lens
 
     def scaled(self, factor):
         """A copy with all images and the disparity range `factor` times as large; fields of view, readout times, projector and depths are
@@ -198,12 +220,13 @@ class StereoDepthSensorConfig(MatcherFields):
             old = np.array(getattr(self, f"{camera}_resolution"))
             new = np.maximum(np.rint(old * factor).astype(int), 1)
             ratio = np.array([new[0] / old[0], new[1] / old[1], 1.0])
-            k = getattr(self, f"{camera}_intrinsic").copy()
-            k[:2, 2] += 0.5  # pixel centres are at integers: the image's corner is at -0.5
-            k = k * ratio[:, None]
-            k[:2, 2] -= 0.5
             setattr(out, f"{camera}_resolution", (int(new[0]), int(new[1])))
-            setattr(out, f"{camera}_intrinsic", k)
+            for name in [f"{camera}_intrinsic"] + (["ir_intrinsic_right"] if camera == "ir" and self.ir_intrinsic_right is not None else []):
+                k = getattr(self, name).copy()
+                k[:2, 2] += 0.5  # pixel centres are at integers: the image's corner is at -0.5
+                k = k * ratio[:, None]
+                k[:2, 2] -= 0.5
+                setattr(out, name, k)
             lines = 0 if "columns" in getattr(self, f"{camera}_readout") else 1
             setattr(out, f"{camera}_line_time_s", getattr(self, f"{camera}_line_time_s") / ratio[lines])
         return out
@@ -225,6 +248,8 @@ class StereoDepthSensorConfig(MatcherFields):
 
     def pattern_k(self, width, height):
         """The projector's 3x3 K for a pattern image of this size."""
+        if self.pattern_intrinsic is not None:
+            return np.array(self.pattern_intrinsic, dtype=np.float64)
         focal = 0.5 * width / np.tan(0.5 * self.active_light_fov)
         return _k(focal, focal, 0.5 * (width - 1), 0.5 * (height - 1))
 

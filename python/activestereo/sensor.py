@@ -1,5 +1,6 @@
 """StereoDepthSensor: RGB camera, infrared pair and pattern projector in a kuafu scene, with simsense behind them. Names are SAPIEN's."""
 
+import warnings
 from copy import deepcopy
 from os import PathLike
 
@@ -8,8 +9,16 @@ import numpy as np
 import kuafu
 import simsense
 from activestereo.ir_link import IrLink
-from activestereo.matching import engine_parameters, signal_parameters
-from activestereo.pose import Pose, as_matrix, camera_to_camera, camera_to_world, carried_twist
+from activestereo.capture import Frame
+from activestereo.effects.core.engine import EngineInputs, apply_engine
+from activestereo.effects.core.model import Model
+from activestereo.engines.survey import Survey
+from activestereo.lens import undistort
+from activestereo.matching import engine_parameters
+from activestereo.pose import Pose, as_matrix, camera_to_camera, camera_to_world
+from activestereo.sensor_effects import ImageEffects, ModelCostWarning
+from activestereo.sensor_inputs import sensor_inputs, shutter, twist_of
+from activestereo.sensor_world import SensorWorld, pattern_of
 
 RGB_OUTPUTS = ("radiance", "depth", "material_id", "instance_id")
 LASER_OUTPUTS = ("projector_direct", "projector_indirect")
@@ -30,25 +39,38 @@ class StereoDepthSensor:
     camera's pose, in the scene or relative to the mount; body axes (x forward, y left, z up) as in SAPIEN. device: 'auto', 'cpu', an index or
     a kuafu.Device, where the scene does not bring its own. copy_ir: copies the infrared pair between the libraries instead of sharing its
     memory. The projector becomes a light of the scene, seen in the infrared only, until close(). One thread at a time.
+
+    model: a sensor_model.SensorModel or the path of a model.json. Its effects act inside of the engines; those that no engine field expresses
+    change the images, with a ModelCostWarning. Its rig, pattern and imager are the config's: StereoDepthSensorConfig.from_model(). ValueError
+    says what in it does not fit this scene; then nothing has been changed.
     """
 
-    def __init__(self, config, scene_or_mount, pose=None, device="auto", copy_ir=False):
+    def __init__(self, config, scene_or_mount, pose=None, device="auto", copy_ir=False, model=None):
         self._config = deepcopy(config)
         self._mount = _as_mount(scene_or_mount, device)
         self._pose = Pose() if pose is None else pose
         self._twist = np.zeros(6)
         self._scene = self._mount.scene
         self._device = self._scene.device
+        self._effects, self._survey, self._ambient_radiance = self._read_model(model)
+        self._conditions = (None, 0.0)
         self._renderer = kuafu.Renderer(self._device)
-        self._engine = self._make_engine()
+        self._engine = self.make_engine()
         width, height = self._config.ir_resolution
         self._link = IrLink(self._device, self._engine.device, width, height, copy=copy_ir)
-        self._light = self._add_projector()
+        pattern = self._config.pattern() if self._config.light_dots is None else None
+        self._pattern = None if pattern is None else pattern[0]
+        self._world = SensorWorld(self._scene, self._pattern)
+        self._told, self._frame, self._is_closed = None, -1, False
+        self._tell_engines()
+        self._image_effects = ImageEffects(self, self._left_over)
+        if self._image_effects:
+            text = f"no engine field expresses {', '.join(self._image_effects.names)}: every picture is copied to the host and back"
+            warnings.warn(text, ModelCostWarning, stacklevel=2)
         self._rgb = self._result = None
         self._laser = (None, None)
         self._has_picture = False
         self._stage_times = {}
-        self._frame = -1
 
     # ---- taking pictures ----
 
@@ -65,16 +87,19 @@ class StereoDepthSensor:
             self._keep_times("rgb", self._renderer)
         laser = self._render_infrared(frame, _part(progress, share, 1.0))
         self._keep_times("ir", self._renderer)
+        self._image_effects.on_light(self._link.images)
         self._link.deliver()
         self._frame, self._rgb, self._laser, self._has_picture = frame, rgb, laser, True
 
     def compute_depth(self):
         """Noise, matching, registration of the last picture. The same picture gives the same depth."""
         self._require_picture()
+        self._tell_engines()
         self._engine.set_parameters(frame_index=self._frame)
         outputs = ("depth_rgb", "disparity", "ir_left", "ir_right", *self._config.depth_maps)
         left_laser, right_laser = self._laser
-        self._result = self._engine.compute(self._link.left, self._link.right, outputs, left_laser=left_laser, right_laser=right_laser)
+        pair = (self._link.left, self._link.right)
+        self._result = self._image_effects.depth(self._engine, pair, outputs, left_laser=left_laser, right_laser=right_laser)
         self._keep_times("depth", self._engine)
 
     # ---- results ----
@@ -89,11 +114,7 @@ class StereoDepthSensor:
     def get_ir(self):
         """[left, right] float32 [height, width] in 0..1: what linear imagers would count without noise and dark current, over full scale."""
         self._require_picture()
-        s = signal_parameters(self._config)
-        full_scale_dn = 2 ** s["bit_depth"] - 1
-        gain = s["exposure_s"] * s["responsivity_e"] * s["conversion_gain_dn_per_e"] * s["gain"] / full_scale_dn
-        black = (s["black_level_dn"] + s["black_level_dn_per_k"] * (s["temperature_c"] - s["dark_reference_c"])) / full_scale_dn
-        return [np.clip(image * np.float32(gain) + np.float32(black), 0.0, 1.0) for image in self._link.images]
+        return [self._linear_counts(image, eye.signal) for image, eye in zip(self._link.images, self._told.eyes, strict=True)]
 
     def get_ir_measured(self):
         """[left, right] uint8 [height, width], uint16 where ir_signal has more than 8 bits: what the sensor gives, with noise."""
@@ -126,8 +147,6 @@ class StereoDepthSensor:
         z = depth[v, u].astype(np.float64)
         rays = np.linalg.inv(self._config.rgb_intrinsic) @ np.stack([u, v, np.ones_like(u)]).astype(np.float64)
         if np.any(self._config.rgb_distortion):
-            from activestereo.lens import undistort
-
             rays[:2] = undistort(rays[0], rays[1], self._config.rgb_distortion)
         points = (rays * z).T.astype(np.float32)
         return np.hstack([points, self.get_rgb()[v, u]]) if with_rgb else points
@@ -154,8 +173,17 @@ class StereoDepthSensor:
         if camera not in cameras:
             raise ValueError(f"unknown camera '{camera}' (known: rgb, left, right)")
         self._place_projector()
-        band = "visible" if camera == "rgb" else "infrared"
-        return self._render([cameras[camera]()], [name], band, max(self._frame, 0), None)[name][0]
+        if camera == "rgb":
+            return self._render([self.rgb_camera()], [name], "visible", max(self._frame, 0), None)[name][0]
+        return self._render([cameras[camera]()], [name], "infrared", max(self._frame, 0), None, eyes=[camera == "right"])[name][0]
+
+    @staticmethod
+    def _linear_counts(image, signal):
+        full_scale_dn = 2 ** signal["bit_depth"] - 1
+        gain = signal["exposure_s"] * signal["responsivity_e"] * signal["conversion_gain_dn_per_e"] * signal["gain"] / full_scale_dn
+        warming_k = signal["temperature_c"] - signal["dark_reference_c"]
+        black = (signal["black_level_dn"] + signal["black_level_dn_per_k"] * warming_k) / full_scale_dn
+        return np.clip(image * np.float32(gain) + np.float32(black), 0.0, 1.0)
 
     # ---- the sensor itself ----
 
@@ -178,10 +206,16 @@ class StereoDepthSensor:
         if not all(np.shape(part) == (3,) and np.isfinite(part).all() for part in (linear, angular)):
             raise ValueError(f"a sensor's velocity is 3 finite numbers in m/s and 3 in rad/s, not {linear} and {angular}")
         self._twist = np.concatenate([linear, angular]).astype(np.float64)
+        self._move()
 
     def get_velocity(self):
         """(linear, angular) as set_velocity() has them."""
         return self._twist[:3].copy(), self._twist[3:].copy()
+
+    def set_conditions(self, temperature_c=None, time_s=0.0):
+        """What a model's effects may depend on: the sensor's temperature (None: that of its signal) and the seconds since it was switched on."""
+        self._conditions = (None if temperature_c is None else float(temperature_c), float(time_s))
+        self._told = None
 
     @property
     def scene(self):
@@ -195,6 +229,22 @@ class StereoDepthSensor:
     def engine(self):
         """The depth engine, a simsense.Engine."""
         return self._engine
+
+    @property
+    def engine_inputs(self) -> EngineInputs:
+        """What the engines are told of this sensor under its model, with the infrared cameras at their present poses."""
+        self.ir_cameras()
+        return self._told
+
+    @property
+    def projector_to_world(self):
+        """4x4, the projector's own axes to the scene's."""
+        return as_matrix(self.get_pose()) @ camera_to_world(self._config.pose_rgb_irproj)
+
+    @property
+    def frame_index(self):
+        """Counts the pictures, from 0; -1 before the first."""
+        return self._frame
 
     @property
     def ir_memory(self):
@@ -213,20 +263,21 @@ class StereoDepthSensor:
 
     def rgb_camera(self):
         c = self._config
-        lens_and_shutter = {"distortion": c.rgb_distortion, "exposure_s": c.rgb_exposure_s, **_shutter(c.rgb_line_time_s, c.rgb_readout)}
+        lens_and_shutter = {"distortion": c.rgb_distortion, "exposure_s": c.rgb_exposure_s, **shutter(c.rgb_line_time_s, c.rgb_readout)}
         return self._camera(c.rgb_resolution, c.rgb_intrinsic, Pose(), lens_and_shutter)
 
     def ir_cameras(self):
-        """The left and the right one."""
-        c = self._config
-        lens_and_shutter = {"distortion": c.ir_distortion, "exposure_s": c.ir_camera_exposure, **_shutter(c.ir_line_time_s, c.ir_readout)}
-        return [self._camera(c.ir_resolution, c.ir_intrinsic, pose, lens_and_shutter) for pose in (c.trans_pose_l, c.trans_pose_r)]
+        """The left and the right one, as they are: under a model not what the calibration says."""
+        to_world = as_matrix(self.get_pose())
+        cameras = [eye.camera for eye in self._tell_engines().eyes]
+        for camera, pose in zip(cameras, self._eye_poses, strict=True):
+            camera.camera_to_world = to_world @ pose
+        return cameras
 
     def close(self):
-        """Takes the projector out of the scene."""
-        if self._light is not None:
-            self._scene.remove_light(self._light)
-            self._light = None
+        """Takes the projector, and what else a model brought, out of the scene."""
+        self._world.leave()
+        self._is_closed = True
 
     # ---- parameters ----
 
@@ -265,63 +316,79 @@ class StereoDepthSensor:
     def _apply(self, config, parameters):
         self._engine.set_parameters(**parameters)
         self._config = config
+        self._told = None
 
-    def _make_engine(self):
+    def make_engine(self):
+        """Another depth engine of this rig and these parameters, a simsense.Engine."""
         c = self._config
-        ir = simsense.Camera(*c.ir_resolution, c.ir_intrinsic, c.ir_distortion)
+        left, right = (simsense.Camera(*c.ir_resolution, *c.ir_eye(is_right)) for is_right in (False, True))
         rgb = simsense.Camera(*c.rgb_resolution, c.rgb_intrinsic, c.rgb_distortion)
         return simsense.Engine(
             simsense.Device(self._device.info.device_uuid),
-            ir,
-            ir,
+            left,
+            right,
             camera_to_camera(c.trans_pose_l, c.trans_pose_r),
             rgb=rgb,
             left_to_rgb=camera_to_camera(c.trans_pose_l, Pose()),
-            rectified=c.rectified and not np.any(c.ir_distortion),
+            rectified=c.rectified and not any(np.any(camera.distortion) for camera in (left, right)),
             noise_seed=c.ir_noise_seed,
             **engine_parameters(c),
         )
 
-    def _add_projector(self):
-        light = self._pattern_fields()
-        if light is None:
-            return None
-        c = self._config
-        self._projector = kuafu.Light(
-            kind="projector", name="projector", ir_intensity=c.projector_intensity, pattern_scale=c.light_pattern_scale, **light
-        )
-        return self._scene.add_light(self._projector)
+    def _read_model(self, model):
+        """(effects, survey, infrared radiance of the model's room) in this scene."""
+        if model is None:
+            return Model(), Survey(), self._config.ir_ambient_strength
+        from activestereo.sensor_model import SensorModel, read_model
 
-    def _pattern_fields(self):
-        """What the projector throws, as fields of kuafu.Light; None where there is no projector."""
-        c = self._config
-        if c.light_dots is not None:
-            design = c.pattern_design
-            size = {"pattern_width": design.width, "pattern_height": design.height, "dot_sigma_px": design.dot_sigma_px}
-            return {"dots": c.light_dots, "k": c.pattern_k(design.width, design.height), **size}
-        pattern = c.pattern()
-        if pattern is None:
-            return None
-        image, k = pattern
-        return {"texture": self._scene.add_texture(image, name="projector pattern"), "k": k}
+        model = model if isinstance(model, SensorModel) else read_model(model)
+        names = [self._scene.material_name(number) for number in range(self._scene.summary.material_count)]
+        ambient = model.nuisances.get("ambient_scale")
+        radiance = self._config.ir_ambient_strength if ambient is None else ambient.value / self._config.ir_responsivity_dn
+        return model.bound(names), model.survey(names), radiance
+
+    def _tell_engines(self) -> EngineInputs:
+        """What the engines are told, with the RGB camera at the origin; found anew where the sensor or its conditions have changed."""
+        if self._told is None:
+            temperature, time_s = self._conditions
+            frame = Frame(
+                id=0, left_path=None, right_path=None, timestamp_s=time_s,
+                exposure_s=self._config.ir_camera_exposure, camera_to_world=np.eye(4), split="train", temperature_c=temperature,
+                camera_velocity=self._twist,
+            )  # fmt: skip
+            pattern = None if self._pattern is None else pattern_of(self._pattern)
+            inputs = sensor_inputs(self._config, self._scene, Pose(), self._twist, frame, pattern, self._ambient_radiance)
+            inputs.scene_materials = self._world.material
+            self._survey.apply(inputs)
+            self._left_over = apply_engine(inputs, self._effects.effects)
+            self._eye_poses = [eye.camera.camera_to_world for eye in inputs.eyes]
+            if not self._is_closed:
+                self._world.enter(inputs)
+            self._engine.set_signal(*(eye.signal for eye in inputs.eyes))
+            self._told = inputs
+        return self._told
+
+    def _move(self):
+        """Gives what the engines are told the present velocity."""
+        if self._told is None:
+            return
+        c, inputs = self._config, self._told
+        for record, place in ((inputs.left.camera, c.trans_pose_l), (inputs.right.camera, c.trans_pose_r)):
+            record.linear_velocity, record.angular_velocity = twist_of(c, self._twist, place)
+        for light in ([] if inputs.projector is None else [inputs.projector]) + inputs.rig_lights:
+            light.linear_velocity, light.angular_velocity = twist_of(c, self._twist, c.pose_rgb_irproj)
 
     def _place_projector(self):
-        if self._light is not None:
-            pose = self._config.pose_rgb_irproj
-            self._projector.light_to_world = camera_to_world(self.get_pose() * pose)
-            self._projector.linear_velocity, self._projector.angular_velocity = self._twist_of(pose)
-            self._scene.set_light(self._light, self._projector)
-
-    def _twist_of(self, pose_in_rgb):
-        """[2, 3] linear and angular velocity, in its own camera axes, of what stands at this place of the sensor."""
-        return carried_twist(camera_to_camera(self._config.trans_pose_l, pose_in_rgb), self._twist).reshape(2, 3)
+        """The projector, and what else is on the rig, at the present pose."""
+        self._tell_engines()
+        self._world.place(as_matrix(self.get_pose()))
 
     def _camera(self, resolution, k, pose_in_rgb, lens_and_shutter):
-        linear, angular = self._twist_of(pose_in_rgb)
+        linear, angular = twist_of(self._config, self._twist, pose_in_rgb)
         pose = camera_to_world(self.get_pose() * pose_in_rgb)
         return kuafu.Camera(*resolution, k, pose, linear_velocity=linear, angular_velocity=angular, **lens_and_shutter)
 
-    def _render(self, cameras, outputs, band, frame, progress):
+    def _render(self, cameras, outputs, band, frame, progress, eyes=(False, True)):
         c = self._config
         return self._renderer.render(
             self._scene,
@@ -334,14 +401,14 @@ class StereoDepthSensor:
             ir_ambient_scale=c.ir_light_dim_factor,
             ir_ambient_radiance=c.ir_ambient_strength,
             denoise=c.denoiser,
-            film=c.ir_film if band == "infrared" else c.rgb_film,
-            projector=self._light,
+            film=[self._told.eyes[is_right].film for is_right in eyes] if band == "infrared" else c.rgb_film,
+            projector=self._world.projector,
             progress=progress,
         )
 
     def _render_infrared(self, frame, progress):
         """Into the link; returns the projector's part of both images, (None, None) where the config does not ask for it."""
-        apart = LASER_OUTPUTS if self._config.ir_speckle_of_laser else ()
+        apart = LASER_OUTPUTS if self._tell_engines().speckle_of_laser else ()
         outputs = {"radiance": self._link.target} | dict.fromkeys(apart, np.float32)
         images = self._render(self.ir_cameras(), outputs, "infrared", frame, progress)
         return tuple(sum(images[name] for name in apart)[..., 0]) if apart else (None, None)
@@ -374,10 +441,6 @@ def srgb(linear):
     """sRGB's transfer curve (IEC 61966-2-1) on linear values, clipped to 0..1."""
     linear = np.clip(linear, 0.0, 1.0)
     return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055).astype(np.float32)
-
-
-def _shutter(line_time_s, readout):
-    return {"shutter": "rolling", "line_time_s": line_time_s, "readout": readout} if line_time_s else {}
 
 
 def _as_mount(scene_or_mount, device):

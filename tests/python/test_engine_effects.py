@@ -33,7 +33,7 @@ def engine_inputs() -> EngineInputs:
 
 def fields_of(inputs: EngineInputs) -> dict[str, object]:
     """Every engine field by the name that moves() has for it. Fields of one eye have that eye's name before them."""
-    out: dict[str, object] = {"pattern": inputs.pattern.tobytes(), "medium": repr(inputs.medium), "lights": len(inputs.lights),
+    out: dict[str, object] = {"pattern": inputs.pattern.tobytes(), "medium": repr(inputs.medium), "lights": len(inputs.lights), "rig_lights": len(inputs.rig_lights),
                               "speckle_of_laser": inputs.speckle_of_laser, "ambient": repr(inputs.ambient)}  # fmt: skip
     out |= {f"projector.{name}": value for name, value in record_key(inputs.projector)}
     for side, eye in (("left", inputs.left), ("right", inputs.right)):

@@ -2,6 +2,7 @@
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,6 +24,10 @@ from activestereo.cli.camera_options import add_camera_options, set_cameras
 from activestereo.cli.depth_maps import add_depth_maps, wanted_maps, write_maps
 from activestereo.presets import SAPIEN_DEFAULTS
 
+if TYPE_CHECKING:
+    from activestereo.presets import StereoDepthSensorConfig
+    from activestereo.sensor_model import SensorModel
+
 _TEXT = """\
 Puts a depth sensor into a scene and takes one frame: path-traced RGB picture and
 infrared pair with projected dots, imager noise, stereo matching, registration to
@@ -42,6 +47,7 @@ Writes into DIR:
 
 examples:
   activestereo simulate table_top.gltf --sensor d435 --out out/table_top
+  activestereo simulate table_top.gltf --sensor d435 --model out/diagnosis/model.json --out out/as_measured
   activestereo simulate table_top.gltf --velocity 0.5,0,0 --rgb-line-time 3e-5 --ir-distortion -0.06,0.01,0,0 --out out/moving
 """
 
@@ -55,6 +61,9 @@ def add_parser(commands):
     )
     parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file")
     parser.add_argument("--sensor", default="d435", metavar="NAME", help="d435 or d415 (default: d435)")
+    text = "a sensor model of 'activestereo diagnose': its rig, pattern, imager and effects; --sensor has what it does not say"
+    parser.add_argument("--model", type=Path, metavar="FILE", help=text)
+    parser.add_argument("--effects", type=Path, action="append", default=[], metavar="FILE", help="your own effects, where the model has some")
     add_out(parser)
     add_device(parser)
     _add_view(parser.add_argument_group("view"))
@@ -90,14 +99,15 @@ def _add_rendering(group):
 
 
 def run(args):
-    config = make_config(args)
+    model = read_sensor_model(args)
+    config = make_config(args, model)
     if not args.scene.exists():
         raise CommandError(f"{args.scene}: there is no such file")
     from activestereo.progress_bar import ProgressBar
     from activestereo.sensor import StereoDepthSensor
 
     scene = _load_scene(args)
-    sensor = StereoDepthSensor(config, scene, pose=_sensor_pose(args, scene))
+    sensor = StereoDepthSensor(config, scene, pose=_sensor_pose(args, scene), model=model)
     if args.velocity is not None:
         sensor.set_velocity(args.velocity[:3], args.velocity[3:])
     make_folder(args.out)
@@ -109,12 +119,24 @@ def run(args):
     _report(args, sensor, rows)
 
 
-def make_config(args):
-    """The preset with the options that were given."""
+def read_sensor_model(args: argparse.Namespace) -> "SensorModel | None":
+    """The model that was asked for, whole, or None."""
+    if args.model is None:
+        return None
+    if args.resolution:
+        raise CommandError("--resolution and --model exclude one another: a model's figures are in pixels of its own images")
+    from activestereo.lab.model_file import library
+    from activestereo.sensor_model import read_model
+
+    return read_model(args.model, library(*args.effects))
+
+
+def make_config(args: argparse.Namespace, model: "SensorModel | None" = None) -> "StereoDepthSensorConfig":
+    """The preset, the model's own figures, and the options that were given."""
     from activestereo.matching import engine_parameters
     from activestereo.presets import StereoDepthSensorConfig, sapien_name
 
-    config = StereoDepthSensorConfig(args.sensor)
+    config = StereoDepthSensorConfig(args.sensor) if model is None else StereoDepthSensorConfig.from_model(model, args.sensor)
     if args.resolution:
         config = _resized(config, args.resolution)
     config.samples_per_pixel, config.max_bounces, config.denoiser = args.spp, args.max_bounces, args.denoiser
@@ -126,7 +148,7 @@ def make_config(args):
         setattr(config, sapien_name(name), value)
     config.depth_maps = wanted_maps(args)
     if args.no_noise:
-        config.ir_speckle_noise = 0.0
+        config.ir_speckle_noise, config.ir_signal = 0.0, None
     engine_parameters(config)  # its checks come before any work
     return config
 

@@ -11,7 +11,7 @@ from activestereo.effects.core.second_unit import unit_starts
 from activestereo.effects.core.shading import Shading
 
 
-@moves("lights")
+@moves("rig_lights")
 def _engine(inputs: EngineInputs, intensity_m2: float, offset_x_m: float, offset_y_m: float, yaw_rad: float) -> None:
     own = inputs.projector
     if own is None or intensity_m2 == 0.0:
@@ -20,8 +20,10 @@ def _engine(inputs: EngineInputs, intensity_m2: float, offset_x_m: float, offset
     place[:2, 3] = offset_x_m, offset_y_m
     place[:3, :3] = rotation((0.0, 1.0, 0.0), yaw_rad)
     inputs.add_light(
-        kind="projector", name="second projector", k=own.k, light_to_world=own.light_to_world @ place,
-        ir_intensity=intensity_m2 * inputs.ambient_radiance,
+        on_rig=True, kind="projector", name="second projector", k=own.k, light_to_world=own.light_to_world @ place,
+        ir_intensity=intensity_m2 * inputs.ambient_radiance, linear_velocity=own.linear_velocity, angular_velocity=own.angular_velocity,
+        pattern_scale=own.pattern_scale, dots=own.dots, pattern_width=own.pattern_width, pattern_height=own.pattern_height,
+        dot_sigma_px=own.dot_sigma_px,
     )  # fmt: skip
 
 

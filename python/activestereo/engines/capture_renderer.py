@@ -18,7 +18,7 @@ from activestereo.engines.capture_inputs import capture_inputs
 from activestereo.engines.imager import ExpectedImager
 from activestereo.engines.smoothing import smooth_view
 from activestereo.engines.survey import Survey
-from activestereo.engines.world import changed_world, record_key, world_key
+from activestereo.engines.world import changed_world, copy_record, record_key, world_key
 
 Key = tuple[int, str]
 _LIGHT = ("projector_direct", "projector_indirect", "ambient")
@@ -158,7 +158,7 @@ class CaptureRenderer:
 
     def _render_world(self, jobs: list[_Job], progress: Callable[[float], object] | None) -> list[list[dict[str, NDArray]]]:
         images = self._render(jobs, _LIGHT + _GEOMETRY, own=True, progress=progress)
-        if any(light.kind == "projector" for job in jobs for light in job.inputs.lights):
+        if any(light.kind == "projector" for job in jobs for light in job.inputs.added_lights):
             # Projectors' light has one pair of outputs; that of further units belongs to the room's.
             others = self._render(jobs, _LIGHT[:2], own=False, progress=None)
             images["added"] = images["added"] + others["projector_direct"] + others["projector_indirect"]
@@ -175,7 +175,7 @@ class CaptureRenderer:
     ) -> dict[str, NDArray]:  # fmt: skip
         """One render of all jobs, an environment each: own: the rig's projector at 1 W/sr and lamps; else further projectors alone."""
         lights, textures = [], {}
-        has_lamps = own and any(light.kind != "projector" for job in jobs for light in job.inputs.lights)
+        has_lamps = own and any(light.kind != "projector" for job in jobs for light in job.inputs.added_lights)
         group = f"light_group_{_ADDED_GROUP}"
         try:
             for environment, job in enumerate(jobs):
@@ -211,15 +211,16 @@ class CaptureRenderer:
 def _lights(inputs: EngineInputs, own: bool) -> list[tuple[kuafu.Light, float]]:
     """(light, infrared intensity) of one pass."""
     if not own:
-        return [(light, light.ir_intensity) for light in inputs.lights if light.kind == "projector"]
-    lamps = [(light, light.ir_intensity) for light in inputs.lights if light.kind != "projector"]
+        return [(light, light.ir_intensity) for light in inputs.added_lights if light.kind == "projector"]
+    lamps = [(light, light.ir_intensity) for light in inputs.added_lights if light.kind != "projector"]
     return lamps if inputs.projector is None else [(_unit(inputs.projector), 1.0), *lamps]
 
 
 def _unit(projector: kuafu.Light) -> kuafu.Light:
     """The projector at 1 W/sr: its power scales the image afterwards."""
-    fields = {n: getattr(projector, n) for n, value in vars(kuafu.Light).items() if isinstance(value, property)}
-    return kuafu.Light(**fields | {"ir_intensity": 1.0})
+    unit = copy_record(projector)
+    unit.ir_intensity = 1.0
+    return unit
 
 
 def _job_key(inputs: EngineInputs) -> tuple:
@@ -227,7 +228,7 @@ def _job_key(inputs: EngineInputs) -> tuple:
     eyes = tuple((record_key(eye.camera), record_key(eye.film)) for eye in inputs.eyes)
     projector = () if inputs.projector is None else record_key(_unit(inputs.projector))
     pattern = b"" if inputs.pattern is None else inputs.pattern.tobytes()
-    return (*eyes, projector, hash(pattern), tuple(map(record_key, inputs.lights)), world_key(inputs))
+    return (*eyes, projector, hash(pattern), tuple(map(record_key, inputs.added_lights)), world_key(inputs))
 
 
 def _eye_light(view: dict[str, NDArray], inputs: EngineInputs) -> EyeLight:

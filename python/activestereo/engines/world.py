@@ -20,6 +20,11 @@ def record_key(record: Any) -> tuple:
     return tuple((n, value.tobytes() if isinstance(value, np.ndarray) else value) for n in names for value in [getattr(record, n)])
 
 
+def copy_record(record: Any) -> Any:
+    """Another record with the same fields; not for cameras, which are made with arguments."""
+    return type(record)(**{n: getattr(record, n) for n, value in vars(type(record)).items() if isinstance(value, property)})
+
+
 def world_key(inputs: EngineInputs) -> tuple:
     """What all poses of one render share."""
     return (tuple((number, record_key(m)) for number, m in sorted(inputs.materials.items())), repr(inputs.medium))

@@ -48,10 +48,11 @@ def diagnosed_model(
 
 
 def _rig(capture: Capture) -> Rig:
-    rig = capture.rig
+    rig, frames = capture.rig, capture.split("train") or list(capture.frames)
+    usual = sorted(frames, key=lambda frame: frame.exposure_gain)[len(frames) // 2]
     return Rig(
         _eye(rig.left), _eye(rig.right), rig.left_to_right, rig.projector.left_to_projector, rig.bit_depth, rig.line_time_s,
-        source=f"nominal, of {capture.name}",
+        usual.exposure_s, usual.gain, source=f"nominal, of {capture.name}",
     )  # fmt: skip
 
 

@@ -61,7 +61,8 @@ class Eye:
 
 @dataclass(frozen=True)
 class Rig:
-    """The calibration. 4x4 transforms a_to_b map coordinates in a to coordinates in b, camera axes x right, y down, z forward."""
+    """The calibration. 4x4 transforms a_to_b map coordinates in a to coordinates in b, camera axes x right, y down, z forward.
+    exposure_s, gain: the settings that the sensor is used with."""
 
     left: Eye
     right: Eye
@@ -69,6 +70,8 @@ class Rig:
     left_to_projector: NDArray[np.float64] | None = None
     bit_depth: int = 8
     line_time_s: float | None = None
+    exposure_s: float | None = None
+    gain: float | None = None
     source: str = ""
 
 

@@ -126,6 +126,8 @@ def _rig(entry: JsonObject) -> Rig:
         left_to_projector=to_projector,
         bit_depth=entry.integer("bit_depth", minimum=8) if entry.has("bit_depth") else 8,
         line_time_s=entry.number("line_time_s", optional=True),
+        exposure_s=entry.number("exposure_s", optional=True, above=0.0),
+        gain=entry.number("gain", optional=True, above=0.0),
         source=_source(entry),
     )
 

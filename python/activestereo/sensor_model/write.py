@@ -66,8 +66,7 @@ def _rig(rig: Rig) -> dict[str, Any]:
     out: dict[str, Any] = {"left": _eye(rig.left), "right": _eye(rig.right), "left_to_right": _numbers(rig.left_to_right)}
     if rig.left_to_projector is not None:
         out["left_to_projector"] = _numbers(rig.left_to_projector)
-    out["bit_depth"] = rig.bit_depth
-    out["line_time_s"] = rig.line_time_s
+    out |= {"bit_depth": rig.bit_depth, "line_time_s": rig.line_time_s, "exposure_s": rig.exposure_s, "gain": rig.gain}
     return out | ({"source": rig.source} if rig.source else {})
 
 

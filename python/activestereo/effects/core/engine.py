@@ -109,7 +109,7 @@ class EngineInputs:
     """Everything that the engines are told for one exposure of a rig, as the calibration has it until effects change it.
 
     projector: the rig's own, None where there is none; its texture is `pattern`, relative radiant intensity [height][width] 0..1 (None where it
-    throws dots). lights: further ones, made with new_light. ambient_radiance: of the capture's or room's infrared light, in the unit of
+    throws dots). rig_lights: further ones that move with the rig; lights: those that stand in the world; both made by new_light. ambient_radiance: of the capture's or room's infrared light, in the unit of
     the lights' intensities per steradian. scene_materials: id -> a fresh kuafu.Material of the scene. matcher: simsense's parameters.
     bounds_m: a box around the scene and the rig, world. speckle_of_laser: only the projectors' light has speckle. frame: exposure, gain, time,
     temperature.
@@ -129,6 +129,7 @@ class EngineInputs:
     ambient_radiance: float = 1.0
     ambient: Ambient = field(default_factory=Ambient)
     lights: list[kuafu.Light] = field(default_factory=list)
+    rig_lights: list[kuafu.Light] = field(default_factory=list)
     medium: Medium | None = None
     materials: dict[int, kuafu.Material] = field(default_factory=dict)
     speckle_of_laser: bool = False
@@ -154,9 +155,14 @@ class EngineInputs:
             self.materials[number] = self.scene_materials(number)
         return self.materials[number]
 
-    def add_light(self, **fields: Any) -> None:
-        """One more light; `fields` are kuafu.Light's."""
-        self.lights.append(self.new_light(**fields))
+    @property
+    def added_lights(self) -> list[kuafu.Light]:
+        """Those that the scene does not have."""
+        return [*self.rig_lights, *self.lights]
+
+    def add_light(self, *, on_rig: bool, **fields: Any) -> None:
+        """One more light, on the rig or standing in the world; `fields` are kuafu.Light's."""
+        (self.rig_lights if on_rig else self.lights).append(self.new_light(**fields))
 
     def blur_pattern(self, sigma_px: float) -> None:
         """Blurs the projector's dots by a Gaussian of so many camera pixels: the same angle at the projector."""

@@ -1,0 +1,94 @@
+"""EngineInputs of a simulated sensor: what its configuration tells the engines for one exposure, before a model's effects."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+import kuafu
+from activestereo.capture import Frame
+from activestereo.effects.core.engine import EngineEye, EngineInputs
+from activestereo.matching import signal_parameters
+from activestereo.pose import Pose, camera_to_camera, camera_to_world, carried_twist
+
+if TYPE_CHECKING:
+    from activestereo.presets import StereoDepthSensorConfig
+
+# Media reach so far beyond scene and rig.
+_MARGIN_M = 0.05
+
+
+def sensor_inputs(
+    config: StereoDepthSensorConfig, scene: kuafu.Scene, pose: Pose, twist: NDArray[np.float64], frame: Frame, pattern: NDArray[np.float32] | None,
+    ambient_radiance: float,
+) -> EngineInputs:  # fmt: skip
+    """config at `pose`, the RGB camera's in the scene (body axes); twist: of the left camera in its own axes, m/s and rad/s. pattern: None where the
+    sensor has no projector or throws dots."""
+    signal = signal_parameters(config)
+    if frame.temperature_c is not None:
+        signal["temperature_c"] = frame.temperature_c
+    summary = scene.summary
+    return EngineInputs(
+        left=_eye(config, pose, twist, config.trans_pose_l, dict(signal), is_right=False),
+        right=_eye(config, pose, twist, config.trans_pose_r, dict(signal), is_right=True),
+        projector=_projector(config, pose, twist, pattern),
+        pattern=pattern,
+        frame=frame,
+        new_light=kuafu.Light,
+        scene_materials=scene.get_material,
+        material_count=summary.material_count,
+        bounds_m=_bounds(summary, camera_to_world(pose)[:3, 3]),
+        max_dn=float(2 ** int(signal["bit_depth"]) - 1),
+        seed=config.ir_noise_seed,
+        ambient_radiance=ambient_radiance,
+        speckle_of_laser=bool(config.ir_speckle_of_laser),
+    )
+
+
+def twist_of(config: StereoDepthSensorConfig, twist: NDArray[np.float64], pose_in_rgb: Pose) -> NDArray[np.float64]:
+    """[2, 3] linear and angular velocity, in its own camera axes, of what stands at this place of the sensor."""
+    return carried_twist(camera_to_camera(config.trans_pose_l, pose_in_rgb), twist).reshape(2, 3)
+
+
+def shutter(line_time_s: float, readout: str) -> dict[str, float | str]:
+    """kuafu.Camera's fields of a rolling shutter, none for a global one."""
+    return {"shutter": "rolling", "line_time_s": line_time_s, "readout": readout} if line_time_s else {}
+
+
+def _eye(
+    config: StereoDepthSensorConfig, pose: Pose, twist: NDArray[np.float64], place: Pose, signal: dict[str, float], is_right: bool
+) -> EngineEye:
+    linear, angular = twist_of(config, twist, place)
+    k, distortion = config.ir_eye(is_right)
+    camera = kuafu.Camera(
+        *config.ir_resolution, k, camera_to_world(pose * place), linear_velocity=linear, angular_velocity=angular,
+        distortion=distortion, exposure_s=config.ir_camera_exposure, **shutter(config.ir_line_time_s, config.ir_readout),
+    )  # fmt: skip
+    film = config.ir_film
+    return EngineEye(camera, kuafu.Film() if film is None else kuafu.Film(**film), signal, is_right)
+
+
+def _projector(
+    config: StereoDepthSensorConfig, pose: Pose, twist: NDArray[np.float64], pattern: NDArray[np.float32] | None
+) -> kuafu.Light | None:
+    if config.light_dots is not None:
+        design = config.pattern_design
+        size = {"pattern_width": design.width, "pattern_height": design.height, "dot_sigma_px": design.dot_sigma_px}
+        fields = {"dots": config.light_dots, "k": config.pattern_k(design.width, design.height), **size}
+    elif pattern is None:
+        return None
+    else:
+        fields = {"k": config.pattern_k(pattern.shape[1], pattern.shape[0])}
+    linear, angular = twist_of(config, twist, config.pose_rgb_irproj)
+    return kuafu.Light(
+        kind="projector", name="projector", ir_intensity=config.projector_intensity, pattern_scale=config.light_pattern_scale,
+        light_to_world=camera_to_world(pose * config.pose_rgb_irproj), linear_velocity=linear, angular_velocity=angular, **fields,
+    )  # fmt: skip
+
+
+def _bounds(summary: kuafu.SceneSummary, place: NDArray[np.float64]) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    corners = [summary.bounds_min_m, summary.bounds_max_m] if summary.triangle_count else []
+    points = np.array([*corners, place])
+    return tuple(points.min(axis=0) - _MARGIN_M), tuple(points.max(axis=0) + _MARGIN_M)
