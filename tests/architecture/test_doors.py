@@ -174,6 +174,16 @@ def test_libraries_link_neither_vulkan_nor_each_other(library):
     assert not [n for n in needed if n.startswith(closed)]
 
 
+def test_readers_of_untrusted_files_stay_out_of_the_libraries(library):
+    # They run in helper programs (kuafu/import), so that neither their faults nor their symbols reach the host.
+    _, path = library
+    needed = re.findall(r"NEEDED.*\[(.+)\]", run("readelf", "-d", str(path)))
+    assert not [n for n in needed if n.startswith(("libassimp", "libpng", "libjpeg", "libz.", "libturbojpeg", "libwebp"))]
+    names = run("nm", "--demangle", str(path)) + run("nm", "-D", "--demangle", str(path))
+    seen = re.search(r"Assimp::|\bai[A-Z]\w+|\bpng_\w+|\bjpeg_\w+|\bstbi_\w+|tinygltf::", names)
+    assert not seen, seen.group()
+
+
 def test_libraries_hold_no_mutable_global_state(library):
     name, path = library
     text = "\n".join(code_of(p) for folder in ("capi/device", name) for p in sources(folder, {".h", ".cpp"}))

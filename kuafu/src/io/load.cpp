@@ -1,38 +1,22 @@
 #include "io/load.h"
 
+#include <sys/stat.h>
+
 #include <algorithm>
+#include <array>
 #include <cctype>
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
 #include <stdexcept>
 
 #include "device/error.h"
-#include "io/import.h"
+#include "io/import_process.h"
+#include "io/wire.h"
 #include "scene/validate.h"
 
 namespace kuafu {
 namespace {
-
-using Reader = void (*)(Import&);
-
-Reader reader_of(const std::filesystem::path& path) {
-  const std::string extension = lower_extension(path);
-  if (extension == ".gltf" || extension == ".glb") return import_gltf;
-  if (extension == ".obj" || extension == ".dae" || extension == ".stl" || extension == ".ply") return import_assimp;
-  ks::fail(KS_ERROR_UNSUPPORTED, "the name ends in '%s': scene files are .gltf .glb .obj .dae .stl .ply", extension.c_str());
-}
-
-void read(Import& import) {
-  const Reader reader = reader_of(import.path);
-  std::error_code error;
-  const auto status = std::filesystem::status(import.path, error);
-  if (!std::filesystem::exists(status)) ks::fail(KS_ERROR_FILE, "there is no such file");
-  if (!std::filesystem::is_regular_file(status)) ks::fail(KS_ERROR_FILE, "this is not a regular file");
-  reader(import);
-  const Scene& scene = import.scene;
-  if (scene.instances().empty() && scene.lights().empty() && scene.cameras().empty())
-    ks::fail(KS_ERROR_FILE, "there is no mesh, light or camera in it");
-}
-
-}  // namespace
 
 std::string lower_extension(const std::filesystem::path& path) {
   std::string extension = path.extension().string();
@@ -40,25 +24,58 @@ std::string lower_extension(const std::filesystem::path& path) {
   return extension;
 }
 
-void Import::warn(const std::string& text) {
-  if (std::find(warnings.begin(), warnings.end(), text) == warnings.end()) warnings.push_back(text);
+const char* helper_of(const std::filesystem::path& path) {
+  const std::string extension = lower_extension(path);
+  if (extension == ".gltf" || extension == ".glb") return "kuafu-import-gltf";
+  if (extension == ".obj" || extension == ".dae" || extension == ".stl" || extension == ".ply") return "kuafu-import-assimp";
+  ks::fail(KS_ERROR_UNSUPPORTED, "the name ends in '%.40s': scene files are .gltf .glb .obj .dae .stl .ply", extension.c_str());
 }
 
-std::vector<std::string> load_file(Scene& scene, const std::filesystem::path& path, const glm::dmat4& root_to_world) {
+uint64_t size_of_regular_file(const std::filesystem::path& path) {
+  struct stat status {};
+  if (stat(path.c_str(), &status) != 0) ks::fail(KS_ERROR_FILE, "%s", errno == ENOENT ? "there is no such file" : std::strerror(errno));
+  if (!S_ISREG(status.st_mode)) ks::fail(KS_ERROR_FILE, "this is not a regular file");
+  return static_cast<uint64_t>(status.st_size);
+}
+
+/// What the helper's main() takes (kuafu/import/main.cpp). Hexadecimal floats pass unrounded.
+std::vector<std::string> helper_arguments(const std::filesystem::path& path, const glm::dmat4& root_to_world, const LoadLimits& limits,
+                                          bool outside_folder) {
+  std::vector<std::string> arguments{path.string(), std::to_string(limits.memory_bytes), std::to_string(limits.memory_most_bytes),
+                                     std::to_string(limits.seconds), outside_folder ? "1" : "0"};
+  for (int column = 0; column < 4; ++column)
+    for (int row = 0; row < 4; ++row) {
+      std::array<char, 40> text{};
+      std::snprintf(text.data(), text.size(), "%a", root_to_world[column][row]);
+      arguments.emplace_back(text.data());
+    }
+  return arguments;
+}
+
+ImportAnswer read(const std::filesystem::path& path, const glm::dmat4& root_to_world, const LoadOptions& options) {
+  const char* name = helper_of(path);
+  const LoadLimits limits = load_limits(options, size_of_regular_file(path));
+  const std::filesystem::path program = find_helper(name, options.helpers);
+  ImportProcess helper(program, helper_arguments(path, root_to_world, limits, options.outside_folder), limits.seconds);
+  return read_answer([&](void* to, size_t bytes) { helper.read(to, bytes); }, limits.memory_most_bytes);
+}
+
+}  // namespace
+
+std::vector<std::string> load_file(Scene& scene, const std::filesystem::path& path, const glm::dmat4& root_to_world,
+                                   const LoadOptions& options) {
   check_affine(root_to_world, "root_to_world");
-  Import import{.path = path, .root_to_world = root_to_world};
+  ImportAnswer answer;
   try {
-    read(import);
+    answer = read(path, root_to_world, options);
   } catch (const ks::Error& error) {
     // What is an invalid argument to Scene is an invalid file here.
     const bool content = error.status() == KS_ERROR_INVALID_ARGUMENT;
     ks::fail(content ? KS_ERROR_FILE : error.status(), "%s: %s", path.c_str(), error.what());
-  } catch (const std::length_error&) {
-    ks::fail(KS_ERROR_FILE, "%s: a size in it is beyond all memory", path.c_str());
   }
-  for (std::string& warning : import.warnings) warning = path.string() + ": " + warning;
-  scene.append(std::move(import.scene));
-  return std::move(import.warnings);
+  for (std::string& warning : answer.warnings) warning = path.string() + ": " + warning;
+  scene.append(std::move(answer.scene));
+  return std::move(answer.warnings);
 }
 
 }  // namespace kuafu

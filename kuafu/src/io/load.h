@@ -1,4 +1,5 @@
-// Reads scene files. Thread rule: distinct scenes may be loaded at once.
+// Reads scene files, each in a helper program of its own (kuafu/import), for scene files come from strangers: what is safe, and what a file
+// may cost, stands in README.md here. Thread rule: distinct scenes may be loaded at once.
 //
 // glTF 2.0 (.gltf .glb): meshes, pbrMetallicRoughness, KHR_materials_ior / _transmission (without _volume's thicknessFactor: a sheet) /
 // _volume / _specular / _emissive_strength, extras.ir_albedo and extras.ir_emission of a material, KHR_lights_punctual point lights,
@@ -11,12 +12,14 @@
 #include <string>
 #include <vector>
 
+#include "io/load_options.h"
 #include "scene/scene.h"
 
 namespace kuafu {
 
 /// Appends a file's content to `scene`; `root_to_world` stands before every node. Returns warnings: what the file has and the renderer
 /// ignores. Throws ks::Error that names the file and the field; the scene is then unchanged.
-std::vector<std::string> load_file(Scene& scene, const std::filesystem::path& path, const glm::dmat4& root_to_world);
+std::vector<std::string> load_file(Scene& scene, const std::filesystem::path& path, const glm::dmat4& root_to_world,
+                                   const LoadOptions& options = load_options_from_environment());
 
 }  // namespace kuafu

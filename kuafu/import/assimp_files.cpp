@@ -1,0 +1,59 @@
+#include "import/assimp_files.h"
+
+#include <assimp/MemoryIOWrapper.h>
+
+#include <algorithm>
+#include <cstring>
+
+#include "device/error.h"
+
+namespace kuafu {
+namespace {
+
+class FileInMemory final : public Assimp::MemoryIOStream {
+ public:
+  explicit FileInMemory(std::vector<uint8_t> bytes) : MemoryIOStream(bytes.data(), bytes.size()), bytes_(std::move(bytes)) {}
+
+ private:
+  std::vector<uint8_t> bytes_;  // moving it left them where they are
+};
+
+std::vector<uint8_t> read_named(const Import& import, const char* name) {
+  if (import.path.filename() == name) return import.folder.read_scene_file();
+  std::string uri(name);
+  std::replace(uri.begin(), uri.end(), '\\', '/');
+  return import.folder.read(uri);
+}
+
+}  // namespace
+
+bool SceneFiles::Exists(const char* name) const {
+  try {
+    return !read_named(import_, name).empty();
+  } catch (const ks::Error&) {
+    return false;
+  }
+}
+
+Assimp::IOStream* SceneFiles::Open(const char* name, const char* mode) {
+  if (std::strchr(mode, 'w') != nullptr) return nullptr;
+  try {
+    return new FileInMemory(read_named(import_, name));
+  } catch (const ks::Error& error) {
+    // What is not there assimp says itself, if it was asked for and not tried by guess.
+    const std::string_view reason(error.what());
+    if (!reason.starts_with("cannot open")) import_.warn(error.what());
+    return nullptr;
+  }
+}
+
+void WarningStream::write(const char* message) {
+  // "Warn,  T12345: OBJ: ..." without the thread.
+  const char* text = std::strstr(message, ": ");
+  const std::string_view said(text == nullptr ? message : text + 2);
+  for (const std::string_view guess : {"fallback material file", "No object detected to attach"})
+    if (said.find(guess) != std::string_view::npos) return;
+  import_.warn(std::string(said.substr(0, said.find_last_not_of(" \n") + 1)));
+}
+
+}  // namespace kuafu

@@ -1,0 +1,34 @@
+// assimp's door to the disk and its voice: files come through SceneFolder, messages become warnings of the import.
+#pragma once
+
+#include <assimp/IOStream.hpp>
+#include <assimp/IOSystem.hpp>
+#include <assimp/LogStream.hpp>
+
+#include "import/import.h"
+
+namespace kuafu {
+
+/// What a file may not name is said as a warning, and is not there for assimp, which does without it or fails.
+class SceneFiles final : public Assimp::IOSystem {
+ public:
+  explicit SceneFiles(Import& import) : import_(import) {}
+  bool Exists(const char* name) const override;
+  char getOsSeparator() const override { return '/'; }
+  Assimp::IOStream* Open(const char* name, const char* mode) override;
+  void Close(Assimp::IOStream* file) override { delete file; }
+
+ private:
+  Import& import_;
+};
+
+class WarningStream final : public Assimp::LogStream {
+ public:
+  explicit WarningStream(Import& import) : import_(import) {}
+  void write(const char* message) override;
+
+ private:
+  Import& import_;
+};
+
+}  // namespace kuafu

@@ -1,0 +1,31 @@
+// The memory that reading one scene file may take. It is tied to the bytes of the files read, so that a short file cannot ask for
+// gigabytes: what a reader is about to allocate by a number in a file is claimed first, which makes the clear errors; whatever else is
+// allocated (inside libraries) meets the address space limit of the process, kept at the same number. Not thread-safe.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+namespace kuafu {
+
+class Budget {
+ public:
+  /// Without a limit, for a reader inside a test.
+  Budget() = default;
+  /// Limits the process' address space too, to what it has now and `bytes`.
+  Budget(uint64_t bytes, uint64_t most_bytes);
+
+  /// A file of this size was read: allows more, by memory_per_file_byte (io/load_options.h).
+  void add_file(uint64_t file_bytes);
+  /// Throws KS_ERROR_FILE that names `what` when all claims together exceed the limit.
+  void claim(uint64_t bytes, const std::string& what);
+  [[nodiscard]] uint64_t limit_bytes() const { return limit_; }
+
+ private:
+  void limit_address_space() const;
+
+  uint64_t limit_ = UINT64_MAX, most_ = UINT64_MAX, claimed_ = 0;
+  uint64_t own_bytes_ = 0;  // of the process before it read anything
+};
+
+}  // namespace kuafu

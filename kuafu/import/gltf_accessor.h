@@ -1,0 +1,27 @@
+// Accessors (glTF 2.0 section 3.6.2) into plain arrays: any component type, byte strides, sparse substitution. Every byte is
+// bounds-checked.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "import/gltf_document.h"
+
+namespace kuafu {
+
+/// [count * components] values; integers are scaled to [0, 1] or [-1, 1] where the accessor is normalized. `field` names it in errors.
+/// Throws unless the accessor has exactly `components` per element, and unless the budget holds them.
+std::vector<float> read_floats(Budget& budget, const tinygltf::Model& model, int accessor, int components, const std::string& field);
+
+/// Scalars of unsigned 8, 16 or 32 bit.
+std::vector<uint32_t> read_indices(Budget& budget, const tinygltf::Model& model, int accessor, const std::string& field);
+
+/// The bytes of a buffer view.
+struct Bytes {
+  const uint8_t* data;
+  size_t size;
+  size_t stride;  // 0 = packed
+};
+Bytes view_bytes(const tinygltf::Model& model, int view, const std::string& field);
+
+}  // namespace kuafu

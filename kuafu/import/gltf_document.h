@@ -1,0 +1,20 @@
+// A glTF 2.0 file as tinygltf's tables, checked so far that the typed fields are what their names say. Images stay encoded.
+#pragma once
+
+#define TINYGLTF_NO_STB_IMAGE
+#define TINYGLTF_NO_STB_IMAGE_WRITE
+#define TINYGLTF_NO_EXTERNAL_IMAGE
+#include <tiny_gltf.h>
+
+#include "import/import.h"
+
+namespace kuafu {
+
+/// Throws ks::Error that names the field. Buffers are read; of images, data URIs are unpacked into Image::image and the rest is left where
+/// it is. Names are clean.
+tinygltf::Model read_gltf(const Import& import);
+
+/// Percent-decodes a URI reference (RFC 3986 section 2.1).
+std::string decode_uri(const std::string& uri);
+
+}  // namespace kuafu

@@ -1,0 +1,155 @@
+#include "import/gltf_material.h"
+
+#include "device/error.h"
+#include "import/gltf_accessor.h"
+#include "import/image.h"
+
+namespace kuafu {
+namespace {
+
+double number(const tinygltf::Value& object, const char* key, double fallback) {
+  if (!object.IsObject() || !object.Has(key)) return fallback;
+  const tinygltf::Value& value = object.Get(key);
+  return value.IsNumber() ? value.GetNumberAsDouble() : fallback;
+}
+
+/// {index, texCoord} of a texture reference inside an extension; index -1 where absent.
+std::pair<int, int> reference(const tinygltf::Value& object, const char* key) {
+  if (!object.IsObject() || !object.Has(key)) return {-1, 0};
+  const tinygltf::Value& info = object.Get(key);
+  return {static_cast<int>(number(info, "index", -1.0)), static_cast<int>(number(info, "texCoord", 0.0))};
+}
+
+Texture read_image(const Import& import, const tinygltf::Model& model, int index, bool srgb, const std::string& field) {
+  const tinygltf::Image& image = model.images[static_cast<size_t>(index)];
+  const std::string name = !image.name.empty() ? image.name : !image.uri.empty() ? clean_name(image.uri) : "image" + std::to_string(index);
+  if (image.bufferView >= 0) {
+    const Bytes bytes = view_bytes(model, image.bufferView, field);
+    return decode_image({bytes.data, bytes.size}, name, srgb, import.budget);
+  }
+  if (image.uri.empty()) return decode_image(image.image, name, srgb, import.budget);
+  return decode_image(import.folder.read(decode_uri(image.uri)), name, srgb, import.budget);
+}
+
+}  // namespace
+
+void GltfMaterials::add_all() {
+  for (size_t i = 0; i < model_.materials.size(); ++i) {
+    const tinygltf::Material& from = model_.materials[i];
+    import_.scene.add_material(read(from, "materials[" + std::to_string(i) + "] '" + from.name + "'"));
+  }
+}
+
+uint32_t GltfMaterials::id(int index, const std::string& field) {
+  if (index >= 0 && static_cast<size_t>(index) >= model_.materials.size())
+    ks::fail(KS_ERROR_FILE, "%s: material %d of %zu", field.c_str(), index, model_.materials.size());
+  if (index >= 0) return static_cast<uint32_t>(index);
+  if (default_ == none) {
+    tinygltf::Material standard;
+    standard.name = "glTF default";
+    standard.emissiveFactor = {0.0, 0.0, 0.0};
+    default_ = import_.scene.add_material(read(standard, "the default material"));
+  }
+  return default_;
+}
+
+Material GltfMaterials::read(const tinygltf::Material& from, const std::string& field) {
+  const tinygltf::PbrMetallicRoughness& pbr = from.pbrMetallicRoughness;
+  Material to;
+  to.name = from.name;
+  for (int i = 0; i < 4; ++i) to.base_color[i] = static_cast<float>(pbr.baseColorFactor[static_cast<size_t>(i)]);
+  for (int i = 0; i < 3; ++i) to.emission[i] = static_cast<float>(from.emissiveFactor[static_cast<size_t>(i)]);
+  to.metallic = static_cast<float>(pbr.metallicFactor);
+  to.roughness = static_cast<float>(pbr.roughnessFactor);
+  to.base_color_texture = texture(pbr.baseColorTexture.index, pbr.baseColorTexture.texCoord, true, field + ".baseColorTexture");
+  to.metallic_roughness_texture =
+      texture(pbr.metallicRoughnessTexture.index, pbr.metallicRoughnessTexture.texCoord, false, field + ".metallicRoughnessTexture");
+  to.normal_texture = texture(from.normalTexture.index, from.normalTexture.texCoord, false, field + ".normalTexture");
+  to.emission_texture = texture(from.emissiveTexture.index, from.emissiveTexture.texCoord, true, field + ".emissiveTexture");
+  read_extensions(from, field, to);
+  read_extras(from.extras, field, to);
+  if (from.alphaMode != "OPAQUE") import_.warn(field + ".alphaMode " + from.alphaMode + " is rendered as OPAQUE");
+  if (from.normalTexture.scale != 1.0) import_.warn(field + ".normalTexture.scale is ignored");
+  return to;
+}
+
+// What glTF has no words for: fields of kuafu_material_desc by their names.
+void GltfMaterials::read_extras(const tinygltf::Value& extras, const std::string& field, Material& to) {
+  const std::pair<const char*, float*> numbers[] = {{"ir_albedo", &to.ir_albedo},
+                                                    {"ir_attenuation_color", &to.ir_attenuation_color},
+                                                    {"ir_emission", &to.ir_emission},
+                                                    {"ir_roughness", &to.ir_roughness},
+                                                    {"ir_ior", &to.ir_ior},
+                                                    {"ir_transmission", &to.ir_transmission},
+                                                    {"ir_transmission_roughness", &to.ir_transmission_roughness},
+                                                    {"diffuse_roughness", &to.diffuse_roughness},
+                                                    {"subsurface", &to.subsurface},
+                                                    {"ir_subsurface_color", &to.ir_subsurface_color},
+                                                    {"ir_subsurface_radius_m", &to.ir_subsurface_radius_m},
+                                                    {"transmission_roughness", &to.transmission_roughness}};
+  for (const auto& [name, value] : numbers) *value = static_cast<float>(number(extras, name, *value));
+  if (extras.IsObject() && extras.Has("thin_walled")) to.thin_walled = number(extras, "thin_walled", 0.0) != 0.0;
+  const std::pair<const char*, glm::vec3*> vectors[] = {{"subsurface_color", &to.subsurface_color},
+                                                        {"subsurface_radius_m", &to.subsurface_radius_m}};
+  for (const auto& [name, value] : vectors)
+    if (extras.IsObject() && extras.Has(name))
+      for (int i = 0; i < 3; ++i) (*value)[i] = static_cast<float>(extras.Get(name).Get(i).GetNumberAsDouble());
+  const std::pair<const char*, uint32_t*> textures[] = {{"ior_texture", &to.ior_texture}, {"ir_albedo_texture", &to.ir_albedo_texture}};
+  for (const auto& [name, id] : textures) {
+    const auto [index, uv_set] = reference(extras, name);
+    *id = texture(index, uv_set, false, field + ".extras." + name);
+  }
+}
+
+void GltfMaterials::read_extensions(const tinygltf::Material& from, const std::string& field, Material& to) {
+  const auto extension = [&](const char* name) -> const tinygltf::Value* {
+    const auto found = from.extensions.find(name);
+    return found == from.extensions.end() ? nullptr : &found->second;
+  };
+  if (const auto* e = extension("KHR_materials_ior")) {
+    // ior 0 means total reflection for every angle (KHR_materials_ior, "Interaction with other extensions"): the limit of a huge index.
+    const double ior = number(*e, "ior", 1.5);
+    to.ior = ior == 0.0 ? 1e6f : static_cast<float>(ior);
+  }
+  if (const auto* e = extension("KHR_materials_transmission")) {
+    to.transmission = static_cast<float>(number(*e, "transmissionFactor", 0.0));
+    const auto [index, uv_set] = reference(*e, "transmissionTexture");
+    to.transmission_texture = texture(index, uv_set, false, field + ".transmissionTexture");
+  }
+  if (const auto* e = extension("KHR_materials_specular")) {
+    to.specular = static_cast<float>(number(*e, "specularFactor", 1.0));
+    const auto [index, uv_set] = reference(*e, "specularTexture");
+    to.specular_texture = texture(index, uv_set, false, field + ".specularTexture");
+    if (e->Has("specularColorFactor") || e->Has("specularColorTexture"))
+      import_.warn(field + ": specularColorFactor and specularColorTexture are ignored");
+  }
+  to.transmission_roughness = to.roughness;
+  const auto* volume = extension("KHR_materials_volume");
+  const double thickness = volume == nullptr ? 0.0 : number(*volume, "thicknessFactor", 0.0);
+  to.thin_walled = extension("KHR_materials_transmission") != nullptr && thickness == 0.0;  // as KHR_materials_volume has it
+  if (to.thin_walled && volume != nullptr && volume->Has("attenuationDistance"))
+    import_.warn(field + ": attenuationDistance is not used, for thicknessFactor is 0: the glass is a sheet");
+  if (const auto* e = volume) {
+    to.attenuation_distance_m = static_cast<float>(number(*e, "attenuationDistance", 0.0));
+    if (e->Has("attenuationColor"))
+      for (int i = 0; i < 3; ++i) to.attenuation_color[i] = static_cast<float>(e->Get("attenuationColor").Get(i).GetNumberAsDouble());
+  }
+  if (const auto* e = extension("KHR_materials_emissive_strength")) to.emission *= static_cast<float>(number(*e, "emissiveStrength", 1.0));
+}
+
+uint32_t GltfMaterials::texture(int index, int uv_set, bool srgb, const std::string& field) {
+  if (index < 0) return none;
+  if (static_cast<size_t>(index) >= model_.textures.size())
+    ks::fail(KS_ERROR_FILE, "%s: texture %d of %zu", field.c_str(), index, model_.textures.size());
+  if (uv_set != 0) import_.warn(field + ": TEXCOORD_" + std::to_string(uv_set) + " is not read, TEXCOORD_0 is used");
+  const int image = model_.textures[static_cast<size_t>(index)].source;
+  if (image < 0 || static_cast<size_t>(image) >= model_.images.size())
+    ks::fail(KS_ERROR_FILE, "%s: textures[%d].source is image %d of %zu", field.c_str(), index, image, model_.images.size());
+  const auto found = textures_.find({image, srgb});
+  if (found != textures_.end()) return found->second;
+  const uint32_t id = import_.scene.add_texture(read_image(import_, model_, image, srgb, field));
+  textures_.emplace(std::pair{image, srgb}, id);
+  return id;
+}
+
+}  // namespace kuafu

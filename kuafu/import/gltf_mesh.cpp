@@ -1,0 +1,166 @@
+#include "import/gltf_mesh.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+
+#include "device/error.h"
+#include "import/gltf_accessor.h"
+
+namespace kuafu {
+namespace {
+
+template <class Vector>
+std::vector<Vector> as_vectors(const std::vector<float>& values) {
+  std::vector<Vector> out(values.size() / static_cast<size_t>(Vector::length()));
+  if (!out.empty()) std::memcpy(static_cast<void*>(out.data()), values.data(), out.size() * sizeof(Vector));
+  return out;
+}
+
+/// Triangle lists, strips and fans (glTF 2.0 section 3.7.2.1) as triangles of vertex numbers.
+std::vector<glm::uvec3> triangles(const std::vector<uint32_t>& v, int mode, const std::string& field) {
+  if (v.empty() || (mode == TINYGLTF_MODE_TRIANGLES ? v.size() % 3 != 0 : v.size() < 3))
+    ks::fail(KS_ERROR_FILE, "%s has %zu vertex indices, which is no whole number of triangles > 0", field.c_str(), v.size());
+  std::vector<glm::uvec3> out;
+  if (mode == TINYGLTF_MODE_TRIANGLES) {
+    out.reserve(v.size() / 3);
+    for (size_t i = 0; i + 2 < v.size(); i += 3) out.emplace_back(v[i], v[i + 1], v[i + 2]);
+    return out;
+  }
+  for (size_t i = 0; i + 2 < v.size(); ++i) {
+    const size_t odd = i % 2;
+    if (mode == TINYGLTF_MODE_TRIANGLE_FAN)
+      out.emplace_back(v[i + 1], v[i + 2], v[0]);
+    else
+      out.emplace_back(v[i], v[i + 1 + odd], v[i + 2 - odd]);
+  }
+  return out;
+}
+
+glm::vec3 area_normal(const Mesh& m, const glm::uvec3& t) {
+  return glm::cross(m.positions[t[1]] - m.positions[t[0]], m.positions[t[2]] - m.positions[t[0]]);
+}
+
+/// Unit normals; where the file has a zero one, the mean of the triangles around it, weighted by area.
+void normalise(Mesh& m) {
+  std::vector<glm::vec3> around;
+  for (size_t i = 0; i < m.normals.size(); ++i) {
+    const float length = glm::length(m.normals[i]);
+    if (length > 0.0f || std::isnan(length)) {
+      m.normals[i] /= length;
+      continue;
+    }
+    if (around.empty()) {
+      around.assign(m.positions.size(), glm::vec3(0.0f));
+      for (const glm::uvec3& t : m.indices)
+        for (int k = 0; k < 3; ++k) around[t[k]] += area_normal(m, t);
+    }
+    const float mean = glm::length(around[i]);
+    m.normals[i] = mean > 0.0f ? around[i] / mean : glm::vec3(0.0f, 0.0f, 1.0f);
+  }
+}
+
+/// One vertex per triangle corner and the triangle's own normal on it: how a primitive without normals looks beside one with them.
+void flatten(Mesh& m) {
+  Mesh flat;
+  flat.name = m.name;
+  for (const glm::uvec3& t : m.indices) {
+    const glm::vec3 normal = area_normal(m, t);
+    const float length = glm::length(normal);
+    const auto first = static_cast<uint32_t>(flat.positions.size());
+    for (int k = 0; k < 3; ++k) {
+      flat.positions.push_back(m.positions[t[k]]);
+      if (!m.uvs.empty()) flat.uvs.push_back(m.uvs[t[k]]);
+      flat.normals.push_back(length > 0.0f ? normal / length : glm::vec3(0.0f, 0.0f, 1.0f));
+    }
+    flat.indices.emplace_back(first, first + 1, first + 2);
+  }
+  m = std::move(flat);
+}
+
+void check_index_range(const Mesh& part, const std::string& field) {
+  for (size_t i = 0; i < part.indices.size(); ++i)
+    for (int k = 0; k < 3; ++k)
+      if (part.indices[i][k] >= part.positions.size())
+        ks::fail(KS_ERROR_FILE, "%s: triangle %zu uses vertex %u, but POSITION has %zu", field.c_str(), i, part.indices[i][k],
+                 part.positions.size());
+}
+
+Mesh read_primitive(Import& import, const tinygltf::Model& model, const tinygltf::Primitive& primitive, const std::string& field) {
+  const auto attribute = [&](const char* name) {
+    const auto found = primitive.attributes.find(name);
+    return found == primitive.attributes.end() ? -1 : found->second;
+  };
+  if (attribute("POSITION") < 0) ks::fail(KS_ERROR_FILE, "%s.attributes.POSITION is missing", field.c_str());
+  Mesh part;
+  part.positions = as_vectors<glm::vec3>(read_floats(import.budget, model, attribute("POSITION"), 3, field + ".attributes.POSITION"));
+  if (attribute("NORMAL") >= 0)
+    part.normals = as_vectors<glm::vec3>(read_floats(import.budget, model, attribute("NORMAL"), 3, field + ".attributes.NORMAL"));
+  if (attribute("TEXCOORD_0") >= 0)
+    part.uvs = as_vectors<glm::vec2>(read_floats(import.budget, model, attribute("TEXCOORD_0"), 2, field + ".attributes.TEXCOORD_0"));
+  const size_t count = part.positions.size();
+  if ((!part.normals.empty() && part.normals.size() != count) || (!part.uvs.empty() && part.uvs.size() != count))
+    ks::fail(KS_ERROR_FILE, "%s.attributes: %zu positions, %zu normals, %zu uvs", field.c_str(), count, part.normals.size(),
+             part.uvs.size());
+  std::vector<uint32_t> vertices;
+  if (primitive.indices >= 0) {
+    vertices = read_indices(import.budget, model, primitive.indices, field + ".indices");
+  } else {
+    import.budget.claim(count * sizeof(uint32_t), field);
+    vertices.resize(count);
+    for (size_t i = 0; i < count; ++i) vertices[i] = static_cast<uint32_t>(i);
+  }
+  part.indices = triangles(vertices, primitive.mode, field);
+  check_index_range(part, field);
+  normalise(part);
+  if (!primitive.targets.empty()) import.warn(field + ": morph targets are ignored");
+  if (attribute("COLOR_0") >= 0) import.warn(field + ": vertex colours are ignored");
+  return part;
+}
+
+void append(Mesh& mesh, Mesh&& part, uint32_t slot) {
+  const auto base = static_cast<uint32_t>(mesh.positions.size());
+  if (!mesh.uvs.empty() || !part.uvs.empty()) {
+    mesh.uvs.resize(mesh.positions.size(), glm::vec2(0.0f));
+    part.uvs.resize(part.positions.size(), glm::vec2(0.0f));
+  }
+  mesh.positions.insert(mesh.positions.end(), part.positions.begin(), part.positions.end());
+  mesh.normals.insert(mesh.normals.end(), part.normals.begin(), part.normals.end());
+  mesh.uvs.insert(mesh.uvs.end(), part.uvs.begin(), part.uvs.end());
+  for (const glm::uvec3& t : part.indices) mesh.indices.push_back(t + base);
+  mesh.slots.insert(mesh.slots.end(), part.indices.size(), slot);
+}
+
+bool has_normals(const Mesh& mesh) { return !mesh.normals.empty(); }
+
+}  // namespace
+
+std::optional<GltfMesh> read_mesh(Import& import, const tinygltf::Model& model, size_t index) {
+  const tinygltf::Mesh& from = model.meshes[index];
+  const std::string name = from.name.empty() ? "mesh" + std::to_string(index) : from.name;
+  if (from.primitives.empty()) ks::fail(KS_ERROR_FILE, "meshes[%zu] '%s' has no primitives", index, name.c_str());
+  GltfMesh out;
+  std::vector<Mesh> parts;
+  for (size_t i = 0; i < from.primitives.size(); ++i) {
+    const std::string field = "meshes[" + std::to_string(index) + "] '" + name + "' primitives[" + std::to_string(i) + "]";
+    const tinygltf::Primitive& primitive = from.primitives[i];
+    if (primitive.mode < TINYGLTF_MODE_TRIANGLES) {
+      import.warn(field + ": points and lines are ignored");
+      continue;
+    }
+    if (primitive.mode > TINYGLTF_MODE_TRIANGLE_FAN)
+      ks::fail(KS_ERROR_FILE, "%s.mode is %d, must be 0 to 6", field.c_str(), primitive.mode);
+    parts.push_back(read_primitive(import, model, primitive, field));
+    out.materials.push_back(primitive.material);
+  }
+  if (parts.empty()) return std::nullopt;
+  const bool smooth = std::any_of(parts.begin(), parts.end(), has_normals);
+  for (size_t slot = 0; slot < parts.size(); ++slot) {
+    if (smooth && !has_normals(parts[slot])) flatten(parts[slot]);
+    append(out.mesh, std::move(parts[slot]), static_cast<uint32_t>(slot));
+  }
+  out.mesh.name = name;
+  return out;
+}
+
+}  // namespace kuafu

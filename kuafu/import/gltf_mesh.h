@@ -1,0 +1,20 @@
+// A glTF mesh, all its primitives, as one kuafu mesh: primitive i that has triangles becomes a material slot.
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "import/gltf_document.h"
+#include "import/import.h"
+
+namespace kuafu {
+
+struct GltfMesh {
+  Mesh mesh;
+  std::vector<int> materials;  // per slot: index into the file's materials, -1 = glTF's default material
+};
+
+/// Nothing when the mesh has only points and lines (a warning says so). Triangle strips and fans become triangles.
+std::optional<GltfMesh> read_mesh(Import& import, const tinygltf::Model& model, size_t index);
+
+}  // namespace kuafu

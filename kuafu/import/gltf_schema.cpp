@@ -1,0 +1,273 @@
+#include "import/gltf_schema.h"
+
+#include <algorithm>
+
+#include "device/error.h"
+
+namespace kuafu {
+namespace {
+
+using nlohmann::json;
+
+enum class Kind { number, index, size, numbers, indices, text, boolean, object, array };
+
+struct Field {
+  const char* table;    // JSON pointer to an array in the root
+  const char* pointer;  // from an element of it
+  Kind kind;
+  size_t length = 0;  // of numbers; 0 = any
+};
+
+// The fields that kuafu reads, by name as in the glTF 2.0 specification section 5.
+constexpr Field fields[] = {
+    {"/buffers", "/byteLength", Kind::size},
+    {"/buffers", "/uri", Kind::text},
+    {"/bufferViews", "/buffer", Kind::index},
+    {"/bufferViews", "/byteOffset", Kind::size},
+    {"/bufferViews", "/byteLength", Kind::size},
+    {"/bufferViews", "/byteStride", Kind::size},
+    {"/accessors", "/bufferView", Kind::index},
+    {"/accessors", "/byteOffset", Kind::size},
+    {"/accessors", "/componentType", Kind::index},
+    {"/accessors", "/count", Kind::size},
+    {"/accessors", "/type", Kind::text},
+    {"/accessors", "/normalized", Kind::boolean},
+    {"/accessors", "/sparse", Kind::object},
+    {"/accessors", "/sparse/count", Kind::index},
+    {"/accessors", "/sparse/indices", Kind::object},
+    {"/accessors", "/sparse/indices/bufferView", Kind::index},
+    {"/accessors", "/sparse/indices/byteOffset", Kind::index},
+    {"/accessors", "/sparse/values", Kind::object},
+    {"/accessors", "/sparse/values/bufferView", Kind::index},
+    {"/accessors", "/sparse/values/byteOffset", Kind::index},
+    {"/meshes", "/name", Kind::text},
+    {"/meshes", "/primitives", Kind::array},
+    {"/nodes", "/name", Kind::text},
+    {"/nodes", "/mesh", Kind::index},
+    {"/nodes", "/camera", Kind::index},
+    {"/nodes", "/children", Kind::indices},
+    {"/nodes", "/matrix", Kind::numbers, 16},
+    {"/nodes", "/translation", Kind::numbers, 3},
+    {"/nodes", "/rotation", Kind::numbers, 4},
+    {"/nodes", "/scale", Kind::numbers, 3},
+    {"/nodes", "/extensions", Kind::object},
+    {"/nodes", "/extensions/KHR_lights_punctual/light", Kind::index},
+    {"/scenes", "/nodes", Kind::indices},
+    {"/materials", "/name", Kind::text},
+    {"/materials", "/pbrMetallicRoughness", Kind::object},
+    {"/materials", "/pbrMetallicRoughness/baseColorFactor", Kind::numbers, 4},
+    {"/materials", "/pbrMetallicRoughness/metallicFactor", Kind::number},
+    {"/materials", "/pbrMetallicRoughness/roughnessFactor", Kind::number},
+    {"/materials", "/pbrMetallicRoughness/baseColorTexture", Kind::object},
+    {"/materials", "/pbrMetallicRoughness/baseColorTexture/index", Kind::index},
+    {"/materials", "/pbrMetallicRoughness/metallicRoughnessTexture", Kind::object},
+    {"/materials", "/pbrMetallicRoughness/metallicRoughnessTexture/index", Kind::index},
+    {"/materials", "/normalTexture", Kind::object},
+    {"/materials", "/normalTexture/index", Kind::index},
+    {"/materials", "/emissiveTexture", Kind::object},
+    {"/materials", "/emissiveTexture/index", Kind::index},
+    {"/materials", "/emissiveFactor", Kind::numbers, 3},
+    {"/materials", "/alphaMode", Kind::text},
+    {"/materials", "/extensions", Kind::object},
+    {"/materials", "/extensions/KHR_materials_ior", Kind::object},
+    {"/materials", "/extensions/KHR_materials_ior/ior", Kind::number},
+    {"/materials", "/extensions/KHR_materials_transmission", Kind::object},
+    {"/materials", "/extensions/KHR_materials_transmission/transmissionFactor", Kind::number},
+    {"/materials", "/extensions/KHR_materials_transmission/transmissionTexture", Kind::object},
+    {"/materials", "/extensions/KHR_materials_transmission/transmissionTexture/index", Kind::index},
+    {"/materials", "/extensions/KHR_materials_specular", Kind::object},
+    {"/materials", "/extensions/KHR_materials_specular/specularFactor", Kind::number},
+    {"/materials", "/extensions/KHR_materials_specular/specularTexture", Kind::object},
+    {"/materials", "/extensions/KHR_materials_specular/specularTexture/index", Kind::index},
+    {"/materials", "/extensions/KHR_materials_specular/specularColorFactor", Kind::numbers, 3},
+    {"/materials", "/extensions/KHR_materials_volume", Kind::object},
+    {"/materials", "/extensions/KHR_materials_volume/thicknessFactor", Kind::number},
+    {"/materials", "/extensions/KHR_materials_volume/attenuationDistance", Kind::number},
+    {"/materials", "/extensions/KHR_materials_volume/attenuationColor", Kind::numbers, 3},
+    {"/materials", "/extensions/KHR_materials_emissive_strength", Kind::object},
+    {"/materials", "/extensions/KHR_materials_emissive_strength/emissiveStrength", Kind::number},
+    {"/materials", "/extras/ir_albedo", Kind::number},
+    {"/materials", "/extras/ir_attenuation_color", Kind::number},
+    {"/materials", "/extras/ir_emission", Kind::number},
+    {"/materials", "/extras/ir_roughness", Kind::number},
+    {"/materials", "/extras/subsurface", Kind::number},
+    {"/materials", "/extras/subsurface_color", Kind::numbers, 3},
+    {"/materials", "/extras/subsurface_radius_m", Kind::numbers, 3},
+    {"/materials", "/extras/ir_subsurface_color", Kind::number},
+    {"/materials", "/extras/ir_subsurface_radius_m", Kind::number},
+    {"/materials", "/extras/ir_ior", Kind::number},
+    {"/materials", "/extras/ir_transmission", Kind::number},
+    {"/materials", "/extras/ir_transmission_roughness", Kind::number},
+    {"/materials", "/extras/diffuse_roughness", Kind::number},
+    {"/materials", "/extras/transmission_roughness", Kind::number},
+    {"/materials", "/extras/thin_walled", Kind::number},
+    {"/materials", "/extras/ior_texture", Kind::object},
+    {"/materials", "/extras/ior_texture/index", Kind::index},
+    {"/materials", "/extras/ir_albedo_texture", Kind::object},
+    {"/materials", "/extras/ir_albedo_texture/index", Kind::index},
+    {"/textures", "/source", Kind::index},
+    {"/images", "/uri", Kind::text},
+    {"/images", "/bufferView", Kind::index},
+    {"/cameras", "/type", Kind::text},
+    {"/cameras", "/perspective", Kind::object},
+    {"/cameras", "/perspective/yfov", Kind::number},
+    {"/cameras", "/perspective/aspectRatio", Kind::number},
+    {"/cameras", "/perspective/znear", Kind::number},
+    {"/cameras", "/perspective/zfar", Kind::number},
+    {"/extensions/KHR_lights_punctual/lights", "/type", Kind::text},
+    {"/extensions/KHR_lights_punctual/lights", "/color", Kind::numbers, 3},
+    {"/extensions/KHR_lights_punctual/lights", "/intensity", Kind::number},
+};
+
+// Of each element of meshes[].primitives.
+constexpr Field primitive_fields[] = {
+    {"", "/attributes", Kind::object},
+    {"", "/indices", Kind::index},
+    {"", "/material", Kind::index},
+    {"", "/mode", Kind::index},
+};
+
+// tinygltf keeps indices in an int and counts of bytes in a size_t; what does not fit would wrap around in silence.
+bool is_below(const json& value, uint64_t limit) { return value.is_number_unsigned() && value.get<uint64_t>() < limit; }
+bool is_index(const json& value) { return is_below(value, uint64_t{1} << 31); }
+bool is_size(const json& value) { return is_below(value, uint64_t{1} << 48); }
+
+bool matches(const json& value, const Field& field) {
+  const auto every = [&](auto&& test) { return value.is_array() && std::all_of(value.begin(), value.end(), test); };
+  switch (field.kind) {
+    case Kind::number:
+      return value.is_number();
+    case Kind::index:
+      return is_index(value);
+    case Kind::size:
+      return is_size(value);
+    case Kind::numbers:
+      return every([](const json& v) { return v.is_number(); }) && (field.length == 0 || value.size() == field.length);
+    case Kind::indices:
+      return every(is_index);
+    case Kind::text:
+      return value.is_string();
+    case Kind::boolean:
+      return value.is_boolean();
+    case Kind::object:
+      return value.is_object();
+    case Kind::array:
+      return value.is_array();
+  }
+  return false;
+}
+
+std::string expected(const Field& field) {
+  switch (field.kind) {
+    case Kind::number:
+      return "a number";
+    case Kind::index:
+      return "a non-negative integer below 2^31";
+    case Kind::size:
+      return "a non-negative integer below 2^48";
+    case Kind::numbers:
+      return field.length ? std::to_string(field.length) + " numbers" : "an array of numbers";
+    case Kind::indices:
+      return "an array of non-negative integers below 2^31";
+    case Kind::text:
+      return "a string";
+    case Kind::boolean:
+      return "true or false";
+    case Kind::object:
+      return "an object";
+    case Kind::array:
+      return "an array";
+  }
+  return "";
+}
+
+void check_field(const json& element, const Field& field, const std::string& where) {
+  const json::json_pointer pointer(field.pointer);
+  if (!element.is_object()) ks::fail(KS_ERROR_FILE, "%s is not an object", where.c_str());
+  if (element.contains(pointer) && !matches(element.at(pointer), field))
+    ks::fail(KS_ERROR_FILE, "%s%s is %.60s, must be %s", where.c_str(), field.pointer,
+             element.at(pointer).dump(-1, ' ', true, json::error_handler_t::replace).c_str(), expected(field).c_str());
+}
+
+/// Elements of an array that may be absent, each with its name for messages.
+template <class Function>
+void for_each(const json& root, const char* pointer, const std::string& name, Function&& function) {
+  const json::json_pointer at(pointer);
+  if (!root.is_object() || !root.contains(at)) return;
+  if (!root.at(at).is_array()) ks::fail(KS_ERROR_FILE, "%s is not an array", name.c_str());
+  size_t i = 0;
+  for (const json& element : root.at(at)) function(element, name + "[" + std::to_string(i++) + "]");
+}
+
+void check_primitives(const json& root) {
+  for_each(root, "/meshes", "meshes", [](const json& mesh, const std::string& mesh_name) {
+    for_each(mesh, "/primitives", mesh_name + "/primitives", [](const json& primitive, const std::string& name) {
+      for (const Field& field : primitive_fields) check_field(primitive, field, name);
+      if (!primitive.contains("attributes")) ks::fail(KS_ERROR_FILE, "%s/attributes is missing", name.c_str());
+      for (const auto& [key, accessor] : primitive["attributes"].items())
+        if (!is_index(accessor)) ks::fail(KS_ERROR_FILE, "%s/attributes/%.40s must be an accessor's index", name.c_str(), key.c_str());
+    });
+  });
+}
+
+/// Every buffer view lies inside its buffer.
+void check_views(const json& root) {
+  const json none = json::array();
+  const json& buffers = root.contains("buffers") ? root["buffers"] : none;
+  for_each(root, "/bufferViews", "bufferViews", [&](const json& view, const std::string& name) {
+    if (!view.contains("buffer") || !view.contains("byteLength"))
+      ks::fail(KS_ERROR_FILE, "%s has no buffer or no byteLength", name.c_str());
+    const uint64_t buffer = view["buffer"], offset = view.value("byteOffset", uint64_t{0}), length = view["byteLength"];
+    if (buffer >= buffers.size())
+      ks::fail(KS_ERROR_FILE, "%s/buffer is %zu, there are %zu buffers", name.c_str(), size_t{buffer}, buffers.size());
+    const uint64_t size = buffers[buffer].value("byteLength", uint64_t{0});
+    if (offset > size || length > size - offset)
+      ks::fail(KS_ERROR_FILE, "%s: bytes %zu + %zu end beyond buffer %zu of %zu bytes", name.c_str(), size_t{offset}, size_t{length},
+               size_t{buffer}, size_t{size});
+  });
+}
+
+/// Bounds recursion over the parsed tree, in tinygltf and in destructors.
+void check_depth(std::string_view text) {
+  constexpr int limit = 128;
+  int depth = 0;
+  bool quoted = false;
+  for (size_t i = 0; i < text.size(); ++i) {
+    const char c = text[i];
+    if (quoted) {
+      if (c == '\\') ++i;
+      quoted = c != '"';
+    } else if (c == '"') {
+      quoted = true;
+    } else if (c == '{' || c == '[') {
+      if (++depth > limit) ks::fail(KS_ERROR_FILE, "the JSON is nested deeper than %d at byte %zu", limit, i);
+    } else if (c == '}' || c == ']') {
+      --depth;
+    }
+  }
+}
+
+}  // namespace
+
+json parse_gltf_json(std::string_view text) {
+  check_depth(text);
+  json root;
+  try {
+    root = json::parse(text);
+  } catch (const json::exception& error) {
+    ks::fail(KS_ERROR_FILE, "this is not JSON: %s", error.what());
+  }
+  if (!root.is_object()) ks::fail(KS_ERROR_FILE, "the JSON's root is not an object");
+  const json::json_pointer version("/asset/version");
+  if (!root.contains(version) || !root.at(version).is_string())
+    ks::fail(KS_ERROR_FILE, "asset.version is missing: this is not a glTF file");
+  const std::string number = root.at(version).get<std::string>();
+  if (number.rfind("2.", 0) != 0) ks::fail(KS_ERROR_UNSUPPORTED, "asset.version is '%.20s', only glTF 2.x is read", number.c_str());
+  for (const Field& field : fields)
+    for_each(root, field.table, field.table + 1, [&](const json& element, const std::string& name) { check_field(element, field, name); });
+  check_primitives(root);
+  check_views(root);
+  return root;
+}
+
+}  // namespace kuafu

@@ -1,0 +1,48 @@
+#include "import/image.h"
+
+#include "device/error.h"
+#include "scene/validate.h"
+
+namespace kuafu {
+namespace {
+
+using Decoder = void (*)(std::span<const uint8_t>, Texture&, Budget&);
+
+/// TGA has no signature, so it comes last.
+Decoder decoder_of(std::span<const uint8_t> bytes) {
+  if (is_png(bytes)) return decode_png;
+  if (is_jpeg(bytes)) return decode_jpeg;
+  if (is_bmp(bytes)) return decode_bmp;
+  if (is_tga(bytes)) return decode_tga;
+  return nullptr;
+}
+
+}  // namespace
+
+void size_texture(Texture& texture, uint64_t width, uint64_t height, uint32_t channels, Texture::Format format, Budget& budget) {
+  texture.width = static_cast<uint32_t>(std::min<uint64_t>(width, none));
+  texture.height = static_cast<uint32_t>(std::min<uint64_t>(height, none));
+  texture.channels = channels;
+  texture.format = format;
+  const uint64_t bytes = texel_bytes(texture);
+  budget.claim(bytes, "an image of " + std::to_string(width) + "x" + std::to_string(height) + " pixels");
+  texture.texels.assign(bytes, 0);
+}
+
+Texture decode_image(std::span<const uint8_t> bytes, const std::string& name, bool srgb, Budget& budget) {
+  const Decoder decode = decoder_of(bytes);
+  if (decode == nullptr)
+    ks::fail(KS_ERROR_FILE, "texture '%s' is not a PNG, JPEG, BMP or TGA image that can be read: its first bytes are of none of them",
+             name.c_str());
+  Texture texture;
+  texture.name = name;
+  texture.srgb = srgb;
+  try {
+    decode(bytes, texture, budget);
+  } catch (const ks::Error& error) {
+    ks::fail(KS_ERROR_FILE, "texture '%s' cannot be read: %s", name.c_str(), error.what());
+  }
+  return texture;
+}
+
+}  // namespace kuafu

@@ -1,0 +1,32 @@
+#include "import/import.h"
+
+#include <algorithm>
+#include <cctype>
+
+#include "device/text.h"
+#include "io/wire.h"
+
+namespace kuafu {
+
+std::string lower_extension(const std::filesystem::path& path) {
+  std::string extension = path.extension().string();
+  std::transform(extension.begin(), extension.end(), extension.begin(), [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return extension;
+}
+
+std::string clean_name(std::string_view name) { return ks::one_line(name, 200); }
+
+void Import::warn(const std::string& text) {
+  std::string line = ks::one_line(text, longest_text_bytes);
+  if (said_.size() + 1 >= most_warnings) {
+    if (!said_.contains(line)) ++unsaid_;
+    return;
+  }
+  if (said_.insert(line).second) warnings.push_back(std::move(line));
+}
+
+void Import::close_warnings() {
+  if (unsaid_ > 0) warnings.push_back("and " + std::to_string(unsaid_) + " more such messages");
+}
+
+}  // namespace kuafu

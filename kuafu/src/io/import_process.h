@@ -1,0 +1,44 @@
+// A reader of scene files in a process of its own, so that no file can take the host down: whatever the reader does with a broken or
+// hostile file (it crashes, runs forever, takes all memory) ends in one error here. The programs are kuafu-import-gltf and
+// kuafu-import-assimp, built from kuafu/import. Thread rule: one object belongs to one thread; any number of threads may have their own.
+#pragma once
+
+#include <sys/types.h>
+
+#include <chrono>
+#include <string>
+#include <vector>
+
+#include "io/load_options.h"
+
+namespace kuafu {
+
+/// Where the helper of this name is: in `folder` if given, else beside the library that this code is in, or in ../bin, ../libexec/kuafu or
+/// kuafu/ from there. Throws KS_ERROR_FILE that names the places.
+std::filesystem::path find_helper(const std::string& name, const std::filesystem::path& folder);
+
+class ImportProcess {
+ public:
+  /// Starts it. Of the host's files it gets none but the pipe that it answers on; it stands in the host's working directory.
+  ImportProcess(const std::filesystem::path& program, const std::vector<std::string>& arguments, uint32_t seconds);
+  /// Ends the process, if it still runs.
+  ~ImportProcess();
+  ImportProcess(const ImportProcess&) = delete;
+  ImportProcess& operator=(const ImportProcess&) = delete;
+
+  /// The next bytes of its answer. Throws KS_ERROR_FILE that says how it ended when there are no more, or when the time is up.
+  void read(void* to, size_t size_bytes);
+
+ private:
+  void fill();
+  [[noreturn]] void fail_ended();
+
+  pid_t child_ = -1;
+  int pipe_ = -1;
+  uint32_t seconds_;
+  std::chrono::steady_clock::time_point deadline_;
+  std::vector<unsigned char> buffer_;
+  size_t begin_ = 0, end_ = 0;  // of what is in the buffer
+};
+
+}  // namespace kuafu

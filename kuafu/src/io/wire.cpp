@@ -1,0 +1,209 @@
+#include "io/wire.h"
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <type_traits>
+
+#include "device/error.h"
+#include "device/text.h"
+
+namespace kuafu {
+namespace {
+
+constexpr uint32_t first_word = 0x314d494bu;  // "KIM1"; grows with the format
+constexpr uint32_t last_word = 0x21646e65u;
+
+class Writer {
+ public:
+  explicit Writer(std::FILE* to) : to_(to) {}
+  template <class T>
+  void plain(const T& value) {
+    static_assert(std::is_trivially_copyable_v<T>);
+    bytes(&value, sizeof value);
+  }
+  template <class T>
+  void array(const std::vector<T>& values) {
+    static_assert(std::is_trivially_copyable_v<T>);
+    plain(uint64_t{values.size()});
+    bytes(values.data(), values.size() * sizeof(T));
+  }
+  void text(const std::string& value) {
+    plain(uint64_t{value.size()});
+    bytes(value.data(), value.size());
+  }
+  void flag(bool value) { plain(static_cast<uint8_t>(value)); }
+
+ private:
+  void bytes(const void* from, size_t size) {
+    if (size > 0 && std::fwrite(from, size, 1, to_) != 1) ks::fail(KS_ERROR_FILE, "the answer cannot be written: %s", std::strerror(errno));
+  }
+  std::FILE* to_;
+};
+
+class Reader {
+ public:
+  Reader(const std::function<void(void*, size_t)>& read, uint64_t most_bytes) : read_(read), left_(most_bytes) {}
+  template <class T>
+  void plain(T& value) {
+    static_assert(std::is_trivially_copyable_v<T>);
+    read_(&value, sizeof value);
+  }
+  template <class T>
+  void array(std::vector<T>& values) {
+    static_assert(std::is_trivially_copyable_v<T>);
+    values.resize(claim(sizeof(T)));
+    read_(values.data(), values.size() * sizeof(T));
+  }
+  void text(std::string& value) {
+    value.resize(claim(1));
+    read_(value.data(), value.size());
+  }
+  void flag(bool& value) {
+    uint8_t byte = 0;
+    plain(byte);
+    value = byte != 0;
+  }
+  /// The count of things that follow, each of at least `element_bytes`; that much of the bound is used up.
+  size_t claim(size_t element_bytes) {
+    uint64_t count = 0;
+    plain(count);
+    if (count > left_ / element_bytes)
+      ks::fail(KS_ERROR_FILE, "the scene in it takes more memory than a file of its size may: KUAFU_LOAD_MEMORY_MB allows more");
+    left_ -= count * element_bytes;
+    return count;
+  }
+
+ private:
+  const std::function<void(void*, size_t)>& read_;
+  uint64_t left_;
+};
+
+// Each `transfer` lists the fields once, for both directions. The bindings name every field of the struct, so that one who adds a field
+// meets this place when it does not compile.
+
+template <class Stream, class T>
+void transfer(Stream& s, T& t) requires std::is_same_v<std::remove_const_t<T>, Texture> {
+  auto& [name, width, height, channels, format, srgb, texels, revision, removed] = t;
+  s.text(name), s.plain(width), s.plain(height), s.plain(channels), s.plain(format), s.flag(srgb), s.array(texels);
+  (void)revision, (void)removed;
+}
+
+template <class Stream, class T>
+void transfer(Stream& s, T& t) requires std::is_same_v<std::remove_const_t<T>, Mesh> {
+  auto& [name, positions, normals, uvs, indices, slots, deformation, removed] = t;
+  s.text(name), s.array(positions), s.array(normals), s.array(uvs), s.array(indices), s.array(slots);
+  (void)deformation, (void)removed;
+}
+
+template <class Stream, class T>
+void transfer(Stream& s, T& t) requires std::is_same_v<std::remove_const_t<T>, Material> {
+  auto& [name, base_color, metallic, roughness, specular, ior, transmission, emission, ir_albedo, ir_emission, base_color_texture,
+         metallic_roughness_texture, normal_texture, emission_texture, transmission_texture, specular_texture, ior_texture,
+         ir_albedo_texture, transmission_roughness, diffuse_roughness, attenuation_color, ir_attenuation_color, attenuation_distance_m,
+         bsdf, light_group, removed, ir_roughness, ir_ior, ir_transmission, ir_transmission_roughness, thin_walled, subsurface,
+         subsurface_color, subsurface_radius_m, ir_subsurface_color, ir_subsurface_radius_m] = t;
+  const auto plain = [&](auto&... fields) { (s.plain(fields), ...); };
+  s.text(name), s.flag(thin_walled);
+  plain(base_color, metallic, roughness, specular, ior, transmission, emission, ir_albedo, ir_emission, base_color_texture,
+        metallic_roughness_texture, normal_texture, emission_texture, transmission_texture, specular_texture, ior_texture,
+        ir_albedo_texture, transmission_roughness, diffuse_roughness, attenuation_color, ir_attenuation_color, attenuation_distance_m, bsdf,
+        light_group, ir_roughness, ir_ior, ir_transmission, ir_transmission_roughness, subsurface, subsurface_color, subsurface_radius_m,
+        ir_subsurface_color, ir_subsurface_radius_m);
+  (void)removed;
+}
+
+// What a file can say of these is part of them.
+template <class Stream, class T>
+void transfer(Stream& s, T& t) requires std::is_same_v<std::remove_const_t<T>, Instance> {
+  s.text(t.name), s.plain(t.mesh), s.array(t.materials), s.plain(t.local_to_world);
+}
+
+template <class Stream, class T>
+void transfer(Stream& s, T& t) requires std::is_same_v<std::remove_const_t<T>, Light> {
+  s.text(t.name), s.plain(t.kind), s.plain(t.intensity), s.plain(t.light_to_world), s.plain(t.inner_rad), s.plain(t.outer_rad);
+}
+
+template <class Stream, class T>
+void transfer(Stream& s, T& t) requires std::is_same_v<std::remove_const_t<T>, Camera> {
+  s.text(t.name), s.plain(t.k), s.plain(t.camera_to_world), s.plain(t.near_m), s.plain(t.far_m);
+}
+
+template <class T>
+const T& value_of(const T& entry) {
+  return entry;
+}
+template <class T>
+const T& value_of(const std::optional<T>& entry) {
+  return *entry;  // a scene just read has removed nothing
+}
+
+template <class Table>
+void write_table(Writer& w, const Table& table) {
+  w.plain(uint64_t{table.size()});
+  for (const auto& entry : table) transfer(w, value_of(entry));
+}
+
+template <class T, class Add>
+void read_table(Reader& r, Add&& add) {
+  for (size_t left = r.claim(sizeof(T)); left > 0; --left) {
+    T entry;
+    transfer(r, entry);
+    add(std::move(entry));
+  }
+}
+
+}  // namespace
+
+void write_answer(std::FILE* to, const Scene& scene, const std::vector<std::string>& warnings) {
+  Writer w(to);
+  w.plain(first_word), w.plain(int32_t{KS_OK}), w.plain(uint64_t{warnings.size()});
+  for (const std::string& warning : warnings) w.text(warning);
+  write_table(w, scene.textures());
+  write_table(w, scene.materials());
+  write_table(w, scene.meshes());
+  write_table(w, scene.instances());
+  write_table(w, scene.lights());
+  write_table(w, scene.cameras());
+  w.plain(last_word);
+  if (std::fflush(to) != 0) ks::fail(KS_ERROR_FILE, "the answer cannot be written: %s", std::strerror(errno));
+}
+
+void write_failure(std::FILE* to, int status, const std::string& text) {
+  Writer w(to);
+  w.plain(first_word), w.plain(int32_t{status}), w.text(text);
+  std::fflush(to);
+}
+
+ImportAnswer read_answer(const std::function<void(void*, size_t)>& read, uint64_t most_bytes) {
+  Reader r(read, most_bytes);
+  uint32_t word = 0;
+  int32_t status = KS_OK;
+  r.plain(word);
+  if (word != first_word) ks::fail(KS_ERROR_FILE, "the program that reads it is of another version than the library: install both anew");
+  r.plain(status);
+  if (status != KS_OK) {
+    std::string text;
+    r.text(text);
+    const bool unsupported = status == KS_ERROR_UNSUPPORTED;
+    ks::fail(unsupported ? KS_ERROR_UNSUPPORTED : KS_ERROR_FILE, "%s", ks::one_line(text, longest_text_bytes).c_str());
+  }
+  ImportAnswer answer;
+  for (size_t left = r.claim(1); left > 0; --left) {
+    std::string text;
+    r.text(text);
+    if (answer.warnings.size() < most_warnings) answer.warnings.push_back(ks::one_line(text, longest_text_bytes));
+  }
+  Scene& scene = answer.scene;
+  read_table<Texture>(r, [&](Texture&& t) { scene.add_texture(std::move(t)); });
+  read_table<Material>(r, [&](Material&& m) { scene.add_material(std::move(m)); });
+  read_table<Mesh>(r, [&](Mesh&& m) { scene.add_mesh(std::move(m)); });
+  read_table<Instance>(r, [&](Instance&& i) { scene.add_instance(std::move(i)); });
+  read_table<Light>(r, [&](Light&& l) { scene.add_light(std::move(l)); });
+  read_table<Camera>(r, [&](Camera&& c) { scene.add_camera(std::move(c)); });
+  r.plain(word);
+  if (word != last_word) ks::fail(KS_ERROR_FILE, "the program that reads it answered with something that is no scene");
+  return answer;
+}
+
+}  // namespace kuafu

@@ -1,0 +1,285 @@
+// Files made to crash, hang, fill the memory or look elsewhere: each is one error or a load, and the host goes on. Small versions of inputs
+// that once broke something.
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+
+#include <algorithm>
+#include <sstream>
+
+#include "device/error.h"
+#include "io/load.h"
+#include "kuafu/scene/sample_files.h"
+
+namespace {
+
+using namespace kuafu;
+using namespace scene_test;
+
+const std::string obj_triangle = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+
+struct Outcome {
+  std::string error;  // empty: it was loaded
+  std::vector<std::string> warnings;
+  size_t meshes = 0;
+};
+
+Outcome load(const std::filesystem::path& path, const LoadOptions& options = {.seconds = 3}) {
+  Outcome out;
+  Scene scene;
+  try {
+    out.warnings = load_file(scene, path, glm::dmat4(1.0), options);
+  } catch (const ks::Error& error) {
+    out.error = error.what();
+    EXPECT_TRUE(scene.meshes().empty() && scene.instances().empty() && scene.textures().empty()) << "the scene changed";
+    EXPECT_EQ(out.error.find(path.string()), 0u) << out.error;
+    EXPECT_EQ(out.error.find('\n'), std::string::npos) << out.error;
+  }
+  out.meshes = scene.meshes().size();
+  return out;
+}
+
+bool has(const std::string& text, const std::string& part) { return text.find(part) != std::string::npos; }
+
+bool warns(const Outcome& outcome, const std::string& part) {
+  return std::any_of(outcome.warnings.begin(), outcome.warnings.end(), [&](const std::string& w) { return has(w, part); });
+}
+
+std::string with_texture(const std::string& uri) {
+  GltfWriter w;
+  w.root["images"] = {{{"uri", uri}}};
+  w.root["textures"] = {{{"source", 0}}};
+  w.root["materials"] = {{{"pbrMetallicRoughness", {{"baseColorTexture", {{"index", 0}}}}}}};
+  w.triangle(0);
+  w.node({{"mesh", 0}});
+  return w.glb();
+}
+
+std::string replaced(std::string text, const std::string& from, const std::string& to) {
+  const size_t at = text.find(from);
+  EXPECT_NE(at, std::string::npos) << from;
+  return text.replace(at, from.size(), to);
+}
+
+// --- A reader that crashes or never ends ---
+
+TEST(HostileFile, AnMtlTextureBeforeAnyMaterialIsAnError) {
+  const Folder folder;
+  for (const char* word : {"map_Kd", "map_Ks", "map_d", "map_bump", "bump", "refl"}) {
+    write_text(folder / "a.mtl", std::string(word) + " x.png\n");
+    write_text(folder / "a.obj", "mtllib a.mtl\n" + obj_triangle);
+    const Outcome outcome = load(folder / "a.obj");
+    EXPECT_TRUE(!outcome.error.empty() || outcome.meshes == 1) << word;
+  }
+  write_text(folder / "good.obj", obj_triangle);
+  EXPECT_EQ(load(folder / "good.obj").error, "") << "the host is as before";
+}
+
+TEST(HostileFile, ColladaThatMisleadsItsReaderIsAnErrorOrALoad) {
+  const Folder folder;
+  const std::string whole = collada_triangle();
+  std::string deep;
+  for (int i = 0; i < 20000; ++i) deep += "<node>";
+  for (int i = 0; i < 20000; ++i) deep += "</node>";
+  const std::string library = "<library_nodes><node id=\"l\"><instance_node url=\"#l\"/></node></library_nodes><library_visual_scenes>";
+  const std::vector<std::pair<const char*, std::string>> files = {
+      {"a node that shows itself", replaced(replaced(whole, "<library_visual_scenes>", library), "<instance_geometry url=\"#g\"/></node>\n",
+                                            "<instance_node url=\"#l\"/></node>\n")},
+      {"20 000 nodes in each other", replaced(whole, "<node id=\"m\" name=\"m\">", deep + "<node id=\"m\" name=\"m\">")},
+      {"an accessor's count", replaced(whole, "count=\"3\" stride", "count=\"3000000\" stride")},
+      {"an accessor's offset", replaced(whole, "count=\"3\" stride", "count=\"3\" offset=\"1000000\" stride")},
+      {"an accessor's stride", replaced(whole, "stride=\"3\"", "stride=\"1000000\"")},
+      {"text as an index", replaced(whole, "<p>0 1 2</p>", "<p><![CDATA[abc]]></p>")},
+      {"a comment as an index", replaced(whole, "<p>0 1 2</p>", "<p><!-- x --></p>")},
+      {"an array without a count", replaced(whole, "<float_array id=\"pa\" count=\"9\">", "<float_array id=\"pa\">")},
+  };
+  for (const auto& [what, text] : files) {
+    write_text(folder / "a.dae", text);
+    const Outcome outcome = load(folder / "a.dae", {.seconds = 1});
+    EXPECT_TRUE(!outcome.error.empty() || outcome.meshes > 0) << what;
+  }
+}
+
+TEST(HostileFile, AColladaNodeShownABillionTimesEndsInTime) {
+  const Folder folder;
+  std::ostringstream text;
+  text << "<library_nodes>";
+  for (int i = 0; i < 9; ++i) {
+    text << "<node id=\"b" << i << "\">";
+    for (int k = 0; k < 10; ++k) text << "<instance_node url=\"#b" << i + 1 << "\"/>";
+    text << "</node>";
+  }
+  text << "<node id=\"b9\"><instance_geometry url=\"#g\"/></node>";
+  const std::string library = text.str();
+  write_text(folder / "a.dae",
+             replaced(replaced(collada_triangle(), "<library_visual_scenes>", library + "</library_nodes><library_visual_scenes>"),
+                      "<instance_geometry url=\"#g\"/></node>\n", "<instance_node url=\"#b0\"/></node>\n"));
+  const Outcome outcome = load(folder / "a.dae", {.memory_bytes = uint64_t{512} << 20, .seconds = 1});
+  EXPECT_TRUE(has(outcome.error, "processor time") || has(outcome.error, "memory")) << outcome.error;
+}
+
+TEST(HostileFile, APlyWithAHugeHeaderOrListIsAnErrorSoon) {
+  const Folder folder;
+  std::ostringstream header;
+  header << "ply\nformat ascii 1.0\nelement vertex 1\n";
+  for (int i = 0; i < 200000; ++i) header << "property float p" << i << "\n";
+  header << "end_header\n0\n";
+  write_text(folder / "wide.ply", header.str());
+  EXPECT_TRUE(has(load(folder / "wide.ply").error, "more than 1000 lines"));
+  std::string lists = "ply\nformat binary_little_endian 1.0\nelement vertex 100\nproperty list uint double x\nend_header\n";
+  for (int i = 0; i < 40; ++i) lists += std::string("\x00\x00\x00\x10", 4);
+  write_text(folder / "list.ply", lists);
+  EXPECT_NE(load(folder / "list.ply", {.memory_bytes = uint64_t{512} << 20, .seconds = 3}).error, "");
+}
+
+// --- Memory ---
+
+TEST(HostileFile, MemoryIsTiedToTheBytesOfTheFile) {
+  const Folder folder;
+  const std::string tga("\0\0\2\0\0\0\0\0\0\0\0\0\xff\x7f\xff\x7f \x08", 18);
+  write_text(folder / "bomb.tga", tga);
+  write_text(folder / "a.mtl", "newmtl a\nmap_Kd bomb.tga\n");
+  write_text(folder / "a.obj", "mtllib a.mtl\nusemtl a\n" + obj_triangle);
+  EXPECT_TRUE(has(load(folder / "a.obj").error, "too early")) << load(folder / "a.obj").error;
+
+  GltfWriter w;  // accessors without bytes, and one of bytes used again and again
+  w.root["accessors"] = {{{"componentType", type_float}, {"count", 999999}, {"type", "VEC3"}}};
+  json primitives = json::array();
+  for (int i = 0; i < 200; ++i) primitives.push_back({{"attributes", {{"POSITION", 0}}}});
+  w.mesh(primitives);
+  w.node({{"mesh", 0}});
+  write_text(folder / "zeros.glb", w.glb());
+  EXPECT_TRUE(has(load(folder / "zeros.glb").error, "KUAFU_LOAD_MEMORY_MB")) << load(folder / "zeros.glb").error;
+  w.root["accessors"][0]["count"] = 16777215;
+  write_text(folder / "zeros.glb", w.glb());
+  EXPECT_TRUE(has(load(folder / "zeros.glb").error, "without a buffer view"));
+}
+
+TEST(HostileFile, TheLimitsCanBeSet) {
+  const Folder folder;
+  GltfWriter w;
+  std::vector<float> positions(3 * 300000, 0.0f);
+  w.mesh({{{"attributes", {{"POSITION", w.accessor(positions, type_float, "VEC3", 3)}}}}});
+  w.node({{"mesh", 0}});
+  w.write_glb(folder / "a.glb");
+  EXPECT_EQ(load(folder / "a.glb").error, "");
+  const std::string error = load(folder / "a.glb", {.memory_bytes = 1 << 20}).error;
+  EXPECT_TRUE(has(error, "KUAFU_LOAD_MEMORY_MB allows more")) << error;
+  const LoadLimits small = load_limits({}, 1000), large = load_limits({}, 1 << 20);
+  EXPECT_EQ(large.memory_bytes - small.memory_bytes, memory_per_file_byte * ((1 << 20) - 1000));
+  EXPECT_EQ(load_limits({.memory_bytes = 5, .seconds = 7}, 1 << 20).memory_bytes, 5u);
+  EXPECT_EQ(load_limits({.memory_bytes = 5, .seconds = 7}, 1 << 20).seconds, 7u);
+  ASSERT_EQ(setenv("KUAFU_LOAD_SECONDS", "12", 1), 0);
+  EXPECT_EQ(load_options_from_environment().seconds, 12u);
+  ASSERT_EQ(setenv("KUAFU_LOAD_SECONDS", "soon", 1), 0);
+  EXPECT_THROW(load_options_from_environment(), ks::Error);
+  unsetenv("KUAFU_LOAD_SECONDS");
+}
+
+// --- Other files ---
+
+TEST(HostileFile, AFifoIsNotWaitedFor) {
+  const Folder folder;
+  ASSERT_EQ(mkfifo((folder / "fifo").c_str(), 0600), 0);
+  write_text(folder / "image.glb", with_texture("fifo"));
+  EXPECT_TRUE(has(load(folder / "image.glb").error, "'fifo' is not a regular file"));
+  GltfWriter w;
+  w.triangle();
+  w.node({{"mesh", 0}});
+  w.write_gltf(folder / "buffer.gltf", "fifo", "unused.bin");
+  EXPECT_TRUE(has(load(folder / "buffer.gltf").error, "'fifo' is not a regular file"));
+  write_text(folder / "lib.obj", "mtllib fifo\n" + obj_triangle);
+  EXPECT_TRUE(warns(load(folder / "lib.obj"), "'fifo' is not a regular file"));
+  write_text(folder / "a.mtl", "newmtl a\nmap_Kd fifo\n");
+  write_text(folder / "map.obj", "mtllib a.mtl\nusemtl a\n" + obj_triangle);
+  EXPECT_TRUE(has(load(folder / "map.obj").error, "'fifo' is not a regular file"));
+  std::filesystem::create_directory(folder / "images");
+  write_text(folder / "image.glb", with_texture("images"));
+  EXPECT_TRUE(has(load(folder / "image.glb").error, "'images' is not a regular file"));
+}
+
+TEST(HostileFile, NothingOutsideTheFolderIsReadUnlessAllowed) {
+  const Folder outer;
+  write_text(outer / "out.png", png_pixel());
+  std::filesystem::create_directories(outer / "scene/textures");
+  write_text(outer / "scene/textures/in.png", png_pixel());
+  std::filesystem::create_symlink(outer / "out.png", outer / "scene/link.png");
+  std::filesystem::create_symlink("textures/in.png", outer / "scene/inside.png");
+  const std::filesystem::path file = outer / "scene/a.glb";
+  const LoadOptions anywhere{.seconds = 3, .outside_folder = true};
+  for (const std::string& uri : {std::string("../out.png"), (outer / "out.png").string(), std::string("link.png"),
+                                 std::string("textures/../../out.png"), std::string("%2e%2e/out.png")}) {
+    write_text(file, with_texture(uri));
+    EXPECT_TRUE(has(load(file).error, "outside the scene file's folder")) << uri << ": " << load(file).error;
+    EXPECT_EQ(load(file, anywhere).error, "") << uri;
+  }
+  for (const char* uri : {"../none.png", "/none/none.png"}) {
+    write_text(file, with_texture(uri));
+    EXPECT_TRUE(has(load(file).error, "outside the scene file's folder")) << "it must not tell whether " << uri << " is there";
+  }
+  for (const char* uri : {"textures/in.png", "inside.png", "textures/../textures/in.png"}) {
+    write_text(file, with_texture(uri));
+    EXPECT_EQ(load(file).error, "") << uri;
+  }
+  write_text(outer / "scene/a.mtl", "newmtl a\nmap_Kd ../out.png\n");
+  write_text(outer / "scene/a.obj", "mtllib a.mtl\nusemtl a\n" + obj_triangle);
+  EXPECT_TRUE(has(load(outer / "scene/a.obj").error, "outside"));
+  write_text(outer / "lib.mtl", "newmtl a\nKd 1 0 0\n");
+  std::filesystem::remove(outer / "scene/a.mtl");
+  write_text(outer / "scene/a.obj", "mtllib ../lib.mtl\nusemtl a\n" + obj_triangle);
+  EXPECT_TRUE(warns(load(outer / "scene/a.obj"), "outside"));
+  const std::filesystem::path before = std::filesystem::current_path();
+  std::filesystem::current_path(outer / "scene");
+  write_text("a.glb", with_texture("inside.png"));
+  Scene scene;
+  EXPECT_NO_THROW(load_file(scene, "a.glb", glm::dmat4(1.0))) << "by a relative path";
+  std::filesystem::current_path(before);
+}
+
+// --- Messages ---
+
+TEST(HostileFile, WhatIsMissingIsSaid) {
+  const Folder folder;
+  write_text(folder / "a.obj", "mtllib gone.mtl\nusemtl nothing\n" + obj_triangle);
+  const Outcome outcome = load(folder / "a.obj");
+  EXPECT_EQ(outcome.error, "");
+  EXPECT_TRUE(warns(outcome, "gone.mtl"));
+  EXPECT_TRUE(warns(outcome, "nothing"));
+  write_text(folder / "a.mtl", "newmtl a\nmap_Bump b.png\nmap_d c.png\nmap_Ks d.png\n");
+  write_text(folder / "b.obj", "mtllib a.mtl\nusemtl a\n" + obj_triangle);
+  const Outcome maps = load(folder / "b.obj");
+  EXPECT_EQ(maps.warnings.size(), 3u) << "three textures that are not read";
+}
+
+TEST(HostileFile, NamesStayInTheirLineAndMessagesAreBounded) {
+  const Folder folder;
+  GltfWriter w;
+  for (int i = 0; i < 60000; ++i) w.root["materials"].push_back({{"name", std::to_string(i)}, {"alphaMode", "BLEND"}});
+  w.root["materials"][0]["name"] = "evil\nERROR: all is lost\x1b[2J" + std::string(5000, 'x');
+  w.triangle(0);
+  w.node({{"mesh", 0}, {"name", "two\nlines"}});
+  w.write_glb(folder / "a.glb");
+  const Outcome outcome = load(folder / "a.glb", {.seconds = 10});
+  ASSERT_EQ(outcome.error, "");
+  EXPECT_LE(outcome.warnings.size(), 100u);
+  for (const std::string& warning : outcome.warnings) {
+    EXPECT_LE(warning.size(), 1200u);
+    for (const char c : warning) EXPECT_GE(static_cast<unsigned char>(c), 0x20u) << warning;
+  }
+  EXPECT_TRUE(has(outcome.warnings.back(), "more such messages")) << outcome.warnings.back();
+}
+
+TEST(HostileFile, IndicesThatDoNotFitAreNotWrapped) {
+  const Folder folder;
+  GltfWriter w;
+  w.triangle();
+  w.node({{"mesh", 0}});
+  for (const char* field :
+       {"/nodes/0/mesh", "/scenes/0/nodes/0", "/meshes/0/primitives/0/attributes/POSITION", "/accessors/0/bufferView"}) {
+    GltfWriter changed = w;
+    changed.root[json::json_pointer(field)] = uint64_t{1} << 32;
+    write_text(folder / "a.glb", changed.glb());
+    EXPECT_NE(load(folder / "a.glb").error, "") << field << " 2^32 became 0";
+  }
+}
+
+}  // namespace

@@ -1,0 +1,129 @@
+// What a helper program answers arrives as it was sent; what no helper would send is an error.
+#include <gtest/gtest.h>
+
+#include <cstring>
+#include <random>
+
+#include "device/error.h"
+#include "io/wire.h"
+
+namespace {
+
+using namespace kuafu;
+
+Scene small_scene() {
+  Scene scene;
+  Texture texture{.name = "t", .width = 2, .height = 1, .channels = 3, .format = Texture::Format::u16, .srgb = true};
+  for (uint8_t i = 0; i < 12; ++i) texture.texels.push_back(i);
+  scene.add_texture(texture);
+  Material material;
+  material.name = "m";
+  material.base_color = {0.1f, 0.2f, 0.3f, 0.4f};
+  material.ior = 1.7f;
+  material.thin_walled = true;
+  material.subsurface_radius_m = {1, 2, 3};
+  material.ir_subsurface_radius_m = 4.0f;
+  material.specular_texture = 0;
+  material.ir_albedo = 0.25f;
+  scene.add_material(material);
+  scene.add_mesh({.name = "q",
+                  .positions = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}},
+                  .normals = {{0, 0, 1}, {0, 0, 1}, {0, 0, 1}},
+                  .uvs = {{0, 0}, {1, 0}, {0, 1}},
+                  .indices = {{0, 1, 2}},
+                  .slots = {0}});
+  Instance instance{.name = "i", .mesh = 0, .materials = {0, none}};
+  instance.local_to_world[3] = {1, 2, 3, 1};
+  scene.add_instance(instance);
+  Light light{.name = "l", .kind = Light::Kind::spot, .intensity = {1, 2, 3}};
+  light.inner_rad = 0.1, light.outer_rad = 0.2;
+  scene.add_light(light);
+  Camera camera{.name = "c"};
+  camera.near_m = 0.25;
+  scene.add_camera(camera);
+  return scene;
+}
+
+std::vector<char> sent(const Scene& scene, const std::vector<std::string>& warnings) {
+  char* bytes = nullptr;
+  size_t size = 0;
+  std::FILE* file = open_memstream(&bytes, &size);
+  write_answer(file, scene, warnings);
+  std::fclose(file);
+  std::vector<char> out(bytes, bytes + size);
+  free(bytes);
+  return out;
+}
+
+ImportAnswer received(const std::vector<char>& bytes, uint64_t most = 1 << 20) {
+  size_t at = 0;
+  return read_answer(
+      [&](void* to, size_t size) {
+        if (size > bytes.size() - at) ks::fail(KS_ERROR_FILE, "the end");
+        if (size > 0) std::memcpy(to, bytes.data() + at, size);
+        at += size;
+      },
+      most);
+}
+
+TEST(Wire, ASceneArrivesAsItWasSent) {
+  const Scene before = small_scene();
+  const ImportAnswer answer = received(sent(before, {"first", "second"}));
+  EXPECT_EQ(answer.warnings, (std::vector<std::string>{"first", "second"}));
+  EXPECT_EQ(sent(answer.scene, answer.warnings), sent(before, {"first", "second"})) << "sent again it is the same bytes";
+  const Scene& scene = answer.scene;
+  EXPECT_EQ(scene.textures()[0].texels, before.textures()[0].texels);
+  EXPECT_TRUE(scene.textures()[0].srgb);
+  const Material& material = scene.materials()[0];
+  EXPECT_EQ(material.base_color, before.materials()[0].base_color);
+  EXPECT_EQ(material.ir_subsurface_radius_m, 4.0f);
+  EXPECT_EQ(material.specular_texture, 0u);
+  EXPECT_TRUE(material.thin_walled);
+  EXPECT_EQ(scene.meshes()[0].uvs, before.meshes()[0].uvs);
+  EXPECT_EQ(scene.instances()[0]->local_to_world, before.instances()[0]->local_to_world);
+  EXPECT_EQ(scene.instances()[0]->materials, (std::vector<uint32_t>{0, none}));
+  EXPECT_EQ(scene.lights()[0]->outer_rad, 0.2);
+  EXPECT_EQ(scene.cameras()[0].near_m, 0.25);
+}
+
+TEST(Wire, AFailureArrivesAsOneLine) {
+  char* bytes = nullptr;
+  size_t size = 0;
+  std::FILE* file = open_memstream(&bytes, &size);
+  write_failure(file, KS_ERROR_UNSUPPORTED, "not\nthis " + std::string(100000, 'x'));
+  std::fclose(file);
+  try {
+    received({bytes, bytes + size});
+    ADD_FAILURE() << "accepted";
+  } catch (const ks::Error& error) {
+    EXPECT_EQ(error.status(), KS_ERROR_UNSUPPORTED);
+    EXPECT_EQ(std::string(error.what()).find("not this x"), 0u);
+    EXPECT_LE(std::strlen(error.what()), longest_text_bytes);
+  }
+  free(bytes);
+}
+
+TEST(Wire, TruncatedAndChangedAnswersAreErrorsOrScenesThatPassTheChecks) {
+  const std::vector<char> whole = sent(small_scene(), {"w"});
+  for (size_t size = 0; size < whole.size(); ++size)
+    EXPECT_THROW(received({whole.begin(), whole.begin() + static_cast<long>(size)}), ks::Error) << size;
+  std::mt19937 random(1);
+  int refused = 0;
+  for (int round = 0; round < 3000; ++round) {
+    std::vector<char> bytes = whole;
+    for (unsigned n = 1 + random() % 3; n > 0; --n) bytes[random() % bytes.size()] = static_cast<char>(random());
+    try {
+      received(bytes);
+    } catch (const ks::Error&) {
+      ++refused;
+    }
+  }
+  EXPECT_GT(refused, 300);
+}
+
+TEST(Wire, SizesBeyondTheBoundTakeNoMemory) {
+  const std::vector<char> whole = sent(small_scene(), {});
+  EXPECT_THROW(received(whole, 100), ks::Error);
+}
+
+}  // namespace
