@@ -20,6 +20,29 @@ function(ks_wheel_module library)
     endforeach()" COMPONENT wheel)
 endfunction()
 
+# Programs that kuafu starts to read scene files: beside the library, where it looks first, with what they need.
+function(ks_wheel_helper program)
+  if(TARGET ${program})
+    set_target_properties(${program} PROPERTIES INSTALL_RPATH "$ORIGIN")
+    target_link_options(${program} PRIVATE -Wl,--disable-new-dtags)
+    install(TARGETS ${program} RUNTIME DESTINATION kuafu/lib COMPONENT wheel)
+    set(file $<TARGET_FILE:${program}>)
+  else()  # of an installed kuafu
+    set(file $<TARGET_FILE_DIR:kuafu::kuafu>/kuafu/${program})
+    install(PROGRAMS ${file} DESTINATION kuafu/lib COMPONENT wheel)
+  endif()
+  install(CODE "
+    file(GET_RUNTIME_DEPENDENCIES EXECUTABLES \"${file}\" RESOLVED_DEPENDENCIES_VAR found PRE_EXCLUDE_REGEXES \"${ks_on_every_machine}\")
+    foreach(library IN LISTS found)
+      get_filename_component(name \${library} NAME)
+      file(REAL_PATH \${library} real)
+      file(COPY_FILE \${real} \${CMAKE_INSTALL_PREFIX}/kuafu/lib/\${name} ONLY_IF_DIFFERENT)
+    endforeach()" COMPONENT wheel)
+endfunction()
+
+ks_wheel_helper(kuafu-import-gltf)
+ks_wheel_helper(kuafu-import-assimp)
+
 find_library(EMBREE_LIBRARY_FILE libembree3.so.3 REQUIRED)
 ks_wheel_module(kuafu ${EMBREE_LIBRARY_FILE})
 ks_wheel_module(simsense)

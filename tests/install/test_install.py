@@ -33,7 +33,7 @@ def pkg_config(prefix: pathlib.Path) -> list[str]:
 
 
 def test_components_hold_what_they_are_named_for(tmp_path):
-    expected = {"kuafu": {"lib/libkuafu.so.0"}, "simsense": {"lib/libsimsense.so.0"},
+    expected = {"kuafu": {"lib/libkuafu.so.0", "lib/kuafu/kuafu-import-gltf"}, "simsense": {"lib/libsimsense.so.0"},
                 "dev": {"lib/libkuafu.so", "include/ks/header.h", "include/simsense/simsense.h", "lib/cmake/kuafu/kuafu-config.cmake"}}
     for component, names in expected.items():
         run("cmake", "--install", BUILD, "--prefix", tmp_path / component, "--component", component)
