@@ -29,16 +29,23 @@ class Result:
         return set(self.key["hidden"])
 
     @property
+    def _asked(self):
+        """The part of the answer that the world asks for: the depth engine's, where its fault is hidden behind infrared images."""
+        asks_for_depth = self.key["set"] == "depth" and self.key["infrared"]
+        return self.answer["depth"] if asks_for_depth else self.answer
+
+    @property
     def verdict(self):
-        return "failed" if self.failed else self.answer["verdict"]
+        return "failed" if self.failed else self._asked["verdict"]
 
     @property
     def ranking(self):
-        return [] if self.failed else self.answer["ranking"]
+        return [] if self.failed else self._asked["ranking"]
 
     @property
     def added(self):
-        return set() if self.failed else set(self.answer["added"])
+        """What is added to the model: on the images and behind the matcher."""
+        return set() if self.failed else set(self.answer["added"]) | set(self.answer["depth"]["added"])
 
     @property
     def detectable(self):
@@ -56,6 +63,8 @@ class Result:
             return self.verdict == "undetermined" and not self.added
         if self.key["set"] == "outside":
             return self.verdict == "unknown" and not self.added
+        if any(entry.get("nuisance") for entry in self.ranking if entry["effect"] in self.truth):
+            return self.verdict == "none" and not self.added and set(self.names(1)) == self.truth  # any matcher differs so
         return self.verdict == ("effect" if self.truth else "none") and self.added == self.truth
 
     @property

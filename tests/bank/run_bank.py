@@ -118,7 +118,7 @@ def diagnose_capture(command, capture, answer, timeout):
     said = "no answer"
     if (answer / "diagnose.json").is_file():
         result = json.loads((answer / "diagnose.json").read_text())
-        said = " ".join([result["verdict"], *result["added"]])
+        said = " ".join([result["verdict"], *result["added"], "| depth engine:", result["depth"]["verdict"], *result["depth"]["added"]])
     elif code == 0:
         code = "no diagnose.json"
     return {"returncode": code, "said": said}

@@ -23,13 +23,14 @@ from activestereo.lab.diagnose.gates import GATES, Gates
 from activestereo.lab.diagnose.greedy import Step, greedy
 from activestereo.lab.diagnose.next_measurement import next_measurements
 from activestereo.lab.diagnose.propose.scan import scan_observations
-from activestereo.lab.diagnose.rank import Bench, rank, settled_first
+from activestereo.lab.diagnose.rank import Bench, rank, rank_depth, settled_first
 from activestereo.lab.diagnose.refine import Fitters
 from activestereo.lab.diagnose.report.figures import held_out_figures
-from activestereo.lab.diagnose.report.ranking_json import not_ranked_json, ranking_json
+from activestereo.lab.diagnose.report.ranking_json import depth_json, not_ranked_json, ranking_json
 from activestereo.lab.diagnose.report.residual_law import residual_law
 from activestereo.lab.diagnose.verdict.acceptance import passes
 from activestereo.lab.diagnose.verdict.completeness import is_unexplained
+from activestereo.lab.diagnose.verdict.depth import engine_faults
 from activestereo.lab.diagnose.verdict.verdict import EFFECT, UNDETERMINED, UNKNOWN, is_named, verdict_of
 from activestereo.lab.model_file import library, model_json
 from activestereo.lab.render import WARP_SCALE, Renderer, render_frames
@@ -114,6 +115,7 @@ def _undetermined(reason: str, model: Model) -> Diagnosis:
         "next_measurement": [{"text": text, "separates": [], "change": None}],
         "law": None,
         "curve": [],
+        "depth": {"verdict": UNDETERMINED, "reason": reason, "ranking": [], "added": []},
         "model": model_json(model),
     }
     return Diagnosis(result, model)
@@ -142,13 +144,17 @@ def examine(
     verdict = verdict_of(first, last, evidence.has_floor)
     law = residual_law(last.base, evidence.capture.name) if verdict == UNKNOWN else None
     way, beside = _accepted(verdict, first, way, steps)
-    found = _model_of(way[-1].ranking, beside)
+    accepted = _model_of(way[-1].ranking.base.solution.model, beside)
+    depth = rank_depth(bench, bases(accepted), candidates)
+    faults = engine_faults(depth)[:1]
+    found, name_of = _model_of(accepted, faults), material_names(evidence.capture.scene_path)
     result = {
         "verdict": verdict,
         "capture": evidence.capture.name,
-        "ranking": ranking_json(first, material_names(evidence.capture.scene_path)),
-        "not_ranked": not_ranked_json(first.not_ranked),
+        "ranking": ranking_json(first, name_of),
+        "not_ranked": not_ranked_json((*first.not_ranked, *depth.not_ranked)),
         "added": [*way[-1].added, *(f.id for f in beside)],
+        "depth": depth_json(depth, faults, name_of),
         **held_out_figures(evidence, fitters, [(step.added, step.ranking.base) for step in way], beside),
         "next_measurement": next_measurements(first, evidence),
         "law": law and law.as_json(),
@@ -176,28 +182,23 @@ def _accepted(verdict: str, first: Ranking, way: list[Step], steps: str) -> tupl
 
 
 def _beside(ranking: Ranking) -> list[Finding]:
-    """What may still be named at the end without an expected image to go on from: random fields that stay (the
-    best, or those that are shown together), noise, and the best fault of the depth engine.
+    """What may still be named at the end without an expected image to go on from: noise, and random fields that
+    stay (the best, or those that are shown together).
     """
     passing = [f for f in ranking.findings if f.solution is None and passes(ranking, f)]
-    fields, noise, depth = (
-        [f for f in passing if f.channel is channel]
-        for channel in (Channel.STATIC_FIELD, Channel.NOISE_LAW, Channel.DEPTH_ENGINE)
-    )
+    fields, noise = ([f for f in passing if f.channel is c] for c in (Channel.STATIC_FIELD, Channel.NOISE_LAW))
     together = shown_together(fields, ranking.base, ranking.gates) if len(fields) > 1 else []
     if fields and fields[0].id not in {f.id for f in together}:
         together = fields[:1]
-    return noise + together + depth[:1]
+    return noise + together
 
 
-def _model_of(ranking: Ranking, beside: Sequence[Finding]) -> Model:
-    """The ranking's base model, or that of the one fitted finding added to it, with what was added beside."""
-    model = ranking.base.solution.model
-    for finding in beside:
+def _model_of(model: Model, added: Sequence[Finding]) -> Model:
+    """A model, or that of the one fitted finding added to it, with what was added beside."""
+    for finding in added:
         if finding.solution is not None:
             model = finding.solution.model
         else:
-            model = model.with_effect(
-                finding.effect, **{name: v.value for name, v in finding.explanation.parameters.items()}
-            )
+            values = {name: v.value for name, v in finding.explanation.parameters.items()}
+            model = model.with_effect(finding.effect, **values)
     return model

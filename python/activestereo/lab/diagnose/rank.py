@@ -71,13 +71,26 @@ def rank(
     ranking = _with_findings(ranking, _sized(bench, ranking))
     ranking = _simplified(bench, ranking)
     ranking = _with_findings(ranking, _looked_at(bench, ranking))
-    others, also_skipped = _on_other_channels(bench, base, of_kind)
+    noise, also_skipped = _on_repeats(bench, base, of_kind.get(Channel.NOISE_LAW, []))
     ranking = replace(
-        ranking, findings=ranking.findings + others, not_ranked=(*skipped, *also_skipped, *_unjudged(of_kind))
+        ranking, findings=ranking.findings + noise, not_ranked=(*skipped, *also_skipped, *_unjudged(of_kind))
     )
     ranking = _with_findings(ranking, _in_order(ranking))
     ranking = _with_remainders(bench, ranking)
     return _preferring_what_leaves_no_structure(ranking, first or ranking)
+
+
+def rank_depth(bench: Bench, base: BaseFit, candidates: Sequence[Effect]) -> Ranking:
+    """The Ranking of faults of the depth engine, judged on the device's disparity beside a base: what any matcher
+    shows comes last.
+    """
+    known = {e.id for e, _ in base.model.effects}
+    faults = [e for e in candidates if e.channel is Channel.DEPTH_ENGINE and e.id not in known]
+    explained, skipped = _split(DepthEngineChannel(bench.evidence, base, bench.gates).explain(faults), [])
+    ranking = replace(bare_ranking(bench, base), not_ranked=tuple(skipped))
+    ranking = _with_findings(ranking, (Finding(e, _own_score(e)) for e in explained))
+
+    return _with_findings(ranking, sorted(ranking.findings, key=lambda f: (not passes(ranking, f), -f.score.nats)))
 
 
 def bare_ranking(bench: Bench, base: BaseFit) -> Ranking:
@@ -103,16 +116,9 @@ def _on_images(
     return _split(out, skipped)
 
 
-def _on_other_channels(
-    bench: Bench, base: BaseFit, of_kind: Mapping[Channel | None, list[Effect]]
-) -> tuple[tuple[Finding, ...], list[NotRanked]]:
-    """Findings of what expected images cannot show: noise from repeats, the depth engine's faults from its
-    disparity.
-    """
-    out = []
-    for channel in (NoiseLawChannel, DepthEngineChannel):
-        out += channel(bench.evidence, base, bench.gates).explain(of_kind.get(channel.kind, []))
-    explained, skipped = _split(out, [])
+def _on_repeats(bench: Bench, base: BaseFit, effects: Sequence[Effect]) -> tuple[tuple[Finding, ...], list[NotRanked]]:
+    """Findings of what expected images cannot show: noise from repeats."""
+    explained, skipped = _split(NoiseLawChannel(bench.evidence, base, bench.gates).explain(effects), [])
     return tuple(Finding(e, _own_score(e)) for e in explained), skipped
 
 
@@ -246,9 +252,8 @@ def _varying(bench: Bench, solution: Solution, effect: Effect) -> float:
 def _in_order(ranking: Ranking) -> list[Finding]:
     """What may be named first; within each part by gain and simplicity; among what the images name, by confidence."""
 
-    def place(f: Finding) -> tuple[bool, bool, float]:
-        waits = f.channel is Channel.DEPTH_ENGINE and not ranking.at_floor
-        return not passes(ranking, f), waits, -f.score.nats - f.score.occam_nats
+    def place(f: Finding) -> tuple[bool, float]:
+        return not passes(ranking, f), -f.score.nats - f.score.occam_nats
 
     findings = sorted(ranking.findings, key=place)
     confidence = confidences(_with_findings(ranking, findings))

@@ -13,11 +13,20 @@ _VERDICT = {
 }
 
 
+_ENGINE_VERDICT = {
+    "effect": "It has a fault",
+    "none": "It has no fault that another matcher would not show as well",
+    "undetermined": "This data cannot tell whether it has a fault",
+}
+
+
 def diagnosis_sections(diagnosis, shown=()):
     """Sections of diagnose.json's contents (lab/schema/diagnose.schema.json). shown: effects whose residuals the page holds."""
     parts = [_verdict(diagnosis)]
     if diagnosis["ranking"]:
         parts.append(_ranking(diagnosis["ranking"], shown))
+    if diagnosis.get("depth", {}).get("ranking"):
+        parts.append(_depth_engine(diagnosis["depth"]))
     if diagnosis["next_measurement"]:
         parts.append(section("What to measure next", _list(diagnosis["next_measurement"])))
     return parts
@@ -64,6 +73,20 @@ def _residual(effect_id, shown):
     if effect_id not in shown:
         return '<span class="muted small">no expected image of its own</span>'
     return f'<figure class="row"><canvas data-model="{text(effect_id)}" tabindex="0" title="show it large"></canvas><figcaption></figcaption></figure>'
+
+
+def _depth_engine(depth: dict) -> str:
+    """The depth engine's own verdict; what any other matcher would show is marked."""
+    rows = []
+    for entry in depth["ranking"]:
+        values = "<br>".join(text(parameter_text(name, p)) for name, p in entry["parameters"].items())
+        kind = "any matcher differs so" if entry["nuisance"] else "added" if entry["effect"] in depth["added"] else ""
+        share = share_bar(entry["explained_share"]) + f"{100 * entry['explained_share']:.0f} %"
+        rows.append([f"<b>{text(entry['effect'])}</b>", f"{entry['score_nats']:.1f}", share, values, kind])
+    head = ["effect", "gain, nats", "of the disparity error", "fitted value (90 %)", ""]
+    said = f'<p class="headline"><b>{_ENGINE_VERDICT[depth["verdict"]]}</b></p>'
+    reason = f"<p>{text(depth['reason'])}</p>" if depth["reason"] else ""
+    return section("The depth engine", said, reason, table(head, rows, numbers=(1,), wide=True))
 
 
 def _list(items):

@@ -4,10 +4,13 @@ alone is judged.
 A device's matcher is not ours, but both are given the same images. What counts is the device's error against the true
 geometry less the error that our engine makes on the model's own pair; errors beyond a pixel are mismatches and count
 as one pixel. A filter shows in what neighbours have in common instead: the variance of their differences.
+
+What any other matcher would show as well (EngineFault.is_matcher_choice) is fitted first and taken off, where it is
+significant: faults are judged on what is left.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -37,8 +40,15 @@ _NODES = ((-np.sqrt(3.0), 1 / 6), (0.0, 2 / 3), (np.sqrt(3.0), 1 / 6))
 
 @dataclass(frozen=True)
 class _DepthFit:
+    """values: of the parameters, in order.
+
+    limits: {parameter: (value, low, high)}. is_filter: it was told by neighbours' differences.
+    """
+
     own: OwnEvidence
-    values: dict[str, Limits]
+    values: np.ndarray
+    limits: dict[str, Limits]
+    is_filter: bool = False
 
 
 @dataclass(frozen=True)
@@ -97,11 +107,18 @@ class DepthEngineChannel(JudgingChannel):
         if not frames:
             return [NotRanked(effect, "the capture has no device depth in its train frames") for effect in effects]
         judge = _Judge(frames, self._gates)
-        return [self._explained(effect, judge) for effect in effects]
+        choices = [e for e in effects if e.engine_fault.is_matcher_choice]
+        fits = {e.id: judge.fit(e) for e in choices}
+        taken_off = judge.without([(e, fits[e.id]) for e in choices if self._is_significant(fits[e.id], len(effects))])
+        fits |= {e.id: taken_off.fit(e) for e in effects if e.id not in fits}
+        return [self._explanation(e, fits[e.id]) for e in effects]
 
-    def _explained(self, effect: Effect, judge: "_Judge") -> Explanation:
-        fit = judge.fit(effect)
-        parameters = within_ranges(effect, fit.values)
+    def _is_significant(self, fit: "_DepthFit", tried: int) -> bool:
+        own, gates = fit.own, self._gates
+        return own.nats > gates.margin_nats + np.log(tried) and own.consistency >= gates.consistent_share
+
+    def _explanation(self, effect: Effect, fit: "_DepthFit") -> Explanation:
+        parameters = within_ranges(effect, fit.limits)
         return Explanation(effect, self.kind, parameters, self._base.chi2, self._base.tile_chi2, own=fit.own)
 
 
@@ -133,6 +150,17 @@ class _Judge:
         squares = [np.square(frame.engine[0][frame.inside]) for frame in frames]
         count = sum(s.size for s in squares)
         self._noise_px = float(np.sqrt(sum(s.sum() for s in squares) / count)) if count else 0.0
+
+    def without(self, found: Sequence[tuple[Effect, _DepthFit]]) -> "_Judge":
+        """A judge of what found effects leave; filters cannot be undone and stay."""
+        frames = list(self._frames)
+        for effect, fit in found:
+            if not fit.is_filter:
+                shifts = [self._shift(effect, fit.values, frame) for frame in frames]
+                frames = [
+                    replace(f, device=np.where(f.valid, f.device - s, 0.0)) for f, s in zip(frames, shifts, strict=True)
+                ]
+        return _Judge(frames, self._gates)
 
     def fit(self, effect: Effect) -> _DepthFit:
         bias, smooth = self._fit_bias(effect), self._fit_smoothness(effect)
@@ -181,7 +209,7 @@ class _Judge:
         survey_px = (
             self._gates.poses_known_to_rad * self._frames[0].view.K[0, 0] if effect.engine_fault.displaces else 0.0
         )
-        values = {}
+        limits = {}
         for i, p in enumerate(effect.parameters):
             step = 0.05 * p.typical
             here = np.arange(len(found)) == i
@@ -190,9 +218,9 @@ class _Judge:
             error = step * np.sqrt(2 * design * (after / pixels) / curve) if curve > 0 else p.high - p.low
             error = np.hypot(error, survey_px)
             ends = found[i], found[i] - Z90 * error, found[i] + Z90 * error
-            values[p.name] = tuple(float(np.clip(v, p.low, p.high)) for v in ends)
+            limits[p.name] = tuple(float(np.clip(v, p.low, p.high)) for v in ends)
         surveyed = surveyed_nats(nats, found - neutral, survey_px)
-        return _DepthFit(OwnEvidence(float(nats), float(1.0 - after / before), float(better), surveyed), values)
+        return _DepthFit(OwnEvidence(float(nats), float(1.0 - after / before), float(better), surveyed), found, limits)
 
     def _fit_smoothness(self, effect: Effect) -> _DepthFit | None:
         """For effects with one leading amplitude: the engine's errors under the effect, their differences against

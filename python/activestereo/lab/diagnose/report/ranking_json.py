@@ -1,6 +1,6 @@
 """A ranking as diagnose.json holds it."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 
 from activestereo.effects import Parameter
 from activestereo.effects.core.judging import Channel
@@ -8,6 +8,7 @@ from activestereo.effects.core.surfaces import material_numbers
 from activestereo.lab.diagnose.findings import Finding, NotRanked, Ranking
 from activestereo.lab.diagnose.score.intervals import Interval
 from activestereo.lab.diagnose.verdict.confidence import confidences, equivalents
+from activestereo.lab.diagnose.verdict.depth import depth_verdict
 
 _CHANNEL = {
     Channel.EXPECTED_IMAGE: "infrared",
@@ -23,6 +24,18 @@ def ranking_json(ranking: Ranking, name_of: Callable[[int], str]) -> list[Json]:
     """Every finding, best first. name_of: a material's name."""
     confidence = confidences(ranking)
     return [_finding_json(ranking, f, confidence[f.id], name_of) for f in ranking.findings]
+
+
+def depth_json(depth: Ranking, faults: Sequence[Finding], name_of: Callable[[int], str]) -> Json:
+    """The verdict on the depth engine.
+
+    faults: findings that are added to the model. nuisance: any other matcher would differ so.
+    """
+    verdict, reason = depth_verdict(depth)
+    entries = ranking_json(depth, name_of)
+    for entry, f in zip(entries, depth.findings, strict=True):
+        entry["nuisance"] = f.effect.engine_fault.is_matcher_choice
+    return {"verdict": verdict, "reason": reason, "ranking": entries, "added": [f.id for f in faults]}
 
 
 def not_ranked_json(skipped: Iterable[NotRanked]) -> list[Json]:

@@ -1,6 +1,6 @@
 """A diagnosis for reading."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 _SHOWN = 8
 
@@ -18,14 +18,7 @@ def diagnosis_text(result: Mapping[str, object]) -> str:
     lines = [f"verdict: {result['verdict']}" + (f" ({', '.join(result['added'])})" if result["added"] else "")]
     if result.get("reason"):
         lines.append(result["reason"])
-    if result["ranking"]:
-        lines.append(f"{'effect':26}{'family':20}{'nats':>12}{'explains':>10}{'confidence':>12}  parameters (90 %)")
-    for entry in result["ranking"][:_SHOWN]:
-        values = ", ".join(parameter_text(name, found) for name, found in entry["parameters"].items())
-        share, confidence = f"{100 * entry['explained_share']:.0f} %", f"{entry['confidence']:.2f}"
-        lines.append(
-            f"{entry['effect']:26}{entry['family']:20}{entry['score_nats']:>12.1f}{share:>10}{confidence:>12}  {values}"
-        )
+    lines += _table(result["ranking"])
     first = result["ranking"][0] if result["ranking"] else None
     if first and first["equivalent"] and result["verdict"] in ("effect", "undetermined"):
         lines.append(f"this data cannot tell {first['effect']} from {', '.join(first['equivalent'])}")
@@ -33,7 +26,41 @@ def diagnosis_text(result: Mapping[str, object]) -> str:
         figures = [result[f"heldout_{name}"] for name in ("ir_rmse_before", "ir_rmse_after", "noise_floor")]
         texts = ["unknown" if f is None else f"{f:.3f} DN" for f in figures]
         lines.append(f"held-out infrared RMSE: {texts[0]} before, {texts[1]} after, noise floor {texts[2]}")
+    lines += _depth_lines(result.get("depth"))
     lines += [f"next measurement: {advice['text']}" for advice in result["next_measurement"]]
     if result.get("law"):
         lines.append(f"law of the residual ({result['law']['stage']}): {result['law']['text']}")
     return "\n".join(lines)
+
+
+def _table(ranking: Sequence[Mapping[str, object]]) -> list[str]:
+    lines = (
+        [f"{'effect':26}{'family':20}{'nats':>12}{'explains':>10}{'confidence':>12}  parameters (90 %)"]
+        if ranking
+        else []
+    )
+    for entry in ranking[:_SHOWN]:
+        values = _values(entry)
+        share, confidence = f"{100 * entry['explained_share']:.0f} %", f"{entry['confidence']:.2f}"
+        lines.append(
+            f"{entry['effect']:26}{entry['family']:20}{entry['score_nats']:>12.1f}{share:>10}{confidence:>12}  {values}"
+        )
+    return lines
+
+
+def _values(entry: Mapping[str, object]) -> str:
+    return ", ".join(parameter_text(name, found) for name, found in entry["parameters"].items())
+
+
+def _depth_lines(depth: Mapping[str, object] | None) -> list[str]:
+    """The verdict on the depth engine, and what differs from our engine as any other would."""
+    if not depth:
+        return []
+    lines = [f"depth engine: {depth['verdict']}" + (f" ({depth['reason']})" if depth["reason"] else "")]
+    for entry in depth["ranking"]:
+        if entry["effect"] in depth["added"] or (entry["nuisance"] and entry["score_nats"] > 0):
+            kind = "any matcher differs so" if entry["nuisance"] else "added"
+            lines.append(
+                f"  {entry['effect']}, {kind}: {_values(entry)}; {100 * entry['explained_share']:.0f} % of its error"
+            )
+    return lines

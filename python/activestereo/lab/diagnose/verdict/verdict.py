@@ -25,10 +25,9 @@ def verdict_of(first: Ranking, last: Ranking, has_floor: bool) -> str:
             return UNDETERMINED
         return UNKNOWN if is_unexplained(first, first.base_remainder) else NONE
     if not best.on_images:
+        # Its own channel tells it, where the images lack nothing else.
         rest = replace(last.base_remainder, repeats_floors=best.explanation.repeats_floors)
-        return (
-            UNKNOWN if is_unexplained(last, rest) else EFFECT
-        )  # its own channel tells it, where the images lack nothing else
+        return UNKNOWN if is_unexplained(last, rest) else EFFECT
     passing = [f.remainder for f in last.findings if passes(last, f)]
     end = min([last.base_remainder, *passing], key=lambda rest: rest.chi2)
     return UNKNOWN if all(is_unexplained(last, rest, first) for rest in (best.remainder, end)) else EFFECT
