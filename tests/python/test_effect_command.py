@@ -11,6 +11,7 @@ import pytest
 from activestereo.cli import main
 from activestereo.effects import Model, Stage, builtin, load_effects
 from activestereo.effects.core import plugin
+from activestereo.effects.core.judging import Channel, Lever, RandomTerm, SharedBy
 from activestereo.effects.core.laws import example_value, example_view
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -180,6 +181,36 @@ def test_a_plug_in_of_another_header_or_stage_is_refused(compiled):
         load_effects(compiled(SPY % (0, 77), "astray"))
     with pytest.raises(ValueError, match="exports no ks_effect_plugin"):
         load_effects(compiled("int nothing(void);\nint nothing(void) { return 0; }\n", "nothing"))
+
+
+NOISY = """
+#include "ks/effect.h"
+static int32_t apply(const ks_effect_view* view, const double* p, uint32_t n, const double* images, double* out) {
+  for (uint64_t i = 0; i < (uint64_t)n * view->width * view->height; ++i)
+    out[i] = images[i] + p[0] * (double)((view->random_seed * 6364136223846793005u + i * 1442695040888963407u) >> 40) / (1u << 24);
+  return KS_OK;
+}
+static const ks_effect_parameter parameters[] = {{"sigma_dn", "DN", "", 0.0, 0.0, 9.0, 1.0}};
+static const ks_effect_random_term term = {"sigma_dn", NULL, KS_LEVER_ONE, KS_SHARED_BY_ROW};
+const ks_effect* ks_effect_plugin(uint32_t* count) {
+  static ks_effect e;
+  static ks_effect_random_terms terms;
+  terms = ks_effect_random_terms_init();
+  terms.terms = &term, terms.count = 1;
+  e = ks_effect_init();
+  e.header.next = &terms.header;
+  e.id = "noisy_rows", e.family = "f", e.summary = "Noise.", e.source = "s", e.stage = KS_STAGE_READOUT, e.randomness = KS_RANDOMNESS_TEMPORAL;
+  e.parameter_count = 1, e.parameters = parameters, e.apply = apply;
+  *count = 1;
+  return &e;
+}
+"""
+
+
+def test_a_random_effect_in_c_says_how_it_is_judged(compiled):
+    [effect] = load_effects(compiled("#include <stddef.h>\n" + NOISY, "noisy")).values()
+    assert effect.random_terms == (RandomTerm("sigma_dn", Lever.ONE, SharedBy.ROW),)
+    assert effect.channel is Channel.NOISE_LAW
 
 
 def test_the_python_mirror_of_the_c_descriptor_has_its_layout(tmp_path):

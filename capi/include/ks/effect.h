@@ -53,6 +53,20 @@ typedef struct ks_effect_random_term {
   uint32_t shared_by;       /* KS_SHARED_BY_* */
 } ks_effect_random_term;
 
+/* Chained to a random effect's header.next; an effect without it is listed as not ranked. */
+typedef struct ks_effect_random_terms {
+  ks_header header;
+  const ks_effect_random_term* terms;
+  uint32_t count;
+  uint32_t reserved; /* 0 */
+} ks_effect_random_terms;
+
+static inline ks_effect_random_terms ks_effect_random_terms_init(void) {
+  ks_effect_random_terms t = {0};
+  t.header = ks_header_make(KS_TYPE_EFFECT_RANDOM_TERMS, (uint32_t)sizeof t);
+  return t;
+}
+
 /* low <= neutral <= high, low < high. neutral: the value of no effect; typical: one prior deviation from neutral, positive. */
 typedef struct ks_effect_parameter {
   const char* name;   /* an identifier */
@@ -108,9 +122,6 @@ typedef struct ks_effect {
   uint32_t reserved; /* 0 */
   const ks_effect_parameter* parameters;
   ks_effect_apply_fn apply;
-  const ks_effect_random_term* random_terms; /* of a random effect; without them it is listed as not ranked */
-  uint32_t random_term_count;
-  uint32_t reserved2; /* 0 */
 } ks_effect;
 
 static inline ks_effect ks_effect_init(void) {

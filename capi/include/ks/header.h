@@ -24,6 +24,7 @@ typedef struct ks_header {
 #define KS_TYPE_SYNC 0x06u
 #define KS_TYPE_EFFECT 0x07u
 #define KS_TYPE_EFFECT_VIEW 0x08u
+#define KS_TYPE_EFFECT_RANDOM_TERMS 0x09u
 
 static inline ks_header ks_header_make(uint32_t type, uint32_t size_bytes) {
   ks_header h;

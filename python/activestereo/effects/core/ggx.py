@@ -1,18 +1,25 @@
-"""The dielectric highlight of glTF 2.0's material model: GGX, Fresnel's exact reflectance, specularFactor 1, ior 1.5.
+"""The dielectric highlight of glTF 2.0's material model: GGX, Fresnel's exact reflectance, specularFactor 1.
 
-Arrays of cosines and directions may have any leading shape; roughness is a number (alpha = roughness squared).
+Arrays of cosines and directions may have any leading shape; roughness is a number (alpha = roughness squared); ior is 1.5 where it is
+not given, as in glTF.
 """
 
 from functools import lru_cache
 
 import numpy as np
 
-_IOR = 1.5
+IOR = 1.5
 _COSINES = 33
 _RINGS, _SPOKES = 96, 64
 
 
-def highlight(normal, to_light, to_camera, roughness):
+def ior_of(reflectance: float) -> float:
+    """The index of refraction that reflects this share at normal incidence."""
+    root = np.sqrt(reflectance)
+    return float((1.0 + root) / (1.0 - root))
+
+
+def highlight(normal, to_light, to_camera, roughness, ior=IOR):
     """Radiance reflected per irradiance, [...]; directions [...][3], unit. Walter et al. 2007, height-correlated Smith shadowing."""
     half = to_light + to_camera
     half = half / np.maximum(np.linalg.norm(half, axis=-1, keepdims=True), 1e-12)
@@ -21,33 +28,33 @@ def highlight(normal, to_light, to_camera, roughness):
     square = roughness**4
     density = square / (np.pi * (n_h * n_h * (square - 1.0) + 1.0) ** 2)
     masked = n_l * np.sqrt(n_v * n_v * (1.0 - square) + square) + n_v * np.sqrt(n_l * n_l * (1.0 - square) + square)
-    return np.where((n_l > 0) & (n_v > 0), fresnel(dot(half, to_camera)) * density * 0.5 / np.maximum(masked, 1e-6), 0.0)
+    return np.where((n_l > 0) & (n_v > 0), fresnel(dot(half, to_camera), ior) * density * 0.5 / np.maximum(masked, 1e-6), 0.0)
 
 
-def fresnel(cosine):
+def fresnel(cosine, ior=IOR):
     """Reflectance of unpolarised light (Hecht, Optics, 4.6)."""
-    inside = np.sqrt(1.0 - (1.0 - cosine * cosine) / _IOR**2)
-    across = (cosine - _IOR * inside) / (cosine + _IOR * inside)
-    along = (_IOR * cosine - inside) / (_IOR * cosine + inside)
+    inside = np.sqrt(1.0 - (1.0 - cosine * cosine) / ior**2)
+    across = (cosine - ior * inside) / (cosine + ior * inside)
+    along = (ior * cosine - inside) / (ior * cosine + inside)
     return 0.5 * (across**2 + along**2)
 
 
-def reflected_share(cosine, roughness):
+def reflected_share(cosine, roughness, ior=IOR):
     """Share of light from a direction, at a cosine to the normal, that the lobe reflects."""
-    return np.interp(cosine, *_shares(float(roughness)))
+    return np.interp(cosine, *_shares(float(roughness), float(ior)))
 
 
-def base_share(cosine_in, cosine_out, roughness, factor):
+def base_share(cosine_in, cosine_out, roughness, factor, ior=IOR):
     """How bright the diffuse base is below `factor` of the lobe, relative to the bare one: what the lobe lets in and out, as the renderer
     has it (Kelemen and Szirmay-Kalos 2001)."""
-    cosines, shares = _shares(float(roughness))
+    cosines, shares = _shares(float(roughness), float(ior))
     mean = np.trapz(shares * 2 * cosines, cosines)
-    let_in, let_out = (1.0 - factor * reflected_share(cosine, roughness) for cosine in (cosine_in, cosine_out))
+    let_in, let_out = (1.0 - factor * reflected_share(cosine, roughness, ior) for cosine in (cosine_in, cosine_out))
     return let_in * let_out / (1.0 - factor * mean)
 
 
 @lru_cache(maxsize=64)
-def _shares(roughness):
+def _shares(roughness, ior):
     """(cosines, reflected shares): the lobe's integral over outgoing directions, by rings of equal projected solid angle about
     the half vector's density, so that narrow lobes are resolved."""
     cosines = np.linspace(0.0, 1.0, _COSINES)
@@ -64,7 +71,7 @@ def _shares(roughness):
         out = 2 * v_h[..., None] * half - view
         # Density of the half vectors is D n_h, of the reflected ones that over 4 v_h.
         density = square / (np.pi * (n_h * n_h * (square - 1.0) + 1.0) ** 2) * n_h / (4.0 * np.maximum(v_h, 1e-9))
-        radiance = highlight(np.array([0.0, 0.0, 1.0]), out, np.broadcast_to(view, out.shape), roughness)
+        radiance = highlight(np.array([0.0, 0.0, 1.0]), out, np.broadcast_to(view, out.shape), roughness, ior)
         weight = np.where((v_h > 0) & (out[..., 2] > 0), radiance * out[..., 2] / np.maximum(density, 1e-300), 0.0)
         shares.append(weight.mean())
     return cosines, np.array(shares)

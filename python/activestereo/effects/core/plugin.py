@@ -11,7 +11,7 @@ from activestereo.effects.core.judging import Lever, RandomTerm, SharedBy
 from activestereo.effects.core.light import Light
 
 _ENTRY = "ks_effect_plugin"
-_TYPE_EFFECT, _TYPE_EFFECT_VIEW = 0x07, 0x08
+_TYPE_EFFECT, _TYPE_EFFECT_VIEW, _TYPE_EFFECT_RANDOM_TERMS = 0x07, 0x08, 0x09
 _RANDOMNESS = (Randomness.NONE, Randomness.STATIC, Randomness.TEMPORAL)
 _LEVERS = (Lever.ONE, Lever.SIGNAL, Lever.PROJECTOR, Lever.EXPOSURE, Lever.PHOTONS)
 _SHARED_BY = (SharedBy.PIXEL, SharedBy.VIEW, SharedBy.COLUMN, SharedBy.ROW, SharedBy.DOT)
@@ -50,6 +50,10 @@ class _RandomTerm(c.Structure):
     _fields_ = [(n, c.c_char_p) for n in ("parameter", "sparse_share")] + [(n, c.c_uint32) for n in ("lever", "shared_by")]
 
 
+class _RandomTerms(c.Structure):
+    _fields_ = [("header", _Header), ("terms", c.POINTER(_RandomTerm)), ("count", c.c_uint32), ("reserved", c.c_uint32)]
+
+
 class _Effect(c.Structure):
     _fields_ = [
         ("header", _Header),
@@ -57,14 +61,7 @@ class _Effect(c.Structure):
         *((n, c.c_uint32) for n in ("stage", "randomness", "parameter_count", "reserved")),
         ("parameters", c.POINTER(_Parameter)),
         ("apply", _Apply),
-        ("random_terms", c.POINTER(_RandomTerm)),
-        ("random_term_count", c.c_uint32),
-        ("reserved2", c.c_uint32),
     ]
-
-
-# Bytes of a ks_effect before it had random terms.
-_SIZE_WITHOUT_RANDOM_TERMS = _Effect.random_terms.offset
 
 
 def load_plugin(path):
@@ -79,21 +76,12 @@ def load_plugin(path):
     found = entry(c.byref(count))
     if not found or count.value == 0:
         raise ValueError(f"{path}: {_ENTRY} gives no effect")
-    return [_effect(path, record, library) for record in _records(path, found, count.value)]
-
-
-def _records(path: Path, first: c.POINTER(_Effect), count: int) -> list[_Effect]:
-    """The plug-in's effects. One that was built before random terms has shorter records: what they lack is zero."""
-    size = first[0].header.size_bytes
-    if size not in (_SIZE_WITHOUT_RANDOM_TERMS, c.sizeof(_Effect)):
-        raise ValueError(f"{path}: built against another ks/effect.h (its ks_effect has {size} bytes, not {c.sizeof(_Effect)})")
-    start = c.addressof(first[0])
-    return [_Effect.from_buffer_copy(c.string_at(start + i * size, size).ljust(c.sizeof(_Effect), b"\0")) for i in range(count)]
+    return [_effect(path, found[i], library) for i in range(count.value)]
 
 
 def _effect(path, record, library):
-    if record.header.type != _TYPE_EFFECT:
-        raise ValueError(f"{path}: its effects are not made by ks_effect_init()")
+    if record.header.type != _TYPE_EFFECT or record.header.size_bytes != c.sizeof(_Effect):
+        raise ValueError(f"{path}: built against another ks/effect.h (its ks_effect has {record.header.size_bytes} bytes, not {c.sizeof(_Effect)})")
     name = _text(record.id)
     if not name.isidentifier() or not record.apply or record.randomness >= len(_RANDOMNESS):
         raise ValueError(f"{path}: effect '{name}' needs an identifier as id, an apply function and a known randomness")
@@ -109,8 +97,19 @@ def _effect(path, record, library):
         return _run(record.apply, name, randomness, value, view, [values[p.name] for p in parameters])
 
     texts = {field: _text(getattr(record, field)) for field in ("family", "summary", "source")}
-    judged = tuple(_random_term(path, name, record.random_terms[i]) for i in range(record.random_term_count))
+    judged = tuple(_random_term(path, name, term) for term in _chained_terms(record.header))
     return Effect(name, stage=stage, parameters=parameters, apply=apply, randomness=randomness, judged=judged, **texts)
+
+
+def _chained_terms(header: _Header) -> list[_RandomTerm]:
+    """The random terms that an effect's header leads to."""
+    at = header.next
+    while at:
+        found = c.cast(at, c.POINTER(_RandomTerms))[0]
+        if found.header.type == _TYPE_EFFECT_RANDOM_TERMS:
+            return [found.terms[i] for i in range(found.count)]
+        at = found.header.next
+    return []
 
 
 def _random_term(path: Path, effect: str, record: _RandomTerm) -> RandomTerm:

@@ -1,0 +1,122 @@
+"""A light with a place in the world, as a camera sees it: how it lights each pixel, where its shadows fall, and where a fit may start."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from activestereo.effects.core.judging import StartImage
+from activestereo.effects.core.light import Light
+from activestereo.effects.core.shading import Shading
+from activestereo.effects.core.view import View
+
+# Shadow rays step through the depth image, on every so many pixels, so far in all; something thicker than this casts no shadow.
+_EVERY_PX, _STEPS, _REACH_M, _FIRST_STEP_M = 2, 24, 0.8, 0.006
+_THICK_M = 0.3
+# A ray has to be so far behind the surface to be in its shadow: shares of depth.
+_BEHIND_SHARE = 0.006
+
+
+@dataclass(frozen=True)
+class Lamp:
+    """direction: to the light from the world's origin, unit, world axes. nearness_per_m: 1 / its distance from there, 0 = infinitely far."""
+
+    direction: np.ndarray
+    nearness_per_m: float
+
+    @classmethod
+    def toward(cls, azimuth_rad: float, elevation_rad: float, nearness_per_m: float) -> Lamp:
+        """azimuth: about the world's y axis from z towards x; elevation: above the xz plane."""
+        level = np.cos(elevation_rad)
+        direction = np.array([level * np.sin(azimuth_rad), np.sin(elevation_rad), level * np.cos(azimuth_rad)])
+        return cls(direction, nearness_per_m)
+
+    def light_to_world(self) -> np.ndarray:
+        """A pose [4][4] at the light that looks at the world's origin along +z; at the origin where it is infinitely far."""
+        forward = -self.direction
+        right = np.cross([0.0, 1.0, 0.0] if abs(forward[1]) < 0.9 else [1.0, 0.0, 0.0], forward)
+        right /= np.linalg.norm(right)
+        pose = np.eye(4)
+        pose[:3, :3] = np.stack([right, np.cross(forward, right), forward], axis=1)
+        if self.nearness_per_m > 0:
+            pose[:3, 3] = self.direction / self.nearness_per_m
+        return pose
+
+    def white_radiance(self, light: Light, view: View) -> np.ndarray:
+        """What diffuse surfaces send, [height][width]: 1 for a white one at the world's origin that faces the light."""
+        shading = view.once("lamp's shading", lambda: Shading(light, view))
+        way, square = self._way(view, shading.points)
+        cosine = np.where(shading.hit, np.maximum((shading.normal * way).sum(-1), 0.0), 0.0)
+        return np.pi * shading.reflectance * cosine / square * self._visibility(view, way)
+
+    def _way(self, view: View, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(unit vectors to the light in camera coordinates, squared distance over that of the world's origin) of points."""
+        world_to_camera = view.left_to_camera @ np.linalg.inv(view.frame.camera_to_world)
+        rotation, origin = world_to_camera[:3, :3], world_to_camera[:3, 3]
+        # (origin + direction / nearness - point) x nearness: the same for a light that is infinitely far.
+        way = rotation @ self.direction + self.nearness_per_m * (origin - points)
+        square = np.maximum((way**2).sum(-1), 1e-6)
+        return way / np.sqrt(square)[..., None], square
+
+    def _visibility(self, view: View, way: np.ndarray) -> np.ndarray:
+        """Share of the light that arrives, from rays through the depth image: only what the camera sees casts shadows."""
+        memory: dict[object, np.ndarray] = view.once("lamp's shadow", dict)
+        key = tuple(self.direction), self.nearness_per_m
+        if key not in memory:
+            memory.clear()  # fits ask again for one place, not for places long gone
+            memory[key] = _lit(view, way)
+        return memory[key]
+
+
+def _lit(view: View, way: np.ndarray) -> np.ndarray:
+    import cv2  # its resize is fast; loaded where it is used
+
+    depth = view.depth_m[::_EVERY_PX, ::_EVERY_PX].astype(np.float32)
+    points = view.points()[::_EVERY_PX, ::_EVERY_PX].astype(np.float32)
+    way = np.broadcast_to(way, view.points().shape)[::_EVERY_PX, ::_EVERY_PX].astype(np.float32)
+    height, width = depth.shape
+    fx, fy = (view.K[i, i] / _EVERY_PX for i in (0, 1))
+    cx, cy = (view.K[i, 2] / _EVERY_PX for i in (0, 1))
+    shadowed = np.zeros(depth.shape, dtype=bool)
+    for step in np.geomspace(_FIRST_STEP_M, _REACH_M, _STEPS).astype(np.float32):
+        at = points + step * way
+        z = np.maximum(at[..., 2], 1e-3)
+        column, row = np.rint(fx * at[..., 0] / z + cx).astype(int), np.rint(fy * at[..., 1] / z + cy).astype(int)
+        inside = (column >= 0) & (column < width) & (row >= 0) & (row < height) & (at[..., 2] > 0.05)
+        there = depth[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)]
+        behind = z - there
+        shadowed |= inside & (there > 0) & (behind > _BEHIND_SHARE * z + 0.25 * step) & (behind < _THICK_M)
+    soft = cv2.GaussianBlur((~shadowed).astype(np.float32), (0, 0), 0.7)
+    full = cv2.resize(soft, view.shape[::-1], interpolation=cv2.INTER_LINEAR)
+    return full.astype(np.float64)
+
+
+def lamp_starts(images: list[StartImage]) -> list[dict[str, float]]:
+    """Direction and strength of a light that is far away: the residual over reflectance is linear in the surface's normal where it is lit.
+
+    Surfaces that face away show nothing of it; they are left out in turn (photometric stereo: Woodham 1980).
+    """
+    gram, moment = np.zeros((4, 4)), np.zeros(4)
+    rows = []
+    for image in images:
+        shading = Shading(image.light, image.view)
+        rotation = (image.view.left_to_camera @ np.linalg.inv(image.view.frame.camera_to_world))[:3, :3]
+        white = np.pi * shading.reflectance * image.ambient_dn
+        rows.append((shading.normal @ rotation, white, image.light.ambient * image.ambient_dn, image.weight, image.residual, shading.hit))
+    vector = np.zeros(3)
+    for _ in range(4):
+        gram[:], moment[:] = 0.0, 0.0
+        for normal, white, ambient, weight, residual, hit in rows:
+            lit = hit & ((normal @ vector > 0) if vector.any() else True)
+            columns = np.stack([*(normal[lit] * white[lit][:, None]).T, ambient[lit]])
+            gram += (columns * weight[lit]) @ columns.T
+            moment += columns @ (weight[lit] * residual[lit])
+        vector = np.linalg.lstsq(gram, moment, rcond=1e-8)[0][:3]
+    strength = float(np.linalg.norm(vector))
+    if strength == 0.0:
+        return []
+    x, y, z = vector / strength
+    azimuth, elevation = float(np.arctan2(x, z)), float(np.arcsin(np.clip(y, -1.0, 1.0)))
+    start = {"strength": strength, "azimuth_rad": azimuth, "elevation_rad": elevation}
+    return [start, start | {"nearness_per_m": 0.5}]
