@@ -29,6 +29,7 @@ STRENGTH = {
     "projector_defocus": {"aperture_px_m": 2.0, "focus_m": 1.2}, "pattern_scale_drift": {"scale": 0.006}, "dot_gain_spread": {"spread": 0.4},
     "projector_vignetting": {"exponent": 4.0}, "laser_power_drift": {"per_k": -0.012}, "speckle_static": {"contrast": 0.25},
     "speckle_temporal": {"contrast": 0.2}, "second_projector": {"intensity_m2": 20.0, "offset_x_m": 0.2}, "ambient_ir": {"gradient_x": 0.8},
+    "external_light": {"strength": 2.0, "azimuth_rad": -0.9, "elevation_rad": 0.7},
     "flicker_banding": {"depth": 0.5, "frequency_hz": 100.0, "line_time_s": 5e-5}, "specular": {"factor": 1.0, "roughness": 0.35},
     "transmission": {"fraction": 0.4}, "subsurface": {"fraction": 0.9, "length_m": 0.01}, "interreflection": {"gain": 2.5},
     "haze": {"extinction_per_m": 0.5}, "vignetting": {"exponent": 3.0}, "lens_psf": {"sigma_px": 0.7}, "veiling_glare": {"fraction": 0.3},

@@ -18,10 +18,11 @@ def _engine(
     lamp = Lamp.toward(azimuth_rad, elevation_rad, nearness_per_m)
     irradiance = np.pi * strength * inputs.ambient_radiance
     if nearness_per_m == 0.0:
-        inputs.add_light(kind="directional", name="sun", light_to_world=lamp.light_to_world(), ir_intensity=irradiance)
+        inputs.add_light(on_rig=False, kind="directional", name="sun", light_to_world=lamp.light_to_world(), ir_intensity=irradiance)
     else:
         place = lamp.light_to_world()
-        inputs.add_light(kind="point", name="lamp", light_to_world=place, ir_intensity=irradiance / nearness_per_m**2)
+        intensity = irradiance / nearness_per_m**2
+        inputs.add_light(on_rig=False, kind="point", name="lamp", light_to_world=place, ir_intensity=intensity)
 
 
 @effect(

@@ -26,6 +26,7 @@ from activestereo.lab.diagnose.propose.scan import scan_observations
 from activestereo.lab.diagnose.rank import Bench, rank, rank_depth, settled_first
 from activestereo.lab.diagnose.refine import Fitters
 from activestereo.lab.diagnose.report.figures import held_out_figures
+from activestereo.lab.diagnose.report.judging import judging_json
 from activestereo.lab.diagnose.report.ranking_json import depth_json, not_ranked_json, ranking_json
 from activestereo.lab.diagnose.report.residual_law import residual_law
 from activestereo.lab.diagnose.verdict.acceptance import passes
@@ -157,6 +158,7 @@ def examine(
         "depth": depth_json(depth, faults, name_of),
         **held_out_figures(evidence, fitters, [(step.added, step.ranking.base) for step in way], beside),
         "next_measurement": next_measurements(first, evidence),
+        "judging": judging_json(first, evidence.has_floor),
         "law": law and law.as_json(),
         "model": model_json(found, last.base.solution.nuisances),
     }

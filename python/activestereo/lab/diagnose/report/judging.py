@@ -1,0 +1,61 @@
+"""What a verdict rests on, as numbers that diagnose.json keeps: from them it can be passed again under other gates."""
+
+from collections.abc import Mapping, Sequence
+from types import SimpleNamespace
+
+import numpy as np
+
+from activestereo.effects.core.judging import Channel
+from activestereo.lab.diagnose.findings import Checks, Explanation, Finding, Ranking, Score
+from activestereo.lab.diagnose.gates import Gates
+from activestereo.lab.diagnose.verdict.verdict import is_named, verdict_of
+
+Json = dict[str, object]
+
+
+def judging_json(ranking: Ranking, has_floor: bool) -> Json:
+    """The numbers of a ranking that its verdict rests on."""
+    base = {
+        "chi2": ranking.base.chi2,
+        "white_floors": ranking.base.white_floors,
+        "structure_floors": ranking.base_checks.structure_floors,
+    }
+    findings = [
+        {
+            "effect": f.id,
+            "channel": f.channel.value,
+            "chi2": f.chi2,
+            "repeats_floors": f.explanation.repeats_floors,
+            "score": vars(f.score),
+            "checks": vars(f.checks),
+        }
+        for f in ranking.findings
+    ]
+    sizes = {"pixels": ranking.pixels, "design_effect": ranking.design_effect, "floor_chi2": ranking.floor_chi2}
+    return sizes | {"has_floor": has_floor, "base": base, "findings": findings}
+
+
+def ranking_under(judging: Mapping[str, object], gates: Gates) -> Ranking:
+    """The ranking that the numbers stand for, under other gates; its order stays as it was. It knows no tiles."""
+    base = judging["base"]
+    checks = Checks(structure_floors=base["structure_floors"])
+    stub = SimpleNamespace(chi2=base["chi2"], white_floors=base["white_floors"])
+    sizes = judging["pixels"], judging["design_effect"], judging["floor_chi2"]
+    return Ranking(stub, checks, tuple(_findings(judging["findings"])), (), *sizes, gates)
+
+
+def _findings(stored: Sequence[Mapping[str, object]]) -> list[Finding]:
+    out = []
+    for entry in stored:
+        effect, channel = SimpleNamespace(id=entry["effect"]), Channel(entry["channel"])
+        # Whether there is an expected image decides which gate of size holds; the fit itself is not kept.
+        e = Explanation(effect, channel, {}, entry["chi2"], np.zeros(1), repeats_floors=entry["repeats_floors"])
+        out.append(Finding(e, Score(**entry["score"]), Checks(**entry["checks"])))
+    return out
+
+
+def verdict_under(judging: Mapping[str, object], gates: Gates) -> tuple[str, str | None]:
+    """(verdict, first name or None) of one step under other gates; further steps of --greedy cannot be taken again."""
+    ranking = ranking_under(judging, gates)
+    verdict = verdict_of(ranking, ranking, judging["has_floor"])
+    return verdict, ranking.best.id if is_named(ranking) else None
