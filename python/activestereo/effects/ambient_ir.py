@@ -5,6 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
+from activestereo.effects.core.light import Light
+from activestereo.effects.core.view import View
 
 
 @effect(
@@ -19,7 +21,7 @@ from activestereo.effects.core.descriptor import Parameter, Stage, effect
     ],
     image_only="kuafu's environment shines alike on every place",
 )
-def ambient_ir(light, view, level, gradient_x, gradient_y):
+def ambient_ir(light: Light, view: View, level: float, gradient_x: float, gradient_y: float) -> Light:
     """Ambient light is stronger, and grows to one side of the scene (left camera's axes)."""
     points = view.points()
     gain = 1.0 + level + gradient_x * points[..., 0] + gradient_y * points[..., 1]

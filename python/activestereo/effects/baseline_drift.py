@@ -2,7 +2,9 @@
 
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
 from activestereo.effects.core.engine import EngineInputs, moves
+from activestereo.effects.core.light import Light
 from activestereo.effects.core.shifted import shifted
+from activestereo.effects.core.view import View
 
 
 @moves("right.camera.camera_to_world")
@@ -18,6 +20,6 @@ def _engine(inputs: EngineInputs, offset_m: float) -> None:
     parameters=[Parameter("offset_m", "m", neutral=0.0, low=-0.005, high=0.005, typical=0.0003)],
     engine=_engine,
 )
-def baseline_drift(light, view, offset_m):
+def baseline_drift(light: Light, view: View, offset_m: float) -> Light:
     """The right camera stands offset_m further right: disparity grows in proportion to itself."""
     return shifted(light, view, offset_m) if view.is_right else light

@@ -1,7 +1,10 @@
 """Black level that is not constant."""
 
+import numpy as np
+
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
 from activestereo.effects.core.engine import EngineInputs, moves
+from activestereo.effects.core.view import View
 
 
 @moves("signal.black_level_dn", "signal.black_level_dn_per_k")
@@ -22,6 +25,6 @@ def _engine(inputs: EngineInputs, offset_dn: float, per_k_dn: float) -> None:
     ],
     engine=_engine,
 )
-def black_level(dn, view, offset_dn, per_k_dn):
+def black_level(dn: np.ndarray, view: View, offset_dn: float, per_k_dn: float) -> np.ndarray:
     """A pedestal that is there without light, and moves with temperature."""
     return dn + offset_dn + per_k_dn * view.warming_k

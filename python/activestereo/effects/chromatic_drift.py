@@ -4,6 +4,8 @@ from dataclasses import replace
 
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
 from activestereo.effects.core.engine import EngineInputs, moves
+from activestereo.effects.core.light import Light
+from activestereo.effects.core.view import View
 
 
 @moves("projector.ir_intensity", "pattern")
@@ -25,7 +27,7 @@ def _engine(inputs: EngineInputs, transmission_per_k: float, sigma_px_per_k: flo
     ],
     engine=_engine,
 )
-def chromatic_drift(light, view, transmission_per_k, sigma_px_per_k):
+def chromatic_drift(light: Light, view: View, transmission_per_k: float, sigma_px_per_k: float) -> Light:
     """Per kelvin away from 25 C the filter passes less of the projected light, and it is less in focus; ambient light stays."""
     gain = max(0.0, 1.0 + transmission_per_k * abs(view.warming_k))
     sigma = sigma_px_per_k * abs(view.warming_k)

@@ -1,7 +1,10 @@
 """Dark current."""
 
+import numpy as np
+
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
 from activestereo.effects.core.engine import EngineInputs, moves
+from activestereo.effects.core.view import View
 
 
 @moves("signal.dark_current_e_per_s", "signal.dark_doubling_k")
@@ -22,6 +25,6 @@ def _engine(inputs: EngineInputs, rate_dn_per_s: float, doubling_k: float) -> No
     ],
     engine=_engine,
 )
-def dark_signal(signal, view, rate_dn_per_s, doubling_k):
+def dark_signal(signal: np.ndarray, view: View, rate_dn_per_s: float, doubling_k: float) -> np.ndarray:
     """Charge gathers without light: in proportion to exposure, and twice as fast every doubling_k kelvins."""
     return signal + rate_dn_per_s * view.frame.exposure_gain * 2.0 ** (view.warming_k / doubling_k)

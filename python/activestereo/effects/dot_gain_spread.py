@@ -7,6 +7,8 @@ from activestereo.effects.core.descriptor import Parameter, Randomness, Stage, e
 from activestereo.effects.core.dots import DotView
 from activestereo.effects.core.engine import EngineInputs, moves
 from activestereo.effects.core.judging import Lever, RandomTerm, SharedBy
+from activestereo.effects.core.light import Light
+from activestereo.effects.core.view import View
 
 
 def _gain(rng: np.random.Generator, shape: tuple[int, ...], spread: float, dot_px: float) -> np.ndarray:
@@ -35,7 +37,7 @@ def _engine(inputs: EngineInputs, spread: float, dot_px: float) -> None:
     ],
     engine=_engine,
 )
-def dot_gain_spread(light, view, spread, dot_px):
+def dot_gain_spread(light: Light, view: View, spread: float, dot_px: float) -> Light:
     """Each dot has its own gain (log-normal, mean 1) that stays with it in every frame and both eyes."""
     if spread == 0.0:
         return light

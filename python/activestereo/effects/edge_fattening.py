@@ -4,6 +4,7 @@ import numpy as np
 from scipy.ndimage import maximum_filter
 
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
+from activestereo.effects.core.view import View
 
 
 @effect(
@@ -14,7 +15,7 @@ from activestereo.effects.core.descriptor import Parameter, Stage, effect
     parameters=[Parameter("radius_px", "px", neutral=0.0, low=0.0, high=8.0, typical=1.0)],
     image_only="the matcher's window fattens edges by itself; a device's own way of it has no field in simsense",
 )
-def edge_fattening(disparity, view, radius_px):
+def edge_fattening(disparity: np.ndarray, view: View, radius_px: float) -> np.ndarray:
     """Next to a depth edge the far side takes the near side's disparity, over radius_px; pixels without a match stay so."""
     whole = int(radius_px)
     share = radius_px - whole

@@ -1,7 +1,9 @@
 """Cameras that do not expose at the same time."""
 
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
+from activestereo.effects.core.light import Light
 from activestereo.effects.core.motion import displaced
+from activestereo.effects.core.view import View
 
 
 @effect(
@@ -12,6 +14,6 @@ from activestereo.effects.core.motion import displaced
     parameters=[Parameter("delay_s", "s", neutral=0.0, low=-0.02, high=0.02, typical=0.001)],
     image_only="both of kuafu's cameras of a render are open at the same time",
 )
-def exposure_desync(light, view, delay_s):
+def exposure_desync(light: Light, view: View, delay_s: float) -> Light:
     """The right camera exposes delay_s after the left; a disparity error that follows the rig's velocity."""
     return displaced(light, view, delay_s) if view.is_right else light

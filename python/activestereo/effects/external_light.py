@@ -7,6 +7,8 @@ import numpy as np
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
 from activestereo.effects.core.engine import EngineInputs, moves
 from activestereo.effects.core.lamp import Lamp, lamp_starts
+from activestereo.effects.core.light import Light
+from activestereo.effects.core.view import View
 
 
 @moves("lights")
@@ -42,7 +44,9 @@ def _engine(
     starts=lamp_starts,
     engine=_engine,
 )
-def external_light(light, view, strength, azimuth_rad, elevation_rad, nearness_per_m):
+def external_light(
+    light: Light, view: View, strength: float, azimuth_rad: float, elevation_rad: float, nearness_per_m: float
+) -> Light:
     """One more light shines from one side, with shadows: a lamp at a place in the room, or the sun; it stays when the rig moves."""
     if strength == 0.0:
         return light

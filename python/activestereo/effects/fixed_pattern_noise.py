@@ -5,6 +5,7 @@ import numpy as np
 from activestereo.effects.core.descriptor import Parameter, Randomness, Stage, effect
 from activestereo.effects.core.engine import EngineInputs, moves
 from activestereo.effects.core.judging import Lever, RandomTerm, SharedBy
+from activestereo.effects.core.view import View
 
 
 def _variance(signal, view, column_dn, row_dn, pixel_dn):
@@ -36,7 +37,7 @@ def _engine(inputs: EngineInputs, column_dn: float, row_dn: float, pixel_dn: flo
     ],
     engine=_engine,
 )
-def fixed_pattern_noise(signal, view, column_dn, row_dn, pixel_dn):
+def fixed_pattern_noise(signal: np.ndarray, view: View, column_dn: float, row_dn: float, pixel_dn: float) -> np.ndarray:
     """Columns, rows and pixels have offsets of their own, the same in all frames."""
     rng = view.rng("fixed_pattern_noise")
     height, width = signal.shape

@@ -6,6 +6,8 @@ import numpy as np
 
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
 from activestereo.effects.core.flicker import flicker_starts
+from activestereo.effects.core.light import Light
+from activestereo.effects.core.view import View
 
 
 @effect(
@@ -22,7 +24,9 @@ from activestereo.effects.core.flicker import flicker_starts
     ],
     image_only="kuafu's lights do not vary within a frame",
 )
-def flicker_banding(light, view, depth, frequency_hz, phase_rad, line_time_s):
+def flicker_banding(
+    light: Light, view: View, depth: float, frequency_hz: float, phase_rad: float, line_time_s: float
+) -> Light:
     """Ambient light varies sinusoidally in time, averaged over each row's exposure."""
     height = view.shape[0]
     row_time = view.frame.timestamp_s + (np.arange(height) - (height - 1) / 2) * line_time_s

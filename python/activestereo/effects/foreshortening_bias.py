@@ -4,6 +4,7 @@ import numpy as np
 
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
 from activestereo.effects.core.judging import EngineFault
+from activestereo.effects.core.view import View
 
 
 @effect(
@@ -18,7 +19,7 @@ from activestereo.effects.core.judging import EngineFault
     ],
     image_only="simsense's matches belong to the pixel; a device's bias has no field",
 )
-def foreshortening_bias(disparity, view, offset_px, offset_down_px):
+def foreshortening_bias(disparity: np.ndarray, view: View, offset_px: float, offset_down_px: float) -> np.ndarray:
     """A match belongs to a point beside the pixel, or below it: the error is that offset times the disparity's slope along it."""
     normal, points = view.normal, view.points()
     plane_m = (normal * points).sum(-1)  # the tangent plane's distance: 1/z = normal . (x, y, 1) / plane_m

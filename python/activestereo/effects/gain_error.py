@@ -1,7 +1,10 @@
 """Exposure time and gain that are not what the frame says."""
 
+import numpy as np
+
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
 from activestereo.effects.core.engine import EngineInputs, moves
+from activestereo.effects.core.view import View
 
 
 @moves("signal.exposure_s", "signal.gain")
@@ -22,7 +25,7 @@ def _engine(inputs: EngineInputs, exposure_offset_s: float, log_gain: float) -> 
     ],
     engine=_engine,
 )
-def gain_error(signal, view, exposure_offset_s, log_gain):
+def gain_error(signal: np.ndarray, view: View, exposure_offset_s: float, log_gain: float) -> np.ndarray:
     """Frames of different exposure or gain differ by another ratio than told; frames of one setting show nothing."""
     longer = max(0.0, 1.0 + exposure_offset_s / view.frame.exposure_s)
     return signal * (longer * view.frame.gain**log_gain)

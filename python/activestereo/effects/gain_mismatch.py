@@ -1,7 +1,10 @@
 """Cameras of unequal gain."""
 
+import numpy as np
+
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
 from activestereo.effects.core.engine import EngineInputs, moves
+from activestereo.effects.core.view import View
 
 
 @moves("signal.gain", "signal.black_level_dn")
@@ -22,7 +25,7 @@ def _engine(inputs: EngineInputs, gain: float, offset_dn: float) -> None:
     ],
     engine=_engine,
 )
-def gain_mismatch(signal, view, gain, offset_dn):
+def gain_mismatch(signal: np.ndarray, view: View, gain: float, offset_dn: float) -> np.ndarray:
     """The right camera amplifies more and has another offset; the left one half of each the other way."""
     side = 0.5 if view.is_right else -0.5
     return signal * (1.0 + side * gain) + side * offset_dn

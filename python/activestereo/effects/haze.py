@@ -7,6 +7,8 @@ import numpy as np
 from activestereo.effects.core.beam import glow
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
 from activestereo.effects.core.engine import EngineInputs, Medium, moves
+from activestereo.effects.core.light import Light
+from activestereo.effects.core.view import View
 
 # A phase function that scatters nothing back is not one of theirs.
 _MOST_FORWARD = 0.98
@@ -41,7 +43,7 @@ def _engine(inputs: EngineInputs, extinction_per_m: float, backscatter: float, h
     ],
     engine=_engine,
 )  # fmt: skip
-def haze(light, view, extinction_per_m, backscatter, hidden_m):
+def haze(light: Light, view: View, extinction_per_m: float, backscatter: float, hidden_m: float) -> Light:
     """Light fades by exp(-extinction x way); ambient light is scattered in where it is scattered out, and so is the beam on its way out."""
     if extinction_per_m == 0.0:
         return light

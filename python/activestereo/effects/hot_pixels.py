@@ -12,6 +12,7 @@ def _engine(inputs: EngineInputs, share: float, rate_dn_per_s: float) -> None:
         eye.signal["hot_pixel_share"] = share
         eye.signal["hot_pixel_e_per_s"] = rate_dn_per_s / eye.signal["conversion_gain_dn_per_e"]
 from activestereo.effects.core.judging import Lever, RandomTerm
+from activestereo.effects.core.view import View
 
 
 @effect(
@@ -27,7 +28,7 @@ from activestereo.effects.core.judging import Lever, RandomTerm
     ],
     engine=_engine,
 )
-def hot_pixels(signal, view, share, rate_dn_per_s):
+def hot_pixels(signal: np.ndarray, view: View, share: float, rate_dn_per_s: float) -> np.ndarray:
     """A share of the pixels gathers charge without light, exponentially distributed, the same pixels in all frames."""
     rng = view.rng("hot_pixels")
     hot = rng.random(signal.shape) < share

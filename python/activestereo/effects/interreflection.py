@@ -3,6 +3,8 @@
 from dataclasses import replace
 
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
+from activestereo.effects.core.light import Light
+from activestereo.effects.core.view import View
 
 
 @effect(
@@ -13,6 +15,6 @@ from activestereo.effects.core.descriptor import Parameter, Stage, effect
     parameters=[Parameter("gain", "1", neutral=0.0, low=-1.0, high=3.0, typical=0.3, source="-1 = a model of single reflections")],
     image_only="kuafu computes bounced light from the albedos alone",
 )
-def interreflection(light, view, gain):
+def interreflection(light: Light, view: View, gain: float) -> Light:
     """The projector's light that comes over other surfaces, smooth and strongest in corners, is 1 + gain times the rendered one."""
     return replace(light, indirect=light.indirect * (1.0 + gain))

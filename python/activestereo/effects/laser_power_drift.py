@@ -4,6 +4,8 @@ import numpy as np
 
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
 from activestereo.effects.core.engine import EngineInputs, moves
+from activestereo.effects.core.light import Light
+from activestereo.effects.core.view import View
 
 
 def _power(warming: float, ageing: float) -> float:
@@ -28,6 +30,6 @@ def _engine(inputs: EngineInputs, per_k: float, per_s: float) -> None:
     ],
     engine=_engine,
 )
-def laser_power_drift(light, view, per_k, per_s):
+def laser_power_drift(light: Light, view: View, per_k: float, per_s: float) -> Light:
     """Projected light changes by the same factor, exp(per_k), with every kelvin above 25 C, and with the time since the capture began."""
     return light.scale_projector(_power(per_k * view.warming_k, per_s * view.frame.timestamp_s))

@@ -4,6 +4,8 @@ import numpy as np
 
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
 from activestereo.effects.core.engine import EngineInputs, moves
+from activestereo.effects.core.light import Light
+from activestereo.effects.core.view import View
 
 
 @moves("film.psf_sigma_px", "film.psf_corner_sigma_px")
@@ -24,7 +26,7 @@ def _engine(inputs: EngineInputs, sigma_px: float, corner_sigma_px: float) -> No
     ],
     engine=_engine,
 )
-def lens_psf(light, view, sigma_px, corner_sigma_px):
+def lens_psf(light: Light, view: View, sigma_px: float, corner_sigma_px: float) -> Light:
     """Gaussian blur of all light, constant over the image plus a part that grows towards the corners."""
     if corner_sigma_px == 0.0:
         return light.blurred(sigma_px) if sigma_px else light

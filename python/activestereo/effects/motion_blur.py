@@ -6,6 +6,7 @@ from activestereo.effects.core.descriptor import Parameter, Stage, effect
 from activestereo.effects.core.engine import EngineInputs, moves
 from activestereo.effects.core.light import Light
 from activestereo.effects.core.motion import displaced
+from activestereo.effects.core.view import View
 
 _INSTANTS = 5
 
@@ -24,7 +25,7 @@ def _engine(inputs: EngineInputs, exposure_fraction: float) -> None:
     parameters=[Parameter("exposure_fraction", "1", neutral=0.0, low=0.0, high=2.0, typical=1.0, source="1 = the frame's own exposure time")],
     engine=_engine,
 )
-def motion_blur(light, view, exposure_fraction):
+def motion_blur(light: Light, view: View, exposure_fraction: float) -> Light:
     """The image is the mean over the exposure of what the moving rig sees."""
     if exposure_fraction == 0.0 or not view.frame.is_moving:
         return light

@@ -5,6 +5,8 @@ import numpy as np
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
 from activestereo.effects.core.dots import DotView
 from activestereo.effects.core.engine import EngineInputs, moves
+from activestereo.effects.core.light import Light
+from activestereo.effects.core.view import View
 
 
 @moves("projector.pattern_scale", "projector.distortion")
@@ -28,7 +30,7 @@ def _engine(inputs: EngineInputs, scale: float, per_k: float) -> None:
     ],
     engine=_engine,
 )
-def pattern_scale_drift(light, view, scale, per_k):
+def pattern_scale_drift(light: Light, view: View, scale: float, per_k: float) -> Light:
     """The sines of the pattern's angles from the projector's axis grow by 1 + scale + per_k x (kelvins above 25 C)."""
     growth = 1.0 + scale + per_k * view.warming_k
     if growth == 1.0:

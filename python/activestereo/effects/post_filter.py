@@ -5,6 +5,7 @@ from scipy.ndimage import gaussian_filter
 
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
 from activestereo.effects.core.judging import EngineFault
+from activestereo.effects.core.view import View
 
 # Neighbours this much apart in disparity belong to other surfaces and are not averaged.
 _EDGE_PX = 1.0
@@ -22,7 +23,7 @@ _EDGE_PX = 1.0
     ],
     image_only="what a device's firmware does after matching is no part of simsense",
 )
-def post_filter(disparity, view, smoothing_px, step_px):
+def post_filter(disparity: np.ndarray, view: View, smoothing_px: float, step_px: float) -> np.ndarray:
     """Disparities are smoothed within surfaces and rounded to steps: their noise is correlated and their histogram a comb."""
     out = disparity
     matched = disparity > 0

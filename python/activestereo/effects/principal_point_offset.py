@@ -2,6 +2,8 @@
 
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
 from activestereo.effects.core.engine import EngineInputs, moves
+from activestereo.effects.core.light import Light
+from activestereo.effects.core.view import View
 
 
 @moves("right.camera.k")
@@ -20,7 +22,7 @@ def _engine(inputs: EngineInputs, cx_px: float, cy_px: float) -> None:
     ],
     engine=_engine,
 )
-def principal_point_offset(light, view, cx_px, cy_px):
+def principal_point_offset(light: Light, view: View, cx_px: float, cy_px: float) -> Light:
     """The right image is shifted: a constant disparity error, growing with distance squared in depth."""
     if not view.is_right or (cx_px == 0.0 and cy_px == 0.0):
         return light

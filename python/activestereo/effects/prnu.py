@@ -5,6 +5,7 @@ import numpy as np
 from activestereo.effects.core.descriptor import Parameter, Randomness, Stage, effect
 from activestereo.effects.core.engine import EngineInputs, moves
 from activestereo.effects.core.judging import Lever, RandomTerm
+from activestereo.effects.core.view import View
 
 
 def _variance(signal, view, sigma):
@@ -28,6 +29,6 @@ def _engine(inputs: EngineInputs, sigma: float) -> None:
     parameters=[Parameter("sigma", "1", neutral=0.0, low=0.0, high=0.2, typical=0.01)],
     engine=_engine,
 )
-def prnu(signal, view, sigma):
+def prnu(signal: np.ndarray, view: View, sigma: float) -> np.ndarray:
     """Every pixel has its own gain, the same in all frames."""
     return signal * (1.0 + sigma * view.rng("prnu").standard_normal(signal.shape))

@@ -5,6 +5,8 @@ import numpy as np
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
 from activestereo.effects.core.dots import DotView
 from activestereo.effects.core.engine import EngineInputs, moves
+from activestereo.effects.core.light import Light
+from activestereo.effects.core.view import View
 
 _LARGEST_PX = 40.0
 
@@ -27,7 +29,7 @@ def _engine(inputs: EngineInputs, aperture_px_m: float, focus_m: float) -> None:
     ],
     engine=_engine,
 )
-def projector_defocus(light, view, aperture_px_m, focus_m):
+def projector_defocus(light: Light, view: View, aperture_px_m: float, focus_m: float) -> Light:
     """Each dot becomes a disc whose radius in pattern pixels is aperture x |1/z - 1/focus|; ambient edges stay sharp."""
     if aperture_px_m == 0.0:
         return light

@@ -4,6 +4,8 @@ import numpy as np
 
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
 from activestereo.effects.core.engine import EngineInputs, moves
+from activestereo.effects.core.light import Light
+from activestereo.effects.core.view import View
 
 
 @moves("projector.falloff")
@@ -20,7 +22,7 @@ def _engine(inputs: EngineInputs, exponent: float) -> None:
     parameters=[Parameter("exponent", "1", neutral=0.0, low=0.0, high=12.0, typical=1.5)],
     engine=_engine,
 )
-def projector_vignetting(light, view, exponent):
+def projector_vignetting(light: Light, view: View, exponent: float) -> Light:
     """Projected light falls by cos^exponent of the angle to the projector's axis; ambient light does not."""
     points = view.projector_points()
     distance = np.linalg.norm(points, axis=-1)

@@ -2,6 +2,8 @@
 
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
 from activestereo.effects.core.engine import EngineInputs, moves
+from activestereo.effects.core.light import Light
+from activestereo.effects.core.view import View
 from activestereo.lens import undistort
 
 
@@ -22,7 +24,7 @@ def _engine(inputs: EngineInputs, k1: float, k2: float) -> None:
     ],
     engine=_engine,
 )
-def radial_distortion(light, view, k1, k2):
+def radial_distortion(light: Light, view: View, k1: float, k2: float) -> Light:
     """Straight lines bend: image radius r is drawn at r (1 + k1 r^2 + k2 r^4), r in focal lengths, in both cameras."""
     if k1 == 0.0 and k2 == 0.0:
         return light

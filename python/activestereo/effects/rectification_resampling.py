@@ -4,6 +4,8 @@ import numpy as np
 
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
 from activestereo.effects.core.engine import EngineInputs, moves
+from activestereo.effects.core.light import Light
+from activestereo.effects.core.view import View
 
 
 @moves("film.psf_sigma_px")
@@ -24,7 +26,7 @@ def _engine(inputs: EngineInputs, phase_u_px: float, phase_v_px: float) -> None:
     ],
     engine=_engine,
 )
-def rectification_resampling(light, view, phase_u_px, phase_v_px):
+def rectification_resampling(light: Light, view: View, phase_u_px: float, phase_v_px: float) -> Light:
     """The sensor's pixels lie phase_u_px to the right of the rectified ones and phase_v_px below: each of those is the weighted mean of
     the two nearest, along columns and along rows. Detail is lost, place is not."""
     if phase_u_px == 0.0 and phase_v_px == 0.0:

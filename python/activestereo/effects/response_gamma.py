@@ -4,6 +4,7 @@ import numpy as np
 
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
 from activestereo.effects.core.engine import EngineInputs, moves
+from activestereo.effects.core.view import View
 
 
 @moves("signal.response_exponent")
@@ -20,7 +21,7 @@ def _engine(inputs: EngineInputs, log_exponent: float) -> None:
     parameters=[Parameter("log_exponent", "1", neutral=0.0, low=-1.0, high=1.0, typical=0.15, source="natural logarithm of the exponent")],
     engine=_engine,
 )
-def response_gamma(signal, view, log_exponent):
+def response_gamma(signal: np.ndarray, view: View, log_exponent: float) -> np.ndarray:
     """Output goes with a power of the light, exp(log_exponent), full scale fixed; the black level is added after."""
     if log_exponent == 0.0:
         return signal

@@ -4,7 +4,9 @@ import numpy as np
 
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
 from activestereo.effects.core.engine import EngineInputs, moves
+from activestereo.effects.core.light import Light
 from activestereo.effects.core.motion import displaced
+from activestereo.effects.core.view import View
 
 
 @moves("camera.shutter", "camera.line_time_s", "camera.readout")
@@ -23,7 +25,7 @@ def _engine(inputs: EngineInputs, line_time_s: float) -> None:
     parameters=[Parameter("line_time_s", "s", neutral=0.0, low=-1e-4, high=1e-4, typical=2e-5, source="10-70 us on common imagers")],
     engine=_engine,
 )
-def rolling_shutter(light, view, line_time_s):
+def rolling_shutter(light: Light, view: View, line_time_s: float) -> Light:
     """Rows are exposed one after the other, the middle row at the frame's time."""
     height = view.shape[0]
     return displaced(light, view, (np.arange(height) - (height - 1) / 2) * line_time_s)

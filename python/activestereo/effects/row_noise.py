@@ -5,6 +5,7 @@ import numpy as np
 from activestereo.effects.core.descriptor import Parameter, Randomness, Stage, effect
 from activestereo.effects.core.engine import EngineInputs, moves
 from activestereo.effects.core.judging import Lever, RandomTerm, SharedBy
+from activestereo.effects.core.view import View
 
 
 def _variance(signal, view, sigma_dn):
@@ -28,6 +29,6 @@ def _engine(inputs: EngineInputs, sigma_dn: float) -> None:
     parameters=[Parameter("sigma_dn", "DN", neutral=0.0, low=0.0, high=10.0, typical=0.3)],
     engine=_engine,
 )
-def row_noise(signal, view, sigma_dn):
+def row_noise(signal: np.ndarray, view: View, sigma_dn: float) -> np.ndarray:
     """Every row of every frame has an offset of its own."""
     return signal + sigma_dn * view.rng("row_noise", per="frame").standard_normal((signal.shape[0], 1))

@@ -4,6 +4,7 @@ import numpy as np
 
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
 from activestereo.effects.core.engine import EngineInputs, moves
+from activestereo.effects.core.view import View
 
 _ROUNDS = 4
 
@@ -27,7 +28,7 @@ def _engine(inputs: EngineInputs, lost_range: float, spill: float) -> None:
     ],
     engine=_engine,
 )
-def saturation_blooming(signal, view, lost_range, spill):
+def saturation_blooming(signal: np.ndarray, view: View, lost_range: float, spill: float) -> np.ndarray:
     """Pixels stop counting before the range ends, and spill into the pixels above and below."""
     if lost_range == 0.0:
         return signal

@@ -6,9 +6,11 @@ import numpy as np
 
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
 from activestereo.effects.core.engine import EngineInputs, moves, rotation
+from activestereo.effects.core.light import Light
 from activestereo.effects.core.resample import Pattern, disc_sampler
 from activestereo.effects.core.second_unit import unit_starts
 from activestereo.effects.core.shading import Shading
+from activestereo.effects.core.view import View
 
 
 @moves("rig_lights")
@@ -44,7 +46,9 @@ def _engine(inputs: EngineInputs, intensity_m2: float, offset_x_m: float, offset
     ],
     engine=_engine,
 )  # fmt: skip
-def second_projector(light, view, intensity_m2, offset_x_m, offset_y_m, yaw_rad):
+def second_projector(
+    light: Light, view: View, intensity_m2: float, offset_x_m: float, offset_y_m: float, yaw_rad: float
+) -> Light:
     """A second unit on the same rig throws the same pattern from beside; it shines in frames with the own projector off too."""
     if intensity_m2 == 0.0:
         return light

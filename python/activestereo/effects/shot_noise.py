@@ -5,6 +5,7 @@ import numpy as np
 from activestereo.effects.core.descriptor import Parameter, Randomness, Stage, effect
 from activestereo.effects.core.engine import EngineInputs, moves
 from activestereo.effects.core.judging import Lever, RandomTerm
+from activestereo.effects.core.view import View
 
 
 def _variance(signal, view, dn_per_electron):
@@ -29,7 +30,7 @@ def _engine(inputs: EngineInputs, dn_per_electron: float) -> None:
     parameters=[Parameter("dn_per_electron", "DN", neutral=0.0, low=0.0, high=2.0, typical=0.03, source="at gain 1")],
     engine=_engine,
 )
-def shot_noise(signal, view, dn_per_electron):
+def shot_noise(signal: np.ndarray, view: View, dn_per_electron: float) -> np.ndarray:
     """Photons arrive at random: variance in proportion to signal and gain."""
     noise = view.rng("shot_noise", per="frame").standard_normal(signal.shape)
     return signal + np.sqrt(_variance(signal, view, dn_per_electron)) * noise

@@ -3,7 +3,9 @@
 from activestereo.effects.core.descriptor import Parameter, Randomness, Stage, effect
 from activestereo.effects.core.engine import EngineInputs, moves
 from activestereo.effects.core.judging import Lever, RandomTerm, SharedBy
+from activestereo.effects.core.light import Light
 from activestereo.effects.core.speckle import speckled
+from activestereo.effects.core.view import View
 
 
 @moves("signal.speckle_shape", "signal.speckle_scale", "signal.speckle_correlation", "speckle_of_laser")
@@ -21,6 +23,6 @@ def _engine(inputs: EngineInputs, contrast: float) -> None:
     parameters=[Parameter("contrast", "1", neutral=0.0, low=0.0, high=0.8, typical=0.1)],
     engine=_engine,
 )
-def speckle_static(light, view, contrast):
+def speckle_static(light: Light, view: View, contrast: float) -> Light:
     """Projected light is grainy; the grains are the same in repeats, and new when rig or scene moves."""
     return speckled(light, view, "speckle_static", contrast, "pose")

@@ -7,8 +7,10 @@ import numpy as np
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
 from activestereo.effects.core.engine import EngineInputs, moves
 from activestereo.effects.core.ggx import IOR, base_share, fresnel, highlight, ior_of, reflected_share
+from activestereo.effects.core.light import Light
 from activestereo.effects.core.shading import Shading
 from activestereo.effects.core.surfaces import SURFACES, on_surfaces
+from activestereo.effects.core.view import View
 
 
 def _layer(factor: float) -> tuple[float, float]:
@@ -41,7 +43,7 @@ def _engine(inputs: EngineInputs, factor: float, roughness: float, surfaces: flo
     ],  # fmt: skip
     engine=_engine,
 )
-def specular(light, view, factor, roughness, surfaces):
+def specular(light: Light, view: View, factor: float, roughness: float, surfaces: float) -> Light:
     """Surfaces mirror the projector's dots in a highlight and the surroundings in a sheen, on top of their diffuse light."""
     if factor == 0.0:
         return light

@@ -2,7 +2,9 @@
 
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
 from activestereo.effects.core.engine import EngineInputs, moves
+from activestereo.effects.core.light import Light
 from activestereo.effects.core.rotate import turned
+from activestereo.effects.core.view import View
 
 
 @moves("right.camera.camera_to_world")
@@ -18,6 +20,6 @@ def _engine(inputs: EngineInputs, angle_rad: float) -> None:
     parameters=[Parameter("angle_rad", "rad", neutral=0.0, low=-0.05, high=0.05, typical=0.001)],
     engine=_engine,
 )
-def stereo_roll(light, view, angle_rad):
+def stereo_roll(light: Light, view: View, angle_rad: float) -> Light:
     """The right camera is turned about its optical axis."""
     return turned(light, view, (0.0, 0.0, 1.0), angle_rad) if view.is_right else light

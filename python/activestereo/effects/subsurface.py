@@ -6,8 +6,10 @@ import numpy as np
 
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
 from activestereo.effects.core.engine import EngineInputs, moves
+from activestereo.effects.core.light import Light
 from activestereo.effects.core.resample import blur
 from activestereo.effects.core.surfaces import SURFACES, on_surfaces
+from activestereo.effects.core.view import View
 
 
 def _mean_free_path_m(length_m: float, albedo: float) -> float:
@@ -43,7 +45,7 @@ def _engine(inputs: EngineInputs, fraction: float, length_m: float, surfaces: fl
     ],
     engine=_engine,
 )
-def subsurface(light, view, fraction, length_m, surfaces):
+def subsurface(light: Light, view: View, fraction: float, length_m: float, surfaces: float) -> Light:
     """Dots keep a core and grow wide tails of one width in metres on the surface; near ones look wider; ambient edges stay sharp."""
     if fraction == 0.0:
         return light

@@ -2,6 +2,8 @@
 
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
 from activestereo.effects.core.engine import EngineInputs, moves
+from activestereo.effects.core.light import Light
+from activestereo.effects.core.view import View
 
 
 @moves("camera.k")
@@ -22,7 +24,7 @@ def _engine(inputs: EngineInputs, cx_px_per_k: float, focal_per_k: float) -> Non
     ],
     engine=_engine,
 )
-def thermal_drift(light, view, cx_px_per_k, focal_per_k):
+def thermal_drift(light: Light, view: View, cx_px_per_k: float, focal_per_k: float) -> Light:
     """Per kelvin above 25 C the right image shifts and both images grow about their principal points."""
     shift = cx_px_per_k * view.warming_k if view.is_right else 0.0
     growth = 1.0 + focal_per_k * view.warming_k

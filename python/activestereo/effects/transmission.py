@@ -6,6 +6,7 @@ from activestereo.effects.core.descriptor import Parameter, Stage, effect
 from activestereo.effects.core.engine import EngineInputs, moves
 from activestereo.effects.core.light import Light
 from activestereo.effects.core.surfaces import SURFACES, chosen
+from activestereo.effects.core.view import View
 
 
 @moves("materials.ir_transmission", "materials.thin_walled")
@@ -27,7 +28,7 @@ def _engine(inputs: EngineInputs, fraction: float, behind: float, surfaces: floa
     ],
     engine=_engine,
 )
-def transmission(light, view, fraction, behind, surfaces):
+def transmission(light: Light, view: View, fraction: float, behind: float, surfaces: float) -> Light:
     """Surfaces send back less of all light, and show through what is behind them: ambient light, but none of the dots."""
     if fraction == 0.0:
         return light

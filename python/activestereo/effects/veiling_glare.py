@@ -1,7 +1,10 @@
 """Veiling glare: light scattered in the lens falls on the whole image."""
 
+import numpy as np
+
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
 from activestereo.effects.core.engine import EngineInputs, moves
+from activestereo.effects.core.view import View
 
 
 @moves("film.veiling_glare_fraction")
@@ -18,6 +21,6 @@ def _engine(inputs: EngineInputs, fraction: float) -> None:
     parameters=[Parameter("fraction", "1", neutral=0.0, low=0.0, high=0.5, typical=0.04)],
     engine=_engine,
 )
-def veiling_glare(image, view, fraction):
+def veiling_glare(image: np.ndarray, view: View, fraction: float) -> np.ndarray:
     """A fraction of all light is spread evenly over the image."""
     return (1.0 - fraction) * image + fraction * image.mean(axis=(-2, -1), keepdims=True)
