@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.ndimage import gaussian_filter, map_coordinates
 
-from activestereo.effects.core.view import transform
+from activestereo.effects.core.view import View, transform
 
 # The beam's glow is smooth: it is computed on every so many-th pixel, at so many places along each ray.
 _STEP_PX, _PLACES = 4, 24
@@ -13,7 +13,7 @@ _DOTS_PX = 8.0
 _FAR_M, _LEAST_ASIDE_M = 10.0, 1e-3
 
 
-def glow(view, extinction_per_m, from_m):
+def glow(view: View, extinction_per_m: float, from_m: float) -> np.ndarray:
     """Radiance [height][width] per scattering coefficient (1/m) of isotropic single scattering, under projector power 1, from from_m
     along each pixel's ray to what it hits. Shadows in the medium are left out.
 
@@ -30,7 +30,7 @@ def glow(view, extinction_per_m, from_m):
     return map_coordinates(coarse, np.meshgrid(*places, indexing="ij"), order=1, mode="nearest")
 
 
-def _coarse_rays(view):
+def _coarse_rays(view: View) -> tuple[np.ndarray, ...]:
     """(rows, columns) that are kept, unit rays, distances to what they hit; how far along a ray the projector lies, and how far beside."""
     rows, columns = (np.append(np.arange(0, n - 1, _STEP_PX), n - 1) for n in view.shape)
     x, y = (image[np.ix_(rows, columns)] for image in view.rays())
@@ -44,7 +44,7 @@ def _coarse_rays(view):
     return rows, columns, ray, np.where(depth > 0, depth * length, _FAR_M), foot, aside
 
 
-def _intensity(view, points):
+def _intensity(view: View, points: np.ndarray) -> np.ndarray:
     """Mean radiant intensity of the pattern around directions to camera points; 0 beside and behind the projector."""
     x, y, z = np.moveaxis(transform(view.camera_to_projector, points), -1, 0)
     K, ahead = view.projector_K, np.where(z > 1e-6, z, 1.0)

@@ -17,9 +17,10 @@ Random effects draw from view.rng(id) alone. How the lab judges an effect is tol
 """
 
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import Enum, IntEnum
+from typing import Any
 
 from activestereo.effects.core.judging import Channel, CodeSteps, EngineFault, Judgement, RandomTerm, Starts
 
@@ -61,14 +62,14 @@ class Parameter:
     source: str = ""
     choice: bool = False
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if not self.low <= self.neutral <= self.high or self.low == self.high:
             raise ValueError(f"parameter {self.name}: needs low <= neutral <= high and a range, got {self.low}, {self.neutral}, {self.high}")
         if self.typical <= 0:
             raise ValueError(f"parameter {self.name}: typical is {self.typical}, a prior's deviation is positive")
 
     @property
-    def typical_value(self):
+    def typical_value(self) -> float:
         """One deviation from neutral, inside the range."""
         up = self.neutral + self.typical
         return min(up, self.high) if self.high > self.neutral else max(self.neutral - self.typical, self.low)
@@ -86,12 +87,12 @@ class Effect:
     id: str
     family: str
     stage: Stage
-    parameters: tuple
-    apply: object
+    parameters: tuple[Parameter, ...]
+    apply: Callable[..., Any]
     summary: str
     source: str
     randomness: Randomness = Randomness.NONE
-    variance: object = None
+    variance: Callable[..., Any] | None = None
     engine: Callable[..., None] | None = None
     image_only: str = ""
     judged: tuple[Judgement, ...] = ()
@@ -130,7 +131,7 @@ class Effect:
     def engine_fault(self) -> EngineFault:
         return next((told for told in self.judged if isinstance(told, EngineFault)), EngineFault())
 
-    def values(self, given=None):
+    def values(self, given: Mapping[str, float] | None = None) -> dict[str, float]:
         """{name: value} of every parameter, neutral where not given; ValueError for an unknown name or a value out of range."""
         given = dict(given or {})
         values = {}
@@ -145,14 +146,14 @@ class Effect:
         return values
 
     @property
-    def neutral_values(self):
+    def neutral_values(self) -> dict[str, float]:
         return {p.name: p.neutral for p in self.parameters}
 
     @property
-    def typical_values(self):
+    def typical_values(self) -> dict[str, float]:
         return {p.name: p.typical_value for p in self.parameters}
 
-    def __call__(self, value, view, **parameters):
+    def __call__(self, value: Any, view: Any, **parameters: float) -> Any:
         return self.apply(value, view, **self.values(parameters))
 
 

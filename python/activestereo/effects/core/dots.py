@@ -1,12 +1,15 @@
 """The projector's pattern as the camera's pixels see it: what lets an effect move, blur or dim dots without a new ray."""
 
+from __future__ import annotations
+
 from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 
+from activestereo.effects.core.light import Light
 from activestereo.effects.core.resample import Pattern, disc_sampler
-from activestereo.effects.core.view import transform
+from activestereo.effects.core.view import View, transform
 
 _SMALLEST_BOX = 1e-3
 _LARGEST_BOX = 64.0
@@ -16,11 +19,11 @@ class DotView:
     """Projector pixels (u, v) of every camera pixel, and the box of projector pixels that the camera pixel's square covers."""
 
     @classmethod
-    def of(cls, view):
+    def of(cls, view: View) -> DotView:
         """The DotView of a view, made once."""
         return view.once("dots", lambda: cls(view))
 
-    def __init__(self, view):
+    def __init__(self, view: View) -> None:
         self._view = view
         self._pattern = Pattern(view.pattern)
         points = view.projector_points()
@@ -29,41 +32,41 @@ class DotView:
         self.u, self.v = self.project(points)
         self.box_u, self.box_v = self._footprint()
 
-    def project(self, projector_points):
+    def project(self, projector_points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         K, z = self._view.projector_K, np.where(projector_points[..., 2] > 0, projector_points[..., 2], 1.0)
         x, y = projector_points[..., 0] / z, projector_points[..., 1] / z
         return K[0, 0] * x + K[0, 1] * y + K[0, 2], K[1, 1] * y + K[1, 2]
 
-    def project_camera(self, camera_points):
+    def project_camera(self, camera_points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return self.project(transform(self._view.camera_to_projector, camera_points))
 
     @cached_property
-    def nominal(self):
+    def nominal(self) -> np.ndarray:
         """mean() of the view's own pattern."""
         return self.mean(self._view.pattern)
 
-    def _known(self, pattern):
+    def _known(self, pattern: np.ndarray) -> Pattern:
         return self._pattern if pattern is self._view.pattern else Pattern(pattern)
 
-    def mean(self, pattern, u=None, v=None):
+    def mean(self, pattern: np.ndarray, u: np.ndarray | None = None, v: np.ndarray | None = None) -> np.ndarray:
         """Mean of a pattern image over each pixel's box, around (u, v) if given."""
         sampler = disc_sampler(self._known(pattern), 0.0)
         return sampler(self.u if u is None else u, self.v if v is None else v, self.box_u, self.box_v)
 
-    def mean_of_discs(self, pattern, diameter_px):
+    def mean_of_discs(self, pattern: np.ndarray, diameter_px: np.ndarray) -> np.ndarray:
         """mean() of the pattern blurred by discs of a diameter [height][width] in pattern pixels, interpolated between whole ones."""
-        pattern = self._known(pattern)
+        known = self._known(pattern)
         low = np.floor(diameter_px).astype(int)
         share = diameter_px - low
         out = np.zeros(self.u.shape)
         for level in np.unique(np.concatenate([low[self.lit], low[self.lit] + 1])) if self.lit.any() else ():
             weight = np.where(low == level, 1.0 - share, np.where(low + 1 == level, share, 0.0)) * self.lit
             here = weight > 0
-            sampler = disc_sampler(pattern, float(level))
+            sampler = disc_sampler(known, float(level))
             out[here] += weight[here] * sampler(self.u[here], self.v[here], self.box_u[here], self.box_v[here])
         return out
 
-    def change(self, light, before, after):
+    def change(self, light: Light, before: np.ndarray, after: np.ndarray) -> Light:
         """The light after the pattern's means went from `before` to `after`: only the difference is approximated."""
         change = np.where(self.lit, light.flat * (after - before), 0.0)
         direct = np.maximum(light.direct + change, 0.0)
@@ -71,7 +74,7 @@ class DotView:
         ratio = direct.sum() / total if total > 0 else 1.0
         return replace(light, direct=direct, indirect=light.indirect * ratio)
 
-    def _footprint(self):
+    def _footprint(self) -> tuple[np.ndarray, np.ndarray]:
         """Median-guarded derivative of (u, v) by the camera's pixel steps: edges of objects must not open huge boxes."""
         K, view = self._view.projector_K, self._view
         ratio_u, ratio_v = K[0, 0] / view.K[0, 0], K[1, 1] / view.K[1, 1]

@@ -1,5 +1,8 @@
 """Light between pixels: images finer than the camera's and wider than its frame, so that a warp has something to look up."""
 
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -17,20 +20,20 @@ class FineImages:
     margin_px: int
 
     @cached_property
-    def pixels(self):
+    def pixels(self) -> np.ndarray:
         """Means over the pixels' squares, float64 [n][height][width]."""
         s, edge = self.scale, self.margin_px * self.scale
         inside = self.images[:, edge : self.images.shape[1] - edge, edge : self.images.shape[2] - edge]
         count, height, width = inside.shape
         return inside.reshape(count, height // s, s, width // s, s).mean(axis=(2, 4), dtype=np.float64)
 
-    def warped(self, u, v):
+    def warped(self, u: np.ndarray, v: np.ndarray) -> FineImages:
         """The images of a camera whose pixels show what lies at pixel positions (u, v) [height][width] here.
 
         The displacement goes on beyond the frame as it is at the border."""
         return _LaterFine(self, lambda fine: fine._warped(u, v))
 
-    def _warped(self, u, v):
+    def _warped(self, u: np.ndarray, v: np.ndarray) -> FineImages:
         height, width = u.shape
         down, right = self._positions(height), self._positions(width)
         rows, columns = np.meshgrid(down, right, indexing="ij")
@@ -38,7 +41,7 @@ class FineImages:
         moved = sample(np.stack([u - column, v - row]), columns, rows, order=1)
         return FineImages(self.at(columns + moved[0], rows + moved[1]), self.scale, self.margin_px)
 
-    def blurred(self, sigma_px):
+    def blurred(self, sigma_px: float | np.ndarray) -> FineImages:
         """The images under a Gaussian blur; sigma_px: a number, or an image of it [height][width] that goes on beyond the frame."""
         if np.ndim(sigma_px):
             height, width = np.shape(sigma_px)
@@ -46,17 +49,17 @@ class FineImages:
             sigma_px = sample(np.asarray(sigma_px, dtype=np.float64), columns, rows, order=1)
         return _LaterFine(self, lambda fine: FineImages(blur(fine.images, self.scale * sigma_px), self.scale, self.margin_px))
 
-    def shifted_sum(self, along_u, along_v):
+    def shifted_sum(self, along_u: Sequence[tuple[float, float]], along_v: Sequence[tuple[float, float]]) -> FineImages:
         """See resample.shifted_sum; shifts in pixels."""
         fine_u, fine_v = ([(self.scale * shift, weight) for shift, weight in taps] for taps in (along_u, along_v))
         return _LaterFine(self, lambda fine: FineImages(shifted_sum(fine.images, fine_u, fine_v), self.scale, self.margin_px))
 
-    def at(self, u, v):
+    def at(self, u: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Values at pixel positions (u, v) of any shape, float32 [n][...]."""
         fine_u, fine_v = ((x + self.margin_px + 0.5) * self.scale - 0.5 for x in (u, v))
         return np.stack([spline(fine_u, fine_v) for spline in self._splines])
 
-    def sum_of(self, indices):
+    def sum_of(self, indices: tuple[int, ...]) -> FineImages:
         """FineImages of one image, the sum of those at the indices."""
         if indices not in self._sums:
             self._sums[indices] = self._sum_of(indices)
@@ -67,15 +70,15 @@ class FineImages:
         return FineImages(image[None], self.scale, self.margin_px)
 
     @cached_property
-    def _sums(self):
+    def _sums(self) -> dict[tuple[int, ...], FineImages]:
         return {}
 
     @cached_property
-    def _splines(self):
+    def _splines(self) -> list[Spline]:
         """One set serves every warp of a fit."""
         return [Spline(image) for image in self.images]
 
-    def _positions(self, size):
+    def _positions(self, size: int) -> np.ndarray:
         """Pixel coordinates of the fine samples along an axis of `size` pixels."""
         return (np.arange((size + 2 * self.margin_px) * self.scale) + 0.5) / self.scale - 0.5 - self.margin_px
 
@@ -83,11 +86,11 @@ class FineImages:
 class _LaterFine(FineImages):
     """FineImages under a linear operation that is done for the images that are asked for."""
 
-    def __init__(self, source, operation):
+    def __init__(self, source: FineImages, operation: Callable[[FineImages], FineImages]) -> None:
         self.__dict__.update(scale=source.scale, margin_px=source.margin_px, _source=source, _operation=operation)
 
     @cached_property
-    def images(self):
+    def images(self) -> np.ndarray:
         return self._operation(self._source).images
 
     def _sum_of(self, indices):

@@ -19,7 +19,9 @@ def ior_of(reflectance: float) -> float:
     return float((1.0 + root) / (1.0 - root))
 
 
-def highlight(normal, to_light, to_camera, roughness, ior=IOR):
+def highlight(
+    normal: np.ndarray, to_light: np.ndarray, to_camera: np.ndarray, roughness: float, ior: float = IOR
+) -> np.ndarray:
     """Radiance reflected per irradiance, [...]; directions [...][3], unit. Walter et al. 2007, height-correlated Smith shadowing."""
     half = to_light + to_camera
     half = half / np.maximum(np.linalg.norm(half, axis=-1, keepdims=True), 1e-12)
@@ -31,7 +33,7 @@ def highlight(normal, to_light, to_camera, roughness, ior=IOR):
     return np.where((n_l > 0) & (n_v > 0), fresnel(dot(half, to_camera), ior) * density * 0.5 / np.maximum(masked, 1e-6), 0.0)
 
 
-def fresnel(cosine, ior=IOR):
+def fresnel(cosine: float | np.ndarray, ior: float = IOR) -> np.ndarray:
     """Reflectance of unpolarised light (Hecht, Optics, 4.6)."""
     inside = np.sqrt(1.0 - (1.0 - cosine * cosine) / ior**2)
     across = (cosine - ior * inside) / (cosine + ior * inside)
@@ -39,12 +41,14 @@ def fresnel(cosine, ior=IOR):
     return 0.5 * (across**2 + along**2)
 
 
-def reflected_share(cosine, roughness, ior=IOR):
+def reflected_share(cosine: np.ndarray, roughness: float, ior: float = IOR) -> np.ndarray:
     """Share of light from a direction, at a cosine to the normal, that the lobe reflects."""
     return np.interp(cosine, *_shares(float(roughness), float(ior)))
 
 
-def base_share(cosine_in, cosine_out, roughness, factor, ior=IOR):
+def base_share(
+    cosine_in: np.ndarray, cosine_out: np.ndarray, roughness: float, factor: float, ior: float = IOR
+) -> np.ndarray:
     """How bright the diffuse base is below `factor` of the lobe, relative to the bare one: what the lobe lets in and out, as the renderer
     has it (Kelemen and Szirmay-Kalos 2001)."""
     cosines, shares = _shares(float(roughness), float(ior))
@@ -54,7 +58,7 @@ def base_share(cosine_in, cosine_out, roughness, factor, ior=IOR):
 
 
 @lru_cache(maxsize=64)
-def _shares(roughness, ior):
+def _shares(roughness: float, ior: float) -> tuple[np.ndarray, np.ndarray]:
     """(cosines, reflected shares): the lobe's integral over outgoing directions, by rings of equal projected solid angle about
     the half vector's density, so that narrow lobes are resolved."""
     cosines = np.linspace(0.0, 1.0, _COSINES)

@@ -10,11 +10,18 @@ say more:
     EngineFault           what a fault of the depth engine resembles; other effects on disparity and depth need no word
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from activestereo.effects.core.light import Light
+    from activestereo.effects.core.view import View
 
 
 class Channel(Enum):
@@ -102,8 +109,8 @@ class StartImage:
     the expected image, 0 where it is clipped. ambient_dn: DN per unit of ambient radiance.
     """
 
-    view: object
-    light: object
+    view: View
+    light: Light
     weight: np.ndarray
     residual: np.ndarray
     ambient: np.ndarray

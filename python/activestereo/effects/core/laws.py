@@ -11,14 +11,14 @@ from pathlib import Path
 import numpy as np
 
 from activestereo.capture import Frame
-from activestereo.effects.core.descriptor import Randomness, Stage
+from activestereo.effects.core.descriptor import Effect, Randomness, Stage
 from activestereo.effects.core.light import Light
 from activestereo.effects.core.view import View
 
 _SIZE = (72, 96)
 
 
-def broken_laws(effect):
+def broken_laws(effect: Effect) -> list[str]:
     """Sentences, one per law that the effect breaks; empty = a lawful effect."""
     view = example_view()
     value = example_value(effect.stage, view)
@@ -44,7 +44,9 @@ def _failure(effect, value, view):
     return None
 
 
-def example_view(eye="right", frame_id=0, seed=0, temperature_c=45.0, move=True):
+def example_view(
+    eye: str = "right", frame_id: int = 0, seed: int = 0, temperature_c: float = 45.0, move: bool = True
+) -> View:
     """A plane slanted both ways before a wall, a moving warm rig, a dot pattern."""
     height, width = _SIZE
     v, u = np.mgrid[0:height, 0:width].astype(np.float64)
@@ -79,7 +81,7 @@ def _dots(shape):
     return (0.03 + 0.9 * np.exp(-(((u % 9) - 4) ** 2 + ((v % 7) - 3) ** 2) / 2.5)).astype(np.float32)
 
 
-def example_value(stage, view):
+def example_value(stage: Stage, view: View) -> Light | np.ndarray:
     """An input for an effect of the stage: light, an image of radiance, DN up to beyond the range's end, disparity or depth."""
     height, width = view.shape
     v, u = np.mgrid[0:height, 0:width].astype(np.float64)

@@ -1,6 +1,10 @@
 """The light that reaches one camera, by what sent it."""
 
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -16,17 +20,17 @@ _PROJECTOR, _AMBIENT = ("direct", "indirect"), ("ambient",)
 class _Part:
     """A field of a Light, computed when first asked for where the Light is another one's image under an operation."""
 
-    def __set_name__(self, owner, name):
+    def __set_name__(self, owner: type, name: str) -> None:
         self._name, self._key = name, f"_{name}"
 
-    def __get__(self, light, owner):
+    def __get__(self, light: Light | None, owner: type) -> np.ndarray:
         if light is None:
             raise AttributeError(self._name)  # a field without default
         if self._key not in light.__dict__:
             light.__dict__[self._key] = light.__dict__["_later"].image((self._name,))
         return light.__dict__[self._key]
 
-    def __set__(self, light, value):
+    def __set__(self, light: Light, value: np.ndarray) -> None:
         light.__dict__[self._key] = value
 
 
@@ -46,21 +50,21 @@ class Light:
     fine: FineImages | None = None
 
     @classmethod
-    def of(cls, layers):
+    def of(cls, layers: Any) -> Light:
         """From rendered lab layers."""
         images = (layers.direct, layers.indirect, layers.ambient, layers.flat)
         return cls(*(np.asarray(image, dtype=np.float64) for image in images), getattr(layers, "fine", None))
 
     @property
-    def projector(self):
+    def projector(self) -> np.ndarray:
         return self.sum_of(_PROJECTOR)
 
     @property
-    def images(self):
+    def images(self) -> np.ndarray:
         """[4][height][width]: direct, indirect, ambient, flat."""
         return np.stack([self.direct, self.indirect, self.ambient, self.flat])
 
-    def sum_of(self, names):
+    def sum_of(self, names: tuple[str, ...]) -> np.ndarray:
         """Sum of the named images; of what an operation has yet to make, one image is made instead of several."""
         if len(names) == 1:
             return getattr(self, names[0])
@@ -69,18 +73,18 @@ class Light:
             return self._once(("sum", names), lambda: sum(getattr(self, name) for name in names))
         return self._once(("sum", names), lambda: later.image(names))
 
-    def seen(self, pick):
+    def seen(self, pick: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Projector and ambient light, float64 [n] each, at flat indices of pixels."""
         later = self.__dict__.get("_later")
         if later is not None and later.at is not None and not {"_direct", "_indirect", "_ambient"} & self.__dict__.keys():
             return tuple(later.at(names, pick) for names in (_PROJECTOR, _AMBIENT))
         return self.projector.ravel()[pick], self.ambient.ravel()[pick]
 
-    def map(self, operation):
+    def map(self, operation: Callable[[np.ndarray], np.ndarray]) -> Light:
         """The same linear operation on every light; images come stacked, [...][height][width], any number of them."""
         return _Later(self, operation).light()
 
-    def warped(self, u, v):
+    def warped(self, u: np.ndarray, v: np.ndarray) -> Light:
         """The light whose pixels show what lies at pixel positions (u, v) [height][width] here.
 
         Rendered light is looked up in the fine images where there are any. What effects have changed since is known per pixel
@@ -94,11 +98,11 @@ class Light:
         later.at = lambda names, pick: look(names)(u.ravel()[pick], v.ravel()[pick])
         return later.light()
 
-    def blurred(self, sigma_px):
+    def blurred(self, sigma_px: float | np.ndarray) -> Light:
         """The light under a Gaussian blur of sigma_px, a number or an image of it; of the fine images where there are any."""
         return _Later(self, lambda images: blur(images, sigma_px), self.fine and (lambda fine: fine.blurred(sigma_px))).light()
 
-    def shifted_sum(self, along_u, along_v):
+    def shifted_sum(self, along_u: Sequence[tuple[float, float]], along_v: Sequence[tuple[float, float]]) -> Light:
         """The weighted sum of shifted lights, see resample.shifted_sum; of the fine images where there are any."""
         of_fine = self.fine and (lambda fine: fine.shifted_sum(along_u, along_v))
         return _Later(self, lambda images: shifted_sum(images, along_u, along_v), of_fine).light()
@@ -109,7 +113,7 @@ class Light:
             memory[key] = make()
         return memory[key]
 
-    def scale_projector(self, gain):
+    def scale_projector(self, gain: float | np.ndarray) -> Light:
         """Projector light times `gain` (a number or an image); bounced light gets the mean gain of the dots."""
         total = self.direct.sum()
         mean = float((self.direct * gain).sum() / total) if total > 0 else float(np.mean(gain))
@@ -128,12 +132,12 @@ class _Later:
         self._source, self._of_images, self._of_gain, self.at = source, of_images, of_gain, None
         self._fine = of_fine(source.fine) if of_fine else None
 
-    def light(self):
+    def light(self) -> Light:
         light = object.__new__(Light)
         light.__dict__.update(_later=self, fine=self._fine)
         return light
 
-    def image(self, names):
+    def image(self, names: tuple[str, ...]) -> np.ndarray:
         """Sum of the named images after the operation."""
         now = self._source.sum_of(names)
         if self._fine is None:
@@ -150,7 +154,7 @@ class _Later:
         return np.maximum(after * self._of_gain(gain) + self._of_images((now - gain * before)[None])[0], 0.0)
 
 
-def _local_gain(before, now):
+def _local_gain(before: np.ndarray, now: np.ndarray) -> np.ndarray:
     """The smooth gain that explains most of a change."""
     both, own = (blur(image, _GAIN_SIGMA_PX) for image in (before * now, before * before))
     return both / np.maximum(own, 1e-12 * own.max() + 1e-300)

@@ -7,7 +7,7 @@ from activestereo.effects.core.descriptor import Effect
 from activestereo.effects.core.plugin import load_plugin
 
 
-def load_effects(path):
+def load_effects(path: str | Path) -> dict[str, Effect]:
     """{id: Effect} of a .py file or a shared library. FileNotFoundError, or ValueError that says what is wrong with the file."""
     path = Path(path)
     if not path.is_file():

@@ -1,28 +1,32 @@
 """A model: the base renderer plus effects with their parameters, from light layers to what the sensor gives."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
-from activestereo.effects.core.descriptor import Randomness, Stage
+from activestereo.effects.core.descriptor import Effect, Randomness, Stage
 from activestereo.effects.core.light import Light
+from activestereo.effects.core.view import View
 
 
 @dataclass(frozen=True)
 class Model:
     """effects: pairs (Effect, {parameter: value}); applied in stage order, within a stage in the order given."""
 
-    effects: tuple = ()
+    effects: tuple[tuple[Effect, dict[str, float]], ...] = ()
 
-    def with_effect(self, effect, **parameters):
+    def with_effect(self, effect: Effect, **parameters: float) -> Model:
         """A model with one effect more, or with other parameters of one that it has."""
         kept = tuple((e, p) for e, p in self.effects if e.id != effect.id)
         return Model((*kept, (effect, effect.values(parameters))))
 
-    def without_effect(self, effect_id):
+    def without_effect(self, effect_id: str) -> Model:
         return Model(tuple((e, p) for e, p in self.effects if e.id != effect_id))
 
-    def light(self, layers, view, random=False, fine=True):
+    def light(self, layers: Any, view: View, random: bool = False, fine: bool = True) -> Light:
         """The Light that falls on the sensor, from rendered layers. fine=False: warps look up the pixels even where the layers
         have finer images: less than half the time, for scans."""
         light = Light.of(layers) if fine else replace(Light.of(layers), fine=None)
@@ -30,23 +34,23 @@ class Model:
             light = acted(effect, parameters, light, view)
         return light
 
-    def on_light(self, random=False):
+    def on_light(self, random: bool = False) -> tuple[tuple[Effect, dict[str, float]], ...]:
         """Pairs (Effect, {parameter: value}) up to the lens, in the light's order."""
         return self._of(Stage.PROJECTOR, Stage.OPTICS, random)
 
     @property
-    def is_linear(self):
+    def is_linear(self) -> bool:
         """Whether nothing acts between the lens and the digital numbers: without random effects, signal() is linear but for clipping."""
         return not self._of(Stage.CHARGE, Stage.DIGITAL, False)
 
-    def signal(self, light, view, nuisances, random=False):
+    def signal(self, light: Light, view: View, nuisances: Any, random: bool = False) -> np.ndarray:
         """DN of a Light, black level included. random=False: the expected value, without rounding; zero-mean noise is left out
         and random fields are drawn as their mean. random=True: one exposure."""
         projector, ambient = scales(view.frame)
         value = nuisances.projector_scale * projector * light.projector + nuisances.ambient_scale * ambient * light.ambient
         return self.digital(value, view, nuisances.black_dn, random)
 
-    def digital(self, value, view, black_dn, random=False):
+    def digital(self, value: np.ndarray, view: View, black_dn: float, random: bool = False) -> np.ndarray:
         """signal() of DN above black [height][width] that an ideal sensor would count."""
         for effect, parameters in self._of(Stage.CHARGE, Stage.READOUT, random):
             value = effect.apply(value, view, **parameters)
@@ -55,7 +59,7 @@ class Model:
             value = effect.apply(value, view, **parameters)
         return np.minimum(np.maximum(value, 0.0), view.max_dn)
 
-    def depth(self, depth_m, view):
+    def depth(self, depth_m: np.ndarray, view: View) -> np.ndarray:
         """A matched depth image (left eye, metres, 0 = none) as the device gives it. view: the left eye's."""
         matched, focal_baseline = np.asarray(depth_m, dtype=np.float64), view.K[0, 0] * view.baseline_m
         if self._of(Stage.DISPARITY, Stage.DISPARITY, True):
@@ -74,7 +78,7 @@ class Model:
         return sorted(chosen, key=lambda pair: pair[0].stage)
 
 
-def acted(effect, parameters, light, view):
+def acted(effect: Effect, parameters: dict[str, float], light: Light, view: View) -> Light:
     """A Light after an effect up to the lens."""
     if effect.stage is Stage.OPTICS:
         return light.map(lambda images: effect.apply(images, view, **parameters))

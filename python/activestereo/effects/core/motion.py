@@ -6,12 +6,14 @@ import numpy as np
 from scipy.linalg import expm
 
 from activestereo.effects.core.dots import DotView
+from activestereo.effects.core.light import Light
 from activestereo.effects.core.resample import sample
+from activestereo.effects.core.view import View
 
 _ITERATIONS = 3
 
 
-def displaced(light, view, dt_s):
+def displaced(light: Light, view: View, dt_s: float | np.ndarray) -> Light:
     """The Light at time mid-exposure + dt_s: a number, or one per row [height] (row-wise readout).
 
     Each pixel looks up where the point that it sees then is at mid-exposure. Scene light is taken from there; the dots stay with

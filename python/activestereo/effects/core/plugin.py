@@ -64,7 +64,7 @@ class _Effect(c.Structure):
     ]
 
 
-def load_plugin(path):
+def load_plugin(path: str | Path) -> list[Effect]:
     """The Effects of a shared library. ValueError says what is wrong with it; OSError where it cannot be loaded."""
     library = c.CDLL(str(Path(path).resolve()))
     try:

@@ -1,6 +1,9 @@
 """Moving and blurring images: cubic resampling, sums of shifts, exact box means over a pattern, blurs that vary over the image."""
 
+from __future__ import annotations
+
 import hashlib
+from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -13,7 +16,7 @@ _MAX_LEVELS = 5
 _REACH = 4.0
 
 
-def sample(images, u, v, order=3):
+def sample(images: np.ndarray, u: np.ndarray, v: np.ndarray, order: int = 3) -> np.ndarray:
     """Values of images [..., height][width] at pixels (u, v); the border value beyond the border. order 3: cubic spline."""
     height, width = images.shape[-2:]
     stack = images.reshape(-1, height, width)
@@ -29,11 +32,11 @@ def sample(images, u, v, order=3):
 class Spline:
     """A cubic spline through an image [height][width], in its precision: fitted once, looked up often."""
 
-    def __init__(self, image):
+    def __init__(self, image: np.ndarray) -> None:
         self._coefficients = spline_filter(image, 3, np.result_type(image, np.float32), mode="mirror")
         self._low, self._high = image.min(), image.max()
 
-    def __call__(self, u, v):
+    def __call__(self, u: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Values at pixels (u, v) of any shape."""
         out = map_coordinates(self._coefficients, [v, u], self._coefficients.dtype, order=3, mode="mirror", prefilter=False)
         return np.clip(out, self._low, self._high, out=out)  # a spline may overshoot next to a dot
@@ -42,13 +45,13 @@ class Spline:
 class BoxSampler:
     """Means of an image over axis-aligned boxes of any fractional size, by its integral; zero outside the image."""
 
-    def __init__(self, image):
+    def __init__(self, image: np.ndarray) -> None:
         height, width = image.shape
         self._integral = np.zeros((height + 1, width + 1))
         self._integral[1:, 1:] = np.asarray(image, dtype=np.float64).cumsum(0).cumsum(1)
         self._limits = (width, height)
 
-    def __call__(self, u, v, box_u, box_v):
+    def __call__(self, u: np.ndarray, v: np.ndarray, box_u: np.ndarray, box_v: np.ndarray) -> np.ndarray:
         """Mean over boxes of size box_u x box_v around (u, v), pixel centres at integers."""
         # Pixel i spans i - 0.5 .. i + 0.5, so the integral's corner i lies at i - 0.5.
         (left, a), (right, b) = (_place(u + 0.5 + side * box_u, self._limits[0]) for side in (-0.5, 0.5))
@@ -77,7 +80,9 @@ def _place(x, size):
     return i, x - i
 
 
-def shifted_sum(images, along_u, along_v):
+def shifted_sum(
+    images: np.ndarray, along_u: Sequence[tuple[float, float]], along_v: Sequence[tuple[float, float]]
+) -> np.ndarray:
     """Sums of shifted images [..., height][width], cubic splines between their samples: weight times the image at (u + shift), for all
     pairs (shift in samples, weight) along columns and along rows; the border value beyond the border."""
     coefficients = np.stack([spline_filter(image, 3, image.dtype, mode="mirror") for image in images.reshape(-1, *images.shape[-2:])])
@@ -95,7 +100,7 @@ def _cubic_spline(x):
     return np.where(x < 1.0, 2.0 / 3.0 - x * x + 0.5 * x**3, np.maximum(2.0 - x, 0.0) ** 3 / 6.0)
 
 
-def blur(images, sigma_px):
+def blur(images: np.ndarray, sigma_px: float | np.ndarray) -> np.ndarray:
     """Gaussian blur of images [..., height][width] by a sigma in pixels: a number, or an image of it.
 
     Its kernel is the discrete analogue of the Gaussian (Lindeberg 1990), whose variance is sigma^2 below a pixel too. A varying
@@ -131,19 +136,19 @@ def _along_both(images, kernel):
 class Pattern:
     """A pattern image that compares by content: what samplers of it are remembered under."""
 
-    def __init__(self, image):
+    def __init__(self, image: np.ndarray) -> None:
         self.image = np.ascontiguousarray(image, dtype=np.float32)
         self._digest = hashlib.blake2b(self.image.tobytes(), digest_size=16).digest() + repr(self.image.shape).encode()
 
-    def __hash__(self):
+    def __hash__(self) -> int:
         return hash(self._digest)
 
-    def __eq__(self, other):
-        return self._digest == other._digest
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Pattern) and self._digest == other._digest
 
 
 @lru_cache(maxsize=48)
-def disc_sampler(pattern, diameter_px):
+def disc_sampler(pattern: Pattern, diameter_px: float) -> BoxSampler:
     """BoxSampler of a Pattern blurred by a disc (0 = sharp); the disc's edge pixels weigh by coverage."""
     if diameter_px == 0.0:
         return BoxSampler(pattern.image)

@@ -2,7 +2,9 @@
 
 import numpy as np
 
-from activestereo.effects.core.view import transform
+from activestereo.effects.core.light import Light
+from activestereo.effects.core.resample import BoxSampler
+from activestereo.effects.core.view import View, transform
 
 # Below this cosine a grazing surface tells nothing of its reflectance.
 _LEAST_COSINE = 0.05
@@ -15,7 +17,7 @@ class Shading:
     from the ambient light by the scene's median.
     """
 
-    def __init__(self, light, view):
+    def __init__(self, light: Light, view: View) -> None:
         self._view = view
         self.hit = view.depth_m > 0
         self.points = view.points()
@@ -27,7 +29,7 @@ class Shading:
         self.reflectance = self._reflectance(light, irradiance)
         self.irradiance = irradiance
 
-    def from_source(self, position):
+    def from_source(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(direction to it, cosine, irradiance per radiant intensity in 1/m^2) of a point source, shadows not counted."""
         way = position - self.points
         square = np.maximum((way**2).sum(-1), 1e-12)
@@ -35,16 +37,16 @@ class Shading:
         cosine = self._cosine(direction)
         return direction, cosine, cosine / square
 
-    def _cosine(self, direction):
+    def _cosine(self, direction: np.ndarray) -> np.ndarray:
         return np.where(self.hit, np.maximum((self.normal * direction).sum(-1), 0.0), 0.0)
 
-    def _reflectance(self, light, irradiance):
+    def _reflectance(self, light: Light, irradiance: np.ndarray) -> np.ndarray:
         told = self.hit & (light.flat > 0) & (self.projector_cosine > _LEAST_COSINE)
         own = light.flat / np.where(told, irradiance, 1.0)
         share = np.median((own / np.maximum(light.ambient, 1e-12))[told]) if told.any() else 0.0
         return np.where(self.hit, np.where(told, own, light.ambient * share), 0.0)
 
-    def pattern_from(self, projector_points, sampler):
+    def pattern_from(self, projector_points: np.ndarray, sampler: BoxSampler) -> np.ndarray:
         """Means of a BoxSampler's pattern at points in a projector's frame, 0 behind it; the own projector's footprint holds."""
         K, view = self._view.projector_K, self._view
         z = np.where(projector_points[..., 2] > 0, projector_points[..., 2], np.inf)
@@ -54,9 +56,9 @@ class Shading:
         mean = sampler(u, K[1, 1] * y + K[1, 2], *(np.full(u.shape, side) for side in box))
         return np.where(np.isfinite(z) & self.hit, mean, 0.0)
 
-    def projector_points(self):
+    def projector_points(self) -> np.ndarray:
         return transform(self._view.camera_to_projector, self.points)
 
 
-def _unit(vectors):
+def _unit(vectors: np.ndarray) -> np.ndarray:
     return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-12)

@@ -2,12 +2,14 @@
 
 import numpy as np
 
+from activestereo.effects.core.light import Light
 from activestereo.effects.core.resample import sample
+from activestereo.effects.core.view import View
 
 _ITERATIONS = 3
 
 
-def shifted(light, view, shift_x_m):
+def shifted(light: Light, view: View, shift_x_m: float) -> Light:
     """The Light of the camera moved by shift_x_m (camera coordinates). New occlusions are not seen: shifts are of a few pixels."""
     if shift_x_m == 0.0:
         return light

@@ -4,6 +4,7 @@ import numpy as np
 
 from activestereo.effects.core.descriptor import Parameter
 from activestereo.effects.core.light import Light
+from activestereo.effects.core.view import View
 
 # A number in a file holds so many materials exactly.
 MOST_MATERIALS = 48
@@ -14,19 +15,19 @@ SURFACES = Parameter(
 )  # fmt: skip
 
 
-def material_numbers(surfaces):
+def material_numbers(surfaces: float) -> list[int]:
     """The materials k of a sum of 2^k."""
     return [k for k in range(MOST_MATERIALS) if int(surfaces) >> k & 1]
 
 
-def chosen(view, surfaces):
+def chosen(view: View, surfaces: float) -> np.ndarray:
     """Pixels [height][width] whose material is among the chosen; all of them for 0, or where the view knows no materials."""
     if surfaces == 0 or view.material is None:
         return np.ones(view.shape, dtype=bool)
     return view.once(("surfaces", surfaces), lambda: _chosen(view.material, int(surfaces)))
 
 
-def on_surfaces(light, changed, view, surfaces):
+def on_surfaces(light: Light, changed: Light, view: View, surfaces: float) -> Light:
     """The changed light where a chosen surface is seen, the light as it was elsewhere."""
     if surfaces == 0:
         return changed
@@ -34,5 +35,5 @@ def on_surfaces(light, changed, view, surfaces):
     return Light(*(np.where(here, new, old) for new, old in zip(changed.images, light.images, strict=True)), light.fine)
 
 
-def _chosen(material, surfaces):
+def _chosen(material: np.ndarray, surfaces: float) -> np.ndarray:
     return np.isin(material, material_numbers(surfaces))

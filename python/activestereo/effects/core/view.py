@@ -1,12 +1,20 @@
 """What an effect may know of one image: camera, rig, geometry, frame settings, and random numbers of its own."""
 
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass
 from functools import cached_property
+
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from activestereo.effects.core.random_stream import random_stream
 from activestereo.lens import distort, undistort
+
+if TYPE_CHECKING:
+    from activestereo.capture import Capture, Frame
 
 REFERENCE_TEMPERATURE_C = 25.0
 _NO_DISTORTION = (0.0, 0.0, 0.0, 0.0, 0.0)
@@ -26,16 +34,16 @@ class View:
     projector_K: np.ndarray
     camera_to_projector: np.ndarray
     left_to_camera: np.ndarray
-    frame: object
+    frame: Frame
     max_dn: float = 255.0
     line_time_s: float | None = None
     seed: int = 0
-    distortion: tuple = _NO_DISTORTION
+    distortion: tuple[float, ...] = _NO_DISTORTION
     baseline_m: float = 0.05
     material: np.ndarray | None = None
 
     @classmethod
-    def of(cls, capture, frame, eye, layers, seed=0):
+    def of(cls, capture: Capture, frame: Frame, eye: str, layers: Any, seed: int = 0) -> View:
         rig = capture.rig
         left_to_camera = np.eye(4) if eye == "left" else rig.left_to_right
         camera_to_world = frame.camera_to_world @ np.linalg.inv(left_to_camera)
@@ -58,34 +66,36 @@ class View:
         )
 
     @property
-    def shape(self):
-        return self.depth_m.shape
+    def shape(self) -> tuple[int, int]:
+        height, width = self.depth_m.shape
+        return height, width
 
     @property
-    def is_right(self):
+    def is_right(self) -> bool:
         return self.eye == "right"
 
     @property
-    def warming_k(self):
+    def warming_k(self) -> float:
         """Kelvin above the reference temperature; 0 where the temperature is not known."""
         return 0.0 if self.frame.temperature_c is None else self.frame.temperature_c - REFERENCE_TEMPERATURE_C
 
     @cached_property
-    def _memory(self):
+    def _memory(self) -> dict[Hashable, Any]:
         return {}
 
-    def once(self, name, make):
+    def once(self, name: Hashable, make: Callable[[], Any]) -> Any:
         """make(), computed the first time that this view is asked for `name`: fits look at one view hundreds of times."""
         if name not in self._memory:
             self._memory[name] = make()
         return self._memory[name]
 
-    def pixels(self):
+    def pixels(self) -> tuple[np.ndarray, np.ndarray]:
         """(u, v) of every pixel's centre, float64 [height][width] each."""
         height, width = self.shape
-        return np.meshgrid(np.arange(width, dtype=np.float64), np.arange(height, dtype=np.float64))
+        u, v = np.meshgrid(np.arange(width, dtype=np.float64), np.arange(height, dtype=np.float64))
+        return u, v
 
-    def rays(self, u=None, v=None):
+    def rays(self, u: np.ndarray | None = None, v: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
         """(x, y) with z = 1 through pixels (all of them by default) of the nominal camera, its lens included."""
         if u is None:
             return self.once("rays", lambda: _read_only(*self.rays(*self.pixels())))
@@ -93,19 +103,21 @@ class View:
         x = (u - self.K[0, 2] - self.K[0, 1] * y) / self.K[0, 0]
         return undistort(x, y, self.distortion) if any(self.distortion) else (x, y)
 
-    def to_pixels(self, x, y):
+    def to_pixels(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(u, v) at which the nominal camera draws the direction (x, y, 1)."""
         if any(self.distortion):
             x, y = distort(x, y, self.distortion)
         return self.K[0, 0] * x + self.K[0, 1] * y + self.K[0, 2], self.K[1, 1] * y + self.K[1, 2]
 
-    def field(self):
+    def field(self) -> tuple[np.ndarray, np.ndarray]:
         """(fx, fy): position in the image, -1..1 from border to border, 0 at its middle."""
         height, width = self.shape
         u, v = self.pixels()
         return 2 * u / (width - 1) - 1, 2 * v / (height - 1) - 1
 
-    def points(self, depth_m=None, u=None, v=None):
+    def points(
+        self, depth_m: np.ndarray | None = None, u: np.ndarray | None = None, v: np.ndarray | None = None
+    ) -> np.ndarray:
         """Camera coordinates [..., 3] of what the pixels see."""
         if depth_m is None and u is None:
             return self.once("points", lambda: _read_only(self.points(self.depth_m))[0])
@@ -113,11 +125,11 @@ class View:
         z = self.depth_m if depth_m is None else depth_m
         return np.stack([x * z, y * z, z], axis=-1)
 
-    def projector_points(self):
+    def projector_points(self) -> np.ndarray:
         """Projector coordinates [height][width][3] of what the pixels see."""
         return self.once("projector points", lambda: _read_only(transform(self.camera_to_projector, self.points()))[0])
 
-    def rng(self, name, per="sensor"):
+    def rng(self, name: str, per: str = "sensor") -> np.random.Generator:
         """A numpy Generator of this view for one effect. per: 'sensor' (one per eye), 'pose' (the same while the rig stands
         still), 'frame', or 'rig' (one for both eyes)."""
         salt = {
@@ -129,12 +141,12 @@ class View:
         return random_stream(self.seed, name, salt)
 
 
-def _read_only(*arrays):
+def _read_only(*arrays: np.ndarray) -> tuple[np.ndarray, ...]:
     for array in arrays:
         array.flags.writeable = False
     return arrays
 
 
-def transform(a_to_b, points):
+def transform(a_to_b: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Points [..., 3] from a to b."""
     return points @ a_to_b[:3, :3].T + a_to_b[:3, 3]
