@@ -48,10 +48,17 @@ def modules_of_package() -> set[str]:
     return {path.parts[0].removesuffix(".py") for path in files} - BESIDE_THE_LAYERS
 
 
+class WithoutTypes(ast.NodeTransformer):
+    """Drops what only a type checker imports."""
+
+    def visit_If(self, node: ast.If) -> ast.AST | None:
+        return None if "TYPE_CHECKING" in ast.unparse(node.test) else self.generic_visit(node)
+
+
 def imports_of(path: pathlib.Path) -> set[str]:
-    """Modules and packages of activestereo that a file imports, wherever in the file."""
+    """Modules and packages of activestereo that a file imports when it runs, wherever in the file."""
     found = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"), filename=str(path))):
+    for node in ast.walk(WithoutTypes().visit(ast.parse(path.read_text(encoding="utf-8"), filename=str(path)))):
         names = []
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
