@@ -1,4 +1,4 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #define KUAFU_CHANNELS 1
-#include "lib/aov_main.glsl"
+#include "entry/aov_main.glsl"

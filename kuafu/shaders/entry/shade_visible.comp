@@ -1,4 +1,4 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #define KUAFU_CHANNELS 3
-#include "lib/shade_main.glsl"
+#include "entry/shade_main.glsl"

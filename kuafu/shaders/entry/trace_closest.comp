@@ -18,4 +18,4 @@ bool answer(uint i) {
   return false;
 }
 
-#include "lib/bvh_main.glsl"
+#include "entry/bvh_main.glsl"

@@ -12,4 +12,4 @@ bool answer(uint i) {
   return false;
 }
 
-#include "lib/bvh_main.glsl"
+#include "entry/bvh_main.glsl"

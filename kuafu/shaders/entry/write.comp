@@ -9,5 +9,5 @@ layout(push_constant, scalar) uniform Push { WritePush push; };
 
 void main() {
   uint i = line_index();
-  if (i < push.pixel_count) write_pixel(i);
+  if (i < push.count) write_pixel(i);
 }

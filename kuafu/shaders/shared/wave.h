@@ -217,11 +217,11 @@ struct AovPush {
   uint shadow_capacity, flags;
 };
 
-/// A held image (pathtrace/frame.h), packed [view][row][column][channel], on its way to the caller's.
+/// A held image (frame/frame.h), packed [view][row][column][channel], on its way to the caller's.
 struct WritePush {
   UintArray from;
   OutputRecord to;
-  uint pixel_count, width, height;  // pixels of all views
+  uint count, width, height;  // pixels of all views
   uint channels;
   uint integer;  // nonzero: ids or counts, not floats
 };

@@ -4,9 +4,9 @@
 
 #include "accel/array_buffer.h"
 #include "accel/mesh_bvh.h"
-#include "accel/mesh_watch.h"
 #include "accel/placement.h"
 #include "accel/top_level.h"
+#include "scene/mesh_watch.h"
 #include "shared/motion_record.h"
 
 namespace kuafu {

@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "accel/embree_handle.h"
-#include "accel/mesh_watch.h"
 #include "accel/placement.h"
+#include "scene/mesh_watch.h"
 
 namespace kuafu {
 

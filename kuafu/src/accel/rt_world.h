@@ -4,9 +4,9 @@
 
 #include <optional>
 
-#include "accel/mesh_watch.h"
 #include "accel/placement.h"
 #include "accel/rt_structure.h"
+#include "scene/mesh_watch.h"
 
 namespace kuafu {
 

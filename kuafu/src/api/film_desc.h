@@ -3,8 +3,8 @@
 
 #include <string>
 
-#include "film/optics.h"
 #include "kuafu/kuafu.h"
+#include "scene/film.h"
 
 namespace kuafu {
 

@@ -6,9 +6,8 @@
 #include "api/film_desc.h"
 #include "api/render_outputs.h"
 #include "api/struct_array.h"
-#include "denoise/denoiser.h"
 #include "device/error.h"
-#include "film/film.h"
+#include "render/renderer.h"
 #include "scene/matrix.h"
 #include "scene/validate.h"
 
@@ -119,12 +118,11 @@ Launch read_launch(const kuafu_render_desc* desc, const ks::Device& device) {
   launch.accumulate = d.accumulate != 0;
   launch.max_seconds = d.max_seconds;
   launch.relative_error = d.relative_error;
-  if (launch.relative_error > 0.0) launch.held |= 1u << output_variance | 1u << output_radiance;
   launch.glass_surfaces = d.glass_surfaces;
   launch.light_sampling = static_cast<LightSampling>(d.light_sampling);
   launch.denoise = static_cast<DenoiseKind>(d.denoise);
   launch.temporal_weight = d.temporal_weight;
-  launch.held |= held_for_denoiser(launch) | held_for_film(launch);
+  hold_images(launch);
   if (d.progress != nullptr) launch.cancelled = [f = d.progress, user = d.progress_user](float fraction) { return f(user, fraction) != 0; };
   return launch;
 }

@@ -2,8 +2,8 @@
 #pragma once
 
 #include "device/device.h"
+#include "frame/launch.h"
 #include "kuafu/kuafu.h"
-#include "pathtrace/launch.h"
 #include "scene/scene.h"
 
 namespace kuafu {

@@ -6,9 +6,9 @@
 #include "api/render_launch.h"
 #include "api/render_outputs.h"
 #include "device/struct_read.h"
-#include "pathtrace/path_tracer.h"
+#include "render/renderer.h"
 
-struct kuafu_renderer_t : ks::Handle<kuafu::PathTracer, 0x6b726e64> {
+struct kuafu_renderer_t : ks::Handle<kuafu::Renderer, 0x6b726e64> {
   using Handle::Handle;
 };
 
@@ -39,7 +39,7 @@ ks_status kuafu_renderer_create(kuafu_device device, const kuafu_renderer_desc* 
     const kuafu_renderer_desc d =
         desc == nullptr ? kuafu_renderer_desc{} : ks::read_struct(desc, KUAFU_TYPE_RENDERER_DESC, "renderer desc");
     const std::string library = d.oidn_library == nullptr ? "" : d.oidn_library;
-    *out = new kuafu_renderer_t(std::make_shared<kuafu::PathTracer>(ks::object_of(device, "device"), tracer_kind(d.tracer), library));
+    *out = new kuafu_renderer_t(std::make_shared<kuafu::Renderer>(ks::object_of(device, "device"), tracer_kind(d.tracer), library));
   });
 }
 
@@ -49,11 +49,11 @@ void kuafu_renderer_release(kuafu_renderer renderer) { ks::release(renderer, "re
 
 ks_status kuafu_renderer_render(kuafu_renderer renderer, kuafu_scene scene, const kuafu_render_desc* desc) {
   return ks::guard([&] {
-    kuafu::PathTracer& tracer = *ks::object_of(renderer, "renderer");
+    kuafu::Renderer& images = *ks::object_of(renderer, "renderer");
     const std::shared_ptr<kuafu::DeviceScene>& owner = ks::object_of(scene, "scene");
-    const kuafu::Launch launch = kuafu::read_launch(desc, *tracer.device());
+    const kuafu::Launch launch = kuafu::read_launch(desc, *images.device());
     kuafu::check_ids_fit(launch, owner->scene);
-    tracer.render(std::shared_ptr<const kuafu::Scene>(owner, &owner->scene), launch);
+    images.render(std::shared_ptr<const kuafu::Scene>(owner, &owner->scene), launch);
   });
 }
 

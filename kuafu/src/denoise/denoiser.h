@@ -6,8 +6,8 @@
 
 #include "denoise/history.h"
 #include "denoise/oidn.h"
-#include "pathtrace/frame.h"
-#include "pathtrace/image_step.h"
+#include "frame/frame.h"
+#include "frame/image_step.h"
 #include "shared/denoise_record.h"
 
 namespace kuafu {
@@ -16,12 +16,6 @@ namespace kuafu {
 uint32_t held_for_denoiser(const Launch& launch);
 /// What is filtered, in the order of DenoiseImages.
 std::vector<uint32_t> denoised_kinds(const Launch& launch);
-
-/// Rays of a wave and what they met.
-struct WaveRays {
-  uint64_t rays, scene, views;
-  WaveRange range;
-};
 
 class Denoiser {
  public:

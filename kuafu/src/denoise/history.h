@@ -2,8 +2,8 @@
 // synchronised.
 #pragma once
 
-#include "pathtrace/device_array.h"
-#include "pathtrace/launch.h"
+#include "frame/device_array.h"
+#include "frame/launch.h"
 #include "shared/denoise_record.h"
 
 namespace kuafu {

@@ -1,6 +1,6 @@
 #include "denoise/host_denoise.h"
 
-#include "pathtrace/host_language.h"
+#include "frame/host_language.h"
 
 #define KUAFU_CHANNELS 3
 namespace kuafu {

@@ -2,8 +2,8 @@
 // are linear, so every light group gets them and their sum stays the image. Thread rule: externally synchronised.
 #pragma once
 
-#include "pathtrace/frame.h"
-#include "pathtrace/image_step.h"
+#include "frame/frame.h"
+#include "frame/image_step.h"
 #include "shared/film_record.h"
 
 namespace kuafu {

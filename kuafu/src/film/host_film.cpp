@@ -1,6 +1,6 @@
 #include "film/host_film.h"
 
-#include "pathtrace/host_language.h"
+#include "frame/host_language.h"
 
 namespace kuafu {
 namespace {

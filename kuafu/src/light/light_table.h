@@ -5,7 +5,7 @@
 #include <functional>
 #include <vector>
 
-#include "pathtrace/band.h"
+#include "frame/band.h"
 #include "scene/scene.h"
 #include "shared/scene_records.h"
 

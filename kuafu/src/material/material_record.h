@@ -1,7 +1,7 @@
 // A material as shaders read it, in the band being rendered. Thread rule: pure functions.
 #pragma once
 
-#include "pathtrace/band.h"
+#include "frame/band.h"
 #include "scene/scene.h"
 #include "shared/scene_records.h"
 

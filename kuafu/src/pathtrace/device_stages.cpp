@@ -15,7 +15,6 @@
 #include "spirv/transmit_infrared.h"
 #include "spirv/transmit_visible.h"
 #include "spirv/visibility.h"
-#include "spirv/write.h"
 
 namespace kuafu {
 namespace {
@@ -79,11 +78,6 @@ class DeviceStages final : public Stages {
     dispatch(commands, visibility_, visibility_spirv, push, push.range.pixel_count);
   }
 
-  void write(ks::Commands& commands, const WritePush& push) override {
-    commands.begin_stage("write");
-    commands.dispatch_line(built<WritePush>(write_, write_spirv), push, groups_of(push.pixel_count));  // a whole image
-  }
-
  private:
   static uint32_t groups_of(uint32_t invocations) { return (invocations + group_size - 1) / group_size; }
   static uint64_t shade_arguments(uint32_t bounce) { return (uint64_t(bounce) * counter_words + counter_shade_arguments) * 4; }
@@ -104,7 +98,7 @@ class DeviceStages final : public Stages {
   std::shared_ptr<ks::Device> device_;
   std::array<uint32_t, 6> specialisation_;  // by constant_id (lib/invocation.glsl); 4 is the denoiser's
   Pipeline generate_[2], aov_[2][2];        // plain, and with feature_camera; aov: visible, infrared
-  Pipeline resolve_, accumulate_, visibility_, write_;
+  Pipeline resolve_, accumulate_, visibility_;
   std::map<std::pair<bool, uint32_t>, Pipeline> shade_, transmit_;  // by infrared and features
 };
 

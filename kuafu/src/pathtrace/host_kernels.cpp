@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "pathtrace/host_language.h"
+#include "frame/host_language.h"
 #include "pathtrace/host_pixel_samples.h"
 
 #define KUAFU_CHANNELS 3
@@ -11,7 +11,6 @@ namespace {
 
 constexpr uint features = feature_camera | feature_motion;
 #include "lib/camera.glsl"
-#include "lib/element.glsl"
 #include "lib/pixel_sample.glsl"
 #include "lib/pixels.glsl"
 #include "lib/queue.glsl"
@@ -34,11 +33,6 @@ struct Accumulate {
 struct Visibility {
   const AovPush& push;
 #include "stage/visibility.glsl"
-};
-
-struct Write {
-  const WritePush& push;
-#include "stage/write.glsl"
 };
 
 }  // namespace
@@ -72,10 +66,6 @@ void accumulate(const AccumulatePush& push, uint32_t first, uint32_t end) {
 
 void visibility(const AovPush& push, uint32_t first, uint32_t end) {
   for (Visibility stage{push}; first < end; ++first) stage.visibility(first);
-}
-
-void write(const WritePush& push, uint32_t first, uint32_t end) {
-  for (Write stage{push}; first < end; ++first) stage.write_pixel(first);
 }
 
 QueuePlaces::Places QueuePlaces::take(size_t chunk, uint32_t next_count, uint32_t shadow_count) {

@@ -14,7 +14,6 @@ void accumulate(const AccumulatePush& push, uint32_t first, uint32_t end);
 void aov_infrared(const AovPush& push, uint32_t first, uint32_t end);
 void aov_visible(const AovPush& push, uint32_t first, uint32_t end);
 void visibility(const AovPush& push, uint32_t first, uint32_t end);
-void write(const WritePush& push, uint32_t first, uint32_t end);
 
 /// Gives chunk after chunk its places in the queues, in the order of the chunks: queues do not depend on the threads.
 /// Chunks must be started in order, as ks::ThreadPool does.

@@ -1,6 +1,6 @@
 #include "pathtrace/host_pixel_samples.h"
 
-#include "pathtrace/host_language.h"
+#include "frame/host_language.h"
 #include "pathtrace/host_vectors.h"
 
 namespace kuafu {

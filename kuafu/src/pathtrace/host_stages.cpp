@@ -66,10 +66,6 @@ class HostStages final : public Stages {
         [&](uint32_t first, uint32_t end, size_t) { host::visibility(push, first, end); });
   }
 
-  void write(ks::Commands& commands, const WritePush& push) override {
-    run(commands, "write", push.pixel_count, 4 * chunk_rays, [&](uint32_t first, uint32_t end, size_t) { host::write(push, first, end); });
-  }
-
  private:
   template <class Kernel>
   void run(ks::Commands& commands, const char* name, uint32_t count, uint32_t chunk_size, const Kernel& kernel) {

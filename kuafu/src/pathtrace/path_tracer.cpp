@@ -1,7 +1,10 @@
 #include "pathtrace/path_tracer.h"
 
+#include <algorithm>
+
 #include "device/error.h"
-#include "pathtrace/render_run.h"
+#include "device/thread_pool.h"
+#include "pathtrace/wave_size.h"
 
 namespace kuafu {
 namespace {
@@ -18,43 +21,111 @@ std::unique_ptr<Tracer> make_tracer(const std::shared_ptr<ks::Device>& device, T
   return kind == TracerKind::rt_pipeline ? make_rt_tracer(device) : make_compute_tracer(device);
 }
 
+/// The stages run where the rays are: with Embree on worker threads, else on the device.
+WaveBackend make_backend(const std::shared_ptr<ks::Device>& device, TracerKind kind) {
+  const bool on_host = wants_embree(*device, kind);
+  std::unique_ptr<Tracer> tracer = make_tracer(device, kind);
+  std::unique_ptr<Stages> stages = on_host ? make_host_stages(device) : make_device_stages(device, *tracer);
+  return {.memory = {.device = device, .on_host = on_host}, .tracer = std::move(tracer), .stages = std::move(stages)};
+}
+
+uint32_t round_up(uint32_t n, uint32_t step) { return (n + step - 1) / step * step; }
+
 }  // namespace
 
-// Where the rays are, there the stages are.
-PathTracer::PathTracer(std::shared_ptr<ks::Device> device, TracerKind tracer, std::string oidn_library)
-    : device_(std::move(device)),
-      on_host_(wants_embree(*device_, tracer)),
-      tracer_(make_tracer(device_, tracer)),
-      stages_(on_host_ ? make_host_stages(device_) : make_device_stages(device_, *tracer_)),
-      tables_(memory()),
-      aov_tables_(memory()),
-      slots_(memory()),
-      frame_(memory()),
-      accumulation_(memory()),
-      denoiser_(memory(), tracer_->queue_layout(), std::move(oidn_library)),
-      film_(memory()) {}
+PathTracer::PathTracer(std::shared_ptr<ks::Device> device, TracerKind tracer)
+    : backend_(make_backend(device, tracer)), tables_(memory()), aov_tables_(memory()), slots_(memory()) {}
 
-PathTracer::~PathTracer() = default;
+void PathTracer::update_tables(const Scene& scene, const Launch& launch) {
+  tables_.update(scene, launch.band, launch.environment_count(), open_span(launch));
+  aov_tables_.update(scene, launch);
+  const auto views = views_.resize(memory(), launch.views.size());
+  for (size_t i = 0; i < views.size(); ++i) views[i] = view_record(launch, launch.views[i]);
+  const bool special = tables_.moves() || std::ranges::any_of(launch.views, &View::special);
+  const auto cameras = cameras_.resize(memory(), special ? launch.views.size() : 0);
+  for (size_t i = 0; i < cameras.size(); ++i) cameras[i] = camera_record(launch.views[i]);
+  plan_ = plan_of(launch, special);
+}
 
-void PathTracer::render(const std::shared_ptr<const Scene>& scene, const Launch& launch) {
-  next_scene_ = scene;
-  // A recorder is made once and kept, unless an error leaves it in the middle of its work.
-  std::unique_ptr<ks::Commands> commands = commands_ ? std::move(commands_) : std::make_unique<ks::Commands>(device_);
-  slots_.collect_times(*commands);  // of a render that failed
-  commands->reset_stage_times();
-  Run run(*this, launch, *commands);
-  try {
-    run.prepare(*scene);
-    scene_ = scene;
-    run.render();
-  } catch (...) {
-    accumulation_.clear();  // some pixels have more samples than others
-    throw;
+WavePlan PathTracer::plan_of(const Launch& launch, bool special_cameras) const {
+  const bool light_groups = launch.wants(output_light_group, output_light_group + light_group_count);
+  const uint32_t last_lit = launch.max_bounces + tables_.walk_passes();
+  return {.scene = tables_.address(),
+          .views = views_.address(),
+          .cameras = cameras_.address(),
+          .aov = aov_tables_.address(),
+          .environments = launch.environment_count() > 1,
+          .camera = special_cameras,
+          .motion = tables_.moves(),
+          .medium = tables_.has_medium(),
+          .ambient = tables_.has_ambient(),
+          .select_lights = tables_.select_lights(),
+          .passes_glass = tables_.shadow_rays_per_vertex() > 0 && tables_.has_glass() && launch.glass_surfaces > 0,
+          .features = tables_.features(),
+          .groups = light_groups ? group_ambient + tables_.light_groups() : group_count,
+          .shadow_rays_per_vertex = tables_.shadow_rays_per_vertex(),
+          .last_lit = last_lit,
+          .last_bounce = last_lit + (tables_.has_ambient() ? 1 : 0)};
+}
+
+void PathTracer::fit(const Launch& launch, uint32_t rays_per_square) {
+  rays_per_square_ = rays_per_square;
+  const uint32_t shadows = plan_.shadow_rays_per_vertex, total = launch.pixel_count();
+  const uint32_t samples = launch.wants_radiance() ? std::min(launch.samples, most_pass_samples(launch.has_budget())) : 1;
+  const uint32_t paths = memory().on_host ? host_wave_paths(shadows) : most_paths(*memory().device, shadows);
+  const uint32_t wave = std::min(total, std::max(paths / samples, pixel_block));
+  // A fourth of the pixels in one wave: rays over squares seldom ask for more, and each wave ends in a tail.
+  const uint32_t square_paths = memory().on_host ? 0 : std::min(total / 4 * rays_per_square, paths);
+  pixels_per_batch_ = memory().on_host ? std::min(total, wave * waves_per_worker * memory().device->workers().size()) : wave;
+  slots_.fit({.capacity = round_up(std::max(wave * samples, square_paths), pixel_block),
+              .channels = launch.band.channels(),
+              .groups = plan_.groups,
+              .shadow_rays_per_vertex = shadows,
+              .bounces = plan_.last_lit + 3,
+              .environments = plan_.environments,
+              .features = plan_.features,
+              .visibility = launch.wants_visibility(),
+              .glass_surfaces = plan_.passes_glass && !backend_.tracer->passes_glass() ? launch.glass_surfaces : 0});
+}
+
+void PathTracer::update_tracer(const Scene& scene, const Launch& launch) {
+  backend_.tracer->update(scene, launch.environment_count(), open_span(launch));
+}
+
+uint32_t PathTracer::squares_per_batch() const {
+  return memory().on_host ? pixels_per_batch_ : std::max(1u, slots_.size().capacity / rays_per_square_);
+}
+
+void PathTracer::in_waves(ks::Commands& commands, const Launch& launch, const WaveRange& batch, const std::function<void(Wave&)>& step) {
+  if (!memory().on_host) {
+    Wave wave(backend_, launch, plan_, slots_.only(), commands, batch);
+    return step(wave);
   }
-  stage_times_ = run.stage_times();
-  summary_ = run.summary();
-  if (!launch.accumulate) accumulation_.clear();
-  commands_ = std::move(commands);
+  const uint32_t pixels = batch.capacity / batch.sample_count;
+  memory().device->workers().parallel_for((batch.pixel_count + pixels - 1) / pixels, [&](size_t i) {
+    WaveRange range = batch;
+    range.first_pixel += uint32_t(i) * pixels;
+    range.pixel_count = std::min(pixels, batch.pixel_count - uint32_t(i) * pixels);
+    const WaveSlots::Lease lease(slots_);
+    Wave wave(backend_, launch, plan_, lease.slot().buffers, *lease.slot().commands, range);
+    step(wave);
+  });
+}
+
+WaveRange PathTracer::range(const Launch& launch, uint32_t first_pixel, uint32_t pixel_count, uint32_t first_sample,
+                            uint32_t sample_count) const {
+  const uint32_t blocks = launch.pixel_count() / pixel_block;
+  // Workers on the host take what is next, and GPUs deal out groups as they go: there neighbours share caches.
+  const uint32_t stride = memory().on_host ? 1 : memory().device->is_cpu() ? permutation_stride(blocks) : 0;
+  return {.first_pixel = first_pixel,
+          .pixel_count = pixel_count,
+          .block_count = blocks,
+          .block_stride = stride,
+          .first_sample = first_sample,
+          .sample_count = sample_count,
+          .width = launch.width,
+          .height = launch.height,
+          .capacity = slots_.size().capacity};
 }
 
 }  // namespace kuafu

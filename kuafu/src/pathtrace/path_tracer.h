@@ -1,75 +1,63 @@
 // The wavefront path tracer: generate, then per bounce closest, shade, occluded, resolve, then accumulate; in waves of bounded memory.
-// At last what the frame holds is developed: steps on whole images, then the caller's formats.
+// It owns rays and what they read: the tracer, the stages, the scene's tables and the waves' memory. Images belong to its caller.
 // Results depend on the launch alone: per-path sums in a fixed order, samples keyed by view, pixel and index.
 // Thread rule: externally synchronised.
 #pragma once
 
-#include <limits>
+#include <functional>
 #include <memory>
-#include <string>
-#include <vector>
 
-#include "accel/tracer.h"
-#include "denoise/denoiser.h"
-#include "film/film.h"
-#include "pathtrace/accumulation.h"
-#include "pathtrace/aov_tables.h"
-#include "pathtrace/frame.h"
-#include "pathtrace/launch.h"
-#include "pathtrace/scene_tables.h"
-#include "pathtrace/stages.h"
+#include "frame/launch.h"
+#include "pathtrace/wave.h"
 #include "pathtrace/wave_slots.h"
+#include "tables/aov_tables.h"
+#include "tables/scene_tables.h"
 
 namespace kuafu {
-
-/// What a render came to.
-struct RenderSummary {
-  uint32_t samples = 0, call_samples = 0;  // in the images; of those, this call's
-  double relative_error;                   // NaN where none was aimed at
-  double seconds = 0.0;
-};
 
 enum class TracerKind { automatic, embree, compute, rt_pipeline };
 
 class PathTracer {
  public:
   /// Throws KS_ERROR_UNSUPPORTED for Embree on a device whose memory the host does not share.
-  /// oidn_library: path of Open Image Denoise; empty: wherever it is found.
-  PathTracer(std::shared_ptr<ks::Device> device, TracerKind tracer, std::string oidn_library = {});
-  ~PathTracer();
+  PathTracer(std::shared_ptr<ks::Device> device, TracerKind tracer);
 
-  /// Blocks until the outputs are written. Throws KS_ERROR_CANCELLED when the launch's callback says so.
-  void render(const std::shared_ptr<const Scene>& scene, const Launch& launch);
-  /// Milliseconds per stage of the last render.
-  [[nodiscard]] const std::vector<std::pair<std::string, double>>& stage_times() const { return stage_times_; }
-  [[nodiscard]] const RenderSummary& summary() const { return summary_; }
-  [[nodiscard]] const std::shared_ptr<ks::Device>& device() const { return device_; }
+  [[nodiscard]] const Memory& memory() const { return backend_.memory; }
+  [[nodiscard]] uint32_t queue_layout() const { return backend_.tracer->queue_layout(); }
+
+  // Before a launch's first wave, in this order. Tracer and tables know a scene by its address: keep the last one given alive until both
+  // have taken another.
+
+  /// Brings the tables that stages read up to date with the scene and the launch.
+  void update_tables(const Scene& scene, const Launch& launch);
+  /// Makes room for the launch's waves, also for those of so many rays over pixels' squares; 0: there will be none.
+  void fit(const Launch& launch, uint32_t rays_per_square);
+  /// Brings the tracer's acceleration structure up to date.
+  void update_tracer(const Scene& scene, const Launch& launch);
+
+  /// Of the launch that the tables are up to date with.
+  [[nodiscard]] const WavePlan& plan() const { return plan_; }
+  /// How many pixels go together through in_waves: with the samples of one pass, or with rays over their squares.
+  [[nodiscard]] uint32_t pixels_per_batch() const { return pixels_per_batch_; }
+  [[nodiscard]] uint32_t squares_per_batch() const;
+  /// Takes a batch through `step`: a device's as one wave, the host's as many as its workers' slots make of it, at the same time.
+  void in_waves(ks::Commands& commands, const Launch& launch, const WaveRange& batch, const std::function<void(Wave&)>& step);
+  [[nodiscard]] WaveRange range(const Launch& launch, uint32_t first_pixel, uint32_t pixel_count, uint32_t first_sample,
+                                uint32_t sample_count) const;
+  /// Brings the stage times of the host's waves, means of all workers, to `commands` and forgets them.
+  void collect_times(ks::Commands& commands) { slots_.collect_times(commands); }
 
  private:
-  class Run;   // one render call
-  class Wave;  // one wave of it
-  [[nodiscard]] Memory memory() const { return {device_, on_host_}; }
+  [[nodiscard]] WavePlan plan_of(const Launch& launch, bool special_cameras) const;
 
-  std::shared_ptr<ks::Device> device_;
-  bool on_host_;  // rays and stages on worker threads
-  std::unique_ptr<Tracer> tracer_;
-  std::unique_ptr<Stages> stages_;
+  WaveBackend backend_;
   SceneTables tables_;
   AovTables aov_tables_;
-  WaveSlots slots_;
-  std::shared_ptr<ks::Buffer> sums_;  // of passes over the same pixels
-  Frame frame_;
-  Accumulation accumulation_;
-  Denoiser denoiser_;
-  FilmOptics film_;
   MappedTable<ViewRecord> views_;
   MappedTable<CameraRecord> cameras_;
-  MappedTable<OutputRecord> outputs_;
-  // Tracer and tables know a scene by its address, so the last one lives until both have taken the next.
-  std::shared_ptr<const Scene> scene_, next_scene_;
-  std::unique_ptr<ks::Commands> commands_;  // null during a render, and after one that failed
-  std::vector<std::pair<std::string, double>> stage_times_;
-  RenderSummary summary_{0, 0, std::numeric_limits<double>::quiet_NaN(), 0.0};
+  WaveSlots slots_;
+  WavePlan plan_;
+  uint32_t pixels_per_batch_ = 0, rays_per_square_ = 0;
 };
 
 }  // namespace kuafu

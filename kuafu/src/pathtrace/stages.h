@@ -25,7 +25,6 @@ class Stages {
   virtual void aov(ks::Commands& commands, const AovPush& push) = 0;
   /// After the shadow rays of `aov` were traced.
   virtual void visibility(ks::Commands& commands, const AovPush& push) = 0;
-  virtual void write(ks::Commands& commands, const WritePush& push) = 0;
 };
 
 std::unique_ptr<Stages> make_device_stages(std::shared_ptr<ks::Device> device, const Tracer& tracer);

@@ -1,75 +1,62 @@
 #include "pathtrace/wave.h"
 
 namespace kuafu {
+namespace {
 
-void PathTracer::Wave::render_aovs() {
+uint32_t flag(bool set, uint32_t bit) { return set ? bit : 0; }
+
+}  // namespace
+
+void Wave::trace_centres() {
   generate(generate_pixel_centre);
   trace_closest(0);
-  if (run_.denoises()) o_.denoiser_.guide(commands_, rays());
-  if (launch_.wants_aovs()) aov();
 }
 
-void PathTracer::Wave::aov() {
-  AovPush push{};
-  push.rays = b_.closest_rays(0);
-  push.scene = o_.tables_.address();
-  push.views = o_.views_.address();
-  push.cameras = o_.cameras_.address();
-  push.outputs = o_.outputs_.address();
-  push.aov = o_.aov_tables_.address();
-  push.shadow_rays = b_.shadow_rays();
-  push.shadow_environments = b_.shadow_environments();
-  push.counters = b_.counter_address();
-  push.range = range_;
-  push.shadow_capacity = b_.shadow_capacity();
-  push.flags = (launch_.band.infrared ? aov_infrared : 0) | (launch_.wants_projector() ? aov_projector : 0) |
-               (launch_.wants_visibility() ? aov_visibility : 0) | (launch_.wants_motion() ? aov_motion : 0) |
-               (run_.environments_ ? aov_environments : 0) | (run_.camera_ ? aov_camera : 0);
-  o_.stages_->aov(commands_, push);
+void Wave::trace_squares(uint64_t listed) {
+  generate(generate_rays_only | flag(listed != 0, generate_listed), listed);
+  trace_closest(0);
+}
+
+void Wave::write_aovs(uint64_t outputs) {
+  const AovPush push{.rays = buffers_.closest_rays(0),
+                     .scene = plan_.scene,
+                     .views = plan_.views,
+                     .cameras = plan_.cameras,
+                     .outputs = outputs,
+                     .aov = plan_.aov,
+                     .shadow_rays = buffers_.shadow_rays(),
+                     .shadow_environments = buffers_.shadow_environments(),
+                     .counters = buffers_.counter_address(),
+                     .range = range_,
+                     .shadow_capacity = buffers_.shadow_capacity(),
+                     .flags = flag(launch_.band.infrared, aov_infrared) | flag(launch_.wants_projector(), aov_projector) |
+                              flag(launch_.wants_visibility(), aov_visibility) | flag(launch_.wants_motion(), aov_motion) |
+                              flag(plan_.environments, aov_environments) | flag(plan_.camera, aov_camera)};
+  backend_.stages->aov(commands_, push);
   if (!launch_.wants_visibility()) return;
   commands_.begin_stage("trace occluded");
-  o_.tracer_->occluded(commands_, b_.shadow_queue(0));
-  o_.stages_->visibility(commands_, push);
-}
-
-void PathTracer::Wave::render_paths(bool last) {
-  generate(launch_.wants_variance() ? generate_replicates : 0);
-  trace_paths();
-  if (launch_.denoise == DenoiseKind::atrous)
-    o_.denoiser_.moments(commands_, b_.state(), range_, b_.size().groups, range_.first_sample == run_.first_sample());
-  accumulate(last);
-}
-
-void PathTracer::Wave::blend_guides() {
-  generate(generate_rays_only);
-  trace_closest(0);
-  o_.denoiser_.blend(commands_, rays());
-}
-
-void PathTracer::Wave::remodulate() {
-  generate(generate_rays_only | generate_listed, o_.denoiser_.squares());
-  trace_closest(0);
-  o_.denoiser_.remodulate(commands_, rays());
+  backend_.tracer->occluded(commands_, buffers_.shadow_queue(0));
+  backend_.stages->visibility(commands_, push);
 }
 
 // Shadow rays and next rays of a bounce are both there after `shade`, so a host tracer answers them in one stop, and a GPU traces both at
 // once: the few long rays that each ends with then run beside each other.
-void PathTracer::Wave::trace_paths() {
-  const bool shadows = o_.tables_.shadow_rays_per_vertex() > 0;
+void Wave::trace_paths() {
+  generate(flag(launch_.wants_variance(), generate_replicates));
   trace_closest(0);
-  for (uint32_t bounce = 0; bounce <= run_.last_bounce(); ++bounce) {
+  for (uint32_t bounce = 0; bounce <= plan_.last_bounce; ++bounce) {
     shade(bounce);
-    const bool lit = shadows && bounce <= run_.last_lit();
-    bool more = bounce < run_.last_bounce();
-    if (lit && more && !o_.device_->is_cpu() && !glass_shadows()) {
+    const bool lit = plan_.shadow_rays_per_vertex > 0 && bounce <= plan_.last_lit;
+    bool more = bounce < plan_.last_bounce;
+    if (lit && more && !on_cpu_device() && !glass_shadows()) {
       commands_.set_automatic_barriers(false);
       trace_shadows(bounce, "trace");
       commands_.set_automatic_barriers(true);
       trace_closest(bounce + 1, "trace");
     } else {
       if (lit) trace_shadows(bounce);
-      if (o_.device_->is_cpu()) commands_.flush();  // then the host sees how many paths are left
-      more = more && b_.ray_count(bounce + 1) > 0;
+      if (on_cpu_device()) commands_.flush();  // then the host sees how many paths are left
+      more = more && buffers_.ray_count(bounce + 1) > 0;
       if (more) trace_closest(bounce + 1);
     }
     if (lit) resolve(bounce);
@@ -77,112 +64,129 @@ void PathTracer::Wave::trace_paths() {
   }
 }
 
-void PathTracer::Wave::trace_closest(uint32_t bounce, const char* stage) {
+void Wave::trace_closest(uint32_t bounce, const char* stage) {
   commands_.begin_stage(stage);
-  o_.tracer_->closest(commands_, b_.closest_queue(bounce));
+  backend_.tracer->closest(commands_, buffers_.closest_queue(bounce));
 }
 
-void PathTracer::Wave::trace_shadows(uint32_t bounce, const char* stage) {
+void Wave::trace_shadows(uint32_t bounce, const char* stage) {
   if (glass_shadows()) return trace_by_surfaces(bounce);
   commands_.begin_stage(stage);
-  const RayQueue rays = b_.shadow_queue(bounce);
-  if (!run_.passes_glass()) return o_.tracer_->occluded(commands_, rays);
-  o_.tracer_->occluded_by_more_than_glass(commands_, rays,
-                                          {b_.contributions(), o_.tables_.address(), launch_.glass_surfaces, b_.size().features,
-                                           launch_.band.infrared, o_.tables_.has_medium()});
+  const RayQueue rays = buffers_.shadow_queue(bounce);
+  if (!plan_.passes_glass) return backend_.tracer->occluded(commands_, rays);
+  backend_.tracer->occluded_by_more_than_glass(commands_, rays,
+                                               {.contributions = buffers_.contributions(),
+                                                .scene = plan_.scene,
+                                                .surfaces = launch_.glass_surfaces,
+                                                .features = plan_.features,
+                                                .infrared = launch_.band.infrared,
+                                                .medium = plan_.medium});
 }
 
-void PathTracer::Wave::trace_by_surfaces(uint32_t bounce) {
-  const uint32_t surfaces = b_.size().glass_surfaces;
+void Wave::trace_by_surfaces(uint32_t bounce) {
+  const uint32_t surfaces = buffers_.size().glass_surfaces;
   for (uint32_t passed = 0; passed <= surfaces; ++passed) {
-    if (passed > 0 && o_.on_host_ && b_.shadow_ray_count(bounce, passed) == 0) return;
+    if (passed > 0 && backend_.memory.on_host && buffers_.shadow_ray_count(bounce, passed) == 0) return;
     commands_.begin_stage("trace closest");
-    o_.tracer_->closest(commands_, b_.shadow_queue(bounce, passed));
+    backend_.tracer->closest(commands_, buffers_.shadow_queue(bounce, passed));
     const bool last = passed == surfaces;
-    o_.stages_->transmit(commands_,
-                         {b_.shadow_rays(passed), b_.shadow_rays(passed + 1), b_.shadow_environments(passed),
-                          b_.shadow_environments(passed + 1), b_.contributions(), b_.counter_address(), o_.tables_.address(),
-                          b_.shadow_capacity(), b_.shadow_block(bounce, passed), b_.shadow_block(bounce, last ? passed : passed + 1),
-                          run_.environments_ ? 1u : 0u, last ? 1u : 0u, o_.tables_.has_medium() ? 1u : 0u, 0u},
-                         b_);
+    backend_.stages->transmit(commands_,
+                              {.rays_in = buffers_.shadow_rays(passed),
+                               .rays_out = buffers_.shadow_rays(passed + 1),
+                               .environments_in = buffers_.shadow_environments(passed),
+                               .environments_out = buffers_.shadow_environments(passed + 1),
+                               .contributions = buffers_.contributions(),
+                               .counters = buffers_.counter_address(),
+                               .scene = plan_.scene,
+                               .capacity = buffers_.shadow_capacity(),
+                               .block_in = buffers_.shadow_block(bounce, passed),
+                               .block_out = buffers_.shadow_block(bounce, last ? passed : passed + 1),
+                               .has_environments = flag(plan_.environments, 1),
+                               .last = flag(last, 1),
+                               .has_medium = flag(plan_.medium, 1),
+                               .reserved = 0},
+                              buffers_);
   }
 }
 
-void PathTracer::Wave::generate(uint32_t flags, uint64_t pixels) {
-  GeneratePush push{o_.views_.address(),
-                    o_.cameras_.address(),
-                    b_.closest_rays(0),
-                    b_.closest_environments(0),
-                    b_.state(),
-                    b_.counter_address(),
-                    pixels,
-                    range_,
-                    b_.size().channels,
-                    b_.size().groups,
-                    flags};
-  push.flags |=
-      (run_.environments_ ? generate_environments : 0) | (run_.camera_ ? generate_camera : 0) | (o_.tables_.moves() ? generate_motion : 0);
-  o_.stages_->generate(commands_, push, b_);
+void Wave::generate(uint32_t flags, uint64_t pixels) {
+  backend_.stages->generate(commands_,
+                            {.views = plan_.views,
+                             .cameras = plan_.cameras,
+                             .rays = buffers_.closest_rays(0),
+                             .ray_environments = buffers_.closest_environments(0),
+                             .state = buffers_.state(),
+                             .counters = buffers_.counter_address(),
+                             .pixels = pixels,
+                             .range = range_,
+                             .channels = buffers_.size().channels,
+                             .groups = plan_.groups,
+                             .flags = flags | flag(plan_.environments, generate_environments) | flag(plan_.camera, generate_camera) |
+                                      flag(plan_.motion, generate_motion)},
+                            buffers_);
 }
 
-void PathTracer::Wave::shade(uint32_t bounce) {
-  ShadePush push{};
-  push.rays_in = b_.closest_rays(bounce);
-  push.rays_out = b_.closest_rays(bounce + 1);
-  push.shadow_rays = b_.shadow_rays();
-  push.ray_environments = b_.closest_environments(bounce + 1);
-  push.shadow_environments = b_.shadow_environments();
-  push.contributions = b_.contributions();
-  push.state = b_.state();
-  push.counters = b_.counter_address();
-  push.scene = o_.tables_.address();
-  push.capacity = b_.size().capacity;
-  push.shadow_capacity = b_.shadow_capacity();
-  push.bounce = bounce;
-  push.max_bounces = launch_.max_bounces;
-  push.shadow_rays_per_vertex = bounce <= run_.last_lit() ? b_.size().shadow_rays_per_vertex : 0;
-  push.flags = (run_.environments_ ? shade_environments : 0) | (o_.tables_.has_ambient() ? shade_ambient : 0) |
-               (o_.tables_.select_lights() ? shade_select_lights : 0) | (glass_shadows() ? shade_glass_shadows : 0) |
-               (o_.tables_.has_medium() ? shade_medium : 0) | (launch_.light_sampling == LightSampling::lights ? shade_lights_only : 0) |
-               (launch_.light_sampling == LightSampling::bsdf ? shade_bsdf_only : 0);
-  push.groups = b_.size().groups;
-  o_.stages_->shade(commands_, push, b_);
+void Wave::shade(uint32_t bounce) {
+  backend_.stages->shade(
+      commands_,
+      {.rays_in = buffers_.closest_rays(bounce),
+       .rays_out = buffers_.closest_rays(bounce + 1),
+       .shadow_rays = buffers_.shadow_rays(),
+       .ray_environments = buffers_.closest_environments(bounce + 1),
+       .shadow_environments = buffers_.shadow_environments(),
+       .contributions = buffers_.contributions(),
+       .state = buffers_.state(),
+       .counters = buffers_.counter_address(),
+       .scene = plan_.scene,
+       .capacity = buffers_.size().capacity,
+       .shadow_capacity = buffers_.shadow_capacity(),
+       .bounce = bounce,
+       .max_bounces = launch_.max_bounces,
+       .shadow_rays_per_vertex = bounce <= plan_.last_lit ? plan_.shadow_rays_per_vertex : 0,
+       .flags = flag(plan_.environments, shade_environments) | flag(plan_.ambient, shade_ambient) |
+                flag(plan_.select_lights, shade_select_lights) | flag(glass_shadows(), shade_glass_shadows) |
+                flag(plan_.medium, shade_medium) | flag(launch_.light_sampling == LightSampling::lights, shade_lights_only) |
+                flag(launch_.light_sampling == LightSampling::bsdf, shade_bsdf_only),
+       .groups = plan_.groups,
+       .reserved = 0},
+      buffers_);
 }
 
-void PathTracer::Wave::resolve(uint32_t bounce) {
-  const ResolvePush push{b_.closest_rays(bounce),
-                         b_.shadow_rays(),
-                         b_.contributions(),
-                         b_.state(),
-                         b_.counter_address(),
-                         b_.size().capacity,
-                         b_.shadow_capacity(),
-                         bounce,
-                         b_.size().shadow_rays_per_vertex,
-                         b_.size().channels,
-                         b_.size().groups,
-                         glass_shadows() ? 1u : 0u,
-                         0};
-  o_.stages_->resolve(commands_, push, b_);
+void Wave::resolve(uint32_t bounce) {
+  backend_.stages->resolve(commands_,
+                           {.rays = buffers_.closest_rays(bounce),
+                            .shadow_rays = buffers_.shadow_rays(),
+                            .contributions = buffers_.contributions(),
+                            .state = buffers_.state(),
+                            .counters = buffers_.counter_address(),
+                            .capacity = buffers_.size().capacity,
+                            .shadow_capacity = buffers_.shadow_capacity(),
+                            .bounce = bounce,
+                            .shadow_rays_per_vertex = plan_.shadow_rays_per_vertex,
+                            .channels = buffers_.size().channels,
+                            .groups = plan_.groups,
+                            .glass_shadows = flag(glass_shadows(), 1),
+                            .reserved = 0},
+                           buffers_);
 }
 
-void PathTracer::Wave::accumulate(bool last) {
-  AccumulatePush push{};
-  push.state = b_.state();
-  push.sums = run_.keeps_sums() ? o_.accumulation_.address() : o_.memory().address(*o_.sums_);
-  push.outputs = o_.outputs_.address();
-  push.range = range_;
-  push.channels = b_.size().channels;
-  push.groups = b_.size().groups;
-  push.flags = (range_.first_sample > run_.first_sample() ? accumulate_continues : 0) |
-               (run_.keeps_sums() || !last ? accumulate_keeps : 0) | (last ? accumulate_writes : 0) |
-               (launch_.wants_variance() ? accumulate_replicates : 0);
-  push.sums_first = run_.keeps_sums() ? range_.first_pixel : range_.first_pixel - run_.batch_.first_pixel;
-  push.sums_stride = run_.keeps_sums() ? launch_.pixel_count() : run_.batch_.pixel_count;
-  push.first_sample = run_.first_sample();
-  push.sample_count = range_.first_sample - run_.first_sample() + range_.sample_count;
-  push.inverse_samples = float(1.0 / push.sample_count);
-  o_.stages_->accumulate(commands_, push);
+void Wave::accumulate(const PixelSums& sums, uint64_t outputs, bool last) {
+  const uint32_t sample_count = range_.first_sample - sums.first_sample + range_.sample_count;
+  backend_.stages->accumulate(commands_, {.state = buffers_.state(),
+                                          .sums = sums.address,
+                                          .outputs = outputs,
+                                          .range = range_,
+                                          .channels = buffers_.size().channels,
+                                          .groups = plan_.groups,
+                                          .flags = flag(range_.first_sample > sums.first_sample, accumulate_continues) |
+                                                   flag(sums.outlive_call || !last, accumulate_keeps) | flag(last, accumulate_writes) |
+                                                   flag(launch_.wants_variance(), accumulate_replicates),
+                                          .sums_first = range_.first_pixel - sums.first_pixel,
+                                          .sums_stride = sums.pixel_count,
+                                          .first_sample = sums.first_sample,
+                                          .sample_count = sample_count,
+                                          .inverse_samples = float(1.0 / sample_count),
+                                          .reserved = 0});
 }
 
 }  // namespace kuafu

@@ -1,26 +1,73 @@
 // One wave of paths, or of rays through pixels, on its way through the stages. Thread rule: any thread, one at a time for a slot's memory.
 #pragma once
 
-#include "pathtrace/render_run.h"
+#include "accel/tracer.h"
+#include "frame/image_step.h"
+#include "frame/launch.h"
+#include "pathtrace/stages.h"
+#include "pathtrace/wave_buffers.h"
 
 namespace kuafu {
 
-class PathTracer::Wave {
+/// Who answers a wave's rays and runs its stages.
+struct WaveBackend {
+  Memory memory;
+  std::unique_ptr<Tracer> tracer;
+  std::unique_ptr<Stages> stages;
+};
+
+/// What all waves of a launch have in common: where their tables lie, and what of the scene they must care for.
+struct WavePlan {
+  uint64_t scene = 0, views = 0, cameras = 0, aov = 0;  // addresses of the tables that stages read
+  bool environments = false;                            // rays carry an environment
+  bool camera = false;                                  // some view is more than a pinhole at rest
+  bool motion = false;                                  // rays have a time
+  bool medium = false;
+  bool ambient = false;        // there is light that only BSDF rays find
+  bool select_lights = false;  // each vertex asks one light, chosen by power
+  bool passes_glass = false;   // shadow rays may pass something on their way
+  uint32_t features = 0;       // feature_*
+  uint32_t groups = 0;         // of light, kept apart
+  uint32_t shadow_rays_per_vertex = 0;
+  uint32_t last_lit = 0;     // the last pass that asks for light
+  uint32_t last_bounce = 0;  // the last pass
+};
+
+/// The sums of pixels between passes: planes of pixel_count words, of the pixels from first_pixel on.
+struct PixelSums {
+  uint64_t address = 0;
+  uint32_t first_pixel = 0, pixel_count = 0;
+  uint32_t first_sample = 0;  // that the sums begin with
+  bool outlive_call = false;  // later rounds or calls go on with them
+};
+
+class Wave {
  public:
-  /// A part of the run's batch: its pixels and samples.
-  Wave(const Run& run, WaveBuffers& buffers, ks::Commands& commands, const WaveRange& range)
-      : run_(run), o_(run.o_), launch_(run.launch_), b_(buffers), commands_(commands), range_(range) {}
-  /// AOVs and the denoiser's guides, of rays through pixel centres.
-  void render_aovs();
-  /// last: no more samples follow, so outputs are written.
-  void render_paths(bool last);
-  /// What the denoiser asks over each pixel's square.
-  void blend_guides();
-  void remodulate();
+  /// A batch of pixels and samples of the launch, or a part of one.
+  Wave(const WaveBackend& backend, const Launch& launch, const WavePlan& plan, WaveBuffers& buffers, ks::Commands& commands,
+       const WaveRange& range)
+      : backend_(backend), launch_(launch), plan_(plan), buffers_(buffers), commands_(commands), range_(range) {}
+
+  /// Rays through the middle of each pixel; then rays() are traced.
+  void trace_centres();
+  /// After trace_centres: what the launch asks of the surfaces there. `outputs` is the address of an OutputArray.
+  void write_aovs(uint64_t outputs);
+  /// The range's samples as rays over each pixel's square, for the pixels in `listed` (as GeneratePush.pixels; 0: all); then rays() are
+  /// traced.
+  void trace_squares(uint64_t listed);
+  /// Paths from the camera to their ends; then state() has the light that each found.
+  void trace_paths();
+  /// After trace_paths; `last`: no more samples follow, so `outputs` are written.
+  void accumulate(const PixelSums& sums, uint64_t outputs, bool last);
+
+  [[nodiscard]] ks::Commands& commands() const { return commands_; }
+  [[nodiscard]] WaveRays rays() const {
+    return {.rays = buffers_.closest_rays(0), .scene = plan_.scene, .views = plan_.views, .range = range_};
+  }
+  [[nodiscard]] uint64_t state() const { return buffers_.state(); }
+  [[nodiscard]] const WaveRange& range() const { return range_; }
 
  private:
-  void aov();
-  void trace_paths();
   /// pixels: with generate_listed, as GeneratePush has it.
   void generate(uint32_t flags, uint64_t pixels = 0);
   void shade(uint32_t bounce);
@@ -28,15 +75,14 @@ class PathTracer::Wave {
   void trace_shadows(uint32_t bounce, const char* stage = "trace occluded");
   void trace_by_surfaces(uint32_t bounce);
   void resolve(uint32_t bounce);
-  void accumulate(bool last);
   /// Shadow rays pass glass surface by surface, in queues of their own.
-  [[nodiscard]] bool glass_shadows() const { return b_.size().glass_surfaces > 0; }
-  [[nodiscard]] WaveRays rays() const { return {b_.closest_rays(0), o_.tables_.address(), o_.views_.address(), range_}; }
+  [[nodiscard]] bool glass_shadows() const { return buffers_.size().glass_surfaces > 0; }
+  [[nodiscard]] bool on_cpu_device() const { return backend_.memory.device->is_cpu(); }
 
-  const Run& run_;
-  PathTracer& o_;
+  const WaveBackend& backend_;
   const Launch& launch_;
-  WaveBuffers& b_;
+  const WavePlan& plan_;
+  WaveBuffers& buffers_;
   ks::Commands& commands_;
   const WaveRange range_;
 };

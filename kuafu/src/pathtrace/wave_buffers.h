@@ -5,7 +5,7 @@
 #include <memory>
 
 #include "accel/tracer.h"
-#include "pathtrace/device_array.h"
+#include "frame/device_array.h"
 #include "shared/wave.h"
 
 namespace kuafu {

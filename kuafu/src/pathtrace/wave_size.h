@@ -14,6 +14,8 @@ constexpr uint32_t waves_per_worker = 32;  // between two reports of progress
 uint32_t most_paths(const ks::Device& device, uint32_t shadow_rays_per_vertex);
 /// The same of a GPU with so much memory, whose dispatches have at most so many groups.
 uint32_t gpu_wave_paths(uint64_t memory_bytes, uint32_t most_groups, uint32_t shadow_rays_per_vertex);
+/// Samples of a pixel in one wave; fixed, since the order of sums follows from it. A budget renders in rounds, which are short.
+constexpr uint32_t most_pass_samples(bool in_rounds) { return in_rounds ? 32 : 256; }
 /// Near the golden section of n, coprime to it, and small enough that block * stride stays below 2^32.
 uint32_t permutation_stride(uint32_t n);
 

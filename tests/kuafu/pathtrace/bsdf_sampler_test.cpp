@@ -5,9 +5,9 @@
 #include <random>
 #include <vector>
 
+#include "frame/host_language.h"
 #include "material/glass_albedo.h"
 #include "material/specular_albedo.h"
-#include "pathtrace/host_language.h"
 
 #define KUAFU_CHANNELS 1
 namespace kuafu {

@@ -6,10 +6,10 @@
 #include <random>
 #include <vector>
 
+#include "frame/host_language.h"
 #include "light/light_table.h"
 #include "material/material_record.h"
 #include "material/texels.h"
-#include "pathtrace/host_language.h"
 
 #define KUAFU_CHANNELS 1
 namespace kuafu {

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <vector>
 
-#include "pathtrace/host_language.h"
+#include "frame/host_language.h"
 #include "pathtrace/wave_size.h"
 
 namespace kuafu {

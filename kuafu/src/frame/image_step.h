@@ -10,10 +10,16 @@
 
 #include "device/compute.h"
 #include "device/thread_pool.h"
-#include "pathtrace/device_array.h"
+#include "frame/device_array.h"
 #include "shared/wave.h"
 
 namespace kuafu {
+
+/// The rays of a wave and what they met, for the steps that read them: addresses of the queue and of the tables that its hits refer to.
+struct WaveRays {
+  uint64_t rays = 0, scene = 0, views = 0;
+  WaveRange range{};
+};
 
 template <class Push>
 class ImageStep {

@@ -59,4 +59,4 @@ bool answer(uint i) {
   return true;
 }
 
-#include "lib/bvh_main.glsl"
+#include "entry/bvh_main.glsl"

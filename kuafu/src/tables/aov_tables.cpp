@@ -1,4 +1,4 @@
-#include "pathtrace/aov_tables.h"
+#include "tables/aov_tables.h"
 
 #include <algorithm>
 

@@ -1,4 +1,4 @@
-#include "pathtrace/instance_table.h"
+#include "tables/instance_table.h"
 
 #include <algorithm>
 #include <cmath>

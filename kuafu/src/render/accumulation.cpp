@@ -1,4 +1,4 @@
-#include "pathtrace/accumulation.h"
+#include "render/accumulation.h"
 
 #include "shared/wave.h"
 

@@ -1,18 +1,19 @@
-// One render call's images between its last path and the caller's buffers: words of 32 bits (float32, ids as uint32), packed
+// The images of one render call between its last path and the caller's buffers: words of 32 bits (float32, ids as uint32), packed
 // [view][row][column][channel]. An output stands here when a later step needs it (film, denoiser, another format); else the stages write
 // straight into the caller's image, and nothing is here. Thread rule: externally synchronised.
 #pragma once
 
 #include <array>
 
-#include "pathtrace/device_array.h"
-#include "pathtrace/launch.h"
+#include "frame/device_array.h"
+#include "frame/image_step.h"
+#include "frame/launch.h"
 
 namespace kuafu {
 
 class Frame {
  public:
-  explicit Frame(Memory memory) : memory_(std::move(memory)) {}
+  explicit Frame(Memory memory);
 
   /// Makes room for what `launch` holds, and gives back what it does not.
   void fit(const Launch& launch);
@@ -24,14 +25,23 @@ class Frame {
   [[nodiscard]] bool is_empty() const;
   [[nodiscard]] ks::Buffer& image(uint32_t kind) const { return *images_[kind]; }
   [[nodiscard]] uint64_t address(uint32_t kind) const { return memory_.address(*images_[kind]); }
-  /// Where the stages write output `kind`: here or, where it is not held, into the caller's image.
-  [[nodiscard]] OutputRecord target(const Launch& launch, uint32_t kind) const;
-  /// A held image on its way to the caller's.
-  [[nodiscard]] WritePush write(const Launch& launch, uint32_t kind) const;
+  /// Address of an OutputArray, by output_*: where the stages write each output, which is here or in the caller's image.
+  [[nodiscard]] uint64_t outputs() const { return outputs_.address(); }
+  /// Brings the held images to the caller's, in the caller's formats.
+  void deliver(ks::Commands& commands, const Launch& launch);
 
  private:
+  [[nodiscard]] OutputRecord target(const Launch& launch, uint32_t kind) const;
+
   Memory memory_;
   std::array<std::shared_ptr<ks::Buffer>, output_kind_count> images_;
+  MappedTable<OutputRecord> outputs_;
+  ImageStep<WritePush> write_;
 };
+
+namespace host {
+/// Stage `write` compiled as C++. Thread rule: any thread; ranges are independent.
+void write(const WritePush& push, uint32_t first, uint32_t end);
+}  // namespace host
 
 }  // namespace kuafu

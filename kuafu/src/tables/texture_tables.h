@@ -7,8 +7,8 @@
 #include <unordered_map>
 #include <vector>
 
+#include "frame/device_array.h"
 #include "light/light_table.h"
-#include "pathtrace/device_array.h"
 #include "scene/scene.h"
 #include "shared/scene_records.h"
 

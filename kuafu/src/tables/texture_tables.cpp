@@ -1,4 +1,4 @@
-#include "pathtrace/texture_tables.h"
+#include "tables/texture_tables.h"
 
 #include <algorithm>
 

@@ -2,8 +2,8 @@
 // Thread rule: externally synchronised; no work may be in flight during update.
 #pragma once
 
-#include "pathtrace/device_array.h"
-#include "pathtrace/launch.h"
+#include "frame/device_array.h"
+#include "frame/launch.h"
 
 namespace kuafu {
 

@@ -1,4 +1,4 @@
-#include "pathtrace/scene_tables.h"
+#include "tables/scene_tables.h"
 
 #include <algorithm>
 #include <cmath>

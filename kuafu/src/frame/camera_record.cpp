@@ -2,7 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "pathtrace/launch.h"
+#include "frame/launch.h"
 #include "scene/motion_record.h"
 
 namespace kuafu {

@@ -4,7 +4,7 @@
 
 #include <memory>
 
-#include "pathtrace/device_array.h"
+#include "frame/device_array.h"
 
 namespace kuafu {
 

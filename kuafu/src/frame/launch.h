@@ -8,9 +8,9 @@
 #include <vector>
 
 #include "device/buffer.h"
-#include "film/optics.h"
-#include "pathtrace/band.h"
+#include "frame/band.h"
 #include "scene/camera.h"
+#include "scene/film.h"
 #include "scene/scene.h"
 #include "shared/aov_record.h"
 #include "shared/wave.h"

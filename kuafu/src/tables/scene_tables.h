@@ -4,13 +4,13 @@
 
 #include <memory>
 
+#include "frame/band.h"
 #include "light/light_table.h"
-#include "pathtrace/band.h"
-#include "pathtrace/instance_table.h"
-#include "pathtrace/texture_tables.h"
 #include "scene/scene.h"
 #include "shared/scene_records.h"
 #include "shared/wave.h"
+#include "tables/instance_table.h"
+#include "tables/texture_tables.h"
 
 namespace kuafu {
 

@@ -1,4 +1,4 @@
-#include "pathtrace/budget.h"
+#include "render/budget.h"
 
 #include <algorithm>
 #include <cmath>

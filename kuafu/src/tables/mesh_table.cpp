@@ -1,4 +1,4 @@
-#include "pathtrace/mesh_table.h"
+#include "tables/mesh_table.h"
 
 namespace kuafu {
 

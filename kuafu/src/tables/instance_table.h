@@ -4,7 +4,7 @@
 
 #include <vector>
 
-#include "pathtrace/mesh_table.h"
+#include "tables/mesh_table.h"
 
 namespace kuafu {
 

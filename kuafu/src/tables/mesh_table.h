@@ -5,8 +5,8 @@
 #include <memory>
 #include <vector>
 
-#include "accel/mesh_watch.h"
-#include "pathtrace/device_array.h"
+#include "frame/device_array.h"
+#include "scene/mesh_watch.h"
 #include "shared/scene_records.h"
 
 namespace kuafu {

@@ -1,4 +1,4 @@
-#include "pathtrace/launch.h"
+#include "frame/launch.h"
 
 #include <bit>
 

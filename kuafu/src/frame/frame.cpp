@@ -1,0 +1,67 @@
+#include "frame/frame.h"
+
+#include "spirv/write.h"
+
+namespace kuafu {
+namespace {
+
+OutputRecord callers(const Memory& memory, const OutputImage& image) {
+  if (!image.buffer) return {};
+  return {.words = memory.address(*image.buffer) + image.offset_bytes,
+          .first = image.first,
+          .view_stride = image.view_stride,
+          .row_stride = image.row_stride,
+          .enabled = 1,
+          .format = image.format,
+          .scale = image.scale};
+}
+
+}  // namespace
+
+Frame::Frame(Memory memory) : memory_(std::move(memory)), write_(memory_, write_spirv, host::write) {}
+
+void Frame::fit(const Launch& launch) {
+  for (uint32_t kind = 0; kind < output_kind_count; ++kind) {
+    std::shared_ptr<ks::Buffer>& held = images_[kind];
+    const uint64_t bytes = uint64_t(launch.pixel_count()) * launch.channels(kind) * 4;
+    const bool wanted = needs(launch, kind);
+    if (held && (!wanted || held->size_bytes() < bytes)) held.reset();
+    if (wanted && !held) held = ks::Buffer::create(memory_.device, bytes, memory_.device->is_cpu() ? KS_BUFFER_HOST_VISIBLE : 0);
+  }
+  const auto outputs = outputs_.resize(memory_, output_kind_count);
+  for (uint32_t kind = 0; kind < output_kind_count; ++kind) outputs[kind] = target(launch, kind);
+}
+
+bool Frame::is_empty() const {
+  for (const auto& image : images_)
+    if (image) return false;
+  return true;
+}
+
+OutputRecord Frame::target(const Launch& launch, uint32_t kind) const {
+  if (!holds(kind)) return callers(memory_, launch.outputs[kind]);
+  const int row = int(launch.width * launch.channels(kind));
+  return {.words = address(kind),
+          .first = 0,
+          .view_stride = row * int(launch.height),
+          .row_stride = row,
+          .enabled = 1,
+          .format = is_integer(kind) ? format_u32 : format_f32,
+          .scale = 1.0f};
+}
+
+void Frame::deliver(ks::Commands& commands, const Launch& launch) {
+  for (uint32_t kind = 0; kind < output_kind_count; ++kind) {
+    if (!launch.outputs[kind].buffer || !holds(kind)) continue;
+    write_.run(commands, "write",
+               {.from = address(kind),
+                .to = callers(memory_, launch.outputs[kind]),
+                .count = launch.pixel_count(),
+                .width = launch.width,
+                .height = launch.height,
+                .channels = launch.channels(kind),
+                .integer = is_integer(kind) ? 1u : 0u});
+  }
+}
+
+}  // namespace kuafu

@@ -1,0 +1,97 @@
+// One render call. Thread rule: externally synchronised, as the parts that it works with.
+#pragma once
+
+#include <chrono>
+#include <functional>
+#include <limits>
+#include <string>
+
+#include "denoise/denoiser.h"
+#include "film/film.h"
+#include "frame/frame.h"
+#include "pathtrace/path_tracer.h"
+#include "render/accumulation.h"
+#include "render/budget.h"
+
+namespace kuafu {
+
+/// What a render came to.
+struct RenderSummary {
+  uint32_t samples = 0, call_samples = 0;                            // in the images; of those, this call's
+  double relative_error = std::numeric_limits<double>::quiet_NaN();  // NaN where none was aimed at
+  double seconds = 0.0;
+};
+
+/// What render calls work with, one after the other: it keeps memory and tables between them.
+struct RenderParts {
+  RenderParts(std::shared_ptr<ks::Device> device, TracerKind tracer, std::string oidn_library)
+      : paths(std::move(device), tracer),
+        frame(paths.memory()),
+        accumulation(paths.memory()),
+        denoiser(paths.memory(), paths.queue_layout(), std::move(oidn_library)),
+        film(paths.memory()) {}
+
+  PathTracer paths;
+  Frame frame;
+  Accumulation accumulation;
+  std::shared_ptr<ks::Buffer> batch_sums;  // of passes over the same pixels, where no accumulation keeps them
+  Denoiser denoiser;
+  FilmOptics film;
+};
+
+/// Takes one launch through its rounds of samples and the steps on whole images.
+class RenderRun {
+ public:
+  RenderRun(RenderParts& parts, const Launch& launch, ks::Commands& commands)
+      : parts_(parts),
+        launch_(launch),
+        commands_(commands),
+        budget_(launch.samples, launch.pixel_count(), launch.max_seconds, launch.relative_error) {}
+  void prepare(const Scene& scene);
+  void render();
+  [[nodiscard]] RenderSummary summary() const {
+    return {.samples = all_samples(), .call_samples = budget_.done(), .relative_error = relative_error_, .seconds = seconds()};
+  }
+
+ private:
+  void check_countable() const;
+  void begin_accumulation();
+  void render_round();
+  void finish_round();
+  void render_surfaces(uint32_t first_pixel, uint32_t pixel_count);
+  void render_pixels(uint32_t first_pixel, uint32_t pixel_count);
+  void develop();
+  void denoise();
+  /// Rays over pixels' squares, for as many pixels as the denoiser asks for.
+  void in_squares(uint32_t pixels, const std::function<void(Wave&)>& step);
+  void report(uint32_t pixels_done, float part);
+
+  [[nodiscard]] const Memory& memory() const { return parts_.paths.memory(); }
+  [[nodiscard]] bool denoises() const { return launch_.denoise != DenoiseKind::none && launch_.wants_radiance(); }
+  /// Who asks for progress hears of it as it is made; else a GPU gets several batches at once, and not so many that a watchdog minds.
+  [[nodiscard]] bool ends_submission(uint32_t batch) const { return memory().device->is_cpu() || launch_.cancelled || batch % 8 == 7; }
+
+  /// Sums outlive the wave: later rounds or calls go on with them.
+  [[nodiscard]] bool keeps_sums() const { return (launch_.accumulate || launch_.has_budget()) && launch_.wants_radiance(); }
+  /// Planes of pixels that are summed.
+  [[nodiscard]] uint32_t sum_planes() const {
+    return launch_.band.channels() * (parts_.paths.plan().groups + (launch_.wants_variance() ? replicate_count : 0));
+  }
+  /// Where the sums of a batch of pixels are.
+  [[nodiscard]] PixelSums sums_of(uint32_t first_pixel, uint32_t pixel_count) const;
+  /// In the sums before the round that is being rendered.
+  [[nodiscard]] uint32_t samples_before() const { return keeps_sums() ? parts_.accumulation.samples() : 0; }
+  /// In the images, of this call and of those that it went on with.
+  [[nodiscard]] uint32_t all_samples() const { return samples_before() + (keeps_sums() ? 0 : budget_.done()); }
+  [[nodiscard]] uint32_t first_sample() const { return keeps_sums() ? parts_.accumulation.first_sample() : launch_.first_sample; }
+  [[nodiscard]] double seconds() const { return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count(); }
+
+  RenderParts& parts_;
+  const Launch& launch_;
+  ks::Commands& commands_;
+  Budget budget_;
+  double relative_error_ = std::numeric_limits<double>::quiet_NaN();
+  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+};
+
+}  // namespace kuafu

@@ -1,0 +1,34 @@
+#include "render/renderer.h"
+
+namespace kuafu {
+
+void hold_images(Launch& launch) {
+  launch.held = launch.relative_error > 0.0 ? 1u << output_variance | 1u << output_radiance : 0;
+  launch.held |= held_for_denoiser(launch) | held_for_film(launch);
+}
+
+Renderer::Renderer(std::shared_ptr<ks::Device> device, TracerKind tracer, std::string oidn_library)
+    : parts_(std::move(device), tracer, std::move(oidn_library)) {}
+
+void Renderer::render(const std::shared_ptr<const Scene>& scene, const Launch& launch) {
+  next_scene_ = scene;
+  // A recorder is made once and kept, unless an error leaves it in the middle of its work.
+  std::unique_ptr<ks::Commands> commands = commands_ ? std::move(commands_) : std::make_unique<ks::Commands>(device());
+  parts_.paths.collect_times(*commands);  // of a render that failed
+  commands->reset_stage_times();
+  RenderRun run(parts_, launch, *commands);
+  try {
+    run.prepare(*scene);
+    scene_ = scene;
+    run.render();
+  } catch (...) {
+    parts_.accumulation.clear();  // some pixels have more samples than others
+    throw;
+  }
+  stage_times_ = commands->stage_times();
+  summary_ = run.summary();
+  if (!launch.accumulate) parts_.accumulation.clear();
+  commands_ = std::move(commands);
+}
+
+}  // namespace kuafu

@@ -1,0 +1,39 @@
+// Renders launches: paths into the frame, then steps on whole images (denoiser, film optics), then the caller's formats.
+// Thread rule: externally synchronised.
+#pragma once
+
+#include <limits>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "render/render_run.h"
+
+namespace kuafu {
+
+/// Sets Launch::held for the steps after the paths: budget, denoiser and film.
+void hold_images(Launch& launch);
+
+class Renderer {
+ public:
+  /// Throws KS_ERROR_UNSUPPORTED for Embree on a device whose memory the host does not share.
+  /// oidn_library: path of Open Image Denoise; empty: wherever it is found.
+  Renderer(std::shared_ptr<ks::Device> device, TracerKind tracer, std::string oidn_library = {});
+
+  /// Blocks until the outputs are written. Throws KS_ERROR_CANCELLED when the launch's callback says so.
+  void render(const std::shared_ptr<const Scene>& scene, const Launch& launch);
+  /// Milliseconds per stage of the last render.
+  [[nodiscard]] const std::vector<std::pair<std::string, double>>& stage_times() const { return stage_times_; }
+  [[nodiscard]] const RenderSummary& summary() const { return summary_; }
+  [[nodiscard]] const std::shared_ptr<ks::Device>& device() const { return parts_.paths.memory().device; }
+
+ private:
+  RenderParts parts_;
+  // Tracer and tables know a scene by its address, so the last one lives until both have taken the next.
+  std::shared_ptr<const Scene> scene_, next_scene_;
+  std::unique_ptr<ks::Commands> commands_;  // null during a render, and after one that failed
+  std::vector<std::pair<std::string, double>> stage_times_;
+  RenderSummary summary_{};
+};
+
+}  // namespace kuafu
