@@ -22,7 +22,7 @@ GuideRecord guide_of_ray(uint i, uint view) {
   g.material = m.id;
   g.position = s.position;
   g.footprint_m = uintBitsToFloat(guide_word(i, ray_t_far)) * length(push.views.at[view].axis_u);
-  vec3 base = push.infrared == 0u ? p.base : vec3(m.ir_albedo * material_texel(scene, m.ir_albedo_texture, s.uv).r);
+  vec3 base = push.infrared == 0u ? p.base : vec3(p.base.x);
   g.albedo = max(base, vec3(least_albedo));
   // A reflection changes over the angle that the GGX lobe is wide, and turns twice as fast as the normal.
   float alpha = max(p.roughness * p.roughness, 0.02f);

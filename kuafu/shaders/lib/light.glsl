@@ -20,7 +20,7 @@ LightSample light_at(IN(LightRecord) light, vec3 position) {
   s.distance_m = sqrt(distance_squared);
   s.pdf = 0.0f;
   s.direction = to_light / s.distance_m;
-  s.irradiance = band_of(light.intensity, light.intensity.x) / distance_squared;
+  s.irradiance = band_of(light.intensity) / distance_squared;
   if (light.kind == light_projector) {
     vec3 q = vec3(dot(light.world_to_pixel[0], -to_light), dot(light.world_to_pixel[1], -to_light), dot(light.world_to_pixel[2], -to_light));
     Pattern pattern = Pattern(light.pattern, light.width, light.height, light.pattern_bits);

@@ -22,7 +22,7 @@ vec3 from_light_frame(IN(LightShape) s, vec3 v) { return s.axis_x * v.x + s.axis
 
 Spectrum light_texel(IN(SceneAddresses) scene, uint texture, vec2 uv) {
   vec4 t = material_texel(scene, texture, uv);
-  return band_of(xyz(t), t.r);
+  return band_of(xyz(t));
 }
 
 /// Equirectangular: the middle column looks along the frame's +z, columns go towards +x, row 0 looks along -y (up).
@@ -86,7 +86,7 @@ float flat_area(IN(LightRecord) light, IN(LightShape) s) {
 
 /// Radiance of a rectangle or disk at (x, y) of its plane, in metres.
 Spectrum flat_radiance(IN(SceneAddresses) scene, IN(LightRecord) light, IN(LightShape) s, vec2 p) {
-  Spectrum radiance = band_of(light.intensity, light.intensity.x);
+  Spectrum radiance = band_of(light.intensity);
   if (s.texture == no_texture) return radiance;
   vec2 half_size = light.kind == light_disk ? vec2(s.radius_m) : s.half_size;
   return radiance * light_texel(scene, s.texture, clamp(p / half_size * 0.5f + 0.5f, 0.0f, 0.999999f));
@@ -124,13 +124,13 @@ LightSample sample_sphere(IN(LightRecord) light, IN(LightShape) s, vec3 position
   float half_chord = s.radius_m * s.radius_m - distance_squared * (1.0f - local.z * local.z);
   l.distance_m = distance * local.z - sqrt(max(half_chord, 0.0f));
   l.pdf = cap > 0.0f ? 1.0f / (2.0f * pi * cap) : 0.0f;
-  l.irradiance = cap > 0.0f ? band_of(light.intensity, light.intensity.x) / (pi * s.radius_m * s.radius_m * l.pdf) : Spectrum(0.0f);
+  l.irradiance = cap > 0.0f ? band_of(light.intensity) / (pi * s.radius_m * s.radius_m * l.pdf) : Spectrum(0.0f);
   return l;
 }
 
 // E = L pi sin^2 of the half angle.
 Spectrum disc_radiance(IN(LightRecord) light, IN(LightShape) s) {
-  return band_of(light.intensity, light.intensity.x) / (pi * s.one_minus_cos * (2.0f - s.one_minus_cos));
+  return band_of(light.intensity) / (pi * s.one_minus_cos * (2.0f - s.one_minus_cos));
 }
 
 /// A directional light's texture stands across it in tiles of the given size, centred on the light's position.
@@ -145,7 +145,7 @@ LightSample sample_directional(IN(SceneAddresses) scene, IN(LightRecord) light, 
   l.direction = -s.axis_z;
   l.distance_m = infinite_m;
   l.pdf = 0.0f;
-  l.irradiance = band_of(light.intensity, light.intensity.x);
+  l.irradiance = band_of(light.intensity);
   if (s.one_minus_cos > 0.0f) {
     l.direction = to_world(frame_around(-s.axis_z), sample_cone(s.one_minus_cos, u));
     l.pdf = 1.0f / (2.0f * pi * s.one_minus_cos);
@@ -181,7 +181,7 @@ LightSample sample_mesh(IN(SceneAddresses) scene, IN(LightShape) s, vec3 positio
   float distance_squared = max(dot(way, way), 1e-20f);
   l.distance_m = sqrt(distance_squared);
   l.direction = way / l.distance_m;
-  l.pdf = max_component(band_of(record.emission, record.ir_emission)) / s.total * distance_squared /
+  l.pdf = max_component(band_of(record.emission)) / s.total * distance_squared /
           max(abs(dot(l.direction, surface.geometric_normal)), 1e-9f);
   l.irradiance = m.emission / l.pdf;
   l.light_group = record.light_group;
@@ -191,7 +191,7 @@ LightSample sample_mesh(IN(SceneAddresses) scene, IN(LightShape) s, vec3 positio
 
 /// Density of sample_mesh per solid angle for a surface met at distance t with this cosine.
 float mesh_pdf(IN(MaterialRecord) record, IN(LightShape) s, float t, float cosine) {
-  return max_component(band_of(record.emission, record.ir_emission)) / s.total * t * t / max(abs(cosine), 1e-9f);
+  return max_component(band_of(record.emission)) / s.total * t * t / max(abs(cosine), 1e-9f);
 }
 
 // Cumulative tables of an environment map: its rows, then each row's columns.
@@ -204,7 +204,7 @@ float map_pdf(IN(SceneAddresses) scene, IN(LightShape) s, vec2 uv) {
 }
 
 Spectrum map_radiance(IN(SceneAddresses) scene, IN(LightRecord) light, IN(LightShape) s, vec2 uv) {
-  return band_of(light.intensity, light.intensity.x) * light_texel(scene, s.texture, vec2(uv.x, clamp(uv.y, s.half_texel, 1.0f - s.half_texel)));
+  return band_of(light.intensity) * light_texel(scene, s.texture, vec2(uv.x, clamp(uv.y, s.half_texel, 1.0f - s.half_texel)));
 }
 
 LightSample sample_map(IN(SceneAddresses) scene, IN(LightRecord) light, IN(LightShape) s, vec2 u) {
@@ -237,7 +237,7 @@ LightSample sample_light(IN(SceneAddresses) scene, IN(LightRecord) light, IN(Lig
   l.pdf = 0.0f;
   // A projector's depth of focus needs the way itself, the others its direction.
   vec3 away = light.kind == light_projector ? -way : -l.direction;
-  l.irradiance = profile(scene, light, s, away, u) * band_of(light.intensity, light.intensity.x) / distance_squared;
+  l.irradiance = profile(scene, light, s, away, u) * band_of(light.intensity) / distance_squared;
   return l;
 }
 
@@ -263,7 +263,7 @@ ShapeHit meet_sphere(IN(LightRecord) light, IN(LightShape) s, vec3 origin, vec3 
   hit.found = true;
   hit.t = along - sqrt(half_chord);
   hit.pdf = 1.0f / (2.0f * pi * cap);
-  hit.radiance = band_of(light.intensity, light.intensity.x) / (pi * s.radius_m * s.radius_m);
+  hit.radiance = band_of(light.intensity) / (pi * s.radius_m * s.radius_m);
   return hit;
 }
 

@@ -39,27 +39,29 @@ void apply_normal_map(IN(SceneAddresses) scene, uint texture, INOUT(Surface) s) 
 
 MaterialPoint load_material(IN(SceneAddresses) scene, IN(MaterialRecord) m, INOUT(Surface) s) {
   MaterialPoint p;
-  p.base = band_of(m.base_color, m.ir_albedo);
-  p.emission = band_of(m.emission, m.ir_emission);
+  p.base = band_of(m.base_color);
+  p.emission = band_of(m.emission);
   p.metallic = m.metallic;
   p.roughness = m.roughness;
   p.specular = m.specular;
   p.ior = m.ior;
   p.transmission = m.transmission;
   p.coat = m.specular * m.coat;
-  p.transmission_roughness = 0.0f;
+  p.attenuation = Spectrum(0.0f);
+  p.transmission_roughness = p.diffuse_roughness = p.subsurface = 0.0f;
+  p.thin_walled = false;
   if ((features & feature_subsurface) != 0u) p.subsurface = m.subsurface;
   if ((features & feature_materials) != 0u) {
-    p.attenuation = m.thin_walled != 0u ? Spectrum(0.0f) : band_of(m.attenuation, m.ir_attenuation);
+    if (m.thin_walled == 0u) p.attenuation = band_of(m.attenuation);
     p.thin_walled = m.thin_walled != 0u;
     p.transmission_roughness = m.transmission_roughness;
     p.diffuse_roughness = m.diffuse_roughness;
   }
   if (m.textured == 0u) return p;
-  vec4 base = material_texel(scene, KUAFU_CHANNELS == 1 ? m.ir_albedo_texture : m.base_color_texture, s.uv);
-  p.base *= band_of(xyz(base), base.r);
+  vec4 base = material_texel(scene, m.base_color_texture, s.uv);
+  p.base *= band_of(xyz(base));
   vec4 emission = material_texel(scene, m.emission_texture, s.uv);
-  p.emission *= band_of(xyz(emission), emission.r);
+  p.emission *= band_of(xyz(emission));
   vec4 metallic_roughness = material_texel(scene, m.metallic_roughness_texture, s.uv);
   p.roughness *= metallic_roughness.g;
   p.metallic *= metallic_roughness.b;

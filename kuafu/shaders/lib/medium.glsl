@@ -7,8 +7,8 @@
 #include "lib/spectrum.glsl"
 #include "shared/scene_records.h"
 
-Spectrum medium_extinction(IN(MediumRecord) m) { return band_of(m.extinction, m.extinction.x); }
-Spectrum medium_albedo(IN(MediumRecord) m) { return band_of(m.albedo, m.albedo.x); }
+Spectrum medium_extinction(IN(MediumRecord) m) { return band_of(m.extinction); }
+Spectrum medium_albedo(IN(MediumRecord) m) { return band_of(m.albedo); }
 
 /// 1 - e^-x, without cancellation.
 float one_minus_exp(float x) { return x < 1e-3f ? x * (1.0f - 0.5f * x) : 1.0f - exp(-x); }

@@ -30,23 +30,21 @@ struct InstanceRecord {
 };
 KUAFU_ARRAY(InstanceArray, InstanceRecord, 8)
 
-/// Roughness, index and transmission are those of the band being rendered.
+/// All values are those of the band being rendered; in the infrared one, the three channels of a colour are the same.
 struct MaterialRecord {
   vec3 base_color;
   float metallic, roughness, specular, ior, transmission;
   vec3 emission;
-  float ir_albedo, ir_emission;
   uint id;        // scene id, or none for the grey default
   uint textured;  // nonzero: any of the textures below
-  uint base_color_texture, ir_albedo_texture, metallic_roughness_texture, normal_texture;
+  uint base_color_texture, metallic_roughness_texture, normal_texture;
   uint emission_texture, transmission_texture, specular_texture, ior_texture;
   vec3 attenuation;  // inside, 1/m
-  float ir_attenuation, transmission_roughness, diffuse_roughness;
+  float transmission_roughness, diffuse_roughness;
   float coat;  // 1, or 0: no dielectric layer (KUAFU_BSDF_PAPER)
   uint light_group;
   float subsurface;
   vec3 subsurface_albedo, subsurface_extinction;  // of one scattering, and 1/m
-  float ir_subsurface_albedo, ir_subsurface_extinction;
   uint thin_walled;
 };
 KUAFU_ARRAY(MaterialArray, MaterialRecord, 4)
@@ -159,7 +157,7 @@ KUAFU_ARRAY(SceneReference, SceneAddresses, 8)
 
 #ifdef __cplusplus
 static_assert(sizeof(InstanceRecord) == 144);
-static_assert(sizeof(MaterialRecord) == 164);
+static_assert(sizeof(MaterialRecord) == 140);
 static_assert(sizeof(TextureRecord) == 24);
 static_assert(sizeof(LightRecord) == 104);
 static_assert(sizeof(LightShape) == 152);

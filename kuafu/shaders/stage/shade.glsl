@@ -37,7 +37,7 @@ void arrive(uint i, OUT(Shading) s) {
     s.hit = depth(s.path) <= push.max_bounces;
   } else {
     IN(EnvironmentRecord) environment = push.scene.at[0].environments.at[path_environment(s.path)];
-    add_radiance(s.path.slot, ambient_group(environment.light_group), s.path.throughput * band_of(environment.radiance, environment.radiance.x));
+    add_radiance(s.path.slot, ambient_group(environment.light_group), s.path.throughput * band_of(environment.radiance));
   }
 }
 

@@ -18,7 +18,7 @@ Spectrum absorbed(IN(Path) path, IN(MaterialPoint) m, bool front, float t) {
   Spectrum attenuation = !front && m.transmission > 0.0f ? m.attenuation : Spectrum(0.0f);
   if (path.body != 0u) {
     IN(MaterialRecord) body = push.scene.at[0].materials.at[path.body - 1u];
-    attenuation = band_of(body.attenuation, body.ir_attenuation);
+    attenuation = band_of(body.attenuation);
   }
   return band_exp(attenuation * -t);
 }

@@ -73,7 +73,7 @@ bool walk_on(uint i, INOUT(Path) path, INOUT(Walk) walk, INOUT(Vertex) vertex) {
   IN(MaterialRecord) record = scene.materials.at[s.material];
   vec3 direction = load_direction(push.rays_in, i, push.capacity);
   if (record.subsurface == 0.0f || dot(s.geometric_normal, direction) <= 0.0f) return false;  // something stands in the body
-  Spectrum albedo = band_of(record.subsurface_albedo, record.ir_subsurface_albedo);
+  Spectrum albedo = band_of(record.subsurface_albedo);
   if (walked(path) >= walk_limit) {
 #if KUAFU_CHANNELS == 1
     path.throughput *= rest_of_walk(albedo, float(walk_limit));
@@ -81,7 +81,7 @@ bool walk_on(uint i, INOUT(Path) path, INOUT(Walk) walk, INOUT(Vertex) vertex) {
     path.throughput *= vec3(rest_of_walk(albedo.x, float(walk_limit)), rest_of_walk(albedo.y, float(walk_limit)), rest_of_walk(albedo.z, float(walk_limit)));
 #endif
   } else {
-    Spectrum extinction = band_of(record.subsurface_extinction, record.ir_subsurface_extinction);
+    Spectrum extinction = band_of(record.subsurface_extinction);
     float t_far = uintBitsToFloat(ray_field(i, ray_t_far));
     vec2 u = sample_2d(path.key, path.index, pair_flight(push.bounce));
     uint chosen;

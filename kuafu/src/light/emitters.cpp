@@ -11,7 +11,7 @@
 namespace kuafu {
 namespace {
 
-double emission_of(const Material& m, const Band& band) { return band.infrared ? m.ir_emission : brightness(m.emission); }
+double emission_of(const Material& m, const Band& band) { return brightness(band.color(m.emission, m.ir_emission)); }
 
 /// The instance in slot `index` adds its shining triangles; their weights are emission times area.
 void add_triangles(const Scene& scene, const Band& band, const Instance& instance, uint32_t index, std::vector<double>& weights,
@@ -55,7 +55,7 @@ std::vector<float> cell_means(const Texture& texture, const Band& band) {
   std::vector<float> along_rows(width * height), means(width * height);
   const auto value = [&](size_t i) {
     const glm::vec3 texel = texel_at(texels, i);
-    return std::max(0.0f, band.infrared ? texel.x : float(brightness(texel)));
+    return std::max(0.0f, float(brightness(band.color(texel, texel.x))));
   };
   for (size_t row = 0; row < height * width; row += width)
     for (size_t x = 0; x < width; ++x)

@@ -11,10 +11,6 @@ namespace {
 // Beer and Lambert: white light has this colour after the given distance. Black would be opaque; its stand-in lets e^-20 through.
 float attenuation(float color, float distance_m) { return distance_m > 0.0f ? -std::log(std::max(color, 2e-9f)) / distance_m : 0.0f; }
 
-void replace(float& visible, float infrared) {
-  if (!std::isnan(infrared)) visible = infrared;
-}
-
 /// Albedo of one scattering whose body, endless and evenly lit, has the given albedo: van de Hulst's spherical albedo of isotropic
 /// scattering (Multiple Light Scattering, 1980), (1 - s) (1 - 0.139 s) / (1 + 1.17 s) with s^2 = 1 - albedo, solved for s.
 float single_albedo(float albedo) {
@@ -28,20 +24,16 @@ void set_subsurface(MaterialRecord& r, const Material& m) {
     r.subsurface_albedo[i] = single_albedo(m.subsurface_color[i]);
     r.subsurface_extinction[i] = 1 / m.subsurface_radius_m[i];
   }
-  r.ir_subsurface_albedo = single_albedo(std::isnan(m.ir_subsurface_color) ? m.subsurface_color.r : m.ir_subsurface_color);
-  r.ir_subsurface_extinction = 1 / (std::isnan(m.ir_subsurface_radius_m) ? m.subsurface_radius_m.r : m.ir_subsurface_radius_m);
 }
 
 void set_textures(MaterialRecord& r, const Material& m) {
   r.base_color_texture = m.base_color_texture;
-  r.ir_albedo_texture = m.ir_albedo_texture != none ? m.ir_albedo_texture : std::isnan(m.ir_albedo) ? m.base_color_texture : no_texture;
   r.metallic_roughness_texture = m.metallic_roughness_texture;
   r.normal_texture = m.normal_texture;
   r.emission_texture = m.emission_texture;
   r.transmission_texture = m.transmission_texture;
   r.specular_texture = m.specular_texture;
   r.ior_texture = m.ior_texture;
-  r.textured = std::ranges::any_of(texture_ids(m), [](const uint32_t* id) { return *id != none; }) ? 1 : 0;
 }
 
 }  // namespace
@@ -49,10 +41,17 @@ void set_textures(MaterialRecord& r, const Material& m) {
 Material in_band(const Material& material, const Band& band) {
   Material m = material;
   if (!band.infrared) return m;
-  replace(m.roughness, m.ir_roughness);
-  replace(m.ior, m.ir_ior);
-  replace(m.transmission, m.ir_transmission);
-  replace(m.transmission_roughness, m.ir_transmission_roughness);
+  const float albedo = m.ir_albedo_texture != none ? 1.0f : m.base_color.r;
+  m.base_color = glm::vec4(glm::vec3(band.number(albedo, m.ir_albedo)), m.base_color.a);
+  if (m.ir_albedo_texture != none || !std::isnan(m.ir_albedo)) m.base_color_texture = m.ir_albedo_texture;
+  m.emission = band.color(m.emission, m.ir_emission);
+  m.attenuation_color = band.color(m.attenuation_color, m.ir_attenuation_color);
+  m.subsurface_color = band.color(m.subsurface_color, m.ir_subsurface_color);
+  m.subsurface_radius_m = band.color(m.subsurface_radius_m, m.ir_subsurface_radius_m);
+  m.roughness = band.number(m.roughness, m.ir_roughness);
+  m.ior = band.number(m.ior, m.ir_ior);
+  m.transmission = band.number(m.transmission, m.ir_transmission);
+  m.transmission_roughness = band.number(m.transmission_roughness, m.ir_transmission_roughness);
   return m;
 }
 
@@ -66,16 +65,14 @@ MaterialRecord material_record(const Material& material, uint32_t id, const Band
   r.ior = m.ior;
   r.transmission = m.transmission;
   r.emission = m.emission;
-  r.ir_albedo = !std::isnan(m.ir_albedo) ? m.ir_albedo : m.ir_albedo_texture != none ? 1.0f : m.base_color.r;
-  r.ir_emission = m.ir_emission;
   r.id = id;
   for (int i = 0; i < 3; ++i) r.attenuation[i] = attenuation(m.attenuation_color[i], m.attenuation_distance_m);
-  r.ir_attenuation = std::isnan(m.ir_attenuation_color) ? r.attenuation.r : attenuation(m.ir_attenuation_color, m.attenuation_distance_m);
   r.transmission_roughness = m.transmission_roughness;
   r.diffuse_roughness = m.diffuse_roughness;
   r.coat = m.bsdf == Material::Bsdf::paper ? 0.0f : 1.0f;
   r.light_group = m.light_group;
   r.thin_walled = m.thin_walled ? 1 : 0;
+  r.textured = std::ranges::any_of(texture_ids(material), [](const uint32_t* id) { return *id != none; }) ? 1 : 0;
   set_subsurface(r, m);
   set_textures(r, m);
   return r;

@@ -7,7 +7,7 @@
 
 namespace kuafu {
 
-/// The material with what it says of the infrared band in place of what it says of the visible one.
+/// The material with what it is in the band in the place of what it is in the visible one.
 Material in_band(const Material& material, const Band& band);
 
 MaterialRecord material_record(const Material& material, uint32_t id, const Band& band);

@@ -64,7 +64,7 @@ bool SceneTables::moved_lights(const Scene& scene) {
   const Revisions& now = scene.revisions();
   if (now.instances == seen_.instances && now.meshes == seen_.meshes) return false;
   if (world_radius_m(scene) != world_radius_m_) return true;
-  if (!emissive_[band_.infrared ? 1 : 0]) return false;
+  if (!emissive_) return false;
   const auto changes = scene.instance_changes(seen_.instances);
   if (now.meshes != seen_.meshes || !changes) return true;
   return std::ranges::any_of(*changes, [&](uint32_t slot) {
@@ -83,21 +83,20 @@ void SceneTables::forget() {
 void SceneTables::write_materials(const Scene& scene) {
   const std::vector<Material>& materials = scene.materials();
   const auto records = materials_.resize(memory_, materials.size() + 1);
-  has_glass_ = false;
-  material_features_ = 0;
+  has_glass_ = emissive_ = false;
+  bool frosted = false;
+  material_features_ = emission_group_ = 0;
   for (uint32_t i = 0; i < materials.size(); ++i) {
     const Material m = in_band(materials[i], band_);
     records[material_index(i)] = material_record(m, i, band_);
     has_glass_ = has_glass_ || (m.transmission > 0.0f && m.metallic < 1.0f);
+    emissive_ = emissive_ || m.emission != glm::vec3(0);
+    frosted = frosted || is_frosted(m);
     material_features_ |= material_features(m);
+    emission_group_ = std::max(emission_group_, m.light_group);
   }
   records[material_index(none)] = material_record(grey_default(), none, band_);
-  const bool frosted = std::ranges::any_of(materials, [&](const Material& m) { return is_frosted(in_band(m, band_)); });
   if (frosted && !has_glass_albedo_) write_albedos(true);
-  emissive_[0] = std::ranges::any_of(materials, [](const Material& m) { return m.emission != glm::vec3(0); });
-  emission_group_ = 0;
-  for (const Material& m : materials) emission_group_ = std::max(emission_group_, m.light_group);
-  emissive_[1] = std::ranges::any_of(materials, [](const Material& m) { return m.ir_emission != 0.0f; });
 }
 
 void SceneTables::write_medium(const Scene& scene) {
@@ -106,12 +105,9 @@ void SceneTables::write_medium(const Scene& scene) {
   has_medium_ = false;
   if (!scene.medium()) return;
   const Medium& m = *scene.medium();
-  const auto in_band = [&](const glm::vec3& visible, float infrared) {
-    return !band_.infrared ? visible : glm::vec3(std::isnan(infrared) ? visible.r : infrared);
-  };
   constexpr float endless = 3e38f;
-  r.extinction = in_band(m.extinction_per_m, m.ir_extinction_per_m);
-  r.albedo = in_band(m.albedo, m.ir_albedo);
+  r.extinction = band_.color(m.extinction_per_m, m.ir_extinction_per_m);
+  r.albedo = band_.color(m.albedo, m.ir_albedo);
   r.phase_g = m.phase_g;
   r.bounds_min = glm::vec3(glm::max(m.bounds_min_m, glm::dvec3(-double(endless))));
   r.bounds_max = glm::vec3(glm::min(m.bounds_max_m, glm::dvec3(double(endless))));
@@ -135,7 +131,7 @@ void SceneTables::write_lights(const Scene& scene, uint32_t environment_count) {
   lights_move_ = std::ranges::any_of(scene.lights(), [](const auto& l) { return l && (l->velocity.moves() || l->has_window()); });
   textures_.drop_unused();
   world_radius_m_ = world_radius_m(scene);
-  shining_.assign(emissive_[band_.infrared ? 1 : 0] ? scene.instance_slots().size() : 0, false);
+  shining_.assign(emissive_ ? scene.instance_slots().size() : 0, false);
   for (size_t slot = 0; slot < shining_.size(); ++slot) {
     const uint32_t id = scene.instance_slots()[slot];
     shining_[slot] = id != none && shines(scene, band_, *scene.instances()[id]);

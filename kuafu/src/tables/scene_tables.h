@@ -40,7 +40,7 @@ class SceneTables {
   [[nodiscard]] bool has_glass() const { return has_glass_; }
   /// Whether the environment or a surface shines in the band: light that only BSDF rays find.
   [[nodiscard]] bool has_ambient() const {
-    return has_environment_light_ || (light_features_ & feature_lights) != 0 || emissive_[band_.infrared ? 1 : 0];
+    return has_environment_light_ || (light_features_ & feature_lights) != 0 || emissive_;
   }
 
  private:
@@ -80,7 +80,7 @@ class SceneTables {
   bool select_lights_ = false, has_environment_light_ = false, has_glass_ = false, has_medium_ = false;
   uint32_t light_features_ = 0, material_features_ = 0;
   uint32_t light_group_ = 0, emission_group_ = 0;  // highest
-  bool emissive_[2] = {false, false};              // visible, infrared
+  bool emissive_ = false;                          // some material shines in the band
   double world_radius_m_ = 0.0;                    // that the lights were written with
   std::vector<bool> shining_;                      // by slot of the instances: whether it was among the lights
 };
