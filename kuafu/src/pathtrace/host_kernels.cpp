@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "frame/host_language.h"
-#include "pathtrace/host_pixel_samples.h"
+#include "pathtrace/host_lanes.h"
 
 #define KUAFU_CHANNELS 3
 namespace kuafu {
@@ -42,9 +42,9 @@ namespace host {
 void generate(const GeneratePush& push, uint32_t first, uint32_t end) {
   Generate stage{push};
   PixelSampleLanes lanes{};
-  Pixel pixels[pixel_sample_lanes];
-  for (; first < end; first += pixel_sample_lanes) {
-    const uint32_t count = std::min(pixel_sample_lanes, end - first);
+  Pixel pixels[lane_count];
+  for (; first < end; first += lane_count) {
+    const uint32_t count = std::min(lane_count, end - first);
     for (uint32_t l = 0; l < count; ++l) {
       pixels[l] = stage.slot_pixel(first + l, lanes.index[l]);
       lanes.view_key[l] = push.views.at[pixels[l].view].key;

@@ -1,4 +1,5 @@
-// The stages' text compiled as C++: each function runs a range of invocations. Thread rule: any thread; ranges are independent.
+// The stages' text (shaders/lib, shaders/stage) compiled as C++: each function runs a range of invocations.
+// Thread rule: any thread; ranges are independent, and lanes belong to one thread.
 #pragma once
 
 #include <condition_variable>
@@ -11,9 +12,11 @@ namespace kuafu::host {
 void generate(const GeneratePush& push, uint32_t first, uint32_t end);
 void resolve(const ResolvePush& push, uint32_t first, uint32_t end);
 void accumulate(const AccumulatePush& push, uint32_t first, uint32_t end);
-void aov_infrared(const AovPush& push, uint32_t first, uint32_t end);
-void aov_visible(const AovPush& push, uint32_t first, uint32_t end);
 void visibility(const AovPush& push, uint32_t first, uint32_t end);
+
+/// host_aov.cpp, compiled once for each band.
+using AovKernel = void(const AovPush& push, uint32_t first, uint32_t end);
+AovKernel aov_infrared, aov_visible;
 
 /// Gives chunk after chunk its places in the queues, in the order of the chunks: queues do not depend on the threads.
 /// Chunks must be started in order, as ks::ThreadPool does.
@@ -32,7 +35,7 @@ class QueuePlaces {
   Places ends_;
 };
 
-/// Each band and stage plain, for feature set 0, and full.
+/// host_shade.cpp, compiled once for each band, plain (feature set 0) and full.
 using ShadeKernel = void(const ShadePush& push, uint32_t first, uint32_t end, QueuePlaces& places, size_t chunk);
 using TransmitKernel = void(const TransmitPush& push, uint32_t first, uint32_t end, QueuePlaces& places, size_t chunk);
 ShadeKernel shade_infrared, shade_visible, shade_infrared_full, shade_visible_full;

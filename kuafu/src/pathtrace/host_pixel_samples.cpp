@@ -1,7 +1,5 @@
-#include "pathtrace/host_pixel_samples.h"
-
 #include "frame/host_language.h"
-#include "pathtrace/host_vectors.h"
+#include "pathtrace/host_lanes.h"
 
 namespace kuafu {
 namespace {
@@ -11,7 +9,7 @@ namespace {
 template <bool replicates>
 [[gnu::always_inline]] inline void sample_lanes(host::PixelSampleLanes& lanes) {
 #pragma GCC ivdep
-  for (uint l = 0; l < host::pixel_sample_lanes; ++l) {
+  for (uint l = 0; l < host::lane_count; ++l) {
     const PixelSample s = pixel_sample(lanes.view_key[l], lanes.pixel[l], lanes.index[l], replicates);
     lanes.key[l] = s.key;
     lanes.index[l] = s.index;

@@ -9,7 +9,6 @@
 
 #include "frame/launch.h"
 #include "pathtrace/wave.h"
-#include "pathtrace/wave_slots.h"
 #include "tables/aov_tables.h"
 #include "tables/scene_tables.h"
 

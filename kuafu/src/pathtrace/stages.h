@@ -7,7 +7,7 @@
 #include <memory>
 
 #include "accel/tracer.h"
-#include "pathtrace/wave_buffers.h"
+#include "pathtrace/wave_memory.h"
 #include "shared/wave.h"
 
 namespace kuafu {

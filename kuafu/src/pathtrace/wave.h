@@ -5,7 +5,7 @@
 #include "frame/image_step.h"
 #include "frame/launch.h"
 #include "pathtrace/stages.h"
-#include "pathtrace/wave_buffers.h"
+#include "pathtrace/wave_memory.h"
 
 namespace kuafu {
 

@@ -1,6 +1,6 @@
-// Stage `aov` on the host, compiled once for each band: channel count KUAFU_CHANNELS; defines KUAFU_HOST_AOV.
-#include "pathtrace/host_kernels.h"
+// Stage `aov` on the host. The build compiles this file once for each band: KUAFU_CHANNELS says which, KUAFU_HOST_AOV names the function.
 #include "frame/host_language.h"
+#include "pathtrace/host_kernels.h"
 
 namespace kuafu {
 namespace {
@@ -10,8 +10,8 @@ constexpr uint features = feature_camera | feature_motion;
 #include "lib/material.glsl"
 #include "lib/motion_vector.glsl"
 #include "lib/pixels.glsl"
-#include "lib/queue.glsl"
 #include "lib/projector_view.glsl"
+#include "lib/queue.glsl"
 
 struct Aov {
   const AovPush& push;

@@ -1,10 +1,13 @@
-// Memory of one wave of paths: two closest queues that take turns, the shadow queue, per-path state, counters. Grown when needed and kept.
-// Thread rule: externally synchronised.
+// The memory of waves, grown when needed and kept, and the slots that waves are rendered in.
+// Thread rule: WaveSlots::Lease from any thread, all else externally synchronised.
 #pragma once
 
 #include <memory>
+#include <mutex>
+#include <vector>
 
 #include "accel/tracer.h"
+#include "device/compute.h"
 #include "frame/device_array.h"
 #include "shared/wave.h"
 
@@ -22,6 +25,7 @@ struct WaveSize {
   uint32_t glass_surfaces = 0;  // that a shadow ray may pass; 0: shadow rays only ask whether something stands in the way
 };
 
+/// Of one wave of paths: two closest queues that take turns, the shadow queue, per-path state, counters.
 class WaveBuffers {
  public:
   explicit WaveBuffers(Memory memory) : memory_(std::move(memory)) {}
@@ -59,6 +63,44 @@ class WaveBuffers {
   Memory memory_;
   WaveSize size_;
   std::shared_ptr<ks::Buffer> rays_[2], environments_[2], shadow_rays_[2], shadow_environments_[2], contributions_, state_, counters_;
+};
+
+/// Where a wave is rendered: memory of queues and state, and a recorder.
+struct WaveSlot {
+  WaveBuffers buffers;
+  std::unique_ptr<ks::Commands> commands;  // host: for its stage times
+};
+
+/// A device has one slot; on the host each worker has its own, small enough for its cache.
+class WaveSlots {
+ public:
+  explicit WaveSlots(const Memory& memory);
+  void fit(const WaveSize& size);
+  [[nodiscard]] const WaveSize& size() const { return slots_.front().buffers.size(); }
+  /// The device's.
+  [[nodiscard]] WaveBuffers& only() { return slots_.front().buffers; }
+
+  /// Lends one of the host's, while it lives.
+  class Lease {
+   public:
+    explicit Lease(WaveSlots& owner);
+    ~Lease();
+    Lease(const Lease&) = delete;
+    Lease& operator=(const Lease&) = delete;
+    [[nodiscard]] WaveSlot& slot() const { return *slot_; }
+
+   private:
+    WaveSlots& owner_;
+    WaveSlot* slot_;
+  };
+
+  /// Brings the host's stage times, means of all workers, to `commands` and forgets them.
+  void collect_times(ks::Commands& commands);
+
+ private:
+  std::vector<WaveSlot> slots_;
+  std::mutex mutex_;
+  std::vector<WaveSlot*> idle_;
 };
 
 }  // namespace kuafu

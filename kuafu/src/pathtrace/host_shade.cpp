@@ -1,15 +1,15 @@
-// Compiled once for each band, plain and with every feature (KUAFU_FEATURES).
-// Stages `shade` and `transmit` on the host, for the channel count KUAFU_CHANNELS; defines KUAFU_HOST_SHADE and KUAFU_HOST_TRANSMIT.
+// Stages `shade` and `transmit` on the host. The build compiles this file once for each band, plain and with every feature: KUAFU_CHANNELS
+// and KUAFU_PLAIN say which, KUAFU_HOST_SHADE and KUAFU_HOST_TRANSMIT name the functions.
 #include <memory>
 
-#include "pathtrace/host_kernels.h"
 #include "frame/host_language.h"
-#include "pathtrace/host_scatter.h"
+#include "pathtrace/host_kernels.h"
+#include "pathtrace/host_lanes.h"
 
 namespace kuafu {
 namespace {
 
-constexpr uint features = KUAFU_FEATURES;
+constexpr uint features = KUAFU_PLAIN ? 0u : ~0u;
 #include "lib/shading.glsl"
 
 struct Shade {
@@ -59,7 +59,7 @@ class Queued {
   uint32_t shadow_count_ = 0, next_count_ = 0;
 };
 
-#if KUAFU_FEATURES == 0
+#if KUAFU_PLAIN
 #include "pathtrace/host_shade_block.inc"
 
 void shade_range(Shade& stage, Queued& queued, uint32_t first, uint32_t end) {

@@ -1,7 +1,6 @@
-// Compiled once for each band, channel count KUAFU_CHANNELS; plain surfaces (feature set 0).
+// BSDFs of plain surfaces (feature set 0) in lanes. The build compiles this file once for each band: KUAFU_CHANNELS says which.
 #include "frame/host_language.h"
-#include "pathtrace/host_scatter.h"
-#include "pathtrace/host_vectors.h"
+#include "pathtrace/host_lanes.h"
 
 namespace kuafu {
 namespace {
@@ -10,11 +9,11 @@ constexpr uint features = 0;
 #include "lib/bsdf.glsl"
 #include "lib/sequence.glsl"
 
-#include "pathtrace/host_scatter_lanes.inc"
+using BandLanes = host::ScatterLanes<channels>;
 
-Bsdf bsdf_of(const Lanes& lanes, uint l) {
-  MaterialPoint m;
-  m.base = spectrum_of(lanes.base, l);
+Bsdf bsdf_of(const BandLanes& lanes, uint l) {
+  MaterialPoint m{};
+  m.base = host::spectrum_of<channels>(lanes.base, l);
   m.metallic = lanes.metallic[l];
   m.roughness = lanes.roughness[l];
   m.specular = lanes.specular[l];
@@ -24,19 +23,19 @@ Bsdf bsdf_of(const Lanes& lanes, uint l) {
   return make_bsdf(m, lanes.table, lanes.wo[2][l], true);  // sides differ for glass alone, which is not sampled here
 }
 
-[[gnu::always_inline]] inline void evaluate_lanes(Lanes& lanes) {
+[[gnu::always_inline]] inline void evaluate_lanes(BandLanes& lanes) {
 #pragma GCC ivdep
-  for (uint l = 0; l < host::scatter_lanes; ++l) {
+  for (uint l = 0; l < host::lane_count; ++l) {
     const Bsdf b = bsdf_of(lanes, l);
     float pdf;
-    const Spectrum f = bsdf_evaluate(b, lanes.table, vector_of(lanes.wo, l), vector_of(lanes.wi, l), lobe_chances(b), pdf);
+    const Spectrum f = bsdf_evaluate(b, lanes.table, host::vector_of(lanes.wo, l), host::vector_of(lanes.wi, l), lobe_chances(b), pdf);
     for (uint c = 0; c < channels; ++c) lanes.f[c][l] = channel_of(f, c);
   }
 }
 
-[[gnu::always_inline]] inline void sample_lanes(Lanes& lanes) {
+[[gnu::always_inline]] inline void sample_lanes(BandLanes& lanes) {
 #pragma GCC ivdep
-  for (uint l = 0; l < host::scatter_lanes; ++l) {
+  for (uint l = 0; l < host::lane_count; ++l) {
     const vec2 u = sample_2d(lanes.key[l], lanes.index[l], pair_direction(lanes.bounce));
     const vec2 choice = sample_2d(lanes.key[l], lanes.index[l], pair_choice(lanes.bounce));
     lanes.u[0][l] = u.x;
@@ -45,11 +44,11 @@ Bsdf bsdf_of(const Lanes& lanes, uint l) {
     lanes.roulette[l] = choice.y;
   }
 #pragma GCC ivdep
-  for (uint l = 0; l < host::scatter_lanes; ++l) {
+  for (uint l = 0; l < host::lane_count; ++l) {
     const Bsdf b = bsdf_of(lanes, l);
     const vec3 chances = lobe_chances(b);
     const bool lobe = lanes.choice[l] < chances.z + chances.y;
-    const BsdfSample s = sample_opaque(b, lanes.table, vector_of(lanes.wo, l), chances, vec2(lanes.u[0][l], lanes.u[1][l]), lobe);
+    const BsdfSample s = sample_opaque(b, lanes.table, host::vector_of(lanes.wo, l), chances, vec2(lanes.u[0][l], lanes.u[1][l]), lobe);
     for (uint c = 0; c < channels; ++c) lanes.weight[c][l] = channel_of(s.weight, c);
     for (int i = 0; i < 3; ++i) lanes.direction[i][l] = s.direction[i];
     lanes.delta[l] = lanes.choice[l] < chances.z || (lobe && is_mirror(b)) ? 1u : 0u;
@@ -62,14 +61,14 @@ namespace host {
 
 #ifdef __x86_64__
 namespace {
-KUAFU_AVX2 void evaluate_avx2(Lanes& lanes) { evaluate_lanes(lanes); }
-KUAFU_AVX2 void scatter_avx2(Lanes& lanes) { sample_lanes(lanes); }
-KUAFU_AVX512 void evaluate_avx512(Lanes& lanes) { evaluate_lanes(lanes); }
-KUAFU_AVX512 void scatter_avx512(Lanes& lanes) { sample_lanes(lanes); }
+KUAFU_AVX2 void evaluate_avx2(BandLanes& lanes) { evaluate_lanes(lanes); }
+KUAFU_AVX2 void scatter_avx2(BandLanes& lanes) { sample_lanes(lanes); }
+KUAFU_AVX512 void evaluate_avx512(BandLanes& lanes) { evaluate_lanes(lanes); }
+KUAFU_AVX512 void scatter_avx512(BandLanes& lanes) { sample_lanes(lanes); }
 }  // namespace
 #endif
 
-void evaluate(Lanes& lanes) {
+void evaluate(BandLanes& lanes) {
 #ifdef __x86_64__
   if (has_avx512()) return evaluate_avx512(lanes);
   if (has_avx2()) return evaluate_avx2(lanes);
@@ -77,7 +76,7 @@ void evaluate(Lanes& lanes) {
   evaluate_lanes(lanes);
 }
 
-void scatter(Lanes& lanes) {
+void scatter(BandLanes& lanes) {
 #ifdef __x86_64__
   if (has_avx512()) return scatter_avx512(lanes);
   if (has_avx2()) return scatter_avx2(lanes);

@@ -1,0 +1,66 @@
+// What the host computes for many paths at once, one path per lane of the machine's vectors, in loops that the compiler vectorises. The
+// text is the shaders' own. Each loop is compiled for several kinds of vectors and takes the widest that the machine has; results do not
+// depend on it. Lanes that no path is in may hold anything. Thread rule: any thread, each with its own lanes.
+#pragma once
+
+#include "shared/wave.h"
+
+#ifdef __x86_64__
+#define KUAFU_AVX2 [[gnu::target("avx2"), gnu::flatten]]
+#define KUAFU_AVX512 [[gnu::target("avx512f,avx512vl,avx512dq,avx512bw"), gnu::flatten]]
+#endif
+
+namespace kuafu::host {
+
+#ifdef __x86_64__
+inline bool has_avx512() {
+  return __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512bw");
+}
+inline bool has_avx2() { return __builtin_cpu_supports("avx2"); }
+#endif
+
+constexpr uint32_t lane_count = 32;
+template <class T>
+using Lanes = T[lane_count];
+
+/// Film samples (lib/pixel_sample.glsl).
+struct alignas(64) PixelSampleLanes {
+  Lanes<uint32_t> view_key, pixel;
+  Lanes<uint32_t> index;  // in: of the pixel's samples; out: in the path's sequence
+  Lanes<uint32_t> key;    // from here on as PixelSample
+  Lanes<float> offset_x, offset_y;
+};
+void sample_pixels(PixelSampleLanes& lanes, bool replicates);
+
+/// BSDFs of plain surfaces (lib/bsdf.glsl): what stage `shade` spends most on.
+template <uint32_t channels>
+struct alignas(64) ScatterLanes {
+  Vec2Array table;  // SceneAddresses.specular_albedo
+  uint32_t bounce;
+  Lanes<uint32_t> key, index;  // of the path's samples
+  Lanes<float> base[channels], metallic, roughness, specular, ior, transmission, coat;
+  Lanes<float> wo[3], wi[3];
+
+  Lanes<float> f[channels];                           // towards wi
+  Lanes<float> choice, roulette;                      // as stage `shade` draws them
+  Lanes<float> u[2], direction[3], weight[channels];  // the way on, unless
+  Lanes<uint32_t> delta;                              // it is a mirror's or through glass
+};
+/// f of wi.
+void evaluate(ScatterLanes<1>& lanes);
+void evaluate(ScatterLanes<3>& lanes);
+/// Draws samples, and takes direction and weight from them.
+void scatter(ScatterLanes<1>& lanes);
+void scatter(ScatterLanes<3>& lanes);
+
+inline glm::vec3 vector_of(const Lanes<float>* v, uint32_t lane) { return {v[0][lane], v[1][lane], v[2][lane]}; }
+/// A float in the infrared band, else a vec3.
+template <uint32_t channels>
+auto spectrum_of(const Lanes<float>* s, uint32_t lane) {
+  if constexpr (channels == 1)
+    return s[0][lane];
+  else
+    return vector_of(s, lane);
+}
+
+}  // namespace kuafu::host

@@ -1,2 +1,0 @@
-#define KUAFU_CHANNELS 1
-#include "pathtrace/host_scatter.inc"
