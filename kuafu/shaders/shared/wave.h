@@ -24,13 +24,15 @@ KUAFU_CONST state_flags = 2u;       // environment, and path_* bits
 KUAFU_CONST state_pdf = 3u;         // of the direction that the path came by, per solid angle; 0: by a mirror, or it is the camera's
 KUAFU_CONST state_body = 4u;        // 1 + material of the glass that the path entered; 0: none, or it began in one
 KUAFU_CONST state_throughput = 5u;  // `channels` planes; then groups * channels of radiance; then one per shadow ray of a vertex
+// The word state_flags. `generate` writes it, `shade` owns it from then on:
+// bits 0..19 the environment, 20..27 the length of its walk, 28 is free, 29..31 where it is and what lies behind it.
 KUAFU_CONST path_environment_mask = 0x000fffffu;
 KUAFU_CONST path_walk_shift = 20u;  // how often the path's ray went on inside of bodies (subsurface), which are no bounces
 KUAFU_CONST path_walk_mask = 0xffu;
-KUAFU_CONST walk_limit = 128u;            // then it flies straight out
-KUAFU_CONST path_inside = 0x20000000u;    // the ray runs inside a body
+KUAFU_CONST walk_limit = 128u;               // then it flies straight out
+KUAFU_CONST path_inside = 0x20000000u;       // the ray runs inside a body
 KUAFU_CONST path_after_first = 0x40000000u;  // the path's last rough surface is the first that the camera sees
-KUAFU_CONST path_all_delta = 0x80000000u;  // only mirrors and smooth glass between this ray and the camera
+KUAFU_CONST path_all_delta = 0x80000000u;    // only mirrors and smooth glass between this ray and the camera
 KUAFU_FN state_radiance(uint channels) { return state_throughput + channels; }
 KUAFU_FN state_shadow(uint channels, uint groups) { return state_throughput + channels * (1u + groups); }
 
@@ -108,6 +110,14 @@ struct WaveRange {
   uint capacity;
 };
 
+// Features: what a scene needs of the kernels. They are constants of a compilation, so that what no scene needs costs nothing; no bit: plain.
+KUAFU_CONST feature_lights = 1u << 0u;      // lights with an extent or a profile (LightShape); multiple importance sampling
+KUAFU_CONST feature_materials = 1u << 1u;   // rough transmission, absorption inside, rough diffuse
+KUAFU_CONST feature_medium = 1u << 2u;      // a participating medium
+KUAFU_CONST feature_subsurface = 1u << 3u;  // light that wanders below surfaces
+KUAFU_CONST feature_motion = 1u << 4u;      // rays have a time: SceneAddresses.moves
+KUAFU_CONST feature_camera = 1u << 5u;      // of `generate` and `aov`: generate_camera or aov_camera may be there
+
 struct GeneratePush {
   ViewArray views;
   CameraArray cameras;  // as views; read only with generate_camera
@@ -115,33 +125,18 @@ struct GeneratePush {
   UintArray pixels;  // with generate_listed: how many there are, then their indices in the images; the range is of this list
   WaveRange range;
   uint channels, groups;
-  uint flags;
+  uint flags;  // generate_*
 };
 
-KUAFU_CONST generate_environments = 1u;  // rays carry an environment
-KUAFU_CONST generate_pixel_centre = 2u;  // AOV rays: no jitter, no path state
-KUAFU_CONST generate_rays_only = 32u;    // no path state
-KUAFU_CONST generate_listed = 64u;       // rays of some pixels
-KUAFU_CONST generate_replicates = 8u;  // see replicate_count
-KUAFU_CONST generate_motion = 16u;      // rays have a time
-KUAFU_CONST generate_camera = 4u;       // some camera distorts, has a lens, or something moves while its shutter is open
-
-// What the kernels of `shade` and `transmit` can do: a constant for each of their compilations.
-KUAFU_CONST feature_lights = 1u;  // lights with an extent or a profile (LightShape); multiple importance sampling
-KUAFU_CONST feature_motion = 0x40000000u;  // rays have a time: SceneAddresses.moves
-KUAFU_CONST feature_camera = 0x80000000u;  // of `generate` and `aov`: generate_camera may be there
-KUAFU_CONST feature_materials = 2u;  // rough transmission, absorption inside, rough diffuse
-
-KUAFU_CONST feature_medium = 0x100u;  // a participating medium
-KUAFU_CONST feature_subsurface = 0x200u;  // light that wanders below surfaces
-
-KUAFU_CONST shade_environments = 1u;    // rays carry an environment
-KUAFU_CONST shade_ambient = 2u;         // there is light that only BSDF rays find: environment or emission
-KUAFU_CONST shade_select_lights = 4u;   // too many lights: take one by power
-KUAFU_CONST shade_lights_only = 16u;    // light with an extent is found by light samples alone, or
-KUAFU_CONST shade_bsdf_only = 32u;      // by BSDF samples alone; else by both, weighted
-KUAFU_CONST shade_medium = 64u;         // there is a medium; half of a vertex' shadow rays are those of its scattering
-KUAFU_CONST shade_glass_shadows = 8u;   // shadow rays pass smooth glass: they stand in a closest queue, and `transmit` follows them
+// Of the launch.
+KUAFU_CONST generate_environments = 1u << 0u;  // rays carry an environment
+KUAFU_CONST generate_camera = 1u << 1u;        // some camera distorts, has a lens, or something moves while its shutter is open
+KUAFU_CONST generate_motion = 1u << 2u;        // rays have a time
+KUAFU_CONST generate_replicates = 1u << 3u;    // see replicate_count
+// Of the wave.
+KUAFU_CONST generate_pixel_centre = 1u << 4u;  // AOV rays: no jitter, no path state
+KUAFU_CONST generate_rays_only = 1u << 5u;     // no path state
+KUAFU_CONST generate_listed = 1u << 6u;        // rays of some pixels
 
 struct ShadePush {
   UintArray rays_in, rays_out, shadow_rays;
@@ -151,9 +146,19 @@ struct ShadePush {
   SceneReference scene;
   uint capacity, shadow_capacity;
   uint bounce, max_bounces;
-  uint shadow_rays_per_vertex, flags;
+  uint shadow_rays_per_vertex, flags;  // shade_*
   uint groups, reserved;
 };
+
+// Of the scene.
+KUAFU_CONST shade_environments = 1u << 0u;   // rays carry an environment
+KUAFU_CONST shade_ambient = 1u << 1u;        // there is light that only BSDF rays find: environment or emission
+KUAFU_CONST shade_select_lights = 1u << 2u;  // too many lights: take one by power
+KUAFU_CONST shade_medium = 1u << 3u;         // there is a medium; half of a vertex' shadow rays are those of its scattering
+// Of the launch.
+KUAFU_CONST shade_lights_only = 1u << 4u;    // light with an extent is found by light samples alone, or
+KUAFU_CONST shade_bsdf_only = 1u << 5u;      // by BSDF samples alone; else by both, weighted
+KUAFU_CONST shade_glass_shadows = 1u << 6u;  // shadow rays pass smooth glass: they stand in a closest queue, and `transmit` follows them
 
 struct ResolvePush {
   UintArray rays, shadow_rays;
@@ -182,28 +187,21 @@ struct TransmitPush {
 /// i / replicate_count of sequence i % replicate_count. Their means are independent, as points of one scrambled sequence are not.
 KUAFU_CONST replicate_count = 8u;
 
-KUAFU_CONST accumulate_continues = 1u;   // there are sums of earlier passes
-KUAFU_CONST accumulate_keeps = 2u;       // later passes will want the sums
-KUAFU_CONST accumulate_writes = 4u;      // the outputs
-KUAFU_CONST accumulate_replicates = 8u;  // see replicate_count
-
 struct AccumulatePush {
   FloatArray state, sums;  // sums: plane p of local pixel i is p * sums_stride + sums_first + i; planes: (group, channel), then (channel, replicate)
   OutputArray outputs;
   WaveRange range;
-  uint channels, groups, flags;
+  uint channels, groups, flags;  // accumulate_*
   uint sums_first, sums_stride;
   uint first_sample, sample_count;  // of all passes until now
   float inverse_samples;
   uint reserved;
 };
 
-KUAFU_CONST aov_infrared = 1u;
-KUAFU_CONST aov_projector = 2u;     // AovAddresses has projectors
-KUAFU_CONST aov_visibility = 4u;    // and shadow rays to them are asked for
-KUAFU_CONST aov_motion = 8u;        // AovAddresses has motion
-KUAFU_CONST aov_environments = 16u;  // shadow rays carry an environment
-KUAFU_CONST aov_camera = 32u;        // as generate_camera
+KUAFU_CONST accumulate_continues = 1u << 0u;   // there are sums of earlier passes
+KUAFU_CONST accumulate_keeps = 1u << 1u;       // later passes will want the sums
+KUAFU_CONST accumulate_writes = 1u << 2u;      // the outputs
+KUAFU_CONST accumulate_replicates = 1u << 3u;  // see replicate_count
 
 struct AovPush {
   UintArray rays;
@@ -214,8 +212,15 @@ struct AovPush {
   AovReference aov;
   UintArray shadow_rays, shadow_environments, counters;
   WaveRange range;
-  uint shadow_capacity, flags;
+  uint shadow_capacity, flags;  // aov_*
 };
+
+KUAFU_CONST aov_infrared = 1u << 0u;
+KUAFU_CONST aov_projector = 1u << 1u;     // AovAddresses has projectors
+KUAFU_CONST aov_visibility = 1u << 2u;    // and shadow rays to them are asked for
+KUAFU_CONST aov_motion = 1u << 3u;        // AovAddresses has motion
+KUAFU_CONST aov_environments = 1u << 4u;  // shadow rays carry an environment
+KUAFU_CONST aov_camera = 1u << 5u;        // as generate_camera
 
 /// A held image (frame/frame.h), packed [view][row][column][channel], on its way to the caller's.
 struct WritePush {
@@ -227,6 +232,8 @@ struct WritePush {
 };
 
 #ifdef __cplusplus
+static_assert(walk_limit <= path_walk_mask && (path_environment_mask & path_walk_mask << path_walk_shift) == 0);
+static_assert(((path_environment_mask | path_walk_mask << path_walk_shift) & (path_inside | path_after_first | path_all_delta)) == 0);
 static_assert(sizeof(ViewRecord) == 64);
 static_assert(sizeof(OutputRecord) == 32);
 static_assert(sizeof(GeneratePush) == 104);
