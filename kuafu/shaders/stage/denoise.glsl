@@ -1,10 +1,22 @@
-// Stage `denoise`: an edge-stopping a-trous filter (Dammertz 2010, Schied 2017) on all images but the projectors' direct light, with one set of weights,
-// so that the sum of the images is filtered as they are. Light is filtered over albedo; noise is known from the pixel's own samples.
-const float level_reach = 2.0f;     // standard deviations between means of pixels that still mix
-const float speckle_reach = 3.0f;   // and that a pixel may stand out by from its neighbours, if its noise explains it
-const float change_reach = 2.0f;    // and that light of the last launches may be off from means of this one's
-const float edge_confidence = 0.1f;
-const float most_apart = 0.5f, most_recoloured = 0.02f;  // of neighbours whose pixel one ray tells of
+// Stage `denoise`: an edge-stopping a-trous filter on all images but the projectors' direct light, with one set of weights, so that the sum of the images is
+// filtered as they are. Light is filtered over albedo; noise is known from the pixel's own samples.
+// Sources: the filter, its taps and its stopping at normals and positions are of Dammertz, Sewtz, Hanika and Lensch, Edge-Avoiding A-Trous Wavelet Transform,
+// HPG 2010; that the variance of the samples scales how far levels may differ is of Schied et al., Spatiotemporal Variance-Guided Filtering, HPG 2017
+// (section 4.4). Numbers without a source are tuned: tests/bench/bench_denoise.py has the errors of four scenes to change them by.
+
+// Levels are compared in standard deviations of their noise. Schied 2017 lets pixels themselves mix up to 4; here means of 3 x 3 of them are compared, which
+// have about a third of the noise.
+const float level_reach = 2.0f;
+// A pixel may stand out from its neighbours by so many standard deviations of their scatter: 3, the usual bound for an outlier of a normal distribution.
+const float speckle_reach = 3.0f;
+// Light of the last launches may lie so many standard deviations off this launch's means: 2 hold 95 % of a normal distribution.
+const float change_reach = 2.0f;
+const float edge_confidence = 0.1f;                      // of a pixel on an edge: its samples may be of the other surface
+const float most_apart = 0.5f, most_recoloured = 0.02f;  // of neighbours whose pixel one ray tells of: surface_unlike, and share of the albedo
+const float edge_apart = 1.2f, edge_recoloured = 0.1f;   // from here on there is an edge between them
+const float edge_exponent = 8.0f;                        // of normals: curved surfaces have no edges
+const float any_exponent = 1e9f;                         // of normals: that of the surface counts
+const float blurred_exponent = 32.0f;                    // of normals where statistics, not light, are averaged: mirrors are as wide as matt surfaces
 
 /// The pixel (dx, dy) away, or `miss` where the view ends.
 uint neighbour(uint pixel, int dx, int dy) {
@@ -27,9 +39,9 @@ uint square_of(uint pixel) {
     if (other == miss || other == pixel) continue;
     GuideRecord there = load_guide(push.guides, other);
     vec3 turn = abs(there.albedo - here.albedo);
-    float apart = surface_unlike(here, there, 1.0f, 8.0f), recoloured = max(turn.x, max(turn.y, turn.z)) / brightest;
-    if ((dx == 0 || dy == 0) && (apart > 1.2f || recoloured > 0.1f)) return square_edge;
-    if (surface_unlike(here, there, 1.0f, 1e9f) > most_apart || recoloured > most_recoloured) square = square_varied;
+    float apart = surface_unlike(here, there, 1.0f, edge_exponent), recoloured = max(turn.x, max(turn.y, turn.z)) / brightest;
+    if ((dx == 0 || dy == 0) && (apart > edge_apart || recoloured > edge_recoloured)) return square_edge;
+    if (surface_unlike(here, there, 1.0f, any_exponent) > most_apart || recoloured > most_recoloured) square = square_varied;
   }
   return square;
 }
@@ -52,7 +64,9 @@ void divide(uint pixel) {
   push.pixels_out.at[pixel] = PixelStatistics(level, variance * scale * scale, confidence_of(square), square);
 }
 
-// Variances are averaged over like neighbours, mirror or not: two samples tell little of their own. One sample tells nothing: the neighbours' scatter stands in.
+// Takes down what stands out from 5 x 5 like neighbours and whose own noise explains it. Their weights fall with how unlike their surfaces are (lib/alike.glsl) and,
+// for levels, by their confidence. Variances are averaged with the same weights, mirror or not: two samples tell little of their own. One sample tells
+// nothing, and the neighbours' scatter stands in for it.
 void despeckle(uint pixel) {
   GuideRecord here = load_guide(push.guides, pixel);
   PixelStatistics own = push.pixels_in.at[pixel];
@@ -63,7 +77,7 @@ void despeckle(uint pixel) {
       uint other = neighbour(pixel, dx, dy);
       if (other == miss || other == pixel) continue;
       float distance = float(max(abs(dx), abs(dy)));
-      float weight = falling(surface_unlike(here, load_surface(push.guides, other), distance, 32.0f));
+      float weight = falling(surface_unlike(here, load_surface(push.guides, other), distance, blurred_exponent));
       if (weight == 0.0f) continue;
       all += weight;
       PixelStatistics there = push.pixels_in.at[other];
@@ -75,12 +89,13 @@ void despeckle(uint pixel) {
     }
   variance /= all;
   float keep = 1.0f;
-  if (weights > 1.0f) {
+  if (weights > 1.0f) {  // there is more than one neighbour to compare with
     first /= weights;
     float scatter = max(0.0f, second / weights - first * first);
     if (push.samples == 1u) own_variance = variance = scatter;
     float most = first + speckle_reach * sqrt(scatter);
-    bool explained = push.samples == 1u || own_variance > 0.0625f * (level - first) * (level - first);
+    // The excess is noise where the pixel's own standard deviation is more than a quarter of it.
+    bool explained = push.samples == 1u || own_variance > 0.25f * 0.25f * (level - first) * (level - first);
     if (level > most && level > 0.0f && explained) keep = most / level;
   }
   for (uint p = 0u; p < plane_count(); ++p) {
@@ -90,7 +105,8 @@ void despeckle(uint pixel) {
   push.pixels_out.at[pixel] = PixelStatistics(level * keep, variance, confidence_of(own.square), own.square);
 }
 
-// Pixels are told apart by the means of 3 x 3 alike around them, which have a third of the noise: a highlight's slope stands out from it earlier.
+// Pixels are told apart by the means of 3 x 3 alike around them, which have about a third of the noise (0.375): a highlight's slope stands out from it earlier. The
+// weights are the binomial ones, 1 2 1 across and down.
 void smooth_levels(uint pixel) {
   GuideRecord here = load_guide(push.guides, pixel);
   int spacing = int(push.spacing);
@@ -99,7 +115,7 @@ void smooth_levels(uint pixel) {
     for (int dx = -1; dx <= 1; ++dx) {
       uint other = neighbour(pixel, dx * spacing, dy * spacing);
       if (other == miss) continue;
-      float t = other == pixel ? 0.0f : surface_unlike(here, load_surface(push.guides, other), float(spacing), 1e9f);
+      float t = other == pixel ? 0.0f : surface_unlike(here, load_surface(push.guides, other), float(spacing), any_exponent);
       PixelStatistics there = push.pixels_in.at[other];
       float weight = (dx == 0 ? 1.0f : 0.5f) * (dy == 0 ? 1.0f : 0.5f) * falling(t) * there.confidence;
       weights += weight;
@@ -117,7 +133,7 @@ vec2 plausible_levels(uint pixel) {
   for (int dy = -1; dy <= 1; ++dy)
     for (int dx = -1; dx <= 1; ++dx) {
       uint other = neighbour(pixel, dx, dy);
-      if (other == miss || (other != pixel && surface_unlike(here, load_surface(push.guides, other), 1.0f, 32.0f) > 1.0f)) continue;
+      if (other == miss || (other != pixel && surface_unlike(here, load_surface(push.guides, other), 1.0f, blurred_exponent) > 1.0f)) continue;
       SmoothStatistics there = push.smoothed.at[other];
       float reach = change_reach * sqrt(there.variance);
       least = min(least, there.level - reach);
@@ -126,7 +142,8 @@ vec2 plausible_levels(uint pixel) {
   return vec2(least, most);
 }
 
-// Light of the last launches at this surface's place then, where that showed the same surface of the same instance: disocclusion starts anew.
+// Light of the last launches at this surface's place then, where that showed the same surface of the same instance: disocclusion starts anew. The four pixels
+// around that place have bilinear weights, times what falls with how unlike their surfaces are.
 void accumulate(uint pixel) {
   DenoiseImages images = push.images.at[0];
   uint planes = plane_count(), view = pixel / (push.width * push.height);
@@ -144,14 +161,14 @@ void accumulate(uint pixel) {
       uint other = (view * push.height + uint(y)) * push.width + uint(x);
       if (images.last_places.at[other].instance != place.instance) continue;
       float weight = max(0.0f, 1.0f - abs(place.film.x - float(x))) * max(0.0f, 1.0f - abs(place.film.y - float(y)));
-      weight *= falling(surface_unlike(here, load_surface(images.last_guides, other), 1.0f, 1e9f));
+      weight *= falling(surface_unlike(here, load_surface(images.last_guides, other), 1.0f, any_exponent));
       weights += weight;
       variance += weight * images.last_pixels.at[other * history_words + history_variance];
       launches += weight * images.last_pixels.at[other * history_words + history_launches];
       for (uint p = 0u; p < planes; ++p) sum[p] += weight * images.last_light.at[other * planes + p];
     }
   }
-  bool known = weights > 0.05f;
+  bool known = weights > 0.05f;  // else hardly any of the four showed this surface, and their mean would be noise
   launches = known ? launches / weights + 1.0f : 1.0f;
   if (known) {
     float before = 0.0f;
@@ -159,7 +176,7 @@ void accumulate(uint pixel) {
     vec2 levels = plausible_levels(pixel);
     float plausible = clamp(before, levels.x, levels.y);
     if (plausible != before) {
-      launches = 0.5f * launches + 0.5f;
+      launches = 0.5f * launches + 0.5f;  // light changed: half of the history is forgotten, but never this launch
       for (uint p = 0u; p < planes; ++p) sum[p] = before > 0.0f ? sum[p] * plausible / before : push.light_in.at[pixel * planes + p] * weights;
     }
   }
@@ -179,9 +196,10 @@ void accumulate(uint pixel) {
   push.pixels_out.at[pixel] = PixelStatistics(level, own, confidence_of(square), square);
 }
 
+/// Taps of the cubic B-spline, 1 4 6 4 1 over 16, as Dammertz 2010 takes them.
 float binomial(int i) { return i == 0 ? 0.375f : abs(i) == 1 ? 0.25f : 0.0625f; }
 
-/// Mean over 3 x 3 pixels: a variance that is too low at one pixel must not keep it from mixing.
+/// Binomial mean over 3 x 3 pixels (Schied 2017, section 4.4): a variance that is too low at one pixel must not keep it from mixing.
 float smooth_variance(uint pixel) {
   float sum = 0.0f, weights = 0.0f;
   for (int dy = -1; dy <= 1; ++dy)
@@ -195,6 +213,9 @@ float smooth_variance(uint pixel) {
   return sum / weights;
 }
 
+// A neighbour's weight is that of its tap, times what falls with how unlike its surface is, with how far its level is off in standard deviations of the noise
+// (the larger of the two pixels'), and with its confidence. `support` is the weight that levels had no part in: where much of the kernel is of this surface,
+// a pixel on an edge becomes as trustworthy as its neighbours.
 void atrous(uint pixel) {
   GuideRecord here = load_guide(push.guides, pixel);
   SmoothStatistics own = push.smoothed.at[pixel];
@@ -207,14 +228,14 @@ void atrous(uint pixel) {
     for (int dx = -2; dx <= 2; ++dx) {
       uint other = neighbour(pixel, dx * int(push.spacing), dy * int(push.spacing));
       if (other == miss) continue;
-      float t = other == pixel ? 0.0f : surface_unlike(here, load_surface(push.guides, other), float(max(abs(dx), abs(dy))) * float(push.spacing), 1e9f);
+      float t = other == pixel ? 0.0f : surface_unlike(here, load_surface(push.guides, other), float(max(abs(dx), abs(dy))) * float(push.spacing), any_exponent);
       if (t >= unlike) continue;
       SmoothStatistics there = push.smoothed.at[other];
       float kernel = binomial(dx) * binomial(dy), noise = max(noise_here, there.variance);
       support += kernel * falling(t) * there.confidence;
       t += abs(there.level - own.level) * own.confidence / (level_reach * sqrt(noise) + 1e-3f * abs(own.level) + 1e-12f);
       float weight = kernel * falling(t) * there.confidence;
-      if (other == pixel) weight = max(weight, 1e-4f);
+      if (other == pixel) weight = max(weight, 1e-4f);  // a pixel without any like it keeps its light
       weights += weight;
       variance += weight * weight * there.pixel_variance;
       for (uint p = 0u; p < planes; ++p) sum[p] += weight * push.light_in.at[other * planes + p];
@@ -229,7 +250,10 @@ void atrous(uint pixel) {
                                               push.pixels_in.at[pixel].square);
 }
 
-// Rays over a square whose surroundings are alike would gather with these weights in their mean (gather() of stage/remodulate.glsl), and meet one colour.
+// What rays over the square would make of it where its surroundings are alike, so that they meet one colour: side_weight and corner_weight are the mean shares,
+// over all points of the square, that gather() of stage/remodulate.glsl gives a neighbour beside the pixel and across its corner, relative to the pixel's own
+// (0.249 and 0.087 by integration of falling(2 * distance), 0.427 being the pixel's own share).
+const float side_weight = 0.25f, corner_weight = 0.0875f;
 void multiply(uint pixel) {
   bool squares = push.lists != 0u;
   if (squares && push.pixels_in.at[pixel].square != square_plain) return;
@@ -244,7 +268,7 @@ void multiply(uint pixel) {
     for (int dx = -reach; dx <= reach; ++dx) {
       uint other = neighbour(pixel, dx, dy);
       if (other == miss) continue;
-      float weight = other == pixel ? 1.0f : (dx == 0 || dy == 0 ? 0.25f : 0.0875f) * falling(surface_unlike(here, load_surface(push.guides, other), 2.0f, 1e9f));
+      float weight = other == pixel ? 1.0f : (dx == 0 || dy == 0 ? side_weight : corner_weight) * falling(surface_unlike(here, load_surface(push.guides, other), 2.0f, any_exponent));
       weights += weight;
       for (uint p = 0u; p < planes; ++p) sum[p] += weight * push.light_in.at[other * planes + p];
     }

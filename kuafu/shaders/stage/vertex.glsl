@@ -1,4 +1,4 @@
-// The surface that a path of stage `shade` met, ready to be lit and to scatter.
+// What a path of stage `shade` met where its ray ended: lights with a shape on the way, and the surface, ready to be lit and to scatter.
 struct Vertex {
   uint body_beyond;  // Path.body of a ray that is transmitted
   vec3 position;
@@ -12,6 +12,24 @@ struct Vertex {
   Bsdf bsdf;        // and chances: by set_bsdf
   vec3 chances;
 };
+
+/// Adds the light of shapes that the ray meets before t_far.
+void add_shapes(uint i, IN(Path) path, float t_far, bool open) {
+  IN(SceneAddresses) scene = push.scene.at[0];
+  IN(EnvironmentRecord) environment = scene.environments.at[path_environment(path)];
+  vec3 origin = load_origin(i), direction = load_direction(push.rays_in, i, push.capacity);
+  float t_near = uintBitsToFloat(ray_field(i, ray_t_near));
+  for (uint k = environment.first_shape; k < environment.light_count; ++k) {
+    uint index = environment.first_light + k;
+    IN(LightRecord) light = scene.lights.at[index];
+    ShapeHit hit = meet_moving_light(scene, index, origin, direction, path.time_s);
+    if (!hit.found || hit.t < t_near || hit.t > t_far) continue;
+    float weight = found_weight(path, index, hit.pdf);
+    if (weight == 0.0f) continue;
+    if (open) hit.radiance *= open_transmittance(origin, direction, hit.t);
+    add_radiance(path.slot, ambient_group(light.light_group), path.throughput * hit.radiance * weight);
+  }
+}
 
 /// What is left after a way that ended at this surface: the glass absorbs that the path is in, also before an immersed thing.
 Spectrum absorbed(IN(Path) path, IN(MaterialPoint) m, bool front, float t) {

@@ -1,4 +1,5 @@
-// Light that a vertex of stage `shade` asks for by a shadow ray, before visibility.
+// Light at a vertex of stage `shade`: asked for by a shadow ray, before visibility, or found by the path's own ray and weighted against the light samples that
+// might have found it.
 /// A light that a vertex asks, before visibility.
 struct LightRequest {
   bool found;
@@ -39,4 +40,19 @@ LightRequest find_light(IN(Path) path, vec3 position, vec3 shape_origin, uint k)
   request.group = ambient_group(mesh ? request.light.light_group : record.light_group);
   request.found = max_component(request.light.irradiance) > 0.0f;
   return request;
+}
+
+/// Weight of light `index` where the path's direction, not a light sample, found it; pdf: that of the light sample.
+float found_weight(IN(Path) path, uint index, float pdf) {
+  if (path.pdf == 0.0f || (push.flags & shade_bsdf_only) != 0u) return 1.0f;
+  if ((push.flags & shade_lights_only) != 0u) return 0.0f;
+  IN(LightRecord) light = push.scene.at[0].lights.at[index];
+  if ((push.flags & shade_select_lights) != 0u) pdf *= (path.flags & path_after_first) != 0u ? light.other_probability : light.probability;
+  return mis_weight(path.pdf, pdf);
+}
+
+float emission_weight(IN(Path) path, IN(MaterialRecord) m, float t, float cosine) {
+  if ((features & feature_lights) == 0u) return 1.0f;
+  uint index = push.scene.at[0].environments.at[path_environment(path)].mesh_light;
+  return index == miss ? 1.0f : found_weight(path, index, mesh_pdf(m, push.scene.at[0].light_shapes.at[index], t, cosine));
 }
