@@ -5,7 +5,7 @@
 #include <cstring>
 #include <limits>
 
-#include "laws/kuafu/world.h"
+#include "kuafu/world.h"
 
 namespace {
 

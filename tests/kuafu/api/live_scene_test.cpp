@@ -6,7 +6,7 @@
 #include <fstream>
 #include <thread>
 
-#include "laws/kuafu/world.h"
+#include "kuafu/world.h"
 
 namespace laws {
 namespace {

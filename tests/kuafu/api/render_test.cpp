@@ -5,7 +5,7 @@
 #include <functional>
 #include <limits>
 
-#include "laws/kuafu/world.h"
+#include "kuafu/world.h"
 
 namespace {
 

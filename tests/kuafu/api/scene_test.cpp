@@ -3,8 +3,8 @@
 
 #include <cmath>
 
+#include "kuafu/io/sample_files.h"
 #include "kuafu/kuafu.h"
-#include "kuafu/scene/sample_files.h"
 
 namespace {
 

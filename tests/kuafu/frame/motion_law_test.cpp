@@ -1,0 +1,297 @@
+// Instances and lights that move while the shutter is open, and lights that go on and off: closed forms, relativity, and tracers that
+// agree.
+#include "kuafu/world.h"
+
+namespace laws {
+namespace {
+
+using Pose = std::array<double, 16>;
+
+void set_velocity(World& world, uint32_t instance, const Vec3& linear, const Vec3& angular = {0, 0, 0}) {
+  ok(kuafu_scene_set_instance_velocity(world.scene(), instance, linear.data(), angular.data()));
+}
+
+kuafu_view_desc rolling(uint32_t width, uint32_t height, double line_time_s, double exposure_s = 0) {
+  kuafu_view_desc view = view_at({0, 0, 0}, width, height, 100);
+  view.camera.shutter = KUAFU_SHUTTER_ROLLING;
+  view.camera.line_time_s = line_time_s;
+  view.camera.exposure_s = exposure_s;
+  return view;
+}
+
+/// What a render that must not succeed returns; kuafu_last_error() says why.
+ks_status refusal(World& world, const kuafu_view_desc& view) {
+  const uint64_t shape[4] = {1, view.camera.height, view.camera.width, 1};
+  kuafu_buffer buffer = nullptr;
+  const ks_buffer_create create = ks_buffer_create_init(shape[1] * shape[2] * sizeof(float), KS_BUFFER_HOST_VISIBLE);
+  ok(kuafu_buffer_create(shared_device(), &create, &buffer));
+  const kuafu_output_desc output = kuafu_output_desc_init(KUAFU_OUTPUT_RADIANCE, buffer, ks_image_desc_packed(KS_FORMAT_F32, 4, shape));
+  kuafu_render_desc desc = world.desc();
+  desc.views = &view;
+  desc.outputs = &output;
+  desc.view_count = desc.output_count = 1;
+  const ks_status status = kuafu_renderer_render(world.renderer(), world.scene(), &desc);
+  kuafu_buffer_release(buffer);
+  return status;
+}
+
+/// The edge of a half plane that moves by 3 m/s, seen at 2 m by lines 1 ms apart: 0.15 pixels a line. Its frame is turned and scaled:
+/// twists are not.
+TEST(Motion, rolling_shutter_shears_a_moving_bar) {
+  World world;
+  Pose pose = placed({0.05, 0, 2}, pi, 2);
+  const uint32_t bar = world.add(quad({25, 0, 0}, {25, 0, 0}, {0, -25, 0}), emitter(1.0f), pose);
+  set_velocity(world, bar, {-3, 0, 0});  // own x looks along -x of the world
+  world.desc().samples_per_pixel = 64;
+  const Pixels image = world.radiance(rolling(40, 36, 1e-3));
+  for (uint32_t row = 0; row < 36; ++row) {
+    double sum = 0;
+    for (uint32_t c = 0; c < 40; ++c) sum += image.at(0, row, c);
+    EXPECT_NEAR(sum - 20, 100 * (0.05 + 3e-3 * (row - 17.5)) / 2, 0.03) << "row " << row;
+  }
+}
+
+TEST(Motion, exposure_blurs_a_moving_edge_by_a_box) {
+  World world;
+  const uint32_t bar = world.add(quad({-50, 0, 2}, {-50, 0, 0}, {0, 50, 0}), emitter(1.0f));
+  set_velocity(world, bar, {20, 0, 0});
+  kuafu_view_desc view = view_at({0, 0, 0}, 41, 5, 100);
+  view.camera.exposure_s = 0.01;  // 10 pixels
+  world.desc().samples_per_pixel = 256;
+  const Pixels image = world.radiance(view);
+  const auto integral = [](double x) { return x < -5 ? x : x > 5 ? 0.0 : x - (x + 5) * (x + 5) / 20; };
+  for (uint32_t c = 0; c < 41; ++c) EXPECT_NEAR(image.at(0, 2, c), integral(c - 19.5) - integral(c - 20.5), 0.012) << "column " << c;
+}
+
+/// Normals and depths of a plate that turns about the y axis, by its angle at each row's time.
+TEST(Motion, aovs_are_those_of_the_row_s_time) {
+  World world;
+  const uint32_t plate = world.add(quad({0, 0, 0}, {-3, 0, 0}, {0, 3, 0}), lambert(0.5f), placed({0, 0, 2}));
+  set_velocity(world, plate, {0, 0, 0.5}, {0, 10, 0});
+  auto images = world.render({rolling(8, 21, 1e-2)}, {KUAFU_OUTPUT_NORMAL, KUAFU_OUTPUT_DEPTH});
+  for (uint32_t row = 0; row < 21; ++row) {
+    const double angle = 0.1 * (row - 10.0), s = std::sin(angle), c = std::cos(angle);
+    EXPECT_NEAR(images[KUAFU_OUTPUT_NORMAL].at(0, row, 3, 0), -s, 2e-6) << row;
+    EXPECT_NEAR(images[KUAFU_OUTPUT_NORMAL].at(0, row, 3, 2), -c, 2e-6) << row;
+    // The plate's origin goes along its own z, which turns: a circle of radius v / w.
+    const double x = 0.05 * (1 - c), z = 2 + 0.05 * s, ray = (3 - 3.5) / 100;
+    EXPECT_NEAR(images[KUAFU_OUTPUT_DEPTH].at(0, row, 3), (x * s + z * c) / (ray * s + c), 1e-5) << row;
+  }
+}
+
+/// Twist of an object in its own frame that is `-twist` of the camera at the origin: v' = -R^T (v + w x p), w' = -R^T w.
+std::pair<Vec3, Vec3> opposite(const Pose& pose, const Vec3& v, const Vec3& w) {
+  const Vec3 p{pose[3], pose[7], pose[11]};
+  const Vec3 at{v[0] + w[1] * p[2] - w[2] * p[1], v[1] + w[2] * p[0] - w[0] * p[2], v[2] + w[0] * p[1] - w[1] * p[0]};
+  Vec3 linear{}, angular{};
+  for (int i = 0; i < 3; ++i)
+    for (int k = 0; k < 3; ++k) linear[i] -= pose[4 * k + i] * at[k], angular[i] -= pose[4 * k + i] * w[k];
+  return {linear, angular};
+}
+
+/// A room of diffuse, glossy and clear things under a projector, a lamp of some size and a shining plate; all move as told.
+void furnish(World& world, const Vec3& v, const Vec3& w) {
+  const auto add = [&](const Shape& shape, const kuafu_material_desc& material, const Pose& pose) {
+    const auto [linear, angular] = opposite(pose, v, w);
+    set_velocity(world, world.add(shape, material, pose), linear, angular);
+  };
+  add(quad({0, 0, 0}, {-2, 0, 0}, {0, 2, 0}), lambert(0.6f), placed({0, 0, 1.3}, 0.1));
+  add(quad({0, 0, 0}, {-1, 0, 0}, {0, 0, -0.6}), lambert(0.7f), placed({0, 0.3, 0.8}));
+  kuafu_material_desc metal = kuafu_material_desc_init();
+  metal.metallic = 1;
+  metal.roughness = 0.3f;
+  add(sphere(0.13, 12, true), metal, placed({-0.22, 0.15, 0.85}, 0.7));
+  add(sphere(0.12, 12, true), glass(1.5f), placed({0.24, 0.15, 0.75}));
+  add(quad({0, 0, 0}, {-0.1, 0, 0}, {0, 0.1, 0}), emitter(1.0f), placed({0.4, -0.3, 1.0}, 0.5));
+  const auto add_light = [&](kuafu_light_desc light, const Pose& pose) {
+    const auto [linear, angular] = opposite(pose, v, w);
+    std::copy(linear.begin(), linear.end(), light.linear_velocity);
+    std::copy(angular.begin(), angular.end(), light.angular_velocity);
+    return world.add_light(light, pose);
+  };
+  kuafu_light_desc lamp = kuafu_light_desc_init(KUAFU_LIGHT_POINT);
+  lamp.ir_intensity = 0.2f;
+  lamp.radius_m = 0.03;
+  add_light(lamp, placed({-0.4, -0.4, 0.3}));
+  std::vector<float> pattern(32 * 32);
+  for (size_t i = 0; i < pattern.size(); ++i) pattern[i] = i % 7 == 0 ? 1.0f : 0.0f;
+  const Pose pose = placed({0.05, 0, 0}, 0.05);
+  const uint32_t id = world.add_projector(pattern, 32, 32, 25, 1.0f, pose);
+  kuafu_light_desc projector = kuafu_light_desc_init(KUAFU_LIGHT_PROJECTOR);
+  ok(kuafu_scene_get_light(world.scene(), id, &projector));
+  ok(kuafu_scene_remove_light(world.scene(), id));
+  add_light(projector, pose);
+}
+
+double relative_difference(const Pixels& a, const Pixels& b) {
+  double difference = 0, sum = 0;
+  for (size_t i = 0; i < a.values.size(); ++i)
+    difference += std::abs(double(a.values[i]) - double(b.values[i])), sum += std::abs(a.values[i]);
+  return difference / sum;
+}
+
+const Vec3 v{0.5, -0.3, 0.8}, w{0.9, -1.2, 2.0};
+const std::vector<uint32_t> outputs{KUAFU_OUTPUT_RADIANCE, KUAFU_OUTPUT_PROJECTOR_DIRECT, KUAFU_OUTPUT_DEPTH};
+
+std::map<uint32_t, Pixels> moving_camera(uint32_t tracer, uint32_t max_bounces) {
+  World world(tracer);
+  furnish(world, {0, 0, 0}, {0, 0, 0});
+  world.desc().samples_per_pixel = 16;
+  world.desc().max_bounces = max_bounces;
+  kuafu_view_desc view = rolling(40, 24, 3e-3, 8e-3);
+  std::copy(v.begin(), v.end(), view.camera.linear_velocity);
+  std::copy(w.begin(), w.end(), view.camera.angular_velocity);
+  return world.render({view}, outputs);
+}
+
+std::map<uint32_t, Pixels> moving_world(uint32_t tracer, uint32_t max_bounces) {
+  World world(tracer);
+  furnish(world, v, w);
+  world.desc().samples_per_pixel = 16;
+  world.desc().max_bounces = max_bounces;
+  return world.render({rolling(40, 24, 3e-3, 8e-3)}, outputs);
+}
+
+/// Same samples on both sides: what needs no direction around a normal agrees path by path, the rest of the direct light in its mean.
+TEST(Motion, a_camera_in_motion_sees_what_one_at_rest_sees_of_a_moving_world) {
+  for (const uint32_t tracer : {KUAFU_TRACER_AUTO, KUAFU_TRACER_COMPUTE}) {
+    auto camera = moving_camera(tracer, 0), world = moving_world(tracer, 0);
+    EXPECT_LT(relative_difference(camera[KUAFU_OUTPUT_DEPTH], world[KUAFU_OUTPUT_DEPTH]), 1e-4) << tracer;
+    EXPECT_LT(relative_difference(camera[KUAFU_OUTPUT_PROJECTOR_DIRECT], world[KUAFU_OUTPUT_PROJECTOR_DIRECT]), 2e-3) << tracer;
+    EXPECT_NEAR(camera[KUAFU_OUTPUT_RADIANCE].mean() / world[KUAFU_OUTPUT_RADIANCE].mean(), 1, 0.01) << tracer;
+  }
+}
+
+TEST(Motion, tracers_agree_on_a_moving_world) {
+  SKIP_IF(why_not(KUAFU_TRACER_EMBREE));
+  auto embree = moving_world(KUAFU_TRACER_EMBREE, 3), compute = moving_world(KUAFU_TRACER_COMPUTE, 3);
+  EXPECT_LT(relative_difference(embree[KUAFU_OUTPUT_DEPTH], compute[KUAFU_OUTPUT_DEPTH]), 1e-4);
+  EXPECT_LT(relative_difference(embree[KUAFU_OUTPUT_RADIANCE], compute[KUAFU_OUTPUT_RADIANCE]), 5e-3);
+}
+
+TEST(Motion, rt_pipelines_follow_cameras_and_refuse_instances) {
+  ks_device_info info = ks_device_info_init();
+  ok(kuafu_device_get_info(shared_device(), &info));
+  if (!(info.capabilities & KS_CAP_RAY_TRACING_PIPELINE)) GTEST_SKIP() << info.driver << " has no ray tracing pipelines";
+  auto pipeline = moving_camera(KUAFU_TRACER_RT_PIPELINE, 3), compute = moving_camera(KUAFU_TRACER_COMPUTE, 3);
+  EXPECT_LT(relative_difference(pipeline[KUAFU_OUTPUT_RADIANCE], compute[KUAFU_OUTPUT_RADIANCE]), 5e-3);
+  World world(KUAFU_TRACER_RT_PIPELINE);
+  set_velocity(world, world.add(quad({0, 0, 2}, {-1, 0, 0}, {0, 1, 0}), lambert(0.5f)), {1, 0, 0});
+  EXPECT_EQ(refusal(world, rolling(8, 8, 1e-3)), KS_ERROR_UNSUPPORTED);
+  EXPECT_NE(std::string(kuafu_last_error()).find("KUAFU_TRACER_COMPUTE"), std::string::npos) << kuafu_last_error();
+}
+
+TEST(Motion, what_moves_gives_the_same_bits_for_any_thread_count) {
+  std::vector<std::vector<float>> images;
+  for (const uint32_t workers : {1u, 3u}) {
+    World world(KUAFU_TRACER_AUTO, workers);
+    furnish(world, v, w);
+    images.push_back(world.radiance(rolling(24, 18, 2e-3, 8e-3)).values);
+  }
+  EXPECT_EQ(images[0], images[1]);
+}
+
+TEST(Motion, an_instant_sees_nothing_of_it) {
+  World still, moving;
+  furnish(still, {0, 0, 0}, {0, 0, 0});
+  furnish(moving, v, w);
+  const kuafu_view_desc view = view_at({0, 0, 0}, 24, 18, 50);
+  EXPECT_EQ(still.radiance(view).values, moving.radiance(view).values);
+}
+
+TEST(Motion, velocities_and_shutters_change_between_frames) {
+  World world;
+  const uint32_t bar = world.add(quad({-50, 0, 2}, {-50, 0, 0}, {0, 50, 0}), emitter(1.0f));
+  world.desc().samples_per_pixel = 64;
+  kuafu_view_desc view = view_at({0, 0, 0}, 40, 4, 100);
+  const std::vector<float> still = world.radiance(view).values;
+  view.camera.exposure_s = 0.01;
+  const std::vector<float> exposed = world.radiance(view).values;
+  EXPECT_EQ(still, exposed);
+  set_velocity(world, bar, {20, 0, 0});
+  const Pixels blurred = world.radiance(view);
+  EXPECT_NEAR(blurred.at(0, 2, 19), 0.55, 0.05);
+  view.camera.exposure_s = 0.02;
+  EXPECT_NEAR(world.radiance(view).at(0, 2, 11), 0.5 + 8.5 / 20, 0.05);
+  view.camera.exposure_s = 0;
+  EXPECT_EQ(world.radiance(view).values, still);
+  set_velocity(world, bar, {0, 0, 0});
+  view.camera.exposure_s = 0.01;
+  EXPECT_EQ(world.radiance(view).values, still);
+}
+
+/// A wall under a projector that is on for a part of the exposure gets that part of its light.
+TEST(Window, a_projector_shines_within_it) {
+  World world;
+  world.add(quad({0, 0, 2}, {-5, 0, 0}, {0, 5, 0}), lambert(0.5f));
+  const uint32_t id = world.add_projector(std::vector<float>(16, 1.0f), 4, 4, 2, 1.0f);
+  kuafu_light_desc light = kuafu_light_desc_init(KUAFU_LIGHT_PROJECTOR);
+  ok(kuafu_scene_get_light(world.scene(), id, &light));
+  kuafu_view_desc view = view_at({0, 0, 0}, 8, 8, 100);
+  view.camera.exposure_s = 0.01;
+  world.desc().samples_per_pixel = 256;
+  world.desc().max_bounces = 0;
+  const auto mean = [&](double from_s, double until_s) {
+    light.on_from_s = from_s;
+    light.on_until_s = until_s;
+    ok(kuafu_scene_set_light(world.scene(), id, &light));
+    return world.radiance(view).mean();
+  };
+  const double always = mean(0, 0);
+  EXPECT_GT(always, 0);
+  EXPECT_NEAR(mean(-0.005, 0.006), always, 1e-4 * always);
+  EXPECT_NEAR(mean(0.001, 0.0035), 0.25 * always, 0.01 * always);
+  EXPECT_NEAR(mean(-1, 0), 0.5 * always, 0.01 * always);
+  EXPECT_EQ(mean(0.006, 1), 0);
+  EXPECT_EQ(mean(-1, -0.005), 0);
+  view.camera.exposure_s = 0;
+  EXPECT_NEAR(mean(-0.001, 0.001), always, 1e-4 * always);
+  EXPECT_EQ(mean(0.001, 0.002), 0);
+}
+
+TEST(Window, rows_are_lit_while_it_is_open) {
+  World world;
+  world.add(quad({0, 0, 2}, {-5, 0, 0}, {0, 5, 0}), lambert(0.5f));
+  const uint32_t id = world.add_projector(std::vector<float>(16, 1.0f), 4, 4, 2, 1.0f);
+  kuafu_light_desc light = kuafu_light_desc_init(KUAFU_LIGHT_PROJECTOR);
+  ok(kuafu_scene_get_light(world.scene(), id, &light));
+  world.desc().samples_per_pixel = 256;
+  world.desc().max_bounces = 0;
+  const Pixels always = world.radiance(rolling(4, 20, 1e-3, 4e-3));
+  light.on_from_s = -3e-3;
+  light.on_until_s = 4e-3;
+  ok(kuafu_scene_set_light(world.scene(), id, &light));
+  const Pixels image = world.radiance(rolling(4, 20, 1e-3, 4e-3));
+  for (uint32_t row = 0; row < 20; ++row) {
+    const double middle = 1e-3 * (row - 9.5), open = std::min(4e-3, middle + 2e-3) - std::max(-3e-3, middle - 2e-3);
+    EXPECT_NEAR(image.at(0, row, 2) / always.at(0, row, 2), std::max(0.0, open) / 4e-3, 0.02) << "row " << row;
+  }
+}
+
+TEST(Motion, what_cannot_be_is_refused_with_the_numbers) {
+  World world;
+  const uint32_t id = world.add(quad({0, 0, 2}, {-5, 0, 0}, {0, 5, 0}), lambert(0.5f));
+  const auto refused = [&](ks_status status, const char* part) {
+    EXPECT_EQ(status, KS_ERROR_INVALID_ARGUMENT);
+    EXPECT_NE(std::string(kuafu_last_error()).find(part), std::string::npos) << kuafu_last_error();
+  };
+  const Vec3 zero{}, nan{0, NAN, 0};
+  refused(kuafu_scene_set_instance_velocity(world.scene(), id, nan.data(), zero.data()), "linear_velocity is nan");
+  refused(kuafu_scene_set_instance_velocity(world.scene(), id, zero.data(), nullptr), "angular is NULL");
+  refused(kuafu_scene_set_instance_velocity(world.scene(), 7, zero.data(), zero.data()), "no instance 7");
+  kuafu_light_desc light = kuafu_light_desc_init(KUAFU_LIGHT_POINT);
+  uint32_t light_id = 0;
+  light.on_from_s = 1;
+  refused(kuafu_scene_add_light(world.scene(), &light, &light_id), "from 1 to 0 s");
+  light.on_from_s = 0;
+  light.angular_velocity[2] = INFINITY;
+  refused(kuafu_scene_add_light(world.scene(), &light, &light_id), "angular_velocity is inf");
+  SKIP_IF(why_not(KUAFU_TRACER_EMBREE));
+  World embree(KUAFU_TRACER_EMBREE);
+  set_velocity(embree, embree.add(quad({0, 0, 2}, {-5, 0, 0}, {0, 5, 0}), lambert(0.5f)), {0, 0, 0}, {0, 0, 1000});
+  EXPECT_EQ(refusal(embree, rolling(4, 4, 1e-2)), KS_ERROR_UNSUPPORTED);
+  EXPECT_NE(std::string(kuafu_last_error()).find("turns by 30 rad"), std::string::npos) << kuafu_last_error();
+}
+
+}  // namespace
+}  // namespace laws

@@ -1,0 +1,112 @@
+// OBJ, STL, PLY and Collada through assimp.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "device/error.h"
+#include "io/load.h"
+#include "kuafu/io/sample_files.h"
+
+namespace {
+
+using namespace kuafu;
+using namespace scene_test;
+
+struct Loaded {
+  Scene scene;
+  std::vector<std::string> warnings;
+};
+
+Loaded load(const std::filesystem::path& path, const glm::dmat4& root = glm::dmat4(1.0)) {
+  Loaded out;
+  out.warnings = load_file(out.scene, path, root);
+  return out;
+}
+
+TEST(ObjFile, QuadsNormalsUvsAndMaterialsArrive) {
+  const Folder folder;
+  write_text(folder / "wood.png", png_pixel());
+  write_text(folder / "box.mtl",
+             "newmtl dull\nKd 0.2 0.4 0.6\nKs 0 0 0\nillum 1\nnewmtl shiny\nKd 0.5 0.5 0.5\nKs 0.3 0.3 0.3\nNs 198\nNi 1.33\nKe 1 2 "
+             "3\nillum 2\nmap_Kd "
+             "wood.png\nnewmtl glass\nKd 1 1 1\nd 0.25\nNi 1.45\nillum 7\n");
+  write_text(folder / "box.obj",
+             "mtllib box.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0.25\nvt 1 0\nvt 1 1\nvt 0 1\nvn 0 0 1\no a\nusemtl dull\nf 1/1/1 "
+             "2/2/1 3/3/1 4/4/1\n"
+             "o b\nusemtl shiny\nf 1/1/1 2/2/1 3/3/1\no c\nusemtl glass\nf 1/1/1 2/2/1 3/3/1\n");
+  glm::dmat4 root(1.0);
+  root[3] = {0, 0, 2, 1};
+  const Loaded loaded = load(folder / "box.obj", root);
+  const Scene& scene = loaded.scene;
+  ASSERT_EQ(scene.instances().size(), 3u);
+  EXPECT_EQ(scene.meshes()[0].indices.size(), 2u) << "a quad is two triangles";
+  ASSERT_EQ(scene.meshes()[0].normals.size(), scene.meshes()[0].positions.size());
+  EXPECT_EQ(scene.meshes()[0].normals[0], glm::vec3(0, 0, 1));
+  for (size_t i = 0; i < scene.meshes()[0].positions.size(); ++i) {
+    if (scene.meshes()[0].positions[i] == glm::vec3(0)) {
+      EXPECT_NEAR(scene.meshes()[0].uvs[i].y, 0.75f, 1e-6f) << "v points down";
+    }
+  }
+  EXPECT_EQ(scene.bounds().min, glm::dvec3(0, 0, 2));
+  const auto material = [&](size_t i) -> const Material& { return scene.materials()[scene.instances()[i]->materials[0]]; };
+  EXPECT_EQ(material(0).name, "dull");
+  EXPECT_EQ(material(0).base_color, glm::vec4(0.2f, 0.4f, 0.6f, 1));
+  EXPECT_EQ(material(0).specular, 0.0f) << "no highlight is exactly Lambertian";
+  EXPECT_EQ(material(0).metallic, 0.0f);
+  EXPECT_NEAR(material(1).specular, 0.3f, 1e-6f);
+  EXPECT_NEAR(material(1).roughness, std::pow(2.0 / 200.0, 0.25), 1e-5);
+  EXPECT_NEAR(material(1).ior, 1.33f, 1e-6f);
+  EXPECT_EQ(material(1).emission, glm::vec3(1, 2, 3));
+  ASSERT_NE(material(1).base_color_texture, none);
+  EXPECT_TRUE(scene.textures()[material(1).base_color_texture].srgb);
+  EXPECT_NEAR(material(2).transmission, 0.75f, 1e-6f);
+  EXPECT_EQ(material(2).roughness, 0.0f);
+  EXPECT_NEAR(material(2).ior, 1.45f, 1e-6f);
+}
+
+TEST(ObjFile, AMissingTextureOrNoFaceIsAnError) {
+  const Folder folder;
+  write_text(folder / "a.mtl", "newmtl m\nKd 1 1 1\nmap_Kd nowhere.png\n");
+  write_text(folder / "a.obj", "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl m\nf 1 2 3\n");
+  write_text(folder / "points.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n");
+  for (const char* name : {"a.obj", "points.obj"}) {
+    try {
+      load(folder / name);
+      ADD_FAILURE() << name << " was accepted";
+    } catch (const ks::Error& error) {
+      EXPECT_NE(std::string(error.what()).find(name), std::string::npos) << error.what();
+    }
+  }
+}
+
+TEST(StlFile, FacetsAreTrianglesOfTheDefaultMaterial) {
+  const Folder folder;
+  write_text(folder / "a.stl",
+             "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\nendsolid a\n");
+  const Loaded loaded = load(folder / "a.stl");
+  ASSERT_EQ(loaded.scene.instances().size(), 1u);
+  EXPECT_EQ(loaded.scene.meshes()[0].indices.size(), 1u);
+  EXPECT_EQ(loaded.scene.instances()[0]->materials, std::vector<uint32_t>{none});
+}
+
+TEST(PlyFile, AsciiFacesArrive) {
+  const Folder folder;
+  write_text(folder / "a.ply",
+             "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\nelement face 1\nproperty list "
+             "uchar int "
+             "vertex_indices\nend_header\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n4 0 1 2 3\n");
+  EXPECT_EQ(load(folder / "a.ply").scene.meshes()[0].indices.size(), 2u);
+}
+
+TEST(ColladaFile, NodesCarryTheirTransformsUnitsAndUpAxis) {
+  const Folder folder;
+  write_text(folder / "a.dae", collada_triangle());
+  const Loaded loaded = load(folder / "a.dae");
+  ASSERT_EQ(loaded.scene.instances().size(), 2u);
+  EXPECT_EQ(loaded.scene.meshes().size(), 1u) << "two nodes share one geometry";
+  const Scene::Bounds bounds = loaded.scene.bounds();
+  EXPECT_NEAR(bounds.max.y, 2.0, 1e-6) << "the file's z axis points up, and 200 cm are 2 m";
+  EXPECT_NEAR(bounds.max.x, 1.0, 1e-6);
+}
+
+}  // namespace

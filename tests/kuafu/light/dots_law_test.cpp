@@ -1,0 +1,171 @@
+// A projector's dots and its pattern's scale: where they land, what power they have; and textures that change between frames.
+#include "kuafu/world.h"
+
+namespace laws {
+namespace {
+
+constexpr uint32_t side = 32;
+constexpr double focal_px = 40, half = (side - 1) / 2.0;
+
+kuafu_light_desc dot_projector(const std::vector<float>& dots, float sigma_px) {
+  kuafu_light_desc light = kuafu_light_desc_init(KUAFU_LIGHT_PROJECTOR);
+  light.ir_intensity = 1;
+  const double k[9] = {focal_px, 0, half, 0, focal_px, half, 0, 0, 1};
+  std::memcpy(light.k, k, sizeof k);
+  light.dots = dots.data();
+  light.dot_count = uint32_t(dots.size() / 3);
+  light.pattern_width = light.pattern_height = side;
+  light.dot_sigma_px = sigma_px;
+  return light;
+}
+
+struct Spot {
+  double power = 0, u = 0, v = 0;  // sum of radiant intensity over projector pixels, and its centre
+};
+
+// A white wall at 1 m seen from the projector with ten camera pixels to one of the pattern; irradiance back to intensity: E = I cos^3 /
+// d^2.
+Spot spot_on_wall(World& world) {
+  constexpr double zoom = 6;
+  const auto pixels = uint32_t(side * zoom);
+  const Pixels image = world.radiance(view_at({0, 0, 0}, pixels, pixels, focal_px * zoom));
+  Spot spot;
+  for (uint32_t r = 0; r < pixels; ++r)
+    for (uint32_t c = 0; c < pixels; ++c) {
+      const double x = (c - (pixels - 1) / 2.0) / (focal_px * zoom), y = (r - (pixels - 1) / 2.0) / (focal_px * zoom);
+      const double intensity = image.at(0, r, c) * pi * std::pow(1 + x * x + y * y, 1.5) / (zoom * zoom);
+      spot.power += intensity;
+      spot.u += intensity * (x * focal_px + half);
+      spot.v += intensity * (y * focal_px + half);
+    }
+  spot.u /= spot.power;
+  spot.v /= spot.power;
+  return spot;
+}
+
+World& wall(World& world) {
+  world.add(quad({0, 0, 1}, {-1, 0, 0}, {0, 1, 0}), lambert(1.0f));
+  world.desc().samples_per_pixel = 16;
+  world.desc().max_bounces = 0;
+  return world;
+}
+
+TEST(Dots, keep_their_power_and_place_between_pixels) {
+  for (const float sigma : {0.3f, 1.2f})
+    for (const float u : {11.0f, 11.3f, 11.5f}) {
+      World world;
+      const std::vector<float> dot{u, 17.8f, 2.5f};
+      world.add_light(dot_projector(dot, sigma), placed({0, 0, 0}));
+      const Spot spot = spot_on_wall(wall(world));
+      EXPECT_NEAR(spot.power, 2.5, 0.02) << sigma << " " << u;
+      const double tolerance = sigma < 1 ? 0.06 : 0.02;  // a dot smaller than a pixel is known by the pixels alone
+      EXPECT_NEAR(spot.u, u, tolerance) << sigma;
+      EXPECT_NEAR(spot.v, 17.8, tolerance) << sigma;
+    }
+}
+
+TEST(Dots, pattern_scale_moves_them_away_from_the_principal_point) {
+  World world;
+  const std::vector<float> dot{20.0f, 10.0f, 1.0f};
+  kuafu_light_desc light = dot_projector(dot, 1.2f);
+  light.pattern_scale = 1.2;
+  world.add_light(light, placed({0, 0, 0}));
+  const Spot spot = spot_on_wall(wall(world));
+  EXPECT_NEAR(spot.u, half + 1.2 * (20 - half), 0.02);
+  EXPECT_NEAR(spot.v, half + 1.2 * (10 - half), 0.02);
+  EXPECT_NEAR(spot.power, 1.44, 0.02) << "intensity stays, the solid angle grows";
+}
+
+TEST(Dots, can_be_read_back_and_set_again) {
+  World world;
+  const std::vector<float> dots{12, 13, 1, 20, 9, 0.5f};
+  const uint32_t id = world.add_light(dot_projector(dots, 1.0f), placed({0, 0, 0}));
+  wall(world);
+  EXPECT_NEAR(spot_on_wall(world).power, 1.5, 0.02);
+  kuafu_light_desc light = kuafu_light_desc_init(0);
+  ok(kuafu_scene_get_light(world.scene(), id, &light));
+  ASSERT_EQ(light.dot_count, 2u);
+  EXPECT_TRUE(std::equal(dots.begin(), dots.end(), light.dots));
+  light.dot_count = 1;  // its own memory may be handed back
+  ok(kuafu_scene_set_light(world.scene(), id, &light));
+  const Spot spot = spot_on_wall(world);
+  EXPECT_NEAR(spot.power, 1, 0.02);
+  EXPECT_NEAR(spot.u, 12, 0.02);
+}
+
+TEST(Dots, bad_ones_are_refused_with_the_numbers) {
+  World world;
+  const auto refused = [&](kuafu_light_desc light, const std::string& text) {
+    uint32_t id = 0;
+    EXPECT_EQ(kuafu_scene_add_light(world.scene(), &light, &id), KS_ERROR_INVALID_ARGUMENT);
+    EXPECT_NE(std::string(kuafu_last_error()).find(text), std::string::npos) << kuafu_last_error();
+  };
+  const std::vector<float> one{1, 2, 1}, negative{1, 2, -1};
+  refused(dot_projector(one, 0.0f), "dot_sigma_px is 0");
+  refused(dot_projector(negative, 1.0f), "dots[0]");
+  kuafu_light_desc light = dot_projector(one, 1.0f);
+  light.pattern_width = 0;
+  refused(light, "pattern_width and pattern_height are 0 and 32");
+  light = dot_projector(one, 1.0f);
+  light.pattern_scale = 0;
+  refused(light, "pattern_scale is 0");
+  light = dot_projector(one, 1.0f);
+  light.kind = KUAFU_LIGHT_POINT;
+  refused(light, "only a projector takes dots");
+  const std::vector<float> many(3 * 4096, 1.0f);
+  light = dot_projector(many, 1e4f);
+  light.pattern_width = light.pattern_height = 32768;
+  refused(light, "give it as a texture");
+}
+
+void set_texture(World& world, uint32_t id, uint32_t width, uint32_t height, float value) {
+  const std::vector<float> texels(size_t(width) * height, value);
+  kuafu_texture_desc texture = kuafu_texture_desc_init();
+  texture.texels = texels.data();
+  texture.width = width;
+  texture.height = height;
+  texture.channels = 1;
+  texture.format = KS_FORMAT_F32;
+  ok(kuafu_scene_set_texture(world.scene(), id, &texture));
+}
+
+TEST(SetTexture, a_projector_shows_the_new_pattern_whatever_its_size) {
+  World world;
+  world.add_projector(std::vector<float>(9 * 9, 1.0f), 9, 9, 4, 1.0f);
+  wall(world);
+  const kuafu_view_desc view = view_at({0, 0, 0}, 1, 1, 1000);
+  const float full = world.radiance(view).at(0, 0, 0);
+  set_texture(world, 0, 9, 9, 0.5f);
+  EXPECT_NEAR(world.radiance(view).at(0, 0, 0), full / 2, 1e-3f * full);
+  set_texture(world, 0, 13, 11, 0.25f);
+  EXPECT_NEAR(world.radiance(view).at(0, 0, 0), full / 4, 1e-3f * full);
+  EXPECT_EQ(kuafu_scene_set_texture(world.scene(), 5, nullptr), KS_ERROR_INVALID_ARGUMENT);
+}
+
+TEST(SetTexture, materials_and_the_environment_show_the_new_one) {
+  World world;
+  uint32_t texture = 0;
+  const std::vector<float> ones(4, 1.0f);
+  kuafu_texture_desc desc = kuafu_texture_desc_init();
+  desc.texels = ones.data();
+  desc.width = desc.height = 2;
+  desc.channels = 1;
+  desc.format = KS_FORMAT_F32;
+  ok(kuafu_scene_add_texture(world.scene(), &desc, &texture));
+  kuafu_environment_desc environment = kuafu_environment_desc_init();
+  environment.ir_radiance = 1;
+  environment.texture = texture;
+  ok(kuafu_scene_set_environment(world.scene(), &environment));
+  kuafu_material_desc material = lambert(1.0f);
+  material.base_color_texture = texture;
+  world.add(quad({0, 0, 1}, {-0.05, 0, 0}, {0, 0.05, 0}), material);
+  const kuafu_view_desc view = view_at({0, 0, 0}, 9, 9, 30);
+  const Pixels first = world.radiance(view);
+  set_texture(world, texture, 3, 4, 0.5f);
+  const Pixels second = world.radiance(view);
+  EXPECT_NEAR(second.at(0, 0, 0), first.at(0, 0, 0) / 2, 1e-5f) << "sky";
+  EXPECT_NEAR(second.at(0, 4, 4), first.at(0, 4, 4) / 4, 0.01f) << "plane under the sky";
+}
+
+}  // namespace
+}  // namespace laws

@@ -1,0 +1,279 @@
+// Lights with an extent or a profile against closed forms; light samples, BSDF samples and both together give the same mean.
+#include <algorithm>
+#include <functional>
+
+#include "kuafu/world.h"
+
+namespace laws {
+namespace {
+
+kuafu_light_desc light_of(uint32_t kind, float ir_intensity) {
+  kuafu_light_desc light = kuafu_light_desc_init(kind);
+  light.ir_intensity = ir_intensity;
+  return light;
+}
+
+/// Pose at `position` whose +z looks back along -z of the world.
+std::array<double, 16> facing_back(const Vec3& position) { return placed(position, pi); }
+
+uint32_t add_texture(World& world, const std::vector<float>& texels, uint32_t width, uint32_t height) {
+  kuafu_texture_desc texture = kuafu_texture_desc_init();
+  texture.texels = texels.data();
+  texture.width = width;
+  texture.height = height;
+  texture.channels = 1;
+  texture.format = KS_FORMAT_F32;
+  uint32_t id = 0;
+  ok(kuafu_scene_add_texture(world.scene(), &texture, &id));
+  return id;
+}
+
+/// A white Lambertian floor at z = 1 that faces -z, seen from straight before its centre through a narrow lens: radiance is irradiance /
+/// pi.
+double irradiance_at_floor(World& world, uint32_t samples = 64, uint32_t sampling = KUAFU_SAMPLING_MIS) {
+  world.add(quad({0, 0, 1}, {-0.02, 0, 0}, {0, 0.02, 0}), lambert(1.0f));
+  world.desc().samples_per_pixel = samples;
+  world.desc().max_bounces = 0;
+  world.desc().light_sampling = sampling;
+  return pi * world.radiance(view_at({0, 0, 0.9}, 8, 8, 4000)).mean();
+}
+
+TEST(Lights, a_directional_light_gives_its_irradiance_times_the_cosine) {
+  for (const double angle : {0.0, 0.01, 0.2}) {
+    World world;
+    kuafu_light_desc light = light_of(KUAFU_LIGHT_DIRECTIONAL, 2.0f);
+    light.angle_rad = angle;
+    world.add_light(light, placed({0, 0, 0}, 0.6));
+    EXPECT_NEAR(irradiance_at_floor(world), 2 * std::cos(0.6), 5e-3) << angle;
+  }
+}
+
+TEST(Lights, a_point_light_with_a_radius_gives_what_a_point_gives) {
+  // A sphere's irradiance on a surface that sees all of it is that of a point (Lambert's sphere).
+  for (const double radius : {0.0, 0.01, 0.3}) {
+    World world;
+    kuafu_light_desc light = light_of(KUAFU_LIGHT_POINT, 1.0f);
+    light.radius_m = radius;
+    world.add_light(light, placed({0.3, 0, 0.5}));
+    const double d2 = 0.09 + 0.25;
+    EXPECT_NEAR(irradiance_at_floor(world, 256), 0.5 / std::pow(d2, 1.5), 0.01) << radius;
+  }
+}
+
+TEST(Lights, a_spot_is_full_inside_and_dark_outside) {
+  const auto lit = [](double aside, double inner, double outer) {
+    World world;
+    kuafu_light_desc light = light_of(KUAFU_LIGHT_SPOT, 1.0f);
+    light.inner_rad = inner;
+    light.outer_rad = outer;
+    world.add_light(light, placed({std::tan(aside), 0, 0}));
+    return irradiance_at_floor(world, 1) / std::pow(std::cos(aside), 3);
+  };
+  EXPECT_NEAR(lit(0.2, 0.3, 0.4), 1, 1e-3);
+  EXPECT_EQ(lit(0.45, 0.3, 0.4), 0);
+  const double part = (std::cos(0.35) - std::cos(0.4)) / (std::cos(0.3) - std::cos(0.4));
+  EXPECT_NEAR(lit(0.35, 0.3, 0.4), part * part, 0.02);
+}
+
+/// Irradiance by quadrature of a rectangle of radiance 1 in the plane z = 0 that shines to +z, on the floor at (0, 0, 1).
+double quadrature(double half_width, double half_height, const std::function<double(double, double)>& radiance) {
+  constexpr int n = 400;
+  double sum = 0;
+  for (int i = 0; i < n; ++i)
+    for (int j = 0; j < n; ++j) {
+      const double x = half_width * (2 * (i + 0.5) / n - 1), y = half_height * (2 * (j + 0.5) / n - 1);
+      sum += radiance(x, y) / std::pow(x * x + y * y + 1, 2);
+    }
+  return sum * 4 * half_width * half_height / (n * n);
+}
+
+TEST(Lights, a_disk_and_a_rectangle_give_their_form_factors) {
+  for (const uint32_t sampling : {KUAFU_SAMPLING_MIS, KUAFU_SAMPLING_LIGHTS, KUAFU_SAMPLING_BSDF}) {
+    World disk, rectangle;
+    kuafu_light_desc light = light_of(KUAFU_LIGHT_DISK, 1.0f);
+    light.radius_m = 0.5;
+    disk.add_light(light, placed({0, 0, 0}));
+    EXPECT_NEAR(irradiance_at_floor(disk, 1024, sampling), pi * 0.25 / 1.25, 0.01) << sampling;  // pi sin^2 of the half angle
+    light = light_of(KUAFU_LIGHT_RECTANGLE, 1.0f);
+    light.size_m[0] = 1;
+    light.size_m[1] = 0.6;
+    rectangle.add_light(light, placed({0, 0, 0}));
+    EXPECT_NEAR(irradiance_at_floor(rectangle, 1024, sampling), quadrature(0.5, 0.3, [](double, double) { return 1.0; }), 0.01) << sampling;
+  }
+}
+
+TEST(Lights, area_lights_shine_to_one_side) {
+  World world;
+  kuafu_light_desc light = light_of(KUAFU_LIGHT_DISK, 1.0f);
+  light.radius_m = 0.5;
+  world.add_light(light, facing_back({0, 0, 0}));
+  EXPECT_EQ(irradiance_at_floor(world), 0);
+}
+
+TEST(Lights, a_texture_shapes_an_area_light) {
+  World world;
+  kuafu_light_desc light = light_of(KUAFU_LIGHT_RECTANGLE, 1.0f);
+  light.size_m[0] = light.size_m[1] = 2;
+  std::vector<float> ramp(64 * 64);
+  for (size_t i = 0; i < ramp.size(); ++i) ramp[i] = float(i % 64) / 63;
+  light.texture = add_texture(world, ramp, 64, 64);
+  world.add_light(light, placed({0, 0, 0}));
+  const double expected = quadrature(1, 1, [](double x, double) { return (x + 1) / 2; });
+  EXPECT_NEAR(irradiance_at_floor(world, 1024), expected, 0.02 * expected);
+}
+
+/// Emissive square of radiance 1 over a parallel square floor: the unit squares at distance 1 have form factor 0.19982 (Siegel and Howell,
+/// C-11).
+double facing_squares(uint32_t sampling, uint32_t tracer) {
+  World world(tracer);
+  world.add(quad({0, 0, 1}, {-0.5, 0, 0}, {0, 0.5, 0}), lambert(1.0f));
+  world.add(quad({0, 0, 0}, {0.25, 0, 0}, {0, 0.5, 0}), emitter(1.0f), placed({-0.25, 0, 0}));
+  world.add(quad({0, 0, 0}, {0.25, 0, 0}, {0, 0.5, 0}), emitter(1.0f), placed({0.25, 0, 0}));
+  world.desc().samples_per_pixel = 256;
+  world.desc().max_bounces = 0;
+  world.desc().light_sampling = sampling;
+  // Through the emitter's back, which is black to this view only by the near plane: the camera stands above it.
+  kuafu_view_desc view = view_at({0, 0, -1}, 32, 32, 64);
+  view.camera.near_m = 1.5;
+  return world.radiance(view).mean();
+}
+
+TEST(Lights, two_facing_squares_have_their_form_factor_by_every_sampling) {
+  for (const uint32_t tracer : {KUAFU_TRACER_AUTO, KUAFU_TRACER_COMPUTE})
+    for (const uint32_t sampling : {KUAFU_SAMPLING_MIS, KUAFU_SAMPLING_LIGHTS, KUAFU_SAMPLING_BSDF})
+      EXPECT_NEAR(facing_squares(sampling, tracer), 0.19982, 0.002) << sampling;
+}
+
+kuafu_material_desc glossy(float roughness) {
+  kuafu_material_desc m = kuafu_material_desc_init();
+  m.metallic = 0.5f;
+  m.roughness = roughness;
+  m.ir_albedo = 0.8f;
+  return m;
+}
+
+TEST(Lights, samplings_agree_on_gloss_under_every_light) {
+  for (const float roughness : {0.2f, 0.6f}) {
+    double means[3];
+    for (const uint32_t sampling : {KUAFU_SAMPLING_MIS, KUAFU_SAMPLING_LIGHTS, KUAFU_SAMPLING_BSDF}) {
+      World world;
+      world.add(quad({0, 0.3, 1}, {-1, 0, 0}, {0, 0, -1}), glossy(roughness));
+      world.add(box({0.1, 0.1, 0.1}), emitter(2.0f), placed({0.3, 0.1, 1.2}, 0.4));
+      kuafu_light_desc light = light_of(KUAFU_LIGHT_RECTANGLE, 3.0f);
+      light.size_m[0] = light.size_m[1] = 0.3;
+      world.add_light(light, facing_back({-0.3, 0, 1.6}));
+      light = light_of(KUAFU_LIGHT_POINT, 0.2f);
+      light.radius_m = 0.1;
+      world.add_light(light, placed({0, -0.2, 1.3}));
+      light = light_of(KUAFU_LIGHT_DIRECTIONAL, 0.5f);
+      light.angle_rad = 0.2;
+      world.add_light(light, placed({0, 0, 0}, 2.5));
+      world.desc().samples_per_pixel = 512;
+      world.desc().max_bounces = 2;
+      world.desc().light_sampling = sampling;
+      means[sampling] = world.radiance(view_at({0, 0, 0}, 24, 24, 20)).mean();
+    }
+    EXPECT_NEAR(means[KUAFU_SAMPLING_LIGHTS] / means[KUAFU_SAMPLING_MIS], 1, 0.01) << roughness;
+    EXPECT_NEAR(means[KUAFU_SAMPLING_BSDF] / means[KUAFU_SAMPLING_MIS], 1, 0.01) << roughness;
+  }
+}
+
+TEST(Lights, many_lights_cost_one_shadow_ray_and_keep_their_mean) {
+  double means[2];
+  for (const int split : {1, 8}) {  // one rectangle, or 8 x 8 of it side by side
+    World world;
+    for (int i = 0; i < split * split; ++i) {
+      kuafu_light_desc light = light_of(KUAFU_LIGHT_RECTANGLE, 1.0f);
+      light.size_m[0] = light.size_m[1] = 1.0 / split;
+      world.add_light(light, placed({(i % split + 0.5) / split - 0.5, (i / split + 0.5) / split - 0.5, 0}));
+    }
+    means[split > 1] = irradiance_at_floor(world, 512);
+  }
+  EXPECT_NEAR(means[1] / means[0], 1, 0.01);
+}
+
+/// Environment map with a bright patch of `size` texels around +z of the map; returns floor irradiance.
+double under_map(uint32_t sampling, double yaw, float sky, int size) {
+  World world;
+  std::vector<float> map(64 * 32, sky);
+  for (int y = 16 - (size + 1) / 2; y < 16 + size / 2; ++y)
+    for (int x = 32 - (size + 1) / 2; x < 32 + size / 2; ++x) map[size_t(y * 64 + x)] = 50;
+  kuafu_environment_desc e = kuafu_environment_desc_init();
+  e.radiance[0] = e.radiance[1] = e.radiance[2] = e.ir_radiance = 1;
+  e.texture = add_texture(world, map, 64, 32);
+  const double c = std::cos(yaw), s = std::sin(yaw);
+  const double turned[9] = {c, 0, s, 0, 1, 0, -s, 0, c};
+  std::memcpy(e.map_to_world, turned, sizeof turned);
+  ok(kuafu_scene_set_environment(world.scene(), &e));
+  return irradiance_at_floor(world, 4096, sampling);
+}
+
+/// The same with the patch turned to the floor, which faces -z, by quadrature of the bilinear texels.
+double map_integral(double sky, int size) {
+  constexpr int n = 1024;
+  double sum = 0;
+  for (int i = 0; i < n; ++i)
+    for (int j = 0; j < 2 * n; ++j) {
+      const double theta = pi * (i + 0.5) / n, phi = pi * (j + 0.5) / n - pi;
+      const auto share = [](double p, double first, double last) {  // of bilinear texels first..last
+        return std::clamp(p - (first - 1), 0.0, 1.0) * std::clamp(last + 1 - p, 0.0, 1.0);
+      };
+      const int before = (size + 1) / 2, after = size / 2 - 1;
+      const double column = (phi / (2 * pi) + 0.5) * 64 - 0.5, row = theta / pi * 32 - 0.5;
+      const double bright = share(column, 32 - before, 32 + after) * share(row, 16 - before, 16 + after);
+      const double cosine = std::sin(theta) * std::cos(phi);
+      if (cosine > 0) sum += (sky + (50 - sky) * bright) * cosine * std::sin(theta) * (pi / n) * (pi / n);
+    }
+  return sum;
+}
+
+// A sun of one texel in a black sky is interpolated over its neighbours' cells: light samples find it there, too.
+TEST(Lights, an_environment_map_is_the_integral_of_its_texels) {
+  for (const auto& [sky, size] : {std::pair{0.0f, 1}, {0.1f, 4}})
+    for (const uint32_t sampling : {KUAFU_SAMPLING_MIS, KUAFU_SAMPLING_LIGHTS, KUAFU_SAMPLING_BSDF})
+      EXPECT_NEAR(under_map(sampling, pi, sky, size) / map_integral(double(sky), size), 1, 0.02) << sampling << " " << size;
+  EXPECT_NEAR(under_map(KUAFU_SAMPLING_MIS, 0, 0.1f, 4) / (0.1 * pi), 1, 0.02);  // behind the floor
+}
+
+TEST(Lights, mis_is_quieter_than_either_on_a_small_emitter_over_gloss) {
+  const auto noise = [](uint32_t sampling) {
+    World world;
+    world.add(quad({0, 0.3, 1}, {-1, 0, 0}, {0, 0, -1}), glossy(0.35f));
+    world.add(quad({0, 0.1, 1.2}, {0.02, 0, 0}, {0, 0.02, 0}), emitter(20.0f));
+    world.desc().samples_per_pixel = 16;
+    world.desc().max_bounces = 0;
+    world.desc().light_sampling = sampling;
+    double sum = 0, difference = 0;
+    world.desc().seed = 1;
+    const Pixels a = world.radiance(view_at({0, 0, 0}, 48, 48, 60));
+    world.desc().seed = 2;
+    const Pixels b = world.radiance(view_at({0, 0, 0}, 48, 48, 60));
+    for (size_t i = 0; i < a.values.size(); ++i) {
+      sum += a.values[i];
+      difference += std::pow(a.values[i] - b.values[i], 2);
+    }
+    return std::sqrt(difference) / sum;
+  };
+  const double mis = noise(KUAFU_SAMPLING_MIS), lights = noise(KUAFU_SAMPLING_LIGHTS), bsdf = noise(KUAFU_SAMPLING_BSDF);
+  RecordProperty("mis", std::to_string(mis));
+  EXPECT_LT(mis, 1.1 * lights);
+  EXPECT_LT(mis, bsdf / 3) << "samples for equal noise: " << std::pow(bsdf / mis, 2);
+}
+
+TEST(Lights, bad_ones_are_refused_with_their_numbers) {
+  World world;
+  const auto refused = [&](kuafu_light_desc light, const char* word) {
+    uint32_t id;
+    EXPECT_EQ(kuafu_scene_add_light(world.scene(), &light, &id), KS_ERROR_INVALID_ARGUMENT);
+    EXPECT_NE(std::string(kuafu_last_error()).find(word), std::string::npos) << kuafu_last_error();
+  };
+  refused(light_of(KUAFU_LIGHT_DISK, 1), "radius_m");
+  refused(light_of(KUAFU_LIGHT_RECTANGLE, 1), "size_m");
+  kuafu_light_desc spot = light_of(KUAFU_LIGHT_SPOT, 1);
+  spot.outer_rad = 2;
+  refused(spot, "outer_rad");
+  refused(light_of(7, 1), "kind");
+}
+
+}  // namespace
+}  // namespace laws

@@ -1,0 +1,121 @@
+// The projector's lens in closed form: distortion moves a dot where Brown and Conrady say, falloff is a power of the cosine, defocus
+// spreads a dot over the circle of confusion, whatever the distance; and glass absorbs what is immersed in it by the way inside alone.
+#include "kuafu/world.h"
+
+namespace laws {
+namespace {
+
+constexpr uint32_t side = 33;
+constexpr double focal_px = 60, zoom = 6;
+
+kuafu_light_desc projector_of(World& world, const std::vector<float>& pattern) {
+  kuafu_texture_desc texture = kuafu_texture_desc_init();
+  texture.texels = pattern.data();
+  texture.width = texture.height = side;
+  texture.channels = 1;
+  texture.format = KS_FORMAT_F32;
+  kuafu_light_desc light = kuafu_light_desc_init(KUAFU_LIGHT_PROJECTOR);
+  ok(kuafu_scene_add_texture(world.scene(), &texture, &light.texture));
+  light.ir_intensity = 1;
+  const double k[9] = {focal_px, 0, (side - 1) / 2.0, 0, focal_px, (side - 1) / 2.0, 0, 0, 1};
+  std::memcpy(light.k, k, sizeof k);
+  return light;
+}
+
+struct Spot {
+  double power = 0, x = 0, y = 0, spread = 0;  // tangents; spread: mean square distance from the centre
+};
+
+// A wall at distance_m seen from the projector; radiance back to intensity: I = pi L d^2 / cos^3.
+Spot spot_on_wall(World& world, double distance_m) {
+  world.add(quad({0, 0, distance_m}, {-2 * distance_m, 0, 0}, {0, 2 * distance_m, 0}), lambert(1.0f));
+  world.desc().samples_per_pixel = 16;
+  world.desc().max_bounces = 0;
+  const auto pixels = uint32_t(side * zoom);
+  const double f = focal_px * zoom;
+  const Pixels image = world.radiance(view_at({0, 0, 0}, pixels, pixels, f));
+  Spot spot;
+  double squares = 0;
+  for (uint32_t r = 0; r < pixels; ++r)
+    for (uint32_t c = 0; c < pixels; ++c) {
+      const double x = (c - (pixels - 1) / 2.0) / f, y = (r - (pixels - 1) / 2.0) / f;
+      const double intensity = image.at(0, r, c) * pi * distance_m * distance_m * std::pow(1 + x * x + y * y, 1.5) / (zoom * zoom);
+      spot.power += intensity;
+      spot.x += intensity * x;
+      spot.y += intensity * y;
+      squares += intensity * (x * x + y * y);
+    }
+  spot.x /= spot.power;
+  spot.y /= spot.power;
+  spot.spread = squares / spot.power - spot.x * spot.x - spot.y * spot.y;
+  return spot;
+}
+
+std::vector<float> dot_at(uint32_t u, uint32_t v) {
+  std::vector<float> pattern(size_t(side) * side, 0.0f);
+  pattern[size_t(v) * side + u] = 1;
+  return pattern;
+}
+
+TEST(ProjectorLens, distortion_is_brown_and_conradys) {
+  World world;
+  kuafu_light_desc light = projector_of(world, dot_at(27, 22));
+  const double k[8] = {0.3, -0.1, 0.01, -0.015, 0.02, 0, 0, 0};
+  std::copy(k, k + 8, light.distortion);
+  world.add_light(light, placed({0, 0, 0}));
+  const Spot spot = spot_on_wall(world, 1.0);
+  const double x = spot.x, y = spot.y, r2 = x * x + y * y;  // OpenCV's formula, from where it is seen to its pixel
+  const double radial = 1 + r2 * (k[0] + r2 * (k[1] + r2 * k[4]));
+  EXPECT_NEAR(focal_px * (x * radial + 2 * k[2] * x * y + k[3] * (r2 + 2 * x * x)) + 16, 27, 0.03);
+  EXPECT_NEAR(focal_px * (y * radial + k[2] * (r2 + 2 * y * y) + 2 * k[3] * x * y) + 16, 22, 0.03);
+}
+
+TEST(ProjectorLens, falloff_is_a_power_of_the_cosine) {
+  for (const double n : {1.0, 4.0}) {
+    double powers[2];
+    for (const bool falls : {false, true}) {
+      World world;
+      kuafu_light_desc light = projector_of(world, dot_at(30, 28));
+      light.falloff = falls ? n : 0;
+      world.add_light(light, placed({0, 0, 0}));
+      powers[falls] = spot_on_wall(world, 0.8).power;
+    }
+    const double x = 14 / focal_px, y = 12 / focal_px;
+    EXPECT_NEAR(powers[1] / powers[0], std::pow(1 + x * x + y * y, -n / 2), 2e-3) << n;
+  }
+}
+
+// A uniform disc of radius R has a mean square radius of R^2 / 2; it comes on top of the dot's own bilinear tent.
+TEST(ProjectorLens, defocus_spreads_by_the_circle_of_confusion) {
+  for (const double distance : {0.5, 1.0, 2.0}) {
+    Spot spots[2];
+    for (const bool blurred : {false, true}) {
+      World world;
+      kuafu_light_desc light = projector_of(world, dot_at(16, 16));
+      light.radius_m = blurred ? 0.02 : 0;
+      light.focus_m = 0.8;
+      world.add_light(light, placed({0, 0, 0}));
+      spots[blurred] = spot_on_wall(world, distance);
+    }
+    const double radius = 0.02 * std::abs(1 / distance - 1 / 0.8);  // tangent
+    EXPECT_NEAR(spots[1].spread - spots[0].spread, radius * radius / 2, 0.03 * radius * radius + 2e-7) << distance;
+    EXPECT_NEAR(spots[1].power / spots[0].power, 1, 0.01) << distance;
+  }
+}
+
+// A shining plate in the middle of an absorbing block: what is seen has gone through half of it.
+TEST(Absorption, of_an_immersed_object_is_that_of_the_way_inside) {
+  for (const double depth : {0.1, 0.3}) {
+    World world;
+    kuafu_material_desc m = glass(1.0f);
+    m.ir_attenuation_color = 0.4f;
+    m.attenuation_distance_m = 0.25f;
+    world.add(box({1, 1, 0.5}), m, placed({0, 0, 2}));
+    world.add(quad({0, 0, 1.5 + depth}, {-0.5, 0, 0}, {0, 0.5, 0}), emitter(1.0f));
+    world.desc().samples_per_pixel = 4;
+    EXPECT_NEAR(world.radiance(view_at({0, 0, 0}, 2, 2, 4000)).mean(), std::pow(0.4, depth / 0.25), 1e-3) << depth;
+  }
+}
+
+}  // namespace
+}  // namespace laws
