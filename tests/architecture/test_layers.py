@@ -62,3 +62,12 @@ def test_shaders_point_one_way(folder: str) -> None:
     assert set(SHADER_ORDER) == folders_of(SHADERS)
     below = SHADER_ORDER[: SHADER_ORDER.index(folder)]
     assert not [line for other, lines in included_folders(SHADERS, folder).items() if other not in below for line in lines]
+
+
+def test_shaders_know_no_infrared_fields() -> None:
+    """The band is resolved where records are made (frame/band.h): a record has one value of each quantity."""
+    assert not [path.name for path in SHADERS.rglob("*.*") if re.search(r"\bir_[a-z]", path.read_text())]
+
+
+def test_no_class_opens_its_private_parts_to_another() -> None:
+    assert not [path.name for path in SOURCES.rglob("*.*") if re.search(r"^\s*friend\s", path.read_text(), re.MULTILINE)]

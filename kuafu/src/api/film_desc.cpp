@@ -30,10 +30,13 @@ Film read_film(const kuafu_film_desc* desc, const std::string& view) {
   check_range(view, "psf_sigma_px", d.psf_sigma_px, most_sigma_px);
   check_range(view, "psf_corner_sigma_px", d.psf_corner_sigma_px, most_sigma_px);
   check_range(view, "veiling_glare_fraction", d.veiling_glare_fraction, 1.0);
-  return {d.vignetting_exponent,   {d.vignetting_polynomial[0], d.vignetting_polynomial[1], d.vignetting_polynomial[2]},
-          d.psf_sigma_px,          d.psf_corner_sigma_px,
-          d.defocus_lens_radius_m, d.defocus_focus_m,
-          d.veiling_glare_fraction};
+  return {.vignetting_exponent = d.vignetting_exponent,
+          .vignetting_polynomial = {d.vignetting_polynomial[0], d.vignetting_polynomial[1], d.vignetting_polynomial[2]},
+          .psf_sigma_px = d.psf_sigma_px,
+          .psf_corner_sigma_px = d.psf_corner_sigma_px,
+          .defocus_lens_radius_m = d.defocus_lens_radius_m,
+          .defocus_focus_m = d.defocus_focus_m,
+          .veiling_glare_fraction = d.veiling_glare_fraction};
 }
 
 }  // namespace kuafu

@@ -74,9 +74,16 @@ View read_view(const kuafu_view_desc& desc, uint32_t index, const Launch& launch
   if (!same_lens(camera, launch)) check_undistortable(camera);
   if (desc.environment >= most_environments)
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "views[%u].environment is %u, it must be below %u", index, desc.environment, most_environments);
-  const Film film = read_film(desc.film, camera.name);
-  return {camera.k, camera.camera_to_world, camera.near_m,  camera.far_m,    desc.environment,
-          film,     camera.optics,          camera.shutter, camera.velocity, read_previous_pose(desc, camera)};
+  return {.k = camera.k,
+          .camera_to_world = camera.camera_to_world,
+          .near_m = camera.near_m,
+          .far_m = camera.far_m,
+          .environment = desc.environment,
+          .film = read_film(desc.film, camera.name),
+          .optics = camera.optics,
+          .shutter = camera.shutter,
+          .velocity = camera.velocity,
+          .previous_camera_to_world = read_previous_pose(desc, camera)};
 }
 
 void read_views(const kuafu_render_desc& desc, Launch& launch) {
@@ -95,7 +102,9 @@ void read_views(const kuafu_render_desc& desc, Launch& launch) {
   }
   launch.width = first.camera.width;
   launch.height = first.camera.height;
-  launch.band = {first.band == KUAFU_BAND_INFRARED, desc.ir_ambient_scale, desc.ir_ambient_radiance};
+  launch.band = {.infrared = first.band == KUAFU_BAND_INFRARED,
+                 .ir_ambient_scale = desc.ir_ambient_scale,
+                 .ir_ambient_radiance = desc.ir_ambient_radiance};
   const ull pixels = ull(launch.views.size()) * launch.width * launch.height;
   if (pixels > std::numeric_limits<int32_t>::max())
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "%u views of %u x %u are %llu pixels, at most 2^31 - 1 fit one call", desc.view_count, launch.width,

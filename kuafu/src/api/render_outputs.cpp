@@ -105,7 +105,13 @@ void read_output(const kuafu_output_desc& desc, const ks::Device& device, Launch
   OutputImage& out = launch.outputs[kind.kind];
   if (out.buffer) ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s is asked for twice", kind.name);
   const auto elements = [&](int dim) { return image.shape[dim] > 1 ? int(image.byte_stride[dim] / bytes) : 0; };
-  out = {buffer, begin, int((image.offset_bytes - begin) / bytes), elements(0), elements(1), image.format, read_scale(desc, kind)};
+  out = {.buffer = buffer,
+         .offset_bytes = begin,
+         .first = int((image.offset_bytes - begin) / bytes),
+         .view_stride = elements(0),
+         .row_stride = elements(1),
+         .format = image.format,
+         .scale = read_scale(desc, kind)};
 }
 
 void check_fits(const Launch& launch, uint32_t kind, const char* what, uint64_t largest) {

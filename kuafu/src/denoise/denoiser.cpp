@@ -97,7 +97,14 @@ void Denoiser::guide(ks::Commands& commands, const WaveRays& centre) {
 }
 
 void Denoiser::moments(ks::Commands& commands, uint64_t state, const WaveRange& range, uint32_t groups, bool first_pass) {
-  moments_.run(commands, "denoise", {state, memory_.address(*sums_), range, range.pixel_count, channels_, groups, first_pass ? 1u : 0u});
+  moments_.run(commands, "denoise",
+               {.state = state,
+                .moments = memory_.address(*sums_),
+                .range = range,
+                .count = range.pixel_count,
+                .channels = channels_,
+                .groups = groups,
+                .first_pass = first_pass ? 1u : 0u});
 }
 
 void Denoiser::filter(ks::Commands& commands, uint32_t samples) {
@@ -158,8 +165,19 @@ void Denoiser::remodulate(ks::Commands& commands, const WaveRays& square) {
 void Denoiser::over_square(ks::Commands& commands, const WaveRays& square, uint32_t count, bool blends) {
   const uint64_t guides = memory_.address(*guides_);
   remodulate_.run(commands, blends ? "blend" : "remodulate",
-                  {square.rays, square.scene, square.views, images_.address(), guides, push_.light_in, push_.pixels_in, square.range, count,
-                   infrared_ ? 1u : 0u, push_.samples, blends ? 1u : 0u, blends ? guides : memory_.address(*squares_)},
+                  {.rays = square.rays,
+                   .scene = square.scene,
+                   .views = square.views,
+                   .images = images_.address(),
+                   .guides = guides,
+                   .light = push_.light_in,
+                   .pixels = push_.pixels_in,
+                   .range = square.range,
+                   .count = count,
+                   .infrared = infrared_ ? 1u : 0u,
+                   .samples = push_.samples,
+                   .blends = blends ? 1u : 0u,
+                   .squares_or_blended = blends ? guides : memory_.address(*squares_)},
                   planes_);
 }
 

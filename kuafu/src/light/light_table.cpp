@@ -38,7 +38,13 @@ uint32_t add_environment(LightTable& table, std::vector<LightEntry> seen) {
     table.motions.push_back(e.motion);
     table.has_shapes = table.has_shapes || e.shaped;
   }
-  table.environments.push_back({glm::vec3(0), first, projectors, uint32_t(seen.size()), shapes, mesh < shapes ? first + mesh : miss, 0});
+  table.environments.push_back({.radiance = glm::vec3(0),
+                                .first_light = first,
+                                .projector_count = projectors,
+                                .light_count = uint32_t(seen.size()),
+                                .first_shape = shapes,
+                                .mesh_light = mesh < shapes ? first + mesh : miss,
+                                .light_group = 0});
   return projectors;
 }
 

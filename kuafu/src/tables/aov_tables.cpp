@@ -27,7 +27,8 @@ const Light* projector_of(const Scene& scene, uint32_t wanted, uint32_t environm
 void AovTables::update(const Scene& scene, const Launch& launch) {
   if (launch.wants_projector()) write_projectors(scene, launch);
   if (launch.wants_motion()) write_motion(scene, launch);
-  addresses_.resize(memory_, 1)[0] = {projectors_.address(), motion_.address(), previous_local_to_world_.address()};
+  addresses_.resize(memory_, 1)[0] = {
+      .projectors = projectors_.address(), .motion = motion_.address(), .previous_local_to_world = previous_local_to_world_.address()};
 }
 
 void AovTables::write_projectors(const Scene& scene, const Launch& launch) {
@@ -41,7 +42,7 @@ void AovTables::write_projectors(const Scene& scene, const Launch& launch) {
     const Light* light = projector_of(scene, id, e);
     if (light == nullptr) continue;
     const LightEntry entry = light_entry(*light, glm::vec3(1.0f), scene, 0.0, [](const Light&) { return PatternAddress{}; });
-    records[e] = {entry.record, entry.shape, 1, 0};
+    records[e] = {.light = entry.record, .shape = entry.shape, .found = 1, .reserved = 0};
   }
 }
 

@@ -41,21 +41,21 @@ void SceneTables::update(const Scene& scene, const Band& band, uint32_t environm
   moves_ = !open.instant() && (scene.instances_move() || lights_move_);
   seen_ = now;
   environment_count_ = environment_count;
-  tables_.resize(memory_, 1)[0] = {instances_.records(),
-                                   instances_.materials(),
-                                   materials_.address(),
-                                   textures_.address(),
-                                   lights_.address(),
-                                   environments_.address(),
-                                   memory_.address(*specular_albedo_),
-                                   light_shapes_.address(),
-                                   light_cumulative_.address(),
-                                   light_triangles_.address(),
-                                   medium_.address(),
-                                   instance_motions_.address(),
-                                   light_motions_.address(),
-                                   moves_ ? 1u : 0u,
-                                   0};
+  tables_.resize(memory_, 1)[0] = {.instances = instances_.records(),
+                                   .instance_materials = instances_.materials(),
+                                   .materials = materials_.address(),
+                                   .textures = textures_.address(),
+                                   .lights = lights_.address(),
+                                   .environments = environments_.address(),
+                                   .specular_albedo = memory_.address(*specular_albedo_),
+                                   .light_shapes = light_shapes_.address(),
+                                   .light_cumulative = light_cumulative_.address(),
+                                   .light_triangles = light_triangles_.address(),
+                                   .medium = medium_.address(),
+                                   .instance_motions = instance_motions_.address(),
+                                   .light_motions = light_motions_.address(),
+                                   .moves = moves_ ? 1u : 0u,
+                                   .reserved = 0};
   scene_ = &scene;
 }
 

@@ -54,8 +54,8 @@ void TextureTables::add_new(const Scene& scene) {
     const Texture& t = scene.textures()[i];
     const Texels texels = linear_texels(t);
     offsets.push_back(block.add(texels.words));
-    records_.push_back({{}, t.width, t.height, texels.format, 0});
-    slots_.push_back({t.revision, nullptr, nullptr});
+    records_.push_back({.texels = {}, .width = t.width, .height = t.height, .format = texels.format, .reserved = 0});
+    slots_.push_back({.revision = t.revision, .own = nullptr, .block = nullptr});
   }
   const auto buffer = block.upload(memory_.device);
   for (size_t i = first; i < records_.size(); ++i) {
@@ -75,7 +75,11 @@ void TextureTables::replace(const Texture& texture, uint32_t id) {
   const Texels texels = linear_texels(texture);
   put(memory_, slots_[id].own, texels.words);
   slots_[id].block.reset();
-  records_[id] = {memory_.address(*slots_[id].own), texture.width, texture.height, texels.format, 0};
+  records_[id] = {.texels = memory_.address(*slots_[id].own),
+                  .width = texture.width,
+                  .height = texture.height,
+                  .format = texels.format,
+                  .reserved = 0};
 }
 
 bool TextureTables::replace_pattern(const Texture& texture, uint32_t id) {
