@@ -1,4 +1,4 @@
-// Directional albedos of GGX lobes and of rough glass, read from their tables (material/specular_albedo.h, material/glass_albedo.h).
+// Directional albedos of GGX lobes and of rough glass, read from their tables (material/albedo_tables.h, material/albedo_tables.h).
 #ifndef KUAFU_ALBEDO_TABLE_GLSL
 #define KUAFU_ALBEDO_TABLE_GLSL
 #include "lib/language.glsl"

@@ -143,7 +143,7 @@ struct SceneAddresses {
   TextureArray textures;
   LightArray lights;
   EnvironmentArray environments;
-  Vec2Array specular_albedo;  // material/specular_albedo.h
+  Vec2Array specular_albedo;  // material/albedo_tables.h
   LightShapeArray light_shapes;  // as lights
   FloatArray light_cumulative;
   UintArray light_triangles;  // instance and primitive

@@ -5,7 +5,7 @@
 #include "accel/swept_box.h"
 #include "device/error.h"
 #include "device/thread_pool.h"
-#include "scene/motion_record.h"
+#include "scene/motion.h"
 
 namespace kuafu {
 namespace {

@@ -4,7 +4,7 @@
 #include <string>
 
 #include "kuafu/kuafu.h"
-#include "scene/film.h"
+#include "scene/camera.h"
 
 namespace kuafu {
 

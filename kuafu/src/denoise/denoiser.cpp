@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <utility>
 
-#include "denoise/host_denoise.h"
 #include "scene/scene.h"
 #include "spirv/denoise.h"
 #include "spirv/guide.h"

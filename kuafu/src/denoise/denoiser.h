@@ -68,4 +68,12 @@ class Denoiser {
   bool infrared_ = false;
 };
 
+namespace host {
+// The denoiser's stages compiled as C++. Thread rule: any thread; ranges are independent.
+void guide(const GuidePush& push, uint32_t first, uint32_t end);
+void moments(const MomentsPush& push, uint32_t first, uint32_t end);
+void denoise(const DenoisePush& push, uint32_t first, uint32_t end);
+void remodulate(const RemodulatePush& push, uint32_t first, uint32_t end);
+}  // namespace host
+
 }  // namespace kuafu

@@ -1,4 +1,4 @@
-#include "denoise/host_denoise.h"
+#include "denoise/denoiser.h"
 
 #include "frame/host_language.h"
 

@@ -3,7 +3,6 @@
 #include <algorithm>
 
 #include "film/gaussian.h"
-#include "film/host_film.h"
 #include "scene/scene.h"
 #include "spirv/film.h"
 

@@ -31,4 +31,9 @@ class FilmOptics {
   bool vignettes_ = false, defocuses_ = false, spreads_ = false, glares_ = false;  // some view
 };
 
+namespace host {
+/// Stage `film` compiled as C++. Thread rule: any thread; ranges are independent.
+void film(const FilmPush& push, uint32_t first, uint32_t end);
+}  // namespace host
+
 }  // namespace kuafu

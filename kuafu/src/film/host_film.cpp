@@ -1,4 +1,4 @@
-#include "film/host_film.h"
+#include "film/film.h"
 
 #include "frame/host_language.h"
 

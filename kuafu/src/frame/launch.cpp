@@ -1,6 +1,9 @@
+// Launches and their views as stages read them: rays of a pinhole, and what a lens, a shutter and motion add.
 #include "frame/launch.h"
 
+#include <algorithm>
 #include <bit>
+#include <cmath>
 
 namespace kuafu {
 namespace {
@@ -20,6 +23,25 @@ uint32_t view_key(const Launch& launch, const View& view) {
   return uint32_t(h ^ (h >> 32));
 }
 
+glm::vec2 seconds_per_pixel(const Shutter& shutter) {
+  if (shutter.kind == Shutter::Kind::global) return glm::vec2(0.0f);
+  const auto line_s = float(shutter.line_time_s);
+  switch (shutter.readout) {
+    case Shutter::Readout::rows_up:
+      return {0.0f, -line_s};
+    case Shutter::Readout::columns_right:
+      return {line_s, 0.0f};
+    case Shutter::Readout::columns_left:
+      return {-line_s, 0.0f};
+    default:
+      return {0.0f, line_s};
+  }
+}
+
+CameraPose camera_pose(const glm::dmat4& camera_to_world) {
+  return {glm::vec3(camera_to_world[3]), glm::vec3(camera_to_world[0]), glm::vec3(camera_to_world[1]), glm::vec3(camera_to_world[2])};
+}
+
 }  // namespace
 
 ViewRecord view_record(const Launch& launch, const View& view) {
@@ -34,6 +56,49 @@ ViewRecord view_record(const Launch& launch, const View& view) {
   r.key = view_key(launch, view);
   r.environment = view.environment;
   return r;
+}
+
+bool View::special() const {
+  return distorts(optics.distortion) || optics.lens_radius_m > 0.0 || (velocity.moves() && shutter.takes_time());
+}
+
+TimeSpan open_span(const Launch& launch) {
+  TimeSpan all;
+  for (const View& view : launch.views) {
+    const TimeSpan span = view.shutter.span(launch.width, launch.height);
+    all = {std::min(all.from_s, span.from_s), std::max(all.until_s, span.until_s)};
+  }
+  return all;
+}
+
+CameraRecord camera_record(const View& view) {
+  CameraRecord r{};
+  r.axis_x = glm::vec3(view.camera_to_world[0]);
+  r.axis_y = glm::vec3(view.camera_to_world[1]);
+  r.axis_z = glm::vec3(view.camera_to_world[2]);
+  r.motion = motion_record(view.camera_to_world, view.velocity);
+  r.focal = {float(view.k[0][0]), float(view.k[1][1])};
+  r.centre = glm::vec2(view.k[2]);
+  r.skew = float(view.k[1][0]);
+  std::ranges::copy(view.optics.distortion, r.distortion);
+  r.lens_radius_m = float(view.optics.lens_radius_m);
+  r.inverse_focus = view.optics.lens_radius_m > 0.0 ? float(1.0 / view.optics.focus_m) : 0.0f;
+  r.seconds_per_pixel = seconds_per_pixel(view.shutter);
+  r.exposure_s = float(view.shutter.exposure_s);
+  r.flags = (distorts(view.optics.distortion) ? camera_distorts : 0) | (view.optics.lens_radius_m > 0.0 ? camera_has_lens : 0) |
+            (view.velocity.moves() ? camera_moves : 0);
+  return r;
+}
+
+MotionView motion_view(const View& view) {
+  MotionView m{};
+  m.now = camera_pose(view.camera_to_world);
+  m.previous = camera_pose(view.previous_camera_to_world);
+  m.focal = {float(view.k[0][0]), float(view.k[1][1])};
+  m.centre = glm::vec2(view.k[2]);
+  m.skew = float(view.k[1][0]);
+  std::ranges::copy(view.optics.distortion, m.distortion);
+  return m;
 }
 
 }  // namespace kuafu

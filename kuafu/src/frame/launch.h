@@ -10,7 +10,6 @@
 #include "device/buffer.h"
 #include "frame/band.h"
 #include "scene/camera.h"
-#include "scene/film.h"
 #include "scene/scene.h"
 #include "shared/aov_record.h"
 #include "shared/wave.h"

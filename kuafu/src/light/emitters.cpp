@@ -1,4 +1,4 @@
-#include "light/emitters.h"
+#include "light/light_record.h"
 
 #include <algorithm>
 #include <cmath>

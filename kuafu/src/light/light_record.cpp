@@ -4,7 +4,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "scene/motion_record.h"
+#include "scene/motion.h"
 
 namespace kuafu {
 namespace {

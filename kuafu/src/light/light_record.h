@@ -1,5 +1,8 @@
-// One light of the scene as shaders read it. Thread rule: pure functions.
+// Lights of the scene as shaders read them: single ones (light_record.cpp), and those that surfaces and the environment's map make
+// (emitters.cpp). Thread rule: pure functions.
 #pragma once
+
+#include <optional>
 
 #include "light/light_table.h"
 
@@ -20,5 +23,15 @@ LightEntry light_entry(const Light& light, const glm::vec3& intensity, const Sce
 
 /// Largest channel: what chances go by.
 double brightness(const glm::vec3& value);
+
+/// Whether one of its materials gives light in the band.
+bool shines(const Scene& scene, const Band& band, const Instance& instance);
+
+/// All emissive surfaces that environment `environment` sees, sampled by power; appends to the table's cumulative and triangles. None:
+/// nothing shines.
+std::optional<LightEntry> mesh_light(const Scene& scene, const Band& band, uint32_t environment, LightTable& table);
+
+/// The environment's map, sampled by its brightness; appends to the table's cumulative. None: there is no map, or it is black.
+std::optional<LightEntry> map_light(const Scene& scene, const Band& band, double world_radius_m, LightTable& table);
 
 }  // namespace kuafu

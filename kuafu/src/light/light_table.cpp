@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "light/emitters.h"
+#include "light/light_record.h"
 
 namespace kuafu {
 namespace {

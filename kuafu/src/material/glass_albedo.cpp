@@ -1,4 +1,4 @@
-#include "material/glass_albedo.h"
+#include "material/albedo_tables.h"
 
 #include <array>
 #include <numbers>

@@ -15,7 +15,7 @@ MaterialRecord material_record(const Material& material, uint32_t id, const Band
 /// feature_* that shaders need for it.
 uint32_t material_features(const Material& material);
 
-/// A body of rough glass: its albedos are to be in the table (material/glass_albedo.h).
+/// A body of rough glass: its albedos are to be in the table (material/albedo_tables.h).
 bool is_frosted(const Material& material);
 
 /// What stands in where an instance names no material: grey and Lambertian.

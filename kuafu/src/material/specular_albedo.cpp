@@ -1,4 +1,4 @@
-#include "material/specular_albedo.h"
+#include "material/albedo_tables.h"
 
 #include <cmath>
 #include <numbers>

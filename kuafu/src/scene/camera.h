@@ -1,4 +1,4 @@
-// What makes a camera more than a pinhole at rest; fields mean what kuafu_camera_desc says. Thread rule: plain data.
+// What makes a camera more than a pinhole at rest; fields mean what kuafu_camera_desc and kuafu_film_desc say. Thread rule: plain data.
 #pragma once
 
 #include "scene/distortion.h"
@@ -20,7 +20,29 @@ struct Shutter {
 
   [[nodiscard]] bool takes_time() const { return exposure_s > 0.0 || (kind == Kind::rolling && line_time_s > 0.0); }
   /// When it is open for some pixel of an image.
-  [[nodiscard]] TimeSpan span(uint32_t width, uint32_t height) const;
+  [[nodiscard]] TimeSpan span(uint32_t width, uint32_t height) const {
+    const bool along_rows = readout == Readout::rows_down || readout == Readout::rows_up;
+    const uint32_t lines = along_rows ? height : width;
+    const double read_s = kind == Kind::rolling && lines > 1 ? (lines - 1) * line_time_s : 0.0;
+    return {-0.5 * (read_s + exposure_s), 0.5 * (read_s + exposure_s)};
+  }
+};
+
+/// The optics between the light and the imager; neutral as made.
+struct Film {
+  double vignetting_exponent = 0.0, vignetting_polynomial[3] = {};
+  double psf_sigma_px = 0.0, psf_corner_sigma_px = 0.0;
+  double defocus_lens_radius_m = 0.0, defocus_focus_m = 0.0;  // focus may be infinite
+  double veiling_glare_fraction = 0.0;
+
+  [[nodiscard]] bool vignettes() const {
+    return vignetting_exponent != 0.0 || vignetting_polynomial[0] != 0.0 || vignetting_polynomial[1] != 0.0 ||
+           vignetting_polynomial[2] != 0.0;
+  }
+  [[nodiscard]] bool spreads() const { return psf_sigma_px > 0.0 || psf_corner_sigma_px > 0.0; }
+  [[nodiscard]] bool defocuses() const { return defocus_lens_radius_m > 0.0; }
+  [[nodiscard]] bool glares() const { return veiling_glare_fraction > 0.0; }
+  [[nodiscard]] bool is_neutral() const { return !vignettes() && !spreads() && !defocuses() && !glares(); }
 };
 
 }  // namespace kuafu

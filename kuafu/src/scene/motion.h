@@ -3,6 +3,8 @@
 
 #include <glm/glm.hpp>
 
+#include "shared/motion_record.h"
+
 namespace kuafu {
 
 /// Velocities in the object's own frame, m/s and rad/s: pose(t) = pose exp(t [linear, angular]).
@@ -31,5 +33,14 @@ struct TimeSpan {
   [[nodiscard]] bool instant() const { return from_s == until_s; }
   bool operator==(const TimeSpan&) const = default;
 };
+
+/// As shaders and tracers on the device read it.
+inline MotionRecord motion_record(const Motion& m) {
+  const bool moves = m.linear != glm::dvec3(0.0) || m.angular != glm::dvec3(0.0);
+  return {glm::vec3(m.pivot), glm::vec3(m.linear), glm::vec3(m.angular), moves ? 1u : 0u};
+}
+inline MotionRecord motion_record(const glm::dmat4& pose, const Twist& velocity) {
+  return velocity.moves() ? motion_record(world_motion(pose, velocity)) : MotionRecord{};
+}
 
 }  // namespace kuafu

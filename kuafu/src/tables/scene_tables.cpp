@@ -5,11 +5,10 @@
 #include <utility>
 
 #include "device/thread_pool.h"
-#include "light/emitters.h"
-#include "material/glass_albedo.h"
+#include "light/light_record.h"
+#include "material/albedo_tables.h"
 #include "material/material_record.h"
-#include "material/specular_albedo.h"
-#include "scene/motion_record.h"
+#include "scene/motion.h"
 
 namespace kuafu {
 SceneTables::SceneTables(Memory memory) : memory_(std::move(memory)), textures_(memory_) { write_albedos(false); }

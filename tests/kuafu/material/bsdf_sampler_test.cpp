@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "frame/host_language.h"
-#include "material/glass_albedo.h"
-#include "material/specular_albedo.h"
+#include "material/albedo_tables.h"
+#include "material/albedo_tables.h"
 
 #define KUAFU_CHANNELS 1
 namespace kuafu {

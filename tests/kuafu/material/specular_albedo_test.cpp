@@ -1,5 +1,5 @@
 // The table that dims the base under a coat, against integrals done another way.
-#include "material/specular_albedo.h"
+#include "material/albedo_tables.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-// Directional albedos of GGX lobes. Thread rule: pure functions.
+// Tables of the directional albedos of GGX lobes. Thread rule: pure functions.
 // Metal has Schlick's Fresnel, split into the terms of f0 and f90: E(cosine) = f0 x + f90 y (Karis 2013, "split sum").
 // A dielectric's layer has the exact one of its index; what several facets scatter is in it. The BSDF dims the base under a layer by it.
 #pragma once
@@ -20,5 +20,12 @@ glm::vec2 specular_albedo(double cosine, double roughness);
 
 /// Mean of Fresnel's reflectance over the hemisphere, weighted by the cosine (Kulla and Conty 2017's fit).
 double layer_fresnel_mean(double ior);
+
+/// Rough glass: what one facet reflects and lets through, of all light; the rest meets several facets.
+/// [index][roughness], glass_albedo_indices and glass_albedo_roughnesses, of 2 (glass_albedo_cosines + 1) entries, from outside as x and
+/// from inside as y: at the cosines, then the mean over the hemisphere; and the same once more for specular 0, where only total reflection
+/// is left. Steps are equal in the roughness, in the root of the cosine, and in that of (ior - 1) / (ior + 1). Takes some 50 ms of work:
+/// for scenes that have rough glass.
+std::vector<glm::vec2> glass_albedo_table(ks::ThreadPool& workers);
 
 }  // namespace kuafu
