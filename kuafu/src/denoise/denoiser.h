@@ -12,39 +12,39 @@
 
 namespace kuafu {
 
-/// Which images the frame must hold for the launch's denoiser.
+/// The images that the frame must hold for the launch's denoiser.
 uint32_t held_for_denoiser(const Launch& launch);
-/// What is filtered, in the order of DenoiseImages.
+/// The images that are filtered, in the order of DenoiseImages.
 std::vector<uint32_t> denoised_kinds(const Launch& launch);
 
 class Denoiser {
  public:
-  /// oidn_library: as Oidn takes it; opened when a launch asks for it.
+  /// oidn_library is as Oidn takes it; the library is opened when a launch asks for it.
   Denoiser(Memory memory, uint32_t queue_layout, std::string oidn_library);
-  /// Before the first wave of a launch that denoises.
+  /// Call it before the first wave of a launch that denoises.
   void fit(const Launch& launch, const Scene& scene, const Frame& frame);
-  /// After rays through pixel centres were traced.
+  /// Call it after rays through pixel centres were traced.
   void guide(ks::Commands& commands, const WaveRays& centre);
-  /// After a wave of paths: their state.
+  /// Call it after a wave of paths, with their state.
   void moments(ks::Commands& commands, uint64_t state, const WaveRange& range, uint32_t groups, bool first_pass);
-  /// After the last wave; `samples` were in all the waves since first_pass.
+  /// Call it after the last wave; `samples` were in all waves since first_pass.
   void filter(ks::Commands& commands, uint32_t samples);
-  /// The same by Open Image Denoise, on images that are finished; nothing is remodulated then.
+  /// Open Image Denoise does the same on images that are finished; nothing is remodulated then.
   void filter_by_oidn(const Launch& launch, const Frame& frame);
-  /// Lens or exposure blur the launch: blend before the filter, no rays after it.
+  /// Whether a lens or an exposure blurs the launch. Then call blend before the filter, and trace no rays after it.
   [[nodiscard]] bool blurs() const { return blurs_; }
-  /// After square_rays rays over each pixel's square were traced; before the filter.
+  /// Call it after square_rays rays over each pixel's square were traced, before the filter.
   void blend(ks::Commands& commands, const WaveRays& square);
-  /// The filtered light times albedo, but for the pixels of squares().
+  /// Multiplies the filtered light by albedo, but for the pixels of squares().
   void multiply(ks::Commands& commands);
-  /// How many pixels ask for rays over their squares, where the host can tell (`commands` are flushed then); elsewhere how many they may
-  /// be.
+  /// The number of pixels that ask for rays over their squares, where the host can tell (it flushes `commands`); else the most that may
+  /// ask.
   [[nodiscard]] uint32_t square_count(ks::Commands& commands) const;
-  /// Address of that number, which pixels they are follows; 0 where all are asked.
+  /// The address of that number, followed by the pixels' indices; 0 where all are asked.
   [[nodiscard]] uint64_t squares() const { return blurs_ ? 0 : memory_.address(*squares_); }
-  /// After square_rays rays for each of a wave's part of squares() were traced.
+  /// Call it after square_rays rays were traced for each pixel in the wave's part of squares().
   void remodulate(ks::Commands& commands, const WaveRays& square);
-  /// At last.
+  /// Call it last: it sums ambient and radiance from their parts.
   void sum(ks::Commands& commands);
 
  private:

@@ -1,5 +1,5 @@
-// What the denoiser keeps of one launch for the next: light, guides, and where cameras and instances stood. Thread rule: externally
-// synchronised.
+// The denoiser keeps a history of one launch for the next: its light, its guides, and where cameras and instances stood. Thread rule:
+// externally synchronised.
 #pragma once
 
 #include "frame/device_array.h"

@@ -1,5 +1,6 @@
-// Film optics on the frame's images of light, view by view: vignetting, defocus by depth, point spread, veiling glare, in that order. All
-// are linear, so every light group gets them and their sum stays the image. Thread rule: externally synchronised.
+// Film optics change the frame's images of light, view by view: vignetting, defocus by depth, point spread and veiling glare, in this
+// order. All are linear, so each light group gets them by itself and the groups still add up to the image. Thread rule: externally
+// synchronised.
 #pragma once
 
 #include "frame/frame.h"
@@ -8,7 +9,7 @@
 
 namespace kuafu {
 
-/// Which images the frame must hold for the launch's films: those of light, and depth for defocus.
+/// The images that the frame must hold for the launch's films: those of light, and depth for defocus.
 uint32_t held_for_film(const Launch& launch);
 
 class FilmOptics {

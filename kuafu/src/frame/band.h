@@ -1,5 +1,5 @@
-// Which light is rendered, and what materials, lights and media are in it. This is the only place that knows what a description that says
-// nothing of the infrared band (NaN) means there; records for shaders hold the band's values alone (kuafu_render_desc).
+// A band is the kind of light that a launch renders: visible or infrared (kuafu_render_desc). A description may leave its infrared value
+// open (NaN); this is the only file that knows what is meant then. Records for shaders hold the values of one band alone.
 #pragma once
 
 #include <cmath>
@@ -15,19 +15,19 @@ struct Band {
   bool operator==(const Band&) const = default;
 
   [[nodiscard]] uint32_t channels() const { return infrared ? 1 : 3; }
-  /// Of materials and media: as in the visible band, of colours as red, where nothing is said.
+  /// A material or a medium whose infrared value is open has the visible one, and of a colour the red channel.
   [[nodiscard]] float number(float visible, float infrared_value) const {
     return !infrared || std::isnan(infrared_value) ? visible : infrared_value;
   }
   [[nodiscard]] glm::vec3 color(const glm::vec3& visible, float infrared_value) const {
     return infrared ? glm::vec3(number(visible.r, infrared_value)) : visible;
   }
-  /// Of lights: red, scaled, where nothing is said.
+  /// A light whose infrared value is open has its red channel times ir_ambient_scale.
   [[nodiscard]] glm::vec3 intensity(const glm::vec3& visible, float infrared_value) const {
     if (!infrared) return visible;
     return glm::vec3(std::isnan(infrared_value) ? visible.r * ir_ambient_scale : infrared_value);
   }
-  /// Of the environment: the same, and the sun's and lamps' infrared light besides.
+  /// An environment whose infrared value is open has the same, plus ir_ambient_radiance.
   [[nodiscard]] glm::vec3 environment(const glm::vec3& visible, float infrared_value) const {
     if (!infrared) return visible;
     return glm::vec3(std::isnan(infrared_value) ? visible.r * ir_ambient_scale + ir_ambient_radiance : infrared_value);

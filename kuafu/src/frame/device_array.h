@@ -1,4 +1,4 @@
-// Arrays in device memory: tables that grow and are rewritten in place, and blocks that many small arrays share.
+// Arrays in device memory come in two kinds: tables, which grow and are rewritten in place, and blocks, which many small arrays share.
 // Thread rule: externally synchronised.
 #pragma once
 
@@ -12,7 +12,7 @@
 
 namespace kuafu {
 
-/// Where the stages run decides what an address is: a device address, or a pointer into the mapping.
+/// The memory of the stages. Where they run decides what an address is: a device address, or a pointer into the mapping.
 struct Memory {
   std::shared_ptr<ks::Device> device;
   bool on_host = false;
@@ -21,7 +21,7 @@ struct Memory {
   }
 };
 
-/// At least `words` of 32 bits; what was there is lost when it has to grow.
+/// The buffer gets room for at least `words` of 32 bits; it loses its content when it has to grow.
 inline void grow(const Memory& memory, std::shared_ptr<ks::Buffer>& buffer, uint64_t words) {
   const uint64_t bytes = std::max<uint64_t>(words, 1) * 4;
   if (buffer && buffer->size_bytes() >= bytes) return;
@@ -33,7 +33,7 @@ inline void grow(const Memory& memory, std::shared_ptr<ks::Buffer>& buffer, uint
 template <class T>
 class MappedTable {
  public:
-  /// Room for `count` records; what was there is lost when it has to grow.
+  /// Returns room for `count` records; the table loses its content when it has to grow.
   std::span<T> resize(const Memory& memory, size_t count) {
     const uint64_t bytes = std::max<uint64_t>(count, 1) * sizeof(T);
     if (!buffer_ || buffer_->size_bytes() < bytes) buffer_ = ks::Buffer::create_table(memory.device, bytes);

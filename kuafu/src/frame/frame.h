@@ -1,6 +1,6 @@
-// The images of one render call between its last path and the caller's buffers: words of 32 bits (float32, ids as uint32), packed
-// [view][row][column][channel]. An output stands here when a later step needs it (film, denoiser, another format); else the stages write
-// straight into the caller's image, and nothing is here. Thread rule: externally synchronised.
+// The frame holds the images of one render call between its last path and the caller's buffers: words of 32 bits (float32, ids as uint32),
+// packed [view][row][column][channel]. It holds an output only when a later step needs it (film, denoiser, another format); the stages
+// write any other output straight into the caller's image. Thread rule: externally synchronised.
 #pragma once
 
 #include <array>
@@ -15,9 +15,9 @@ class Frame {
  public:
   explicit Frame(Memory memory);
 
-  /// Makes room for what `launch` holds, and gives back what it does not.
+  /// Makes room for the images that `launch` needs here, and frees the others.
   void fit(const Launch& launch);
-  /// Whether it must hold an image of this launch.
+  /// Whether the frame must hold this output of the launch.
   [[nodiscard]] static bool needs(const Launch& launch, uint32_t kind) {
     return (launch.held >> kind & 1) != 0 || (launch.outputs[kind].buffer && !launch.outputs[kind].is_plain());
   }

@@ -6,7 +6,7 @@
 
 #include "shared/wave.h"
 
-// The text is written for both languages; what one of them leaves unused or sets in a branch is no mistake.
+// The text is written for two languages, so a function that one of them leaves unused, or a value that it sets in a branch, is no mistake.
 #pragma GCC diagnostic ignored "-Wunused-function"
 #pragma GCC diagnostic ignored "-Wunused-parameter"
 #pragma GCC diagnostic ignored "-Wmaybe-uninitialized"
@@ -17,7 +17,7 @@ using namespace glm;
 using uint = uint32_t;
 constexpr uint queue_layout = queue_layout_packets;
 
-// glm's is generic; this is a byte swap and three exchanges.
+// This is a byte swap and three exchanges, where glm's generic function takes far more.
 inline uint bitfieldReverse(uint x) {
   x = __builtin_bswap32(x);
   x = (x >> 4 & 0x0f0f0f0fu) | (x & 0x0f0f0f0fu) << 4;

@@ -1,5 +1,5 @@
-// A step on whole images: one text (shaders/stage) as a Vulkan pipeline or as C++ on the worker threads. Push is the step's launch; it has
-// `count`, the number of invocations. Thread rule: externally synchronised.
+// A step on whole images runs one text (shaders/stage) as a Vulkan pipeline, or as C++ on the worker threads. Push holds the step's
+// arguments; its `count` is the number of invocations. Thread rule: externally synchronised.
 #pragma once
 
 #include <algorithm>
@@ -25,11 +25,11 @@ template <class Push>
 class ImageStep {
  public:
   using HostKernel = void(const Push& push, uint32_t first, uint32_t end);
-  /// queue_layout: where the step reads rays.
+  /// queue_layout is that of the tracer, for a step that reads rays.
   ImageStep(Memory memory, std::span<const uint32_t> spirv, HostKernel* kernel, uint32_t queue_layout = queue_layout_planes)
       : memory_(std::move(memory)), spirv_(spirv), kernel_(kernel), specialisation_{group_size, queue_layout, 1, feature_motion, 0} {}
 
-  /// constant: the shader's specialisation constant 4, where it has one.
+  /// `constant` becomes the shader's specialisation constant 4, where it has one.
   void run(ks::Commands& commands, const char* stage, const Push& push, uint32_t constant = 0) {
     if (memory_.on_host) return run_on_host(commands, stage, push);
     commands.begin_stage(stage);

@@ -1,4 +1,5 @@
-// Launches and their views as stages read them: rays of a pinhole, and what a lens, a shutter and motion add.
+// This file turns the views of a launch into the records that stages read: the rays of a pinhole, and what a lens, a shutter and motion
+// add.
 #include "frame/launch.h"
 
 #include <algorithm>
@@ -8,7 +9,7 @@
 namespace kuafu {
 namespace {
 
-// Finaliser of MurmurHash3 (Appleby), the mixing step of splitmix64.
+// The mixing step of splitmix64, which is the finaliser of MurmurHash3 (Appleby).
 uint64_t mix(uint64_t h, uint64_t value) {
   h ^= value + 0x9e3779b97f4a7c15u + (h << 6) + (h >> 2);
   h = (h ^ (h >> 33)) * 0xff51afd7ed558ccdu;
@@ -18,7 +19,7 @@ uint64_t mix(uint64_t h, uint64_t value) {
 
 uint32_t view_key(const Launch& launch, const View& view) {
   uint64_t h = mix(launch.seed, view.environment);
-  for (int i = 0; i < 9; ++i) h = mix(h, std::bit_cast<uint64_t>(view.k[i / 3][i % 3] + 0.0));  // + 0.0: -0 is 0
+  for (int i = 0; i < 9; ++i) h = mix(h, std::bit_cast<uint64_t>(view.k[i / 3][i % 3] + 0.0));  // + 0.0 makes -0 a 0
   for (int i = 0; i < 16; ++i) h = mix(h, std::bit_cast<uint64_t>(view.camera_to_world[i / 4][i % 4] + 0.0));
   return uint32_t(h ^ (h >> 32));
 }

@@ -1,4 +1,4 @@
-// One render call, checked and in the path tracer's terms. Thread rule: plain data.
+// A launch is one render call, checked, in the renderer's own terms. Thread rule: plain data.
 #pragma once
 
 #include <array>
@@ -26,22 +26,22 @@ struct View {
   Shutter shutter;
   Twist velocity;
   glm::dmat4 previous_camera_to_world{1.0};  // one frame before
-  /// Rays differ from a pinhole's at rest.
+  /// Whether its rays differ from those of a pinhole at rest.
   [[nodiscard]] bool special() const;
 };
 
 enum class LightSampling { mis, lights, bsdf };
 enum class DenoiseKind { none, atrous, oidn };
 
-/// Where an output goes: a view into the caller's buffer, from the word at offset_bytes; first element and strides in elements.
-/// No buffer: it is not asked for.
+/// The place of an output in the caller's buffer: counting starts at the word at offset_bytes; the first element and the strides are in
+/// elements. An output without a buffer is not asked for.
 struct OutputImage {
   std::shared_ptr<ks::Buffer> buffer;
   uint64_t offset_bytes = 0;
   int first = 0, view_stride = 0, row_stride = 0;
   uint32_t format = format_f32;
   float scale = 1.0f;
-  /// Whether the stages can write it themselves.
+  /// Whether the stages can write it themselves, without the step `write`.
   [[nodiscard]] bool is_plain() const { return format_bits(format) == 32 && scale == 1.0f; }
 };
 
@@ -54,18 +54,18 @@ struct Launch {
   uint32_t width = 0, height = 0;
   Band band;
   uint32_t samples = 1, first_sample = 0, max_bounces = 0;
-  bool accumulate = false;      // onto the calls before
+  bool accumulate = false;      // the samples are added to those of the calls before
   double max_seconds = 0.0;     // 0: no limit
-  double relative_error = 0.0;  // 0: none is aimed at
+  double relative_error = 0.0;  // 0: no limit
   uint64_t seed = 0;
   LightSampling light_sampling = LightSampling::mis;
   DenoiseKind denoise = DenoiseKind::none;
-  float temporal_weight = 0.0f;  // of the last launches' light, where the denoiser accumulates
-  uint32_t glass_surfaces = 0;   // that shadow rays may pass
+  float temporal_weight = 0.0f;  // share of the last launches' light, where the denoiser accumulates
+  uint32_t glass_surfaces = 0;   // how many of them a shadow ray may pass
   std::array<OutputImage, output_kind_count> outputs;
-  uint32_t projector = none;  // light id, for the AOVs of a projector; none: the first that an environment has
-  uint32_t held = 0;          // bit per output kind: a step after accumulation reads it from the frame, asked for or not
-  /// Called between waves with what is done, 0..1; true cancels. May be empty.
+  uint32_t projector = none;  // the light that the projector's AOVs are about; none: the first projector of each environment
+  uint32_t held = 0;          // a bit for each output that a step after the paths reads from the frame, asked for or not
+  /// The renderer calls it between waves with the share that is done, 0..1; true cancels. It may be empty.
   std::function<bool(float)> cancelled;
 
   [[nodiscard]] uint32_t pixel_count() const { return uint32_t(views.size()) * width * height; }
@@ -94,15 +94,15 @@ struct Launch {
   [[nodiscard]] bool wants_radiance() const { return wants(output_radiance, output_kind_count); }
 };
 
-/// When some camera's shutter is open.
+/// The time in which the shutter of some camera is open.
 TimeSpan open_span(const Launch& launch);
-/// What `generate` needs of a view that is special.
+/// What stage `generate` needs of a view that is special().
 CameraRecord camera_record(const View& view);
-/// Where it sees points, now and one frame before.
+/// Where the view sees points, now and one frame before.
 MotionView motion_view(const View& view);
 
-/// What `generate` needs of a view. Its key depends on seed, camera and environment alone, never on the position in the batch: a view gives
-/// the same bits rendered alone or with others, and two eyes draw different samples.
+/// What stage `generate` needs of a view. The key of its samples depends on seed, camera and environment, and not on the view's place in
+/// the batch: a view has the same bits whether it is rendered alone or with others, and two eyes draw different samples.
 ViewRecord view_record(const Launch& launch, const View& view);
 
 }  // namespace kuafu

@@ -1,6 +1,7 @@
-// The wavefront path tracer: generate, then per bounce closest, shade, occluded, resolve, then accumulate; in waves of bounded memory.
-// It owns rays and what they read: the tracer, the stages, the scene's tables and the waves' memory. Images belong to its caller.
-// Results depend on the launch alone: per-path sums in a fixed order, samples keyed by view, pixel and index.
+// The wavefront path tracer takes waves of paths, of bounded memory, through its stages: generate, then for each bounce closest, shade,
+// occluded and resolve, at last accumulate. It owns the rays and what they read: the tracer, the stages, the scene's tables and the waves'
+// memory. The images belong to its caller. Results depend on the launch alone, since each path sums its own light in a fixed order and
+// samples are keyed by view, pixel and index.
 // Thread rule: externally synchronised.
 #pragma once
 
@@ -24,17 +25,17 @@ class PathTracer {
   [[nodiscard]] const Memory& memory() const { return backend_.memory; }
   [[nodiscard]] uint32_t queue_layout() const { return backend_.tracer->queue_layout(); }
 
-  // Before a launch's first wave, in this order. Tracer and tables know a scene by its address: keep the last one given alive until both
-  // have taken another.
+  // Call these three before the first wave of a launch, in this order. The tracer and the tables know a scene by its address: keep the last
+  // scene alive until both have taken another.
 
   /// Brings the tables that stages read up to date with the scene and the launch.
   void update_tables(const Scene& scene, const Launch& launch);
-  /// Makes room for the launch's waves, also for those of so many rays over pixels' squares; 0: there will be none.
+  /// Makes room for the launch's waves. rays_per_square says how many rays waves over pixels' squares will have; 0: there will be none.
   void fit(const Launch& launch, uint32_t rays_per_square);
   /// Brings the tracer's acceleration structure up to date.
   void update_tracer(const Scene& scene, const Launch& launch);
 
-  /// Of the launch that the tables are up to date with.
+  /// The plan of the launch that the tables are up to date with.
   [[nodiscard]] const WavePlan& plan() const { return plan_; }
   /// How many pixels go together through in_waves: with the samples of one pass, or with rays over their squares.
   [[nodiscard]] uint32_t pixels_per_batch() const { return pixels_per_batch_; }

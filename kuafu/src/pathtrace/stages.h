@@ -1,7 +1,6 @@
-// The stages between the tracer's calls. One text (shaders/lib, shaders/stage) runs in two places: in Vulkan compute, or compiled as C++ on
-// the device's worker threads. CPU devices take the second: there the rays are on the host already, and a native compiler makes more of it
-// than a driver's.
-// Thread rule: externally synchronised.
+// The stages work between the tracer's calls. One text (shaders/lib, shaders/stage) runs in two places: in Vulkan compute, or compiled as
+// C++ on the device's worker threads. CPU devices take the second, where the rays are on the host already and a native compiler makes
+// faster code than the driver's. Thread rule: externally synchronised.
 #pragma once
 
 #include <memory>
@@ -18,7 +17,7 @@ class Stages {
   /// Clears the counters and fills the first queue.
   virtual void generate(ks::Commands& commands, const GeneratePush& push, const WaveBuffers& buffers) = 0;
   virtual void shade(ks::Commands& commands, const ShadePush& push, const WaveBuffers& buffers) = 0;
-  /// Follows the shadow rays past one surface.
+  /// Follows the shadow rays past one surface of glass.
   virtual void transmit(ks::Commands& commands, const TransmitPush& push, const WaveBuffers& buffers) = 0;
   virtual void resolve(ks::Commands& commands, const ResolvePush& push, const WaveBuffers& buffers) = 0;
   virtual void accumulate(ks::Commands& commands, const AccumulatePush& push) = 0;

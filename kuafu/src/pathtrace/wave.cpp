@@ -39,8 +39,8 @@ void Wave::write_aovs(uint64_t outputs) {
   backend_.stages->visibility(commands_, push);
 }
 
-// Shadow rays and next rays of a bounce are both there after `shade`, so a host tracer answers them in one stop, and a GPU traces both at
-// once: the few long rays that each ends with then run beside each other.
+// The shadow rays and the next rays of a bounce are both there after `shade`. So a host tracer answers them in one stop, and a GPU traces
+// both at once: the few long rays that each queue ends with then run beside each other.
 void Wave::trace_paths() {
   generate(flag(launch_.wants_variance(), generate_replicates));
   trace_closest(0);

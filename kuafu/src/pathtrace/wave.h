@@ -1,4 +1,5 @@
-// One wave of paths, or of rays through pixels, on its way through the stages. Thread rule: any thread, one at a time for a slot's memory.
+// A wave is a batch of paths, or of rays through pixels, on its way through the stages. Thread rule: any thread, one at a time for a slot's
+// memory.
 #pragma once
 
 #include "accel/tracer.h"
@@ -9,14 +10,14 @@
 
 namespace kuafu {
 
-/// Who answers a wave's rays and runs its stages.
+/// What answers a wave's rays and runs its stages.
 struct WaveBackend {
   Memory memory;
   std::unique_ptr<Tracer> tracer;
   std::unique_ptr<Stages> stages;
 };
 
-/// What all waves of a launch have in common: where their tables lie, and what of the scene they must care for.
+/// What all waves of a launch have in common: the places of their tables, and what the scene asks of them.
 struct WavePlan {
   uint64_t scene = 0, views = 0, cameras = 0, aov = 0;  // addresses of the tables that stages read
   bool environments = false;                            // rays carry an environment
@@ -48,16 +49,16 @@ class Wave {
        const WaveRange& range)
       : backend_(backend), launch_(launch), plan_(plan), buffers_(buffers), commands_(commands), range_(range) {}
 
-  /// Rays through the middle of each pixel; then rays() are traced.
+  /// Traces rays through the middle of each pixel; rays() are the result.
   void trace_centres();
-  /// After trace_centres: what the launch asks of the surfaces there. `outputs` is the address of an OutputArray.
+  /// After trace_centres, writes what the launch asks of the surfaces there. `outputs` is the address of an OutputArray.
   void write_aovs(uint64_t outputs);
-  /// The range's samples as rays over each pixel's square, for the pixels in `listed` (as GeneratePush.pixels; 0: all); then rays() are
-  /// traced.
+  /// Traces the range's samples as rays over each pixel's square, for the pixels in `listed` (as GeneratePush.pixels; 0: all); rays() are
+  /// the result.
   void trace_squares(uint64_t listed);
-  /// Paths from the camera to their ends; then state() has the light that each found.
+  /// Takes paths from the camera to their ends; state() then has the light that each of them found.
   void trace_paths();
-  /// After trace_paths; `last`: no more samples follow, so `outputs` are written.
+  /// After trace_paths, adds the paths to their pixels. `last` says that no samples follow, so that `outputs` are written.
   void accumulate(const PixelSums& sums, uint64_t outputs, bool last);
 
   [[nodiscard]] ks::Commands& commands() const { return commands_; }
@@ -68,14 +69,14 @@ class Wave {
   [[nodiscard]] const WaveRange& range() const { return range_; }
 
  private:
-  /// pixels: with generate_listed, as GeneratePush has it.
+  /// With generate_listed, `pixels` is that of GeneratePush.
   void generate(uint32_t flags, uint64_t pixels = 0);
   void shade(uint32_t bounce);
   void trace_closest(uint32_t bounce, const char* stage = "trace closest");
   void trace_shadows(uint32_t bounce, const char* stage = "trace occluded");
   void trace_by_surfaces(uint32_t bounce);
   void resolve(uint32_t bounce);
-  /// Shadow rays pass glass surface by surface, in queues of their own.
+  /// Whether shadow rays pass glass surface by surface, in queues of their own.
   [[nodiscard]] bool glass_shadows() const { return buffers_.size().glass_surfaces > 0; }
   [[nodiscard]] bool on_cpu_device() const { return backend_.memory.device->is_cpu(); }
 

@@ -1,4 +1,4 @@
-// How many paths a wave holds, and how pixels are spread over waves.
+// These functions say how many paths a wave holds, and how pixels are spread over waves. Thread rule: pure functions.
 #pragma once
 
 #include <cstdint>
@@ -7,16 +7,18 @@
 
 namespace kuafu {
 
-/// On the host: what a worker takes through all stages before it takes the next. Queues and state, 300 bytes a path, stay in its cache.
+/// On the host, a worker takes so many paths through all stages before it takes the next. Their queues and state, 300 bytes a path, stay in
+/// its cache.
 uint32_t host_wave_paths(uint32_t shadow_rays_per_vertex);
 constexpr uint32_t waves_per_worker = 32;  // between two reports of progress
-/// On a device. At most an eighth of a GPU's memory, and no dispatch beyond what the device takes.
+/// On a device, a wave takes at most an eighth of a GPU's memory, and its dispatches are no larger than the device takes.
 uint32_t most_paths(const ks::Device& device, uint32_t shadow_rays_per_vertex);
 /// The same of a GPU with so much memory, whose dispatches have at most so many groups.
 uint32_t gpu_wave_paths(uint64_t memory_bytes, uint32_t most_groups, uint32_t shadow_rays_per_vertex);
-/// Samples of a pixel in one wave; fixed, since the order of sums follows from it. A budget renders in rounds, which are short.
+/// The most samples that a pixel has in one wave. The number is fixed, since the order of sums follows from it; the rounds of a budget are
+/// short.
 constexpr uint32_t most_pass_samples(bool in_rounds) { return in_rounds ? 32 : 256; }
-/// Near the golden section of n, coprime to it, and small enough that block * stride stays below 2^32.
+/// A stride near the golden section of n, coprime to n, and small enough that block * stride stays below 2^32.
 uint32_t permutation_stride(uint32_t n);
 
 }  // namespace kuafu

@@ -1,4 +1,4 @@
-// Sums of whole images between passes that are apart: the rounds of a budget, and calls that accumulate.
+// An accumulation keeps the sums of whole images between the rounds of a budget, and between calls that accumulate.
 // Thread rule: externally synchronised.
 #pragma once
 
@@ -10,7 +10,7 @@ namespace kuafu {
 
 class Accumulation {
  public:
-  /// Sums of one shape can go on.
+  /// A later call can add to the sums if it has the same shape.
   struct Shape {
     uint32_t views = 0, width = 0, height = 0, channels = 0, groups = 0;
     bool replicates = false, denoised = false;
@@ -19,10 +19,10 @@ class Accumulation {
 
   explicit Accumulation(Memory memory) : memory_(std::move(memory)) {}
 
-  /// Goes on where `continues` and the sums are of this shape, else starts at `first_sample`.
+  /// Keeps the sums if `continues` is set and they have this shape; else starts anew at `first_sample`.
   void begin(const Shape& shape, bool continues, uint32_t first_sample);
   void add(uint32_t samples) { samples_ += samples; }
-  /// What is there is lost, and its memory given back.
+  /// Drops the sums and frees their memory.
   void clear() { *this = Accumulation(memory_); }
 
   [[nodiscard]] uint64_t address() const { return memory_.address(*sums_); }

@@ -11,7 +11,7 @@
 namespace kuafu {
 namespace {
 
-constexpr uint32_t least_paths = 4096;  // of a first round: what is bright and rare must have had its chance in images of few pixels, too
+constexpr uint32_t least_paths = 4096;  // in a first round: bright and rare paths must have had their chance also in an image of few pixels
 
 }  // namespace
 
@@ -31,7 +31,7 @@ void Budget::round_done(double seconds, uint32_t all_samples, double relative_er
   const double step = relative_error_ > 0 ? replicate_count : 1;  // whole replicates keep the estimate unbiased
   double more = done_;                                            // doubles
   if (relative_error_ > 0 && std::isfinite(relative_error)) {
-    // The error falls at least with the root of the samples; a tenth more, so that the last round seldom falls short.
+    // The error falls at least with the root of the samples. A tenth is added, so that the last round seldom falls short.
     const double missing = 1.1 * all_samples * (std::pow(relative_error / relative_error_, 2) - 1);
     more = relative_error <= relative_error_ ? 0 : std::min(more, std::ceil(missing / step) * step);
   }
@@ -43,7 +43,7 @@ namespace {
 
 constexpr double z_confidence = 1.0;  // standard deviations, one-sided: 84 %
 
-/// The image where it lies, or read into `copy`.
+/// The image where it lies if the host can see it, else a copy.
 const float* values_of(const ks::Buffer& image, uint64_t count, std::vector<float>& copy) {
   if (const auto* values = static_cast<const float*>(image.mapped())) return values;
   copy.resize(count);
@@ -51,8 +51,8 @@ const float* values_of(const ks::Buffer& image, uint64_t count, std::vector<floa
   return copy.data();
 }
 
-/// How many times as large the true mean of estimated variances may be as their mean, when that scatters like a chi-square of so many
-/// degrees of freedom (its lower quantile by Wilson and Hilferty 1931); infinite for fewer than about one.
+/// The true mean of estimated variances may be so many times as large as the mean of the estimates, if that scatters like a chi-square of
+/// so many degrees of freedom (lower quantile by Wilson and Hilferty 1931). The factor is infinite below about one degree.
 double upper_factor(double degrees_of_freedom) {
   const double t = 2.0 / (9.0 * degrees_of_freedom), root = 1.0 - t - z_confidence * std::sqrt(t);
   return root > 0.0 ? 1.0 / (root * root * root) : std::numeric_limits<double>::infinity();
@@ -72,7 +72,8 @@ double relative_error(const ks::Buffer& variance, const ks::Buffer& radiance, ui
   }
   if (!std::isfinite(sum)) return std::numeric_limits<double>::infinity();
   if (sum <= 0.0) return 0.0;
-  // Satterthwaite 1946: the mean's own variance, from the scatter of the pixels, and at least what Gaussian replicates have.
+  // Satterthwaite 1946: the degrees of freedom follow from the variance of the mean itself, which comes from the scatter of the pixels and
+  // is at least that of Gaussian replicates.
   const auto n = double(pixels);
   const double scatter = pixels > 1 ? (squares - sum * sum / n) / (n - 1.0) : 0.0;
   const double of_gaussian = 2.0 / (replicate_count - 1) * sum * sum / (n * n);

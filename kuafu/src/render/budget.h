@@ -1,4 +1,4 @@
-// How many samples the next round of a render takes, when time or noise says when to stop. Thread rule: plain data.
+// A budget says how many samples the next round of a render takes where a limit of time or noise ends it. Thread rule: plain data.
 #pragma once
 
 #include <cstdint>
@@ -9,12 +9,14 @@ namespace kuafu {
 
 class Budget {
  public:
-  /// At most `samples` of each of `pixels`. max_seconds and relative_error: 0 = none.
+  /// Each of the `pixels` gets at most `samples`. A limit of 0 is none.
   Budget(uint32_t samples, uint32_t pixels, double max_seconds, double relative_error);
 
-  /// Samples of the next round, 0 when nothing more is to be done. A noise budget alone depends on the errors alone: it is deterministic.
+  /// The samples of the next round; 0 when the render is done. Without a limit of time they depend on the errors alone, so they are
+  /// deterministic.
   [[nodiscard]] uint32_t next() const { return next_; }
-  /// The round that next() gave is done, `seconds` after the call began; `all_samples` are in the images, with this relative error.
+  /// Call it after the round that next() gave: `seconds` have passed since the call began, and the images have `all_samples` and this
+  /// relative error.
   void round_done(double seconds, uint32_t all_samples, double relative_error);
   [[nodiscard]] uint32_t done() const { return done_; }
 
@@ -23,8 +25,8 @@ class Budget {
   double max_seconds_, relative_error_, seconds_ = 0;
 };
 
-/// Root of the mean variance of the pixels' means, over the mean radiance: its upper limit at 84 % confidence, for what the replicates of
-/// few pixels, or rare bright samples, tell little about. Both images hold [pixels][channels] floats.
+/// The relative error of an image: the root of the mean variance of its pixels over its mean radiance. The function returns its upper limit
+/// at 84 % confidence, since few pixels or rare bright samples tell little about the variance. Both images hold [pixels][channels] floats.
 double relative_error(const ks::Buffer& variance, const ks::Buffer& radiance, uint64_t pixels, uint32_t channels);
 
 }  // namespace kuafu

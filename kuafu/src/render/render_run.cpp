@@ -1,4 +1,4 @@
-// A render call as a whole: tables and memory, rounds of samples, steps on whole images.
+// This file takes a render call from its tables through its rounds of samples to the steps on whole images.
 #include "render/render_run.h"
 
 #include <algorithm>
@@ -30,7 +30,7 @@ void RenderRun::prepare(const Scene& scene) {
   commands_.add_host_time("acceleration build", milliseconds_since(start));
 }
 
-/// Stages count an image's words in 32 bits, and its elements with a sign.
+/// Throws for launches whose images are too large: stages count the words of an image in 32 bits, and its elements with a sign.
 void RenderRun::check_countable() const {
   const auto check = [&](const char* what, uint64_t words_per_pixel, uint64_t most) {
     if (launch_.pixel_count() * words_per_pixel > most)
@@ -48,7 +48,7 @@ void RenderRun::check_countable() const {
 
 void RenderRun::begin_accumulation() {
   if (!keeps_sums()) {
-    if (!launch_.accumulate) parts_.accumulation.clear();  // else only AOVs are asked for: what there is waits for the next call
+    if (!launch_.accumulate) parts_.accumulation.clear();  // a call that asks for AOVs alone leaves the sums to the next
     return;
   }
   parts_.accumulation.begin({.views = uint32_t(launch_.views.size()),
@@ -95,7 +95,7 @@ void RenderRun::render_round() {
   }
 }
 
-/// AOVs and the denoiser's guides, of rays through pixel centres.
+/// Rays through pixel centres give the AOVs and the denoiser's guides.
 void RenderRun::render_surfaces(uint32_t first_pixel, uint32_t pixel_count) {
   parts_.paths.in_waves(commands_, launch_, parts_.paths.range(launch_, first_pixel, pixel_count, 0, 1), [this](Wave& wave) {
     wave.trace_centres();
@@ -136,7 +136,7 @@ PixelSums RenderRun::sums_of(uint32_t first_pixel, uint32_t pixel_count) const {
           .outlive_call = false};
 }
 
-// Steps on whole images, in the order of the light: noise goes before the optics spread it, and the caller's format comes last.
+// The steps on whole images follow the light: noise goes before the optics spread it, and the caller's format comes last.
 void RenderRun::develop() {
   if (denoises()) denoise();
   parts_.film.run(commands_, launch_, parts_.frame);

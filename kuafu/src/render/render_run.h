@@ -1,4 +1,4 @@
-// One render call. Thread rule: externally synchronised, as the parts that it works with.
+// A run is one render call. Thread rule: externally synchronised, as are the parts that it works with.
 #pragma once
 
 #include <chrono>
@@ -15,14 +15,14 @@
 
 namespace kuafu {
 
-/// What a render came to.
+/// The outcome of a render.
 struct RenderSummary {
   uint32_t samples = 0, call_samples = 0;                            // in the images; of those, this call's
   double relative_error = std::numeric_limits<double>::quiet_NaN();  // NaN where none was aimed at
   double seconds = 0.0;
 };
 
-/// What render calls work with, one after the other: it keeps memory and tables between them.
+/// The parts that render calls work with, one after the other; they keep memory and tables between the calls.
 struct RenderParts {
   RenderParts(std::shared_ptr<ks::Device> device, TracerKind tracer, std::string oidn_library)
       : paths(std::move(device), tracer),
@@ -62,26 +62,26 @@ class RenderRun {
   void render_pixels(uint32_t first_pixel, uint32_t pixel_count);
   void develop();
   void denoise();
-  /// Rays over pixels' squares, for as many pixels as the denoiser asks for.
+  /// Traces rays over the squares of so many pixels, which the denoiser asked for, and takes their waves through `step`.
   void in_squares(uint32_t pixels, const std::function<void(Wave&)>& step);
   void report(uint32_t pixels_done, float part);
 
   [[nodiscard]] const Memory& memory() const { return parts_.paths.memory(); }
   [[nodiscard]] bool denoises() const { return launch_.denoise != DenoiseKind::none && launch_.wants_radiance(); }
-  /// Who asks for progress hears of it as it is made; else a GPU gets several batches at once, and not so many that a watchdog minds.
+  /// A CPU device, and a caller who asks for progress, get batches one by one. Other devices get eight at once, which no watchdog minds.
   [[nodiscard]] bool ends_submission(uint32_t batch) const { return memory().device->is_cpu() || launch_.cancelled || batch % 8 == 7; }
 
-  /// Sums outlive the wave: later rounds or calls go on with them.
+  /// Whether later rounds or calls go on with the sums.
   [[nodiscard]] bool keeps_sums() const { return (launch_.accumulate || launch_.has_budget()) && launch_.wants_radiance(); }
-  /// Planes of pixels that are summed.
+  /// The number of planes of pixels that are summed.
   [[nodiscard]] uint32_t sum_planes() const {
     return launch_.band.channels() * (parts_.paths.plan().groups + (launch_.wants_variance() ? replicate_count : 0));
   }
-  /// Where the sums of a batch of pixels are.
+  /// The place of the sums of a batch of pixels.
   [[nodiscard]] PixelSums sums_of(uint32_t first_pixel, uint32_t pixel_count) const;
-  /// In the sums before the round that is being rendered.
+  /// The samples that the sums had before the round that is being rendered.
   [[nodiscard]] uint32_t samples_before() const { return keeps_sums() ? parts_.accumulation.samples() : 0; }
-  /// In the images, of this call and of those that it went on with.
+  /// The samples in the images: those of this call and of the calls that it went on with.
   [[nodiscard]] uint32_t all_samples() const { return samples_before() + (keeps_sums() ? 0 : budget_.done()); }
   [[nodiscard]] uint32_t first_sample() const { return keeps_sums() ? parts_.accumulation.first_sample() : launch_.first_sample; }
   [[nodiscard]] double seconds() const { return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count(); }

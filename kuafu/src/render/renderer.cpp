@@ -12,9 +12,9 @@ Renderer::Renderer(std::shared_ptr<ks::Device> device, TracerKind tracer, std::s
 
 void Renderer::render(const std::shared_ptr<const Scene>& scene, const Launch& launch) {
   next_scene_ = scene;
-  // A recorder is made once and kept, unless an error leaves it in the middle of its work.
+  // The recorder is kept from call to call. An error may leave it in the middle of its work, so the call after a failed one makes another.
   std::unique_ptr<ks::Commands> commands = commands_ ? std::move(commands_) : std::make_unique<ks::Commands>(device());
-  parts_.paths.collect_times(*commands);  // of a render that failed
+  parts_.paths.collect_times(*commands);  // those of a failed render
   commands->reset_stage_times();
   RenderRun run(parts_, launch, *commands);
   try {

@@ -1,4 +1,5 @@
-// Renders launches: paths into the frame, then steps on whole images (denoiser, film optics), then the caller's formats.
+// The renderer takes launches, one after the other: paths into the frame, then the steps on whole images (denoiser, film optics), then the
+// caller's formats.
 // Thread rule: externally synchronised.
 #pragma once
 
@@ -29,9 +30,9 @@ class Renderer {
 
  private:
   RenderParts parts_;
-  // Tracer and tables know a scene by its address, so the last one lives until both have taken the next.
+  // The tracer and the tables know a scene by its address, so the last scene lives until both have taken the next.
   std::shared_ptr<const Scene> scene_, next_scene_;
-  std::unique_ptr<ks::Commands> commands_;  // null during a render, and after one that failed
+  std::unique_ptr<ks::Commands> commands_;  // null during a render and after a failed one
   std::vector<std::pair<std::string, double>> stage_times_;
   RenderSummary summary_{};
 };

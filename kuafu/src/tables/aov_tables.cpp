@@ -12,7 +12,7 @@ bool is_projector(const std::optional<Light>& light) {
   return light && light->kind == Light::Kind::projector && (light->texture != none || light->raster);
 }
 
-/// The projector that views into `environment` ask about, dark or not; nothing when there is none.
+/// The projector that views into `environment` ask about, lit or dark; null if there is none.
 const Light* projector_of(const Scene& scene, uint32_t wanted, uint32_t environment) {
   for (uint32_t id = 0; id < scene.lights().size(); ++id) {
     const std::optional<Light>& light = scene.lights()[id];

@@ -1,4 +1,5 @@
-// What `aov` reads beyond the scene's tables: the projectors and the motion of the frame, made anew by each render that asks for them.
+// Stage `aov` reads these tables beyond the scene's: the projectors, and the motion since the last frame. Each render that asks for them
+// makes them anew.
 // Thread rule: externally synchronised; no work may be in flight during update.
 #pragma once
 

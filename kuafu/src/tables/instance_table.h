@@ -1,4 +1,4 @@
-// The scene's instances as the stages see them: a record per slot, and their lists of materials. One that changes is written alone.
+// The scene's instances as the stages see them: a record for each slot, and lists of materials. An instance that changes is written alone.
 // Thread rule: externally synchronised; no work may be in flight during update.
 #pragma once
 
@@ -8,7 +8,7 @@
 
 namespace kuafu {
 
-/// Index of a scene's material in the table of materials, whose first entry is the default; none: that one.
+/// Index of a scene's material in the table of materials, whose first entry is the default (for `none`).
 inline uint32_t material_index(uint32_t id) { return id == none ? 0 : id + 1; }
 
 class InstanceTable {

@@ -1,5 +1,5 @@
-// Where the vertices and triangles of a scene's meshes lie in the stages' memory. Thread rule: externally synchronised; no work may be in
-// flight during update.
+// This table says where the vertices and triangles of the scene's meshes lie in the stages' memory. Thread rule: externally synchronised;
+// no work may be in flight during update.
 #pragma once
 
 #include <memory>
@@ -13,7 +13,7 @@ namespace kuafu {
 
 class MeshTable {
  public:
-  /// A mesh' addresses stay as long as it lives.
+  /// The addresses of a mesh stay the same as long as it lives.
   struct Addresses {
     uint64_t positions = 0, normals = 0, uvs = 0, indices = 0, slots = 0;
     uint32_t flags = 0;                 // instance_has_*

@@ -23,7 +23,7 @@ void SceneTables::write_albedos(bool frosted) {
 }
 
 void SceneTables::update(const Scene& scene, const Band& band, uint32_t environment_count, const TimeSpan& open) {
-  if (std::exchange(scene_, nullptr) != &scene) forget();  // and forget too what a failed update left
+  if (std::exchange(scene_, nullptr) != &scene) forget();  // an update that failed leaves no scene, so this one forgets what it left
   const Revisions& now = scene.revisions();
   const bool patterns_changed = now.textures != seen_.textures && textures_.update(scene);
   const bool lights_changed = now.lights != seen_.lights || patterns_changed || now.materials != seen_.materials || !(band == band_) ||
@@ -58,7 +58,7 @@ void SceneTables::update(const Scene& scene, const Band& band, uint32_t environm
   scene_ = &scene;
 }
 
-/// Whether what moved since the last update gives light, or changes the power of light from infinitely far. The band is as it was.
+/// Whether something that moved since the last update gives light, or changes the power of light from infinitely far. The band is the same.
 bool SceneTables::moved_lights(const Scene& scene) {
   const Revisions& now = scene.revisions();
   if (now.instances == seen_.instances && now.meshes == seen_.meshes) return false;
@@ -113,7 +113,7 @@ void SceneTables::write_medium(const Scene& scene) {
   has_medium_ = r.extinction != glm::vec3(0);
 }
 
-/// Lights may move among instances that do not, so the table is there when either does.
+/// A light may move among instances that stand still, so the table is there if either moves.
 void SceneTables::write_instance_motions(const Scene& scene) {
   if (!scene.instances_move() && !lights_move_) return;
   const auto motions = instance_motions_.resize(memory_, scene.instance_slots().size());

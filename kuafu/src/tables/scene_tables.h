@@ -1,4 +1,4 @@
-// The scene in device memory. `update` uploads what changed since it last looked (Scene::revisions).
+// The scene in the stages' memory. `update` uploads what changed since the last update (Scene::revisions).
 // Thread rule: externally synchronised; no work may be in flight during update.
 #pragma once
 
@@ -22,16 +22,16 @@ class SceneTables {
   void update(const Scene& scene, const Band& band, uint32_t environment_count, const TimeSpan& open);
 
   [[nodiscard]] uint64_t address() const { return tables_.address(); }
-  /// With a medium half of them are those of its scattering.
+  /// In a scene with a medium, half of them belong to scattering in the medium.
   [[nodiscard]] uint32_t shadow_rays_per_vertex() const { return shadow_rays_per_vertex_ * (has_medium_ ? 2 : 1); }
-  /// Passes of a wave beyond its bounces.
+  /// The passes that a wave may need beyond its bounces.
   [[nodiscard]] uint32_t walk_passes() const { return (material_features_ & feature_subsurface) != 0 ? walk_limit : 0; }
   [[nodiscard]] bool has_medium() const { return has_medium_; }
   /// feature_* that the scene needs.
   [[nodiscard]] uint32_t features() const {
     return light_features_ | material_features_ | (has_medium_ ? feature_medium : 0) | (moves_ ? feature_motion : 0);
   }
-  /// Whether anything but cameras moves, or goes on or off, while a shutter is open.
+  /// Whether anything but a camera moves, or a light goes on or off, while a shutter is open.
   [[nodiscard]] bool moves() const { return moves_; }
   [[nodiscard]] bool select_lights() const { return select_lights_; }
   /// One past the last light group that the scene uses.
@@ -39,13 +39,11 @@ class SceneTables {
   /// Whether a surface lets light through.
   [[nodiscard]] bool has_glass() const { return has_glass_; }
   /// Whether the environment or a surface shines in the band: light that only BSDF rays find.
-  [[nodiscard]] bool has_ambient() const {
-    return has_environment_light_ || (light_features_ & feature_lights) != 0 || emissive_;
-  }
+  [[nodiscard]] bool has_ambient() const { return has_environment_light_ || (light_features_ & feature_lights) != 0 || emissive_; }
 
  private:
   void forget();
-  /// The table of albedos, those of rough glass, too, where there is some.
+  /// Writes the table of albedos; `frosted` adds those of rough glass.
   void write_albedos(bool frosted);
   bool moved_lights(const Scene& scene);
   void write_materials(const Scene& scene);

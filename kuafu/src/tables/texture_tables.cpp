@@ -7,7 +7,7 @@
 namespace kuafu {
 namespace {
 
-/// Writes the words into the buffer, or into a new one where they do not fit exactly.
+/// Writes the words into the buffer if they fit exactly, else into a new one.
 void put(const Memory& memory, std::shared_ptr<ks::Buffer>& buffer, const std::vector<uint32_t>& words) {
   Block block;
   const uint64_t bytes = words.size() * 4;
@@ -75,11 +75,8 @@ void TextureTables::replace(const Texture& texture, uint32_t id) {
   const Texels texels = linear_texels(texture);
   put(memory_, slots_[id].own, texels.words);
   slots_[id].block.reset();
-  records_[id] = {.texels = memory_.address(*slots_[id].own),
-                  .width = texture.width,
-                  .height = texture.height,
-                  .format = texels.format,
-                  .reserved = 0};
+  records_[id] = {
+      .texels = memory_.address(*slots_[id].own), .width = texture.width, .height = texture.height, .format = texels.format, .reserved = 0};
 }
 
 bool TextureTables::replace_pattern(const Texture& texture, uint32_t id) {

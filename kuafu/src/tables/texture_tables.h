@@ -18,13 +18,13 @@ class TextureTables {
  public:
   explicit TextureTables(Memory memory) : memory_(std::move(memory)) {}
 
-  /// Uploads what is new or was set again. True: a light's record may name what is not there any more.
+  /// Uploads the textures that are new or were set again. Returns whether a light's record may name one that is gone.
   bool update(const Scene& scene);
-  /// Everything is to be uploaded again, from another scene.
+  /// Makes the next update upload everything, for it is of another scene.
   void forget();
-  /// The plane of a projector's pattern: its texture's, or that of its dots.
+  /// The plane of a projector's pattern, which is that of its texture or of its dots.
   PatternAddress pattern(const Scene& scene, const Light& light);
-  /// Lets go of the dots that no light has any more.
+  /// Frees the dots that no light has any more.
   void drop_unused();
   [[nodiscard]] uint64_t address() const { return table_.address(); }
 
