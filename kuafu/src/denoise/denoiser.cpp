@@ -137,7 +137,7 @@ uint32_t Denoiser::square_count(ks::Commands& commands) const {
   return *static_cast<const uint32_t*>(squares_->mapped());
 }
 
-// Each step reads what the last one wrote; light and statistics stay where they are while levels are smoothed.
+// Each step reads what the step before wrote. Light and statistics stay where they are while levels are smoothed.
 void Denoiser::step(ks::Commands& commands, uint32_t step, uint32_t spacing) {
   const bool smooths = step == denoise_smooth;
   if (!smooths) {

@@ -1,10 +1,10 @@
-// Open Image Denoise in the place of the filter: image after image, view after view, on the host.
+// Here Open Image Denoise takes the place of the filter: image after image, view after view, on the host.
 #include "denoise/denoiser.h"
 
 namespace kuafu {
 namespace {
 
-/// [count][3] from one or three channels.
+/// Makes [count][3] of one or three channels.
 std::vector<float> three_channels(const std::vector<float>& values, uint32_t channels) {
   if (channels == 3) return values;
   std::vector<float> out;

@@ -53,7 +53,7 @@ void History::write_views() {
   }
 }
 
-// Zeros where the last launch did not know the instance.
+// The rows of an instance that the last launch did not know are zeros.
 void History::write_poses(const Scene& scene) {
   const std::vector<uint32_t>& slots = scene.instance_slots();
   const auto rows = last_poses_.resize(memory_, slots.size() * 3);

@@ -12,11 +12,12 @@ class History {
  public:
   explicit History(Memory memory) : memory_(std::move(memory)) {}
 
-  /// Before a launch of `planes` of light that is accumulated. Takes `guides`, those of the last launch, and gives others for this one.
+  /// Call it before a launch that accumulates `planes` of light. It takes `guides`, those of the last launch, and gives others for this
+  /// one.
   void begin(const Launch& launch, const Scene& scene, size_t planes, std::shared_ptr<ks::Buffer>& guides, DenoiseImages& images);
-  /// What `guide` writes for `accumulate`.
+  /// Says what the step `guide` writes for the step `accumulate`.
   void describe(GuidePush& push) const;
-  /// The launch has got as far as its light: the next one may follow it.
+  /// Call it when the launch has its light, so that the next one may build on it.
   void end() { views_ = std::move(next_views_); }
   void forget() { views_.clear(); }
 
@@ -30,14 +31,14 @@ class History {
   };
 
   Memory memory_;
-  // [0]: of the last launch, [1]: of this one.
+  // [0] belongs to the last launch, [1] to this one.
   std::shared_ptr<ks::Buffer> light_[2], pixels_[2], places_[2], guides_;
   MappedTable<HistoryView> last_views_;
   MappedTable<glm::vec4> last_poses_;
-  std::vector<Pose> poses_;       // by slot, of the last launch that began
-  std::vector<View> views_;       // that [0] is of; empty: there is none
-  std::vector<View> next_views_;  // of this launch, until it has got that far
-  const Scene* scene_ = nullptr;  // of the last launch: instances of another one have ids of their own
+  std::vector<Pose> poses_;       // by slot, in the last launch that began
+  std::vector<View> views_;       // the views of [0]; empty: there is no last launch
+  std::vector<View> next_views_;  // the views of this launch, until end()
+  const Scene* scene_ = nullptr;  // the last launch's; another scene has instance ids of its own
   uint32_t width_ = 0, height_ = 0;
   size_t planes_ = 0;
   bool has_last_ = false;

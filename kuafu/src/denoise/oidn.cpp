@@ -9,7 +9,7 @@
 namespace kuafu {
 namespace {
 
-// Version 2 has a number in its name, version 1 the whole version.
+// Version 2 has its first number in the name, version 1 all three.
 constexpr const char* names[] = {"libOpenImageDenoise.so.2",     "libOpenImageDenoise.so.1",     "libOpenImageDenoise.so",
                                  "libOpenImageDenoise.so.1.4.3", "libOpenImageDenoise.so.1.4.2", "libOpenImageDenoise.so.1.4.1",
                                  "libOpenImageDenoise.so.1.4.0", "libOpenImageDenoise.so.1.3.0", "libOpenImageDenoise.so.1.2.4"};
@@ -22,7 +22,7 @@ std::vector<std::string> candidates(const std::string& library) {
   return {std::begin(names), std::end(names)};
 }
 
-// It keeps threads of its own: once opened it stays.
+// The library keeps threads of its own, so it stays once it is opened.
 void* open_library(const std::string& library) {
   std::string tried;
   for (const std::string& name : candidates(library)) {

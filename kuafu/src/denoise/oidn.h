@@ -1,4 +1,4 @@
-// Open Image Denoise, opened at run time where it is asked for: versions 1 and 2 of its C interface, on the CPU. Thread rule: externally
+// Open Image Denoise is opened at run time when it is asked for: versions 1 and 2 of its C interface, on the CPU. Thread rule: externally
 // synchronised.
 #pragma once
 
@@ -16,8 +16,8 @@ struct OidnImages {
 
 class Oidn {
  public:
-  /// `library`: its path; empty: the environment variable KUAFU_OIDN_LIBRARY, else its usual names. Throws KS_ERROR_UNSUPPORTED with what
-  /// was tried.
+  /// `library` is its path. If that is empty, the environment variable KUAFU_OIDN_LIBRARY names it, else its usual names are tried. Throws
+  /// KS_ERROR_UNSUPPORTED with what was tried.
   explicit Oidn(const std::string& library);
   ~Oidn();
   Oidn(const Oidn&) = delete;

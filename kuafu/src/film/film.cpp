@@ -22,7 +22,7 @@ void add_kernels(const Film& film, FilmRecord& record, std::vector<float>& table
   record.psf_radius = gaussian_radius(middle + corner);
   record.psf_kernels = uint32_t(table.size());
   record.psf_kernels_per_variance = corner > 0.0 ? float(varying_kernels / corner) : 0.0f;
-  // One more than there are intervals, and one that the corners' rounding may read.
+  // There is one kernel more than intervals, and one that rounding in the corners may read.
   for (uint32_t k = 0; k < (corner > 0.0 ? varying_kernels + 2 : 1); ++k) {
     const std::vector<float> kernel = gaussian_kernel(middle + corner * k / varying_kernels, record.psf_radius);
     table.insert(table.end(), kernel.begin(), kernel.end());
@@ -103,7 +103,7 @@ void FilmOptics::fit(const Launch& launch) {
 
 void FilmOptics::write_records(const Launch& launch) {
   const auto records = records_.resize(memory_, launch.views.size());
-  std::vector<float> kernels = {1.0f};  // of views without blur
+  std::vector<float> kernels = {1.0f};  // the kernel of views without blur
   for (size_t i = 0; i < launch.views.size(); ++i) {
     FilmRecord record = film_record(launch.views[i]);
     add_kernels(launch.views[i].film, record, kernels);

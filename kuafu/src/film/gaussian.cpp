@@ -6,7 +6,7 @@ namespace kuafu {
 
 uint32_t gaussian_radius(double variance) { return variance > 0.0 ? uint32_t(std::ceil(5.0 * std::sqrt(variance))) + 2 : 0; }
 
-// Miller's recurrence, downwards from where I_n is nothing: I_{n-1} = I_{n+1} + 2 n / t I_n. The scale falls out by the sum.
+// Miller's recurrence goes downwards from where I_n is negligible: I_{n-1} = I_{n+1} + 2 n / t I_n. Dividing by the sum removes its scale.
 std::vector<float> gaussian_kernel(double variance, uint32_t radius) {
   std::vector<double> taps(radius + 1, 0.0);
   taps[0] = 1.0;

@@ -1,4 +1,4 @@
-// The stages in Vulkan compute; each pipeline is built when it is first used.
+// This file runs the stages in Vulkan compute. Each pipeline is built when it is first used.
 #include <array>
 #include <map>
 #include <optional>

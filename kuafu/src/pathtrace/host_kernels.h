@@ -14,12 +14,12 @@ void resolve(const ResolvePush& push, uint32_t first, uint32_t end);
 void accumulate(const AccumulatePush& push, uint32_t first, uint32_t end);
 void visibility(const AovPush& push, uint32_t first, uint32_t end);
 
-/// host_aov.cpp, compiled once for each band.
+/// These are of host_aov.cpp, which the build compiles once for each band.
 using AovKernel = void(const AovPush& push, uint32_t first, uint32_t end);
 AovKernel aov_infrared, aov_visible;
 
-/// Gives chunk after chunk its places in the queues, in the order of the chunks: queues do not depend on the threads.
-/// Chunks must be started in order, as ks::ThreadPool does.
+/// Gives chunk after chunk its places in the queues, in the order of the chunks, so that queues do not depend on the threads. Chunks must
+/// be started in order, as ks::ThreadPool does.
 class QueuePlaces {
  public:
   struct Places {
@@ -35,7 +35,7 @@ class QueuePlaces {
   Places ends_;
 };
 
-/// host_shade.cpp, compiled once for each band, plain (feature set 0) and full.
+/// These are of host_shade.cpp, which the build compiles once for each band, plain (feature set 0) and full.
 using ShadeKernel = void(const ShadePush& push, uint32_t first, uint32_t end, QueuePlaces& places, size_t chunk);
 using TransmitKernel = void(const TransmitPush& push, uint32_t first, uint32_t end, QueuePlaces& places, size_t chunk);
 ShadeKernel shade_infrared, shade_visible, shade_infrared_full, shade_visible_full;

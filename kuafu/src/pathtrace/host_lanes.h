@@ -1,6 +1,6 @@
-// What the host computes for many paths at once, one path per lane of the machine's vectors, in loops that the compiler vectorises. The
-// text is the shaders' own. Each loop is compiled for several kinds of vectors and takes the widest that the machine has; results do not
-// depend on it. Lanes that no path is in may hold anything. Thread rule: any thread, each with its own lanes.
+// The host computes these things for many paths at once, one path in each lane of the machine's vectors, in loops that the compiler
+// vectorises; the text is the shaders' own. Each loop is compiled for several kinds of vectors and takes the widest that the machine has,
+// with the same results. A lane without a path may hold anything. Thread rule: any thread, each with its own lanes.
 #pragma once
 
 #include "shared/wave.h"
@@ -27,12 +27,12 @@ using Lanes = T[lane_count];
 struct alignas(64) PixelSampleLanes {
   Lanes<uint32_t> view_key, pixel;
   Lanes<uint32_t> index;  // in: of the pixel's samples; out: in the path's sequence
-  Lanes<uint32_t> key;    // from here on as PixelSample
+  Lanes<uint32_t> key;    // this and the rest are as PixelSample has them
   Lanes<float> offset_x, offset_y;
 };
 void sample_pixels(PixelSampleLanes& lanes, bool replicates);
 
-/// BSDFs of plain surfaces (lib/bsdf.glsl): what stage `shade` spends most on.
+/// BSDFs of plain surfaces (lib/bsdf.glsl), which take most of stage `shade`.
 template <uint32_t channels>
 struct alignas(64) ScatterLanes {
   Vec2Array table;  // SceneAddresses.specular_albedo
@@ -43,10 +43,10 @@ struct alignas(64) ScatterLanes {
 
   Lanes<float> f[channels];                           // towards wi
   Lanes<float> choice, roulette;                      // as stage `shade` draws them
-  Lanes<float> u[2], direction[3], weight[channels];  // the way on, unless
-  Lanes<uint32_t> delta;                              // it is a mirror's or through glass
+  Lanes<float> u[2], direction[3], weight[channels];  // where the path goes on, unless `delta` is set
+  Lanes<uint32_t> delta;                              // nonzero: a mirror or glass sends it on, and no lane computes that
 };
-/// f of wi.
+/// Computes f of wi.
 void evaluate(ScatterLanes<1>& lanes);
 void evaluate(ScatterLanes<3>& lanes);
 /// Draws samples, and takes direction and weight from them.
@@ -54,7 +54,7 @@ void scatter(ScatterLanes<1>& lanes);
 void scatter(ScatterLanes<3>& lanes);
 
 inline glm::vec3 vector_of(const Lanes<float>* v, uint32_t lane) { return {v[0][lane], v[1][lane], v[2][lane]}; }
-/// A float in the infrared band, else a vec3.
+/// The type is float in the infrared band, else vec3.
 template <uint32_t channels>
 auto spectrum_of(const Lanes<float>* s, uint32_t lane) {
   if constexpr (channels == 1)

@@ -27,7 +27,7 @@ struct QueuedOnward {
   Transmit::Onward onward;
 };
 
-/// What a chunk of paths asks for, until it has its places in the queues.
+/// The rays that a chunk of paths asks for, until they have their places in the queues.
 class Queued {
  public:
   Queued(uint32_t paths, uint32_t shadow_rays_per_vertex)

@@ -1,4 +1,4 @@
-// The stages on the device's worker threads, in chunks of rays or pixels.
+// This file runs the stages on the device's worker threads, in chunks of rays or pixels.
 #include <algorithm>
 #include <chrono>
 
@@ -9,7 +9,7 @@
 namespace kuafu {
 namespace {
 
-constexpr uint32_t chunk_rays = 1024;  // long enough to hide the hand-over, short enough to balance; a multiple of the packets of 8
+constexpr uint32_t chunk_rays = 1024;  // a chunk hides its hand-over and still balances the threads; a multiple of the packets of 8
 
 class HostStages final : public Stages {
  public:

@@ -74,7 +74,7 @@ void PathTracer::fit(const Launch& launch, uint32_t rays_per_square) {
   const uint32_t samples = launch.wants_radiance() ? std::min(launch.samples, most_pass_samples(launch.has_budget())) : 1;
   const uint32_t paths = memory().on_host ? host_wave_paths(shadows) : most_paths(*memory().device, shadows);
   const uint32_t wave = std::min(total, std::max(paths / samples, pixel_block));
-  // A fourth of the pixels in one wave: rays over squares seldom ask for more, and each wave ends in a tail.
+  // One wave of a fourth of the pixels: seldom do more ask for rays over their squares, and each wave ends in a few slow rays.
   const uint32_t square_paths = memory().on_host ? 0 : std::min(total / 4 * rays_per_square, paths);
   pixels_per_batch_ = memory().on_host ? std::min(total, wave * waves_per_worker * memory().device->workers().size()) : wave;
   slots_.fit({.capacity = round_up(std::max(wave * samples, square_paths), pixel_block),
@@ -115,7 +115,7 @@ void PathTracer::in_waves(ks::Commands& commands, const Launch& launch, const Wa
 WaveRange PathTracer::range(const Launch& launch, uint32_t first_pixel, uint32_t pixel_count, uint32_t first_sample,
                             uint32_t sample_count) const {
   const uint32_t blocks = launch.pixel_count() / pixel_block;
-  // Workers on the host take what is next, and GPUs deal out groups as they go: there neighbours share caches.
+  // Workers on the host take what is next, and GPUs deal out groups as they go. On both, neighbours in the image then share caches.
   const uint32_t stride = memory().on_host ? 1 : memory().device->is_cpu() ? permutation_stride(blocks) : 0;
   return {.first_pixel = first_pixel,
           .pixel_count = pixel_count,

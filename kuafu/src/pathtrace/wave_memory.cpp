@@ -46,7 +46,7 @@ RayQueue WaveBuffers::shadow_queue(uint32_t bounce, uint32_t passed) const {
 }
 
 uint32_t WaveBuffers::ray_count(uint32_t bounce) const {
-  // Of a GPU's counters the host knows nothing while it records, mapped or not.
+  // While the host records, it knows nothing of a GPU's counters, mapped or not.
   const auto* words = memory_.device->is_cpu() ? static_cast<const uint32_t*>(counters_->mapped()) : nullptr;
   return words ? words[bounce * counter_words + counter_ray_count] : size_.capacity;
 }

@@ -1,4 +1,4 @@
-// The memory of waves, grown when needed and kept, and the slots that waves are rendered in.
+// This is the memory of waves, which grows when needed and is kept, and the slots that waves are rendered in.
 // Thread rule: WaveSlots::Lease from any thread, all else externally synchronised.
 #pragma once
 
@@ -16,16 +16,16 @@ namespace kuafu {
 struct WaveSize {
   uint32_t capacity = 0;  // paths, a multiple of pixel_block
   uint32_t channels = 1;
-  uint32_t groups = group_count;  // of light, kept apart
+  uint32_t groups = group_count;  // groups of light that are kept apart
   uint32_t shadow_rays_per_vertex = 0;
-  uint32_t bounces = 0;  // counter blocks
+  uint32_t bounces = 0;  // passes that have a block of counters
   bool environments = false;
   uint32_t features = 0;        // feature_*
   bool visibility = false;      // `aov` asks a shadow ray of each pixel
-  uint32_t glass_surfaces = 0;  // that a shadow ray may pass; 0: shadow rays only ask whether something stands in the way
+  uint32_t glass_surfaces = 0;  // a shadow ray may pass so many; 0: shadow rays only ask whether something stands in the way
 };
 
-/// Of one wave of paths: two closest queues that take turns, the shadow queue, per-path state, counters.
+/// One wave of paths has two closest queues that take turns, shadow queues, a state for each path, and counters.
 class WaveBuffers {
  public:
   explicit WaveBuffers(Memory memory) : memory_(std::move(memory)) {}
@@ -33,9 +33,9 @@ class WaveBuffers {
   void fit(const WaveSize& size);
 
   [[nodiscard]] RayQueue closest_queue(uint32_t bounce) const;
-  /// `passed`: how many surfaces of glass the rays have passed; two queues take turns.
+  /// `passed` says how many surfaces of glass the rays have passed; two queues take turns.
   [[nodiscard]] RayQueue shadow_queue(uint32_t bounce, uint32_t passed = 0) const;
-  /// Counter block of shadow_queue(bounce, passed).
+  /// The counter block of shadow_queue(bounce, passed).
   [[nodiscard]] uint32_t shadow_block(uint32_t bounce, uint32_t passed) const {
     return passed == 0 ? bounce : size_.bounces + bounce * size_.glass_surfaces + passed - 1;
   }
@@ -48,9 +48,9 @@ class WaveBuffers {
   [[nodiscard]] const ks::Buffer& counters() const { return *counters_; }
   [[nodiscard]] uint64_t counter_address() const { return address(counters_); }
   [[nodiscard]] uint64_t counter_bytes() const { return uint64_t(size_.bounces) * (1 + size_.glass_surfaces) * counter_words * 4; }
-  /// Rays of a bounce, where the host can see them; else the capacity.
+  /// The number of a bounce's rays where the host can see it, else the capacity.
   [[nodiscard]] uint32_t ray_count(uint32_t bounce) const;
-  /// The same of shadow rays.
+  /// The same for its shadow rays.
   [[nodiscard]] uint32_t shadow_ray_count(uint32_t bounce, uint32_t passed) const;
   [[nodiscard]] uint32_t shadow_capacity() const {
     return size_.capacity * std::max(size_.shadow_rays_per_vertex, size_.visibility ? 1u : 0u);
@@ -65,10 +65,10 @@ class WaveBuffers {
   std::shared_ptr<ks::Buffer> rays_[2], environments_[2], shadow_rays_[2], shadow_environments_[2], contributions_, state_, counters_;
 };
 
-/// Where a wave is rendered: memory of queues and state, and a recorder.
+/// A wave is rendered in a slot, which has memory for queues and state, and a recorder.
 struct WaveSlot {
   WaveBuffers buffers;
-  std::unique_ptr<ks::Commands> commands;  // host: for its stage times
+  std::unique_ptr<ks::Commands> commands;  // the host's keeps its stage times; a device's slot has none
 };
 
 /// A device has one slot; on the host each worker has its own, small enough for its cache.
@@ -77,10 +77,10 @@ class WaveSlots {
   explicit WaveSlots(const Memory& memory);
   void fit(const WaveSize& size);
   [[nodiscard]] const WaveSize& size() const { return slots_.front().buffers.size(); }
-  /// The device's.
+  /// The slot of a device.
   [[nodiscard]] WaveBuffers& only() { return slots_.front().buffers; }
 
-  /// Lends one of the host's, while it lives.
+  /// A lease lends one of the host's slots as long as it lives.
   class Lease {
    public:
     explicit Lease(WaveSlots& owner);

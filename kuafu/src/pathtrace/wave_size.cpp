@@ -8,13 +8,12 @@
 namespace kuafu {
 namespace {
 
-// Paths in flight that measured best: enough to fill the device, few enough for a CPU's caches.
-// On a GPU each bounce ends in a tail of few long rays, whose time a larger wave spreads over more paths: an H200 takes 71 ms for what
-// takes 104 ms in waves of 2^22.
+// These numbers of paths in flight measured best: they fill the device and fit a CPU's caches. On a GPU each bounce ends in a few long
+// rays, whose time a larger wave spreads over more paths: an H200 takes 71 ms for what takes 104 ms in waves of 2^22.
 constexpr uint32_t host_wave = 1u << 11, cpu_wave = 1u << 17, gpu_wave = 1u << 25;
-constexpr uint64_t path_bytes = 320;               // of queues and state, about
+constexpr uint64_t path_bytes = 320;               // queues and state of a path, about
 constexpr uint64_t most_array_bytes = 3ull << 30;  // drivers give no more than 4 GB to an allocation
-constexpr uint64_t smallest_group = 32;            // that a stage or a tracer on a GPU dispatches
+constexpr uint64_t smallest_group = 32;            // a stage or a tracer on a GPU dispatches no smaller one
 
 }  // namespace
 
@@ -35,7 +34,7 @@ uint32_t most_paths(const ks::Device& device, uint32_t shadow_rays_per_vertex) {
 uint32_t gpu_wave_paths(uint64_t memory_bytes, uint32_t most_groups, uint32_t shadow_rays_per_vertex) {
   const uint64_t fits = std::min<uint64_t>(memory_bytes / 8 / path_bytes, gpu_wave) / (1 + shadow_rays_per_vertex / 4);
   const uint64_t queue = std::min(most_groups * smallest_group, most_array_bytes / (closest_words * 4));
-  return uint32_t(std::min(fits, queue / std::max(1u, shadow_rays_per_vertex)));  // all of a pass's are one queue
+  return uint32_t(std::min(fits, queue / std::max(1u, shadow_rays_per_vertex)));  // all shadow rays of a pass stand in one queue
 }
 
 }  // namespace kuafu
