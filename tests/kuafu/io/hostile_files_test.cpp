@@ -8,7 +8,7 @@
 
 #include "device/error.h"
 #include "io/load.h"
-#include "kuafu/scene/sample_files.h"
+#include "kuafu/io/sample_files.h"
 
 namespace {
 

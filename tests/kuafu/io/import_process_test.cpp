@@ -10,7 +10,7 @@
 #include "device/error.h"
 #include "io/load.h"
 #include "io/wire.h"
-#include "kuafu/scene/sample_files.h"
+#include "kuafu/io/sample_files.h"
 
 namespace {
 
