@@ -23,8 +23,6 @@ endfunction()
 # Programs that kuafu starts to read scene files: beside the library, where it looks first, with what they need.
 function(ks_wheel_helper program)
   if(TARGET ${program})
-    set_target_properties(${program} PROPERTIES INSTALL_RPATH "$ORIGIN")
-    target_link_options(${program} PRIVATE -Wl,--disable-new-dtags)
     install(TARGETS ${program} RUNTIME DESTINATION kuafu/lib COMPONENT wheel)
     set(file $<TARGET_FILE:${program}>)
   else()  # of an installed kuafu

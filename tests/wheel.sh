@@ -29,4 +29,8 @@ for numpy in "numpy==1.24.*" "numpy>=2"; do
   "$environment/bin/pip" install -q "$wheel" "$numpy"
   (cd "$environment" && env -u PYTHONPATH -u LD_LIBRARY_PATH bin/python "$root/tests/wheel_check.py")
   (cd "$environment" && env -u PYTHONPATH bin/activestereo --help >/dev/null)
+  if ! ldd "$environment"/lib/python3*/site-packages/kuafu/lib/kuafu-import-assimp | grep libassimp | grep -q "$environment"; then
+    echo "the reader of OBJ files does not find the wheel's own assimp" >&2
+    exit 1
+  fi
 done
