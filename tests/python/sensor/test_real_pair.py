@@ -9,7 +9,7 @@ from PIL import Image
 
 import simsense
 
-DATA = Path(os.environ.get("ACTIVESTEREO_DATA", Path(__file__).parents[3] / "shared")) / "data" / "d435-real"
+DATA = Path(os.environ.get("ACTIVESTEREO_DATA", Path(__file__).parents[4] / "shared")) / "data" / "d435-real"
 K = np.array([[427.12, 0, 426.93], [0, 427.12, 234.78], [0, 0, 1]])
 LEFT_TO_RIGHT = np.array([[1, 0, 0, -0.05], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1.0]])
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-BANK = Path(__file__).resolve().parents[1] / "bank"
+BANK = Path(__file__).resolve().parents[2] / "bank"
 sys.path.append(str(BANK))
 
 from bank_score import Result, median, rate, score  # noqa: E402

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-_BENCH = Path(__file__).parents[1] / "bench" / "bench_accuracy.py"
+_BENCH = Path(__file__).parents[2] / "bench" / "bench_accuracy.py"
 
 
 @pytest.fixture(scope="module")

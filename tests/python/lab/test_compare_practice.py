@@ -15,7 +15,7 @@ import pytest
 from activestereo.lab import compare
 from activestereo.lab.cache import LayerCache
 
-_ROOT = Path(__file__).resolve().parents[2]
+_ROOT = Path(__file__).resolve().parents[3]
 _CAPTURES = Path(os.environ.get("ACTIVESTEREO_DATA") or _ROOT.parent / "shared") / "captures"
 _QUICK = "practice-01"
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-SUPPORT = Path(__file__).resolve().parents[1] / "support"
+SUPPORT = Path(__file__).resolve().parents[2] / "support"
 sys.path.append(str(SUPPORT))
 
 from worlds.blind import oracle  # noqa: E402

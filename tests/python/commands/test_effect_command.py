@@ -14,7 +14,7 @@ from activestereo.effects.core import plugin
 from activestereo.effects.core.judging import Channel, Lever, RandomTerm, SharedBy
 from activestereo.effects.core.laws import example_value, example_view
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 PAGE = ROOT / "examples" / "effects" / "README.md"
 HEADER = "from activestereo.effects import Parameter, Randomness, Stage, effect\n"
 A = "parameters=[Parameter('a', '1', 0.0, 0.0, 1.0, 0.5)]"
