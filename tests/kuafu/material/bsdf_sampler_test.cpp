@@ -7,7 +7,6 @@
 
 #include "frame/host_language.h"
 #include "material/albedo_tables.h"
-#include "material/albedo_tables.h"
 
 #define KUAFU_CHANNELS 1
 namespace kuafu {
