@@ -213,7 +213,7 @@ def _read_frame(entry: JsonObject, rig: Rig) -> Frame:
         gain=entry.number("gain", above=0.0),
         projector_power=entry.number("projector_power", minimum=0.0),
         ambient=entry.number("ambient", optional=True, minimum=0.0),
-        temperature_c=entry.number("temperature_c", optional=True),
+        temperature_c=entry.number("temperature_c", optional=True, minimum=-273.15, maximum=1000.0),
         camera_to_world=entry.rigid_transform("camera_to_world"),
         camera_velocity=np.zeros(6) if velocity is None else velocity,
         repeat_group=entry.integer("repeat_group", optional=True),

@@ -13,6 +13,8 @@ import numpy as np
 # Poses are printed with about nine digits; a rotation further off than this is a mistake, not rounding.
 ROTATION_TOLERANCE = 1e-4
 
+LARGEST_INTEGER = 2**53
+
 
 class CaptureError(ValueError):
     """A capture that cannot be used: the message names the file, the key and what is wrong."""
@@ -123,7 +125,14 @@ class JsonObject:
             self.fail(key, f"is {value!r}, expected text")
         return value
 
-    def number(self, key: str, optional: bool = False, minimum: float | None = None, above: float | None = None) -> Any:
+    def number(
+        self,
+        key: str,
+        optional: bool = False,
+        minimum: float | None = None,
+        above: float | None = None,
+        maximum: float | None = None,
+    ) -> Any:
         value = self._get(key, optional)
         if value is None:
             return None
@@ -133,6 +142,8 @@ class JsonObject:
             self.fail(key, f"is {value}, expected at least {minimum}")
         if above is not None and value <= above:
             self.fail(key, f"is {value}, expected more than {above}")
+        if maximum is not None and value > maximum:
+            self.fail(key, f"is {value}, expected at most {maximum}")
         return float(value)
 
     def integer(self, key: str, optional: bool = False, minimum: int | None = None) -> Any:
@@ -141,6 +152,8 @@ class JsonObject:
             return None
         if isinstance(value, bool) or not isinstance(value, int):
             self.fail(key, f"is {value!r}, expected an integer")
+        if abs(value) > LARGEST_INTEGER:
+            self.fail(key, f"is {value}, expected at most 2^53 in size: JSON keeps no more digits (RFC 8259 section 6)")
         if minimum is not None and value < minimum:
             self.fail(key, f"is {value}, expected at least {minimum}")
         return value

@@ -5,6 +5,8 @@ import argparse
 import os
 import re
 import sys
+import traceback
+from collections.abc import Sequence
 
 from activestereo.cli import add, compare, depth, depth_quality, devices, diagnose, effect, model, pair, simulate
 from activestereo.cli.arguments import CommandError
@@ -30,23 +32,45 @@ def make_parser():
     return parser
 
 
-def main(arguments=None):
+def main(arguments: Sequence[str] | None = None) -> int:
     """Exit status: 0 done, 1 the device or the program failed, 2 the input is wrong, 130 stopped from the keyboard."""
-    args = make_parser().parse_args(_glued(sys.argv[1:] if arguments is None else arguments))
     try:
+        args = _parsed(_glued(sys.argv[1:] if arguments is None else arguments))
         args.run(args)
+        sys.stdout.flush()
     except KeyboardInterrupt:
         return _fail("stopped", 130)
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the reader of our output has gone; say no more
         return 1
+    except MemoryError as error:
+        return _fail(f"out of memory: {_text(error) or 'nothing more is known'}", 1)
     except ImportError as error:
         return _fail(f"{error}; build first: bash examples/quickstart.sh", 1)
     except (CommandError, OSError, ValueError) as error:
         return _fail(_text(error), 2)
     except RuntimeError as error:  # kuafu.Error and simsense.Error
         return _fail(_text(error), 2 if getattr(error, "status", None) in _INPUT_STATUSES else 1)
+    except Exception as error:
+        return _fail(_fault(error), 1)
     return 0
+
+
+def _parsed(arguments: Sequence[str]) -> argparse.Namespace:
+    """Help goes to a reader that may have gone; argparse leaves before main() could notice."""
+    try:
+        return make_parser().parse_args(arguments)
+    finally:
+        sys.stdout.flush()
+
+
+def _fault(error: Exception) -> str:
+    """A fault of the program in one line. ACTIVESTEREO_TRACEBACK=1 shows where it came from, for a report."""
+    if os.environ.get("ACTIVESTEREO_TRACEBACK") == "1":
+        traceback.print_exception(error)
+    last = traceback.extract_tb(error.__traceback__)[-1]
+    where = f"{os.path.basename(last.filename)}:{last.lineno}"
+    return f"a fault of the program ({type(error).__name__} in {where}): {_text(error)} (ACTIVESTEREO_TRACEBACK=1 shows more)"
 
 
 def _glued(arguments):

@@ -44,7 +44,13 @@ def run(args: argparse.Namespace) -> None:
     effect = find(effects, args.effect)
     if args.on and SURFACES not in effect.parameters:
         raise CommandError(f"--on {args.on[0]}: {effect.id} is not an effect of surfaces")
-    given, surfaces = ({}, ()) if args.diagnosis is None else found_effect(_read(args.diagnosis), effect.id)
+    given, surfaces = {}, ()
+    if args.diagnosis is not None:
+        diagnosis = _read(args.diagnosis)
+        try:
+            given, surfaces = found_effect(diagnosis, effect.id)
+        except (TypeError, AttributeError, KeyError) as error:
+            raise CommandError(f"{args.diagnosis}: not a diagnose.json of this program: {error}") from error
     units = {p.name: p.unit for p in effect.parameters}
     given |= {name: Quantity(value, unit=units.get(name, ""), source="set by hand") for name, value in map(_assignment, args.set)}
     if not given:

@@ -23,6 +23,8 @@ example, the plane that a simulated D435 saw 0.8 m away:
   activestereo depth-quality out/depth.png --k 430.14,430.14,425.16,235.28 --baseline 0.05 --truth 0.8
 """
 
+FARTHEST_M = 1e6
+
 
 def add_parser(commands: Commands) -> None:
     parser = commands.add_parser(
@@ -101,11 +103,15 @@ def _read(path: Path, unit_m: float) -> np.ndarray:
 
         return read_gray(path, key="depth")[None] * unit_m
     try:
-        depth = np.load(path)
-    except (OSError, ValueError) as error:
+        # Mapped, so that a header that promises more than the file holds is an error before memory is taken.
+        depth = np.load(path, mmap_mode="r", allow_pickle=False)
+    except (OSError, ValueError, OverflowError, EOFError) as error:
         raise CommandError(f"{path}: cannot be read as a .npy array: {error}") from error
     if depth.ndim not in (2, 3) or depth.dtype.kind not in "fiu":
         raise CommandError(
             f"{path}: is {depth.dtype} {depth.shape}, expected numbers [height, width] or [frames, height, width]"
         )
-    return np.nan_to_num(depth.reshape(-1, *depth.shape[-2:]), posinf=0.0, neginf=0.0)
+    metres = np.nan_to_num(depth.reshape(-1, *depth.shape[-2:]), posinf=0.0, neginf=0.0)
+    if metres.size and np.abs(metres).max() > FARTHEST_M:
+        raise CommandError(f"{path}: holds a depth of {np.abs(metres).max():g} m, at most {FARTHEST_M:g} m is a depth")
+    return metres

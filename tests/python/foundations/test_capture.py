@@ -86,6 +86,12 @@ def test_unknown_keys_warn_and_are_ignored(folder):
     assert len(capture.frames) == 8
 
 
+@pytest.mark.parametrize("key, value", [("id", 2**63), ("temperature_c", 1e9), ("temperature_c", -300.0), ("repeat_group", -(2**80))])
+def test_numbers_that_nothing_can_have(folder, key, value):
+    edit(folder, lambda root: root["frames"][0].update({key: value}))
+    expect_error(folder, key, "expected at")
+
+
 def test_a_good_capture_gives_no_warning(pristine):
     with warnings.catch_warnings():
         warnings.simplefilter("error")

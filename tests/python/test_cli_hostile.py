@@ -1,0 +1,71 @@
+"""Inputs that once ended in a traceback, a hang or endless memory: each ends in one line."""
+
+import argparse
+import os
+import struct
+import subprocess
+
+import numpy as np
+import pytest
+
+K = "120,120,20,15"
+
+
+@pytest.fixture
+def run(build):
+    def run(*arguments: object, **changes: str) -> subprocess.CompletedProcess:
+        command = [str(build / "bin" / "activestereo"), *map(str, arguments)]
+        return subprocess.run(command, capture_output=True, text=True, cwd="/", env={**os.environ, **changes}, timeout=300)
+
+    return run
+
+
+def one_line(result: subprocess.CompletedProcess, status: int = 2) -> str:
+    assert result.returncode == status, result.stderr
+    lines = result.stderr.strip().splitlines()
+    assert len(lines) == 1 and "Traceback" not in result.stderr, result.stderr
+    return lines[0]
+
+
+def npy_header(shape: str) -> bytes:
+    text = f"{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}".ljust(117) + "\n"
+    return b"\x93NUMPY\x01\x00" + struct.pack("<H", len(text)) + text.encode()
+
+
+@pytest.mark.parametrize("shape", ["(99999999, 99999999)", "(4, 5)", "(-1, 5)", "(99999999999999999999, 2)", "()", "(3,)"])
+def test_an_array_file_that_promises_more_than_it_holds(run, tmp_path, shape):
+    (tmp_path / "depth.npy").write_bytes(npy_header(shape) + b"\0" * 8)
+    assert "depth.npy" in one_line(run("depth-quality", tmp_path / "depth.npy", "--k", K, "--baseline", "0.05"))
+
+
+def test_depths_beyond_any_scene(run, tmp_path):
+    np.save(tmp_path / "depth.npy", np.full((30, 40), 1e300))
+    assert "1e+300 m" in one_line(run("depth-quality", tmp_path / "depth.npy", "--k", K, "--baseline", "0.05"))
+
+
+@pytest.mark.parametrize("text", ['{"ranking": 1}', '{"model": 3}', '{"ranking": [3]}', '{"ranking": [{"effect": "read_noise", "parameters": 4}]}', "[]", "{", "7"])
+def test_parameters_from_a_file_that_is_no_diagnosis(run, tmp_path, text):
+    (tmp_path / "other.json").write_text(text)
+    one_line(run("add", "read_noise", "--from", tmp_path / "other.json", "-o", tmp_path / "model.json"))
+    assert not (tmp_path / "model.json").exists()
+
+
+def test_help_into_a_closed_pipe(build):
+    command = f"'{build}/bin/activestereo' --help | true"
+    result = subprocess.run(["bash", "-c", f"set -o pipefail; {command}"], capture_output=True, text=True, timeout=60)
+    assert "Traceback" not in result.stderr and "Exception ignored" not in result.stderr
+
+
+@pytest.mark.parametrize(
+    "raised, said", [(IndexError("list index\nout of range"), "a fault of the program (IndexError in "), (MemoryError(), "out of memory")]
+)
+def test_what_nobody_foresaw_is_one_line(monkeypatch, capsys, raised, said):
+    from activestereo import cli
+
+    def broken(_: object) -> None:
+        raise raised
+
+    monkeypatch.setattr(cli, "_parsed", lambda _: argparse.Namespace(run=broken))
+    assert cli.main(["devices"]) == 1
+    text = capsys.readouterr().err
+    assert text.count("\n") == 1 and said in text
