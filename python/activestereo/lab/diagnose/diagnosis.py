@@ -4,13 +4,13 @@ Test frames are touched once, for the held-out figures of the models along the w
 """
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from activestereo.capture import read_capture
+from activestereo.capture import Capture, read_capture
 from activestereo.effects import Effect, Model
 from activestereo.effects.core.judging import Channel
 from activestereo.lab.cache import LayerCache
@@ -25,6 +25,7 @@ from activestereo.lab.diagnose.next_measurement import next_measurements
 from activestereo.lab.diagnose.propose.scan import scan_observations
 from activestereo.lab.diagnose.rank import Bench, rank, rank_depth, settled_first
 from activestereo.lab.diagnose.refine import Fitters
+from activestereo.lab.diagnose.refine.by_rendering import Rendering
 from activestereo.lab.diagnose.report.figures import held_out_figures
 from activestereo.lab.diagnose.report.judging import judging_json
 from activestereo.lab.diagnose.report.ranking_json import depth_json, not_ranked_json, ranking_json
@@ -65,11 +66,14 @@ def diagnose(
     workers: int = 2,
     progress: Progress | None = None,
     gates: Gates = GATES,
+    rendering: Callable[[Capture], Rendering] | None = None,
 ) -> Diagnosis:
     """A Diagnosis of the capture folder. CaptureError where the capture cannot be used.
 
     model: a Model to start from; effects: {id: Effect} to choose from, None for the built-in ones. steps: "one" adds
     the best effect at most, "greedy" goes on until nothing may be named. progress: called with the fraction done.
+    rendering: makes a capture's engine, by whose images effects on the way of the light are refined
+    (refine/by_rendering.py).
     """
     model, effects = model or Model(), library() if effects is None else effects
     reason = no_infrared(capture_path)
@@ -83,7 +87,8 @@ def diagnose(
     share = progress and (lambda f: progress(_RENDER_SHARE * f))
     layers = render_frames(capture, renderer, samples_per_pixel, max_bounces, seed, cache, share, WARP_SCALE)
     share = progress and (lambda f: progress(_RENDER_SHARE + (1.0 - _RENDER_SHARE) * f))
-    return examine(gather(capture, layers), model, list(effects.values()), steps, workers, share, gates)
+    engine = None if rendering is None else rendering(capture)
+    return examine(gather(capture, layers), model, list(effects.values()), steps, workers, share, gates, engine)
 
 
 def no_infrared(capture_path: str | Path) -> str | None:
@@ -130,12 +135,13 @@ def examine(
     workers: int = 2,
     progress: Progress | None = None,
     gates: Gates = GATES,
+    rendering: Rendering | None = None,
 ) -> Diagnosis:
     """diagnose() on gathered evidence."""
     if all(np.ptp(o.measured) == 0 for o in evidence.train):
         return _undetermined("the infrared images are blank", model)
     fitters = Fitters.of(evidence, scan_observations(evidence.train))
-    bench = Bench(evidence, fitters, gates, workers, frozenset(e.id for e, _ in model.effects))
+    bench = Bench(evidence, fitters, gates, workers, frozenset(e.id for e, _ in model.effects), rendering)
     bases = BaseFits(evidence, fitters, gates)
     first = rank(bench, bases(model), candidates, progress)
     if is_named(first):
@@ -162,7 +168,14 @@ def examine(
         "law": law and law.as_json(),
         "model": model_json(found, last.base.solution.nuisances),
     }
+    found = _with_own_functions(found, candidates)
     return Diagnosis(result, found, law and law.stub())
+
+
+def _with_own_functions(model: Model, candidates: Sequence[Effect]) -> Model:
+    """The model with its effects' own image functions, in place of rendered ones."""
+    own = {e.id: e for e in candidates}
+    return Model(tuple((own.get(e.id, e), values) for e, values in model.effects))
 
 
 def _way(

@@ -150,6 +150,9 @@ class Gates:
     hopeless_share: float = _gate(0.01, "1", "share of it below which an effect is left out", _GENERATION_1)
     polished: int = _gate(3, "1", "effects that are polished in any case", "convention")
     close_nats: float = _gate(10.0, "nats", "explanations so close to the best may come first yet", "convention")
+    rendered: int = _gate(
+        2, "1", "explanations that are refined by the engine's images, where it renders them", "convention"
+    )
     sized: int = _gate(5, "1", "explanations whose fall of the error in DN is looked at", "convention")
     looked_at: int = _gate(8, "1", "explanations whose constancy is looked at", "convention")
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from activestereo.effects import Effect
+from activestereo.effects import Effect, Stage
 from activestereo.effects.core.judging import Channel
 from activestereo.lab.diagnose.channels import (
     DepthEngineChannel,
@@ -23,6 +23,7 @@ from activestereo.lab.diagnose.evidence import Evidence
 from activestereo.lab.diagnose.findings import BaseFit, Checks, Explanation, Finding, NotRanked, Ranking, Score
 from activestereo.lab.diagnose.gates import Gates
 from activestereo.lab.diagnose.refine import Fitters, ImageResidual, Solution
+from activestereo.lab.diagnose.refine.by_rendering import Rendering, refined_by_rendering
 from activestereo.lab.diagnose.refine.parsimony import simplified
 from activestereo.lab.diagnose.refine.settle import settled
 from activestereo.lab.diagnose.score.constancy import varying_floors
@@ -39,13 +40,18 @@ _FIELDS_TIME = 0.05
 
 @dataclass(frozen=True)
 class Bench:
-    """What rankings of one capture share. given: ids of the effects of the model that the diagnosis started from."""
+    """What rankings of one capture share.
+
+    given: ids of the effects of the model that the diagnosis started from. rendering: the engine, for what surfaces
+    and lights do, whose image functions only propose; None where there is none.
+    """
 
     evidence: Evidence
     fitters: Fitters
     gates: Gates
     workers: int
     given: frozenset[str] = frozenset()
+    rendering: Rendering | None = None
 
 
 def rank(
@@ -67,7 +73,7 @@ def rank(
         if e.id not in known:
             of_kind.setdefault(e.channel, []).append(e)
     explained, skipped = _on_images(bench, base, of_kind, progress, earlier)
-    ranking = _scored(bench, base, explained)
+    ranking = _rendered(bench, _scored(bench, base, explained))
     ranking = _with_findings(ranking, _sized(bench, ranking))
     ranking = _simplified(bench, ranking)
     ranking = _with_findings(ranking, _looked_at(bench, ranking))
@@ -185,6 +191,30 @@ def _score(bench: Bench, base: BaseFit, e: Explanation, design: float, floor_chi
 def _own_score(e: Explanation) -> Score:
     """Of a channel with evidence of its own, whose shares stand for floors."""
     return Score(e.own.nats, e.own.share, e.own.share, e.own.consistency, choice_nats=e.own.surveyed_nats)
+
+
+def _rendered(bench: Bench, ranking: Ranking) -> Ranking:
+    """The ranking with its likeliest effects on the way of the light refined by the engine's own images."""
+    if bench.rendering is None:
+        return ranking
+    least = ranking.gates.margin_nats + np.log(max(len(ranking.findings), 1))
+    hopeful = [f for f in _by_nats(ranking.findings) if f.solution is not None and f.score.nats > least]
+    chosen = {f.id for f in hopeful[: ranking.gates.rendered] if _is_transport(f.effect)}
+    if not chosen:
+        return ranking
+    fitter, rendering = bench.fitters.train, bench.rendering
+    explained = [
+        refined_by_rendering(fitter, f.explanation, rendering) if f.id in chosen else f.explanation
+        for f in ranking.findings
+    ]
+    return _scored(bench, ranking.base, explained)
+
+
+def _is_transport(effect: Effect) -> bool:
+    """Whether an effect changes where light goes between projector and camera: there image functions are least
+    exact.
+    """
+    return effect.engine is not None and Stage.MEDIUM <= effect.stage <= Stage.SURFACE
 
 
 def _with_findings(ranking: Ranking, findings: Iterable[Finding]) -> Ranking:

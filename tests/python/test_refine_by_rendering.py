@@ -1,0 +1,74 @@
+"""An image function only proposes: the engine's images, which follow another law, decide an effect's parameters."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from activestereo.capture import read_capture
+from activestereo.effects import Light, Model, Parameter, Stage, effect
+from activestereo.lab.cache import LayerCache
+from activestereo.lab.diagnose.base_fit import fit_base
+from activestereo.lab.diagnose.channels import ExpectedImageChannel
+from activestereo.lab.diagnose.evidence import gather
+from activestereo.lab.diagnose.gates import GATES
+from activestereo.lab.diagnose.propose.scan import scan_observations
+from activestereo.lab.diagnose.refine import Fitters
+from activestereo.lab.diagnose.refine.by_rendering import refined_by_rendering
+from activestereo.lab.render import render_frames
+from lab_worlds import WorldRenderer
+from worlds.world import make_world
+
+TRUTH = 0.8
+
+
+def brightened(light, view, amount, law):
+    """Ambient light that grows to the right."""
+    return replace(light, ambient=light.ambient * (1.0 + law(amount * (1.0 + view.field()[0]))))
+
+
+@effect("glow", stage=Stage.SURFACE, family="f", source="s", parameters=[Parameter("amount", "1", neutral=0.0, low=0.0, high=3.0, typical=0.3)])
+def glow(light, view, amount):
+    """It grows linearly, says the image function."""
+    return brightened(light, view, amount, lambda x: x)
+
+
+def engine_law(x):
+    return 1.3 * (np.exp(0.7 * x) - 1.0)
+
+
+@pytest.fixture(scope="module")
+def evidence(tmp_path_factory):
+    """A world whose ambient light follows the engine's law, without noise."""
+    folder = tmp_path_factory.mktemp("world")
+    world = make_world(folder, grid=4)
+    capture = read_capture(world.capture_path)
+    clean = gather(capture, render_frames(capture, WorldRenderer(world), cache=LayerCache(folder / "cache")))
+
+    def exposed(o):
+        light = brightened(Light.of(o.layers), o.view, TRUTH, engine_law)
+        return replace(o, measured=Model().signal(light, o.view, clean.nuisances).astype(np.float32))
+
+    return replace(clean, train=tuple(map(exposed, clean.train)), test=tuple(map(exposed, clean.test)))
+
+
+def test_the_engines_images_find_the_parameter_that_the_formula_misses(evidence):
+    calls = []
+
+    def rendering(model):
+        amount = model.effects[0][1]["amount"] if model.effects else 0.0
+        calls.append(amount)
+        lights = {o.key: brightened(Light.of(o.layers), o.view, amount, engine_law) for o in evidence.train}
+        return {key: SimpleNamespace(direct=x.direct, indirect=x.indirect, ambient=x.ambient) for key, x in lights.items()}
+
+    fitters = Fitters.of(evidence, scan_observations(evidence.train))
+    base = fit_base(evidence, fitters, Model(), GATES)
+    [proposed] = ExpectedImageChannel(fitters, base, GATES, workers=1).explain([glow])
+    refined = refined_by_rendering(fitters.train, proposed, rendering)
+    assert abs(proposed.parameters["amount"].value - TRUTH) > 0.1 * TRUTH
+    assert refined.parameters["amount"].value == pytest.approx(TRUTH, rel=0.03)
+    assert refined.chi2 < 0.2 * proposed.chi2 and refined.effect.id == "glow"
+    assert len(calls) <= 8  # the base, then the effect and one step of it in each of three rounds, and the last
+    neutral = refined.effect(Light.of(evidence.train[0].layers), evidence.train[0].view, amount=0.0)
+    assert np.array_equal(neutral.ambient, evidence.train[0].layers.ambient)
