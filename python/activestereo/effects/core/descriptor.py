@@ -105,8 +105,8 @@ class Effect:
 
     def __post_init__(self) -> None:
         names = {p.name for p in self.parameters}
-        for told in self.judged:
-            for name in (getattr(told, "parameter", ""), getattr(told, "sparse_share", "")):
+        for judgement in self.judged:
+            for name in (getattr(judgement, "parameter", ""), getattr(judgement, "sparse_share", "")):
                 if name and name not in names:
                     raise ValueError(f"effect {self.id}: is judged by a parameter '{name}' that it does not have")
 
@@ -115,7 +115,7 @@ class Effect:
         """What the lab judges it on; None where it is random and does not say how."""
         if self.stage > Stage.DIGITAL:
             return Channel.DEPTH_ENGINE if self.randomness is Randomness.NONE else None
-        if any(isinstance(told, CodeSteps) for told in self.judged):
+        if any(isinstance(j, CodeSteps) for j in self.judged):
             return Channel.NOISE_LAW
         if self.randomness is Randomness.NONE:
             return Channel.EXPECTED_IMAGE
@@ -125,11 +125,11 @@ class Effect:
 
     @property
     def random_terms(self) -> tuple[RandomTerm, ...]:
-        return tuple(told for told in self.judged if isinstance(told, RandomTerm))
+        return tuple(j for j in self.judged if isinstance(j, RandomTerm))
 
     @property
     def engine_fault(self) -> EngineFault:
-        return next((told for told in self.judged if isinstance(told, EngineFault)), EngineFault())
+        return next((j for j in self.judged if isinstance(j, EngineFault)), EngineFault())
 
     def values(self, given: Mapping[str, float] | None = None) -> dict[str, float]:
         """{name: value} of every parameter, neutral where not given; ValueError for an unknown name or a value out of range."""

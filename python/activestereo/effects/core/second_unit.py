@@ -46,7 +46,7 @@ class _Scene:
     def __init__(self, image: StartImage) -> None:
         view, shading = image.view, Shading(image.light, image.view)
         where = np.flatnonzero(shading.hit & (shading.reflectance > 0))
-        pick = np.random.Generator(np.random.PCG64(_SEED)).permutation(where)[:_PIXELS]
+        pick = np.random.Generator(np.random.PCG64([_SEED, view.seed])).permutation(where)[:_PIXELS]
         rotation = view.camera_to_projector[:3, :3]
         self.points = transform(view.camera_to_projector, shading.points).reshape(-1, 3)[pick]
         self._normal = shading.normal.reshape(-1, 3)[pick] @ rotation.T

@@ -88,7 +88,7 @@ def diagnose(
     layers = render_frames(capture, renderer, samples_per_pixel, max_bounces, seed, cache, share, WARP_SCALE)
     share = progress and (lambda f: progress(_RENDER_SHARE + (1.0 - _RENDER_SHARE) * f))
     engine = None if rendering is None else rendering(capture)
-    return examine(gather(capture, layers), model, list(effects.values()), steps, workers, share, gates, engine)
+    return examine(gather(capture, layers, seed), model, list(effects.values()), steps, workers, share, gates, engine)
 
 
 def no_infrared(capture_path: str | Path) -> str | None:
@@ -140,7 +140,7 @@ def examine(
     """diagnose() on gathered evidence."""
     if all(np.ptp(o.measured) == 0 for o in evidence.train):
         return _undetermined("the infrared images are blank", model)
-    fitters = Fitters.of(evidence, scan_observations(evidence.train))
+    fitters = Fitters.of(evidence, scan_observations(evidence.train, evidence.seed))
     bench = Bench(evidence, fitters, gates, workers, frozenset(e.id for e, _ in model.effects), rendering)
     bases = BaseFits(evidence, fitters, gates)
     first = rank(bench, bases(model), candidates, progress)
@@ -149,9 +149,9 @@ def examine(
     way = _way(bench, bases, first, candidates, steps, progress)
     last = way[-1].ranking
     verdict = verdict_of(first, last, evidence.has_floor)
-    law = residual_law(last.base, evidence.capture.name) if verdict == UNKNOWN else None
-    way, beside = _accepted(verdict, first, way, steps)
-    accepted = _model_of(way[-1].ranking.base.solution.model, beside)
+    law = residual_law(last.base, evidence.capture.name, evidence.seed) if verdict == UNKNOWN else None
+    way, on_top = _accepted(verdict, first, way, steps)
+    accepted = _model_of(way[-1].ranking.base.solution.model, on_top)
     depth = rank_depth(bench, bases(accepted), candidates)
     faults = engine_faults(depth)[:1]
     found, name_of = _model_of(accepted, faults), material_names(evidence.capture.scene_path)
@@ -160,9 +160,9 @@ def examine(
         "capture": evidence.capture.name,
         "ranking": ranking_json(first, name_of),
         "not_ranked": not_ranked_json((*first.not_ranked, *depth.not_ranked)),
-        "added": [*way[-1].added, *(f.id for f in beside)],
+        "added": [*way[-1].added, *(f.id for f in on_top)],
         "depth": depth_json(depth, faults, name_of),
-        **held_out_figures(evidence, fitters, [(step.added, step.ranking.base) for step in way], beside),
+        **held_out_figures(evidence, fitters, [(step.added, step.ranking.base) for step in way], on_top),
         "next_measurement": next_measurements(first, evidence),
         "judging": judging_json(first, evidence.has_floor),
         "law": law and law.as_json(),
@@ -193,10 +193,10 @@ def _accepted(verdict: str, first: Ranking, way: list[Step], steps: str) -> tupl
     """
     if verdict != EFFECT:
         return way[:1], []
-    return (way[:1], [first.best]) if steps == "one" else (way, _beside(way[-1].ranking))
+    return (way[:1], [first.best]) if steps == "one" else (way, _without_images_of_their_own(way[-1].ranking))
 
 
-def _beside(ranking: Ranking) -> list[Finding]:
+def _without_images_of_their_own(ranking: Ranking) -> list[Finding]:
     """What may still be named at the end without an expected image to go on from: noise, and random fields that
     stay (the best, or those that are shown together).
     """

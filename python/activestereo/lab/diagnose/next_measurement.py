@@ -77,7 +77,7 @@ def next_measurements(ranking: Ranking, evidence: Evidence) -> list[Advice]:
     members = _open_set(ranking)
     if len(members) < 2:
         return []
-    observations = scan_observations(evidence.train)
+    observations = scan_observations(evidence.train, evidence.seed)
     # Of random fields no image can be foretold, but from other places they differ: gains stay on the pixels, grains
     # do not.
     foretold = [f for f in members if f.solution is not None]

@@ -127,7 +127,9 @@ def _frames(evidence: Evidence, base: BaseFit) -> Iterator[_DepthFrame]:
         return
     measured, views = {o.key: o.measured for o in evidence.train}, {o.key: o.view for o in evidence.train}
     predictions = {row.observation.key: row.expected for row in base.train}
-    for d in model_depths(evidence.capture, measured, predictions, views, evidence.law, base.model, split="train"):
+    for d in model_depths(
+        evidence.capture, measured, predictions, views, evidence.law, base.model, evidence.seed, "train"
+    ):
         device, valid = d.disparity_error(d.measured, d.truth)
         engine = []
         for depth in d.model:

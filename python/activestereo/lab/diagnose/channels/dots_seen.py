@@ -26,7 +26,7 @@ def dots_seen(train: Sequence[ImageResidual], variance_of: Callable[[list[np.nda
     residuals = []
     for o, _, dots, _ in train:
         if drawn is None:
-            drawn = o.view.pattern * _gains(o.view.pattern)
+            drawn = o.view.pattern * _gains(o.view.pattern, o.view.seed)
         view = DotView.of(o.view)
         nominal = view.nominal
         residuals.append(
@@ -35,10 +35,10 @@ def dots_seen(train: Sequence[ImageResidual], variance_of: Callable[[list[np.nda
     return max(variance_of(residuals) / _SPREAD**2, _LEAST)
 
 
-def _gains(pattern: np.ndarray) -> np.ndarray:
+def _gains(pattern: np.ndarray, seed: int) -> np.ndarray:
     """1 and a deviation of _SPREAD, one draw for the cell of every dot."""
     peaks = (pattern == maximum_filter(pattern, _DOT_PX)) & (pattern > _DIMMEST * pattern.max())
     draws = np.zeros(pattern.shape)
-    draws[peaks] = np.random.Generator(np.random.PCG64(_SEED)).normal(1.0, _SPREAD, int(peaks.sum()))
+    draws[peaks] = np.random.Generator(np.random.PCG64([_SEED, seed])).normal(1.0, _SPREAD, int(peaks.sum()))
     nearest = distance_transform_edt(~peaks, return_distances=False, return_indices=True)
     return draws[tuple(nearest)]

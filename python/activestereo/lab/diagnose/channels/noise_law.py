@@ -84,7 +84,7 @@ class NoiseLawChannel(JudgingChannel):
 
     def _fit(self, effect: Effect) -> _NoiseFit | str:
         """The fit, or why there is none."""
-        steps = next((told for told in effect.judged if isinstance(told, CodeSteps)), None)
+        steps = next((j for j in effect.judged if isinstance(j, CodeSteps)), None)
         if steps is not None:
             return _comb(self._evidence, steps.parameter, self._gates.comb_share)
         term, *more = effect.random_terms

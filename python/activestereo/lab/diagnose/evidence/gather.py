@@ -51,10 +51,10 @@ class _Shot:
         return self.frame.id, self.eye
 
 
-def gather(capture: Capture, layers: dict[int, dict[str, Layers]]) -> Evidence:
-    """The Evidence of a capture and its rendered layers {frame id: {eye: Layers}}."""
+def gather(capture: Capture, layers: dict[int, dict[str, Layers]], seed: int = 0) -> Evidence:
+    """The Evidence of a capture and its rendered layers {frame id: {eye: Layers}}. seed: rules every random choice."""
     shots = [
-        _Shot(f, eye, View.of(capture, f, eye, layers[f.id][eye]), layers[f.id][eye], capture.ir(f, eye))
+        _Shot(f, eye, View.of(capture, f, eye, layers[f.id][eye], seed), layers[f.id][eye], capture.ir(f, eye))
         for f in capture.frames
         for eye in EYES
     ]
@@ -87,14 +87,15 @@ def gather(capture: Capture, layers: dict[int, dict[str, Layers]]) -> Evidence:
         materials=len(materials),
         tiles=count,
         place_error_m=place_error_m,
+        seed=seed,
     )
 
 
 def _noise(capture: Capture, shots: Sequence[_Shot], nuisances: Nuisances) -> tuple[Floors, NoiseLaw, bool]:
     """(floor of each image in DN^2, noise law, whether repeats told them)."""
-    told, law = frame_floors(capture, nuisances.black_dn)
+    floors, law = frame_floors(capture, nuisances.black_dn)
     if law is not None:
-        return {key: max(v[0], QUANTISATION_VARIANCE) for key, v in told.items()}, law, True
+        return {key: max(v[0], QUANTISATION_VARIANCE) for key, v in floors.items()}, law, True
     law = NoiseLaw(*_ASSUMED_NOISE, nuisances.black_dn)
     return {s.key: max(law.mean_variance(s.measured, s.frame.gain), QUANTISATION_VARIANCE) for s in shots}, law, False
 

@@ -62,7 +62,7 @@ class Evidence:
 
     nuisances: a first fit of projector scale, ambient scale and black level. law: the photon-transfer law of the
     noise; has_floor: whether repeats told it. floors: {(frame id, eye): noise floor, DN^2}. materials: how many
-    albedo nuisances there are. tiles: how many tiles. place_error_m: deviation by which a survey misplaces the
+    albedo nuisances there are. tiles: how many tiles. seed: rules every random choice. place_error_m: deviation by which a survey misplaces the
     scene's edges.
     """
 
@@ -76,6 +76,7 @@ class Evidence:
     materials: int
     tiles: int
     place_error_m: float
+    seed: int = 0
 
     @property
     def held_sigma(self) -> np.ndarray:

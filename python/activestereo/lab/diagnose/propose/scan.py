@@ -40,7 +40,7 @@ class Start:
     phi: np.ndarray
 
 
-def scan_observations(observations: Sequence[Observation]) -> tuple[Observation, ...]:
+def scan_observations(observations: Sequence[Observation], seed: int = 0) -> tuple[Observation, ...]:
     """One image of each situation: the right eye (which every camera effect touches), one frame per pose and
     setting, and one of the left eye, which the right one may differ from; a random part of the pixels counts.
     """
@@ -57,7 +57,7 @@ def scan_observations(observations: Sequence[Observation]) -> tuple[Observation,
         )
         if (o.eye == "right" and setting not in seen) or (o.eye == "left" and not any(c.eye == "left" for c in chosen)):
             seen |= {setting} if o.eye == "right" else set()
-            rng = np.random.Generator(np.random.PCG64([_SEED, len(chosen)]))
+            rng = np.random.Generator(np.random.PCG64([_SEED, len(chosen), seed]))
             picked = np.sort(rng.permutation(o.measured.size)[: int(_PICKED_SHARE * o.measured.size)])
             chosen.append(replace(o, pick=picked))
     return tuple(chosen)

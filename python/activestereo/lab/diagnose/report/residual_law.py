@@ -96,7 +96,7 @@ _LIBRARY = (
 )
 
 
-def residual_law(base: BaseFit, capture: str) -> Law:
+def residual_law(base: BaseFit, capture: str, seed: int = 0) -> Law:
     """The Law of what a base model leaves. capture: its name."""
     rows = base.train
     stage = _stage(rows)
@@ -106,7 +106,7 @@ def residual_law(base: BaseFit, capture: str) -> Law:
     chosen = _forward(columns, target, weight)
     A = np.stack([columns[i] for i in chosen], axis=1) if chosen else np.zeros((len(target), 0))
     value = _solve(A, target, weight)
-    rng = np.random.Generator(np.random.PCG64(_SEED))
+    rng = np.random.Generator(np.random.PCG64([_SEED, seed]))
     draws = []
     for _ in range(_BOOTSTRAPS):
         pick = rng.integers(0, len(target), len(target))
