@@ -53,7 +53,7 @@ def greedy(
         grown = _swapped(bench, bases, grown, [c for c in candidates if c.id in rivals], given, phi)
         base = bases(grown, phi)
         worth_trying = candidates if _is_worth_another(bench, base, first) else []
-        ranking = rank(bench, base, worth_trying, progress, _fitted_at_first(first, rivals), first)
+        ranking = rank(bench, base, worth_trying, progress, _fitted_at_first(first, rivals))
         steps.append(Step(tuple(e.id for e, _ in grown.effects[given:]), ranking))
     return steps
 

@@ -60,12 +60,10 @@ def rank(
     candidates: Sequence[Effect],
     progress: Progress | None = None,
     earlier: Mapping[str, np.ndarray] | None = None,
-    first: Ranking | None = None,
 ) -> Ranking:
     """The Ranking of candidates on top of a base.
 
     earlier: {id: parameters} of effects as fitted before the base's last effect was added (see propose/scan.py).
-    first: the ranking on top of the model that the diagnosis started from, None for that one itself.
     """
     known = {e.id for e, _ in base.model.effects}
     of_kind: dict[Channel | None, list[Effect]] = {}
@@ -83,7 +81,7 @@ def rank(
     )
     ranking = _with_findings(ranking, _in_order(ranking))
     ranking = _with_remainders(bench, ranking)
-    return _preferring_what_leaves_no_structure(ranking, first or ranking)
+    return _preferring_what_leaves_no_structure(ranking)
 
 
 def rank_depth(bench: Bench, base: BaseFit, candidates: Sequence[Effect]) -> Ranking:
@@ -95,7 +93,6 @@ def rank_depth(bench: Bench, base: BaseFit, candidates: Sequence[Effect]) -> Ran
     explained, skipped = _split(DepthEngineChannel(bench.evidence, base, bench.gates).explain(faults), [])
     ranking = replace(bare_ranking(bench, base), not_ranked=tuple(skipped))
     ranking = _with_findings(ranking, (Finding(e, _own_score(e)) for e in explained))
-
     return _with_findings(ranking, sorted(ranking.findings, key=lambda f: (not passes(ranking, f), -f.score.nats)))
 
 
@@ -331,7 +328,7 @@ def _rows_after(bench: Bench, base: BaseFit, finding: Finding) -> Sequence[Image
     return [row._replace(residual=r) for row, r in zip(base.train, fields.residuals, strict=True)]
 
 
-def _preferring_what_leaves_no_structure(ranking: Ranking, first: Ranking) -> Ranking:
+def _preferring_what_leaves_no_structure(ranking: Ranking) -> Ranking:
     """Of explanations that cannot be told apart one that leaves structure is none: the next of them that leaves
     none comes first.
     """
