@@ -1,16 +1,19 @@
 """The sensor's configuration in the engine's terms."""
 
+from typing import Any
+
 import simsense
 from activestereo.matcher_table import MATCHER
-from activestereo.presets import sapien_name
+from activestereo.presets import StereoDepthSensorConfig, sapien_name
 
 # SAPIEN's noise at scale 1: a gamma factor of shape 1333.33 and mean 1, and Gaussian noise of 0.25 counts.
 SPECKLE_SHAPE = 1333.33
 THERMAL_SIGMA_DN = 0.25
 
 
-def signal_parameters(config):
-    """Both imagers' parameters, all of them: ir_signal or SAPIEN's noise, with the exposure, responsivity and black level."""
+def signal_parameters(config: StereoDepthSensorConfig) -> dict[str, float]:
+    """Both imagers' parameters, all of them: ir_signal or SAPIEN's noise, with the exposure, responsivity and black
+    level."""
     signal = config.ir_signal
     if isinstance(signal, str):
         signal = simsense.signal_preset(signal)
@@ -21,10 +24,12 @@ def signal_parameters(config):
     return signal
 
 
-def _sapien_noise(config):
+def _sapien_noise(config: StereoDepthSensorConfig) -> dict[str, float]:
     speckle, thermal = config.ir_speckle_noise, config.ir_thermal_noise
     if speckle < 0 or (speckle > 0 and thermal <= 0):
-        raise ValueError(f"noise scales must be positive, or ir_speckle_noise 0 for none; they are {speckle} and {thermal}")
+        raise ValueError(
+            f"noise scales must be positive, or ir_speckle_noise 0 for none; they are {speckle} and {thermal}"
+        )
     if speckle == 0:
         return {"speckle_shape": 0.0, "speckle_scale": 0.0, "adc_noise_dn": 0.0}
     return {
@@ -34,7 +39,7 @@ def _sapien_noise(config):
     }
 
 
-def matcher_parameters(config):
+def matcher_parameters(config: StereoDepthSensorConfig) -> dict[str, Any]:
     """The stereo matcher's parameters under the engine's names."""
     values = {p.name: getattr(config, sapien_name(p.name)) for p in MATCHER}
     # SAPIEN's ways to switch a check off.
@@ -43,6 +48,6 @@ def matcher_parameters(config):
     return values
 
 
-def engine_parameters(config):
+def engine_parameters(config: StereoDepthSensorConfig) -> dict[str, Any]:
     """Keyword arguments of simsense.Engine, the imagers' included."""
     return matcher_parameters(config) | signal_parameters(config)

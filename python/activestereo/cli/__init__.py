@@ -1,5 +1,5 @@
-"""The command line: activestereo simulate | depth | pair | depth-quality | compare | diagnose | add | model | effect | devices, one file
-each. This one parses, runs and makes failures one line."""
+"""The command line: activestereo simulate | depth | pair | depth-quality | compare | diagnose | add | model | effect |
+devices, one file each. This one parses, runs and makes failures one line."""
 
 import argparse
 import os
@@ -7,6 +7,7 @@ import re
 import sys
 import traceback
 from collections.abc import Sequence
+from typing import NoReturn
 
 from activestereo.cli import add, compare, depth, depth_quality, devices, diagnose, effect, model, pair, simulate
 from activestereo.cli.arguments import CommandError
@@ -15,11 +16,11 @@ _COMMANDS = (simulate, depth, pair, depth_quality, compare, diagnose, add, model
 
 
 class _Parser(argparse.ArgumentParser):
-    def error(self, message):
+    def error(self, message: str) -> NoReturn:
         self.exit(2, f"{self.prog}: {message} (see {self.prog} --help)\n")
 
 
-def make_parser():
+def make_parser() -> argparse.ArgumentParser:
     parser = _Parser(
         prog="activestereo",
         description="Simulate active stereo depth sensors (RealSense-like) with physics: infrared pattern projector, "
@@ -73,7 +74,7 @@ def _fault(error: Exception) -> str:
     return f"a fault of the program ({type(error).__name__} in {where}): {_text(error)} (ACTIVESTEREO_TRACEBACK=1 shows more)"
 
 
-def _glued(arguments):
+def _glued(arguments: Sequence[str]) -> list[str]:
     """'--option -1,0' as '--option=-1,0': argparse takes a list that starts with a minus sign for an option."""
     out: list[str] = []
     for argument in arguments:
@@ -88,12 +89,12 @@ def _glued(arguments):
 _INPUT_STATUSES = (-1, -3, -7, -11)
 
 
-def _text(error):
+def _text(error: Exception) -> str:
     if isinstance(error, OSError) and error.filename:
         return f"{error.filename}: {error.strerror}"
     return " ".join(str(error).split())
 
 
-def _fail(text, status):
+def _fail(text: str, status: int) -> int:
     print(f"activestereo: {text}", file=sys.stderr)
     return status

@@ -2,8 +2,9 @@
 
 import argparse
 import math
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -17,39 +18,45 @@ class CommandError(Exception):
     """The input is wrong; the text is the one line to show."""
 
 
-def numbers(text, counts, what):
+def numbers(text: str, counts: Sequence[int], what: str) -> np.ndarray:
     """Comma- or blank-separated numbers, as many as one of `counts`."""
     try:
         values = np.array([float(part) for part in text.replace(",", " ").split()])
     except ValueError:
         raise argparse.ArgumentTypeError(f"{what} is not a list of numbers: '{text}'") from None
     if len(values) not in counts:
-        raise argparse.ArgumentTypeError(f"{what} needs {' or '.join(map(str, counts))} finite numbers, '{text}' has {len(values)}")
+        raise argparse.ArgumentTypeError(
+            f"{what} needs {' or '.join(map(str, counts))} finite numbers, '{text}' has {len(values)}"
+        )
     if not np.isfinite(values).all():
         raise argparse.ArgumentTypeError(f"{what} needs finite numbers, '{text}' has others")
     return values
 
 
-def camera_matrix(text):
+def camera_matrix(text: str) -> np.ndarray:
     values = numbers(text, (9, 4), "a camera matrix")
     if len(values) == 4:
         values = np.array([values[0], 0, values[2], 0, values[1], values[3], 0, 0, 1])
     k = values.reshape(3, 3)
     if not (k[0, 0] > 0 and k[1, 1] > 0 and np.array_equal(k[2], [0, 0, 1]) and k[1, 0] == 0):
-        raise argparse.ArgumentTypeError(f"a camera matrix is fx,0,cx,0,fy,cy,0,0,1 with positive fx and fy, not '{text}'")
+        raise argparse.ArgumentTypeError(
+            f"a camera matrix is fx,0,cx,0,fy,cy,0,0,1 with positive fx and fy, not '{text}'"
+        )
     return k
 
 
-def transform(text):
+def transform(text: str) -> np.ndarray:
     matrix = numbers(text, (16,), "a transform").reshape(4, 4)
     rotation = matrix[:3, :3]
     rigid = np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-4) and np.linalg.det(rotation) > 0
     if not rigid or not np.array_equal(matrix[3], [0, 0, 0, 1]):
-        raise argparse.ArgumentTypeError("a transform is a row-major 4x4 of a rotation and a translation, with 0,0,0,1 as its last row")
+        raise argparse.ArgumentTypeError(
+            "a transform is a row-major 4x4 of a rotation and a translation, with 0,0,0,1 as its last row"
+        )
     return matrix
 
 
-def size(text):
+def size(text: str) -> tuple[int, int]:
     """WIDTHxHEIGHT."""
     parts = text.lower().split("x")
     if len(parts) != 2 or not all(part.isdecimal() and 0 < int(part) < 65536 for part in parts):
@@ -57,8 +64,8 @@ def size(text):
     return int(parts[0]), int(parts[1])
 
 
-def integer_from(least):
-    def parse(text):
+def integer_from(least: int) -> Callable[[str], int]:
+    def parse(text: str) -> int:
         if not text.isdecimal() or len(text) > 10 or not least <= int(text) < 2**32:
             raise argparse.ArgumentTypeError(f"a whole number from {least} to {2**32 - 1} is needed, not '{text}'")
         return int(text)
@@ -66,7 +73,7 @@ def integer_from(least):
     return parse
 
 
-def positive(text):
+def positive(text: str) -> float:
     try:
         value = float(text)
     except ValueError:
@@ -76,39 +83,43 @@ def positive(text):
     return value
 
 
-def add_device(parser):
+def add_device(parser: argparse.ArgumentParser) -> None:
     text = "Vulkan device: the best one, lavapipe, or number N of 'activestereo devices' (default: auto)"
     parser.add_argument("--device", default="auto", metavar="auto|cpu|N", help=text)
 
 
-def add_max_bounces(parser):
+def add_max_bounces(parser: argparse.ArgumentParser | argparse._ArgumentGroup) -> None:
     parser.add_argument(
-        "--max-bounces", type=integer_from(0), default=8, metavar="N", help="surface interactions after the first (default: 8)"
+        "--max-bounces",
+        type=integer_from(0),
+        default=8,
+        metavar="N",
+        help="surface interactions after the first (default: 8)",
     )
 
 
-def add_seed(parser, text):
+def add_seed(parser: argparse.ArgumentParser | argparse._ArgumentGroup, text: str) -> None:
     parser.add_argument("--seed", type=integer_from(0), default=0, metavar="N", help=f"{text} (default: 0)")
 
 
-def _folder(text):
+def _folder(text: str) -> Path:
     if not text:
         raise argparse.ArgumentTypeError("the name of a folder is needed; . is the present one")
     return Path(text)
 
 
-def add_out(parser):
+def add_out(parser: argparse.ArgumentParser) -> None:
     text = "folder for the results; made if it is not there, files of the same names are replaced"
     parser.add_argument("--out", required=True, type=_folder, metavar="DIR", help=text)
 
 
-def whole(text):
+def whole(text: str) -> int:
     if not (text.isascii() and text.removeprefix("-").isdecimal() and len(text) <= 11):
         raise argparse.ArgumentTypeError(f"a whole number is needed, not '{text}'")
     return int(text)
 
 
-def real(text):
+def real(text: str) -> float:
     try:
         value = float(text)
     except ValueError:
@@ -118,35 +129,47 @@ def real(text):
     return value
 
 
-def add_matching(parser, defaults):
-    """One option for every parameter of the stereo matcher. `defaults`: those of the command that are not the engine's own. What is not
-    given is None."""
-    group = parser.add_argument_group("matching", "Semi-global matching of census descriptors, and what becomes of its depth.")
+def add_matching(parser: argparse.ArgumentParser, defaults: Mapping[str, Any]) -> argparse._ArgumentGroup:
+    """One option for every parameter of the stereo matcher. `defaults`: those of the command that are not the engine's
+    own. What is not given is None."""
+    group = parser.add_argument_group(
+        "matching", "Semi-global matching of census descriptors, and what becomes of its depth."
+    )
     for p in MATCHER:
         default = defaults.get(p.name, p.default)
         if p.pair:
-            group.add_argument(f"--{p.pair}", type=size, metavar="WxH", help=f"{p.pair}-width and -height at once (default: {default}x{default})")
-        facts = ", ".join(filter(None, [f"{p.possible} {p.unit}".strip(), f"default: {str(default).lower() if p.kind is bool else default}"]))
-        kind = {
+            group.add_argument(
+                f"--{p.pair}",
+                type=size,
+                metavar="WxH",
+                help=f"{p.pair}-width and -height at once (default: {default}x{default})",
+            )
+        facts = ", ".join(
+            filter(
+                None,
+                [f"{p.possible} {p.unit}".strip(), f"default: {str(default).lower() if p.kind is bool else default}"],
+            )
+        )
+        kinds: dict[type, dict[str, Any]] = {
             bool: {"action": argparse.BooleanOptionalAction},
             str: {"choices": p.choices},
             int: {"type": whole, "metavar": "N"},
             float: {"type": real, "metavar": "X"},
-        }[p.kind]
-        group.add_argument(p.option, default=None, help=f"{p.doc} ({facts})".replace("%", "%%"), **kind)
+        }
+        group.add_argument(p.option, default=None, help=f"{p.doc} ({facts})".replace("%", "%%"), **kinds[p.kind])
     return group
 
 
-def given_matching(args):
+def given_matching(args: argparse.Namespace) -> dict[str, Any]:
     """The matcher's parameters that were given, by name."""
     given = {p.name: getattr(args, p.name) for p in MATCHER}
-    for p, after in zip(MATCHER, MATCHER[1:]):
+    for p, after in zip(MATCHER, MATCHER[1:], strict=False):
         if p.pair and getattr(args, p.pair) is not None:
             given[p.name], given[after.name] = getattr(args, p.pair)
     return {name: value for name, value in given.items() if value is not None}
 
 
-def make_folder(path):
+def make_folder(path: Path) -> None:
     """Fails before the long work, not after it."""
     try:
         path.mkdir(parents=True, exist_ok=True)

@@ -1,12 +1,28 @@
 """activestereo depth: from an image pair to depth."""
 
+from __future__ import annotations
+
 import argparse
+from collections.abc import Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from activestereo.cli.arguments import CommandError, add_matching, add_out, camera_matrix, given_matching, make_folder, positive
+from activestereo.cli.arguments import (
+    CommandError,
+    Commands,
+    add_matching,
+    add_out,
+    camera_matrix,
+    given_matching,
+    make_folder,
+    positive,
+)
 from activestereo.cli.depth_maps import add_depth_maps, wanted_maps, write_maps
+
+if TYPE_CHECKING:
+    import simsense
 
 _TEXT = """\
 Computes depth from a rectified infrared (or gray) image pair, as a depth camera does inside.
@@ -23,21 +39,26 @@ example, a RealSense D435's pair:
 """
 
 
-def add_parser(commands):
+def add_parser(commands: Commands) -> None:
     parser = commands.add_parser(
-        "depth", help="compute depth from an image pair", description=_TEXT, formatter_class=argparse.RawDescriptionHelpFormatter
+        "depth",
+        help="compute depth from an image pair",
+        description=_TEXT,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("left", type=Path, metavar="LEFT.png", help="left image, 8-bit or 16-bit gray")
     parser.add_argument("right", type=Path, metavar="RIGHT.png", help="right image of the same size; rows are aligned")
     text = "camera matrix of both images in pixels; or short: fx,fy,cx,cy"
     parser.add_argument("--k", required=True, type=camera_matrix, metavar="fx,0,cx,0,fy,cy,0,0,1", help=text)
-    parser.add_argument("--baseline", required=True, type=positive, metavar="M", help="distance between the cameras, metres")
+    parser.add_argument(
+        "--baseline", required=True, type=positive, metavar="M", help="distance between the cameras, metres"
+    )
     add_out(parser)
     add_depth_maps(add_matching(parser, {}))
     parser.set_defaults(run=run)
 
 
-def run(args):
+def run(args: argparse.Namespace) -> None:
     if args.baseline <= 0:
         raise CommandError("--baseline must be larger than 0 metres")
     left, right = (_read(path) for path in (args.left, args.right))
@@ -57,13 +78,13 @@ def run(args):
     _report(args, engine, result["depth"])
 
 
-def _read(path):
+def _read(path: Path) -> np.ndarray:
     from activestereo.images import read_gray
 
     return read_gray(path, key="image")
 
 
-def _make_engine(args, left, right):
+def _make_engine(args: argparse.Namespace, left: np.ndarray, right: np.ndarray) -> simsense.Engine:
     import simsense
 
     height, width = left.shape
@@ -76,7 +97,7 @@ def _make_engine(args, left, right):
     )
 
 
-def _write(args, left, right, result):
+def _write(args: argparse.Namespace, left: np.ndarray, right: np.ndarray, result: Mapping[str, np.ndarray]) -> None:
     from activestereo.output_files import write_depth_png, write_ply, write_png
     from activestereo.overview import colored, depth_span, matching_figure, write_figure
 
@@ -90,7 +111,7 @@ def _write(args, left, right, result):
     write_figure(args.out / "overview.png", matching_figure(title, left, right, disparity, depth))
 
 
-def _report(args, engine, depth):
+def _report(args: argparse.Namespace, engine: simsense.Engine, depth: np.ndarray) -> None:
     from activestereo.cli.report import matching_line, stage_table
 
     valid = depth[depth > 0]

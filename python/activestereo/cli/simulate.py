@@ -8,6 +8,7 @@ import numpy as np
 
 from activestereo.cli.arguments import (
     CommandError,
+    Commands,
     add_device,
     add_matching,
     add_max_bounces,
@@ -52,7 +53,7 @@ examples:
 """
 
 
-def add_parser(commands):
+def add_parser(commands: Commands) -> None:
     parser = commands.add_parser(
         "simulate",
         help="what a depth sensor gives in a scene",
@@ -63,7 +64,14 @@ def add_parser(commands):
     parser.add_argument("--sensor", default="d435", metavar="NAME", help="d435 or d415 (default: d435)")
     text = "a sensor model of 'activestereo diagnose': its rig, pattern, imager and effects; --sensor has what it does not say"
     parser.add_argument("--model", type=Path, metavar="FILE", help=text)
-    parser.add_argument("--effects", type=Path, action="append", default=[], metavar="FILE", help="your own effects, where the model has some")
+    parser.add_argument(
+        "--effects",
+        type=Path,
+        action="append",
+        default=[],
+        metavar="FILE",
+        help="your own effects, where the model has some",
+    )
     add_out(parser)
     add_device(parser)
     _add_view(parser.add_argument_group("view"))
@@ -73,7 +81,7 @@ def add_parser(commands):
     parser.set_defaults(run=run)
 
 
-def _add_view(group):
+def _add_view(group: argparse._ArgumentGroup) -> None:
     group.add_argument("--camera", type=integer_from(0), metavar="N", help="which of the scene's cameras (default: 0)")
     group.add_argument(
         "--camera-to-world",
@@ -86,9 +94,14 @@ def _add_view(group):
     group.add_argument("--resolution", type=size, metavar="WxH", help=text)
 
 
-def _add_rendering(group):
+def _add_rendering(group: argparse._ArgumentGroup) -> None:
     group.add_argument("--spp", type=integer_from(1), default=16, metavar="N", help="samples per pixel (default: 16)")
-    group.add_argument("--denoiser", choices=("none", "atrous", "oidn"), default="none", help="takes the samples' noise; the dots stay (default: none)")
+    group.add_argument(
+        "--denoiser",
+        choices=("none", "atrous", "oidn"),
+        default="none",
+        help="takes the samples' noise; the dots stay (default: none)",
+    )
     add_max_bounces(group)
     add_seed(group, "of rendering and noise; same seed, same files")
     text = "uniform visible radiance from all sides, W/(sr m^2) (default: 0.25; 1 where a scene has no light)"
@@ -98,7 +111,7 @@ def _add_rendering(group):
     group.add_argument("--no-noise", action="store_true", help="infrared images without imager noise")
 
 
-def run(args):
+def run(args: argparse.Namespace) -> None:
     model = read_sensor_model(args)
     config = make_config(args, model)
     if not args.scene.exists():
@@ -124,7 +137,9 @@ def read_sensor_model(args: argparse.Namespace) -> "SensorModel | None":
     if args.model is None:
         return None
     if args.resolution:
-        raise CommandError("--resolution and --model exclude one another: a model's figures are in pixels of its own images")
+        raise CommandError(
+            "--resolution and --model exclude one another: a model's figures are in pixels of its own images"
+        )
     from activestereo.lab.model_file import library
     from activestereo.sensor_model import read_model
 
@@ -136,7 +151,11 @@ def make_config(args: argparse.Namespace, model: "SensorModel | None" = None) ->
     from activestereo.matching import engine_parameters
     from activestereo.presets import StereoDepthSensorConfig, sapien_name
 
-    config = StereoDepthSensorConfig(args.sensor) if model is None else StereoDepthSensorConfig.from_model(model, args.sensor)
+    config = (
+        StereoDepthSensorConfig(args.sensor)
+        if model is None
+        else StereoDepthSensorConfig.from_model(model, args.sensor)
+    )
     if args.resolution:
         config = _resized(config, args.resolution)
     config.samples_per_pixel, config.max_bounces, config.denoiser = args.spp, args.max_bounces, args.denoiser
@@ -159,7 +178,9 @@ def _resized(config, resolution):
     if scaled.ir_resolution != resolution:
         fits = "x".join(map(str, scaled.ir_resolution))
         asked = "x".join(map(str, resolution))
-        raise CommandError(f"--resolution {asked} does not have the shape of the {config.model}'s {width}x{height}; {fits} does")
+        raise CommandError(
+            f"--resolution {asked} does not have the shape of the {config.model}'s {width}x{height}; {fits} does"
+        )
     if min(resolution) < 32:
         raise CommandError("--resolution must be at least 32 in both directions")
     return scaled
@@ -187,11 +208,14 @@ def _sensor_pose(args, scene):
     count = scene.summary.camera_count
     if args.camera is not None and args.camera >= count:
         raise CommandError(f"--camera {args.camera}: {args.scene} has {count} camera{'' if count == 1 else 's'}")
-    return body_pose(scene.camera(args.camera or 0).camera_to_world) if count else body_pose(_overall_view(scene.summary))
+    return (
+        body_pose(scene.camera(args.camera or 0).camera_to_world) if count else body_pose(_overall_view(scene.summary))
+    )
 
 
 def _overall_view(summary):
-    """A camera in front of the scene and above it (y up, as in glTF) that sees all of it in the middle half of the picture."""
+    """A camera in front of the scene and above it (y up, as in glTF) that sees all of it in the middle half of the
+    picture."""
     from activestereo.pose import look_at
 
     low, high = np.array(summary.bounds_min_m), np.array(summary.bounds_max_m)
@@ -204,7 +228,9 @@ def _accuracy(sensor):
     from activestereo.accuracy import accuracy_by_material
 
     name_of, max_depth = sensor.scene.material_name, sensor.get_config().max_depth
-    return accuracy_by_material(sensor.get_depth(), sensor.get_true_depth(), sensor.get_material_ids(), name_of, max_depth)
+    return accuracy_by_material(
+        sensor.get_depth(), sensor.get_true_depth(), sensor.get_material_ids(), name_of, max_depth
+    )
 
 
 def _write(args, sensor, rows):

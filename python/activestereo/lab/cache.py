@@ -10,10 +10,11 @@ import zipfile
 from contextlib import suppress
 from dataclasses import fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from activestereo.lab.layers import Layers
+from activestereo.lab.layers import Layers, RenderRequest
 from activestereo.output_files import replace_file
 
 # Raised when the meaning of a cached array changes.
@@ -21,7 +22,7 @@ _FORMAT = 2
 _LIMIT_BYTES = 4 << 30
 
 
-def default_cache_folder():
+def default_cache_folder() -> Path:
     """ACTIVESTEREO_CACHE, else the user's cache folder."""
     own = os.environ.get("ACTIVESTEREO_CACHE")
     if own:
@@ -29,7 +30,7 @@ def default_cache_folder():
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "activestereo" / "layers"
 
 
-def scene_digest(scene_path):
+def scene_digest(scene_path: str | Path) -> str:
     """Content hash of a glTF scene and every file it refers to."""
     digest = hashlib.sha256()
     path = Path(scene_path)
@@ -43,11 +44,11 @@ def scene_digest(scene_path):
     return digest.hexdigest()
 
 
-def request_key(request, renderer_version):
+def request_key(request: RenderRequest, renderer_version: str) -> str:
     """Hash of all that decides the pixels: equal keys mean equal layers."""
     digest = hashlib.sha256()
 
-    def add(value):
+    def add(value: Any) -> None:
         if isinstance(value, np.ndarray):
             digest.update(f"{value.dtype.str}{value.shape}".encode())
             digest.update(np.ascontiguousarray(value).tobytes())
@@ -68,11 +69,11 @@ def request_key(request, renderer_version):
 class LayerCache:
     """Folder of `<key>.npz`, one rig pose each. The oldest entries go when it grows over its limit."""
 
-    def __init__(self, folder=None, limit_bytes=_LIMIT_BYTES):
+    def __init__(self, folder: str | Path | None = None, limit_bytes: int = _LIMIT_BYTES) -> None:
         self.folder = Path(folder) if folder else default_cache_folder()
         self._limit_bytes = limit_bytes
 
-    def get(self, key):
+    def get(self, key: str) -> tuple[Layers, ...] | None:
         """The stored layers, one entry per camera, or None."""
         path = self.folder / f"{key}.npz"
         try:
@@ -86,13 +87,13 @@ class LayerCache:
             os.utime(path)
         return layers
 
-    def put(self, key, layers):
+    def put(self, key: str, layers: tuple[Layers, ...]) -> None:
         self.folder.mkdir(parents=True, exist_ok=True)
         arrays = {f"{f.name}_{i}": getattr(view, f.name) for i, view in enumerate(layers) for f in fields(Layers)}
         replace_file(self.folder / f"{key}.npz", lambda file: np.savez(file, count=len(layers), **arrays))
         self._forget_oldest()
 
-    def _forget_oldest(self):
+    def _forget_oldest(self) -> None:
         entries = []
         for path in self.folder.glob("*.npz"):
             with suppress(FileNotFoundError):

@@ -1,14 +1,17 @@
-"""The device's depth beside the model's and the true geometry: error in metres and in pixels of disparity, fill, and noise floor.
+"""The device's depth beside the model's and the true geometry: error in metres and in pixels of disparity, fill, and
+noise floor.
 
-A device frame is one noisy measurement and so is the model's; two repeats of one of them differ as much as a perfect model would
-from the device. The floor comes from repeated device frames with depth, else from the model's own repeats.
+A device frame is one noisy measurement and so is the model's; two repeats of one of them differ as much as a perfect
+model would from the device. The floor comes from repeated device frames with depth, else from the model's own repeats.
 """
+
+from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from activestereo.capture import EYES, SPLITS
+from activestereo.capture import EYES, SPLITS, Frame
 from activestereo.lab.depth_model import DepthModel, expose, residual_variance
 from activestereo.lab.noise import NoiseLaw
 
@@ -18,13 +21,13 @@ class DepthFrame:
     """Depths of one frame, metres [height][width], 0 = none: the device's, two exposures of the model, true geometry.
     focal_baseline: pixels x metres, disparity = focal_baseline / depth."""
 
-    frame: object
+    frame: Frame
     measured: np.ndarray
-    model: tuple
+    model: tuple[np.ndarray, ...]
     truth: np.ndarray
     focal_baseline: float
 
-    def disparity_error(self, depth_m, reference_m):
+    def disparity_error(self, depth_m: np.ndarray, reference_m: np.ndarray) -> np.ndarray:
         """(depth's disparity minus the reference's [height][width], where both are valid)."""
         both = (depth_m > 0) & (reference_m > 0)
         safe = lambda z: np.where(both, z, 1.0)  # noqa: E731
@@ -32,7 +35,8 @@ class DepthFrame:
 
 
 def model_depths(capture, measured, predictions, views, law, model, seed=0, split=None):
-    """A DepthFrame for each frame that has the device's depth. measured, predictions: {(frame id, eye): DN}; views: {...: View}.
+    """A DepthFrame for each frame that has the device's depth. measured, predictions: {(frame id, eye): DN}; views:
+    {...: View}.
 
     model: its effects on disparity and depth act on what simsense matches. split: frames of it alone.
     """

@@ -1,10 +1,12 @@
-"""The model's own depth: the predicted pair with the capture's noise through simsense, as the device would have matched it."""
+"""The model's own depth: the predicted pair with the capture's noise through simsense, as the device would have matched
+it."""
 
 import warnings
 
 import numpy as np
 
-from activestereo.capture import CaptureWarning
+from activestereo.capture import Capture, CaptureWarning, Rig
+from activestereo.lab.noise import NoiseLaw
 
 # Quantisation is in the measured variance already, and rounding adds it again.
 _QUANTISATION_VARIANCE = 1.0 / 12.0
@@ -16,8 +18,11 @@ _HINTS = ("max_disparity", "census_width", "census_height", "block_width", "bloc
 _MAD_TO_SIGMA = 1.4826
 
 
-def expose(expected_dn, gain, law, max_dn, rng):
-    """One noisy exposure of an expected image, whole DN in float32: gamma speckle for the law's quadratic term, the rest normal."""
+def expose(
+    expected_dn: np.ndarray, gain: float, law: NoiseLaw | None, max_dn: float, rng: np.random.Generator
+) -> np.ndarray:
+    """One noisy exposure of an expected image, whole DN in float32: gamma speckle for the law's quadratic term, the
+    rest normal."""
     signal = np.maximum(expected_dn - law.black_dn, 0.0)
     variance = np.maximum(law.offset - _QUANTISATION_VARIANCE + law.shot * gain * signal, 0.0)
     noise = np.sqrt(variance) * rng.standard_normal(signal.shape)
@@ -26,7 +31,7 @@ def expose(expected_dn, gain, law, max_dn, rng):
     return np.clip(np.rint(expected_dn + noise), 0, max_dn).astype(np.float32)
 
 
-def residual_variance(measured, predicted):
+def residual_variance(measured: np.ndarray, predicted: np.ndarray) -> float:
     """DN^2 of a stand-in for the noise where no repeat tells it: the middle half of the residual, taken as normal."""
     residual = measured - predicted
     return float((_MAD_TO_SIGMA * np.median(np.abs(residual - np.median(residual)))) ** 2)
@@ -35,11 +40,11 @@ def residual_variance(measured, predicted):
 class DepthModel:
     """simsense on a capture's nominal calibration. Depth is z in the left camera's frame, metres, 0 = none.
 
-    Of the capture's depth_engine hints those that bear an engine parameter's name are followed; the rest of the device's
-    matcher is not known, so the engine's own defaults hold.
+    Of the capture's depth_engine hints those that bear an engine parameter's name are followed; the rest of the
+    device's matcher is not known, so the engine's own defaults hold.
     """
 
-    def __init__(self, capture):
+    def __init__(self, capture: Capture) -> None:
         import simsense
 
         rig = capture.rig
@@ -49,7 +54,9 @@ class DepthModel:
 
         def engine(parameters):
             device, bits = simsense.Device("host"), max(8, rig.bit_depth)
-            return simsense.Engine(device, left, right, rig.left_to_right, rectified=is_ideal, bit_depth=bits, **registered, **parameters)
+            return simsense.Engine(
+                device, left, right, rig.left_to_right, rectified=is_ideal, bit_depth=bits, **registered, **parameters
+            )
 
         self.parameters = _followed(capture.depth_engine)
         try:
@@ -62,7 +69,7 @@ class DepthModel:
         self._output = "depth" if is_ideal else "depth_rgb"
         self._dtype = np.uint8 if rig.bit_depth <= 8 else np.uint16
 
-    def depth(self, left_dn, right_dn):
+    def depth(self, left_dn: np.ndarray, right_dn: np.ndarray) -> np.ndarray:
         """float32 [height][width] of a pair in whole DN."""
         pair = (image.astype(self._dtype) for image in (left_dn, right_dn))
         return self._engine.compute(*pair, outputs=(self._output,))[self._output].copy()
@@ -76,8 +83,11 @@ def _followed(hints):
     return parameters
 
 
-def _is_rectified(rig):
-    same_k = np.allclose(rig.left.K, rig.right.K) and (rig.left.width, rig.left.height) == (rig.right.width, rig.right.height)
+def _is_rectified(rig: Rig) -> bool:
+    same_k = np.allclose(rig.left.K, rig.right.K) and (rig.left.width, rig.left.height) == (
+        rig.right.width,
+        rig.right.height,
+    )
     shift = rig.left_to_right.copy()
     shift[0, 3] = 0.0
     return same_k and rig.left.is_pinhole and rig.right.is_pinhole and np.allclose(shift, np.eye(4))

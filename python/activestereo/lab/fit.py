@@ -1,16 +1,25 @@
 """The nuisances of a comparison: projector scale, ambient scale and black level, by least squares on the train frames.
 
-    DN = black + exposure_s * gain * (projector_scale * power * P + ambient_scale * level * A),  clipped to the sensor's range
+    DN = black + exposure_s * gain * (projector_scale * power * P + ambient_scale * level * A),  clipped to the sensor's
+    range
 
-P and A are the rendered radiance under the projector at power 1 and under ambient radiance 1. All train pixels of both eyes
-weigh alike: this is the maximum-likelihood fit of a constant variance and minimises the very RMSE that is reported.
+P and A are the rendered radiance under the projector at power 1 and under ambient radiance 1. All train pixels of both
+eyes weigh alike: this is the maximum-likelihood fit of a constant variance and minimises the very RMSE that is
+reported.
 """
 
+from __future__ import annotations
+
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 
-# Pixels predicted this many residual deviations from the ends of the range are left out: there clipping biases the mean.
+from activestereo.capture import Frame
+
+# Pixels predicted this many residual deviations from the ends of the range are left out: there clipping biases the
+# mean.
 _CLIP_MARGIN_SIGMA = 4.0
 _CLIP_ROUNDS = 4
 
@@ -23,7 +32,7 @@ class Nuisances:
     ambient_scale: float
     black_dn: float
 
-    def vector(self):
+    def vector(self) -> np.ndarray:
         return np.array([self.projector_scale, self.ambient_scale, self.black_dn])
 
 
@@ -36,11 +45,11 @@ class Fit:
     pixels: int
     clipped_fraction: float
 
-    def as_json(self):
+    def as_json(self) -> dict[str, Any]:
         return asdict(self)
 
 
-def regressors(frame, layers):
+def regressors(frame: Frame, layers: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The derivatives of an unclipped prediction by (projector scale, ambient scale, black), each [height][width]."""
     light = frame.exposure_gain
     level = 1.0 if frame.ambient is None else frame.ambient
@@ -48,14 +57,14 @@ def regressors(frame, layers):
     return projector, layers.ambient.astype(np.float64) * (light * level), np.ones(layers.ambient.shape)
 
 
-def predict(frame, layers, nuisances, max_dn):
+def predict(frame: Frame, layers: Any, nuisances: Nuisances, max_dn: float) -> np.ndarray:
     """Expected DN before rounding, float64 [height][width], clipped to 0..max_dn."""
     columns = regressors(frame, layers)
     value = sum(scale * column for scale, column in zip(nuisances.vector(), columns, strict=True))
     return np.clip(value, 0.0, max_dn)
 
 
-def fit_nuisances(observations, max_dn):
+def fit_nuisances(observations: Sequence[tuple[Frame, Any, np.ndarray]], max_dn: float) -> Fit:
     """observations: iterable of (frame, layers, measured DN). Returns a Fit; ValueError where there is nothing to fit."""
     observations = list(observations)
     if not observations:
@@ -67,7 +76,9 @@ def fit_nuisances(observations, max_dn):
             gram, moment, energy, used = _normal_equations(observations, solution, deviation, max_dn)
         if not np.isfinite(gram).all():
             most = max(observations, key=lambda o: o[0].exposure_gain)[0]
-            raise ValueError(f"nothing to fit: frame {most.id} has an exposure x gain of {most.exposure_gain:.3g} s, beyond all measure")
+            raise ValueError(
+                f"nothing to fit: frame {most.id} has an exposure x gain of {most.exposure_gain:.3g} s, beyond all measure"
+            )
         if used == 0:
             raise ValueError("nothing to fit: every pixel of the train frames is clipped")
         solution, inverse = _solve(gram, moment)

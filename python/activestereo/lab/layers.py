@@ -1,10 +1,13 @@
 """Light layers: what one rig pose looks like under each light alone, so that exposure, power and scale need no new ray."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
-from activestereo.capture import EYES
+from activestereo.capture import EYES, Capture, Frame, Rig
 from activestereo.effects.core.fine import FineImages
 from activestereo.lens import distort, undistort
 
@@ -33,8 +36,8 @@ class ViewCamera:
 class RenderRequest:
     """Everything that decides the pixels of one rig pose; equal requests give equal layers."""
 
-    scene_path: object
-    cameras: tuple
+    scene_path: Path
+    cameras: tuple[ViewCamera, ...]
     pattern: np.ndarray
     projector_K: np.ndarray
     projector_to_world: np.ndarray
@@ -47,9 +50,9 @@ class RenderRequest:
 class Layers:
     """One camera's view, float32 [height][width] unless said. Radiance is the mean over the pixel's square.
 
-    direct, indirect: the projector's light at power 1, straight off the first surface and otherwise; flat: what `direct` would
-    be under a pattern that is 1 everywhere; ambient: under uniform radiance 1 from all directions. depth_m: z, 0 = nothing hit;
-    normal: [height][width][3], world frame; material: uint32.
+    direct, indirect: the projector's light at power 1, straight off the first surface and otherwise; flat: what
+    `direct` would be under a pattern that is 1 everywhere; ambient: under uniform radiance 1 from all directions.
+    depth_m: z, 0 = nothing hit; normal: [height][width][3], world frame; material: uint32.
     """
 
     direct: np.ndarray
@@ -61,36 +64,40 @@ class Layers:
     material: np.ndarray
 
     @property
-    def projector(self):
+    def projector(self) -> np.ndarray:
         return self.direct + self.indirect
 
 
 @dataclass(frozen=True)
 class PixelLayers(Layers):
-    """Layers of the camera's pixels, with the finer and wider images (direct, indirect, ambient, flat) that they are means of."""
+    """Layers of the camera's pixels, with the finer and wider images (direct, indirect, ambient, flat) that they are
+    means of."""
 
     fine: FineImages
 
 
 @dataclass(frozen=True)
 class Sampling:
-    """How finely the lights are rendered: scale x scale samples of the image per pixel, margin_px pixels beyond the frame.
+    """How finely the lights are rendered: scale x scale samples of the image per pixel, margin_px pixels beyond the
+    frame.
 
     The samples per pixel stay what they are: they are spread over the finer image."""
 
     scale: int = 1
     margin_px: int = 0
 
-    def camera(self, camera):
+    def camera(self, camera: ViewCamera) -> ViewCamera:
         """The ViewCamera that sees the finer, wider image."""
         if self.scale == 1 and self.margin_px == 0:
             return camera
         shift = self.margin_px + 0.5
-        to_fine = np.array([[self.scale, 0, self.scale * shift - 0.5], [0, self.scale, self.scale * shift - 0.5], [0, 0, 1.0]])
+        to_fine = np.array(
+            [[self.scale, 0, self.scale * shift - 0.5], [0, self.scale, self.scale * shift - 0.5], [0, 0, 1.0]]
+        )
         width, height = ((size + 2 * self.margin_px) * self.scale for size in (camera.width, camera.height))
         return ViewCamera(width, height, to_fine @ camera.K, camera.camera_to_world)
 
-    def pixel_layers(self, layers, camera):
+    def pixel_layers(self, layers: Layers, camera: ViewCamera) -> Layers:
         """PixelLayers of a capture's Camera from the Layers that camera() gave; a lens that distorts is drawn here."""
         images = np.stack([layers.direct, layers.indirect, layers.ambient, layers.flat])
         fine = FineImages(images, self.scale, self.margin_px)
@@ -108,7 +115,9 @@ class Sampling:
         at = ((x + self.margin_px + 0.5) * self.scale - 0.5 for x in (row, column))
         exact = [np.clip(x, 0, size - 1.001) for x, size in zip(at, shape, strict=True)]
         (v, u), (dv, du) = zip(*((x.astype(int), x - x.astype(int)) for x in exact), strict=True)
-        corners = np.stack([layers.depth_m[v, u], layers.depth_m[v, u + 1], layers.depth_m[v + 1, u], layers.depth_m[v + 1, u + 1]])
+        corners = np.stack(
+            [layers.depth_m[v, u], layers.depth_m[v, u + 1], layers.depth_m[v + 1, u], layers.depth_m[v + 1, u + 1]]
+        )
         mean = (1 - dv) * ((1 - du) * corners[0] + du * corners[1]) + dv * ((1 - du) * corners[2] + du * corners[3])
         near_v, near_u = v + (dv > 0.5), u + (du > 0.5)
         nearest = layers.depth_m[near_v, near_u]
@@ -117,7 +126,7 @@ class Sampling:
         return depth_m, layers.normal[near_v, near_u], layers.material[near_v, near_u]
 
 
-def ideal_pixels(camera, column, row):
+def ideal_pixels(camera: ViewCamera, column: np.ndarray, row: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Where an ideal pinhole of the same K draws what a capture's Camera draws at pixels (column, row)."""
     y = (row - camera.K[1, 2]) / camera.K[1, 1]
     x = (column - camera.K[0, 2] - camera.K[0, 1] * y) / camera.K[0, 0]
@@ -125,15 +134,17 @@ def ideal_pixels(camera, column, row):
     return camera.K[0, 0] * x + camera.K[0, 1] * y + camera.K[0, 2], camera.K[1, 1] * y + camera.K[1, 2]
 
 
-def drawn_pixels(camera, column, row):
-    """[2][...]: where the Camera draws what an ideal pinhole of the same K draws at pixels (column, row): ideal_pixels() inverted."""
+def drawn_pixels(camera: ViewCamera, column: np.ndarray, row: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """[2][...]: where the Camera draws what an ideal pinhole of the same K draws at pixels (column, row):
+    ideal_pixels() inverted."""
     y = (row - camera.K[1, 2]) / camera.K[1, 1]
     x, y = distort((column - camera.K[0, 2] - camera.K[0, 1] * y) / camera.K[0, 0], y, camera.distortion)
     return np.stack([camera.K[0, 0] * x + camera.K[0, 1] * y + camera.K[0, 2], camera.K[1, 1] * y + camera.K[1, 2]])
 
 
-def sampling_of(rig, scale):
-    """The Sampling at a scale: at 1 the pixels alone; finer ones with a margin, and always enough for the nominal lenses."""
+def sampling_of(rig: Rig, scale: int) -> Sampling:
+    """The Sampling at a scale: at 1 the pixels alone; finer ones with a margin, and always enough for the nominal
+    lenses."""
     cameras = [rig.camera(eye) for eye in EYES]
     if scale == 1 and all(camera.is_pinhole for camera in cameras):
         return Sampling()
@@ -163,13 +174,21 @@ def _reach_px(camera):
     return float(reach) if is_single_valued and np.isfinite(reach) else np.inf
 
 
-def rig_request(capture, frame, samples_per_pixel, max_bounces, seed, sampling=Sampling()):
+def rig_request(
+    capture: Capture,
+    frame: Frame,
+    samples_per_pixel: int,
+    max_bounces: int,
+    seed: int,
+    sampling: Sampling = Sampling(),
+) -> RenderRequest:
     """The render of a frame's pose: both eyes, and the projector that rides with the rig."""
     rig = capture.rig
     left_to_world = frame.camera_to_world
     poses = {"left": left_to_world, "right": left_to_world @ np.linalg.inv(rig.left_to_right)}
     cameras = tuple(
-        sampling.camera(ViewCamera(rig.camera(eye).width, rig.camera(eye).height, rig.camera(eye).K, poses[eye])) for eye in EYES
+        sampling.camera(ViewCamera(rig.camera(eye).width, rig.camera(eye).height, rig.camera(eye).K, poses[eye]))
+        for eye in EYES
     )
     return RenderRequest(
         scene_path=capture.scene_path,

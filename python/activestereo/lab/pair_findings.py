@@ -1,8 +1,11 @@
-"""What a rectified infrared pair tells without a scene: saturation, gain and offset between the eyes, row offset, and f x baseline
-against the device's own depth. Intervals are 95 %, from a bootstrap over blocks of the image: pixels are not independent.
+"""What a rectified infrared pair tells without a scene: saturation, gain and offset between the eyes, row offset, and f
+x baseline against the device's own depth. Intervals are 95 %, from a bootstrap over blocks of the image: pixels are not
+independent.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.ndimage import gaussian_filter, map_coordinates
@@ -32,16 +35,23 @@ class Finding:
     neutral: float
 
     @property
-    def stands_out(self):
+    def stands_out(self) -> bool:
         return not self.low <= self.neutral <= self.high
 
-    def as_json(self):
+    def as_json(self) -> dict[str, Any]:
         return vars(self) | {"stands_out": self.stands_out}
 
 
-def pair_findings(left, right, disparity, max_dn, device_disparity=None):
-    """Findings of a pair: left, right DN [height][width]; disparity: matched, left image, 0 = none; device_disparity: the device's
-    own on the same grid, at its nominal f x baseline, 0 = none. ValueError where too little of the image is matched."""
+def pair_findings(
+    left: np.ndarray,
+    right: np.ndarray,
+    disparity: np.ndarray,
+    max_dn: float,
+    device_disparity: np.ndarray | None = None,
+) -> list[Finding]:
+    """Findings of a pair: left, right DN [height][width]; disparity: matched, left image, 0 = none; device_disparity:
+    the device's own on the same grid, at its nominal f x baseline, 0 = none. ValueError where too little of the image
+    is matched."""
     left, right = np.asarray(left, dtype=np.float64), np.asarray(right, dtype=np.float64)
     blocks = _Blocks(left.shape)
     found = [_saturation("left", left, max_dn, blocks), _saturation("right", right, max_dn, blocks)]
@@ -58,7 +68,8 @@ def pair_findings(left, right, disparity, max_dn, device_disparity=None):
 
 
 class _Blocks:
-    """Square blocks of the image and the bootstrap's weights for them, [draws][blocks]; the first draw is the image itself."""
+    """Square blocks of the image and the bootstrap's weights for them, [draws][blocks]; the first draw is the image
+    itself."""
 
     def __init__(self, shape):
         rows, columns = np.arange(shape[0]) // _BLOCK_PX, np.arange(shape[1]) // _BLOCK_PX
@@ -87,7 +98,9 @@ def _saturation(eye, image, max_dn, blocks):
 def _gain(left, there, mask, blocks):
     """Right = gain x left + offset, by orthogonal regression of smoothed images: both are equally noisy."""
     weight = gaussian_filter(mask.astype(np.float64), _SMOOTH_PX)
-    a, b = (gaussian_filter(np.where(mask, image, 0.0), _SMOOTH_PX) / np.maximum(weight, 1e-6) for image in (left, there))
+    a, b = (
+        gaussian_filter(np.where(mask, image, 0.0), _SMOOTH_PX) / np.maximum(weight, 1e-6) for image in (left, there)
+    )
     inside = mask & (weight > 0.6)
     n = np.maximum(blocks.sums(np.ones(a.shape), inside), 1.0)
     mean_a, mean_b = blocks.sums(a, inside) / n, blocks.sums(b, inside) / n
@@ -101,10 +114,12 @@ def _gain(left, there, mask, blocks):
 
 
 def _rows(left, right, disparity, mask, blocks, u, v):
-    """By how much the right image's rows lie lower, and how that changes from top to bottom and from left to right: least squares on
-    the derivative along columns, Lucas and Kanade's step once."""
+    """By how much the right image's rows lie lower, and how that changes from top to bottom and from left to right:
+    least squares on the derivative along columns, Lucas and Kanade's step once."""
     there = map_coordinates(right, [v, u - disparity], order=3, mode="nearest")
-    above, below = (map_coordinates(right, [v + s * _ROW_STEP_PX, u - disparity], order=3, mode="nearest") for s in (-1, 1))
+    above, below = (
+        map_coordinates(right, [v + s * _ROW_STEP_PX, u - disparity], order=3, mode="nearest") for s in (-1, 1)
+    )
     slope = (below - above) / (2 * _ROW_STEP_PX)
     # The eyes' own gain and offset must not pass for a shift.
     smooth = lambda image: gaussian_filter(image, 4 * _SMOOTH_PX)  # noqa: E731
@@ -116,27 +131,59 @@ def _rows(left, right, disparity, mask, blocks, u, v):
     solution = np.linalg.solve(gram + 1e-9 * np.eye(3), moment[..., None])[..., 0]
     return [
         _finding("row_offset_px", "rows of the right image lie lower by", solution[:, 0], "px", 0.0),
-        _finding("row_offset_across_px", "and by so much more at the right border than at the left (roll)", 2 * solution[:, 1], "px", 0.0),
-        _finding("row_offset_down_px", "and by so much more at the bottom than at the top (pitch, focal length)", 2 * solution[:, 2], "px", 0.0),
+        _finding(
+            "row_offset_across_px",
+            "and by so much more at the right border than at the left (roll)",
+            2 * solution[:, 1],
+            "px",
+            0.0,
+        ),
+        _finding(
+            "row_offset_down_px",
+            "and by so much more at the bottom than at the top (pitch, focal length)",
+            2 * solution[:, 2],
+            "px",
+            0.0,
+        ),
     ]
 
 
 def _scale(disparity, device, blocks):
     """Own disparity = (1 + scale) x device's + offset: with one of the two, and with both."""
     both = (disparity > 0) & (device > 0)
-    both &= np.abs(disparity - device - np.median((disparity - device)[both]) if both.any() else 0.0) < _LARGEST_MISMATCH_PX
+    both &= (
+        np.abs(disparity - device - np.median((disparity - device)[both]) if both.any() else 0.0) < _LARGEST_MISMATCH_PX
+    )
     n, d, r = blocks.sums(np.ones(device.shape), both), blocks.sums(device, both), blocks.sums(disparity - device, both)
     dd, dr = blocks.sums(device**2, both), blocks.sums(device * (disparity - device), both)
     determinant = np.maximum(n * dd - d * d, 1e-12)
     return [
-        _finding("focal_baseline_error", "f x baseline larger than told, if nothing else is wrong", dr / np.maximum(dd, 1e-12), "1", 0.0),
-        _finding("disparity_offset_px", "disparity larger than told, if nothing else is wrong", r / np.maximum(n, 1.0), "px", 0.0),
-        _finding("focal_baseline_error_beside_offset", "f x baseline larger than told, with an offset beside", (n * dr - d * r) / determinant, "1", 0.0),
+        _finding(
+            "focal_baseline_error",
+            "f x baseline larger than told, if nothing else is wrong",
+            dr / np.maximum(dd, 1e-12),
+            "1",
+            0.0,
+        ),
+        _finding(
+            "disparity_offset_px",
+            "disparity larger than told, if nothing else is wrong",
+            r / np.maximum(n, 1.0),
+            "px",
+            0.0,
+        ),
+        _finding(
+            "focal_baseline_error_beside_offset",
+            "f x baseline larger than told, with an offset beside",
+            (n * dr - d * r) / determinant,
+            "1",
+            0.0,
+        ),
         _finding("offset_beside_scale_px", "and that offset", (dd * r - d * dr) / determinant, "px", 0.0),
     ]
 
 
-def findings_text(findings):
+def findings_text(findings: Sequence[Finding]) -> str:
     lines = []
     for f in findings:
         scale, unit = (100.0, "%") if f.unit == "1" and f.neutral == 0.0 else (1.0, "" if f.unit == "1" else f.unit)
