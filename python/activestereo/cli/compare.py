@@ -2,8 +2,12 @@
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from activestereo.cli.arguments import add_device, add_max_bounces, add_out, add_seed, integer_from, make_folder
+
+if TYPE_CHECKING:
+    from activestereo.effects import Effect
 
 _TEXT = """\
 Compares the simulator with a capture: renders the scene from the capture's poses, fits
@@ -27,7 +31,7 @@ examples:
 """
 
 
-def add_parser(commands):
+def add_parser(commands: argparse._SubParsersAction) -> None:
     parser = commands.add_parser(
         "compare",
         help="compare the simulator with a measured capture",
@@ -36,7 +40,7 @@ def add_parser(commands):
     )
     parser.add_argument("capture", type=Path, metavar="CAPTURE", help="the capture's folder")
     add_out(parser)
-    parser.add_argument("--model", type=Path, metavar="FILE", help="model.json: effects on top of the base renderer (default: none)")
+    parser.add_argument("--model", type=Path, metavar="FILE", help="model.json: its effects act inside of the engines (default: none)")
     text = "your own effects, where the model has some"
     parser.add_argument("--effects", type=Path, action="append", default=[], metavar="FILE", help=text)
     parser.add_argument("--spp", type=integer_from(1), default=64, metavar="N", help="samples per pixel (default: 64)")
@@ -46,28 +50,42 @@ def add_parser(commands):
     parser.set_defaults(run=run)
 
 
-def run(args):
+def run(args: argparse.Namespace) -> None:
     from activestereo.lab.compare import compare
     from activestereo.lab.kuafu_renderer import KuafuRenderer
-    from activestereo.lab.model_file import library, read_model
+    from activestereo.lab.model_file import library
     from activestereo.lab.report import summary_table, write_report
     from activestereo.progress_bar import ProgressBar
 
     make_folder(args.out)
     effects = library(*args.effects)
-    model = read_model(args.model, effects)
+    under_model = {} if args.model is None else _under_model(args, effects)
     with ProgressBar(f"comparing {args.capture.name}") as bar:
         comparison = compare(
             args.capture,
-            model=model,
             renderer=KuafuRenderer(args.device),
             samples_per_pixel=args.spp,
             max_bounces=args.max_bounces,
             seed=args.seed,
             progress=bar,
             is_fine=(args.out / "diagnose.json").is_file(),
+            **under_model,
         )
     with ProgressBar("writing the report") as bar:
         write_report(comparison, args.out, effects=effects, progress=bar)
     print(summary_table(comparison.scores))
     print(f"written: compare.json, compare.png, report.html in {args.out}")
+
+
+def _under_model(args: argparse.Namespace, effects: "dict[str, Effect]") -> dict[str, Any]:
+    """What compare() is told of a model: its effects and survey in this scene, and engines in which they act."""
+    from activestereo.engines import CaptureRenderer
+    from activestereo.lab.model_file import material_names_of, scene_of
+    from activestereo.sensor_model import read_model
+
+    model, names = read_model(args.model, effects), material_names_of(scene_of(args.capture))
+    return {
+        "model": model.bound(names),
+        "survey": model.survey(names),
+        "engines": lambda capture: CaptureRenderer(capture, args.device, args.spp, args.max_bounces, args.seed),
+    }

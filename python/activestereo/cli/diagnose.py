@@ -74,12 +74,12 @@ def run(args):
     from activestereo.lab.diagnose import diagnose
     from activestereo.lab.diagnose.report import diagnosis_text, write_diagnosis
     from activestereo.lab.kuafu_renderer import KuafuRenderer
-    from activestereo.lab.model_file import library, read_model
+    from activestereo.lab.model_file import library, read_model, scene_of
     from activestereo.progress_bar import ProgressBar
 
     make_folder(args.out)
     effects = library(*args.effects)
-    model = read_model(args.model, effects)
+    model = read_model(args.model, effects, scene_of(args.capture))
     engine = lambda capture: CaptureRenderer(capture, args.device, args.spp, args.max_bounces, args.seed).lights  # noqa: E731
     with ProgressBar(f"diagnosing {args.capture.name}") as bar:
         diagnosis = diagnose(

@@ -40,6 +40,10 @@ class ExpectedImager:
         given = self._engine.compute(left, right, ("ir_left", "ir_right"), left_laser=left_laser, right_laser=right_laser)
         return tuple(given[name].astype(np.float32) / np.float32(self._scale) for name in ("ir_left", "ir_right"))
 
+    def one(self, image: NDArray, signal: dict[str, float]) -> NDArray[np.float32]:
+        """counts() of one imager on average."""
+        return self.counts([(image, None)] * 2, [signal] * 2)[0]
+
     def _fine(self, signal: dict[str, float], noisy: bool) -> dict[str, float]:
         scaled = {name: signal[name] * self._scale for name in _IN_COUNTS}
         return signal | ({} if noisy else dict.fromkeys(_NOISE, 0.0)) | scaled | {"bit_depth": 16}

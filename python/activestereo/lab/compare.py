@@ -12,7 +12,9 @@ from activestereo.capture import EYES, SPLITS, read_capture
 from activestereo.effects.core.descriptor import Stage
 from activestereo.effects.core.model import Model
 from activestereo.effects.core.view import View
+from activestereo.engines import Survey
 from activestereo.lab.depth_compare import depth_scores, model_depths
+from activestereo.lab.engine_prediction import predict_in_engines
 from activestereo.lab.fit_model import fit_under_model
 from activestereo.lab.noise import frame_floors, transfer_points
 from activestereo.lab.render import WARP_SCALE, render_frames
@@ -37,13 +39,15 @@ class Comparison:
 
 
 def compare(
-    capture_path, model=None, renderer=None, samples_per_pixel=64, max_bounces=8, seed=0, cache=None, progress=None, is_fine=False
+    capture_path, model=None, renderer=None, samples_per_pixel=64, max_bounces=8, seed=0, cache=None, progress=None, is_fine=False,
+    engines=None, survey=None,
 ):  # fmt: skip
     """A Comparison of the capture folder. CaptureError where the capture cannot be used.
 
     model: effects on top of the base renderer, a Model; expected images are compared, so random effects show in the noise floor
     alone. renderer: see lab.render; None for kuafu on the best device. progress: called as progress(fraction done). is_fine: renders images finer
-    than the pixels even where the model does not warp them, for effects that are added to the Comparison's layers later.
+    than the pixels even where the model does not warp them, for effects that are added to the Comparison's layers later. engines: makes a CaptureRenderer of the capture, in which the model's effects act;
+    None: their image functions do. survey: an engines.Survey, what is known of focal lengths and albedos.
     """
     capture = read_capture(capture_path)
     measured = {(frame.id, eye): capture.ir(frame, eye) for frame in capture.frames for eye in EYES}
@@ -56,7 +60,10 @@ def compare(
     moves = is_fine or any(effect.stage is Stage.CAMERA for effect, _ in model.effects)
     layers = render_frames(capture, renderer, samples_per_pixel, max_bounces, seed, cache, share, WARP_SCALE if moves else 1)
     views = {key: View.of(capture, frame, key[1], layers[frame.id][key[1]], seed) for frame in capture.frames for key in _keys(frame)}
-    fit, predictions = predict_under_model(capture, model, layers, views, measured)
+    if engines is None:
+        fit, predictions = predict_under_model(capture, model, layers, views, measured)
+    else:
+        fit, predictions = predict_in_engines(capture, model, survey or Survey(), engines(capture), layers, views, measured)
     floors, law = frame_floors(capture, fit.nuisances.black_dn)
     depths = model_depths(capture, measured, predictions, views, law, model, seed)
     images = {key: _image_scores(measured[key], predictions[key], floors.get(key)) for key in measured}

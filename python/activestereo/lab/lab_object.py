@@ -5,7 +5,7 @@ import os
 from activestereo.lab.compare import compare
 from activestereo.lab.diagnose import diagnose
 from activestereo.lab.diagnose.report import write_diagnosis
-from activestereo.lab.model_file import find, library, read_model, write_model
+from activestereo.lab.model_file import find, library, read_model, scene_of, write_model
 
 
 class Lab:
@@ -17,7 +17,7 @@ class Lab:
     def __init__(self, capture, model=None, effects=(), **settings):
         self.capture = capture
         self.effects = library(*effects)
-        self.model = model if hasattr(model, "with_effect") else read_model(model, self.effects)
+        self.model = model if hasattr(model, "with_effect") else read_model(model, self.effects, scene_of(capture))
         self.comparison = self.diagnosis = None
         self._settings = settings
 
@@ -51,5 +51,5 @@ class Lab:
         if self.diagnosis is not None:
             write_diagnosis(self.diagnosis, folder)
         paths = write_report(self.comparison, folder)
-        write_model(paths[0].parent / "model.json", self.model)
+        write_model(paths[0].parent / "model.json", self.model, scene_path=scene_of(self.capture))
         return paths

@@ -34,15 +34,27 @@ def read_model(path: str | Path | None, effects: dict[str, Effect], scene_path: 
     """The effects of a model file, or none for None. scene_path: the scene whose materials the file may name. ValueError says what is wrong."""
     if path is None:
         return Model()
-    names = [] if scene_path is None else material_names_of(scene_path)
+    names = material_names_of(scene_path)
     try:
         return read_sensor_model(path, effects).bound(names)
     except ValueError as error:
         raise ValueError(str(error) if str(path) in str(error) else f"{path}: {error}") from error
 
 
-def material_names_of(scene_path: str | Path) -> list[str]:
+def scene_of(capture_path: str | Path) -> Path | None:
+    """The scene file of a capture folder; None where its capture.json does not tell, which read_capture explains."""
+    folder = Path(capture_path)
+    file = folder if folder.name == "capture.json" else folder / "capture.json"
+    try:
+        return file.parent / json.loads(file.read_text(encoding="utf-8"))["scene"]
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+
+
+def material_names_of(scene_path: str | Path | None) -> list[str]:
     """Names of a glTF file's materials, in whose order kuafu numbers them; of a binary file none."""
+    if scene_path is None:
+        return []
     try:
         materials = json.loads(Path(scene_path).read_text(encoding="utf-8")).get("materials", [])
     except (OSError, ValueError):
@@ -58,7 +70,7 @@ def model_json(model: Model, nuisances: Any = None) -> dict[str, Any]:
 
 def write_model(path: str | Path, model: Model, nuisances: Any = None, scene_path: str | Path | None = None) -> None:
     """Writes a model file of the effects and nuisances alone."""
-    names = [] if scene_path is None else material_names_of(scene_path)
+    names = material_names_of(scene_path)
     told = {n: Quantity(float(v), unit=NUISANCES[n][0]) for n, v in (vars(nuisances) if nuisances else {}).items()}
     out = SensorModel(nuisances=told)
     for effect, values in model.effects:

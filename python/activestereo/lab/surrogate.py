@@ -33,7 +33,7 @@ from activestereo.pose import look_at
 
 _SIZE, _FOCAL_PX = (212, 120), 106.0
 _SAMPLES, _BOUNCES = 128, 4
-_NUISANCES = Nuisances(projector_scale=16000.0, ambient_scale=900.0, black_dn=5.0)
+_NUISANCES = Nuisances(projector_scale=120000.0, ambient_scale=9000.0, black_dn=5.0)
 _POSES = (((-0.02, 0.46, 0.72), (0.0, 0.035, -0.02)), ((0.22, 0.38, 0.62), (-0.03, 0.05, -0.05)))
 
 
@@ -49,7 +49,7 @@ class Trial:
     @classmethod
     def make(cls, folder: Path, device: str | int = "auto") -> Trial:
         """Writes the world into a folder and renders it."""
-        capture = _capture(folder)
+        capture = trial_capture(folder)
         engine = CaptureRenderer(capture, device, _SAMPLES, _BOUNCES)
         layers = render_frames(capture, KuafuRenderer(engine.device), _SAMPLES, _BOUNCES, cache=LayerCache(folder / "cache"), scale=WARP_SCALE)
         views = {(f.id, eye): View.of(capture, f, eye, layers[f.id][eye]) for f in capture.frames for eye in EYES}
@@ -97,13 +97,14 @@ def _change(images: dict[Key, NDArray], base: dict[Key, NDArray]) -> NDArray[np.
     return np.stack([images[key].astype(np.float64) - base[key] for key in base])
 
 
-def _capture(folder: Path) -> Capture:
+def trial_capture(folder: Path, scale: float = 1.0) -> Capture:
+    """The small world's capture, without images: its scene and pattern are written into a folder. scale: of the images."""
     scene, pattern = folder / "trial.gltf", folder / "pattern.png"
     _write_world(scene)
     design = PatternDesign(width=530, height=300, dot_pitch_px=14.4, dot_sigma_px=1.6, seed=2)
     write_gray(pattern, make_pattern(design))
-    width, height = _SIZE
-    k = np.array([[_FOCAL_PX, 0.0, (width - 1) / 2], [0.0, _FOCAL_PX, (height - 1) / 2], [0.0, 0.0, 1.0]])
+    (width, height), focal_px = (round(scale * side) for side in _SIZE), scale * _FOCAL_PX
+    k = np.array([[focal_px, 0.0, (width - 1) / 2], [0.0, focal_px, (height - 1) / 2], [0.0, 0.0, 1.0]])
     projector_k = np.array([[214.0, 0.0, 264.5], [0.0, 214.0, 149.5], [0.0, 0.0, 1.0]])
     left_to_right, left_to_projector = np.eye(4), np.eye(4)
     left_to_right[0, 3], left_to_projector[0, 3] = -0.05, -0.029

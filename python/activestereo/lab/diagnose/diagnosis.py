@@ -27,6 +27,7 @@ from activestereo.lab.diagnose.rank import Bench, rank, rank_depth, settled_firs
 from activestereo.lab.diagnose.refine import Fitters
 from activestereo.lab.diagnose.refine.by_rendering import Rendering
 from activestereo.lab.diagnose.report.figures import held_out_figures
+from activestereo.lab.diagnose.report.found_model import found_model
 from activestereo.lab.diagnose.report.judging import judging_json
 from activestereo.lab.diagnose.report.ranking_json import depth_json, not_ranked_json, ranking_json
 from activestereo.lab.diagnose.report.residual_law import residual_law
@@ -37,6 +38,7 @@ from activestereo.lab.diagnose.verdict.verdict import EFFECT, UNDETERMINED, UNKN
 from activestereo.lab.model_file import library, model_json
 from activestereo.lab.render import WARP_SCALE, Renderer, render_frames
 from activestereo.lab.where_channels import material_names
+from activestereo.sensor_model import SensorModel
 
 _RENDER_SHARE = 0.4
 
@@ -45,12 +47,14 @@ _RENDER_SHARE = 0.4
 class Diagnosis:
     """result: what diagnose.json holds.
 
-    model: the given model with what was added. stub: Python text of an effect, or None.
+    model: the given model with what was added. stub: Python text of an effect, or None. sensor_model: what
+    model.json holds; None where the capture's images could not be judged.
     """
 
     result: dict[str, object]
     model: Model
     stub: str | None = None
+    sensor_model: SensorModel | None = None
 
 
 def diagnose(
@@ -169,7 +173,9 @@ def examine(
         "model": model_json(found, last.base.solution.nuisances),
     }
     found = _with_own_functions(found, candidates)
-    return Diagnosis(result, found, law and law.stub())
+    solution = next((f.solution for f in beside if f.solution is not None), last.base.solution)
+    complete = found_model(evidence, found, solution, [*first.findings, *beside])
+    return Diagnosis(result, found, law and law.stub(), complete)
 
 
 def _with_own_functions(model: Model, candidates: Sequence[Effect]) -> Model:

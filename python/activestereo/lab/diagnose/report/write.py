@@ -4,7 +4,9 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from activestereo.lab.model_file import write_model as write_effects
 from activestereo.output_files import replace_file
+from activestereo.sensor_model import write_model
 
 if TYPE_CHECKING:
     from activestereo.lab.diagnose.diagnosis import Diagnosis
@@ -17,9 +19,15 @@ def write_diagnosis(diagnosis: "Diagnosis", folder: str | Path) -> list[Path]:
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     as_text = lambda value: json.dumps(value, indent=1) + "\n"  # noqa: E731
-    texts = {"diagnose.json": as_text(diagnosis.result), "model.json": as_text(diagnosis.result["model"])}
+    texts = {"diagnose.json": as_text(diagnosis.result)}
     if diagnosis.stub:
         texts["effect_stub.py"] = diagnosis.stub
     for name, text in texts.items():
         replace_file(folder / name, lambda file, text=text: file.write(text.encode()))
-    return [folder / name for name in texts]
+    complete = diagnosis.sensor_model
+    paths = [folder / "model.json"]
+    if complete is None:
+        write_effects(paths[0], diagnosis.model)
+    else:
+        paths = write_model(paths[0], complete)
+    return [*(folder / name for name in texts), *paths]

@@ -1,0 +1,49 @@
+"""The complete sensor model that a diagnosis ends with."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from activestereo.effects import Model
+from activestereo.lab.diagnose.evidence import Evidence
+from activestereo.lab.diagnose.findings import Finding
+from activestereo.lab.diagnose.refine.light import SCALES
+from activestereo.lab.diagnose.refine.parameter_space import Solution
+from activestereo.lab.model_file import material_names_of
+from activestereo.sensor_model import SensorModel, diagnosed_model
+
+_NAMES = ("projector_scale", "ambient_scale", "black_dn", "focal_left", "focal_right")
+
+
+def found_model(evidence: Evidence, model: Model, solution: Solution, findings: Sequence[Finding]) -> SensorModel:
+    """The capture's calibration and pattern with the effects of `model`, the nuisances and albedos of a fit under
+    them, and the noise law where repeats told it. findings: give the effects' intervals.
+    """
+    names = material_names_of(evidence.capture.scene_path)
+    albedo = {
+        names[number]: 1.0 + float(solution.albedo[index])
+        for index, number in _albedo_materials(evidence).items()
+        if number < len(names)
+    }
+    intervals = {
+        (f.id, name): (told.low, told.high) for f in findings for name, told in f.explanation.parameters.items()
+    }
+    return diagnosed_model(
+        evidence.capture,
+        model,
+        nuisances=dict(zip(_NAMES, map(float, solution.phi[: SCALES + 2]), strict=True)),
+        noise_law=evidence.law if evidence.has_floor else None,
+        albedo=albedo,
+        intervals=intervals,
+        material_names=names,
+    )
+
+
+def _albedo_materials(evidence: Evidence) -> dict[int, int]:
+    """{index of an albedo nuisance: the material's number in the scene file}."""
+    found: dict[int, int] = {}
+    for o in evidence.train:
+        for index in np.unique(o.material[o.material >= 0]):
+            if int(index) not in found:
+                found[int(index)] = int(np.asarray(o.layers.material)[o.material == index][0])
+    return found
