@@ -15,10 +15,13 @@ if TYPE_CHECKING:
 
 
 def registered(
-    depth_m: NDArray[np.float32], k: NDArray[np.float64], left_to_rectified: NDArray[np.float64], config: StereoDepthSensorConfig
+    depth_m: NDArray[np.float32],
+    k: NDArray[np.float64],
+    left_to_rectified: NDArray[np.float64],
+    config: StereoDepthSensorConfig,
 ) -> NDArray[np.float32]:
-    """float32 [height][width] of the RGB camera, metres, 0 = none: nearest pixels, the nearest surface wins. depth_m, k: of the rectified left
-    image. config.depth_dilation: each point covers the pixels up and left of it, too."""
+    """float32 [height][width] of the RGB camera, metres, 0 = none: nearest pixels, the nearest surface wins. depth_m,
+    k: of the rectified left image. config.depth_dilation: each point covers the pixels up and left of it, too."""
     v, u = np.nonzero(depth_m)
     z = depth_m[v, u].astype(np.float64)
     points = np.stack([(u - k[0, 2]) / k[0, 0] * z, (v - k[1, 2]) / k[1, 1] * z, z])

@@ -8,11 +8,11 @@ import numpy as np
 
 import kuafu
 import simsense
-from activestereo.ir_link import IrLink
 from activestereo.capture import Frame
 from activestereo.effects.core.engine import EngineInputs, apply_engine
 from activestereo.effects.core.model import Model
 from activestereo.engines.survey import Survey
+from activestereo.ir_link import IrLink
 from activestereo.lens import undistort
 from activestereo.matching import engine_parameters
 from activestereo.pose import Pose, as_matrix, camera_to_camera, camera_to_world

@@ -1,4 +1,5 @@
-"""A model's effects that no engine field expresses, on the images of a simulated sensor: each acts at its own stage, at the cost of copies.
+"""A model's effects that no engine field expresses, on the images of a simulated sensor: each acts at its own stage, at
+the cost of copies.
 
 What acts on light comes after the film's optics, what acts on charge before the imager, what acts on counts after it.
 """
@@ -6,7 +7,8 @@ What acts on light comes after the film's optics, what acts on charge before the
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from dataclasses import replace
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +22,19 @@ from activestereo.effects.core.model import Model
 from activestereo.effects.core.view import View
 from activestereo.registration import registered
 
-if TYPE_CHECKING:
-    from activestereo.sensor import StereoDepthSensor
+
+class Sensor(Protocol):
+    """What is asked of a StereoDepthSensor."""
+
+    engine_inputs: EngineInputs
+    projector_to_world: NDArray[np.float64]
+    frame_index: int
+
+    def get_config(self) -> Any: ...
+
+    def get_picture(self, name: str, camera: str) -> NDArray[Any]: ...
+
+    def make_engine(self) -> simsense.Engine: ...
 
 
 class ModelCostWarning(UserWarning):
@@ -29,9 +42,10 @@ class ModelCostWarning(UserWarning):
 
 
 class ImageEffects:
-    """The effects, pairs (Effect, {parameter: value}), of one sensor. False where there are none: then nothing is touched."""
+    """The effects, pairs (Effect, {parameter: value}), of one sensor. False where there are none: then nothing is
+    touched."""
 
-    def __init__(self, sensor: StereoDepthSensor, effects: Sequence[tuple[Effect, dict[str, float]]]) -> None:
+    def __init__(self, sensor: Sensor, effects: Sequence[tuple[Effect, dict[str, float]]]) -> None:
         self._sensor = sensor
         self._effects = tuple(effects)
         self._matcher: simsense.Engine | None = None
@@ -58,10 +72,17 @@ class ImageEffects:
                 images[i] = power * light.projector + ambient * light.ambient
             if charge.effects:
                 signal = part.signal
-                dn = signal["responsivity_e"] * signal["exposure_s"] * signal["conversion_gain_dn_per_e"] * signal["gain"]
+                dn = (
+                    signal["responsivity_e"]
+                    * signal["exposure_s"]
+                    * signal["conversion_gain_dn_per_e"]
+                    * signal["gain"]
+                )
                 images[i] = charge.digital(images[i] * dn, view, 0.0, random=True) / dn if dn > 0 else images[i]
 
-    def depth(self, engine: simsense.Engine, pair: tuple[Any, Any], outputs: tuple[str, ...], **lasers: Any) -> dict[str, NDArray]:
+    def depth(
+        self, engine: simsense.Engine, pair: tuple[Any, Any], outputs: tuple[str, ...], **lasers: Any
+    ) -> dict[str, NDArray]:
         """engine.compute() with what acts on counts, disparity and depth."""
         counts, matched = self._of(Stage.READOUT, Stage.DIGITAL), self._of(Stage.DISPARITY, Stage.DEPTH)
         wanted = (*outputs, "depth") if matched.effects else outputs
@@ -69,9 +90,9 @@ class ImageEffects:
             result = dict(engine.compute(*pair, wanted, **lasers))
         else:
             seen = engine.compute(*pair, ("ir_left", "ir_right"), **lasers)
-            changed = self._counts(counts, [seen["ir_left"], seen["ir_right"]])
+            left, right = self._counts(counts, [seen["ir_left"], seen["ir_right"]])
             rest = tuple(name for name in wanted if not name.startswith("ir_"))
-            result = dict(self._own_matcher().compute(*changed, rest)) | dict(zip(("ir_left", "ir_right"), changed, strict=True))
+            result = dict(self._own_matcher().compute(left, right, rest)) | {"ir_left": left, "ir_right": right}
         return self._matched(matched, engine, result) if matched.effects else result
 
     # ---- inside ----
@@ -101,7 +122,10 @@ class ImageEffects:
         view = self._view("left", self._sensor.engine_inputs)
         depth = model.depth(result["depth"], view).astype(np.float32)
         disparity = np.where(depth > 0, k[0, 0] * baseline_m / np.where(depth > 0, depth, 1.0), -1.0).astype(np.float32)
-        return result | {"disparity": disparity, "depth_rgb": registered(depth, k, left_to_rectified, self._sensor.get_config())}
+        return result | {
+            "disparity": disparity,
+            "depth_rgb": registered(depth, k, left_to_rectified, self._sensor.get_config()),
+        }
 
     def _view(self, eye: str, inputs: EngineInputs) -> View:
         config, picture = self._sensor.get_config(), self._sensor.get_picture
@@ -116,7 +140,9 @@ class ImageEffects:
             normal=picture("normal", eye).astype(np.float64) @ own[:3, :3],
             pattern=np.zeros((1, 1), np.float32) if inputs.pattern is None else inputs.pattern,
             projector_K=np.eye(3) if projector is None else projector.k,
-            camera_to_projector=np.eye(4) if projector is None else np.linalg.inv(self._sensor.projector_to_world) @ own,
+            camera_to_projector=np.eye(4)
+            if projector is None
+            else np.linalg.inv(self._sensor.projector_to_world) @ own,
             left_to_camera=np.linalg.inv(own) @ left,
             frame=self._frame(inputs.frame),
             max_dn=inputs.max_dn,
@@ -128,14 +154,20 @@ class ImageEffects:
         )
 
     def _frame(self, frame: Frame) -> Frame:
-        return Frame(**vars(frame) | {"id": self._sensor.frame_index})
+        return replace(frame, id=self._sensor.frame_index)
 
     def _light(self, eye: str, power: float, ambient: float) -> Light:
-        """Radiance under the projector at 1 W/sr and ambient radiance 1; flat as kuafu documents its projector outputs."""
+        """Radiance under the projector at 1 W/sr and ambient radiance 1; flat as kuafu documents its projector
+        outputs."""
         picture = lambda name: self._sensor.get_picture(name, eye)[..., 0].astype(np.float64)  # noqa: E731
         projector = max(power, 1e-30)
         if power == 0.0:
             dark = np.zeros_like(picture("ambient"))
             return Light(dark, dark, picture("ambient") / ambient, dark)
         flat = picture("albedo") / np.pi * picture("projector_visibility") * picture("projector_geometry")
-        return Light(picture("projector_direct") / projector, picture("projector_indirect") / projector, picture("ambient") / ambient, flat)
+        return Light(
+            picture("projector_direct") / projector,
+            picture("projector_indirect") / projector,
+            picture("ambient") / ambient,
+            flat,
+        )

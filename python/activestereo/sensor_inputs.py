@@ -1,4 +1,5 @@
-"""EngineInputs of a simulated sensor: what its configuration tells the engines for one exposure, before a model's effects."""
+"""EngineInputs of a simulated sensor: what its configuration tells the engines for one exposure, before a model's
+effects."""
 
 from __future__ import annotations
 
@@ -21,11 +22,16 @@ _MARGIN_M = 0.05
 
 
 def sensor_inputs(
-    config: StereoDepthSensorConfig, scene: kuafu.Scene, pose: Pose, twist: NDArray[np.float64], frame: Frame, pattern: NDArray[np.float32] | None,
+    config: StereoDepthSensorConfig,
+    scene: kuafu.Scene,
+    pose: Pose,
+    twist: NDArray[np.float64],
+    frame: Frame,
+    pattern: NDArray[np.float32] | None,
     ambient_radiance: float,
-) -> EngineInputs:  # fmt: skip
-    """config at `pose`, the RGB camera's in the scene (body axes); twist: of the left camera in its own axes, m/s and rad/s. pattern: None where the
-    sensor has no projector or throws dots."""
+) -> EngineInputs:
+    """config at `pose`, the RGB camera's in the scene (body axes); twist: of the left camera in its own axes, m/s and
+    rad/s. pattern: None where the sensor has no projector or throws dots."""
     signal = signal_parameters(config)
     if frame.temperature_c is not None:
         signal["temperature_c"] = frame.temperature_c
@@ -58,14 +64,25 @@ def shutter(line_time_s: float, readout: str) -> dict[str, float | str]:
 
 
 def _eye(
-    config: StereoDepthSensorConfig, pose: Pose, twist: NDArray[np.float64], place: Pose, signal: dict[str, float], is_right: bool
+    config: StereoDepthSensorConfig,
+    pose: Pose,
+    twist: NDArray[np.float64],
+    place: Pose,
+    signal: dict[str, float],
+    is_right: bool,
 ) -> EngineEye:
     linear, angular = twist_of(config, twist, place)
     k, distortion = config.ir_eye(is_right)
     camera = kuafu.Camera(
-        *config.ir_resolution, k, camera_to_world(pose * place), linear_velocity=linear, angular_velocity=angular,
-        distortion=distortion, exposure_s=config.ir_camera_exposure, **shutter(config.ir_line_time_s, config.ir_readout),
-    )  # fmt: skip
+        *config.ir_resolution,
+        k,
+        camera_to_world(pose * place),
+        linear_velocity=linear,
+        angular_velocity=angular,
+        distortion=distortion,
+        exposure_s=config.ir_camera_exposure,
+        **shutter(config.ir_line_time_s, config.ir_readout),
+    )
     film = config.ir_film
     return EngineEye(camera, kuafu.Film() if film is None else kuafu.Film(**film), signal, is_right)
 
@@ -83,9 +100,15 @@ def _projector(
         fields = {"k": config.pattern_k(pattern.shape[1], pattern.shape[0])}
     linear, angular = twist_of(config, twist, config.pose_rgb_irproj)
     return kuafu.Light(
-        kind="projector", name="projector", ir_intensity=config.projector_intensity, pattern_scale=config.light_pattern_scale,
-        light_to_world=camera_to_world(pose * config.pose_rgb_irproj), linear_velocity=linear, angular_velocity=angular, **fields,
-    )  # fmt: skip
+        kind="projector",
+        name="projector",
+        ir_intensity=config.projector_intensity,
+        pattern_scale=config.light_pattern_scale,
+        light_to_world=camera_to_world(pose * config.pose_rgb_irproj),
+        linear_velocity=linear,
+        angular_velocity=angular,
+        **fields,
+    )
 
 
 def _bounds(summary: kuafu.SceneSummary, place: NDArray[np.float64]) -> tuple[tuple[float, ...], tuple[float, ...]]:

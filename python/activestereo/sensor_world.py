@@ -1,4 +1,5 @@
-"""What a sensor puts into its scene: the projector, a model's lights, materials and medium; all of it is taken out again."""
+"""What a sensor puts into its scene: the projector, a model's lights, materials and medium; all of it is taken out
+again."""
 
 from __future__ import annotations
 
@@ -35,7 +36,8 @@ class SensorWorld:
         return copy_record(self._materials[number])
 
     def enter(self, inputs: EngineInputs) -> None:
-        """Puts the inputs' world into the scene, in place of what this sensor had there. Lights on the rig wait for place()."""
+        """Puts the inputs' world into the scene, in place of what this sensor had there. Lights on the rig wait for
+        place()."""
         self.leave()
         self._materials = {number: self._scene.get_material(number) for number in inputs.materials}
         enter_world(self._scene, inputs)
@@ -72,13 +74,15 @@ class SensorWorld:
         """Gives a projector of an image its texture: the sensor's own one, or what effects made of it."""
         if light.kind != "projector" or self._pattern is None or len(light.dots):
             return
-        if np.array_equal(inputs.pattern, pattern_of(self._pattern)):
+        if inputs.pattern is None or np.array_equal(inputs.pattern, pattern_of(self._pattern)):
             if self._texture is None:
                 self._texture = self._scene.add_texture(self._pattern, name="projector pattern")
             light.texture = self._texture
         else:
             if self._changed_texture is None:
-                self._changed_texture = self._scene.add_texture(np.ascontiguousarray(inputs.pattern, np.float32), name="changed projector pattern")
+                self._changed_texture = self._scene.add_texture(
+                    np.ascontiguousarray(inputs.pattern, np.float32), name="changed projector pattern"
+                )
             light.texture = self._changed_texture
 
 

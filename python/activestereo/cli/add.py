@@ -24,11 +24,21 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
     )
     parser.add_argument("effect", metavar="EFFECT", help="an id of 'activestereo effect list' or of your own file")
     parser.add_argument("--model", type=Path, metavar="FILE", help="model.json to start from (default: no effects)")
-    parser.add_argument("--from", dest="diagnosis", type=Path, metavar="FILE", help="a diagnose.json that has the parameters")
+    parser.add_argument(
+        "--from", dest="diagnosis", type=Path, metavar="FILE", help="a diagnose.json that has the parameters"
+    )
     parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="a parameter's value")
-    parser.add_argument("--on", action="append", default=[], metavar="MATERIAL", help="a surface that shows it, by its material's name (default: all)")
+    parser.add_argument(
+        "--on",
+        action="append",
+        default=[],
+        metavar="MATERIAL",
+        help="a surface that shows it, by its material's name (default: all)",
+    )
     parser.add_argument("--effects", type=Path, action="append", default=[], metavar="FILE", help="your own effects")
-    parser.add_argument("-o", "--output", required=True, type=Path, metavar="FILE", help="the model to write; may be the same file")
+    parser.add_argument(
+        "-o", "--output", required=True, type=Path, metavar="FILE", help="the model to write; may be the same file"
+    )
     parser.set_defaults(run=run)
 
 
@@ -52,9 +62,16 @@ def run(args: argparse.Namespace) -> None:
         except (TypeError, AttributeError, KeyError) as error:
             raise CommandError(f"{args.diagnosis}: not a diagnose.json of this program: {error}") from error
     units = {p.name: p.unit for p in effect.parameters}
-    given |= {name: Quantity(value, unit=units.get(name, ""), source="set by hand") for name, value in map(_assignment, args.set)}
+    given |= {
+        name: Quantity(value, unit=units.get(name, ""), source="set by hand")
+        for name, value in map(_assignment, args.set)
+    }
     if not given:
-        given = {n: Quantity(v, unit=units[n], source="typical") for n, v in effect.typical_values.items() if n != SURFACES.name}
+        given = {
+            n: Quantity(v, unit=units[n], source="typical")
+            for n, v in effect.typical_values.items()
+            if n != SURFACES.name
+        }
     model = model.with_effect(effect, given, tuple(args.on) or surfaces)
     write_model(args.output, model)
     added = model.effects[-1]

@@ -18,12 +18,24 @@ examples:
 
 def add_parser(commands: argparse._SubParsersAction) -> None:
     raw = argparse.RawDescriptionHelpFormatter
-    parser = commands.add_parser("model", help="show a sensor model in words, tell two apart", description=_TEXT, formatter_class=raw)
+    parser = commands.add_parser(
+        "model", help="show a sensor model in words, tell two apart", description=_TEXT, formatter_class=raw
+    )
     actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
-    for name, files, run, text in (("show", "+", run_show, "what models say"), ("diff", 2, run_diff, "what two models say differently")):
+    for name, files, run, text in (
+        ("show", "+", run_show, "what models say"),
+        ("diff", 2, run_diff, "what two models say differently"),
+    ):
         action = actions.add_parser(name, help=text, formatter_class=raw)
         action.add_argument("files", nargs=files, type=Path, metavar="FILE", help="model.json")
-        action.add_argument("--effects", type=Path, action="append", default=[], metavar="FILE", help="your own effects, where a model has some")
+        action.add_argument(
+            "--effects",
+            type=Path,
+            action="append",
+            default=[],
+            metavar="FILE",
+            help="your own effects, where a model has some",
+        )
         action.set_defaults(run=run)
 
 
@@ -34,7 +46,9 @@ def run_show(args: argparse.Namespace) -> None:
 
     effects = library(*args.effects)
     texts = [show(read_model(file, effects)) for file in args.files]
-    print("\n\n".join(f"{file}: {text}" if len(texts) > 1 else text for file, text in zip(args.files, texts, strict=True)))
+    print(
+        "\n\n".join(f"{file}: {text}" if len(texts) > 1 else text for file, text in zip(args.files, texts, strict=True))
+    )
 
 
 def run_diff(args: argparse.Namespace) -> None:

@@ -1,7 +1,7 @@
 """The engines under a model: what effects make of kuafu's and simsense's inputs, and images that the engines then give.
 
-    renderer = CaptureRenderer(read_capture("captures/table"))
-    images = renderer.expected(model, nuisances)          # {(frame id, eye): DN}
+renderer = CaptureRenderer(read_capture("captures/table"))
+images = renderer.expected(model, nuisances)          # {(frame id, eye): DN}
 """
 
 from activestereo.engines.capture_renderer import CaptureRenderer, EyeLight

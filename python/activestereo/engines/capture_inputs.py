@@ -15,9 +15,11 @@ from activestereo.pose import carried_twist
 _MARGIN_M = 0.05
 
 
-def capture_inputs(capture: Capture, frame: Frame, scene: kuafu.Scene, pattern: NDArray[np.float32], seed: int = 0) -> EngineInputs:
-    """Projector at 1 W/sr under ambient radiance 1; counts per second and gain are left to the nuisances. A moving frame stands still until an
-    effect opens its shutter."""
+def capture_inputs(
+    capture: Capture, frame: Frame, scene: kuafu.Scene, pattern: NDArray[np.float32], seed: int = 0
+) -> EngineInputs:
+    """Projector at 1 W/sr under ambient radiance 1; counts per second and gain are left to the nuisances. A moving
+    frame stands still until an effect opens its shutter."""
     rig = capture.rig
     summary = scene.summary
     return EngineInputs(
@@ -38,7 +40,12 @@ def capture_inputs(capture: Capture, frame: Frame, scene: kuafu.Scene, pattern: 
 def frame_signal(frame: Frame) -> dict[str, float]:
     """A noiseless imager under a frame's settings, in counts: input is counts per second at gain 1."""
     temperature = REFERENCE_TEMPERATURE_C if frame.temperature_c is None else frame.temperature_c
-    told = {"exposure_s": frame.exposure_s, "gain": frame.gain, "temperature_c": temperature, "dark_reference_c": REFERENCE_TEMPERATURE_C}
+    told = {
+        "exposure_s": frame.exposure_s,
+        "gain": frame.gain,
+        "temperature_c": temperature,
+        "dark_reference_c": REFERENCE_TEMPERATURE_C,
+    }
     return simsense.signal_preset("neutral") | told
 
 
@@ -47,13 +54,18 @@ def _eye(capture: Capture, frame: Frame, name: str, left_to_eye: NDArray[np.floa
     linear, angular = carried_twist(left_to_eye, frame.camera_velocity).reshape(2, 3)
     return EngineEye(
         camera=kuafu.Camera(
-            camera.width, camera.height, camera.K, frame.camera_to_world @ np.linalg.inv(left_to_eye),
-            distortion=tuple(camera.distortion), linear_velocity=linear, angular_velocity=angular,
+            camera.width,
+            camera.height,
+            camera.K,
+            frame.camera_to_world @ np.linalg.inv(left_to_eye),
+            distortion=tuple(camera.distortion),
+            linear_velocity=linear,
+            angular_velocity=angular,
         ),
         film=kuafu.Film(),
         signal=frame_signal(frame),
         is_right=name == "right",
-    )  # fmt: skip
+    )
 
 
 def _projector(capture: Capture, frame: Frame) -> kuafu.Light:
@@ -61,7 +73,13 @@ def _projector(capture: Capture, frame: Frame) -> kuafu.Light:
     linear, angular = carried_twist(projector.left_to_projector, frame.camera_velocity).reshape(2, 3)
     pose = frame.camera_to_world @ np.linalg.inv(projector.left_to_projector)
     return kuafu.Light(
-        kind="projector", name="projector", k=projector.K, ir_intensity=1.0, light_to_world=pose, linear_velocity=linear, angular_velocity=angular
+        kind="projector",
+        name="projector",
+        k=projector.K,
+        ir_intensity=1.0,
+        light_to_world=pose,
+        linear_velocity=linear,
+        angular_velocity=angular,
     )
 
 

@@ -1,4 +1,5 @@
-"""Renders a capture's frames with the engines under a model: every effect that has engine fields acts inside of kuafu and simsense."""
+"""Renders a capture's frames with the engines under a model: every effect that has engine fields acts inside of kuafu
+and simsense."""
 
 from __future__ import annotations
 
@@ -31,8 +32,9 @@ _KEPT = 3
 
 @dataclass(frozen=True)
 class EyeLight:
-    """One eye of one frame behind its optics, float32 [height][width]: radiance under the projector at power 1 (direct, indirect) and under ambient
-    radiance 1. depth_m: z, 0 = nothing there; normal: [height][width][3], world; material: id."""
+    """One eye of one frame behind its optics, float32 [height][width]: radiance under the projector at power 1 (direct,
+    indirect) and under ambient radiance 1. depth_m: z, 0 = nothing there; normal: [height][width][3], world; material:
+    id."""
 
     direct: NDArray[np.float32]
     indirect: NDArray[np.float32]
@@ -65,14 +67,20 @@ class Nuisances(Protocol):
 class CaptureRenderer:
     """A capture's scene in kuafu. lights() and expected() leave it as they found it.
 
-    device: 'auto', 'cpu', an index or a kuafu.Device. smooth: bounced and ambient light on matt surfaces is filtered, see engines/smooth.py. Every call
-    has the same seed, and frames the same places in the batch: images of two models differ by what the models differ in, not by noise.
+    device: 'auto', 'cpu', an index or a kuafu.Device. smooth: bounced and ambient light on matt surfaces is filtered,
+    see engines/smooth.py. Every call has the same seed, and frames the same places in the batch: images of two models
+    differ by what the models differ in, not by noise.
     """
 
     def __init__(
-        self, capture: Capture, device: str | int | kuafu.Device = "auto", samples_per_pixel: int = 64, max_bounces: int = 8, seed: int = 0,
+        self,
+        capture: Capture,
+        device: str | int | kuafu.Device = "auto",
+        samples_per_pixel: int = 64,
+        max_bounces: int = 8,
+        seed: int = 0,
         smooth: bool = True,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.capture = capture
         self.samples_per_pixel, self.max_bounces, self.seed = samples_per_pixel, max_bounces, seed
         self._device = device if isinstance(device, kuafu.Device) else kuafu.Device(device)
@@ -91,8 +99,8 @@ class CaptureRenderer:
         return self._device
 
     def inputs(self, frame: Frame, model: Model, survey: Survey | None = None, random: bool = False) -> EngineInputs:
-        """What the engines are told for a frame: calibration and settings, the survey's corrections, then the model's effects. random=False: those
-        that draw numbers are left out, for they have no part in an expected image."""
+        """What the engines are told for a frame: calibration and settings, the survey's corrections, then the model's
+        effects. random=False: those that draw numbers are left out, for they have no part in an expected image."""
         inputs = capture_inputs(self.capture, frame, self._scene, self._pattern, self.seed)
         if survey is not None:
             survey.apply(inputs)
@@ -100,11 +108,15 @@ class CaptureRenderer:
         return inputs
 
     def lights(
-        self, model: Model, frames: Iterable[Frame] | None = None, survey: Survey | None = None, random: bool = False,
+        self,
+        model: Model,
+        frames: Iterable[Frame] | None = None,
+        survey: Survey | None = None,
+        random: bool = False,
         progress: Callable[[float], object] | None = None,
-    ) -> dict[Key, EyeLight]:  # fmt: skip
-        """{(frame id, eye): EyeLight} of the frames, all by default. Frames that differ in exposure, power or gain alone share their images;
-        all poses of one world are one render."""
+    ) -> dict[Key, EyeLight]:
+        """{(frame id, eye): EyeLight} of the frames, all by default. Frames that differ in exposure, power or gain
+        alone share their images; all poses of one world are one render."""
         jobs: dict[tuple, _Job] = {}
         for frame in self.capture.frames if frames is None else frames:
             inputs = self.inputs(frame, model, survey, random)
@@ -116,14 +128,24 @@ class CaptureRenderer:
         for done, group in enumerate(worlds.values()):
             share = progress and (lambda f, done=done: progress((done + f) / len(worlds)))
             for job, eyes in zip(group, self._images(group, share), strict=True):
-                out |= {(frame.id, eye): _eye_light(view, own) for frame, own in job.frames for eye, view in zip(EYES, eyes, strict=True)}
+                out |= {
+                    (frame.id, eye): _eye_light(view, own)
+                    for frame, own in job.frames
+                    for eye, view in zip(EYES, eyes, strict=True)
+                }
         return out
 
     def expected(
-        self, model: Model, nuisances: Nuisances, frames: Iterable[Frame] | None = None, survey: Survey | None = None, random: bool = False,
+        self,
+        model: Model,
+        nuisances: Nuisances,
+        frames: Iterable[Frame] | None = None,
+        survey: Survey | None = None,
+        random: bool = False,
         progress: Callable[[float], object] | None = None,
-    ) -> dict[Key, NDArray[np.float32]]:  # fmt: skip
-        """{(frame id, eye): expected DN [height][width]} of the frames, all by default; random: one exposure instead, not rounded."""
+    ) -> dict[Key, NDArray[np.float32]]:
+        """{(frame id, eye): expected DN [height][width]} of the frames, all by default; random: one exposure instead,
+        not rounded."""
         frames = list(self.capture.frames if frames is None else frames)
         lights = self.lights(model, frames, survey, random, progress)
         return {key: dn for frame in frames for key, dn in self.counts(frame, lights, model, nuisances, random).items()}
@@ -156,7 +178,9 @@ class CaptureRenderer:
                 self._kept.pop(next(iter(self._kept)))
         return self._kept[key]
 
-    def _render_world(self, jobs: list[_Job], progress: Callable[[float], object] | None) -> list[list[dict[str, NDArray]]]:
+    def _render_world(
+        self, jobs: list[_Job], progress: Callable[[float], object] | None
+    ) -> list[list[dict[str, NDArray]]]:
         images = self._render(jobs, _LIGHT + _GEOMETRY, own=True, progress=progress)
         if any(light.kind == "projector" for job in jobs for light in job.inputs.added_lights):
             # Projectors' light has one pair of outputs; that of further units belongs to the room's.
@@ -166,14 +190,17 @@ class CaptureRenderer:
         for i, job in enumerate(jobs):
             views = [{name: image[2 * i + j] for name, image in images.items()} for j in range(len(EYES))]
             if self._smooth:
-                views = [smooth_view(view, eye.camera, self._scene) for view, eye in zip(views, job.inputs.eyes, strict=True)]
+                views = [
+                    smooth_view(view, eye.camera, self._scene) for view, eye in zip(views, job.inputs.eyes, strict=True)
+                ]
             out.append(views)
         return out
 
     def _render(
         self, jobs: list[_Job], outputs: tuple[str, ...], own: bool, progress: Callable[[float], object] | None
-    ) -> dict[str, NDArray]:  # fmt: skip
-        """One render of all jobs, an environment each: own: the rig's projector at 1 W/sr and lamps; else further projectors alone."""
+    ) -> dict[str, NDArray]:
+        """One render of all jobs, an environment each: own: the rig's projector at 1 W/sr and lamps; else further
+        projectors alone."""
         lights, textures = [], {}
         has_lamps = own and any(light.kind != "projector" for job in jobs for light in job.inputs.added_lights)
         group = f"light_group_{_ADDED_GROUP}"
@@ -187,10 +214,17 @@ class CaptureRenderer:
                     lights.append(self._scene.add_light(light))
             eyes = [(n, eye) for n, job in enumerate(jobs) for eye in job.inputs.eyes]
             images = self._renderer.render(
-                self._scene, [eye.camera for _, eye in eyes], (*outputs, group) if has_lamps else outputs, band="infrared",
-                environments=[n for n, _ in eyes], film=[eye.film for _, eye in eyes], spp=self.samples_per_pixel, max_bounces=self.max_bounces,
-                seed=self.seed, progress=progress,
-            )  # fmt: skip
+                self._scene,
+                [eye.camera for _, eye in eyes],
+                (*outputs, group) if has_lamps else outputs,
+                band="infrared",
+                environments=[n for n, _ in eyes],
+                film=[eye.film for _, eye in eyes],
+                spp=self.samples_per_pixel,
+                max_bounces=self.max_bounces,
+                seed=self.seed,
+                progress=progress,
+            )
         finally:
             for light in lights:
                 self._scene.remove_light(light)
@@ -236,4 +270,6 @@ def _eye_light(view: dict[str, NDArray], inputs: EngineInputs) -> EyeLight:
     power = 0.0 if inputs.projector is None else inputs.projector.ir_intensity
     ambient = inputs.ambient.scale * (view["ambient"] - view["group"]) + view["added"]
     lights = (power * view["projector_direct"], power * view["projector_indirect"], ambient, view["depth"])
-    return EyeLight(*(image[..., 0].astype(np.float32) for image in lights), view["normal"], view["material_id"][..., 0])
+    return EyeLight(
+        *(image[..., 0].astype(np.float32) for image in lights), view["normal"], view["material_id"][..., 0]
+    )

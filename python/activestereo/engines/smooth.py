@@ -1,8 +1,9 @@
-"""Takes Monte Carlo noise out of bounced and ambient light: an edge-avoiding a-trous wavelet filter (Dammertz et al. 2010, HPG).
+"""Takes Monte Carlo noise out of bounced and ambient light: an edge-avoiding a-trous wavelet filter (Dammertz et al.
+2010, HPG).
 
 Such light is smooth along a diffuse surface, so a pixel may learn from neighbours of the same material that lie in its
-tangent plane. The weights look at geometry alone, never at the noisy light, so the filter is linear in it; its mean stays within
-a per cent (measured).
+tangent plane. The weights look at geometry alone, never at the noisy light, so the filter is linear in it; its mean
+stays within a per cent (measured).
 """
 
 import numpy as np
@@ -14,13 +15,14 @@ SMOOTH_VERSION = 3
 _TAPS = np.array([1, 4, 6, 4, 1]) / 16.0
 # A level doubles the reach; so many make about this angle, whatever the resolution.
 _REACH_RAD = 0.02
-# Neighbours count less by their distance from the tangent plane, in shares of depth, and by their normals' angle: cosine^24.
+# Neighbours count less by their distance from the tangent plane, in shares of depth, and by their normals' angle:
+# cosine^24.
 _PLANE_SHARE = 0.006
 
 
 def smooth_bounced(image, depth_m, normal, points, material, focal_px):
-    """image [..., height, width], filtered where depth_m > 0. normal and points [height][width][3] in one frame; material
-    [height][width]; focal_px: the camera's, in samples of the image."""
+    """image [..., height, width], filtered where depth_m > 0. normal and points [height][width][3] in one frame;
+    material [height][width]; focal_px: the camera's, in samples of the image."""
     levels = max(1, round(np.log2(focal_px * _REACH_RAD)))
     planes = (np.ascontiguousarray(np.moveaxis(vectors, -1, 0), dtype=np.float32) for vectors in (normal, points))
     guide = (*planes, np.asarray(material))

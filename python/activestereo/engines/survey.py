@@ -9,7 +9,8 @@ from activestereo.effects.core.engine import EngineInputs
 
 @dataclass(frozen=True)
 class Survey:
-    """focal: relative change of the left and the right focal length. albedo: {material id: factor on its infrared albedo}."""
+    """focal: relative change of the left and the right focal length. albedo: {material id: factor on its infrared
+    albedo}."""
 
     focal: tuple[float, float] = (0.0, 0.0)
     albedo: dict[int, float] = field(default_factory=dict)
@@ -21,7 +22,11 @@ class Survey:
                 eye.scale_focal(1.0 + change)
         for number, factor in self.albedo.items():
             material = inputs.material(number)
-            if material.ir_albedo is None and material.ir_albedo_texture is None and material.base_color_texture is None:
+            if (
+                material.ir_albedo is None
+                and material.ir_albedo_texture is None
+                and material.base_color_texture is None
+            ):
                 material.ir_albedo = material.base_color[0]
             if material.ir_albedo is None:
                 red, *others = material.base_color

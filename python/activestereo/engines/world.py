@@ -1,4 +1,5 @@
-"""What effects change in the world itself: materials, the medium, ambient light. Put into a kuafu scene, and taken back."""
+"""What effects change in the world itself: materials, the medium, ambient light. Put into a kuafu scene, and taken
+back."""
 
 from __future__ import annotations
 
@@ -17,12 +18,18 @@ def record_key(record: Any) -> tuple:
     if record is None:
         return ()
     names = [n for n, value in vars(type(record)).items() if isinstance(value, property)]
-    return tuple((n, value.tobytes() if isinstance(value, np.ndarray) else value) for n in names for value in [getattr(record, n)])
+    return tuple(
+        (n, value.tobytes() if isinstance(value, np.ndarray) else value)
+        for n in names
+        for value in [getattr(record, n)]
+    )
 
 
 def copy_record(record: Any) -> Any:
     """Another record with the same fields; not for cameras, which are made with arguments."""
-    return type(record)(**{n: getattr(record, n) for n, value in vars(type(record)).items() if isinstance(value, property)})
+    return type(record)(
+        **{n: getattr(record, n) for n, value in vars(type(record)).items() if isinstance(value, property)}
+    )
 
 
 def world_key(inputs: EngineInputs) -> tuple:
@@ -51,6 +58,10 @@ def enter_world(scene: kuafu.Scene, inputs: EngineInputs) -> None:
     medium = inputs.medium
     if medium is not None:
         scene.set_medium(
-            (medium.extinction_per_m,) * 3, (medium.albedo,) * 3, ir_extinction_per_m=medium.extinction_per_m,
-            ir_albedo=medium.albedo, phase_g=medium.phase_g, bounds_m=medium.bounds_m,
-        )  # fmt: skip
+            (medium.extinction_per_m,) * 3,
+            (medium.albedo,) * 3,
+            ir_extinction_per_m=medium.extinction_per_m,
+            ir_albedo=medium.albedo,
+            phase_g=medium.phase_g,
+            bounds_m=medium.bounds_m,
+        )

@@ -1,4 +1,5 @@
-"""A capture's expected images under a model by the engines themselves: effects with engine fields act inside of kuafu and simsense."""
+"""A capture's expected images under a model by the engines themselves: effects with engine fields act inside of kuafu
+and simsense."""
 
 from __future__ import annotations
 
@@ -20,7 +21,8 @@ Key = tuple[int, str]
 
 
 class EngineModel:
-    """A Model whose signal is simsense's; what has no engine field acts on the image before (light) or after it (counts).
+    """A Model whose signal is simsense's; what has no engine field acts on the image before (light) or after it
+    (counts).
 
     It stands in for a Model where nuisances are fitted: `effects` and `signal` mean the same.
     """
@@ -28,7 +30,9 @@ class EngineModel:
     def __init__(self, model: Model, renderer: CaptureRenderer) -> None:
         capture = renderer.capture
         self.effects = model.effects
-        self.rest = Model(tuple((e, p) for e, p in model.effects if e.engine is None and e.randomness is Randomness.NONE))
+        self.rest = Model(
+            tuple((e, p) for e, p in model.effects if e.engine is None and e.randomness is Randomness.NONE)
+        )
         self._imager = ExpectedImager(capture.rig.left.width, capture.rig.left.height, capture.rig.max_dn)
         self._signals = {
             (frame.id, eye): part.signal
@@ -37,15 +41,21 @@ class EngineModel:
         }
 
     def light(self, seen: EyeLight, flat: NDArray[np.float32], view: View) -> Light:
-        """What falls on the imager. flat: of the base layers, for effects of the projector that have no engine field."""
-        light = Light(*(np.asarray(image, dtype=np.float64) for image in (seen.direct, seen.indirect, seen.ambient, flat)))
+        """What falls on the imager. flat: of the base layers, for effects of the projector that have no engine
+        field."""
+        light = Light(
+            *(np.asarray(image, dtype=np.float64) for image in (seen.direct, seen.indirect, seen.ambient, flat))
+        )
         return self.rest.light(light, view) if self.rest.effects else light
 
     def signal(self, light: Light, view: View, nuisances: Nuisances) -> NDArray[np.float64]:
         """Expected DN [height][width], black level included."""
         frame, told = view.frame, self._signals[view.frame.id, view.eye]
         level = 1.0 if frame.ambient is None else frame.ambient
-        value = nuisances.projector_scale * frame.projector_power * light.projector + nuisances.ambient_scale * level * light.ambient
+        value = (
+            nuisances.projector_scale * frame.projector_power * light.projector
+            + nuisances.ambient_scale * level * light.ambient
+        )
         black = told["black_level_dn"] + nuisances.black_dn
         counts = self._imager.one(np.maximum(value, 0.0), told | {"black_level_dn": black}).astype(np.float64)
         if not self.rest.effects:
@@ -54,12 +64,19 @@ class EngineModel:
 
 
 def predict_in_engines(
-    capture: Capture, model: Model, survey: Survey, renderer: CaptureRenderer, layers: Mapping[int, Mapping[str, Layers]],
-    views: Mapping[Key, View], measured: Mapping[Key, NDArray], progress: Callable[[float], object] | None = None,
-) -> tuple[Fit, dict[Key, NDArray[np.float32]]]:  # fmt: skip
+    capture: Capture,
+    model: Model,
+    survey: Survey,
+    renderer: CaptureRenderer,
+    layers: Mapping[int, Mapping[str, Layers]],
+    views: Mapping[Key, View],
+    measured: Mapping[Key, NDArray],
+    progress: Callable[[float], object] | None = None,
+) -> tuple[Fit, dict[Key, NDArray[np.float32]]]:
     """(the Fit of the nuisances on the train frames, {(frame id, eye): expected DN, float32 [height][width]}).
 
-    layers: the base model's; views and measured: {(frame id, eye): View and DN}. ValueError where there is nothing to fit.
+    layers: the base model's; views and measured: {(frame id, eye): View and DN}. ValueError where there is nothing to
+    fit.
     """
     seen, engine = renderer.lights(model, survey=survey, progress=progress), EngineModel(model, renderer)
     lights = {key: engine.light(seen[key], layers[key[0]][key[1]].flat, view) for key, view in views.items()}

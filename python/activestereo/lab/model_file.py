@@ -1,4 +1,5 @@
-"""Libraries of effects, built in or a user's own file; and the effects of a model file (sensor_model/) as the lab takes them."""
+"""Libraries of effects, built in or a user's own file; and the effects of a model file (sensor_model/) as the lab takes
+them."""
 
 from __future__ import annotations
 
@@ -31,7 +32,8 @@ def find(effects: dict[str, Effect], effect_id: str) -> Effect:
 
 
 def read_model(path: str | Path | None, effects: dict[str, Effect], scene_path: str | Path | None = None) -> Model:
-    """The effects of a model file, or none for None. scene_path: the scene whose materials the file may name. ValueError says what is wrong."""
+    """The effects of a model file, or none for None. scene_path: the scene whose materials the file may name.
+    ValueError says what is wrong."""
     if path is None:
         return Model()
     names = material_names_of(scene_path)

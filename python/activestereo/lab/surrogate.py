@@ -1,7 +1,8 @@
 """How well an effect's image function stands for what the engines make of its engine fields.
 
-Both change the images of one small world (matt bodies on a table before a wall, a moving warm rig); the figure is the root mean square difference
-of the two changes over the engine's own change. Of random fields, which draw other numbers, it is that of the changes' standard deviations.
+Both change the images of one small world (matt bodies on a table before a wall, a moving warm rig); the figure is the
+root mean square difference of the two changes over the engine's own change. Of random fields, which draw other numbers,
+it is that of the changes' standard deviations.
 """
 
 from __future__ import annotations
@@ -31,8 +32,8 @@ from activestereo.lab.render import WARP_SCALE, render_frames
 from activestereo.pattern import PatternDesign, make_pattern
 from activestereo.pose import look_at
 
-_SIZE, _FOCAL_PX = (212, 120), 106.0
-_SAMPLES, _BOUNCES = 128, 4
+_SIZE, _FOCAL_PX = (160, 90), 80.0
+_SAMPLES, _BOUNCES = 64, 2
 _NUISANCES = Nuisances(projector_scale=120000.0, ambient_scale=9000.0, black_dn=5.0)
 _POSES = (((-0.02, 0.46, 0.72), (0.0, 0.035, -0.02)), ((0.22, 0.38, 0.62), (-0.03, 0.05, -0.05)))
 
@@ -51,7 +52,14 @@ class Trial:
         """Writes the world into a folder and renders it."""
         capture = trial_capture(folder)
         engine = CaptureRenderer(capture, device, _SAMPLES, _BOUNCES)
-        layers = render_frames(capture, KuafuRenderer(engine.device), _SAMPLES, _BOUNCES, cache=LayerCache(folder / "cache"), scale=WARP_SCALE)
+        layers = render_frames(
+            capture,
+            KuafuRenderer(engine.device),
+            _SAMPLES,
+            _BOUNCES,
+            cache=LayerCache(folder / "cache"),
+            scale=WARP_SCALE,
+        )
         views = {(f.id, eye): View.of(capture, f, eye, layers[f.id][eye]) for f in capture.frames for eye in EYES}
         return cls(capture, engine, views, layers)
 
@@ -59,9 +67,16 @@ class Trial:
         """Of an effect with engine fields at its typical values, on all surfaces."""
         values = effect.typical_values | ({SURFACES.name: 0.0} if SURFACES in effect.parameters else {})
         model = Model().with_effect(effect, **values)
-        if effect.randomness is not Randomness.NONE and all(name.startswith(("signal.", "speckle")) for name in effect.engine_fields):
-            engine, surrogate = self.engine.expected(model, _NUISANCES, random=True), self._surrogate(model, random=True)
-            engine_change, change = (_change(images, base) for images, base in ((engine, self._engine_base), (surrogate, self._base)))
+        if effect.randomness is not Randomness.NONE and all(
+            name.startswith(("signal.", "speckle")) for name in effect.engine_fields
+        ):
+            engine, surrogate = (
+                self.engine.expected(model, _NUISANCES, random=True),
+                self._surrogate(model, random=True),
+            )
+            engine_change, change = (
+                _change(images, base) for images, base in ((engine, self._engine_base), (surrogate, self._base))
+            )
             return abs(float(change.std() / engine_change.std()) - 1.0)
         drawn = Model(tuple((replace(e, randomness=Randomness.NONE), p) for e, p in model.effects))
         engine_change = _change(self.engine.expected(drawn, _NUISANCES), self._engine_base)
@@ -98,7 +113,8 @@ def _change(images: dict[Key, NDArray], base: dict[Key, NDArray]) -> NDArray[np.
 
 
 def trial_capture(folder: Path, scale: float = 1.0) -> Capture:
-    """The small world's capture, without images: its scene and pattern are written into a folder. scale: of the images."""
+    """The small world's capture, without images: its scene and pattern are written into a folder. scale: of the
+    images."""
     scene, pattern = folder / "trial.gltf", folder / "pattern.png"
     _write_world(scene)
     design = PatternDesign(width=530, height=300, dot_pitch_px=14.4, dot_sigma_px=1.6, seed=2)
@@ -112,11 +128,19 @@ def trial_capture(folder: Path, scale: float = 1.0) -> Capture:
     rig = Rig(camera, camera, left_to_right, Projector(pattern, projector_k, left_to_projector), line_time_s=1e-5)
     frames = tuple(
         Frame(
-            id=i, left_path=None, right_path=None, timestamp_s=2.003 + i, exposure_s=0.004 / (1 + i), gain=1.0 + i, temperature_c=45.0,
-            camera_to_world=look_at(eye, target, (0.0, 1.0, 0.0)), split="train", camera_velocity=np.array([0.3, 0.1, 0.1, 0.1, 0.6, 0.3]),
+            id=i,
+            left_path=None,
+            right_path=None,
+            timestamp_s=2.003 + i,
+            exposure_s=0.004 / (1 + i),
+            gain=1.0 + i,
+            temperature_c=45.0,
+            camera_to_world=look_at(eye, target, (0.0, 1.0, 0.0)),
+            split="train",
+            camera_velocity=np.array([0.3, 0.1, 0.1, 0.1, 0.6, 0.3]),
         )
         for i, (eye, target) in enumerate(_POSES)
-    )  # fmt: skip
+    )
     return Capture(folder, "trial", scene, rig, frames)
 
 
@@ -125,7 +149,12 @@ def _write_world(path: Path) -> None:
     writer = GltfWriter("activestereo trial world")
     matt = {"extensions": {"KHR_materials_specular": {"specularFactor": 0.0}}}
     materials = [
-        writer.add_material(name, pbrMetallicRoughness={"metallicFactor": 0.0, "roughnessFactor": 1.0}, extras={"ir_albedo": albedo}, **matt)
+        writer.add_material(
+            name,
+            pbrMetallicRoughness={"metallicFactor": 0.0, "roughnessFactor": 1.0},
+            extras={"ir_albedo": albedo},
+            **matt,
+        )
         for name, albedo in (("table", 0.5), ("wall", 0.6), ("clay", 0.55), ("card", 0.7))
     ]
     table, wall, clay, card = materials

@@ -1,7 +1,7 @@
 """model.json: everything that is known of one sensor, in one file. What the lab finds is what the simulator simulates.
 
-    model = read_model("out/diagnosis/model.json")
-    sensor = StereoDepthSensor(StereoDepthSensorConfig.from_model(model), "scene.gltf", model=model)
+model = read_model("out/diagnosis/model.json")
+sensor = StereoDepthSensor(StereoDepthSensorConfig.from_model(model), "scene.gltf", model=model)
 """
 
 from activestereo.sensor_model.diagnosed import diagnosed_model
@@ -10,5 +10,15 @@ from activestereo.sensor_model.read import read_model
 from activestereo.sensor_model.write import model_json, write_model
 
 __all__ = [
-    "Eye", "Imager", "ModelEffect", "Pattern", "Quantity", "Rig", "SensorModel", "diagnosed_model", "model_json", "read_model", "write_model",
-]  # fmt: skip
+    "Eye",
+    "Imager",
+    "ModelEffect",
+    "Pattern",
+    "Quantity",
+    "Rig",
+    "SensorModel",
+    "diagnosed_model",
+    "model_json",
+    "read_model",
+    "write_model",
+]

@@ -1,9 +1,13 @@
-"""A sensor's configuration from its model: what the model says of rig, pattern, imager and calibration in place of a preset's."""
+"""A sensor's configuration from its model: what the model says of rig, pattern, imager and calibration in place of a
+preset's.
+
+A configuration is a presets.StereoDepthSensorConfig.
+"""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,15 +15,13 @@ from numpy.typing import NDArray
 from activestereo.pose import CAMERA_TO_BODY, Pose, as_matrix
 from activestereo.sensor_model.model import Imager, Pattern, Rig, SensorModel
 
-if TYPE_CHECKING:
-    from activestereo.presets import StereoDepthSensorConfig
-
 # Rounding adds it by itself; it is in a measured variance.
 _QUANTISATION_VARIANCE = 1.0 / 12.0
 
 
-def configure(config: StereoDepthSensorConfig, model: SensorModel) -> None:
-    """Changes the configuration. Effects and materials are the sensor's own to apply: StereoDepthSensor(config, scene, model=model)."""
+def configure(config: Any, model: SensorModel) -> None:
+    """Changes the configuration. Effects and materials are the sensor's own to apply: StereoDepthSensor(config, scene,
+    model=model)."""
     if model.rig is not None:
         _rig(config, model.rig)
     if model.pattern is not None:
@@ -33,7 +35,7 @@ def configure(config: StereoDepthSensorConfig, model: SensorModel) -> None:
         config.projector_intensity = model.nuisances["projector_scale"].value / config.ir_responsivity_dn
 
 
-def _rig(config: StereoDepthSensorConfig, rig: Rig) -> None:
+def _rig(config: Any, rig: Rig) -> None:
     config.ir_resolution = (rig.left.width, rig.left.height)
     config.ir_intrinsic, config.ir_distortion = np.array(rig.left.K), tuple(rig.left.distortion)
     config.ir_intrinsic_right, config.ir_distortion_right = np.array(rig.right.K), tuple(rig.right.distortion)
@@ -41,7 +43,11 @@ def _rig(config: StereoDepthSensorConfig, rig: Rig) -> None:
     if rig.left_to_projector is not None:
         config.pose_rgb_irproj = _beside(config.trans_pose_l, rig.left_to_projector)
     ideal = not any(rig.left.distortion) and not any(rig.right.distortion)
-    config.rectified = bool(ideal and np.allclose(rig.left_to_right[:3, :3], np.eye(3), atol=1e-6) and np.allclose(rig.left_to_right[1:3, 3], 0.0, atol=1e-6))
+    config.rectified = bool(
+        ideal
+        and np.allclose(rig.left_to_right[:3, :3], np.eye(3), atol=1e-6)
+        and np.allclose(rig.left_to_right[1:3, 3], 0.0, atol=1e-6)
+    )
     config.ir_line_time_s = rig.line_time_s or 0.0
     if rig.exposure_s is not None:
         config.ir_camera_exposure = rig.exposure_s
@@ -52,18 +58,21 @@ def _beside(left: Pose, left_to_other: NDArray[np.float64]) -> Pose:
     return Pose(as_matrix(left) @ CAMERA_TO_BODY @ np.linalg.inv(left_to_other) @ CAMERA_TO_BODY.T)
 
 
-def _pattern(config: StereoDepthSensorConfig, pattern: Pattern) -> None:
+def _pattern(config: Any, pattern: Pattern) -> None:
     config.pattern_intrinsic = np.array(pattern.K)
     if pattern.dots is None:
         config.light_pattern, config.light_dots = str(pattern.file), None
     else:
         width, height = pattern.size or (0, 0)
-        config.pattern_design = replace(config.pattern_design, width=width, height=height, dot_sigma_px=float(pattern.dot_sigma_px or 1.0))
+        config.pattern_design = replace(
+            config.pattern_design, width=width, height=height, dot_sigma_px=float(pattern.dot_sigma_px or 1.0)
+        )
         config.light_dots = np.asarray(pattern.dots, dtype=np.float32)
 
 
 def _signal(model: SensorModel) -> dict[str, float]:
-    """simsense's imager in counts (an electron is a count at gain 1): the noise law's terms as read noise, shot noise and speckle."""
+    """simsense's imager in counts (an electron is a count at gain 1): the noise law's terms as read noise, shot noise
+    and speckle."""
     signal: dict[str, float] = {}
     if model.rig is not None:
         signal["bit_depth"] = model.rig.bit_depth

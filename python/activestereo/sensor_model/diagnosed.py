@@ -7,7 +7,17 @@ from typing import Any
 
 from activestereo.capture import Camera, Capture
 from activestereo.effects.core.model import Model
-from activestereo.sensor_model.model import NOISE_TERMS, NUISANCES, Eye, Imager, Pattern, Quantity, Rig, SensorModel, with_surfaces
+from activestereo.sensor_model.model import (
+    NOISE_TERMS,
+    NUISANCES,
+    Eye,
+    Imager,
+    Pattern,
+    Quantity,
+    Rig,
+    SensorModel,
+    with_surfaces,
+)
 
 Interval = tuple[float | None, float | None]
 
@@ -23,9 +33,10 @@ def diagnosed_model(
 ) -> SensorModel:
     """The SensorModel of a diagnosis.
 
-    effects: what was found. nuisances: values by names of sensor_model.model.NUISANCES. noise_law: has offset, shot and relative, in DN^2, DN and 1;
-    None where no repeat tells it. albedo: {material name: factor on its nominal infrared albedo}. intervals: {(effect id or 'nuisances' or material
-    name, parameter): 90 % interval}. material_names: of the capture's scene, by id.
+    effects: what was found. nuisances: values by names of sensor_model.model.NUISANCES. noise_law: has offset, shot and
+    relative, in DN^2, DN and 1; None where no repeat tells it. albedo: {material name: factor on its nominal infrared
+    albedo}. intervals: {(effect id or 'nuisances' or material name, parameter): 90 % interval}. material_names: of the
+    capture's scene, by id.
     """
     told, source = intervals or {}, f"diagnosis of {capture.name}"
 
@@ -34,10 +45,17 @@ def diagnosed_model(
 
     model = SensorModel(
         rig=_rig(capture),
-        pattern=Pattern(capture.rig.projector.K, file=capture.rig.projector.pattern_path, source=f"nominal, of {capture.name}"),
+        pattern=Pattern(
+            capture.rig.projector.K, file=capture.rig.projector.pattern_path, source=f"nominal, of {capture.name}"
+        ),
         imager=None if noise_law is None else _imager(noise_law, source),
-        materials={name: {"ir_albedo_factor": quantity(name, "ir_albedo_factor", factor, "1")} for name, factor in (albedo or {}).items()},
-        nuisances={name: quantity("nuisances", name, value, NUISANCES[name][0]) for name, value in (nuisances or {}).items()},
+        materials={
+            name: {"ir_albedo_factor": quantity(name, "ir_albedo_factor", factor, "1")}
+            for name, factor in (albedo or {}).items()
+        },
+        nuisances={
+            name: quantity("nuisances", name, value, NUISANCES[name][0]) for name, value in (nuisances or {}).items()
+        },
         source=source,
     )
     for effect, parameters in effects.effects:
@@ -51,9 +69,16 @@ def _rig(capture: Capture) -> Rig:
     rig, frames = capture.rig, capture.split("train") or list(capture.frames)
     usual = sorted(frames, key=lambda frame: frame.exposure_gain)[len(frames) // 2]
     return Rig(
-        _eye(rig.left), _eye(rig.right), rig.left_to_right, rig.projector.left_to_projector, rig.bit_depth, rig.line_time_s,
-        usual.exposure_s, usual.gain, source=f"nominal, of {capture.name}",
-    )  # fmt: skip
+        _eye(rig.left),
+        _eye(rig.right),
+        rig.left_to_right,
+        rig.projector.left_to_projector,
+        rig.bit_depth,
+        rig.line_time_s,
+        usual.exposure_s,
+        usual.gain,
+        source=f"nominal, of {capture.name}",
+    )
 
 
 def _eye(camera: Camera) -> Eye:
@@ -61,4 +86,6 @@ def _eye(camera: Camera) -> Eye:
 
 
 def _imager(law: Any, source: str) -> Imager:
-    return Imager(**{name: Quantity(float(getattr(law, name)), unit=unit, source=source) for name, unit in NOISE_TERMS.items()})
+    return Imager(
+        **{name: Quantity(float(getattr(law, name)), unit=unit, source=source) for name, unit in NOISE_TERMS.items()}
+    )

@@ -10,12 +10,15 @@ from activestereo.sensor_model.model import Quantity
 
 
 def found_effect(diagnosis: Mapping[str, Any], effect_id: str) -> tuple[dict[str, Quantity], tuple[str, ...]]:
-    """({parameter: Quantity}, names of the surfaces that show it, () = all): as accepted into the model, else as ranked."""
+    """({parameter: Quantity}, names of the surfaces that show it, () = all): as accepted into the model, else as
+    ranked."""
     accepted = [(e.get("id"), e) for e in diagnosis.get("model", {}).get("effects", [])]
     ranked = {e.get("effect"): e for e in diagnosis.get("ranking", [])}
     for name, entry in [*accepted, *ranked.items()]:
         if name == effect_id:
-            return _quantities(entry["parameters"], ranked.get(effect_id, {}).get("parameters", {}), entry.get("surfaces"))
+            return _quantities(
+                entry["parameters"], ranked.get(effect_id, {}).get("parameters", {}), entry.get("surfaces")
+            )
     raise ValueError(f"the diagnosis has no parameters of '{effect_id}'")
 
 
@@ -26,6 +29,8 @@ def _quantities(
     for name, told in values.items():
         if name != SURFACES.name:
             entry = told if isinstance(told, Mapping) else {"value": told}
-            out[name] = Quantity(entry["value"], entry.get("low"), entry.get("high"), entry.get("unit", "1"), "diagnosis")
+            out[name] = Quantity(
+                entry["value"], entry.get("low"), entry.get("high"), entry.get("unit", "1"), "diagnosis"
+            )
     named = surfaces if surfaces is not None else ranked.get(SURFACES.name, {}).get("materials", [])
     return out, tuple(named)

@@ -1,6 +1,8 @@
-"""A complete sensor model as plain data: calibration, pattern, imager, effects, materials and what a fit left over, with intervals and sources.
+"""A complete sensor model as plain data: calibration, pattern, imager, effects, materials and what a fit left over,
+with intervals and sources.
 
-Metres, seconds, radians, digital numbers (DN). Every section may be absent: then nothing is said of it, and the simulator's own values hold.
+Metres, seconds, radians, digital numbers (DN). Every section may be absent: then nothing is said of it, and the
+simulator's own values hold.
 """
 
 from __future__ import annotations
@@ -27,7 +29,8 @@ NUISANCES: dict[str, tuple[str, float, float]] = {
 }
 # Terms of the imager's noise law, with units.
 NOISE_TERMS: dict[str, str] = {"offset": "DN^2", "shot": "DN", "relative": "1"}
-# What is known of a material by its glTF name: {field: (unit, low, high)}. All but the factor are fields of kuafu.Material.
+# What is known of a material by its glTF name: {field: (unit, low, high)}. All but the factor are fields of
+# kuafu.Material.
 MATERIAL_FIELDS: dict[str, tuple[str, float, float]] = {
     "ir_albedo_factor": ("1", 0.0, 100.0),
     "ir_albedo": ("1", 0.0, 1.0),
@@ -61,8 +64,8 @@ class Eye:
 
 @dataclass(frozen=True)
 class Rig:
-    """The calibration. 4x4 transforms a_to_b map coordinates in a to coordinates in b, camera axes x right, y down, z forward.
-    exposure_s, gain: the settings that the sensor is used with."""
+    """The calibration. 4x4 transforms a_to_b map coordinates in a to coordinates in b, camera axes x right, y down, z
+    forward. exposure_s, gain: the settings that the sensor is used with."""
 
     left: Eye
     right: Eye
@@ -77,7 +80,8 @@ class Rig:
 
 @dataclass(frozen=True)
 class Pattern:
-    """What the projector throws: an 8-bit image file, or dots [n, 3] of u, v and power in an image of `size` (width, height). K: 3x3."""
+    """What the projector throws: an 8-bit image file, or dots [n, 3] of u, v and power in an image of `size` (width,
+    height). K: 3x3."""
 
     K: NDArray[np.float64]
     file: Path | None = None
@@ -89,7 +93,8 @@ class Pattern:
 
 @dataclass(frozen=True)
 class Imager:
-    """Temporal noise: variance in DN^2 = offset + shot gain signal + relative signal^2, signal in DN above the black level."""
+    """Temporal noise: variance in DN^2 = offset + shot gain signal + relative signal^2, signal in DN above the black
+    level."""
 
     offset: Quantity
     shot: Quantity
@@ -98,7 +103,8 @@ class Imager:
 
 @dataclass(frozen=True)
 class ModelEffect:
-    """An effect with its parameters. surfaces: names of the materials that show it, () = all; in place of the parameter of that name."""
+    """An effect with its parameters. surfaces: names of the materials that show it, () = all; in place of the parameter
+    of that name."""
 
     effect: Effect
     parameters: Mapping[str, Quantity]
@@ -107,7 +113,8 @@ class ModelEffect:
 
 @dataclass(frozen=True)
 class SensorModel:
-    """nuisances: names of NUISANCES; materials: {glTF name: {name of MATERIAL_FIELDS: Quantity}}; source: how the model came to be."""
+    """nuisances: names of NUISANCES; materials: {glTF name: {name of MATERIAL_FIELDS: Quantity}}; source: how the model
+    came to be."""
 
     rig: Rig | None = None
     pattern: Pattern | None = None
@@ -117,15 +124,19 @@ class SensorModel:
     nuisances: Mapping[str, Quantity] = field(default_factory=dict)
     source: str = ""
 
-    def with_effect(self, effect: Effect, parameters: Mapping[str, Quantity], surfaces: Sequence[str] = ()) -> SensorModel:
-        """One effect more, or other parameters of one that is there. ValueError for what the effect does not know or that is out of range."""
+    def with_effect(
+        self, effect: Effect, parameters: Mapping[str, Quantity], surfaces: Sequence[str] = ()
+    ) -> SensorModel:
+        """One effect more, or other parameters of one that is there. ValueError for what the effect does not know or
+        that is out of range."""
         effect.values({name: q.value for name, q in parameters.items() if name != SURFACES.name})
         kept = tuple(e for e in self.effects if e.effect.id != effect.id)
         told = {name: q for name, q in parameters.items() if name != SURFACES.name}
         return replace(self, effects=(*kept, ModelEffect(effect, told, tuple(surfaces))))
 
     def bound(self, material_names: Sequence[str]) -> Model:
-        """The effects in a scene whose materials have these names, in the order of their ids. ValueError names a material that is not there."""
+        """The effects in a scene whose materials have these names, in the order of their ids. ValueError names a
+        material that is not there."""
         model = Model()
         for entry in self.effects:
             values = {name: q.value for name, q in entry.parameters.items()}
@@ -136,22 +147,29 @@ class SensorModel:
 
     def survey(self, material_names: Sequence[str]) -> Survey:
         """Focal lengths and albedo factors in a scene; of materials that it lacks nothing is said."""
-        focal = tuple(self.nuisances[f"focal_{eye}"].value if f"focal_{eye}" in self.nuisances else 0.0 for eye in ("left", "right"))
+        left, right = (
+            self.nuisances[name].value if name in self.nuisances else 0.0 for name in ("focal_left", "focal_right")
+        )
         albedo = {
             number: fields["ir_albedo_factor"].value
             for number, name in enumerate(material_names)
             for fields in [self.materials.get(name, {})]
             if "ir_albedo_factor" in fields
         }
-        return Survey(focal, albedo)
+        return Survey((left, right), albedo)
 
 
-def with_surfaces(effect: Effect, values: Mapping[str, float], material_names: Sequence[str]) -> tuple[dict[str, float], tuple[str, ...]]:
-    """Parameters without the choice of surfaces, and the names of the chosen materials. ValueError where a chosen number has no name."""
+def with_surfaces(
+    effect: Effect, values: Mapping[str, float], material_names: Sequence[str]
+) -> tuple[dict[str, float], tuple[str, ...]]:
+    """Parameters without the choice of surfaces, and the names of the chosen materials. ValueError where a chosen
+    number has no name."""
     chosen = material_numbers(values.get(SURFACES.name, 0.0)) if SURFACES in effect.parameters else []
     unknown = [n for n in chosen if n >= len(material_names)]
     if unknown:
-        raise ValueError(f"{effect.id}: the scene has no material number {unknown[0]}, only 0 to {len(material_names) - 1}")
+        raise ValueError(
+            f"{effect.id}: the scene has no material number {unknown[0]}, only 0 to {len(material_names) - 1}"
+        )
     return {n: v for n, v in values.items() if n != SURFACES.name}, tuple(material_names[n] for n in chosen)
 
 

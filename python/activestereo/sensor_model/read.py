@@ -1,4 +1,5 @@
-"""Reads model.json, versions 1 and 2. Anything wrong is one line that names the file, the key and what is wrong; nothing is read in part."""
+"""Reads model.json, versions 1 and 2. Anything wrong is one line that names the file, the key and what is wrong;
+nothing is read in part."""
 
 from __future__ import annotations
 
@@ -11,8 +12,17 @@ from activestereo.effects import builtin
 from activestereo.effects.core.descriptor import Effect
 from activestereo.effects.core.surfaces import SURFACES
 from activestereo.sensor_model.model import (
-    MATERIAL_FIELDS, NOISE_TERMS, NUISANCES, Eye, Imager, ModelEffect, Pattern, Quantity, Rig, SensorModel,
-)  # fmt: skip
+    MATERIAL_FIELDS,
+    NOISE_TERMS,
+    NUISANCES,
+    Eye,
+    Imager,
+    ModelEffect,
+    Pattern,
+    Quantity,
+    Rig,
+    SensorModel,
+)
 
 FORMAT = "active-stereo-model"
 VERSION = 2
@@ -21,7 +31,8 @@ _NOTES = ("simulated", "image_only", "unit")
 
 
 def read_model(path: str | Path, effects: dict[str, Effect] | None = None) -> SensorModel:
-    """The SensorModel of a file. effects: {id: Effect} that it may name, the built-in ones by default. ValueError says what is wrong."""
+    """The SensorModel of a file. effects: {id: Effect} that it may name, the built-in ones by default. ValueError says
+    what is wrong."""
     path = Path(path)
     try:
         root = JsonObject.read(path)
@@ -47,9 +58,12 @@ def _read(root: JsonObject, effects: dict[str, Effect]) -> SensorModel:
     return SensorModel(
         rig=rig and _rig(rig),
         pattern=pattern and _pattern(pattern),
-        imager=imager and Imager(**{name: _quantity(imager, name, unit, 0.0, np.inf) for name, unit in NOISE_TERMS.items()}),
+        imager=imager
+        and Imager(**{name: _quantity(imager, name, unit, 0.0, np.inf) for name, unit in NOISE_TERMS.items()}),
         effects=_effects(root, effects),
-        materials={name: _fields(materials.object(name), MATERIAL_FIELDS) for name in materials.keys()} if materials else {},
+        materials={name: _fields(materials.object(name), MATERIAL_FIELDS) for name in materials.keys()}
+        if materials
+        else {},
         nuisances=_fields(nuisances, NUISANCES) if nuisances else {},
         source=_source(root),
     )
@@ -58,7 +72,15 @@ def _read(root: JsonObject, effects: dict[str, Effect]) -> SensorModel:
 def _read_first(root: JsonObject, effects: dict[str, Effect]) -> SensorModel:
     """Version 1: effects with plain numbers, surfaces by number, and three nuisances without intervals."""
     nuisances = root.object("nuisances", optional=True)
-    told = {name: Quantity(nuisances.number(name), unit=NUISANCES[name][0]) for name in nuisances.keys() if name in NUISANCES} if nuisances else {}
+    told = (
+        {
+            name: Quantity(nuisances.number(name), unit=NUISANCES[name][0])
+            for name in nuisances.keys()
+            if name in NUISANCES
+        }
+        if nuisances
+        else {}
+    )
     return SensorModel(effects=_effects(root, effects), nuisances=told, source="a model file of version 1")
 
 
@@ -77,13 +99,13 @@ def _effects(root: JsonObject, effects: dict[str, Effect]) -> tuple[ModelEffect,
 
 def _effect(entry: JsonObject, effect: Effect) -> ModelEffect:
     parameters = entry.object("parameters", optional=True)
+    known = {p.name: p for p in effect.parameters}
     values: dict[str, Quantity] = {}
-    for name in parameters.keys() if parameters else []:
-        parameter = next((p for p in effect.parameters if p.name == name), None)
-        if parameter is None:
-            known = ", ".join(p.name for p in effect.parameters)
-            parameters.fail(name, f"{effect.id} has no such parameter (known: {known})")
-        values[name] = _quantity(parameters, name, parameter.unit, parameter.low, parameter.high)
+    if parameters is not None:
+        for name in parameters.keys():
+            if name not in known:
+                parameters.fail(name, f"{effect.id} has no such parameter (known: {', '.join(known)})")
+            values[name] = _quantity(parameters, name, known[name].unit, known[name].low, known[name].high)
     surfaces = tuple(entry.texts("surfaces")) if entry.has("surfaces") else ()
     if surfaces and SURFACES not in effect.parameters:
         entry.fail("surfaces", f"{effect.id} is not an effect of surfaces")
@@ -106,7 +128,9 @@ def _quantity(entry: JsonObject, key: str, unit: str, low: float, high: float) -
         inner = entry.object(key)
         value, ends = inner.number("value"), (inner.number("low", optional=True), inner.number("high", optional=True))
         source = _source(inner)
-        if any(end is not None and end < start for start, end in zip(ends, ends[1:], strict=False) if start is not None):
+        if any(
+            end is not None and end < start for start, end in zip(ends, ends[1:], strict=False) if start is not None
+        ):
             inner.fail("high", f"is {ends[1]}, below low = {ends[0]}")
     if not low <= value <= high:
         entry.fail(key, f"is {value:g} {unit}, outside {low:g}..{high:g}")
@@ -134,7 +158,9 @@ def _rig(entry: JsonObject) -> Rig:
 
 def _eye(entry: JsonObject) -> Eye:
     distortion = tuple(map(float, entry.numbers("distortion", (5,)))) if entry.has("distortion") else (0.0,) * 5
-    return Eye(entry.integer("width", minimum=32), entry.integer("height", minimum=32), entry.camera_matrix("K"), distortion)
+    return Eye(
+        entry.integer("width", minimum=32), entry.integer("height", minimum=32), entry.camera_matrix("K"), distortion
+    )
 
 
 def _pattern(entry: JsonObject) -> Pattern:
@@ -142,4 +168,6 @@ def _pattern(entry: JsonObject) -> Pattern:
     if not entry.has("dots"):
         return Pattern(k, file=entry.file("file"), source=source)
     size = entry.integer("width", minimum=1), entry.integer("height", minimum=1)
-    return Pattern(k, dots=entry.table("dots", 3), size=size, dot_sigma_px=entry.number("dot_sigma_px", above=0.0), source=source)
+    return Pattern(
+        k, dots=entry.table("dots", 3), size=size, dot_sigma_px=entry.number("dot_sigma_px", above=0.0), source=source
+    )

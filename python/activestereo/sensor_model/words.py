@@ -46,13 +46,19 @@ def quantity_text(q: Quantity) -> str:
 
 def _effect(entry: ModelEffect) -> list[str]:
     effect = entry.effect
-    where = f"engine: {', '.join(effect.engine_fields)}" if effect.engine else f"image only: {effect.image_only or 'it brings no engine fields'}"
+    where = (
+        f"engine: {', '.join(effect.engine_fields)}"
+        if effect.engine
+        else f"image only: {effect.image_only or 'it brings no engine fields'}"
+    )
     on = f" on {', '.join(entry.surfaces)}" if entry.surfaces else ""
     return [f"  {effect.id}{on}: {_list(entry.parameters)}", f"    {effect.summary.splitlines()[0]}", f"    {where}"]
 
 
 def _list(quantities: Mapping[str, Quantity]) -> str:
-    return ", ".join(f"{name} = {quantity_text(q)}" for name, q in quantities.items()) or "as the effect's neutral values"
+    return (
+        ", ".join(f"{name} = {quantity_text(q)}" for name, q in quantities.items()) or "as the effect's neutral values"
+    )
 
 
 def _rig(model: SensorModel) -> list[str]:
@@ -62,8 +68,12 @@ def _rig(model: SensorModel) -> list[str]:
     for name, eye in (("left", model.rig.left), ("right", model.rig.right)):
         k = eye.K
         lens = f", lens {' '.join(f'{c:g}' for c in eye.distortion)}" if any(eye.distortion) else ""
-        lines.append(f"  {name}: {eye.width}x{eye.height}, focal {k[0, 0]:.2f} {k[1, 1]:.2f} px, centre {k[0, 2]:.2f} {k[1, 2]:.2f} px{lens}")
-    lines.append(f"  baseline {1000 * float((model.rig.left_to_right[:3, 3] ** 2).sum()) ** 0.5:.3f} mm, {model.rig.bit_depth} bit")
+        lines.append(
+            f"  {name}: {eye.width}x{eye.height}, focal {k[0, 0]:.2f} {k[1, 1]:.2f} px,"
+            f" centre {k[0, 2]:.2f} {k[1, 2]:.2f} px{lens}"
+        )
+    baseline_m = float((model.rig.left_to_right[:3, 3] ** 2).sum()) ** 0.5
+    lines.append(f"  baseline {1000 * baseline_m:.3f} mm, {model.rig.bit_depth} bit")
     return lines
 
 
@@ -71,12 +81,20 @@ def _pattern(model: SensorModel) -> list[str]:
     pattern = model.pattern
     if pattern is None:
         return []
-    what = f"image {pattern.file.name}" if pattern.dots is None and pattern.file else f"{len(pattern.dots if pattern.dots is not None else [])} dots"
-    return [f"pattern (engine): {what}, focal {pattern.K[0, 0]:.1f} px" + (f", {pattern.source}" if pattern.source else "")]
+    if pattern.dots is not None:
+        what = f"{len(pattern.dots)} dots"
+    else:
+        what = f"image {pattern.file.name}" if pattern.file else "nothing"
+    return [
+        f"pattern (engine): {what}, focal {pattern.K[0, 0]:.1f} px" + (f", {pattern.source}" if pattern.source else "")
+    ]
 
 
 def _imager(model: SensorModel) -> list[str]:
     if model.imager is None:
         return []
     law = model.imager
-    return [f"imager (engine): variance = {law.offset.value:.4g} DN^2 + {law.shot.value:.4g} DN x gain x signal + {law.relative.value:.4g} x signal^2"]
+    terms = (
+        f"{law.offset.value:.4g} DN^2 + {law.shot.value:.4g} DN x gain x signal + {law.relative.value:.4g} x signal^2"
+    )
+    return [f"imager (engine): variance = {terms}"]

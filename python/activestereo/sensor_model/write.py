@@ -15,7 +15,8 @@ from activestereo.sensor_model.read import FORMAT, VERSION
 
 
 def write_model(path: str | Path, model: SensorModel) -> list[Path]:
-    """Writes the model and, beside it, a copy of the pattern's image under the model's own name; returns the paths. Raises OSError."""
+    """Writes the model and, beside it, a copy of the pattern's image under the model's own name; returns the paths.
+    Raises OSError."""
     path = Path(path)
     written = []
     pattern_name = f"{path.stem}.pattern.png"
@@ -31,7 +32,8 @@ def write_model(path: str | Path, model: SensorModel) -> list[Path]:
 
 
 def model_json(model: SensorModel, pattern_file: str | None = None) -> dict[str, Any]:
-    """What the file holds. pattern_file: name of the pattern's image beside it. Each part says whether the engines simulate it."""
+    """What the file holds. pattern_file: name of the pattern's image beside it. Each part says whether the engines
+    simulate it."""
     root: dict[str, Any] = {"format": FORMAT, "version": VERSION}
     if model.source:
         root["source"] = model.source
@@ -40,7 +42,9 @@ def model_json(model: SensorModel, pattern_file: str | None = None) -> dict[str,
     if model.pattern is not None:
         root["pattern"] = _pattern(model.pattern, pattern_file) | {"simulated": "engine"}
     if model.imager is not None:
-        root["imager"] = {name: _quantity(getattr(model.imager, name)) for name in NOISE_TERMS} | {"simulated": "engine"}
+        root["imager"] = {name: _quantity(getattr(model.imager, name)) for name in NOISE_TERMS} | {
+            "simulated": "engine"
+        }
     root["effects"] = [_effect(entry) for entry in model.effects]
     root["materials"] = {name: {f: _quantity(q) for f, q in fields.items()} for name, fields in model.materials.items()}
     root["nuisances"] = {name: _quantity(q) for name, q in model.nuisances.items()}
@@ -63,7 +67,11 @@ def _quantity(q: Quantity) -> dict[str, Any]:
 
 
 def _rig(rig: Rig) -> dict[str, Any]:
-    out: dict[str, Any] = {"left": _eye(rig.left), "right": _eye(rig.right), "left_to_right": _numbers(rig.left_to_right)}
+    out: dict[str, Any] = {
+        "left": _eye(rig.left),
+        "right": _eye(rig.right),
+        "left_to_right": _numbers(rig.left_to_right),
+    }
     if rig.left_to_projector is not None:
         out["left_to_projector"] = _numbers(rig.left_to_projector)
     out |= {"bit_depth": rig.bit_depth, "line_time_s": rig.line_time_s, "exposure_s": rig.exposure_s, "gain": rig.gain}
@@ -71,7 +79,12 @@ def _rig(rig: Rig) -> dict[str, Any]:
 
 
 def _eye(eye: Eye) -> dict[str, Any]:
-    return {"width": eye.width, "height": eye.height, "K": _numbers(eye.K), "distortion": list(map(float, eye.distortion))}
+    return {
+        "width": eye.width,
+        "height": eye.height,
+        "K": _numbers(eye.K),
+        "distortion": list(map(float, eye.distortion)),
+    }
 
 
 def _pattern(pattern: Pattern, file: str | None) -> dict[str, Any]:
@@ -80,7 +93,12 @@ def _pattern(pattern: Pattern, file: str | None) -> dict[str, Any]:
         out["file"] = file or str(pattern.file)
     else:
         width, height = pattern.size or (0, 0)
-        out |= {"width": width, "height": height, "dot_sigma_px": pattern.dot_sigma_px, "dots": np.asarray(pattern.dots).tolist()}
+        out |= {
+            "width": width,
+            "height": height,
+            "dot_sigma_px": pattern.dot_sigma_px,
+            "dots": np.asarray(pattern.dots).tolist(),
+        }
     return out | ({"source": pattern.source} if pattern.source else {})
 
 

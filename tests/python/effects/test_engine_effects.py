@@ -19,22 +19,42 @@ LEAST_MAPPED = 37
 
 def engine_inputs() -> EngineInputs:
     """A warm rig in front of a world of two materials."""
-    frame = Frame(id=1, left_path=None, right_path=None, timestamp_s=3.0, exposure_s=0.004, camera_to_world=np.eye(4), split="train",
-                  gain=2.0, temperature_c=45.0)  # fmt: skip
+    frame = Frame(
+        id=1,
+        left_path=None,
+        right_path=None,
+        timestamp_s=3.0,
+        exposure_s=0.004,
+        camera_to_world=np.eye(4),
+        split="train",
+        gain=2.0,
+        temperature_c=45.0,
+    )
     k = np.array([[200.0, 0, 79.5], [0, 200.0, 59.5], [0, 0, 1]])
     signal = simsense.signal_preset("neutral") | {"exposure_s": 0.004, "gain": 2.0, "temperature_c": 45.0}
     eyes = [EngineEye(kuafu.Camera(160, 120, k), kuafu.Film(), dict(signal), right) for right in (False, True)]
     return EngineInputs(
-        *eyes, projector=kuafu.Light(kind="projector", k=k, ir_intensity=1.0), pattern=np.eye(120, 160, dtype=np.float32), frame=frame,
-        new_light=kuafu.Light, scene_materials=lambda number: kuafu.Material(ir_albedo=0.5, specular=0.0), material_count=2,
+        *eyes,
+        projector=kuafu.Light(kind="projector", k=k, ir_intensity=1.0),
+        pattern=np.eye(120, 160, dtype=np.float32),
+        frame=frame,
+        new_light=kuafu.Light,
+        scene_materials=lambda number: kuafu.Material(ir_albedo=0.5, specular=0.0),
+        material_count=2,
         bounds_m=((-1.0,) * 3, (1.0,) * 3),
-    )  # fmt: skip
+    )
 
 
 def fields_of(inputs: EngineInputs) -> dict[str, object]:
     """Every engine field by the name that moves() has for it. Fields of one eye have that eye's name before them."""
-    out: dict[str, object] = {"pattern": inputs.pattern.tobytes(), "medium": repr(inputs.medium), "lights": len(inputs.lights), "rig_lights": len(inputs.rig_lights),
-                              "speckle_of_laser": inputs.speckle_of_laser, "ambient": repr(inputs.ambient)}  # fmt: skip
+    out: dict[str, object] = {
+        "pattern": inputs.pattern.tobytes(),
+        "medium": repr(inputs.medium),
+        "lights": len(inputs.lights),
+        "rig_lights": len(inputs.rig_lights),
+        "speckle_of_laser": inputs.speckle_of_laser,
+        "ambient": repr(inputs.ambient),
+    }
     out |= {f"projector.{name}": value for name, value in record_key(inputs.projector)}
     for side, eye in (("left", inputs.left), ("right", inputs.right)):
         for part in ("camera", "film"):
@@ -51,7 +71,9 @@ def moved_fields(e, values: dict[str, float]) -> set[str]:
     e.engine(inputs, **values)
     after = fields_of(inputs)
     names = {name for name in after if after[name] != before.get(name)}
-    both = {n.removeprefix("left.") for n in names if n.startswith("left.") and n.replace("left.", "right.", 1) in names}
+    both = {
+        n.removeprefix("left.") for n in names if n.startswith("left.") and n.replace("left.", "right.", 1) in names
+    }
     return both | {n for n in names if n.split(".", 1)[-1] not in both or not n.startswith(("left.", "right."))}
 
 
@@ -86,7 +108,9 @@ def test_a_users_effect_may_have_engine_fields_as_well():
 
     parameters = [Parameter("fraction", "1", neutral=0.0, low=0.0, high=0.3, typical=0.05)]
 
-    @effect("filter_haze", stage=Stage.OPTICS, family="glare", source="a bench", parameters=parameters, engine=in_engine)
+    @effect(
+        "filter_haze", stage=Stage.OPTICS, family="glare", source="a bench", parameters=parameters, engine=in_engine
+    )
     def filter_haze(image, view, fraction):
         """Stray light."""
         return image

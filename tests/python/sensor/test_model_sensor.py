@@ -57,7 +57,9 @@ def test_optics_of_a_model_are_the_sensors(config, scene):
 
 
 def test_the_engine_keeps_the_calibration_while_the_camera_has_moved(config, scene):
-    sensor = StereoDepthSensor(config, scene, pose=POSE, model=model_of(principal_point_offset={"cx_px": 1.5, "cy_px": 0.0}))
+    sensor = StereoDepthSensor(
+        config, scene, pose=POSE, model=model_of(principal_point_offset={"cx_px": 1.5, "cy_px": 0.0})
+    )
     left, right = sensor.ir_cameras()
     assert right.k[0, 2] - left.k[0, 2] == pytest.approx(1.5)
     assert sensor.engine.rectified[0][0, 2] == pytest.approx(config.ir_intrinsic[0, 2])
@@ -66,7 +68,9 @@ def test_the_engine_keeps_the_calibration_while_the_camera_has_moved(config, sce
 def test_surfaces_are_changed_and_given_back(config, scene):
     names = [scene.material_name(n) for n in range(scene.summary.material_count)]
     clay = names.index("clay")
-    model = SensorModel().with_effect(EFFECTS["specular"], {"factor": Quantity(0.8), "roughness": Quantity(0.3)}, ("clay",))
+    model = SensorModel().with_effect(
+        EFFECTS["specular"], {"factor": Quantity(0.8), "roughness": Quantity(0.3)}, ("clay",)
+    )
     before, textures = scene.get_material(clay), scene.summary.texture_count
     sensor = StereoDepthSensor(config, scene, pose=POSE, model=model)
     assert scene.get_material(clay).specular == pytest.approx(0.8)
@@ -79,7 +83,9 @@ def test_surfaces_are_changed_and_given_back(config, scene):
 
 
 def test_a_material_that_the_scene_lacks_is_named_and_nothing_is_changed(config, scene):
-    model = model_of(vignetting={"exponent": 1.0}).with_effect(EFFECTS["specular"], {"factor": Quantity(0.8)}, ("jelly",))
+    model = model_of(vignetting={"exponent": 1.0}).with_effect(
+        EFFECTS["specular"], {"factor": Quantity(0.8)}, ("jelly",)
+    )
     lights = scene.summary.light_count
     with pytest.raises(ValueError, match="specular: the scene has no material 'jelly'"):
         StereoDepthSensor(config, scene, pose=POSE, model=model)
@@ -87,14 +93,22 @@ def test_a_material_that_the_scene_lacks_is_named_and_nothing_is_changed(config,
 
 
 def test_what_depends_on_warmth_follows_the_conditions(config, scene):
-    sensor = StereoDepthSensor(config, scene, pose=POSE, model=model_of(thermal_drift={"cx_px_per_k": 0.05, "focal_per_k": 0.0}))
+    sensor = StereoDepthSensor(
+        config, scene, pose=POSE, model=model_of(thermal_drift={"cx_px_per_k": 0.05, "focal_per_k": 0.0})
+    )
     assert sensor.ir_cameras()[1].k[0, 2] == pytest.approx(config.ir_intrinsic[0, 2])
     sensor.set_conditions(temperature_c=45.0)
     assert sensor.ir_cameras()[1].k[0, 2] == pytest.approx(config.ir_intrinsic[0, 2] + 1.0)
 
 
 def test_a_users_effect_acts_at_its_stage_and_says_what_it_costs(config, scene):
-    @effect("dimmer", stage=Stage.CHARGE, family="x", source="x", parameters=[Parameter("share", "1", neutral=0.0, low=0.0, high=1.0, typical=0.1)])
+    @effect(
+        "dimmer",
+        stage=Stage.CHARGE,
+        family="x",
+        source="x",
+        parameters=[Parameter("share", "1", neutral=0.0, low=0.0, high=1.0, typical=0.1)],
+    )
     def dimmer(signal, view, share):
         """Less light is counted."""
         return signal * (1.0 - share)
@@ -144,5 +158,12 @@ def test_a_configuration_from_a_model_has_its_rig_imager_and_scales(tmp_path):
     assert np.linalg.norm(config.pose_rgb_irproj.p - config.trans_pose_l.p) == pytest.approx(np.hypot(0.02, 0.01))
     assert (config.ir_black_level_dn, config.projector_intensity, config.ir_camera_exposure) == (7.0, 1.5, 0.004)
     assert config.ir_signal == pytest.approx(
-        {"bit_depth": 10, "gain": 2.0, "adc_noise_dn": 0.5, "shot_noise": 0.1, "speckle_shape": 500.0, "speckle_scale": 0.002}
+        {
+            "bit_depth": 10,
+            "gain": 2.0,
+            "adc_noise_dn": 0.5,
+            "shot_noise": 0.1,
+            "speckle_shape": 500.0,
+            "speckle_scale": 0.002,
+        }
     )

@@ -13,8 +13,16 @@ from activestereo.cli import main
 from activestereo.effects import builtin
 from activestereo.images import write_gray
 from activestereo.sensor_model import (
-    Eye, Imager, Pattern, Quantity, Rig, SensorModel, model_json, read_model, write_model,
-)  # fmt: skip
+    Eye,
+    Imager,
+    Pattern,
+    Quantity,
+    Rig,
+    SensorModel,
+    model_json,
+    read_model,
+    write_model,
+)
 from activestereo.sensor_model.words import diff, show
 
 EFFECTS = builtin()
@@ -35,7 +43,10 @@ def whole(tmp_path) -> SensorModel:
         pattern=Pattern(K, file=image, source="a wall"),
         imager=Imager(Quantity(0.6, unit="DN^2"), Quantity(0.005, unit="DN"), Quantity(0.001)),
         materials={"cup": {"ir_albedo_factor": Quantity(1.03, 1.01, 1.05)}},
-        nuisances={"projector_scale": Quantity(7e4, 6.9e4, 7.1e4, "DN sr/(W s)", "a fit"), "focal_left": Quantity(1e-3)},
+        nuisances={
+            "projector_scale": Quantity(7e4, 6.9e4, 7.1e4, "DN sr/(W s)", "a fit"),
+            "focal_left": Quantity(1e-3),
+        },
         source="a test",
     )
     model = model.with_effect(EFFECTS["vignetting"], {"exponent": Quantity(1.2, 1.1, 1.3, "1", "a fit")})
@@ -79,10 +90,16 @@ def test_each_part_says_whether_the_engines_simulate_it(whole):
 
 def test_version_1_loads(tmp_path):
     path = tmp_path / "old.json"
-    path.write_text(json.dumps({
-        "format": "active-stereo-model", "version": 1, "effects": [{"id": "specular", "parameters": {"factor": 0.4, "surfaces": 5}}],
-        "nuisances": {"projector_scale": 7e4, "ambient_scale": 2e3, "black_dn": 4.0},
-    }))  # fmt: skip
+    path.write_text(
+        json.dumps(
+            {
+                "format": "active-stereo-model",
+                "version": 1,
+                "effects": [{"id": "specular", "parameters": {"factor": 0.4, "surfaces": 5}}],
+                "nuisances": {"projector_scale": 7e4, "ambient_scale": 2e3, "black_dn": 4.0},
+            }
+        )
+    )
     model = read_model(path)
     assert model.bound([]).effects[0][1] == {"factor": 0.4, "roughness": 0.5, "surfaces": 5.0}
     assert model.nuisances["black_dn"].value == 4.0
@@ -137,7 +154,12 @@ def test_show_and_diff_are_in_words(whole, tmp_path, capsys):
     write_model(other, whole.with_effect(EFFECTS["vignetting"], {"exponent": Quantity(2.0)}))
     assert main(["model", "show", str(path)]) == 0
     text = capsys.readouterr().out
-    for words in ("baseline 50.000 mm", "vignetting: exponent = 1.2 (1.1 to 1.3)", "specular on cup", "engine: film.vignetting_exponent"):
+    for words in (
+        "baseline 50.000 mm",
+        "vignetting: exponent = 1.2 (1.1 to 1.3)",
+        "specular on cup",
+        "engine: film.vignetting_exponent",
+    ):
         assert words in text
     assert main(["model", "diff", str(path), str(other)]) == 0
     assert "+  vignetting: exponent = 2" in capsys.readouterr().out
@@ -163,9 +185,18 @@ def test_add_edits_the_file_and_keeps_all_else(whole, tmp_path, capsys):
 
 
 def test_add_takes_what_a_diagnosis_found(tmp_path):
-    found = {"ranking": [{"effect": "specular", "parameters": {
-        "factor": {"value": 0.3, "low": 0.2, "high": 0.4, "unit": "1"}, "roughness": {"value": 0.4, "low": None, "high": None, "unit": "1"},
-        "surfaces": {"value": 2.0, "low": None, "high": None, "unit": "bits", "materials": ["cup"]}}}]}  # fmt: skip
+    found = {
+        "ranking": [
+            {
+                "effect": "specular",
+                "parameters": {
+                    "factor": {"value": 0.3, "low": 0.2, "high": 0.4, "unit": "1"},
+                    "roughness": {"value": 0.4, "low": None, "high": None, "unit": "1"},
+                    "surfaces": {"value": 2.0, "low": None, "high": None, "unit": "bits", "materials": ["cup"]},
+                },
+            }
+        ]
+    }
     (tmp_path / "diagnose.json").write_text(json.dumps(found))
     out = tmp_path / "model.json"
     assert main(["add", "specular", "--from", str(tmp_path / "diagnose.json"), "-o", str(out)]) == 0

@@ -5,9 +5,10 @@
         for eye in inputs.eyes:
             eye.film.vignetting_exponent += exponent
 
-An effect's `engine` function changes EngineInputs in place; its keyword arguments are the effect's parameters. What the engines then
-compute is the effect itself: the image function beside it is its surrogate, for scans. Records are kuafu's own (kuafu.Camera, kuafu.Film,
-kuafu.Light, kuafu.Material), a signal is a dict of simsense_signal's fields, so a wrong field name is an error. Nothing here imports an engine.
+An effect's `engine` function changes EngineInputs in place; its keyword arguments are the effect's parameters. What the
+engines then compute is the effect itself: the image function beside it is its surrogate, for scans. Records are kuafu's
+own (kuafu.Camera, kuafu.Film, kuafu.Light, kuafu.Material), a signal is a dict of simsense_signal's fields, so a wrong
+field name is an error. Nothing here imports an engine.
 """
 
 from __future__ import annotations
@@ -31,7 +32,8 @@ REFERENCE_TEMPERATURE_C = 25.0
 
 
 def moves(*fields: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Marks an effect's engine function with the names of the engine fields that it moves; a test compares them with what it does."""
+    """Marks an effect's engine function with the names of the engine fields that it moves; a test compares them with
+    what it does."""
 
     def mark(function: Callable[..., None]) -> Callable[..., None]:
         function.fields = fields  # type: ignore[attr-defined]
@@ -42,7 +44,8 @@ def moves(*fields: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
 
 @dataclass
 class EngineEye:
-    """One infrared camera: what kuafu sees through it, and the imager behind it. signal: simsense_signal's fields by name."""
+    """One infrared camera: what kuafu sees through it, and the imager behind it. signal: simsense_signal's fields by
+    name."""
 
     camera: kuafu.Camera
     film: kuafu.Film
@@ -106,13 +109,15 @@ class Medium:
 
 @dataclass
 class EngineInputs:
-    """Everything that the engines are told for one exposure of a rig, as the calibration has it until effects change it.
+    """Everything that the engines are told for one exposure of a rig, as the calibration has it until effects change
+    it.
 
-    projector: the rig's own, None where there is none; its texture is `pattern`, relative radiant intensity [height][width] 0..1 (None where it
-    throws dots). rig_lights: further ones that move with the rig; lights: those that stand in the world; both made by new_light. ambient_radiance: of the capture's or room's infrared light, in the unit of
-    the lights' intensities per steradian. scene_materials: id -> a fresh kuafu.Material of the scene. matcher: simsense's parameters.
-    bounds_m: a box around the scene and the rig, world. speckle_of_laser: only the projectors' light has speckle. frame: exposure, gain, time,
-    temperature.
+    projector: the rig's own, None where there is none; its texture is `pattern`, relative radiant intensity
+    [height][width] 0..1 (None where it throws dots). rig_lights: further ones that move with the rig; lights: those
+    that stand in the world; both made by new_light. ambient_radiance: of the capture's or room's infrared light, in the
+    unit of the lights' intensities per steradian. scene_materials: id -> a fresh kuafu.Material of the scene. matcher:
+    simsense's parameters. bounds_m: a box around the scene and the rig, world. speckle_of_laser: only the projectors'
+    light has speckle. frame: exposure, gain, time, temperature.
     """
 
     left: EngineEye
@@ -175,8 +180,9 @@ class EngineInputs:
             self.pattern = blur(self.pattern, sigma_px)
 
     def add_speckle(self, contrast: float, static_share: float) -> None:
-        """Multiplies light by independent grains, mean 1; static_share of their variance stays while rig and scene stand still. Gamma laws of one
-        scale add up to another one, so that the shares of variance are those of the shape."""
+        """Multiplies light by independent grains, mean 1; static_share of their variance stays while rig and scene
+        stand still. Gamma laws of one scale add up to another one, so that the shares of variance are those of the
+        shape."""
         if contrast == 0.0:
             return
         self.speckle_of_laser = True
@@ -199,8 +205,11 @@ def rotation(axis: tuple[float, float, float], angle_rad: float) -> NDArray[np.f
     return np.eye(3) + np.sin(angle_rad) * cross + (1 - np.cos(angle_rad)) * cross @ cross
 
 
-def apply_engine(inputs: EngineInputs, effects: tuple[tuple[Any, dict[str, float]], ...]) -> tuple[tuple[Any, dict[str, float]], ...]:
-    """Lets effects, pairs (Effect, {parameter: value}), change the inputs in the light's order; returns those that no engine field expresses."""
+def apply_engine(
+    inputs: EngineInputs, effects: tuple[tuple[Any, dict[str, float]], ...]
+) -> tuple[tuple[Any, dict[str, float]], ...]:
+    """Lets effects, pairs (Effect, {parameter: value}), change the inputs in the light's order; returns those that no
+    engine field expresses."""
     left = []
     for effect, parameters in sorted(effects, key=lambda pair: pair[0].stage):
         if effect.engine is None:

@@ -22,7 +22,11 @@ from activestereo.sensor_model import Quantity, diagnosed_model, write_model
 EFFECTS = builtin()
 SAMPLES, BOUNCES, NOISE_DN = 8, 1, 1.0
 NUISANCES = Nuisances(projector_scale=120000.0, ambient_scale=9000.0, black_dn=5.0)
-HIDDEN = {"vignetting": {"exponent": 2.0}, "response_gamma": {"log_exponent": 0.15}, "principal_point_offset": {"cx_px": 1.0, "cy_px": 0.0}}
+HIDDEN = {
+    "vignetting": {"exponent": 2.0},
+    "response_gamma": {"log_exponent": 0.15},
+    "principal_point_offset": {"cx_px": 1.0, "cy_px": 0.0},
+}
 SURVEY = Survey((0.002, 0.002), {1: 1.1})
 
 
@@ -52,7 +56,8 @@ def hidden(nominal, renderer, tmp_path_factory) -> Path:
     expected = renderer.expected(model_of(**HIDDEN), NUISANCES, survey=SURVEY)
     rng = np.random.default_rng(1)
     images = {
-        key: np.clip(np.rint(dn + NOISE_DN * rng.standard_normal(dn.shape)), 0, 255).astype(np.uint8) for key, dn in expected.items()
+        key: np.clip(np.rint(dn + NOISE_DN * rng.standard_normal(dn.shape)), 0, 255).astype(np.uint8)
+        for key, dn in expected.items()
     }
     folder = tmp_path_factory.mktemp("hidden") / "capture"
     write_capture(folder, nominal, images, read_gray(nominal.rig.projector.pattern_path))
@@ -75,7 +80,11 @@ def test_the_true_model_leaves_the_noise(hidden):
 def test_the_command_takes_a_model_with_calibration_and_albedos(nominal, hidden, tmp_path, capsys):
     names = ["table", "wall", "clay", "card"]
     model = diagnosed_model(
-        read_capture(hidden), model_of(**HIDDEN), {"focal_left": 0.002, "focal_right": 0.002}, albedo={"wall": 1.1}, material_names=names
+        read_capture(hidden),
+        model_of(**HIDDEN),
+        {"focal_left": 0.002, "focal_right": 0.002},
+        albedo={"wall": 1.1},
+        material_names=names,
     )
     write_model(tmp_path / "model.json", model)
     arguments = ["compare", str(hidden), "--spp", str(SAMPLES), "--max-bounces", str(BOUNCES), "--out", str(tmp_path)]
@@ -110,7 +119,9 @@ def test_a_second_projector_is_the_rooms_light(renderer):
     assert (more[key].ambient - plain[key].ambient).mean() > 0.05 * plain[key].ambient.mean()
 
 
-@pytest.mark.parametrize("name", ["gain_error", "dark_signal", "black_level", "response_gamma", "saturation_blooming", "gain_mismatch"])
+@pytest.mark.parametrize(
+    "name", ["gain_error", "dark_signal", "black_level", "response_gamma", "saturation_blooming", "gain_mismatch"]
+)
 def test_the_engines_imager_and_the_formulas_count_alike(renderer, nominal, name):
     """What acts on charge and counts has one law in simsense and in NumPy; blooming spills by rounds in one of them."""
     from activestereo.effects import Light, View
@@ -122,9 +133,13 @@ def test_the_engines_imager_and_the_formulas_count_alike(renderer, nominal, name
     for frame in nominal.frames:
         for eye in ("left", "right"):
             seen = lights[frame.id, eye]
-            layers = Layers(seen.direct, seen.indirect, seen.ambient, seen.direct, seen.depth_m, seen.normal, seen.material)
+            layers = Layers(
+                seen.direct, seen.indirect, seen.ambient, seen.direct, seen.depth_m, seen.normal, seen.material
+            )
             view, light = View.of(nominal, frame, eye, layers), Light.of(layers)
             formula, counted = model.signal(light, view, NUISANCES), engine.signal(light, view, NUISANCES)
             base = Model().signal(light, view, NUISANCES)
             change = np.sqrt(np.mean((formula - base) ** 2))
-            assert np.sqrt(np.mean((formula - counted) ** 2)) < (0.4 if name == "saturation_blooming" else 0.02) * max(change, 0.5)
+            assert np.sqrt(np.mean((formula - counted) ** 2)) < (0.4 if name == "saturation_blooming" else 0.02) * max(
+                change, 0.5
+            )
