@@ -5,8 +5,8 @@ A device's matcher is not ours, but both are given the same images. What counts 
 geometry less the error that our engine makes on the model's own pair; errors beyond a pixel are mismatches and count
 as one pixel. A filter shows in what neighbours have in common instead: the variance of their differences.
 
-What any other matcher would show as well (EngineFault.is_matcher_choice) is fitted first and taken off, where it is
-significant: faults are judged on what is left.
+What any other matcher would show as well (EngineFault.is_matcher_choice) is taken off as long as it explains most:
+faults are judged on the rest.
 """
 
 from collections.abc import Iterator, Sequence
@@ -106,12 +106,23 @@ class DepthEngineChannel(JudgingChannel):
         frames = list(_frames(self._evidence, self._base)) if effects else []
         if not frames:
             return [NotRanked(effect, "the capture has no device depth in its train frames") for effect in effects]
-        judge = _Judge(frames, self._gates)
-        choices = [e for e in effects if e.engine_fault.is_matcher_choice]
-        fits = {e.id: judge.fit(e) for e in choices}
-        taken_off = judge.without([(e, fits[e.id]) for e in choices if self._is_significant(fits[e.id], len(effects))])
-        fits |= {e.id: taken_off.fit(e) for e in effects if e.id not in fits}
+        fits = self._fits(_Judge(frames, self._gates), effects)
         return [self._explanation(e, fits[e.id]) for e in effects]
+
+    def _fits(self, judge: "_Judge", effects: Sequence[Effect]) -> dict[str, "_DepthFit"]:
+        """Forward selection of what any matcher would show: as long as such an effect gains most, it is taken off."""
+        fits: dict[str, _DepthFit] = {}
+        waiting = list(effects)
+        while waiting:
+            now = {e.id: judge.fit(e) for e in waiting}
+            best = max(waiting, key=lambda e: now[e.id].own.nats)
+            is_choice = best.engine_fault.is_matcher_choice and self._is_significant(now[best.id], len(effects))
+            if not is_choice:
+                return fits | now
+            fits[best.id] = now[best.id]
+            judge = judge.without(best, now[best.id])
+            waiting.remove(best)
+        return fits
 
     def _is_significant(self, fit: "_DepthFit", tried: int) -> bool:
         own, gates = fit.own, self._gates
@@ -153,16 +164,13 @@ class _Judge:
         count = sum(s.size for s in squares)
         self._noise_px = float(np.sqrt(sum(s.sum() for s in squares) / count)) if count else 0.0
 
-    def without(self, found: Sequence[tuple[Effect, _DepthFit]]) -> "_Judge":
-        """A judge of what found effects leave; filters cannot be undone and stay."""
-        frames = list(self._frames)
-        for effect, fit in found:
-            if not fit.is_filter:
-                shifts = [self._shift(effect, fit.values, frame) for frame in frames]
-                frames = [
-                    replace(f, device=np.where(f.valid, f.device - s, 0.0)) for f, s in zip(frames, shifts, strict=True)
-                ]
-        return _Judge(frames, self._gates)
+    def without(self, effect: Effect, fit: _DepthFit) -> "_Judge":
+        """A judge of what an effect leaves; a filter cannot be undone and stays."""
+        if fit.is_filter:
+            return self
+        shifts = [self._shift(effect, fit.values, frame) for frame in self._frames]
+        moved = zip(self._frames, shifts, strict=True)
+        return _Judge([replace(f, device=np.where(f.valid, f.device - s, 0.0)) for f, s in moved], self._gates)
 
     def fit(self, effect: Effect) -> _DepthFit:
         bias, smooth = self._fit_bias(effect), self._fit_smoothness(effect)
