@@ -6,6 +6,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.stats import binomtest
 
+# Names of the library that describe what a world calls otherwise: its ambient infrared light is a lamp in the room.
+SAME_PHYSICS = {"external_light": "ambient_ir"}
 # An effect counts as detectable where it leaves this much error on test frames above the noise floor, in floors.
 DETECTABLE = 0.5
 
@@ -32,7 +34,7 @@ class Result:
     def _asked(self):
         """The part of the answer that the world asks for: the depth engine's, where its fault is hidden behind infrared images."""
         asks_for_depth = self.key["set"] == "depth" and self.key["infrared"]
-        return self.answer["depth"] if asks_for_depth else self.answer
+        return self.answer.get("depth", self.answer) if asks_for_depth else self.answer
 
     @property
     def verdict(self):
@@ -45,7 +47,7 @@ class Result:
     @property
     def added(self):
         """What is added to the model: on the images and behind the matcher."""
-        return set() if self.failed else set(self.answer["added"]) | set(self.answer["depth"]["added"])
+        return set() if self.failed else {*map(world_name, self.answer["added"]), *self.answer.get("depth", {}).get("added", ())}
 
     @property
     def detectable(self):
@@ -54,7 +56,7 @@ class Result:
         return min(oracle.get("alone", {"": oracle["test"]["ratio"]}).values()) >= DETECTABLE
 
     def names(self, count):
-        return [entry["effect"] for entry in self.ranking[:count]]
+        return [world_name(entry["effect"]) for entry in self.ranking[:count]]
 
     @property
     def right(self):
@@ -76,6 +78,11 @@ class Result:
     def named(self):
         """Whether the tool puts a name to something."""
         return self.verdict == "effect" or bool(self.added)
+
+
+def world_name(effect):
+    """What the worlds call an effect of the library."""
+    return SAME_PHYSICS.get(effect, effect)
 
 
 def read_results(folder, ids):
@@ -153,12 +160,12 @@ def _resolved(r, how):
 
 
 def _family_right(r):
-    families = {entry["family"] for entry in r.ranking if entry["effect"] in r.truth}
+    families = {entry["family"] for entry in r.ranking if world_name(entry["effect"]) in r.truth}
     return bool(r.ranking) and r.ranking[0]["family"] in families
 
 
 def _set_of(r):
-    return {r.ranking[0]["effect"], *r.ranking[0]["equivalent"]} if r.ranking else set()
+    return {world_name(name) for name in (r.ranking[0]["effect"], *r.ranking[0]["equivalent"])} if r.ranking else set()
 
 
 def _own_parameters(r):

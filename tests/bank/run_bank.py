@@ -118,7 +118,8 @@ def diagnose_capture(command, capture, answer, timeout):
     said = "no answer"
     if (answer / "diagnose.json").is_file():
         result = json.loads((answer / "diagnose.json").read_text())
-        said = " ".join([result["verdict"], *result["added"], "| depth engine:", result["depth"]["verdict"], *result["depth"]["added"]])
+        engine = result.get("depth", {"verdict": "not judged", "added": []})
+        said = " ".join([result["verdict"], *result["added"], "| depth engine:", engine["verdict"], *engine["added"]])
     elif code == 0:
         code = "no diagnose.json"
     return {"returncode": code, "said": said}
