@@ -7,9 +7,9 @@
 #include <vector>
 
 #include "device/device.h"
-#include "engine.h"
+#include "engine/engine.h"
+#include "simsense/match/stereo_pair.h"
 #include "simsense/rig_samples.h"
-#include "simsense/stages/stereo_pair.h"
 
 namespace {
 

@@ -17,7 +17,7 @@
 #include <vector>
 
 #include "device/thread_pool.h"
-#include "matcher.h"
+#include "match/matcher.h"
 
 namespace {
 

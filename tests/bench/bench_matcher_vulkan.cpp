@@ -18,9 +18,9 @@
 #include "device/buffer.h"
 #include "device/error.h"
 #include "device/thread_pool.h"
-#include "engine.h"
+#include "engine/engine.h"
 #include "signal/presets.h"
-#include "vulkan/vulkan_matcher.h"
+#include "vulkan/matcher.h"
 
 namespace {
 
@@ -168,8 +168,8 @@ std::string beside(double figure, double asked, const char* format) {
 
 void print(const Case& c, const Result& r) {
   const auto stage = [&r](const char* name) { return r.stages.contains(name) ? r.stages.at(name) : 0.0; };
-  std::printf("| %s | %.4f | %.4f | %.4f | %.4f | %.4f | %s | %.4f | %s | %s | %zu |\n", c.name, stage("census"), stage("block cost"),
-              stage("paths"), stage("winner"), stage("check and median"), beside(r.device_ms, c.asked_ms, "%.3f").c_str(), r.wall_ms,
+  std::printf("| %s | %.4f | %.4f | %.4f | %.4f | %.4f | %s | %.4f | %s | %s | %zu |\n", c.name, stage("census"), stage("cost"),
+              stage("sgm"), stage("winner"), stage("checks"), beside(r.device_ms, c.asked_ms, "%.3f").c_str(), r.wall_ms,
               beside(r.memory_mb, c.asked_mb, "%.0f").c_str(), r.layout.c_str(), r.mismatches);
   std::fflush(stdout);
 }

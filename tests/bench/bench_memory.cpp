@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "device/thread_pool.h"
-#include "simsense/stages/stereo_pair.h"
+#include "simsense/match/stereo_pair.h"
 #include "support/peak_memory.h"
 
 namespace {

@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <vector>
 
+#include "cpu/signal/imager.h"
 #include "device/thread_pool.h"
 #include "ks/image.h"
 #include "reference/imager.h"
@@ -43,7 +44,8 @@ void report(const char* name, const simsense_signal& signal, const std::vector<f
   const simsense::ConstPlane plane{reinterpret_cast<const std::byte*>(image.data()), width * sizeof(float), sizeof(float), KS_FORMAT_F32};
   std::vector<uint8_t> counts(image.size());
   const double fast = median_ms(31, [&] {
-    for (uint32_t eye = 0; eye < 2; ++eye) imager.measure({1, 2, 0, 0, eye}, {plane}, width, height, counts.data(), one_thread);
+    for (uint32_t eye = 0; eye < 2; ++eye)
+      simsense::cpu::measure(imager, {1, 2, 0, 0, eye}, {plane}, width, height, counts.data(), one_thread);
   });
   const std::vector<double> exact(image.begin(), image.begin() + width * 16);
   const double slow = median_ms(3, [&] { simsense::reference::measure(signal, {1, 2}, exact, width, 16); }) * 2 * height / 16;

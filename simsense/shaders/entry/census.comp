@@ -1,6 +1,6 @@
 // Census words of both images of each pair. Center-symmetric (Spangenberg et al. 2013): bit i tells whether the i-th pixel of the window in
 // raster order is >= its mirror. Plain (Zabih and Woodfill 1994): whether it is < the centre. With a contrast: whether it differs by more than that
-// share of the range of counts around (src/reference/census.h).
+// share of the range of counts around (reference/census.h).
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require
@@ -11,7 +11,7 @@ layout(local_size_x = tile_width, local_size_y = row_threads) in;
 layout(constant_id = 0) const uint window_width = 7u;
 layout(constant_id = 1) const uint window_height = 7u;
 layout(constant_id = 2) const uint copies = 4u;  // of the right words, each one column further right
-layout(constant_id = 3) const uint plain = 0u;
+layout(constant_id = 3) const uint kind = CENSUS_CENTER_SYMMETRIC;
 layout(constant_id = 4) const uint census_words = 1u;  // 2 where a plain window has more than 32 bits
 layout(constant_id = 5) const uint element_bytes = 1u;  // of the images
 layout(constant_id = 6) const uint keep_gray = 0u;
@@ -25,7 +25,7 @@ const uint extreme_count = contrast > 0u ? shared_width * tile_height : 1u;
 const uint invocations = tile_width * row_threads;
 shared uint pixels[shared_width * shared_height];
 shared uint extremes[extreme_count];  // of a column over the range's height: lowest count, highest << 16
-const uint fixed_tolerance = plain != 0u ? 0u : 0xffffffffu;  // without contrast; -1: equal counts set the bit, too
+const uint fixed_tolerance = kind == CENSUS_PLAIN ? 0u : 0xffffffffu;  // without contrast; -1: equal counts set the bit, too
 const uint tolerance_pitch = tile_width + 1u;
 shared uint tolerances[contrast > 0u ? tolerance_pitch * tile_height : 1u];
 
@@ -153,7 +153,7 @@ void main() {
     if (y >= push.height) return;
     uint first = (local_y + margin) * shared_width + column + margin;
     uint tolerance = contrast > 0u ? tolerances[local_y * tolerance_pitch + column] : fixed_tolerance;
-    uvec2 words = plain != 0u ? plain_word(first, tolerance) : center_symmetric_word(first, tolerance);
+    uvec2 words = kind == CENSUS_PLAIN ? plain_word(first, tolerance) : center_symmetric_word(first, tolerance);
     uint row = (gl_WorkGroupID.z >> 1) * push.height + y;
     if (right) {
       store_right(row, x, words);

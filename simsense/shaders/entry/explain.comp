@@ -4,9 +4,6 @@
 #include "lib/depth.glsl"
 #include "shared/map_push.h"
 
-// SIMSENSE_REASON_*
-const uint reason_valid = 0u, reason_not_unique = 1u, reason_occluded = 3u, reason_out_of_range = 6u, reason_low_texture = 8u, reason_saturated = 9u;
-
 layout(local_size_x = 32, local_size_y = 8) in;
 layout(push_constant, scalar) uniform Push { ExplainPush push; };
 
@@ -21,8 +18,8 @@ uint explained(DepthParameters p, uint reason, int x, int y, uint n) {
       saturated += uint(value >= push.saturated_dn);
       ++cells;
     }
-  if (2u * saturated >= cells) return reason_saturated;
-  return brightest - darkest <= push.low_texture_dn ? reason_low_texture : reason;
+  if (2u * saturated >= cells) return REASON_SATURATED;
+  return brightest - darkest <= push.low_texture_dn ? REASON_LOW_TEXTURE : reason;
 }
 
 void main() {
@@ -30,8 +27,8 @@ void main() {
   uint x = gl_GlobalInvocationID.x, y = gl_GlobalInvocationID.y, n = gl_WorkGroupID.z;
   if (x >= p.width || y >= p.height) return;
   uint at = (n * p.height + y) * p.width + x, reason = uint(push.reason.at[at]);
-  if (reason == reason_valid && keep(p, depth_of(p, push.disparity.at[at])) == 0.0f) reason = reason_out_of_range;
-  bool of_a_stage = reason == reason_not_unique || (reason >= reason_occluded && reason <= reason_out_of_range);
+  if (reason == REASON_VALID && keep(p, depth_of(p, push.disparity.at[at])) == 0.0f) reason = REASON_OUT_OF_RANGE;
+  bool of_a_stage = reason == REASON_NOT_UNIQUE || (reason >= REASON_OCCLUDED && reason <= REASON_OUT_OF_RANGE);
   if (of_a_stage) reason = explained(p, reason, int(x), int(y), n);
   push.reason.at[at] = uint8_t(reason);
 }

@@ -14,23 +14,21 @@ const uint reach = median_size / 2u, values = median_size * median_size;
 const uint shared_width = tile_width + 2u * reach, shared_height = tile_height + 2u * reach;
 shared float checked[shared_width * shared_height];
 
-const uint reason_valid = 0u, reason_not_unique = 1u, reason_outside = 2u, reason_occluded = 3u, reason_isolated = 4u;  // SIMSENSE_REASON_*
-
 /// -1 where the check fails, and why.
 float checked_disparity(int x, int y, out uint reason) {
-  reason = reason_not_unique;
+  reason = REASON_NOT_UNIQUE;
   if (x < 0 || y < 0 || x >= int(push.width) || y >= int(push.height)) return -1.0f;
   uint row = (gl_WorkGroupID.z * push.height + uint(y)) * push.width;
   float disparity = push.unchecked.at[row + uint(x)];
   if (disparity < 0.0f) return disparity;
-  reason = reason_valid;
+  reason = REASON_VALID;
   if (push.lr_max_diff < 0) return disparity;
   int rounded = int(floor(disparity + 0.5f)), right_x = x - rounded - push.min_disparity;
-  reason = reason_outside;
+  reason = REASON_OUTSIDE;
   if (right_x < 0 || right_x >= int(push.width)) return -1.0f;
   int right = int(push.right_winner.at[row + uint(right_x)] & 0xffffu);
   bool agree = abs(rounded - right) <= push.lr_max_diff;
-  reason = agree ? reason_valid : reason_occluded;
+  reason = agree ? REASON_VALID : REASON_OCCLUDED;
   return agree ? disparity : -1.0f;
 }
 
@@ -77,8 +75,8 @@ void main() {
   uint at = (gl_WorkGroupID.z * push.height + pixel.y) * push.width + pixel.x;
   bool valid = disparity >= 0.0f;
   push.disparity.at[at] = valid ? disparity + float(push.min_disparity) : float(min(push.min_disparity, 0) - 1);
-  if ((push.maps & MATCH_CONFIDENCE) != 0u && !valid) push.confidence.at[at] = 0.0f;
-  if ((push.maps & MATCH_REASON) == 0u) return;
+  if ((push.maps & MAPS_CONFIDENCE) != 0u && !valid) push.confidence.at[at] = 0.0f;
+  if ((push.maps & MAPS_REASON) == 0u) return;
   checked_disparity(int(pixel.x), int(pixel.y), reason);
-  push.reason.at[at] = uint8_t(valid ? reason_valid : reason == reason_valid ? reason_isolated : reason);
+  push.reason.at[at] = uint8_t(valid ? REASON_VALID : reason == REASON_VALID ? REASON_ISOLATED : reason);
 }

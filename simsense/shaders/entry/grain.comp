@@ -17,7 +17,7 @@ void shape_rows(SignalParameters p, uint part, uint row) {
   uvec2 key = part == 0u ? push.block.head.keys[n].scene : push.block.head.keys[n].frame;
   int first_quad = (int(tile_x) - int(reach)) / 4;
   for (uint q = gl_LocalInvocationID.x; q < (tile + 2u * reach) / 4u; q += gl_WorkGroupSize.x) {
-    vec4 normals = normals_of(quad_words(key, dimension_speckle + part, uint(first_quad + int(q)), row - p.grain_radius));
+    vec4 normals = normals_of(quad_words(key, DIMENSION_SPECKLE_STATIC + part, uint(first_quad + int(q)), row - p.grain_radius));
     [[unroll]] for (uint i = 0u; i < 4u; ++i) white[4u * q + i] = normals[i];
   }
   barrier();

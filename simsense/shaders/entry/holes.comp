@@ -1,11 +1,9 @@
-// Hole filling along rows (disparity/holes.h) in two passes: each hole's guess beside the disparities, then over them.
+// Hole filling along rows (cpu/checks/holes.h) in two passes: each hole's guess beside the disparities, then over them.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "lib/clean.glsl"
 
 layout(local_size_x = 32, local_size_y = 8) in;
-
-const uint from_background = 2u;  // SIMSENSE_HOLES_BACKGROUND
 
 /// The first valid disparity beside pixel x of the row, within the region; invalid where there is none.
 float neighbour(uint row, uint x, int step) {
@@ -18,7 +16,7 @@ float neighbour(uint row, uint x, int step) {
 
 float guess(uint row, uint x) {
   float left = neighbour(row, x, -1);
-  if (push.filling != from_background) return left;
+  if (push.filling != HOLES_BACKGROUND) return left;
   float right = neighbour(row, x, 1);
   return right == push.invalid ? left : left == push.invalid ? right : min(left, right);
 }

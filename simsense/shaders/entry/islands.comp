@@ -1,4 +1,4 @@
-// Speckle filter (disparity/speckle.h) by a union-find that all pixels build at once: parents only ever move to smaller pixels of the same
+// Speckle filter (cpu/checks/speckle.h) by a union-find that all pixels build at once: parents only ever move to smaller pixels of the same
 // island (Playne and Hawick, A new algorithm for parallel connected-component labelling on GPUs, IEEE TPDS 29(6), 2018), so that the islands
 // do not depend on the order. Four passes: begin, join, count, drop.
 #version 460
@@ -40,6 +40,6 @@ void main() {
   } else if (push.step == 2u) {
     atomicAdd(push.size.at[root(pixel)], 1u);
   } else if (push.disparity.at[pixel] != push.invalid && push.size.at[root(pixel)] <= push.max_size) {
-    drop(pixel, reason_speckle);
+    drop(pixel, REASON_SPECKLE);
   }
 }

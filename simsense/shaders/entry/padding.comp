@@ -1,4 +1,4 @@
-// No measurement where a rectified pixel lies outside its source image (rectify/remap.h, invalidate_outside).
+// No measurement where a rectified pixel lies outside its source image (cpu/checks/padding.h).
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "lib/clean.glsl"
@@ -11,5 +11,5 @@ void main() {
   uint at = y * push.width + x;
   float sx = push.x.at[at], sy = push.y.at[at];
   bool inside = sx >= 0.0f && sy >= 0.0f && sx <= float(push.width - 1u) && sy <= float(push.height - 1u);
-  if (!inside) drop(gl_WorkGroupID.z * push.width * push.height + at, reason_not_computed);
+  if (!inside) drop(gl_WorkGroupID.z * push.width * push.height + at, REASON_NOT_COMPUTED);
 }

@@ -1,4 +1,4 @@
-// Resampling through a table of source coordinates, the arithmetic of rectify/remap.cpp.
+// Resampling through a table of source coordinates, the arithmetic of cpu/rectify/remap.cpp.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "lib/image.glsl"

@@ -1,5 +1,5 @@
 // Registration: each measured pixel is a point that lands on the nearest pixel of the RGB camera; the nearest point stays. The arithmetic of
-// depth/registration.cpp. Positive floats sort as their bits do.
+// cpu/registration/registration.cpp. Positive floats sort as their bits do.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "lib/depth.glsl"

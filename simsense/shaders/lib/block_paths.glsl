@@ -6,7 +6,7 @@
 layout(constant_id = 16) const uint block_width = 7u;
 layout(constant_id = 17) const uint block_height = 7u;
 
-const bool along_rows = part == rows_alone;
+const bool along_rows = part == PATHS_ROWS;
 const uint across = along_rows ? block_height : block_width, along = along_rows ? block_width : block_height;
 const uint change_bias = 32u;  // keeps changes positive: a census word has at most 32 bits
 const uint ahead = lane_disparities > 8u ? 1u : 2u;

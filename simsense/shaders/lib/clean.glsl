@@ -3,13 +3,11 @@
 #define SIMSENSE_CLEAN_GLSL
 #include "shared/clean_push.h"
 
-const uint reason_speckle = 5u, reason_not_computed = 7u;  // SIMSENSE_REASON_*
-
 layout(push_constant, scalar) uniform Push { CleanPush push; };
 
 void drop(uint pixel, uint why) {
   push.disparity.at[pixel] = push.invalid;
-  if ((push.maps & CLEAN_HAS_CONFIDENCE) != 0u) push.confidence.at[pixel] = 0.0f;
-  if ((push.maps & CLEAN_HAS_REASON) != 0u) push.reason.at[pixel] = uint8_t(why);
+  if ((push.maps & MAPS_CONFIDENCE) != 0u) push.confidence.at[pixel] = 0.0f;
+  if ((push.maps & MAPS_REASON) != 0u) push.reason.at[pixel] = uint8_t(why);
 }
 #endif

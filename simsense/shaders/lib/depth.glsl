@@ -1,4 +1,4 @@
-// Disparity to depth and the formats of both, as in depth/depth.cpp and frame.h.
+// Disparity to depth and the formats of both, as in cpu/depth/depth.cpp and cpu/frame.h.
 #ifndef SIMSENSE_DEPTH_GLSL
 #define SIMSENSE_DEPTH_GLSL
 #include "lib/image.glsl"
@@ -25,15 +25,15 @@ uint cell_at(DepthParameters p, uint n, int column, int row) {
 /// Metres, or millimetres where the format is of integers; beyond their range there is no measurement.
 void store_depth(ImageRef image, uint element, float z) {
   precise float mm = roundEven(z * 1000.0f);
-  if (image.format == format_f32) store_f32(image, element, z);
-  if (image.format == format_u16) U16Array(image.address).at[element] = uint16_t(mm <= 65535.0f ? uint(mm) : 0u);
-  if (image.format == format_i16) I16Array(image.address).at[element] = int16_t(mm <= 32767.0f ? int(mm) : 0);
+  if (image.format == FORMAT_F32) store_f32(image, element, z);
+  if (image.format == FORMAT_U16) U16Array(image.address).at[element] = uint16_t(mm <= 65535.0f ? uint(mm) : 0u);
+  if (image.format == FORMAT_I16) I16Array(image.address).at[element] = int16_t(mm <= 32767.0f ? int(mm) : 0);
 }
 
 /// Pixels, or sixteenths of pixels.
 void store_disparity(ImageRef image, uint element, float disparity) {
-  if (image.format == format_f32) store_f32(image, element, disparity);
-  if (image.format == format_i16) I16Array(image.address).at[element] = int16_t(int(roundEven(disparity * 16.0f)));
+  if (image.format == FORMAT_F32) store_f32(image, element, disparity);
+  if (image.format == FORMAT_I16) I16Array(image.address).at[element] = int16_t(int(roundEven(disparity * 16.0f)));
 }
 
 void store_point(DepthParameters p, ImageRef image, uint element, uint x, uint y, uint pitch, float z) {

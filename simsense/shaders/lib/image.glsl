@@ -4,8 +4,6 @@
 #extension GL_EXT_shader_16bit_storage : require
 #include "shared/image_ref.h"
 
-const uint format_u8 = 1u, format_u16 = 2u, format_i16 = 3u, format_f32 = 6u;  // KS_FORMAT_*
-
 layout(buffer_reference, scalar, buffer_reference_align = 2) buffer U16Array { uint16_t at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 2) buffer I16Array { int16_t at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer F32Array { float at[]; };
@@ -15,20 +13,20 @@ uint element_of(ImageRef image, uint n, uint x, uint y) {
 }
 
 float load_element(ImageRef image, uint element) {
-  if (image.format == format_u8) return float(uint(image.address.at[element]));
-  if (image.format == format_u16) return float(uint(U16Array(image.address).at[element]));
+  if (image.format == FORMAT_U8) return float(uint(image.address.at[element]));
+  if (image.format == FORMAT_U16) return float(uint(U16Array(image.address).at[element]));
   return F32Array(image.address).at[element];
 }
 
 /// Counts into 8 or 16 bit.
 void store_counts(ImageRef image, uint element, uint counts) {
-  if (image.format == format_u8) image.address.at[element] = uint8_t(counts);
-  if (image.format == format_u16) U16Array(image.address).at[element] = uint16_t(counts);
+  if (image.format == FORMAT_U8) image.address.at[element] = uint8_t(counts);
+  if (image.format == FORMAT_U16) U16Array(image.address).at[element] = uint16_t(counts);
 }
 
 /// A value of the same format, or counts of another width.
 void store_element(ImageRef image, uint element, float value) {
-  if (image.format == format_f32) {
+  if (image.format == FORMAT_F32) {
     F32Array(image.address).at[element] = value;
   } else {
     store_counts(image, element, uint(value));

@@ -19,7 +19,7 @@ layout(constant_id = 5) const uint sum_bytes = 1u;          // of a volume of pa
 layout(constant_id = 6) const uint block_pixels = 1u;
 layout(constant_id = 7) const uint steps = 4u;              // pixels read ahead: 4 or 8
 layout(constant_id = 8) const uint uniqueness_ratio = 15u;  // percent
-layout(constant_id = 9) const uint subpixel = 2u;           // 0 none, 1 parabola, 2 equiangular, 3 equiangular on summed costs
+layout(constant_id = 9) const uint subpixel = SUBPIXEL_EQUIANGULAR;
 layout(constant_id = 10) const uint stored = 0u;            // nonzero: costs come from the volume push.cost, else from census words
 layout(constant_id = 11) const uint path_count = 4u;        // or 8
 layout(constant_id = 12) const uint census_words = 1u;      // 2 only where costs are stored

@@ -24,8 +24,8 @@ Path make_path(bool horizontal, bool leftward, uint group) {
 
 /// One level of functions, each called from one place: what NVIDIA's compiler does not inline keeps its arrays in memory.
 void main() {
-  uint lines = cluster_count() / 2u, row_groups = part == rows_and_columns ? (push.height + lines - 1u) / lines : 0u;
-  bool horizontal = part == rows_alone || gl_WorkGroupID.x < row_groups;
+  uint lines = cluster_count() / 2u, row_groups = part == PATHS_ROWS_AND_COLUMNS ? (push.height + lines - 1u) / lines : 0u;
+  bool horizontal = part == PATHS_ROWS || gl_WorkGroupID.x < row_groups;
   bool leftward = diagonal && gl_WorkGroupID.x % 2u != 0u;  // one of a pair of groups goes down to the right, the other down to the left
   Path p = make_path(horizontal, leftward, diagonal ? gl_WorkGroupID.x / 2u : horizontal ? gl_WorkGroupID.x : gl_WorkGroupID.x - row_groups);
   begin_path(p.mirrored);

@@ -11,10 +11,9 @@ layout(buffer_reference, scalar, buffer_reference_align = 4) coherent buffer Sum
 layout(buffer_reference, scalar, buffer_reference_align = 8) coherent buffer SumVec2Array { uvec2 at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) coherent buffer SumVec4Array { uvec4 at[]; };
 
-const uint rows_and_columns = 0u, diagonals = 1u, rows_alone = 2u, columns_alone = 3u;
-layout(constant_id = 14) const uint part = rows_and_columns;  // paths of this dispatch
+layout(constant_id = 14) const uint part = PATHS_ROWS_AND_COLUMNS;  // PATHS_*: those of this dispatch
 layout(constant_id = 15) const uint adds_paths = 0u;  // nonzero: adds to what the paths of an earlier dispatch have left
-const bool diagonal = part == diagonals;
+const bool diagonal = part == PATHS_DIAGONALS;
 const bool adds = adds_paths != 0u;
 
 struct Path {

@@ -84,7 +84,7 @@ float sureness(uint lowest, uint relative) {
 int left_winner(out float sure) {
   uvec2 best = least_mean();
   uint relative = lane() * lane_disparities - best.y + 1u;  // |d - winner| <= 1 exactly if relative + k <= 2
-  sure = (push.maps & MATCH_CONFIDENCE) != 0u ? sureness(best.x, relative) : 0.0f;
+  sure = (push.maps & MAPS_CONFIDENCE) != 0u ? sureness(best.x, relative) : 0.0f;
   return cluster_any(has_rival(least_other(best.x), relative)) ? -1 : int(best.y);
 }
 
@@ -129,7 +129,7 @@ ivec3 summed_block_costs(uint x, uint winner) {
 
 /// Costs at winner - 1, winner, winner + 1 that the subpixel step looks at.
 ivec3 costs_around(uint x, uint winner) {
-  if (subpixel == 2u && block_pixels > 1u) {
+  if (subpixel == SUBPIXEL_EQUIANGULAR && block_pixels > 1u) {
     ivec3 c = stored_costs ? ivec3(stored_block_cost(x, winner - 1u), stored_block_cost(x, winner), stored_block_cost(x, winner + 1u))
                            : summed_block_costs(x, winner);
     if (c.y <= c.x && c.y <= c.z) return c;
@@ -139,10 +139,10 @@ ivec3 costs_around(uint x, uint winner) {
 
 float disparity_at(uint x, int winner) {
   if (winner < 0) return -1.0f;
-  if (subpixel == 0u || winner == 0 || winner + 1 == int(disparities)) return float(winner);
+  if (subpixel == SUBPIXEL_NONE || winner == 0 || winner + 1 == int(disparities)) return float(winner);
   ivec3 c = costs_around(x, uint(winner));
   int fall = c.x - c.z;  // towards winner + 1
-  int depth = subpixel == 1u ? c.x - 2 * c.y + c.z : max(c.x, c.z) - c.y;
+  int depth = subpixel == SUBPIXEL_PARABOLA ? c.x - 2 * c.y + c.z : max(c.x, c.z) - c.y;
   if (depth == 0) return float(winner);
   float offset = exact_ratio(uint(abs(fall)), uint(2 * depth));
   return float(winner) + (fall < 0 ? -offset : offset);
@@ -175,7 +175,7 @@ void main() {
     uint x = first + lane();
     if (!valid || x >= end) continue;
     push.unchecked.at[pixel_row + x] = disparity_at(x, own_winner);
-    if ((push.maps & MATCH_CONFIDENCE) != 0u) push.confidence.at[pixel_row + x] = own_sureness;
+    if ((push.maps & MAPS_CONFIDENCE) != 0u) push.confidence.at[pixel_row + x] = own_sureness;
   }
   flush_right(end);
 }

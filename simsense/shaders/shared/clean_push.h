@@ -1,6 +1,7 @@
 // What the stages that follow the matcher on disparities share, read by GLSL and C++ (scalar layout).
 #ifndef SIMSENSE_CLEAN_PUSH_H
 #define SIMSENSE_CLEAN_PUSH_H
+#include "shared/choices.h"
 #include "shared/image_ref.h"
 
 #ifdef __cplusplus
@@ -12,22 +13,19 @@ layout(buffer_reference, scalar, buffer_reference_align = 4) buffer CleanFloats 
 layout(buffer_reference, scalar, buffer_reference_align = 4) coherent buffer CleanWords { uint at[]; };
 #endif
 
-#define CLEAN_HAS_CONFIDENCE 1u
-#define CLEAN_HAS_REASON 2u
-
 /// [pairs][height][width] maps of the matcher, packed.
 struct CleanPush {
   CleanFloats disparity, confidence;
-  BytesAddress reason;      // SIMSENSE_REASON_*
+  BytesAddress reason;      // REASON_*
   CleanFloats x, y;         // padding stage: [height][width] where the rectified left pixels lie in their source
   CleanWords parent, size;  // speckle stages: [pairs][height][width] union-find of islands; hole filling: parent is its result, as floats
   uint width, height;
-  uint maps;  // CLEAN_HAS_*
+  uint maps;  // MAPS_*
   float invalid;
   uint step;  // speckle and hole stages: which of their passes
   float max_diff_px;
   uint max_size;
-  uint filling;         // SIMSENSE_HOLES_*
+  uint filling;         // HOLES_*
   uint x0, y0, x1, y1;  // region whose holes are filled
 };
 

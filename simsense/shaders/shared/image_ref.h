@@ -2,8 +2,17 @@
 #ifndef SIMSENSE_IMAGE_REF_H
 #define SIMSENSE_IMAGE_REF_H
 
+// KS_FORMAT_* by number: shaders cannot read ks/image.h.
+#define FORMAT_U8 1u
+#define FORMAT_U16 2u
+#define FORMAT_I16 3u
+#define FORMAT_F32 6u
+
 #ifdef __cplusplus
 #include <cstdint>
+
+#include "ks/image.h"
+
 namespace simsense {
 using uint = uint32_t;
 using BytesAddress = uint64_t;
@@ -25,6 +34,7 @@ struct ImageRef {
 
 #ifdef __cplusplus
 static_assert(sizeof(ImageRef) == 32);
+static_assert(FORMAT_U8 == KS_FORMAT_U8 && FORMAT_U16 == KS_FORMAT_U16 && FORMAT_I16 == KS_FORMAT_I16 && FORMAT_F32 == KS_FORMAT_F32);
 }  // namespace simsense
 #endif
 #endif

@@ -1,6 +1,7 @@
 // What the stages on all maps of the matcher share, read by GLSL and C++ (scalar layout).
 #ifndef SIMSENSE_MAP_PUSH_H
 #define SIMSENSE_MAP_PUSH_H
+#include "shared/choices.h"
 #include "shared/depth_push.h"
 
 #ifdef __cplusplus
@@ -19,11 +20,11 @@ struct PlacePush {
   uint part_width, part_height, part_x, part_y;
   uint width, height;
   uint x0, y0, x1, y1;
-  uint maps;  // MATCH_*
+  uint maps;  // MAPS_*
   float invalid;
 };
 
-/// Why pixels have no depth (disparity/reason.h).
+/// Why pixels have no depth (cpu/checks/reason.h).
 struct ExplainPush {
   DepthBlockAddress block;
   DepthFloats disparity;

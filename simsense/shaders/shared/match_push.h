@@ -2,6 +2,7 @@
 // that need no pipeline of their own.
 #ifndef SIMSENSE_MATCH_PUSH_H
 #define SIMSENSE_MATCH_PUSH_H
+#include "shared/choices.h"
 
 #ifdef __cplusplus
 #include <cstdint>
@@ -60,27 +61,24 @@ struct WinnerPush {
   UintArray left_census, right_census;
   UintArray right_winner;  // [P][height][width] least of cost << 16 | disparity
   FloatArray unchecked;    // [P][height][width] disparities before the left-right check
-  FloatArray confidence;   // [P][height][width], if MATCH_CONFIDENCE
+  FloatArray confidence;   // [P][height][width], if MAPS_CONFIDENCE
   uint width, height;
   uint right_origin, right_pitch;
   int min_disparity;
-  uint maps;  // MATCH_*
+  uint maps;  // MAPS_*
 };
 
 struct FinishPush {
   UintArray right_winner;
   FloatArray unchecked;
   FloatArray disparity;   // [P][height][width]
-  FloatArray confidence;  // [P][height][width], if MATCH_CONFIDENCE
-  ByteArray reason;       // [P][height][width], if MATCH_REASON
+  FloatArray confidence;  // [P][height][width], if MAPS_CONFIDENCE
+  ByteArray reason;       // [P][height][width], if MAPS_REASON
   uint width, height;
   int lr_max_diff;  // -1 = off
   int min_disparity;
-  uint maps;  // MATCH_*
+  uint maps;  // MAPS_*
 };
-
-#define MATCH_CONFIDENCE 1u
-#define MATCH_REASON 2u
 
 #ifdef __cplusplus
 static_assert(sizeof(CensusPush) <= 128 && sizeof(PathPush) <= 128 && sizeof(WinnerPush) <= 128, "the least that Vulkan grants");

@@ -1,5 +1,5 @@
 // The engine's part of simsense's C API: structs are read, handles become objects, and the pipeline runs.
-#include "engine.h"
+#include "engine/engine.h"
 
 #include <algorithm>
 #include <cstring>

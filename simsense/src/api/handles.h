@@ -4,7 +4,7 @@
 #include "device/buffer.h"
 #include "device/device.h"
 #include "device/handle.h"
-#include "engine.h"
+#include "engine/engine.h"
 
 struct simsense_device_t : ks::Handle<ks::Device, 0x73646576> {
   using Handle::Handle;

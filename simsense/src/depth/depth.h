@@ -1,12 +1,5 @@
-// Disparity to depth: z = fx * baseline / (disparity + cx_right - cx_left), 0 = invalid.
-// Thread rule: pure functions; the result does not depend on the number of workers.
+// Disparity to depth: z = fx * baseline / (disparity + cx_right - cx_left), 0 = invalid. Plain values.
 #pragma once
-
-#include "rectify/rectification.h"
-
-namespace ks {
-class ThreadPool;
-}
 
 namespace simsense {
 
@@ -15,9 +8,5 @@ struct DepthRange {
   float min_m = 0, max_m = 0;
   [[nodiscard]] float keep(float z) const { return z >= min_m && z < max_m ? z : 0; }
 };
-
-/// disparity: packed [height][width] pixels, `invalid` and below are invalid. depth: packed [height][width] metres; may be the same memory.
-void depth_from_disparity(const StereoGeometry& geometry, const DepthRange& range, const float* disparity, float invalid, uint32_t width,
-                          uint32_t height, float* depth, ks::ThreadPool& workers);
 
 }  // namespace simsense

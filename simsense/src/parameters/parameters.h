@@ -2,7 +2,7 @@
 #pragma once
 
 #include "depth/depth.h"
-#include "matcher.h"
+#include "match/matcher.h"
 #include "simsense/simsense.h"
 
 namespace simsense {

@@ -8,7 +8,7 @@
 
 #include <vector>
 
-#include "rectify/rig.h"
+#include "rig/rig.h"
 
 namespace simsense {
 

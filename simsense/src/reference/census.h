@@ -5,7 +5,7 @@
 // 2009, "Description of interest regions with local binary patterns"), here a share of the local contrast.
 #pragma once
 
-#include "matcher.h"
+#include "match/matcher.h"
 #include "reference/volume.h"
 
 namespace simsense::reference {

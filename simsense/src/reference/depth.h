@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "depth/depth.h"
+#include "rectify/rectification.h"
 
 namespace simsense::reference {
 

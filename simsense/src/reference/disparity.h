@@ -1,7 +1,7 @@
 // From the aggregated volume to disparities: winner, uniqueness, subpixel step, left-right check, median.
 #pragma once
 
-#include "matcher.h"
+#include "match/matcher.h"
 #include "reference/volume.h"
 
 namespace simsense::reference {

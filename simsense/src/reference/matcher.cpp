@@ -1,5 +1,5 @@
 // The scalar reference of the whole matcher: the stages one after another on full volumes, slow and plain.
-#include "matcher.h"
+#include "match/matcher.h"
 
 #include <algorithm>
 

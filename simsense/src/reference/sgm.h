@@ -1,7 +1,7 @@
 // Semi-global aggregation (Hirschmüller 2008, "Stereo processing by semiglobal matching and mutual information", eq. 13).
 #pragma once
 
-#include "matcher.h"
+#include "match/matcher.h"
 #include "reference/volume.h"
 
 namespace simsense::reference {

@@ -4,20 +4,9 @@
 
 #include <vector>
 
-#include "cpu/buffer.h"
-#include "signal/key.h"
-
-namespace ks {
-class ThreadPool;
-}
-
 namespace simsense {
 
 /// Weights -radius..radius of the Gaussian PSF along one axis, their squares summing to 1; radius is 4 sigma, rounded up.
 std::vector<float> grain_kernel(float sigma_px);
-
-/// [height][pitch] normals; pitch is a multiple of cpu::row_padding, at least the width.
-cpu::Buffer<float> grain_normals(const PhiloxKey& key, Dimension dimension, float sigma_px, size_t pitch, size_t height,
-                                 ks::ThreadPool& workers);
 
 }  // namespace simsense

@@ -1,28 +1,14 @@
 // One eye's imager, from irradiance to counts: the stages of simsense_signal, row by row; stages at neutral values are skipped.
-// Thread rule: immutable; measure may run on several threads at once, and its result does not depend on the number of workers.
+// cpu/signal/imager.h and vulkan/signal/imager.h run it. Thread rule: immutable.
 #pragma once
 
-#include <optional>
-
-#include "image_view.h"
 #include "signal/gamma_quantile.h"
-#include "signal/key.h"
 #include "simsense/simsense.h"
-
-namespace ks {
-class ThreadPool;
-}
 
 namespace simsense {
 
 /// Throws KS_ERROR_INVALID_ARGUMENT with the eye, the name, the value and the range of the first parameter that cannot be.
 void check_signal(const simsense_signal& signal, const char* eye);
-
-/// What falls on one imager, [height][width], KS_FORMAT_U8, U16 or F32.
-struct Irradiance {
-  ConstPlane all;
-  std::optional<ConstPlane> laser;  // its part that has speckle; without one, all has
-};
 
 class Imager {
  public:
@@ -34,12 +20,10 @@ class Imager {
   /// Factors of the speckle's parts; empty where there is no such part.
   [[nodiscard]] const GammaTable& static_speckle() const { return static_speckle_; }
   [[nodiscard]] const GammaTable& temporal_speckle() const { return temporal_speckle_; }
+  /// Full wells overflow into their column.
+  [[nodiscard]] bool blooms() const { return signal_.full_well_e > 0 && signal_.blooming > 0; }
   /// 8-bit images come out as they go in.
   [[nodiscard]] bool is_neutral() const { return is_neutral_; }
-
-  /// counts: packed [height][width], uint16_t where is_wide().
-  template <class Count>
-  void measure(const NoiseKey& key, const Irradiance& light, uint32_t width, uint32_t height, Count* counts, ks::ThreadPool& workers) const;
 
  private:
   simsense_signal signal_;

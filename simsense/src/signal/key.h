@@ -4,6 +4,7 @@
 
 #include <cstdint>
 
+#include "shared/dimensions.h"
 #include "signal/philox.h"
 
 namespace simsense {
@@ -16,18 +17,18 @@ struct NoiseKey {
 
 /// Every use of randomness has a number of its own.
 enum class Dimension : uint32_t {
-  speckle_static,
-  speckle_temporal,
-  prnu,
-  hot_pixel,
-  shot,
-  dsnu,
-  row_fixed,
-  column_fixed,
-  row_temporal,
-  column_temporal,
-  read,
-  adc,
+  speckle_static = DIMENSION_SPECKLE_STATIC,
+  speckle_temporal = DIMENSION_SPECKLE_TEMPORAL,
+  prnu = DIMENSION_PRNU,
+  hot_pixel = DIMENSION_HOT_PIXEL,
+  shot = DIMENSION_SHOT,
+  dsnu = DIMENSION_DSNU,
+  row_fixed = DIMENSION_ROW_FIXED,
+  column_fixed = DIMENSION_COLUMN_FIXED,
+  row_temporal = DIMENSION_ROW_TEMPORAL,
+  column_temporal = DIMENSION_COLUMN_TEMPORAL,
+  read = DIMENSION_READ,
+  adc = DIMENSION_ADC,
 };
 
 /// The 64-bit seed encrypts (index, view, eye), so that 161 bits of address fit a 64-bit Philox key.

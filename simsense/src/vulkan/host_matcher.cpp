@@ -2,7 +2,7 @@
 #include <cstring>
 
 #include "device/error.h"
-#include "vulkan/vulkan_matcher.h"
+#include "vulkan/matcher.h"
 
 namespace simsense {
 namespace {

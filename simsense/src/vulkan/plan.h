@@ -5,7 +5,7 @@
 #include <algorithm>
 
 #include "device/device.h"
-#include "matcher.h"
+#include "match/matcher.h"
 
 namespace simsense {
 

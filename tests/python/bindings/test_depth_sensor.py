@@ -152,7 +152,7 @@ def test_registers_to_the_rgb_camera(pair):
 
 
 def test_exact_mode_keeps_every_fault(pair):
-    """Of a rectified pair only the parabola and the rectifier's focal length count; tests/simsense/stages/published_test.cpp proves the bits."""
+    """Of a rectified pair only the parabola and the rectifier's focal length count; tests/simsense/engine/published_test.cpp proves the bits."""
     exact, fixed = make(mode="simsense-exact"), make()
     assert exact.engine.parameters["subpixel"] == 1 and fixed.engine.parameters["subpixel"] == 2
     assert exact.engine.parameters["census_contrast"] == 0 and fixed.engine.parameters["census_contrast"] > 0

@@ -29,7 +29,7 @@ vec4 speckle_part(SignalBlockAddress block, uint n, uint quad, uint y, uint part
   uvec2 key = part == 0u ? block.head.keys[n].scene : block.head.keys[n].frame;
   vec4 normal;
   if (block.head.parameters.grain_radius == 0u) {
-    normal = normals_of(quad_words(key, dimension_speckle + part, quad, y));
+    normal = normals_of(quad_words(key, DIMENSION_SPECKLE_STATIC + part, quad, y));
   } else {
     uint pitch = block.head.parameters.pitch, at = (n * block.head.parameters.height + y) * pitch + 4u * quad;
     SignalFloats normals = block.head.parameters.normals[part];
@@ -67,12 +67,12 @@ vec4 collect(SignalBlockAddress block, vec4 light, vec4 laser, uint n, uint quad
   } else {
     charge *= factor;
   }
-  if (p.prnu != 0.0f) charge *= max(1.0f + normals_of(quad_words(keys.sensor, dimension_prnu, quad, y)) * p.prnu, 0.0f);
+  if (p.prnu != 0.0f) charge *= max(1.0f + normals_of(quad_words(keys.sensor, DIMENSION_PRNU, quad, y)) * p.prnu, 0.0f);
   charge += p.dark_e;
   if (p.hot_share != 0.0f && p.hot_mean_e != 0.0f)
-    charge += hot_charge(quad_words(keys.sensor, dimension_hot_pixel, quad, y), p.hot_share, p.hot_mean_e);
+    charge += hot_charge(quad_words(keys.sensor, DIMENSION_HOT_PIXEL, quad, y), p.hot_share, p.hot_mean_e);
   if (p.shot_noise != 0.0f)
-    charge = poisson_of(charge, quad_words(keys.frame, dimension_shot, quad, y)) * p.shot_noise + charge * (1.0f - p.shot_noise);
+    charge = poisson_of(charge, quad_words(keys.frame, DIMENSION_SHOT, quad, y)) * p.shot_noise + charge * (1.0f - p.shot_noise);
   return charge;
 }
 #endif

@@ -2,11 +2,7 @@
 #ifndef SIMSENSE_SIGNAL_RANDOM_GLSL
 #define SIMSENSE_SIGNAL_RANDOM_GLSL
 
-// Dimension of signal/key.h
-const uint dimension_speckle = 0u;  // static, then temporal
-const uint dimension_prnu = 2u, dimension_hot_pixel = 3u, dimension_shot = 4u, dimension_dsnu = 5u, dimension_row_fixed = 6u,
-           dimension_column_fixed = 7u, dimension_row_temporal = 8u, dimension_column_temporal = 9u, dimension_read = 10u,
-           dimension_adc = 11u;
+#include "shared/dimensions.h"
 
 uvec4 philox(uvec4 counter, uvec2 key) {
   for (uint round = 0u; round < 10u; ++round) {

@@ -7,12 +7,12 @@
 
 vec4 readout_noise(SignalParameters p, SignalKeys keys, uint quad, uint y) {
   vec4 noise = vec4(0.0f);
-  if (p.dsnu_e != 0.0f) noise += normals_of(quad_words(keys.sensor, dimension_dsnu, quad, y)) * p.dsnu_e;
-  if (p.row_fixed_e != 0.0f) noise += normals_of(quad_words(keys.sensor, dimension_row_fixed, 0u, y)).x * p.row_fixed_e;
-  if (p.column_fixed_e != 0.0f) noise += normals_of(quad_words(keys.sensor, dimension_column_fixed, quad, 0u)) * p.column_fixed_e;
-  if (p.row_noise_e != 0.0f) noise += normals_of(quad_words(keys.frame, dimension_row_temporal, 0u, y)).x * p.row_noise_e;
-  if (p.column_noise_e != 0.0f) noise += normals_of(quad_words(keys.frame, dimension_column_temporal, quad, 0u)) * p.column_noise_e;
-  if (p.read_noise_e != 0.0f) noise += normals_of(quad_words(keys.frame, dimension_read, quad, y)) * p.read_noise_e;
+  if (p.dsnu_e != 0.0f) noise += normals_of(quad_words(keys.sensor, DIMENSION_DSNU, quad, y)) * p.dsnu_e;
+  if (p.row_fixed_e != 0.0f) noise += normals_of(quad_words(keys.sensor, DIMENSION_ROW_FIXED, 0u, y)).x * p.row_fixed_e;
+  if (p.column_fixed_e != 0.0f) noise += normals_of(quad_words(keys.sensor, DIMENSION_COLUMN_FIXED, quad, 0u)) * p.column_fixed_e;
+  if (p.row_noise_e != 0.0f) noise += normals_of(quad_words(keys.frame, DIMENSION_ROW_TEMPORAL, 0u, y)).x * p.row_noise_e;
+  if (p.column_noise_e != 0.0f) noise += normals_of(quad_words(keys.frame, DIMENSION_COLUMN_TEMPORAL, quad, 0u)) * p.column_noise_e;
+  if (p.read_noise_e != 0.0f) noise += normals_of(quad_words(keys.frame, DIMENSION_READ, quad, y)) * p.read_noise_e;
   return noise;
 }
 
@@ -28,7 +28,7 @@ uvec4 read_out(SignalParameters p, SignalKeys keys, vec4 charge, uint quad, uint
   if (p.full_well_e > 0.0f) charge = min(charge, p.full_well_e);
   precise vec4 dn = (charge + readout_noise(p, keys, quad, y)) * p.dn_per_e;
   if (p.response_exponent != 1.0f) dn = respond(dn, p.response_exponent, p.max_dn);
-  if (p.adc_noise_dn != 0.0f) dn += normals_of(quad_words(keys.frame, dimension_adc, quad, y)) * p.adc_noise_dn;
+  if (p.adc_noise_dn != 0.0f) dn += normals_of(quad_words(keys.frame, DIMENSION_ADC, quad, y)) * p.adc_noise_dn;
   return uvec4(roundEven(clamp(dn + p.black_dn, 0.0f, p.max_dn)));
 }
 #endif

@@ -2,7 +2,7 @@
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "cpu/signal/rows.cpp"
-#include "cpu/targets.h"
+#include "cpu/simd/targets.h"
 // after targets.h
 #include "cpu/signal/converter-inl.h"
 #include "cpu/signal/pixel-inl.h"

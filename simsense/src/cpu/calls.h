@@ -1,0 +1,27 @@
+// Calls on the host: one pair of a batch after the other. Thread rule: externally synchronised.
+#pragma once
+
+#include <memory>
+
+#include "cpu/stages.h"
+#include "stages/request.h"
+
+namespace simsense {
+
+class CpuCalls {
+ public:
+  /// rig: outlives this.
+  CpuCalls(std::shared_ptr<ks::Device> device, const PreparedRig& rig);
+
+  /// Until the outputs are written.
+  void compute(const ComputeRequest& request, const StageSettings& settings);
+  /// Of the last call.
+  [[nodiscard]] const std::vector<ks_stage_time>& stage_times() const { return stages_.times(); }
+
+ private:
+  std::shared_ptr<ks::Device> device_;
+  const PreparedRig& rig_;
+  CpuStages stages_;
+};
+
+}  // namespace simsense

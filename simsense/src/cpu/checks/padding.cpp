@@ -1,0 +1,19 @@
+#include "cpu/checks/padding.h"
+
+#include "device/thread_pool.h"
+
+namespace simsense {
+
+void invalidate_outside(const RemapTable& table, const MatchMaps& maps, float invalid, ks::ThreadPool& workers) {
+  const float last_x = static_cast<float>(table.width - 1), last_y = static_cast<float>(table.height - 1);
+  workers.parallel_for(table.height, [&](size_t y) {
+    for (size_t i = y * table.width; i < (y + 1) * table.width; ++i) {
+      if (table.x[i] >= 0 && table.y[i] >= 0 && table.x[i] <= last_x && table.y[i] <= last_y) continue;
+      maps.disparity[i] = invalid;
+      if (maps.reason) maps.reason[i] = MatchReason::not_computed;
+      if (maps.confidence) maps.confidence[i] = 0;
+    }
+  });
+}
+
+}  // namespace simsense

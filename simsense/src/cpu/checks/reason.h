@@ -1,0 +1,18 @@
+// Causes behind an invalid pixel: of what the stages rejected, whatever the left image itself explains is put down to the image.
+// Thread rule: pure function; the result does not depend on the number of workers.
+#pragma once
+
+#include "checks/reason.h"
+#include "match/matcher.h"
+
+namespace ks {
+class ThreadPool;
+}
+
+namespace simsense {
+
+/// reason: packed [height][width]. Only reasons of the stages (not_unique, occluded, isolated, speckle, out_of_range) change.
+void explain_invalid(const ReasonParameters& parameters, ConstImage left, uint32_t width, uint32_t height, MatchReason* reason,
+                     ks::ThreadPool& workers);
+
+}  // namespace simsense

@@ -1,0 +1,18 @@
+// Disparity to depth on the host.
+// Thread rule: pure function; the result does not depend on the number of workers.
+#pragma once
+
+#include "depth/depth.h"
+#include "rectify/rectification.h"
+
+namespace ks {
+class ThreadPool;
+}
+
+namespace simsense {
+
+/// disparity: packed [height][width] pixels, `invalid` and below are invalid. depth: packed [height][width] metres; may be the same memory.
+void depth_from_disparity(const StereoGeometry& geometry, const DepthRange& range, const float* disparity, float invalid, uint32_t width,
+                          uint32_t height, float* depth, ks::ThreadPool& workers);
+
+}  // namespace simsense

@@ -1,0 +1,69 @@
+// The images of one compute call in the host's memory, and outputs as the caller wants them. A stage writes straight into the caller's
+// memory where that is packed and of the stage's own type, else into scratch that is converted and scattered afterwards. Thread rule:
+// externally synchronised.
+#pragma once
+
+#include <cmath>
+#include <limits>
+#include <vector>
+
+#include "cpu/image.h"
+#include "image/frame.h"
+
+namespace simsense {
+
+template <class T>
+constexpr uint32_t format_of = sizeof(T) == 1   ? KS_FORMAT_U8
+                               : sizeof(T) == 2 ? KS_FORMAT_U16
+                                                : KS_FORMAT_F32;
+
+/// Metres to whole millimetres; beyond the type's range there is no measurement.
+template <class T>
+T to_millimetres(float z_m) {
+  const float mm = std::rint(z_m * 1000.0f);
+  return mm <= static_cast<float>(std::numeric_limits<T>::max()) ? static_cast<T>(mm) : T{0};
+}
+
+/// Pixels to OpenCV's fixed point of four fractional bits.
+inline int16_t to_sixteenths(float disparity_px) { return static_cast<int16_t>(std::lrint(disparity_px * 16.0f)); }
+
+struct HostFrame : FrameOf<HostImage> {
+  /// Where a stage writes an output of one component of type T.
+  template <class T>
+  T* target(uint32_t output, uint32_t batch_index, std::vector<T>& scratch, size_t pixels) const {
+    if (wants(output) && outputs[output]->is_packed() && outputs[output]->format() == format_of<T>)
+      return reinterpret_cast<T*>(outputs[output]->output(batch_index).data);
+    scratch.resize(pixels);
+    return scratch.data();
+  }
+
+  /// Scatters rows that a stage could not write in place.
+  template <class T>
+  void store(uint32_t output, uint32_t batch_index, const T* from, ptrdiff_t row_stride, uint32_t width, uint32_t height) const {
+    if (wants(output) && static_cast<const void*>(from) != outputs[output]->output(batch_index).data)
+      scatter(output, batch_index, from, row_stride, width, height, [](T value) { return value; });
+  }
+  /// Packed metres, as the caller's format has them.
+  void store_depth(uint32_t output, uint32_t batch_index, const float* from, uint32_t width, uint32_t height) const {
+    const uint32_t format = wants(output) ? outputs[output]->format() : 0;
+    if (format == KS_FORMAT_F32) store(output, batch_index, from, width, width, height);
+    if (format == KS_FORMAT_U16) scatter(output, batch_index, from, width, width, height, to_millimetres<uint16_t>);
+    if (format == KS_FORMAT_I16) scatter(output, batch_index, from, width, width, height, to_millimetres<int16_t>);
+  }
+  void store_disparity(uint32_t batch_index, const float* from, uint32_t width, uint32_t height) const {
+    const uint32_t format = wants(SIMSENSE_OUTPUT_DISPARITY) ? outputs[SIMSENSE_OUTPUT_DISPARITY]->format() : 0;
+    if (format == KS_FORMAT_F32) store(SIMSENSE_OUTPUT_DISPARITY, batch_index, from, width, width, height);
+    if (format == KS_FORMAT_I16) scatter(SIMSENSE_OUTPUT_DISPARITY, batch_index, from, width, width, height, to_sixteenths);
+  }
+
+ private:
+  template <class T, class Convert>
+  void scatter(uint32_t output, uint32_t batch_index, const T* from, ptrdiff_t row_stride, uint32_t width, uint32_t height,
+               Convert convert) const {
+    const Plane to = outputs[output]->output(batch_index);
+    for (uint32_t y = 0; y < height; ++y)
+      for (uint32_t x = 0; x < width; ++x) to.set(x, y, convert(from[static_cast<ptrdiff_t>(y) * row_stride + x]));
+  }
+};
+
+}  // namespace simsense

@@ -1,0 +1,56 @@
+// The matcher's stages on the host's vectors, over a device's worker threads. Costs are made where a path needs them, and one pass over the
+// image (cpu/sgm) follows the last paths, finds winners and holds them against the right image's: cost, sgm, winner and the left-right
+// check share it. Thread rule: externally synchronised.
+#pragma once
+
+#include <functional>
+#include <memory>
+
+#include "cpu/census/census.h"
+#include "cpu/sgm/penalty_maps.h"
+#include "cpu/sgm/sgm.h"
+#include "match/host_clock.h"
+#include "match/matcher.h"
+
+namespace simsense {
+
+class CpuMatcher final : public Matcher, public MatchStages {
+ public:
+  CpuMatcher(uint32_t width, uint32_t height, const MatchParameters& parameters, ks::ThreadPool& workers);
+
+  void match(ConstImage left, ConstImage right, const MatchMaps& maps) override;
+  [[nodiscard]] std::vector<ks_stage_time> stage_times() const override { return clock_.times(); }
+  void set_progress(std::function<void(float)> progress) override { progress_ = std::move(progress); }
+
+  /// The images and maps of the stages that follow.
+  void begin(ConstImage left, ConstImage right, const MatchMaps& maps);
+  void census() override;
+  void cost() override {}
+  /// Paths up and down the image, which leave checkpoints.
+  void sgm() override;
+  /// Rows and the checkpoints' columns together, winners, left-right check.
+  void winner() override;
+  /// The median, and what follows from it for the other maps.
+  void checks() override;
+  [[nodiscard]] bool stores_costs() const override { return false; }
+
+ private:
+  void transform(size_t eye);
+  void follow_median(size_t begin, size_t end) const;
+  void for_rows(const std::function<void(size_t begin, size_t end)>& run);
+
+  size_t width_, height_;
+  MatchParameters parameters_;
+  ks::ThreadPool& workers_;
+  cpu::PaddedImage padded_[2];
+  cpu::CensusPlanes census_[2];
+  cpu::PenaltyMaps penalties_;
+  std::unique_ptr<cpu::Aggregation> aggregation_;
+  cpu::Buffer<float> unfiltered_;
+  std::function<void(float)> progress_;
+  HostClock clock_;
+  ConstImage images_[2];
+  MatchMaps maps_ = nullptr;
+};
+
+}  // namespace simsense

@@ -1,0 +1,57 @@
+// Registration: depth of the rectified left camera seen from the RGB camera. Each measured pixel is a point that lands on the nearest RGB
+// pixel; the nearest point wins. The z-buffer is a minimum, so the result does not depend on order or on the number of workers.
+// Thread rule: externally synchronised (it owns its z-buffer).
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "depth/depth.h"
+#include "registration/projection.h"
+
+namespace ks {
+class ThreadPool;
+}
+
+namespace simsense {
+
+class Registration {
+ public:
+  /// width, height: of the left camera. projection: outlives this.
+  Registration(const RgbProjection& projection, uint32_t width, uint32_t height)
+      : projection_(projection),
+        width_(width),
+        height_(height),
+        nearest_(size_t{projection.width() + 2 * SPLAT_MARGIN} * (projection.height() + 2 * SPLAT_MARGIN)) {}
+
+  /// depth: packed [height][width] of the rectified left camera. out: packed [rgb.height][rgb.width], z in the RGB camera, 0 = nothing
+  /// landed there. splat_size: each point covers n x n pixels about its own; where n is even, one more to the left and above.
+  void apply(const float* depth, const DepthRange& range, uint32_t splat_size, float* out, ks::ThreadPool& workers);
+
+ private:
+  static constexpr size_t chunk = 256;
+  /// Where points land: cells of the z-buffer, -1 = nowhere.
+  struct Landings {
+    std::array<int32_t, chunk> cell;
+    std::array<float, chunk> z;
+  };
+  void splat_row(const float* depth, uint32_t y);
+  void project(const float* depth, size_t first, size_t count, uint32_t y, Landings& out) const;
+  void project_unrectified(const float* depth, size_t first, size_t count, uint32_t y, Landings& out) const;
+  void keep_nearest(const Landings& landings, size_t count);
+  /// The z-buffer's cells as points find them, by value: the loops over pixels keep them in registers.
+  struct Cells {
+    float margin, width, height;
+    int32_t pitch;
+    [[nodiscard]] int32_t at(float column, float row, bool seen) const;
+  };
+  [[nodiscard]] Cells cells() const;
+  [[nodiscard]] size_t pitch() const { return projection_.width() + 2 * SPLAT_MARGIN; }
+  void resolve_row(const DepthRange& range, uint32_t splat_size, uint32_t y, int32_t* scratch, float* out) const;
+
+  const RgbProjection& projection_;
+  uint32_t width_, height_;
+  std::vector<int32_t> nearest_;  // the image and SPLAT_MARGIN around it; bits of a positive float sort as the float does
+};
+
+}  // namespace simsense

@@ -1,0 +1,51 @@
+#include "cpu/sgm/penalty_maps.h"
+
+#include <algorithm>
+#include <cstdlib>
+
+namespace simsense::cpu {
+
+PenaltyMaps::PenaltyMaps(size_t width, size_t height, const MatchParameters& p)
+    : width_(width),
+      height_(height),
+      directions_(p.p2_full_gradient == 0 ? 0 : (p.path_count == 8 ? 4 : 2)),
+      pitch_(round_up(width, 64) + 3 * margin),
+      p1_(p.p1),
+      p2_(p.p2),
+      full_gradient_(p.p2_full_gradient),
+      storage_(directions_ * (height + 1) * pitch_) {
+  for (uint32_t gradient = 0; gradient < 256 && directions_ > 0; ++gradient) {
+    const uint32_t penalty = gradient <= full_gradient_ ? p2_ : std::max(p1_, p2_ * full_gradient_ / gradient);
+    of_gradient_.push_back(static_cast<uint8_t>(penalty));
+  }
+}
+
+template <class T>
+void PenaltyMaps::compute_row(const PaddedImage& image, size_t y) {
+  constexpr ptrdiff_t steps[4][2] = {{-1, 0}, {0, -1}, {-1, -1}, {1, -1}};
+  const T* here = image.at<T>(0, static_cast<ptrdiff_t>(y));
+  for (size_t direction = 0; direction < directions_; ++direction) {
+    const T* before = here + steps[direction][1] * image.pitch() + steps[direction][0];
+    uint8_t* penalties = storage_.data() + (direction * (height_ + 1) + y) * pitch_ + margin;
+    for (size_t x = 0; x <= width_; ++x) {
+      const auto gradient = static_cast<uint32_t>(std::abs(static_cast<int>(here[x]) - static_cast<int>(before[x])));
+      if constexpr (sizeof(T) == 1) {
+        penalties[x] = of_gradient_[gradient];
+      } else {
+        penalties[x] = static_cast<uint8_t>(gradient <= full_gradient_ ? p2_ : std::max(p1_, p2_ * full_gradient_ / gradient));
+      }
+    }
+  }
+}
+
+void PenaltyMaps::compute_rows(const PaddedImage& image, size_t first_row, size_t end_row) {
+  for (size_t y = first_row; y < end_row; ++y) {
+    if (image.element_bytes() == 1) {
+      compute_row<uint8_t>(image, y);
+    } else {
+      compute_row<uint16_t>(image, y);
+    }
+  }
+}
+
+}  // namespace simsense::cpu

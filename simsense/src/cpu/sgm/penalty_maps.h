@@ -1,0 +1,35 @@
+// The jump penalty between neighbouring pixels, where it depends on the image's gradient (reference/sgm.h, JumpPenalty).
+#pragma once
+
+#include <vector>
+
+#include "cpu/census/census.h"
+
+namespace simsense::cpu {
+
+/// From which neighbour a path comes; those that come the other way round read the neighbour's own penalty.
+enum PathDirection : size_t { from_left, from_above, from_above_left, from_above_right };
+
+class PenaltyMaps {
+ public:
+  PenaltyMaps(size_t width, size_t height, const MatchParameters& parameters);
+  /// One penalty everywhere: there are no maps.
+  [[nodiscard]] bool uniform() const { return directions_ == 0; }
+  void compute_rows(const PaddedImage& image, size_t first_row, size_t end_row);
+  /// Of row y, or of the row below the last; readable from column -64 to 64 behind the width.
+  [[nodiscard]] const uint8_t* row(PathDirection direction, size_t y) const {
+    return storage_.data() + (direction * (height_ + 1) + y) * pitch_ + margin;
+  }
+
+ private:
+  static constexpr size_t margin = 64;
+  template <class T>
+  void compute_row(const PaddedImage& image, size_t y);
+
+  size_t width_, height_, directions_, pitch_;
+  uint32_t p1_, p2_, full_gradient_;
+  std::vector<uint8_t> of_gradient_;  // per gradient of 8-bit images
+  Buffer<uint8_t> storage_;
+};
+
+}  // namespace simsense::cpu

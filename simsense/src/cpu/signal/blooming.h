@@ -1,0 +1,17 @@
+// Full wells that overflow into their column (Janesick, Photon Transfer, 2007, on blooming). Thread rule: the result does not depend on the
+// number of workers.
+#pragma once
+
+#include <cstddef>
+
+namespace ks {
+class ThreadPool;
+}
+
+namespace simsense::cpu {
+
+/// Charge above full_well_e leaves its pixel; `share` of it, half down the column and half up, fills the next pixels with room, downward
+/// flow first. What reaches the image's border, and the other share, is drained. charge_e: [height][pitch].
+void bloom(float* charge_e, size_t width, size_t height, size_t pitch, float full_well_e, float share, ks::ThreadPool& workers);
+
+}  // namespace simsense::cpu

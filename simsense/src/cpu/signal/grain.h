@@ -1,0 +1,17 @@
+// The normal numbers of grains (signal/grain.h) on the host.
+#pragma once
+
+#include "cpu/simd/buffer.h"
+#include "signal/key.h"
+
+namespace ks {
+class ThreadPool;
+}
+
+namespace simsense::cpu {
+
+/// [height][pitch] normals; pitch is a multiple of row_padding, at least the width.
+Buffer<float> grain_normals(const PhiloxKey& key, Dimension dimension, float sigma_px, size_t pitch, size_t height,
+                            ks::ThreadPool& workers);
+
+}  // namespace simsense::cpu

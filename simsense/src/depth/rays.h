@@ -1,0 +1,27 @@
+// The ray of each pixel of the points' camera, at z = 1. Thread rule: immutable.
+#pragma once
+
+#include <vector>
+
+#include "rig/rig.h"
+
+namespace simsense {
+
+class PixelRays {
+ public:
+  /// A pinhole without distortion.
+  PixelRays(const Pinhole& camera, uint32_t width, uint32_t height);
+  /// A camera as it is: the ray of each pixel is undistorted once.
+  explicit PixelRays(const simsense_camera& camera);
+
+  /// Of each column and each row, or where is_per_pixel() of each pixel, [height][width].
+  [[nodiscard]] const std::vector<float>& x() const { return x_; }
+  [[nodiscard]] const std::vector<float>& y() const { return y_; }
+  [[nodiscard]] bool is_per_pixel() const { return per_pixel_; }
+
+ private:
+  std::vector<float> x_, y_;
+  bool per_pixel_ = false;  // else one row and one column
+};
+
+}  // namespace simsense

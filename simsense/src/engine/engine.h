@@ -1,0 +1,54 @@
+// The engine: a rig, the parameters in force and the imagers, and the calls that run on them, on the CPU or all of them on a GPU.
+// Thread rule: externally synchronised.
+#pragma once
+
+#include <memory>
+
+#include "ks/sync.h"
+#include "stages/request.h"
+
+namespace simsense {
+
+class CpuCalls;
+class VulkanCalls;
+
+class Engine {
+ public:
+  Engine(std::shared_ptr<ks::Device> device, const simsense_rig_desc& rig, const simsense_parameters& parameters);
+  ~Engine();
+  Engine(const Engine&) = delete;
+  Engine& operator=(const Engine&) = delete;
+
+  /// A refused set leaves the old one in force.
+  void set_parameters(const simsense_parameters& parameters);
+  [[nodiscard]] const simsense_parameters& parameters() const { return parameters_; }
+  void set_signal(const simsense_signal& left, const simsense_signal& right);
+  [[nodiscard]] const simsense_signal& signal(uint32_t eye) const { return imagers_[eye].signal(); }
+  [[nodiscard]] const StereoGeometry& geometry() const { return rig_.rectification.geometry; }
+
+  void compute(const ComputeRequest& request);
+  /// compute() that returns before the work is done where that is possible: on a GPU with all images in its buffers. What the result says
+  /// is what wait() takes; the images must live until then.
+  ks_sync submit(const ComputeRequest& request);
+  void wait(const ks_sync& sync);
+  /// The semaphore of submit()'s values, as an fd of the caller's; KS_ERROR_UNSUPPORTED where there is none.
+  [[nodiscard]] ks_sync export_timeline();
+  /// Of the last compute() or wait().
+  [[nodiscard]] const std::vector<ks_stage_time>& stage_times() const { return stage_times_; }
+
+ private:
+  [[nodiscard]] bool use_vulkan(const simsense_parameters& parameters) const;
+  uint64_t submit_to_device(const ComputeRequest& request, const StageSettings& settings);
+  void wait_for_device(uint64_t submission);
+
+  std::shared_ptr<ks::Device> device_;
+  PreparedRig rig_;
+  simsense_parameters parameters_;
+  Imager imagers_[2];
+  bool on_device_ = false;         // else on the CPU
+  std::unique_ptr<CpuCalls> cpu_;  // each back end when first used
+  std::unique_ptr<VulkanCalls> vulkan_;
+  std::vector<ks_stage_time> stage_times_;
+};
+
+}  // namespace simsense

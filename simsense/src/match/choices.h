@@ -1,0 +1,60 @@
+// The choices of the matcher and the reasons it gives, as enumerations. Their numbers are those of the shaders (shared/choices.h) and of
+// the public header.
+#pragma once
+
+#include <cstdint>
+
+#include "shared/choices.h"
+#include "simsense/simsense.h"
+
+namespace simsense {
+
+/// Which pixels of the window a census word compares.
+enum class CensusKind : uint8_t {
+  center_symmetric = CENSUS_CENTER_SYMMETRIC,  // each pixel with its mirror through the centre: half the bits
+  plain = CENSUS_PLAIN,                        // each pixel with the centre
+};
+
+/// Where between whole disparities the match lies, from the costs at winner - 1, winner and winner + 1.
+enum class Subpixel : uint8_t {
+  none = SUBPIXEL_NONE,
+  parabola = SUBPIXEL_PARABOLA,  // vertex of the parabola through the aggregated costs, as the published SimSense; pulls towards whole
+                                 // pixels by up to 0.2
+  equiangular = SUBPIXEL_EQUIANGULAR,  // apex of the V through the block's costs; through the aggregated ones where the block is 1x1 or has
+                                       // no minimum there
+  equiangular_summed = SUBPIXEL_EQUIANGULAR_SUMMED,  // through the aggregated ones everywhere: less noise, more pull
+};
+
+/// What an invalid pixel takes from its row (cpu/checks/holes.h).
+enum class HoleFilling : uint8_t {
+  keep = HOLES_KEEP,
+  left = HOLES_LEFT,              // the valid pixel to the left: what a left camera's occlusions border on
+  background = HOLES_BACKGROUND,  // the farther of the valid pixels to the left and right; either alone at the image's border (the
+                                  // interpolation of the KITTI stereo benchmark's development kit: Geiger, Lenz, Urtasun, CVPR 2012)
+};
+
+/// Why a pixel has no measurement. A matcher knows the first five.
+enum class MatchReason : uint8_t {
+  valid = REASON_VALID,
+  not_unique = REASON_NOT_UNIQUE,
+  outside = REASON_OUTSIDE,
+  occluded = REASON_OCCLUDED,
+  isolated = REASON_ISOLATED,
+  speckle = REASON_SPECKLE,
+  out_of_range = REASON_OUT_OF_RANGE,
+  not_computed = REASON_NOT_COMPUTED,
+  low_texture = REASON_LOW_TEXTURE,
+  saturated = REASON_SATURATED,
+};
+
+static_assert(CENSUS_CENTER_SYMMETRIC == SIMSENSE_CENSUS_CENTER_SYMMETRIC && CENSUS_PLAIN == SIMSENSE_CENSUS_PLAIN);
+static_assert(SUBPIXEL_NONE == SIMSENSE_SUBPIXEL_NONE && SUBPIXEL_PARABOLA == SIMSENSE_SUBPIXEL_PARABOLA &&
+              SUBPIXEL_EQUIANGULAR == SIMSENSE_SUBPIXEL_EQUIANGULAR && SUBPIXEL_EQUIANGULAR_SUMMED == SIMSENSE_SUBPIXEL_EQUIANGULAR_SUMMED);
+static_assert(HOLES_KEEP == SIMSENSE_HOLES_KEEP && HOLES_LEFT == SIMSENSE_HOLES_LEFT && HOLES_BACKGROUND == SIMSENSE_HOLES_BACKGROUND);
+static_assert(REASON_VALID == SIMSENSE_REASON_VALID && REASON_NOT_UNIQUE == SIMSENSE_REASON_NOT_UNIQUE &&
+              REASON_OUTSIDE == SIMSENSE_REASON_OUTSIDE && REASON_OCCLUDED == SIMSENSE_REASON_OCCLUDED &&
+              REASON_ISOLATED == SIMSENSE_REASON_ISOLATED && REASON_SPECKLE == SIMSENSE_REASON_SPECKLE &&
+              REASON_OUT_OF_RANGE == SIMSENSE_REASON_OUT_OF_RANGE && REASON_NOT_COMPUTED == SIMSENSE_REASON_NOT_COMPUTED &&
+              REASON_LOW_TEXTURE == SIMSENSE_REASON_LOW_TEXTURE && REASON_SATURATED == SIMSENSE_REASON_SATURATED);
+
+}  // namespace simsense

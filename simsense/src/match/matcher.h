@@ -1,0 +1,108 @@
+// The matcher: a rectified pair in, a disparity map out (census, Hamming cost, block sum, semi-global aggregation, winner,
+// uniqueness, subpixel, left-right check, median). One interface, several back ends that give the same bits: the scalar reference, the CPU
+// (SIMD), Vulkan compute. Thread rule: externally synchronised.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <vector>
+
+#include "ks/log.h"
+#include "match/choices.h"
+#include "parameters/match_fields.h"
+
+namespace ks {
+class ThreadPool;
+}
+
+namespace simsense {
+
+/// Ranges are those of simsense_parameters, already checked. MatchFields has what keeps its name and value; here stands what a matcher
+/// wants in another form.
+struct MatchParameters : MatchFields {
+  MatchParameters() { block_width = block_height = 1; }  // a matcher by itself sums no block
+  explicit MatchParameters(const MatchFields& fields) : MatchFields(fields) {}
+  CensusKind census = CensusKind::center_symmetric;
+  uint32_t census_contrast = 16;  // in 256ths of the range of counts around a pixel; what does not differ by more counts as equal. 0 = off
+  uint32_t path_count = 4;        // or 8, with the diagonals
+  uint32_t p2_full_gradient = 0;  // counts; a steeper step between two pixels g lowers their p2 to p2 * full / g; 0 = p2 everywhere
+  Subpixel subpixel = Subpixel::equiangular;
+  bool operator==(const MatchParameters&) const = default;
+
+  /// How far beyond the census window the range of counts is taken.
+  static constexpr uint32_t contrast_margin = 2;
+  [[nodiscard]] uint32_t census_bits() const {
+    return census == CensusKind::plain ? census_width * census_height - 1 : (census_width * census_height - 1) / 2;
+  }
+  [[nodiscard]] uint32_t block_area() const { return block_width * block_height; }
+  /// What an invalid pixel's disparity is: below every valid one.
+  [[nodiscard]] float invalid_disparity() const { return static_cast<float>(min_disparity < 0 ? min_disparity - 1 : -1); }
+};
+
+struct ConstImage {
+  const uint8_t* data = nullptr;
+  ptrdiff_t row_stride = 0;    // elements
+  uint32_t element_bytes = 1;  // 2: data points to uint16_t
+
+  [[nodiscard]] uint32_t at(ptrdiff_t x, ptrdiff_t y) const {
+    const ptrdiff_t i = y * row_stride + x;
+    return element_bytes == 1 ? data[i] : reinterpret_cast<const uint16_t*>(data)[i];
+  }
+};
+
+/// The maps of one match, [height][width] packed.
+struct MatchMaps {
+  float* disparity = nullptr;     // pixels; invalid: MatchParameters::invalid_disparity(), -1 by default
+  float* confidence = nullptr;    // if wanted: 1 - lowest cost / lowest cost of a disparity that is no neighbour of the winner; 0..1
+  MatchReason* reason = nullptr;  // if wanted
+  MatchMaps(float* disparities) : disparity(disparities) {}  // implicit: disparities alone are the usual wish
+};
+
+/// The stages of a matcher, in their order (match_order). A back end implements each in its folder of that name; what it does on another
+/// stage's way is empty there.
+class MatchStages {
+ public:
+  virtual ~MatchStages() = default;
+  virtual void census() = 0;
+  /// Only where stores_costs(); else each cost is made where a path needs it.
+  virtual void cost() = 0;
+  virtual void sgm() = 0;
+  virtual void winner() = 0;
+  virtual void checks() = 0;
+  [[nodiscard]] virtual bool stores_costs() const = 0;
+};
+
+struct MatchStep {
+  const char* name;
+  void (MatchStages::*run)();
+};
+inline constexpr MatchStep match_order[] = {
+    {"census", &MatchStages::census}, {"cost", &MatchStages::cost},     {"sgm", &MatchStages::sgm},
+    {"winner", &MatchStages::winner}, {"checks", &MatchStages::checks},
+};
+
+/// measure(name, run) runs a stage and takes its time.
+template <class Measure>
+void run_match(MatchStages& stages, const Measure& measure) {
+  for (const MatchStep& step : match_order)
+    if (step.run != &MatchStages::cost || stages.stores_costs()) measure(step.name, [&] { (stages.*step.run)(); });
+}
+
+/// A matcher of images in the host's memory: the scalar reference, and for tests and measurements each back end.
+class Matcher {
+ public:
+  virtual ~Matcher() = default;
+  /// Both images have one element size.
+  virtual void match(ConstImage left, ConstImage right, const MatchMaps& maps) = 0;
+  /// Milliseconds of each stage of the last match.
+  [[nodiscard]] virtual std::vector<ks_stage_time> stage_times() const = 0;
+  /// Told now and then how far match() is, 0..1, on the thread that called it; may throw, and match() ends with that.
+  virtual void set_progress(std::function<void(float)>) {}
+};
+
+std::unique_ptr<Matcher> make_reference_matcher(uint32_t width, uint32_t height, const MatchParameters& parameters);
+std::unique_ptr<Matcher> make_cpu_matcher(uint32_t width, uint32_t height, const MatchParameters& parameters, ks::ThreadPool& workers);
+
+}  // namespace simsense

@@ -1,0 +1,45 @@
+// What the stages of one call do: the rules that follow from rig, parameters and imagers, worked out once for both back ends. Plain values.
+#pragma once
+
+#include "checks/reason.h"
+#include "depth/depth.h"
+#include "match/region.h"
+#include "signal/imager.h"
+#include "signal/key.h"
+#include "simsense/simsense.h"
+#include "stages/prepared_rig.h"
+
+namespace simsense {
+
+struct StageSettings {
+  /// parameters: checked. imagers: outlive this.
+  StageSettings(const PreparedRig& rig, const simsense_parameters& parameters, const Imager (&imagers)[2]);
+
+  const Imager (&imagers)[2];
+  bool wide;  // the matcher sees 16-bit images, because either imager gives them
+  uint64_t noise_seed, frame_index;
+
+  bool remaps_nearest;  // of the rectification: the nearest pixel, else bilinear
+  bool drops_padding;   // what was matched where the rectified image shows nothing is invalid
+
+  MatchParameters match;
+  Region wanted, used;  // the region of interest, and what must be matched to find its disparities
+  bool is_partial;      // that is not the whole image
+  bool low_memory;
+
+  uint32_t speckle_max_size;  // 0 = no speckle filter
+  float speckle_max_diff_px;
+  HoleFilling hole_filling;
+  ReasonParameters reason;
+
+  DepthRange depth_range;
+  uint32_t splat_size;  // of the registration, pixels
+
+  [[nodiscard]] float invalid_disparity() const { return match.invalid_disparity(); }
+  [[nodiscard]] NoiseKey noise_key(uint32_t pair, uint32_t eye) const;
+};
+
+/// The region of interest; all of the image where there is none.
+Region wanted_region(const simsense_parameters& parameters, uint32_t width, uint32_t height);
+
+}  // namespace simsense

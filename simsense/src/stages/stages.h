@@ -1,0 +1,63 @@
+// The stages of a pair: one function each, which either back end implements with what lies in its folder of the stage's name, and the one
+// list of their order, which both run.
+#pragma once
+
+#include <functional>
+
+#include "image/frame.h"
+#include "match/matcher.h"
+#include "stages/settings.h"
+
+namespace simsense {
+
+/// What the outputs of a call ask of the stages.
+struct Needs {
+  bool disparity = false, confidence = false, reason = false;
+  bool depth = false;       // disparities or depths for the caller, or points of the left camera
+  bool registered = false;  // depth or points in the RGB camera
+  bool points = false;
+
+  template <class Frame>
+  Needs(const Frame& frame, bool has_rgb)
+      : disparity(frame.wants_disparity()),
+        confidence(frame.wants(SIMSENSE_OUTPUT_CONFIDENCE)),
+        reason(frame.wants(SIMSENSE_OUTPUT_REASON)),
+        depth(frame.wants(SIMSENSE_OUTPUT_DISPARITY) || frame.wants(SIMSENSE_OUTPUT_DEPTH) || (frame.wants_points() && !has_rgb)),
+        registered(has_rgb && (frame.wants(SIMSENSE_OUTPUT_DEPTH_RGB) || frame.wants_points())),
+        points(frame.wants_points()) {}
+};
+
+/// One back end's stages, on pairs that it has been given.
+class Stages {
+ public:
+  virtual ~Stages() = default;
+
+  // both eyes' light to what the matcher sees
+  virtual void signal() = 0;
+  virtual void rectify() = 0;
+
+  /// The matcher, with these pairs' images and maps in place.
+  virtual MatchStages& matcher() = 0;
+
+  // on the matcher's maps
+  virtual void place_region() = 0;
+  virtual void drop_padding() = 0;
+  virtual void filter_speckles() = 0;
+  virtual void fill_holes() = 0;
+
+  // from disparities on
+  virtual void depth() = 0;
+  virtual void registration() = 0;
+  virtual void points() = 0;  // only where makes_points_apart(); else depth and registration make them
+  virtual void explain() = 0;
+  virtual void store_maps() = 0;  // confidence and reasons
+
+  [[nodiscard]] virtual bool makes_points_apart() const = 0;
+  /// Runs a stage, or records it, and takes its time.
+  virtual void measure(const char* name, const std::function<void()>& run) = 0;
+};
+
+/// All stages that the settings and the outputs ask for, in their order (stages.cpp).
+void run_stages(Stages& stages, const StageSettings& settings, const Needs& needs);
+
+}  // namespace simsense

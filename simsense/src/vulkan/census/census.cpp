@@ -1,0 +1,57 @@
+#include "vulkan/census/census.h"
+
+#include "spirv/census.h"
+#include "vulkan/dispatch.h"
+#include "vulkan/lane_constants.h"
+
+namespace simsense {
+namespace {
+
+Constants census_constants(const MatchPlan& plan, const MatchParameters& p, uint32_t element_bytes) {
+  return {p.census_width,
+          p.census_height,
+          plan.census_copies,
+          static_cast<uint32_t>(p.census),
+          plan.census_words,
+          element_bytes,
+          p.p2_full_gradient > 0 ? 1u : 0u,
+          p.census_contrast};
+}
+
+}  // namespace
+
+VulkanCensus::VulkanCensus(const std::shared_ptr<ks::Device>& device, const MatchPlan& plan, const MatchParameters& parameters)
+    : device_(device),
+      plan_(plan),
+      parameters_(parameters),
+      of_bytes_(device, census_spirv, sizeof(CensusPush), census_constants(plan, parameters, 1)) {}
+
+const ks::ComputePipeline& VulkanCensus::pipeline(uint32_t element_bytes) {
+  if (element_bytes == 1) return of_bytes_;
+  if (!of_words_) of_words_.emplace(device_, census_spirv, sizeof(CensusPush), census_constants(plan_, parameters_, 2));
+  return *of_words_;
+}
+
+void VulkanCensus::record(ks::Commands& commands, const MatchBuffers& buffers, const MatchArrays& arrays, uint32_t pairs) {
+  CensusPush push{};
+  push.left_image = arrays.left & ~uint64_t{3};
+  push.right_image = arrays.right & ~uint64_t{3};
+  push.left_byte = arrays.left & 3;
+  push.right_byte = arrays.right & 3;
+  push.image_pitch = arrays.image_pitch ? arrays.image_pitch : plan_.width;
+  push.image_stride = arrays.image_stride ? arrays.image_stride : plan_.width * plan_.height;
+  push.left_census = buffers.left_census->address();
+  push.right_census = buffers.right_census->address();
+  push.gray = buffers.gray ? buffers.gray->address() : 0;
+  push.right_winner = buffers.right_winner->address();
+  push.width = plan_.width;
+  push.height = plan_.height;
+  push.right_pitch = plan_.right_pitch;
+  push.right_origin = plan_.right_origin;
+  push.right_copy_words = static_cast<uint32_t>(plan_.right_copy_words());
+  push.min_disparity = parameters_.min_disparity;
+  commands.dispatch(pipeline(arrays.element_bytes), push, groups_of(plan_.right_origin, 64) + groups_of(plan_.width, 64),
+                    groups_of(plan_.height, 16), 2 * pairs);
+}
+
+}  // namespace simsense

@@ -1,0 +1,27 @@
+#include "vulkan/checks/finish.h"
+
+#include "spirv/finish.h"
+#include "vulkan/dispatch.h"
+#include "vulkan/lane_constants.h"
+
+namespace simsense {
+
+VulkanFinish::VulkanFinish(const std::shared_ptr<ks::Device>& device, const MatchPlan& plan, const MatchParameters& p)
+    : plan_(plan), parameters_(p), pipeline_(device, finish_spirv, sizeof(FinishPush), Constants{p.median_size}) {}
+
+void VulkanFinish::record(ks::Commands& commands, const MatchBuffers& buffers, const MatchArrays& arrays, uint32_t pairs) const {
+  FinishPush push{};
+  push.right_winner = buffers.right_winner->address();
+  push.unchecked = buffers.unchecked->address();
+  push.disparity = arrays.disparity;
+  push.confidence = arrays.confidence;
+  push.reason = arrays.reason;
+  push.width = plan_.width;
+  push.height = plan_.height;
+  push.lr_max_diff = parameters_.lr_max_diff;
+  push.min_disparity = parameters_.min_disparity;
+  push.maps = arrays.maps();
+  dispatch_pixels(commands, pipeline_, push, plan_.width, plan_.height, pairs);
+}
+
+}  // namespace simsense

@@ -1,0 +1,21 @@
+// Left-right check and median of the matcher's disparities, and what follows from them for the other maps, in Vulkan compute.
+#pragma once
+
+#include "device/compute.h"
+#include "vulkan/match_arrays.h"
+
+namespace simsense {
+
+class VulkanFinish {
+ public:
+  /// plan, parameters: outlive this.
+  VulkanFinish(const std::shared_ptr<ks::Device>& device, const MatchPlan& plan, const MatchParameters& parameters);
+  void record(ks::Commands& commands, const MatchBuffers& buffers, const MatchArrays& arrays, uint32_t pairs) const;
+
+ private:
+  const MatchPlan& plan_;
+  const MatchParameters& parameters_;
+  ks::ComputePipeline pipeline_;
+};
+
+}  // namespace simsense

@@ -1,0 +1,23 @@
+#include "vulkan/cost/block_cost.h"
+
+#include "spirv/block_cost.h"
+#include "vulkan/dispatch.h"
+#include "vulkan/lane_constants.h"
+
+namespace simsense {
+
+VulkanBlockCost::VulkanBlockCost(const std::shared_ptr<ks::Device>& device, const MatchPlan& plan, const MatchParameters& p)
+    : plan_(plan),
+      parameters_(p),
+      pipeline_(
+          device, block_cost_spirv, sizeof(PathPush),
+          lane_constants(plan, p, 256, plan.steps, {p.block_width, p.block_height, plan.block_group_parts, plan.block_rows_per_group})) {}
+
+void VulkanBlockCost::record(ks::Commands& commands, const MatchBuffers& buffers, uint32_t pairs) const {
+  const uint32_t part_groups = plan_.padded_disparities() / 8 / plan_.block_group_parts;
+  const uint32_t outputs = plan_.block_columns() - (parameters_.block_width - 1);
+  commands.dispatch(pipeline_, path_push(plan_, parameters_, buffers), part_groups * groups_of(plan_.width, outputs),
+                    groups_of(plan_.height, plan_.block_rows_per_group), pairs);
+}
+
+}  // namespace simsense

@@ -1,0 +1,33 @@
+// The specialisation constants of lib/lanes.glsl, which the cost, path and winner stages share.
+#pragma once
+
+#include <initializer_list>
+#include <vector>
+
+#include "vulkan/plan.h"
+
+namespace simsense {
+
+using Constants = std::vector<uint32_t>;
+
+inline Constants lane_constants(const MatchPlan& plan, const MatchParameters& p, uint32_t group, uint32_t steps,
+                                std::initializer_list<uint32_t> more) {
+  Constants constants{group,
+                      plan.path_lanes,
+                      plan.lane_disparities,
+                      p.max_disparity,
+                      plan.subgroup_lanes,
+                      plan.sum_bytes,
+                      p.block_width * p.block_height,
+                      steps,
+                      p.uniqueness_ratio,
+                      static_cast<uint32_t>(p.subpixel),
+                      plan.stored_costs ? 1u : 0u,
+                      p.path_count,
+                      plan.census_words,
+                      p.p2_full_gradient > 0 ? 1u : 0u};
+  constants.insert(constants.end(), more);
+  return constants;
+}
+
+}  // namespace simsense

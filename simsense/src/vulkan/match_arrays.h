@@ -1,0 +1,34 @@
+// What the matcher's stages on the device hand each other, and where a call's images and maps lie. Plain values, laid out by a MatchPlan.
+#pragma once
+
+#include <memory>
+
+#include "device/buffer.h"
+#include "shared/match_push.h"
+#include "vulkan/plan.h"
+
+namespace simsense {
+
+/// Of one pass through the stages, by device address: [pairs][height][width].
+struct MatchArrays {
+  uint64_t left = 0, right = 0;                // at a multiple of element_bytes
+  uint32_t element_bytes = 1;                  // 1 or 2 per pixel
+  uint32_t image_pitch = 0, image_stride = 0;  // pixels from row to row, from image to image; 0 = packed
+  uint64_t disparity = 0;                      // 32-bit float, packed
+  uint64_t confidence = 0, reason = 0;         // 32-bit float, MatchReason; 0 = not wanted
+
+  /// MAPS_*
+  [[nodiscard]] uint32_t maps() const { return (confidence ? MAPS_CONFIDENCE : 0u) | (reason ? MAPS_REASON : 0u); }
+};
+
+/// The matcher's own, as in match_push.h; gray and cost only where they are needed.
+struct MatchBuffers {
+  MatchBuffers(const std::shared_ptr<ks::Device>& device, const MatchPlan& plan, const MatchParameters& parameters);
+  std::shared_ptr<ks::Buffer> left_census, right_census, gray, cost, sums[4], right_winner, unchecked;
+  uint64_t memory_bytes = 0;
+};
+
+/// What the cost and path stages share.
+PathPush path_push(const MatchPlan& plan, const MatchParameters& parameters, const MatchBuffers& buffers);
+
+}  // namespace simsense

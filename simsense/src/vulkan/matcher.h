@@ -1,0 +1,84 @@
+// The matcher in Vulkan compute: the bits of the scalar reference, a whole batch per call, images and disparities in device memory. Any
+// device that this project runs on and whose subgroups can shuffle; meant for GPUs (on a CPU device the CPU matcher is many times faster).
+// Thread rule: externally synchronised.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "device/compute.h"
+#include "match/matcher.h"
+#include "vulkan/census/census.h"
+#include "vulkan/checks/finish.h"
+#include "vulkan/cost/block_cost.h"
+#include "vulkan/match_arrays.h"
+#include "vulkan/sgm/paths.h"
+#include "vulkan/winner/winner.h"
+
+namespace simsense {
+
+/// Packed images [batch][height][width] inside a buffer.
+struct DeviceImages {
+  const ks::Buffer& buffer;
+  uint64_t offset_bytes = 0;
+};
+
+class VulkanMatcher final : public MatchStages {
+ public:
+  VulkanMatcher(std::shared_ptr<ks::Device> device, uint32_t width, uint32_t height, uint32_t batch, const MatchParameters& parameters,
+                const MatchTuning& tuning);
+  VulkanMatcher(const VulkanMatcher&) = delete;
+  VulkanMatcher& operator=(const VulkanMatcher&) = delete;
+
+  /// left, right: 8 bit; disparity: 32-bit float, pixels, -1 = invalid, at a multiple of 4 bytes. Returns when it can be read.
+  void match(const DeviceImages& left, const DeviceImages& right, const DeviceImages& disparity);
+  /// The same as part of other work, for at most plan().pairs_at_once pairs.
+  void record(ks::Commands& commands, const MatchArrays& arrays, uint32_t pairs);
+  /// What the stages that follow record, where.
+  void begin(ks::Commands& commands, const MatchArrays& arrays, uint32_t pairs);
+  void census() override;
+  void cost() override;
+  void sgm() override;
+  void winner() override;
+  void checks() override;
+  [[nodiscard]] bool stores_costs() const override { return plan_.stored_costs; }
+
+  /// Milliseconds of each stage of the last call, on the device.
+  [[nodiscard]] std::vector<ks_stage_time> stage_times() const;
+  /// Device memory that this matcher holds.
+  [[nodiscard]] uint64_t memory_bytes() const { return buffers_.memory_bytes; }
+  [[nodiscard]] const MatchPlan& plan() const { return plan_; }
+
+ private:
+  std::shared_ptr<ks::Device> device_;
+  uint32_t batch_;
+  MatchParameters parameters_;
+  MatchPlan plan_;
+  MatchBuffers buffers_;
+  VulkanCensus census_;
+  std::optional<VulkanBlockCost> cost_;
+  VulkanPaths paths_;
+  VulkanWinner winner_;
+  VulkanFinish finish_;
+  ks::Commands own_commands_;  // of match()
+  ks::Commands* commands_ = nullptr;
+  MatchArrays arrays_;
+  uint32_t pairs_ = 0;
+};
+
+std::vector<ks_stage_time> to_stage_times(const std::vector<std::pair<std::string, double>>& times);
+
+/// Why the Vulkan matcher cannot do this on the device; empty where it can.
+std::string why_not_vulkan(const ks::Device& device, uint32_t width, uint32_t height, uint32_t batch, const MatchParameters& parameters);
+
+/// Throws KS_ERROR_UNSUPPORTED with that reason.
+std::unique_ptr<VulkanMatcher> make_vulkan_matcher(std::shared_ptr<ks::Device> device, uint32_t width, uint32_t height, uint32_t batch,
+                                                   const MatchParameters& parameters, const MatchTuning& tuning = {});
+
+/// The same behind the interface of host images.
+std::unique_ptr<Matcher> make_vulkan_host_matcher(const std::shared_ptr<ks::Device>& device, uint32_t width, uint32_t height,
+                                                  const MatchParameters& parameters, const MatchTuning& tuning = {});
+
+}  // namespace simsense

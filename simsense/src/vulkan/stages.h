@@ -1,0 +1,97 @@
+// The stages of some pairs in Vulkan compute: each records its work on the caller's device buffers. Images that nothing changes stay where
+// they are; scratch memory is kept between calls. Thread rule: externally synchronised.
+#pragma once
+
+#include <memory>
+#include <optional>
+
+#include "stages/stages.h"
+#include "vulkan/checks/cleaner.h"
+#include "vulkan/checks/explain.h"
+#include "vulkan/depth/depth.h"
+#include "vulkan/frame.h"
+#include "vulkan/maps.h"
+#include "vulkan/matcher.h"
+#include "vulkan/rectify/rectifier.h"
+#include "vulkan/registration/registration.h"
+#include "vulkan/signal/imager.h"
+
+namespace simsense {
+
+class VulkanStages final : public Stages {
+ public:
+  /// rig: outlives this.
+  VulkanStages(std::shared_ptr<ks::Device> device, const PreparedRig& rig);
+
+  /// Whether arrays stay as they are that recorded work may still use. Until prepare(), those of the last call.
+  [[nodiscard]] bool keeps_arrays(const StageSettings& settings) const;
+  /// Makes what this call's disparities need; nothing may be under way unless keeps_arrays().
+  void prepare(const StageSettings& settings, const Needs& needs);
+  /// Once per submission, before its pairs.
+  void begin(ks::Commands& commands, const StageSettings& settings);
+  /// Records all stages of some pairs, at most pairs_at_once().
+  void record(ks::Commands& commands, const StageSettings& settings, const DeviceFrame& frame, const Pairs& pairs);
+  [[nodiscard]] uint32_t pairs_at_once() const;
+  /// After recorded work that was never submitted: what it was to upload is uploaded anew.
+  void discard() { imagers_.reset(); }
+  /// Device memory beside the caller's and the tables.
+  [[nodiscard]] uint64_t memory_bytes() const;
+
+  void signal() override;
+  void rectify() override;
+  MatchStages& matcher() override;
+  void place_region() override;
+  void drop_padding() override;
+  void filter_speckles() override;
+  void fill_holes() override;
+  void depth() override;
+  void registration() override;
+  void points() override {}
+  void explain() override;
+  void store_maps() override;
+  [[nodiscard]] bool makes_points_apart() const override { return false; }
+  void measure(const char* name, const std::function<void()>& run) override;
+
+ private:
+  /// What record() was given.
+  struct Call {
+    ks::Commands& commands;
+    const StageSettings& settings;
+    const DeviceFrame& frame;
+    Pairs pairs;
+  };
+  /// What the matcher and its maps were made for.
+  struct Matching {
+    MatchParameters parameters;
+    Region wanted, used;
+    bool operator==(const Matching&) const = default;
+  };
+  ImageRef measure_eye(uint32_t eye);
+  ImageRef rectify_eye(uint32_t eye);
+  ImageRef scratch(std::shared_ptr<ks::Buffer>& buffer);
+  void copy(const ImageRef& from, const ImageRef& to);
+  [[nodiscard]] ImageRef output(uint32_t which) const { return ref_or_none(call_->frame.outputs[which], call_->pairs); }
+
+  std::shared_ptr<ks::Device> device_;
+  const PreparedRig& rig_;
+  uint32_t width_, height_;
+  std::optional<Call> call_;  // while record() runs
+  ImageRef images_[2] = {};   // as the last stage leaves them
+  MatchArrays arrays_;
+  DeviceMaps maps_;
+
+  std::unique_ptr<VulkanRectifier> rectifier_;  // where the pair is not rectified already
+  VulkanCleaner cleaner_;
+  // made when first needed
+  std::optional<VulkanImagers> imagers_;
+  std::optional<ks::ComputePipeline> copy_;
+  std::shared_ptr<ks::Buffer> counts_[2], rectified_[2];
+  Matching matching_;
+  std::unique_ptr<VulkanMatcher> matcher_;
+  std::optional<VulkanMaps> match_maps_;
+  std::optional<VulkanDepth> depth_;
+  std::optional<VulkanRegistration> registration_;
+  std::optional<VulkanExplain> explain_;
+};
+
+}  // namespace simsense

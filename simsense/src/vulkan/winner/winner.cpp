@@ -1,0 +1,43 @@
+#include "vulkan/winner/winner.h"
+
+#include "spirv/winner.h"
+#include "spirv/winner_packed.h"
+#include "vulkan/dispatch.h"
+#include "vulkan/lane_constants.h"
+
+namespace simsense {
+namespace {
+
+std::span<const uint32_t> code(const MatchPlan& plan) {
+  return plan.packed_keys ? std::span<const uint32_t>(winner_packed_spirv) : winner_spirv;
+}
+
+}  // namespace
+
+VulkanWinner::VulkanWinner(const std::shared_ptr<ks::Device>& device, const MatchPlan& plan, const MatchParameters& p)
+    : plan_(plan),
+      parameters_(p),
+      pipeline_(
+          device, code(plan), sizeof(WinnerPush),
+          lane_constants(plan, p, plan.winner_group, plan.winner_steps, {plan.segments, plan.sum_volumes, p.block_width, p.block_height}),
+          plan.subgroup_lanes) {}
+
+void VulkanWinner::record(ks::Commands& commands, const MatchBuffers& buffers, const MatchArrays& arrays, uint32_t pairs) const {
+  WinnerPush push{};
+  for (uint32_t i = 0; i < plan_.sum_volumes; ++i) push.sums[i] = buffers.sums[i]->address();
+  push.cost = buffers.cost ? buffers.cost->address() : 0;
+  push.left_census = buffers.left_census->address();
+  push.right_census = buffers.right_census->address();
+  push.right_winner = buffers.right_winner->address();
+  push.unchecked = buffers.unchecked->address();
+  push.confidence = arrays.confidence;
+  push.width = plan_.width;
+  push.height = plan_.height;
+  push.right_origin = plan_.right_origin;
+  push.right_pitch = plan_.right_pitch;
+  push.min_disparity = parameters_.min_disparity;
+  push.maps = arrays.maps();
+  commands.dispatch(pipeline_, push, groups_of(plan_.height, plan_.winner_group / plan_.path_lanes), plan_.segments, pairs);
+}
+
+}  // namespace simsense

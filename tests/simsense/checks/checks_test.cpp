@@ -1,0 +1,115 @@
+// Speckle filter and hole filling against plain accounts of them, and by hand.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+#include "cpu/checks/holes.h"
+#include "cpu/checks/reason.h"
+#include "cpu/checks/speckle.h"
+#include "device/thread_pool.h"
+
+using namespace simsense;
+
+namespace {
+
+/// Islands found by flooding from each pixel in turn.
+std::vector<float> without_islands(std::vector<float> disparity, uint32_t width, float invalid, size_t max_size, float max_diff) {
+  const uint32_t height = static_cast<uint32_t>(disparity.size()) / width;
+  std::vector<bool> seen(disparity.size());
+  const std::vector<float> before = disparity;
+  for (uint32_t start = 0; start < disparity.size(); ++start) {
+    if (seen[start] || before[start] == invalid) continue;
+    std::vector<uint32_t> island{start};
+    seen[start] = true;
+    for (size_t k = 0; k < island.size(); ++k) {
+      const uint32_t i = island[k], x = i % width, y = i / width;
+      const auto reach = [&](bool inside, uint32_t j) {
+        if (!inside || seen[j] || before[j] == invalid || std::abs(before[i] - before[j]) > max_diff) return;
+        seen[j] = true;
+        island.push_back(j);
+      };
+      reach(x > 0, i - 1);
+      reach(x + 1 < width, i + 1);
+      reach(y > 0, i - width);
+      reach(y + 1 < height, i + width);
+    }
+    if (island.size() > max_size) continue;
+    for (const uint32_t i : island) disparity[i] = invalid;
+  }
+  return disparity;
+}
+
+std::vector<float> filtered(std::vector<float> disparity, uint32_t width, float invalid, uint32_t max_size, float max_diff,
+                            unsigned threads) {
+  ks::ThreadPool workers(threads);
+  SpeckleFilter filter;
+  filter.apply(disparity.data(), width, static_cast<uint32_t>(disparity.size()) / width, invalid, max_size, max_diff, workers);
+  return disparity;
+}
+
+TEST(SpeckleFilter, EqualsFlooding) {
+  std::mt19937 random(1);
+  for (int i = 0; i < 30; ++i) {
+    const uint32_t width = 20 + random() % 90, height = 20 + random() % 90, levels = 2 + random() % 5;
+    std::vector<float> disparity(width * height);
+    for (float& d : disparity) d = random() % 3 == 0 ? -1.0f : 10.0f + 0.75f * static_cast<float>(random() % levels);
+    const uint32_t max_size = random() % 40;
+    const float max_diff = 0.75f * static_cast<float>(random() % 3);
+    const auto expected = without_islands(disparity, width, -1, max_size, max_diff);
+    ASSERT_EQ(filtered(disparity, width, -1, max_size, max_diff, 1), expected) << width << "x" << height;
+    ASSERT_EQ(filtered(disparity, width, -1, max_size, max_diff, 3), expected) << width << "x" << height;
+  }
+}
+
+TEST(SpeckleFilter, SlopeIsOneIslandAndNotesAreKept) {
+  std::vector<float> disparity(40 * 33), confidence(disparity.size(), 0.5f);
+  std::vector<MatchReason> reason(disparity.size(), MatchReason::valid);
+  for (size_t i = 0; i < disparity.size(); ++i) disparity[i] = static_cast<float>(i % 40);
+  disparity[5] = 90;
+  MatchMaps maps = disparity.data();
+  maps.confidence = confidence.data();
+  maps.reason = reason.data();
+  ks::ThreadPool workers(2);
+  SpeckleFilter().apply(maps, 40, 33, -1, 100, 1, workers);
+  for (size_t i = 0; i < disparity.size(); ++i) {
+    EXPECT_EQ(disparity[i], i == 5 ? -1.0f : static_cast<float>(i % 40));
+    EXPECT_EQ(reason[i], i == 5 ? MatchReason::speckle : MatchReason::valid);
+    EXPECT_EQ(confidence[i], i == 5 ? 0.0f : 0.5f);
+  }
+}
+
+TEST(HoleFilling, ByHand) {
+  const std::vector<float> row{-1, 5, -1, -1, 9, 3, -1, 7, -1}, empty(9, -1.0f);
+  ks::ThreadPool workers(1);
+  const auto fill = [&](HoleFilling filling, std::vector<float> values) {
+    fill_holes(filling, values.data(), 9, {0, 0, 9, 1}, -1, workers);
+    return values;
+  };
+  EXPECT_EQ(fill(HoleFilling::keep, row), row);
+  EXPECT_EQ(fill(HoleFilling::left, row), (std::vector<float>{-1, 5, 5, 5, 9, 3, 3, 7, 7}));
+  EXPECT_EQ(fill(HoleFilling::background, row), (std::vector<float>{5, 5, 5, 5, 9, 3, 3, 7, 7}));
+  EXPECT_EQ(fill(HoleFilling::background, empty), empty);
+  std::vector<float> part = row;
+  fill_holes(HoleFilling::background, part.data(), 9, {2, 0, 5, 1}, -1, workers);
+  EXPECT_EQ(part, (std::vector<float>{-1, 5, 9, 9, 9, 3, -1, 7, -1})) << "what lies outside the region is not looked at";
+}
+
+TEST(Reason, TheImageExplainsWhatStagesRejected) {
+  std::vector<uint8_t> image(60 * 40);
+  for (size_t y = 0; y < 40; ++y)
+    for (size_t x = 0; x < 60; ++x)
+      image[y * 60 + x] = x < 20 ? static_cast<uint8_t>(100 + (x + y) % 4) : x < 40 ? 255 : static_cast<uint8_t>(40 * ((x + y) % 4));
+  std::vector<MatchReason> reason(image.size(), MatchReason::not_unique);
+  std::fill_n(reason.begin(), 60 * 10, MatchReason::valid);
+  std::fill_n(reason.begin() + 60 * 10, 60 * 10, MatchReason::outside);
+  ks::ThreadPool workers(2);
+  explain_invalid({7, 7, 4, 255}, {image.data(), 60}, 60, 40, reason.data(), workers);
+  EXPECT_EQ(reason[5 * 60 + 10], MatchReason::valid);
+  EXPECT_EQ(reason[15 * 60 + 10], MatchReason::outside) << "geometry needs no other cause";
+  EXPECT_EQ(reason[30 * 60 + 10], MatchReason::low_texture);
+  EXPECT_EQ(reason[30 * 60 + 30], MatchReason::saturated);
+  EXPECT_EQ(reason[30 * 60 + 50], MatchReason::not_unique);
+}
+
+}  // namespace

@@ -1,0 +1,121 @@
+// Laws of the whole matcher, for the scalar reference and the CPU engine alike.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+#include "device/thread_pool.h"
+#include "simsense/match/stereo_pair.h"
+
+namespace {
+
+using simsense::MatchParameters;
+
+enum class Engine { reference, cpu };
+
+std::vector<float> match_with(Engine engine, const StereoPair& pair, const MatchParameters& p) {
+  ks::ThreadPool workers(2);
+  const auto matcher = engine == Engine::cpu ? simsense::make_cpu_matcher(pair.width, pair.height, p, workers)
+                                             : simsense::make_reference_matcher(pair.width, pair.height, p);
+  return match(*matcher, pair);
+}
+
+class matcher_law : public testing::TestWithParam<Engine> {};
+
+TEST_P(matcher_law, shifted_pair_gives_that_disparity) {
+  for (const uint32_t shift : {0u, 1u, 7u, 30u, 62u}) {
+    for (const uint32_t block : {1u, 7u}) {
+      const StereoPair pair = random_dots(160, 70, shift, 3, shift + 1);
+      MatchParameters p;
+      p.max_disparity = 64;
+      p.block_width = p.block_height = block;
+      p.subpixel = simsense::Subpixel::none;
+      const auto whole = match_with(GetParam(), pair, p);
+      p.subpixel = simsense::Subpixel::parabola;
+      const auto fine = match_with(GetParam(), pair, p);
+      for (uint32_t y = 4; y < 66; ++y) {
+        for (uint32_t x = shift + 8; x < 152; ++x) {
+          ASSERT_EQ(whole[y * 160 + x], static_cast<float>(shift)) << "x " << x << " y " << y << " block " << block;
+          ASSERT_NEAR(fine[y * 160 + x], shift, 0.5) << "x " << x << " y " << y << " block " << block;
+        }
+      }
+    }
+  }
+}
+
+TEST_P(matcher_law, featureless_pair_gives_disparity_zero) {
+  const StereoPair pair{64, 40, std::vector<uint8_t>(64 * 40, 128), std::vector<uint8_t>(64 * 40, 128)};
+  MatchParameters p;
+  p.max_disparity = 32;
+  for (const float disparity : match_with(GetParam(), pair, p)) ASSERT_EQ(disparity, 0.0f);
+}
+
+TEST_P(matcher_law, brighter_right_image_changes_nothing) {
+  StereoPair pair = random_dots(100, 60, 11, 0, 3);
+  for (auto* image : {&pair.left, &pair.right}) {
+    for (uint8_t& value : *image) value = static_cast<uint8_t>(1 + value / 2);
+  }
+  MatchParameters p;
+  p.max_disparity = 32;
+  const auto expected = match_with(GetParam(), pair, p);
+  for (uint8_t& value : pair.right) value = static_cast<uint8_t>(value + 90);  // zeros outside the image stay the darkest
+  EXPECT_EQ(match_with(GetParam(), pair, p), expected);
+}
+
+TEST_P(matcher_law, contrast_lets_faint_noise_change_little) {
+  // up to two counts on texture of a hundred and more
+  const auto share_different = [](uint32_t contrast, Engine engine) {
+    StereoPair pair = random_dots(160, 80, 11, 0, 3), noisy = pair;
+    std::mt19937 random(7);
+    for (auto* image : {&noisy.left, &noisy.right}) {
+      for (uint8_t& value : *image) value = static_cast<uint8_t>(std::min<unsigned>(255, value + random() % 3));
+    }
+    MatchParameters p;
+    p.max_disparity = 32;
+    p.block_width = p.block_height = 1;
+    p.census_contrast = contrast;
+    const auto clean = match_with(engine, pair, p), found = match_with(engine, noisy, p);
+    size_t different = 0;
+    for (size_t i = 0; i < clean.size(); ++i) different += std::abs(clean[i] - found[i]) > 0.25f;
+    return static_cast<double>(different) / static_cast<double>(clean.size());
+  };
+  EXPECT_LT(share_different(26, GetParam()), 0.5 * share_different(0, GetParam()));
+}
+
+TEST_P(matcher_law, unrelated_images_are_mostly_rejected) {
+  StereoPair pair = random_dots(160, 80, 0, 0, 4);
+  pair.right = random_dots(160, 80, 0, 0, 5).right;
+  MatchParameters p;
+  p.max_disparity = 64;
+  const auto disparity = match_with(GetParam(), pair, p);
+  const auto valid = std::count_if(disparity.begin(), disparity.end(), [](float d) { return d >= 0.0f; });
+  EXPECT_LT(static_cast<double>(valid), 0.2 * static_cast<double>(disparity.size()));
+}
+
+TEST_P(matcher_law, both_eyes_agree) {
+  // seen from the other eye: both images mirrored and swapped. Where both views keep a disparity it is the same one.
+  const StereoPair pair = random_dots(160, 60, 13, 20, 6);
+  StereoPair swapped = pair;
+  for (size_t y = 0; y < 60; ++y) {
+    std::reverse_copy(&pair.right[y * 160], &pair.right[y * 160] + 160, &swapped.left[y * 160]);
+    std::reverse_copy(&pair.left[y * 160], &pair.left[y * 160] + 160, &swapped.right[y * 160]);
+  }
+  MatchParameters p;
+  p.max_disparity = 32;
+  const auto left = match_with(GetParam(), pair, p), right = match_with(GetParam(), swapped, p);
+  size_t both = 0;
+  for (size_t y = 4; y < 56; ++y) {
+    for (size_t x = 45; x < 147; ++x) {
+      const float from_left = left[y * 160 + x], from_right = right[y * 160 + 159 - (x - 13)];
+      if (from_left < 0.0f || from_right < 0.0f) continue;
+      ++both;
+      ASSERT_NEAR(from_left, from_right, 0.5);
+    }
+  }
+  EXPECT_GT(both, 52u * 102u * 9 / 10);
+}
+
+INSTANTIATE_TEST_SUITE_P(engines, matcher_law, testing::Values(Engine::reference, Engine::cpu),
+                         [](const auto& info) { return info.param == Engine::cpu ? "cpu" : "reference"; });
+
+}  // namespace

@@ -1,0 +1,277 @@
+// The Vulkan matcher gives the bits of the scalar reference on the best device there is: disparities, confidence and reasons, over fuzzed
+// parameters and sizes, 8 and 16 bit, lane layouts, both kinds of minima, and batches.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <random>
+#include <sstream>
+
+#include "capi/device/devices.h"
+#include "device/error.h"
+#include "simsense/match/stereo_pair.h"
+#include "vulkan/matcher.h"
+
+namespace {
+
+using simsense::BlockCosts;
+using simsense::MatchParameters;
+using simsense::MatchReason;
+using simsense::MatchTuning;
+using simsense::Minima;
+
+const std::shared_ptr<ks::Device>& device() {
+  static const std::shared_ptr<ks::Device> opened = ks::test::best_device();
+  return opened;
+}
+
+std::string describe(const StereoPair& pair, const MatchParameters& p, const MatchTuning& t) {
+  std::ostringstream text;
+  text << pair.width << "x" << pair.height << " D " << p.max_disparity << " census " << p.census_width << "x" << p.census_height
+       << " block " << p.block_width << "x" << p.block_height << " p1 " << p.p1 << " p2 " << p.p2 << " uniqueness " << p.uniqueness_ratio
+       << " lr " << p.lr_max_diff << " median " << p.median_size << " subpixel " << static_cast<int>(p.subpixel) << " census kind "
+       << static_cast<int>(p.census) << " paths " << p.path_count << " min " << p.min_disparity << " gradient " << p.p2_full_gradient
+       << " contrast " << p.census_contrast << "; lanes " << t.path_lanes << " steps " << t.steps << " groups " << t.path_group << ", "
+       << t.winner_group << " segments " << t.segments << (t.minima == Minima::half ? " half" : "")
+       << (t.block_costs == BlockCosts::summed ? " summed" : "");
+  return text.str();
+}
+
+/// Every pixel equal, or where the first difference is.
+template <class T>
+void expect_same(const std::vector<T>& expected, const T* actual, size_t width, const std::string& what) {
+  size_t count = 0, first = 0;
+  for (size_t i = expected.size(); i-- > 0;)
+    if (expected[i] != actual[i]) ++count, first = i;
+  EXPECT_EQ(count, 0u) << what << ": first difference at x " << first % width << " y " << first / width << ": expected "
+                       << static_cast<double>(expected[first]) << ", got " << static_cast<double>(actual[first]);
+}
+
+struct Maps {
+  std::vector<float> disparity, confidence;
+  std::vector<MatchReason> reason;
+};
+
+/// element_bytes 2: the pair's grey levels with eight more bits of texture.
+Maps all_maps(simsense::Matcher& matcher, const StereoPair& pair, uint32_t element_bytes) {
+  const auto wide = [](const std::vector<uint8_t>& image) {
+    std::vector<uint16_t> out;
+    for (const uint8_t value : image) out.push_back(static_cast<uint16_t>(value * 251));
+    return out;
+  };
+  const std::vector<uint16_t> wide_left = wide(pair.left), wide_right = wide(pair.right);
+  const auto image = [&](const std::vector<uint8_t>& narrow, const std::vector<uint16_t>& other) {
+    const auto* data = element_bytes == 1 ? narrow.data() : reinterpret_cast<const uint8_t*>(other.data());
+    return simsense::ConstImage{data, static_cast<ptrdiff_t>(pair.width), element_bytes};
+  };
+  const size_t pixels = pair.left.size();
+  Maps maps{std::vector<float>(pixels), std::vector<float>(pixels), std::vector<MatchReason>(pixels)};
+  simsense::MatchMaps wanted = maps.disparity.data();
+  wanted.confidence = maps.confidence.data();
+  wanted.reason = maps.reason.data();
+  matcher.match(image(pair.left, wide_left), image(pair.right, wide_right), wanted);
+  return maps;
+}
+
+std::vector<float> reference(const StereoPair& pair, const MatchParameters& p) {
+  return match(*simsense::make_reference_matcher(pair.width, pair.height, p), pair);
+}
+
+void compare(const StereoPair& pair, const MatchParameters& p, const MatchTuning& tuning = {}, uint32_t element_bytes = 1) {
+  const auto vulkan = simsense::make_vulkan_host_matcher(device(), pair.width, pair.height, p, tuning);
+  const Maps expected = all_maps(*simsense::make_reference_matcher(pair.width, pair.height, p), pair, element_bytes);
+  const Maps found = all_maps(*vulkan, pair, element_bytes);
+  const std::string what = describe(pair, p, tuning);
+  expect_same(expected.disparity, found.disparity.data(), pair.width, what);
+  expect_same(expected.confidence, found.confidence.data(), pair.width, what + ", confidence");
+  expect_same(expected.reason, found.reason.data(), pair.width, what + ", reason");
+  if (element_bytes == 1) expect_same(expected.disparity, match(*vulkan, pair).data(), pair.width, what + ", second call");
+}
+
+class Fuzz {
+ public:
+  explicit Fuzz(unsigned seed) : random_(seed) {}
+  uint32_t in(uint32_t low, uint32_t high) { return std::uniform_int_distribution<uint32_t>(low, high)(random_); }
+  template <class T>
+  T one_of(std::initializer_list<T> values) {
+    return values.begin()[in(0, static_cast<uint32_t>(values.size()) - 1)];
+  }
+  MatchParameters parameters(bool block) {
+    using Window = std::pair<uint32_t, uint32_t>;
+    MatchParameters p;
+    std::tie(p.census_width, p.census_height) = one_of<Window>({{7, 7}, {9, 7}, {7, 9}, {5, 5}, {3, 1}, {65, 1}, {1, 65}, {13, 5}});
+    if (block) std::tie(p.block_width, p.block_height) = one_of<Window>({{7, 7}, {3, 5}, {5, 1}, {1, 9}, {15, 17}, {255, 1}, {1, 255}});
+    p.max_disparity = in(0, 4) == 0 ? in(16, 200) : in(16, 70);
+    p.p2 = in(0, 2) == 0 ? in(2, 90) : in(2, 223);
+    p.p1 = in(1, p.p2 - 1);
+    p.uniqueness_ratio = one_of({0u, 5u, 15u, 40u, 99u, 100u});
+    p.lr_max_diff = static_cast<int32_t>(in(0, 4)) - 1;
+    p.median_size = one_of({1u, 3u, 5u, 7u});
+    p.subpixel = static_cast<simsense::Subpixel>(in(0, 3));
+    p.census_contrast = one_of({0u, 1u, 26u, 255u});
+    return p;
+  }
+  /// What extends the published matcher.
+  void extend(MatchParameters& p) {
+    if (in(0, 1)) p.path_count = 8;
+    if (in(0, 1)) p.min_disparity = static_cast<int32_t>(in(0, 40)) - 20;
+    if (in(0, 1)) p.p2_full_gradient = in(1, 60);
+    if (in(0, 2)) return;
+    using Window = std::pair<uint32_t, uint32_t>;
+    p.census = simsense::CensusKind::plain;
+    std::tie(p.census_width, p.census_height) = one_of<Window>({{9, 7}, {7, 7}, {5, 5}, {3, 11}, {7, 5}});
+  }
+  MatchTuning tuning() {
+    MatchTuning t;
+    t.path_lanes = one_of({0u, 4u, 8u});
+    t.steps = 4;
+    t.path_group = one_of({0u, 16u, 128u});
+    t.winner_group = one_of({0u, 32u, 256u});
+    t.segments = in(0, 5);
+    t.minima = one_of({Minima::half, Minima::integer});
+    return t;
+  }
+  StereoPair pair() { return random_dots(in(32, 150), in(32, 100), in(0, 20), in(0, 25), in(0, 1u << 30)); }
+
+ private:
+  std::mt19937 random_;
+};
+
+TEST(vulkan_matcher, fuzzed_parameters_without_block_equal_the_reference) {
+  Fuzz fuzz(1);
+  for (int i = 0; i < 12; ++i) compare(fuzz.pair(), fuzz.parameters(false), fuzz.tuning());
+}
+
+TEST(vulkan_matcher, fuzzed_parameters_with_block_equal_the_reference) {
+  Fuzz fuzz(2);
+  for (int i = 0; i < 10; ++i) compare(fuzz.pair(), fuzz.parameters(true), fuzz.tuning());
+}
+
+TEST(vulkan_matcher, fuzzed_extensions_equal_the_reference) {
+  Fuzz fuzz(3);
+  for (int i = 0; i < 10; ++i) {
+    MatchParameters p = fuzz.parameters(i % 2 == 1);
+    fuzz.extend(p);
+    if (p.block_area() * (p.census_bits() + p.p2) > 65535) continue;
+    compare(fuzz.pair(), p, fuzz.tuning(), 1 + static_cast<uint32_t>(i) / 2 % 2);
+  }
+}
+
+TEST(vulkan_matcher, diagonals_of_flat_and_of_tall_images_equal_the_reference) {
+  MatchParameters p;
+  p.max_disparity = 24;
+  p.path_count = 8;
+  for (const auto& [width, height] : {std::pair{130u, 32u}, {32u, 130u}, {65u, 65u}, {37u, 111u}}) {
+    p.p2_full_gradient = height % 2 ? 20 : 0;
+    compare(random_dots(width, height, 5, 10, width), p);
+  }
+}
+
+TEST(vulkan_matcher, disparities_far_from_the_image_equal_the_reference) {
+  MatchParameters p;
+  p.max_disparity = 20;
+  for (const int32_t least : {-1024, -70, -63, 63, 70, 4096}) {
+    p.min_disparity = least;
+    compare(random_dots(64, 33, 5, 10, 9), p);
+  }
+}
+
+TEST(vulkan_matcher, lines_of_every_length_around_a_block_of_steps_meet_right) {
+  MatchParameters p;
+  p.max_disparity = 24;
+  for (uint32_t extra = 0; extra < 17; ++extra) {
+    const MatchTuning tuning{8, extra % 2 ? 8u : 4u};
+    compare(random_dots(32 + extra, 49 - extra, 5, 10, extra), p, tuning);
+  }
+}
+
+TEST(vulkan_matcher, widest_sums_equal_the_reference) {
+  MatchParameters p;
+  p.p2 = 223;
+  p.block_width = 15;
+  p.block_height = 17;
+  p.census_width = 65;
+  p.census_height = 1;
+  p.max_disparity = 40;
+  compare(random_dots(64, 48, 6, 60, 4), p);
+}
+
+TEST(vulkan_matcher, most_disparities_equal_the_reference) {
+  MatchParameters p;
+  p.max_disparity = device()->is_cpu() ? 400 : 1024;  // a narrow subgroup's long registers take a CPU device minutes to compile
+  compare(random_dots(64, 32, 9, 10, 5), p);
+}
+
+TEST(vulkan_matcher, sensor_size_equals_the_reference) { compare(random_dots(960, 540, 37, 10, 6), MatchParameters{}); }
+
+TEST(vulkan_matcher, a_pair_of_the_sensors_size_needs_at_most_150_megabytes) {
+  MatchParameters p;
+  EXPECT_LE(simsense::make_vulkan_matcher(device(), 960, 540, 1, p)->memory_bytes(), 150'000'000u);
+  p.block_width = p.block_height = 7;
+  EXPECT_LE(simsense::make_vulkan_matcher(device(), 960, 540, 1, p)->memory_bytes(), 280'000'000u);
+  MatchTuning summed;
+  summed.block_costs = BlockCosts::summed;
+  EXPECT_LE(simsense::make_vulkan_matcher(device(), 960, 540, 1, p, summed)->memory_bytes(), 150'000'000u);
+}
+
+TEST(vulkan_matcher, block_costs_are_stored_unless_they_take_much_of_a_gpus_memory) {
+  MatchParameters p;
+  p.block_width = p.block_height = 7;
+  EXPECT_TRUE(simsense::make_match_plan(*device(), 64, 64, 1, p, {}).stored_costs);
+  p.max_disparity = 128;  // 34 billion costs are too much for a GPU of 139 GB; with a much longer range no workgroup could sum
+  EXPECT_EQ(simsense::make_match_plan(*device(), 16384, 16384, 1, p, {}).stored_costs, device()->is_cpu());
+}
+
+TEST(vulkan_matcher, block_costs_summed_on_the_way_equal_the_reference) {
+  MatchParameters p;
+  p.max_disparity = 24;
+  MatchTuning summed;
+  summed.block_costs = BlockCosts::summed;
+  summed.path_lanes = 8;  // few registers: a CPU device takes long to compile many
+  for (const auto& [block_width, block_height] : {std::pair{7u, 7u}, {3u, 13u}}) {
+    p.block_width = block_width;
+    p.block_height = block_height;
+    p.p2_full_gradient = block_width == 3 ? 12 : 0;
+    const StereoPair pair = random_dots(64 + block_width, 49 + block_height, 6, 10, block_width);
+    EXPECT_TRUE(simsense::make_vulkan_matcher(device(), pair.width, pair.height, 1, p, summed)->plan().sums_blocks());
+    compare(pair, p, summed);
+  }
+}
+
+TEST(vulkan_matcher, every_pair_of_a_batch_equals_its_own_match) {
+  constexpr uint32_t width = 61, height = 43, batch = 5, pixels = width * height;
+  MatchParameters p;
+  p.max_disparity = 32;
+  constexpr uint64_t offset = 7;  // images need no alignment
+  const auto left = ks::Buffer::create(device(), offset + batch * pixels, 0), right = ks::Buffer::create(device(), batch * pixels, 0);
+  const auto disparity = ks::Buffer::create(device(), 8 + batch * pixels * 4, 0);
+  std::vector<StereoPair> pairs;
+  for (uint32_t i = 0; i < batch; ++i) {
+    pairs.push_back(random_dots(width, height, 3 * i, 10, i));
+    left->write(offset + i * pixels, pairs[i].left.data(), pixels);
+    right->write(i * pixels, pairs[i].right.data(), pixels);
+  }
+  MatchTuning tuning;
+  tuning.pairs_at_once = 2;
+  const auto matcher = simsense::make_vulkan_matcher(device(), width, height, batch, p, tuning);
+  matcher->match({*left, offset}, {*right}, {*disparity, 8});
+  std::vector<float> found(batch * pixels);
+  disparity->read(8, found.data(), found.size() * 4);
+  for (uint32_t i = 0; i < batch; ++i) expect_same(reference(pairs[i], p), &found[i * pixels], width, "pair " + std::to_string(i));
+}
+
+TEST(vulkan_matcher, images_that_leave_their_buffer_are_refused) {
+  const auto small = ks::Buffer::create(device(), 64 * 64, 0), large = ks::Buffer::create(device(), 64 * 64 * 4, 0);
+  MatchParameters p;
+  p.max_disparity = 16;
+  const auto matcher = simsense::make_vulkan_matcher(device(), 64, 64, 1, p);
+  EXPECT_THROW(matcher->match({*small, 1}, {*small}, {*large}), ks::Error);
+  EXPECT_THROW(matcher->match({*small}, {*small}, {*small}), ks::Error);
+  EXPECT_THROW(matcher->match({*small}, {*small}, {*large, 4}), ks::Error);
+  matcher->match({*small}, {*small}, {*large});
+}
+
+TEST(vulkan_matcher, the_host_device_is_refused) {
+  EXPECT_THROW(simsense::make_vulkan_matcher(ks::test::host_device(), 64, 64, 1, MatchParameters{}), ks::Error);
+}
+
+}  // namespace

@@ -1,0 +1,165 @@
+// The imager as a whole: equal to the reference, the same bits on every instruction set and number of workers, neutral where told.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <limits>
+
+#include "cpu/signal/rows.h"
+#include "device/error.h"
+#include "hwy/targets.h"
+#include "reference/imager.h"
+#include "simsense/signal/signal_samples.h"
+
+using namespace simsense;
+using namespace simsense_test;
+
+namespace {
+
+constexpr uint32_t width = 203, height = 61;
+const NoiseKey key{5, 9, 4, 2, 1};
+
+std::vector<float> ramp() {
+  std::vector<float> image(size_t{width} * height);
+  for (size_t i = 0; i < image.size(); ++i) image[i] = static_cast<float>((i * 37) % 251);
+  return image;
+}
+
+template <class T>
+std::vector<uint8_t> counts_of(const simsense_signal& signal, const std::vector<T>& image, uint32_t format) {
+  ks::ThreadPool workers(1);
+  std::vector<uint8_t> counts(image.size());
+  simsense::cpu::measure(Imager(signal), key, {packed(image, static_cast<uint32_t>(image.size()), format)},
+                         static_cast<uint32_t>(image.size()), 1, counts.data(), workers);
+  return counts;
+}
+
+simsense_signal affine(float gain, float black_dn) {
+  simsense_signal s = simsense_signal_init();
+  s.gain = gain;
+  s.black_level_dn = black_dn;
+  return s;
+}
+
+/// A third of the light, more than all of it, none.
+std::vector<float> laser_part(const std::vector<float>& light) {
+  std::vector<float> laser = light;
+  for (size_t i = 0; i < laser.size(); ++i) laser[i] *= i % 3 == 0 ? 1.0f / 3 : i % 3 == 1 ? 1.5f : 0.0f;
+  return laser;
+}
+
+}  // namespace
+
+// Float against double: a count changes where a value lies within rounding of a half, or a Poisson expansion misses by an electron.
+TEST(Imager, EqualsTheReferenceButForRounding) {
+  const std::vector<float> image = ramp();
+  for (const auto& [name, signal] : every_stage()) {
+    const auto fast = measure(signal, key, image, width, height);
+    const auto exact = reference::measure(signal, key, {image.begin(), image.end()}, width, height);
+    size_t different = 0;
+    double worst = 0;
+    for (size_t i = 0; i < fast.size(); ++i) {
+      different += fast[i] != exact[i];
+      worst = std::max(worst, std::abs(fast[i] - exact[i]));
+    }
+    EXPECT_LE(worst, 1) << name;
+    EXPECT_LE(static_cast<double>(different), 1e-3 * static_cast<double>(fast.size())) << name;
+    EXPECT_NE(fast, std::vector<double>(image.begin(), image.end())) << name << " does nothing";
+  }
+}
+
+TEST(Imager, SpeckleOfTheLaserAloneEqualsTheReferenceButForRounding) {
+  const std::vector<float> image = ramp(), laser = laser_part(image);
+  for (const auto& [name, signal] : every_stage()) {
+    const auto fast = measure(signal, key, image, width, height, 2, &laser);
+    const auto exact = reference::measure(signal, key, {image.begin(), image.end()}, width, height, {laser.begin(), laser.end()});
+    size_t different = 0;
+    for (size_t i = 0; i < fast.size(); ++i) {
+      different += fast[i] != exact[i];
+      EXPECT_LE(std::abs(fast[i] - exact[i]), 1) << name << ", pixel " << i;
+    }
+    EXPECT_LE(static_cast<double>(different), 1e-3 * static_cast<double>(fast.size())) << name;
+  }
+}
+
+TEST(Imager, GivesTheSameBitsOnEveryInstructionSet) {
+  for (const auto& [name, signal] : every_stage()) {
+    const auto best = measure(signal, key, ramp(), width, height);
+    for (const int64_t target : hwy::SupportedAndGeneratedTargets()) {
+      hwy::SetSupportedTargetsForTest(target);
+      EXPECT_EQ(best, measure(signal, key, ramp(), width, height)) << name << " on " << hwy::TargetName(target);
+    }
+    hwy::SetSupportedTargetsForTest(0);
+  }
+}
+
+TEST(Imager, DoesNotDependOnTheNumberOfWorkers) {
+  for (const auto& [name, signal] : every_stage()) {
+    const auto one = measure(signal, key, ramp(), width, height, 1);
+    for (unsigned workers : {2u, 3u, 7u}) EXPECT_EQ(one, measure(signal, key, ramp(), width, height, workers)) << name << ", " << workers;
+  }
+}
+
+TEST(Imager, IsNeutralAtFirstAndOnlyThen) {
+  EXPECT_TRUE(Imager().is_neutral());
+  const std::vector<float> image = ramp();
+  EXPECT_EQ(measure(simsense_signal_init(), key, image, width, height), std::vector<double>(image.begin(), image.end()));
+  for (const auto& [name, signal] : every_stage()) EXPECT_FALSE(Imager(signal).is_neutral()) << name;
+}
+
+TEST(Imager, MadeOfAFormerOneIsAsNew) {
+  ks::ThreadPool workers(1);
+  const std::vector<float> image = ramp();
+  for (const auto& [former_name, former] : every_stage()) {
+    const Imager from(former);
+    for (const auto& [name, signal] : every_stage()) {
+      std::vector<uint16_t> counts(image.size());
+      simsense::cpu::measure(Imager(signal, &from), key, {packed(image, width, KS_FORMAT_F32)}, width, height, counts.data(), workers);
+      EXPECT_EQ(std::vector<double>(counts.begin(), counts.end()), measure(signal, key, image, width, height))
+          << former_name << ", " << name;
+    }
+  }
+}
+
+TEST(Imager, QuietCountsAreTheRoundedAffineOfTheInput) {
+  const float nan = std::numeric_limits<float>::quiet_NaN(), inf = std::numeric_limits<float>::infinity();
+  const std::vector<float> f32{0, 0.25f, 0.75f, 1.25f, 300, -5, nan, inf};
+  EXPECT_EQ(counts_of(affine(2, 0), f32, KS_FORMAT_F32), (std::vector<uint8_t>{0, 0, 2, 2, 255, 0, 0, 255}));
+  EXPECT_EQ(counts_of(affine(1, 10), f32, KS_FORMAT_F32)[5], 5);
+  const std::vector<uint16_t> u16{0, 1, 255, 256, 65535};
+  EXPECT_EQ(counts_of(affine(1, 0), u16, KS_FORMAT_U16), (std::vector<uint8_t>{0, 1, 255, 255, 255}));
+  EXPECT_EQ(counts_of(affine(255.0f / 65535, 0), u16, KS_FORMAT_U16), (std::vector<uint8_t>{0, 0, 1, 1, 255}));
+  const std::vector<uint8_t> u8{0, 100, 254, 255};
+  EXPECT_EQ(counts_of(affine(1, 1.2f), u8, KS_FORMAT_U8), (std::vector<uint8_t>{1, 101, 255, 255}));
+}
+
+TEST(Imager, StaysFiniteUnderAnyInput) {
+  const float inf = std::numeric_limits<float>::infinity();
+  const std::vector<float> wild{-inf, -1e38f, -1, 0, 1e-40f, 1e38f, inf, std::numeric_limits<float>::quiet_NaN()};
+  for (const auto& [name, signal] : every_stage()) {
+    const auto counts = measure(signal, key, wild, 8, 1);
+    const double full = std::pow(2.0, signal.bit_depth) - 1;
+    EXPECT_LE(counts[0], 0.2 * full) << name;
+    EXPECT_LE(counts[7], 0.2 * full) << name;
+    if (signal.full_well_e == 0) {
+      EXPECT_EQ(counts[6], full) << name;
+    }
+  }
+}
+
+TEST(Imager, ReadsAnyStrides) {
+  std::vector<uint8_t> image;
+  for (const float value : ramp()) image.push_back(static_cast<uint8_t>(value));
+  std::vector<uint16_t> spaced(size_t{width} * height * 6, 9999);  // flipped both ways, every third column, every second row
+  for (uint32_t y = 0; y < height; ++y)
+    for (uint32_t x = 0; x < width; ++x) spaced[size_t{2} * (height - 1 - y) * 3 * width + 3 * (width - 1 - x)] = image[y * width + x];
+  const auto* last = spaced.data() + size_t{2} * (height - 1) * 3 * width + 3 * (width - 1);
+  const ConstPlane flipped{reinterpret_cast<const std::byte*>(last), -ptrdiff_t{2 * 3 * width * 2}, -6, KS_FORMAT_U16};
+  ks::ThreadPool workers(2);
+  std::vector<uint8_t> plain(image.size()), turned(image.size());
+  const Imager imager(signal_preset("paper-d415"));
+  simsense::cpu::measure(imager, key, {packed(image, width, KS_FORMAT_U8)}, width, height, plain.data(), workers);
+  simsense::cpu::measure(imager, key, {flipped}, width, height, turned.data(), workers);
+  EXPECT_EQ(plain, turned);
+}
+
+TEST(Imager, RefusesOtherFormats) { EXPECT_THROW(counts_of(affine(1, 0), std::vector<uint32_t>(4), KS_FORMAT_U32), ks::Error); }

@@ -1,0 +1,219 @@
+// The imagers in Vulkan compute: the scalar reference's counts but for rounding, in every format and stride, for batches however split, and
+// the laws of photon transfer.
+#include "vulkan/signal/imager.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstring>
+#include <limits>
+
+#include "capi/device/devices.h"
+#include "reference/imager.h"
+#include "simsense/signal/signal_samples.h"
+
+using namespace simsense;
+using namespace simsense_test;
+
+namespace {
+
+constexpr uint32_t width = 101, height = 43, pixels = width * height;
+const NoiseKey key{5, 9, 4, 2, 1};
+
+const std::shared_ptr<ks::Device>& device() {
+  static const std::shared_ptr<ks::Device> opened = ks::test::best_device();
+  return opened;
+}
+
+ImageRef packed_ref(const ks::Buffer& buffer, uint32_t format, uint32_t w, uint32_t h) {
+  return {buffer.address(), format, 0, static_cast<int>(w * h), static_cast<int>(w), 1, 0};
+}
+
+std::shared_ptr<ks::Buffer> upload(const void* data, uint64_t bytes) {
+  auto buffer = ks::Buffer::create(device(), bytes, 0);
+  buffer->write(0, data, bytes);
+  return buffer;
+}
+
+/// 16-bit counts of keys.size() images of light that lie as `light` says.
+std::vector<double> run(const simsense_signal& signal, const std::vector<NoiseKey>& keys, const LightRefs& light, uint32_t w = width,
+                        uint32_t h = height) {
+  static VulkanImagers small(device(), width, height), field(device(), field_width, field_height);
+  VulkanImagers& imagers = w == width ? small : field;
+  const size_t count = keys.size() * w * h;
+  const auto counts = ks::Buffer::create(device(), count * 2, 0);
+  ks::Commands commands(device());
+  imagers.record(commands, keys[0].eye, Imager(signal), keys, light, packed_ref(*counts, KS_FORMAT_U16, w, h), {});
+  commands.flush();
+  std::vector<uint16_t> found(count);
+  counts->read(0, found.data(), count * 2);
+  return {found.begin(), found.end()};
+}
+
+std::vector<double> run(const simsense_signal& signal, const std::vector<float>& image, uint32_t w = width, uint32_t h = height) {
+  const auto light = upload(image.data(), image.size() * 4);
+  return run(signal, {key}, {packed_ref(*light, KS_FORMAT_F32, w, h), {}}, w, h);
+}
+
+std::vector<float> ramp() {
+  std::vector<float> image(pixels);
+  for (size_t i = 0; i < image.size(); ++i) image[i] = static_cast<float>((i * 37) % 251);
+  return image;
+}
+
+}  // namespace
+
+TEST(VulkanImager, EqualsTheReferenceButForRounding) {
+  const std::vector<float> image = ramp();
+  for (const auto& [name, signal] : every_stage()) {
+    const auto found = run(signal, image);
+    const auto exact = reference::measure(signal, key, {image.begin(), image.end()}, width, height);
+    size_t different = 0;
+    double worst = 0;
+    for (size_t i = 0; i < found.size(); ++i) {
+      different += found[i] != exact[i];
+      worst = std::max(worst, std::abs(found[i] - exact[i]));
+    }
+    EXPECT_LE(worst, 1) << name;
+    EXPECT_LE(static_cast<double>(different), 1e-3 * pixels) << name;
+  }
+}
+
+TEST(VulkanImager, SpeckleOfTheLaserAloneEqualsTheReferenceButForRounding) {
+  const std::vector<float> image = ramp();
+  std::vector<float> laser = image;
+  for (size_t i = 0; i < laser.size(); ++i) laser[i] *= i % 3 == 0 ? 1.0f / 3 : i % 3 == 1 ? 1.5f : 0.0f;
+  const auto all = upload(image.data(), image.size() * 4), part = upload(laser.data(), laser.size() * 4);
+  for (const auto& [name, signal] : every_stage()) {
+    const LightRefs light{packed_ref(*all, KS_FORMAT_F32, width, height), packed_ref(*part, KS_FORMAT_F32, width, height)};
+    const auto found = run(signal, {key}, light);
+    const auto exact = reference::measure(signal, key, {image.begin(), image.end()}, width, height, {laser.begin(), laser.end()});
+    size_t different = 0;
+    for (size_t i = 0; i < found.size(); ++i) {
+      different += found[i] != exact[i];
+      EXPECT_LE(std::abs(found[i] - exact[i]), 1) << name << ", pixel " << i;
+    }
+    EXPECT_LE(static_cast<double>(different), 1e-3 * pixels) << name;
+  }
+}
+
+TEST(VulkanImager, GivesABatchTheImagesOfItsViewsAlone) {
+  std::vector<NoiseKey> keys;
+  for (uint32_t view = 0; view < 3; ++view) keys.push_back({5, 9, 4, view, 1});
+  std::vector<float> images;
+  for (size_t n = 0; n < keys.size(); ++n)
+    for (const float value : ramp()) images.push_back(value + static_cast<float>(n));
+  const auto light = upload(images.data(), images.size() * 4);
+  for (const auto& [name, signal] : every_stage()) {
+    const auto all = run(signal, keys, {packed_ref(*light, KS_FORMAT_F32, width, height), {}});
+    ImageRef last = packed_ref(*light, KS_FORMAT_F32, width, height);
+    last.first = 2 * pixels;
+    const auto alone = run(signal, {keys[2]}, {last, {}});
+    EXPECT_TRUE(std::equal(alone.begin(), alone.end(), all.begin() + 2 * pixels)) << name;
+  }
+}
+
+TEST(VulkanImager, ReadsAndWritesAnyStridesAndFormats) {
+  const std::vector<float> image = ramp();
+  std::vector<uint16_t> spaced(size_t{2} * height * 3 * width, 9999);  // flipped both ways, every third column, every second row
+  std::vector<uint8_t> bytes(pixels);
+  for (uint32_t y = 0; y < height; ++y)
+    for (uint32_t x = 0; x < width; ++x) {
+      const float value = image[y * width + x];
+      spaced[size_t{2} * (height - 1 - y) * 3 * width + 3 * (width - 1 - x)] = static_cast<uint16_t>(value);
+      bytes[y * width + x] = static_cast<uint8_t>(value);
+    }
+  const auto light_16 = upload(spaced.data(), spaced.size() * 2), light_8 = upload(bytes.data(), pixels);
+  const auto out = ks::Buffer::create(device(), pixels * 2, 0);
+  const ImageRef flipped{light_16->address(), KS_FORMAT_U16, 2 * (height - 1) * 3 * width + 3 * (width - 1), 0, -int{6 * width}, -3, 0};
+  const ImageRef turned{out->address(), KS_FORMAT_U8, pixels - 1, 0, -int{width}, -1, 0};
+  const simsense_signal signal = signal_preset("paper-d415");
+  VulkanImagers imagers(device(), width, height);
+  ks::Commands commands(device());
+  imagers.record(commands, 0, Imager(signal), std::vector{key}, {flipped, {}}, {}, turned);
+  commands.flush();
+  std::vector<uint8_t> found(pixels);
+  out->read(0, found.data(), pixels);
+  const auto expected = run(signal, image);
+  EXPECT_EQ(expected, run(signal, {key}, {packed_ref(*light_8, KS_FORMAT_U8, width, height), {}}));
+  EXPECT_TRUE(std::equal(expected.begin(), expected.end(), found.rbegin()));
+}
+
+TEST(VulkanImager, StaysInRangeUnderAnyInput) {
+  const float inf = std::numeric_limits<float>::infinity();
+  std::vector<float> image(pixels, 0.0f);
+  const float wild[] = {-inf, -1e38f, -1, 0, 1e-40f, 1e38f, inf, std::numeric_limits<float>::quiet_NaN()};
+  std::copy(std::begin(wild), std::end(wild), image.begin());
+  for (const auto& [name, signal] : every_stage()) {
+    const auto counts = run(signal, image);
+    const double full = std::pow(2.0, signal.bit_depth) - 1;
+    EXPECT_LE(counts[0], 0.2 * full) << name;
+    EXPECT_LE(counts[7], 0.2 * full) << name;
+    if (signal.full_well_e == 0) {
+      EXPECT_EQ(counts[6], full) << name;
+    }
+  }
+}
+
+// EMVA 1288, sections 6.5 to 8: the slope of variance over mean is the gain K, its intercept the readout's variance, the spatial variance
+// of the mean image PRNU squared times light squared.
+TEST(VulkanImager, PhotonTransferGivesTheParametersBack) {
+  simsense_signal s = simsense_signal_init();
+  s.bit_depth = 16;
+  s.shot_noise = 1;
+  s.conversion_gain_dn_per_e = 0.8f;
+  s.gain = 2;
+  s.read_noise_e = 12;
+  s.prnu = 0.02f;
+  s.black_level_dn = 200;
+  const double gain = 1.6;
+  const auto frames = [&](float light_e) {
+    const std::vector<float> image(static_cast<size_t>(field_pixels), light_e);
+    const auto light = upload(image.data(), image.size() * 4);
+    std::vector<std::vector<double>> two;
+    for (uint64_t frame : {1, 2})
+      two.push_back(
+          run(s, {{3, frame, 0, 0, 0}}, {packed_ref(*light, KS_FORMAT_F32, field_width, field_height), {}}, field_width, field_height));
+    return two;
+  };
+  const auto temporal_variance = [](const std::vector<std::vector<double>>& two) {
+    double sum = 0;
+    for (size_t i = 0; i < two[0].size(); ++i) sum += (two[0][i] - two[1][i]) * (two[0][i] - two[1][i]);
+    return 0.5 * sum / field_pixels;
+  };
+  const auto dark = frames(0), bright = frames(9000);
+  const double dark_mean = moments(dark[0]).mean, bright_mean = moments(bright[0]).mean;
+  EXPECT_NEAR(dark_mean, 200, 1);
+  EXPECT_NEAR((temporal_variance(bright) - temporal_variance(dark)) / (bright_mean - dark_mean) / gain, 1, 0.05);
+  EXPECT_NEAR(std::sqrt(temporal_variance(dark) - 1.0 / 12) / gain / 12, 1, 0.05);
+  const double spatial = moments(mean_of(bright)).variance - 0.5 * temporal_variance(bright);
+  EXPECT_NEAR(std::sqrt(spatial) / (bright_mean - dark_mean) / 0.02, 1, 0.05);
+}
+
+TEST(VulkanImager, BothEyesOfOneRecordingMayHaveGrainsOfTheirOwn) {
+  simsense_signal fine = signal_preset("paper-d415");
+  fine.speckle_psf_sigma_px = 0.5f;
+  simsense_signal coarse = fine;
+  coarse.speckle_psf_sigma_px = 16;
+  const std::vector<float> image(size_t{field_width} * field_height, 100);
+  const auto light = upload(image.data(), image.size() * 4);
+  const ImageRef from = packed_ref(*light, KS_FORMAT_F32, field_width, field_height);
+  NoiseKey keys[2] = {key, key};
+  keys[0].eye = 0;
+  VulkanImagers imagers(device(), field_width, field_height);
+  const auto counts = ks::Buffer::create(device(), image.size() * 4, 0);
+  ks::Commands commands(device());
+  ImageRef to = packed_ref(*counts, KS_FORMAT_U16, field_width, field_height);
+  imagers.record(commands, 0, Imager(fine), {&keys[0], 1}, {from, {}}, to, {});
+  const uint64_t recorded_bytes = imagers.memory_bytes();
+  to.first = static_cast<uint32_t>(image.size());
+  imagers.record(commands, 1, Imager(coarse), {&keys[1], 1}, {from, {}}, to, {});
+  EXPECT_EQ(imagers.memory_bytes(), recorded_bytes) << "an array that recorded work uses was replaced";
+  commands.flush();
+  std::vector<uint16_t> found(2 * image.size());
+  counts->read(0, found.data(), found.size() * 2);
+  for (const uint32_t eye : {0u, 1u}) {
+    const auto alone = run(eye ? coarse : fine, {keys[eye]}, {from, {}}, field_width, field_height);
+    EXPECT_TRUE(std::equal(alone.begin(), alone.end(), found.begin() + static_cast<ptrdiff_t>(eye * image.size()))) << "eye " << eye;
+  }
+}
