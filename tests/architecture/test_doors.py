@@ -184,6 +184,16 @@ def test_readers_of_untrusted_files_stay_out_of_the_libraries(library):
     assert not seen, seen.group()
 
 
+def test_simsense_needs_nothing_but_highway_and_the_language_runtime():
+    path = BUILD / "lib" / "libsimsense.so"
+    if not path.exists():
+        pytest.skip(f"{path} is not built: set ACTIVESTEREO_BUILD or build into {ROOT / 'build'}")
+    needed = re.findall(r"NEEDED.*\[(.+)\]", run("readelf", "-d", str(path)))
+    runtime = ("libhwy.", "libstdc++.", "libm.", "libgcc_s.", "libc.", "ld-linux")
+    assert needed
+    assert not [n for n in needed if not n.startswith(runtime)]
+
+
 def test_libraries_hold_no_mutable_global_state(library):
     name, path = library
     text = "\n".join(code_of(p) for folder in ("capi/device", name) for p in sources(folder, {".h", ".cpp"}))

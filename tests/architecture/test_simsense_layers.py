@@ -1,4 +1,7 @@
-"""simsense's layers point one way, and both back ends show the same stages: read from simsense/README.md and held against the sources."""
+"""simsense's layers point one way, and both back ends show the same stages.
+
+The order is read from simsense/README.md and held against the sources.
+"""
 
 import pathlib
 import re
@@ -13,7 +16,7 @@ BACK_ENDS = ("cpu", "vulkan")
 
 
 def layers() -> list[set[str]]:
-    """The README's layers, lowest first: a fenced block of lines, each with the folders of one layer before its colon."""
+    """The README's layers, lowest first: each line of a fenced block has the folders of one before its colon."""
     block = re.search(r"```layers\n(.*?)```", README, re.DOTALL)
     assert block, "simsense/README.md has no fenced block called layers"
     return [set(re.findall(r"\w+", line.split(":")[0])) for line in block.group(1).splitlines() if line.strip()]
@@ -65,7 +68,7 @@ def test_back_ends_have_the_same_stems_beside_their_stages() -> None:
 
 
 def test_the_order_of_stages_is_written_in_one_file() -> None:
-    """Every stage of the interface stands in one of the lists, and nothing but the lists' runner calls stages in a row."""
+    """Every stage of the interface stands in one of the lists, and only both back ends run them."""
     interface = (SOURCES / "stages" / "stages.h").read_text()
     order = (SOURCES / "stages" / "stages.cpp").read_text()
     stages = set(re.findall(r"virtual void (\w+)\(\) = 0;", interface))

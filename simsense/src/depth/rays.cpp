@@ -1,6 +1,6 @@
 #include "depth/rays.h"
 
-#include <opencv2/calib3d.hpp>
+#include "rig/undistort.h"
 
 namespace simsense {
 
@@ -12,19 +12,15 @@ PixelRays::PixelRays(const Pinhole& camera, uint32_t width, uint32_t height) : x
 PixelRays::PixelRays(const simsense_camera& camera) : PixelRays(pinhole(camera), camera.width, camera.height) {
   if (!is_distorted(camera)) return;
   per_pixel_ = true;
-  std::vector<cv::Point2d> rays;
-  rays.reserve(size_t{camera.width} * camera.height);
-  for (uint32_t y = 0; y < camera.height; ++y)
-    for (uint32_t x = 0; x < camera.width; ++x) rays.emplace_back(x, y);
-  const cv::Mat k(3, 3, CV_64F, const_cast<double*>(camera.k)), coefficients(1, 5, CV_64F, const_cast<double*>(camera.distortion));
-  const cv::TermCriteria until(cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 50, 1e-10);
-  cv::undistortPoints(rays, rays, k, coefficients, cv::noArray(), cv::noArray(), until);
-  x_.resize(rays.size());
-  y_.resize(rays.size());
-  for (size_t i = 0; i < rays.size(); ++i) {
-    x_[i] = static_cast<float>(rays[i].x);
-    y_[i] = static_cast<float>(rays[i].y);
-  }
+  const size_t pixels = size_t{camera.width} * camera.height;
+  x_.resize(pixels);
+  y_.resize(pixels);
+  for (uint32_t v = 0; v < camera.height; ++v)
+    for (uint32_t u = 0; u < camera.width; ++u) {
+      const auto [x, y] = ray_of_pixel(camera, u, v);
+      x_[size_t{v} * camera.width + u] = static_cast<float>(x);
+      y_[size_t{v} * camera.width + u] = static_cast<float>(y);
+    }
 }
 
 }  // namespace simsense

@@ -5,7 +5,7 @@
 #include "cpu/calls.h"
 #include "device/device.h"
 #include "device/error.h"
-#include "parameters/parameters.h"
+#include "stages/parameters.h"
 #include "vulkan/calls.h"
 
 namespace simsense {

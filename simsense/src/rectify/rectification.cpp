@@ -1,10 +1,11 @@
 #include "rectify/rectification.h"
 
 #include <cmath>
-#include <cstring>
-#include <opencv2/calib3d.hpp>
 
 #include "device/error.h"
+#include "rectify/stereo_rectify.h"
+#include "rig/rotation.h"
+#include "rig/undistort.h"
 
 namespace simsense {
 namespace {
@@ -48,52 +49,48 @@ void check_rectified(const simsense_rig_desc& rig, const Rigid& pose) {
              rig.left.distortion[0], rig.right.distortion[0]);
 }
 
-cv::Mat matrix3(const double* k) { return cv::Mat(3, 3, CV_64F, const_cast<double*>(k)).clone(); }
-
-RemapTable remap_table(const simsense_camera& camera, const cv::Mat& rotation, const cv::Mat& projection) {
-  cv::Mat x, y;
-  const cv::Mat coefficients(1, 5, CV_64F, const_cast<double*>(camera.distortion));
-  const cv::Size size(static_cast<int>(camera.width), static_cast<int>(camera.height));
-  cv::initUndistortRectifyMap(matrix3(camera.k), coefficients, rotation, projection, size, CV_32FC1, x, y);
-  RemapTable table{camera.width, camera.height, {}, {}};
-  table.x.assign(x.ptr<float>(), x.ptr<float>() + x.total());
-  table.y.assign(y.ptr<float>(), y.ptr<float>() + y.total());
+/// Each rectified pixel's ray, turned back and bent by the source's lens.
+RemapTable remap_table(const simsense_camera& source, const Rotation& source_to_rectified, const Pinhole& rectified) {
+  const Rotation back = transposed(source_to_rectified);
+  const Distortion lens = distortion(source);
+  RemapTable table{source.width, source.height, {}, {}};
+  table.x.reserve(size_t{source.width} * source.height);
+  table.y.reserve(size_t{source.width} * source.height);
+  for (uint32_t v = 0; v < source.height; ++v)
+    for (uint32_t u = 0; u < source.width; ++u) {
+      const Vector3 ray = multiply(back, Vector3{(u - rectified.cx) / rectified.fx, (v - rectified.cy) / rectified.fy, 1});
+      const auto [x, y] = distorted(lens, {ray[0] / ray[2], ray[1] / ray[2]});
+      table.x.push_back(static_cast<float>(source.k[0] * x + source.k[2]));
+      table.y.push_back(static_cast<float>(source.k[4] * y + source.k[5]));
+    }
   return table;
 }
 
-/// The rectifier's focal length and baseline, in single precision as the published SimSense hands them on.
-void take_focal_and_baseline(const cv::Mat& q, StereoGeometry& g) {
-  g.camera.fx = g.camera.fy = static_cast<float>(q.at<double>(2, 3));
-  g.baseline_m = static_cast<float>(1.0 / q.at<double>(3, 2));
+/// In single precision, as the published SimSense hands focal length and baseline on.
+void take_focal_and_baseline(const RectifiedPair& pair, StereoGeometry& g) {
+  g.camera.fx = g.camera.fy = static_cast<float>(pair.camera.fx);
+  g.baseline_m = static_cast<float>(pair.baseline_m);
   g.disparity_offset_px = 0;
 }
 
-Rectification rectify_with_opencv(const simsense_rig_desc& rig, const Rigid& pose) {
-  const cv::Mat rotation = matrix3(pose.rotation.data());
-  const cv::Mat translation(3, 1, CV_64F, const_cast<double*>(pose.translation.data()));
-  const cv::Mat left_coefficients(1, 5, CV_64F, const_cast<double*>(rig.left.distortion));
-  const cv::Mat right_coefficients(1, 5, CV_64F, const_cast<double*>(rig.right.distortion));
-  const cv::Size size(static_cast<int>(rig.left.width), static_cast<int>(rig.left.height));
-  cv::Mat r1, r2, p1, p2, q;
-  cv::stereoRectify(matrix3(rig.left.k), left_coefficients, matrix3(rig.right.k), right_coefficients, size, rotation, translation, r1, r2,
-                    p1, p2, q, cv::CALIB_ZERO_DISPARITY, rig.faults & SIMSENSE_FAULT_RECTIFIED_SHRUNK ? 1 : -1);
-  Rectification out;
-  StereoGeometry& g = out.geometry;
-  g.camera = {p1.at<double>(0, 0), p1.at<double>(1, 1), p1.at<double>(0, 2), p1.at<double>(1, 2)};
-  g.baseline_m = -p2.at<double>(0, 3) / p2.at<double>(0, 0);
-  g.disparity_offset_px = p2.at<double>(0, 2) - p1.at<double>(0, 2);
-  if (!(g.baseline_m > 0) || !(g.camera.fx > 0))
+Rectification rectify(const simsense_rig_desc& rig, const Rigid& pose) {
+  const RectifiedPair pair = rectify_pair(rig.left, rig.right, pose, (rig.faults & SIMSENSE_FAULT_RECTIFIED_SHRUNK) != 0);
+  if (!pair.is_horizontal || !(pair.baseline_m > 0) || !(pair.camera.fx > 0))
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "left_to_right = [%g %g %g] m cannot be rectified into rows: the cameras must stand side by side",
              pose.translation[0], pose.translation[1], pose.translation[2]);
-  if (rig.faults & SIMSENSE_FAULT_FOCAL_FROM_RECTIFIER) take_focal_and_baseline(q, g);
+  Rectification out;
+  StereoGeometry& g = out.geometry;
+  g.camera = pair.camera;
+  g.baseline_m = pair.baseline_m;
+  if (rig.faults & SIMSENSE_FAULT_FOCAL_FROM_RECTIFIER) take_focal_and_baseline(pair, g);
   if (rig.rectified != 0) {
     g.camera.cx = rig.left.k[2];
     g.camera.cy = rig.left.k[5];
     return out;
   }
-  std::memcpy(g.left_to_rectified.data(), r1.ptr<double>(), sizeof(Rotation));
-  out.left = remap_table(rig.left, r1, p1);
-  out.right = remap_table(rig.right, r2, p2);
+  g.left_to_rectified = pair.left;
+  out.left = remap_table(rig.left, pair.left, pair.camera);
+  out.right = remap_table(rig.right, pair.right, pair.camera);
   return out;
 }
 
@@ -102,7 +99,7 @@ Rectification rectify_with_opencv(const simsense_rig_desc& rig, const Rigid& pos
 Rectification make_rectification(const simsense_rig_desc& rig) {
   const Rigid pose = rigid(rig.left_to_right);
   check_side_by_side(pose.translation);
-  if (rig.rectified == 0 || (rig.faults & SIMSENSE_FAULT_FOCAL_FROM_RECTIFIER)) return rectify_with_opencv(rig, pose);
+  if (rig.rectified == 0 || (rig.faults & SIMSENSE_FAULT_FOCAL_FROM_RECTIFIER)) return rectify(rig, pose);
   check_rectified(rig, pose);
   Rectification out;
   out.geometry.camera = pinhole(rig.left);

@@ -1,9 +1,9 @@
 // From a calibrated rig to a row-aligned pair: one pinhole for both rectified cameras, the baseline, and where each rectified pixel lies in
-// its source.
+// its source (rectify/stereo_rectify.h).
 //
-// cv::stereoRectify with CALIB_ZERO_DISPARITY and alpha = -1: both principal points coincide (disparity 0 is infinity), and the focal
-// length stays the sensor's own. The published SimSense uses alpha = 1, which shrinks the image until every source pixel fits and loses
-// disparity resolution by the same factor; alpha = 0 crops. A rig that is rectified already keeps its K bit for bit.
+// Both principal points coincide, so that disparity 0 is infinity, and the focal length stays the sensor's own. The published SimSense
+// shrinks the image until every source pixel fits, and loses disparity resolution by the same factor. A rig that is rectified already keeps
+// its K bit for bit.
 #pragma once
 
 #include <vector>

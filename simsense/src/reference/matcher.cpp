@@ -4,9 +4,10 @@
 #include <algorithm>
 
 #include "reference/census.h"
+#include "reference/checks.h"
 #include "reference/cost.h"
-#include "reference/disparity.h"
 #include "reference/sgm.h"
+#include "reference/winner.h"
 
 namespace simsense {
 namespace {

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "parameters/parameters.h"
+#include "stages/parameters.h"
 
 namespace simsense {
 namespace {

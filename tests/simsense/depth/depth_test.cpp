@@ -4,7 +4,7 @@
 #include <limits>
 #include <vector>
 
-#include "depth/depth.h"
+#include "cpu/depth/depth.h"
 #include "device/thread_pool.h"
 #include "reference/depth.h"
 

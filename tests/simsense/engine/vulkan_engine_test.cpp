@@ -1,6 +1,7 @@
 // The engine gives the same outputs on either back end: whole batches, from signal to points, in every format; on the caller's device
 // buffers without a copy, and asynchronously.
 #include "engine/engine.h"
+#include "image/view.h"
 
 #include <gtest/gtest.h>
 

@@ -1,20 +1,14 @@
-// What the matcher has beyond the published SimSense: by hand in the scalar reference, and as laws of the CPU engine (which gives the
-// reference's bits, matcher_exact_test.cpp).
+// What the matcher has beyond the published SimSense, as laws of the CPU back end (which gives the reference's bits, exact_test.cpp).
 #include <gtest/gtest.h>
 
-#include <bit>
+#include <algorithm>
 
 #include "device/thread_pool.h"
-#include "reference/census.h"
-#include "reference/cost.h"
-#include "reference/disparity.h"
-#include "reference/sgm.h"
 #include "simsense/match/stereo_pair.h"
 
 namespace {
 
 using namespace simsense;
-using namespace simsense::reference;
 
 Match match_on_cpu(const StereoPair& pair, const MatchParameters& p, bool wide = false) {
   ks::ThreadPool workers(2);
@@ -23,77 +17,6 @@ Match match_on_cpu(const StereoPair& pair, const MatchParameters& p, bool wide =
 
 size_t count(const std::vector<MatchReason>& reasons, MatchReason wanted) {
   return static_cast<size_t>(std::count(reasons.begin(), reasons.end(), wanted));
-}
-
-TEST(plain_census, every_pixel_but_the_centre_is_one_bit) {
-  constexpr size_t side = 20;
-  std::vector<uint8_t> image(side * side, 100);
-  const auto at_centre = [&] { return census({image.data(), side}, side, side, 9, 7, CensusKind::plain).at(10, 10); };
-  EXPECT_EQ(at_centre(), 0u) << "equal pixels give 0";
-  uint64_t all = 0;
-  for (size_t k = 0; k < 63; ++k) {
-    uint8_t& pixel = image[(10 - 3 + k / 9) * side + 10 - 4 + k % 9];
-    pixel = k == 31 ? 101 : 99;  // the centre brighter than all, or another one darker
-    EXPECT_EQ(std::popcount(at_centre()), k == 31 ? 62 : 1);
-    if (k != 31) all |= at_centre();
-    pixel = 100;
-  }
-  EXPECT_EQ(std::popcount(all), 62);
-}
-
-TEST(census, sixteen_bits_tell_apart_what_eight_do_not) {
-  std::vector<uint16_t> image(25, 1000);
-  image[6] = 1001;  // first of a pair with its mirror 18
-  image[18] = 1002;
-  const ConstImage wide{reinterpret_cast<const uint8_t*>(image.data()), 5, 2};
-  EXPECT_EQ(census(wide, 5, 5, 3, 3).at(2, 2), 0b1110u);
-}
-
-TEST(hamming_cost, starts_at_the_first_disparity) {
-  Grid<uint64_t> left(4, 1), right(4, 1);
-  left.data = {0, 0, 0, 0};
-  right.data = {1, 3, 7, 15};
-  const auto behind = hamming_cost(left, right, 2, -2), ahead = hamming_cost(left, right, 2, 1);
-  EXPECT_EQ(behind.data, (std::vector<uint16_t>{3, 2, 4, 3, 4, 4, 4, 4})) << "columns 2 1, 3 2, 3 3 (4 repeats 3), 3 3";
-  EXPECT_EQ(ahead.data, (std::vector<uint16_t>{1, 1, 1, 1, 2, 1, 3, 2}));
-}
-
-TEST(jump_penalty, falls_with_the_gradient_but_not_below_p1) {
-  const std::vector<uint8_t> image = {0, 10, 30, 255};
-  const JumpPenalty penalty{7, 86, 10, {image.data(), 4}};
-  EXPECT_EQ(penalty.between(1, 0, 0, 0), 86u);
-  EXPECT_EQ(penalty.between(2, 0, 1, 0), 43u);
-  EXPECT_EQ(penalty.between(1, 0, 2, 0), 43u);
-  EXPECT_EQ(penalty.between(3, 0, 2, 0), 7u);
-}
-
-TEST(aggregate, eight_paths_by_hand) {
-  // one path per direction through the centre of a 3x3 image; only the top left pixel prefers d = 1
-  Volume<uint16_t> cost(3, 3, 2);
-  for (size_t i = 0; i < 9; ++i) cost.data[2 * i + 1] = 80;
-  std::swap(cost.at(0, 0)[0], cost.at(0, 0)[1]);
-  const auto eight = aggregate(cost, {8, 40}, 1, 8), four = aggregate(cost, {8, 40}, 1, 4);
-  // into the centre: down-right brings L = {80, 0}, m = {8, 0}; the seven others bring L = {0, 80}, m = {0, 8}
-  EXPECT_EQ(eight.at(1, 1)[0], 8 / 8);
-  EXPECT_EQ(eight.at(1, 1)[1], 80 + 7 * 8 / 8);
-  EXPECT_EQ(four.at(1, 1)[0], 0);
-}
-
-TEST(confidence, is_the_margin_that_the_uniqueness_test_asks_for) {
-  Volume<uint16_t> cost(1, 1, 6);
-  cost.data = {90, 60, 30, 35, 40, 80};
-  EXPECT_FLOAT_EQ(confidence(cost).data[0], 1.0f - 30.0f / 40.0f);
-  EXPECT_GE(left_winner(cost, 25, Subpixel::none, nullptr).data[0], 0.0f);
-  EXPECT_EQ(left_winner(cost, 26, Subpixel::none, nullptr).data[0], -1.0f);
-  cost.data = {0, 0, 0, 0, 0, 0};
-  EXPECT_EQ(confidence(cost).data[0], 0.0f);
-}
-
-TEST(equiangular_summed, looks_at_the_aggregated_costs_alone) {
-  Volume<uint16_t> summed(1, 1, 5), block(1, 1, 5);
-  summed.data = {90, 60, 10, 50, 90};
-  block.data = {9, 8, 2, 6, 9};
-  EXPECT_FLOAT_EQ(left_winner(summed, 0, Subpixel::equiangular_summed, &block).data[0], 2.0f + (60 - 50) / 100.0f);
 }
 
 TEST(min_disparity, moves_the_searched_range) {

@@ -1,4 +1,4 @@
-#include "parameters/parameters.h"
+#include "stages/parameters.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-// From the aggregated volume to disparities: winner, uniqueness, subpixel step, left-right check, median.
+// From the aggregated volume to disparities: winner, uniqueness, subpixel step, confidence.
 #pragma once
 
 #include "match/matcher.h"
@@ -19,13 +19,5 @@ Grid<float> confidence(const Volume<uint16_t>& cost);
 /// Disparity of lowest cost as seen from the right pixel (x, y): over the left pixels (x + min_disparity + d, y) inside the image, at d;
 /// the smaller one on a tie. Disparities here and below count from min_disparity.
 Grid<uint32_t> right_winner(const Volume<uint16_t>& cost, int32_t min_disparity = 0);
-
-/// -1 where the left disparity, rounded, points outside the right image or differs by more than max_diff from the right disparity there.
-/// reason: if given, outside and occluded are noted.
-Grid<float> left_right_check(const Grid<float>& left, const Grid<uint32_t>& right, int32_t max_diff, int32_t min_disparity = 0,
-                             Grid<MatchReason>* reason = nullptr);
-
-/// Median of size x size values, invalid ones (-1) included; pixels nearer than size / 2 to the border are copied.
-Grid<float> median(const Grid<float>& disparity, size_t size);
 
 }  // namespace simsense::reference

@@ -1,0 +1,69 @@
+#include "rig/undistort.h"
+
+#include <cmath>
+
+namespace simsense {
+namespace {
+
+struct Lens {
+  double k1, k2, p1, p2, k3;
+  explicit Lens(const Distortion& d) : k1(d[0]), k2(d[1]), p1(d[2]), p2(d[3]), k3(d[4]) {}
+
+  [[nodiscard]] double radial(double r2) const { return 1 + r2 * (k1 + r2 * (k2 + r2 * k3)); }
+  /// d radial / d r2
+  [[nodiscard]] double slope(double r2) const { return k1 + r2 * (2 * k2 + r2 * 3 * k3); }
+  [[nodiscard]] Normalised tangential(double x, double y) const {
+    const double r2 = x * x + y * y;
+    return {2 * p1 * x * y + p2 * (r2 + 2 * x * x), p1 * (r2 + 2 * y * y) + 2 * p2 * x * y};
+  }
+  [[nodiscard]] Normalised operator()(double x, double y) const {
+    const double factor = radial(x * x + y * y);
+    const Normalised bend = tangential(x, y);
+    return {x * factor + bend[0], y * factor + bend[1]};
+  }
+};
+
+Normalised without_lens(const simsense_camera& camera, double u, double v) {
+  return {(u - camera.k[2]) / camera.k[0], (v - camera.k[5]) / camera.k[4]};
+}
+
+}  // namespace
+
+Normalised distorted(const Distortion& lens, const Normalised& ray) { return Lens(lens)(ray[0], ray[1]); }
+
+Normalised ray_of_pixel(const simsense_camera& camera, double u, double v) {
+  const Lens lens(distortion(camera));
+  const Normalised seen = without_lens(camera, u, v);
+  const double close_enough = 1e-13 * (1 + std::hypot(seen[0], seen[1]));
+  auto [x, y] = seen;
+  for (int step = 0; step < 50; ++step) {
+    const double r2 = x * x + y * y, factor = lens.radial(r2), slope = lens.slope(r2);
+    const Normalised now = lens(x, y);
+    const double ex = seen[0] - now[0], ey = seen[1] - now[1];
+    if (std::hypot(ex, ey) < close_enough) return {x, y};
+    const double xx = factor + 2 * x * x * slope + 2 * lens.p1 * y + 6 * lens.p2 * x;
+    const double xy = 2 * x * y * slope + 2 * lens.p1 * x + 2 * lens.p2 * y;  // of x by y, and of y by x
+    const double yy = factor + 2 * y * y * slope + 6 * lens.p1 * y + 2 * lens.p2 * x;
+    const double determinant = xx * yy - xy * xy;
+    if (!(determinant > 0)) return seen;  // beyond the fold, where the lens maps two rays onto one pixel
+    x += (yy * ex - xy * ey) / determinant;
+    y += (xx * ey - xy * ex) / determinant;
+  }
+  return seen;
+}
+
+Normalised ray_of_pixel_by_steps(const simsense_camera& camera, double u, double v, int steps) {
+  const Lens lens(distortion(camera));
+  const Normalised seen = without_lens(camera, u, v);
+  auto [x, y] = seen;
+  for (int step = 0; step < steps; ++step) {
+    const double inverse = 1 / lens.radial(x * x + y * y);
+    if (inverse < 0) return seen;
+    const Normalised bend = lens.tangential(x, y);
+    x = (seen[0] - bend[0]) * inverse;
+    y = (seen[1] - bend[1]) * inverse;
+  }
+  return {x, y};
+}
+
+}  // namespace simsense

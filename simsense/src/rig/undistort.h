@@ -1,0 +1,22 @@
+// From a pixel back to the ray that its lens bent there: the inverse of Brown-Conrady distortion (Brown, Decentering distortion of lenses,
+// Photogrammetric Engineering 32(3), 1966), double precision. Thread rule: pure functions.
+#pragma once
+
+#include "rig/rig.h"
+
+namespace simsense {
+
+/// Normalised coordinates, x / z and y / z of a ray.
+using Normalised = std::array<double, 2>;
+
+/// What the lens makes of a ray.
+Normalised distorted(const Distortion& lens, const Normalised& ray);
+
+/// The ray of a pixel, by Newton's method. Where the lens has folded back there is none: the pixel's ray without a lens then.
+Normalised ray_of_pixel(const simsense_camera& camera, double u, double v);
+
+/// The same by a given number of the fixed-point steps ray <- (pixel - tangential) / radial of Heikkila and Silven (A four-step camera
+/// calibration procedure, CVPR 1997): what OpenCV's undistortPoints takes, five of them by default.
+Normalised ray_of_pixel_by_steps(const simsense_camera& camera, double u, double v, int steps);
+
+}  // namespace simsense
