@@ -1,0 +1,290 @@
+"""How well stereo matchers do on a folder of pairs with truth: simsense's settings beside OpenCV's matchers, in one
+run.
+
+    PYTHONPATH=build/python python3 tests/bench/bench_pairs.py FOLDER [--weak-dn 10] [--each]
+
+FOLDER holds one folder per pair. tests/bench/noisy_planes.py writes such a folder; recordings with truth fit in the
+same way:
+
+    NAME/left.png, right.png    the rectified pair, 8 or 16 bit; of colour images the mean of the channels is taken
+    NAME/disparity.npy          truth in pixels of the left image: float, or .pfm, or a 16-bit .png in 1/256 px; what
+                                is not finite or not above 0 is unknown
+    NAME/mask.png               optional: only where it is not 0 pixels count, for example those that both eyes see
+    NAME/device.npy             optional: what the camera itself measured, in the same formats; it becomes a row of
+                                the table
+    NAME/pair.json              optional: {"max_disparity": 128}; 128 without it
+
+Each figure is over the pixels with known truth, of all pairs together. fill: share with a measurement. bad-2: share
+of the measured ones that err by more than 2 px. incl. holes: the same over all pixels, where a hole is an error.
+EPE: mean error of the measured ones up to 2 px away. plane: root mean square distance of a matcher's disparities
+from its own plane, over patches of 96 x 96 px whose truth is a plane, the median patch. weak: fill and bad-2 where
+the left image is darker than --weak-dn on average over 15 x 15 px. CPU s: processor time per pair.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+import simsense
+
+Image = NDArray[np.generic]
+Matcher = Callable[[Image, Image, int], NDArray[np.float32]]
+
+PATCH = 96
+PLANE_RMS_PX = 0.05  # truth that lies this close to a plane is one
+BAD_PX = 2.0
+
+
+def read_disparity(folder: Path, stem: str) -> NDArray[np.float32] | None:
+    """A disparity map in pixels, NaN where it is unknown; None where there is no such file."""
+    for suffix in (".npy", ".pfm", ".png"):
+        path = folder / f"{stem}{suffix}"
+        if not path.exists():
+            continue
+        values = np.load(path) if suffix == ".npy" else cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+        if values is None or values.ndim != 2:
+            raise SystemExit(f"{path}: must be one channel of disparities")
+        values = values.astype(np.float32) / (256 if suffix == ".png" else 1)
+        return np.where(np.isfinite(values) & (values > 0), values, np.nan).astype(np.float32)
+    return None
+
+
+def read_gray(path: Path) -> Image:
+    image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    if image is None:
+        raise SystemExit(f"{path}: no image that can be read")
+    return image if image.ndim == 2 else image[..., :3].mean(axis=2).round().astype(image.dtype)
+
+
+@dataclass
+class Pair:
+    """A pair with its truth [height, width]; what does not count is NaN."""
+
+    name: str
+    left: Image
+    right: Image
+    truth: NDArray[np.float32]
+    device: NDArray[np.float32] | None
+    max_disparity: int
+
+    @classmethod
+    def read(cls, folder: Path) -> Pair:
+        truth = read_disparity(folder, "disparity")
+        if truth is None:
+            raise SystemExit(f"{folder}: no disparity.npy, .pfm or .png with the truth")
+        left, right = read_gray(folder / "left.png"), read_gray(folder / "right.png")
+        if left.shape != right.shape or left.shape != truth.shape:
+            raise SystemExit(f"{folder}: left is {left.shape}, right {right.shape}, truth {truth.shape}: must be alike")
+        if (folder / "mask.png").exists():
+            truth = np.where(read_gray(folder / "mask.png") > 0, truth, np.float32(np.nan))
+        settings = json.loads((folder / "pair.json").read_text()) if (folder / "pair.json").exists() else {}
+        device = read_disparity(folder, "device")
+        return cls(folder.name, left, right, truth, device, settings.get("max_disparity", 128))
+
+
+def ours(**settings: object) -> Matcher:
+    """A matcher of simsense's engine, made once per size of image; NaN = no measurement."""
+    device = simsense.Device("host")
+
+    @cache
+    def engine(width: int, height: int, max_disparity: int, wide: bool) -> simsense.Engine:
+        camera = simsense.Camera(width, height, [[width, 0, width / 2], [0, width, height / 2], [0, 0, 1]])
+        pose = np.eye(4)
+        pose[0, 3] = -0.05
+        signal = {"bit_depth": 16} if wide else {}
+        changes = signal | settings
+        return simsense.Engine(device, camera, camera, pose, rectified=True, max_disparity=max_disparity, **changes)
+
+    def match(left: Image, right: Image, max_disparity: int) -> NDArray[np.float32]:
+        matcher = engine(left.shape[1], left.shape[0], max_disparity, left.dtype == np.uint16)
+        disparity = matcher.compute(left, right, ("disparity",))["disparity"]
+        return np.where(disparity >= 0, disparity, np.nan).astype(np.float32)
+
+    return match
+
+
+def opencv(make: Callable[[int], cv2.StereoMatcher]) -> Matcher:
+    """One of OpenCV's, padded on the left so that it gives every column; 8 bit."""
+
+    def match(left: Image, right: Image, max_disparity: int) -> NDArray[np.float32]:
+        scale = 255 / max(left.max(), right.max(), 255)
+        padded = (
+            cv2.copyMakeBorder((image * scale).astype(np.uint8), 0, 0, max_disparity, 0, cv2.BORDER_REPLICATE)
+            for image in (left, right)
+        )
+        disparity = make(max_disparity).compute(*padded)[:, max_disparity:].astype(np.float32) / 16
+        return np.where(disparity >= 0, disparity, np.nan).astype(np.float32)
+
+    return match
+
+
+def sgbm(mode: int, block: int, uniqueness: int = 15) -> Matcher:
+    return opencv(
+        lambda disparities: cv2.StereoSGBM_create(
+            minDisparity=0,
+            numDisparities=disparities,
+            blockSize=block,
+            P1=8 * block**2,
+            P2=32 * block**2,
+            disp12MaxDiff=1,
+            preFilterCap=63,
+            uniquenessRatio=uniqueness,
+            mode=mode,
+        )
+    )
+
+
+HH4, THREE_WAY = cv2.STEREO_SGBM_MODE_HH4, cv2.STEREO_SGBM_MODE_SGBM_3WAY
+MATCHERS: dict[str, Matcher] = {
+    "simsense, default": ours(),
+    "simsense, p1 7, p2 86": ours(p1=7, p2=86),
+    "simsense, block 1": ours(block_width=1, block_height=1),
+    "simsense, block 11": ours(block_width=11, block_height=11),
+    "simsense, summed subpixel": ours(subpixel="equiangular_summed"),
+    "simsense, summed subpixel, median 5": ours(subpixel="equiangular_summed", median_size=5),
+    "simsense, 8 paths, summed subpixel, median 5": ours(path_count=8, subpixel="equiangular_summed", median_size=5),
+    "simsense, block 5, uniqueness 5, median 5": ours(block_width=5, block_height=5, uniqueness_ratio=5, median_size=5),
+    "simsense, census_contrast 1/32": ours(census_contrast=1 / 32),
+    "simsense, census_contrast 1/8": ours(census_contrast=1 / 8),
+    "OpenCV SGBM HH4, block 7": sgbm(HH4, 7),
+    "OpenCV SGBM HH4, block 3, uniqueness 5": sgbm(HH4, 3, 5),
+    "OpenCV SGBM 3WAY, block 7": sgbm(THREE_WAY, 7),
+    "OpenCV StereoBM 15": opencv(lambda disparities: cv2.StereoBM_create(disparities, 15)),
+}
+
+
+def plane_residual(disparity: NDArray[np.float32]) -> float:
+    """Root mean square distance of a patch from its own plane, without what lies more than a pixel off.
+
+    NaN where less than half of the patch is measured.
+    """
+    y, x = np.nonzero(np.isfinite(disparity))
+    values = disparity[y, x].astype(float)
+    if len(values) < 0.5 * disparity.size:
+        return np.nan
+    terms = np.stack([x, y, np.ones_like(x)], axis=1).astype(float)
+    kept = np.ones(len(values), bool)
+    residual = values
+    for _ in range(4):
+        plane, *_ = np.linalg.lstsq(terms[kept], values[kept], rcond=None)
+        residual = values - terms @ plane
+        kept = np.abs(residual) < 1
+    return float(np.sqrt(np.mean(residual[kept] ** 2)))
+
+
+def planar_patches(truth: NDArray[np.float32]) -> list[tuple[slice, slice]]:
+    height, width = truth.shape
+    patches = [
+        (slice(y, y + PATCH), slice(x, x + PATCH))
+        for y in range(0, height - PATCH + 1, PATCH)
+        for x in range(0, width - PATCH + 1, PATCH)
+    ]
+    known = (p for p in patches if np.isfinite(truth[p]).mean() > 0.95)
+    return [p for p in known if plane_residual(truth[p]) < PLANE_RMS_PX]
+
+
+@dataclass
+class Tally:
+    """Sums over pairs."""
+
+    known: int = 0
+    measured: int = 0
+    bad: int = 0
+    weak: int = 0
+    weak_measured: int = 0
+    weak_bad: int = 0
+    near_count: int = 0
+    near_error: float = 0.0
+    planes: list[float] = field(default_factory=list)
+    cpu_s: list[float] = field(default_factory=list)
+
+    def add(self, pair: Pair, disparity: NDArray[np.float32], cpu_s: float | None, weak_dn: float) -> None:
+        known = np.isfinite(pair.truth)
+        measured = known & np.isfinite(disparity)
+        error = np.abs(np.where(measured, disparity - pair.truth, 0))
+        bad = measured & (error > BAD_PX)
+        weak = known & (cv2.blur(pair.left.astype(np.float32), (15, 15)) < weak_dn)
+        self.known += int(known.sum())
+        self.measured += int(measured.sum())
+        self.bad += int(bad.sum())
+        self.weak += int(weak.sum())
+        self.weak_measured += int((weak & measured).sum())
+        self.weak_bad += int((weak & bad).sum())
+        near = measured & ~bad
+        self.near_count += int(near.sum())
+        self.near_error += float(error[near].sum())
+        self.planes += [plane_residual(disparity[p]) for p in planar_patches(pair.truth)]
+        if cpu_s is not None:
+            self.cpu_s.append(cpu_s)
+
+    def row(self, name: str) -> str:
+        def percent(part: int, whole: int) -> str:
+            return f"{100 * part / whole:.2f}" if whole else "-"
+
+        planes = [p for p in self.planes if np.isfinite(p)]
+        cells = [
+            percent(self.measured, self.known),
+            percent(self.bad, self.measured),
+            percent(self.bad + self.known - self.measured, self.known),
+            f"{self.near_error / max(self.near_count, 1):.3f}",
+            f"{np.median(planes):.3f}" if planes else "-",
+            percent(self.weak_measured, self.weak),
+            percent(self.weak_bad, self.weak_measured),
+            f"{np.median(self.cpu_s):.3f}" if self.cpu_s else "-",
+        ]
+        return f"| {name} | {' | '.join(cells)} |"
+
+
+HEADER = (
+    "| | fill % | bad-2 % | incl. holes % | EPE px | plane px | weak: fill % | weak: bad-2 % | CPU s |\n"
+    "|--|--|--|--|--|--|--|--|--|"
+)
+
+
+def timed(matcher: Matcher, pair: Pair) -> tuple[NDArray[np.float32], float]:
+    matcher(pair.left, pair.right, pair.max_disparity)  # memory is taken once
+    start = time.process_time()
+    disparity = matcher(pair.left, pair.right, pair.max_disparity)
+    return disparity, time.process_time() - start
+
+
+def table(pairs: list[Pair], weak_dn: float) -> str:
+    rows = {name: Tally() for name in MATCHERS}
+    device = Tally()
+    for pair in pairs:
+        for name, matcher in MATCHERS.items():
+            rows[name].add(pair, *timed(matcher, pair), weak_dn)
+        if pair.device is not None:
+            device.add(pair, pair.device, None, weak_dn)
+    lines = [device.row("the camera itself")] if device.known else []
+    return "\n".join([HEADER, *lines, *(tally.row(name) for name, tally in rows.items())])
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path, help="folder of pairs")
+    parser.add_argument("--weak-dn", type=float, default=10, help="darker pixels are told apart (default 10)")
+    parser.add_argument("--each", action="store_true", help="a table for each pair too")
+    args = parser.parse_args()
+    folders = sorted(path.parent for path in args.folder.glob("*/left.png"))
+    if not folders:
+        raise SystemExit(f"{args.folder}: no pair in it: a pair is a folder with left.png, right.png and disparity.npy")
+    pairs = [Pair.read(folder) for folder in folders]
+    if args.each:
+        for pair in pairs:
+            print(f"\n{pair.name}\n\n{table([pair], args.weak_dn)}", flush=True)
+    print(f"\n{len(pairs)} pairs\n\n{table(pairs, args.weak_dn)}")
+
+
+if __name__ == "__main__":
+    main()
