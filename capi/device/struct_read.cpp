@@ -4,9 +4,36 @@
 #include <cstring>
 
 namespace ks {
+namespace {
+
+constexpr uint32_t longest = 1u << 16;  // far beyond any struct; keeps a header of garbage from being followed
+
+const unsigned char* bytes_of(const void* from) { return static_cast<const unsigned char*>(from); }
+
+/// A struct of an older header ends where one of our fields ends; else a pointer would be read in half.
+void check_length(uint32_t size_bytes, const char* name, const KnownStruct& known) {
+  if (size_bytes >= known.size_bytes || size_bytes == sizeof(ks_header)) return;
+  if (std::ranges::find(known.ends, size_bytes) == known.ends.end())
+    fail(KS_ERROR_INVALID_ARGUMENT, "%s says it is %u bytes long, which is inside of a field: fill it with its _init function", name,
+         size_bytes);
+}
+
+void check_reserved(const void* from, uint32_t size_bytes, const char* name, const KnownStruct& known) {
+  for (const ReservedBytes& r : known.reserved)
+    for (uint32_t i = r.offset; i < std::min(r.offset + r.size, size_bytes); ++i)
+      if (bytes_of(from)[i] != 0)
+        fail(KS_ERROR_VERSION,
+             "%s uses a field at byte %u that this library does not know: update the library, or fill it with its _init function", name, i);
+}
+
+void check_chain(const ks_header* header, const char* name) {
+  if (header->next != nullptr)
+    fail(KS_ERROR_UNSUPPORTED, "%s chains a struct of type 0x%x that this version does not know", name, header->next->type);
+}
+
+}  // namespace
 
 const ks_header* check_header(const void* from, uint32_t type, const char* name) {
-  constexpr uint32_t longest = 1u << 16;  // far beyond any struct; keeps a header of garbage from being followed
   if (from == nullptr) fail(KS_ERROR_INVALID_ARGUMENT, "%s is NULL", name);
   const auto* header = static_cast<const ks_header*>(from);
   if (header->type != type)
@@ -16,26 +43,46 @@ const ks_header* check_header(const void* from, uint32_t type, const char* name)
   return header;
 }
 
-void read_struct_bytes(const void* from, uint32_t type, const char* name, void* out, size_t size_bytes) {
+void read_struct_bytes(const void* from, uint32_t type, const char* name, const KnownStruct& known, void* out) {
   const ks_header* header = check_header(from, type, name);
-  if (header->next != nullptr)
-    fail(KS_ERROR_UNSUPPORTED, "%s chains a struct of type 0x%x that this version does not know", name, header->next->type);
-  const auto* bytes = static_cast<const unsigned char*>(from);
-  for (size_t i = size_bytes; i < header->size_bytes; ++i)
-    if (bytes[i] != 0)
+  const uint32_t size = header->size_bytes;
+  check_chain(header, name);
+  for (size_t i = known.size_bytes; i < size; ++i)
+    if (bytes_of(from)[i] != 0)
       fail(KS_ERROR_VERSION, "%s uses a field at byte %zu that this library (%zu bytes) does not know: update the library", name, i,
-           size_bytes);
-  std::memset(out, 0, size_bytes);
-  std::memcpy(out, from, std::min<size_t>(header->size_bytes, size_bytes));
-  static_cast<ks_header*>(out)->size_bytes = static_cast<uint32_t>(size_bytes);
+           known.size_bytes);
+  check_length(size, name, known);
+  check_reserved(from, size, name, known);
+  std::memcpy(out, from, std::min<size_t>(size, known.size_bytes));
+  static_cast<ks_header*>(out)->size_bytes = static_cast<uint32_t>(known.size_bytes);
 }
 
-void write_struct_bytes(void* to, uint32_t type, const char* name, const void* value, size_t size_bytes) {
+void write_struct_bytes(void* to, uint32_t type, const char* name, const KnownStruct& known, const void* value) {
   const uint32_t callers_bytes = check_header(to, type, name)->size_bytes;
-  const size_t known = std::min<size_t>(callers_bytes, size_bytes);
+  check_length(callers_bytes, name, known);
+  const size_t written = std::min<size_t>(callers_bytes, known.size_bytes);
   constexpr size_t body = sizeof(ks_header);  // the caller's header stays
-  std::memcpy(static_cast<unsigned char*>(to) + body, static_cast<const unsigned char*>(value) + body, known - body);
-  std::memset(static_cast<unsigned char*>(to) + known, 0, callers_bytes - known);
+  std::memcpy(static_cast<unsigned char*>(to) + body, bytes_of(value) + body, written - body);
+  std::memset(static_cast<unsigned char*>(to) + written, 0, callers_bytes - written);
+}
+
+void check_embedded_bytes(const void* value, uint32_t type, const char* name, const KnownStruct& known) {
+  const ks_header* header = check_header(value, type, name);
+  if (header->size_bytes != known.size_bytes)
+    fail(KS_ERROR_VERSION, "%s is %u bytes long, this library knows %zu: use headers and library of one version", name, header->size_bytes,
+         known.size_bytes);
+  check_chain(header, name);
+  check_reserved(value, header->size_bytes, name, known);
+}
+
+void init_struct(void* out, uint32_t size_bytes, const void* value, size_t known_bytes) {
+  if (out == nullptr) fail(KS_ERROR_INVALID_ARGUMENT, "out is NULL");
+  if (size_bytes < sizeof(ks_header) || size_bytes > longest)
+    fail(KS_ERROR_INVALID_ARGUMENT, "size_bytes is %u, which no struct has", size_bytes);
+  const size_t given = std::min<size_t>(size_bytes, known_bytes);
+  std::memcpy(out, value, given);
+  std::memset(static_cast<unsigned char*>(out) + given, 0, size_bytes - given);
+  static_cast<ks_header*>(out)->size_bytes = size_bytes;
 }
 
 }  // namespace ks

@@ -11,7 +11,7 @@ from words import GENERATED, c_comment, c_literal, sentence
 def _constants(struct: Struct) -> list[str]:
     out = []
     if struct.type_id is not None:
-        out.append(f"#define {struct.type_name} 0x{struct.type_id:x}u")
+        out.append(f"#define {struct.type_name} 0x{struct.type_id:02x}u")
     for f in struct.fields:
         if not f.values:
             continue
@@ -46,15 +46,17 @@ def _is_zero(value: object) -> bool:
     return value is None or (isinstance(value, (int, float)) and value == 0)
 
 
-def assignments(struct: Struct, variable: str, of: str = "default") -> list[str]:
+def assignments(struct: Struct, variable: str, of: str = "default", embedded: frozenset[str] = frozenset()) -> list[str]:
     """C statements that give a zeroed struct its defaults (or its neutral values) where these are not 0."""
     out = []
     for f in struct.fields:
-        value = getattr(f, of)
+        value = f.default if f.neutral == "any" else getattr(f, of)
         if f.type == "choice":
             value = f.prefix + value.upper() if value != next(iter(f.values)) or f.first else None
         kind = f.type if f.type in SCALARS else "uint32"
-        if f.name in struct.init:
+        if f.type in embedded and f.name not in struct.init:
+            out.append(f"{variable}.{f.name} = {f.type}_init();")
+        elif f.name in struct.init and of == "default":
             out.append(f"{variable}.{f.name} = {f.name};")
         elif isinstance(value, list):
             nonzero = [(i, v) for i, v in enumerate(value) if not _is_zero(v)]
@@ -69,17 +71,22 @@ def assignments(struct: Struct, variable: str, of: str = "default") -> list[str]
     return out
 
 
-def _init(struct: Struct) -> list[str]:
+def _init(struct: Struct, embedded: frozenset[str]) -> list[str]:
     if struct.type_id is None and not struct.init and not assignments(struct, "s"):
         return []
     arguments = ", ".join(_declaration(struct[name]).rstrip(";") for name in struct.init) or "void"
     out = [f"static inline {struct.name} {struct.name}_init({arguments}) {{", f"  {struct.name} s;", "  memset(&s, 0, sizeof s);"]
     if struct.type_id is not None:
         out.append(f"  s.header = ks_header_make({struct.type_name}, (uint32_t)sizeof s);")
-    return [*out, *(f"  {line}" for line in assignments(struct, "s")), "  return s;", "}"]
+    return [*out, *(f"  {line}" for line in assignments(struct, "s", embedded=embedded)), "  return s;", "}"]
 
 
-def header(entry: Header) -> str:
+def embedded_structs(tables: Tables) -> frozenset[str]:
+    """Those with a header that stand inside others by value, and have defaults."""
+    return frozenset(s.name for s in tables.structs.values() if s.embedded and s.type_id is not None)
+
+
+def header(entry: Header, embedded: frozenset[str]) -> str:
     """A public header: constants, structs, initialisers."""
     sources = ", ".join(s.source for s in entry.structs)
     guard = entry.path.upper().replace("/", "_").replace(".", "_")
@@ -97,7 +104,9 @@ def header(entry: Header) -> str:
     for s in entry.structs:
         if s.doc:
             text.append(c_comment(s.doc))
-        text += [f"typedef struct {s.name} {{", *_members(s), f"}} {s.name};", *_init(s), ""]
+        text += [f"typedef struct {s.name} {{", *_members(s), f"}} {s.name};", *_init(s, embedded), ""]
+    if entry.after:
+        text += [entry.after, ""]
     return "\n".join([*text, "#ifdef __cplusplus", "}", "#endif", "", "#endif", ""])
 
 

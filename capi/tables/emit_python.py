@@ -6,7 +6,7 @@ import math
 
 from emit_cpp import banner
 from table import Field, Struct, Tables
-from words import GENERATED, default_text, range_text
+from words import GENERATED, default_text, facts, range_text
 
 
 def simsense_fields_h(tables: Tables) -> str:
@@ -68,14 +68,59 @@ def matcher_table(tables: Tables) -> str:
     return "\n".join([*text, ""])
 
 
-def stub_arguments(struct: Struct, indent: str) -> list[str]:
-    """Every field as a keyword argument of a stub."""
+def _annotation(field: Field) -> str:
+    """The type of a whole field as an attribute."""
+    one = scalar_type(field)
+    if field.shape:
+        return "NDArray[np.float64]"
+    if field.count == 1:
+        return one
+    return f"tuple[{', '.join([one] * int(field.count))}]"
+
+
+def _stub_fields(struct: Struct) -> list[str]:
     out = []
     for f in struct.fields:
-        if f.python:
-            annotation = scalar_type(f) + (" | int" if f.values else "")
-            out.append(f"{indent}{f.name}: {annotation} = {literal(f) if not f.values else repr(f.default)},")
+        if not f.python or f.type == "text":
+            continue
+        if f.lengths:  # given shorter than it is read
+            out += ["@property", f"def {f.name}(self) -> {_annotation(f)}: ...", f"@{f.name}.setter",
+                    f"def {f.name}(self, values: Sequence[float]) -> None: ..."]  # fmt: skip
+            continue
+        out += [f"{f.name}: {_annotation(f)}", f'"""{_prose(f)}"""']
     return out
+
+
+def _prose(field: Field) -> str:
+    """What a field is, in Python's words."""
+    text = " ".join(filter(None, [field.doc, f"[{facts(field)}]" if facts(field) else ""]))
+    for c, python in (("KUAFU_NONE", "None"), ("KUAFU_ALL_ENVIRONMENTS", "None"), ("NAN", "None"), ("INFINITY", "inf")):
+        text = text.replace(c, python)
+    return text.replace('"', "'")
+
+
+def _stub_arguments(structs: list[Struct]) -> list[str]:
+    """Every field as a keyword argument."""
+    out = []
+    for f in (f for s in structs for f in s.fields if f.python):
+        out.append(f"{f.name}: {scalar_type(f)} | int = ...," if f.values else f"{f.name}: {scalar_type(f)} = ...,")
+    return out
+
+
+def stub(tables: Tables, library: str, template: str, shared: str) -> str:
+    """python/<library>/_<library>.pyi, from its template, what both libraries share, and the tables."""
+    named = {s.python: s for s in tables.of(library) if s.python}
+    lists = {f"{name}.fields": _stub_fields(s) for name, s in named.items()} | {f"{name}.doc": [s.doc] for name, s in named.items()}
+    engine = [s for s in tables.of(library) if s.name in ("simsense_parameters", "simsense_signal")]
+    lists |= {"parameters": _stub_arguments(engine), "shared": shared.rstrip().split("\n")}
+    out = ["# " + GENERATED.format("*.toml").replace("from", f"from python/{library}/_{library}.pyi.in, python/bindings/shared.pyi.in and")]
+    for line in template.split("\n"):
+        for key, value in lists.items():
+            if "{" + key + "}" in line:
+                indent = line[: len(line) - len(line.lstrip())]
+                line = line.replace("{" + key + "}", ("\n" + indent).join(value))
+        out.append(line)
+    return "\n".join(text.rstrip() for text in "\n".join(out).split("\n"))
 
 
 def page_default(field: Field) -> str:

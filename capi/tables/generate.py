@@ -1,13 +1,18 @@
 #!/usr/bin/env python3
-"""Writes what follows from the tables of the public structs. `--check` changes nothing and fails where a committed file is stale."""
+"""Writes what follows from the tables of the public structs. `--check` changes nothing and fails where a committed file is stale.
+
+Both fail where the tables break the promise of a release: capi/abi/structs-*.txt has where each field lies for its callers. `--release 0.2` writes
+such a file for a new one."""
 
 from __future__ import annotations
 
 import argparse
 import sys
 
+import emit_abi
 import emit_c
 import emit_cpp
+import emit_kuafu
 import emit_page
 import emit_python
 from table import FOLDER, TableError, Tables, read_tables
@@ -17,13 +22,29 @@ ROOT = FOLDER.parents[1]
 
 def outputs(tables: Tables) -> dict[str, str]:
     """Path from the repository's root: text, of every generated file."""
-    files = {f"capi/include/{entry.path}": emit_c.header(entry) for entry in tables.headers}
+    embedded = emit_c.embedded_structs(tables)
+    files = {f"capi/include/{entry.path}": emit_c.header(entry, embedded) for entry in tables.headers}
+    emit_abi.check_no_padding(tables)
+    for library in ("kuafu", "simsense"):
+        files[f"{library}/src/api/struct_table.h"] = emit_abi.struct_table(tables, library)
+        files[f"{library}/src/api/struct_init.cpp"] = emit_abi.struct_init(tables, library)
+        sources = (ROOT / f"python/{library}/_{library}.pyi.in", ROOT / "python/bindings/shared.pyi.in")
+        files[f"python/{library}/_{library}.pyi"] = emit_python.stub(tables, library, *(path.read_text() for path in sources))
     return files | {
+        "capi/device/struct_table.h": emit_abi.struct_table(tables, "ks"),
+        "tests/capi/abi_layout_tables.c": emit_abi.layout_test(tables),
         "simsense/src/parameters/fields.h": emit_cpp.simsense_fields_h(tables),
         "simsense/src/parameters/fields.cpp": emit_cpp.simsense_fields_cpp(tables),
         "simsense/src/parameters/match_fields.h": emit_cpp.simsense_match_fields_h(tables),
         "python/simsense/fields.h": emit_python.simsense_fields_h(tables),
         "python/activestereo/matcher_table.py": emit_python.matcher_table(tables),
+        "kuafu/src/scene/fields.h": emit_kuafu.fields_h(tables),
+        "kuafu/src/scene/fields.cpp": emit_kuafu.fields_cpp(tables),
+        "kuafu/src/api/fields.h": emit_kuafu.copies_h(tables),
+        "kuafu/src/api/fields.cpp": emit_kuafu.copies_cpp(tables),
+        "kuafu/import/material_extras.h": emit_kuafu.extras_h(tables),
+        "kuafu/import/material_extras.inc": emit_kuafu.extras_schema(tables),
+        "python/kuafu/fields.h": emit_kuafu.python_fields_h(tables),
         "capi/tables/reference.md": emit_page.page(tables),
     }
 
@@ -32,11 +53,24 @@ def main() -> int:
     """0: all is as the tables have it. 1: a file is stale. 2: a table is wrong."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--check", action="store_true", help="change nothing; name the stale files and fail")
-    check = parser.parse_args().check
+    parser.add_argument("--release", metavar="VERSION", help="write down where the fields lie, for good")
+    arguments = parser.parse_args()
+    check = arguments.check
     try:
-        files = outputs(read_tables())
+        tables = read_tables()
+        files = outputs(tables)
     except TableError as error:
         print(error, file=sys.stderr)
+        return 2
+    if arguments.release:
+        files[f"capi/abi/structs-{arguments.release}.txt"] = emit_abi.baseline(tables)
+    broken = [
+        f"{path.name}: {text}"
+        for path in sorted((ROOT / "capi/abi").glob("structs-*.txt"))
+        for text in emit_abi.check_baseline(tables, path.read_text())
+    ]
+    if broken:
+        print("\n".join(broken), file=sys.stderr)
         return 2
     stale = {path: text for path, text in files.items() if not (ROOT / path).exists() or (ROOT / path).read_text() != text}
     if check:

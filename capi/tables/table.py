@@ -174,7 +174,8 @@ class Header:
     doc: str
     structs: list[Struct]
     includes: list[str]
-    text: str = ""  # declarations between the constants and the structs
+    text: str = ""  # declarations before the constants and the structs
+    after: str = ""  # and after them
 
 
 @dataclass
@@ -201,7 +202,7 @@ def read_tables() -> Tables:
             _require(name in found, "headers.toml", path, f"there is no {name}.toml")
             structs[name] = found.pop(name)
         members = [structs[name] for name in entry["structs"]]
-        headers.append(Header(path, entry["doc"].strip(), members, entry.get("includes", []), entry.get("text", "").strip()))
+        headers.append(Header(path, entry["doc"].strip(), members, entry.get("includes", []), entry.get("text", "").strip(), entry.get("after", "").strip()))
     _require(not found, "headers.toml", ", ".join(found), "no header has this struct")
     ids = [s.type_id for s in structs.values() if s.type_id is not None]
     _require(len(ids) == len(set(ids)), "headers.toml", "type_id", "two structs share one")

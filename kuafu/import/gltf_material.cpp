@@ -3,6 +3,7 @@
 #include "device/error.h"
 #include "import/gltf_accessor.h"
 #include "import/image.h"
+#include "import/material_extras.h"
 
 namespace kuafu {
 namespace {
@@ -75,27 +76,13 @@ Material GltfMaterials::read(const tinygltf::Material& from, const std::string& 
 
 // What glTF has no words for: fields of kuafu_material_desc by their names.
 void GltfMaterials::read_extras(const tinygltf::Value& extras, const std::string& field, Material& to) {
-  const std::pair<const char*, float*> numbers[] = {{"ir_albedo", &to.ir_albedo},
-                                                    {"ir_attenuation_color", &to.ir_attenuation_color},
-                                                    {"ir_emission", &to.ir_emission},
-                                                    {"ir_roughness", &to.ir_roughness},
-                                                    {"ir_ior", &to.ir_ior},
-                                                    {"ir_transmission", &to.ir_transmission},
-                                                    {"ir_transmission_roughness", &to.ir_transmission_roughness},
-                                                    {"diffuse_roughness", &to.diffuse_roughness},
-                                                    {"subsurface", &to.subsurface},
-                                                    {"ir_subsurface_color", &to.ir_subsurface_color},
-                                                    {"ir_subsurface_radius_m", &to.ir_subsurface_radius_m},
-                                                    {"transmission_roughness", &to.transmission_roughness}};
-  for (const auto& [name, value] : numbers) *value = static_cast<float>(number(extras, name, *value));
-  if (extras.IsObject() && extras.Has("thin_walled")) to.thin_walled = number(extras, "thin_walled", 0.0) != 0.0;
-  const std::pair<const char*, glm::vec3*> vectors[] = {{"subsurface_color", &to.subsurface_color},
-                                                        {"subsurface_radius_m", &to.subsurface_radius_m}};
-  for (const auto& [name, value] : vectors)
+  for (const auto& [name, value] : extras_numbers(to)) *value = static_cast<float>(number(extras, name, *value));
+  for (const auto& [name, value] : extras_flags(to))
+    if (extras.IsObject() && extras.Has(name)) *value = number(extras, name, 0.0) != 0.0;
+  for (const auto& [name, value] : extras_vectors(to))
     if (extras.IsObject() && extras.Has(name))
       for (int i = 0; i < 3; ++i) (*value)[i] = static_cast<float>(extras.Get(name).Get(i).GetNumberAsDouble());
-  const std::pair<const char*, uint32_t*> textures[] = {{"ior_texture", &to.ior_texture}, {"ir_albedo_texture", &to.ir_albedo_texture}};
-  for (const auto& [name, id] : textures) {
+  for (const auto& [name, id] : extras_textures(to)) {
     const auto [index, uv_set] = reference(extras, name);
     *id = texture(index, uv_set, false, field + ".extras." + name);
   }

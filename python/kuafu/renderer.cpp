@@ -59,8 +59,7 @@ class Renderer {
  public:
   Renderer(std::shared_ptr<Device<Kuafu>> device, const std::string& tracer, const std::optional<std::string>& oidn_library)
       : device_(std::move(device)) {
-    kuafu_renderer_desc desc = {};
-    desc.header = ks_header_make(KUAFU_TYPE_RENDERER_DESC, sizeof desc);
+    kuafu_renderer_desc desc = kuafu_renderer_desc_init();
     desc.oidn_library = oidn_library ? oidn_library->c_str() : nullptr;
     if (tracer == "embree")
       desc.tracer = KUAFU_TRACER_EMBREE;

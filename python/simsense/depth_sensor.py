@@ -1,6 +1,12 @@
 """DepthSensor with the arguments, defaults and ranges of the published SimSense, on this engine."""
 
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Literal
+
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from ._simsense import FAULTS, Camera, Device, Engine
 
@@ -9,28 +15,28 @@ class SettingError(ValueError, TypeError):
     """A setting is out of its range. Both ValueError, which it is, and TypeError, which SimSense raises."""
 
 
-def _require(condition, text):
+def _require(condition: object, text: str) -> None:
     if not condition:
         raise SettingError(text)
 
 
-def _is_int(value):
+def _is_int(value: object) -> bool:
     return isinstance(value, (int, np.integer)) and not isinstance(value, bool)
 
 
-def _require_numbers(**values):
+def _require_numbers(**values: Any) -> None:
     for name, value in values.items():
         ok = isinstance(value, (int, float, np.number)) and not isinstance(value, bool) and np.isfinite(value)
         _require(ok, f"{name} must be a finite number, not {value!r}")
 
 
-def _check_size(size, what):
+def _check_size(size: Sequence[int], what: str) -> tuple[int, int]:
     ok = np.ndim(size) == 1 and len(size) == 2 and all(_is_int(v) and v >= 32 for v in size)
     _require(ok, f"{what} must be (width, height), integers of at least 32, not {size}")
     return int(size[0]), int(size[1])
 
 
-def _check_matrix(matrix, side, what):
+def _check_matrix(matrix: ArrayLike, side: int, what: str) -> NDArray[np.float64]:
     try:
         matrix = np.asarray(matrix, dtype=np.float64)
     except (TypeError, ValueError):
@@ -39,14 +45,14 @@ def _check_matrix(matrix, side, what):
     return matrix
 
 
-def _check_window(width, height, largest, what):
+def _check_window(width: int, height: int, largest: int, what: str) -> dict[str, Any]:
     ok = all(_is_int(v) and v > 0 and v % 2 == 1 for v in (width, height))
     ok = ok and width * height <= largest
     _require(ok, f"{what} must be odd, with a product of at most {largest}, not {width}x{height}")
     return {f"{what}_width": int(width), f"{what}_height": int(height)}
 
 
-def _noise(shape, scale, mu, sigma):
+def _noise(shape: float, scale: float, mu: float, sigma: float) -> dict[str, Any]:
     _require_numbers(speckle_shape=shape, speckle_scale=scale, gaussian_mu=mu, gaussian_sigma=sigma)
     _require(shape >= 0, f"speckle_shape must not be negative, it is {shape}")
     if shape == 0:  # SimSense adds no noise at all then
@@ -56,17 +62,17 @@ def _noise(shape, scale, mu, sigma):
     return {"speckle_shape": shape, "speckle_scale": scale, "black_level_dn": mu, "adc_noise_dn": sigma}
 
 
-def _penalties(p1, p2):
+def _penalties(p1: int, p2: int) -> dict[str, Any]:
     _require(_is_int(p1) and _is_int(p2) and 0 < p1 < p2 < 224, f"penalties must be integers with 0 < p1 < p2 < 224, not {p1} and {p2}")
     return {"p1": int(p1), "p2": int(p2)}
 
 
-def _uniqueness(ratio):
+def _uniqueness(ratio: int) -> dict[str, Any]:
     _require(_is_int(ratio) and 0 <= ratio <= 255, f"uniqueness_ratio must be an integer in 0..255, not {ratio}")
     return {"uniqueness_ratio": min(int(ratio), 100)}  # from 100 on nothing is unique enough
 
 
-def _lr_max_diff(pixels):
+def _lr_max_diff(pixels: int) -> dict[str, Any]:
     _require(_is_int(pixels) and -1 <= pixels <= 255, f"lr_max_diff must be an integer in -1..255, not {pixels}")
     return {"lr_max_diff": -1 if pixels == 255 else int(pixels)}  # both switch the check off
 
@@ -86,44 +92,44 @@ class DepthSensor:
 
     def __init__(
         self,
-        lr_size,
-        k_l,
-        k_r,
-        l2r,
-        rgb_size=None,
-        k_rgb=None,
-        l2rgb=None,
-        min_depth=0.0,
-        max_depth=10.0,
-        ir_noise_seed=0,
-        speckle_shape=0.0,
-        speckle_scale=0.0,
-        gaussian_mu=0.0,
-        gaussian_sigma=0.0,
-        rectified=False,
-        census_width=7,
-        census_height=7,
-        max_disp=128,
-        block_width=7,
-        block_height=7,
-        p1_penalty=7,
-        p2_penalty=86,
-        uniqueness_ratio=15,
-        lr_max_diff=1,
-        median_filter_size=3,
-        depth_dilation=False,
+        lr_size: Sequence[int],
+        k_l: ArrayLike,
+        k_r: ArrayLike,
+        l2r: ArrayLike,
+        rgb_size: Sequence[int] | None = None,
+        k_rgb: ArrayLike | None = None,
+        l2rgb: ArrayLike | None = None,
+        min_depth: float = 0.0,
+        max_depth: float = 10.0,
+        ir_noise_seed: int = 0,
+        speckle_shape: float = 0.0,
+        speckle_scale: float = 0.0,
+        gaussian_mu: float = 0.0,
+        gaussian_sigma: float = 0.0,
+        rectified: bool = False,
+        census_width: int = 7,
+        census_height: int = 7,
+        max_disp: int = 128,
+        block_width: int = 7,
+        block_height: int = 7,
+        p1_penalty: int = 7,
+        p2_penalty: int = 86,
+        uniqueness_ratio: int = 15,
+        lr_max_diff: int = 1,
+        median_filter_size: int = 3,
+        depth_dilation: bool = False,
         *,
-        device="host",
-        mode="fixed",
-        faults=None,
-    ):
+        device: str | int | bytes | Device = "host",
+        mode: Literal["fixed", "simsense-exact"] = "fixed",
+        faults: Sequence[str] | None = None,
+    ) -> None:
         width, height = _check_size(lr_size, "lr_size")
         _require(_is_int(max_disp) and 32 <= max_disp <= 1024, f"max_disp must be an integer in 32..1024, not {max_disp}")
         _require(median_filter_size in (1, 3, 5, 7), f"median_filter_size must be 1, 3, 5 or 7, not {median_filter_size}")
         _require_numbers(min_depth=min_depth, max_depth=max_depth)
         _require(0 <= min_depth < max_depth, f"depths must satisfy 0 <= min_depth < max_depth, not {min_depth} and {max_depth}")
         _require(_is_int(ir_noise_seed) and ir_noise_seed >= 0, f"ir_noise_seed must be an integer of at least 0, not {ir_noise_seed}")
-        parameters = {
+        parameters: dict[str, Any] = {
             "min_depth_m": min_depth,
             "max_depth_m": max_depth,
             "noise_seed": int(ir_noise_seed),
@@ -151,24 +157,26 @@ class DepthSensor:
         l2r = _check_matrix(l2r, 4, "l2r")
         if faults is None:
             faults = FAULTS if exact else ()
-        rig = {"rgb": rgb, "left_to_rgb": l2rgb, "rectified": bool(rectified), "faults": faults}
+        rig: dict[str, Any] = {"rgb": rgb, "left_to_rgb": l2rgb, "rectified": bool(rectified), "faults": faults}
         self._engine = Engine(device, left, right, l2r, **rig, **parameters)
 
     @staticmethod
-    def _rgb_camera(size, k, l2rgb):
+    def _rgb_camera(
+        size: Sequence[int] | None, k: ArrayLike | None, l2rgb: ArrayLike | None
+    ) -> tuple[Camera | None, NDArray[np.float64] | None]:
         given = [value is not None for value in (size, k, l2rgb)]
         _require(all(given) or not any(given), "rgb_size, k_rgb and l2rgb go together: give all three or none")
-        if not any(given):
+        if size is None or k is None or l2rgb is None:
             return None, None
         width, height = _check_size(size, "rgb_size")
         return Camera(width, height, _check_matrix(k, 3, "k_rgb")), _check_matrix(l2rgb, 4, "l2rgb")
 
     @property
-    def engine(self):
+    def engine(self) -> Engine:
         """The engine underneath, for its other outputs and parameters."""
         return self._engine
 
-    def compute(self, img_l, img_r):
+    def compute(self, img_l: NDArray[np.uint8], img_r: NDArray[np.uint8]) -> NDArray[np.float32]:
         """Depth float32 [height, width] in metres, 0 = invalid. img_l, img_r: uint8 [height, width], any strides. Each call has new noise."""
         for image, name in ((img_l, "img_l"), (img_r, "img_r")):
             ok = isinstance(image, np.ndarray) and image.dtype == np.uint8 and image.shape == self._size
@@ -177,23 +185,23 @@ class DepthSensor:
         self._frame += 1
         return self._engine.compute(img_l, img_r, (self._output,))[self._output]
 
-    def set_ir_noise_parameters(self, speckle_shape, speckle_scale, gaussian_mu, gaussian_sigma):
+    def set_ir_noise_parameters(self, speckle_shape: float, speckle_scale: float, gaussian_mu: float, gaussian_sigma: float) -> None:
         """speckle_shape 0 switches the noise off."""
         self._engine.set_parameters(**_noise(speckle_shape, speckle_scale, gaussian_mu, gaussian_sigma))
 
-    def set_census_window_size(self, census_width, census_height):
+    def set_census_window_size(self, census_width: int, census_height: int) -> None:
         self._engine.set_parameters(**_check_window(census_width, census_height, 65, "census"))
 
-    def set_matching_block_size(self, block_width, block_height):
+    def set_matching_block_size(self, block_width: int, block_height: int) -> None:
         """1x1 switches block matching off."""
         self._engine.set_parameters(**_check_window(block_width, block_height, 256, "block"))
 
-    def set_penalties(self, p1_penalty, p2_penalty):
+    def set_penalties(self, p1_penalty: int, p2_penalty: int) -> None:
         self._engine.set_parameters(**_penalties(p1_penalty, p2_penalty))
 
-    def set_uniqueness_ratio(self, uniqueness_ratio):
+    def set_uniqueness_ratio(self, uniqueness_ratio: int) -> None:
         self._engine.set_parameters(**_uniqueness(uniqueness_ratio))
 
-    def set_lr_max_diff(self, lr_max_diff):
+    def set_lr_max_diff(self, lr_max_diff: int) -> None:
         """255 switches the check off."""
         self._engine.set_parameters(**_lr_max_diff(lr_max_diff))

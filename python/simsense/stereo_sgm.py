@@ -1,10 +1,38 @@
 """StereoSGM: cv2.StereoSGBM's parameters and result on this engine, so that a script which has one needs one line changed."""
 
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from ._simsense import Camera, Device, Engine, default_parameters
 
 _LARGEST_BLOCK = 15
+
+
+def _getter(name: str) -> Callable[[StereoSGM], int]:
+    def get(self: StereoSGM) -> int:
+        return self._values[name]
+
+    get.__name__ = "get" + name
+    return get
+
+
+def _setter(name: str) -> Callable[[StereoSGM, int], None]:
+    def change(self: StereoSGM, value: int) -> None:
+        old = self._values[name]
+        self._values[name] = value
+        try:
+            self._parameters()
+        except ValueError:
+            self._values[name] = old
+            raise
+
+    change.__name__ = "set" + name
+    return change
 
 
 class StereoSGM:
@@ -30,21 +58,21 @@ class StereoSGM:
 
     def __init__(
         self,
-        minDisparity=0,
-        numDisparities=16,
-        blockSize=3,
-        P1=0,
-        P2=0,
-        disp12MaxDiff=0,
-        preFilterCap=0,
-        uniquenessRatio=0,
-        speckleWindowSize=0,
-        speckleRange=0,
-        mode=MODE_SGBM,
+        minDisparity: int = 0,
+        numDisparities: int = 16,
+        blockSize: int = 3,
+        P1: int = 0,
+        P2: int = 0,
+        disp12MaxDiff: int = 0,
+        preFilterCap: int = 0,
+        uniquenessRatio: int = 0,
+        speckleWindowSize: int = 0,
+        speckleRange: int = 0,
+        mode: int = MODE_SGBM,
         *,
-        device="host",
-    ):
-        self._values = dict(
+        device: str | int | bytes | Device = "host",
+    ) -> None:
+        self._values: dict[str, Any] = dict(
             MinDisparity=minDisparity,
             NumDisparities=numDisparities,
             BlockSize=blockSize,
@@ -58,15 +86,28 @@ class StereoSGM:
             Mode=mode,
         )
         self._device = device if isinstance(device, Device) else Device(device)
-        self._engine = None
+        self._engine: Engine | None = None
+        self._size = (0, 0)
         self._parameters()
 
+    getMinDisparity, setMinDisparity = _getter("MinDisparity"), _setter("MinDisparity")
+    getNumDisparities, setNumDisparities = _getter("NumDisparities"), _setter("NumDisparities")
+    getBlockSize, setBlockSize = _getter("BlockSize"), _setter("BlockSize")
+    getP1, setP1 = _getter("P1"), _setter("P1")
+    getP2, setP2 = _getter("P2"), _setter("P2")
+    getDisp12MaxDiff, setDisp12MaxDiff = _getter("Disp12MaxDiff"), _setter("Disp12MaxDiff")
+    getPreFilterCap, setPreFilterCap = _getter("PreFilterCap"), _setter("PreFilterCap")
+    getUniquenessRatio, setUniquenessRatio = _getter("UniquenessRatio"), _setter("UniquenessRatio")
+    getSpeckleWindowSize, setSpeckleWindowSize = _getter("SpeckleWindowSize"), _setter("SpeckleWindowSize")
+    getSpeckleRange, setSpeckleRange = _getter("SpeckleRange"), _setter("SpeckleRange")
+    getMode, setMode = _getter("Mode"), _setter("Mode")
+
     @classmethod
-    def create(cls, *args, **kwargs):
+    def create(cls, *args: Any, **kwargs: Any) -> StereoSGM:
         """The constructor, under the name that cv2.StereoSGBM has."""
         return cls(*args, **kwargs)
 
-    def compute(self, left, right, disparity=None):
+    def compute(self, left: NDArray[Any], right: NDArray[Any], disparity: NDArray[np.int16] | None = None) -> NDArray[np.int16]:
         """left, right: uint8 or uint16 [height, width], or [height, width, 3] BGR. disparity: an int16 array to fill, or None."""
         left, right = _gray(left, "left"), _gray(right, "right")
         if left.shape != right.shape or left.dtype != right.dtype:
@@ -74,15 +115,15 @@ class StereoSGM:
         if disparity is not None and (not isinstance(disparity, np.ndarray) or disparity.dtype != np.int16):
             raise ValueError(f"disparity must be an int16 array to fill, or None, not {getattr(disparity, 'dtype', disparity)!s}")
         engine = self._engine_of(left)
-        wanted = np.int16 if disparity is None else disparity
+        wanted: Any = np.int16 if disparity is None else disparity
         disparity = engine.compute(left, right, {"disparity": wanted})["disparity"]
         if self._values["MinDisparity"] > 0:  # the engine's own invalid is -1 pixel then
             disparity[disparity < 0] = (self._values["MinDisparity"] - 1) * self.DISP_SCALE
         return disparity
 
-    def _engine_of(self, image):
+    def _engine_of(self, image: NDArray[Any]) -> Engine:
         height, width = image.shape
-        parameters = self._parameters() | {"bit_depth": 16 if image.dtype == np.uint16 else 8}
+        parameters: dict[str, Any] = self._parameters() | {"bit_depth": 16 if image.dtype == np.uint16 else 8}
         if self._engine is None or self._size != (width, height):
             camera = Camera(width, height, [[width, 0, 0], [0, width, 0], [0, 0, 1]])  # any: disparities alone are asked for
             left_to_right = np.eye(4)
@@ -93,7 +134,7 @@ class StereoSGM:
             self._engine.set_parameters(**parameters)
         return self._engine
 
-    def _parameters(self):
+    def _parameters(self) -> dict[str, Any]:
         """The engine's parameters."""
         v = self._values
         for name, value in v.items():
@@ -119,7 +160,7 @@ class StereoSGM:
             **self._penalties(block * block),
         }
 
-    def _penalties(self, area):
+    def _penalties(self, area: int) -> dict[str, Any]:
         p1, p2 = self._values["P1"], self._values["P2"]
         if p1 == 0 and p2 == 0:
             engine = default_parameters()  # no smoothness at all, OpenCV's default, is no use to anybody
@@ -130,34 +171,10 @@ class StereoSGM:
         return {"p1": p1, "p2": p2}
 
 
-def _gray(image, what):
+def _gray(image: NDArray[Any], what: str) -> NDArray[Any]:
     image = np.asarray(image)
     if image.dtype not in (np.uint8, np.uint16) or not (image.ndim == 2 or (image.ndim == 3 and image.shape[2] == 3)):
         raise ValueError(f"{what} must be uint8 or uint16, [height, width] or [height, width, 3], not {image.dtype} {image.shape}")
     if image.ndim == 2:
         return image
     return np.rint(image @ np.array([0.114, 0.587, 0.299])).astype(image.dtype)  # ITU-R BT.601, BGR
-
-
-def _accessors(name):
-    def get(self):
-        return self._values[name]
-
-    def change(self, value):
-        old = self._values[name]
-        self._values[name] = value
-        try:
-            self._parameters()
-        except ValueError:
-            self._values[name] = old
-            raise
-
-    return get, change
-
-
-for _name in (
-    "MinDisparity NumDisparities BlockSize P1 P2 Disp12MaxDiff PreFilterCap UniquenessRatio SpeckleWindowSize SpeckleRange Mode".split()
-):
-    for _prefix, _function in zip(("get", "set"), _accessors(_name), strict=True):
-        _function.__name__ = _prefix + _name
-        setattr(StereoSGM, _function.__name__, _function)

@@ -4,6 +4,8 @@ import pathlib
 import subprocess
 import sys
 
+import pytest
+
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 
 
@@ -15,3 +17,35 @@ def test_generated_files_are_what_the_tables_say():
 def test_a_generated_file_says_so_in_its_first_line():
     from_tables = [p for p in ROOT.glob("capi/include/*/*.h") if "capi/tables/generate.py" in p.read_text().split("\n", 1)[0]]
     assert ROOT / "capi/include/simsense/parameters.h" in from_tables
+
+
+def test_a_moved_field_and_one_without_a_neutral_zero_are_refused(monkeypatch):
+    monkeypatch.syspath_prepend(str(ROOT / "capi/tables"))
+    import emit_abi
+    import table
+
+    tables = table.read_tables()
+    released = (ROOT / "capi/abi/structs-0.1.txt").read_text()
+    assert emit_abi.check_baseline(tables, released) == []
+    sync = tables.structs["ks_sync"]
+    sync.fields.append(table.Field("later", "uint64", default=5, neutral=5))
+    assert emit_abi.check_baseline(tables, released) == ["ks_sync.later is younger than the baseline: its neutral value must be 0"]
+    sync.fields[-1].neutral = 0
+    sync["reserved"].name = "priority"  # of the same size, and its neutral value is 0
+    assert emit_abi.check_baseline(tables, released) == []
+    sync.fields.insert(0, sync.fields.pop())
+    assert any(text.startswith("ks_sync.kind was at") for text in emit_abi.check_baseline(tables, released))
+    camera = tables.structs["kuafu_camera_desc"]
+    camera.fields.append(table.Field("later", "uint64", default=0, neutral=0))
+    assert any("kuafu_camera_desc stands inside other structs" in text for text in emit_abi.check_baseline(tables, released))
+
+
+def test_a_struct_that_ends_in_padding_is_refused(monkeypatch):
+    monkeypatch.syspath_prepend(str(ROOT / "capi/tables"))
+    import emit_abi
+    import table
+
+    tables = table.read_tables()
+    tables.structs["ks_sync"].fields.append(table.Field("later", "uint32", default=0, neutral=0))
+    with pytest.raises(table.TableError, match="ks_sync.toml: the struct ends in 4 bytes of padding after later"):
+        emit_abi.check_no_padding(tables)

@@ -71,6 +71,7 @@ typedef struct kuafu_api {
   ks_status (*renderer_render)(kuafu_renderer renderer, kuafu_scene scene, const kuafu_render_desc* desc);
   ks_status (*renderer_get_summary)(kuafu_renderer renderer, kuafu_render_summary* out);
   ks_status (*renderer_get_stage_times)(kuafu_renderer renderer, ks_stage_time* times, uint32_t* count);
+  ks_status (*struct_init)(uint32_t type, void* out, uint32_t size_bytes);
 } kuafu_api;
 
 #define KUAFU_API_HAS(api, entry) ((api)->size_bytes >= offsetof(kuafu_api, entry) + sizeof((api)->entry))

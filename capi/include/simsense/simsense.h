@@ -22,7 +22,9 @@
 #include "ks/log.h"
 #include "ks/status.h"
 #include "ks/sync.h"
+#include "simsense/compute.h"
 #include "simsense/parameters.h"
+#include "simsense/rig.h"
 #include "simsense/signal.h"
 
 #define SIMSENSE_VERSION_MAJOR 0
@@ -40,11 +42,13 @@ extern "C" {
 #endif
 
 typedef struct simsense_device_t* simsense_device;
-typedef struct simsense_buffer_t* simsense_buffer;
 typedef struct simsense_engine_t* simsense_engine;
 
 SIMSENSE_API uint32_t simsense_version(void);
 SIMSENSE_API const char* simsense_last_error(void);
+/* Fills in the header and the defaults of any struct, as its inline ..._init does: type is the struct's ..._TYPE_..., size_bytes its sizeof where the
+ * caller was compiled. For languages that read no headers. */
+SIMSENSE_API ks_status simsense_struct_init(uint32_t type, void* out, uint32_t size_bytes);
 
 /* Device and buffer calls mean what their namesakes in kuafu.h mean. KS_SELECT_HOST gives a device without Vulkan: the CPU back end. */
 SIMSENSE_API ks_status simsense_device_enumerate(ks_device_info* infos, uint32_t* count);
@@ -64,63 +68,6 @@ SIMSENSE_API ks_status simsense_buffer_write(simsense_buffer buffer, uint64_t of
 SIMSENSE_API ks_status simsense_buffer_read(simsense_buffer buffer, uint64_t offset_bytes, void* data, uint64_t size_bytes);
 SIMSENSE_API void simsense_buffer_retain(simsense_buffer buffer);
 SIMSENSE_API void simsense_buffer_release(simsense_buffer buffer);
-
-#define SIMSENSE_TYPE_RIG_DESC 0x2001u
-#define SIMSENSE_TYPE_COMPUTE_DESC 0x2003u
-#define SIMSENSE_TYPE_OUTPUT_DESC 0x2004u
-
-/* One pinhole camera with Brown-Conrady distortion (OpenCV's [k1,k2,p1,p2,k3]). width = 0: absent. */
-typedef struct simsense_camera {
-  uint32_t width, height;
-  double k[9];
-  double distortion[5];
-} simsense_camera;
-
-/* Faults of the published SimSense that users' results may rest on. Each is a switch; none is on by default. All of them, with the parabola as
- * subpixel step, give its results bit for bit (its random noise apart, whose generator is CUDA's). */
-#define SIMSENSE_FAULT_RECTIFIED_SHRUNK 0x01u         /* shrink the rectified images until every source pixel fits (stereoRectify's alpha = 1) */
-#define SIMSENSE_FAULT_FOCAL_FROM_RECTIFIER 0x02u     /* depth from stereoRectify's focal length and baseline even where the pair comes rectified;
-                                                         cx may differ unheeded, and whether the rig is row-aligned is not checked */
-#define SIMSENSE_FAULT_REMAP_NEAREST 0x04u            /* rectify by the nearest pixel; edge pixels repeat beyond the source */
-#define SIMSENSE_FAULT_PADDING_MATCHED 0x08u          /* keep disparities of rectified pixels that lie beyond the source image */
-#define SIMSENSE_FAULT_REGISTRATION_UNRECTIFIED 0x10u /* register with the left camera's own K and pose, as if nothing had been rectified */
-#define SIMSENSE_FAULT_SPLAT_INVALID 0x20u            /* register unmeasured pixels as points at the left camera's centre */
-#define SIMSENSE_FAULT_SPLAT_CLIPPED 0x40u            /* registration: a point just beyond the RGB image covers nothing of it, though its splat reaches in */
-#define SIMSENSE_FAULTS_PUBLISHED 0x7fu
-
-/* AUTO: Vulkan compute on a GPU that can, else the CPU's vectors (on lavapipe too, where they are faster). VULKAN: KS_ERROR_UNSUPPORTED where it cannot serve.
- * Disparities, confidences and reasons from equal images are the same in every bit. Counts of a noisy signal differ by one where a value lies within rounding of a half, in at
- * most 1 of 1000 pixels; depths by a device's rounding of a quotient (2.5 units in the last place). Vulkan works on the caller's device buffers without
- * any copy; images in host memory are copied, and counted (simsense_device_copied_bytes). */
-#define SIMSENSE_BACK_END_AUTO 0u
-#define SIMSENSE_BACK_END_CPU 1u
-#define SIMSENSE_BACK_END_VULKAN 2u
-
-/* The stereo rig; fixed for the life of an engine. */
-typedef struct simsense_rig_desc {
-  ks_header header;
-  simsense_camera left, right;   /* same width and height, both >= 32 */
-  simsense_camera rgb;           /* width 0 = no registration */
-  double left_to_right[16];
-  double left_to_rgb[16];
-  uint32_t rectified;            /* nonzero: the input pair is row-aligned already, K and cx of each camera stay; else it is rectified from both K's,
-                                    distortions and left_to_right (OpenCV's stereoRectify, zero disparity at infinity, focal length kept) */
-  uint32_t batch_count;          /* image pairs per compute, >= 1 */
-  uint32_t faults;               /* SIMSENSE_FAULT_*, or'ed; 0 = none */
-  uint32_t back_end;             /* SIMSENSE_BACK_END_*: where the stages run */
-  uint32_t low_memory;           /* nonzero: Vulkan takes the least memory, not the least time: one pair of a batch after the other, blocks summed on the way
-                                    (960x540, 128 disparities, 7x7 block: 149 instead of 274 MB, in 2.7 times the time). The maps stay the same */
-  uint32_t reserved;
-} simsense_rig_desc;
-static inline simsense_rig_desc simsense_rig_desc_init(void) {
-  simsense_rig_desc r;
-  int i;
-  memset(&r, 0, sizeof r);
-  r.header = ks_header_make(SIMSENSE_TYPE_RIG_DESC, (uint32_t)sizeof r);
-  for (i = 0; i < 4; ++i) r.left_to_right[5 * i] = r.left_to_rgb[5 * i] = 1.0;
-  r.batch_count = 1;
-  return r;
-}
 
 /* Imagers by name. "neutral" is simsense_signal_init; the others are measured, and their input is in 8-bit counts: multiply responsivity_e for other
  * units. `out` is initialised by the caller.
@@ -144,67 +91,6 @@ SIMSENSE_API void simsense_engine_release(simsense_engine engine);
  * the baseline in metres (> 0), and left_to_rectified (4x4 rotation). Each pointer may be NULL. */
 SIMSENSE_API ks_status simsense_engine_get_rectified(simsense_engine engine, double* k, double* baseline_m, double* left_to_rectified);
 
-/* An image argument: a buffer of this library, or plain host memory when buffer is NULL. */
-typedef struct simsense_image {
-  simsense_buffer buffer;
-  void* host;               /* used when buffer is NULL; the view's offset counts from here */
-  ks_image_desc image;
-} simsense_image;
-
-/* What an output holds. H,W are the IR size except where said. */
-#define SIMSENSE_OUTPUT_DISPARITY 1u      /* float32 [N,H,W] pixels in the rectified left image, or int16: sixteenths of pixels. -1 pixel = invalid;
-                                             min_disparity - 1 where that is less. int16 holds disparities up to 2047 */
-#define SIMSENSE_OUTPUT_DEPTH 2u          /* float32 [N,H,W] metres in the rectified left camera, or uint16 or int16: millimetres. 0 = invalid, or
-                                             beyond the integer's range */
-#define SIMSENSE_OUTPUT_DEPTH_RGB 3u      /* the same [N,H_rgb,W_rgb] in the RGB camera; needs rig.rgb */
-#define SIMSENSE_OUTPUT_IR_LEFT 4u        /* uint8 [N,H,W], uint16 above 8 bit: what the left imager gives: after the signal stage, before rectification */
-#define SIMSENSE_OUTPUT_IR_RIGHT 5u
-#define SIMSENSE_OUTPUT_RECTIFIED_LEFT 6u /* uint8 [N,H,W], uint16 where either imager has more than 8 bit: what the matcher saw */
-#define SIMSENSE_OUTPUT_RECTIFIED_RIGHT 7u
-#define SIMSENSE_OUTPUT_POINTS 8u         /* float32 [N,H',W',3] metres, RGB camera frame and size if rig.rgb is present, else rectified left; 0,0,0 = invalid */
-#define SIMSENSE_OUTPUT_CONFIDENCE 9u     /* float32 [N,H,W] 0..1: 1 - lowest cost / lowest cost of a disparity that is no neighbour of the winner;
-                                             unique by ratio r is what has at least r percent. 0 where nothing was measured */
-#define SIMSENSE_OUTPUT_REASON 10u        /* uint8 [N,H,W] SIMSENSE_REASON_*: why the left depth is 0 (before hole filling, for disparities) */
-#define SIMSENSE_OUTPUT_POINTS_COLORED 11u /* float32 [N,H_rgb,W_rgb,6] x, y, z as POINTS, red, green, blue of the rgb image 0..1; needs rig.rgb */
-
-#define SIMSENSE_REASON_VALID 0u
-#define SIMSENSE_REASON_NOT_UNIQUE 1u     /* another disparity fits nearly as well */
-#define SIMSENSE_REASON_OUTSIDE 2u        /* its match would lie outside the right image */
-#define SIMSENSE_REASON_OCCLUDED 3u       /* the right image's match disagrees: seen by the left eye alone, or wrong */
-#define SIMSENSE_REASON_ISOLATED 4u       /* the median: most pixels around are invalid */
-#define SIMSENSE_REASON_SPECKLE 5u        /* part of too small an island */
-#define SIMSENSE_REASON_OUT_OF_RANGE 6u   /* measured, but not in min_depth_m .. max_depth_m, or at infinity */
-#define SIMSENSE_REASON_NOT_COMPUTED 7u   /* outside the region of interest, or seen by no pixel of the unrectified image */
-/* These two replace 1, 3, 4, 5 and 6 where the left image explains them. */
-#define SIMSENSE_REASON_LOW_TEXTURE 8u
-#define SIMSENSE_REASON_SATURATED 9u      /* at least half of the census window is at the largest count */
-
-typedef struct simsense_output_desc {
-  ks_header header;
-  uint32_t output;    /* SIMSENSE_OUTPUT_* */
-  uint32_t reserved;
-  simsense_image image;
-} simsense_output_desc;
-
-typedef struct simsense_compute_desc {
-  ks_header header;
-  simsense_image left, right;            /* uint8, uint16 or float32, [N,H,W]; [H,W] when batch_count is 1; any strides */
-  const simsense_output_desc* outputs;   /* [output_count] */
-  uint32_t output_count;
-  uint32_t reserved;
-  ks_progress_fn progress;
-  void* progress_user;
-  simsense_image rgb;                    /* uint8 [N,H_rgb,W_rgb,3], only for POINTS_COLORED; neither buffer nor host = none */
-  simsense_image left_laser, right_laser; /* the part of left and right that is laser light, in their unit, uint8, uint16 or float32 [N,H,W]: only coherent
-                                            light has speckle (Goodman, Speckle Phenomena in Optics). Taken to be 0..left. Neither buffer nor host: all
-                                            light has it. Both or none */
-} simsense_compute_desc;
-static inline simsense_compute_desc simsense_compute_desc_init(void) {
-  simsense_compute_desc c;
-  memset(&c, 0, sizeof c);
-  c.header = ks_header_make(SIMSENSE_TYPE_COMPUTE_DESC, (uint32_t)sizeof c);
-  return c;
-}
 /* Blocks until the outputs may be read (KS_SYNC_HOST). */
 SIMSENSE_API ks_status simsense_engine_compute(simsense_engine engine, const simsense_compute_desc* desc);
 /* The same, but returns as soon as the work is under way where that is possible: in Vulkan with every image in a buffer of the device (else it has

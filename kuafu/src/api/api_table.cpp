@@ -58,6 +58,7 @@ constexpr kuafu_api table{
     .renderer_render = kuafu_renderer_render,
     .renderer_get_summary = kuafu_renderer_get_summary,
     .renderer_get_stage_times = kuafu_renderer_get_stage_times,
+    .struct_init = kuafu_struct_init,
 };
 
 }  // namespace

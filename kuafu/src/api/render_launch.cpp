@@ -90,7 +90,7 @@ void read_views(const kuafu_render_desc& desc, Launch& launch) {
   kuafu_view_desc first{};
   for (uint32_t i = 0; i < desc.view_count; ++i) {
     const kuafu_view_desc view = element(desc.views, i, KUAFU_TYPE_VIEW_DESC, "views");
-    check_embedded(view.camera, KUAFU_TYPE_CAMERA_DESC, "views[].camera");
+    ks::check_embedded(view.camera, KUAFU_TYPE_CAMERA_DESC, "views[].camera");
     if (i == 0) first = view;
     check_size(first.camera, view.camera, i);
     if (view.band != KUAFU_BAND_VISIBLE && view.band != KUAFU_BAND_INFRARED)
@@ -114,7 +114,7 @@ void read_views(const kuafu_render_desc& desc, Launch& launch) {
 }  // namespace
 
 Launch read_launch(const kuafu_render_desc* desc, const ks::Device& device) {
-  const kuafu_render_desc d = ks::read_struct(desc, KUAFU_TYPE_RENDER_DESC, "render desc", kuafu_render_desc_init());
+  const kuafu_render_desc d = ks::read_struct(desc, KUAFU_TYPE_RENDER_DESC, "render desc");
   check_numbers(d);
   Launch launch;
   read_views(d, launch);

@@ -93,7 +93,7 @@ void read_output(const kuafu_output_desc& desc, const ks::Device& device, Launch
   if (buffer->device().get() != &device)
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s: its buffer belongs to another device than the renderer", kind.name);
   const ks_image_desc& image = desc.image;
-  check_embedded(image, KS_TYPE_IMAGE_DESC, kind.name);
+  ks::check_embedded(image, KS_TYPE_IMAGE_DESC, kind.name);
   check_format(image, kind);
   check_shape(image, kind, launch);
   const ks::ByteRange range = ks::check_image(image, buffer->size_bytes(), kind.name);

@@ -5,6 +5,7 @@
 #include "api/handles.h"
 #include "api/render_launch.h"
 #include "api/render_outputs.h"
+#include "api/struct_table.h"
 #include "device/struct_read.h"
 #include "render/renderer.h"
 
@@ -37,7 +38,7 @@ ks_status kuafu_renderer_create(kuafu_device device, const kuafu_renderer_desc* 
   return ks::guard([&] {
     ks::clear_out(out);
     const kuafu_renderer_desc d =
-        desc == nullptr ? kuafu_renderer_desc{} : ks::read_struct(desc, KUAFU_TYPE_RENDERER_DESC, "renderer desc");
+        desc == nullptr ? kuafu_renderer_desc_init() : ks::read_struct(desc, KUAFU_TYPE_RENDERER_DESC, "renderer desc");
     const std::string library = d.oidn_library == nullptr ? "" : d.oidn_library;
     *out = new kuafu_renderer_t(std::make_shared<kuafu::Renderer>(ks::object_of(device, "device"), tracer_kind(d.tracer), library));
   });

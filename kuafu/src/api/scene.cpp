@@ -3,6 +3,7 @@
 
 #include "api/descriptors.h"
 #include "api/handles.h"
+#include "api/struct_table.h"
 #include "device/struct_read.h"
 #include "io/load.h"
 #include "scene/matrix.h"
@@ -64,12 +65,10 @@ kuafu_scene_summary summarise(const kuafu::Scene& scene) {
 }
 
 kuafu::Material to_material(const kuafu_material_desc* desc) {
-  return kuafu::to_material(ks::read_struct(desc, KUAFU_TYPE_MATERIAL_DESC, "material desc", kuafu_material_desc_init()));
+  return kuafu::to_material(ks::read_struct(desc, KUAFU_TYPE_MATERIAL_DESC, "material desc"));
 }
 
-kuafu::Light to_light(const kuafu_light_desc* desc) {
-  return kuafu::to_light(ks::read_struct(desc, KUAFU_TYPE_LIGHT_DESC, "light desc", kuafu_light_desc_init(0)));
-}
+kuafu::Light to_light(const kuafu_light_desc* desc) { return kuafu::to_light(ks::read_struct(desc, KUAFU_TYPE_LIGHT_DESC, "light desc")); }
 
 }  // namespace
 
@@ -219,15 +218,14 @@ ks_status kuafu_scene_remove_light(kuafu_scene scene, uint32_t id) {
 
 ks_status kuafu_scene_set_environment(kuafu_scene scene, const kuafu_environment_desc* desc) {
   return ks::guard([&] {
-    scene_of(scene).set_environment(
-        kuafu::to_environment(ks::read_struct(desc, KUAFU_TYPE_ENVIRONMENT_DESC, "environment desc", kuafu_environment_desc_init())));
+    scene_of(scene).set_environment(kuafu::to_environment(ks::read_struct(desc, KUAFU_TYPE_ENVIRONMENT_DESC, "environment desc")));
   });
 }
 
 ks_status kuafu_scene_set_medium(kuafu_scene scene, const kuafu_medium_desc* desc) {
   return ks::guard([&] {
     if (desc == nullptr) return scene_of(scene).set_medium(std::nullopt);
-    scene_of(scene).set_medium(kuafu::to_medium(ks::read_struct(desc, KUAFU_TYPE_MEDIUM_DESC, "medium desc", kuafu_medium_desc_init())));
+    scene_of(scene).set_medium(kuafu::to_medium(ks::read_struct(desc, KUAFU_TYPE_MEDIUM_DESC, "medium desc")));
   });
 }
 

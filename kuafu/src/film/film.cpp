@@ -29,6 +29,12 @@ void add_kernels(const Film& film, FilmRecord& record, std::vector<float>& table
   }
 }
 
+/// Bit film_*: the step changes the image of such a camera.
+uint32_t steps_of(const Film& film) {
+  return (film.vignettes() ? 1u << film_vignetting : 0) | (film.defocuses() ? 1u << film_defocus : 0) |
+         (film.spreads() ? 1u << film_psf_columns : 0) | (film.glares() ? 1u << film_veiling_glare : 0);
+}
+
 FilmRecord film_record(const View& view) {
   const Film& film = view.film;
   FilmRecord r{};
@@ -67,7 +73,7 @@ FilmOptics::FilmOptics(Memory memory) : memory_(std::move(memory)), step_(memory
 
 void FilmOptics::run(ks::Commands& commands, const Launch& launch, const Frame& frame) {
   fit(launch);
-  if (!vignettes_ && !defocuses_ && !spreads_ && !glares_) return;
+  if (steps_ == 0) return;
   write_records(launch);
   FilmPush push{};
   push.rows = memory_.address(*rows_);
@@ -76,7 +82,7 @@ void FilmOptics::run(ks::Commands& commands, const Launch& launch, const Frame& 
   push.width = launch.width;
   push.height = launch.height;
   push.view_count = uint32_t(launch.views.size());
-  if (defocuses_) {
+  if (takes(film_defocus)) {
     push.depth = frame.address(output_depth);
     step(commands, push, film_circle_rows, push.view_count * push.height);
   }
@@ -89,15 +95,11 @@ void FilmOptics::run(ks::Commands& commands, const Launch& launch, const Frame& 
 }
 
 void FilmOptics::fit(const Launch& launch) {
-  vignettes_ = defocuses_ = spreads_ = glares_ = false;
-  for (const View& view : launch.views) {
-    vignettes_ = vignettes_ || view.film.vignettes();
-    defocuses_ = defocuses_ || view.film.defocuses();
-    spreads_ = spreads_ || view.film.spreads();
-    glares_ = glares_ || view.film.glares();
-  }
+  steps_ = 0;
+  for (const View& view : launch.views) steps_ |= steps_of(view.film);
   const uint32_t channels = launch.band.channels(), rows = uint32_t(launch.views.size()) * (launch.height + 1) * (channels + 1);
-  grow(memory_, scratch_, defocuses_ || spreads_ ? uint64_t(launch.pixel_count()) * channels : 1);
+  const bool moves = (steps_ & ~(1u << film_vignetting | 1u << film_veiling_glare)) != 0;
+  grow(memory_, scratch_, moves ? uint64_t(launch.pixel_count()) * channels : 1);
   grow(memory_, rows_, rows);
 }
 
@@ -126,11 +128,11 @@ void FilmOptics::develop(ks::Commands& commands, FilmPush push) {
     step(commands, push, which, pixels);
     spare = push.from;
   };
-  if (vignettes_) in_place(film_vignetting, pixels);
-  if (defocuses_) moved(film_defocus);
-  if (spreads_) moved(film_psf_columns), moved(film_psf_rows);
+  if (takes(film_vignetting)) in_place(film_vignetting, pixels);
+  if (takes(film_defocus)) moved(film_defocus);
+  if (takes(film_psf_columns)) moved(film_psf_columns), moved(film_psf_rows);
   if (push.to.at != image.at) moved(film_copy);
-  if (!glares_) return;
+  if (!takes(film_veiling_glare)) return;
   push.rows.at += push.view_count * push.height;  // behind the circles
   in_place(film_row_sums, push.view_count * push.height * channels);
   in_place(film_view_means, push.view_count * channels);

@@ -29,7 +29,8 @@ class FilmOptics {
   MappedTable<FilmRecord> records_;
   MappedTable<float> kernels_;
   std::shared_ptr<ks::Buffer> scratch_, rows_;
-  bool vignettes_ = false, defocuses_ = false, spreads_ = false, glares_ = false;  // some view
+  [[nodiscard]] bool takes(uint32_t step) const { return (steps_ >> step & 1u) != 0; }
+  uint32_t steps_ = 0;  // bit film_*: some view needs this step
 };
 
 namespace host {

@@ -98,19 +98,15 @@ void transfer(Stream& s, T& t) requires std::is_same_v<std::remove_const_t<T>, M
 
 template <class Stream, class T>
 void transfer(Stream& s, T& t) requires std::is_same_v<std::remove_const_t<T>, Material> {
-  auto& [name, base_color, metallic, roughness, specular, ior, transmission, emission, ir_albedo, ir_emission, base_color_texture,
-         metallic_roughness_texture, normal_texture, emission_texture, transmission_texture, specular_texture, ior_texture,
-         ir_albedo_texture, transmission_roughness, diffuse_roughness, attenuation_color, ir_attenuation_color, attenuation_distance_m,
-         bsdf, light_group, removed, ir_roughness, ir_ior, ir_transmission, ir_transmission_roughness, thin_walled, subsurface,
-         subsurface_color, subsurface_radius_m, ir_subsurface_color, ir_subsurface_radius_m] = t;
-  const auto plain = [&](auto&... fields) { (s.plain(fields), ...); };
-  s.text(name), s.flag(thin_walled);
-  plain(base_color, metallic, roughness, specular, ior, transmission, emission, ir_albedo, ir_emission, base_color_texture,
-        metallic_roughness_texture, normal_texture, emission_texture, transmission_texture, specular_texture, ior_texture,
-        ir_albedo_texture, transmission_roughness, diffuse_roughness, attenuation_color, ir_attenuation_color, attenuation_distance_m, bsdf,
-        light_group, ir_roughness, ir_ior, ir_transmission, ir_transmission_roughness, subsurface, subsurface_color, subsurface_radius_m,
-        ir_subsurface_color, ir_subsurface_radius_m);
-  (void)removed;
+  for_each_field(t, [&](auto& field) {
+    using Field = std::remove_cvref_t<decltype(field)>;
+    if constexpr (std::is_same_v<Field, std::string>)
+      s.text(field);
+    else if constexpr (std::is_same_v<Field, bool>)
+      s.flag(field);
+    else
+      s.plain(field);
+  });
 }
 
 // What a file can say of these is part of them.

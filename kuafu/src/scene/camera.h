@@ -2,6 +2,7 @@
 #pragma once
 
 #include "scene/distortion.h"
+#include "scene/fields.h"
 #include "scene/motion.h"
 
 namespace kuafu {
@@ -29,20 +30,11 @@ struct Shutter {
 };
 
 /// The optics between the light and the imager; neutral as made.
-struct Film {
-  double vignetting_exponent = 0.0, vignetting_polynomial[3] = {};
-  double psf_sigma_px = 0.0, psf_corner_sigma_px = 0.0;
-  double defocus_lens_radius_m = 0.0, defocus_focus_m = 0.0;  // focus may be infinite
-  double veiling_glare_fraction = 0.0;
-
-  [[nodiscard]] bool vignettes() const {
-    return vignetting_exponent != 0.0 || vignetting_polynomial[0] != 0.0 || vignetting_polynomial[1] != 0.0 ||
-           vignetting_polynomial[2] != 0.0;
-  }
+struct Film : FilmFields {
+  [[nodiscard]] bool vignettes() const { return vignetting_exponent != 0.0 || vignetting_polynomial != glm::dvec3(0.0); }
   [[nodiscard]] bool spreads() const { return psf_sigma_px > 0.0 || psf_corner_sigma_px > 0.0; }
   [[nodiscard]] bool defocuses() const { return defocus_lens_radius_m > 0.0; }
   [[nodiscard]] bool glares() const { return veiling_glare_fraction > 0.0; }
-  [[nodiscard]] bool is_neutral() const { return !vignettes() && !spreads() && !defocuses() && !glares(); }
 };
 
 }  // namespace kuafu

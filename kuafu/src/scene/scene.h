@@ -14,6 +14,7 @@
 #include "scene/camera.h"
 #include "scene/change_log.h"
 #include "scene/dot_pattern.h"
+#include "scene/fields.h"
 
 namespace kuafu {
 
@@ -42,39 +43,9 @@ struct Texture {
   bool removed = false;         // then it is empty
 };
 
-/// Fields mean what kuafu_material_desc says.
-struct Material {
-  std::string name;
-  glm::vec4 base_color{1.0f};
-  float metallic = 0.0f, roughness = 1.0f, specular = 1.0f, ior = 1.5f, transmission = 0.0f;
-  glm::vec3 emission{0.0f};
-  float ir_albedo = std::numeric_limits<float>::quiet_NaN();
-  float ir_emission = 0.0f;
-  uint32_t base_color_texture = none, metallic_roughness_texture = none, normal_texture = none;
-  uint32_t emission_texture = none, transmission_texture = none, specular_texture = none;
-  uint32_t ior_texture = none, ir_albedo_texture = none;
-  float transmission_roughness = 0.0f, diffuse_roughness = 0.0f;
-  glm::vec3 attenuation_color{1.0f};
-  float ir_attenuation_color = std::numeric_limits<float>::quiet_NaN();
-  float attenuation_distance_m = 0.0f;  // 0: nothing is absorbed
-  enum class Bsdf : uint32_t { gltf = 0, paper = 1 };
-  Bsdf bsdf = Bsdf::gltf;
-  uint32_t light_group = 0;
+struct Material : MaterialFields {
   bool removed = false;
-  static constexpr float as_visible = std::numeric_limits<float>::quiet_NaN();
-  float ir_roughness = as_visible, ir_ior = as_visible, ir_transmission = as_visible, ir_transmission_roughness = as_visible;
-  bool thin_walled = false;
-  float subsurface = 0.0f;
-  glm::vec3 subsurface_color{1.0f}, subsurface_radius_m{1e-3f};
-  float ir_subsurface_color = as_visible, ir_subsurface_radius_m = as_visible;
 };
-
-/// Pointers to the fields that name textures.
-template <class M>
-auto texture_ids(M& m) {
-  return std::array{&m.base_color_texture,   &m.metallic_roughness_texture, &m.normal_texture, &m.emission_texture,
-                    &m.transmission_texture, &m.specular_texture,           &m.ior_texture,    &m.ir_albedo_texture};
-}
 
 struct Instance {
   std::string name;
@@ -89,43 +60,11 @@ struct Instance {
   uint32_t slot = none;                     // given by the scene (Scene::instance_slots)
 };
 
-struct Light {
-  enum class Kind : uint32_t { point = 1, projector = 2, directional = 3, spot = 4, rectangle = 5, disk = 6 };
-  std::string name;
-  Kind kind = Kind::point;
-  uint32_t environment = none;
-  glm::vec3 intensity{0.0f};  // W/sr, W/m^2 or W/(sr m^2), as kuafu_light_desc says
-  float ir_intensity = std::numeric_limits<float>::quiet_NaN();
-  glm::dmat4 light_to_world{1.0};
-  uint32_t texture = none;
-  glm::dmat3 k{1.0};  // column-major glm: k[2][0] is cx
-  double radius_m = 0.0, angle_rad = 0.0, inner_rad = 0.0, outer_rad = 0.0;
-  glm::dvec2 size_m{0.0};
-  double distortion[8] = {};  // k1 k2 p1 p2 k3 k4 k5 k6
-  double falloff = 0.0, focus_m = 0.0;
+struct Light : LightFields {
   Twist velocity;
-  double on_from_s = 0.0, on_until_s = 0.0;  // equal: always
   [[nodiscard]] bool has_window() const { return on_from_s != on_until_s; }
-  double pattern_scale = 1.0;
   DotPattern dots;                        // projector: in place of the texture, where there are any
   std::shared_ptr<const Texture> raster;  // of the dots; made by the scene
-  uint32_t light_group = 0;
-};
-
-struct Environment {
-  glm::vec3 radiance{0.0f};
-  float ir_radiance = std::numeric_limits<float>::quiet_NaN();
-  uint32_t texture = none;  // equirectangular, multiplies both
-  glm::dmat3 map_to_world{1.0};
-  uint32_t light_group = 0;
-};
-
-/// Fields mean what kuafu_medium_desc says.
-struct Medium {
-  glm::vec3 extinction_per_m{0.0f}, albedo{0.0f};
-  float ir_extinction_per_m = std::numeric_limits<float>::quiet_NaN(), ir_albedo = std::numeric_limits<float>::quiet_NaN();
-  float phase_g = 0.0f;
-  glm::dvec3 bounds_min_m{-std::numeric_limits<double>::infinity()}, bounds_max_m{std::numeric_limits<double>::infinity()};
 };
 
 class Scene;

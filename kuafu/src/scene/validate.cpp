@@ -35,15 +35,6 @@ void check_not_negative(const char* what, const std::string& name, const char* f
   check_range(what, name, field, value, 0.0, std::numeric_limits<double>::infinity());
 }
 
-void check_not_negative(const char* what, const std::string& name, const char* field, const glm::vec3& value) {
-  for (int i = 0; i < 3; ++i) check_not_negative(what, name, field, value[i]);
-}
-
-/// Infrared values may be NaN: "as the visible band says".
-void check_infrared(const char* what, const std::string& name, const char* field, float value) {
-  if (!std::isnan(value)) check_not_negative(what, name, field, value);
-}
-
 void check_pinhole(const char* what, const std::string& name, const glm::dmat3& k) {
   for (int c = 0; c < 3; ++c)
     if (!all_finite(k[c])) ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s '%s': K has a value that is not finite", what, name.c_str());
@@ -110,11 +101,6 @@ uint64_t texel_bytes(const Texture& texture) {
   return uint64_t{texture.width} * texture.height * texture.channels * channel_bytes;
 }
 
-void check_light_group(const char* owner, const std::string& name, uint32_t group) {
-  if (group >= light_group_count)
-    ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s '%s': light_group is %u, must be below %u", owner, name.c_str(), group, light_group_count);
-}
-
 void check(const Texture& texture) {
   const char* name = texture.name.c_str();
   const uint64_t bytes = texel_bytes(texture);
@@ -129,58 +115,17 @@ void check(const Texture& texture) {
   }
 }
 
-void check(const Material& material) {
-  const auto unit = [&](const char* field, float value) { check_range("material", material.name, field, value, 0.0, 1.0); };
-  for (int i = 0; i < 4; ++i) unit("base_color", material.base_color[i]);
-  unit("metallic", material.metallic);
-  unit("roughness", material.roughness);
-  unit("specular", material.specular);
-  unit("transmission", material.transmission);
-  unit("transmission_roughness", material.transmission_roughness);
-  unit("diffuse_roughness", material.diffuse_roughness);
-  for (int i = 0; i < 3; ++i) unit("attenuation_color", material.attenuation_color[i]);
-  const auto infrared_unit = [&](const char* field, float value) {
-    if (!std::isnan(value)) unit(field, value);
-  };
-  infrared_unit("ir_attenuation_color", material.ir_attenuation_color);
-  infrared_unit("ir_albedo", material.ir_albedo);
-  infrared_unit("ir_roughness", material.ir_roughness);
-  infrared_unit("ir_transmission", material.ir_transmission);
-  infrared_unit("ir_transmission_roughness", material.ir_transmission_roughness);
-  check_not_negative("material", material.name, "attenuation_distance_m", material.attenuation_distance_m);
-  if (material.bsdf > Material::Bsdf::paper)
-    ks::fail(KS_ERROR_INVALID_ARGUMENT, "material '%s': bsdf %u is no KUAFU_BSDF_*", material.name.c_str(),
-             static_cast<uint32_t>(material.bsdf));
-  check_light_group("material", material.name, material.light_group);
-  constexpr float huge = std::numeric_limits<float>::max();
-  check_range("material", material.name, "ior", material.ior, 1.0, huge);
-  const auto positive = [&](const char* field, float value) {
-    if (!(value > 0.0f && std::isfinite(value)))
-      ks::fail(KS_ERROR_INVALID_ARGUMENT, "material '%s': %s is %g, must be finite and > 0", material.name.c_str(), field, double(value));
-  };
-  unit("subsurface", material.subsurface);
-  for (int i = 0; i < 3; ++i) {
-    unit("subsurface_color", material.subsurface_color[i]);
-    positive("subsurface_radius_m", material.subsurface_radius_m[i]);
-  }
-  infrared_unit("ir_subsurface_color", material.ir_subsurface_color);
-  if (!std::isnan(material.ir_subsurface_radius_m)) positive("ir_subsurface_radius_m", material.ir_subsurface_radius_m);
-  if (!std::isnan(material.ir_ior)) check_range("material", material.name, "ir_ior", material.ir_ior, 1.0, huge);
-  check_not_negative("material", material.name, "emission", material.emission);
-  check_not_negative("material", material.name, "ir_emission", material.ir_emission);
-}
+void check(const Material& material) { check_fields(material, "material '" + material.name + "': "); }
 
 namespace {
 
 void check_shape(const Light& light) {
   using Kind = Light::Kind;
-  const auto not_negative = [&](const char* field, double value) { check_not_negative("light", light.name, field, value); };
   const auto positive = [&](const char* field, double value) {
     if (!(value > 0.0 && std::isfinite(value)))
       ks::fail(KS_ERROR_INVALID_ARGUMENT, "light '%s': %s is %g, must be finite and > 0", light.name.c_str(), field, value);
   };
   const double right_angle = std::acos(0.0);
-  not_negative("radius_m", light.radius_m);
   if (light.kind == Kind::disk) positive("radius_m", light.radius_m);
   if (light.kind == Kind::rectangle || (light.kind == Kind::directional && light.texture != none))
     for (int i = 0; i < 2; ++i) positive("size_m", light.size_m[i]);
@@ -215,13 +160,7 @@ void check_shutter(const Camera& camera) {
 
 void check_projector(const Light& light) {
   check_pinhole("light", light.name, light.k);
-  check_not_negative("light", light.name, "falloff", light.falloff);
-  check_not_negative("light", light.name, "focus_m", light.focus_m);
-  if (!(light.pattern_scale > 0.0 && std::isfinite(light.pattern_scale)))
-    ks::fail(KS_ERROR_INVALID_ARGUMENT, "light '%s': pattern_scale is %g, must be finite and > 0", light.name.c_str(), light.pattern_scale);
   if (!light.dots.dots.empty()) check(light.dots, light.name);
-  for (const double d : light.distortion)
-    if (!std::isfinite(d)) ks::fail(KS_ERROR_INVALID_ARGUMENT, "light '%s': distortion has a value that is not finite", light.name.c_str());
 }
 
 }  // namespace
@@ -234,16 +173,12 @@ void check_velocity(const char* what, const std::string& name, const Twist& velo
 }
 
 void check(const Light& light) {
-  if (light.kind < Light::Kind::point || light.kind > Light::Kind::disk)
-    ks::fail(KS_ERROR_INVALID_ARGUMENT, "light '%s': kind %u is not known", light.name.c_str(), static_cast<uint32_t>(light.kind));
-  check_not_negative("light", light.name, "intensity", light.intensity);
-  check_infrared("light", light.name, "ir_intensity", light.ir_intensity);
+  check_fields(light, "light '" + light.name + "': ");
   check_rigid(light.light_to_world, ("light '" + light.name + "': light_to_world").c_str());
-  check_light_group("light", light.name, light.light_group);
   check_shape(light);
   check_velocity("light", light.name, light.velocity);
-  if (!std::isfinite(light.on_from_s) || !std::isfinite(light.on_until_s) || light.on_until_s < light.on_from_s)
-    ks::fail(KS_ERROR_INVALID_ARGUMENT, "light '%s': it is on from %g to %g s, must be finite and in this order; both equal = always",
+  if (light.on_until_s < light.on_from_s)
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "light '%s': it is on from %g to %g s, must be in this order; both equal = always",
              light.name.c_str(), light.on_from_s, light.on_until_s);
   if (light.kind == Light::Kind::projector) return check_projector(light);
   if (!light.dots.dots.empty())
@@ -252,22 +187,17 @@ void check(const Light& light) {
 }
 
 void check(const Environment& environment) {
-  check_not_negative("environment", "", "radiance", environment.radiance);
-  check_infrared("environment", "", "ir_radiance", environment.ir_radiance);
-  check_light_group("environment", "", environment.light_group);
+  check_fields(environment, "environment: ");
   check_rigid(glm::dmat4(environment.map_to_world), "environment: map_to_world");
 }
 
 void check(const Medium& medium) {
+  check_fields(medium, "medium: ");
   for (int i = 0; i < 3; ++i) {
-    check_not_negative("medium", "", "extinction_per_m", medium.extinction_per_m[i]);
-    check_range("medium", "", "albedo", medium.albedo[i], 0.0, 1.0);
     if (!(medium.bounds_min_m[i] < medium.bounds_max_m[i]))
       ks::fail(KS_ERROR_INVALID_ARGUMENT, "medium: bounds on axis %d are %g to %g, must grow", i, medium.bounds_min_m[i],
                medium.bounds_max_m[i]);
   }
-  check_infrared("medium", "", "ir_extinction_per_m", medium.ir_extinction_per_m);
-  if (!std::isnan(medium.ir_albedo)) check_range("medium", "", "ir_albedo", medium.ir_albedo, 0.0, 1.0);
   if (!(std::abs(medium.phase_g) < 1.0f))
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "medium: phase_g is %g, must be in (-1, 1)", double(medium.phase_g));
 }

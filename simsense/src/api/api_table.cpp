@@ -36,6 +36,7 @@ constexpr simsense_api table{
     .engine_wait = simsense_engine_wait,
     .engine_export_timeline = simsense_engine_export_timeline,
     .engine_get_stage_times = simsense_engine_get_stage_times,
+    .struct_init = simsense_struct_init,
 };
 
 }  // namespace

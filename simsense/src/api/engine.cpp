@@ -5,7 +5,9 @@
 #include <cstring>
 
 #include "api/handles.h"
+#include "api/struct_table.h"
 #include "device/struct_read.h"
+#include "device/struct_table.h"
 #include "signal/presets.h"
 #include "simsense/simsense.h"
 
@@ -19,7 +21,8 @@ simsense::ImageArgument read_image(const simsense_image& image, const char* name
   simsense::ImageArgument argument;
   if (image.buffer) argument.buffer = ks::object_of(image.buffer, name);
   argument.host = image.host;
-  argument.image = ks::read_struct(&image.image, KS_TYPE_IMAGE_DESC, name);
+  ks::check_embedded(image.image, KS_TYPE_IMAGE_DESC, name);
+  argument.image = image.image;
   return argument;
 }
 

@@ -35,7 +35,7 @@ Scene small_scene() {
   Instance instance{.name = "i", .mesh = 0, .materials = {0, none}};
   instance.local_to_world[3] = {1, 2, 3, 1};
   scene.add_instance(instance);
-  Light light{.name = "l", .kind = Light::Kind::spot, .intensity = {1, 2, 3}};
+  Light light{{.name = "l", .kind = Light::Kind::spot, .intensity = {1, 2, 3}}};
   light.inner_rad = 0.1, light.outer_rad = 0.2;
   scene.add_light(light);
   Camera camera{.name = "c"};

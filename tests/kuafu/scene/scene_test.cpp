@@ -149,10 +149,10 @@ TEST(Scene, AppendShiftsEveryIdAndKeepsNone) {
   const auto make = [] {
     Scene scene;
     scene.add_texture({.width = 1, .height = 1, .channels = 1, .texels = {7}});
-    scene.add_material({.base_color_texture = 0});
+    scene.add_material({{.base_color_texture = 0}});
     scene.add_mesh(triangle());
     scene.add_instance({.mesh = 0, .materials = {0, none}});
-    scene.add_light({.kind = Light::Kind::projector, .texture = 0});
+    scene.add_light({{.kind = Light::Kind::projector, .texture = 0}});
     scene.add_light({});
     return scene;
   };

@@ -33,7 +33,7 @@ def pair():
 def test_signature():
     parameters = inspect.signature(simsense.DepthSensor).parameters.values()
     given = [p for p in parameters if p.kind is p.POSITIONAL_OR_KEYWORD]
-    assert ", ".join(str(p).replace("=-", "=-") for p in given) == SIGNATURE
+    assert ", ".join(str(p.replace(annotation=p.empty)) for p in given) == SIGNATURE
 
 
 def test_plane_comes_back(pair):

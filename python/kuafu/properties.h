@@ -1,0 +1,92 @@
+// Fields of a C struct as properties of the Python class that holds it in its member `c`.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <string_view>
+
+#include "records.h"
+
+namespace ks_python {
+
+template <class Record, class Desc, class T>
+void scalar(py::class_<Record>& type, const char* name, T Desc::*member, const char* doc = "") {
+  type.def_property(
+      name, [member](const Record& r) { return r.c.*member; }, [member](Record& r, T value) { r.c.*member = value; }, doc);
+}
+
+template <class Record, class Desc, class T, size_t n>
+void vector(py::class_<Record>& type, const char* name, T (Desc::*member)[n], const char* doc = "") {
+  type.def_property(
+      name,
+      [member](const Record& r) {
+        std::array<T, n> out;
+        std::copy_n(r.c.*member, n, out.begin());
+        return py::tuple(py::cast(out));
+      },
+      [member](Record& r, const std::array<T, n>& value) { std::copy(value.begin(), value.end(), r.c.*member); }, doc);
+}
+
+template <class Record, class Desc, size_t n>
+void square(py::class_<Record>& type, const char* name, double (Desc::*member)[n], const char* doc) {
+  constexpr py::ssize_t side = n == 16 ? 4 : 3;
+  type.def_property(
+      name, [member](const Record& r) { return matrix(r.c.*member, side, side); },
+      [member, name](Record& r, const py::object& value) { read_matrix<Kuafu>(value, name, r.c.*member, n); }, doc);
+}
+
+/// NaN in C, None in Python.
+template <class Record, class Desc>
+void maybe(py::class_<Record>& type, const char* name, float Desc::*member, const char* doc) {
+  type.def_property(
+      name, [member](const Record& r) { return std::isnan(r.c.*member) ? std::optional<float>() : r.c.*member; },
+      [member](Record& r, std::optional<float> value) { r.c.*member = value.value_or(NAN); }, doc);
+}
+
+/// 0xffffffff in C (KUAFU_NONE, KUAFU_ALL_ENVIRONMENTS), None in Python.
+template <class Record, class Desc>
+void maybe(py::class_<Record>& type, const char* name, uint32_t Desc::*member, const char* doc = "Texture id, or None.") {
+  type.def_property(
+      name, [member](const Record& r) { return r.c.*member == KUAFU_NONE ? std::optional<uint32_t>() : r.c.*member; },
+      [member](Record& r, std::optional<uint32_t> value) { r.c.*member = value.value_or(KUAFU_NONE); }, doc);
+}
+
+/// 0 and 1 in C, a bool in Python.
+template <class Record, class Desc>
+void flag(py::class_<Record>& type, const char* name, uint32_t Desc::*member, const char* doc) {
+  type.def_property(
+      name, [member](const Record& r) { return r.c.*member != 0; }, [member](Record& r, bool value) { r.c.*member = value ? 1 : 0; }, doc);
+}
+
+/// A C constant that counts from `first`, by its name in Python.
+template <class Record, class Desc, size_t n>
+void named(py::class_<Record>& type, const char* name, uint32_t Desc::*member, const std::array<std::string_view, n>& names, uint32_t first,
+           const char* doc) {
+  type.def_property(
+      name, [member, names, first](const Record& r) { return names.at(r.c.*member - first); },
+      [member, names, first, name](Record& r, const std::string& value) {
+        const auto found = std::ranges::find(names, value);
+        std::string known;
+        for (const std::string_view text : names) known += (known.empty() ? "" : ", ") + std::string(text);
+        if (found == names.end()) raise_argument<Kuafu>("unknown " + std::string(name) + " '" + value + "' (known: " + known + ")");
+        r.c.*member = uint32_t(found - names.begin()) + first;
+      },
+      doc);
+}
+
+/// Coefficients of a lens: 4, 5 or all 8 of them, the others 0.
+template <class Record, class Desc>
+void padded(py::class_<Record>& type, const char* name, double (Desc::*member)[8], const char* doc) {
+  type.def_property(
+      name, [member](const Record& r) { return py::tuple(py::cast(std::to_array(r.c.*member))); },
+      [member, name](Record& r, const std::vector<double>& values) {
+        if (values.size() != 4 && values.size() != 5 && values.size() != 8)
+          raise_argument<Kuafu>(std::string(name) + " has " + std::to_string(values.size()) + " numbers, it needs 4, 5 or 8");
+        std::ranges::fill(r.c.*member, 0.0);
+        std::ranges::copy(values, r.c.*member);
+      },
+      doc);
+}
+
+}  // namespace ks_python

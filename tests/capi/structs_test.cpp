@@ -1,0 +1,116 @@
+// Rules of the public structs in both libraries: exported initialisers, older and newer callers, reserved fields.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstring>
+#include <memory>
+
+#include "capi/library_pair.h"
+
+namespace ks::test {
+namespace {
+
+bool says(const char* text, const char* part) { return std::strstr(text, part) != nullptr; }
+
+/// A struct as a library gives it to a caller that reads no headers.
+template <class T>
+void expect_same(ks_status (*init)(uint32_t, void*, uint32_t), uint32_t type, const T& inline_one) {
+  T exported;
+  std::memset(&exported, 0xaa, sizeof exported);
+  ASSERT_EQ(init(type, &exported, sizeof exported), KS_OK);
+  EXPECT_EQ(std::memcmp(&exported, &inline_one, sizeof exported), 0) << "struct type 0x" << std::hex << type;
+}
+
+TEST(Structs, ExportedInitialisersAreTheInlineOnes) {
+  for (const auto init : {kuafu_struct_init, simsense_struct_init}) {
+    expect_same(init, KS_TYPE_DEVICE_DESC, ks_device_desc_init());
+    expect_same(init, KS_TYPE_DEVICE_INFO, ks_device_info_init());
+    expect_same(init, KS_TYPE_BUFFER_CREATE, ks_buffer_create_init(0, 0));
+    expect_same(init, KS_TYPE_BUFFER_DESC, ks_buffer_desc_init());
+    expect_same(init, KS_TYPE_IMAGE_DESC, ks_image_desc_init());
+    expect_same(init, KS_TYPE_SYNC, ks_sync_init());
+  }
+  expect_same(kuafu_struct_init, KUAFU_TYPE_MATERIAL_DESC, kuafu_material_desc_init());
+  expect_same(kuafu_struct_init, KUAFU_TYPE_LIGHT_DESC, kuafu_light_desc_init(KUAFU_LIGHT_POINT));
+  expect_same(kuafu_struct_init, KUAFU_TYPE_INSTANCE_DESC, kuafu_instance_desc_init(0));
+  expect_same(kuafu_struct_init, KUAFU_TYPE_CAMERA_DESC, kuafu_camera_desc_init());
+  expect_same(kuafu_struct_init, KUAFU_TYPE_VIEW_DESC, kuafu_view_desc_init());
+  expect_same(kuafu_struct_init, KUAFU_TYPE_FILM_DESC, kuafu_film_desc_init());
+  expect_same(kuafu_struct_init, KUAFU_TYPE_MEDIUM_DESC, kuafu_medium_desc_init());
+  expect_same(kuafu_struct_init, KUAFU_TYPE_RENDERER_DESC, kuafu_renderer_desc_init());
+  expect_same(kuafu_struct_init, KUAFU_TYPE_RENDER_DESC, kuafu_render_desc_init());
+  expect_same(kuafu_struct_init, KUAFU_TYPE_OUTPUT_DESC, kuafu_output_desc_init(0, nullptr, ks_image_desc_init()));
+  expect_same(simsense_struct_init, SIMSENSE_TYPE_PARAMETERS, simsense_parameters_init());
+  expect_same(simsense_struct_init, SIMSENSE_TYPE_SIGNAL, simsense_signal_init());
+  expect_same(simsense_struct_init, SIMSENSE_TYPE_RIG_DESC, simsense_rig_desc_init());
+  expect_same(simsense_struct_init, SIMSENSE_TYPE_COMPUTE_DESC, simsense_compute_desc_init());
+}
+
+TEST(Structs, AnInitialiserServesShorterAndLongerStructs) {
+  ks_sync sync;
+  std::memset(&sync, 0xaa, sizeof sync);
+  ASSERT_EQ(kuafu_struct_init(KS_TYPE_SYNC, &sync, offsetof(ks_sync, value)), KS_OK);
+  EXPECT_EQ(sync.header.size_bytes, offsetof(ks_sync, value));
+  EXPECT_EQ(sync.value, 0xaaaaaaaaaaaaaaaaull) << "bytes beyond the caller's struct are not ours to write";
+  struct Longer {
+    ks_sync known;
+    uint64_t later;
+  } longer{{}, 7};
+  ASSERT_EQ(simsense_struct_init(KS_TYPE_SYNC, &longer, sizeof longer), KS_OK);
+  EXPECT_EQ(longer.later, 0u);
+  EXPECT_EQ(simsense_struct_init(KUAFU_TYPE_MATERIAL_DESC, &sync, sizeof sync), KS_ERROR_INVALID_ARGUMENT) << "of the other library";
+  EXPECT_EQ(kuafu_struct_init(KS_TYPE_SYNC, nullptr, sizeof sync), KS_ERROR_INVALID_ARGUMENT);
+}
+
+struct Scene {
+  kuafu_device device = open_cpu_device<Kuafu>();
+  kuafu_scene scene = nullptr;
+  Scene() { EXPECT_EQ(kuafu_scene_create(device, &scene), KS_OK) << kuafu_last_error(); }
+  ~Scene() {
+    kuafu_scene_release(scene);
+    kuafu_device_release(device);
+  }
+};
+
+TEST(Structs, AMissingFieldIsNeutral) {
+  const Scene s;
+  kuafu_material_desc old = kuafu_material_desc_init();
+  old.header.size_bytes = offsetof(kuafu_material_desc, ir_albedo_texture);
+  old.ir_albedo_texture = 99;  // not of the caller's struct
+  old.subsurface_radius_m[0] = -1.0f;
+  uint32_t id = 0;
+  ASSERT_EQ(kuafu_scene_add_material(s.scene, &old, &id), KS_OK) << kuafu_last_error();
+  kuafu_material_desc read = kuafu_material_desc_init();
+  ASSERT_EQ(kuafu_scene_get_material(s.scene, id, &read), KS_OK);
+  EXPECT_EQ(read.ir_albedo_texture, KUAFU_NONE);
+  EXPECT_EQ(read.ior_texture, KUAFU_NONE);
+  EXPECT_TRUE(std::isnan(read.ir_roughness));
+  EXPECT_EQ(read.subsurface_radius_m[0], 1e-3f);
+}
+
+TEST(Structs, NoStructEndsInsideOfAField) {
+  const Scene s;
+  uint32_t id = 0;
+  for (uint32_t size = sizeof(ks_header); size < sizeof(kuafu_texture_desc); ++size) {
+    kuafu_texture_desc texture = kuafu_texture_desc_init();
+    const uint8_t texel = 0;
+    texture.texels = &texel;
+    texture.header.size_bytes = size;
+    EXPECT_EQ(kuafu_scene_add_texture(s.scene, &texture, &id), KS_ERROR_INVALID_ARGUMENT) << size;
+    if (size % 4 != 0) {
+      EXPECT_TRUE(says(kuafu_last_error(), "inside of a field")) << kuafu_last_error();
+    }
+  }
+}
+
+TEST(Structs, ReservedFieldsMustBeZero) {
+  const Scene s;
+  uint32_t id = 0;
+  kuafu_material_desc material = kuafu_material_desc_init();
+  material.reserved = 1;
+  EXPECT_EQ(kuafu_scene_add_material(s.scene, &material, &id), KS_ERROR_VERSION);
+  EXPECT_TRUE(says(kuafu_last_error(), "byte 204")) << kuafu_last_error();
+}
+
+}  // namespace
+}  // namespace ks::test
