@@ -9,7 +9,7 @@ import numpy as np
 import kuafu
 import simsense
 from activestereo.capture import Frame
-from activestereo.effects.core.engine import EngineInputs, apply_engine
+from activestereo.effects.core.engine import EngineInputs, apply_engine, moved_pose
 from activestereo.effects.core.model import Model
 from activestereo.engines.survey import Survey
 from activestereo.ir_link import IrLink
@@ -18,7 +18,7 @@ from activestereo.matching import engine_parameters
 from activestereo.pose import Pose, as_matrix, camera_to_camera, camera_to_world
 from activestereo.sensor_effects import ImageEffects, ModelCostWarning
 from activestereo.sensor_inputs import sensor_inputs, shutter, twist_of
-from activestereo.sensor_world import SensorWorld, pattern_of
+from activestereo.sensor_world import LATER, SensorWorld, pattern_of
 
 RGB_OUTPUTS = ("radiance", "depth", "material_id", "instance_id")
 LASER_OUTPUTS = ("projector_direct", "projector_indirect")
@@ -361,7 +361,8 @@ class StereoDepthSensor:
             inputs.scene_materials = self._world.material
             self._survey.apply(inputs)
             self._left_over = apply_engine(inputs, self._effects.effects)
-            self._eye_poses = [eye.camera.camera_to_world for eye in inputs.eyes]
+            cameras = [(eye.camera, eye.delay_s) for eye in inputs.eyes]
+            self._eye_poses = [moved_pose(c.camera_to_world, c.linear_velocity, c.angular_velocity, t) for c, t in cameras]
             if not self._is_closed:
                 self._world.enter(inputs)
             self._engine.set_signal(*(eye.signal for eye in inputs.eyes))
@@ -370,7 +371,8 @@ class StereoDepthSensor:
 
     def _move(self):
         """Gives what the engines are told the present velocity."""
-        if self._told is None:
+        if self._told is None or any(eye.delay_s for eye in self._told.eyes):
+            self._told = None
             return
         c, inputs = self._config, self._told
         for record, place in ((inputs.left.camera, c.trans_pose_l), (inputs.right.camera, c.trans_pose_r)):
@@ -402,6 +404,7 @@ class StereoDepthSensor:
             ir_ambient_radiance=c.ir_ambient_strength,
             denoise=c.denoiser,
             film=[self._told.eyes[is_right].film for is_right in eyes] if band == "infrared" else c.rgb_film,
+            environments=[LATER if self._told.eyes[i].delay_s else 0 for i in eyes] if band == "infrared" else None,
             projector=self._world.projector,
             progress=progress,
         )

@@ -8,7 +8,10 @@ from numpy.typing import NDArray
 
 import kuafu
 from activestereo.effects.core.engine import EngineInputs
-from activestereo.engines.world import copy_record, enter_world
+from activestereo.engines.world import copy_light, copy_record, enter_world
+
+# The environment of an eye that opens later than the other.
+LATER = 1
 
 
 class SensorWorld:
@@ -44,9 +47,17 @@ class SensorWorld:
         self._has_medium = inputs.medium is not None
         self._has_projector = inputs.projector is not None
         own = [] if inputs.projector is None else [inputs.projector]
+        delay_s = inputs.right.delay_s
         for light in (*own, *inputs.rig_lights):
             self._throw(light, inputs)
-            self._on_rig.append((self._scene.add_light(light), light, light.light_to_world))
+            if delay_s:
+                # The right eye opens at another time: it looks into an environment of its own, where the rig is by then.
+                light.environment, later = 0, copy_light(light, delay_s)
+                later.environment = LATER
+                self._on_rig.append((self._scene.add_light(light), light, light.light_to_world))
+                self._on_rig.append((self._scene.add_light(later), later, later.light_to_world))
+            else:
+                self._on_rig.append((self._scene.add_light(light), light, light.light_to_world))
         for light in inputs.lights:
             self._throw(light, inputs)
             self._standing.append(self._scene.add_light(light))

@@ -10,7 +10,9 @@ from activestereo.effects.core.engine import EngineInputs, moves
 def _engine(inputs: EngineInputs, share: float, rate_dn_per_s: float) -> None:
     for eye in inputs.eyes:
         eye.signal["hot_pixel_share"] = share
-        eye.signal["hot_pixel_e_per_s"] = rate_dn_per_s / eye.signal["conversion_gain_dn_per_e"]
+        # The tail is that of the present temperature; simsense's is that of the reference.
+        warming = 2.0 ** (inputs.warming_k / eye.signal["dark_doubling_k"])
+        eye.signal["hot_pixel_e_per_s"] = rate_dn_per_s / (eye.signal["conversion_gain_dn_per_e"] * warming)
 from activestereo.effects.core.judging import Lever, RandomTerm
 from activestereo.effects.core.view import View
 

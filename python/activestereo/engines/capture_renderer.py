@@ -19,7 +19,14 @@ from activestereo.engines.capture_inputs import capture_inputs
 from activestereo.engines.imager import ExpectedImager
 from activestereo.engines.smoothing import smooth_view
 from activestereo.engines.survey import Survey
-from activestereo.engines.world import changed_world, copy_record, record_key, world_key
+from activestereo.engines.world import (
+    changed_world,
+    copy_camera,
+    copy_light,
+    copy_record,
+    record_key,
+    world_key,
+)
 
 Key = tuple[int, str]
 _LIGHT = ("projector_direct", "projector_indirect", "ambient")
@@ -48,7 +55,7 @@ class EyeLight:
         return self.direct + self.indirect
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Job:
     """One pose under one set of inputs, and the frames that share its images; each has its own powers."""
 
@@ -205,17 +212,17 @@ class CaptureRenderer:
         has_lamps = own and any(light.kind != "projector" for job in jobs for light in job.inputs.added_lights)
         group = f"light_group_{_ADDED_GROUP}"
         try:
-            for environment, job in enumerate(jobs):
-                for light, intensity in _lights(job.inputs, own):
+            moments = _moments(jobs)
+            for environment, (job, delay_s) in enumerate(moments):
+                for light in _lights(job.inputs, own, delay_s):
                     if light.kind == "projector":
                         light.texture = self._texture(job.inputs.pattern, textures)
-                    light.environment, light.ir_intensity = environment, intensity
-                    light.light_group = _ADDED_GROUP
+                    light.environment, light.light_group = environment, _ADDED_GROUP
                     lights.append(self._scene.add_light(light))
-            eyes = [(n, eye) for n, job in enumerate(jobs) for eye in job.inputs.eyes]
+            eyes = [(moments.index((job, eye.delay_s)), eye) for job in jobs for eye in job.inputs.eyes]
             images = self._renderer.render(
                 self._scene,
-                [eye.camera for _, eye in eyes],
+                [copy_camera(eye.camera, eye.delay_s) if eye.delay_s else eye.camera for _, eye in eyes],
                 (*outputs, group) if has_lamps else outputs,
                 band="infrared",
                 environments=[n for n, _ in eyes],
@@ -242,12 +249,17 @@ class CaptureRenderer:
         return textures[key]
 
 
-def _lights(inputs: EngineInputs, own: bool) -> list[tuple[kuafu.Light, float]]:
-    """(light, infrared intensity) of one pass."""
-    if not own:
-        return [(light, light.ir_intensity) for light in inputs.added_lights if light.kind == "projector"]
-    lamps = [(light, light.ir_intensity) for light in inputs.added_lights if light.kind != "projector"]
-    return lamps if inputs.projector is None else [(_unit(inputs.projector), 1.0), *lamps]
+def _moments(jobs: list[_Job]) -> list[tuple[_Job, float]]:
+    """(job, seconds after its time) of every environment: eyes that open together share one."""
+    return [(job, delay_s) for job in jobs for delay_s in dict.fromkeys(eye.delay_s for eye in job.inputs.eyes)]
+
+
+def _lights(inputs: EngineInputs, own: bool, delay_s: float) -> list[kuafu.Light]:
+    """Copies of the lights of one pass, those of the rig where they are by then."""
+    on_rig = [*([_unit(inputs.projector)] if own and inputs.projector is not None else []), *inputs.rig_lights]
+    lights = [copy_light(light, delay_s) for light in on_rig] + [copy_light(light) for light in inputs.lights]
+    first = 1 if own and inputs.projector is not None else 0
+    return lights[:first] + [light for light in lights[first:] if (light.kind == "projector") != own]
 
 
 def _unit(projector: kuafu.Light) -> kuafu.Light:
@@ -259,7 +271,7 @@ def _unit(projector: kuafu.Light) -> kuafu.Light:
 
 def _job_key(inputs: EngineInputs) -> tuple:
     """What decides the images of one pose; powers scale them and do not count."""
-    eyes = tuple((record_key(eye.camera), record_key(eye.film)) for eye in inputs.eyes)
+    eyes = tuple((record_key(eye.camera), record_key(eye.film), eye.delay_s) for eye in inputs.eyes)
     projector = () if inputs.projector is None else record_key(_unit(inputs.projector))
     pattern = b"" if inputs.pattern is None else inputs.pattern.tobytes()
     return (*eyes, projector, hash(pattern), tuple(map(record_key, inputs.added_lights)), world_key(inputs))

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 import kuafu
-from activestereo.effects.core.engine import EngineInputs
+from activestereo.effects.core.engine import EngineInputs, moved_pose
 
 
 def record_key(record: Any) -> tuple:
@@ -30,6 +30,21 @@ def copy_record(record: Any) -> Any:
     return type(record)(
         **{n: getattr(record, n) for n, value in vars(type(record)).items() if isinstance(value, property)}
     )
+
+
+def copy_camera(camera: kuafu.Camera, delay_s: float) -> kuafu.Camera:
+    """The camera where it is `delay_s` seconds after its time."""
+    names = ("distortion", "lens_radius_m", "focus_m", "shutter", "readout", "exposure_s", "line_time_s")
+    fields = {name: getattr(camera, name) for name in (*names, "linear_velocity", "angular_velocity")}
+    pose = moved_pose(camera.camera_to_world, camera.linear_velocity, camera.angular_velocity, delay_s)
+    return kuafu.Camera(camera.width, camera.height, camera.k, pose, camera.near_m, camera.far_m, **fields)
+
+
+def copy_light(light: kuafu.Light, delay_s: float = 0.0) -> kuafu.Light:
+    """The light where it is `delay_s` seconds after its time."""
+    later = copy_record(light)
+    later.light_to_world = moved_pose(light.light_to_world, light.linear_velocity, light.angular_velocity, delay_s)
+    return later
 
 
 def world_key(inputs: EngineInputs) -> tuple:

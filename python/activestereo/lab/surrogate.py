@@ -137,7 +137,7 @@ def trial_capture(folder: Path, scale: float = 1.0) -> Capture:
             temperature_c=45.0,
             camera_to_world=look_at(eye, target, (0.0, 1.0, 0.0)),
             split="train",
-            camera_velocity=np.array([0.3, 0.1, 0.1, 0.1, 0.6, 0.3]),
+            camera_velocity=np.array([0.6, 0.2, 0.2, 0.4, 2.4, 1.2]),
         )
         for i, (eye, target) in enumerate(_POSES)
     )

@@ -14,7 +14,7 @@ from activestereo.engines.world import record_key
 
 EFFECTS = builtin()
 MAPPED = [e for e in EFFECTS.values() if e.engine is not None]
-LEAST_MAPPED = 37
+LEAST_MAPPED = 38
 
 
 def engine_inputs() -> EngineInputs:
@@ -60,6 +60,7 @@ def fields_of(inputs: EngineInputs) -> dict[str, object]:
         for part in ("camera", "film"):
             out |= {f"{side}.{part}.{name}": value for name, value in record_key(getattr(eye, part))}
         out |= {f"{side}.signal.{name}": value for name, value in eye.signal.items()}
+        out[f"{side}.delay_s"] = eye.delay_s
     neutral = dict(record_key(inputs.scene_materials(0)))
     changed = {f"materials.{n}" for m in inputs.materials.values() for n, value in record_key(m) if value != neutral[n]}
     return out | dict.fromkeys(changed, "changed")

@@ -167,3 +167,17 @@ def test_a_configuration_from_a_model_has_its_rig_imager_and_scales(tmp_path):
             "speckle_scale": 0.002,
         }
     )
+
+
+def test_an_eye_that_opens_later_stands_where_the_rig_is_by_then(config, scene):
+    lights = scene.summary.light_count
+    sensor = StereoDepthSensor(config, scene, pose=POSE, model=model_of(exposure_desync={"delay_s": 0.01}))
+    at_rest = [camera.camera_to_world for camera in sensor.ir_cameras()]
+    sensor.set_velocity([0.5, 0.0, 0.0])
+    moving = [camera.camera_to_world for camera in sensor.ir_cameras()]
+    np.testing.assert_array_equal(moving[0], at_rest[0])
+    np.testing.assert_allclose(moving[1][:3, 3] - at_rest[1][:3, 3], 0.005 * at_rest[0][:3, 0], atol=1e-6)
+    sensor.take_picture(infrared_only=True)
+    assert min(image.max() for image in sensor.get_ir()) > 0.3  # both eyes see dots
+    sensor.close()
+    assert scene.summary.light_count == lights

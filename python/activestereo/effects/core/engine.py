@@ -13,12 +13,13 @@ field name is an error. Nothing here imports an engine.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import expm
 
 from activestereo.capture import Frame
 from activestereo.effects.core.random_stream import random_stream
@@ -51,6 +52,7 @@ class EngineEye:
     film: kuafu.Film
     signal: dict[str, float]
     is_right: bool
+    delay_s: float = 0.0
 
     def move(self, x_m: float) -> None:
         """Stands x_m further along its own x axis."""
@@ -203,6 +205,17 @@ def rotation(axis: tuple[float, float, float], angle_rad: float) -> NDArray[np.f
     x, y, z = axis
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]], dtype=np.float64)
     return np.eye(3) + np.sin(angle_rad) * cross + (1 - np.cos(angle_rad)) * cross @ cross
+
+
+def moved_pose(
+    pose: NDArray[np.float64], linear: Sequence[float], angular: Sequence[float], time_s: float
+) -> NDArray[np.float64]:
+    """4x4 of what stands at `pose` at time 0 with a twist in its own frame, m/s and rad/s: pose exp(t [v, w])."""
+    generator = np.zeros((4, 4))
+    x, y, z = angular
+    generator[:3, :3] = [[0, -z, y], [z, 0, -x], [-y, x, 0]]
+    generator[:3, 3] = linear
+    return pose @ expm(time_s * generator)
 
 
 def apply_engine(
