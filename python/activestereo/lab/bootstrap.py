@@ -15,7 +15,7 @@ LEVEL = 0.95
 class BlockBootstrap:
     """Draws of Poisson(1) weights for `groups` groups of blocks, float32 [draws][groups]; the same for every statistic."""
 
-    def __init__(self, groups: np.ndarray, draws: int = 4000, seed: int = 0) -> None:
+    def __init__(self, groups: int, draws: int = 4000, seed: int = 0) -> None:
         rng = np.random.Generator(np.random.Philox(seed))
         self.weights = rng.poisson(1.0, (draws, groups)).astype(np.float32)
 

@@ -1,6 +1,7 @@
 """What is known of every pixel besides its error: the quantities against which a residual is looked at.
 
-Each covariate is one map [height][width] of an image, or one number of a frame. NaN = not defined there (the sky has no depth).
+Each covariate is one map [height][width] of an image, or one number of a frame. NaN = not defined there (the sky has no
+depth).
 """
 
 from dataclasses import dataclass
@@ -9,6 +10,7 @@ import numpy as np
 from scipy.ndimage import distance_transform_edt
 
 from activestereo.effects.core.dots import DotView
+from activestereo.effects.core.view import View
 
 # A step in depth of this share between neighbours is an edge.
 _EDGE_STEP = 0.03
@@ -16,7 +18,8 @@ _EDGE_STEP = 0.03
 
 @dataclass(frozen=True)
 class Covariate:
-    """name as in compare.json; words for a reader; unit, '' for pure numbers; categories of no order where it is not a number."""
+    """name as in compare.json; words for a reader; unit, '' for pure numbers; categories of no order where it is not a
+    number."""
 
     name: str
     words: str
@@ -42,8 +45,11 @@ COVARIATES = (
 )
 
 
-def covariate_maps(view, material, predicted_dn, baseline_m):
-    """{name: float32 [height][width]} of one image. view: an effects View; material: ids; predicted_dn: the expected image."""
+def covariate_maps(
+    view: View, material: np.ndarray, predicted_dn: np.ndarray, baseline_m: float
+) -> dict[str, np.ndarray]:
+    """{name: float32 [height][width]} of one image. view: an effects View; material: ids; predicted_dn: the expected
+    image."""
     height, width = view.shape
     u, v = view.pixels()
     seen = view.depth_m > 0
@@ -77,7 +83,8 @@ def _incidence_deg(view):
 
 
 def _pattern_irradiance(view):
-    """Pattern x cos / d^2 at the surface, times the frame's power: what the nominal projector sends there, shadows aside."""
+    """Pattern x cos / d^2 at the surface, times the frame's power: what the nominal projector sends there, shadows
+    aside."""
     source = np.linalg.inv(view.camera_to_projector)[:3, 3]
     points = view.points()
     way = source - points

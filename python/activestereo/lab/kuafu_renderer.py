@@ -1,6 +1,8 @@
-"""kuafu as the lab's renderer: the known scene under the projector at power 1 and under ambient radiance 1, infrared band."""
+"""kuafu as the lab's renderer: the known scene under the projector at power 1 and under ambient radiance 1, infrared
+band."""
 
 import hashlib
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -9,7 +11,7 @@ import numpy as np
 
 import kuafu
 from activestereo.lab.cache import scene_digest
-from activestereo.lab.layers import Layers
+from activestereo.lab.layers import Layers, RenderRequest
 from activestereo.engines.smooth import SMOOTH_VERSION, smooth_bounced
 
 # Rougher surfaces have no highlight that would move through bounced light.
@@ -23,23 +25,23 @@ _OUTPUTS = ("projector_direct", "projector_indirect", "ambient", "depth", "norma
 class KuafuRenderer:
     """Renders RenderRequests. A scene is loaded once and kept; the projector moves from request to request.
 
-    device: 'auto', 'cpu', an index or a kuafu.Device. smooth: filter bounced and ambient light on diffuse surfaces, see smooth.py.
-    Raises kuafu.NoDeviceError or kuafu.FileError.
+    device: 'auto', 'cpu', an index or a kuafu.Device. smooth: filter bounced and ambient light on diffuse surfaces, see
+    smooth.py. Raises kuafu.NoDeviceError or kuafu.FileError.
     """
 
-    def __init__(self, device="auto", smooth=True):
+    def __init__(self, device: str | int | kuafu.Device = "auto", smooth: bool = True) -> None:
         self._smooth = smooth
         self._device = device if isinstance(device, kuafu.Device) else kuafu.Device(device)
         self._renderer = kuafu.Renderer(self._device)
         self._scene_digest = self._scene = self._texture = self._white = self._light = self._pattern = None
 
     @property
-    def version(self):
+    def version(self) -> str:
         """Changes with the library's code and the device: pixels are the same bits on one device only."""
         smooth = f", smoothed {SMOOTH_VERSION}" if self._smooth else ""
         return f"kuafu {kuafu.__version__} {_library_digest()} on {self._device.info.name}{smooth}, flat {_FLAT_SHARE}"
 
-    def __call__(self, request, progress=None):
+    def __call__(self, request: RenderRequest, progress: Callable[[float], object] | None = None) -> tuple[Layers, ...]:
         """One Layers per camera. progress: called as progress(fraction)."""
         self._load(request)
         cameras = [kuafu.Camera(c.width, c.height, c.K, c.camera_to_world) for c in request.cameras]
@@ -51,7 +53,11 @@ class KuafuRenderer:
         return tuple(self._layers(images, flat, i, camera) for i, camera in enumerate(request.cameras))
 
     def _layers(self, images, flat, i, camera):
-        depth_m, normal, material = images["depth"][i, ..., 0].copy(), images["normal"][i].copy(), images["material_id"][i, ..., 0].copy()
+        depth_m, normal, material = (
+            images["depth"][i, ..., 0].copy(),
+            images["normal"][i].copy(),
+            images["material_id"][i, ..., 0].copy(),
+        )
         many_ways = np.stack([images["projector_indirect"][i, ..., 0], images["ambient"][i, ..., 0]])
         if self._smooth:
             many_ways = self._smoothed(many_ways, depth_m, normal, material, camera)
@@ -63,11 +69,14 @@ class KuafuRenderer:
         y = (row - camera.K[1, 2]) / camera.K[1, 1]
         x = (column - camera.K[0, 2] - camera.K[0, 1] * y) / camera.K[0, 0]
         points = np.stack([x * depth_m, y * depth_m, depth_m], axis=-1)
-        filtered = smooth_bounced(light, depth_m, normal @ camera.camera_to_world[:3, :3], points, material, camera.K[0, 0])
+        filtered = smooth_bounced(
+            light, depth_m, normal @ camera.camera_to_world[:3, :3], points, material, camera.K[0, 0]
+        )
         return np.where(np.isin(material, self._matt_materials(material)), filtered, light)
 
     def _matt_materials(self, material):
-        """Ids of those whose bounced and ambient light follow the surface alone: no mirror, no glass, no albedo texture."""
+        """Ids of those whose bounced and ambient light follow the surface alone: no mirror, no glass, no albedo
+        texture."""
         seen = {int(m): self._scene.get_material(int(m)) for m in np.unique(material) if m != _NOTHING_HIT}
         return [
             i
@@ -89,7 +98,8 @@ class KuafuRenderer:
         )
 
     def _load(self, request):
-        """The scene and its two patterns: the nominal one, and one that is 1 everywhere. An edited file is another scene."""
+        """The scene and its two patterns: the nominal one, and one that is 1 everywhere. An edited file is another
+        scene."""
         digest = scene_digest(request.scene_path)
         if digest == self._scene_digest and np.array_equal(request.pattern, self._pattern):
             return

@@ -1,16 +1,20 @@
 """A shallow honest tree: regions of the covariates that hold most of the explainable error, in words.
 
-Splits are chosen on half A of the blocks and everything that is said is estimated on half B, so the search cannot flatter
-itself (Athey and Imbens, PNAS 113, 2016). A split that half B does not confirm is taken back.
+Splits are chosen on half A of the blocks and everything that is said is estimated on half B, so the search cannot
+flatter itself (Athey and Imbens, PNAS 113, 2016). A split that half B does not confirm is taken back.
 """
 
+from __future__ import annotations
+
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from activestereo.lab.bootstrap import BlockBootstrap, interval
 from activestereo.lab.covariates import COVARIATES
-from activestereo.lab.where_samples import GROUPS
+from activestereo.lab.where_samples import GROUPS, Samples
 
 DEPTH = 3
 _SMALLEST_LEAF = 0.01
@@ -36,7 +40,7 @@ class _Node:
 class HonestTree:
     """Grows on half A, prunes and estimates on half B."""
 
-    def __init__(self, samples, seed=0):
+    def __init__(self, samples: Samples, seed: int = 0) -> None:
         self._samples = samples
         half = samples.group % 2 == 0
         a, b = np.flatnonzero(half), np.flatnonzero(~half)
@@ -48,9 +52,10 @@ class HonestTree:
         self._root = _Node(a, b, {})
         self._grow(self._root, DEPTH)
 
-    def regions(self, name_of=str):
-        """{leaves, headline}: regions {words, conditions, share, share_interval, pixel_share, excess}; leaves by share of the
-        excess, largest first; headline: the node, of whatever depth, with most excess beyond its share of pixels."""
+    def regions(self, name_of: Callable[[Any], str] = str) -> dict[str, Any]:
+        """{leaves, headline}: regions {words, conditions, share, share_interval, pixel_share, excess}; leaves by share
+        of the excess, largest first; headline: the node, of whatever depth, with most excess beyond its share of
+        pixels."""
         leaves = [self._region(leaf, name_of) for leaf in self._root.leaves()]
         inner = [self._region(node, name_of) for node in self._root.below()]
         headline = max(inner, key=lambda r: r["share"] - r["pixel_share"], default=None)

@@ -1,17 +1,24 @@
-"""Where the model fails: the residual against each covariate, binned, with block-bootstrap intervals and a false discovery rate."""
+"""Where the model fails: the residual against each covariate, binned, with block-bootstrap intervals and a false
+discovery rate."""
+
+from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 
 from activestereo.lab.bootstrap import BlockBootstrap, benjamini_yekutieli, interval, max_t
 from activestereo.lab.covariates import COVARIATES
-from activestereo.lab.where_samples import GROUPS
+from activestereo.lab.where_samples import GROUPS, Samples
 
 FALSE_DISCOVERY_RATE = 0.05
-# Statistical certainty is not size: a table is shown as a finding if it moves at least this share of the explainable error.
+# Statistical certainty is not size: a table is shown as a finding if it moves at least this share of the explainable
+# error.
 SMALLEST_SHARE = 0.05
 
 
-def where_tables(channels, name_of=str, seed=0):
+def where_tables(
+    channels: Mapping[str, tuple[Samples, str, bool]], name_of: Callable[[Any], str] = str, seed: int = 0
+) -> list[dict[str, Any]]:
     """The `where` list of compare.json: a table per channel and covariate, findings first, larger first.
 
     channels: {name: (Samples, unit, is there anything to explain)}. name_of(material id) -> text.
@@ -60,7 +67,8 @@ def _table(channel, unit, samples, explainable, covariate, bootstrap, name_of):
 
 
 def _p_value(columns, overall):
-    """Of the hypothesis that the covariate does not matter: in every bin the mean residual and the excess are the overall ones."""
+    """Of the hypothesis that the covariate does not matter: in every bin the mean residual and the excess are the
+    overall ones."""
     observed, drawn = 0.0, 0.0
     for (value, draws), (all_value, all_draws) in zip(columns, overall, strict=True):
         t, t_draws = max_t(value - all_value, draws - all_draws)

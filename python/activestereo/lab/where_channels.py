@@ -1,27 +1,43 @@
 """Turns a comparison's images and depths into the channels that where.py and tree.py look at."""
 
 import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from activestereo.capture import EYES
+from activestereo.capture import EYES, Capture
 from activestereo.lab.covariates import covariate_maps
 from activestereo.lab.tree import HonestTree
 from activestereo.lab.where import where_tables
 from activestereo.lab.where_samples import LARGEST_DISPARITY_ERROR_PX, ResidualImage, gather_samples
 
-# Below this share of the floor's variance an excess may be the renderer's own Monte Carlo noise, and is not explained further.
+# Below this share of the floor's variance an excess may be the renderer's own Monte Carlo noise, and is not explained
+# further.
 _SMALLEST_EXCESS = 0.05
 
 
-def where_it_fails(capture, layers, views, measured, predictions, floors, law, depths, seed=0):
+def where_it_fails(
+    capture: Capture,
+    layers: Any,
+    views: Any,
+    measured: Any,
+    predictions: Any,
+    floors: Any,
+    law: Any,
+    depths: Any,
+    seed: int = 0,
+) -> dict[str, Any]:
     """{where: tables, regions: {channel: ...}} of compare.json, from the train frames."""
     maps, infrared = {}, []
     for frame in capture.split("train"):
         for eye in EYES:
             key, expected = (frame.id, eye), predictions[frame.id, eye]
             maps[key] = covariate_maps(views[key], layers[frame.id][eye].material, expected, capture.rig.baseline_m)
-            infrared.append((key, measured[key] - expected, _floor(expected, frame, floors.get(key), law), _pose(frame, eye)))
+            infrared.append(
+                (key, measured[key] - expected, _floor(expected, frame, floors.get(key), law), _pose(frame, eye))
+            )
     channels = residual_channels(infrared, [d for d in depths if d.frame.split == "train"], maps, seed)
     name_of = material_names(capture.scene_path)
     return {
@@ -38,10 +54,14 @@ def where_it_fails(capture, layers, views, measured, predictions, floors, law, d
     }
 
 
-def residual_channels(infrared, depths, maps, seed=0):
-    """{channel: (Samples, unit, is there anything to explain)}. infrared: [(key, residual, floor, pose)]; depths: DepthFrames;
-    maps: {(frame id, eye): covariates}."""
-    images = {"infrared": [ResidualImage(r, floor, np.ones(r.shape, bool), maps[key], pose) for key, r, floor, pose in infrared]}
+def residual_channels(infrared: Any, depths: Any, maps: Any, seed: int = 0) -> Any:
+    """{channel: (Samples, unit, is there anything to explain)}. infrared: [(key, residual, floor, pose)]; depths:
+    DepthFrames; maps: {(frame id, eye): covariates}."""
+    images = {
+        "infrared": [
+            ResidualImage(r, floor, np.ones(r.shape, bool), maps[key], pose) for key, r, floor, pose in infrared
+        ]
+    }
     images["disparity"], images["validity"] = [], []
     for d in depths:
         here, pose = maps[d.frame.id, "left"], _pose(d.frame, "left")
@@ -57,7 +77,7 @@ def residual_channels(infrared, depths, maps, seed=0):
     return channels
 
 
-def material_names(scene_path):
+def material_names(scene_path: Path) -> Callable[[int], str]:
     """Text of a material id: the glTF file's own names, in whose order kuafu numbers materials."""
     try:
         materials = json.loads(scene_path.read_text(encoding="utf-8")).get("materials", [])

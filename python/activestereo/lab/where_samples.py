@@ -1,9 +1,12 @@
 """The residuals of a comparison as one list of pixels with their covariates, bins and blocks.
 
-Three channels: infrared (DN), disparity (px, where device and model both measured), validity (1 = the device alone measured,
--1 = the model alone). Train frames only: test frames stay unseen by whoever reads where the model fails.
+Three channels: infrared (DN), disparity (px, where device and model both measured), validity (1 = the device alone
+measured, -1 = the model alone). Train frames only: test frames stay unseen by whoever reads where the model fails.
 """
 
+from __future__ import annotations
+
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,8 +23,8 @@ LARGEST_DISPARITY_ERROR_PX = 2.0
 
 @dataclass(frozen=True)
 class ResidualImage:
-    """One image's share: residual, floor (what a perfect model's squared residual would be, expected) and mask, [height][width];
-    maps: covariates; pose: what repeats share, so that their blocks are one."""
+    """One image's share: residual, floor (what a perfect model's squared residual would be, expected) and mask,
+    [height][width]; maps: covariates; pose: what repeats share, so that their blocks are one."""
 
     residual: np.ndarray
     floor: np.ndarray
@@ -32,14 +35,15 @@ class ResidualImage:
 
 @dataclass(frozen=True)
 class Bins:
-    """Codes 1..count of a covariate, 0 = not defined. edges: [count + 1] of intervals (low, high], or values: one per code."""
+    """Codes 1..count of a covariate, 0 = not defined. edges: [count + 1] of intervals (low, high], or values: one per
+    code."""
 
     code: np.ndarray
     edges: np.ndarray | None
     values: np.ndarray | None
 
     @property
-    def count(self):
+    def count(self) -> int:
         return len(self.values) if self.edges is None else len(self.edges) - 1
 
 
@@ -54,10 +58,10 @@ class Samples:
     bins: dict
 
     @property
-    def total_excess(self):
+    def total_excess(self) -> float:
         return float(self.excess.sum())
 
-    def group_sums(self, values, code=None, count=0):
+    def group_sums(self, values: np.ndarray, code: np.ndarray | None = None, count: int = 0) -> np.ndarray:
         """Sums by group, [groups][1], or by group and code 1..count, [groups][count]."""
         if code is None:
             return np.bincount(self.group, values, GROUPS)[:, None]
@@ -65,14 +69,17 @@ class Samples:
         return sums.reshape(GROUPS, count + 1)[:, 1:]
 
 
-def gather_samples(images, seed=0):
-    """Samples of ResidualImages, a random subset of pixels where there are very many; None where there is no pixel at all."""
+def gather_samples(images: Sequence[ResidualImage], seed: int = 0) -> Samples | None:
+    """Samples of ResidualImages, a random subset of pixels where there are very many; None where there is no pixel at
+    all."""
     rng = np.random.Generator(np.random.Philox(seed))
     total = sum(int(image.mask.sum()) for image in images)
     if total == 0:
         return None
     keep = [_subset(image.mask, min(1.0, _MOST_PIXELS / total), rng) for image in images]
-    pick = lambda name: np.concatenate([getattr(i, name)[k] for i, k in zip(images, keep, strict=True)]).astype(np.float64)  # noqa: E731
+    pick = lambda name: np.concatenate([getattr(i, name)[k] for i, k in zip(images, keep, strict=True)]).astype(
+        np.float64
+    )  # noqa: E731
     residual, floor = pick("residual"), pick("floor")
     bins = {}
     for covariate in COVARIATES:

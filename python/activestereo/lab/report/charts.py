@@ -1,5 +1,8 @@
 """The charts of the report: error per frame, photon transfer, residual against covariates, error against effects added."""
 
+from collections.abc import Mapping, Sequence
+from typing import Any
+
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -31,7 +34,7 @@ def _legend(axes, **place):
     axes.legend(frameon=False, fontsize=8.5, labelcolor=INK, **place)
 
 
-def frames_chart(scores):
+def frames_chart(scores: Mapping[str, Any]) -> Figure:
     """Bars per frame with their noise floors: infrared, and disparity where the device gave depth."""
     infrared = [(e["id"], e["split"], e["rmse_dn"], e["noise_floor_dn"]) for e in scores["frames"]]
     depth = [(e["id"], s, e["rmse_px"], e["noise_floor_px"]) for s, v in scores["depth"].items() for e in v["frames"]]
@@ -52,14 +55,21 @@ def frames_chart(scores):
     return figure
 
 
-def photon_transfer_chart(points, law):
+def photon_transfer_chart(points: Sequence[Mapping[str, float]], law: Mapping[str, float]) -> Figure:
     """Temporal variance against signal of the repeats, and the fitted law. points: [{gain, mean_dn, variance_dn2}]."""
     figure = Figure(figsize=(5.4, 3.1), layout="constrained")
     axes = _axes(figure, 1, 1, 1, x="mean signal, DN", y="temporal variance, DN²", title="Photon transfer")
     gains = sorted({p["gain"] for p in points})
     for gain, color in zip(gains, [BLUE, ORANGE, GREEN] * len(gains), strict=False):
         own = [p for p in points if p["gain"] == gain]
-        axes.plot([p["mean_dn"] for p in own], [p["variance_dn2"] for p in own], ".", color=color, ms=5, label=f"repeats, gain {gain:g}")
+        axes.plot(
+            [p["mean_dn"] for p in own],
+            [p["variance_dn2"] for p in own],
+            ".",
+            color=color,
+            ms=5,
+            label=f"repeats, gain {gain:g}",
+        )
         mean = np.linspace(min(p["mean_dn"] for p in own), max(p["mean_dn"] for p in own), 100)
         signal = np.maximum(mean - law["black_dn"], 0.0)
         axes.plot(mean, law["offset"] + law["shot"] * gain * signal + law["relative"] * signal**2, color=color, lw=1.2)
@@ -68,7 +78,7 @@ def photon_transfer_chart(points, law):
     return figure
 
 
-def covariates_chart(tables, unit):
+def covariates_chart(tables: Sequence[Mapping[str, Any]], unit: str) -> Figure:
     """Small multiples: RMSE and mean residual per bin with 95 % intervals, and the noise floor."""
     rows = -(-len(tables) // _COLUMNS)
     height_in = 2.35 * rows + _LEGEND_IN
@@ -93,12 +103,27 @@ def _draw_bins(axes, bins):
     mean_low, mean_high = np.array([b["mean_interval"] for b in bins]).T
     axes.axhline(0.0, color=MUTED, lw=0.7)
     if categories or len(bins) < 6:
-        axes.errorbar(x, rmse, [np.maximum(rmse - low, 0), np.maximum(high - rmse, 0)], fmt="o", ms=4, color=BLUE, lw=1.4, label="RMSE")
+        axes.errorbar(
+            x,
+            rmse,
+            [np.maximum(rmse - low, 0), np.maximum(high - rmse, 0)],
+            fmt="o",
+            ms=4,
+            color=BLUE,
+            lw=1.4,
+            label="RMSE",
+        )
         axes.errorbar(x, mean, [np.maximum(mean - mean_low, 0), np.maximum(mean_high - mean, 0)], fmt="s", ms=3.5, color=ORANGE, lw=1.4,
                       label="mean residual")  # fmt: skip
         axes.hlines(floor, x - 0.4, x + 0.4, color=INK, lw=1.4, label="noise floor")
         names = [b.get("label", f"{b.get('low', 0):.4g}") for b in bins]
-        axes.set_xticks(x, names, rotation=40 if categories else 0, ha="right" if categories else "center", size=7 if categories else 8)
+        axes.set_xticks(
+            x,
+            names,
+            rotation=40 if categories else 0,
+            ha="right" if categories else "center",
+            size=7 if categories else 8,
+        )
         axes.set_xlim(-0.6, len(bins) - 0.4)
         return
     axes.fill_between(x, low, high, color=BLUE, alpha=0.22, lw=0)
@@ -108,8 +133,9 @@ def _draw_bins(axes, bins):
     axes.plot(x, floor, color=INK, lw=1.3, ls=(0, (4, 2)), label="noise floor")
 
 
-def effects_chart(steps, floor):
-    """Held-out error against effects added, with the floor line. steps: [{effects, heldout_ir_rmse}] from none on; floor: DN or None."""
+def effects_chart(steps: Sequence[Mapping[str, Any]], floor: float | None) -> Figure:
+    """Held-out error against effects added, with the floor line. steps: [{effects, heldout_ir_rmse}] from none on;
+    floor: DN or None."""
     figure = Figure(figsize=(7.2, 3.4), layout="constrained")
     axes = _axes(figure, 1, 1, 1, y="held-out infrared RMSE, DN", title="Error against effects added", grid="y")
     error = [step["heldout_ir_rmse"] for step in steps]
@@ -118,7 +144,9 @@ def effects_chart(steps, floor):
         axes.annotate(f"{value:.2f}", (i, value), (0, 9), textcoords="offset points", ha="center", size=9.5, color=INK)
     if floor is not None:
         axes.axhline(floor, color=INK, lw=1.4, ls=(0, (4, 2)))
-        axes.annotate(f"noise floor {floor:.2f}", (-0.45, floor), (0, -12), textcoords="offset points", size=9, color=INK)
+        axes.annotate(
+            f"noise floor {floor:.2f}", (-0.45, floor), (0, -12), textcoords="offset points", size=9, color=INK
+        )
     axes.set_ylim(0.0, 1.18 * max(error))
     axes.set_xlim(-0.5, max(len(error) - 0.5, 0.5))
     axes.set_xticks(range(len(error)), [_step_name(steps, i) for i in range(len(error))], size=9, color=INK)

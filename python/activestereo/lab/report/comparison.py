@@ -1,5 +1,7 @@
 """The report's sections on a comparison: how large the error is, how large it must be, and where it sits."""
 
+from typing import Any
+
 from activestereo.lab.covariates import COVARIATES
 from activestereo.lab.report.page import card, chart, section, share_bar, table, text
 from activestereo.lab.report.charts import covariates_chart, frames_chart, photon_transfer_chart
@@ -16,36 +18,46 @@ _MEANING = {
 _CHARTS = 8
 
 
-def summary_line(scores):
+def summary_line(scores: dict[str, Any]) -> str:
     """The comparison in one sentence."""
     split = "test" if "test" in scores["ir"] else "train"
     values = scores["ir"][split]
     if values["noise_floor_dn"] is None:
         return f"Infrared error {values['rmse_dn']:.2f} DN on {split} frames; without repeated frames the noise floor is unknown."
     share = (values["explainable_rmse_dn"] / values["rmse_dn"]) ** 2
-    near = "" if scores["regions"].get("infrared", {}).get("is_explainable", True) else ": the model is at the noise floor"
+    near = (
+        "" if scores["regions"].get("infrared", {}).get("is_explainable", True) else ": the model is at the noise floor"
+    )
     return (
         f"Infrared error {values['rmse_dn']:.2f} DN on {split} frames where noise alone gives {values['noise_floor_dn']:.2f} DN; "
         f"{100 * share:.0f} % of the squared error is explainable{near}."
     )
 
 
-def cards(scores):
+def cards(scores: dict[str, Any]) -> str:
     parts = []
     for split, values in scores["ir"].items():
-        floor = "noise floor unknown" if values["noise_floor_dn"] is None else f"noise floor {values['noise_floor_dn']:.2f} DN"
+        floor = (
+            "noise floor unknown"
+            if values["noise_floor_dn"] is None
+            else f"noise floor {values['noise_floor_dn']:.2f} DN"
+        )
         above = "" if values["explainable_rmse_dn"] is None else f", explainable {values['explainable_rmse_dn']:.2f} DN"
         parts.append(card(f"infrared RMSE, {split}", f"{values['rmse_dn']:.2f} DN", floor + above))
     for split, values in scores["depth"].items():
         floor = f"noise floor {values['noise_floor_px']:.3f} px" if values["noise_floor_px"] is not None else ""
-        metres = "" if values["rmse_m"] is None else f", {1e3 * values['rmse_m']:.1f} mm, bias {1e3 * values['bias_m']:+.1f} mm"
+        metres = (
+            ""
+            if values["rmse_m"] is None
+            else f", {1e3 * values['rmse_m']:.1f} mm, bias {1e3 * values['bias_m']:+.1f} mm"
+        )
         parts.append(card(f"depth RMSE, {split}", _number(values["rmse_px"], "px"), floor + metres))
         fill = f"{100 * values['fill_measured']:.1f} / {100 * values['fill_model']:.1f} %"
         parts.append(card(f"fill, device / model, {split}", fill, f"validity IoU {values['validity_iou']:.3f}"))
     return f'<div class="cards">{"".join(parts)}</div>'
 
 
-def comparison_sections(comparison):
+def comparison_sections(comparison: Any) -> list[str]:
     """All sections, in reading order."""
     scores = comparison.scores
     parts = []
@@ -56,7 +68,7 @@ def comparison_sections(comparison):
     return parts
 
 
-def settings_section(scores):
+def settings_section(scores: dict[str, Any]) -> str:
     nuisances, errors = scores["fit"]["nuisances"], scores["fit"]["standard_errors"]
     rows = [[text(name.replace("_", " ")), f"{nuisances[name]:.6g}", f"± {errors[name]:.2g}"] for name in nuisances]
     made = f"{scores['renderer']}; {scores['samples_per_pixel']} samples per pixel, {scores['max_bounces']} bounces, seed {scores['seed']}."
@@ -80,15 +92,31 @@ def _depth_table(depth):
     rows = []
     for split, values in depth.items():
         pairs = [("device against model", values, values["noise_floor_px"])]
-        pairs += [(f"{'device' if who == 'measured' else 'model'} against geometry", v, None) for who, v in values["truth"].items()]
+        pairs += [
+            (f"{'device' if who == 'measured' else 'model'} against geometry", v, None)
+            for who, v in values["truth"].items()
+        ]
         for name, error, floor in pairs:
             bias = "—" if error["bias_m"] is None else f"{1e3 * error['bias_m']:+.1f} mm"
             rmse_mm = "—" if error["rmse_m"] is None else f"{1e3 * error['rmse_m']:.1f} mm"
-            rows.append([split, name, rmse_mm, bias, _number(error["rmse_px"], "px"), _number(error["median_abs_px"], "px"), _number(floor, "px")])
+            rows.append(
+                [
+                    split,
+                    name,
+                    rmse_mm,
+                    bias,
+                    _number(error["rmse_px"], "px"),
+                    _number(error["median_abs_px"], "px"),
+                    _number(floor, "px"),
+                ]
+            )
     source = {v["noise_floor_from"] for v in depth.values()}
     note = "two repeats of the device" if source == {"repeats"} else "two noisy exposures of the model, matched alike"
     head = ["", "", "RMSE", "bias", "RMSE, disparity", "median, disparity", "noise floor"]
-    return table(head, rows, numbers=range(2, 7)) + f'<p class="muted small">Noise floor: {note}. The pictures above show the depth images, too.</p>'
+    return (
+        table(head, rows, numbers=range(2, 7))
+        + f'<p class="muted small">Noise floor: {note}. The pictures above show the depth images, too.</p>'
+    )
 
 
 def _noise(scores):
@@ -127,7 +155,9 @@ def _regions(region):
     parts = []
     head = region["headline"]
     if head:
-        share = f"{100 * head['share']:.0f} % of the explainable error in {100 * head['pixel_share']:.0f} % of the pixels"
+        share = (
+            f"{100 * head['share']:.0f} % of the explainable error in {100 * head['pixel_share']:.0f} % of the pixels"
+        )
         parts.append(f'<p class="headline"><b>{share}:</b> {text(head["words"])}</p>')
     rows = [
         [text(leaf["words"]), share_bar(leaf["share"], leaf["share_interval"], leaf["pixel_share"]), f"{100 * leaf['share']:.0f} %",
@@ -150,7 +180,16 @@ def _tables(tables):
              f"{b['excess']:.3g}", "{:.3g} … {:.3g}".format(*b["excess_interval"])]
             for b in entry["bins"]
         ]  # fmt: skip
-        head = [_WORDS[entry["covariate"]] + unit, "pixels", "mean", "95 %", "RMSE", "noise floor", "squared excess", "95 %"]
+        head = [
+            _WORDS[entry["covariate"]] + unit,
+            "pixels",
+            "mean",
+            "95 %",
+            "RMSE",
+            "noise floor",
+            "squared excess",
+            "95 %",
+        ]
         title = f"{_WORDS[entry['covariate']]}: {mark}, q = {entry['q_value']:.2g}{share}"
         parts.append(f"<details><summary>{text(title)}</summary>{table(head, rows, numbers=range(1, 8))}</details>")
     return f"<details><summary>All {len(tables)} tables</summary>{''.join(parts)}</details>"

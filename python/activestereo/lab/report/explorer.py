@@ -1,6 +1,8 @@
-"""The part of the report that is explored: every frame and eye under every model, as data for web/explorer.js, and its markup."""
+"""The part of the report that is explored: every frame and eye under every model, as data for web/explorer.js, and its
+markup."""
 
 import json
+from typing import Any
 
 import numpy as np
 from matplotlib import colormaps
@@ -15,14 +17,16 @@ from activestereo.lab.report.worst import RESIDUAL_FLOORS, worst_frame
 _STEP_SHARE = 0.125
 _DISPARITY_STEP_PX = 1.0 / 64.0
 _LEAST_DISPARITY_LIMIT_PX = 0.5
-# Pixels of infrared images that a page holds, both eyes of all its frames; about 3 bytes each with a dozen ranked effects.
+# Pixels of infrared images that a page holds, both eyes of all its frames; about 3 bytes each with a dozen ranked
+# effects.
 _LARGEST_PIXELS = 5_000_000
 _COLOURS = 33
 _DEPTH = "depth"
 
 
-def explorer_section(comparison, images):
-    """HTML of the section, and its data as a script of JSON. images: {name: {(frame id, eye): expected DN}}, see models.py."""
+def explorer_section(comparison: Any, images: Any) -> str:
+    """HTML of the section, and its data as a script of JSON. images: {name: {(frame id, eye): expected DN}}, see
+    models.py."""
     data = explorer_data(comparison, images)
     left_out = len(comparison.capture.frames) - len({view["frame"] for view in data["views"]})
     note = f"The page holds {len(comparison.capture.frames) - left_out} of {len(comparison.capture.frames)} frames, those furthest from the model first. "
@@ -32,7 +36,7 @@ def explorer_section(comparison, images):
     return f'{markup}<script type="application/json" id="explorer-data">{content}</script>'
 
 
-def explorer_data(comparison, images):
+def explorer_data(comparison: Any, images: Any) -> dict[str, Any]:
     """{views, start, models, maps}: what web/explorer.js shows; views in the order of frames, then left, right, depth."""
     frames = _chosen_frames(comparison)
     depths = {depth.frame.id: depth for depth in comparison.depths}
@@ -42,7 +46,9 @@ def explorer_data(comparison, images):
         if frame.id in depths:
             views.append(_depth_view(depths[frame.id], comparison))
     ranked = [name for name in images if name not in (BASE, FOUND)]
-    words = {BASE: "base model", FOUND: "model with what was found"} | {name: f"base model with {name} alone" for name in ranked}
+    words = {BASE: "base model", FOUND: "model with what was found"} | {
+        name: f"base model with {name} alone" for name in ranked
+    }
     split = "test" if "test" in comparison.scores["ir"] else "train"
     return {
         "views": views,
@@ -88,13 +94,17 @@ def _infrared_view(comparison, frame, eye, images):
 
 def _depth_view(depth, comparison):
     """Disparities of the device and of the compared model, pixels."""
-    disparity = [np.where(z > 0, depth.focal_baseline / np.where(z > 0, z, 1.0), 0.0) for z in (depth.measured, depth.model[0])]
+    disparity = [
+        np.where(z > 0, depth.focal_baseline / np.where(z > 0, z, 1.0), 0.0) for z in (depth.measured, depth.model[0])
+    ]
     name = FOUND if comparison.model.effects else BASE
     error, valid = depth.disparity_error(depth.measured, depth.model[0])
     scores = comparison.scores["depth"][depth.frame.split]
     seen = disparity[0][disparity[0] > 0]
     low, high = (float(q) for q in np.quantile(seen, (0.01, 0.99))) if seen.size else (0.0, 1.0)
-    layers = {key: encoded_image(d, _DISPARITY_STEP_PX, d > 0) for key, d in zip(("measured", name), disparity, strict=True)}
+    layers = {
+        key: encoded_image(d, _DISPARITY_STEP_PX, d > 0) for key, d in zip(("measured", name), disparity, strict=True)
+    }
     return {
         "frame": depth.frame.id, "split": depth.frame.split, "eye": _DEPTH, "unit": "px", "digits": 2, "map": "viridis", "power": 1.0,
         "width": disparity[0].shape[1], "height": disparity[0].shape[0], "range": [low, max(high, low + 1e-3)],

@@ -1,11 +1,13 @@
-"""Writes a comparison: compare.json, its picture compare.png, and report.html, one self-contained page to explore, which
-shows a diagnosis too where there is one.
+"""Writes a comparison: compare.json, its picture compare.png, and report.html, one self-contained page to explore,
+which shows a diagnosis too where there is one.
 
 Files appear whole or not at all: written aside, then renamed.
 """
 
 import json
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from activestereo.lab.report.page import page, text
 from activestereo.lab.report.comparison import cards, comparison_sections, settings_section, summary_line
@@ -19,11 +21,19 @@ from activestereo.output_files import replace_file
 _SCRIPTS = ("picture.js", "zoom.js", "explorer.js")
 
 
-def write_report(comparison, folder, diagnosis=None, effects=None, progress=None):
-    """Writes compare.json, compare.png and report.html into `folder` (made where absent); returns the paths of the first and the last.
+def write_report(
+    comparison: Any,
+    folder: str | Path,
+    diagnosis: Any = None,
+    effects: Any = None,
+    progress: Callable[[float], object] | None = None,
+) -> Any:
+    """Writes compare.json, compare.png and report.html into `folder` (made where absent); returns the paths of the
+    first and the last.
 
-    diagnosis: what diagnose.json holds, a dict; None for the folder's own diagnose.json, if there is one of this capture. effects:
-    {id: Effect} that it may name, None for the built-in ones. progress: called as progress(fraction done).
+    diagnosis: what diagnose.json holds, a dict; None for the folder's own diagnose.json, if there is one of this
+    capture. effects: {id: Effect} that it may name, None for the built-in ones. progress: called as progress(fraction
+    done).
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
@@ -38,7 +48,9 @@ def write_report(comparison, folder, diagnosis=None, effects=None, progress=None
     return folder / "compare.json", folder / "report.html"
 
 
-def report_page(comparison, diagnosis=None, effects=None, progress=None):
+def report_page(
+    comparison: Any, diagnosis: Any = None, effects: Any = None, progress: Callable[[float], object] | None = None
+) -> str:
     """The page's text."""
     scores = comparison.scores
     images = model_images(comparison, diagnosis, effects, progress)
