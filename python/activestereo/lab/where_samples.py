@@ -77,9 +77,10 @@ def gather_samples(images: Sequence[ResidualImage], seed: int = 0) -> Samples | 
     if total == 0:
         return None
     keep = [_subset(image.mask, min(1.0, _MOST_PIXELS / total), rng) for image in images]
-    pick = lambda name: np.concatenate([getattr(i, name)[k] for i, k in zip(images, keep, strict=True)]).astype(
-        np.float64
-    )  # noqa: E731
+
+    def pick(name: str) -> np.ndarray:
+        return np.concatenate([getattr(i, name)[k] for i, k in zip(images, keep, strict=True)]).astype(np.float64)
+
     residual, floor = pick("residual"), pick("floor")
     bins = {}
     for covariate in COVARIATES:

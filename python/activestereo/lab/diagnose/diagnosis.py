@@ -173,8 +173,8 @@ def examine(
         "model": model_json(found, last.base.solution.nuisances),
     }
     found = _with_own_functions(found, candidates)
-    solution = next((f.solution for f in beside if f.solution is not None), last.base.solution)
-    complete = found_model(evidence, found, solution, [*first.findings, *beside])
+    solution = next((f.solution for f in faults if f.solution is not None), last.base.solution)
+    complete = found_model(evidence, found, solution, [*first.findings, *faults])
     return Diagnosis(result, found, law and law.stub(), complete)
 
 

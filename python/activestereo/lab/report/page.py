@@ -1,6 +1,8 @@
 """One self-contained web page: text is escaped, pictures and charts are data URIs, scripts stand inside, and its
 content security policy forbids the browser to load anything."""
 
+from __future__ import annotations
+
 import base64
 import html
 import io
