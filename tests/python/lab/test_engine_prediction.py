@@ -12,7 +12,6 @@ from activestereo.capture import Capture, read_capture
 from activestereo.capture_write import write_capture
 from activestereo.cli import main
 from activestereo.effects import Model, builtin
-from activestereo.effects.core.engine import moved_pose
 from activestereo.engines import CaptureRenderer, Survey
 from activestereo.images import read_gray
 from activestereo.lab.compare import compare
