@@ -182,7 +182,12 @@ class StereoDepthSensorConfig(MatcherFields):
         # returns it.
         for p in MATCHER:
             setattr(self, sapien_name(p.name), SAPIEN_DEFAULTS.get(p.name, p.default))
-        self.depth_maps = ()
+        self.depth_maps: tuple[str, ...] = ()
+        # Where the depth engine works ('auto', 'cpu', 'vulkan'), whether it takes the least memory instead of the least
+        # time, and which faults of the published SimSense it keeps, out of simsense.FAULTS.
+        self.back_end = "auto"
+        self.low_memory = False
+        self.faults: tuple[str, ...] = ()
 
         # Optics of the cameras: a dict of kuafu.Film's fields (vignetting_exponent, psf_sigma_px, ...); None is
         # perfect.

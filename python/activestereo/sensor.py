@@ -332,6 +332,9 @@ class StereoDepthSensor:
             left_to_rgb=camera_to_camera(c.trans_pose_l, Pose()),
             rectified=c.rectified and not any(np.any(camera.distortion) for camera in (left, right)),
             noise_seed=c.ir_noise_seed,
+            back_end=c.back_end,
+            low_memory=c.low_memory,
+            faults=c.faults,
             **engine_parameters(c),
         )
 

@@ -160,6 +160,24 @@ def add_matching(parser: argparse.ArgumentParser, defaults: Mapping[str, Any]) -
     return group
 
 
+def add_engine(group: argparse._ArgumentGroup) -> None:
+    """Where and how the depth engine works."""
+    group.add_argument(
+        "--back-end",
+        choices=("auto", "cpu", "vulkan"),
+        default="auto",
+        help="where depth is computed: on a GPU by Vulkan, else on the CPU (default: auto)",
+    )
+    group.add_argument("--low-memory", action="store_true", help="take the least memory, not the least time, on a GPU")
+    group.add_argument(
+        "--fault",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="a fault of the published SimSense to keep (simsense/README.md); may be given several times",
+    )
+
+
 def given_matching(args: argparse.Namespace) -> dict[str, Any]:
     """The matcher's parameters that were given, by name."""
     given = {p.name: getattr(args, p.name) for p in MATCHER}

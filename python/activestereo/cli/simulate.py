@@ -10,6 +10,7 @@ from activestereo.cli.arguments import (
     CommandError,
     Commands,
     add_device,
+    add_engine,
     add_matching,
     add_max_bounces,
     add_out,
@@ -77,7 +78,9 @@ def add_parser(commands: Commands) -> None:
     _add_view(parser.add_argument_group("view"))
     add_camera_options(parser.add_argument_group("lenses, shutters and motion"))
     _add_rendering(parser.add_argument_group("rendering and noise"))
-    add_depth_maps(add_matching(parser, SAPIEN_DEFAULTS))
+    matching = add_matching(parser, SAPIEN_DEFAULTS)
+    add_engine(matching)
+    add_depth_maps(matching)
     parser.set_defaults(run=run)
 
 
@@ -166,6 +169,7 @@ def make_config(args: argparse.Namespace, model: "SensorModel | None" = None) ->
     for name, value in given_matching(args).items():
         setattr(config, sapien_name(name), value)
     config.depth_maps = wanted_maps(args)
+    config.back_end, config.low_memory, config.faults = args.back_end, args.low_memory, tuple(args.fault)
     if args.no_noise:
         config.ir_speckle_noise, config.ir_signal = 0.0, None
     engine_parameters(config)  # its checks come before any work

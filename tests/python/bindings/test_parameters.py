@@ -57,6 +57,13 @@ def test_an_option_reaches_the_configuration_under_its_name_there() -> None:
     assert (config.max_disp, config.subpixel, config.path_count, config.depth_dilation) == (64, "parabola", 8, False)
 
 
+def test_the_engines_place_memory_and_faults_are_options_too() -> None:
+    from activestereo.cli.simulate import make_config
+
+    config = make_config(parse("simulate", "--back-end", "cpu", "--low-memory", "--fault", "splat_invalid", "--fault", "remap_nearest"))
+    assert (config.back_end, config.low_memory, config.faults) == ("cpu", True, ("splat_invalid", "remap_nearest"))
+
+
 @pytest.mark.parametrize("foreign", [{"lr_max_diff": 255}, {"uniqueness_ratio": 255}])
 def test_sapiens_ways_to_switch_off_stay_in_the_configuration(foreign: dict[str, int]) -> None:
     config = StereoDepthSensorConfig()
