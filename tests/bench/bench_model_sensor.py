@@ -16,7 +16,6 @@ from activestereo.scene import CAMERA_TO_WORLD, write_table_top
 from activestereo.sensor_model import Quantity, SensorModel
 
 EFFECTS = ("vignetting", "lens_psf", "principal_point_offset", "projector_vignetting", "shot_noise")
-SAMPLES = 8
 
 
 def five_effects() -> SensorModel:
@@ -40,7 +39,6 @@ def main() -> None:
     parser.add_argument("--device", default="auto")
     args = parser.parse_args()
     config = StereoDepthSensorConfig("D435").scaled(args.scale)
-    config.samples_per_pixel = SAMPLES
     with tempfile.TemporaryDirectory() as folder:
         scene = Path(folder) / "table_top.gltf"
         write_table_top(scene)
@@ -57,7 +55,7 @@ def main() -> None:
                 least[name] = min(least[name], seconds) if turn else least[name]
     first, second = least.values()
     print(
-        f"{next(iter(sensors.values())).device.info.name}, {config.ir_resolution[0]}x{config.ir_resolution[1]}, {SAMPLES} samples: {', '.join(EFFECTS)}"
+        f"{next(iter(sensors.values())).device.info.name}, {config.ir_resolution[0]}x{config.ir_resolution[1]}, {config.samples_per_pixel} samples: {', '.join(EFFECTS)}"
     )
     for name, seconds in least.items():
         print(f"{name:20} {1000 * seconds:8.1f} ms")
