@@ -54,7 +54,12 @@ int duplicate_fd(uint64_t handle, uint64_t allocation_bytes) {
   // Memory behind a regular file (lavapipe) shorter than the descriptor says would fault when touched. GPU drivers' fds are no regular
   // files.
   struct stat status {};
-  if (fstat(fd, &status) == 0 && S_ISREG(status.st_mode) && static_cast<uint64_t>(status.st_size) < allocation_bytes) {
+  const bool known = fstat(fd, &status) == 0;
+  if (known && (S_ISFIFO(status.st_mode) || S_ISSOCK(status.st_mode) || S_ISDIR(status.st_mode) || S_ISBLK(status.st_mode))) {
+    close(fd);
+    fail(KS_ERROR_INVALID_ARGUMENT, "buffer import: fd %llu is a pipe, socket, folder or disk, not memory", static_cast<ull>(handle));
+  }
+  if (known && S_ISREG(status.st_mode) && static_cast<uint64_t>(status.st_size) < allocation_bytes) {
     close(fd);
     fail(KS_ERROR_INVALID_ARGUMENT, "buffer import: fd %llu holds %llu bytes, the descriptor says %llu", static_cast<ull>(handle),
          static_cast<ull>(status.st_size), static_cast<ull>(allocation_bytes));

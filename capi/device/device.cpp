@@ -13,6 +13,7 @@
 #include "device/log_sink.h"
 #include "device/physical.h"
 #include "device/pipeline_cache.h"
+#include "device/text.h"
 #include "device/thread_pool.h"
 
 namespace ks {
@@ -248,7 +249,7 @@ void Device::log(uint32_t level, const char* format, ...) const {
   va_start(arguments, format);
   std::vsnprintf(text, sizeof text, format, arguments);
   va_end(arguments);
-  log_->write(level, text);
+  log_->write(level, one_line(text, sizeof text).c_str());
 }
 
 }  // namespace ks

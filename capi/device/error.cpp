@@ -14,6 +14,10 @@ void fail(ks_status status, const char* format, ...) {
   va_start(arguments, format);
   std::vsnprintf(text, sizeof text, format, arguments);
   va_end(arguments);
+  for (char& c : text) {
+    if (c == '\0') break;
+    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = ' ';  // a name from a file or a host may hold anything
+  }
   throw Error(status, text);
 }
 

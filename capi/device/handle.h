@@ -2,6 +2,8 @@
 // Thread rule: retain and release may be called from any thread.
 #pragma once
 
+#include <unistd.h>
+
 #include <atomic>
 #include <cstdint>
 #include <memory>
@@ -10,14 +12,19 @@
 
 namespace ks {
 
-/// Base of kuafu_device_t and its like. tag_value differs for every kind of handle in both libraries.
-template <class Object, uint32_t tag_value>
+/// Base of kuafu_device_t and its like. tag_value differs for every kind of handle in both libraries. A child of fork has none of its
+/// parent's threads, neither ours nor the driver's: there a handle is refused, and its release does nothing. `without_threads`: one that
+/// is plain memory and works on.
+template <class Object, uint32_t tag_value, bool without_threads = false>
 struct Handle {
   explicit Handle(std::shared_ptr<Object> shared) : object(std::move(shared)) {}
   static constexpr uint32_t expected_tag = tag_value;
   std::atomic<uint32_t> tag{tag_value};
   std::atomic<uint32_t> references{1};
   std::shared_ptr<Object> object;
+  const pid_t process = getpid();
+  [[nodiscard]] bool forked() const { return process != getpid(); }
+  static constexpr bool works_after_fork = without_threads;
 };
 
 /// The object behind a handle. A handle that was released for good is recognised only while its memory is not used again.
@@ -26,6 +33,8 @@ const auto& object_of(H* handle, const char* name) {
   if (handle == nullptr) fail(KS_ERROR_INVALID_ARGUMENT, "%s is NULL", name);
   if (handle->tag.load(std::memory_order_acquire) != H::expected_tag)
     fail(KS_ERROR_INVALID_ARGUMENT, "%s is no such handle of this library, or was released", name);
+  if constexpr (!H::works_after_fork)
+    if (handle->forked()) fail(KS_ERROR_INVALID_STATE, "%s was made before fork: a child process makes a device of its own", name);
   return handle->object;
 }
 
@@ -40,7 +49,7 @@ void retain(H* handle, const char* name) noexcept {
 /// release(NULL) is a no-op.
 template <class H>
 void release(H* handle, const char* name) noexcept {
-  if (handle == nullptr) return;
+  if (handle == nullptr || (handle->tag.load(std::memory_order_acquire) == H::expected_tag && handle->forked())) return;
   (void)guard([&] {
     (void)object_of(handle, name);
     if (handle->references.fetch_sub(1, std::memory_order_acq_rel) != 1) return;

@@ -24,6 +24,6 @@ struct kuafu_buffer_t : ks::Handle<ks::Buffer, 0x6b627566> {
   using Handle::Handle;
 };
 
-struct kuafu_scene_t : ks::Handle<kuafu::DeviceScene, 0x6b73636e> {
+struct kuafu_scene_t : ks::Handle<kuafu::DeviceScene, 0x6b73636e, true> {
   using Handle::Handle;
 };
