@@ -1,5 +1,5 @@
-"""The command line: activestereo simulate | depth | pair | depth-quality | compare | diagnose | add | model | effect |
-devices, one file each. This one parses, runs and makes failures one line."""
+"""The command line: activestereo simulate | depth | pair | depth-quality | compare | diagnose | add | model |
+acquire | import | effect | devices, one file each. This one parses, runs and makes failures one line."""
 
 import argparse
 import os
@@ -9,10 +9,10 @@ import traceback
 from collections.abc import Sequence
 from typing import NoReturn
 
-from activestereo.cli import add, compare, depth, depth_quality, devices, diagnose, effect, model, pair, simulate
+from activestereo.cli import acquire, add, compare, depth, depth_quality, devices, diagnose, effect, model, pair, simulate
 from activestereo.cli.arguments import CommandError
 
-_COMMANDS = (simulate, depth, pair, depth_quality, compare, diagnose, add, model, effect, devices)
+_COMMANDS = (simulate, depth, pair, depth_quality, compare, diagnose, add, model, acquire, effect, devices)
 
 
 class _Parser(argparse.ArgumentParser):

@@ -1,0 +1,8 @@
+"""Measures a real camera: each part turns frames of something known into one section of model.json. README.md has the commands and figures.
+
+    noise     repeats of a static view      -> imager      acquire/noise.py
+    pattern   frames of a flat wall         -> pattern     acquire/pattern.py
+    rig       frames of a calibration board -> rig         acquire/rig.py
+
+Every failure of the input is a ValueError of one line: the file, the number, and what to do about it.
+"""

@@ -1,0 +1,256 @@
+"""The projector's pattern from frames of a flat wall: each dot's direction and power, and where the projector stands.
+
+Dots are found in the averaged images of both eyes (spots.py) and lie on the wall's plane (wall.py). Two distances give each dot a line;
+where the lines meet stands the projector. One distance leaves its place nominal. A dot's power follows from what it looks like: the
+camera sees radiance, which falls with the projector's distance and angle and with the camera's (power_px2 below).
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from activestereo.acquire.frames import LEAST_REPEATS, Repeats, check_still
+from activestereo.acquire.model_section import measured
+from activestereo.acquire.spots import Spots, find_spots
+from activestereo.acquire.wall import Wall, find_wall
+from activestereo.capture import EYES, Capture, Frame, read_capture
+from activestereo.images import read_gray
+
+# A dot covers some ten pixels of a hundred: a tenth of the dots may clip at their tops.
+_LARGEST_SATURATED = 0.005
+_LEAST_DISTANCE_RATIO = 1.2
+# The same dot at two distances: so far from where the projector's last place puts it, pixels of the pattern.
+_SAME_DOT_PX = (6.0, 3.0, 1.5, 1.5)
+_LEAST_LINES = 100
+_INTERVAL_90 = 1.6449
+
+
+@dataclass(frozen=True)
+class WallView:
+    """One distance: averaged images by eye, their spots, and the wall they lie on."""
+
+    name: str
+    images: dict[str, np.ndarray]
+    spots: dict[str, Spots]
+    wall: Wall
+
+
+@dataclass(frozen=True)
+class Pattern:
+    """dots [n][3]: u, v in pixels of an image of `size` under K, and power in pixels squared, their mean that of the nominal pattern (or 1).
+    place_m: the projector's origin in the left camera's frame; place_error_m: its standard deviations, None where it is nominal.
+    seen_twice: dots that two distances show."""
+
+    dots: np.ndarray
+    size: tuple[int, int]
+    K: np.ndarray
+    place_m: np.ndarray
+    place_error_m: np.ndarray | None
+    left_to_projector: np.ndarray
+    dot_sigma_px: float
+    views: tuple[WallView, ...]
+    seen_twice: int
+
+    def section(self) -> dict:
+        """model.json's `pattern`."""
+        names, error = ("x", "y", "z"), self.place_error_m
+        place = {
+            name: measured(value, value, value, "m") if error is None else measured(value, value - _INTERVAL_90 * e, value + _INTERVAL_90 * e, "m")
+            for name, value, e in zip(names, self.place_m, np.zeros(3) if error is None else error, strict=True)
+        }
+        source = f"acquire pattern: {len(self.dots)} dots, walls at " + ", ".join(f"{view.wall.distance_m:.3f} m" for view in self.views)
+        return {
+            "width": self.size[0],
+            "height": self.size[1],
+            "K": self.K.ravel().tolist(),
+            "left_to_projector": self.left_to_projector.ravel().tolist(),
+            "place": place | {"is_nominal": error is None},
+            "dot_sigma_px": self.dot_sigma_px,
+            "dots": [[round(float(u), 4), round(float(v), 4), round(float(power), 5)] for u, v, power in self.dots],
+            "source": source,
+        }
+
+    def text(self) -> str:
+        """What a reader wants first."""
+        lines = [f"{len(self.dots)} dots; {self.seen_twice} of them are seen at two distances; sigma {self.dot_sigma_px:.2f} px of the pattern"]
+        for view in self.views:
+            wall = view.wall
+            share = 100.0 * np.mean(wall.is_seen_by_both)
+            lines.append(
+                f"{view.name}: wall at {wall.distance_m:.4f} m, {len(view.spots['left'])} and {len(view.spots['right'])} dots, {share:.0f} % matched, flat to {wall.flatness_px:.3f} px"
+            )
+        x, y, z = 1e3 * self.place_m
+        if self.place_error_m is None:
+            lines.append(f"projector at {x:.2f}, {y:.2f}, {z:.2f} mm of the left camera: NOMINAL; a wall at a second distance, 1.5 times as far, would tell it")
+        else:
+            ex, ey, ez = 1e3 * self.place_error_m
+            lines.append(f"projector at {x:.2f} ± {ex:.2f}, {y:.2f} ± {ey:.2f}, {z:.2f} ± {ez:.2f} mm of the left camera")
+        return "\n".join(lines)
+
+
+def acquire_pattern(path: Path, progress: Callable[[float], None] | None = None) -> Pattern:
+    """The Pattern of a capture whose repeat groups look at one flat, matt wall, each group from one distance, the projector on.
+
+    The rig's nominal calibration is believed: K, the baseline, the projector's K and, for one distance, its place. ValueError with file,
+    number and remedy: too few or moving repeats, a saturated wall, a distorted lens, what is not flat.
+    """
+    tell = progress or (lambda fraction: None)
+    capture = read_capture(path)
+    _check_rig(capture)
+    groups = capture.repeats()
+    if not groups:
+        raise ValueError(f"{capture.path}: no frames share a repeat_group: record {LEAST_REPEATS} or more frames of the wall at each distance")
+    views = []
+    for number, (group, frames) in enumerate(groups.items()):
+        share = lambda part, number=number: tell(0.95 * (number + part) / len(groups))  # noqa: E731
+        views.append(_wall_view(capture, f"{capture.path}: repeat group {group}", frames, share))
+    views.sort(key=lambda view: view.wall.distance_m)
+    pattern = merged_pattern(tuple(views), capture)
+    tell(1.0)
+    return pattern
+
+
+def _check_rig(capture: Capture) -> None:
+    rig = capture.rig
+    if not (rig.left.is_pinhole and rig.right.is_pinhole):
+        raise ValueError(f"{capture.path}/capture.json: rig.left.distortion: dots are matched along rows: rectify the images and give zeros")
+    if not np.allclose(rig.left_to_right[:3, :3], np.eye(3), atol=1e-4):
+        raise ValueError(f"{capture.path}/capture.json: rig.left_to_right: turns the right camera: rectify the images")
+    if rig.left_to_right[0, 3] >= 0:
+        raise ValueError(f"{capture.path}/capture.json: rig.left_to_right: x is {rig.left_to_right[0, 3]:g}, expected below 0: left and right are swapped")
+
+
+def _wall_view(capture: Capture, name: str, frames: list[Frame], tell: Callable[[float], None]) -> WallView:
+    if len(frames) < LEAST_REPEATS:
+        raise ValueError(f"{name}: {len(frames)} repeats, at least {LEAST_REPEATS} are needed: record more frames of the wall")
+    images, spots = {}, {}
+    for place, eye in enumerate(EYES):
+        counts = np.stack([read_gray(frame.path(eye), key=f"frames[id={frame.id}].{eye}") for frame in frames])
+        check_still(Repeats(f"{name}, {eye}", counts))
+        _check_saturation(f"{name}, {eye}", counts, capture.rig.max_dn)
+        images[eye] = counts.mean(axis=0)
+        spots[eye] = find_spots(images[eye], _variance_of_mean(counts), lambda part, place=place: tell(0.5 * (place + part)))
+    wall = find_wall(spots["left"], spots["right"], capture.rig.left.K, capture.rig.right.K, capture.rig.baseline_m, name)
+    return WallView(name, images, spots, wall)
+
+
+def _check_saturation(name: str, counts: np.ndarray, max_dn: int) -> None:
+    share = float(np.mean((counts == max_dn).any(axis=0)))
+    if share > _LARGEST_SATURATED:
+        raise ValueError(f"{name}: {100 * share:.1f} % of the pixels reach {max_dn} DN: the wall saturates: shorten the exposure or lower the laser's power")
+
+
+def _variance_of_mean(counts: np.ndarray) -> np.ndarray:
+    """A straight line of each pixel's variance over its mean, divided by the number of frames: less noisy than the variances."""
+    mean, variance = counts.mean(axis=0), counts.var(axis=0, ddof=1)
+    slope, offset = np.polyfit(mean.ravel(), variance.ravel(), 1)
+    return np.maximum(offset + slope * mean, 1.0 / 12.0) / len(counts)
+
+
+def merged_pattern(views: tuple[WallView, ...], capture: Capture) -> Pattern:
+    """One pattern of walls at one or several distances, nearest first."""
+    projector = capture.rig.projector
+    image = projector.pattern()
+    height, width = image.shape
+    rotation = projector.left_to_projector[:3, :3]
+    place = -rotation.T @ projector.left_to_projector[:3, 3]
+    error, pairs = None, np.empty((0, 2), dtype=int)
+    far = [view for view in views if view.wall.distance_m > _LEAST_DISTANCE_RATIO * views[0].wall.distance_m]
+    if far:
+        place, error, pairs = _meeting_point(views[0].wall, far[-1].wall, place, rotation, projector.K)
+    by_view = [_dots_of(view, capture.rig.left.K, projector.K, place, rotation) for view in (views[0], *far[-1:])]
+    dots = by_view[0]
+    if len(by_view) > 1:
+        dots = _union(by_view[0], by_view[1], pairs)
+    inside = (dots[:, 0] > -0.5) & (dots[:, 0] < width - 0.5) & (dots[:, 1] > -0.5) & (dots[:, 1] < height - 0.5)
+    dots = dots[inside]
+    dots[:, 2] *= (float(image.sum()) / len(dots) if image.any() else 1.0) / dots[:, 2].mean()
+    left_to_projector = np.eye(4)
+    left_to_projector[:3, :3], left_to_projector[:3, 3] = rotation, -rotation @ place
+    sigma = _pattern_sigma(views[0], capture, place)
+    return Pattern(dots, (width, height), projector.K, place, error, left_to_projector, sigma, views, len(pairs))
+
+
+def _dots_of(view: WallView, K: np.ndarray, projector_K: np.ndarray, place: np.ndarray, rotation: np.ndarray) -> np.ndarray:
+    """[spot][3]: u, v in the pattern and power, in units that the views share but for exposure."""
+    points = view.wall.points
+    beam = (points - place) @ rotation.T
+    u = projector_K[0, 0] * beam[:, 0] / beam[:, 2] + projector_K[0, 2]
+    v = projector_K[1, 1] * beam[:, 1] / beam[:, 2] + projector_K[1, 2]
+    return np.column_stack([u, v, power_px2(view.spots["left"].flux, points, view.wall.plane[:3], beam)])
+
+
+def power_px2(flux: np.ndarray, points: np.ndarray, normal: np.ndarray, beam: np.ndarray) -> np.ndarray:
+    """What a dot's flux in the camera says of its integral over the pattern's pixels, up to a constant.
+
+    A matt wall turns the dot's power, watts, into the same radiance times area whatever the beam's angle. The camera integrates it over
+    du dv = f^2 dOmega / cos^3 a with dOmega = dA cos(c) / r^2, a its angle off the axis and c off the wall's normal; the pattern holds
+    power per solid angle, over du dv = f^2 dOmega / cos^3 b.
+    """
+    distance = np.linalg.norm(points, axis=1)
+    off_axis, off_normal = points[:, 2] / distance, np.abs(points @ normal) / distance
+    off_beam = beam[:, 2] / np.linalg.norm(beam, axis=1)
+    return flux * distance**2 * off_axis**3 / (off_normal * off_beam**3)
+
+
+def _meeting_point(
+    near: Wall, far: Wall, place: np.ndarray, rotation: np.ndarray, projector_K: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(the point that the lines through equal dots meet in, its standard deviations, pairs [n][2] of equal dots)."""
+    pairs = np.empty((0, 2), dtype=int)
+    for reach in _SAME_DOT_PX:
+        first, second = (_projected(wall.points, place, rotation, projector_K) for wall in (near, far))
+        distance, other = cKDTree(second).query(first)
+        back = cKDTree(first).query(second)[1]
+        chosen = np.flatnonzero((distance < reach) & (back[other] == np.arange(len(first))))
+        pairs = np.column_stack([chosen, other[chosen]])
+        if len(pairs) < _LEAST_LINES:
+            raise ValueError(f"only {len(pairs)} dots are the same on the walls at {near.distance_m:.2f} and {far.distance_m:.2f} m: check the projector's nominal place and K")
+        a, b = near.points[pairs[:, 0]], far.points[pairs[:, 1]]
+        place, error = _nearest_to_lines(a, b)
+    return place, error, pairs
+
+
+def _nearest_to_lines(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(the point whose summed squared distance to the lines through a and b is least, its standard deviations); outliers are left out twice."""
+    along = (b - a) / np.linalg.norm(b - a, axis=1)[:, None]
+    across = np.eye(3) - along[:, :, None] * along[:, None, :]
+    use = np.ones(len(a), dtype=bool)
+    for _ in range(3):
+        gram = across[use].sum(axis=0)
+        point = np.linalg.solve(gram, (across[use] @ a[use][:, :, None]).sum(axis=0)[:, 0])
+        off = np.linalg.norm((across @ (a - point)[:, :, None])[:, :, 0], axis=1)
+        use = off < 4.0 * np.median(off)
+    variance = float(np.sum(off[use] ** 2)) / max(2 * int(use.sum()) - 3, 1)
+    return point, np.sqrt(variance * np.diag(np.linalg.inv(gram)))
+
+
+def _projected(points: np.ndarray, place: np.ndarray, rotation: np.ndarray, K: np.ndarray) -> np.ndarray:
+    beam = (points - place) @ rotation.T
+    return np.column_stack([K[0, 0] * beam[:, 0] / beam[:, 2] + K[0, 2], K[1, 1] * beam[:, 1] / beam[:, 2] + K[1, 2]])
+
+
+def _union(near: np.ndarray, far: np.ndarray, pairs: np.ndarray) -> np.ndarray:
+    """Dots of both walls: equal ones are averaged, the others of each are kept; the far wall's powers are brought to the near one's."""
+    scale = float(np.median(near[pairs[:, 0], 2] / far[pairs[:, 1], 2]))
+    far = far * np.array([1.0, 1.0, scale])
+    out = near.copy()
+    out[pairs[:, 0]] = 0.5 * (near[pairs[:, 0]] + far[pairs[:, 1]])
+    alone = np.setdiff1d(np.arange(len(far)), pairs[:, 1])
+    # What the near wall shows close by is one dot there and two merged ones here, or the other way round.
+    clear = alone[cKDTree(out[:, :2]).query(far[alone, :2])[0] > _SAME_DOT_PX[0]] if len(alone) else alone
+    return np.vstack([out, far[clear]])
+
+
+def _pattern_sigma(view: WallView, capture: Capture, place: np.ndarray) -> float:
+    """A dot's width in the pattern: the spot's without the pixel's square, seen from the projector at the wall's middle."""
+    camera, projector = capture.rig.left.K, capture.rig.projector.K
+    middle = view.wall.points[:, 2].mean()
+    sigma = np.sqrt(max(view.spots["left"].sigma_px ** 2 - 1.0 / 12.0, 0.05))
+    return float(sigma * projector[0, 0] / camera[0, 0] * middle / (middle - place[2]))
+
+
+__all__ = ["Pattern", "WallView", "acquire_pattern", "merged_pattern", "power_px2"]

@@ -1,0 +1,197 @@
+"""Spots of a dot pattern in an image: all of them fitted jointly as Gaussians, then what they leave is searched for merged ones.
+
+    image = background + sum of a_i exp(-|x - x_i|^2 / (2 sigma^2)) + noise
+
+One sigma for all; positions, amplitudes and sigma by Gauss-Newton on a sparse Jacobian, weighted by the noise.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import gaussian_filter, gaussian_laplace, maximum_filter, minimum_filter
+from scipy.sparse import csr_matrix, diags
+from scipy.sparse.linalg import lsqr
+from scipy.spatial import cKDTree
+
+_SCALES_PX = (0.8, 1.0, 1.25, 1.6, 2.0, 2.5, 3.2, 4.0)
+_LEAST_SPOTS = 50
+# A spot's response is at least this share of the strong ones' around it, and so many deviations of the noise's.
+_LEAST_RESPONSE, _LEAST_MERGED, _SIGNIFICANT = 0.12, 0.12, 5.0
+_TILE_PX = 64
+_LEAST_AMPLITUDE = 0.15
+_FIRST_STEPS, _PEEL_STEPS, _PEELS, _LAST_STEPS = 5, 3, 3, 4
+_LARGEST_STEP_PX = 0.4
+_LSQR_STEPS = 40
+# Two spots closer than this, in sigmas, are one.
+_ONE_SPOT = 0.9
+
+
+@dataclass(frozen=True)
+class Spots:
+    """u, v: centres, pixels. flux: the integral over a spot, DN px^2. sigma_px: with the pixel's own width."""
+
+    u: np.ndarray
+    v: np.ndarray
+    flux: np.ndarray
+    sigma_px: float
+    background: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.u)
+
+
+def find_spots(image: np.ndarray, variance: np.ndarray, progress: Callable[[float], None] | None = None) -> Spots:
+    """Spots of an averaged image [height][width], DN; variance: of its pixels, DN^2. ValueError where there are fewer than 50."""
+    tell = progress or (lambda fraction: None)
+    image = np.asarray(image, dtype=np.float64)
+    sigma = _typical_sigma(image)
+    background = _background(image, sigma)
+    response = -gaussian_laplace(image, sigma)
+    noise = _response_noise(variance, sigma)
+    strong = _strong_response(response)
+    v, u = _peaks(response, np.maximum(_LEAST_RESPONSE * strong, _SIGNIFICANT * noise))
+    if len(u) < _LEAST_SPOTS:
+        raise ValueError(f"only {len(u)} dots are seen: is the projector on, and the wall in focus?")
+    u, v = u + _vertex(response, v, u, 0, 1), v + _vertex(response, v, u, 1, 0)
+    fit = _Fit(image, background, variance, u.astype(float), v.astype(float), sigma)
+    fit.run(_FIRST_STEPS)
+    tell(0.3)
+    for peel in range(_PEELS):
+        left = -gaussian_laplace(fit.residual(), 0.8 * fit.sigma)
+        v, u = _peaks(left, np.maximum(_LEAST_MERGED * strong, _SIGNIFICANT * noise))
+        fit.add(u.astype(float), v.astype(float))
+        fit.run(_PEEL_STEPS)
+        fit.drop_weak()
+        tell(0.3 + 0.2 * (peel + 1))
+    fit.run(_LAST_STEPS)
+    fit.drop_weak()
+    tell(1.0)
+    return Spots(fit.u, fit.v, 2.0 * np.pi * fit.sigma**2 * fit.amplitude, float(fit.sigma), fit.background)
+
+
+class _Fit:
+    """Spots and the image that they explain."""
+
+    def __init__(self, image: np.ndarray, background: np.ndarray, variance: np.ndarray, u: np.ndarray, v: np.ndarray, sigma: float) -> None:
+        self.image, self.background, self.sigma = image, background, sigma
+        self.weight = 1.0 / np.sqrt(variance)
+        self.u, self.v, self.amplitude = np.empty(0), np.empty(0), np.empty(0)
+        self.add(u, v)
+
+    def add(self, u: np.ndarray, v: np.ndarray) -> None:
+        height, width = self.image.shape
+        reach = self._reach()
+        inside = (u > reach) & (u < width - 1 - reach) & (v > reach) & (v < height - 1 - reach)
+        u, v = u[inside], v[inside]
+        left = self.residual()
+        at = left[np.rint(v).astype(int), np.rint(u).astype(int)]
+        self.u, self.v, self.amplitude = np.r_[self.u, u], np.r_[self.v, v], np.r_[self.amplitude, np.maximum(at, 0.3)]
+
+    def _reach(self) -> int:
+        return int(np.ceil(3.5 * self.sigma))
+
+    def _patches(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """(pixel numbers, offsets in u and v, Gaussian) [spot][pixel of its patch]."""
+        reach, width = self._reach(), self.image.shape[1]
+        y, x = (part.ravel() for part in np.mgrid[-reach : reach + 1, -reach : reach + 1])
+        column, row = np.rint(self.u).astype(int)[:, None] + x, np.rint(self.v).astype(int)[:, None] + y
+        du, dv = column - self.u[:, None], row - self.v[:, None]
+        column, row = column.clip(0, width - 1), row.clip(0, self.image.shape[0] - 1)
+        return row * width + column, du, dv, np.exp(-0.5 * (du**2 + dv**2) / self.sigma**2)
+
+    def residual(self) -> np.ndarray:
+        if not len(self.u):
+            return self.image - self.background
+        pixel, _, _, gauss = self._patches()
+        model = np.bincount(pixel.ravel(), (self.amplitude[:, None] * gauss).ravel(), self.image.size)
+        return self.image - self.background - model.reshape(self.image.shape)
+
+    def run(self, steps: int) -> None:
+        for _ in range(steps):
+            self._step()
+            self._follow_background()
+
+    def _step(self) -> None:
+        pixel, du, dv, gauss = self._patches()
+        count, of = len(self.u), np.repeat(np.arange(len(self.u)), gauss.shape[1])
+        high = self.amplitude[:, None] * gauss / self.sigma**2
+        wide = high * (du**2 + dv**2) / self.sigma
+        values = np.concatenate([gauss.ravel(), (high * du).ravel(), (high * dv).ravel(), wide.ravel()])
+        columns = np.concatenate([of, of + count, of + 2 * count, np.full(of.size, 3 * count)])
+        jacobian = csr_matrix((values, (np.tile(pixel.ravel(), 4), columns)), shape=(self.image.size, 3 * count + 1))
+        weighted = diags(self.weight.ravel()) @ jacobian
+        # Columns of one size: the solver needs few steps then.
+        size = np.sqrt(np.asarray(weighted.multiply(weighted).sum(axis=0)).ravel()) + 1e-9
+        step = lsqr(weighted @ diags(1.0 / size), (self.weight * self.residual()).ravel(), damp=0.02, iter_lim=_LSQR_STEPS)[0] / size
+        self.amplitude = np.maximum(self.amplitude + step[:count], 0.05)
+        self.u = self.u + np.clip(step[count : 2 * count], -_LARGEST_STEP_PX, _LARGEST_STEP_PX)
+        self.v = self.v + np.clip(step[2 * count : 3 * count], -_LARGEST_STEP_PX, _LARGEST_STEP_PX)
+        self.sigma = float(np.clip(self.sigma + np.clip(step[-1], -0.1, 0.1), 0.4, 8.0))
+
+    def _follow_background(self) -> None:
+        """What is smooth in the residual is background."""
+        self.background = self.background + gaussian_filter(self.residual(), 6.0 * self.sigma)
+
+    def drop_weak(self) -> None:
+        """Spots far weaker than those around them, and the weaker of two at one place."""
+        tree = cKDTree(np.column_stack([self.u, self.v]))
+        _, near = tree.query(tree.data, k=min(30, len(self.u)))
+        keep = self.amplitude > _LEAST_AMPLITUDE * np.median(self.amplitude[near], axis=1)
+        for a, b in tree.query_pairs(_ONE_SPOT * self.sigma):
+            if keep[a] and keep[b]:
+                strong, weak = (a, b) if self.amplitude[a] >= self.amplitude[b] else (b, a)
+                share = self.amplitude[weak] / (self.amplitude[a] + self.amplitude[b])
+                self.u[strong] += share * (self.u[weak] - self.u[strong])
+                self.v[strong] += share * (self.v[weak] - self.v[strong])
+                self.amplitude[strong] += self.amplitude[weak]
+                keep[weak] = False
+        self.u, self.v, self.amplitude = self.u[keep], self.v[keep], self.amplitude[keep]
+
+
+def _typical_sigma(image: np.ndarray) -> float:
+    """The scale at which the strong spots answer most (Lindeberg 1998: a Gaussian does at its own sigma)."""
+    first = -gaussian_laplace(image, 1.25)
+    v, u = _peaks(first, np.full(image.shape, 0.0))
+    order = np.argsort(-first[v, u])[: max(len(u) // 4, 1)]
+    answer = [np.median(-(scale**2) * gaussian_laplace(image, scale)[v[order], u[order]]) for scale in _SCALES_PX]
+    return float(_SCALES_PX[int(np.argmax(answer))])
+
+
+def _background(image: np.ndarray, sigma: float) -> np.ndarray:
+    size = int(np.ceil(12.0 * sigma)) | 1
+    return gaussian_filter(minimum_filter(gaussian_filter(image, 0.6 * sigma), size), 0.5 * size)
+
+
+def _response_noise(variance: np.ndarray, sigma: float) -> np.ndarray:
+    """Deviation of a Laplacian of Gaussian's answer to white noise: of the filter's own energy, 1 / (2 pi sigma^6)."""
+    return np.sqrt(gaussian_filter(variance, 2.0 * sigma) / (2.0 * np.pi * sigma**6))
+
+
+def _strong_response(response: np.ndarray) -> np.ndarray:
+    """The 90th percentile of the peaks around each pixel, smooth."""
+    peak = (response == maximum_filter(response, 3)) & (response > 0)
+    height, width = response.shape
+    rows, columns = -(-height // _TILE_PX), -(-width // _TILE_PX)
+    whole = np.quantile(response[peak], 0.9) if peak.any() else 0.0
+    tiles = np.full((rows, columns), whole)
+    for r in range(rows):
+        for c in range(columns):
+            part = np.s_[r * _TILE_PX : (r + 1) * _TILE_PX, c * _TILE_PX : (c + 1) * _TILE_PX]
+            if peak[part].sum() >= 8:
+                tiles[r, c] = np.quantile(response[part][peak[part]], 0.9)
+    large = np.kron(tiles, np.ones((_TILE_PX, _TILE_PX)))[:height, :width]
+    return gaussian_filter(large, 0.5 * _TILE_PX)
+
+
+def _peaks(response: np.ndarray, least: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(rows, columns) of local maxima above `least`, not at the border."""
+    found = (response == maximum_filter(response, 3)) & (response > least)
+    found[:3], found[-3:], found[:, :3], found[:, -3:] = False, False, False, False
+    return np.nonzero(found)
+
+
+def _vertex(image: np.ndarray, v: np.ndarray, u: np.ndarray, dv: int, du: int) -> np.ndarray:
+    """Offset of a parabola's top through three pixels."""
+    before, middle, after = image[v - dv, u - du], image[v, u], image[v + dv, u + du]
+    return 0.5 * (before - after) / np.minimum(before - 2.0 * middle + after, -1e-12)
