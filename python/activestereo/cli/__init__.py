@@ -9,10 +9,10 @@ import traceback
 from collections.abc import Sequence
 from typing import NoReturn
 
-from activestereo.cli import acquire, add, compare, depth, depth_quality, devices, diagnose, effect, model, pair, simulate
+from activestereo.cli import acquire, add, compare, depth, depth_quality, devices, diagnose, effect, import_capture, model, pair, simulate
 from activestereo.cli.arguments import CommandError
 
-_COMMANDS = (simulate, depth, pair, depth_quality, compare, diagnose, add, model, acquire, effect, devices)
+_COMMANDS = (simulate, depth, pair, depth_quality, compare, diagnose, add, model, acquire, import_capture, effect, devices)
 
 
 class _Parser(argparse.ArgumentParser):

@@ -1,9 +1,10 @@
-"""activestereo acquire noise | pattern: frames of a real camera become sections of model.json."""
+"""activestereo acquire noise | pattern | rig: frames of a real camera become sections of model.json."""
 
 import argparse
+import json
 from pathlib import Path
 
-from activestereo.cli.arguments import CommandError, add_seed
+from activestereo.cli.arguments import CommandError, add_seed, camera_matrix
 
 _TEXT = """\
 Measures a real camera. Each part replaces its own section of model.json, and
@@ -11,6 +12,7 @@ leaves the others as they are; the file is written at the end, whole.
 
   noise    repeats of static views  -> imager
   pattern  frames of a flat wall    -> pattern
+  rig      frames of a board        -> rig
 
 activestereo acquire noise --help tells more.
 """
@@ -48,6 +50,26 @@ example:
   activestereo acquire pattern walls/ -o model.json
 """
 
+_RIG = """\
+Both infrared cameras' calibration from pairs of frames of a board, projector off:
+K, lens, the place of the right eye, all with 90 % intervals, and a picture of
+where corners were seen (FILE's name with .coverage.png). 15 boards or more,
+tilted up to 40 degrees and into every corner of the picture.
+
+BOARD is one of
+  9x6:0.03                   chessboard, 9x6 inner corners, squares of 0.03 m
+  charuco:9x6:0.03:0.022     ChArUco, 9x6 squares of 0.03 m, markers (5x5) of 0.022 m
+  apriltag:6x4:0.04:0.01     6x4 AprilTags (36h11) of 0.04 m, 0.01 m apart
+
+With --robot the camera's place on the gripper follows, by five methods side by
+side and least squares over all poses; it goes into FILE's name with
+.hand_eye.json. The CSV names the frames as the PNG files do.
+
+examples:
+  activestereo acquire rig boards/ --board 9x6:0.03 -o model.json
+  activestereo acquire rig boards/ --board charuco:9x6:0.03:0.022 --robot poses.csv -o model.json
+"""
+
 
 def add_parser(commands: argparse._SubParsersAction) -> None:
     parser = commands.add_parser(
@@ -63,6 +85,13 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
     pattern = _part(parts, "pattern", "the projector's dots from frames of a flat wall", _PATTERN)
     pattern.add_argument("frames", type=Path, metavar="WALL_FRAMES", help="capture whose repeat groups look at a wall")
     pattern.set_defaults(run=_run_pattern)
+    rig = _part(parts, "rig", "both cameras' calibration from frames of a board", _RIG)
+    rig.add_argument("frames", type=Path, metavar="BOARD_FRAMES", help="folder with left/ and right/, PNG files of equal names")
+    rig.add_argument("--board", required=True, metavar="BOARD", help="9x6:0.03, charuco:9x6:0.03:0.022 or apriltag:6x4:0.04:0.01 (metres)")
+    rig.add_argument("--robot", type=Path, metavar="FILE", help="CSV of gripper_to_base: name,x,y,z,qx,qy,qz,qw")
+    rig.add_argument("--rectified", action="store_true", help="the images are rectified: no lens distortion is fitted")
+    rig.add_argument("--k", type=camera_matrix, metavar="FX,FY,CX,CY", help="the device's own K of both rectified eyes, held")
+    rig.set_defaults(run=_run_rig)
 
 
 def _part(parts: argparse._SubParsersAction, name: str, summary: str, text: str) -> argparse.ArgumentParser:
@@ -81,26 +110,57 @@ def _check_out(path: Path) -> None:
 
 
 def _run_noise(args: argparse.Namespace) -> None:
-    from activestereo.acquire.model_section import replace_section
+    from activestereo.acquire.model_section import replace_sections
     from activestereo.acquire.noise import acquire_noise
     from activestereo.progress_bar import ProgressBar
 
     _check_out(args.out)
     with ProgressBar("fitting noise") as bar:
         noise = acquire_noise(args.frames, args.dark, args.paper, args.seed, bar)
-    replace_section(args.out, "imager", noise.section())
+    replace_sections(args.out, noise.model())
     print(noise.text())
     print(f"written: imager in {args.out}")
 
 
 def _run_pattern(args: argparse.Namespace) -> None:
-    from activestereo.acquire.model_section import replace_section
+    from activestereo.acquire.model_section import replace_sections
     from activestereo.acquire.pattern import acquire_pattern
     from activestereo.progress_bar import ProgressBar
 
     _check_out(args.out)
     with ProgressBar("finding dots") as bar:
         pattern = acquire_pattern(args.frames, bar)
-    replace_section(args.out, "pattern", pattern.section())
+    replace_sections(args.out, pattern.model(), keep_rig=True)
     print(pattern.text())
     print(f"written: pattern in {args.out}")
+
+
+def _run_rig(args: argparse.Namespace) -> None:
+    from activestereo.acquire.boards import Board
+    from activestereo.acquire.coverage import write_coverage
+    from activestereo.acquire.hand_eye import hand_eye, read_poses
+    from activestereo.acquire.model_section import replace_sections
+    from activestereo.acquire.rig import acquire_rig
+    from activestereo.output_files import replace_file
+    from activestereo.progress_bar import ProgressBar
+
+    _check_out(args.out)
+    robot = None if args.robot is None else read_poses(args.robot)
+    with ProgressBar("calibrating") as bar:
+        result = acquire_rig(args.frames, Board.parse(args.board), not args.rectified and args.k is None, args.k, bar)
+    hand = None
+    if robot is not None:
+        named = {Path(name).stem: pose for name, pose in robot.items()}
+        both = [name for name in result.board_to_left if Path(name).stem in named]
+        if not both:
+            raise CommandError(f"{args.robot}: names no frame of {args.frames / 'left'}, such as {next(iter(result.board_to_left))}")
+        hand = hand_eye([named[Path(name).stem] for name in both], [result.board_to_left[name] for name in both])
+    replace_sections(args.out, result.model())
+    written = [args.out.with_suffix(".coverage.png")]
+    write_coverage(written[0], result)
+    print(result.text())
+    if hand is not None:
+        written.append(args.out.with_suffix(".hand_eye.json"))
+        replace_file(written[1], lambda file: file.write((json.dumps(hand.as_json(), indent=1) + "\n").encode()))
+        print(hand.text())
+    print(f"written: rig in {args.out}, {', '.join(path.name for path in written)}")

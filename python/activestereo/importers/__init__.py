@@ -1,0 +1,8 @@
+"""Recordings of other programs become captures (capture format, version 1).
+
+    realsense_text     what `rs-enumerate-devices -c` prints: intrinsics and extrinsics
+    realsense_folder   a folder of a librealsense recording's PNG files
+    trajectory         camera poses as a TUM text file
+
+Every failure of the input is a ValueError of one line: the file, the key and the value.
+"""

@@ -1,0 +1,122 @@
+"""A folder of a librealsense recording's PNG files becomes a capture: infrared pairs, and depth where it is there as 16-bit PNG.
+
+Files are known by their names, in any order of the words: "Infrared 1" or left, "Infrared 2" or right, Depth, and the last number is
+the timestamp in milliseconds or the frame's number: rs-convert's and the viewer's names, and left/000001.png beside right/000001.png.
+"""
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from activestereo.capture import Camera, Capture, Frame, Projector, Rig
+from activestereo.capture_write import write_capture
+from activestereo.images import read_gray
+from activestereo.importers.realsense_text import DeviceText
+from activestereo.importers.trajectory import pose_at
+
+_STREAMS = {"left": re.compile(r"infra(?:red)?[ _-]?1|left|ir1", re.I), "right": re.compile(r"infra(?:red)?[ _-]?2|right|ir2", re.I),
+            "depth": re.compile(r"depth", re.I)}  # fmt: skip
+_NAMES = {"left": "Infrared 1", "right": "Infrared 2"}
+_LAST_NUMBER = re.compile(r"(\d+(?:\.\d+)?)(?!.*\d)")
+# Streams of one frame differ by less than this, milliseconds.
+_SAME_FRAME_MS = 8.0
+_EMPTY_SCENE = '{"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": []}]}\n'
+
+
+@dataclass(frozen=True)
+class FrameFiles:
+    """Files of one frame by stream, and the number in the left one's name."""
+
+    number: float
+    files: dict[str, Path]
+
+
+def frame_files(folder: Path) -> list[FrameFiles]:
+    """Frames with both eyes, in order of time. ValueError where there are none."""
+    by_stream: dict[str, list[tuple[float, Path]]] = {stream: [] for stream in _STREAMS}
+    for file in sorted(Path(folder).rglob("*.png")):
+        name = file.relative_to(folder).as_posix()
+        stream = next((s for s, pattern in _STREAMS.items() if pattern.search(name)), None)
+        number = _LAST_NUMBER.search(file.stem)
+        if stream is not None and number is not None:
+            by_stream[stream].append((float(number[1]), file))
+    for stream in ("left", "right"):
+        if not by_stream[stream]:
+            raise ValueError(f"{folder}: {_NAMES[stream]}: no PNG file has a name with it: record both infrared streams")
+    frames = []
+    for number, left in sorted(by_stream["left"]):
+        files = {"left": left}
+        for stream in ("right", "depth"):
+            nearest = min(by_stream[stream], key=lambda item: abs(item[0] - number), default=None)
+            if nearest is not None and abs(nearest[0] - number) < _SAME_FRAME_MS and (number > 1e6 or nearest[0] == number):
+                files[stream] = nearest[1]
+        if "right" in files:
+            frames.append(FrameFiles(number, files))
+    if not frames:
+        raise ValueError(f"{folder}: no left and right image have the same time or number in their names")
+    return frames
+
+
+def import_realsense(
+    folder: Path, device: DeviceText, out: Path, pattern: NDArray[np.uint8], pattern_K: NDArray[np.float64], depth_scale: float | None = None,
+    scene: Path | None = None, trajectory: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None, exposure_s: float = 0.008,
+    projector_to_left_m: tuple[float, float, float] | None = None, progress: Callable[[float], None] | None = None,
+) -> Capture:  # fmt: skip
+    """Writes the capture `out` (which must not exist) and returns it.
+
+    pattern: uint8, the nominal one of the device, under pattern_K; projector_to_left_m: its place in the left camera's frame, None for
+    0.58 of the baseline, as on a D435. depth_scale: metres per unit of the depth images. scene: a glTF file, None for an empty one.
+    trajectory: camera poses over seconds; without it the camera stands still, and all frames are repeats of one view.
+    """
+    tell = progress or (lambda fraction: None)
+    files = frame_files(folder)
+    first = read_gray(files[0].files["left"], key="Infrared 1")
+    height, width = first.shape
+    left, right = (device.intrinsic(_NAMES[eye], width, height) for eye in ("left", "right"))
+    left_to_right = device.extrinsic("Infrared 1", "Infrared 2")
+    if left_to_right[0, 3] >= 0:
+        raise ValueError(f'{device.path}: Extrinsic from "Infrared 1" To "Infrared 2": x is {left_to_right[0, 3]:g} m, expected below 0: left and right are swapped')
+    images, depths, frames = {}, {}, []
+    for number, entry in enumerate(files):
+        for eye in ("left", "right"):
+            images[number, eye] = read_gray(entry.files[eye], (width, height), _NAMES[eye])
+        if "depth" in entry.files:
+            if depth_scale is None:
+                raise ValueError(f"{entry.files['depth']}: depth scale: is not known: give --depth-scale, 0.001 unless the device was set otherwise")
+            depths[number] = read_gray(entry.files["depth"], (width, height), "Depth")
+            if depths[number].dtype != np.uint16:
+                raise ValueError(f"{entry.files['depth']}: Depth: is an 8-bit picture of depth, expected 16-bit depth: save the raw stream")
+        frames.append(_frame(number, entry, exposure_s, depth_scale, trajectory))
+        tell((number + 1) / len(files))
+    baseline_m = float(np.linalg.norm(left_to_right[:3, 3]))
+    left_to_projector = np.eye(4)
+    left_to_projector[:3, 3] = -np.array(projector_to_left_m or (0.58 * baseline_m, 0.0, 0.0))
+    rig = Rig(
+        Camera(width, height, left.K, left.distortion), Camera(width, height, right.K, right.distortion), left_to_right,
+        Projector(Path("pattern.png"), pattern_K, left_to_projector), 8 if first.dtype == np.uint8 else 16,
+    )  # fmt: skip
+    out = Path(out)
+    empty = out.with_name(f".{out.name}.scene.gltf")
+    try:
+        if scene is None:
+            empty.write_text(_EMPTY_SCENE, encoding="utf-8")
+        capture = Capture(out, out.name, Path(scene) if scene else empty, rig, tuple(frames), {"notes": "imported from librealsense"})
+        write_capture(out, capture, images, pattern, depths)
+    finally:
+        empty.unlink(missing_ok=True)
+    return capture
+
+
+def _frame(
+    number: int, entry: FrameFiles, exposure_s: float, depth_scale: float | None, trajectory: tuple[NDArray[np.float64], NDArray[np.float64]] | None
+) -> Frame:
+    time = 1e-3 * entry.number if entry.number > 1e6 else float(number) / 30.0
+    pose = np.eye(4) if trajectory is None else pose_at(*trajectory, time, str(entry.files["left"]))
+    return Frame(
+        number, entry.files["left"], entry.files["right"], time, exposure_s, pose, "train",
+        repeat_group=0 if trajectory is None else None, depth_path=entry.files.get("depth"), depth_scale=depth_scale,
+    )  # fmt: skip

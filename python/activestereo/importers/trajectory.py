@@ -1,0 +1,47 @@
+"""Camera poses over time as a TUM text file: each line is timestamp tx ty tz qx qy qz qw, camera_to_world, # starts a comment."""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation, Slerp
+
+
+def read_trajectory(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(times [n] in seconds, increasing; poses [n][4][4]). ValueError names file, line and what is wrong."""
+    rows = []
+    with open(path, encoding="utf-8") as file:
+        for number, line in enumerate(file, 1):
+            words = line.split("#")[0].replace(",", " ").split()
+            if not words:
+                continue
+            try:
+                values = [float(word) for word in words]
+            except ValueError:
+                raise ValueError(f"{path}: line {number}: '{line.strip()}' is not eight numbers") from None
+            if len(values) != 8 or not np.isfinite(values).all():
+                raise ValueError(f"{path}: line {number}: {len(values)} numbers, expected finite timestamp tx ty tz qx qy qz qw")
+            if abs(np.linalg.norm(values[4:]) - 1.0) > 0.01:
+                raise ValueError(f"{path}: line {number}: the quaternion's length is {np.linalg.norm(values[4:]):.3f}, expected 1")
+            if rows and values[0] <= rows[-1][0]:
+                raise ValueError(f"{path}: line {number}: timestamp {values[0]:.6f} is not after {rows[-1][0]:.6f}")
+            rows.append(values)
+    if not rows:
+        raise ValueError(f"{path}: holds no poses: each line is timestamp tx ty tz qx qy qz qw")
+    table = np.array(rows)
+    poses = np.tile(np.eye(4), (len(table), 1, 1))
+    poses[:, :3, :3], poses[:, :3, 3] = Rotation.from_quat(table[:, 4:]).as_matrix(), table[:, 1:4]
+    return table[:, 0], poses
+
+
+def pose_at(times: NDArray[np.float64], poses: NDArray[np.float64], time: float, name: str) -> NDArray[np.float64]:
+    """The pose at a time, between its neighbours. ValueError where the time is more than 50 ms outside."""
+    if not times[0] - 0.05 <= time <= times[-1] + 0.05:
+        raise ValueError(f"{name}: its time {time:.6f} s is outside the poses' {times[0]:.6f} to {times[-1]:.6f} s")
+    time = float(np.clip(time, times[0], times[-1]))
+    if len(times) == 1:
+        return poses[0]
+    pose = np.eye(4)
+    pose[:3, :3] = Slerp(times, Rotation.from_matrix(poses[:, :3, :3]))(time).as_matrix()
+    pose[:3, 3] = [np.interp(time, times, poses[:, axis, 3]) for axis in range(3)]
+    return pose
