@@ -1,40 +1,39 @@
-"""One section of model.json, version 2, is replaced; the others stay as they are."""
+"""One section of model.json, version 2 (sensor_model), is replaced; the others stay as they are, also those that this program cannot read."""
 
 import json
 from pathlib import Path
+from typing import Any
 
 from activestereo.output_files import replace_file
-
-FORMAT = "active-stereo-model"
-VERSION = 2
-SECTIONS = ("rig", "pattern", "imager", "effects", "materials")
+from activestereo.sensor_model import SensorModel, model_json
+from activestereo.sensor_model.read import FORMAT, VERSION
 
 
-def replace_section(path: Path, name: str, section: dict) -> None:
-    """Writes `section` under `name` into the model at `path`, which is made where it does not exist.
+def replace_sections(path: Path, told: SensorModel, keep_rig: bool = False) -> None:
+    """Writes what `told` says of rig, pattern and imager into the model at `path`, which is made where it does not exist. Nuisances that it
+    names replace those of the same names. keep_rig: of a rig that is there already, only the projector's place is replaced.
 
     ValueError, with the file, where it is no model or one of another version: nothing is written then.
     """
-    if name not in SECTIONS:
-        raise ValueError(f"a model has no section '{name}' (there are: {', '.join(SECTIONS)})")
     path = Path(path)
-    model = _read(path) if path.exists() else {"format": FORMAT, "version": VERSION}
-    text = json.dumps(model | {name: section}, indent=1, allow_nan=False) + "\n"
+    new = model_json(told)
+    root = _read(path) if path.exists() else {"format": FORMAT, "version": VERSION}
+    if keep_rig and "rig" in root and "rig" in new:
+        new["rig"] = root["rig"] | {"left_to_projector": new["rig"]["left_to_projector"]}
+    root |= {name: new[name] for name in ("rig", "pattern", "imager") if name in new}
+    if new["nuisances"]:
+        root["nuisances"] = root.get("nuisances", {}) | new["nuisances"]
+    text = json.dumps(root, indent=1, allow_nan=False) + "\n"
     replace_file(path, lambda file: file.write(text.encode()))
 
 
-def _read(path: Path) -> dict:
+def _read(path: Path) -> dict[str, Any]:
     try:
         model = json.loads(path.read_text(encoding="utf-8"))
     except ValueError as error:
         raise ValueError(f"{path}: not JSON: {error}") from error
     if not isinstance(model, dict) or model.get("format") != FORMAT:
         raise ValueError(f"{path}: format is not {FORMAT!r}: give another file to -o")
-    if model.get("version") not in (1, VERSION):
-        raise ValueError(f"{path}: version is {model.get('version')}, this program writes version {VERSION}")
-    return model | {"version": VERSION}
-
-
-def measured(value: float, low: float, high: float, unit: str) -> dict:
-    """A value with its 90 % interval, as model.json holds it."""
-    return {"value": float(value), "low": float(low), "high": float(high), "unit": unit}
+    if model.get("version") != VERSION:
+        raise ValueError(f"{path}: version is {model.get('version')}, sections are written into version {VERSION}: give another file to -o")
+    return model

@@ -1,24 +1,24 @@
-"""The imager's temporal noise from repeats of static views: which law, its parameters, and what simsense needs to draw it.
+"""The imager's temporal noise from repeats of static views: which law, and its parameters.
 
 Repeats show what changes from frame to frame. Static speckle, fixed patterns and a pixel's own gain are the same in every repeat: they
 never show here.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from activestereo.acquire.frames import Repeats, check_still, read_repeats
-from activestereo.acquire.model_section import measured
 from activestereo.acquire.noise_fit import LAWS, Counts, LawFit, dark_log_density, fit_law, fit_literally, log_density
-from activestereo.acquire.noise_laws import GammaLaw
+from activestereo.sensor_model import Imager, Quantity, SensorModel
 
 # Counts that are looked at: enough for half a percent of k; more repeats then mean fewer pixels.
 _COUNTS, _FEWEST_PIXELS, _MOST_PIXELS = 150_000, 1500, 4000
 _LARGEST_DARK = 200_000
 _LARGEST_CLIPPED = 0.5
+_ROUNDING_DN2 = 1.0 / 12.0
 _NOTE = "Static speckle and fixed patterns are the same in every repeat: they never show in repeats, and are not part of this."
 
 
@@ -51,21 +51,19 @@ class Noise:
         """The law's name."""
         return self.fit.law.name
 
-    def section(self) -> dict:
-        """model.json's `imager`; `signal` holds fields of simsense's imager, whose input is in counts above black."""
+    def model(self) -> SensorModel:
+        """model.json's `imager`, and the black level among its nuisances. Rounding's variance is part of the offset."""
         law, fit = self.fit.law, self.fit
-        shape = measured(law.shape, *fit.interval("shape"), "1" if self.chosen == "gamma" else "DN/e-")
-        names = {"k": shape, "theta": measured(1.0 / law.shape, *(1.0 / v for v in fit.interval("shape")[::-1]), "1")}
-        return {
-            "law": self.chosen,
-            **(names if self.chosen == "gamma" else {"conversion_gain": shape}),
-            "sigma": measured(law.sigma_dn, *fit.interval("sigma_dn"), "DN"),
-            "black": measured(law.black_dn, *fit.interval("black_dn"), "DN"),
-            "bit_depth": self.bit_depth,
-            "signal": _signal(fit, self.bit_depth),
-            "source": f"acquire noise: {self.pixels} pixels, {self.repeats} repeats, black from {self.black_from}",
-            "note": _NOTE,
-        }
+        source = f"acquire noise: {self.chosen} law, {self.pixels} pixels, {self.repeats} repeats; static speckle does not show in repeats"
+        sigma, zero = fit.interval("sigma_dn"), Quantity(0.0, unit="1")
+        offset = Quantity(*(v**2 + _ROUNDING_DN2 for v in (law.sigma_dn, *sigma)), unit="DN^2", source=source)
+        if self.chosen == "gamma":
+            high, low = fit.interval("shape")
+            imager = Imager(offset, replace(zero, unit="DN"), Quantity(1.0 / law.shape, 1.0 / low, 1.0 / high, "1", source))
+        else:
+            imager = Imager(offset, Quantity(law.shape, *fit.interval("shape"), "DN", source), zero)
+        black = Quantity(law.black_dn, *fit.interval("black_dn"), "DN", f"acquire noise: from {self.black_from}")
+        return SensorModel(imager=imager, nuisances={"black_dn": black})
 
     def text(self) -> str:
         """What a reader wants first."""
@@ -195,11 +193,3 @@ def _black_of_exposures(views: list[Repeats], max_dn: int) -> float | None:
         if clear.sum() > 100:
             blacks.append(float(np.polyfit(times, means[:, clear].mean(axis=1), 1)[1]))
     return float(np.median(blacks)) if blacks else None
-
-
-def _signal(fit: LawFit, bit_depth: int) -> dict:
-    law = fit.law
-    common = {"adc_noise_dn": law.sigma_dn, "black_level_dn": law.black_dn, "bit_depth": bit_depth}
-    if isinstance(law, GammaLaw):
-        return common | {"speckle_shape": law.shape, "speckle_scale": 1.0 / law.shape}
-    return common | {"shot_noise": 1.0, "responsivity_e": 1.0 / law.shape, "conversion_gain_dn_per_e": law.shape}

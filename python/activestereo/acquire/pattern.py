@@ -13,11 +13,13 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from activestereo.acquire.frames import LEAST_REPEATS, Repeats, check_still
-from activestereo.acquire.model_section import measured
 from activestereo.acquire.spots import Spots, find_spots
 from activestereo.acquire.wall import Wall, find_wall
 from activestereo.capture import EYES, Capture, Frame, read_capture
+from activestereo.capture import Rig as CaptureRig
 from activestereo.images import read_gray
+from activestereo.sensor_model import Eye, Rig, SensorModel
+from activestereo.sensor_model import Pattern as SensorPattern
 
 # A dot covers some ten pixels of a hundred: a tenth of the dots may clip at their tops.
 _LARGEST_SATURATED = 0.005
@@ -25,7 +27,6 @@ _LEAST_DISTANCE_RATIO = 1.2
 # The same dot at two distances: so far from where the projector's last place puts it, pixels of the pattern.
 _SAME_DOT_PX = (6.0, 3.0, 1.5, 1.5)
 _LEAST_LINES = 100
-_INTERVAL_90 = 1.6449
 
 
 @dataclass(frozen=True)
@@ -42,7 +43,7 @@ class WallView:
 class Pattern:
     """dots [n][3]: u, v in pixels of an image of `size` under K, and power in pixels squared, their mean that of the nominal pattern (or 1).
     place_m: the projector's origin in the left camera's frame; place_error_m: its standard deviations, None where it is nominal.
-    seen_twice: dots that two distances show."""
+    seen_twice: dots that two distances show. rig: what was believed."""
 
     dots: np.ndarray
     size: tuple[int, int]
@@ -53,25 +54,17 @@ class Pattern:
     dot_sigma_px: float
     views: tuple[WallView, ...]
     seen_twice: int
+    rig: CaptureRig
 
-    def section(self) -> dict:
-        """model.json's `pattern`."""
-        names, error = ("x", "y", "z"), self.place_error_m
-        place = {
-            name: measured(value, value, value, "m") if error is None else measured(value, value - _INTERVAL_90 * e, value + _INTERVAL_90 * e, "m")
-            for name, value, e in zip(names, self.place_m, np.zeros(3) if error is None else error, strict=True)
-        }
+    def model(self) -> SensorModel:
+        """model.json's `pattern`, and in its `rig`, the capture's nominal one, the projector's place."""
         source = f"acquire pattern: {len(self.dots)} dots, walls at " + ", ".join(f"{view.wall.distance_m:.3f} m" for view in self.views)
-        return {
-            "width": self.size[0],
-            "height": self.size[1],
-            "K": self.K.ravel().tolist(),
-            "left_to_projector": self.left_to_projector.ravel().tolist(),
-            "place": place | {"is_nominal": error is None},
-            "dot_sigma_px": self.dot_sigma_px,
-            "dots": [[round(float(u), 4), round(float(v), 4), round(float(power), 5)] for u, v, power in self.dots],
-            "source": source,
-        }
+        where = "the projector's place is nominal" if self.place_error_m is None else "the projector's place is measured"
+        pattern = SensorPattern(self.K, dots=self.dots, size=self.size, dot_sigma_px=self.dot_sigma_px, source=f"{source}; {where}")
+        eyes = (self.rig.left, self.rig.right)
+        left, right = (Eye(c.width, c.height, c.K, tuple(c.distortion)) for c in eyes)
+        nominal = Rig(left, right, self.rig.left_to_right, self.left_to_projector, self.rig.bit_depth, self.rig.line_time_s, source="the capture's nominal rig")
+        return SensorModel(pattern=pattern, rig=nominal)
 
     def text(self) -> str:
         """What a reader wants first."""
@@ -171,7 +164,7 @@ def merged_pattern(views: tuple[WallView, ...], capture: Capture) -> Pattern:
     left_to_projector = np.eye(4)
     left_to_projector[:3, :3], left_to_projector[:3, 3] = rotation, -rotation @ place
     sigma = _pattern_sigma(views[0], capture, place)
-    return Pattern(dots, (width, height), projector.K, place, error, left_to_projector, sigma, views, len(pairs))
+    return Pattern(dots, (width, height), projector.K, place, error, left_to_projector, sigma, views, len(pairs), capture.rig)
 
 
 def _dots_of(view: WallView, K: np.ndarray, projector_K: np.ndarray, place: np.ndarray, rotation: np.ndarray) -> np.ndarray:

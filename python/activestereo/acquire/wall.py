@@ -9,6 +9,7 @@ from activestereo.acquire.spots import Spots
 
 _LARGEST_ROW_ERROR_PX = 1.0
 _LEAST_MATCHED = 30
+_LARGEST_OFF_PLANE_PX = 0.7
 _ROUNDS = 8
 
 
@@ -48,7 +49,7 @@ def find_wall(left: Spots, right: Spots, K: np.ndarray, right_K: np.ndarray, bas
         reach = float(np.clip(6.0 * deviation, 0.3, reach))
     off = disparity - column[i] @ coefficients
     order = np.argsort(np.abs(off))
-    near = order[np.abs(off[order]) < max(reach, 0.3)]
+    near = order[np.abs(off[order]) < min(reach, _LARGEST_OFF_PLANE_PX)]
     both = np.zeros(len(left.u), dtype=bool)
     match = np.full(len(left.u), -1)
     for place in near[::-1]:  # the nearest to the plane is written last

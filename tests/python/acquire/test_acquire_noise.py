@@ -5,12 +5,14 @@ import json
 import numpy as np
 import pytest
 
+from activestereo import StereoDepthSensorConfig
 from activestereo.acquire.frames import Repeats
-from activestereo.acquire.model_section import replace_section
+from activestereo.acquire.model_section import replace_sections
 from activestereo.acquire.noise import acquire_noise
 from activestereo.acquire.noise_laws import GammaLaw, ShotLaw
 from activestereo.cli import main
 from activestereo.images import write_gray
+from activestereo.sensor_model import read_model
 
 _SIZE = (40, 64)
 
@@ -71,9 +73,7 @@ def test_the_paper_law_of_simsense_is_read_back():
     assert law.shape == pytest.approx(3.98, rel=0.03)
     assert law.sigma_dn == pytest.approx(0.83, rel=0.03 + 1.6 * noise.fit.error[1])  # without dark frames its own error is 1.4 %
     assert law.black_dn == pytest.approx(-0.231, abs=0.05 + 1.6 * noise.fit.error[2])
-    section = noise.section()
-    assert section["theta"]["value"] == pytest.approx(1.0 / section["k"]["value"])
-    simsense.Engine(simsense.Device("host"), camera, camera, left_to_right, rectified=True).set_signal(section["signal"], section["signal"])
+    assert noise.model().imager.relative.value == pytest.approx(1.0 / law.shape)
 
 
 @pytest.mark.parametrize("law", [ShotLaw(0.4, 0.7, 5.0), GammaLaw(30.0, 0.7, 5.0)])
@@ -122,13 +122,24 @@ def folder(tmp_path):
 
 def test_the_command_replaces_one_section_only(folder, tmp_path, capsys):
     out = tmp_path / "model.json"
-    replace_section(out, "rig", {"kept": 1})
+    out.write_text(json.dumps({"format": "active-stereo-model", "version": 2, "kept": {"as": 1}, "nuisances": {"focal_left": 0.001}}))
     assert main(["acquire", "noise", str(folder), "--paper", "-o", str(out)]) == 0
     text = capsys.readouterr().out
     assert "law: gamma" in text and "1/k: a gauge" in text and "literal fit" in text and "never show in repeats" in text
     model = json.loads(out.read_text())
-    assert model["rig"] == {"kept": 1} and model["version"] == 2 and model["imager"]["law"] == "gamma"
+    assert model["kept"] == {"as": 1} and model["nuisances"]["focal_left"] == 0.001
     assert sorted(p.name for p in tmp_path.iterdir()) == ["model.json", "view"]
+
+
+def test_the_sensor_takes_what_was_measured(tmp_path):
+    """Through the file into the sensor's configuration: the law that was drawn from, read noise without rounding's."""
+    law = GammaLaw(4.0, 0.8, 5.0)
+    out = tmp_path / "model.json"
+    replace_sections(out, acquire_noise(views(law, 20), dark(law)).model())
+    config = StereoDepthSensorConfig.from_model(read_model(out))
+    assert config.ir_signal["speckle_shape"] == pytest.approx(4.0, rel=0.03)
+    assert config.ir_signal["adc_noise_dn"] == pytest.approx(0.8, rel=0.03)
+    assert config.ir_black_level_dn == pytest.approx(5.0, abs=0.05)
 
 
 def _refused(arguments, capsys):

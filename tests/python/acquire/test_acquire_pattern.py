@@ -1,0 +1,192 @@
+"""The pattern from walls that kuafu renders, whose dots and projector are known. At 424x240 dots are a pixel wide: harder than 848x480."""
+
+import json
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+import kuafu
+from activestereo import StereoDepthSensorConfig
+from activestereo.acquire.model_section import replace_sections
+from activestereo.acquire.pattern import acquire_pattern
+from activestereo.acquire.spots import find_spots
+from activestereo.capture import read_capture
+from activestereo.cli import main
+from activestereo.images import write_gray
+from activestereo.sensor_model import read_model
+from wall_worlds import NOMINAL_PLACE_M, PLACE_M, WallWorld, seen_dots
+
+_WALLS = ((1.0, 0.0), (1.7, 0.1))
+
+
+@pytest.fixture(scope="module")
+def world():
+    return WallWorld.make(_WALLS, 0.5)
+
+
+@pytest.fixture(scope="module")
+def capture_path(world, device, tmp_path_factory):
+    path = tmp_path_factory.mktemp("walls") / "walls"
+    world.write(path, device, repeats=12, spp=16)
+    return path
+
+
+@pytest.fixture(scope="module")
+def pattern(capture_path):
+    return acquire_pattern(capture_path)
+
+
+def test_dots_are_found_where_they_are(world, pattern):
+    """Asked: recall 99 %, false 0.3 %, median 0.02 px, 95th percentile 0.1 px."""
+    for wall, view in zip(_WALLS, pattern.views, strict=True):
+        assert view.wall.distance_m == pytest.approx(wall[0] * np.cos(wall[1]), rel=2e-3)
+        for eye, spots in view.spots.items():
+            places = np.column_stack([spots.u, spots.v])
+            numbers, true = seen_dots(world, wall, eye)
+            distance, nearest = cKDTree(true).query(places)
+            hit = distance < 1.0
+            assert len(np.unique(nearest[hit])) >= 0.99 * len(numbers)
+            every = seen_dots(world, wall, eye, -2.0)[1]
+            assert np.mean(cKDTree(every).query(places)[0] > 1.0) <= 0.003
+            assert np.median(distance[hit]) < 0.02 and np.quantile(distance[hit], 0.95) < 0.1
+
+
+def test_the_pattern_holds_directions_and_powers(world, pattern):
+    """Places in the pattern to 0.02 of a camera's pixel in the median; powers to 3 %."""
+    true = world.true_dots()
+    distance, nearest = cKDTree(true[:, :2]).query(pattern.dots[:, :2])
+    pixel = world.projector_K[0, 0] / world.config.ir_intrinsic[0, 0]
+    assert np.mean(distance < pixel) > 0.997
+    assert np.median(distance) < 0.02 * pixel
+    near = distance < pixel
+    ratio = pattern.dots[near, 2] / true[nearest[near], 2]
+    assert np.median(np.abs(ratio / np.median(ratio) - 1.0)) < 0.03
+    left, right = (np.median(ratio[part]) for part in np.array_split(np.argsort(pattern.dots[near, 0]), 2))
+    assert left / right == pytest.approx(1.0, abs=0.01)  # no falloff is left over the field
+
+
+def test_two_distances_tell_the_projectors_place(pattern):
+    assert pattern.place_m == pytest.approx(PLACE_M, abs=1e-4)
+    assert np.all(np.abs(pattern.place_m - PLACE_M) < 5.0 * pattern.place_error_m + 2e-5)
+    assert np.linalg.norm(PLACE_M - NOMINAL_PLACE_M) > 1e-3  # the rig's nominal one is wrong by more than a millimetre
+
+
+def test_the_sensor_takes_what_was_measured(pattern, tmp_path):
+    """Through the file into the sensor's configuration: the dots, and the projector's place beside the left camera."""
+    out = tmp_path / "model.json"
+    replace_sections(out, pattern.model())
+    config = StereoDepthSensorConfig.from_model(read_model(out))
+    assert np.allclose(config.light_dots, pattern.dots, rtol=1e-5)
+    body = np.linalg.inv(config.trans_pose_l.to_transformation_matrix()) @ config.pose_rgb_irproj.to_transformation_matrix()
+    x, y, z = body[:3, 3]  # body axes: x forward, y left, z up
+    assert (-y, -z, x) == pytest.approx(tuple(pattern.place_m), abs=1e-6)
+    model = json.loads(out.read_text())
+    model["rig"] |= {"gain": 2.0, "left_to_projector": np.eye(4).ravel().tolist()}
+    out.write_text(json.dumps(model))
+    replace_sections(out, pattern.model(), keep_rig=True)  # of a rig that is there, the projector's place alone is replaced
+    again = read_model(out).rig
+    assert again.gain == 2.0 and np.allclose(again.left_to_projector[:3, 3], -pattern.place_m)
+
+
+def test_one_distance_leaves_it_nominal_and_says_so(capture_path, tmp_path):
+    capture = read_capture(capture_path)
+    root = json.loads((capture_path / "capture.json").read_text())
+    root["frames"] = [frame for frame in root["frames"] if frame["repeat_group"] == 0]
+    for name in ("left", "right", "depth", "walls-scene.gltf", "pattern.png"):
+        (tmp_path / name).symlink_to(capture.path / name)
+    (tmp_path / "capture.json").write_text(json.dumps(root))
+    pattern = acquire_pattern(tmp_path)
+    assert pattern.place_m == pytest.approx(NOMINAL_PLACE_M) and pattern.place_error_m is None
+    assert "NOMINAL" in pattern.text() and "is nominal" in pattern.model().pattern.source
+
+
+def test_the_wall_is_rendered_again_within_its_noise(world, pattern, capture_path, device):
+    """The found dots as kuafu's projector on the same walls: at most 1.2 noise floors. Fitted are the dots' scale, black, and the light
+    between the dots, which no list of dots holds: what a projector without a pattern gives."""
+    capture = read_capture(capture_path)
+    pose = np.eye(4)
+    pose[:3, 3] = pattern.place_m
+    projector = {"kind": "projector", "ir_intensity": 3.0, "k": pattern.K, "light_to_world": pose}
+    width, height = pattern.size
+    for group, wall in enumerate(_WALLS):
+        dots, flat = (world.scene(device, wall) for _ in range(2))
+        white = kuafu.Light(**projector, texture=flat.add_texture(np.full((height, width), 255, np.uint8)))
+        size = {"pattern_width": width, "pattern_height": height, "dot_sigma_px": pattern.dot_sigma_px}
+        again = world.render(device, wall, kuafu.Light(**projector, dots=pattern.dots.astype(np.float32), **size), dots, 16)
+        between = world.render(device, wall, white, flat, 4)
+        for place, eye in enumerate(("left", "right")):
+            inside = np.s_[6:-6, 6:-6]
+            counts = np.stack([capture.ir(frame, eye)[inside] for frame in capture.repeats()[group]]).astype(np.float64)
+            columns = np.column_stack([np.ones(counts[0].size), again[place][inside].ravel(), between[place][inside].ravel()])
+            scales = np.linalg.lstsq(columns, counts.mean(axis=0).ravel(), rcond=None)[0]
+            residual = counts - (columns @ scales).reshape(counts[0].shape)
+            floor = np.sqrt(counts.var(axis=0, ddof=1).mean())
+            assert np.sqrt(np.mean(residual**2)) < 1.2 * floor, (group, eye)
+
+
+def test_merged_spots_are_told_apart():
+    """Two dots at 2.6 sigma, which show one peak, and one alone, in a grid of others."""
+    rng, (height, width), sigma = np.random.default_rng(0), (120, 160), 1.3
+    u, v = (part.ravel() + rng.uniform(-0.5, 0.5, part.size) for part in np.meshgrid(np.arange(12, 150, 12.0), np.arange(12, 110, 12.0)))
+    u, v = np.append(u, u[40] + 2.6 * sigma), np.append(v, v[40])
+    y, x = np.mgrid[:height, :width]
+    image = 8.0 + sum(60.0 * np.exp(-0.5 * ((x - a) ** 2 + (y - b) ** 2) / sigma**2) for a, b in zip(u, v, strict=True))
+    spots = find_spots(image + rng.normal(0, 0.2, image.shape), np.full(image.shape, 0.04))
+    distance, nearest = cKDTree(np.column_stack([u, v])).query(np.column_stack([spots.u, spots.v]))
+    assert len(spots) == len(u) == len(np.unique(nearest)) and distance.max() < 0.1
+    assert spots.sigma_px == pytest.approx(sigma, rel=0.01)
+    assert np.median(spots.flux) == pytest.approx(2 * np.pi * sigma**2 * 60.0, rel=0.01)
+
+
+def _refused(arguments, capsys):
+    assert main([str(a) for a in arguments]) == 2
+    lines = [line for line in capsys.readouterr().err.strip().splitlines() if line.startswith("activestereo: ")]
+    assert len(lines) == 1
+    return lines[0]
+
+
+def _copied(path, to, change):
+    """A capture whose capture.json is changed; its images are links."""
+    to.mkdir()
+    for item in path.iterdir():
+        if item.name != "capture.json":
+            (to / item.name).symlink_to(item)
+    root = json.loads((path / "capture.json").read_text())
+    change(root)
+    (to / "capture.json").write_text(json.dumps(root))
+    return to
+
+
+def test_bad_walls_are_refused_in_one_line(capture_path, tmp_path, capsys):
+    out = tmp_path / "model.json"
+
+    def refusal(name, change):
+        return _refused(["acquire", "pattern", _copied(capture_path, tmp_path / name, change), "-o", out], capsys)
+
+    def few(root):
+        root["frames"] = root["frames"][:9]
+
+    def alone(root):
+        for frame in root["frames"]:
+            frame["repeat_group"] = None
+
+    def swapped(root):
+        root["frames"] = [frame | {"left": frame["right"], "right": frame["left"]} for frame in root["frames"]]
+
+    def wrong_sign(root):
+        root["rig"]["left_to_right"][3] *= -1.0
+
+    assert "9 repeats, at least 10" in refusal("few", few)
+    assert "no frames share a repeat_group" in refusal("alone", alone)
+    assert "swapped" in refusal("swapped", swapped)
+    assert "rig.left_to_right: x is" in refusal("sign", wrong_sign)
+    bright = _copied(capture_path, tmp_path / "bright", lambda root: None)
+    for eye in ("left", "right"):
+        (bright / eye).unlink()
+        (bright / eye).mkdir()
+        capture = read_capture(capture_path)
+        for frame in capture.frames:
+            write_gray(bright / eye / frame.path(eye).name, np.minimum(5.0 * capture.ir(frame, eye), 255).astype(np.uint8))
+    assert "the wall saturates" in _refused(["acquire", "pattern", bright, "-o", out], capsys)
+    assert not out.exists()
