@@ -1,8 +1,8 @@
 """Calibration boards: what `--board` says, and where a picture shows its corners. OpenCV's detectors do the work.
 
-    9x6:0.03                        chessboard with 9x6 inner corners, squares of 0.03 m
-    charuco:9x6:0.03:0.022          ChArUco board of 9x6 squares of 0.03 m with markers of 0.022 m
-    apriltag:6x4:0.04:0.01          grid of 6x4 AprilTags (36h11) of 0.04 m, 0.01 m apart
+9x6:0.03                        chessboard with 9x6 inner corners, squares of 0.03 m
+charuco:9x6:0.03:0.022          ChArUco board of 9x6 squares of 0.03 m with markers of 0.022 m
+apriltag:6x4:0.04:0.01          grid of 6x4 AprilTags (36h11) of 0.04 m, 0.01 m apart
 """
 
 from dataclasses import dataclass
@@ -41,8 +41,14 @@ class Board:
             lengths = [float(part) for part in parts[1:]]
         except (ValueError, IndexError):
             raise ValueError(f"a board is {_EXAMPLES}, not '{text}'") from None
-        if len(lengths) != (1 if kind == "chessboard" else 2) or not all(0.0 < n < 10.0 for n in lengths) or not (2 < columns < 100 and 2 < rows < 100):
-            raise ValueError(f"a board is {_EXAMPLES}, with 3 to 99 columns and rows and lengths in metres, not '{text}'")
+        if (
+            len(lengths) != (1 if kind == "chessboard" else 2)
+            or not all(0.0 < n < 10.0 for n in lengths)
+            or not (2 < columns < 100 and 2 < rows < 100)
+        ):
+            raise ValueError(
+                f"a board is {_EXAMPLES}, with 3 to 99 columns and rows and lengths in metres, not '{text}'"
+            )
         if kind == "charuco" and lengths[1] >= lengths[0]:
             raise ValueError(f"the markers of '{text}' are as large as its squares")
         return cls(kind, columns, rows, *lengths)
@@ -54,7 +60,9 @@ class Board:
 
     def _find_chessboard(self, image: NDArray[np.uint8]) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
         # The sector-based detector (Duda and Frese 2018) finds to a few hundredths of a pixel.
-        is_found, corners = cv2.findChessboardCornersSB(image, (self.columns, self.rows), flags=cv2.CALIB_CB_ACCURACY | cv2.CALIB_CB_EXHAUSTIVE)
+        is_found, corners = cv2.findChessboardCornersSB(
+            image, (self.columns, self.rows), flags=cv2.CALIB_CB_ACCURACY | cv2.CALIB_CB_EXHAUSTIVE
+        )
         if not is_found:
             return None
         return self.chessboard_points(), corners.reshape(-1, 2).astype(np.float64)
@@ -67,13 +75,19 @@ class Board:
     def _find_markers(self, image: NDArray[np.uint8]) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
         board, dictionary = self._aruco_board()
         parameters = cv2.aruco.DetectorParameters_create()
-        parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_APRILTAG if self.kind == "apriltag" else cv2.aruco.CORNER_REFINE_NONE
+        parameters.cornerRefinementMethod = (
+            cv2.aruco.CORNER_REFINE_APRILTAG if self.kind == "apriltag" else cv2.aruco.CORNER_REFINE_NONE
+        )
         corners, ids, _ = cv2.aruco.detectMarkers(image, dictionary, parameters=parameters)
         if ids is None:
             return None
         if self.kind == "apriltag":
             points = {int(n): p for n, p in zip(np.ravel(board.ids), board.objPoints, strict=True)}
-            seen = [(points[int(n)], c.reshape(4, 2)) for n, c in zip(np.ravel(ids), corners, strict=True) if int(n) in points]
+            seen = [
+                (points[int(n)], c.reshape(4, 2))
+                for n, c in zip(np.ravel(ids), corners, strict=True)
+                if int(n) in points
+            ]
             if not seen:
                 return None
             pixels = np.concatenate([c for _, c in seen]).astype(np.float64)
@@ -81,15 +95,23 @@ class Board:
         count, places, numbers = cv2.aruco.interpolateCornersCharuco(corners, ids, image, board)
         if not count:
             return None
-        return np.asarray(board.chessboardCorners)[np.ravel(numbers)].astype(np.float64), places.reshape(-1, 2).astype(np.float64) - _MARKER_SHIFT_PX
+        return np.asarray(board.chessboardCorners)[np.ravel(numbers)].astype(np.float64), places.reshape(-1, 2).astype(
+            np.float64
+        ) - _MARKER_SHIFT_PX
 
     def _aruco_board(self) -> tuple[object, object]:
         if not hasattr(cv2, "aruco") or not hasattr(cv2.aruco, "CharucoBoard_create"):
-            raise ValueError(f"this OpenCV, {cv2.__version__}, has no aruco module as in 4.6: use a chessboard, or Debian's python3-opencv")
+            raise ValueError(
+                f"this OpenCV, {cv2.__version__}, has no aruco module as in 4.6: use a chessboard, or Debian's python3-opencv"
+            )
         dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, _DICTIONARY[self.kind]))
         if self.kind == "apriltag":
-            return cv2.aruco.GridBoard_create(self.columns, self.rows, self.side_m, self.second_m, dictionary), dictionary
-        return cv2.aruco.CharucoBoard_create(self.columns, self.rows, self.side_m, self.second_m, dictionary), dictionary
+            return cv2.aruco.GridBoard_create(
+                self.columns, self.rows, self.side_m, self.second_m, dictionary
+            ), dictionary
+        return cv2.aruco.CharucoBoard_create(
+            self.columns, self.rows, self.side_m, self.second_m, dictionary
+        ), dictionary
 
     def drawn(self, pixels_per_m: float, margin_m: float) -> NDArray[np.uint8]:
         """The board as a picture to print, its first corner at margin_m (chessboard: plus one square) from the left top."""

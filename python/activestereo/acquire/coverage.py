@@ -28,7 +28,12 @@ def coverage_figure(result: Calibration) -> Figure:
         places, lengths = corner_errors(result, eye)
         shown = axes.scatter(*places.T, c=lengths, s=7, cmap="viridis", vmin=0.0, vmax=max(4.0 * result.rms_px, 1e-3))
         axes.set(xlim=(0, width), ylim=(height, 0), aspect="equal")
-        axes.set_title(f"{eye}: {len(places)} corners reach {100 * result.coverage[eye]:.0f} % of the picture", size=10, color=_INK, loc="left")
+        axes.set_title(
+            f"{eye}: {len(places)} corners reach {100 * result.coverage[eye]:.0f} % of the picture",
+            size=10,
+            color=_INK,
+            loc="left",
+        )
         axes.tick_params(labelsize=8, colors=_MUTED)
     figure.colorbar(shown, ax=figure.axes, shrink=0.8).set_label("left over, px", size=9, color=_MUTED)
     return figure
@@ -40,9 +45,15 @@ def corner_errors(result: Calibration, eye: str) -> tuple[np.ndarray, np.ndarray
     for view in result.views:
         if eye in view.corners:
             points, pixels = view.corners[eye]
-            pose = result.board_to_left[view.name] if eye == "left" else result.left_to_right @ result.board_to_left[view.name]
+            pose = (
+                result.board_to_left[view.name]
+                if eye == "left"
+                else result.left_to_right @ result.board_to_left[view.name]
+            )
             turn = cv2.Rodrigues(pose[:3, :3])[0]
-            drawn = cv2.projectPoints(points, turn, pose[:3, 3], result.K[eye], result.distortion[eye])[0].reshape(-1, 2)
+            drawn = cv2.projectPoints(points, turn, pose[:3, 3], result.K[eye], result.distortion[eye])[0].reshape(
+                -1, 2
+            )
             places.append(pixels)
             lengths.append(np.linalg.norm(drawn - pixels, axis=1))
     return np.concatenate(places), np.concatenate(lengths)

@@ -38,7 +38,9 @@ def read_repeats(path: Path, least: int = LEAST_REPEATS) -> list[Repeats]:
         raise ValueError(f"{path}: holds no PNG files: give a folder of frames of one static view, or of such folders")
     for view in views:
         if len(view.counts) < least:
-            raise ValueError(f"{view.name}: {len(view.counts)} repeats, at least {least} are needed: record more frames of the same static view")
+            raise ValueError(
+                f"{view.name}: {len(view.counts)} repeats, at least {least} are needed: record more frames of the same static view"
+            )
     return views
 
 
@@ -48,7 +50,9 @@ def _stack(path: Path) -> np.ndarray:
     except (OSError, ValueError) as error:
         raise ValueError(f"{path}: cannot be read as a .npy stack: {error}") from error
     if counts.ndim != 3 or counts.dtype not in (np.uint8, np.uint16):
-        raise ValueError(f"{path}: is {counts.dtype} {list(counts.shape)}, expected uint8 or uint16 [frame][height][width]")
+        raise ValueError(
+            f"{path}: is {counts.dtype} {list(counts.shape)}, expected uint8 or uint16 [frame][height][width]"
+        )
     return counts
 
 
@@ -57,7 +61,9 @@ def _of_folder(folder: Path) -> Repeats:
     images = [read_gray(file, key="image") for file in files]
     for file, image in zip(files, images, strict=True):
         if image.shape != images[0].shape or image.dtype != images[0].dtype:
-            raise ValueError(f"{file}: is {image.shape[1]}x{image.shape[0]} {image.dtype}, {files[0].name} is {images[0].shape[1]}x{images[0].shape[0]} {images[0].dtype}")
+            raise ValueError(
+                f"{file}: is {image.shape[1]}x{image.shape[0]} {image.dtype}, {files[0].name} is {images[0].shape[1]}x{images[0].shape[0]} {images[0].dtype}"
+            )
     return Repeats(str(folder), np.stack(images), None, str(folder))
 
 
@@ -68,11 +74,22 @@ def _of_capture(path: Path) -> list[Repeats]:
         for eye in EYES:
             name = f"{capture.path}: repeat group {group}, {eye}"
             if len({frame.exposure_gain for frame in frames}) > 1:
-                raise ValueError(f"{name}: exposure x gain differs between the repeats: give each exposure a group of its own")
+                raise ValueError(
+                    f"{name}: exposure x gain differs between the repeats: give each exposure a group of its own"
+                )
             counts = np.stack([read_gray(frame.path(eye), key=f"frames[id={frame.id}].{eye}") for frame in frames])
-            views.append(Repeats(name, counts, frames[0].exposure_gain, f"{eye} {frames[0].camera_to_world.tobytes()!r} {frames[0].projector_power}"))
+            views.append(
+                Repeats(
+                    name,
+                    counts,
+                    frames[0].exposure_gain,
+                    f"{eye} {frames[0].camera_to_world.tobytes()!r} {frames[0].projector_power}",
+                )
+            )
     if not views:
-        raise ValueError(f"{capture.path}: no frames share a repeat_group: record {LEAST_REPEATS} or more frames of each static view")
+        raise ValueError(
+            f"{capture.path}: no frames share a repeat_group: record {LEAST_REPEATS} or more frames of each static view"
+        )
     return views
 
 

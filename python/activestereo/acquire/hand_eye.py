@@ -55,7 +55,9 @@ class HandEye:
         """What a reader wants first."""
         t, e = 1e3 * self.camera_to_gripper[:3, 3], 1e3 * _INTERVAL_90 * self.error[3:]
         turn = np.rad2deg(_INTERVAL_90 * np.linalg.norm(self.error[:3]))
-        lines = [f"camera on gripper: {t[0]:.2f} ± {e[0]:.2f}, {t[1]:.2f} ± {e[1]:.2f}, {t[2]:.2f} ± {e[2]:.2f} mm, turn ± {turn:.3f} deg (90 %), of {self.poses} poses"]
+        lines = [
+            f"camera on gripper: {t[0]:.2f} ± {e[0]:.2f}, {t[1]:.2f} ± {e[1]:.2f}, {t[2]:.2f} ± {e[2]:.2f} mm, turn ± {turn:.3f} deg (90 %), of {self.poses} poses"
+        ]
         lines.append(f"boards' places agree to {1e3 * self.left_m:.2f} mm, {self.left_deg:.3f} deg RMS")
         for name, pose in self.by_method.items():
             metres, degrees = difference(pose, self.camera_to_gripper)
@@ -69,7 +71,12 @@ def hand_eye(gripper_to_base: list[NDArray[np.float64]], board_to_camera: list[N
     if count < LEAST_POSES:
         raise ValueError(f"{count} frames have a robot's pose and a board, at least {LEAST_POSES} are needed")
     _check_turns(gripper_to_base)
-    arguments = [[p[:3, :3] for p in gripper_to_base], [p[:3, 3] for p in gripper_to_base], [p[:3, :3] for p in board_to_camera], [p[:3, 3] for p in board_to_camera]]
+    arguments = [
+        [p[:3, :3] for p in gripper_to_base],
+        [p[:3, 3] for p in gripper_to_base],
+        [p[:3, :3] for p in board_to_camera],
+        [p[:3, 3] for p in board_to_camera],
+    ]
     by_method = {}
     for name, method in METHODS.items():
         rotation, translation = cv2.calibrateHandEye(*arguments, method=method)
@@ -87,7 +94,13 @@ def hand_eye(gripper_to_base: list[NDArray[np.float64]], board_to_camera: list[N
         return np.concatenate(out)
 
     first = np.concatenate([_vector(start), _vector(board)])
-    solution = least_squares(residuals, first, x_scale="jac", loss="soft_l1", f_scale=3.0 * max(float(np.median(np.abs(residuals(first)))), 1e-6))
+    solution = least_squares(
+        residuals,
+        first,
+        x_scale="jac",
+        loss="soft_l1",
+        f_scale=3.0 * max(float(np.median(np.abs(residuals(first)))), 1e-6),
+    )
     left = residuals(solution.x).reshape(count, 6)
     variance = float((left**2).sum()) / max(6 * count - 12, 1)
     error = np.sqrt(variance * np.diag(np.linalg.pinv(solution.jac.T @ solution.jac, hermitian=True)))[:6]
@@ -131,7 +144,9 @@ def read_poses(path: Path) -> dict[str, NDArray[np.float64]]:
             except ValueError:
                 raise ValueError(f"{path}: line {number}: '{','.join(cells[1:])}' are not numbers") from None
             if len(values) not in (7, 16) or not np.isfinite(values).all():
-                raise ValueError(f"{path}: line {number}: {len(values)} numbers, expected finite x,y,z,qx,qy,qz,qw or a row-major 4x4")
+                raise ValueError(
+                    f"{path}: line {number}: {len(values)} numbers, expected finite x,y,z,qx,qy,qz,qw or a row-major 4x4"
+                )
             poses[cells[0]] = _of_numbers(values, path, number)
     if not poses:
         raise ValueError(f"{path}: holds no poses: each line is name,x,y,z,qx,qy,qz,qw")

@@ -35,5 +35,7 @@ def _read(path: Path) -> dict[str, Any]:
     if not isinstance(model, dict) or model.get("format") != FORMAT:
         raise ValueError(f"{path}: format is not {FORMAT!r}: give another file to -o")
     if model.get("version") != VERSION:
-        raise ValueError(f"{path}: version is {model.get('version')}, sections are written into version {VERSION}: give another file to -o")
+        raise ValueError(
+            f"{path}: version is {model.get('version')}, sections are written into version {VERSION}: give another file to -o"
+        )
     return model

@@ -59,7 +59,9 @@ class Noise:
         offset = Quantity(*(v**2 + _ROUNDING_DN2 for v in (law.sigma_dn, *sigma)), unit="DN^2", source=source)
         if self.chosen == "gamma":
             high, low = fit.interval("shape")
-            imager = Imager(offset, replace(zero, unit="DN"), Quantity(1.0 / law.shape, 1.0 / low, 1.0 / high, "1", source))
+            imager = Imager(
+                offset, replace(zero, unit="DN"), Quantity(1.0 / law.shape, 1.0 / low, 1.0 / high, "1", source)
+            )
         else:
             imager = Imager(offset, Quantity(law.shape, *fit.interval("shape"), "DN", source), zero)
         black = Quantity(law.black_dn, *fit.interval("black_dn"), "DN", f"acquire noise: from {self.black_from}")
@@ -72,16 +74,28 @@ class Noise:
         other = next(kind.name for kind in LAWS if kind.name != self.chosen)
         sure = "" if margin > 2.0 * error else "; the two are alike on this data: record brighter and darker views"
         lines = [f"law: {self.chosen}, by {margin:.3g} ± {error:.2g} nats per held-out pixel over {other}{sure}"]
-        rows = [("k" if self.chosen == "gamma" else "K", "shape", "" if self.chosen == "gamma" else " DN/e-"), ("sigma", "sigma_dn", " DN"), ("black", "black_dn", " DN")]
+        rows = [
+            ("k" if self.chosen == "gamma" else "K", "shape", "" if self.chosen == "gamma" else " DN/e-"),
+            ("sigma", "sigma_dn", " DN"),
+            ("black", "black_dn", " DN"),
+        ]
         for word, name, unit in rows:
             low, high = fit.interval(name)
             lines.append(f"{word:6} {getattr(law, name):.4g} ({low:.4g} to {high:.4g}){unit}")
         if self.chosen == "gamma":
             lines.append(f"theta  {1.0 / law.shape:.4g} = 1/k: a gauge, for the clean image is the frames' mean")
         if self.literal:
-            lines.append("the paper's literal fit (clean image = average): " + ", ".join(f"{k} {v:.4g}" for k, v in self.literal.items()))
-        lines += [f"exposure x gain {p.exposure_gain:.4g} s: mean {p.mean_dn:.2f} DN, variance {p.variance_dn2:.3f} DN²" for p in self.transfer]
-        lines.append(f"black from {self.black_from}; {100 * self.clipped_share:.2f} % of the counts clipped, censored; {self.pixels} pixels, {self.repeats} repeats")
+            lines.append(
+                "the paper's literal fit (clean image = average): "
+                + ", ".join(f"{k} {v:.4g}" for k, v in self.literal.items())
+            )
+        lines += [
+            f"exposure x gain {p.exposure_gain:.4g} s: mean {p.mean_dn:.2f} DN, variance {p.variance_dn2:.3f} DN²"
+            for p in self.transfer
+        ]
+        lines.append(
+            f"black from {self.black_from}; {100 * self.clipped_share:.2f} % of the counts clipped, censored; {self.pixels} pixels, {self.repeats} repeats"
+        )
         return "\n".join([*lines, _NOTE])
 
 
@@ -146,7 +160,9 @@ def _chosen_pixels(views: list[Repeats], max_dn: int, rng: np.random.Generator) 
         usable = np.flatnonzero((middle > 0) & (middle < max_dn))
         if len(usable) < _LARGEST_CLIPPED * flat.shape[1]:
             clipped = 1.0 - len(usable) / flat.shape[1]
-            raise ValueError(f"{view.name}: {100 * clipped:.0f} % of the pixels clip at 0 or {max_dn} DN: change the exposure so that most lie between")
+            raise ValueError(
+                f"{view.name}: {100 * clipped:.0f} % of the pixels clip at 0 or {max_dn} DN: change the exposure so that most lie between"
+            )
         group = np.floor(4.0 * np.log2(level[usable] - level[usable].min() + 2.0)).astype(int)
         weight = 1.0 / np.bincount(group)[group]
         number = min(-(-wanted // len(views)), len(usable))
@@ -159,7 +175,9 @@ def _dark_counts(darks: list[Repeats], views: list[Repeats], rng: np.random.Gene
         return None
     brightest, darkest = max(float(d.counts.mean()) for d in darks), min(float(v.counts.mean()) for v in views)
     if brightest >= darkest:
-        raise ValueError(f"{darks[0].name}: its mean is {brightest:.2f} DN, the lit frames' {darkest:.2f}: give frames without any light to --dark")
+        raise ValueError(
+            f"{darks[0].name}: its mean is {brightest:.2f} DN, the lit frames' {darkest:.2f}: give frames without any light to --dark"
+        )
     flat = np.concatenate([d.counts.ravel() for d in darks])
     return flat if flat.size <= _LARGEST_DARK else rng.choice(flat, _LARGEST_DARK, replace=False)
 
@@ -173,7 +191,9 @@ def _transfer(views: list[Repeats], max_dn: int) -> tuple[TransferPoint, ...]:
         counts = view.counts.astype(np.float64)
         clear = ((counts > 0) & (counts < max_dn)).all(axis=0)
         variance = counts.var(axis=0, ddof=1)
-        points.append(TransferPoint(view.exposure_gain, float(counts.mean(axis=0)[clear].mean()), float(variance[clear].mean())))
+        points.append(
+            TransferPoint(view.exposure_gain, float(counts.mean(axis=0)[clear].mean()), float(variance[clear].mean()))
+        )
     return tuple(points)
 
 

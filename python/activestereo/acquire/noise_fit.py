@@ -48,7 +48,9 @@ class Counts:
         return cls(histograms, np.concatenate(means), tally, max_dn, bin_dn)
 
     def part(self, chosen: np.ndarray, with_dark: bool = True) -> "Counts":
-        return Counts(self.histograms[chosen], self.means[chosen], self.dark if with_dark else None, self.max_dn, self.bin_dn)
+        return Counts(
+            self.histograms[chosen], self.means[chosen], self.dark if with_dark else None, self.max_dn, self.bin_dn
+        )
 
 
 @dataclass(frozen=True)
@@ -85,7 +87,9 @@ def dark_log_density(counts: Counts, law: Law) -> float:
 def _signal_grid(counts: Counts, law: Law) -> tuple[np.ndarray, np.ndarray]:
     """Means above black as finely spaced as a pixel's mean is known, and the width of each."""
     repeats = counts.histograms[0].sum()
-    top = 1.1 * max(float(counts.means.max()) - law.black_dn, 1.0) + 6.0 * np.sqrt(law.variance(np.array([counts.means.max()]))[0] / repeats)
+    top = 1.1 * max(float(counts.means.max()) - law.black_dn, 1.0) + 6.0 * np.sqrt(
+        law.variance(np.array([counts.means.max()]))[0] / repeats
+    )
     grid, at = [], 0.0
     while at < top:
         step = np.sqrt((law.variance(np.array([at]))[0] + counts.bin_dn**2 / 12.0) / repeats)
@@ -95,7 +99,13 @@ def _signal_grid(counts: Counts, law: Law) -> tuple[np.ndarray, np.ndarray]:
     return grid, np.gradient(grid) if len(grid) > 1 else np.ones(1)
 
 
-def fit_law(kind: type[Law], counts: Counts, start: Law | None = None, fixed_black_dn: float | None = None, with_error: bool = True) -> LawFit:
+def fit_law(
+    kind: type[Law],
+    counts: Counts,
+    start: Law | None = None,
+    fixed_black_dn: float | None = None,
+    with_error: bool = True,
+) -> LawFit:
     """The most probable law of a kind. fixed_black_dn: black is known from elsewhere. with_error=False: errors are 0, in half the time."""
     start = start or _start(kind, counts, fixed_black_dn)
     free = 2 if fixed_black_dn is not None else 3
@@ -113,7 +123,12 @@ def fit_law(kind: type[Law], counts: Counts, start: Law | None = None, fixed_bla
 
     first = np.array([np.log(start.shape), np.log(start.sigma_dn), start.black_dn])[:free]
     scale = 1.0 / float(counts.histograms.sum())
-    found = minimize(lambda x: scale * cost(x), first, method="L-BFGS-B", options={"eps": 1e-3, "ftol": 1e-10, "gtol": 1e-6, "maxiter": 40})
+    found = minimize(
+        lambda x: scale * cost(x),
+        first,
+        method="L-BFGS-B",
+        options={"eps": 1e-3, "ftol": 1e-10, "gtol": 1e-6, "maxiter": 40},
+    )
     if not with_error:
         return LawFit(law_of(found.x), np.zeros(3))
     hessian = _hessian(cost, found.x, _STEPS[:free])
@@ -129,13 +144,26 @@ def _start(kind: type[Law], counts: Counts, black_dn: float | None) -> Law:
     mean = counts.histograms @ values / repeats
     variance = (counts.histograms @ values**2 / repeats - mean**2) * repeats / np.maximum(repeats - 1, 1)
     clear = (mean > np.quantile(mean, 0.02)) & (mean + 3.0 * np.sqrt(variance) < counts.max_dn)
-    black = black_dn if black_dn is not None else min(float(np.quantile(mean, 0.01)), float(values @ counts.dark / counts.dark.sum()) if counts.dark is not None else np.inf)
+    black = (
+        black_dn
+        if black_dn is not None
+        else min(
+            float(np.quantile(mean, 0.01)),
+            float(values @ counts.dark / counts.dark.sum()) if counts.dark is not None else np.inf,
+        )
+    )
     signal = np.maximum(mean - black, 0.0)[clear]
     column = signal**2 if kind is GammaLaw else signal
     weight = 1.0 / (variance[clear].mean() * 0.05 + column + 0.05)
     slope = float(np.sum(weight**2 * column * variance[clear]) / max(np.sum(weight**2 * column**2), 1e-12))
     dark = counts.dark if counts.dark is not None else None
-    sigma = 0.5 if dark is None else max(float(np.sqrt(max(dark @ values**2 / dark.sum() - (dark @ values / dark.sum()) ** 2 - 1 / 12, 0.01))), 0.1)
+    sigma = (
+        0.5
+        if dark is None
+        else max(
+            float(np.sqrt(max(dark @ values**2 / dark.sum() - (dark @ values / dark.sum()) ** 2 - 1 / 12, 0.01))), 0.1
+        )
+    )
     shape = 1.0 / max(slope, 1e-5) if kind is GammaLaw else max(slope, 1e-3)
     return kind(shape, sigma, black)
 
@@ -146,7 +174,9 @@ def _hessian(cost: object, x: np.ndarray, step: np.ndarray) -> np.ndarray:
     for i in range(n):
         for j in range(i + 1):
             a, b = np.eye(n)[i] * step[i], np.eye(n)[j] * step[j]
-            out[i, j] = out[j, i] = (cost(x + a + b) - cost(x + a - b) - cost(x - a + b) + cost(x - a - b)) / (4.0 * step[i] * step[j])
+            out[i, j] = out[j, i] = (cost(x + a + b) - cost(x + a - b) - cost(x - a + b) + cost(x - a - b)) / (
+                4.0 * step[i] * step[j]
+            )
     return out
 
 
@@ -167,7 +197,17 @@ def fit_literally(pixels: list[np.ndarray], max_dn: int) -> dict[str, float]:
         return -float((table * tallies).sum()) / tallies.sum()
 
     start = [np.log(4.0), np.log(0.25), 0.0, np.log(0.8)]
-    found = minimize(cost, start, method="Nelder-Mead", options={"xatol": 1e-3, "fatol": 1e-9, "maxiter": 600, "initial_simplex": np.vstack([start, start + 0.3 * np.eye(4)])})
+    found = minimize(
+        cost,
+        start,
+        method="Nelder-Mead",
+        options={
+            "xatol": 1e-3,
+            "fatol": 1e-9,
+            "maxiter": 600,
+            "initial_simplex": np.vstack([start, start + 0.3 * np.eye(4)]),
+        },
+    )
     k, theta, mu, sigma = found.x
     return {"k": float(np.exp(k)), "theta": float(np.exp(theta)), "mu_dn": float(mu), "sigma_dn": float(np.exp(sigma))}
 

@@ -78,7 +78,9 @@ class GammaLaw(Law):
             grid = end * np.linspace(0.0, 1.0, 20001)
             table = gammainc(self.shape, grid)
             x, y = above[wide] * self.shape / signal[wide], self.sigma_dn * self.shape / signal[wide]
-            out[wide] = sum(weight * np.interp(x - node * y, grid, table) for node, weight in zip(_NODES, _WEIGHTS, strict=True))
+            out[wide] = sum(
+                weight * np.interp(x - node * y, grid, table) for node, weight in zip(_NODES, _WEIGHTS, strict=True)
+            )
         if not wide.all():  # the other way round
             factors, weights = self._factors()
             x, y = above[~wide] / self.sigma_dn, signal[~wide] / self.sigma_dn
@@ -124,5 +126,7 @@ class ShotLaw(Law):
             electrons = np.arange(int(most + 9.0 * np.sqrt(most) + 10.0))
             some, which = np.unique(mean[few], return_inverse=True)
             poisson = np.exp(electrons * np.log(some)[:, None] - some[:, None] - gammaln(electrons + 1.0))
-            out[few] = (poisson[which] * ndtr((above[few][:, None] - self.shape * electrons) / self.sigma_dn)).sum(axis=1)
+            out[few] = (poisson[which] * ndtr((above[few][:, None] - self.shape * electrons) / self.sigma_dn)).sum(
+                axis=1
+            )
         return out

@@ -58,17 +58,33 @@ class Pattern:
 
     def model(self) -> SensorModel:
         """model.json's `pattern`, and in its `rig`, the capture's nominal one, the projector's place."""
-        source = f"acquire pattern: {len(self.dots)} dots, walls at " + ", ".join(f"{view.wall.distance_m:.3f} m" for view in self.views)
-        where = "the projector's place is nominal" if self.place_error_m is None else "the projector's place is measured"
-        pattern = SensorPattern(self.K, dots=self.dots, size=self.size, dot_sigma_px=self.dot_sigma_px, source=f"{source}; {where}")
+        source = f"acquire pattern: {len(self.dots)} dots, walls at " + ", ".join(
+            f"{view.wall.distance_m:.3f} m" for view in self.views
+        )
+        where = (
+            "the projector's place is nominal" if self.place_error_m is None else "the projector's place is measured"
+        )
+        pattern = SensorPattern(
+            self.K, dots=self.dots, size=self.size, dot_sigma_px=self.dot_sigma_px, source=f"{source}; {where}"
+        )
         eyes = (self.rig.left, self.rig.right)
         left, right = (Eye(c.width, c.height, c.K, tuple(c.distortion)) for c in eyes)
-        nominal = Rig(left, right, self.rig.left_to_right, self.left_to_projector, self.rig.bit_depth, self.rig.line_time_s, source="the capture's nominal rig")
+        nominal = Rig(
+            left,
+            right,
+            self.rig.left_to_right,
+            self.left_to_projector,
+            self.rig.bit_depth,
+            self.rig.line_time_s,
+            source="the capture's nominal rig",
+        )
         return SensorModel(pattern=pattern, rig=nominal)
 
     def text(self) -> str:
         """What a reader wants first."""
-        lines = [f"{len(self.dots)} dots; {self.seen_twice} of them are seen at two distances; sigma {self.dot_sigma_px:.2f} px of the pattern"]
+        lines = [
+            f"{len(self.dots)} dots; {self.seen_twice} of them are seen at two distances; sigma {self.dot_sigma_px:.2f} px of the pattern"
+        ]
         for view in self.views:
             wall = view.wall
             share = 100.0 * np.mean(wall.is_seen_by_both)
@@ -77,10 +93,14 @@ class Pattern:
             )
         x, y, z = 1e3 * self.place_m
         if self.place_error_m is None:
-            lines.append(f"projector at {x:.2f}, {y:.2f}, {z:.2f} mm of the left camera: NOMINAL; a wall at a second distance, 1.5 times as far, would tell it")
+            lines.append(
+                f"projector at {x:.2f}, {y:.2f}, {z:.2f} mm of the left camera: NOMINAL; a wall at a second distance, 1.5 times as far, would tell it"
+            )
         else:
             ex, ey, ez = 1e3 * self.place_error_m
-            lines.append(f"projector at {x:.2f} ± {ex:.2f}, {y:.2f} ± {ey:.2f}, {z:.2f} ± {ez:.2f} mm of the left camera")
+            lines.append(
+                f"projector at {x:.2f} ± {ex:.2f}, {y:.2f} ± {ey:.2f}, {z:.2f} ± {ez:.2f} mm of the left camera"
+            )
         return "\n".join(lines)
 
 
@@ -95,7 +115,9 @@ def acquire_pattern(path: Path, progress: Callable[[float], None] | None = None)
     _check_rig(capture)
     groups = capture.repeats()
     if not groups:
-        raise ValueError(f"{capture.path}: no frames share a repeat_group: record {LEAST_REPEATS} or more frames of the wall at each distance")
+        raise ValueError(
+            f"{capture.path}: no frames share a repeat_group: record {LEAST_REPEATS} or more frames of the wall at each distance"
+        )
     views = []
     for number, (group, frames) in enumerate(groups.items()):
         share = lambda part, number=number: tell(0.95 * (number + part) / len(groups))  # noqa: E731
@@ -109,31 +131,43 @@ def acquire_pattern(path: Path, progress: Callable[[float], None] | None = None)
 def _check_rig(capture: Capture) -> None:
     rig = capture.rig
     if not (rig.left.is_pinhole and rig.right.is_pinhole):
-        raise ValueError(f"{capture.path}/capture.json: rig.left.distortion: dots are matched along rows: rectify the images and give zeros")
+        raise ValueError(
+            f"{capture.path}/capture.json: rig.left.distortion: dots are matched along rows: rectify the images and give zeros"
+        )
     if not np.allclose(rig.left_to_right[:3, :3], np.eye(3), atol=1e-4):
         raise ValueError(f"{capture.path}/capture.json: rig.left_to_right: turns the right camera: rectify the images")
     if rig.left_to_right[0, 3] >= 0:
-        raise ValueError(f"{capture.path}/capture.json: rig.left_to_right: x is {rig.left_to_right[0, 3]:g}, expected below 0: left and right are swapped")
+        raise ValueError(
+            f"{capture.path}/capture.json: rig.left_to_right: x is {rig.left_to_right[0, 3]:g}, expected below 0: left and right are swapped"
+        )
 
 
 def _wall_view(capture: Capture, name: str, frames: list[Frame], tell: Callable[[float], None]) -> WallView:
     if len(frames) < LEAST_REPEATS:
-        raise ValueError(f"{name}: {len(frames)} repeats, at least {LEAST_REPEATS} are needed: record more frames of the wall")
+        raise ValueError(
+            f"{name}: {len(frames)} repeats, at least {LEAST_REPEATS} are needed: record more frames of the wall"
+        )
     images, spots = {}, {}
     for place, eye in enumerate(EYES):
         counts = np.stack([read_gray(frame.path(eye), key=f"frames[id={frame.id}].{eye}") for frame in frames])
         check_still(Repeats(f"{name}, {eye}", counts))
         _check_saturation(f"{name}, {eye}", counts, capture.rig.max_dn)
         images[eye] = counts.mean(axis=0)
-        spots[eye] = find_spots(images[eye], _variance_of_mean(counts), lambda part, place=place: tell(0.5 * (place + part)))
-    wall = find_wall(spots["left"], spots["right"], capture.rig.left.K, capture.rig.right.K, capture.rig.baseline_m, name)
+        spots[eye] = find_spots(
+            images[eye], _variance_of_mean(counts), lambda part, place=place: tell(0.5 * (place + part))
+        )
+    wall = find_wall(
+        spots["left"], spots["right"], capture.rig.left.K, capture.rig.right.K, capture.rig.baseline_m, name
+    )
     return WallView(name, images, spots, wall)
 
 
 def _check_saturation(name: str, counts: np.ndarray, max_dn: int) -> None:
     share = float(np.mean((counts == max_dn).any(axis=0)))
     if share > _LARGEST_SATURATED:
-        raise ValueError(f"{name}: {100 * share:.1f} % of the pixels reach {max_dn} DN: the wall saturates: shorten the exposure or lower the laser's power")
+        raise ValueError(
+            f"{name}: {100 * share:.1f} % of the pixels reach {max_dn} DN: the wall saturates: shorten the exposure or lower the laser's power"
+        )
 
 
 def _variance_of_mean(counts: np.ndarray) -> np.ndarray:
@@ -164,10 +198,14 @@ def merged_pattern(views: tuple[WallView, ...], capture: Capture) -> Pattern:
     left_to_projector = np.eye(4)
     left_to_projector[:3, :3], left_to_projector[:3, 3] = rotation, -rotation @ place
     sigma = _pattern_sigma(views[0], capture, place)
-    return Pattern(dots, (width, height), projector.K, place, error, left_to_projector, sigma, views, len(pairs), capture.rig)
+    return Pattern(
+        dots, (width, height), projector.K, place, error, left_to_projector, sigma, views, len(pairs), capture.rig
+    )
 
 
-def _dots_of(view: WallView, K: np.ndarray, projector_K: np.ndarray, place: np.ndarray, rotation: np.ndarray) -> np.ndarray:
+def _dots_of(
+    view: WallView, K: np.ndarray, projector_K: np.ndarray, place: np.ndarray, rotation: np.ndarray
+) -> np.ndarray:
     """[spot][3]: u, v in the pattern and power, in units that the views share but for exposure."""
     points = view.wall.points
     beam = (points - place) @ rotation.T
@@ -201,7 +239,9 @@ def _meeting_point(
         chosen = np.flatnonzero((distance < reach) & (back[other] == np.arange(len(first))))
         pairs = np.column_stack([chosen, other[chosen]])
         if len(pairs) < _LEAST_LINES:
-            raise ValueError(f"only {len(pairs)} dots are the same on the walls at {near.distance_m:.2f} and {far.distance_m:.2f} m: check the projector's nominal place and K")
+            raise ValueError(
+                f"only {len(pairs)} dots are the same on the walls at {near.distance_m:.2f} and {far.distance_m:.2f} m: check the projector's nominal place and K"
+            )
         a, b = near.points[pairs[:, 0]], far.points[pairs[:, 1]]
         place, error = _nearest_to_lines(a, b)
     return place, error, pairs

@@ -55,7 +55,10 @@ class Calibration:
     def model(self, left_to_projector: NDArray[np.float64] | None = None) -> SensorModel:
         """model.json's `rig`."""
         left, right = (Eye(*self.size, self.K[eye], tuple(map(float, self.distortion[eye]))) for eye in EYES)
-        errors = "; ".join(f"{eye} f ± {_INTERVAL_90 * self.error[eye][0]:.2g}, c ± {_INTERVAL_90 * self.error[eye][2]:.2g} px" for eye in EYES)
+        errors = "; ".join(
+            f"{eye} f ± {_INTERVAL_90 * self.error[eye][0]:.2g}, c ± {_INTERVAL_90 * self.error[eye][2]:.2g} px"
+            for eye in EYES
+        )
         source = f"acquire rig: {len(self.views)} boards, {self.rms_px:.3f} px RMS, 90 %: {errors}"
         return SensorModel(rig=Rig(left, right, self.left_to_right, left_to_projector, self.bit_depth, source=source))
 
@@ -73,12 +76,18 @@ class Calibration:
             numbers = zip(("fx", "fy", "cx", "cy"), (K[0, 0], K[1, 1], K[0, 2], K[1, 2]), half, strict=True)
             words = ", ".join(f"{name} {value:.2f} ± {h:.2f}" for name, value, h in numbers)
             lens = ", ".join(f"{d:.4f}" for d in self.distortion[eye])
-            lines.append(f"{eye}: {words} px; lens {lens}; corners reach {100 * self.coverage[eye]:.0f} % of the picture")
+            lines.append(
+                f"{eye}: {words} px; lens {lens}; corners reach {100 * self.coverage[eye]:.0f} % of the picture"
+            )
         t, e = 1e3 * self.left_to_right[:3, 3], 1e3 * _INTERVAL_90 * self.error["translation"]
         angle = np.rad2deg(np.linalg.norm(cv2.Rodrigues(self.left_to_right[:3, :3])[0]))
-        lines.append(f"right eye: x {t[0]:.3f} ± {e[0]:.3f}, y {t[1]:.3f} ± {e[1]:.3f}, z {t[2]:.3f} ± {e[2]:.3f} mm, turned {angle:.3f} deg")
+        lines.append(
+            f"right eye: x {t[0]:.3f} ± {e[0]:.3f}, y {t[1]:.3f} ± {e[1]:.3f}, z {t[2]:.3f} ± {e[2]:.3f} mm, turned {angle:.3f} deg"
+        )
         if len(self.views) < _FEW_BOARDS:
-            lines.append(f"only {len(self.views)} boards: 15 or more, tilted up to 40 deg and into every corner, halve the intervals")
+            lines.append(
+                f"only {len(self.views)} boards: 15 or more, tilted up to 40 deg and into every corner, halve the intervals"
+            )
         return "\n".join(lines)
 
 
@@ -97,13 +106,17 @@ def acquire_rig(
     return result
 
 
-def find_boards(path: Path, board: Board, tell: Callable[[float], None]) -> tuple[list[BoardView], tuple[int, int], int]:
+def find_boards(
+    path: Path, board: Board, tell: Callable[[float], None]
+) -> tuple[list[BoardView], tuple[int, int], int]:
     """(views that show a board, (width, height), bit depth)."""
     folders = {eye: Path(path) / eye for eye in EYES}
     names = {eye: {file.name for file in folder.glob("*.png")} for eye, folder in folders.items()}
     both = sorted(names["left"] & names["right"])
     if not both:
-        raise ValueError(f"{path}: no PNG file is in both left/ and right/: give a folder with frames of both eyes under equal names")
+        raise ValueError(
+            f"{path}: no PNG file is in both left/ and right/: give a folder with frames of both eyes under equal names"
+        )
     views, size, depth = [], None, 8
     for number, name in enumerate(both):
         corners = {}
@@ -129,7 +142,11 @@ def find_boards(path: Path, board: Board, tell: Callable[[float], None]) -> tupl
 
 
 def calibrate(
-    views: list[BoardView], size: tuple[int, int], has_lens: bool = True, known_K: NDArray[np.float64] | None = None, bit_depth: int = 8
+    views: list[BoardView],
+    size: tuple[int, int],
+    has_lens: bool = True,
+    known_K: NDArray[np.float64] | None = None,
+    bit_depth: int = 8,
 ) -> Calibration:
     """The Calibration of boards' corners; false detections are left out once."""
     result = _calibrate(views, size, has_lens, known_K, bit_depth)
@@ -147,7 +164,9 @@ def _calibrate(
     start = _start(views, size, has_lens, known_K)
     views = [view for view in views if view.name in start.boards]
     problem = _Bundle(views, start, has_lens, known_K is not None)
-    solution = least_squares(problem.residuals, problem.vector, jac_sparsity=problem.sparsity(), x_scale="jac", method="trf", max_nfev=60)
+    solution = least_squares(
+        problem.residuals, problem.vector, jac_sparsity=problem.sparsity(), x_scale="jac", method="trf", max_nfev=60
+    )
     left = problem.residuals(solution.x)
     freedom = max(len(left) - len(solution.x), 1)
     variance = float(left @ left) / freedom
@@ -159,7 +178,18 @@ def _calibrate(
     error = problem.errors(deviation)
     coverage = {eye: _coverage([v.corners[eye][1] for v in views if eye in v.corners], size) for eye in EYES}
     boards = {view.name: pose for view, pose in zip(views, poses, strict=True)}
-    result = Calibration(size, K, distortion, left_to_right, boards, error, float(np.sqrt(2.0 * np.mean(left**2))), coverage, tuple(views), bit_depth)
+    result = Calibration(
+        size,
+        K,
+        distortion,
+        left_to_right,
+        boards,
+        error,
+        float(np.sqrt(2.0 * np.mean(left**2))),
+        coverage,
+        tuple(views),
+        bit_depth,
+    )
     return result, problem.rms_by_view(left)
 
 
@@ -171,7 +201,9 @@ class _Start:
     boards: dict[str, NDArray[np.float64]]
 
 
-def _start(views: list[BoardView], size: tuple[int, int], has_lens: bool, known_K: NDArray[np.float64] | None) -> _Start:
+def _start(
+    views: list[BoardView], size: tuple[int, int], has_lens: bool, known_K: NDArray[np.float64] | None
+) -> _Start:
     """OpenCV's calibration of each eye, and board poses in the left camera."""
     K, distortion, poses = {}, {}, {eye: {} for eye in EYES}
     flags = 0 if has_lens else cv2.CALIB_FIX_K1 | cv2.CALIB_FIX_K2 | cv2.CALIB_FIX_K3 | cv2.CALIB_ZERO_TANGENT_DIST
@@ -180,14 +212,18 @@ def _start(views: list[BoardView], size: tuple[int, int], has_lens: bool, known_
         points = [view.corners[eye][0].astype(np.float32) for view in seen]
         pixels = [view.corners[eye][1].astype(np.float32) for view in seen]
         if known_K is None:
-            _, K[eye], lens, rotations, translations = cv2.calibrateCamera(points, pixels, size, None, None, flags=flags)
+            _, K[eye], lens, rotations, translations = cv2.calibrateCamera(
+                points, pixels, size, None, None, flags=flags
+            )
             distortion[eye] = np.ravel(lens)[:5]
         else:
             K[eye], distortion[eye] = np.array(known_K, dtype=np.float64), np.zeros(5)
             solved = [cv2.solvePnP(p, q, K[eye], distortion[eye]) for p, q in zip(points, pixels, strict=True)]
             rotations, translations = [s[1] for s in solved], [s[2] for s in solved]
         poses[eye] = {view.name: _pose(r, t) for view, r, t in zip(seen, rotations, translations, strict=True)}
-    between = [poses["right"][name] @ np.linalg.inv(pose) for name, pose in poses["left"].items() if name in poses["right"]]
+    between = [
+        poses["right"][name] @ np.linalg.inv(pose) for name, pose in poses["left"].items() if name in poses["right"]
+    ]
     turn = np.median([np.ravel(cv2.Rodrigues(b[:3, :3])[0]) for b in between], axis=0)
     left_to_right = _pose(turn, np.median([b[:3, 3] for b in between], axis=0))
     boards = dict(poses["left"])
@@ -213,7 +249,9 @@ class _Bundle:
 
     def unpacked(
         self, x: NDArray[np.float64]
-    ) -> tuple[dict[str, NDArray[np.float64]], dict[str, NDArray[np.float64]], NDArray[np.float64], list[NDArray[np.float64]]]:
+    ) -> tuple[
+        dict[str, NDArray[np.float64]], dict[str, NDArray[np.float64]], NDArray[np.float64], list[NDArray[np.float64]]
+    ]:
         K, distortion = dict(self._start.K), {eye: np.zeros(5) for eye in EYES}
         for number, eye in enumerate(EYES if self._eye else ()):
             part = x[number * self._eye : (number + 1) * self._eye]
@@ -230,7 +268,12 @@ class _Bundle:
             for eye, (points, pixels) in view.corners.items():
                 camera = pose if eye == "left" else left_to_right @ pose
                 turn = cv2.Rodrigues(camera[:3, :3])[0]
-                out.append((cv2.projectPoints(points, turn, camera[:3, 3], K[eye], distortion[eye])[0].reshape(-1, 2) - pixels).ravel())
+                out.append(
+                    (
+                        cv2.projectPoints(points, turn, camera[:3, 3], K[eye], distortion[eye])[0].reshape(-1, 2)
+                        - pixels
+                    ).ravel()
+                )
         return np.concatenate(out)
 
     def sparsity(self) -> lil_matrix:
@@ -250,7 +293,10 @@ class _Bundle:
         return pattern
 
     def errors(self, deviation: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
-        eyes = {eye: deviation[n * self._eye : n * self._eye + 4] if self._eye else np.zeros(4) for n, eye in enumerate(EYES)}
+        eyes = {
+            eye: deviation[n * self._eye : n * self._eye + 4] if self._eye else np.zeros(4)
+            for n, eye in enumerate(EYES)
+        }
         return eyes | {"translation": deviation[2 * self._eye + 3 : 2 * self._eye + 6]}
 
     def rms_by_view(self, residuals: NDArray[np.float64]) -> NDArray[np.float64]:

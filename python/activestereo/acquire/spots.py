@@ -73,7 +73,15 @@ def find_spots(image: np.ndarray, variance: np.ndarray, progress: Callable[[floa
 class _Fit:
     """Spots and the image that they explain."""
 
-    def __init__(self, image: np.ndarray, background: np.ndarray, variance: np.ndarray, u: np.ndarray, v: np.ndarray, sigma: float) -> None:
+    def __init__(
+        self,
+        image: np.ndarray,
+        background: np.ndarray,
+        variance: np.ndarray,
+        u: np.ndarray,
+        v: np.ndarray,
+        sigma: float,
+    ) -> None:
         self.image, self.background, self.sigma = image, background, sigma
         self.weight = 1.0 / np.sqrt(variance)
         self.u, self.v, self.amplitude = np.empty(0), np.empty(0), np.empty(0)
@@ -123,7 +131,12 @@ class _Fit:
         weighted = diags(self.weight.ravel()) @ jacobian
         # Columns of one size: the solver needs few steps then.
         size = np.sqrt(np.asarray(weighted.multiply(weighted).sum(axis=0)).ravel()) + 1e-9
-        step = lsqr(weighted @ diags(1.0 / size), (self.weight * self.residual()).ravel(), damp=0.02, iter_lim=_LSQR_STEPS)[0] / size
+        step = (
+            lsqr(
+                weighted @ diags(1.0 / size), (self.weight * self.residual()).ravel(), damp=0.02, iter_lim=_LSQR_STEPS
+            )[0]
+            / size
+        )
         self.amplitude = np.maximum(self.amplitude + step[:count], 0.05)
         self.u = self.u + np.clip(step[count : 2 * count], -_LARGEST_STEP_PX, _LARGEST_STEP_PX)
         self.v = self.v + np.clip(step[2 * count : 3 * count], -_LARGEST_STEP_PX, _LARGEST_STEP_PX)

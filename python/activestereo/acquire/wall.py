@@ -33,7 +33,9 @@ def find_wall(left: Spots, right: Spots, K: np.ndarray, right_K: np.ndarray, bas
     """The wall that rectified spots lie on. ValueError where too few match, or where what they lie on is not flat."""
     pairs = _pairs(left, right)
     if len(pairs) < _LEAST_MATCHED:
-        raise ValueError(f"{name}: only {len(pairs)} dots have a row in common: are the images rectified, and left and right not swapped?")
+        raise ValueError(
+            f"{name}: only {len(pairs)} dots have a row in common: are the images rectified, and left and right not swapped?"
+        )
     i, j = pairs.T
     disparity = left.u[i] - right.u[j]
     column = np.column_stack([np.ones(len(left.u)), left.u - K[0, 2], left.v - K[1, 2]])
@@ -68,9 +70,13 @@ def find_wall(left: Spots, right: Spots, K: np.ndarray, right_K: np.ndarray, bas
     ray = np.column_stack([(u - K[0, 2]) / K[0, 0], (v - K[1, 2]) / K[1, 1], np.ones(len(u))])
     # disparity = fx B / Z + cx - cx': a plane in it is a plane in space, n . X = 1.
     offset = K[0, 2] - right_K[0, 2]
-    normal = np.array([coefficients[1] * K[0, 0], coefficients[2] * K[1, 1], coefficients[0] - offset]) / (K[0, 0] * baseline_m)
+    normal = np.array([coefficients[1] * K[0, 0], coefficients[2] * K[1, 1], coefficients[0] - offset]) / (
+        K[0, 0] * baseline_m
+    )
     if normal[2] <= 0:
-        raise ValueError(f"{name}: the wall's disparity is {coefficients[0] - offset:.2f} px: left and right are swapped, or the baseline's sign is wrong")
+        raise ValueError(
+            f"{name}: the wall's disparity is {coefficients[0] - offset:.2f} px: left and right are swapped, or the baseline's sign is wrong"
+        )
     points = ray / (ray @ normal)[:, None]
     length = np.linalg.norm(normal)
     return Wall(np.append(normal / length, 1.0 / length), points, both, flatness)
@@ -79,7 +85,9 @@ def find_wall(left: Spots, right: Spots, K: np.ndarray, right_K: np.ndarray, bas
 def _pairs(left: Spots, right: Spots) -> np.ndarray:
     """[pair][2] of spots whose rows agree and whose disparity is not negative."""
     rows = cKDTree(right.v[:, None])
-    pairs = [(i, j) for i, near in enumerate(rows.query_ball_point(left.v[:, None], _LARGEST_ROW_ERROR_PX)) for j in near]
+    pairs = [
+        (i, j) for i, near in enumerate(rows.query_ball_point(left.v[:, None], _LARGEST_ROW_ERROR_PX)) for j in near
+    ]
     pairs = np.array(pairs).reshape(-1, 2)
     return pairs[left.u[pairs[:, 0]] > right.u[pairs[:, 1]] - 1.0]
 

@@ -46,13 +46,19 @@ def frame_files(folder: Path) -> list[FrameFiles]:
             by_stream[stream].append((float(number[1]), file))
     for stream in ("left", "right"):
         if not by_stream[stream]:
-            raise ValueError(f"{folder}: {_NAMES[stream]}: no PNG file has a name with it: record both infrared streams")
+            raise ValueError(
+                f"{folder}: {_NAMES[stream]}: no PNG file has a name with it: record both infrared streams"
+            )
     frames = []
     for number, left in sorted(by_stream["left"]):
         files = {"left": left}
         for stream in ("right", "depth"):
             nearest = min(by_stream[stream], key=lambda item: abs(item[0] - number), default=None)
-            if nearest is not None and abs(nearest[0] - number) < _SAME_FRAME_MS and (number > 1e6 or nearest[0] == number):
+            if (
+                nearest is not None
+                and abs(nearest[0] - number) < _SAME_FRAME_MS
+                and (number > 1e6 or nearest[0] == number)
+            ):
                 files[stream] = nearest[1]
         if "right" in files:
             frames.append(FrameFiles(number, files))
@@ -79,17 +85,23 @@ def import_realsense(
     left, right = (device.intrinsic(_NAMES[eye], width, height) for eye in ("left", "right"))
     left_to_right = device.extrinsic("Infrared 1", "Infrared 2")
     if left_to_right[0, 3] >= 0:
-        raise ValueError(f'{device.path}: Extrinsic from "Infrared 1" To "Infrared 2": x is {left_to_right[0, 3]:g} m, expected below 0: left and right are swapped')
+        raise ValueError(
+            f'{device.path}: Extrinsic from "Infrared 1" To "Infrared 2": x is {left_to_right[0, 3]:g} m, expected below 0: left and right are swapped'
+        )
     images, depths, frames = {}, {}, []
     for number, entry in enumerate(files):
         for eye in ("left", "right"):
             images[number, eye] = read_gray(entry.files[eye], (width, height), _NAMES[eye])
         if "depth" in entry.files:
             if depth_scale is None:
-                raise ValueError(f"{entry.files['depth']}: depth scale: is not known: give --depth-scale, 0.001 unless the device was set otherwise")
+                raise ValueError(
+                    f"{entry.files['depth']}: depth scale: is not known: give --depth-scale, 0.001 unless the device was set otherwise"
+                )
             depths[number] = read_gray(entry.files["depth"], (width, height), "Depth")
             if depths[number].dtype != np.uint16:
-                raise ValueError(f"{entry.files['depth']}: Depth: is an 8-bit picture of depth, expected 16-bit depth: save the raw stream")
+                raise ValueError(
+                    f"{entry.files['depth']}: Depth: is an 8-bit picture of depth, expected 16-bit depth: save the raw stream"
+                )
         frames.append(_frame(number, entry, exposure_s, depth_scale, trajectory))
         tell((number + 1) / len(files))
     baseline_m = float(np.linalg.norm(left_to_right[:3, 3]))
@@ -104,7 +116,9 @@ def import_realsense(
     try:
         if scene is None:
             empty.write_text(_EMPTY_SCENE, encoding="utf-8")
-        capture = Capture(out, out.name, Path(scene) if scene else empty, rig, tuple(frames), {"notes": "imported from librealsense"})
+        capture = Capture(
+            out, out.name, Path(scene) if scene else empty, rig, tuple(frames), {"notes": "imported from librealsense"}
+        )
         write_capture(out, capture, images, pattern, depths)
     finally:
         empty.unlink(missing_ok=True)
@@ -112,7 +126,11 @@ def import_realsense(
 
 
 def _frame(
-    number: int, entry: FrameFiles, exposure_s: float, depth_scale: float | None, trajectory: tuple[NDArray[np.float64], NDArray[np.float64]] | None
+    number: int,
+    entry: FrameFiles,
+    exposure_s: float,
+    depth_scale: float | None,
+    trajectory: tuple[NDArray[np.float64], NDArray[np.float64]] | None,
 ) -> Frame:
     time = 1e-3 * entry.number if entry.number > 1e6 else float(number) / 30.0
     pose = np.eye(4) if trajectory is None else pose_at(*trajectory, time, str(entry.files["left"]))

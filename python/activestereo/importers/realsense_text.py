@@ -48,7 +48,9 @@ class DeviceText:
         found = self.intrinsics.get((stream, width, height))
         if found is None:
             modes = ", ".join(f"{w}x{h}" for s, w, h in self.intrinsics if s == stream) or "none"
-            raise ValueError(f'{self.path}: Intrinsic of "{stream}": none for the images\' {width}x{height} (there are: {modes})')
+            raise ValueError(
+                f'{self.path}: Intrinsic of "{stream}": none for the images\' {width}x{height} (there are: {modes})'
+            )
         return found
 
     def extrinsic(self, first: str, second: str) -> NDArray[np.float64]:
@@ -57,7 +59,9 @@ class DeviceText:
             return self.extrinsics[first, second]
         if (second, first) in self.extrinsics:
             return np.linalg.inv(self.extrinsics[second, first])
-        raise ValueError(f'{self.path}: Extrinsic from "{first}" To "{second}": is missing: run rs-enumerate-devices -c, with -c')
+        raise ValueError(
+            f'{self.path}: Extrinsic from "{first}" To "{second}": is missing: run rs-enumerate-devices -c, with -c'
+        )
 
 
 def read_device_text(path: Path) -> DeviceText:
@@ -73,7 +77,9 @@ def read_device_text(path: Path) -> DeviceText:
             key = found["stream"], int(found["width"]), int(found["height"])
             intrinsics.setdefault(key, _intrinsic(path, key, lines[number + 1 : number + 12]))
         elif found := _EXTRINSIC.search(line):
-            extrinsics.setdefault((found["first"], found["second"]), _extrinsic(path, line.strip(), lines[number + 1 : number + 8]))
+            extrinsics.setdefault(
+                (found["first"], found["second"]), _extrinsic(path, line.strip(), lines[number + 1 : number + 8])
+            )
     if not intrinsics:
         raise ValueError(f'{path}: "Intrinsic of": is nowhere in it: give the output of rs-enumerate-devices -c')
     return DeviceText(path, intrinsics, extrinsics)
@@ -100,7 +106,9 @@ def _intrinsic(path: Path, key: tuple[str, int, int], lines: list[str]) -> Intri
     if len(coefficients) != 5:
         raise ValueError(f"{path}: {name}: Coeffs has {len(coefficients)} numbers, expected 5")
     if np.any(coefficients) and model not in _BROWN[:3]:
-        raise ValueError(f"{path}: {name}: Distortion is {model!r} with coefficients that are not zero: record rectified infrared (Y8)")
+        raise ValueError(
+            f"{path}: {name}: Distortion is {model!r} with coefficients that are not zero: record rectified infrared (Y8)"
+        )
     K = np.array([[numbers["Fx"], 0.0, numbers["PPX"]], [0.0, numbers["Fy"], numbers["PPY"]], [0.0, 0.0, 1.0]])
     return Intrinsic(width, height, K, coefficients)
 
@@ -108,9 +116,15 @@ def _intrinsic(path: Path, key: tuple[str, int, int], lines: list[str]) -> Intri
 def _extrinsic(path: Path, name: str, lines: list[str]) -> NDArray[np.float64]:
     text = "\n".join(lines)
     rotation = [float(n) for n in _NUMBER.findall(text.split("Translation Vector")[0])]
-    translation = [float(n) for n in _NUMBER.findall(text.split("Translation Vector")[-1].splitlines()[0])] if "Translation Vector" in text else []
+    translation = (
+        [float(n) for n in _NUMBER.findall(text.split("Translation Vector")[-1].splitlines()[0])]
+        if "Translation Vector" in text
+        else []
+    )
     if len(rotation) < 9 or len(translation) < 3:
-        raise ValueError(f"{path}: {name} {len(rotation)} numbers of rotation and {len(translation)} of translation, expected 9 and 3")
+        raise ValueError(
+            f"{path}: {name} {len(rotation)} numbers of rotation and {len(translation)} of translation, expected 9 and 3"
+        )
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = np.reshape(rotation[:9], (3, 3)), translation[:3]
     if not np.allclose(pose[:3, :3] @ pose[:3, :3].T, np.eye(3), atol=1e-3):

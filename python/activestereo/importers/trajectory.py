@@ -20,9 +20,13 @@ def read_trajectory(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64
             except ValueError:
                 raise ValueError(f"{path}: line {number}: '{line.strip()}' is not eight numbers") from None
             if len(values) != 8 or not np.isfinite(values).all():
-                raise ValueError(f"{path}: line {number}: {len(values)} numbers, expected finite timestamp tx ty tz qx qy qz qw")
+                raise ValueError(
+                    f"{path}: line {number}: {len(values)} numbers, expected finite timestamp tx ty tz qx qy qz qw"
+                )
             if abs(np.linalg.norm(values[4:]) - 1.0) > 0.01:
-                raise ValueError(f"{path}: line {number}: the quaternion's length is {np.linalg.norm(values[4:]):.3f}, expected 1")
+                raise ValueError(
+                    f"{path}: line {number}: the quaternion's length is {np.linalg.norm(values[4:]):.3f}, expected 1"
+                )
             if rows and values[0] <= rows[-1][0]:
                 raise ValueError(f"{path}: line {number}: timestamp {values[0]:.6f} is not after {rows[-1][0]:.6f}")
             rows.append(values)
