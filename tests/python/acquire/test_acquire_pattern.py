@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-import kuafu
 from activestereo import StereoDepthSensorConfig
 from activestereo.acquire.model_section import replace_sections
 from activestereo.acquire.pattern import acquire_pattern
@@ -99,30 +98,6 @@ def test_one_distance_leaves_it_nominal_and_says_so(capture_path, tmp_path):
     pattern = acquire_pattern(tmp_path)
     assert pattern.place_m == pytest.approx(NOMINAL_PLACE_M) and pattern.place_error_m is None
     assert "NOMINAL" in pattern.text() and "is nominal" in pattern.model().pattern.source
-
-
-def test_the_wall_is_rendered_again_within_its_noise(world, pattern, capture_path, device):
-    """The found dots as kuafu's projector on the same walls: at most 1.2 noise floors. Fitted are the dots' scale, black, and the light
-    between the dots, which no list of dots holds: what a projector without a pattern gives."""
-    capture = read_capture(capture_path)
-    pose = np.eye(4)
-    pose[:3, 3] = pattern.place_m
-    projector = {"kind": "projector", "ir_intensity": 3.0, "k": pattern.K, "light_to_world": pose}
-    width, height = pattern.size
-    for group, wall in enumerate(_WALLS):
-        dots, flat = (world.scene(device, wall) for _ in range(2))
-        white = kuafu.Light(**projector, texture=flat.add_texture(np.full((height, width), 255, np.uint8)))
-        size = {"pattern_width": width, "pattern_height": height, "dot_sigma_px": pattern.dot_sigma_px}
-        again = world.render(device, wall, kuafu.Light(**projector, dots=pattern.dots.astype(np.float32), **size), dots, 16)
-        between = world.render(device, wall, white, flat, 4)
-        for place, eye in enumerate(("left", "right")):
-            inside = np.s_[6:-6, 6:-6]
-            counts = np.stack([capture.ir(frame, eye)[inside] for frame in capture.repeats()[group]]).astype(np.float64)
-            columns = np.column_stack([np.ones(counts[0].size), again[place][inside].ravel(), between[place][inside].ravel()])
-            scales = np.linalg.lstsq(columns, counts.mean(axis=0).ravel(), rcond=None)[0]
-            residual = counts - (columns @ scales).reshape(counts[0].shape)
-            floor = np.sqrt(counts.var(axis=0, ddof=1).mean())
-            assert np.sqrt(np.mean(residual**2)) < 1.2 * floor, (group, eye)
 
 
 def test_merged_spots_are_told_apart():
