@@ -60,9 +60,7 @@ struct SmallRender {
   SmallRender& operator=(const SmallRender&) = delete;
 
   /// A short render works.
-  void expect_works() {
-    EXPECT_EQ(kuafu_renderer_render(renderer, scene, &desc), KS_OK) << kuafu_last_error();
-  }
+  void expect_works() { EXPECT_EQ(kuafu_renderer_render(renderer, scene, &desc), KS_OK) << kuafu_last_error(); }
 };
 
 class Fork : public testing::TestWithParam<uint32_t> {};
