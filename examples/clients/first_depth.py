@@ -72,7 +72,8 @@ Environment = struct("Environment", 0x1007, ("radiance", f32 * 3), ("ir_radiance
                      ("light_group", u32), ("map_to_world", f64 * 9))
 Camera = struct("Camera", 0x1006, ("width", u32), ("height", u32), ("k", f64 * 9), ("pose", f64 * 16), ("near_m", f64),
                 ("far_m", f64), ("distortion", f64 * 8), ("lens_radius_m", f64), ("focus_m", f64), ("shutter", u32),
-                ("readout", u32), ("exposure_s", f64), ("line_time_s", f64), ("velocity", f64 * 6))
+                ("readout", u32), ("exposure_s", f64), ("line_time_s", f64), ("velocity", f64 * 6),
+                ("reserved", f64 * 8))
 View = struct("View", 0x1008, ("camera", Camera), ("band", u32), ("environment", u32), ("film", c.c_void_p),
               ("previous_pose", f64 * 16))
 Output = struct("Output", 0x1009, ("output", u32), ("scale", f32), ("buffer", c.c_void_p), ("image", Image))
@@ -81,7 +82,8 @@ Render = struct("Render", 0x100A, ("views", c.c_void_p), ("outputs", c.c_void_p)
                 ("first_sample", u32), ("ambient_scale", f32), ("ambient_radiance", f32), ("glass_surfaces", u32),
                 ("progress", c.c_void_p), ("progress_user", c.c_void_p), ("light_sampling", u32), ("denoise", u32),
                 ("projector", u32), ("temporal_weight", f32))
-PlainCamera = struct("PlainCamera", 0, ("width", u32), ("height", u32), ("k", f64 * 9), ("distortion", f64 * 5))
+PlainCamera = struct("PlainCamera", 0, ("width", u32), ("height", u32), ("k", f64 * 9), ("distortion", f64 * 5),
+                     ("reserved", f64 * 3))
 Rig = struct("Rig", 0x2001, ("left", PlainCamera), ("right", PlainCamera), ("rgb", PlainCamera),
              ("left_to_right", f64 * 16), ("left_to_rgb", f64 * 16), ("rectified", u32), ("batch_count", u32))
 Parameters = struct("Parameters", 0x2002, ("noise_seed", u64), ("frame_index", u64), ("census", u32 * 2),

@@ -40,6 +40,7 @@ struct Camera {
     height: u32,
     k: [f64; 9],
     distortion: [f64; 5],
+    reserved: [f64; 3],
 }
 
 // The fields that follow in the header's structs are left out of these: they take their neutral values.
@@ -162,7 +163,7 @@ fn main() {
     let (mut left, mut right) = pair();
     let mut depth_m = vec![0f32; WIDTH * HEIGHT];
     let k = [FOCAL_PX, 0.0, 159.5, 0.0, FOCAL_PX, 119.5, 0.0, 0.0, 1.0];
-    let camera = Camera { width: WIDTH as u32, height: HEIGHT as u32, k, distortion: [0.0; 5] };
+    let camera = Camera { width: WIDTH as u32, height: HEIGHT as u32, k, distortion: [0.0; 5], reserved: [0.0; 3] };
     unsafe {
         let mut choice: DeviceDesc = new(1);
         choice.select = 3; // the host
