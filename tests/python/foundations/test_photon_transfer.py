@@ -110,7 +110,7 @@ def test_unequal_eyes_and_presets_from_python():
     assert engine.parameters["speckle_shape"] == pytest.approx(3.98)
     with pytest.raises(simsense.ArgumentError, match="left signal: shot_noise is 3"):
         engine.set_parameters(shot_noise=3.0, p1=3)
-    assert engine.parameters["p1"] == 7
+    assert engine.parameters["p1"] == 8
     with pytest.raises(simsense.ArgumentError, match="p1 is 0"):
         engine.set_parameters(shot_noise=1.0, p1=0)
     assert engine.parameters["shot_noise"] == 0.0
