@@ -19,7 +19,7 @@ from test_diagnose import BLACK_DN, altered
 from worlds.world import make_world
 
 EFFECTS = builtin()
-LAB = Path(activestereo.lab.__file__).parent
+LAB = Path(activestereo.lab.__file__).resolve().parent
 
 
 def test_no_effect_is_named_in_the_lab():
