@@ -1,6 +1,7 @@
 # What goes into the wheel besides Python files: each package's module, its library, and under <package>/lib what that library needs and a
 # machine without our build packages may lack. The modules look there by DT_RPATH, which, unlike DT_RUNPATH, also holds for what the libraries
-# they load ask for.
+# they load ask for. It does not hold for what a library opened at run time asks for (Embree's TBB): each copy also looks beside itself.
+find_program(PATCHELF patchelf REQUIRED)
 set(ks_on_every_machine "^(libc|libm|libdl|librt|libpthread|libgcc_s|libstdc\\+\\+|ld-linux.*|libvulkan)\\.so")
 
 # ks_wheel_module(library [file ...]): the files are libraries that `library` opens at run time.
@@ -16,7 +17,9 @@ function(ks_wheel_module library)
     foreach(file IN LISTS found opened)
       get_filename_component(name \${file} NAME)  # a wheel has no symbolic links: one file, under the name that is asked for
       file(REAL_PATH \${file} real)
-      file(COPY_FILE \${real} \${CMAKE_INSTALL_PREFIX}/${library}/lib/\${name} ONLY_IF_DIFFERENT)
+      set(copy \${CMAKE_INSTALL_PREFIX}/${library}/lib/\${name})
+      file(COPY_FILE \${real} \${copy} ONLY_IF_DIFFERENT)
+      execute_process(COMMAND ${PATCHELF} --set-rpath \$ORIGIN \${copy} COMMAND_ERROR_IS_FATAL ANY)
     endforeach()" COMPONENT wheel)
 endfunction()
 
