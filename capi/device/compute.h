@@ -14,12 +14,18 @@ namespace ks {
 
 class Timeline;
 
+/// Specialisation constants that several shaders share, under ids from first_id on.
+struct SharedConstants {
+  uint32_t first_id = 0;
+  std::span<const uint32_t> values;
+};
+
 /// A compute pipeline whose only inputs are push constants (device addresses of its buffers live in them) and specialisation constants (ids
-/// 0..n-1).
+/// 0..n-1, and the shared ones).
 class ComputePipeline {
  public:
   ComputePipeline(std::shared_ptr<Device> device, std::span<const uint32_t> spirv, uint32_t push_constant_bytes,
-                  std::span<const uint32_t> specialisation = {}, uint32_t required_subgroup_size = 0);
+                  std::span<const uint32_t> specialisation = {}, uint32_t required_subgroup_size = 0, SharedConstants shared = {});
   ~ComputePipeline();
   ComputePipeline(const ComputePipeline&) = delete;
   ComputePipeline& operator=(const ComputePipeline&) = delete;

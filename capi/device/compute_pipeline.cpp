@@ -22,7 +22,7 @@ void check_request(const Device& device, uint32_t push_constant_bytes, uint32_t 
 }  // namespace
 
 ComputePipeline::ComputePipeline(std::shared_ptr<Device> device, std::span<const uint32_t> spirv, uint32_t push_constant_bytes,
-                                 std::span<const uint32_t> specialisation, uint32_t required_subgroup_size)
+                                 std::span<const uint32_t> specialisation, uint32_t required_subgroup_size, SharedConstants shared)
     : device_(std::move(device)), push_constant_bytes_(push_constant_bytes) {
   check_request(*device_, push_constant_bytes, required_subgroup_size);
   const VolkDeviceTable& vk = device_->vk();
@@ -39,11 +39,14 @@ ComputePipeline::ComputePipeline(std::shared_ptr<Device> device, std::span<const
   VkShaderModule module = VK_NULL_HANDLE;
   VkResult result = vk.vkCreateShaderModule(device_->handle(), &code, nullptr, &module);
 
+  std::vector<uint32_t> values(specialisation.begin(), specialisation.end());
+  values.insert(values.end(), shared.values.begin(), shared.values.end());
+  const auto own = static_cast<uint32_t>(specialisation.size());
   std::vector<VkSpecializationMapEntry> entries;
-  for (uint32_t i = 0; i < specialisation.size(); ++i)
-    entries.push_back({i, static_cast<uint32_t>(i * sizeof(uint32_t)), sizeof(uint32_t)});
-  const VkSpecializationInfo constants{static_cast<uint32_t>(entries.size()), entries.data(), specialisation.size_bytes(),
-                                       specialisation.data()};
+  for (uint32_t i = 0; i < values.size(); ++i)
+    entries.push_back({i < own ? i : shared.first_id + i - own, static_cast<uint32_t>(i * sizeof(uint32_t)), sizeof(uint32_t)});
+  const VkSpecializationInfo constants{static_cast<uint32_t>(entries.size()), entries.data(), values.size() * sizeof(uint32_t),
+                                       values.data()};
   VkPipelineShaderStageRequiredSubgroupSizeCreateInfo subgroup{VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_REQUIRED_SUBGROUP_SIZE_CREATE_INFO};
   subgroup.requiredSubgroupSize = required_subgroup_size;
   VkComputePipelineCreateInfo info{VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO};

@@ -71,16 +71,43 @@ def simsense_fields_h(tables: Tables) -> str:
     ])  # fmt: skip
 
 
+# Ids of the specialisation constants that all shaders of the matcher share; below are those of single shaders.
+FIRST_MATCH_CONSTANT = 64
+
+
 def simsense_match_fields_h(tables: Tables) -> str:
     """simsense/src/parameters/match_fields.h"""
     struct = tables.structs["simsense_parameters"]
     fields = [f for f in struct.fields if f.match]
+    constants = [f for f in fields if f.kernel]
     return "\n".join([
         *banner(struct, note="Parameters that reach the matcher as they are."),
-        "#pragma once", "", "#include <cstdint>", "", "namespace simsense {", "", "struct MatchFields {",
+        "#pragma once", "", "#include <array>", "#include <cstdint>", "", "namespace simsense {", "", "struct MatchFields {",
         *(f"  {f.c_type} {f.name} = {c_literal(f.type, f.default)};" for f in fields),
-        "  bool operator==(const MatchFields&) const = default;", "};", "", "}  // namespace simsense", "",
+        "  bool operator==(const MatchFields&) const = default;", "};", "",
+        "/// The specialisation constants of shared/match_constants.glsl, from the first id on.",
+        f"inline constexpr uint32_t first_match_constant = {FIRST_MATCH_CONSTANT};",
+        f"inline std::array<uint32_t, {len(constants)}> match_constants(const MatchFields& m) {{",
+        "  return {" + ", ".join(_word(f) for f in constants) + "};", "}", "", "}  // namespace simsense", "",
     ])  # fmt: skip
+
+
+def _word(field: Field) -> str:
+    """A field of `m` as the 32 bits of a specialisation constant."""
+    return f"m.{field.name}" if field.type == "uint32" else f"static_cast<uint32_t>(m.{field.name})"
+
+
+def simsense_match_constants_glsl(tables: Tables) -> str:
+    """simsense/shaders/shared/match_constants.glsl"""
+    struct = tables.structs["simsense_parameters"]
+    words = {"uint32": ("uint", "u"), "int32": ("int", "")}
+    text = [banner(struct, note="Parameters of the matcher that its shaders have as constants.")[i] for i in (0, 1)]
+    text += ["#ifndef SIMSENSE_MATCH_CONSTANTS_GLSL", "#define SIMSENSE_MATCH_CONSTANTS_GLSL"]
+    for i, f in enumerate(f for f in struct.fields if f.kernel):
+        kind, suffix = words[f.type]
+        unit = f"  // {f.unit}" if f.unit else ""
+        text.append(f"layout(constant_id = {FIRST_MATCH_CONSTANT + i}) const {kind} {f.name} = {f.default}{suffix};{unit}")
+    return "\n".join([*text, "#endif", ""])
 
 
 def simsense_fields_cpp(tables: Tables) -> str:

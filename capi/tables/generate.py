@@ -36,6 +36,7 @@ def outputs(tables: Tables) -> dict[str, str]:
         "simsense/src/parameters/fields.h": emit_cpp.simsense_fields_h(tables),
         "simsense/src/parameters/fields.cpp": emit_cpp.simsense_fields_cpp(tables),
         "simsense/src/parameters/match_fields.h": emit_cpp.simsense_match_fields_h(tables),
+        "simsense/shaders/shared/match_constants.glsl": emit_cpp.simsense_match_constants_glsl(tables),
         "python/simsense/fields.h": emit_python.simsense_fields_h(tables),
         "python/activestereo/matcher_table.py": emit_python.matcher_table(tables),
         "kuafu/src/scene/fields.h": emit_kuafu.fields_h(tables),

@@ -26,7 +26,7 @@ SCALARS = {
     "text": ("const char*", 8),
 }
 FIELD_KEYS = set(
-    "type doc count shape default neutral range above allowed zero_means unit group values prefix first none nan config match pair"
+    "type doc count shape default neutral range above allowed zero_means unit group values prefix first none nan config match kernel pair"
     " python extras check reserved copy lengths".split()
 )
 STRUCT_KEYS = set("struct type_id doc what reach init fields python scene embedded has_neutral".split())
@@ -61,6 +61,7 @@ class Field:
     pair: str = ""  # name of the WIDTHxHEIGHT option that sets this and the next field
     config: bool = True
     match: bool = False  # copied into the matcher's parameters
+    kernel: bool = False  # and a constant of the matcher's shaders
     python: bool = True
     extras: bool = False  # read from a glTF material's extras
     check: bool = True

@@ -6,10 +6,8 @@
 #include "lib/lanes.glsl"
 
 layout(push_constant, scalar) uniform Push { PathPush push; };
-layout(constant_id = 14) const uint block_width = 7u;
-layout(constant_id = 15) const uint block_height = 7u;
-layout(constant_id = 16) const uint group_parts = 16u;      // power of two, divides the parts of a pixel
-layout(constant_id = 17) const uint rows_per_group = 64u;
+layout(constant_id = 11) const uint group_parts = 16u;      // power of two, divides the parts of a pixel
+layout(constant_id = 12) const uint rows_per_group = 64u;
 
 const uint part_pairs = 4u, thread_columns = 4u;
 const uint parts = padded_disparities / (2u * part_pairs);

@@ -4,22 +4,21 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require
+#include "shared/match_constants.glsl"
 #include "shared/match_push.h"
 
 const uint tile_width = 64u, row_threads = 4u, thread_rows = 4u, tile_height = row_threads * thread_rows;
 layout(local_size_x = tile_width, local_size_y = row_threads) in;
-layout(constant_id = 0) const uint window_width = 7u;
-layout(constant_id = 1) const uint window_height = 7u;
-layout(constant_id = 2) const uint copies = 4u;  // of the right words, each one column further right
-layout(constant_id = 3) const uint kind = CENSUS_CENTER_SYMMETRIC;
-layout(constant_id = 4) const uint census_words = 1u;  // 2 where a plain window has more than 32 bits
-layout(constant_id = 5) const uint element_bytes = 1u;  // of the images
-layout(constant_id = 6) const uint keep_gray = 0u;
-layout(constant_id = 7) const uint contrast = 0u;  // 256ths
+layout(constant_id = 0) const uint copies = 4u;  // of the right words, each one column further right
+layout(constant_id = 1) const uint kind = CENSUS_CENTER_SYMMETRIC;
+layout(constant_id = 2) const uint census_words = 1u;  // 2 where a plain window has more than 32 bits
+layout(constant_id = 3) const uint element_bytes = 1u;  // of the images
+layout(constant_id = 4) const uint keep_gray = 0u;
+layout(constant_id = 5) const uint contrast = 0u;  // 256ths
 layout(push_constant, scalar) uniform Push { CensusPush push; };
 
 const uint margin = contrast > 0u ? 2u : 0u;  // how far beyond the window the range is taken
-const uint range_width = window_width + 2u * margin, range_height = window_height + 2u * margin;
+const uint range_width = census_width + 2u * margin, range_height = census_height + 2u * margin;
 const uint shared_width = tile_width + range_width - 1u, shared_height = tile_height + range_height - 1u;
 const uint extreme_count = contrast > 0u ? shared_width * tile_height : 1u;
 const uint invocations = tile_width * row_threads;
@@ -40,7 +39,7 @@ uint pixel(bool right, int x, int y) {
 
 void load_tile(bool right, ivec2 origin) {
   for (uint i = gl_LocalInvocationIndex; i < shared_width * shared_height; i += invocations) {
-    ivec2 at = origin + ivec2(i % shared_width, i / shared_width) - ivec2(window_width / 2u + margin, window_height / 2u + margin);
+    ivec2 at = origin + ivec2(i % shared_width, i / shared_width) - ivec2(census_width / 2u + margin, census_height / 2u + margin);
     pixels[i] = pixel(right, at.x, at.y);
   }
 }
@@ -89,10 +88,10 @@ void append_bit(inout uint bits, uint brighter, uint darker, uint tolerance) { b
 
 /// The highest bit first.
 uvec2 center_symmetric_word(uint first, uint tolerance) {
-  const uint cells = window_width * window_height;
-  uint last = first + (window_height - 1u) * shared_width + window_width - 1u, bits = 0u;
+  const uint cells = census_width * census_height;
+  uint last = first + (census_height - 1u) * shared_width + census_width - 1u, bits = 0u;
   [[unroll]] for (uint n = 0u; n < cells / 2u; ++n) {
-    uint i = cells / 2u - 1u - n, offset = i / window_width * shared_width + i % window_width;
+    uint i = cells / 2u - 1u - n, offset = i / census_width * shared_width + i % census_width;
     uint pixel = pixels[first + offset], mirror = pixels[last - offset];
     bool first_turn = contrast == 0u || (i & 1u) == 0u;  // where equal counts are no difference, the pixel and its mirror take turns
     append_bit(bits, first_turn ? pixel : mirror, first_turn ? mirror : pixel, tolerance);
@@ -101,14 +100,14 @@ uvec2 center_symmetric_word(uint first, uint tolerance) {
 }
 
 uvec2 plain_word(uint first, uint tolerance) {
-  const uint cells = window_width * window_height;
-  uint centre = pixels[first + window_height / 2u * shared_width + window_width / 2u];
+  const uint cells = census_width * census_height;
+  uint centre = pixels[first + census_height / 2u * shared_width + census_width / 2u];
   uvec2 bits = uvec2(0u);
   [[unroll]] for (uint n = 0u; n < cells; ++n) {
     uint i = cells - 1u - n;
     if (i == cells / 2u) continue;
     uint bit = i < cells / 2u ? i : i - 1u;
-    append_bit(bits[bit / 32u], centre, pixels[first + i / window_width * shared_width + i % window_width], tolerance);
+    append_bit(bits[bit / 32u], centre, pixels[first + i / census_width * shared_width + i % census_width], tolerance);
   }
   return bits;
 }
@@ -158,7 +157,7 @@ void main() {
     if (right) {
       store_right(row, x, words);
     } else {
-      store_left(row, uint(x), words, pixels[first + window_height / 2u * shared_width + window_width / 2u]);
+      store_left(row, uint(x), words, pixels[first + census_height / 2u * shared_width + census_width / 2u]);
     }
   }
 }

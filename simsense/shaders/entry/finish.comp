@@ -3,11 +3,11 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require
+#include "shared/match_constants.glsl"
 #include "shared/match_push.h"
 
 const uint tile_width = 32u, tile_height = 8u;
 layout(local_size_x = tile_width, local_size_y = tile_height) in;
-layout(constant_id = 0) const uint median_size = 3u;
 layout(push_constant, scalar) uniform Push { FinishPush push; };
 
 const uint reach = median_size / 2u, values = median_size * median_size;

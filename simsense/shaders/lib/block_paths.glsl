@@ -3,15 +3,12 @@
 // neighbours' through shared memory. The lines at the workgroup's edges only do that for the others.
 #include "lib/walk.glsl"
 
-layout(constant_id = 16) const uint block_width = 7u;
-layout(constant_id = 17) const uint block_height = 7u;
-
 const bool along_rows = part == PATHS_ROWS;
 const uint across = along_rows ? block_height : block_width, along = along_rows ? block_width : block_height;
 const uint change_bias = 32u;  // keeps changes positive: a census word has at most 32 bits
 const uint ahead = lane_disparities > 8u ? 1u : 2u;
 
-layout(constant_id = 18) const uint group_words = 256u;  // a workgroup's lanes times lane_pairs
+layout(constant_id = 13) const uint group_words = 256u;  // a workgroup's lanes times lane_pairs
 shared uint changes[2u * group_words];
 
 uint entering[ahead * lane_disparities], leaving[ahead * lane_disparities];  // right words

@@ -8,23 +8,23 @@
 #define SIMSENSE_LANES_GLSL
 #extension GL_EXT_control_flow_attributes : require
 #extension GL_KHR_shader_subgroup_basic : require
+#include "shared/match_constants.glsl"
 #include "shared/match_push.h"
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint path_lanes = 8u;         // power of two, at most the subgroup's size
 layout(constant_id = 2) const uint lane_disparities = 16u;  // multiple of 4
-layout(constant_id = 3) const uint disparities = 128u;      // at most path_lanes * lane_disparities
-layout(constant_id = 4) const uint subgroup_lanes = 8u;
-layout(constant_id = 5) const uint sum_bytes = 1u;          // of a volume of path costs: 1, 2 or 4
-layout(constant_id = 6) const uint block_pixels = 1u;
-layout(constant_id = 7) const uint steps = 4u;              // pixels read ahead: 4 or 8
-layout(constant_id = 8) const uint uniqueness_ratio = 15u;  // percent
-layout(constant_id = 9) const uint subpixel = SUBPIXEL_EQUIANGULAR;
-layout(constant_id = 10) const uint stored = 0u;            // nonzero: costs come from the volume push.cost, else from census words
-layout(constant_id = 11) const uint path_count = 4u;        // or 8
-layout(constant_id = 12) const uint census_words = 1u;      // 2 only where costs are stored
-layout(constant_id = 13) const uint adaptive = 0u;          // nonzero: p2 falls with the gradient of the left image
+layout(constant_id = 3) const uint subgroup_lanes = 8u;
+layout(constant_id = 4) const uint sum_bytes = 1u;          // of a volume of path costs: 1, 2 or 4
+layout(constant_id = 5) const uint steps = 4u;              // pixels read ahead: 4 or 8
+layout(constant_id = 6) const uint subpixel = SUBPIXEL_EQUIANGULAR;
+layout(constant_id = 7) const uint stored = 0u;             // nonzero: costs come from the volume push.cost, else from census words
+layout(constant_id = 8) const uint path_count = 4u;         // or 8
+layout(constant_id = 9) const uint census_words = 1u;       // 2 only where costs are stored
+layout(constant_id = 10) const uint adaptive = 0u;          // nonzero: p2 falls with the gradient of the left image
 
+const uint disparities = max_disparity;  // at most path_lanes * lane_disparities
+const uint block_pixels = block_width * block_height;
 const uint lane_pairs = lane_disparities / 2u;
 const uint lane_words = lane_disparities * sum_bytes / 4u;
 const uint padded_disparities = path_lanes * lane_disparities;

@@ -11,8 +11,8 @@ layout(buffer_reference, scalar, buffer_reference_align = 4) coherent buffer Sum
 layout(buffer_reference, scalar, buffer_reference_align = 8) coherent buffer SumVec2Array { uvec2 at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) coherent buffer SumVec4Array { uvec4 at[]; };
 
-layout(constant_id = 14) const uint part = PATHS_ROWS_AND_COLUMNS;  // PATHS_*: those of this dispatch
-layout(constant_id = 15) const uint adds_paths = 0u;  // nonzero: adds to what the paths of an earlier dispatch have left
+layout(constant_id = 11) const uint part = PATHS_ROWS_AND_COLUMNS;  // PATHS_*: those of this dispatch
+layout(constant_id = 12) const uint adds_paths = 0u;  // nonzero: adds to what the paths of an earlier dispatch have left
 const bool diagonal = part == PATHS_DIAGONALS;
 const bool adds = adds_paths != 0u;
 

@@ -12,10 +12,8 @@
 #include "lib/lanes.glsl"
 
 layout(push_constant, scalar) uniform Push { WinnerPush push; };
-layout(constant_id = 14) const uint segments = 1u;  // parts of a row that are swept side by side
-layout(constant_id = 15) const uint volumes = 2u;   // of path costs
-layout(constant_id = 16) const uint block_width = 1u;
-layout(constant_id = 17) const uint block_height = 1u;
+layout(constant_id = 11) const uint segments = 1u;  // parts of a row that are swept side by side
+layout(constant_id = 12) const uint volumes = 2u;   // of path costs
 
 const uint mean_shift = path_count == 8u ? 3u : 2u, volume_words = steps * lane_words;
 uint sums[volumes * volume_words], next_sums[volumes * volume_words];  // of the pixels of this block of steps and of the next one

@@ -41,9 +41,8 @@ void CpuMatcher::transform(size_t eye) {
   const ConstImage& image = images_[eye];
   if (padded_[eye].element_bytes() != image.element_bytes)
     padded_[eye] = {width_, height_, image.element_bytes, parameters_.census_contrast > 0};
-  const cpu::CensusWindow window{parameters_.census, parameters_.census_width, parameters_.census_height, parameters_.census_contrast};
   for_rows([&](size_t begin, size_t end) { padded_[eye].copy_rows(image, begin, end); });
-  for_rows([&](size_t begin, size_t end) { cpu::census_rows(padded_[eye], window, begin, end, census_[eye]); });
+  for_rows([&](size_t begin, size_t end) { cpu::census_rows(padded_[eye], parameters_, begin, end, census_[eye]); });
 }
 
 void CpuMatcher::sgm() {

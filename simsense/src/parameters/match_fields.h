@@ -3,6 +3,7 @@
 // clang-format off
 #pragma once
 
+#include <array>
 #include <cstdint>
 
 namespace simsense {
@@ -21,5 +22,11 @@ struct MatchFields {
   int32_t min_disparity = 0;
   bool operator==(const MatchFields&) const = default;
 };
+
+/// The specialisation constants of shared/match_constants.glsl, from the first id on.
+inline constexpr uint32_t first_match_constant = 64;
+inline std::array<uint32_t, 7> match_constants(const MatchFields& m) {
+  return {m.census_width, m.census_height, m.max_disparity, m.block_width, m.block_height, m.uniqueness_ratio, m.median_size};
+}
 
 }  // namespace simsense

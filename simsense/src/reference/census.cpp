@@ -31,30 +31,29 @@ struct Window {
 
 }  // namespace
 
-Grid<uint64_t> census(ConstImage image, size_t width, size_t height, size_t window_width, size_t window_height, CensusKind kind,
-                      uint32_t contrast) {
+Grid<uint64_t> census(ConstImage image, size_t width, size_t height, const MatchParameters& p) {
   constexpr ptrdiff_t margin = MatchParameters::contrast_margin;
-  const ptrdiff_t half_width = static_cast<ptrdiff_t>(window_width / 2), half_height = static_cast<ptrdiff_t>(window_height / 2);
-  const size_t cell_count = window_width * window_height;
-  const bool plain = kind == CensusKind::plain;
+  const ptrdiff_t half_width = p.census_width / 2, half_height = p.census_height / 2;
+  const size_t cell_count = size_t{p.census_width} * p.census_height;
+  const bool plain = p.census == CensusKind::plain, with_contrast = p.census_contrast > 0;
   Grid<uint64_t> words(width, height);
   for (size_t y = 0; y < height; ++y) {
     for (size_t x = 0; x < width; ++x) {
       const Window window{
           image,       static_cast<ptrdiff_t>(width), static_cast<ptrdiff_t>(height), static_cast<ptrdiff_t>(x), static_cast<ptrdiff_t>(y),
-          contrast > 0};
-      const int needed = contrast == 0 ? 0 : static_cast<int>(contrast) * window.range(half_width + margin, half_height + margin);
+          with_contrast};
+      const int needed = with_contrast ? static_cast<int>(p.census_contrast) * window.range(half_width + margin, half_height + margin) : 0;
       size_t bit = 0;
       for (size_t cell = 0; cell < cell_count; ++cell) {
         if (cell == cell_count / 2) {  // the centre; what follows are mirrors
           if (!plain) break;
           continue;
         }
-        const ptrdiff_t dx = static_cast<ptrdiff_t>(cell % window_width) - half_width;
-        const ptrdiff_t dy = static_cast<ptrdiff_t>(cell / window_width) - half_height;
+        const ptrdiff_t dx = static_cast<ptrdiff_t>(cell % p.census_width) - half_width;
+        const ptrdiff_t dy = static_cast<ptrdiff_t>(cell / p.census_width) - half_height;
         int brighter = plain ? window.pixel(0, 0) : window.pixel(dx, dy), darker = plain ? window.pixel(dx, dy) : window.pixel(-dx, -dy);
-        if (!plain && contrast > 0 && bit % 2 == 1) std::swap(brighter, darker);
-        const bool equal_counts = !plain && contrast == 0;
+        if (!plain && with_contrast && bit % 2 == 1) std::swap(brighter, darker);
+        const bool equal_counts = !plain && !with_contrast;
         const bool set = equal_counts ? brighter >= darker : 256 * (brighter - darker) > needed;
         words.at(x, y) |= uint64_t{set} << bit++;
       }

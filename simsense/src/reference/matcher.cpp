@@ -21,8 +21,8 @@ class ReferenceMatcher final : public Matcher {
     using namespace reference;
     const MatchParameters& p = parameters_;
     const auto cost = [&] {
-      const auto left_census = census(left, width_, height_, p.census_width, p.census_height, p.census, p.census_contrast);
-      const auto right_census = census(right, width_, height_, p.census_width, p.census_height, p.census, p.census_contrast);
+      const auto left_census = census(left, width_, height_, p);
+      const auto right_census = census(right, width_, height_, p);
       return block_sum(hamming_cost(left_census, right_census, p.max_disparity, p.min_disparity), p.block_width, p.block_height);
     }();
     const uint32_t area = p.block_area();  // the penalties are given per pixel of the block

@@ -15,11 +15,20 @@ namespace {
 using namespace simsense;
 using namespace simsense::reference;
 
+MatchParameters window(size_t width, size_t height, CensusKind kind = CensusKind::center_symmetric, uint32_t contrast = 0) {
+  MatchParameters p;
+  p.census_width = static_cast<uint32_t>(width);
+  p.census_height = static_cast<uint32_t>(height);
+  p.census = kind;
+  p.census_contrast = contrast;
+  return p;
+}
+
 TEST(census, each_mirrored_pair_is_one_bit_and_the_centre_none) {
   constexpr size_t side = 90, windows[][2] = {{7, 7}, {9, 7}, {7, 9}, {3, 3}, {5, 5}, {65, 1}, {1, 65}, {13, 5}};
   for (const auto& [w, h] : windows) {
     std::vector<uint8_t> image(side * side, 100);
-    const auto at_centre = [&] { return census({image.data(), side}, side, side, w, h).at(45, 45); };
+    const auto at_centre = [&] { return census({image.data(), side}, side, side, window(w, h)).at(45, 45); };
     const uint64_t even = at_centre();
     EXPECT_EQ(std::popcount(even), static_cast<int>((w * h - 1) / 2)) << "equal pixels give 1";
     uint64_t cleared = 0;
@@ -39,7 +48,7 @@ TEST(census, three_by_three_by_hand) {
   const std::vector<uint8_t> image = {10, 20, 30,  //
                                       40, 50, 60,  //
                                       70, 15, 30};
-  const auto bits = census({image.data(), 3}, 3, 3, 3, 3);
+  const auto bits = census({image.data(), 3}, 3, 3, window(3, 3));
   // centre: 10>=30 no, 20>=15 yes, 30>=70 no, 40>=60 no
   EXPECT_EQ(bits.at(1, 1), 0b0010u);
   // top left, zeros outside: 0>=50 no, 0>=40 no, 0>=0 yes, 0>=20 no
@@ -54,7 +63,7 @@ TEST(census, a_difference_counts_from_its_share_of_the_contrast_on) {
   std::vector<uint8_t> image(side * side, 100);
   image[(centre - 5) * side + centre + 5] = 140;  // at the corner of what is looked at: window 7x7 and two pixels around
   const auto at_centre = [&](simsense::CensusKind kind) {
-    return census({image.data(), side}, side, side, 7, 7, kind, contrast).at(10, 10);
+    return census({image.data(), side}, side, side, window(7, 7, kind, contrast)).at(10, 10);
   };
   const auto symmetric = [&] { return at_centre(simsense::CensusKind::center_symmetric); };
   const auto plain = [&] { return at_centre(simsense::CensusKind::plain); };
@@ -88,7 +97,7 @@ TEST(census, contrast_is_relative) {
     scaled[i] = static_cast<uint16_t>(image[i] * 251 + 900);
   }
   const auto words = [](const std::vector<uint16_t>& counts, simsense::CensusKind kind) {
-    return census({reinterpret_cast<const uint8_t*>(counts.data()), 24, 2}, 24, 20, 7, 5, kind, 26).data;
+    return census({reinterpret_cast<const uint8_t*>(counts.data()), 24, 2}, 24, 20, window(7, 5, kind, 26)).data;
   };
   for (const auto kind : {simsense::CensusKind::center_symmetric, simsense::CensusKind::plain})
     EXPECT_EQ(words(image, kind), words(scaled, kind));
@@ -97,7 +106,7 @@ TEST(census, contrast_is_relative) {
 TEST(plain_census, every_pixel_but_the_centre_is_one_bit) {
   constexpr size_t side = 20;
   std::vector<uint8_t> image(side * side, 100);
-  const auto at_centre = [&] { return census({image.data(), side}, side, side, 9, 7, CensusKind::plain).at(10, 10); };
+  const auto at_centre = [&] { return census({image.data(), side}, side, side, window(9, 7, CensusKind::plain)).at(10, 10); };
   EXPECT_EQ(at_centre(), 0u) << "equal pixels give 0";
   uint64_t all = 0;
   for (size_t k = 0; k < 63; ++k) {
@@ -115,7 +124,7 @@ TEST(census, sixteen_bits_tell_apart_what_eight_do_not) {
   image[6] = 1001;  // first of a pair with its mirror 18
   image[18] = 1002;
   const ConstImage wide{reinterpret_cast<const uint8_t*>(image.data()), 5, 2};
-  EXPECT_EQ(census(wide, 5, 5, 3, 3).at(2, 2), 0b1110u);
+  EXPECT_EQ(census(wide, 5, 5, window(3, 3)).at(2, 2), 0b1110u);
 }
 
 }  // namespace

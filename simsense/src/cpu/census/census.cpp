@@ -36,29 +36,29 @@ void extremes(const T* low_in, const T* high_in, size_t count, ptrdiff_t step, s
 
 /// The largest difference that counts as none, per pixel of a row.
 template <class T>
-void insignificant_row(const PaddedImage& image, const CensusWindow& window, size_t y, ContrastRows& rows) {
+void insignificant_row(const PaddedImage& image, const MatchParameters& p, size_t y, ContrastRows& rows) {
   constexpr auto margin = static_cast<ptrdiff_t>(MatchParameters::contrast_margin);
-  const ptrdiff_t left = static_cast<ptrdiff_t>(window.width / 2) + margin, above = static_cast<ptrdiff_t>(window.height / 2) + margin;
+  const ptrdiff_t left = static_cast<ptrdiff_t>(p.census_width / 2) + margin, above = static_cast<ptrdiff_t>(p.census_height / 2) + margin;
   const size_t columns = 2 * static_cast<size_t>(left) + 1, lines = 2 * static_cast<size_t>(above) + 1;
   T *low = rows.low<T>(), *high = rows.high<T>(), *needed = rows.insignificant<T>();
   const T* first = image.at<T>(-left, static_cast<ptrdiff_t>(y) - above);
   extremes(first, first, lines, image.pitch(), image.width() + columns - 1, low, high);
   extremes(low, high, columns, 1, image.width(), needed, high);
-  for (size_t x = 0; x < image.width(); ++x) needed[x] = static_cast<T>(static_cast<uint32_t>(high[x] - needed[x]) * window.contrast >> 8);
+  for (size_t x = 0; x < image.width(); ++x) needed[x] = static_cast<T>(static_cast<uint32_t>(high[x] - needed[x]) * p.census_contrast >> 8);
 }
 
 /// The word's bits [first_bit, end_bit) of one row, into the plane that holds them.
 template <class T, CensusKind kind, bool with_contrast>
-void census_row(const PaddedImage& image, const CensusWindow& window, const ContrastRows& contrast, size_t y, size_t first_bit,
+void census_row(const PaddedImage& image, const MatchParameters& p, const ContrastRows& contrast, size_t y, size_t first_bit,
                 size_t end_bit, uint8_t* plane) {
   const hn::CappedTag<T, 64 / sizeof(T)> tag;
   const hn::Rebind<uint8_t, decltype(tag)> byte_tag;
   ptrdiff_t offsets[8];
-  const size_t centre_cell = window.width * window.height / 2;
+  const size_t centre_cell = size_t{p.census_width} * p.census_height / 2;
   for (size_t bit = first_bit; bit < end_bit; ++bit) {
     const size_t cell = bit + (kind == CensusKind::plain && bit >= centre_cell);
-    const ptrdiff_t dx = static_cast<ptrdiff_t>(cell % window.width) - static_cast<ptrdiff_t>(window.width / 2);
-    const ptrdiff_t dy = static_cast<ptrdiff_t>(cell / window.width) - static_cast<ptrdiff_t>(window.height / 2);
+    const ptrdiff_t dx = static_cast<ptrdiff_t>(cell % p.census_width) - static_cast<ptrdiff_t>(p.census_width / 2);
+    const ptrdiff_t dy = static_cast<ptrdiff_t>(cell / p.census_width) - static_cast<ptrdiff_t>(p.census_height / 2);
     const bool takes_turn = with_contrast && kind == CensusKind::center_symmetric && bit % 2 == 1;
     offsets[bit - first_bit] = (dy * image.pitch() + dx) * (takes_turn ? -1 : 1);
   }
@@ -92,18 +92,18 @@ constexpr auto row_of(bool with_contrast) {
   return with_contrast ? census_row<T, kind, true> : census_row<T, kind, false>;
 }
 
-void census_bits(const PaddedImage& image, const CensusWindow& window, const ContrastRows& contrast, size_t y, size_t first_bit,
+void census_bits(const PaddedImage& image, const MatchParameters& p, const ContrastRows& contrast, size_t y, size_t first_bit,
                  size_t end_bit, uint8_t* plane) {
-  const bool plain = window.kind == CensusKind::plain, with_contrast = window.contrast > 0;
+  const bool plain = p.census == CensusKind::plain, with_contrast = p.census_contrast > 0;
   const auto row =
       image.element_bytes() == 1
           ? (plain ? row_of<uint8_t, CensusKind::plain>(with_contrast) : row_of<uint8_t, CensusKind::center_symmetric>(with_contrast))
           : (plain ? row_of<uint16_t, CensusKind::plain>(with_contrast) : row_of<uint16_t, CensusKind::center_symmetric>(with_contrast));
-  row(image, window, contrast, y, first_bit, end_bit, plane);
+  row(image, p, contrast, y, first_bit, end_bit, plane);
 }
 
-void find_insignificant(const PaddedImage& image, const CensusWindow& window, size_t y, ContrastRows& rows) {
-  (image.element_bytes() == 1 ? insignificant_row<uint8_t> : insignificant_row<uint16_t>)(image, window, y, rows);
+void find_insignificant(const PaddedImage& image, const MatchParameters& p, size_t y, ContrastRows& rows) {
+  (image.element_bytes() == 1 ? insignificant_row<uint8_t> : insignificant_row<uint16_t>)(image, p, y, rows);
 }
 
 }  // namespace simsense::cpu::HWY_NAMESPACE
@@ -174,15 +174,15 @@ void CensusPlanes::repeat_ends(size_t y) {
   }
 }
 
-void census_rows(const PaddedImage& image, const CensusWindow& window, size_t first_row, size_t end_row, CensusPlanes& census) {
-  const size_t cells = window.width * window.height;
-  const size_t bit_count = window.kind == CensusKind::plain ? cells - 1 : (cells - 1) / 2;
-  ContrastRows contrast(window.contrast > 0 ? image.width() : 0);
+void census_rows(const PaddedImage& image, const MatchParameters& p, size_t first_row, size_t end_row, CensusPlanes& census) {
+  const size_t cells = size_t{p.census_width} * p.census_height;
+  const size_t bit_count = p.census == CensusKind::plain ? cells - 1 : (cells - 1) / 2;
+  ContrastRows contrast(p.census_contrast > 0 ? image.width() : 0);
   for (size_t y = first_row; y < end_row; ++y) {
-    if (window.contrast > 0) HWY_DYNAMIC_DISPATCH(find_insignificant)(image, window, y, contrast);
+    if (p.census_contrast > 0) HWY_DYNAMIC_DISPATCH(find_insignificant)(image, p, y, contrast);
     for (size_t bit = 0; bit < bit_count; bit += 8) {
       HWY_DYNAMIC_DISPATCH(census_bits)
-      (image, window, contrast, y, bit, std::min(bit + 8, bit_count), census.row(bit / 8, y) + census.shift());
+      (image, p, contrast, y, bit, std::min(bit + 8, bit_count), census.row(bit / 8, y) + census.shift());
     }
     census.repeat_ends(y);
   }

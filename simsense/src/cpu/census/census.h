@@ -54,13 +54,7 @@ class CensusPlanes {
   Buffer<uint8_t> storage_;
 };
 
-struct CensusWindow {
-  CensusKind kind = CensusKind::center_symmetric;
-  size_t width = 0, height = 0;
-  uint32_t contrast = 0;  // 256ths
-};
-
 /// Census of rows [first_row, end_row).
-void census_rows(const PaddedImage& image, const CensusWindow& window, size_t first_row, size_t end_row, CensusPlanes& census);
+void census_rows(const PaddedImage& image, const MatchParameters& parameters, size_t first_row, size_t end_row, CensusPlanes& census);
 
 }  // namespace simsense::cpu

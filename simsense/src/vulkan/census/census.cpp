@@ -8,9 +8,7 @@ namespace simsense {
 namespace {
 
 Constants census_constants(const MatchPlan& plan, const MatchParameters& p, uint32_t element_bytes) {
-  return {p.census_width,
-          p.census_height,
-          plan.census_copies,
+  return {plan.census_copies,
           static_cast<uint32_t>(p.census),
           plan.census_words,
           element_bytes,
@@ -24,11 +22,16 @@ VulkanCensus::VulkanCensus(const std::shared_ptr<ks::Device>& device, const Matc
     : device_(device),
       plan_(plan),
       parameters_(parameters),
-      of_bytes_(device, census_spirv, sizeof(CensusPush), census_constants(plan, parameters, 1)) {}
+      of_bytes_(device, census_spirv, sizeof(CensusPush), census_constants(plan, parameters, 1), 0,
+                {first_match_constant, match_constants(parameters)}) {}
 
 const ks::ComputePipeline& VulkanCensus::pipeline(uint32_t element_bytes) {
   if (element_bytes == 1) return of_bytes_;
-  if (!of_words_) of_words_.emplace(device_, census_spirv, sizeof(CensusPush), census_constants(plan_, parameters_, 2));
+  if (!of_words_) {
+    const auto shared = match_constants(parameters_);
+    of_words_.emplace(device_, census_spirv, sizeof(CensusPush), census_constants(plan_, parameters_, 2), 0,
+                      ks::SharedConstants{first_match_constant, shared});
+  }
   return *of_words_;
 }
 

@@ -7,7 +7,7 @@
 namespace simsense {
 
 VulkanFinish::VulkanFinish(const std::shared_ptr<ks::Device>& device, const MatchPlan& plan, const MatchParameters& p)
-    : plan_(plan), parameters_(p), pipeline_(device, finish_spirv, sizeof(FinishPush), Constants{p.median_size}) {}
+    : plan_(plan), parameters_(p), pipeline_(device, finish_spirv, sizeof(FinishPush), {}, 0, {first_match_constant, match_constants(p)}) {}
 
 void VulkanFinish::record(ks::Commands& commands, const MatchBuffers& buffers, const MatchArrays& arrays, uint32_t pairs) const {
   FinishPush push{};

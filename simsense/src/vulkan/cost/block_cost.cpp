@@ -11,7 +11,8 @@ VulkanBlockCost::VulkanBlockCost(const std::shared_ptr<ks::Device>& device, cons
       parameters_(p),
       pipeline_(
           device, block_cost_spirv, sizeof(PathPush),
-          lane_constants(plan, p, 256, plan.steps, {p.block_width, p.block_height, plan.block_group_parts, plan.block_rows_per_group})) {}
+          lane_constants(plan, p, 256, plan.steps, {plan.block_group_parts, plan.block_rows_per_group}), 0,
+          {first_match_constant, match_constants(p)}) {}
 
 void VulkanBlockCost::record(ks::Commands& commands, const MatchBuffers& buffers, uint32_t pairs) const {
   const uint32_t part_groups = plan_.padded_disparities() / 8 / plan_.block_group_parts;

@@ -16,7 +16,7 @@ namespace {
 Constants path_constants(const MatchPlan& plan, const MatchParameters& p, uint32_t part) {
   const bool adds = (part == PATHS_COLUMNS && plan.sum_volumes == 1) || (part == PATHS_DIAGONALS && plan.sum_volumes < 4);
   Constants constants = lane_constants(plan, p, plan.path_group, plan.steps, {part, adds ? 1u : 0u});
-  if (plan.sums_blocks()) constants.insert(constants.end(), {p.block_width, p.block_height, plan.path_group * plan.lane_disparities / 2});
+  if (plan.sums_blocks()) constants.push_back(plan.path_group * plan.lane_disparities / 2);
   return constants;
 }
 
@@ -31,9 +31,11 @@ VulkanPaths::VulkanPaths(const std::shared_ptr<ks::Device>& device, const MatchP
     : plan_(plan),
       parameters_(p),
       paths_(device, code(plan), sizeof(PathPush), path_constants(plan, p, plan.rows_apart ? PATHS_ROWS : PATHS_ROWS_AND_COLUMNS),
-             plan.subgroup_lanes) {
+             plan.subgroup_lanes, {first_match_constant, match_constants(p)}) {
   const auto make = [&](std::optional<ks::ComputePipeline>& slot, uint32_t part) {
-    slot.emplace(device, code(plan), sizeof(PathPush), path_constants(plan, p, part), plan.subgroup_lanes);
+    const auto shared = match_constants(p);
+    slot.emplace(device, code(plan), sizeof(PathPush), path_constants(plan, p, part), plan.subgroup_lanes,
+                 ks::SharedConstants{first_match_constant, shared});
   };
   if (plan.rows_apart) make(columns_, PATHS_COLUMNS);
   if (p.path_count == 8) make(diagonals_, PATHS_DIAGONALS);

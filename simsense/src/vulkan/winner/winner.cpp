@@ -19,8 +19,8 @@ VulkanWinner::VulkanWinner(const std::shared_ptr<ks::Device>& device, const Matc
       parameters_(p),
       pipeline_(
           device, code(plan), sizeof(WinnerPush),
-          lane_constants(plan, p, plan.winner_group, plan.winner_steps, {plan.segments, plan.sum_volumes, p.block_width, p.block_height}),
-          plan.subgroup_lanes) {}
+          lane_constants(plan, p, plan.winner_group, plan.winner_steps, {plan.segments, plan.sum_volumes}), plan.subgroup_lanes,
+          {first_match_constant, match_constants(p)}) {}
 
 void VulkanWinner::record(ks::Commands& commands, const MatchBuffers& buffers, const MatchArrays& arrays, uint32_t pairs) const {
   WinnerPush push{};
