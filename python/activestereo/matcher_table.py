@@ -203,6 +203,14 @@ MATCHER = (
         possible="0..1",
         doc="Counts differ, for the census, where they do so by more than this share of the range of counts in the window and 2 pixels around it: the rest is noise between dots. 0: every count tells, as in the published SimSense.",  # noqa: E501
     ),
+    Parameter(
+        "census_noise_dn",
+        int,
+        0,
+        unit="DN",
+        possible="0..255",
+        doc="And by more than so many counts, where census_contrast is not 0: what an imager's noise does on dark surfaces sets no bit, and they lose their pixels instead of having wrong ones.",  # noqa: E501
+    ),
 )
 
 
@@ -237,3 +245,4 @@ class MatcherFields:
     roi_height: int
     splat_size: int
     census_contrast: float
+    census_noise_dn: int

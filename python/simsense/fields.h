@@ -48,6 +48,7 @@ inline const Field<simsense_parameters> parameter_fields[] = {
     {"roi_height", &simsense_parameters::roi_height, {}},
     {"splat_size", &simsense_parameters::splat_size, {}},
     {"census_contrast", &simsense_parameters::census_contrast, {}},
+    {"census_noise_dn", &simsense_parameters::census_noise_dn, {}},
 };
 
 inline const Field<simsense_signal> signal_fields[] = {

@@ -11,7 +11,7 @@
 #define SIZE(type, bytes) HOLDS(sizeof(type) == (bytes))
 #define AT(type, field, bytes, length) HOLDS(offsetof(type, field) == (bytes) && sizeof(((type*)0)->field) == (length))
 
-SIZE(simsense_parameters, 144);
+SIZE(simsense_parameters, 152);
 AT(simsense_parameters, noise_seed, 16, 8);
 AT(simsense_parameters, frame_index, 24, 8);
 AT(simsense_parameters, census_width, 32, 4);
@@ -42,6 +42,8 @@ AT(simsense_parameters, roi_width, 128, 4);
 AT(simsense_parameters, roi_height, 132, 4);
 AT(simsense_parameters, splat_size, 136, 4);
 AT(simsense_parameters, census_contrast, 140, 4);
+AT(simsense_parameters, census_noise_dn, 144, 4);
+AT(simsense_parameters, reserved, 148, 4);
 
 SIZE(simsense_signal, 144);
 AT(simsense_signal, exposure_s, 16, 4);

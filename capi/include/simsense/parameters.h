@@ -123,6 +123,11 @@ typedef struct simsense_parameters {
    * pixels around it: the rest is noise between dots. 0: every count tells, as in the published SimSense. [0..1; 0.0625
    * by default] */
   float census_contrast;
+  /* And by more than so many counts, where census_contrast is not 0: what an imager's noise does on dark surfaces sets
+   * no bit, and they lose their pixels instead of having wrong ones. [0..255 DN] */
+  uint32_t census_noise_dn;
+  /* Must be 0. */
+  uint32_t reserved;
 } simsense_parameters;
 static inline simsense_parameters simsense_parameters_init(void) {
   simsense_parameters s;

@@ -79,7 +79,7 @@ void find_tolerances(uint column, uint row) {
       least = min(least, extreme & 0xffffu);
       most = max(most, extreme >> 16);
     }
-    tolerances[row * tolerance_pitch + column + x] = contrast * (most - least) >> 8;
+    tolerances[row * tolerance_pitch + column + x] = max(contrast * (most - least) >> 8, census_noise_dn);
   }
 }
 

@@ -9,4 +9,5 @@ layout(constant_id = 67) const uint block_width = 7u;
 layout(constant_id = 68) const uint block_height = 7u;
 layout(constant_id = 69) const uint uniqueness_ratio = 15u;  // percent
 layout(constant_id = 70) const uint median_size = 3u;  // px
+layout(constant_id = 71) const uint census_noise_dn = 0u;  // DN
 #endif

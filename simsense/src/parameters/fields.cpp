@@ -23,6 +23,7 @@ void check_fields(const simsense_parameters& s, const std::string& owner) {
   ks::check_choice({owner, "hole_filling", ""}, s.hole_filling, 0, std::array<const char*, 3>{"keep", "left", "background"});
   ks::check_range({owner, "splat_size", "pixels"}, s.splat_size, 0.0, 15.0);
   ks::check_range({owner, "census_contrast", ""}, s.census_contrast, 0.0f, 1.0f);
+  ks::check_range({owner, "census_noise_dn", "DN"}, s.census_noise_dn, 0.0, 255.0);
 }
 
 void check_fields(const simsense_signal& s, const std::string& owner) {
@@ -70,6 +71,7 @@ MatchFields match_fields(const simsense_parameters& s) {
   m.lr_max_diff = s.lr_max_diff;
   m.median_size = s.median_size;
   m.min_disparity = s.min_disparity;
+  m.census_noise_dn = s.census_noise_dn;
   return m;
 }
 

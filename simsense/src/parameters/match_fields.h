@@ -20,13 +20,14 @@ struct MatchFields {
   int32_t lr_max_diff = 1;
   uint32_t median_size = 3u;
   int32_t min_disparity = 0;
+  uint32_t census_noise_dn = 0;
   bool operator==(const MatchFields&) const = default;
 };
 
 /// The specialisation constants of shared/match_constants.glsl, from the first id on.
 inline constexpr uint32_t first_match_constant = 64;
-inline std::array<uint32_t, 7> match_constants(const MatchFields& m) {
-  return {m.census_width, m.census_height, m.max_disparity, m.block_width, m.block_height, m.uniqueness_ratio, m.median_size};
+inline std::array<uint32_t, 8> match_constants(const MatchFields& m) {
+  return {m.census_width, m.census_height, m.max_disparity, m.block_width, m.block_height, m.uniqueness_ratio, m.median_size, m.census_noise_dn};
 }
 
 }  // namespace simsense

@@ -42,7 +42,8 @@ Grid<uint64_t> census(ConstImage image, size_t width, size_t height, const Match
       const Window window{
           image,       static_cast<ptrdiff_t>(width), static_cast<ptrdiff_t>(height), static_cast<ptrdiff_t>(x), static_cast<ptrdiff_t>(y),
           with_contrast};
-      const int needed = with_contrast ? static_cast<int>(p.census_contrast) * window.range(half_width + margin, half_height + margin) : 0;
+      const int share = with_contrast ? static_cast<int>(p.census_contrast) * window.range(half_width + margin, half_height + margin) : 0;
+      const int needed = with_contrast ? std::max(share, 256 * static_cast<int>(p.census_noise_dn)) : 0;
       size_t bit = 0;
       for (size_t cell = 0; cell < cell_count; ++cell) {
         if (cell == cell_count / 2) {  // the centre; what follows are mirrors

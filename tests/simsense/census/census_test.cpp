@@ -88,6 +88,25 @@ TEST(census, a_difference_counts_from_its_share_of_the_contrast_on) {
   }
 }
 
+TEST(census, noise_on_a_dark_surface_sets_no_bit) {
+  std::mt19937 random(7);
+  std::vector<uint8_t> image(24 * 20);
+  for (uint8_t& count : image) count = static_cast<uint8_t>(10 + random() % 5);  // differences of at most 4
+  MatchParameters p = window(7, 7, CensusKind::center_symmetric, 16);
+  const auto bits = [&] {
+    int count = 0;
+    for (const uint64_t word : census({image.data(), 24}, 24, 20, p).data) count += std::popcount(word);
+    return count;
+  };
+  EXPECT_GT(bits(), 0) << "a share of the range alone lets noise speak";
+  p.census_noise_dn = 3;
+  EXPECT_GT(bits(), 0) << "differences of 4 are more than 3";
+  p.census_noise_dn = 4;
+  EXPECT_EQ(bits(), 0);
+  p.census_contrast = 0;
+  EXPECT_GT(bits(), 0) << "without a contrast every count tells";
+}
+
 TEST(census, contrast_is_relative) {
   // counts a * i + b have the words of i: gain and black level of an imager do not matter, up to its edge
   std::mt19937 random(3);

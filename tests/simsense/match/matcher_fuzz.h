@@ -19,7 +19,7 @@ inline std::string describe(size_t width, size_t height, const MatchParameters& 
        << p.block_width << "x" << p.block_height << " p1 " << p.p1 << " p2 " << p.p2 << " uniqueness " << p.uniqueness_ratio << " lr "
        << p.lr_max_diff << " median " << p.median_size << " subpixel " << static_cast<int>(p.subpixel) << " plain "
        << (p.census == simsense::CensusKind::plain) << " min " << p.min_disparity << " paths " << p.path_count << " gradient "
-       << p.p2_full_gradient << " contrast " << p.census_contrast;
+       << p.p2_full_gradient << " contrast " << p.census_contrast << " noise " << p.census_noise_dn;
   return text.str();
 }
 
@@ -61,6 +61,7 @@ class Fuzz {
     p.median_size = one_of({1, 3, 5, 7});
     p.subpixel = static_cast<simsense::Subpixel>(in(0, 2));
     p.census_contrast = one_of({0, 1, 26, 32, 255});
+    p.census_noise_dn = one_of({0, 0, 2, 30, 255});
     return p;
   }
   /// Those that only the CPU knows, mixed with the others.

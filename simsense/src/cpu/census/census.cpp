@@ -1,5 +1,7 @@
 #include "cpu/census/census.h"
 
+#include <algorithm>
+
 #include "cpu/census/contrast_rows.h"
 
 #undef HWY_TARGET_INCLUDE
@@ -44,7 +46,10 @@ void insignificant_row(const PaddedImage& image, const MatchParameters& p, size_
   const T* first = image.at<T>(-left, static_cast<ptrdiff_t>(y) - above);
   extremes(first, first, lines, image.pitch(), image.width() + columns - 1, low, high);
   extremes(low, high, columns, 1, image.width(), needed, high);
-  for (size_t x = 0; x < image.width(); ++x) needed[x] = static_cast<T>(static_cast<uint32_t>(high[x] - needed[x]) * p.census_contrast >> 8);
+  for (size_t x = 0; x < image.width(); ++x) {
+    const uint32_t share = static_cast<uint32_t>(high[x] - needed[x]) * p.census_contrast >> 8;
+    needed[x] = static_cast<T>(std::max(share, p.census_noise_dn));
+  }
 }
 
 /// The word's bits [first_bit, end_bit) of one row, into the plane that holds them.
@@ -110,7 +115,6 @@ void find_insignificant(const PaddedImage& image, const MatchParameters& p, size
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
-#include <algorithm>
 
 namespace simsense::cpu {
 
