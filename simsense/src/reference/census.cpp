@@ -40,7 +40,7 @@ Grid<uint64_t> census(ConstImage image, size_t width, size_t height, const Match
   for (size_t y = 0; y < height; ++y) {
     for (size_t x = 0; x < width; ++x) {
       const Window window{
-          image,       static_cast<ptrdiff_t>(width), static_cast<ptrdiff_t>(height), static_cast<ptrdiff_t>(x), static_cast<ptrdiff_t>(y),
+          image,        static_cast<ptrdiff_t>(width), static_cast<ptrdiff_t>(height), static_cast<ptrdiff_t>(x), static_cast<ptrdiff_t>(y),
           with_contrast};
       const int share = with_contrast ? static_cast<int>(p.census_contrast) * window.range(half_width + margin, half_height + margin) : 0;
       const int needed = with_contrast ? std::max(share, 256 * static_cast<int>(p.census_noise_dn)) : 0;

@@ -9,10 +9,9 @@ namespace simsense {
 VulkanBlockCost::VulkanBlockCost(const std::shared_ptr<ks::Device>& device, const MatchPlan& plan, const MatchParameters& p)
     : plan_(plan),
       parameters_(p),
-      pipeline_(
-          device, block_cost_spirv, sizeof(PathPush),
-          lane_constants(plan, p, 256, plan.steps, {plan.block_group_parts, plan.block_rows_per_group}), 0,
-          {first_match_constant, match_constants(p)}) {}
+      pipeline_(device, block_cost_spirv, sizeof(PathPush),
+                lane_constants(plan, p, 256, plan.steps, {plan.block_group_parts, plan.block_rows_per_group}), 0,
+                {first_match_constant, match_constants(p)}) {}
 
 void VulkanBlockCost::record(ks::Commands& commands, const MatchBuffers& buffers, uint32_t pairs) const {
   const uint32_t part_groups = plan_.padded_disparities() / 8 / plan_.block_group_parts;

@@ -17,10 +17,9 @@ std::span<const uint32_t> code(const MatchPlan& plan) {
 VulkanWinner::VulkanWinner(const std::shared_ptr<ks::Device>& device, const MatchPlan& plan, const MatchParameters& p)
     : plan_(plan),
       parameters_(p),
-      pipeline_(
-          device, code(plan), sizeof(WinnerPush),
-          lane_constants(plan, p, plan.winner_group, plan.winner_steps, {plan.segments, plan.sum_volumes}), plan.subgroup_lanes,
-          {first_match_constant, match_constants(p)}) {}
+      pipeline_(device, code(plan), sizeof(WinnerPush),
+                lane_constants(plan, p, plan.winner_group, plan.winner_steps, {plan.segments, plan.sum_volumes}), plan.subgroup_lanes,
+                {first_match_constant, match_constants(p)}) {}
 
 void VulkanWinner::record(ks::Commands& commands, const MatchBuffers& buffers, const MatchArrays& arrays, uint32_t pairs) const {
   WinnerPush push{};
