@@ -1,5 +1,7 @@
 """Fine images: warps that look between and beyond pixels, lenses of the nominal rig, and the filter of bounced light."""
 
+import sys
+
 import cv2
 import numpy as np
 import pytest
@@ -7,6 +9,7 @@ import pytest
 from activestereo.capture import Camera, Projector, Rig
 from activestereo.effects import Light, builtin
 from activestereo.effects.core.laws import example_view
+from activestereo.effects.core.resample import blur
 from activestereo.lens import distort, undistort
 from activestereo.lab.layers import Layers, Sampling, ViewCamera, ideal_pixels, sampling_of
 from activestereo.engines.smooth import smooth_bounced
@@ -113,3 +116,13 @@ def test_bounced_light_is_smoothed_along_a_surface_and_not_across_materials():
     assert error < 0.15 * noise
     assert filtered.mean() == pytest.approx(noisy.mean(), rel=0.005)
     assert abs((filtered - clean)[:, 36:46].mean(axis=0)).max() < 0.05
+
+
+@pytest.mark.parametrize("sigma_px", [0.4, 3.0])
+def test_a_blur_is_the_same_where_opencv_is_missing(monkeypatch, sigma_px):
+    images = np.random.default_rng(4).random((2, 31, 43)).astype(np.float32)
+    with_opencv = blur(images, sigma_px)
+    monkeypatch.setitem(sys.modules, "cv2", None)
+    without = blur(images, sigma_px)
+    assert without.dtype == with_opencv.dtype
+    np.testing.assert_allclose(without, with_opencv, atol=1e-6)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import gaussian_filter, zoom
 
 from activestereo.effects.core.judging import StartImage
 from activestereo.effects.core.light import Light
@@ -16,6 +17,8 @@ _EVERY_PX, _STEPS, _REACH_M, _FIRST_STEP_M = 2, 24, 0.8, 0.006
 _THICK_M = 0.3
 # A ray has to be so far behind the surface to be in its shadow: shares of depth.
 _BEHIND_SHARE = 0.006
+# Shadows' edges are softened by so many of those pixels.
+_SOFT_PX = 0.7
 
 
 @dataclass(frozen=True)
@@ -70,8 +73,6 @@ class Lamp:
 
 
 def _lit(view: View, way: np.ndarray) -> np.ndarray:
-    import cv2  # its resize is fast; loaded where it is used
-
     depth = view.depth_m[::_EVERY_PX, ::_EVERY_PX].astype(np.float32)
     points = view.points()[::_EVERY_PX, ::_EVERY_PX].astype(np.float32)
     way = np.broadcast_to(way, view.points().shape)[::_EVERY_PX, ::_EVERY_PX].astype(np.float32)
@@ -87,9 +88,9 @@ def _lit(view: View, way: np.ndarray) -> np.ndarray:
         there = depth[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)]
         behind = z - there
         shadowed |= inside & (there > 0) & (behind > _BEHIND_SHARE * z + 0.25 * step) & (behind < _THICK_M)
-    soft = cv2.GaussianBlur((~shadowed).astype(np.float32), (0, 0), 0.7)
-    full = cv2.resize(soft, view.shape[::-1], interpolation=cv2.INTER_LINEAR)
-    return full.astype(np.float64)
+    soft = gaussian_filter((~shadowed).astype(np.float32), _SOFT_PX, mode="mirror")
+    factors = [full / part for full, part in zip(view.shape, soft.shape, strict=True)]
+    return zoom(soft, factors, np.float64, order=1, mode="nearest", grid_mode=True)
 
 
 def lamp_starts(images: list[StartImage]) -> list[dict[str, float]]:

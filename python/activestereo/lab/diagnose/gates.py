@@ -145,7 +145,7 @@ class Gates:
     )
     worth_steps: float = _gate(4e-3, "1", "and to take steps there", _GENERATION_1)
     close_share: float = _gate(
-        0.4, "1", "share of the best scan's gain from which on an effect is polished", _GENERATION_1
+        0.4, "1", "share of the best gain from which on an effect is polished, or refined by rendering", _GENERATION_1
     )
     hopeless_share: float = _gate(0.01, "1", "share of it below which an effect is left out", _GENERATION_1)
     polished: int = _gate(3, "1", "effects that are polished in any case", "convention")

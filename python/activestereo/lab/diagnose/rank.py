@@ -191,20 +191,20 @@ def _own_score(e: Explanation) -> Score:
 
 
 def _rendered(bench: Bench, ranking: Ranking) -> Ranking:
-    """The ranking with its likeliest effects on the way of the light refined by the engine's own images."""
+    """The ranking with its likeliest effects on the way of the light refined by the engine's own images: the first,
+    then those that still come near it.
+    """
     if bench.rendering is None:
         return ranking
-    least = ranking.gates.margin_nats + np.log(max(len(ranking.findings), 1))
+    gates = ranking.gates
+    least = gates.margin_nats + np.log(max(len(ranking.findings), 1))
     hopeful = [f for f in _by_nats(ranking.findings) if f.solution is not None and f.score.nats > least]
-    chosen = {f.id for f in hopeful[: ranking.gates.rendered] if _is_transport(f.effect)}
-    if not chosen:
-        return ranking
-    fitter, rendering = bench.fitters.train, bench.rendering
-    explained = [
-        refined_by_rendering(fitter, f.explanation, rendering) if f.id in chosen else f.explanation
-        for f in ranking.findings
-    ]
-    return _scored(bench, ranking.base, explained)
+    explained = {f.id: f.explanation for f in ranking.findings}
+    for f in hopeful[: gates.rendered]:
+        best = max(ranking.base.chi2 - e.chi2 for e in explained.values())
+        if _is_transport(f.effect) and ranking.base.chi2 - f.chi2 >= gates.close_share * best:
+            explained[f.id] = refined_by_rendering(bench.fitters.train, f.explanation, bench.rendering)
+    return _scored(bench, ranking.base, list(explained.values()))
 
 
 def _is_transport(effect: Effect) -> bool:
