@@ -3,7 +3,9 @@ and simsense."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -193,15 +195,13 @@ class CaptureRenderer:
             # Projectors' light has one pair of outputs; that of further units belongs to the room's.
             others = self._render(jobs, _LIGHT[:2], own=False, progress=None)
             images["added"] = images["added"] + others["projector_direct"] + others["projector_indirect"]
-        out = []
-        for i, job in enumerate(jobs):
-            views = [{name: image[2 * i + j] for name, image in images.items()} for j in range(len(EYES))]
-            if self._smooth:
-                views = [
-                    smooth_view(view, eye.camera, self._scene) for view, eye in zip(views, job.inputs.eyes, strict=True)
-                ]
-            out.append(views)
-        return out
+        count = len(jobs) * len(EYES)
+        views = [{name: image[k] for name, image in images.items()} for k in range(count)]
+        if self._smooth:
+            cameras = [eye.camera for job in jobs for eye in job.inputs.eyes]
+            with ThreadPoolExecutor(os.cpu_count()) as pool:
+                views = list(pool.map(lambda view, camera: smooth_view(view, camera, self._scene), views, cameras))
+        return [views[k : k + len(EYES)] for k in range(0, count, len(EYES))]
 
     def _render(
         self, jobs: list[_Job], outputs: tuple[str, ...], own: bool, progress: Callable[[float], object] | None
