@@ -16,6 +16,7 @@ from activestereo.ir_link import IrLink
 from activestereo.lens import undistort
 from activestereo.matching import engine_parameters
 from activestereo.pose import Pose, as_matrix, camera_to_camera, camera_to_world
+from activestereo.scene_surfaces import split_surfaces
 from activestereo.sensor_effects import ImageEffects, ModelCostWarning
 from activestereo.sensor_inputs import sensor_inputs, shutter, twist_of
 from activestereo.sensor_world import LATER, SensorWorld, pattern_of
@@ -52,7 +53,7 @@ class StereoDepthSensor:
         self._twist = np.zeros(6)
         self._scene = self._mount.scene
         self._device = self._scene.device
-        self._effects, self._survey, self._ambient_radiance = self._read_model(model)
+        self._effects, self._survey, self._ambient_radiance = self._read_model(model, scene_or_mount)
         self._conditions = (None, 0.0)
         self._renderer = kuafu.Renderer(self._device)
         self._engine = self.make_engine()
@@ -338,17 +339,22 @@ class StereoDepthSensor:
             **engine_parameters(c),
         )
 
-    def _read_model(self, model):
+    def _read_model(self, model, scene_path):
         """(effects, survey, infrared radiance of the model's room) in this scene."""
         if model is None:
             return Model(), Survey(), self._config.ir_ambient_strength
         from activestereo.sensor_model import SensorModel, read_model
 
         model = model if isinstance(model, SensorModel) else read_model(model)
-        names = [self._scene.material_name(number) for number in range(self._scene.summary.material_count)]
+        if isinstance(scene_path, (str, PathLike)) and not model.surfaces <= set(self._material_names()):
+            split_surfaces(self._scene, scene_path)
+        names = self._material_names()
         ambient = model.nuisances.get("ambient_scale")
         radiance = self._config.ir_ambient_strength if ambient is None else ambient.value / self._config.ir_responsivity_dn
         return model.bound(names), model.survey(names), radiance
+
+    def _material_names(self):
+        return [self._scene.material_name(number) for number in range(self._scene.summary.material_count)]
 
     def _tell_engines(self) -> EngineInputs:
         """What the engines are told, with the RGB camera at the origin; found anew where the sensor or its conditions have changed."""

@@ -80,10 +80,11 @@ def run(args: argparse.Namespace) -> None:
 def _under_model(args: argparse.Namespace, effects: "dict[str, Effect]") -> dict[str, Any]:
     """What compare() is told of a model: its effects and survey in this scene, and engines in which they act."""
     from activestereo.engines import CaptureRenderer
-    from activestereo.lab.model_file import material_names_of, scene_of
+    from activestereo.lab.model_file import scene_of
+    from activestereo.scene_surfaces import surface_names
     from activestereo.sensor_model import read_model
 
-    model, names = read_model(args.model, effects), material_names_of(scene_of(args.capture))
+    model, names = read_model(args.model, effects), surface_names(scene_of(args.capture))
     return {
         "model": model.bound(names),
         "survey": model.survey(names),

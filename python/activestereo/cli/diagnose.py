@@ -73,9 +73,9 @@ def add_parser(commands):
 
 
 def run(args):
-    from activestereo.engines.capture_renderer import CaptureRenderer
     from activestereo.lab.diagnose import diagnose
     from activestereo.lab.diagnose.report import diagnosis_text, write_diagnosis
+    from activestereo.lab.engine_prediction import EngineImages
     from activestereo.lab.kuafu_renderer import KuafuRenderer
     from activestereo.lab.model_file import library, read_model, scene_of
     from activestereo.progress_bar import ProgressBar
@@ -83,7 +83,7 @@ def run(args):
     make_folder(args.out)
     effects = library(*args.effects)
     model = read_model(args.model, effects, scene_of(args.capture))
-    engine = lambda capture: CaptureRenderer(capture, args.device, args.spp, args.max_bounces, args.seed).lights  # noqa: E731
+    engine = lambda capture: EngineImages(capture, args.device, args.spp, args.max_bounces, args.seed)  # noqa: E731
     with ProgressBar(f"diagnosing {args.capture.name}") as bar:
         diagnosis = diagnose(
             args.capture,

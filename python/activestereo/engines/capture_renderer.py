@@ -29,6 +29,7 @@ from activestereo.engines.world import (
     record_key,
     world_key,
 )
+from activestereo.scene_surfaces import split_surfaces
 
 Key = tuple[int, str]
 _LIGHT = ("projector_direct", "projector_indirect", "ambient")
@@ -96,6 +97,7 @@ class CaptureRenderer:
         self._renderer = kuafu.Renderer(self._device)
         self._scene = kuafu.Scene(self._device)
         self._scene.load(capture.scene_path)
+        split_surfaces(self._scene, capture.scene_path)
         self._scene.set_environment((1.0, 1.0, 1.0), ir_radiance=1.0)
         self._pattern = capture.rig.projector.pattern()
         self._smooth = smooth

@@ -18,7 +18,7 @@ from activestereo.lab.layers import Layers, RenderRequest
 from activestereo.output_files import replace_file
 
 # Raised when the meaning of a cached array changes.
-_FORMAT = 2
+_FORMAT = 3
 _LIMIT_BYTES = 4 << 30
 
 

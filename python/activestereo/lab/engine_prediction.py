@@ -63,6 +63,26 @@ class EngineModel:
         return self.rest.digital(counts - black, view, black)
 
 
+class EngineImages:
+    """A capture's light under a model by the engine (a Rendering of refine/by_rendering.py): whole, or as a draft of a
+    quarter of the samples.
+
+    Arguments as of CaptureRenderer.
+    """
+
+    def __init__(
+        self, capture: Capture, device: str | int, samples_per_pixel: int, max_bounces: int, seed: int
+    ) -> None:
+        draft, whole = max(1, samples_per_pixel // 4), samples_per_pixel
+        self._renderers = {
+            is_draft: CaptureRenderer(capture, device, spp, max_bounces, seed)
+            for is_draft, spp in ((True, draft), (False, whole))
+        }
+
+    def __call__(self, model: Model, draft: bool = False) -> Mapping[Key, EyeLight]:
+        return self._renderers[draft].lights(model)
+
+
 def predict_in_engines(
     capture: Capture,
     model: Model,

@@ -13,6 +13,7 @@ import kuafu
 from activestereo.lab.cache import scene_digest
 from activestereo.lab.layers import Layers, RenderRequest
 from activestereo.engines.smooth import SMOOTH_VERSION, smooth_bounced
+from activestereo.scene_surfaces import split_surfaces
 
 # Rougher surfaces have no highlight that would move through bounced light.
 _MATT_ROUGHNESS = 0.5
@@ -105,6 +106,7 @@ class KuafuRenderer:
             return
         self._scene = kuafu.Scene(self._device)
         self._scene.load(request.scene_path)
+        split_surfaces(self._scene, request.scene_path)
         self._scene.set_environment((1.0, 1.0, 1.0), ir_radiance=1.0)
         self._texture = self._scene.add_texture(request.pattern, name="pattern")
         self._white = self._scene.add_texture(np.ones_like(request.pattern), name="white pattern")

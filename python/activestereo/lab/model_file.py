@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from activestereo.effects import Effect, Model, builtin, load_effects
+from activestereo.scene_surfaces import surface_names
 from activestereo.sensor_model import Quantity, SensorModel
 from activestereo.sensor_model import read_model as read_sensor_model
 from activestereo.sensor_model import write_model as write_sensor_model
@@ -32,11 +33,11 @@ def find(effects: dict[str, Effect], effect_id: str) -> Effect:
 
 
 def read_model(path: str | Path | None, effects: dict[str, Effect], scene_path: str | Path | None = None) -> Model:
-    """The effects of a model file, or none for None. scene_path: the scene whose materials the file may name.
+    """The effects of a model file, or none for None. scene_path: the scene whose surfaces the file may name.
     ValueError says what is wrong."""
     if path is None:
         return Model()
-    names = material_names_of(scene_path)
+    names = surface_names(scene_path)
     try:
         return read_sensor_model(path, effects).bound(names)
     except ValueError as error:
@@ -53,17 +54,6 @@ def scene_of(capture_path: str | Path) -> Path | None:
         return None
 
 
-def material_names_of(scene_path: str | Path | None) -> list[str]:
-    """Names of a glTF file's materials, in whose order kuafu numbers them; of a binary file none."""
-    if scene_path is None:
-        return []
-    try:
-        materials = json.loads(Path(scene_path).read_text(encoding="utf-8")).get("materials", [])
-    except (OSError, ValueError):
-        return []
-    return [material.get("name") or f"material {n}" for n, material in enumerate(materials)]
-
-
 def model_json(model: Model, nuisances: Any = None) -> dict[str, Any]:
     """A model's effects and nuisances in plain numbers, as diagnose.json has them."""
     effects = [{"id": e.id, "parameters": dict(values)} for e, values in model.effects]
@@ -72,7 +62,7 @@ def model_json(model: Model, nuisances: Any = None) -> dict[str, Any]:
 
 def write_model(path: str | Path, model: Model, nuisances: Any = None, scene_path: str | Path | None = None) -> None:
     """Writes a model file of the effects and nuisances alone."""
-    names = material_names_of(scene_path)
+    names = surface_names(scene_path)
     told = {n: Quantity(float(v), unit=NUISANCES[n][0]) for n, v in (vars(nuisances) if nuisances else {}).items()}
     out = SensorModel(nuisances=told)
     for effect, values in model.effects:

@@ -1,6 +1,5 @@
 """Turns a comparison's images and depths into the channels that where.py and tree.py look at."""
 
-import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ from activestereo.lab.covariates import covariate_maps
 from activestereo.lab.tree import HonestTree
 from activestereo.lab.where import where_tables
 from activestereo.lab.where_samples import LARGEST_DISPARITY_ERROR_PX, ResidualImage, gather_samples
+from activestereo.scene_surfaces import surface_names
 
 # Below this share of the floor's variance an excess may be the renderer's own Monte Carlo noise, and is not explained
 # further.
@@ -39,7 +39,7 @@ def where_it_fails(
                 (key, measured[key] - expected, _floor(expected, frame, floors.get(key), law), _pose(frame, eye))
             )
     channels = residual_channels(infrared, [d for d in depths if d.frame.split == "train"], maps, seed)
-    name_of = material_names(capture.scene_path)
+    name_of = surface_text(capture.scene_path)
     return {
         "where": where_tables(channels, name_of, seed),
         "regions": {
@@ -77,14 +77,10 @@ def residual_channels(infrared: Any, depths: Any, maps: Any, seed: int = 0) -> A
     return channels
 
 
-def material_names(scene_path: Path) -> Callable[[int], str]:
-    """Text of a material id: the glTF file's own names, in whose order kuafu numbers materials."""
-    try:
-        materials = json.loads(scene_path.read_text(encoding="utf-8")).get("materials", [])
-    except (OSError, ValueError):
-        materials = []  # a binary scene keeps numbers
-    names = [material.get("name") for material in materials]
-    return lambda index: (names[index] if index < len(names) else None) or f"material {index}"
+def surface_text(scene_path: Path) -> Callable[[int], str]:
+    """Text of a surface's number."""
+    names = surface_names(scene_path)
+    return lambda index: names[index] if index < len(names) else f"material {index}"
 
 
 def _floor(expected, frame, image_floor, law):

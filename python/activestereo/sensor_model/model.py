@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from activestereo.effects.core.descriptor import Effect
 from activestereo.effects.core.model import Model
 from activestereo.effects.core.surfaces import SURFACES, material_numbers
+from activestereo.scene_surfaces import material_of, names_of, numbers_of
 from activestereo.engines.survey import Survey
 
 # What a fit may leave over, with units: {name: (unit, low, high)}.
@@ -135,8 +136,8 @@ class SensorModel:
         return replace(self, effects=(*kept, ModelEffect(effect, told, tuple(surfaces))))
 
     def bound(self, material_names: Sequence[str]) -> Model:
-        """The effects in a scene whose materials have these names, in the order of their ids. ValueError names a
-        material that is not there."""
+        """The effects in a scene whose surfaces (scene_surfaces.py) have these names, by number. ValueError names one
+        that is not there."""
         model = Model()
         for entry in self.effects:
             values = {name: q.value for name, q in entry.parameters.items()}
@@ -144,6 +145,11 @@ class SensorModel:
                 values[SURFACES.name] = float(sum(2**n for n in _numbers(entry, material_names)))
             model = model.with_effect(entry.effect, **values)
         return model
+
+    @property
+    def surfaces(self) -> set[str]:
+        """Names of all surfaces that effects are on."""
+        return {name for entry in self.effects for name in entry.surfaces}
 
     def survey(self, material_names: Sequence[str]) -> Survey:
         """Focal lengths and albedo factors in a scene; of materials that it lacks nothing is said."""
@@ -153,7 +159,7 @@ class SensorModel:
         albedo = {
             number: fields["ir_albedo_factor"].value
             for number, name in enumerate(material_names)
-            for fields in [self.materials.get(name, {})]
+            for fields in [self.materials.get(name) or self.materials.get(material_of(name), {})]
             if "ir_albedo_factor" in fields
         }
         return Survey((left, right), albedo)
@@ -170,12 +176,15 @@ def with_surfaces(
         raise ValueError(
             f"{effect.id}: the scene has no material number {unknown[0]}, only 0 to {len(material_names) - 1}"
         )
-    return {n: v for n, v in values.items() if n != SURFACES.name}, tuple(material_names[n] for n in chosen)
+    return {n: v for n, v in values.items() if n != SURFACES.name}, names_of(chosen, material_names)
 
 
 def _numbers(entry: ModelEffect, material_names: Sequence[str]) -> list[int]:
+    out: set[int] = set()
     for name in entry.surfaces:
-        if name not in material_names:
+        found = numbers_of(name, material_names)
+        if not found:
             known = ", ".join(material_names) or "none"
             raise ValueError(f"{entry.effect.id}: the scene has no material '{name}' (there are: {known})")
-    return [number for number, name in enumerate(material_names) if name in entry.surfaces]
+        out.update(found)
+    return sorted(out)

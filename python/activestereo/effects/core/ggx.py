@@ -13,6 +13,12 @@ _COSINES = 33
 _RINGS, _SPOKES = 96, 64
 
 
+def ior_of(reflectance: float) -> float:
+    """The index of refraction that reflects this share at normal incidence."""
+    root = np.sqrt(reflectance)
+    return float((1.0 + root) / (1.0 - root))
+
+
 def highlight(
     normal: np.ndarray, to_light: np.ndarray, to_camera: np.ndarray, roughness: float, ior: float = IOR
 ) -> np.ndarray:

@@ -37,7 +37,7 @@ from activestereo.lab.diagnose.verdict.depth import engine_faults
 from activestereo.lab.diagnose.verdict.verdict import EFFECT, UNDETERMINED, UNKNOWN, is_named, verdict_of
 from activestereo.lab.model_file import library, model_json
 from activestereo.lab.render import WARP_SCALE, Renderer, render_frames
-from activestereo.lab.where_channels import material_names
+from activestereo.lab.where_channels import surface_text
 from activestereo.sensor_model import SensorModel
 
 _RENDER_SHARE = 0.4
@@ -158,7 +158,7 @@ def examine(
     accepted = _model_of(way[-1].ranking.base.solution.model, on_top)
     depth = rank_depth(bench, bases(accepted), candidates)
     faults = engine_faults(depth)[:1]
-    found, name_of = _model_of(accepted, faults), material_names(evidence.capture.scene_path)
+    found, name_of = _model_of(accepted, faults), surface_text(evidence.capture.scene_path)
     result = {
         "verdict": verdict,
         "capture": evidence.capture.name,

@@ -22,6 +22,7 @@ from activestereo.lab.diagnose.evidence.observation import (
 from activestereo.lab.fit import Nuisances, fit_nuisances, predict
 from activestereo.lab.layers import Layers
 from activestereo.lab.noise import NoiseLaw, frame_floors
+from activestereo.scene_surfaces import scene_surfaces
 
 _BLOCK_TILES = BLOCK_PX // TILE_PX
 # Noise of captures without repeats: the paper's gamma speckle (k = 60) and a read noise of 1 DN. No effect is ever
@@ -66,12 +67,13 @@ def gather(capture: Capture, layers: dict[int, dict[str, Layers]], seed: int = 0
     predicted = {s.key: predict(s.frame, s.layers, nuisances, capture.rig.max_dn) for s in train}
     place_error_m = place_error(train, predicted, law)
     tiles, count = _tiles(train)
-    materials = _albedo_materials(train)
+    material_of = _material_of(capture)
+    materials = _albedo_materials(train, material_of)
 
     def observation(shot: _Shot) -> Observation:
         weight = weight_of(law, place_error_m, shot, expected[shot.key])
         tile, fold = tiles.get(shot.key, (None, None))
-        material, slope = _material_index(shot, materials), _focal_slope(shot, nuisances)
+        material, slope = _material_index(shot, materials, material_of), _focal_slope(shot, nuisances)
         return Observation(
             shot.frame, shot.eye, shot.view, shot.layers, shot.measured, weight, tile, fold, material, slope
         )
@@ -175,15 +177,27 @@ def _tiles(train: Sequence[_Shot]) -> tuple[dict[tuple[int, str], tuple[np.ndarr
     return out, int(first)
 
 
-def _albedo_materials(train: Sequence[_Shot]) -> list[int]:
+def _material_of(capture: Capture) -> np.ndarray:
+    """The material of every surface, by number: an albedo error is one of all objects of a material."""
+    return np.array([surface.material for surface in scene_surfaces(capture.scene_path)], dtype=np.int64)
+
+
+def _materials(shot: _Shot, material_of: np.ndarray) -> np.ndarray:
+    """The material [height][width] of each pixel's surface; what is no surface of the file keeps its number."""
+    surface = np.asarray(shot.layers.material).astype(np.int64)
+    known = surface < len(material_of)
+    return np.where(known, material_of[np.where(known, surface, 0)] if len(material_of) else surface, surface)
+
+
+def _albedo_materials(train: Sequence[_Shot], material_of: np.ndarray) -> list[int]:
     """Materials that cover enough of the train frames, but for the largest one: its albedo is part of the scales."""
-    ids, counts = np.unique(np.concatenate([np.asarray(s.layers.material).ravel() for s in train]), return_counts=True)
+    ids, counts = np.unique(np.concatenate([_materials(s, material_of).ravel() for s in train]), return_counts=True)
     order = np.argsort(-counts)
     return [ids[i] for i in order if counts[i] > _SMALLEST_MATERIAL * counts.sum()][1:]
 
 
-def _material_index(shot: _Shot, materials: Sequence[int]) -> np.ndarray:
-    index = np.full(shot.measured.shape, -1)
+def _material_index(shot: _Shot, materials: Sequence[int], material_of: np.ndarray) -> np.ndarray:
+    index, seen = np.full(shot.measured.shape, -1), _materials(shot, material_of)
     for number, name in enumerate(materials):
-        index[np.asarray(shot.layers.material) == name] = number
+        index[seen == name] = number
     return index

@@ -4,10 +4,10 @@ function only proposed.
 An effect's image function is a surrogate. Around its solution the engine renders the effect, and the effect with each
 parameter one step further, all poses in one call with the same random numbers: what changes is the effect, not the
 noise. The differences from the render without the effect stand for it from then on, linear in its parameters near the
-solution; they are rendered anew as the solution moves.
+solution; they are rendered anew as the solution moves. The search looks at drafts; what it ends with is rendered whole.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -41,8 +41,14 @@ class RenderedLight(Protocol):
     ambient: np.ndarray
 
 
-# Renders every frame of a capture under a model, with the same random numbers in every call.
-Rendering = Callable[[Model], Mapping[Key, RenderedLight]]
+class Rendering(Protocol):
+    """Renders every frame of a capture under a model, with the same random numbers in every call; a draft has fewer
+    samples.
+    """
+
+    def __call__(self, model: Model, draft: bool = False) -> Mapping[Key, RenderedLight]: ...
+
+
 _Images = dict[Key, np.ndarray]
 
 
@@ -91,10 +97,10 @@ def refined_by_rendering(fitter: Fitter, explanation: Explanation, rendering: Re
     """
     effect, start = explanation.effect, explanation.solution
     own = slice(len(start.theta) - len(effect.parameters), None)
-    without = _images(rendering(Model()))
+    without = _images(rendering(Model(), draft=True))
     theta, phi, steps = start.theta, start.phi, _steps(effect, start.theta[own])
     for _ in range(_ROUNDS):
-        rendered = _render(effect, theta[own], steps, rendering, without)
+        rendered = _render(effect, theta[own], steps, rendering, without, draft=True)
         space = _with_effect(start.space, rendered.emulated())
         solution = fitter.refine(space, theta, phi, _STEPS)
         reach = np.abs(steps)
@@ -104,7 +110,8 @@ def refined_by_rendering(fitter: Fitter, explanation: Explanation, rendering: Re
         if is_settled:
             break
         steps = _steps(effect, moved)
-    last = _render(effect, theta[own], np.zeros(len(steps)), rendering, without)
+    without = _images(rendering(Model()))
+    last = _render(effect, theta[own], np.zeros(len(steps)), rendering, without, draft=False)
     final = replace(last, slopes=rendered.slopes)
     solution = fitter.refine(_with_effect(start.space, final.emulated()), theta, phi, 1)
     chi2 = cross_validated(fitter, solution)
@@ -135,10 +142,12 @@ def _steps(effect: Effect, values: np.ndarray) -> np.ndarray:
     return np.array(out)
 
 
-def _render(effect: Effect, values: np.ndarray, steps: np.ndarray, rendering: Rendering, without: _Images) -> _Rendered:
+def _render(
+    effect: Effect, values: np.ndarray, steps: np.ndarray, rendering: Rendering, without: _Images, draft: bool
+) -> _Rendered:
     def at(theta: np.ndarray) -> _Images:
         named = {p.name: float(np.clip(v, p.low, p.high)) for p, v in zip(effect.parameters, theta, strict=True)}
-        images = _images(rendering(Model().with_effect(effect, **named)))
+        images = _images(rendering(Model().with_effect(effect, **named), draft))
         return {key: image - without[key] for key, image in images.items()}
 
     here = at(values)

@@ -9,7 +9,7 @@ from activestereo.lab.diagnose.evidence import Evidence
 from activestereo.lab.diagnose.findings import Finding
 from activestereo.lab.diagnose.refine.light import SCALES
 from activestereo.lab.diagnose.refine.parameter_space import Solution
-from activestereo.lab.model_file import material_names_of
+from activestereo.scene_surfaces import material_of, scene_surfaces
 from activestereo.sensor_model import SensorModel, diagnosed_model
 
 _NAMES = ("projector_scale", "ambient_scale", "black_dn", "focal_left", "focal_right")
@@ -19,11 +19,11 @@ def found_model(evidence: Evidence, model: Model, solution: Solution, findings: 
     """The capture's calibration and pattern with the effects of `model`, the nuisances and albedos of a fit under
     them, and the noise law where repeats told it. findings: give the effects' intervals.
     """
-    names = material_names_of(evidence.capture.scene_path)
+    surfaces = scene_surfaces(evidence.capture.scene_path)
     albedo = {
-        names[number]: 1.0 + float(solution.albedo[index])
-        for index, number in _albedo_materials(evidence).items()
-        if number < len(names)
+        material_of(surfaces[number].name): 1.0 + float(solution.albedo[index])
+        for index, number in _albedo_surfaces(evidence).items()
+        if number < len(surfaces)
     }
     intervals = {
         (f.id, name): (told.low, told.high) for f in findings for name, told in f.explanation.parameters.items()
@@ -35,12 +35,12 @@ def found_model(evidence: Evidence, model: Model, solution: Solution, findings: 
         noise_law=evidence.law if evidence.has_floor else None,
         albedo=albedo,
         intervals=intervals,
-        material_names=names,
+        material_names=[surface.name for surface in surfaces],
     )
 
 
-def _albedo_materials(evidence: Evidence) -> dict[int, int]:
-    """{index of an albedo nuisance: the material's number in the scene file}."""
+def _albedo_surfaces(evidence: Evidence) -> dict[int, int]:
+    """{index of an albedo nuisance: the number of a surface of its material}."""
     found: dict[int, int] = {}
     for o in evidence.train:
         for index in np.unique(o.material[o.material >= 0]):
