@@ -24,9 +24,9 @@ from activestereo.lab.diagnose.score.likelihood import cross_validated
 _ROUNDS, _STEPS = 3, 4
 # A step of a difference: of a parameter's typical value, or of its own distance from neutral, whichever is more.
 _STEP_TYPICAL, _STEP_DISTANCE = 0.2, 0.15
-# A round moves a parameter by no more than so many of these steps, and ends the search where none moves by this part
-# of one.
-_TRUSTED, _SETTLED = 6.0, 0.3
+# A round moves a parameter by no more than so many of these steps, keeps the slopes where none moved by more than so
+# many, and ends the search where none moves by this part of one.
+_TRUSTED, _NEAR, _SETTLED = 6.0, 1.0, 0.3
 
 Key = tuple[int, str]
 
@@ -98,21 +98,20 @@ def refined_by_rendering(fitter: Fitter, explanation: Explanation, rendering: Re
     effect, start = explanation.effect, explanation.solution
     own = slice(len(start.theta) - len(effect.parameters), None)
     without = _images(rendering(Model(), draft=True))
-    theta, phi, steps = start.theta, start.phi, _steps(effect, start.theta[own])
+    theta, phi, steps, slopes = start.theta, start.phi, _steps(effect, start.theta[own]), None
     for _ in range(_ROUNDS):
-        rendered = _render(effect, theta[own], steps, rendering, without, draft=True)
+        rendered = _render(effect, theta[own], steps, rendering, without, slopes)
         space = _with_effect(start.space, rendered.emulated())
         solution = fitter.refine(space, theta, phi, _STEPS)
         reach = np.abs(steps)
         moved = np.clip(solution.theta[own], theta[own] - _TRUSTED * reach, theta[own] + _TRUSTED * reach)
-        is_settled = (np.abs(moved - theta[own]) <= _SETTLED * reach).all()
+        distance = np.abs(moved - theta[own])
         theta, phi = np.concatenate([solution.theta[: own.start], moved]), solution.phi
-        if is_settled:
+        if (distance <= _SETTLED * reach).all():
             break
-        steps = _steps(effect, moved)
+        steps, slopes = _steps(effect, moved), rendered.slopes if (distance <= _NEAR * reach).all() else None
     without = _images(rendering(Model()))
-    last = _render(effect, theta[own], np.zeros(len(steps)), rendering, without, draft=False)
-    final = replace(last, slopes=rendered.slopes)
+    final = _render(effect, theta[own], steps, rendering, without, rendered.slopes, draft=False)
     solution = fitter.refine(_with_effect(start.space, final.emulated()), theta, phi, 1)
     chi2 = cross_validated(fitter, solution)
     if chi2 >= explanation.chi2:
@@ -143,22 +142,32 @@ def _steps(effect: Effect, values: np.ndarray) -> np.ndarray:
 
 
 def _render(
-    effect: Effect, values: np.ndarray, steps: np.ndarray, rendering: Rendering, without: _Images, draft: bool
+    effect: Effect,
+    values: np.ndarray,
+    steps: np.ndarray,
+    rendering: Rendering,
+    without: _Images,
+    slopes: tuple[_Images, ...] | None = None,
+    draft: bool = True,
 ) -> _Rendered:
+    """slopes: those of values near by, None for new ones."""
+
     def at(theta: np.ndarray) -> _Images:
         named = {p.name: float(np.clip(v, p.low, p.high)) for p, v in zip(effect.parameters, theta, strict=True)}
         images = _images(rendering(Model().with_effect(effect, **named), draft))
         return {key: image - without[key] for key, image in images.items()}
 
     here = at(values)
-    slopes = []
+    if slopes is not None:
+        return _Rendered(effect, values, here, slopes)
+    found: list[_Images] = []
     for j, step in enumerate(steps):
         if step == 0.0:
-            slopes.append({})
+            found.append({})
             continue
         there = at(np.where(np.arange(len(values)) == j, values + step, values))
-        slopes.append({key: (there[key] - here[key]) / step for key in here})
-    return _Rendered(effect, values, here, tuple(slopes))
+        found.append({key: (there[key] - here[key]) / step for key in here})
+    return _Rendered(effect, values, here, tuple(found))
 
 
 def _images(lights: Mapping[Key, RenderedLight]) -> _Images:
