@@ -1,8 +1,8 @@
 """Surfaces of a scene: a material on an object. Two objects of one paint are two surfaces, since one of them may be
 varnished; kuafu, which knows materials, then has one of its own for each.
 
-A surface that is all of its material has the material's name; others are called `plaster of ball`. The first object of a
-material keeps the material's number; those after it follow the scene's materials.
+A surface that is all of its material has the material's name; others are called `plaster of ball`. The first object of
+a material keeps the material's number; those after it follow the scene's materials.
 """
 
 from __future__ import annotations
@@ -81,7 +81,8 @@ def split_surfaces(scene: kuafu.Scene, scene_path: str | Path) -> None:
         return
     instances = _instances(_document(Path(scene_path)))
     if len(instances) != scene.summary.instance_count:
-        raise ValueError(f"{scene_path}: the scene has {scene.summary.instance_count} objects, its file {len(instances)}")
+        found = scene.summary.instance_count
+        raise ValueError(f"{scene_path}: the scene has {found} objects, its file {len(instances)}")
     default = next((k for k, surface in enumerate(surfaces) if surface.name == _DEFAULT), 0)
     chosen = {n: [default if m < 0 else m for m in instance.materials] for n, instance in enumerate(instances)}
     changed = set()
