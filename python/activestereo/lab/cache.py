@@ -7,6 +7,7 @@ import hashlib
 import json
 import os
 import zipfile
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import fields
 from pathlib import Path
@@ -67,7 +68,8 @@ def request_key(request: RenderRequest, renderer_version: str) -> str:
 
 
 class LayerCache:
-    """Folder of `<key>.npz`, one rig pose each. The oldest entries go when it grows over its limit."""
+    """Folder of `<key>.npz`, one rig pose or one set of images each. The oldest entries go when it grows over its
+    limit."""
 
     def __init__(self, folder: str | Path | None = None, limit_bytes: int = _LIMIT_BYTES) -> None:
         self.folder = Path(folder) if folder else default_cache_folder()
@@ -75,22 +77,33 @@ class LayerCache:
 
     def get(self, key: str) -> tuple[Layers, ...] | None:
         """The stored layers, one entry per camera, or None."""
+        stored = self.get_arrays(key)
+        names = [field.name for field in fields(Layers)]
+        try:
+            count = int((stored or {})["count"])
+            return tuple(Layers(**{n: stored[f"{n}_{i}"] for n in names}) for i in range(count))
+        except (KeyError, ValueError):
+            return None
+
+    def put(self, key: str, layers: tuple[Layers, ...]) -> None:
+        arrays = {f"{f.name}_{i}": getattr(view, f.name) for i, view in enumerate(layers) for f in fields(Layers)}
+        self.put_arrays(key, arrays | {"count": np.array(len(layers))})
+
+    def get_arrays(self, key: str) -> dict[str, np.ndarray] | None:
+        """The stored arrays by name, or None."""
         path = self.folder / f"{key}.npz"
         try:
             with np.load(path) as stored:
-                count = int(stored["count"])
-                names = [field.name for field in fields(Layers)]
-                layers = tuple(Layers(**{n: stored[f"{n}_{i}"] for n in names}) for i in range(count))
+                arrays = {name: stored[name] for name in stored.files}
         except (OSError, KeyError, ValueError, zipfile.BadZipFile):
             return None  # absent, or not ours: rendered again and replaced
         with suppress(FileNotFoundError):  # another run may forget it at any time
             os.utime(path)
-        return layers
+        return arrays
 
-    def put(self, key: str, layers: tuple[Layers, ...]) -> None:
+    def put_arrays(self, key: str, arrays: Mapping[str, np.ndarray]) -> None:
         self.folder.mkdir(parents=True, exist_ok=True)
-        arrays = {f"{f.name}_{i}": getattr(view, f.name) for i, view in enumerate(layers) for f in fields(Layers)}
-        replace_file(self.folder / f"{key}.npz", lambda file: np.savez(file, count=len(layers), **arrays))
+        replace_file(self.folder / f"{key}.npz", lambda file: np.savez(file, **arrays))
         self._forget_oldest()
 
     def _forget_oldest(self) -> None:

@@ -3,7 +3,10 @@ and simsense."""
 
 from __future__ import annotations
 
+import hashlib
+import inspect
 from collections.abc import Callable, Mapping
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +16,11 @@ from activestereo.effects import Light, Model, View
 from activestereo.effects.core.descriptor import Randomness
 from activestereo.engines import CaptureRenderer, EyeLight, Survey
 from activestereo.engines.imager import ExpectedImager
+from activestereo.engines.smooth import SMOOTH_VERSION
+from activestereo.lab.cache import LayerCache, scene_digest
 from activestereo.lab.fit import Fit, Nuisances
 from activestereo.lab.fit_model import fit_under_model
+from activestereo.lab.kuafu_renderer import engine_version
 from activestereo.lab.layers import Layers
 
 Key = tuple[int, str]
@@ -65,7 +71,7 @@ class EngineModel:
 
 class EngineImages:
     """A capture's light under a model by the engine (a Rendering of refine/by_rendering.py): whole, or as a draft of a
-    quarter of the samples.
+    quarter of the samples. Images are kept in the user's cache of renders.
 
     Arguments as of CaptureRenderer.
     """
@@ -78,9 +84,39 @@ class EngineImages:
             is_draft: CaptureRenderer(capture, device, spp, max_bounces, seed)
             for is_draft, spp in ((True, draft), (False, whole))
         }
+        self._cache = LayerCache()
 
-    def __call__(self, model: Model, draft: bool = False) -> Mapping[Key, EyeLight]:
-        return self._renderers[draft].lights(model)
+    def __call__(self, model: Model, draft: bool = False) -> Mapping[Key, LightOnly]:
+        renderer = self._renderers[draft]
+        key = _images_key(renderer, model)
+        stored = self._cache.get_arrays(key)
+        if stored is None:
+            seen = renderer.lights(model)
+            stored = {f"{eye}_{id}": np.stack([x.direct, x.indirect, x.ambient]) for (id, eye), x in seen.items()}
+            self._cache.put_arrays(key, stored)
+        return {(f.id, eye): LightOnly(*stored[f"{eye}_{f.id}"]) for f in renderer.capture.frames for eye in EYES}
+
+
+class LightOnly(NamedTuple):
+    """Radiance float32 [height][width], as EyeLight has it."""
+
+    direct: NDArray[np.float32]
+    indirect: NDArray[np.float32]
+    ambient: NDArray[np.float32]
+
+
+def _images_key(renderer: CaptureRenderer, model: Model) -> str:
+    """Hash of all that decides the images: the capture, the code that renders, and what the effects do to it."""
+    capture, digest = renderer.capture, hashlib.sha256()
+    digest.update((capture.path / "capture.json").read_bytes())
+    digest.update(scene_digest(capture.scene_path).encode())
+    digest.update(np.ascontiguousarray(capture.rig.projector.pattern()).tobytes())
+    settings = renderer.samples_per_pixel, renderer.max_bounces, renderer.seed, SMOOTH_VERSION
+    digest.update(repr((settings, engine_version(renderer.device))).encode())
+    for effect, parameters in model.effects:
+        digest.update(repr((effect.id, sorted(parameters.items()))).encode())
+        digest.update(b"" if effect.engine is None else inspect.getsource(effect.engine).encode())
+    return digest.hexdigest()
 
 
 def predict_in_engines(

@@ -40,7 +40,7 @@ class KuafuRenderer:
     def version(self) -> str:
         """Changes with the library's code and the device: pixels are the same bits on one device only."""
         smooth = f", smoothed {SMOOTH_VERSION}" if self._smooth else ""
-        return f"kuafu {kuafu.__version__} {_library_digest()} on {self._device.info.name}{smooth}, flat {_FLAT_SHARE}"
+        return f"{engine_version(self._device)}{smooth}, flat {_FLAT_SHARE}"
 
     def __call__(self, request: RenderRequest, progress: Callable[[float], object] | None = None) -> tuple[Layers, ...]:
         """One Layers per camera. progress: called as progress(fraction)."""
@@ -125,6 +125,11 @@ class KuafuRenderer:
             self._light = self._scene.add_light(light)
         else:
             self._scene.set_light(self._light, light)
+
+
+def engine_version(device: kuafu.Device) -> str:
+    """Changes with the library's code and the device: pixels are the same bits on one device only."""
+    return f"kuafu {kuafu.__version__} {_library_digest()} on {device.info.name}"
 
 
 @cache
