@@ -50,7 +50,7 @@ class Field:
     range: tuple[float, float] | None = None
     above: float | None = None  # must be > this
     allowed: tuple[int, ...] = ()
-    zero_means: int | None = None
+    zero_means: int | str | None = None
     unit: str = ""
     group: str = ""
     values: dict[str, str] = field(default_factory=dict)

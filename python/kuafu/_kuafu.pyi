@@ -332,9 +332,9 @@ class Film:
     defocus_focus_m: float
     """Distance that is sharp, > 0 where there is a lens; inf is possible. [in m; 1 by default]"""
     psf_sigma_px: float
-    """Point spread: a Gaussian of variance psf_sigma_px^2 + (psf_corner_sigma_px r^2)^2 at the point it comes from; its kernel on the pixels has exactly that variance, and the sum 1. [0..32 px]"""
+    """Point spread: a Gaussian of variance psf_sigma_px^2 + (psf_corner_sigma_px r^2)^2 at the point it comes from; its kernel on the pixels has exactly that variance, and the sum 1. [1e-06..32 px; 0 means none]"""
     psf_corner_sigma_px: float
-    """Part of the point spread that grows with r^2; in the corners it is this. [0..32 px]"""
+    """Part of the point spread that grows with r^2; in the corners it is this. [1e-06..32 px; 0 means none]"""
     veiling_glare_fraction: float
     """Share of the light that is spread evenly over the image (ISO 9358). [0..1]"""
     def __init__(self, **fields: Any) -> None: ...
@@ -536,3 +536,45 @@ class Renderer:
         glass_surfaces: how many smooth glass surfaces a light's straight way to a surface may pass; 0: glass
         casts full shadows. progress(fraction: float) may return True to cancel (CancelledError); what it raises
         is raised here. Same seed, same bits."""
+    def submit(
+        self,
+        scene: Scene,
+        cameras: Camera | Sequence[Camera],
+        outputs: Sequence[str] | Mapping[str, Image | Buffer | DTypeLike | None] = ("radiance",),
+        *,
+        band: Literal["infrared", "visible"] = "infrared",
+        environments: Sequence[int] | None = None,
+        spp: int = 16,
+        max_bounces: int = 8,
+        seed: int = 0,
+        first_sample: int = 0,
+        ir_ambient_scale: float = 0.05,
+        ir_ambient_radiance: float = 0.002,
+        glass_surfaces: int = 8,
+        light_sampling: Literal["mis", "lights", "bsdf"] = "mis",
+        denoise: Literal["none", "atrous", "oidn"] = "none",
+        temporal_weight: float = 0.0,
+        film: Film | Mapping[str, Any] | Sequence[Film | Mapping[str, Any]] | None = None,
+        projector: int | None = None,
+        previous_poses: ArrayLike | None = None,
+        scales: Mapping[str, float] = {},
+        accumulate: bool = False,
+        max_seconds: float = 0.0,
+        relative_error: float = 0.0,
+        progress: Callable[[float], object] | None = None,
+    ) -> Submission:
+        """Starts a render on a thread of the library's and returns a Submission at once; arguments as render's, but
+        progress. At most two are under way, a third waits for the first. Until they have ended, the scene cannot be
+        changed."""
+    def cancel(self) -> None:
+        """Ends what is under way, submitted or in another thread's call: CancelledError there. From any thread."""
+
+class Submission:
+    """What Renderer.submit has begun."""
+
+    @property
+    def ended(self) -> bool:
+        """Whether wait() would return at once; raises what the render failed with."""
+    def wait(self, timeout_s: float | None = None) -> dict[str, NDArray[Any]]:
+        """Waits for the render's end and returns what render() would. Raises what the render failed with, and
+        TimeoutError where it has not ended after timeout_s: it goes on."""

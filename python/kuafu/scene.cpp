@@ -22,7 +22,7 @@ void load(Scene& scene, const std::filesystem::path& path, const py::object& roo
   const InUse<Kuafu> in_use(scene.in_use, "scene");
   ks_status status;
   {
-    py::gil_scoped_release nogil;
+    const Unlocked nogil;
     status = kuafu_scene_load(scene.get(), path.c_str(), root_to_world.is_none() ? nullptr : root);
   }
   check_file<Kuafu>(status, path);
@@ -39,9 +39,27 @@ const typename Array::value_type* rows(const std::optional<Array>& array, const 
   return array->data();
 }
 
-uint32_t add_mesh(Scene& scene, const std::optional<Floats>& positions, const std::optional<Indices>& indices,
-                  const std::optional<Floats>& normals, const std::optional<Floats>& uvs, const std::optional<Indices>& slots,
+/// Whole numbers from 0 to 2^32 - 1 as they are: numpy's own conversion would cut 0.5 to 0 and wrap 2^32 around to it.
+std::optional<Indices> whole_numbers(const py::object& given, const char* what) {
+  if (given.is_none()) return std::nullopt;
+  const py::array array = py::array::ensure(given);
+  if (!array) throw py::error_already_set();
+  const char kind = array.dtype().kind();
+  if (array.size() > 0) {
+    if (kind != 'i' && kind != 'u')
+      raise_argument<Kuafu>(std::string(what) + " are " + std::string(py::str(array.dtype())) + ", they must be whole numbers");
+    const py::object low = array.attr("min")(), high = array.attr("max")();
+    if (low < py::int_(0) || high > py::int_(0xffffffffu))
+      raise_argument<Kuafu>(std::string(what) + " go from " + std::string(py::str(low)) + " to " + std::string(py::str(high)) +
+                            ", they must be from 0 to 2^32 - 1");
+  }
+  return Indices(array);
+}
+
+uint32_t add_mesh(Scene& scene, const std::optional<Floats>& positions, const py::object& given_indices,
+                  const std::optional<Floats>& normals, const std::optional<Floats>& uvs, const py::object& given_slots,
                   const std::string& name) {
+  const std::optional<Indices> indices = whole_numbers(given_indices, "indices"), slots = whole_numbers(given_slots, "slots");
   kuafu_mesh_desc mesh = kuafu_mesh_desc_init();
   mesh.name = name.c_str();
   mesh.positions = rows(positions, "positions", 3, -1);

@@ -52,7 +52,7 @@ typedef struct kuafu_camera_desc {
   /* Farther hits are not seen by the camera. [in m; inf by default] */
   double far_m;
   /* K1 k2 p1 p2 k3 k4 k5 k6 of Brown and Conrady (OpenCV's order): from ideal to seen pixels. One that folds back
-   * within the image is refused. [>= -inf] */
+   * within the image is refused. [-1000000..1000000] */
   double distortion[8];
   /* Of the aperture of a thin lens; 0 = pinhole. [>= 0 m] */
   double lens_radius_m;

@@ -33,9 +33,9 @@ typedef struct kuafu_film_desc {
   /* Distance that is sharp, > 0 where there is a lens; INFINITY is possible. [in m; 1 by default] */
   double defocus_focus_m;
   /* Point spread: a Gaussian of variance psf_sigma_px^2 + (psf_corner_sigma_px r^2)^2 at the point it comes from; its
-   * kernel on the pixels has exactly that variance, and the sum 1. [0..32 px] */
+   * kernel on the pixels has exactly that variance, and the sum 1. [1e-06..32 px; 0 means none] */
   double psf_sigma_px;
-  /* Part of the point spread that grows with r^2; in the corners it is this. [0..32 px] */
+  /* Part of the point spread that grows with r^2; in the corners it is this. [1e-06..32 px; 0 means none] */
   double psf_corner_sigma_px;
   /* Share of the light that is spread evenly over the image (ISO 9358). [0..1] */
   double veiling_glare_fraction;

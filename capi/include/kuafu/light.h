@@ -72,7 +72,7 @@ typedef struct kuafu_light_desc {
   double outer_rad;
   /* Rectangle: width and height; directional with a texture: of a tile. [in m] */
   double size_m[2];
-  /* Projector: k1 k2 p1 p2 k3 k4 k5 k6 of Brown and Conrady (OpenCV's order). [>= -inf] */
+  /* Projector: k1 k2 p1 p2 k3 k4 k5 k6 of Brown and Conrady (OpenCV's order). [-1000000..1000000] */
   double distortion[8];
   /* Projector: intensity times cos^falloff of the angle from its axis. [>= 0] */
   double falloff;

@@ -33,9 +33,10 @@ typedef struct kuafu_medium_desc {
   float phase_g;
   /* Must be 0. */
   uint32_t reserved;
-  /* Lower corner of its box in the world. [in m; -inf, -inf, -inf by default] */
+  /* Lower corner of its box in the world; -1e9..1e9, or infinite where it has no bound. [in m; -inf, -inf, -inf by
+   * default] */
   double bounds_min_m[3];
-  /* Upper corner. [in m; inf, inf, inf by default] */
+  /* Upper corner, likewise. [in m; inf, inf, inf by default] */
   double bounds_max_m[3];
 } kuafu_medium_desc;
 static inline kuafu_medium_desc kuafu_medium_desc_init(void) {

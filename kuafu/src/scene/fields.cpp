@@ -38,8 +38,8 @@ void check_fields(const FilmFields& s, const std::string& owner) {
   ks::check_range({owner, "vignetting_exponent", ""}, s.vignetting_exponent, 0.0, 64.0);
   for (int i = 0; i < 3; ++i) ks::check_range({owner, "vignetting_polynomial", ""}, s.vignetting_polynomial[i], -1000000.0, 1000000.0);
   ks::check_range({owner, "defocus_lens_radius_m", "m"}, s.defocus_lens_radius_m, 0.0, 1000.0);
-  ks::check_range({owner, "psf_sigma_px", "px"}, s.psf_sigma_px, 0.0, 32.0);
-  ks::check_range({owner, "psf_corner_sigma_px", "px"}, s.psf_corner_sigma_px, 0.0, 32.0);
+  if (s.psf_sigma_px != 0) ks::check_range({owner, "psf_sigma_px", "px"}, s.psf_sigma_px, 1e-06, 32.0);
+  if (s.psf_corner_sigma_px != 0) ks::check_range({owner, "psf_corner_sigma_px", "px"}, s.psf_corner_sigma_px, 1e-06, 32.0);
   ks::check_range({owner, "veiling_glare_fraction", ""}, s.veiling_glare_fraction, 0.0, 1.0);
 }
 
@@ -56,7 +56,7 @@ void check_fields(const LightFields& s, const std::string& owner) {
   if (!std::isnan(s.ir_intensity)) ks::check_range({owner, "ir_intensity", ""}, s.ir_intensity, 0.0f, INFINITY);
   ks::check_range({owner, "light_group", ""}, s.light_group, 0.0, 3.0);
   ks::check_range({owner, "radius_m", "m"}, s.radius_m, 0.0, INFINITY);
-  for (int i = 0; i < 8; ++i) ks::check_range({owner, "distortion", ""}, s.distortion[i], -INFINITY, INFINITY);
+  for (int i = 0; i < 8; ++i) ks::check_range({owner, "distortion", ""}, s.distortion[i], -1000000.0, 1000000.0);
   ks::check_range({owner, "falloff", ""}, s.falloff, 0.0, INFINITY);
   ks::check_range({owner, "focus_m", "m"}, s.focus_m, 0.0, INFINITY);
   ks::check_above({owner, "pattern_scale", ""}, s.pattern_scale, 0.0);

@@ -114,9 +114,9 @@ struct Medium {
   float ir_albedo = NAN;
   /// Mean cosine of scattering (Henyey and Greenstein), in (-1, 1); 0 is even, > 0 forward.
   float phase_g = 0.0f;
-  /// Lower corner of its box in the world.
+  /// Lower corner of its box in the world; -1e9..1e9, or infinite where it has no bound.
   glm::dvec3 bounds_min_m{-INFINITY, -INFINITY, -INFINITY};
-  /// Upper corner.
+  /// Upper corner, likewise.
   glm::dvec3 bounds_max_m{INFINITY, INFINITY, INFINITY};
 };
 

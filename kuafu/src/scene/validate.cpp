@@ -16,6 +16,8 @@ constexpr uint32_t max_slots = 1u << 16;     // of one mesh
 constexpr uint32_t max_texture_side = 1u << 15;
 constexpr double most_seconds = 1e4;  // of an exposure and of a line
 constexpr double most_speed = 1e6;    // m/s, rad/s
+constexpr double most_distortion = 1e6;
+constexpr double most_bound_m = 1e9;  // of a medium: beyond it, float32 makes nothing of a ray's way through it
 
 template <class Vector>
 bool all_finite(const Vector& v) {
@@ -140,8 +142,7 @@ void check_shape(const Light& light) {
 
 void check_optics(const Camera& camera) {
   const char* name = camera.name.c_str();
-  for (const double d : camera.optics.distortion)
-    if (!std::isfinite(d)) ks::fail(KS_ERROR_INVALID_ARGUMENT, "camera '%s': distortion has a value that is not finite", name);
+  for (const double d : camera.optics.distortion) check_range("camera", camera.name, "distortion", d, -most_distortion, most_distortion);
   check_not_negative("camera", camera.name, "lens_radius_m", camera.optics.lens_radius_m);
   if (camera.optics.lens_radius_m > 0.0 && !(camera.optics.focus_m > 0.0))
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "camera '%s': focus_m is %g, a lens of radius %g m needs a distance > 0 (INFINITY is one)", name,
@@ -197,6 +198,10 @@ void check(const Medium& medium) {
     if (!(medium.bounds_min_m[i] < medium.bounds_max_m[i]))
       ks::fail(KS_ERROR_INVALID_ARGUMENT, "medium: bounds on axis %d are %g to %g, must grow", i, medium.bounds_min_m[i],
                medium.bounds_max_m[i]);
+    for (const double bound : {medium.bounds_min_m[i], medium.bounds_max_m[i]})
+      if (std::abs(bound) > most_bound_m && !std::isinf(bound))
+        ks::fail(KS_ERROR_INVALID_ARGUMENT, "medium: a bound on axis %d is %g m, must be in [%g, %g], or infinite where there is none", i,
+                 bound, -most_bound_m, most_bound_m);
   }
   if (!(std::abs(medium.phase_g) < 1.0f))
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "medium: phase_g is %g, must be in (-1, 1)", double(medium.phase_g));

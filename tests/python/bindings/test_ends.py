@@ -1,0 +1,124 @@
+"""How a process may end, and what reaches its user: daemon threads, fork, messages, whole numbers."""
+
+import logging
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import kuafu
+
+K = np.array([[60, 0, 32], [0, 60, 32], [0, 0, 1.0]])
+TRIANGLE = np.array([[-9, -9, 2], [9, -9, 2], [0, 9, 2]], np.float32)
+PROGRAM = """
+import os, sys, threading, time
+import numpy as np
+import kuafu
+device = kuafu.Device("cpu")
+scene = kuafu.Scene(device)
+mesh = scene.add_mesh(np.array([[-9, -9, 2], [9, -9, 2], [0, 9, 2]], np.float32), np.array([[0, 1, 2]]))
+scene.add_instance(mesh)
+scene.set_environment((1, 1, 1))
+camera = kuafu.Camera(64, 64, np.array([[60, 0, 32], [0, 60, 32], [0, 0, 1.0]]))
+renderer = kuafu.Renderer(device, sys.argv[1])
+renderer.render(scene, camera, spp=1)
+"""
+
+
+def lit_triangle(device: kuafu.Device) -> kuafu.Scene:
+    scene = kuafu.Scene(device)
+    scene.add_instance(scene.add_mesh(TRIANGLE, [[0, 1, 2]]))
+    scene.set_environment((1, 1, 1))
+    return scene
+
+
+def run(program: str, tracer: str) -> subprocess.CompletedProcess:
+    return subprocess.run([sys.executable, "-c", PROGRAM + program, tracer], capture_output=True, text=True, timeout=200)
+
+
+@pytest.mark.parametrize("tracer", ["embree", "compute"])
+def test_a_daemon_thread_that_renders_does_not_disturb_the_end(tracer):
+    result = run(
+        """
+threading.Thread(target=lambda: renderer.render(scene, camera, spp=10**8, progress=lambda f: None), daemon=True).start()
+time.sleep(0.5)
+""",
+        tracer,
+    )
+    assert (result.returncode, result.stderr) == (0, "")
+
+
+@pytest.mark.parametrize("tracer", ["embree", "compute"])
+def test_a_forked_child_ends_and_is_told_what_it_cannot_use(tracer):
+    result = run(
+        """
+child = os.fork()
+if child == 0:
+    try:
+        renderer.render(scene, camera, spp=1)
+    except kuafu.Error as error:
+        assert "before fork" in str(error)
+        del renderer, scene, device
+        sys.exit(3)
+    sys.exit(4)
+assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 3
+renderer.render(scene, camera, spp=1)
+""",
+        tracer,
+    )
+    assert (result.returncode, result.stderr) == (0, "")
+
+
+def test_what_a_file_has_and_kuafu_ignores_is_said(device, tmp_path, caplog):
+    path = tmp_path / "a.obj"
+    path.write_text("mtllib gone.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    with caplog.at_level(logging.WARNING):
+        kuafu.Scene(kuafu.Device("cpu")).load(path)
+    assert [r.name for r in caplog.records] == ["kuafu"] * len(caplog.records)
+    assert any("gone.mtl" in r.getMessage() for r in caplog.records)
+    heard = []
+    kuafu.Scene(kuafu.Device("cpu", log=lambda level, text: heard.append((level, text)))).load(path)
+    assert any(level == 1 and "gone.mtl" in text for level, text in heard), "a log of one's own hears it instead"
+
+
+@pytest.mark.parametrize("wrong", [[[0, 1, 2**32]], [[0.5, 1, 2]], [[-1, 1, 2]], [[0, 1, float("nan")]], [[2**64, 0, 0]]])
+def test_indices_are_not_cut_or_wrapped(device, wrong):
+    with pytest.raises(ValueError):
+        kuafu.Scene(device).add_mesh(TRIANGLE, wrong)
+
+
+def test_indices_of_any_whole_type_are_taken(device):
+    for kind in (np.int8, np.uint16, np.int64, np.uint64):
+        kuafu.Scene(device).add_mesh(TRIANGLE, np.array([[0, 1, 2]], kind))
+
+
+@pytest.mark.parametrize(
+    ("what", "change"),
+    [
+        ("distortion", {"distortion": (1e7, 0, 0, 0, 0, 0, 0, 0)}),
+        ("distortion", {"distortion": (1e300, 0, 0, 0, 0, 0, 0, 0)}),
+        ("psf_corner_sigma_px", {"film": {"psf_corner_sigma_px": 1e-20}}),
+        ("psf_sigma_px", {"film": {"psf_sigma_px": 9e-7}}),
+    ],
+)
+def test_values_that_made_images_of_nan_are_refused(device, what, change):
+    film = change.pop("film", None)
+    camera = kuafu.Camera(64, 64, K, **change)
+    with pytest.raises(ValueError, match=what):
+        kuafu.Renderer(device).render(lit_triangle(device), camera, spp=1, film=film)
+
+
+@pytest.mark.parametrize("bound", [1e12, 1e300])
+def test_a_medium_beyond_all_measure_is_refused(device, bound):
+    with pytest.raises(ValueError, match="bound"):
+        lit_triangle(device).set_medium((1, 1, 1), bounds_m=[[-bound] * 3, [bound] * 3])
+
+
+def test_the_least_and_largest_values_give_finite_images(device):
+    scene = lit_triangle(device)
+    scene.set_medium((1e-12, 1e-12, 1e-12), bounds_m=[[-1e9] * 3, [1e9] * 3])
+    film = {"psf_sigma_px": 1e-6, "psf_corner_sigma_px": 1e-6}
+    image = kuafu.Renderer(device).render(scene, kuafu.Camera(64, 64, K), spp=1, film=film)["radiance"]
+    assert np.isfinite(image).all()
+    assert image.max() > 0
