@@ -2,6 +2,7 @@
 
 #include "device/compute.h"
 #include "device/error.h"
+#include "device/interrupt.h"
 #include "device/stage_clock.h"
 #include "device/timeline.h"
 
@@ -171,6 +172,7 @@ void Commands::State::collect() {
 
 void Commands::flush() {
   if (!state_->recording) return;
+  interruption_point();
   state_->device->submit_and_wait(state_->ended());
   state_->collect();
 }

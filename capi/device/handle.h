@@ -8,7 +8,7 @@
 #include <cstdint>
 #include <memory>
 
-#include "device/error.h"
+#include "device/call.h"
 
 namespace ks {
 
@@ -40,7 +40,7 @@ const auto& object_of(H* handle, const char* name) {
 
 template <class H>
 void retain(H* handle, const char* name) noexcept {
-  (void)guard([&] {
+  (void)call([&] {
     (void)object_of(handle, name);
     handle->references.fetch_add(1, std::memory_order_relaxed);
   });
@@ -50,7 +50,7 @@ void retain(H* handle, const char* name) noexcept {
 template <class H>
 void release(H* handle, const char* name) noexcept {
   if (handle == nullptr || (handle->tag.load(std::memory_order_acquire) == H::expected_tag && handle->forked())) return;
-  (void)guard([&] {
+  (void)call([&] {
     (void)object_of(handle, name);
     if (handle->references.fetch_sub(1, std::memory_order_acq_rel) != 1) return;
     handle->tag.store(0, std::memory_order_release);

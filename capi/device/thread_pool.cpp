@@ -1,9 +1,11 @@
 #include "device/thread_pool.h"
 
+#include <cxxabi.h>
 #include <sched.h>
 
 #include <algorithm>
 #include <atomic>
+#include <chrono>
 #include <condition_variable>
 #include <exception>
 #include <list>
@@ -11,6 +13,9 @@
 #include <thread>
 #include <utility>
 #include <vector>
+
+#include "device/cancellation.h"
+#include "device/interrupt.h"
 
 namespace ks {
 namespace {
@@ -30,6 +35,7 @@ unsigned usable_core_count() {
 }
 
 thread_local bool in_task = false;
+constexpr std::chrono::milliseconds between_looks(20);  // of a caller that waits for its workers
 
 /// While a thread runs tasks, its own parallel_for shares nothing.
 class InTask {
@@ -47,6 +53,7 @@ class InTask {
 struct Job {
   const std::function<void(size_t)>& fn;
   const size_t count;
+  Interrupt* const interrupt = Interrupt::current();
   std::atomic<size_t> next{0};
   unsigned helper_count = 0;  // workers inside run(); guarded by the pool's mutex
   std::mutex failure_mutex;
@@ -56,9 +63,14 @@ struct Job {
   // Indices are handed out in order, so the lowest failing one always runs: which exception is rethrown does not depend on the threads.
   void run() {
     const InTask inside;
+    const Interrupt::Adopted adopted(interrupt);
     for (size_t i = next++; i < count; i = next++) {
       try {
+        interruption_point();
         fn(i);
+      } catch (abi::__forced_unwind&) {  // the calling thread ends: no one is left to be told
+        next = count;
+        throw;
       } catch (...) {
         std::lock_guard lock(failure_mutex);
         if (i < failure_index) {
@@ -123,17 +135,29 @@ void ThreadPool::parallel_for(size_t count, const std::function<void(size_t)>& f
   if (count == 0) return;
   Job job{fn, count};
   const bool share = count > 1 && !in_task && !state_->threads.empty();
-  std::list<Job*>::iterator place;
   if (share) {
     std::lock_guard lock(state_->mutex);
-    place = state_->jobs.insert(state_->jobs.end(), &job);
+    state_->jobs.push_back(&job);
   }
   if (share) state_->work.notify_all();
-  job.run();
-  if (share) {
+  const auto finish = [&](bool asks) {
+    if (!share) return;
     std::unique_lock lock(state_->mutex);
-    state_->jobs.erase(place);
-    state_->idle.wait(lock, [&] { return job.helper_count == 0; });
+    state_->jobs.remove(&job);
+    while (!state_->idle.wait_for(lock, between_looks, [&] { return job.helper_count == 0; })) {
+      if (!asks || job.interrupt == nullptr) continue;
+      lock.unlock();
+      job.interrupt->ask_now_and_then();
+      lock.lock();
+    }
+  };
+  try {
+    job.run();
+    finish(true);
+  } catch (...) {  // the calling thread ends; workers use the job, which lives on its stack
+    job.next = count;
+    finish(false);
+    throw;
   }
   if (job.failure) std::rethrow_exception(job.failure);
 }

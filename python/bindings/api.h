@@ -47,6 +47,7 @@ class Handle {
   ~Handle() { release(handle_); }
   [[nodiscard]] T get() const { return handle_; }
   [[nodiscard]] T* put() { return &handle_; }
+  void reset() { release(std::exchange(handle_, nullptr)); }
 
  private:
   T handle_ = nullptr;

@@ -1,6 +1,7 @@
 // Device and DeviceInfo of either library.
 #pragma once
 
+#include <cstring>
 #include <memory>
 #include <optional>
 
@@ -24,13 +25,12 @@ class Device {
     desc.worker_count = worker_count;
     desc.validation = validation ? 1 : 0;
     desc.cache_directory = cache_directory ? cache_directory->c_str() : nullptr;
-    if (!log.is_none()) {
-      desc.log = &Device::call_log;
-      desc.log_user = &log_;
-    }
+    if (log.is_none()) log_ = logger();
+    desc.log = &Device::call_log;
+    desc.log_user = &log_;
     ks_status status;
     {
-      py::gil_scoped_release nogil;
+      const Unlocked nogil;
       status = Api::device_create(&desc, handle_.put());
     }
     check<Api>(status);
@@ -90,10 +90,23 @@ class Device {
     }
   }
 
+  /// Messages of the library where nobody else asked for them: to Python's logging, which shows warnings unless it is told otherwise.
+  static py::object logger() {
+    const py::object log = py::module_::import("logging").attr("getLogger")(Api::name).attr("log");
+    return py::cpp_function([log](uint32_t level, const py::str& text) {
+      constexpr int levels[] = {10, 30, 40};  // logging's DEBUG, WARNING and ERROR for KS_LOG_INFO and on
+      log(levels[std::min<uint32_t>(level, 2)], "%s", text);
+    });
+  }
+
   static void call_log(void* user, uint32_t level, const char* text) {
-    py::gil_scoped_acquire gil;
+    if (interpreter_ends()) return;
+    const Locked gil;
     try {
-      (*static_cast<py::object*>(user))(level, text);
+      // A message may quote a broken file, whose bytes need not be UTF-8.
+      const auto decoded =
+          py::reinterpret_steal<py::object>(PyUnicode_DecodeUTF8(text, py::ssize_t(std::strlen(text)), "backslashreplace"));
+      (*static_cast<py::object*>(user))(level, decoded);
     } catch (py::error_already_set& e) {
       e.discard_as_unraisable("log callback");
     }
@@ -150,7 +163,9 @@ void bind_device(py::module_& module) {
            py::arg("cache_directory") = py::none(),
            "select: 'auto', 'cpu', 'host', an index of enumerate(), or 16 bytes of device UUID. worker_count: host threads, 0 = one per "
            "core.\n"
-           "log(level: int, text: str) hears what the library has to say. cache_directory: for compiled pipelines; None = the user's cache "
+           "log(level: int, text: str) hears what the library has to say; None = Python's logging, the logger of the module's name, which "
+           "shows\n"
+           "warnings. cache_directory: for compiled pipelines; None = the user's cache "
            "folder,\n'' = keep none. Raises NoDeviceError.")
       .def_static("enumerate", &D::enumerate, "Every Vulkan device, usable or not.")
       .def_property_readonly("info", &D::info)

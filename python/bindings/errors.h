@@ -6,7 +6,7 @@
 #include <filesystem>
 #include <string>
 
-#include "bindings/api.h"
+#include "bindings/gil.h"
 
 namespace ks_python {
 
@@ -74,7 +74,7 @@ template <class Api, class Call>
 void check_unlocked(const Call& call) {
   ks_status status;
   {
-    py::gil_scoped_release nogil;
+    const Unlocked nogil;
     status = call();
   }
   check<Api>(status);

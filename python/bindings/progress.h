@@ -4,7 +4,7 @@
 
 #include <exception>
 
-#include "bindings/api.h"
+#include "bindings/gil.h"
 
 namespace ks_python {
 
@@ -19,7 +19,7 @@ class Progress {
 
  private:
   static int32_t call(void* user, float fraction) {
-    py::gil_scoped_acquire gil;
+    const Locked gil;
     auto& self = *static_cast<Progress*>(user);
     try {
       if (PyErr_CheckSignals() != 0) throw py::error_already_set();

@@ -28,6 +28,7 @@ from ._kuafu import (
     RenderSummary,
     Scene,
     SceneSummary,
+    Submission,
     __version__,
 )
 
@@ -51,4 +52,5 @@ __all__ = [
     "RenderSummary",
     "Scene",
     "SceneSummary",
+    "Submission",
 ]

@@ -1,4 +1,6 @@
 // Renderer: cameras in, arrays out. Arrays are views of host-visible buffers, or the caller's own buffers are filled.
+#include <algorithm>
+#include <limits>
 #include <map>
 
 #include "scene.h"
@@ -71,11 +73,19 @@ class Renderer {
       raise_argument<Kuafu>("unknown tracer '" + tracer + "' (known: auto, embree, compute, rt_pipeline)");
     ks_status status;
     {
-      py::gil_scoped_release nogil;
+      const Unlocked nogil;
       status = kuafu_renderer_create(device_->get(), &desc, handle_.put());
     }
     check<Kuafu>(status);
   }
+
+  /// What is under way ends first, and its thread may want to tell the log.
+  ~Renderer() {
+    const Unlocked nogil;
+    handle_.reset();
+  }
+  Renderer(const Renderer&) = delete;
+  Renderer& operator=(const Renderer&) = delete;
 
   [[nodiscard]] kuafu_renderer get() const { return handle_.get(); }
   /// For reading what a render on another thread may be writing.
@@ -83,32 +93,78 @@ class Renderer {
   [[nodiscard]] const std::shared_ptr<Device<Kuafu>>& device() const { return device_; }
 
   py::dict render(Scene& scene, const Call& call, kuafu_render_desc desc) {
-    std::vector<kuafu_view_desc> views = read_views(call.cameras, call.band, call.environments);
-    read_previous_poses(call.previous_poses, views);
-    const std::vector<Film> films = read_films(call.film, views.size());
-    for (size_t i = 0; i < films.size(); ++i) views[i].film = &films[i].c;
-    std::vector<kuafu_output_desc> c_outputs;
-    py::dict arrays;
-    read_outputs(call, views, c_outputs, arrays);
+    const Arguments arguments(*this, call, desc);
     Progress progress(call.progress);
-    desc.views = views.data();
-    desc.view_count = static_cast<uint32_t>(views.size());
-    desc.outputs = c_outputs.data();
-    desc.output_count = static_cast<uint32_t>(c_outputs.size());
     desc.progress = Progress::function();
     desc.progress_user = &progress;
     const InUse<Kuafu> in_use(in_use_, "renderer"), scene_in_use(scene.in_use, "scene");
     ks_status status;
     {
-      py::gil_scoped_release nogil;
+      const Unlocked nogil;
       status = kuafu_renderer_render(get(), scene.get(), &desc);
     }
     progress.rethrow();
     check<Kuafu>(status);
-    return arrays;
+    return arguments.arrays;
   }
 
+  /// The arrays are the caller's to read after wait().
+  std::pair<ks_sync, py::dict> submit(Scene& scene, const Call& call, kuafu_render_desc desc) {
+    if (!call.progress.is_none()) raise_argument<Kuafu>("submit takes no progress: ask the submission whether it has ended");
+    const Arguments arguments(*this, call, desc);
+    const InUse<Kuafu> in_use(in_use_, "renderer"), scene_in_use(scene.in_use, "scene");
+    ks_sync submission = ks_sync_init();
+    ks_status status;
+    {
+      const Unlocked nogil;
+      status = kuafu_renderer_submit(get(), scene.get(), &desc, &submission);
+    }
+    check<Kuafu>(status);
+    return {submission, arguments.arrays};
+  }
+
+  /// false: it has not ended yet. Signals are heard while it waits.
+  bool wait(const ks_sync& submission, double timeout_s) {
+    constexpr double slice_s = 0.05;
+    const InUse<Kuafu> in_use(in_use_, "renderer");
+    for (double left_s = timeout_s;; left_s -= slice_s) {
+      ks_status status;
+      {
+        const Unlocked nogil;
+        status = kuafu_renderer_wait(get(), &submission, static_cast<uint64_t>(1e9 * std::clamp(left_s, 0.0, slice_s)));
+      }
+      if (status != KS_ERROR_TIMEOUT) {
+        check<Kuafu>(status);
+        return true;
+      }
+      if (PyErr_CheckSignals() != 0) throw py::error_already_set();
+      if (left_s <= slice_s) return false;
+    }
+  }
+
+  void cancel() { check<Kuafu>(kuafu_renderer_cancel(get())); }
+
  private:
+  /// What the descriptor of a call points to.
+  struct Arguments {
+    Arguments(const Renderer& renderer, const Call& call, kuafu_render_desc& desc)
+        : views(read_views(call.cameras, call.band, call.environments)), films(read_films(call.film, views.size())) {
+      read_previous_poses(call.previous_poses, views);
+      for (size_t i = 0; i < films.size(); ++i) views[i].film = &films[i].c;
+      renderer.read_outputs(call, views, outputs, arrays);
+      desc.views = views.data();
+      desc.view_count = static_cast<uint32_t>(views.size());
+      desc.outputs = outputs.data();
+      desc.output_count = static_cast<uint32_t>(outputs.size());
+    }
+    Arguments(const Arguments&) = delete;
+    Arguments& operator=(const Arguments&) = delete;
+    std::vector<kuafu_view_desc> views;
+    std::vector<Film> films;
+    std::vector<kuafu_output_desc> outputs;
+    py::dict arrays;
+  };
+
   static std::vector<kuafu_view_desc> read_views(const py::object& cameras, const std::string& band,
                                                  const std::optional<std::vector<uint32_t>>& environments) {
     if (band != "infrared" && band != "visible") raise_argument<Kuafu>("unknown band '" + band + "' (known: infrared, visible)");
@@ -200,6 +256,21 @@ class Renderer {
   std::atomic<bool> in_use_{false};
 };
 
+/// What Renderer.submit has begun: keeps the renderer, and the buffers that it fills.
+struct Submission {
+  py::object renderer;
+  ks_sync sync;
+  py::dict arrays;
+
+  [[nodiscard]] py::object wait(std::optional<double> timeout_s) const {
+    if (timeout_s && !(*timeout_s >= 0)) raise_argument<Kuafu>("timeout_s is negative or no number");
+    if (!renderer.cast<Renderer&>().wait(sync, timeout_s.value_or(std::numeric_limits<double>::infinity())))
+      raise<Kuafu>(KS_ERROR_TIMEOUT, PyExc_TimeoutError, "the render has not ended; it goes on");
+    return arrays;
+  }
+  [[nodiscard]] bool ended() const { return renderer.cast<Renderer&>().wait(sync, 0.0); }
+};
+
 uint32_t sampling_of(const std::string& name) {
   if (name == "mis") return KUAFU_SAMPLING_MIS;
   if (name == "lights") return KUAFU_SAMPLING_LIGHTS;
@@ -214,6 +285,44 @@ uint32_t denoise_of(const std::string& name) {
   raise_argument<Kuafu>("unknown denoise '" + name + "' (known: none, atrous, oidn)");
 }
 
+/// Renderer's method `name`, of all settings of a render; `call` takes them as they stand in a Call and a descriptor.
+template <class F>
+void def_render(py::class_<Renderer>& renderer, const char* name, F call, const char* doc) {
+  const kuafu_render_desc d = kuafu_render_desc_init();
+  renderer.def(
+      name,
+      [call](const py::object& self, Scene& scene, const py::object& cameras, const py::object& outputs, const std::string& band,
+             const std::optional<std::vector<uint32_t>>& environments, uint32_t spp, uint32_t max_bounces, uint64_t seed,
+             uint32_t first_sample, float ir_ambient_scale, float ir_ambient_radiance, uint32_t glass_surfaces,
+             const std::string& light_sampling, const std::string& denoise, float temporal_weight, const py::object& film,
+             std::optional<uint32_t> projector, const py::object& previous_poses, const std::map<std::string, float>& scales,
+             bool accumulate, double max_seconds, double relative_error, const py::object& progress) {
+        kuafu_render_desc desc = kuafu_render_desc_init();
+        desc.samples_per_pixel = spp;
+        desc.max_bounces = max_bounces;
+        desc.seed = seed;
+        desc.first_sample = first_sample;
+        desc.ir_ambient_scale = ir_ambient_scale;
+        desc.ir_ambient_radiance = ir_ambient_radiance;
+        desc.glass_surfaces = glass_surfaces;
+        desc.light_sampling = sampling_of(light_sampling);
+        desc.denoise = denoise_of(denoise);
+        desc.temporal_weight = temporal_weight;
+        desc.projector = projector.value_or(KUAFU_NONE);
+        desc.accumulate = accumulate;
+        desc.max_seconds = max_seconds;
+        desc.relative_error = relative_error;
+        return call(self, scene, Call{cameras, outputs, band, environments, film, previous_poses, scales, progress}, desc);
+      },
+      py::arg("scene"), py::arg("cameras"), py::arg("outputs") = py::make_tuple("radiance"), py::kw_only(), py::arg("band") = "infrared",
+      py::arg("environments") = py::none(), py::arg("spp") = d.samples_per_pixel, py::arg("max_bounces") = d.max_bounces,
+      py::arg("seed") = 0, py::arg("first_sample") = 0, py::arg("ir_ambient_scale") = d.ir_ambient_scale,
+      py::arg("ir_ambient_radiance") = d.ir_ambient_radiance, py::arg("glass_surfaces") = d.glass_surfaces,
+      py::arg("light_sampling") = "mis", py::arg("denoise") = "none", py::arg("temporal_weight") = 0.0f, py::arg("film") = py::none(),
+      py::arg("projector") = py::none(), py::arg("previous_poses") = py::none(), py::arg("scales") = std::map<std::string, float>(),
+      py::arg("accumulate") = false, py::arg("max_seconds") = 0.0, py::arg("relative_error") = 0.0, py::arg("progress") = py::none(), doc);
+}
+
 }  // namespace
 
 void bind_renderer(py::module_& module) {
@@ -223,71 +332,18 @@ void bind_renderer(py::module_& module) {
       .def_readonly("call_samples_per_pixel", &S::call_samples_per_pixel, "Of those, this call's.")
       .def_readonly("relative_error", &S::relative_error, "NaN where none was aimed at.")
       .def_readonly("seconds", &S::seconds, "Wall time of the call.");
-  const kuafu_render_desc d = kuafu_render_desc_init();
-  py::class_<Renderer>(module, "Renderer", "Renders scenes of its device.")
+  py::class_<Submission>(module, "Submission", "What Renderer.submit has begun.")
+      .def("wait", &Submission::wait, py::arg("timeout_s") = py::none(),
+           "Waits for the render's end and returns what render() would. Raises what the render failed with, and TimeoutError where it has\n"
+           "not ended after timeout_s: it goes on.")
+      .def_property_readonly("ended", &Submission::ended, "Whether wait() would return at once; raises what the render failed with.");
+  py::class_<Renderer> renderer(module, "Renderer", "Renders scenes of its device.");
+  renderer
       .def(py::init<std::shared_ptr<Device<Kuafu>>, const std::string&, const std::optional<std::string>&>(), py::arg("device").none(false),
            py::arg("tracer") = "auto", py::arg("oidn_library") = py::none(),
            "tracer: 'auto' (Embree on CPU devices, compute on GPUs), 'embree', 'compute', or 'rt_pipeline' where the driver has it.\n"
            "oidn_library: path of Open Image Denoise's library; None: $KUAFU_OIDN_LIBRARY, else its usual names.")
       .def_property_readonly("device", &Renderer::device)
-      .def(
-          "render",
-          [](Renderer& self, Scene& scene, const py::object& cameras, const py::object& outputs, const std::string& band,
-             const std::optional<std::vector<uint32_t>>& environments, uint32_t spp, uint32_t max_bounces, uint64_t seed,
-             uint32_t first_sample, float ir_ambient_scale, float ir_ambient_radiance, uint32_t glass_surfaces,
-             const std::string& light_sampling, const std::string& denoise, float temporal_weight, const py::object& film,
-             std::optional<uint32_t> projector, const py::object& previous_poses, const std::map<std::string, float>& scales,
-             bool accumulate, double max_seconds, double relative_error, const py::object& progress) {
-            kuafu_render_desc desc = kuafu_render_desc_init();
-            desc.samples_per_pixel = spp;
-            desc.max_bounces = max_bounces;
-            desc.seed = seed;
-            desc.first_sample = first_sample;
-            desc.ir_ambient_scale = ir_ambient_scale;
-            desc.ir_ambient_radiance = ir_ambient_radiance;
-            desc.glass_surfaces = glass_surfaces;
-            desc.light_sampling = sampling_of(light_sampling);
-            desc.denoise = denoise_of(denoise);
-            desc.temporal_weight = temporal_weight;
-            desc.projector = projector.value_or(KUAFU_NONE);
-            desc.accumulate = accumulate;
-            desc.max_seconds = max_seconds;
-            desc.relative_error = relative_error;
-            return self.render(scene, {cameras, outputs, band, environments, film, previous_poses, scales, progress}, desc);
-          },
-          py::arg("scene"), py::arg("cameras"), py::arg("outputs") = py::make_tuple("radiance"), py::kw_only(),
-          py::arg("band") = "infrared", py::arg("environments") = py::none(), py::arg("spp") = d.samples_per_pixel,
-          py::arg("max_bounces") = d.max_bounces, py::arg("seed") = 0, py::arg("first_sample") = 0,
-          py::arg("ir_ambient_scale") = d.ir_ambient_scale, py::arg("ir_ambient_radiance") = d.ir_ambient_radiance,
-          py::arg("glass_surfaces") = d.glass_surfaces, py::arg("light_sampling") = "mis", py::arg("denoise") = "none",
-          py::arg("temporal_weight") = 0.0f, py::arg("film") = py::none(), py::arg("projector") = py::none(),
-          py::arg("previous_poses") = py::none(), py::arg("scales") = std::map<std::string, float>(), py::arg("accumulate") = false,
-          py::arg("max_seconds") = 0.0, py::arg("relative_error") = 0.0, py::arg("progress") = py::none(),
-          "cameras: a Camera or a sequence of them, all of one size. outputs: names of radiance, projector_direct, projector_indirect, "
-          "ambient, light_group_0 .. light_group_3 (ambient's parts), variance (of the mean radiance), sample_count, depth, normal, "
-          "position, albedo, roughness, transmission, motion,\n"
-          "projector_uv, projector_visibility, projector_geometry, instance_id, material_id, semantic_id; or {name: dtype} (float32, "
-          "float16,\n"
-          "uint8, uint16; ids: uint32, uint16, uint8; None: the default), or {name: Image or Buffer} to fill those. "
-          "What they hold: kuafu/output.h.\n"
-          "scales: {name: factor} before rounding, as 1000 for depth in uint16 millimetres; by default 1.0 is an integer's full range.\n"
-          "band: 'infrared' (one channel) or 'visible' (three).\n"
-          "accumulate: adds to the samples of the calls before that accumulated; the images are means of all. A call without begins anew.\n"
-          "max_seconds, relative_error: budgets, 0 = none; spp is then the most, and summary says what was taken. relative_error is the "
-          "root\n"
-          "of the pixels' mean variance over their mean radiance, its upper limit at 84 % confidence.\n"
-          "projector: light id that the projector_* outputs are of; None: the first of each view's environment.\n"
-          "previous_poses: camera_to_world one frame before, (4, 4) or one for each camera, for motion; None: as now.\n"
-          "Returns {name: array [view, height, width, channel]}: by default float32, uint32 for ids; views of the buffers, nothing is "
-          "copied.\n"
-          "light_sampling: 'mis', 'lights' or 'bsdf', how light with an extent is found.\n"
-          "film: optics of the cameras: a Film, a dict of its fields, or one for each camera; None is perfect.\n"
-          "denoise: 'none', 'atrous' or 'oidn' (Open Image Denoise, where its library is found); all light but projector_direct is "
-          "filtered.\n"
-          "temporal_weight: 'atrous' keeps this share, 0..<1, of what the renderer's last renders of these views saw on the same surface; "
-          "vary the seed.\n"
-          "glass_surfaces: how many smooth glass surfaces a light's straight way to a surface may pass; 0: glass casts full shadows.\n"
-          "progress(fraction: float) may return True to cancel (CancelledError); what it raises is raised here. Same seed, same bits.")
       .def_property_readonly(
           "summary",
           [](Renderer& r) {
@@ -304,6 +360,47 @@ void bind_renderer(py::module_& module) {
             return stage_times<Kuafu>([&](ks_stage_time* t, uint32_t* n) { return kuafu_renderer_get_stage_times(r.get(), t, n); });
           },
           "{stage: milliseconds} of the last render.");
+  def_render(
+      renderer, "render",
+      [](const py::object& self, Scene& scene, const Call& call, const kuafu_render_desc& desc) {
+        return self.cast<Renderer&>().render(scene, call, desc);
+      },
+      "cameras: a Camera or a sequence of them, all of one size. outputs: names of radiance, projector_direct, projector_indirect, "
+      "ambient, light_group_0 .. light_group_3 (ambient's parts), variance (of the mean radiance), sample_count, depth, normal, "
+      "position, albedo, roughness, transmission, motion,\n"
+      "projector_uv, projector_visibility, projector_geometry, instance_id, material_id, semantic_id; or {name: dtype} (float32, "
+      "float16,\n"
+      "uint8, uint16; ids: uint32, uint16, uint8; None: the default), or {name: Image or Buffer} to fill those. "
+      "What they hold: kuafu/output.h.\n"
+      "scales: {name: factor} before rounding, as 1000 for depth in uint16 millimetres; by default 1.0 is an integer's full range.\n"
+      "band: 'infrared' (one channel) or 'visible' (three).\n"
+      "accumulate: adds to the samples of the calls before that accumulated; the images are means of all. A call without begins anew.\n"
+      "max_seconds, relative_error: budgets, 0 = none; spp is then the most, and summary says what was taken. relative_error is the "
+      "root\n"
+      "of the pixels' mean variance over their mean radiance, its upper limit at 84 % confidence.\n"
+      "projector: light id that the projector_* outputs are of; None: the first of each view's environment.\n"
+      "previous_poses: camera_to_world one frame before, (4, 4) or one for each camera, for motion; None: as now.\n"
+      "Returns {name: array [view, height, width, channel]}: by default float32, uint32 for ids; views of the buffers, nothing is "
+      "copied.\n"
+      "light_sampling: 'mis', 'lights' or 'bsdf', how light with an extent is found.\n"
+      "film: optics of the cameras: a Film, a dict of its fields, or one for each camera; None is perfect.\n"
+      "denoise: 'none', 'atrous' or 'oidn' (Open Image Denoise, where its library is found); all light but projector_direct is "
+      "filtered.\n"
+      "temporal_weight: 'atrous' keeps this share, 0..<1, of what the renderer's last renders of these views saw on the same surface; "
+      "vary the seed.\n"
+      "glass_surfaces: how many smooth glass surfaces a light's straight way to a surface may pass; 0: glass casts full shadows.\n"
+      "progress(fraction: float) may return True to cancel (CancelledError); what it raises is raised here. Same seed, same bits.");
+  def_render(
+      renderer, "submit",
+      [](const py::object& self, Scene& scene, const Call& call, const kuafu_render_desc& desc) {
+        const auto [sync, arrays] = self.cast<Renderer&>().submit(scene, call, desc);
+        return Submission{self, sync, arrays};
+      },
+      "Starts a render on a thread of the library's and returns a Submission at once; arguments as render's, but progress. At most two "
+      "are\n"
+      "under way, a third waits for the first. Until they have ended, the scene cannot be changed.");
+  renderer.def("cancel", &Renderer::cancel,
+               "Ends what is under way, submitted or in another thread's call: CancelledError there. From any thread.");
 }
 
 }  // namespace ks_python

@@ -197,7 +197,7 @@ class Engine {
     const InUse<Simsense> in_use(in_use_, "engine");
     ks_status status;
     {
-      py::gil_scoped_release nogil;
+      const Unlocked nogil;
       status = simsense_engine_compute(get(), &call.desc);
     }
     progress.rethrow();
@@ -212,7 +212,7 @@ class Engine {
     ks_sync sync = ks_sync_init();
     ks_status status;
     {
-      py::gil_scoped_release nogil;
+      const Unlocked nogil;
       status = simsense_engine_submit(get(), &call.desc, &sync);
     }
     check<Simsense>(status);
@@ -223,7 +223,7 @@ class Engine {
     const InUse<Simsense> in_use(in_use_, "engine");
     ks_status status;
     {
-      py::gil_scoped_release nogil;
+      const Unlocked nogil;
       status = simsense_engine_wait(get(), &sync);
     }
     check<Simsense>(status);

@@ -57,12 +57,14 @@ class Renderer {
     image_.resize(bytes / 4);
   }
 
-  void render(kuafu_scene scene) {
+  void render(kuafu_scene scene) { ok(try_render(scene)); }
+
+  ks_status try_render(kuafu_scene scene) {
     settings.views = views_.data();
     settings.view_count = uint32_t(views_.size());
     settings.outputs = &output_;
     settings.output_count = 1;
-    ok(kuafu_renderer_render(renderer_, scene, &settings));
+    return kuafu_renderer_render(renderer_, scene, &settings);
   }
 
   /// Least milliseconds of a render among `repetitions`.

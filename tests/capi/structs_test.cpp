@@ -103,6 +103,64 @@ TEST(Structs, NoStructEndsInsideOfAField) {
   }
 }
 
+/// A struct of a later header: today's, and a field that nobody knows here.
+template <class T>
+struct FromTheFuture {
+  T known;
+  uint64_t later = 0;
+};
+
+template <class T>
+FromTheFuture<T> from_the_future(const T& known) {
+  FromTheFuture<T> longer{known};
+  longer.known.header.size_bytes = sizeof longer;
+  return longer;
+}
+
+template <class Library>
+class Future : public testing::Test {};
+using Libraries = testing::Types<Kuafu, Simsense>;
+TYPED_TEST_SUITE(Future, Libraries);
+
+TYPED_TEST(Future, ALongerStructIsTakenWhileWhatIsNewInItIsZeroAndElseRefused) {
+  const auto opened = open_cpu_device<TypeParam>();
+  SKIP_IF(opened ? "" : TypeParam::last_error());
+  auto desc = from_the_future(ks_device_desc_init());
+  desc.known.select = KS_SELECT_CPU;
+  typename TypeParam::Device device = nullptr;
+  EXPECT_EQ(TypeParam::device_create(&desc.known, &device), KS_OK) << TypeParam::last_error();
+  TypeParam::device_release(device);
+  desc.later = 1;
+  EXPECT_EQ(TypeParam::device_create(&desc.known, &device), KS_ERROR_VERSION);
+  EXPECT_EQ(device, nullptr);
+  EXPECT_TRUE(says(TypeParam::last_error(), "does not know")) << TypeParam::last_error();
+
+  auto create = from_the_future(ks_buffer_create_init(64, KS_BUFFER_HOST_VISIBLE));
+  typename TypeParam::Buffer buffer = nullptr;
+  EXPECT_EQ(TypeParam::buffer_create(opened, &create.known, &buffer), KS_OK) << TypeParam::last_error();
+  TypeParam::buffer_release(buffer);
+  create.later = uint64_t{1} << 63;
+  EXPECT_EQ(TypeParam::buffer_create(opened, &create.known, &buffer), KS_ERROR_VERSION);
+  TypeParam::device_release(opened);
+}
+
+TEST(Structs, ALongerStructOfEachLibrarysOwnIsRefusedToo) {
+  const Scene s;
+  uint32_t id = 0;
+  auto material = from_the_future(kuafu_material_desc_init());
+  EXPECT_EQ(kuafu_scene_add_material(s.scene, &material.known, &id), KS_OK) << kuafu_last_error();
+  material.later = 1;
+  EXPECT_EQ(kuafu_scene_add_material(s.scene, &material.known, &id), KS_ERROR_VERSION);
+
+  const simsense_device device = open_cpu_device<Simsense>();
+  auto rig = from_the_future(simsense_rig_desc_init());
+  rig.later = 1;
+  simsense_engine engine = nullptr;
+  EXPECT_EQ(simsense_engine_create(device, &rig.known, nullptr, &engine), KS_ERROR_VERSION);
+  EXPECT_EQ(engine, nullptr);
+  simsense_device_release(device);
+}
+
 TEST(Structs, ReservedFieldsMustBeZero) {
   const Scene s;
   uint32_t id = 0;

@@ -72,6 +72,9 @@ typedef struct kuafu_api {
   ks_status (*renderer_get_summary)(kuafu_renderer renderer, kuafu_render_summary* out);
   ks_status (*renderer_get_stage_times)(kuafu_renderer renderer, ks_stage_time* times, uint32_t* count);
   ks_status (*struct_init)(uint32_t type, void* out, uint32_t size_bytes);
+  ks_status (*renderer_submit)(kuafu_renderer renderer, kuafu_scene scene, const kuafu_render_desc* desc, ks_sync* out);
+  ks_status (*renderer_wait)(kuafu_renderer renderer, const ks_sync* sync, uint64_t timeout_ns);
+  ks_status (*renderer_cancel)(kuafu_renderer renderer);
 } kuafu_api;
 
 #define KUAFU_API_HAS(api, entry) ((api)->size_bytes >= offsetof(kuafu_api, entry) + sizeof((api)->entry))

@@ -155,6 +155,16 @@ KUAFU_API void kuafu_renderer_release(kuafu_renderer renderer);
 
 /* Blocks until the outputs may be read (KS_SYNC_HOST). Same inputs and seed give the same bits on one device for any thread count or batch split. */
 KUAFU_API ks_status kuafu_renderer_render(kuafu_renderer renderer, kuafu_scene scene, const kuafu_render_desc* desc);
+/* The same, but returns at once; renders of one renderer run in the order of their submissions, on a thread of the library's, where desc->progress is
+ * called. `desc` may go when the call returns. Until the render has ended, the outputs are not to be read, and the scene cannot be changed
+ * (KS_ERROR_INVALID_STATE). `out` is initialised by the caller and becomes what wait takes; two submissions may be under way, a third waits for the first. */
+KUAFU_API ks_status kuafu_renderer_submit(kuafu_renderer renderer, kuafu_scene scene, const kuafu_render_desc* desc, ks_sync* out);
+/* Blocks until that submission's outputs may be read, and returns what the render came to; KS_ERROR_TIMEOUT where it has not ended after timeout_ns: it
+ * goes on, and may be waited for again. 0 only asks, UINT64_MAX waits as long as it takes. An outcome is kept until the second submission after it. */
+KUAFU_API ks_status kuafu_renderer_wait(kuafu_renderer renderer, const ks_sync* sync, uint64_t timeout_ns);
+/* Ends what the renderer has under way, submitted or in a call of another thread: it gives KS_ERROR_CANCELLED soon (within 0.2 s on an idle machine). Any
+ * thread may call it at any time. A renderer that is released does so too, and waits for the end. */
+KUAFU_API ks_status kuafu_renderer_cancel(kuafu_renderer renderer);
 
 /* Of the last render that succeeded. */
 KUAFU_API ks_status kuafu_renderer_get_summary(kuafu_renderer renderer, kuafu_render_summary* out);

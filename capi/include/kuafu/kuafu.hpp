@@ -58,6 +58,18 @@ class Renderer : public ks::Reference<kuafu_renderer, kuafu_renderer_retain, kua
  public:
   /* desc null: the tracer that suits the device. */
   explicit Renderer(kuafu_device device, const kuafu_renderer_desc* desc = nullptr) { check(kuafu_renderer_create(device, desc, &handle_)); }
+  /* Starts a render; wait takes what it returns. */
+  [[nodiscard]] ks_sync submit(kuafu_scene scene, const kuafu_render_desc& desc) const {
+    ks_sync submission = ks_sync_init();
+    check(kuafu_renderer_submit(handle_, scene, &desc, &submission));
+    return submission;
+  }
+  /* Whether it has ended; throws what the render failed with. */
+  [[nodiscard]] bool wait(const ks_sync& submission, uint64_t timeout_ns = UINT64_MAX) const {
+    const ks_status status = kuafu_renderer_wait(handle_, &submission, timeout_ns);
+    return status != KS_ERROR_TIMEOUT && check(status) == KS_OK;
+  }
+  void cancel() const { check(kuafu_renderer_cancel(handle_)); }
 };
 
 } /* namespace kuafu */

@@ -5,6 +5,7 @@
 #include <bit>
 
 #include "device/error.h"
+#include "device/interrupt.h"
 
 namespace kuafu {
 namespace {
@@ -14,6 +15,9 @@ constexpr int bin_count = 16;
 constexpr float node_cost = 1.2f;
 // Below this the bin scale would overflow.
 constexpr float min_extent = 1e-36f;
+
+// So many primitives take a noticeable share of a millisecond.
+constexpr size_t long_work = 1024;
 
 struct Primitive {
   Box box;
@@ -61,6 +65,7 @@ class Builder {
 
   /// depth: inner nodes on the way from the root if this becomes one more.
   Child child(Range range, uint32_t depth) {
+    if (range.size() >= long_work) ks::interruption_point();
     Box box, centroids;
     for (const Primitive& p : range) box.add(p.box), centroids.add(p.box.centroid());
     const Split split = depth <= max_depth_ ? best_split(range, centroids) : Split{};
@@ -83,7 +88,10 @@ class Builder {
   static Split best_split(Range range, const Box& centroids) {
     Split best;
     for (int axis = 0; axis < 3; ++axis)
-      if (centroids.max[axis] - centroids.min[axis] > min_extent) best_split_along(range, centroids, axis, best);
+      if (centroids.max[axis] - centroids.min[axis] > min_extent) {
+        if (range.size() >= long_work) ks::interruption_point();
+        best_split_along(range, centroids, axis, best);
+      }
     return best;
   }
 

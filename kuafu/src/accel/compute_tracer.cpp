@@ -1,12 +1,12 @@
 // Our own two-level BVH2, built on the host and traced in Vulkan compute: the portable tracer of GPUs, and of CPU devices when asked for.
 #include <array>
 #include <map>
-#include <optional>
 #include <utility>
 
 #include "accel/bvh_world.h"
 #include "accel/tracer.h"
 #include "device/error.h"
+#include "device/pipeline_in_build.h"
 #include "shared/wave.h"
 #include "spirv/trace_closest.h"
 #include "spirv/trace_glass_infrared.h"
@@ -38,8 +38,6 @@ class ComputeTracer final : public Tracer {
       : layout_(layout),
         group_size_(device->is_cpu() ? 8 : 64),
         spread_(device->is_cpu() ? 0 : gpu_spread_groups),
-        closest_(device, trace_closest_spirv, sizeof(TracePush), specialisation(false)),
-        occluded_(device, trace_occluded_spirv, sizeof(TracePush), specialisation(false)),
         device_(device),
         world_(std::move(device)) {}
 
@@ -50,15 +48,18 @@ class ComputeTracer final : public Tracer {
 
   void update(const Scene& scene, uint32_t environment_count, const TimeSpan& open) override {
     world_.update(scene, environment_count, open);
-    if (world_.moves() && !moving_) moving_.emplace(device_, specialisation(true));
   }
 
   void closest(ks::Commands& commands, const RayQueue& rays) override {
-    commands.dispatch_indirect(world_.moves() ? moving_->closest : closest_, push(rays), *rays.counters, rays.arguments_offset);
+    const ks::ComputePipeline& pipeline =
+        closest_[world_.moves()].get(device_, trace_closest_spirv, sizeof(TracePush), specialisation(world_.moves()));
+    commands.dispatch_indirect(pipeline, push(rays), *rays.counters, rays.arguments_offset);
   }
 
   void occluded(ks::Commands& commands, const RayQueue& rays) override {
-    commands.dispatch_indirect(world_.moves() ? moving_->occluded : occluded_, push(rays), *rays.counters, rays.arguments_offset);
+    const ks::ComputePipeline& pipeline =
+        occluded_[world_.moves()].get(device_, trace_occluded_spirv, sizeof(TracePush), specialisation(world_.moves()));
+    commands.dispatch_indirect(pipeline, push(rays), *rays.counters, rays.arguments_offset);
   }
 
   [[nodiscard]] bool passes_glass() const override { return true; }
@@ -75,12 +76,9 @@ class ComputeTracer final : public Tracer {
   /// Built for the features of a scene that asks for it.
   [[nodiscard]] const ks::ComputePipeline& glass_pipeline(const GlassWay& glass) {
     const uint32_t features = world_.moves() ? glass.features : glass.features & ~feature_motion;  // of lights alone: rays need no time
-    std::unique_ptr<ks::ComputePipeline>& slot = glass_[{glass.infrared, features}];
-    if (!slot)
-      slot = std::make_unique<ks::ComputePipeline>(
-          device_, glass.infrared ? std::span<const uint32_t>(trace_glass_infrared_spirv) : trace_glass_visible_spirv, sizeof(GlassPush),
-          specialisation(world_.moves(), features));
-    return *slot;
+    return glass_[{glass.infrared, features}].get(
+        device_, glass.infrared ? std::span<const uint32_t>(trace_glass_infrared_spirv) : trace_glass_visible_spirv, sizeof(GlassPush),
+        specialisation(world_.moves(), features));
   }
 
   [[nodiscard]] TracePush push(const RayQueue& rays) const {
@@ -98,16 +96,8 @@ class ComputeTracer final : public Tracer {
   }
 
   uint32_t layout_, group_size_, spread_;
-  ks::ComputePipeline closest_, occluded_;
-  /// The same for rays with a time; built when something moves first.
-  struct Moving {
-    Moving(const std::shared_ptr<ks::Device>& device, const Constants& specialisation)
-        : closest(device, trace_closest_spirv, sizeof(TracePush), specialisation),
-          occluded(device, trace_occluded_spirv, sizeof(TracePush), specialisation) {}
-    ks::ComputePipeline closest, occluded;
-  };
-  std::optional<Moving> moving_;
-  std::map<std::pair<bool, uint32_t>, std::unique_ptr<ks::ComputePipeline>> glass_;  // by infrared and features
+  ks::PipelineInBuild closest_[2], occluded_[2];                    // of rays at rest, and with a time
+  std::map<std::pair<bool, uint32_t>, ks::PipelineInBuild> glass_;  // by infrared and features
   std::shared_ptr<ks::Device> device_;
   BvhWorld world_;
 };

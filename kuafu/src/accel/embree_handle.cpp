@@ -28,10 +28,16 @@ void EmbreeDevice::record(void* self, RTCError code, const char* text) {
   device->text_ = text ? text : "";
 }
 
+void EmbreeDevice::forget_errors() {
+  const std::lock_guard lock(mutex_);
+  error_ = RTC_ERROR_NONE;
+}
+
 void EmbreeDevice::check(const char* what) {
   const std::lock_guard lock(mutex_);
   const RTCError code = std::exchange(error_, RTC_ERROR_NONE);
   if (code == RTC_ERROR_NONE) return;
+  if (code == RTC_ERROR_CANCELLED) ks::fail(KS_ERROR_CANCELLED, "cancelled while %s", what);
   const ks_status status = code == RTC_ERROR_OUT_OF_MEMORY     ? KS_ERROR_OUT_OF_HOST_MEMORY
                            : code == RTC_ERROR_UNSUPPORTED_CPU ? KS_ERROR_UNSUPPORTED
                                                                : KS_ERROR_INTERNAL;

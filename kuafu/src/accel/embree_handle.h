@@ -33,6 +33,7 @@ class EmbreeDevice {
   [[nodiscard]] EmbreeScene new_scene() const;
   /// Throws the first error since the last check; `what` names the work done.
   void check(const char* what);
+  void forget_errors();
 
  private:
   static void record(void* self, RTCError code, const char* text);

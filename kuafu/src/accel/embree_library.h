@@ -5,13 +5,13 @@
 
 #include <embree3/rtcore.h>
 
-#define KUAFU_EMBREE_FUNCTIONS(use)                                                                                                        \
-  use(rtcNewDevice) use(rtcReleaseDevice) use(rtcGetDeviceError) use(rtcSetDeviceErrorFunction) use(rtcNewScene) use(rtcReleaseScene)      \
-      use(rtcSetSceneFlags) use(rtcSetSceneBuildQuality) use(rtcCommitScene) use(rtcAttachGeometry) use(rtcAttachGeometryByID)             \
-          use(rtcDetachGeometry) use(rtcNewGeometry) use(rtcReleaseGeometry) use(rtcCommitGeometry) use(rtcSetNewGeometryBuffer)           \
-              use(rtcGetGeometryBufferData) use(rtcUpdateGeometryBuffer) use(rtcSetGeometryBuildQuality) use(rtcSetGeometryInstancedScene) \
-                  use(rtcSetGeometryTransform) use(rtcSetGeometryTransformQuaternion) use(rtcSetGeometryTimeStepCount) use(rtcIntersect8)  \
-                      use(rtcOccluded8)
+#define KUAFU_EMBREE_FUNCTIONS(use)                                                                                                   \
+  use(rtcNewDevice) use(rtcReleaseDevice) use(rtcGetDeviceError) use(rtcSetDeviceErrorFunction) use(rtcNewScene) use(rtcReleaseScene) \
+      use(rtcSetSceneFlags) use(rtcSetSceneProgressMonitorFunction) use(rtcSetSceneBuildQuality) use(rtcCommitScene)                  \
+          use(rtcAttachGeometry) use(rtcAttachGeometryByID) use(rtcDetachGeometry) use(rtcNewGeometry) use(rtcReleaseGeometry)        \
+              use(rtcCommitGeometry) use(rtcSetNewGeometryBuffer) use(rtcGetGeometryBufferData) use(rtcUpdateGeometryBuffer)          \
+                  use(rtcSetGeometryBuildQuality) use(rtcSetGeometryInstancedScene) use(rtcSetGeometryTransform)                      \
+                      use(rtcSetGeometryTransformQuaternion) use(rtcSetGeometryTimeStepCount) use(rtcIntersect8) use(rtcOccluded8)
 
 namespace kuafu {
 

@@ -5,6 +5,7 @@
 
 #include "accel/embree_motion.h"
 #include "device/error.h"
+#include "device/interrupt.h"
 
 namespace kuafu {
 namespace {
@@ -22,6 +23,19 @@ void set_transform(RTCGeometry geometry, const Placement& placement) {
 template <class T>
 T* new_buffer(RTCGeometry geometry, RTCBufferType type, RTCFormat format, size_t count) {
   return static_cast<T*>(rtcSetNewGeometryBuffer(geometry, type, 0, format, sizeof(T), count));
+}
+
+constexpr size_t long_build = 1 << 15;  // primitives; takes about 10 ms
+
+/// Builds the scene's tree. A caller who wants to end is heard while it is built.
+void commit(RTCScene scene, size_t primitives) {
+  ks::interruption_point();
+  if (primitives < long_build) return rtcCommitScene(scene);
+  rtcSetSceneProgressMonitorFunction(
+      scene, [](void* interrupt, double) { return interrupt == nullptr || !static_cast<ks::Interrupt*>(interrupt)->requested(); },
+      ks::Interrupt::current());
+  ks::Interrupt::watch([&] { rtcCommitScene(scene); });
+  rtcSetSceneProgressMonitorFunction(scene, nullptr, nullptr);
 }
 
 }  // namespace
@@ -46,6 +60,7 @@ void EmbreeWorld::update(const Scene& scene, uint32_t environment_count, const T
 void EmbreeWorld::forget() {
   environments_.clear(), geometries_.clear(), placements_.clear(), meshes_.clear(), watch_.forget();
   instances_revision_ = 0;
+  device_.forget_errors();
 }
 
 /// Returns the meshes that deformed.
@@ -70,7 +85,7 @@ void EmbreeWorld::add_mesh(const Mesh& mesh) {
     rtcCommitGeometry(geometry);
     rtcAttachGeometry(bottom.scene.get(), geometry);
   }
-  rtcCommitScene(bottom.scene.get());
+  commit(bottom.scene.get(), mesh.indices.size());
   device_.check("building a mesh");
   meshes_.push_back(std::move(bottom));
 }
@@ -87,7 +102,7 @@ void EmbreeWorld::deform(const Mesh& mesh, Bottom& bottom) {
   // Only in such a scene has the geometry a tree of its own, with its own quality; measured: 100 times faster than to build.
   rtcSetSceneBuildQuality(bottom.scene.get(), RTC_BUILD_QUALITY_LOW);
   rtcSetSceneFlags(bottom.scene.get(), RTC_SCENE_FLAG_ROBUST | RTC_SCENE_FLAG_DYNAMIC);
-  rtcCommitScene(bottom.scene.get());
+  commit(bottom.scene.get(), mesh.indices.size());
   device_.check("deforming a mesh");
   bottom.refittable = true;
   bottom.refits = refit ? bottom.refits + 1 : 0;
@@ -120,7 +135,7 @@ void EmbreeWorld::place_all(const Scene& scene, uint32_t environment_count) {
       rtcAttachGeometryByID(environment.scene.get(), geometries_[environment.instances[i]].get(), i);
       environment.places[environment.instances[i]] = i;
     }
-    rtcCommitScene(environment.scene.get());
+    commit(environment.scene.get(), environment.instances.size());
     environments_.push_back(std::move(environment));
   }
 }
@@ -142,7 +157,7 @@ void EmbreeWorld::follow(const Scene& scene, const std::vector<uint32_t>& slots)
     }
   }
   for (uint32_t e = 0; e < environments_.size(); ++e)
-    if (concerned[e]) rtcCommitScene(environments_[e].scene.get());
+    if (concerned[e]) commit(environments_[e].scene.get(), environments_[e].instances.size());
 }
 
 /// The slot's geometry in this environment is now `geometry`, or none.

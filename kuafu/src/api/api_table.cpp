@@ -59,6 +59,9 @@ constexpr kuafu_api table{
     .renderer_get_summary = kuafu_renderer_get_summary,
     .renderer_get_stage_times = kuafu_renderer_get_stage_times,
     .struct_init = kuafu_struct_init,
+    .renderer_submit = kuafu_renderer_submit,
+    .renderer_wait = kuafu_renderer_wait,
+    .renderer_cancel = kuafu_renderer_cancel,
 };
 
 }  // namespace

@@ -10,9 +10,14 @@ namespace kuafu {
 
 /// A scene of the C API: it keeps its device, whose log takes the warnings of loaded files.
 struct DeviceScene {
+  explicit DeviceScene(std::shared_ptr<ks::Device> d) : device(std::move(d)) {}
   std::shared_ptr<ks::Device> device;
   Scene scene;
+  std::atomic<uint32_t> submitted_renders{0};  // that still read the scene
 };
+
+/// While it lives, the scene cannot be changed.
+std::shared_ptr<const void> hold_unchanged(std::shared_ptr<DeviceScene> scene);
 
 }  // namespace kuafu
 

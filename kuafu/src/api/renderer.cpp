@@ -7,9 +7,10 @@
 #include "api/render_outputs.h"
 #include "api/struct_table.h"
 #include "device/struct_read.h"
-#include "render/renderer.h"
+#include "device/struct_table.h"
+#include "render/render_queue.h"
 
-struct kuafu_renderer_t : ks::Handle<kuafu::Renderer, 0x6b726e64> {
+struct kuafu_renderer_t : ks::Handle<kuafu::RenderQueue, 0x6b726e64> {
   using Handle::Handle;
 };
 
@@ -30,17 +31,23 @@ kuafu::TracerKind tracer_kind(uint32_t tracer) {
   }
 }
 
+kuafu::Launch read_launch(const kuafu::RenderQueue& images, const kuafu::Scene& scene, const kuafu_render_desc* desc) {
+  kuafu::Launch launch = kuafu::read_launch(desc, *images.device());
+  kuafu::check_ids_fit(launch, scene);
+  return launch;
+}
+
 }  // namespace
 
 extern "C" {
 
 ks_status kuafu_renderer_create(kuafu_device device, const kuafu_renderer_desc* desc, kuafu_renderer* out) {
-  return ks::guard([&] {
+  return ks::call([&] {
     ks::clear_out(out);
     const kuafu_renderer_desc d =
         desc == nullptr ? kuafu_renderer_desc_init() : ks::read_struct(desc, KUAFU_TYPE_RENDERER_DESC, "renderer desc");
     const std::string library = d.oidn_library == nullptr ? "" : d.oidn_library;
-    *out = new kuafu_renderer_t(std::make_shared<kuafu::Renderer>(ks::object_of(device, "device"), tracer_kind(d.tracer), library));
+    *out = new kuafu_renderer_t(std::make_shared<kuafu::RenderQueue>(ks::object_of(device, "device"), tracer_kind(d.tracer), library));
   });
 }
 
@@ -49,17 +56,43 @@ void kuafu_renderer_retain(kuafu_renderer renderer) { ks::retain(renderer, "rend
 void kuafu_renderer_release(kuafu_renderer renderer) { ks::release(renderer, "renderer"); }
 
 ks_status kuafu_renderer_render(kuafu_renderer renderer, kuafu_scene scene, const kuafu_render_desc* desc) {
-  return ks::guard([&] {
-    kuafu::Renderer& images = *ks::object_of(renderer, "renderer");
+  return ks::call([&] {
+    kuafu::RenderQueue& images = *ks::object_of(renderer, "renderer");
     const std::shared_ptr<kuafu::DeviceScene>& owner = ks::object_of(scene, "scene");
-    const kuafu::Launch launch = kuafu::read_launch(desc, *images.device());
-    kuafu::check_ids_fit(launch, owner->scene);
-    images.render(std::shared_ptr<const kuafu::Scene>(owner, &owner->scene), launch);
+    images.render(std::shared_ptr<const kuafu::Scene>(owner, &owner->scene), read_launch(images, owner->scene, desc));
   });
 }
 
+ks_status kuafu_renderer_submit(kuafu_renderer renderer, kuafu_scene scene, const kuafu_render_desc* desc, ks_sync* out) {
+  return ks::call([&] {
+    (void)ks::check_header(out, KS_TYPE_SYNC, "out");  // before work begins that nobody could wait for
+    kuafu::RenderQueue& images = *ks::object_of(renderer, "renderer");
+    const std::shared_ptr<kuafu::DeviceScene>& owner = ks::object_of(scene, "scene");
+    kuafu::Launch launch = read_launch(images, owner->scene, desc);
+    ks_sync sync = ks_sync_init();
+    sync.kind = KS_SYNC_TIMELINE;
+    sync.value = images.submit(std::shared_ptr<const kuafu::Scene>(owner, &owner->scene), std::move(launch), kuafu::hold_unchanged(owner));
+    ks::write_struct(out, sync, KS_TYPE_SYNC, "out");
+  });
+}
+
+ks_status kuafu_renderer_wait(kuafu_renderer renderer, const ks_sync* sync, uint64_t timeout_ns) {
+  return ks::call([&] {
+    const ks_sync submission = ks::read_struct(sync, KS_TYPE_SYNC, "sync");
+    kuafu::RenderQueue& images = *ks::object_of(renderer, "renderer");
+    if (submission.kind != KS_SYNC_TIMELINE)
+      ks::fail(KS_ERROR_INVALID_ARGUMENT, "sync.kind is %u, a submission's is KS_SYNC_TIMELINE", submission.kind);
+    if (!images.wait(submission.value, timeout_ns))
+      ks::fail(KS_ERROR_TIMEOUT, "the render has not ended after %.3g s; it goes on", double(timeout_ns) * 1e-9);
+  });
+}
+
+ks_status kuafu_renderer_cancel(kuafu_renderer renderer) {
+  return ks::call([&] { ks::object_of(renderer, "renderer")->cancel(); });
+}
+
 ks_status kuafu_renderer_get_summary(kuafu_renderer renderer, kuafu_render_summary* out) {
-  return ks::guard([&] {
+  return ks::call([&] {
     const kuafu::RenderSummary& last = ks::object_of(renderer, "renderer")->summary();
     kuafu_render_summary summary = kuafu_render_summary_init();
     summary.samples_per_pixel = last.samples;
@@ -71,7 +104,7 @@ ks_status kuafu_renderer_get_summary(kuafu_renderer renderer, kuafu_render_summa
 }
 
 ks_status kuafu_renderer_get_stage_times(kuafu_renderer renderer, ks_stage_time* times, uint32_t* count) {
-  return ks::guard([&] {
+  return ks::call([&] {
     const auto& stages = ks::object_of(renderer, "renderer")->stage_times();
     if (count == nullptr) ks::fail(KS_ERROR_INVALID_ARGUMENT, "count is NULL");
     const size_t written = times == nullptr ? 0 : std::min<size_t>(*count, stages.size());

@@ -11,7 +11,16 @@
 
 namespace {
 
-kuafu::Scene& scene_of(kuafu_scene handle) { return ks::object_of(handle, "scene")->scene; }
+const kuafu::Scene& scene_of(kuafu_scene handle) { return ks::object_of(handle, "scene")->scene; }
+
+kuafu::DeviceScene& changeable_owner(kuafu_scene handle) {
+  kuafu::DeviceScene& owner = *ks::object_of(handle, "scene");
+  if (const uint32_t renders = owner.submitted_renders; renders > 0)
+    ks::fail(KS_ERROR_INVALID_STATE, "scene is read by %u submitted renders: wait for them before it is changed", renders);
+  return owner;
+}
+
+kuafu::Scene& changeable(kuafu_scene handle) { return changeable_owner(handle).scene; }
 
 template <class T>
 T& required(T* pointer, const char* name) {
@@ -72,12 +81,18 @@ kuafu::Light to_light(const kuafu_light_desc* desc) { return kuafu::to_light(ks:
 
 }  // namespace
 
+std::shared_ptr<const void> kuafu::hold_unchanged(std::shared_ptr<DeviceScene> scene) {
+  ++scene->submitted_renders;
+  DeviceScene* const held = scene.get();
+  return {held, [scene = std::move(scene)](const void*) { --scene->submitted_renders; }};
+}
+
 extern "C" {
 
 ks_status kuafu_scene_create(kuafu_device device, kuafu_scene* out) {
-  return ks::guard([&] {
+  return ks::call([&] {
     ks::clear_out(out);
-    *out = new kuafu_scene_t(std::make_shared<kuafu::DeviceScene>(kuafu::DeviceScene{ks::object_of(device, "device"), {}}));
+    *out = new kuafu_scene_t(std::make_shared<kuafu::DeviceScene>(ks::object_of(device, "device")));
   });
 }
 
@@ -86,8 +101,8 @@ void kuafu_scene_retain(kuafu_scene scene) { ks::retain(scene, "scene"); }
 void kuafu_scene_release(kuafu_scene scene) { ks::release(scene, "scene"); }
 
 ks_status kuafu_scene_load(kuafu_scene scene, const char* path, const double* root_to_world) {
-  return ks::guard([&] {
-    kuafu::DeviceScene& owner = *ks::object_of(scene, "scene");
+  return ks::call([&] {
+    kuafu::DeviceScene& owner = changeable_owner(scene);
     const glm::dmat4 root = root_to_world == nullptr ? glm::dmat4(1.0) : kuafu::from_row_major<4>(root_to_world);
     for (const std::string& warning : kuafu::load_file(owner.scene, &required(path, "path"), root))
       owner.device->log(KS_LOG_WARNING, "%s", warning.c_str());
@@ -95,142 +110,142 @@ ks_status kuafu_scene_load(kuafu_scene scene, const char* path, const double* ro
 }
 
 ks_status kuafu_scene_get_summary(kuafu_scene scene, kuafu_scene_summary* out) {
-  return ks::guard([&] { ks::write_struct(out, summarise(scene_of(scene)), KUAFU_TYPE_SCENE_SUMMARY, "out"); });
+  return ks::call([&] { ks::write_struct(out, summarise(scene_of(scene)), KUAFU_TYPE_SCENE_SUMMARY, "out"); });
 }
 
 ks_status kuafu_scene_add_mesh(kuafu_scene scene, const kuafu_mesh_desc* desc, uint32_t* id) {
-  return ks::guard([&] {
+  return ks::call([&] {
     required(id, "id") = KUAFU_NONE;
-    *id = scene_of(scene).add_mesh(kuafu::to_mesh(ks::read_struct(desc, KUAFU_TYPE_MESH_DESC, "mesh desc")));
+    *id = changeable(scene).add_mesh(kuafu::to_mesh(ks::read_struct(desc, KUAFU_TYPE_MESH_DESC, "mesh desc")));
   });
 }
 
 ks_status kuafu_scene_update_mesh(kuafu_scene scene, uint32_t id, const float* positions, const float* normals, uint32_t vertex_count) {
-  return ks::guard([&] {
-    scene_of(scene).update_mesh_positions(id, kuafu::to_vectors(&required(positions, "positions"), vertex_count),
-                                          kuafu::to_vectors(normals, vertex_count));
+  return ks::call([&] {
+    changeable(scene).update_mesh_positions(id, kuafu::to_vectors(&required(positions, "positions"), vertex_count),
+                                            kuafu::to_vectors(normals, vertex_count));
   });
 }
 
 ks_status kuafu_scene_add_texture(kuafu_scene scene, const kuafu_texture_desc* desc, uint32_t* id) {
-  return ks::guard([&] {
+  return ks::call([&] {
     required(id, "id") = KUAFU_NONE;
-    *id = scene_of(scene).add_texture(kuafu::to_texture(ks::read_struct(desc, KUAFU_TYPE_TEXTURE_DESC, "texture desc")));
+    *id = changeable(scene).add_texture(kuafu::to_texture(ks::read_struct(desc, KUAFU_TYPE_TEXTURE_DESC, "texture desc")));
   });
 }
 
 ks_status kuafu_scene_set_texture(kuafu_scene scene, uint32_t id, const kuafu_texture_desc* desc) {
-  return ks::guard(
-      [&] { scene_of(scene).set_texture(id, kuafu::to_texture(ks::read_struct(desc, KUAFU_TYPE_TEXTURE_DESC, "texture desc"))); });
+  return ks::call(
+      [&] { changeable(scene).set_texture(id, kuafu::to_texture(ks::read_struct(desc, KUAFU_TYPE_TEXTURE_DESC, "texture desc"))); });
 }
 
 ks_status kuafu_scene_add_material(kuafu_scene scene, const kuafu_material_desc* desc, uint32_t* id) {
-  return ks::guard([&] {
+  return ks::call([&] {
     required(id, "id") = KUAFU_NONE;
-    *id = scene_of(scene).add_material(to_material(desc));
+    *id = changeable(scene).add_material(to_material(desc));
   });
 }
 
 ks_status kuafu_scene_set_material(kuafu_scene scene, uint32_t id, const kuafu_material_desc* desc) {
-  return ks::guard([&] { scene_of(scene).set_material(id, to_material(desc)); });
+  return ks::call([&] { changeable(scene).set_material(id, to_material(desc)); });
 }
 
 ks_status kuafu_scene_get_material(kuafu_scene scene, uint32_t id, kuafu_material_desc* out) {
-  return ks::guard([&] {
+  return ks::call([&] {
     ks::write_struct(out, kuafu::to_desc(kuafu::there(scene_of(scene).materials(), "material", id)), KUAFU_TYPE_MATERIAL_DESC, "out");
   });
 }
 
 ks_status kuafu_scene_add_instance(kuafu_scene scene, const kuafu_instance_desc* desc, uint32_t* id) {
-  return ks::guard([&] {
+  return ks::call([&] {
     required(id, "id") = KUAFU_NONE;
-    *id = scene_of(scene).add_instance(kuafu::to_instance(ks::read_struct(desc, KUAFU_TYPE_INSTANCE_DESC, "instance desc")));
+    *id = changeable(scene).add_instance(kuafu::to_instance(ks::read_struct(desc, KUAFU_TYPE_INSTANCE_DESC, "instance desc")));
   });
 }
 
 ks_status kuafu_scene_set_instance_pose(kuafu_scene scene, uint32_t id, const double* local_to_world) {
-  return ks::guard([&] { scene_of(scene).set_instance_pose(id, kuafu::from_row_major<4>(&required(local_to_world, "local_to_world"))); });
+  return ks::call([&] { changeable(scene).set_instance_pose(id, kuafu::from_row_major<4>(&required(local_to_world, "local_to_world"))); });
 }
 
 ks_status kuafu_scene_set_instance_velocity(kuafu_scene scene, uint32_t id, const double* linear, const double* angular) {
-  return ks::guard(
-      [&] { scene_of(scene).set_instance_velocity(id, kuafu::to_twist(&required(linear, "linear"), &required(angular, "angular"))); });
+  return ks::call(
+      [&] { changeable(scene).set_instance_velocity(id, kuafu::to_twist(&required(linear, "linear"), &required(angular, "angular"))); });
 }
 
 ks_status kuafu_scene_set_instance_materials(kuafu_scene scene, uint32_t id, const uint32_t* materials, uint32_t material_count) {
-  return ks::guard([&] {
+  return ks::call([&] {
     if (material_count > 0) (void)required(materials, "materials");
-    scene_of(scene).set_instance_materials(id, std::vector<uint32_t>(materials, materials + material_count));
+    changeable(scene).set_instance_materials(id, std::vector<uint32_t>(materials, materials + material_count));
   });
 }
 
 ks_status kuafu_scene_next_frame(kuafu_scene scene) {
-  return ks::guard([&] { scene_of(scene).next_frame(); });
+  return ks::call([&] { changeable(scene).next_frame(); });
 }
 
 ks_status kuafu_scene_remove_mesh(kuafu_scene scene, uint32_t id) {
-  return ks::guard([&] { scene_of(scene).remove_mesh(id); });
+  return ks::call([&] { changeable(scene).remove_mesh(id); });
 }
 
 ks_status kuafu_scene_remove_texture(kuafu_scene scene, uint32_t id) {
-  return ks::guard([&] { scene_of(scene).remove_texture(id); });
+  return ks::call([&] { changeable(scene).remove_texture(id); });
 }
 
 ks_status kuafu_scene_remove_material(kuafu_scene scene, uint32_t id) {
-  return ks::guard([&] { scene_of(scene).remove_material(id); });
+  return ks::call([&] { changeable(scene).remove_material(id); });
 }
 
 ks_status kuafu_scene_remove_instance(kuafu_scene scene, uint32_t id) {
-  return ks::guard([&] { scene_of(scene).remove_instance(id); });
+  return ks::call([&] { changeable(scene).remove_instance(id); });
 }
 
 const char* kuafu_scene_instance_name(kuafu_scene scene, uint32_t id) {
   const char* name = nullptr;
-  (void)ks::guard([&] { name = live(scene_of(scene).instances(), "instance", id).name.c_str(); });
+  (void)ks::call([&] { name = live(scene_of(scene).instances(), "instance", id).name.c_str(); });
   return name;
 }
 
 const char* kuafu_scene_material_name(kuafu_scene scene, uint32_t id) {
   const char* name = nullptr;
-  (void)ks::guard([&] { name = kuafu::there(scene_of(scene).materials(), "material", id).name.c_str(); });
+  (void)ks::call([&] { name = kuafu::there(scene_of(scene).materials(), "material", id).name.c_str(); });
   return name;
 }
 
 ks_status kuafu_scene_add_light(kuafu_scene scene, const kuafu_light_desc* desc, uint32_t* id) {
-  return ks::guard([&] {
+  return ks::call([&] {
     required(id, "id") = KUAFU_NONE;
-    *id = scene_of(scene).add_light(to_light(desc));
+    *id = changeable(scene).add_light(to_light(desc));
   });
 }
 
 ks_status kuafu_scene_set_light(kuafu_scene scene, uint32_t id, const kuafu_light_desc* desc) {
-  return ks::guard([&] { scene_of(scene).set_light(id, to_light(desc)); });
+  return ks::call([&] { changeable(scene).set_light(id, to_light(desc)); });
 }
 
 ks_status kuafu_scene_get_light(kuafu_scene scene, uint32_t id, kuafu_light_desc* out) {
-  return ks::guard(
+  return ks::call(
       [&] { ks::write_struct(out, kuafu::to_desc(live(scene_of(scene).lights(), "light", id)), KUAFU_TYPE_LIGHT_DESC, "out"); });
 }
 
 ks_status kuafu_scene_remove_light(kuafu_scene scene, uint32_t id) {
-  return ks::guard([&] { scene_of(scene).remove_light(id); });
+  return ks::call([&] { changeable(scene).remove_light(id); });
 }
 
 ks_status kuafu_scene_set_environment(kuafu_scene scene, const kuafu_environment_desc* desc) {
-  return ks::guard([&] {
-    scene_of(scene).set_environment(kuafu::to_environment(ks::read_struct(desc, KUAFU_TYPE_ENVIRONMENT_DESC, "environment desc")));
+  return ks::call([&] {
+    changeable(scene).set_environment(kuafu::to_environment(ks::read_struct(desc, KUAFU_TYPE_ENVIRONMENT_DESC, "environment desc")));
   });
 }
 
 ks_status kuafu_scene_set_medium(kuafu_scene scene, const kuafu_medium_desc* desc) {
-  return ks::guard([&] {
-    if (desc == nullptr) return scene_of(scene).set_medium(std::nullopt);
-    scene_of(scene).set_medium(kuafu::to_medium(ks::read_struct(desc, KUAFU_TYPE_MEDIUM_DESC, "medium desc")));
+  return ks::call([&] {
+    if (desc == nullptr) return changeable(scene).set_medium(std::nullopt);
+    changeable(scene).set_medium(kuafu::to_medium(ks::read_struct(desc, KUAFU_TYPE_MEDIUM_DESC, "medium desc")));
   });
 }
 
 ks_status kuafu_scene_get_camera(kuafu_scene scene, uint32_t index, kuafu_camera_desc* out) {
-  return ks::guard(
+  return ks::call(
       [&] { ks::write_struct(out, kuafu::to_desc(at(scene_of(scene).cameras(), "camera", index)), KUAFU_TYPE_CAMERA_DESC, "out"); });
 }
 

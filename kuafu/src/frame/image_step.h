@@ -8,7 +8,7 @@
 #include <map>
 #include <span>
 
-#include "device/compute.h"
+#include "device/pipeline_in_build.h"
 #include "device/thread_pool.h"
 #include "frame/device_array.h"
 #include "shared/wave.h"
@@ -41,7 +41,7 @@ class ImageStep {
 
   const ks::ComputePipeline& pipeline(uint32_t constant) {
     specialisation_.back() = constant;
-    return pipelines_.try_emplace(constant, memory_.device, spirv_, uint32_t(sizeof(Push)), specialisation_).first->second;
+    return pipelines_[constant].get(memory_.device, spirv_, uint32_t(sizeof(Push)), specialisation_);
   }
 
   void run_on_host(ks::Commands& commands, const char* stage, const Push& push) const {
@@ -57,7 +57,7 @@ class ImageStep {
   std::span<const uint32_t> spirv_;
   HostKernel* kernel_;
   std::array<uint32_t, 5> specialisation_;             // of lib/invocation.glsl; surfaces that rays met may move
-  std::map<uint32_t, ks::ComputePipeline> pipelines_;  // by constant
+  std::map<uint32_t, ks::PipelineInBuild> pipelines_;  // by constant
 };
 
 }  // namespace kuafu

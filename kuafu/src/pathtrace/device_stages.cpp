@@ -1,9 +1,8 @@
 // This file runs the stages in Vulkan compute. Each pipeline is built when it is first used.
 #include <array>
 #include <map>
-#include <optional>
 
-#include "device/compute.h"
+#include "device/pipeline_in_build.h"
 #include "pathtrace/stages.h"
 #include "spirv/accumulate.h"
 #include "spirv/aov_infrared.h"
@@ -19,7 +18,7 @@
 namespace kuafu {
 namespace {
 
-using Pipeline = std::optional<ks::ComputePipeline>;
+using Pipeline = ks::PipelineInBuild;
 
 constexpr uint32_t group_size = 128;  // measured best on an NVIDIA H200 and on lavapipe: one atomic of a queue per group
 
@@ -85,8 +84,7 @@ class DeviceStages final : public Stages {
   template <class Push>
   const ks::ComputePipeline& built(Pipeline& slot, std::span<const uint32_t> spirv, uint32_t features = 0) {
     specialisation_[3] = features;
-    if (!slot) slot.emplace(device_, spirv, uint32_t(sizeof(Push)), specialisation_);
-    return *slot;
+    return slot.get(device_, spirv, uint32_t(sizeof(Push)), specialisation_);
   }
 
   template <class Push>

@@ -10,7 +10,7 @@ namespace {
 
 // These numbers of paths in flight measured best: they fill the device and fit a CPU's caches. On a GPU each bounce ends in a few long
 // rays, whose time a larger wave spreads over more paths: an H200 takes 71 ms for what takes 104 ms in waves of 2^22.
-constexpr uint32_t host_wave = 1u << 11, cpu_wave = 1u << 17, gpu_wave = 1u << 25;
+constexpr uint32_t host_wave = 1u << 11, cpu_wave = 1u << 14, gpu_wave = 1u << 25;
 constexpr uint64_t path_bytes = 320;               // queues and state of a path, about
 constexpr uint64_t most_array_bytes = 3ull << 30;  // drivers give no more than 4 GB to an allocation
 constexpr uint64_t smallest_group = 32;            // a stage or a tracer on a GPU dispatches no smaller one

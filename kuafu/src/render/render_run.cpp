@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "device/error.h"
+#include "device/interrupt.h"
 #include "pathtrace/wave_size.h"
 
 namespace kuafu {
@@ -90,7 +91,7 @@ void RenderRun::render_round() {
     const uint32_t count = std::min(batch, total - first);
     if ((launch_.wants_aovs() || denoises()) && budget_.done() == 0) render_surfaces(first, count);
     if (launch_.wants_radiance()) render_pixels(first, count);
-    if (ends_submission(first / batch)) commands_.flush();
+    commands_.flush();  // a caller who wants to end waits for no more than a batch, and no watchdog minds
     report(first, float(count));
   }
 }
@@ -172,15 +173,14 @@ void RenderRun::in_squares(uint32_t pixels, const std::function<void(Wave&)>& st
   for (uint32_t first = 0; first < pixels; first += batch) {
     const uint32_t count = std::min(batch, pixels - first);
     parts_.paths.in_waves(commands_, launch_, parts_.paths.range(launch_, first, count, launch_.first_sample, square_rays), step);
-    if (ends_submission(first / batch)) commands_.flush();
+    commands_.flush();
   }
 }
 
 void RenderRun::report(uint32_t pixels_done, float part) {
   const float round = std::min(1.0f, (float(pixels_done) + part) / float(launch_.pixel_count()));
   const float fraction = (float(budget_.done()) + round * float(budget_.next())) / float(launch_.samples);
-  if (launch_.cancelled && launch_.cancelled(fraction))
-    ks::fail(KS_ERROR_CANCELLED, "the progress callback cancelled the render at %.0f %%", 100.0 * fraction);
+  if (ks::Interrupt* interrupt = ks::Interrupt::current()) interrupt->report(fraction);
 }
 
 }  // namespace kuafu

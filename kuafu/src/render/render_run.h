@@ -68,8 +68,6 @@ class RenderRun {
 
   [[nodiscard]] const Memory& memory() const { return parts_.paths.memory(); }
   [[nodiscard]] bool denoises() const { return launch_.denoise != DenoiseKind::none && launch_.wants_radiance(); }
-  /// A CPU device, and a caller who asks for progress, get batches one by one. Other devices get eight at once, which no watchdog minds.
-  [[nodiscard]] bool ends_submission(uint32_t batch) const { return memory().device->is_cpu() || launch_.cancelled || batch % 8 == 7; }
 
   /// Whether later rounds or calls go on with the sums.
   [[nodiscard]] bool keeps_sums() const { return (launch_.accumulate || launch_.has_budget()) && launch_.wants_radiance(); }

@@ -1,5 +1,7 @@
 #include "render/renderer.h"
 
+#include "device/interrupt.h"
+
 namespace kuafu {
 
 void hold_images(Launch& launch) {
@@ -16,6 +18,7 @@ void Renderer::render(const std::shared_ptr<const Scene>& scene, const Launch& l
   std::unique_ptr<ks::Commands> commands = commands_ ? std::move(commands_) : std::make_unique<ks::Commands>(device());
   parts_.paths.collect_times(*commands);  // those of a failed render
   commands->reset_stage_times();
+  ks::Interrupt interrupt(launch.cancelled);
   RenderRun run(parts_, launch, *commands);
   try {
     run.prepare(*scene);

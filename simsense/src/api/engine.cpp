@@ -69,7 +69,7 @@ extern "C" {
 
 ks_status simsense_engine_create(simsense_device device, const simsense_rig_desc* rig, const simsense_parameters* parameters,
                                  simsense_engine* out) {
-  return ks::guard([&] {
+  return ks::call([&] {
     ks::clear_out(out);
     const auto known_rig = ks::read_struct(rig, SIMSENSE_TYPE_RIG_DESC, "rig");
     *out =
@@ -78,19 +78,19 @@ ks_status simsense_engine_create(simsense_device device, const simsense_rig_desc
 }
 
 ks_status simsense_engine_set_parameters(simsense_engine engine, const simsense_parameters* parameters) {
-  return ks::guard([&] { ks::object_of(engine, "engine")->set_parameters(read_parameters(parameters)); });
+  return ks::call([&] { ks::object_of(engine, "engine")->set_parameters(read_parameters(parameters)); });
 }
 
 ks_status simsense_engine_get_parameters(simsense_engine engine, simsense_parameters* out) {
-  return ks::guard([&] { ks::write_struct(out, ks::object_of(engine, "engine")->parameters(), SIMSENSE_TYPE_PARAMETERS, "out"); });
+  return ks::call([&] { ks::write_struct(out, ks::object_of(engine, "engine")->parameters(), SIMSENSE_TYPE_PARAMETERS, "out"); });
 }
 
 ks_status simsense_signal_preset(const char* name, simsense_signal* out) {
-  return ks::guard([&] { ks::write_struct(out, simsense::signal_preset(name), SIMSENSE_TYPE_SIGNAL, "out"); });
+  return ks::call([&] { ks::write_struct(out, simsense::signal_preset(name), SIMSENSE_TYPE_SIGNAL, "out"); });
 }
 
 ks_status simsense_engine_set_signal(simsense_engine engine, const simsense_signal* left, const simsense_signal* right) {
-  return ks::guard([&] {
+  return ks::call([&] {
     const auto& object = ks::object_of(engine, "engine");
     object->set_signal(ks::read_struct(left, SIMSENSE_TYPE_SIGNAL, "left signal"),
                        ks::read_struct(right, SIMSENSE_TYPE_SIGNAL, "right signal"));
@@ -98,7 +98,7 @@ ks_status simsense_engine_set_signal(simsense_engine engine, const simsense_sign
 }
 
 ks_status simsense_engine_get_signal(simsense_engine engine, simsense_signal* left, simsense_signal* right) {
-  return ks::guard([&] {
+  return ks::call([&] {
     const auto& object = ks::object_of(engine, "engine");
     if (left) ks::write_struct(left, object->signal(0), SIMSENSE_TYPE_SIGNAL, "left signal");
     if (right) ks::write_struct(right, object->signal(1), SIMSENSE_TYPE_SIGNAL, "right signal");
@@ -110,7 +110,7 @@ void simsense_engine_retain(simsense_engine engine) { ks::retain(engine, "engine
 void simsense_engine_release(simsense_engine engine) { ks::release(engine, "engine"); }
 
 ks_status simsense_engine_get_rectified(simsense_engine engine, double* k, double* baseline_m, double* left_to_rectified) {
-  return ks::guard([&] {
+  return ks::call([&] {
     const simsense::StereoGeometry& geometry = ks::object_of(engine, "engine")->geometry();
     const simsense::Pinhole& c = geometry.camera;
     const double matrix[9] = {c.fx, 0, c.cx, 0, c.fy, c.cy, 0, 0, 1};
@@ -121,29 +121,29 @@ ks_status simsense_engine_get_rectified(simsense_engine engine, double* k, doubl
 }
 
 ks_status simsense_engine_compute(simsense_engine engine, const simsense_compute_desc* desc) {
-  return ks::guard([&] { ks::object_of(engine, "engine")->compute(read_request(desc)); });
+  return ks::call([&] { ks::object_of(engine, "engine")->compute(read_request(desc)); });
 }
 
 ks_status simsense_engine_submit(simsense_engine engine, const simsense_compute_desc* desc, ks_sync* out) {
-  return ks::guard([&] {
+  return ks::call([&] {
     (void)ks::check_header(out, KS_TYPE_SYNC, "out");  // before work begins that nobody could wait for
     ks::write_struct(out, ks::object_of(engine, "engine")->submit(read_request(desc)), KS_TYPE_SYNC, "out");
   });
 }
 
 ks_status simsense_engine_wait(simsense_engine engine, const ks_sync* sync) {
-  return ks::guard([&] { ks::object_of(engine, "engine")->wait(ks::read_struct(sync, KS_TYPE_SYNC, "sync")); });
+  return ks::call([&] { ks::object_of(engine, "engine")->wait(ks::read_struct(sync, KS_TYPE_SYNC, "sync")); });
 }
 
 ks_status simsense_engine_export_timeline(simsense_engine engine, ks_sync* out) {
-  return ks::guard([&] {
+  return ks::call([&] {
     (void)ks::check_header(out, KS_TYPE_SYNC, "out");  // before an fd is made that nobody would close
     ks::write_struct(out, ks::object_of(engine, "engine")->export_timeline(), KS_TYPE_SYNC, "out");
   });
 }
 
 ks_status simsense_engine_get_stage_times(simsense_engine engine, ks_stage_time* times, uint32_t* count) {
-  return ks::guard([&] {
+  return ks::call([&] {
     if (count == nullptr) ks::fail(KS_ERROR_INVALID_ARGUMENT, "count is NULL");
     const std::vector<ks_stage_time>& known = ks::object_of(engine, "engine")->stage_times();
     if (times) std::copy_n(known.begin(), std::min<size_t>(*count, known.size()), times);

@@ -1,0 +1,83 @@
+#include "device/pipeline_in_build.h"
+
+#include <unistd.h>
+
+#include <chrono>
+#include <condition_variable>
+#include <cstdlib>
+#include <mutex>
+#include <thread>
+#include <utility>
+
+#include "device/interrupt.h"
+
+namespace ks {
+namespace {
+
+/// The threads that build. They may outlive their callers but not the process: its end takes the driver's compiler apart.
+class Builders {
+ public:
+  static Builders& get() {
+    static auto* const builders = new Builders;  // never destroyed: the last builder still tells it
+    return *builders;
+  }
+
+  template <class F>
+  void start(F&& build) {
+    const std::lock_guard lock(mutex_);
+    std::thread([this, build = std::forward<F>(build)]() mutable {
+      build();
+      const std::lock_guard done(mutex_);
+      --count_;
+      idle_.notify_all();
+    }).detach();
+    ++count_;
+  }
+
+ private:
+  Builders() {
+    std::atexit([] { get().wait(); });
+  }
+
+  void wait() {
+    if (getpid() != process_) return;  // a forked child has none of the threads
+    std::unique_lock lock(mutex_);
+    idle_.wait(lock, [&] { return count_ == 0; });
+  }
+
+  const pid_t process_ = getpid();
+  std::mutex mutex_;
+  std::condition_variable idle_;
+  int count_ = 0;
+};
+
+/// Makes drivers compile now that would do it at the first run, as lavapipe does: a run of no groups.
+void compile(const std::shared_ptr<Device>& device, const ComputePipeline& pipeline) {
+  Commands commands(device);
+  const VkCommandBuffer buffer = commands.handle();
+  device->vk().vkCmdBindPipeline(buffer, VK_PIPELINE_BIND_POINT_COMPUTE, pipeline.handle());
+  device->vk().vkCmdDispatch(buffer, 0, 0, 0);
+  commands.flush();
+}
+
+}  // namespace
+
+const ComputePipeline& PipelineInBuild::get(const std::shared_ptr<Device>& device, std::span<const uint32_t> spirv,
+                                            uint32_t push_constant_bytes, std::span<const uint32_t> specialisation) {
+  if (pipeline_) return *pipeline_;
+  if (!building_.valid()) {
+    std::packaged_task<std::unique_ptr<ComputePipeline>()> task(
+        [device, spirv, push_constant_bytes, constants = std::vector<uint32_t>(specialisation.begin(), specialisation.end())] {
+          auto pipeline = std::make_unique<ComputePipeline>(device, spirv, push_constant_bytes, constants);
+          if (device->is_cpu()) compile(device, *pipeline);
+          return pipeline;
+        });
+    building_ = task.get_future();
+    Builders::get().start(std::move(task));
+  }
+  while (building_.wait_for(std::chrono::milliseconds(20)) != std::future_status::ready) interruption_point();
+  pipeline_ = building_.get();  // where it throws, the next use tries again
+  return *pipeline_;
+}
+
+}  // namespace ks

@@ -1,0 +1,71 @@
+// Renders whose caller does not wait for them: a thread of the library's takes them one after the other; at most two are under way.
+// Thread rule: as the renderer's, one caller at a time; cancel() may be called by any thread at any time.
+#pragma once
+
+#include <atomic>
+#include <condition_variable>
+#include <exception>
+#include <mutex>
+#include <thread>
+
+#include "render/renderer.h"
+
+namespace kuafu {
+
+class RenderQueue {
+ public:
+  /// As Renderer's.
+  RenderQueue(std::shared_ptr<ks::Device> device, TracerKind tracer, std::string oidn_library);
+  /// Cancels what is under way, and waits for it.
+  ~RenderQueue();
+  RenderQueue(const RenderQueue&) = delete;
+  RenderQueue& operator=(const RenderQueue&) = delete;
+
+  /// Waits for what was submitted, then renders in the caller's thread.
+  void render(const std::shared_ptr<const Scene>& scene, Launch launch);
+  /// Returns the submission's number, as soon as fewer than two are under way. `held` is let go when the render has ended: until then the
+  /// scene must stay as it is.
+  uint64_t submit(std::shared_ptr<const Scene> scene, Launch launch, std::shared_ptr<const void> held);
+  /// false: it has not ended after so long (UINT64_MAX: however long it takes). Throws what the render threw. An outcome is kept until the
+  /// second submission after it.
+  [[nodiscard]] bool wait(uint64_t number, uint64_t timeout_ns);
+  /// Ends every render that has begun or was submitted.
+  void cancel() { ++wishes_; }
+
+  /// Of the last render that its caller waited for.
+  [[nodiscard]] const std::vector<std::pair<std::string, double>>& stage_times() const { return stage_times_; }
+  [[nodiscard]] const RenderSummary& summary() const { return summary_; }
+  [[nodiscard]] const std::shared_ptr<ks::Device>& device() const { return renderer_.device(); }
+
+ private:
+  static constexpr uint64_t most_under_way = 2;
+  struct Submission {
+    std::shared_ptr<const Scene> scene;
+    Launch launch;
+    std::shared_ptr<const void> held;
+    std::exception_ptr failure;
+    std::vector<std::pair<std::string, double>> stage_times;
+    RenderSummary summary;
+  };
+
+  [[nodiscard]] Submission& slot(uint64_t number) { return slots_[number % most_under_way]; }
+  /// The launch ends also by cancel() from now on.
+  void heed_cancel(Launch& launch) const;
+  /// Waits in the caller's thread until so many submissions have ended; false: it took too long.
+  [[nodiscard]] bool wait_for_ended(uint64_t count, uint64_t timeout_ns);
+  void serve();
+  void run(Submission& submission);
+
+  Renderer renderer_;
+  std::atomic<uint64_t> wishes_{0};
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  Submission slots_[most_under_way];
+  uint64_t submitted_ = 0, ended_ = 0;  // how many
+  bool stopping_ = false;
+  std::thread thread_;  // from the first submission on
+  std::vector<std::pair<std::string, double>> stage_times_;
+  RenderSummary summary_{};
+};
+
+}  // namespace kuafu

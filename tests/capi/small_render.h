@@ -1,0 +1,65 @@
+// A small render over the C API, for tests of what may happen around it.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include "capi/library_pair.h"
+
+namespace ks::test {
+
+/// A device, and a small render.
+struct SmallRender {
+  kuafu_device device = open_cpu_device<Kuafu>();
+  kuafu_scene scene = nullptr;
+  kuafu_renderer renderer = nullptr;
+  kuafu_buffer buffer = nullptr;
+  kuafu_view_desc view = kuafu_view_desc_init();
+  kuafu_output_desc output{};
+  kuafu_render_desc desc = kuafu_render_desc_init();
+
+  explicit SmallRender(uint32_t tracer) {
+    if (device == nullptr) return;
+    constexpr uint32_t side = 64;
+    const float positions[] = {-9, -9, 2, 9, -9, 2, -9, 9, 2};
+    const uint32_t indices[] = {0, 1, 2};
+    kuafu_mesh_desc mesh = kuafu_mesh_desc_init();
+    mesh.positions = positions, mesh.vertex_count = 3, mesh.indices = indices, mesh.triangle_count = 1;
+    kuafu_instance_desc instance = kuafu_instance_desc_init(0);
+    kuafu_environment_desc environment = kuafu_environment_desc_init();
+    for (float& r : environment.radiance) r = 1.0f;
+    kuafu_renderer_desc renderer_desc{};
+    renderer_desc.header = ks_header_make(KUAFU_TYPE_RENDERER_DESC, sizeof renderer_desc);
+    renderer_desc.tracer = tracer;
+    const ks_buffer_create create = ks_buffer_create_init(side * side * 4, KS_BUFFER_HOST_VISIBLE);
+    uint32_t id = 0;
+    EXPECT_EQ(kuafu_scene_create(device, &scene), KS_OK);
+    EXPECT_EQ(kuafu_scene_add_mesh(scene, &mesh, &instance.mesh), KS_OK) << kuafu_last_error();
+    EXPECT_EQ(kuafu_scene_add_instance(scene, &instance, &id), KS_OK) << kuafu_last_error();
+    EXPECT_EQ(kuafu_scene_set_environment(scene, &environment), KS_OK);
+    EXPECT_EQ(kuafu_renderer_create(device, &renderer_desc, &renderer), KS_OK) << kuafu_last_error();
+    EXPECT_EQ(kuafu_buffer_create(device, &create, &buffer), KS_OK);
+    view.camera.width = view.camera.height = side;
+    view.camera.k[0] = view.camera.k[4] = 60, view.camera.k[2] = view.camera.k[5] = 31.5;
+    const uint64_t shape[4] = {1, side, side, 1};
+    output = kuafu_output_desc_init(KUAFU_OUTPUT_RADIANCE, buffer, ks_image_desc_packed(KS_FORMAT_F32, 4, shape));
+    view.band = KUAFU_BAND_INFRARED;
+    desc.views = &view, desc.view_count = 1, desc.outputs = &output, desc.output_count = 1;
+    desc.samples_per_pixel = 1;
+  }
+  ~SmallRender() {
+    kuafu_buffer_release(buffer);
+    kuafu_renderer_release(renderer);
+    kuafu_scene_release(scene);
+    kuafu_device_release(device);
+  }
+  SmallRender(const SmallRender&) = delete;
+  SmallRender& operator=(const SmallRender&) = delete;
+
+  /// A short render works.
+  void expect_works() {
+    desc.samples_per_pixel = 1, desc.progress = nullptr;
+    EXPECT_EQ(kuafu_renderer_render(renderer, scene, &desc), KS_OK) << kuafu_last_error();
+  }
+};
+
+}  // namespace ks::test
