@@ -5,7 +5,7 @@
 #include <cstring>
 #include <memory>
 
-#include "capi/library_pair.h"
+#include "capi/small_render.h"
 
 namespace ks::test {
 namespace {
@@ -99,6 +99,18 @@ TEST(Structs, NoStructEndsInsideOfAField) {
     EXPECT_EQ(kuafu_scene_add_texture(s.scene, &texture, &id), KS_ERROR_INVALID_ARGUMENT) << size;
     if (size % 4 != 0) {
       EXPECT_TRUE(says(kuafu_last_error(), "inside of a field")) << kuafu_last_error();
+    }
+  }
+}
+
+TEST(Structs, AnOutputThatEndsInsideOfAFieldIsRefusedAndReadsNothingBeyond) {
+  SmallRender render(KUAFU_TRACER_AUTO);
+  SKIP_IF(render.device ? "" : kuafu_last_error());
+  for (uint32_t size = 0; size < sizeof render.output; ++size) {
+    render.output.header.size_bytes = size;
+    const ks_status status = kuafu_renderer_render(render.renderer, render.scene, &render.desc);
+    if (size % 4 != 0 || size < offsetof(kuafu_output_desc, image)) {
+      EXPECT_EQ(status, KS_ERROR_INVALID_ARGUMENT) << size;
     }
   }
 }
