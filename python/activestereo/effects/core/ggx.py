@@ -7,6 +7,7 @@ not given, as in glTF.
 from functools import lru_cache
 
 import numpy as np
+from scipy.integrate import trapezoid
 
 IOR = 1.5
 _COSINES = 33
@@ -52,7 +53,7 @@ def base_share(
     """How bright the diffuse base is below `factor` of the lobe, relative to the bare one: what the lobe lets in and out, as the renderer
     has it (Kelemen and Szirmay-Kalos 2001)."""
     cosines, shares = _shares(float(roughness), float(ior))
-    mean = np.trapz(shares * 2 * cosines, cosines)
+    mean = trapezoid(shares * 2 * cosines, cosines)
     let_in, let_out = (1.0 - factor * reflected_share(cosine, roughness, ior) for cosine in (cosine_in, cosine_out))
     return let_in * let_out / (1.0 - factor * mean)
 
