@@ -8,10 +8,20 @@ from activestereo.effects.core.light import Light
 from activestereo.effects.core.view import View
 
 
-@moves("projector.falloff")
+@moves("pattern")
 def _engine(inputs: EngineInputs, exponent: float) -> None:
-    if inputs.projector is not None:
-        inputs.projector.falloff += exponent
+    own = inputs.projector
+    if own is None:
+        return
+    if inputs.pattern is None:
+        own.falloff += exponent
+        return
+    # In the pattern it costs nothing: kuafu's own falloff asks for its slower shading of shaped lights.
+    height, width = inputs.pattern.shape
+    v, u = np.mgrid[0:height, 0:width]
+    y = (v - own.k[1, 2]) / own.k[1, 1]
+    x = (u - own.k[0, 2] - own.k[0, 1] * y) / own.k[0, 0]
+    inputs.pattern = np.float32(inputs.pattern * (1.0 + x * x + y * y) ** (-0.5 * exponent))
 
 
 @effect(
