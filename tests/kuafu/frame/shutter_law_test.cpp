@@ -220,7 +220,7 @@ TEST(Camera, what_it_cannot_be_is_refused_with_the_numbers) {
   refused([](Desc& c) { c.exposure_s = -1; }, "exposure_s is -1");
   refused([](Desc& c) { c.line_time_s = INFINITY; }, "line_time_s is inf");
   refused([](Desc& c) { c.angular_velocity[1] = NAN; }, "angular_velocity is nan");
-  refused([](Desc& c) { c.distortion[7] = NAN; }, "distortion has a value");
+  refused([](Desc& c) { c.distortion[7] = NAN; }, "distortion is nan");
   // r (1 - r^2 / 3) grows up to r = 1, to 2/3; this image reaches 0.8 at its sides.
   refused([](Desc& c) { c.distortion[0] = -1.0 / 3, c.k[0] = c.k[4] = 5; }, "grows to radius 0.66");
 }
