@@ -35,7 +35,7 @@ def joined(parts: Sequence[Mesh]) -> Mesh:
     )
 
 
-def _grid(rows: int, columns: int) -> np.ndarray:
+def grid(rows: int, columns: int) -> np.ndarray:
     """Triangles of a rows x columns grid of vertices, counter-clockwise when columns go right and rows go up."""
     first = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
     a, b, c, d = first, first + 1, first + columns, first + columns + 1
@@ -48,7 +48,7 @@ def sheet(origin: ArrayLike, side_u: ArrayLike, side_v: ArrayLike) -> Mesh:
     normal = np.cross(side_u, side_v)
     normal /= np.linalg.norm(normal)
     corners = [origin, origin + side_u, origin + side_v, origin + side_u + side_v]
-    return Mesh.of(corners, [normal] * 4, [[0, 1], [1, 1], [0, 0], [1, 0]], _grid(2, 2))
+    return Mesh.of(corners, [normal] * 4, [[0, 1], [1, 1], [0, 0], [1, 0]], grid(2, 2))
 
 
 def box(width: float, height: float, depth: float) -> Mesh:
@@ -82,7 +82,7 @@ def _turned(profile: np.ndarray, segments: int) -> Mesh:
     normals = tangent[:, 1:, None] * around - tangent[:, :1, None] * up
     length = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(profile, axis=0), axis=1))]
     v, u = np.meshgrid(1.0 - length / length[-1], angle / (2.0 * np.pi), indexing="ij")
-    triangles = _grid(len(profile), segments + 1)
+    triangles = grid(len(profile), segments + 1)
     flat = positions.reshape(-1, 3)
     a, b, c = (flat[triangles[:, k]] for k in range(3))
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1)

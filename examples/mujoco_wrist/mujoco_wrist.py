@@ -1,0 +1,105 @@
+"""A depth camera on a robot's wrist in MuJoCo: things fall onto a table, the camera looks on.
+
+    PYTHONPATH=build/python python3 examples/mujoco_wrist/mujoco_wrist.py --out out/mujoco_wrist
+
+Needs the package mujoco (pip install mujoco). No renderer of MuJoCo's is used.
+"""
+
+import argparse
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+try:
+    import mujoco
+except ImportError:
+    sys.exit("this example needs the package mujoco: pip install mujoco")
+
+from activestereo import StereoDepthSensor, StereoDepthSensorConfig
+from activestereo.mujoco import MujocoScene
+
+TABLE = """<mujoco>
+<asset>
+  <texture name="wood" type="2d" builtin="checker" rgb1=".62 .45 .30" rgb2=".52 .36 .23" width="64" height="64"/>
+  <material name="wood" texture="wood" texrepeat="6 6" specular=".3"/>
+  <material name="steel" rgba=".66 .64 .61 1" metallic="1" roughness=".25"/>
+</asset>
+<worldbody>
+  <light pos=".4 .5 1.6" dir="-.2 -.25 -1"/>
+  <geom name="table" type="box" size=".6 .6 .02" pos="0 0 -.02" material="wood"/>
+  <body name="ball" pos=".05 .1 .3"><freejoint/><geom name="ball" type="sphere" size=".05" material="steel" density="3000"/></body>
+  <body name="can" pos="-.12 -.1 .25"><freejoint/><geom name="can" type="cylinder" size=".035 .05" rgba=".2 .6 .3 1"/></body>
+  <body name="pill" pos="-.1 .12 .35" euler="70 0 0"><freejoint/><geom name="pill" type="capsule" size=".025 .05" rgba=".8 .7 .3 1"/></body>
+  BOXES
+  <body name="wrist" pos="-.6 0 .5"><camera name="wrist" xyaxes="0 -1 0 .64 0 .77"/></body>
+</worldbody></mujoco>"""
+BOX = '<body name="box {i}" pos="{x} {y} {z}" euler="{a} {b} 0"><freejoint/><geom name="box {i}" type="box" size="{s}" rgba="{c} 1"/></body>'
+STEPS_PER_PICTURE = 20
+
+
+def make_model(seed: int) -> mujoco.MjModel:
+    random = np.random.Generator(np.random.PCG64(seed))
+    boxes = "".join(
+        BOX.format(
+            i=i, x=random.uniform(-0.15, 0.15), y=random.uniform(-0.15, 0.15), z=0.15 + 0.11 * i,
+            a=random.uniform(0, 90), b=random.uniform(0, 90),
+            s=" ".join(f"{v:.3f}" for v in random.uniform(0.02, 0.05, 3)),
+            c=" ".join(f"{v:.2f}" for v in random.uniform(0.2, 0.9, 3)),
+        )
+        for i in range(6)
+    )  # fmt: skip
+    return mujoco.MjModel.from_xml_string(TABLE.replace("BOXES", boxes))
+
+
+def run(out: Path, pictures: int, scale: float, samples: int) -> float:
+    """Writes last.png; returns the share of measured pixels of the last picture within 2 % of the truth."""
+    model = make_model(seed=1)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    world = MujocoScene(model, data)
+    config = StereoDepthSensorConfig("D435").scaled(scale)
+    config.samples_per_pixel = samples
+    sensor = StereoDepthSensor(config, world.mount("wrist"))
+    spent = np.zeros(4)
+    for k in range(pictures):
+        start = time.perf_counter()
+        mujoco.mj_step(model, data, nstep=STEPS_PER_PICTURE)
+        stepped = time.perf_counter()
+        moved = world.update()
+        updated = time.perf_counter()
+        sensor.take_picture(infrared_only=k + 1 < pictures)
+        taken = time.perf_counter()
+        sensor.compute_depth()
+        spent += np.diff([start, stepped, updated, taken, time.perf_counter()])
+        print(f"picture {k + 1} of {pictures}: {moved} things moved")
+    names = ("physics", "update of the scene", "pictures", "depth")
+    print(", ".join(f"{name} {1e3 * t / pictures:.2f} ms" for name, t in zip(names, spent, strict=True)))
+    depth, truth = sensor.get_depth(), sensor.get_true_depth()
+    measured = (depth > 0) & (truth > 0)
+    good = np.abs(depth - truth)[measured] < 0.02 * truth[measured]
+    print(f"{100 * measured.mean():.1f} % measured, {100 * good.mean():.1f} % of that within 2 % of the true depth")
+    out.mkdir(parents=True, exist_ok=True)
+    near, far = 0.5, 1.3
+    shades = [255 * np.clip((far - z) / (far - near), 0, 1) * (z > 0) for z in (depth, truth)]
+    left = np.repeat(255 * sensor.get_ir()[0][..., None], 3, axis=2)
+    tiles = [255 * sensor.get_rgb(), left, *(np.repeat(s[..., None], 3, axis=2) for s in shades)]
+    tiles = [np.asarray(Image.fromarray(t.astype(np.uint8)).resize(config.rgb_resolution)) for t in tiles]
+    Image.fromarray(np.vstack([np.hstack(tiles[:2]), np.hstack(tiles[2:])])).save(out / "mujoco_wrist.png")
+    return float(good.mean())
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--out", type=Path, default=Path("out/mujoco_wrist"), help="folder of the picture")
+    parser.add_argument("--pictures", type=int, default=10, help="how many pictures are taken")
+    parser.add_argument("--scale", type=float, default=0.5, help="size of the images, of a D435's")
+    parser.add_argument("--samples", type=int, default=16, help="samples per pixel")
+    options = parser.parse_args()
+    run(options.out, options.pictures, options.scale, options.samples)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,186 @@
+"""Rigid bodies of any simulator in a kuafu scene: made once, then moved by arrays of poses.
+
+    bodies = Bodies(scene, environment_count=16)
+    cup = bodies.add("cup", [Shape(scene.add_mesh(positions, triangles), [material])])
+    bodies.move(poses)  # [16, bodies, 7] or [16, bodies, 4, 4]: NumPy, torch, or anything with DLPack
+
+What a scene mirror of one simulator (activestereo.mujoco, activestereo.sapien) adds is where shapes and poses are
+found.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from difflib import get_close_matches
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+import kuafu
+from activestereo.meshes import Mesh
+from activestereo.pose_arrays import host_array, pose_fault, pose_matrices
+
+
+class BodyPoseError(ValueError):
+    """A pose that is none. Environments without such a pose have moved; those with one are as before. environment (None
+    where there is but one scene) and body: of the first."""
+
+    def __init__(self, text: str, environment: int | None, body: str) -> None:
+        super().__init__(text)
+        self.environment, self.body = environment, body
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A mesh of a body. mesh, materials: the scene's numbers. to_body: 4x4, scale included."""
+
+    mesh: int
+    materials: Sequence[int] = ()
+    to_body: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
+
+
+class Bodies:
+    """Bodies of one scene, numbered in the order in which they were added.
+
+    environment_count: E environments that share meshes and materials, and of which each view of a render sees one;
+    None: one scene without environments, whose poses are [bodies, 7] or [bodies, 4, 4].
+    """
+
+    def __init__(self, scene: kuafu.Scene, environment_count: int | None = None) -> None:
+        if environment_count is not None and environment_count < 1:
+            raise ValueError(f"a batch has at least one environment, not {environment_count}")
+        self.scene = scene
+        self.environment_count = environment_count
+        self.names: list[str] = []
+        # One row for each instance in the scene: its number, environment, body and 4x4 to the body.
+        self._instances: list[int] = []
+        self._environments: list[int] = []
+        self._bodies: list[int] = []
+        self._to_body: list[NDArray[np.float64]] = []
+        self._last: NDArray[np.float64] | None = None
+
+    def add(
+        self,
+        name: str,
+        shapes: Iterable[Shape],
+        pose: ArrayLike | None = None,
+        environments: Iterable[int] | None = None,
+        semantic_id: int = 0,
+    ) -> int:
+        """Puts a body into the scene and returns its number. pose: [7] or [4, 4] until it is moved. environments: those
+        that have it, all by default. semantic_id: what kuafu's output of that name shows."""
+        if name in self.names:
+            raise ValueError(f"there is a body '{name}' already")
+        start = np.eye(4) if pose is None else pose_matrices(np.asarray(pose, dtype=np.float64), f"body '{name}'")
+        fault = pose_fault(start)
+        if start.shape != (4, 4) or fault.any():
+            raise ValueError(f"body '{name}': a pose is [7] or a rigid [4, 4] of finite numbers; got {pose!r}")
+        chosen = self._environments_of(name, environments)
+        for shape in shapes:
+            for environment in chosen:
+                instance = self.scene.add_instance(
+                    shape.mesh,
+                    shape.materials,
+                    local_to_world=start @ shape.to_body,
+                    environment=environment,
+                    semantic_id=semantic_id,
+                    name=name,
+                )
+                self._instances.append(instance)
+                self._environments.append(0 if environment is None else environment)
+                self._bodies.append(len(self.names))
+                self._to_body.append(np.array(shape.to_body, dtype=np.float64))
+        self.names.append(name)
+        self._last = None
+        return len(self.names) - 1
+
+    def index(self, name: str) -> int:
+        """A body's number. Raises ValueError where there is none of this name."""
+        if name in self.names:
+            return self.names.index(name)
+        close = get_close_matches(name, self.names, 1)
+        hint = f"; did you mean '{close[0]}'?" if close else ""
+        raise ValueError(f"there is no body '{name}' among {len(self.names)}{hint}")
+
+    def move(self, poses: Any) -> int:
+        """Moves the bodies whose pose is not what it was, and returns how many instances moved.
+
+        poses: [E, bodies, 7] (x, y, z, then the quaternion w, x, y, z) or [E, bodies, 4, 4] body to world; without
+        environments the first axis is absent. A mapping {name: [E, 7] or [E, 4, 4]} moves some bodies. Raises
+        BodyPoseError for what is no pose, and ValueError for another shape or an unknown body.
+        """
+        now = self._from_names(poses) if isinstance(poses, Mapping) else self._matrices(host_array(poses))
+        fault = pose_fault(now)
+        has_moved = np.ones(now.shape[:2], bool) if self._last is None else (now != self._last).any(axis=(2, 3))
+        broken = fault.any(axis=1)
+        has_moved[broken] = False
+        rows = np.flatnonzero(has_moved[self._environments, self._bodies]) if self._instances else np.empty(0, int)
+        if rows.size:
+            environments, bodies = np.array(self._environments)[rows], np.array(self._bodies)[rows]
+            to_world = now[environments, bodies] @ np.array(self._to_body)[rows]
+            for row, matrix in zip(rows, to_world, strict=True):
+                self.scene.set_instance_pose(self._instances[row], matrix)
+        if broken.any():
+            now[broken] = np.nan if self._last is None else self._last[broken]  # a NaN differs from every later pose
+        self._last = now
+        if broken.any():
+            self._refuse(fault)
+        return int(rows.size)
+
+    def _environments_of(self, name: str, chosen: Iterable[int] | None) -> list[int | None]:
+        if self.environment_count is None:
+            if chosen is not None:
+                raise ValueError(f"body '{name}': this scene has no environments to choose from")
+            return [None]
+        out = list(range(self.environment_count) if chosen is None else chosen)
+        if any(not 0 <= e < self.environment_count for e in out):
+            raise ValueError(f"body '{name}': environments are 0 to {self.environment_count - 1}, not {out}")
+        return list(out)
+
+    def _matrices(self, array: NDArray[np.float64]) -> NDArray[np.float64]:
+        """[E, bodies, 4, 4], with E = 1 where there are no environments."""
+        lead = () if self.environment_count is None else (self.environment_count,)
+        wanted = (*lead, len(self.names))
+        if array.shape not in ((*wanted, 7), (*wanted, 4, 4)):
+            raise ValueError(
+                f"poses of {len(self.names)} bodies"
+                + (f" in {self.environment_count} environments" if lead else "")
+                + f" have the shape {(*wanted, 7)} or {(*wanted, 4, 4)}, not {array.shape}"
+            )
+        return pose_matrices(array, "poses").reshape(-1, len(self.names), 4, 4)
+
+    def _from_names(self, poses: Mapping[str, Any]) -> NDArray[np.float64]:
+        if self._last is None:
+            missing = [name for name in self.names if name not in poses]
+            if missing:
+                raise ValueError(f"the first move() needs the pose of every body; '{missing[0]}' is missing")
+        shape = (self.environment_count or 1, len(self.names), 4, 4)
+        now = np.empty(shape) if self._last is None else self._last.copy()
+        lead = () if self.environment_count is None else (self.environment_count,)
+        for name, given in poses.items():
+            body, array = self.index(name), host_array(given)
+            if array.shape not in ((*lead, 7), (*lead, 4, 4)):
+                wanted = f"{(*lead, 7)} or {(*lead, 4, 4)}"
+                raise ValueError(f"poses of body '{name}' have the shape {wanted}, not {array.shape}")
+            now[:, body] = pose_matrices(array, f"body '{name}'")
+        return now
+
+    def _refuse(self, fault: NDArray[np.bool_]) -> None:
+        environment, body = (int(v) for v in np.argwhere(fault)[0])
+        count = int(fault.any(axis=1).sum())
+        where = f"environment {environment}, body '{self.names[body]}'"
+        kept = f"; {count} of {self.environment_count} environments stay as they were, the others have moved"
+        if self.environment_count is None:
+            where, kept = f"body '{self.names[body]}'", "; nothing has moved"
+        raise BodyPoseError(
+            f"{where}: its pose is not a finite rigid one{kept}",
+            None if self.environment_count is None else environment,
+            self.names[body],
+        )
+
+
+def add_mesh(scene: kuafu.Scene, mesh: Mesh, name: str = "") -> int:
+    """Adds a mesh to a scene, with its normals and texture coordinates; returns its number."""
+    return scene.add_mesh(mesh.positions, mesh.indices, normals=mesh.normals, uvs=mesh.uvs, name=name)

@@ -1,0 +1,22 @@
+"""The examples of robot loops run, small."""
+
+import importlib.util
+from pathlib import Path
+
+import pytest
+
+EXAMPLES = Path(__file__).resolve().parents[3] / "examples"
+
+
+def load(path):
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_mujoco_wrist(tmp_path):
+    pytest.importorskip("mujoco", reason="the package mujoco is not installed (pip install mujoco)")
+    good_share = load(EXAMPLES / "mujoco_wrist/mujoco_wrist.py").run(tmp_path, pictures=2, scale=0.25, samples=4)
+    assert good_share > 0.6
+    assert (tmp_path / "mujoco_wrist.png").stat().st_size > 1000
