@@ -19,17 +19,22 @@ def _neutral(field: Field) -> str:
     return "" if field.neutral is None or field.neutral != field.neutral else number(field.neutral)
 
 
+def _plain(text: str) -> str:
+    """Text in which brackets are shapes and bars are bars, in Markdown."""
+    return text.replace("[", "\\[").replace("|", "\\|")
+
+
 def _row(field: Field) -> str:
     kind = " \\| ".join(f"`{v}`" for v in field.values) if field.values else f"`{field.type}{_shape(field)}`"
     where = ", ".join(name for name, there in (("extras", field.extras),) if there)
-    text = field.doc.replace("|", "\\|") + (f" (NAN: {field.nan})" if field.nan else "") + (f" *{where}*" if where else "")
+    text = _plain(field.doc) + (f" (NAN: {field.nan})" if field.nan else "") + (f" *{where}*" if where else "")
     return f"| `{field.name}` | {kind} | {range_text(field)} | {field.unit} | {page_default(field)} | {_neutral(field)} | {text} |"
 
 
 def _section(struct: Struct) -> list[str]:
     reach = [f"Reachable in: {struct.reach}.", ""] if struct.reach else []
     head = ["| field | type | range | unit | default | neutral, if another | what it is |", "|--|--|--|--|--|--|--|"]
-    return [f"## {struct.name}", struct.doc, "", *reach, *head, *(_row(f) for f in struct.fields if not f.reserved), ""]
+    return [f"## {struct.name}", _plain(struct.doc), "", *reach, *head, *(_row(f) for f in struct.fields if not f.reserved), ""]
 
 
 def page(tables: Tables) -> str:

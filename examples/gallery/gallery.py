@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """Draws the gallery: a small picture of each material, light and effect, and the page that shows them.
 
-usage: gallery.py [--only NAME ...] [--spp N]
-Writes pictures/*.jpg and README.md beside this file. Needs the kuafu module (PYTHONPATH=build/python).
+usage: gallery.py [--only NAME ...] [--spp N] [--out FOLDER]
+Writes FOLDER/pictures/*.jpg and FOLDER/README.md, beside this file where no folder is given. Needs the kuafu module (PYTHONPATH=build/python).
 """
 
 import argparse
@@ -25,8 +25,8 @@ ORDER = ("Materials", "Lights", "Projector", "Camera", "Film", "Denoising", "Out
 HEAD = """# Gallery
 
 What kuafu renders, one small picture each, made by
-```
-PYTHONPATH=build/python python3 examples/gallery/gallery.py
+```sh
+PYTHONPATH=build/python /usr/bin/python3 examples/gallery/gallery.py
 ```
 Each is a function of a few lines in this folder: take one as a start. 24 samples per pixel, denoised.
 """
@@ -51,16 +51,17 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("--only", nargs="*", help="names of pictures")
     parser.add_argument("--spp", type=int, default=24, help="samples per pixel")
+    parser.add_argument("--out", type=Path, default=HERE, help="folder for the pictures and the page")
     arguments = parser.parse_args()
     stage.SAMPLES = arguments.spp
     device = kuafu.Device()
-    (HERE / "pictures").mkdir(exist_ok=True)
+    (arguments.out / "pictures").mkdir(exist_ok=True)
     for t in TILES:
         if arguments.only and t.name not in arguments.only:
             continue
-        Image.fromarray(t.draw(device)).save(HERE / "pictures" / f"{t.name}.jpg", quality=90)
+        Image.fromarray(t.draw(device)).save(arguments.out / "pictures" / f"{t.name}.jpg", quality=90)
         print(f"{t.section}: {t.name}", flush=True)
-    (HERE / "README.md").write_text(page())
+    (arguments.out / "README.md").write_text(page())
 
 
 if __name__ == "__main__":
