@@ -19,6 +19,7 @@ def signal_parameters(config: StereoDepthSensorConfig) -> dict[str, float]:
         signal = simsense.signal_preset(signal)
     signal = simsense.signal_preset("neutral") | (_sapien_noise(config) if signal is None else signal)
     signal["exposure_s"] = config.ir_camera_exposure
+    signal["gain"] *= config.ir_camera_gain
     signal["responsivity_e"] *= config.ir_responsivity_dn
     signal["black_level_dn"] += config.ir_black_level_dn
     return signal

@@ -1,11 +1,10 @@
-"""Sensor presets: StereoDepthSensorConfig("D435") or ("D415"). Names and defaults are SAPIEN's; what SAPIEN has no name
-for follows them.
+"""A sensor's configuration: StereoDepthSensorConfig("D435"), or another camera of camera_data, whose files tell every
+figure with its source ('activestereo presets' prints them). Names are SAPIEN's; what SAPIEN has no name for follows
+them. "sapien-D435" and "sapien-D415" have SAPIEN's values, too.
 
-Exposure. A pixel's noise-free count is ir_camera_exposure * ir_responsivity_dn * radiance, plus the black level. The
-projector's peak of 3 W/sr is the D435's 360 mW, spread over its field with one dot in 80 pixels. On a surface of albedo
-0.5 that faces the sensor a mean dot then reaches about 130 counts at 1 m and 60 at 1.5 m, and clips below 0.75 m, as on
-the devices; a table top, which is seen at a slant, is well exposed from 0.5 m to 1.5 m (a quarter of a percent of the
-example's pixels clip). Real devices adapt their exposure; these do not.
+Exposure. A pixel's noise-free count is ir_camera_exposure * ir_camera_gain * ir_responsivity_dn * radiance, plus the
+black level. The devices' presets find exposure and gain by themselves (auto_exposure.py); SAPIEN's are fixed, so that a
+mean dot reaches about 130 counts at 1 m on a surface of albedo 0.5.
 """
 
 from __future__ import annotations
@@ -18,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from activestereo.camera_file import CameraData, camera_titles, read_camera
 from activestereo.matcher_table import MATCHER, MatcherFields
 from activestereo.pattern import PatternDesign, make_pattern
 from activestereo.pose import Pose
@@ -25,54 +25,45 @@ from activestereo.pose import Pose
 if TYPE_CHECKING:
     from activestereo.sensor_model import SensorModel
 
-# Calibration of one D435, as in SAPIEN: both IR cameras are turned alike against the RGB camera, by 0.9 degrees.
-_D435_IR_ROTATION = [
-    [0.9999489188194275, 0.009671091102063656, 0.0029452370945364237],
-    [-0.009709948673844337, 0.999862015247345, 0.013478035107254982],
-    [-0.0028144833631813526, -0.013505944050848484, 0.9999048113822937],
-]
-
-
-def _d435_pose(x: float, y: float, z: float) -> Pose:
-    matrix = np.eye(4)
-    matrix[:3, :3] = _D435_IR_ROTATION
-    matrix[:3, 3] = x, y, z
-    return Pose(matrix)
-
 
 def _k(fx: float, fy: float, cx: float, cy: float) -> np.ndarray:
     return np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
 
 
-def _d415() -> dict[str, Any]:
-    return {
-        "rgb_resolution": (1920, 1080),
-        "ir_resolution": (1280, 720),
-        "rgb_intrinsic": _k(1380.0, 1380.0, 960.0, 540.0),
-        "ir_intrinsic": _k(920.0, 920.0, 640.0, 360.0),
-        "trans_pose_l": Pose([0.0, -0.0175, 0.0]),
-        "trans_pose_r": Pose([0.0, -0.0720, 0.0]),
-        "pose_rgb_irproj": Pose(),
-        "active_light_fov": 1.57,
-        "pattern_design": PatternDesign(width=1920, height=1080, dot_pitch_px=14.6, dot_sigma_px=1.75, seed=2),
+def _pose(camera: CameraData, name: str) -> Pose:
+    matrix = np.eye(4)
+    matrix[:3, :3] = np.reshape(camera.value("rig", "ir_rotation"), (3, 3))
+    matrix[:3, 3] = camera.value("rig", name)
+    return Pose(matrix)
+
+
+def _pattern_design(camera: CameraData) -> PatternDesign:
+    width, height = camera.value("projector", "pattern_size")
+    told = {name: camera.value("projector", name) for name in ("dot_pitch_px", "dot_sigma_px", "weakest_dot", "background")}
+    return PatternDesign(width, height, seed=camera.value("projector", "pattern_seed"), **told)
+
+
+def _signal(camera: CameraData) -> dict[str, float] | None:
+    """simsense's imager for counts, None where the camera tells none: SAPIEN's noise then."""
+    told = camera.figures["imager"]
+    if "dn_per_electron" not in told:
+        return None
+    gain, contrast = camera.value("imager", "dn_per_electron"), camera.value("imager", "speckle_contrast", 0.0)
+    signal = {
+        "responsivity_e": 1.0 / gain,
+        "conversion_gain_dn_per_e": gain,
+        "shot_noise": 1.0,
+        "adc_noise_dn": camera.value("imager", "read_noise_dn", 0.0),
+        "prnu": camera.value("imager", "prnu", 0.0),
     }
-
-
-def _d435() -> dict[str, Any]:
-    return {
-        "rgb_resolution": (848, 480),
-        "ir_resolution": (848, 480),
-        "rgb_intrinsic": _k(605.12158203125, 604.905517578125, 424.5927734375, 236.668975830078),
-        "ir_intrinsic": _k(430.139801025391, 430.139801025391, 425.162841796875, 235.276519775391),
-        "trans_pose_l": _d435_pose(0.00015650546993128955, -0.014897654764354229, -1.1531494237715378e-05),
-        "trans_pose_r": _d435_pose(-0.0003285693528596312, -0.06504792720079422, 0.0006658887723460793),
-        "pose_rgb_irproj": _d435_pose(0.0, -0.044, 0.0),
-        "active_light_fov": float(np.deg2rad(102.0)),
-        "pattern_design": PatternDesign(width=1696, height=954, dot_pitch_px=14.4, dot_sigma_px=1.6, seed=2),
-    }
-
-
-_MODELS = {"D415": _d415, "D435": _d435}
+    if contrast > 0.0:
+        signal |= {
+            "speckle_shape": contrast**-2,
+            "speckle_scale": contrast**2,
+            "speckle_correlation": camera.value("imager", "speckle_static_share", 0.0),
+            "speckle_psf_sigma_px": camera.value("imager", "speckle_grain_px", 0.0),
+        }
+    return signal
 
 
 # What SAPIEN's StereoDepthSensorConfig calls the engine's parameters, and where its defaults are others.
@@ -93,10 +84,11 @@ def sapien_name(name: str) -> str:
 
 
 class StereoDepthSensorConfig(MatcherFields):
-    """Everything about a sensor; change any field before making the sensor. Raises ValueError for an unknown model,
-    AttributeError for a field that there is not."""
+    """Everything about a sensor; change any field before making the sensor. model: a camera's name, or the path of a
+    TOML file like those of camera_data. Raises ValueError for an unknown model, AttributeError for a field that there
+    is not."""
 
-    SUPPORTED_MODELS = tuple(_MODELS)
+    SUPPORTED_MODELS = tuple(camera_titles())
     _FIELDS: tuple[str, ...] = ()  # all names, once a first one has been made
     max_disp: int
     p1_penalty: int
@@ -106,19 +98,17 @@ class StereoDepthSensorConfig(MatcherFields):
     max_depth: float
 
     def __init__(self, model: str = "D435") -> None:
-        if str(model).upper() not in _MODELS:
-            raise ValueError(f"unknown sensor '{model}' (known: {', '.join(_MODELS)})")
-        self.model = str(model).upper()
-        preset = _MODELS[self.model]()
+        camera = read_camera(model)
+        self.model = camera.name
 
         # Cameras. Resolutions are (width, height); poses are those of the IR cameras and the projector in the RGB
         # camera's body frame (x forward, y left, z up).
-        self.rgb_resolution = preset["rgb_resolution"]
-        self.ir_resolution = preset["ir_resolution"]
-        self.rgb_intrinsic = preset["rgb_intrinsic"]
-        self.ir_intrinsic = preset["ir_intrinsic"]
-        self.trans_pose_l = preset["trans_pose_l"]
-        self.trans_pose_r = preset["trans_pose_r"]
+        self.rgb_resolution = tuple(camera.value("rig", "rgb_resolution"))
+        self.ir_resolution = tuple(camera.value("rig", "ir_resolution"))
+        self.rgb_intrinsic = _k(*camera.value("rig", "rgb_intrinsic"))
+        self.ir_intrinsic = _k(*camera.value("rig", "ir_intrinsic"))
+        self.trans_pose_l = _pose(camera, "left_position_m")
+        self.trans_pose_r = _pose(camera, "right_position_m")
         # Lenses, of Brown and Conrady as in OpenCV: k1, k2, p1, p2, k3; both IR cameras have the same one. rectified:
         # the infrared pair is matched as it comes, its rows aligned; a pair with a distorting lens is rectified first
         # all the same.
@@ -131,23 +121,46 @@ class StereoDepthSensorConfig(MatcherFields):
 
         # Projector. active_light_fov: the pattern image's horizontal angle, radians. light_pattern: "generated" from
         # pattern_design, an 8-bit gray array, the path of an image, or None for no projector.
-        self.pose_rgb_irproj = preset["pose_rgb_irproj"]
-        self.active_light_fov = preset["active_light_fov"]
-        self.light_pattern = "generated"
+        self.pose_rgb_irproj = _pose(camera, "projector_position_m")
+        self.active_light_fov = float(np.deg2rad(camera.value("projector", "field_of_view_deg")))
+        self.light_pattern = "generated" if camera.value("projector", "has_projector", True) else None
         self.pattern_intrinsic = None  # 3x3 of the pattern image in place of active_light_fov
-        self.pattern_design = preset["pattern_design"]
+        self.pattern_design = _pattern_design(camera)
         # In place of light_pattern: [n, 3] u, v and power of dots, in pixels of pattern_design's image and with its
         # dot_sigma_px. A dot's power is the pattern's integral over it, in pixels squared. light_pattern_scale
         # magnifies the pattern about its middle.
         self.light_dots = None
         self.light_pattern_scale = 1.0
-        self.projector_intensity = 3.0  # W/sr where the pattern is 1
+        self.projector_intensity = camera.value("projector", "intensity_w_sr")  # W/sr where the pattern is 1
+        # The laser's setting: light goes with laser_power_mw over laser_power_nominal_mw. emitter: 'on', 'off', or
+        # 'alternating' (on in every even picture, as librealsense's emitter on-off).
+        self.laser_power_mw = camera.value("projector", "laser_power_mw")
+        self.laser_power_nominal_mw = self.laser_power_mw
+        self.laser_power_limits_mw = tuple(camera.value("projector", "laser_power_limits_mw"))
+        self.emitter = "on"
+        # A dot's beam is so wide where it leaves the projector; 0 = no wider than its angle makes it. Dots fall with
+        # this power of the cosine from the projector's axis.
+        self.projector_beam_radius_m = camera.value("projector", "beam_radius_m", 0.0)
+        self.projector_falloff_exponent = camera.value("projector", "falloff_exponent", 0.0)
 
         # Exposure and infrared light. ir_camera_exposure in seconds; ir_responsivity_dn in counts per W s / (sr m^2).
-        self.ir_camera_exposure = 0.01
-        self.ir_responsivity_dn = 40000.0
-        self.ir_light_dim_factor = 0.05  # what a visible light gives in the infrared, where it does not say
-        self.ir_ambient_strength = 0.002  # weak ambient infrared radiance, W/(sr m^2)
+        # ir_exposure_mode: 'fixed'; 'converging': after each picture exposure, then gain, take a step towards a mean
+        # count of ir_exposure_target_dn in ir_exposure_region (left, top, right, bottom; None = the whole left image);
+        # 'settled': each picture has what such steps end at, as if the camera had looked at this view for a while.
+        self.ir_camera_exposure = camera.value("exposure", "exposure_s")
+        self.ir_camera_gain = camera.value("exposure", "gain")
+        self.ir_exposure_mode = camera.value("exposure", "mode")
+        self.ir_exposure_target_dn = camera.value("exposure", "target_dn")
+        self.ir_exposure_region: tuple[int, int, int, int] | None = None
+        self.ir_exposure_limits_s = tuple(camera.value("exposure", "exposure_limits_s"))
+        self.ir_gain_limits = tuple(camera.value("exposure", "gain_limits"))
+        self.ir_responsivity_dn = camera.value("imager", "responsivity_dn")
+        # What a visible light gives in the infrared, where it does not say.
+        self.ir_light_dim_factor = camera.value("room", "visible_share")
+        self.ir_ambient_strength = camera.value("room", "radiance_w_sr_m2")  # ambient infrared radiance, W/(sr m^2)
+        # 'clamp': pixels of indirect light that outshine all around them, which few samples give, are taken down to
+        # the brightest neighbour; 'keep'.
+        self.ir_fireflies = camera.value("room", "fireflies")
         self.rgb_exposure = None  # colour value per radiance; None = the median lit pixel at a quarter of white
 
         # Shutters, which what moves is seen through (the sensor by set_velocity(), instances and lights by
@@ -156,12 +169,12 @@ class StereoDepthSensorConfig(MatcherFields):
         # before; 0 = a global shutter. A readout is the way the lines go: 'rows_down', 'rows_up', 'columns_right' or
         # 'columns_left'.
         self.rgb_exposure_s = 0.0
-        self.ir_line_time_s = 0.0
+        self.ir_line_time_s = camera.value("rig", "line_time_s")
         self.rgb_line_time_s = 0.0
         self.ir_readout = "rows_down"
         self.rgb_readout = "rows_down"
 
-        self.ir_black_level_dn = 5.0  # counts in the dark: the least one finds in pictures of real devices
+        self.ir_black_level_dn = camera.value("imager", "black_level_dn")  # counts in the dark
 
         # Noise: 1 is SAPIEN's level (a gamma factor of 2.7 % and 0.25 counts), 0 for ir_speckle_noise switches both
         # off.
@@ -170,11 +183,11 @@ class StereoDepthSensorConfig(MatcherFields):
         self.ir_thermal_noise = 1.0
         # Of which light the speckle is, that of ir_signal too: False = of all, as SAPIEN and the paper have it; True =
         # of the projector's alone, which is coherent (two more images are rendered and copied to the engine).
-        self.ir_speckle_of_laser = False
+        self.ir_signal = _signal(camera)
+        self.ir_speckle_of_laser = bool(self.ir_signal and "speckle_shape" in self.ir_signal)
         # Instead of that noise: 'd435', 'paper-d415' or another of simsense.signal_preset, or a dict of
         # simsense_signal's parameters whose input is in counts; exposure, responsivity and black level above come on
-        # top.
-        self.ir_signal = None
+        # top. (Set above, with the devices' own noise.)
 
         # Matching and depth: every parameter of simsense_parameters that is not the sensor's own business
         # (capi/tables/reference.md), those that SAPIEN has under SAPIEN's names. depth_maps: what compute_depth() gives
@@ -182,6 +195,8 @@ class StereoDepthSensorConfig(MatcherFields):
         # returns it.
         for p in MATCHER:
             setattr(self, sapien_name(p.name), SAPIEN_DEFAULTS.get(p.name, p.default))
+        self.min_depth, self.max_depth = camera.value("rig", "min_depth_m"), camera.value("rig", "max_depth_m")
+        self.max_disp = camera.value("rig", "max_disparity_px")
         self.depth_maps: tuple[str, ...] = ()
         # Where the depth engine works ('auto', 'cpu', 'vulkan'), whether it takes the least memory instead of the least
         # time, and which faults of the published SimSense it keeps, out of simsense.FAULTS.
@@ -191,7 +206,7 @@ class StereoDepthSensorConfig(MatcherFields):
 
         # Optics of the cameras: a dict of kuafu.Film's fields (vignetting_exponent, psf_sigma_px, ...); None is
         # perfect.
-        self.ir_film = None
+        self.ir_film = {name: figure.value for name, figure in camera.figures["optics"].items()} or None
         self.rgb_film = None
 
         # Rendering. denoiser: 'none', 'atrous', or 'oidn' where Open Image Denoise is found; it never touches the dots'
@@ -225,6 +240,18 @@ class StereoDepthSensorConfig(MatcherFields):
         baseline_m = np.linalg.norm(self.trans_pose_r.p - self.trans_pose_l.p)
         return float(self.ir_intrinsic[0, 0] * baseline_m)
 
+    def emitter_power(self, frame_index: int) -> float:
+        """The laser's light in a picture over that at its nominal setting. ValueError for a setting that there is
+        not."""
+        low, high, _ = self.laser_power_limits_mw
+        if not low <= self.laser_power_mw <= high:
+            raise ValueError(f"laser_power_mw is {self.laser_power_mw:g}, expected {low:g} to {high:g}")
+        if self.emitter not in ("on", "off", "alternating"):
+            raise ValueError(f"emitter is '{self.emitter}' (known: on, off, alternating)")
+        if self.emitter == "off" or (self.emitter == "alternating" and frame_index % 2):
+            return 0.0
+        return self.laser_power_mw / self.laser_power_nominal_mw
+
     def ir_eye(self, is_right: bool) -> tuple[np.ndarray, Sequence[float]]:
         """(K, distortion) of an infrared camera."""
         if not is_right:
@@ -239,6 +266,8 @@ class StereoDepthSensorConfig(MatcherFields):
             raise ValueError(f"a sensor is scaled by a factor above 0 and up to 100, not {factor}")
         out = deepcopy(self)
         out.max_disp = max(32, round(self.max_disp * factor))
+        if isinstance(out.ir_signal, dict) and "speckle_psf_sigma_px" in out.ir_signal:
+            out.ir_signal["speckle_psf_sigma_px"] *= factor
         for camera in ("rgb", "ir"):
             old = np.array(getattr(self, f"{camera}_resolution"))
             new = np.maximum(np.rint(old * factor).astype(int), 1)
@@ -252,6 +281,13 @@ class StereoDepthSensorConfig(MatcherFields):
                 k = k * ratio[:, None]
                 k[:2, 2] -= 0.5
                 setattr(out, name, k)
+            if camera == "ir" and self.ir_exposure_region is not None:
+                left, top, right, bottom = self.ir_exposure_region
+                x, y = ratio[:2]
+                out.ir_exposure_region = (round(left * x), round(top * y), round(right * x), round(bottom * y))
+            film = getattr(self, f"{camera}_film")
+            if film is not None:
+                setattr(out, f"{camera}_film", {n: v * ratio[0] if n.endswith("_px") else v for n, v in film.items()})
             lines = 0 if "columns" in getattr(self, f"{camera}_readout") else 1
             setattr(out, f"{camera}_line_time_s", getattr(self, f"{camera}_line_time_s") / ratio[lines])
         return out

@@ -8,10 +8,12 @@ import numpy as np
 
 import kuafu
 import simsense
+from activestereo.auto_exposure import AutoExposure, rgb_exposure
 from activestereo.capture import Frame
 from activestereo.effects.core.engine import EngineInputs, apply_engine, moved_pose
 from activestereo.effects.core.model import Model
 from activestereo.engines.survey import Survey
+from activestereo.fireflies import infrared_layers
 from activestereo.ir_link import IrLink
 from activestereo.lens import undistort
 from activestereo.matching import engine_parameters
@@ -54,7 +56,8 @@ class StereoDepthSensor:
         self._scene = self._mount.scene
         self._device = self._scene.device
         self._effects, self._survey, self._ambient_radiance = self._read_model(model, scene_or_mount)
-        self._conditions = (None, 0.0)
+        self._conditions, self._place, self._speckle_draw = (None, 0.0), None, -1
+        self._exposure, self._next_setting = AutoExposure(self._config), None
         self._renderer = kuafu.Renderer(self._device)
         self._engine = self.make_engine()
         width, height = self._config.ir_resolution
@@ -62,7 +65,7 @@ class StereoDepthSensor:
         pattern = self._config.pattern() if self._config.light_dots is None else None
         self._pattern = None if pattern is None else pattern[0]
         self._world = SensorWorld(self._scene, self._pattern)
-        self._told, self._frame, self._is_closed = None, -1, False
+        self._told, self._frame, self._lit_frame, self._is_closed = None, -1, -1, False
         self._tell_engines()
         self._image_effects = ImageEffects(self, self._left_over)
         if self._image_effects:
@@ -79,8 +82,9 @@ class StereoDepthSensor:
         """Renders the infrared pair, and before it the RGB picture unless infrared_only. progress(fraction) may return True to cancel.
         A call that fails or is cancelled leaves no picture."""
         self._has_picture, self._result = False, None
-        self._place_projector()
         frame, rgb = self._frame + 1, self._rgb
+        self._prepare(frame)
+        self._place_projector()
         share = 0.0 if infrared_only else 0.5
         if not infrared_only:
             images = self._render([self.rgb_camera()], RGB_OUTPUTS, "visible", frame, _part(progress, 0.0, share))
@@ -90,13 +94,14 @@ class StereoDepthSensor:
         self._keep_times("ir", self._renderer)
         self._image_effects.on_light(self._link.images)
         self._link.deliver()
+        self._expose()
         self._frame, self._rgb, self._laser, self._has_picture = frame, rgb, laser, True
 
     def compute_depth(self):
         """Noise, matching, registration of the last picture. The same picture gives the same depth."""
         self._require_picture()
         self._tell_engines()
-        self._engine.set_parameters(frame_index=self._frame)
+        self._engine.set_parameters(frame_index=self._frame, scene_index=self._speckle_draw)
         outputs = ("depth_rgb", "disparity", "ir_left", "ir_right", *self._config.depth_maps)
         left_laser, right_laser = self._laser
         pair = (self._link.left, self._link.right)
@@ -109,13 +114,13 @@ class StereoDepthSensor:
         """float32 [height, width, 3] in 0..1, sRGB-encoded."""
         self._require_rgb()
         radiance = self._rgb["radiance"]
-        exposure = self._config.rgb_exposure or auto_exposure(radiance)
+        exposure = self._config.rgb_exposure or rgb_exposure(radiance)
         return srgb(radiance * np.float32(exposure))
 
     def get_ir(self):
         """[left, right] float32 [height, width] in 0..1: what linear imagers would count without noise and dark current, over full scale."""
         self._require_picture()
-        return [self._linear_counts(image, eye.signal) for image, eye in zip(self._link.images, self._told.eyes, strict=True)]
+        return [self._linear_counts(image, eye.signal) for image, eye in zip(self._link.images, self._tell_engines().eyes, strict=True)]
 
     def get_ir_measured(self):
         """[left, right] uint8 [height, width], uint16 where ir_signal has more than 8 bits: what the sensor gives, with noise."""
@@ -255,7 +260,7 @@ class StereoDepthSensor:
     @property
     def ir_gain(self):
         """Counts per W/(sr m^2)."""
-        return self._config.ir_camera_exposure * self._config.ir_responsivity_dn
+        return self._config.ir_camera_exposure * self._config.ir_camera_gain * self._config.ir_responsivity_dn
 
     @property
     def stage_times(self):
@@ -316,7 +321,7 @@ class StereoDepthSensor:
 
     def _apply(self, config, parameters):
         self._engine.set_parameters(**parameters)
-        self._config = config
+        self._config, self._exposure = config, AutoExposure(config)
         self._told = None
 
     def make_engine(self):
@@ -366,7 +371,8 @@ class StereoDepthSensor:
                 camera_velocity=self._twist,
             )  # fmt: skip
             pattern = None if self._pattern is None else pattern_of(self._pattern)
-            inputs = sensor_inputs(self._config, self._scene, Pose(), self._twist, frame, pattern, self._ambient_radiance)
+            emitter = self._config.emitter_power(max(self._lit_frame, 0))
+            inputs = sensor_inputs(self._config, self._scene, Pose(), self._twist, frame, pattern, self._ambient_radiance, emitter)
             inputs.scene_materials = self._world.material
             self._survey.apply(inputs)
             self._left_over = apply_engine(inputs, self._effects.effects)
@@ -377,6 +383,33 @@ class StereoDepthSensor:
             self._engine.set_signal(*(eye.signal for eye in inputs.eyes))
             self._told = inputs
         return self._told
+
+    def _prepare(self, frame):
+        """What changes from picture to picture: exposure, emitter, and, where the sensor has moved, its static speckle."""
+        if self._next_setting is not None:
+            self._set_exposure(self._next_setting)
+        if self._config.emitter == "alternating":
+            self._told = None
+        place = as_matrix(self.get_pose())
+        if self._place is None or not np.array_equal(place, self._place):
+            self._place, self._speckle_draw = place, self._speckle_draw + 1
+        self._lit_frame = frame
+
+    def _expose(self):
+        """Automatic exposure looks at the light of a picture: for the same picture, or for the next."""
+        if self._exposure.mode == "fixed":
+            return
+        inputs = self._tell_engines()
+        after = self._exposure.after(self._config, inputs.left.signal, self._link.images[0], inputs.max_dn)
+        if self._exposure.mode == "settled":
+            self._set_exposure(after)
+        else:
+            self._next_setting = after
+
+    def _set_exposure(self, setting):
+        if (setting.exposure_s, setting.gain) != (self._config.ir_camera_exposure, self._config.ir_camera_gain):
+            self._config.ir_camera_exposure, self._config.ir_camera_gain, self._told = setting.exposure_s, setting.gain, None
+        self._next_setting = None
 
     def _move(self):
         """Gives what the engines are told the present velocity."""
@@ -420,10 +453,11 @@ class StereoDepthSensor:
 
     def _render_infrared(self, frame, progress):
         """Into the link; returns the projector's part of both images, (None, None) where the config does not ask for it."""
-        apart = LASER_OUTPUTS if self._tell_engines().speckle_of_laser else ()
-        outputs = {"radiance": self._link.target} | dict.fromkeys(apart, np.float32)
+        apart, clamps = self._tell_engines().speckle_of_laser, self._config.ir_fireflies == "clamp"
+        names = LASER_OUTPUTS if apart else LASER_OUTPUTS[:1] if clamps else ()
+        outputs = {"radiance": self._link.target} | dict.fromkeys(names, np.float32)
         images = self._render(self.ir_cameras(), outputs, "infrared", frame, progress)
-        return tuple(sum(images[name] for name in apart)[..., 0]) if apart else (None, None)
+        return infrared_layers(self._link.images, images, apart, clamps)
 
     def _keep_times(self, group, worker):
         kept = {name: t for name, t in self._stage_times.items() if not name.startswith(f"{group}: ")}
@@ -441,12 +475,6 @@ class StereoDepthSensor:
     def _require_depth(self):
         if self._result is None:
             raise RuntimeError("no depth of this picture yet: call compute_depth() after take_picture()")
-
-
-def auto_exposure(radiance):
-    """The factor that puts the median lit pixel's green at a quarter of white."""
-    lit = radiance[..., 1][radiance[..., 1] > 0]
-    return 0.25 / float(np.median(lit)) if lit.size else 1.0
 
 
 def srgb(linear):

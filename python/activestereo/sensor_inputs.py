@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 # Media reach so far beyond scene and rig.
 _MARGIN_M = 0.05
+# A collimated beam is in focus here: a dot is the beam's width in metres beside its angle.
+_FAR_M = 1e6
 
 
 def sensor_inputs(
@@ -29,9 +31,11 @@ def sensor_inputs(
     frame: Frame,
     pattern: NDArray[np.float32] | None,
     ambient_radiance: float,
+    emitter: float = 1.0,
 ) -> EngineInputs:
     """config at `pose`, the RGB camera's in the scene (body axes); twist: of the left camera in its own axes, m/s and
-    rad/s. pattern: None where the sensor has no projector or throws dots."""
+    rad/s. pattern: None where the sensor has no projector or throws dots. emitter: the laser's power over its nominal
+    one."""
     signal = signal_parameters(config)
     if frame.temperature_c is not None:
         signal["temperature_c"] = frame.temperature_c
@@ -39,7 +43,7 @@ def sensor_inputs(
     return EngineInputs(
         left=_eye(config, pose, twist, config.trans_pose_l, dict(signal), is_right=False),
         right=_eye(config, pose, twist, config.trans_pose_r, dict(signal), is_right=True),
-        projector=_projector(config, pose, twist, pattern),
+        projector=_projector(config, pose, twist, pattern, emitter),
         pattern=pattern,
         frame=frame,
         new_light=kuafu.Light,
@@ -88,7 +92,11 @@ def _eye(
 
 
 def _projector(
-    config: StereoDepthSensorConfig, pose: Pose, twist: NDArray[np.float64], pattern: NDArray[np.float32] | None
+    config: StereoDepthSensorConfig,
+    pose: Pose,
+    twist: NDArray[np.float64],
+    pattern: NDArray[np.float32] | None,
+    emitter: float,
 ) -> kuafu.Light | None:
     if config.light_dots is not None:
         design = config.pattern_design
@@ -98,11 +106,14 @@ def _projector(
         return None
     else:
         fields = {"k": config.pattern_k(pattern.shape[1], pattern.shape[0])}
+    if config.projector_beam_radius_m > 0.0:
+        fields |= {"radius_m": config.projector_beam_radius_m, "focus_m": _FAR_M}
     linear, angular = twist_of(config, twist, config.pose_rgb_irproj)
     return kuafu.Light(
         kind="projector",
         name="projector",
-        ir_intensity=config.projector_intensity,
+        ir_intensity=config.projector_intensity * emitter,
+        falloff=config.projector_falloff_exponent,
         pattern_scale=config.light_pattern_scale,
         light_to_world=camera_to_world(pose * config.pose_rgb_irproj),
         linear_velocity=linear,

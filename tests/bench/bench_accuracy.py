@@ -104,7 +104,7 @@ def rendered_table_top(folder):
     from activestereo.pose import body_pose
     from activestereo.scene import write_table_top
 
-    config = StereoDepthSensorConfig("D435")
+    config = StereoDepthSensorConfig("sapien-D435")
     config.rgb_resolution, config.rgb_intrinsic = config.ir_resolution, config.ir_intrinsic
     config.trans_pose_l, config.trans_pose_r = Pose(), Pose([0, -0.05, 0])
     config.ir_signal, config.samples_per_pixel = "d435", 32

@@ -43,10 +43,10 @@ def ball_comparison(tmp_path_factory):
 
 @pytest.fixture
 def small_config():
-    """A D435 of half the size, quick to render."""
+    """SAPIEN's D435 of half the size, quick to render: fixed exposure, no optics, plain noise."""
     from activestereo import StereoDepthSensorConfig
 
-    config = StereoDepthSensorConfig("D435").scaled(0.5)
+    config = StereoDepthSensorConfig("sapien-D435").scaled(0.5)
     config.samples_per_pixel = 4
     config.max_bounces = 2
     return config

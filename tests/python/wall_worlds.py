@@ -25,7 +25,7 @@ class WallWorld:
 
     @classmethod
     def make(cls, walls: tuple[tuple[float, float], ...], scale: float = 1.0) -> "WallWorld":
-        config = StereoDepthSensorConfig("D435")
+        config = StereoDepthSensorConfig("sapien-D435")
         return cls(config if scale == 1.0 else config.scaled(scale), walls)
 
     @property

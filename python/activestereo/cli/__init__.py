@@ -1,4 +1,4 @@
-"""The command line: activestereo simulate | depth | pair | depth-quality | compare | diagnose | add | model |
+"""The command line: activestereo simulate | presets | depth | pair | depth-quality | compare | diagnose | add | model |
 acquire | import | effect | devices, one file each. This one parses, runs and makes failures one line."""
 
 import argparse
@@ -9,10 +9,24 @@ import traceback
 from collections.abc import Sequence
 from typing import NoReturn
 
-from activestereo.cli import acquire, add, compare, depth, depth_quality, devices, diagnose, effect, import_capture, model, pair, simulate
+from activestereo.cli import acquire, add, compare, depth, depth_quality, devices, diagnose, effect, import_capture, model, pair, presets, simulate
 from activestereo.cli.arguments import CommandError
 
-_COMMANDS = (simulate, depth, pair, depth_quality, compare, diagnose, add, model, acquire, import_capture, effect, devices)
+_COMMANDS = (
+    simulate,
+    presets,
+    depth,
+    pair,
+    depth_quality,
+    compare,
+    diagnose,
+    add,
+    model,
+    acquire,
+    import_capture,
+    effect,
+    devices,
+)
 
 
 class _Parser(argparse.ArgumentParser):

@@ -32,7 +32,7 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
     parser.add_argument("--poses", type=Path, metavar="FILE", help="camera_to_world over time: timestamp tx ty tz qx qy qz qw in each line")
     parser.add_argument("--scene", type=Path, metavar="FILE", help="glTF scene of what is in view (default: nothing)")
     parser.add_argument("--exposure", type=positive, default=0.008, metavar="S", help="exposure, seconds (default: 0.008)")
-    parser.add_argument("--sensor", default="d435", metavar="NAME", help="whose nominal pattern it is: d435 or d415 (default: d435)")
+    parser.add_argument("--sensor", default="d435", metavar="NAME", help="whose nominal pattern it is, of 'activestereo presets' (default: d435)")
     parser.set_defaults(run=_run)
 
 

@@ -62,7 +62,7 @@ def add_parser(commands: Commands) -> None:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file")
-    parser.add_argument("--sensor", default="d435", metavar="NAME", help="d435 or d415 (default: d435)")
+    parser.add_argument("--sensor", default="d435", metavar="NAME", help="a camera of 'activestereo presets', or the path of a .toml file (default: d435)")
     text = "a sensor model of 'activestereo diagnose': its rig, pattern, imager and effects; --sensor has what it does not say"
     parser.add_argument("--model", type=Path, metavar="FILE", help=text)
     parser.add_argument(
@@ -109,8 +109,11 @@ def _add_rendering(group: argparse._ArgumentGroup) -> None:
     add_seed(group, "of rendering and noise; same seed, same files")
     text = "uniform visible radiance from all sides, W/(sr m^2) (default: 0.25; 1 where a scene has no light)"
     group.add_argument("--ambient", type=positive, metavar="R", help=text)
-    text = "radiant intensity of the brightest dot, W/sr (default: 3; 0 = off)"
+    text = "radiant intensity of the brightest dot at the sensor's laser power, W/sr (default: the sensor's; 0 = off)"
     group.add_argument("--projector", type=positive, metavar="I", help=text)
+    group.add_argument("--laser-power", type=positive, metavar="MW", help="the laser's setting (default: the sensor's)")
+    text = "exposure of the infrared cameras, seconds: fixed, at gain 1 (default: the sensor's own, often automatic)"
+    group.add_argument("--ir-exposure", type=positive, metavar="S", help=text)
     group.add_argument("--no-noise", action="store_true", help="infrared images without imager noise")
 
 
@@ -166,6 +169,11 @@ def make_config(args: argparse.Namespace, model: "SensorModel | None" = None) ->
     set_cameras(config, args)
     if args.projector is not None:
         config.projector_intensity = args.projector
+    if args.laser_power is not None:
+        config.laser_power_mw = args.laser_power
+        config.emitter_power(0)  # its check comes before any work
+    if args.ir_exposure is not None:
+        config.ir_exposure_mode, config.ir_camera_exposure, config.ir_camera_gain = "fixed", args.ir_exposure, 1.0
     for name, value in given_matching(args).items():
         setattr(config, sapien_name(name), value)
     config.depth_maps = wanted_maps(args)

@@ -28,11 +28,18 @@ def configure(config: Any, model: SensorModel) -> None:
         _pattern(config, model.pattern)
     if model.imager is not None or model.rig is not None:
         config.ir_signal = _signal(model)
+    if model.nuisances:
+        # Fitted to images: what its effects do not say of optics, beam and speckle is not there.
+        config.ir_film, config.ir_speckle_of_laser = None, False
+        config.projector_beam_radius_m = config.projector_falloff_exponent = 0.0
+        if model.imager is None:
+            config.ir_signal = {k: v for k, v in (config.ir_signal or {}).items() if not k.startswith("speckle")} or None
     if "black_dn" in model.nuisances:
         config.ir_black_level_dn = model.nuisances["black_dn"].value
     if "projector_scale" in model.nuisances:
         # The fit knows the product of power and responsivity alone; the configuration's responsivity stays.
         config.projector_intensity = model.nuisances["projector_scale"].value / config.ir_responsivity_dn
+        config.laser_power_mw = config.laser_power_nominal_mw
 
 
 def _rig(config: Any, rig: Rig) -> None:
@@ -50,7 +57,8 @@ def _rig(config: Any, rig: Rig) -> None:
     )
     config.ir_line_time_s = rig.line_time_s or 0.0
     if rig.exposure_s is not None:
-        config.ir_camera_exposure = rig.exposure_s
+        config.ir_camera_exposure, config.ir_camera_gain = rig.exposure_s, 1.0  # the gain is in the signal
+        config.ir_exposure_mode = "fixed"
 
 
 def _beside(left: Pose, left_to_other: NDArray[np.float64]) -> Pose:

@@ -26,7 +26,7 @@ def model_of(**effects: dict[str, float]) -> SensorModel:
 
 @pytest.fixture
 def config() -> StereoDepthSensorConfig:
-    config = StereoDepthSensorConfig("D435").scaled(0.25)
+    config = StereoDepthSensorConfig("sapien-D435").scaled(0.25)
     config.samples_per_pixel, config.max_bounces, config.ir_speckle_noise = 4, 1, 0.0
     return config
 

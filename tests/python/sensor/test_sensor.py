@@ -14,7 +14,7 @@ from activestereo.pose import body_pose
 @pytest.fixture(scope="module")
 def table(table_top):
     """A sensor at the scene's camera with one picture taken."""
-    config = StereoDepthSensorConfig("D435").scaled(0.5)
+    config = StereoDepthSensorConfig("sapien-D435").scaled(0.5)
     config.samples_per_pixel, config.max_bounces = 4, 3
     scene = kuafu.Scene(kuafu.Device())
     scene.load(table_top)

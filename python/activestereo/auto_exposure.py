@@ -1,0 +1,98 @@
+"""Automatic exposure and gain, as librealsense's options have them: a mean count to aim at, a region that is looked at,
+limits for each; exposure goes first, gain only when exposure is at its limit.
+
+The devices' own steps are not published. Here a step takes the light by _DAMPING of its error in the logarithm, and at
+most twice or half of it; clipped pixels make a step too small, never wrong.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from activestereo.presets import StereoDepthSensorConfig
+
+_DAMPING = 0.8
+_LARGEST_STEP = 2.0
+_SETTLED = 0.002  # relative change of a step after which nothing more is to come
+_MOST_STEPS = 60
+_STRIDE = 2  # every so many pixels are looked at, in x and y
+
+
+@dataclass(frozen=True)
+class Setting:
+    exposure_s: float
+    gain: float
+
+    @property
+    def light_s(self) -> float:
+        return self.exposure_s * self.gain
+
+
+class AutoExposure:
+    """The rule of one sensor. ValueError where the configuration's figures cannot be."""
+
+    def __init__(self, config: StereoDepthSensorConfig) -> None:
+        self.mode = config.ir_exposure_mode
+        if self.mode not in ("fixed", "converging", "settled"):
+            raise ValueError(f"ir_exposure_mode is '{self.mode}' (known: fixed, converging, settled)")
+        self.start = Setting(float(config.ir_camera_exposure), float(config.ir_camera_gain))
+        self._target_dn = float(config.ir_exposure_target_dn)
+        self._exposures, self._gains = config.ir_exposure_limits_s, config.ir_gain_limits
+        self._region = config.ir_exposure_region
+        if self.mode == "fixed":
+            return
+        for name, (low, high) in (("ir_exposure_limits_s", self._exposures), ("ir_gain_limits", self._gains)):
+            if not 0.0 < low <= high:
+                raise ValueError(f"{name} is {low:g} to {high:g}, expected two numbers above 0 in order")
+        if not config.ir_black_level_dn < self._target_dn:
+            raise ValueError(
+                f"ir_exposure_target_dn is {self._target_dn:g}, "
+                f"expected more than the black level, {config.ir_black_level_dn:g}"
+            )
+        if self._region is not None:
+            left, top, right, bottom = self._region
+            width, height = config.ir_resolution
+            if not (0 <= left < right <= width and 0 <= top < bottom <= height):
+                raise ValueError(
+                    f"ir_exposure_region {self._region} is not inside of {width}x{height} (left, top, right, bottom)"
+                )
+
+    def after(
+        self, config: StereoDepthSensorConfig, signal: Mapping[str, float], light: NDArray[np.float32], max_dn: float
+    ) -> Setting:
+        """The setting that follows the configuration's on one view; 'settled': what the steps from the start end at.
+        signal: simsense's, under the present setting; light: radiance [height][width]."""
+        now = Setting(config.ir_camera_exposure, config.ir_camera_gain)
+        dn_per_light_s = (
+            signal["responsivity_e"] * signal["conversion_gain_dn_per_e"] * signal["gain"] / config.ir_camera_gain
+        )
+        black_dn = signal["black_level_dn"]
+        left, top, right, bottom = self._region or (0, 0, light.shape[1], light.shape[0])
+        seen = np.asarray(light[top:bottom:_STRIDE, left:right:_STRIDE], dtype=np.float32) * np.float32(dn_per_light_s)
+        if self.mode == "converging":
+            return self._step(now, seen, black_dn, max_dn)
+        setting = self.start
+        for _ in range(_MOST_STEPS):
+            former, setting = setting, self._step(setting, seen, black_dn, max_dn)
+            if abs(setting.light_s / former.light_s - 1.0) < _SETTLED:
+                break
+        return setting
+
+    def _step(self, now: Setting, seen: NDArray[np.float32], black_dn: float, max_dn: float) -> Setting:
+        mean_dn = float(np.clip(seen * np.float32(now.light_s) + np.float32(black_dn), 0.0, max_dn).mean())
+        wanted = (self._target_dn - black_dn) / max(mean_dn - black_dn, 1e-6)
+        light_s = now.light_s * float(np.clip(wanted**_DAMPING, 1.0 / _LARGEST_STEP, _LARGEST_STEP))
+        exposure_s = float(np.clip(light_s / self._gains[0], *self._exposures))
+        return Setting(exposure_s, float(np.clip(light_s / exposure_s, *self._gains)))
+
+
+def rgb_exposure(radiance: NDArray[np.float32]) -> float:
+    """The factor that puts the median lit pixel's green at a quarter of white. radiance: [height][width][3]."""
+    lit = radiance[..., 1][radiance[..., 1] > 0]
+    return 0.25 / float(np.median(lit)) if lit.size else 1.0

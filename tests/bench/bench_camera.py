@@ -1,0 +1,182 @@
+"""How a camera's preset errs beside the real camera: what was measured on recordings of D415 and D435, next to the same
+of the simulated one.
+
+    PYTHONPATH=build/python python3 tests/bench/bench_camera.py [D415 ...] [--spp 16] [--texture 0.03]
+
+A wall of albedo 0.5 in a room's light (visible radiance 0.25 from all sides, as `simulate` has it where a scene does not
+say) is looked at from 0.5 to 4 m, and the example's table-top once. --texture: relative standard deviation of the wall's
+albedo in grains of 4 mm and more, 0 is a wall that shows the dots alone. Each figure's definition:
+
+    plane noise     root mean square distance of disparities from their own plane on 96 x 96 px, the median patch, px
+    dot RMS         of the left image less its Gaussian blur (4 px), in the middle 40 %, DN
+    residual        the same of left less right at the true disparity, over sqrt 2, as a share of the dot RMS
+    temporal noise  standard deviation over 8 frames where the mean is 20 to 40 DN above zero, DN
+    background      median count over the table-top, DN
+    lone pixels     brighter than all of the eight around it by 30 DN and by a half of its own count, worse eye
+    fill            of the table-top, without the left border that the right eye does not see, %
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from pathlib import Path
+
+import numpy as np
+from bench_pairs import PATCH, plane_residual
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter, map_coordinates
+
+import kuafu
+from activestereo import StereoDepthSensor, StereoDepthSensorConfig
+from activestereo.pose import body_pose
+from activestereo.scene import write_table_top
+
+DISTANCES_M = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0)
+BLUR_PX = 4.0
+FRAMES = 8
+TILE_M = 2.0
+
+# What was measured on real cameras; the D415's are of its ASIC.
+REAL = {
+    "D415": {
+        "plane noise 0.5 m": "0.089-0.191", "plane noise 4 m": "0.089-0.191",
+        "dot RMS 1 m": "4.4", "dot RMS 2 m": "1.9", "residual 1 m": "16 %", "residual 2 m": "25 %",
+        "temporal noise": "0.46-0.55", "background": "51", "lone pixels": "0", "fill": "97.1 %",
+    },
+    "D435": {"plane noise 0.5 m": "0.06-0.09", "plane noise 2 m": "0.06-0.09", "temporal noise": "0.46-0.55", "lone pixels": "0"},
+}  # fmt: skip
+
+
+def wall(distance_m: float, texture: float) -> kuafu.Scene:
+    """A wall across the view, in SAPIEN's axes: x forward."""
+    scene = kuafu.Scene(kuafu.Device())
+    half = 1.2 * distance_m
+    corners = np.array([[distance_m, y, z] for y in (-half, half) for z in (-half, half)], np.float32)
+    uv = corners[:, 1:] / TILE_M
+    material = kuafu.Material(base_color=(1.0, 1.0, 1.0, 1.0), specular=0.0)
+    material.base_color_texture = scene.add_texture(paint(texture), name="paint")
+    mesh = scene.add_mesh(corners, [[0, 1, 3], [0, 3, 2]], uvs=uv)
+    scene.add_instance(mesh, [scene.add_material(material)])
+    scene.set_environment((0.25, 0.25, 0.25))
+    return scene
+
+
+def paint(texture: float) -> NDArray[np.float32]:
+    """Albedo 0.5 with grains whose size doubles from 4 mm on, each octave as strong as the others."""
+    random = np.random.default_rng(7)
+    size = int(TILE_M / 0.002)
+    image = np.zeros((size, size), np.float32)
+    octaves = range(5)
+    for octave in octaves:
+        grain = 2 * 2**octave
+        coarse = random.standard_normal((size // grain + 4, size // grain + 4)).astype(np.float32)
+        y, x = (np.arange(size, dtype=np.float32) / grain + 1 for _ in range(2))
+        image += map_coordinates(coarse, np.meshgrid(y, x, indexing="ij"), order=1)
+    image *= texture / image.std() if image.std() > 0 else 0.0
+    return np.repeat(np.clip(0.5 * (1.0 + image), 0.0, 1.0)[..., None], 3, axis=2).astype(np.float32)
+
+
+class Camera:
+    """A preset, and what its pictures show."""
+
+    def __init__(self, name: str, spp: int, texture: float) -> None:
+        self.config = StereoDepthSensorConfig(name)
+        self.config.samples_per_pixel, self.config.max_bounces = spp, 0
+        self.texture = texture
+        self.rows: dict[str, float] = {}
+
+    def look(self, distance_m: float) -> None:
+        sensor = StereoDepthSensor(self.config, wall(distance_m, self.texture))
+        sensor.take_picture(infrared_only=True)
+        sensor.compute_depth()
+        left, right = (image.astype(float) for image in sensor.get_ir_measured())
+        self.rows[f"plane noise {distance_m:g} m"] = self._plane(sensor.get_disparity(), distance_m)
+        if distance_m in (1.0, 2.0):
+            self._dots(left, right, distance_m)
+        if distance_m == 1.0:
+            self._repeats(sensor)
+        settings = sensor.get_config()
+        self.rows[f"exposure {distance_m:g} m, ms"] = 1e3 * settings.ir_camera_exposure * settings.ir_camera_gain
+
+    def _plane(self, disparity: NDArray[np.float32], distance_m: float) -> float:
+        border = int(self.config.focal_baseline_px_m / distance_m) + 8
+        inside = np.where(disparity > 0, disparity, np.nan)[8:-8, border:-8]
+        height, width = inside.shape
+        corners = [(y, x) for y in range(0, height - PATCH + 1, PATCH) for x in range(0, width - PATCH + 1, PATCH)]
+        values = [plane_residual(inside[y : y + PATCH, x : x + PATCH]) for y, x in corners]
+        return float(np.nanmedian(values)) if np.isfinite(values).any() else np.nan
+
+    def _dots(self, left: NDArray[np.float64], right: NDArray[np.float64], distance_m: float) -> None:
+        height, width = left.shape
+        v, u = np.mgrid[0:height, 0:width].astype(float)
+        there = map_coordinates(right, [v, u - self.config.focal_baseline_px_m / distance_m], order=3, mode="nearest")
+        middle = np.s_[int(0.3 * height) : int(0.7 * height), int(0.3 * width) : int(0.7 * width)]
+        sharp = (left - gaussian_filter(left, BLUR_PX))[middle]
+        rest = (left - there - gaussian_filter(left - there, BLUR_PX))[middle]
+        self.rows[f"dot RMS {distance_m:g} m"] = float(sharp.std())
+        self.rows[f"residual {distance_m:g} m"] = float(100 * rest.std() / np.sqrt(2) / sharp.std())
+
+    def _repeats(self, sensor: StereoDepthSensor) -> None:
+        """Of one and the same light: the samples' noise is none of the camera's."""
+        light, direct, indirect = (
+            [np.ascontiguousarray(sensor.get_picture(name, eye)[..., 0]) for eye in ("left", "right")]
+            for name in ("radiance", "projector_direct", "projector_indirect")
+        )
+        laser = [a + b for a, b in zip(direct, indirect, strict=True)] if self.config.ir_speckle_of_laser else [None] * 2
+        stack = []
+        for frame in range(FRAMES):
+            sensor.engine.set_parameters(frame_index=frame)
+            seen = sensor.engine.compute(*light, ("ir_left",), left_laser=laser[0], right_laser=laser[1])["ir_left"]
+            stack.append(seen.astype(float))
+        mean, deviation = np.mean(stack, axis=0), np.std(stack, axis=0, ddof=1)
+        seen = (mean > 20) & (mean < 40)
+        self.rows["temporal noise"] = float(np.sqrt((deviation[seen] ** 2).mean())) if seen.any() else np.nan
+
+    def table(self) -> None:
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "table_top.gltf"
+            write_table_top(path)
+            scene = kuafu.Scene(kuafu.Device())
+            scene.load(path)
+        scene.set_environment((0.25, 0.25, 0.25))
+        config = StereoDepthSensorConfig(self.config.model)
+        config.samples_per_pixel = self.config.samples_per_pixel
+        sensor = StereoDepthSensor(config, scene, pose=body_pose(scene.camera(0).camera_to_world))
+        sensor.take_picture(infrared_only=True)
+        sensor.compute_depth()
+        images = [image.astype(float) for image in sensor.get_ir_measured()]
+        disparity = sensor.get_disparity()
+        border = int(np.nanpercentile(np.where(disparity > 0, disparity, np.nan), 99)) + 4
+        self.rows["background"] = float(np.median(images[0]))
+        self.rows["lone pixels"] = float(max(map(lone_pixels, images)))
+        self.rows["fill"] = float(100 * (disparity[:, border:] > 0).mean())
+
+
+def lone_pixels(image: NDArray[np.float64]) -> int:
+    padded = np.pad(image, 1, mode="reflect")
+    height, width = image.shape
+    around = [padded[y : y + height, x : x + width] for y in range(3) for x in range(3) if (y, x) != (1, 1)]
+    brightest = np.max(around, axis=0)
+    return int(((image > brightest + 30) & (image > 1.5 * brightest)).sum())
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("names", nargs="*", default=["D415", "D435"], help="cameras (default: D415 D435)")
+    parser.add_argument("--spp", type=int, default=16, help="samples per pixel (default: 16)")
+    parser.add_argument("--texture", type=float, default=0.03, help="of the wall's albedo (default: 0.03)")
+    args = parser.parse_args()
+    for name in args.names:
+        camera = Camera(name, args.spp, args.texture)
+        for distance_m in DISTANCES_M:
+            camera.look(distance_m)
+        camera.table()
+        real = REAL.get(camera.config.model.removeprefix("sapien-"), {})
+        print(f"\n| {camera.config.model} | real | simulated |\n|--|--|--|")
+        for row, value in camera.rows.items():
+            print(f"| {row} | {real.get(row, '')} | {value:.3g}{' %' if row[:4] in ('resi', 'fill') else ''} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()

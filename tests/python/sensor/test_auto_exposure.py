@@ -1,0 +1,119 @@
+"""Automatic exposure on a lit wall, the laser's settings, static speckle and fireflies."""
+
+import kuafu
+import numpy as np
+import pytest
+
+from activestereo import Pose, StereoDepthSensor, StereoDepthSensorConfig
+from activestereo.fireflies import clamp_fireflies
+
+
+def wall(distance_m=1.0, room=0.25):
+    scene = kuafu.Scene(kuafu.Device())
+    corners = np.array([[distance_m, y, z] for y in (-9.0, 9.0) for z in (-9.0, 9.0)], np.float32)
+    material = scene.add_material(kuafu.Material(base_color=(0.5, 0.5, 0.5, 1.0), specular=0.0))
+    scene.add_instance(scene.add_mesh(corners, [[0, 1, 3], [0, 3, 2]]), [material])
+    scene.set_environment((room, room, room))
+    return scene
+
+
+@pytest.fixture
+def config():
+    config = StereoDepthSensorConfig("D435").scaled(0.25)
+    config.samples_per_pixel, config.max_bounces = 2, 0
+    return config
+
+
+def mean_count(sensor):
+    sensor.take_picture(infrared_only=True)
+    sensor.compute_depth()
+    return float(sensor.get_ir_measured()[0].mean())
+
+
+@pytest.mark.parametrize("room", [0.02, 0.25, 20.0])
+def test_a_settled_exposure_has_the_target_whatever_the_light(config, room):
+    config.ir_exposure_limits_s = (1e-6, 10.0)
+    assert mean_count(StereoDepthSensor(config, wall(room=room))) == pytest.approx(config.ir_exposure_target_dn, abs=1.5)
+
+
+def test_it_converges_over_frames_and_gain_follows_exposure_at_its_limit(config):
+    config.ir_exposure_mode, config.ir_camera_exposure, config.ir_exposure_limits_s = "converging", 0.0005, (1e-6, 0.008)
+    sensor = StereoDepthSensor(config, wall())
+    seen = []
+    for _ in range(9):
+        seen.append((mean_count(sensor), sensor.get_config().ir_camera_exposure, sensor.get_config().ir_camera_gain))
+    means, exposures, gains = np.array(seen).T
+    errors = np.abs(means - config.ir_exposure_target_dn)
+    assert exposures[0] == 0.0005 and errors[0] > 20 and errors[-1] < 1.5
+    assert np.all(exposures[1:3] == 2 * exposures[:2]), "at most twice the light a frame"
+    assert exposures[-1] == 0.008 and gains[-1] > 1.2 and np.all(gains[exposures < 0.008] == 1.0)
+
+
+def test_the_region_alone_is_looked_at(config):
+    dark, bright = (106, 0, 212, 120), (0, 0, 106, 120)
+    scene = wall()
+    corners = np.array([[0.9, y, z] for y in (-9.0, 0.0) for z in (-9.0, 9.0)], np.float32)
+    material = scene.add_material(kuafu.Material(base_color=(0.05, 0.05, 0.05, 1.0), specular=0.0))
+    scene.add_instance(scene.add_mesh(corners, [[0, 1, 3], [0, 3, 2]]), [material])
+    exposures = {}
+    for region in (dark, bright):
+        config.ir_exposure_region = region
+        sensor = StereoDepthSensor(config, scene)
+        sensor.take_picture(infrared_only=True)
+        exposures[region] = sensor.get_config().ir_camera_exposure * sensor.get_config().ir_camera_gain
+        sensor.close()
+    assert exposures[dark] > 3 * exposures[bright]
+    config.ir_exposure_region = (0, 0, 500, 10)
+    with pytest.raises(ValueError, match="not inside of 212x120"):
+        StereoDepthSensor(config, scene)
+
+
+def test_light_of_the_dots_goes_with_the_lasers_setting_and_the_emitter(config):
+    config.ir_exposure_mode, config.ir_light_dim_factor, config.ir_ambient_strength = "fixed", 0.0, 0.0
+    config.ir_signal, config.ir_speckle_of_laser, config.ir_speckle_noise = None, False, 0.0
+    config.laser_power_mw = 300.0
+    twice = StereoDepthSensor(config, wall(room=0.0))
+    config.laser_power_mw, config.emitter = 150.0, "alternating"
+    once = StereoDepthSensor(config, wall(room=0.0))
+    for sensor in (twice, once):
+        sensor.take_picture(infrared_only=True)
+    assert twice.get_ir()[0].mean() - 20 / 255 == pytest.approx(2 * (once.get_ir()[0].mean() - 20 / 255), rel=0.05)
+    levels = []
+    for _ in range(3):
+        once.take_picture(infrared_only=True)
+        levels.append(once.get_ir()[0].max() * 255)
+    assert levels[0] == levels[2] == pytest.approx(20.0) and levels[1] > 25.0
+    config.laser_power_mw = 400.0
+    with pytest.raises(ValueError, match="laser_power_mw is 400, expected 0 to 360"):
+        StereoDepthSensor(config, wall())
+
+
+def test_speckle_stands_still_with_the_sensor_and_differs_between_the_eyes(config):
+    config.ir_signal |= {"shot_noise": 0.0, "adc_noise_dn": 0.0, "prnu": 0.0, "speckle_shape": 4.0, "speckle_scale": 0.25}
+    config.ir_exposure_mode, config.ir_light_dim_factor, config.ir_ambient_strength = "fixed", 0.0, 0.0
+    sensor = StereoDepthSensor(config, wall(0.4, room=0.0))
+    images, clean = [], []
+    for pose in (Pose(), Pose(), Pose([1e-4, 0.0, 0.0])):
+        sensor.set_local_pose(pose)
+        sensor.take_picture(infrared_only=True)
+        sensor.compute_depth()
+        images.append(np.float64(sensor.get_ir_measured()))
+        clean.append(255.0 * np.float64(sensor.get_ir()))
+    lit = (clean[0][0] > 40) & (clean[0][0] < 150)
+    factors = [(i[0][lit] - 20) / (c[0][lit] - 20) for i, c in zip(images, clean, strict=True)]
+    assert np.corrcoef(factors[0], factors[1])[0, 1] > 0.9
+    assert abs(np.corrcoef(factors[0], factors[2])[0, 1]) < 0.2
+    assert 0.2 < factors[0].std() < 0.6
+    right = (clean[0][1] > 40) & (clean[0][1] < 150) & lit
+    assert abs(np.corrcoef(((images[0] - 20) / (clean[0] - 20))[:, right])[0, 1]) < 0.3
+
+
+def test_lone_bright_pixels_go_and_everything_else_stays():
+    y, x = np.mgrid[0:60, 0:80]
+    smooth = (1.0 + 0.5 * np.sin(x / 7.0) * np.cos(y / 5.0)).astype(np.float32)
+    np.testing.assert_array_equal(clamp_fireflies(smooth), smooth)
+    spoilt = smooth.copy()
+    spoilt[10, 10], spoilt[30, 40], spoilt[30, 41] = 50.0, 80.0, 60.0
+    np.testing.assert_array_equal(clamp_fireflies(smooth)[0], smooth[0])
+    cleaned = clamp_fireflies(spoilt)
+    assert cleaned.max() < 2.0 and np.count_nonzero(cleaned != smooth) <= 3
