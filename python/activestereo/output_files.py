@@ -10,13 +10,18 @@ from PIL import Image
 
 
 def replace_file(path: str | Path, write: Callable[[BinaryIO], object]) -> None:
-    """write(binary file) fills it. A failed write leaves what was there before. Raises OSError."""
+    """write(binary file) fills it. A failed write leaves what was there before. Raises OSError, with `path` as its filename: a full disk
+    alone does not say what it had no room for."""
     path = Path(path)
     temporary = path.with_name(f".{path.name}.{os.getpid()}")
     try:
         with open(temporary, "wb") as file:
             write(file)
         os.replace(temporary, path)
+    except OSError as error:
+        if error.errno is None:  # NumPy's
+            raise OSError(f"{path}: {error}") from error
+        raise OSError(error.errno, error.strerror, str(path)) from error
     finally:
         temporary.unlink(missing_ok=True)
 

@@ -6,6 +6,7 @@ Entries are whole or absent (written aside, then renamed), so that parallel runs
 import hashlib
 import json
 import os
+import warnings
 import zipfile
 from collections.abc import Mapping
 from contextlib import suppress
@@ -67,6 +68,10 @@ def request_key(request: RenderRequest, renderer_version: str) -> str:
     return digest.hexdigest()
 
 
+class CacheWarning(UserWarning):
+    """Renders cannot be kept."""
+
+
 class LayerCache:
     """Folder of `<key>.npz`, one rig pose or one set of images each. The oldest entries go when it grows over its
     limit."""
@@ -97,23 +102,30 @@ class LayerCache:
                 arrays = {name: stored[name] for name in stored.files}
         except (OSError, KeyError, ValueError, zipfile.BadZipFile):
             return None  # absent, or not ours: rendered again and replaced
-        with suppress(FileNotFoundError):  # another run may forget it at any time
+        with suppress(OSError):  # another run may forget it at any time, and a folder may be read-only
             os.utime(path)
         return arrays
 
     def put_arrays(self, key: str, arrays: Mapping[str, np.ndarray]) -> None:
-        self.folder.mkdir(parents=True, exist_ok=True)
-        replace_file(self.folder / f"{key}.npz", lambda file: np.savez(file, **arrays))
+        """A folder that cannot be written (read-only, full) costs a CacheWarning and the time to render again, not the caller's work."""
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            replace_file(self.folder / f"{key}.npz", lambda file: np.savez(file, **arrays))
+        except OSError as error:
+            text = f"renders are not kept for a second look: {error}; ACTIVESTEREO_CACHE names another folder"
+            warnings.warn(text, CacheWarning, stacklevel=2)
+            return
         self._forget_oldest()
 
     def _forget_oldest(self) -> None:
         entries = []
         for path in self.folder.glob("*.npz"):
-            with suppress(FileNotFoundError):
+            with suppress(OSError):
                 status = path.stat()
                 entries.append((status.st_mtime, status.st_size, path))
         used = 0
         for _, size, path in sorted(entries, reverse=True):
             used += size
             if used > self._limit_bytes:
-                path.unlink(missing_ok=True)
+                with suppress(OSError):
+                    path.unlink(missing_ok=True)

@@ -1,7 +1,10 @@
 """What the commands write and say: files whole or not at all, the progress bar, accuracy."""
 
+import errno
 import io
 import warnings
+from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 import pytest
@@ -24,6 +27,26 @@ def test_a_failed_write_leaves_the_old_file(tmp_path):
     with pytest.raises(OSError):
         replace_file(path, fail)
     assert path.read_text() == "old" and list(tmp_path.iterdir()) == [path]
+
+
+def test_a_full_disk_is_named(tmp_path: Path) -> None:
+    """/dev/full has no room, and what is written there does not say where it should have gone."""
+
+    def fill(file: BinaryIO) -> None:
+        with open("/dev/full", "wb", buffering=0) as full:
+            full.write(b"x")
+
+    path = tmp_path / "depth.png"
+    with pytest.raises(OSError, match="No space left") as raised:
+        replace_file(path, fill)
+    assert raised.value.errno == errno.ENOSPC and raised.value.filename == str(path)
+    assert not list(tmp_path.iterdir())
+
+    def cut(file: BinaryIO) -> None:
+        raise OSError("100 requested and 0 written")  # as numpy.save says it
+
+    with pytest.raises(OSError, match=r"depth\.png: 100 requested"):
+        replace_file(path, cut)
 
 
 def test_depth_png_is_millimetres(tmp_path):
