@@ -10,8 +10,8 @@ from PIL import Image
 
 
 def replace_file(path: str | Path, write: Callable[[BinaryIO], object]) -> None:
-    """write(binary file) fills it. A failed write leaves what was there before. Raises OSError, with `path` as its filename: a full disk
-    alone does not say what it had no room for."""
+    """write(binary file) fills it. A failed write leaves what was there before. Raises OSError whose filename is
+    `path`: a full disk alone does not say what it had no room for."""
     path = Path(path)
     temporary = path.with_name(f".{path.name}.{os.getpid()}")
     try:
