@@ -12,6 +12,7 @@ import sys
 import emit_abi
 import emit_c
 import emit_cpp
+import emit_ffi
 import emit_kuafu
 import emit_page
 import emit_python
@@ -30,7 +31,10 @@ def outputs(tables: Tables) -> dict[str, str]:
         files[f"{library}/src/api/struct_init.cpp"] = emit_abi.struct_init(tables, library)
         sources = (ROOT / f"python/{library}/_{library}.pyi.in", ROOT / "python/bindings/shared.pyi.in")
         files[f"python/{library}/_{library}.pyi"] = emit_python.stub(tables, library, *(path.read_text() for path in sources))
+    headers = {path: files[path] for path in files if path.startswith("capi/include/")}
     return files | {
+        "examples/clients/interface.py": emit_ffi.python_structs(tables, headers),
+        "examples/clients/interface.rs": emit_ffi.rust_structs(tables, headers),
         "capi/device/struct_table.h": emit_abi.struct_table(tables, "ks"),
         "tests/capi/abi_layout_tables.c": emit_abi.layout_test(tables),
         "simsense/src/parameters/fields.h": emit_cpp.simsense_fields_h(tables),

@@ -62,6 +62,8 @@ def root(tmp_path: pathlib.Path, request: pytest.FixtureRequest) -> pathlib.Path
     for name in ("capi", "examples", "kuafu", "python", "simsense", "tests", "CMakeLists.txt"):
         (tmp_path / name).symlink_to(ROOT / name)
     (tmp_path / "build").symlink_to(BUILD)
+    for name in ("wall_and_board.obj", "interface.py", "interface.rs"):
+        (tmp_path / name).symlink_to(ROOT / "examples/clients" / name)
     (tmp_path / "out").mkdir()
     if DATA.is_dir():
         (tmp_path / "DATA").symlink_to(DATA)
@@ -94,6 +96,19 @@ def as_run_here(line: str) -> str:
     return line
 
 
+def assert_depths_are_right(said: str) -> None:
+    """Of the wall at 1.5 m and the board at 0.8 m, within 3 %: about one disparity step of a tenth of a pixel and its noise."""
+    found = re.fullmatch(r"wall ([\d.]+) m, board ([\d.]+) m\n", said)
+    assert found, said
+    assert [float(text) for text in found.groups()] == pytest.approx([1.5, 0.8], rel=0.03)
+
+
+def test_first_programs_have_80_lines() -> None:
+    programs = list((ROOT / "examples/clients").glob("first_depth.*"))
+    assert {path.suffix for path in programs} == {".c", ".cpp", ".py", ".rs"}
+    assert not [path.name for path in programs if len(path.read_text().splitlines()) > 80]
+
+
 def test_every_block_says_its_language() -> None:
     known = PICTURES | {"sh", "python", "c", "cpp", "rust", "cmake", "toml"}
     assert len(PAGES) > 20
@@ -112,7 +127,7 @@ def test_python(page: str, root: pathlib.Path) -> None:
     for number, text in enumerate(texts):
         if "__main__" in text:
             (root / "program.py").write_text(text)
-            run(["/usr/bin/python3", "program.py"], root)
+            assert_depths_are_right(run(["/usr/bin/python3", "program.py"], root))
             texts[number] = ""
     (root / "blocks.py").write_text("\n".join([NAMES.get(page, ""), *texts]))
     run(["/usr/bin/python3", "blocks.py"], root)
@@ -129,15 +144,16 @@ def test_sh(page: str, root: pathlib.Path) -> None:
     run(["bash", "-euc", "\n".join(lines)], root)
 
 
-@pytest.mark.parametrize("page", programs("c") + programs("cpp"))
+@pytest.mark.parametrize("page", sorted({*programs("c"), *programs("cpp")}))
 def test_c_and_cpp(page: str, root: pathlib.Path) -> None:
     for kind, text in blocks_of(page):
         if kind in ("c", "cpp"):
             (root / f"program.{kind}").write_text(text)
             compiler = ["cc", "-std=c99"] if kind == "c" else ["c++", "-std=c++17"]
             libraries = ["-Icapi/include", "-Lbuild/lib", "-lkuafu", "-lsimsense", "-lm"]
-            run([*compiler, f"program.{kind}", *libraries, "-o", "program"], root)
-            run(["./program"], root)
+            strict = ["-Wall", "-Wextra", "-Werror", "-pedantic"]
+            run([*compiler, *strict, f"program.{kind}", *libraries, "-o", "program"], root)
+            assert_depths_are_right(run(["./program"], root))
 
 
 @pytest.mark.parametrize("page", programs("rust"))
@@ -148,8 +164,8 @@ def test_rust(page: str, root: pathlib.Path) -> None:
     for kind, text in blocks_of(page):
         if kind == "rust":
             (root / "program.rs").write_text(text)
-            run([rustc, "--edition", "2021", "-L", "build/lib", "program.rs"], root)
-            run(["./program"], root)
+            run([rustc, "--edition", "2021", "-D", "warnings", "-L", "build/lib", "program.rs"], root)
+            assert_depths_are_right(run(["./program"], root))
 
 
 @pytest.mark.parametrize("page", programs("cmake"))

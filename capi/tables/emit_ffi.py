@@ -1,0 +1,205 @@
+"""The interface for languages that read no C headers: Python's ctypes and Rust. Both keep the names of C."""
+
+from __future__ import annotations
+
+import re
+import sys
+
+from table import FOLDER, SCALARS, Field, Struct, Tables
+from words import GENERATED
+
+sys.path.insert(0, str(FOLDER.parent / "abi"))
+from make_api_table import Function, declared_functions  # noqa: E402
+
+CTYPES = {"float": "c_float", "double": "c_double", "uint8_t": "c_uint8", "uint32_t": "c_uint32", "int32_t": "c_int32",
+          "uint64_t": "c_uint64", "int64_t": "c_int64", "char": "c_char", "const char*": "c_char_p"}  # fmt: skip
+RUST = {"float": "f32", "double": "f64", "uint8_t": "u8", "uint32_t": "u32", "int32_t": "i32", "uint64_t": "u64",
+        "int64_t": "i64", "char": "c_char", "const char*": "*const c_char"}  # fmt: skip
+
+RUST_WORDS = ("type", "match", "ref", "in")
+
+PYTHON_HEAD = '''"""kuafu.h and simsense.h for ctypes: a caller of their functions, and their constants and structs. Copy this file."""
+
+import ctypes as c
+import math
+from collections.abc import Sequence
+from typing import Any
+
+
+class Error(RuntimeError):
+    """A call failed; the text is the library's own."""
+
+
+class Library:
+    """libkuafu or libsimsense, whose functions are called by the names that they have in C."""
+
+    def __init__(self, name: str) -> None:
+        self.name, self.library = name, c.CDLL(f"lib{name}.so.0")
+        self.last_error = getattr(self.library, f"{name}_last_error")
+        self.last_error.restype = c.c_char_p
+
+    def call(self, function: str, *arguments: Any) -> None:
+        """Structs are given by address. Raises Error."""
+        passed = [c.byref(a) if isinstance(a, c.Structure) else a for a in arguments]
+        if getattr(self.library, function)(*passed) < 0:
+            raise Error(self.last_error().decode())
+
+    def make(self, function: str, *arguments: Any, kind: Any = c.c_void_p) -> Any:
+        """The handle, or the number, that a function writes through its last argument."""
+        out = kind()
+        self.call(function, *arguments, c.byref(out))
+        return out
+
+    def release(self, **handles: Any) -> None:
+        """Gives handles back, each by the name of its kind: device=..., scene=..."""
+        for kind, handle in handles.items():
+            getattr(self.library, f"{self.name}_{kind}_release")(handle)
+
+    def struct(self, kind: Any, /, **values: Any) -> Any:
+        """A struct with its defaults, but for the values that are given; arrays are given as sequences."""
+        out = kind()
+        self.call(f"{self.name}_struct_init", kind.type_id, out, c.sizeof(out))
+        for name, value in values.items():
+            held = getattr(out, name)
+            setattr(out, name, type(held)(*value) if isinstance(held, c.Array) else value)
+        return out
+
+    def packed_image(self, code: int, item_bytes: int, shape: Sequence[int]) -> Any:
+        """A ks_image_desc of an image whose elements lie one after the other."""
+        strides = [item_bytes * math.prod(shape[axis + 1 :]) for axis in range(len(shape))]
+        return self.struct(ks_image_desc, format=code, dim_count=len(shape), shape=shape, byte_stride=strides)
+
+
+class ks_header(c.Structure):
+    _fields_ = [("type", c.c_uint32), ("size_bytes", c.c_uint32), ("next", c.c_void_p)]
+
+'''
+RUST_HEAD = """//! The structs and constants of kuafu.h and simsense.h. Copy this file; `kuafu_struct_init` and `simsense_struct_init` fill in a struct.
+#![allow(dead_code, non_camel_case_types)]
+use std::os::raw::{c_char, c_void};
+
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct ks_header {
+    pub r#type: u32,
+    pub size_bytes: u32,
+    pub next: *const c_void,
+}
+
+/// A struct with its defaults: `filled(kuafu_struct_init, KUAFU_TYPE_RENDER_DESC)`. The type is that of the struct T.
+pub unsafe fn filled<T>(init: unsafe extern "C" fn(u32, *mut c_void, u32) -> i32, type_id: u32) -> T {
+    let mut out = std::mem::MaybeUninit::<T>::zeroed();
+    let status = init(type_id, out.as_mut_ptr() as *mut c_void, std::mem::size_of::<T>() as u32);
+    assert!(status >= 0, "no struct has the type {type_id:#x}");
+    out.assume_init()
+}
+
+/// Ends the program with the library's own text where a call has failed.
+pub fn check(status: i32, last_error: unsafe extern "C" fn() -> *const c_char) {
+    if status < 0 {
+        eprintln!("{}", unsafe { std::ffi::CStr::from_ptr(last_error()) }.to_string_lossy());
+        std::process::exit(1);
+    }
+}
+
+/// An image whose elements lie one after the other.
+pub unsafe fn packed_image(format: u32, item_bytes: i64, shape: &[usize]) -> ks_image_desc {
+    let mut image: ks_image_desc = filled(simsense_struct_init, KS_TYPE_IMAGE_DESC);
+    (image.format, image.dim_count) = (format, shape.len() as u32);
+    let mut stride = item_bytes;
+    for axis in (0..shape.len()).rev() {
+        (image.shape[axis], image.byte_stride[axis]) = (shape[axis] as u64, stride);
+        stride *= shape[axis] as i64;
+    }
+    image
+}
+"""
+
+
+def _constants(headers: dict[str, str]) -> dict[str, str]:
+    """Numbers that the generated headers define."""
+    text = "\n".join(headers.values())
+    return dict(re.findall(r"^#define (\w+) (0x[0-9a-f]+|\d+)u?\b(?!\.)", text, re.MULTILINE))
+
+
+def _count(field: Field, constants: dict[str, str]) -> int:
+    return int(constants[field.count], 0) if isinstance(field.count, str) else field.count
+
+
+def _in_order(tables: Tables) -> list[Struct]:
+    """Structs that stand inside others first."""
+    left, out = list(tables.structs.values()), []
+    while left:
+        names = {s.name for s in left}
+        ready = [s for s in left if not names & {f.type for f in s.fields}]
+        out += ready
+        left = [s for s in left if s not in ready]
+    return out
+
+
+def _type(field: Field, scalars: dict[str, str], pointer: str, tables: Tables) -> str:
+    if field.type in SCALARS:
+        return scalars[field.c_type]
+    return field.type if field.type in tables.structs else pointer
+
+
+def python_structs(tables: Tables, headers: dict[str, str]) -> str:
+    """examples/clients/interface.py"""
+    constants = _constants(headers)
+    out = ["# " + GENERATED.format("*.toml"), PYTHON_HEAD]
+    for struct in _in_order(tables):
+        out += ["", f"class {struct.name}(c.Structure):"]
+        out += [f"    type_id = {struct.type_name}"] if struct.type_id is not None else []
+        fields = ['("header", ks_header)'] if struct.type_id is not None else []
+        for field in struct.fields:
+            kind = _type(field, {k: f"c.{v}" for k, v in CTYPES.items()}, "c.c_void_p", tables)
+            count = _count(field, constants)
+            fields.append(f'("{field.name}", {kind}{"" if count == 1 else f" * {count}"})')
+        out += ["    _fields_ = [", *(f"        {text}," for text in fields), "    ]", ""]
+    at = 2
+    lines = [f"{name} = {value}" for name, value in constants.items()]
+    return "\n".join([*out[:at], *lines, "", *out[at:]])
+
+
+def rust_structs(tables: Tables, headers: dict[str, str]) -> str:
+    """examples/clients/interface.rs"""
+    constants = _constants(headers)
+    out = ["// " + GENERATED.format("*.toml"), RUST_HEAD]
+    for struct in _in_order(tables):
+        out += ["#[repr(C)]", "#[derive(Clone, Copy)]", f"pub struct {struct.name} {{"]
+        out += ["    pub header: ks_header,"] if struct.type_id is not None else []
+        for field in struct.fields:
+            kind = _type(field, RUST, "*mut c_void" if not field.is_pointer else "*const c_void", tables)
+            count = _count(field, constants)
+            out.append(f"    pub {'r#' if field.name in RUST_WORDS else ''}{field.name}: {kind if count == 1 else f'[{kind}; {count}]'},")
+        out += ["}", ""]
+    for name, value in constants.items():
+        out.append(f"pub const {name}: u32 = {value};")
+    for library in ("kuafu", "simsense"):
+        out += ["", f'#[link(name = "{library}")]', 'extern "C" {']
+        out += [_rust_function(function, tables) for function in declared_functions(library).values()]
+        out.append("}")
+    return "\n".join([*out, ""])
+
+
+def _rust_function(function: Function, tables: Tables) -> str:
+    """The declaration of a function of C, in Rust."""
+    parameters = [] if function.parameters == "void" else [_rust_parameter(text, tables) for text in function.parameters.split(", ")]
+    result = "" if function.result == "void" else f" -> {_rust_type(function.result, tables)}"
+    return f"    pub fn {function.name}({', '.join(parameters)}){result};"
+
+
+def _rust_parameter(text: str, tables: Tables) -> str:
+    kind, name = text.rsplit(" ", 1)
+    return f"{'r#' if name in RUST_WORDS else ''}{name}: {_rust_type(kind, tables)}"
+
+
+def _rust_type(kind: str, tables: Tables) -> str:
+    """A type of C: numbers and structs by their names, handles and all else without a type."""
+    kind = kind.strip()
+    if kind.endswith("*"):
+        inner = kind.removesuffix("*").strip()
+        pointer = "*const" if inner.startswith("const ") else "*mut"
+        return f"{pointer} {_rust_type(inner.removeprefix('const '), tables)}"
+    plain = RUST | {"void": "c_void", "ks_status": "i32"}
+    return plain.get(kind, kind if kind in tables.structs else "*mut c_void")
