@@ -1,0 +1,158 @@
+"""Memory of a GPU that kuafu or simsense exports, as CUDA memory: PyTorch, CuPy and Numba see the same bytes, no copy.
+
+    memory = CudaMemory(kuafu.Buffer(device, 4 * 480 * 640, exportable=True, host_visible=False))
+    tensor = torch.as_tensor(memory.array("float32", (480, 640)), device="cuda")
+
+CUDA's driver is opened when memory is made. Names and numbers are those of NVIDIA's CUDA Driver API, section "External
+Resource Interoperability". One side must have finished (Renderer.render has, torch.cuda.synchronize()) before the other
+reads.
+"""
+
+import ctypes as c
+import os
+from collections.abc import Sequence
+from math import prod
+from typing import Any
+
+import numpy as np
+from numpy.typing import DTypeLike
+
+_OPAQUE_FD, _DEDICATED = 1, 1
+
+
+class CudaError(RuntimeError):
+    """There is no CUDA here, or it refused a call; the text says which and why."""
+
+
+class _HandleDesc(c.Structure):
+    _fields_ = [
+        ("type", c.c_int),
+        ("handle", c.c_uint64 * 2),  # a union; the file descriptor is its first int
+        ("size", c.c_uint64),
+        ("flags", c.c_uint),
+        ("reserved", c.c_uint * 16),
+    ]
+
+
+class _BufferDesc(c.Structure):
+    _fields_ = [("offset", c.c_uint64), ("size", c.c_uint64), ("flags", c.c_uint), ("reserved", c.c_uint * 16)]
+
+
+class _Driver:
+    def __init__(self, library: str) -> None:
+        try:
+            self._library = c.CDLL(library)
+        except OSError as error:
+            raise CudaError(f"there is no CUDA driver: {error}") from None
+        self.call("cuInit", c.c_uint(0))
+
+    def call(self, name: str, *arguments: Any) -> None:
+        status = getattr(self._library, name)(*arguments)
+        if status != 0:
+            text = c.c_char_p()
+            self._library.cuGetErrorString(status, c.byref(text))
+            raise CudaError(f"{name} failed with {status} ({(text.value or b'unknown').decode()})")
+
+    def device_of(self, uuid: bytes) -> int:
+        """The CUDA device that Vulkan knows by this UUID."""
+        count = c.c_int()
+        self.call("cuDeviceGetCount", c.byref(count))
+        for ordinal in range(count.value):
+            device, own = c.c_int(), (c.c_uint8 * 16)()
+            self.call("cuDeviceGet", c.byref(device), ordinal)
+            self.call("cuDeviceGetUuid", own, device)
+            if bytes(own) == uuid:
+                return device.value
+        raise CudaError(f"none of the {count.value} CUDA devices is the one that the buffer is on")
+
+
+class CudaMemory:
+    """An exportable Buffer as CUDA memory, mapped into the primary context of its GPU. It keeps the buffer; close() or
+    the end of the last array lets go of the mapping. Raises CudaError."""
+
+    def __init__(self, buffer: Any, *, library: str = "libcuda.so.1") -> None:
+        """buffer: a kuafu.Buffer or simsense.Buffer made with exportable=True. library: CUDA's driver."""
+        self._buffer = buffer
+        self._external, self._address = c.c_void_p(), c.c_uint64()
+        self._context: c.c_void_p | None = None  # retained
+        self._driver = _Driver(library)
+        with buffer.export("opaque_fd") as desc:
+            self._device = self._driver.device_of(desc.device_uuid)
+            self.size_bytes: int = desc.size_bytes
+            context = c.c_void_p()
+            self._driver.call("cuDevicePrimaryCtxRetain", c.byref(context), self._device)
+            self._context = context
+            try:
+                self._inside(lambda: self._map(desc))
+            except CudaError:
+                self.close()
+                raise
+
+    def _inside(self, work: Any) -> None:
+        """In the GPU's primary context, which PyTorch and CuPy use too."""
+        self._driver.call("cuCtxPushCurrent_v2", self._context)
+        try:
+            work()
+        finally:
+            self._driver.call("cuCtxPopCurrent_v2", c.byref(c.c_void_p()))
+
+    def _map(self, desc: Any) -> None:
+        handle = _HandleDesc(type=_OPAQUE_FD, size=desc.allocation_bytes, flags=_DEDICATED if desc.dedicated else 0)
+        fd = os.dup(desc.handle)  # CUDA takes it where it succeeds
+        handle.handle[0] = fd
+        try:
+            self._driver.call("cuImportExternalMemory", c.byref(self._external), c.byref(handle))
+        except CudaError:
+            os.close(fd)
+            raise
+        part = _BufferDesc(offset=desc.offset_bytes, size=desc.size_bytes)
+        self._driver.call("cuExternalMemoryGetMappedBuffer", c.byref(self._address), self._external, c.byref(part))
+
+    def _unmap(self) -> None:
+        if self._address.value:
+            self._driver.call("cuMemFree_v2", self._address)
+        if self._external.value:
+            self._driver.call("cuDestroyExternalMemory", self._external)
+
+    def close(self) -> None:
+        """Lets go of the mapping: arrays of it must not be used any more."""
+        if self._context is None:
+            return
+        try:
+            self._inside(self._unmap)
+            self._driver.call("cuDevicePrimaryCtxRelease_v2", self._device)
+        finally:
+            self._context = None
+
+    def __del__(self) -> None:
+        self.close()
+
+    @property
+    def address(self) -> int:
+        """CUdeviceptr of the buffer's first byte."""
+        return self._address.value
+
+    def array(self, dtype: DTypeLike, shape: Sequence[int], offset_bytes: int = 0) -> "CudaArray":
+        """A packed view for torch.as_tensor(..., device="cuda"), cupy.asarray() and numba.cuda.as_cuda_array().
+        ValueError where it leaves the buffer."""
+        kind = np.dtype(dtype)
+        needed = prod(shape) * kind.itemsize
+        if offset_bytes < 0 or min(shape, default=1) < 1 or needed > self.size_bytes - offset_bytes:
+            text = f"{tuple(shape)} of {kind} at {offset_bytes} needs {needed} bytes, the buffer has {self.size_bytes}"
+            raise ValueError(text)
+        return CudaArray(self, kind, tuple(shape), self.address + offset_bytes)
+
+
+class CudaArray:
+    """An array in CUDA memory, by the CUDA array interface, version 3."""
+
+    def __init__(self, memory: CudaMemory, dtype: np.dtype[Any], shape: tuple[int, ...], address: int) -> None:
+        self._memory = memory
+        self.__cuda_array_interface__: dict[str, Any] = {
+            "shape": shape,
+            "typestr": dtype.str,
+            "data": (address, False),
+            "strides": None,
+            "stream": None,
+            "version": 3,
+        }

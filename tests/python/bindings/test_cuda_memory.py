@@ -1,0 +1,81 @@
+"""Exported memory as CUDA memory, against a stub of CUDA's driver that maps the file behind lavapipe's descriptors."""
+
+import ctypes as c
+import subprocess
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+
+import kuafu
+import simsense
+from activestereo.cuda_memory import CudaError, CudaMemory
+
+
+@pytest.fixture(params=[kuafu, simsense], ids=lambda module: module.__name__)
+def module(request: pytest.FixtureRequest) -> ModuleType:
+    return request.param
+
+
+@pytest.fixture
+def own_device(module: ModuleType) -> Any:
+    return module.Device("cpu")
+
+
+@pytest.fixture(scope="module")
+def stub_cuda(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    library = tmp_path_factory.mktemp("cuda") / "libcuda.so.1"
+    source = Path(__file__).resolve().parents[2] / "support/stub_cuda.c"
+    subprocess.run(["cc", "-shared", "-fPIC", "-Wall", "-Werror", "-o", library, source], check=True)
+    return library
+
+
+def place_in_file(address: int) -> int:
+    """Where in the mapped file an address lies."""
+    for line in Path("/proc/self/maps").read_text().splitlines():
+        span, _, offset = line.split()[:3]
+        start, end = (int(part, 16) for part in span.split("-"))
+        if start <= address < end:
+            return int(offset, 16) + address - start
+    raise AssertionError(f"{address:x} is not mapped")
+
+
+def exportable(module: ModuleType, device: Any) -> Any:
+    if "export_opaque_fd" not in device.info.capabilities:
+        pytest.skip(f"{device.info.name} exports no opaque fd")
+    return module.Buffer(device, 4 * 6 * 5, exportable=True)
+
+
+def test_cuda_sees_the_exported_memory(module: ModuleType, own_device: Any, stub_cuda: Path) -> None:
+    """Against a stub of CUDA's driver that maps the file behind the descriptor: one memory under two addresses."""
+    buffer = exportable(module, own_device)
+    stub = c.CDLL(str(stub_cuda))
+    ours = buffer.image("float32", (6, 5)).array()
+    stub.stub_be(own_device.info.device_uuid, c.c_uint64(place_in_file(ours.ctypes.data)))
+    memory = CudaMemory(buffer, library=str(stub_cuda))
+    interface = memory.array("float32", (6, 5)).__cuda_array_interface__
+    assert interface["shape"] == (6, 5) and interface["typestr"] == "<f4" and interface["version"] == 3
+    address = interface["data"][0]
+    theirs = np.ctypeslib.as_array(c.cast(address, c.POINTER(c.c_float)), (6, 5))
+    assert theirs.ctypes.data != ours.ctypes.data
+    ours[2, 3] = 7
+    assert theirs[2, 3] == 7
+    theirs[2, 4] = 8
+    assert ours[2, 4] == 8
+    with pytest.raises(ValueError, match="needs 124 bytes"):
+        memory.array("float32", (31,))
+    memory.close()
+    assert stub.stub_held() == 0
+
+
+def test_cuda_memory_without_cuda_or_on_another_gpu_says_so(module: ModuleType, own_device: Any, stub_cuda: Path) -> None:
+    buffer = exportable(module, own_device)
+    with pytest.raises(CudaError, match="no CUDA driver"):
+        CudaMemory(buffer, library="/nowhere/libcuda.so.1")
+    stub = c.CDLL(str(stub_cuda))
+    stub.stub_be(b"0123456789abcdef", c.c_uint64(0))
+    with pytest.raises(CudaError, match="none of the 2 CUDA devices"):
+        CudaMemory(buffer, library=str(stub_cuda))
+    assert stub.stub_held() == 0
