@@ -444,6 +444,7 @@ class Scene:
         ir_albedo: float | None = None,
         phase_g: float = 0.0,
         bounds_m: Sequence[Sequence[float]] | None = None,
+        housing_m: float = 0.0,
     ) -> None:
         """Homogeneous fog outside of bodies, within bounds_m ((min), (max)) or endless; extinction and albedo as
         RGB, infrared None = red. extinction_per_m None: no medium."""

@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""Makes one capture with a hidden effect, and the answer in another place: hide.py SEED CAPTURE_FOLDER KEY_FILE. Says nothing of it."""
+"""Makes one capture with a hidden effect, and the answer in another place: hide.py SEED CAPTURE_FOLDER KEY_FILE [ELSEWHERE_FOLDER]. Says
+nothing of it. ELSEWHERE_FOLDER: what the same sensor takes of another scene."""
 
 import sys
 from pathlib import Path
@@ -14,6 +15,7 @@ from worlds.blind.catalogue import SINGLE  # noqa: E402
 
 # Seeds of the bank's own worlds lie below.
 _FIRST_SEED = 900_000
+_OTHER_SCENE = 50_000
 
 
 class Secret(Item):
@@ -25,13 +27,15 @@ class Secret(Item):
 
 
 def main():
-    if len(sys.argv) != 4 or not sys.argv[1].isdecimal():
+    if len(sys.argv) not in (4, 5) or not sys.argv[1].isdecimal():
         print(__doc__, file=sys.stderr)
         return 2
     number, capture, key = int(sys.argv[1]), Path(sys.argv[2]), Path(sys.argv[3])
     effect = str(np.random.Generator(np.random.PCG64([number, 77])).choice(list(SINGLE)))
     capture.parent.mkdir(parents=True, exist_ok=True)
-    make_world(Secret("secret", number, ((effect, STRONG),)), capture, key, survey=1.0)
+    item = Secret("secret", number, ((effect, STRONG),))
+    elsewhere = (Path(sys.argv[4]), item.seed + _OTHER_SCENE) if len(sys.argv) == 5 else None
+    make_world(item, capture, key, survey=1.0, elsewhere=elsewhere)
     return 0
 
 

@@ -8,15 +8,15 @@ from worlds.blind import oracle
 from worlds.blind.world import World
 
 
-def make_world(item, capture_folder, key_path, survey, more=None):
-    """Writes both, whole or not at all; returns the key. more: a change of frames recorded beside the usual ones."""
+def make_world(item, capture_folder, key_path, survey, more=None, elsewhere=None):
+    """Writes both, whole or not at all; returns the key. more: a change of frames recorded beside the usual ones. elsewhere: (folder, seed)
+    of a capture of another scene by the same sensor."""
     hidden, moving_exposure = item.draw()
     world = World(item.seed, hidden, survey, moving_exposure=moving_exposure, more=more)
-    building = capture_folder.with_name(capture_folder.name + ".part")
-    shutil.rmtree(building, ignore_errors=True)
-    figures = world.capture(building, item.blind_name)
-    if not item.infrared:
-        _leave_out_infrared(building)
+    figures = _write(world, capture_folder, item)
+    if elsewhere is not None:
+        folder, seed = elsewhere
+        _write(world.in_scene(seed), folder, item)
     key = {
         "id": item.id,
         "set": item.set,
@@ -28,13 +28,22 @@ def make_world(item, capture_folder, key_path, survey, more=None):
         "scored": oracle.scored_parameters(world),
         "oracle": figures,
     }
-    shutil.rmtree(capture_folder, ignore_errors=True)
-    building.rename(capture_folder)
     key_path.parent.mkdir(parents=True, exist_ok=True)
     part = key_path.with_suffix(".part")
     part.write_text(json.dumps(key, indent=1))
     part.rename(key_path)
     return key
+
+
+def _write(world, folder, item):
+    building = folder.with_name(folder.name + ".part")
+    shutil.rmtree(building, ignore_errors=True)
+    figures = world.capture(building, item.blind_name)
+    if not item.infrared:
+        _leave_out_infrared(building)
+    shutil.rmtree(folder, ignore_errors=True)
+    building.rename(folder)
+    return figures
 
 
 def _leave_out_infrared(folder):

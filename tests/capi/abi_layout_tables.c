@@ -131,7 +131,7 @@ AT(kuafu_medium_desc, ir_extinction_per_m, 28, 4);
 AT(kuafu_medium_desc, albedo, 32, 12);
 AT(kuafu_medium_desc, ir_albedo, 44, 4);
 AT(kuafu_medium_desc, phase_g, 48, 4);
-AT(kuafu_medium_desc, reserved, 52, 4);
+AT(kuafu_medium_desc, housing_m, 52, 4);
 AT(kuafu_medium_desc, bounds_min_m, 56, 24);
 AT(kuafu_medium_desc, bounds_max_m, 80, 24);
 

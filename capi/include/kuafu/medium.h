@@ -31,8 +31,9 @@ typedef struct kuafu_medium_desc {
   float ir_albedo;
   /* Mean cosine of scattering (Henyey and Greenstein), in (-1, 1); 0 is even, > 0 forward. */
   float phase_g;
-  /* Must be 0. */
-  uint32_t reserved;
+  /* So far from a camera its window and housing keep the medium out of what it sees; the projector's light is brightest
+   * there. [>= 0 m] */
+  float housing_m;
   /* Lower corner of its box in the world; -1e9..1e9, or infinite where it has no bound. [in m; -inf, -inf, -inf by
    * default] */
   double bounds_min_m[3];

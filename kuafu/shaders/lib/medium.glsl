@@ -15,9 +15,9 @@ float one_minus_exp(float x) { return x < 1e-3f ? x * (1.0f - 0.5f * x) : 1.0f -
 /// -log(1 - x), without cancellation.
 float minus_log_of_rest(float x) { return x < 1e-3f ? x * (1.0f + 0.5f * x) : -log(1.0f - x); }
 
-/// Where a ray's first t_far metres enter and leave the medium's box.
-vec2 medium_part(IN(MediumRecord) m, vec3 origin, vec3 direction, float t_far) {
-  float begin = 0.0f, end = t_far;
+/// Where a ray's part from t_near to t_far metres enters and leaves the medium's box.
+vec2 medium_part(IN(MediumRecord) m, vec3 origin, vec3 direction, float t_near, float t_far) {
+  float begin = t_near, end = t_far;
   for (uint axis = 0u; axis < 3u; ++axis) {
     float inverse = 1.0f / (abs(direction[axis]) < 1e-30f ? 1e-30f : direction[axis]);
     float a = (m.bounds_min[axis] - origin[axis]) * inverse, b = (m.bounds_max[axis] - origin[axis]) * inverse;
@@ -27,8 +27,8 @@ vec2 medium_part(IN(MediumRecord) m, vec3 origin, vec3 direction, float t_far) {
   return vec2(begin, max(begin, end));
 }
 
-Spectrum medium_transmittance(IN(MediumRecord) m, vec3 origin, vec3 direction, float t_far) {
-  vec2 part = medium_part(m, origin, direction, t_far);
+Spectrum medium_transmittance(IN(MediumRecord) m, vec3 origin, vec3 direction, float t_near, float t_far) {
+  vec2 part = medium_part(m, origin, direction, t_near, t_far);
   return band_exp(medium_extinction(m) * (part.x - part.y));
 }
 

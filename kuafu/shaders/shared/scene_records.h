@@ -133,6 +133,7 @@ struct MediumRecord {
   vec3 albedo;      // share of it that is scattered
   float phase_g;
   vec3 bounds_min, bounds_max;  // world, metres
+  float housing_m;              // before a camera there is none of it
 };
 KUAFU_ARRAY(MediumArray, MediumRecord, 4)
 
@@ -162,7 +163,7 @@ static_assert(sizeof(TextureRecord) == 24);
 static_assert(sizeof(LightRecord) == 104);
 static_assert(sizeof(LightShape) == 152);
 static_assert(sizeof(EnvironmentRecord) == 36);
-static_assert(sizeof(MediumRecord) == 52);
+static_assert(sizeof(MediumRecord) == 56);
 static_assert(sizeof(SceneAddresses) == 112);
 }  // namespace kuafu
 #endif

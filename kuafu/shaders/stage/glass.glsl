@@ -8,7 +8,7 @@ struct MetSurface {
 /// `shade` took the medium to fill the whole way; what of it lies in a body does not dim.
 Spectrum inside_instead_of_fog(IN(Ray) ray, float t) {
   if (push.has_medium == 0u) return Spectrum(1.0f);
-  Spectrum dimmed = medium_transmittance(push.scene.at[0].medium.at[0], ray.origin, ray.direction, t);
+  Spectrum dimmed = medium_transmittance(push.scene.at[0].medium.at[0], ray.origin, ray.direction, 0.0f, t);
   return Spectrum(1.0f) / max(dimmed, Spectrum(1e-30f));
 }
 

@@ -8,10 +8,19 @@ struct FogVertex {
 
 bool in_medium() { return (features & feature_medium) != 0u && (push.flags & shade_medium) != 0u; }
 
-/// The medium along a way in the open, of a shadow ray too: glass takes back what lies within it (stage `transmit`).
+/// The medium along a shadow ray in the open: glass takes back what lies within it (stage `transmit`).
 Spectrum open_transmittance(vec3 origin, vec3 direction, float distance_m) {
   if (!in_medium()) return Spectrum(1.0f);
-  return medium_transmittance(push.scene.at[0].medium.at[0], origin, direction, distance_m);
+  return medium_transmittance(push.scene.at[0].medium.at[0], origin, direction, 0.0f, distance_m);
+}
+
+/// Metres of a path's ray before the medium may begin: a camera's housing keeps it out.
+float clear_way_m() { return push.bounce == 0u ? push.scene.at[0].medium.at[0].housing_m : 0.0f; }
+
+/// The medium along a path's ray in the open.
+Spectrum path_transmittance(vec3 origin, vec3 direction, float distance_m) {
+  if (!in_medium()) return Spectrum(1.0f);
+  return medium_transmittance(push.scene.at[0].medium.at[0], origin, direction, clear_way_m(), distance_m);
 }
 
 /// Whether ray i ran inside a body, which keeps the medium out.
@@ -28,7 +37,7 @@ FogVertex sample_fog(IN(Path) path, vec3 origin, vec3 direction, float t_far) {
   FogVertex fog;
   fog.found = false;
   IN(MediumRecord) medium = push.scene.at[0].medium.at[0];
-  vec2 part = medium_part(medium, origin, direction, t_far);
+  vec2 part = medium_part(medium, origin, direction, clear_way_m(), t_far);
   if (part.y <= part.x || max_component(medium_albedo(medium)) == 0.0f) return fog;
   Flight flight = sample_flight(medium, part.y - part.x, sample_2d(path.key, path.index, pair_flight(push.bounce)));
   fog.throughput = path.throughput * flight.weight;

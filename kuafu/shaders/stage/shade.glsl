@@ -29,7 +29,7 @@ void arrive(uint i, OUT(Shading) s) {
   if (open) {
     vec3 origin = load_origin(i), direction = load_direction(push.rays_in, i, push.capacity);
     if (depth(s.path) <= push.max_bounces) s.fog = sample_fog(s.path, origin, direction, t_far);
-    s.path.throughput *= open_transmittance(origin, direction, t_far);
+    s.path.throughput *= path_transmittance(origin, direction, t_far);
   }
   if (s.hit) {
     load_vertex(i, s.path, s.vertex);

@@ -26,7 +26,7 @@ void add_shapes(uint i, IN(Path) path, float t_far, bool open) {
     if (!hit.found || hit.t < t_near || hit.t > t_far) continue;
     float weight = found_weight(path, index, hit.pdf);
     if (weight == 0.0f) continue;
-    if (open) hit.radiance *= open_transmittance(origin, direction, hit.t);
+    if (open) hit.radiance *= path_transmittance(origin, direction, hit.t);
     add_radiance(path.slot, ambient_group(light.light_group), path.throughput * hit.radiance * weight);
   }
 }

@@ -108,6 +108,7 @@ void copy_fields(const kuafu_medium_desc& s, Medium& out) {
   for (int i = 0; i < 3; ++i) out.albedo[i] = s.albedo[i];
   out.ir_albedo = s.ir_albedo;
   out.phase_g = s.phase_g;
+  out.housing_m = s.housing_m;
   for (int i = 0; i < 3; ++i) out.bounds_min_m[i] = s.bounds_min_m[i];
   for (int i = 0; i < 3; ++i) out.bounds_max_m[i] = s.bounds_max_m[i];
 }
@@ -118,6 +119,7 @@ void copy_fields(const Medium& s, kuafu_medium_desc& out) {
   for (int i = 0; i < 3; ++i) out.albedo[i] = s.albedo[i];
   out.ir_albedo = s.ir_albedo;
   out.phase_g = s.phase_g;
+  out.housing_m = s.housing_m;
   for (int i = 0; i < 3; ++i) out.bounds_min_m[i] = s.bounds_min_m[i];
   for (int i = 0; i < 3; ++i) out.bounds_max_m[i] = s.bounds_max_m[i];
 }

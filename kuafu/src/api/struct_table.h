@@ -120,11 +120,11 @@ struct StructInfo<kuafu_medium_desc> {
       KS_FIELD_END(kuafu_medium_desc, albedo),
       KS_FIELD_END(kuafu_medium_desc, ir_albedo),
       KS_FIELD_END(kuafu_medium_desc, phase_g),
-      KS_FIELD_END(kuafu_medium_desc, reserved),
+      KS_FIELD_END(kuafu_medium_desc, housing_m),
       KS_FIELD_END(kuafu_medium_desc, bounds_min_m),
       KS_FIELD_END(kuafu_medium_desc, bounds_max_m),
   };
-  static constexpr std::array<ReservedBytes, 1> reserved = {{{offsetof(kuafu_medium_desc, reserved), sizeof(kuafu_medium_desc::reserved)}}};
+  static constexpr std::array<ReservedBytes, 0> reserved = {};
   static kuafu_medium_desc neutral() {
     kuafu_medium_desc s{};
     s.header = ks_header_make(KUAFU_TYPE_MEDIUM_DESC, sizeof s);

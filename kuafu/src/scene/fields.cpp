@@ -48,6 +48,7 @@ void check_fields(const Medium& s, const std::string& owner) {
   if (!std::isnan(s.ir_extinction_per_m)) ks::check_range({owner, "ir_extinction_per_m", "1/m"}, s.ir_extinction_per_m, 0.0f, INFINITY);
   for (int i = 0; i < 3; ++i) ks::check_range({owner, "albedo", ""}, s.albedo[i], 0.0f, 1.0f);
   if (!std::isnan(s.ir_albedo)) ks::check_range({owner, "ir_albedo", ""}, s.ir_albedo, 0.0f, 1.0f);
+  ks::check_range({owner, "housing_m", "m"}, s.housing_m, 0.0f, INFINITY);
 }
 
 void check_fields(const LightFields& s, const std::string& owner) {

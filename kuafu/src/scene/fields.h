@@ -114,6 +114,8 @@ struct Medium {
   float ir_albedo = NAN;
   /// Mean cosine of scattering (Henyey and Greenstein), in (-1, 1); 0 is even, > 0 forward.
   float phase_g = 0.0f;
+  /// So far from a camera its window and housing keep the medium out of what it sees; the projector's light is brightest there.
+  float housing_m = 0.0f;
   /// Lower corner of its box in the world; -1e9..1e9, or infinite where it has no bound.
   glm::dvec3 bounds_min_m{-INFINITY, -INFINITY, -INFINITY};
   /// Upper corner, likewise.

@@ -110,6 +110,7 @@ void SceneTables::write_medium(const Scene& scene) {
   r.phase_g = m.phase_g;
   r.bounds_min = glm::vec3(glm::max(m.bounds_min_m, glm::dvec3(-double(endless))));
   r.bounds_max = glm::vec3(glm::min(m.bounds_max_m, glm::dvec3(double(endless))));
+  r.housing_m = m.housing_m;
   has_medium_ = r.extinction != glm::vec3(0);
 }
 

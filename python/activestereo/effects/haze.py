@@ -25,7 +25,7 @@ def _phase_g(backscatter: float) -> float:
 @moves("medium")
 def _engine(inputs: EngineInputs, extinction_per_m: float, backscatter: float, hidden_m: float) -> None:
     if extinction_per_m > 0.0:
-        inputs.medium = Medium(extinction_per_m, 1.0, _phase_g(backscatter), inputs.bounds_m)
+        inputs.medium = Medium(extinction_per_m, 1.0, _phase_g(backscatter), inputs.bounds_m, hidden_m)
 
 
 @effect(
@@ -39,7 +39,7 @@ def _engine(inputs: EngineInputs, extinction_per_m: float, backscatter: float, h
             "backscatter", "1", neutral=1.0, low=0.0, high=3.0, typical=0.5,
             source="scattering back to the rig over isotropic: fine smoke 1, fog 0.1-0.5 (Henyey and Greenstein 1941)",
         ),
-        Parameter("hidden_m", "m", neutral=0.05, low=0.01, high=0.3, typical=0.03, source="what window and housing hide of the beam's first part"),
+        Parameter("hidden_m", "m", neutral=0.05, low=0.01, high=0.3, typical=0.03, source="window and housing of the camera keep the air out so far, where the beam is brightest"),
     ],
     engine=_engine,
 )  # fmt: skip
@@ -47,7 +47,7 @@ def haze(light: Light, view: View, extinction_per_m: float, backscatter: float, 
     """Light fades by exp(-extinction x way); ambient light is scattered in where it is scattered out, and so is the beam on its way out."""
     if extinction_per_m == 0.0:
         return light
-    to_camera = np.linalg.norm(view.points(), axis=-1)
+    to_camera = np.maximum(np.linalg.norm(view.points(), axis=-1) - hidden_m, 0.0)
     to_projector = np.linalg.norm(view.projector_points(), axis=-1)
     hit = view.depth_m > 0
     seen = np.where(hit, np.exp(-extinction_per_m * to_camera), 0.0)

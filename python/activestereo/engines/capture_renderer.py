@@ -196,7 +196,8 @@ class CaptureRenderer:
         if any(light.kind == "projector" for job in jobs for light in job.inputs.added_lights):
             # Projectors' light has one pair of outputs; that of further units belongs to the room's.
             others = self._render(jobs, _LIGHT[:2], own=False, progress=None)
-            images["added"] = images["added"] + others["projector_direct"] + others["projector_indirect"]
+            images["added"] = images["added"] + others["projector_direct"]
+            images["added_indirect"] = others["projector_indirect"]
         count = len(jobs) * len(EYES)
         views = [{name: image[k] for name, image in images.items()} for k in range(count)]
         if self._smooth:
@@ -240,7 +241,10 @@ class CaptureRenderer:
             for texture in textures.values():
                 self._scene.remove_texture(texture)
         images = dict(images)
-        images["added"] = images["group"] = images.pop(group) if has_lamps else np.zeros_like(images[outputs[0]])
+        images["added"] = images.pop(group) if has_lamps else np.zeros_like(images[outputs[0]])
+        images["added_indirect"] = np.zeros_like(images["added"])
+        if "ambient" in images:
+            images["ambient"] = images["ambient"] - images["added"]
         return images
 
     def _texture(self, pattern: NDArray[np.float32], textures: dict[bytes, int]) -> int:
@@ -282,7 +286,7 @@ def _job_key(inputs: EngineInputs) -> tuple:
 def _eye_light(view: dict[str, NDArray], inputs: EngineInputs) -> EyeLight:
     """A rendered view under a frame's own powers."""
     power = 0.0 if inputs.projector is None else inputs.projector.ir_intensity
-    ambient = inputs.ambient.scale * (view["ambient"] - view["group"]) + view["added"]
+    ambient = inputs.ambient.scale * view["ambient"] + view["added"] + view["added_indirect"]
     lights = (power * view["projector_direct"], power * view["projector_indirect"], ambient, view["depth"])
     return EyeLight(
         *(image[..., 0].astype(np.float32) for image in lights), view["normal"], view["material_id"][..., 0]

@@ -9,7 +9,7 @@ stays within a per cent (measured).
 import numpy as np
 
 # Changes whenever the filter does.
-SMOOTH_VERSION = 3
+SMOOTH_VERSION = 4
 
 # Cubic B-spline, 5 taps.
 _TAPS = np.array([1, 4, 6, 4, 1]) / 16.0

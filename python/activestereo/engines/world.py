@@ -79,4 +79,5 @@ def enter_world(scene: kuafu.Scene, inputs: EngineInputs) -> None:
             ir_albedo=medium.albedo,
             phase_g=medium.phase_g,
             bounds_m=medium.bounds_m,
+            housing_m=medium.housing_m,
         )

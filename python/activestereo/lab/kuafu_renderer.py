@@ -12,12 +12,10 @@ import numpy as np
 import kuafu
 from activestereo.lab.cache import scene_digest
 from activestereo.lab.layers import Layers, RenderRequest
-from activestereo.engines.smooth import SMOOTH_VERSION, smooth_bounced
+from activestereo.engines.smooth import SMOOTH_VERSION
+from activestereo.engines.smoothing import smooth_light
 from activestereo.scene_surfaces import split_surfaces
 
-# Rougher surfaces have no highlight that would move through bounced light.
-_MATT_ROUGHNESS = 0.5
-_NOTHING_HIT = 0xFFFFFFFF
 # Light without the pattern varies at edges alone: it needs fewer samples.
 _FLAT_SHARE = 0.5
 _OUTPUTS = ("projector_direct", "projector_indirect", "ambient", "depth", "normal", "material_id")
@@ -59,32 +57,20 @@ class KuafuRenderer:
             images["normal"][i].copy(),
             images["material_id"][i, ..., 0].copy(),
         )
-        many_ways = np.stack([images["projector_indirect"][i, ..., 0], images["ambient"][i, ..., 0]])
+        bounced = {name: images[name][i, ..., 0] for name in ("projector_indirect", "ambient")}
         if self._smooth:
-            many_ways = self._smoothed(many_ways, depth_m, normal, material, camera)
+            bounced |= self._smoothed(bounced, depth_m, normal, material, camera)
         direct = images["projector_direct"][i, ..., 0].copy()
-        return Layers(direct, *many_ways, flat[i, ..., 0].copy(), depth_m, normal, material)
+        indirect, ambient = (image.astype(np.float32) for image in bounced.values())
+        return Layers(direct, indirect, ambient, flat[i, ..., 0].copy(), depth_m, normal, material)
 
-    def _smoothed(self, light, depth_m, normal, material, camera):
+    def _smoothed(self, bounced, depth_m, normal, material, camera):
         column, row = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
         y = (row - camera.K[1, 2]) / camera.K[1, 1]
         x = (column - camera.K[0, 2] - camera.K[0, 1] * y) / camera.K[0, 0]
         points = np.stack([x * depth_m, y * depth_m, depth_m], axis=-1)
-        filtered = smooth_bounced(
-            light, depth_m, normal @ camera.camera_to_world[:3, :3], points, material, camera.K[0, 0]
-        )
-        return np.where(np.isin(material, self._matt_materials(material)), filtered, light)
-
-    def _matt_materials(self, material):
-        """Ids of those whose bounced and ambient light follow the surface alone: no mirror, no glass, no albedo
-        texture."""
-        seen = {int(m): self._scene.get_material(int(m)) for m in np.unique(material) if m != _NOTHING_HIT}
-        return [
-            i
-            for i, m in seen.items()
-            if m.transmission == 0 and m.metallic == 0 and (m.roughness > _MATT_ROUGHNESS or m.specular == 0)
-            and (m.base_color_texture is None or m.ir_albedo is not None)
-        ]  # fmt: skip
+        in_camera = normal @ camera.camera_to_world[:3, :3]
+        return smooth_light(bounced, depth_m, in_camera, points, material, camera.K[0, 0], self._scene)
 
     def _render(self, request, cameras, outputs, max_bounces, progress):
         return self._renderer.render(

@@ -51,5 +51,10 @@ class Lab:
         if self.diagnosis is not None:
             write_diagnosis(self.diagnosis, folder)
         paths = write_report(self.comparison, folder)
-        write_model(paths[0].parent / "model.json", self.model, scene_path=scene_of(self.capture))
+        if not self._is_as_found():  # write_diagnosis() has written the complete one
+            write_model(paths[0].parent / "model.json", self.model, scene_path=scene_of(self.capture))
         return paths
+
+    def _is_as_found(self):
+        found = self.diagnosis
+        return found is not None and found.sensor_model is not None and self.model is found.model

@@ -1,8 +1,9 @@
 """How well an effect's image function stands for what the engines make of its engine fields.
 
 Both change the images of one small world (matt bodies on a table before a wall, a moving warm rig); the figure is the
-root mean square difference of the two changes over the engine's own change. Of random fields, which draw other numbers,
-it is that of the changes' standard deviations.
+root mean square difference of the two changes over the engine's own change. Both squares are means of products of two
+renders of different seeds: the renders' noise, which would look like a difference, has no part in them. Of random fields,
+which draw other numbers, the figure is that of the changes' standard deviations.
 """
 
 from __future__ import annotations
@@ -28,40 +29,29 @@ from activestereo.images import write_gray
 from activestereo.lab.cache import LayerCache
 from activestereo.lab.fit import Nuisances
 from activestereo.lab.kuafu_renderer import KuafuRenderer
+from activestereo.lab.layers import Layers
 from activestereo.lab.render import WARP_SCALE, render_frames
 from activestereo.pattern import PatternDesign, make_pattern
 from activestereo.pose import look_at
 
 _SIZE, _FOCAL_PX = (160, 90), 80.0
-_SAMPLES, _BOUNCES = 64, 2
+_SAMPLES, _BOUNCES, _SEEDS = 64, 2, (0, 1)
 _NUISANCES = Nuisances(projector_scale=120000.0, ambient_scale=9000.0, black_dn=5.0)
 _POSES = (((-0.02, 0.46, 0.72), (0.0, 0.035, -0.02)), ((0.22, 0.38, 0.62), (-0.03, 0.05, -0.05)))
 
 
-@dataclass
+@dataclass(frozen=True)
 class Trial:
-    """The small world, rendered once for all effects."""
+    """The small world, rendered once for all effects with each of two seeds."""
 
-    capture: Capture
-    engine: CaptureRenderer
-    views: dict[Key, View]
-    layers: dict[int, dict[str, object]]
+    runs: tuple[_Run, _Run]
 
     @classmethod
     def make(cls, folder: Path, device: str | int = "auto") -> Trial:
         """Writes the world into a folder and renders it."""
         capture = trial_capture(folder)
-        engine = CaptureRenderer(capture, device, _SAMPLES, _BOUNCES)
-        layers = render_frames(
-            capture,
-            KuafuRenderer(engine.device),
-            _SAMPLES,
-            _BOUNCES,
-            cache=LayerCache(folder / "cache"),
-            scale=WARP_SCALE,
-        )
-        views = {(f.id, eye): View.of(capture, f, eye, layers[f.id][eye]) for f in capture.frames for eye in EYES}
-        return cls(capture, engine, views, layers)
+        first, second = (_Run.make(capture, folder, device, seed) for seed in _SEEDS)
+        return cls((first, second))
 
     def difference(self, effect: Effect) -> float:
         """Of an effect with engine fields at its typical values, on all surfaces."""
@@ -70,18 +60,44 @@ class Trial:
         if effect.randomness is not Randomness.NONE and all(
             name.startswith(("signal.", "speckle")) for name in effect.engine_fields
         ):
-            engine, surrogate = (
-                self.engine.expected(model, _NUISANCES, random=True),
-                self._surrogate(model, random=True),
-            )
-            engine_change, change = (
-                _change(images, base) for images, base in ((engine, self._engine_base), (surrogate, self._base))
-            )
-            return abs(float(change.std() / engine_change.std()) - 1.0)
+            in_engine, by_formula = self.runs[0].changes(model, random=True)
+            return abs(float(by_formula.std() / in_engine.std()) - 1.0)
         drawn = Model(tuple((replace(e, randomness=Randomness.NONE), p) for e, p in model.effects))
-        engine_change = _change(self.engine.expected(drawn, _NUISANCES), self._engine_base)
-        change = _change(self._surrogate(drawn, random=False), self._base)
-        return float(np.sqrt(np.mean((change - engine_change) ** 2) / np.mean(engine_change**2)))
+        # A seed also decides what a random pattern is: there both have to be of one.
+        runs = self.runs if effect.randomness is Randomness.NONE else (self.runs[0], self.runs[0])
+        (in_engine, by_formula), (in_engine_2, by_formula_2) = (run.changes(drawn, random=False) for run in runs)
+        unlike = np.mean((by_formula - in_engine) * (by_formula_2 - in_engine_2))
+        return float(np.sqrt(max(unlike, 0.0) / np.mean(in_engine * in_engine_2)))
+
+
+@dataclass
+class _Run:
+    """The small world under one seed."""
+
+    capture: Capture
+    engine: CaptureRenderer
+    views: dict[Key, View]
+    layers: dict[int, dict[str, Layers]]
+
+    @classmethod
+    def make(cls, capture: Capture, folder: Path, device: str | int, seed: int) -> _Run:
+        engine = CaptureRenderer(capture, device, _SAMPLES, _BOUNCES, seed)
+        layers = render_frames(
+            capture,
+            KuafuRenderer(engine.device),
+            _SAMPLES,
+            _BOUNCES,
+            seed=seed,
+            cache=LayerCache(folder / "cache"),
+            scale=WARP_SCALE,
+        )
+        views = {(f.id, eye): View.of(capture, f, eye, layers[f.id][eye]) for f in capture.frames for eye in EYES}
+        return cls(capture, engine, views, layers)
+
+    def changes(self, model: Model, random: bool) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """What a model changes in the engines and by its formulas, DN [image][height][width] each."""
+        in_engine = _change(self.engine.expected(model, _NUISANCES, random=random), self._engine_base)
+        return in_engine, _change(self._by_formula(model, random), self._base)
 
     @cached_property
     def _engine_base(self) -> dict[Key, NDArray]:
@@ -89,9 +105,9 @@ class Trial:
 
     @cached_property
     def _base(self) -> dict[Key, NDArray]:
-        return self._surrogate(Model(), random=False)
+        return self._by_formula(Model(), random=False)
 
-    def _surrogate(self, model: Model, random: bool) -> dict[Key, NDArray]:
+    def _by_formula(self, model: Model, random: bool) -> dict[Key, NDArray]:
         out = {}
         for key, view in self.views.items():
             light = model.light(self.layers[key[0]][key[1]], view, random)
@@ -137,7 +153,7 @@ def trial_capture(folder: Path, scale: float = 1.0) -> Capture:
             temperature_c=45.0,
             camera_to_world=look_at(eye, target, (0.0, 1.0, 0.0)),
             split="train",
-            camera_velocity=np.array([0.6, 0.2, 0.2, 0.4, 2.4, 1.2]),
+            camera_velocity=np.array([1.8, 0.6, 0.6, 1.2, 7.2, 3.6]),
         )
         for i, (eye, target) in enumerate(_POSES)
     )

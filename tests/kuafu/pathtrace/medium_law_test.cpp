@@ -97,6 +97,34 @@ TEST(Medium, single_scattering_is_its_integral) {
   }
 }
 
+// A camera's housing keeps the medium out: what is seen is dimmed from there on, and the glow of a lamp beside the camera begins there.
+TEST(Medium, begins_at_the_end_of_a_cameras_housing) {
+  const double s = 0.8, housing = 0.3, distance = 2.0, aside = 0.05;
+  for (const uint32_t tracer : {KUAFU_TRACER_AUTO, KUAFU_TRACER_COMPUTE}) {
+    World dimmed(tracer);
+    dimmed.add(quad({0, 0, distance}, {-1, 0, 0}, {0, 1, 0}), emitter(1.0f));
+    kuafu_medium_desc m = fog(float(s), 0);
+    m.housing_m = float(housing);
+    set_medium(dimmed, m);
+    dimmed.desc().samples_per_pixel = 1;
+    EXPECT_NEAR(dimmed.radiance(view_at({0, 0, 0}, 2, 2, 4000)).mean(), std::exp(-s * (distance - housing)), 1e-5);
+  }
+  World glow;
+  glow.add_point({aside, 0, 0}, 2.0f);
+  kuafu_medium_desc m = fog(float(s), 1);
+  m.housing_m = float(housing);
+  set_medium(glow, m);
+  glow.desc().samples_per_pixel = 4096;
+  glow.desc().max_bounces = 0;
+  double expected = 0;
+  const int n = 20000;
+  for (int i = 0; i < n; ++i) {
+    const double t = housing + 20 * (i + 0.5) / n, r = std::hypot(aside, t);
+    expected += s * std::exp(-s * (t - housing + r)) / (4 * pi) * 2.0 / (r * r) * 20 / n;
+  }
+  EXPECT_NEAR(glow.radiance(view_at({0, 0, 0}, 2, 2, 20000)).mean(), expected, 0.015 * expected);
+}
+
 TEST(Medium, that_loses_nothing_vanishes_in_a_white_furnace) {
   for (const float g : {0.0f, 0.8f}) {
     World world;

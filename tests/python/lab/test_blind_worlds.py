@@ -151,3 +151,12 @@ def test_more_frames_repeat_each_train_view_under_the_change(world):
     assert all(f.repeat_group is not None for f in repeated if f.split == "train")
     groups = [f.repeat_group for f in repeated[8:]]
     assert all(groups.count(g) == 2 for g in groups)
+
+
+def test_the_same_sensor_stands_in_another_scene():
+    first = World(seed=5, hidden={"gain_mismatch": {"gain": 0.1, "offset_dn": 0.0}})
+    other = first.in_scene(6)
+    assert other.rig is not None and np.array_equal(other.rig.pattern, first.rig.pattern)
+    assert (other.sensor, other.hidden) == (first.sensor, first.hidden)
+    assert other.solids[2].centre != first.solids[2].centre
+    assert all(frame.power > 0 and not frame.is_moving for frame in other.frames)

@@ -23,7 +23,7 @@ def glow(view: View, extinction_per_m: float, from_m: float) -> np.ndarray:
     first, last = np.arctan((from_m - foot) / aside), np.arctan((end - foot) / aside)
     share = ((np.arange(_PLACES) + 0.5) / _PLACES)[:, None, None]
     along = foot + aside * np.tan(first + share * (last - first))
-    way = along + np.hypot(along - foot, aside)
+    way = along - from_m + np.hypot(along - foot, aside)
     light = _intensity(view, along[..., None] * ray) * np.exp(-extinction_per_m * way)
     coarse = light.mean(axis=0) * np.maximum(last - first, 0.0) / (4.0 * np.pi * aside)
     places = [np.interp(np.arange(n), kept, np.arange(len(kept))) for n, kept in zip(view.shape, (rows, columns), strict=True)]

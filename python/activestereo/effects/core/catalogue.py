@@ -82,7 +82,9 @@ _ENGINE = """\
 Under a model the simulator moves these fields of kuafu and simsense; what is *image only* is applied to the images by the sensor, at the cost of a copy.
 The lab's scans use the image function of every effect. *Difference*: what it and the engines change in the images of a small world at typical
 values, root mean square of the difference over the engines' change (of random fields: of their standard deviations), by
-`build/bin/activestereo effect measure`."""
+`build/bin/activestereo effect measure`; the renders' noise has no part in it. The large ones have causes: the world is 160 pixels wide, and its dots and edges are finer than
+a pixel, so that blurs of half a pixel and shifts of a fraction of one (resampling, motion, rotations) depend on what the pixels do not show; below a closed surface that transmits there is
+no light from behind, which the image function of `transmission` fits and no engine field has; bounced light of lamps is in the engines alone."""
 
 _INTRODUCTION = """\
 What may make a real sensor differ from the base model: {count} effects, in the order of the light's way; {engine} of them are simulated inside of the engines. Each is one file in

@@ -107,6 +107,7 @@ class Medium:
     albedo: float
     phase_g: float
     bounds_m: tuple[tuple[float, ...], tuple[float, ...]]
+    housing_m: float = 0.0
 
 
 @dataclass

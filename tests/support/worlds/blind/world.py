@@ -63,6 +63,14 @@ class World:
         self._noise = draw.standard_normal(6)
         self._layers, self._ambient, self._hardwares = {}, {}, {}
 
+    def in_scene(self, scene_seed):
+        """The same sensor, wrong in the same way, in front of another scene."""
+        other = World(self.seed, self.hidden, self._survey, self._sub)
+        other.solids = draw_scene(np.random.Generator(np.random.PCG64([scene_seed, 0])))
+        other.frames = tuple(frame for frame in other.frames if frame.power > 0 and not frame.is_moving)
+        other.__dict__.update(sensor=self.sensor)
+        return other
+
     def hiding(self, hidden):
         """The same world with other hidden effects; shares what has been computed."""
         other = World(self.seed, hidden, self._survey, self._sub)

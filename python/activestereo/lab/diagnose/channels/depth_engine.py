@@ -10,6 +10,7 @@ faults are judged on the rest.
 """
 
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -99,8 +100,8 @@ class DepthEngineChannel(JudgingChannel):
 
     kind: ClassVar[Channel] = Channel.DEPTH_ENGINE
 
-    def __init__(self, evidence: Evidence, base: BaseFit, gates: Gates) -> None:
-        self._evidence, self._base, self._gates = evidence, base, gates
+    def __init__(self, evidence: Evidence, base: BaseFit, gates: Gates, workers: int) -> None:
+        self._evidence, self._base, self._gates, self._workers = evidence, base, gates, workers
 
     def explain(self, effects: Sequence[Effect], progress: Progress | None = None) -> list[Explanation | NotRanked]:
         frames = list(_frames(self._evidence, self._base)) if effects else []
@@ -114,7 +115,8 @@ class DepthEngineChannel(JudgingChannel):
         fits: dict[str, _DepthFit] = {}
         waiting = list(effects)
         while waiting:
-            now = {e.id: judge.fit(e) for e in waiting}
+            with ThreadPoolExecutor(self._workers) as pool:
+                now = dict(zip((e.id for e in waiting), pool.map(judge.fit, waiting), strict=True))
             best = max(waiting, key=lambda e: now[e.id].own.nats)
             is_choice = best.engine_fault.is_matcher_choice and self._is_significant(now[best.id], len(effects))
             if not is_choice:
