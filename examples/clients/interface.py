@@ -346,7 +346,7 @@ class kuafu_medium_desc(c.Structure):
         ("albedo", c.c_float * 3),
         ("ir_albedo", c.c_float),
         ("phase_g", c.c_float),
-        ("reserved", c.c_uint32),
+        ("housing_m", c.c_float),
         ("bounds_min_m", c.c_double * 3),
         ("bounds_max_m", c.c_double * 3),
     ]

@@ -178,7 +178,7 @@ pub struct kuafu_medium_desc {
     pub albedo: [f32; 3],
     pub ir_albedo: f32,
     pub phase_g: f32,
-    pub reserved: u32,
+    pub housing_m: f32,
     pub bounds_min_m: [f64; 3],
     pub bounds_max_m: [f64; 3],
 }

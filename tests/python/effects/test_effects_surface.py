@@ -121,7 +121,7 @@ def test_the_beams_glow_is_the_sum_of_what_every_piece_of_air_scatters(extinctio
         middle = 0.5 * (steps[1:] + steps[:-1])
         way = middle[:, None] * point / np.linalg.norm(point) - centre
         distance = np.linalg.norm(way, axis=1)
-        pieces = 0.6 / distance**2 / (4 * np.pi) * np.exp(-extinction * (middle + distance)) * np.diff(steps)
+        pieces = 0.6 / distance**2 / (4 * np.pi) * np.exp(-extinction * (middle - from_m + distance)) * np.diff(steps)
         assert seen_glow[row, column] == pytest.approx(pieces.sum(), rel=0.02)
 
 

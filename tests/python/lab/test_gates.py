@@ -44,9 +44,9 @@ def test_every_gate_says_its_value_unit_and_source():
     table = gates_table().splitlines()[2:]
     assert len(table) == len(fields(GATES))
     for line, gate in zip(table, fields(GATES), strict=True):
-        name, value, unit, decides, source = (cell.strip() for cell in line.strip("|").split("|"))
+        name, value, unit, decides, source, moves = (cell.strip() for cell in line.strip("|").split("|"))
         assert name == f"`{gate.name}`" and float(value) == pytest.approx(getattr(GATES, gate.name), rel=1e-5)
-        assert decides and source and gate.metadata["unit"] in (unit, "1")
+        assert decides and source and moves and gate.metadata["unit"] in (unit, "1")
 
 
 def test_shares_are_told_in_words():
