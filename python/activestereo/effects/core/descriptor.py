@@ -65,7 +65,7 @@ class Parameter:
     def __post_init__(self) -> None:
         if not self.low <= self.neutral <= self.high or self.low == self.high:
             raise ValueError(f"parameter {self.name}: needs low <= neutral <= high and a range, got {self.low}, {self.neutral}, {self.high}")
-        if self.typical <= 0:
+        if not 0 < self.typical < float("inf"):
             raise ValueError(f"parameter {self.name}: typical is {self.typical}, a prior's deviation is positive")
 
     @property

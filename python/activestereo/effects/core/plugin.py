@@ -3,6 +3,7 @@
 import ctypes as c
 import keyword
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -15,6 +16,7 @@ _TYPE_EFFECT, _TYPE_EFFECT_VIEW, _TYPE_EFFECT_RANDOM_TERMS = 0x07, 0x08, 0x09
 _RANDOMNESS = (Randomness.NONE, Randomness.STATIC, Randomness.TEMPORAL)
 _LEVERS = (Lever.ONE, Lever.SIGNAL, Lever.PROJECTOR, Lever.EXPOSURE, Lever.PHOTONS)
 _SHARED_BY = (SharedBy.PIXEL, SharedBy.VIEW, SharedBy.COLUMN, SharedBy.ROW, SharedBy.DOT)
+_MOST_EFFECTS, _MOST_PARAMETERS, _LONGEST_CHAIN = 256, 64, 16
 _RNG_PER = {Randomness.NONE: "rig", Randomness.STATIC: "sensor", Randomness.TEMPORAL: "frame"}
 
 
@@ -65,7 +67,8 @@ class _Effect(c.Structure):
 
 
 def load_plugin(path: str | Path) -> list[Effect]:
-    """The Effects of a shared library. ValueError says what is wrong with it; OSError where it cannot be loaded."""
+    """The Effects of a shared library. ValueError says what is wrong with its tables; OSError where it cannot be loaded. It runs in this
+    process with all of its rights: pointers in the tables are followed as they are."""
     library = c.CDLL(str(Path(path).resolve()))
     try:
         entry = getattr(library, _ENTRY)
@@ -74,59 +77,81 @@ def load_plugin(path: str | Path) -> list[Effect]:
     entry.restype, entry.argtypes = c.POINTER(_Effect), [c.POINTER(c.c_uint32)]
     count = c.c_uint32()
     found = entry(c.byref(count))
-    if not found or count.value == 0:
+    try:
+        effects = [_effect(record, library) for record in _records(found, count.value, "effect", _MOST_EFFECTS)]
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+    if not effects:
         raise ValueError(f"{path}: {_ENTRY} gives no effect")
-    return [_effect(path, found[i], library) for i in range(count.value)]
+    return effects
 
 
-def _effect(path, record, library):
+def _records(first: Any, count: int, what: str, most: int) -> list[Any]:
+    """The records of a C array. A count beyond all measure, or without an array, is told from one that can be."""
+    if count > most:
+        raise ValueError(f"{count} {what}s are said to be there, the most is {most}")
+    if count > 0 and not first:
+        raise ValueError(f"{count} {what}s are said to be there, and NULL is in their place")
+    return [first[i] for i in range(count)]
+
+
+def _effect(record: _Effect, library: c.CDLL) -> Effect:
     if record.header.type != _TYPE_EFFECT or record.header.size_bytes != c.sizeof(_Effect):
-        raise ValueError(f"{path}: built against another ks/effect.h (its ks_effect has {record.header.size_bytes} bytes, not {c.sizeof(_Effect)})")
+        raise ValueError(f"built against another ks/effect.h (its ks_effect has {record.header.size_bytes} bytes, not {c.sizeof(_Effect)})")
     name = _text(record.id)
     if not name.isidentifier() or not record.apply or record.randomness >= len(_RANDOMNESS):
-        raise ValueError(f"{path}: effect '{name}' needs an identifier as id, an apply function and a known randomness")
-    parameters = tuple(_parameter(path, name, record.parameters[i]) for i in range(record.parameter_count))
+        raise ValueError(f"effect {name[:40]!r} needs an identifier as id, an apply function and a known randomness")
+    parameters = tuple(map(_parameter, _records(record.parameters, record.parameter_count, "parameter", _MOST_PARAMETERS)))
+    if len({p.name for p in parameters}) < len(parameters):
+        raise ValueError(f"effect '{name}' has two parameters of one name")
     randomness = _RANDOMNESS[record.randomness]
     try:
         stage = Stage(record.stage)
     except ValueError:
-        raise ValueError(f"{path}: effect '{name}' has stage {record.stage}, not one of KS_STAGE_*") from None
+        raise ValueError(f"effect '{name}' has stage {record.stage}, not one of KS_STAGE_*") from None
 
     def apply(value, view, **values):
         assert library  # its code runs below
         return _run(record.apply, name, randomness, value, view, [values[p.name] for p in parameters])
 
     texts = {field: _text(getattr(record, field)) for field in ("family", "summary", "source")}
-    judged = tuple(_random_term(path, name, term) for term in _chained_terms(record.header))
+    judged = tuple(map(_random_term, _chained_terms(record.header)))
     return Effect(name, stage=stage, parameters=parameters, apply=apply, randomness=randomness, judged=judged, **texts)
 
 
 def _chained_terms(header: _Header) -> list[_RandomTerm]:
     """The random terms that an effect's header leads to."""
     at = header.next
-    while at:
+    for _ in range(_LONGEST_CHAIN):
+        if not at:
+            return []
         found = c.cast(at, c.POINTER(_RandomTerms))[0]
         if found.header.type == _TYPE_EFFECT_RANDOM_TERMS:
-            return [found.terms[i] for i in range(found.count)]
+            if found.header.size_bytes < c.sizeof(_RandomTerms):
+                raise ValueError(f"its random terms have {found.header.size_bytes} bytes, not {c.sizeof(_RandomTerms)}")
+            return _records(found.terms, found.count, "random term", _MOST_PARAMETERS)
         at = found.header.next
-    return []
+    raise ValueError(f"its header's chain has no end within {_LONGEST_CHAIN} structs")
 
 
-def _random_term(path: Path, effect: str, record: _RandomTerm) -> RandomTerm:
+def _random_term(record: _RandomTerm) -> RandomTerm:
     if record.lever >= len(_LEVERS) or record.shared_by >= len(_SHARED_BY):
-        raise ValueError(f"{path}: effect '{effect}': a random term's lever or shared_by is none of KS_LEVER_*, KS_SHARED_BY_*")
+        raise ValueError("a random term's lever or shared_by is none of KS_LEVER_*, KS_SHARED_BY_*")
     return RandomTerm(_text(record.parameter), _LEVERS[record.lever], _SHARED_BY[record.shared_by], _text(record.sparse_share))
 
 
-def _parameter(path, effect, record):
+def _parameter(record: _Parameter) -> Parameter:
     name = _text(record.name)
     if not name.isidentifier() or keyword.iskeyword(name):
-        raise ValueError(f"{path}: effect '{effect}': parameter name '{name}' is no identifier")
+        raise ValueError(f"parameter name {name[:40]!r} is no identifier")
     return Parameter(name, _text(record.unit), record.neutral, record.low, record.high, record.typical, _text(record.source))
 
 
-def _text(pointer):
-    return (pointer or b"").decode()
+def _text(pointer: bytes | None) -> str:
+    text = (pointer or b"").decode(errors="replace")
+    if not text.isprintable() or "\ufffd" in text:
+        raise ValueError(f"the text {text[:40]!r} is no line of UTF-8")
+    return text
 
 
 def _run(function, name, randomness, value, view, parameters):
