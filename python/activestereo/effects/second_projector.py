@@ -52,7 +52,7 @@ def second_projector(
     """A second unit on the same rig throws the same pattern from beside; it shines in frames with the own projector off too."""
     if intensity_m2 == 0.0:
         return light
-    shading = Shading(light, view)
+    shading = Shading.of(light, view)
     offset = np.array([offset_x_m, offset_y_m, 0.0])
     c, s = np.cos(yaw_rad), np.sin(yaw_rad)
     to_second = np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]])

@@ -47,7 +47,7 @@ def specular(light: Light, view: View, factor: float, roughness: float, surfaces
     """Surfaces mirror the projector's dots in a highlight and the surroundings in a sheen, on top of their diffuse light."""
     if factor == 0.0:
         return light
-    shading, (share, ior) = Shading(light, view), _layer(factor)
+    shading, (share, ior) = Shading.of(light, view), _layer(factor)
     lobe = highlight(shading.normal, shading.to_projector, shading.to_camera, roughness, ior)
     lit = light.flat > 0
     cosines = np.maximum(shading.camera_cosine, 1e-3), np.maximum(shading.projector_cosine, 1e-3)

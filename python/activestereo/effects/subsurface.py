@@ -23,6 +23,9 @@ def _mean_free_path_m(length_m: float, albedo: float) -> float:
 # any radius agrees to 0.006.
 _PROFILE = ((0.081, 0.032), (0.254, 0.193), (0.396, 0.643), (0.269, 1.751))
 
+# A scan goes through lengths and comes back to them with another fraction.
+_LENGTHS_KEPT = 3
+
 
 @moves("materials.subsurface", "materials.ir_subsurface_color", "materials.ir_subsurface_radius_m")
 def _engine(inputs: EngineInputs, fraction: float, length_m: float, surfaces: float) -> None:
@@ -49,10 +52,15 @@ def subsurface(light: Light, view: View, fraction: float, length_m: float, surfa
     """Dots keep a core and grow wide tails of one width in metres on the surface; near ones look wider; ambient edges stay sharp."""
     if fraction == 0.0:
         return light
+    dots = view.latest("dots below", light, lambda: _dots_below(light, view, length_m), choice=length_m, most=_LENGTHS_KEPT)
+    return on_surfaces(light, replace(light, direct=(1.0 - fraction) * light.direct + fraction * light.flat * dots), view, surfaces)
+
+
+def _dots_below(light: Light, view: View, length_m: float) -> np.ndarray:
+    """The pattern's share of the light that leaves, [height][width]."""
     hit = view.depth_m > 0
     sigma_px = np.where(hit, view.K[0, 0] * length_m / np.where(hit, view.depth_m, 1.0), 0.0)
     entered = np.stack([light.direct, light.flat])
-    spread, share = sum((weight * blur(entered, width * sigma_px) for weight, width in _PROFILE), np.zeros(entered.shape))
+    spread, share = sum((weight * blur(entered, width * sigma_px) for weight, width in _PROFILE), np.zeros(entered.shape, entered.dtype))
     # What spreads is the dots' irradiance: reflectance and shadows stay where they are.
-    dots = np.where(share > 0, spread / np.where(share > 0, share, 1.0), 0.0)
-    return on_surfaces(light, replace(light, direct=(1.0 - fraction) * light.direct + fraction * light.flat * dots), view, surfaces)
+    return np.where(share > 0, spread / np.where(share > 0, share, 1.0), 0.0)

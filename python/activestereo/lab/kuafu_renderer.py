@@ -2,7 +2,9 @@
 band."""
 
 import hashlib
+import os
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -49,7 +51,8 @@ class KuafuRenderer:
         flat = self._render(fewer, cameras, ("projector_direct",), 0, None)["projector_direct"]
         self._place_projector(request, self._texture)
         images = self._render(request, cameras, _OUTPUTS, request.max_bounces, progress)
-        return tuple(self._layers(images, flat, i, camera) for i, camera in enumerate(request.cameras))
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            return tuple(pool.map(lambda i: self._layers(images, flat, i, request.cameras[i]), range(len(cameras))))
 
     def _layers(self, images, flat, i, camera):
         depth_m, normal, material = (

@@ -48,7 +48,7 @@ class Lamp:
 
     def white_radiance(self, light: Light, view: View) -> np.ndarray:
         """What diffuse surfaces send, [height][width]: 1 for a white one at the world's origin that faces the light."""
-        shading = view.once("lamp's shading", lambda: Shading(light, view))
+        shading = Shading.of(light, view)
         way, square = self._way(view, shading.points)
         cosine = np.where(shading.hit, np.maximum((shading.normal * way).sum(-1), 0.0), 0.0)
         return np.pi * shading.reflectance * cosine / square * self._visibility(view, way)
@@ -101,7 +101,7 @@ def lamp_starts(images: list[StartImage]) -> list[dict[str, float]]:
     gram, moment = np.zeros((4, 4)), np.zeros(4)
     rows = []
     for image in images:
-        shading = Shading(image.light, image.view)
+        shading = Shading.of(image.light, image.view)
         rotation = (image.view.left_to_camera @ np.linalg.inv(image.view.frame.camera_to_world))[:3, :3]
         white = np.pi * shading.reflectance * image.ambient_dn
         rows.append((shading.normal @ rotation, white, image.light.ambient * image.ambient_dn, image.weight, image.residual, shading.hit))

@@ -44,7 +44,7 @@ class _Scene:
     """Random pixels of one image. points: projector coordinates [n][3]."""
 
     def __init__(self, image: StartImage) -> None:
-        view, shading = image.view, Shading(image.light, image.view)
+        view, shading = image.view, Shading.of(image.light, image.view)
         where = np.flatnonzero(shading.hit & (shading.reflectance > 0))
         pick = np.random.Generator(np.random.PCG64([_SEED, view.seed])).permutation(where)[:_PIXELS]
         rotation = view.camera_to_projector[:3, :3]

@@ -17,6 +17,11 @@ class Shading:
     from the ambient light by the scene's median.
     """
 
+    @classmethod
+    def of(cls, light: Light, view: View) -> "Shading":
+        """The Shading of the light that a view was asked for last."""
+        return view.latest("shading", light, lambda: cls(light, view))
+
     def __init__(self, light: Light, view: View) -> None:
         self._view = view
         self.hit = view.depth_m > 0

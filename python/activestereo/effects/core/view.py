@@ -89,6 +89,17 @@ class View:
             self._memory[name] = make()
         return self._memory[name]
 
+    def latest(self, name: Hashable, light: Any, make: Callable[[], Any], choice: Hashable = None, most: int = 1) -> Any:
+        """make(), remembered for the latest `most` choices under the same light: fits change one parameter at a time."""
+        known = self._memory.get(name, ())
+        for seen_light, seen_choice, value in known:
+            if seen_light is light and seen_choice == choice:
+                return value
+        kept = [entry for entry in known if entry[0] is light]
+        value = make()
+        self._memory[name] = (*kept[len(kept) - most + 1 :], (light, choice, value)) if most > 1 else ((light, choice, value),)
+        return value
+
     def pixels(self) -> tuple[np.ndarray, np.ndarray]:
         """(u, v) of every pixel's centre, float64 [height][width] each."""
         height, width = self.shape
