@@ -10,7 +10,14 @@
 
 from importlib import import_module
 
-_HOMES = {"Mount": "sensor", "Pose": "pose", "StereoDepthSensor": "sensor", "StereoDepthSensorConfig": "presets"}
+_HOMES = {
+    "Mount": "sensor",
+    "Mounts": "sensor_batch",
+    "Pose": "pose",
+    "StereoDepthSensor": "sensor",
+    "StereoDepthSensorBatch": "sensor_batch",
+    "StereoDepthSensorConfig": "presets",
+}
 
 __all__ = sorted(_HOMES)
 

@@ -2,3 +2,5 @@ from activestereo.pose import Pose as Pose
 from activestereo.presets import StereoDepthSensorConfig as StereoDepthSensorConfig
 from activestereo.sensor import Mount as Mount
 from activestereo.sensor import StereoDepthSensor as StereoDepthSensor
+from activestereo.sensor_batch import Mounts as Mounts
+from activestereo.sensor_batch import StereoDepthSensorBatch as StereoDepthSensorBatch

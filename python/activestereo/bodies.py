@@ -59,7 +59,7 @@ class Bodies:
         self._environments: list[int] = []
         self._bodies: list[int] = []
         self._to_body: list[NDArray[np.float64]] = []
-        self._last: NDArray[np.float64] | None = None
+        self._last = np.zeros((environment_count or 1, 0, 4, 4))
 
     def add(
         self,
@@ -93,8 +93,22 @@ class Bodies:
                 self._bodies.append(len(self.names))
                 self._to_body.append(np.array(shape.to_body, dtype=np.float64))
         self.names.append(name)
-        self._last = None
+        self._last = np.concatenate([self._last, np.broadcast_to(start, (len(self._last), 1, 4, 4))], axis=1)
         return len(self.names) - 1
+
+    def remove(self, name: str) -> None:
+        """Takes a body out of the scene; its meshes and materials stay. Bodies after it move up by one number."""
+        body = self.index(name)
+        kept = [row for row, other in enumerate(self._bodies) if other != body]
+        for row, other in enumerate(self._bodies):
+            if other == body:
+                self.scene.remove_instance(self._instances[row])
+        self._instances = [self._instances[row] for row in kept]
+        self._environments = [self._environments[row] for row in kept]
+        self._to_body = [self._to_body[row] for row in kept]
+        self._bodies = [self._bodies[row] - (self._bodies[row] > body) for row in kept]
+        del self.names[body]
+        self._last = np.delete(self._last, body, axis=1)
 
     def index(self, name: str) -> int:
         """A body's number. Raises ValueError where there is none of this name."""
@@ -113,7 +127,7 @@ class Bodies:
         """
         now = self._from_names(poses) if isinstance(poses, Mapping) else self._matrices(host_array(poses))
         fault = pose_fault(now)
-        has_moved = np.ones(now.shape[:2], bool) if self._last is None else (now != self._last).any(axis=(2, 3))
+        has_moved = (now != self._last).any(axis=(2, 3))
         broken = fault.any(axis=1)
         has_moved[broken] = False
         rows = np.flatnonzero(has_moved[self._environments, self._bodies]) if self._instances else np.empty(0, int)
@@ -123,7 +137,7 @@ class Bodies:
             for row, matrix in zip(rows, to_world, strict=True):
                 self.scene.set_instance_pose(self._instances[row], matrix)
         if broken.any():
-            now[broken] = np.nan if self._last is None else self._last[broken]  # a NaN differs from every later pose
+            now[broken] = self._last[broken]
         self._last = now
         if broken.any():
             self._refuse(fault)
@@ -149,15 +163,10 @@ class Bodies:
                 + (f" in {self.environment_count} environments" if lead else "")
                 + f" have the shape {(*wanted, 7)} or {(*wanted, 4, 4)}, not {array.shape}"
             )
-        return pose_matrices(array, "poses").reshape(-1, len(self.names), 4, 4)
+        return pose_matrices(array, "poses").reshape(self.environment_count or 1, len(self.names), 4, 4)
 
     def _from_names(self, poses: Mapping[str, Any]) -> NDArray[np.float64]:
-        if self._last is None:
-            missing = [name for name in self.names if name not in poses]
-            if missing:
-                raise ValueError(f"the first move() needs the pose of every body; '{missing[0]}' is missing")
-        shape = (self.environment_count or 1, len(self.names), 4, 4)
-        now = np.empty(shape) if self._last is None else self._last.copy()
+        now = self._last.copy()
         lead = () if self.environment_count is None else (self.environment_count,)
         for name, given in poses.items():
             body, array = self.index(name), host_array(given)

@@ -23,7 +23,7 @@ def shared_memory_kind(renderer_device: kuafu.Device, engine_device: simsense.De
 
 class IrLink:
     """Two float32 images [height, width], left then right: kuafu renders into `target`, simsense reads `left` and
-    `right`."""
+    `right`. With a count above 1 each of the two is [count, height, width]."""
 
     def __init__(
         self,
@@ -32,8 +32,9 @@ class IrLink:
         width: int,
         height: int,
         copy: bool = False,
+        count: int = 1,
     ) -> None:
-        shape = (2, height, width, 1)
+        shape = (2 * count, height, width, 1)
         size_bytes = 4 * int(np.prod(shape))
         shared = shared_memory_kind(renderer_device, engine_device)
         self.memory = "copy" if copy else shared
@@ -44,11 +45,12 @@ class IrLink:
         else:
             with self._source.export(shared) as desc:
                 self._sink = simsense.Buffer.import_(engine_device, desc)
-        self.left, self.right = (self._sink.image(np.float32, (height, width), eye * size_bytes // 2) for eye in (0, 1))
+        eye_shape = (height, width) if count == 1 else (count, height, width)
+        self.left, self.right = (self._sink.image(np.float32, eye_shape, eye * size_bytes // 2) for eye in (0, 1))
 
     @property
     def images(self) -> np.ndarray:
-        """The pair as kuafu wrote it, float32 [2, height, width]; a view."""
+        """The pairs as kuafu wrote them, float32 [2 * count, height, width], left ones first; a view."""
         return self.target.array()[..., 0]
 
     def deliver(self) -> None:

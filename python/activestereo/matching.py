@@ -2,8 +2,11 @@
 
 from typing import Any
 
+import numpy as np
+
 import simsense
 from activestereo.matcher_table import MATCHER
+from activestereo.pose import Pose, camera_to_camera
 from activestereo.presets import StereoDepthSensorConfig, sapien_name
 
 # SAPIEN's noise at scale 1: a gamma factor of shape 1333.33 and mean 1, and Gaussian noise of 0.25 counts.
@@ -52,3 +55,25 @@ def matcher_parameters(config: StereoDepthSensorConfig) -> dict[str, Any]:
 def engine_parameters(config: StereoDepthSensorConfig) -> dict[str, Any]:
     """Keyword arguments of simsense.Engine, the imagers' included."""
     return matcher_parameters(config) | signal_parameters(config)
+
+
+def make_engine(config: StereoDepthSensorConfig, device: simsense.Device, batch_count: int = 1) -> simsense.Engine:
+    """A depth engine of the configuration's rig and parameters, for batch_count pairs at a time."""
+    (width, height), (rgb_width, rgb_height) = config.ir_resolution, config.rgb_resolution
+    (k_left, lens_left), (k_right, lens_right) = config.ir_eye(False), config.ir_eye(True)
+    is_distorted = bool(np.any(lens_left) or np.any(lens_right))
+    return simsense.Engine(
+        device,
+        simsense.Camera(width, height, k_left, lens_left),
+        simsense.Camera(width, height, k_right, lens_right),
+        camera_to_camera(config.trans_pose_l, config.trans_pose_r),
+        rgb=simsense.Camera(rgb_width, rgb_height, config.rgb_intrinsic, config.rgb_distortion),
+        left_to_rgb=camera_to_camera(config.trans_pose_l, Pose()),
+        rectified=config.rectified and not is_distorted,
+        batch_count=batch_count,
+        noise_seed=config.ir_noise_seed,
+        back_end=config.back_end,
+        low_memory=config.low_memory,
+        faults=config.faults,
+        **engine_parameters(config),
+    )

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from copy import deepcopy
 from difflib import get_close_matches
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -142,6 +142,8 @@ class StereoDepthSensorConfig(MatcherFields):
         # this power of the cosine from the projector's axis.
         self.projector_beam_radius_m = camera.value("projector", "beam_radius_m", 0.0)
         self.projector_falloff_exponent = camera.value("projector", "falloff_exponent", 0.0)
+        # True: other sensors of the scene see its dots, too, as those of real sensors do that look at one thing.
+        self.projector_always_on = False
 
         # Exposure and infrared light. ir_camera_exposure in seconds; ir_responsivity_dn in counts per W s / (sr m^2).
         # ir_exposure_mode: 'fixed'; 'converging': after each picture exposure, then gain, take a step towards a mean
@@ -200,7 +202,7 @@ class StereoDepthSensorConfig(MatcherFields):
         self.depth_maps: tuple[str, ...] = ()
         # Where the depth engine works ('auto', 'cpu', 'vulkan'), whether it takes the least memory instead of the least
         # time, and which faults of the published SimSense it keeps, out of simsense.FAULTS.
-        self.back_end = "auto"
+        self.back_end: Literal["auto", "cpu", "vulkan"] = "auto"
         self.low_memory = False
         self.faults: tuple[str, ...] = ()
 

@@ -1,6 +1,8 @@
 """StereoDepthSensor: RGB camera, infrared pair and pattern projector in a kuafu scene, with simsense behind them. Names are SAPIEN's."""
 
 import warnings
+import weakref
+from contextlib import contextmanager
 from copy import deepcopy
 from os import PathLike
 
@@ -9,18 +11,17 @@ import numpy as np
 import kuafu
 import simsense
 from activestereo.auto_exposure import AutoExposure, rgb_exposure
-from activestereo.capture import Frame
 from activestereo.effects.core.engine import EngineInputs, apply_engine, moved_pose
 from activestereo.effects.core.model import Model
 from activestereo.engines.survey import Survey
 from activestereo.fireflies import infrared_layers
 from activestereo.ir_link import IrLink
 from activestereo.lens import undistort
-from activestereo.matching import engine_parameters
-from activestereo.pose import Pose, as_matrix, camera_to_camera, camera_to_world
+from activestereo.matching import engine_parameters, make_engine
+from activestereo.pose import Pose, as_matrix, camera_to_world
 from activestereo.scene_surfaces import split_surfaces
 from activestereo.sensor_effects import ImageEffects, ModelCostWarning
-from activestereo.sensor_inputs import sensor_inputs, shutter, twist_of
+from activestereo.sensor_inputs import exposure, render_settings, sensor_inputs, shutter, twist_of
 from activestereo.sensor_world import LATER, SensorWorld, pattern_of
 
 RGB_OUTPUTS = ("radiance", "depth", "material_id", "instance_id")
@@ -41,7 +42,9 @@ class StereoDepthSensor:
     config: a StereoDepthSensorConfig; it is copied. scene_or_mount: a kuafu.Scene, a Mount, or the path of a scene file. pose: the RGB
     camera's pose, in the scene or relative to the mount; body axes (x forward, y left, z up) as in SAPIEN. device: 'auto', 'cpu', an index or
     a kuafu.Device, where the scene does not bring its own. copy_ir: copies the infrared pair between the libraries instead of sharing its
-    memory. The projector becomes a light of the scene, seen in the infrared only, until close(). One thread at a time.
+    memory. The projector becomes a light of the scene, seen in the infrared only, and shines while this sensor's pictures are taken (always, if
+    the config's projector_always_on says so). It goes with the sensor: at close(), at the end of a `with` block, or when nothing refers to
+    the sensor any more. One thread at a time.
 
     model: a sensor_model.SensorModel or the path of a model.json. Its effects act inside of the engines; those that no engine field expresses
     change the images, with a ModelCostWarning. Its rig, pattern and imager are the config's: StereoDepthSensorConfig.from_model(). ValueError
@@ -67,10 +70,11 @@ class StereoDepthSensor:
         self._world = SensorWorld(self._scene, self._pattern)
         self._told, self._frame, self._lit_frame, self._is_closed = None, -1, -1, False
         self._tell_engines()
-        self._image_effects = ImageEffects(self, self._left_over)
+        self._image_effects = ImageEffects(weakref.proxy(self), self._left_over)
         if self._image_effects:
             text = f"no engine field expresses {', '.join(self._image_effects.names)}: every picture is copied to the host and back"
             warnings.warn(text, ModelCostWarning, stacklevel=2)
+        weakref.finalize(self, self._world.leave).atexit = False
         self._rgb = self._result = None
         self._laser = (None, None)
         self._has_picture = False
@@ -84,14 +88,14 @@ class StereoDepthSensor:
         self._has_picture, self._result = False, None
         frame, rgb = self._frame + 1, self._rgb
         self._prepare(frame)
-        self._place_projector()
         share = 0.0 if infrared_only else 0.5
-        if not infrared_only:
-            images = self._render([self.rgb_camera()], RGB_OUTPUTS, "visible", frame, _part(progress, 0.0, share))
-            rgb = {name: image[0] for name, image in images.items()}
-            self._keep_times("rgb", self._renderer)
-        laser = self._render_infrared(frame, _part(progress, share, 1.0))
-        self._keep_times("ir", self._renderer)
+        with self._projector_on():
+            if not infrared_only:
+                images = self._render([self.rgb_camera()], RGB_OUTPUTS, "visible", frame, _part(progress, 0.0, share))
+                rgb = {name: image[0] for name, image in images.items()}
+                self._keep_times("rgb", self._renderer)
+            laser = self._render_infrared(frame, _part(progress, share, 1.0))
+            self._keep_times("ir", self._renderer)
         self._image_effects.on_light(self._link.images)
         self._link.deliver()
         self._expose()
@@ -178,10 +182,11 @@ class StereoDepthSensor:
         cameras = {"rgb": self.rgb_camera, "left": lambda: self.ir_cameras()[0], "right": lambda: self.ir_cameras()[1]}
         if camera not in cameras:
             raise ValueError(f"unknown camera '{camera}' (known: rgb, left, right)")
-        self._place_projector()
-        if camera == "rgb":
-            return self._render([self.rgb_camera()], [name], "visible", max(self._frame, 0), None)[name][0]
-        return self._render([cameras[camera]()], [name], "infrared", max(self._frame, 0), None, eyes=[camera == "right"])[name][0]
+        frame = max(self._frame, 0)
+        with self._projector_on():
+            if camera == "rgb":
+                return self._render([self.rgb_camera()], [name], "visible", frame, None)[name][0]
+            return self._render([cameras[camera]()], [name], "infrared", frame, None, eyes=[camera == "right"])[name][0]
 
     @staticmethod
     def _linear_counts(image, signal):
@@ -280,6 +285,12 @@ class StereoDepthSensor:
             camera.camera_to_world = to_world @ pose
         return cameras
 
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *error):
+        self.close()
+
     def close(self):
         """Takes the projector, and what else a model brought, out of the scene."""
         self._world.leave()
@@ -326,23 +337,7 @@ class StereoDepthSensor:
 
     def make_engine(self):
         """Another depth engine of this rig and these parameters, a simsense.Engine."""
-        c = self._config
-        left, right = (simsense.Camera(*c.ir_resolution, *c.ir_eye(is_right)) for is_right in (False, True))
-        rgb = simsense.Camera(*c.rgb_resolution, c.rgb_intrinsic, c.rgb_distortion)
-        return simsense.Engine(
-            simsense.Device(self._device.info.device_uuid),
-            left,
-            right,
-            camera_to_camera(c.trans_pose_l, c.trans_pose_r),
-            rgb=rgb,
-            left_to_rgb=camera_to_camera(c.trans_pose_l, Pose()),
-            rectified=c.rectified and not any(np.any(camera.distortion) for camera in (left, right)),
-            noise_seed=c.ir_noise_seed,
-            back_end=c.back_end,
-            low_memory=c.low_memory,
-            faults=c.faults,
-            **engine_parameters(c),
-        )
+        return make_engine(self._config, simsense.Device(self._device.info.device_uuid))
 
     def _read_model(self, model, scene_path):
         """(effects, survey, infrared radiance of the model's room) in this scene."""
@@ -365,11 +360,7 @@ class StereoDepthSensor:
         """What the engines are told, with the RGB camera at the origin; found anew where the sensor or its conditions have changed."""
         if self._told is None:
             temperature, time_s = self._conditions
-            frame = Frame(
-                id=0, left_path=None, right_path=None, timestamp_s=time_s,
-                exposure_s=self._config.ir_camera_exposure, camera_to_world=np.eye(4), split="train", temperature_c=temperature,
-                camera_velocity=self._twist,
-            )  # fmt: skip
+            frame = exposure(self._config, self._twist, time_s, temperature)
             pattern = None if self._pattern is None else pattern_of(self._pattern)
             emitter = self._config.emitter_power(max(self._lit_frame, 0))
             inputs = sensor_inputs(self._config, self._scene, Pose(), self._twist, frame, pattern, self._ambient_radiance, emitter)
@@ -380,6 +371,8 @@ class StereoDepthSensor:
             self._eye_poses = [moved_pose(c.camera_to_world, c.linear_velocity, c.angular_velocity, t) for c, t in cameras]
             if not self._is_closed:
                 self._world.enter(inputs)
+                if self._config.projector_always_on:
+                    self._world.place(as_matrix(self.get_pose()))
             self._engine.set_signal(*(eye.signal for eye in inputs.eyes))
             self._told = inputs
         return self._told
@@ -427,6 +420,16 @@ class StereoDepthSensor:
         self._tell_engines()
         self._world.place(as_matrix(self.get_pose()))
 
+    @contextmanager
+    def _projector_on(self):
+        """It shines here, and is dark afterwards, so that other sensors do not see it."""
+        self._place_projector()
+        try:
+            yield
+        finally:
+            if not self._config.projector_always_on:
+                self._world.darken()
+
     def _camera(self, resolution, k, pose_in_rgb, lens_and_shutter):
         linear, angular = twist_of(self._config, self._twist, pose_in_rgb)
         pose = camera_to_world(self.get_pose() * pose_in_rgb)
@@ -439,12 +442,7 @@ class StereoDepthSensor:
             cameras,
             outputs,
             band=band,
-            spp=c.samples_per_pixel,
-            max_bounces=c.max_bounces,
-            seed=(c.render_seed << 32) + frame,
-            ir_ambient_scale=c.ir_light_dim_factor,
-            ir_ambient_radiance=c.ir_ambient_strength,
-            denoise=c.denoiser,
+            **render_settings(c, frame),
             film=[self._told.eyes[is_right].film for is_right in eyes] if band == "infrared" else c.rgb_film,
             environments=[LATER if self._told.eyes[i].delay_s else 0 for i in eyes] if band == "infrared" else None,
             projector=self._world.projector,

@@ -3,7 +3,7 @@ effects."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,6 +55,38 @@ def sensor_inputs(
         ambient_radiance=ambient_radiance,
         speckle_of_laser=bool(config.ir_speckle_of_laser),
     )
+
+
+def exposure(
+    config: StereoDepthSensorConfig,
+    twist: NDArray[np.float64],
+    timestamp_s: float = 0.0,
+    temperature_c: float | None = None,
+) -> Frame:
+    """The frame of one exposure, for effects, with the RGB camera at the origin."""
+    return Frame(
+        id=0,
+        left_path=None,
+        right_path=None,
+        timestamp_s=timestamp_s,
+        exposure_s=config.ir_camera_exposure,
+        camera_to_world=np.eye(4),
+        split="train",
+        temperature_c=temperature_c,
+        camera_velocity=twist,
+    )
+
+
+def render_settings(config: StereoDepthSensorConfig, frame: int) -> dict[str, Any]:
+    """Keyword arguments of kuafu.Renderer.render that follow from the configuration alone."""
+    return {
+        "spp": config.samples_per_pixel,
+        "max_bounces": config.max_bounces,
+        "seed": (config.render_seed << 32) + frame,
+        "ir_ambient_scale": config.ir_light_dim_factor,
+        "ir_ambient_radiance": config.ir_ambient_strength,
+        "denoise": config.denoiser,
+    }
 
 
 def twist_of(config: StereoDepthSensorConfig, twist: NDArray[np.float64], pose_in_rgb: Pose) -> NDArray[np.float64]:

@@ -39,8 +39,8 @@ class SensorWorld:
         return copy_record(self._materials[number])
 
     def enter(self, inputs: EngineInputs) -> None:
-        """Puts the inputs' world into the scene, in place of what this sensor had there. Lights on the rig wait for
-        place()."""
+        """Puts the inputs' world into the scene, in place of what this sensor had there. Lights on the rig are dark
+        until place()."""
         self.leave()
         self._materials = {number: self._scene.get_material(number) for number in inputs.materials}
         enter_world(self._scene, inputs)
@@ -58,6 +58,7 @@ class SensorWorld:
                 self._on_rig.append((self._scene.add_light(later), later, later.light_to_world))
             else:
                 self._on_rig.append((self._scene.add_light(light), light, light.light_to_world))
+        self.darken()
         for light in inputs.lights:
             self._throw(light, inputs)
             self._standing.append(self._scene.add_light(light))
@@ -67,6 +68,14 @@ class SensorWorld:
         for number, light, pose in self._on_rig:
             light.light_to_world = rig_to_world @ pose
             self._scene.set_light(number, light)
+
+    def darken(self) -> None:
+        """Switches the lights of the rig off until place()."""
+        for number, light, _ in self._on_rig:
+            visible, infrared = light.intensity, light.ir_intensity
+            light.intensity, light.ir_intensity = (0.0, 0.0, 0.0), 0.0
+            self._scene.set_light(number, light)
+            light.intensity, light.ir_intensity = visible, infrared
 
     def leave(self) -> None:
         """Takes everything out of the scene but the pattern's texture."""

@@ -17,6 +17,13 @@ def load(path):
 
 def test_mujoco_wrist(tmp_path):
     pytest.importorskip("mujoco", reason="the package mujoco is not installed (pip install mujoco)")
-    good_share = load(EXAMPLES / "mujoco_wrist/mujoco_wrist.py").run(tmp_path, pictures=2, scale=0.25, samples=4)
+    good_share = load(EXAMPLES / "mujoco_wrist/mujoco_wrist.py").run(tmp_path, pictures=2, scale=0.25, samples=16)
     assert good_share > 0.6
     assert (tmp_path / "mujoco_wrist.png").stat().st_size > 1000
+
+
+def test_sapien_sensor(tmp_path):
+    pytest.importorskip("sapien", reason="the package sapien is not installed (pip install sapien)")
+    good_share = load(EXAMPLES / "sapien_sensor/sapien_sensor.py").run(tmp_path, scale=0.25, samples=4, steps=150)
+    assert good_share > 0.6
+    assert (tmp_path / "sapien_sensor.png").stat().st_size > 1000

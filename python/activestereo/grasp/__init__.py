@@ -1,0 +1,11 @@
+"""The task of grasping by depth: activestereo/StereoGrasp-v0 for Gymnasium, and its world without it."""
+
+from activestereo.grasp.world import GraspWorld as GraspWorld
+from activestereo.grasp.world import teacher as teacher
+
+try:
+    from activestereo.grasp.env import StereoGraspEnv as StereoGraspEnv
+    from activestereo.grasp.env import StereoGraspVectorEnv as StereoGraspVectorEnv
+except ModuleNotFoundError as error:
+    if error.name != "gymnasium":
+        raise

@@ -1,0 +1,63 @@
+"""An array on a CUDA device with the ways out that sapien.CudaArray has."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class DeviceArray:
+    """A copy of a host array on the current CUDA device, held by torch. RuntimeError where torch or CUDA is missing."""
+
+    def __init__(self, array: NDArray[Any]) -> None:
+        try:
+            import torch
+        except ImportError as error:
+            raise RuntimeError("an array on a CUDA device needs the package torch; the host's is get_...()") from error
+        if not torch.cuda.is_available():
+            raise RuntimeError("torch sees no CUDA device here: read the host's array, get_...() without _cuda")
+        self._tensor = torch.from_numpy(np.ascontiguousarray(array)).cuda()
+
+    @property
+    def shape(self) -> list[int]:
+        return list(self._tensor.shape)
+
+    @property
+    def strides(self) -> list[int]:
+        """In bytes."""
+        return [n * self._tensor.element_size() for n in self._tensor.stride()]
+
+    @property
+    def typestr(self) -> str:
+        return str(self.__cuda_array_interface__["typestr"])
+
+    @property
+    def cuda_id(self) -> int:
+        return int(self._tensor.device.index)
+
+    @property
+    def ptr(self) -> int:
+        return int(self._tensor.data_ptr())
+
+    @property
+    def __cuda_array_interface__(self) -> dict[str, Any]:
+        return dict(self._tensor.__cuda_array_interface__)
+
+    def torch(self) -> Any:
+        """The torch tensor itself."""
+        return self._tensor
+
+    def dlpack(self) -> Any:
+        return self._tensor.__dlpack__()
+
+    def cupy(self) -> Any:
+        import cupy
+
+        return cupy.asarray(self)
+
+    def jax(self) -> Any:
+        import jax
+
+        return jax.dlpack.from_dlpack(self._tensor)

@@ -1,0 +1,363 @@
+"""StereoDepthSensorBatch: one kind of depth sensor in many environments, with one render and one match for all.
+
+    batch = StereoDepthSensorBatch(config, Mounts(scene, poses))  # poses [E, 7], [E, S, 7] or the same with 4x4
+    batch.take_picture(infrared_only=True)
+    batch.compute_depth()
+    depth_m = torch.from_numpy(batch.get_depth())  # [E, height, width] or [E, S, height, width], no copy
+
+Environments are kuafu's: an instance or a light that names environment e is seen by the sensors of environment e alone,
+one that names none by all (activestereo.bodies puts bodies into them).
+"""
+
+from __future__ import annotations
+
+import weakref
+from copy import deepcopy
+from types import TracebackType
+from typing import Any, Protocol, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+import kuafu
+import simsense
+from activestereo.auto_exposure import AutoExposure, rgb_exposure
+from activestereo.engines.world import copy_camera, copy_light
+from activestereo.fireflies import infrared_layers
+from activestereo.ir_link import IrLink
+from activestereo.matching import make_engine
+from activestereo.pose import Pose, as_matrix, camera_to_world
+from activestereo.pose_arrays import host_array, pose_fault, pose_matrices
+from activestereo.presets import StereoDepthSensorConfig
+from activestereo.sensor import LASER_OUTPUTS, RGB_OUTPUTS, srgb
+from activestereo.sensor_inputs import exposure, render_settings, sensor_inputs, shutter
+from activestereo.sensor_world import pattern_of
+
+
+class SensorPoseError(ValueError):
+    """A sensor's pose is none. The pictures of the other environments are taken; this one's are from its last place."""
+
+    def __init__(self, text: str, environment: int) -> None:
+        super().__init__(text)
+        self.environment = environment
+
+
+class HasPoses(Protocol):
+    """Where a batch stands, as Mounts or activestereo.mujoco's mount()."""
+
+    @property
+    def scene(self) -> kuafu.Scene: ...
+
+    @property
+    def poses(self) -> Any: ...
+
+
+class Mounts:
+    """A scene and the poses in it that a batch of sensors moves along with: [E, 7] or [E, 4, 4], one sensor for each
+    environment, or [E, S, 7] or [E, S, 4, 4]; of NumPy, torch or DLPack. Assign `poses` to move them."""
+
+    def __init__(self, scene: kuafu.Scene, poses: Any) -> None:
+        self.scene = scene
+        self.poses = poses
+
+
+class StereoDepthSensorBatch:
+    """E environments with S depth sensors in each, all of one configuration.
+
+    config: a StereoDepthSensorConfig; it is copied. mounts: Mounts, or another object with a scene and poses (body
+    axes). pose: the RGB camera's, relative to its mount. Sensors of one environment see one another's projectors, as
+    real ones do. The frames of the batch differ in noise; under one seed they are the same again. Exposure is 'fixed'
+    or 'settled', for each sensor by what it sees; gain then counts as exposure. One thread at a time.
+    """
+
+    def __init__(self, config: StereoDepthSensorConfig, mounts: HasPoses, pose: Any = None) -> None:
+        self._config = deepcopy(config)
+        self._mounts, self._scene = mounts, mounts.scene
+        self._exposure = AutoExposure(self._config)
+        if self._exposure.mode == "converging":
+            raise ValueError("ir_exposure_mode of a batch is 'fixed' or 'settled', not 'converging'")
+        self._pose = np.eye(4) if pose is None else as_matrix(pose)
+        places = pose_matrices(host_array(mounts.poses), "poses of sensors")
+        self._shape = places.shape[:-2]
+        if len(self._shape) not in (1, 2) or not places.size:
+            raise ValueError(f"poses of sensors are [E] or [E, S] times 7 or 4x4, not {np.shape(mounts.poses)}")
+        self._count = int(np.prod(self._shape))
+        self._places = np.broadcast_to(np.eye(4), (self._count, 4, 4)).copy()
+        self._environments = np.repeat(np.arange(self._shape[0]), self._count // self._shape[0]).tolist()
+        device = self._scene.device
+        self._renderer = kuafu.Renderer(device)
+        self._engine = make_engine(self._config, simsense.Device(device.info.device_uuid), self._count)
+        width, height = self._config.ir_resolution
+        self._link = IrLink(device, self._engine.device, width, height, count=self._count)
+        self._make_rig()
+        self._frame, self._has_picture, self._speckle_draw = -1, False, -1
+        self._lasers: tuple[NDArray[np.float32] | None, NDArray[np.float32] | None] = (None, None)
+        self._rgb: dict[str, NDArray[Any]] = {}
+        self._result: dict[str, NDArray[Any]] = {}
+        self._wanted = {"depth_rgb"}
+
+    # ---- taking pictures ----
+
+    def take_picture(self, infrared_only: bool = False) -> None:
+        """Renders all infrared pairs, and before them the RGB pictures unless infrared_only. Raises SensorPoseError,
+        after the others' pictures are taken, where a mount's pose is none."""
+        self._has_picture, self._rgb, self._result = False, {}, {}
+        broken = self._place()
+        self._shine(self._config.projector_intensity * self._config.emitter_power(self._frame + 1))
+        settings = render_settings(self._config, self._frame + 1)
+        if not infrared_only:
+            self._rgb = self._renderer.render(
+                self._scene,
+                self._rgb_cameras,
+                RGB_OUTPUTS,
+                band="visible",
+                environments=self._environments,
+                film=self._config.rgb_film,
+                **settings,
+            )
+        self._render_infrared(settings)
+        if not self._config.projector_always_on:
+            self._shine(0.0)
+        self._link.deliver()
+        self._frame, self._has_picture = self._frame + 1, True
+        self._tell(broken)
+
+    def render_true_depth(self) -> NDArray[np.float32]:
+        """float32 [..., height, width] as get_true_depth(), of the scene and the mounts as they are now; takes no
+        picture."""
+        broken = self._place()
+        depth = self._renderer.render(
+            self._scene, self._rgb_cameras, ["depth"], band="visible", environments=self._environments, spp=1
+        )["depth"]
+        self._tell(broken)
+        return depth.reshape(*self._shape, *depth.shape[1:3])
+
+    def compute_depth(self) -> None:
+        """Noise, matching and registration of all pairs. What has been read of earlier pictures is computed at once;
+        anything else when it is first read."""
+        self._require_picture()
+        self._result = {}
+        self._compute(sorted(self._wanted))
+
+    # ---- results, all [E, ...] or [E, S, ...] ----
+
+    def get_depth(self) -> NDArray[np.float32]:
+        """float32 [..., height, width] metres in the RGB cameras; 0 = no measurement."""
+        return self._output("depth_rgb")
+
+    def get_depth_mm(self) -> NDArray[np.int16]:
+        """int16 [..., height, width, 1] millimetres up to 32767 in the RGB cameras; 0 = no measurement."""
+        return np.rint(np.minimum(self.get_depth() * np.float32(1000.0), 32767.0)).astype(np.int16)[..., None]
+
+    def get_disparity(self) -> NDArray[np.float32]:
+        """float32 [..., height, width] pixels in the left infrared cameras; -1 = no measurement."""
+        return self._output("disparity")
+
+    def get_ir_measured(self) -> list[NDArray[Any]]:
+        """[left, right], each uint8 or uint16 [..., height, width]: what the sensors give, with noise."""
+        return [self._output("ir_left"), self._output("ir_right")]
+
+    def get_ir_radiance(self) -> NDArray[np.float32]:
+        """float32 [2, ..., height, width] W/(sr m^2) at the imagers, left then right, without noise; a view of the
+        memory that the next picture is rendered into."""
+        self._require_picture()
+        height, width = self._config.ir_resolution[::-1]
+        return self._link.images.reshape(2, *self._shape, height, width)
+
+    def get_depth_map(self, name: str) -> NDArray[Any]:
+        """'confidence', 'reason', 'points', 'rectified_left' or 'rectified_right', as StereoDepthSensor has them."""
+        return self._output(name)
+
+    def get_rgb(self) -> NDArray[np.float32]:
+        """float32 [..., height, width, 3] in 0..1, sRGB-encoded; exposed alike, unless the config says how."""
+        radiance = self._picture("radiance")
+        return srgb(radiance * np.float32(self._config.rgb_exposure or rgb_exposure(radiance)))
+
+    def get_true_depth(self) -> NDArray[np.float32]:
+        """float32 [..., height, width] metres in the RGB cameras of what is at each pixel's centre; 0 = nothing."""
+        return self._picture("depth")[..., 0]
+
+    def get_instance_ids(self) -> NDArray[np.uint32]:
+        """uint32 [..., height, width] in the RGB cameras, 0xffffffff = nothing there."""
+        return self._picture("instance_id")[..., 0]
+
+    def get_material_ids(self) -> NDArray[np.uint32]:
+        """uint32 [..., height, width] in the RGB cameras, 0xffffffff = nothing there."""
+        return self._picture("material_id")[..., 0]
+
+    # ---- the batch itself ----
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """(E,) or (E, S)."""
+        return self._shape
+
+    @property
+    def frame_index(self) -> int:
+        """Counts the pictures, from 0; -1 before the first."""
+        return self._frame
+
+    @property
+    def stage_times(self) -> dict[str, float]:
+        """{stage: milliseconds} of the last render and the last match."""
+        render = {f"render: {name}": t for name, t in self._renderer.stage_times.items()}
+        return render | {f"depth: {name}": t for name, t in self._engine.stage_times.items()}
+
+    def get_config(self) -> StereoDepthSensorConfig:
+        """A copy."""
+        return deepcopy(self._config)
+
+    def restart(self, seed: int) -> None:
+        """The next picture is frame 0 under this seed, of the render and of the noise: from here on all is as it was
+        after the same restart."""
+        self._config.render_seed = self._config.ir_noise_seed = seed
+        self._engine.set_parameters(noise_seed=seed)
+        self._frame, self._speckle_draw, self._has_picture = -1, -1, False
+        self._rgb, self._result = {}, {}
+
+    def close(self) -> None:
+        """Takes the projectors out of the scene."""
+        self._remove_lights()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    # ---- inside ----
+
+    def _make_rig(self) -> None:
+        """The cameras and projectors of all sensors, and where they are on theirs."""
+        c = self._config
+        pattern = c.pattern() if c.light_dots is None else None
+        image, still = None if pattern is None else pattern_of(pattern[0]), np.zeros(6)
+        told = sensor_inputs(c, self._scene, Pose(), still, exposure(c, still), image, c.ir_ambient_strength)
+        self._engine.set_signal(*(eye.signal for eye in told.eyes))
+        self._signal, self._max_dn = told.left.signal, told.max_dn
+        lens: dict[str, Any] = {"distortion": c.rgb_distortion, "exposure_s": c.rgb_exposure_s}
+        lens |= shutter(c.rgb_line_time_s, c.rgb_readout)
+        self._rgb_on_rig = camera_to_world(Pose())
+        width, height = c.rgb_resolution
+        self._rgb_cameras = [kuafu.Camera(width, height, c.rgb_intrinsic, **lens) for _ in range(self._count)]
+        self._eyes_on_rig = [eye.camera.camera_to_world for eye in told.eyes]
+        self._ir_cameras = [copy_camera(eye.camera, 0.0) for eye in told.eyes for _ in range(self._count)]
+        self._lights: list[tuple[int, kuafu.Light]] = []
+        texture = None
+        if told.projector is not None:
+            if pattern is not None:
+                texture = told.projector.texture = self._scene.add_texture(pattern[0], name="projector pattern")
+            self._projector_on_rig = told.projector.light_to_world
+            for environment in self._environments:
+                light = copy_light(told.projector, 0.0)
+                light.environment = environment
+                self._lights.append((self._scene.add_light(light), light))
+        numbers = [number for number, _ in self._lights]
+        self._remove_lights = weakref.finalize(self, _remove, self._scene, numbers, texture)
+        self._remove_lights.atexit = False
+
+    def _tell(self, broken: NDArray[np.intp]) -> None:
+        if broken.size:
+            first = np.unravel_index(broken[0], self._shape)
+            where = ", sensor ".join(str(int(n)) for n in first)
+            text = f"environment {where}: the mount's pose is not a finite rigid one; {broken.size} of {self._count}"
+            raise SensorPoseError(f"{text} sensors took their picture from their last place", int(first[0]))
+
+    def _place(self) -> NDArray[np.intp]:
+        """Cameras and projectors to where the mounts are; returns the numbers of sensors whose mount has no pose."""
+        places = pose_matrices(host_array(self._mounts.poses), "poses of sensors")
+        if places.shape[:-2] != self._shape:
+            raise ValueError(f"this batch is of {self._shape} sensors; the poses are of {places.shape[:-2]}")
+        places = places.reshape(-1, 4, 4)
+        broken = pose_fault(places)
+        if self._frame < 0 or not np.array_equal(places[~broken], self._places[~broken]):
+            self._speckle_draw += 1
+        self._places[~broken] = places[~broken]
+        rigs = self._places @ self._pose
+        views = np.concatenate([rigs @ eye for eye in self._eyes_on_rig])
+        for camera, view in zip(self._ir_cameras, views, strict=True):
+            camera.camera_to_world = view
+        for camera, view in zip(self._rgb_cameras, rigs @ self._rgb_on_rig, strict=True):
+            camera.camera_to_world = view
+        for (_, light), rig in zip(self._lights, rigs, strict=bool(self._lights)):
+            light.light_to_world = rig @ self._projector_on_rig
+        return np.flatnonzero(broken)
+
+    def _shine(self, ir_intensity: float) -> None:
+        for number, light in self._lights:
+            light.ir_intensity = ir_intensity
+            self._scene.set_light(number, light)
+
+    def _render_infrared(self, settings: dict[str, Any]) -> None:
+        """Into the link, exposed; the laser's part, where speckle is its alone, is kept."""
+        c = self._config
+        apart, clamps = c.ir_speckle_of_laser, c.ir_fireflies == "clamp"
+        names = LASER_OUTPUTS if apart else LASER_OUTPUTS[:1] if clamps else ()
+        outputs: dict[str, Any] = {"radiance": self._link.target} | dict.fromkeys(names, np.float32)
+        environments = self._environments * 2
+        layers = self._renderer.render(
+            self._scene,
+            self._ir_cameras,
+            outputs,
+            band="infrared",
+            environments=environments,
+            film=c.ir_film,
+            **settings,
+        )
+        pairs = self._link.images.reshape(2, self._count, *self._link.images.shape[1:])
+        lasers: tuple[list[NDArray[np.float32]], list[NDArray[np.float32]]] = ([], [])
+        for n in range(self._count):
+            own = {name: layers[name][n :: self._count] for name in names}
+            parts = infrared_layers(pairs[:, n], own, apart, clamps)
+            light = self._light_of(pairs[0, n])
+            pairs[:, n] *= light
+            for images, part in zip(lasers, parts, strict=True):
+                images += [] if part is None else [part * light]
+        self._lasers = (self._stacked(lasers[0]), self._stacked(lasers[1])) if apart else (None, None)
+
+    def _light_of(self, left: NDArray[np.float32]) -> np.float32:
+        """How much more light than under the configuration's exposure a sensor that sees this takes."""
+        if self._exposure.mode == "fixed":
+            return np.float32(1.0)
+        setting = self._exposure.after(self._config, self._signal, left, self._max_dn)
+        return np.float32(setting.light_s / self._exposure.start.light_s)
+
+    def _stacked(self, images: list[NDArray[np.float32]]) -> NDArray[np.float32]:
+        return np.stack(images) if self._count > 1 else images[0]
+
+    def _compute(self, names: list[str]) -> None:
+        self._engine.set_parameters(frame_index=self._frame, scene_index=max(self._speckle_draw, 0))
+        left, right = self._lasers
+        pair = (self._link.left, self._link.right)
+        found = self._engine.compute(*pair, names, left_laser=left, right_laser=right)
+        for name, image in found.items():
+            per_sensor = image.shape[1:] if self._count > 1 else image.shape
+            self._result[name] = image.reshape(*self._shape, *per_sensor)
+
+    def _output(self, name: str) -> NDArray[Any]:
+        if not self._result:
+            raise RuntimeError("no depth of this picture yet: call compute_depth() after take_picture()")
+        if name not in self._result:
+            self._compute([name])
+            self._wanted.add(name)
+        return self._result[name]
+
+    def _picture(self, name: str) -> NDArray[Any]:
+        self._require_picture()
+        if not self._rgb:
+            raise RuntimeError("no RGB picture yet: call take_picture() first, without infrared_only")
+        image = self._rgb[name]
+        return image.reshape(*self._shape, *image.shape[1:])
+
+    def _require_picture(self) -> None:
+        if not self._has_picture:
+            raise RuntimeError("no picture yet: call take_picture() first")
+
+
+def _remove(scene: kuafu.Scene, lights: list[int], texture: int | None) -> None:
+    for number in lights:
+        scene.remove_light(number)
+    if texture is not None:
+        scene.remove_texture(texture)
