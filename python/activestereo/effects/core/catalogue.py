@@ -4,15 +4,15 @@ from activestereo.effects.core.descriptor import Effect, Parameter, Stage
 
 _WHERE = {
     Stage.PROJECTOR: "Light leaves the projector",
-    Stage.MEDIUM: "On the way through air",
-    Stage.SURFACE: "At surfaces, and from other lights",
-    Stage.CAMERA: "Where, when and how sharply the cameras look",
-    Stage.OPTICS: "Through the lens",
+    Stage.MEDIUM: "Light passes through air",
+    Stage.SURFACE: "Surfaces and other lights",
+    Stage.CAMERA: "Geometry, timing and sharpness of the cameras",
+    Stage.OPTICS: "Light passes through the lens",
     Stage.CHARGE: "Light becomes charge",
     Stage.READOUT: "Charge is amplified and read",
-    Stage.DIGITAL: "Digital numbers",
-    Stage.DISPARITY: "The matcher's disparity",
-    Stage.DEPTH: "The device's depth",
+    Stage.DIGITAL: "Counts are digitised",
+    Stage.DISPARITY: "The device's matcher computes disparity",
+    Stage.DEPTH: "The device computes depth",
 }
 
 
@@ -26,7 +26,7 @@ def table(effects: dict[str, Effect]) -> str:
 
 
 def page(effects: dict[str, Effect], differences: dict[str, float] | None = None) -> str:
-    """Markdown: a user's own effect as an example, what the engines have, then every effect in the light's order with its parameters.
+    """Markdown: a user's own effect as an example, what the engines have, then every effect with its parameters, in the order of the pipeline.
     differences: how far the image function is from the engines, see lab/surrogate.py."""
     in_engine = sum(e.engine is not None for e in effects.values())
     lines = ["# Physical effects", "", _INTRODUCTION.format(count=len(effects), engine=in_engine, example=EXAMPLE.strip())]
@@ -79,16 +79,18 @@ def filter_haze(image, view, fraction):
 '''
 
 _ENGINE = """\
-Under a model the simulator moves these fields of kuafu and simsense; what is *image only* is applied to the images by the sensor, at the cost of a copy.
-The lab's scans use the image function of every effect. *Difference*: what it and the engines change in the images of a small world at typical
-values, root mean square of the difference over the engines' change (of random fields: of their standard deviations), by
-`build/bin/activestereo effect measure`; the renders' noise has no part in it. The large ones have causes: the world is 160 pixels wide, and its dots and edges are finer than
-a pixel, so that blurs of half a pixel and shifts of a fraction of one (resampling, motion, rotations) depend on what the pixels do not show; below a closed surface that transmits there is
-no light from behind, which the image function of `transmission` fits and no engine field has; bounced light of lamps is in the engines alone."""
+A simulated sensor applies most effects by changing these fields of kuafu and simsense, so that they cost no time. An effect that is *image only* has no such field: the
+sensor applies its image function to the finished images, which costs a copy. The lab always uses the image functions for its scans.
+The last column says how far the image function is from the engines. It compares the changes that both make to the images of a small scene at typical parameters: the root mean
+square of their difference, as a share of the engines' change. For random fields it compares their standard deviations. `build/bin/activestereo effect measure` computes it, and
+removes the noise of the renders. The large differences have known causes. The scene is only 160 pixels wide, and its dots and edges are finer than a pixel; blurs and shifts by a
+fraction of a pixel (resampling, motion, rotations) then depend on detail that the pixels do not show. No light comes from behind a closed surface that transmits light: the image function of
+`transmission` fits that light, and no field of the engines has it. Indirect light of lamps exists in the engines only."""
 
 _INTRODUCTION = """\
-What may make a real sensor differ from the base model: {count} effects, in the order of the light's way; {engine} of them are simulated inside of the engines. Each is one file in
-`python/activestereo/effects`. An effect's *neutral* parameters change nothing; *typical* is one prior deviation from there.
+An *effect* is one physical reason why a real sensor differs from the base model. This page lists all {count} of them in the order of the pipeline, from the projector to the depth
+map; {engine} of them can be simulated inside the two engines. Each effect is one file in `python/activestereo/effects`: a function of images, and a descriptor with its parameters.
+At its *neutral* parameters an effect changes nothing. A *typical* value is one standard deviation of the prior away from neutral, and a fit expects values of about that size.
 This page is made by `activestereo effect list --markdown`.
 
 ## Your own effect
@@ -97,10 +99,10 @@ This page is made by `activestereo effect list --markdown`.
 {example}
 ```
 
-`activestereo effect check filter_haze.py` tries the laws that every effect obeys: neutral parameters are the identity, the same
-seed gives the same bits, values stay finite, every parameter has an influence, the input is left alone. The lab then ranks it
-beside the built-in ones. What the function gets and returns by stage is told in `python/activestereo/effects/core/descriptor.py`.
-An effect may also say what it is inside of the engines: `engine=` a function that changes the engines' inputs, see any built-in file and
-`python/activestereo/effects/core/engine.py`.
-The same in C is a shared library with the descriptors of `ks/effect.h`, see [tinted_window.c](tinted_window.c).
+`activestereo effect check filter_haze.py` tests the laws that every effect must obey: neutral parameters change nothing, the same seed gives the same bits, values stay
+finite, every parameter has an influence, and the input array is not modified. The lab then ranks your effect beside the built-in ones.
+`python/activestereo/effects/core/descriptor.py` says what the function receives and returns at each stage.
+With `engine=` an effect also names a function that changes the engines' fields; any built-in file is an example, and
+`python/activestereo/effects/core/engine.py` is the specification. An effect may also be written in C, as a shared library with the descriptors of `ks/effect.h`;
+[tinted_window.c](tinted_window.c) is an example.
 """

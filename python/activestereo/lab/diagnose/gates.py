@@ -2,8 +2,8 @@
 from.
 
 Sources: *theory* is a law or a count; *convention* is a round number that a user may want otherwise; *calibrated* was
-fitted to worlds of the bank's generation 1 (tests/bank), which the reported figures never use. How much the bank's figures
-move with a gate was found on 325 worlds of generation 0: named and right 0.932, false alarms 0, outside said so 0.778.
+fitted to worlds of the bank's generation 1 (tests/bank), which the reported figures never use. How much the bank's
+figures move with a gate was found on 325 worlds of generation 0: named and right 0.932, false alarms 0, outside said so 0.778.
 """
 
 from dataclasses import dataclass, field, fields
@@ -34,171 +34,258 @@ class Gates:
     margin_nats: float = _gate(
         5.0,
         "nats",
-        "gain asked for beyond the logarithm of how many effects were tried",
+        "gain in likelihood that a name needs, beyond the logarithm of the number of effects that were tried",
         "theory: the largest of K null gains grows with log K; the margin is a convention",
     )
     smallest_share: float = _gate(
         0.20,
         "1",
-        "least share that a named effect explains",
+        "least share of the error that a named effect must explain",
         _GENERATION_1,
         moves="halved: false alarms +0.051, outside -0.037; doubled: named -0.014",
     )
     smallest_field_share: float = _gate(
-        0.10, "1", "the same of random fields, of which other frames foretell a part only", _GENERATION_1
+        0.10, "1", "the same for random fields, since other frames predict only a part of them", _GENERATION_1
     )
     smallest_depth_share: float = _gate(
-        0.03, "1", "the same of the disparity error's mean square: engines differ by themselves", _GENERATION_1
+        0.03,
+        "1",
+        "the same for the mean square of the disparity error, since any two depth engines differ",
+        _GENERATION_1,
     )
     smallest_gain_floors: float = _gate(
-        0.01, "floors", "least fall of the mean square", _GENERATION_1, moves="halved: false alarms +0.010"
+        0.01, "floors", "least decrease of the mean squared error", _GENERATION_1, moves="halved: false alarms +0.010"
     )
     smallest_plain_floors: float = _gate(
-        0.05, "floors", "least fall of the unweighted error where that alone makes an effect large", _GENERATION_1
+        0.05,
+        "floors",
+        "least decrease of the unweighted error, where that decrease alone makes an effect large",
+        _GENERATION_1,
     )
     patch_share: float = _gate(
-        0.03, "1", "an effect that removes less of the unweighted error is a patch for something else", _GENERATION_1
+        0.03,
+        "1",
+        "least share of the unweighted error that an effect must remove; with less it only patches another fault",
+        _GENERATION_1,
     )
     consistent_share: float = _gate(
         0.7,
         "1",
-        "least share of the touched images that get better",
+        "least share of the images affected by the effect that must improve",
         "convention: seven of ten",
         moves="halved: outside -0.111; doubled: nothing is named",
     )
     largest_variation: float = _gate(
         0.5,
         "1",
-        "what a varying amplitude may explain beyond one, as a share of that, where something is named",
+        "most that a varying amplitude may explain for an effect to be named, relative to what one amplitude explains",
         _GENERATION_1,
         moves="doubled: outside -0.037",
     )
     # Is it the whole truth?
     other_law_share: float = _gate(
-        0.1, "1", "the same, from which on another law is at work", _GENERATION_1, moves="doubled: named +0.014"
+        0.1,
+        "1",
+        "the same ratio, above which another law than the named one is at work",
+        _GENERATION_1,
+        moves="doubled: named +0.014",
     )
     other_law_floors: float = _gate(
-        0.012, "floors", "where it is at least so much", _GENERATION_1, moves="doubled: named +0.014"
+        0.012, "floors", "least size of that variation that counts at all", _GENERATION_1, moves="doubled: named +0.014"
     )
     unexplained_floors: float = _gate(
         0.12,
         "floors",
-        "structure and excess from which on something is missing where nothing is named",
+        "structure and excess above which something is missing, where no effect is named",
         _GENERATION_1,
         moves="halved: named -0.041, outside +0.074; doubled: outside -0.148",
     )
     structure_of_named_floors: float = _gate(
         0.075,
         "floors",
-        "the same of structure beside a name",
+        "structure above which something is missing beside a named effect",
         _GENERATION_1,
         moves="halved: named -0.054, outside +0.037; doubled: outside -0.037",
     )
     unexplained_share: float = _gate(
-        0.2, "1", "and of the structure that was there at first", _GENERATION_1, moves="halved: named -0.027"
+        0.2,
+        "1",
+        "share of the initial structure that must remain for something to be missing",
+        _GENERATION_1,
+        moves="halved: named -0.027",
     )
     largest_of_surveys_floors: float = _gate(
         0.5,
         "floors",
-        "excess of any shape that surveys leave where nothing is named",
+        "largest excess of any shape that errors of the survey leave, where no effect is named",
         _GENERATION_1,
         moves="doubled: outside -0.037",
     )
     rounding_known_to: float = _gate(
-        0.2, "1", "share by which the error of coarse steps is uncertain", "theory: few steps in dark pictures"
+        0.2,
+        "1",
+        "relative uncertainty of the rounding error of coarse digital steps",
+        "theory: few steps in dark pictures",
     )
     images_at_floor: float = _gate(
-        0.12, "floors", "excess below which the images lack nothing, so that depth is judged", _GENERATION_1
+        0.12, "floors", "excess below which the images lack nothing, so that the depth is judged", _GENERATION_1
     )
     # Can it be told from others?
-    same_excess_ratio: float = _gate(1.2, "1", "explanations that leave so many times as much are alike", _GENERATION_1)
-    same_excess_floors: float = _gate(0.002, "floors", "or so much more", _GENERATION_1)
-    same_gain_share: float = _gate(0.25, "1", "if they gain this share at least", "convention")
+    same_excess_ratio: float = _gate(
+        1.2, "1", "ratio of excess errors within which two explanations count as equal", _GENERATION_1
+    )
+    same_excess_floors: float = _gate(
+        0.002, "floors", "absolute difference that is allowed in addition to that ratio", _GENERATION_1
+    )
+    same_gain_share: float = _gate(
+        0.25, "1", "least share of the other's gain that an explanation needs to count as equal", "convention"
+    )
     paired_errors: float = _gate(
-        2.0, "1", "explanations within so many paired standard errors are alike", "theory: a two-sided 95 % interval"
+        2.0,
+        "1",
+        "number of paired standard errors within which two explanations count as equal",
+        "theory: a two-sided 95 % interval",
     )
-    paired_nats: float = _gate(2.0, "nats", "beyond this difference", "convention")
+    paired_nats: float = _gate(
+        2.0, "nats", "difference of likelihoods that is allowed in addition to these errors", "convention"
+    )
     # How sure is it?
-    named_probability: float = _gate(0.97, "1", "probability that the truth is among what may be named", _GENERATION_1)
-    temperature: float = _gate(0.1, "1", "of the softmax over the logarithm of what is left", _GENERATION_1)
-    floor_known_to: float = _gate(0.01, "floors", "how well the floor itself is known", _GENERATION_1)
-    nats_per_unit: float = _gate(20.0, "nats", "so many nats of an approximate likelihood count as one", _GENERATION_1)
-    occam_nats_per_unit: float = _gate(3.0, "nats", "the same of Laplace's evidence", _GENERATION_1)
-    # Adding further effects.
-    most_effects: int = _earlier(4, "1", "effects that --greedy adds at most", "convention")
-    needless_nats: float = _earlier(
-        5.0, "nats", "an effect whose removal costs less is needless, a swap that gains more is made", "as margin_nats"
+    named_probability: float = _gate(
+        0.97, "1", "probability that the true effect is in the list of possible names", _GENERATION_1
     )
-    needless_floors: float = _earlier(0.005, "floors", "the same in floors", _GENERATION_1)
+    temperature: float = _gate(
+        0.1,
+        "1",
+        "temperature of the softmax, over the logarithm of the remaining error, that gives the confidences",
+        _GENERATION_1,
+    )
+    floor_known_to: float = _gate(0.01, "floors", "uncertainty of the noise floor itself", _GENERATION_1)
+    nats_per_unit: float = _gate(
+        20.0, "nats", "nats of an approximate likelihood that raise the logarithm of a confidence by one", _GENERATION_1
+    )
+    occam_nats_per_unit: float = _gate(
+        3.0, "nats", "the same for the penalty on free parameters (Laplace's evidence)", _GENERATION_1
+    )
+    # Adding further effects.
+    most_effects: int = _earlier(4, "1", "largest number of effects that --greedy adds", "convention")
+    needless_nats: float = _earlier(
+        5.0,
+        "nats",
+        "loss of likelihood below which an effect is removed again, and gain above which it is swapped",
+        "as margin_nats",
+    )
+    needless_floors: float = _earlier(0.005, "floors", "the same limit in units of the noise floor", _GENERATION_1)
     formulas_share: float = _earlier(
-        0.015, "1", "share of what earlier effects explained that their formulas may have left", _GENERATION_1
+        0.015, "1", "share of the error explained so far that inexact formulas may have left over", _GENERATION_1
     )
     enough_share: float = _earlier(
-        0.95, "1", "share of the first excess that, once gone, leaves nothing worth another ranking", "convention"
+        0.95, "1", "share of the initial excess which, once explained, ends the search", "convention"
     )
-    smooth_floors: float = _earlier(0.06, "floors", "unless neighbours in one image share so much", _GENERATION_1)
+    smooth_floors: float = _earlier(
+        0.06,
+        "floors",
+        "error shared by neighbouring pixels of one image above which the search goes on all the same",
+        _GENERATION_1,
+    )
     needless_parameter_share: float = _earlier(
-        0.03, "1", "share of its effect's gain that a parameter must be worth", _GENERATION_1
+        0.03, "1", "least share of its effect's gain that a free parameter must contribute", _GENERATION_1
     )
-    needless_parameter_floors: float = _earlier(0.005, "floors", "or so much", _GENERATION_1)
+    needless_parameter_floors: float = _earlier(
+        0.005, "floors", "the same limit in units of the noise floor", _GENERATION_1
+    )
     # Random fields.
     white_share: float = _earlier(
-        0.35, "1", "covariance of neighbours over variance below which a residual is white", _GENERATION_1
+        0.35,
+        "1",
+        "ratio of the covariance of neighbours to the variance, below which a residual is white noise",
+        _GENERATION_1,
     )
     largest_white_floors: float = _earlier(
-        0.06, "floors", "most that a renderer's own noise leaves", "theory: Monte Carlo noise of 32 samples"
+        0.06, "floors", "largest error that the renderer's own noise causes", "theory: Monte Carlo noise of 32 samples"
     )
     field_correlation: float = _earlier(
-        0.4, "1", "correlation beyond which draws are no random field", "convention: draws are independent"
+        0.4,
+        "1",
+        "correlation of neighbours above which values are no random field",
+        "convention: draws are independent",
     )
     hot_sigma: float = _earlier(
-        5.0, "1", "deviations beyond which a place has a sparse draw", "theory: one pixel in four million by chance"
+        5.0,
+        "1",
+        "standard deviations above which a pixel counts as an outlier, such as a hot pixel",
+        "theory: one pixel in four million by chance",
     )
     clear_of_ends: float = _earlier(
-        2.0, "1", "deviations that a pixel's draws must stay clear of the range's ends", "convention"
+        2.0, "1", "standard deviations that a pixel's values must keep from the ends of the range", "convention"
     )
     component_sigmas: float = _earlier(
-        3.0, "1", "standard errors that a variance component must be worth", "theory: 99.7 %"
+        3.0, "1", "standard errors by which a variance component must differ from zero", "theory: 99.7 %"
     )
-    component_share: float = _earlier(0.1, "1", "share of all fields' variance that it must be worth", "convention")
+    component_share: float = _earlier(
+        0.1, "1", "share of the variance of all random fields that the component must have", "convention"
+    )
     # Noise.
     comb_share: float = _earlier(
-        0.995, "1", "share of the pixels that lie on the steps of coarse digital numbers", "convention"
+        0.995, "1", "share of the pixels that must lie on the steps of coarse digital numbers", "convention"
     )
     row_correlation: float = _earlier(
         0.4,
         "1",
-        "correlation of neighbouring rows beyond which they are bands of light",
+        "correlation of neighbouring rows above which they are bands of light",
         "theory: rows are independent",
     )
     # The depth engine.
     engines_differ: float = _earlier(
-        1.7, "1", "factor within which two engines' differences of neighbours agree", _GENERATION_1
+        1.7,
+        "1",
+        "factor within which the differences of neighbouring disparities of two depth engines agree",
+        _GENERATION_1,
     )
     poses_known_to_rad: float = _earlier(
-        0.0025, "rad", "angle to which surveyed poses are known", "convention: an eighth of a degree"
+        0.0025, "rad", "uncertainty of surveyed orientations", "convention: an eighth of a degree"
     )
     # What to measure next.
-    worth_nats: float = _earlier(2.0, "nats", "a measurement that separates by less is not proposed", "convention")
+    worth_nats: float = _earlier(
+        2.0,
+        "nats",
+        "least difference in likelihood between two effects that a proposed measurement must be expected to make",
+        "convention",
+    )
     # Effort: what is worth another look.
     out_of_reach: float = _earlier(
-        0.03, "1", "share of the best scan's gain below which an effect is not fitted", _GENERATION_1
+        0.03, "1", "share of the best gain in the scan below which an effect is not fitted", _GENERATION_1
     )
     worth_polishing: float = _earlier(
-        2e-4, "1", "share of chi2 that a scan's fit must gain to be fitted on all images", _GENERATION_1
+        2e-4,
+        "1",
+        "relative decrease of chi2 that a fit on some pixels needs to be repeated on all images",
+        _GENERATION_1,
     )
-    worth_steps: float = _earlier(4e-3, "1", "and to take steps there", _GENERATION_1)
+    worth_steps: float = _earlier(
+        4e-3, "1", "relative decrease of chi2 that it needs to take further steps there", _GENERATION_1
+    )
     close_share: float = _earlier(
-        0.4, "1", "share of the best gain from which on an effect is polished, or refined by rendering", _GENERATION_1
+        0.4,
+        "1",
+        "share of the best gain above which an effect is fitted further, or refined by rendering",
+        _GENERATION_1,
     )
-    hopeless_share: float = _earlier(0.01, "1", "share of it below which an effect is left out", _GENERATION_1)
-    polished: int = _earlier(3, "1", "effects that are polished in any case", "convention")
-    close_nats: float = _earlier(10.0, "nats", "explanations so close to the best may come first yet", "convention")
+    hopeless_share: float = _earlier(
+        0.01, "1", "share of the best gain below which an effect is dropped", _GENERATION_1
+    )
+    polished: int = _earlier(3, "1", "number of effects that are always fitted further", "convention")
+    close_nats: float = _earlier(
+        10.0, "nats", "difference of likelihoods within which an explanation may still become the best", "convention"
+    )
     rendered: int = _earlier(
-        2, "1", "explanations that are refined by the engine's images, where it renders them", "convention"
+        2, "1", "number of explanations that are refined by rendering, where the engine can render them", "convention"
     )
-    sized: int = _earlier(5, "1", "explanations whose fall of the error in DN is looked at", "convention")
-    looked_at: int = _earlier(8, "1", "explanations whose constancy is looked at", "convention")
+    sized: int = _earlier(
+        5, "1", "number of explanations for which the decrease of the error in DN is computed", "convention"
+    )
+    looked_at: int = _earlier(
+        8, "1", "number of explanations for which the constancy of the amplitude is checked", "convention"
+    )
 
 
 GATES = Gates()
@@ -206,7 +293,10 @@ GATES = Gates()
 
 def gates_table(gates: Gates = GATES) -> str:
     """The table as Markdown: name, value, unit, what it decides, source, what moves with it."""
-    lines = ["| gate | value | unit | decides | source | halved or doubled it moves |", "|---|---|---|---|---|---|"]
+    lines = [
+        "| gate | value | unit | decides | source | figures that change when it is halved or doubled |",
+        "|---|---|---|---|---|---|",
+    ]
     for f in fields(gates):
         unit = "" if f.metadata["unit"] == "1" else f.metadata["unit"]
         lines.append(
