@@ -20,7 +20,7 @@ def _constants(struct: Struct) -> list[str]:
             out.append(c_comment(f"{struct.name}.{f.name}: {f.doc}"))
         for (name, value), text in zip(f.constants.items(), f.values.values(), strict=True):
             out.append(c_comment(text))
-            out.append(f"#define {name} {value}u")
+            out.append(f"#define {name} 0x{value:02x}u" if f.type == "bits" else f"#define {name} {value}u")
     return out
 
 

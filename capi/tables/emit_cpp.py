@@ -25,7 +25,7 @@ def _check(field: Field, value: str) -> list[str]:
     name = f'{{owner, "{field.name}", "{field.unit}"}}'
     real = field.type in ("float", "double")
     out = []
-    if field.values:
+    if field.type == "choice":
         names = ", ".join(f'"{v}"' for v in field.values)
         out.append(f"ks::check_choice({name}, {value}, {field.first}, std::array<const char*, {len(field.values)}>{{{names}}});")
     elif field.allowed:
@@ -44,16 +44,17 @@ def _check(field: Field, value: str) -> list[str]:
     return out
 
 
-def checks(struct: Struct, value: str = "s") -> list[str]:
-    """Statements that check every field that the table bounds."""
+def checks(struct: Struct, copied: bool = False) -> list[str]:
+    """Statements that check every field that the table bounds. copied: of the record, where they may stand elsewhere and choices are enums."""
     out: list[str] = []
     for f in struct.fields:
-        if not f.check:
+        if not f.check or (copied and not f.copy):
             continue
+        value = f"s.{f.member}" if copied else f"s.{f.name}"
         if f.count == 1:
-            out += _check(f, f"{value}.{f.name}")
+            out += _check(f, f"uint32_t({value})" if copied and f.values else value)
         else:
-            out += [f"for (int i = 0; i < {f.count}; ++i) {line}" for line in _check(f, f"{value}.{f.name}[i]")]
+            out += [f"for (int i = 0; i < {f.count}; ++i) {line}" for line in _check(f, f"{value}[i]")]
     return out
 
 

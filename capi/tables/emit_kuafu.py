@@ -13,7 +13,22 @@ MATRICES = {(3, 3): "glm::dmat3", (4, 4): "glm::dmat4"}
 
 
 def _records(tables: Tables) -> list[Struct]:
+    """Structs whose record is made here."""
     return [s for s in tables.of("kuafu") if s.scene]
+
+
+def _copied(tables: Tables) -> list[Struct]:
+    """Structs that are copied to a record, this one's or one written by hand."""
+    return [s for s in tables.of("kuafu") if s.scene or s.record]
+
+
+def _checked(tables: Tables) -> list[Struct]:
+    """Structs whose record has fields to check."""
+    return [s for s in _copied(tables) if checks(s, copied=True)]
+
+
+def _record_of(struct: Struct) -> str:
+    return struct.record or struct.scene
 
 
 def _enum(field: Field) -> str:
@@ -73,12 +88,13 @@ def fields_h(tables: Tables) -> str:
     for s in records:
         text.append(f"struct {s.scene} {{")
         for f in s.fields:
-            if f.copy:
+            if f.copy and f.member == f.name:
                 text += _member(f)
         text += _is_neutral(s) if s.has_neutral else []
         text += ["};", ""]
     text.append("// Each field by itself: throws KS_ERROR_INVALID_ARGUMENT with the owner, the field, the value and what it must be.")
-    text += [f"void check_fields(const {s.scene}& s, const std::string& owner);" for s in records]
+    text += [f"struct {s.record};" for s in _checked(tables) if s.record]
+    text += [f"void check_fields(const {_record_of(s)}& s, const std::string& owner);" for s in _checked(tables)]
     ids = [f.name for f in tables.structs["kuafu_material_desc"].fields if f.type == "id"]
     text += ["", "/// Pointers to the fields of a material that name textures.", "template <class M>", "auto texture_ids(M& m) {",
              f"  return std::array{{{', '.join('&m.' + name for name in ids)}}};", "}"]  # fmt: skip
@@ -91,66 +107,70 @@ def fields_h(tables: Tables) -> str:
 
 def fields_cpp(tables: Tables) -> str:
     """kuafu/src/scene/fields.cpp"""
-    records = _records(tables)
-    text = [*banner(*records), '#include "scene/fields.h"', "", '#include "device/field_check.h"', "", "namespace kuafu {"]
+    records = _checked(tables)
+    text = [*banner(*records), '#include "scene/fields.h"', "", '#include "device/field_check.h"', '#include "scene/scene.h"', "", "namespace kuafu {"]
     for s in records:
-        shown = Struct(s.name, s.doc, [f for f in s.fields if f.copy], s.source)
-        lines = checks(shown)
-        for f in shown.fields:
-            if f.values:
-                lines = [line.replace(f", s.{f.name},", f", uint32_t(s.{f.name}),") for line in lines]
-        text += ["", f"void check_fields(const {s.scene}& s, const std::string& owner) {{", *(f"  {line}" for line in lines), "}"]
+        lines = checks(s, copied=True)
+        text += ["", f"void check_fields(const {_record_of(s)}& s, const std::string& owner) {{", *(f"  {line}" for line in lines), "}"]
     return "\n".join([*text, "", "}  // namespace kuafu", ""])
 
 
 def _to_record(field: Field) -> str:
-    name = field.name
+    name, member = field.name, field.member
     if field.type == "text":
-        return f'out.{name} = s.{name} == nullptr ? "" : s.{name};'
+        return f'out.{member} = s.{name} == nullptr ? "" : s.{name};'
     if field.type == "flag":
-        return f"out.{name} = s.{name} != 0;"
+        return f"out.{member} = s.{name} != 0;"
     if field.type == "choice":
-        return f"out.{name} = static_cast<decltype(out.{name})>(s.{name});"
+        return f"out.{member} = static_cast<decltype(out.{member})>(s.{name});"
     if field.shape:
-        return f"out.{name} = from_row_major<{field.shape[0]}>(s.{name});"
+        return f"out.{member} = from_row_major<{field.shape[0]}>(s.{name});"
     if field.count != 1:
-        return f"for (int i = 0; i < {field.count}; ++i) out.{name}[i] = s.{name}[i];"
-    return f"out.{name} = s.{name};"
+        return f"for (int i = 0; i < {field.count}; ++i) out.{member}[i] = s.{name}[i];"
+    return f"out.{member} = s.{name};"
 
 
 def _to_desc(field: Field) -> str:
-    name = field.name
+    name, member = field.name, field.member
     if field.type == "text":
-        return f"out.{name} = s.{name}.c_str();"
+        return f"out.{name} = s.{member}.c_str();"
     if field.type == "flag":
-        return f"out.{name} = s.{name} ? 1 : 0;"
+        return f"out.{name} = s.{member} ? 1 : 0;"
     if field.type == "choice":
-        return f"out.{name} = static_cast<uint32_t>(s.{name});"
+        return f"out.{name} = static_cast<uint32_t>(s.{member});"
     if field.shape:
-        return f"to_row_major<{field.shape[0]}>(s.{name}, out.{name});"
+        return f"to_row_major<{field.shape[0]}>(s.{member}, out.{name});"
     if field.count != 1:
-        return f"for (int i = 0; i < {field.count}; ++i) out.{name}[i] = s.{name}[i];"
-    return f"out.{name} = s.{name};"
+        return f"for (int i = 0; i < {field.count}; ++i) out.{name}[i] = s.{member}[i];"
+    return f"out.{name} = s.{member};"
+
+
+def _ways(struct: Struct) -> list[tuple[str, str, Callable[[Field], str]]]:
+    """(from, to, line of a field) of the copies."""
+    to_record = (struct.name, _record_of(struct), _to_record)
+    return [to_record, (_record_of(struct), struct.name, _to_desc)] if struct.read_back else [to_record]
 
 
 def copies_h(tables: Tables) -> str:
     """kuafu/src/api/fields.h"""
-    records = _records(tables)
-    text = [*banner(*records, note="Copies between the public structs and the scene's records. Text that a struct points to is the record's."),
-            "#pragma once", "", '#include "kuafu/kuafu.h"', '#include "scene/fields.h"', "", "namespace kuafu {", ""]  # fmt: skip
-    for s in records:
-        text += [f"void copy_fields(const {s.name}& s, {s.scene}& out);", f"void copy_fields(const {s.scene}& s, {s.name}& out);"]
+    copied, checked = _copied(tables), [s for s in tables.of("kuafu") if s.checked]
+    text = [*banner(*copied, *checked, note="Copies between the public structs and the scene's records. Text that a struct points to is the record's."),
+            "#pragma once", "", '#include "kuafu/kuafu.h"', '#include "scene/scene.h"', "", "namespace kuafu {", ""]  # fmt: skip
+    text += [f"void copy_fields(const {source}& s, {target}& out);" for s in copied for source, target, _ in _ways(s)]
+    text += ["", "// Each field by itself: throws KS_ERROR_INVALID_ARGUMENT with the owner, the field, the value and what it must be."]
+    text += [f"void check_fields(const {s.name}& s, const std::string& owner);" for s in checked]
     return "\n".join([*text, "", "}  // namespace kuafu", ""])
 
 
 def copies_cpp(tables: Tables) -> str:
     """kuafu/src/api/fields.cpp"""
-    records = _records(tables)
-    text = [*banner(*records), '#include "api/fields.h"', "", '#include "scene/matrix.h"', "", "namespace kuafu {"]
-    for s in records:
-        ways: list[tuple[str, str, Callable[[Field], str]]] = [(s.name, s.scene, _to_record), (s.scene, s.name, _to_desc)]
-        for source, target, line in ways:
-            text += ["", f"void copy_fields(const {source}& s, {target}& out) {{", *(f"  {line(f)}" for f in s.fields if f.copy), "}"]
+    copied, checked = _copied(tables), [s for s in tables.of("kuafu") if s.checked]
+    text = [*banner(*copied, *checked), '#include "api/fields.h"', "", '#include "device/field_check.h"', '#include "scene/matrix.h"', "", "namespace kuafu {"]
+    for s in copied:
+        for source, target, line in _ways(s):
+            text += ["", f"void copy_fields(const {source}& s, {target}& out) {{", *(f"  {line(f)}" for f in s.fields if f.copy and not f.reserved), "}"]
+    for s in checked:
+        text += ["", f"void check_fields(const {s.name}& s, const std::string& owner) {{", *(f"  {line}" for line in checks(s)), "}"]
     return "\n".join([*text, "", "}  // namespace kuafu", ""])
 
 

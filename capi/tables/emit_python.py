@@ -1,71 +1,24 @@
-"""Python: the bindings' lists of fields, the stubs, and the matcher's parameters for sensor and command line."""
+"""Python: annotations and the stubs of both modules."""
 
 from __future__ import annotations
 
 import math
 
-from emit_cpp import banner
+import emit_options
 from table import Field, Struct, Tables
-from words import GENERATED, default_text, facts, range_text
-
-
-def simsense_fields_h(tables: Tables) -> str:
-    """python/simsense/fields.h: fields and choices by name."""
-    both = {"parameter": tables.structs["simsense_parameters"], "signal": tables.structs["simsense_signal"]}
-    text = [*banner(*both.values(), note="simsense_parameters and simsense_signal by field name."), "#pragma once", "",
-            "#include <variant>", "#include <vector>", "", '#include "simsense_api.h"', "", "namespace ks_python {", "",
-            "template <class Struct>", "struct Field {", "  const char* name;",
-            "  std::variant<float Struct::*, uint32_t Struct::*, int32_t Struct::*, uint64_t Struct::*> member;",
-            "  std::vector<const char*> choices;  // names of 0, 1, ...; empty: a number", "};"]  # fmt: skip
-    for name, s in both.items():
-        text += ["", f"inline const Field<{s.name}> {name}_fields[] = {{"]
-        for f in s.fields:
-            if f.python:
-                choices = ", ".join(f'"{v}"' for v in f.values)
-                text.append(f'    {{"{f.name}", &{s.name}::{f.name}, {{{choices}}}}},')
-        text.append("};")
-    return "\n".join([*text, "", "}  // namespace ks_python", ""])
-
-
-def literal(field: Field) -> str:
-    """The default as Python has it."""
-    value = field.default
-    if field.type == "flag":
-        return str(bool(value))
-    if isinstance(value, float) and not math.isfinite(value):
-        return "None" if math.isnan(value) else f'float("{value}")'
-    if field.type in ("float", "double"):
-        return repr(float(value))
-    return repr(value)
+from words import GENERATED, default_text, facts, python_words
 
 
 def scalar_type(field: Field) -> str:
     """The annotation of one number of the field."""
+    if field.type == "bits":
+        return "Sequence[str]"
     if field.values:
         return "Literal[" + ", ".join(f'"{v}"' for v in field.values) + "]"
     kind = {"float": "float", "double": "float", "flag": "bool", "text": "str"}.get(field.type, "int")
+    if field.type == "text":
+        return "str | None"
     return f"{kind} | None" if field.nan or field.none else kind
-
-
-def matcher_table(tables: Tables) -> str:
-    """python/activestereo/matcher_table.py"""
-    struct = tables.structs["simsense_parameters"]
-    text = ["# " + GENERATED.format(struct.source), '"""The stereo engine\'s parameters: what a sensor\'s configuration and the command line have of them."""', "",
-            "from activestereo.parameter import Parameter", "", "MATCHER = ("]  # fmt: skip
-    for f in struct.fields:
-        if not f.config:
-            continue
-        kind = {"float": "float", "flag": "bool", "choice": "str"}.get(f.type, "int")
-        more = [f'unit="{f.unit}"'] if f.unit else []
-        more += [f'possible="{range_text(f)}"'] if range_text(f) else []
-        more += [f"choices={tuple(f.values)!r}"] if f.values else []
-        more += [f'pair="{f.pair}"'] if f.pair else []
-        doc = f.doc.replace('"', "'")
-        text += ["    Parameter(", f'        "{f.name}",', f"        {kind},", f"        {literal(f)},",
-                 *(f"        {m}," for m in more), f'        doc="{doc}",  # noqa: E501' if len(doc) > 104 else f'        doc="{doc}",', "    ),"]  # fmt: skip
-    text += [")", "", "", "class MatcherFields:", '    """Their types. A class that has them as attributes inherits this."""', ""]
-    text += [f"    {f.name}: {'str' if f.values else scalar_type(f)}" for f in struct.fields if f.config]
-    return "\n".join([*text, ""])
 
 
 def _annotation(field: Field) -> str:
@@ -93,18 +46,19 @@ def _stub_fields(struct: Struct) -> list[str]:
 
 def _prose(field: Field) -> str:
     """What a field is, in Python's words."""
-    text = " ".join(filter(None, [field.doc, f"[{facts(field)}]" if facts(field) else ""]))
-    for c, python in (("KUAFU_NONE", "None"), ("KUAFU_ALL_ENVIRONMENTS", "None"), ("NAN", "None"), ("INFINITY", "inf")):
-        text = text.replace(c, python)
-    return text.replace('"', "'")
+    return python_words(" ".join(filter(None, [field.doc, f"[{facts(field)}]" if facts(field) else ""])))
 
 
 def _stub_arguments(structs: list[Struct]) -> list[str]:
-    """Every field as a keyword argument."""
-    out = []
-    for f in (f for s in structs for f in s.fields if f.python):
-        out.append(f"{f.name}: {scalar_type(f)} | int = ...," if f.values else f"{f.name}: {scalar_type(f)} = ...,")
-    return out
+    """Every field as a keyword argument; choices may be given by number, too."""
+    fields = [f for s in structs for f in s.fields if f.python]
+    return [f"{f.name}: {scalar_type(f)}{' | int' if f.type == 'choice' else ''} = ...," for f in fields]
+
+
+def _stub_options(struct: Struct) -> list[str]:
+    """Every field that is a keyword argument, with its default."""
+    fields = emit_options.named(struct).fields
+    return [f"{name}: {scalar_type(f)} = {emit_options.literal(f)}," for f in fields for name in (f.name, f.short) if name]
 
 
 def stub(tables: Tables, library: str, template: str, shared: str) -> str:
@@ -113,6 +67,8 @@ def stub(tables: Tables, library: str, template: str, shared: str) -> str:
     lists = {f"{name}.fields": _stub_fields(s) for name, s in named.items()} | {f"{name}.doc": [s.doc] for name, s in named.items()}
     engine = [s for s in tables.of(library) if s.name in ("simsense_parameters", "simsense_signal")]
     lists |= {"parameters": _stub_arguments(engine), "shared": shared.rstrip().split("\n")}
+    for key, name in (("rig", "simsense_rig_desc"), ("renderer", "kuafu_renderer_desc"), ("options", "kuafu_render_desc")):
+        lists[key] = _stub_options(tables.structs[name])
     out = ["# " + GENERATED.format("*.toml").replace("from", f"from python/{library}/_{library}.pyi.in, python/bindings/shared.pyi.in and")]
     for line in template.split("\n"):
         for key, value in lists.items():

@@ -14,6 +14,7 @@ import emit_c
 import emit_cpp
 import emit_ffi
 import emit_kuafu
+import emit_options
 import emit_page
 import emit_python
 from table import FOLDER, TableError, Tables, read_tables
@@ -41,8 +42,10 @@ def outputs(tables: Tables) -> dict[str, str]:
         "simsense/src/parameters/fields.cpp": emit_cpp.simsense_fields_cpp(tables),
         "simsense/src/parameters/match_fields.h": emit_cpp.simsense_match_fields_h(tables),
         "simsense/shaders/shared/match_constants.glsl": emit_cpp.simsense_match_constants_glsl(tables),
-        "python/simsense/fields.h": emit_python.simsense_fields_h(tables),
-        "python/activestereo/matcher_table.py": emit_python.matcher_table(tables),
+        "python/simsense/fields.h": emit_options.simsense_fields_h(tables),
+        "python/kuafu/options.h": emit_options.kuafu_options_h(tables),
+        "python/activestereo/matcher_table.py": emit_options.matcher_table(tables),
+        "python/activestereo/render_table.py": emit_options.render_table(tables),
         "kuafu/src/scene/fields.h": emit_kuafu.fields_h(tables),
         "kuafu/src/scene/fields.cpp": emit_kuafu.fields_cpp(tables),
         "kuafu/src/api/fields.h": emit_kuafu.copies_h(tables),

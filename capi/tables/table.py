@@ -22,14 +22,15 @@ SCALARS = {
     "char": ("char", 1),
     "flag": ("uint32_t", 4),  # nonzero is yes
     "choice": ("uint32_t", 4),  # one of `values`
+    "bits": ("uint32_t", 4),  # some of `values`, or'ed
     "id": ("uint32_t", 4),  # `none` (a constant's name) is no id
     "text": ("const char*", 8),
 }
 FIELD_KEYS = set(
     "type doc count shape default neutral range above allowed zero_means unit group values prefix first none nan config match kernel pair"
-    " python extras check reserved copy lengths".split()
+    " python extras check reserved copy lengths option short one member".split()
 )
-STRUCT_KEYS = set("struct type_id doc what reach init fields python scene embedded has_neutral".split())
+STRUCT_KEYS = set("struct type_id doc what reach init fields python scene record read_back checked embedded has_neutral".split())
 
 
 class TableError(Exception):
@@ -59,13 +60,17 @@ class Field:
     none: str = ""  # constant that means "no id"
     nan: str = ""  # what NaN means
     pair: str = ""  # name of the WIDTHxHEIGHT option that sets this and the next field
-    config: bool = True
+    config: bool = True  # in a sensor's configuration
+    option: bool = True  # and on the command line
+    short: str = ""  # its short name there and in Python
+    one: str = ""  # bits: what one of them is called
     match: bool = False  # copied into the matcher's parameters
     kernel: bool = False  # and a constant of the matcher's shaders
     python: bool = True
     extras: bool = False  # read from a glTF material's extras
     check: bool = True
     copy: bool = True  # copied between the public struct and the scene's record
+    member: str = ""  # where it is in the record, if not under its name: "optics.focus_m"
     lengths: tuple[int, ...] = ()  # a vector that may be given shorter in Python
     reserved: bool = False
 
@@ -79,8 +84,8 @@ class Field:
 
     @property
     def constants(self) -> dict[str, int]:
-        """Name of each choice in C: its number."""
-        return {self.prefix + name.upper(): self.first + i for i, name in enumerate(self.values)}
+        """Name of each choice in C: its number; of bits, its bit."""
+        return {self.prefix + name.upper(): 1 << i if self.type == "bits" else self.first + i for i, name in enumerate(self.values)}
 
 
 @dataclass
@@ -96,7 +101,10 @@ class Struct:
     reach: str = ""
     init: tuple[str, ...] = ()
     python: str = ""
-    scene: str = ""
+    scene: str = ""  # name of the record that is made of its fields
+    record: str = ""  # name of the record that they are copied to, where that is written by hand
+    read_back: bool = True  # and from
+    checked: bool = False  # its fields are checked as they come, without a record
     embedded: bool = False  # stands inside other structs by value: can never grow
     has_neutral: bool = False  # its record can say whether it changes anything
 
@@ -134,15 +142,17 @@ def _read_field(source: str, name: str, entry: dict[str, Any]) -> Field:
         out.count = math.prod(out.shape)
     if name.startswith("reserved"):
         out.reserved, out.python, out.config, out.copy = True, False, False, False
+    out.member = out.member or name
     if out.nan:
         out.default = math.nan
     if out.none and out.default is None:
         out.default = out.none
+    if out.type in ("choice", "bits"):
+        _require(bool(out.values and out.prefix), source, name, f"{out.type} need `prefix` and `values`")
+        out.values = {key: " ".join(text.split()) for key, text in out.values.items()}
     if out.type == "choice":
-        _require(bool(out.values and out.prefix), source, name, "a choice needs `prefix` and `values`")
         out.default = next(iter(out.values)) if out.default is None else out.default
         _require(out.default in out.values, source, name, f"default '{out.default}' is none of {list(out.values)}")
-        out.values = {key: " ".join(text.split()) for key, text in out.values.items()}
     if out.default is None and (out.type in SCALARS and out.type != "text"):
         out.default = _zero(out.type)
     if out.neutral is None:
@@ -163,7 +173,7 @@ def read_struct(path: Path) -> Struct:
     unknown = set(data) - STRUCT_KEYS
     _require(not unknown, path.name, "struct", f"unknown keys {sorted(unknown)} (known: {' '.join(sorted(STRUCT_KEYS))})")
     fields = [_read_field(path.name, name, entry) for name, entry in data["fields"].items()]
-    rest = {key: data[key] for key in ("type_id", "what", "reach", "python", "scene", "embedded", "has_neutral") if key in data}
+    rest = {key: data[key] for key in ("type_id", "what", "reach", "python", "scene", "record", "read_back", "checked", "embedded", "has_neutral") if key in data}
     return Struct(data["struct"], " ".join(data["doc"].split()), fields, path.name, init=tuple(data.get("init", ())), **rest)
 
 

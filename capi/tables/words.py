@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import textwrap
 
 from table import Field
@@ -82,6 +83,13 @@ def sentence(field: Field) -> str:
     if field.reserved:
         return "Must be 0."
     return " ".join(filter(None, [field.doc, f"[{more}]" if more else ""]))
+
+
+def python_words(text: str) -> str:
+    """A doc with C's constants as Python names them: KUAFU_DENOISE_ATROUS is atrous."""
+    for c, python in (("KUAFU_NONE", "None"), ("KUAFU_ALL_ENVIRONMENTS", "None"), ("NULL", "None"), ("NAN", "None"), ("INFINITY", "inf"), ('"', "'")):
+        text = text.replace(c, python)
+    return re.sub(r"\b(?:KUAFU|SIMSENSE)_[A-Z]+_([A-Z][A-Z_]+)\b", lambda found: found[1].lower(), text)
 
 
 def c_comment(text: str, indent: str = "") -> str:

@@ -1,13 +1,16 @@
-"""The sensor's configuration in the engine's terms."""
+"""The sensor's configuration in the engines' terms."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 import simsense
-from activestereo.matcher_table import MATCHER
+from activestereo.matcher_table import MATCHER, RIG
+from activestereo.parameter import Parameter
 from activestereo.pose import Pose, camera_to_camera
 from activestereo.presets import StereoDepthSensorConfig, sapien_name
+from activestereo.render_table import RENDER, RENDERER
 
 # SAPIEN's noise at scale 1: a gamma factor of shape 1333.33 and mean 1, and Gaussian noise of 0.25 counts.
 SPECKLE_SHAPE = 1333.33
@@ -19,7 +22,7 @@ def signal_parameters(config: StereoDepthSensorConfig) -> dict[str, float]:
     level."""
     signal = config.ir_signal
     if isinstance(signal, str):
-        signal = simsense.signal_preset(signal)
+        signal = simsense.signal_preset(signal)  # type: ignore[arg-type]  # the engine knows them, and says so
     signal = simsense.signal_preset("neutral") | (_sapien_noise(config) if signal is None else signal)
     signal["exposure_s"] = config.ir_camera_exposure
     signal["gain"] *= config.ir_camera_gain
@@ -43,9 +46,29 @@ def _sapien_noise(config: StereoDepthSensorConfig) -> dict[str, float]:
     }
 
 
+def _values(config: StereoDepthSensorConfig, table: Sequence[Parameter]) -> dict[str, Any]:
+    """What the configuration says, under the engine's names."""
+    return {p.name: getattr(config, sapien_name(p.name)) for p in table}
+
+
+def rig_parameters(config: StereoDepthSensorConfig) -> dict[str, Any]:
+    """Where and how the depth engine works."""
+    return _values(config, RIG)
+
+
+def renderer_parameters(config: StereoDepthSensorConfig) -> dict[str, Any]:
+    """Keyword arguments of kuafu.Renderer."""
+    return _values(config, RENDERER)
+
+
+def render_parameters(config: StereoDepthSensorConfig) -> dict[str, Any]:
+    """Keyword arguments of kuafu.Renderer.render, those that a sensor does not decide itself."""
+    return _values(config, RENDER)
+
+
 def matcher_parameters(config: StereoDepthSensorConfig) -> dict[str, Any]:
     """The stereo matcher's parameters under the engine's names."""
-    values = {p.name: getattr(config, sapien_name(p.name)) for p in MATCHER}
+    values = _values(config, MATCHER)
     # SAPIEN's ways to switch a check off.
     values["uniqueness_ratio"] = min(values["uniqueness_ratio"], 100)
     values["lr_max_diff"] = -1 if values["lr_max_diff"] == 255 else values["lr_max_diff"]
@@ -72,8 +95,6 @@ def make_engine(config: StereoDepthSensorConfig, device: simsense.Device, batch_
         rectified=config.rectified and not is_distorted,
         batch_count=batch_count,
         noise_seed=config.ir_noise_seed,
-        back_end=config.back_end,
-        low_memory=config.low_memory,
-        faults=config.faults,
+        **rig_parameters(config),
         **engine_parameters(config),
     )

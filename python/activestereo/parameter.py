@@ -11,15 +11,19 @@ class Parameter:
     """A row of a generated table (capi/tables)."""
 
     name: str  # the same in C, C++ and Python
-    kind: type[Any]  # int, float, bool, or str for one of `choices`
+    kind: type[Any]  # int, float, bool, str (one of `choices`, where there are some), or tuple for several of `choices`
     default: Any
     unit: str = ""
     possible: str = ""  # the range in words
+    range: tuple[float, float] | None = None
     choices: tuple[str, ...] = ()
+    short: str = ""  # its other name in Python and on the command line
+    one: str = ""  # what one of a tuple is called
+    on_command_line: bool = True
     pair: str = ""  # this and the next parameter are also the width and height of the option --<pair> WxH
     doc: str = ""
 
     @property
     def option(self) -> str:
-        """Its name on the command line."""
-        return "--" + self.name.replace("_", "-")
+        """Its name on the command line; of a tuple, that of the option that gives one of them."""
+        return "--" + (self.one or self.name).replace("_", "-")

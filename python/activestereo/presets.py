@@ -13,14 +13,15 @@ from collections.abc import Sequence
 from copy import deepcopy
 from difflib import get_close_matches
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from activestereo.camera_file import CameraData, camera_titles, read_camera
-from activestereo.matcher_table import MATCHER, MatcherFields
+from activestereo.matcher_table import MATCHER, RIG, MatcherFields
 from activestereo.pattern import PatternDesign, make_pattern
 from activestereo.pose import Pose
+from activestereo.render_table import RENDER, RENDERER, RenderFields
 
 if TYPE_CHECKING:
     from activestereo.sensor_model import SensorModel
@@ -74,6 +75,8 @@ SAPIEN_NAMES = {
     "median_size": "median_filter_size",
     "min_depth_m": "min_depth",
     "max_depth_m": "max_depth",
+    "ir_ambient_scale": "ir_light_dim_factor",
+    "ir_ambient_radiance": "ir_ambient_strength",
 }
 SAPIEN_DEFAULTS = {"min_depth_m": 0.2, "depth_dilation": True}
 
@@ -83,7 +86,7 @@ def sapien_name(name: str) -> str:
     return SAPIEN_NAMES.get(name, name)
 
 
-class StereoDepthSensorConfig(MatcherFields):
+class StereoDepthSensorConfig(MatcherFields, RenderFields):
     """Everything about a sensor; change any field before making the sensor. model: a camera's name, or the path of a
     TOML file like those of camera_data. Raises ValueError for an unknown model, AttributeError for a field that there
     is not."""
@@ -96,6 +99,8 @@ class StereoDepthSensorConfig(MatcherFields):
     median_filter_size: int
     min_depth: float
     max_depth: float
+    ir_light_dim_factor: float
+    ir_ambient_strength: float
 
     def __init__(self, model: str = "D435") -> None:
         camera = read_camera(model)
@@ -157,9 +162,6 @@ class StereoDepthSensorConfig(MatcherFields):
         self.ir_exposure_limits_s = tuple(camera.value("exposure", "exposure_limits_s"))
         self.ir_gain_limits = tuple(camera.value("exposure", "gain_limits"))
         self.ir_responsivity_dn = camera.value("imager", "responsivity_dn")
-        # What a visible light gives in the infrared, where it does not say.
-        self.ir_light_dim_factor = camera.value("room", "visible_share")
-        self.ir_ambient_strength = camera.value("room", "radiance_w_sr_m2")  # ambient infrared radiance, W/(sr m^2)
         # 'clamp': pixels of indirect light that outshine all around them, which few samples give, are taken down to
         # the brightest neighbour; 'keep'.
         self.ir_fireflies = camera.value("room", "fireflies")
@@ -185,38 +187,31 @@ class StereoDepthSensorConfig(MatcherFields):
         self.ir_thermal_noise = 1.0
         # Of which light the speckle is, that of ir_signal too: False = of all, as SAPIEN and the paper have it; True =
         # of the projector's alone, which is coherent (two more images are rendered and copied to the engine).
-        self.ir_signal = _signal(camera)
+        self.ir_signal: Any = _signal(camera)
         self.ir_speckle_of_laser = bool(self.ir_signal and "speckle_shape" in self.ir_signal)
         # Instead of that noise: 'd435', 'paper-d415' or another of simsense.signal_preset, or a dict of
         # simsense_signal's parameters whose input is in counts; exposure, responsivity and black level above come on
         # top. (Set above, with the devices' own noise.)
 
-        # Matching and depth: every parameter of simsense_parameters that is not the sensor's own business
-        # (capi/tables/reference.md), those that SAPIEN has under SAPIEN's names. depth_maps: what compute_depth() gives
-        # besides, out of 'confidence', 'reason', 'points', 'rectified_left' and 'rectified_right'; get_depth_map()
-        # returns it.
-        for p in MATCHER:
+        # What the engines may be told beside (capi/tables/reference.md): every parameter of matching and depth, where the
+        # depth engine works and which faults of the published SimSense it keeps, who traces rays, and how pictures are
+        # rendered. What SAPIEN has is under SAPIEN's names.
+        for p in (*MATCHER, *RIG, *RENDERER, *RENDER):
             setattr(self, sapien_name(p.name), SAPIEN_DEFAULTS.get(p.name, p.default))
         self.min_depth, self.max_depth = camera.value("rig", "min_depth_m"), camera.value("rig", "max_depth_m")
         self.max_disp = camera.value("rig", "max_disparity_px")
+        # What a visible light gives in the infrared where it does not say, and ambient infrared radiance, W/(sr m^2).
+        self.ir_light_dim_factor = camera.value("room", "visible_share")
+        self.ir_ambient_strength = camera.value("room", "radiance_w_sr_m2")
+        self.render_seed = 0
+        # What compute_depth() gives besides, out of 'confidence', 'reason', 'points', 'rectified_left' and
+        # 'rectified_right'; get_depth_map() returns it.
         self.depth_maps: tuple[str, ...] = ()
-        # Where the depth engine works ('auto', 'cpu', 'vulkan'), whether it takes the least memory instead of the least
-        # time, and which faults of the published SimSense it keeps, out of simsense.FAULTS.
-        self.back_end: Literal["auto", "cpu", "vulkan"] = "auto"
-        self.low_memory = False
-        self.faults: tuple[str, ...] = ()
 
         # Optics of the cameras: a dict of kuafu.Film's fields (vignetting_exponent, psf_sigma_px, ...); None is
         # perfect.
-        self.ir_film = {name: figure.value for name, figure in camera.figures["optics"].items()} or None
-        self.rgb_film = None
-
-        # Rendering. denoiser: 'none', 'atrous', or 'oidn' where Open Image Denoise is found; it never touches the dots'
-        # own light.
-        self.denoiser = "none"
-        self.samples_per_pixel = 16
-        self.max_bounces = 8
-        self.render_seed = 0
+        self.ir_film: dict[str, Any] | None = {name: figure.value for name, figure in camera.figures["optics"].items()} or None
+        self.rgb_film: dict[str, Any] | None = None
 
     def __setattr__(self, name: str, value: Any) -> None:
         if self._FIELDS and name not in self._FIELDS:

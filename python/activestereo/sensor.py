@@ -17,7 +17,7 @@ from activestereo.engines.survey import Survey
 from activestereo.fireflies import infrared_layers
 from activestereo.ir_link import IrLink
 from activestereo.lens import undistort
-from activestereo.matching import engine_parameters, make_engine
+from activestereo.matching import engine_parameters, make_engine, renderer_parameters
 from activestereo.pose import Pose, as_matrix, camera_to_world
 from activestereo.scene_surfaces import split_surfaces
 from activestereo.sensor_effects import ImageEffects, ModelCostWarning
@@ -61,7 +61,7 @@ class StereoDepthSensor:
         self._effects, self._survey, self._ambient_radiance = self._read_model(model, scene_or_mount)
         self._conditions, self._place, self._speckle_draw = (None, 0.0), None, -1
         self._exposure, self._next_setting = AutoExposure(self._config), None
-        self._renderer = kuafu.Renderer(self._device)
+        self._renderer = kuafu.Renderer(self._device, **renderer_parameters(self._config))
         self._engine = self.make_engine()
         width, height = self._config.ir_resolution
         self._link = IrLink(self._device, self._engine.device, width, height, copy=copy_ir)

@@ -25,7 +25,7 @@ from activestereo.auto_exposure import AutoExposure, rgb_exposure
 from activestereo.engines.world import copy_camera, copy_light
 from activestereo.fireflies import infrared_layers
 from activestereo.ir_link import IrLink
-from activestereo.matching import make_engine
+from activestereo.matching import make_engine, renderer_parameters
 from activestereo.pose import Pose, as_matrix, camera_to_world
 from activestereo.pose_arrays import host_array, pose_fault, pose_matrices
 from activestereo.presets import StereoDepthSensorConfig
@@ -85,7 +85,7 @@ class StereoDepthSensorBatch:
         self._places = np.broadcast_to(np.eye(4), (self._count, 4, 4)).copy()
         self._environments = np.repeat(np.arange(self._shape[0]), self._count // self._shape[0]).tolist()
         device = self._scene.device
-        self._renderer = kuafu.Renderer(device)
+        self._renderer = kuafu.Renderer(device, **renderer_parameters(self._config))
         self._engine = make_engine(self._config, simsense.Device(device.info.device_uuid), self._count)
         width, height = self._config.ir_resolution
         self._link = IrLink(device, self._engine.device, width, height, count=self._count)

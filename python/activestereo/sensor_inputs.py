@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 import kuafu
 from activestereo.capture import Frame
 from activestereo.effects.core.engine import EngineEye, EngineInputs
-from activestereo.matching import signal_parameters
+from activestereo.matching import render_parameters, signal_parameters
 from activestereo.pose import Pose, camera_to_camera, camera_to_world, carried_twist
 
 if TYPE_CHECKING:
@@ -79,14 +79,7 @@ def exposure(
 
 def render_settings(config: StereoDepthSensorConfig, frame: int) -> dict[str, Any]:
     """Keyword arguments of kuafu.Renderer.render that follow from the configuration alone."""
-    return {
-        "spp": config.samples_per_pixel,
-        "max_bounces": config.max_bounces,
-        "seed": (config.render_seed << 32) + frame,
-        "ir_ambient_scale": config.ir_light_dim_factor,
-        "ir_ambient_radiance": config.ir_ambient_strength,
-        "denoise": config.denoiser,
-    }
+    return render_parameters(config) | {"seed": (config.render_seed << 32) + frame}
 
 
 def twist_of(config: StereoDepthSensorConfig, twist: NDArray[np.float64], pose_in_rgb: Pose) -> NDArray[np.float64]:

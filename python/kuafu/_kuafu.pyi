@@ -263,9 +263,9 @@ class Light:
     dot_sigma_px: float
     """Sigma of each dot, > 0 where there are dots. [in px]"""
     linear_velocity: tuple[float, float, float]
-    """Of the twist in the light's own frame: pose(t) = light_to_world exp(t [linear, angular]). [in m/s]"""
+    """Of the twist in the light's own frame: pose(t) = light_to_world exp(t [linear, angular]). [-1000000..1000000 m/s]"""
     angular_velocity: tuple[float, float, float]
-    """Of the same twist. [in rad/s]"""
+    """Of the same twist. [-1000000..1000000 rad/s]"""
     on_from_s: float
     """It shines within this window of the frame's time; equal ends mean always. [>= -inf s]"""
     on_until_s: float
@@ -306,9 +306,9 @@ class Camera:
     line_time_s: float
     """From one line's exposure to the next one's, of a rolling shutter. [0..10000 s]"""
     linear_velocity: tuple[float, float, float]
-    """Of the twist [v, w] in the camera's own frame: pose(t) = camera_to_world exp(t [v, w]). [in m/s]"""
+    """Of the twist [v, w] in the camera's own frame: pose(t) = camera_to_world exp(t [v, w]). [-1000000..1000000 m/s]"""
     angular_velocity: tuple[float, float, float]
-    """Of the same twist. [in rad/s]"""
+    """Of the same twist. [-1000000..1000000 rad/s]"""
     def __init__(
         self,
         width: int,
@@ -475,6 +475,7 @@ class Renderer:
     def __init__(
         self,
         device: Device,
+        *,
         tracer: Literal["auto", "embree", "compute", "rt_pipeline"] = "auto",
         oidn_library: str | None = None,
     ) -> None:
@@ -497,6 +498,11 @@ class Renderer:
         *,
         band: Literal["infrared", "visible"] = "infrared",
         environments: Sequence[int] | None = None,
+        film: Film | Mapping[str, Any] | Sequence[Film | Mapping[str, Any]] | None = None,
+        previous_poses: ArrayLike | None = None,
+        scales: Mapping[str, float] = {},
+        progress: Callable[[float], object] | None = None,
+        samples_per_pixel: int = 16,
         spp: int = 16,
         max_bounces: int = 8,
         seed: int = 0,
@@ -506,15 +512,11 @@ class Renderer:
         glass_surfaces: int = 8,
         light_sampling: Literal["mis", "lights", "bsdf"] = "mis",
         denoise: Literal["none", "atrous", "oidn"] = "none",
-        temporal_weight: float = 0.0,
-        film: Film | Mapping[str, Any] | Sequence[Film | Mapping[str, Any]] | None = None,
         projector: int | None = None,
-        previous_poses: ArrayLike | None = None,
-        scales: Mapping[str, float] = {},
+        temporal_weight: float = 0.0,
         accumulate: bool = False,
         max_seconds: float = 0.0,
         relative_error: float = 0.0,
-        progress: Callable[[float], object] | None = None,
     ) -> dict[str, NDArray[Any]]:
         """cameras: a Camera or a sequence of them, all of one size. outputs: names of radiance, projector_direct,
         projector_indirect, ambient, light_group_0 .. light_group_3 (ambient's parts), variance (of the mean
@@ -545,6 +547,11 @@ class Renderer:
         *,
         band: Literal["infrared", "visible"] = "infrared",
         environments: Sequence[int] | None = None,
+        film: Film | Mapping[str, Any] | Sequence[Film | Mapping[str, Any]] | None = None,
+        previous_poses: ArrayLike | None = None,
+        scales: Mapping[str, float] = {},
+        progress: Callable[[float], object] | None = None,
+        samples_per_pixel: int = 16,
         spp: int = 16,
         max_bounces: int = 8,
         seed: int = 0,
@@ -554,15 +561,11 @@ class Renderer:
         glass_surfaces: int = 8,
         light_sampling: Literal["mis", "lights", "bsdf"] = "mis",
         denoise: Literal["none", "atrous", "oidn"] = "none",
-        temporal_weight: float = 0.0,
-        film: Film | Mapping[str, Any] | Sequence[Film | Mapping[str, Any]] | None = None,
         projector: int | None = None,
-        previous_poses: ArrayLike | None = None,
-        scales: Mapping[str, float] = {},
+        temporal_weight: float = 0.0,
         accumulate: bool = False,
         max_seconds: float = 0.0,
         relative_error: float = 0.0,
-        progress: Callable[[float], object] | None = None,
     ) -> Submission:
         """Starts a render on a thread of the library's and returns a Submission at once; arguments as render's, but
         progress. At most two are under way, a third waits for the first. Until they have ended, the scene cannot be

@@ -3,6 +3,7 @@
 #include <limits>
 #include <map>
 
+#include "options.h"
 #include "scene.h"
 
 namespace ks_python {
@@ -57,20 +58,20 @@ struct Call {
   py::object progress;
 };
 
+template <class Desc, size_t count>
+void set_options(Desc& desc, const Field<Desc> (&fields)[count], const py::kwargs& options, const char* what) {
+  for (const auto& [key, value] : options)
+    if (const std::string name = py::str(key); !set_field<Kuafu>(desc, fields, name, value))
+      throw py::type_error(std::string(what) + " has no argument '" + name + "'; see help(kuafu.Renderer)");
+}
+
 class Renderer {
  public:
-  Renderer(std::shared_ptr<Device<Kuafu>> device, const std::string& tracer, const std::optional<std::string>& oidn_library)
+  Renderer(std::shared_ptr<Device<Kuafu>> device, const std::optional<std::string>& oidn_library, const py::kwargs& options)
       : device_(std::move(device)) {
     kuafu_renderer_desc desc = kuafu_renderer_desc_init();
     desc.oidn_library = oidn_library ? oidn_library->c_str() : nullptr;
-    if (tracer == "embree")
-      desc.tracer = KUAFU_TRACER_EMBREE;
-    else if (tracer == "compute")
-      desc.tracer = KUAFU_TRACER_COMPUTE;
-    else if (tracer == "rt_pipeline")
-      desc.tracer = KUAFU_TRACER_RT_PIPELINE;
-    else if (tracer != "auto")
-      raise_argument<Kuafu>("unknown tracer '" + tracer + "' (known: auto, embree, compute, rt_pipeline)");
+    set_options(desc, renderer_fields, options, "Renderer");
     ks_status status;
     {
       const Unlocked nogil;
@@ -271,56 +272,21 @@ struct Submission {
   [[nodiscard]] bool ended() const { return renderer.cast<Renderer&>().wait(sync, 0.0); }
 };
 
-uint32_t sampling_of(const std::string& name) {
-  if (name == "mis") return KUAFU_SAMPLING_MIS;
-  if (name == "lights") return KUAFU_SAMPLING_LIGHTS;
-  if (name == "bsdf") return KUAFU_SAMPLING_BSDF;
-  raise_argument<Kuafu>("unknown light_sampling '" + name + "' (known: mis, lights, bsdf)");
-}
-
-uint32_t denoise_of(const std::string& name) {
-  if (name == "none") return KUAFU_DENOISE_NONE;
-  if (name == "atrous") return KUAFU_DENOISE_ATROUS;
-  if (name == "oidn") return KUAFU_DENOISE_OIDN;
-  raise_argument<Kuafu>("unknown denoise '" + name + "' (known: none, atrous, oidn)");
-}
-
 /// Renderer's method `name`, of all settings of a render; `call` takes them as they stand in a Call and a descriptor.
 template <class F>
 void def_render(py::class_<Renderer>& renderer, const char* name, F call, const char* doc) {
-  const kuafu_render_desc d = kuafu_render_desc_init();
   renderer.def(
       name,
-      [call](const py::object& self, Scene& scene, const py::object& cameras, const py::object& outputs, const std::string& band,
-             const std::optional<std::vector<uint32_t>>& environments, uint32_t spp, uint32_t max_bounces, uint64_t seed,
-             uint32_t first_sample, float ir_ambient_scale, float ir_ambient_radiance, uint32_t glass_surfaces,
-             const std::string& light_sampling, const std::string& denoise, float temporal_weight, const py::object& film,
-             std::optional<uint32_t> projector, const py::object& previous_poses, const std::map<std::string, float>& scales,
-             bool accumulate, double max_seconds, double relative_error, const py::object& progress) {
+      [call, name](const py::object& self, Scene& scene, const py::object& cameras, const py::object& outputs, const std::string& band,
+                   const std::optional<std::vector<uint32_t>>& environments, const py::object& film, const py::object& previous_poses,
+                   const std::map<std::string, float>& scales, const py::object& progress, const py::kwargs& options) {
         kuafu_render_desc desc = kuafu_render_desc_init();
-        desc.samples_per_pixel = spp;
-        desc.max_bounces = max_bounces;
-        desc.seed = seed;
-        desc.first_sample = first_sample;
-        desc.ir_ambient_scale = ir_ambient_scale;
-        desc.ir_ambient_radiance = ir_ambient_radiance;
-        desc.glass_surfaces = glass_surfaces;
-        desc.light_sampling = sampling_of(light_sampling);
-        desc.denoise = denoise_of(denoise);
-        desc.temporal_weight = temporal_weight;
-        desc.projector = projector.value_or(KUAFU_NONE);
-        desc.accumulate = accumulate;
-        desc.max_seconds = max_seconds;
-        desc.relative_error = relative_error;
+        set_options(desc, render_fields, options, name);
         return call(self, scene, Call{cameras, outputs, band, environments, film, previous_poses, scales, progress}, desc);
       },
       py::arg("scene"), py::arg("cameras"), py::arg("outputs") = py::make_tuple("radiance"), py::kw_only(), py::arg("band") = "infrared",
-      py::arg("environments") = py::none(), py::arg("spp") = d.samples_per_pixel, py::arg("max_bounces") = d.max_bounces,
-      py::arg("seed") = 0, py::arg("first_sample") = 0, py::arg("ir_ambient_scale") = d.ir_ambient_scale,
-      py::arg("ir_ambient_radiance") = d.ir_ambient_radiance, py::arg("glass_surfaces") = d.glass_surfaces,
-      py::arg("light_sampling") = "mis", py::arg("denoise") = "none", py::arg("temporal_weight") = 0.0f, py::arg("film") = py::none(),
-      py::arg("projector") = py::none(), py::arg("previous_poses") = py::none(), py::arg("scales") = std::map<std::string, float>(),
-      py::arg("accumulate") = false, py::arg("max_seconds") = 0.0, py::arg("relative_error") = 0.0, py::arg("progress") = py::none(), doc);
+      py::arg("environments") = py::none(), py::arg("film") = py::none(), py::arg("previous_poses") = py::none(),
+      py::arg("scales") = std::map<std::string, float>(), py::arg("progress") = py::none(), doc);
 }
 
 }  // namespace
@@ -339,8 +305,8 @@ void bind_renderer(py::module_& module) {
       .def_property_readonly("ended", &Submission::ended, "Whether wait() would return at once; raises what the render failed with.");
   py::class_<Renderer> renderer(module, "Renderer", "Renders scenes of its device.");
   renderer
-      .def(py::init<std::shared_ptr<Device<Kuafu>>, const std::string&, const std::optional<std::string>&>(), py::arg("device").none(false),
-           py::arg("tracer") = "auto", py::arg("oidn_library") = py::none(),
+      .def(py::init<std::shared_ptr<Device<Kuafu>>, const std::optional<std::string>&, const py::kwargs&>(), py::arg("device").none(false),
+           py::kw_only(), py::arg("oidn_library") = py::none(),
            "tracer: 'auto' (Embree on CPU devices, compute on GPUs), 'embree', 'compute', or 'rt_pipeline' where the driver has it.\n"
            "oidn_library: path of Open Image Denoise's library; None: $KUAFU_OIDN_LIBRARY, else its usual names.")
       .def_property_readonly("device", &Renderer::device)

@@ -66,41 +66,6 @@ std::vector<std::string> read_names(const py::object& names, const char* what) {
   return out;
 }
 
-struct Fault {
-  const char* name;
-  uint32_t bit;
-};
-constexpr Fault faults_known[] = {{"rectified_shrunk", SIMSENSE_FAULT_RECTIFIED_SHRUNK},
-                                  {"focal_from_rectifier", SIMSENSE_FAULT_FOCAL_FROM_RECTIFIER},
-                                  {"remap_nearest", SIMSENSE_FAULT_REMAP_NEAREST},
-                                  {"padding_matched", SIMSENSE_FAULT_PADDING_MATCHED},
-                                  {"registration_unrectified", SIMSENSE_FAULT_REGISTRATION_UNRECTIFIED},
-                                  {"splat_invalid", SIMSENSE_FAULT_SPLAT_INVALID},
-                                  {"splat_clipped", SIMSENSE_FAULT_SPLAT_CLIPPED}};
-
-uint32_t read_faults(const py::object& names) {
-  uint32_t bits = 0;
-  for (const std::string& name : read_names(names, "faults")) {
-    std::string known;
-    const Fault* found = nullptr;
-    for (const Fault& fault : faults_known) {
-      if (name == fault.name) found = &fault;
-      known.append(known.empty() ? "" : ", ").append(fault.name);
-    }
-    if (!found) raise_argument<Simsense>(std::string("unknown fault '").append(name).append("' (known: ").append(known).append(")"));
-    bits |= found->bit;
-  }
-  return bits;
-}
-
-uint32_t read_back_end(const py::object& name) {
-  const auto text = read_as<Simsense, std::string>(name, "back_end", "one of auto, cpu, vulkan");
-  constexpr const char* names[] = {"auto", "cpu", "vulkan"};  // SIMSENSE_BACK_END_*
-  for (uint32_t i = 0; i < std::size(names); ++i)
-    if (text == names[i]) return i;
-  raise_argument<Simsense>("unknown back_end '" + text + "' (known: auto, cpu, vulkan)");
-}
-
 simsense_camera read_camera(const py::object& camera) {
   simsense_camera out = {};
   if (camera.is_none()) return out;
@@ -110,23 +75,18 @@ simsense_camera read_camera(const py::object& camera) {
 class Engine {
  public:
   Engine(const py::object& device, const py::object& left, const py::object& right, const py::object& left_to_right, const py::object& rgb,
-         const py::object& left_to_rgb, bool rectified, const py::object& batch_count, const py::object& faults, const py::object& back_end,
-         bool low_memory, const py::kwargs& parameters) {
+         const py::object& left_to_rgb, const py::kwargs& options) {
     if (!py::isinstance<Device<Simsense>>(device))
       raise_argument<Simsense>("device must be a simsense.Device, not " + std::string(py::repr(device)));
     device_ = py::cast<std::shared_ptr<Device<Simsense>>>(device);
     rig_.left = read_as<Simsense, simsense_camera>(left, "left", "a simsense.Camera");
     rig_.right = read_as<Simsense, simsense_camera>(right, "right", "a simsense.Camera");
     rig_.rgb = read_camera(rgb);
-    rig_.rectified = rectified ? 1 : 0;
-    rig_.batch_count = read_as<Simsense, uint32_t>(batch_count, "batch_count", "a whole number of pairs");
-    rig_.faults = read_faults(faults);
-    rig_.back_end = read_back_end(back_end);
-    rig_.low_memory = low_memory ? 1 : 0;
     read_required_matrix<Simsense>(left_to_right, "left_to_right", rig_.left_to_right, 16);
     read_matrix<Simsense>(left_to_rgb, "left_to_rgb", rig_.left_to_rgb, 16);
     Settings settings;
-    settings.change(parameters);
+    for (const auto& [key, value] : options)
+      if (const std::string name = py::str(key); !set_field<Simsense>(rig_, rig_fields, name, value)) settings.change(name, value);
     check<Simsense>(simsense_engine_create(device_->get(), &rig_, &settings.parameters, handle_.put()));
     check<Simsense>(simsense_engine_set_signal(get(), &settings.left, &settings.right));
   }
@@ -365,9 +325,7 @@ void bind_camera(py::module_& module) {
 }  // namespace
 
 void bind_engine(py::module_& module) {
-  py::list faults;
-  for (const Fault& fault : faults_known) faults.append(fault.name);
-  module.attr("FAULTS") = py::tuple(faults);
+  module.attr("FAULTS") = names_of(rig_fields, "faults");
   module.attr("REASONS") = py::make_tuple("valid", "not_unique", "outside", "occluded", "isolated", "speckle", "out_of_range",
                                           "not_computed", "low_texture", "saturated");
   bind_camera(module);
@@ -393,11 +351,10 @@ void bind_engine(py::module_& module) {
       "census_kind ('center_symmetric', 'plain'), subpixel ('none', 'parabola', 'equiangular', 'equiangular_summed') and hole_filling\n"
       "('keep', 'left', 'background') may be given by name or by number.\n"
       "census_contrast (0..1, default 1 / 16): how large a share of the local range of counts a difference must be to count; 0: any.")
-      .def(py::init<const py::object&, const py::object&, const py::object&, const py::object&, const py::object&, const py::object&, bool,
-                    const py::object&, const py::object&, const py::object&, bool, const py::kwargs&>(),
+      .def(py::init<const py::object&, const py::object&, const py::object&, const py::object&, const py::object&, const py::object&,
+                    const py::kwargs&>(),
            py::arg("device"), py::arg("left"), py::arg("right"), py::arg("left_to_right"), py::kw_only(), py::arg("rgb") = py::none(),
-           py::arg("left_to_rgb") = py::none(), py::arg("rectified") = false, py::arg("batch_count") = 1,
-           py::arg("faults") = py::make_tuple(), py::arg("back_end") = "auto", py::arg("low_memory") = false,
+           py::arg("left_to_rgb") = py::none(),
            "left_to_right, left_to_rgb: 4x4. rgb: the camera to register to, or None. rectified: the input pair is row-aligned already.\n"
            "faults: those of the published SimSense to keep, by name (SIMSENSE_FAULT_* of simsense.h); simsense.FAULTS has all.\n"
            "back_end: 'cpu'; 'vulkan', or simsense.Error where the device cannot; 'auto': Vulkan on a GPU, else the CPU.\n"

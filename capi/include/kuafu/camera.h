@@ -66,9 +66,9 @@ typedef struct kuafu_camera_desc {
   double exposure_s;
   /* From one line's exposure to the next one's, of a rolling shutter. [0..10000 s] */
   double line_time_s;
-  /* Of the twist [v, w] in the camera's own frame: pose(t) = camera_to_world exp(t [v, w]). [in m/s] */
+  /* Of the twist [v, w] in the camera's own frame: pose(t) = camera_to_world exp(t [v, w]). [-1000000..1000000 m/s] */
   double linear_velocity[3];
-  /* Of the same twist. [in rad/s] */
+  /* Of the same twist. [-1000000..1000000 rad/s] */
   double angular_velocity[3];
   /* Must be 0. */
   double reserved[8];

@@ -93,9 +93,9 @@ typedef struct kuafu_light_desc {
   uint32_t pattern_height;
   /* Sigma of each dot, > 0 where there are dots. [in px] */
   float dot_sigma_px;
-  /* Of the twist in the light's own frame: pose(t) = light_to_world exp(t [linear, angular]). [in m/s] */
+  /* Of the twist in the light's own frame: pose(t) = light_to_world exp(t [linear, angular]). [-1000000..1000000 m/s] */
   double linear_velocity[3];
-  /* Of the same twist. [in rad/s] */
+  /* Of the same twist. [-1000000..1000000 rad/s] */
   double angular_velocity[3];
   /* It shines within this window of the frame's time; equal ends mean always. [>= -inf s] */
   double on_from_s;

@@ -114,9 +114,10 @@ typedef struct kuafu_render_desc {
   uint32_t view_count;
   /* Outputs. */
   uint32_t output_count;
-  /* Samples of each pixel, at least 1. [16 by default] */
+  /* Samples of each pixel. [1..4294967295; 16 by default] */
   uint32_t samples_per_pixel;
-  /* Surface interactions (and scatterings of a medium) after the first; 0 is direct light alone. [8 by default] */
+  /* Surface interactions (and scatterings of a medium) after the first; 0 is direct light alone. [0..1024; 8 by
+   * default] */
   uint32_t max_bounces;
   /* Key of all random numbers. */
   uint64_t seed;
@@ -127,7 +128,7 @@ typedef struct kuafu_render_desc {
   /* Weak constant added to the environment in the infrared where it does not say. [>= 0 W/(sr m^2); 0.002 by default] */
   float ir_ambient_radiance;
   /* Smooth glass surfaces that light of points, directions and projectors passes straight on its way to a surface,
-   * dimmed by Fresnel's reflection, tint and absorption; 0: glass casts full shadows. [8 by default] */
+   * dimmed by Fresnel's reflection, tint and absorption; 0: glass casts full shadows. [0..64; 8 by default] */
   uint32_t glass_surfaces;
   /* May be NULL. */
   ks_progress_fn progress;
@@ -146,7 +147,7 @@ typedef struct kuafu_render_desc {
    * same surface, 0..<1; 0: each render by itself. It follows cameras (of any lens and shutter) and instances that
    * move, and starts anew where another surface or instance appears. Where light changes by more than this render's
    * noise, what was is forgotten; smaller changes, reflections and deforming meshes lag. Give every render another
-   * seed. */
+   * seed. [0..1] */
   float temporal_weight;
   /* Nonzero: these samples are added to those that the renderer has accumulated since its last call without it, and the
    * images are means of all. They go on where the last call ended. A call of other sizes, band, light groups or

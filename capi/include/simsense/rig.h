@@ -13,19 +13,29 @@
 extern "C" {
 #endif
 
-/* Faults of the published SimSense that users' results may rest on. Each is a switch; none is on by default. All of them, with the parabola as
- * subpixel step, give its results bit for bit (its random noise apart, whose generator is CUDA's). */
-#define SIMSENSE_FAULT_RECTIFIED_SHRUNK 0x01u         /* shrink the rectified images until every source pixel fits (stereoRectify's alpha = 1) */
-#define SIMSENSE_FAULT_FOCAL_FROM_RECTIFIER 0x02u     /* depth from stereoRectify's focal length and baseline even where the pair comes rectified;
-                                                         cx may differ unheeded, and whether the rig is row-aligned is not checked */
-#define SIMSENSE_FAULT_REMAP_NEAREST 0x04u            /* rectify by the nearest pixel; edge pixels repeat beyond the source */
-#define SIMSENSE_FAULT_PADDING_MATCHED 0x08u          /* keep disparities of rectified pixels that lie beyond the source image */
-#define SIMSENSE_FAULT_REGISTRATION_UNRECTIFIED 0x10u /* register with the left camera's own K and pose, as if nothing had been rectified */
-#define SIMSENSE_FAULT_SPLAT_INVALID 0x20u            /* register unmeasured pixels as points at the left camera's centre */
-#define SIMSENSE_FAULT_SPLAT_CLIPPED 0x40u            /* registration: a point just beyond the RGB image covers nothing of it, though its splat reaches in */
+/* All bits of simsense_rig_desc.faults. */
 #define SIMSENSE_FAULTS_PUBLISHED 0x7fu
 
 #define SIMSENSE_TYPE_RIG_DESC 0x2001u
+
+/* simsense_rig_desc.faults: Faults of the published SimSense that users' results may rest on, each a switch; none is on
+ * by default. All of them, with the parabola as subpixel step, give its results bit for bit (its random noise apart,
+ * whose generator is CUDA's). */
+/* Shrink the rectified images until every source pixel fits (stereoRectify's alpha = 1). */
+#define SIMSENSE_FAULT_RECTIFIED_SHRUNK 0x01u
+/* Depth from stereoRectify's focal length and baseline even where the pair comes rectified; cx may differ unheeded, and
+ * whether the rig is row-aligned is not checked. */
+#define SIMSENSE_FAULT_FOCAL_FROM_RECTIFIER 0x02u
+/* Rectify by the nearest pixel; edge pixels repeat beyond the source. */
+#define SIMSENSE_FAULT_REMAP_NEAREST 0x04u
+/* Keep disparities of rectified pixels that lie beyond the source image. */
+#define SIMSENSE_FAULT_PADDING_MATCHED 0x08u
+/* Register with the left camera's own K and pose, as if nothing had been rectified. */
+#define SIMSENSE_FAULT_REGISTRATION_UNRECTIFIED 0x10u
+/* Register unmeasured pixels as points at the left camera's centre. */
+#define SIMSENSE_FAULT_SPLAT_INVALID 0x20u
+/* Registration: a point just beyond the RGB image covers nothing of it, though its splat reaches in. */
+#define SIMSENSE_FAULT_SPLAT_CLIPPED 0x40u
 
 /* simsense_rig_desc.back_end: Where the stages run. Disparities, confidences and reasons from equal images are the same
  * in every bit. Counts of a noisy signal differ by one where a value lies within rounding of a half, in at most 1 of
@@ -70,7 +80,9 @@ typedef struct simsense_rig_desc {
   uint32_t rectified;
   /* Image pairs per compute, at least 1. [1 by default] */
   uint32_t batch_count;
-  /* SIMSENSE_FAULT_*, or'ed; 0 = none. */
+  /* Faults of the published SimSense that users' results may rest on, each a switch; none is on by default. All of
+   * them, with the parabola as subpixel step, give its results bit for bit (its random noise apart, whose generator is
+   * CUDA's). */
   uint32_t faults;
   /* Where the stages run. Disparities, confidences and reasons from equal images are the same in every bit. Counts of a
    * noisy signal differ by one where a value lies within rounding of a half, in at most 1 of 1000 pixels; depths by a

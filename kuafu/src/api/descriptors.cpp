@@ -1,8 +1,6 @@
 #include "api/descriptors.h"
 
-#include <algorithm>
 #include <cstring>
-#include <iterator>
 
 #include "api/fields.h"
 #include "device/error.h"
@@ -40,10 +38,6 @@ Texture::Format to_format(uint32_t format) {
   }
 }
 
-void from_twist(const Twist& twist, double* linear, double* angular) {
-  for (int i = 0; i < 3; ++i) linear[i] = twist.linear[i], angular[i] = twist.angular[i];
-}
-
 }  // namespace
 
 Twist to_twist(const double* linear, const double* angular) {
@@ -65,12 +59,8 @@ Mesh to_mesh(const kuafu_mesh_desc& desc) {
 
 Texture to_texture(const kuafu_texture_desc& desc) {
   Texture texture;
-  texture.name = text(desc.name);
-  texture.width = desc.width;
-  texture.height = desc.height;
-  texture.channels = desc.channels;
+  copy_fields(desc, texture);
   texture.format = to_format(desc.format);
-  texture.srgb = desc.srgb != 0;
   texture.texels = array<uint8_t>(static_cast<const uint8_t*>(desc.texels), texel_bytes(texture), "texels");
   return texture;
 }
@@ -83,21 +73,15 @@ Material to_material(const kuafu_material_desc& desc) {
 
 Instance to_instance(const kuafu_instance_desc& desc) {
   Instance instance;
-  instance.name = text(desc.name);
-  instance.mesh = desc.mesh;
-  instance.environment = desc.environment;
+  copy_fields(desc, instance);
   instance.materials = array<uint32_t>(desc.materials, desc.material_count, "materials");
-  instance.semantic_id = desc.semantic_id;
-  instance.local_to_world = from_row_major<4>(desc.local_to_world);
-  instance.velocity = to_twist(desc.linear_velocity, desc.angular_velocity);
   return instance;
 }
 
 Light to_light(const kuafu_light_desc& desc) {
   Light light;
   copy_fields(desc, light);
-  light.velocity = to_twist(desc.linear_velocity, desc.angular_velocity);
-  light.dots = {array<glm::vec3>(desc.dots, desc.dot_count, "dots"), desc.pattern_width, desc.pattern_height, desc.dot_sigma_px};
+  light.dots.dots = array<glm::vec3>(desc.dots, desc.dot_count, "dots");
   return light;
 }
 
@@ -115,18 +99,7 @@ Medium to_medium(const kuafu_medium_desc& desc) {
 
 Camera to_camera(const kuafu_camera_desc& desc) {
   Camera camera;
-  camera.width = desc.width;
-  camera.height = desc.height;
-  camera.k = from_row_major<3>(desc.k);
-  camera.camera_to_world = from_row_major<4>(desc.camera_to_world);
-  camera.near_m = desc.near_m;
-  camera.far_m = desc.far_m;
-  std::copy(std::begin(desc.distortion), std::end(desc.distortion), camera.optics.distortion.begin());
-  camera.optics.lens_radius_m = desc.lens_radius_m;
-  camera.optics.focus_m = desc.focus_m;
-  camera.shutter = {static_cast<Shutter::Kind>(desc.shutter), static_cast<Shutter::Readout>(desc.readout), desc.exposure_s,
-                    desc.line_time_s};
-  camera.velocity = to_twist(desc.linear_velocity, desc.angular_velocity);
+  copy_fields(desc, camera);
   return camera;
 }
 
@@ -139,31 +112,14 @@ kuafu_material_desc to_desc(const Material& material) {
 kuafu_light_desc to_desc(const Light& light) {
   kuafu_light_desc desc = kuafu_light_desc_init(KUAFU_LIGHT_POINT);
   copy_fields(light, desc);
-  from_twist(light.velocity, desc.linear_velocity, desc.angular_velocity);
   desc.dots = light.dots.dots.empty() ? nullptr : &light.dots.dots[0].x;
   desc.dot_count = uint32_t(light.dots.dots.size());
-  desc.pattern_width = light.dots.width;
-  desc.pattern_height = light.dots.height;
-  desc.dot_sigma_px = light.dots.sigma_px;
   return desc;
 }
 
 kuafu_camera_desc to_desc(const Camera& camera) {
   kuafu_camera_desc desc = kuafu_camera_desc_init();
-  desc.width = camera.width;
-  desc.height = camera.height;
-  to_row_major<3>(camera.k, desc.k);
-  to_row_major<4>(camera.camera_to_world, desc.camera_to_world);
-  desc.near_m = camera.near_m;
-  desc.far_m = camera.far_m;
-  std::ranges::copy(camera.optics.distortion, desc.distortion);
-  desc.lens_radius_m = camera.optics.lens_radius_m;
-  desc.focus_m = camera.optics.focus_m;
-  desc.shutter = static_cast<uint32_t>(camera.shutter.kind);
-  desc.readout = static_cast<uint32_t>(camera.shutter.readout);
-  desc.exposure_s = camera.shutter.exposure_s;
-  desc.line_time_s = camera.shutter.line_time_s;
-  from_twist(camera.velocity, desc.linear_velocity, desc.angular_velocity);
+  copy_fields(camera, desc);
   return desc;
 }
 

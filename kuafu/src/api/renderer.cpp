@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cstring>
 
+#include "api/fields.h"
 #include "api/handles.h"
 #include "api/render_launch.h"
 #include "api/render_outputs.h"
@@ -16,20 +17,7 @@ struct kuafu_renderer_t : ks::Handle<kuafu::RenderQueue, 0x6b726e64> {
 
 namespace {
 
-kuafu::TracerKind tracer_kind(uint32_t tracer) {
-  switch (tracer) {
-    case KUAFU_TRACER_AUTO:
-      return kuafu::TracerKind::automatic;
-    case KUAFU_TRACER_EMBREE:
-      return kuafu::TracerKind::embree;
-    case KUAFU_TRACER_COMPUTE:
-      return kuafu::TracerKind::compute;
-    case KUAFU_TRACER_RT_PIPELINE:
-      return kuafu::TracerKind::rt_pipeline;
-    default:
-      ks::fail(KS_ERROR_INVALID_ARGUMENT, "tracer %u is no KUAFU_TRACER_*", tracer);
-  }
-}
+static_assert(uint32_t(kuafu::TracerKind::rt_pipeline) == KUAFU_TRACER_RT_PIPELINE, "the two count alike");
 
 kuafu::Launch read_launch(const kuafu::RenderQueue& images, const kuafu::Scene& scene, const kuafu_render_desc* desc) {
   kuafu::Launch launch = kuafu::read_launch(desc, *images.device());
@@ -46,8 +34,10 @@ ks_status kuafu_renderer_create(kuafu_device device, const kuafu_renderer_desc* 
     ks::clear_out(out);
     const kuafu_renderer_desc d =
         desc == nullptr ? kuafu_renderer_desc_init() : ks::read_struct(desc, KUAFU_TYPE_RENDERER_DESC, "renderer desc");
+    kuafu::check_fields(d, "");
     const std::string library = d.oidn_library == nullptr ? "" : d.oidn_library;
-    *out = new kuafu_renderer_t(std::make_shared<kuafu::RenderQueue>(ks::object_of(device, "device"), tracer_kind(d.tracer), library));
+    const auto tracer = static_cast<kuafu::TracerKind>(d.tracer);
+    *out = new kuafu_renderer_t(std::make_shared<kuafu::RenderQueue>(ks::object_of(device, "device"), tracer, library));
   });
 }
 

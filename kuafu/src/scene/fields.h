@@ -179,10 +179,13 @@ struct Environment {
 };
 
 // Each field by itself: throws KS_ERROR_INVALID_ARGUMENT with the owner, the field, the value and what it must be.
+struct Camera;
+struct Light;
 void check_fields(const MaterialFields& s, const std::string& owner);
 void check_fields(const FilmFields& s, const std::string& owner);
 void check_fields(const Medium& s, const std::string& owner);
-void check_fields(const LightFields& s, const std::string& owner);
+void check_fields(const Camera& s, const std::string& owner);
+void check_fields(const Light& s, const std::string& owner);
 void check_fields(const Environment& s, const std::string& owner);
 
 /// Pointers to the fields of a material that name textures.

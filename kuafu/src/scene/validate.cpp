@@ -14,9 +14,7 @@ constexpr float unit_tolerance = 1e-2f;      // of a normal's length; float32 fi
 constexpr double rotation_tolerance = 1e-4;  // of R^T R - 1
 constexpr uint32_t max_slots = 1u << 16;     // of one mesh
 constexpr uint32_t max_texture_side = 1u << 15;
-constexpr double most_seconds = 1e4;  // of an exposure and of a line
 constexpr double most_speed = 1e6;    // m/s, rad/s
-constexpr double most_distortion = 1e6;
 constexpr double most_bound_m = 1e9;  // of a medium: beyond it, float32 makes nothing of a ray's way through it
 
 template <class Vector>
@@ -31,10 +29,6 @@ void check_range(const char* what, const std::string& name, const char* field, d
   if (std::isinf(high))
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s '%s': %s is %g, must be finite and >= %g", what, name.c_str(), field, value, low);
   ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s '%s': %s is %g, must be in [%g, %g]", what, name.c_str(), field, value, low, high);
-}
-
-void check_not_negative(const char* what, const std::string& name, const char* field, double value) {
-  check_range(what, name, field, value, 0.0, std::numeric_limits<double>::infinity());
 }
 
 void check_pinhole(const char* what, const std::string& name, const glm::dmat3& k) {
@@ -142,21 +136,9 @@ void check_shape(const Light& light) {
 
 void check_optics(const Camera& camera) {
   const char* name = camera.name.c_str();
-  for (const double d : camera.optics.distortion) check_range("camera", camera.name, "distortion", d, -most_distortion, most_distortion);
-  check_not_negative("camera", camera.name, "lens_radius_m", camera.optics.lens_radius_m);
   if (camera.optics.lens_radius_m > 0.0 && !(camera.optics.focus_m > 0.0))
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "camera '%s': focus_m is %g, a lens of radius %g m needs a distance > 0 (INFINITY is one)", name,
              camera.optics.focus_m, camera.optics.lens_radius_m);
-}
-
-void check_shutter(const Camera& camera) {
-  const Shutter& shutter = camera.shutter;
-  if (shutter.kind > Shutter::Kind::rolling)
-    ks::fail(KS_ERROR_INVALID_ARGUMENT, "camera '%s': shutter %u is no KUAFU_SHUTTER_*", camera.name.c_str(), uint32_t(shutter.kind));
-  if (shutter.readout > Shutter::Readout::columns_left)
-    ks::fail(KS_ERROR_INVALID_ARGUMENT, "camera '%s': readout %u is no KUAFU_READOUT_*", camera.name.c_str(), uint32_t(shutter.readout));
-  check_range("camera", camera.name, "exposure_s", shutter.exposure_s, 0.0, most_seconds);
-  check_range("camera", camera.name, "line_time_s", shutter.line_time_s, 0.0, most_seconds);
 }
 
 void check_projector(const Light& light) {
@@ -177,7 +159,6 @@ void check(const Light& light) {
   check_fields(light, "light '" + light.name + "': ");
   check_rigid(light.light_to_world, ("light '" + light.name + "': light_to_world").c_str());
   check_shape(light);
-  check_velocity("light", light.name, light.velocity);
   if (light.on_until_s < light.on_from_s)
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "light '%s': it is on from %g to %g s, must be in this order; both equal = always",
              light.name.c_str(), light.on_from_s, light.on_until_s);
@@ -208,14 +189,13 @@ void check(const Medium& medium) {
 }
 
 void check(const Camera& camera) {
+  check_fields(camera, "camera '" + camera.name + "': ");
   check_pinhole("camera", camera.name, camera.k);
   check_rigid(camera.camera_to_world, ("camera '" + camera.name + "': camera_to_world").c_str());
   if (!(camera.near_m >= 0.0 && camera.far_m > camera.near_m))
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "camera '%s': near_m is %g and far_m is %g, must be 0 <= near < far", camera.name.c_str(),
              camera.near_m, camera.far_m);
   check_optics(camera);
-  check_shutter(camera);
-  check_velocity("camera", camera.name, camera.velocity);
 }
 
 void check_undistortable(const Camera& camera) {

@@ -2,13 +2,11 @@
 
 import argparse
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
-
-from activestereo.matcher_table import MATCHER
 
 # What a command's add_parser gets, and adds its own parser to.
 Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
@@ -127,64 +125,6 @@ def real(text: str) -> float:
     if math.isnan(value):
         raise argparse.ArgumentTypeError(f"a number is needed, not '{text}'")
     return value
-
-
-def add_matching(parser: argparse.ArgumentParser, defaults: Mapping[str, Any]) -> argparse._ArgumentGroup:
-    """One option for every parameter of the stereo matcher. `defaults`: those of the command that are not the engine's
-    own. What is not given is None."""
-    group = parser.add_argument_group(
-        "matching", "Semi-global matching of census descriptors, and what becomes of its depth."
-    )
-    for p in MATCHER:
-        default = defaults.get(p.name, p.default)
-        if p.pair:
-            group.add_argument(
-                f"--{p.pair}",
-                type=size,
-                metavar="WxH",
-                help=f"{p.pair}-width and -height at once (default: {default}x{default})",
-            )
-        facts = ", ".join(
-            filter(
-                None,
-                [f"{p.possible} {p.unit}".strip(), f"default: {str(default).lower() if p.kind is bool else default}"],
-            )
-        )
-        kinds: dict[type, dict[str, Any]] = {
-            bool: {"action": argparse.BooleanOptionalAction},
-            str: {"choices": p.choices},
-            int: {"type": whole, "metavar": "N"},
-            float: {"type": real, "metavar": "X"},
-        }
-        group.add_argument(p.option, default=None, help=f"{p.doc} ({facts})".replace("%", "%%"), **kinds[p.kind])
-    return group
-
-
-def add_engine(group: argparse._ArgumentGroup) -> None:
-    """Where and how the depth engine works."""
-    group.add_argument(
-        "--back-end",
-        choices=("auto", "cpu", "vulkan"),
-        default="auto",
-        help="where depth is computed: on a GPU by Vulkan, else on the CPU (default: auto)",
-    )
-    group.add_argument("--low-memory", action="store_true", help="take the least memory, not the least time, on a GPU")
-    group.add_argument(
-        "--fault",
-        action="append",
-        default=[],
-        metavar="NAME",
-        help="a fault of the published SimSense to keep (simsense/README.md); may be given several times",
-    )
-
-
-def given_matching(args: argparse.Namespace) -> dict[str, Any]:
-    """The matcher's parameters that were given, by name."""
-    given = {p.name: getattr(args, p.name) for p in MATCHER}
-    for p, after in zip(MATCHER, MATCHER[1:], strict=False):
-        if p.pair and getattr(args, p.pair) is not None:
-            given[p.name], given[after.name] = getattr(args, p.pair)
-    return {name: value for name, value in given.items() if value is not None}
 
 
 def make_folder(path: Path) -> None:

@@ -12,14 +12,13 @@ import numpy as np
 from activestereo.cli.arguments import (
     CommandError,
     Commands,
-    add_matching,
     add_out,
     camera_matrix,
-    given_matching,
     make_folder,
     positive,
 )
 from activestereo.cli.depth_maps import add_depth_maps, wanted_maps, write_maps
+from activestereo.cli.engine_options import add_matching, given_matching, given_rig
 
 if TYPE_CHECKING:
     import simsense
@@ -54,6 +53,8 @@ def add_parser(commands: Commands) -> None:
         "--baseline", required=True, type=positive, metavar="M", help="distance between the cameras, metres"
     )
     add_out(parser)
+    text = "Vulkan device for --back-end vulkan: the best one, lavapipe, or number N of 'activestereo devices' (default: none, the CPU)"
+    parser.add_argument("--device", metavar="auto|cpu|N", help=text)
     add_depth_maps(add_matching(parser, {}))
     parser.set_defaults(run=run)
 
@@ -92,9 +93,10 @@ def _make_engine(args: argparse.Namespace, left: np.ndarray, right: np.ndarray) 
     left_to_right = np.eye(4)
     left_to_right[0, 3] = -args.baseline
     bits = 8 * left.itemsize  # the matcher sees every count of either depth
-    return simsense.Engine(
-        simsense.Device("host"), camera, camera, left_to_right, rectified=True, bit_depth=bits, **given_matching(args)
-    )
+    options = given_matching(args) | given_rig(args)
+    # A Vulkan device is opened where it was asked for: a plain call needs no driver at all.
+    device = args.device or ("auto" if options.get("back_end") == "vulkan" else "host")
+    return simsense.Engine(simsense.Device(device), camera, camera, left_to_right, rectified=True, bit_depth=bits, **options)
 
 
 def _write(args: argparse.Namespace, left: np.ndarray, right: np.ndarray, result: Mapping[str, np.ndarray]) -> None:

@@ -10,12 +10,8 @@ from activestereo.cli.arguments import (
     CommandError,
     Commands,
     add_device,
-    add_engine,
-    add_matching,
-    add_max_bounces,
     add_out,
     add_seed,
-    given_matching,
     integer_from,
     make_folder,
     positive,
@@ -24,7 +20,10 @@ from activestereo.cli.arguments import (
 )
 from activestereo.cli.camera_options import add_camera_options, set_cameras
 from activestereo.cli.depth_maps import add_depth_maps, wanted_maps, write_maps
+from activestereo.cli.engine_options import add_matching, add_options, given, given_matching, given_rig
+from activestereo.cli.record_options import add_records, set_records
 from activestereo.presets import SAPIEN_DEFAULTS
+from activestereo.render_table import RENDER, RENDERER
 
 if TYPE_CHECKING:
     from activestereo.presets import StereoDepthSensorConfig
@@ -78,9 +77,7 @@ def add_parser(commands: Commands) -> None:
     _add_view(parser.add_argument_group("view"))
     add_camera_options(parser.add_argument_group("lenses, shutters and motion"))
     _add_rendering(parser.add_argument_group("rendering and noise"))
-    matching = add_matching(parser, SAPIEN_DEFAULTS)
-    add_engine(matching)
-    add_depth_maps(matching)
+    add_depth_maps(add_matching(parser, SAPIEN_DEFAULTS))
     parser.set_defaults(run=run)
 
 
@@ -98,14 +95,8 @@ def _add_view(group: argparse._ArgumentGroup) -> None:
 
 
 def _add_rendering(group: argparse._ArgumentGroup) -> None:
-    group.add_argument("--spp", type=integer_from(1), default=16, metavar="N", help="samples per pixel (default: 16)")
-    group.add_argument(
-        "--denoiser",
-        choices=("none", "atrous", "oidn"),
-        default="none",
-        help="takes the samples' noise; the dots stay (default: none)",
-    )
-    add_max_bounces(group)
+    add_options(group, RENDERER)
+    add_options(group, RENDER)
     add_seed(group, "of rendering and noise; same seed, same files")
     text = "uniform visible radiance from all sides, W/(sr m^2) (default: 0.25; 1 where a scene has no light)"
     group.add_argument("--ambient", type=positive, metavar="R", help=text)
@@ -115,6 +106,7 @@ def _add_rendering(group: argparse._ArgumentGroup) -> None:
     text = "exposure of the infrared cameras, seconds: fixed, at gain 1 (default: the sensor's own, often automatic)"
     group.add_argument("--ir-exposure", type=positive, metavar="S", help=text)
     group.add_argument("--no-noise", action="store_true", help="infrared images without imager noise")
+    add_records(group)
 
 
 def run(args: argparse.Namespace) -> None:
@@ -164,7 +156,6 @@ def make_config(args: argparse.Namespace, model: "SensorModel | None" = None) ->
     )
     if args.resolution:
         config = _resized(config, args.resolution)
-    config.samples_per_pixel, config.max_bounces, config.denoiser = args.spp, args.max_bounces, args.denoiser
     config.render_seed = config.ir_noise_seed = args.seed
     set_cameras(config, args)
     if args.projector is not None:
@@ -174,10 +165,11 @@ def make_config(args: argparse.Namespace, model: "SensorModel | None" = None) ->
         config.emitter_power(0)  # its check comes before any work
     if args.ir_exposure is not None:
         config.ir_exposure_mode, config.ir_camera_exposure, config.ir_camera_gain = "fixed", args.ir_exposure, 1.0
-    for name, value in given_matching(args).items():
+    options = given_matching(args) | given_rig(args) | given(args, RENDERER) | given(args, RENDER)
+    for name, value in options.items():
         setattr(config, sapien_name(name), value)
+    set_records(config, args)
     config.depth_maps = wanted_maps(args)
-    config.back_end, config.low_memory, config.faults = args.back_end, args.low_memory, tuple(args.fault)
     if args.no_noise:
         config.ir_speckle_noise, config.ir_signal = 0.0, None
     engine_parameters(config)  # its checks come before any work

@@ -20,7 +20,6 @@ class CpuMatcher final : public Matcher, public MatchStages {
 
   void match(ConstImage left, ConstImage right, const MatchMaps& maps) override;
   [[nodiscard]] std::vector<ks_stage_time> stage_times() const override { return clock_.times(); }
-  void set_progress(std::function<void(float)> progress) override { progress_ = std::move(progress); }
 
   /// The images and maps of the stages that follow.
   void begin(ConstImage left, ConstImage right, const MatchMaps& maps);
@@ -47,7 +46,6 @@ class CpuMatcher final : public Matcher, public MatchStages {
   cpu::PenaltyMaps penalties_;
   std::unique_ptr<cpu::Aggregation> aggregation_;
   cpu::Buffer<float> unfiltered_;
-  std::function<void(float)> progress_;
   HostClock clock_;
   ConstImage images_[2];
   MatchMaps maps_ = nullptr;

@@ -98,8 +98,12 @@ class Matcher {
   virtual void match(ConstImage left, ConstImage right, const MatchMaps& maps) = 0;
   /// Milliseconds of each stage of the last match.
   [[nodiscard]] virtual std::vector<ks_stage_time> stage_times() const = 0;
-  /// Told now and then how far match() is, 0..1, on the thread that called it; may throw, and match() ends with that.
-  virtual void set_progress(std::function<void(float)>) {}
+  /// Told now and then how far match() is, 0..1, on the thread that called it, where a matcher says so; may throw, and match() ends with
+  /// that.
+  void set_progress(std::function<void(float)> progress) { progress_ = std::move(progress); }
+
+ protected:
+  std::function<void(float)> progress_;
 };
 
 std::unique_ptr<Matcher> make_reference_matcher(uint32_t width, uint32_t height, const MatchParameters& parameters);

@@ -50,7 +50,7 @@ def test_sensor_denoises_and_has_films(device, table_top, small_config):
         sensor.close()
         return image
 
-    plain, clean = infrared(), infrared(denoiser="atrous")
+    plain, clean = infrared(), infrared(denoise="atrous")
     dim = infrared(ir_film={"vignetting_exponent": 4.0})
     assert np.abs(np.diff(clean, 2)).mean() < np.abs(np.diff(plain, 2)).mean()
     assert clean.mean() == pytest.approx(plain.mean(), rel=0.02)

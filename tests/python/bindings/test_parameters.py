@@ -1,16 +1,21 @@
-"""One name and one default per parameter of the engine: in C, Python, a sensor's configuration and the command line."""
+"""One name and one default per option of the engines: in C, Python, a sensor's configuration and the command line."""
 
 import argparse
 
+import numpy as np
 import pytest
 
+import kuafu
 import simsense
 from activestereo import StereoDepthSensorConfig
 from activestereo.cli import make_parser
-from activestereo.cli.arguments import given_matching
-from activestereo.matcher_table import MATCHER
-from activestereo.matching import matcher_parameters
+from activestereo.cli.arguments import CommandError
+from activestereo.cli.engine_options import given_matching, given_rig
+from activestereo.cli.simulate import make_config
+from activestereo.matcher_table import MATCHER, RIG
+from activestereo.matching import matcher_parameters, render_parameters, renderer_parameters, rig_parameters
 from activestereo.presets import SAPIEN_DEFAULTS, SAPIEN_NAMES, sapien_name
+from activestereo.render_table import RENDER, RENDERER
 
 OF_THE_SENSOR = {"noise_seed", "frame_index"}  # what a sensor counts itself
 COMMANDS = {"depth": "l.png r.png --k 1,2,3,4 --baseline 0.05 --out x", "simulate": "scene.gltf --out x"}
@@ -51,17 +56,78 @@ def test_a_pair_option_sets_width_and_height() -> None:
 
 
 def test_an_option_reaches_the_configuration_under_its_name_there() -> None:
-    from activestereo.cli.simulate import make_config
-
     config = make_config(parse("simulate", "--max-disparity", "64", "--subpixel", "parabola", "--path-count", "8", "--no-depth-dilation"))
     assert (config.max_disp, config.subpixel, config.path_count, config.depth_dilation) == (64, "parabola", 8, False)
 
 
-def test_the_engines_place_memory_and_faults_are_options_too() -> None:
-    from activestereo.cli.simulate import make_config
+@pytest.mark.parametrize("command", COMMANDS)
+def test_the_engines_place_memory_and_faults_are_options_too(command: str) -> None:
+    args = parse(command, "--back-end", "cpu", "--low-memory", "--fault", "splat_invalid", "--fault", "remap_nearest")
+    expected = {"back_end": "cpu", "low_memory": True, "faults": ("splat_invalid", "remap_nearest")}
+    assert given_rig(args) == expected and {p.name for p in RIG} == set(expected)
+    if command == "simulate":
+        assert rig_parameters(make_config(args)) == expected
 
-    config = make_config(parse("simulate", "--back-end", "cpu", "--low-memory", "--fault", "splat_invalid", "--fault", "remap_nearest"))
-    assert (config.back_end, config.low_memory, config.faults) == ("cpu", True, ("splat_invalid", "remap_nearest"))
+
+def test_names_of_faults_and_back_ends_are_those_of_the_library() -> None:
+    table = {p.name: p for p in RIG}
+    assert table["faults"].choices == simsense.FAULTS
+    with pytest.raises(simsense.ArgumentError, match=", ".join(table["back_end"].choices)):
+        camera = simsense.Camera(64, 48, [50, 0, 32, 0, 50, 24, 0, 0, 1])
+        simsense.Engine(simsense.Device("host"), camera, camera, np.eye(4), back_end="gpu")
+
+
+@pytest.mark.parametrize("parameter", [*RENDERER, *RENDER], ids=lambda p: p.name)
+def test_every_option_of_a_render_is_in_the_configuration_and_on_the_command_line(parameter) -> None:
+    config = StereoDepthSensorConfig()
+    assert getattr(config, sapien_name(parameter.name)) == parameter.default
+    if not parameter.on_command_line:
+        assert parameter.name == "temporal_weight"  # a command renders one frame
+        return
+    value = parameter.choices[-1] if parameter.choices else "x.so" if parameter.kind is str else parameter.kind(3)
+    for option in filter(None, (parameter.option, parameter.short and f"--{parameter.short}")):
+        config = make_config(parse("simulate", f"{option}={value}"))
+        assert getattr(config, sapien_name(parameter.name)) == value
+
+
+def test_what_a_render_is_told_are_all_options_that_a_sensor_does_not_decide_itself() -> None:
+    device = kuafu.Device("cpu")
+    renderer = kuafu.Renderer(device, **renderer_parameters(StereoDepthSensorConfig()))
+    camera = kuafu.Camera(4, 4, [[4, 0, 2], [0, 4, 2], [0, 0, 1]])
+    config = make_config(parse("simulate", "--spp", "3", "--ir-ambient-radiance", "0.5", "--max-bounces", "0"))
+    image = renderer.render(kuafu.Scene(device), camera, **render_parameters(config))["radiance"]
+    assert renderer.summary.samples_per_pixel == 3
+    np.testing.assert_allclose(image, 0.5, rtol=1e-6)
+
+
+@pytest.mark.parametrize(("options", "words"), [(("--spp", "0"), "samples_per_pixel"), (("--max-bounces", "1025"), "0..1024"), (("--fault", "none"), "remap_nearest")])
+def test_an_option_out_of_range_is_refused_before_any_work(options: tuple[str, ...], words: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        parse("simulate", *options)
+    assert words in capsys.readouterr().err
+
+
+def test_fields_of_optics_and_imagers_are_options() -> None:
+    options = ("--ir-film", "psf_sigma_px=0.7", "--ir-film", "vignetting_polynomial=-0.3,0.1,0", "--rgb-film", "vignetting_exponent=4")
+    config = make_config(parse("simulate", *options, "--ir-signal", "d435", "--ir-signal", "read_noise_e=2", "--ir-signal", "bit_depth=10"))
+    assert config.ir_film == {"psf_sigma_px": 0.7, "vignetting_polynomial": [-0.3, 0.1, 0]}
+    assert config.rgb_film == {"vignetting_exponent": 4}
+    assert config.ir_signal == simsense.signal_preset("d435") | {"read_noise_e": 2, "bit_depth": 10}
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--ir-film", "psf=1"), "psf_sigma_px"),
+        (("--ir-film", "vignetting_polynomial=1"), "3 numbers"),
+        (("--rgb-film", "psf_sigma_px=1,2"), "1 number"),
+        (("--ir-signal", "read_noise=2"), "read_noise_e"),
+        (("--ir-signal", "d400"), "d435"),
+    ],
+)
+def test_a_field_that_no_record_has_is_refused(options: tuple[str, ...], words: str) -> None:
+    with pytest.raises((CommandError, ValueError), match=words):
+        make_config(parse("simulate", *options))
 
 
 @pytest.mark.parametrize("foreign", [{"lr_max_diff": 255}, {"uniqueness_ratio": 255}])

@@ -1,0 +1,87 @@
+"""Options of commands for the engines: one for each parameter of the generated tables."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from activestereo.cli.arguments import real, size, whole
+from activestereo.matcher_table import MATCHER, RIG
+from activestereo.parameter import Parameter
+
+
+def add_options(group: argparse._ArgumentGroup, table: Sequence[Parameter], defaults: Mapping[str, Any] | None = None) -> None:
+    """One option for every parameter. `defaults`: those of the command that are not the engine's own. What is not
+    given is None."""
+    for p in table:
+        if not p.on_command_line:
+            continue
+        default = (defaults or {}).get(p.name, p.default)
+        if p.pair:
+            group.add_argument(
+                f"--{p.pair}",
+                type=size,
+                metavar="WxH",
+                help=f"{p.pair}-width and -height at once (default: {default}x{default})",
+            )
+        names = [p.option] + ([f"--{p.short}"] if p.short else [])
+        text = f"{p.doc} ({_facts(p, default)})".replace("%", "%%")
+        group.add_argument(*names, dest=p.name, default=None, help=text, **_kind(p))
+
+
+def _facts(p: Parameter, default: Any) -> str:
+    shown = {bool: str(default).lower(), tuple: "none; may be given several times"}.get(p.kind, default)
+    return ", ".join(filter(None, [f"{p.possible} {p.unit}".strip(), f"default: {'none' if shown is None else shown}"]))
+
+
+def _kind(p: Parameter) -> dict[str, Any]:
+    kinds: dict[type, dict[str, Any]] = {
+        bool: {"action": argparse.BooleanOptionalAction},
+        tuple: {"action": "append", "choices": p.choices, "metavar": "NAME"},
+        str: {"choices": p.choices} if p.choices else {"metavar": "TEXT"},
+        int: {"type": _within(p, whole), "metavar": "N"},
+        float: {"type": _within(p, real), "metavar": "X"},
+    }
+    return kinds[p.kind]
+
+
+def _within(p: Parameter, parse: Callable[[str], Any]) -> Callable[[str], Any]:
+    """The parameter's number, refused in the engine's own words where it is out of range."""
+
+    def number(text: str) -> Any:
+        value = parse(text)
+        if p.range is not None and not p.range[0] <= value <= p.range[1]:
+            raise argparse.ArgumentTypeError(f"{p.name} is {text}, it must be {p.possible} {p.unit}".rstrip())
+        return value
+
+    return number
+
+
+def given(args: argparse.Namespace, table: Sequence[Parameter]) -> dict[str, Any]:
+    """The table's parameters that were given, by name."""
+    found = {p.name: getattr(args, p.name) for p in table if p.on_command_line}
+    for p, after in zip(table, table[1:], strict=False):
+        if p.pair and getattr(args, p.pair) is not None:
+            found[p.name], found[after.name] = getattr(args, p.pair)
+    return {name: tuple(value) if isinstance(value, list) else value for name, value in found.items() if value is not None}
+
+
+def add_matching(parser: argparse.ArgumentParser, defaults: Mapping[str, Any]) -> argparse._ArgumentGroup:
+    """The depth engine's options: what it computes, and where."""
+    group = parser.add_argument_group(
+        "matching", "Semi-global matching of census descriptors, and what becomes of its depth."
+    )
+    add_options(group, MATCHER, defaults)
+    add_options(group, RIG)
+    return group
+
+
+def given_matching(args: argparse.Namespace) -> dict[str, Any]:
+    """The matcher's parameters that were given, by name."""
+    return given(args, MATCHER)
+
+
+def given_rig(args: argparse.Namespace) -> dict[str, Any]:
+    """Where and how the depth engine works, by name, as far as it was given."""
+    return given(args, RIG)
