@@ -1,6 +1,7 @@
 """One name and one default per option of the engines: in C, Python, a sensor's configuration and the command line."""
 
 import argparse
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,11 +15,20 @@ from activestereo.cli.engine_options import given_matching, given_rig
 from activestereo.cli.simulate import make_config
 from activestereo.matcher_table import MATCHER, RIG
 from activestereo.matching import matcher_parameters, render_parameters, renderer_parameters, rig_parameters
+from activestereo.parameter import Parameter
 from activestereo.presets import SAPIEN_DEFAULTS, SAPIEN_NAMES, sapien_name
 from activestereo.render_table import RENDER, RENDERER
 
 OF_THE_SENSOR = {"noise_seed", "frame_index"}  # what a sensor counts itself
 COMMANDS = {"depth": "l.png r.png --k 1,2,3,4 --baseline 0.05 --out x", "simulate": "scene.gltf --out x"}
+
+
+def a_value(p: Parameter) -> Any:
+    """Some value that the parameter may have."""
+    if p.choices:
+        return p.choices[-1]
+    low, high = p.range or (3, 3)
+    return "x.so" if p.kind is str else p.kind(max(low, min(3, high)))
 
 
 def parse(command: str, *options: str) -> argparse.Namespace:
@@ -47,8 +57,8 @@ def test_every_parameter_has_an_option(command: str, parameter) -> None:
     if parameter.kind is bool:
         assert given_matching(parse(command, parameter.option)) == {parameter.name: True}
         return
-    text, value = (parameter.choices[-1],) * 2 if parameter.choices else ("3", parameter.kind(3))
-    assert given_matching(parse(command, f"{parameter.option}={text}")) == {parameter.name: value}
+    value = a_value(parameter)
+    assert given_matching(parse(command, f"{parameter.option}={value}")) == {parameter.name: value}
 
 
 def test_a_pair_option_sets_width_and_height() -> None:
@@ -84,7 +94,7 @@ def test_every_option_of_a_render_is_in_the_configuration_and_on_the_command_lin
     if not parameter.on_command_line:
         assert parameter.name == "temporal_weight"  # a command renders one frame
         return
-    value = parameter.choices[-1] if parameter.choices else "x.so" if parameter.kind is str else parameter.kind(3)
+    value = a_value(parameter)
     for option in filter(None, (parameter.option, parameter.short and f"--{parameter.short}")):
         config = make_config(parse("simulate", f"{option}={value}"))
         assert getattr(config, sapien_name(parameter.name)) == value
