@@ -46,10 +46,12 @@ void insignificant_row(const PaddedImage& image, const MatchParameters& p, size_
   const T* first = image.at<T>(-left, static_cast<ptrdiff_t>(y) - above);
   extremes(first, first, lines, image.pitch(), image.width() + columns - 1, low, high);
   extremes(low, high, columns, 1, image.width(), needed, high);
-  for (size_t x = 0; x < image.width(); ++x) {
-    const uint32_t share = static_cast<uint32_t>(high[x] - needed[x]) * p.census_contrast >> 8;
-    needed[x] = static_cast<T>(std::max(share, p.census_noise_dn));
-  }
+  // Copies: a store to bytes may be one to the parameters, for all that the compiler knows, and would keep the loop from lanes.
+  const size_t width = image.width();
+  const uint32_t contrast = p.census_contrast;
+  const auto noise = static_cast<T>(p.census_noise_dn);
+  for (size_t x = 0; x < width; ++x)
+    needed[x] = std::max(static_cast<T>(static_cast<uint32_t>(high[x] - needed[x]) * contrast >> 8), noise);
 }
 
 /// The word's bits [first_bit, end_bit) of one row, into the plane that holds them.
