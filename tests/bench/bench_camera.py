@@ -166,10 +166,11 @@ def main() -> None:
     parser.add_argument("names", nargs="*", default=["D415", "D435"], help="cameras (default: D415 D435)")
     parser.add_argument("--spp", type=int, default=16, help="samples per pixel (default: 16)")
     parser.add_argument("--texture", type=float, default=0.03, help="of the wall's albedo (default: 0.03)")
+    parser.add_argument("--distances", type=float, nargs="*", default=DISTANCES_M, help="of the wall, m")
     args = parser.parse_args()
     for name in args.names:
         camera = Camera(name, args.spp, args.texture)
-        for distance_m in DISTANCES_M:
+        for distance_m in args.distances:
             camera.look(distance_m)
         camera.table()
         real = REAL.get(camera.config.model.removeprefix("sapien-"), {})

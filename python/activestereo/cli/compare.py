@@ -13,7 +13,9 @@ _TEXT = """\
 Compares the simulator with a capture: renders the scene from the capture's poses, fits
 projector scale, ambient scale and black level on the train frames, and gives the root
 mean square error of the infrared images and of depth, train and test, beside the noise
-floor that repeated frames show. It looks on the train frames where the model fails.
+floor that repeated frames show, or else a frame's own pair. It looks on the train frames
+where the model fails. Where the pattern, the geometry or the order of the eyes is another
+one than the files say, that is the first line: nothing below it means anything then.
 
 Writes into DIR:
   compare.json  all figures (documented in lab/schema/compare.schema.json)

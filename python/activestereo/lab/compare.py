@@ -16,7 +16,9 @@ from activestereo.engines import Survey
 from activestereo.lab.depth_compare import depth_scores, model_depths
 from activestereo.lab.engine_prediction import predict_in_engines
 from activestereo.lab.fit_model import fit_under_model
-from activestereo.lab.noise import frame_floors, transfer_points
+from activestereo.lab.floors import floors_of
+from activestereo.lab.mismatch import match_of, warnings_of
+from activestereo.lab.noise import transfer_points
 from activestereo.lab.render import WARP_SCALE, render_frames
 from activestereo.lab.where_channels import where_it_fails
 
@@ -64,7 +66,8 @@ def compare(
         fit, predictions = predict_under_model(capture, model, layers, views, measured)
     else:
         fit, predictions = predict_in_engines(capture, model, survey or Survey(), engines(capture), layers, views, measured)
-    floors, law = frame_floors(capture, fit.nuisances.black_dn)
+    floors, law = floors_of(capture, views, measured, predictions, fit.nuisances.black_dn)
+    match = match_of(capture, views, {key: layers[key[0]][key[1]].projector for key in views}, measured, law)
     depths = model_depths(capture, measured, predictions, views, law, model, seed)
     images = {key: _image_scores(measured[key], predictions[key], floors.get(key)) for key in measured}
     scores = {
@@ -73,6 +76,8 @@ def compare(
         "samples_per_pixel": samples_per_pixel,
         "max_bounces": max_bounces,
         "seed": seed,
+        "warnings": warnings_of(fit.as_json(), match),
+        "match": match.as_json(),
         "fit": fit.as_json(),
         "effects": [effect.id for effect, _ in model.effects],
         "noise_law": None if law is None else vars(law),

@@ -38,15 +38,19 @@ class Nuisances:
 
 @dataclass(frozen=True)
 class Fit:
-    """nuisances with standard errors (independent pixels assumed), and the share of pixels left out as clipped."""
+    """nuisances with standard errors (independent pixels assumed), and the share of pixels left out as clipped.
+
+    at_bound: names of the scales that would have become negative, and are 0: light is never negative.
+    """
 
     nuisances: Nuisances
     standard_errors: Nuisances
     pixels: int
     clipped_fraction: float
+    at_bound: tuple[str, ...] = ()
 
     def as_json(self) -> dict[str, Any]:
-        return asdict(self)
+        return asdict(self) | {"at_bound": list(self.at_bound)}
 
 
 def regressors(frame: Frame, layers: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -70,7 +74,7 @@ def fit_nuisances(observations: Sequence[tuple[Frame, Any, np.ndarray]], max_dn:
     if not observations:
         raise ValueError("nothing to fit: the capture has no train frames")
     total = sum(measured.size for _, _, measured in observations)
-    solution, deviation = None, 0.0
+    solution, deviation, at_bound = None, 0.0, ()
     for _ in range(_CLIP_ROUNDS):
         with np.errstate(over="ignore", invalid="ignore"):
             gram, moment, energy, used = _normal_equations(observations, solution, deviation, max_dn)
@@ -81,12 +85,12 @@ def fit_nuisances(observations: Sequence[tuple[Frame, Any, np.ndarray]], max_dn:
             )
         if used == 0:
             raise ValueError("nothing to fit: every pixel of the train frames is clipped")
-        solution, inverse = _solve(gram, moment)
+        solution, inverse, at_bound = solve_bounded(gram, moment)
         deviation = np.sqrt(max(0.0, energy - solution @ moment) / used)
         if used == total:
             break  # nothing near the ends of the range: the linear fit is final
     errors = deviation * np.sqrt(np.maximum(np.diag(inverse), 0.0))
-    return Fit(Nuisances(*map(float, solution)), Nuisances(*map(float, errors)), int(used), 1.0 - used / total)
+    return Fit(Nuisances(*map(float, solution)), Nuisances(*map(float, errors)), int(used), 1.0 - used / total, at_bound)
 
 
 def _normal_equations(observations, solution, deviation, max_dn):
@@ -111,8 +115,25 @@ def _normal_equations(observations, solution, deviation, max_dn):
     return gram, moment, energy, used
 
 
-def _solve(gram, moment):
-    """Least squares of scaled columns; a light that no train frame shows gets scale 0."""
+def solve_bounded(gram: np.ndarray, moment: np.ndarray) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
+    """(projector scale, ambient scale, black) of least squares with both scales at least 0, the inverse of their Gram
+    matrix, and the scales at that bound. A light that no train frame shows gets scale 0."""
+    best: tuple[float, np.ndarray, np.ndarray, tuple[int, ...]] | None = None
+    for held in ((), (0,), (1,), (0, 1)):
+        free = [j for j in range(3) if j not in held]
+        solution, inverse = np.zeros(3), np.zeros((3, 3))
+        solution[free], inverse[np.ix_(free, free)] = _solve(gram[np.ix_(free, free)], moment[free])
+        explained = float(solution @ moment)
+        if (solution[:2] >= 0.0).all() and (best is None or explained > best[0]):
+            best = explained, solution, inverse, held
+        if not held and best is not None:
+            break
+    assert best is not None  # with both held nothing is left that could be negative
+    return best[1], best[2], tuple(("projector_scale", "ambient_scale")[j] for j in best[3])
+
+
+def _solve(gram: np.ndarray, moment: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Least squares of scaled columns."""
     norm = np.sqrt(np.diag(gram))
     norm[norm == 0] = 1.0
     inverse = np.linalg.pinv(gram / np.outer(norm, norm), rcond=1e-12, hermitian=True) / np.outer(norm, norm)

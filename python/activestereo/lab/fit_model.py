@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from activestereo.lab.fit import Fit, Nuisances, fit_nuisances
+from activestereo.lab.fit import Fit, Nuisances, fit_nuisances, solve_bounded
 
 _ROUNDS = 5
 _STEP = 1e-3
@@ -19,12 +19,12 @@ def fit_under_model(model, observations, max_dn):
         gram, moment, squares, used = _normal_equations(model, observations, theta, deviation, max_dn)
         if used == 0:
             raise ValueError("nothing to fit: every pixel of the train frames is clipped under this model")
-        norm = np.sqrt(np.maximum(np.diag(gram), 1e-300))
-        inverse = np.linalg.pinv(gram / np.outer(norm, norm), rcond=1e-12, hermitian=True) / np.outer(norm, norm)
-        theta, deviation = theta + inverse @ moment, np.sqrt(squares / used)
+        # In terms of the nuisances themselves, whose bounds are known: a step to where they end, not beyond.
+        theta, inverse, at_bound = solve_bounded(gram, moment + gram @ theta)
+        deviation = np.sqrt(squares / used)
     errors = deviation * np.sqrt(np.maximum(np.diag(inverse), 0.0))
     total = sum(measured.size for _, _, measured in observations)
-    return Fit(Nuisances(*map(float, theta)), Nuisances(*map(float, errors)), int(used), 1.0 - used / total)
+    return Fit(Nuisances(*map(float, theta)), Nuisances(*map(float, errors)), int(used), 1.0 - used / total, at_bound)
 
 
 def _normal_equations(model, observations, theta, deviation, max_dn):

@@ -143,7 +143,7 @@ def test_the_cache_key_follows_everything_that_decides_pixels(world, tmp_path):
     assert len({key, *keys}) == len(keys) + 1
 
 
-def test_without_repeats_the_floor_is_unknown_not_zero(world, tmp_path):
+def test_without_repeats_the_floor_is_the_pairs_not_zero(world, tmp_path):
     copy = Path(shutil.copytree(world.capture_path, tmp_path / "copy"))
     values = json.loads((copy / "capture.json").read_text())
     for frame in values["frames"]:
@@ -151,8 +151,9 @@ def test_without_repeats_the_floor_is_unknown_not_zero(world, tmp_path):
     (copy / "capture.json").write_text(json.dumps(values))
     assert frame_floors(read_capture(copy), 4.0) == ({}, None)
     scores = compare(copy, renderer=WorldRenderer(world, grid=1), cache=LayerCache(tmp_path / "cache")).scores
-    assert scores["ir"]["test"]["noise_floor_dn"] is None
-    assert "unknown" in summary_table(scores)
+    assert scores["ir"]["test"]["noise_floor_from"] == ["pair"]
+    assert scores["ir"]["test"]["noise_floor_dn"] > 1.0  # the world's read noise
+    assert "   pair" in summary_table(scores)
 
 
 def test_the_report_is_whole_json_and_a_page(comparison, tmp_path):

@@ -19,7 +19,11 @@ _CHARTS = 8
 
 
 def summary_line(scores: dict[str, Any]) -> str:
-    """The comparison in one sentence."""
+    """The comparison in one sentence, after what has to be known first."""
+    return " ".join([*(f"Warning: {text}." for text in scores["warnings"]), _error_line(scores)])
+
+
+def _error_line(scores: dict[str, Any]) -> str:
     split = "test" if "test" in scores["ir"] else "train"
     values = scores["ir"][split]
     if values["noise_floor_dn"] is None:

@@ -3,7 +3,8 @@
 
 def summary_table(scores):
     """The figures of compare.json that a reader wants first, as text."""
-    lines = [f"{'':8}{'IR RMSE':>10}{'floor':>10}{'explainable':>14}   floor from"]
+    lines = [f"warning: {text}" for text in scores["warnings"]]
+    lines.append(f"{'':8}{'IR RMSE':>10}{'floor':>10}{'explainable':>14}   floor from")
     for split, values in scores["ir"].items():
         floor, excess = values["noise_floor_dn"], values["explainable_rmse_dn"]
         numbers = f"{values['rmse_dn']:>7.3f} DN"

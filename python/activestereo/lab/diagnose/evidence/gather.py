@@ -9,7 +9,7 @@ import numpy as np
 
 from activestereo.capture import EYES, Capture, Frame
 from activestereo.effects import Model, View
-from activestereo.lab.diagnose.evidence.inadequacy import law_at_other_gains, place_error
+from activestereo.lab.diagnose.evidence.inadequacy import place_error
 from activestereo.lab.diagnose.evidence.observation import (
     BLOCK_PX,
     FOLDS,
@@ -20,6 +20,7 @@ from activestereo.lab.diagnose.evidence.observation import (
     weight_of,
 )
 from activestereo.lab.fit import Nuisances, fit_nuisances, predict
+from activestereo.lab.gain_noise import law_at_other_gains
 from activestereo.lab.layers import Layers
 from activestereo.lab.noise import NoiseLaw, frame_floors
 from activestereo.scene_surfaces import scene_surfaces
