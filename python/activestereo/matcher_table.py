@@ -29,7 +29,7 @@ MATCHER = (
         unit="px",
         possible="16..1024",
         range=(16, 1024),
-        doc="How many disparities are searched, from min_disparity on.",
+        doc="Number of disparities that are searched, beginning at min_disparity.",
     ),
     Parameter(
         "block_width",
@@ -37,7 +37,7 @@ MATCHER = (
         7,
         range=(0, 4294967295),
         pair="block",
-        doc="Width in pixels, odd, of the block over which costs are summed; width times height is at most 256, and 1x1 is no block. A GPU keeps the sums in memory; where one pair's volumes would take more than 1/16 of its memory it sums them on the way instead, as with low_memory of the rig.",  # noqa: E501
+        doc="Width in pixels, odd, of the block over which costs are summed; width times height is at most 256, and 1x1 sums nothing. A GPU keeps the sums in memory. Where the volumes of one pair would take more than 1/16 of its memory, it computes the sums when they are needed, as with low_memory of the rig.",  # noqa: E501
     ),
     Parameter(
         "block_height",
@@ -51,14 +51,14 @@ MATCHER = (
         int,
         8,
         range=(0, 4294967295),
-        doc="Penalty of a disparity step of one pixel; 0 < p1 < p2 < 224.",
+        doc="Penalty for a change of disparity by one pixel; 0 < p1 < p2 < 224.",
     ),
     Parameter(
         "p2",
         int,
         32,
         range=(0, 4294967295),
-        doc="Penalty of a larger disparity step; p1 < p2 < 224.",
+        doc="Penalty for a larger change of disparity; p1 < p2 < 224.",
     ),
     Parameter(
         "uniqueness_ratio",
@@ -67,7 +67,7 @@ MATCHER = (
         unit="percent",
         possible="0..100",
         range=(0, 100),
-        doc="By how much the best match must beat the second; 0 switches the check off.",
+        doc="Percentage by which the best match must be better than the second best; 0 switches this check off.",
     ),
     Parameter(
         "lr_max_diff",
@@ -76,7 +76,7 @@ MATCHER = (
         unit="pixels",
         possible="-1..1024",
         range=(-1, 1024),
-        doc="By how much the right image's match may disagree; -1 switches the left-right check off.",
+        doc="Largest difference in pixels to the match that the right image finds; -1 switches the left-right check off.",  # noqa: E501
     ),
     Parameter(
         "median_size",
@@ -91,7 +91,7 @@ MATCHER = (
         str,
         "equiangular",
         choices=("none", "parabola", "equiangular", "equiangular_summed"),
-        doc="Where between whole disparities a match lies.",
+        doc="How the position of a match between whole disparities is found.",
     ),
     Parameter(
         "min_depth_m",
@@ -100,27 +100,27 @@ MATCHER = (
         unit="m",
         possible=">= 0",
         range=(0, float("inf")),
-        doc="Nearer depths are dropped: min_depth_m <= z < max_depth_m is kept.",
+        doc="Smallest depth that is kept: min_depth_m <= z < max_depth_m.",
     ),
     Parameter(
         "max_depth_m",
         float,
         10.0,
         unit="m",
-        doc="Depths from here on are dropped; inf keeps all.",
+        doc="Depth from which on measurements are dropped; inf keeps all.",
     ),
     Parameter(
         "depth_dilation",
         bool,
         False,
-        doc="Registration fills 2x2 pixels up and left, which closes the small holes that it makes; the same as splat_size 2.",  # noqa: E501
+        doc="Whether each registered point also covers the pixels above and to the left (2x2), which closes small holes that registration makes; the same as splat_size 2.",  # noqa: E501
     ),
     Parameter(
         "census_kind",
         str,
         "center_symmetric",
         choices=("center_symmetric", "plain"),
-        doc="Which pixels of its window a census word compares.",
+        doc="Which pixels of the window are compared for the census.",
     ),
     Parameter(
         "min_disparity",
@@ -136,7 +136,7 @@ MATCHER = (
         int,
         4,
         possible="4 or 8",
-        doc="Paths along which costs are aggregated: 4, or 8 with the diagonals.",
+        doc="Number of paths along which costs are aggregated: 4, or 8 with the diagonals.",
     ),
     Parameter(
         "p2_full_gradient_dn",
@@ -144,7 +144,7 @@ MATCHER = (
         0,
         unit="DN",
         range=(0, 4294967295),
-        doc="Where neighbours differ by g > this many counts, p2 becomes p2 * this / g, but at least p1 (Hirschmueller 2008). 0: p2 everywhere.",  # noqa: E501
+        doc="Where neighbouring counts differ by g, more than this number, p2 is reduced to p2 * this / g, but not below p1 (Hirschmueller 2008). With 0 p2 is the same everywhere.",  # noqa: E501
     ),
     Parameter(
         "speckle_max_size",
@@ -152,7 +152,7 @@ MATCHER = (
         0,
         unit="px",
         range=(0, 4294967295),
-        doc="Islands of at most this many pixels are dropped; 0 drops none.",
+        doc="Largest number of pixels of an isolated region that is dropped; 0 drops none.",
     ),
     Parameter(
         "speckle_max_diff_px",
@@ -161,14 +161,14 @@ MATCHER = (
         unit="px",
         possible=">= 0",
         range=(0, float("inf")),
-        doc="Neighbours that differ by at most this belong to one island.",
+        doc="Largest difference between neighbouring disparities of one region.",
     ),
     Parameter(
         "hole_filling",
         str,
         "keep",
         choices=("keep", "left", "background"),
-        doc="What invalid pixels become; what is filled in is a guess.",
+        doc="What replaces invalid pixels. Filled values are guesses.",
     ),
     Parameter(
         "low_texture_dn",
@@ -176,7 +176,7 @@ MATCHER = (
         4,
         unit="DN",
         range=(0, 4294967295),
-        doc="Invalid pixels whose census window spans at most this many counts have the reason 'too little texture'; it changes nothing else.",  # noqa: E501
+        doc="Invalid pixels whose census window has a range of at most this many counts are given the reason low_texture. Nothing else changes.",  # noqa: E501
     ),
     Parameter(
         "roi_x",
@@ -184,7 +184,7 @@ MATCHER = (
         0,
         unit="px",
         range=(0, 4294967295),
-        doc="Left edge of the region of interest in the rectified left image; what lies outside is invalid, and not searched.",  # noqa: E501
+        doc="Left edge of the region of interest in the rectified left image. Pixels outside are not searched and are invalid.",  # noqa: E501
     ),
     Parameter(
         "roi_y",
@@ -192,7 +192,7 @@ MATCHER = (
         0,
         unit="px",
         range=(0, 4294967295),
-        doc="Its upper edge.",
+        doc="Upper edge of the region of interest.",
     ),
     Parameter(
         "roi_width",
@@ -200,7 +200,7 @@ MATCHER = (
         0,
         unit="px",
         range=(0, 4294967295),
-        doc="Its width; width and height 0 mean all of the image.",
+        doc="Width of the region of interest; width and height 0 mean the whole image.",
     ),
     Parameter(
         "roi_height",
@@ -208,7 +208,7 @@ MATCHER = (
         0,
         unit="px",
         range=(0, 4294967295),
-        doc="Its height.",
+        doc="Height of the region of interest.",
     ),
     Parameter(
         "splat_size",
@@ -216,7 +216,7 @@ MATCHER = (
         1,
         unit="pixels",
         possible="0..15",
-        doc="Registration: each point covers this many pixels in x and y.",
+        doc="Number of pixels that each registered point covers in x and in y.",
     ),
     Parameter(
         "census_contrast",
@@ -224,7 +224,7 @@ MATCHER = (
         0.0625,
         possible="0..1",
         range=(0, 1),
-        doc="Counts differ, for the census, where they do so by more than this share of the range of counts in the window and 2 pixels around it: the rest is noise between dots. 0: every count tells, as in the published SimSense.",  # noqa: E501
+        doc="Two counts differ, for the census, only where their difference exceeds this share of the range of counts in the window and 2 pixels around it; smaller differences are noise between dots. With 0 every difference counts, as in the published SimSense.",  # noqa: E501
     ),
     Parameter(
         "census_noise_dn",
@@ -233,7 +233,7 @@ MATCHER = (
         unit="DN",
         possible="0..255",
         range=(0, 255),
-        doc="And by more than so many counts, where census_contrast is not 0: what an imager's noise does on dark surfaces sets no bit, and they lose their pixels instead of having wrong ones.",  # noqa: E501
+        doc="Two counts differ, for the census, only where their difference also exceeds this many counts; it is used where census_contrast is not 0. Dark surfaces, where only the imager's noise differs, then have no measurement instead of wrong ones.",  # noqa: E501
     ),
 )
 
@@ -244,20 +244,20 @@ RIG = (
         (),
         choices=("rectified_shrunk", "focal_from_rectifier", "remap_nearest", "padding_matched", "registration_unrectified", "splat_invalid", "splat_clipped"),
         one="fault",
-        doc="Faults of the published SimSense that users' results may rest on, each a switch; none is on by default. All of them, with the parabola as subpixel step, give its results bit for bit (its random noise apart, whose generator is CUDA's).",  # noqa: E501
+        doc="Bits SIMSENSE_FAULT_*; 0 is none.",
     ),
     Parameter(
         "back_end",
         str,
         "auto",
         choices=("auto", "cpu", "vulkan"),
-        doc="Where the stages run. Disparities, confidences and reasons from equal images are the same in every bit. Counts of a noisy signal differ by one where a value lies within rounding of a half, in at most 1 of 1000 pixels; depths by a device's rounding of a quotient (2.5 units in the last place). Vulkan works on the caller's device buffers without any copy; images in host memory are copied, and counted (simsense_device_copied_bytes).",  # noqa: E501
+        doc="Where the stages run. Both back ends give the same disparities, confidences and reasons in every bit for equal images. Counts of a noisy signal differ by one in at most 1 of 1000 pixels, where a value lies within rounding of a half; depths differ by a device's rounding of a quotient (2.5 units in the last place). Vulkan reads and writes the caller's device buffers without a copy. Images in host memory are copied, and simsense_device_copied_bytes counts that.",  # noqa: E501
     ),
     Parameter(
         "low_memory",
         bool,
         False,
-        doc="Whether Vulkan takes the least memory, not the least time: one pair of a batch after the other, blocks summed on the way (960x540, 128 disparities, 7x7 block: 149 instead of 274 MB, in 2.7 times the time). The maps stay the same.",  # noqa: E501
+        doc="Whether Vulkan uses the least memory instead of the least time. It then matches one pair of a batch after the other and sums blocks when they are needed (960x540, 128 disparities, 7x7 block: 149 instead of 274 MB, in 2.7 times the time). The results are the same.",  # noqa: E501
     ),
 )
 

@@ -12,13 +12,13 @@ RENDERER = (
         str,
         "auto",
         choices=("auto", "embree", "compute", "rt_pipeline"),
-        doc="Who traces rays.",
+        doc="What traces the rays.",
     ),
     Parameter(
         "oidn_library",
         str,
         None,
-        doc="Path of Open Image Denoise's library, for oidn; None: environment variable library, else its usual names.",  # noqa: E501
+        doc="Path of Open Image Denoise's library, for oidn. None uses the environment variable library, and the library's usual names where that is not set.",  # noqa: E501
     ),
 )
 
@@ -30,7 +30,7 @@ RENDER = (
         possible="1..4294967295",
         range=(1, 4294967295),
         short="spp",
-        doc="Samples of each pixel.",
+        doc="Number of samples of each pixel.",
     ),
     Parameter(
         "max_bounces",
@@ -38,7 +38,7 @@ RENDER = (
         8,
         possible="0..1024",
         range=(0, 1024),
-        doc="Surface interactions (and scatterings of a medium) after the first; 0 is direct light alone.",
+        doc="Largest number of surface interactions and scatterings after the first; 0 renders direct light only.",
     ),
     Parameter(
         "ir_ambient_scale",
@@ -46,7 +46,7 @@ RENDER = (
         0.05,
         possible=">= 0",
         range=(0, float("inf")),
-        doc="What visible lights give in the infrared where they do not say (the paper's a).",
+        doc="Infrared intensity of lights that state only a visible one, as a share of its red channel (the parameter a of Zhang et al. 2023).",  # noqa: E501
     ),
     Parameter(
         "ir_ambient_radiance",
@@ -55,7 +55,7 @@ RENDER = (
         unit="W/(sr m^2)",
         possible=">= 0",
         range=(0, float("inf")),
-        doc="Weak constant added to the environment in the infrared where it does not say.",
+        doc="Constant that is added to the environment's infrared radiance where the environment states none.",
     ),
     Parameter(
         "glass_surfaces",
@@ -63,21 +63,21 @@ RENDER = (
         8,
         possible="0..64",
         range=(0, 64),
-        doc="Smooth glass surfaces that light of points, directions and projectors passes straight on its way to a surface, dimmed by Fresnel's reflection, tint and absorption; 0: glass casts full shadows.",  # noqa: E501
+        doc="Largest number of smooth glass surfaces that light of points, directions and projectors crosses on a straight line towards a surface; it is dimmed by Fresnel reflection, tint and absorption. With 0 glass casts full shadows.",  # noqa: E501
     ),
     Parameter(
         "light_sampling",
         str,
         "mis",
         choices=("mis", "lights", "bsdf"),
-        doc="How light with an extent (rectangles, disks, spheres, emissive surfaces, the environment's map) is found. All three give the same mean.",  # noqa: E501
+        doc="How the light of rectangles, disks, spheres, emissive surfaces and the environment's map is sampled. All three ways have the same expected image.",  # noqa: E501
     ),
     Parameter(
         "denoise",
         str,
         "none",
         choices=("none", "atrous", "oidn"),
-        doc="What takes the noise out of the image. The projectors' direct light carries the dots and is never touched; all other images of light are. Same inputs, same bits.",  # noqa: E501
+        doc="Denoiser. It filters all images of light but the projectors' direct light, which carries the dots and has no noise. The same inputs give the same bits.",  # noqa: E501
     ),
     Parameter(
         "temporal_weight",
@@ -86,7 +86,7 @@ RENDER = (
         possible="0..1",
         range=(0, 1),
         on_command_line=False,
-        doc="atrous: share of the light that this renderer's last renders of as many views of one size saw on the same surface, 0..<1; 0: each render by itself. It follows cameras (of any lens and shutter) and instances that move, and starts anew where another surface or instance appears. Where light changes by more than this render's noise, what was is forgotten; smaller changes, reflections and deforming meshes lag. Give every render another seed.",  # noqa: E501
+        doc="For atrous: share of the light that is taken from this renderer's previous renders, 0..<1; 0 uses this render only. The previous renders must have had as many views of the same size, and only light from the same surface is used. Moving cameras (with any lens and shutter) and instances are followed, and a pixel begins anew where another surface or instance appears. Previous light is dropped where it differs by more than this render's noise; smaller changes, reflections and deforming meshes lag behind. Give each render another seed.",  # noqa: E501
     ),
     Parameter(
         "max_seconds",
@@ -95,7 +95,7 @@ RENDER = (
         unit="s",
         possible=">= 0",
         range=(0, float("inf")),
-        doc="Budget, 0 is none: samples_per_pixel is then the most. The render goes in rounds over all views, at least one, and stops before max_seconds are over, as the rounds before tell.",  # noqa: E501
+        doc="Time budget; 0 is none. samples_per_pixel is then the largest number of samples. The views are rendered in rounds, at least one, and the render stops before max_seconds would be exceeded, as estimated from the previous rounds.",  # noqa: E501
     ),
     Parameter(
         "relative_error",
@@ -103,7 +103,7 @@ RENDER = (
         0.0,
         possible=">= 0",
         range=(0, float("inf")),
-        doc="Budget, 0 is none: the render stops when the noise falls to it. The noise is the root of the pixels' mean variance over their mean radiance, over all views and channels. What counts is its upper limit, 84 % sure by the scatter of the pixels' variances: few pixels, or rare bright samples, tell little, and take more. A noise budget alone is deterministic.",  # noqa: E501
+        doc="Noise budget; 0 is none. The render stops when its noise has fallen to this value. The noise is the square root of the mean variance over the mean radiance, over all views and channels. Its upper confidence limit (84 %, from the scatter of the pixels' variances) is compared, so that images with few pixels or rare bright samples take more samples. With a noise budget alone the result is deterministic.",  # noqa: E501
     ),
 )
 

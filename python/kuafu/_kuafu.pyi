@@ -143,7 +143,7 @@ class Image:
     def array(self) -> NDArray[Any]:
         """The view as a numpy array, without a copy."""
 class Material:
-    """glTF 2.0's material model: GGX (alpha = roughness squared), metallic-roughness, KHR_materials_ior/specular/transmission/volume; no roughness loses or creates light. As KHR_materials_volume has it, transmission without its thicknessFactor is read as thin_walled. Fields that glTF has no words for are read from a material's extras under their names here; textures there as {"index": n}."""
+    """A surface's material, by glTF 2.0's model: a GGX microfacet layer (alpha is the square of roughness), metallic-roughness, and KHR_materials_ior, specular, transmission and volume. Energy is conserved at every roughness. Transmission without a thicknessFactor is read as thin_walled, as KHR_materials_volume defines it. Fields that glTF has no words for are read from a material's extras, under the names that they have here; a texture there is written {"index": n}."""
 
     name: str
     base_color: tuple[float, float, float, float]
@@ -153,11 +153,11 @@ class Material:
     roughness: float
     """Its square is the alpha of GGX. [0..1; 1 by default]"""
     specular: float
-    """Weight of the reflecting layer; 0 with metallic 0 is exactly Lambertian. [0..1; 1 by default]"""
+    """Weight of the reflecting layer. With specular 0 and metallic 0 the surface is exactly Lambertian. [0..1; 1 by default]"""
     ior: float
     """Index of refraction. [>= 1; 1.5 by default]"""
     transmission: float
-    """Share of the base that is glass. [0..1]"""
+    """Share of the light entering the base that passes through it, as in glass. [0..1]"""
     emission: tuple[float, float, float]
     """Radiance in the visible band. [>= 0 W/(sr m^2)]"""
     ir_albedo: float | None
@@ -165,117 +165,117 @@ class Material:
     ir_emission: float
     """Radiance in the infrared band. [>= 0 W/(sr m^2)]"""
     base_color_texture: int | None
-    """RGB, times base_color. [None by default]"""
+    """Its RGB multiplies base_color. [None by default]"""
     metallic_roughness_texture: int | None
-    """G times roughness, B times metallic. [None by default]"""
+    """Its green channel multiplies roughness, its blue channel metallic. [None by default]"""
     normal_texture: int | None
-    """Normals in tangent space, as glTF has them. [None by default]"""
+    """Normals in tangent space, encoded as in glTF. [None by default]"""
     emission_texture: int | None
-    """RGB, times emission. [None by default]"""
+    """Its RGB multiplies emission. [None by default]"""
     transmission_texture: int | None
-    """R, times transmission. [None by default]"""
+    """Its red channel multiplies transmission. [None by default]"""
     specular_texture: int | None
-    """A, times specular. [None by default]"""
+    """Its alpha channel multiplies specular. [None by default]"""
     transmission_roughness: float
-    """Roughness of the glass; 0 is clear. Files give it their roughness. [0..1]"""
+    """Roughness of transmitted light; 0 is clear glass. For a material of a file it is the material's roughness. [0..1]"""
     diffuse_roughness: float
-    """Oren and Nayar's, in Fujii's form; 0 is Lambert. [0..1]"""
+    """Roughness of the diffuse base by Oren and Nayar's model in Fujii's form; 0 is Lambertian. [0..1]"""
     attenuation_color: tuple[float, float, float]
-    """Colour of white light after attenuation_distance_m inside the glass (KHR_materials_volume). [0..1; 1, 1, 1 by default]"""
+    """Colour that white light has after attenuation_distance_m inside the glass (KHR_materials_volume). [0..1; 1, 1, 1 by default]"""
     ir_attenuation_color: float | None
-    """The same in the infrared band. [0..1; None = red of attenuation_color]"""
+    """The same as attenuation_color, in the infrared band. [0..1; None = red of attenuation_color]"""
     attenuation_distance_m: float
-    """0: nothing is absorbed. [>= 0 m]"""
+    """Distance for attenuation_color; with 0 nothing is absorbed. [>= 0 m]"""
     bsdf: Literal["gltf", "paper"]
-    """How base and layer are put together. [gltf by default]"""
+    """How the base and the reflecting layer are combined. [gltf by default]"""
     light_group: int
-    """Group of outputs that its emission belongs to. [0..3]"""
+    """Light group of the light that the surface emits. [0..3]"""
     thin_walled: bool
-    """Its glass is a sheet, not the skin of a body: light goes through both faces at once and straight on, after all reflections between them; base_color is what one way across leaves, attenuation is not used."""
+    """Whether transmitted light crosses a thin sheet instead of entering a body. It then passes both faces at once and keeps its direction, with all reflections between the faces included. base_color is the colour after one crossing, and attenuation is not used."""
     ir_albedo_texture: int | None
-    """R, times ir_albedo (1 where that is None). With neither, the infrared band has the red of base_color_texture. [None by default]"""
+    """Its red channel multiplies ir_albedo, or 1 where ir_albedo is None. Without this texture and without ir_albedo the infrared band uses the red channel of base_color_texture. [None by default]"""
     ir_roughness: float | None
-    """What roughness is in the infrared band. [0..1; None = roughness]"""
+    """Roughness in the infrared band. [0..1; None = roughness]"""
     ir_ior: float | None
-    """What ior is in the infrared band. [>= 1; None = ior]"""
+    """Index of refraction in the infrared band. [>= 1; None = ior]"""
     ir_transmission: float | None
-    """What transmission is in the infrared band. [0..1; None = transmission]"""
+    """Transmission in the infrared band. [0..1; None = transmission]"""
     ir_transmission_roughness: float | None
-    """What transmission_roughness is in the infrared band. [0..1; None = transmission_roughness]"""
+    """Roughness of transmitted light in the infrared band. [0..1; None = transmission_roughness]"""
     subsurface: float
-    """Share of the diffuse base whose light wanders below the surface of the (closed) body; seen from outside. [0..1]"""
+    """Share of the diffuse base whose light scatters below the surface. The surface must be closed, and the effect is rendered for rays from outside. [0..1]"""
     subsurface_color: tuple[float, float, float]
-    """Albedo of what wanders, where the body is big against the radius; base_color does not tint it. [0..1; 1, 1, 1 by default]"""
+    """Albedo of the light that scatters below the surface, for a body much larger than the radius; base_color does not tint it. [0..1; 1, 1, 1 by default]"""
     subsurface_radius_m: tuple[float, float, float]
-    """Mean free path below the surface; at least 1e-4 of the distance to the world's origin is resolved. Scattering is even; projector light that wandered is projector indirect: what is left direct has no noise. [> 0 m; 0.001, 0.001, 0.001 by default]"""
+    """Mean free path below the surface. Values below 1e-4 of the distance to the world's origin are not resolved. Scattering is isotropic. Projector light that scattered below a surface belongs to the projector's indirect light, so that the direct light stays free of noise. [> 0 m; 0.001, 0.001, 0.001 by default]"""
     ir_subsurface_color: float | None
-    """The same in the infrared band. [0..1; None = red of subsurface_color]"""
+    """The same as subsurface_color, in the infrared band. [0..1; None = red of subsurface_color]"""
     ir_subsurface_radius_m: float | None
-    """The same in the infrared band. [> 0 m; None = red of subsurface_radius_m]"""
+    """The same as subsurface_radius_m, in the infrared band. [> 0 m; None = red of subsurface_radius_m]"""
     ior_texture: int | None
-    """R: ior becomes 1 + (ior - 1) R. [None by default]"""
+    """Its red channel R changes the index of refraction to 1 + (ior - 1) R. [None by default]"""
     def __init__(self, **fields: Any) -> None: ...
 
 class Light:
-    """A light. Those with an extent are seen, by the camera and in mirrors, and block nothing; both light and BSDF samples find them."""
+    """A light. Lights with an extent are visible to the camera and in mirrors, and cast no shadows. They are sampled both directly and by rays that hit them."""
 
     name: str
     kind: Literal["point", "projector", "directional", "spot", "rectangle", "disk"]
-    """What shines. [point by default]"""
+    """Kind of the light, which decides the fields that are read. [point by default]"""
     environment: int | None
-    """Environment of the batch that has it. [None by default]"""
+    """Index of the environment of the batch that contains this light. [None by default]"""
     intensity: tuple[float, float, float]
-    """Visible band. Point, spot, projector: radiant intensity, W/sr; directional: irradiance on a surface that faces it, W/m^2; rectangle, disk: radiance, W/(sr m^2). A projector's is 0 by default: an RGB camera does not see it. [>= 0]"""
+    """Intensity in the visible band. Point, spot and projector: radiant intensity in W/sr. Directional: irradiance on a surface that faces the light, in W/m^2. Rectangle and disk: radiance in W/(sr m^2). A projector's is 0 by default, since an RGB camera does not see it. [>= 0]"""
     ir_intensity: float | None
-    """Infrared band, the same unit. [>= 0; None = red of intensity times kuafu_render_desc.ir_ambient_scale]"""
+    """Intensity in the infrared band, in the same unit. [>= 0; None = red of intensity times kuafu_render_desc.ir_ambient_scale]"""
     light_to_world: NDArray[np.float64]
-    """+z is the projector's optical axis, x right, y down. [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1 by default]"""
+    """Pose, row-major. +z is the optical axis, x points right and y down. [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1 by default]"""
     texture: int | None
-    """Projector: pattern, red channel read linearly (None with dots). Else a factor, or None: over a rectangle or a disk's square; over the square around a spot's outer cone; equirectangular around a point; directional: tiles of size_m across it. [None by default]"""
+    """Projector: the pattern, whose red channel is read linearly, or None where dots are given. All other kinds: an image that multiplies the light, or None. It covers a rectangle, the square around a disk, or the square around a spot's outer cone; a point light reads it as an equirectangular map; a directional light repeats it as tiles of size_m. [None by default]"""
     light_group: int
-    """KUAFU_OUTPUT_LIGHT_GROUP_0 + light_group gets its light; a projector's goes to its own two outputs. [0..3]"""
+    """Light group of this light: KUAFU_OUTPUT_LIGHT_GROUP_0 + light_group receives it. A projector's light goes to the projector's two outputs instead. [0..3]"""
     k: NDArray[np.float64]
-    """Projector: row-major 3x3 in pixels of the texture. [1, 0, 0, 0, 1, 0, 0, 0, 1 by default]"""
+    """Projector: camera matrix in pixels of the pattern, row-major 3x3. [1, 0, 0, 0, 1, 0, 0, 0, 1 by default]"""
     radius_m: float
-    """Point: of the sphere that shines, 0 = a point; disk; projector: of its lens, which blurs by radius |1/z - 1/focus_m| f. [>= 0 m]"""
+    """Point: radius of the luminous sphere, 0 for a point. Disk: its radius. Projector: radius of its lens, which blurs the pattern by the radius |1/z - 1/focus_m| f. [>= 0 m]"""
     angle_rad: float
-    """Directional: half angle of its disc, 0 = parallel light; at most pi/2. [in rad]"""
+    """Directional: half angle of the disc in the sky, at most pi/2; 0 is parallel light. [in rad]"""
     inner_rad: float
-    """Spot: half angles, 0 <= inner < outer <= pi/2. [in rad]"""
+    """Spot: half angle of the cone with full intensity; 0 <= inner < outer <= pi/2. [in rad]"""
     outer_rad: float
-    """Spot: half angles, 0 <= inner < outer <= pi/2. [in rad; 0.7853981633974483 by default]"""
+    """Spot: half angle of the cone outside which there is no light; 0 <= inner < outer <= pi/2. [in rad; 0.7853981633974483 by default]"""
     size_m: tuple[float, float]
-    """Rectangle: width and height; directional with a texture: of a tile. [in m]"""
+    """Rectangle: width and height. Directional with a texture: size of a tile. [in m]"""
     @property
     def distortion(self) -> tuple[float, float, float, float, float, float, float, float]: ...
     @distortion.setter
     def distortion(self, values: Sequence[float]) -> None: ...
     falloff: float
-    """Projector: intensity times cos^falloff of the angle from its axis. [>= 0]"""
+    """Projector: the intensity is multiplied by cos^falloff of the angle from the optical axis. [>= 0]"""
     focus_m: float
-    """Projector: distance of its sharpest image; 0 = sharp everywhere. [>= 0 m]"""
+    """Projector: distance at which the pattern is sharpest; with 0 it is sharp everywhere. [>= 0 m]"""
     pattern_scale: float
-    """Projector: magnifies the pattern about K's principal point, > 0; 1 = neutral. [> 0; 1 by default]"""
+    """Projector: magnification of the pattern about the principal point, > 0; 1 changes nothing. [> 0; 1 by default]"""
     pattern_width: int
-    """Width of the dots' image. [in px]"""
+    """Width in pixels of the image of the dots. [in px]"""
     pattern_height: int
-    """Height of the dots' image. [in px]"""
+    """Height in pixels of the image of the dots. [in px]"""
     dot_sigma_px: float
-    """Sigma of each dot, > 0 where there are dots. [in px]"""
+    """Standard deviation of each dot, > 0 where there are dots. [in px]"""
     linear_velocity: tuple[float, float, float]
-    """Of the twist in the light's own frame: pose(t) = light_to_world exp(t [linear, angular]). [-1000000..1000000 m/s]"""
+    """Linear part of the twist in the light's own frame: pose(t) = light_to_world exp(t [linear, angular]). [-1000000..1000000 m/s]"""
     angular_velocity: tuple[float, float, float]
-    """Of the same twist. [-1000000..1000000 rad/s]"""
+    """Angular part of the same twist. [-1000000..1000000 rad/s]"""
     on_from_s: float
-    """It shines within this window of the frame's time; equal ends mean always. [>= -inf s]"""
+    """Time at which the light is switched on within a frame; where it equals on_until_s the light is always on. [>= -inf s]"""
     on_until_s: float
-    """End of the window. [>= -inf s]"""
+    """Time at which the light is switched off. [>= -inf s]"""
     dots: NDArray[np.float32]
     """Projector: [n, 3] u, v in pixels and power, in place of a texture; power is the pattern's integral over the dot in pixels squared."""
     def __init__(self, **fields: Any) -> None: ...
 
 class Camera:
-    """Camera: a pinhole at rest unless its lens, shutter or velocity say more. Time is in seconds from mid-exposure of the middle line, (lines - 1) / 2; line i of a rolling shutter is exposed for exposure_s around (i - (lines - 1) / 2) line_time_s, lines counted in the order of the readout. A pixel is the mean over its square, the lens and its exposure: a longer exposure only blurs, gain belongs to the imager. AOVs are those of the pixel's centre through the lens' centre at the line's mid-exposure. Cameras that a file brought are read with kuafu_scene_get_camera (their width and height are 0 where the file has none)."""
+    """A camera. It is a pinhole at rest unless its lens, shutter or velocity are set. Times are in seconds from the middle of the exposure of the middle line, (lines - 1) / 2. Line i of a rolling shutter is exposed for exposure_s around the time (i - (lines - 1) / 2) line_time_s; lines are counted in the order of the readout. The value of a pixel is the mean over its area, the lens and its exposure. A longer exposure therefore only blurs; brightness is set by the imager's gain. AOVs are those of the ray through the pixel's centre and the lens' centre, at the middle of the line's exposure. kuafu_scene_get_camera returns the cameras of a scene file, with width and height 0 where the file has none."""
 
     width: int
     """Width of the image. [in px]"""
@@ -286,29 +286,29 @@ class Camera:
     camera_to_world: NDArray[np.float64]
     """Pose at time 0, row-major. [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1 by default]"""
     near_m: float
-    """Nearer hits are not seen by the camera. [in m]"""
+    """Surfaces nearer than this are invisible to the camera. [in m]"""
     far_m: float
-    """Farther hits are not seen by the camera. [in m; inf by default]"""
+    """Surfaces farther than this are invisible to the camera. [in m; inf by default]"""
     @property
     def distortion(self) -> tuple[float, float, float, float, float, float, float, float]: ...
     @distortion.setter
     def distortion(self, values: Sequence[float]) -> None: ...
     lens_radius_m: float
-    """Of the aperture of a thin lens; 0 = pinhole. [>= 0 m]"""
+    """Radius of the aperture of a thin lens; 0 is a pinhole. [>= 0 m]"""
     focus_m: float
-    """Z of the plane that is sharp, > 0 (inf is one); not read for a pinhole. [in m]"""
+    """Depth z of the plane that is in focus, > 0; inf is allowed. It is not read for a pinhole. [in m]"""
     shutter: Literal["global", "rolling"]
-    """Which lines are exposed when. [global by default]"""
+    """Kind of shutter. [global by default]"""
     readout: Literal["rows_down", "rows_up", "columns_right", "columns_left"]
-    """Which way a rolling shutter goes, and what its lines are. [rows_down by default]"""
+    """Order of a rolling shutter's lines, and whether they are rows or columns. [rows_down by default]"""
     exposure_s: float
-    """Of each line; 0 = an instant. [0..10000 s]"""
+    """Exposure time of each line; 0 is an instant. [0..10000 s]"""
     line_time_s: float
-    """From one line's exposure to the next one's, of a rolling shutter. [0..10000 s]"""
+    """Time between the exposures of neighbouring lines of a rolling shutter. [0..10000 s]"""
     linear_velocity: tuple[float, float, float]
-    """Of the twist [v, w] in the camera's own frame: pose(t) = camera_to_world exp(t [v, w]). [-1000000..1000000 m/s]"""
+    """Linear part v of the twist [v, w] in the camera's own frame: pose(t) = camera_to_world exp(t [v, w]). [-1000000..1000000 m/s]"""
     angular_velocity: tuple[float, float, float]
-    """Of the same twist. [-1000000..1000000 rad/s]"""
+    """Angular part w of the same twist. [-1000000..1000000 rad/s]"""
     def __init__(
         self,
         width: int,
@@ -321,20 +321,20 @@ class Camera:
     ) -> None: ...
 
 class Film:
-    """What a camera's optics do to the light before it reaches the imager, as steps on linear images, in the order of the fields: vignetting, defocus, point spread, veiling glare. Every image of light gets them (radiance and the groups: their sum stays the image), AOVs do not. Neutral as initialised: an image then keeps its bits. (fx, fy) is the position in the field, -1..1 from the first pixel to the last, so r^2 = (fx^2 + fy^2) / 2 is 1 in the corners. Light beyond the image's border is taken to be that of the nearest pixel."""
+    """What a camera's optics do to the light before it reaches the imager. The steps act on linear images in the order of the fields: vignetting, defocus, point spread, veiling glare. They apply to every image of light (radiance and the light groups, whose sum stays equal to the image) and not to AOVs. A newly initialised struct changes no bit of an image. (fx, fy) is the position in the image, from -1 at the first pixel to 1 at the last, so that r^2 = (fx^2 + fy^2) / 2 is 1 in the corners. Beyond its border the image is continued with the nearest pixel."""
 
     vignetting_exponent: float
-    """Light is multiplied by cos^n of the angle between pixel and optical axis; 4 is a thin lens'. [0..64]"""
+    """The light is multiplied by cos^n of the angle between the pixel's ray and the optical axis; n = 4 describes a thin lens. [0..64]"""
     vignetting_polynomial: tuple[float, float, float]
-    """Light is multiplied by 1 + a1 r^2 + a2 r^4 + a3 r^6, at least 0; r is 1 in the corners. [-1000000..1000000]"""
+    """The light is multiplied by 1 + a1 r^2 + a2 r^4 + a3 r^6, but not by less than 0; r is 1 in the corners. [-1000000..1000000]"""
     defocus_lens_radius_m: float
-    """Radius of the aperture; 0 is sharp everywhere. A point becomes a disc of radius f_px defocus_lens_radius_m |1/z - 1/defocus_focus_m| pixels, at most 32, z being its pixel's depth and f_px the mean of k[0] and k[4]. Light from behind a pixel's surface spreads over it no farther than that surface blurs itself; what a near edge hides is filled in from beside it. kuafu_camera_desc's lens traces the same thing at the cost of samples. [0..1000 m]"""
+    """Radius of the aperture; with 0 all is in focus. A point becomes a disc of radius f_px defocus_lens_radius_m |1/z - 1/defocus_focus_m| pixels, at most 32, where z is the depth of its pixel and f_px the mean of k[0] and k[4]. Light from farther surfaces spreads over a nearer surface only as far as that surface is blurred itself, and what a near edge hides is filled in from the pixels beside it. The lens of kuafu_camera_desc computes the same blur exactly, by tracing more samples. [0..1000 m]"""
     defocus_focus_m: float
-    """Distance that is sharp, > 0 where there is a lens; inf is possible. [in m; 1 by default]"""
+    """Distance that is in focus, > 0 where defocus_lens_radius_m is set; inf is allowed. [in m; 1 by default]"""
     psf_sigma_px: float
-    """Point spread: a Gaussian of variance psf_sigma_px^2 + (psf_corner_sigma_px r^2)^2 at the point it comes from; its kernel on the pixels has exactly that variance, and the sum 1. [1e-06..32 px; 0 means none]"""
+    """Point spread: a Gaussian of variance psf_sigma_px^2 + (psf_corner_sigma_px r^2)^2, where r is that of the point from which the light comes. Its kernel on the pixels has exactly that variance and the sum 1. [1e-06..32 px; 0 means none]"""
     psf_corner_sigma_px: float
-    """Part of the point spread that grows with r^2; in the corners it is this. [1e-06..32 px; 0 means none]"""
+    """The part of the point spread that grows with r^2; this is its value in the corners. [1e-06..32 px; 0 means none]"""
     veiling_glare_fraction: float
     """Share of the light that is spread evenly over the image (ISO 9358). [0..1]"""
     def __init__(self, **fields: Any) -> None: ...

@@ -13,8 +13,8 @@
 extern "C" {
 #endif
 
-/* How ks_device_desc picks a device. AUTO: the best usable Vulkan device (discrete GPU, integrated, virtual, CPU; then enumeration order).
- * HOST: no Vulkan at all, the CPU back end of simsense (kuafu needs Vulkan and refuses HOST). */
+/* How ks_device_desc chooses a device. AUTO is the best usable Vulkan device: a discrete GPU before an integrated one, a virtual one and a CPU, then by the
+ * order of the list. HOST uses no Vulkan; it is the CPU back end of simsense, and kuafu refuses it. */
 #define KS_SELECT_AUTO 0u
 #define KS_SELECT_INDEX 1u
 #define KS_SELECT_UUID 2u
@@ -43,23 +43,24 @@ extern "C" {
 /* Which device a library runs on. */
 typedef struct ks_device_desc {
   ks_header header;
-  /* KS_SELECT_*. */
+  /* How the device is chosen, KS_SELECT_*. */
   uint32_t select;
-  /* With KS_SELECT_INDEX: position in ..._device_enumerate. */
+  /* For KS_SELECT_INDEX: position in the list of ..._device_enumerate. */
   uint32_t index;
-  /* With KS_SELECT_UUID: ks_device_info.device_uuid. */
+  /* For KS_SELECT_UUID: the device_uuid of ks_device_info. */
   uint8_t uuid[16];
-  /* Host threads; 0 = one per core. Results never depend on it. */
+  /* Number of host threads; 0 is one per core. Results never depend on it. */
   uint32_t worker_count;
   /* Whether VK_LAYER_KHRONOS_validation is enabled where it is installed; its messages go to log. */
   uint32_t validation;
-  /* May be NULL. */
+  /* Called with messages; may be NULL. */
   ks_log_fn log;
   /* Given to log. */
   void* log_user;
-  /* Folder for compiled pipelines, so that later processes start at once; made when needed, one small file per library,
-   * version, device and driver. NULL: $XDG_CACHE_HOME/activestereo, else ~/.cache/activestereo; "": keep none. A folder
-   * that cannot be written does no harm. Drivers may keep more of their own elsewhere (Mesa: MESA_SHADER_CACHE_DIR). */
+  /* Folder for compiled pipelines, so that later processes start faster. It is made when needed and gets one small file
+   * for each library, version, device and driver. NULL is $XDG_CACHE_HOME/activestereo, or ~/.cache/activestereo where
+   * that is not set; "" keeps no cache. A folder that cannot be written is not an error. Drivers may keep caches of
+   * their own elsewhere (Mesa: MESA_SHADER_CACHE_DIR). */
   const char* cache_directory;
 } ks_device_desc;
 static inline ks_device_desc ks_device_desc_init(void) {
@@ -74,25 +75,25 @@ typedef struct ks_device_info {
   ks_header header;
   /* Name of the device. */
   char name[256];
-  /* Driver name and version, as the driver tells it. */
+  /* Driver name and version, as the driver states them. */
   char driver[256];
-  /* Empty when usable; else every reason, each with what is missing. */
+  /* Empty where the device is usable; otherwise all reasons why it is not, each with what is missing. */
   char refused[512];
-  /* Vulkan's, of the device. */
+  /* Vulkan's UUID of the device. */
   uint8_t device_uuid[16];
-  /* Vulkan's, of the driver. */
+  /* Vulkan's UUID of the driver. */
   uint8_t driver_uuid[16];
-  /* Position in ..._device_enumerate. */
+  /* Position in the list of ..._device_enumerate. */
   uint32_t index;
-  /* KS_DEVICE_KIND_*. */
+  /* Kind of device, KS_DEVICE_KIND_*. */
   uint32_t kind;
-  /* Vulkan's packing. */
+  /* Vulkan version, packed as Vulkan packs it. */
   uint32_t api_version;
-  /* 0 or 1. */
+  /* 1 where the library can use the device, else 0. */
   uint32_t usable;
-  /* KS_CAP_*. */
+  /* Bits KS_CAP_*. */
   uint64_t capabilities;
-  /* Largest device-local heap. */
+  /* Size of the largest device-local heap. */
   uint64_t memory_bytes;
 } ks_device_info;
 static inline ks_device_info ks_device_info_init(void) {

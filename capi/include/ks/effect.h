@@ -12,10 +12,11 @@
 #include "ks/header.h"
 #include "ks/status.h"
 
-/* Where on the light's way an effect acts, and what its images are, each [height][width].
- * To KS_STAGE_CAMERA: four, of radiance: the projector's direct light, its bounced light, ambient light, and `direct` under a pattern of 1
- * everywhere. Optics: any number, of radiance, all to be treated alike and linearly. From charge to readout: one, DN above black. Digital:
- * one, DN. Disparity: one, pixels, left image, 0 = no match. Depth: one, metres, left image, 0 = none. */
+/* The stage of the pipeline at which an effect acts, which decides what its images are; each is [height][width].
+ * Up to KS_STAGE_CAMERA there are four images of radiance: the projector's direct light, its indirect light, ambient light, and the direct
+ * light with a pattern of 1 everywhere. Optics: any number of images of radiance, which are all changed in the same linear way. Charge and
+ * readout: one image, in DN above the black level. Digital: one image, in DN. Disparity: one image in pixels of the left image, 0 for no
+ * match. Depth: one image in metres, seen from the left camera, 0 for no measurement. */
 #define KS_STAGE_PROJECTOR 1u
 #define KS_STAGE_MEDIUM 2u
 #define KS_STAGE_SURFACE 3u
@@ -27,19 +28,19 @@
 #define KS_STAGE_DISPARITY 9u
 #define KS_STAGE_DEPTH 10u
 
-/* Drawn never; once per sensor, the same in repeats; anew in every frame. */
+/* An effect is not random; random but fixed for one sensor, equal in repeated frames; or random and new in every frame. */
 #define KS_RANDOMNESS_NONE 0u
 #define KS_RANDOMNESS_STATIC 1u
 #define KS_RANDOMNESS_TEMPORAL 2u
 
-/* How the lab finds a random effect: parameter x lever x a draw of deviation 1, a field that stays (KS_RANDOMNESS_STATIC) or a term of the
- * noise law (KS_RANDOMNESS_TEMPORAL). An effect that is drawn never needs none: its expected image tells it. */
+/* What the lab looks for to find a random effect: parameter x lever x a random number of standard deviation 1. It is a fixed field
+ * (KS_RANDOMNESS_STATIC) or a term of the law of the noise (KS_RANDOMNESS_TEMPORAL). An effect that is not random needs no such term. */
 #define KS_LEVER_ONE 0u       /* 1 DN */
 #define KS_LEVER_SIGNAL 1u    /* DN above black */
 #define KS_LEVER_PROJECTOR 2u /* DN of the projector's direct light */
 #define KS_LEVER_EXPOSURE 3u  /* exposure x gain, seconds */
 #define KS_LEVER_PHOTONS 4u   /* square root of gain x DN above black; the parameter is the variance's factor */
-/* What shares one draw: a pixel of one eye; the same while the rig stands still; a column, a row of one eye; a dot of the pattern. */
+/* What has one random number: a pixel of one eye; a pixel for as long as the rig stands still; a column or a row of one eye; a dot. */
 #define KS_SHARED_BY_PIXEL 0u
 #define KS_SHARED_BY_VIEW 1u
 #define KS_SHARED_BY_COLUMN 2u
@@ -47,8 +48,8 @@
 #define KS_SHARED_BY_DOT 4u
 
 typedef struct ks_effect_random_term {
-  const char* parameter;    /* that scales the draws */
-  const char* sparse_share; /* the parameter that says which share of the places has a draw; NULL = all have */
+  const char* parameter;    /* the parameter that scales the random numbers */
+  const char* sparse_share; /* the parameter that is the share of places with such a number; NULL: all */
   uint32_t lever;           /* KS_LEVER_* */
   uint32_t shared_by;       /* KS_SHARED_BY_* */
 } ks_effect_random_term;
@@ -67,7 +68,7 @@ static inline ks_effect_random_terms ks_effect_random_terms_init(void) {
   return t;
 }
 
-/* low <= neutral <= high, low < high. neutral: the value of no effect; typical: one prior deviation from neutral, positive. */
+/* low <= neutral <= high, low < high. neutral: the value without any effect; typical: one standard deviation of the prior, positive. */
 typedef struct ks_effect_parameter {
   const char* name;   /* an identifier */
   const char* unit;   /* "1" where there is none */

@@ -35,20 +35,20 @@ static inline uint32_t ks_format_bytes(uint32_t format) {
 
 #define KS_TYPE_IMAGE_DESC 0x05u
 
-/* A strided view on a buffer. Element (i0, i1, ...) starts at offset_bytes + sum(i_k * byte_stride[k]). Strides may be
- * 0 only where the extent is 1; they may be negative. offset_bytes and the strides are multiples of the element's size.
- * It stands inside other structs and never grows. */
+/* A strided view of a buffer. Element (i0, i1, ...) begins at offset_bytes + sum(i_k * byte_stride[k]). A stride may be
+ * negative, and may be 0 only where the extent is 1. offset_bytes and the strides are multiples of the element's size.
+ * The struct is embedded in other structs, so that it can never grow. */
 typedef struct ks_image_desc {
   ks_header header;
-  /* KS_FORMAT_*. */
+  /* Element type, KS_FORMAT_*. */
   uint32_t format;
-  /* 1..KS_MAX_DIMS. */
+  /* Number of dimensions, 1..KS_MAX_DIMS. */
   uint32_t dim_count;
-  /* Extent of each dimension, the slowest first. */
+  /* Extent of each dimension; the slowest varying comes first. */
   uint64_t shape[KS_MAX_DIMS];
   /* Bytes from one element to the next, of each dimension. */
   int64_t byte_stride[KS_MAX_DIMS];
-  /* Where element 0 is, from the buffer's start. */
+  /* Offset of the first element from the start of the buffer. */
   uint64_t offset_bytes;
 } ks_image_desc;
 static inline ks_image_desc ks_image_desc_init(void) {

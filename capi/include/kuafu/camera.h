@@ -15,13 +15,13 @@ extern "C" {
 
 #define KUAFU_TYPE_CAMERA_DESC 0x1006u
 
-/* kuafu_camera_desc.shutter: Which lines are exposed when. */
+/* kuafu_camera_desc.shutter: Kind of shutter. */
 /* Every line is exposed at the same time. */
 #define KUAFU_SHUTTER_GLOBAL 0u
 /* One line after the other, line_time_s apart. */
 #define KUAFU_SHUTTER_ROLLING 1u
 
-/* kuafu_camera_desc.readout: Which way a rolling shutter goes, and what its lines are. */
+/* kuafu_camera_desc.readout: Order of a rolling shutter's lines, and whether they are rows or columns. */
 /* Row 0 first. */
 #define KUAFU_READOUT_ROWS_DOWN 0u
 /* The last row first. */
@@ -31,12 +31,13 @@ extern "C" {
 /* The last column first. */
 #define KUAFU_READOUT_COLUMNS_LEFT 3u
 
-/* Camera: a pinhole at rest unless its lens, shutter or velocity say more. Time is in seconds from mid-exposure of the
- * middle line, (lines - 1) / 2; line i of a rolling shutter is exposed for exposure_s around (i - (lines - 1) / 2)
- * line_time_s, lines counted in the order of the readout. A pixel is the mean over its square, the lens and its
- * exposure: a longer exposure only blurs, gain belongs to the imager. AOVs are those of the pixel's centre through the
- * lens' centre at the line's mid-exposure. Cameras that a file brought are read with kuafu_scene_get_camera (their
- * width and height are 0 where the file has none). */
+/* A camera. It is a pinhole at rest unless its lens, shutter or velocity are set. Times are in seconds from the middle
+ * of the exposure of the middle line, (lines - 1) / 2. Line i of a rolling shutter is exposed for exposure_s around the
+ * time (i - (lines - 1) / 2) line_time_s; lines are counted in the order of the readout. The value of a pixel is the
+ * mean over its area, the lens and its exposure. A longer exposure therefore only blurs; brightness is set by the
+ * imager's gain. AOVs are those of the ray through the pixel's centre and the lens' centre, at the middle of the line's
+ * exposure. kuafu_scene_get_camera returns the cameras of a scene file, with width and height 0 where the file has
+ * none. */
 typedef struct kuafu_camera_desc {
   ks_header header;
   /* Width of the image. [in px] */
@@ -47,28 +48,29 @@ typedef struct kuafu_camera_desc {
   double k[9];
   /* Pose at time 0, row-major. [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1 by default] */
   double camera_to_world[16];
-  /* Nearer hits are not seen by the camera. [in m] */
+  /* Surfaces nearer than this are invisible to the camera. [in m] */
   double near_m;
-  /* Farther hits are not seen by the camera. [in m; inf by default] */
+  /* Surfaces farther than this are invisible to the camera. [in m; inf by default] */
   double far_m;
-  /* K1 k2 p1 p2 k3 k4 k5 k6 of Brown and Conrady (OpenCV's order): from ideal to seen pixels. One that folds back
-   * within the image is refused. [-1000000..1000000] */
+  /* Lens distortion k1 k2 p1 p2 k3 k4 k5 k6 of Brown and Conrady, in OpenCV's order, from ideal to observed pixels. A
+   * distortion that folds back within the image is refused. [-1000000..1000000] */
   double distortion[8];
-  /* Of the aperture of a thin lens; 0 = pinhole. [>= 0 m] */
+  /* Radius of the aperture of a thin lens; 0 is a pinhole. [>= 0 m] */
   double lens_radius_m;
-  /* Z of the plane that is sharp, > 0 (INFINITY is one); not read for a pinhole. [in m] */
+  /* Depth z of the plane that is in focus, > 0; INFINITY is allowed. It is not read for a pinhole. [in m] */
   double focus_m;
-  /* Which lines are exposed when. [global by default] */
+  /* Kind of shutter. [global by default] */
   uint32_t shutter;
-  /* Which way a rolling shutter goes, and what its lines are. [rows_down by default] */
+  /* Order of a rolling shutter's lines, and whether they are rows or columns. [rows_down by default] */
   uint32_t readout;
-  /* Of each line; 0 = an instant. [0..10000 s] */
+  /* Exposure time of each line; 0 is an instant. [0..10000 s] */
   double exposure_s;
-  /* From one line's exposure to the next one's, of a rolling shutter. [0..10000 s] */
+  /* Time between the exposures of neighbouring lines of a rolling shutter. [0..10000 s] */
   double line_time_s;
-  /* Of the twist [v, w] in the camera's own frame: pose(t) = camera_to_world exp(t [v, w]). [-1000000..1000000 m/s] */
+  /* Linear part v of the twist [v, w] in the camera's own frame: pose(t) = camera_to_world exp(t [v, w]).
+   * [-1000000..1000000 m/s] */
   double linear_velocity[3];
-  /* Of the same twist. [-1000000..1000000 rad/s] */
+  /* Angular part w of the same twist. [-1000000..1000000 rad/s] */
   double angular_velocity[3];
   /* Must be 0. */
   double reserved[8];

@@ -14,28 +14,32 @@ extern "C" {
 
 #define KUAFU_TYPE_FILM_DESC 0x100du
 
-/* What a camera's optics do to the light before it reaches the imager, as steps on linear images, in the order of the
- * fields: vignetting, defocus, point spread, veiling glare. Every image of light gets them (radiance and the groups:
- * their sum stays the image), AOVs do not. Neutral as initialised: an image then keeps its bits. (fx, fy) is the
- * position in the field, -1..1 from the first pixel to the last, so r^2 = (fx^2 + fy^2) / 2 is 1 in the corners. Light
- * beyond the image's border is taken to be that of the nearest pixel. */
+/* What a camera's optics do to the light before it reaches the imager. The steps act on linear images in the order of
+ * the fields: vignetting, defocus, point spread, veiling glare. They apply to every image of light (radiance and the
+ * light groups, whose sum stays equal to the image) and not to AOVs. A newly initialised struct changes no bit of an
+ * image. (fx, fy) is the position in the image, from -1 at the first pixel to 1 at the last, so that r^2 = (fx^2 +
+ * fy^2) / 2 is 1 in the corners. Beyond its border the image is continued with the nearest pixel. */
 typedef struct kuafu_film_desc {
   ks_header header;
-  /* Light is multiplied by cos^n of the angle between pixel and optical axis; 4 is a thin lens'. [0..64] */
+  /* The light is multiplied by cos^n of the angle between the pixel's ray and the optical axis; n = 4 describes a thin
+   * lens. [0..64] */
   double vignetting_exponent;
-  /* Light is multiplied by 1 + a1 r^2 + a2 r^4 + a3 r^6, at least 0; r is 1 in the corners. [-1000000..1000000] */
+  /* The light is multiplied by 1 + a1 r^2 + a2 r^4 + a3 r^6, but not by less than 0; r is 1 in the corners.
+   * [-1000000..1000000] */
   double vignetting_polynomial[3];
-  /* Radius of the aperture; 0 is sharp everywhere. A point becomes a disc of radius f_px defocus_lens_radius_m |1/z -
-   * 1/defocus_focus_m| pixels, at most 32, z being its pixel's depth and f_px the mean of k[0] and k[4]. Light from
-   * behind a pixel's surface spreads over it no farther than that surface blurs itself; what a near edge hides is
-   * filled in from beside it. kuafu_camera_desc's lens traces the same thing at the cost of samples. [0..1000 m] */
+  /* Radius of the aperture; with 0 all is in focus. A point becomes a disc of radius f_px defocus_lens_radius_m |1/z -
+   * 1/defocus_focus_m| pixels, at most 32, where z is the depth of its pixel and f_px the mean of k[0] and k[4]. Light
+   * from farther surfaces spreads over a nearer surface only as far as that surface is blurred itself, and what a near
+   * edge hides is filled in from the pixels beside it. The lens of kuafu_camera_desc computes the same blur exactly, by
+   * tracing more samples. [0..1000 m] */
   double defocus_lens_radius_m;
-  /* Distance that is sharp, > 0 where there is a lens; INFINITY is possible. [in m; 1 by default] */
+  /* Distance that is in focus, > 0 where defocus_lens_radius_m is set; INFINITY is allowed. [in m; 1 by default] */
   double defocus_focus_m;
-  /* Point spread: a Gaussian of variance psf_sigma_px^2 + (psf_corner_sigma_px r^2)^2 at the point it comes from; its
-   * kernel on the pixels has exactly that variance, and the sum 1. [1e-06..32 px; 0 means none] */
+  /* Point spread: a Gaussian of variance psf_sigma_px^2 + (psf_corner_sigma_px r^2)^2, where r is that of the point
+   * from which the light comes. Its kernel on the pixels has exactly that variance and the sum 1. [1e-06..32 px; 0
+   * means none] */
   double psf_sigma_px;
-  /* Part of the point spread that grows with r^2; in the corners it is this. [1e-06..32 px; 0 means none] */
+  /* The part of the point spread that grows with r^2; this is its value in the corners. [1e-06..32 px; 0 means none] */
   double psf_corner_sigma_px;
   /* Share of the light that is spread evenly over the image (ISO 9358). [0..1] */
   double veiling_glare_fraction;

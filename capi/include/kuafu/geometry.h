@@ -22,26 +22,26 @@ extern "C" {
 
 #define KUAFU_TYPE_INSTANCE_DESC 0x1004u
 
-/* What is in a scene; removed objects are not counted. */
+/* What a scene contains. Removed objects are not counted. */
 typedef struct kuafu_scene_summary {
   ks_header header;
-  /* Meshes. */
+  /* Number of meshes. */
   uint32_t mesh_count;
-  /* Textures. */
+  /* Number of textures. */
   uint32_t texture_count;
-  /* Materials. */
+  /* Number of materials. */
   uint32_t material_count;
-  /* Instances. */
+  /* Number of instances. */
   uint32_t instance_count;
-  /* Lights. */
+  /* Number of lights. */
   uint32_t light_count;
-  /* Cameras that files brought. */
+  /* Number of cameras that were loaded from files. */
   uint32_t camera_count;
-  /* Triangles of all instances. */
+  /* Number of triangles of all instances. */
   uint64_t triangle_count;
-  /* World bounds of all instances; +inf when empty. [in m] */
+  /* Lower corner of the box in the world that contains all instances; +inf where there is none. [in m] */
   double bounds_min_m[3];
-  /* -inf when empty. [in m] */
+  /* Upper corner of that box; -inf where there is no instance. [in m] */
   double bounds_max_m[3];
 } kuafu_scene_summary;
 static inline kuafu_scene_summary kuafu_scene_summary_init(void) {
@@ -51,24 +51,24 @@ static inline kuafu_scene_summary kuafu_scene_summary_init(void) {
   return s;
 }
 
-/* Triangles. normals, uvs and slots may be NULL. Data is copied. */
+/* A mesh of triangles. normals, uvs and slots may be NULL. The data is copied. */
 typedef struct kuafu_mesh_desc {
   ks_header header;
   /* Shown in messages; NULL is no name. */
   const char* name;
-  /* [vertex_count][3] metres. */
+  /* Array [vertex_count][3] in metres. */
   const float* positions;
-  /* [vertex_count][3] unit, or NULL: geometric normals. */
+  /* Array [vertex_count][3] of unit vectors, or NULL for the triangles' own normals. */
   const float* normals;
-  /* [vertex_count][2], v down as in glTF, or NULL. */
+  /* Array [vertex_count][2] of texture coordinates, v downwards as in glTF, or NULL. */
   const float* uvs;
-  /* [triangle_count][3]. */
+  /* Array [triangle_count][3]. */
   const uint32_t* indices;
-  /* [triangle_count] index into the instance's materials, or NULL: 0. */
+  /* Array [triangle_count] of indices into the instance's materials, or NULL for 0 everywhere. */
   const uint32_t* slots;
-  /* Vertices. */
+  /* Number of vertices. */
   uint32_t vertex_count;
-  /* Triangles. */
+  /* Number of triangles. */
   uint32_t triangle_count;
 } kuafu_mesh_desc;
 static inline kuafu_mesh_desc kuafu_mesh_desc_init(void) {
@@ -78,20 +78,20 @@ static inline kuafu_mesh_desc kuafu_mesh_desc_init(void) {
   return s;
 }
 
-/* An image. Row 0 first, u right, v down. Data is copied. */
+/* An image. Row 0 is first, u points right and v down. The data is copied. */
 typedef struct kuafu_texture_desc {
   ks_header header;
   /* Shown in messages; NULL is no name. */
   const char* name;
   /* [height][width][channels]. */
   const void* texels;
-  /* Width. [in px] */
+  /* Width in texels. [in px] */
   uint32_t width;
-  /* Height. [in px] */
+  /* Height in texels. [in px] */
   uint32_t height;
-  /* Channels of a texel. [1..4; 1 by default] */
+  /* Number of channels of a texel. [1..4; 1 by default] */
   uint32_t channels;
-  /* KS_FORMAT_U8 (0..1), KS_FORMAT_U16 (0..1), KS_FORMAT_F32. */
+  /* KS_FORMAT_U8 or KS_FORMAT_U16, both for 0..1, or KS_FORMAT_F32. */
   uint32_t format;
   /* Whether the colour channels are sRGB-encoded; else they are linear data. */
   uint32_t srgb;
@@ -106,27 +106,28 @@ static inline kuafu_texture_desc kuafu_texture_desc_init(void) {
   return s;
 }
 
-/* A mesh at a place, with materials. */
+/* A mesh placed in the world, with its materials. */
 typedef struct kuafu_instance_desc {
   ks_header header;
-  /* What kuafu_scene_instance_name gives; NULL is no name. */
+  /* Name that kuafu_scene_instance_name returns; NULL is no name. */
   const char* name;
   /* Id of the mesh. */
   uint32_t mesh;
-  /* Environment of the batch that has it. [KUAFU_ALL_ENVIRONMENTS by default] */
+  /* Index of the environment of the batch that contains this instance. [KUAFU_ALL_ENVIRONMENTS by default] */
   uint32_t environment;
-  /* [material_count], one per slot of the mesh; NULL or short: a grey Lambertian default. */
+  /* Array [material_count], one material for each slot of the mesh. Where it is NULL or too short, a grey Lambertian
+   * material is used. */
   const uint32_t* materials;
   /* Length of materials. */
   uint32_t material_count;
-  /* What KUAFU_OUTPUT_SEMANTIC_ID gives. */
+  /* Value of KUAFU_OUTPUT_SEMANTIC_ID on this instance. */
   uint32_t semantic_id;
   /* Pose and scale, row-major. [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1 by default] */
   double local_to_world[16];
-  /* Twist in the instance's own frame, m/s and rad/s. The frame has local_to_world's origin and rotation, not its scale
-   * (the rotation nearest to it, where it shears). [in m/s] */
+  /* Linear part of the twist in the instance's own frame, in m/s. The frame has the origin and the rotation of
+   * local_to_world but not its scale; where local_to_world shears, it has the nearest rotation. [in m/s] */
   double linear_velocity[3];
-  /* Of the same twist: pose(t) = pose exp(t [linear, angular]). [in rad/s] */
+  /* Angular part of the same twist, in rad/s: pose(t) = pose exp(t [linear, angular]). [in rad/s] */
   double angular_velocity[3];
 } kuafu_instance_desc;
 static inline kuafu_instance_desc kuafu_instance_desc_init(uint32_t mesh) {

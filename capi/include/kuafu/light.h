@@ -20,86 +20,96 @@ extern "C" {
 
 #define KUAFU_TYPE_LIGHT_DESC 0x1005u
 
-/* kuafu_light_desc.kind: What shines. */
-/* A point, or a sphere of radius_m. */
+/* kuafu_light_desc.kind: Kind of the light, which decides the fields that are read. */
+/* A point, or a luminous sphere of radius_m. */
 #define KUAFU_LIGHT_POINT 1u
-/* A point with a textured radiant intensity: texture value in [0,1] times intensity, towards pixel (u,v) of K,
- * bilinear, 0 outside. */
+/* A point whose radiant intensity is an image: towards pixel (u, v) of k it is the texture's value in [0,1] times
+ * intensity, interpolated bilinearly, and 0 outside the image. */
 #define KUAFU_LIGHT_PROJECTOR 2u
-/* From infinitely far, along +z; a disc of half angle angle_rad in the sky. */
+/* Light from infinitely far away that travels along +z; angle_rad makes it a disc in the sky. */
 #define KUAFU_LIGHT_DIRECTIONAL 3u
-/* A point; full within inner_rad of +z, falling to 0 at outer_rad as KHR_lights_punctual says. */
+/* A point with a cone of light around +z: full intensity within inner_rad, falling to 0 at outer_rad as
+ * KHR_lights_punctual defines it. */
 #define KUAFU_LIGHT_SPOT 4u
-/* size_m, centred in the frame's xy plane; shines towards +z. */
+/* A luminous rectangle of size_m, centred in the xy plane of the light's frame, that emits towards +z. */
 #define KUAFU_LIGHT_RECTANGLE 5u
-/* radius_m, the same. */
+/* A luminous disk of radius_m, centred in the same plane, that emits towards +z. */
 #define KUAFU_LIGHT_DISK 6u
 
 #define KUAFU_TYPE_ENVIRONMENT_DESC 0x1007u
 
-/* A light. Those with an extent are seen, by the camera and in mirrors, and block nothing; both light and BSDF samples
- * find them. */
+/* A light. Lights with an extent are visible to the camera and in mirrors, and cast no shadows. They are sampled both
+ * directly and by rays that hit them. */
 typedef struct kuafu_light_desc {
   ks_header header;
   const char* name;
-  /* What shines. [point by default] */
+  /* Kind of the light, which decides the fields that are read. [point by default] */
   uint32_t kind;
-  /* Environment of the batch that has it. [KUAFU_ALL_ENVIRONMENTS by default] */
+  /* Index of the environment of the batch that contains this light. [KUAFU_ALL_ENVIRONMENTS by default] */
   uint32_t environment;
-  /* Visible band. Point, spot, projector: radiant intensity, W/sr; directional: irradiance on a surface that faces it,
-   * W/m^2; rectangle, disk: radiance, W/(sr m^2). A projector's is 0 by default: an RGB camera does not see it. [>= 0] */
+  /* Intensity in the visible band. Point, spot and projector: radiant intensity in W/sr. Directional: irradiance on a
+   * surface that faces the light, in W/m^2. Rectangle and disk: radiance in W/(sr m^2). A projector's is 0 by default,
+   * since an RGB camera does not see it. [>= 0] */
   float intensity[3];
-  /* Infrared band, the same unit. [>= 0; NAN = red of intensity times kuafu_render_desc.ir_ambient_scale] */
+  /* Intensity in the infrared band, in the same unit. [>= 0; NAN = red of intensity times
+   * kuafu_render_desc.ir_ambient_scale] */
   float ir_intensity;
-  /* +z is the projector's optical axis, x right, y down. [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1 by default] */
+  /* Pose, row-major. +z is the optical axis, x points right and y down. [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1
+   * by default] */
   double light_to_world[16];
-  /* Projector: pattern, red channel read linearly (KUAFU_NONE with dots). Else a factor, or KUAFU_NONE: over a
-   * rectangle or a disk's square; over the square around a spot's outer cone; equirectangular around a point;
-   * directional: tiles of size_m across it. [KUAFU_NONE by default] */
+  /* Projector: the pattern, whose red channel is read linearly, or KUAFU_NONE where dots are given. All other kinds: an
+   * image that multiplies the light, or KUAFU_NONE. It covers a rectangle, the square around a disk, or the square
+   * around a spot's outer cone; a point light reads it as an equirectangular map; a directional light repeats it as
+   * tiles of size_m. [KUAFU_NONE by default] */
   uint32_t texture;
-  /* KUAFU_OUTPUT_LIGHT_GROUP_0 + light_group gets its light; a projector's goes to its own two outputs. [0..3] */
+  /* Light group of this light: KUAFU_OUTPUT_LIGHT_GROUP_0 + light_group receives it. A projector's light goes to the
+   * projector's two outputs instead. [0..3] */
   uint32_t light_group;
-  /* Projector: row-major 3x3 in pixels of the texture. [1, 0, 0, 0, 1, 0, 0, 0, 1 by default] */
+  /* Projector: camera matrix in pixels of the pattern, row-major 3x3. [1, 0, 0, 0, 1, 0, 0, 0, 1 by default] */
   double k[9];
-  /* Point: of the sphere that shines, 0 = a point; disk; projector: of its lens, which blurs by radius |1/z -
-   * 1/focus_m| f. [>= 0 m] */
+  /* Point: radius of the luminous sphere, 0 for a point. Disk: its radius. Projector: radius of its lens, which blurs
+   * the pattern by the radius |1/z - 1/focus_m| f. [>= 0 m] */
   double radius_m;
-  /* Directional: half angle of its disc, 0 = parallel light; at most pi/2. [in rad] */
+  /* Directional: half angle of the disc in the sky, at most pi/2; 0 is parallel light. [in rad] */
   double angle_rad;
-  /* Spot: half angles, 0 <= inner < outer <= pi/2. [in rad] */
+  /* Spot: half angle of the cone with full intensity; 0 <= inner < outer <= pi/2. [in rad] */
   double inner_rad;
-  /* Spot: half angles, 0 <= inner < outer <= pi/2. [in rad; 0.7853981633974483 by default] */
+  /* Spot: half angle of the cone outside which there is no light; 0 <= inner < outer <= pi/2. [in rad;
+   * 0.7853981633974483 by default] */
   double outer_rad;
-  /* Rectangle: width and height; directional with a texture: of a tile. [in m] */
+  /* Rectangle: width and height. Directional with a texture: size of a tile. [in m] */
   double size_m[2];
-  /* Projector: k1 k2 p1 p2 k3 k4 k5 k6 of Brown and Conrady (OpenCV's order). [-1000000..1000000] */
+  /* Projector: the lens distortion k1 k2 p1 p2 k3 k4 k5 k6 of Brown and Conrady, in OpenCV's order. [-1000000..1000000] */
   double distortion[8];
-  /* Projector: intensity times cos^falloff of the angle from its axis. [>= 0] */
+  /* Projector: the intensity is multiplied by cos^falloff of the angle from the optical axis. [>= 0] */
   double falloff;
-  /* Projector: distance of its sharpest image; 0 = sharp everywhere. [>= 0 m] */
+  /* Projector: distance at which the pattern is sharpest; with 0 it is sharp everywhere. [>= 0 m] */
   double focus_m;
-  /* Projector: magnifies the pattern about K's principal point, > 0; 1 = neutral. [> 0; 1 by default] */
+  /* Projector: magnification of the pattern about the principal point, > 0; 1 changes nothing. [> 0; 1 by default] */
   double pattern_scale;
-  /* Projector: [dot_count][3] u, v in pixels and power, or NULL: its pattern is `texture`. Else a Gaussian each,
-   * integrated over the pixels of pattern_width x pattern_height, which K's pixels then are; power is the pattern's
-   * integral over the dot in pixels squared, so a lone dot peaks at about power / (2 pi dot_sigma_px^2). Copied; as
-   * read back: valid until the scene changes. */
+  /* Projector: array [dot_count][3] of each dot's u and v in pixels and its power, or NULL where the pattern is
+   * `texture`. Each dot is a Gaussian, integrated over the pixels of an image of pattern_width x pattern_height, to
+   * which k then refers. A dot's power is the integral of the pattern over the dot in pixels squared, so that a single
+   * dot has a peak of about power / (2 pi dot_sigma_px^2). The array is copied. A pointer that kuafu_scene_get_light
+   * returns is valid until the scene changes. */
   const float* dots;
   /* Number of dots. */
   uint32_t dot_count;
-  /* Width of the dots' image. [in px] */
+  /* Width in pixels of the image of the dots. [in px] */
   uint32_t pattern_width;
-  /* Height of the dots' image. [in px] */
+  /* Height in pixels of the image of the dots. [in px] */
   uint32_t pattern_height;
-  /* Sigma of each dot, > 0 where there are dots. [in px] */
+  /* Standard deviation of each dot, > 0 where there are dots. [in px] */
   float dot_sigma_px;
-  /* Of the twist in the light's own frame: pose(t) = light_to_world exp(t [linear, angular]). [-1000000..1000000 m/s] */
+  /* Linear part of the twist in the light's own frame: pose(t) = light_to_world exp(t [linear, angular]).
+   * [-1000000..1000000 m/s] */
   double linear_velocity[3];
-  /* Of the same twist. [-1000000..1000000 rad/s] */
+  /* Angular part of the same twist. [-1000000..1000000 rad/s] */
   double angular_velocity[3];
-  /* It shines within this window of the frame's time; equal ends mean always. [>= -inf s] */
+  /* Time at which the light is switched on within a frame; where it equals on_until_s the light is always on. [>= -inf
+   * s] */
   double on_from_s;
-  /* End of the window. [>= -inf s] */
+  /* Time at which the light is switched off. [>= -inf s] */
   double on_until_s;
 } kuafu_light_desc;
 static inline kuafu_light_desc kuafu_light_desc_init(uint32_t kind) {
@@ -122,21 +132,21 @@ static inline kuafu_light_desc kuafu_light_desc_init(uint32_t kind) {
   return s;
 }
 
-/* Radiance from all directions, seen by every ray that leaves the scene: uniform, or times an equirectangular map,
- * which is sampled by its brightness. */
+/* Light that arrives from all directions, seen by every ray that leaves the scene. It is uniform, or multiplied by an
+ * equirectangular map, from which directions are sampled in proportion to brightness. */
 typedef struct kuafu_environment_desc {
   ks_header header;
-  /* Visible band. [>= 0 W/(sr m^2)] */
+  /* Radiance in the visible band. [>= 0 W/(sr m^2)] */
   float radiance[3];
-  /* Infrared band. [>= 0 W/(sr m^2); NAN = red of radiance times ir_ambient_scale plus ir_ambient_radiance
-   * (kuafu_render_desc)] */
+  /* Radiance in the infrared band. [>= 0 W/(sr m^2); NAN = red of radiance times ir_ambient_scale plus
+   * ir_ambient_radiance (kuafu_render_desc)] */
   float ir_radiance;
-  /* Factor (infrared: its red). Its middle column lies towards +z of the map's frame, columns go towards +x, row 0 is
-   * -y (up). [KUAFU_NONE by default] */
+  /* Equirectangular map that multiplies the radiance; the infrared band uses its red channel. Its middle column lies
+   * towards +z of the map's frame, its columns run towards +x, and its first row is -y (up). [KUAFU_NONE by default] */
   uint32_t texture;
-  /* Group of outputs that gets its light. [0..3] */
+  /* Light group of the environment's light. [0..3] */
   uint32_t light_group;
-  /* Rotation, row-major. [1, 0, 0, 0, 1, 0, 0, 0, 1 by default] */
+  /* Rotation of the map, row-major. [1, 0, 0, 0, 1, 0, 0, 0, 1 by default] */
   double map_to_world[9];
 } kuafu_environment_desc;
 static inline kuafu_environment_desc kuafu_environment_desc_init(void) {

@@ -18,18 +18,19 @@ extern "C" {
 
 #define KUAFU_TYPE_MATERIAL_DESC 0x1003u
 
-/* kuafu_material_desc.bsdf: How base and layer are put together. */
-/* glTF 2.0's: a dielectric's base lies under a reflecting layer, with Fresnel's exact reflectance of ior times
- * specular; the base gets and gives what the layer lets through (Kelemen and Szirmay-Kalos 2001): a white one loses
- * nothing. */
+/* kuafu_material_desc.bsdf: How the base and the reflecting layer are combined. */
+/* glTF 2.0's: the base of a dielectric lies under a reflecting layer, whose reflectance is Fresnel's for ior, times
+ * specular. The base receives and gives off the light that the layer transmits (Kelemen and Szirmay-Kalos 2001), so
+ * that a white base loses no light. */
 #define KUAFU_BSDF_GLTF 0u
-/* w f_diffuse + (1 - w) f_specular, w = (1 - metallic)(1 - transmission): no layer. */
+/* The weighted sum w f_diffuse + (1 - w) f_specular with w = (1 - metallic)(1 - transmission), without a layer. */
 #define KUAFU_BSDF_PAPER 1u
 
-/* glTF 2.0's material model: GGX (alpha = roughness squared), metallic-roughness,
- * KHR_materials_ior/specular/transmission/volume; no roughness loses or creates light. As KHR_materials_volume has it,
- * transmission without its thicknessFactor is read as thin_walled. Fields that glTF has no words for are read from a
- * material's extras under their names here; textures there as {"index": n}. */
+/* A surface's material, by glTF 2.0's model: a GGX microfacet layer (alpha is the square of roughness),
+ * metallic-roughness, and KHR_materials_ior, specular, transmission and volume. Energy is conserved at every roughness.
+ * Transmission without a thicknessFactor is read as thin_walled, as KHR_materials_volume defines it. Fields that glTF
+ * has no words for are read from a material's extras, under the names that they have here; a texture there is written
+ * {"index": n}. */
 typedef struct kuafu_material_desc {
   ks_header header;
   const char* name;
@@ -39,11 +40,12 @@ typedef struct kuafu_material_desc {
   float metallic;
   /* Its square is the alpha of GGX. [0..1; 1 by default] */
   float roughness;
-  /* Weight of the reflecting layer; 0 with metallic 0 is exactly Lambertian. [0..1; 1 by default] */
+  /* Weight of the reflecting layer. With specular 0 and metallic 0 the surface is exactly Lambertian. [0..1; 1 by
+   * default] */
   float specular;
   /* Index of refraction. [>= 1; 1.5 by default] */
   float ior;
-  /* Share of the base that is glass. [0..1] */
+  /* Share of the light entering the base that passes through it, as in glass. [0..1] */
   float transmission;
   /* Radiance in the visible band. [>= 0 W/(sr m^2)] */
   float emission[3];
@@ -51,61 +53,63 @@ typedef struct kuafu_material_desc {
   float ir_albedo;
   /* Radiance in the infrared band. [>= 0 W/(sr m^2)] */
   float ir_emission;
-  /* RGB, times base_color. [KUAFU_NONE by default] */
+  /* Its RGB multiplies base_color. [KUAFU_NONE by default] */
   uint32_t base_color_texture;
-  /* G times roughness, B times metallic. [KUAFU_NONE by default] */
+  /* Its green channel multiplies roughness, its blue channel metallic. [KUAFU_NONE by default] */
   uint32_t metallic_roughness_texture;
-  /* Normals in tangent space, as glTF has them. [KUAFU_NONE by default] */
+  /* Normals in tangent space, encoded as in glTF. [KUAFU_NONE by default] */
   uint32_t normal_texture;
-  /* RGB, times emission. [KUAFU_NONE by default] */
+  /* Its RGB multiplies emission. [KUAFU_NONE by default] */
   uint32_t emission_texture;
-  /* R, times transmission. [KUAFU_NONE by default] */
+  /* Its red channel multiplies transmission. [KUAFU_NONE by default] */
   uint32_t transmission_texture;
-  /* A, times specular. [KUAFU_NONE by default] */
+  /* Its alpha channel multiplies specular. [KUAFU_NONE by default] */
   uint32_t specular_texture;
-  /* Roughness of the glass; 0 is clear. Files give it their roughness. [0..1] */
+  /* Roughness of transmitted light; 0 is clear glass. For a material of a file it is the material's roughness. [0..1] */
   float transmission_roughness;
-  /* Oren and Nayar's, in Fujii's form; 0 is Lambert. [0..1] */
+  /* Roughness of the diffuse base by Oren and Nayar's model in Fujii's form; 0 is Lambertian. [0..1] */
   float diffuse_roughness;
-  /* Colour of white light after attenuation_distance_m inside the glass (KHR_materials_volume). [0..1; 1, 1, 1 by
+  /* Colour that white light has after attenuation_distance_m inside the glass (KHR_materials_volume). [0..1; 1, 1, 1 by
    * default] */
   float attenuation_color[3];
-  /* The same in the infrared band. [0..1; NAN = red of attenuation_color] */
+  /* The same as attenuation_color, in the infrared band. [0..1; NAN = red of attenuation_color] */
   float ir_attenuation_color;
-  /* 0: nothing is absorbed. [>= 0 m] */
+  /* Distance for attenuation_color; with 0 nothing is absorbed. [>= 0 m] */
   float attenuation_distance_m;
-  /* How base and layer are put together. [gltf by default] */
+  /* How the base and the reflecting layer are combined. [gltf by default] */
   uint32_t bsdf;
-  /* Group of outputs that its emission belongs to. [0..3] */
+  /* Light group of the light that the surface emits. [0..3] */
   uint32_t light_group;
-  /* Its glass is a sheet, not the skin of a body: light goes through both faces at once and straight on, after all
-   * reflections between them; base_color is what one way across leaves, attenuation is not used. */
+  /* Whether transmitted light crosses a thin sheet instead of entering a body. It then passes both faces at once and
+   * keeps its direction, with all reflections between the faces included. base_color is the colour after one crossing,
+   * and attenuation is not used. */
   uint32_t thin_walled;
-  /* R, times ir_albedo (1 where that is NAN). With neither, the infrared band has the red of base_color_texture.
-   * [KUAFU_NONE by default] */
+  /* Its red channel multiplies ir_albedo, or 1 where ir_albedo is NAN. Without this texture and without ir_albedo the
+   * infrared band uses the red channel of base_color_texture. [KUAFU_NONE by default] */
   uint32_t ir_albedo_texture;
-  /* What roughness is in the infrared band. [0..1; NAN = roughness] */
+  /* Roughness in the infrared band. [0..1; NAN = roughness] */
   float ir_roughness;
-  /* What ior is in the infrared band. [>= 1; NAN = ior] */
+  /* Index of refraction in the infrared band. [>= 1; NAN = ior] */
   float ir_ior;
-  /* What transmission is in the infrared band. [0..1; NAN = transmission] */
+  /* Transmission in the infrared band. [0..1; NAN = transmission] */
   float ir_transmission;
-  /* What transmission_roughness is in the infrared band. [0..1; NAN = transmission_roughness] */
+  /* Roughness of transmitted light in the infrared band. [0..1; NAN = transmission_roughness] */
   float ir_transmission_roughness;
-  /* Share of the diffuse base whose light wanders below the surface of the (closed) body; seen from outside. [0..1] */
+  /* Share of the diffuse base whose light scatters below the surface. The surface must be closed, and the effect is
+   * rendered for rays from outside. [0..1] */
   float subsurface;
-  /* Albedo of what wanders, where the body is big against the radius; base_color does not tint it. [0..1; 1, 1, 1 by
-   * default] */
+  /* Albedo of the light that scatters below the surface, for a body much larger than the radius; base_color does not
+   * tint it. [0..1; 1, 1, 1 by default] */
   float subsurface_color[3];
-  /* Mean free path below the surface; at least 1e-4 of the distance to the world's origin is resolved. Scattering is
-   * even; projector light that wandered is projector indirect: what is left direct has no noise. [> 0 m; 0.001, 0.001,
-   * 0.001 by default] */
+  /* Mean free path below the surface. Values below 1e-4 of the distance to the world's origin are not resolved.
+   * Scattering is isotropic. Projector light that scattered below a surface belongs to the projector's indirect light,
+   * so that the direct light stays free of noise. [> 0 m; 0.001, 0.001, 0.001 by default] */
   float subsurface_radius_m[3];
-  /* The same in the infrared band. [0..1; NAN = red of subsurface_color] */
+  /* The same as subsurface_color, in the infrared band. [0..1; NAN = red of subsurface_color] */
   float ir_subsurface_color;
-  /* The same in the infrared band. [> 0 m; NAN = red of subsurface_radius_m] */
+  /* The same as subsurface_radius_m, in the infrared band. [> 0 m; NAN = red of subsurface_radius_m] */
   float ir_subsurface_radius_m;
-  /* R: ior becomes 1 + (ior - 1) R. [KUAFU_NONE by default] */
+  /* Its red channel R changes the index of refraction to 1 + (ior - 1) R. [KUAFU_NONE by default] */
   uint32_t ior_texture;
   /* Must be 0. */
   uint32_t reserved;

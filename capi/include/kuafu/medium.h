@@ -15,29 +15,32 @@ extern "C" {
 
 #define KUAFU_TYPE_MEDIUM_DESC 0x1010u
 
-/* A homogeneous participating medium (fog, smoke, dusty air): it fills its box outside of bodies, which are closed
- * surfaces that transmit. Light that only got dimmed on its ways stays in its light group; projector light that was
- * scattered is projector indirect. A scattering counts as a bounce. Light from infinitely far (environment, directional
- * lights) is dimmed on its way through the whole box: through an endless medium none arrives. */
+/* A homogeneous participating medium such as fog, smoke or dusty air. It fills a box, except inside bodies (closed
+ * surfaces that transmit light). Light that is only dimmed stays in its light group; projector light that is scattered
+ * becomes projector indirect light. A scattering counts as a bounce. Light from infinitely far away (environment,
+ * directional lights) is dimmed along its path through the whole box, so that none arrives through an unbounded medium. */
 typedef struct kuafu_medium_desc {
   ks_header header;
-  /* Visible band: radiance falls by e after 1/extinction metres. [>= 0 1/m] */
+  /* Extinction in the visible band: the radiance falls by the factor e over a distance of 1/extinction metres. [>= 0
+   * 1/m] */
   float extinction_per_m[3];
-  /* The same in the infrared band. [>= 0 1/m; NAN = red of extinction_per_m] */
+  /* Extinction in the infrared band. [>= 0 1/m; NAN = red of extinction_per_m] */
   float ir_extinction_per_m;
-  /* 0..1, share of the extinction that is scattering; 0 = absorption alone, which is exact and costs least. [0..1] */
+  /* Share of the extinction that is scattering, 0..1. 0 is absorption alone, which is exact and fastest. [0..1] */
   float albedo[3];
-  /* The same in the infrared band. [0..1; NAN = red of albedo] */
+  /* The same share in the infrared band. [0..1; NAN = red of albedo] */
   float ir_albedo;
-  /* Mean cosine of scattering (Henyey and Greenstein), in (-1, 1); 0 is even, > 0 forward. */
+  /* Mean cosine of the scattering angle (Henyey and Greenstein), in (-1, 1). 0 is isotropic, positive values scatter
+   * forwards. */
   float phase_g;
-  /* So far from a camera its window and housing keep the medium out of what it sees; the projector's light is brightest
-   * there. [>= 0 m] */
+  /* Distance from a camera over which its window and housing keep the medium out of its view. The projector's light is
+   * brightest there. [>= 0 m] */
   float housing_m;
-  /* Lower corner of its box in the world; -1e9..1e9, or infinite where it has no bound. [in m; -inf, -inf, -inf by
+  /* Lower corner of the medium's box in the world, -1e9..1e9, or infinite for no bound. [in m; -inf, -inf, -inf by
    * default] */
   double bounds_min_m[3];
-  /* Upper corner, likewise. [in m; inf, inf, inf by default] */
+  /* Upper corner of the medium's box in the world, -1e9..1e9, or infinite for no bound. [in m; inf, inf, inf by
+   * default] */
   double bounds_max_m[3];
 } kuafu_medium_desc;
 static inline kuafu_medium_desc kuafu_medium_desc_init(void) {

@@ -15,35 +15,36 @@ extern "C" {
 
 typedef struct kuafu_buffer_t* kuafu_buffer;
 
-/* What an output holds; C is the channel count for an infrared / a visible view. Radiance is the mean over the pixel's square.
- * Formats: F32, F16, U16 or U8 for numbers; U32, U16 or U8 for ids. See kuafu_output_desc.scale. */
-#define KUAFU_OUTPUT_RADIANCE 1u           /* 1 / 3: sum of all light groups */
-#define KUAFU_OUTPUT_PROJECTOR_DIRECT 2u   /* 1 / 3: projector light with one surface between it and the camera (mirrors and smooth glass not counted) */
-#define KUAFU_OUTPUT_PROJECTOR_INDIRECT 3u /* 1 / 3: the rest of the projectors' light */
-#define KUAFU_OUTPUT_AMBIENT 4u            /* 1 / 3: every other light */
-#define KUAFU_OUTPUT_LIGHT_GROUP_0 5u      /* C each: lights, emission and environment of one light_group; + 1, + 2, + 3 for the others. Together they are AMBIENT */
-/* C: variance of the pixel's mean, of all light groups, before denoising and film optics; infinite for one sample. Unbiased for whole multiples of 8 samples: where it is
- * asked for, samples are dealt out to 8 independent sequences, so the noise of the images is another than without it. */
+/* What an output contains. The comment of each begins with its number of channels; C is 1 for an infrared and 3 for a visible view. Radiance is the mean
+ * over the pixel's area. The formats are F32, F16, U16 or U8 for numbers and U32, U16 or U8 for ids; see kuafu_output_desc.scale. */
+#define KUAFU_OUTPUT_RADIANCE 1u           /* C: all light, the sum of the light groups */
+#define KUAFU_OUTPUT_PROJECTOR_DIRECT 2u   /* C: projector light that met one surface on its path to the camera (mirrors and smooth glass are not counted) */
+#define KUAFU_OUTPUT_PROJECTOR_INDIRECT 3u /* C: all other light of projectors */
+#define KUAFU_OUTPUT_AMBIENT 4u            /* C: the light of everything but projectors */
+#define KUAFU_OUTPUT_LIGHT_GROUP_0 5u      /* C: light of the lights, emissive surfaces and environment with light_group 0; + 1, + 2, + 3 for the others. AMBIENT is their sum */
+/* C: variance of the pixel's mean over all light groups, before the denoiser and the film optics; infinite for one sample. It is unbiased for multiples of
+ * 8 samples. Where this output is asked for, the samples are divided into 8 independent sequences, so that the images have other noise than without it. */
 #define KUAFU_OUTPUT_VARIANCE 9u
-#define KUAFU_OUTPUT_SAMPLE_COUNT 10u /* 1, U32: samples in the pixel's mean */
-/* AOVs are taken at the pixel's centre. Where nothing is hit, positions and places are NaN, ids KUAFU_NONE, all else 0. */
+#define KUAFU_OUTPUT_SAMPLE_COUNT 10u /* 1, U32: number of samples in the pixel's mean */
+/* AOVs (arbitrary output variables) describe what the ray through the pixel's centre hits. Where it hits nothing, positions are NaN, ids are KUAFU_NONE, and
+ * all others are 0. */
 #define KUAFU_OUTPUT_DEPTH 16u             /* 1: z in metres, 0 = nothing hit */
-#define KUAFU_OUTPUT_NORMAL 17u            /* 3: shading normal, world frame, 0 = nothing hit */
+#define KUAFU_OUTPUT_NORMAL 17u            /* 3: shading normal in the world's frame, 0 = nothing hit */
 #define KUAFU_OUTPUT_INSTANCE_ID 18u       /* 1, id: instance id, KUAFU_NONE = nothing hit */
 #define KUAFU_OUTPUT_MATERIAL_ID 19u       /* 1, id: material id, KUAFU_NONE = nothing hit */
 #define KUAFU_OUTPUT_SEMANTIC_ID 20u       /* 1, id: kuafu_instance_desc.semantic_id */
-#define KUAFU_OUTPUT_POSITION 21u          /* 3: world, metres */
-#define KUAFU_OUTPUT_ALBEDO 22u            /* C: base colour in the band: diffuse albedo, or a metal's reflectance */
-#define KUAFU_OUTPUT_ROUGHNESS 23u         /* 1: of the material there */
-#define KUAFU_OUTPUT_TRANSMISSION 24u      /* 1: of the material there */
-/* Of one projector (kuafu_render_desc.projector), dark in the band or not. Its light on a Lambertian surface, without lens falloff, is
- * albedo / pi * intensity * pattern(uv) * visibility * geometry. */
-#define KUAFU_OUTPUT_PROJECTOR_UV 25u         /* 2: pixel of its pattern, centres at integers; NaN outside the pattern */
-#define KUAFU_OUTPUT_PROJECTOR_VISIBILITY 26u /* 1: 1 where the straight way from it is free and the surface faces it inside the pattern, else 0; glass blocks */
-#define KUAFU_OUTPUT_PROJECTOR_GEOMETRY 27u   /* 1: cos / distance^2 with the shading normal, 1/m^2; 0 where the surface faces away; shadows do not matter */
-/* 2, pixels: where the camera sees the surface point now, less where it saw it one frame before (kuafu_scene_next_frame and
- * kuafu_view_desc.previous_camera_to_world), at the same time of the frame; NaN where that was behind the camera. Deformations of meshes are
- * not known to it. */
+#define KUAFU_OUTPUT_POSITION 21u          /* 3: position in the world, metres */
+#define KUAFU_OUTPUT_ALBEDO 22u            /* C: base colour in the view's band: diffuse albedo, or a metal's reflectance */
+#define KUAFU_OUTPUT_ROUGHNESS 23u         /* 1: roughness of the material */
+#define KUAFU_OUTPUT_TRANSMISSION 24u      /* 1: transmission of the material */
+/* These three refer to one projector (kuafu_render_desc.projector), whether it shines in the view's band or not. Without lens falloff, its light on a
+ * Lambertian surface is albedo / pi * intensity * pattern(uv) * visibility * geometry. */
+#define KUAFU_OUTPUT_PROJECTOR_UV 25u         /* 2: pixel of the pattern, centres at integers; NaN outside the pattern */
+#define KUAFU_OUTPUT_PROJECTOR_VISIBILITY 26u /* 1: 1 where the surface faces the projector within the pattern and nothing, not even glass, lies between them; else 0 */
+#define KUAFU_OUTPUT_PROJECTOR_GEOMETRY 27u   /* 1: cos / distance^2 with the shading normal, in 1/m^2, without shadows; 0 where the surface faces away */
+/* 2, pixels: where the camera sees the surface point now, minus where it saw the point one frame earlier (kuafu_scene_next_frame and
+ * kuafu_view_desc.previous_camera_to_world), at the same time within the frame; NaN where the point was behind the camera. It does not include
+ * deformations of meshes. */
 #define KUAFU_OUTPUT_MOTION 28u
 
 #define KUAFU_TYPE_OUTPUT_DESC 0x1009u
@@ -53,13 +54,13 @@ typedef struct kuafu_output_desc {
   ks_header header;
   /* One of KUAFU_OUTPUT_*. */
   uint32_t output;
-  /* Numbers are written times this. 0: 1 for F32 and F16; 255 for U8 and 65535 for U16, so that 1.0 is full range. U8
-   * and U16 are rounded and clamped, NaN is 0; F16 is clamped to +-65504. Ids are not scaled; ids of the scene that do
-   * not fit their format are an error, and KUAFU_NONE is the format's largest number. */
+  /* Factor by which numbers are multiplied. 0 means 1 for F32 and F16, 255 for U8 and 65535 for U16, so that 1.0 is the
+   * full range. U8 and U16 are rounded and clamped, and NaN becomes 0; F16 is clamped to +-65504. Ids are not scaled.
+   * An id of the scene that does not fit its format is an error, and KUAFU_NONE is the format's largest number. */
   float scale;
-  /* Where it is written. */
+  /* Buffer that is written. */
   kuafu_buffer buffer;
-  /* [view_count][height][width][C], packed in the last two dimensions. */
+  /* Place and shape [view_count][height][width][C] in the buffer, packed in the last two dimensions. */
   ks_image_desc image;
 } kuafu_output_desc;
 static inline kuafu_output_desc kuafu_output_desc_init(uint32_t output, kuafu_buffer buffer, ks_image_desc image) {

@@ -20,58 +20,58 @@ extern "C" {
 
 #define KUAFU_TYPE_RENDERER_DESC 0x100cu
 
-/* kuafu_renderer_desc.tracer: Who traces rays. */
-/* Embree on CPU devices, the own BVH in compute on GPUs. */
+/* kuafu_renderer_desc.tracer: What traces the rays. */
+/* Embree on CPU devices, and our own bounding volume hierarchy (BVH) in Vulkan compute on GPUs. */
 #define KUAFU_TRACER_AUTO 0u
 /* Embree, on the host. */
 #define KUAFU_TRACER_EMBREE 1u
-/* The own BVH in Vulkan compute. */
+/* Our own BVH in Vulkan compute. */
 #define KUAFU_TRACER_COMPUTE 2u
-/* The driver's ray tracing pipelines (VK_KHR_ray_tracing_pipeline). It needs KS_CAP_RAY_TRACING_PIPELINE and is worth
- * choosing on GPUs with hardware for rays, which no Vulkan query tells; on an H200, which has none, the own BVH is 1.8
- * times as fast. */
+/* The driver's ray tracing pipelines (VK_KHR_ray_tracing_pipeline). They need KS_CAP_RAY_TRACING_PIPELINE and are worth
+ * choosing on GPUs with ray tracing hardware, which no Vulkan query reports. On an H200, which has no such hardware,
+ * our own BVH is 1.8 times as fast. */
 #define KUAFU_TRACER_RT_PIPELINE 3u
 
 #define KUAFU_TYPE_VIEW_DESC 0x1008u
 
-/* kuafu_view_desc.band: What is seen. */
-/* RGB: the projector gives its visible intensity, 0 by default. */
+/* kuafu_view_desc.band: Band of wavelengths that is rendered. */
+/* RGB. A projector has its visible intensity, which is 0 by default. */
 #define KUAFU_BAND_VISIBLE 0u
-/* One channel: ir_albedo, ir intensities, ambient lights scaled. */
+/* One channel, with ir_albedo, the lights' infrared intensities and the scaled ambient light. */
 #define KUAFU_BAND_INFRARED 1u
 
 #define KUAFU_TYPE_RENDER_DESC 0x100au
 
-/* kuafu_render_desc.light_sampling: How light with an extent (rectangles, disks, spheres, emissive surfaces, the
- * environment's map) is found. All three give the same mean. */
-/* By samples of the lights and of the BSDF, weighted (Veach's power heuristic). */
+/* kuafu_render_desc.light_sampling: How the light of rectangles, disks, spheres, emissive surfaces and the
+ * environment's map is sampled. All three ways have the same expected image. */
+/* Samples of the lights and of the BSDF are combined by Veach's power heuristic. */
 #define KUAFU_SAMPLING_MIS 0u
-/* By samples of the lights alone, except in mirrors. */
+/* Only the lights are sampled, except in mirrors. */
 #define KUAFU_SAMPLING_LIGHTS 1u
-/* By samples of the BSDF alone. */
+/* Only the BSDF is sampled. */
 #define KUAFU_SAMPLING_BSDF 2u
 
-/* kuafu_render_desc.denoise: What takes the noise out of the image. The projectors' direct light carries the dots and
- * is never touched; all other images of light are. Same inputs, same bits. */
-/* Nothing. */
+/* kuafu_render_desc.denoise: Denoiser. It filters all images of light but the projectors' direct light, which carries
+ * the dots and has no noise. The same inputs give the same bits. */
+/* No denoiser. */
 #define KUAFU_DENOISE_NONE 0u
-/* Filter guided by surfaces and by the samples' own scatter; then 16 rays per pixel put textures and edges back where
- * there are some. */
+/* A filter that is guided by the surfaces and by the scatter of the samples; 16 more rays per pixel then restore
+ * textures and edges. */
 #define KUAFU_DENOISE_ATROUS 1u
-/* Open Image Denoise, versions 1 and 2, opened at run time, on the host; KS_ERROR_UNSUPPORTED where it is not found. */
+/* Open Image Denoise, version 1 or 2, opened at run time on the host; KS_ERROR_UNSUPPORTED where it is not found. */
 #define KUAFU_DENOISE_OIDN 2u
 
 #define KUAFU_TYPE_RENDER_SUMMARY 0x100eu
 
-/* How a renderer finds what rays meet, and its optional denoiser. */
+/* How a renderer traces rays, and where its optional denoiser is. */
 typedef struct kuafu_renderer_desc {
   ks_header header;
-  /* Who traces rays. [auto by default] */
+  /* What traces the rays. [auto by default] */
   uint32_t tracer;
   /* Must be 0. */
   uint32_t reserved;
-  /* Path of Open Image Denoise's library, for KUAFU_DENOISE_OIDN; NULL: environment variable KUAFU_OIDN_LIBRARY, else
-   * its usual names. */
+  /* Path of Open Image Denoise's library, for KUAFU_DENOISE_OIDN. NULL uses the environment variable
+   * KUAFU_OIDN_LIBRARY, and the library's usual names where that is not set. */
   const char* oidn_library;
 } kuafu_renderer_desc;
 static inline kuafu_renderer_desc kuafu_renderer_desc_init(void) {
@@ -84,15 +84,15 @@ static inline kuafu_renderer_desc kuafu_renderer_desc_init(void) {
 /* One image to render. */
 typedef struct kuafu_view_desc {
   ks_header header;
-  /* The camera; its length is that of this header. */
+  /* The camera. Its length is the one in this header. */
   kuafu_camera_desc camera;
-  /* What is seen. [visible by default] */
+  /* Band of wavelengths that is rendered. [visible by default] */
   uint32_t band;
-  /* Which environment of the batch this view looks into; 0 for a single one. */
+  /* Index of the environment of the batch that this view sees; 0 where there is one. */
   uint32_t environment;
-  /* Its optics; NULL is perfect. */
+  /* The camera's optics; NULL is a perfect camera. */
   const kuafu_film_desc* film;
-  /* Pose one frame before, for motion vectors; all 0: as now. */
+  /* Pose one frame earlier, for motion vectors; all zero means that the camera has not moved. */
   double previous_camera_to_world[16];
 } kuafu_view_desc;
 static inline kuafu_view_desc kuafu_view_desc_init(void) {
@@ -106,63 +106,68 @@ static inline kuafu_view_desc kuafu_view_desc_init(void) {
 /* What to render, with how many samples, into which outputs. */
 typedef struct kuafu_render_desc {
   ks_header header;
-  /* [view_count]; all of one width, height and band. */
+  /* Array [view_count]. All views have the same width, height and band. */
   const kuafu_view_desc* views;
-  /* [output_count]. */
+  /* Array [output_count] of what is written. */
   const kuafu_output_desc* outputs;
-  /* Views. */
+  /* Length of views. */
   uint32_t view_count;
-  /* Outputs. */
+  /* Length of outputs. */
   uint32_t output_count;
-  /* Samples of each pixel. [1..4294967295; 16 by default] */
+  /* Number of samples of each pixel. [1..4294967295; 16 by default] */
   uint32_t samples_per_pixel;
-  /* Surface interactions (and scatterings of a medium) after the first; 0 is direct light alone. [0..1024; 8 by
+  /* Largest number of surface interactions and scatterings after the first; 0 renders direct light only. [0..1024; 8 by
    * default] */
   uint32_t max_bounces;
-  /* Key of all random numbers. */
+  /* Seed of all random numbers. */
   uint64_t seed;
-  /* Continues a sequence: samples first_sample .. first_sample + samples_per_pixel - 1. */
+  /* Index of the first sample, to continue a sequence: the samples are first_sample .. first_sample + samples_per_pixel
+   * - 1. */
   uint32_t first_sample;
-  /* What visible lights give in the infrared where they do not say (the paper's a). [>= 0; 0.05 by default] */
+  /* Infrared intensity of lights that state only a visible one, as a share of its red channel (the parameter a of Zhang
+   * et al. 2023). [>= 0; 0.05 by default] */
   float ir_ambient_scale;
-  /* Weak constant added to the environment in the infrared where it does not say. [>= 0 W/(sr m^2); 0.002 by default] */
+  /* Constant that is added to the environment's infrared radiance where the environment states none. [>= 0 W/(sr m^2);
+   * 0.002 by default] */
   float ir_ambient_radiance;
-  /* Smooth glass surfaces that light of points, directions and projectors passes straight on its way to a surface,
-   * dimmed by Fresnel's reflection, tint and absorption; 0: glass casts full shadows. [0..64; 8 by default] */
+  /* Largest number of smooth glass surfaces that light of points, directions and projectors crosses on a straight line
+   * towards a surface; it is dimmed by Fresnel reflection, tint and absorption. With 0 glass casts full shadows.
+   * [0..64; 8 by default] */
   uint32_t glass_surfaces;
-  /* May be NULL. */
+  /* Called as the render advances; may be NULL. */
   ks_progress_fn progress;
   /* Given to progress. */
   void* progress_user;
-  /* How light with an extent (rectangles, disks, spheres, emissive surfaces, the environment's map) is found. All three
-   * give the same mean. [mis by default] */
+  /* How the light of rectangles, disks, spheres, emissive surfaces and the environment's map is sampled. All three ways
+   * have the same expected image. [mis by default] */
   uint32_t light_sampling;
-  /* What takes the noise out of the image. The projectors' direct light carries the dots and is never touched; all
-   * other images of light are. Same inputs, same bits. [none by default] */
+  /* Denoiser. It filters all images of light but the projectors' direct light, which carries the dots and has no noise.
+   * The same inputs give the same bits. [none by default] */
   uint32_t denoise;
-  /* Light id, for KUAFU_OUTPUT_PROJECTOR_UV, _VISIBILITY, _GEOMETRY; KUAFU_NONE: the first that a view's environment
-   * has. [KUAFU_NONE by default] */
+  /* Id of the light to which KUAFU_OUTPUT_PROJECTOR_UV, _VISIBILITY and _GEOMETRY refer; KUAFU_NONE is the first
+   * projector of a view's environment. [KUAFU_NONE by default] */
   uint32_t projector;
-  /* KUAFU_DENOISE_ATROUS: share of the light that this renderer's last renders of as many views of one size saw on the
-   * same surface, 0..<1; 0: each render by itself. It follows cameras (of any lens and shutter) and instances that
-   * move, and starts anew where another surface or instance appears. Where light changes by more than this render's
-   * noise, what was is forgotten; smaller changes, reflections and deforming meshes lag. Give every render another
-   * seed. [0..1] */
+  /* For KUAFU_DENOISE_ATROUS: share of the light that is taken from this renderer's previous renders, 0..<1; 0 uses
+   * this render only. The previous renders must have had as many views of the same size, and only light from the same
+   * surface is used. Moving cameras (with any lens and shutter) and instances are followed, and a pixel begins anew
+   * where another surface or instance appears. Previous light is dropped where it differs by more than this render's
+   * noise; smaller changes, reflections and deforming meshes lag behind. Give each render another seed. [0..1] */
   float temporal_weight;
-  /* Nonzero: these samples are added to those that the renderer has accumulated since its last call without it, and the
-   * images are means of all. They go on where the last call ended. A call of other sizes, band, light groups or
-   * variance, and one that fails, begins anew. Cameras and scene may move in between: the images are then means over
-   * that time. */
+  /* Nonzero: this call continues the sampling of the renderer's previous call. The images are the means over all
+   * samples since the last call with accumulate 0. Accumulation starts again where a call has other sizes, band, light
+   * groups or variance, and after a call that failed. Cameras and scene may move between calls; the images are then
+   * means over that time. */
   uint32_t accumulate;
   /* Must be 0. */
   uint32_t reserved;
-  /* Budget, 0 is none: samples_per_pixel is then the most. The render goes in rounds over all views, at least one, and
-   * stops before max_seconds are over, as the rounds before tell. [>= 0 s] */
+  /* Time budget; 0 is none. samples_per_pixel is then the largest number of samples. The views are rendered in rounds,
+   * at least one, and the render stops before max_seconds would be exceeded, as estimated from the previous rounds. [>=
+   * 0 s] */
   double max_seconds;
-  /* Budget, 0 is none: the render stops when the noise falls to it. The noise is the root of the pixels' mean
-   * KUAFU_OUTPUT_VARIANCE over their mean radiance, over all views and channels. What counts is its upper limit, 84 %
-   * sure by the scatter of the pixels' variances: few pixels, or rare bright samples, tell little, and take more. A
-   * noise budget alone is deterministic. [>= 0] */
+  /* Noise budget; 0 is none. The render stops when its noise has fallen to this value. The noise is the square root of
+   * the mean KUAFU_OUTPUT_VARIANCE over the mean radiance, over all views and channels. Its upper confidence limit (84
+   * %, from the scatter of the pixels' variances) is compared, so that images with few pixels or rare bright samples
+   * take more samples. With a noise budget alone the result is deterministic. [>= 0] */
   double relative_error;
 } kuafu_render_desc;
 static inline kuafu_render_desc kuafu_render_desc_init(void) {
@@ -181,11 +186,11 @@ static inline kuafu_render_desc kuafu_render_desc_init(void) {
 /* What the last render did. */
 typedef struct kuafu_render_summary {
   ks_header header;
-  /* Samples in the images. */
+  /* Number of samples in the images. */
   uint32_t samples_per_pixel;
-  /* Of those, this call's. */
+  /* Number of those samples that the last call added. */
   uint32_t call_samples_per_pixel;
-  /* As kuafu_render_desc.relative_error; NAN where none was aimed at. */
+  /* Noise as kuafu_render_desc.relative_error defines it; NAN where no noise budget was set. */
   double relative_error;
   /* Wall time of the call. [in s] */
   double seconds;

@@ -17,31 +17,31 @@ extern "C" {
 
 typedef struct simsense_buffer_t* simsense_buffer;
 
-/* What an output holds. H,W are the IR size except where said. */
+/* What an output contains. H and W are the size of the infrared images, unless the comment says otherwise. */
 #define SIMSENSE_OUTPUT_DISPARITY 1u      /* float32 [N,H,W] pixels in the rectified left image, or int16: sixteenths of pixels. -1 pixel = invalid;
                                              min_disparity - 1 where that is less. int16 holds disparities up to 2047 */
 #define SIMSENSE_OUTPUT_DEPTH 2u          /* float32 [N,H,W] metres in the rectified left camera, or uint16 or int16: millimetres. 0 = invalid, or
                                              beyond the integer's range */
 #define SIMSENSE_OUTPUT_DEPTH_RGB 3u      /* the same [N,H_rgb,W_rgb] in the RGB camera; needs rig.rgb */
-#define SIMSENSE_OUTPUT_IR_LEFT 4u        /* uint8 [N,H,W], uint16 above 8 bit: what the left imager gives: after the signal stage, before rectification */
+#define SIMSENSE_OUTPUT_IR_LEFT 4u        /* uint8 [N,H,W], uint16 above 8 bit: counts of the left imager, after the signal stage and before rectification */
 #define SIMSENSE_OUTPUT_IR_RIGHT 5u
-#define SIMSENSE_OUTPUT_RECTIFIED_LEFT 6u /* uint8 [N,H,W], uint16 where either imager has more than 8 bit: what the matcher saw */
+#define SIMSENSE_OUTPUT_RECTIFIED_LEFT 6u /* uint8 [N,H,W], uint16 where either imager has more than 8 bit: the image that the matcher reads */
 #define SIMSENSE_OUTPUT_RECTIFIED_RIGHT 7u
 #define SIMSENSE_OUTPUT_POINTS 8u         /* float32 [N,H',W',3] metres, RGB camera frame and size if rig.rgb is present, else rectified left; 0,0,0 = invalid */
-#define SIMSENSE_OUTPUT_CONFIDENCE 9u     /* float32 [N,H,W] 0..1: 1 - lowest cost / lowest cost of a disparity that is no neighbour of the winner;
-                                             unique by ratio r is what has at least r percent. 0 where nothing was measured */
-#define SIMSENSE_OUTPUT_REASON 10u        /* uint8 [N,H,W] SIMSENSE_REASON_*: why the left depth is 0 (before hole filling, for disparities) */
+#define SIMSENSE_OUTPUT_CONFIDENCE 9u     /* float32 [N,H,W] 0..1: 1 - lowest cost / lowest cost of a disparity that is not next to the winner.
+                                             A uniqueness ratio of r percent keeps pixels with at least r / 100. 0 where nothing was measured */
+#define SIMSENSE_OUTPUT_REASON 10u        /* uint8 [N,H,W] SIMSENSE_REASON_*: why the depth of the left camera is 0; for disparities, before holes are filled */
 #define SIMSENSE_OUTPUT_POINTS_COLORED 11u /* float32 [N,H_rgb,W_rgb,6] x, y, z as POINTS, red, green, blue of the rgb image 0..1; needs rig.rgb */
 
 #define SIMSENSE_REASON_VALID 0u
 #define SIMSENSE_REASON_NOT_UNIQUE 1u     /* another disparity fits nearly as well */
 #define SIMSENSE_REASON_OUTSIDE 2u        /* its match would lie outside the right image */
-#define SIMSENSE_REASON_OCCLUDED 3u       /* the right image's match disagrees: seen by the left eye alone, or wrong */
-#define SIMSENSE_REASON_ISOLATED 4u       /* the median: most pixels around are invalid */
-#define SIMSENSE_REASON_SPECKLE 5u        /* part of too small an island */
-#define SIMSENSE_REASON_OUT_OF_RANGE 6u   /* measured, but not in min_depth_m .. max_depth_m, or at infinity */
+#define SIMSENSE_REASON_OCCLUDED 3u       /* the match of the right image differs: the point is seen by the left eye only, or the match is wrong */
+#define SIMSENSE_REASON_ISOLATED 4u       /* most pixels around it are invalid, so that the median filter dropped it */
+#define SIMSENSE_REASON_SPECKLE 5u        /* part of an isolated region that is too small */
+#define SIMSENSE_REASON_OUT_OF_RANGE 6u   /* measured, but not within min_depth_m .. max_depth_m, or at infinity */
 #define SIMSENSE_REASON_NOT_COMPUTED 7u   /* outside the region of interest, or seen by no pixel of the unrectified image */
-/* These two replace 1, 3, 4, 5 and 6 where the left image explains them. */
+/* The next two replace the reasons 1, 3, 4, 5 and 6 where the left image explains those. */
 #define SIMSENSE_REASON_LOW_TEXTURE 8u
 #define SIMSENSE_REASON_SATURATED 9u      /* at least half of the census window is at the largest count */
 
@@ -49,14 +49,14 @@ typedef struct simsense_buffer_t* simsense_buffer;
 
 #define SIMSENSE_TYPE_COMPUTE_DESC 0x2003u
 
-/* An image argument: a buffer of this library, or plain host memory when buffer is NULL. It stands inside other structs
- * and never grows. */
+/* An image argument: a buffer of this library, or host memory where buffer is NULL. It is embedded in other structs, so
+ * that it can never grow. */
 typedef struct simsense_image {
-  /* NULL: host memory. */
+  /* The buffer, or NULL for host memory. */
   simsense_buffer buffer;
-  /* Used when buffer is NULL; the view's offset counts from here. */
+  /* Address in host memory, used where buffer is NULL; the offset of `image` counts from here. */
   void* host;
-  /* How the elements lie. */
+  /* Shape, strides and element type. */
   ks_image_desc image;
 } simsense_image;
 
@@ -82,27 +82,28 @@ static inline simsense_output_desc simsense_output_desc_init(uint32_t output, si
 /* One call: image pairs in, outputs out. */
 typedef struct simsense_compute_desc {
   ks_header header;
-  /* Uint8, uint16 or float32 [N,H,W]; [H,W] when batch_count is 1; any strides. */
+  /* Left images: uint8, uint16 or float32 [N,H,W], or [H,W] where batch_count is 1, with any strides. */
   simsense_image left;
-  /* The same of the right eye. */
+  /* Right images, in the same form. */
   simsense_image right;
-  /* [output_count]. */
+  /* Array [output_count]. */
   const simsense_output_desc* outputs;
   /* Length of outputs. */
   uint32_t output_count;
   /* Must be 0. */
   uint32_t reserved;
-  /* May be NULL. */
+  /* Called as the computation advances; may be NULL. */
   ks_progress_fn progress;
   /* Given to progress. */
   void* progress_user;
-  /* Uint8 [N,H_rgb,W_rgb,3], only for POINTS_COLORED; neither buffer nor host = none. */
+  /* Colour images, uint8 [N,H_rgb,W_rgb,3], needed only for SIMSENSE_OUTPUT_POINTS_COLORED. There are none where both
+   * buffer and host are NULL. */
   simsense_image rgb;
-  /* The part of left that is laser light, in its unit, uint8, uint16 or float32 [N,H,W]: only coherent light has
-   * speckle (Goodman, Speckle Phenomena in Optics). Taken to be 0..left. Neither buffer nor host: all light has it.
-   * Both eyes have one, or none. */
+  /* The part of the left image that is laser light, in the same unit: uint8, uint16 or float32 [N,H,W]. Only coherent
+   * light has speckle (Goodman, Speckle Phenomena in Optics). Values are clamped to 0..left. Where both buffer and host
+   * are NULL, all light has speckle. Give it for both eyes or for none. */
   simsense_image left_laser;
-  /* The same of the right eye. */
+  /* The same for the right image. */
   simsense_image right_laser;
 } simsense_compute_desc;
 static inline simsense_compute_desc simsense_compute_desc_init(void) {

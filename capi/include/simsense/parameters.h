@@ -14,44 +14,45 @@ extern "C" {
 
 #define SIMSENSE_TYPE_PARAMETERS 0x2002u
 
-/* simsense_parameters.subpixel: Where between whole disparities a match lies. */
-/* On the whole disparity. */
+/* simsense_parameters.subpixel: How the position of a match between whole disparities is found. */
+/* Whole disparities only. */
 #define SIMSENSE_SUBPIXEL_NONE 0u
-/* Vertex of the parabola through the aggregated costs, as the published SimSense has it: it pulls towards whole pixels
- * by up to 0.2. */
+/* The vertex of a parabola through the aggregated costs, as in the published SimSense. It is biased towards whole
+ * pixels by up to 0.2. */
 #define SIMSENSE_SUBPIXEL_PARABOLA 1u
-/* Apex of the V through the block's own costs (equiangular line fit; Shimizu and Okutomi, IJCV 63(3), 2005): free of
- * that pull to about 0.02 pixels. The aggregated costs take their place where the block is 1x1 or its costs have no
- * minimum at the winner. */
+/* The apex of a V through the block's own costs (equiangular line fit; Shimizu and Okutomi, IJCV 63(3), 2005), which is
+ * biased by about 0.02 pixels only. The aggregated costs are used where the block is 1x1 or its costs have no minimum
+ * at the winner. */
 #define SIMSENSE_SUBPIXEL_EQUIANGULAR 2u
-/* The same through the aggregated costs everywhere: a third less noise, about half of the parabola's pull. */
+/* The same V through the aggregated costs everywhere: a third less noise, and about half of the parabola's bias. */
 #define SIMSENSE_SUBPIXEL_EQUIANGULAR_SUMMED 3u
 
-/* simsense_parameters.census_kind: Which pixels of its window a census word compares. */
-/* Each pixel of the window with its mirror through the centre, at most 32 comparisons. */
+/* simsense_parameters.census_kind: Which pixels of the window are compared for the census. */
+/* Each pixel of the window is compared with its mirror image about the centre; at most 32 comparisons. */
 #define SIMSENSE_CENSUS_CENTER_SYMMETRIC 0u
-/* Each pixel with the centre, at most 62 (9x7). */
+/* Each pixel is compared with the centre; at most 62 comparisons (9x7). */
 #define SIMSENSE_CENSUS_PLAIN 1u
 
-/* simsense_parameters.hole_filling: What invalid pixels become; what is filled in is a guess. */
-/* They stay invalid. */
+/* simsense_parameters.hole_filling: What replaces invalid pixels. Filled values are guesses. */
+/* Invalid pixels stay invalid. */
 #define SIMSENSE_HOLES_KEEP 0u
-/* They take the disparity of the valid pixel to the left. */
+/* An invalid pixel takes the disparity of the next valid pixel to the left. */
 #define SIMSENSE_HOLES_LEFT 1u
-/* They take the smaller disparity of the valid pixels to the left and right. */
+/* An invalid pixel takes the smaller disparity of the next valid pixels to the left and right. */
 #define SIMSENSE_HOLES_BACKGROUND 2u
 
 /* Everything that may change between frames. simsense_engine_set_parameters checks the ranges. The defaults are those
- * of the published SimSense (7x7 census and block, uniqueness 15, left-right check 1, median 3) but for the penalties
- * (SAPIEN's 8 and 32 leave fewer holes and fewer gross errors than 7 and 86: tests/bench/README.md), the subpixel step
- * and the census's contrast. */
+ * of the published SimSense (7x7 census and block, uniqueness 15, left-right check 1, median 3) with three exceptions:
+ * the penalties, the sub-pixel step and the census contrast. SAPIEN's penalties of 8 and 32 give fewer holes and fewer
+ * gross errors than 7 and 86 (tests/bench/README.md). */
 typedef struct simsense_parameters {
   ks_header header;
 
   /* -- noise of the imagers, see simsense_signal -- */
-  /* Noise streams are keyed by (seed; frame, scene or neither; view; eye; pixel; dimension). */
+  /* Seed of the noise. Each random number depends on the seed, the frame or scene index where the noise has one, the
+   * view, the eye, the pixel and the kind of noise. */
   uint64_t noise_seed;
-  /* Which draw of the temporal noise; advance it for a new frame of the same scene. */
+  /* Index of the frame, which selects the temporal noise. Increase it for each new frame of the same scene. */
   uint64_t frame_index;
 
   /* -- matching -- */
@@ -59,72 +60,75 @@ typedef struct simsense_parameters {
   uint32_t census_width;
   /* Height of the census window in pixels, odd. [7 by default] */
   uint32_t census_height;
-  /* How many disparities are searched, from min_disparity on. [16..1024 px; 128 by default] */
+  /* Number of disparities that are searched, beginning at min_disparity. [16..1024 px; 128 by default] */
   uint32_t max_disparity;
-  /* Width in pixels, odd, of the block over which costs are summed; width times height is at most 256, and 1x1 is no
-   * block. A GPU keeps the sums in memory; where one pair's volumes would take more than 1/16 of its memory it sums
-   * them on the way instead, as with low_memory of the rig. [7 by default] */
+  /* Width in pixels, odd, of the block over which costs are summed; width times height is at most 256, and 1x1 sums
+   * nothing. A GPU keeps the sums in memory. Where the volumes of one pair would take more than 1/16 of its memory, it
+   * computes the sums when they are needed, as with low_memory of the rig. [7 by default] */
   uint32_t block_width;
   /* Height of the block in pixels, odd. [7 by default] */
   uint32_t block_height;
-  /* Penalty of a disparity step of one pixel; 0 < p1 < p2 < 224. [8 by default] */
+  /* Penalty for a change of disparity by one pixel; 0 < p1 < p2 < 224. [8 by default] */
   uint32_t p1;
-  /* Penalty of a larger disparity step; p1 < p2 < 224. [32 by default] */
+  /* Penalty for a larger change of disparity; p1 < p2 < 224. [32 by default] */
   uint32_t p2;
-  /* By how much the best match must beat the second; 0 switches the check off. [0..100 percent; 15 by default] */
+  /* Percentage by which the best match must be better than the second best; 0 switches this check off. [0..100 percent;
+   * 15 by default] */
   uint32_t uniqueness_ratio;
-  /* By how much the right image's match may disagree; -1 switches the left-right check off. [-1..1024 pixels; 1 by
-   * default] */
+  /* Largest difference in pixels to the match that the right image finds; -1 switches the left-right check off.
+   * [-1..1024 pixels; 1 by default] */
   int32_t lr_max_diff;
   /* Side of the median filter on the disparity; 1 is no filter. [1, 3, 5 or 7 px; 3 by default] */
   uint32_t median_size;
-  /* Where between whole disparities a match lies. [equiangular by default] */
+  /* How the position of a match between whole disparities is found. [equiangular by default] */
   uint32_t subpixel;
 
   /* -- depth -- */
-  /* Nearer depths are dropped: min_depth_m <= z < max_depth_m is kept. [>= 0 m] */
+  /* Smallest depth that is kept: min_depth_m <= z < max_depth_m. [>= 0 m] */
   float min_depth_m;
-  /* Depths from here on are dropped; INFINITY keeps all. [in m; 10 by default] */
+  /* Depth from which on measurements are dropped; INFINITY keeps all. [in m; 10 by default] */
   float max_depth_m;
-  /* Registration fills 2x2 pixels up and left, which closes the small holes that it makes; the same as splat_size 2. */
+  /* Whether each registered point also covers the pixels above and to the left (2x2), which closes small holes that
+   * registration makes; the same as splat_size 2. */
   uint32_t depth_dilation;
 
   /* -- more of matching -- */
-  /* Which pixels of its window a census word compares. [center_symmetric by default] */
+  /* Which pixels of the window are compared for the census. [center_symmetric by default] */
   uint32_t census_kind;
   /* First disparity searched: the range is min_disparity .. min_disparity + max_disparity - 1. [-1024..4096 px] */
   int32_t min_disparity;
-  /* Paths along which costs are aggregated: 4, or 8 with the diagonals. [4 or 8; 0 means 4; 4 by default] */
+  /* Number of paths along which costs are aggregated: 4, or 8 with the diagonals. [4 or 8; 0 means 4; 4 by default] */
   uint32_t path_count;
-  /* Where neighbours differ by g > this many counts, p2 becomes p2 * this / g, but at least p1 (Hirschmueller 2008). 0:
-   * p2 everywhere. [in DN] */
+  /* Where neighbouring counts differ by g, more than this number, p2 is reduced to p2 * this / g, but not below p1
+   * (Hirschmueller 2008). With 0 p2 is the same everywhere. [in DN] */
   uint32_t p2_full_gradient_dn;
-  /* Islands of at most this many pixels are dropped; 0 drops none. [in px] */
+  /* Largest number of pixels of an isolated region that is dropped; 0 drops none. [in px] */
   uint32_t speckle_max_size;
-  /* Neighbours that differ by at most this belong to one island. [>= 0 px; 1 by default] */
+  /* Largest difference between neighbouring disparities of one region. [>= 0 px; 1 by default] */
   float speckle_max_diff_px;
-  /* What invalid pixels become; what is filled in is a guess. [keep by default] */
+  /* What replaces invalid pixels. Filled values are guesses. [keep by default] */
   uint32_t hole_filling;
-  /* Invalid pixels whose census window spans at most this many counts have the reason 'too little texture'; it changes
-   * nothing else. [in DN; 4 by default] */
+  /* Invalid pixels whose census window has a range of at most this many counts are given the reason
+   * SIMSENSE_REASON_LOW_TEXTURE. Nothing else changes. [in DN; 4 by default] */
   uint32_t low_texture_dn;
-  /* Left edge of the region of interest in the rectified left image; what lies outside is invalid, and not searched.
+  /* Left edge of the region of interest in the rectified left image. Pixels outside are not searched and are invalid.
    * [in px] */
   uint32_t roi_x;
-  /* Its upper edge. [in px] */
+  /* Upper edge of the region of interest. [in px] */
   uint32_t roi_y;
-  /* Its width; width and height 0 mean all of the image. [in px] */
+  /* Width of the region of interest; width and height 0 mean the whole image. [in px] */
   uint32_t roi_width;
-  /* Its height. [in px] */
+  /* Height of the region of interest. [in px] */
   uint32_t roi_height;
-  /* Registration: each point covers this many pixels in x and y. [0..15 pixels; 0 means 1; 1 by default] */
+  /* Number of pixels that each registered point covers in x and in y. [0..15 pixels; 0 means 1; 1 by default] */
   uint32_t splat_size;
-  /* Counts differ, for the census, where they do so by more than this share of the range of counts in the window and 2
-   * pixels around it: the rest is noise between dots. 0: every count tells, as in the published SimSense. [0..1; 0.0625
-   * by default] */
+  /* Two counts differ, for the census, only where their difference exceeds this share of the range of counts in the
+   * window and 2 pixels around it; smaller differences are noise between dots. With 0 every difference counts, as in
+   * the published SimSense. [0..1; 0.0625 by default] */
   float census_contrast;
-  /* And by more than so many counts, where census_contrast is not 0: what an imager's noise does on dark surfaces sets
-   * no bit, and they lose their pixels instead of having wrong ones. [0..255 DN] */
+  /* Two counts differ, for the census, only where their difference also exceeds this many counts; it is used where
+   * census_contrast is not 0. Dark surfaces, where only the imager's noise differs, then have no measurement instead of
+   * wrong ones. [0..255 DN] */
   uint32_t census_noise_dn;
   /* Must be 0. */
   uint32_t reserved;

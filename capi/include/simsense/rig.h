@@ -18,9 +18,7 @@ extern "C" {
 
 #define SIMSENSE_TYPE_RIG_DESC 0x2001u
 
-/* simsense_rig_desc.faults: Faults of the published SimSense that users' results may rest on, each a switch; none is on
- * by default. All of them, with the parabola as subpixel step, give its results bit for bit (its random noise apart,
- * whose generator is CUDA's). */
+/* simsense_rig_desc.faults: Bits SIMSENSE_FAULT_*; 0 is none. */
 /* Shrink the rectified images until every source pixel fits (stereoRectify's alpha = 1). */
 #define SIMSENSE_FAULT_RECTIFIED_SHRUNK 0x01u
 /* Depth from stereoRectify's focal length and baseline even where the pair comes rectified; cx may differ unheeded, and
@@ -37,20 +35,21 @@ extern "C" {
 /* Registration: a point just beyond the RGB image covers nothing of it, though its splat reaches in. */
 #define SIMSENSE_FAULT_SPLAT_CLIPPED 0x40u
 
-/* simsense_rig_desc.back_end: Where the stages run. Disparities, confidences and reasons from equal images are the same
- * in every bit. Counts of a noisy signal differ by one where a value lies within rounding of a half, in at most 1 of
- * 1000 pixels; depths by a device's rounding of a quotient (2.5 units in the last place). Vulkan works on the caller's
- * device buffers without any copy; images in host memory are copied, and counted (simsense_device_copied_bytes). */
-/* Vulkan compute on a GPU that can, else the CPU's vectors (on lavapipe too, where they are faster). */
+/* simsense_rig_desc.back_end: Where the stages run. Both back ends give the same disparities, confidences and reasons
+ * in every bit for equal images. Counts of a noisy signal differ by one in at most 1 of 1000 pixels, where a value lies
+ * within rounding of a half; depths differ by a device's rounding of a quotient (2.5 units in the last place). Vulkan
+ * reads and writes the caller's device buffers without a copy. Images in host memory are copied, and
+ * simsense_device_copied_bytes counts that. */
+/* Vulkan compute on a GPU that supports it, else the CPU (also instead of lavapipe, where the CPU is faster). */
 #define SIMSENSE_BACK_END_AUTO 0u
-/* The CPU's vectors. */
+/* The CPU's vector units. */
 #define SIMSENSE_BACK_END_CPU 1u
-/* Vulkan compute; KS_ERROR_UNSUPPORTED where it cannot serve. */
+/* Vulkan compute; KS_ERROR_UNSUPPORTED where the device does not support it. */
 #define SIMSENSE_BACK_END_VULKAN 2u
 
-/* One pinhole camera with Brown and Conrady's distortion. It stands inside simsense_rig_desc and never grows. */
+/* A pinhole camera with Brown and Conrady's distortion. It is embedded in simsense_rig_desc, so that it can never grow. */
 typedef struct simsense_camera {
-  /* Width of its images; 0: there is no such camera. [in px] */
+  /* Width of its images; 0 means that there is no such camera. [in px] */
   uint32_t width;
   /* Height of its images. [in px] */
   uint32_t height;
@@ -62,36 +61,38 @@ typedef struct simsense_camera {
   double reserved[3];
 } simsense_camera;
 
-/* The stereo rig; fixed for the life of an engine. */
+/* The stereo rig. It is fixed for the life of an engine. */
 typedef struct simsense_rig_desc {
   ks_header header;
   /* Left camera; at least 32 x 32 pixels. */
   simsense_camera left;
   /* Right camera, of the same size. */
   simsense_camera right;
-  /* Camera to register to; width 0 is none. */
+  /* Camera to which depth is registered; width 0 means none. */
   simsense_camera rgb;
-  /* Change of frame, row-major. [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1 by default] */
+  /* Transform from left to right camera coordinates, row-major. [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1 by
+   * default] */
   double left_to_right[16];
-  /* Change of frame, row-major. [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1 by default] */
+  /* Transform from left to RGB camera coordinates, row-major. [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1 by
+   * default] */
   double left_to_rgb[16];
-  /* Whether the input pair is row-aligned already: K and cx of each camera stay. Else it is rectified from both K's,
-   * distortions and left_to_right (as OpenCV's stereoRectify, zero disparity at infinity, focal length kept). */
+  /* Whether the input pair is rectified already; each camera then keeps its K, including cx. Otherwise the pair is
+   * rectified from both cameras' K, their distortions and left_to_right, as OpenCV's stereoRectify does with zero
+   * disparity at infinity, and the focal length is kept. */
   uint32_t rectified;
-  /* Image pairs per compute, at least 1. [1 by default] */
+  /* Number of image pairs in each call, at least 1. [1 by default] */
   uint32_t batch_count;
-  /* Faults of the published SimSense that users' results may rest on, each a switch; none is on by default. All of
-   * them, with the parabola as subpixel step, give its results bit for bit (its random noise apart, whose generator is
-   * CUDA's). */
+  /* Bits SIMSENSE_FAULT_*; 0 is none. */
   uint32_t faults;
-  /* Where the stages run. Disparities, confidences and reasons from equal images are the same in every bit. Counts of a
-   * noisy signal differ by one where a value lies within rounding of a half, in at most 1 of 1000 pixels; depths by a
-   * device's rounding of a quotient (2.5 units in the last place). Vulkan works on the caller's device buffers without
-   * any copy; images in host memory are copied, and counted (simsense_device_copied_bytes). [auto by default] */
+  /* Where the stages run. Both back ends give the same disparities, confidences and reasons in every bit for equal
+   * images. Counts of a noisy signal differ by one in at most 1 of 1000 pixels, where a value lies within rounding of a
+   * half; depths differ by a device's rounding of a quotient (2.5 units in the last place). Vulkan reads and writes the
+   * caller's device buffers without a copy. Images in host memory are copied, and simsense_device_copied_bytes counts
+   * that. [auto by default] */
   uint32_t back_end;
-  /* Whether Vulkan takes the least memory, not the least time: one pair of a batch after the other, blocks summed on
-   * the way (960x540, 128 disparities, 7x7 block: 149 instead of 274 MB, in 2.7 times the time). The maps stay the
-   * same. */
+  /* Whether Vulkan uses the least memory instead of the least time. It then matches one pair of a batch after the other
+   * and sums blocks when they are needed (960x540, 128 disparities, 7x7 block: 149 instead of 274 MB, in 2.7 times the
+   * time). The results are the same. */
   uint32_t low_memory;
   /* Must be 0. */
   uint32_t reserved;

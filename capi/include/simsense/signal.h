@@ -14,99 +14,101 @@ extern "C" {
 
 #define SIMSENSE_TYPE_SIGNAL 0x2005u
 
-/* One imager, from irradiance to counts. The stages act in the order of the fields and each is neutral at its initial
- * value: a new struct gives counts = clamp(round(input)). Charge is in electrons (e-), counts in digital numbers (DN)
- * of the given bit depth; with the gains at 1 an electron is a count. Gains, noise terms and their estimation follow
- * EMVA 1288. A random variate is the quantile of its law at the uniform number of its stream, so noise changes smoothly
- * with its parameters. Fixed patterns depend on (seed, view, eye, pixel) alone. NaN reads as 0. */
+/* One imager, from irradiance to counts. The stages act in the order of the fields. A new struct is neutral: it gives
+ * counts = clamp(round(input)). Charge is in electrons (e-) and counts in digital numbers (DN) of the given bit depth;
+ * with the initial gains of 1 an electron is a count. Gains, noise terms and their estimation follow EMVA 1288. A
+ * random value is the quantile of its distribution at a uniform random number of its own, so that noise changes
+ * smoothly with its parameters. Fixed patterns depend only on seed, view, eye and pixel. NaN in the input is read as 0. */
 typedef struct simsense_signal {
   ks_header header;
 
   /* -- exposure: light_e = input * responsivity_e * exposure_s -- */
-  /* Exposure; dark charge grows with it too. [0..1e+12 s; 1 by default] */
+  /* Exposure time. Dark charge grows with it too. [0..1e+12 s; 1 by default] */
   float exposure_s;
-  /* Electrons per unit of input and second. [0..1e+12 e-; 1 by default] */
+  /* Electrons per unit of input and second of exposure. [0..1e+12 e-; 1 by default] */
   float responsivity_e;
 
   /* -- speckle: light times Gamma(shape, scale), whose contrast is 1 / sqrt(shape) and mean shape * scale; of all light, or of the laser's part (simsense_compute_desc) -- */
-  /* Shape of the gamma factor; 0 switches speckle off. [0..1e+12] */
+  /* Shape of the gamma distribution of the speckle factor; 0 switches speckle off. [0..1e+12] */
   float speckle_shape;
-  /* Scale of the gamma factor, > 0 where the shape is; 1 / shape keeps the mean. [0..1e+12] */
+  /* Scale of that gamma distribution, > 0 where the shape is not 0; 1 / speckle_shape keeps the mean. [0..1e+12] */
   float speckle_scale;
-  /* Between frames of one scene: 0 is temporal, new grains in each; 1 is static; between them shape * correlation is
-   * static. [0..1] */
+  /* Correlation of the speckle between frames of one scene: 0 is new speckle in each frame, 1 the same speckle in all.
+   * In between, a static part has the shape shape * correlation. [0..1] */
   float speckle_correlation;
-  /* Grains are shaped by a Gaussian PSF of this sigma; 0 is white, else at least 0.1. [0..16 px] */
+  /* Standard deviation of the Gaussian point spread that sets the size of the grains; 0 is independent pixels, other
+   * values are at least 0.1. [0..16 px] */
   float speckle_psf_sigma_px;
 
   /* -- pixels: light times 1 + N(0, prnu) -- */
-  /* Photo-response non-uniformity, relative standard deviation. [0..1e+12] */
+  /* Photo-response non-uniformity: relative standard deviation of the pixels' responsivity. [0..1e+12] */
   float prnu;
 
   /* -- dark charge, doubling every dark_doubling_k; hot pixels have more, exponentially distributed -- */
   /* Dark current at dark_reference_c. [0..1e+12 e-/s] */
   float dark_current_e_per_s;
-  /* Share of the pixels that are hot. [0..0.5] */
+  /* Share of the pixels with a much larger dark current. [0..0.5] */
   float hot_pixel_share;
-  /* Mean over the hot pixels at dark_reference_c. [0..1e+12 e-/s] */
+  /* Mean dark current of the hot pixels at dark_reference_c. [0..1e+12 e-/s] */
   float hot_pixel_e_per_s;
   /* Temperature of the imager. [-273.15..1000 deg C; 25 by default] */
   float temperature_c;
   /* Temperature at which dark current and black level are stated. [-273.15..1000 deg C; 25 by default] */
   float dark_reference_c;
-  /* Dark current doubles with this much heat. [0.1..1e+12 K; 8 by default] */
+  /* Temperature difference that doubles the dark current. [0.1..1e+12 K; 8 by default] */
   float dark_doubling_k;
 
   /* -- shot noise -- */
-  /* Deviation from the mean charge: 0 is none, 1 that of Poisson's law. [0..1] */
+  /* Factor of the shot noise: 0 is none, 1 is Poisson's law. [0..1] */
   float shot_noise;
 
   /* -- full well -- */
-  /* Charge that a pixel holds; 0 is unbounded. [0..1e+12 e-] */
+  /* Largest charge that a pixel holds; 0 is unlimited. [0..1e+12 e-] */
   float full_well_e;
-  /* Share of the overflow that fills the column's next pixels with room, half up, half down; the rest drains off.
-   * [0..1] */
+  /* Share of the overflowing charge that goes to the next pixels of the column with room, half upwards and half
+   * downwards; the rest is drained. [0..1] */
   float blooming;
 
   /* -- readout, standard deviations in e- before the amplifier -- */
-  /* Dark signal non-uniformity: fixed, per pixel. [0..1e+12 e-] */
+  /* Dark signal non-uniformity: standard deviation of a fixed offset of each pixel. [0..1e+12 e-] */
   float dsnu_e;
-  /* Fixed, per row. [0..1e+12 e-] */
+  /* Standard deviation of a fixed offset of each row. [0..1e+12 e-] */
   float row_fixed_e;
-  /* Fixed, per column. [0..1e+12 e-] */
+  /* Standard deviation of a fixed offset of each column. [0..1e+12 e-] */
   float column_fixed_e;
-  /* New in each frame, per row. [0..1e+12 e-] */
+  /* Standard deviation of an offset of each row that is new in every frame. [0..1e+12 e-] */
   float row_noise_e;
-  /* New in each frame, per column. [0..1e+12 e-] */
+  /* Standard deviation of an offset of each column that is new in every frame. [0..1e+12 e-] */
   float column_noise_e;
-  /* New in each frame, per pixel. [0..1e+12 e-] */
+  /* Standard deviation of an offset of each pixel that is new in every frame. [0..1e+12 e-] */
   float read_noise_e;
 
   /* -- amplifier: DN = e- * conversion_gain_dn_per_e * gain -- */
-  /* EMVA's K at gain 1. [0..1e+12 DN/e-; 1 by default] */
+  /* Counts per electron at gain 1 (K of EMVA 1288). [0..1e+12 DN/e-; 1 by default] */
   float conversion_gain_dn_per_e;
-  /* Factor of the amplifier. [0..1e+12; 1 by default] */
+  /* Gain of the amplifier. [0..1e+12; 1 by default] */
   float gain;
 
   /* -- response: DN = max_dn * sign(v) |v|^response_exponent, v = DN / max_dn -- */
-  /* Exponent of the response; 1 is linear. [0.05..20; 1 by default] */
+  /* Exponent of the response curve; 1 is linear. [0.05..20; 1 by default] */
   float response_exponent;
 
   /* -- converter: counts = clamp(round(DN + N(0, adc_noise_dn) + black level), 0, 2^bit_depth - 1), halves to even -- */
   /* Standard deviation of the converter's noise. [0..1e+12 DN] */
   float adc_noise_dn;
-  /* Counts in the dark; may be negative: an offset error. [-65535..65535 DN] */
+  /* Counts in the dark. It may be negative, as an offset error. [-65535..65535 DN] */
   float black_level_dn;
-  /* Change of the black level, times temperature_c - dark_reference_c. [-65535..65535 DN/K] */
+  /* Change of the black level with temperature, from dark_reference_c on. [-65535..65535 DN/K] */
   float black_level_dn_per_k;
-  /* Bits of a count; more than 8 make the IR and rectified outputs uint16, and the matcher sees them all. [8..16 bit; 8
-   * by default] */
+  /* Number of bits of a count. With more than 8 the infrared and rectified outputs are uint16, and the matcher uses all
+   * bits. [8..16 bit; 8 by default] */
   uint32_t bit_depth;
 
   /* -- which noise -- */
-  /* Image n of a batch is view first_view + n: a batch may be split and gives the same images. */
+  /* View number of the first image of a batch; image n is view first_view + n. A batch that is split into several calls
+   * then gives the same images. */
   uint32_t first_view;
-  /* Which draw of the static speckle; advance it when scene or rig has moved. */
+  /* Index of the scene, which selects the static speckle. Increase it when the scene or the rig has moved. */
   uint64_t scene_index;
 } simsense_signal;
 static inline simsense_signal simsense_signal_init(void) {

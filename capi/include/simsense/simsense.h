@@ -1,14 +1,15 @@
 /* simsense: a stereo depth engine (imager noise, rectification, census, semi-global matching, checks, registration). C99.
  *
- * Conventions: metres, radians, seconds; camera x right, y down, z forward; pixel centres at integers; depth is z, 0 = invalid; disparity =
- * x_left - x_right in pixels, -1 = invalid. A 4x4 transform is row-major and named a_to_b: it maps coordinates in a to coordinates in b.
- * Errors: a call that can fail returns ks_status; simsense_last_error() is the calling thread's last message, with the numbers and what to do. A failed
- * call leaves its objects as they were, and sets no handle.
- * Handles: a create or import gives its caller one reference; whoever holds one gives it back with ..._release, once, from any thread; ..._retain takes
- * one more. An engine or buffer keeps its device and what it was given, so any order of releases is right; release(NULL) does nothing. A handle
- * never goes to another library: buffers meet through ks_buffer_desc.
- * Threads: a device may be used by several threads at once; an engine or a buffer by one at a time, its release included; distinct objects are
- * independent. Callbacks come on the thread that called and must not call back into the library. */
+ * Conventions: lengths are in metres, angles in radians, times in seconds. In a camera's frame x points right, y down and z forward. Pixel centres lie at
+ * integers. Depth is z, and 0 means invalid. Disparity is x_left - x_right in pixels, and -1 means invalid. A 4x4 transform is row-major and named a_to_b:
+ * it maps coordinates in a to coordinates in b.
+ * Errors: every function that can fail returns ks_status. simsense_last_error() is the calling thread's last message, with the numbers and what to do. A
+ * failed call leaves its objects as they were, and sets no handle.
+ * Lifetime: a create or import function returns one reference, ..._retain takes another, and ..._release gives one back, from any thread;
+ * ..._release(NULL) does nothing. An engine or buffer keeps its device and what it was given, so that these may be released in any order. Handles are never
+ * given to another library: buffers are shared through ks_buffer_desc.
+ * Threads: a device may be used by several threads at once, an engine or a buffer by one at a time, which includes its release. Distinct objects are
+ * independent. Callbacks are called in the thread that called the library, and must not call the library themselves. */
 #ifndef SIMSENSE_SIMSENSE_H
 #define SIMSENSE_SIMSENSE_H
 
@@ -46,18 +47,19 @@ typedef struct simsense_engine_t* simsense_engine;
 
 SIMSENSE_API uint32_t simsense_version(void);
 SIMSENSE_API const char* simsense_last_error(void);
-/* Fills in the header and the defaults of any struct, as its inline ..._init does: type is the struct's ..._TYPE_..., size_bytes its sizeof where the
- * caller was compiled. For languages that read no headers. */
+/* Fills in the header and the defaults of any struct, as the struct's inline ..._init does. `type` is the struct's ..._TYPE_... and size_bytes its size in
+ * the caller's program. It is meant for languages that do not read C headers. */
 SIMSENSE_API ks_status simsense_struct_init(uint32_t type, void* out, uint32_t size_bytes);
 
-/* Device and buffer calls mean what their namesakes in kuafu.h mean. KS_SELECT_HOST gives a device without Vulkan: the CPU back end. */
+/* The functions of devices and buffers do the same as those of kuafu.h with the same names. KS_SELECT_HOST opens a device without Vulkan, for the CPU back
+ * end. */
 SIMSENSE_API ks_status simsense_device_enumerate(ks_device_info* infos, uint32_t* count);
 SIMSENSE_API ks_status simsense_device_create(const ks_device_desc* desc, simsense_device* out);
 SIMSENSE_API ks_status simsense_device_get_info(simsense_device device, ks_device_info* out);
 SIMSENSE_API void simsense_device_retain(simsense_device device);
 SIMSENSE_API void simsense_device_release(simsense_device device);
 SIMSENSE_API ks_status simsense_device_copied_bytes(simsense_device device, uint64_t* out);
-/* Bytes of memory that this device's buffers hold now, those of renderers and scenes included. */
+/* Number of bytes that the device's buffers hold now, including those of engines. */
 SIMSENSE_API ks_status simsense_device_allocated_bytes(simsense_device device, uint64_t* out);
 
 SIMSENSE_API ks_status simsense_buffer_create(simsense_device device, const ks_buffer_create* create, simsense_buffer* out);
@@ -69,8 +71,8 @@ SIMSENSE_API ks_status simsense_buffer_read(simsense_buffer buffer, uint64_t off
 SIMSENSE_API void simsense_buffer_retain(simsense_buffer buffer);
 SIMSENSE_API void simsense_buffer_release(simsense_buffer buffer);
 
-/* Imagers by name. "neutral" is simsense_signal_init; the others are measured, and their input is in 8-bit counts: multiply responsivity_e for other
- * units. `out` is initialised by the caller.
+/* Returns an imager by its name. "neutral" is the same as simsense_signal_init. The others were measured, and their input is in 8-bit counts; for other
+ * units multiply responsivity_e. The caller initialises `out`.
  * "paper-d415": gamma factor and Gaussian noise fitted to a D415 (Zhang et al., Close the Optical Sensing Domain Gap by Physics-Grounded Active Stereo
  *   Sensor Simulation, 2023): shape 3.98, scale 0.254, mu -0.231 DN, sigma 0.83 DN.
  * "sapien": defaults of SAPIEN 3's stereo depth sensor: a gamma factor of 2.7 % and 0.25 DN.
@@ -80,29 +82,30 @@ SIMSENSE_API ks_status simsense_signal_preset(const char* name, simsense_signal*
 SIMSENSE_API ks_status simsense_engine_create(simsense_device device, const simsense_rig_desc* rig, const simsense_parameters* parameters, simsense_engine* out);
 SIMSENSE_API ks_status simsense_engine_set_parameters(simsense_engine engine, const simsense_parameters* parameters);
 SIMSENSE_API ks_status simsense_engine_get_parameters(simsense_engine engine, simsense_parameters* out);
-/* The two imagers; a new engine's are neutral. Their noise is independent, and unequal gains or black levels are the pair's mismatch. Either struct of
- * get may be NULL. A refused pair leaves the old one in force. */
+/* Sets and gets the two imagers, which are neutral in a new engine. Their noise is independent. A mismatch of the pair is given by unequal gains or black
+ * levels. Either struct of get may be NULL. Where the pair is refused, the previous one stays in use. */
 SIMSENSE_API ks_status simsense_engine_set_signal(simsense_engine engine, const simsense_signal* left, const simsense_signal* right);
 SIMSENSE_API ks_status simsense_engine_get_signal(simsense_engine engine, simsense_signal* left, simsense_signal* right);
 SIMSENSE_API void simsense_engine_retain(simsense_engine engine);
 SIMSENSE_API void simsense_engine_release(simsense_engine engine);
 
-/* After rectification: the left camera's K (row-major 3x3), shared by the right one (a pair given as rectified may differ in cx, and depth heeds that),
- * the baseline in metres (> 0), and left_to_rectified (4x4 rotation). Each pointer may be NULL. */
+/* Returns the geometry after rectification: the left camera's K (row-major 3x3), the baseline in metres (> 0), and left_to_rectified (a 4x4 rotation). The
+ * right camera has the same K; in a pair that was given as rectified its cx may differ, which the depth takes into account. Each pointer may be NULL. */
 SIMSENSE_API ks_status simsense_engine_get_rectified(simsense_engine engine, double* k, double* baseline_m, double* left_to_rectified);
 
-/* Blocks until the outputs may be read (KS_SYNC_HOST). */
+/* Computes the outputs, and returns when they may be read (KS_SYNC_HOST). */
 SIMSENSE_API ks_status simsense_engine_compute(simsense_engine engine, const simsense_compute_desc* desc);
-/* The same, but returns as soon as the work is under way where that is possible: in Vulkan with every image in a buffer of the device (else it has
- * ended, KS_SYNC_HOST). Buffers may be used again, and parameters and signals changed, only for what is submitted later: work of one engine runs in the
- * order of its submissions. `out` is initialised by the caller and becomes what wait takes; two submissions may be under way, a third waits for the first. */
+/* Starts a computation. In Vulkan with every image in a buffer of the device it returns while the device works; otherwise it returns when the work has
+ * ended (KS_SYNC_HOST). The work of one engine runs in the order of its submissions, so that buffers may be used again, and parameters and signals changed,
+ * for later submissions. The caller initialises `out`, which simsense_engine_wait then takes. Two submissions may be under way; a third call waits for the
+ * first one. */
 SIMSENSE_API ks_status simsense_engine_submit(simsense_engine engine, const simsense_compute_desc* desc, ks_sync* out);
-/* Blocks until that submission's outputs may be read. */
+/* Waits until the outputs of a submission may be read. */
 SIMSENSE_API ks_status simsense_engine_wait(simsense_engine engine, const ks_sync* sync);
-/* The semaphore that reaches each submission's value, for waiting on the device: a KS_SYNC_TIMELINE_FD with the last submission's value, whose fd is the
- * caller's to close. Needs KS_CAP_TIMELINE_FD and one submission. */
+/* Returns the timeline semaphore that each submission advances to its value, for waiting on the device: a KS_SYNC_TIMELINE_FD with the value of the last
+ * submission. The caller closes the file descriptor. The device needs KS_CAP_TIMELINE_FD, and there must have been a submission. */
 SIMSENSE_API ks_status simsense_engine_export_timeline(simsense_engine engine, ks_sync* out);
-/* Of the last compute or wait. */
+/* Times of the stages of the last compute or wait; count works as in kuafu_renderer_get_stage_times. */
 SIMSENSE_API ks_status simsense_engine_get_stage_times(simsense_engine engine, ks_stage_time* times, uint32_t* count);
 
 #ifdef __cplusplus

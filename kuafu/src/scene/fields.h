@@ -19,11 +19,11 @@ struct MaterialFields {
   float metallic = 0.0f;
   /// Its square is the alpha of GGX.
   float roughness = 1.0f;
-  /// Weight of the reflecting layer; 0 with metallic 0 is exactly Lambertian.
+  /// Weight of the reflecting layer. With specular 0 and metallic 0 the surface is exactly Lambertian.
   float specular = 1.0f;
   /// Index of refraction.
   float ior = 1.5f;
-  /// Share of the base that is glass.
+  /// Share of the light entering the base that passes through it, as in glass.
   float transmission = 0.0f;
   /// Radiance in the visible band.
   glm::vec3 emission{0.0f, 0.0f, 0.0f};
@@ -31,71 +31,71 @@ struct MaterialFields {
   float ir_albedo = NAN;
   /// Radiance in the infrared band.
   float ir_emission = 0.0f;
-  /// RGB, times base_color.
+  /// Its RGB multiplies base_color.
   uint32_t base_color_texture = 0xffffffffu;
-  /// G times roughness, B times metallic.
+  /// Its green channel multiplies roughness, its blue channel metallic.
   uint32_t metallic_roughness_texture = 0xffffffffu;
-  /// Normals in tangent space, as glTF has them.
+  /// Normals in tangent space, encoded as in glTF.
   uint32_t normal_texture = 0xffffffffu;
-  /// RGB, times emission.
+  /// Its RGB multiplies emission.
   uint32_t emission_texture = 0xffffffffu;
-  /// R, times transmission.
+  /// Its red channel multiplies transmission.
   uint32_t transmission_texture = 0xffffffffu;
-  /// A, times specular.
+  /// Its alpha channel multiplies specular.
   uint32_t specular_texture = 0xffffffffu;
-  /// Roughness of the glass; 0 is clear. Files give it their roughness.
+  /// Roughness of transmitted light; 0 is clear glass. For a material of a file it is the material's roughness.
   float transmission_roughness = 0.0f;
-  /// Oren and Nayar's, in Fujii's form; 0 is Lambert.
+  /// Roughness of the diffuse base by Oren and Nayar's model in Fujii's form; 0 is Lambertian.
   float diffuse_roughness = 0.0f;
-  /// Colour of white light after attenuation_distance_m inside the glass (KHR_materials_volume).
+  /// Colour that white light has after attenuation_distance_m inside the glass (KHR_materials_volume).
   glm::vec3 attenuation_color{1.0f, 1.0f, 1.0f};
-  /// The same in the infrared band.
+  /// The same as attenuation_color, in the infrared band.
   float ir_attenuation_color = NAN;
-  /// 0: nothing is absorbed.
+  /// Distance for attenuation_color; with 0 nothing is absorbed.
   float attenuation_distance_m = 0.0f;
-  /// How base and layer are put together.
+  /// How the base and the reflecting layer are combined.
   enum class Bsdf : uint32_t { gltf = 0, paper = 1 };
   Bsdf bsdf = Bsdf::gltf;
-  /// Group of outputs that its emission belongs to.
+  /// Light group of the light that the surface emits.
   uint32_t light_group = 0;
-  /// Its glass is a sheet, not the skin of a body: light goes through both faces at once and straight on, after all reflections between them; base_color is what one way across leaves, attenuation is not used.
+  /// Whether transmitted light crosses a thin sheet instead of entering a body. It then passes both faces at once and keeps its direction, with all reflections between the faces included. base_color is the colour after one crossing, and attenuation is not used.
   bool thin_walled = false;
-  /// R, times ir_albedo (1 where that is NAN). With neither, the infrared band has the red of base_color_texture.
+  /// Its red channel multiplies ir_albedo, or 1 where ir_albedo is NAN. Without this texture and without ir_albedo the infrared band uses the red channel of base_color_texture.
   uint32_t ir_albedo_texture = 0xffffffffu;
-  /// What roughness is in the infrared band.
+  /// Roughness in the infrared band.
   float ir_roughness = NAN;
-  /// What ior is in the infrared band.
+  /// Index of refraction in the infrared band.
   float ir_ior = NAN;
-  /// What transmission is in the infrared band.
+  /// Transmission in the infrared band.
   float ir_transmission = NAN;
-  /// What transmission_roughness is in the infrared band.
+  /// Roughness of transmitted light in the infrared band.
   float ir_transmission_roughness = NAN;
-  /// Share of the diffuse base whose light wanders below the surface of the (closed) body; seen from outside.
+  /// Share of the diffuse base whose light scatters below the surface. The surface must be closed, and the effect is rendered for rays from outside.
   float subsurface = 0.0f;
-  /// Albedo of what wanders, where the body is big against the radius; base_color does not tint it.
+  /// Albedo of the light that scatters below the surface, for a body much larger than the radius; base_color does not tint it.
   glm::vec3 subsurface_color{1.0f, 1.0f, 1.0f};
-  /// Mean free path below the surface; at least 1e-4 of the distance to the world's origin is resolved. Scattering is even; projector light that wandered is projector indirect: what is left direct has no noise.
+  /// Mean free path below the surface. Values below 1e-4 of the distance to the world's origin are not resolved. Scattering is isotropic. Projector light that scattered below a surface belongs to the projector's indirect light, so that the direct light stays free of noise.
   glm::vec3 subsurface_radius_m{0.001f, 0.001f, 0.001f};
-  /// The same in the infrared band.
+  /// The same as subsurface_color, in the infrared band.
   float ir_subsurface_color = NAN;
-  /// The same in the infrared band.
+  /// The same as subsurface_radius_m, in the infrared band.
   float ir_subsurface_radius_m = NAN;
-  /// R: ior becomes 1 + (ior - 1) R.
+  /// Its red channel R changes the index of refraction to 1 + (ior - 1) R.
   uint32_t ior_texture = 0xffffffffu;
 };
 
 struct FilmFields {
-  /// Light is multiplied by cos^n of the angle between pixel and optical axis; 4 is a thin lens'.
+  /// The light is multiplied by cos^n of the angle between the pixel's ray and the optical axis; n = 4 describes a thin lens.
   double vignetting_exponent = 0.0;
-  /// Light is multiplied by 1 + a1 r^2 + a2 r^4 + a3 r^6, at least 0; r is 1 in the corners.
+  /// The light is multiplied by 1 + a1 r^2 + a2 r^4 + a3 r^6, but not by less than 0; r is 1 in the corners.
   glm::dvec3 vignetting_polynomial{0.0, 0.0, 0.0};
-  /// Radius of the aperture; 0 is sharp everywhere. A point becomes a disc of radius f_px defocus_lens_radius_m |1/z - 1/defocus_focus_m| pixels, at most 32, z being its pixel's depth and f_px the mean of k[0] and k[4]. Light from behind a pixel's surface spreads over it no farther than that surface blurs itself; what a near edge hides is filled in from beside it. kuafu_camera_desc's lens traces the same thing at the cost of samples.
+  /// Radius of the aperture; with 0 all is in focus. A point becomes a disc of radius f_px defocus_lens_radius_m |1/z - 1/defocus_focus_m| pixels, at most 32, where z is the depth of its pixel and f_px the mean of k[0] and k[4]. Light from farther surfaces spreads over a nearer surface only as far as that surface is blurred itself, and what a near edge hides is filled in from the pixels beside it. The lens of kuafu_camera_desc computes the same blur exactly, by tracing more samples.
   double defocus_lens_radius_m = 0.0;
-  /// Distance that is sharp, > 0 where there is a lens; INFINITY is possible.
+  /// Distance that is in focus, > 0 where defocus_lens_radius_m is set; INFINITY is allowed.
   double defocus_focus_m = 1.0;
-  /// Point spread: a Gaussian of variance psf_sigma_px^2 + (psf_corner_sigma_px r^2)^2 at the point it comes from; its kernel on the pixels has exactly that variance, and the sum 1.
+  /// Point spread: a Gaussian of variance psf_sigma_px^2 + (psf_corner_sigma_px r^2)^2, where r is that of the point from which the light comes. Its kernel on the pixels has exactly that variance and the sum 1.
   double psf_sigma_px = 0.0;
-  /// Part of the point spread that grows with r^2; in the corners it is this.
+  /// The part of the point spread that grows with r^2; this is its value in the corners.
   double psf_corner_sigma_px = 0.0;
   /// Share of the light that is spread evenly over the image (ISO 9358).
   double veiling_glare_fraction = 0.0;
@@ -104,77 +104,77 @@ struct FilmFields {
 };
 
 struct Medium {
-  /// Visible band: radiance falls by e after 1/extinction metres.
+  /// Extinction in the visible band: the radiance falls by the factor e over a distance of 1/extinction metres.
   glm::vec3 extinction_per_m{0.0f, 0.0f, 0.0f};
-  /// The same in the infrared band.
+  /// Extinction in the infrared band.
   float ir_extinction_per_m = NAN;
-  /// 0..1, share of the extinction that is scattering; 0 = absorption alone, which is exact and costs least.
+  /// Share of the extinction that is scattering, 0..1. 0 is absorption alone, which is exact and fastest.
   glm::vec3 albedo{0.0f, 0.0f, 0.0f};
-  /// The same in the infrared band.
+  /// The same share in the infrared band.
   float ir_albedo = NAN;
-  /// Mean cosine of scattering (Henyey and Greenstein), in (-1, 1); 0 is even, > 0 forward.
+  /// Mean cosine of the scattering angle (Henyey and Greenstein), in (-1, 1). 0 is isotropic, positive values scatter forwards.
   float phase_g = 0.0f;
-  /// So far from a camera its window and housing keep the medium out of what it sees; the projector's light is brightest there.
+  /// Distance from a camera over which its window and housing keep the medium out of its view. The projector's light is brightest there.
   float housing_m = 0.0f;
-  /// Lower corner of its box in the world; -1e9..1e9, or infinite where it has no bound.
+  /// Lower corner of the medium's box in the world, -1e9..1e9, or infinite for no bound.
   glm::dvec3 bounds_min_m{-INFINITY, -INFINITY, -INFINITY};
-  /// Upper corner, likewise.
+  /// Upper corner of the medium's box in the world, -1e9..1e9, or infinite for no bound.
   glm::dvec3 bounds_max_m{INFINITY, INFINITY, INFINITY};
 };
 
 struct LightFields {
   std::string name;
-  /// What shines.
+  /// Kind of the light, which decides the fields that are read.
   enum class Kind : uint32_t { point = 1, projector = 2, directional = 3, spot = 4, rectangle = 5, disk = 6 };
   Kind kind = Kind::point;
-  /// Environment of the batch that has it.
+  /// Index of the environment of the batch that contains this light.
   uint32_t environment = 0xffffffffu;
-  /// Visible band. Point, spot, projector: radiant intensity, W/sr; directional: irradiance on a surface that faces it, W/m^2; rectangle, disk: radiance, W/(sr m^2). A projector's is 0 by default: an RGB camera does not see it.
+  /// Intensity in the visible band. Point, spot and projector: radiant intensity in W/sr. Directional: irradiance on a surface that faces the light, in W/m^2. Rectangle and disk: radiance in W/(sr m^2). A projector's is 0 by default, since an RGB camera does not see it.
   glm::vec3 intensity{0.0f, 0.0f, 0.0f};
-  /// Infrared band, the same unit.
+  /// Intensity in the infrared band, in the same unit.
   float ir_intensity = NAN;
-  /// +z is the projector's optical axis, x right, y down.
+  /// Pose, row-major. +z is the optical axis, x points right and y down.
   glm::dmat4 light_to_world{1.0};
-  /// Projector: pattern, red channel read linearly (KUAFU_NONE with dots). Else a factor, or KUAFU_NONE: over a rectangle or a disk's square; over the square around a spot's outer cone; equirectangular around a point; directional: tiles of size_m across it.
+  /// Projector: the pattern, whose red channel is read linearly, or KUAFU_NONE where dots are given. All other kinds: an image that multiplies the light, or KUAFU_NONE. It covers a rectangle, the square around a disk, or the square around a spot's outer cone; a point light reads it as an equirectangular map; a directional light repeats it as tiles of size_m.
   uint32_t texture = 0xffffffffu;
-  /// KUAFU_OUTPUT_LIGHT_GROUP_0 + light_group gets its light; a projector's goes to its own two outputs.
+  /// Light group of this light: KUAFU_OUTPUT_LIGHT_GROUP_0 + light_group receives it. A projector's light goes to the projector's two outputs instead.
   uint32_t light_group = 0;
-  /// Projector: row-major 3x3 in pixels of the texture.
+  /// Projector: camera matrix in pixels of the pattern, row-major 3x3.
   glm::dmat3 k{1.0};
-  /// Point: of the sphere that shines, 0 = a point; disk; projector: of its lens, which blurs by radius |1/z - 1/focus_m| f.
+  /// Point: radius of the luminous sphere, 0 for a point. Disk: its radius. Projector: radius of its lens, which blurs the pattern by the radius |1/z - 1/focus_m| f.
   double radius_m = 0.0;
-  /// Directional: half angle of its disc, 0 = parallel light; at most pi/2.
+  /// Directional: half angle of the disc in the sky, at most pi/2; 0 is parallel light.
   double angle_rad = 0.0;
-  /// Spot: half angles, 0 <= inner < outer <= pi/2.
+  /// Spot: half angle of the cone with full intensity; 0 <= inner < outer <= pi/2.
   double inner_rad = 0.0;
-  /// Spot: half angles, 0 <= inner < outer <= pi/2.
+  /// Spot: half angle of the cone outside which there is no light; 0 <= inner < outer <= pi/2.
   double outer_rad = 0.7853981633974483;
-  /// Rectangle: width and height; directional with a texture: of a tile.
+  /// Rectangle: width and height. Directional with a texture: size of a tile.
   glm::dvec2 size_m{0.0, 0.0};
-  /// Projector: k1 k2 p1 p2 k3 k4 k5 k6 of Brown and Conrady (OpenCV's order).
+  /// Projector: the lens distortion k1 k2 p1 p2 k3 k4 k5 k6 of Brown and Conrady, in OpenCV's order.
   double distortion[8]{};
-  /// Projector: intensity times cos^falloff of the angle from its axis.
+  /// Projector: the intensity is multiplied by cos^falloff of the angle from the optical axis.
   double falloff = 0.0;
-  /// Projector: distance of its sharpest image; 0 = sharp everywhere.
+  /// Projector: distance at which the pattern is sharpest; with 0 it is sharp everywhere.
   double focus_m = 0.0;
-  /// Projector: magnifies the pattern about K's principal point, > 0; 1 = neutral.
+  /// Projector: magnification of the pattern about the principal point, > 0; 1 changes nothing.
   double pattern_scale = 1.0;
-  /// It shines within this window of the frame's time; equal ends mean always.
+  /// Time at which the light is switched on within a frame; where it equals on_until_s the light is always on.
   double on_from_s = 0.0;
-  /// End of the window.
+  /// Time at which the light is switched off.
   double on_until_s = 0.0;
 };
 
 struct Environment {
-  /// Visible band.
+  /// Radiance in the visible band.
   glm::vec3 radiance{0.0f, 0.0f, 0.0f};
-  /// Infrared band.
+  /// Radiance in the infrared band.
   float ir_radiance = NAN;
-  /// Factor (infrared: its red). Its middle column lies towards +z of the map's frame, columns go towards +x, row 0 is -y (up).
+  /// Equirectangular map that multiplies the radiance; the infrared band uses its red channel. Its middle column lies towards +z of the map's frame, its columns run towards +x, and its first row is -y (up).
   uint32_t texture = 0xffffffffu;
-  /// Group of outputs that gets its light.
+  /// Light group of the environment's light.
   uint32_t light_group = 0;
-  /// Rotation, row-major.
+  /// Rotation of the map, row-major.
   glm::dmat3 map_to_world{1.0};
 };
 
