@@ -27,7 +27,7 @@ struct GlassPush {
   uint32_t has_medium, unused = 0;
 };
 
-/// By constant_id (lib/bvh_queue.glsl, entry/glass_main.glsl).
+/// By constant_id (lib/bvh_queue.glsl, entry/trace_glass.comp).
 using Constants = std::array<uint32_t, 5>;
 
 constexpr uint32_t gpu_spread_groups = 2048;  // about what a large GPU holds at once

@@ -1,4 +1,6 @@
-// Entry of both trace_glass shaders: a shadow ray's whole way through smooth surfaces, in one go; stage `transmit` does the same queue by queue.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+// Built once for each band (KUAFU_CHANNELS): a shadow ray's whole way through smooth surfaces, in one go; stage `transmit` does the same queue by queue.
 // t_far becomes minus infinity where something stands in the way; else the contribution is dimmed.
 #include "shared/wave.h"
 // What stage/glass.glsl reads, beyond what every tracer is given.

@@ -1,4 +1,6 @@
-// Entry of both transmit shaders: one shadow ray per invocation.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+// Built once for each band (KUAFU_CHANNELS): one shadow ray per invocation.
 #include "lib/invocation.glsl"
 #include "lib/shading.glsl"
 

@@ -1,4 +1,6 @@
-// Entry of both aov shaders: one pixel per invocation.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+// Built once for each band (KUAFU_CHANNELS): one pixel per invocation.
 #include "lib/invocation.glsl"
 #include "lib/camera.glsl"
 #include "lib/material.glsl"

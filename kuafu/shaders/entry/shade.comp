@@ -1,4 +1,6 @@
-// Entry of both shade shaders: one ray per invocation, queues filled by workgroups.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+// Built once for each band (KUAFU_CHANNELS): one ray per invocation, queues filled by workgroups.
 #include "lib/invocation.glsl"
 #include "lib/shading.glsl"
 

@@ -1,4 +1,0 @@
-#version 460
-#extension GL_GOOGLE_include_directive : require
-#define KUAFU_CHANNELS 1
-#include "entry/shade_main.glsl"
