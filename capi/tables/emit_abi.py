@@ -53,7 +53,7 @@ def _info(struct: Struct, tables: Tables) -> list[str]:
 
 def struct_table(tables: Tables, library: str) -> str:
     """How the structs lie and what their missing fields mean, for ks::read_struct."""
-    structs = [s for s in tables.of(library) if s.type_id is not None]
+    structs = [s for s in tables.of(library) if s.type_id is not None and not s.plugin]
     public = ["ks/buffer.h", "ks/device.h", "ks/image.h", "ks/sync.h"] if library == "ks" else [f"{library}/{library}.h"]
     text = [*banner(*structs, note="How the public structs lie, and what a field means that a caller's struct does not have yet."), "#pragma once", "",
             "#include <array>", "#include <cmath>", "#include <cstddef>", "", '#include "device/struct_info.h"',
@@ -65,7 +65,7 @@ def struct_table(tables: Tables, library: str) -> str:
 
 def struct_init(tables: Tables, library: str) -> str:
     """The exported initialiser of every struct of a library and of ks."""
-    structs = [s for owner in ("ks", library) for s in tables.of(owner) if s.type_id is not None]
+    structs = [s for owner in ("ks", library) for s in tables.of(owner) if s.type_id is not None and not s.plugin]
     text = [*banner(*structs), '#include "device/struct_read.h"', f'#include "{library}/{library}.h"', "", "namespace {", "",
             "template <class T>", "void give(void* out, uint32_t size_bytes, const T& value) { ks::init_struct(out, size_bytes, &value, sizeof value); }", "",
             "}  // namespace", "", f"ks_status {library}_struct_init(uint32_t type, void* out, uint32_t size_bytes) {{",
@@ -89,7 +89,7 @@ def _argument(struct: Struct, name: str, tables: Tables) -> str:
 def layout_test(tables: Tables) -> str:
     """tests/capi/abi_layout_tables.c: size and offset of every field, for 64-bit targets."""
     text = [c_comment(GENERATED.format("all files of that folder")), c_comment("Sizes and offsets of every field of the public structs, on 64-bit targets. A failure is a negative array size."),
-            "#include <stddef.h>", "", '#include "kuafu/kuafu.h"', '#include "simsense/simsense.h"', "",
+            "#include <stddef.h>", "", '#include "ks/effect.h"', '#include "kuafu/kuafu.h"', '#include "simsense/simsense.h"', "",
             "#define JOIN_EXPANDED(a, b) a##b", "#define JOIN(a, b) JOIN_EXPANDED(a, b)",
             "#define HOLDS(condition) typedef char JOIN(layout_line_, __LINE__)[(condition) ? 1 : -1] __attribute__((unused))",
             "#define SIZE(type, bytes) HOLDS(sizeof(type) == (bytes))",

@@ -128,7 +128,7 @@ def _count(field: Field, constants: dict[str, str]) -> int:
 
 def _in_order(tables: Tables) -> list[Struct]:
     """Structs that stand inside others first."""
-    left, out = list(tables.structs.values()), []
+    left, out = [s for s in tables.structs.values() if not s.plugin], []
     while left:
         names = {s.name for s in left}
         ready = [s for s in left if not names & {f.type for f in s.fields}]

@@ -16,6 +16,7 @@ import emit_ffi
 import emit_kuafu
 import emit_options
 import emit_page
+import emit_plugin
 import emit_python
 from table import FOLDER, TableError, Tables, read_tables
 
@@ -32,7 +33,8 @@ def outputs(tables: Tables) -> dict[str, str]:
         files[f"{library}/src/api/struct_init.cpp"] = emit_abi.struct_init(tables, library)
         sources = (ROOT / f"python/{library}/_{library}.pyi.in", ROOT / "python/bindings/shared.pyi.in")
         files[f"python/{library}/_{library}.pyi"] = emit_python.stub(tables, library, *(path.read_text() for path in sources))
-    headers = {path: files[path] for path in files if path.startswith("capi/include/")}
+    callers = [f"capi/include/{entry.path}" for entry in tables.headers if not any(s.plugin for s in entry.structs)]
+    headers = {path: files[path] for path in callers}
     return files | {
         "examples/clients/interface.py": emit_ffi.python_structs(tables, headers),
         "examples/clients/interface.rs": emit_ffi.rust_structs(tables, headers),
@@ -46,6 +48,7 @@ def outputs(tables: Tables) -> dict[str, str]:
         "python/kuafu/options.h": emit_options.kuafu_options_h(tables),
         "python/activestereo/matcher_table.py": emit_options.matcher_table(tables),
         "python/activestereo/render_table.py": emit_options.render_table(tables),
+        "python/activestereo/effects/core/plugin_records.py": emit_plugin.records(tables),
         "kuafu/src/scene/fields.h": emit_kuafu.fields_h(tables),
         "kuafu/src/scene/fields.cpp": emit_kuafu.fields_cpp(tables),
         "kuafu/src/api/fields.h": emit_kuafu.copies_h(tables),

@@ -30,7 +30,7 @@ FIELD_KEYS = set(
     "type doc count shape default neutral range above allowed zero_means unit group values prefix first none nan config match kernel pair"
     " python extras check reserved copy lengths option short one member".split()
 )
-STRUCT_KEYS = set("struct type_id doc what reach init fields python scene record read_back checked embedded has_neutral".split())
+STRUCT_KEYS = set("struct type_id doc what reach init fields python scene record read_back checked plugin embedded has_neutral".split())
 
 
 class TableError(Exception):
@@ -105,6 +105,7 @@ class Struct:
     record: str = ""  # name of the record that they are copied to, where that is written by hand
     read_back: bool = True  # and from
     checked: bool = False  # its fields are checked as they come, without a record
+    plugin: bool = False  # read by the lab, by neither library
     embedded: bool = False  # stands inside other structs by value: can never grow
     has_neutral: bool = False  # its record can say whether it changes anything
 
@@ -173,7 +174,7 @@ def read_struct(path: Path) -> Struct:
     unknown = set(data) - STRUCT_KEYS
     _require(not unknown, path.name, "struct", f"unknown keys {sorted(unknown)} (known: {' '.join(sorted(STRUCT_KEYS))})")
     fields = [_read_field(path.name, name, entry) for name, entry in data["fields"].items()]
-    rest = {key: data[key] for key in ("type_id", "what", "reach", "python", "scene", "record", "read_back", "checked", "embedded", "has_neutral") if key in data}
+    rest = {key: data[key] for key in ("type_id", "what", "reach", "python", "scene", "record", "read_back", "checked", "plugin", "embedded", "has_neutral") if key in data}
     return Struct(data["struct"], " ".join(data["doc"].split()), fields, path.name, init=tuple(data.get("init", ())), **rest)
 
 

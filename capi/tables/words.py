@@ -100,4 +100,4 @@ def c_comment(text: str, indent: str = "") -> str:
     lines: list[str] = []
     for paragraph in text.split("\n"):
         lines += textwrap.wrap(paragraph, WIDTH - len(indent) - 3, break_long_words=False, break_on_hyphens=False) or [""]
-    return f"{indent}/* " + f"\n{indent} * ".join(lines) + " */"
+    return "\n".join(line.rstrip() for line in (f"{indent}/* " + f"\n{indent} * ".join(lines) + " */").split("\n"))

@@ -201,6 +201,9 @@ KS_SYNC_HOST = 0
 KS_SYNC_TIMELINE_FD = 1
 KS_SYNC_TIMELINE = 2
 KS_TYPE_SYNC = 0x06
+KS_LOG_INFO = 0
+KS_LOG_WARNING = 1
+KS_LOG_ERROR = 2
 
 
 class simsense_parameters(c.Structure):
@@ -622,6 +625,13 @@ class ks_sync(c.Structure):
         ("reserved", c.c_uint32),
         ("handle", c.c_uint64),
         ("value", c.c_uint64),
+    ]
+
+
+class ks_stage_time(c.Structure):
+    _fields_ = [
+        ("name", c.c_char * 32),
+        ("milliseconds", c.c_double),
     ]
 
 

@@ -442,6 +442,13 @@ pub struct ks_sync {
 
 #[repr(C)]
 #[derive(Clone, Copy)]
+pub struct ks_stage_time {
+    pub name: [c_char; 32],
+    pub milliseconds: f64,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy)]
 pub struct kuafu_output_desc {
     pub header: ks_header,
     pub output: u32,
@@ -657,6 +664,9 @@ pub const KS_SYNC_HOST: u32 = 0;
 pub const KS_SYNC_TIMELINE_FD: u32 = 1;
 pub const KS_SYNC_TIMELINE: u32 = 2;
 pub const KS_TYPE_SYNC: u32 = 0x06;
+pub const KS_LOG_INFO: u32 = 0;
+pub const KS_LOG_WARNING: u32 = 1;
+pub const KS_LOG_ERROR: u32 = 2;
 
 #[link(name = "kuafu")]
 extern "C" {
@@ -716,7 +726,7 @@ extern "C" {
     pub fn kuafu_renderer_wait(renderer: *mut c_void, sync: *const ks_sync, timeout_ns: u64) -> i32;
     pub fn kuafu_renderer_cancel(renderer: *mut c_void) -> i32;
     pub fn kuafu_renderer_get_summary(renderer: *mut c_void, out: *mut kuafu_render_summary) -> i32;
-    pub fn kuafu_renderer_get_stage_times(renderer: *mut c_void, times: *mut *mut c_void, count: *mut u32) -> i32;
+    pub fn kuafu_renderer_get_stage_times(renderer: *mut c_void, times: *mut ks_stage_time, count: *mut u32) -> i32;
 }
 
 #[link(name = "simsense")]
@@ -752,5 +762,5 @@ extern "C" {
     pub fn simsense_engine_submit(engine: *mut c_void, desc: *const simsense_compute_desc, out: *mut ks_sync) -> i32;
     pub fn simsense_engine_wait(engine: *mut c_void, sync: *const ks_sync) -> i32;
     pub fn simsense_engine_export_timeline(engine: *mut c_void, out: *mut ks_sync) -> i32;
-    pub fn simsense_engine_get_stage_times(engine: *mut c_void, times: *mut *mut c_void, count: *mut u32) -> i32;
+    pub fn simsense_engine_get_stage_times(engine: *mut c_void, times: *mut ks_stage_time, count: *mut u32) -> i32;
 }

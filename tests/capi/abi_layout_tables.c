@@ -2,6 +2,7 @@
 /* Sizes and offsets of every field of the public structs, on 64-bit targets. A failure is a negative array size. */
 #include <stddef.h>
 
+#include "ks/effect.h"
 #include "kuafu/kuafu.h"
 #include "simsense/simsense.h"
 
@@ -372,3 +373,62 @@ AT(ks_sync, kind, 16, 4);
 AT(ks_sync, reserved, 20, 4);
 AT(ks_sync, handle, 24, 8);
 AT(ks_sync, value, 32, 8);
+
+SIZE(ks_stage_time, 40);
+AT(ks_stage_time, name, 0, 32);
+AT(ks_stage_time, milliseconds, 32, 8);
+
+SIZE(ks_effect_random_term, 24);
+AT(ks_effect_random_term, parameter, 0, 8);
+AT(ks_effect_random_term, sparse_share, 8, 8);
+AT(ks_effect_random_term, lever, 16, 4);
+AT(ks_effect_random_term, shared_by, 20, 4);
+
+SIZE(ks_effect_random_terms, 32);
+AT(ks_effect_random_terms, terms, 16, 8);
+AT(ks_effect_random_terms, count, 24, 4);
+AT(ks_effect_random_terms, reserved, 28, 4);
+
+SIZE(ks_effect_parameter, 56);
+AT(ks_effect_parameter, name, 0, 8);
+AT(ks_effect_parameter, unit, 8, 8);
+AT(ks_effect_parameter, source, 16, 8);
+AT(ks_effect_parameter, neutral, 24, 8);
+AT(ks_effect_parameter, low, 32, 8);
+AT(ks_effect_parameter, high, 40, 8);
+AT(ks_effect_parameter, typical, 48, 8);
+
+SIZE(ks_effect_view, 568);
+AT(ks_effect_view, width, 16, 4);
+AT(ks_effect_view, height, 20, 4);
+AT(ks_effect_view, is_right, 24, 4);
+AT(ks_effect_view, frame_id, 28, 4);
+AT(ks_effect_view, k, 32, 72);
+AT(ks_effect_view, projector_k, 104, 72);
+AT(ks_effect_view, camera_to_projector, 176, 128);
+AT(ks_effect_view, left_to_camera, 304, 128);
+AT(ks_effect_view, camera_velocity, 432, 48);
+AT(ks_effect_view, baseline_m, 480, 8);
+AT(ks_effect_view, max_dn, 488, 8);
+AT(ks_effect_view, exposure_s, 496, 8);
+AT(ks_effect_view, gain, 504, 8);
+AT(ks_effect_view, timestamp_s, 512, 8);
+AT(ks_effect_view, temperature_c, 520, 8);
+AT(ks_effect_view, random_seed, 528, 8);
+AT(ks_effect_view, depth_m, 536, 8);
+AT(ks_effect_view, normal, 544, 8);
+AT(ks_effect_view, pattern, 552, 8);
+AT(ks_effect_view, pattern_width, 560, 4);
+AT(ks_effect_view, pattern_height, 564, 4);
+
+SIZE(ks_effect, 80);
+AT(ks_effect, id, 16, 8);
+AT(ks_effect, family, 24, 8);
+AT(ks_effect, summary, 32, 8);
+AT(ks_effect, source, 40, 8);
+AT(ks_effect, stage, 48, 4);
+AT(ks_effect, randomness, 52, 4);
+AT(ks_effect, parameter_count, 56, 4);
+AT(ks_effect, reserved, 60, 4);
+AT(ks_effect, parameters, 64, 8);
+AT(ks_effect, apply, 72, 8);

@@ -2,7 +2,7 @@
  * this. */
 /* Memory that two libraries share. A handle of one library is never given to the other: one exports a plain
  * ks_buffer_desc, and the other imports it.
- * 
+ *
  * File descriptors: a library never closes one that you gave it, and never one that it gave to you. An import
  * duplicates its file descriptor, and each export returns a new one.
  * KS_MEMORY_OPAQUE_FD is valid only between Vulkan devices of equal device and driver UUID; the descriptor carries both

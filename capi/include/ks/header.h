@@ -18,9 +18,6 @@ typedef struct ks_header {
 } ks_header;
 
 /* Types stand beside their structs: 0x01.. shared, 0x1000.. kuafu, 0x2000.. simsense. Values are never reused. */
-#define KS_TYPE_EFFECT 0x07u
-#define KS_TYPE_EFFECT_VIEW 0x08u
-#define KS_TYPE_EFFECT_RANDOM_TERMS 0x09u
 
 static inline ks_header ks_header_make(uint32_t type, uint32_t size_bytes) {
   ks_header h;

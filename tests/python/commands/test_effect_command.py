@@ -215,7 +215,7 @@ def test_a_random_effect_in_c_says_how_it_is_judged(compiled):
 
 def test_the_python_mirror_of_the_c_descriptor_has_its_layout(tmp_path):
     """Sizes are those that plug-ins were compiled against: they never change."""
-    structs = {"ks_effect": (plugin._Effect, 80), "ks_effect_parameter": (plugin._Parameter, 56), "ks_effect_view": (plugin._View, 568)}
+    structs = {"ks_effect": (plugin.records.Effect, 80), "ks_effect_parameter": (plugin.records.Parameter, 56), "ks_effect_view": (plugin.records.View, 568)}
     fields = [(name, field) for name, (mirror, _) in structs.items() for field, *_ in mirror._fields_]
     prints = [f'printf("%u\\n", (unsigned)sizeof({name}));' for name in structs]
     prints += [f'printf("%u\\n", (unsigned)offsetof({name}, {field}));' for name, field in fields]

@@ -30,12 +30,12 @@ def library(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "table.so"
 
 
-def record(dice: random.Random, count: int, chain: Any) -> plugin._Effect:
+def record(dice: random.Random, count: int, chain: Any) -> plugin.records.Effect:
     """A sound effect."""
-    parameters = (plugin._Parameter * 3)(*(plugin._Parameter(n, b"1", b"", 0.0, 0.0, 1.0, 0.5) for n in (b"p", b"q", b"r")))
-    header = plugin._Header(plugin._TYPE_EFFECT, c.sizeof(plugin._Effect), chain)
-    apply = plugin._Apply(lambda *_: 0)
-    return plugin._Effect(header, b"effect", b"f", b"s", b"s", 7, dice.randrange(3), count, 0, parameters, apply)
+    parameters = (plugin.records.Parameter * 3)(*(plugin.records.Parameter(n, b"1", b"", 0.0, 0.0, 1.0, 0.5) for n in (b"p", b"q", b"r")))
+    header = plugin.records.Header(plugin.records.TYPE_EFFECT, c.sizeof(plugin.records.Effect), chain)
+    apply = plugin.records.Apply(lambda *_: 0)
+    return plugin.records.Effect(header, b"effect", b"f", b"s", b"s", 7, dice.randrange(3), count, 0, parameters, apply)
 
 
 def disturb(dice: random.Random, struct: Any) -> None:
@@ -47,7 +47,7 @@ def disturb(dice: random.Random, struct: Any) -> None:
         setattr(struct, name, dice.choice(NUMBERS))
     elif kind is c.c_uint32:
         setattr(struct, name, dice.choice(COUNTS))
-    elif kind is plugin._Header:
+    elif kind is plugin.records.Header:
         setattr(getattr(struct, name), dice.choice(["type", "size_bytes"]), dice.choice(COUNTS))
     else:
         setattr(struct, name, kind())  # NULL
@@ -58,11 +58,11 @@ def test_changed_tables(library: Path) -> None:
     own = c.CDLL(str(library))
     outcomes = {"read": 0, "refused": 0}
     for _ in range(3000):
-        terms = plugin._RandomTerms(plugin._Header(plugin._TYPE_EFFECT_RANDOM_TERMS, c.sizeof(plugin._RandomTerms), None))
-        term = plugin._RandomTerm(b"p", None, 0, 0)
+        terms = plugin.records.RandomTerms(plugin.records.Header(plugin.records.TYPE_EFFECT_RANDOM_TERMS, c.sizeof(plugin.records.RandomTerms), None))
+        term = plugin.records.RandomTerm(b"p", None, 0, 0)
         terms.terms, terms.count = c.pointer(term), 1
         count = dice.randrange(1, 4)
-        effects = (plugin._Effect * 3)(*(record(dice, count, c.addressof(terms)) for _ in range(3)))
+        effects = (plugin.records.Effect * 3)(*(record(dice, count, c.addressof(terms)) for _ in range(3)))
         for _ in range(dice.randrange(3)):
             disturb(dice, dice.choice([effects[0], effects[0], terms, term, effects[0].parameters[0]]) if effects[0].parameters else effects[0])
         if terms.terms and 1 < terms.count <= 64:

@@ -7,63 +7,17 @@ from typing import Any
 
 import numpy as np
 
+from activestereo.effects.core import plugin_records as records
 from activestereo.effects.core.descriptor import Effect, Parameter, Randomness, Stage
 from activestereo.effects.core.judging import Lever, RandomTerm, SharedBy
 from activestereo.effects.core.light import Light
 
 _ENTRY = "ks_effect_plugin"
-_TYPE_EFFECT, _TYPE_EFFECT_VIEW, _TYPE_EFFECT_RANDOM_TERMS = 0x07, 0x08, 0x09
-_RANDOMNESS = (Randomness.NONE, Randomness.STATIC, Randomness.TEMPORAL)
-_LEVERS = (Lever.ONE, Lever.SIGNAL, Lever.PROJECTOR, Lever.EXPOSURE, Lever.PHOTONS)
-_SHARED_BY = (SharedBy.PIXEL, SharedBy.VIEW, SharedBy.COLUMN, SharedBy.ROW, SharedBy.DOT)
+_RANDOMNESS = tuple(Randomness[name.upper()] for name in records.RANDOMNESS)
+_LEVERS = tuple(Lever[name.upper()] for name in records.LEVER)
+_SHARED_BY = tuple(SharedBy[name.upper()] for name in records.SHARED_BY)
 _MOST_EFFECTS, _MOST_PARAMETERS, _LONGEST_CHAIN = 256, 64, 16
 _RNG_PER = {Randomness.NONE: "rig", Randomness.STATIC: "sensor", Randomness.TEMPORAL: "frame"}
-
-
-class _Header(c.Structure):
-    _fields_ = [("type", c.c_uint32), ("size_bytes", c.c_uint32), ("next", c.c_void_p)]
-
-
-class _Parameter(c.Structure):
-    _fields_ = [(n, c.c_char_p) for n in ("name", "unit", "source")] + [(n, c.c_double) for n in ("neutral", "low", "high", "typical")]
-
-
-class _View(c.Structure):
-    _fields_ = [
-        ("header", _Header),
-        *((n, c.c_uint32) for n in ("width", "height", "is_right", "frame_id")),
-        ("k", c.c_double * 9),
-        ("projector_k", c.c_double * 9),
-        ("camera_to_projector", c.c_double * 16),
-        ("left_to_camera", c.c_double * 16),
-        ("camera_velocity", c.c_double * 6),
-        *((n, c.c_double) for n in ("baseline_m", "max_dn", "exposure_s", "gain", "timestamp_s", "temperature_c")),
-        ("random_seed", c.c_uint64),
-        *((n, c.c_void_p) for n in ("depth_m", "normal", "pattern")),
-        ("pattern_width", c.c_uint32),
-        ("pattern_height", c.c_uint32),
-    ]
-
-
-_Apply = c.CFUNCTYPE(c.c_int32, c.POINTER(_View), c.POINTER(c.c_double), c.c_uint32, c.POINTER(c.c_double), c.POINTER(c.c_double))
-
-
-class _RandomTerm(c.Structure):
-    _fields_ = [(n, c.c_char_p) for n in ("parameter", "sparse_share")] + [(n, c.c_uint32) for n in ("lever", "shared_by")]
-
-
-class _RandomTerms(c.Structure):
-    _fields_ = [("header", _Header), ("terms", c.POINTER(_RandomTerm)), ("count", c.c_uint32), ("reserved", c.c_uint32)]
-
-
-class _Effect(c.Structure):
-    _fields_ = [
-        ("header", _Header),
-        *((n, c.c_char_p) for n in ("id", "family", "summary", "source")),
-        *((n, c.c_uint32) for n in ("stage", "randomness", "parameter_count", "reserved")),
-        ("parameters", c.POINTER(_Parameter)),
-        ("apply", _Apply),
-    ]
 
 
 def load_plugin(path: str | Path) -> list[Effect]:
@@ -74,7 +28,7 @@ def load_plugin(path: str | Path) -> list[Effect]:
         entry = getattr(library, _ENTRY)
     except AttributeError:
         raise ValueError(f"{path}: exports no {_ENTRY}; see ks/effect.h") from None
-    entry.restype, entry.argtypes = c.POINTER(_Effect), [c.POINTER(c.c_uint32)]
+    entry.restype, entry.argtypes = c.POINTER(records.Effect), [c.POINTER(c.c_uint32)]
     count = c.c_uint32()
     found = entry(c.byref(count))
     try:
@@ -95,9 +49,9 @@ def _records(first: Any, count: int, what: str, most: int) -> list[Any]:
     return [first[i] for i in range(count)]
 
 
-def _effect(record: _Effect, library: c.CDLL) -> Effect:
-    if record.header.type != _TYPE_EFFECT or record.header.size_bytes != c.sizeof(_Effect):
-        raise ValueError(f"built against another ks/effect.h (its ks_effect has {record.header.size_bytes} bytes, not {c.sizeof(_Effect)})")
+def _effect(record: records.Effect, library: c.CDLL) -> Effect:
+    if record.header.type != records.TYPE_EFFECT or record.header.size_bytes != c.sizeof(records.Effect):
+        raise ValueError(f"built against another ks/effect.h (its ks_effect has {record.header.size_bytes} bytes, not {c.sizeof(records.Effect)})")
     name = _text(record.id)
     if not name.isidentifier() or not record.apply or record.randomness >= len(_RANDOMNESS):
         raise ValueError(f"effect {name[:40]!r} needs an identifier as id, an apply function and a known randomness")
@@ -119,28 +73,28 @@ def _effect(record: _Effect, library: c.CDLL) -> Effect:
     return Effect(name, stage=stage, parameters=parameters, apply=apply, randomness=randomness, judged=judged, **texts)
 
 
-def _chained_terms(header: _Header) -> list[_RandomTerm]:
+def _chained_terms(header: records.Header) -> list[records.RandomTerm]:
     """The random terms that an effect's header leads to."""
     at = header.next
     for _ in range(_LONGEST_CHAIN):
         if not at:
             return []
-        found = c.cast(at, c.POINTER(_RandomTerms))[0]
-        if found.header.type == _TYPE_EFFECT_RANDOM_TERMS:
-            if found.header.size_bytes < c.sizeof(_RandomTerms):
-                raise ValueError(f"its random terms have {found.header.size_bytes} bytes, not {c.sizeof(_RandomTerms)}")
+        found = c.cast(at, c.POINTER(records.RandomTerms))[0]
+        if found.header.type == records.TYPE_EFFECT_RANDOM_TERMS:
+            if found.header.size_bytes < c.sizeof(records.RandomTerms):
+                raise ValueError(f"its random terms have {found.header.size_bytes} bytes, not {c.sizeof(records.RandomTerms)}")
             return _records(found.terms, found.count, "random term", _MOST_PARAMETERS)
         at = found.header.next
     raise ValueError(f"its header's chain has no end within {_LONGEST_CHAIN} structs")
 
 
-def _random_term(record: _RandomTerm) -> RandomTerm:
+def _random_term(record: records.RandomTerm) -> RandomTerm:
     if record.lever >= len(_LEVERS) or record.shared_by >= len(_SHARED_BY):
         raise ValueError("a random term's lever or shared_by is none of KS_LEVER_*, KS_SHARED_BY_*")
     return RandomTerm(_text(record.parameter), _LEVERS[record.lever], _SHARED_BY[record.shared_by], _text(record.sparse_share))
 
 
-def _parameter(record: _Parameter) -> Parameter:
+def _parameter(record: records.Parameter) -> Parameter:
     name = _text(record.name)
     if not name.isidentifier() or keyword.iskeyword(name):
         raise ValueError(f"parameter name {name[:40]!r} is no identifier")
@@ -176,8 +130,8 @@ def _view(view, name, randomness):
     normal = np.ascontiguousarray(view.normal, dtype=np.float64)
     pattern = np.ascontiguousarray(view.pattern, dtype=np.float32)
     numbers = lambda array: tuple(np.asarray(array, dtype=np.float64).ravel())  # noqa: E731
-    record = _View(
-        header=_Header(_TYPE_EFFECT_VIEW, c.sizeof(_View), None),
+    record = records.View(
+        header=records.Header(records.TYPE_EFFECT_VIEW, c.sizeof(records.View), None),
         width=view.shape[1], height=view.shape[0], is_right=view.is_right, frame_id=frame.id,
         k=numbers(view.K), projector_k=numbers(view.projector_K),
         camera_to_projector=numbers(view.camera_to_projector), left_to_camera=numbers(view.left_to_camera),

@@ -1,0 +1,59 @@
+"""The structs of plug-ins as Python's ctypes see them."""
+
+from __future__ import annotations
+
+from table import Field, Struct, Tables
+from words import GENERATED
+
+SCALARS = {
+    "flag": "c_uint32",
+    "choice": "c_uint32",
+    "uint32": "c_uint32",
+    "uint64": "c_uint64",
+    "double": "c_double",
+    "float": "c_float",
+    "text": "c_char_p",
+}
+# The one function type: ks/effect.h has it beside the structs.
+APPLY = """\
+Apply = c.CFUNCTYPE(c.c_int32, c.POINTER(View), c.POINTER(c.c_double), c.c_uint32, c.POINTER(c.c_double), c.POINTER(c.c_double))
+"""
+
+
+def _name(struct: str) -> str:
+    """ks_effect_random_term as RandomTerm, ks_effect as Effect."""
+    return struct.removeprefix("ks_effect_" if struct != "ks_effect" else "ks_").title().replace("_", "")
+
+
+def _ctype(field: Field, tables: Tables) -> str:
+    target = field.type.removeprefix("const ").removesuffix("*").strip()
+    if field.type == "ks_effect_apply_fn":
+        return "Apply"
+    if field.is_pointer:
+        return f"c.POINTER({_name(target)})" if target in tables.structs else "c.c_void_p"
+    kind = f"c.{SCALARS[field.type]}"
+    return kind if field.count == 1 else f"{kind} * {field.count}"
+
+
+def _class(struct: Struct, tables: Tables) -> list[str]:
+    header = ['        ("header", Header),'] if struct.type_id is not None else []
+    text = ["", "", f"class {_name(struct.name)}(c.Structure):", f'    """{struct.name}"""', "", "    _fields_ = [", *header]
+    text += [f'        ("{f.name}", {_ctype(f, tables)}),' for f in struct.fields]
+    return [*text, "    ]"]
+
+
+def records(tables: Tables) -> str:
+    """python/activestereo/effects/core/plugin_records.py"""
+    structs = [s for s in tables.structs.values() if s.plugin]
+    text = ["# " + GENERATED.format("ks_effect*.toml"), '"""The structs of ks/effect.h: numbers of their types, names of their choices, and how they lie."""',
+            "", "import ctypes as c", ""]  # fmt: skip
+    text += [f"{s.type_name.removeprefix('KS_')} = 0x{s.type_id:02x}" for s in structs if s.type_id is not None]
+    for f in (f for s in structs for f in s.fields if f.values):
+        names = ", ".join(f'"{name}"' for name in f.values)
+        text.append(f"{f.name.upper()} = ({names})")
+    text += ["", "", "class Header(c.Structure):", '    """ks_header"""', "",
+             '    _fields_ = [("type", c.c_uint32), ("size_bytes", c.c_uint32), ("next", c.c_void_p)]']  # fmt: skip
+    for s in structs:
+        text += ["", "", APPLY.rstrip()] if any(f.type == "ks_effect_apply_fn" for f in s.fields) else []
+        text += _class(s, tables)
+    return "\n".join([*text, ""])
