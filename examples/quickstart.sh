@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # From a fresh Debian 12 to an active stereo depth sensor at work: installs what is missing, builds, renders the example table-top with the
 # D435 preset on the best Vulkan device there is, and leaves the pictures in out/quickstart/.
 set -euo pipefail

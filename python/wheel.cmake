@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # What goes into the wheel besides Python files: each package's module, its library, and under <package>/lib what that library needs and a
 # machine without our build packages may lack. The modules look there by DT_RPATH, which, unlike DT_RUNPATH, also holds for what the libraries
 # they load ask for. It does not hold for what a library opened at run time asks for (Embree's TBB): each copy also looks beside itself.

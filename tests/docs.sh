@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # Builds the documentation site into build/docs/site: Doxygen for the C headers, mkdocs-material for all else. Installs these from Debian where they
 # are missing. The Python modules must be built, for their docstrings ($ACTIVESTEREO_BUILD, else build/). Usage: bash tests/docs.sh [FOLDER]
 set -euo pipefail

@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # The long set behind tests/run.sh --full: address and undefined-behaviour sanitizers over the C++ tests, ray tracing pipelines, the depth engine on ARM
 # (emulated), and the practice captures at full quality (ACTIVESTEREO_FULL=1 for pytest, set by tests/run.sh). Each part says what it ran.
 set -euo pipefail

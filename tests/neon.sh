@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # The CPU matcher and signal stages for 64-bit ARM: cross-built with Debian's compiler, run under qemu's user emulation, compared bit for bit with the
 # scalar reference. Highway's library for arm64 is unpacked into build/neon by apt with a private list and state: neither the machine's package sources
 # nor its architectures are touched. Tests to run may be named: bash tests/neon.sh --gtest_filter='matcher.*'

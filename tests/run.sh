@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # Builds if needed and runs every test: ctest for C and C++, pytest for Python. Ends with the runners' own closing lines.
 # --full adds what takes long (tests/full.sh): sanitizers, ray tracing pipelines, ARM, the practice captures at full quality.
 set -euo pipefail

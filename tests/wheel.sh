@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # Builds the wheel from the libraries in build/, installs it into clean virtual environments with NumPy 1.24 and with the newest NumPy, and lets
 # each render an infrared pair and measure depth with nothing of this repository or of Debian's Python packages in reach. Needs pip, the
 # network and python3-venv: not part of the README's two commands. With --from-source the libraries are built by pip too.

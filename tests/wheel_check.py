@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Run by tests/wheel.sh inside a clean virtual environment: a D435 in front of the table-top, and where the libraries came from."""
 
 import sys

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Writes NOTICE from the notes in this folder: one paragraph for every dependency, with its licence and how it is used.
 
     python3 third_party_notes/make_notice.py [--check]

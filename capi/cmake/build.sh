@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # Installs what is missing from Debian's packages, then builds (Release) into build/. Run again at once it does only what changed.
 # Sourced by examples/quickstart.sh and tests/run.sh; can be run by itself. Never touches package sources.
 set -euo pipefail

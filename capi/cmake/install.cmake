@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # ks_install_library(name description): what a program links against, in the build tree, in an installed tree and by add_subdirectory, is the same
 # target <name>::<name>. Everything written is relative to where it lies, so that an installed tree can be moved.
 # Components: <name> is the shared library, dev is headers, CMake packages and pkg-config files of both.

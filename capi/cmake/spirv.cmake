@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # ks_add_shaders(target shader_dir [INLINED stem ...] [PER_BAND stem ...]): compiles every shader_dir/entry/*.{comp,rgen,rchit,rmiss} to
 # SPIR-V and embeds it. C++ sees it by #include "spirv/<stem>.h", which defines `const uint32_t <stem>_spirv[]`. The stem of trace.rgen is
 # trace_rgen; of trace.comp, trace. INLINED: all functions are inlined: NVIDIA's compiler leaves long ones as they are, their arrays in memory.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # Every target of ours is compiled with these; third-party headers are SYSTEM.
 add_library(ks_warnings INTERFACE)
 target_compile_options(ks_warnings INTERFACE -Wall -Wextra -Werror $<$<COMPILE_LANGUAGE:CXX>:-Wno-missing-field-initializers>)

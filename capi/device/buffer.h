@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Linear memory: a VkBuffer with its device address, or plain host memory on the host device. Export and import by opaque fd or host
 // pointer (ks/buffer.h). Shared by reference; keeps its device alive. Thread rule: externally synchronised contents, immutable object.
 #pragma once

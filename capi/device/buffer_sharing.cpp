@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Export and import of buffers: what crosses between two libraries is a plain ks_buffer_desc (ks/buffer.h).
 #include <fcntl.h>
 #include <sys/stat.h>

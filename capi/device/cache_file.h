@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Files of the user's cache folder: bytes that are nice to have. A file that is missing, cut short or altered reads as nothing; one that
 // cannot be written is not. Thread rule: any threads and processes at once; the last writer of a file wins, and no reader sees half of it.
 #pragma once

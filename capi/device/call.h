@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One call of an extern "C" function: exceptions become a status, and the end of a thread passes through.
 #pragma once
 

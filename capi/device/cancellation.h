@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // pthread_cancel inside a call: held back until the call ends or reaches a point where leaving is safe, for drivers hold locks at their own
 // cancellation points and would keep them. Threads that are never cancelled notice nothing.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Recording and running compute work: pipelines from embedded SPIR-V, and a command recorder that can be flushed in the middle (host stages
 // read the result).
 #pragma once

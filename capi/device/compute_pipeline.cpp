@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Shader module, layout and pipeline in one step; nothing is left behind when a step fails.
 #include <algorithm>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A Vulkan device (or none: the host device), its queue, its allocator and its worker threads. Shared by reference; everything made from it
 // keeps it alive. Thread rule: internally synchronised.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Which of the Vulkan devices a ks_device_desc means.
 #pragma once
 

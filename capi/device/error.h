@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the engines throw inside, and the one place where it becomes a ks_status at the C boundary.
 #pragma once
 

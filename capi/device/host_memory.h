@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Page-aligned host memory: the buffers of the host device.
 #pragma once
 

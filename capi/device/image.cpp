@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Bounds of a strided view, in integers wide enough that no shape or stride can overflow them.
 #include <cstdlib>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The wish to end long work early, asked for by the thread that called us and known to every thread that works for it.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Where a device's messages go: the host's callback, called by one thread at a time.
 #pragma once
 

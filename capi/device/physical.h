@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What one physical device says about itself, and whether this project can run on it. Plain values: the refusal rule is a pure function of
 // them.
 #pragma once

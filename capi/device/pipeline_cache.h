@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The driver's cache of compiled pipelines, kept in a file between processes. Thread rule: internally synchronised.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A compute pipeline that is built when it is first used, on a thread of its own: a driver's compiler takes seconds and cannot be stopped,
 // but a caller who wants to end need not wait for it. The thread then goes on, and the next use finds what it made.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Time per named stage of recorded work: timestamps between stage marks, or the wall time of a flush where the queue has no timestamps.
 // Thread rule: externally synchronised.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the tables say of a public struct; struct_table.h has it for each (capi/tables).
 #pragma once
 

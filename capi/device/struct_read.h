@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Reads an extensible C struct from a caller, and writes one to it, where the caller may have been compiled against an older or newer
 // header (rules in ks/header.h).
 #pragma once

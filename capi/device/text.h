@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Text that came from a file or a host, on its way into a message.
 #pragma once
 

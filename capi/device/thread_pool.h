@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Worker threads of a device. The calling thread works too; results must not depend on how many there are.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A timeline semaphore: how far the work of one sender has come. Shared by reference; keeps its device alive. Thread rule: internally
 // synchronised.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The one copy of volk (hidden), and what a VkResult means to us.
 #define VOLK_IMPLEMENTATION
 #include "device/vulkan.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The Vulkan declarations through volk: the loader is opened at run time, never linked, and each device has its own function table.
 #pragma once
 

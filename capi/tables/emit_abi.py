@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What keeps the C ABI: how each struct lies, what a missing field means, the exported initialiser, and the test of every offset."""
 
 from __future__ import annotations

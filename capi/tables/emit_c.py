@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The public headers and the test of their layout."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """C++ of the engines: checks of the fields, and copies of them into what the stages read."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The interface for languages that read no C headers: Python's ctypes and Rust. Both keep the names of C."""
 
 from __future__ import annotations

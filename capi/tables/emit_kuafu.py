@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """kuafu's scene: its records, their checks, their copies from and to the public structs, and a glTF material's extras."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Options of the engines: the bindings' lists of keyword arguments, and what a sensor's configuration and the command line have."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The reference page of every public struct."""
 
 from __future__ import annotations

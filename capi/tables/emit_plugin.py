@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The structs of plug-ins as Python's ctypes see them."""
 
 from __future__ import annotations

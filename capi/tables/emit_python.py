@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Python: annotations and the stubs of both modules."""
 
 from __future__ import annotations
@@ -6,7 +7,7 @@ import math
 
 import emit_options
 from table import Field, Struct, Tables
-from words import GENERATED, default_text, facts, python_words
+from words import GENERATED, LICENCE, default_text, facts, python_words
 
 
 def scalar_type(field: Field) -> str:
@@ -66,11 +67,11 @@ def stub(tables: Tables, library: str, template: str, shared: str) -> str:
     named = {s.python: s for s in tables.of(library) if s.python}
     lists = {f"{name}.fields": _stub_fields(s) for name, s in named.items()} | {f"{name}.doc": [s.doc] for name, s in named.items()}
     engine = [s for s in tables.of(library) if s.name in ("simsense_parameters", "simsense_signal")]
-    lists |= {"parameters": _stub_arguments(engine), "shared": shared.rstrip().split("\n")}
+    lists |= {"parameters": _stub_arguments(engine), "shared": shared.removeprefix(f"# {LICENCE}\n").rstrip().split("\n")}
     for key, name in (("rig", "simsense_rig_desc"), ("renderer", "kuafu_renderer_desc"), ("options", "kuafu_render_desc")):
         lists[key] = _stub_options(tables.structs[name])
     out = ["# " + GENERATED.format("*.toml").replace("from", f"from python/{library}/_{library}.pyi.in, python/bindings/shared.pyi.in and")]
-    for line in template.split("\n"):
+    for line in template.removeprefix(f"# {LICENCE}\n").split("\n"):
         for key, value in lists.items():
             if "{" + key + "}" in line:
                 indent = line[: len(line) - len(line.lstrip())]

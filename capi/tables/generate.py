@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Writes what follows from the tables of the public structs. `--check` changes nothing and fails where a committed file is stale.
 
 Both fail where the tables break the promise of a release: capi/abi/structs-*.txt has where each field lies for its callers. `--release 0.2` writes
@@ -19,6 +20,7 @@ import emit_page
 import emit_plugin
 import emit_python
 from table import FOLDER, TableError, Tables, read_tables
+from words import licensed
 
 ROOT = FOLDER.parents[1]
 
@@ -69,7 +71,7 @@ def main() -> int:
     check = arguments.check
     try:
         tables = read_tables()
-        files = outputs(tables)
+        files = {path: licensed(path, text) for path, text in outputs(tables).items()}
     except TableError as error:
         print(error, file=sys.stderr)
         return 2

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Reads the tables of the public structs (*.toml) and checks them: what each generated file is made from."""
 
 from __future__ import annotations

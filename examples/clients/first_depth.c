@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: Apache-2.0 */
 /* The first depth map in C99: kuafu renders the infrared pair of a scene under a dot projector, and simsense measures depth from it.
  *   cc first_depth.c $(pkg-config --cflags --libs kuafu simsense) -o first_depth && ./first_depth wall_and_board.obj */
 #include <stdio.h>
@@ -5,7 +6,6 @@
 
 #include "kuafu/kuafu.h"
 #include "simsense/simsense.h"
-
 enum { width = 320, height = 240, dot_count = 6000 };
 static const double camera_k[9] = {280, 0, 159.5, 0, 280, 119.5, 0, 0, 1}, projector_k[9] = {500, 0, 319.5, 0, 500, 239.5, 0, 0, 1};
 static const double baseline_m = 0.05;

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The first depth map in C++17, with kuafu.hpp and simsense.hpp: kuafu renders the infrared pair of a scene under a dot projector, and
 // simsense measures depth from it. Built as CMakeLists.txt beside this file says; run as: first_depth wall_and_board.obj
 #include <algorithm>
@@ -10,7 +11,6 @@
 #include "simsense/simsense.hpp"
 
 namespace {
-
 constexpr uint32_t width = 320, height = 240;
 constexpr std::array<double, 9> camera_k{280, 0, 159.5, 0, 280, 119.5, 0, 0, 1}, projector_k{500, 0, 319.5, 0, 500, 239.5, 0, 0, 1};
 constexpr double baseline_m = 0.05;

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The first depth map in Rust, without crates: kuafu renders the infrared pair of a scene under a dot projector, and simsense measures its
 // depth. interface.rs beside it has the structs. rustc --edition 2021 -L PREFIX/lib first_depth.rs && ./first_depth wall_and_board.obj
 mod interface;
@@ -5,7 +6,6 @@ use interface::*;
 use std::ffi::CString;
 use std::os::raw::c_void;
 use std::ptr::{null, null_mut};
-
 const WIDTH: usize = 320;
 const HEIGHT: usize = 240;
 const BASELINE_M: f64 = 0.05;

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: Apache-2.0 */
 /* Depth without copies, in C99: kuafu renders the infrared pair of a wall at 1.5 m and a board at 0.8 m under a dot projector, simsense
  * measures depth from it, and the pair never leaves the memory that kuafu rendered it into. The scene is built by calls, not from a file.
  *

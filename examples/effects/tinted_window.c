@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: Apache-2.0 */
 /* A user's effect in C: a tinted window before the rig takes projected light twice and ambient light once.
  * cc -std=c99 -shared -fPIC -I capi/include examples/effects/tinted_window.c -o tinted_window.so */
 #include <stddef.h>

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Tiles of the camera: its lens, and what moves while the shutter is open."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Tiles of the denoiser: few samples, filtered, and many."""
 
 from lights import projected

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Tiles of what stands between the light and the image: the camera's optics."""
 
 import kuafu

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Draws the gallery: a small picture of each material, light and effect, and the page that shows them.
 
 usage: gallery.py [--only NAME ...] [--spp N] [--out FOLDER]

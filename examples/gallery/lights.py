@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Tiles of lights: two boxes and a ball, one light each."""
 
 import numpy as np

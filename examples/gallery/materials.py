@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Tiles of materials: one ball each, under a sky and a lamp."""
 
 import numpy as np

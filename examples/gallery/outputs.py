@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Tiles of what one render call can return, all of one scene."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Meshes, poses and images that the gallery is made of: numpy only. World: metres, z up."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One small scene per picture: a ball on a checkered table before a wall, and what a tile changes about it."""
 
 import kuafu

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Gathers the pages of the documentation site from the repository: gather.py FOLDER writes FOLDER/pages and FOLDER/mkdocs.yml.
 
 The pages keep their places, so that links between them stay as they are; the files that they show or link to are copied

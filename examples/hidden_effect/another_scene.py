@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The found model drives a sensor in a scene that no fit has seen: do its depth errors become those of the true sensor?
 
 The true sensor's infrared pairs and the simulated ones pass the same stereo matcher; errors are in pixels of disparity,

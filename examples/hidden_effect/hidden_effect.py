@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A capture with an effect that neither you nor the model knows: compare, find it, add it, watch the error fall; then
 let the found model drive a sensor in another scene.
 

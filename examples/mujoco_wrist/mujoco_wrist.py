@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A depth camera on a robot's wrist in MuJoCo: things fall onto a table, the camera looks on.
 
     PYTHONPATH=build/python python3 examples/mujoco_wrist/mujoco_wrist.py --out out/mujoco_wrist

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A usual OpenCV stereo script, and the one line that changes: python disparity.py LEFT.png RIGHT.png [--opencv] [--out disparity.png]."""
 
 import argparse

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A real D435 pair through simsense, beside the device's own depth and OpenCV's StereoSGBM: one picture and a table.
 
     PYTHONPATH=build/python /usr/bin/python3 examples/real_pair/real_pair.py DATA/d435-real --out out/real_pair

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """SAPIEN's depth sensor on a machine where SAPIEN can neither render nor find CUDA.
 
     PYTHONPATH=build/python python3 examples/sapien_sensor/sapien_sensor.py --out out/sapien_sensor

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Wavefront, Collada, STL and PLY through assimp: one kuafu mesh per assimp mesh, one instance per node that shows it.
 #include <assimp/config.h>
 #include <assimp/postprocess.h>

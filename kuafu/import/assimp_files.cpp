@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "import/assimp_files.h"
 
 #include <assimp/MemoryIOWrapper.h>

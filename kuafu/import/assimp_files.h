@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // assimp's door to the disk and its voice: files come through SceneFolder, messages become warnings of the import.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Phong-style materials (MTL, Collada) as assimp gives them, into kuafu's GGX model.
 #pragma once
 

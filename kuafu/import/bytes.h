@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Little-endian numbers out of a span that is never left. Thread rule: pure functions.
 #pragma once
 

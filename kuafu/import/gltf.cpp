@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The glTF reader's top: extensions, meshes and materials once each, then the node tree, which places them.
 #include <algorithm>
 #include <array>

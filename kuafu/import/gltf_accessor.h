@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Accessors (glTF 2.0 section 3.6.2) into plain arrays: any component type, byte strides, sparse substitution. Every byte is
 // bounds-checked.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A glTF 2.0 file as tinygltf's tables, checked so far that the typed fields are what their names say. Images stay encoded.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // glTF materials and the textures they use, into kuafu's.
 #pragma once
 

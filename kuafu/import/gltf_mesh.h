@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A glTF mesh, all its primitives, as one kuafu mesh: primitive i that has triangles becomes a material slot.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // tinygltf drops an optional field of a wrong type in silence. This check of the JSON text makes it an error that names the field.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Encoded images into textures, each format by its own file: PNG by libpng, JPEG by libjpeg-turbo, BMP and TGA here. Thread rule: pure
 // functions. Every decoder throws KS_ERROR_FILE with the reason, and claims the texels from the budget before it takes memory for them.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // BMP, uncompressed (BITMAPINFOHEADER and its longer versions): palettes of 1, 4 or 8 bits, 16 and 32 bits with or without masks, 24 bits.
 #include <bit>
 #include <cstdlib>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // JPEG by libjpeg-turbo: gray, colour, and the inverted CMYK that Adobe's programs write.
 #include <cstdio>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // PNG by libpng: 8 or 16 bit per channel, gray, gray and alpha, RGB or RGBA; palettes and fewer bits are expanded.
 #include <png.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // TGA (Truevision, TGA 2.0 specification, 1991): gray, colour of 15, 16, 24 or 32 bits, and colour maps; plain or run-length coded.
 #include "device/error.h"
 #include "import/bytes.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One file on its way into a scene: readers fill `scene`, and main.cpp hands it to the host.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The files that a scene file may name: regular ones, inside the folder that it is in. A path that leaves the folder (by "..", from the
 // root, or through a symbolic link) is refused, and so is everything that is no regular file: a FIFO would wait forever, a device may do
 // anything.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """activestereo: simulated active stereo depth sensors (RealSense-like), from a scene file to a depth map.
 
     from activestereo import StereoDepthSensor, StereoDepthSensorConfig

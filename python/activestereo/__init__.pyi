@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 from activestereo.pose import Pose as Pose
 from activestereo.presets import StereoDepthSensorConfig as StereoDepthSensorConfig
 from activestereo.sensor import Mount as Mount

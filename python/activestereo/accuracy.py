@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How good a depth map is against the truth: fill rate and error, as a whole and for each material."""
 
 from collections.abc import Callable, Sequence

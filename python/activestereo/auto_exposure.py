@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Automatic exposure and gain, as librealsense's options have them: a mean count to aim at, a region that is looked at,
 limits for each; exposure goes first, gain only when exposure is at its limit.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Rigid bodies of any simulator in a kuafu scene: made once, then moved by arrays of poses.
 
     bodies = Bodies(scene, environment_count=16)

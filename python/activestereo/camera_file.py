@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Files of cameras' data: TOML, every figure with where it comes from, checked by the table below.
 
     name = "D435i"

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A capture: what a real active stereo sensor measured, and what is known about the scene (capture format, version 1).
 
 Metres, seconds, radians. Cameras: x right, y down, z forward, pixel centres at integers. A transform `a_to_b` is a 4x4

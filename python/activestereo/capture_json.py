@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Checked reading of a capture's JSON: every failure is a CaptureError that names the file, the key and the number."""
 
 from __future__ import annotations

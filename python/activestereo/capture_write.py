@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Writes captures (capture format, version 1): for recorders and for programs that make worlds with a known answer."""
 
 import json

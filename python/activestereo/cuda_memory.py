@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Memory of a GPU that kuafu or simsense exports, as CUDA memory: PyTorch, CuPy and Numba see the same bytes, no copy.
 
     memory = CudaMemory(kuafu.Buffer(device, 4 * 480 * 640, exportable=True, host_visible=False))

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Depth of one camera in five kinds, one word each, to compare what a robot learns from them.
 
 | mode | depth |

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Depth quality on a flat target, by the metrics and names of Intel's Depth Quality Tool (librealsense,
 tools/depth-quality), so that a simulated sensor's numbers stand beside those that the tool shows for a real one."""
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Fireflies: pixels that a few rare paths make far too bright, as no camera shows them.
 
 A pixel of indirect light that is more than _FACTOR times its brightest neighbour is taken down to that neighbour. The

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A glTF 2.0 file put together from meshes and plain material dictionaries: one self-contained .gltf or .glb."""
 
 import base64

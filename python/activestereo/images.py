@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Gray image files of captures: 8-bit or 16-bit PNG to and from numpy arrays, with errors that name the file and the
 key."""
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The infrared pair's way from kuafu to simsense: one memory that both libraries address, so that no frame is copied.
 
 kuafu exports the buffer once, as an opaque file descriptor where both devices can (GPUs, lavapipe), else as a host

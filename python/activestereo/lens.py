@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Brown-Conrady lens distortion [k1, k2, p1, p2, k3] (OpenCV's order) of image positions x, y in focal lengths."""
 
 from collections.abc import Sequence

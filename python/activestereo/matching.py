@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The sensor's configuration in the engines' terms."""
 
 from collections.abc import Sequence

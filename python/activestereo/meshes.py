@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Triangle meshes made from a few numbers: box, sphere, torus, sheet and what a lathe turns.
 
 Metres, y up, triangles counter-clockwise from outside.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The pictures that put a result on one page. Figures are made without pyplot, so nothing global is touched."""
 
 from collections.abc import Sequence

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One parameter of an engine, as the sensor's configuration and the command line show it."""
 
 from __future__ import annotations

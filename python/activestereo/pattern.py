@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Projector patterns: pseudo-random dots like those of the D4xx, made at run time, the same on every machine.
 
 One dot a cell of a square grid, at a random place in it. Heights are stratified: in a row of cells each group of four

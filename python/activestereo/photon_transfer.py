@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Photon transfer: what an imager is like, from frames of even light and of darkness alone (EMVA Standard 1288, release
 4.0, linear).
 

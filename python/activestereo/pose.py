@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Poses in SAPIEN's manner, and the one place where its axes meet ours.
 
 SAPIEN's body axes: x forward, y left, z up. Camera axes (kuafu, simsense, OpenCV): x right, y down, z forward. Only

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Arrays of poses, as simulators hold them: [..., 7] (x, y, z, then the unit quaternion w, x, y, z, the order of SAPIEN
 and MuJoCo) or [..., 4, 4]."""
 

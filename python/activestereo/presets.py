@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A sensor's configuration: StereoDepthSensorConfig("D435"), or another camera of camera_data, whose files tell every
 figure with its source ('activestereo presets' prints them). Names are SAPIEN's; what SAPIEN has no name for follows
 them. "sapien-D435" and "sapien-D415" have SAPIEN's values, too.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A progress bar with the time left, on stderr: it redraws itself on a terminal, and elsewhere says a line at times."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A depth image of the left infrared camera in the RGB camera, for what is computed outside of the depth engine."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The example scene: things on a table in front of a wall, each of a material that treats projected light differently.
 
     python -m activestereo.scene table_top.gltf

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Surfaces of a scene: a material on an object. Two objects of one paint are two surfaces, since one of them may be
 varnished; kuafu, which knows materials, then has one of its own for each.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """StereoDepthSensor: RGB camera, infrared pair and pattern projector in a kuafu scene, with simsense behind them. Names are SAPIEN's."""
 
 import warnings

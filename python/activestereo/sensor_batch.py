@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """StereoDepthSensorBatch: one kind of depth sensor in many environments, with one render and one match for all.
 
     batch = StereoDepthSensorBatch(config, Mounts(scene, poses))  # poses [E, 7], [E, S, 7] or the same with 4x4

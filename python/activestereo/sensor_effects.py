@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A model's effects that no engine field expresses, on the images of a simulated sensor: each acts at its own stage, at
 the cost of copies.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """EngineInputs of a simulated sensor: what its configuration tells the engines for one exposure, before a model's
 effects."""
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a sensor puts into its scene: the projector, a model's lights, materials and medium; all of it is taken out
 again."""
 

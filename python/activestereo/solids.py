@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The solids that physics engines are made of, as meshes. Metres, centred at the origin, z along their axis,
 counter-clockwise from outside."""
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the two libraries have in common, as a type: the templates beside this file bind either of them. They never meet in one module.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Buffer, BufferDesc and Image of either library. A BufferDesc made by one module is read by name in the other: no type crosses.
 #pragma once
 

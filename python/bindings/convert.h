@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // numpy <-> plain C: formats, matrices, stage times.
 #pragma once
 

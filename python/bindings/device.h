@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Device and DeviceInfo of either library.
 #pragma once
 

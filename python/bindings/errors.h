@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A failed status becomes a Python exception that is also the built-in a caller would expect (ValueError, OSError, FileNotFoundError).
 // Thread rule: the GIL is held, on the thread of the failed call (the message is thread-local).
 #pragma once

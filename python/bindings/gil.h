@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Python's lock, given up during calls of the library and taken for callbacks. A thread that wants it while the interpreter ends is stopped
 // for good, for it can neither run Python nor leave: CPython up to 3.13 would end it by pthread_exit, which C++ frames cannot always
 // survive (CPython 3.14 stops such threads too). The process then ends as if they were not there.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Fields of a C struct as keyword arguments, by name: numbers, flags, choices and sets of bits. The lists of fields are generated
 // (capi/tables).
 #pragma once

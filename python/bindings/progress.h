@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A Python callable as ks_progress_fn. What it raises is kept, the call is cancelled, and rethrow() raises it again.
 // Also gives Ctrl-C a chance during long calls. Thread rule: construct, rethrow and destroy with the GIL held.
 #pragma once

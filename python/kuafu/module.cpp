@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The Python module kuafu._kuafu: a translation of kuafu.h, nothing more.
 #include "kuafu_api.h"
 

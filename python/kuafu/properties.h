@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Fields of a C struct as properties of the Python class that holds it in its member `c`.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Material, Light, Camera, Film: built from keyword arguments, every field a property under its C name. None stands for "no texture" and
 // "not said".
 #include "fields.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Material, Light, Camera and Film as Python sees them: the C descriptor and the memory it points to.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Renderer: cameras in, arrays out. Arrays are views of host-visible buffers, or the caller's own buffers are filled.
 #include <algorithm>
 #include <limits>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Scene: what kuafu_scene_* do, with numpy arrays.
 #include "scene.h"
 

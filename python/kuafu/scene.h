@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Thread rule: one thread at a time; a second call is refused.
 #pragma once
 

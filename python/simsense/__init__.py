@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """simsense: stereo depth engine (imager noise, rectification, census, semi-global matching, checks, registration).
 
 Metres; camera x right, y down, z forward; depth is z, 0 = invalid; disparity in pixels, -1 = invalid; a 4x4 named a_to_b maps coordinates

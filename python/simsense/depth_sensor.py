@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """DepthSensor with the arguments, defaults and ranges of the published SimSense, on this engine."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Engine and Camera: a rig and named parameters in, disparity and depth arrays out.
 #include "settings.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The Python module simsense._simsense: a translation of simsense.h, nothing more.
 #include "simsense_api.h"
 

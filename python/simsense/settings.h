@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // simsense_parameters and simsense_signal by field name.
 #pragma once
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """StereoSGM: cv2.StereoSGBM's parameters and result on this engine, so that a script which has one needs one line changed."""
 
 from __future__ import annotations

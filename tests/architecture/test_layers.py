@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The folders of kuafu include one another in one direction only: kuafu/README.md has the order and the edges."""
 
 import pathlib

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """ARCHITECTURE.md says what is there: its tree are the folders, its orders of layers are those of the imports."""
 
 import ast

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """ARCHITECTURE.md's table of doors between top-level folders is what the sources include and import: no more, no less."""
 
 import ast

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The bank's page: README.md with the score table and every miss, and its pictures."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Scores the tool's answers against the keys; every rate comes with its Wilson interval (95 %)."""
 
 import json

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """How much the bank's figures move when a gate of the diagnosis is halved and doubled.
 
     python3 tests/bank/gate_study.py --set small --out out/bank

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Makes one world of the bank: the capture, and the answer key in another place."""
 
 import json

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Runs the blind bank: makes worlds with hidden effects, has the tool diagnose each, and scores its answers.
 
     python3 tests/bank/run_bank.py --set small --out out/bank

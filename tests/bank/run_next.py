@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Does the measurement that the tool asks for separate what it could not tell apart?
 
     python3 tests/bank/run_next.py --set all --out out/bank-all --most 20

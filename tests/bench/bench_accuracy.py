@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How accurate the matcher is, beside the published SimSense's arithmetic and OpenCV's StereoSGBM, on pairs whose disparity is known, and on a
 real pair beside the device's own depth. Prints tables; draws the bias against the fraction of a pixel, and what is wrong where.
 

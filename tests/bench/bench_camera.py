@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How a camera's preset errs beside the real camera: what was measured on recordings of D415 and D435, next to the same
 of the simulated one.
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How long a caller who cancels waits: from the wish in another thread to the end of the render call. Three phases of each tracer: the
 // first image of a process (pipelines are compiled: the driver's own cache is off), the tree of a mesh of two million triangles, and a
 // long render of the table-top at 848x480.

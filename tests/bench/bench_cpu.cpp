@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the library costs on a CPU device beside a plain program that traces the same rays with Embree packets and shades them, and beside
 // the library's own compute tracer. The table-top, infrared, path depth 3, one projector. CPU time over all threads divided by their
 // number, so that what else runs on the machine does not count; least of some repetitions. Usage: bench_cpu [repetitions = 5]

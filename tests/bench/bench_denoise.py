@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How many samples the denoiser is worth: error of 2 filtered samples per pixel beside that of 2 and 32 plain ones, against 4096.
 
 Prints relative errors (root of the mean square over the mean) of all light but the projectors' direct one, and their ratio; how much of the dots'

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The CPU engine's stages around the matcher: rectification of a pair with lenses, depth, registration to 1920x1080 with splats of several
 // sizes, points. Medians of 15 in milliseconds, two threads; the pair is 960x540 random dots.
 #include <algorithm>

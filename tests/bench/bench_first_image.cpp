@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How long a process waits for its first image: 424x240, 1 spp, infrared, of the table-top, from main to the pixels. Each figure is a
 // process of its own: cold with empty cache folders (ours and the driver's), warm with those that the cold one left. CPU time, divided by
 // the cores, is what an idle machine would show at least.

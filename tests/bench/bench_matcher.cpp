@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The CPU matcher beside OpenCV's StereoSGBM, MODE_HH4 (the same four paths) and MODE_SGBM_3WAY, on the same pair with the same threads:
 // medians and their ratio; eight paths beside MODE_HH. StereoSGBM leaves the columns left of the largest disparity out; the pair is widened
 // for it, so that both give every pixel a disparity. Random dots with noise, and the real D435 pair under $ACTIVESTEREO_DATA or ../shared

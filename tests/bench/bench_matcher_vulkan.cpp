@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The Vulkan matcher, image pairs and disparities in device memory: milliseconds of each stage on the device and of the whole call, per
 // pair, and its memory, beside what is asked of an H200; every disparity is compared with the CPU matcher's. Then what registration adds
 // to the whole engine.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Peak memory and time of the CPU matcher from small images to 3840x2160 with 512 disparities: one first frame each, in a process of its
 // own, two threads; what the process had before does not count.
 #include <cstdio>

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What five engine effects cost a sensor: time of picture and depth under a model over the time without one.
 
 Both take turns, and the least of the rounds counts for each. usage: PYTHONPATH=build/python python3

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Samples per pixel until the median pixel is 5 % noisy (standard error over its mean): light and BSDF samples weighted
 // (the default), beside plain estimators that find light by the BSDF alone or by the lights alone. The table-top under lights with an
 // extent. From the variance between independent renders; the mean images must agree. Usage: bench_noise [renders = 24]

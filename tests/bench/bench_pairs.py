@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How well stereo matchers do on a folder of pairs with truth: simsense's settings beside OpenCV's matchers, in one
 run.
 

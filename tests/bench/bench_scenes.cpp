@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a change to a living scene costs, beside building it anew, with 1, 100 and 10 000 instances: milliseconds of host time that the next
 // render spends on tables and acceleration structures (its stages "upload" and "acceleration build"), least of some repetitions.
 // Usage: bench_scenes [repetitions = 20]

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The imagers of one 848x480 pair on one thread: each preset and the whole chain, vectorised and by the scalar reference, medians and their
 // ratio.
 #include <algorithm>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // All tracers that the device has, on the same rays: Mray/s of primary, bounced and shadow rays, and milliseconds of updates. Prints
 // ratios, which are what to trust. Usage: bench_tracers [image side = 512] [repetitions = 5]
 #include <chrono>

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Writes a folder of pairs with exact truth for bench_pairs.py: dots of a projector on planes and steps, with the
 noise of real cameras.
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The yardstick for CPU devices: a plain program that traces the table-top's rays with Embree in packets of eight and shades them in place,
 // in one loop per packet; no queues, no Vulkan. GGX over Lambert, the projector's light, path depth 3: as many rays as the library traces.
 #pragma once

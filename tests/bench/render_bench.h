@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A device, a renderer and one radiance image per view, for the benchmarks; each failure ends the program with its message.
 #pragma once
 

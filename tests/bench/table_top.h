@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The benchmarks' scene, as plain data: a table with six boxes and thirty bumpy balls (102 k triangles, 37 instances) under one projector
 // of random dots, in metres, z up. And the same as a kuafu scene.
 #pragma once

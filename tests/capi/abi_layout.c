@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: Apache-2.0 */
 /* The structs that have no table (abi_layout_tables.c has the others). The ABI that callers were compiled against, for 64-bit targets:
  * sizes and offsets never change, new fields are appended, and no struct ends in padding (a field appended into padding would leave the
  * size, and with it the version check, as it was). A failure is a negative array size. */

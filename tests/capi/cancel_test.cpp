@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A render ends soon after another thread's wish, in every phase and on every tracer. The bounds are for a busy machine;
 // tests/bench/bench_cancel.cpp prints what it really takes.
 #include <gtest/gtest.h>

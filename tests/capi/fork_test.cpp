@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A host that forks goes on, and so does its child; descriptors that are no memory are refused.
 #include <gtest/gtest.h>
 #include <sys/socket.h>

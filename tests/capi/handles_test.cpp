@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Laws of the device and buffer handles of both C APIs.
 #include <gtest/gtest.h>
 

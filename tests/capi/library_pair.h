@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Both libraries' device and buffer functions as one set of names, so that a test written once runs on each.
 #pragma once
 

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: Apache-2.0 */
 /* Run by CTest where the loader finds no driver, or where there is no loader: both libraries say what to install, and simsense still runs
  * on the host. Prints what it saw; exits 0 when every expectation holds. C99 on purpose: the public headers link from plain C. */
 #include <stdio.h>

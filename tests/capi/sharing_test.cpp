@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // kuafu's memory seen through simsense: the same bytes, with no copy on either side.
 #include <gtest/gtest.h>
 #include <sys/stat.h>

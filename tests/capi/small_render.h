@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A small render over the C API, for tests of what may happen around it.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Rules of the public structs in both libraries: exported initialisers, older and newer callers, reserved fields.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Renders that their caller does not wait for: two under way, a wait that gives up in time, and cancel from anywhere.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The end of a thread in the middle of the libraries' work: a host that cancels threads, or ends one from a callback, goes on.
 #include <gtest/gtest.h>
 #include <pthread.h>

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Every code block on every page of the documentation site is run, in a folder that looks like the repository's root.
 
 A block in `sh`, `python`, `c`, `cpp`, `rust` or `cmake` is a program. `toml` must parse. `text`, `tree` and `layers` are pictures. Commands that build or test the

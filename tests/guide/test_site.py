@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The documentation site can be built, and every link on it leads to a page and a heading that are there."""
 
 import os

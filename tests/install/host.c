@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: Apache-2.0 */
 /* A host program that has names of its own for what other libraries export (stubs.s, made by the test), opens both libraries at run time
  * with RTLD_LOCAL, and works with the tables of their functions: a scene file by Embree, and depth from a pair that needs rectification.
  * Usage: host LIBKUAFU LIBSIMSENSE SCENE. Ends with 0 when no call of theirs came to its own names and the results are right. */

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Programs that were compiled against the headers of an earlier version run on today's libraries, and the headers then and now agree on every field
 that both have."""
 

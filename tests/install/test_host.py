@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A host program may have functions of the same names as those inside the libraries' own dependencies: neither disturbs the other.
 
 The host defines and exports every function that another library exports, each ending the program; kuafu and simsense, opened with RTLD_LOCAL,

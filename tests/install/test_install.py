@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What is installed can be used from where it lies: by pkg-config, by find_package, after a move, and by add_subdirectory."""
 
 import os

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Whether light that samples of lamps find and light that samples of the BSDF find are one light.
 #pragma once
 

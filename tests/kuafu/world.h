@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A small world for law tests over kuafu's C API: objects release themselves, each call that fails fails the test.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the cross-built tests exercise is ARM's vectors, not a scalar stand-in.
 #include <gtest/gtest.h>
 #include <hwy/targets.h>

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Shared by the rig's tests: a stereo rig and a robot whose calibration is known, in front of a board."""
 
 from dataclasses import dataclass

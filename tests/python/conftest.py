@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The built packages come from ACTIVESTEREO_BUILD, else from build/ beside the sources."""
 
 import os

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Shared by the lab's tests: the analytic worlds, and a renderer that asks them instead of kuafu."""
 
 import sys

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Shared by the report's tests: a comparison with much to explain, what a diagnosis of it says, and the decoder of the page's pictures."""
 
 import base64

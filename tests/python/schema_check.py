@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The part of JSON Schema (draft 2020-12) that the lab's schemas use; a keyword that is not known here is an error, not a pass."""
 
 _TYPES = {

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Shared by the pattern's tests: captures of a flat wall under the D435's pattern, rendered by kuafu, whose dots are known."""
 
 from dataclasses import dataclass

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Rigs that the tests share.
 #pragma once
 

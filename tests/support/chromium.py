@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Debian's chromium without a window, driven over a pipe by the DevTools protocol (chromedevtools.github.io/devtools-protocol)."""
 
 import base64

@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # The tracers' agreement and the renderer's laws under another Mesa: each_tracer.sh MESA_SCRIPT NAME, where MESA_SCRIPT runs a command under it, or
 # ends with 3 where its packages, NAME, cannot be reached: then this says so and passes.
 set -euo pipefail

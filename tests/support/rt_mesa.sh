@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # Brings a lavapipe that has VK_KHR_ray_tracing_pipeline (Debian's backports of Mesa) into build/rt-mesa, without installing anything
 # (unpacked_mesa.sh). Run again it does only the last step:
 #   bash tests/support/rt_mesa.sh              prints the environment to use (VK_DRIVER_FILES and LD_LIBRARY_PATH)

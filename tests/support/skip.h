@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Tests that need what this machine lacks say so and are skipped.
 #pragma once
 

@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # Brings the release's own lavapipe (Debian 12: Mesa 22.3, no ray tracing) into build/stock-mesa, without installing anything
 # (unpacked_mesa.sh), for machines where a newer one is installed. Run again it does only the last step:
 #   bash tests/support/stock_mesa.sh              prints the environment to use (VK_DRIVER_FILES and LD_LIBRARY_PATH)

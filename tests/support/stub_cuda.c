@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: Apache-2.0 */
 /* CUDA's driver as far as external memory goes, over files that can be mapped, as lavapipe's opaque fds are: a program that imports such
  * memory gets the very same bytes. Where in the file they begin is the driver's secret, which a test finds out and tells. For tests on
  * machines without CUDA. */

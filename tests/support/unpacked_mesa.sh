@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # Brings a Mesa lavapipe into a folder without installing anything: packages come by apt from the machine's own mirror through a private list and
 # state, and are unpacked there. Sourced by rt_mesa.sh and stock_mesa.sh, which set
 #   home    the folder                     suite   "" for the release's own packages, "-backports" for its backports

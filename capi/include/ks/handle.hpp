@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* C++17 owners of the C handles; used by kuafu/kuafu.hpp and simsense/simsense.hpp. Nothing here is compiled into the libraries. */
 #ifndef KS_HANDLE_HPP
 #define KS_HANDLE_HPP

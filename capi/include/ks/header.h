@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: Apache-2.0 */
 /* The first member of every extensible struct.
  * `size_bytes` is the sizeof that the caller compiled with. A library copies min(size_bytes, known) into a struct of its own; bytes that it does not
  * know must be zero, else KS_ERROR_VERSION. Fields are only ever appended. One that the caller's struct does not have yet takes its neutral value

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: Apache-2.0 */
 /* Status codes shared by kuafu and simsense. 0 is success, > 0 is benign, < 0 is an error.
  * The text of the last error of the calling thread is kuafu_last_error() / simsense_last_error(). */
 #ifndef KS_STATUS_H

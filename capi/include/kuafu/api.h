@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: Apache-2.0 */
 /* kuafu as one table of functions, for hosts that open the library at run time:
  *
  *   void* library = dlopen("libkuafu.so.0", RTLD_NOW | RTLD_LOCAL);

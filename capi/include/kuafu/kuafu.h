@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: Apache-2.0 */
 /* kuafu: a path tracer for active stereo cameras, which project an infrared pattern. It runs on any Vulkan device. C99.
  *
  * Conventions: lengths are in metres, angles in radians, times in seconds. In a camera's frame x points right, y down and z forward. Pixel centres lie at

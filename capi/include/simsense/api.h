@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: Apache-2.0 */
 /* simsense as one table of functions, for hosts that open the library at run time:
  *
  *   void* library = dlopen("libsimsense.so.0", RTLD_NOW | RTLD_LOCAL);

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: Apache-2.0 */
 /* simsense: a stereo depth engine (imager noise, rectification, census, semi-global matching, checks, registration). C99.
  *
  * Conventions: lengths are in metres, angles in radians, times in seconds. In a camera's frame x points right, y down and z forward. Pixel centres lie at

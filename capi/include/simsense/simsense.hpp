@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* simsense for C++17: owners of its handles, and errors as exceptions. Structs, constants and all other functions are those of simsense.h:
  *
  *   simsense::Device device;  simsense::Engine engine(device, rig);  simsense::check(simsense_engine_compute(engine, &desc));

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #version 460
 // Nearest hit of each ray of a queue; a miss leaves the ray as it was.
 #extension GL_GOOGLE_include_directive : require

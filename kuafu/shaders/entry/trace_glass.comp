@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #version 460
 #extension GL_GOOGLE_include_directive : require
 // Built once for each band (KUAFU_CHANNELS): a shadow ray's whole way through smooth surfaces, in one go; stage `transmit` does the same queue by queue.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #version 460
 // The nearest hit, into the payload.
 #extension GL_GOOGLE_include_directive : require

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #version 460
 // Any hit of each ray of a queue: t_far becomes minus infinity where something stands in the way.
 #extension GL_GOOGLE_include_directive : require

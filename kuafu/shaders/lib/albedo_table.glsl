@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Directional albedos of GGX lobes and of rough glass, read from their tables (material/albedo_tables.h, material/albedo_tables.h).
 #ifndef KUAFU_ALBEDO_TABLE_GLSL
 #define KUAFU_ALBEDO_TABLE_GLSL

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How alike two pixels are, as exponents of a falling weight.
 #ifndef KUAFU_ALIKE_GLSL
 #define KUAFU_ALIKE_GLSL

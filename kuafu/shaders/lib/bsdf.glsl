@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // glTF 2.0's material as one BSDF in the shading frame (z on the viewer's side): diffuse base, GGX lobes of layer and metal, glass.
 // A dielectric's layer reflects as Fresnel says of its index, times specular. Its base gets and gives what the layer lets through,
 // (1 - E(wo)) (1 - E(wi)) / (1 - mean of E) with the layer's directional albedo E: reciprocal, and a white base loses nothing (Kelemen and

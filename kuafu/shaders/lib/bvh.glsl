@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Traversal of the two-level BVH2: one ray, near child first, a stack of child codes. The layout is shared/bvh_node.h.
 #ifndef KUAFU_BVH_GLSL
 #define KUAFU_BVH_GLSL

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the compute entries that trace share: their push constants, and a ray read from its queue (shared/ray_queue.h).
 #ifndef KUAFU_BVH_QUEUE_GLSL
 #define KUAFU_BVH_QUEUE_GLSL

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Ray against triangle by edge functions (Davidovic et al., "3D Rasterization: A Bridge between Rasterization and Ray Casting", 2012).
 // Two triangles that share an edge evaluate it on the same numbers with opposite sign, so no ray slips between them.
 #ifndef KUAFU_BVH_TRIANGLE_GLSL

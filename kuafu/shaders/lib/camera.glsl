@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The ray of a camera with a lens and a shutter: where on the lens it starts, where it goes, and when.
 #ifndef KUAFU_CAMERA_GLSL
 #define KUAFU_CAMERA_GLSL

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Brown and Conrady's lens distortion, rational: k1 k2 p1 p2 k3 k4 k5 k6 (OpenCV's order), at z = 1.
 #ifndef KUAFU_DISTORTION_GLSL
 #define KUAFU_DISTORTION_GLSL

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One element of an image whose format need not be 32 bits wide.
 #ifndef KUAFU_ELEMENT_GLSL
 #define KUAFU_ELEMENT_GLSL

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Orthonormal frames around a normal, and leaving a surface without meeting it again.
 #ifndef KUAFU_FRAME_GLSL
 #define KUAFU_FRAME_GLSL

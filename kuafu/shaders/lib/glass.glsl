@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Glass: Fresnel's reflectance from its side, and a roughness of its own (Walter et al. 2007). It bounds a body, or is a sheet (thin): both of its faces at
 // once, with all reflections between them, and nothing bends. Light that meets several facets leaves as diffuse lobes on both sides (Kulla and
 // Conty 2017), so that none is lost; of what comes from outside, the share goes through that does on average at a smooth boundary: random walks over

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The guide of what a ray met; includers have `push.rays`, `push.scene`, `push.views`, `push.range` and `push.infrared`, and include it
 // where `push` is.
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Where the last launch saw what a pixel shows now; includers have what lib/guide.glsl asks for, `push.last_views` and
 // `push.last_local_to_world`, and include it where `push` is.
 

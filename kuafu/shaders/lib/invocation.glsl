@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What only GLSL has: the workgroup, specialisation constants, and places in a queue.
 #ifndef KUAFU_INVOCATION_GLSL
 #define KUAFU_INVOCATION_GLSL

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What lets the functions of lib/ and stage/ compile as GLSL and as C++ (stages on the host, pathtrace/host_*.cpp): no swizzles of several components,
 // references by IN (of what is large; of records in tables, too), INOUT and OUT, float literals with f.
 #ifndef KUAFU_LANGUAGE_GLSL

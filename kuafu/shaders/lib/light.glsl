@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Light that arrives from a point or a projector, before visibility.
 #ifndef KUAFU_LIGHT_GLSL
 #define KUAFU_LIGHT_GLSL

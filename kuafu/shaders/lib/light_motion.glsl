@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Lights at the time of a ray. One that moves is asked in its place at t = 0, to which the point that asks is taken back.
 #ifndef KUAFU_LIGHT_MOTION_GLSL
 #define KUAFU_LIGHT_MOTION_GLSL

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Lights with an extent or a profile: sampled towards a point, and met by rays. Radiance / pdf takes the place of an irradiance; pdf (per solid angle) is 0
 // for lights without extent, which no ray meets. Light shapes do not block: only scene surfaces do.
 #ifndef KUAFU_LIGHT_SHAPE_GLSL

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A material at a point: factors times textures, in the band being rendered.
 #ifndef KUAFU_MATERIAL_GLSL
 #define KUAFU_MATERIAL_GLSL

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A homogeneous participating medium: Beer and Lambert's law, where a ray is scattered, and Henyey and Greenstein's phase function (1941).
 #ifndef KUAFU_MEDIUM_GLSL
 #define KUAFU_MEDIUM_GLSL

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // GGX microfacets with height-correlated Smith masking, in the frame of the normal (z). References: Walter et al. 2007; Heitz, JCGT 2014 and 2018;
 // Dupuy and Benyoub, "Sampling Visible GGX Normals with Spherical Caps", 2023.
 #ifndef KUAFU_MICROFACET_GLSL

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Points and directions of something that moves at constant velocity (shared/motion_record.h).
 #ifndef KUAFU_MOTION_GLSL
 #define KUAFU_MOTION_GLSL

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Where the camera sees a surface point now, less where it saw it one frame before.
 #ifndef KUAFU_MOTION_VECTOR_GLSL
 #define KUAFU_MOTION_VECTOR_GLSL

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Where a sample lies in its pixel, and the key of all that its path draws.
 #ifndef KUAFU_PIXEL_SAMPLE_GLSL
 #define KUAFU_PIXEL_SAMPLE_GLSL

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // From the position in a wave to view, row and column.
 #ifndef KUAFU_PIXELS_GLSL
 #define KUAFU_PIXELS_GLSL

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A surface point as a projector sees it.
 #ifndef KUAFU_PROJECTOR_VIEW_GLSL
 #define KUAFU_PROJECTOR_VIEW_GLSL

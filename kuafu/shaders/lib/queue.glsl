@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Reading and filling ray queues (shared/ray_queue.h). `queue_layout` is the includer's.
 #ifndef KUAFU_QUEUE_GLSL
 #define KUAFU_QUEUE_GLSL

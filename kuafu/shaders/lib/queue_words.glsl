@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The words of a ray queue behind a device address, and its layout.
 #ifndef KUAFU_QUEUE_WORDS_GLSL
 #define KUAFU_QUEUE_WORDS_GLSL

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The payload of rays in the ray tracing pipeline.
 #ifndef KUAFU_RT_HIT_GLSL
 #define KUAFU_RT_HIT_GLSL

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the two ray generation shaders share: their push constants, and a ray of the queue sent through its environment's top level.
 #ifndef KUAFU_RT_QUEUE_GLSL
 #define KUAFU_RT_QUEUE_GLSL

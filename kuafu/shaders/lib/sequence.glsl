@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Counter-based samples: 2-D Sobol points, Owen-scrambled per pixel and padded per dimension pair (Burley, "Practical Hash-based Owen Scrambling", JCGT 2020).
 #ifndef KUAFU_SEQUENCE_GLSL
 #define KUAFU_SEQUENCE_GLSL

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Everything that stage/shade.glsl stands on.
 #include "lib/bsdf.glsl"
 #include "lib/frame.glsl"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One channel (infrared) or three (visible); the entry file defines KUAFU_CHANNELS. Records hold three in both bands: band_of takes those that there are.
 #ifndef KUAFU_SPECTRUM_GLSL
 #define KUAFU_SPECTRUM_GLSL

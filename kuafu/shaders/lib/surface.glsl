@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // From a hit to a point on a surface.
 #ifndef KUAFU_SURFACE_GLSL
 #define KUAFU_SURFACE_GLSL

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Bilinear reads of linear texels: material textures repeat, a projector's pattern is zero outside.
 #ifndef KUAFU_TEXTURE_GLSL
 #define KUAFU_TEXTURE_GLSL

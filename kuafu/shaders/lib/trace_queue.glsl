@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Reading and answering the rays of a queue (shared/ray_queue.h). Included after a push block that has the members
 // words, environments, count, capacity, environment_count and has_environments.
 #ifndef KUAFU_TRACE_QUEUE_GLSL

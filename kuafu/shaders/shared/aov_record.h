@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What `aov` reads beyond the scene: projectors and motion, filled where an output asks for them. Read by GLSL and C++ (scalar layout).
 #ifndef KUAFU_AOV_RECORD_H
 #define KUAFU_AOV_RECORD_H

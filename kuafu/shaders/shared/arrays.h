@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Arrays behind addresses, read by GLSL and C++: `a.at[i]` in both. In C++ they hold a device address (never followed) or, for stages on the host, a pointer.
 #ifndef KUAFU_ARRAYS_H
 #define KUAFU_ARRAYS_H

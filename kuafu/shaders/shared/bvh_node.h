@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Layout of our two-level BVH2, read by GLSL (scalar block layout) and C++.
 // A child code names what is below a node: an inner node by its index, or a leaf = bvh_leaf | count << bvh_count_shift | first.
 // Leaves of the bottom level hold `count` triangles (0..4); leaves of the top level hold one instance.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a camera has beyond a pinhole at rest (ViewRecord), read by GLSL and C++ (scalar layout); read only with feature_camera.
 #ifndef KUAFU_CAMERA_RECORD_H
 #define KUAFU_CAMERA_RECORD_H

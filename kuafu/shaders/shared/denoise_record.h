@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the denoiser knows of each pixel, and the launches of its stages; read by GLSL and C++ (scalar layout).
 #ifndef KUAFU_DENOISE_RECORD_H
 #define KUAFU_DENOISE_RECORD_H

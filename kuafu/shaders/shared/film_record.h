@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Film optics of one view, and the launch of one step of them over held images; read by GLSL and C++ (scalar layout).
 #ifndef KUAFU_FILM_RECORD_H
 #define KUAFU_FILM_RECORD_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Rigid motion at constant velocity, read by GLSL and C++ (scalar layout): src/scene/motion.h in float.
 #ifndef KUAFU_MOTION_RECORD_H
 #define KUAFU_MOTION_RECORD_H

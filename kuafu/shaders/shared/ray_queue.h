@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Layout of the ray queues, read by GLSL and C++. A queue is an array of 32-bit words; ray i's field f stands at ray_word(i, f, ...).
 // Two layouts: packets of 8 in place as Embree's RTCRayHit8 / RTCRay8 expect them (CPU devices), or one plane per field (GPUs: coalesced).
 // Field numbers are Embree 3's member order, so that both layouts share them.

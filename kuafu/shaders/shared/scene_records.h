@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The scene as shaders see it, read by GLSL and C++ (scalar layout). Tables stand in buffers whose device addresses are in SceneAddresses.
 #ifndef KUAFU_SCENE_RECORDS_H
 #define KUAFU_SCENE_RECORDS_H

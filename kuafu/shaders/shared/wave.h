@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the stages of one wave of paths share, read by GLSL and C++ (scalar layout): per-path state, queue counters, views, outputs, push constants.
 #ifndef KUAFU_WAVE_H
 #define KUAFU_WAVE_H

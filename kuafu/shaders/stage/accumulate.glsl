@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Sums a pixel's paths in the order of their samples, and after the last pass writes the means into the output images.
 float path_radiance(uint radiance_plane, uint local_pixel, uint s) {
   return push.state.at[(state_radiance(push.channels) + radiance_plane) * push.range.capacity + local_pixel * push.range.sample_count + s];

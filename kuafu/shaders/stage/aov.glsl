@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Stage `aov`: what the ray through each pixel's centre met. Where nothing was met, sizes are 0, ids "miss", places NaN.
 const uint nan_bits = 0x7fc00000u;
 

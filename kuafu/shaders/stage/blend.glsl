@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Stage `blend`: the guide of a pixel whose rays go through a lens or an exposure is of all that they meet. Its light is divided by their mean albedo, so that
 // what is blurred stays blurred; pixels that show several materials mix among themselves.
 void blend(uint local_pixel) {

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Stage `denoise`: an edge-stopping a-trous filter on all images but the projectors' direct light, with one set of weights, so that the sum of the images is
 // filtered as they are. Light is filtered over albedo; noise is known from the pixel's own samples.
 // Sources: the filter, its taps and its stopping at normals and positions are of Dammertz, Sewtz, Hanika and Lensch, Edge-Avoiding A-Trous Wavelet Transform,

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Stage `film`: what the camera's optics do to linear light, one step per launch, one element of it per invocation.
 uint pixels_per_view() { return push.width * push.height; }
 FilmRecord film_of(uint pixel) { return push.films.at[pixel / pixels_per_view()]; }

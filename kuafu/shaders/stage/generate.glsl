@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Primary rays: one path per pixel and sample, uniform over the pixel's square (box filter), the lens and the exposure.
 
 uint path_count() {

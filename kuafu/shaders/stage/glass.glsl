@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What one smooth surface lets through of a shadow ray, straight: of stage `transmit` and of tracers that follow such rays by themselves.
 struct MetSurface {
   uint instance, primitive;

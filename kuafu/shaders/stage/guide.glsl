@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Stage `guide`: what the ray through each pixel's centre met, as the denoiser compares it.
 void store_place(uint index, PlaceRecord place) {
   uint word = index * place_words;

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a medium does to a path, as a part of stage `shade`: each way that lies in it is dimmed, and has one vertex where light is scattered. The vertex asks
 // for shadow rays of its own beside the surface's, so that light which only got dimmed stays as exact as without a medium. One of both goes on.
 struct FogVertex {

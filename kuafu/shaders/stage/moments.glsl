@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Stage `moments`: sums of the samples of a wave and of their squares.
 const uint moments_block = 8u;  // samples read plane by plane: a cache's sector of 32 bytes at a time
 

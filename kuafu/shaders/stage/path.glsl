@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A path as stage `shade` holds it: its words of the wave's state, its flags, what it adds to its pixel.
 struct Path {
   uint slot, key, index, flags;

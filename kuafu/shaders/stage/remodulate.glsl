@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Stage `remodulate`: the filter works on one surface per pixel, an image has the mean over the pixel's square. So rays over the square ask what is there,
 // each takes the filtered light of the nearest pixels of its surface, and its own albedo: edges and textures become as smooth as there are rays.
 // Where all around is of one surface and colour, a pixel needs none (square_of).

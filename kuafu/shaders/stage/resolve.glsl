@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Adds the light of the shadow rays that got through, path by path in the order of the rays: no two invocations touch one path.
 void add_light(uint slot, uint shadow) {
   uint i = shadow & ((1u << shadow_group_shift) - 1u), group = shadow >> shadow_group_shift;

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Stage `shade`: what a path does where its ray ended. Light that is simply there (environment, emission) is added; for each light one shadow ray is asked
 // for; the BSDF gives the next ray. The caller queues both.
 #include "stage/path.glsl"

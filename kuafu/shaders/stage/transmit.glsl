@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Stage `transmit`: a shadow ray that met smooth glass goes straight on, dimmed; any other surface ends it. The light's pattern so reaches what stands
 // behind a bottle; its bending does not.
 #include "stage/glass.glsl"

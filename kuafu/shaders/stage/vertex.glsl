@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a path of stage `shade` met where its ray ended: lights with a shape on the way, and the surface, ready to be lit and to scatter.
 struct Vertex {
   uint body_beyond;  // Path.body of a ray that is transmitted

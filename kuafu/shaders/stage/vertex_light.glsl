@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Light at a vertex of stage `shade`: asked for by a shadow ray, before visibility, or found by the path's own ray and weighted against the light samples that
 // might have found it.
 /// A light that a vertex asks, before visibility.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Stage `visibility`: takes the light from pixels whose shadow ray of `aov` met something on its way to the projector.
 void visibility(uint i) {
   if (uintBitsToFloat(push.shadow_rays.at[occlusion_word(i, ray_t_far, push.shadow_capacity)]) >= 0.0f) return;

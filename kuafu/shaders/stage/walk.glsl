@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Light below a surface, as a part of stage `shade`: a path that enters a body wanders in it from scattering to scattering, one flight per pass of the wave,
 // and leaves as a diffuse surface gives light (Chiang, Kutz, Burley, "Practical and Controllable Subsurface Scattering for Production Path Tracing", 2016).
 // Passes of the walk are no bounces. At walk_limit passes the path flies straight out, with the weight that its rest would have on average.

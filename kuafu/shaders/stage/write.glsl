@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Stage `write`: one pixel of a held image in the caller's format and layout. Ids that do not fit were refused; "none" keeps all bits set.
 void write_pixel(uint i) {
   uint row = i / push.width;

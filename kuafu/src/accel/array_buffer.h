@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One array in device memory, grown when needed, else written in place, as a whole or the elements that changed.
 // Thread rule: externally synchronised.
 #pragma once

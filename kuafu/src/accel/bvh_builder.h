@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Builds a BVH2 over boxes by the binned surface area heuristic (Wald, "On fast Construction of SAH-based Bounding Volume Hierarchies",
 // 2007). Thread rule: pure function.
 #pragma once

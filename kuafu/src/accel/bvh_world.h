@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The scene as our own tracer knows it, in device memory: a BVH2 per mesh, built once or refitted, and a top level per environment, which
 // follows single instances. Thread rule: externally synchronised; no work may be in flight during update.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Our own two-level BVH2, built on the host and traced in Vulkan compute: the portable tracer of GPUs, and of CPU devices when asked for.
 #include <array>
 #include <map>

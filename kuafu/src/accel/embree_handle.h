@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Owning handles of Embree objects, the device that one tracer owns, and the floating-point mode Embree asks for.
 // Thread rule: EmbreeDevice is internally synchronised, as Embree is.
 #pragma once

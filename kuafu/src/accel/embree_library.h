@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Embree, opened at run time and known to nobody else. Linking it would let a host program that defines or loads another Embree (version 4
 // uses the same function names) take our calls; a private handle and a table of its functions cannot be taken.
 // Within namespace kuafu each Embree function is the table's one under its own name.

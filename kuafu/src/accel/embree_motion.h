@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Instances that move, as Embree takes them: steps of a motion over its time range, between which it turns rotations evenly and
 // translations straight. Thread rule: externally synchronised.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Rays of CPU devices: Embree answers the queues on the host, in place on their mapped memory.
 #include <algorithm>
 #include <bit>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The scene as Embree knows it: one bottom scene per mesh, built once or refitted, and one top scene per environment over instances of
 // them. Thread rule: externally synchronised; tracing the top scenes is allowed from many threads.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The bottom level: one mesh's BVH2 with its triangles in leaf order, built or refitted.
 // Thread rule: pure function.
 #pragma once

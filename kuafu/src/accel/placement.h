@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Where the meshes stand: one placement per slot of the scene's instances (Scene::instance_slots), which is what a hit's instance means,
 // and who sees them. Thread rule: pure functions.
 #pragma once

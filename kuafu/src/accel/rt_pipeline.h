@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The ray tracing pipeline and its shader binding table: two ray generation shaders that share a miss and a closest-hit shader.
 // Thread rule: immutable after construction.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Acceleration structures of VK_KHR_acceleration_structure: owning handles, and the builder that makes and refits many in one go.
 // Thread rule: externally synchronised.
 #pragma once

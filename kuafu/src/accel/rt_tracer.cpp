@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Rays by the driver: VK_KHR_ray_tracing_pipeline, over queues in planes.
 #include "accel/rt_pipeline.h"
 #include "accel/rt_world.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The scene as the driver's ray tracing knows it: a bottom level per mesh, built once or refitted, and a top level per environment.
 // Thread rule: externally synchronised; no work may be in flight during update.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // World box of an instance, of all places that it passes where it moves. Thread rule: pure function.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One environment's top level: a BVH2 over world boxes of instances that follows single instances: a box that moves costs the way to the
 // root. Built by the surface area heuristic; worn out when changes made it half as dear again. Thread rule: externally synchronised.
 #pragma once

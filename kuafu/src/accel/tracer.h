@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A tracer answers ray queues. The path tracer is written once and knows only this interface (design: wavefront stages, pluggable rays).
 // Implementations: EmbreeTracer (host, in place on mapped queues; CPU devices), ComputeTracer (own two-level BVH2 in Vulkan compute),
 // RtTracer (the driver's, VK_KHR_ray_tracing_pipeline).

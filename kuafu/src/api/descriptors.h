@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The C API's plain structs into the scene's types and back. What they hold is validated by Scene, not here.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "api/film_desc.h"
 
 #include "api/fields.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Reads and checks a kuafu_film_desc. Thread rule: pure functions.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What kuafu's opaque C handles point to (device/handle.h).
 #pragma once
 

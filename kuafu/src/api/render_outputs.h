@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Which outputs there are, and where the caller wants them: kuafu_output_desc, checked. Thread rule: pure functions.
 #pragma once
 

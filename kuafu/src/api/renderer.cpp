@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The renderer functions of kuafu's C API.
 #include <algorithm>
 #include <cstring>

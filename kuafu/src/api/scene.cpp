@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The scene functions of kuafu's C API: each reads its structs, calls Scene, and turns errors into statuses.
 #include <cmath>
 

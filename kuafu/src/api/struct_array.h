@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Structs that stand in arrays of the C API.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The denoiser takes the noise out of all light but the projectors' direct light, which carries the dots and has none. An a-trous filter
 // works on light over albedo, guided by surfaces and by the noise that the samples themselves show; then rays over each pixel's square put
 // albedo and edges back (shaders/stage/denoise.glsl, remodulate.glsl). Light may be accumulated over launches of the same views. Thread

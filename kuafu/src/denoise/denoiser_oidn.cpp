@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Here Open Image Denoise takes the place of the filter: image after image, view after view, on the host.
 #include "denoise/denoiser.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The denoiser keeps a history of one launch for the next: its light, its guides, and where cameras and instances stood. Thread rule:
 // externally synchronised.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Open Image Denoise is opened at run time when it is asked for: versions 1 and 2 of its C interface, on the CPU. Thread rule: externally
 // synchronised.
 #pragma once

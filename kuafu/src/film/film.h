@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Film optics change the frame's images of light, view by view: vignetting, defocus by depth, point spread and veiling glare, in this
 // order. All are linear, so each light group gets them by itself and the groups still add up to the image. Thread rule: externally
 // synchronised.

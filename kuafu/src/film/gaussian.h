@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The Gaussian of the integers: exp(-t) I_n(t), whose variance is exactly t and whose blurs add up, unlike a sampled Gaussian's
 // (Lindeberg, Scale-space for discrete signals, 1990). Thread rule: pure functions.
 #pragma once

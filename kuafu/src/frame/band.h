@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A band is the kind of light that a launch renders: visible or infrared (kuafu_render_desc). A description may leave its infrared value
 // open (NaN); this is the only file that knows what is meant then. Records for shaders hold the values of one band alone.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Arrays in device memory come in two kinds: tables, which grow and are rewritten in place, and blocks, which many small arrays share.
 // Thread rule: externally synchronised.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // GLSL's names for C++: include before shaders/lib and shaders/stage, inside namespace kuafu's files only.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A step on whole images runs one text (shaders/stage) as a Vulkan pipeline, or as C++ on the worker threads. Push holds the step's
 // arguments; its `count` is the number of invocations. Thread rule: externally synchronised.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // This file turns the views of a launch into the records that stages read: the rays of a pinhole, and what a lens, a shutter and motion
 // add.
 #include "frame/launch.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A launch is one render call, checked, in the renderer's own terms. Thread rule: plain data.
 #pragma once
 

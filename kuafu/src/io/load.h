@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Reads scene files, each in a helper program of its own (kuafu/import), for scene files come from strangers: what is safe, and what a file
 // may cost, stands in README.md here. Thread rule: distinct scenes may be loaded at once.
 //

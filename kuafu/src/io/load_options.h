@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a scene file may cost and reach. 0 = automatic.
 #pragma once
 

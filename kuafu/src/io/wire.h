@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a helper program answers, as bytes: either a failure, or warnings and a scene. The host believes nothing of it: sizes are bounded
 // before memory is taken, and everything goes through Scene's own checks. Both ends are of one build and one machine, so numbers stand as
 // they are in memory. Thread rule: pure functions.

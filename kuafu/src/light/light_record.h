@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Lights of the scene as shaders read them: single ones (light_record.cpp), and those that surfaces and the environment's map make
 // (emitters.cpp). Thread rule: pure functions.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The lights that each environment sees, as shaders read them: projectors first, then those without extent, emissive surfaces, and those
 // that rays meet; with chances by power. Thread rule: pure functions.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Tables of the directional albedos of GGX lobes. Thread rule: pure functions.
 // Metal has Schlick's Fresnel, split into the terms of f0 and f90: E(cosine) = f0 x + f90 y (Karis 2013, "split sum").
 // A dielectric's layer has the exact one of its index; what several facets scatter is in it. The BSDF dims the base under a layer by it.

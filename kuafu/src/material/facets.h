@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // GGX facets as quadratures of directional albedos take them. Thread rule: pure functions.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "material/material_record.h"
 
 #include <algorithm>

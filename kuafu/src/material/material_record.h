@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A material as shaders read it, in the band being rendered. Thread rule: pure functions.
 #pragma once
 

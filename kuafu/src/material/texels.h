@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Textures as shaders read them: linear RGBA in half or single precision, and a projector's pattern as one plane.
 // Thread rule: pure functions.
 #pragma once

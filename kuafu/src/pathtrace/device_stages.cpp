@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // This file runs the stages in Vulkan compute. Each pipeline is built when it is first used.
 #include <array>
 #include <map>

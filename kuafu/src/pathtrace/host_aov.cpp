@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Stage `aov` on the host. The build compiles this file once for each band: KUAFU_CHANNELS says which, KUAFU_HOST_AOV names the function.
 #include "frame/host_language.h"
 #include "pathtrace/host_kernels.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The stages' text (shaders/lib, shaders/stage) compiled as C++: each function runs a range of invocations.
 // Thread rule: any thread; ranges are independent, and lanes belong to one thread.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The host computes these things for many paths at once, one path in each lane of the machine's vectors, in loops that the compiler
 // vectorises; the text is the shaders' own. Each loop is compiled for several kinds of vectors and takes the widest that the machine has,
 // with the same results. A lane without a path may hold anything. Thread rule: any thread, each with its own lanes.

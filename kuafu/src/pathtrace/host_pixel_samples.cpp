@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "frame/host_language.h"
 #include "pathtrace/host_lanes.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // BSDFs of plain surfaces (feature set 0) in lanes. The build compiles this file once for each band: KUAFU_CHANNELS says which.
 #include "frame/host_language.h"
 #include "pathtrace/host_lanes.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Stages `shade` and `transmit` on the host. The build compiles this file once for each band, plain and with every feature: KUAFU_CHANNELS
 // and KUAFU_PLAIN say which, KUAFU_HOST_SHADE and KUAFU_HOST_TRANSMIT name the functions.
 #include <memory>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // This file runs the stages on the device's worker threads, in chunks of rays or pixels.
 #include <algorithm>
 #include <chrono>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The wavefront path tracer takes waves of paths, of bounded memory, through its stages: generate, then for each bounce closest, shade,
 // occluded and resolve, at last accumulate. It owns the rays and what they read: the tracer, the stages, the scene's tables and the waves'
 // memory. The images belong to its caller. Results depend on the launch alone, since each path sums its own light in a fixed order and

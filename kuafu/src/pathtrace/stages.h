@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The stages work between the tracer's calls. One text (shaders/lib, shaders/stage) runs in two places: in Vulkan compute, or compiled as
 // C++ on the device's worker threads. CPU devices take the second, where the rays are on the host already and a native compiler makes
 // faster code than the driver's. Thread rule: externally synchronised.

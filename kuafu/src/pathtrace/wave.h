@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A wave is a batch of paths, or of rays through pixels, on its way through the stages. Thread rule: any thread, one at a time for a slot's
 // memory.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "pathtrace/wave_memory.h"
 
 #include "device/error.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // This is the memory of waves, which grows when needed and is kept, and the slots that waves are rendered in.
 // Thread rule: WaveSlots::Lease from any thread, all else externally synchronised.
 #pragma once

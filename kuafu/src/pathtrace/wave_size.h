@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // These functions say how many paths a wave holds, and how pixels are spread over waves. Thread rule: pure functions.
 #pragma once
 

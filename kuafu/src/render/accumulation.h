@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // An accumulation keeps the sums of whole images between the rounds of a budget, and between calls that accumulate.
 // Thread rule: externally synchronised.
 #pragma once

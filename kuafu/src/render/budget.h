@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A budget says how many samples the next round of a render takes where a limit of time or noise ends it. Thread rule: plain data.
 #pragma once
 

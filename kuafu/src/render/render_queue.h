@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Renders whose caller does not wait for them: a thread of the library's takes them one after the other; at most two are under way.
 // Thread rule: as the renderer's, one caller at a time; cancel() may be called by any thread at any time.
 #pragma once

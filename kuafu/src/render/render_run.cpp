@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // This file takes a render call from its tables through its rounds of samples to the steps on whole images.
 #include "render/render_run.h"
 

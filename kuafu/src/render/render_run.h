@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A run is one render call. Thread rule: externally synchronised, as are the parts that it works with.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The renderer takes launches, one after the other: paths into the frame, then the steps on whole images (denoiser, film optics), then the
 // caller's formats.
 // Thread rule: externally synchronised.

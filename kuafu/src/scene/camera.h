@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What makes a camera more than a pinhole at rest; fields mean what kuafu_camera_desc and kuafu_film_desc say. Thread rule: plain data.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Which entries of a table changed since a revision that a reader remembers, so that following a change costs what changed.
 // Thread rule: externally synchronised.
 #pragma once

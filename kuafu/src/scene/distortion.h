@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Brown and Conrady's lens distortion, rational (k1 k2 p1 p2 k3 k4 k5 k6, OpenCV's order), in double: whether an image can be undistorted.
 // The stages do the same in shaders/lib/distortion.glsl. Thread rule: pure functions.
 #pragma once

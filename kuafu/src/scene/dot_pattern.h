@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A projector's pattern as a list of Gaussian dots, and its image. Thread rule: pure functions.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Between the C API's row-major matrices and glm's column-major ones.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Which meshes of a scene are new, deformed or gone since a reader last looked. Thread rule: externally synchronised.
 #pragma once
 

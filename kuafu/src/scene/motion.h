@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Rigid motion at constant velocity: what a camera, a light or an instance does while the shutter is open. Thread rule: pure functions.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What leaves a scene: its memory is freed, its id stays taken. What something else still uses is refused by the user's name.
 #include <algorithm>
 

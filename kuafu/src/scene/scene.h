@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The scene as the host knows it: tables with stable ids, and revision counters that tell a renderer what changed since it last looked.
 // Thread rule: externally synchronised. Nothing here knows Vulkan; io fills it, accel and pathtrace read it.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Looking ids up in a scene's tables; what is not there, or was removed, is an error that says so. Thread rule: pure functions.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What each part of a scene must be on its own: finite, in range, of matching sizes. References between parts are Scene's to check.
 // Every function throws ks::Error (KS_ERROR_INVALID_ARGUMENT) that names the part, the field and the numbers. Thread rule: pure functions.
 #pragma once

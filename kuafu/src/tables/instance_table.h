@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The scene's instances as the stages see them: a record for each slot, and lists of materials. An instance that changes is written alone.
 // Thread rule: externally synchronised; no work may be in flight during update.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // This table says where the vertices and triangles of the scene's meshes lie in the stages' memory. Thread rule: externally synchronised;
 // no work may be in flight during update.
 #pragma once

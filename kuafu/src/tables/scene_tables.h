@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The scene in the stages' memory. `update` uploads what changed since the last update (Scene::revisions).
 // Thread rule: externally synchronised; no work may be in flight during update.
 #pragma once

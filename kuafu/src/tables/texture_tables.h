@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Textures and projector patterns in device memory. A texture that is set again is uploaded alone, in place where its size stays.
 // Thread rule: externally synchronised; no work may be in flight during update.
 #pragma once

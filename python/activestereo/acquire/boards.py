@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Calibration boards: what `--board` says, and where a picture shows its corners. OpenCV's detectors do the work.
 
 9x6:0.03                        chessboard with 9x6 inner corners, squares of 0.03 m

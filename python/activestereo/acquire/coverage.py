@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The coverage picture of a calibration: where corners were seen in each eye, and how far off each is."""
 
 from pathlib import Path

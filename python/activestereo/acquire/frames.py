@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Frames of static views: folders of PNG files, a folder of such folders, a .npy stack, or a capture's repeat groups."""
 
 from dataclasses import dataclass

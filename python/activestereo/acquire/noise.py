@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The imager's temporal noise from repeats of static views: which law, and its parameters.
 
 Repeats show what changes from frame to frame. Static speckle, fixed patterns and a pixel's own gain are the same in every repeat: they

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Fits a noise law to repeats by maximum a posteriori: each pixel's mean is integrated out, so that few repeats do not bias the law.
 
 A pixel's counts y_1..y_n share an unknown mean s above black: p(pixel | law) = integral of p(y_1 | s) ... p(y_n | s) ds, over a grid as fine

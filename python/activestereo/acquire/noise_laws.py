@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Two laws of a pixel's temporal noise, as tables of log probabilities. s is the mean count above black, DN.
 
     gamma   y = black + s G + N(0, sigma), G ~ Gamma(k, 1 / k)     Zhang et al. 2023: speckle's factor and a Gaussian

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The projector's pattern from frames of a flat wall: each dot's direction and power, and where the projector stands.
 
 Dots are found in the averaged images of both eyes (spots.py) and lie on the wall's plane (wall.py). Two distances give each dot a line;

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The calibration of both infrared cameras from frames of a board: K, lenses, the place of the right eye, and every board's pose.
 
 OpenCV's calibrateCamera and stereoCalibrate (Zhang 2000) give the start; a bundle adjustment over everything gives the answer and its

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Spots of a dot pattern in an image: all of them fitted jointly as Gaussians, then what they leave is searched for merged ones.
 
     image = background + sum of a_i exp(-|x - x_i|^2 / (2 sigma^2)) + noise

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """From spots of both eyes on a flat wall to points in space: the wall is a plane in disparity, and a spot's place the best of both eyes."""
 
 from dataclasses import dataclass

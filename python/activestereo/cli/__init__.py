@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The command line: activestereo simulate | presets | depth | pair | depth-quality | compare | diagnose | add | model |
 acquire | import | effect | devices, one file each. This one parses, runs and makes failures one line."""
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """activestereo acquire noise | pattern | rig: frames of a real camera become sections of model.json."""
 
 import argparse

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """activestereo add: an effect more in a model file."""
 
 import argparse

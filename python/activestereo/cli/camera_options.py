@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Options of simulate for what its cameras do to the light: lenses, shutters, and a sensor that moves while they are
 open."""
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """activestereo compare: the simulator against a measured capture."""
 
 import argparse

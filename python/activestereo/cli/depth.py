@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """activestereo depth: from an image pair to depth."""
 
 from __future__ import annotations

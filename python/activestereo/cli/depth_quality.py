@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """activestereo depth-quality: Intel's depth quality metrics on a flat target."""
 
 from __future__ import annotations

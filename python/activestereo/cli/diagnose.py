@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """activestereo diagnose: which physical effect does the model of a capture lack?"""
 
 import argparse

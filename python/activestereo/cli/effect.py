@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """activestereo effect list | check: the catalogue of physical effects, and the laws tried on a user's own."""
 
 import argparse

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Options of commands for the engines: one for each parameter of the generated tables."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """activestereo import: a recording of another program becomes a capture."""
 
 import argparse

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """activestereo model show | diff: a sensor model in words."""
 
 import argparse

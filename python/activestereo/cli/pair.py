@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """activestereo pair: what a real sensor's infrared pair tells of it, without a scene."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """activestereo presets: the cameras that the simulator knows, and where each figure comes from."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Options NAME=X of simulate for the fields of whole records: the infrared imagers, and the cameras' optics."""
 
 from __future__ import annotations

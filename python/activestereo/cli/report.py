@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the commands print at their end."""
 
 from collections.abc import Mapping

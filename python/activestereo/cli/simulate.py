@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """activestereo simulate: from a scene file to what a depth sensor in it gives."""
 
 import argparse

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Physical effects, one file each: a descriptor (id, stage, parameters with units, ranges, priors and sources) and a function.
 
     from activestereo.effects import Parameter, Stage, effect

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Ambient infrared light that is not uniform."""
 
 from dataclasses import replace

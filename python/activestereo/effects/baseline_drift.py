@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Baseline off its calibration."""
 
 from activestereo.effects.core.descriptor import Parameter, Stage, effect

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Black level that is not constant."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Filter and focus that drift with the laser's wavelength."""
 
 from dataclasses import replace

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Dark current."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Dots that differ in strength from the nominal pattern."""
 
 import numpy as np

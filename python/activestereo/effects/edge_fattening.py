@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Near objects that grow in the disparity image."""
 
 import numpy as np

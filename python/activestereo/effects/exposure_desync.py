@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Cameras that do not expose at the same time."""
 
 from activestereo.effects.core.descriptor import Parameter, Stage, effect

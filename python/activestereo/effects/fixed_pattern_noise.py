@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Offsets of columns, rows and pixels that stay."""
 
 import numpy as np

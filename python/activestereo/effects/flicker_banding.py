@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Ambient light that flickers with the mains."""
 
 from dataclasses import replace

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Disparity errors of slanted surfaces."""
 
 import numpy as np

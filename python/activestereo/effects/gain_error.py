@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Exposure time and gain that are not what the frame says."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A participating medium between rig and scene."""
 
 from dataclasses import replace

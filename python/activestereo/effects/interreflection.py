@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Bounced light of a wrong strength."""
 
 from dataclasses import replace

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Laser power that drifts."""
 
 import numpy as np

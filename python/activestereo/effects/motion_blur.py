@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Motion during the exposure."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Pattern that grows or shrinks: laser wavelength against a diffractive element."""
 
 import numpy as np

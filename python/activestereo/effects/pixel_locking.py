@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Disparities drawn to whole pixels."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a device does to disparity after matching."""
 
 import numpy as np

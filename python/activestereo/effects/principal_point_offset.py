@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Principal point of the right camera off its calibration (also: yaw)."""
 
 from activestereo.effects.core.descriptor import Parameter, Stage, effect

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Pixels of unequal sensitivity."""
 
 import numpy as np

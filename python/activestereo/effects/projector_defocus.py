@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Dots that blur away from the projector's focus."""
 
 import numpy as np

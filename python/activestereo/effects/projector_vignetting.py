@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Projector that is dimmer off its axis."""
 
 import numpy as np

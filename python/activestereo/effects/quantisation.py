@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Coarse digital steps."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Lens distortion that the nominal calibration lacks."""
 
 from activestereo.effects.core.descriptor import Parameter, Stage, effect

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Bilinear resampling on the way to rectified images."""
 
 import numpy as np

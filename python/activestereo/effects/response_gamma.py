@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Response that is not linear."""
 
 import numpy as np

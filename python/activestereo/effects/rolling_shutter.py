@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Row-wise readout of a moving sensor."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Full wells that overflow."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Another pattern projector that lights the scene."""
 
 from dataclasses import replace

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Photon shot noise."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Speckle of a scene that stands still."""
 
 from activestereo.effects.core.descriptor import Parameter, Randomness, Stage, effect

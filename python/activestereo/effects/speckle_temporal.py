@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Speckle that boils: mode hopping, vibration."""
 
 from activestereo.effects.core.descriptor import Parameter, Randomness, Stage, effect

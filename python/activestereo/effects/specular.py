@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A gloss that the nominal materials lack."""
 
 from dataclasses import replace

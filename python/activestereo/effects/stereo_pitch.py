@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Right camera pitched against the left."""
 
 from activestereo.effects.core.descriptor import Parameter, Stage, effect

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Light that wanders below the surface."""
 
 from dataclasses import replace

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Calibration that drifts with temperature."""
 
 from activestereo.effects.core.descriptor import Parameter, Stage, effect

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Veiling glare: light scattered in the lens falls on the whole image."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Lens vignetting: the camera sees less light towards its corners."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The engines under a model: what effects make of kuafu's and simsense's inputs, and images that the engines then give.
 
 renderer = CaptureRenderer(read_capture("captures/table"))

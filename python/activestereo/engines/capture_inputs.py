@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """EngineInputs of a capture's frame: its calibration, pose and settings, before any effect."""
 
 from __future__ import annotations

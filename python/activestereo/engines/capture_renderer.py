@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Renders a capture's frames with the engines under a model: every effect that has engine fields acts inside of kuafu
 and simsense."""
 

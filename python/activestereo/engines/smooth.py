@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Takes Monte Carlo noise out of bounced and ambient light: an edge-avoiding a-trous wavelet filter (Dammertz et al.
 2010, HPG).
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The renderer's noise in bounced and ambient light, filtered where such light follows the surface alone.
 
 Direct light has edges of its own: shadows of lamps, dots of further projectors. It is never filtered.

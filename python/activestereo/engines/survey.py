@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a fit says of calibration and scene beside the effects: focal lengths and albedos."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What effects change in the world itself: materials, the medium, ambient light. Put into a kuafu scene, and taken
 back."""
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The task of grasping by depth: activestereo/StereoGrasp-v0 for Gymnasium, and its world without it."""
 
 from activestereo.grasp.world import GraspWorld as GraspWorld

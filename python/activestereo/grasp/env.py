@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """activestereo/StereoGrasp-v0 for Gymnasium: one environment, or many with one render (gymnasium.make_vec)."""
 
 from __future__ import annotations

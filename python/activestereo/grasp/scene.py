@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What stands on the table of each environment: boxes and cylinders of several materials, of which one at a time is on
 the table and the others wait below it."""
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Grasping with a depth camera on the wrist, without physics: a gripper that looks down moves in ten steps to a thing
 on a table, closes and lifts. What a grasp needs is geometry here: fingers beside the thing and not on it, square to its
 sides, deep enough. Needs no package beyond the sensor's own.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Recordings of other programs become captures (capture format, version 1).
 
     realsense_text     what `rs-enumerate-devices -c` prints: intrinsics and extrinsics

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A folder of a librealsense recording's PNG files becomes a capture: infrared pairs, and depth where it is there as 16-bit PNG.
 
 Files are known by their names, in any order of the words: "Infrared 1" or left, "Infrared 2" or right, Depth, and the last number is

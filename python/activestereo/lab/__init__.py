@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The lab: compare the simulator with a capture, see where it fails, learn which effect is missing, add it."""
 
 from activestereo.lab.compare import Comparison, compare

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Intervals and tests for pixels that are not independent: whole blocks of the image are resampled, never single
 pixels.
 

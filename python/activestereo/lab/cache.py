@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Rendered layers kept on disk by the content of what made them: a second look at a capture traces no ray.
 
 Entries are whole or absent (written aside, then renamed), so that parallel runs may share one folder.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Compares the simulator with a capture: render its poses, fit the nuisances on the train frames, score both splits, and
 look on the train frames where the model fails.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The device's depth beside the model's and the true geometry: error in metres and in pixels of disparity, fill, and
 noise floor.
 

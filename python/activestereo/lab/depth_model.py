@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The model's own depth: the predicted pair with the capture's noise through simsense, as the device would have matched
 it."""
 

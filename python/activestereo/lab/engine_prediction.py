@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A capture's expected images under a model by the engines themselves: effects with engine fields act inside of kuafu
 and simsense."""
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One eye's image as the other eye would see it, through the depth of the known scene."""
 
 from dataclasses import dataclass

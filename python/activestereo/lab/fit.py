@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The nuisances of a comparison: projector scale, ambient scale and black level, by least squares on the train frames.
 
     DN = black + exposure_s * gain * (projector_scale * power * P + ambient_scale * level * A),  clipped to the sensor's

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The nuisances under a model with effects, where the prediction may bend: Gauss-Newton on the same least squares as fit.py."""
 
 import numpy as np

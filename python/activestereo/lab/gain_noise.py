@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The noise at gains that no repeat has shown, from neighbours that the model expects alike."""
 
 from collections.abc import Callable, Sequence

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """kuafu as the lab's renderer: the known scene under the projector at power 1 and under ambient radiance 1, infrared
 band."""
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The lab in a notebook: compare, diagnose, add, report on one object."""
 
 import os

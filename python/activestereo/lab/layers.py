@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Light layers: what one rig pose looks like under each light alone, so that exposure, power and scale need no new ray."""
 
 from __future__ import annotations

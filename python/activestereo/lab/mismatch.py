@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Whether a capture's pattern and geometry are those of its files at all: what has to be said before any effect.
 
 The dots are the evidence. Both eyes see the same dots at the scene's depth where its geometry is right, whatever the

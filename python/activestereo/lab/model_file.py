@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Libraries of effects, built in or a user's own file; and the effects of a model file (sensor_model/) as the lab takes
 them."""
 

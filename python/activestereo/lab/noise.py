@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The noise floor of a capture: how far a perfect model would still be from the measurement, in DN.
 
 Repeats of one static view differ by temporal noise alone, so their pixelwise unbiased variance is the floor of their

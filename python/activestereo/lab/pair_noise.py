@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The noise of frames that have no repeats, from the difference of their own two eyes.
 
 Where the image is smooth, left and right show the same light at the scene's depth: half of the variance of their

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Renders the poses of a capture into light layers, once per distinct pose, through the cache.
 
 A renderer is any callable (RenderRequest, progress) -> tuple of Layers (one per camera) with a `version` text that changes

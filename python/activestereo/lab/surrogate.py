@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How well an effect's image function stands for what the engines make of its engine fields.
 
 Both change the images of one small world (matt bodies on a table before a wall, a moving warm rig); the figure is the

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A shallow honest tree: regions of the covariates that hold most of the explainable error, in words.
 
 Splits are chosen on half A of the blocks and everything that is said is estimated on half B, so the search cannot

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Where the model fails: the residual against each covariate, binned, with block-bootstrap intervals and a false
 discovery rate."""
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Turns a comparison's images and depths into the channels that where.py and tree.py look at."""
 
 from collections.abc import Callable

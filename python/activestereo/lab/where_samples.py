@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The residuals of a comparison as one list of pixels with their covariates, bins and blocks.
 
 Three channels: infrared (DN), disparity (px, where device and model both measured), validity (1 = the device alone

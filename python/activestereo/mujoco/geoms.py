@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The geoms of a MuJoCo model as meshes in the geom's own frame, with texture coordinates."""
 
 from __future__ import annotations

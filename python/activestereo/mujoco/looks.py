@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A MuJoCo model's materials, textures and lights in kuafu's terms.
 
 MuJoCo's light has no unit: a Lambertian surface that faces a light of `diffuse` d shines with d times its colour. The

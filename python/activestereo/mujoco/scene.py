@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A MuJoCo model as a kuafu scene, whose bodies follow the state.
 
     world = MujocoScene(model, data)

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """SAPIEN 3's StereoDepthSensor on a live SAPIEN scene, without CUDA and without SAPIEN's renderer. Needs the package
 sapien.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """SAPIEN's ActorBuilder where SAPIEN finds no device to render with: it keeps what actors look like for our scene.
 
 SAPIEN then refuses to make a material or a visual shape at all. This builder's methods are the same; materials are

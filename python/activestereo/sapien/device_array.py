@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """An array on a CUDA device with the ways out that sapien.CudaArray has."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A live SAPIEN scene as a kuafu scene: its visible entities and lights, and where they are now."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """SAPIEN 3's StereoDepthSensor, method by method; the table in examples/sapien/README.md says what is the same."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """SAPIEN's render shapes, visual records and collision shapes as meshes, in the shape's own frame, scale included.
 
 SAPIEN's cylinders and capsules lie along x, its planes face along x. kuafu's meshes get the names of SAPIEN's classes.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """model.json: everything that is known of one sensor, in one file. What the lab finds is what the simulator simulates.
 
 model = read_model("out/diagnosis/model.json")

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A sensor's configuration from its model: what the model says of rig, pattern, imager and calibration in place of a
 preset's.
 

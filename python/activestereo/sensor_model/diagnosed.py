@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The model of a capture: its calibration and pattern, with what a diagnosis found."""
 
 from __future__ import annotations

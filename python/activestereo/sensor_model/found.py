@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a diagnose.json found for an effect."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A complete sensor model as plain data: calibration, pattern, imager, effects, materials and what a fit left over,
 with intervals and sources.
 

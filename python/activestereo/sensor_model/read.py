@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Reads model.json, versions 1 and 2. Anything wrong is one line that names the file, the key and what is wrong;
 nothing is read in part."""
 

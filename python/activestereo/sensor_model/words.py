@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A sensor model in words, and how two differ."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Hamming costs summed over a block. An invocation holds four neighbouring columns of one part, four pairs of a lane's disparities: it walks
 // down the rows with the columns' sums in registers, adding the row that enters the block and taking off the one that leaves; the columns
 // are summed through shared memory. Pixels outside the image take the cost of the nearest one inside.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Census words of both images of each pair. Center-symmetric (Spangenberg et al. 2013): bit i tells whether the i-th pixel of the window in
 // raster order is >= its mirror. Plain (Zabih and Woodfill 1994): whether it is < the centre. With a contrast: whether it differs by more than that
 // share of the range of counts around (reference/census.h).

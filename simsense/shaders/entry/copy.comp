@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // From one image to another: counts of any width, or floats.
 #version 460
 #extension GL_GOOGLE_include_directive : require

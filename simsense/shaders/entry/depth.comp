@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What each pixel's disparity becomes: disparity (first) and depth (second) in the caller's formats, points of the left camera (third).
 #version 460
 #extension GL_GOOGLE_include_directive : require

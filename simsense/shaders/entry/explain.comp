@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Causes behind an invalid pixel: measured but out of range; and of what the stages rejected, whatever the left image itself explains.
 #version 460
 #extension GL_GOOGLE_include_directive : require

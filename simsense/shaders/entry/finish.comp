@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Left-right check and median. A tile of checked disparities stands in shared memory; invalid ones (-1) take part in the median, pixels
 // whose window leaves the image are copied.
 #version 460

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Speckle filter (cpu/checks/speckle.h) by a union-find that all pixels build at once: parents only ever move to smaller pixels of the same
 // island (Playne and Hawick, A new algorithm for parallel connected-component labelling on GPUs, IEEE TPDS 29(6), 2018), so that the islands
 // do not depend on the order. Four passes: begin, join, count, drop.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The maps of a region of interest in those of the whole image.
 #version 460
 #extension GL_GOOGLE_include_directive : require

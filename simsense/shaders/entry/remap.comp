@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Resampling through a table of source coordinates, the arithmetic of cpu/rectify/remap.cpp.
 #version 460
 #extension GL_GOOGLE_include_directive : require

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the RGB camera sees: each point covers splat_size x splat_size pixels about its own. Depth (first) and points (second), which have a
 // colour where an RGB image (third) is given.
 #version 460

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The imager (simsense_signal) for four neighbouring pixels per invocation, whose words share a Philox block: light to charge, charge to
 // counts, or both.
 #version 460

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Registration: each measured pixel is a point that lands on the nearest pixel of the RGB camera; the nearest point stays. The arithmetic of
 // cpu/registration/registration.cpp. Positive floats sort as their bits do.
 #version 460

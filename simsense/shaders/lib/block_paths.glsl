@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Paths whose costs are block sums that no memory holds. A workgroup follows neighbouring lines, both ways: at each step a path's block takes
 // in one line of pixels across and leaves another, so every cluster works out the change of its own line alone, and adds up its
 // neighbours' through shared memory. The lines at the workgroup's edges only do that for the others.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Pixels that lose their measurement after the matcher.
 #ifndef SIMSENSE_CLEAN_GLSL
 #define SIMSENSE_CLEAN_GLSL

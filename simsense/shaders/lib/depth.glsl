@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Disparity to depth and the formats of both, as in cpu/depth/depth.cpp and cpu/frame.h.
 #ifndef SIMSENSE_DEPTH_GLSL
 #define SIMSENSE_DEPTH_GLSL

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A quotient rounded as IEEE 754 wants it: Vulkan's own division may be 2.5 units in the last place off, and the disparities shall have the
 // same bits on every device.
 #ifndef SIMSENSE_EXACT_RATIO_GLSL

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Elements of an ImageRef in whatever format it has.
 #ifndef SIMSENSE_IMAGE_GLSL
 #define SIMSENSE_IMAGE_GLSL

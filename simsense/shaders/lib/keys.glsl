@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Mean costs of a pixel's disparities, each with its disparity in 32 bits: any range.
 #ifndef SIMSENSE_KEYS_GLSL
 #define SIMSENSE_KEYS_GLSL

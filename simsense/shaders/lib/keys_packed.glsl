@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Mean costs of a pixel's disparities, each with its disparity in 16 bits, two in a word: mean << 8 | disparity plus a bias that makes them
 // normal, positive half floats, whose order is that of the integers. For means below 119 and at most 256 disparities (src/vulkan/plan.cpp).
 #ifndef SIMSENSE_KEYS_PACKED_GLSL

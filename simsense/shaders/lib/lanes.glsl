@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How disparities lie in lanes and words. A cluster of path_lanes lanes holds one pixel's disparities, lane j the lane_disparities from
 // j * lane_disparities on, as pairs: register k holds disparity k of the lane in its low and k + lane_pairs in its high 16 bits, so that a
 // neighbouring disparity is a neighbouring register. A volume's element order follows from that and costs no shuffling:

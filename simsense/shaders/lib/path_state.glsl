@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The dynamic programme of one path, SGM's L_r (Hirschmüller 2008, eq. 13), as exact integers in 16-bit halves. With HALF_MIN the integers
 // are biased so that they are the bits of normal, positive half floats, whose order is that of the integers: one packed minimum serves two
 // disparities. Without it the order of the steps is another, so that no sum leaves 16 bits: costs and penalties may then fill them.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Rows and columns, in one dispatch with the rows first because they are the longest or in one each, or both kinds of diagonals: a path runs in a cluster of lanes
 // without barriers, a workgroup holds both paths of its lines, which wait for each other where they meet, once.
 #include "lib/walk_lines.glsl"

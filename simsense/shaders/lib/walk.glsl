@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A path's way through the image, and the sum it leaves with its opposite. Two opposite paths of a line walk at the same time and meet in
 // the middle: up to there each stores its own costs, beyond it each adds to what the other has left, so that one volume holds their sum. A
 // path starts at time `start`, chosen so that they meet between two blocks of `steps` times; where the line's length is odd, the backward

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Along a column or a diagonal with costs from census words, or along any line with stored costs: what a pixel needs is loaded some pixels
 // ahead.
 #ifndef SIMSENSE_WALK_LINES_GLSL

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Along a row with costs from census words: the right image's words that the lane's disparities need move one place per pixel, so they stay
 // in registers and four new ones come with each load. The path from the right end sees a mirrored row and runs through the same code.
 #ifndef SIMSENSE_WALK_ROWS_GLSL

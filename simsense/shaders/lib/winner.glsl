@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Winners of the left and the right image from the paths' mean, uniqueness and the subpixel step. A cluster sweeps a part of a row; the
 // right image's candidates travel with it: pixel x's disparity d concerns the right pixel x - d, as does disparity d + 1 of the next pixel,
 // so the best so far moves one disparity on per pixel and leaves behind the last one.

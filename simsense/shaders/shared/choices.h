@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Choices, reasons and flags by number, read by GLSL and C++. C++ turns them into enumerations and holds them against the public header
 // (match/choices.h).
 #ifndef SIMSENSE_CHOICES_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the stages that follow the matcher on disparities share, read by GLSL and C++ (scalar layout).
 #ifndef SIMSENSE_CLEAN_PUSH_H
 #define SIMSENSE_CLEAN_PUSH_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the stages from disparity to depth, registration and points share, read by GLSL and C++ (scalar layout).
 #ifndef SIMSENSE_DEPTH_PUSH_H
 #define SIMSENSE_DEPTH_PUSH_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The uses of randomness by number, read by GLSL and C++ (signal/key.h): each has a number of its own.
 #ifndef SIMSENSE_DIMENSIONS_H
 #define SIMSENSE_DIMENSIONS_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A batch of strided images in device memory, read by GLSL and C++ (scalar layout).
 #ifndef SIMSENSE_IMAGE_REF_H
 #define SIMSENSE_IMAGE_REF_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the stages on all maps of the matcher share, read by GLSL and C++ (scalar layout).
 #ifndef SIMSENSE_MAP_PUSH_H
 #define SIMSENSE_MAP_PUSH_H

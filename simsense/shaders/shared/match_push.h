@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the matcher's compute stages share, read by GLSL and C++ (scalar layout): the arrays of one chunk of image pairs and the parameters
 // that need no pipeline of their own.
 #ifndef SIMSENSE_MATCH_PUSH_H

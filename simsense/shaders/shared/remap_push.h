@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the rectification stages share, read by GLSL and C++ (scalar layout).
 #ifndef SIMSENSE_REMAP_PUSH_H
 #define SIMSENSE_REMAP_PUSH_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the signal stages of one eye share, read by GLSL and C++ (scalar layout): the block of an imager's parameters, and the push
 // constants.
 #ifndef SIMSENSE_SIGNAL_PUSH_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The engine's part of simsense's C API: structs are read, handles become objects, and the pipeline runs.
 #include "engine/engine.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What of the left image explains a missing measurement. Plain values.
 #pragma once
 

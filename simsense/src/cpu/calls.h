@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Calls on the host: one pair of a batch after the other. Thread rule: externally synchronised.
 #pragma once
 

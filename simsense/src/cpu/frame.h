@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The images of one compute call in the host's memory, and outputs as the caller wants them. A stage writes straight into the caller's
 // memory where that is packed and of the stage's own type, else into scratch that is converted and scattered afterwards. Thread rule:
 // externally synchronised.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // An image argument of a compute call made reachable by the host: in place where the memory is mapped or the caller's own, else through a
 // counted copy. Thread rule: externally synchronised.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The matcher's stages on the host's vectors, over a device's worker threads. Costs are made where a path needs them, and one pass over the
 // image (cpu/sgm) follows the last paths, finds winners and holds them against the right image's: cost, sgm, winner and the left-right
 // check share it. Thread rule: externally synchronised.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The stages of one pair on the host. A stage writes straight into the caller's memory where that is packed; scratch memory is kept between
 // calls. Thread rule: externally synchronised.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Disparity to depth: z = fx * baseline / (disparity + cx_right - cx_left), 0 = invalid. Plain values.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The ray of each pixel of the points' camera, at z = 1. Thread rule: immutable.
 #pragma once
 

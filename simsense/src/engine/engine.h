@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The engine: a rig, the parameters in force and the imagers, and the calls that run on them, on the CPU or all of them on a GPU.
 // Thread rule: externally synchronised.
 #pragma once

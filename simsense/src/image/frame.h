@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The images of one compute call, inputs and outputs, as a back end reaches them (cpu/image.h, vulkan/image.h). Plain values.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Where an image argument's elements lie: its shape and strides, checked against what the call needs. Plain values.
 #pragma once
 

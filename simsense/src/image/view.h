@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Strided views of one image plane in host memory, as the stages read and write them. Strides are in bytes and may be negative.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The choices of the matcher and the reasons it gives, as enumerations. Their numbers are those of the shaders (shared/choices.h) and of
 // the public header.
 #pragma once

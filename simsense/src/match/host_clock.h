@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Wall time of stages that the host runs, in order of first use. Thread rule: externally synchronised.
 #pragma once
 

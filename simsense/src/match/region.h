@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The rectangle of the rectified left image whose disparities are wanted. Thread rule: pure functions.
 #pragma once
 

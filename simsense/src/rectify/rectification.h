@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // From a calibrated rig to a row-aligned pair: one pinhole for both rectified cameras, the baseline, and where each rectified pixel lies in
 // its source (rectify/stereo_rectify.h).
 //

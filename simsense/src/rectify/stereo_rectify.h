@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Two cameras turned so that their rows meet: the rotations of both, the focal length and the principal points they share afterwards.
 //
 // The method is Bouguet's (Camera Calibration Toolbox for Matlab, rectify_stereo_pair.m; the geometry is that of Fusiello, Trucco and

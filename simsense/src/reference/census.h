@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Census words. Plain (Zabih and Woodfill 1994, "Non-parametric local transforms for computing visual correspondence"): each pixel of the
 // window is compared with the centre. Center-symmetric (Spangenberg et al. 2013, "Weighted semi-global matching and center-symmetric census
 // transform"): each pixel of the window is compared with its mirror through the centre, which makes half the bits of the plain census carry

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Matching cost: Hamming distance of census words, and its sum over a block.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Depth, registration and points written from the camera model, double precision, one pixel after the other.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Brown-Conrady distortion, as OpenCV's documentation of the pinhole camera gives it: radial k1, k2, k3 and tangential p1, p2 on normalised
 // coordinates.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The imager written for reading: double precision, one stage after the other over the whole image, every variate the exact quantile at its
 // pixel's word.
 #pragma once

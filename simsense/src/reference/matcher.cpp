@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The scalar reference of the whole matcher: the stages one after another on full volumes, slow and plain.
 #include "match/matcher.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Rectification written from the camera model: each rectified pixel's ray is rotated back, distorted (Brown-Conrady) and projected; double
 // precision.
 #pragma once

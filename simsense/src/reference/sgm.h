@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Semi-global aggregation (Hirschmüller 2008, "Stereo processing by semiglobal matching and mutual information", eq. 13).
 #pragma once
 

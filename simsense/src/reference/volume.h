@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Plain arrays of the scalar reference: an image of per-pixel values, and a volume with one value per pixel and disparity.
 #pragma once
 

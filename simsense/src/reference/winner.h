@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // From the aggregated volume to disparities: winner, uniqueness, subpixel step, confidence.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How the rectified left camera's pixels are seen by the RGB camera: both back ends register through it. The rectified pixel's ray is
 // rotated back by R1 before left_to_rgb, an unmeasured pixel lands nowhere, and a point just beyond the image's border covers what its
 // splat reaches of it (the published SimSense does none of these; SIMSENSE_FAULT_REGISTRATION_UNRECTIFIED, _SPLAT_INVALID and

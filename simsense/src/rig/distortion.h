@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Brown-Conrady distortion of normalised image coordinates, float, for the per-pixel stages.
 #pragma once
 

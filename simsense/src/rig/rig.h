@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The stereo rig as the stages use it: pinholes, rigid transforms, and the checks of a simsense_rig_desc.
 #pragma once
 

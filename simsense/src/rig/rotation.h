@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Rotations in three dimensions: products, the axis and angle of a rotation (Rodrigues), and the rotation nearest to a matrix.
 // Thread rule: pure functions.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // From a pixel back to the ray that its lens bent there: the inverse of Brown-Conrady distortion (Brown, Decentering distortion of lenses,
 // Photogrammetric Engineering 32(3), 1966), double precision. Thread rule: pure functions.
 #pragma once

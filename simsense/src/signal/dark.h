@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How temperature acts on an imager. Dark current doubles every few kelvins (Widenhorn et al., Temperature dependence of dark current in a
 // CCD, SPIE 4669, 2002); the black level drifts.
 #pragma once

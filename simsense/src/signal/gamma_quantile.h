@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Quantiles of the gamma distribution, and a table of them for a fixed shape, read at standard normal numbers.
 #pragma once
 

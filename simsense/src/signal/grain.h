@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Standard normal numbers that neighbouring pixels share as a point spread function makes them: what gives speckle its grain. Each number
 // alone is N(0, 1), so a quantile of it keeps its law; numbers d pixels apart correlate by exp(-d^2 / (4 sigma^2)).
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One eye's imager, from irradiance to counts: the stages of simsense_signal, row by row; stages at neutral values are skipped.
 // cpu/signal/imager.h and vulkan/signal/imager.h run it. Thread rule: immutable.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Where randomness comes from: each pixel has one uniform 32-bit word per dimension, a pure function of the dimension's key and the pixel.
 // Four neighbours in a row share a Philox block. Thread rule: pure functions.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Measured imagers by name; what they are stands in simsense.h.
 #pragma once
 

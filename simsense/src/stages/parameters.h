@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The checks of simsense_parameters and their translation into what each stage takes.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the stages take from a rig, worked out once. Thread rule: immutable.
 #pragma once
 

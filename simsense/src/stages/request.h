@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A call as the caller asks for it: its images, checked against the rig and made reachable for a back end.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the stages of one call do: the rules that follow from rig, parameters and imagers, worked out once for both back ends. Plain values.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The stages of a pair: one function each, which either back end implements with what lies in its folder of the stage's name, and the one
 // list of their order, which both run.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Calls in Vulkan compute: all stages of a batch in one submission, on the caller's device buffers; no image passes through the host unless
 // the caller's lies there. Submissions overlap with the host's work, two at a time. Thread rule: externally synchronised.
 #pragma once

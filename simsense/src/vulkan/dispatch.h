@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Workgroups of the per-pixel stages, and references to later images of a batch.
 #pragma once
 

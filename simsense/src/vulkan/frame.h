@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The images of one compute call in the device's memory.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The Vulkan matcher behind the interface of host images: through host-visible buffers, one pair at a time.
 #include <cstring>
 

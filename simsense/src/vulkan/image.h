@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // An image argument of a compute call made reachable by shaders: in place where it lies in a buffer of the device, else through a counted
 // copy in memory that both see. Thread rule: externally synchronised.
 #pragma once

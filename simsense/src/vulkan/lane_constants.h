@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The specialisation constants of lib/lanes.glsl, which the cost, path and winner stages share.
 #pragma once
 

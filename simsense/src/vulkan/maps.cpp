@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "vulkan/maps.h"
 
 #include "shared/map_push.h"

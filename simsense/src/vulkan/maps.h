@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Where each of the matcher's maps of some pairs lies on the device: in the caller's memory where it is packed, else in an array of ours
 // that is copied there; and the maps of the part that is matched for a region of interest. Thread rule: externally synchronised.
 #pragma once

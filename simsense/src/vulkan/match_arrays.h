@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the matcher's stages on the device hand each other, and where a call's images and maps lie. Plain values, laid out by a MatchPlan.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The matcher in Vulkan compute: the bits of the scalar reference, a whole batch per call, images and disparities in device memory. Any
 // device that this project runs on and whose subgroups can shuffle; meant for GPUs (on a CPU device the CPU matcher is many times faster).
 // Thread rule: externally synchronised.

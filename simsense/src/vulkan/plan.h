@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How the matcher's work is laid out on a device: lanes and registers of a path, element sizes, workgroups, and how many pairs go through
 // at a time. Plain values, decided once.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The stages of some pairs in Vulkan compute: each records its work on the caller's device buffers. Images that nothing changes stay where
 // they are; scratch memory is kept between calls. Thread rule: externally synchronised.
 #pragma once

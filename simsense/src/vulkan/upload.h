@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A table that stays on the device.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Compiled pipelines between processes: what is kept, where, and what a spoilt file or folder does.
 #include "device/cache_file.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // EXPECT_ERROR: the statement throws ks::Error with this status and a text that contains this part.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "ks/image.h"
 
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: Apache-2.0 */
 /* Prints the version of the library that the host project built. */
 #include <stdio.h>
 

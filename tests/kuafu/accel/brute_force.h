@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The reference: every triangle of the scene in world space, each tried by Cramer's rule in double precision.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The bottom level and its refit.
 #include "accel/mesh_bvh.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Runs rays through a tracer: fills a queue in the tracer's own layout, traces, and reads the answers back.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A top level that follows single boxes stays what one built of the same boxes is: sound, shallow enough, and not much dearer.
 #include "accel/top_level.h"
 

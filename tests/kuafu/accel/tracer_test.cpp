@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // All tracers, and both queue layouts of our own, against brute force in double precision and against each other.
 #include "accel/tracer.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The tracers are interchangeable: same images from each, and each follows meshes that deform.
 #include "kuafu/world.h"
 

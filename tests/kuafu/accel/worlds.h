@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Scenes and rays for the tracers' tests. Numbers come straight from a Mersenne twister, so that every standard library gives the same
 // ones.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Output formats: what float32 images and ids become in narrower numbers, on both kinds of stages, packed and strided.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Scenes that live: what was changed looks like what was made so, rounds of adding and removing leave memory flat, and what is in use
 // stays. Threads with scenes and renderers of their own; the choice of a device.
 #include <malloc.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Rendering through the C API: what is refused and why, strides, progress and cancelling, stage times, several scenes and renderers.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The scene through the C API: every field that the capture format names, ids, instancing, names, cameras, warnings.
 #include <gtest/gtest.h>
 #ifdef __SANITIZE_ADDRESS__

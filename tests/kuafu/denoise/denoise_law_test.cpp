@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The denoiser: what it must keep, and how much noise it must take.
 #include <algorithm>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Film optics: their closed forms, on host stages and in Vulkan compute.
 #include <algorithm>
 

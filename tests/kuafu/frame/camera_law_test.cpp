@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Cameras, AOVs, bands and environments.
 #include "kuafu/world.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Instances and lights that move while the shutter is open, and lights that go on and off: closed forms, relativity, and tracers that
 // agree.
 #include "kuafu/world.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a moving camera sees: rolling shutter shears, exposure blurs, both by closed forms.
 #include "kuafu/world.h"
 

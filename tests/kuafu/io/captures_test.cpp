@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The practice captures' scenes, where the data folder is there: counts and infrared albedos against their JSON, read on its own.
 #include <gtest/gtest.h>
 

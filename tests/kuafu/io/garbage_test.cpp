@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Broken files: always one error that names the file, never a crash, and the scene as it was.
 #include <gtest/gtest.h>
 

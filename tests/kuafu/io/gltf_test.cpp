@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // glTF files: geometry, node tree, materials, lights, cameras, textures.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Files made to crash, hang, fill the memory or look elsewhere: each is one error or a load, and the host goes on. Small versions of inputs
 // that once broke something.
 #include <gtest/gtest.h>

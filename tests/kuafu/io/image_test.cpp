@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Image files of a known picture, and broken ones kept from fuzzing (tests/fuzz/corpus/image), through the decoders in this process.
 #include <gtest/gtest.h>
 

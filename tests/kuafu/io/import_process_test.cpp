@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The host's side of a helper program: whatever the helper does, the host gets an answer or one error.
 #include <gtest/gtest.h>
 #include <sys/stat.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // OBJ, STL, PLY and Collada through assimp.
 #include <gtest/gtest.h>
 

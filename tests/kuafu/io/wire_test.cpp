@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a helper program answers arrives as it was sent; what no helper would send is an error.
 #include <gtest/gtest.h>
 

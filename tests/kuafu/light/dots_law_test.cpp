@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A projector's dots and its pattern's scale: where they land, what power they have; and textures that change between frames.
 #include "kuafu/world.h"
 

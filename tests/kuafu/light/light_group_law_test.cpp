@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Light groups: each holds the light of its own sources, whatever way it took, and together they are the image.
 #include "kuafu/world.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Every light's sampler against its density, on the shaders' text compiled as C++ and the tables that the host makes: chi-square over the
 // sphere of directions, and the same density where a ray meets the light.
 #include <gtest/gtest.h>

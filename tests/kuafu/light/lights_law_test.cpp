@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Lights with an extent or a profile against closed forms; light samples, BSDF samples and both together give the same mean.
 #include <algorithm>
 #include <functional>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The projector: inverse square, cosine, where its pattern falls, and how its light is split into groups.
 #include "kuafu/world.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The projector's lens in closed form: distortion moves a dot where Brown and Conrady say, falloff is a power of the cosine, defocus
 // spreads a dot over the circle of confusion, whatever the distance; and glass absorbs what is immersed in it by the way inside alone.
 #include "kuafu/world.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // White furnaces and closed forms of interreflection: no energy is created, and where the answer is known it comes out.
 #include "kuafu/world.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Smooth glass against the closed forms of Fresnel and Snell.
 #include "kuafu/world.h"
 

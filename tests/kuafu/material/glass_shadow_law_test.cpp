@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Light on its straight way through smooth glass: what a lamp or a projector gives to a surface behind a pane.
 #include "kuafu/material/fresnel.h"
 #include "kuafu/world.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The dielectric's layer: Fresnel's exact reflectance, no loss for a white base, reciprocity for any index; textures and infrared values of
 // it.
 #include "kuafu/world.h"

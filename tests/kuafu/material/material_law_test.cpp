@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Laws of materials beyond Lambert and single scattering: energy, reciprocity, absorption, rough glass, and the paper's mix.
 #include "kuafu/light_sampling.h"
 #include "kuafu/world.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The table that dims the base under a coat, against integrals done another way.
 #include "material/albedo_tables.h"
 

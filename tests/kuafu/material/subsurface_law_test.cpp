@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Light that wanders below the surface: energy, the limit of a short way, how far it gets, and which layer and group it has.
 #include "kuafu/world.h"
 

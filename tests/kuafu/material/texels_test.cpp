@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Textures on their way to the device.
 #include "material/texels.h"
 

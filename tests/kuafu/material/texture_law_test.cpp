@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Material textures: where a texel lies, how it is decoded, and that each map multiplies its factor.
 #include "kuafu/world.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Sheets of glass (thin_walled) against the closed forms of a plate: what they reflect, let through and leave alone.
 #include "kuafu/light_sampling.h"
 #include "kuafu/material/fresnel.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A Cornell-like room against a path tracer of its own: double precision, every triangle tried in turn, light from samples of the lamp
 // alone.
 #include <random>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The estimator is unbiased: the mean over many seeds at few samples is that of one seed at many, within its standard error.
 #include "kuafu/world.h"
 

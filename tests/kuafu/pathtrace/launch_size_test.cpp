@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Launches stay within what devices take, however large the image: many GPUs allow no more than 65535 groups along a dispatch's axis.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The participating medium: Beer and Lambert, airlight in closed form, energy, and where it is not: inside of bodies and outside its box.
 #include "kuafu/world.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The order of pixels in a wave, on the shaders' text compiled as C++: each pixel of each view once, whatever the order and the size.
 #include <gtest/gtest.h>
 

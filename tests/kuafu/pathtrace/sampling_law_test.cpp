@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Samples: the same bits whatever the threads and the batch, other bits for other seeds, and a sequence that goes on.
 #include "kuafu/world.h"
 

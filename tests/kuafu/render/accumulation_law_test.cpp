@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Samples over several calls and rounds: sums that go on, the variance of a pixel's mean, budgets of noise and time.
 #include <cstring>
 #include <limits>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Scene: what is refused, ids, append.
 #include "scene/scene.h"
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Noise from repeats: drawn by NumPy and by simsense from laws that are known, and read back."""
 
 import json

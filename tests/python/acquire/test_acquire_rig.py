@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The rig from boards: corners with noise of 0.08 px from a rig that is known, and rendered pictures of printed boards."""
 
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Recordings of librealsense's tools, written here as those tools write them, become captures."""
 
 import numpy as np

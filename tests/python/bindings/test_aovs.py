@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """AOVs and formats through the bindings: a wall at 2 m, a projector 0.1 m to the right of the camera."""
 
 import numpy as np

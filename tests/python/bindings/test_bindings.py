@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The bindings: what they refuse, how failures look, memory without copies, progress, and stubs that tell the truth."""
 
 import ast

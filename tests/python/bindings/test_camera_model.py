@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The renderer's lens is OpenCV's: where a ray of the image goes, cv2.projectPoints brings back to its pixel."""
 
 import cv2

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """census_noise_dn from Python: dark noise loses its disparities, a bright pattern keeps them."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Exported memory as CUDA memory, against a stub of CUDA's driver that maps the file behind lavapipe's descriptors."""
 
 import ctypes as c

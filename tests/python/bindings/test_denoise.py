@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Denoising from Python, and the sensor's denoiser and films."""
 
 import numpy as np

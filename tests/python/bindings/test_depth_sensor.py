@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """simsense.DepthSensor: the published SimSense's signature, ranges and tolerance of arrays."""
 
 import inspect

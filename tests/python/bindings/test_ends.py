@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How a process may end, and what reaches its user: daemon threads, fork, messages, whole numbers."""
 
 import logging

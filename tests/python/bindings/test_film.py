@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """kuafu's film optics beside the effects of the same name: one definition, wherever it runs."""
 
 from dataclasses import replace

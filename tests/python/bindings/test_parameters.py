@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One name and one default per option of the engines: in C, Python, a sensor's configuration and the command line."""
 
 import argparse

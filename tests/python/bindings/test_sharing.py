@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The infrared pair's memory is one memory: both libraries address it, and no frame is copied."""
 
 import os

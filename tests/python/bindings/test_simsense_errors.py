@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a wrong argument of the depth engine is told: one line that names it, with what it must be, and no name out of C."""
 
 import numpy as np

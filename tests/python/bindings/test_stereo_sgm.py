@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """StereoSGM: cv2.StereoSGBM's parameters and result; beside it where OpenCV is installed."""
 
 import inspect

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Renders that Python does not wait for: the same bits, two under way, cancel, and scenes that stay as they are meanwhile."""
 
 import threading

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The command line as a user runs it: results, help, and one line with status 2 for what is wrong."""
 
 import os

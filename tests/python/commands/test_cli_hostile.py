@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Inputs that once ended in a traceback, a hang or endless memory: each ends in one line."""
 
 import argparse

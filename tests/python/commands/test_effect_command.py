@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """activestereo effect: the catalogue, its page, and the check of users' effects in Python and C."""
 
 import ctypes
@@ -62,7 +63,8 @@ def test_the_pages_ten_line_example_is_lawful_and_joins_a_model(tmp_path, capsys
 
 
 def test_the_pages_example_is_the_example_file():
-    assert (ROOT / "examples/effects/filter_haze.py").read_text().strip() in PAGE.read_text(encoding="utf-8")
+    _, example = (ROOT / "examples/effects/filter_haze.py").read_text().split("\n", 1)  # below the licence
+    assert example.strip() in PAGE.read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize(

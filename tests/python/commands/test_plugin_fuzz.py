@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Tables of C plug-ins changed at random, under a seed: each is read, or one error names the library. Pointers are NULL or right: C cannot tell others."""
 
 import ctypes as c

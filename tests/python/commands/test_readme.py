@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The README's Python example runs as it stands, and its links lead somewhere."""
 
 import os

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Effects: every built-in one obeys the laws, lawless ones are caught, and each does what its physics says."""
 
 from dataclasses import replace

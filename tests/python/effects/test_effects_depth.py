@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Matcher effects on disparity, and the model that applies them to a depth image."""
 
 from dataclasses import replace

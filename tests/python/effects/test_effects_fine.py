@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Fine images: warps that look between and beyond pixels, lenses of the nominal rig, and the filter of bounced light."""
 
 import sys

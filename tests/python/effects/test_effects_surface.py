@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Surface, second-projector and gain effects against kuafu, ray-cast worlds and closed forms."""
 
 from dataclasses import replace

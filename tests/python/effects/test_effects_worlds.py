@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Image-space effects against worlds that were ray-cast with the effect in them: at least most of the change is reproduced."""
 
 from dataclasses import replace

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Effects inside of the engines: what each moves, and that its image function is a fair surrogate."""
 
 from types import SimpleNamespace

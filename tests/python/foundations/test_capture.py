@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Captures: what is written is read back, and every mistake names the file and the key."""
 
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """capture.json changed at random, under a seed: it is read, or one error names the file."""
 
 import json

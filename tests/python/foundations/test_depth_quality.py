@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Intel's depth quality metrics on planes whose answers are known."""
 
 import json

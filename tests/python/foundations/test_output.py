@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the commands write and say: files whole or not at all, the progress bar, accuracy."""
 
 import errno

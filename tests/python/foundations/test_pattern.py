@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The projector patterns' laws."""
 
 from dataclasses import replace

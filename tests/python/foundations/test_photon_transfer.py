@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """EMVA 1288 analysis of simulated frames gives back the parameters that were put in."""
 
 import numpy as np

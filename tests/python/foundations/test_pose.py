@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """SAPIEN's body axes (x forward, y left, z up) against camera axes (x right, y down, z forward)."""
 
 import numpy as np

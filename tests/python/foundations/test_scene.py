@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The example scene: its meshes are closed and face outwards, and the file holds what the pictures need."""
 
 import numpy as np

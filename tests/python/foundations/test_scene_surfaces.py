@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Surfaces: a material on an object. Names and numbers follow from the file, and the scene gets a material for each."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The blind bank's runner and scores, with stubs in the tool's place."""
 
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The blind worlds are what their keys say: light obeys its laws, hidden effects show, and the simulator agrees where nothing hides."""
 
 import ast

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The cache of renders: what was put is got, and a folder that cannot be written or read harms nobody."""
 
 import os

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """compare: on worlds of known numbers it finds the numbers, the noise floor, and nothing left to explain."""
 
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """compare on captures made by an independent program, against the errors that the program's own right model leaves.
 
 The captures are not in the repository: ACTIVESTEREO_DATA names the folder that holds `captures`, else ../shared beside the

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """compare says first what makes all else worthless: another pattern, another scene, exchanged eyes, light below zero."""
 
 import json

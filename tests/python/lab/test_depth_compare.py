@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Depth beside the device's: the model's own repeat is at the floor, and a device that is wrong by a known amount shows that amount."""
 
 import json

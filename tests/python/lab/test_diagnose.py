@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """diagnose: names the effect that a world hides, names none where nothing is hidden, and says so where the data cannot tell."""
 
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Every effect is judged on the channel that its descriptor says: no name of an effect stands in the lab, and a user's own are judged alike."""
 
 import ast

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Confidences: what may be named shares nearly all, the depth engine's faults are no rivals of what the images lack."""
 
 from types import SimpleNamespace

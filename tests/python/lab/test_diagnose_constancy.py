@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Whether a found effect is the same everywhere: its own amplitude alone explains nothing more, another law's trace does."""
 
 from types import SimpleNamespace

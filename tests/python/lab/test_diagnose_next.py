@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What to measure next: what a rival's parameters can make up for separates nothing."""
 
 from dataclasses import replace

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Where fits start, and what an explanation's freedom costs."""
 
 from dataclasses import replace

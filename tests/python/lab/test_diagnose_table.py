@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Every effect of the library, at a clear strength in a small world, comes first among its likes or in the first one's equivalence set.
 
 The layers are an independent caster's; the effects are the library's own, so this tells what data can tell, not whether the

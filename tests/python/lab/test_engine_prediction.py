@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """compare CAPTURE --model: a capture is rendered by the engines with the model's fields set."""
 
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The table of gates, and verdicts passed again from the numbers that an answer keeps."""
 
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the lab does with inputs that change or lie outside the usual: deeper images, edited scenes, shared caches, models by hand."""
 
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The photon-transfer law of repeats of whole numbers, some of which never come: a tone table stretches the dark."""
 
 from types import SimpleNamespace

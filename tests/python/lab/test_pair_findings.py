@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """pair: a made pair's gain, offset, row offset, saturation and scale are stated within their intervals."""
 
 import json

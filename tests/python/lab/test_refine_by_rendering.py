@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """An image function only proposes: the engine's images, which follow another law, decide an effect's parameters."""
 
 from dataclasses import replace

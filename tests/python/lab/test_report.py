@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The report: files obey their schemas, the page is whole and self-contained, and it shows what the numbers say."""
 
 import json

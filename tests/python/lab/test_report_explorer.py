@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The report in a browser: a headless chromium clicks, drags and points, and the page answers."""
 
 import re

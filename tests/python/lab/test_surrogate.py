@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Image functions against the engines: each effect's difference stays near what the page of effects says."""
 
 import pytest

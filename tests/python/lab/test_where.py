@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Where it fails: planted errors are found where they were planted, with honest shares, and noise is not called a finding."""
 
 from types import SimpleNamespace

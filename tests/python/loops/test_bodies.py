@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Bodies moved by arrays of poses, one scene and many environments."""
 
 import numpy as np

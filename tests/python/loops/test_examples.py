@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The examples of robot loops run, small."""
 
 import importlib.util

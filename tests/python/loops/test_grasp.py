@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The task of grasping by depth: its geometry, its modes of depth, and Gymnasium's own check."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A MuJoCo model mirrored into a scene, against MuJoCo's own rays."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A live SAPIEN scene without SAPIEN's renderer, and SAPIEN's StereoDepthSensor method by method."""
 
 import inspect

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Sensors in many environments at once, against one sensor at a time."""
 
 import gc

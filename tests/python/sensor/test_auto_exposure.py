@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Automatic exposure on a lit wall, the laser's settings, static speckle and fireflies."""
 
 import kuafu

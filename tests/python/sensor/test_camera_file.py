@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Cameras' data: every file is complete and checked, every figure has a source, and what is wrong is told by name."""
 
 import pytest

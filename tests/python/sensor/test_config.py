@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Presets keep SAPIEN's names, and those called after it its values."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A real D435 pair through the engine, beside the depth that the device itself computed of the same view."""
 
 import os

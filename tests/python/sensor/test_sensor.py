@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """StereoDepthSensor in front of the example scene, at half resolution, and in scenes made for one question."""
 
 from copy import deepcopy

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """model.json: what is written is read, old files load, and what is wrong is one line that names it."""
 
 import json

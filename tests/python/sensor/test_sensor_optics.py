@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The sensor's lenses and shutters: depth through a distorting lens, and a rig that moves while it exposes."""
 
 from copy import deepcopy

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Each bad argument gives KS_ERROR_INVALID_ARGUMENT, and a text that holds the offending number.
 #include <cmath>
 #include <string>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Promises of simsense_engine_compute: any strides and formats, batches, any subset of outputs, seeded noise, buffers without copies,
 // parameters that change.
 #include <cstring>

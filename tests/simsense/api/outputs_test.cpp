@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The outputs beside disparity and depth, their integer forms, and the parameters that come with them, through the C API.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Images of a plane with a random dot texture, from the camera model: pixel means over supersampled rays, lenses and poses honoured.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Known geometry through the whole engine: planes come back where they are, from straight and crooked rigs, in the left and in the RGB
 // frame.
 #include <algorithm>

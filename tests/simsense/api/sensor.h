@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The C API as the tests use it: RAII handles, and a compute call on packed host images.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The imagers through the C API: bad parameters are refused with their numbers, the eyes differ as told, batches split, more than 8 bits.
 #include <cmath>
 #include <string>

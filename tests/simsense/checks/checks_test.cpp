@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Speckle filter and hole filling against plain accounts of them, and by hand.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Hamming costs and block sums of the scalar reference, by hand and by their laws.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // z = f B / (d + cx_right - cx_left), invalid is 0, and the range keeps its lower end only.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A point projects back to the pixel that it came from, at its depth, through the camera's lens.
 #include <gtest/gtest.h>
 

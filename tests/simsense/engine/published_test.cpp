@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The engine with every fault of the published SimSense switched on gives that program's bits, as an independent scalar account of it has
 // them; and each switch does what its name says.
 #include <gtest/gtest.h>

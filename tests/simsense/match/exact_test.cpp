@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The CPU matcher gives the bits of the scalar reference: over fuzzed parameters and sizes, thread counts, and every instruction set of
 // this machine.
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the matcher has beyond the published SimSense, as laws of the CPU back end (which gives the reference's bits, exact_test.cpp).
 #include <gtest/gtest.h>
 

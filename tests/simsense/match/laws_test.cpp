@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Laws of the whole matcher, for the scalar reference and the CPU engine alike.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Random parameters and pairs for the matcher, and what tells two maps apart.
 #pragma once
 

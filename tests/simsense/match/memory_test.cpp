@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the CPU matcher adds to a process at its highest, a pair of 960x540 and 128 disparities on two threads: no volume is stored.
 #include "device/thread_pool.h"
 #include "simsense/match/matcher_fuzz.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A match tells how far it is, rising, on the thread that called it, and can be stopped in its midst; what follows is not harmed by that.
 #include <stdexcept>
 #include <thread>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The CPU matcher gives the scalar reference's bits at any size from 32x32 to 4096x2160 and any range from 16 to 1024 disparities. The
 // reference stores whole volumes, so each case has a budget of costs (pixels times disparities): small ones here, larger ones in the full
 // set (ACTIVESTEREO_FULL); the largest images are held to what does not need it.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Stereo pairs made for the tests: random dots seen at one disparity, with noise.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Small volumes and maps for tests of the matcher's stages by hand.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The Vulkan matcher gives the bits of the scalar reference on the best device there is: disparities, confidence and reasons, over fuzzed
 // parameters and sizes, 8 and 16 bit, lane layouts, both kinds of minima, and batches.
 #include <gtest/gtest.h>

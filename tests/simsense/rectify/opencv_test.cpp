@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Rectification, its maps and undistorted rays against OpenCV's stereoRectify, initUndistortRectifyMap and undistortPoints, over many rigs.
 #include <gtest/gtest.h>
 

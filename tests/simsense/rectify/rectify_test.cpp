@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Laws of rectification: a point in space lies on one row of both rectified images, its disparity is f B / z; maps and resampling equal the
 // camera model.
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Laws of registration: closed-form shifts of a plane, the nearest surface wins, what was not measured lands nowhere, lenses are honoured.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Aggregation along paths in the scalar reference, by hand and by its laws.
 #include <gtest/gtest.h>
 

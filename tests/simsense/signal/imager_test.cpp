@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The imager as a whole: equal to the reference, the same bits on every instruction set and number of workers, neutral where told.
 #include <gtest/gtest.h>
 

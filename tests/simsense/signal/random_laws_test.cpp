@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Laws of the imager's random numbers: the generator, and the quantiles against closed forms.
 #include <gtest/gtest.h>
 

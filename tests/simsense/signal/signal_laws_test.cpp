@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Laws of the imager's electronic stages, each against its closed form. Errors are five standard errors of the estimate.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The imager as its tests use it: flat fields and plain statistics.
 #pragma once
 

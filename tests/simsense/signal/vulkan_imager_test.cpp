@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The imagers in Vulkan compute: the scalar reference's counts but for rounding, in every format and stride, for batches however split, and
 // the laws of photon transfer.
 #include "vulkan/signal/imager.h"

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Upright or lying cylinders with caps: closed-form intersection, and triangles for the glTF file."""
 
 from dataclasses import dataclass

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Writes solids as scene.gltf and scene.bin: Lambertian materials with `extras.ir_albedo`, smooth normals."""
 
 import json

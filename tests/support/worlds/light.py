@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Radiance in a world of Lambertian solids: projector and uniform sky, paths of any number of bounces."""
 
 import numpy as np

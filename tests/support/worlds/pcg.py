@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """PCG32 (O'Neill 2014, XSH-RR), one stream per array element, and the distributions a sensor needs."""
 
 import numpy as np

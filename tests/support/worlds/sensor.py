@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A virtual sensor: radiance to digital numbers, with multiplicative speckle, shot noise, read noise and rounding."""
 
 from dataclasses import dataclass

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A rectangle of tiles with an albedo each: printed patterns on tables and walls."""
 
 from dataclasses import dataclass

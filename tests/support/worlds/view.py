@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What one pinhole camera of a world sees: every pixel is the mean over a grid of jittered subpixel rays."""
 
 from dataclasses import dataclass

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A small table-top world, captured: solids, pattern, poses, exposures, noise, and the numbers that made it."""
 
 from dataclasses import dataclass

@@ -1,1 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
 """What effects are made of: descriptors, light, view, model, laws, and the operations that several effects share."""

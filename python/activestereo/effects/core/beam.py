@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The projector's own beam seen from the side: light that a medium between rig and scene scatters once towards the camera."""
 
 import numpy as np

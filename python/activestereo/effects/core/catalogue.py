@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The effects as text: a table for the terminal, a page for the documentation. Both come from the descriptors alone."""
 
 from activestereo.effects.core.descriptor import Effect, Parameter, Stage

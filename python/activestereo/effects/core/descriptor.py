@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The descriptor of an effect: plain data and one function. A C plug-in brings the same fields.
 
 By stage, in the light's order, `apply(value, view, **parameters)` gets and returns

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The measured distance of the image functions from the engines: `activestereo effect measure --write`."""
 
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The projector's pattern as the camera's pixels see it: what lets an effect move, blur or dim dots without a new ray."""
 
 from __future__ import annotations

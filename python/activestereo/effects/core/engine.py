@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the two engines are told for one exposure, and how an effect says which of it it moves.
 
     @moves("film.vignetting_exponent")

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Light between pixels: images finer than the camera's and wider than its frame, so that a warp has something to look up."""
 
 from __future__ import annotations

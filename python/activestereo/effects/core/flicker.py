@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Where to start a fit of light that flickers: its likelihood has a peak every hundredth of a hertz, so all of
 them are looked at.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The dielectric highlight of glTF 2.0's material model: GGX, Fresnel's exact reflectance, specularFactor 1.
 
 Arrays of cosines and directions may have any leading shape; roughness is a number (alpha = roughness squared); ior is 1.5 where it is

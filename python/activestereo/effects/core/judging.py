@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How an effect is judged from captures: what its descriptor says to the lab, so that the lab needs no effect's
 name.
 

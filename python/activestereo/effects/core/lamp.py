@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A light with a place in the world, as a camera sees it: how it lights each pixel, where its shadows fall, and where a fit may start."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The laws that every effect obeys, tried on a small synthetic view: what `effect check` runs, and the tests.
 
 1 neutral parameters are the identity; 2 the same seed gives the same bits, random effects vary with it and with what they say

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The light that reaches one camera, by what sent it."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Effects from a user's file: Python with the decorator, or a shared library of ks/effect.h."""
 
 import importlib.util

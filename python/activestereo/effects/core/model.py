@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A model: the base renderer plus effects with their parameters, from light layers to what the sensor gives."""
 
 from __future__ import annotations

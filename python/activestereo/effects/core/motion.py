@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a moving rig sees a little before or after mid-exposure: the scene shifts, the rig's own dots hardly do."""
 
 from dataclasses import replace

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Effects from C: the descriptors of a shared library (capi/include/ks/effect.h) as Effects."""
 
 import ctypes as c

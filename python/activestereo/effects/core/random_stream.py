@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Counter-based random streams by seed and name, so that every part that asks gets the same numbers."""
 
 import hashlib

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Moving and blurring images: cubic resampling, sums of shifts, exact box means over a pattern, blurs that vary over the image."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A camera turned about its centre: every pixel sees what another saw, whatever the depth."""
 
 import numpy as np

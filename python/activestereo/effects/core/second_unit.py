@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Where to start a fit of a second unit's dots: they match the picture at one place of that unit alone.
 
 A fine grid of places beside the rig and of yaw angles is looked at, each by the regression of the residual on the

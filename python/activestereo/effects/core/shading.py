@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How the projector lights what each pixel sees: distance, angles, and the diffuse reflectance that the light layers tell."""
 
 import numpy as np

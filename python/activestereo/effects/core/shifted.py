@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A camera moved along its x axis by a little: each pixel looks up by its own depth. Scene and dots stay where they are."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Effects that only some of the scene's surfaces show: a glaze on one object, a clear wall."""
 
 import numpy as np

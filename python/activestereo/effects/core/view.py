@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What an effect may know of one image: camera, rig, geometry, frame settings, and random numbers of its own."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Which physical effect does the model of a capture lack?
 
 evidence   what is looked at: images beside their rendered light, noise, tiles

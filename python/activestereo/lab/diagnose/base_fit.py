@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Fits of a model with nothing added; one model is fitted once."""
 
 from collections.abc import Hashable

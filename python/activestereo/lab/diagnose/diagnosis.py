@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Ranks the library on a capture's train frames and says what the data allow to say.
 
 Test frames are touched once, for the held-out figures of the models along the way; they decide nothing.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a diagnosis finds, in frozen records: explanations by effects, what they are worth, and a ranking of them.
 
 A channel gives Explanations; scores and checks turn them into Findings; verdicts are functions of Findings alone.

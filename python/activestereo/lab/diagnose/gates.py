@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Every threshold of a diagnosis, in one frozen table: value, unit, what it decides, and where the value comes
 from.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Greedy addition: add the best effect that may be named, refit all, remove or swap earlier ones, until nothing
 may be named.
 """

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What to measure next: of a menu of exposures of the known views, those that would separate explanations that fit
 alike.
 

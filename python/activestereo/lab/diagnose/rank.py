@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Ranks candidates on top of a model: every effect is explained on its channel, scored, checked and put in order.
 
 The way is one: channels give explanations, which are scored together, the best are simplified and looked at closely,

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The report of a comparison and of a diagnosis: JSON, a picture, and one HTML page that is explored without a network.
 
     write_report(comparison, "out/table")                  # compare.json, compare.png, report.html

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The charts of the report: error per frame, photon transfer, residual against covariates, error against effects added."""
 
 from collections.abc import Mapping, Sequence

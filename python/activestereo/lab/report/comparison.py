@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The report's sections on a comparison: how large the error is, how large it must be, and where it sits."""
 
 from typing import Any

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The report's sections on a diagnosis: which effect is missing, what cannot be told apart, what to measure next."""
 
 from activestereo.lab.diagnose.report import parameter_text

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Images as lossless pictures of whole numbers: value = low + step * code. A browser's canvas reads the codes back exactly.
 
 Codes up to 255 take one plane; larger ones two, the high bytes above the low bytes in one picture of twice the height.

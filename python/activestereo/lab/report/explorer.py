@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The part of the report that is explored: every frame and eye under every model, as data for web/explorer.js, and its
 markup."""
 

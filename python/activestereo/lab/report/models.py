@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the models that a report shows expect of each frame: the base model, the model with what was found, and each row of the ranking."""
 
 from activestereo.capture import EYES

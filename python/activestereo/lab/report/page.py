@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One self-contained web page: text is escaped, pictures and charts are data URIs, scripts stand inside, and its
 content security policy forbids the browser to load anything."""
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """compare.png: measured, simulated and residual images of the worst frame of each split, over a bar per frame with its noise floor."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The figures of compare.json that a reader wants first, as text."""
 
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The frame whose error stands out, which is shown first."""
 
 # The residual scale ends here, in noise floors: white noise stays pale, a failing model shows.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Writes a comparison: compare.json, its picture compare.png, and report.html, one self-contained page to explore,
 which shows a diagnosis too where there is one.
 

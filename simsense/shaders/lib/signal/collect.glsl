@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // From light to collected charge: exposure, speckle, photo-response non-uniformity, dark charge, hot pixels, shot noise.
 #ifndef SIMSENSE_SIGNAL_COLLECT_GLSL
 #define SIMSENSE_SIGNAL_COLLECT_GLSL

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Elementary functions and quantiles for four pixels at once: the formulas of cpu/signal/math-inl.h, to the device's rounding.
 #ifndef SIMSENSE_SIGNAL_MATH_GLSL
 #define SIMSENSE_SIGNAL_MATH_GLSL

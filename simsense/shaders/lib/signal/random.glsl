@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The uniform words of four neighbours in a row (signal/key.h): one Philox4x32-10 block (Salmon, Moraes, Dror, Shaw, SC 2011).
 #ifndef SIMSENSE_SIGNAL_RANDOM_GLSL
 #define SIMSENSE_SIGNAL_RANDOM_GLSL

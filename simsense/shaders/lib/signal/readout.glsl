@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // From charge to counts: full well, fixed and temporal noise of pixels, rows and columns, amplifier, response curve, converter.
 #ifndef SIMSENSE_SIGNAL_READOUT_GLSL
 #define SIMSENSE_SIGNAL_READOUT_GLSL

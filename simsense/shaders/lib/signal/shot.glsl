@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Shot noise: the Poisson quantile of the mean charge at the pixel's uniform number, by the formulas of cpu/signal/shot-inl.h.
 #ifndef SIMSENSE_SIGNAL_SHOT_GLSL
 #define SIMSENSE_SIGNAL_SHOT_GLSL

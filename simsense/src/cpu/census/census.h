@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Census into byte planes: plane k holds bits 8k .. 8k+7 of every pixel, so that one vector of bytes is one vector of pixels.
 #pragma once
 

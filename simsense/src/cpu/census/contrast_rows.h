@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Work memory for the contrast around each pixel of a row of an image, 8 or 16 bit.
 #pragma once
 

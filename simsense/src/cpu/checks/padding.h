@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the matcher found where the rectified image shows nothing of its source.
 // Thread rule: pure function; the result does not depend on the number of workers.
 #pragma once

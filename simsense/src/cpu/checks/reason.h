@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Causes behind an invalid pixel: of what the stages rejected, whatever the left image itself explains is put down to the image.
 // Thread rule: pure function; the result does not depend on the number of workers.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Speckle filter: islands of disparity too small to be a surface. An island is a set of valid pixels joined by edges between neighbours
 // (4-connected) that differ by at most max_diff_px; it goes if it has at most max_size pixels (what OpenCV's filterSpeckles does).
 // Thread rule: externally synchronised (it owns its labels); the result does not depend on the number of workers.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Hamming cost summed over a block: across the columns for each row and disparity (row_sums-inl.h), then down the rows by adding the row
 // that enters the block and taking off the one that leaves.
 #if defined(SIMSENSE_CPU_BLOCK_COST_INL_H_) == defined(HWY_TARGET_TOGGLE)

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Hamming cost of census words, computed where it is used: cheaper than storing a volume. Lanes are bytes.
 #if defined(SIMSENSE_CPU_HAMMING_COST_INL_H_) == defined(HWY_TARGET_TOGGLE)
 #ifdef SIMSENSE_CPU_HAMMING_COST_INL_H_

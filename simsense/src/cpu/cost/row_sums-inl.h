@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Hamming costs of a row summed over the block's width, for a chunk of columns and all disparities.
 #if defined(SIMSENSE_CPU_ROW_SUMS_INL_H_) == defined(HWY_TARGET_TOGGLE)
 #ifdef SIMSENSE_CPU_ROW_SUMS_INL_H_

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Disparity to depth on the host.
 // Thread rule: pure function; the result does not depend on the number of workers.
 #pragma once

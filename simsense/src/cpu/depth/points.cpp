@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "cpu/depth/points.h"
 
 #include "device/thread_pool.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Depth image to points: (x, y, z) = z * ray(pixel), 0,0,0 where there is no depth.
 // Thread rule: pure functions; the result does not depend on the number of workers.
 #pragma once

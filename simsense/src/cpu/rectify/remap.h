@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Resampling through a RemapTable. Bilinear: a tap outside the source reads 0; the sum is rounded to nearest, halves to even.
 // Thread rule: pure functions; the result does not depend on the number of workers.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Registration: depth of the rectified left camera seen from the RGB camera. Each measured pixel is a point that lands on the nearest RGB
 // pixel; the nearest point wins. The z-buffer is a minimum, so the result does not depend on order or on the number of workers.
 // Thread rule: externally synchronised (it owns its z-buffer).

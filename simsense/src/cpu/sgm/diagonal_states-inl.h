@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // States of the three paths that go down (or up) an image: straight and both diagonals, for a whole row of pixels at a time.
 #if defined(SIMSENSE_CPU_DIAGONAL_STATES_INL_H_) == defined(HWY_TARGET_TOGGLE)
 #ifdef SIMSENSE_CPU_DIAGONAL_STATES_INL_H_

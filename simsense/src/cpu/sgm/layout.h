@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How an image is cut for the aggregation. Strips: as many rows as a vector has lanes, one horizontal path per lane. Groups: the rows of a
 // strip whose upward paths are replayed from one checkpoint. Bands: consecutive strips worked on by one thread. Blocks: one vector of
 // columns.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One step of a semi-global path (Hirschmüller 2008, eq. 13) for a vector of paths side by side: lanes are pixels, d - 1 and d + 1 are
 // neighbouring registers, the minimum over d is a running one. Nothing is shuffled.
 //

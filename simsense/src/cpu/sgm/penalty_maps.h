@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The jump penalty between neighbouring pixels, where it depends on the image's gradient (reference/sgm.h, JumpPenalty).
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How far a stage of the matcher is that several threads share: each asks between two pieces of its work whether to go on; the thread that
 // called the matcher tells its caller then.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Four-path semi-global matching without a stored volume. Sweeps follow the vertical paths once and leave their states at checkpoints; then
 // each strip of rows is done tile by tile from left to right, replaying the upward and the leftward paths from the nearest checkpoint
 // inside tiles that stay in the L2 cache. The downward path comes last and carries the sum and the winner with it.

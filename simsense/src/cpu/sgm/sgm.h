@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Cost, aggregation, winner and checks of the CPU matcher: everything between census and median, which share their passes over the image.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Eight-path semi-global matching. Diagonal paths cross every tile, so strips of rows are done as a whole: the sum of m of a strip is kept
 // in memory while the horizontal paths, then the three upward ones (replayed from a checkpoint below the strip), then the three downward
 // ones pass over it.

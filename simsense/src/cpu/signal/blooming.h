@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Full wells that overflow into their column (Janesick, Photon Transfer, 2007, on blooming). Thread rule: the result does not depend on the
 // number of workers.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Analogue DN to counts: converter noise, black level, rounding and the range of the bit depth.
 #if defined(SIMSENSE_CPU_SIGNAL_CONVERTER_INL_H_) == defined(HWY_TARGET_TOGGLE)
 #ifdef SIMSENSE_CPU_SIGNAL_CONVERTER_INL_H_

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "cpu/signal/grain.h"
 
 #include "cpu/signal/rows.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The normal numbers of grains (signal/grain.h) on the host.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The imager's stages on images in the host's memory, row by row; stages at neutral values are skipped.
 // Thread rule: may run on several threads at once, and the result does not depend on the number of workers.
 #pragma once

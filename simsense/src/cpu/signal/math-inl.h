@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Elementary functions and random words in vectors, of IEEE's basic operations alone: with contraction off (see CMakeLists.txt) every
 // instruction set gives the same bits.
 #if defined(SIMSENSE_CPU_SIGNAL_MATH_INL_H_) == defined(HWY_TARGET_TOGGLE)

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // From light to mean charge: exposure, photo-response non-uniformity, dark charge and hot pixels.
 #if defined(SIMSENSE_CPU_SIGNAL_PIXEL_INL_H_) == defined(HWY_TARGET_TOGGLE)
 #ifdef SIMSENSE_CPU_SIGNAL_PIXEL_INL_H_

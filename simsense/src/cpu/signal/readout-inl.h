@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // From charge to analogue DN: full well, fixed and temporal noise of pixels, rows and columns, the amplifier, the response curve.
 #if defined(SIMSENSE_CPU_SIGNAL_READOUT_INL_H_) == defined(HWY_TARGET_TOGGLE)
 #ifdef SIMSENSE_CPU_SIGNAL_READOUT_INL_H_

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The imager's stages on one row of pixels, vectorised. Buffers hold the row's width rounded up to row_padding, and are aligned to 64
 // bytes. Thread rule: pure functions.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Shot noise: the Poisson quantile of the mean charge at the pixel's uniform number.
 #if defined(SIMSENSE_CPU_SIGNAL_SHOT_INL_H_) == defined(HWY_TARGET_TOGGLE)
 #ifdef SIMSENSE_CPU_SIGNAL_SHOT_INL_H_

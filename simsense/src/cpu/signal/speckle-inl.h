@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Speckle: light times a gamma factor (Goodman, Speckle Phenomena in Optics, 3.4), the quantile at the pixel's normal number.
 #if defined(SIMSENSE_CPU_SIGNAL_SPECKLE_INL_H_) == defined(HWY_TARGET_TOGGLE)
 #ifdef SIMSENSE_CPU_SIGNAL_SPECKLE_INL_H_

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The uniform words of a row (signal/key.h) in vectors: one Philox block gives four neighbours their words.
 #if defined(SIMSENSE_CPU_SIGNAL_WORDS_INL_H_) == defined(HWY_TARGET_TOGGLE)
 #ifdef SIMSENSE_CPU_SIGNAL_WORDS_INL_H_

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Zero-filled, cache-line aligned work memory; large ones ask for huge pages, because the matcher walks many megabytes per frame.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Vector types of the aggregation and the few operations that differ between 8, 16 and 32 bit lanes.
 #if defined(SIMSENSE_CPU_LANES_INL_H_) == defined(HWY_TARGET_TOGGLE)
 #ifdef SIMSENSE_CPU_LANES_INL_H_

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Included (not once) by each file that is compiled for every instruction set; HWY_TARGET_INCLUDE names that file.
 // AVX3_DL brings the byte popcount; SSSE3 alone is not worth its code (every such CPU falls back to the portable target).
 // SVE's vectors have no size at compile time and fit into no array; every such CPU has NEON.

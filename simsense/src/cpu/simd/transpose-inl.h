@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Transpose of a square of lane_count<T> x lane_count<T> values: row layout (lanes are rows of the image) to column layout and back.
 #if defined(SIMSENSE_CPU_TRANSPOSE_INL_H_) == defined(HWY_TARGET_TOGGLE)
 #ifdef SIMSENSE_CPU_TRANSPOSE_INL_H_

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // From a row's winners to disparities: uniqueness, subpixel step, left-right check. Lanes are pixels, float.
 #if defined(SIMSENSE_CPU_SUBPIXEL_INL_H_) == defined(HWY_TARGET_TOGGLE)
 #ifdef SIMSENSE_CPU_SUBPIXEL_INL_H_

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Winner over the disparities for a vector of pixels, while the sums come in: lowest cost, its neighbours, uniqueness, and each right
 // pixel's winner.
 #if defined(SIMSENSE_CPU_WINNER_INL_H_) == defined(HWY_TARGET_TOGGLE)

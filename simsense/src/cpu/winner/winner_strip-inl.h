@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The winners of a strip of rows: what is known of each pixel once its costs are summed, until the whole rows are there and become maps.
 #if defined(SIMSENSE_CPU_WINNER_STRIP_INL_H_) == defined(HWY_TARGET_TOGGLE)
 #ifdef SIMSENSE_CPU_WINNER_STRIP_INL_H_

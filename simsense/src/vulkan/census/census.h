@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The census of both images of some pairs, in Vulkan compute: the words of cpu/census, both images' and the right one's shifted copies.
 #pragma once
 

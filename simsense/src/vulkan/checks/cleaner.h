@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What follows the matcher on disparities, in Vulkan compute: padding of rectified images, speckle filter, hole filling. The bits of
 // cpu/checks. Thread rule: externally synchronised.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Why pixels have no depth, in Vulkan compute: the bits of cpu/checks/reason.h, and the reason out_of_range.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Left-right check and median of the matcher's disparities, and what follows from them for the other maps, in Vulkan compute.
 #pragma once
 

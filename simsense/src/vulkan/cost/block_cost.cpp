@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "vulkan/cost/block_cost.h"
 
 #include "spirv/block_cost.h"

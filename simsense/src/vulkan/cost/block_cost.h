@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Hamming costs summed over a block, into a volume, in Vulkan compute; only where plan.stored_costs.
 #pragma once
 

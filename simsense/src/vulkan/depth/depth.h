@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Depth of the rectified left camera, and its points where the rig has no RGB camera, in Vulkan compute: the arithmetic of cpu/depth, to
 // the device's rounding of a quotient. Disparities in device memory, outputs wherever and however the caller wants them. Thread rule:
 // externally synchronised.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Rectification in Vulkan compute, bit for bit that of cpu/rectify/remap.h. The tables are uploaded once. Thread rule: externally
 // synchronised.
 #pragma once

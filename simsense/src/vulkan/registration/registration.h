@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Registration, and the points of the RGB camera, in Vulkan compute: the arithmetic of cpu/registration, to the device's rounding of a
 // quotient. Thread rule: externally synchronised.
 #pragma once

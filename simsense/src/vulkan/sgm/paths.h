@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The paths of semi-global matching in Vulkan compute: rows, columns and diagonals into the plan's volumes of path costs.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The imagers in Vulkan compute: signal/imager.h for a whole batch of images in device memory. Counts equal the scalar reference's but for
 // one count where a value lies within the device's rounding of a half, or a Poisson expansion misses by an electron.
 // Thread rule: externally synchronised.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "vulkan/winner/winner.h"
 
 #include "spirv/winner.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Winners of the left and the right image, uniqueness, subpixel step and confidence, in Vulkan compute.
 #pragma once
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Rays of a camera's subpixel grid, with what may be wrong in its place, its lens' geometry and its timing."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Nearest hits and occlusion, with rays sorted out by bounding spheres first."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Charts: every surface of a solid as grids of texels, for light that varies smoothly over it."""
 
 from dataclasses import dataclass

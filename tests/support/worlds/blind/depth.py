@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The virtual device's own depth engine: census of a cross-shaped window, eight-path SGM, and its possible faults."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The projector: relative radiant intensity towards points of its frame, with everything that may be wrong in it."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Writes a capture folder: PNG, JSON and glTF by the standards, without the product's writers."""
 
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """From light on pixels to digital numbers. Static fields come from the sensor's seed, temporal noise from the frame's."""
 
 from dataclasses import dataclass

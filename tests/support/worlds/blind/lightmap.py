@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Indirect light by radiosity: form factors between texels by quasi-random rays, once per scene, for every pose of the rig.
 
 All values are irradiance / pi, so that albedo times a value is a radiance.

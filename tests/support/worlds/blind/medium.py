@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Haze between rig and scene: Beer-Lambert fading, ambient light scattered in, and the projector's beam seen from the side."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """More frames of a world: what a user records who follows the tool's advice, or does something else instead."""
 
 from dataclasses import replace

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """From radiance on the subpixel grid to light on pixels: blur, stray light, shading."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The rig and the eight frames of a blind capture: true values, and the calibration that the user believes."""
 
 from dataclasses import dataclass, replace

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Draws table-top scenes, and what a user's survey of one would say."""
 
 from dataclasses import replace

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A glossy coat on some of the solids: Beckmann facets under Schlick's Fresnel term (the product uses GGX)."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Light that leaves the scene towards the camera: one radiance image per light source on the subpixel grid."""
 
 from dataclasses import dataclass, replace

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One blind world: a capture folder for the tool under test, and the answer key that it must not see."""
 
 from dataclasses import dataclass

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What effects are judged on. Each channel is one class that says which effects it judges and explains them."""
 
 from activestereo.lab.diagnose.channels.channel import JudgingChannel, Progress

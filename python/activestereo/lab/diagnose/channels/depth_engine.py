@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The channel of the device's own depth engine: its faults are invisible in the infrared images, so its disparity
 alone is judged.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How much of the dots' own gains an estimate by cells of the pattern sees: neighbours share pixels and cells, so
 it is less than all.
 """

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a random term's descriptor means for images: what a draw is multiplied with, and which pixels share one."""
 
 from collections.abc import Hashable

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The channel of expected images: an effect is fitted with all nuisances, and judged on tiles that its fit did not
 see.
 

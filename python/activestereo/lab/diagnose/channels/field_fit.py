@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Fits fields of random draws that stay (pixel gains, offsets, dots, speckle): what one frame shows tells another.
 
 Each is a random-effects model: residual = lever * b[draw] + noise, b ~ N(0, sigma^2). b is predicted for each group

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Random fields that lie over each other (pixel gains under speckle): which of them do the frames show at once?
 
 Variance components by the method of moments (Henderson's, as products of residuals of different frames at one pixel):

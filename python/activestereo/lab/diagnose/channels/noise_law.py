@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The channel of temporal noise: structure of repeats that independent pixels cannot have (rows, coarse steps),
 and photon transfer.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The channel of random effects that stay: their draws are predicted from one frame to another (field_fit.py)."""
 
 from collections.abc import Sequence

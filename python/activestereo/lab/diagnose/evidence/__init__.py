@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a diagnosis looks at: measured images beside their rendered light, expected variances, tiles and folds."""
 
 from activestereo.lab.diagnose.evidence.gather import gather

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Gathers the evidence of a capture: everything random is judged against the repeats' noise law, everything
 correlated by tiles.
 """

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a measured scene is never known to exactly: the places of its edges.
 
 A tape measure errs by a millimetre or so: where materials or surfaces meet, the image is off by the local slope times

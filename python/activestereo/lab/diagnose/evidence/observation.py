@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a diagnosis looks at: one eye of one frame each, and all of them together with what is known of their
 noise.
 

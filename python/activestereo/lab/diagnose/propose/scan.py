@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Where to start a fit: a coarse scan of an effect's parameters around their priors, on few images, nuisances
 refitted each time.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """On which surfaces an effect shows: of each material, whether its pixels are explained better with the effect
 than by another albedo.
 """

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Fits parameters: weighted least squares in the effects' parameters and the nuisances together."""
 
 from activestereo.lab.diagnose.refine.fitter import Fitter, Fitters, ImageResidual

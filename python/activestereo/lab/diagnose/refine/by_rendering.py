@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Refines an explanation by the engine's own images: Gauss-Newton on the effect's parameters, where the image
 function only proposed.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Fits a model to observations: weighted least squares in effect parameters and nuisances jointly.
 
 Free are the parameters of every effect in a ParameterSpace, projector scale, ambient scale, black level, focal

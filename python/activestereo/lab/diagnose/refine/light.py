@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a fit asks for again and again: the light of an observation under a model, and the numbers that a sensor
 makes of it.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Normal equations of a fit, by cross-validation fold: sums over the pixels of each observation, in an order that
 makes them slices.
 """

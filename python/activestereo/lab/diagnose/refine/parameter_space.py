@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The parameters that a fit may move, and what a fit found."""
 
 from dataclasses import dataclass, field, replace

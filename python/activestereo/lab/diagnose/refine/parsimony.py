@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Parameters that an explanation does not need: set to neutral where that costs next to nothing, the others fitted
 anew.
 

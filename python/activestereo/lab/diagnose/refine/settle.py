@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The last word on the parameters of what was found: fitted with weights from its own prediction.
 
 A ranking weighs pixels by what it expected before it knew the effect, in part the measurement; such weights have seen

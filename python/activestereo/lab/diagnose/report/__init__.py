@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a diagnosis says: diagnose.json, its text, and the law of what no effect explains."""
 
 from activestereo.lab.diagnose.report.text import diagnosis_text, parameter_text

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Held-out figures of the models along a diagnosis's way: the only use of test frames."""
 
 from collections.abc import Sequence

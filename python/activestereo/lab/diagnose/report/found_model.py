@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The complete sensor model that a diagnosis ends with."""
 
 from collections.abc import Sequence

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a verdict rests on, as numbers that diagnose.json keeps: from them it can be passed again under other gates."""
 
 from collections.abc import Mapping, Sequence

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A ranking as diagnose.json holds it."""
 
 from collections.abc import Callable, Iterable, Sequence

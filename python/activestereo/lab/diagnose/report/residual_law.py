@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """When no effect of the library explains the data: where on the light's way the rest arises, and a sparse law of
 it.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A diagnosis for reading."""
 
 from collections.abc import Mapping, Sequence

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Is what was found the same everywhere? An effect's law tells its trace at every pixel; a stand-in's amplitude
 has to vary.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a fit says of a parameter: a value and a 90 % interval."""
 
 from collections.abc import Mapping

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """From fits to evidence: cross-validated chi2, the pixels' effective number, log-likelihood gains."""
 
 from collections.abc import Sequence

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What an explanation's freedom costs: Laplace's estimate of its evidence beside its best likelihood (MacKay 2003,
 chapter 28).
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Goodness of fit without an alternative: what any smooth effect, known or not, could still explain of a model's
 residual.
 

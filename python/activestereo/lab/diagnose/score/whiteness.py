@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How white a residual is: what is independent from pixel to pixel is noise, and what neighbours share is a
 missing effect.
 """

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Which findings may be named: beyond chance, of practical size, and an improvement wherever they act."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Whether what an explanation leaves asks for another effect."""
 
 from activestereo.lab.diagnose.findings import Ranking, Remainder

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Which findings cannot be told apart, and how sure each is."""
 
 from collections.abc import Sequence

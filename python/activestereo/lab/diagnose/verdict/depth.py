@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The verdict on the depth engine, from its own ranking: judged after the images, on the model that was found."""
 
 from activestereo.lab.diagnose.findings import Finding, Ranking

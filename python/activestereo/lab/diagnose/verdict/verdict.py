@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The verdict on a sensor, from the findings on top of the given model and of the model that was found."""
 
 from dataclasses import replace

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The explored pictures: frame, eye and model pickers, the fading slider, values under the pointer, a residual in each row of the ranking.
 
 const data = JSON.parse(document.getElementById("explorer-data").textContent);

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Pictures of whole numbers back to values (see encode.py), and values to colours.
 
 function loaded(address) {

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One zoom for all pictures: which part of the image they show, and where the pointer is.
 
 const LARGEST_ZOOM = 32;

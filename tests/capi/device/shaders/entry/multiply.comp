@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // to[i] = from[i] * factor * multiplier: the smallest work that uses addresses, push constants and a specialisation constant.
 #version 460
 #extension GL_EXT_buffer_reference : require
