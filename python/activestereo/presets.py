@@ -204,6 +204,7 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
         # What a visible light gives in the infrared where it does not say, and ambient infrared radiance, W/(sr m^2).
         self.ir_light_dim_factor = camera.value("room", "visible_share")
         self.ir_ambient_strength = camera.value("room", "radiance_w_sr_m2")
+        self.denoise = camera.value("room", "denoise")
         self.render_seed = 0
         # What compute_depth() gives besides, out of 'confidence', 'reason', 'points', 'rectified_left' and
         # 'rectified_right'; get_depth_map() returns it.
@@ -265,7 +266,8 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
         out = deepcopy(self)
         out.max_disp = max(32, round(self.max_disp * factor))
         if isinstance(out.ir_signal, dict) and "speckle_psf_sigma_px" in out.ir_signal:
-            out.ir_signal["speckle_psf_sigma_px"] *= factor
+            grain_px = factor * out.ir_signal["speckle_psf_sigma_px"]
+            out.ir_signal["speckle_psf_sigma_px"] = grain_px if grain_px >= 0.1 else 0.0  # less is a pixel's own
         for camera in ("rgb", "ir"):
             old = np.array(getattr(self, f"{camera}_resolution"))
             new = np.maximum(np.rint(old * factor).astype(int), 1)

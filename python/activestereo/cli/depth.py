@@ -18,6 +18,7 @@ from activestereo.cli.arguments import (
     make_folder,
     positive,
 )
+from activestereo.cli.depth_hints import depth_hints
 from activestereo.cli.depth_maps import add_depth_maps, wanted_maps, write_maps
 from activestereo.cli.engine_options import add_matching, given_matching, given_rig
 
@@ -29,6 +30,8 @@ Computes depth from a rectified infrared (or gray) image pair, as a depth camera
 
 Writes into DIR:
   depth.png      uint16 millimetres in the left camera, 0 = no measurement
+  depth.npy      the same as float32 metres, without steps
+  disparity.npy  float32 pixels, 0 = no measurement
   disparity.png  in colours
   cloud.ply      points, metres (x right, y down, z forward)
   overview.png   all on one page
@@ -46,7 +49,7 @@ def add_parser(commands: Commands) -> None:
         description=_TEXT,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("left", type=Path, metavar="LEFT.png", help="left image, 8-bit or 16-bit gray")
+    parser.add_argument("left", type=Path, metavar="LEFT.png", help="left image, 8-bit or 16-bit gray; or .npy")
     parser.add_argument("right", type=Path, metavar="RIGHT.png", help="right image of the same size; rows are aligned")
     text = "camera matrix of both images in pixels; or short: fx,fy,cx,cy"
     parser.add_argument("--k", required=True, type=camera_matrix, metavar="fx,0,cx,0,fy,cy,0,0,1", help=text)
@@ -78,12 +81,14 @@ def run(args: argparse.Namespace) -> None:
         result = engine.compute(left, right, ("depth", "disparity", "points", *wanted_maps(args)), progress=bar)
     _write(args, left, right, result)
     _report(args, engine, result["depth"])
+    for hint in depth_hints(args, engine, left, right, result):
+        print(hint)
 
 
 def _read(path: Path) -> np.ndarray:
-    from activestereo.images import read_gray
+    from activestereo.images import read_image_array
 
-    return read_gray(path, key="image")
+    return read_image_array(path, key="image")
 
 
 def _make_engine(args: argparse.Namespace, left: np.ndarray, right: np.ndarray) -> simsense.Engine:
@@ -101,11 +106,13 @@ def _make_engine(args: argparse.Namespace, left: np.ndarray, right: np.ndarray) 
 
 
 def _write(args: argparse.Namespace, left: np.ndarray, right: np.ndarray, result: Mapping[str, np.ndarray]) -> None:
-    from activestereo.output_files import write_depth_png, write_ply, write_png
+    from activestereo.output_files import replace_file, write_depth_png, write_ply, write_png
     from activestereo.overview import colored, depth_span, matching_figure, write_figure
 
     depth, disparity = result["depth"], result["disparity"]
     write_depth_png(args.out / "depth.png", depth)
+    replace_file(args.out / "depth.npy", lambda file: np.save(file, depth.astype(np.float32)))
+    replace_file(args.out / "disparity.npy", lambda file: np.save(file, np.maximum(disparity, 0.0).astype(np.float32)))
     shown = np.where(disparity > 0, disparity, 0.0)
     write_png(args.out / "disparity.png", colored(shown, depth_span(shown), "turbo"))
     write_ply(args.out / "cloud.ply", result["points"][depth > 0])
@@ -123,4 +130,4 @@ def _report(args: argparse.Namespace, engine: simsense.Engine, depth: np.ndarray
     middle = f", median depth {np.median(valid):.3f} m" if valid.size else ""
     print(f"measured: {100.0 * valid.size / depth.size:.1f} % of {depth.shape[1]}x{depth.shape[0]} pixels{middle}")
     more = "".join(f", {name}.png" for name in wanted_maps(args))
-    print(f"written: depth.png, disparity.png, cloud.ply, overview.png{more} in {args.out}")
+    print(f"written: depth.png, depth.npy, disparity.npy, disparity.png, cloud.ply, overview.png{more} in {args.out}")

@@ -17,14 +17,18 @@ Measures depth maps of a flat target by the metrics of Intel's Depth Quality Too
 their names: fill rate, Z accuracy, plane fit RMS error, subpixel RMS error and, with two
 or more frames of the same view, temporal noise (the tool takes 40).
 
-DEPTH is a 16-bit PNG in millimetres (--unit changes that), or a .npy of metres; 0 = no
-measurement. A .npy may hold many frames.
+DEPTH is a 16-bit PNG in millimetres (--unit changes that), or a .npy of metres, as
+`depth` writes it; 0 = no measurement. A .npy may hold many frames. With --disparity
+it is a .npy of disparities in pixels. Noise below a PNG's step cannot be seen in it:
+where that may be so it is said, and float depth is what to give.
 
 example, the plane that a simulated D435 saw 0.8 m away:
   activestereo depth-quality out/depth.png --k 430.14,430.14,425.16,235.28 --baseline 0.05 --truth 0.8
 """
 
 FARTHEST_M = 1e6
+# Steps of a file that hide what stereo's noise is.
+_COARSE_STEP_PX = 0.05
 
 
 def add_parser(commands: Commands) -> None:
@@ -62,6 +66,7 @@ def add_parser(commands: Commands) -> None:
     parser.add_argument(
         "--unit", type=positive, default=0.001, metavar="M", help="metres per step of a PNG (default %(default)s)"
     )
+    parser.add_argument("--disparity", action="store_true", help="the .npy files hold disparities, pixels")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the metrics there too")
     parser.set_defaults(run=run)
 
@@ -78,6 +83,8 @@ def run(args: argparse.Namespace) -> None:
         f"central {100 * args.roi:.0f} %"
     )
     print(quality_table(quality))
+    if hint := _steps(args, frames):
+        print(hint)
     if args.json:
         from activestereo.output_files import replace_file
 
@@ -86,8 +93,28 @@ def run(args: argparse.Namespace) -> None:
         replace_file(args.json, lambda file: file.write(text.encode()))
 
 
+def _steps(args: argparse.Namespace, frames: np.ndarray) -> str | None:
+    """Where a PNG's steps are coarse against the noise of stereo, a twentieth of a pixel."""
+    measured = frames[frames > 0]
+    if not measured.size or all(path.suffix == ".npy" for path in args.depth):
+        return None
+    step_px = args.k[0, 0] * args.baseline * args.unit / float(np.median(measured)) ** 2
+    if step_px < _COARSE_STEP_PX:
+        return None
+    return (
+        f"note: the file's steps of {1e3 * args.unit:g} mm are {step_px:.3f} px here; noise below about half of that reads as "
+        "zero: give float depth (.npy), as 'activestereo depth' writes it"
+    )
+
+
 def _read_all(args: argparse.Namespace) -> np.ndarray:
     parts = [_read(path, args.unit) for path in args.depth]
+    if args.disparity:
+        pngs = [path for path in args.depth if path.suffix != ".npy"]
+        if pngs:
+            raise CommandError(f"{pngs[0]}: --disparity is for .npy files of pixels")
+        focal_baseline = args.k[0, 0] * args.baseline
+        parts = [np.where(part > 0, focal_baseline / np.where(part > 0, part, 1.0), 0.0) for part in parts]
     for path, part in zip(args.depth, parts, strict=True):
         if part.shape[1:] != parts[0].shape[1:]:
             sizes = (f"{p.shape[2]}x{p.shape[1]}" for p in (parts[0], part))

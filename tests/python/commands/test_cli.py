@@ -29,7 +29,7 @@ def run(build):
 def pair(tmp_path_factory):
     folder = tmp_path_factory.mktemp("pair")
     wide = np.random.default_rng(1).integers(0, 256, (96, 172), dtype=np.uint8)
-    for name, image in (("left", wide[:, :160]), ("right", wide[:, 12:]), ("small", wide[:50, :160]), ("color", np.dstack([wide] * 3))):
+    for name, image in (("left", wide[:, :160]), ("right", wide[:, 12:]), ("small", wide[:50, :160]), ("gray3", np.dstack([wide[:, :160]] * 3)), ("color", np.dstack([wide, wide, 255 - wide]))):
         Image.fromarray(np.ascontiguousarray(image)).save(folder / f"{name}.png")
     (folder / "text.png").write_text("no image")
     Image.fromarray(wide[:, :160].astype(np.uint16)).save(folder / "deep.png")
@@ -136,9 +136,33 @@ def test_simulate_from_a_given_pose(run, table_top, tmp_path):
 def test_depth_of_a_pair(run, pair, tmp_path):
     result = run("depth", pair / "left.png", pair / "right.png", "--k", K, "--baseline", "0.05", "--max-disparity", "32", "--out", tmp_path)
     assert result.returncode == 0, result.stderr
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["cloud.ply", "depth.png", "disparity.png", "overview.png"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["cloud.ply", "depth.npy", "depth.png", "disparity.npy", "disparity.png", "overview.png"]
+    disparity, metres = (np.load(tmp_path / f"{name}.npy") for name in ("disparity", "depth"))
+    assert disparity.dtype == metres.dtype == np.float32
+    np.testing.assert_allclose(metres[metres > 0], 6.0 / disparity[metres > 0], rtol=1e-5)
     depth = np.asarray(Image.open(tmp_path / "depth.png"))
     assert np.median(depth[depth > 0]) == 500
+
+
+def test_depth_takes_equal_channels_and_arrays_like_gray(run, pair, tmp_path):
+    np.save(tmp_path / "right.npy", np.asarray(Image.open(pair / "right.png")))
+    rest = ("--k", K, "--baseline", "0.05", "--max-disparity", "32", "--out")
+    for left, right, out in (("left.png", pair / "right.png", "a"), ("gray3.png", tmp_path / "right.npy", "b")):
+        result = run("depth", pair / left, right, *rest, tmp_path / out)
+        assert result.returncode == 0 and "hint" not in result.stdout and "cut off" not in result.stdout, result.stderr
+    assert (tmp_path / "a" / "depth.npy").read_bytes() == (tmp_path / "b" / "depth.npy").read_bytes()
+    np.save(tmp_path / "float.npy", np.zeros((96, 160)))
+    assert_refused(run("depth", tmp_path / "float.npy", tmp_path / "right.npy", *rest, tmp_path / "c"), "float.npy", "uint8 or uint16")
+
+
+def test_depth_hints_at_exchanged_eyes_and_tells_what_it_cut(run, pair, tmp_path):
+    rest = ("--k", K, "--baseline", "0.05", "--max-disparity", "32", "--out", tmp_path)
+    result = run("depth", pair / "right.png", pair / "left.png", *rest)
+    assert result.returncode == 0 and "is LEFT the right eye's image?" in result.stdout, result.stdout
+    result = run("depth", pair / "left.png", pair / "right.png", *rest, "--max-depth-m", "0.4")
+    (line,) = (line for line in result.stdout.splitlines() if line.startswith("cut off"))
+    count, share = int(line.split()[2]), float(line.split()[8])
+    assert "--max-depth-m 0.4" in line and count > 0.8 * 96 * 140 and share == pytest.approx(100 * count / (96 * 160), abs=0.1)
 
 
 def test_depth_explains_itself_where_asked(run, pair, tmp_path):
@@ -212,7 +236,7 @@ def test_simulate_refuses_what_is_wrong(run, table_top, tmp_path):
     other = tmp_path / "scene.txt"
     other.write_text("hello")
     assert_refused(run("simulate", tmp_path / "none.gltf", *out), "none.gltf")
-    assert_refused(run("simulate", table_top, "--sensor", "d455", *out), "d455", "D415", "D435")
+    assert_refused(run("simulate", table_top, "--sensor", "d999", *out), "d999", "D415", "D435")
     assert_refused(run("simulate", broken, *out), "broken.stl")
     assert_refused(run("simulate", other, *out), "scene.txt")
     assert_refused(run("simulate", table_top, "--resolution", "400x400", *out), "400x226")

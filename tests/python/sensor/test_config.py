@@ -86,6 +86,16 @@ def test_scaled_keeps_what_a_camera_sees():
             np.testing.assert_allclose(seen[:2], (corner + 0.5) / 2 - 0.5, atol=1e-9)
 
 
+@pytest.mark.parametrize("model", StereoDepthSensorConfig.SUPPORTED_MODELS)
+def test_every_sensor_can_be_small(model):
+    from activestereo.matching import engine_parameters
+
+    config = StereoDepthSensorConfig(model).scaled(0.125)
+    if config.ir_signal:
+        assert engine_parameters(config)["speckle_psf_sigma_px"] == 0.0
+        assert config.ir_film["psf_sigma_px"] == pytest.approx(StereoDepthSensorConfig(model).ir_film["psf_sigma_px"] / 8)
+
+
 def test_config_of_one_sensor_does_not_change_another():
     first = StereoDepthSensorConfig()
     first.ir_intrinsic[0, 0] = 1.0
