@@ -14,6 +14,13 @@ cmake --build build/sanitize
 ASAN_OPTIONS=detect_leaks=0 UBSAN_OPTIONS=halt_on_error=1:print_stacktrace=1 ctest --test-dir build/sanitize --output-on-failure -j "$(nproc)" --timeout 1800 |
   tail -n 15 || status=1
 
+echo "== full: fuzzing, a minute each, under the sanitizers and another seed every day"
+for program in build/sanitize/bin/fuzz_*; do
+  seeds=tests/fuzz/corpus/${program##*fuzz_}
+  (cd build/sanitize && ASAN_OPTIONS=detect_leaks=0 "$root/$program" -seconds=60 -seed="$(date +%Y%j)" "$root/$seeds") || status=1
+done
+bash tests/fuzz.sh 60 || status=1
+
 echo "== full: ray tracing pipelines"
 bash tests/rt_pipeline.sh || status=1
 

@@ -16,6 +16,8 @@ class Budget {
   /// Limits the process' address space too, to what it has now and `bytes`.
   Budget(uint64_t bytes, uint64_t most_bytes);
 
+  /// Limits claims alone, not the process: for a reader inside a test.
+  void limit_claims(uint64_t bytes) { limit_ = most_ = bytes; }
   /// A file of this size was read: allows more, by memory_per_file_byte (io/load_options.h).
   void add_file(uint64_t file_bytes);
   /// Throws KS_ERROR_FILE that names `what` when all claims together exceed the limit.
