@@ -97,7 +97,7 @@ FIELDS: dict[str, dict[str, Field]] = {
     "room": {
         "visible_share": _numbers("what visible light gives in the infrared images", "", 0, 0, 100),
         "radiance_w_sr_m2": _numbers("infrared light from all sides, besides", "W/(sr m^2)", 0, 0, 1e6),
-        "denoise": Field("filter of the samples' noise in the room's light, not the dots'", choices=("none", "atrous", "oidn")),
+        "denoise": Field("filter of the samples' noise, never of the dots' light", choices=("none", "atrous", "oidn")),
         "fireflies": Field("lone bright pixels of indirect light", choices=("keep", "clamp")),
     },
 }
