@@ -165,6 +165,13 @@ def test_depth_hints_at_exchanged_eyes_and_tells_what_it_cut(run, pair, tmp_path
     assert "--max-depth-m 0.4" in line and count > 0.8 * 96 * 140 and share == pytest.approx(100 * count / (96 * 160), abs=0.1)
 
 
+def test_depth_of_a_passive_pair_has_a_profile_and_options_go_before_it(run, pair, tmp_path):
+    rest = ("--k", K, "--baseline", "0.05", "--max-disparity", "32", "--profile", "passive", "--out", tmp_path)
+    for options, words in (((), "block 5x5"), (("--block", "3x3"), "block 3x3")):
+        result = run("depth", pair / "left.png", pair / "right.png", *rest, *options)
+        assert result.returncode == 0 and words in result.stdout and "uniqueness 5 %" in result.stdout and "median 5" in result.stdout
+
+
 def test_depth_explains_itself_where_asked(run, pair, tmp_path):
     options = ("--max-disparity", "32", "--subpixel", "none", "--confidence", "--reason")
     result = run("depth", pair / "left.png", pair / "right.png", "--k", K, "--baseline", "0.05", *options, "--out", tmp_path)
