@@ -3,13 +3,17 @@
 
 import argparse
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
 
 from activestereo.cli.arguments import CommandError, positive
 
 _TEXT = """\
-Makes a capture of a librealsense recording: a folder of PNG files of both
-infrared streams, and of depth where it was saved as 16-bit PNG. Names tell the
-stream (Infrared 1, Infrared 2, Depth, or left, right, depth) and the time.
+Makes a capture of a recording: a folder of PNG files of both infrared streams,
+and of depth where it was saved as 16-bit PNG, or a bag: librealsense's .bag, or
+one of ROS 1 or ROS 2 with the topics of realsense-ros (needs: pip install
+rosbags). PNG names tell the stream (Infrared 1, Infrared 2, Depth, or left,
+right, depth) and the time. A bag has its own calibration.
 
 CALIBRATION is what rs-enumerate-devices -c prints, saved to a file, from the
 same device. The pattern is the sensor preset's nominal one: acquire pattern
@@ -19,6 +23,7 @@ frames are repeats of one view, as acquire noise and acquire pattern want them.
 example:
   rs-enumerate-devices -c > d435.txt
   activestereo import recording/ --calibration d435.txt --depth-scale 0.001 --out captures/desk
+  activestereo import 20260101_120000.bag --out captures/desk
 """
 
 
@@ -26,8 +31,8 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
     parser = commands.add_parser(
         "import", help="make a capture of a librealsense recording", description=_TEXT, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("recording", type=Path, metavar="FOLDER", help="PNG files of the recording")
-    parser.add_argument("--calibration", required=True, type=Path, metavar="FILE", help="output of rs-enumerate-devices -c")
+    parser.add_argument("recording", type=Path, metavar="RECORDING", help="folder of PNG files, or a bag")
+    parser.add_argument("--calibration", type=Path, metavar="FILE", help="output of rs-enumerate-devices -c; not needed for a bag")
     parser.add_argument("--out", required=True, type=Path, metavar="DIR", help="the capture's folder, which must not exist")
     parser.add_argument("--depth-scale", type=positive, metavar="M", help="metres per unit of the depth images, often 0.001")
     parser.add_argument("--poses", type=Path, metavar="FILE", help="camera_to_world over time: timestamp tx ty tz qx qy qz qw in each line")
@@ -41,7 +46,7 @@ def _run(args: argparse.Namespace) -> None:
     from activestereo.importers.realsense_folder import import_realsense
     from activestereo.importers.realsense_text import read_device_text
     from activestereo.importers.trajectory import read_trajectory
-    from activestereo.presets import StereoDepthSensorConfig
+    from activestereo.importers.bag import extract_bag, is_bag
     from activestereo.progress_bar import ProgressBar
 
     if args.out.exists():
@@ -50,14 +55,33 @@ def _run(args: argparse.Namespace) -> None:
         raise CommandError(f"the folder {args.out.parent} does not exist: make it first")
     if args.depth_scale is not None and args.depth_scale <= 0:
         raise CommandError("--depth-scale is 0, expected metres per unit above 0")
-    device = read_device_text(args.calibration)
+    bag = is_bag(args.recording)
+    if not bag and args.calibration is None:
+        raise CommandError("--calibration is needed for a folder of PNG files: the output of rs-enumerate-devices -c")
+    device = None if args.calibration is None else read_device_text(args.calibration)
     trajectory = None if args.poses is None else read_trajectory(args.poses)
-    pattern, pattern_K = StereoDepthSensorConfig(args.sensor).pattern()
-    with ProgressBar(f"importing {args.recording.name}") as bar:
-        capture = import_realsense(
-            args.recording, device, args.out, pattern, pattern_K, args.depth_scale, args.scene, trajectory, args.exposure, progress=bar
-        )
+    pattern, pattern_K = _pattern(args.sensor)
+    with TemporaryDirectory(prefix=".import.", dir=args.out.absolute().parent) as temporary:
+        folder, scale = args.recording, args.depth_scale
+        if bag:
+            with ProgressBar(f"reading {args.recording.name}") as bar:
+                told, units = extract_bag(args.recording, Path(temporary), progress=bar)
+            folder, scale, device = Path(temporary), units if scale is None else scale, told if device is None else device
+        assert device is not None  # a folder has --calibration, a bag its own
+        with ProgressBar(f"importing {args.recording.name}") as bar:
+            capture = import_realsense(
+                folder, device, args.out, pattern, pattern_K, scale, args.scene, trajectory, args.exposure, progress=bar
+            )
     rig, with_depth = capture.rig, sum(frame.depth_path is not None for frame in capture.frames)
     print(f"{len(capture.frames)} frames of {rig.left.width}x{rig.left.height}, {with_depth} with depth; baseline {1e3 * rig.baseline_m:.2f} mm, f {rig.left.K[0, 0]:.2f} px")
     print("the pattern and the projector's place are nominal" + ("; the scene is empty: compare and diagnose need one" if args.scene is None else ""))
     print(f"written: {args.out}")
+
+
+def _pattern(sensor: str) -> tuple[Any, Any]:
+    """The preset's nominal pattern and its K; black where a camera has no projector."""
+    import numpy as np
+
+    from activestereo.presets import StereoDepthSensorConfig
+
+    return StereoDepthSensorConfig(sensor).pattern() or (np.zeros((2, 2), np.uint8), np.eye(3))

@@ -3,6 +3,7 @@
 
     realsense_text     what `rs-enumerate-devices -c` prints: intrinsics and extrinsics
     realsense_folder   a folder of a librealsense recording's PNG files
+    bag                librealsense's .bag, bags of ROS 1 and ROS 2, by the package rosbags where it is installed
     trajectory         camera poses as a TUM text file
 
 Every failure of the input is a ValueError of one line: the file, the key and the value.
