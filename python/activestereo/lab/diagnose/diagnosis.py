@@ -19,7 +19,7 @@ from activestereo.lab.diagnose.base_fit import BaseFits
 from activestereo.lab.diagnose.channels import Progress
 from activestereo.lab.diagnose.channels.fields_together import shown_together
 from activestereo.lab.diagnose.evidence import Evidence, gather
-from activestereo.lab.diagnose.findings import Finding, Ranking
+from activestereo.lab.diagnose.findings import BaseFit, Finding, Ranking
 from activestereo.lab.diagnose.gates import GATES, Gates
 from activestereo.lab.diagnose.greedy import Step, greedy
 from activestereo.lab.diagnose.next_measurement import next_measurements
@@ -27,6 +27,7 @@ from activestereo.lab.diagnose.propose.scan import scan_observations
 from activestereo.lab.diagnose.rank import Bench, rank, rank_depth, settled_first
 from activestereo.lab.diagnose.refine import Fitters
 from activestereo.lab.diagnose.refine.by_rendering import Rendering
+from activestereo.lab.diagnose.refine.parameter_space import Solution
 from activestereo.lab.diagnose.report.figures import held_out_figures
 from activestereo.lab.diagnose.report.found_model import found_model
 from activestereo.lab.diagnose.report.judging import judging_json
@@ -160,6 +161,7 @@ def examine(
     depth = rank_depth(bench, bases(accepted), candidates)
     faults = engine_faults(depth)[:1]
     found, name_of = _model_of(accepted, faults), surface_text(evidence.capture.scene_path)
+    solution = _solution_of(way[-1].ranking.base, [*on_top, *faults])
     result = {
         "verdict": verdict,
         "capture": evidence.capture.name,
@@ -171,10 +173,9 @@ def examine(
         "next_measurement": next_measurements(first, evidence),
         "judging": judging_json(first, evidence.has_floor),
         "law": law and law.as_json(),
-        "model": model_json(found, last.base.solution.nuisances),
+        "model": model_json(found, solution.nuisances),
     }
     found = _with_own_functions(found, candidates)
-    solution = next((f.solution for f in faults if f.solution is not None), last.base.solution)
     complete = found_model(evidence, found, solution, [*first.findings, *faults])
     return Diagnosis(result, found, law and law.stub(), complete)
 
@@ -213,6 +214,11 @@ def _without_images_of_their_own(ranking: Ranking) -> list[Finding]:
     if fields and fields[0].id not in {f.id for f in together}:
         together = fields[:1]
     return noise + together
+
+
+def _solution_of(base: BaseFit, added: Sequence[Finding]) -> Solution:
+    """The fit of the nuisances under all that was accepted: of the last finding that has one, else of the base."""
+    return next((f.solution for f in reversed(added) if f.solution is not None), base.solution)
 
 
 def _model_of(model: Model, added: Sequence[Finding]) -> Model:
