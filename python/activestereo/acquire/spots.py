@@ -202,7 +202,8 @@ def _peaks(response: np.ndarray, least: np.ndarray) -> tuple[np.ndarray, np.ndar
     """(rows, columns) of local maxima above `least`, not at the border."""
     found = (response == maximum_filter(response, 3)) & (response > least)
     found[:3], found[-3:], found[:, :3], found[:, -3:] = False, False, False, False
-    return np.nonzero(found)
+    rows, columns = np.nonzero(found)
+    return rows, columns
 
 
 def _vertex(image: np.ndarray, v: np.ndarray, u: np.ndarray, dv: int, du: int) -> np.ndarray:

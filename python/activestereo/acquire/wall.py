@@ -86,10 +86,10 @@ def find_wall(left: Spots, right: Spots, K: np.ndarray, right_K: np.ndarray, bas
 def _pairs(left: Spots, right: Spots) -> np.ndarray:
     """[pair][2] of spots whose rows agree and whose disparity is not negative."""
     rows = cKDTree(right.v[:, None])
-    pairs = [
+    found = [
         (i, j) for i, near in enumerate(rows.query_ball_point(left.v[:, None], _LARGEST_ROW_ERROR_PX)) for j in near
     ]
-    pairs = np.array(pairs).reshape(-1, 2)
+    pairs = np.array(found).reshape(-1, 2)
     return pairs[left.u[pairs[:, 0]] > right.u[pairs[:, 1]] - 1.0]
 
 

@@ -23,8 +23,8 @@ from activestereo.effects.core.model import Model
 from activestereo.effects.core.view import View
 
 
-def builtin():
-    """The built-in effects in the order of the light's way: {id: Effect}."""
+def builtin() -> dict[str, Effect]:
+    """The built-in effects in the order of the pipeline: {id: Effect}."""
     modules = [importlib.import_module(f"{__name__}.{m.name}") for m in pkgutil.iter_modules(__path__) if not m.ispkg]
     found = [value for module in modules for value in vars(module).values() if isinstance(value, Effect)]
     return {e.id: e for e in sorted(found, key=lambda e: (e.stage, e.id))}

@@ -12,7 +12,7 @@ from activestereo.effects.core.view import View
 @moves("projector.ir_intensity", "pattern")
 def _engine(inputs: EngineInputs, transmission_per_k: float, sigma_px_per_k: float) -> None:
     warming_k = abs(inputs.warming_k)
-    if inputs.projector is not None:
+    if inputs.projector is not None and inputs.projector.ir_intensity is not None:
         inputs.projector.ir_intensity *= max(0.0, 1.0 + transmission_per_k * warming_k)
         inputs.blur_pattern(sigma_px_per_k * warming_k)
 

@@ -9,7 +9,9 @@ from activestereo.effects.core.judging import Lever, RandomTerm, SharedBy
 from activestereo.effects.core.view import View
 
 
-def _variance(signal, view, column_dn, row_dn, pixel_dn):
+def _variance(
+    signal: np.ndarray, view: View, column_dn: float, row_dn: float, pixel_dn: float
+) -> np.ndarray:
     return np.full(signal.shape, column_dn**2 + row_dn**2 + pixel_dn**2)
 
 

@@ -16,7 +16,7 @@ def _power(warming: float, ageing: float) -> float:
 
 @moves("projector.ir_intensity")
 def _engine(inputs: EngineInputs, per_k: float, per_s: float) -> None:
-    if inputs.projector is not None:
+    if inputs.projector is not None and inputs.projector.ir_intensity is not None:
         inputs.projector.ir_intensity *= _power(per_k * inputs.warming_k, per_s * inputs.frame.timestamp_s)
 
 

@@ -15,8 +15,8 @@ def _engine(inputs: EngineInputs, scale: float, per_k: float) -> None:
     growth = scale + per_k * inputs.warming_k
     if inputs.projector is not None and growth != 0.0:
         # Sines that grow by g let a tangent t grow by g (1 + t^2), to first order: a magnification and Brown's k1 of where light comes from.
-        first, *rest = inputs.projector.distortion
-        inputs.projector.distortion = (first - growth, *rest)
+        k1, k2, p1, p2, k3, k4, k5, k6 = inputs.projector.distortion
+        inputs.projector.distortion = (k1 - growth, k2, p1, p2, k3, k4, k5, k6)
         inputs.projector.pattern_scale *= 1.0 + growth
 
 
@@ -41,7 +41,7 @@ def pattern_scale_drift(light: Light, view: View, scale: float, per_k: float) ->
     return dots.change(light, dots.nominal, after)
 
 
-def _before(u, v, K, growth):
+def _before(u: np.ndarray, v: np.ndarray, K: np.ndarray, growth: float) -> tuple[np.ndarray, np.ndarray]:
     """Where the light that arrives at pattern pixels (u, v) would have gone without the growth."""
     y = (v - K[1, 2]) / K[1, 1]
     x = (u - K[0, 2] - K[0, 1] * y) / K[0, 0]

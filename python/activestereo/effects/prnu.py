@@ -9,7 +9,7 @@ from activestereo.effects.core.judging import Lever, RandomTerm
 from activestereo.effects.core.view import View
 
 
-def _variance(signal, view, sigma):
+def _variance(signal: np.ndarray, view: View, sigma: float) -> np.ndarray:
     return (sigma * np.asarray(signal)) ** 2
 
 

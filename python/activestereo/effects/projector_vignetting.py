@@ -22,7 +22,7 @@ def _engine(inputs: EngineInputs, exponent: float) -> None:
     v, u = np.mgrid[0:height, 0:width]
     y = (v - own.k[1, 2]) / own.k[1, 1]
     x = (u - own.k[0, 2] - own.k[0, 1] * y) / own.k[0, 0]
-    inputs.pattern = np.float32(inputs.pattern * (1.0 + x * x + y * y) ** (-0.5 * exponent))
+    inputs.pattern = (inputs.pattern * (1.0 + x * x + y * y) ** (-0.5 * exponent)).astype(np.float32)
 
 
 @effect(

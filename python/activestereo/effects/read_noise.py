@@ -9,7 +9,7 @@ from activestereo.effects.core.judging import Lever, RandomTerm
 from activestereo.effects.core.view import View
 
 
-def _variance(signal, view, sigma_dn):
+def _variance(signal: np.ndarray, view: View, sigma_dn: float) -> np.ndarray:
     return np.full(signal.shape, sigma_dn**2)
 
 

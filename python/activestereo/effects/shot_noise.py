@@ -9,7 +9,7 @@ from activestereo.effects.core.judging import Lever, RandomTerm
 from activestereo.effects.core.view import View
 
 
-def _variance(signal, view, dn_per_electron):
+def _variance(signal: np.ndarray, view: View, dn_per_electron: float) -> np.ndarray:
     return dn_per_electron * view.frame.gain * np.maximum(signal, 0.0)
 
 

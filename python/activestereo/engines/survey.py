@@ -30,7 +30,7 @@ class Survey:
             ):
                 material.ir_albedo = material.base_color[0]
             if material.ir_albedo is None:
-                red, *others = material.base_color
-                material.base_color = (min(1.0, red * factor), *others)
+                red, green, blue, alpha = material.base_color
+                material.base_color = (min(1.0, red * factor), green, blue, alpha)
             else:
                 material.ir_albedo = min(1.0, material.ir_albedo * factor)

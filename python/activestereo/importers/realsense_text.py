@@ -72,7 +72,8 @@ def read_device_text(path: Path) -> DeviceText:
         lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError as error:
         raise ValueError(f"{path}: cannot be read: {error.strerror}") from error
-    intrinsics, extrinsics = {}, {}
+    intrinsics: dict[tuple[str, int, int], Intrinsic] = {}
+    extrinsics: dict[tuple[str, str], NDArray[np.float64]] = {}
     for number, line in enumerate(lines):
         if found := _INTRINSIC.search(line):
             key = found["stream"], int(found["width"]), int(found["height"])

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 def read_trajectory(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """(times [n] in seconds, increasing; poses [n][4][4]). ValueError names file, line and what is wrong."""
-    rows = []
+    rows: list[list[float]] = []
     with open(path, encoding="utf-8") as file:
         for number, line in enumerate(file, 1):
             words = line.split("#")[0].replace(",", " ").split()

@@ -160,7 +160,7 @@ class SensorModel:
         albedo = {
             number: fields["ir_albedo_factor"].value
             for number, name in enumerate(material_names)
-            for fields in [self.materials.get(name) or self.materials.get(material_of(name), {})]
+            for fields in [self.materials.get(name) or self.materials.get(material_of(name)) or {}]
             if "ir_albedo_factor" in fields
         }
         return Survey((left, right), albedo)

@@ -81,8 +81,8 @@ class EngineEye:
 
     def add_distortion(self, k1: float, k2: float) -> None:
         """Adds to the nominal lens' coefficients: the composition of both lenses to first order."""
-        first, second, *rest = self.camera.distortion
-        self.camera.distortion = (first + k1, second + k2, *rest)
+        first, second, p1, p2, k3, k4, k5, k6 = self.camera.distortion
+        self.camera.distortion = (first + k1, second + k2, p1, p2, k3, k4, k5, k6)
 
     def electrons(self, dn: float) -> float:
         """Charge before the amplifier that gives so many counts behind it."""

@@ -4,13 +4,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from activestereo.effects.core.descriptor import Effect, Randomness, Stage
 from activestereo.effects.core.light import Light
 from activestereo.effects.core.view import View
+
+if TYPE_CHECKING:
+    from activestereo.capture import Frame
 
 
 @dataclass(frozen=True)
@@ -36,7 +39,7 @@ class Model:
         return light
 
     def on_light(self, random: bool = False) -> tuple[tuple[Effect, dict[str, float]], ...]:
-        """Pairs (Effect, {parameter: value}) up to the lens, in the light's order."""
+        """Pairs (Effect, {parameter: value}) up to the lens, in the order of the pipeline."""
         return self._of(Stage.PROJECTOR, Stage.OPTICS, random)
 
     @property
@@ -72,11 +75,11 @@ class Model:
             matched = effect.apply(matched, view, **parameters)
         return matched
 
-    def _of(self, first, last, random):
+    def _of(self, first: Stage, last: Stage, random: bool) -> tuple[tuple[Effect, dict[str, float]], ...]:
         chosen = [(e, p) for e, p in self.effects if first <= e.stage <= last]
         if not random:
             chosen = [(e, p) for e, p in chosen if e.randomness is Randomness.NONE]
-        return sorted(chosen, key=lambda pair: pair[0].stage)
+        return tuple(sorted(chosen, key=lambda pair: pair[0].stage))
 
 
 def acted(effect: Effect, parameters: dict[str, float], light: Light, view: View) -> Light:
@@ -86,12 +89,12 @@ def acted(effect: Effect, parameters: dict[str, float], light: Light, view: View
     return effect.apply(light, view, **parameters)
 
 
-def scales(frame):
+def scales(frame: Frame) -> tuple[float, float]:
     """What a frame's settings make of projector light and of ambient light: seconds x gain x level."""
     level = 1.0 if frame.ambient is None else frame.ambient
     return frame.exposure_gain * frame.projector_power, frame.exposure_gain * level
 
 
-def _inverse(image, focal_baseline):
+def _inverse(image: np.ndarray, focal_baseline: float) -> np.ndarray:
     """Disparity of depth, or depth of disparity; 0 stays 0."""
     return np.where(image > 0, focal_baseline / np.where(image > 0, image, 1.0), 0.0)
