@@ -5,6 +5,7 @@ A pixel's counts y_1..y_n share an unknown mean s above black: p(pixel | law) = 
 as the mean's own error. Dark frames have s = 0 and stand beside, without the integral.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -169,7 +170,7 @@ def _start(kind: type[Law], counts: Counts, black_dn: float | None) -> Law:
     return kind(shape, sigma, black)
 
 
-def _hessian(cost: object, x: np.ndarray, step: np.ndarray) -> np.ndarray:
+def _hessian(cost: Callable[[np.ndarray], float], x: np.ndarray, step: np.ndarray) -> np.ndarray:
     """Second derivatives by central differences."""
     n, out = len(x), np.zeros((len(x), len(x)))
     for i in range(n):

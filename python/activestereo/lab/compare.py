@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from activestereo.capture import EYES, SPLITS, read_capture
+from activestereo.capture import EYES, SPLITS, Capture, read_capture
 from activestereo.effects.core.descriptor import Stage
 from activestereo.effects.core.model import Model
 from activestereo.effects.core.view import View
@@ -33,7 +33,7 @@ class Comparison:
     """scores: what compare.json holds (lab/schema/compare.schema.json). predictions: {(frame id, eye): expected DN, float32
     [height][width]}. depths: a DepthFrame for each frame with the device's depth. layers: {frame id: {eye: Layers}} as rendered."""
 
-    capture: object
+    capture: Capture
     scores: dict
     predictions: dict
     depths: list
