@@ -97,3 +97,10 @@ def rgb_exposure(radiance: NDArray[np.float32]) -> float:
     """The factor that puts the median lit pixel's green at a quarter of white. radiance: [height][width][3]."""
     lit = radiance[..., 1][radiance[..., 1] > 0]
     return 0.25 / float(np.median(lit)) if lit.size else 1.0
+
+
+def srgb(linear: NDArray[np.float32]) -> NDArray[np.float32]:
+    """sRGB's transfer curve (IEC 61966-2-1) on linear values, clipped to 0..1."""
+    linear = np.clip(linear, 0.0, 1.0)
+    encoded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+    return encoded.astype(np.float32)

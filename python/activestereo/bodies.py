@@ -57,9 +57,9 @@ class Bodies:
         self.names: list[str] = []
         # One row for each instance in the scene: its number, environment, body and 4x4 to the body.
         self._instances: list[int] = []
-        self._environments: list[int] = []
-        self._bodies: list[int] = []
-        self._to_body: list[NDArray[np.float64]] = []
+        self._environments = np.empty(0, np.intp)
+        self._bodies = np.empty(0, np.intp)
+        self._to_body = np.empty((0, 4, 4))
         self._last = np.zeros((environment_count or 1, 0, 4, 4))
 
     def add(
@@ -79,6 +79,7 @@ class Bodies:
         if start.shape != (4, 4) or fault.any():
             raise ValueError(f"body '{name}': a pose is [7] or a rigid [4, 4] of finite numbers; got {pose!r}")
         chosen = self._environments_of(name, environments)
+        shapes = list(shapes)
         for shape in shapes:
             for environment in chosen:
                 instance = self.scene.add_instance(
@@ -90,9 +91,12 @@ class Bodies:
                     name=name,
                 )
                 self._instances.append(instance)
-                self._environments.append(0 if environment is None else environment)
-                self._bodies.append(len(self.names))
-                self._to_body.append(np.array(shape.to_body, dtype=np.float64))
+        count = len(shapes) * len(chosen)
+        where = np.array([environment or 0 for environment in chosen], np.intp)
+        to_body = np.array([shape.to_body for shape in shapes], np.float64).reshape(-1, 4, 4)
+        self._environments = np.append(self._environments, np.tile(where, len(shapes)))
+        self._bodies = np.append(self._bodies, np.full(count, len(self.names), np.intp))
+        self._to_body = np.concatenate([self._to_body, np.repeat(to_body, len(chosen), axis=0)])
         self.names.append(name)
         self._last = np.concatenate([self._last, np.broadcast_to(start, (len(self._last), 1, 4, 4))], axis=1)
         return len(self.names) - 1
@@ -100,14 +104,12 @@ class Bodies:
     def remove(self, name: str) -> None:
         """Takes a body out of the scene; its meshes and materials stay. Bodies after it move up by one number."""
         body = self.index(name)
-        kept = [row for row, other in enumerate(self._bodies) if other != body]
-        for row, other in enumerate(self._bodies):
-            if other == body:
-                self.scene.remove_instance(self._instances[row])
-        self._instances = [self._instances[row] for row in kept]
-        self._environments = [self._environments[row] for row in kept]
-        self._to_body = [self._to_body[row] for row in kept]
-        self._bodies = [self._bodies[row] - (self._bodies[row] > body) for row in kept]
+        stays = self._bodies != body
+        for row in np.flatnonzero(~stays):
+            self.scene.remove_instance(self._instances[row])
+        self._instances = [self._instances[row] for row in np.flatnonzero(stays)]
+        self._environments, self._to_body = self._environments[stays], self._to_body[stays]
+        self._bodies = self._bodies[stays] - (self._bodies[stays] > body)
         del self.names[body]
         self._last = np.delete(self._last, body, axis=1)
 
@@ -131,12 +133,10 @@ class Bodies:
         has_moved = (now != self._last).any(axis=(2, 3))
         broken = fault.any(axis=1)
         has_moved[broken] = False
-        rows = np.flatnonzero(has_moved[self._environments, self._bodies]) if self._instances else np.empty(0, int)
-        if rows.size:
-            environments, bodies = np.array(self._environments)[rows], np.array(self._bodies)[rows]
-            to_world = now[environments, bodies] @ np.array(self._to_body)[rows]
-            for row, matrix in zip(rows, to_world, strict=True):
-                self.scene.set_instance_pose(self._instances[row], matrix)
+        rows = np.flatnonzero(has_moved[self._environments, self._bodies])
+        to_world = now[self._environments[rows], self._bodies[rows]] @ self._to_body[rows]
+        for row, matrix in zip(rows.tolist(), to_world, strict=True):
+            self.scene.set_instance_pose(self._instances[row], matrix)
         if broken.any():
             now[broken] = self._last[broken]
         self._last = now

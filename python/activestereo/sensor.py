@@ -11,30 +11,32 @@ import numpy as np
 
 import kuafu
 import simsense
-from activestereo.auto_exposure import AutoExposure, rgb_exposure
+from activestereo.auto_exposure import AutoExposure, rgb_exposure, srgb
 from activestereo.effects.core.engine import EngineInputs, apply_engine, moved_pose
 from activestereo.effects.core.model import Model
 from activestereo.engines.survey import Survey
 from activestereo.fireflies import infrared_layers
 from activestereo.ir_link import IrLink
+from activestereo.lazy_maps import LazyMaps
 from activestereo.lens import undistort
 from activestereo.matching import engine_parameters, make_engine, renderer_parameters
+from activestereo.mount import Mount as Mount
+from activestereo.mount import as_mount
+from activestereo.picture_memory import PictureMemory
 from activestereo.pose import Pose, as_matrix, camera_to_world
 from activestereo.scene_surfaces import split_surfaces
 from activestereo.sensor_effects import ImageEffects, ModelCostWarning
 from activestereo.sensor_inputs import exposure, render_settings, sensor_inputs, shutter, twist_of
 from activestereo.sensor_world import LATER, SensorWorld, pattern_of
 
-RGB_OUTPUTS = ("radiance", "depth", "material_id", "instance_id")
+# Of the RGB picture: dtype and channels.
+RGB_OUTPUTS = {
+    "radiance": (np.float32, 3),
+    "depth": (np.float32, 1),
+    "material_id": (np.uint32, 1),
+    "instance_id": (np.uint32, 1),
+}
 LASER_OUTPUTS = ("projector_direct", "projector_indirect")
-
-
-class Mount:
-    """A scene and a pose in it that sensors move along with, as an entity does in SAPIEN."""
-
-    def __init__(self, scene, pose=None):
-        self.scene = scene
-        self.pose = Pose() if pose is None else pose
 
 
 class StereoDepthSensor:
@@ -54,7 +56,7 @@ class StereoDepthSensor:
 
     def __init__(self, config, scene_or_mount, pose=None, device="auto", copy_ir=False, model=None):
         self._config = deepcopy(config)
-        self._mount = _as_mount(scene_or_mount, device)
+        self._mount = as_mount(scene_or_mount, device)
         self._pose = Pose() if pose is None else pose
         self._twist = np.zeros(6)
         self._scene = self._mount.scene
@@ -76,7 +78,9 @@ class StereoDepthSensor:
             text = f"no engine field expresses {', '.join(self._image_effects.names)}: every picture is copied to the host and back"
             warnings.warn(text, ModelCostWarning, stacklevel=2)
         weakref.finalize(self, self._world.leave).atexit = False
-        self._rgb = self._result = None
+        rgb_width, rgb_height = self._config.rgb_resolution
+        self._rgb = PictureMemory(self._device, (1, rgb_height, rgb_width), RGB_OUTPUTS)
+        self._has_rgb, self._maps = False, LazyMaps()
         self._laser = (None, None)
         self._has_picture = False
         self._stage_times = {}
@@ -86,31 +90,31 @@ class StereoDepthSensor:
     def take_picture(self, infrared_only=False, progress=None):
         """Renders the infrared pair, and before it the RGB picture unless infrared_only. progress(fraction) may return True to cancel.
         A call that fails or is cancelled leaves no picture."""
-        self._has_picture, self._result = False, None
-        frame, rgb = self._frame + 1, self._rgb
+        self._has_picture = False
+        self._maps.clear()
+        frame = self._frame + 1
         self._prepare(frame)
         share = 0.0 if infrared_only else 0.5
         with self._projector_on():
             if not infrared_only:
-                images = self._render([self.rgb_camera()], RGB_OUTPUTS, "visible", frame, _part(progress, 0.0, share))
-                rgb = {name: image[0] for name, image in images.items()}
+                self._has_rgb = False
+                self._rgb.forget()
+                self._render([self.rgb_camera()], self._rgb.targets, "visible", frame, _part(progress, 0.0, share))
+                self._has_rgb = True
                 self._keep_times("rgb", self._renderer)
             laser = self._render_infrared(frame, _part(progress, share, 1.0))
             self._keep_times("ir", self._renderer)
         self._image_effects.on_light(self._link.images)
         self._link.deliver()
         self._expose()
-        self._frame, self._rgb, self._laser, self._has_picture = frame, rgb, laser, True
+        self._frame, self._laser, self._has_picture = frame, laser, True
 
     def compute_depth(self):
-        """Noise, matching, registration of the last picture. The same picture gives the same depth."""
+        """Noise, matching, registration of the last picture. The same picture gives the same depth. Maps that have been read of an earlier
+        picture are computed with it; others when they are first read."""
         self._require_picture()
         self._tell_engines()
-        self._engine.set_parameters(frame_index=self._frame, scene_index=self._speckle_draw)
-        outputs = ("depth_rgb", "disparity", "ir_left", "ir_right", *self._config.depth_maps)
-        left_laser, right_laser = self._laser
-        pair = (self._link.left, self._link.right)
-        self._result = self._image_effects.depth(self._engine, pair, outputs, left_laser=left_laser, right_laser=right_laser)
+        self._maps.begin(self._match)
         self._keep_times("depth", self._engine)
 
     # ---- results ----
@@ -118,7 +122,7 @@ class StereoDepthSensor:
     def get_rgb(self):
         """float32 [height, width, 3] in 0..1, sRGB-encoded."""
         self._require_rgb()
-        radiance = self._rgb["radiance"]
+        radiance = self._rgb.read("radiance")[0]
         exposure = self._config.rgb_exposure or rgb_exposure(radiance)
         return srgb(radiance * np.float32(exposure))
 
@@ -130,18 +134,18 @@ class StereoDepthSensor:
     def get_ir_measured(self):
         """[left, right] uint8 [height, width], uint16 where ir_signal has more than 8 bits: what the sensor gives, with noise."""
         self._require_depth()
-        return [self._result["ir_left"], self._result["ir_right"]]
+        return [self._maps.read("ir_left", self._match), self._maps.read("ir_right", self._match)]
 
     def get_depth(self):
         """float32 [height, width] metres in the RGB camera, at its resolution and through its lens; 0 = no measurement."""
         self._require_depth()
-        return self._result["depth_rgb"]
+        return self._maps.read("depth_rgb", self._match)
 
     def get_disparity(self):
         """float32 [height, width] pixels in the left infrared camera, or in its rectified image where the config asks for one or the
         lenses distort; -1 = no measurement."""
         self._require_depth()
-        return self._result["disparity"]
+        return self._maps.read("disparity", self._match)
 
     def get_depth_map(self, name):
         """One of the config's depth_maps, of the (rectified) left infrared camera: 'confidence' float32 [height, width] 0..1, 'reason' uint8
@@ -149,7 +153,7 @@ class StereoDepthSensor:
         self._require_depth()
         if name not in self._config.depth_maps:
             raise ValueError(f"'{name}' is none of the config's depth_maps {tuple(self._config.depth_maps)}")
-        return self._result[name]
+        return self._maps.read(name, self._match)
 
     def get_pointcloud(self, with_rgb=False):
         """float32 [n, 3], metres in the RGB camera's axes (x right, y down, z forward); with_rgb: [n, 6], colours 0..1."""
@@ -165,17 +169,17 @@ class StereoDepthSensor:
     def get_true_depth(self):
         """float32 [height, width] metres in the RGB camera of the first surface at each pixel's centre; 0 = none."""
         self._require_rgb()
-        return self._rgb["depth"][..., 0]
+        return self._rgb.read("depth")[0, ..., 0]
 
     def get_material_ids(self):
         """uint32 [height, width] in the RGB camera; scene.material_name() names them, 0xffffffff = nothing there."""
         self._require_rgb()
-        return self._rgb["material_id"][..., 0]
+        return self._rgb.read("material_id")[0, ..., 0]
 
     def get_instance_ids(self):
         """uint32 [height, width] in the RGB camera; scene.instance_name() names them, 0xffffffff = nothing there."""
         self._require_rgb()
-        return self._rgb["instance_id"][..., 0]
+        return self._rgb.read("instance_id")[0, ..., 0]
 
     def get_picture(self, name, camera="rgb"):
         """[height, width, channels]: one of kuafu's outputs ('position', 'albedo', 'projector_uv', 'motion', ...; see kuafu.Renderer.render)
@@ -226,6 +230,7 @@ class StereoDepthSensor:
 
     def set_conditions(self, temperature_c=None, time_s=0.0):
         """What a model's effects may depend on: the sensor's temperature (None: that of its signal) and the seconds since it was switched on."""
+        self._match_rest()
         self._conditions = (None if temperature_c is None else float(temperature_c), float(time_s))
         self._told = None
 
@@ -332,9 +337,22 @@ class StereoDepthSensor:
         return config
 
     def _apply(self, config, parameters):
+        self._match_rest()
         self._engine.set_parameters(**parameters)
         self._config, self._exposure = config, AutoExposure(config)
         self._told = None
+
+    def _match(self, names):
+        """These maps of the last picture."""
+        self._engine.set_parameters(frame_index=self._frame, scene_index=self._speckle_draw)
+        left_laser, right_laser = self._laser
+        pair = (self._link.left, self._link.right)
+        return self._image_effects.depth(self._engine, pair, tuple(names), left_laser=left_laser, right_laser=right_laser)
+
+    def _match_rest(self):
+        """Before the engine changes: what could still be read is computed."""
+        if self._maps:
+            self._maps.complete(("disparity", "ir_left", "ir_right", *self._config.depth_maps), self._match)
 
     def make_engine(self):
         """Another depth engine of this rig and these parameters, a simsense.Engine."""
@@ -468,30 +486,12 @@ class StereoDepthSensor:
 
     def _require_rgb(self):
         self._require_picture()
-        if self._rgb is None:
+        if not self._has_rgb:
             raise RuntimeError("no RGB picture yet: call take_picture() first, without infrared_only")
 
     def _require_depth(self):
-        if self._result is None:
+        if not self._maps:
             raise RuntimeError("no depth of this picture yet: call compute_depth() after take_picture()")
-
-
-def srgb(linear):
-    """sRGB's transfer curve (IEC 61966-2-1) on linear values, clipped to 0..1."""
-    linear = np.clip(linear, 0.0, 1.0)
-    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055).astype(np.float32)
-
-
-def _as_mount(scene_or_mount, device):
-    if isinstance(scene_or_mount, kuafu.Scene):
-        return Mount(scene_or_mount)
-    if isinstance(scene_or_mount, (str, PathLike)):
-        scene = kuafu.Scene(device if isinstance(device, kuafu.Device) else kuafu.Device(device))
-        scene.load(scene_or_mount)
-        return Mount(scene)
-    if isinstance(getattr(scene_or_mount, "scene", None), kuafu.Scene):
-        return scene_or_mount
-    raise TypeError(f"a sensor needs a kuafu.Scene, a Mount or the path of a scene file, not {type(scene_or_mount).__name__}")
 
 
 def _part(progress, start, end):

@@ -22,15 +22,17 @@ from numpy.typing import NDArray
 
 import kuafu
 import simsense
-from activestereo.auto_exposure import AutoExposure, rgb_exposure
+from activestereo.auto_exposure import AutoExposure, rgb_exposure, srgb
 from activestereo.engines.world import copy_camera, copy_light
 from activestereo.fireflies import infrared_layers
 from activestereo.ir_link import IrLink
+from activestereo.lazy_maps import LazyMaps
 from activestereo.matching import make_engine, renderer_parameters
+from activestereo.picture_memory import PictureMemory
 from activestereo.pose import Pose, as_matrix, camera_to_world
 from activestereo.pose_arrays import host_array, pose_fault, pose_matrices
 from activestereo.presets import StereoDepthSensorConfig
-from activestereo.sensor import LASER_OUTPUTS, RGB_OUTPUTS, srgb
+from activestereo.sensor import LASER_OUTPUTS, RGB_OUTPUTS
 from activestereo.sensor_inputs import exposure, render_settings, sensor_inputs, shutter
 from activestereo.sensor_world import pattern_of
 
@@ -93,29 +95,33 @@ class StereoDepthSensorBatch:
         self._make_rig()
         self._frame, self._has_picture, self._speckle_draw = -1, False, -1
         self._lasers: tuple[NDArray[np.float32] | None, NDArray[np.float32] | None] = (None, None)
-        self._rgb: dict[str, NDArray[Any]] = {}
-        self._result: dict[str, NDArray[Any]] = {}
-        self._wanted = {"depth_rgb"}
+        rgb_width, rgb_height = self._config.rgb_resolution
+        self._rgb = PictureMemory(device, (self._count, rgb_height, rgb_width), RGB_OUTPUTS)
+        self._has_rgb = False
+        self._maps = LazyMaps()
 
     # ---- taking pictures ----
 
     def take_picture(self, infrared_only: bool = False) -> None:
         """Renders all infrared pairs, and before them the RGB pictures unless infrared_only. Raises SensorPoseError,
         after the others' pictures are taken, where a mount's pose is none."""
-        self._has_picture, self._rgb, self._result = False, {}, {}
+        self._has_picture = self._has_rgb = False
+        self._maps.clear()
+        self._rgb.forget()
         broken = self._place()
         self._shine(self._config.projector_intensity * self._config.emitter_power(self._frame + 1))
         settings = render_settings(self._config, self._frame + 1)
         if not infrared_only:
-            self._rgb = self._renderer.render(
+            self._renderer.render(
                 self._scene,
                 self._rgb_cameras,
-                RGB_OUTPUTS,
+                self._rgb.targets,
                 band="visible",
                 environments=self._environments,
                 film=self._config.rgb_film,
                 **settings,
             )
+            self._has_rgb = True
         self._render_infrared(settings)
         if not self._config.projector_always_on:
             self._shine(0.0)
@@ -137,8 +143,7 @@ class StereoDepthSensorBatch:
         """Noise, matching and registration of all pairs. What has been read of earlier pictures is computed at once;
         anything else when it is first read."""
         self._require_picture()
-        self._result = {}
-        self._compute(sorted(self._wanted))
+        self._maps.begin(self._compute)
 
     # ---- results, all [E, ...] or [E, S, ...] ----
 
@@ -214,7 +219,8 @@ class StereoDepthSensorBatch:
         self._config.render_seed = self._config.ir_noise_seed = seed
         self._engine.set_parameters(noise_seed=seed)
         self._frame, self._speckle_draw, self._has_picture = -1, -1, False
-        self._rgb, self._result = {}, {}
+        self._has_rgb = False
+        self._maps.clear()
 
     def close(self) -> None:
         """Takes the projectors out of the scene."""
@@ -307,6 +313,9 @@ class StereoDepthSensorBatch:
             film=c.ir_film,
             **settings,
         )
+        self._lasers = (None, None)
+        if not names and self._exposure.mode == "fixed":
+            return
         pairs = self._link.images.reshape(2, self._count, *self._link.images.shape[1:])
         lasers: tuple[list[NDArray[np.float32]], list[NDArray[np.float32]]] = ([], [])
         for n in range(self._count):
@@ -316,7 +325,8 @@ class StereoDepthSensorBatch:
             pairs[:, n] *= light
             for images, part in zip(lasers, parts, strict=True):
                 images += [] if part is None else [part * light]
-        self._lasers = (self._stacked(lasers[0]), self._stacked(lasers[1])) if apart else (None, None)
+        if apart:
+            self._lasers = (self._stacked(lasers[0]), self._stacked(lasers[1]))
 
     def _light_of(self, left: NDArray[np.float32]) -> np.float32:
         """How much more light than under the configuration's exposure a sensor that sees this takes."""
@@ -328,28 +338,24 @@ class StereoDepthSensorBatch:
     def _stacked(self, images: list[NDArray[np.float32]]) -> NDArray[np.float32]:
         return np.stack(images) if self._count > 1 else images[0]
 
-    def _compute(self, names: list[str]) -> None:
+    def _compute(self, names: list[str]) -> dict[str, NDArray[Any]]:
         self._engine.set_parameters(frame_index=self._frame, scene_index=max(self._speckle_draw, 0))
         left, right = self._lasers
         pair = (self._link.left, self._link.right)
         found = self._engine.compute(*pair, names, left_laser=left, right_laser=right)
-        for name, image in found.items():
-            per_sensor = image.shape[1:] if self._count > 1 else image.shape
-            self._result[name] = image.reshape(*self._shape, *per_sensor)
+        per_sensor = 1 if self._count > 1 else 0  # axes before an image's own
+        return {name: image.reshape(*self._shape, *image.shape[per_sensor:]) for name, image in found.items()}
 
     def _output(self, name: str) -> NDArray[Any]:
-        if not self._result:
+        if not self._maps:
             raise RuntimeError("no depth of this picture yet: call compute_depth() after take_picture()")
-        if name not in self._result:
-            self._compute([name])
-            self._wanted.add(name)
-        return self._result[name]
+        return self._maps.read(name, self._compute)
 
     def _picture(self, name: str) -> NDArray[Any]:
         self._require_picture()
-        if not self._rgb:
+        if not self._has_rgb:
             raise RuntimeError("no RGB picture yet: call take_picture() first, without infrared_only")
-        image = self._rgb[name]
+        image = self._rgb.read(name)
         return image.reshape(*self._shape, *image.shape[1:])
 
     def _require_picture(self) -> None:

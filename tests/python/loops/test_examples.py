@@ -28,3 +28,14 @@ def test_sapien_sensor(tmp_path):
     good_share = load(EXAMPLES / "sapien_sensor/sapien_sensor.py").run(tmp_path, scale=0.25, samples=4, steps=150)
     assert good_share > 0.6
     assert (tmp_path / "sapien_sensor.png").stat().st_size > 1000
+
+
+def test_any_simulator(tmp_path):
+    good_share = load(EXAMPLES / "any_simulator/any_simulator.py").run(tmp_path, environments=2, pictures=2, samples=4)
+    assert good_share > 0.6
+    assert (tmp_path / "any_simulator.png").stat().st_size > 1000
+
+
+def test_grasp_task(tmp_path):
+    assert load(EXAMPLES / "grasp_task/grasp_task.py").run(tmp_path, environments=3, samples=1) > 0.95
+    assert (tmp_path / "grasp_task.png").stat().st_size > 1000

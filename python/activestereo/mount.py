@@ -1,0 +1,31 @@
+"""Where a sensor stands: a scene, and a pose in it."""
+
+from __future__ import annotations
+
+from os import PathLike
+from typing import Any
+
+import kuafu
+from activestereo.pose import Pose
+
+
+class Mount:
+    """A scene and a pose in it that sensors move along with, as an entity does in SAPIEN."""
+
+    def __init__(self, scene: kuafu.Scene, pose: Any = None) -> None:
+        self.scene = scene
+        self.pose = Pose() if pose is None else pose
+
+
+def as_mount(scene_or_mount: Any, device: str | int | kuafu.Device) -> Any:
+    """A Mount, or another object with a scene and a pose, of that, of a scene, or of a scene file on a device."""
+    if isinstance(scene_or_mount, kuafu.Scene):
+        return Mount(scene_or_mount)
+    if isinstance(scene_or_mount, (str, PathLike)):
+        scene = kuafu.Scene(device if isinstance(device, kuafu.Device) else kuafu.Device(device))
+        scene.load(scene_or_mount)
+        return Mount(scene)
+    if isinstance(getattr(scene_or_mount, "scene", None), kuafu.Scene):
+        return scene_or_mount
+    kind = type(scene_or_mount).__name__
+    raise TypeError(f"a sensor needs a kuafu.Scene, a Mount or the path of a scene file, not {kind}")

@@ -1,0 +1,49 @@
+"""A camera's images, left where they were rendered until somebody reads one: a picture whose images nobody looks at
+costs no copy to the host."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+
+import kuafu
+
+
+class PictureMemory:
+    """Images [count, height, width, channels] of several outputs, which the next picture is rendered into again.
+
+    outputs: {kuafu's name: (dtype, channels)}. host_visible: None where the device is a GPU means its own memory.
+    """
+
+    def __init__(
+        self,
+        device: kuafu.Device,
+        shape: tuple[int, int, int],
+        outputs: Mapping[str, tuple[DTypeLike, int]],
+        host_visible: bool | None = None,
+    ) -> None:
+        is_host = device.info.kind in ("cpu", "host") if host_visible is None else host_visible
+        self._is_host = is_host
+        self.targets: dict[str, kuafu.Image] = {}
+        for name, (dtype, channels) in outputs.items():
+            full = (*shape, channels)
+            size_bytes = int(np.prod(full)) * np.dtype(dtype).itemsize
+            self.targets[name] = kuafu.Buffer(device, size_bytes, host_visible=is_host).image(dtype, full)
+        self._read: dict[str, NDArray[Any]] = {}
+
+    def forget(self) -> None:
+        """Before a render into `targets`: what was read belongs to the picture before."""
+        self._read = {}
+
+    def read(self, name: str) -> NDArray[Any]:
+        """One output of the last picture; a copy, the same one until forget()."""
+        if name not in self._read:
+            image = self.targets[name]
+            if self._is_host:
+                self._read[name] = image.array().copy()
+            else:
+                self._read[name] = image.buffer.read().view(image.dtype).reshape(image.shape)
+        return self._read[name]
