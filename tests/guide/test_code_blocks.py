@@ -38,7 +38,7 @@ SPECIAL: dict[str, tuple[str, str]] = {
     r"bench_\w+": ("test -x build/bin/{0}", "benchmarks are run by hand; the program is there"),
     r"/usr/bin/python3 \S+/(bench|run)_\w+.py": ("test -f {1}", "it is run by hand; the program is there"),
     r"pip install|pre-commit|sudo|apt-get": ("true", "it installs packages; tests/wheel.sh tries the wheel"),
-    r"python3 examples/(mujoco_wrist|sapien_sensor)/": ("test -f {1}", "it needs a package that Debian lacks; tests/python/loops runs it where it is"),
+    r"python3 examples/(mujoco_wrist|sapien_sensor|train_depth_policy)/": ("test -f {1}", "it needs a package that Debian lacks; tests/python/loops runs it where it is"),
     r"rs-enumerate-devices": ("true", "it needs a RealSense camera"),
     r"activestereo simulate": ("{0} {1:} --spp 1", "as few samples as possible"),
     r"activestereo (acquire|import|compare|diagnose)": (f"/usr/bin/python3 -c '{PARSED}' {{1:}}", "it needs a capture; its options are parsed"),

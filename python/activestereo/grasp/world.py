@@ -26,7 +26,8 @@ _FINGER_HALF_WIDTH_M = 0.01
 _LARGEST_TILT_RAD = np.deg2rad(20.0)  # a finger pad slips on a side that is turned farther: friction of 0.36
 _LEAST_DEPTH_M = 0.01
 _START_M, _START_SPREAD_M, _OBJECT_SPREAD_M = 0.2, 0.02, 0.07
-_CAMERA_M = (-0.06, 0.0, 0.24)
+# The RGB camera's pose on the gripper: it looks at the finger tips.
+CAMERA_ON_GRIPPER = body_pose(look_at((-0.06, 0.0, 0.24), (0.0, 0.0, 0.0), (1.0, 0.0, 0.0)))
 _FIELD_OF_VIEW_RAD, _NEAREST_M = np.deg2rad(58.0), 0.12
 
 
@@ -52,9 +53,8 @@ class GraspWorld:
         self.object_m = np.zeros((environment_count, 2))
         self.object_yaw_rad = np.zeros(environment_count)
         self.steps = np.zeros(environment_count, np.intp)
-        self._mounts = Mounts(self.things.scene, self._poses())
-        pose = body_pose(look_at(_CAMERA_M, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0)))
-        self.camera = DepthCamera(mode, wrist_config(size_px, samples_per_pixel, seed), self._mounts, pose)
+        self.mounts = Mounts(self.things.scene, self._poses())
+        self.camera = DepthCamera(mode, wrist_config(size_px, samples_per_pixel, seed), self.mounts, CAMERA_ON_GRIPPER)
 
     def reset(self, which: NDArray[np.bool_] | None = None, seed: int | None = None) -> NDArray[np.float32]:
         """Begins anew in all environments, or in those of `which` [E]; returns the depth."""
@@ -95,7 +95,7 @@ class GraspWorld:
 
     def look(self) -> NDArray[np.float32]:
         """Depth [E, size, size] of the wrist cameras, metres."""
-        self._mounts.poses = self._poses()
+        self.mounts.poses = self._poses()
         return self.camera.take()
 
     def offsets(self) -> NDArray[np.float64]:

@@ -4,6 +4,7 @@
 import importlib.util
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 EXAMPLES = Path(__file__).resolve().parents[3] / "examples"
@@ -39,3 +40,21 @@ def test_any_simulator(tmp_path):
 def test_grasp_task(tmp_path):
     assert load(EXAMPLES / "grasp_task/grasp_task.py").run(tmp_path, environments=3, samples=1) > 0.95
     assert (tmp_path / "grasp_task.png").stat().st_size > 1000
+
+
+def test_train_depth_policy(tmp_path):
+    """What the network is to say makes it act as the teacher does; a whole run, of one step of training, writes its results."""
+    pytest.importorskip("torch", reason="the package torch is not installed (pip install torch)")
+    pytest.importorskip("cv2", reason="OpenCV is not installed (pip install opencv-python-headless)")
+    example = load(EXAMPLES / "train_depth_policy/train_depth_policy.py")
+    world = example.GraspWorld(8, "clean", size_px=32)
+    depth = world.reset()
+
+    class Knowing(example.Policy):
+        def forward(self, _):
+            return example.torch.from_numpy(example.targets(world.offsets()))
+
+    np.testing.assert_allclose(Knowing().act(depth), example.teacher(world), atol=1e-5)
+    results = example.run(tmp_path, ["raster"], train_episodes=2, test_episodes=2, epochs=1, environments=2)
+    assert results["raster"]["foreign"][1] == 2 and (tmp_path / "results.json").exists()
+    assert example.interval(30, 40) == pytest.approx((0.5981, 0.8581), abs=1e-4)
