@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Depth cameras in a simulator of one's own: balls that bounce in eight environments at once, held in NumPy arrays.
 
     PYTHONPATH=build/python python3 examples/any_simulator/any_simulator.py --out out/any_simulator

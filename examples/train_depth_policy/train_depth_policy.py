@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Behaviour cloning of a grasp from depth: one policy for each mode of depth, all tried in a world that none has seen.
 
     PYTHONPATH=build/python python3 examples/train_depth_policy/train_depth_policy.py --out out/train_depth_policy

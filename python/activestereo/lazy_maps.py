@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The depth engine's maps of one picture: those that have been read of an earlier picture are computed together, any
 other when it is first read."""
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Where a sensor stands: a scene, and a pose in it."""
 
 from __future__ import annotations

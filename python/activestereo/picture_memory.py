@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A camera's images, left where they were rendered until somebody reads one: a picture whose images nobody looks at
 costs no copy to the host."""
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Images that nobody reads are not copied, maps that nobody reads are not computed; what is read is right all the same."""
 
 import numpy as np
