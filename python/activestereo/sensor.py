@@ -3,11 +3,13 @@
 
 import warnings
 import weakref
+from collections.abc import Callable
 from contextlib import contextmanager
 from copy import deepcopy
 from os import PathLike
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 import kuafu
 import simsense
@@ -24,6 +26,7 @@ from activestereo.mount import Mount as Mount
 from activestereo.mount import as_mount
 from activestereo.picture_memory import PictureMemory
 from activestereo.pose import Pose, as_matrix, camera_to_world
+from activestereo.presets import StereoDepthSensorConfig
 from activestereo.scene_surfaces import split_surfaces
 from activestereo.sensor_effects import ImageEffects, ModelCostWarning
 from activestereo.sensor_inputs import exposure, render_settings, sensor_inputs, shutter, twist_of
@@ -80,14 +83,12 @@ class StereoDepthSensor:
         weakref.finalize(self, self._world.leave).atexit = False
         rgb_width, rgb_height = self._config.rgb_resolution
         self._rgb = PictureMemory(self._device, (1, rgb_height, rgb_width), RGB_OUTPUTS)
-        self._has_rgb, self._maps = False, LazyMaps()
-        self._laser = (None, None)
-        self._has_picture = False
-        self._stage_times = {}
+        self._has_rgb, self._maps, self._laser = False, LazyMaps(), (None, None)
+        self._has_picture, self._stage_times = False, {}
 
     # ---- taking pictures ----
 
-    def take_picture(self, infrared_only=False, progress=None):
+    def take_picture(self, infrared_only: bool = False, progress: Callable[[float], object] | None = None) -> None:
         """Renders the infrared pair, and before it the RGB picture unless infrared_only. progress(fraction) may return True to cancel.
         A call that fails or is cancelled leaves no picture."""
         self._has_picture = False
@@ -109,7 +110,7 @@ class StereoDepthSensor:
         self._expose()
         self._frame, self._laser, self._has_picture = frame, laser, True
 
-    def compute_depth(self):
+    def compute_depth(self) -> None:
         """Noise, matching, registration of the last picture. The same picture gives the same depth. Maps that have been read of an earlier
         picture are computed with it; others when they are first read."""
         self._require_picture()
@@ -119,35 +120,35 @@ class StereoDepthSensor:
 
     # ---- results ----
 
-    def get_rgb(self):
+    def get_rgb(self) -> NDArray[np.float32]:
         """float32 [height, width, 3] in 0..1, sRGB-encoded."""
         self._require_rgb()
         radiance = self._rgb.read("radiance")[0]
         exposure = self._config.rgb_exposure or rgb_exposure(radiance)
         return srgb(radiance * np.float32(exposure))
 
-    def get_ir(self):
+    def get_ir(self) -> list[NDArray[np.float32]]:
         """[left, right] float32 [height, width] in 0..1: what linear imagers would count without noise and dark current, over full scale."""
         self._require_picture()
         return [self._linear_counts(image, eye.signal) for image, eye in zip(self._link.images, self._tell_engines().eyes, strict=True)]
 
-    def get_ir_measured(self):
+    def get_ir_measured(self) -> list[np.ndarray]:
         """[left, right] uint8 [height, width], uint16 where ir_signal has more than 8 bits: what the sensor gives, with noise."""
         self._require_depth()
         return [self._maps.read("ir_left", self._match), self._maps.read("ir_right", self._match)]
 
-    def get_depth(self):
+    def get_depth(self) -> NDArray[np.float32]:
         """float32 [height, width] metres in the RGB camera, at its resolution and through its lens; 0 = no measurement."""
         self._require_depth()
         return self._maps.read("depth_rgb", self._match)
 
-    def get_disparity(self):
+    def get_disparity(self) -> NDArray[np.float32]:
         """float32 [height, width] pixels in the left infrared camera, or in its rectified image where the config asks for one or the
         lenses distort; -1 = no measurement."""
         self._require_depth()
         return self._maps.read("disparity", self._match)
 
-    def get_depth_map(self, name):
+    def get_depth_map(self, name: str) -> np.ndarray:
         """One of the config's depth_maps, of the (rectified) left infrared camera: 'confidence' float32 [height, width] 0..1, 'reason' uint8
         [height, width] an index into simsense.REASONS, 'points' float32 [height, width, 3] metres, or 'rectified_left', 'rectified_right'."""
         self._require_depth()
@@ -155,7 +156,7 @@ class StereoDepthSensor:
             raise ValueError(f"'{name}' is none of the config's depth_maps {tuple(self._config.depth_maps)}")
         return self._maps.read(name, self._match)
 
-    def get_pointcloud(self, with_rgb=False):
+    def get_pointcloud(self, with_rgb: bool = False) -> NDArray[np.float32]:
         """float32 [n, 3], metres in the RGB camera's axes (x right, y down, z forward); with_rgb: [n, 6], colours 0..1."""
         depth = self.get_depth()
         v, u = np.nonzero(depth)
@@ -166,22 +167,22 @@ class StereoDepthSensor:
         points = (rays * z).T.astype(np.float32)
         return np.hstack([points, self.get_rgb()[v, u]]) if with_rgb else points
 
-    def get_true_depth(self):
+    def get_true_depth(self) -> NDArray[np.float32]:
         """float32 [height, width] metres in the RGB camera of the first surface at each pixel's centre; 0 = none."""
         self._require_rgb()
         return self._rgb.read("depth")[0, ..., 0]
 
-    def get_material_ids(self):
+    def get_material_ids(self) -> NDArray[np.uint32]:
         """uint32 [height, width] in the RGB camera; scene.material_name() names them, 0xffffffff = nothing there."""
         self._require_rgb()
         return self._rgb.read("material_id")[0, ..., 0]
 
-    def get_instance_ids(self):
+    def get_instance_ids(self) -> NDArray[np.uint32]:
         """uint32 [height, width] in the RGB camera; scene.instance_name() names them, 0xffffffff = nothing there."""
         self._require_rgb()
         return self._rgb.read("instance_id")[0, ..., 0]
 
-    def get_picture(self, name, camera="rgb"):
+    def get_picture(self, name: str, camera: str = "rgb") -> np.ndarray:
         """[height, width, channels]: one of kuafu's outputs ('position', 'albedo', 'projector_uv', 'motion', ...; see kuafu.Renderer.render)
         as camera 'rgb', 'left' or 'right' sees the scene now. projector_* are of this sensor's projector. Needs no take_picture()."""
         cameras = {"rgb": self.rgb_camera, "left": lambda: self.ir_cameras()[0], "right": lambda: self.ir_cameras()[1]}
@@ -203,19 +204,19 @@ class StereoDepthSensor:
 
     # ---- the sensor itself ----
 
-    def get_config(self):
+    def get_config(self) -> StereoDepthSensorConfig:
         """A copy."""
         return deepcopy(self._config)
 
-    def get_pose(self):
+    def get_pose(self) -> Pose:
         """The RGB camera's pose in the scene (body axes)."""
         return Pose(as_matrix(self._mount.pose) @ as_matrix(self._pose))
 
-    def set_local_pose(self, pose):
+    def set_local_pose(self, pose: Pose | np.ndarray) -> None:
         """Pose relative to the mount, or in the scene where there is none."""
         self._pose = Pose(as_matrix(pose))
 
-    def set_velocity(self, linear, angular=(0.0, 0.0, 0.0)):
+    def set_velocity(self, linear: ArrayLike, angular: ArrayLike = (0.0, 0.0, 0.0)) -> None:
         """What the whole sensor, projector included, does while its shutters are open, m/s and rad/s in the left infrared camera's own frame
         (x right, y down, z forward): pose(t) = pose exp(t [linear, angular]), as camera_velocity of captures; zeros = it stands still. It moves
         nothing from one picture to the next: set_local_pose() does, and is the pose in the middle of the exposure."""
@@ -224,26 +225,26 @@ class StereoDepthSensor:
         self._twist = np.concatenate([linear, angular]).astype(np.float64)
         self._move()
 
-    def get_velocity(self):
+    def get_velocity(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """(linear, angular) as set_velocity() has them."""
         return self._twist[:3].copy(), self._twist[3:].copy()
 
-    def set_conditions(self, temperature_c=None, time_s=0.0):
+    def set_conditions(self, temperature_c: float | None = None, time_s: float = 0.0) -> None:
         """What a model's effects may depend on: the sensor's temperature (None: that of its signal) and the seconds since it was switched on."""
         self._match_rest()
         self._conditions = (None if temperature_c is None else float(temperature_c), float(time_s))
         self._told = None
 
     @property
-    def scene(self):
+    def scene(self) -> kuafu.Scene:
         return self._scene
 
     @property
-    def device(self):
+    def device(self) -> kuafu.Device:
         return self._device
 
     @property
-    def engine(self):
+    def engine(self) -> simsense.Engine:
         """The depth engine, a simsense.Engine."""
         return self._engine
 
@@ -254,36 +255,36 @@ class StereoDepthSensor:
         return self._told
 
     @property
-    def projector_to_world(self):
+    def projector_to_world(self) -> NDArray[np.float64]:
         """4x4, the projector's own axes to the scene's."""
         return as_matrix(self.get_pose()) @ camera_to_world(self._config.pose_rgb_irproj)
 
     @property
-    def frame_index(self):
+    def frame_index(self) -> int:
         """Counts the pictures, from 0; -1 before the first."""
         return self._frame
 
     @property
-    def ir_memory(self):
+    def ir_memory(self) -> str:
         """How the infrared pair reaches the engine: 'opaque_fd', 'host' or 'copy'."""
         return self._link.memory
 
     @property
-    def ir_gain(self):
+    def ir_gain(self) -> float:
         """Counts per W/(sr m^2)."""
         return self._config.ir_camera_exposure * self._config.ir_camera_gain * self._config.ir_responsivity_dn
 
     @property
-    def stage_times(self):
+    def stage_times(self) -> dict[str, float]:
         """{stage: milliseconds} of the last take_picture and compute_depth."""
         return dict(self._stage_times)
 
-    def rgb_camera(self):
+    def rgb_camera(self) -> kuafu.Camera:
         c = self._config
         lens_and_shutter = {"distortion": c.rgb_distortion, "exposure_s": c.rgb_exposure_s, **shutter(c.rgb_line_time_s, c.rgb_readout)}
         return self._camera(c.rgb_resolution, c.rgb_intrinsic, Pose(), lens_and_shutter)
 
-    def ir_cameras(self):
+    def ir_cameras(self) -> list[kuafu.Camera]:
         """The left and the right one, as they are: under a model not what the calibration says."""
         to_world = as_matrix(self.get_pose())
         cameras = [eye.camera for eye in self._tell_engines().eyes]
@@ -294,33 +295,33 @@ class StereoDepthSensor:
     def __enter__(self):
         return self
 
-    def __exit__(self, *error):
+    def __exit__(self, *error: object) -> None:
         self.close()
 
-    def close(self):
+    def close(self) -> None:
         """Takes the projector, and what else a model brought, out of the scene."""
         self._world.leave()
         self._is_closed = True
 
     # ---- parameters ----
 
-    def set_ir_noise(self, ir_speckle_noise, ir_thermal_noise):
+    def set_ir_noise(self, ir_speckle_noise: float, ir_thermal_noise: float) -> None:
         """Scales of the default noise; ir_speckle_noise 0 switches both off. It takes the place of ir_signal."""
         self._set(ir_speckle_noise=ir_speckle_noise, ir_thermal_noise=ir_thermal_noise, ir_signal=None)
 
-    def set_census_window_size(self, census_width, census_height):
+    def set_census_window_size(self, census_width: int, census_height: int) -> None:
         self._set(census_width=census_width, census_height=census_height)
 
-    def set_matching_block_size(self, block_width, block_height):
+    def set_matching_block_size(self, block_width: int, block_height: int) -> None:
         self._set(block_width=block_width, block_height=block_height)
 
-    def set_penalties(self, p1_penalty, p2_penalty):
+    def set_penalties(self, p1_penalty: int, p2_penalty: int) -> None:
         self._set(p1_penalty=p1_penalty, p2_penalty=p2_penalty)
 
-    def set_uniqueness_ratio(self, uniqueness_ratio):
+    def set_uniqueness_ratio(self, uniqueness_ratio: int) -> None:
         self._set(uniqueness_ratio=uniqueness_ratio)
 
-    def set_lr_max_diff(self, lr_max_diff):
+    def set_lr_max_diff(self, lr_max_diff: int) -> None:
         """255 switches the check off."""
         self._set(lr_max_diff=lr_max_diff)
 
@@ -354,7 +355,7 @@ class StereoDepthSensor:
         if self._maps:
             self._maps.complete(("disparity", "ir_left", "ir_right", *self._config.depth_maps), self._match)
 
-    def make_engine(self):
+    def make_engine(self) -> simsense.Engine:
         """Another depth engine of this rig and these parameters, a simsense.Engine."""
         return make_engine(self._config, simsense.Device(self._device.info.device_uuid))
 

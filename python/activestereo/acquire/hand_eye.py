@@ -108,7 +108,7 @@ def hand_eye(gripper_to_base: list[NDArray[np.float64]], board_to_camera: list[N
     camera = _matrix(solution.x[:3], solution.x[3:6])
     apart = [difference(pose, camera) for pose in by_method.values()]
     return HandEye(
-        camera, _matrix(solution.x[6:9], solution.x[9:]), by_method, error, tuple(max(column) for column in zip(*apart, strict=True)),
+        camera, _matrix(solution.x[6:9], solution.x[9:]), by_method, error, (max(a[0] for a in apart), max(a[1] for a in apart)),
         float(np.sqrt((left[:, 3:] ** 2).sum(axis=1).mean())), float(np.rad2deg(np.sqrt((left[:, :3] ** 2).sum(axis=1).mean()) / _LEVER_M)), count,
     )  # fmt: skip
 

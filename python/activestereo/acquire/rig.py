@@ -206,7 +206,8 @@ def _start(
     views: list[BoardView], size: tuple[int, int], has_lens: bool, known_K: NDArray[np.float64] | None
 ) -> _Start:
     """OpenCV's calibration of each eye, and board poses in the left camera."""
-    K, distortion, poses = {}, {}, {eye: {} for eye in EYES}
+    K, distortion = {}, {}
+    poses: dict[str, dict[str, NDArray[np.float64]]] = {}
     flags = 0 if has_lens else cv2.CALIB_FIX_K1 | cv2.CALIB_FIX_K2 | cv2.CALIB_FIX_K3 | cv2.CALIB_ZERO_TANGENT_DIST
     for eye in EYES:
         seen = [view for view in views if eye in view.corners]

@@ -51,18 +51,18 @@ def frame_files(folder: Path) -> list[FrameFiles]:
                 f"{folder}: {_NAMES[stream]}: no PNG file has a name with it: record both infrared streams"
             )
     frames = []
-    for number, left in sorted(by_stream["left"]):
+    for time_ms, left in sorted(by_stream["left"]):
         files = {"left": left}
         for stream in ("right", "depth"):
-            nearest = min(by_stream[stream], key=lambda item: abs(item[0] - number), default=None)
+            nearest = min(by_stream[stream], key=lambda item: abs(item[0] - time_ms), default=None)
             if (
                 nearest is not None
-                and abs(nearest[0] - number) < _SAME_FRAME_MS
-                and (number > 1e6 or nearest[0] == number)
+                and abs(nearest[0] - time_ms) < _SAME_FRAME_MS
+                and (time_ms > 1e6 or nearest[0] == time_ms)
             ):
                 files[stream] = nearest[1]
         if "right" in files:
-            frames.append(FrameFiles(number, files))
+            frames.append(FrameFiles(time_ms, files))
     if not frames:
         raise ValueError(f"{folder}: no left and right image have the same time or number in their names")
     return frames
