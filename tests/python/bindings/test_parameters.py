@@ -21,7 +21,7 @@ from activestereo.presets import SAPIEN_DEFAULTS, SAPIEN_NAMES, sapien_name
 from activestereo.render_table import RENDER, RENDERER
 
 OF_THE_SENSOR = {"noise_seed", "frame_index"}  # what a sensor counts itself
-OF_THE_CAMERA = {"ir_ambient_scale", "ir_ambient_radiance"}  # what its data say
+OF_THE_CAMERA = {"ir_ambient_scale", "ir_ambient_radiance", "denoise"}  # what its data say
 COMMANDS = {"depth": "l.png r.png --k 1,2,3,4 --baseline 0.05 --out x", "simulate": "scene.gltf --out x"}
 
 
