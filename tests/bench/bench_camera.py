@@ -168,12 +168,14 @@ def main() -> None:
     parser.add_argument("--spp", type=int, default=16, help="samples per pixel (default: 16)")
     parser.add_argument("--texture", type=float, default=0.03, help="of the wall's albedo (default: 0.03)")
     parser.add_argument("--distances", type=float, nargs="*", default=DISTANCES_M, help="of the wall, m")
+    parser.add_argument("--walls-only", action="store_true", help="leave the table-top out")
     args = parser.parse_args()
     for name in args.names:
         camera = Camera(name, args.spp, args.texture)
         for distance_m in args.distances:
             camera.look(distance_m)
-        camera.table()
+        if not args.walls_only:
+            camera.table()
         real = REAL.get(camera.config.model.removeprefix("sapien-"), {})
         print(f"\n| {camera.config.model} | real | simulated |\n|--|--|--|")
         for row, value in camera.rows.items():
