@@ -8,8 +8,10 @@
 #include <atomic>
 #include <cstdint>
 #include <memory>
+#include <new>
 
 #include "device/call.h"
+#include "device/handle_memory.h"
 
 namespace ks {
 
@@ -26,9 +28,14 @@ struct Handle {
   const pid_t process = getpid();
   [[nodiscard]] bool forked() const { return process != getpid(); }
   static constexpr bool works_after_fork = without_threads;
+  static void* operator new(size_t size_bytes) {
+    if (size_bytes > handle_memory_bytes) throw std::bad_alloc();
+    return take_handle_memory();
+  }
+  static void operator delete(void* memory) { give_handle_memory(memory); }
 };
 
-/// The object behind a handle. A handle that was released for good is recognised only while its memory is not used again.
+/// The object behind a handle. A handle that was released for good is recognised until many others were (handles_remembered).
 template <class H>
 const auto& object_of(H* handle, const char* name) {
   if (handle == nullptr) fail(KS_ERROR_INVALID_ARGUMENT, "%s is NULL", name);

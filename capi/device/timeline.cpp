@@ -32,12 +32,15 @@ uint64_t Timeline::reached() const {
   return value;
 }
 
-void Timeline::wait(uint64_t value) const {
+bool Timeline::wait(uint64_t value, uint64_t timeout_ns) const {
   VkSemaphoreWaitInfo info{VK_STRUCTURE_TYPE_SEMAPHORE_WAIT_INFO};
   info.semaphoreCount = 1;
   info.pSemaphores = &semaphore_;
   info.pValues = &value;
-  device_->check_alive(device_->vk().vkWaitSemaphores(device_->handle(), &info, UINT64_MAX), "vkWaitSemaphores");
+  const VkResult result = device_->vk().vkWaitSemaphores(device_->handle(), &info, timeout_ns);
+  if (result == VK_TIMEOUT) return false;
+  device_->check_alive(result, "vkWaitSemaphores");
+  return true;
 }
 
 int Timeline::export_fd() const {

@@ -20,7 +20,8 @@ class Timeline {
   static bool can_have(const Device& device);
   [[nodiscard]] VkSemaphore handle() const { return semaphore_; }
   [[nodiscard]] uint64_t reached() const;
-  void wait(uint64_t value) const;
+  /// false: it has not reached the value after so long (UINT64_MAX: however long it takes).
+  [[nodiscard]] bool wait(uint64_t value, uint64_t timeout_ns) const;
   /// A new opaque fd, the caller's to close; only with KS_CAP_TIMELINE_FD.
   [[nodiscard]] int export_fd() const;
 

@@ -693,6 +693,7 @@ extern "C" {
     pub fn kuafu_scene_retain(scene: *mut c_void);
     pub fn kuafu_scene_release(scene: *mut c_void);
     pub fn kuafu_scene_load(scene: *mut c_void, path: *const c_char, root_to_world: *const f64) -> i32;
+    pub fn kuafu_scene_cancel_load(scene: *mut c_void) -> i32;
     pub fn kuafu_scene_get_summary(scene: *mut c_void, out: *mut kuafu_scene_summary) -> i32;
     pub fn kuafu_scene_add_mesh(scene: *mut c_void, desc: *const kuafu_mesh_desc, id: *mut u32) -> i32;
     pub fn kuafu_scene_update_mesh(scene: *mut c_void, id: u32, positions: *const f32, normals: *const f32, vertex_count: u32) -> i32;
@@ -762,6 +763,8 @@ extern "C" {
     pub fn simsense_engine_compute(engine: *mut c_void, desc: *const simsense_compute_desc) -> i32;
     pub fn simsense_engine_submit(engine: *mut c_void, desc: *const simsense_compute_desc, out: *mut ks_sync) -> i32;
     pub fn simsense_engine_wait(engine: *mut c_void, sync: *const ks_sync) -> i32;
+    pub fn simsense_engine_wait_for(engine: *mut c_void, sync: *const ks_sync, timeout_ns: u64) -> i32;
+    pub fn simsense_engine_cancel(engine: *mut c_void) -> i32;
     pub fn simsense_engine_export_timeline(engine: *mut c_void, out: *mut ks_sync) -> i32;
     pub fn simsense_engine_get_stage_times(engine: *mut c_void, times: *mut ks_stage_time, count: *mut u32) -> i32;
 }

@@ -6,6 +6,9 @@
 #include <atomic>
 #include <chrono>
 #include <cmath>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
 #include <thread>
 #include <vector>
 
@@ -105,6 +108,120 @@ TEST_P(Cancel, TheCallbackIsAskedInTheCallersThreadAlsoWhileATreeIsBuilt) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Tracers, Cancel, testing::Values(KUAFU_TRACER_EMBREE, KUAFU_TRACER_COMPUTE));
+
+/// A folder with a helper program that never answers, which loads use while it lives.
+struct SleepingHelper {
+  std::filesystem::path folder;
+  SleepingHelper() {
+    std::string name = (std::filesystem::temp_directory_path() / "ks_helper_XXXXXX").string();
+    folder = mkdtemp(name.data());
+    std::ofstream(folder / "kuafu-import-gltf") << "#!/bin/sh\nexec sleep 600\n";
+    std::filesystem::permissions(folder / "kuafu-import-gltf", std::filesystem::perms::owner_all);
+    std::ofstream(folder / "a.gltf") << "{}";
+    setenv("KUAFU_HELPERS", folder.c_str(), 1);
+  }
+  ~SleepingHelper() {
+    unsetenv("KUAFU_HELPERS");
+    std::filesystem::remove_all(folder);
+  }
+  SleepingHelper(const SleepingHelper&) = delete;
+  SleepingHelper& operator=(const SleepingHelper&) = delete;
+};
+
+TEST(CancelOfALoad, EndsItSoonAndLeavesTheSceneAsItWas) {
+  SmallRender render(KUAFU_TRACER_EMBREE);
+  SKIP_IF(render.device ? "" : kuafu_last_error());
+  const SleepingHelper helper;
+  Clock::time_point wished;
+  std::thread other([&] {
+    std::this_thread::sleep_for(std::chrono::milliseconds(200));
+    wished = Clock::now();
+    EXPECT_EQ(kuafu_scene_cancel_load(render.scene), KS_OK);
+  });
+  EXPECT_EQ(kuafu_scene_load(render.scene, (helper.folder / "a.gltf").c_str(), nullptr), KS_ERROR_CANCELLED) << kuafu_last_error();
+  const double seconds = std::chrono::duration<double>(Clock::now() - wished).count();
+  other.join();
+  EXPECT_LT(seconds, 60.0) << "it waited for the helper program";
+  EXPECT_EQ(kuafu_scene_cancel_load(nullptr), KS_ERROR_INVALID_ARGUMENT);
+  render.expect_works();
+}
+
+/// A host device, and an engine with a batch of so many pairs.
+struct LongCompute {
+  const uint64_t shape[3];
+  simsense_device device = nullptr;
+  simsense_engine engine = nullptr;
+  std::vector<uint8_t> light = std::vector<uint8_t>(shape[0] * shape[1] * shape[2]);
+  std::vector<float> disparity = std::vector<float>(light.size());
+  simsense_output_desc output{};
+  simsense_compute_desc desc = simsense_compute_desc_init();
+
+  explicit LongCompute(uint32_t pairs) : shape{pairs, 240, 320} {
+    ks_device_desc host = ks_device_desc_init();
+    host.select = KS_SELECT_HOST, host.worker_count = 2;
+    EXPECT_EQ(simsense_device_create(&host, &device), KS_OK) << simsense_last_error();
+    simsense_rig_desc rig = simsense_rig_desc_init();
+    for (simsense_camera* camera : {&rig.left, &rig.right}) {
+      camera->width = 320, camera->height = 240;
+      camera->k[0] = camera->k[4] = 300, camera->k[2] = 159.5, camera->k[5] = 119.5, camera->k[8] = 1;
+    }
+    rig.left_to_right[3] = -0.05, rig.rectified = 1, rig.batch_count = pairs;
+    const simsense_parameters parameters = simsense_parameters_init();
+    EXPECT_EQ(simsense_engine_create(device, &rig, &parameters, &engine), KS_OK) << simsense_last_error();
+    for (size_t i = 0; i < light.size(); ++i) light[i] = static_cast<uint8_t>(i * i >> 7);
+    simsense_image image{.buffer = nullptr, .host = disparity.data(), .image = ks_image_desc_packed(KS_FORMAT_F32, 3, shape)};
+    output = simsense_output_desc_init(SIMSENSE_OUTPUT_DISPARITY, image);
+    image.host = light.data(), image.image = ks_image_desc_packed(KS_FORMAT_U8, 3, shape);
+    desc.left = desc.right = image;
+    desc.outputs = &output, desc.output_count = 1;
+  }
+  ~LongCompute() {
+    simsense_engine_release(engine);
+    simsense_device_release(device);
+  }
+  LongCompute(const LongCompute&) = delete;
+  LongCompute& operator=(const LongCompute&) = delete;
+};
+
+TEST(CancelOfSimsense, EndsAComputeOfAnotherThread) {
+  LongCompute work(400);
+  std::atomic<bool> begun{false};
+  work.desc.progress = [](void* user, float) -> int32_t { return static_cast<std::atomic<bool>*>(user)->store(true), 0; };
+  work.desc.progress_user = &begun;
+  Clock::time_point wished;
+  std::thread other([&] {
+    while (!begun) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    wished = Clock::now();
+    EXPECT_EQ(simsense_engine_cancel(work.engine), KS_OK);
+  });
+  EXPECT_EQ(simsense_engine_compute(work.engine, &work.desc), KS_ERROR_CANCELLED) << simsense_last_error();
+  const double seconds = std::chrono::duration<double>(Clock::now() - wished).count();
+  other.join();
+  EXPECT_LT(seconds, 60.0);
+  EXPECT_EQ(work.disparity.back(), 0.0f) << "the last pair was computed: nothing was cancelled";
+  EXPECT_EQ(simsense_engine_cancel(nullptr), KS_ERROR_INVALID_ARGUMENT);
+}
+
+TEST(CancelOfSimsense, WhatFollowsHasTheBitsOfAnEngineThatWasNeverCancelled) {
+  LongCompute cancelled(4), plain(4);
+  int left = 20;
+  cancelled.desc.progress = [](void* user, float) -> int32_t { return --*static_cast<int*>(user) < 0; };
+  cancelled.desc.progress_user = &left;
+  EXPECT_EQ(simsense_engine_compute(cancelled.engine, &cancelled.desc), KS_ERROR_CANCELLED);
+  cancelled.desc.progress = nullptr;
+  EXPECT_EQ(simsense_engine_compute(cancelled.engine, &cancelled.desc), KS_OK) << simsense_last_error();
+  EXPECT_EQ(simsense_engine_compute(plain.engine, &plain.desc), KS_OK) << simsense_last_error();
+  EXPECT_EQ(cancelled.disparity, plain.disparity);
+}
+
+TEST(CancelOfSimsense, AWaitTakesATimeout) {
+  LongCompute work(1);
+  ks_sync sync = ks_sync_init();
+  EXPECT_EQ(simsense_engine_wait_for(work.engine, &sync, 0), KS_OK) << "what ran on the host has ended";
+  sync.kind = KS_SYNC_TIMELINE, sync.value = 1;
+  EXPECT_EQ(simsense_engine_wait_for(work.engine, &sync, 0), KS_ERROR_INVALID_ARGUMENT);
+  EXPECT_EQ(simsense_engine_wait_for(nullptr, &sync, 0), KS_ERROR_INVALID_ARGUMENT);
+}
 
 }  // namespace
 }  // namespace ks::test

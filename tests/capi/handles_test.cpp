@@ -130,6 +130,20 @@ TYPED_TEST(Handles, NullAndForeignHandlesAreNamed) {
   TypeParam::buffer_release(buffer);
 }
 
+TYPED_TEST(Handles, AReleasedHandleIsRefusedAlsoAfterOthersWereMade) {
+  const auto released = this->new_buffer(64, KS_BUFFER_HOST_VISIBLE);
+  TypeParam::buffer_release(released);
+  for (int i = 0; i < 1000; ++i) {
+    const auto other = this->new_buffer(64, KS_BUFFER_HOST_VISIBLE);
+    void* mapped = nullptr;
+    ASSERT_EQ(TypeParam::buffer_map(released, &mapped), KS_ERROR_INVALID_ARGUMENT) << i;
+    ASSERT_TRUE(says(TypeParam::last_error(), "was released")) << TypeParam::last_error();
+    TypeParam::buffer_release(released);
+    ASSERT_EQ(TypeParam::buffer_map(other, &mapped), KS_OK) << "a second release takes nobody else's reference";
+    TypeParam::buffer_release(other);
+  }
+}
+
 TYPED_TEST(Handles, NullArgumentsAreRefused) {
   EXPECT_EQ(TypeParam::device_enumerate(nullptr, nullptr), KS_ERROR_INVALID_ARGUMENT);
   EXPECT_EQ(TypeParam::device_create(nullptr, nullptr), KS_ERROR_INVALID_ARGUMENT);

@@ -54,6 +54,14 @@ class Changes {
   explicit Changes(uint64_t seed) : random_(seed) {}
   size_t below(size_t count) { return count == 0 ? 0 : random_() % count; }
 
+  /// To begin from where nothing is given.
+  std::vector<Input> random_inputs() {
+    std::vector<Input> inputs(64, Input(1024));
+    for (Input& input : inputs)
+      for (uint8_t& byte : input) byte = static_cast<uint8_t>(random_());
+    return inputs;
+  }
+
   /// Another input made of this one, with parts of `other`.
   Input change(Input input, const Input& other) {
     for (size_t n = size_t{1} << below(4); n > 0; --n) change_once(input, other);
@@ -192,21 +200,23 @@ int main(int argc, char** argv) {
   input_file = std::filesystem::path(argv[0]).filename().string() + "_input";
   keep_inputs_that_break();
   for (const Input& input : inputs) run(input);
-  if (inputs.empty()) inputs.emplace_back();
   Changes changes(seed);
+  if (inputs.empty()) inputs = changes.random_inputs();
   const auto begin = std::chrono::steady_clock::now();
   uint64_t done = 0;
+  size_t reached_new = 0;
   for (; done < runs; ++done) {
     if (done % 16 == 0 && std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count() > seconds) break;
     Input input = changes.change(inputs[changes.below(inputs.size())], inputs[changes.below(inputs.size())]);
     if (!run(input)) continue;
+    ++reached_new;
     if (!keep.empty())
       std::ofstream(keep + "/" + std::to_string(seed) + "_" + std::to_string(done), std::ios::binary)
           .write(reinterpret_cast<const char*>(input.data()), static_cast<std::streamsize>(input.size()));
     inputs.push_back(std::move(input));
   }
   std::printf("%zu inputs replayed, %llu made of them (seed %llu), %zu reached new code, %zu places in all\n", given,
-              static_cast<unsigned long long>(done), static_cast<unsigned long long>(seed), inputs.size() - std::max<size_t>(given, 1),
+              static_cast<unsigned long long>(done), static_cast<unsigned long long>(seed), reached_new,
               static_cast<size_t>(std::count(reached.begin(), reached.end(), 1)));
   return given == 0 && !places.empty() ? 2 : 0;
 }

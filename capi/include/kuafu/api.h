@@ -76,6 +76,7 @@ typedef struct kuafu_api {
   ks_status (*renderer_submit)(kuafu_renderer renderer, kuafu_scene scene, const kuafu_render_desc* desc, ks_sync* out);
   ks_status (*renderer_wait)(kuafu_renderer renderer, const ks_sync* sync, uint64_t timeout_ns);
   ks_status (*renderer_cancel)(kuafu_renderer renderer);
+  ks_status (*scene_cancel_load)(kuafu_scene scene);
 } kuafu_api;
 
 #define KUAFU_API_HAS(api, entry) ((api)->size_bytes >= offsetof(kuafu_api, entry) + sizeof((api)->entry))

@@ -103,6 +103,9 @@ KUAFU_API void kuafu_scene_release(kuafu_scene scene);
  * read. A glTF material may have further fields in its extras (kuafu_material_desc). */
 KUAFU_API ks_status kuafu_scene_load(kuafu_scene scene, const char* path, const double* root_to_world);
 
+/* Ends a load that another thread is in: it gives KS_ERROR_CANCELLED soon, and the scene is unchanged. Any thread may call it at any time. */
+KUAFU_API ks_status kuafu_scene_cancel_load(kuafu_scene scene);
+
 KUAFU_API ks_status kuafu_scene_get_summary(kuafu_scene scene, kuafu_scene_summary* out);
 
 KUAFU_API ks_status kuafu_scene_add_mesh(kuafu_scene scene, const kuafu_mesh_desc* desc, uint32_t* id);

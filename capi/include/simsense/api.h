@@ -51,6 +51,8 @@ typedef struct simsense_api {
   ks_status (*engine_export_timeline)(simsense_engine engine, ks_sync* out);
   ks_status (*engine_get_stage_times)(simsense_engine engine, ks_stage_time* times, uint32_t* count);
   ks_status (*struct_init)(uint32_t type, void* out, uint32_t size_bytes);
+  ks_status (*engine_wait_for)(simsense_engine engine, const ks_sync* sync, uint64_t timeout_ns);
+  ks_status (*engine_cancel)(simsense_engine engine);
 } simsense_api;
 
 #define SIMSENSE_API_HAS(api, entry) ((api)->size_bytes >= offsetof(simsense_api, entry) + sizeof((api)->entry))

@@ -9,8 +9,8 @@
  * Lifetime: a create or import function returns one reference, ..._retain takes another, and ..._release gives one back, from any thread;
  * ..._release(NULL) does nothing. An engine or buffer keeps its device and what it was given, so that these may be released in any order. Handles are never
  * given to another library: buffers are shared through ks_buffer_desc.
- * Threads: a device may be used by several threads at once, an engine or a buffer by one at a time, which includes its release. Distinct objects are
- * independent. Callbacks are called in the thread that called the library, and must not call the library themselves. */
+ * Threads: a device may be used by several threads at once, an engine or a buffer by one at a time, which includes its release
+ * (simsense_engine_cancel alone may come from any). Distinct objects are independent. Callbacks are called in the thread that called the library, and must not call the library themselves. */
 #ifndef SIMSENSE_SIMSENSE_H
 #define SIMSENSE_SIMSENSE_H
 
@@ -103,6 +103,12 @@ SIMSENSE_API ks_status simsense_engine_compute(simsense_engine engine, const sim
 SIMSENSE_API ks_status simsense_engine_submit(simsense_engine engine, const simsense_compute_desc* desc, ks_sync* out);
 /* Waits until the outputs of a submission may be read. */
 SIMSENSE_API ks_status simsense_engine_wait(simsense_engine engine, const ks_sync* sync);
+/* The same, for so long: KS_ERROR_TIMEOUT where the submission has not ended after timeout_ns; it goes on, and may be waited for again. 0 only asks,
+ * UINT64_MAX waits as long as it takes. */
+SIMSENSE_API ks_status simsense_engine_wait_for(simsense_engine engine, const ks_sync* sync, uint64_t timeout_ns);
+/* Ends the compute that another thread is in: it returns KS_ERROR_CANCELLED soon, and its outputs hold anything. What a GPU has begun runs to its end,
+ * which takes milliseconds. Any thread may call it at any time. */
+SIMSENSE_API ks_status simsense_engine_cancel(simsense_engine engine);
 /* Returns the timeline semaphore that each submission advances to its value, for waiting on the device: a KS_SYNC_TIMELINE_FD with the value of the last
  * submission. The caller closes the file descriptor. The device needs KS_CAP_TIMELINE_FD, and there must have been a submission. */
 SIMSENSE_API ks_status simsense_engine_export_timeline(simsense_engine engine, ks_sync* out);

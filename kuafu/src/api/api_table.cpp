@@ -63,6 +63,7 @@ constexpr kuafu_api table{
     .renderer_submit = kuafu_renderer_submit,
     .renderer_wait = kuafu_renderer_wait,
     .renderer_cancel = kuafu_renderer_cancel,
+    .scene_cancel_load = kuafu_scene_cancel_load,
 };
 
 }  // namespace

@@ -15,6 +15,7 @@ struct DeviceScene {
   std::shared_ptr<ks::Device> device;
   Scene scene;
   std::atomic<uint32_t> submitted_renders{0};  // that still read the scene
+  std::atomic<uint64_t> load_wishes{0};        // how often kuafu_scene_cancel_load was called
 };
 
 /// While it lives, the scene cannot be changed.

@@ -5,6 +5,7 @@
 #include "api/descriptors.h"
 #include "api/handles.h"
 #include "api/struct_table.h"
+#include "device/interrupt.h"
 #include "device/struct_read.h"
 #include "io/load.h"
 #include "scene/matrix.h"
@@ -104,10 +105,15 @@ void kuafu_scene_release(kuafu_scene scene) { ks::release(scene, "scene"); }
 ks_status kuafu_scene_load(kuafu_scene scene, const char* path, const double* root_to_world) {
   return ks::call([&] {
     kuafu::DeviceScene& owner = changeable_owner(scene);
+    const ks::Interrupt interrupt([&owner, before = owner.load_wishes.load()](float) { return owner.load_wishes != before; });
     const glm::dmat4 root = root_to_world == nullptr ? glm::dmat4(1.0) : kuafu::from_row_major<4>(root_to_world);
     for (const std::string& warning : kuafu::load_file(owner.scene, &required(path, "path"), root))
       owner.device->log(KS_LOG_WARNING, "%s", warning.c_str());
   });
+}
+
+ks_status kuafu_scene_cancel_load(kuafu_scene scene) {
+  return ks::call([&] { ++ks::object_of(scene, "scene")->load_wishes; });
 }
 
 ks_status kuafu_scene_get_summary(kuafu_scene scene, kuafu_scene_summary* out) {

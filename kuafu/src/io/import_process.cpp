@@ -17,6 +17,7 @@
 #include <system_error>
 
 #include "device/error.h"
+#include "device/interrupt.h"
 
 extern char** environ;
 
@@ -27,6 +28,7 @@ constexpr int answer_fd = 3;
 constexpr size_t buffer_bytes = 1 << 16;
 // A reader is stopped by its processor time. The clock stops one that waits; it is wider, for the processors may be busy with others.
 constexpr int clock_per_processor_second = 4;
+constexpr int milliseconds_between_wishes = 50;  // to end early
 
 class SpawnSettings {
  public:
@@ -165,7 +167,8 @@ void ImportProcess::fill() {
       ks::fail(KS_ERROR_FILE, "reading it was stopped after %u s: if the file is to be trusted, allow more by KUAFU_LOAD_SECONDS",
                seconds_ * clock_per_processor_second);
     pollfd wait{.fd = pipe_, .events = POLLIN, .revents = 0};
-    const int ready = poll(&wait, 1, static_cast<int>(std::min<long long>(left, 1 << 30)));
+    const int ready = poll(&wait, 1, static_cast<int>(std::min<long long>(left, milliseconds_between_wishes)));
+    ks::interruption_point();
     if (ready == 0 || (ready < 0 && errno == EINTR)) continue;
     const ssize_t size = ready < 0 ? -1 : ::read(pipe_, buffer_.data(), buffer_.size());
     if (size < 0 && errno == EINTR) continue;

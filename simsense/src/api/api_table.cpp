@@ -38,6 +38,8 @@ constexpr simsense_api table{
     .engine_export_timeline = simsense_engine_export_timeline,
     .engine_get_stage_times = simsense_engine_get_stage_times,
     .struct_init = simsense_struct_init,
+    .engine_wait_for = simsense_engine_wait_for,
+    .engine_cancel = simsense_engine_cancel,
 };
 
 }  // namespace

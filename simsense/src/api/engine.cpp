@@ -132,8 +132,17 @@ ks_status simsense_engine_submit(simsense_engine engine, const simsense_compute_
   });
 }
 
-ks_status simsense_engine_wait(simsense_engine engine, const ks_sync* sync) {
-  return ks::call([&] { ks::object_of(engine, "engine")->wait(ks::read_struct(sync, KS_TYPE_SYNC, "sync")); });
+ks_status simsense_engine_wait(simsense_engine engine, const ks_sync* sync) { return simsense_engine_wait_for(engine, sync, UINT64_MAX); }
+
+ks_status simsense_engine_wait_for(simsense_engine engine, const ks_sync* sync, uint64_t timeout_ns) {
+  return ks::call([&] {
+    if (!ks::object_of(engine, "engine")->wait(ks::read_struct(sync, KS_TYPE_SYNC, "sync"), timeout_ns))
+      ks::fail(KS_ERROR_TIMEOUT, "the submission has not ended after %.3g s; it goes on", double(timeout_ns) * 1e-9);
+  });
+}
+
+ks_status simsense_engine_cancel(simsense_engine engine) {
+  return ks::call([&] { ks::object_of(engine, "engine")->cancel(); });
 }
 
 ks_status simsense_engine_export_timeline(simsense_engine engine, ks_sync* out) {

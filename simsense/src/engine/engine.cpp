@@ -6,6 +6,7 @@
 #include "cpu/calls.h"
 #include "device/device.h"
 #include "device/error.h"
+#include "device/interrupt.h"
 #include "stages/parameters.h"
 #include "vulkan/calls.h"
 
@@ -51,11 +52,12 @@ void Engine::set_signal(const simsense_signal& left, const simsense_signal& righ
 }
 
 void Engine::compute(const ComputeRequest& request) {
+  const ks::Interrupt interrupt([this, before = wishes_.load()](float) { return wishes_ != before; });
   const StageSettings settings(rig_, parameters_, imagers_);
   check_request(request, rig_, settings);
   stage_times_.clear();
   if (on_device_) {
-    wait_for_device(submit_to_device(request, settings));
+    (void)wait_for_device(submit_to_device(request, settings), UINT64_MAX);
   } else {
     if (vulkan_) vulkan_->wait_idle();  // what was submitted before the parameters left the device comes first
     if (!cpu_) cpu_ = std::make_unique<CpuCalls>(device_, rig_);
@@ -79,15 +81,15 @@ ks_sync Engine::submit(const ComputeRequest& request) {
   return sync;
 }
 
-void Engine::wait(const ks_sync& sync) {
-  if (sync.kind == KS_SYNC_HOST) return;
+bool Engine::wait(const ks_sync& sync, uint64_t timeout_ns) {
+  if (sync.kind == KS_SYNC_HOST) return true;
   if (sync.kind != KS_SYNC_TIMELINE)
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "sync: kind is %u, submit gives host (0) or timeline (2)", sync.kind);
   const uint64_t submitted = vulkan_ ? vulkan_->submitted() : 0;
   if (sync.value > submitted)
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "sync: value is %llu, only %llu were submitted", static_cast<unsigned long long>(sync.value),
              static_cast<unsigned long long>(submitted));
-  if (vulkan_) wait_for_device(sync.value);
+  return !vulkan_ || wait_for_device(sync.value, timeout_ns);
 }
 
 ks_sync Engine::export_timeline() {
@@ -105,9 +107,10 @@ uint64_t Engine::submit_to_device(const ComputeRequest& request, const StageSett
   return vulkan_->submit(request, settings);
 }
 
-void Engine::wait_for_device(uint64_t submission) {
-  vulkan_->wait(submission);
+bool Engine::wait_for_device(uint64_t submission, uint64_t timeout_ns) {
+  if (!vulkan_->wait(submission, timeout_ns)) return false;
   stage_times_ = vulkan_->stage_times();
+  return true;
 }
 
 }  // namespace simsense

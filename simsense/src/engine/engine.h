@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // The engine: a rig, the parameters in force and the imagers, and the calls that run on them, on the CPU or all of them on a GPU.
-// Thread rule: externally synchronised.
+// Thread rule: externally synchronised; cancel() may be called by any thread at any time.
 #pragma once
 
+#include <atomic>
 #include <memory>
 
 #include "ks/sync.h"
@@ -31,7 +32,10 @@ class Engine {
   /// compute() that returns before the work is done where that is possible: on a GPU with all images in its buffers. What the result says
   /// is what wait() takes; the images must live until then.
   ks_sync submit(const ComputeRequest& request);
-  void wait(const ks_sync& sync);
+  /// false: it has not ended after so long (UINT64_MAX: however long it takes).
+  [[nodiscard]] bool wait(const ks_sync& sync, uint64_t timeout_ns);
+  /// Ends the compute() that is under way on the CPU or waits to be sent to a device.
+  void cancel() { ++wishes_; }
   /// The semaphore of submit()'s values, as an fd of the caller's; KS_ERROR_UNSUPPORTED where there is none.
   [[nodiscard]] ks_sync export_timeline();
   /// Of the last compute() or wait().
@@ -40,7 +44,7 @@ class Engine {
  private:
   [[nodiscard]] bool use_vulkan(const simsense_parameters& parameters) const;
   uint64_t submit_to_device(const ComputeRequest& request, const StageSettings& settings);
-  void wait_for_device(uint64_t submission);
+  [[nodiscard]] bool wait_for_device(uint64_t submission, uint64_t timeout_ns);
 
   std::shared_ptr<ks::Device> device_;
   PreparedRig rig_;
@@ -50,6 +54,7 @@ class Engine {
   std::unique_ptr<CpuCalls> cpu_;  // each back end when first used
   std::unique_ptr<VulkanCalls> vulkan_;
   std::vector<ks_stage_time> stage_times_;
+  std::atomic<uint64_t> wishes_{0};  // how often cancel() was called
 };
 
 }  // namespace simsense

@@ -57,7 +57,7 @@ uint64_t VulkanCalls::submit(const ComputeRequest& request, const StageSettings&
   recorded_outputs_ = outputs;
   recorded_wide_ = settings.wide;
   std::unique_ptr<Slot>& slot = slots_[submitted_ % slot_count];
-  if (slot->number) wait(slot->number);
+  if (slot->number) (void)wait(slot->number, UINT64_MAX);
   for (auto* image : {&frame.inputs[0], &frame.inputs[1], &frame.lasers[0], &frame.lasers[1], &frame.rgb})
     if (*image) (*image)->load();
   slot->frame.emplace(std::move(frame));
@@ -79,7 +79,6 @@ uint64_t VulkanCalls::submit(const ComputeRequest& request, const StageSettings&
 }
 
 void VulkanCalls::finish(Slot& slot) {
-  if (timeline_) timeline_->wait(slot.number);
   slot.number = 0;
   slot.commands.finish();
   stage_times_ = to_stage_times(slot.commands.stage_times());
@@ -88,11 +87,13 @@ void VulkanCalls::finish(Slot& slot) {
   slot.frame.reset();
 }
 
-void VulkanCalls::wait(uint64_t submission) {
+bool VulkanCalls::wait(uint64_t submission, uint64_t timeout_ns) {
+  if (timeline_ && !timeline_->wait(submission, timeout_ns)) return false;
   for (uint64_t number = submission > slot_count ? submission - slot_count + 1 : 1; number <= submission; ++number) {
     Slot& slot = *slots_[(number - 1) % slot_count];
     if (slot.number == number) finish(slot);
   }
+  return true;
 }
 
 std::string why_no_vulkan_calls(const ks::Device& device, const simsense_rig_desc& rig, const MatchParameters& parameters) {

@@ -24,9 +24,9 @@ class VulkanCalls {
 
   /// Loads host inputs, records and submits. Returns the submission's number, from 1 on.
   uint64_t submit(const ComputeRequest& request, const StageSettings& settings);
-  /// Until that submission has run, and its host outputs are written.
-  void wait(uint64_t submission);
-  void wait_idle() { wait(submitted_); }
+  /// Until that submission has run, and its host outputs are written; false: it has not after so long (UINT64_MAX: however long it takes).
+  [[nodiscard]] bool wait(uint64_t submission, uint64_t timeout_ns);
+  void wait_idle() { (void)wait(submitted_, UINT64_MAX); }
   [[nodiscard]] uint64_t submitted() const { return submitted_; }
   /// nullptr where the device has none: a submission has run when submit() returns.
   [[nodiscard]] const ks::Timeline* timeline() const { return timeline_ ? &*timeline_ : nullptr; }

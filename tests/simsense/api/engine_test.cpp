@@ -370,7 +370,10 @@ TEST_P(EngineSubmission, GivesWhatComputeGivesOnceWaitedFor) {
   ks_sync sync = ks_sync_init();
   ASSERT_EQ(simsense_engine_submit(engine.get(), &desc, &sync), KS_OK) << simsense_last_error();
   EXPECT_EQ(sync.kind, back_end == SIMSENSE_BACK_END_VULKAN ? KS_SYNC_TIMELINE : KS_SYNC_HOST);
+  EXPECT_EQ(simsense_engine_wait_for(engine.get(), &sync, 0), sync.kind == KS_SYNC_HOST ? KS_OK : KS_ERROR_TIMEOUT)
+      << "it was begun just now";
   ASSERT_EQ(simsense_engine_wait(engine.get(), &sync), KS_OK) << simsense_last_error();
+  EXPECT_EQ(simsense_engine_wait_for(engine.get(), &sync, 0), KS_OK) << simsense_last_error();
   std::vector<float> found(expected.size());
   ASSERT_EQ(simsense_buffer_read(handle, 2 * width * height, found.data(), found.size() * 4), KS_OK);
   EXPECT_EQ(found, expected);

@@ -314,9 +314,10 @@ TEST(vulkan_engine, submissions_run_one_after_the_other) {
     syncs.push_back(engine.submit(requests.back()));
     EXPECT_EQ(syncs.back().kind, KS_SYNC_TIMELINE);
   }
-  engine.wait(syncs[2]);
-  engine.wait(syncs[4]);
-  engine.wait(syncs[0]);
+  EXPECT_FALSE(engine.wait(syncs[4], 0)) << "the last was begun just now";
+  EXPECT_TRUE(engine.wait(syncs[2], UINT64_MAX));
+  EXPECT_TRUE(engine.wait(syncs[4], UINT64_MAX));
+  EXPECT_TRUE(engine.wait(syncs[0], UINT64_MAX));
   for (uint64_t frame = 0; frame < 5; ++frame) {
     p.frame_index = frame;
     calm.set_parameters(p);
@@ -327,7 +328,7 @@ TEST(vulkan_engine, submissions_run_one_after_the_other) {
   }
   ks_sync beyond = syncs[4];
   beyond.value = 6;
-  EXPECT_THROW(engine.wait(beyond), ks::Error);
+  EXPECT_THROW((void)engine.wait(beyond, 0), ks::Error);
   if (device()->info().capabilities & KS_CAP_TIMELINE_FD) {
     EXPECT_EQ(engine.export_timeline().value, 5u);
   } else {
@@ -351,7 +352,7 @@ TEST(vulkan_engine, signals_change_between_submissions) {
     requests.push_back(request_on_device(Images()));
     last = engine.submit(requests.back());
   }
-  engine.wait(last);
+  EXPECT_TRUE(engine.wait(last, UINT64_MAX));
   for (size_t k = 0; k < signals.size(); ++k) {
     calm.set_signal(signals[0], signals[k]);
     const ComputeRequest same = request_on_device(Images());
