@@ -47,6 +47,20 @@ TEST(Structs, ExportedInitialisersAreTheInlineOnes) {
   expect_same(simsense_struct_init, SIMSENSE_TYPE_COMPUTE_DESC, simsense_compute_desc_init());
 }
 
+TEST(Structs, AChainThatPointsAnywhereIsRefusedAndNotFollowed) {
+  ks_buffer_create create = ks_buffer_create_init(64, KS_BUFFER_HOST_VISIBLE);
+  create.header.next = reinterpret_cast<const ks_header*>(uintptr_t(0xaaaaaaaaaaaaaaa8));
+  ks_device_desc desc = ks_device_desc_init();
+  desc.header.next = create.header.next;
+  kuafu_device device = nullptr;
+  EXPECT_EQ(kuafu_device_create(&desc, &device), KS_ERROR_UNSUPPORTED);
+  EXPECT_TRUE(says(kuafu_last_error(), "header.next is not NULL")) << kuafu_last_error();
+  SmallRender render(KUAFU_TRACER_AUTO);
+  if (!render.device) GTEST_SKIP() << kuafu_last_error();
+  kuafu_buffer buffer = nullptr;
+  EXPECT_EQ(kuafu_buffer_create(render.device, &create, &buffer), KS_ERROR_UNSUPPORTED);
+}
+
 TEST(Structs, AnInitialiserServesShorterAndLongerStructs) {
   ks_sync sync;
   std::memset(&sync, 0xaa, sizeof sync);

@@ -344,13 +344,11 @@ class Calls {
     view.camera.width = view.camera.height = side;
     view.camera.k[0] = view.camera.k[4] = side, view.camera.k[2] = view.camera.k[5] = side * 0.5;
     bytes_.disturb(view);
-    view.camera.header.next = nullptr;
     view.film = bytes_.below(3) == 0 ? &film : nullptr;
     const uint64_t shape[4] = {1, side, side, view.band == KUAFU_BAND_INFRARED ? 1u : 3u};
     kuafu_output_desc output = kuafu_output_desc_init(bytes_.below(4) > 0 ? KUAFU_OUTPUT_RADIANCE : bytes_.below(32), nullptr,
                                                       ks_image_desc_packed(KS_FORMAT_F32, 4, shape));
     bytes_.disturb(output);
-    output.image.header.next = nullptr;
     output.buffer = buffer();
     kuafu_render_desc desc = kuafu_render_desc_init();
     desc.samples_per_pixel = 1;
