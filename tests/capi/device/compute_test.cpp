@@ -96,14 +96,14 @@ TEST_F(ComputeTest, SubmittedWorkReachesItsValueOnTheTimeline) {
   commands.dispatch(pipeline, Push{a->address(), b->address(), count, 5}, (count + 63) / 64);
   commands.submit(timeline, 1);
   EXPECT_ERROR(commands.barrier(), KS_ERROR_INTERNAL, "finish()");
-  timeline.wait(1);
+  ASSERT_TRUE(timeline.wait(1, UINT64_MAX));
   EXPECT_EQ(timeline.reached(), 1u);
   commands.finish();
   uint32_t last = 0;
   b->read(4 * (count - 1), &last, 4);
   EXPECT_EQ(last, 15u);
   commands.submit(timeline, 2);  // nothing was recorded
-  timeline.wait(2);
+  ASSERT_TRUE(timeline.wait(2, UINT64_MAX));
   EXPECT_ERROR(commands.update(*Buffer::create(device_, 65540, 0), 0, ones.data(), 65540), KS_ERROR_INTERNAL, "at most 65536");
   EXPECT_ERROR(Timeline(test::host_device()), KS_ERROR_UNSUPPORTED, "no timeline semaphores");
 }
