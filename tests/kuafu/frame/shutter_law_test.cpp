@@ -216,8 +216,8 @@ TEST(Camera, what_it_cannot_be_is_refused_with_the_numbers) {
   using Desc = kuafu_camera_desc;
   refused([](Desc& c) { c.lens_radius_m = 0.01; }, "focus_m is 0");
   refused([](Desc& c) { c.lens_radius_m = NAN; }, "lens_radius_m is nan");
-  refused([](Desc& c) { c.shutter = 2; }, "shutter 2");
-  refused([](Desc& c) { c.readout = 4; }, "readout 4");
+  refused([](Desc& c) { c.shutter = 2; }, "shutter is 2");
+  refused([](Desc& c) { c.readout = 4; }, "readout is 4");
   refused([](Desc& c) { c.exposure_s = -1; }, "exposure_s is -1");
   refused([](Desc& c) { c.line_time_s = INFINITY; }, "line_time_s is inf");
   refused([](Desc& c) { c.angular_velocity[1] = NAN; }, "angular_velocity is nan");
