@@ -9,7 +9,10 @@
     depth_m = sensor.get_depth()  # float32, registered to the RGB camera, 0 = no measurement
 """
 
+from __future__ import annotations
+
 from importlib import import_module
+from typing import Any
 
 _HOMES = {
     "Mount": "sensor",
@@ -23,7 +26,7 @@ _HOMES = {
 __all__ = sorted(_HOMES)
 
 
-def __getattr__(name):
+def __getattr__(name: str) -> Any:
     # On first use, so that what needs no renderer (captures, presets, --help) does not load one.
     if name not in _HOMES:
         raise AttributeError(f"module 'activestereo' has no attribute '{name}'")

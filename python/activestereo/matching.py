@@ -99,3 +99,12 @@ def make_engine(config: StereoDepthSensorConfig, device: simsense.Device, batch_
         **rig_parameters(config),
         **engine_parameters(config),
     )
+
+
+def linear_counts(image: np.ndarray, signal: dict[str, float]) -> np.ndarray:
+    """What a linear imager without noise and dark current counts of an image of radiance, over full scale: 0..1."""
+    full_scale_dn = 2 ** signal["bit_depth"] - 1
+    per_radiance = signal["exposure_s"] * signal["responsivity_e"] * signal["conversion_gain_dn_per_e"] * signal["gain"]
+    warming_k = signal["temperature_c"] - signal["dark_reference_c"]
+    black_dn = signal["black_level_dn"] + signal["black_level_dn_per_k"] * warming_k
+    return np.clip(image * np.float32(per_radiance / full_scale_dn) + np.float32(black_dn / full_scale_dn), 0.0, 1.0)

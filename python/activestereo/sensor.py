@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """StereoDepthSensor: RGB camera, infrared pair and pattern projector in a kuafu scene, with simsense behind them. Names are SAPIEN's."""
 
+from __future__ import annotations
+
 import warnings
 import weakref
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from copy import deepcopy
 from os import PathLike
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,7 +24,7 @@ from activestereo.fireflies import infrared_layers
 from activestereo.ir_link import IrLink
 from activestereo.lazy_maps import LazyMaps
 from activestereo.lens import undistort
-from activestereo.matching import engine_parameters, make_engine, renderer_parameters
+from activestereo.matching import engine_parameters, linear_counts, make_engine, renderer_parameters
 from activestereo.mount import Mount as Mount
 from activestereo.mount import as_mount
 from activestereo.picture_memory import PictureMemory
@@ -30,6 +33,7 @@ from activestereo.presets import StereoDepthSensorConfig
 from activestereo.scene_surfaces import split_surfaces
 from activestereo.sensor_effects import ImageEffects, ModelCostWarning
 from activestereo.sensor_inputs import exposure, render_settings, sensor_inputs, shutter, twist_of
+from activestereo.sensor_model import SensorModel, read_model
 from activestereo.sensor_world import LATER, SensorWorld, pattern_of
 
 # Of the RGB picture: dtype and channels.
@@ -57,7 +61,10 @@ class StereoDepthSensor:
     says what in it does not fit this scene; then nothing has been changed.
     """
 
-    def __init__(self, config, scene_or_mount, pose=None, device="auto", copy_ir=False, model=None):
+    def __init__(
+        self, config: StereoDepthSensorConfig, scene_or_mount: kuafu.Scene | Mount | str | PathLike[str], pose: Pose | None = None,
+        device: str | int | kuafu.Device = "auto", copy_ir: bool = False, model: SensorModel | str | PathLike[str] | None = None,
+    ) -> None:  # fmt: skip
         self._config = deepcopy(config)
         self._mount = as_mount(scene_or_mount, device)
         self._pose = Pose() if pose is None else pose
@@ -130,7 +137,7 @@ class StereoDepthSensor:
     def get_ir(self) -> list[NDArray[np.float32]]:
         """[left, right] float32 [height, width] in 0..1: what linear imagers would count without noise and dark current, over full scale."""
         self._require_picture()
-        return [self._linear_counts(image, eye.signal) for image, eye in zip(self._link.images, self._tell_engines().eyes, strict=True)]
+        return [linear_counts(image, eye.signal) for image, eye in zip(self._link.images, self._tell_engines().eyes, strict=True)]
 
     def get_ir_measured(self) -> list[np.ndarray]:
         """[left, right] uint8 [height, width], uint16 where ir_signal has more than 8 bits: what the sensor gives, with noise."""
@@ -193,14 +200,6 @@ class StereoDepthSensor:
             if camera == "rgb":
                 return self._render([self.rgb_camera()], [name], "visible", frame, None)[name][0]
             return self._render([cameras[camera]()], [name], "infrared", frame, None, eyes=[camera == "right"])[name][0]
-
-    @staticmethod
-    def _linear_counts(image, signal):
-        full_scale_dn = 2 ** signal["bit_depth"] - 1
-        gain = signal["exposure_s"] * signal["responsivity_e"] * signal["conversion_gain_dn_per_e"] * signal["gain"] / full_scale_dn
-        warming_k = signal["temperature_c"] - signal["dark_reference_c"]
-        black = (signal["black_level_dn"] + signal["black_level_dn_per_k"] * warming_k) / full_scale_dn
-        return np.clip(image * np.float32(gain) + np.float32(black), 0.0, 1.0)
 
     # ---- the sensor itself ----
 
@@ -292,7 +291,7 @@ class StereoDepthSensor:
             camera.camera_to_world = to_world @ pose
         return cameras
 
-    def __enter__(self):
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *error: object) -> None:
@@ -327,30 +326,30 @@ class StereoDepthSensor:
 
     # ---- inside ----
 
-    def _set(self, **changes):
+    def _set(self, **changes: Any) -> None:
         changed = self._changed(**changes)
         self._apply(changed, engine_parameters(changed))
 
-    def _changed(self, **changes):
+    def _changed(self, **changes: Any) -> StereoDepthSensorConfig:
         config = deepcopy(self._config)
         for name, value in changes.items():
             setattr(config, name, value)
         return config
 
-    def _apply(self, config, parameters):
+    def _apply(self, config: StereoDepthSensorConfig, parameters: dict[str, Any]) -> None:
         self._match_rest()
         self._engine.set_parameters(**parameters)
         self._config, self._exposure = config, AutoExposure(config)
         self._told = None
 
-    def _match(self, names):
+    def _match(self, names: Iterable[str]) -> dict[str, np.ndarray]:
         """These maps of the last picture."""
         self._engine.set_parameters(frame_index=self._frame, scene_index=self._speckle_draw)
         left_laser, right_laser = self._laser
         pair = (self._link.left, self._link.right)
         return self._image_effects.depth(self._engine, pair, tuple(names), left_laser=left_laser, right_laser=right_laser)
 
-    def _match_rest(self):
+    def _match_rest(self) -> None:
         """Before the engine changes: what could still be read is computed."""
         if self._maps:
             self._maps.complete(("disparity", "ir_left", "ir_right", *self._config.depth_maps), self._match)
@@ -359,12 +358,10 @@ class StereoDepthSensor:
         """Another depth engine of this rig and these parameters, a simsense.Engine."""
         return make_engine(self._config, simsense.Device(self._device.info.device_uuid))
 
-    def _read_model(self, model, scene_path):
+    def _read_model(self, model: Any, scene_path: Any) -> tuple[Model, Survey, float]:
         """(effects, survey, infrared radiance of the model's room) in this scene."""
         if model is None:
             return Model(), Survey(), self._config.ir_ambient_strength
-        from activestereo.sensor_model import SensorModel, read_model
-
         model = model if isinstance(model, SensorModel) else read_model(model)
         if isinstance(scene_path, (str, PathLike)) and not model.surfaces <= set(self._material_names()):
             split_surfaces(self._scene, scene_path)
@@ -373,7 +370,7 @@ class StereoDepthSensor:
         radiance = self._config.ir_ambient_strength if ambient is None else ambient.value / self._config.ir_responsivity_dn
         return model.bound(names), model.survey(names), radiance
 
-    def _material_names(self):
+    def _material_names(self) -> list[str]:
         return [self._scene.material_name(number) for number in range(self._scene.summary.material_count)]
 
     def _tell_engines(self) -> EngineInputs:
@@ -397,7 +394,7 @@ class StereoDepthSensor:
             self._told = inputs
         return self._told
 
-    def _prepare(self, frame):
+    def _prepare(self, frame: int) -> None:
         """What changes from picture to picture: exposure, emitter, and, where the sensor has moved, its static speckle."""
         if self._next_setting is not None:
             self._set_exposure(self._next_setting)
@@ -408,7 +405,7 @@ class StereoDepthSensor:
             self._place, self._speckle_draw = place, self._speckle_draw + 1
         self._lit_frame = frame
 
-    def _expose(self):
+    def _expose(self) -> None:
         """Automatic exposure looks at the light of a picture: for the same picture, or for the next."""
         if self._exposure.mode == "fixed":
             return
@@ -419,12 +416,12 @@ class StereoDepthSensor:
         else:
             self._next_setting = after
 
-    def _set_exposure(self, setting):
+    def _set_exposure(self, setting: Any) -> None:
         if (setting.exposure_s, setting.gain) != (self._config.ir_camera_exposure, self._config.ir_camera_gain):
             self._config.ir_camera_exposure, self._config.ir_camera_gain, self._told = setting.exposure_s, setting.gain, None
         self._next_setting = None
 
-    def _move(self):
+    def _move(self) -> None:
         """Gives what the engines are told the present velocity."""
         if self._told is None or any(eye.delay_s for eye in self._told.eyes):
             self._told = None
@@ -435,13 +432,13 @@ class StereoDepthSensor:
         for light in ([] if inputs.projector is None else [inputs.projector]) + inputs.rig_lights:
             light.linear_velocity, light.angular_velocity = twist_of(c, self._twist, c.pose_rgb_irproj)
 
-    def _place_projector(self):
+    def _place_projector(self) -> None:
         """The projector, and what else is on the rig, at the present pose."""
         self._tell_engines()
         self._world.place(as_matrix(self.get_pose()))
 
     @contextmanager
-    def _projector_on(self):
+    def _projector_on(self) -> Iterator[None]:
         """It shines here, and is dark afterwards, so that other sensors do not see it."""
         self._place_projector()
         try:
@@ -450,12 +447,12 @@ class StereoDepthSensor:
             if not self._config.projector_always_on:
                 self._world.darken()
 
-    def _camera(self, resolution, k, pose_in_rgb, lens_and_shutter):
+    def _camera(self, resolution: Any, k: np.ndarray, pose_in_rgb: Pose, lens_and_shutter: Any) -> kuafu.Camera:
         linear, angular = twist_of(self._config, self._twist, pose_in_rgb)
         pose = camera_to_world(self.get_pose() * pose_in_rgb)
         return kuafu.Camera(*resolution, k, pose, linear_velocity=linear, angular_velocity=angular, **lens_and_shutter)
 
-    def _render(self, cameras, outputs, band, frame, progress, eyes=(False, True)):
+    def _render(self, cameras: Any, outputs: Any, band: str, frame: int, progress: Any, eyes: Any = (False, True)) -> Any:
         c = self._config
         return self._renderer.render(
             self._scene,
@@ -469,7 +466,7 @@ class StereoDepthSensor:
             progress=progress,
         )
 
-    def _render_infrared(self, frame, progress):
+    def _render_infrared(self, frame: int, progress: Any) -> Any:
         """Into the link; returns the projector's part of both images, (None, None) where the config does not ask for it."""
         apart, clamps = self._tell_engines().speckle_of_laser, self._config.ir_fireflies == "clamp"
         names = LASER_OUTPUTS if apart else LASER_OUTPUTS[:1] if clamps else ()
@@ -477,24 +474,24 @@ class StereoDepthSensor:
         images = self._render(self.ir_cameras(), outputs, "infrared", frame, progress)
         return infrared_layers(self._link.images, images, apart, clamps)
 
-    def _keep_times(self, group, worker):
+    def _keep_times(self, group: str, worker: Any) -> None:
         kept = {name: t for name, t in self._stage_times.items() if not name.startswith(f"{group}: ")}
         self._stage_times = kept | {f"{group}: {name}": t for name, t in worker.stage_times.items()}
 
-    def _require_picture(self):
+    def _require_picture(self) -> None:
         if not self._has_picture:
             raise RuntimeError("no picture yet: call take_picture() first")
 
-    def _require_rgb(self):
+    def _require_rgb(self) -> None:
         self._require_picture()
         if not self._has_rgb:
             raise RuntimeError("no RGB picture yet: call take_picture() first, without infrared_only")
 
-    def _require_depth(self):
+    def _require_depth(self) -> None:
         if not self._maps:
             raise RuntimeError("no depth of this picture yet: call compute_depth() after take_picture()")
 
 
-def _part(progress, start, end):
+def _part(progress: Any, start: float, end: float) -> Any:
     """`progress` for a call that is only the part start..end of the work."""
     return None if progress is None else lambda fraction: progress(start + (end - start) * fraction)

@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """activestereo diagnose: which physical effect does the model of a capture lack?"""
 
+from __future__ import annotations
+
+from typing import Any
 import argparse
 import os
 from pathlib import Path
@@ -44,7 +47,7 @@ class _HelpWithGates(argparse.RawDescriptionHelpFormatter):
         return super()._format_text(text.format(share=share_words(GATES.smallest_share)))
 
 
-def add_parser(commands):
+def add_parser(commands: Any) -> None:
     parser = commands.add_parser(
         "diagnose",
         help="rank which physical effect is missing from a capture's model",
@@ -73,7 +76,7 @@ def add_parser(commands):
     parser.set_defaults(run=run)
 
 
-def run(args):
+def run(args: argparse.Namespace) -> None:
     from activestereo.lab.diagnose import diagnose
     from activestereo.lab.diagnose.report import diagnosis_text, write_diagnosis
     from activestereo.lab.engine_prediction import EngineImages

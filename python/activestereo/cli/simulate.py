@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """activestereo simulate: from a scene file to what a depth sensor in it gives."""
 
+from __future__ import annotations
+
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -27,7 +29,10 @@ from activestereo.presets import SAPIEN_DEFAULTS
 from activestereo.render_table import RENDER, RENDERER
 
 if TYPE_CHECKING:
+    import kuafu
+    from activestereo.pose import Pose
     from activestereo.presets import StereoDepthSensorConfig
+    from activestereo.sensor import StereoDepthSensor
     from activestereo.sensor_model import SensorModel
 
 _TEXT = """\
@@ -131,7 +136,7 @@ def run(args: argparse.Namespace) -> None:
     _report(args, sensor, rows)
 
 
-def read_sensor_model(args: argparse.Namespace) -> "SensorModel | None":
+def read_sensor_model(args: argparse.Namespace) -> SensorModel | None:
     """The model that was asked for, whole, or None."""
     if args.model is None:
         return None
@@ -145,7 +150,7 @@ def read_sensor_model(args: argparse.Namespace) -> "SensorModel | None":
     return read_model(args.model, library(*args.effects))
 
 
-def make_config(args: argparse.Namespace, model: "SensorModel | None" = None) -> "StereoDepthSensorConfig":
+def make_config(args: argparse.Namespace, model: SensorModel | None = None) -> StereoDepthSensorConfig:
     """The preset, the model's own figures, and the options that were given."""
     from activestereo.matching import engine_parameters
     from activestereo.presets import StereoDepthSensorConfig, sapien_name
@@ -177,7 +182,7 @@ def make_config(args: argparse.Namespace, model: "SensorModel | None" = None) ->
     return config
 
 
-def _resized(config, resolution):
+def _resized(config: StereoDepthSensorConfig, resolution: tuple[int, int] | None) -> StereoDepthSensorConfig:
     width, height = config.ir_resolution
     scaled = config.scaled(resolution[0] / width)
     if scaled.ir_resolution != resolution:
@@ -191,7 +196,7 @@ def _resized(config, resolution):
     return scaled
 
 
-def _load_scene(args):
+def _load_scene(args: argparse.Namespace) -> kuafu.Scene:
     import kuafu
 
     scene = kuafu.Scene(kuafu.Device(args.device))
@@ -205,7 +210,7 @@ def _load_scene(args):
     return scene
 
 
-def _sensor_pose(args, scene):
+def _sensor_pose(args: argparse.Namespace, scene: kuafu.Scene) -> Pose:
     from activestereo.pose import body_pose
 
     if args.camera_to_world is not None:
@@ -218,7 +223,7 @@ def _sensor_pose(args, scene):
     )
 
 
-def _overall_view(summary):
+def _overall_view(summary: kuafu.SceneSummary) -> np.ndarray:
     """A camera in front of the scene and above it (y up, as in glTF) that sees all of it in the middle half of the
     picture."""
     from activestereo.pose import look_at
@@ -229,7 +234,7 @@ def _overall_view(summary):
     return look_at(centre + 2.6 * radius * direction, centre, (0.0, 1.0, 0.0))
 
 
-def _accuracy(sensor):
+def _accuracy(sensor: StereoDepthSensor) -> list[Any]:
     from activestereo.accuracy import accuracy_by_material
 
     name_of, max_depth = sensor.scene.material_name, sensor.get_config().max_depth
@@ -238,7 +243,7 @@ def _accuracy(sensor):
     )
 
 
-def _write(args, sensor, rows):
+def _write(args: argparse.Namespace, sensor: StereoDepthSensor, rows: list[Any]) -> None:
     from activestereo.output_files import write_depth_png, write_ply, write_png
     from activestereo.overview import simulation_figure, write_figure
 
@@ -255,7 +260,7 @@ def _write(args, sensor, rows):
     write_figure(args.out / "overview.png", simulation_figure(title, rgb, ir, depth, true_depth, rows))
 
 
-def _report(args, sensor, rows):
+def _report(args: argparse.Namespace, sensor: StereoDepthSensor, rows: list[Any]) -> None:
     from activestereo.accuracy import accuracy_table
     from activestereo.cli.report import matching_line, stage_table
 

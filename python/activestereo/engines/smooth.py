@@ -7,6 +7,9 @@ tangent plane. The weights look at geometry alone, never at the noisy light, so 
 stays within a per cent (measured).
 """
 
+from __future__ import annotations
+
+from typing import Any
 import numpy as np
 
 # Changes whenever the filter does.
@@ -21,7 +24,7 @@ _REACH_RAD = 0.02
 _PLANE_SHARE = 0.006
 
 
-def smooth_bounced(image, depth_m, normal, points, material, focal_px):
+def smooth_bounced(image: np.ndarray, depth_m: np.ndarray, normal: np.ndarray, points: np.ndarray, material: np.ndarray, focal_px: float) -> np.ndarray:
     """image [..., height, width], filtered where depth_m > 0. normal and points [height][width][3] in one frame;
     material [height][width]; focal_px: the camera's, in samples of the image."""
     levels = max(1, round(np.log2(focal_px * _REACH_RAD)))
@@ -34,7 +37,7 @@ def smooth_bounced(image, depth_m, normal, points, material, focal_px):
     return np.where(depth_m > 0, out, image)
 
 
-def _filter(image, guide, reach, step):
+def _filter(image: np.ndarray, guide: tuple[Any, ...], reach: np.ndarray, step: int) -> np.ndarray:
     total, weight_sum = np.zeros_like(image), np.zeros_like(reach)
     for j, row_tap in enumerate(_TAPS):
         for i, column_tap in enumerate(_TAPS):
@@ -46,7 +49,7 @@ def _filter(image, guide, reach, step):
     return np.where(weight_sum > 0, total / np.where(weight_sum > 0, weight_sum, 1.0), image)
 
 
-def _likeness(guide, reach, here, there):
+def _likeness(guide: tuple[Any, ...], reach: np.ndarray, here: Any, there: Any) -> np.ndarray:
     """1 for a neighbour of the same surface, towards 0 for another."""
     normal, points, material = guide
     cosine = np.maximum(_dot(normal[:, *here], normal[:, *there]), np.float32(1e-6))
@@ -58,14 +61,14 @@ def _likeness(guide, reach, here, there):
     return same * (eighth * eighth * eighth) * np.exp(-off_plane * off_plane)
 
 
-def _dot(a, b):
+def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-def _overlap(shape, down, right):
+def _overlap(shape: tuple[int, ...], down: int, right: int) -> tuple[Any, Any]:
     """Slices of the samples that have a neighbour at (down, right), and of those neighbours."""
 
-    def axis(size, shift):
+    def axis(size: int, shift: int) -> tuple[slice, slice]:
         return slice(max(0, -shift), size - max(0, shift)), slice(max(0, shift), size - max(0, -shift))
 
     (row, row_there), (column, column_there) = axis(shape[0], down), axis(shape[1], right)

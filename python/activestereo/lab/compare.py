@@ -5,6 +5,14 @@ look on the train frames where the model fails.
 compare() computes; report/ writes compare.json, compare.png and report.html.
 """
 
+from __future__ import annotations
+
+from typing import Any
+from collections.abc import Callable
+from collections.abc import Mapping
+from pathlib import Path
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,6 +30,14 @@ from activestereo.lab.mismatch import match_of, warnings_of
 from activestereo.lab.noise import transfer_points
 from activestereo.lab.render import WARP_SCALE, render_frames
 from activestereo.lab.where_channels import where_it_fails
+
+if TYPE_CHECKING:
+    from activestereo.engines.capture_renderer import CaptureRenderer
+    from activestereo.lab.fit import Fit
+    from activestereo.capture import Frame
+    from activestereo.lab.cache import LayerCache
+    from activestereo.lab.layers import Layers
+    from activestereo.lab.render import Renderer
 
 
 # Of the progress; what follows takes seconds.
@@ -42,9 +58,9 @@ class Comparison:
 
 
 def compare(
-    capture_path, model=None, renderer=None, samples_per_pixel=64, max_bounces=8, seed=0, cache=None, progress=None, is_fine=False,
-    engines=None, survey=None,
-):  # fmt: skip
+    capture_path: str | Path, model: Model | None = None, renderer: Renderer | None = None, samples_per_pixel: int = 64, max_bounces: int = 8, seed: int = 0, cache: LayerCache | None = None, progress: Callable[[float], object] | None = None, is_fine: bool = False,
+    engines: Callable[[Capture], CaptureRenderer] | None = None, survey: Survey | None = None,
+) -> Comparison:  # fmt: skip
     """A Comparison of the capture folder. CaptureError where the capture cannot be used.
 
     model: effects on top of the base renderer, a Model; expected images are compared, so random effects show in the noise floor
@@ -91,7 +107,7 @@ def compare(
     return Comparison(capture, scores, predictions, depths, layers, model)
 
 
-def predict_under_model(capture, model, layers, views, measured):
+def predict_under_model(capture: Capture, model: Model, layers: Mapping[int, Mapping[str, Layers]], views: Mapping[tuple[int, str], View], measured: Mapping[tuple[int, str], np.ndarray]) -> tuple[Fit, dict[tuple[int, str], np.ndarray]]:
     """(the Fit of the nuisances on the train frames, {(frame id, eye): expected DN, float32 [height][width]}) under a Model.
 
     layers: {frame id: {eye: Layers}}; views and measured: {(frame id, eye): View and DN}. ValueError where there is nothing to fit.
@@ -102,11 +118,11 @@ def predict_under_model(capture, model, layers, views, measured):
     return fit, {key: model.signal(lights[key], view, fit.nuisances).astype(np.float32) for key, view in views.items()}
 
 
-def _keys(frame):
+def _keys(frame: Frame) -> list[tuple[int, str]]:
     return [(frame.id, eye) for eye in EYES]
 
 
-def _image_scores(measured, predicted, floor):
+def _image_scores(measured: np.ndarray, predicted: np.ndarray, floor: Any) -> dict[str, Any]:
     """Sums of squares of one image, to be pooled over eyes and frames."""
     residual = measured.astype(np.float64) - predicted
     return {
@@ -118,7 +134,7 @@ def _image_scores(measured, predicted, floor):
     }
 
 
-def _pool(images):
+def _pool(images: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """RMSE, bias, noise floor and what is left above it of pooled pixels, DN."""
     pixels = sum(image["pixels"] for image in images)
     rmse = np.sqrt(sum(image["squares"] for image in images) / pixels)
@@ -130,7 +146,7 @@ def _pool(images):
     return pooled | {"noise_floor_dn": float(floor), "explainable_rmse_dn": float(explainable)}
 
 
-def _split_scores(frames, images):
+def _split_scores(frames: Sequence[Frame], images: Mapping[tuple[int, str], dict[str, Any]]) -> dict[str, Any]:
     of = {eye: [images[frame.id, eye] for frame in frames] for eye in EYES}
     pooled = _pool([image for eye in EYES for image in of[eye]])
     sources = sorted({image["floor_source"] for eye in EYES for image in of[eye] if image["floor_source"]})
@@ -141,7 +157,7 @@ def _split_scores(frames, images):
     }
 
 
-def _frame_scores(frame, images):
+def _frame_scores(frame: Frame, images: Mapping[tuple[int, str], dict[str, Any]]) -> dict[str, Any]:
     eyes = {eye: _pool([images[frame.id, eye]]) for eye in EYES}
     pooled = _pool([images[frame.id, eye] for eye in EYES])
     source = images[frame.id, "left"]["floor_source"]

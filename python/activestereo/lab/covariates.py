@@ -5,6 +5,9 @@ Each covariate is one map [height][width] of an image, or one number of a frame.
 depth).
 """
 
+from __future__ import annotations
+
+from typing import Any
 from dataclasses import dataclass
 
 import numpy as np
@@ -75,7 +78,7 @@ def covariate_maps(
     return {name: np.broadcast_to(np.asarray(value, dtype=np.float32), view.shape) for name, value in maps.items()}
 
 
-def _incidence_deg(view):
+def _incidence_deg(view: View) -> np.ndarray:
     """Angle between the ray to the camera and the surface's normal."""
     points = view.points()
     distance = np.linalg.norm(points, axis=-1)
@@ -83,7 +86,7 @@ def _incidence_deg(view):
     return np.where(view.depth_m > 0, np.degrees(np.arccos(np.clip(cosine, 0.0, 1.0))), np.nan)
 
 
-def _pattern_irradiance(view):
+def _pattern_irradiance(view: View) -> np.ndarray:
     """Pattern x cos / d^2 at the surface, times the frame's power: what the nominal projector sends there, shadows
     aside."""
     source = np.linalg.inv(view.camera_to_projector)[:3, 3]
@@ -95,7 +98,7 @@ def _pattern_irradiance(view):
     return np.where(view.depth_m > 0, irradiance, np.nan)
 
 
-def _image_speed(view):
+def _image_speed(view: View) -> Any:
     """Pixels per second at which the static scene moves through the image (optical flow of the rig's own twist)."""
     if not view.frame.is_moving:
         return 0.0
@@ -110,7 +113,7 @@ def _image_speed(view):
     return np.hypot(du, dv)
 
 
-def _edge_distance(depth_m):
+def _edge_distance(depth_m: np.ndarray) -> Any:
     """Pixels to the nearest jump in depth; the image's size where there is none."""
     z = np.where(depth_m > 0, depth_m, np.inf)
     edge = np.zeros(z.shape, dtype=bool)

@@ -8,6 +8,11 @@ model would from the device. The floor comes from repeated device frames with de
 
 from __future__ import annotations
 
+from typing import Any
+from collections.abc import Mapping
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +20,11 @@ import numpy as np
 from activestereo.capture import EYES, SPLITS, Frame
 from activestereo.lab.depth_model import DepthModel, expose, residual_variance
 from activestereo.lab.noise import NoiseLaw
+
+if TYPE_CHECKING:
+    from activestereo.capture import Capture
+    from activestereo.effects.core.model import Model
+    from activestereo.effects.core.view import View
 
 
 @dataclass(frozen=True)
@@ -35,7 +45,7 @@ class DepthFrame:
         return np.where(both, self.focal_baseline * (1.0 / safe(depth_m) - 1.0 / safe(reference_m)), 0.0), both
 
 
-def model_depths(capture, measured, predictions, views, law, model, seed=0, split=None):
+def model_depths(capture: Capture, measured: Mapping[tuple[int, str], np.ndarray], predictions: Mapping[tuple[int, str], np.ndarray], views: Mapping[tuple[int, str], View], law: NoiseLaw | None, model: Model, seed: int = 0, split: str | None = None) -> list[DepthFrame]:
     """A DepthFrame for each frame that has the device's depth. measured, predictions: {(frame id, eye): DN}; views:
     {...: View}.
 
@@ -61,7 +71,7 @@ def model_depths(capture, measured, predictions, views, law, model, seed=0, spli
     return out
 
 
-def depth_scores(depths):
+def depth_scores(depths: Sequence[DepthFrame]) -> Any:
     """compare.json's `depth`: {split: scores}, splits without device depth left out."""
     scores = {}
     for split in SPLITS:
@@ -71,15 +81,15 @@ def depth_scores(depths):
     return scores
 
 
-def frame_scores(depth):
+def frame_scores(depth: DepthFrame) -> dict[str, Any]:
     return {"id": depth.frame.id} | _against_model([depth]) | _floor([depth], [])
 
 
-def _split_scores(depths):
+def _split_scores(depths: Sequence[DepthFrame]) -> dict[str, Any]:
     return _against_model(depths) | _floor(depths, _repeats(depths)) | {"truth": _against_truth(depths)}
 
 
-def _against_model(depths):
+def _against_model(depths: Sequence[DepthFrame]) -> dict[str, Any]:
     pairs = [(d, d.measured, d.model[0]) for d in depths]
     measured = np.concatenate([(d.measured > 0).ravel() for d in depths])
     model = np.concatenate([(d.model[0] > 0).ravel() for d in depths])
@@ -90,7 +100,7 @@ def _against_model(depths):
     }
 
 
-def _floor(depths, repeats):
+def _floor(depths: Sequence[DepthFrame], repeats: Sequence[Any]) -> dict[str, Any]:
     pairs = repeats or [(d, d.model[0], d.model[1]) for d in depths]
     error = _error(pairs)
     return {
@@ -101,14 +111,14 @@ def _floor(depths, repeats):
     }
 
 
-def _against_truth(depths):
+def _against_truth(depths: Sequence[DepthFrame]) -> Any:
     return {
         "measured": _error([(d, d.measured, d.truth) for d in depths]),
         "model": _error([(d, d.model[0], d.truth) for d in depths]),
     }
 
 
-def _repeats(depths):
+def _repeats(depths: Sequence[DepthFrame]) -> list[Any]:
     """Pairs of the device's own depths of one static view."""
     groups = {}
     for d in depths:
@@ -117,7 +127,7 @@ def _repeats(depths):
     return [(a, a.measured, b.measured) for g in groups.values() for a, b in zip(g, g[1:], strict=False)]
 
 
-def _error(pairs):
+def _error(pairs: Sequence[Any]) -> dict[str, Any]:
     """Errors of (DepthFrame, depth, reference), pooled over pixels where both are valid; None where there is none."""
     metres, pixels = [], []
     for d, depth, reference in pairs:
@@ -135,7 +145,7 @@ def _error(pairs):
     }
 
 
-def _overlap(a, b):
+def _overlap(a: np.ndarray, b: np.ndarray) -> float:
     """Intersection over union; 1 where both are empty."""
     union = np.count_nonzero(a | b)
     return float(np.count_nonzero(a & b) / union) if union else 1.0

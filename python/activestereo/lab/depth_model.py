@@ -2,6 +2,10 @@
 """The model's own depth: the predicted pair with the capture's noise through simsense, as the device would have matched
 it."""
 
+from __future__ import annotations
+
+from typing import Any
+from collections.abc import Mapping
 import warnings
 
 import numpy as np
@@ -53,7 +57,7 @@ class DepthModel:
         is_ideal = _is_rectified(rig)
         registered = {} if is_ideal else {"rgb": left, "left_to_rgb": np.eye(4)}
 
-        def engine(parameters):
+        def engine(parameters: Mapping[str, Any]) -> simsense.Engine:
             device, bits = simsense.Device("host"), max(8, rig.bit_depth)
             return simsense.Engine(
                 device, left, right, rig.left_to_right, rectified=is_ideal, bit_depth=bits, **registered, **parameters
@@ -76,7 +80,7 @@ class DepthModel:
         return self._engine.compute(*pair, outputs=(self._output,))[self._output].copy()
 
 
-def _followed(hints):
+def _followed(hints: Mapping[str, Any]) -> dict[str, Any]:
     """The engine's parameters under the hints that it understands."""
     known = {name: hints[name] for name in _HINTS if isinstance(hints.get(name), int | float)}
     parameters = {"max_disparity": _DEFAULT_MAX_DISPARITY, "max_depth_m": _DEFAULT_MAX_DEPTH_M} | known

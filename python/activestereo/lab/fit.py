@@ -94,7 +94,7 @@ def fit_nuisances(observations: Sequence[tuple[Frame, Any, np.ndarray]], max_dn:
     return Fit(Nuisances(*map(float, solution)), Nuisances(*map(float, errors)), int(used), 1.0 - used / total, at_bound)
 
 
-def _normal_equations(observations, solution, deviation, max_dn):
+def _normal_equations(observations: Sequence[Any], solution: np.ndarray | None, deviation: Any, max_dn: float) -> tuple[np.ndarray, np.ndarray, float, int]:
     """Gram matrix and moments over pixels away from the range's ends: by the measurement at first, then by the
     prediction, which unlike the measurement does not select on its own noise."""
     gram, moment, energy, used = np.zeros((3, 3)), np.zeros(3), 0.0, 0

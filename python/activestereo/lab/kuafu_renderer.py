@@ -2,6 +2,12 @@
 """kuafu as the lab's renderer: the known scene under the projector at power 1 and under ambient radiance 1, infrared
 band."""
 
+from __future__ import annotations
+
+from typing import Any
+from collections.abc import Mapping
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 import hashlib
 import os
 from collections.abc import Callable
@@ -18,6 +24,9 @@ from activestereo.lab.layers import Layers, RenderRequest
 from activestereo.engines.smooth import SMOOTH_VERSION
 from activestereo.engines.smoothing import smooth_light
 from activestereo.scene_surfaces import split_surfaces
+
+if TYPE_CHECKING:
+    pass
 
 # Light without the pattern varies at edges alone: it needs fewer samples.
 _FLAT_SHARE = 0.5
@@ -55,7 +64,7 @@ class KuafuRenderer:
         with ThreadPoolExecutor(os.cpu_count()) as pool:
             return tuple(pool.map(lambda i: self._layers(images, flat, i, request.cameras[i]), range(len(cameras))))
 
-    def _layers(self, images, flat, i, camera):
+    def _layers(self, images: Mapping[str, np.ndarray], flat: np.ndarray, i: int, camera: Any) -> Layers:
         depth_m, normal, material = (
             images["depth"][i, ..., 0].copy(),
             images["normal"][i].copy(),
@@ -68,7 +77,7 @@ class KuafuRenderer:
         indirect, ambient = (image.astype(np.float32) for image in bounced.values())
         return Layers(direct, indirect, ambient, flat[i, ..., 0].copy(), depth_m, normal, material)
 
-    def _smoothed(self, bounced, depth_m, normal, material, camera):
+    def _smoothed(self, bounced: dict[str, np.ndarray], depth_m: np.ndarray, normal: np.ndarray, material: np.ndarray, camera: Any) -> dict[str, np.ndarray]:
         column, row = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
         y = (row - camera.K[1, 2]) / camera.K[1, 1]
         x = (column - camera.K[0, 2] - camera.K[0, 1] * y) / camera.K[0, 0]
@@ -76,7 +85,7 @@ class KuafuRenderer:
         in_camera = normal @ camera.camera_to_world[:3, :3]
         return smooth_light(bounced, depth_m, in_camera, points, material, camera.K[0, 0], self._scene)
 
-    def _render(self, request, cameras, outputs, max_bounces, progress):
+    def _render(self, request: RenderRequest, cameras: Sequence[kuafu.Camera], outputs: Sequence[str], max_bounces: int, progress: Callable[[float], object] | None) -> Mapping[str, np.ndarray]:
         return self._renderer.render(
             self._scene,
             cameras,
@@ -88,7 +97,7 @@ class KuafuRenderer:
             progress=progress,
         )
 
-    def _load(self, request):
+    def _load(self, request: RenderRequest) -> None:
         """The scene and its two patterns: the nominal one, and one that is 1 everywhere. An edited file is another
         scene."""
         digest = scene_digest(request.scene_path)
@@ -102,7 +111,7 @@ class KuafuRenderer:
         self._white = self._scene.add_texture(np.ones_like(request.pattern), name="white pattern")
         self._scene_digest, self._pattern, self._light = digest, request.pattern, None
 
-    def _place_projector(self, request, texture):
+    def _place_projector(self, request: RenderRequest, texture: int) -> None:
         light = kuafu.Light(
             kind="projector",
             name="projector",
@@ -123,7 +132,7 @@ def engine_version(device: kuafu.Device) -> str:
 
 
 @cache
-def _library_digest():
+def _library_digest() -> str:
     """Short content hash of the loaded libkuafu, so that no cached picture outlives the code that made it."""
     maps = Path("/proc/self/maps").read_text(encoding="utf-8").split("\n")
     paths = sorted({line.split(maxsplit=5)[5] for line in maps if "/libkuafu.so" in line})

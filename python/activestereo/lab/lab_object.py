@@ -1,12 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
 """The lab in a notebook: compare, diagnose, add, report on one object."""
 
+from __future__ import annotations
+
+from typing import Any
+from pathlib import Path
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 import os
 
 from activestereo.lab.compare import compare
 from activestereo.lab.diagnose import diagnose
 from activestereo.lab.diagnose.report import write_diagnosis
 from activestereo.lab.model_file import find, library, read_model, scene_of, write_model
+
+if TYPE_CHECKING:
+    from activestereo.lab.compare import Comparison
+    from activestereo.lab.diagnose.diagnosis import Diagnosis
+    from activestereo.effects.core.model import Model
 
 
 class Lab:
@@ -15,25 +26,25 @@ class Lab:
     effects: files of your own effects. settings: renderer, samples_per_pixel, max_bounces, seed, cache, progress of compare().
     """
 
-    def __init__(self, capture, model=None, effects=(), **settings):
+    def __init__(self, capture: str | Path, model: Model | str | Path | None = None, effects: Sequence[str | Path] = (), **settings: Any) -> None:
         self.capture = capture
         self.effects = library(*effects)
         self.model = model if hasattr(model, "with_effect") else read_model(model, self.effects, scene_of(capture))
         self.comparison = self.diagnosis = None
         self._settings = settings
 
-    def compare(self):
+    def compare(self) -> Comparison:
         """A Comparison of the capture with the model as it is now."""
         self.comparison = compare(self.capture, model=self.model, **self._settings)
         return self.comparison
 
-    def diagnose(self, greedy=False, workers=None):
+    def diagnose(self, greedy: bool = False, workers: int | None = None) -> Diagnosis:
         """A Diagnosis of what the model lacks. The model stays as it is: add() what you believe."""
         steps, workers = "greedy" if greedy else "one", workers or os.cpu_count() or 1
         self.diagnosis = diagnose(self.capture, self.model, self.effects, steps, workers=workers, **self._settings)
         return self.diagnosis
 
-    def add(self, effect_id, **parameters):
+    def add(self, effect_id: str, **parameters: float) -> Model:
         """Adds an effect: with the given parameters, else as the last diagnosis found it, else typical. Returns the model."""
         effect = find(self.effects, effect_id)
         if not parameters:
@@ -43,7 +54,7 @@ class Lab:
         self.model = self.model.with_effect(effect, **parameters)
         return self.model
 
-    def report(self, folder):
+    def report(self, folder: str | Path) -> list[Path]:
         """Writes compare.json, report.html, model.json and, after diagnose(), diagnose.json into a folder."""
         from activestereo.lab.report import write_report  # matplotlib takes its time to load
 
@@ -56,6 +67,6 @@ class Lab:
             write_model(paths[0].parent / "model.json", self.model, scene_path=scene_of(self.capture))
         return paths
 
-    def _is_as_found(self):
+    def _is_as_found(self) -> bool:
         found = self.diagnosis
         return found is not None and found.sensor_model is not None and self.model is found.model

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -110,7 +112,7 @@ class Sampling:
         depth_m, normal, material = self._surfaces(layers, column, row)
         return PixelLayers(*lights, depth_m, normal, material, fine)
 
-    def _surfaces(self, layers, column, row):
+    def _surfaces(self, layers: Layers, column: np.ndarray, row: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Depth, normal and material at pixel positions: of the nearest sample, but depth is a mean where it is smooth."""
         shape = layers.depth_m.shape
         at = ((x + self.margin_px + 0.5) * self.scale - 0.5 for x in (row, column))
@@ -160,7 +162,7 @@ def sampling_of(rig: Rig, scale: int) -> Sampling:
     return Sampling(max(scale, _LEAST_SCALE_OF_A_LENS), share + int(np.ceil(reach)))
 
 
-def _reach_px(camera):
+def _reach_px(camera: Any) -> float:
     """How far beyond the ideal frame the distorted one looks, pixels."""
     if camera.is_pinhole:
         return 0.0

@@ -9,6 +9,9 @@ square of a noisy signal exceeds the squared mean by the variance itself, so mea
 / (1 + q2). What is static and random (fixed pattern, static speckle) is not in the floor: it is for effects to explain.
 """
 
+from __future__ import annotations
+
+from typing import Any
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
@@ -107,7 +110,7 @@ def transfer_rows(entry: Repeats, max_dn: float) -> list[tuple[float, ...]]:
     return _with_weights(rows, count)
 
 
-def _apart(edges):
+def _apart(edges: np.ndarray) -> np.ndarray:
     """Ascending bin edges without those that lie too close: repeats of whole numbers agree more often at some means
     than at others."""
     kept = [edges[0]]
@@ -117,7 +120,7 @@ def _apart(edges):
     return np.array(kept)
 
 
-def _with_weights(rows, count):
+def _with_weights(rows: list[Any], count: Any) -> list[Any]:
     """The rows with weights in place of their pixel counts. A bin's error goes by the variance around it: equal and
     unequal numbers have different means, so that a bin's own variance is large or small by how whole numbers fall into
     it."""

@@ -4,6 +4,8 @@ x baseline against the device's own depth. Intervals are 95 %, from a bootstrap 
 independent.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -72,31 +74,31 @@ class _Blocks:
     """Square blocks of the image and the bootstrap's weights for them, [draws][blocks]; the first draw is the image
     itself."""
 
-    def __init__(self, shape):
+    def __init__(self, shape: tuple[int, ...]) -> None:
         rows, columns = np.arange(shape[0]) // _BLOCK_PX, np.arange(shape[1]) // _BLOCK_PX
         self._index = (rows[:, None] * (columns[-1] + 1) + columns[None]).ravel()
         self._count = int(self._index.max()) + 1
         rng = np.random.Generator(np.random.Philox(_SEED))
         self._weights = np.vstack([np.ones(self._count), rng.poisson(1.0, (_DRAWS, self._count))])
 
-    def sums(self, values, mask):
+    def sums(self, values: np.ndarray, mask: np.ndarray) -> np.ndarray:
         """Sums of an image over a mask under each draw, [draws + 1]."""
         of_block = np.bincount(self._index, np.where(mask, values, 0.0).ravel(), minlength=self._count)
         return self._weights @ of_block
 
 
-def _finding(name, text, draws, unit, neutral):
+def _finding(name: str, text: str, draws: np.ndarray, unit: str, neutral: float) -> Finding:
     low, high = interval(draws[1:])
     return Finding(name, text, float(draws[0]), float(low), float(high), unit, neutral)
 
 
-def _saturation(eye, image, max_dn, blocks):
+def _saturation(eye: str, image: np.ndarray, max_dn: float, blocks: Any) -> Finding:
     everywhere = np.ones(image.shape, bool)
     share = blocks.sums(image >= max_dn, everywhere) / blocks.sums(everywhere, everywhere)
     return _finding(f"saturated_{eye}", f"pixels of the {eye} image at full scale", share, "1", 0.0)
 
 
-def _gain(left, there, mask, blocks):
+def _gain(left: np.ndarray, there: np.ndarray, mask: np.ndarray, blocks: Any) -> list[Finding]:
     """Right = gain x left + offset, by orthogonal regression of smoothed images: both are equally noisy."""
     weight = gaussian_filter(mask.astype(np.float64), _SMOOTH_PX)
     a, b = (
@@ -114,7 +116,7 @@ def _gain(left, there, mask, blocks):
     ]
 
 
-def _rows(left, right, disparity, mask, blocks, u, v):
+def _rows(left: np.ndarray, right: np.ndarray, disparity: np.ndarray, mask: np.ndarray, blocks: Any, u: np.ndarray, v: np.ndarray) -> list[Finding]:
     """By how much the right image's rows lie lower, and how that changes from top to bottom and from left to right:
     least squares on the derivative along columns, Lucas and Kanade's step once."""
     there = map_coordinates(right, [v, u - disparity], order=3, mode="nearest")
@@ -149,7 +151,7 @@ def _rows(left, right, disparity, mask, blocks, u, v):
     ]
 
 
-def _scale(disparity, device, blocks):
+def _scale(disparity: np.ndarray, device: np.ndarray, blocks: Any) -> list[Finding]:
     """Own disparity = (1 + scale) x device's + offset: with one of the two, and with both."""
     both = (disparity > 0) & (device > 0)
     both &= (

@@ -7,6 +7,9 @@ flatter itself (Athey and Imbens, PNAS 113, 2016). A split that half B does not 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
@@ -16,6 +19,9 @@ import numpy as np
 from activestereo.lab.bootstrap import BlockBootstrap, interval
 from activestereo.lab.covariates import COVARIATES
 from activestereo.lab.where_samples import GROUPS, Samples
+
+if TYPE_CHECKING:
+    from activestereo.lab.covariates import Covariate
 
 DEPTH = 3
 _SMALLEST_LEAF = 0.01
@@ -31,10 +37,10 @@ class _Node:
     conditions: dict
     children: list = field(default_factory=list)
 
-    def leaves(self):
+    def leaves(self) -> list[Any]:
         return [leaf for child in self.children for leaf in child.leaves()] or [self]
 
-    def below(self):
+    def below(self) -> list[Any]:
         return [node for child in self.children for node in (child, *child.below())]
 
 
@@ -62,7 +68,7 @@ class HonestTree:
         headline = max(inner, key=lambda r: r["share"] - r["pixel_share"], default=None)
         return {"leaves": sorted(leaves, key=lambda r: -r["share"]), "headline": headline}
 
-    def _region(self, node, name_of):
+    def _region(self, node: Any, name_of: Any) -> dict[str, Any]:
         excess = self._sums(node, self._samples.excess)[:, None]
         [(share, draws)] = self._bootstrap.ratios([excess], self._sums(self._root, self._samples.excess)[:, None])
         low, high = interval(draws)
@@ -76,10 +82,10 @@ class HonestTree:
             "excess": float(excess.sum() / max(len(node.b), 1)),
         }
 
-    def _sums(self, node, values):
+    def _sums(self, node: Any, values: np.ndarray) -> np.ndarray:
         return np.bincount(self._samples.group[node.b], values[node.b], GROUPS)
 
-    def _grow(self, node, depth):
+    def _grow(self, node: Any, depth: int) -> None:
         best = self._best_split(node) if depth else None
         if best is None:
             return
@@ -94,7 +100,7 @@ class HonestTree:
         if not any(child.children for child in node.children) and not self._is_confirmed(inside, outside):
             node.children = []
 
-    def _best_split(self, node):
+    def _best_split(self, node: Any) -> Any:
         """(covariate, codes of one side, codes of the other) with the largest fall of squared deviation, or None."""
         target = self._target[node.a]
         total = target.sum()
@@ -119,7 +125,7 @@ class HonestTree:
                 best_gain, best = gain[at], (name, known - low, low)
         return best
 
-    def _is_confirmed(self, inside, outside):
+    def _is_confirmed(self, inside: Any, outside: Any) -> bool:
         """Whether half B, too, sees more excess per pixel inside than outside."""
         if not len(inside.b) or not len(outside.b):
             return False
@@ -131,7 +137,7 @@ class HonestTree:
         low, high = interval(means[0] - means[1])
         return bool(low > 0 or high < 0)
 
-    def _condition(self, name, codes, name_of):
+    def _condition(self, name: str, codes: Any, name_of: Any) -> dict[str, Any]:
         covariate, bins = _ORDER[name], self._samples.bins[name]
         codes = sorted(c for c in codes if c > 0)
         if not codes:
@@ -144,7 +150,7 @@ class HonestTree:
         return {"covariate": name, "low": low, "high": high, "words": words}
 
 
-def _limits(bins, codes):
+def _limits(bins: Any, codes: Any) -> tuple[Any, Any]:
     """(low, high) of a run of codes; None at an end of the range. Between single values the middle is the limit."""
     if bins.edges is not None:
         edges = bins.edges
@@ -156,7 +162,7 @@ def _limits(bins, codes):
     return low, high
 
 
-def _range_words(covariate, low, high):
+def _range_words(covariate: Covariate, low: Any, high: Any) -> str:
     unit = f" {covariate.unit}" if covariate.unit and covariate.name != "radius" else ""
     if low is None and high is None:
         return f"any {covariate.words}"
@@ -167,5 +173,5 @@ def _range_words(covariate, low, high):
     return f"{low:.4g} < {covariate.words} ≤ {high:.4g}{unit}"
 
 
-def _either(names):
+def _either(names: Sequence[str]) -> str:
     return names[0] if len(names) == 1 else ", ".join(names[:-1]) + " or " + names[-1]

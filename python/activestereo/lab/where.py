@@ -2,6 +2,8 @@
 """Where the model fails: the residual against each covariate, binned, with block-bootstrap intervals and a false
 discovery rate."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -38,7 +40,7 @@ def where_tables(
     return sorted(tables, key=lambda t: (order.index(t["channel"]), not t["is_finding"], -(t["concentration"] or 0.0)))
 
 
-def _table(channel, unit, samples, explainable, covariate, bootstrap, name_of):
+def _table(channel: str, unit: str, samples: Any, explainable: np.ndarray, covariate: Any, bootstrap: Any, name_of: Any) -> dict[str, Any]:
     bins = samples.bins[covariate.name]
     ones = np.ones_like(samples.residual)
     sums = lambda values: samples.group_sums(values, bins.code, bins.count)  # noqa: E731
@@ -67,7 +69,7 @@ def _table(channel, unit, samples, explainable, covariate, bootstrap, name_of):
     }
 
 
-def _p_value(columns, overall):
+def _p_value(columns: np.ndarray, overall: Any) -> float:
     """Of the hypothesis that the covariate does not matter: in every bin the mean residual and the excess are the
     overall ones."""
     observed, drawn = 0.0, 0.0
@@ -77,7 +79,7 @@ def _p_value(columns, overall):
     return float((1 + np.count_nonzero(drawn >= observed)) / (1 + np.size(drawn)))
 
 
-def _bin_rows(covariate, bins, name_of, count, share, mean, excess, floor):
+def _bin_rows(covariate: Any, bins: Any, name_of: Any, count: np.ndarray, share: np.ndarray, mean: np.ndarray, excess: np.ndarray, floor: np.ndarray) -> list[dict[str, Any]]:
     mean_low, mean_high = interval(mean[1])
     excess_low, excess_high = interval(excess[1])
     rows = []

@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Turns a comparison's images and depths into the channels that where.py and tree.py look at."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -13,6 +16,11 @@ from activestereo.lab.tree import HonestTree
 from activestereo.lab.where import where_tables
 from activestereo.lab.where_samples import LARGEST_DISPARITY_ERROR_PX, ResidualImage, gather_samples
 from activestereo.scene_surfaces import surface_names
+
+if TYPE_CHECKING:
+    from activestereo.lab.depth_model import DepthFrame
+    from activestereo.capture import Frame
+    from activestereo.lab.noise import NoiseLaw
 
 # Below this share of the floor's variance an excess may be the renderer's own Monte Carlo noise, and is not explained
 # further.
@@ -84,7 +92,7 @@ def surface_text(scene_path: Path) -> Callable[[int], str]:
     return lambda index: names[index] if index < len(names) else f"material {index}"
 
 
-def _floor(expected, frame, image_floor, law):
+def _floor(expected: np.ndarray, frame: Frame, image_floor: Any, law: NoiseLaw | None) -> np.ndarray:
     """Variance per pixel [height][width] by the law, scaled to the image's own floor; 0 where nothing tells it."""
     if image_floor is None:
         return np.zeros(expected.shape)
@@ -93,12 +101,12 @@ def _floor(expected, frame, image_floor, law):
     return variance * (image_floor[0] / mean) if mean > 0 else np.full(expected.shape, image_floor[0])
 
 
-def _pose(frame, eye):
+def _pose(frame: Frame, eye: str) -> bytes:
     """Equal for images whose static errors are the same ones."""
     return eye.encode() + np.ascontiguousarray(frame.camera_to_world, dtype=np.float64).tobytes()
 
 
-def _disparity(d):
+def _disparity(d: DepthFrame) -> tuple[Any, ...]:
     """(residual, floor, mask): device minus model, and the squared difference of two exposures of the model."""
     error, valid = d.disparity_error(d.measured, d.model[0])
     repeat, again = d.disparity_error(d.model[0], d.model[1])

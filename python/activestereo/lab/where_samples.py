@@ -7,6 +7,8 @@ measured, -1 = the model alone). Train frames only: test frames stay unseen by w
 
 from __future__ import annotations
 
+from typing import Any
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -92,11 +94,11 @@ def gather_samples(images: Sequence[ResidualImage], seed: int = 0) -> Samples | 
     return Samples(residual, residual**2 - floor, floor, _groups(images, keep, rng), bins)
 
 
-def _subset(mask, share, rng):
+def _subset(mask: np.ndarray, share: float, rng: np.random.Generator) -> np.ndarray:
     return mask if share >= 1.0 else mask & (rng.random(mask.shape) < share)
 
 
-def _groups(images, keep, rng):
+def _groups(images: Sequence[Any], keep: Any, rng: np.random.Generator) -> np.ndarray:
     """Blocks of 16 px of one pose and eye, dealt at random to the groups that are resampled."""
     first, firsts, parts = 0, {}, []
     for image, kept in zip(images, keep, strict=True):
@@ -109,7 +111,7 @@ def _groups(images, keep, rng):
     return (rng.permutation(first) % GROUPS)[np.concatenate(parts)]
 
 
-def _bin_values(values, is_category):
+def _bin_values(values: np.ndarray, is_category: bool) -> Bins:
     """Own bins for few distinct values, else 20 of equal pixel counts with edges that are round numbers."""
     finite = np.isfinite(values)
     some = values[finite]
@@ -127,7 +129,7 @@ def _bin_values(values, is_category):
     return Bins(np.where(finite, code, 0), np.concatenate([edges[:1], inner, edges[-1:]]), None)
 
 
-def _round_step(step):
+def _round_step(step: float) -> float:
     """The largest of 1, 2, 5 x 10^n that is not above `step`."""
     power = 10.0 ** np.floor(np.log10(step)) if step > 0 else 1.0
     return float(max(m * power for m in (1, 2, 5) if m * power <= max(step, power)))

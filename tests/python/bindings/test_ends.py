@@ -22,7 +22,7 @@ mesh = scene.add_mesh(np.array([[-9, -9, 2], [9, -9, 2], [0, 9, 2]], np.float32)
 scene.add_instance(mesh)
 scene.set_environment((1, 1, 1))
 camera = kuafu.Camera(64, 64, np.array([[60, 0, 32], [0, 60, 32], [0, 0, 1.0]]))
-renderer = kuafu.Renderer(device, sys.argv[1])
+renderer = kuafu.Renderer(device, tracer=sys.argv[1])
 renderer.render(scene, camera, spp=1)
 """
 

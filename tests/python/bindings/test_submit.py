@@ -16,7 +16,7 @@ HOURS = 10**8  # samples
 
 @pytest.fixture(params=["embree", "compute"])
 def renderer(device: kuafu.Device, request: pytest.FixtureRequest) -> kuafu.Renderer:
-    return kuafu.Renderer(device, request.param)
+    return kuafu.Renderer(device, tracer=request.param)
 
 
 @pytest.fixture

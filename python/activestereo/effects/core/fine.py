@@ -66,7 +66,7 @@ class FineImages:
             self._sums[indices] = self._sum_of(indices)
         return self._sums[indices]
 
-    def _sum_of(self, indices):
+    def _sum_of(self, indices: Sequence[int]) -> FineImages:
         image = self.images[indices[0]] if len(indices) == 1 else self.images[list(indices)].sum(axis=0)
         return FineImages(image[None], self.scale, self.margin_px)
 
@@ -94,5 +94,5 @@ class _LaterFine(FineImages):
     def images(self) -> np.ndarray:
         return self._operation(self._source).images
 
-    def _sum_of(self, indices):
+    def _sum_of(self, indices: Sequence[int]) -> FineImages:
         return self._operation(self._source.sum_of(indices))

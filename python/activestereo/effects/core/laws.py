@@ -5,6 +5,10 @@
 they vary with; 3 every value in range gives finite numbers; 4 every parameter has an influence; 5 the input is left alone.
 """
 
+from __future__ import annotations
+
+from typing import Any
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
@@ -30,7 +34,7 @@ def broken_laws(effect: Effect) -> list[str]:
     return [sentence for check in checks for sentence in check(effect, value, view)]
 
 
-def _failure(effect, value, view):
+def _failure(effect: Effect, value: Any, view: View) -> str | None:
     """Why the effect cannot be tried at all, or None."""
     try:
         given = effect(_copy(value), view, **effect.typical_values)
@@ -77,7 +81,7 @@ def example_view(
     )
 
 
-def _dots(shape):
+def _dots(shape: tuple[int, int]) -> np.ndarray:
     v, u = np.mgrid[0 : shape[0], 0 : shape[1]]
     return (0.03 + 0.9 * np.exp(-(((u % 9) - 4) ** 2 + ((v % 7) - 3) ** 2) / 2.5)).astype(np.float32)
 
@@ -100,30 +104,30 @@ def example_value(stage: Stage, view: View) -> Light | np.ndarray:
     return 20.0 + 300.0 * light.direct + v
 
 
-def _arrays(value):
+def _arrays(value: Any) -> np.ndarray:
     return np.stack([value.direct, value.indirect, value.ambient, value.flat]) if isinstance(value, Light) else value
 
 
-def _copy(value):
+def _copy(value: Any) -> Any:
     return Light(*_arrays(value).copy()) if isinstance(value, Light) else value.copy()
 
 
-def _same(a, b, tolerance=0.0):
+def _same(a: np.ndarray, b: np.ndarray, tolerance: float = 0.0) -> bool:
     a, b = _arrays(a), _arrays(b)
     return a.shape == b.shape and np.allclose(a, b, rtol=tolerance, atol=tolerance * max(1.0, np.abs(a).max()))
 
 
-def _neutral(effect, value, view):
+def _neutral(effect: Effect, value: Any, view: View) -> Iterator[str]:
     if not _same(effect(value, view, **effect.neutral_values), value, 1e-6):
         yield f"{effect.id}: neutral parameters change the image"
 
 
-def _deterministic(effect, value, view):
+def _deterministic(effect: Effect, value: Any, view: View) -> Iterator[str]:
     if not _same(effect(value, view, **effect.typical_values), effect(value, view, **effect.typical_values)):
         yield f"{effect.id}: the same input gives another output (draw from view.rng alone)"
 
 
-def _random_as_told(effect, value, view):
+def _random_as_told(effect: Effect, value: Any, view: View) -> Iterator[str]:
     first = effect(value, view, **effect.typical_values)
     other_seed = effect(value, replace(view, seed=1), **effect.typical_values)
     other_frame = effect(value, replace(view, frame=replace(view.frame, id=view.frame.id + 1)), **effect.typical_values)
@@ -134,7 +138,7 @@ def _random_as_told(effect, value, view):
         yield f"{effect.id}: says randomness {effect.randomness.value}, but repeats {'differ' if varies_with_frame else 'are equal'}"
 
 
-def _finite(effect, value, view):
+def _finite(effect: Effect, value: Any, view: View) -> Iterator[str]:
     ends = [sorted({p.low, p.high, p.typical_value}) for p in effect.parameters]
     for combination in product(*ends[:6]):
         values = dict(zip((p.name for p in effect.parameters), combination, strict=False))
@@ -143,7 +147,7 @@ def _finite(effect, value, view):
             return
 
 
-def _influence(effect, value, view):
+def _influence(effect: Effect, value: Any, view: View) -> Iterator[str]:
     base = effect.typical_values
     for p in effect.parameters:
         outputs = [effect(value, view, **(base | {p.name: end})) for end in (p.low, p.typical_value, p.high)]
@@ -151,7 +155,7 @@ def _influence(effect, value, view):
             yield f"{effect.id}: parameter {p.name} has no influence"
 
 
-def _input_untouched(effect, value, view):
+def _input_untouched(effect: Effect, value: Any, view: View) -> Iterator[str]:
     given = _copy(value)
     effect(given, view, **effect.typical_values)
     if not _same(given, value):

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Hashable
+
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -108,7 +110,7 @@ class Light:
         of_fine = self.fine and (lambda fine: fine.shifted_sum(along_u, along_v))
         return _Later(self, lambda images: shifted_sum(images, along_u, along_v), of_fine).light()
 
-    def _once(self, key, make):
+    def _once(self, key: Hashable, make: Callable[[], Any]) -> Any:
         memory = self.__dict__.setdefault("_memory", {})
         if key not in memory:
             memory[key] = make()
@@ -129,7 +131,7 @@ class _Later:
 
     of_gain: what becomes of a local gain, see Light.warped. at: function of (names, flat indices of pixels), or None."""
 
-    def __init__(self, source, of_images, of_fine=None, of_gain=lambda gain: gain):
+    def __init__(self, source: Any, of_images: Callable[..., Any], of_fine: Callable[..., Any] | None = None, of_gain: Callable[[Any], Any] = lambda gain: gain) -> None:
         self._source, self._of_images, self._of_gain, self.at = source, of_images, of_gain, None
         self._fine = of_fine(source.fine) if of_fine else None
 

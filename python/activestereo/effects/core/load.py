@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Effects from a user's file: Python with the decorator, or a shared library of ks/effect.h."""
 
+from __future__ import annotations
+
 import importlib.util
 from pathlib import Path
 
@@ -23,7 +25,7 @@ def load_effects(path: str | Path) -> dict[str, Effect]:
     return effects
 
 
-def _from_python(path):
+def _from_python(path: Path) -> list[Effect]:
     spec = importlib.util.spec_from_file_location(f"activestereo_user_{path.stem}", path)
     module = importlib.util.module_from_spec(spec)
     try:
@@ -34,14 +36,14 @@ def _from_python(path):
     return list({id(value): value for value in vars(module).values() if isinstance(value, Effect)}.values())
 
 
-def _from_library(path):
+def _from_library(path: Path) -> list[Effect]:
     try:
         return load_plugin(path)
     except OSError as error:
         raise ValueError(f"{path}: neither a Python file nor a shared library that loads: {error}") from error
 
 
-def _line_in(error, path):
+def _line_in(error: BaseException, path: Path) -> int | None:
     """The last line of the file that the error went through."""
     step, line = error.__traceback__, None
     while step:

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a moving rig sees a little before or after mid-exposure: the scene shifts, the rig's own dots hardly do."""
 
+from __future__ import annotations
+
 from dataclasses import replace
 
 import numpy as np
@@ -37,7 +39,7 @@ def displaced(light: Light, view: View, dt_s: float | np.ndarray) -> Light:
     return replace(moved, direct=direct, flat=flat)
 
 
-def _poses(view, rows):
+def _poses(view: View, rows: np.ndarray) -> np.ndarray:
     """[height][4][4]: camera coordinates at each row's time to those at mid-exposure."""
     twist = view.frame.camera_velocity
     velocity, spin = twist[:3], twist[3:]
@@ -50,7 +52,7 @@ def _poses(view, rows):
     return poses[index]
 
 
-def _source_pixels(view, then_to_mid):
+def _source_pixels(view: View, then_to_mid: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """(u, v) at mid-exposure of what each pixel sees then, and its camera coordinates then and at mid-exposure."""
     rotation, shift = then_to_mid[:, None, :3, :3], then_to_mid[:, None, :3, 3]
     far = view.depth_m.max() if view.depth_m.any() else 1.0
@@ -65,13 +67,13 @@ def _source_pixels(view, then_to_mid):
     return u, v, then, mid
 
 
-def _falloff_ratio(view, then_to_mid, u, v, then, mid):
+def _falloff_ratio(view: View, then_to_mid: np.ndarray, u: np.ndarray, v: np.ndarray, then: np.ndarray, mid: np.ndarray) -> np.ndarray:
     """Projector irradiance then over that at mid-exposure, of one surface point: the rig moves, the surface does not."""
     source = np.linalg.inv(view.camera_to_projector)[:3, 3]
     normal_mid = np.moveaxis(sample(np.moveaxis(view.normal, -1, 0), u, v, order=1), 0, -1)
     normal_then = np.einsum("rji,rcj->rci", then_to_mid[:, :3, :3], normal_mid)
 
-    def irradiance(points, normal):
+    def irradiance(points: np.ndarray, normal: np.ndarray) -> np.ndarray:
         way = source - points
         return np.maximum((normal * way).sum(-1), 0.0) / np.linalg.norm(way, axis=-1) ** 3
 

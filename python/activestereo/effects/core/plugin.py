@@ -1,6 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Effects from C: the descriptors of a shared library (capi/include/ks/effect.h) as Effects."""
 
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 import ctypes as c
 import keyword
 from pathlib import Path
@@ -12,6 +16,9 @@ from activestereo.effects.core import plugin_records as records
 from activestereo.effects.core.descriptor import Effect, Parameter, Randomness, Stage
 from activestereo.effects.core.judging import Lever, RandomTerm, SharedBy
 from activestereo.effects.core.light import Light
+
+if TYPE_CHECKING:
+    from activestereo.effects.core.view import View
 
 _ENTRY = "ks_effect_plugin"
 _RANDOMNESS = tuple(Randomness[name.upper()] for name in records.RANDOMNESS)
@@ -65,7 +72,7 @@ def _effect(record: records.Effect, library: c.CDLL) -> Effect:
     except ValueError:
         raise ValueError(f"effect '{name}' has stage {record.stage}, not one of KS_STAGE_*") from None
 
-    def apply(value, view, **values):
+    def apply(value: Any, view: View, **values: float) -> Any:
         assert library  # its code runs below
         return _run(record.apply, name, randomness, value, view, [values[p.name] for p in parameters])
 
@@ -109,7 +116,7 @@ def _text(pointer: bytes | None) -> str:
     return text
 
 
-def _run(function, name, randomness, value, view, parameters):
+def _run(function: Any, name: str, randomness: Randomness, value: Any, view: View, parameters: Sequence[float]) -> Any:
     images = value.images if isinstance(value, Light) else value
     images = np.ascontiguousarray(images, dtype=np.float64)
     out = np.empty_like(images)
@@ -124,7 +131,7 @@ def _run(function, name, randomness, value, view, parameters):
     return Light(*out, value.fine) if isinstance(value, Light) else out
 
 
-def _view(view, name, randomness):
+def _view(view: View, name: str, randomness: Randomness) -> tuple[Any, tuple[Any, ...]]:
     """The C record of a View, and the arrays that it points into."""
     frame = view.frame
     depth = np.ascontiguousarray(view.depth_m, dtype=np.float64)

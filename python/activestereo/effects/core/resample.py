@@ -66,7 +66,7 @@ class BoxSampler:
             total = low + share * (high - low) - total
         return total / (box_u * box_v)
 
-    def _between(self, index, share):
+    def _between(self, index: np.ndarray, share: np.ndarray) -> np.ndarray:
         """The integral between a flat index and the next, along a row."""
         at = self._integral.ravel()
         low = at.take(index)
@@ -74,7 +74,7 @@ class BoxSampler:
         return low + share * (at.take(index) - low)
 
 
-def _place(x, size):
+def _place(x: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
     """(whole part, fraction) of positions in an integral of `size` pixels."""
     x = np.minimum(np.maximum(x, 0.0), size)
     i = np.minimum(x.astype(np.intp), size - 1)
@@ -95,7 +95,7 @@ def shifted_sum(
     return np.clip(coefficients.reshape(images.shape), low, high)  # a spline may overshoot next to a dot
 
 
-def _cubic_spline(x):
+def _cubic_spline(x: np.ndarray) -> np.ndarray:
     """The cubic B-spline: of one coefficient, its share in the value at a distance x."""
     x = np.abs(x)
     return np.where(x < 1.0, 2.0 / 3.0 - x * x + 0.5 * x**3, np.maximum(2.0 - x, 0.0) ** 3 / 6.0)
@@ -165,7 +165,7 @@ def disc_sampler(pattern: Pattern, diameter_px: float) -> BoxSampler:
     return BoxSampler(_convolved(pattern.image, stamp / stamp.sum(), reach))
 
 
-def _convolved(image, stamp, reach):
+def _convolved(image: np.ndarray, stamp: np.ndarray, reach: int) -> np.ndarray:
     """The image under a stamp whose middle is at (reach, reach); zero outside the image."""
     height, width = image.shape
     shape = [next_fast_len(size + 2 * reach, real=True) for size in image.shape]

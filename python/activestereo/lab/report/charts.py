@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The charts of the report: error per frame, photon transfer, residual against covariates, error against effects added."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -10,13 +13,16 @@ from matplotlib.figure import Figure
 from activestereo.lab.covariates import COVARIATES
 from activestereo.lab.report.page import BLUE, GREEN, GRID, INK, MUTED, ORANGE
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 _SPLIT_COLOR = {"train": BLUE, "test": ORANGE}
 _WORDS = {covariate.name: covariate.words for covariate in COVARIATES}
 _COLUMNS = 4
 _LEGEND_IN = 0.32
 
 
-def _axes(figure, *place, x=None, y=None, title=None, grid="both"):
+def _axes(figure: Figure, *place: Any, x: str | None = None, y: str | None = None, title: str | None = None, grid: Any = "both") -> Axes:
     axes = figure.add_subplot(*place)
     axes.spines[["top", "right"]].set_visible(False)
     axes.spines[["left", "bottom"]].set_color(GRID)
@@ -31,7 +37,7 @@ def _axes(figure, *place, x=None, y=None, title=None, grid="both"):
     return axes
 
 
-def _legend(axes, **place):
+def _legend(axes: Axes, **place: Any) -> None:
     axes.legend(frameon=False, fontsize=8.5, labelcolor=INK, **place)
 
 
@@ -95,7 +101,7 @@ def covariates_chart(tables: Sequence[Mapping[str, Any]], unit: str) -> Figure:
     return figure
 
 
-def _draw_bins(axes, bins):
+def _draw_bins(axes: Axes, bins: Sequence[Any]) -> None:
     categories = "label" in bins[0]
     x = np.arange(len(bins)) if categories or len(bins) < 6 else np.array([(b["low"] + b["high"]) / 2 for b in bins])
     mean, rmse, floor = (np.array([b[key] for b in bins]) for key in ("mean", "rmse", "noise_floor"))
@@ -154,7 +160,7 @@ def effects_chart(steps: Sequence[Mapping[str, Any]], floor: float | None) -> Fi
     return figure
 
 
-def _step_name(steps, index):
+def _step_name(steps: Sequence[dict[str, Any]], index: int) -> str:
     """What a step changed, in words."""
     now, before = steps[index]["effects"], steps[index - 1]["effects"] if index else []
     changes = [f"+ {name}" for name in now if name not in before] + [f"− {name}" for name in before if name not in now]

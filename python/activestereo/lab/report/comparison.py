@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The report's sections on a comparison: how large the error is, how large it must be, and where it sits."""
 
+from __future__ import annotations
+
+from collections.abc import Sequence
 from typing import Any
 
 from activestereo.lab.covariates import COVARIATES
@@ -88,11 +91,11 @@ def settings_section(scores: dict[str, Any]) -> str:
     )
 
 
-def _number(value, unit, digits=3):
+def _number(value: float | None, unit: str, digits: int = 3) -> str:
     return "—" if value is None else f"{value:.{digits}f} {unit}"
 
 
-def _depth_table(depth):
+def _depth_table(depth: dict[str, Any]) -> str:
     """Device and model against each other and against the known geometry."""
     rows = []
     for split, values in depth.items():
@@ -124,7 +127,7 @@ def _depth_table(depth):
     )
 
 
-def _noise(scores):
+def _noise(scores: dict[str, Any]) -> str:
     if not scores["photon_transfer"]:
         return "<p>No frames are repeated: the noise floor and the photon transfer are unknown.</p>"
     law = scores["noise_law"]
@@ -135,7 +138,7 @@ def _noise(scores):
     return f'<div style="max-width:560px">{chart(photon_transfer_chart(scores["photon_transfer"], law), "photon transfer")}</div><p class="muted small">{text(words)}</p>'
 
 
-def _where(scores):
+def _where(scores: dict[str, Any]) -> str:
     parts = [
         '<p class="muted small">Train frames. Intervals are 95 %, by bootstrap of 16-pixel blocks; findings hold at a false discovery rate of 5 % '
         "(Benjamini-Yekutieli) and move at least 5 % of the explainable error. Regions were chosen on one half of the blocks and measured on the other.</p>"
@@ -156,7 +159,7 @@ def _where(scores):
     return section("Where it fails", *parts)
 
 
-def _regions(region):
+def _regions(region: dict[str, Any]) -> str:
     parts = []
     head = region["headline"]
     if head:
@@ -173,7 +176,7 @@ def _regions(region):
     return "".join(parts) + table(head, rows, numbers=(2, 3, 4), wide=True)
 
 
-def _tables(tables):
+def _tables(tables: Sequence[dict[str, Any]]) -> str:
     parts = []
     for entry in tables:
         unit = f", {entry['covariate_unit']}" if entry["covariate_unit"] else ""

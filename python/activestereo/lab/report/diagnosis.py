@@ -1,6 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The report's sections on a diagnosis: which effect is missing, what cannot be told apart, what to measure next."""
 
+from __future__ import annotations
+
+from typing import Any
+from collections.abc import Iterable
+from collections.abc import Sequence
 from activestereo.lab.diagnose.report import parameter_text
 from activestereo.lab.report.page import chart, section, share_bar, table, text
 from activestereo.lab.report.charts import effects_chart
@@ -21,7 +26,7 @@ _ENGINE_VERDICT = {
 }
 
 
-def diagnosis_sections(diagnosis, shown=()):
+def diagnosis_sections(diagnosis: dict[str, Any], shown: Iterable[str] = ()) -> list[str]:
     """Sections of diagnose.json's contents (lab/schema/diagnose.schema.json). shown: effects whose residuals the page holds."""
     parts = [_verdict(diagnosis)]
     if diagnosis["ranking"]:
@@ -33,7 +38,7 @@ def diagnosis_sections(diagnosis, shown=()):
     return parts
 
 
-def _verdict(diagnosis):
+def _verdict(diagnosis: dict[str, Any]) -> str:
     parts = [f'<p class="headline"><b>{_VERDICT[diagnosis["verdict"]]}</b>{_added(diagnosis)}</p>']
     before, after, floor = (diagnosis[k] for k in ("heldout_ir_rmse_before", "heldout_ir_rmse_after", "heldout_noise_floor"))
     if before is not None and after is not None:
@@ -49,11 +54,11 @@ def _verdict(diagnosis):
     return section("Which effect is missing", *parts)
 
 
-def _added(diagnosis):
+def _added(diagnosis: dict[str, Any]) -> str:
     return ": " + ", ".join(text(name) for name in diagnosis["added"]) if diagnosis["added"] else ""
 
 
-def _ranking(ranking, shown):
+def _ranking(ranking: Sequence[dict[str, Any]], shown: Iterable[str]) -> str:
     rows = []
     for place, entry in enumerate(ranking[:ROWS], 1):
         values = "<br>".join(text(parameter_text(name, p)) for name, p in entry["parameters"].items())
@@ -70,7 +75,7 @@ def _ranking(ranking, shown):
     return section("Ranking", note if shown else "", table(head, rows, numbers=(2,), wide=True), rest)
 
 
-def _residual(effect_id, shown):
+def _residual(effect_id: str, shown: Iterable[str]) -> str:
     if effect_id not in shown:
         return '<span class="muted small">no expected image of its own</span>'
     return f'<figure class="row"><canvas data-model="{text(effect_id)}" tabindex="0" title="show it large"></canvas><figcaption></figcaption></figure>'
@@ -90,11 +95,11 @@ def _depth_engine(depth: dict) -> str:
     return section("The depth engine", said, reason, table(head, rows, numbers=(1,), wide=True))
 
 
-def _list(items):
+def _list(items: Sequence[Any]) -> str:
     return "<ul>" + "".join(f"<li>{_advice(item)}</li>" for item in items) + "</ul>"
 
 
-def _advice(item):
+def _advice(item: Any) -> str:
     """A text, or an object with one and the effects that the measurement tells apart."""
     if isinstance(item, str):
         return text(item)
@@ -102,7 +107,7 @@ def _advice(item):
     return text(item["text"]) + (f"<br><span class='muted'>tells apart</span> {between}" if between else "")
 
 
-def _law(law):
+def _law(law: dict[str, Any] | None) -> str:
     rows = [[text(t["term"]), f"{t['value']:+.4g}", f"{t['low']:+.3g} … {t['high']:+.3g}"] for t in law.get("terms", [])]
     terms = table(["term", "value", "interval"], rows, numbers=(1, 2)) if rows else ""
     return f"<p>{text(law['text'])}</p><p class='muted small'>Stage: {text(law['stage'].lower())}</p>{terms}"

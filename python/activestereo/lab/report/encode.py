@@ -4,6 +4,9 @@
 Codes up to 255 take one plane; larger ones two, the high bytes above the low bytes in one picture of twice the height.
 """
 
+from __future__ import annotations
+
+from typing import Any
 import base64
 import io
 
@@ -13,7 +16,7 @@ from PIL import Image
 _LARGEST_CODE = 2**16 - 1
 
 
-def encoded_image(image, step, valid=None):
+def encoded_image(image: np.ndarray, step: float, valid: np.ndarray | None = None) -> dict[str, Any]:
     """An image [height][width] as {src, low, step, planes, has_empty}, for the page's decoder; values are off by step / 2 at most.
 
     step: of the values, in their unit; made larger where 65535 steps do not span the image. valid: mask of pixels that hold a value;
@@ -38,7 +41,7 @@ def encoded_image(image, step, valid=None):
     }
 
 
-def _data_address(gray):
+def _data_address(gray: np.ndarray) -> str:
     """Lossless WebP takes about three quarters of PNG's bytes."""
     file = io.BytesIO()
     pixels = np.repeat(gray[..., None], 3, axis=2)

@@ -2,6 +2,9 @@
 """The part of the report that is explored: every frame and eye under every model, as data for web/explorer.js, and its
 markup."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
 import json
 from typing import Any
 
@@ -13,6 +16,11 @@ from activestereo.lab.report.encode import encoded_image
 from activestereo.lab.report.models import BASE, FOUND
 from activestereo.lab.report.page import text, web_file
 from activestereo.lab.report.worst import RESIDUAL_FLOORS, worst_frame
+
+if TYPE_CHECKING:
+    from activestereo.lab.compare import Comparison
+    from activestereo.lab.depth_model import DepthFrame
+    from activestereo.capture import Frame
 
 # Model images are stored in steps of this share of a frame's noise floor, or of its error where the floor is unknown.
 _STEP_SHARE = 0.125
@@ -59,7 +67,7 @@ def explorer_data(comparison: Any, images: Any) -> dict[str, Any]:
     }
 
 
-def _chosen_frames(comparison):
+def _chosen_frames(comparison: Comparison) -> list[Frame]:
     """All frames where they fit on a page, else the worst of each split in turn; in the capture's order."""
     frames = {frame.id: frame for frame in comparison.capture.frames}
     rig = comparison.capture.rig
@@ -74,7 +82,7 @@ def _chosen_frames(comparison):
     return [frame for frame in comparison.capture.frames if frame.id in chosen]
 
 
-def _infrared_view(comparison, frame, eye, images):
+def _infrared_view(comparison: Comparison, frame: Frame, eye: str, images: Any) -> dict[str, Any]:
     scores = next(e for e in comparison.scores["frames"] if e["id"] == frame.id)["eyes"][eye]
     measured = comparison.capture.ir(frame, eye)
     floor = scores["noise_floor_dn"]
@@ -93,7 +101,7 @@ def _infrared_view(comparison, frame, eye, images):
     }  # fmt: skip
 
 
-def _depth_view(depth, comparison):
+def _depth_view(depth: DepthFrame, comparison: Comparison) -> dict[str, Any]:
     """Disparities of the device and of the compared model, pixels."""
     disparity = [
         np.where(z > 0, depth.focal_baseline / np.where(z > 0, z, 1.0), 0.0) for z in (depth.measured, depth.model[0])
@@ -115,5 +123,5 @@ def _depth_view(depth, comparison):
     }  # fmt: skip
 
 
-def _colour_stops(name):
+def _colour_stops(name: str) -> list[list[int]]:
     return [[int(round(255 * c)) for c in colormaps[name](i / (_COLOURS - 1))[:3]] for i in range(_COLOURS)]

@@ -1,17 +1,27 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the models that a report shows expect of each frame: the base model, the model with what was found, and each row of the ranking."""
 
+from __future__ import annotations
+
+from typing import Any
+from collections.abc import Callable
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
 from activestereo.capture import EYES
 from activestereo.effects import Model, Randomness, Stage, View
 from activestereo.lab.compare import predict_under_model
 from activestereo.lab.model_file import library
+
+if TYPE_CHECKING:
+    from activestereo.lab.compare import Comparison
+    from activestereo.effects.core.descriptor import Effect
 
 # Rows of the ranking that are shown.
 ROWS = 12
 BASE, FOUND = "base", "found"
 
 
-def model_images(comparison, diagnosis=None, effects=None, progress=None):
+def model_images(comparison: Comparison, diagnosis: dict[str, Any] | None = None, effects: Mapping[str, Effect] | None = None, progress: Callable[[float], object] | None = None) -> Any:
     """{name: {(frame id, eye): expected DN, float32 [height][width]}} under BASE, FOUND and the ids of ranked effects.
 
     BASE is the model without effects. FOUND is the comparison's model where it has effects, else the diagnosis's; it is absent where
@@ -33,7 +43,7 @@ def model_images(comparison, diagnosis=None, effects=None, progress=None):
     return _predicted(comparison, models, known, progress)
 
 
-def _predicted(comparison, models, images_of, progress):
+def _predicted(comparison: Comparison, models: Any, images_of: Any, progress: Callable[[float], object] | None) -> Any:
     capture = comparison.capture
     keys = [(frame, eye) for frame in capture.frames for eye in EYES]
     views = {(f.id, eye): View.of(capture, f, eye, comparison.layers[f.id][eye]) for f, eye in keys}
@@ -47,7 +57,7 @@ def _predicted(comparison, models, images_of, progress):
     return out
 
 
-def _found(diagnosis, effects):
+def _found(diagnosis: dict[str, Any], effects: Mapping[str, Effect]) -> Any:
     """The diagnosis's model."""
     model = Model()
     for entry in (diagnosis or {}).get("model", {}).get("effects", []):
@@ -55,7 +65,7 @@ def _found(diagnosis, effects):
     return model
 
 
-def _with(model, effects, effect_id, parameters):
+def _with(model: Model, effects: Mapping[str, Effect], effect_id: str, parameters: Any) -> Any:
     """The model with an effect; as it is where the effect is not known or does not take these parameters: a report shows what it can."""
     try:
         return model.with_effect(effects[effect_id], **parameters)
@@ -63,5 +73,5 @@ def _with(model, effects, effect_id, parameters):
         return model
 
 
-def _moves_images(effect):
+def _moves_images(effect: Effect) -> bool:
     return effect.stage <= Stage.DIGITAL and effect.randomness is Randomness.NONE

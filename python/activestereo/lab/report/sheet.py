@@ -1,6 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """compare.png: measured, simulated and residual images of the worst frame of each split, over a bar per frame with its noise floor."""
 
+from __future__ import annotations
+
+from typing import Any
+from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.colors import PowerNorm
 from matplotlib.figure import Figure
@@ -8,11 +12,15 @@ from matplotlib.figure import Figure
 from activestereo.capture import EYES, SPLITS
 from activestereo.lab.report.worst import RESIDUAL_FLOORS, worst_frame
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from activestereo.lab.compare import Comparison
+
 _INK, _MUTED, _GRID = "#1f2933", "#7b8794", "#e4e7eb"
 _BAR = {"train": "#3e6fb0", "test": "#c8722c"}
 
 
-def comparison_figure(comparison):
+def comparison_figure(comparison: Comparison) -> Figure:
     """A matplotlib Figure: the worst frame of each split, left eye, above a bar per frame with its noise floor."""
     scores = comparison.scores
     rows = [worst_frame(scores, split)["id"] for split in SPLITS if split in scores["ir"]]
@@ -28,7 +36,7 @@ def comparison_figure(comparison):
     return figure
 
 
-def _title(figure, scores):
+def _title(figure: Figure, scores: dict[str, Any]) -> None:
     figure.text(0.055, 0.955, f"{scores['capture']}: measured against simulated infrared", size=15, weight="bold", color=_INK)
     parts = []
     for split, values in scores["ir"].items():
@@ -38,7 +46,7 @@ def _title(figure, scores):
     figure.text(0.055, 0.918, "     ".join(parts), size=10.5, color=_MUTED)
 
 
-def _image_row(figure, grid, row, comparison, frame_id):
+def _image_row(figure: Figure, grid: Any, row: int, comparison: Comparison, frame_id: int) -> None:
     entry = next(e for e in comparison.scores["frames"] if e["id"] == frame_id)
     frame = next(f for f in comparison.capture.frames if f.id == frame_id)
     measured = comparison.capture.ir(frame, "left")
@@ -67,7 +75,7 @@ def _image_row(figure, grid, row, comparison, frame_id):
             bar.ax.set_title("DN", size=8, color=_MUTED, pad=3)
 
 
-def _frame_chart(axes, scores):
+def _frame_chart(axes: Axes, scores: dict[str, Any]) -> None:
     """RMSE per frame and eye against the frame's noise floor."""
     for index, entry in enumerate(scores["frames"]):
         color = _BAR[entry["split"]]

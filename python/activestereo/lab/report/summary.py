@@ -2,7 +2,10 @@
 """The figures of compare.json that a reader wants first, as text."""
 
 
-def summary_table(scores):
+from __future__ import annotations
+
+from typing import Any
+def summary_table(scores: dict[str, Any]) -> str:
     """The figures of compare.json that a reader wants first, as text."""
     lines = [f"warning: {text}" for text in scores["warnings"]]
     lines.append(f"{'':8}{'IR RMSE':>10}{'floor':>10}{'explainable':>14}   floor from")
@@ -26,7 +29,7 @@ def summary_table(scores):
     return "\n".join([*lines, _fit_line(scores["fit"])])
 
 
-def _fit_line(fit):
+def _fit_line(fit: dict[str, Any]) -> str:
     value, error = fit["nuisances"], fit["standard_errors"]
     names = (("projector scale", "projector_scale"), ("ambient scale", "ambient_scale"), ("black level", "black_dn"))
     return "fit on train: " + ", ".join(f"{words} {value[k]:.6g} ± {error[k]:.2g}" for words, k in names)

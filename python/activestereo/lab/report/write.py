@@ -5,6 +5,9 @@ which shows a diagnosis too where there is one.
 Files appear whole or not at all: written aside, then renamed.
 """
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -17,6 +20,9 @@ from activestereo.lab.report.explorer import explorer_section
 from activestereo.lab.report.models import model_images
 from activestereo.lab.report.sheet import comparison_figure
 from activestereo.output_files import replace_file
+
+if TYPE_CHECKING:
+    from activestereo.capture import Capture
 
 
 _SCRIPTS = ("picture.js", "zoom.js", "explorer.js")
@@ -62,7 +68,7 @@ def report_page(
     return page(f"{scores['capture']}: comparison", body, _SCRIPTS)
 
 
-def _stored_diagnosis(folder, capture):
+def _stored_diagnosis(folder: Path, capture: Capture) -> dict[str, Any] | None:
     """The folder's diagnose.json if it is of this capture; one that cannot be read is as good as none."""
     try:
         diagnosis = json.loads((folder / "diagnose.json").read_text(encoding="utf-8"))
