@@ -158,6 +158,6 @@ def test_a_damaged_or_coloured_image_is_an_error(folder):
         read_capture(folder)
     from PIL import Image
 
-    Image.new("RGB", (32, 20)).save(image)
+    Image.new("RGB", (32, 20), (9, 9, 8)).save(image)  # equal channels would be a gray image
     with pytest.raises(CaptureError, match="gray"):
         capture.ir(capture.frames[0], "left")
