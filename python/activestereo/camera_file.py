@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Files of cameras' data: TOML, every figure with where it comes from, checked by the table below.
 
-    name = "D435i"
-    title = "Intel RealSense D435i"
-    based_on = "d435"            # another file of the same folder; what is not told here is told there
+name = "D435i"
+title = "Intel RealSense D435i"
+based_on = "d435"            # another file of the same folder; what is not told here is told there
 
-    [imager]
-    black_level_dn = { value = 17.0, basis = "measured", source = "least counts of D435i recordings" }
+[imager]
+black_level_dn = { value = 17.0, basis = "measured", source = "least counts of D435i recordings" }
 """
 
 from __future__ import annotations

@@ -41,7 +41,9 @@ def _pose(camera: CameraData, name: str) -> Pose:
 
 def _pattern_design(camera: CameraData) -> PatternDesign:
     width, height = camera.value("projector", "pattern_size")
-    told = {name: camera.value("projector", name) for name in ("dot_pitch_px", "dot_sigma_px", "weakest_dot", "background")}
+    told = {
+        name: camera.value("projector", name) for name in ("dot_pitch_px", "dot_sigma_px", "weakest_dot", "background")
+    }
     return PatternDesign(width, height, seed=camera.value("projector", "pattern_seed"), **told)
 
 
@@ -194,9 +196,9 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
         # simsense_signal's parameters whose input is in counts; exposure, responsivity and black level above come on
         # top. (Set above, with the devices' own noise.)
 
-        # What the engines may be told beside (capi/tables/reference.md): every parameter of matching and depth, where the
-        # depth engine works and which faults of the published SimSense it keeps, who traces rays, and how pictures are
-        # rendered. What SAPIEN has is under SAPIEN's names.
+        # What the engines may be told beside (capi/tables/reference.md): every parameter of matching and depth, where
+        # the depth engine works and which faults of the published SimSense it keeps, who traces rays, and how pictures
+        # are rendered. What SAPIEN has is under SAPIEN's names.
         for p in (*MATCHER, *RIG, *RENDERER, *RENDER):
             setattr(self, sapien_name(p.name), SAPIEN_DEFAULTS.get(p.name, p.default))
         self.min_depth, self.max_depth = camera.value("rig", "min_depth_m"), camera.value("rig", "max_depth_m")
@@ -212,7 +214,9 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
 
         # Optics of the cameras: a dict of kuafu.Film's fields (vignetting_exponent, psf_sigma_px, ...); None is
         # perfect.
-        self.ir_film: dict[str, Any] | None = {name: figure.value for name, figure in camera.figures["optics"].items()} or None
+        self.ir_film: dict[str, Any] | None = {
+            name: figure.value for name, figure in camera.figures["optics"].items()
+        } or None
         self.rgb_film: dict[str, Any] | None = None
 
     def __setattr__(self, name: str, value: Any) -> None:

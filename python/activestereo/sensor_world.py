@@ -52,7 +52,8 @@ class SensorWorld:
         for light in (*own, *inputs.rig_lights):
             self._throw(light, inputs)
             if delay_s:
-                # The right eye opens at another time: it looks into an environment of its own, where the rig is by then.
+                # The right eye opens at another time: it looks into an environment of its own, where the rig is by
+                # then.
                 light.environment, later = 0, copy_light(light, delay_s)
                 later.environment = LATER
                 self._on_rig.append((self._scene.add_light(light), light, light.light_to_world))

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Measures a real camera: each part turns frames of something known into one section of model.json. README.md has the commands and figures.
+"""Measures a real camera: each part turns frames of something known into one section of model.json. README.md has the
+commands and figures.
 
     noise     repeats of a static view      -> imager      acquire/noise.py
     pattern   frames of a flat wall         -> pattern     acquire/pattern.py

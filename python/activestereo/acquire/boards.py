@@ -15,16 +15,17 @@ from numpy.typing import NDArray
 KINDS = ("chessboard", "charuco", "apriltag")
 _DICTIONARY = {"charuco": "DICT_5X5_250", "apriltag": "DICT_APRILTAG_36h11"}
 _LEAST_CORNERS = 8
-# OpenCV 4.6's marker detectors count pixels from their corners: what they give lies half a pixel right of and below the place where
-# pixel centres are integers. (test_acquire_rig.py measures it on rendered boards; the chessboard's detector has no such shift.)
+# OpenCV 4.6's marker detectors count pixels from their corners: what they give lies half a pixel right of and below the
+# place where pixel centres are integers. (test_acquire_rig.py measures it on rendered boards; the chessboard's detector
+# has no such shift.)
 _MARKER_SHIFT_PX = 0.5
 _EXAMPLES = "9x6:0.03, charuco:9x6:0.03:0.022 or apriltag:6x4:0.04:0.01"
 
 
 @dataclass(frozen=True)
 class Board:
-    """columns, rows: inner corners of a chessboard, squares of ChArUco, tags of AprilTag. side_m: of a square or a tag; second_m: of a marker
-    inside a square, or between tags."""
+    """columns, rows: inner corners of a chessboard, squares of ChArUco, tags of AprilTag. side_m: of a square or a tag;
+    second_m: of a marker inside a square, or between tags."""
 
     kind: str
     columns: int
@@ -55,7 +56,8 @@ class Board:
         return cls(kind, columns, rows, *lengths)
 
     def find(self, image: NDArray[np.uint8]) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-        """(board points [n][3] in metres, pixels [n][2]) of the corners that an 8-bit image shows; None where it shows fewer than 8."""
+        """(board points [n][3] in metres, pixels [n][2]) of the corners that an 8-bit image shows; None where it shows
+        fewer than 8."""
         found = self._find_chessboard(image) if self.kind == "chessboard" else self._find_markers(image)
         return found if found is not None and len(found[0]) >= _LEAST_CORNERS else None
 
@@ -115,7 +117,8 @@ class Board:
         ), dictionary
 
     def drawn(self, pixels_per_m: float, margin_m: float) -> NDArray[np.uint8]:
-        """The board as a picture to print, its first corner at margin_m (chessboard: plus one square) from the left top."""
+        """The board as a picture to print, its first corner at margin_m (chessboard: plus one square) from the left
+        top."""
         if self.kind != "chessboard":
             board, _ = self._aruco_board()
             step = self.side_m if self.kind == "charuco" else self.side_m + self.second_m

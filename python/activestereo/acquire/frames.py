@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Frames of static views: folders of PNG files, a folder of such folders, a .npy stack, or a capture's repeat groups."""
+"""Frames of static views: folders of PNG files, a folder of such folders, a .npy stack, or a capture's repeat groups.
+"""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,8 +15,8 @@ LEAST_REPEATS = 10
 
 @dataclass(frozen=True)
 class Repeats:
-    """Exposures of one static view: counts [n][height][width], uint8 or uint16. exposure_gain: seconds x gain, None where not known.
-    view: what the frames see; repeats of one view at several exposures share it."""
+    """Exposures of one static view: counts [n][height][width], uint8 or uint16. exposure_gain: seconds x gain, None
+    where not known. view: what the frames see; repeats of one view at several exposures share it."""
 
     name: str
     counts: np.ndarray
@@ -24,7 +25,8 @@ class Repeats:
 
 
 def read_repeats(path: Path, least: int = LEAST_REPEATS) -> list[Repeats]:
-    """Every static view under `path`. ValueError where there is none, where one has fewer than `least` frames, or sizes differ."""
+    """Every static view under `path`. ValueError where there is none, where one has fewer than `least` frames, or sizes
+    differ."""
     path = Path(path)
     if path.suffix == ".npy":
         views = [Repeats(path.name, _stack(path), None, path.name)]

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where a camera sits on a robot's gripper: OpenCV's five closed-form methods side by side, then the least squares of all board poses.
+"""Where a camera sits on a robot's gripper: OpenCV's five closed-form methods side by side, then the least squares of
+all board poses.
 
 gripper_to_base_i  camera_to_gripper  board_to_camera_i = board_to_base, for every frame i.
 """
@@ -31,9 +32,9 @@ _LEVER_M = 0.5
 
 @dataclass(frozen=True)
 class HandEye:
-    """camera_to_gripper, board_to_base: 4x4. by_method: camera_to_gripper of each closed form. error: standard deviations of the turn
-    (3, radians) and the translation (3, metres). spread: largest distance of a method from the answer, metres and degrees. left_m, left_deg:
-    RMS of what is left between the boards' places."""
+    """camera_to_gripper, board_to_base: 4x4. by_method: camera_to_gripper of each closed form. error: standard
+    deviations of the turn (3, radians) and the translation (3, metres). spread: largest distance of a method from the
+    answer, metres and degrees. left_m, left_deg: RMS of what is left between the boards' places."""
 
     camera_to_gripper: NDArray[np.float64]
     board_to_base: NDArray[np.float64]
@@ -130,7 +131,8 @@ def _check_turns(gripper_to_base: list[NDArray[np.float64]]) -> None:
 
 
 def read_poses(path: Path) -> dict[str, NDArray[np.float64]]:
-    """{frame's name: gripper_to_base} of a CSV file: name,x,y,z,qx,qy,qz,qw (metres, unit quaternion), or name and 16 numbers, row-major.
+    """{frame's name: gripper_to_base} of a CSV file: name,x,y,z,qx,qy,qz,qw (metres, unit quaternion), or name and 16
+    numbers, row-major.
 
     A first line of words is a heading. ValueError names file, line and what is wrong.
     """

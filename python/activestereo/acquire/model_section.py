@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One section of model.json, version 2 (sensor_model), is replaced; the others stay as they are, also those that this program cannot read."""
+"""One section of model.json, version 2 (sensor_model), is replaced; the others stay as they are, also those that this
+program cannot read."""
 
 import json
 from pathlib import Path
@@ -11,8 +12,9 @@ from activestereo.sensor_model.read import FORMAT, VERSION
 
 
 def replace_sections(path: Path, told: SensorModel, keep_rig: bool = False) -> None:
-    """Writes what `told` says of rig, pattern and imager into the model at `path`, which is made where it does not exist. Nuisances that it
-    names replace those of the same names. keep_rig: of a rig that is there already, only the projector's place is replaced.
+    """Writes what `told` says of rig, pattern and imager into the model at `path`, which is made where it does not
+    exist. Nuisances that it names replace those of the same names. keep_rig: of a rig that is there already, only the
+    projector's place is replaced.
 
     ValueError, with the file, where it is no model or one of another version: nothing is written then.
     """

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The imager's temporal noise from repeats of static views: which law, and its parameters.
 
-Repeats show what changes from frame to frame. Static speckle, fixed patterns and a pixel's own gain are the same in every repeat: they
-never show here.
+Repeats show what changes from frame to frame. Static speckle, fixed patterns and a pixel's own gain are the same in
+every repeat: they never show here.
 """
 
 from collections.abc import Callable
@@ -34,8 +34,8 @@ class TransferPoint:
 
 @dataclass(frozen=True)
 class Noise:
-    """fit: of the law that gives pixels it was not fitted to the higher density; margin_nats: by how much, per held-out pixel, with its
-    standard error. clipped_share: of all counts, censored. black_from: what told the black level."""
+    """fit: of the law that gives pixels it was not fitted to the higher density; margin_nats: by how much, per held-out
+    pixel, with its standard error. clipped_share: of all counts, censored. black_from: what told the black level."""
 
     fit: LawFit
     margin_nats: tuple[float, float]
@@ -104,9 +104,11 @@ def acquire_noise(
     frames: Path | list[Repeats], dark: Path | list[Repeats] | None = None, literal: bool = False, seed: int = 0,
     progress: Callable[[float], None] | None = None,
 ) -> Noise:  # fmt: skip
-    """The Noise of repeats; dark: repeats without any light. literal: fit as the paper writes it, too. seed: which pixels are looked at.
+    """The Noise of repeats; dark: repeats without any light. literal: fit as the paper writes it, too. seed: which
+    pixels are looked at.
 
-    ValueError with file, number and remedy: fewer than 10 repeats, repeats that move, clipped views, dark frames that are not dark.
+    ValueError with file, number and remedy: fewer than 10 repeats, repeats that move, clipped views, dark frames that
+    are not dark.
     """
     tell = progress or (lambda fraction: None)
     views = read_repeats(frames) if isinstance(frames, (str, Path)) else frames
@@ -151,7 +153,8 @@ def _bit_depth(views: list[Repeats]) -> int:
 
 
 def _chosen_pixels(views: list[Repeats], max_dn: int, rng: np.random.Generator) -> list[np.ndarray]:
-    """[pixel][repeat] of each view: pixels spread evenly over the logarithm of their level; those that mostly clip tell nothing."""
+    """[pixel][repeat] of each view: pixels spread evenly over the logarithm of their level; those that mostly clip tell
+    nothing."""
     wanted = int(np.clip(_COUNTS / max(len(view.counts) for view in views), _FEWEST_PIXELS, _MOST_PIXELS))
     out = []
     for view in views:
@@ -199,7 +202,8 @@ def _transfer(views: list[Repeats], max_dn: int) -> tuple[TransferPoint, ...]:
 
 
 def _black_of_exposures(views: list[Repeats], max_dn: int) -> float | None:
-    """Where the mean of unclipped pixels of one view would be at exposure 0; None where no view was exposed differently."""
+    """Where the mean of unclipped pixels of one view would be at exposure 0; None where no view was exposed
+    differently."""
     of: dict[str, list[Repeats]] = {}
     for view in views:
         if view.exposure_gain is not None:

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Fits a noise law to repeats by maximum a posteriori: each pixel's mean is integrated out, so that few repeats do not bias the law.
+"""Fits a noise law to repeats by maximum a posteriori: each pixel's mean is integrated out, so that few repeats do not
+bias the law.
 
-A pixel's counts y_1..y_n share an unknown mean s above black: p(pixel | law) = integral of p(y_1 | s) ... p(y_n | s) ds, over a grid as fine
-as the mean's own error. Dark frames have s = 0 and stand beside, without the integral.
+A pixel's counts y_1..y_n share an unknown mean s above black: p(pixel | law) = integral of p(y_1 | s) ... p(y_n | s)
+ds, over a grid as fine as the mean's own error. Dark frames have s = 0 and stand beside, without the integral.
 """
 
 from collections.abc import Callable
@@ -25,7 +26,8 @@ _STEPS = np.array([0.02, 0.04, 0.02])
 
 @dataclass(frozen=True)
 class Counts:
-    """Pixels by how often they gave each count. histograms: [pixel][bin], sparse; repeats: of each pixel; dark: [bin] of dark frames, or None."""
+    """Pixels by how often they gave each count. histograms: [pixel][bin], sparse; repeats: of each pixel; dark: [bin]
+    of dark frames, or None."""
 
     histograms: csr_matrix
     means: np.ndarray
@@ -108,7 +110,8 @@ def fit_law(
     fixed_black_dn: float | None = None,
     with_error: bool = True,
 ) -> LawFit:
-    """The most probable law of a kind. fixed_black_dn: black is known from elsewhere. with_error=False: errors are 0, in half the time."""
+    """The most probable law of a kind. fixed_black_dn: black is known from elsewhere. with_error=False: errors are 0,
+    in half the time."""
     start = start or _start(kind, counts, fixed_black_dn)
     free = 2 if fixed_black_dn is not None else 3
 

@@ -4,9 +4,9 @@
     gamma   y = black + s G + N(0, sigma), G ~ Gamma(k, 1 / k)     Zhang et al. 2023: speckle's factor and a Gaussian
     shot    y = black + K Poisson(s / K) + N(0, sigma)             photons and read noise, EMVA 1288's linear model
 
-Both are rounded and clipped: a count at an end of the range is censored, its probability is all that lies beyond. The paper's theta is
-a gauge: where the clean image is only known as the frames' mean, (clean, theta) and (c clean, theta / c) give the same counts; here
-theta = 1 / k, so that s is the mean.
+Both are rounded and clipped: a count at an end of the range is censored, its probability is all that lies beyond. The
+paper's theta is a gauge: where the clean image is only known as the frames' mean, (clean, theta) and (c clean, theta /
+c) give the same counts; here theta = 1 / k, so that s is the mean.
 """
 
 from dataclasses import dataclass
@@ -89,7 +89,8 @@ class GammaLaw(Law):
         return out
 
     def _factors(self) -> tuple[np.ndarray, np.ndarray]:
-        """Nodes and weights of a Gauss quadrature over the factor: Laguerre's, or Hermite's of Wilson and Hilferty's cube root."""
+        """Nodes and weights of a Gauss quadrature over the factor: Laguerre's, or Hermite's of Wilson and Hilferty's
+        cube root."""
         if self.shape < _LARGE_SHAPE:
             nodes, weights = roots_genlaguerre(_FACTORS, self.shape - 1.0)
             return nodes / self.shape, weights / weights.sum()

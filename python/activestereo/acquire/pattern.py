@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The projector's pattern from frames of a flat wall: each dot's direction and power, and where the projector stands.
 
-Dots are found in the averaged images of both eyes (spots.py) and lie on the wall's plane (wall.py). Two distances give each dot a line;
-where the lines meet stands the projector. One distance leaves its place nominal. A dot's power follows from what it looks like: the
-camera sees radiance, which falls with the projector's distance and angle and with the camera's (power_px2 below).
+Dots are found in the averaged images of both eyes (spots.py) and lie on the wall's plane (wall.py). Two distances give
+each dot a line; where the lines meet stands the projector. One distance leaves its place nominal. A dot's power follows
+from what it looks like: the camera sees radiance, which falls with the projector's distance and angle and with the
+camera's (power_px2 below).
 """
 
 from collections.abc import Callable
@@ -42,9 +43,9 @@ class WallView:
 
 @dataclass(frozen=True)
 class Pattern:
-    """dots [n][3]: u, v in pixels of an image of `size` under K, and power in pixels squared, their mean that of the nominal pattern (or 1).
-    place_m: the projector's origin in the left camera's frame; place_error_m: its standard deviations, None where it is nominal.
-    seen_twice: dots that two distances show. rig: what was believed."""
+    """dots [n][3]: u, v in pixels of an image of `size` under K, and power in pixels squared, their mean that of the
+    nominal pattern (or 1). place_m: the projector's origin in the left camera's frame; place_error_m: its standard
+    deviations, None where it is nominal. seen_twice: dots that two distances show. rig: what was believed."""
 
     dots: np.ndarray
     size: tuple[int, int]
@@ -106,10 +107,12 @@ class Pattern:
 
 
 def acquire_pattern(path: Path, progress: Callable[[float], None] | None = None) -> Pattern:
-    """The Pattern of a capture whose repeat groups look at one flat, matt wall, each group from one distance, the projector on.
+    """The Pattern of a capture whose repeat groups look at one flat, matt wall, each group from one distance, the
+    projector on.
 
-    The rig's nominal calibration is believed: K, the baseline, the projector's K and, for one distance, its place. ValueError with file,
-    number and remedy: too few or moving repeats, a saturated wall, a distorted lens, what is not flat.
+    The rig's nominal calibration is believed: K, the baseline, the projector's K and, for one distance, its place.
+    ValueError with file, number and remedy: too few or moving repeats, a saturated wall, a distorted lens, what is not
+    flat.
     """
     tell = progress or (lambda fraction: None)
     capture = read_capture(path)
@@ -172,7 +175,8 @@ def _check_saturation(name: str, counts: np.ndarray, max_dn: int) -> None:
 
 
 def _variance_of_mean(counts: np.ndarray) -> np.ndarray:
-    """A straight line of each pixel's variance over its mean, divided by the number of frames: less noisy than the variances."""
+    """A straight line of each pixel's variance over its mean, divided by the number of frames: less noisy than the
+    variances."""
     mean, variance = counts.mean(axis=0), counts.var(axis=0, ddof=1)
     slope, offset = np.polyfit(mean.ravel(), variance.ravel(), 1)
     return np.maximum(offset + slope * mean, 1.0 / 12.0) / len(counts)
@@ -218,9 +222,9 @@ def _dots_of(
 def power_px2(flux: np.ndarray, points: np.ndarray, normal: np.ndarray, beam: np.ndarray) -> np.ndarray:
     """What a dot's flux in the camera says of its integral over the pattern's pixels, up to a constant.
 
-    A matt wall turns the dot's power, watts, into the same radiance times area whatever the beam's angle. The camera integrates it over
-    du dv = f^2 dOmega / cos^3 a with dOmega = dA cos(c) / r^2, a its angle off the axis and c off the wall's normal; the pattern holds
-    power per solid angle, over du dv = f^2 dOmega / cos^3 b.
+    A matt wall turns the dot's power, watts, into the same radiance times area whatever the beam's angle. The camera
+    integrates it over du dv = f^2 dOmega / cos^3 a with dOmega = dA cos(c) / r^2, a its angle off the axis and c off
+    the wall's normal; the pattern holds power per solid angle, over du dv = f^2 dOmega / cos^3 b.
     """
     distance = np.linalg.norm(points, axis=1)
     off_axis, off_normal = points[:, 2] / distance, np.abs(points @ normal) / distance
@@ -249,7 +253,8 @@ def _meeting_point(
 
 
 def _nearest_to_lines(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(the point whose summed squared distance to the lines through a and b is least, its standard deviations); outliers are left out twice."""
+    """(the point whose summed squared distance to the lines through a and b is least, its standard deviations);
+    outliers are left out twice."""
     along = (b - a) / np.linalg.norm(b - a, axis=1)[:, None]
     across = np.eye(3) - along[:, :, None] * along[:, None, :]
     use = np.ones(len(a), dtype=bool)
@@ -268,7 +273,8 @@ def _projected(points: np.ndarray, place: np.ndarray, rotation: np.ndarray, K: n
 
 
 def _union(near: np.ndarray, far: np.ndarray, pairs: np.ndarray) -> np.ndarray:
-    """Dots of both walls: equal ones are averaged, the others of each are kept; the far wall's powers are brought to the near one's."""
+    """Dots of both walls: equal ones are averaged, the others of each are kept; the far wall's powers are brought to
+    the near one's."""
     scale = float(np.median(near[pairs[:, 0], 2] / far[pairs[:, 1], 2]))
     far = far * np.array([1.0, 1.0, scale])
     out = near.copy()
@@ -280,7 +286,8 @@ def _union(near: np.ndarray, far: np.ndarray, pairs: np.ndarray) -> np.ndarray:
 
 
 def _pattern_sigma(view: WallView, capture: Capture, place: np.ndarray) -> float:
-    """A dot's width in the pattern: the spot's without the pixel's square, seen from the projector at the wall's middle."""
+    """A dot's width in the pattern: the spot's without the pixel's square, seen from the projector at the wall's
+    middle."""
     camera, projector = capture.rig.left.K, capture.rig.projector.K
     middle = view.wall.points[:, 2].mean()
     sigma = np.sqrt(max(view.spots["left"].sigma_px ** 2 - 1.0 / 12.0, 0.05))

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The calibration of both infrared cameras from frames of a board: K, lenses, the place of the right eye, and every board's pose.
+"""The calibration of both infrared cameras from frames of a board: K, lenses, the place of the right eye, and every
+board's pose.
 
-OpenCV's calibrateCamera and stereoCalibrate (Zhang 2000) give the start; a bundle adjustment over everything gives the answer and its
-covariance: J^T J over the variance of what is left, times 1.1 for what is not Gaussian about corners.
+OpenCV's calibrateCamera and stereoCalibrate (Zhang 2000) give the start; a bundle adjustment over everything gives the
+answer and its covariance: J^T J over the variance of what is left, times 1.1 for what is not Gaussian about corners.
 """
 
 from collections.abc import Callable
@@ -39,8 +40,9 @@ class BoardView:
 
 @dataclass(frozen=True)
 class Calibration:
-    """K, distortion: by eye. left_to_right: 4x4. board_to_left: {view's name: 4x4}. error: standard deviations of {eye: fx, fy, cx, cy} and
-    of left_to_right's translation. rms_px: what is left. coverage: share of the picture's cells that corners reach, by eye."""
+    """K, distortion: by eye. left_to_right: 4x4. board_to_left: {view's name: 4x4}. error: standard deviations of {eye:
+    fx, fy, cx, cy} and of left_to_right's translation. rms_px: what is left. coverage: share of the picture's cells
+    that corners reach, by eye."""
 
     size: tuple[int, int]
     K: dict[str, NDArray[np.float64]]
@@ -97,8 +99,9 @@ def acquire_rig(
 ) -> Calibration:  # fmt: skip
     """The Calibration from PATH/left/*.png and PATH/right/*.png, pairs by name.
 
-    has_lens: fit five coefficients of distortion; else the images are rectified, and both lenses ideal. known_K: 3x3 of both eyes, held
-    (a device's own). ValueError with file, number and remedy: no pairs, sizes that differ, fewer than 3 boards found.
+    has_lens: fit five coefficients of distortion; else the images are rectified, and both lenses ideal. known_K: 3x3 of
+    both eyes, held (a device's own). ValueError with file, number and remedy: no pairs, sizes that differ, fewer than 3
+    boards found.
     """
     tell = progress or (lambda fraction: None)
     views, size, bit_depth = find_boards(path, board, lambda part: tell(0.7 * part))
@@ -235,7 +238,8 @@ def _start(
 
 
 class _Bundle:
-    """The vector of everything, and what it leaves in pixels: per eye fx, fy, cx, cy and the lens; left_to_right; a pose per board."""
+    """The vector of everything, and what it leaves in pixels: per eye fx, fy, cx, cy and the lens; left_to_right; a
+    pose per board."""
 
     def __init__(self, views: list[BoardView], start: _Start, has_lens: bool, is_known: bool) -> None:
         self._views, self._has_lens, self._start, self._is_known = views, has_lens, start, is_known

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Spots of a dot pattern in an image: all of them fitted jointly as Gaussians, then what they leave is searched for merged ones.
+"""Spots of a dot pattern in an image: all of them fitted jointly as Gaussians, then what they leave is searched for
+merged ones.
 
     image = background + sum of a_i exp(-|x - x_i|^2 / (2 sigma^2)) + noise
 
@@ -43,7 +44,8 @@ class Spots:
 
 
 def find_spots(image: np.ndarray, variance: np.ndarray, progress: Callable[[float], None] | None = None) -> Spots:
-    """Spots of an averaged image [height][width], DN; variance: of its pixels, DN^2. ValueError where there are fewer than 50."""
+    """Spots of an averaged image [height][width], DN; variance: of its pixels, DN^2. ValueError where there are fewer
+    than 50."""
     tell = progress or (lambda fraction: None)
     image = np.asarray(image, dtype=np.float64)
     sigma = _typical_sigma(image)

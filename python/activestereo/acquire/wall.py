@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From spots of both eyes on a flat wall to points in space: the wall is a plane in disparity, and a spot's place the best of both eyes."""
+"""From spots of both eyes on a flat wall to points in space: the wall is a plane in disparity, and a spot's place the
+best of both eyes."""
 
 from dataclasses import dataclass
 
@@ -16,8 +17,8 @@ _ROUNDS = 8
 
 @dataclass(frozen=True)
 class Wall:
-    """plane: [n, d] with n . X = d in the left camera's frame, metres. points [spot][3]: where the left spots lie. is_seen_by_both [spot].
-    flatness_px: RMS of the matched spots' disparity off the plane."""
+    """plane: [n, d] with n . X = d in the left camera's frame, metres. points [spot][3]: where the left spots lie.
+    is_seen_by_both [spot]. flatness_px: RMS of the matched spots' disparity off the plane."""
 
     plane: np.ndarray
     points: np.ndarray

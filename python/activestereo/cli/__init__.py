@@ -10,7 +10,21 @@ import traceback
 from collections.abc import Sequence
 from typing import NoReturn
 
-from activestereo.cli import acquire, add, compare, depth, depth_quality, devices, diagnose, effect, import_capture, model, pair, presets, simulate
+from activestereo.cli import (
+    acquire,
+    add,
+    compare,
+    depth,
+    depth_quality,
+    devices,
+    diagnose,
+    effect,
+    import_capture,
+    model,
+    pair,
+    presets,
+    simulate,
+)
 from activestereo.cli.arguments import CommandError
 
 _COMMANDS = (

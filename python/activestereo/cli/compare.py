@@ -43,7 +43,9 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
     )
     parser.add_argument("capture", type=Path, metavar="CAPTURE", help="the capture's folder")
     add_out(parser)
-    parser.add_argument("--model", type=Path, metavar="FILE", help="model.json: its effects act inside of the engines (default: none)")
+    parser.add_argument(
+        "--model", type=Path, metavar="FILE", help="model.json: its effects act inside of the engines (default: none)"
+    )
     text = "your own effects, where the model has some"
     parser.add_argument("--effects", type=Path, action="append", default=[], metavar="FILE", help=text)
     parser.add_argument("--spp", type=integer_from(1), default=64, metavar="N", help="samples per pixel (default: 64)")

@@ -114,7 +114,9 @@ def _make_engine(args: argparse.Namespace, left: np.ndarray, right: np.ndarray) 
     options = PROFILES[args.profile] | given_matching(args) | given_rig(args)
     # A Vulkan device is opened where it was asked for: a plain call needs no driver at all.
     device = args.device or ("auto" if options.get("back_end") == "vulkan" else "host")
-    return simsense.Engine(simsense.Device(device), camera, camera, left_to_right, rectified=True, bit_depth=bits, **options)
+    return simsense.Engine(
+        simsense.Device(device), camera, camera, left_to_right, rectified=True, bit_depth=bits, **options
+    )
 
 
 def _write(args: argparse.Namespace, left: np.ndarray, right: np.ndarray, result: Mapping[str, np.ndarray]) -> None:

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Options of simulate and depth for the maps that explain a depth map: how sure each pixel is, and why a pixel has none."""
+"""Options of simulate and depth for the maps that explain a depth map: how sure each pixel is, and why a pixel has
+none."""
 
 from __future__ import annotations
 

@@ -3,10 +3,10 @@
 
 from __future__ import annotations
 
-from typing import Any
 import argparse
 import os
 from pathlib import Path
+from typing import Any
 
 from activestereo.cli.arguments import add_device, add_max_bounces, add_out, add_seed, integer_from, make_folder
 
@@ -58,9 +58,16 @@ def add_parser(commands: Any) -> None:
     add_out(parser)
     parser.add_argument("--model", type=Path, metavar="FILE", help="model.json to start from (default: no effects)")
     parser.add_argument(
-        "--effects", type=Path, action="append", default=[], metavar="FILE", help="your own effects, ranked beside the built-in ones"
+        "--effects",
+        type=Path,
+        action="append",
+        default=[],
+        metavar="FILE",
+        help="your own effects, ranked beside the built-in ones",
     )
-    parser.add_argument("--greedy", action="store_true", help="add, refit, swap and remove effects until nothing passes")
+    parser.add_argument(
+        "--greedy", action="store_true", help="add, refit, swap and remove effects until nothing passes"
+    )
     parser.add_argument(
         "--refine",
         action=argparse.BooleanOptionalAction,

@@ -34,18 +34,33 @@ engines' change; of random fields, that of their standard deviations.
 
 def add_parser(commands: argparse._SubParsersAction) -> None:
     raw = argparse.RawDescriptionHelpFormatter
-    parser = commands.add_parser("effect", help="list physical effects, check your own", description=_TEXT, formatter_class=raw)
+    parser = commands.add_parser(
+        "effect", help="list physical effects, check your own", description=_TEXT, formatter_class=raw
+    )
     actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
     listing = actions.add_parser("list", help="the built-in effects", formatter_class=raw)
-    listing.add_argument("--markdown", action="store_true", help="the whole documentation page, examples/effects/README.md")
+    listing.add_argument(
+        "--markdown", action="store_true", help="the whole documentation page, examples/effects/README.md"
+    )
     listing.set_defaults(run=run_list)
-    check = actions.add_parser("check", help="try the laws on effects of your own", description=_CHECK, formatter_class=raw)
+    check = actions.add_parser(
+        "check", help="try the laws on effects of your own", description=_CHECK, formatter_class=raw
+    )
     check.add_argument("file", type=Path, metavar="FILE", help="Python file or shared library")
     check.set_defaults(run=run_check)
-    measure = actions.add_parser("measure", help="image functions against the engines", description=_MEASURE, formatter_class=raw)
+    measure = actions.add_parser(
+        "measure", help="image functions against the engines", description=_MEASURE, formatter_class=raw
+    )
     measure.add_argument("effects", nargs="*", metavar="EFFECT", help="ids (default: all built-in ones)")
-    measure.add_argument("--effects", dest="files", type=Path, action="append", default=[], metavar="FILE", help="your own effects")
-    measure.add_argument("--write", type=Path, metavar="FILE", help="figures as JSON; python/activestereo/effects/differences.json is the page's")
+    measure.add_argument(
+        "--effects", dest="files", type=Path, action="append", default=[], metavar="FILE", help="your own effects"
+    )
+    measure.add_argument(
+        "--write",
+        type=Path,
+        metavar="FILE",
+        help="figures as JSON; python/activestereo/effects/differences.json is the page's",
+    )
     add_device(measure)
     measure.set_defaults(run=run_measure)
 
@@ -55,14 +70,16 @@ def run_list(args: argparse.Namespace) -> None:
     from activestereo.effects.core.catalogue import page, table
     from activestereo.effects.core.differences import known_differences
 
-    print(page(builtin(), known_differences()) if args.markdown else table(builtin()), end="" if args.markdown else "\n")
+    print(
+        page(builtin(), known_differences()) if args.markdown else table(builtin()), end="" if args.markdown else "\n"
+    )
 
 
 def run_measure(args: argparse.Namespace) -> None:
     import json
 
-    from activestereo.lab.surrogate import differences
     from activestereo.lab.model_file import find, library
+    from activestereo.lab.surrogate import differences
     from activestereo.output_files import replace_file
 
     effects = library(*args.files)

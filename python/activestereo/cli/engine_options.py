@@ -12,7 +12,9 @@ from activestereo.matcher_table import MATCHER, RIG
 from activestereo.parameter import Parameter
 
 
-def add_options(group: argparse._ArgumentGroup, table: Sequence[Parameter], defaults: Mapping[str, Any] | None = None) -> None:
+def add_options(
+    group: argparse._ArgumentGroup, table: Sequence[Parameter], defaults: Mapping[str, Any] | None = None
+) -> None:
     """One option for every parameter. `defaults`: those of the command that are not the engine's own. What is not
     given is None."""
     for p in table:
@@ -65,7 +67,9 @@ def given(args: argparse.Namespace, table: Sequence[Parameter]) -> dict[str, Any
     for p, after in zip(table, table[1:], strict=False):
         if p.pair and getattr(args, p.pair) is not None:
             found[p.name], found[after.name] = getattr(args, p.pair)
-    return {name: tuple(value) if isinstance(value, list) else value for name, value in found.items() if value is not None}
+    return {
+        name: tuple(value) if isinstance(value, list) else value for name, value in found.items() if value is not None
+    }
 
 
 def add_matching(parser: argparse.ArgumentParser, defaults: Mapping[str, Any]) -> argparse._ArgumentGroup:

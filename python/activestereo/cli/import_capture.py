@@ -29,24 +29,45 @@ example:
 
 def add_parser(commands: argparse._SubParsersAction) -> None:
     parser = commands.add_parser(
-        "import", help="make a capture of a librealsense recording", description=_TEXT, formatter_class=argparse.RawDescriptionHelpFormatter
+        "import",
+        help="make a capture of a librealsense recording",
+        description=_TEXT,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("recording", type=Path, metavar="RECORDING", help="folder of PNG files, or a bag")
-    parser.add_argument("--calibration", type=Path, metavar="FILE", help="output of rs-enumerate-devices -c; not needed for a bag")
-    parser.add_argument("--out", required=True, type=Path, metavar="DIR", help="the capture's folder, which must not exist")
-    parser.add_argument("--depth-scale", type=positive, metavar="M", help="metres per unit of the depth images, often 0.001")
-    parser.add_argument("--poses", type=Path, metavar="FILE", help="camera_to_world over time: timestamp tx ty tz qx qy qz qw in each line")
+    parser.add_argument(
+        "--calibration", type=Path, metavar="FILE", help="output of rs-enumerate-devices -c; not needed for a bag"
+    )
+    parser.add_argument(
+        "--out", required=True, type=Path, metavar="DIR", help="the capture's folder, which must not exist"
+    )
+    parser.add_argument(
+        "--depth-scale", type=positive, metavar="M", help="metres per unit of the depth images, often 0.001"
+    )
+    parser.add_argument(
+        "--poses",
+        type=Path,
+        metavar="FILE",
+        help="camera_to_world over time: timestamp tx ty tz qx qy qz qw in each line",
+    )
     parser.add_argument("--scene", type=Path, metavar="FILE", help="glTF scene of what is in view (default: nothing)")
-    parser.add_argument("--exposure", type=positive, default=0.008, metavar="S", help="exposure, seconds (default: 0.008)")
-    parser.add_argument("--sensor", default="d435", metavar="NAME", help="whose nominal pattern it is, of 'activestereo presets' (default: d435)")
+    parser.add_argument(
+        "--exposure", type=positive, default=0.008, metavar="S", help="exposure, seconds (default: 0.008)"
+    )
+    parser.add_argument(
+        "--sensor",
+        default="d435",
+        metavar="NAME",
+        help="whose nominal pattern it is, of 'activestereo presets' (default: d435)",
+    )
     parser.set_defaults(run=_run)
 
 
 def _run(args: argparse.Namespace) -> None:
+    from activestereo.importers.bag import extract_bag, is_bag
     from activestereo.importers.realsense_folder import import_realsense
     from activestereo.importers.realsense_text import read_device_text
     from activestereo.importers.trajectory import read_trajectory
-    from activestereo.importers.bag import extract_bag, is_bag
     from activestereo.progress_bar import ProgressBar
 
     if args.out.exists():
@@ -66,15 +87,24 @@ def _run(args: argparse.Namespace) -> None:
         if bag:
             with ProgressBar(f"reading {args.recording.name}") as bar:
                 told, units = extract_bag(args.recording, Path(temporary), progress=bar)
-            folder, scale, device = Path(temporary), units if scale is None else scale, told if device is None else device
+            folder, scale, device = (
+                Path(temporary),
+                units if scale is None else scale,
+                told if device is None else device,
+            )
         assert device is not None  # a folder has --calibration, a bag its own
         with ProgressBar(f"importing {args.recording.name}") as bar:
             capture = import_realsense(
                 folder, device, args.out, pattern, pattern_K, scale, args.scene, trajectory, args.exposure, progress=bar
             )
     rig, with_depth = capture.rig, sum(frame.depth_path is not None for frame in capture.frames)
-    print(f"{len(capture.frames)} frames of {rig.left.width}x{rig.left.height}, {with_depth} with depth; baseline {1e3 * rig.baseline_m:.2f} mm, f {rig.left.K[0, 0]:.2f} px")
-    print("the pattern and the projector's place are nominal" + ("; the scene is empty: compare and diagnose need one" if args.scene is None else ""))
+    print(
+        f"{len(capture.frames)} frames of {rig.left.width}x{rig.left.height}, {with_depth} with depth; baseline {1e3 * rig.baseline_m:.2f} mm, f {rig.left.K[0, 0]:.2f} px"
+    )
+    print(
+        "the pattern and the projector's place are nominal"
+        + ("; the scene is empty: compare and diagnose need one" if args.scene is None else "")
+    )
     print(f"written: {args.out}")
 
 

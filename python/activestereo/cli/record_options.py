@@ -17,7 +17,9 @@ _MORE = "may be given several times; capi/tables/reference.md has all"
 
 def add_records(group: argparse._ArgumentGroup) -> None:
     text = "the infrared imagers: one of simsense's presets (d435, paper-d415, sapien, neutral), or a field of simsense_signal"
-    group.add_argument("--ir-signal", action="append", default=[], type=_field, metavar="PRESET|NAME=X", help=f"{text}; {_MORE}")
+    group.add_argument(
+        "--ir-signal", action="append", default=[], type=_field, metavar="PRESET|NAME=X", help=f"{text}; {_MORE}"
+    )
     for camera, whose in (("ir", "infrared cameras'"), ("rgb", "RGB camera's")):
         text = f"a field of the {whose} optics, as psf_sigma_px=0.7 (kuafu.Film); {_MORE}"
         group.add_argument(f"--{camera}-film", action="append", default=[], type=_field, metavar="NAME=X", help=text)
@@ -37,7 +39,9 @@ def set_records(config: StereoDepthSensorConfig, args: argparse.Namespace) -> No
             _check(f"--{name.replace('_', '-')}", kuafu.Film(), getattr(config, name))
 
 
-def _imager(signal: str | Mapping[str, float] | None, given: list[tuple[str, Any]], neutral: dict[str, float]) -> dict[str, float]:
+def _imager(
+    signal: str | Mapping[str, float] | None, given: list[tuple[str, Any]], neutral: dict[str, float]
+) -> dict[str, float]:
     import simsense
 
     out = simsense.signal_preset(signal) if isinstance(signal, str) else dict(signal or {})  # type: ignore[arg-type]
@@ -69,5 +73,7 @@ def _field(text: str) -> tuple[str, float | int | list[float] | None]:
     name, equals, value = text.partition("=")
     if not name or (equals and not value):
         raise argparse.ArgumentTypeError(f"a field is NAME=NUMBER or NAME=NUMBER,NUMBER,..., not '{text}'")
-    numbers = [int(part) if part.strip().removeprefix("-").isdecimal() else real(part) for part in value.split(",") if equals]
+    numbers = [
+        int(part) if part.strip().removeprefix("-").isdecimal() else real(part) for part in value.split(",") if equals
+    ]
     return name, None if not equals else numbers[0] if len(numbers) == 1 else numbers

@@ -67,7 +67,12 @@ def add_parser(commands: Commands) -> None:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file")
-    parser.add_argument("--sensor", default="d435", metavar="NAME", help="a camera of 'activestereo presets', or the path of a .toml file (default: d435)")
+    parser.add_argument(
+        "--sensor",
+        default="d435",
+        metavar="NAME",
+        help="a camera of 'activestereo presets', or the path of a .toml file (default: d435)",
+    )
     text = "a sensor model of 'activestereo diagnose': its rig, pattern, imager and effects; --sensor has what it does not say"
     parser.add_argument("--model", type=Path, metavar="FILE", help=text)
     parser.add_argument(

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Physical effects, one file each: a descriptor (id, stage, parameters with units, ranges, priors and sources) and a function.
+"""Physical effects, one file each: a descriptor (id, stage, parameters with units, ranges, priors and sources) and a
+function.
 
     from activestereo.effects import Parameter, Stage, effect
 
@@ -9,7 +10,8 @@
         '''Stray light from the whole picture.'''
         return (1 - fraction) * image + fraction * image.mean()
 
-What a function gets and gives back by stage is told in core/descriptor.py. Every module of this folder is one built-in effect.
+What a function gets and gives back by stage is told in core/descriptor.py. Every module of this folder is one built-in
+effect.
 """
 
 import importlib
@@ -30,4 +32,16 @@ def builtin() -> dict[str, Effect]:
     return {e.id: e for e in sorted(found, key=lambda e: (e.stage, e.id))}
 
 
-__all__ = ["Effect", "Light", "Model", "Parameter", "Randomness", "Stage", "View", "broken_laws", "builtin", "effect", "load_effects"]
+__all__ = [
+    "Effect",
+    "Light",
+    "Model",
+    "Parameter",
+    "Randomness",
+    "Stage",
+    "View",
+    "broken_laws",
+    "builtin",
+    "effect",
+    "load_effects",
+]

@@ -21,7 +21,15 @@ def _engine(inputs: EngineInputs, offset_dn: float, per_k_dn: float) -> None:
     family="dark",
     source="pedestals of 5 (D415) and 20 DN (D435) seen on public frames; drift with temperature and gain",
     parameters=[
-        Parameter("offset_dn", "DN", neutral=0.0, low=-50.0, high=50.0, typical=2.0, source="the fit's black level absorbs a constant one"),
+        Parameter(
+            "offset_dn",
+            "DN",
+            neutral=0.0,
+            low=-50.0,
+            high=50.0,
+            typical=2.0,
+            source="the fit's black level absorbs a constant one",
+        ),
         Parameter("per_k_dn", "DN/K", neutral=0.0, low=-1.0, high=1.0, typical=0.05),
     ],
     engine=_engine,

@@ -29,7 +29,8 @@ def _engine(inputs: EngineInputs, transmission_per_k: float, sigma_px_per_k: flo
     engine=_engine,
 )
 def chromatic_drift(light: Light, view: View, transmission_per_k: float, sigma_px_per_k: float) -> Light:
-    """Per kelvin away from 25 C the filter passes less of the projected light, and it is less in focus; ambient light stays."""
+    """Per kelvin away from 25 C the filter passes less of the projected light, and it is less in focus; ambient light
+    stays."""
     gain = max(0.0, 1.0 + transmission_per_k * abs(view.warming_k))
     sigma = sigma_px_per_k * abs(view.warming_k)
     dimmed = light.scale_projector(gain)

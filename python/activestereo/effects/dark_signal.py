@@ -21,7 +21,9 @@ def _engine(inputs: EngineInputs, rate_dn_per_s: float, doubling_k: float) -> No
     family="dark",
     source="EMVA 1288; dark current of silicon doubles every 6-8 K",
     parameters=[
-        Parameter("rate_dn_per_s", "DN/s", neutral=0.0, low=0.0, high=5000.0, typical=100.0, source="at 25 C and gain 1"),
+        Parameter(
+            "rate_dn_per_s", "DN/s", neutral=0.0, low=0.0, high=5000.0, typical=100.0, source="at 25 C and gain 1"
+        ),
         Parameter("doubling_k", "K", neutral=7.0, low=4.0, high=12.0, typical=1.0),
     ],
     engine=_engine,

@@ -34,7 +34,9 @@ def _engine(inputs: EngineInputs, spread: float, dot_px: float) -> None:
     judged=(RandomTerm("spread", Lever.PROJECTOR, SharedBy.DOT),),
     parameters=[
         Parameter("spread", "1", neutral=0.0, low=0.0, high=0.8, typical=0.15),
-        Parameter("dot_px", "px", neutral=3.0, low=1.0, high=20.0, typical=2.0, source="size of a dot in pattern pixels"),
+        Parameter(
+            "dot_px", "px", neutral=3.0, low=1.0, high=20.0, typical=2.0, source="size of a dot in pattern pixels"
+        ),
     ],
     engine=_engine,
 )

@@ -17,7 +17,8 @@ from activestereo.effects.core.view import View
     image_only="the matcher's window fattens edges by itself; a device's own way of it has no field in simsense",
 )
 def edge_fattening(disparity: np.ndarray, view: View, radius_px: float) -> np.ndarray:
-    """Next to a depth edge the far side takes the near side's disparity, over radius_px; pixels without a match stay so."""
+    """Next to a depth edge the far side takes the near side's disparity, over radius_px; pixels without a match stay
+    so."""
     whole = int(radius_px)
     share = radius_px - whole
     grown = [disparity if r == 0 else maximum_filter(disparity, size=2 * r + 1) for r in (whole, whole + (share > 0))]

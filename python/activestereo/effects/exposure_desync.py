@@ -2,8 +2,8 @@
 """Cameras that do not expose at the same time."""
 
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
-from activestereo.effects.core.light import Light
 from activestereo.effects.core.engine import EngineInputs, moves
+from activestereo.effects.core.light import Light
 from activestereo.effects.core.motion import displaced
 from activestereo.effects.core.view import View
 

@@ -21,7 +21,9 @@ def _engine(
     lamp = Lamp.toward(azimuth_rad, elevation_rad, nearness_per_m)
     irradiance = np.pi * strength * inputs.ambient_radiance
     if nearness_per_m == 0.0:
-        inputs.add_light(on_rig=False, kind="directional", name="sun", light_to_world=lamp.light_to_world(), ir_intensity=irradiance)
+        inputs.add_light(
+            on_rig=False, kind="directional", name="sun", light_to_world=lamp.light_to_world(), ir_intensity=irradiance
+        )
     else:
         place = lamp.light_to_world()
         intensity = irradiance / nearness_per_m**2
@@ -35,12 +37,41 @@ def _engine(
     source="lamps and sunlight hold near infrared; librealsense issues on sunlight and halogen lamps",
     parameters=[
         Parameter(
-            "strength", "1", neutral=0.0, low=0.0, high=50.0, typical=1.0,
+            "strength",
+            "1",
+            neutral=0.0,
+            low=0.0,
+            high=50.0,
+            typical=1.0,
             source="radiance of a white surface that faces it at the world's origin, over the ambient radiance",
         ),
-        Parameter("azimuth_rad", "rad", neutral=0.0, low=-np.pi, high=np.pi, typical=1.0, source="about the world's y axis, from z towards x"),
-        Parameter("elevation_rad", "rad", neutral=0.8, low=-0.5, high=np.pi / 2, typical=0.5, source="above the world's xz plane"),
-        Parameter("nearness_per_m", "1/m", neutral=0.0, low=0.0, high=2.0, typical=0.3, source="1 / distance from the world's origin; 0 = the sun"),
+        Parameter(
+            "azimuth_rad",
+            "rad",
+            neutral=0.0,
+            low=-np.pi,
+            high=np.pi,
+            typical=1.0,
+            source="about the world's y axis, from z towards x",
+        ),
+        Parameter(
+            "elevation_rad",
+            "rad",
+            neutral=0.8,
+            low=-0.5,
+            high=np.pi / 2,
+            typical=0.5,
+            source="above the world's xz plane",
+        ),
+        Parameter(
+            "nearness_per_m",
+            "1/m",
+            neutral=0.0,
+            low=0.0,
+            high=2.0,
+            typical=0.3,
+            source="1 / distance from the world's origin; 0 = the sun",
+        ),
     ],
     starts=lamp_starts,
     engine=_engine,
@@ -48,7 +79,8 @@ def _engine(
 def external_light(
     light: Light, view: View, strength: float, azimuth_rad: float, elevation_rad: float, nearness_per_m: float
 ) -> Light:
-    """One more light shines from one side, with shadows: a lamp at a place in the room, or the sun; it stays when the rig moves."""
+    """One more light shines from one side, with shadows: a lamp at a place in the room, or the sun; it stays when the
+    rig moves."""
     if strength == 0.0:
         return light
     lamp = Lamp.toward(azimuth_rad, elevation_rad, nearness_per_m)

@@ -9,9 +9,7 @@ from activestereo.effects.core.judging import Lever, RandomTerm, SharedBy
 from activestereo.effects.core.view import View
 
 
-def _variance(
-    signal: np.ndarray, view: View, column_dn: float, row_dn: float, pixel_dn: float
-) -> np.ndarray:
+def _variance(signal: np.ndarray, view: View, column_dn: float, row_dn: float, pixel_dn: float) -> np.ndarray:
     return np.full(signal.shape, column_dn**2 + row_dn**2 + pixel_dn**2)
 
 
@@ -31,7 +29,9 @@ def _engine(inputs: EngineInputs, column_dn: float, row_dn: float, pixel_dn: flo
     randomness=Randomness.STATIC,
     variance=_variance,
     judged=(
-        RandomTerm("column_dn", Lever.ONE, SharedBy.COLUMN), RandomTerm("row_dn", Lever.ONE, SharedBy.ROW), RandomTerm("pixel_dn", Lever.ONE),
+        RandomTerm("column_dn", Lever.ONE, SharedBy.COLUMN),
+        RandomTerm("row_dn", Lever.ONE, SharedBy.ROW),
+        RandomTerm("pixel_dn", Lever.ONE),
     ),
     parameters=[
         Parameter("column_dn", "DN", neutral=0.0, low=0.0, high=10.0, typical=0.3),

@@ -21,7 +21,15 @@ from activestereo.effects.core.view import View
         Parameter("depth", "1", neutral=0.0, low=0.0, high=1.0, typical=0.15),
         Parameter("frequency_hz", "Hz", neutral=100.0, low=80.0, high=250.0, typical=20.0),
         Parameter("phase_rad", "rad", neutral=0.0, low=-np.pi, high=np.pi, typical=1.0),
-        Parameter("line_time_s", "s", neutral=0.0, low=0.0, high=1e-4, typical=2e-5, source="0 = all rows at once: frames vary, no bands"),
+        Parameter(
+            "line_time_s",
+            "s",
+            neutral=0.0,
+            low=0.0,
+            high=1e-4,
+            typical=2e-5,
+            source="0 = all rows at once: frames vary, no bands",
+        ),
     ],
     image_only="kuafu's lights do not vary within a frame",
 )

@@ -21,8 +21,18 @@ def _engine(inputs: EngineInputs, exposure_offset_s: float, log_gain: float) -> 
     family="tone",
     source="EMVA 1288 linearity: exposure offsets of microseconds, gain steps off by per cents",
     parameters=[
-        Parameter("exposure_offset_s", "s", neutral=0.0, low=-2e-4, high=1e-3, typical=1e-4, source="exposed longer than told"),
-        Parameter("log_gain", "1", neutral=0.0, low=-0.5, high=0.5, typical=0.05, source="true gain = told gain^(1 + log_gain)"),
+        Parameter(
+            "exposure_offset_s", "s", neutral=0.0, low=-2e-4, high=1e-3, typical=1e-4, source="exposed longer than told"
+        ),
+        Parameter(
+            "log_gain",
+            "1",
+            neutral=0.0,
+            low=-0.5,
+            high=0.5,
+            typical=0.05,
+            source="true gain = told gain^(1 + log_gain)",
+        ),
     ],
     engine=_engine,
 )

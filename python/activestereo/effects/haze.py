@@ -16,7 +16,8 @@ _MOST_FORWARD = 0.98
 
 
 def _phase_g(backscatter: float) -> float:
-    """Henyey and Greenstein's g whose phase function straight back is `backscatter` times the isotropic one: (1 - g) / (1 + g)^2."""
+    """Henyey and Greenstein's g whose phase function straight back is `backscatter` times the isotropic one: (1 - g) /
+    (1 + g)^2."""
     if backscatter == 0.0:
         return _MOST_FORWARD
     root = np.sqrt(8.0 * backscatter + 1.0)
@@ -45,7 +46,8 @@ def _engine(inputs: EngineInputs, extinction_per_m: float, backscatter: float, h
     engine=_engine,
 )  # fmt: skip
 def haze(light: Light, view: View, extinction_per_m: float, backscatter: float, hidden_m: float) -> Light:
-    """Light fades by exp(-extinction x way); ambient light is scattered in where it is scattered out, and so is the beam on its way out."""
+    """Light fades by exp(-extinction x way); ambient light is scattered in where it is scattered out, and so is the
+    beam on its way out."""
     if extinction_per_m == 0.0:
         return light
     to_camera = np.maximum(np.linalg.norm(view.points(), axis=-1) - hidden_m, 0.0)
@@ -57,4 +59,6 @@ def haze(light: Light, view: View, extinction_per_m: float, backscatter: float, 
     faded = replace(light.scale_projector(dots), ambient=ambient)
     if backscatter == 0.0:
         return faded
-    return replace(faded, indirect=faded.indirect + backscatter * extinction_per_m * glow(view, extinction_per_m, hidden_m))
+    return replace(
+        faded, indirect=faded.indirect + backscatter * extinction_per_m * glow(view, extinction_per_m, hidden_m)
+    )

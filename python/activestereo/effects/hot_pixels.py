@@ -14,6 +14,8 @@ def _engine(inputs: EngineInputs, share: float, rate_dn_per_s: float) -> None:
         # The tail is that of the present temperature; simsense's is that of the reference.
         warming = 2.0 ** (inputs.warming_k / eye.signal["dark_doubling_k"])
         eye.signal["hot_pixel_e_per_s"] = rate_dn_per_s / (eye.signal["conversion_gain_dn_per_e"] * warming)
+
+
 from activestereo.effects.core.judging import Lever, RandomTerm
 from activestereo.effects.core.view import View
 
@@ -27,7 +29,15 @@ from activestereo.effects.core.view import View
     judged=(RandomTerm("rate_dn_per_s", Lever.EXPOSURE, sparse_share="share"),),
     parameters=[
         Parameter("share", "1", neutral=0.0, low=0.0, high=0.05, typical=0.002),
-        Parameter("rate_dn_per_s", "DN/s", neutral=2000.0, low=0.0, high=100000.0, typical=2000.0, source="mean of the tail at gain 1"),
+        Parameter(
+            "rate_dn_per_s",
+            "DN/s",
+            neutral=2000.0,
+            low=0.0,
+            high=100000.0,
+            typical=2000.0,
+            source="mean of the tail at gain 1",
+        ),
     ],
     engine=_engine,
 )

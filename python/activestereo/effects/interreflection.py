@@ -13,9 +13,14 @@ from activestereo.effects.core.view import View
     stage=Stage.SURFACE,
     family="surface",
     source="radiosity: bounced light goes with the product of two albedos (Goral et al. 1984)",
-    parameters=[Parameter("gain", "1", neutral=0.0, low=-1.0, high=3.0, typical=0.3, source="-1 = a model of single reflections")],
+    parameters=[
+        Parameter(
+            "gain", "1", neutral=0.0, low=-1.0, high=3.0, typical=0.3, source="-1 = a model of single reflections"
+        )
+    ],
     image_only="kuafu computes bounced light from the albedos alone",
 )
 def interreflection(light: Light, view: View, gain: float) -> Light:
-    """The projector's light that comes over other surfaces, smooth and strongest in corners, is 1 + gain times the rendered one."""
+    """The projector's light that comes over other surfaces, smooth and strongest in corners, is 1 + gain times the
+    rendered one."""
     return replace(light, indirect=light.indirect * (1.0 + gain))

@@ -32,5 +32,6 @@ def _engine(inputs: EngineInputs, per_k: float, per_s: float) -> None:
     engine=_engine,
 )
 def laser_power_drift(light: Light, view: View, per_k: float, per_s: float) -> Light:
-    """Projected light changes by the same factor, exp(per_k), with every kelvin above 25 C, and with the time since the capture began."""
+    """Projected light changes by the same factor, exp(per_k), with every kelvin above 25 C, and with the time since the
+    capture began."""
     return light.scale_projector(_power(per_k * view.warming_k, per_s * view.frame.timestamp_s))

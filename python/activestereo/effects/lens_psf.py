@@ -23,7 +23,15 @@ def _engine(inputs: EngineInputs, sigma_px: float, corner_sigma_px: float) -> No
     source="Gaussian line spread; visible dot sigma 0.8-1.2 px on D4xx frames",
     parameters=[
         Parameter("sigma_px", "px", neutral=0.0, low=0.0, high=3.0, typical=0.5),
-        Parameter("corner_sigma_px", "px", neutral=0.0, low=0.0, high=4.0, typical=0.6, source="field curvature: grows with radius squared"),
+        Parameter(
+            "corner_sigma_px",
+            "px",
+            neutral=0.0,
+            low=0.0,
+            high=4.0,
+            typical=0.6,
+            source="field curvature: grows with radius squared",
+        ),
     ],
     engine=_engine,
 )

@@ -23,7 +23,17 @@ def _engine(inputs: EngineInputs, exposure_fraction: float) -> None:
     stage=Stage.CAMERA,
     family="motion",
     source="exposure is an integral over time",
-    parameters=[Parameter("exposure_fraction", "1", neutral=0.0, low=0.0, high=2.0, typical=1.0, source="1 = the frame's own exposure time")],
+    parameters=[
+        Parameter(
+            "exposure_fraction",
+            "1",
+            neutral=0.0,
+            low=0.0,
+            high=2.0,
+            typical=1.0,
+            source="1 = the frame's own exposure time",
+        )
+    ],
     engine=_engine,
 )
 def motion_blur(light: Light, view: View, exposure_fraction: float) -> Light:
@@ -32,4 +42,6 @@ def motion_blur(light: Light, view: View, exposure_fraction: float) -> Light:
         return light
     times = (np.arange(_INSTANTS) + 0.5) / _INSTANTS - 0.5
     seen = [displaced(light, view, t * exposure_fraction * view.frame.exposure_s) for t in times]
-    return Light(*(sum(getattr(s, name) for s in seen) / _INSTANTS for name in ("direct", "indirect", "ambient", "flat")))
+    return Light(
+        *(sum(getattr(s, name) for s in seen) / _INSTANTS for name in ("direct", "indirect", "ambient", "flat"))
+    )

@@ -14,7 +14,8 @@ from activestereo.effects.core.view import View
 def _engine(inputs: EngineInputs, scale: float, per_k: float) -> None:
     growth = scale + per_k * inputs.warming_k
     if inputs.projector is not None and growth != 0.0:
-        # Sines that grow by g let a tangent t grow by g (1 + t^2), to first order: a magnification and Brown's k1 of where light comes from.
+        # Sines that grow by g let a tangent t grow by g (1 + t^2), to first order: a magnification and Brown's k1 of
+        # where light comes from.
         k1, k2, p1, p2, k3, k4, k5, k6 = inputs.projector.distortion
         inputs.projector.distortion = (k1 - growth, k2, p1, p2, k3, k4, k5, k6)
         inputs.projector.pattern_scale *= 1.0 + growth

@@ -14,7 +14,17 @@ from activestereo.effects.core.view import View
     family="matcher",
     source="Shimizu and Okutomi 2001, Precise sub-pixel estimation on area-based matching; 0.03-0.15 px on real pairs",
     judged=(EngineFault(is_matcher_choice=True),),
-    parameters=[Parameter("amplitude_px", "px", neutral=0.0, low=-0.15, high=0.15, typical=0.04, source="positive: towards whole pixels")],
+    parameters=[
+        Parameter(
+            "amplitude_px",
+            "px",
+            neutral=0.0,
+            low=-0.15,
+            high=0.15,
+            typical=0.04,
+            source="positive: towards whole pixels",
+        )
+    ],
     image_only="simsense's sub-pixel step has its own, smaller bias; a device's has no field",
 )
 def pixel_locking(disparity: np.ndarray, view: View, amplitude_px: float) -> np.ndarray:

@@ -25,13 +25,22 @@ def _engine(inputs: EngineInputs, aperture_px_m: float, focus_m: float) -> None:
     family="projector blur",
     source="thin lens: the blur circle's angular radius = aperture radius x |1/z - 1/z_focus|",
     parameters=[
-        Parameter("aperture_px_m", "px m", neutral=0.0, low=0.0, high=6.0, typical=1.0, source="radius of the aperture times focal length in pattern pixels"),
+        Parameter(
+            "aperture_px_m",
+            "px m",
+            neutral=0.0,
+            low=0.0,
+            high=6.0,
+            typical=1.0,
+            source="radius of the aperture times focal length in pattern pixels",
+        ),
         Parameter("focus_m", "m", neutral=1.0, low=0.2, high=5.0, typical=0.5),
     ],
     engine=_engine,
 )
 def projector_defocus(light: Light, view: View, aperture_px_m: float, focus_m: float) -> Light:
-    """Each dot becomes a disc whose radius in pattern pixels is aperture x |1/z - 1/focus|; ambient edges stay sharp."""
+    """Each dot becomes a disc whose radius in pattern pixels is aperture x |1/z - 1/focus|; ambient edges stay sharp.
+    """
     if aperture_px_m == 0.0:
         return light
     dots = DotView.of(view)

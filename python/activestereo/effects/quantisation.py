@@ -14,7 +14,9 @@ from activestereo.effects.core.view import View
     family="quantisation",
     source="an ideal quantiser of step q adds a variance of q^2 / 12 (Bennett 1948)",
     judged=(CodeSteps("step_dn"),),
-    parameters=[Parameter("step_dn", "DN", neutral=0.0, low=0.0, high=32.0, typical=2.0, source="1 = whole digital numbers")],
+    parameters=[
+        Parameter("step_dn", "DN", neutral=0.0, low=0.0, high=32.0, typical=2.0, source="1 = whole digital numbers")
+    ],
     image_only="simsense's converter rounds to whole digital numbers only",
 )
 def quantisation(dn: np.ndarray, view: View, step_dn: float) -> np.ndarray:

@@ -28,8 +28,8 @@ def _engine(inputs: EngineInputs, phase_u_px: float, phase_v_px: float) -> None:
     engine=_engine,
 )
 def rectification_resampling(light: Light, view: View, phase_u_px: float, phase_v_px: float) -> Light:
-    """The sensor's pixels lie phase_u_px to the right of the rectified ones and phase_v_px below: each of those is the weighted mean of
-    the two nearest, along columns and along rows. Detail is lost, place is not."""
+    """The sensor's pixels lie phase_u_px to the right of the rectified ones and phase_v_px below: each of those is the
+    weighted mean of the two nearest, along columns and along rows. Detail is lost, place is not."""
     if phase_u_px == 0.0 and phase_v_px == 0.0:
         return light
     return light.shifted_sum(*(((phase, 1.0 - phase), (phase - 1.0, phase)) for phase in (phase_u_px, phase_v_px)))

@@ -19,7 +19,17 @@ def _engine(inputs: EngineInputs, log_exponent: float) -> None:
     stage=Stage.READOUT,
     family="tone",
     source="power-law camera response (Mitsunaga and Nayar 1999 treat the general case)",
-    parameters=[Parameter("log_exponent", "1", neutral=0.0, low=-1.0, high=1.0, typical=0.15, source="natural logarithm of the exponent")],
+    parameters=[
+        Parameter(
+            "log_exponent",
+            "1",
+            neutral=0.0,
+            low=-1.0,
+            high=1.0,
+            typical=0.15,
+            source="natural logarithm of the exponent",
+        )
+    ],
     engine=_engine,
 )
 def response_gamma(signal: np.ndarray, view: View, log_exponent: float) -> np.ndarray:

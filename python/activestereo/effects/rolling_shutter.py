@@ -23,7 +23,11 @@ def _engine(inputs: EngineInputs, line_time_s: float) -> None:
     stage=Stage.CAMERA,
     family="motion",
     source="Meingast, Geyer and Sastry 2005, Geometric models of rolling-shutter cameras",
-    parameters=[Parameter("line_time_s", "s", neutral=0.0, low=-1e-4, high=1e-4, typical=2e-5, source="10-70 us on common imagers")],
+    parameters=[
+        Parameter(
+            "line_time_s", "s", neutral=0.0, low=-1e-4, high=1e-4, typical=2e-5, source="10-70 us on common imagers"
+        )
+    ],
     engine=_engine,
 )
 def rolling_shutter(light: Light, view: View, line_time_s: float) -> Light:

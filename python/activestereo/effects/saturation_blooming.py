@@ -24,8 +24,24 @@ def _engine(inputs: EngineInputs, lost_range: float, spill: float) -> None:
     family="saturation",
     source="Janesick, Photon Transfer, full well and blooming",
     parameters=[
-        Parameter("lost_range", "1", neutral=0.0, low=0.0, high=0.95, typical=0.3, source="the well is full at (1 - this) of the range"),
-        Parameter("spill", "1", neutral=0.0, low=0.0, high=1.0, typical=0.3, source="share of the overflow that reaches the column's neighbours"),
+        Parameter(
+            "lost_range",
+            "1",
+            neutral=0.0,
+            low=0.0,
+            high=0.95,
+            typical=0.3,
+            source="the well is full at (1 - this) of the range",
+        ),
+        Parameter(
+            "spill",
+            "1",
+            neutral=0.0,
+            low=0.0,
+            high=1.0,
+            typical=0.3,
+            source="share of the overflow that reaches the column's neighbours",
+        ),
     ],
     engine=_engine,
 )

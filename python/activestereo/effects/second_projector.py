@@ -50,14 +50,18 @@ def _engine(inputs: EngineInputs, intensity_m2: float, offset_x_m: float, offset
 def second_projector(
     light: Light, view: View, intensity_m2: float, offset_x_m: float, offset_y_m: float, yaw_rad: float
 ) -> Light:
-    """A second unit on the same rig throws the same pattern from beside; it shines in frames with the own projector off too."""
+    """A second unit on the same rig throws the same pattern from beside; it shines in frames with the own projector off
+    too."""
     if intensity_m2 == 0.0:
         return light
     shading = Shading.of(light, view)
     offset = np.array([offset_x_m, offset_y_m, 0.0])
     c, s = np.cos(yaw_rad), np.sin(yaw_rad)
     to_second = np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]])
-    dots = shading.pattern_from((shading.projector_points() - offset) @ to_second.T, view.once("sharp pattern", lambda: disc_sampler(Pattern(view.pattern), 0.0)))
+    dots = shading.pattern_from(
+        (shading.projector_points() - offset) @ to_second.T,
+        view.once("sharp pattern", lambda: disc_sampler(Pattern(view.pattern), 0.0)),
+    )
     projector_to_camera = np.linalg.inv(view.camera_to_projector)
     _, _, irradiance = shading.from_source(projector_to_camera[:3, :3] @ offset + projector_to_camera[:3, 3])
     return replace(light, ambient=light.ambient + intensity_m2 * dots * irradiance * shading.reflectance)

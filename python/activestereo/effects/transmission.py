@@ -24,15 +24,26 @@ def _engine(inputs: EngineInputs, fraction: float, behind: float, surfaces: floa
     source="KHR_materials_transmission: a share of the diffuse light goes through instead",
     parameters=[
         Parameter("fraction", "1", neutral=0.0, low=0.0, high=1.0, typical=0.2),
-        Parameter("behind", "1", neutral=0.5, low=0.0, high=1.0, typical=0.3, source="radiance of what lies behind over the ambient radiance"),
+        Parameter(
+            "behind",
+            "1",
+            neutral=0.5,
+            low=0.0,
+            high=1.0,
+            typical=0.3,
+            source="radiance of what lies behind over the ambient radiance",
+        ),
         SURFACES,
     ],
     engine=_engine,
 )
 def transmission(light: Light, view: View, fraction: float, behind: float, surfaces: float) -> Light:
-    """Surfaces send back less of all light, and show through what is behind them: ambient light, but none of the dots."""
+    """Surfaces send back less of all light, and show through what is behind them: ambient light, but none of the dots.
+    """
     if fraction == 0.0:
         return light
     share = np.where((view.depth_m > 0) & chosen(view, surfaces), fraction, 0.0)
     kept = 1.0 - share
-    return Light(light.direct * kept, light.indirect * kept, light.ambient * kept + share * behind, light.flat * kept, light.fine)
+    return Light(
+        light.direct * kept, light.indirect * kept, light.ambient * kept + share * behind, light.flat * kept, light.fine
+    )

@@ -10,6 +10,7 @@ stays within a per cent (measured).
 from __future__ import annotations
 
 from typing import Any
+
 import numpy as np
 
 # Changes whenever the filter does.
@@ -24,7 +25,14 @@ _REACH_RAD = 0.02
 _PLANE_SHARE = 0.006
 
 
-def smooth_bounced(image: np.ndarray, depth_m: np.ndarray, normal: np.ndarray, points: np.ndarray, material: np.ndarray, focal_px: float) -> np.ndarray:
+def smooth_bounced(
+    image: np.ndarray,
+    depth_m: np.ndarray,
+    normal: np.ndarray,
+    points: np.ndarray,
+    material: np.ndarray,
+    focal_px: float,
+) -> np.ndarray:
     """image [..., height, width], filtered where depth_m > 0. normal and points [height][width][3] in one frame;
     material [height][width]; focal_px: the camera's, in samples of the image."""
     levels = max(1, round(np.log2(focal_px * _REACH_RAD)))

@@ -82,7 +82,9 @@ def _messages(path: Path) -> Iterator[tuple[str, Any, float, float]]:
         from rosbags.highlevel import AnyReader, AnyReaderError
         from rosbags.typesys import Stores, get_typestore
     except ImportError as error:
-        raise ValueError(f"{path}: bags are read by the package rosbags, which is missing: pip install rosbags") from error
+        raise ValueError(
+            f"{path}: bags are read by the package rosbags, which is missing: pip install rosbags"
+        ) from error
     source = path.parent if path.suffix in (".db3", ".mcap") else path
     try:
         with AnyReader([source], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
@@ -92,7 +94,9 @@ def _messages(path: Path) -> Iterator[tuple[str, Any, float, float]]:
                 message = reader.deserialize(raw, connection.msgtype)
                 yield connection.topic, message, 1e-6 * time_ns, (number + 1) / total
     except (AnyReaderError, OSError, KeyError, AssertionError) as error:
-        raise ValueError(f"{path}: cannot be read as a bag: {' '.join(str(error).split()) or 'it is damaged'}") from error
+        raise ValueError(
+            f"{path}: cannot be read as a bag: {' '.join(str(error).split()) or 'it is damaged'}"
+        ) from error
 
 
 def _is_wanted(topic: str, kind: str) -> bool:
@@ -141,7 +145,9 @@ def _device(path: Path, found: _Found) -> DeviceText:
             f"{path}: Infrared 2: the baseline is nowhere in it (camera_info's P[3] is 0): give --calibration"
         )
     if baseline_m <= 0:
-        raise ValueError(f"{path}: Infrared 2: the baseline is {baseline_m:g} m, expected above 0: left and right are swapped")
+        raise ValueError(
+            f"{path}: Infrared 2: the baseline is {baseline_m:g} m, expected above 0: left and right are swapped"
+        )
     left_to_right = np.eye(4)
     left_to_right[0, 3] = -baseline_m
     modes = {(name, i.width, i.height): i for name, i in found.intrinsics.items()}

@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A folder of a librealsense recording's PNG files becomes a capture: infrared pairs, and depth where it is there as 16-bit PNG.
+"""A folder of a librealsense recording's PNG files becomes a capture: infrared pairs, and depth where it is there as
+16-bit PNG.
 
-Files are known by their names, in any order of the words: "Infrared 1" or left, "Infrared 2" or right, Depth, and the last number is
-the timestamp in milliseconds or the frame's number: rs-convert's and the viewer's names, and left/000001.png beside right/000001.png.
+Files are known by their names, in any order of the words: "Infrared 1" or left, "Infrared 2" or right, Depth, and the
+last number is the timestamp in milliseconds or the frame's number: rs-convert's and the viewer's names, and
+left/000001.png beside right/000001.png.
 """
 
 import re
@@ -75,9 +77,10 @@ def import_realsense(
 ) -> Capture:  # fmt: skip
     """Writes the capture `out` (which must not exist) and returns it.
 
-    pattern: uint8, the nominal one of the device, under pattern_K; projector_to_left_m: its place in the left camera's frame, None for
-    0.58 of the baseline, as on a D435. depth_scale: metres per unit of the depth images. scene: a glTF file, None for an empty one.
-    trajectory: camera poses over seconds; without it the camera stands still, and all frames are repeats of one view.
+    pattern: uint8, the nominal one of the device, under pattern_K; projector_to_left_m: its place in the left camera's
+    frame, None for 0.58 of the baseline, as on a D435. depth_scale: metres per unit of the depth images. scene: a glTF
+    file, None for an empty one. trajectory: camera poses over seconds; without it the camera stands still, and all
+    frames are repeats of one view.
     """
     tell = progress or (lambda fraction: None)
     files = frame_files(folder)

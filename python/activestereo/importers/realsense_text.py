@@ -22,7 +22,8 @@ _INTRINSIC = re.compile(r'Intrinsic of\s+"(?P<stream>[^"]+)"\s*/\s*(?P<width>\d+
 _EXTRINSIC = re.compile(r'Extrinsic from\s+"(?P<first>[^"]+)"\s+To\s+"(?P<second>[^"]+)"', re.IGNORECASE)
 _FIELD = re.compile(r"^\s*(?P<key>Width|Height|PPX|PPY|Fx|Fy|Distortion|Coeffs)\s*:\s*(?P<value>.*)$")
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
-# Of librealsense's distortion models these are Brown and Conrady's five numbers; "Inverse" holds for images that are distorted already.
+# Of librealsense's distortion models these are Brown and Conrady's five numbers; "Inverse" holds for images that are
+# distorted already.
 _BROWN = ("brown conrady", "modified brown conrady", "none", "inverse brown conrady")
 
 

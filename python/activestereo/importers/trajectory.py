@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Camera poses over time as a TUM text file: each line is timestamp tx ty tz qx qy qz qw, camera_to_world, # starts a comment."""
+"""Camera poses over time as a TUM text file: each line is timestamp tx ty tz qx qy qz qw, camera_to_world, # starts a
+comment."""
 
 from pathlib import Path
 

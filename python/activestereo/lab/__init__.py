@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from typing import Any
+
 from activestereo.lab.compare import Comparison, compare
 from activestereo.lab.diagnose import Diagnosis, diagnose
 from activestereo.lab.lab_object import Lab

@@ -14,7 +14,8 @@ LEVEL = 0.95
 
 
 class BlockBootstrap:
-    """Draws of Poisson(1) weights for `groups` groups of blocks, float32 [draws][groups]; the same for every statistic."""
+    """Draws of Poisson(1) weights for `groups` groups of blocks, float32 [draws][groups]; the same for every statistic.
+    """
 
     def __init__(self, groups: int, draws: int = 4000, seed: int = 0) -> None:
         rng = np.random.Generator(np.random.Philox(seed))
@@ -47,7 +48,8 @@ def max_t(value: np.ndarray, draws: np.ndarray) -> tuple[float, np.ndarray]:
 
 
 def benjamini_yekutieli(p_values: Sequence[float] | np.ndarray) -> np.ndarray:
-    """q-values: rejecting q <= alpha keeps the false discovery rate below alpha however the tests depend on each other."""
+    """q-values: rejecting q <= alpha keeps the false discovery rate below alpha however the tests depend on each other.
+    """
     p = np.asarray(p_values, dtype=np.float64)
     if p.size == 0:
         return p

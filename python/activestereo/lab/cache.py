@@ -108,7 +108,8 @@ class LayerCache:
         return arrays
 
     def put_arrays(self, key: str, arrays: Mapping[str, np.ndarray]) -> None:
-        """A folder that cannot be written (read-only, full) costs a CacheWarning and the time to render again, not the caller's work."""
+        """A folder that cannot be written (read-only, full) costs a CacheWarning and the time to render again, not the
+        caller's work."""
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
             replace_file(self.folder / f"{key}.npz", lambda file: np.savez(file, **arrays))

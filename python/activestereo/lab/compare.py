@@ -1,19 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compares the simulator with a capture: render its poses, fit the nuisances on the train frames, score both splits, and
-look on the train frames where the model fails.
+"""Compares the simulator with a capture: render its poses, fit the nuisances on the train frames, score both splits,
+and look on the train frames where the model fails.
 
 compare() computes; report/ writes compare.json, compare.png and report.html.
 """
 
 from __future__ import annotations
 
-from typing import Any
-from collections.abc import Callable
-from collections.abc import Mapping
-from pathlib import Path
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -32,10 +29,10 @@ from activestereo.lab.render import WARP_SCALE, render_frames
 from activestereo.lab.where_channels import where_it_fails
 
 if TYPE_CHECKING:
-    from activestereo.engines.capture_renderer import CaptureRenderer
-    from activestereo.lab.fit import Fit
     from activestereo.capture import Frame
+    from activestereo.engines.capture_renderer import CaptureRenderer
     from activestereo.lab.cache import LayerCache
+    from activestereo.lab.fit import Fit
     from activestereo.lab.layers import Layers
     from activestereo.lab.render import Renderer
 
@@ -46,8 +43,9 @@ _RENDER_SHARE = 0.9
 
 @dataclass(frozen=True)
 class Comparison:
-    """scores: what compare.json holds (lab/schema/compare.schema.json). predictions: {(frame id, eye): expected DN, float32
-    [height][width]}. depths: a DepthFrame for each frame with the device's depth. layers: {frame id: {eye: Layers}} as rendered."""
+    """scores: what compare.json holds (lab/schema/compare.schema.json). predictions: {(frame id, eye): expected DN,
+    float32 [height][width]}. depths: a DepthFrame for each frame with the device's depth. layers: {frame id: {eye:
+    Layers}} as rendered."""
 
     capture: Capture
     scores: dict
@@ -63,10 +61,12 @@ def compare(
 ) -> Comparison:  # fmt: skip
     """A Comparison of the capture folder. CaptureError where the capture cannot be used.
 
-    model: effects on top of the base renderer, a Model; expected images are compared, so random effects show in the noise floor
-    alone. renderer: see lab.render; None for kuafu on the best device. progress: called as progress(fraction done). is_fine: renders images finer
-    than the pixels even where the model does not warp them, for effects that are added to the Comparison's layers later. engines: makes a CaptureRenderer of the capture, in which the model's effects act;
-    None: their image functions do. survey: an engines.Survey, what is known of focal lengths and albedos.
+    model: effects on top of the base renderer, a Model; expected images are compared, so random effects show in the
+    noise floor alone. renderer: see lab.render; None for kuafu on the best device. progress: called as
+    progress(fraction done). is_fine: renders images finer than the pixels even where the model does not warp them, for
+    effects that are added to the Comparison's layers later. engines: makes a CaptureRenderer of the capture, in which
+    the model's effects act; None: their image functions do. survey: an engines.Survey, what is known of focal lengths
+    and albedos.
     """
     capture = read_capture(capture_path)
     measured = {(frame.id, eye): capture.ir(frame, eye) for frame in capture.frames for eye in EYES}
@@ -77,12 +77,20 @@ def compare(
     share = progress and (lambda fraction: progress(_RENDER_SHARE * fraction))
     model = model or Model()
     moves = is_fine or any(effect.stage is Stage.CAMERA for effect, _ in model.effects)
-    layers = render_frames(capture, renderer, samples_per_pixel, max_bounces, seed, cache, share, WARP_SCALE if moves else 1)
-    views = {key: View.of(capture, frame, key[1], layers[frame.id][key[1]], seed) for frame in capture.frames for key in _keys(frame)}
+    layers = render_frames(
+        capture, renderer, samples_per_pixel, max_bounces, seed, cache, share, WARP_SCALE if moves else 1
+    )
+    views = {
+        key: View.of(capture, frame, key[1], layers[frame.id][key[1]], seed)
+        for frame in capture.frames
+        for key in _keys(frame)
+    }
     if engines is None:
         fit, predictions = predict_under_model(capture, model, layers, views, measured)
     else:
-        fit, predictions = predict_in_engines(capture, model, survey or Survey(), engines(capture), layers, views, measured)
+        fit, predictions = predict_in_engines(
+            capture, model, survey or Survey(), engines(capture), layers, views, measured
+        )
     floors, law = floors_of(capture, views, measured, predictions, fit.nuisances.black_dn)
     match = match_of(capture, views, {key: layers[key[0]][key[1]].projector for key in views}, measured, law)
     depths = model_depths(capture, measured, predictions, views, law, model, seed)
@@ -107,10 +115,18 @@ def compare(
     return Comparison(capture, scores, predictions, depths, layers, model)
 
 
-def predict_under_model(capture: Capture, model: Model, layers: Mapping[int, Mapping[str, Layers]], views: Mapping[tuple[int, str], View], measured: Mapping[tuple[int, str], np.ndarray]) -> tuple[Fit, dict[tuple[int, str], np.ndarray]]:
-    """(the Fit of the nuisances on the train frames, {(frame id, eye): expected DN, float32 [height][width]}) under a Model.
+def predict_under_model(
+    capture: Capture,
+    model: Model,
+    layers: Mapping[int, Mapping[str, Layers]],
+    views: Mapping[tuple[int, str], View],
+    measured: Mapping[tuple[int, str], np.ndarray],
+) -> tuple[Fit, dict[tuple[int, str], np.ndarray]]:
+    """(the Fit of the nuisances on the train frames, {(frame id, eye): expected DN, float32 [height][width]}) under a
+    Model.
 
-    layers: {frame id: {eye: Layers}}; views and measured: {(frame id, eye): View and DN}. ValueError where there is nothing to fit.
+    layers: {frame id: {eye: Layers}}; views and measured: {(frame id, eye): View and DN}. ValueError where there is
+    nothing to fit.
     """
     lights = {key: model.light(layers[key[0]][key[1]], view) for key, view in views.items()}
     train = [(views[key], lights[key], measured[key]) for frame in capture.split("train") for key in _keys(frame)]

@@ -8,12 +8,9 @@ model would from the device. The floor comes from repeated device frames with de
 
 from __future__ import annotations
 
-from typing import Any
-from collections.abc import Mapping
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
-
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -45,7 +42,16 @@ class DepthFrame:
         return np.where(both, self.focal_baseline * (1.0 / safe(depth_m) - 1.0 / safe(reference_m)), 0.0), both
 
 
-def model_depths(capture: Capture, measured: Mapping[tuple[int, str], np.ndarray], predictions: Mapping[tuple[int, str], np.ndarray], views: Mapping[tuple[int, str], View], law: NoiseLaw | None, model: Model, seed: int = 0, split: str | None = None) -> list[DepthFrame]:
+def model_depths(
+    capture: Capture,
+    measured: Mapping[tuple[int, str], np.ndarray],
+    predictions: Mapping[tuple[int, str], np.ndarray],
+    views: Mapping[tuple[int, str], View],
+    law: NoiseLaw | None,
+    model: Model,
+    seed: int = 0,
+    split: str | None = None,
+) -> list[DepthFrame]:
     """A DepthFrame for each frame that has the device's depth. measured, predictions: {(frame id, eye): DN}; views:
     {...: View}.
 

@@ -4,9 +4,9 @@ it."""
 
 from __future__ import annotations
 
-from typing import Any
-from collections.abc import Mapping
 import warnings
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 

@@ -27,7 +27,8 @@ _CLIP_ROUNDS = 4
 
 @dataclass(frozen=True)
 class Nuisances:
-    """projector_scale, ambient_scale: DN per (second x gain x unit of rendered radiance); black_dn: DN without light."""
+    """projector_scale, ambient_scale: DN per (second x gain x unit of rendered radiance); black_dn: DN without light.
+    """
 
     projector_scale: float
     ambient_scale: float
@@ -70,7 +71,8 @@ def predict(frame: Frame, layers: Any, nuisances: Nuisances, max_dn: float) -> n
 
 
 def fit_nuisances(observations: Sequence[tuple[Frame, Any, np.ndarray]], max_dn: float) -> Fit:
-    """observations: iterable of (frame, layers, measured DN). Returns a Fit; ValueError where there is nothing to fit."""
+    """observations: iterable of (frame, layers, measured DN). Returns a Fit; ValueError where there is nothing to fit.
+    """
     observations = list(observations)
     if not observations:
         raise ValueError("nothing to fit: the capture has no train frames")
@@ -91,10 +93,14 @@ def fit_nuisances(observations: Sequence[tuple[Frame, Any, np.ndarray]], max_dn:
         if used == total:
             break  # nothing near the ends of the range: the linear fit is final
     errors = deviation * np.sqrt(np.maximum(np.diag(inverse), 0.0))
-    return Fit(Nuisances(*map(float, solution)), Nuisances(*map(float, errors)), int(used), 1.0 - used / total, at_bound)
+    return Fit(
+        Nuisances(*map(float, solution)), Nuisances(*map(float, errors)), int(used), 1.0 - used / total, at_bound
+    )
 
 
-def _normal_equations(observations: Sequence[Any], solution: np.ndarray | None, deviation: Any, max_dn: float) -> tuple[np.ndarray, np.ndarray, float, int]:
+def _normal_equations(
+    observations: Sequence[Any], solution: np.ndarray | None, deviation: Any, max_dn: float
+) -> tuple[np.ndarray, np.ndarray, float, int]:
     """Gram matrix and moments over pixels away from the range's ends: by the measurement at first, then by the
     prediction, which unlike the measurement does not select on its own noise."""
     gram, moment, energy, used = np.zeros((3, 3)), np.zeros(3), 0.0, 0

@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The nuisances under a model with effects, where the prediction may bend: Gauss-Newton on the same least squares as fit.py."""
+"""The nuisances under a model with effects, where the prediction may bend: Gauss-Newton on the same least squares as
+fit.py."""
 
 from __future__ import annotations
 
-from typing import Any
 from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 
 from activestereo.lab.fit import Fit, Nuisances, fit_nuisances, solve_bounded
@@ -15,7 +17,8 @@ _CLIP_MARGIN_SIGMA = 4.0
 
 
 def fit_under_model(model: Any, observations: Sequence[Any], max_dn: float) -> Fit:
-    """observations: [(View, Light that falls on the sensor, measured DN)]. Returns a Fit; ValueError where there is nothing to fit."""
+    """observations: [(View, Light that falls on the sensor, measured DN)]. Returns a Fit; ValueError where there is
+    nothing to fit."""
     linear = fit_nuisances([(view.frame, light, measured) for view, light, measured in observations], max_dn)
     if not model.effects:
         return linear
@@ -32,7 +35,9 @@ def fit_under_model(model: Any, observations: Sequence[Any], max_dn: float) -> F
     return Fit(Nuisances(*map(float, theta)), Nuisances(*map(float, errors)), int(used), 1.0 - used / total, at_bound)
 
 
-def _normal_equations(model: Any, observations: Sequence[Any], theta: np.ndarray, deviation: Any, max_dn: float) -> tuple[np.ndarray, np.ndarray, float, int]:
+def _normal_equations(
+    model: Any, observations: Sequence[Any], theta: np.ndarray, deviation: Any, max_dn: float
+) -> tuple[np.ndarray, np.ndarray, float, int]:
     """Gram matrix, moments, sum of squares and count over pixels predicted away from the range's ends."""
     gram, moment, squares, used = np.zeros((3, 3)), np.zeros(3), 0.0, 0
     for view, light, measured in observations:

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The noise floor of every image of a capture, from the best evidence that there is: repeats, the law that they tell, or
-the difference of a frame's own two eyes."""
+"""The noise floor of every image of a capture, from the best evidence that there is: repeats, the law that they tell,
+or the difference of a frame's own two eyes."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

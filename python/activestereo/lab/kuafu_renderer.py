@@ -4,25 +4,22 @@ band."""
 
 from __future__ import annotations
 
-from typing import Any
-from collections.abc import Mapping
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
 import hashlib
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 import kuafu
-from activestereo.lab.cache import scene_digest
-from activestereo.lab.layers import Layers, RenderRequest
 from activestereo.engines.smooth import SMOOTH_VERSION
 from activestereo.engines.smoothing import smooth_light
+from activestereo.lab.cache import scene_digest
+from activestereo.lab.layers import Layers, RenderRequest
 from activestereo.scene_surfaces import split_surfaces
 
 if TYPE_CHECKING:
@@ -77,7 +74,9 @@ class KuafuRenderer:
         indirect, ambient = (image.astype(np.float32) for image in bounced.values())
         return Layers(direct, indirect, ambient, flat[i, ..., 0].copy(), depth_m, normal, material)
 
-    def _smoothed(self, bounced: dict[str, np.ndarray], depth_m: np.ndarray, normal: np.ndarray, material: np.ndarray, camera: Any) -> dict[str, np.ndarray]:
+    def _smoothed(
+        self, bounced: dict[str, np.ndarray], depth_m: np.ndarray, normal: np.ndarray, material: np.ndarray, camera: Any
+    ) -> dict[str, np.ndarray]:
         column, row = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
         y = (row - camera.K[1, 2]) / camera.K[1, 1]
         x = (column - camera.K[0, 2] - camera.K[0, 1] * y) / camera.K[0, 0]
@@ -85,7 +84,14 @@ class KuafuRenderer:
         in_camera = normal @ camera.camera_to_world[:3, :3]
         return smooth_light(bounced, depth_m, in_camera, points, material, camera.K[0, 0], self._scene)
 
-    def _render(self, request: RenderRequest, cameras: Sequence[kuafu.Camera], outputs: Sequence[str], max_bounces: int, progress: Callable[[float], object] | None) -> Mapping[str, np.ndarray]:
+    def _render(
+        self,
+        request: RenderRequest,
+        cameras: Sequence[kuafu.Camera],
+        outputs: Sequence[str],
+        max_bounces: int,
+        progress: Callable[[float], object] | None,
+    ) -> Mapping[str, np.ndarray]:
         return self._renderer.render(
             self._scene,
             cameras,

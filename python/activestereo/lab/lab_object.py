@@ -3,11 +3,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-from pathlib import Path
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
 import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from activestereo.lab.compare import compare
 from activestereo.lab.diagnose import diagnose
@@ -15,18 +14,25 @@ from activestereo.lab.diagnose.report import write_diagnosis
 from activestereo.lab.model_file import find, library, read_model, scene_of, write_model
 
 if TYPE_CHECKING:
+    from activestereo.effects.core.model import Model
     from activestereo.lab.compare import Comparison
     from activestereo.lab.diagnose.diagnosis import Diagnosis
-    from activestereo.effects.core.model import Model
 
 
 class Lab:
     """A capture folder and a model of it (a Model, a model.json, or None for no effects).
 
-    effects: files of your own effects. settings: renderer, samples_per_pixel, max_bounces, seed, cache, progress of compare().
+    effects: files of your own effects. settings: renderer, samples_per_pixel, max_bounces, seed, cache, progress of
+    compare().
     """
 
-    def __init__(self, capture: str | Path, model: Model | str | Path | None = None, effects: Sequence[str | Path] = (), **settings: Any) -> None:
+    def __init__(
+        self,
+        capture: str | Path,
+        model: Model | str | Path | None = None,
+        effects: Sequence[str | Path] = (),
+        **settings: Any,
+    ) -> None:
         self.capture = capture
         self.effects = library(*effects)
         self.model = model if hasattr(model, "with_effect") else read_model(model, self.effects, scene_of(capture))
@@ -45,7 +51,8 @@ class Lab:
         return self.diagnosis
 
     def add(self, effect_id: str, **parameters: float) -> Model:
-        """Adds an effect: with the given parameters, else as the last diagnosis found it, else typical. Returns the model."""
+        """Adds an effect: with the given parameters, else as the last diagnosis found it, else typical. Returns the
+        model."""
         effect = find(self.effects, effect_id)
         if not parameters:
             entries = self.diagnosis.result["ranking"] if self.diagnosis else []

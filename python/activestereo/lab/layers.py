@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Light layers: what one rig pose looks like under each light alone, so that exposure, power and scale need no new ray."""
+"""Light layers: what one rig pose looks like under each light alone, so that exposure, power and scale need no new ray.
+"""
 
 from __future__ import annotations
 
-from typing import Any
-
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -112,8 +112,11 @@ class Sampling:
         depth_m, normal, material = self._surfaces(layers, column, row)
         return PixelLayers(*lights, depth_m, normal, material, fine)
 
-    def _surfaces(self, layers: Layers, column: np.ndarray, row: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Depth, normal and material at pixel positions: of the nearest sample, but depth is a mean where it is smooth."""
+    def _surfaces(
+        self, layers: Layers, column: np.ndarray, row: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Depth, normal and material at pixel positions: of the nearest sample, but depth is a mean where it is smooth.
+        """
         shape = layers.depth_m.shape
         at = ((x + self.margin_px + 0.5) * self.scale - 0.5 for x in (row, column))
         exact = [np.clip(x, 0, size - 1.001) for x, size in zip(at, shape, strict=True)]

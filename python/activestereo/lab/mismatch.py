@@ -35,7 +35,8 @@ Image = NDArray[np.generic]
 
 @dataclass(frozen=True)
 class Match:
-    """Correlations, -1..1, each with the largest that noise allows; None where no dots are seen or there is no frame."""
+    """Correlations, -1..1, each with the largest that noise allows; None where no dots are seen or there is no frame.
+    """
 
     pattern: float | None
     geometry: float | None

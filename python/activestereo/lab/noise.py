@@ -11,10 +11,9 @@ square of a noisy signal exceeds the squared mean by the variance itself, so mea
 
 from __future__ import annotations
 
-from typing import Any
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
@@ -95,7 +94,8 @@ def transfer_points(capture: Capture) -> list[dict[str, float]]:
 
 
 def transfer_rows(entry: Repeats, max_dn: float) -> list[tuple[float, ...]]:
-    """Rows (gain, mean, mean of squares, variance, 1 / standard error of the variance) over bins of equal pixel count."""
+    """Rows (gain, mean, mean of squares, variance, 1 / standard error of the variance) over bins of equal pixel count.
+    """
     frames, _, mean, variance = entry
     count = len(frames)
     inside = (mean > 0) & (mean < max_dn - 1)

@@ -116,7 +116,15 @@ def _gain(left: np.ndarray, there: np.ndarray, mask: np.ndarray, blocks: Any) ->
     ]
 
 
-def _rows(left: np.ndarray, right: np.ndarray, disparity: np.ndarray, mask: np.ndarray, blocks: Any, u: np.ndarray, v: np.ndarray) -> list[Finding]:
+def _rows(
+    left: np.ndarray,
+    right: np.ndarray,
+    disparity: np.ndarray,
+    mask: np.ndarray,
+    blocks: Any,
+    u: np.ndarray,
+    v: np.ndarray,
+) -> list[Finding]:
     """By how much the right image's rows lie lower, and how that changes from top to bottom and from left to right:
     least squares on the derivative along columns, Lucas and Kanade's step once."""
     there = map_coordinates(right, [v, u - disparity], order=3, mode="nearest")

@@ -61,5 +61,7 @@ def _rows(left: View, right: View, left_dn: NDArray, right_dn: NDArray) -> list[
         squares = one_eye[smooth]
         limit = _TRIM**2 * max(np.median(squares) / 0.455, _QUANTISATION_VARIANCE)  # 0.455: median of chi square, 1 dof
         variance = float(squares[squares <= limit].mean())
-        rows.append((left.frame.gain, float(level[smooth].mean()), variance, float(np.sqrt(squares.size) / max(variance, 1e-3))))
+        rows.append(
+            (left.frame.gain, float(level[smooth].mean()), variance, float(np.sqrt(squares.size) / max(variance, 1e-3)))
+        )
     return rows

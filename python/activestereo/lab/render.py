@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Renders the poses of a capture into light layers, once per distinct pose, through the cache.
 
-A renderer is any callable (RenderRequest, progress) -> tuple of Layers (one per camera) with a `version` text that changes
-whenever its pixels may change.
+A renderer is any callable (RenderRequest, progress) -> tuple of Layers (one per camera) with a `version` text that
+changes whenever its pixels may change.
 """
 
 from collections.abc import Callable
@@ -21,7 +21,9 @@ class Renderer(Protocol):
 
     version: str
 
-    def __call__(self, request: RenderRequest, progress: Callable[[float], object] | None = None) -> tuple[Layers, ...]: ...
+    def __call__(
+        self, request: RenderRequest, progress: Callable[[float], object] | None = None
+    ) -> tuple[Layers, ...]: ...
 
 
 def render_frames(
@@ -30,10 +32,11 @@ def render_frames(
 ) -> dict[int, dict[str, Layers]]:  # fmt: skip
     """{frame id: {eye: Layers}} of every frame; frames at one pose share their layers.
 
-    A moving frame is rendered at its mid-exposure pose: motion within the exposure is an effect, not part of the base model.
-    cache: a LayerCache, None for the user's own. progress: called as progress(fraction done). scale: image samples per pixel
-    side; from 2 on the layers are PixelLayers, whose fine images keep warps (lenses, calibration, motion) sharp to the frame's
-    border, at about 1.1 times the cost: the samples per pixel stay. ValueError for a nominal lens that distorts too much.
+    A moving frame is rendered at its mid-exposure pose: motion within the exposure is an effect, not part of the base
+    model. cache: a LayerCache, None for the user's own. progress: called as progress(fraction done). scale: image
+    samples per pixel side; from 2 on the layers are PixelLayers, whose fine images keep warps (lenses, calibration,
+    motion) sharp to the frame's border, at about 1.1 times the cost: the samples per pixel stay. ValueError for a
+    nominal lens that distorts too much.
     """
     cache = cache or LayerCache()
     sampling = sampling_of(capture.rig, scale)
@@ -50,7 +53,9 @@ def render_frames(
             layers = renderer(request, _part(progress, done, len(requests)))
             cache.put(key, layers)
         if sampling.scale > 1:
-            layers = tuple(sampling.pixel_layers(view, capture.rig.camera(eye)) for eye, view in zip(EYES, layers, strict=True))
+            layers = tuple(
+                sampling.pixel_layers(view, capture.rig.camera(eye)) for eye, view in zip(EYES, layers, strict=True)
+            )
         rendered[key] = dict(zip(EYES, layers, strict=True))
         if progress:
             progress((done + 1) / len(requests))

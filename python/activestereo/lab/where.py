@@ -40,7 +40,9 @@ def where_tables(
     return sorted(tables, key=lambda t: (order.index(t["channel"]), not t["is_finding"], -(t["concentration"] or 0.0)))
 
 
-def _table(channel: str, unit: str, samples: Any, explainable: np.ndarray, covariate: Any, bootstrap: Any, name_of: Any) -> dict[str, Any]:
+def _table(
+    channel: str, unit: str, samples: Any, explainable: np.ndarray, covariate: Any, bootstrap: Any, name_of: Any
+) -> dict[str, Any]:
     bins = samples.bins[covariate.name]
     ones = np.ones_like(samples.residual)
     sums = lambda values: samples.group_sums(values, bins.code, bins.count)  # noqa: E731
@@ -79,7 +81,16 @@ def _p_value(columns: np.ndarray, overall: Any) -> float:
     return float((1 + np.count_nonzero(drawn >= observed)) / (1 + np.size(drawn)))
 
 
-def _bin_rows(covariate: Any, bins: Any, name_of: Any, count: np.ndarray, share: np.ndarray, mean: np.ndarray, excess: np.ndarray, floor: np.ndarray) -> list[dict[str, Any]]:
+def _bin_rows(
+    covariate: Any,
+    bins: Any,
+    name_of: Any,
+    count: np.ndarray,
+    share: np.ndarray,
+    mean: np.ndarray,
+    excess: np.ndarray,
+    floor: np.ndarray,
+) -> list[dict[str, Any]]:
     mean_low, mean_high = interval(mean[1])
     excess_low, excess_high = interval(excess[1])
     rows = []

@@ -3,10 +3,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,8 +17,8 @@ from activestereo.lab.where_samples import LARGEST_DISPARITY_ERROR_PX, ResidualI
 from activestereo.scene_surfaces import surface_names
 
 if TYPE_CHECKING:
-    from activestereo.lab.depth_model import DepthFrame
     from activestereo.capture import Frame
+    from activestereo.lab.depth_model import DepthFrame
     from activestereo.lab.noise import NoiseLaw
 
 # Below this share of the floor's variance an excess may be the renderer's own Monte Carlo noise, and is not explained

@@ -7,10 +7,9 @@ measured, -1 = the model alone). Train frames only: test frames stay unseen by w
 
 from __future__ import annotations
 
-from typing import Any
-
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -52,7 +51,8 @@ class Bins:
 
 @dataclass(frozen=True)
 class Samples:
-    """Pixels [n]: residual, excess (squared residual above the floor), floor, group of blocks; bins: {covariate: Bins}."""
+    """Pixels [n]: residual, excess (squared residual above the floor), floor, group of blocks; bins: {covariate: Bins}.
+    """
 
     residual: np.ndarray
     excess: np.ndarray

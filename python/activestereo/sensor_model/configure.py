@@ -34,7 +34,9 @@ def configure(config: Any, model: SensorModel) -> None:
         config.ir_film, config.ir_speckle_of_laser = None, False
         config.projector_beam_radius_m = config.projector_falloff_exponent = 0.0
         if model.imager is None:
-            config.ir_signal = {k: v for k, v in (config.ir_signal or {}).items() if not k.startswith("speckle")} or None
+            config.ir_signal = {
+                k: v for k, v in (config.ir_signal or {}).items() if not k.startswith("speckle")
+            } or None
     if "black_dn" in model.nuisances:
         config.ir_black_level_dn = model.nuisances["black_dn"].value
     if "projector_scale" in model.nuisances:

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from activestereo.effects.core.descriptor import Effect
 from activestereo.effects.core.model import Model
 from activestereo.effects.core.surfaces import SURFACES, material_numbers
-from activestereo.scene_surfaces import material_of, names_of, numbers_of
 from activestereo.engines.survey import Survey
+from activestereo.scene_surfaces import material_of, names_of, numbers_of
 
 # What a fit may leave over, with units: {name: (unit, low, high)}.
 NUISANCES: dict[str, tuple[str, float, float]] = {

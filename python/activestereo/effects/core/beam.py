@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The projector's own beam seen from the side: light that a medium between rig and scene scatters once towards the camera."""
+"""The projector's own beam seen from the side: light that a medium between rig and scene scatters once towards the
+camera."""
 
 import numpy as np
 from scipy.ndimage import gaussian_filter, map_coordinates
@@ -15,11 +16,11 @@ _FAR_M, _LEAST_ASIDE_M = 10.0, 1e-3
 
 
 def glow(view: View, extinction_per_m: float, from_m: float) -> np.ndarray:
-    """Radiance [height][width] per scattering coefficient (1/m) of isotropic single scattering, under projector power 1, from from_m
-    along each pixel's ray to what it hits. Shadows in the medium are left out.
+    """Radiance [height][width] per scattering coefficient (1/m) of isotropic single scattering, under projector power
+    1, from from_m along each pixel's ray to what it hits. Shadows in the medium are left out.
 
-    Places along a ray are spaced evenly in the angle at the projector, which takes 1 / distance^2 out of the integral (Kulla and
-    Fajardo 2012, Importance sampling techniques for path tracing in participating media)."""
+    Places along a ray are spaced evenly in the angle at the projector, which takes 1 / distance^2 out of the integral
+    (Kulla and Fajardo 2012, Importance sampling techniques for path tracing in participating media)."""
     rows, columns, ray, end, foot, aside = view.once("coarse rays", lambda: _coarse_rays(view))
     first, last = np.arctan((from_m - foot) / aside), np.arctan((end - foot) / aside)
     share = ((np.arange(_PLACES) + 0.5) / _PLACES)[:, None, None]
@@ -27,12 +28,15 @@ def glow(view: View, extinction_per_m: float, from_m: float) -> np.ndarray:
     way = along - from_m + np.hypot(along - foot, aside)
     light = _intensity(view, along[..., None] * ray) * np.exp(-extinction_per_m * way)
     coarse = light.mean(axis=0) * np.maximum(last - first, 0.0) / (4.0 * np.pi * aside)
-    places = [np.interp(np.arange(n), kept, np.arange(len(kept))) for n, kept in zip(view.shape, (rows, columns), strict=True)]
+    places = [
+        np.interp(np.arange(n), kept, np.arange(len(kept))) for n, kept in zip(view.shape, (rows, columns), strict=True)
+    ]
     return map_coordinates(coarse, np.meshgrid(*places, indexing="ij"), order=1, mode="nearest")
 
 
 def _coarse_rays(view: View) -> tuple[np.ndarray, ...]:
-    """(rows, columns) that are kept, unit rays, distances to what they hit; how far along a ray the projector lies, and how far beside."""
+    """(rows, columns) that are kept, unit rays, distances to what they hit; how far along a ray the projector lies, and
+    how far beside."""
     rows, columns = (np.append(np.arange(0, n - 1, _STEP_PX), n - 1) for n in view.shape)
     x, y = (image[np.ix_(rows, columns)] for image in view.rays())
     ray = np.stack([x, y, np.ones(x.shape)], axis=-1)
@@ -50,5 +54,7 @@ def _intensity(view: View, points: np.ndarray) -> np.ndarray:
     x, y, z = np.moveaxis(transform(view.camera_to_projector, points), -1, 0)
     K, ahead = view.projector_K, np.where(z > 1e-6, z, 1.0)
     u, v = (K[0, 0] * x + K[0, 1] * y) / ahead + K[0, 2], K[1, 1] * y / ahead + K[1, 2]
-    smooth = view.once("smooth pattern", lambda: gaussian_filter(np.asarray(view.pattern, dtype=np.float64), _DOTS_PX, mode="constant"))
+    smooth = view.once(
+        "smooth pattern", lambda: gaussian_filter(np.asarray(view.pattern, dtype=np.float64), _DOTS_PX, mode="constant")
+    )
     return np.where(z > 1e-6, map_coordinates(smooth, [v, u], order=1, mode="constant"), 0.0)

@@ -20,17 +20,26 @@ _WHERE = {
 def table(effects: dict[str, Effect]) -> str:
     """One line per effect: id, stage, family, whether the engines have it, parameters with units."""
     rows = [("id", "stage", "family", "simulated", "parameters")]
-    rows += [(e.id, e.stage.name.lower(), e.family, _where(e), ", ".join(_with_unit(p) for p in e.parameters)) for e in effects.values()]
+    rows += [
+        (e.id, e.stage.name.lower(), e.family, _where(e), ", ".join(_with_unit(p) for p in e.parameters))
+        for e in effects.values()
+    ]
     last = len(rows[0]) - 1
     widths = [max(len(row[i]) for row in rows) for i in range(last)]
-    return "\n".join("  ".join([*(cell.ljust(w) for cell, w in zip(row, widths, strict=False)), row[last]]) for row in rows)
+    return "\n".join(
+        "  ".join([*(cell.ljust(w) for cell, w in zip(row, widths, strict=False)), row[last]]) for row in rows
+    )
 
 
 def page(effects: dict[str, Effect], differences: dict[str, float] | None = None) -> str:
-    """Markdown: a user's own effect as an example, what the engines have, then every effect with its parameters, in the order of the pipeline.
-    differences: how far the image function is from the engines, see lab/surrogate.py."""
+    """Markdown: a user's own effect as an example, what the engines have, then every effect with its parameters, in the
+    order of the pipeline. differences: how far the image function is from the engines, see lab/surrogate.py."""
     in_engine = sum(e.engine is not None for e in effects.values())
-    lines = ["# Physical effects", "", _INTRODUCTION.format(count=len(effects), engine=in_engine, example=EXAMPLE.strip())]
+    lines = [
+        "# Physical effects",
+        "",
+        _INTRODUCTION.format(count=len(effects), engine=in_engine, example=EXAMPLE.strip()),
+    ]
     lines += _engine_table(effects, differences or {})
     for stage in Stage:
         chosen = [e for e in effects.values() if e.stage is stage]
@@ -46,7 +55,14 @@ def _where(e: Effect) -> str:
 
 
 def _engine_table(effects: dict[str, Effect], differences: dict[str, float]) -> list[str]:
-    lines = ["## In the engines", "", _ENGINE, "", "| effect | simulated in | engine fields, or why there is none | difference |", "|---|---|---|---|"]
+    lines = [
+        "## In the engines",
+        "",
+        _ENGINE,
+        "",
+        "| effect | simulated in | engine fields, or why there is none | difference |",
+        "|---|---|---|---|",
+    ]
     for e in effects.values():
         fields = e.image_only if e.engine is None else ", ".join(f"`{name}`" for name in e.engine_fields)
         told = f"{100 * differences[e.id]:.1f} %" if e.id in differences else ""
@@ -59,12 +75,23 @@ def _with_unit(parameter: Parameter) -> str:
 
 
 def _entry(e: Effect) -> list[str]:
-    random = {"none": "", "static": ", random and fixed to the sensor", "temporal": ", random in every frame"}[e.randomness.value]
-    lines = [f"### {e.id}", "", e.summary.replace("\n", " "), "", f"Family: {e.family}{random}. Source: {e.source}.", ""]
+    random = {"none": "", "static": ", random and fixed to the sensor", "temporal": ", random in every frame"}[
+        e.randomness.value
+    ]
+    lines = [
+        f"### {e.id}",
+        "",
+        e.summary.replace("\n", " "),
+        "",
+        f"Family: {e.family}{random}. Source: {e.source}.",
+        "",
+    ]
     if e.parameters:
         lines += ["| parameter | unit | neutral | range | typical | |", "|---|---|---|---|---|---|"]
     for p in e.parameters:
-        lines.append(f"| `{p.name}` | {p.unit} | {p.neutral:g} | {p.low:g} to {p.high:g} | {p.typical_value:g} | {p.source} |")
+        lines.append(
+            f"| `{p.name}` | {p.unit} | {p.neutral:g} | {p.low:g} to {p.high:g} | {p.typical_value:g} | {p.source} |"
+        )
     return [*lines, ""]
 
 

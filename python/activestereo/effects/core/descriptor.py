@@ -42,7 +42,8 @@ class Stage(IntEnum):
 
 
 class Randomness(Enum):
-    """NONE: a function of its input. STATIC: drawn once per sensor (or view), the same in repeats. TEMPORAL: drawn per frame."""
+    """NONE: a function of its input. STATIC: drawn once per sensor (or view), the same in repeats. TEMPORAL: drawn per
+    frame."""
 
     NONE = "none"
     STATIC = "static"
@@ -51,8 +52,8 @@ class Randomness(Enum):
 
 @dataclass(frozen=True)
 class Parameter:
-    """neutral: the value of no effect. low..high: physically possible. typical: one prior deviation from neutral. choice: it says where
-    or how, in whole numbers: fits take it as given."""
+    """neutral: the value of no effect. low..high: physically possible. typical: one prior deviation from neutral.
+    choice: it says where or how, in whole numbers: fits take it as given."""
 
     name: str
     unit: str
@@ -65,7 +66,9 @@ class Parameter:
 
     def __post_init__(self) -> None:
         if not self.low <= self.neutral <= self.high or self.low == self.high:
-            raise ValueError(f"parameter {self.name}: needs low <= neutral <= high and a range, got {self.low}, {self.neutral}, {self.high}")
+            raise ValueError(
+                f"parameter {self.name}: needs low <= neutral <= high and a range, got {self.low}, {self.neutral}, {self.high}"
+            )
         if not 0 < self.typical < float("inf"):
             raise ValueError(f"parameter {self.name}: typical is {self.typical}, a prior's deviation is positive")
 
@@ -80,9 +83,10 @@ class Parameter:
 class Effect:
     """See the head of this file.
 
-    variance(signal, view, **parameters): DN^2 that a random effect adds to its stage's value. engine(inputs, **parameters): changes
-    EngineInputs, see engine.py; None where no engine field expresses the effect: image_only says why. judged: how the lab finds it,
-    where its expected image is not what changes. starts: proposes where fits begin, where a coarse scan of the parameters would miss.
+    variance(signal, view, **parameters): DN^2 that a random effect adds to its stage's value. engine(inputs,
+    **parameters): changes EngineInputs, see engine.py; None where no engine field expresses the effect: image_only says
+    why. judged: how the lab finds it, where its expected image is not what changes. starts: proposes where fits begin,
+    where a coarse scan of the parameters would miss.
     """
 
     id: str
@@ -133,7 +137,8 @@ class Effect:
         return next((j for j in self.judged if isinstance(j, EngineFault)), EngineFault())
 
     def values(self, given: Mapping[str, float] | None = None) -> dict[str, float]:
-        """{name: value} of every parameter, neutral where not given; ValueError for an unknown name or a value out of range."""
+        """{name: value} of every parameter, neutral where not given; ValueError for an unknown name or a value out of
+        range."""
         given = dict(given or {})
         values = {}
         for p in self.parameters:
@@ -171,12 +176,26 @@ def effect(
             raise ValueError(f"effect {id}: the function needs a docstring, it is what users read")
         wanted = list(inspect.signature(function).parameters)[2:]
         if wanted != [p.name for p in parameters]:
-            raise ValueError(f"effect {id}: the function takes {wanted}, the parameters are {[p.name for p in parameters]}")
+            raise ValueError(
+                f"effect {id}: the function takes {wanted}, the parameters are {[p.name for p in parameters]}"
+            )
         moved = wanted if engine is None else list(inspect.signature(engine).parameters)[1:]
         if moved != wanted:
             raise ValueError(f"effect {id}: its engine function takes {moved}, the parameters are {wanted}")
         return Effect(
-            id, family, stage, tuple(parameters), function, summary, source, randomness, variance, engine, image_only, tuple(judged), starts
+            id,
+            family,
+            stage,
+            tuple(parameters),
+            function,
+            summary,
+            source,
+            randomness,
+            variance,
+            engine,
+            image_only,
+            tuple(judged),
+            starts,
         )
 
     return make

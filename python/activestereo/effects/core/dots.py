@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The projector's pattern as the camera's pixels see it: what lets an effect move, blur or dim dots without a new ray."""
+"""The projector's pattern as the camera's pixels see it: what lets an effect move, blur or dim dots without a new ray.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +18,8 @@ _LARGEST_BOX = 64.0
 
 
 class DotView:
-    """Projector pixels (u, v) of every camera pixel, and the box of projector pixels that the camera pixel's square covers."""
+    """Projector pixels (u, v) of every camera pixel, and the box of projector pixels that the camera pixel's square
+    covers."""
 
     @classmethod
     def of(cls, view: View) -> DotView:
@@ -55,7 +57,8 @@ class DotView:
         return sampler(self.u if u is None else u, self.v if v is None else v, self.box_u, self.box_v)
 
     def mean_of_discs(self, pattern: np.ndarray, diameter_px: np.ndarray) -> np.ndarray:
-        """mean() of the pattern blurred by discs of a diameter [height][width] in pattern pixels, interpolated between whole ones."""
+        """mean() of the pattern blurred by discs of a diameter [height][width] in pattern pixels, interpolated between
+        whole ones."""
         known = self._known(pattern)
         low = np.floor(diameter_px).astype(int)
         share = diameter_px - low
@@ -76,12 +79,15 @@ class DotView:
         return replace(light, direct=direct, indirect=light.indirect * ratio)
 
     def _footprint(self) -> tuple[np.ndarray, np.ndarray]:
-        """Median-guarded derivative of (u, v) by the camera's pixel steps: edges of objects must not open huge boxes."""
+        """Median-guarded derivative of (u, v) by the camera's pixel steps: edges of objects must not open huge boxes.
+        """
         K, view = self._view.projector_K, self._view
         ratio_u, ratio_v = K[0, 0] / view.K[0, 0], K[1, 1] / view.K[1, 1]
         # Along epipolar lines the step depends on slant; one-sided differences, the smaller of both sides.
         step = np.diff(self.u, axis=1)
-        step = np.minimum(np.abs(np.pad(step, ((0, 0), (1, 0)), "edge")), np.abs(np.pad(step, ((0, 0), (0, 1)), "edge")))
+        step = np.minimum(
+            np.abs(np.pad(step, ((0, 0), (1, 0)), "edge")), np.abs(np.pad(step, ((0, 0), (0, 1)), "edge"))
+        )
         box_u = np.clip(np.where(step > 0, step, ratio_u), 0.25 * ratio_u, 4 * ratio_u)
         box_v = np.full(self.v.shape, ratio_v)
         return np.clip(box_u, _SMALLEST_BOX, _LARGEST_BOX), np.clip(box_v, _SMALLEST_BOX, _LARGEST_BOX)

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Light between pixels: images finer than the camera's and wider than its frame, so that a warp has something to look up."""
+"""Light between pixels: images finer than the camera's and wider than its frame, so that a warp has something to look
+up."""
 
 from __future__ import annotations
 
@@ -14,7 +15,8 @@ from activestereo.effects.core.resample import Spline, blur, sample, shifted_sum
 
 @dataclass(frozen=True)
 class FineImages:
-    """images: float32 [n][(height + 2 margin_px) scale][(width + 2 margin_px) scale]; margin_px in pixels of the camera."""
+    """images: float32 [n][(height + 2 margin_px) scale][(width + 2 margin_px) scale]; margin_px in pixels of the
+    camera."""
 
     images: np.ndarray
     scale: int
@@ -43,17 +45,22 @@ class FineImages:
         return FineImages(self.at(columns + moved[0], rows + moved[1]), self.scale, self.margin_px)
 
     def blurred(self, sigma_px: float | np.ndarray) -> FineImages:
-        """The images under a Gaussian blur; sigma_px: a number, or an image of it [height][width] that goes on beyond the frame."""
+        """The images under a Gaussian blur; sigma_px: a number, or an image of it [height][width] that goes on beyond
+        the frame."""
         if np.ndim(sigma_px):
             height, width = np.shape(sigma_px)
             rows, columns = np.meshgrid(self._positions(height), self._positions(width), indexing="ij")
             sigma_px = sample(np.asarray(sigma_px, dtype=np.float64), columns, rows, order=1)
-        return _LaterFine(self, lambda fine: FineImages(blur(fine.images, self.scale * sigma_px), self.scale, self.margin_px))
+        return _LaterFine(
+            self, lambda fine: FineImages(blur(fine.images, self.scale * sigma_px), self.scale, self.margin_px)
+        )
 
     def shifted_sum(self, along_u: Sequence[tuple[float, float]], along_v: Sequence[tuple[float, float]]) -> FineImages:
         """See resample.shifted_sum; shifts in pixels."""
         fine_u, fine_v = ([(self.scale * shift, weight) for shift, weight in taps] for taps in (along_u, along_v))
-        return _LaterFine(self, lambda fine: FineImages(shifted_sum(fine.images, fine_u, fine_v), self.scale, self.margin_px))
+        return _LaterFine(
+            self, lambda fine: FineImages(shifted_sum(fine.images, fine_u, fine_v), self.scale, self.margin_px)
+        )
 
     def at(self, u: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Values at pixel positions (u, v) of any shape, float32 [n][...]."""

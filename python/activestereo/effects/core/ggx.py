@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The dielectric highlight of glTF 2.0's material model: GGX, Fresnel's exact reflectance, specularFactor 1.
 
-Arrays of cosines and directions may have any leading shape; roughness is a number (alpha = roughness squared); ior is 1.5 where it is
-not given, as in glTF.
+Arrays of cosines and directions may have any leading shape; roughness is a number (alpha = roughness squared); ior is
+1.5 where it is not given, as in glTF.
 """
 
 from functools import lru_cache
@@ -24,7 +24,8 @@ def ior_of(reflectance: float) -> float:
 def highlight(
     normal: np.ndarray, to_light: np.ndarray, to_camera: np.ndarray, roughness: float, ior: float = IOR
 ) -> np.ndarray:
-    """Radiance reflected per irradiance, [...]; directions [...][3], unit. Walter et al. 2007, height-correlated Smith shadowing."""
+    """Radiance reflected per irradiance, [...]; directions [...][3], unit. Walter et al. 2007, height-correlated Smith
+    shadowing."""
     half = to_light + to_camera
     half = half / np.maximum(np.linalg.norm(half, axis=-1, keepdims=True), 1e-12)
     dot = lambda a, b: np.clip((a * b).sum(-1), 0.0, 1.0)  # noqa: E731
@@ -32,7 +33,9 @@ def highlight(
     square = roughness**4
     density = square / (np.pi * (n_h * n_h * (square - 1.0) + 1.0) ** 2)
     masked = n_l * np.sqrt(n_v * n_v * (1.0 - square) + square) + n_v * np.sqrt(n_l * n_l * (1.0 - square) + square)
-    return np.where((n_l > 0) & (n_v > 0), fresnel(dot(half, to_camera), ior) * density * 0.5 / np.maximum(masked, 1e-6), 0.0)
+    return np.where(
+        (n_l > 0) & (n_v > 0), fresnel(dot(half, to_camera), ior) * density * 0.5 / np.maximum(masked, 1e-6), 0.0
+    )
 
 
 def fresnel(cosine: float | np.ndarray, ior: float = IOR) -> np.ndarray:
@@ -51,8 +54,8 @@ def reflected_share(cosine: np.ndarray, roughness: float, ior: float = IOR) -> n
 def base_share(
     cosine_in: np.ndarray, cosine_out: np.ndarray, roughness: float, factor: float, ior: float = IOR
 ) -> np.ndarray:
-    """How bright the diffuse base is below `factor` of the lobe, relative to the bare one: what the lobe lets in and out, as the renderer
-    has it (Kelemen and Szirmay-Kalos 2001)."""
+    """How bright the diffuse base is below `factor` of the lobe, relative to the bare one: what the lobe lets in and
+    out, as the renderer has it (Kelemen and Szirmay-Kalos 2001)."""
     cosines, shares = _shares(float(roughness), float(ior))
     mean = trapezoid(shares * 2 * cosines, cosines)
     let_in, let_out = (1.0 - factor * reflected_share(cosine, roughness, ior) for cosine in (cosine_in, cosine_out))
@@ -61,8 +64,8 @@ def base_share(
 
 @lru_cache(maxsize=64)
 def _shares(roughness: float, ior: float) -> tuple[np.ndarray, np.ndarray]:
-    """(cosines, reflected shares): the lobe's integral over outgoing directions, by rings of equal projected solid angle about
-    the half vector's density, so that narrow lobes are resolved."""
+    """(cosines, reflected shares): the lobe's integral over outgoing directions, by rings of equal projected solid
+    angle about the half vector's density, so that narrow lobes are resolved."""
     cosines = np.linspace(0.0, 1.0, _COSINES)
     cosines[0] = 1e-3
     square = roughness**4

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A light with a place in the world, as a camera sees it: how it lights each pixel, where its shadows fall, and where a fit may start."""
+"""A light with a place in the world, as a camera sees it: how it lights each pixel, where its shadows fall, and where a
+fit may start."""
 
 from __future__ import annotations
 
@@ -13,7 +14,8 @@ from activestereo.effects.core.light import Light
 from activestereo.effects.core.shading import Shading
 from activestereo.effects.core.view import View
 
-# Shadow rays step through the depth image, on every so many pixels, so far in all; something thicker than this casts no shadow.
+# Shadow rays step through the depth image, on every so many pixels, so far in all; something thicker than this casts no
+# shadow.
 _EVERY_PX, _STEPS, _REACH_M, _FIRST_STEP_M = 2, 24, 0.8, 0.006
 _THICK_M = 0.3
 # A ray has to be so far behind the surface to be in its shadow: shares of depth.
@@ -24,7 +26,8 @@ _SOFT_PX = 0.7
 
 @dataclass(frozen=True)
 class Lamp:
-    """direction: to the light from the world's origin, unit, world axes. nearness_per_m: 1 / its distance from there, 0 = infinitely far."""
+    """direction: to the light from the world's origin, unit, world axes. nearness_per_m: 1 / its distance from there, 0
+    = infinitely far."""
 
     direction: np.ndarray
     nearness_per_m: float
@@ -37,7 +40,8 @@ class Lamp:
         return cls(direction, nearness_per_m)
 
     def light_to_world(self) -> np.ndarray:
-        """A pose [4][4] at the light that looks at the world's origin along +z; at the origin where it is infinitely far."""
+        """A pose [4][4] at the light that looks at the world's origin along +z; at the origin where it is infinitely
+        far."""
         forward = -self.direction
         right = np.cross([0.0, 1.0, 0.0] if abs(forward[1]) < 0.9 else [1.0, 0.0, 0.0], forward)
         right /= np.linalg.norm(right)
@@ -55,7 +59,8 @@ class Lamp:
         return np.pi * shading.reflectance * cosine / square * self._visibility(view, way)
 
     def _way(self, view: View, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(unit vectors to the light in camera coordinates, squared distance over that of the world's origin) of points."""
+        """(unit vectors to the light in camera coordinates, squared distance over that of the world's origin) of
+        points."""
         world_to_camera = view.left_to_camera @ np.linalg.inv(view.frame.camera_to_world)
         rotation, origin = world_to_camera[:3, :3], world_to_camera[:3, 3]
         # (origin + direction / nearness - point) x nearness: the same for a light that is infinitely far.
@@ -64,7 +69,8 @@ class Lamp:
         return way / np.sqrt(square)[..., None], square
 
     def _visibility(self, view: View, way: np.ndarray) -> np.ndarray:
-        """Share of the light that arrives, from rays through the depth image: only what the camera sees casts shadows."""
+        """Share of the light that arrives, from rays through the depth image: only what the camera sees casts shadows.
+        """
         memory: dict[object, np.ndarray] = view.once("lamp's shadow", dict)
         key = tuple(self.direction), self.nearness_per_m
         if key not in memory:
@@ -95,7 +101,8 @@ def _lit(view: View, way: np.ndarray) -> np.ndarray:
 
 
 def lamp_starts(images: list[StartImage]) -> list[dict[str, float]]:
-    """Direction and strength of a light that is far away: the residual over reflectance is linear in the surface's normal where it is lit.
+    """Direction and strength of a light that is far away: the residual over reflectance is linear in the surface's
+    normal where it is lit.
 
     Surfaces that face away show nothing of it; they are left out in turn (photometric stereo: Woodham 1980).
     """
@@ -105,7 +112,16 @@ def lamp_starts(images: list[StartImage]) -> list[dict[str, float]]:
         shading = Shading.of(image.light, image.view)
         rotation = (image.view.left_to_camera @ np.linalg.inv(image.view.frame.camera_to_world))[:3, :3]
         white = np.pi * shading.reflectance * image.ambient_dn
-        rows.append((shading.normal @ rotation, white, image.light.ambient * image.ambient_dn, image.weight, image.residual, shading.hit))
+        rows.append(
+            (
+                shading.normal @ rotation,
+                white,
+                image.light.ambient * image.ambient_dn,
+                image.weight,
+                image.residual,
+                shading.hit,
+            )
+        )
     vector = np.zeros(3)
     for _ in range(4):
         gram[:], moment[:] = 0.0, 0.0

@@ -1,17 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """The laws that every effect obeys, tried on a small synthetic view: what `effect check` runs, and the tests.
 
-1 neutral parameters are the identity; 2 the same seed gives the same bits, random effects vary with it and with what they say
-they vary with; 3 every value in range gives finite numbers; 4 every parameter has an influence; 5 the input is left alone.
+1 neutral parameters are the identity; 2 the same seed gives the same bits, random effects vary with it and with what
+they say they vary with; 3 every value in range gives finite numbers; 4 every parameter has an influence; 5 the input is
+left alone.
 """
 
 from __future__ import annotations
 
-from typing import Any
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -57,7 +58,9 @@ def example_view(
     v, u = np.mgrid[0:height, 0:width].astype(np.float64)
     slanted = (u > 30) & (u < 66) & (v > 20) & (v < 56)
     depth = np.where(slanted, 0.6 + 0.002 * u + 0.001 * v, 1.1)
-    normal = np.where(slanted[..., None], np.array([0.2, 0.1, -1.0]) / np.linalg.norm([0.2, 0.1, 1.0]), [0.0, 0.0, -1.0])
+    normal = np.where(
+        slanted[..., None], np.array([0.2, 0.1, -1.0]) / np.linalg.norm([0.2, 0.1, 1.0]), [0.0, 0.0, -1.0]
+    )
     pose, left_to_right, left_to_projector = np.eye(4), np.eye(4), np.eye(4)
     left_to_right[0, 3], left_to_projector[0, 3] = -0.05, -0.015
     left_to_camera = left_to_right if eye == "right" else np.eye(4)
@@ -87,7 +90,8 @@ def _dots(shape: tuple[int, int]) -> np.ndarray:
 
 
 def example_value(stage: Stage, view: View) -> Light | np.ndarray:
-    """An input for an effect of the stage: light, an image of radiance, DN up to beyond the range's end, disparity or depth."""
+    """An input for an effect of the stage: light, an image of radiance, DN up to beyond the range's end, disparity or
+    depth."""
     height, width = view.shape
     v, u = np.mgrid[0:height, 0:width].astype(np.float64)
     flat = 0.2 / view.depth_m**2

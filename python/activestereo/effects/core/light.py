@@ -3,9 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable
-
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -42,8 +40,9 @@ class Light:
     """Radiance [height][width] under projector power 1 and ambient radiance 1, each the mean over the pixel's square.
 
     direct: the projector's light off the first surface; indirect: the rest of it; ambient: everything else;
-    flat: what `direct` would be under a pattern that is 1 everywhere (visibility, falloff and reflection without the dots).
-    fine: the same four as rendered, finer and wider than the frame, or None. Effects change the four and leave it alone.
+    flat: what `direct` would be under a pattern that is 1 everywhere (visibility, falloff and reflection without the
+    dots). fine: the same four as rendered, finer and wider than the frame, or None. Effects change the four and leave
+    it alone.
     """
 
     direct: np.ndarray = _Part()
@@ -79,7 +78,11 @@ class Light:
     def seen(self, pick: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Projector and ambient light, float64 [n] each, at flat indices of pixels."""
         later = self.__dict__.get("_later")
-        if later is not None and later.at is not None and not {"_direct", "_indirect", "_ambient"} & self.__dict__.keys():
+        if (
+            later is not None
+            and later.at is not None
+            and not {"_direct", "_indirect", "_ambient"} & self.__dict__.keys()
+        ):
             return tuple(later.at(names, pick) for names in (_PROJECTOR, _AMBIENT))
         return self.projector.ravel()[pick], self.ambient.ravel()[pick]
 
@@ -90,11 +93,13 @@ class Light:
     def warped(self, u: np.ndarray, v: np.ndarray) -> Light:
         """The light whose pixels show what lies at pixel positions (u, v) [height][width] here.
 
-        Rendered light is looked up in the fine images where there are any. What effects have changed since is known per pixel
-        only: a local gain, and what that leaves."""
+        Rendered light is looked up in the fine images where there are any. What effects have changed since is known per
+        pixel only: a local gain, and what that leaves."""
         if self.fine is not None:
             operation = lambda images: sample(images, u, v)  # noqa: E731
-            return _Later(self, operation, lambda fine: fine.warped(u, v), lambda gain: sample(gain, u, v, order=1)).light()
+            return _Later(
+                self, operation, lambda fine: fine.warped(u, v), lambda gain: sample(gain, u, v, order=1)
+            ).light()
         look = lambda names: self._once(("spline", names), lambda: Spline(self.sum_of(names)))  # noqa: E731
         later = _Later(self, lambda images: sample(images, u, v))
         later.image = lambda names: look(names)(u, v)
@@ -102,8 +107,11 @@ class Light:
         return later.light()
 
     def blurred(self, sigma_px: float | np.ndarray) -> Light:
-        """The light under a Gaussian blur of sigma_px, a number or an image of it; of the fine images where there are any."""
-        return _Later(self, lambda images: blur(images, sigma_px), self.fine and (lambda fine: fine.blurred(sigma_px))).light()
+        """The light under a Gaussian blur of sigma_px, a number or an image of it; of the fine images where there are
+        any."""
+        return _Later(
+            self, lambda images: blur(images, sigma_px), self.fine and (lambda fine: fine.blurred(sigma_px))
+        ).light()
 
     def shifted_sum(self, along_u: Sequence[tuple[float, float]], along_v: Sequence[tuple[float, float]]) -> Light:
         """The weighted sum of shifted lights, see resample.shifted_sum; of the fine images where there are any."""
@@ -127,11 +135,19 @@ _NAMES = ("direct", "indirect", "ambient", "flat")
 
 
 class _Later:
-    """A linear operation on a Light, done image by image when asked for; of_fine: the same on FineImages, where there are any.
+    """A linear operation on a Light, done image by image when asked for; of_fine: the same on FineImages, where there
+    are any.
 
-    of_gain: what becomes of a local gain, see Light.warped. at: function of (names, flat indices of pixels), or None."""
+    of_gain: what becomes of a local gain, see Light.warped. at: function of (names, flat indices of pixels), or None.
+    """
 
-    def __init__(self, source: Any, of_images: Callable[..., Any], of_fine: Callable[..., Any] | None = None, of_gain: Callable[[Any], Any] = lambda gain: gain) -> None:
+    def __init__(
+        self,
+        source: Any,
+        of_images: Callable[..., Any],
+        of_fine: Callable[..., Any] | None = None,
+        of_gain: Callable[[Any], Any] = lambda gain: gain,
+    ) -> None:
         self._source, self._of_images, self._of_gain, self.at = source, of_images, of_gain, None
         self._fine = of_fine(source.fine) if of_fine else None
 

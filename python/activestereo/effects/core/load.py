@@ -11,7 +11,8 @@ from activestereo.effects.core.plugin import load_plugin
 
 
 def load_effects(path: str | Path) -> dict[str, Effect]:
-    """{id: Effect} of a .py file or a shared library. FileNotFoundError, or ValueError that says what is wrong with the file."""
+    """{id: Effect} of a .py file or a shared library. FileNotFoundError, or ValueError that says what is wrong with the
+    file."""
     path = Path(path)
     if not path.is_file():
         raise FileNotFoundError(2, "no such effect file", str(path))

@@ -31,8 +31,8 @@ class Model:
         return Model(tuple((e, p) for e, p in self.effects if e.id != effect_id))
 
     def light(self, layers: Any, view: View, random: bool = False, fine: bool = True) -> Light:
-        """The Light that falls on the sensor, from rendered layers. fine=False: warps look up the pixels even where the layers
-        have finer images: less than half the time, for scans."""
+        """The Light that falls on the sensor, from rendered layers. fine=False: warps look up the pixels even where the
+        layers have finer images: less than half the time, for scans."""
         light = Light.of(layers) if fine else replace(Light.of(layers), fine=None)
         for effect, parameters in self.on_light(random):
             light = acted(effect, parameters, light, view)
@@ -44,14 +44,17 @@ class Model:
 
     @property
     def is_linear(self) -> bool:
-        """Whether nothing acts between the lens and the digital numbers: without random effects, signal() is linear but for clipping."""
+        """Whether nothing acts between the lens and the digital numbers: without random effects, signal() is linear but
+        for clipping."""
         return not self._of(Stage.CHARGE, Stage.DIGITAL, False)
 
     def signal(self, light: Light, view: View, nuisances: Any, random: bool = False) -> np.ndarray:
-        """DN of a Light, black level included. random=False: the expected value, without rounding; zero-mean noise is left out
-        and random fields are drawn as their mean. random=True: one exposure."""
+        """DN of a Light, black level included. random=False: the expected value, without rounding; zero-mean noise is
+        left out and random fields are drawn as their mean. random=True: one exposure."""
         projector, ambient = scales(view.frame)
-        value = nuisances.projector_scale * projector * light.projector + nuisances.ambient_scale * ambient * light.ambient
+        value = (
+            nuisances.projector_scale * projector * light.projector + nuisances.ambient_scale * ambient * light.ambient
+        )
         return self.digital(value, view, nuisances.black_dn, random)
 
     def digital(self, value: np.ndarray, view: View, black_dn: float, random: bool = False) -> np.ndarray:

@@ -19,9 +19,9 @@ _ITERATIONS = 3
 def displaced(light: Light, view: View, dt_s: float | np.ndarray) -> Light:
     """The Light at time mid-exposure + dt_s: a number, or one per row [height] (row-wise readout).
 
-    Each pixel looks up where the point that it sees then is at mid-exposure. Scene light is taken from there; the dots stay with
-    the rig, are placed by the pixel's own new depth, and their strength follows the new distance and angle to the projector.
-    New occlusions and shadows are not seen: the motions meant here are of few pixels.
+    Each pixel looks up where the point that it sees then is at mid-exposure. Scene light is taken from there; the dots
+    stay with the rig, are placed by the pixel's own new depth, and their strength follows the new distance and angle to
+    the projector. New occlusions and shadows are not seen: the motions meant here are of few pixels.
     """
     rows = np.broadcast_to(np.asarray(dt_s, dtype=np.float64), view.shape[:1])
     if not view.frame.is_moving or not rows.any():
@@ -67,8 +67,11 @@ def _source_pixels(view: View, then_to_mid: np.ndarray) -> tuple[np.ndarray, np.
     return u, v, then, mid
 
 
-def _falloff_ratio(view: View, then_to_mid: np.ndarray, u: np.ndarray, v: np.ndarray, then: np.ndarray, mid: np.ndarray) -> np.ndarray:
-    """Projector irradiance then over that at mid-exposure, of one surface point: the rig moves, the surface does not."""
+def _falloff_ratio(
+    view: View, then_to_mid: np.ndarray, u: np.ndarray, v: np.ndarray, then: np.ndarray, mid: np.ndarray
+) -> np.ndarray:
+    """Projector irradiance then over that at mid-exposure, of one surface point: the rig moves, the surface does not.
+    """
     source = np.linalg.inv(view.camera_to_projector)[:3, 3]
     normal_mid = np.moveaxis(sample(np.moveaxis(view.normal, -1, 0), u, v, order=1), 0, -1)
     normal_then = np.einsum("rji,rcj->rci", then_to_mid[:, :3, :3], normal_mid)

@@ -3,12 +3,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
 import ctypes as c
 import keyword
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -29,8 +28,8 @@ _RNG_PER = {Randomness.NONE: "rig", Randomness.STATIC: "sensor", Randomness.TEMP
 
 
 def load_plugin(path: str | Path) -> list[Effect]:
-    """The Effects of a shared library. ValueError says what is wrong with its tables; OSError where it cannot be loaded. It runs in this
-    process with all of its rights: pointers in the tables are followed as they are."""
+    """The Effects of a shared library. ValueError says what is wrong with its tables; OSError where it cannot be
+    loaded. It runs in this process with all of its rights: pointers in the tables are followed as they are."""
     library = c.CDLL(str(Path(path).resolve()))
     try:
         entry = getattr(library, _ENTRY)
@@ -59,11 +58,15 @@ def _records(first: Any, count: int, what: str, most: int) -> list[Any]:
 
 def _effect(record: records.Effect, library: c.CDLL) -> Effect:
     if record.header.type != records.TYPE_EFFECT or record.header.size_bytes != c.sizeof(records.Effect):
-        raise ValueError(f"built against another ks/effect.h (its ks_effect has {record.header.size_bytes} bytes, not {c.sizeof(records.Effect)})")
+        raise ValueError(
+            f"built against another ks/effect.h (its ks_effect has {record.header.size_bytes} bytes, not {c.sizeof(records.Effect)})"
+        )
     name = _text(record.id)
     if not name.isidentifier() or not record.apply or record.randomness >= len(_RANDOMNESS):
         raise ValueError(f"effect {name[:40]!r} needs an identifier as id, an apply function and a known randomness")
-    parameters = tuple(map(_parameter, _records(record.parameters, record.parameter_count, "parameter", _MOST_PARAMETERS)))
+    parameters = tuple(
+        map(_parameter, _records(record.parameters, record.parameter_count, "parameter", _MOST_PARAMETERS))
+    )
     if len({p.name for p in parameters}) < len(parameters):
         raise ValueError(f"effect '{name}' has two parameters of one name")
     randomness = _RANDOMNESS[record.randomness]
@@ -90,7 +93,9 @@ def _chained_terms(header: records.Header) -> list[records.RandomTerm]:
         found = c.cast(at, c.POINTER(records.RandomTerms))[0]
         if found.header.type == records.TYPE_EFFECT_RANDOM_TERMS:
             if found.header.size_bytes < c.sizeof(records.RandomTerms):
-                raise ValueError(f"its random terms have {found.header.size_bytes} bytes, not {c.sizeof(records.RandomTerms)}")
+                raise ValueError(
+                    f"its random terms have {found.header.size_bytes} bytes, not {c.sizeof(records.RandomTerms)}"
+                )
             return _records(found.terms, found.count, "random term", _MOST_PARAMETERS)
         at = found.header.next
     raise ValueError(f"its header's chain has no end within {_LONGEST_CHAIN} structs")
@@ -99,14 +104,18 @@ def _chained_terms(header: records.Header) -> list[records.RandomTerm]:
 def _random_term(record: records.RandomTerm) -> RandomTerm:
     if record.lever >= len(_LEVERS) or record.shared_by >= len(_SHARED_BY):
         raise ValueError("a random term's lever or shared_by is none of KS_LEVER_*, KS_SHARED_BY_*")
-    return RandomTerm(_text(record.parameter), _LEVERS[record.lever], _SHARED_BY[record.shared_by], _text(record.sparse_share))
+    return RandomTerm(
+        _text(record.parameter), _LEVERS[record.lever], _SHARED_BY[record.shared_by], _text(record.sparse_share)
+    )
 
 
 def _parameter(record: records.Parameter) -> Parameter:
     name = _text(record.name)
     if not name.isidentifier() or keyword.iskeyword(name):
         raise ValueError(f"parameter name {name[:40]!r} is no identifier")
-    return Parameter(name, _text(record.unit), record.neutral, record.low, record.high, record.typical, _text(record.source))
+    return Parameter(
+        name, _text(record.unit), record.neutral, record.low, record.high, record.typical, _text(record.source)
+    )
 
 
 def _text(pointer: bytes | None) -> str:

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Moving and blurring images: cubic resampling, sums of shifts, exact box means over a pattern, blurs that vary over the image."""
+"""Moving and blurring images: cubic resampling, sums of shifts, exact box means over a pattern, blurs that vary over
+the image."""
 
 from __future__ import annotations
 
@@ -18,7 +19,8 @@ _REACH = 4.0
 
 
 def sample(images: np.ndarray, u: np.ndarray, v: np.ndarray, order: int = 3) -> np.ndarray:
-    """Values of images [..., height][width] at pixels (u, v); the border value beyond the border. order 3: cubic spline."""
+    """Values of images [..., height][width] at pixels (u, v); the border value beyond the border. order 3: cubic
+    spline."""
     height, width = images.shape[-2:]
     stack = images.reshape(-1, height, width)
     out = np.empty((len(stack), *u.shape))
@@ -39,7 +41,9 @@ class Spline:
 
     def __call__(self, u: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Values at pixels (u, v) of any shape."""
-        out = map_coordinates(self._coefficients, [v, u], self._coefficients.dtype, order=3, mode="mirror", prefilter=False)
+        out = map_coordinates(
+            self._coefficients, [v, u], self._coefficients.dtype, order=3, mode="mirror", prefilter=False
+        )
         return np.clip(out, self._low, self._high, out=out)  # a spline may overshoot next to a dot
 
 
@@ -84,13 +88,18 @@ def _place(x: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
 def shifted_sum(
     images: np.ndarray, along_u: Sequence[tuple[float, float]], along_v: Sequence[tuple[float, float]]
 ) -> np.ndarray:
-    """Sums of shifted images [..., height][width], cubic splines between their samples: weight times the image at (u + shift), for all
-    pairs (shift in samples, weight) along columns and along rows; the border value beyond the border."""
-    coefficients = np.stack([spline_filter(image, 3, image.dtype, mode="mirror") for image in images.reshape(-1, *images.shape[-2:])])
+    """Sums of shifted images [..., height][width], cubic splines between their samples: weight times the image at (u +
+    shift), for all pairs (shift in samples, weight) along columns and along rows; the border value beyond the border.
+    """
+    coefficients = np.stack(
+        [spline_filter(image, 3, image.dtype, mode="mirror") for image in images.reshape(-1, *images.shape[-2:])]
+    )
     for axis, taps in ((-1, along_u), (-2, along_v)):
         reach = int(np.ceil(max(abs(shift) for shift, _ in taps))) + 2
         at = np.arange(-reach, reach + 1.0)
-        coefficients = convolve1d(coefficients, sum(w * _cubic_spline(at + shift) for shift, w in taps), axis, mode="mirror")
+        coefficients = convolve1d(
+            coefficients, sum(w * _cubic_spline(at + shift) for shift, w in taps), axis, mode="mirror"
+        )
     low, high = (edge(images, axis=(-2, -1), keepdims=True) for edge in (np.min, np.max))
     return np.clip(coefficients.reshape(images.shape), low, high)  # a spline may overshoot next to a dot
 
@@ -104,8 +113,8 @@ def _cubic_spline(x: np.ndarray) -> np.ndarray:
 def blur(images: np.ndarray, sigma_px: float | np.ndarray) -> np.ndarray:
     """Gaussian blur of images [..., height][width] by a sigma in pixels: a number, or an image of it.
 
-    Its kernel is the discrete analogue of the Gaussian (Lindeberg 1990), whose variance is sigma^2 below a pixel too. A varying
-    sigma is interpolated in variance between a few uniform blurs."""
+    Its kernel is the discrete analogue of the Gaussian (Lindeberg 1990), whose variance is sigma^2 below a pixel too. A
+    varying sigma is interpolated in variance between a few uniform blurs."""
     if np.ndim(sigma_px) == 0:
         if sigma_px == 0:
             return images

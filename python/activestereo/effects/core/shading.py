@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How the projector lights what each pixel sees: distance, angles, and the diffuse reflectance that the light layers tell."""
+"""How the projector lights what each pixel sees: distance, angles, and the diffuse reflectance that the light layers
+tell."""
 
 import numpy as np
 
@@ -12,10 +13,11 @@ _LEAST_COSINE = 0.05
 
 
 class Shading:
-    """Directions are unit, camera coordinates, [height][width][3]; cosines are 0 where nothing is seen or it faces away.
+    """Directions are unit, camera coordinates, [height][width][3]; cosines are 0 where nothing is seen or it faces
+    away.
 
-    reflectance: diffuse radiance per irradiance, albedo / pi, [height][width]; where the projector does not reach it is guessed
-    from the ambient light by the scene's median.
+    reflectance: diffuse radiance per irradiance, albedo / pi, [height][width]; where the projector does not reach it is
+    guessed from the ambient light by the scene's median.
     """
 
     @classmethod
@@ -36,7 +38,8 @@ class Shading:
         self.irradiance = irradiance
 
     def from_source(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """(direction to it, cosine, irradiance per radiant intensity in 1/m^2) of a point source, shadows not counted."""
+        """(direction to it, cosine, irradiance per radiant intensity in 1/m^2) of a point source, shadows not counted.
+        """
         way = position - self.points
         square = np.maximum((way**2).sum(-1), 1e-12)
         direction = _unit(way)
@@ -53,7 +56,8 @@ class Shading:
         return np.where(self.hit, np.where(told, own, light.ambient * share), 0.0)
 
     def pattern_from(self, projector_points: np.ndarray, sampler: BoxSampler) -> np.ndarray:
-        """Means of a BoxSampler's pattern at points in a projector's frame, 0 behind it; the own projector's footprint holds."""
+        """Means of a BoxSampler's pattern at points in a projector's frame, 0 behind it; the own projector's footprint
+        holds."""
         K, view = self._view.projector_K, self._view
         z = np.where(projector_points[..., 2] > 0, projector_points[..., 2], np.inf)
         y = projector_points[..., 1] / z

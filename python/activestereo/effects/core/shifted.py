@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A camera moved along its x axis by a little: each pixel looks up by its own depth. Scene and dots stay where they are."""
+"""A camera moved along its x axis by a little: each pixel looks up by its own depth. Scene and dots stay where they
+are."""
 
 import numpy as np
 
@@ -11,7 +12,8 @@ _ITERATIONS = 3
 
 
 def shifted(light: Light, view: View, shift_x_m: float) -> Light:
-    """The Light of the camera moved by shift_x_m (camera coordinates). New occlusions are not seen: shifts are of a few pixels."""
+    """The Light of the camera moved by shift_x_m (camera coordinates). New occlusions are not seen: shifts are of a few
+    pixels."""
     if shift_x_m == 0.0:
         return light
     u, v = view.pixels()

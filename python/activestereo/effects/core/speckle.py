@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Speckle: laser light off a rough surface varies from grain to grain with a gamma law (Goodman, Speckle Phenomena in Optics, 3.4)."""
+"""Speckle: laser light off a rough surface varies from grain to grain with a gamma law (Goodman, Speckle Phenomena in
+Optics, 3.4)."""
 
 from activestereo.effects.core.light import Light
 from activestereo.effects.core.view import View
 
 
 def speckled(light: Light, view: View, name: str, contrast: float, per: str) -> Light:
-    """Projector light times a gamma variable of mean 1 and deviation `contrast` per pixel, drawn anew per `per` of View.rng."""
+    """Projector light times a gamma variable of mean 1 and deviation `contrast` per pixel, drawn anew per `per` of
+    View.rng."""
     if contrast == 0.0:
         return light
     grains = 1.0 / contrast**2

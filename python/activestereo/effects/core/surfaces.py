@@ -22,7 +22,8 @@ def material_numbers(surfaces: float) -> list[int]:
 
 
 def chosen(view: View, surfaces: float) -> np.ndarray:
-    """Pixels [height][width] whose material is among the chosen; all of them for 0, or where the view knows no materials."""
+    """Pixels [height][width] whose material is among the chosen; all of them for 0, or where the view knows no
+    materials."""
     if surfaces == 0 or view.material is None:
         return np.ones(view.shape, dtype=bool)
     return view.once(("surfaces", surfaces), lambda: _chosen(view.material, int(surfaces)))

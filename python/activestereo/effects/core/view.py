@@ -6,7 +6,6 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass
 from functools import cached_property
-
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,9 +22,10 @@ _NO_DISTORTION = (0.0, 0.0, 0.0, 0.0, 0.0)
 
 @dataclass(frozen=True)
 class View:
-    """One eye of one frame. Arrays are [height][width]; depth 0 = nothing there; normal [height][width][3], unit, camera
-    coordinates; a_to_b maps coordinates in a to those in b; distortion: of the nominal camera, see activestereo/lens.py; material: index in the scene
-    file, or None. Disparity and depth effects get the left eye's view."""
+    """One eye of one frame. Arrays are [height][width]; depth 0 = nothing there; normal [height][width][3], unit,
+    camera coordinates; a_to_b maps coordinates in a to those in b; distortion: of the nominal camera, see
+    activestereo/lens.py; material: index in the scene file, or None. Disparity and depth effects get the left eye's
+    view."""
 
     eye: str
     K: np.ndarray
@@ -85,20 +85,26 @@ class View:
         return {}
 
     def once(self, name: Hashable, make: Callable[[], Any]) -> Any:
-        """make(), computed the first time that this view is asked for `name`: fits look at one view hundreds of times."""
+        """make(), computed the first time that this view is asked for `name`: fits look at one view hundreds of times.
+        """
         if name not in self._memory:
             self._memory[name] = make()
         return self._memory[name]
 
-    def latest(self, name: Hashable, light: Any, make: Callable[[], Any], choice: Hashable = None, most: int = 1) -> Any:
-        """make(), remembered for the latest `most` choices under the same light: fits change one parameter at a time."""
+    def latest(
+        self, name: Hashable, light: Any, make: Callable[[], Any], choice: Hashable = None, most: int = 1
+    ) -> Any:
+        """make(), remembered for the latest `most` choices under the same light: fits change one parameter at a time.
+        """
         known = self._memory.get(name, ())
         for seen_light, seen_choice, value in known:
             if seen_light is light and seen_choice == choice:
                 return value
         kept = [entry for entry in known if entry[0] is light]
         value = make()
-        self._memory[name] = (*kept[len(kept) - most + 1 :], (light, choice, value)) if most > 1 else ((light, choice, value),)
+        self._memory[name] = (
+            (*kept[len(kept) - most + 1 :], (light, choice, value)) if most > 1 else ((light, choice, value),)
+        )
         return value
 
     def pixels(self) -> tuple[np.ndarray, np.ndarray]:
@@ -142,8 +148,8 @@ class View:
         return self.once("projector points", lambda: _read_only(transform(self.camera_to_projector, self.points()))[0])
 
     def rng(self, name: str, per: str = "sensor") -> np.random.Generator:
-        """A numpy Generator of this view for one effect. per: 'sensor' (one per eye), 'pose' (the same while the rig stands
-        still), 'frame', or 'rig' (one for both eyes)."""
+        """A numpy Generator of this view for one effect. per: 'sensor' (one per eye), 'pose' (the same while the rig
+        stands still), 'frame', or 'rig' (one for both eyes)."""
         salt = {
             "rig": b"",
             "sensor": self.eye.encode(),

@@ -4,7 +4,8 @@ from.
 
 Sources: *theory* is a law or a count; *convention* is a round number that a user may want otherwise; *calibrated* was
 fitted to worlds of the bank's generation 1 (tests/bank), which the reported figures never use. How much the bank's
-figures move with a gate was found on 325 worlds of generation 0: named and right 0.932, false alarms 0, outside said so 0.778.
+figures move with a gate was found on 325 worlds of generation 0: named and right 0.932, false alarms 0, outside said so
+0.778.
 """
 
 from dataclasses import dataclass, field, fields

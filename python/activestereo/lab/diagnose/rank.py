@@ -91,7 +91,9 @@ def rank_depth(bench: Bench, base: BaseFit, candidates: Sequence[Effect]) -> Ran
     """
     known = {e.id for e, _ in base.model.effects}
     faults = [e for e in candidates if e.channel is Channel.DEPTH_ENGINE and e.id not in known]
-    explained, skipped = _split(DepthEngineChannel(bench.evidence, base, bench.gates, bench.workers).explain(faults), [])
+    explained, skipped = _split(
+        DepthEngineChannel(bench.evidence, base, bench.gates, bench.workers).explain(faults), []
+    )
     ranking = replace(bare_ranking(bench, base), not_ranked=tuple(skipped))
     ranking = _with_findings(ranking, (Finding(e, _own_score(e)) for e in explained))
     return _with_findings(ranking, sorted(ranking.findings, key=lambda f: (not passes(ranking, f), -f.score.nats)))

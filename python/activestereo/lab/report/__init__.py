@@ -3,7 +3,8 @@
 
     write_report(comparison, "out/table")                  # compare.json, compare.png, report.html
 
-What it takes from the rest of the lab is narrow: a Comparison (lab/compare.py) and, where there is one, what diagnose.json holds, a dict.
+What it takes from the rest of the lab is narrow: a Comparison (lab/compare.py) and, where there is one, what
+diagnose.json holds, a dict.
 
     write      the files                     models     expected images under the models that the page shows
     page       the document and its parts    encode     images as pictures of whole numbers with a known step

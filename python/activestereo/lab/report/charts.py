@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The charts of the report: error per frame, photon transfer, residual against covariates, error against effects added."""
+"""The charts of the report: error per frame, photon transfer, residual against covariates, error against effects added.
+"""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -22,7 +22,14 @@ _COLUMNS = 4
 _LEGEND_IN = 0.32
 
 
-def _axes(figure: Figure, *place: Any, x: str | None = None, y: str | None = None, title: str | None = None, grid: Any = "both") -> Axes:
+def _axes(
+    figure: Figure,
+    *place: Any,
+    x: str | None = None,
+    y: str | None = None,
+    title: str | None = None,
+    grid: Any = "both",
+) -> Axes:
     axes = figure.add_subplot(*place)
     axes.spines[["top", "right"]].set_visible(False)
     axes.spines[["left", "bottom"]].set_color(GRID)

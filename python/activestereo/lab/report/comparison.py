@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from activestereo.lab.covariates import COVARIATES
-from activestereo.lab.report.page import card, chart, section, share_bar, table, text
 from activestereo.lab.report.charts import covariates_chart, frames_chart, photon_transfer_chart
+from activestereo.lab.report.page import card, chart, section, share_bar, table, text
 from activestereo.lab.where_samples import LARGEST_DISPARITY_ERROR_PX
 
 _WORDS = {covariate.name: covariate.words for covariate in COVARIATES}

@@ -3,13 +3,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from typing import Any
-from collections.abc import Iterable
-from collections.abc import Sequence
+
 from activestereo.lab.diagnose.report import parameter_text
-from activestereo.lab.report.page import chart, section, share_bar, table, text
 from activestereo.lab.report.charts import effects_chart
 from activestereo.lab.report.models import ROWS
+from activestereo.lab.report.page import chart, section, share_bar, table, text
 
 _VERDICT = {
     "effect": "A known effect is missing",
@@ -27,7 +27,8 @@ _ENGINE_VERDICT = {
 
 
 def diagnosis_sections(diagnosis: dict[str, Any], shown: Iterable[str] = ()) -> list[str]:
-    """Sections of diagnose.json's contents (lab/schema/diagnose.schema.json). shown: effects whose residuals the page holds."""
+    """Sections of diagnose.json's contents (lab/schema/diagnose.schema.json). shown: effects whose residuals the page
+    holds."""
     parts = [_verdict(diagnosis)]
     if diagnosis["ranking"]:
         parts.append(_ranking(diagnosis["ranking"], shown))
@@ -40,7 +41,9 @@ def diagnosis_sections(diagnosis: dict[str, Any], shown: Iterable[str] = ()) -> 
 
 def _verdict(diagnosis: dict[str, Any]) -> str:
     parts = [f'<p class="headline"><b>{_VERDICT[diagnosis["verdict"]]}</b>{_added(diagnosis)}</p>']
-    before, after, floor = (diagnosis[k] for k in ("heldout_ir_rmse_before", "heldout_ir_rmse_after", "heldout_noise_floor"))
+    before, after, floor = (
+        diagnosis[k] for k in ("heldout_ir_rmse_before", "heldout_ir_rmse_after", "heldout_noise_floor")
+    )
     if before is not None and after is not None:
         noise = "" if floor is None else f"; noise alone gives {floor:.2f} DN"
         parts.append(f"<p>Held-out infrared error {before:.2f} → {after:.2f} DN{noise}.</p>")
@@ -48,7 +51,9 @@ def _verdict(diagnosis: dict[str, Any]) -> str:
         parts.append(f"<p>{text(diagnosis['reason'])}</p>")
     steps = [step for step in diagnosis.get("curve", []) if step["heldout_ir_rmse"] is not None]
     if steps:
-        parts.append(f'<div style="max-width:760px">{chart(effects_chart(steps, floor), "error against effects added")}</div>')
+        parts.append(
+            f'<div style="max-width:760px">{chart(effects_chart(steps, floor), "error against effects added")}</div>'
+        )
     if diagnosis.get("law"):
         parts.append(f"<h3>Law of what is left</h3>{_law(diagnosis['law'])}")
     return section("Which effect is missing", *parts)
@@ -62,11 +67,21 @@ def _ranking(ranking: Sequence[dict[str, Any]], shown: Iterable[str]) -> str:
     rows = []
     for place, entry in enumerate(ranking[:ROWS], 1):
         values = "<br>".join(text(parameter_text(name, p)) for name, p in entry["parameters"].items())
-        twins = "".join(f'<span class="tag">{text(e)}</span>' for e in entry["equivalent"] if e != entry["effect"]) or "—"
+        twins = (
+            "".join(f'<span class="tag">{text(e)}</span>' for e in entry["equivalent"] if e != entry["effect"]) or "—"
+        )
         rows.append([f"{place}", f"<b>{text(entry['effect'])}</b><br><span class='muted'>{text(entry['family'])}</span>",
                      f"{entry['score_nats']:.1f}", share_bar(entry["confidence"]) + f"{100 * entry['confidence']:.0f} %", values, twins,
                      _residual(entry["effect"], shown)])  # fmt: skip
-    head = ["", "effect, family", "gain, nats", "confidence", "fitted value (90 %)", "cannot be told from", "what it leaves"]
+    head = [
+        "",
+        "effect, family",
+        "gain, nats",
+        "confidence",
+        "fitted value (90 %)",
+        "cannot be told from",
+        "what it leaves",
+    ]
     rest = f'<p class="muted small">{len(ranking) - ROWS} more in diagnose.json.</p>' if len(ranking) > ROWS else ""
     note = (
         '<p class="muted small">What it leaves: the residual of the frame and eye chosen above when this effect alone is added; projector, ambient '
@@ -108,6 +123,8 @@ def _advice(item: Any) -> str:
 
 
 def _law(law: dict[str, Any] | None) -> str:
-    rows = [[text(t["term"]), f"{t['value']:+.4g}", f"{t['low']:+.3g} … {t['high']:+.3g}"] for t in law.get("terms", [])]
+    rows = [
+        [text(t["term"]), f"{t['value']:+.4g}", f"{t['low']:+.3g} … {t['high']:+.3g}"] for t in law.get("terms", [])
+    ]
     terms = table(["term", "value", "interval"], rows, numbers=(1, 2)) if rows else ""
     return f"<p>{text(law['text'])}</p><p class='muted small'>Stage: {text(law['stage'].lower())}</p>{terms}"

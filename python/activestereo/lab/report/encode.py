@@ -1,14 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Images as lossless pictures of whole numbers: value = low + step * code. A browser's canvas reads the codes back exactly.
+"""Images as lossless pictures of whole numbers: value = low + step * code. A browser's canvas reads the codes back
+exactly.
 
 Codes up to 255 take one plane; larger ones two, the high bytes above the low bytes in one picture of twice the height.
 """
 
 from __future__ import annotations
 
-from typing import Any
 import base64
 import io
+from typing import Any
 
 import numpy as np
 from PIL import Image
@@ -17,10 +18,11 @@ _LARGEST_CODE = 2**16 - 1
 
 
 def encoded_image(image: np.ndarray, step: float, valid: np.ndarray | None = None) -> dict[str, Any]:
-    """An image [height][width] as {src, low, step, planes, has_empty}, for the page's decoder; values are off by step / 2 at most.
+    """An image [height][width] as {src, low, step, planes, has_empty}, for the page's decoder; values are off by step /
+    2 at most.
 
-    step: of the values, in their unit; made larger where 65535 steps do not span the image. valid: mask of pixels that hold a value;
-    None for all. Pixels without one get code 0, the others start at code 1.
+    step: of the values, in their unit; made larger where 65535 steps do not span the image. valid: mask of pixels that
+    hold a value; None for all. Pixels without one get code 0, the others start at code 1.
     """
     image = np.asarray(image, dtype=np.float64)
     valid = np.isfinite(image) if valid is None else valid & np.isfinite(image)

@@ -4,9 +4,8 @@ markup."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
 import json
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib import colormaps
@@ -18,9 +17,9 @@ from activestereo.lab.report.page import text, web_file
 from activestereo.lab.report.worst import RESIDUAL_FLOORS, worst_frame
 
 if TYPE_CHECKING:
+    from activestereo.capture import Frame
     from activestereo.lab.compare import Comparison
     from activestereo.lab.depth_model import DepthFrame
-    from activestereo.capture import Frame
 
 # Model images are stored in steps of this share of a frame's noise floor, or of its error where the floor is unknown.
 _STEP_SHARE = 0.125
@@ -46,7 +45,8 @@ def explorer_section(comparison: Any, images: Any) -> str:
 
 
 def explorer_data(comparison: Any, images: Any) -> dict[str, Any]:
-    """{views, start, models, maps}: what web/explorer.js shows; views in the order of frames, then left, right, depth."""
+    """{views, start, models, maps}: what web/explorer.js shows; views in the order of frames, then left, right, depth.
+    """
     frames = _chosen_frames(comparison)
     depths = {depth.frame.id: depth for depth in comparison.depths}
     views = []

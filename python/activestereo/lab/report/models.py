@@ -1,34 +1,40 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the models that a report shows expect of each frame: the base model, the model with what was found, and each row of the ranking."""
+"""What the models that a report shows expect of each frame: the base model, the model with what was found, and each row
+of the ranking."""
 
 from __future__ import annotations
 
-from typing import Any
-from collections.abc import Callable
-from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
 from activestereo.capture import EYES
 from activestereo.effects import Model, Randomness, Stage, View
 from activestereo.lab.compare import predict_under_model
 from activestereo.lab.model_file import library
 
 if TYPE_CHECKING:
-    from activestereo.lab.compare import Comparison
     from activestereo.effects.core.descriptor import Effect
+    from activestereo.lab.compare import Comparison
 
 # Rows of the ranking that are shown.
 ROWS = 12
 BASE, FOUND = "base", "found"
 
 
-def model_images(comparison: Comparison, diagnosis: dict[str, Any] | None = None, effects: Mapping[str, Effect] | None = None, progress: Callable[[float], object] | None = None) -> Any:
+def model_images(
+    comparison: Comparison,
+    diagnosis: dict[str, Any] | None = None,
+    effects: Mapping[str, Effect] | None = None,
+    progress: Callable[[float], object] | None = None,
+) -> Any:
     """{name: {(frame id, eye): expected DN, float32 [height][width]}} under BASE, FOUND and the ids of ranked effects.
 
-    BASE is the model without effects. FOUND is the comparison's model where it has effects, else the diagnosis's; it is absent where
-    neither has. A ranked effect stands alone on the base model with its fitted parameters; it is absent where it has no expected image
-    of its own: random effects, faults of the depth engine, effects that are not in `effects`. Projector scale, ambient scale and black
-    level are fitted to the train frames under each. diagnosis: diagnose.json's contents; effects: {id: Effect}, None for the built-in ones.
-    progress: called as progress(fraction done).
+    BASE is the model without effects. FOUND is the comparison's model where it has effects, else the diagnosis's; it is
+    absent where neither has. A ranked effect stands alone on the base model with its fitted parameters; it is absent
+    where it has no expected image of its own: random effects, faults of the depth engine, effects that are not in
+    `effects`. Projector scale, ambient scale and black level are fitted to the train frames under each. diagnosis:
+    diagnose.json's contents; effects: {id: Effect}, None for the built-in ones. progress: called as progress(fraction
+    done).
     """
     effects = library() if effects is None else effects
     models = {BASE: Model()}
@@ -36,7 +42,9 @@ def model_images(comparison: Comparison, diagnosis: dict[str, Any] | None = None
     if found.effects:
         models[FOUND] = found
     for entry in (diagnosis or {}).get("ranking", [])[:ROWS]:
-        model = _with(Model(), effects, entry["effect"], {name: told["value"] for name, told in entry["parameters"].items()})
+        model = _with(
+            Model(), effects, entry["effect"], {name: told["value"] for name, told in entry["parameters"].items()}
+        )
         if any(_moves_images(effect) for effect, _ in model.effects):
             models[entry["effect"]] = model
     known = [(comparison.model, comparison.predictions)]
@@ -66,7 +74,8 @@ def _found(diagnosis: dict[str, Any], effects: Mapping[str, Effect]) -> Any:
 
 
 def _with(model: Model, effects: Mapping[str, Effect], effect_id: str, parameters: Any) -> Any:
-    """The model with an effect; as it is where the effect is not known or does not take these parameters: a report shows what it can."""
+    """The model with an effect; as it is where the effect is not known or does not take these parameters: a report
+    shows what it can."""
     try:
         return model.with_effect(effects[effect_id], **parameters)
     except (KeyError, TypeError, ValueError):

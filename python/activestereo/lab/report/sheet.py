@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""compare.png: measured, simulated and residual images of the worst frame of each split, over a bar per frame with its noise floor."""
+"""compare.png: measured, simulated and residual images of the worst frame of each split, over a bar per frame with its
+noise floor."""
 
 from __future__ import annotations
 
-from typing import Any
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
 from matplotlib.colors import PowerNorm
 from matplotlib.figure import Figure
@@ -14,6 +15,7 @@ from activestereo.lab.report.worst import RESIDUAL_FLOORS, worst_frame
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
     from activestereo.lab.compare import Comparison
 
 _INK, _MUTED, _GRID = "#1f2933", "#7b8794", "#e4e7eb"
@@ -37,7 +39,9 @@ def comparison_figure(comparison: Comparison) -> Figure:
 
 
 def _title(figure: Figure, scores: dict[str, Any]) -> None:
-    figure.text(0.055, 0.955, f"{scores['capture']}: measured against simulated infrared", size=15, weight="bold", color=_INK)
+    figure.text(
+        0.055, 0.955, f"{scores['capture']}: measured against simulated infrared", size=15, weight="bold", color=_INK
+    )
     parts = []
     for split, values in scores["ir"].items():
         floor = values["noise_floor_dn"]
@@ -56,7 +60,12 @@ def _image_row(figure: Figure, grid: Any, row: int, comparison: Comparison, fram
     panels = (
         (0, "measured", measured, {"cmap": "gray", "norm": PowerNorm(0.5, 0, high)}),
         (1, "simulated (square-root scale)", predicted, {"cmap": "gray", "norm": PowerNorm(0.5, 0, high)}),
-        (4, "measured - simulated", measured - predicted, {"cmap": "RdBu_r", "vmin": -residual_limit, "vmax": residual_limit}),
+        (
+            4,
+            "measured - simulated",
+            measured - predicted,
+            {"cmap": "RdBu_r", "vmin": -residual_limit, "vmax": residual_limit},
+        ),
     )
     for column, title, image, style in panels:
         axes = figure.add_subplot(grid[row, column])

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The figures of compare.json that a reader wants first, as text."""
 
-
 from __future__ import annotations
 
 from typing import Any
+
+
 def summary_table(scores: dict[str, Any]) -> str:
     """The figures of compare.json that a reader wants first, as text."""
     lines = [f"warning: {text}" for text in scores["warnings"]]

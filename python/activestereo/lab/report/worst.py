@@ -5,10 +5,14 @@
 from __future__ import annotations
 
 from typing import Any
+
 RESIDUAL_FLOORS = 4.0
 
 
 def worst_frame(scores: dict[str, Any], split: str) -> dict[str, Any]:
-    """The entry of scores["frames"] whose infrared error stands furthest above its floor, or is largest where there is no floor."""
+    """The entry of scores["frames"] whose infrared error stands furthest above its floor, or is largest where there is
+    no floor."""
     entries = [e for e in scores["frames"] if e["split"] == split]
-    return max(entries, key=lambda e: (e["rmse_dn"] if e["explainable_rmse_dn"] is None else e["explainable_rmse_dn"]) or 0.0)
+    return max(
+        entries, key=lambda e: (e["rmse_dn"] if e["explainable_rmse_dn"] is None else e["explainable_rmse_dn"]) or 0.0
+    )

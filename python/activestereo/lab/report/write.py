@@ -7,17 +7,16 @@ Files appear whole or not at all: written aside, then renamed.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
 import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from activestereo.lab.report.page import page, text
 from activestereo.lab.report.comparison import cards, comparison_sections, settings_section, summary_line
 from activestereo.lab.report.diagnosis import diagnosis_sections
 from activestereo.lab.report.explorer import explorer_section
 from activestereo.lab.report.models import model_images
+from activestereo.lab.report.page import page, text
 from activestereo.lab.report.sheet import comparison_figure
 from activestereo.output_files import replace_file
 

@@ -63,8 +63,8 @@ class Evidence:
 
     nuisances: a first fit of projector scale, ambient scale and black level. law: the photon-transfer law of the
     noise; has_floor: whether repeats told it. floors: {(frame id, eye): noise floor, DN^2}. materials: how many
-    albedo nuisances there are. tiles: how many tiles. seed: rules every random choice. place_error_m: deviation by which a survey misplaces the
-    scene's edges.
+    albedo nuisances there are. tiles: how many tiles. seed: rules every random choice. place_error_m: deviation by
+    which a survey misplaces the scene's edges.
     """
 
     capture: Capture

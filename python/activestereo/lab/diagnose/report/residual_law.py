@@ -128,7 +128,7 @@ def _stage(rows: Sequence[ImageResidual]) -> str:
     """
     excess = {"off": [], "on": []}
     strength, light = [], []
-    for o, image, dots, residual in rows:
+    for o, image, _, residual in rows:
         excess["off" if o.frame.projector_power == 0 else "on"].append((o.weight * residual**2).mean() - 1.0)
         strength.append(np.abs(residual).mean())
         light.append(image.mean())
