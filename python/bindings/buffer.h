@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include "bindings/device.h"
+#include "bindings/dlpack.h"
 
 namespace ks_python {
 
@@ -58,6 +59,17 @@ class Buffer {
     if (Api::buffer_map(get(), &address_) < 0) address_ = nullptr;
   }
 
+  /// Host memory of another library's array, which `owner` keeps.
+  Buffer(std::shared_ptr<Device<Api>> device, uint64_t address, uint64_t size_bytes, py::object owner)
+      : device_(std::move(device)), source_(std::move(owner)), size_bytes_(size_bytes) {
+    ks_buffer_desc desc = ks_buffer_desc_init();
+    desc.memory = KS_MEMORY_HOST;
+    desc.handle = address;
+    desc.allocation_bytes = desc.size_bytes = size_bytes;
+    check_unlocked<Api>([&] { return Api::buffer_import(device_->get(), &desc, handle_.put()); });
+    check<Api>(Api::buffer_map(get(), &address_));
+  }
+
   [[nodiscard]] typename Api::BufferHandle get() const { return handle_.get(); }
   [[nodiscard]] uint64_t size_bytes() const { return size_bytes_; }
   /// nullptr when the buffer is not host-visible.
@@ -102,11 +114,61 @@ struct Image {
 
   /// A numpy view; it keeps the buffer alive and copies nothing.
   [[nodiscard]] py::array array() const {
-    if (!buffer->address()) raise_argument<Api>("the buffer is not host-visible; read() copies it");
     const std::vector<py::ssize_t> shape(c.shape, c.shape + c.dim_count), strides(c.byte_stride, c.byte_stride + c.dim_count);
-    return py::array(dtype_of(c.format), shape, strides, static_cast<uint8_t*>(buffer->address()) + c.offset_bytes, py::cast(buffer));
+    return py::array(dtype_of(c.format), shape, strides, first(), py::cast(buffer));
+  }
+  /// The same for consumers of DLPack.
+  [[nodiscard]] py::object dlpack(const py::object& max_version) const { return dlpack::give(c, first(), py::cast(buffer), max_version); }
+
+ private:
+  [[nodiscard]] uint8_t* first() const {
+    if (!buffer->address()) raise<Api>(KS_ERROR_INVALID_STATE, PyExc_BufferError, "the buffer is not host-visible; read() copies it");
+    return static_cast<uint8_t*>(buffer->address()) + c.offset_bytes;
   }
 };
+
+/// Another library's array in host memory as an image of the device: nothing is copied.
+template <class Api>
+Image<Api> image_of_array(std::shared_ptr<Device<Api>> device, const py::object& array) {
+  dlpack::Taken taken = dlpack::take<Api>(array);
+  // A device's buffers begin at multiples of this at most (Vulkan, minStorageBufferOffsetAlignment). What lies before the array there is on
+  // a page of the array's, so it can be mapped; the image does not reach it.
+  constexpr uint64_t alignment = 256;
+  const uint64_t before = taken.begin % alignment;
+  taken.image.offset_bytes += before;
+  return {std::make_shared<Buffer<Api>>(std::move(device), taken.begin - before, taken.size_bytes + before, std::move(taken.owner)),
+          taken.image};
+}
+
+/// The whole buffer as bytes.
+template <class Api>
+Image<Api> bytes_of(std::shared_ptr<Buffer<Api>> buffer) {
+  const uint64_t size = buffer->size_bytes();
+  return {std::move(buffer), ks_image_desc_packed(KS_FORMAT_U8, 1, &size)};
+}
+
+/// NumPy's array interface and DLPack, of whatever has an image: Type -> Image.
+template <class Api, class Class, class ToImage>
+void bind_array_protocols(Class& bound, const ToImage& to_image) {
+  bound
+      .def_property_readonly(
+          "__array_interface__", [to_image](const py::object& self) { return to_image(self).array().attr("__array_interface__"); },
+          "NumPy's array interface, version 3.")
+      .def(
+          "__dlpack__",
+          [to_image](const py::object& self, const py::object& stream, const py::object& max_version, const py::object& dl_device,
+                     const py::object& copy) {
+            if (!stream.is_none()) raise_argument<Api>("host memory has no stream: stream must be None");
+            if (!dl_device.is_none() && !dl_device.equal(py::make_tuple(dlpack::device_cpu, 0)))
+              raise<Api>(KS_ERROR_UNSUPPORTED, PyExc_BufferError, "the memory is on the host, DLPack device (1, 0)");
+            if (copy.equal(py::bool_(true))) raise<Api>(KS_ERROR_UNSUPPORTED, PyExc_BufferError, "this shares memory and copies none");
+            return to_image(self).dlpack(max_version);
+          },
+          py::kw_only(), py::arg("stream") = py::none(), py::arg("max_version") = py::none(), py::arg("dl_device") = py::none(),
+          py::arg("copy") = py::none(), "A DLPack capsule of the same memory; versioned where max_version is (1, 0) or more.")
+      .def(
+          "__dlpack_device__", [](const py::object&) { return py::make_tuple(dlpack::device_cpu, 0); }, "(1, 0): memory of the host.");
+}
 
 /// A packed view of `buffer`; throws when it reaches past the end.
 template <class Api>
@@ -156,8 +218,9 @@ void bind_buffer(py::module_& module) {
   bind_buffer_desc<Api>(module);
   using B = Buffer<Api>;
   using Shared = std::shared_ptr<B>;
-  py::class_<B, Shared>(module, "Buffer", py::buffer_protocol(),
-                        "Memory of a device. Host-visible ones are seen by numpy.asarray() as uint8 without a copy.")
+  py::class_<B, Shared> buffer(module, "Buffer", py::buffer_protocol(),
+                               "Memory of a device. Host-visible ones are seen by numpy.asarray() and DLPack as uint8 without a copy.");
+  buffer
       .def(py::init<std::shared_ptr<Device<Api>>, uint64_t, bool, bool>(), py::arg("device").none(false), py::arg("size_bytes"),
            py::kw_only(), py::arg("exportable") = false, py::arg("host_visible") = true)
       .def_static(
@@ -188,8 +251,16 @@ void bind_buffer(py::module_& module) {
         return py::buffer_info(static_cast<uint8_t*>(b.address()), size);
       });
 
+  bind_array_protocols<Api>(buffer, [](const py::object& self) { return bytes_of<Api>(py::cast<Shared>(self)); });
+
   using I = Image<Api>;
-  py::class_<I>(module, "Image", "A view of a Buffer as an array.")
+  py::class_<I> image(module, "Image", "A view of a Buffer as an array; numpy.asarray() and DLPack see it without a copy.");
+  bind_array_protocols<Api>(image, [](const py::object& self) { return py::cast<I>(self); });
+  image
+      .def_static(
+          "from_dlpack", &image_of_array<Api>, py::arg("device").none(false), py::arg("array"),
+          "An array of another library (NumPy, PyTorch on the CPU, ...), in host memory, as an image: the same memory, no copy. The\n"
+          "device must import host pointers. ArgumentError where the array is on a GPU, read-only, empty or of other elements.")
       .def_property_readonly("buffer", [](const I& i) { return i.buffer; })
       .def_property_readonly("shape",
                              [](const I& i) { return py::tuple(py::cast(std::vector<uint64_t>(i.c.shape, i.c.shape + i.c.dim_count))); })

@@ -59,14 +59,19 @@ template <class Api>
 }
 
 template <class Api>
-void check(ks_status status) {
+void check(ks_status status, const std::string& message) {
   if (status >= 0) return;
   PyObject* type = Errors<Api>::error;
   if (status == KS_ERROR_INVALID_ARGUMENT) type = Errors<Api>::argument;
   if (status == KS_ERROR_FILE) type = Errors<Api>::file;
   if (status == KS_ERROR_NO_DEVICE) type = Errors<Api>::no_device;
   if (status == KS_ERROR_CANCELLED) type = Errors<Api>::cancelled;
-  raise<Api>(status, type, Api::last_error());
+  raise<Api>(status, type, message);
+}
+
+template <class Api>
+void check(ks_status status) {
+  if (status < 0) check<Api>(status, Api::last_error());
 }
 
 /// check() of a call that may wait for the device: other Python threads run meanwhile, so that one of them inside the library can give its
@@ -82,10 +87,10 @@ void check_unlocked(const Call& call) {
 }
 
 template <class Api>
-void check_file(ks_status status, const std::filesystem::path& path) {
+void check_file(ks_status status, const std::string& message, const std::filesystem::path& path) {
   std::error_code ignored;
-  if (status == KS_ERROR_FILE && !std::filesystem::exists(path, ignored)) raise<Api>(status, Errors<Api>::not_found, Api::last_error());
-  check<Api>(status);
+  if (status == KS_ERROR_FILE && !std::filesystem::exists(path, ignored)) raise<Api>(status, Errors<Api>::not_found, message);
+  check<Api>(status, message);
 }
 
 /// Marks an object as inside a call for its own lifetime. The libraries let one thread at a time use an object and the bindings release the

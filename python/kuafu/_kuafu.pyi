@@ -129,9 +129,43 @@ class Buffer:
         """Copies bytes out, as uint8."""
     def image(self, dtype: DTypeLike, shape: Sequence[int], offset_bytes: int = 0) -> Image:
         """A packed view of the buffer."""
+    @property
+    def __array_interface__(self) -> dict[str, Any]:
+        """NumPy's array interface, version 3."""
+    def __dlpack__(
+        self,
+        *,
+        stream: None = None,
+        max_version: tuple[int, int] | None = None,
+        dl_device: tuple[int, int] | None = None,
+        copy: bool | None = None,
+    ) -> Any:
+        """A DLPack capsule of the same memory; versioned where max_version is (1, 0) or more."""
+    def __dlpack_device__(self) -> tuple[int, int]:
+        """(1, 0): memory of the host."""
 
 class Image:
-    """A packed view on a buffer, with a type and a shape."""
+    """A view on a buffer, with a type and a shape; numpy.asarray() and DLPack see it without a copy."""
+
+    @staticmethod
+    def from_dlpack(device: Device, array: Any) -> Image:
+        """An array of another library (NumPy, PyTorch on the CPU, ...), in host memory, as an image: the same memory,
+        no copy. The device must import host pointers. ArgumentError where the array is on a GPU, read-only, empty or
+        of other elements."""
+    @property
+    def __array_interface__(self) -> dict[str, Any]:
+        """NumPy's array interface, version 3."""
+    def __dlpack__(
+        self,
+        *,
+        stream: None = None,
+        max_version: tuple[int, int] | None = None,
+        dl_device: tuple[int, int] | None = None,
+        copy: bool | None = None,
+    ) -> Any:
+        """A DLPack capsule of the same memory; versioned where max_version is (1, 0) or more."""
+    def __dlpack_device__(self) -> tuple[int, int]:
+        """(1, 0): memory of the host."""
 
     @property
     def buffer(self) -> Buffer: ...

@@ -4,6 +4,7 @@
 #include <limits>
 #include <map>
 
+#include "bindings/wait.h"
 #include "options.h"
 #include "scene.h"
 
@@ -127,21 +128,8 @@ class Renderer {
 
   /// false: it has not ended yet. Signals are heard while it waits.
   bool wait(const ks_sync& submission, double timeout_s) {
-    constexpr double slice_s = 0.05;
     const InUse<Kuafu> in_use(in_use_, "renderer");
-    for (double left_s = timeout_s;; left_s -= slice_s) {
-      ks_status status;
-      {
-        const Unlocked nogil;
-        status = kuafu_renderer_wait(get(), &submission, static_cast<uint64_t>(1e9 * std::clamp(left_s, 0.0, slice_s)));
-      }
-      if (status != KS_ERROR_TIMEOUT) {
-        check<Kuafu>(status);
-        return true;
-      }
-      if (PyErr_CheckSignals() != 0) throw py::error_already_set();
-      if (left_s <= slice_s) return false;
-    }
+    return wait_in_slices<Kuafu>(timeout_s, [&](uint64_t slice_ns) { return kuafu_renderer_wait(get(), &submission, slice_ns); });
   }
 
   void cancel() { check<Kuafu>(kuafu_renderer_cancel(get())); }
@@ -265,8 +253,7 @@ struct Submission {
   py::dict arrays;
 
   [[nodiscard]] py::object wait(std::optional<double> timeout_s) const {
-    if (timeout_s && !(*timeout_s >= 0)) raise_argument<Kuafu>("timeout_s is negative or no number");
-    if (!renderer.cast<Renderer&>().wait(sync, timeout_s.value_or(std::numeric_limits<double>::infinity())))
+    if (!renderer.cast<Renderer&>().wait(sync, seconds_to_wait<Kuafu>(timeout_s)))
       raise<Kuafu>(KS_ERROR_TIMEOUT, PyExc_TimeoutError, "the render has not ended; it goes on");
     return arrays;
   }

@@ -2,6 +2,8 @@
 // Scene: what kuafu_scene_* do, with numpy arrays.
 #include "scene.h"
 
+#include "bindings/wait.h"
+
 #include <pybind11/stl/filesystem.h>
 
 namespace ks_python {
@@ -21,12 +23,10 @@ void load(Scene& scene, const std::filesystem::path& path, const py::object& roo
   double root[16];
   read_matrix<Kuafu>(root_to_world, "root_to_world", root, 16);
   const InUse<Kuafu> in_use(scene.in_use, "scene");
-  ks_status status;
-  {
-    const Unlocked nogil;
-    status = kuafu_scene_load(scene.get(), path.c_str(), root_to_world.is_none() ? nullptr : root);
-  }
-  check_file<Kuafu>(status, path);
+  const Outcome outcome =
+      run_interruptibly<Kuafu>([&] { return kuafu_scene_load(scene.get(), path.c_str(), root_to_world.is_none() ? nullptr : root); },
+                               [&] { return kuafu_scene_cancel_load(scene.get()); });
+  check_file<Kuafu>(outcome.status, outcome.message, path);
 }
 
 /// The array's rows, after checking that it is [rows][columns]; `rows` < 0 accepts any count.

@@ -130,9 +130,43 @@ class Buffer:
         """Copies bytes out, as uint8."""
     def image(self, dtype: DTypeLike, shape: Sequence[int], offset_bytes: int = 0) -> Image:
         """A packed view of the buffer."""
+    @property
+    def __array_interface__(self) -> dict[str, Any]:
+        """NumPy's array interface, version 3."""
+    def __dlpack__(
+        self,
+        *,
+        stream: None = None,
+        max_version: tuple[int, int] | None = None,
+        dl_device: tuple[int, int] | None = None,
+        copy: bool | None = None,
+    ) -> Any:
+        """A DLPack capsule of the same memory; versioned where max_version is (1, 0) or more."""
+    def __dlpack_device__(self) -> tuple[int, int]:
+        """(1, 0): memory of the host."""
 
 class Image:
-    """A packed view on a buffer, with a type and a shape."""
+    """A view on a buffer, with a type and a shape; numpy.asarray() and DLPack see it without a copy."""
+
+    @staticmethod
+    def from_dlpack(device: Device, array: Any) -> Image:
+        """An array of another library (NumPy, PyTorch on the CPU, ...), in host memory, as an image: the same memory,
+        no copy. The device must import host pointers. ArgumentError where the array is on a GPU, read-only, empty or
+        of other elements."""
+    @property
+    def __array_interface__(self) -> dict[str, Any]:
+        """NumPy's array interface, version 3."""
+    def __dlpack__(
+        self,
+        *,
+        stream: None = None,
+        max_version: tuple[int, int] | None = None,
+        dl_device: tuple[int, int] | None = None,
+        copy: bool | None = None,
+    ) -> Any:
+        """A DLPack capsule of the same memory; versioned where max_version is (1, 0) or more."""
+    def __dlpack_device__(self) -> tuple[int, int]:
+        """(1, 0): memory of the host."""
 
     @property
     def buffer(self) -> Buffer: ...
@@ -356,12 +390,15 @@ class Engine:
     ) -> Submission:
         """compute() that returns at once where all images are simsense.Images and the back end is Vulkan; else when
         all is done. Returns a Submission: its wait() returns what compute() would."""
+    def cancel(self) -> None:
+        """Ends the compute that another thread is in: CancelledError there. From any thread."""
 
 class Submission:
     """What Engine.submit has begun."""
 
-    def wait(self) -> dict[str, NDArray[Any]]:
-        """Blocks until the outputs may be read, and returns them."""
+    def wait(self, timeout_s: float | None = None) -> dict[str, NDArray[Any]]:
+        """Blocks until the outputs may be read, and returns them. TimeoutError where it has not ended after timeout_s:
+        it goes on."""
 
 def default_parameters() -> dict[str, float]:
     """The engine's parameters as it has them where none are given, as a new dict."""

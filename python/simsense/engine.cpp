@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Engine and Camera: a rig and named parameters in, disparity and depth arrays out.
+#include "bindings/wait.h"
 #include "settings.h"
 
 namespace ks_python {
@@ -180,15 +181,13 @@ class Engine {
     return {sync, call.results};
   }
 
-  void wait(const ks_sync& sync) {
+  /// false: it has not ended yet. Signals are heard while it waits.
+  bool wait(const ks_sync& sync, double timeout_s) {
     const InUse<Simsense> in_use(in_use_, "engine");
-    ks_status status;
-    {
-      const Unlocked nogil;
-      status = simsense_engine_wait(get(), &sync);
-    }
-    check<Simsense>(status);
+    return wait_in_slices<Simsense>(timeout_s, [&](uint64_t slice_ns) { return simsense_engine_wait_for(get(), &sync, slice_ns); });
   }
+
+  void cancel() { check<Simsense>(simsense_engine_cancel(get())); }
 
  private:
   /// A compute call's arguments as C has them; `keep` holds what must live through it.
@@ -298,8 +297,9 @@ struct Submission {
   ks_sync sync;
   py::dict results;
 
-  py::dict wait() const {
-    engine.cast<Engine&>().wait(sync);
+  [[nodiscard]] py::dict wait(std::optional<double> timeout_s) const {
+    if (!engine.cast<Engine&>().wait(sync, seconds_to_wait<Simsense>(timeout_s)))
+      raise<Simsense>(KS_ERROR_TIMEOUT, PyExc_TimeoutError, "the submission has not ended; it goes on");
     return results;
   }
 };
@@ -344,7 +344,8 @@ void bind_engine(py::module_& module) {
       py::arg("name"),
       "All parameters of an imager as a dict: 'neutral', or measured ones whose input is in 8-bit counts, 'paper-d415', 'sapien', 'd435'.");
   py::class_<Submission>(module, "Submission", "What Engine.submit has begun.")
-      .def("wait", &Submission::wait, "Blocks until the outputs may be read, and returns them.");
+      .def("wait", &Submission::wait, py::arg("timeout_s") = py::none(),
+           "Blocks until the outputs may be read, and returns them. TimeoutError where it has not ended after timeout_s: it goes on.");
   py::class_<Engine>(
       module, "Engine",
       "A stereo rig's depth engine. Parameters are those of simsense_parameters, and of simsense_signal for both eyes, by name; see "
@@ -396,6 +397,7 @@ void bind_engine(py::module_& module) {
           py::arg("right_laser") = py::none(), py::arg("rgb") = py::none(),
           "compute() that returns at once where all images are simsense.Images and the back end is Vulkan; else when all is done.\n"
           "Returns a Submission: its wait() returns what compute() would.")
+      .def("cancel", &Engine::cancel, "Ends the compute that another thread is in: CancelledError there. From any thread.")
       .def_property_readonly("stage_times", &Engine::stage_times, "{stage: milliseconds} of the last compute or wait.");
 }
 

@@ -4,6 +4,7 @@
 import logging
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -123,3 +124,29 @@ def test_the_least_and_largest_values_give_finite_images(device):
     image = kuafu.Renderer(device).render(scene, kuafu.Camera(64, 64, K), spp=1, film=film)["radiance"]
     assert np.isfinite(image).all()
     assert image.max() > 0
+
+
+def sleeping_helper(folder: Path) -> Path:
+    """A folder with a program in the place of kuafu's reader, which never answers, and a scene file."""
+    program = folder / "kuafu-import-gltf"
+    program.write_text("#!/bin/sh\nexec sleep 600\n")
+    program.chmod(0o755)
+    (folder / "a.gltf").write_text("{}")
+    return folder
+
+
+def test_ctrl_c_ends_a_load(tmp_path: Path) -> None:
+    folder = sleeping_helper(tmp_path)
+    program = f"""
+import os, signal, threading, kuafu
+os.environ["KUAFU_HELPERS"] = {str(folder)!r}
+scene = kuafu.Scene(kuafu.Device("cpu"))
+threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT)).start()
+try:
+    scene.load({str(folder / "a.gltf")!r})
+except KeyboardInterrupt:
+    scene.set_environment((1, 1, 1))
+    print("interrupted")
+"""
+    said = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=200)
+    assert (said.returncode, said.stdout, said.stderr) == (0, "interrupted\n", "")
