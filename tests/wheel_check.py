@@ -4,8 +4,9 @@
 import sys
 from pathlib import Path
 
+import kuafu
 import numpy as np
-
+import simsense
 from activestereo import StereoDepthSensor, StereoDepthSensorConfig
 from activestereo.pose import body_pose
 from activestereo.scene import CAMERA_TO_WORLD, write_table_top
@@ -19,6 +20,13 @@ sensor.compute_depth()
 depth_m, truth_m = sensor.get_depth(), sensor.get_true_depth()
 valid = (depth_m > 0) & (truth_m > 0)
 error_mm = 1000 * np.median(np.abs(depth_m - truth_m)[valid])
+# The same memory by DLPack, both ways.
+image = kuafu.Buffer(kuafu.Device("cpu"), 4096).image("float32", (4, 4))
+image.array()[1, 2] = 7
+array = np.zeros((4, 4), np.float32)
+simsense.Image.from_dlpack(simsense.Device("host"), array).array()[3, 3] = 5
+if np.from_dlpack(image)[1, 2] != 7 or array[3, 3] != 5:
+    sys.exit("what crosses by DLPack is not the same memory")
 loaded = {line.split()[-1] for line in Path("/proc/self/maps").read_text().splitlines() if ".so" in line}
 ours = [path for path in loaded if any(name in path for name in ("libkuafu", "libsimsense", "libembree3", "libtbb.", "libhwy"))]
 outside = [path for path in ours if not path.startswith(sys.prefix)]

@@ -97,9 +97,14 @@ def test_numpy_sees_an_images_memory_by_each_protocol(buffer: Any, dtype: str) -
     plain[:] = np.arange(30).reshape(2, 3, 5)
     for seen in (np.asarray(image), np.from_dlpack(image)):
         assert seen.ctypes.data == plain.ctypes.data and seen.dtype == plain.dtype and seen.shape == (2, 3, 5)
-        seen[1, 2, 4] = 77
-        assert plain[1, 2, 4] == 77
+        plain[1, 2, 4] = 77
+        assert seen[1, 2, 4] == 77
         plain[1, 2, 4] = 29
+        if seen.flags.writeable:  # NumPy before 2.1 shows what comes by DLPack read-only
+            seen[0, 0, 0] = 78
+            assert plain[0, 0, 0] == 78
+            plain[0, 0, 0] = 0
+    assert np.asarray(image).flags.writeable
     assert image.__dlpack_device__() == (1, 0)
     assert image.__array_interface__["version"] == 3
 
