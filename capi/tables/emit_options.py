@@ -87,12 +87,21 @@ def _row(f: Field) -> list[str]:
     more = [f'unit="{f.unit}"'] if f.unit else []
     more += [f'possible="{range_text(f)}"'] if range_text(f) else []
     more += [f"range=({', '.join(_bound(v) for v in _range(f))})"] if _range(f) else []
-    more += ["choices=(" + ", ".join(f'"{v}"' for v in f.values) + ")"] if f.values else []
+    more += _choices(f) if f.values else []
     more += [f'{key}="{value}"' for key, value in (("pair", f.pair), ("short", f.short), ("one", f.one)) if value]
     more += ["on_command_line=False"] if not f.option else []
     doc = python_words(f.doc)
     return ["    Parameter(", f'        "{f.name}",', f"        {_kind(f)},", f"        {literal(f)},", *(f"        {m}," for m in more),
             f'        doc="{doc}",  # noqa: E501' if len(doc) > 104 else f'        doc="{doc}",', "    ),"]  # fmt: skip
+
+
+def _choices(f: Field) -> list[str]:
+    """One line, or several of at most 120 columns."""
+    names = ", ".join(f'"{v}"' for v in f.values)
+    if len(names) <= 98:
+        return [f"choices=({names})"]
+    lines = textwrap.wrap(names + ",", WIDTH - 12)
+    return ["choices=(\n" + "\n".join(f"            {line}" for line in lines) + "\n        )"]
 
 
 def _option_table(what: str, structs: dict[str, Struct], owner: str) -> str:

@@ -17,7 +17,9 @@ SCALARS = {
 }
 # The one function type: ks/effect.h has it beside the structs.
 APPLY = """\
-Apply = c.CFUNCTYPE(c.c_int32, c.POINTER(View), c.POINTER(c.c_double), c.c_uint32, c.POINTER(c.c_double), c.POINTER(c.c_double))
+Apply = c.CFUNCTYPE(
+    c.c_int32, c.POINTER(View), c.POINTER(c.c_double), c.c_uint32, c.POINTER(c.c_double), c.POINTER(c.c_double)
+)
 """
 
 

@@ -243,7 +243,10 @@ RIG = (
         "faults",
         tuple,
         (),
-        choices=("rectified_shrunk", "focal_from_rectifier", "remap_nearest", "padding_matched", "registration_unrectified", "splat_invalid", "splat_clipped"),
+        choices=(
+            "rectified_shrunk", "focal_from_rectifier", "remap_nearest", "padding_matched", "registration_unrectified",
+            "splat_invalid", "splat_clipped",
+        ),
         one="fault",
         doc="Bits SIMSENSE_FAULT_*; 0 is none.",
     ),

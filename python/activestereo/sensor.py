@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""StereoDepthSensor: RGB camera, infrared pair and pattern projector in a kuafu scene, with simsense behind them. Names are SAPIEN's."""
+"""StereoDepthSensor: RGB camera, infrared pair and pattern projector in a kuafu scene, with simsense behind them. Names
+are SAPIEN's."""
 
 from __future__ import annotations
 
@@ -18,8 +19,6 @@ import kuafu
 import simsense
 from activestereo.auto_exposure import AutoExposure, rgb_exposure, srgb
 from activestereo.effects.core.engine import EngineInputs, apply_engine, moved_pose
-from activestereo.effects.core.model import Model
-from activestereo.engines.survey import Survey
 from activestereo.fireflies import infrared_layers
 from activestereo.ir_link import IrLink
 from activestereo.lazy_maps import LazyMaps
@@ -30,40 +29,39 @@ from activestereo.mount import as_mount
 from activestereo.picture_memory import PictureMemory
 from activestereo.pose import Pose, as_matrix, camera_to_world
 from activestereo.presets import StereoDepthSensorConfig
-from activestereo.scene_surfaces import split_surfaces
 from activestereo.sensor_effects import ImageEffects, ModelCostWarning
-from activestereo.sensor_inputs import exposure, render_settings, sensor_inputs, shutter, twist_of
-from activestereo.sensor_model import SensorModel, read_model
+from activestereo.sensor_inputs import exposure, fitted_to, render_settings, sensor_inputs, shutter, twist_of
+from activestereo.sensor_model import SensorModel
 from activestereo.sensor_world import LATER, SensorWorld, pattern_of
 
 # Of the RGB picture: dtype and channels.
 RGB_OUTPUTS = {
-    "radiance": (np.float32, 3),
-    "depth": (np.float32, 1),
-    "material_id": (np.uint32, 1),
-    "instance_id": (np.uint32, 1),
-}
+    "radiance": (np.float32, 3), "depth": (np.float32, 1), "material_id": (np.uint32, 1), "instance_id": (np.uint32, 1),
+}  # fmt: skip
 LASER_OUTPUTS = ("projector_direct", "projector_indirect")
 
 
 class StereoDepthSensor:
     """An active stereo depth sensor.
 
-    config: a StereoDepthSensorConfig; it is copied. scene_or_mount: a kuafu.Scene, a Mount, or the path of a scene file. pose: the RGB
-    camera's pose, in the scene or relative to the mount; body axes (x forward, y left, z up) as in SAPIEN. device: 'auto', 'cpu', an index or
-    a kuafu.Device, where the scene does not bring its own. copy_ir: copies the infrared pair between the libraries instead of sharing its
-    memory. The projector becomes a light of the scene, seen in the infrared only, and shines while this sensor's pictures are taken (always, if
-    the config's projector_always_on says so). It goes with the sensor: at close(), at the end of a `with` block, or when nothing refers to
-    the sensor any more. One thread at a time.
+    config: a StereoDepthSensorConfig; it is copied. scene_or_mount: a kuafu.Scene, a Mount, or the path of a scene
+    file. pose: the RGB camera's pose, in the scene or relative to the mount; body axes (x forward, y left, z up) as in
+    SAPIEN. device: 'auto', 'cpu', an index or a kuafu.Device, where the scene does not bring its own. copy_ir: copies
+    the infrared pair between the libraries instead of sharing its memory. The projector becomes a light of the scene,
+    seen in the infrared only, and shines while this sensor's pictures are taken (always, if the config's
+    projector_always_on says so). It goes with the sensor: at close(), at the end of a `with` block, or when nothing
+    refers to the sensor any more. One thread at a time.
 
-    model: a sensor_model.SensorModel or the path of a model.json. Its effects act inside of the engines; those that no engine field expresses
-    change the images, with a ModelCostWarning. Its rig, pattern and imager are the config's: StereoDepthSensorConfig.from_model(). ValueError
-    says what in it does not fit this scene; then nothing has been changed.
+    model: a sensor_model.SensorModel or the path of a model.json. Its effects act inside of the engines; those that no
+    engine field expresses change the images, with a ModelCostWarning. Its rig, pattern and imager are the config's:
+    StereoDepthSensorConfig.from_model(). ValueError says what in it does not fit this scene; then nothing has been
+    changed.
     """
 
     def __init__(
-        self, config: StereoDepthSensorConfig, scene_or_mount: kuafu.Scene | Mount | str | PathLike[str], pose: Pose | None = None,
-        device: str | int | kuafu.Device = "auto", copy_ir: bool = False, model: SensorModel | str | PathLike[str] | None = None,
+        self, config: StereoDepthSensorConfig, scene_or_mount: kuafu.Scene | Mount | str | PathLike[str],
+        pose: Pose | None = None, device: str | int | kuafu.Device = "auto", copy_ir: bool = False,
+        model: SensorModel | str | PathLike[str] | None = None,
     ) -> None:  # fmt: skip
         self._config = deepcopy(config)
         self._mount = as_mount(scene_or_mount, device)
@@ -71,7 +69,8 @@ class StereoDepthSensor:
         self._twist = np.zeros(6)
         self._scene = self._mount.scene
         self._device = self._scene.device
-        self._effects, self._survey, self._ambient_radiance = self._read_model(model, scene_or_mount)
+        found = fitted_to(self._scene, scene_or_mount, model, self._config)
+        self._effects, self._survey, self._ambient_radiance = found
         self._conditions, self._place, self._speckle_draw = (None, 0.0), None, -1
         self._exposure, self._next_setting = AutoExposure(self._config), None
         self._renderer = kuafu.Renderer(self._device, **renderer_parameters(self._config))
@@ -85,7 +84,8 @@ class StereoDepthSensor:
         self._tell_engines()
         self._image_effects = ImageEffects(weakref.proxy(self), self._left_over)
         if self._image_effects:
-            text = f"no engine field expresses {', '.join(self._image_effects.names)}: every picture is copied to the host and back"
+            names = ", ".join(self._image_effects.names)
+            text = f"no engine field expresses {names}: every picture is copied to the host and back"
             warnings.warn(text, ModelCostWarning, stacklevel=2)
         weakref.finalize(self, self._world.leave).atexit = False
         rgb_width, rgb_height = self._config.rgb_resolution
@@ -96,8 +96,8 @@ class StereoDepthSensor:
     # ---- taking pictures ----
 
     def take_picture(self, infrared_only: bool = False, progress: Callable[[float], object] | None = None) -> None:
-        """Renders the infrared pair, and before it the RGB picture unless infrared_only. progress(fraction) may return True to cancel.
-        A call that fails or is cancelled leaves no picture."""
+        """Renders the infrared pair, and before it the RGB picture unless infrared_only. progress(fraction) may return
+        True to cancel. A call that fails or is cancelled leaves no picture."""
         self._has_picture = False
         self._maps.clear()
         frame = self._frame + 1
@@ -118,8 +118,8 @@ class StereoDepthSensor:
         self._frame, self._laser, self._has_picture = frame, laser, True
 
     def compute_depth(self) -> None:
-        """Noise, matching, registration of the last picture. The same picture gives the same depth. Maps that have been read of an earlier
-        picture are computed with it; others when they are first read."""
+        """Noise, matching, registration of the last picture. The same picture gives the same depth. Maps that have been
+        read of an earlier picture are computed with it; others when they are first read."""
         self._require_picture()
         self._tell_engines()
         self._maps.begin(self._match)
@@ -135,36 +135,42 @@ class StereoDepthSensor:
         return srgb(radiance * np.float32(exposure))
 
     def get_ir(self) -> list[NDArray[np.float32]]:
-        """[left, right] float32 [height, width] in 0..1: what linear imagers would count without noise and dark current, over full scale."""
+        """[left, right] float32 [height, width] in 0..1: what linear imagers would count without noise and dark
+        current, over full scale."""
         self._require_picture()
-        return [linear_counts(image, eye.signal) for image, eye in zip(self._link.images, self._tell_engines().eyes, strict=True)]
+        eyes = self._tell_engines().eyes
+        return [linear_counts(image, eye.signal) for image, eye in zip(self._link.images, eyes, strict=True)]
 
     def get_ir_measured(self) -> list[np.ndarray]:
-        """[left, right] uint8 [height, width], uint16 where ir_signal has more than 8 bits: what the sensor gives, with noise."""
+        """[left, right] uint8 [height, width], uint16 where ir_signal has more than 8 bits: what the sensor gives, with
+        noise."""
         self._require_depth()
         return [self._maps.read("ir_left", self._match), self._maps.read("ir_right", self._match)]
 
     def get_depth(self) -> NDArray[np.float32]:
-        """float32 [height, width] metres in the RGB camera, at its resolution and through its lens; 0 = no measurement."""
+        """float32 [height, width] metres in the RGB camera, at its resolution and through its lens; 0 = no
+        measurement."""
         self._require_depth()
         return self._maps.read("depth_rgb", self._match)
 
     def get_disparity(self) -> NDArray[np.float32]:
-        """float32 [height, width] pixels in the left infrared camera, or in its rectified image where the config asks for one or the
-        lenses distort; -1 = no measurement."""
+        """float32 [height, width] pixels in the left infrared camera, or in its rectified image where the config asks
+        for one or the lenses distort; -1 = no measurement."""
         self._require_depth()
         return self._maps.read("disparity", self._match)
 
     def get_depth_map(self, name: str) -> np.ndarray:
-        """One of the config's depth_maps, of the (rectified) left infrared camera: 'confidence' float32 [height, width] 0..1, 'reason' uint8
-        [height, width] an index into simsense.REASONS, 'points' float32 [height, width, 3] metres, or 'rectified_left', 'rectified_right'."""
+        """One of the config's depth_maps, of the (rectified) left infrared camera: 'confidence' float32 [height, width]
+        0..1, 'reason' uint8 [height, width] an index into simsense.REASONS, 'points' float32 [height, width, 3] metres,
+        or 'rectified_left', 'rectified_right'."""
         self._require_depth()
         if name not in self._config.depth_maps:
             raise ValueError(f"'{name}' is none of the config's depth_maps {tuple(self._config.depth_maps)}")
         return self._maps.read(name, self._match)
 
     def get_pointcloud(self, with_rgb: bool = False) -> NDArray[np.float32]:
-        """float32 [n, 3], metres in the RGB camera's axes (x right, y down, z forward); with_rgb: [n, 6], colours 0..1."""
+        """float32 [n, 3], metres in the RGB camera's axes (x right, y down, z forward); with_rgb: [n, 6], colours
+        0..1."""
         depth = self.get_depth()
         v, u = np.nonzero(depth)
         z = depth[v, u].astype(np.float64)
@@ -190,8 +196,9 @@ class StereoDepthSensor:
         return self._rgb.read("instance_id")[0, ..., 0]
 
     def get_picture(self, name: str, camera: str = "rgb") -> np.ndarray:
-        """[height, width, channels]: one of kuafu's outputs ('position', 'albedo', 'projector_uv', 'motion', ...; see kuafu.Renderer.render)
-        as camera 'rgb', 'left' or 'right' sees the scene now. projector_* are of this sensor's projector. Needs no take_picture()."""
+        """[height, width, channels]: one of kuafu's outputs ('position', 'albedo', 'projector_uv', 'motion', ...; see
+        kuafu.Renderer.render) as camera 'rgb', 'left' or 'right' sees the scene now. projector_* are of this sensor's
+        projector. Needs no take_picture()."""
         cameras = {"rgb": self.rgb_camera, "left": lambda: self.ir_cameras()[0], "right": lambda: self.ir_cameras()[1]}
         if camera not in cameras:
             raise ValueError(f"unknown camera '{camera}' (known: rgb, left, right)")
@@ -216,11 +223,12 @@ class StereoDepthSensor:
         self._pose = Pose(as_matrix(pose))
 
     def set_velocity(self, linear: ArrayLike, angular: ArrayLike = (0.0, 0.0, 0.0)) -> None:
-        """What the whole sensor, projector included, does while its shutters are open, m/s and rad/s in the left infrared camera's own frame
-        (x right, y down, z forward): pose(t) = pose exp(t [linear, angular]), as camera_velocity of captures; zeros = it stands still. It moves
-        nothing from one picture to the next: set_local_pose() does, and is the pose in the middle of the exposure."""
+        """What the whole sensor, projector included, does while its shutters are open, m/s and rad/s in the left
+        infrared camera's own frame (x right, y down, z forward): pose(t) = pose exp(t [linear, angular]), as
+        camera_velocity of captures; zeros = it stands still. It moves nothing from one picture to the next:
+        set_local_pose() does, and is the pose in the middle of the exposure."""
         if not all(np.shape(part) == (3,) and np.isfinite(part).all() for part in (linear, angular)):
-            raise ValueError(f"a sensor's velocity is 3 finite numbers in m/s and 3 in rad/s, not {linear} and {angular}")
+            raise ValueError(f"a velocity is 3 finite numbers in m/s and 3 in rad/s, not {linear} and {angular}")
         self._twist = np.concatenate([linear, angular]).astype(np.float64)
         self._move()
 
@@ -229,7 +237,8 @@ class StereoDepthSensor:
         return self._twist[:3].copy(), self._twist[3:].copy()
 
     def set_conditions(self, temperature_c: float | None = None, time_s: float = 0.0) -> None:
-        """What a model's effects may depend on: the sensor's temperature (None: that of its signal) and the seconds since it was switched on."""
+        """What a model's effects may depend on: the sensor's temperature (None: that of its signal) and the seconds
+        since it was switched on."""
         self._match_rest()
         self._conditions = (None if temperature_c is None else float(temperature_c), float(time_s))
         self._told = None
@@ -249,7 +258,8 @@ class StereoDepthSensor:
 
     @property
     def engine_inputs(self) -> EngineInputs:
-        """What the engines are told of this sensor under its model, with the infrared cameras at their present poses."""
+        """What the engines are told of this sensor under its model, with the infrared cameras at their present
+        poses."""
         self.ir_cameras()
         return self._told
 
@@ -280,7 +290,8 @@ class StereoDepthSensor:
 
     def rgb_camera(self) -> kuafu.Camera:
         c = self._config
-        lens_and_shutter = {"distortion": c.rgb_distortion, "exposure_s": c.rgb_exposure_s, **shutter(c.rgb_line_time_s, c.rgb_readout)}
+        lens_and_shutter = {"distortion": c.rgb_distortion, "exposure_s": c.rgb_exposure_s}
+        lens_and_shutter |= shutter(c.rgb_line_time_s, c.rgb_readout)
         return self._camera(c.rgb_resolution, c.rgb_intrinsic, Pose(), lens_and_shutter)
 
     def ir_cameras(self) -> list[kuafu.Camera]:
@@ -347,7 +358,8 @@ class StereoDepthSensor:
         self._engine.set_parameters(frame_index=self._frame, scene_index=self._speckle_draw)
         left_laser, right_laser = self._laser
         pair = (self._link.left, self._link.right)
-        return self._image_effects.depth(self._engine, pair, tuple(names), left_laser=left_laser, right_laser=right_laser)
+        laser = {"left_laser": left_laser, "right_laser": right_laser}
+        return self._image_effects.depth(self._engine, pair, tuple(names), **laser)
 
     def _match_rest(self) -> None:
         """Before the engine changes: what could still be read is computed."""
@@ -358,44 +370,34 @@ class StereoDepthSensor:
         """Another depth engine of this rig and these parameters, a simsense.Engine."""
         return make_engine(self._config, simsense.Device(self._device.info.device_uuid))
 
-    def _read_model(self, model: Any, scene_path: Any) -> tuple[Model, Survey, float]:
-        """(effects, survey, infrared radiance of the model's room) in this scene."""
-        if model is None:
-            return Model(), Survey(), self._config.ir_ambient_strength
-        model = model if isinstance(model, SensorModel) else read_model(model)
-        if isinstance(scene_path, (str, PathLike)) and not model.surfaces <= set(self._material_names()):
-            split_surfaces(self._scene, scene_path)
-        names = self._material_names()
-        ambient = model.nuisances.get("ambient_scale")
-        radiance = self._config.ir_ambient_strength if ambient is None else ambient.value / self._config.ir_responsivity_dn
-        return model.bound(names), model.survey(names), radiance
-
-    def _material_names(self) -> list[str]:
-        return [self._scene.material_name(number) for number in range(self._scene.summary.material_count)]
-
     def _tell_engines(self) -> EngineInputs:
-        """What the engines are told, with the RGB camera at the origin; found anew where the sensor or its conditions have changed."""
+        """What the engines are told, with the RGB camera at the origin; found anew where the sensor or its conditions
+        have changed."""
         if self._told is None:
             temperature, time_s = self._conditions
-            frame = exposure(self._config, self._twist, time_s, temperature)
+            c, twist = self._config, self._twist
+            frame = exposure(c, twist, time_s, temperature)
             pattern = None if self._pattern is None else pattern_of(self._pattern)
-            emitter = self._config.emitter_power(max(self._lit_frame, 0))
-            inputs = sensor_inputs(self._config, self._scene, Pose(), self._twist, frame, pattern, self._ambient_radiance, emitter)
+            emitter = c.emitter_power(max(self._lit_frame, 0))
+            inputs = sensor_inputs(c, self._scene, Pose(), twist, frame, pattern, self._ambient_radiance, emitter)
             inputs.scene_materials = self._world.material
             self._survey.apply(inputs)
             self._left_over = apply_engine(inputs, self._effects.effects)
             cameras = [(eye.camera, eye.delay_s) for eye in inputs.eyes]
-            self._eye_poses = [moved_pose(c.camera_to_world, c.linear_velocity, c.angular_velocity, t) for c, t in cameras]
+            self._eye_poses = [
+                moved_pose(e.camera_to_world, e.linear_velocity, e.angular_velocity, t) for e, t in cameras
+            ]
             if not self._is_closed:
                 self._world.enter(inputs)
-                if self._config.projector_always_on:
+                if c.projector_always_on:
                     self._world.place(as_matrix(self.get_pose()))
             self._engine.set_signal(*(eye.signal for eye in inputs.eyes))
             self._told = inputs
         return self._told
 
     def _prepare(self, frame: int) -> None:
-        """What changes from picture to picture: exposure, emitter, and, where the sensor has moved, its static speckle."""
+        """What changes from picture to picture: exposure, emitter, and, where the sensor has moved, its static
+        speckle."""
         if self._next_setting is not None:
             self._set_exposure(self._next_setting)
         if self._config.emitter == "alternating":
@@ -418,7 +420,8 @@ class StereoDepthSensor:
 
     def _set_exposure(self, setting: Any) -> None:
         if (setting.exposure_s, setting.gain) != (self._config.ir_camera_exposure, self._config.ir_camera_gain):
-            self._config.ir_camera_exposure, self._config.ir_camera_gain, self._told = setting.exposure_s, setting.gain, None
+            self._config.ir_camera_exposure, self._config.ir_camera_gain = setting.exposure_s, setting.gain
+            self._told = None
         self._next_setting = None
 
     def _move(self) -> None:
@@ -452,22 +455,22 @@ class StereoDepthSensor:
         pose = camera_to_world(self.get_pose() * pose_in_rgb)
         return kuafu.Camera(*resolution, k, pose, linear_velocity=linear, angular_velocity=angular, **lens_and_shutter)
 
-    def _render(self, cameras: Any, outputs: Any, band: str, frame: int, progress: Any, eyes: Any = (False, True)) -> Any:
-        c = self._config
+    def _render(
+        self, cameras: Any, outputs: Any, band: str, frame: int, progress: Any, eyes: Any = (False, True)
+    ) -> Any:
+        film: Any = self._config.rgb_film
+        environments = None
+        if band == "infrared":
+            film = [self._told.eyes[is_right].film for is_right in eyes]
+            environments = [LATER if self._told.eyes[is_right].delay_s else 0 for is_right in eyes]
         return self._renderer.render(
-            self._scene,
-            cameras,
-            outputs,
-            band=band,
-            **render_settings(c, frame),
-            film=[self._told.eyes[is_right].film for is_right in eyes] if band == "infrared" else c.rgb_film,
-            environments=[LATER if self._told.eyes[i].delay_s else 0 for i in eyes] if band == "infrared" else None,
-            projector=self._world.projector,
-            progress=progress,
-        )
+            self._scene, cameras, outputs, band=band, **render_settings(self._config, frame), film=film,
+            environments=environments, projector=self._world.projector, progress=progress,
+        )  # fmt: skip
 
     def _render_infrared(self, frame: int, progress: Any) -> Any:
-        """Into the link; returns the projector's part of both images, (None, None) where the config does not ask for it."""
+        """Into the link; returns the projector's part of both images, (None, None) where the config does not ask for
+        it."""
         apart, clamps = self._tell_engines().speckle_of_laser, self._config.ir_fireflies == "clamp"
         names = LASER_OUTPUTS if apart else LASER_OUTPUTS[:1] if clamps else ()
         outputs = {"radiance": self._link.target} | dict.fromkeys(names, np.float32)

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """EngineInputs of a simulated sensor: what its configuration tells the engines for one exposure, before a model's
-effects."""
+effects; and a model's effects with the names of a scene's surfaces."""
 
 from __future__ import annotations
 
+from os import PathLike
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,8 +13,12 @@ from numpy.typing import NDArray
 import kuafu
 from activestereo.capture import Frame
 from activestereo.effects.core.engine import EngineEye, EngineInputs
+from activestereo.effects.core.model import Model
+from activestereo.engines.survey import Survey
 from activestereo.matching import render_parameters, signal_parameters
 from activestereo.pose import Pose, camera_to_camera, camera_to_world, carried_twist
+from activestereo.scene_surfaces import split_surfaces
+from activestereo.sensor_model import SensorModel, read_model
 
 if TYPE_CHECKING:
     from activestereo.presets import StereoDepthSensorConfig
@@ -152,3 +157,27 @@ def _bounds(summary: kuafu.SceneSummary, place: NDArray[np.float64]) -> tuple[tu
     corners = [summary.bounds_min_m, summary.bounds_max_m] if summary.triangle_count else []
     points = np.array([*corners, place])
     return tuple(points.min(axis=0) - _MARGIN_M), tuple(points.max(axis=0) + _MARGIN_M)
+
+
+def fitted_to(
+    scene: kuafu.Scene,
+    scene_path: Any,
+    model: SensorModel | str | PathLike[str] | None,
+    config: StereoDepthSensorConfig,
+) -> tuple[Model, Survey, float]:
+    """(effects, survey, infrared radiance of the model's room) in this scene. Where the model tells two objects of one
+    material apart and the scene is a file, each gets a material of its own."""
+    if model is None:
+        return Model(), Survey(), config.ir_ambient_strength
+    model = model if isinstance(model, SensorModel) else read_model(model)
+    names = _material_names(scene)
+    if isinstance(scene_path, (str, PathLike)) and not model.surfaces <= set(names):
+        split_surfaces(scene, scene_path)
+        names = _material_names(scene)
+    ambient = model.nuisances.get("ambient_scale")
+    radiance = config.ir_ambient_strength if ambient is None else ambient.value / config.ir_responsivity_dn
+    return model.bound(names), model.survey(names), radiance
+
+
+def _material_names(scene: kuafu.Scene) -> list[str]:
+    return [scene.material_name(number) for number in range(scene.summary.material_count)]

@@ -105,7 +105,8 @@ class Board:
     def _aruco_board(self) -> tuple[object, object]:
         if not hasattr(cv2, "aruco") or not hasattr(cv2.aruco, "CharucoBoard_create"):
             raise ValueError(
-                f"this OpenCV, {cv2.__version__}, has no aruco module as in 4.6: use a chessboard, or Debian's python3-opencv"
+                f"this OpenCV, {cv2.__version__}, has no aruco module as in 4.6: use a chessboard, or Debian's "
+                "python3-opencv"
             )
         dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, _DICTIONARY[self.kind]))
         if self.kind == "apriltag":

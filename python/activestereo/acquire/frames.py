@@ -42,7 +42,8 @@ def read_repeats(path: Path, least: int = LEAST_REPEATS) -> list[Repeats]:
     for view in views:
         if len(view.counts) < least:
             raise ValueError(
-                f"{view.name}: {len(view.counts)} repeats, at least {least} are needed: record more frames of the same static view"
+                f"{view.name}: {len(view.counts)} repeats, at least {least} are needed: record more frames of the same "
+                "static view"
             )
     return views
 
@@ -65,7 +66,8 @@ def _of_folder(folder: Path) -> Repeats:
     for file, image in zip(files, images, strict=True):
         if image.shape != images[0].shape or image.dtype != images[0].dtype:
             raise ValueError(
-                f"{file}: is {image.shape[1]}x{image.shape[0]} {image.dtype}, {files[0].name} is {images[0].shape[1]}x{images[0].shape[0]} {images[0].dtype}"
+                f"{file}: is {image.shape[1]}x{image.shape[0]} {image.dtype}, {files[0].name} is "
+                f"{images[0].shape[1]}x{images[0].shape[0]} {images[0].dtype}"
             )
     return Repeats(str(folder), np.stack(images), None, str(folder))
 
@@ -109,12 +111,14 @@ def check_still(view: Repeats) -> None:
     drift = abs(float(second.mean() - first.mean()))
     if drift > max(_LARGEST_DRIFT * float(means.mean()), 6.0 * error):
         raise ValueError(
-            f"{view.name}: the mean brightness drifts by {drift:.2f} DN of {means.mean():.1f}: hold exposure, gain and light, and let the camera warm up"
+            f"{view.name}: the mean brightness drifts by {drift:.2f} DN of {means.mean():.1f}: hold exposure, gain and "
+            "light, and let the camera warm up"
         )
     excess = float(np.mean((second - first) ** 2 / scale))
     if excess > _LARGEST_EXCESS:
         raise ValueError(
-            f"{view.name}: the repeats move: their halves differ by {excess:.1f} times what noise gives: keep camera and scene still and record again"
+            f"{view.name}: the repeats move: their halves differ by {excess:.1f} times what noise gives: keep camera "
+            "and scene still and record again"
         )
 
 

@@ -48,8 +48,10 @@ class HandEye:
     def as_json(self) -> dict[str, object]:
         flat = {name: pose.ravel().tolist() for name, pose in self.by_method.items()}
         return {
-            "camera_to_gripper": self.camera_to_gripper.ravel().tolist(), "board_to_base": self.board_to_base.ravel().tolist(), "by_method": flat,
-            "turn_error_rad": self.error[:3].tolist(), "translation_error_m": self.error[3:].tolist(), "poses": self.poses,
+            "camera_to_gripper": self.camera_to_gripper.ravel().tolist(),
+            "board_to_base": self.board_to_base.ravel().tolist(), "by_method": flat,
+            "turn_error_rad": self.error[:3].tolist(), "translation_error_m": self.error[3:].tolist(),
+            "poses": self.poses,
             "left_m": self.left_m, "left_deg": self.left_deg,
         }  # fmt: skip
 
@@ -58,7 +60,8 @@ class HandEye:
         t, e = 1e3 * self.camera_to_gripper[:3, 3], 1e3 * _INTERVAL_90 * self.error[3:]
         turn = np.rad2deg(_INTERVAL_90 * np.linalg.norm(self.error[:3]))
         lines = [
-            f"camera on gripper: {t[0]:.2f} ± {e[0]:.2f}, {t[1]:.2f} ± {e[1]:.2f}, {t[2]:.2f} ± {e[2]:.2f} mm, turn ± {turn:.3f} deg (90 %), of {self.poses} poses"
+            f"camera on gripper: {t[0]:.2f} ± {e[0]:.2f}, {t[1]:.2f} ± {e[1]:.2f}, {t[2]:.2f} ± {e[2]:.2f} mm, turn ± "
+            f"{turn:.3f} deg (90 %), of {self.poses} poses"
         ]
         lines.append(f"boards' places agree to {1e3 * self.left_m:.2f} mm, {self.left_deg:.3f} deg RMS")
         for name, pose in self.by_method.items():
@@ -109,8 +112,10 @@ def hand_eye(gripper_to_base: list[NDArray[np.float64]], board_to_camera: list[N
     camera = _matrix(solution.x[:3], solution.x[3:6])
     apart = [difference(pose, camera) for pose in by_method.values()]
     return HandEye(
-        camera, _matrix(solution.x[6:9], solution.x[9:]), by_method, error, (max(a[0] for a in apart), max(a[1] for a in apart)),
-        float(np.sqrt((left[:, 3:] ** 2).sum(axis=1).mean())), float(np.rad2deg(np.sqrt((left[:, :3] ** 2).sum(axis=1).mean()) / _LEVER_M)), count,
+        camera, _matrix(solution.x[6:9], solution.x[9:]), by_method, error,
+        (max(a[0] for a in apart), max(a[1] for a in apart)),
+        float(np.sqrt((left[:, 3:] ** 2).sum(axis=1).mean())),
+        float(np.rad2deg(np.sqrt((left[:, :3] ** 2).sum(axis=1).mean()) / _LEVER_M)), count,
     )  # fmt: skip
 
 
@@ -126,7 +131,8 @@ def _check_turns(gripper_to_base: list[NDArray[np.float64]]) -> None:
     second = np.rad2deg(np.linalg.svd(turns, compute_uv=False)[1] / np.sqrt(max(len(turns) - 1, 1)))
     if second < 0.3 * _LEAST_TURN_DEG:
         raise ValueError(
-            f"the robot turned about one axis only (about a second one by {second:.1f} deg): turn the gripper by {_LEAST_TURN_DEG:g} deg and more about two axes"
+            f"the robot turned about one axis only (about a second one by {second:.1f} deg): turn the gripper by "
+            f"{_LEAST_TURN_DEG:g} deg and more about two axes"
         )
 
 
@@ -148,7 +154,8 @@ def read_poses(path: Path) -> dict[str, NDArray[np.float64]]:
                 raise ValueError(f"{path}: line {number}: '{','.join(cells[1:])}' are not numbers") from None
             if len(values) not in (7, 16) or not np.isfinite(values).all():
                 raise ValueError(
-                    f"{path}: line {number}: {len(values)} numbers, expected finite x,y,z,qx,qy,qz,qw or a row-major 4x4"
+                    f"{path}: line {number}: {len(values)} numbers, expected finite x,y,z,qx,qy,qz,qw or a row-major "
+                    "4x4"
                 )
             poses[cells[0]] = _of_numbers(values, path, number)
     if not poses:

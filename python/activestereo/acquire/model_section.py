@@ -39,6 +39,7 @@ def _read(path: Path) -> dict[str, Any]:
         raise ValueError(f"{path}: format is not {FORMAT!r}: give another file to -o")
     if model.get("version") != VERSION:
         raise ValueError(
-            f"{path}: version is {model.get('version')}, sections are written into version {VERSION}: give another file to -o"
+            f"{path}: version is {model.get('version')}, sections are written into version {VERSION}: give another "
+            "file to -o"
         )
     return model

@@ -20,7 +20,10 @@ _COUNTS, _FEWEST_PIXELS, _MOST_PIXELS = 150_000, 1500, 4000
 _LARGEST_DARK = 200_000
 _LARGEST_CLIPPED = 0.5
 _ROUNDING_DN2 = 1.0 / 12.0
-_NOTE = "Static speckle and fixed patterns are the same in every repeat: they never show in repeats, and are not part of this."
+_NOTE = (
+    "Static speckle and fixed patterns are the same in every repeat: they never show in repeats, and are not part of "
+    "this."
+)
 
 
 @dataclass(frozen=True)
@@ -55,7 +58,10 @@ class Noise:
     def model(self) -> SensorModel:
         """model.json's `imager`, and the black level among its nuisances. Rounding's variance is part of the offset."""
         law, fit = self.fit.law, self.fit
-        source = f"acquire noise: {self.chosen} law, {self.pixels} pixels, {self.repeats} repeats; static speckle does not show in repeats"
+        source = (
+            f"acquire noise: {self.chosen} law, {self.pixels} pixels, {self.repeats} repeats; static speckle does not "
+            "show in repeats"
+        )
         sigma, zero = fit.interval("sigma_dn"), Quantity(0.0, unit="1")
         offset = Quantity(*(v**2 + _ROUNDING_DN2 for v in (law.sigma_dn, *sigma)), unit="DN^2", source=source)
         if self.chosen == "gamma":
@@ -95,7 +101,8 @@ class Noise:
             for p in self.transfer
         ]
         lines.append(
-            f"black from {self.black_from}; {100 * self.clipped_share:.2f} % of the counts clipped, censored; {self.pixels} pixels, {self.repeats} repeats"
+            f"black from {self.black_from}; {100 * self.clipped_share:.2f} % of the counts clipped, censored; "
+            f"{self.pixels} pixels, {self.repeats} repeats"
         )
         return "\n".join([*lines, _NOTE])
 
@@ -165,7 +172,8 @@ def _chosen_pixels(views: list[Repeats], max_dn: int, rng: np.random.Generator) 
         if len(usable) < _LARGEST_CLIPPED * flat.shape[1]:
             clipped = 1.0 - len(usable) / flat.shape[1]
             raise ValueError(
-                f"{view.name}: {100 * clipped:.0f} % of the pixels clip at 0 or {max_dn} DN: change the exposure so that most lie between"
+                f"{view.name}: {100 * clipped:.0f} % of the pixels clip at 0 or {max_dn} DN: change the exposure so "
+                "that most lie between"
             )
         group = np.floor(4.0 * np.log2(level[usable] - level[usable].min() + 2.0)).astype(int)
         weight = 1.0 / np.bincount(group)[group]
@@ -180,7 +188,8 @@ def _dark_counts(darks: list[Repeats], views: list[Repeats], rng: np.random.Gene
     brightest, darkest = max(float(d.counts.mean()) for d in darks), min(float(v.counts.mean()) for v in views)
     if brightest >= darkest:
         raise ValueError(
-            f"{darks[0].name}: its mean is {brightest:.2f} DN, the lit frames' {darkest:.2f}: give frames without any light to --dark"
+            f"{darks[0].name}: its mean is {brightest:.2f} DN, the lit frames' {darkest:.2f}: give frames without any "
+            "light to --dark"
         )
     flat = np.concatenate([d.counts.ravel() for d in darks])
     return flat if flat.size <= _LARGEST_DARK else rng.choice(flat, _LARGEST_DARK, replace=False)

@@ -85,18 +85,21 @@ class Pattern:
     def text(self) -> str:
         """What a reader wants first."""
         lines = [
-            f"{len(self.dots)} dots; {self.seen_twice} of them are seen at two distances; sigma {self.dot_sigma_px:.2f} px of the pattern"
+            f"{len(self.dots)} dots; {self.seen_twice} of them are seen at two distances; sigma "
+            f"{self.dot_sigma_px:.2f} px of the pattern"
         ]
         for view in self.views:
             wall = view.wall
             share = 100.0 * np.mean(wall.is_seen_by_both)
             lines.append(
-                f"{view.name}: wall at {wall.distance_m:.4f} m, {len(view.spots['left'])} and {len(view.spots['right'])} dots, {share:.0f} % matched, flat to {wall.flatness_px:.3f} px"
+                f"{view.name}: wall at {wall.distance_m:.4f} m, {len(view.spots['left'])} and "
+                f"{len(view.spots['right'])} dots, {share:.0f} % matched, flat to {wall.flatness_px:.3f} px"
             )
         x, y, z = 1e3 * self.place_m
         if self.place_error_m is None:
             lines.append(
-                f"projector at {x:.2f}, {y:.2f}, {z:.2f} mm of the left camera: NOMINAL; a wall at a second distance, 1.5 times as far, would tell it"
+                f"projector at {x:.2f}, {y:.2f}, {z:.2f} mm of the left camera: NOMINAL; a wall at a second distance, "
+                "1.5 times as far, would tell it"
             )
         else:
             ex, ey, ez = 1e3 * self.place_error_m
@@ -120,7 +123,8 @@ def acquire_pattern(path: Path, progress: Callable[[float], None] | None = None)
     groups = capture.repeats()
     if not groups:
         raise ValueError(
-            f"{capture.path}: no frames share a repeat_group: record {LEAST_REPEATS} or more frames of the wall at each distance"
+            f"{capture.path}: no frames share a repeat_group: record {LEAST_REPEATS} or more frames of the wall at "
+            "each distance"
         )
     views = []
     for number, (group, frames) in enumerate(groups.items()):
@@ -136,13 +140,15 @@ def _check_rig(capture: Capture) -> None:
     rig = capture.rig
     if not (rig.left.is_pinhole and rig.right.is_pinhole):
         raise ValueError(
-            f"{capture.path}/capture.json: rig.left.distortion: dots are matched along rows: rectify the images and give zeros"
+            f"{capture.path}/capture.json: rig.left.distortion: dots are matched along rows: rectify the images and "
+            "give zeros"
         )
     if not np.allclose(rig.left_to_right[:3, :3], np.eye(3), atol=1e-4):
         raise ValueError(f"{capture.path}/capture.json: rig.left_to_right: turns the right camera: rectify the images")
     if rig.left_to_right[0, 3] >= 0:
         raise ValueError(
-            f"{capture.path}/capture.json: rig.left_to_right: x is {rig.left_to_right[0, 3]:g}, expected below 0: left and right are swapped"
+            f"{capture.path}/capture.json: rig.left_to_right: x is {rig.left_to_right[0, 3]:g}, expected below 0: left "
+            "and right are swapped"
         )
 
 
@@ -170,7 +176,8 @@ def _check_saturation(name: str, counts: np.ndarray, max_dn: int) -> None:
     share = float(np.mean((counts == max_dn).any(axis=0)))
     if share > _LARGEST_SATURATED:
         raise ValueError(
-            f"{name}: {100 * share:.1f} % of the pixels reach {max_dn} DN: the wall saturates: shorten the exposure or lower the laser's power"
+            f"{name}: {100 * share:.1f} % of the pixels reach {max_dn} DN: the wall saturates: shorten the exposure or "
+            "lower the laser's power"
         )
 
 
@@ -245,7 +252,8 @@ def _meeting_point(
         pairs = np.column_stack([chosen, other[chosen]])
         if len(pairs) < _LEAST_LINES:
             raise ValueError(
-                f"only {len(pairs)} dots are the same on the walls at {near.distance_m:.2f} and {far.distance_m:.2f} m: check the projector's nominal place and K"
+                f"only {len(pairs)} dots are the same on the walls at {near.distance_m:.2f} and {far.distance_m:.2f} "
+                "m: check the projector's nominal place and K"
             )
         a, b = near.points[pairs[:, 0]], far.points[pairs[:, 1]]
         place, error = _nearest_to_lines(a, b)

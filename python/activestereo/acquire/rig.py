@@ -85,17 +85,20 @@ class Calibration:
         t, e = 1e3 * self.left_to_right[:3, 3], 1e3 * _INTERVAL_90 * self.error["translation"]
         angle = np.rad2deg(np.linalg.norm(cv2.Rodrigues(self.left_to_right[:3, :3])[0]))
         lines.append(
-            f"right eye: x {t[0]:.3f} ± {e[0]:.3f}, y {t[1]:.3f} ± {e[1]:.3f}, z {t[2]:.3f} ± {e[2]:.3f} mm, turned {angle:.3f} deg"
+            f"right eye: x {t[0]:.3f} ± {e[0]:.3f}, y {t[1]:.3f} ± {e[1]:.3f}, z {t[2]:.3f} ± {e[2]:.3f} mm, turned "
+            f"{angle:.3f} deg"
         )
         if len(self.views) < _FEW_BOARDS:
             lines.append(
-                f"only {len(self.views)} boards: 15 or more, tilted up to 40 deg and into every corner, halve the intervals"
+                f"only {len(self.views)} boards: 15 or more, tilted up to 40 deg and into every corner, halve the "
+                "intervals"
             )
         return "\n".join(lines)
 
 
 def acquire_rig(
-    path: Path, board: Board, has_lens: bool = True, known_K: NDArray[np.float64] | None = None, progress: Callable[[float], None] | None = None
+    path: Path, board: Board, has_lens: bool = True, known_K: NDArray[np.float64] | None = None,
+    progress: Callable[[float], None] | None = None
 ) -> Calibration:  # fmt: skip
     """The Calibration from PATH/left/*.png and PATH/right/*.png, pairs by name.
 
@@ -139,8 +142,9 @@ def find_boards(
     seen = sum(len(view.corners) == 2 for view in views)
     if seen < LEAST_BOARDS:
         raise ValueError(
-            f"{path}: {seen} of {len(both)} frame pairs show the board to both eyes, at least {LEAST_BOARDS} are needed: check --board, light the board "
-            "evenly with the projector off, and keep all of a chessboard in view"
+            f"{path}: {seen} of {len(both)} frame pairs show the board to both eyes, at least {LEAST_BOARDS} are "
+            "needed: check --board, light the board evenly with the projector off, and keep all of a chessboard in "
+            "view"
         )
     return views, size, depth
 

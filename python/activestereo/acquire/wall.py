@@ -36,7 +36,8 @@ def find_wall(left: Spots, right: Spots, K: np.ndarray, right_K: np.ndarray, bas
     pairs = _pairs(left, right)
     if len(pairs) < _LEAST_MATCHED:
         raise ValueError(
-            f"{name}: only {len(pairs)} dots have a row in common: are the images rectified, and left and right not swapped?"
+            f"{name}: only {len(pairs)} dots have a row in common: are the images rectified, and left and right not "
+            "swapped?"
         )
     i, j = pairs.T
     disparity = left.u[i] - right.u[j]
@@ -60,8 +61,8 @@ def find_wall(left: Spots, right: Spots, K: np.ndarray, right_K: np.ndarray, bas
         both[i[place]], match[i[place]] = True, j[place]
     if both.sum() < max(_LEAST_MATCHED, 0.3 * len(left.u)):
         raise ValueError(
-            f"{name}: only {both.sum()} of {len(left.u)} dots lie on one plane seen by both eyes: use a flat wall without objects, check K and the baseline, "
-            "and that left and right are not swapped"
+            f"{name}: only {both.sum()} of {len(left.u)} dots lie on one plane seen by both eyes: use a flat wall "
+            "without objects, check K and the baseline, and that left and right are not swapped"
         )
     flatness = float(np.sqrt(np.mean((left.u[both] - right.u[match[both]] - column[both] @ coefficients) ** 2)))
     # The left ray, with the right eye's opinion of its column: half of the disparity's deviation belongs to each.
@@ -77,7 +78,8 @@ def find_wall(left: Spots, right: Spots, K: np.ndarray, right_K: np.ndarray, bas
     )
     if normal[2] <= 0:
         raise ValueError(
-            f"{name}: the wall's disparity is {coefficients[0] - offset:.2f} px: left and right are swapped, or the baseline's sign is wrong"
+            f"{name}: the wall's disparity is {coefficients[0] - offset:.2f} px: left and right are swapped, or the "
+            "baseline's sign is wrong"
         )
     points = ray / (ray @ normal)[:, None]
     length = np.linalg.norm(normal)

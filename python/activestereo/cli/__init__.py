@@ -100,7 +100,10 @@ def _fault(error: Exception) -> str:
         traceback.print_exception(error)
     last = traceback.extract_tb(error.__traceback__)[-1]
     where = f"{os.path.basename(last.filename)}:{last.lineno}"
-    return f"a fault of the program ({type(error).__name__} in {where}): {_text(error)} (ACTIVESTEREO_TRACEBACK=1 shows more)"
+    return (
+        f"a fault of the program ({type(error).__name__} in {where}): {_text(error)} (ACTIVESTEREO_TRACEBACK=1 shows "
+        "more)"
+    )
 
 
 def _glued(arguments: Sequence[str]) -> list[str]:

@@ -65,11 +65,14 @@ def add_parser(commands: Commands) -> None:
     )
     add_out(parser)
     text = (
-        "values of the options below that are not given: active for dots, passive for plain pictures of textured things "
-        "(block 5x5, uniqueness 5, median 5) (default: active)"
+        "values of the options below that are not given: active for dots, passive for plain pictures of textured "
+        "things (block 5x5, uniqueness 5, median 5) (default: active)"
     )
     parser.add_argument("--profile", choices=tuple(PROFILES), default="active", help=text)
-    text = "Vulkan device for --back-end vulkan: the best one, lavapipe, or number N of 'activestereo devices' (default: none, the CPU)"
+    text = (
+        "Vulkan device for --back-end vulkan: the best one, lavapipe, or number N of 'activestereo devices' (default: "
+        "none, the CPU)"
+    )
     parser.add_argument("--device", metavar="auto|cpu|N", help=text)
     add_depth_maps(add_matching(parser, {}))
     parser.set_defaults(run=run)

@@ -59,4 +59,7 @@ def _exchanged(
     other = float((engine.compute(right, left, ("disparity",))["disparity"] > 0).mean())
     if other < max(_LEAST_FILL, _TIMES * fill):
         return None
-    return f"hint: exchanged, the images give {100 * other:.1f} % instead of {100 * fill:.1f} %: is LEFT the right eye's image?"
+    return (
+        f"hint: exchanged, the images give {100 * other:.1f} % instead of {100 * fill:.1f} %: is LEFT the right eye's "
+        "image?"
+    )

@@ -16,7 +16,10 @@ _MAPS = ("confidence", "reason")
 def add_depth_maps(group: argparse._ArgumentGroup) -> None:
     text = "write confidence.png too, of the left infrared image: 16 bits, 65535 = sure, 0 = nothing was measured"
     group.add_argument("--confidence", action="store_true", help=text)
-    text = "write reason.png too, of the left infrared image: 8 bits, why a pixel has no depth, as simsense.REASONS counts; 0 = it has one"
+    text = (
+        "write reason.png too, of the left infrared image: 8 bits, why a pixel has no depth, as simsense.REASONS "
+        "counts; 0 = it has one"
+    )
     group.add_argument("--reason", action="store_true", help=text)
 
 

@@ -102,8 +102,8 @@ def _steps(args: argparse.Namespace, frames: np.ndarray) -> str | None:
     if step_px < _COARSE_STEP_PX:
         return None
     return (
-        f"note: the file's steps of {1e3 * args.unit:g} mm are {step_px:.3f} px here; noise below about half of that reads as "
-        "zero: give float depth (.npy), as 'activestereo depth' writes it"
+        f"note: the file's steps of {1e3 * args.unit:g} mm are {step_px:.3f} px here; noise below about half of that "
+        "reads as zero: give float depth (.npy), as 'activestereo depth' writes it"
     )
 
 

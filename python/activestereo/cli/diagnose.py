@@ -72,7 +72,8 @@ def add_parser(commands: Any) -> None:
         "--refine",
         action=argparse.BooleanOptionalAction,
         default=True,
-        help="refine what surfaces, air and lights do by kuafu's own images (default; --no-refine saves a minute or two on two cores)",
+        help="refine what surfaces, air and lights do by kuafu's own images (default; --no-refine saves a minute or "
+             "two on two cores)",
     )
     parser.add_argument("--spp", type=integer_from(1), default=32, metavar="N", help="samples per pixel (default: 32)")
     add_max_bounces(parser)

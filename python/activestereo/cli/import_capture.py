@@ -99,7 +99,8 @@ def _run(args: argparse.Namespace) -> None:
             )
     rig, with_depth = capture.rig, sum(frame.depth_path is not None for frame in capture.frames)
     print(
-        f"{len(capture.frames)} frames of {rig.left.width}x{rig.left.height}, {with_depth} with depth; baseline {1e3 * rig.baseline_m:.2f} mm, f {rig.left.K[0, 0]:.2f} px"
+        f"{len(capture.frames)} frames of {rig.left.width}x{rig.left.height}, {with_depth} with depth; baseline "
+        f"{1e3 * rig.baseline_m:.2f} mm, f {rig.left.K[0, 0]:.2f} px"
     )
     print(
         "the pattern and the projector's place are nominal"

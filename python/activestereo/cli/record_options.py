@@ -16,7 +16,10 @@ _MORE = "may be given several times; capi/tables/reference.md has all"
 
 
 def add_records(group: argparse._ArgumentGroup) -> None:
-    text = "the infrared imagers: one of simsense's presets (d435, paper-d415, sapien, neutral), or a field of simsense_signal"
+    text = (
+        "the infrared imagers: one of simsense's presets (d435, paper-d415, sapien, neutral), or a field of "
+        "simsense_signal"
+    )
     group.add_argument(
         "--ir-signal", action="append", default=[], type=_field, metavar="PRESET|NAME=X", help=f"{text}; {_MORE}"
     )

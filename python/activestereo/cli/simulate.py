@@ -55,7 +55,7 @@ Writes into DIR:
 examples:
   activestereo simulate table_top.gltf --sensor d435 --out out/table_top
   activestereo simulate table_top.gltf --sensor d435 --model out/diagnosis/model.json --out out/as_measured
-  activestereo simulate table_top.gltf --velocity 0.5,0,0 --rgb-line-time 3e-5 --ir-distortion -0.06,0.01,0,0 --out out/moving
+  activestereo simulate table_top.gltf --velocity 0.5,0,0 --ir-distortion -0.06,0.01,0,0 --out out/moving
 """
 
 
@@ -73,7 +73,10 @@ def add_parser(commands: Commands) -> None:
         metavar="NAME",
         help="a camera of 'activestereo presets', or the path of a .toml file (default: d435)",
     )
-    text = "a sensor model of 'activestereo diagnose': its rig, pattern, imager and effects; --sensor has what it does not say"
+    text = (
+        "a sensor model of 'activestereo diagnose': its rig, pattern, imager and effects; --sensor has what it does "
+        "not say"
+    )
     parser.add_argument("--model", type=Path, metavar="FILE", help=text)
     parser.add_argument(
         "--effects",

@@ -41,7 +41,10 @@ def _engine(inputs: EngineInputs, extinction_per_m: float, backscatter: float, h
             "backscatter", "1", neutral=1.0, low=0.0, high=3.0, typical=0.5,
             source="scattering back to the rig over isotropic: fine smoke 1, fog 0.1-0.5 (Henyey and Greenstein 1941)",
         ),
-        Parameter("hidden_m", "m", neutral=0.05, low=0.01, high=0.3, typical=0.03, source="window and housing of the camera keep the air out so far, where the beam is brightest"),
+        Parameter(
+            "hidden_m", "m", neutral=0.05, low=0.01, high=0.3, typical=0.03,
+            source="window and housing of the camera keep the air out so far, where the beam is brightest",
+        ),
     ],
     engine=_engine,
 )  # fmt: skip

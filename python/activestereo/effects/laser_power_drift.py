@@ -24,7 +24,8 @@ def _engine(inputs: EngineInputs, per_k: float, per_s: float) -> None:
     "laser_power_drift",
     stage=Stage.PROJECTOR,
     family="projector power",
-    source="laser diodes lose 0.2-1 % of power per kelvin at constant current; firmware derates when hot (librealsense issue 10476)",
+    source="laser diodes lose 0.2-1 % of power per kelvin at constant current; firmware derates when hot (librealsense "
+           "issue 10476)",
     parameters=[
         Parameter("per_k", "1/K", neutral=0.0, low=-0.03, high=0.03, typical=0.004),
         Parameter("per_s", "1/s", neutral=0.0, low=-0.02, high=0.02, typical=0.002),

@@ -24,8 +24,10 @@ def _engine(inputs: EngineInputs, intensity_m2: float, offset_x_m: float, offset
     place[:3, :3] = rotation((0.0, 1.0, 0.0), yaw_rad)
     inputs.add_light(
         on_rig=True, kind="projector", name="second projector", k=own.k, light_to_world=own.light_to_world @ place,
-        ir_intensity=intensity_m2 * inputs.ambient_radiance, linear_velocity=own.linear_velocity, angular_velocity=own.angular_velocity,
-        pattern_scale=own.pattern_scale, dots=own.dots, pattern_width=own.pattern_width, pattern_height=own.pattern_height,
+        ir_intensity=intensity_m2 * inputs.ambient_radiance, linear_velocity=own.linear_velocity,
+        angular_velocity=own.angular_velocity,
+        pattern_scale=own.pattern_scale, dots=own.dots, pattern_width=own.pattern_width,
+        pattern_height=own.pattern_height,
         dot_sigma_px=own.dot_sigma_px,
     )  # fmt: skip
 
@@ -41,9 +43,11 @@ def _engine(inputs: EngineInputs, intensity_m2: float, offset_x_m: float, offset
             "intensity_m2", "m^2", neutral=0.0, low=0.0, high=200.0, typical=8.0,
             source="radiant intensity over ambient radiance: the unit burns whatever the own projector does",
         ),
-        Parameter("offset_x_m", "m", neutral=0.2, low=-1.0, high=1.0, typical=0.1, source="from the own projector, its axes"),
+        Parameter("offset_x_m", "m", neutral=0.2, low=-1.0, high=1.0, typical=0.1, source="from the own projector, its "
+                                                                                          "axes"),
         Parameter("offset_y_m", "m", neutral=0.0, low=-1.0, high=1.0, typical=0.1),
-        Parameter("yaw_rad", "rad", neutral=0.0, low=-0.6, high=0.6, typical=0.1, source="positive turns its axis to the right"),
+        Parameter("yaw_rad", "rad", neutral=0.0, low=-0.6, high=0.6, typical=0.1, source="positive turns its axis to "
+                                                                                         "the right"),
     ],
     engine=_engine,
 )  # fmt: skip

@@ -33,7 +33,8 @@ def _engine(inputs: EngineInputs, factor: float, roughness: float, surfaces: flo
     "specular",
     stage=Stage.SURFACE,
     family="surface",
-    source="glTF 2.0 material model with KHR_materials_specular; GGX of Walter et al. 2007, Microfacet models for refraction",
+    source="glTF 2.0 material model with KHR_materials_specular; GGX of Walter et al. 2007, Microfacet models for "
+           "refraction",
     parameters=[
         Parameter(
             "factor",
@@ -42,7 +43,8 @@ def _engine(inputs: EngineInputs, factor: float, roughness: float, surfaces: flo
             low=0.0,
             high=20.0,
             typical=0.5,
-            source="reflectance over common plastic's 0.04: up to 1 specularFactor on top of the nominal one, beyond by a higher ior",
+            source="reflectance over common plastic's 0.04: up to 1 specularFactor on top of the nominal one, beyond "
+                   "by a higher ior",
         ),
         Parameter("roughness", "1", neutral=0.5, low=0.1, high=1.0, typical=0.2, source="without effect at factor 0"),
         SURFACES,

@@ -42,7 +42,8 @@ def _engine(inputs: EngineInputs, fraction: float, length_m: float, surfaces: fl
     "subsurface",
     stage=Stage.SURFACE,
     family="surface",
-    source="Jensen et al. 2001, A practical model for subsurface light transport: millimetres in skin, wax, marble, foam",
+    source="Jensen et al. 2001, A practical model for subsurface light transport: millimetres in skin, wax, marble, "
+           "foam",
     parameters=[
         Parameter(
             "fraction", "1", neutral=0.0, low=0.0, high=1.0, typical=0.4, source="share of the light that enters"

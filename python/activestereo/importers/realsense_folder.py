@@ -21,7 +21,8 @@ from activestereo.images import read_gray
 from activestereo.importers.realsense_text import DeviceText
 from activestereo.importers.trajectory import pose_at
 
-_STREAMS = {"left": re.compile(r"infra(?:red)?[ _-]?1|left|ir1", re.I), "right": re.compile(r"infra(?:red)?[ _-]?2|right|ir2", re.I),
+_STREAMS = {"left": re.compile(r"infra(?:red)?[ _-]?1|left|ir1", re.I), "right": re.compile(r"infra(?:red)?[ "
+                                                                                            r"_-]?2|right|ir2", re.I),
             "depth": re.compile(r"depth", re.I)}  # fmt: skip
 _NAMES = {"left": "Infrared 1", "right": "Infrared 2"}
 _LAST_NUMBER = re.compile(r"(\d+(?:\.\d+)?)(?!.*\d)")
@@ -71,8 +72,10 @@ def frame_files(folder: Path) -> list[FrameFiles]:
 
 
 def import_realsense(
-    folder: Path, device: DeviceText, out: Path, pattern: NDArray[np.uint8], pattern_K: NDArray[np.float64], depth_scale: float | None = None,
-    scene: Path | None = None, trajectory: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None, exposure_s: float = 0.008,
+    folder: Path, device: DeviceText, out: Path, pattern: NDArray[np.uint8], pattern_K: NDArray[np.float64],
+    depth_scale: float | None = None,
+    scene: Path | None = None, trajectory: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None,
+    exposure_s: float = 0.008,
     projector_to_left_m: tuple[float, float, float] | None = None, progress: Callable[[float], None] | None = None,
 ) -> Capture:  # fmt: skip
     """Writes the capture `out` (which must not exist) and returns it.
@@ -90,7 +93,8 @@ def import_realsense(
     left_to_right = device.extrinsic("Infrared 1", "Infrared 2")
     if left_to_right[0, 3] >= 0:
         raise ValueError(
-            f'{device.path}: Extrinsic from "Infrared 1" To "Infrared 2": x is {left_to_right[0, 3]:g} m, expected below 0: left and right are swapped'
+            f'{device.path}: Extrinsic from "Infrared 1" To "Infrared 2": x is {left_to_right[0, 3]:g} m, expected '
+            'below 0: left and right are swapped'
         )
     images, depths, frames = {}, {}, []
     for number, entry in enumerate(files):
@@ -99,12 +103,14 @@ def import_realsense(
         if "depth" in entry.files:
             if depth_scale is None:
                 raise ValueError(
-                    f"{entry.files['depth']}: depth scale: is not known: give --depth-scale, 0.001 unless the device was set otherwise"
+                    f"{entry.files['depth']}: depth scale: is not known: give --depth-scale, 0.001 unless the device "
+                    "was set otherwise"
                 )
             depths[number] = read_gray(entry.files["depth"], (width, height), "Depth")
             if depths[number].dtype != np.uint16:
                 raise ValueError(
-                    f"{entry.files['depth']}: Depth: is an 8-bit picture of depth, expected 16-bit depth: save the raw stream"
+                    f"{entry.files['depth']}: Depth: is an 8-bit picture of depth, expected 16-bit depth: save the raw "
+                    "stream"
                 )
         frames.append(_frame(number, entry, exposure_s, depth_scale, trajectory))
         tell((number + 1) / len(files))

@@ -110,7 +110,8 @@ def _intrinsic(path: Path, key: tuple[str, int, int], lines: list[str]) -> Intri
         raise ValueError(f"{path}: {name}: Coeffs has {len(coefficients)} numbers, expected 5")
     if np.any(coefficients) and model not in _BROWN[:3]:
         raise ValueError(
-            f"{path}: {name}: Distortion is {model!r} with coefficients that are not zero: record rectified infrared (Y8)"
+            f"{path}: {name}: Distortion is {model!r} with coefficients that are not zero: record rectified infrared "
+            "(Y8)"
         )
     K = np.array([[numbers["Fx"], 0.0, numbers["PPX"]], [0.0, numbers["Fy"], numbers["PPY"]], [0.0, 0.0, 1.0]])
     return Intrinsic(width, height, K, coefficients)
@@ -126,7 +127,8 @@ def _extrinsic(path: Path, name: str, lines: list[str]) -> NDArray[np.float64]:
     )
     if len(rotation) < 9 or len(translation) < 3:
         raise ValueError(
-            f"{path}: {name} {len(rotation)} numbers of rotation and {len(translation)} of translation, expected 9 and 3"
+            f"{path}: {name} {len(rotation)} numbers of rotation and {len(translation)} of translation, expected 9 and "
+            "3"
         )
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = np.reshape(rotation[:9], (3, 3)), translation[:3]

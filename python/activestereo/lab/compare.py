@@ -56,7 +56,9 @@ class Comparison:
 
 
 def compare(
-    capture_path: str | Path, model: Model | None = None, renderer: Renderer | None = None, samples_per_pixel: int = 64, max_bounces: int = 8, seed: int = 0, cache: LayerCache | None = None, progress: Callable[[float], object] | None = None, is_fine: bool = False,
+    capture_path: str | Path, model: Model | None = None, renderer: Renderer | None = None, samples_per_pixel: int = 64,
+    max_bounces: int = 8, seed: int = 0, cache: LayerCache | None = None,
+    progress: Callable[[float], object] | None = None, is_fine: bool = False,
     engines: Callable[[Capture], CaptureRenderer] | None = None, survey: Survey | None = None,
 ) -> Comparison:  # fmt: skip
     """A Comparison of the capture folder. CaptureError where the capture cannot be used.

@@ -18,8 +18,10 @@ _QUANTISATION_VARIANCE = 1.0 / 12.0
 _DEFAULT_MAX_DISPARITY = 128
 _LEAST_MAX_DISPARITY, _MOST_MAX_DISPARITY = 16, 1024
 _DEFAULT_MAX_DEPTH_M = 65.0
-_HINTS = ("max_disparity", "census_width", "census_height", "block_width", "block_height", "p1", "p2", "uniqueness_ratio",
-          "lr_max_diff", "median_size", "path_count", "min_disparity", "min_depth_m", "max_depth_m")  # fmt: skip
+_HINTS = (
+    "max_disparity", "census_width", "census_height", "block_width", "block_height", "p1", "p2", "uniqueness_ratio",
+    "lr_max_diff", "median_size", "path_count", "min_disparity", "min_depth_m", "max_depth_m",
+)  # fmt: skip
 _MAD_TO_SIGMA = 1.4826
 
 

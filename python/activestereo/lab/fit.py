@@ -84,7 +84,8 @@ def fit_nuisances(observations: Sequence[tuple[Frame, Any, np.ndarray]], max_dn:
         if not np.isfinite(gram).all():
             most = max(observations, key=lambda o: o[0].exposure_gain)[0]
             raise ValueError(
-                f"nothing to fit: frame {most.id} has an exposure x gain of {most.exposure_gain:.3g} s, beyond all measure"
+                f"nothing to fit: frame {most.id} has an exposure x gain of {most.exposure_gain:.3g} s, beyond all "
+                "measure"
             )
         if used == 0:
             raise ValueError("nothing to fit: every pixel of the train frames is clipped")

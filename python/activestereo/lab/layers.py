@@ -159,8 +159,8 @@ def sampling_of(rig: Rig, scale: int) -> Sampling:
     if not reach <= _LARGEST_MARGIN_PX:
         how_far = f"{reach:.0f} pixels" if np.isfinite(reach) else "without limit"
         raise ValueError(
-            f"the rig's lens distortion reaches {how_far} beyond an ideal camera's frame; at most {_LARGEST_MARGIN_PX} pixels "
-            "are rendered: rectify the images and give the rig's distortion as zeros"
+            f"the rig's lens distortion reaches {how_far} beyond an ideal camera's frame; at most "
+            f"{_LARGEST_MARGIN_PX} pixels are rendered: rectify the images and give the rig's distortion as zeros"
         )
     return Sampling(max(scale, _LEAST_SCALE_OF_A_LENS), share + int(np.ceil(reach)))
 

@@ -61,14 +61,15 @@ class Match:
         if self.geometry < limit:
             return [
                 f"geometry does not match: at the scene's depth the eyes' dots correlate {self.geometry:.2f} (noise "
-                f"alone would leave {self.possible:.2f}) and the rendered dots {self.pattern:.2f}: check camera_to_world, "
-                "the scene's place and units, K and the baseline; no effect explains this"
+                f"alone would leave {self.possible:.2f}) and the rendered dots {self.pattern:.2f}: check "
+                "camera_to_world, the scene's place and units, K and the baseline; no effect explains this"
             ]
         if self.pattern < limit:
             return [
-                f"the pattern does not match: the rendered dots correlate {self.pattern:.2f} with the measured ones, the "
-                f"eyes' own dots {self.geometry:.2f} with each other at the scene's depth: check pattern.png and the "
-                "projector's K and pose, or measure them by 'activestereo acquire pattern'; no effect explains this"
+                f"the pattern does not match: the rendered dots correlate {self.pattern:.2f} with the measured ones, "
+                f"the eyes' own dots {self.geometry:.2f} with each other at the scene's depth: check pattern.png and "
+                "the projector's K and pose, or measure them by 'activestereo acquire pattern'; no effect explains "
+                "this"
             ]
         return []
 
@@ -146,8 +147,10 @@ def _fast(image: Image) -> NDArray[np.float64]:
 def warnings_of(fit: Mapping[str, Any], match: Match) -> list[str]:
     """What to say before all else, of a Fit as JSON and a Match."""
     words = {
-        "projector_scale": "the projector's scale is at its bound, 0: the measured images show none of its light where it is rendered",
-        "ambient_scale": "the ambient scale is at its bound, 0: the images are darker where the rendered room light is brighter; "
+        "projector_scale": "the projector's scale is at its bound, 0: the measured images show none of its light where "
+                           "it is rendered",
+        "ambient_scale": "the ambient scale is at its bound, 0: the images are darker where the rendered room light is "
+                         "brighter; "
         "albedos or the scene's lights are wrong, or the capture has no room light",
     }
     return [*match.warnings, *(words[name] for name in fit["at_bound"])]

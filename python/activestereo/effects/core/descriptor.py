@@ -4,7 +4,8 @@
 By stage, in the light's order, `apply(value, view, **parameters)` gets and returns
 
     PROJECTOR, MEDIUM, SURFACE, CAMERA   a Light (radiance per light; projector at the frame's power)
-    OPTICS                               one image [..., height, width] of radiance; applied to every light alike, so linear
+    OPTICS                               one image [..., height, width] of radiance; applied to every light
+                                         alike, so linear
     CHARGE                               DN above black before the amplifier: proportional to collected light
     READOUT                              DN above black
     DIGITAL                              DN as the sensor gives them, black level included
@@ -14,7 +15,8 @@ By stage, in the light's order, `apply(value, view, **parameters)` gets and retu
 It must not change its input, and must return the input itself or an equal one where every parameter is neutral.
 Random effects draw from view.rng(id) alone. How the lab judges an effect is told in judging.py.
 
-`engine` says what the effect is inside of the engines, see engine.py; an effect without one is `image_only`, and says why.
+`engine` says what the effect is inside of the engines, see engine.py; an effect without one is `image_only`,
+and says why.
 """
 
 import inspect
@@ -67,7 +69,8 @@ class Parameter:
     def __post_init__(self) -> None:
         if not self.low <= self.neutral <= self.high or self.low == self.high:
             raise ValueError(
-                f"parameter {self.name}: needs low <= neutral <= high and a range, got {self.low}, {self.neutral}, {self.high}"
+                f"parameter {self.name}: needs low <= neutral <= high and a range, got {self.low}, {self.neutral}, "
+                f"{self.high}"
             )
         if not 0 < self.typical < float("inf"):
             raise ValueError(f"parameter {self.name}: typical is {self.typical}, a prior's deviation is positive")
@@ -164,7 +167,8 @@ class Effect:
 
 
 def effect(
-    id: str, *, stage: Stage, family: str, parameters: list[Parameter], source: str, randomness: Randomness = Randomness.NONE,
+    id: str, *, stage: Stage, family: str, parameters: list[Parameter], source: str,
+    randomness: Randomness = Randomness.NONE,
     variance: Callable | None = None, engine: Callable[..., None] | None = None, image_only: str = "",
     judged: tuple[Judgement, ...] = (), starts: Starts | None = None,
 ) -> Callable[[Callable], Effect]:  # fmt: skip

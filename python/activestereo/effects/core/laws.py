@@ -43,10 +43,16 @@ def _failure(effect: Effect, value: Any, view: View) -> str | None:
         line = error.__traceback__
         while line.tb_next:
             line = line.tb_next
-        return f"fails at {Path(line.tb_frame.f_code.co_filename).name}, line {line.tb_lineno}: {type(error).__name__}: {error}"
+        return (
+            f"fails at {Path(line.tb_frame.f_code.co_filename).name}, line {line.tb_lineno}: {type(error).__name__}: "
+            f"{error}"
+        )
     wanted, shape = ("a Light", None) if isinstance(value, Light) else (f"an array of shape {value.shape}", value.shape)
     if isinstance(given, Light) != isinstance(value, Light) or (shape and np.shape(given) != shape):
-        return f"returns {f'an array of shape {given.shape}' if isinstance(given, np.ndarray) else type(given).__name__}, not {wanted}"
+        return (
+            f"returns {f'an array of shape {given.shape}' if isinstance(given, np.ndarray) else type(given).__name__}, "
+            f"not {wanted}"
+        )
     return None
 
 
@@ -65,7 +71,8 @@ def example_view(
     left_to_right[0, 3], left_to_projector[0, 3] = -0.05, -0.015
     left_to_camera = left_to_right if eye == "right" else np.eye(4)
     frame = Frame(
-        id=frame_id, left_path=None, right_path=None, timestamp_s=2.003, exposure_s=0.004, camera_to_world=pose, split="train",
+        id=frame_id, left_path=None, right_path=None, timestamp_s=2.003, exposure_s=0.004, camera_to_world=pose,
+        split="train",
         gain=2.0, temperature_c=temperature_c, camera_velocity=np.array([0.5, 0.1, 0.2, 0.1, 0.6, 0.3]) * move,
     )  # fmt: skip
     return View(
@@ -137,9 +144,15 @@ def _random_as_told(effect: Effect, value: Any, view: View) -> Iterator[str]:
     other_frame = effect(value, replace(view, frame=replace(view.frame, id=view.frame.id + 1)), **effect.typical_values)
     varies_with_seed, varies_with_frame = not _same(first, other_seed), not _same(first, other_frame)
     if varies_with_seed != (effect.randomness is not Randomness.NONE):
-        yield f"{effect.id}: says randomness {effect.randomness.value}, but the seed {'matters' if varies_with_seed else 'does not matter'}"
+        yield (
+            f"{effect.id}: says randomness {effect.randomness.value}, but the seed "
+            f"{'matters' if varies_with_seed else 'does not matter'}"
+        )
     if varies_with_frame != (effect.randomness is Randomness.TEMPORAL):
-        yield f"{effect.id}: says randomness {effect.randomness.value}, but repeats {'differ' if varies_with_frame else 'are equal'}"
+        yield (
+            f"{effect.id}: says randomness {effect.randomness.value}, but repeats "
+            f"{'differ' if varies_with_frame else 'are equal'}"
+        )
 
 
 def _finite(effect: Effect, value: Any, view: View) -> Iterator[str]:

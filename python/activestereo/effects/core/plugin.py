@@ -59,7 +59,8 @@ def _records(first: Any, count: int, what: str, most: int) -> list[Any]:
 def _effect(record: records.Effect, library: c.CDLL) -> Effect:
     if record.header.type != records.TYPE_EFFECT or record.header.size_bytes != c.sizeof(records.Effect):
         raise ValueError(
-            f"built against another ks/effect.h (its ks_effect has {record.header.size_bytes} bytes, not {c.sizeof(records.Effect)})"
+            f"built against another ks/effect.h (its ks_effect has {record.header.size_bytes} bytes, not "
+            f"{c.sizeof(records.Effect)})"
         )
     name = _text(record.id)
     if not name.isidentifier() or not record.apply or record.randomness >= len(_RANDOMNESS):

@@ -83,7 +83,9 @@ class View(c.Structure):
     ]
 
 
-Apply = c.CFUNCTYPE(c.c_int32, c.POINTER(View), c.POINTER(c.c_double), c.c_uint32, c.POINTER(c.c_double), c.POINTER(c.c_double))
+Apply = c.CFUNCTYPE(
+    c.c_int32, c.POINTER(View), c.POINTER(c.c_double), c.c_uint32, c.POINTER(c.c_double), c.POINTER(c.c_double)
+)
 
 
 class Effect(c.Structure):

@@ -127,8 +127,8 @@ def _draw_bins(axes: Axes, bins: Sequence[Any]) -> None:
             lw=1.4,
             label="RMSE",
         )
-        axes.errorbar(x, mean, [np.maximum(mean - mean_low, 0), np.maximum(mean_high - mean, 0)], fmt="s", ms=3.5, color=ORANGE, lw=1.4,
-                      label="mean residual")  # fmt: skip
+        axes.errorbar(x, mean, [np.maximum(mean - mean_low, 0), np.maximum(mean_high - mean, 0)], fmt="s", ms=3.5,
+                      color=ORANGE, lw=1.4, label="mean residual")  # fmt: skip
         axes.hlines(floor, x - 0.4, x + 0.4, color=INK, lw=1.4, label="noise floor")
         names = [b.get("label", f"{b.get('low', 0):.4g}") for b in bins]
         axes.set_xticks(

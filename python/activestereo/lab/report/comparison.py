@@ -15,7 +15,8 @@ _WORDS = {covariate.name: covariate.words for covariate in COVARIATES}
 _CHANNEL = {"infrared": "Infrared", "disparity": "Disparity", "validity": "Validity"}
 _MEANING = {
     "infrared": "Residual of both eyes: measured minus simulated.",
-    "disparity": f"Device minus model where both measured; beyond {LARGEST_DISPARITY_ERROR_PX:g} px an error counts no more. The device's "
+    "disparity": f"Device minus model where both measured; beyond {LARGEST_DISPARITY_ERROR_PX:g} px an error "
+                 "counts no more. The device's "
     "matcher is not known, so a part of this is the difference of two matchers.",
     "validity": "1 where the device alone measured, −1 where the model alone did.",
 }
@@ -31,14 +32,17 @@ def _error_line(scores: dict[str, Any]) -> str:
     split = "test" if "test" in scores["ir"] else "train"
     values = scores["ir"][split]
     if values["noise_floor_dn"] is None:
-        return f"Infrared error {values['rmse_dn']:.2f} DN on {split} frames; without repeated frames the noise floor is unknown."
+        return (
+            f"Infrared error {values['rmse_dn']:.2f} DN on {split} frames; without repeated frames the noise floor is "
+            "unknown."
+        )
     share = (values["explainable_rmse_dn"] / values["rmse_dn"]) ** 2
     near = (
         "" if scores["regions"].get("infrared", {}).get("is_explainable", True) else ": the model is at the noise floor"
     )
     return (
-        f"Infrared error {values['rmse_dn']:.2f} DN on {split} frames where noise alone gives {values['noise_floor_dn']:.2f} DN; "
-        f"{100 * share:.0f} % of the squared error is explainable{near}."
+        f"Infrared error {values['rmse_dn']:.2f} DN on {split} frames where noise alone gives "
+        f"{values['noise_floor_dn']:.2f} DN; {100 * share:.0f} % of the squared error is explainable{near}."
     )
 
 
@@ -79,7 +83,10 @@ def comparison_sections(comparison: Any) -> list[str]:
 def settings_section(scores: dict[str, Any]) -> str:
     nuisances, errors = scores["fit"]["nuisances"], scores["fit"]["standard_errors"]
     rows = [[text(name.replace("_", " ")), f"{nuisances[name]:.6g}", f"± {errors[name]:.2g}"] for name in nuisances]
-    made = f"{scores['renderer']}; {scores['samples_per_pixel']} samples per pixel, {scores['max_bounces']} bounces, seed {scores['seed']}."
+    made = (
+        f"{scores['renderer']}; {scores['samples_per_pixel']} samples per pixel, {scores['max_bounces']} bounces, seed "
+        f"{scores['seed']}."
+    )
     clipped = f"{100 * scores['fit']['clipped_fraction']:.2f} % of the pixels were clipped and left out."
     model = "".join(f'<span class="tag">{text(name)}</span>' for name in scores["effects"]) or "none: the base model"
     return section(
@@ -132,16 +139,18 @@ def _noise(scores: dict[str, Any]) -> str:
         return "<p>No frames are repeated: the noise floor and the photon transfer are unknown.</p>"
     law = scores["noise_law"]
     words = (
-        f"variance = {law['offset']:.3g} + {law['shot']:.3g} · gain · s + {law['relative']:.3g} · s², s in DN above {law['black_dn']:.3g}: "
-        "read noise, shot noise and speckle, from frames repeated at one pose."
+        f"variance = {law['offset']:.3g} + {law['shot']:.3g} · gain · s + {law['relative']:.3g} · s², s in DN above "
+        f"{law['black_dn']:.3g}: read noise, shot noise and speckle, from frames repeated at one pose."
     )
-    return f'<div style="max-width:560px">{chart(photon_transfer_chart(scores["photon_transfer"], law), "photon transfer")}</div><p class="muted small">{text(words)}</p>'
+    picture = chart(photon_transfer_chart(scores["photon_transfer"], law), "photon transfer")
+    return f'<div style="max-width:560px">{picture}</div><p class="muted small">{text(words)}</p>'
 
 
 def _where(scores: dict[str, Any]) -> str:
     parts = [
-        '<p class="muted small">Train frames. Intervals are 95 %, by bootstrap of 16-pixel blocks; findings hold at a false discovery rate of 5 % '
-        "(Benjamini-Yekutieli) and move at least 5 % of the explainable error. Regions were chosen on one half of the blocks and measured on the other.</p>"
+        '<p class="muted small">Train frames. Intervals are 95 %, by bootstrap of 16-pixel blocks; findings hold at a '
+        "false discovery rate of 5 % (Benjamini-Yekutieli) and move at least 5 % of the explainable error. Regions "
+        "were chosen on one half of the blocks and measured on the other.</p>"
     ]
     for channel, region in scores["regions"].items():
         tables = [t for t in scores["where"] if t["channel"] == channel]
@@ -168,8 +177,9 @@ def _regions(region: dict[str, Any]) -> str:
         )
         parts.append(f'<p class="headline"><b>{share}:</b> {text(head["words"])}</p>')
     rows = [
-        [text(leaf["words"]), share_bar(leaf["share"], leaf["share_interval"], leaf["pixel_share"]), f"{100 * leaf['share']:.0f} %",
-         "{:.0f} … {:.0f} %".format(*(100 * v for v in leaf["share_interval"])), f"{100 * leaf['pixel_share']:.0f} %"]
+        [text(leaf["words"]), share_bar(leaf["share"], leaf["share_interval"], leaf["pixel_share"]),
+         f"{100 * leaf['share']:.0f} %", "{:.0f} … {:.0f} %".format(*(100 * v for v in leaf["share_interval"])),
+         f"{100 * leaf['pixel_share']:.0f} %"]
         for leaf in region["leaves"]
     ]  # fmt: skip
     head = ["region", "explainable error (orange: pixels)", "share", "95 %", "pixels"]
@@ -183,9 +193,9 @@ def _tables(tables: Sequence[dict[str, Any]]) -> str:
         mark = "finding" if entry["is_finding"] else "no finding"
         share = "" if entry["concentration"] is None else f", concentration {100 * entry['concentration']:.0f} %"
         rows = [
-            [text(b["label"]) if "label" in b else f"{b['low']:.4g} … {b['high']:.4g}", f"{b['pixels']}", f"{b['mean']:+.3g}",
-             "{:+.3g} … {:+.3g}".format(*b["mean_interval"]), f"{b['rmse']:.3g}", f"{b['noise_floor']:.3g}",
-             f"{b['excess']:.3g}", "{:.3g} … {:.3g}".format(*b["excess_interval"])]
+            [text(b["label"]) if "label" in b else f"{b['low']:.4g} … {b['high']:.4g}", f"{b['pixels']}",
+             f"{b['mean']:+.3g}", "{:+.3g} … {:+.3g}".format(*b["mean_interval"]), f"{b['rmse']:.3g}",
+             f"{b['noise_floor']:.3g}", f"{b['excess']:.3g}", "{:.3g} … {:.3g}".format(*b["excess_interval"])]
             for b in entry["bins"]
         ]  # fmt: skip
         head = [

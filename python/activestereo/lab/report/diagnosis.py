@@ -70,8 +70,9 @@ def _ranking(ranking: Sequence[dict[str, Any]], shown: Iterable[str]) -> str:
         twins = (
             "".join(f'<span class="tag">{text(e)}</span>' for e in entry["equivalent"] if e != entry["effect"]) or "—"
         )
-        rows.append([f"{place}", f"<b>{text(entry['effect'])}</b><br><span class='muted'>{text(entry['family'])}</span>",
-                     f"{entry['score_nats']:.1f}", share_bar(entry["confidence"]) + f"{100 * entry['confidence']:.0f} %", values, twins,
+        name = f"<b>{text(entry['effect'])}</b><br><span class='muted'>{text(entry['family'])}</span>"
+        sure = share_bar(entry["confidence"]) + f"{100 * entry['confidence']:.0f} %"
+        rows.append([f"{place}", name, f"{entry['score_nats']:.1f}", sure, values, twins,
                      _residual(entry["effect"], shown)])  # fmt: skip
     head = [
         "",
@@ -84,8 +85,9 @@ def _ranking(ranking: Sequence[dict[str, Any]], shown: Iterable[str]) -> str:
     ]
     rest = f'<p class="muted small">{len(ranking) - ROWS} more in diagnose.json.</p>' if len(ranking) > ROWS else ""
     note = (
-        '<p class="muted small">What it leaves: the residual of the frame and eye chosen above when this effect alone is added; projector, ambient '
-        "and black level are fitted anew, focal lengths and albedos are not. A click shows it among the large pictures.</p>"
+        '<p class="muted small">What it leaves: the residual of the frame and eye chosen above when this effect alone '
+        "is added; projector, ambient and black level are fitted anew, focal lengths and albedos are not. A click "
+        "shows it among the large pictures.</p>"
     )
     return section("Ranking", note if shown else "", table(head, rows, numbers=(2,), wide=True), rest)
 
@@ -93,7 +95,8 @@ def _ranking(ranking: Sequence[dict[str, Any]], shown: Iterable[str]) -> str:
 def _residual(effect_id: str, shown: Iterable[str]) -> str:
     if effect_id not in shown:
         return '<span class="muted small">no expected image of its own</span>'
-    return f'<figure class="row"><canvas data-model="{text(effect_id)}" tabindex="0" title="show it large"></canvas><figcaption></figcaption></figure>'
+    canvas = f'<canvas data-model="{text(effect_id)}" tabindex="0" title="show it large"></canvas>'
+    return f'<figure class="row">{canvas}<figcaption></figcaption></figure>'
 
 
 def _depth_engine(depth: dict) -> str:

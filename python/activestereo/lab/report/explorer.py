@@ -37,7 +37,10 @@ def explorer_section(comparison: Any, images: Any) -> str:
     models.py."""
     data = explorer_data(comparison, images)
     left_out = len(comparison.capture.frames) - len({view["frame"] for view in data["views"]})
-    note = f"The page holds {len(comparison.capture.frames) - left_out} of {len(comparison.capture.frames)} frames, those furthest from the model first. "
+    note = (
+        f"The page holds {len(comparison.capture.frames) - left_out} of {len(comparison.capture.frames)} frames, those "
+        "furthest from the model first. "
+    )
     markup = web_file("explorer.html").replace("$note", text(note) if left_out else "")
     # A "<" would end the script element early.
     content = json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
@@ -95,9 +98,13 @@ def _infrared_view(comparison: Comparison, frame: Frame, eye: str, images: Any) 
             layers[name] = encoded_image(images[name][frame.id, eye] - base, _STEP_SHARE * typical) | {"added_to": BASE}
     return {
         "frame": frame.id, "split": frame.split, "eye": eye, "unit": "DN", "digits": 1, "map": "gray", "power": 0.5,
-        "width": measured.shape[1], "height": measured.shape[0], "range": [0.0, max(float(np.quantile(measured, 0.998)), 1.0)],
+        "width": measured.shape[1], "height": measured.shape[0],
+        "range": [0.0, max(float(np.quantile(measured, 0.998)), 1.0)],
         "limit": RESIDUAL_FLOORS * typical, "floor": floor, "layers": layers,
-        "rmse": {name: float(np.sqrt(np.mean((measured - own[frame.id, eye].astype(np.float64)) ** 2))) for name, own in images.items()},
+        "rmse": {
+            name: float(np.sqrt(np.mean((measured - own[frame.id, eye].astype(np.float64)) ** 2)))
+            for name, own in images.items()
+        },
     }  # fmt: skip
 
 
@@ -115,7 +122,8 @@ def _depth_view(depth: DepthFrame, comparison: Comparison) -> dict[str, Any]:
         key: encoded_image(d, _DISPARITY_STEP_PX, d > 0) for key, d in zip(("measured", name), disparity, strict=True)
     }
     return {
-        "frame": depth.frame.id, "split": depth.frame.split, "eye": _DEPTH, "unit": "px", "digits": 2, "map": "viridis", "power": 1.0,
+        "frame": depth.frame.id, "split": depth.frame.split, "eye": _DEPTH, "unit": "px", "digits": 2, "map": "viridis",
+        "power": 1.0,
         "width": disparity[0].shape[1], "height": disparity[0].shape[0], "range": [low, max(high, low + 1e-3)],
         "limit": max(_LEAST_DISPARITY_LIMIT_PX, RESIDUAL_FLOORS * (scores["noise_floor_median_abs_px"] or 0.0)),
         "floor": scores["noise_floor_px"], "layers": layers,

@@ -60,7 +60,10 @@ def report_page(
     """The page's text."""
     scores = comparison.scores
     images = model_images(comparison, diagnosis, effects, progress)
-    head = f'<h1>{text(scores["capture"])}: the model against the measurement</h1><p class="muted">{text(summary_line(scores))}</p>'
+    head = (
+        f'<h1>{text(scores["capture"])}: the model against the measurement</h1>'
+        f'<p class="muted">{text(summary_line(scores))}</p>'
+    )
     explorer = explorer_section(comparison, images)
     found = diagnosis_sections(diagnosis, images) if diagnosis else []
     body = [head, cards(scores), explorer, *found, *comparison_sections(comparison), settings_section(scores)]
