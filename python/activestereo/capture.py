@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from activestereo.capture_json import CaptureError, JsonObject
-from activestereo.images import image_size, read_gray
+from activestereo.images import image_size, read_color, read_gray
 
 FORMAT = "active-stereo-capture"
 VERSION = 1
@@ -56,6 +56,22 @@ class Projector:
 
 
 @dataclass(frozen=True)
+class ColorCamera(Camera):
+    """The colour camera of the same housing, and where it stands."""
+
+    left_to_color: np.ndarray = field(default_factory=lambda: np.eye(4))
+
+
+@dataclass(frozen=True)
+class KnownLight:
+    """A lamp of the room whose place was measured; how bright it is, is not known. position_m: in the world's axes."""
+
+    name: str
+    position_m: np.ndarray
+    radius_m: float = 0.0
+
+
+@dataclass(frozen=True)
 class Rig:
     """The nominal calibration: what the user believes."""
 
@@ -65,6 +81,7 @@ class Rig:
     projector: Projector
     bit_depth: int = 8
     line_time_s: float | None = None
+    color: ColorCamera | None = None
 
     def camera(self, eye: str) -> Camera:
         return {"left": self.left, "right": self.right}[eye]
@@ -81,11 +98,12 @@ class Rig:
 
 @dataclass(frozen=True)
 class Frame:
-    """One exposure of the rig. `camera_to_world` is the left camera's pose at mid-exposure."""
+    """One exposure of the rig. `camera_to_world` is the left camera's pose at mid-exposure. left_path, right_path: None
+    in recordings of colour and depth alone."""
 
     id: int
-    left_path: Path
-    right_path: Path
+    left_path: Path | None
+    right_path: Path | None
     timestamp_s: float
     exposure_s: float
     camera_to_world: np.ndarray
@@ -98,9 +116,21 @@ class Frame:
     repeat_group: int | None = None
     depth_path: Path | None = None
     depth_scale: float | None = None
+    color_path: Path | None = None
+    gripper_to_base: np.ndarray | None = None
 
     def path(self, eye: str) -> Path:
-        return {"left": self.left_path, "right": self.right_path}[eye]
+        """Of an eye's image. CaptureError where the recording has none."""
+        path = {"left": self.left_path, "right": self.right_path}[eye]
+        if path is None:
+            raise CaptureError(
+                f"frames[id={self.id}].{eye}: there are no infrared images, only colour and depth"
+            )
+        return path
+
+    @property
+    def has_infrared(self) -> bool:
+        return self.left_path is not None and self.right_path is not None
 
     @property
     def exposure_gain(self) -> float:
@@ -122,6 +152,7 @@ class Capture:
     rig: Rig
     frames: tuple[Frame, ...]
     depth_engine: dict[str, Any] = field(default_factory=dict)
+    lights: tuple[KnownLight, ...] = ()
 
     def split(self, name: str) -> list[Frame]:
         return [frame for frame in self.frames if frame.split == name]
@@ -139,6 +170,13 @@ class Capture:
         size = (self.rig.left.width, self.rig.left.height)
         image = read_gray(frame.depth_path, size, f"frames[id={frame.id}].depth")
         return image.astype(np.float32) * np.float32(frame.depth_scale)
+
+    def color(self, frame: Frame) -> np.ndarray | None:
+        """The colour image as stored, sRGB uint8 [height][width][3]; None where there is none."""
+        if frame.color_path is None or self.rig.color is None:
+            return None
+        size = (self.rig.color.width, self.rig.color.height)
+        return read_color(frame.color_path, size, f"frames[id={frame.id}].color")
 
     def repeats(self, split: str | None = None) -> dict[int, list[Frame]]:
         """Frames by repeat group, groups of at least two: {group: [frames]}."""
@@ -163,7 +201,10 @@ def read_capture(path: str | Path) -> Capture:
     rig = _read_rig(root.object("rig"))
     frames = tuple(_read_frame(entry, rig) for entry in root.objects("frames"))
     _check_frames(root, frames)
-    capture = Capture(folder, root.text("name"), root.file("scene"), rig, frames, root.free_form("depth_engine"))
+    lights = tuple(_read_light(entry) for entry in root.objects("lights")) if root.has("lights") else ()
+    capture = Capture(
+        folder, root.text("name"), root.file("scene"), rig, frames, root.free_form("depth_engine"), lights
+    )
     for key in root.unknown_keys():
         warnings.warn(f"{root.path}: unknown key {key} is ignored", CaptureWarning, stacklevel=2)
     return capture
@@ -172,6 +213,16 @@ def read_capture(path: str | Path) -> Capture:
 def _read_camera(entry: JsonObject) -> Camera:
     width, height = entry.integer("width", minimum=1), entry.integer("height", minimum=1)
     return Camera(width, height, entry.camera_matrix("K"), entry.numbers("distortion", (5,)))
+
+
+def _read_color(entry: JsonObject) -> ColorCamera:
+    camera = _read_camera(entry)
+    return ColorCamera(camera.width, camera.height, camera.K, camera.distortion, entry.rigid_transform("left_to_color"))
+
+
+def _read_light(entry: JsonObject) -> KnownLight:
+    radius = entry.number("radius_m", optional=True, minimum=0.0)
+    return KnownLight(entry.text("name"), entry.numbers("position_m", (3,)), 0.0 if radius is None else radius)
 
 
 def _read_rig(entry: JsonObject) -> Rig:
@@ -186,6 +237,7 @@ def _read_rig(entry: JsonObject) -> Rig:
         ),
         bit_depth=entry.integer("bit_depth", minimum=1),
         line_time_s=readout.number("line_time_s", optional=True) if readout else None,
+        color=_read_color(entry.object("color")) if entry.has("color") else None,
     )
     if rig.bit_depth > 16:
         entry.fail("bit_depth", f"is {rig.bit_depth}; images have at most 16 bits")
@@ -195,20 +247,26 @@ def _read_rig(entry: JsonObject) -> Rig:
 def _read_frame(entry: JsonObject, rig: Rig) -> Frame:
     frame_id = entry.integer("id")
     entry.rename(f"frames[id={frame_id}]")
-    for eye in EYES:
-        camera = rig.camera(eye)
-        _check_size(entry, eye, (camera.width, camera.height))
     depth_path = entry.file("depth", optional=True)
     if depth_path is not None:
         _check_size(entry, "depth", (rig.left.width, rig.left.height))
+    has_infrared = depth_path is None or any(entry.has(eye) for eye in EYES)
+    for eye in EYES if has_infrared else ():
+        camera = rig.camera(eye)
+        _check_size(entry, eye, (camera.width, camera.height))
+    color_path = entry.file("color", optional=True)
+    if color_path is not None:
+        if rig.color is None:
+            entry.fail("color", "rig.color is missing: say which camera took it")
+        _check_size(entry, "color", (rig.color.width, rig.color.height))
     split = entry.text("split")
     if split not in SPLITS:
         entry.fail("split", f"is {split!r}, expected 'train' or 'test'")
     velocity = entry.numbers("camera_velocity", (6,), optional=True)
     return Frame(
         id=frame_id,
-        left_path=entry.file("left"),
-        right_path=entry.file("right"),
+        left_path=entry.file("left") if has_infrared else None,
+        right_path=entry.file("right") if has_infrared else None,
         timestamp_s=entry.number("timestamp_s"),
         exposure_s=entry.number("exposure_s", above=0.0),
         gain=entry.number("gain", above=0.0),
@@ -222,6 +280,8 @@ def _read_frame(entry: JsonObject, rig: Rig) -> Frame:
         depth_path=depth_path,
         # A scale may stand without a depth image, but not the other way round.
         depth_scale=entry.number("depth_scale", optional=depth_path is None, above=0.0),
+        color_path=color_path,
+        gripper_to_base=entry.rigid_transform("gripper_to_base") if entry.has("gripper_to_base") else None,
     )
 
 
@@ -246,7 +306,9 @@ __all__ = [
     "Capture",
     "CaptureError",
     "CaptureWarning",
+    "ColorCamera",
     "Frame",
+    "KnownLight",
     "Projector",
     "Rig",
     "read_capture",

@@ -3,11 +3,12 @@
 
 import json
 import shutil
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from PIL import Image
 
 from activestereo.capture import FORMAT, VERSION, Camera, Capture, Frame
 from activestereo.images import write_gray
@@ -19,11 +20,13 @@ def write_capture(
     images: Mapping[tuple[int, str], np.ndarray],
     pattern: np.ndarray,
     depths: Mapping[int, np.ndarray] | None = None,
+    colors: Mapping[int, np.ndarray] | None = None,
 ) -> None:
     """Writes `capture` as a folder at `path` (made in a sibling folder, then renamed; `path` must not exist).
 
-    images: {(frame id, eye): uint8 or uint16 [height][width]}; pattern: uint8 [height][width]; depths: {frame id:
-    uint16 [height][width]} in units of the frame's depth_scale. The scene and the files it names are the caller's:
+    images: {(frame id, eye): uint8 or uint16 [height][width]}, none of recordings of colour and depth alone; pattern:
+    uint8 [height][width]; depths: {frame id: uint16 [height][width]} in units of the frame's depth_scale; colors:
+    {frame id: sRGB uint8 [height][width][3]}. The scene and the files it names are the caller's:
     capture.scene_path is copied with every file beside it that has the same stem.
     """
     final = Path(path)
@@ -31,7 +34,7 @@ def write_capture(
         raise FileExistsError(f"{final}: exists already; a capture is written once")
     partial = final.with_name(final.name + ".partial")
     shutil.rmtree(partial, ignore_errors=True)  # of a call that failed
-    for folder in ("left", "right", "depth"):
+    for folder in ("left", "right", "depth", *(("color",) if colors else ())):
         (partial / folder).mkdir(parents=True, exist_ok=True)
     for source in capture.scene_path.parent.glob(capture.scene_path.stem + ".*"):
         (partial / source.name).write_bytes(source.read_bytes())
@@ -40,14 +43,18 @@ def write_capture(
         write_gray(partial / eye / f"{frame_id:06d}.png", image)
     for frame_id, image in (depths or {}).items():
         write_gray(partial / "depth" / f"{frame_id:06d}.png", image)
-    text = json.dumps(_capture_json(capture, depths or {}), indent=1)
+    for frame_id, image in (colors or {}).items():
+        Image.fromarray(image).save(partial / "color" / f"{frame_id:06d}.png")
+    with_infrared = {frame_id for frame_id, _ in images}
+    entries = [_frame_json(f, with_infrared, depths or {}, colors or {}) for f in capture.frames]
+    text = json.dumps(_capture_json(capture) | {"frames": entries}, indent=1)
     (partial / "capture.json").write_text(text + "\n")
     partial.rename(final)
 
 
-def _capture_json(capture: Capture, depths: Mapping[int, np.ndarray]) -> dict[str, Any]:
+def _capture_json(capture: Capture) -> dict[str, Any]:
     rig = capture.rig
-    return {
+    root: dict[str, Any] = {
         "format": FORMAT,
         "version": VERSION,
         "name": capture.name,
@@ -65,8 +72,15 @@ def _capture_json(capture: Capture, depths: Mapping[int, np.ndarray]) -> dict[st
             "readout": {"line_time_s": rig.line_time_s},
         },
         "depth_engine": capture.depth_engine,
-        "frames": [_frame_json(frame, depths) for frame in capture.frames],
     }
+    if rig.color is not None:
+        root["rig"]["color"] = _camera_json(rig.color) | {"left_to_color": _flat(rig.color.left_to_color)}
+    if capture.lights:
+        root["lights"] = [
+            {"name": light.name, "position_m": _flat(light.position_m), "radius_m": light.radius_m}
+            for light in capture.lights
+        ]
+    return root
 
 
 def _camera_json(camera: Camera) -> dict[str, Any]:
@@ -78,11 +92,19 @@ def _camera_json(camera: Camera) -> dict[str, Any]:
     }
 
 
-def _frame_json(frame: Frame, depths: Mapping[int, np.ndarray]) -> dict[str, Any]:
+def _frame_json(
+    frame: Frame, with_infrared: Container[int], depths: Container[int], colors: Container[int]
+) -> dict[str, Any]:
     name = f"{frame.id:06d}.png"
-    entry = {"id": frame.id, "left": f"left/{name}", "right": f"right/{name}"}
+    entry: dict[str, Any] = {"id": frame.id}
+    if frame.id in with_infrared:
+        entry |= {"left": f"left/{name}", "right": f"right/{name}"}
     if frame.id in depths:
         entry |= {"depth": f"depth/{name}", "depth_scale": frame.depth_scale}
+    if frame.id in colors:
+        entry["color"] = f"color/{name}"
+    if frame.gripper_to_base is not None:
+        entry["gripper_to_base"] = _flat(frame.gripper_to_base)
     return entry | {
         "timestamp_s": frame.timestamp_s,
         "exposure_s": frame.exposure_s,

@@ -47,23 +47,28 @@ class GltfWriter:
         yaw_deg: float = 0.0,
     ) -> None:
         """A mesh and a node that places it, turned about y."""
+        half = np.deg2rad(yaw_deg) / 2
+        self._node(
+            name,
+            mesh=self._mesh(name, mesh, material),
+            translation=list(translation),
+            rotation=[0.0, float(np.sin(half)), 0.0, float(np.cos(half))],
+        )
+
+    def add_placed_mesh(self, name: str, mesh: Mesh, material: int, local_to_world: np.ndarray) -> None:
+        """A mesh and a node with a 4x4."""
+        matrix = np.asarray(local_to_world, dtype=float).T.reshape(-1).tolist()
+        self._node(name, mesh=self._mesh(name, mesh, material), matrix=matrix)
+
+    def _mesh(self, name: str, mesh: Mesh, material: int) -> int:
         attributes = {
             "POSITION": self._accessor(mesh.positions, "VEC3", bounds=True),
             "NORMAL": self._accessor(mesh.normals, "VEC3"),
             "TEXCOORD_0": self._accessor(mesh.uvs, "VEC2"),
         }
         indices = self._accessor(mesh.indices.reshape(-1), "SCALAR")
-        index = self._append(
-            "meshes",
-            {"name": name, "primitives": [{"attributes": attributes, "indices": indices, "material": material}]},
-        )
-        half = np.deg2rad(yaw_deg) / 2
-        self._node(
-            name,
-            mesh=index,
-            translation=list(translation),
-            rotation=[0.0, float(np.sin(half)), 0.0, float(np.cos(half))],
-        )
+        primitive = {"attributes": attributes, "indices": indices, "material": material}
+        return self._append("meshes", {"name": name, "primitives": [primitive]})
 
     def add_point_light(
         self, name: str, translation: Sequence[float], color: Sequence[float], intensity: float

@@ -42,6 +42,21 @@ def read_gray(path: str | Path, expected_size: tuple[int, int] | None = None, ke
     return pixels.astype(np.uint16)
 
 
+def read_color(path: str | Path, expected_size: tuple[int, int] | None = None, key: str = "image") -> np.ndarray:
+    """A colour image as stored, uint8 [height][width][3]; a gray one has three equal channels. expected_size: (width,
+    height)."""
+    with _open(path, key) as image:
+        if image.mode not in (*_COLOR_MODES, "L"):
+            raise CaptureError(f"{path}: {key}: is a {image.mode} image, expected 8-bit colour")
+        if expected_size is not None and image.size != expected_size:
+            sizes = tuple(f"{width}x{height}" for width, height in (image.size, expected_size))
+            raise CaptureError(f"{path}: {key}: is {sizes[0]}, expected {sizes[1]}")
+        try:
+            return np.asarray(image.convert("RGB"))
+        except (OSError, SyntaxError) as error:
+            raise CaptureError(f"{path}: {key}: is damaged: {error}") from error
+
+
 def read_image_array(path: str | Path, key: str = "image") -> np.ndarray:
     """read_gray(), or a .npy array uint8 or uint16 [height][width]."""
     if Path(path).suffix != ".npy":

@@ -1,60 +1,74 @@
 # SPDX-License-Identifier: Apache-2.0
 """activestereo import: a recording of another program becomes a capture."""
 
+from __future__ import annotations
+
 import argparse
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from activestereo.cli.arguments import CommandError, positive
+from activestereo.cli.arguments import CommandError, Commands, camera_matrix, integer_from, positive, size
+
+if TYPE_CHECKING:
+    from activestereo.capture import Capture
+    from activestereo.importers.color_depth import ColorDepthRecording
+    from activestereo.importers.realsense_folder import RobotPoses
 
 _TEXT = """\
-Makes a capture of a recording: a folder of PNG files of both infrared streams,
-and of depth where it was saved as 16-bit PNG, or a bag: librealsense's .bag, or
-one of ROS 1 or ROS 2 with the topics of realsense-ros (needs: pip install
-rosbags). PNG names tell the stream (Infrared 1, Infrared 2, Depth, or left,
-right, depth) and the time. A bag has its own calibration.
+Makes a capture of a recording. RECORDING is one of
 
-CALIBRATION is what rs-enumerate-devices -c prints, saved to a file, from the
-same device. The pattern is the sensor preset's nominal one: acquire pattern
-measures the device's own. Without --poses the camera stands still, and all
-frames are repeats of one view, as acquire noise and acquire pattern want them.
+  a folder of PNG files of both infrared streams, of depth (16-bit) and colour where
+    they were saved; names tell the stream (Infrared 1, Infrared 2, Depth, Color, or
+    left, right, depth) and the time. Needs --calibration: what rs-enumerate-devices
+    -c prints, saved to a file, from the same device
+  a bag: librealsense's .bag, or one of ROS 1 or ROS 2 with the topics of
+    realsense-ros (needs: pip install rosbags). It has its own calibration
+  live: a connected D4xx (needs: pip install pyrealsense2)
+  colour and depth alone: a TUM folder (rgb.txt, depth.txt), Open3D's
+    (camera_intrinsic.json, color/, depth/), or one scene of a BOP dataset
+    (scene_camera.json), whose models become the scene. Without infrared images such
+    a capture places objects and holds depth; it tells nothing of noise or dots
+
+The pattern is the sensor preset's nominal one: acquire pattern measures the
+device's own. Without --poses or --robot the camera stands still, and all frames are
+repeats of one view, as acquire noise and acquire pattern want them. With --robot,
+frames of equal gripper poses are repeats.
 
 example:
   rs-enumerate-devices -c > d435.txt
   activestereo import recording/ --calibration d435.txt --depth-scale 0.001 --out captures/desk
   activestereo import 20260101_120000.bag --out captures/desk
+  activestereo import views/ --calibration d435.txt --robot poses.csv --hand-eye model.hand_eye.json --out captures/views
 """
 
 
-def add_parser(commands: argparse._SubParsersAction) -> None:
+def add_parser(commands: Commands) -> None:
     parser = commands.add_parser(
         "import",
-        help="make a capture of a librealsense recording",
+        help="make a capture of a camera's or a data set's recording",
         description=_TEXT,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("recording", type=Path, metavar="RECORDING", help="folder of PNG files, or a bag")
-    parser.add_argument(
-        "--calibration", type=Path, metavar="FILE", help="output of rs-enumerate-devices -c; not needed for a bag"
-    )
-    parser.add_argument(
-        "--out", required=True, type=Path, metavar="DIR", help="the capture's folder, which must not exist"
-    )
-    parser.add_argument(
-        "--depth-scale", type=positive, metavar="M", help="metres per unit of the depth images, often 0.001"
-    )
-    parser.add_argument(
+    add = parser.add_argument
+    add("recording", type=Path, metavar="RECORDING", help="folder of PNG files, a bag, or live")
+    add("--calibration", type=Path, metavar="FILE", help="output of rs-enumerate-devices -c; not needed for a bag")
+    add("--k", type=camera_matrix, metavar="FX,FY,CX,CY", help="of colour and depth, where the folder does not tell it")
+    add("--out", required=True, type=Path, metavar="DIR", help="the capture's folder, which must not exist")
+    add("--depth-scale", type=positive, metavar="M", help="metres per unit of the depth images, often 0.001")
+    add(
         "--poses",
         type=Path,
         metavar="FILE",
         help="camera_to_world over time: timestamp tx ty tz qx qy qz qw in each line",
     )
-    parser.add_argument("--scene", type=Path, metavar="FILE", help="glTF scene of what is in view (default: nothing)")
-    parser.add_argument(
-        "--exposure", type=positive, default=0.008, metavar="S", help="exposure, seconds (default: 0.008)"
-    )
-    parser.add_argument(
+    add("--robot", type=Path, metavar="FILE", help="CSV of gripper_to_base: name,x,y,z,qx,qy,qz,qw; needs --hand-eye")
+    add("--hand-eye", type=Path, metavar="FILE", help="the camera's place on the gripper: acquire rig's .hand_eye.json")
+    add("--scene", type=Path, metavar="FILE", help="glTF scene of what is in view (default: nothing)")
+    add("--exposure", type=positive, default=0.008, metavar="S", help="exposure, seconds (default: 0.008)")
+    add("--frames", type=integer_from(1), default=30, metavar="N", help="of a live camera (default: 30)")
+    add("--size", type=size, default=(848, 480), metavar="WxH", help="of a live camera's images (default: 848x480)")
+    add(
         "--sensor",
         default="d435",
         metavar="NAME",
@@ -64,49 +78,110 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
 
 
 def _run(args: argparse.Namespace) -> None:
-    from activestereo.importers.bag import extract_bag, is_bag
-    from activestereo.importers.realsense_folder import import_realsense
-    from activestereo.importers.realsense_text import read_device_text
-    from activestereo.importers.trajectory import read_trajectory
-    from activestereo.progress_bar import ProgressBar
-
     if args.out.exists():
         raise CommandError(f"{args.out} exists already: an import writes a new folder")
     if not args.out.absolute().parent.is_dir():
         raise CommandError(f"the folder {args.out.parent} does not exist: make it first")
     if args.depth_scale is not None and args.depth_scale <= 0:
         raise CommandError("--depth-scale is 0, expected metres per unit above 0")
-    bag = is_bag(args.recording)
-    if not bag and args.calibration is None:
+    with TemporaryDirectory(prefix=".import.", dir=args.out.absolute().parent) as temporary:
+        recording = _color_depth(args, Path(temporary))
+        capture = _infrared(args, Path(temporary)) if recording is None else _write_color_depth(args, recording)
+    rig, with_depth = capture.rig, sum(frame.depth_path is not None for frame in capture.frames)
+    with_color = sum(frame.color_path is not None for frame in capture.frames) if rig.color is not None else 0
+    print(
+        f"{len(capture.frames)} frames of {rig.left.width}x{rig.left.height}, {with_depth} with depth, {with_color} with "
+        f"colour; baseline {1e3 * rig.baseline_m:.2f} mm, f {rig.left.K[0, 0]:.2f} px"
+    )
+    if recording is not None:
+        print(
+            "colour and depth alone: without infrared images it tells nothing of noise and dots; the baseline is nominal"
+        )
+    has_scene = args.scene is not None or (recording is not None and recording.scene is not None)
+    print(
+        "the pattern and the projector's place are nominal"
+        + ("" if has_scene else "; the scene is empty: compare and diagnose need one")
+    )
+    print(f"written: {args.out}")
+
+
+def _color_depth(args: argparse.Namespace, temporary: Path) -> ColorDepthRecording | None:
+    """The recording where its layout is that of colour and depth alone."""
+    from activestereo.importers.bop import is_bop, read_bop
+    from activestereo.importers.open3d import is_open3d, read_open3d
+    from activestereo.importers.tum import is_tum, read_tum
+
+    if is_bop(args.recording):
+        return read_bop(args.recording, temporary / "scene.gltf", args.depth_scale)
+    if is_tum(args.recording):
+        return read_tum(args.recording, args.k, args.depth_scale)
+    if is_open3d(args.recording):
+        return read_open3d(args.recording, args.k, args.depth_scale)
+    return None
+
+
+def _write_color_depth(args: argparse.Namespace, recording: ColorDepthRecording) -> Capture:
+    from activestereo.importers.color_depth import write_color_depth
+    from activestereo.presets import StereoDepthSensorConfig
+    from activestereo.progress_bar import ProgressBar
+
+    config = StereoDepthSensorConfig(args.sensor)
+    baseline_m = config.focal_baseline_px_m / float(config.ir_intrinsic[0][0])
+    with ProgressBar(f"importing {args.recording.name}") as bar:
+        return write_color_depth(recording, args.out, baseline_m, *_pattern(args.sensor), args.scene, progress=bar)
+
+
+def _infrared(args: argparse.Namespace, temporary: Path) -> Capture:
+    from activestereo.importers.bag import extract_bag, is_bag
+    from activestereo.importers.live import record_live
+    from activestereo.importers.realsense_folder import import_realsense
+    from activestereo.importers.realsense_text import read_device_text
+    from activestereo.importers.trajectory import read_trajectory
+    from activestereo.progress_bar import ProgressBar
+
+    units: float | None = None
+    is_live, bag = str(args.recording) == "live", is_bag(args.recording)
+    if not bag and not is_live and args.calibration is None:
         raise CommandError("--calibration is needed for a folder of PNG files: the output of rs-enumerate-devices -c")
     device = None if args.calibration is None else read_device_text(args.calibration)
     trajectory = None if args.poses is None else read_trajectory(args.poses)
-    pattern, pattern_K = _pattern(args.sensor)
-    with TemporaryDirectory(prefix=".import.", dir=args.out.absolute().parent) as temporary:
-        folder, scale = args.recording, args.depth_scale
-        if bag:
-            with ProgressBar(f"reading {args.recording.name}") as bar:
-                told, units = extract_bag(args.recording, Path(temporary), progress=bar)
-            folder, scale, device = (
-                Path(temporary),
-                units if scale is None else scale,
-                told if device is None else device,
-            )
-        assert device is not None  # a folder has --calibration, a bag its own
-        with ProgressBar(f"importing {args.recording.name}") as bar:
-            capture = import_realsense(
-                folder, device, args.out, pattern, pattern_K, scale, args.scene, trajectory, args.exposure, progress=bar
-            )
-    rig, with_depth = capture.rig, sum(frame.depth_path is not None for frame in capture.frames)
-    print(
-        f"{len(capture.frames)} frames of {rig.left.width}x{rig.left.height}, {with_depth} with depth; baseline "
-        f"{1e3 * rig.baseline_m:.2f} mm, f {rig.left.K[0, 0]:.2f} px"
-    )
-    print(
-        "the pattern and the projector's place are nominal"
-        + ("; the scene is empty: compare and diagnose need one" if args.scene is None else "")
-    )
-    print(f"written: {args.out}")
+    robot = _robot(args)
+    folder, depth_scale, exposure_s = args.recording, args.depth_scale, args.exposure
+    if is_live:
+        with ProgressBar("recording") as bar:
+            told, units, exposure_s = record_live(temporary, args.frames, args.size, progress=bar)
+    elif bag:
+        with ProgressBar(f"reading {args.recording.name}") as bar:
+            told, units = extract_bag(args.recording, temporary, progress=bar)
+    if is_live or bag:
+        folder, depth_scale, device = temporary, depth_scale or units, device or told
+    assert device is not None  # a folder has --calibration, others their own
+    with ProgressBar(f"importing {args.recording.name}") as bar:
+        return import_realsense(
+            folder,
+            device,
+            args.out,
+            *_pattern(args.sensor),
+            depth_scale,
+            args.scene,
+            trajectory,
+            exposure_s,
+            robot=robot,
+            progress=bar,
+        )
+
+
+def _robot(args: argparse.Namespace) -> RobotPoses | None:
+    from activestereo.acquire.hand_eye import read_poses
+    from activestereo.capture_json import JsonObject
+    from activestereo.importers.realsense_folder import RobotPoses
+
+    if args.robot is None:
+        return None
+    if args.hand_eye is None:
+        raise CommandError("--robot needs --hand-eye: the .hand_eye.json that acquire rig --robot writes")
+    named = {Path(name).stem: pose for name, pose in read_poses(args.robot).items()}
+    return RobotPoses(named, JsonObject.read(args.hand_eye).rigid_transform("camera_to_gripper"))
 
 
 def _pattern(sensor: str) -> tuple[Any, Any]:

@@ -15,8 +15,12 @@ _TEXT = """\
 States what one rectified infrared pair of a real sensor tells without a known
 scene, each with its 95 % interval: saturated pixels, gain and offset of the right
 eye against the left, how far its rows lie off, and, beside the device's own depth,
-by how much f x baseline or the disparity is off. Prints the table and writes
-DIR/pair.json.
+by how much f x baseline or the disparity is off; then its dots, noise, black level
+and left-right residual. Prints the tables and writes DIR/pair.json.
+
+--against SIMULATED: a folder of 'activestereo simulate', or one with left.png and
+right.png, of a like view with the same --k and --baseline. Both pairs stand side by
+side in the table and in DIR/against.png.
 
 example, the D435 pair of SimSense's tests:
   activestereo pair left.png right.png --k 427.12,0,426.93,0,427.12,234.78,0,0,1 \\
@@ -48,39 +52,78 @@ def add_parser(commands: Commands) -> None:
     parser.add_argument(
         "--depth-scale", type=positive, default=0.001, metavar="M", help="metres per unit of it (default: 0.001)"
     )
+    parser.add_argument(
+        "--against", type=Path, metavar="SIMULATED", help="a simulated pair's folder, shown beside this one"
+    )
     add_out(parser)
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> None:
-    import simsense
     from activestereo.images import read_gray
     from activestereo.lab.pair_findings import findings_text, pair_findings
+    from activestereo.lab.pair_statistics import pair_statistics, statistics_text
     from activestereo.output_files import replace_file
 
-    left, right = (read_gray(path, key="image") for path in (args.left, args.right))
-    if left.shape != right.shape or left.dtype != right.dtype:
-        raise CommandError(
-            f"the images differ: {args.left} is {left.shape[::-1]} {left.dtype}, "
-            f"{args.right} is {right.shape[::-1]} {right.dtype}"
-        )
+    left, right = _read(args.left, args.right)
     device = (
         None
         if args.device_depth is None
         else _device_disparity(args, read_gray(args.device_depth, key="depth"), left.shape)
     )
+    pairs = {"this pair": (left, right)}
+    if args.against is not None:
+        pairs["against"] = _read(*_files_of(args.against))
+    disparity = {name: _match(args, *pair) for name, pair in pairs.items()}
     max_dn = float(np.iinfo(left.dtype).max)
+    findings = pair_findings(left, right, disparity["this pair"], max_dn, device)
+    told = {
+        name: pair_statistics(*pair, disparity[name], float(np.iinfo(pair[0].dtype).max))
+        for name, pair in pairs.items()
+    }
+    make_folder(args.out)
+    entries = {"findings": [f.as_json() for f in findings], "statistics": [f.as_json() for f in told["this pair"]]}
+    if "against" in told:
+        entries["against"] = [f.as_json() for f in told["against"]]
+    text = json.dumps(entries, indent=1) + "\n"
+    replace_file(args.out / "pair.json", lambda file: file.write(text.encode()))
+    print(findings_text(findings))
+    print(f"\n{statistics_text(told)}")
+    if "against" in pairs:
+        from activestereo.lab.report.pair_figure import pair_figure
+        from activestereo.overview import write_figure
+
+        write_figure(args.out / "against.png", pair_figure(pairs, disparity, told))
+    print(f"written: pair.json{', against.png' if 'against' in pairs else ''} in {args.out}")
+
+
+def _read(left_path: Path, right_path: Path) -> tuple[np.ndarray, np.ndarray]:
+    from activestereo.images import read_gray
+
+    left, right = (read_gray(path, key="image") for path in (left_path, right_path))
+    if left.shape != right.shape or left.dtype != right.dtype:
+        raise CommandError(
+            f"the images differ: {left_path} is {left.shape[::-1]} {left.dtype}, "
+            f"{right_path} is {right.shape[::-1]} {right.dtype}"
+        )
+    return left, right
+
+
+def _files_of(folder: Path) -> tuple[Path, Path]:
+    for left, right in (("ir_left.png", "ir_right.png"), ("left.png", "right.png")):
+        if (folder / left).is_file() and (folder / right).is_file():
+            return folder / left, folder / right
+    raise CommandError(f"{folder}: holds neither ir_left.png and ir_right.png nor left.png and right.png")
+
+
+def _match(args: argparse.Namespace, left: np.ndarray, right: np.ndarray) -> np.ndarray:
+    import simsense
+
     gain = 1.0 if left.dtype == np.uint8 else 255.0 / max(left.max(), right.max(), 1)
     camera, left_to_right = simsense.Camera(left.shape[1], left.shape[0], args.k), np.eye(4)
     left_to_right[0, 3] = -args.baseline
     engine = simsense.Engine(simsense.Device("host"), camera, camera, left_to_right, rectified=True, gain=gain)
-    disparity = np.maximum(engine.compute(left, right, ("disparity",))["disparity"], 0.0)
-    findings = pair_findings(left, right, disparity, max_dn, device)
-    make_folder(args.out)
-    text = json.dumps({"findings": [f.as_json() for f in findings]}, indent=1) + "\n"
-    replace_file(args.out / "pair.json", lambda file: file.write(text.encode()))
-    print(findings_text(findings))
-    print(f"written: pair.json in {args.out}")
+    return np.maximum(engine.compute(left, right, ("disparity",))["disparity"], 0.0)
 
 
 def _device_disparity(args: argparse.Namespace, depth: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A folder of a librealsense recording's PNG files becomes a capture: infrared pairs, and depth where it is there as
-16-bit PNG.
+"""A folder of a librealsense recording's PNG files becomes a capture: infrared pairs, depth where it is there as 16-bit
+PNG, and colour.
 
-Files are known by their names, in any order of the words: "Infrared 1" or left, "Infrared 2" or right, Depth, and the
-last number is the timestamp in milliseconds or the frame's number: rs-convert's and the viewer's names, and
+Files are known by their names, in any order of the words: "Infrared 1" or left, "Infrared 2" or right, Depth, Color, and
+the last number is the timestamp in milliseconds or the frame's number: rs-convert's and the viewer's names, and
 left/000001.png beside right/000001.png.
 """
 
@@ -15,20 +15,40 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from activestereo.capture import Camera, Capture, Frame, Projector, Rig
+from activestereo.capture import Camera, Capture, ColorCamera, Frame, Projector, Rig
 from activestereo.capture_write import write_capture
-from activestereo.images import read_gray
+from activestereo.images import image_size, read_color, read_gray
+from activestereo.importers.color_depth import EMPTY_SCENE
 from activestereo.importers.realsense_text import DeviceText
 from activestereo.importers.trajectory import pose_at
 
-_STREAMS = {"left": re.compile(r"infra(?:red)?[ _-]?1|left|ir1", re.I), "right": re.compile(r"infra(?:red)?[ "
-                                                                                            r"_-]?2|right|ir2", re.I),
-            "depth": re.compile(r"depth", re.I)}  # fmt: skip
+_STREAMS = {
+    "left": re.compile(r"infra(?:red)?[ _-]?1|left|ir1", re.I),
+    "right": re.compile(r"infra(?:red)?[ _-]?2|right|ir2", re.I),
+    "depth": re.compile(r"depth", re.I),
+    "color": re.compile(r"color|colour|rgb", re.I),
+}
 _NAMES = {"left": "Infrared 1", "right": "Infrared 2"}
 _LAST_NUMBER = re.compile(r"(\d+(?:\.\d+)?)(?!.*\d)")
 # Streams of one frame differ by less than this, milliseconds.
 _SAME_FRAME_MS = 8.0
-_EMPTY_SCENE = '{"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": []}]}\n'
+
+
+@dataclass(frozen=True)
+class RobotPoses:
+    """gripper_to_base by the name of a frame's left file without suffix, and the camera's place on the gripper."""
+
+    gripper_to_base: dict[str, NDArray[np.float64]]
+    camera_to_gripper: NDArray[np.float64]
+
+    def at(self, left: Path) -> tuple[NDArray[np.float64], int]:
+        """(gripper_to_base, repeat group) of a frame; frames of one pose are repeats. ValueError where it is not
+        listed."""
+        if left.stem not in self.gripper_to_base:
+            raise ValueError(f"{left}: the robot's poses do not name it ({len(self.gripper_to_base)} are there)")
+        pose = self.gripper_to_base[left.stem]
+        groups = list(dict.fromkeys(p.tobytes() for p in self.gripper_to_base.values()))
+        return pose, groups.index(pose.tobytes())
 
 
 @dataclass(frozen=True)
@@ -56,7 +76,7 @@ def frame_files(folder: Path) -> list[FrameFiles]:
     frames = []
     for time_ms, left in sorted(by_stream["left"]):
         files = {"left": left}
-        for stream in ("right", "depth"):
+        for stream in ("right", "depth", "color"):
             nearest = min(by_stream[stream], key=lambda item: abs(item[0] - time_ms), default=None)
             if (
                 nearest is not None
@@ -73,17 +93,17 @@ def frame_files(folder: Path) -> list[FrameFiles]:
 
 def import_realsense(
     folder: Path, device: DeviceText, out: Path, pattern: NDArray[np.uint8], pattern_K: NDArray[np.float64],
-    depth_scale: float | None = None,
-    scene: Path | None = None, trajectory: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None,
-    exposure_s: float = 0.008,
-    projector_to_left_m: tuple[float, float, float] | None = None, progress: Callable[[float], None] | None = None,
+    depth_scale: float | None = None, scene: Path | None = None,
+    trajectory: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None, exposure_s: float = 0.008,
+    projector_to_left_m: tuple[float, float, float] | None = None, robot: RobotPoses | None = None,
+    progress: Callable[[float], None] | None = None,
 ) -> Capture:  # fmt: skip
     """Writes the capture `out` (which must not exist) and returns it.
 
     pattern: uint8, the nominal one of the device, under pattern_K; projector_to_left_m: its place in the left camera's
     frame, None for 0.58 of the baseline, as on a D435. depth_scale: metres per unit of the depth images. scene: a glTF
-    file, None for an empty one. trajectory: camera poses over seconds; without it the camera stands still, and all
-    frames are repeats of one view.
+    file, None for an empty one. trajectory: camera poses over seconds; robot: poses of a gripper that carries the camera. Without
+    either the camera stands still, and all frames are repeats of one view.
     """
     tell = progress or (lambda fraction: None)
     files = frame_files(folder)
@@ -96,7 +116,8 @@ def import_realsense(
             f'{device.path}: Extrinsic from "Infrared 1" To "Infrared 2": x is {left_to_right[0, 3]:g} m, expected '
             'below 0: left and right are swapped'
         )
-    images, depths, frames = {}, {}, []
+    images, depths, colors, frames = {}, {}, {}, []
+    color = _color_camera(files, device)
     for number, entry in enumerate(files):
         for eye in ("left", "right"):
             images[number, eye] = read_gray(entry.files[eye], (width, height), _NAMES[eye])
@@ -112,7 +133,9 @@ def import_realsense(
                     f"{entry.files['depth']}: Depth: is an 8-bit picture of depth, expected 16-bit depth: save the raw "
                     "stream"
                 )
-        frames.append(_frame(number, entry, exposure_s, depth_scale, trajectory))
+        if color is not None and "color" in entry.files:
+            colors[number] = read_color(entry.files["color"], (color.width, color.height), "Color")
+        frames.append(_frame(number, entry, exposure_s, depth_scale, trajectory, robot))
         tell((number + 1) / len(files))
     baseline_m = float(np.linalg.norm(left_to_right[:3, 3]))
     left_to_projector = np.eye(4)
@@ -120,19 +143,30 @@ def import_realsense(
     rig = Rig(
         Camera(width, height, left.K, left.distortion), Camera(width, height, right.K, right.distortion), left_to_right,
         Projector(Path("pattern.png"), pattern_K, left_to_projector), 8 if first.dtype == np.uint8 else 16,
+        color=color,
     )  # fmt: skip
     out = Path(out)
     empty = out.with_name(f".{out.name}.scene.gltf")
     try:
         if scene is None:
-            empty.write_text(_EMPTY_SCENE, encoding="utf-8")
+            empty.write_text(EMPTY_SCENE, encoding="utf-8")
         capture = Capture(
             out, out.name, Path(scene) if scene else empty, rig, tuple(frames), {"notes": "imported from librealsense"}
         )
-        write_capture(out, capture, images, pattern, depths)
+        write_capture(out, capture, images, pattern, depths, colors)
     finally:
         empty.unlink(missing_ok=True)
     return capture
+
+
+def _color_camera(files: list[FrameFiles], device: DeviceText) -> ColorCamera | None:
+    """None where no frame has a colour image, or the device's text does not know the camera."""
+    first = next((entry.files["color"] for entry in files if "color" in entry.files), None)
+    if first is None or not any(stream == "Color" for stream, _, _ in device.intrinsics):
+        return None
+    told = device.intrinsic("Color", *image_size(first, "Color"))
+    left_to_color = device.extrinsic("Infrared 1", "Color")
+    return ColorCamera(told.width, told.height, told.K, told.distortion, left_to_color)
 
 
 def _frame(
@@ -141,10 +175,17 @@ def _frame(
     exposure_s: float,
     depth_scale: float | None,
     trajectory: tuple[NDArray[np.float64], NDArray[np.float64]] | None,
+    robot: RobotPoses | None,
 ) -> Frame:
     time = 1e-3 * entry.number if entry.number > 1e6 else float(number) / 30.0
-    pose = np.eye(4) if trajectory is None else pose_at(*trajectory, time, str(entry.files["left"]))
+    pose, group, gripper_to_base = np.eye(4), None if trajectory is not None else 0, None
+    if trajectory is not None:
+        pose = pose_at(*trajectory, time, str(entry.files["left"]))
+    elif robot is not None:
+        gripper_to_base, group = robot.at(entry.files["left"])
+        pose = gripper_to_base @ robot.camera_to_gripper
     return Frame(
         number, entry.files["left"], entry.files["right"], time, exposure_s, pose, "train",
-        repeat_group=0 if trajectory is None else None, depth_path=entry.files.get("depth"), depth_scale=depth_scale,
+        repeat_group=group, depth_path=entry.files.get("depth"), depth_scale=depth_scale,
+        color_path=entry.files.get("color"), gripper_to_base=gripper_to_base,
     )  # fmt: skip

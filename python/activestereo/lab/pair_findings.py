@@ -56,7 +56,7 @@ def pair_findings(
     the device's own on the same grid, at its nominal f x baseline, 0 = none. ValueError where too little of the image
     is matched."""
     left, right = np.asarray(left, dtype=np.float64), np.asarray(right, dtype=np.float64)
-    blocks = _Blocks(left.shape)
+    blocks = Blocks(left.shape)
     found = [_saturation("left", left, max_dn, blocks), _saturation("right", right, max_dn, blocks)]
     v, u = np.mgrid[0 : left.shape[0], 0 : left.shape[1]].astype(np.float64)
     seen = (disparity > 0) & (u - disparity >= 1)
@@ -70,7 +70,7 @@ def pair_findings(
     return found
 
 
-class _Blocks:
+class Blocks:
     """Square blocks of the image and the bootstrap's weights for them, [draws][blocks]; the first draw is the image
     itself."""
 

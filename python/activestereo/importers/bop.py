@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One scene of a data set of the BOP benchmark (Hodan et al., ECCV 2018): rgb/ or gray/, depth/, scene_camera.json with
+K and millimetres, scene_gt.json with the objects' poses, and models/ beside the dataset's scenes.
+
+World is that of cam_R_w2c where it is there; else the first frame's camera, and the others stand where the first
+object's poses put them.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from activestereo.gltf_writer import GltfWriter
+from activestereo.importers.color_depth import ColorDepthFrame, ColorDepthRecording, camera_matrix_of, image_files
+from activestereo.mesh_files import read_mesh
+
+_MM = 0.001
+_RATE_HZ = 30.0
+
+
+def is_bop(folder: Path) -> bool:
+    return (folder / "scene_camera.json").is_file()
+
+
+def read_bop(folder: Path, scene: Path, depth_scale: float | None = None) -> ColorDepthRecording:
+    """scene: where the objects' glTF file is written, if there are models. ValueError names file, key and value."""
+    path = folder / "scene_camera.json"
+    cameras, truth = _json(path), _json(folder / "scene_gt.json") if (folder / "scene_gt.json").is_file() else {}
+    depths, colors = image_files(folder / "depth"), image_files(folder / "rgb") or image_files(folder / "gray")
+    frames, Ks = [], []
+    for number, name in enumerate(sorted(cameras, key=int)):
+        entry, stem = cameras[name], f"{int(name):06d}"
+        if stem not in depths:
+            raise ValueError(f"{folder / 'depth'}: {stem}.png: is missing, scene_camera.json has frame {name}")
+        Ks.append(camera_matrix_of(path, f"{name}.cam_K", entry.get("cam_K")))
+        if depth_scale is None and not entry.get("depth_scale"):
+            raise ValueError(f"{path}: {name}.depth_scale: is missing: give --depth-scale")
+        scale = _MM * float(entry["depth_scale"]) if depth_scale is None else depth_scale
+        pose = _camera_to_world(path, name, entry, truth, min(cameras, key=int))
+        frames.append(ColorDepthFrame(number / _RATE_HZ, depths[stem], colors.get(stem), scale, pose))
+    if not frames:
+        raise ValueError(f"{path}: has no frames")
+    if any(not np.allclose(K, Ks[0], atol=1e-6) for K in Ks):
+        raise ValueError(f"{path}: cam_K: differs between the frames: import frames of one camera")
+    written = _write_scene(folder, truth, cameras, frames[0], scene)
+    return ColorDepthRecording(folder, "a BOP scene", Ks[0], tuple(frames), scene if written else None)
+
+
+def _camera_to_world(
+    path: Path, name: str, entry: dict[str, Any], truth: dict[str, Any], first: str
+) -> NDArray[np.float64] | None:
+    if "cam_R_w2c" in entry:
+        return np.linalg.inv(_rigid(path, f"{name}.cam_R_w2c", entry["cam_R_w2c"], entry.get("cam_t_w2c")))
+    if not truth.get(name) or not truth.get(first):
+        return None
+    here, there = (
+        _rigid(path, f"{n}.cam_R_m2c", truth[n][0]["cam_R_m2c"], truth[n][0]["cam_t_m2c"]) for n in (name, first)
+    )
+    return np.asarray(there @ np.linalg.inv(here))
+
+
+def _rigid(path: Path, key: str, rotation: object, translation_mm: object) -> NDArray[np.float64]:
+    pose = np.eye(4)
+    try:
+        pose[:3, :3] = np.array(rotation, dtype=np.float64).reshape(3, 3)
+        pose[:3, 3] = _MM * np.array(translation_mm, dtype=np.float64).reshape(3)
+    except (TypeError, ValueError):
+        raise ValueError(f"{path}: {key}: is not nine numbers beside three millimetres") from None
+    if not np.isfinite(pose).all() or not np.allclose(pose[:3, :3] @ pose[:3, :3].T, np.eye(3), atol=1e-3):
+        raise ValueError(f"{path}: {key}: is no rotation")
+    return pose
+
+
+def _write_scene(
+    folder: Path, truth: dict[str, Any], cameras: dict[str, Any], frame: ColorDepthFrame, scene: Path
+) -> bool:
+    """The objects of the first frame whose models are there."""
+    first = min(cameras, key=int)
+    models = next((p / "models" for p in (folder.parent, folder.parent.parent) if (p / "models").is_dir()), None)
+    if models is None or frame.camera_to_world is None:
+        return False
+    writer, count = GltfWriter("activestereo import"), 0
+    for number, entry in enumerate(truth.get(first, [])):
+        file = models / f"obj_{int(entry['obj_id']):06d}.ply"
+        if not file.is_file():
+            continue
+        name = f"object {entry['obj_id']}" + (f" ({number})" if number else "")
+        material = writer.add_material(name, pbrMetallicRoughness={"metallicFactor": 0.0, "roughnessFactor": 0.6})
+        pose = frame.camera_to_world @ _rigid(
+            folder / "scene_gt.json", f"{first}.cam_R_m2c", entry["cam_R_m2c"], entry["cam_t_m2c"]
+        )
+        writer.add_placed_mesh(name, read_mesh(file, _MM), material, pose)
+        count += 1
+    if count:
+        writer.write(scene)
+    return count > 0
+
+
+def _json(path: Path) -> dict[str, Any]:
+    try:
+        return dict(json.loads(path.read_text(encoding="utf-8")))
+    except (ValueError, TypeError) as error:
+        raise ValueError(f"{path}: is not a JSON object: {error}") from error
