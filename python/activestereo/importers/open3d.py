@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Folders as Open3D's recorders write them: color/, depth/, camera_intrinsic.json (K column by column), and poses of the
-camera as trajectory.log or, as its viewer saves them, trajectory.json."""
+"""Folders as Open3D's recorders write them: color/, depth/, camera_intrinsic.json (K column by column), and poses of
+the camera as trajectory.log or, as its viewer saves them, trajectory.json."""
 
 from __future__ import annotations
 
