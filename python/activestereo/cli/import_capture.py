@@ -39,7 +39,8 @@ example:
   rs-enumerate-devices -c > d435.txt
   activestereo import recording/ --calibration d435.txt --depth-scale 0.001 --out captures/desk
   activestereo import 20260101_120000.bag --out captures/desk
-  activestereo import views/ --calibration d435.txt --robot poses.csv --hand-eye model.hand_eye.json --out captures/views
+  activestereo import views/ --calibration d435.txt --robot poses.csv \\
+      --hand-eye model.hand_eye.json --out captures/views
 """
 
 
@@ -90,13 +91,11 @@ def _run(args: argparse.Namespace) -> None:
     rig, with_depth = capture.rig, sum(frame.depth_path is not None for frame in capture.frames)
     with_color = sum(frame.color_path is not None for frame in capture.frames) if rig.color is not None else 0
     print(
-        f"{len(capture.frames)} frames of {rig.left.width}x{rig.left.height}, {with_depth} with depth, {with_color} with "
-        f"colour; baseline {1e3 * rig.baseline_m:.2f} mm, f {rig.left.K[0, 0]:.2f} px"
+        f"{len(capture.frames)} frames of {rig.left.width}x{rig.left.height}, {with_depth} with depth, {with_color} "
+        f"with colour; baseline {1e3 * rig.baseline_m:.2f} mm, f {rig.left.K[0, 0]:.2f} px"
     )
     if recording is not None:
-        print(
-            "colour and depth alone: without infrared images it tells nothing of noise and dots; the baseline is nominal"
-        )
+        print("colour and depth alone: it tells nothing of noise and dots; the baseline is nominal")
     has_scene = args.scene is not None or (recording is not None and recording.scene is not None)
     print(
         "the pattern and the projector's place are nominal"

@@ -2,8 +2,8 @@
 """A folder of a librealsense recording's PNG files becomes a capture: infrared pairs, depth where it is there as 16-bit
 PNG, and colour.
 
-Files are known by their names, in any order of the words: "Infrared 1" or left, "Infrared 2" or right, Depth, Color, and
-the last number is the timestamp in milliseconds or the frame's number: rs-convert's and the viewer's names, and
+Files are known by their names, in any order of the words: "Infrared 1" or left, "Infrared 2" or right, Depth, Color,
+and the last number is the timestamp in milliseconds or the frame's number: rs-convert's and the viewer's names, and
 left/000001.png beside right/000001.png.
 """
 
@@ -102,8 +102,8 @@ def import_realsense(
 
     pattern: uint8, the nominal one of the device, under pattern_K; projector_to_left_m: its place in the left camera's
     frame, None for 0.58 of the baseline, as on a D435. depth_scale: metres per unit of the depth images. scene: a glTF
-    file, None for an empty one. trajectory: camera poses over seconds; robot: poses of a gripper that carries the camera. Without
-    either the camera stands still, and all frames are repeats of one view.
+    file, None for an empty one. trajectory: camera poses over seconds; robot: poses of a gripper that carries the
+    camera. Without either the camera stands still, and all frames are repeats of one view.
     """
     tell = progress or (lambda fraction: None)
     files = frame_files(folder)
