@@ -21,6 +21,9 @@ from activestereo.effects.core.view import View
     image_only="kuafu computes bounced light from the albedos alone",
 )
 def interreflection(light: Light, view: View, gain: float) -> Light:
-    """The projector's light that comes over other surfaces, smooth and strongest in corners, is 1 + gain times the
-    rendered one."""
-    return replace(light, indirect=light.indirect * (1.0 + gain))
+    """Light that comes over other surfaces, smooth and strongest in corners, is 1 + gain times the rendered one: the
+    projector's, and the ambient light's where the view tells its share."""
+    changed = replace(light, indirect=light.indirect * (1.0 + gain))
+    if view.ambient_bounced is None:
+        return changed
+    return replace(changed, ambient=light.ambient * (1.0 + gain * view.ambient_bounced))

@@ -15,7 +15,7 @@ from activestereo.engines.smooth import smooth_bounced
 # Rougher surfaces have no highlight that would move through bounced light.
 _MATT_ROUGHNESS = 0.5
 _NOTHING_HIT = 0xFFFFFFFF
-_EVEN = ("ambient",)
+_EVEN = ("ambient", "ambient_direct")
 # Below a surface that lets light wander, these hold the dots.
 _BOUNCED = ("projector_indirect", "added_indirect")
 

@@ -11,7 +11,7 @@ import warnings
 import zipfile
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import fields
+from dataclasses import MISSING, fields
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,7 @@ from activestereo.lab.layers import Layers, RenderRequest
 from activestereo.output_files import replace_file
 
 # Raised when the meaning of a cached array changes.
-_FORMAT = 3
+_FORMAT = 4
 _LIMIT_BYTES = 4 << 30
 
 
@@ -85,14 +85,16 @@ class LayerCache:
         """The stored layers, one entry per camera, or None."""
         stored = self.get_arrays(key)
         names = [field.name for field in fields(Layers)]
+        told = {f.name for f in fields(Layers) if f.default is MISSING or f"{f.name}_0" in (stored or {})}
         try:
             count = int((stored or {})["count"])
-            return tuple(Layers(**{n: stored[f"{n}_{i}"] for n in names}) for i in range(count))
+            return tuple(Layers(**{n: stored[f"{n}_{i}"] for n in names if n in told}) for i in range(count))
         except (KeyError, ValueError):
             return None
 
     def put(self, key: str, layers: tuple[Layers, ...]) -> None:
         arrays = {f"{f.name}_{i}": getattr(view, f.name) for i, view in enumerate(layers) for f in fields(Layers)}
+        arrays = {name: array for name, array in arrays.items() if array is not None}
         self.put_arrays(key, arrays | {"count": np.array(len(layers))})
 
     def get_arrays(self, key: str) -> dict[str, np.ndarray] | None:

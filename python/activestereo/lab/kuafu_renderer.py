@@ -55,24 +55,27 @@ class KuafuRenderer:
         cameras = [kuafu.Camera(c.width, c.height, c.K, c.camera_to_world) for c in request.cameras]
         self._place_projector(request, self._white)
         fewer = replace(request, samples_per_pixel=max(1, round(_FLAT_SHARE * request.samples_per_pixel)))
-        flat = self._render(fewer, cameras, ("projector_direct",), 0, None)["projector_direct"]
+        single = self._render(fewer, cameras, ("projector_direct", "ambient"), 0, None)
         self._place_projector(request, self._texture)
         images = self._render(request, cameras, _OUTPUTS, request.max_bounces, progress)
         with ThreadPoolExecutor(os.cpu_count()) as pool:
-            return tuple(pool.map(lambda i: self._layers(images, flat, i, request.cameras[i]), range(len(cameras))))
+            return tuple(pool.map(lambda i: self._layers(images, single, i, request.cameras[i]), range(len(cameras))))
 
-    def _layers(self, images: Mapping[str, np.ndarray], flat: np.ndarray, i: int, camera: Any) -> Layers:
+    def _layers(self, images: Mapping[str, np.ndarray], single: Mapping[str, np.ndarray], i: int, camera: Any) -> Layers:
+        """Of one camera. single: light straight off the first surface, under a pattern that is 1 everywhere."""
         depth_m, normal, material = (
             images["depth"][i, ..., 0].copy(),
             images["normal"][i].copy(),
             images["material_id"][i, ..., 0].copy(),
         )
         bounced = {name: images[name][i, ..., 0] for name in ("projector_indirect", "ambient")}
+        bounced |= {"ambient_direct": single["ambient"][i, ..., 0]}
         if self._smooth:
             bounced |= self._smoothed(bounced, depth_m, normal, material, camera)
         direct = images["projector_direct"][i, ..., 0].copy()
-        indirect, ambient = (image.astype(np.float32) for image in bounced.values())
-        return Layers(direct, indirect, ambient, flat[i, ..., 0].copy(), depth_m, normal, material)
+        indirect, ambient, ambient_direct = (image.astype(np.float32) for image in bounced.values())
+        flat = single["projector_direct"][i, ..., 0].copy()
+        return Layers(direct, indirect, ambient, flat, depth_m, normal, material, ambient_direct)
 
     def _smoothed(
         self, bounced: dict[str, np.ndarray], depth_m: np.ndarray, normal: np.ndarray, material: np.ndarray, camera: Any

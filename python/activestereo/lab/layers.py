@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -55,7 +55,8 @@ class Layers:
 
     direct, indirect: the projector's light at power 1, straight off the first surface and otherwise; flat: what
     `direct` would be under a pattern that is 1 everywhere; ambient: under uniform radiance 1 from all directions.
-    depth_m: z, 0 = nothing hit; normal: [height][width][3], world frame; material: uint32.
+    depth_m: z, 0 = nothing hit; normal: [height][width][3], world frame; material: uint32. ambient_direct: of
+    `ambient`, what comes straight off the first surface; None where the renderer does not tell it.
     """
 
     direct: np.ndarray
@@ -65,6 +66,7 @@ class Layers:
     depth_m: np.ndarray
     normal: np.ndarray
     material: np.ndarray
+    ambient_direct: np.ndarray | None = None
 
     @property
     def projector(self) -> np.ndarray:
@@ -76,7 +78,7 @@ class PixelLayers(Layers):
     """Layers of the camera's pixels, with the finer and wider images (direct, indirect, ambient, flat) that they are
     means of."""
 
-    fine: FineImages
+    fine: FineImages = field(kw_only=True)
 
 
 @dataclass(frozen=True)
@@ -104,13 +106,14 @@ class Sampling:
         """PixelLayers of a capture's Camera from the Layers that camera() gave; a lens that distorts is drawn here."""
         images = np.stack([layers.direct, layers.indirect, layers.ambient, layers.flat])
         fine = FineImages(images, self.scale, self.margin_px)
+        sky = None if layers.ambient_direct is None else replace(fine, images=layers.ambient_direct[None])
         column, row = np.meshgrid(np.arange(camera.width, dtype=np.float64), np.arange(camera.height, dtype=np.float64))
         if not camera.is_pinhole:
             column, row = ideal_pixels(camera, column, row)
-            fine = fine.warped(column, row)
+            fine, sky = fine.warped(column, row), sky and sky.warped(column, row)
         lights = (image.astype(np.float32) for image in fine.pixels)
-        depth_m, normal, material = self._surfaces(layers, column, row)
-        return PixelLayers(*lights, depth_m, normal, material, fine)
+        ambient_direct = None if sky is None else sky.pixels[0].astype(np.float32)
+        return PixelLayers(*lights, *self._surfaces(layers, column, row), ambient_direct, fine=fine)
 
     def _surfaces(
         self, layers: Layers, column: np.ndarray, row: np.ndarray

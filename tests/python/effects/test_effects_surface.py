@@ -70,6 +70,16 @@ def test_interreflection_of_minus_one_is_a_world_of_single_reflections():
     np.testing.assert_array_equal(modelled.direct, bounced.direct)
 
 
+def test_bounced_ambient_light_is_of_the_same_strength():
+    view = example_view()
+    light = example_value(Stage.SURFACE, view)
+    share = np.linspace(0.0, 0.5, view.depth_m.size).reshape(view.shape)
+    stronger = EFFECTS["interreflection"](light, replace(view, ambient_bounced=share), gain=2.0)
+    np.testing.assert_allclose(stronger.ambient, light.ambient * (1.0 + 2.0 * share))
+    unknown = EFFECTS["interreflection"](light, view, gain=2.0)
+    np.testing.assert_array_equal(unknown.ambient, light.ambient)
+
+
 def test_second_projector_is_a_second_source_in_the_world():
     light, geometry = seen(bounces=0)
     view = view_of(geometry)

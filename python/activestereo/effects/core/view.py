@@ -24,8 +24,9 @@ _NO_DISTORTION = (0.0, 0.0, 0.0, 0.0, 0.0)
 class View:
     """One eye of one frame. Arrays are [height][width]; depth 0 = nothing there; normal [height][width][3], unit,
     camera coordinates; a_to_b maps coordinates in a to those in b; distortion: of the nominal camera, see
-    activestereo/lens.py; material: index in the scene file, or None. Disparity and depth effects get the left eye's
-    view."""
+    activestereo/lens.py; material: index in the scene file, or None; ambient_bounced: the share of the ambient light
+    that comes over other surfaces, or None where it is not known. Disparity and depth effects get the left eye's view.
+    """
 
     eye: str
     K: np.ndarray
@@ -42,6 +43,7 @@ class View:
     distortion: tuple[float, ...] = _NO_DISTORTION
     baseline_m: float = 0.05
     material: np.ndarray | None = None
+    ambient_bounced: np.ndarray | None = None
 
     @classmethod
     def of(cls, capture: Capture, frame: Frame, eye: str, layers: Any, seed: int = 0) -> View:
@@ -64,6 +66,7 @@ class View:
             distortion=tuple(rig.camera(eye).distortion),
             baseline_m=rig.baseline_m,
             material=np.asarray(layers.material),
+            ambient_bounced=_bounced_share(layers.ambient, getattr(layers, "ambient_direct", None)),
         )
 
     @property
@@ -157,6 +160,13 @@ class View:
             "frame": f"{self.eye} {self.frame.id}".encode(),
         }[per]
         return random_stream(self.seed, name, salt)
+
+
+def _bounced_share(ambient: np.ndarray, direct: np.ndarray | None) -> np.ndarray | None:
+    if direct is None:
+        return None
+    whole = np.asarray(ambient, dtype=np.float64)
+    return np.clip(1.0 - direct / np.where(whole > 0, whole, np.inf), 0.0, 1.0) * (whole > 0)
 
 
 def _read_only(*arrays: np.ndarray) -> tuple[np.ndarray, ...]:
