@@ -9,7 +9,7 @@ import pytest
 from activestereo.effects import Parameter
 from activestereo.effects.core.judging import Channel
 from activestereo.lab.diagnose.channels.depth_engine import surveyed_nats
-from activestereo.lab.diagnose.findings import Checks, Explanation, Finding, Ranking, Remainder, Score
+from activestereo.lab.diagnose.findings import BaseChecks, Checks, Explanation, Finding, Ranking, Remainder, Score
 from activestereo.lab.diagnose.gates import GATES
 from activestereo.lab.diagnose.score.intervals import interval
 from activestereo.lab.diagnose.verdict import confidence
@@ -24,7 +24,7 @@ def entry(name, chi2, channel=Channel.EXPECTED_IMAGE, occam=0.0, nats=0.0):
 
 def ranking_of(findings, base_chi2=900.0, pixels=100, base_structure=None):
     base = SimpleNamespace(chi2=base_chi2, white_floors=0.0)
-    return Ranking(base, Checks(structure_floors=base_structure), tuple(findings), (), pixels, 1.0, 100.0, GATES)
+    return Ranking(base, BaseChecks(structure_floors=base_structure), tuple(findings), (), pixels, 1.0, 100.0, GATES)
 
 
 def told(monkeypatch, entries, may_be_named):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from activestereo.effects.core.judging import Channel
-from activestereo.lab.diagnose.findings import Checks, Explanation, Finding, Ranking, Score
+from activestereo.lab.diagnose.findings import BaseChecks, Checks, Explanation, Finding, Ranking, Score
 from activestereo.lab.diagnose.gates import GATES
 from activestereo.lab.diagnose.score import constancy
 from activestereo.lab.diagnose.score.constancy import varying_floors
@@ -68,6 +68,6 @@ def test_what_varies_much_is_not_named_and_what_varies_somewhat_is_unknown(varyi
     explanation = Explanation(EFFECT, Channel.EXPECTED_IMAGE, {}, 125.0 - 100.0 * gain, np.zeros(1))
     checks = Checks(varying_floors=varying, structure_floors=0.0, variation={"blur": varying})
     finding = Finding(explanation, Score(500.0, 0.95, gain, 1.0), checks)
-    ranking = Ranking(base, Checks(structure_floors=0.0), (finding,), (), 100, 1.0, 100.0, GATES)
+    ranking = Ranking(base, BaseChecks(structure_floors=0.0), (finding,), (), 100, 1.0, 100.0, GATES)
     assert passes(ranking, finding) is is_named
     assert is_unexplained(ranking, finding.remainder, ranking) is unknown

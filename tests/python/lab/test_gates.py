@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from activestereo.effects.core.judging import Channel
-from activestereo.lab.diagnose.findings import Checks, Explanation, Finding, Ranking, Score
+from activestereo.lab.diagnose.findings import BaseChecks, Checks, Explanation, Finding, Ranking, Score
 from activestereo.lab.diagnose.gates import GATES, gates_table, share_words
 from activestereo.lab.diagnose.report.judging import judging_json, verdict_under
+from activestereo.lab.diagnose.verdict.completeness import lacks_nothing
 from activestereo.lab.diagnose.verdict.verdict import verdict_of
 
 
@@ -21,7 +22,7 @@ def ranking(explained_share: float, structure_floors: float = 0.0) -> Ranking:
     checks = Checks(structure_floors=structure_floors, variation={"blur": 0.0})
     finding = Finding(explanation, Score(80.0, explained_share, 0.4, 1.0), checks)
     base = SimpleNamespace(chi2=150.0, white_floors=0.0)
-    return Ranking(base, Checks(structure_floors=0.3), (finding,), (), 100, 1.0, 100.0, GATES)
+    return Ranking(base, BaseChecks(structure_floors=0.3), (finding,), (), 100, 1.0, 100.0, GATES)
 
 
 def kept(first: Ranking) -> dict:
@@ -39,6 +40,25 @@ def test_another_gate_gives_another_verdict():
     stricter = replace(GATES, smallest_share=2 * GATES.smallest_share)
     assert verdict_under(kept(ranking(0.3)), GATES)[0] == "effect"
     assert verdict_under(kept(ranking(0.3)), stricter)[0] == "unknown"
+
+
+@pytest.mark.parametrize("check", ["plain_excess_floors", "unsteady_floors", "uneven_structure_floors"])
+def test_what_no_survey_leaves_is_unknown_where_nothing_is_named(check):
+    bare = ranking(0.1)
+    calm = replace(bare, base=SimpleNamespace(chi2=105.0, white_floors=0.0), base_checks=BaseChecks(structure_floors=0.05))
+    assert verdict_of(calm, calm, True) == "none"
+    shown = replace(calm, base_checks=replace(calm.base_checks, **{check: 0.6}))
+    assert verdict_of(shown, shown, True) == "unknown"
+    assert verdict_under(kept(shown), GATES)[0] == "unknown"
+
+
+def test_nothing_is_added_to_noise_where_the_images_are_at_its_floor():
+    noise = replace(ranking(0.9).best.explanation, channel=Channel.NOISE_LAW, repeats_floors=0.3)
+    finding = Finding(noise, Score(80.0, 0.9, 0.4, 1.0))
+    for chi2, whole in ((120.0, True), (180.0, False)):
+        first = replace(ranking(0.9), base=SimpleNamespace(chi2=chi2, white_floors=0.0))
+        assert lacks_nothing(first, finding) is whole
+        assert not lacks_nothing(first, first.best)
 
 
 def test_every_gate_says_its_value_unit_and_source():

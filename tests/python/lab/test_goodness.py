@@ -11,6 +11,7 @@ from activestereo.effects import builtin
 from activestereo.lab.diagnose.channels.fields_together import components, pixel_term
 from activestereo.lab.diagnose.gates import GATES
 from activestereo.lab.diagnose.refine import ImageResidual
+from activestereo.lab.diagnose.score.steadiness import uneven_structure, unsteady_floors
 from activestereo.lab.diagnose.score.structure import local_structure
 
 SHAPE = (96, 160)
@@ -95,3 +96,17 @@ def test_offsets_that_the_range_clips_are_no_gains():
     assert found["prnu"].variance < 3.0 * found["prnu"].error
     believed = components_of({"prnu": 0.0, "fixed_pattern_noise": 0.0}, rows)
     assert believed["prnu"].variance > 3.0 * believed["prnu"].error
+
+
+def test_an_error_that_one_frame_of_a_view_shows_is_told_from_one_that_all_show():
+    rng = np.random.Generator(np.random.PCG64(5))
+    image, view = dots(rng), {"is_moving": False, "camera_to_world": np.eye(4), "exposure_gain": 1.0, "projector_power": 1.0, "ambient": None}
+    surveys = 0.5 * np.gradient(image)[1]
+    noise = [surveys + NOISE_DN * rng.standard_normal(SHAPE) for _ in range(3)]
+    calm = [row(image, residual, **view) for residual in noise]
+    assert unsteady_floors(calm) < 0.06
+    assert unsteady_floors(calm[:2]) == 0.0  # two frames cannot tell which of them is the other one
+    moved = [*calm[:2], row(image, noise[2] + 0.3 * np.gradient(image)[1], **view)]
+    size = np.mean((0.3 * np.gradient(image)[1]) ** 2) / NOISE_DN**2
+    assert 0.4 * size < unsteady_floors(moved) < size
+    assert abs(uneven_structure(calm)) < 0.02 * size < uneven_structure(moved)

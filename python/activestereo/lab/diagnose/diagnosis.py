@@ -34,7 +34,7 @@ from activestereo.lab.diagnose.report.judging import judging_json
 from activestereo.lab.diagnose.report.ranking_json import depth_json, not_ranked_json, ranking_json
 from activestereo.lab.diagnose.report.residual_law import residual_law
 from activestereo.lab.diagnose.verdict.acceptance import passes
-from activestereo.lab.diagnose.verdict.completeness import is_unexplained
+from activestereo.lab.diagnose.verdict.completeness import is_unexplained, lacks_nothing
 from activestereo.lab.diagnose.verdict.depth import engine_faults
 from activestereo.lab.diagnose.verdict.verdict import EFFECT, UNDETERMINED, UNKNOWN, is_named, verdict_of
 from activestereo.lab.model_file import library, model_json
@@ -190,7 +190,8 @@ def _way(
     bench: Bench, bases: BaseFits, first: Ranking, candidates: Sequence[Effect], steps: str, progress: Progress | None
 ) -> list[Step]:
     """Models from the given one on; further ones where they are asked for, or where what is named leaves something."""
-    if is_named(first) and (steps == "greedy" or is_unexplained(first, first.best.remainder, first)):
+    is_whole = not is_named(first) or lacks_nothing(first, first.best)
+    if not is_whole and (steps == "greedy" or is_unexplained(first, first.best.remainder, first)):
         return greedy(bench, bases, first, candidates, progress)
     return [Step((), first)]
 
@@ -210,6 +211,8 @@ def _without_images_of_their_own(ranking: Ranking) -> list[Finding]:
     """
     passing = [f for f in ranking.findings if f.solution is None and passes(ranking, f)]
     fields, noise = ([f for f in passing if f.channel is c] for c in (Channel.STATIC_FIELD, Channel.NOISE_LAW))
+    if any(lacks_nothing(ranking, f) for f in noise):
+        return noise
     together = shown_together(fields, ranking.base, ranking.gates) if len(fields) > 1 else []
     if fields and fields[0].id not in {f.id for f in together}:
         together = fields[:1]

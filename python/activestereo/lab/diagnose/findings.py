@@ -127,6 +127,19 @@ class Checks:
 
 
 @dataclass(frozen=True)
+class BaseChecks(Checks):
+    """What was looked at of the base, besides.
+
+    plain_excess_floors: mean square above the floor of the error in DN as it is. unsteady_floors,
+    uneven_structure_floors: see score/steadiness.py.
+    """
+
+    plain_excess_floors: float = 0.0
+    unsteady_floors: float = 0.0
+    uneven_structure_floors: float = 0.0
+
+
+@dataclass(frozen=True)
 class Remainder:
     """What an explanation, or the base, leaves. chi2: of the train images; the others as in Explanation and Checks."""
 
@@ -184,7 +197,7 @@ class Ranking:
     """
 
     base: BaseFit
-    base_checks: Checks
+    base_checks: BaseChecks
     findings: tuple[Finding, ...]
     not_ranked: tuple[NotRanked, ...]
     pixels: int

@@ -21,7 +21,7 @@ from activestereo.lab.diagnose.channels import (
 )
 from activestereo.lab.diagnose.channels.static_field import has_extended_draws
 from activestereo.lab.diagnose.evidence import Evidence
-from activestereo.lab.diagnose.findings import BaseFit, Checks, Explanation, Finding, NotRanked, Ranking, Score
+from activestereo.lab.diagnose.findings import BaseChecks, BaseFit, Checks, Explanation, Finding, NotRanked, Ranking, Score
 from activestereo.lab.diagnose.gates import Gates
 from activestereo.lab.diagnose.refine import Fitters, ImageResidual, Solution
 from activestereo.lab.diagnose.refine.by_rendering import Rendering, refined_by_rendering
@@ -30,6 +30,7 @@ from activestereo.lab.diagnose.refine.settle import settled
 from activestereo.lab.diagnose.score.constancy import varying_floors
 from activestereo.lab.diagnose.score.likelihood import design_effect, frame_consistency, nats_of
 from activestereo.lab.diagnose.score.occam import choice_nats, occam_nats
+from activestereo.lab.diagnose.score.steadiness import uneven_structure, unsteady_floors
 from activestereo.lab.diagnose.score.structure import local_structure
 from activestereo.lab.diagnose.verdict.acceptance import is_significant, passes
 from activestereo.lab.diagnose.verdict.completeness import is_unexplained
@@ -168,7 +169,7 @@ def _scored(bench: Bench, base: BaseFit, explained: Sequence[Explanation]) -> Ra
     design = design_effect(best.tile_chi2, bench.evidence.tile_pixels)
     floor_chi2 = min(float(pixels), best.chi2)
     findings = tuple(Finding(e, _score(bench, base, e, design, floor_chi2)) for e in explained)
-    return Ranking(base, Checks(), findings, (), pixels, design, floor_chi2, bench.gates)
+    return Ranking(base, BaseChecks(), findings, (), pixels, design, floor_chi2, bench.gates)
 
 
 def _score(bench: Bench, base: BaseFit, e: Explanation, design: float, floor_chi2: float) -> Score:
@@ -229,8 +230,7 @@ def _sized(bench: Bench, ranking: Ranking) -> list[Finding]:
     """The findings, the best few with the fall of the error in DN as it is."""
     chosen = _by_nats(f for f in ranking.findings if f.solution is not None and is_significant(ranking, f))
     chosen = {f.id for f in chosen[: ranking.gates.sized]}
-    evidence = bench.evidence
-    floor = sum(evidence.floors[o.key] * o.measured.size for o in evidence.train)
+    floor = _floor_square(bench)
     before = _square(ranking.base.train)
 
     def sized(f: Finding) -> Finding:
@@ -303,8 +303,7 @@ def _with_remainders(bench: Bench, ranking: Ranking) -> Ranking:
     if passing:
         first = ranking.findings[0]
         matter = {first.id, *equivalents(ranking, first), min(passing, key=lambda f: f.chi2).id}
-    solution = ranking.base.solution
-    base_checks = Checks(structure_floors=local_structure(ranking.base.train), variation=_variation(bench, solution))
+    base_checks = _base_checks(bench, ranking.base)
 
     def checked(f: Finding) -> Finding:
         if f.id not in matter or not (f.on_images and passes(ranking, f)):
@@ -314,6 +313,21 @@ def _with_remainders(bench: Bench, ranking: Ranking) -> Ranking:
         return replace(f, checks=replace(f.checks, structure_floors=structure, variation=variation))
 
     return replace(ranking, base_checks=base_checks, findings=tuple(map(checked, ranking.findings)))
+
+
+def _base_checks(bench: Bench, base: BaseFit) -> BaseChecks:
+    return BaseChecks(
+        structure_floors=local_structure(base.train),
+        variation=_variation(bench, base.solution),
+        plain_excess_floors=_square(base.train) / _floor_square(bench) - 1.0,
+        unsteady_floors=unsteady_floors(base.train),
+        uneven_structure_floors=uneven_structure(base.train),
+    )
+
+
+def _floor_square(bench: Bench) -> float:
+    """The sum of squares that noise alone leaves of the train images, DN^2."""
+    return sum(bench.evidence.floors[o.key] * o.measured.size for o in bench.evidence.train)
 
 
 def _variation(bench: Bench, solution: Solution) -> dict[str, float]:

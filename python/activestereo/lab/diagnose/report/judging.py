@@ -7,20 +7,19 @@ from types import SimpleNamespace
 import numpy as np
 
 from activestereo.effects.core.judging import Channel
-from activestereo.lab.diagnose.findings import Checks, Explanation, Finding, Ranking, Score
+from activestereo.lab.diagnose.findings import BaseChecks, Checks, Explanation, Finding, Ranking, Score
 from activestereo.lab.diagnose.gates import Gates
 from activestereo.lab.diagnose.verdict.verdict import is_named, verdict_of
 
 Json = dict[str, object]
+# Of the base's checks, those that verdicts rest on.
+_OF_BASE = ("structure_floors", "plain_excess_floors", "unsteady_floors", "uneven_structure_floors")
 
 
 def judging_json(ranking: Ranking, has_floor: bool) -> Json:
     """The numbers of a ranking that its verdict rests on."""
-    base = {
-        "chi2": ranking.base.chi2,
-        "white_floors": ranking.base.white_floors,
-        "structure_floors": ranking.base_checks.structure_floors,
-    }
+    checks = {name: value for name, value in vars(ranking.base_checks).items() if name in _OF_BASE}
+    base = {"chi2": ranking.base.chi2, "white_floors": ranking.base.white_floors, **checks}
     findings = [
         {
             "effect": f.id,
@@ -39,7 +38,7 @@ def judging_json(ranking: Ranking, has_floor: bool) -> Json:
 def ranking_under(judging: Mapping[str, object], gates: Gates) -> Ranking:
     """The ranking that the numbers stand for, under other gates; its order stays as it was. It knows no tiles."""
     base = judging["base"]
-    checks = Checks(structure_floors=base["structure_floors"])
+    checks = BaseChecks(**{name: base[name] for name in _OF_BASE if name in base})
     stub = SimpleNamespace(chi2=base["chi2"], white_floors=base["white_floors"])
     sizes = judging["pixels"], judging["design_effect"], judging["floor_chi2"]
     return Ranking(stub, checks, tuple(_findings(judging["findings"])), (), *sizes, gates)

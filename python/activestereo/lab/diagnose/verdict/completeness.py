@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whether what an explanation leaves asks for another effect."""
 
-from activestereo.lab.diagnose.findings import Ranking, Remainder
+from dataclasses import replace
+
+from activestereo.effects.core.judging import Channel
+from activestereo.lab.diagnose.findings import Finding, Ranking, Remainder
 
 
 def follows_other_law(ranking: Ranking, remainder: Remainder, first: Ranking) -> bool:
@@ -14,6 +17,29 @@ def follows_other_law(ranking: Ranking, remainder: Remainder, first: Ranking) ->
     return any(varying > limit for varying in remainder.variation.values())
 
 
+def lacks_nothing(ranking: Ranking, noise: Finding) -> bool:
+    """Whether a finding of the noise alone leaves nothing of the base above the floor for others to explain."""
+    rest = replace(ranking.base_remainder, repeats_floors=noise.explanation.repeats_floors)
+    return noise.channel is Channel.NOISE_LAW and _excess_beside(ranking, rest) <= 0.0
+
+
+def _excess_beside(ranking: Ranking, remainder: Remainder) -> float:
+    """What is above the floor and above what coarse steps leave in every frame alike, in floors."""
+    return remainder.chi2 / ranking.pixels - 1.0 - (1.0 + ranking.gates.rounding_known_to) * remainder.repeats_floors
+
+
+def exceeds_surveys(ranking: Ranking) -> bool:
+    """Whether the base leaves what errors of a survey never do: more of the error in DN than they make, or an error
+    that comes and goes between the frames of a view, or that one image shows and the others do not.
+    """
+    gates, checks, white = ranking.gates, ranking.base_checks, ranking.base.white_floors
+    return (
+        checks.plain_excess_floors - white > gates.largest_of_surveys_floors
+        or checks.unsteady_floors > gates.unsteady_floors
+        or checks.uneven_structure_floors > gates.uneven_structure_floors
+    )
+
+
 def is_unexplained(ranking: Ranking, remainder: Remainder, first: Ranking | None = None) -> bool:
     """Whether what an explanation leaves (the base, where nothing is named) asks for another effect.
 
@@ -23,7 +49,7 @@ def is_unexplained(ranking: Ranking, remainder: Remainder, first: Ranking | None
     its own law.
     """
     gates = ranking.gates
-    excess = remainder.chi2 / ranking.pixels - 1.0 - (1.0 + gates.rounding_known_to) * remainder.repeats_floors
+    excess = _excess_beside(ranking, remainder)
     if first is None and excess - ranking.base.white_floors > gates.largest_of_surveys_floors:
         return True
     if first is not None and excess > 0.0 and follows_other_law(ranking, remainder, first):

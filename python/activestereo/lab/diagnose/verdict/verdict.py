@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from activestereo.lab.diagnose.findings import Ranking
 from activestereo.lab.diagnose.verdict.acceptance import passes
-from activestereo.lab.diagnose.verdict.completeness import is_unexplained
+from activestereo.lab.diagnose.verdict.completeness import exceeds_surveys, is_unexplained
 
 EFFECT, NONE, UNKNOWN, UNDETERMINED = "effect", "none", "unknown", "undetermined"
 
@@ -24,7 +24,8 @@ def verdict_of(first: Ranking, last: Ranking, has_floor: bool) -> str:
     if not is_named(first):
         if not has_floor:
             return UNDETERMINED
-        return UNKNOWN if is_unexplained(first, first.base_remainder) else NONE
+        is_missing = is_unexplained(first, first.base_remainder) or exceeds_surveys(first)
+        return UNKNOWN if is_missing else NONE
     if not best.on_images:
         # Its own channel tells it, where the images lack nothing else.
         rest = replace(last.base_remainder, repeats_floors=best.explanation.repeats_floors)
