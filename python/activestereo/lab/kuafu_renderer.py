@@ -61,7 +61,9 @@ class KuafuRenderer:
         with ThreadPoolExecutor(os.cpu_count()) as pool:
             return tuple(pool.map(lambda i: self._layers(images, single, i, request.cameras[i]), range(len(cameras))))
 
-    def _layers(self, images: Mapping[str, np.ndarray], single: Mapping[str, np.ndarray], i: int, camera: Any) -> Layers:
+    def _layers(
+        self, images: Mapping[str, np.ndarray], single: Mapping[str, np.ndarray], i: int, camera: Any
+    ) -> Layers:
         """Of one camera. single: light straight off the first surface, under a pattern that is 1 everywhere."""
         depth_m, normal, material = (
             images["depth"][i, ..., 0].copy(),

@@ -45,7 +45,8 @@ def test_another_gate_gives_another_verdict():
 @pytest.mark.parametrize("check", ["plain_excess_floors", "unsteady_floors", "uneven_structure_floors"])
 def test_what_no_survey_leaves_is_unknown_where_nothing_is_named(check):
     bare = ranking(0.1)
-    calm = replace(bare, base=SimpleNamespace(chi2=105.0, white_floors=0.0), base_checks=BaseChecks(structure_floors=0.05))
+    base = SimpleNamespace(chi2=105.0, white_floors=0.0)
+    calm = replace(bare, base=base, base_checks=BaseChecks(structure_floors=0.05))
     assert verdict_of(calm, calm, True) == "none"
     shown = replace(calm, base_checks=replace(calm.base_checks, **{check: 0.6}))
     assert verdict_of(shown, shown, True) == "unknown"

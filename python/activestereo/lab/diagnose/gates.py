@@ -126,13 +126,13 @@ class Gates:
     unsteady_floors: float = _gate(
         0.06,
         "floors",
-        "largest difference between the frames of a view, in what each differs from the others by, that noise makes, where no effect is named",
+        "largest difference between the frames of one view that noise makes, where no effect is named",
         _GENERATION_1,
     )
     uneven_structure_floors: float = _gate(
         0.12,
         "floors",
-        "largest structure of one image beyond the median image's that errors of the survey leave, where no effect is named",
+        "largest structure of one image beyond the median image's, where no effect is named",
         _GENERATION_1,
     )
     rounding_known_to: float = _gate(

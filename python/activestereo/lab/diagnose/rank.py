@@ -21,7 +21,16 @@ from activestereo.lab.diagnose.channels import (
 )
 from activestereo.lab.diagnose.channels.static_field import has_extended_draws
 from activestereo.lab.diagnose.evidence import Evidence
-from activestereo.lab.diagnose.findings import BaseChecks, BaseFit, Checks, Explanation, Finding, NotRanked, Ranking, Score
+from activestereo.lab.diagnose.findings import (
+    BaseChecks,
+    BaseFit,
+    Checks,
+    Explanation,
+    Finding,
+    NotRanked,
+    Ranking,
+    Score,
+)
 from activestereo.lab.diagnose.gates import Gates
 from activestereo.lab.diagnose.refine import Fitters, ImageResidual, Solution
 from activestereo.lab.diagnose.refine.by_rendering import Rendering, refined_by_rendering
