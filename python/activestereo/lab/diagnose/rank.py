@@ -24,7 +24,6 @@ from activestereo.lab.diagnose.evidence import Evidence
 from activestereo.lab.diagnose.findings import (
     BaseChecks,
     BaseFit,
-    Checks,
     Explanation,
     Finding,
     NotRanked,
