@@ -57,7 +57,7 @@ def specular(light: Light, view: View, factor: float, roughness: float, surfaces
     if factor == 0.0:
         return light
     shading, (share, ior) = Shading.of(light, view), _layer(factor)
-    lobe = highlight(shading.normal, shading.to_projector, shading.to_camera, roughness, ior)
+    lobe = highlight(shading.lobe, roughness, ior)
     lit = light.flat > 0
     cosines = np.maximum(shading.camera_cosine, 1e-3), np.maximum(shading.projector_cosine, 1e-3)
     flat = light.flat * base_share(*cosines, roughness, share, ior) + np.where(

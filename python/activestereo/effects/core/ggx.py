@@ -6,6 +6,7 @@ Arrays of cosines and directions may have any leading shape; roughness is a numb
 """
 
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from scipy.integrate import trapezoid
@@ -21,21 +22,30 @@ def ior_of(reflectance: float) -> float:
     return float((1.0 + root) / (1.0 - root))
 
 
-def highlight(
-    normal: np.ndarray, to_light: np.ndarray, to_camera: np.ndarray, roughness: float, ior: float = IOR
-) -> np.ndarray:
-    """Radiance reflected per irradiance, [...]; directions [...][3], unit. Walter et al. 2007, height-correlated Smith
-    shadowing."""
+class Cosines(NamedTuple):
+    """Between normal (n), light (l), camera (v) and the half vector of these two (h); [...] each."""
+
+    n_h: np.ndarray
+    n_l: np.ndarray
+    n_v: np.ndarray
+    h_v: np.ndarray
+
+
+def cosines_of(normal: np.ndarray, to_light: np.ndarray, to_camera: np.ndarray) -> Cosines:
+    """Of directions [...][3], unit."""
     half = to_light + to_camera
     half = half / np.maximum(np.linalg.norm(half, axis=-1, keepdims=True), 1e-12)
     dot = lambda a, b: np.clip((a * b).sum(-1), 0.0, 1.0)  # noqa: E731
-    n_h, n_l, n_v = dot(normal, half), dot(normal, to_light), dot(normal, to_camera)
+    return Cosines(dot(normal, half), dot(normal, to_light), dot(normal, to_camera), dot(half, to_camera))
+
+
+def highlight(cosines: Cosines, roughness: float, ior: float = IOR) -> np.ndarray:
+    """Radiance reflected per irradiance, [...]. Walter et al. 2007, height-correlated Smith shadowing."""
+    n_h, n_l, n_v, h_v = cosines
     square = roughness**4
     density = square / (np.pi * (n_h * n_h * (square - 1.0) + 1.0) ** 2)
     masked = n_l * np.sqrt(n_v * n_v * (1.0 - square) + square) + n_v * np.sqrt(n_l * n_l * (1.0 - square) + square)
-    return np.where(
-        (n_l > 0) & (n_v > 0), fresnel(dot(half, to_camera), ior) * density * 0.5 / np.maximum(masked, 1e-6), 0.0
-    )
+    return np.where((n_l > 0) & (n_v > 0), fresnel(h_v, ior) * density * 0.5 / np.maximum(masked, 1e-6), 0.0)
 
 
 def fresnel(cosine: float | np.ndarray, ior: float = IOR) -> np.ndarray:
@@ -80,7 +90,8 @@ def _shares(roughness: float, ior: float) -> tuple[np.ndarray, np.ndarray]:
         out = 2 * v_h[..., None] * half - view
         # Density of the half vectors is D n_h, of the reflected ones that over 4 v_h.
         density = square / (np.pi * (n_h * n_h * (square - 1.0) + 1.0) ** 2) * n_h / (4.0 * np.maximum(v_h, 1e-9))
-        radiance = highlight(np.array([0.0, 0.0, 1.0]), out, np.broadcast_to(view, out.shape), roughness, ior)
+        way = cosines_of(np.array([0.0, 0.0, 1.0]), out, np.broadcast_to(view, out.shape))
+        radiance = highlight(way, roughness, ior)
         weight = np.where((v_h > 0) & (out[..., 2] > 0), radiance * out[..., 2] / np.maximum(density, 1e-300), 0.0)
         shares.append(weight.mean())
     return cosines, np.array(shares)

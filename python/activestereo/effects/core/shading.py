@@ -4,6 +4,7 @@ tell."""
 
 import numpy as np
 
+from activestereo.effects.core.ggx import Cosines, cosines_of
 from activestereo.effects.core.light import Light
 from activestereo.effects.core.resample import BoxSampler
 from activestereo.effects.core.view import View, transform
@@ -12,9 +13,39 @@ from activestereo.effects.core.view import View, transform
 _LEAST_COSINE = 0.05
 
 
-class Shading:
-    """Directions are unit, camera coordinates, [height][width][3]; cosines are 0 where nothing is seen or it faces
-    away.
+class Facing:
+    """How surfaces face camera and projector. Directions are unit, camera coordinates, [height][width][3]; cosines
+    are 0 where nothing is seen or it faces away."""
+
+    def __init__(self, view: View) -> None:
+        self._view = view
+        self.hit = view.depth_m > 0
+        self.points = view.points()
+        self.to_camera = _unit(-self.points)
+        self.normal = np.where((view.normal * self.to_camera).sum(-1, keepdims=True) < 0, -view.normal, view.normal)
+        self.camera_cosine = self._cosine(self.to_camera)
+        source = np.linalg.inv(view.camera_to_projector)[:3, 3]
+        self.to_projector, self.projector_cosine, self.irradiance = self.from_source(source)
+
+    @property
+    def lobe(self) -> Cosines:
+        """The cosines of a highlight of the projector."""
+        return self._view.once("lobe", lambda: cosines_of(self.normal, self.to_projector, self.to_camera))
+
+    def from_source(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """(direction to it, cosine, irradiance per radiant intensity in 1/m^2) of a point source, shadows not counted."""
+        way = position - self.points
+        square = np.maximum((way**2).sum(-1), 1e-12)
+        direction = _unit(way)
+        cosine = self._cosine(direction)
+        return direction, cosine, cosine / square
+
+    def _cosine(self, direction: np.ndarray) -> np.ndarray:
+        return np.where(self.hit, np.maximum((self.normal * direction).sum(-1), 0.0), 0.0)
+
+
+class Shading(Facing):
+    """A Facing, with what the light layers tell of the surfaces.
 
     reflectance: diffuse radiance per irradiance, albedo / pi, [height][width]; where the projector does not reach it is
     guessed from the ambient light by the scene's median.
@@ -26,28 +57,8 @@ class Shading:
         return view.latest("shading", light, lambda: cls(light, view))
 
     def __init__(self, light: Light, view: View) -> None:
-        self._view = view
-        self.hit = view.depth_m > 0
-        self.points = view.points()
-        self.to_camera = _unit(-self.points)
-        self.normal = np.where((view.normal * self.to_camera).sum(-1, keepdims=True) < 0, -view.normal, view.normal)
-        self.camera_cosine = self._cosine(self.to_camera)
-        source = np.linalg.inv(view.camera_to_projector)[:3, 3]
-        self.to_projector, self.projector_cosine, irradiance = self.from_source(source)
-        self.reflectance = self._reflectance(light, irradiance)
-        self.irradiance = irradiance
-
-    def from_source(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """(direction to it, cosine, irradiance per radiant intensity in 1/m^2) of a point source, shadows not counted.
-        """
-        way = position - self.points
-        square = np.maximum((way**2).sum(-1), 1e-12)
-        direction = _unit(way)
-        cosine = self._cosine(direction)
-        return direction, cosine, cosine / square
-
-    def _cosine(self, direction: np.ndarray) -> np.ndarray:
-        return np.where(self.hit, np.maximum((self.normal * direction).sum(-1), 0.0), 0.0)
+        vars(self).update(vars(view.once("facing", lambda: Facing(view))))
+        self.reflectance = self._reflectance(light, self.irradiance)
 
     def _reflectance(self, light: Light, irradiance: np.ndarray) -> np.ndarray:
         told = self.hit & (light.flat > 0) & (self.projector_cosine > _LEAST_COSINE)

@@ -15,7 +15,7 @@ from activestereo.effects import Effect, Parameter, Stage
 from activestereo.effects.core.judging import StartImage
 from activestereo.effects.core.model import scales
 from activestereo.lab.diagnose.evidence import Observation
-from activestereo.lab.diagnose.propose.surfaces import explained_surfaces
+from activestereo.lab.diagnose.propose.surfaces import explained_surfaces, nowhere
 from activestereo.lab.diagnose.refine import Fitter, ParameterSpace
 from activestereo.lab.diagnose.score.occam import is_shape
 
@@ -124,9 +124,10 @@ def _on_some_surfaces(
 ) -> list[Start]:
     """The same starts on those surfaces alone where they explain something, where these are neither all nor none."""
     out = []
+    without = nowhere(fitter, space, phi)
     for start in scored:
         changed = start.theta.copy()
-        changed[space.given] = explained_surfaces(fitter, space, start.theta, phi)
+        changed[space.given] = explained_surfaces(fitter, space, start.theta, phi, without)
         if changed[space.given].any():
             phi_here, chi2 = fitter.nuisance_fit(space, changed, phi, fitter.lights(space, changed), rounds)
             out.append(Start(chi2, changed, phi_here))
@@ -152,7 +153,8 @@ def _points(candidate: Effect) -> list[np.ndarray]:
     if len(points) > _LARGEST_SCAN:
         keep = np.linspace(0, len(points) - 1, _LARGEST_SCAN).round().astype(int)
         points = [points[i] for i in keep]
-    return points
+    # Points of one shape follow each other: effects remember what an amplitude does not change.
+    return sorted(points, key=lambda point: tuple(point[shapes]))
 
 
 def _levels(p: Parameter) -> list[float]:

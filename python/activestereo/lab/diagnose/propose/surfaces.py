@@ -15,30 +15,38 @@ from activestereo.lab.diagnose.refine.parameter_space import ParameterSpace, Sol
 _WORTH_SHARE = 0.01
 
 
-def explained_surfaces(fitter: Fitter, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray) -> float:
+def explained_surfaces(
+    fitter: Fitter, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray, without: np.ndarray
+) -> float:
     """The effect's `surfaces`: bits of the materials that fit better with the effect of theta than without it,
-    each with an albedo of its own; 0 where that is all of them, or none.
+    each with an albedo of its own; 0 where that is all of them, or none. without: see nowhere().
     """
-    everywhere, nowhere = theta.copy(), space.start.copy()
+    everywhere = theta.copy()
     everywhere[space.given] = 0.0
-    models = [space.model(everywhere), space.model(nowhere)]
-    sums = [[_Sums() for _ in range(MOST_MATERIALS)] for _ in models]
-    for o, *lights in zip(
-        fitter.observations, fitter.lights(space, everywhere), fitter.lights(space, nowhere), strict=True
-    ):
-        pick = slice(None) if o.pick is None else o.pick
-        material, weight = o.view.material.ravel()[pick], o.weight.ravel()[pick]
-        for part, model, light in zip(sums, models, lights, strict=True):
-            image = signal(model, o, light, phi)
-            rest, glow = (x.ravel()[pick] for x in (o.measured - image, image - phi[SCALES - 1]))
-            for k in np.unique(material[material < MOST_MATERIALS]):
-                here = material == k
-                part[k].add(rest[here], glow[here], weight[here])
-    with_effect, without = (np.array([s.chi2() for s in part]) for part in sums)
+    with_effect = _by_material(fitter, space, everywhere, phi)
     seen, showing = without > 0, without - with_effect > _WORTH_SHARE * without
     if not (seen & ~showing).any():
         return 0.0
     return float(sum(2**k for k in np.flatnonzero(seen & showing)))
+
+
+def nowhere(fitter: Fitter, space: ParameterSpace, phi: np.ndarray) -> np.ndarray:
+    """chi2 of every material where no surface shows the effect."""
+    return _by_material(fitter, space, space.start, phi)
+
+
+def _by_material(fitter: Fitter, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray) -> np.ndarray:
+    """chi2 of every material, each with an albedo of its own."""
+    sums, model = [_Sums() for _ in range(MOST_MATERIALS)], space.model(theta)
+    for o, light in zip(fitter.observations, fitter.lights(space, theta), strict=True):
+        pick = slice(None) if o.pick is None else o.pick
+        material, weight = o.view.material.ravel()[pick], o.weight.ravel()[pick]
+        image = signal(model, o, light, phi)
+        rest, glow = (x.ravel()[pick] for x in (o.measured - image, image - phi[SCALES - 1]))
+        for k in np.unique(material[material < MOST_MATERIALS]):
+            here = material == k
+            sums[k].add(rest[here], glow[here], weight[here])
+    return np.array([s.chi2() for s in sums])
 
 
 def on_explained(fitter: Fitter, solution: Solution, steps: int) -> Solution:
@@ -46,7 +54,8 @@ def on_explained(fitter: Fitter, solution: Solution, steps: int) -> Solution:
     if not solution.space.given.any():
         return solution
     theta = solution.theta.copy()
-    theta[solution.space.given] = explained_surfaces(fitter, solution.space, theta, solution.phi)
+    without = nowhere(fitter, solution.space, solution.phi)
+    theta[solution.space.given] = explained_surfaces(fitter, solution.space, theta, solution.phi, without)
     if (theta == solution.theta).all():
         return solution
     other = fitter.refine(solution.space, theta, solution.phi, steps)
