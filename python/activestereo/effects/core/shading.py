@@ -33,7 +33,7 @@ class Facing:
         return self._view.once("lobe", lambda: cosines_of(self.normal, self.to_projector, self.to_camera))
 
     def from_source(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """(direction to it, cosine, irradiance per radiant intensity in 1/m^2) of a point source, shadows not counted."""
+        """(direction to it, cosine, irradiance per radiant intensity in 1/m^2) of a point source without shadows."""
         way = position - self.points
         square = np.maximum((way**2).sum(-1), 1e-12)
         direction = _unit(way)
