@@ -27,7 +27,7 @@ def _engine(inputs: EngineInputs, sigma: float) -> None:
     randomness=Randomness.STATIC,
     variance=_variance,
     judged=(RandomTerm("sigma", Lever.SIGNAL),),
-    parameters=[Parameter("sigma", "1", neutral=0.0, low=0.0, high=0.2, typical=0.01)],
+    parameters=[Parameter("sigma", "1", neutral=0.0, low=0.0, high=0.5, typical=0.01)],
     engine=_engine,
 )
 def prnu(signal: np.ndarray, view: View, sigma: float) -> np.ndarray:

@@ -53,7 +53,7 @@ def _engine(inputs: EngineInputs, fraction: float, length_m: float, surfaces: fl
             "m",
             neutral=0.003,
             low=0.0002,
-            high=0.02,
+            high=0.03,
             typical=0.002,
             source="rms distance along one axis; without effect at fraction 0",
         ),

@@ -11,6 +11,8 @@ from activestereo.effects.core.judging import Channel
 from activestereo.lab.diagnose.channels.depth_engine import surveyed_nats
 from activestereo.lab.diagnose.findings import BaseChecks, Checks, Explanation, Finding, Ranking, Remainder, Score
 from activestereo.lab.diagnose.gates import GATES
+from activestereo.lab.diagnose.refine import Fitter
+from activestereo.lab.diagnose.refine.light import SCALES
 from activestereo.lab.diagnose.score.intervals import interval
 from activestereo.lab.diagnose.verdict import confidence
 from activestereo.lab.diagnose.verdict.completeness import is_unexplained
@@ -88,3 +90,17 @@ def test_unknown_is_what_has_structure_or_is_more_than_surveys_leave(floors, str
     first = ranking_of([], base_structure=0.05)
     named = Remainder(100.0 * (1.0 + floors), 0.0, 0.05, {})
     assert not is_unexplained(first, named, first)  # what a named effect leaves is judged by its structure
+
+
+def test_what_a_survey_may_have_wrong_widens_an_interval():
+    """An effect and a focal length that move the images alike: the data tell their sum, the survey one of them."""
+    sigma, told = 6e-4, 1e10
+    fitter = Fitter([], np.array([sigma, sigma]), 1)
+    size = 1 + SCALES + 2
+    alike = np.zeros(size)
+    alike[[0, 1 + SCALES]] = 1.0, 1.0  # of the effect's parameter and the left eye's focal length
+    gram = told * np.outer(alike, alike) + np.diag([0.0, *[told] * SCALES, 0.0, told])
+    space = SimpleNamespace(held=np.array([False]), low=np.array([-1.0]), high=np.array([1.0]))
+    sums = SimpleNamespace(gram=gram[None], block_moment={"left": np.zeros((size, 1))})
+    deviation = np.sqrt(fitter.covariance(SimpleNamespace(theta=np.zeros(1), space=space, sums=sums))[0, 0])
+    assert deviation == pytest.approx(sigma, rel=0.01)

@@ -160,14 +160,15 @@ class Fitter:
 
     def covariance(self, solution: Solution) -> np.ndarray:
         """Of theta, [n][n]: the sandwich over clusters that share errors (Liang and Zeger 1986): blocks of an
-        eye's image, repeats and settings of one pose together.
+        eye's image, repeats and settings of one pose together; and what a survey's errors add, whose prior holds the
+        nuisances near wrong values.
 
         None of it asks for independent pixels.
         """
         n = len(solution.theta)
-        rows = self.inverse(solution)[:n]
+        rows, prior = self.inverse(solution)[:n], self.prior(n, solution.space)
         pulls = [rows @ moment for moment in solution.sums.block_moment.values()]
-        return sum(pull @ pull.T for pull in pulls)
+        return sum(pull @ pull.T for pull in pulls) + (rows * prior) @ rows.T
 
     def inverse(self, solution: Solution) -> np.ndarray:
         """The inverse of the normal matrix with its priors, at a solution: (theta, phi) in rows and columns."""
