@@ -86,6 +86,10 @@ class GltfWriter:
         matrix = np.asarray(camera_to_world) @ np.diag([1.0, -1.0, -1.0, 1.0])
         self._node(name, camera=camera, matrix=matrix.T.reshape(-1).tolist())
 
+    def document(self) -> tuple[dict[str, Any], bytes]:
+        """The JSON without its buffer, and the buffer."""
+        return self._json, bytes(self._bytes)
+
     def write(self, path: str | Path) -> None:
         """.gltf with the buffer inside as base64, or .glb."""
         suffix = str(path).lower().rsplit(".", 1)[-1]

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The command line: activestereo simulate | presets | depth | pair | depth-quality | compare | diagnose | add | model |
-acquire | import | effect | devices, one file each. This one parses, runs and makes failures one line."""
+acquire | import | overlay | effect | devices, one file each. This one parses, runs and makes failures one line."""
 
 import argparse
 import os
@@ -21,6 +21,7 @@ from activestereo.cli import (
     effect,
     import_capture,
     model,
+    overlay,
     pair,
     presets,
     simulate,
@@ -39,6 +40,7 @@ _COMMANDS = (
     model,
     acquire,
     import_capture,
+    overlay,
     effect,
     devices,
 )

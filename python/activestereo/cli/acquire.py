@@ -5,6 +5,7 @@ import argparse
 import json
 from pathlib import Path
 
+from activestereo.cli import acquire_pose
 from activestereo.cli.arguments import CommandError, add_seed, camera_matrix
 
 _TEXT = """\
@@ -14,6 +15,7 @@ leaves the others as they are; the file is written at the end, whole.
   noise    repeats of static views  -> imager
   pattern  frames of a flat wall    -> pattern
   rig      frames of a board        -> rig
+  pose     views of parts with CAD  -> the capture's scene with the parts in it
 
 activestereo acquire noise --help tells more.
 """
@@ -106,6 +108,7 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
         "--k", type=camera_matrix, metavar="FX,FY,CX,CY", help="the device's own K of both rectified eyes, held"
     )
     rig.set_defaults(run=_run_rig)
+    acquire_pose.add_part(parts)
 
 
 def _part(parts: argparse._SubParsersAction, name: str, summary: str, text: str) -> argparse.ArgumentParser:

@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: Apache-2.0
+"""activestereo overlay: the rendered scene over what the camera saw."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from activestereo.cli.arguments import CommandError, Commands, add_device, make_folder, size
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+_TEXT = """\
+Lays a scene over the pictures of a real camera: contours of what is rendered in
+orange, half of each image, so that the eye sees whether things stand where the scene
+says. SOURCE is a capture (all its poses), one PNG file, a folder of PNG files, or
+live: a connected D4xx (needs: pip install pyrealsense2).
+
+Of files and of a live camera the scene's first camera says from where they look. In
+a window (q ends it) the scene is rendered once for each pose, so that a live picture
+keeps the camera's rate; with --out pictures are saved instead.
+
+examples:
+  activestereo overlay captures/desk --scene desk.gltf --out out/overlay
+  activestereo overlay live --scene desk.gltf
+"""
+
+
+def add_parser(commands: Commands) -> None:
+    parser = commands.add_parser(
+        "overlay",
+        help="lay the rendered scene over a camera's pictures",
+        description=_TEXT,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("source", type=Path, metavar="SOURCE", help="capture, PNG file, folder of PNG files, or live")
+    parser.add_argument("--scene", type=Path, metavar="FILE", help="glTF scene (default: the capture's own)")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="folder for PNG files; without it a window opens")
+    parser.add_argument("--size", type=size, default=(848, 480), metavar="WxH", help="of a live camera (848x480)")
+    add_device(parser)
+    parser.set_defaults(run=_run)
+
+
+def _run(args: argparse.Namespace) -> None:
+    from activestereo.output_files import write_png
+    from activestereo.overlay import show_window
+
+    is_capture = (args.source / "capture.json").is_file() or args.source.name == "capture.json"
+    if args.scene is None and not is_capture:
+        raise CommandError("--scene is needed for files and a live camera")
+    pictures = _of_capture(args) if is_capture else _of_files(args)
+    if args.out is None:
+        show_window(picture for _, picture in pictures)
+        return
+    if str(args.source) == "live":
+        raise CommandError("live: a window shows it: leave --out away")
+    make_folder(args.out)
+    names = []
+    for name, picture in pictures:
+        write_png(args.out / f"{name}.png", picture)
+        names.append(name)
+    print(f"written: {len(names)} pictures in {args.out}, {names[0]}.png first")
+
+
+def _of_capture(args: argparse.Namespace) -> Iterator[tuple[str, NDArray[np.uint8]]]:
+    import numpy as np
+
+    from activestereo.acquire.object_views import View, object_views
+    from activestereo.capture import read_capture
+    from activestereo.overlay import Overlay
+
+    capture = read_capture(args.source)
+    try:
+        views = object_views(capture, most_poses=10**6)
+    except ValueError:  # only dots: they will do for the eye
+        rig = capture.rig
+        views = [
+            View(
+                f"frames[id={f.id}].left",
+                capture.ir(f, "left")[..., None] / rig.max_dn,
+                rig.left.K,
+                f.camera_to_world,
+                f,
+            )
+            for f in capture.frames
+        ]
+    overlay = Overlay(args.scene or capture.scene_path, args.device)
+    for view in views:
+        picture = np.rint(255 * np.clip(view.image, 0, 1)).astype(np.uint8)
+        yield (
+            view.name.replace("frames[id=", "").replace("].", "_"),
+            overlay.blend(picture, view.K, view.camera_to_world),
+        )
+
+
+def _of_files(args: argparse.Namespace) -> Iterator[tuple[str, NDArray[np.uint8]]]:
+    from activestereo.images import read_color
+    from activestereo.overlay import Overlay, live_pictures
+
+    overlay = Overlay(args.scene, args.device)
+    if str(args.source) == "live":
+        for picture, K in live_pictures(args.size):
+            yield "live", overlay.blend(picture, K, None)
+        return
+    files = [args.source] if args.source.is_file() else sorted(args.source.glob("*.png"))
+    if not files:
+        raise CommandError(f"{args.source}: is no capture, no PNG file, and no folder of PNG files")
+    for file in files:
+        yield file.stem, overlay.blend(read_color(file), None, None)
