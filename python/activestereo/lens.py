@@ -12,7 +12,7 @@ _CONVERGED = 1e-10
 Positions = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 
-def distort(x: NDArray[np.float64], y: NDArray[np.float64], coefficients: Sequence[float]) -> Positions:
+def distort(x: NDArray[np.float64], y: NDArray[np.float64], coefficients: Sequence[float] | np.ndarray) -> Positions:
     """Where a lens draws what an ideal pinhole draws at (x, y)."""
     k1, k2, p1, p2, k3 = coefficients
     r2 = x * x + y * y
@@ -21,7 +21,7 @@ def distort(x: NDArray[np.float64], y: NDArray[np.float64], coefficients: Sequen
     return x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x), y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
 
 
-def undistort(x: NDArray[np.float64], y: NDArray[np.float64], coefficients: Sequence[float]) -> Positions:
+def undistort(x: NDArray[np.float64], y: NDArray[np.float64], coefficients: Sequence[float] | np.ndarray) -> Positions:
     """The inverse of distort(), by fixed-point iteration."""
     ideal_x, ideal_y = x, y
     for _ in range(_ITERATIONS):

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A progress bar with the time left, on stderr: it redraws itself on a terminal, and elsewhere says a line at times."""
+"""Progress of long work: its parts as shares of the whole, and a bar with the time left on stderr, which redraws itself
+on a terminal and elsewhere says a line at times."""
 
 from __future__ import annotations
 
@@ -12,6 +13,17 @@ from typing import TextIO
 _REDRAW_S = 0.1
 _LINE_S = 15.0
 _WIDTH = 28
+
+# Called with the fraction done, 0..1; work that can be cancelled ends when it returns True.
+Progress = Callable[[float], object]
+
+
+def part_of(progress: Progress | None, start: float, end: float) -> Progress | None:
+    """`progress` for a call that is only the part start..end of the work."""
+    if progress is None:
+        return None
+    whole = progress
+    return lambda fraction: whole(start + (end - start) * fraction)
 
 
 class ProgressBar:

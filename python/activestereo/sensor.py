@@ -6,11 +6,11 @@ from __future__ import annotations
 
 import warnings
 import weakref
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from copy import deepcopy
 from os import PathLike
-from typing import Any, Self
+from typing import Any, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -29,6 +29,7 @@ from activestereo.mount import as_mount
 from activestereo.picture_memory import PictureMemory
 from activestereo.pose import Pose, as_matrix, camera_to_world
 from activestereo.presets import StereoDepthSensorConfig
+from activestereo.progress_bar import Progress, part_of
 from activestereo.sensor_effects import ImageEffects, ModelCostWarning
 from activestereo.sensor_inputs import exposure, fitted_to, render_settings, sensor_inputs, shutter, twist_of
 from activestereo.sensor_model import SensorModel
@@ -38,6 +39,7 @@ from activestereo.sensor_world import LATER, SensorWorld, pattern_of
 RGB_OUTPUTS = {
     "radiance": (np.float32, 3), "depth": (np.float32, 1), "material_id": (np.uint32, 1), "instance_id": (np.uint32, 1),
 }  # fmt: skip
+Band = Literal["visible", "infrared"]
 LASER_OUTPUTS = ("projector_direct", "projector_indirect")
 
 
@@ -71,7 +73,8 @@ class StereoDepthSensor:
         self._device = self._scene.device
         found = fitted_to(self._scene, scene_or_mount, model, self._config)
         self._effects, self._survey, self._ambient_radiance = found
-        self._conditions, self._place, self._speckle_draw = (None, 0.0), None, -1
+        self._conditions: tuple[float | None, float] = (None, 0.0)
+        self._place, self._speckle_draw = None, -1
         self._exposure, self._next_setting = AutoExposure(self._config), None
         self._renderer = kuafu.Renderer(self._device, **renderer_parameters(self._config))
         self._engine = self.make_engine()
@@ -91,11 +94,12 @@ class StereoDepthSensor:
         rgb_width, rgb_height = self._config.rgb_resolution
         self._rgb = PictureMemory(self._device, (1, rgb_height, rgb_width), RGB_OUTPUTS)
         self._has_rgb, self._maps, self._laser = False, LazyMaps(), (None, None)
-        self._has_picture, self._stage_times = False, {}
+        self._has_picture = False
+        self._stage_times: dict[str, float] = {}
 
     # ---- taking pictures ----
 
-    def take_picture(self, infrared_only: bool = False, progress: Callable[[float], object] | None = None) -> None:
+    def take_picture(self, infrared_only: bool = False, progress: Progress | None = None) -> None:
         """Renders the infrared pair, and before it the RGB picture unless infrared_only. progress(fraction) may return
         True to cancel. A call that fails or is cancelled leaves no picture."""
         self._has_picture = False
@@ -107,10 +111,10 @@ class StereoDepthSensor:
             if not infrared_only:
                 self._has_rgb = False
                 self._rgb.forget()
-                self._render([self.rgb_camera()], self._rgb.targets, "visible", frame, _part(progress, 0.0, share))
+                self._render([self.rgb_camera()], self._rgb.targets, "visible", frame, part_of(progress, 0.0, share))
                 self._has_rgb = True
                 self._keep_times("rgb", self._renderer)
-            laser = self._render_infrared(frame, _part(progress, share, 1.0))
+            laser = self._render_infrared(frame, part_of(progress, share, 1.0))
             self._keep_times("ir", self._renderer)
         self._image_effects.on_light(self._link.images)
         self._link.deliver()
@@ -228,7 +232,7 @@ class StereoDepthSensor:
         camera_velocity of captures; zeros = it stands still. It moves nothing from one picture to the next:
         set_local_pose() does, and is the pose in the middle of the exposure."""
         if not all(np.shape(part) == (3,) and np.isfinite(part).all() for part in (linear, angular)):
-            raise ValueError(f"a velocity is 3 finite numbers in m/s and 3 in rad/s, not {linear} and {angular}")
+            raise ValueError(f"a velocity is 3 finite numbers in m/s and 3 in rad/s, not {linear!r} and {angular!r}")
         self._twist = np.concatenate([linear, angular]).astype(np.float64)
         self._move()
 
@@ -261,7 +265,7 @@ class StereoDepthSensor:
         """What the engines are told of this sensor under its model, with the infrared cameras at their present
         poses."""
         self.ir_cameras()
-        return self._told
+        return self._tell_engines()
 
     @property
     def projector_to_world(self) -> NDArray[np.float64]:
@@ -450,19 +454,20 @@ class StereoDepthSensor:
             if not self._config.projector_always_on:
                 self._world.darken()
 
-    def _camera(self, resolution: Any, k: np.ndarray, pose_in_rgb: Pose, lens_and_shutter: Any) -> kuafu.Camera:
+    def _camera(self, resolution: Any, k: np.ndarray, pose_in_rgb: Pose, more: Any) -> kuafu.Camera:
         linear, angular = twist_of(self._config, self._twist, pose_in_rgb)
         pose = camera_to_world(self.get_pose() * pose_in_rgb)
-        return kuafu.Camera(*resolution, k, pose, linear_velocity=linear, angular_velocity=angular, **lens_and_shutter)
+        width, height = resolution
+        return kuafu.Camera(width, height, k, pose, linear_velocity=linear, angular_velocity=angular, **more)
 
     def _render(
-        self, cameras: Any, outputs: Any, band: str, frame: int, progress: Any, eyes: Any = (False, True)
+        self, cameras: Any, outputs: Any, band: Band, frame: int, progress: Any, eyes: Any = (False, True)
     ) -> Any:
         film: Any = self._config.rgb_film
         environments = None
         if band == "infrared":
-            film = [self._told.eyes[is_right].film for is_right in eyes]
-            environments = [LATER if self._told.eyes[is_right].delay_s else 0 for is_right in eyes]
+            seen_by = [self._tell_engines().eyes[is_right] for is_right in eyes]
+            film, environments = [eye.film for eye in seen_by], [LATER if eye.delay_s else 0 for eye in seen_by]
         return self._renderer.render(
             self._scene, cameras, outputs, band=band, **render_settings(self._config, frame), film=film,
             environments=environments, projector=self._world.projector, progress=progress,
@@ -493,8 +498,3 @@ class StereoDepthSensor:
     def _require_depth(self) -> None:
         if not self._maps:
             raise RuntimeError("no depth of this picture yet: call compute_depth() after take_picture()")
-
-
-def _part(progress: Any, start: float, end: float) -> Any:
-    """`progress` for a call that is only the part start..end of the work."""
-    return None if progress is None else lambda fraction: progress(start + (end - start) * fraction)

@@ -67,7 +67,7 @@ class ImageEffects:
         for i, (eye, part) in enumerate(zip(EYES, inputs.eyes, strict=True)):
             view = self._view(eye, inputs)
             if before.effects:
-                power = inputs.projector.ir_intensity if inputs.projector is not None else 0.0
+                power = 0.0 if inputs.projector is None else float(inputs.projector.ir_intensity or 0.0)
                 ambient = max(inputs.ambient_radiance, 1e-30)
                 light = before.light(self._light(eye, power, ambient), view, random=True)
                 images[i] = power * light.projector + ambient * light.ambient

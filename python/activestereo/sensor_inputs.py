@@ -5,6 +5,7 @@ effects; and a model's effects with the names of a scene's surfaces."""
 from __future__ import annotations
 
 from os import PathLike
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -93,7 +94,7 @@ def twist_of(config: StereoDepthSensorConfig, twist: NDArray[np.float64], pose_i
     return carried_twist(camera_to_camera(config.trans_pose_l, pose_in_rgb), twist).reshape(2, 3)
 
 
-def shutter(line_time_s: float, readout: str) -> dict[str, float | str]:
+def shutter(line_time_s: float, readout: str) -> dict[str, Any]:
     """kuafu.Camera's fields of a rolling shutter, none for a global one."""
     return {"shutter": "rolling", "line_time_s": line_time_s, "readout": readout} if line_time_s else {}
 
@@ -108,8 +109,10 @@ def _eye(
 ) -> EngineEye:
     linear, angular = twist_of(config, twist, place)
     k, distortion = config.ir_eye(is_right)
+    width, height = config.ir_resolution
     camera = kuafu.Camera(
-        *config.ir_resolution,
+        width,
+        height,
         k,
         camera_to_world(pose * place),
         linear_velocity=linear,
@@ -129,6 +132,7 @@ def _projector(
     pattern: NDArray[np.float32] | None,
     emitter: float,
 ) -> kuafu.Light | None:
+    fields: dict[str, Any]
     if config.light_dots is not None:
         design = config.pattern_design
         size = {"pattern_width": design.width, "pattern_height": design.height, "dot_sigma_px": design.dot_sigma_px}
@@ -161,18 +165,18 @@ def _bounds(summary: kuafu.SceneSummary, place: NDArray[np.float64]) -> tuple[tu
 
 def fitted_to(
     scene: kuafu.Scene,
-    scene_path: Any,
+    source: object,
     model: SensorModel | str | PathLike[str] | None,
     config: StereoDepthSensorConfig,
 ) -> tuple[Model, Survey, float]:
-    """(effects, survey, infrared radiance of the model's room) in this scene. Where the model tells two objects of one
-    material apart and the scene is a file, each gets a material of its own."""
+    """(effects, survey, infrared radiance of the model's room) in this scene. source: what the scene is from; where the
+    model tells two objects of one material apart and it is a file's path, each gets a material of its own."""
     if model is None:
         return Model(), Survey(), config.ir_ambient_strength
-    model = model if isinstance(model, SensorModel) else read_model(model)
+    model = model if isinstance(model, SensorModel) else read_model(Path(model))
     names = _material_names(scene)
-    if isinstance(scene_path, (str, PathLike)) and not model.surfaces <= set(names):
-        split_surfaces(scene, scene_path)
+    if isinstance(source, (str, PathLike)) and not model.surfaces <= set(names):
+        split_surfaces(scene, Path(source))
         names = _material_names(scene)
     ambient = model.nuisances.get("ambient_scale")
     radiance = config.ir_ambient_strength if ambient is None else ambient.value / config.ir_responsivity_dn

@@ -7,6 +7,7 @@ apriltag:6x4:0.04:0.01          grid of 6x4 AprilTags (36h11) of 0.04 m, 0.01 m 
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -102,7 +103,7 @@ class Board:
             np.float64
         ) - _MARKER_SHIFT_PX
 
-    def _aruco_board(self) -> tuple[object, object]:
+    def _aruco_board(self) -> tuple[Any, Any]:
         if not hasattr(cv2, "aruco") or not hasattr(cv2.aruco, "CharucoBoard_create"):
             raise ValueError(
                 f"this OpenCV, {cv2.__version__}, has no aruco module as in 4.6: use a chessboard, or Debian's "

@@ -63,7 +63,8 @@ class Noise:
             "show in repeats"
         )
         sigma, zero = fit.interval("sigma_dn"), Quantity(0.0, unit="1")
-        offset = Quantity(*(v**2 + _ROUNDING_DN2 for v in (law.sigma_dn, *sigma)), unit="DN^2", source=source)
+        value, low, high = (v**2 + _ROUNDING_DN2 for v in (law.sigma_dn, *sigma))
+        offset = Quantity(value, low, high, unit="DN^2", source=source)
         if self.chosen == "gamma":
             high, low = fit.interval("shape")
             imager = Imager(
@@ -109,7 +110,7 @@ class Noise:
 
 def acquire_noise(
     frames: Path | list[Repeats], dark: Path | list[Repeats] | None = None, literal: bool = False, seed: int = 0,
-    progress: Callable[[float], None] | None = None,
+    progress: Callable[[float], object] | None = None,
 ) -> Noise:  # fmt: skip
     """The Noise of repeats; dark: repeats without any light. literal: fit as the paper writes it, too. seed: which
     pixels are looked at.
@@ -196,16 +197,16 @@ def _dark_counts(darks: list[Repeats], views: list[Repeats], rng: np.random.Gene
 
 
 def _transfer(views: list[Repeats], max_dn: int) -> tuple[TransferPoint, ...]:
-    known = [view for view in views if view.exposure_gain is not None]
-    if len({view.exposure_gain for view in known}) < 2:
+    known = [(view.exposure_gain, view) for view in views if view.exposure_gain is not None]
+    if len({exposure_gain for exposure_gain, _ in known}) < 2:
         return ()
     points = []
-    for view in sorted(known, key=lambda v: v.exposure_gain):
+    for exposure_gain, view in sorted(known, key=lambda one: one[0]):
         counts = view.counts.astype(np.float64)
         clear = ((counts > 0) & (counts < max_dn)).all(axis=0)
         variance = counts.var(axis=0, ddof=1)
         points.append(
-            TransferPoint(view.exposure_gain, float(counts.mean(axis=0)[clear].mean()), float(variance[clear].mean()))
+            TransferPoint(exposure_gain, float(counts.mean(axis=0)[clear].mean()), float(variance[clear].mean()))
         )
     return tuple(points)
 

@@ -94,12 +94,13 @@ def _signal_grid(counts: Counts, law: Law) -> tuple[np.ndarray, np.ndarray]:
     top = 1.1 * max(float(counts.means.max()) - law.black_dn, 1.0) + 6.0 * np.sqrt(
         law.variance(np.array([counts.means.max()]))[0] / repeats
     )
-    grid, at = [], 0.0
+    middles: list[float] = []
+    at = 0.0
     while at < top:
         step = np.sqrt((law.variance(np.array([at]))[0] + counts.bin_dn**2 / 12.0) / repeats)
-        grid.append(at + 0.5 * step)
+        middles.append(at + 0.5 * step)
         at += step
-    grid = np.array(grid)
+    grid = np.array(middles)
     return grid, np.gradient(grid) if len(grid) > 1 else np.ones(1)
 
 
@@ -116,7 +117,7 @@ def fit_law(
     free = 2 if fixed_black_dn is not None else 3
 
     def law_of(x: np.ndarray) -> Law:
-        black = fixed_black_dn if free == 2 else float(x[2])
+        black = float(x[2]) if fixed_black_dn is None else fixed_black_dn
         return kind(float(np.exp(np.clip(x[0], -9.0, 12.0))), float(np.exp(np.clip(x[1], -4.0, 6.0))), black)
 
     def cost(x: np.ndarray) -> float:

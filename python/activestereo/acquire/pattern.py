@@ -20,6 +20,7 @@ from activestereo.acquire.wall import Wall, find_wall
 from activestereo.capture import EYES, Capture, Frame, read_capture
 from activestereo.capture import Rig as CaptureRig
 from activestereo.images import read_gray
+from activestereo.progress_bar import part_of
 from activestereo.sensor_model import Eye, Rig, SensorModel
 from activestereo.sensor_model import Pattern as SensorPattern
 
@@ -109,7 +110,7 @@ class Pattern:
         return "\n".join(lines)
 
 
-def acquire_pattern(path: Path, progress: Callable[[float], None] | None = None) -> Pattern:
+def acquire_pattern(path: Path, progress: Callable[[float], object] | None = None) -> Pattern:
     """The Pattern of a capture whose repeat groups look at one flat, matt wall, each group from one distance, the
     projector on.
 
@@ -152,7 +153,7 @@ def _check_rig(capture: Capture) -> None:
         )
 
 
-def _wall_view(capture: Capture, name: str, frames: list[Frame], tell: Callable[[float], None]) -> WallView:
+def _wall_view(capture: Capture, name: str, frames: list[Frame], tell: Callable[[float], object]) -> WallView:
     if len(frames) < LEAST_REPEATS:
         raise ValueError(
             f"{name}: {len(frames)} repeats, at least {LEAST_REPEATS} are needed: record more frames of the wall"
@@ -163,9 +164,7 @@ def _wall_view(capture: Capture, name: str, frames: list[Frame], tell: Callable[
         check_still(Repeats(f"{name}, {eye}", counts))
         _check_saturation(f"{name}, {eye}", counts, capture.rig.max_dn)
         images[eye] = counts.mean(axis=0)
-        spots[eye] = find_spots(
-            images[eye], _variance_of_mean(counts), lambda part, place=place: tell(0.5 * (place + part))
-        )
+        spots[eye] = find_spots(images[eye], _variance_of_mean(counts), part_of(tell, 0.5 * place, 0.5 * place + 0.5))
     wall = find_wall(
         spots["left"], spots["right"], capture.rig.left.K, capture.rig.right.K, capture.rig.baseline_m, name
     )

@@ -98,7 +98,7 @@ class Calibration:
 
 def acquire_rig(
     path: Path, board: Board, has_lens: bool = True, known_K: NDArray[np.float64] | None = None,
-    progress: Callable[[float], None] | None = None
+    progress: Callable[[float], object] | None = None
 ) -> Calibration:  # fmt: skip
     """The Calibration from PATH/left/*.png and PATH/right/*.png, pairs by name.
 
@@ -114,7 +114,7 @@ def acquire_rig(
 
 
 def find_boards(
-    path: Path, board: Board, tell: Callable[[float], None]
+    path: Path, board: Board, tell: Callable[[float], object]
 ) -> tuple[list[BoardView], tuple[int, int], int]:
     """(views that show a board, (width, height), bit depth)."""
     folders = {eye: Path(path) / eye for eye in EYES}
@@ -124,7 +124,9 @@ def find_boards(
         raise ValueError(
             f"{path}: no PNG file is in both left/ and right/: give a folder with frames of both eyes under equal names"
         )
-    views, size, depth = [], None, 8
+    views: list[BoardView] = []
+    size: tuple[int, int] | None = None
+    depth = 8
     for number, name in enumerate(both):
         corners = {}
         for eye in EYES:
@@ -140,7 +142,7 @@ def find_boards(
             views.append(BoardView(name, corners))
         tell((number + 1) / len(both))
     seen = sum(len(view.corners) == 2 for view in views)
-    if seen < LEAST_BOARDS:
+    if size is None or seen < LEAST_BOARDS:
         raise ValueError(
             f"{path}: {seen} of {len(both)} frame pairs show the board to both eyes, at least {LEAST_BOARDS} are "
             "needed: check --board, light the board evenly with the projector off, and keep all of a chessboard in "

@@ -43,7 +43,7 @@ class Spots:
         return len(self.u)
 
 
-def find_spots(image: np.ndarray, variance: np.ndarray, progress: Callable[[float], None] | None = None) -> Spots:
+def find_spots(image: np.ndarray, variance: np.ndarray, progress: Callable[[float], object] | None = None) -> Spots:
     """Spots of an averaged image [height][width], DN; variance: of its pixels, DN^2. ValueError where there are fewer
     than 50."""
     tell = progress or (lambda fraction: None)

@@ -189,6 +189,7 @@ def _run_rig(args: argparse.Namespace) -> None:
     print(result.text())
     if hand is not None:
         written.append(args.out.with_suffix(".hand_eye.json"))
-        replace_file(written[1], lambda file: file.write((json.dumps(hand.as_json(), indent=1) + "\n").encode()))
+        text = (json.dumps(hand.as_json(), indent=1) + "\n").encode()
+        replace_file(written[1], lambda file: file.write(text))
         print(hand.text())
     print(f"written: rig in {args.out}, {', '.join(path.name for path in written)}")

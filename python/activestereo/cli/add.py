@@ -55,7 +55,8 @@ def run(args: argparse.Namespace) -> None:
     effect = find(effects, args.effect)
     if args.on and SURFACES not in effect.parameters:
         raise CommandError(f"--on {args.on[0]}: {effect.id} is not an effect of surfaces")
-    given, surfaces = {}, ()
+    given: dict[str, Quantity] = {}
+    surfaces: tuple[str, ...] = ()
     if args.diagnosis is not None:
         diagnosis = _read(args.diagnosis)
         try:

@@ -190,7 +190,7 @@ def make_config(args: argparse.Namespace, model: SensorModel | None = None) -> S
     return config
 
 
-def _resized(config: StereoDepthSensorConfig, resolution: tuple[int, int] | None) -> StereoDepthSensorConfig:
+def _resized(config: StereoDepthSensorConfig, resolution: tuple[int, int]) -> StereoDepthSensorConfig:
     width, height = config.ir_resolution
     scaled = config.scaled(resolution[0] / width)
     if scaled.ir_resolution != resolution:
@@ -237,7 +237,7 @@ def _overall_view(summary: kuafu.SceneSummary) -> np.ndarray:
     from activestereo.pose import look_at
 
     low, high = np.array(summary.bounds_min_m), np.array(summary.bounds_max_m)
-    centre, radius = 0.5 * (low + high), max(0.5 * np.linalg.norm(high - low), 0.05)
+    centre, radius = 0.5 * (low + high), max(0.5 * float(np.linalg.norm(high - low)), 0.05)
     direction = np.array([0.0, 0.5, 1.0]) / np.hypot(0.5, 1.0)
     return look_at(centre + 2.6 * radius * direction, centre, (0.0, 1.0, 0.0))
 
@@ -272,7 +272,7 @@ def _report(args: argparse.Namespace, sensor: StereoDepthSensor, rows: list[Any]
     from activestereo.accuracy import accuracy_table
     from activestereo.cli.report import matching_line, stage_table
 
-    groups = {}
+    groups: dict[str, dict[str, float]] = {}
     for name, time in sensor.stage_times.items():
         group, stage = name.split(": ", 1)
         groups.setdefault(group, {})[stage] = time

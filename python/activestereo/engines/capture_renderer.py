@@ -30,6 +30,7 @@ from activestereo.engines.world import (
     record_key,
     world_key,
 )
+from activestereo.progress_bar import part_of
 from activestereo.scene_surfaces import split_surfaces
 
 Key = tuple[int, str]
@@ -70,9 +71,14 @@ class _Job:
 class Nuisances(Protocol):
     """Counts per second, gain and unit of radiance of both kinds of light, and the black level."""
 
-    projector_scale: float
-    ambient_scale: float
-    black_dn: float
+    @property
+    def projector_scale(self) -> float: ...
+
+    @property
+    def ambient_scale(self) -> float: ...
+
+    @property
+    def black_dn(self) -> float: ...
 
 
 class CaptureRenderer:
@@ -138,7 +144,7 @@ class CaptureRenderer:
             worlds.setdefault(world_key(job.inputs), []).append(job)
         out: dict[Key, EyeLight] = {}
         for done, group in enumerate(worlds.values()):
-            share = progress and (lambda f, done=done: progress((done + f) / len(worlds)))
+            share = part_of(progress, done / len(worlds), (done + 1) / len(worlds))
             for job, eyes in zip(group, self._images(group, share), strict=True):
                 out |= {
                     (frame.id, eye): _eye_light(view, own)
@@ -212,14 +218,15 @@ class CaptureRenderer:
     ) -> dict[str, NDArray]:
         """One render of all jobs, an environment each: own: the rig's projector at 1 W/sr and lamps; else further
         projectors alone."""
-        lights, textures = [], {}
+        lights: list[int] = []
+        textures: dict[bytes, int] = {}
         has_lamps = own and any(light.kind != "projector" for job in jobs for light in job.inputs.added_lights)
         group = f"light_group_{_ADDED_GROUP}"
         try:
             moments = _moments(jobs)
             for environment, (job, delay_s) in enumerate(moments):
                 for light in _lights(job.inputs, own, delay_s):
-                    if light.kind == "projector":
+                    if light.kind == "projector" and job.inputs.pattern is not None:
                         light.texture = self._texture(job.inputs.pattern, textures)
                     light.environment, light.light_group = environment, _ADDED_GROUP
                     lights.append(self._scene.add_light(light))
@@ -237,8 +244,8 @@ class CaptureRenderer:
                 progress=progress,
             )
         finally:
-            for light in lights:
-                self._scene.remove_light(light)
+            for number in lights:
+                self._scene.remove_light(number)
             for texture in textures.values():
                 self._scene.remove_texture(texture)
         images = dict(images)
@@ -289,6 +296,5 @@ def _eye_light(view: dict[str, NDArray], inputs: EngineInputs) -> EyeLight:
     power = 0.0 if inputs.projector is None else inputs.projector.ir_intensity
     ambient = inputs.ambient.scale * view["ambient"] + view["added"] + view["added_indirect"]
     lights = (power * view["projector_direct"], power * view["projector_indirect"], ambient, view["depth"])
-    return EyeLight(
-        *(image[..., 0].astype(np.float32) for image in lights), view["normal"], view["material_id"][..., 0]
-    )
+    direct, indirect, room, depth = (image[..., 0].astype(np.float32) for image in lights)
+    return EyeLight(direct, indirect, room, depth, view["normal"], view["material_id"][..., 0])

@@ -52,13 +52,13 @@ class ExpectedImager:
         fine = [self._fine(signal, frame_index is not None) for signal in signals]
         self._engine.set_parameters(frame_index=frame_index or 0)
         self._engine.set_signal(*fine)
-        (left, left_laser), (right, right_laser) = (
-            tuple(None if x is None else np.float32(x) for x in pair) for pair in images
-        )
+        left, right = (pair[0].astype(np.float32) for pair in images)
+        left_laser, right_laser = (None if pair[1] is None else pair[1].astype(np.float32) for pair in images)
         given = self._engine.compute(
             left, right, ("ir_left", "ir_right"), left_laser=left_laser, right_laser=right_laser
         )
-        return tuple(given[name].astype(np.float32) / np.float32(self._scale) for name in ("ir_left", "ir_right"))
+        scale = np.float32(self._scale)
+        return given["ir_left"].astype(np.float32) / scale, given["ir_right"].astype(np.float32) / scale
 
     def one(self, image: NDArray, signal: dict[str, float]) -> NDArray[np.float32]:
         """counts() of one imager on average."""

@@ -30,7 +30,7 @@ class BlockBootstrap:
             return [(n.sum(0) / denominator.sum(0), d / drawn[0]) for n, d in zip(numerators, drawn[1:], strict=True)]
 
 
-def interval(draws: np.ndarray) -> tuple[float, float]:
+def interval(draws: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(low, high) of the central 95 % of draws [draws][...]."""
     tail = 50.0 * (1.0 - LEVEL)
     low, high = np.nanpercentile(draws, (tail, 100.0 - tail), axis=0)

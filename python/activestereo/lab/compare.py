@@ -27,6 +27,7 @@ from activestereo.lab.mismatch import match_of, warnings_of
 from activestereo.lab.noise import transfer_points
 from activestereo.lab.render import WARP_SCALE, render_frames
 from activestereo.lab.where_channels import where_it_fails
+from activestereo.progress_bar import part_of
 
 if TYPE_CHECKING:
     from activestereo.capture import Frame
@@ -76,7 +77,7 @@ def compare(
         from activestereo.lab.kuafu_renderer import KuafuRenderer
 
         renderer = KuafuRenderer()
-    share = progress and (lambda fraction: progress(_RENDER_SHARE * fraction))
+    share = part_of(progress, 0.0, _RENDER_SHARE)
     model = model or Model()
     moves = is_fine or any(effect.stage is Stage.CAMERA for effect, _ in model.effects)
     layers = render_frames(

@@ -117,7 +117,8 @@ def _edge_distance(depth_m: np.ndarray) -> Any:
     """Pixels to the nearest jump in depth; the image's size where there is none."""
     z = np.where(depth_m > 0, depth_m, np.inf)
     edge = np.zeros(z.shape, dtype=bool)
-    for near, far in ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])):
+    neighbours: Any = ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:]))
+    for near, far in neighbours:
         low, high = np.minimum(z[near], z[far]), np.maximum(z[near], z[far])
         jump = np.isfinite(low) & (high > (1.0 + _EDGE_STEP) * low)
         edge[near] |= jump

@@ -35,7 +35,7 @@ class DepthFrame:
     truth: np.ndarray
     focal_baseline: float
 
-    def disparity_error(self, depth_m: np.ndarray, reference_m: np.ndarray) -> np.ndarray:
+    def disparity_error(self, depth_m: np.ndarray, reference_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(depth's disparity minus the reference's [height][width], where both are valid)."""
         both = (depth_m > 0) & (reference_m > 0)
         safe = lambda z: np.where(both, z, 1.0)  # noqa: E731
@@ -65,6 +65,8 @@ def model_depths(
     out = []
     for frame in frames:
         view, draws = views[frame.id, "left"], []
+        device = capture.depth(frame)
+        assert device is not None  # it has a depth_path
         for draw in range(2):
             pair = []
             for index, eye in enumerate(EYES):
@@ -73,7 +75,7 @@ def model_depths(
                 rng = np.random.Generator(np.random.Philox(key=[seed, 4 * frame.id + 2 * draw + index]))
                 pair.append(expose(expected, frame.gain, noise, capture.rig.max_dn, rng))
             draws.append(model.depth(engine.depth(*pair), view))
-        out.append(DepthFrame(frame, capture.depth(frame), tuple(draws), view.depth_m, focal_baseline))
+        out.append(DepthFrame(frame, device, tuple(draws), view.depth_m, focal_baseline))
     return out
 
 
@@ -126,7 +128,7 @@ def _against_truth(depths: Sequence[DepthFrame]) -> Any:
 
 def _repeats(depths: Sequence[DepthFrame]) -> list[Any]:
     """Pairs of the device's own depths of one static view."""
-    groups = {}
+    groups: dict[int, list[DepthFrame]] = {}
     for d in depths:
         if d.frame.repeat_group is not None:
             groups.setdefault(d.frame.repeat_group, []).append(d)
@@ -135,12 +137,12 @@ def _repeats(depths: Sequence[DepthFrame]) -> list[Any]:
 
 def _error(pairs: Sequence[Any]) -> dict[str, Any]:
     """Errors of (DepthFrame, depth, reference), pooled over pixels where both are valid; None where there is none."""
-    metres, pixels = [], []
+    in_metres, in_pixels = [], []
     for d, depth, reference in pairs:
         error, both = d.disparity_error(depth, reference)
-        pixels.append(error[both])
-        metres.append((depth.astype(np.float64) - reference)[both])
-    metres, pixels = np.concatenate(metres), np.concatenate(pixels)
+        in_pixels.append(error[both])
+        in_metres.append((depth.astype(np.float64) - reference)[both])
+    metres, pixels = np.concatenate(in_metres), np.concatenate(in_pixels)
     if not metres.size:
         return dict.fromkeys(("rmse_m", "bias_m", "rmse_px", "median_abs_px"))
     return {

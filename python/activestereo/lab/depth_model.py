@@ -26,7 +26,7 @@ _MAD_TO_SIGMA = 1.4826
 
 
 def expose(
-    expected_dn: np.ndarray, gain: float, law: NoiseLaw | None, max_dn: float, rng: np.random.Generator
+    expected_dn: np.ndarray, gain: float, law: NoiseLaw, max_dn: float, rng: np.random.Generator
 ) -> np.ndarray:
     """One noisy exposure of an expected image, whole DN in float32: gamma speckle for the law's quadratic term, the
     rest normal."""
@@ -57,7 +57,7 @@ class DepthModel:
         rig = capture.rig
         left, right = (simsense.Camera(c.width, c.height, c.K, c.distortion) for c in (rig.left, rig.right))
         is_ideal = _is_rectified(rig)
-        registered = {} if is_ideal else {"rgb": left, "left_to_rgb": np.eye(4)}
+        registered: dict[str, Any] = {} if is_ideal else {"rgb": left, "left_to_rgb": np.eye(4)}
 
         def engine(parameters: Mapping[str, Any]) -> simsense.Engine:
             device, bits = simsense.Device("host"), max(8, rig.bit_depth)
@@ -78,8 +78,8 @@ class DepthModel:
 
     def depth(self, left_dn: np.ndarray, right_dn: np.ndarray) -> np.ndarray:
         """float32 [height][width] of a pair in whole DN."""
-        pair = (image.astype(self._dtype) for image in (left_dn, right_dn))
-        return self._engine.compute(*pair, outputs=(self._output,))[self._output].copy()
+        left, right = left_dn.astype(self._dtype), right_dn.astype(self._dtype)
+        return self._engine.compute(left, right, outputs=(self._output,))[self._output].copy()
 
 
 def _followed(hints: Mapping[str, Any]) -> dict[str, Any]:

@@ -50,9 +50,8 @@ class EngineModel:
     def light(self, seen: EyeLight, flat: NDArray[np.float32], view: View) -> Light:
         """What falls on the imager. flat: of the base layers, for effects of the projector that have no engine
         field."""
-        light = Light(
-            *(np.asarray(image, dtype=np.float64) for image in (seen.direct, seen.indirect, seen.ambient, flat))
-        )
+        images = (seen.direct, seen.indirect, seen.ambient, flat)
+        light = Light.of_images([np.asarray(image, dtype=np.float64) for image in images])
         return self.rest.light(light, view) if self.rest.effects else light
 
     def signal(self, light: Light, view: View, nuisances: Nuisances) -> NDArray[np.float64]:

@@ -77,7 +77,9 @@ def fit_nuisances(observations: Sequence[tuple[Frame, Any, np.ndarray]], max_dn:
     if not observations:
         raise ValueError("nothing to fit: the capture has no train frames")
     total = sum(measured.size for _, _, measured in observations)
-    solution, deviation, at_bound = None, 0.0, ()
+    solution: np.ndarray | None = None
+    deviation = 0.0
+    at_bound: tuple[str, ...] = ()
     for _ in range(_CLIP_ROUNDS):
         with np.errstate(over="ignore", invalid="ignore"):
             gram, moment, energy, used = _normal_equations(observations, solution, deviation, max_dn)
@@ -93,6 +95,7 @@ def fit_nuisances(observations: Sequence[tuple[Frame, Any, np.ndarray]], max_dn:
         deviation = np.sqrt(max(0.0, energy - solution @ moment) / used)
         if used == total:
             break  # nothing near the ends of the range: the linear fit is final
+    assert solution is not None  # there is one round at least
     errors = deviation * np.sqrt(np.maximum(np.diag(inverse), 0.0))
     return Fit(
         Nuisances(*map(float, solution)), Nuisances(*map(float, errors)), int(used), 1.0 - used / total, at_bound

@@ -48,9 +48,9 @@ def _normal_equations(
             moved[j] += _STEP * max(abs(theta[j]), 1.0)
             columns.append((model.signal(light, view, Nuisances(*moved)) - image) / (moved[j] - theta[j]))
         keep = (image < max_dn - _CLIP_MARGIN_SIGMA * deviation) & (image > 0.0)
-        columns, residual = np.stack([c[keep] for c in columns]), (measured - image)[keep]
-        gram += columns @ columns.T
-        moment += columns @ residual
+        design, residual = np.stack([c[keep] for c in columns]), (measured - image)[keep]
+        gram += design @ design.T
+        moment += design @ residual
         squares += float(residual @ residual)
         used += residual.size
     return gram, moment, squares, used

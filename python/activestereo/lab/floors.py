@@ -37,7 +37,9 @@ def floors_of(
     floors, law = frame_floors(capture, black_dn)
     if law is None:
         frames = capture.split("train") or capture.frames
-        pairs = [tuple(table[f.id, eye] for table in (views, measured) for eye in EYES) for f in frames]
+        pairs = [
+            (views[f.id, "left"], views[f.id, "right"], measured[f.id, "left"], measured[f.id, "right"]) for f in frames
+        ]
         law = pair_law(pairs, black_dn)
         if law is None:
             return {}, None

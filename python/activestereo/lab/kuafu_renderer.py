@@ -8,7 +8,7 @@ import hashlib
 import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -30,6 +30,19 @@ _FLAT_SHARE = 0.5
 _OUTPUTS = ("projector_direct", "projector_indirect", "ambient", "depth", "normal", "material_id")
 
 
+@dataclass
+class _World:
+    """A loaded scene. texture, white: its nominal pattern and one that is 1 everywhere; light: the projector's number,
+    None before it is placed."""
+
+    digest: str
+    pattern: np.ndarray
+    scene: kuafu.Scene
+    texture: int
+    white: int
+    light: int | None = None
+
+
 class KuafuRenderer:
     """Renders RenderRequests. A scene is loaded once and kept; the projector moves from request to request.
 
@@ -41,7 +54,7 @@ class KuafuRenderer:
         self._smooth = smooth
         self._device = device if isinstance(device, kuafu.Device) else kuafu.Device(device)
         self._renderer = kuafu.Renderer(self._device)
-        self._scene_digest = self._scene = self._texture = self._white = self._light = self._pattern = None
+        self._world: _World | None = None
 
     @property
     def version(self) -> str:
@@ -51,18 +64,24 @@ class KuafuRenderer:
 
     def __call__(self, request: RenderRequest, progress: Callable[[float], object] | None = None) -> tuple[Layers, ...]:
         """One Layers per camera. progress: called as progress(fraction)."""
-        self._load(request)
+        world = self._load(request)
         cameras = [kuafu.Camera(c.width, c.height, c.K, c.camera_to_world) for c in request.cameras]
-        self._place_projector(request, self._white)
+        _place_projector(world, request, world.white)
         fewer = replace(request, samples_per_pixel=max(1, round(_FLAT_SHARE * request.samples_per_pixel)))
-        single = self._render(fewer, cameras, ("projector_direct", "ambient"), 0, None)
-        self._place_projector(request, self._texture)
-        images = self._render(request, cameras, _OUTPUTS, request.max_bounces, progress)
+        single = self._render(world, fewer, cameras, ("projector_direct", "ambient"), 0, None)
+        _place_projector(world, request, world.texture)
+        images = self._render(world, request, cameras, _OUTPUTS, request.max_bounces, progress)
         with ThreadPoolExecutor(os.cpu_count()) as pool:
-            return tuple(pool.map(lambda i: self._layers(images, single, i, request.cameras[i]), range(len(cameras))))
+            layers = lambda i: self._layers(world, images, single, i, request.cameras[i])  # noqa: E731
+            return tuple(pool.map(layers, range(len(cameras))))
 
     def _layers(
-        self, images: Mapping[str, np.ndarray], single: Mapping[str, np.ndarray], i: int, camera: Any
+        self,
+        world: _World,
+        images: Mapping[str, np.ndarray],
+        single: Mapping[str, np.ndarray],
+        i: int,
+        camera: Any,
     ) -> Layers:
         """Of one camera. single: light straight off the first surface, under a pattern that is 1 everywhere."""
         depth_m, normal, material = (
@@ -73,24 +92,15 @@ class KuafuRenderer:
         bounced = {name: images[name][i, ..., 0] for name in ("projector_indirect", "ambient")}
         bounced |= {"ambient_direct": single["ambient"][i, ..., 0]}
         if self._smooth:
-            bounced |= self._smoothed(bounced, depth_m, normal, material, camera)
+            bounced |= _smoothed(world.scene, bounced, depth_m, normal, material, camera)
         direct = images["projector_direct"][i, ..., 0].copy()
         indirect, ambient, ambient_direct = (image.astype(np.float32) for image in bounced.values())
         flat = single["projector_direct"][i, ..., 0].copy()
         return Layers(direct, indirect, ambient, flat, depth_m, normal, material, ambient_direct)
 
-    def _smoothed(
-        self, bounced: dict[str, np.ndarray], depth_m: np.ndarray, normal: np.ndarray, material: np.ndarray, camera: Any
-    ) -> dict[str, np.ndarray]:
-        column, row = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
-        y = (row - camera.K[1, 2]) / camera.K[1, 1]
-        x = (column - camera.K[0, 2] - camera.K[0, 1] * y) / camera.K[0, 0]
-        points = np.stack([x * depth_m, y * depth_m, depth_m], axis=-1)
-        in_camera = normal @ camera.camera_to_world[:3, :3]
-        return smooth_light(bounced, depth_m, in_camera, points, material, camera.K[0, 0], self._scene)
-
     def _render(
         self,
+        world: _World,
         request: RenderRequest,
         cameras: Sequence[kuafu.Camera],
         outputs: Sequence[str],
@@ -98,7 +108,7 @@ class KuafuRenderer:
         progress: Callable[[float], object] | None,
     ) -> Mapping[str, np.ndarray]:
         return self._renderer.render(
-            self._scene,
+            world.scene,
             cameras,
             outputs,
             band="infrared",
@@ -108,33 +118,50 @@ class KuafuRenderer:
             progress=progress,
         )
 
-    def _load(self, request: RenderRequest) -> None:
-        """The scene and its two patterns: the nominal one, and one that is 1 everywhere. An edited file is another
-        scene."""
-        digest = scene_digest(request.scene_path)
-        if digest == self._scene_digest and np.array_equal(request.pattern, self._pattern):
-            return
-        self._scene = kuafu.Scene(self._device)
-        self._scene.load(request.scene_path)
-        split_surfaces(self._scene, request.scene_path)
-        self._scene.set_environment((1.0, 1.0, 1.0), ir_radiance=1.0)
-        self._texture = self._scene.add_texture(request.pattern, name="pattern")
-        self._white = self._scene.add_texture(np.ones_like(request.pattern), name="white pattern")
-        self._scene_digest, self._pattern, self._light = digest, request.pattern, None
+    def _load(self, request: RenderRequest) -> _World:
+        """The scene and its two patterns. An edited file is another scene."""
+        digest, world = scene_digest(request.scene_path), self._world
+        if world is not None and digest == world.digest and np.array_equal(request.pattern, world.pattern):
+            return world
+        scene = kuafu.Scene(self._device)
+        scene.load(request.scene_path)
+        split_surfaces(scene, request.scene_path)
+        scene.set_environment((1.0, 1.0, 1.0), ir_radiance=1.0)
+        texture = scene.add_texture(request.pattern, name="pattern")
+        white = scene.add_texture(np.ones_like(request.pattern), name="white pattern")
+        self._world = _World(digest, request.pattern, scene, texture, white)
+        return self._world
 
-    def _place_projector(self, request: RenderRequest, texture: int) -> None:
-        light = kuafu.Light(
-            kind="projector",
-            name="projector",
-            texture=texture,
-            k=request.projector_K,
-            ir_intensity=1.0,
-            light_to_world=request.projector_to_world,
-        )
-        if self._light is None:
-            self._light = self._scene.add_light(light)
-        else:
-            self._scene.set_light(self._light, light)
+
+def _place_projector(world: _World, request: RenderRequest, texture: int) -> None:
+    light = kuafu.Light(
+        kind="projector",
+        name="projector",
+        texture=texture,
+        k=request.projector_K,
+        ir_intensity=1.0,
+        light_to_world=request.projector_to_world,
+    )
+    if world.light is None:
+        world.light = world.scene.add_light(light)
+    else:
+        world.scene.set_light(world.light, light)
+
+
+def _smoothed(
+    scene: kuafu.Scene,
+    bounced: dict[str, np.ndarray],
+    depth_m: np.ndarray,
+    normal: np.ndarray,
+    material: np.ndarray,
+    camera: Any,
+) -> dict[str, np.ndarray]:
+    column, row = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
+    y = (row - camera.K[1, 2]) / camera.K[1, 1]
+    x = (column - camera.K[0, 2] - camera.K[0, 1] * y) / camera.K[0, 0]
+    points = np.stack([x * depth_m, y * depth_m, depth_m], axis=-1)
+    in_camera = normal @ camera.camera_to_world[:3, :3]
+    return smooth_light(bounced, depth_m, in_camera, points, material, camera.K[0, 0], scene)
 
 
 def engine_version(device: kuafu.Device) -> str:

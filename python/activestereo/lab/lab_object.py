@@ -8,13 +8,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from activestereo.effects.core.model import Model
 from activestereo.lab.compare import compare
 from activestereo.lab.diagnose import diagnose
 from activestereo.lab.diagnose.report import write_diagnosis
 from activestereo.lab.model_file import find, library, read_model, scene_of, write_model
 
 if TYPE_CHECKING:
-    from activestereo.effects.core.model import Model
     from activestereo.lab.compare import Comparison
     from activestereo.lab.diagnose.diagnosis import Diagnosis
 
@@ -35,8 +35,9 @@ class Lab:
     ) -> None:
         self.capture = capture
         self.effects = library(*effects)
-        self.model = model if hasattr(model, "with_effect") else read_model(model, self.effects, scene_of(capture))
-        self.comparison = self.diagnosis = None
+        self.model = model if isinstance(model, Model) else read_model(model, self.effects, scene_of(capture))
+        self.comparison: Comparison | None = None
+        self.diagnosis: Diagnosis | None = None
         self._settings = settings
 
     def compare(self) -> Comparison:
@@ -55,7 +56,7 @@ class Lab:
         model."""
         effect = find(self.effects, effect_id)
         if not parameters:
-            entries = self.diagnosis.result["ranking"] if self.diagnosis else []
+            entries: list[dict[str, Any]] = self.diagnosis.result["ranking"] if self.diagnosis else []
             found = next((e["parameters"] for e in entries if e["effect"] == effect_id), None)
             parameters = {name: v["value"] for name, v in found.items()} if found else effect.typical_values
         self.model = self.model.with_effect(effect, **parameters)
@@ -65,11 +66,10 @@ class Lab:
         """Writes compare.json, report.html, model.json and, after diagnose(), diagnose.json into a folder."""
         from activestereo.lab.report import write_report  # matplotlib takes its time to load
 
-        if self.comparison is None:
-            self.compare()
+        comparison = self.comparison or self.compare()
         if self.diagnosis is not None:
             write_diagnosis(self.diagnosis, folder)
-        paths = write_report(self.comparison, folder)
+        paths = write_report(comparison, folder)
         if not self._is_as_found():  # write_diagnosis() has written the complete one
             write_model(paths[0].parent / "model.json", self.model, scene_path=scene_of(self.capture))
         return paths

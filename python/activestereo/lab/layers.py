@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from activestereo.capture import EYES, Capture, Frame, Rig
+from activestereo.capture import EYES, Camera, Capture, Frame, Rig
 from activestereo.effects.core.fine import FineImages
 from activestereo.lens import distort, undistort
 
@@ -102,7 +102,7 @@ class Sampling:
         width, height = ((size + 2 * self.margin_px) * self.scale for size in (camera.width, camera.height))
         return ViewCamera(width, height, to_fine @ camera.K, camera.camera_to_world)
 
-    def pixel_layers(self, layers: Layers, camera: ViewCamera) -> Layers:
+    def pixel_layers(self, layers: Layers, camera: Camera) -> Layers:
         """PixelLayers of a capture's Camera from the Layers that camera() gave; a lens that distorts is drawn here."""
         images = np.stack([layers.direct, layers.indirect, layers.ambient, layers.flat])
         fine = FineImages(images, self.scale, self.margin_px)
@@ -111,9 +111,10 @@ class Sampling:
         if not camera.is_pinhole:
             column, row = ideal_pixels(camera, column, row)
             fine, sky = fine.warped(column, row), sky and sky.warped(column, row)
-        lights = (image.astype(np.float32) for image in fine.pixels)
+        direct, indirect, ambient, flat = (image.astype(np.float32) for image in fine.pixels)
         ambient_direct = None if sky is None else sky.pixels[0].astype(np.float32)
-        return PixelLayers(*lights, *self._surfaces(layers, column, row), ambient_direct, fine=fine)
+        surfaces = self._surfaces(layers, column, row)
+        return PixelLayers(direct, indirect, ambient, flat, *surfaces, ambient_direct, fine=fine)
 
     def _surfaces(
         self, layers: Layers, column: np.ndarray, row: np.ndarray
@@ -135,7 +136,7 @@ class Sampling:
         return depth_m, layers.normal[near_v, near_u], layers.material[near_v, near_u]
 
 
-def ideal_pixels(camera: ViewCamera, column: np.ndarray, row: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def ideal_pixels(camera: Camera, column: np.ndarray, row: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Where an ideal pinhole of the same K draws what a capture's Camera draws at pixels (column, row)."""
     y = (row - camera.K[1, 2]) / camera.K[1, 1]
     x = (column - camera.K[0, 2] - camera.K[0, 1] * y) / camera.K[0, 0]
@@ -143,7 +144,7 @@ def ideal_pixels(camera: ViewCamera, column: np.ndarray, row: np.ndarray) -> tup
     return camera.K[0, 0] * x + camera.K[0, 1] * y + camera.K[0, 2], camera.K[1, 1] * y + camera.K[1, 2]
 
 
-def drawn_pixels(camera: ViewCamera, column: np.ndarray, row: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def drawn_pixels(camera: Camera, column: np.ndarray, row: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """[2][...]: where the Camera draws what an ideal pinhole of the same K draws at pixels (column, row):
     ideal_pixels() inverted."""
     y = (row - camera.K[1, 2]) / camera.K[1, 1]

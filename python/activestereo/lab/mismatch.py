@@ -102,7 +102,7 @@ def _one(
     keys = (frame.id, "left"), (frame.id, "right")
     left, right = (_fast(measured[key]) for key in keys)
     warp = warp_between(views[keys[0]], views[keys[1]])
-    inside = warp.seen & (np.asarray(measured[keys[0]]) < views[keys[0]].max_dn - 1)
+    inside = warp.seen & (np.asarray(measured[keys[0]], dtype=np.float64) < views[keys[0]].max_dn - 1)
     if inside.sum() < 1000:
         return None
     noise = 0.0 if law is None else law.mean_variance(np.asarray(measured[keys[0]]), frame.gain)

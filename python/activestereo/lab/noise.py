@@ -82,7 +82,8 @@ def fit_noise_law(statistics: Sequence[Repeats], black_dn: float, max_dn: float)
         signal, signal_square = mean - black, square - 2 * black * mean + black**2
         design = np.stack([np.ones_like(mean), gain * signal, signal_square], axis=1)
         coefficients, misfit = nnls(np.maximum(design, 0.0) * weight[:, None], variance * weight)
-        laws.append((misfit**2, NoiseLaw(*map(float, coefficients), float(black))))
+        offset, shot, relative = map(float, coefficients)
+        laws.append((misfit**2, NoiseLaw(offset, shot, relative, float(black))))
     limit = 1.05 * min(chi2 for chi2, _ in laws) + _CHI2_MARGIN
     return next(law for chi2, law in laws if chi2 <= limit)
 

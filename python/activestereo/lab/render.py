@@ -11,6 +11,7 @@ from typing import Protocol
 from activestereo.capture import EYES, Capture
 from activestereo.lab.cache import LayerCache, request_key
 from activestereo.lab.layers import Layers, RenderRequest, rig_request, sampling_of
+from activestereo.progress_bar import part_of
 
 # Image samples per pixel side where effects may warp the images: finer ones keep dots sharp.
 WARP_SCALE = 2
@@ -19,7 +20,9 @@ WARP_SCALE = 2
 class Renderer(Protocol):
     """Renders one rig pose; see the head of this file."""
 
-    version: str
+    @property
+    def version(self) -> str:
+        """Of what decides its images: a cached render of another version is not used."""
 
     def __call__(
         self, request: RenderRequest, progress: Callable[[float], object] | None = None
@@ -40,7 +43,7 @@ def render_frames(
     """
     cache = cache or LayerCache()
     sampling = sampling_of(capture.rig, scale)
-    requests = {}
+    requests: dict[str, RenderRequest] = {}
     keys = {}
     for frame in capture.frames:
         request = rig_request(capture, frame, samples_per_pixel, max_bounces, seed, sampling)
@@ -50,7 +53,7 @@ def render_frames(
     for done, (key, request) in enumerate(requests.items()):
         layers = cache.get(key)
         if layers is None:
-            layers = renderer(request, _part(progress, done, len(requests)))
+            layers = renderer(request, part_of(progress, done / len(requests), (done + 1) / len(requests)))
             cache.put(key, layers)
         if sampling.scale > 1:
             layers = tuple(
@@ -60,8 +63,3 @@ def render_frames(
         if progress:
             progress((done + 1) / len(requests))
     return {frame_id: rendered[key] for frame_id, key in keys.items()}
-
-
-def _part(progress: Callable[[float], object] | None, done: int, total: int) -> Callable[[float], object] | None:
-    """`progress` of one render as progress of them all."""
-    return None if progress is None else lambda fraction: progress((done + fraction) / total)

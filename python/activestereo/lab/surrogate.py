@@ -67,7 +67,7 @@ class Trial:
         # A seed also decides what a random pattern is: there both have to be of one.
         runs = self.runs if effect.randomness is Randomness.NONE else (self.runs[0], self.runs[0])
         (in_engine, by_formula), (in_engine_2, by_formula_2) = (run.changes(drawn, random=False) for run in runs)
-        unlike = np.mean((by_formula - in_engine) * (by_formula_2 - in_engine_2))
+        unlike = float(np.mean((by_formula - in_engine) * (by_formula_2 - in_engine_2)))
         return float(np.sqrt(max(unlike, 0.0) / np.mean(in_engine * in_engine_2)))
 
 

@@ -41,7 +41,7 @@ def where_tables(
 
 
 def _table(
-    channel: str, unit: str, samples: Any, explainable: np.ndarray, covariate: Any, bootstrap: Any, name_of: Any
+    channel: str, unit: str, samples: Any, explainable: bool, covariate: Any, bootstrap: Any, name_of: Any
 ) -> dict[str, Any]:
     bins = samples.bins[covariate.name]
     ones = np.ones_like(samples.residual)
@@ -74,7 +74,7 @@ def _table(
 def _p_value(columns: np.ndarray, overall: Any) -> float:
     """Of the hypothesis that the covariate does not matter: in every bin the mean residual and the excess are the
     overall ones."""
-    observed, drawn = 0.0, 0.0
+    observed, drawn = 0.0, np.zeros(1)
     for (value, draws), (all_value, all_draws) in zip(columns, overall, strict=True):
         t, t_draws = max_t(value - all_value, draws - all_draws)
         observed, drawn = max(observed, t), np.maximum(drawn, t_draws)
@@ -87,8 +87,8 @@ def _bin_rows(
     name_of: Any,
     count: np.ndarray,
     share: np.ndarray,
-    mean: np.ndarray,
-    excess: np.ndarray,
+    mean: tuple[np.ndarray, np.ndarray],
+    excess: tuple[np.ndarray, np.ndarray],
     floor: np.ndarray,
 ) -> list[dict[str, Any]]:
     mean_low, mean_high = interval(mean[1])

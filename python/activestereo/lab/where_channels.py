@@ -18,7 +18,7 @@ from activestereo.scene_surfaces import surface_names
 
 if TYPE_CHECKING:
     from activestereo.capture import Frame
-    from activestereo.lab.depth_model import DepthFrame
+    from activestereo.lab.depth_compare import DepthFrame
     from activestereo.lab.noise import NoiseLaw
 
 # Below this share of the floor's variance an excess may be the renderer's own Monte Carlo noise, and is not explained
@@ -73,7 +73,8 @@ def residual_channels(infrared: Any, depths: Any, maps: Any, seed: int = 0) -> A
     images["disparity"], images["validity"] = [], []
     for d in depths:
         here, pose = maps[d.frame.id, "left"], _pose(d.frame, "left")
-        images["disparity"].append(ResidualImage(*_disparity(d), here, pose))
+        residual, floor, mask = _disparity(d)
+        images["disparity"].append(ResidualImage(residual, floor, mask, here, pose))
         device, one, two = (np.asarray(z > 0, dtype=np.float64) for z in (d.measured, *d.model))
         images["validity"].append(ResidualImage(device - one, np.abs(one - two), np.ones(one.shape, bool), here, pose))
     units = {"infrared": "DN", "disparity": "px", "validity": "1"}
@@ -93,7 +94,7 @@ def surface_text(scene_path: Path) -> Callable[[int], str]:
 
 def _floor(expected: np.ndarray, frame: Frame, image_floor: Any, law: NoiseLaw | None) -> np.ndarray:
     """Variance per pixel [height][width] by the law, scaled to the image's own floor; 0 where nothing tells it."""
-    if image_floor is None:
+    if image_floor is None or law is None:
         return np.zeros(expected.shape)
     variance = law.variance(expected, frame.gain)
     mean = variance.mean()

@@ -46,7 +46,9 @@ class Bins:
 
     @property
     def count(self) -> int:
-        return len(self.values) if self.edges is None else len(self.edges) - 1
+        if self.edges is not None:
+            return len(self.edges) - 1
+        return 0 if self.values is None else len(self.values)
 
 
 @dataclass(frozen=True)

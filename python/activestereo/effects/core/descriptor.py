@@ -175,7 +175,7 @@ def effect(
     """Makes an Effect of a function; its docstring is the effect's summary. See Effect."""
 
     def make(function: Callable) -> Effect:
-        summary = inspect.getdoc(function)
+        summary = (inspect.getdoc(function) or "").strip()
         if not summary:
             raise ValueError(f"effect {id}: the function needs a docstring, it is what users read")
         wanted = list(inspect.signature(function).parameters)[2:]

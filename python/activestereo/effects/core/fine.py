@@ -73,7 +73,7 @@ class FineImages:
             self._sums[indices] = self._sum_of(indices)
         return self._sums[indices]
 
-    def _sum_of(self, indices: Sequence[int]) -> FineImages:
+    def _sum_of(self, indices: tuple[int, ...]) -> FineImages:
         image = self.images[indices[0]] if len(indices) == 1 else self.images[list(indices)].sum(axis=0)
         return FineImages(image[None], self.scale, self.margin_px)
 
@@ -94,6 +94,9 @@ class FineImages:
 class _LaterFine(FineImages):
     """FineImages under a linear operation that is done for the images that are asked for."""
 
+    _source: FineImages
+    _operation: Callable[[FineImages], FineImages]
+
     def __init__(self, source: FineImages, operation: Callable[[FineImages], FineImages]) -> None:
         self.__dict__.update(scale=source.scale, margin_px=source.margin_px, _source=source, _operation=operation)
 
@@ -101,5 +104,5 @@ class _LaterFine(FineImages):
     def images(self) -> np.ndarray:
         return self._operation(self._source).images
 
-    def _sum_of(self, indices: Sequence[int]) -> FineImages:
+    def _sum_of(self, indices: tuple[int, ...]) -> FineImages:
         return self._operation(self._source.sum_of(indices))

@@ -8,6 +8,7 @@ left alone.
 
 from __future__ import annotations
 
+import traceback
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import product
@@ -40,13 +41,8 @@ def _failure(effect: Effect, value: Any, view: View) -> str | None:
     try:
         given = effect(_copy(value), view, **effect.typical_values)
     except Exception as error:  # a user's function may raise anything
-        line = error.__traceback__
-        while line.tb_next:
-            line = line.tb_next
-        return (
-            f"fails at {Path(line.tb_frame.f_code.co_filename).name}, line {line.tb_lineno}: {type(error).__name__}: "
-            f"{error}"
-        )
+        last = traceback.extract_tb(error.__traceback__)[-1]
+        return f"fails at {Path(last.filename).name}, line {last.lineno}: {type(error).__name__}: {error}"
     wanted, shape = ("a Light", None) if isinstance(value, Light) else (f"an array of shape {value.shape}", value.shape)
     if isinstance(given, Light) != isinstance(value, Light) or (shape and np.shape(given) != shape):
         return (

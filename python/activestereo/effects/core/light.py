@@ -45,17 +45,23 @@ class Light:
     it alone.
     """
 
-    direct: np.ndarray = _Part()
-    indirect: np.ndarray = _Part()
-    ambient: np.ndarray = _Part()
-    flat: np.ndarray = _Part()
+    direct: np.ndarray = _Part()  # type: ignore[assignment]
+    indirect: np.ndarray = _Part()  # type: ignore[assignment]
+    ambient: np.ndarray = _Part()  # type: ignore[assignment]
+    flat: np.ndarray = _Part()  # type: ignore[assignment]
     fine: FineImages | None = None
 
     @classmethod
     def of(cls, layers: Any) -> Light:
         """From rendered lab layers."""
         images = (layers.direct, layers.indirect, layers.ambient, layers.flat)
-        return cls(*(np.asarray(image, dtype=np.float64) for image in images), getattr(layers, "fine", None))
+        return cls.of_images([np.asarray(image, dtype=np.float64) for image in images], getattr(layers, "fine", None))
+
+    @classmethod
+    def of_images(cls, images: Sequence[np.ndarray] | np.ndarray, fine: FineImages | None = None) -> Light:
+        """From [4][height][width]: direct, indirect, ambient, flat."""
+        direct, indirect, ambient, flat = images
+        return cls(direct, indirect, ambient, flat, fine)
 
     @property
     def projector(self) -> np.ndarray:
@@ -70,10 +76,11 @@ class Light:
         """Sum of the named images; of what an operation has yet to make, one image is made instead of several."""
         if len(names) == 1:
             return getattr(self, names[0])
-        later = self.__dict__.get("_later")
+        later: _Later | None = self.__dict__.get("_later")
         if later is None or any(f"_{name}" in self.__dict__ for name in names):
             return self._once(("sum", names), lambda: sum(getattr(self, name) for name in names))
-        return self._once(("sum", names), lambda: later.image(names))
+        image = later.image
+        return self._once(("sum", names), lambda: image(names))
 
     def seen(self, pick: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Projector and ambient light, float64 [n] each, at flat indices of pixels."""
@@ -83,7 +90,7 @@ class Light:
             and later.at is not None
             and not {"_direct", "_indirect", "_ambient"} & self.__dict__.keys()
         ):
-            return tuple(later.at(names, pick) for names in (_PROJECTOR, _AMBIENT))
+            return later.at(_PROJECTOR, pick), later.at(_AMBIENT, pick)
         return self.projector.ravel()[pick], self.ambient.ravel()[pick]
 
     def map(self, operation: Callable[[np.ndarray], np.ndarray]) -> Light:
@@ -102,20 +109,19 @@ class Light:
             ).light()
         look = lambda names: self._once(("spline", names), lambda: Spline(self.sum_of(names)))  # noqa: E731
         later = _Later(self, lambda images: sample(images, u, v))
-        later.image = lambda names: look(names)(u, v)
+        later.whole = lambda names: look(names)(u, v)
         later.at = lambda names, pick: look(names)(u.ravel()[pick], v.ravel()[pick])
         return later.light()
 
     def blurred(self, sigma_px: float | np.ndarray) -> Light:
         """The light under a Gaussian blur of sigma_px, a number or an image of it; of the fine images where there are
         any."""
-        return _Later(
-            self, lambda images: blur(images, sigma_px), self.fine and (lambda fine: fine.blurred(sigma_px))
-        ).light()
+        of_fine = None if self.fine is None else lambda fine: fine.blurred(sigma_px)
+        return _Later(self, lambda images: blur(images, sigma_px), of_fine).light()
 
     def shifted_sum(self, along_u: Sequence[tuple[float, float]], along_v: Sequence[tuple[float, float]]) -> Light:
         """The weighted sum of shifted lights, see resample.shifted_sum; of the fine images where there are any."""
-        of_fine = self.fine and (lambda fine: fine.shifted_sum(along_u, along_v))
+        of_fine = None if self.fine is None else lambda fine: fine.shifted_sum(along_u, along_v)
         return _Later(self, lambda images: shifted_sum(images, along_u, along_v), of_fine).light()
 
     def _once(self, key: Hashable, make: Callable[[], Any]) -> Any:
@@ -138,8 +144,12 @@ class _Later:
     """A linear operation on a Light, done image by image when asked for; of_fine: the same on FineImages, where there
     are any.
 
-    of_gain: what becomes of a local gain, see Light.warped. at: function of (names, flat indices of pixels), or None.
+    of_gain: what becomes of a local gain, see Light.warped. whole: function of names, which takes the place of all
+    this, or None; at: the same of (names, flat indices of pixels).
     """
+
+    whole: Callable[[tuple[str, ...]], np.ndarray] | None = None
+    at: Callable[[tuple[str, ...], np.ndarray], np.ndarray] | None = None
 
     def __init__(
         self,
@@ -148,7 +158,7 @@ class _Later:
         of_fine: Callable[..., Any] | None = None,
         of_gain: Callable[[Any], Any] = lambda gain: gain,
     ) -> None:
-        self._source, self._of_images, self._of_gain, self.at = source, of_images, of_gain, None
+        self._source, self._of_images, self._of_gain = source, of_images, of_gain
         self._fine = of_fine(source.fine) if of_fine else None
 
     def light(self) -> Light:
@@ -158,6 +168,8 @@ class _Later:
 
     def image(self, names: tuple[str, ...]) -> np.ndarray:
         """Sum of the named images after the operation."""
+        if self.whole is not None:
+            return self.whole(names)
         now = self._source.sum_of(names)
         if self._fine is None:
             return self._of_images(now[None])[0]
@@ -165,7 +177,7 @@ class _Later:
         before = self._source.fine.sum_of(indices).pixels[0]
         changed = np.abs(now - before).max() > _UNCHANGED * before.max()
         if changed and len(names) > 1:
-            return sum(self.image((name,)) for name in names)
+            return np.sum([self.image((name,)) for name in names], axis=0)
         after = self._fine.sum_of(indices).pixels[0]
         if not changed:
             return after

@@ -19,7 +19,7 @@ def load_effects(path: str | Path) -> dict[str, Effect]:
     found = _from_python(path) if path.suffix == ".py" else _from_library(path)
     if not found:
         raise ValueError(f"{path}: holds no effect; make one with the decorator activestereo.effects.effect")
-    effects = {}
+    effects: dict[str, Effect] = {}
     for e in found:
         if effects.setdefault(e.id, e) is not e:
             raise ValueError(f"{path}: two effects have the id '{e.id}'")
@@ -28,6 +28,8 @@ def load_effects(path: str | Path) -> dict[str, Effect]:
 
 def _from_python(path: Path) -> list[Effect]:
     spec = importlib.util.spec_from_file_location(f"activestereo_user_{path.stem}", path)
+    if spec is None or spec.loader is None:
+        raise ValueError(f"{path}: is no Python file that can be imported")
     module = importlib.util.module_from_spec(spec)
     try:
         spec.loader.exec_module(module)

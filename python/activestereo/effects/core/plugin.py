@@ -80,7 +80,7 @@ def _effect(record: records.Effect, library: c.CDLL) -> Effect:
         assert library  # its code runs below
         return _run(record.apply, name, randomness, value, view, [values[p.name] for p in parameters])
 
-    texts = {field: _text(getattr(record, field)) for field in ("family", "summary", "source")}
+    texts: dict[str, Any] = {field: _text(getattr(record, field)) for field in ("family", "summary", "source")}
     judged = tuple(map(_random_term, _chained_terms(record.header)))
     return Effect(name, stage=stage, parameters=parameters, apply=apply, randomness=randomness, judged=judged, **texts)
 
@@ -138,7 +138,7 @@ def _run(function: Any, name: str, randomness: Randomness, value: Any, view: Vie
     del kept
     if status != 0:
         raise ValueError(f"{name}: the plug-in gave status {status}")
-    return Light(*out, value.fine) if isinstance(value, Light) else out
+    return Light.of_images(out, value.fine) if isinstance(value, Light) else out
 
 
 def _view(view: View, name: str, randomness: Randomness) -> tuple[Any, tuple[Any, ...]]:

@@ -36,7 +36,10 @@ def unit_starts(images: list[StartImage]) -> list[dict[str, float]]:
         gains[i] = strengths[i] * both[0]
     best = [np.unravel_index(flat, gains.shape) for flat in np.argsort(-gains, axis=None)[:_STARTS]]
     return [
-        {"intensity_m2": strengths[i, j], "offset_x_m": places[i], "offset_y_m": 0.0, "yaw_rad": yaws[j]}
+        {
+            "intensity_m2": float(strengths[i, j]), "offset_x_m": float(places[i]), "offset_y_m": 0.0,
+            "yaw_rad": float(yaws[j]),
+        }  # fmt: skip
         for i, j in best
     ]
 

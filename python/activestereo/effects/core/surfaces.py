@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Effects that only some of the scene's surfaces show: a glaze on one object, a clear wall."""
 
+from functools import partial
+
 import numpy as np
 
 from activestereo.effects.core.descriptor import Parameter
@@ -26,7 +28,7 @@ def chosen(view: View, surfaces: float) -> np.ndarray:
     materials."""
     if surfaces == 0 or view.material is None:
         return np.ones(view.shape, dtype=bool)
-    return view.once(("surfaces", surfaces), lambda: _chosen(view.material, int(surfaces)))
+    return view.once(("surfaces", surfaces), partial(_chosen, view.material, surfaces))
 
 
 def on_surfaces(light: Light, changed: Light, view: View, surfaces: float) -> Light:
@@ -34,7 +36,7 @@ def on_surfaces(light: Light, changed: Light, view: View, surfaces: float) -> Li
     if surfaces == 0:
         return changed
     here = chosen(view, surfaces)
-    return Light(*(np.where(here, new, old) for new, old in zip(changed.images, light.images, strict=True)), light.fine)
+    return Light.of_images(np.where(here, changed.images, light.images), light.fine)
 
 
 def _chosen(material: np.ndarray, surfaces: float) -> np.ndarray:

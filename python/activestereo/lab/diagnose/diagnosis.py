@@ -8,6 +8,7 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -40,6 +41,7 @@ from activestereo.lab.diagnose.verdict.verdict import EFFECT, UNDETERMINED, UNKN
 from activestereo.lab.model_file import library, model_json
 from activestereo.lab.render import WARP_SCALE, Renderer, render_frames
 from activestereo.lab.where_channels import surface_text
+from activestereo.progress_bar import part_of
 from activestereo.sensor_model import SensorModel
 
 _RENDER_SHARE = 0.4
@@ -53,7 +55,7 @@ class Diagnosis:
     model.json holds; None where the capture's images could not be judged.
     """
 
-    result: dict[str, object]
+    result: dict[str, Any]
     model: Model
     stub: str | None = None
     sensor_model: SensorModel | None = None
@@ -90,9 +92,9 @@ def diagnose(
         from activestereo.lab.kuafu_renderer import KuafuRenderer
 
         renderer = KuafuRenderer()
-    share = progress and (lambda f: progress(_RENDER_SHARE * f))
+    share = part_of(progress, 0.0, _RENDER_SHARE)
     layers = render_frames(capture, renderer, samples_per_pixel, max_bounces, seed, cache, share, WARP_SCALE)
-    share = progress and (lambda f: progress(_RENDER_SHARE + (1.0 - _RENDER_SHARE) * f))
+    share = part_of(progress, _RENDER_SHARE, 1.0)
     engine = None if rendering is None else rendering(capture)
     return examine(gather(capture, layers, seed), model, list(effects.values()), steps, workers, share, gates, engine)
 

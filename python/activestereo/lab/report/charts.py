@@ -167,7 +167,7 @@ def effects_chart(steps: Sequence[Mapping[str, Any]], floor: float | None) -> Fi
     return figure
 
 
-def _step_name(steps: Sequence[dict[str, Any]], index: int) -> str:
+def _step_name(steps: Sequence[Mapping[str, Any]], index: int) -> str:
     """What a step changed, in words."""
     now, before = steps[index]["effects"], steps[index - 1]["effects"] if index else []
     changes = [f"+ {name}" for name in now if name not in before] + [f"− {name}" for name in before if name not in now]

@@ -126,6 +126,8 @@ def _advice(item: Any) -> str:
 
 
 def _law(law: dict[str, Any] | None) -> str:
+    if law is None:
+        return ""
     rows = [
         [text(t["term"]), f"{t['value']:+.4g}", f"{t['low']:+.3g} … {t['high']:+.3g}"] for t in law.get("terms", [])
     ]

@@ -25,13 +25,13 @@ def encoded_image(image: np.ndarray, step: float, valid: np.ndarray | None = Non
     hold a value; None for all. Pixels without one get code 0, the others start at code 1.
     """
     image = np.asarray(image, dtype=np.float64)
-    valid = np.isfinite(image) if valid is None else valid & np.isfinite(image)
-    has_empty = not bool(valid.all())
-    low, high = (float(image[valid].min()), float(image[valid].max())) if valid.any() else (0.0, 0.0)
+    holds = np.isfinite(image) if valid is None else valid & np.isfinite(image)
+    has_empty = not bool(holds.all())
+    low, high = (float(image[holds].min()), float(image[holds].max())) if holds.any() else (0.0, 0.0)
     low = step * np.floor(low / step)
     first = int(has_empty)
     step = max(step, (high - low) / (_LARGEST_CODE - first))
-    code = np.where(valid, np.rint((np.where(valid, image, low) - low) / step) + first, 0).astype(np.uint16)
+    code = np.where(holds, np.rint((np.where(holds, image, low) - low) / step) + first, 0).astype(np.uint16)
     planes = [(code >> 8).astype(np.uint8)] if code.max(initial=0) > 255 else []
     planes.append((code & 255).astype(np.uint8))
     return {

@@ -19,7 +19,7 @@ from activestereo.lab.report.worst import RESIDUAL_FLOORS, worst_frame
 if TYPE_CHECKING:
     from activestereo.capture import Frame
     from activestereo.lab.compare import Comparison
-    from activestereo.lab.depth_model import DepthFrame
+    from activestereo.lab.depth_compare import DepthFrame
 
 # Model images are stored in steps of this share of a frame's noise floor, or of its error where the floor is unknown.
 _STEP_SHARE = 0.125

@@ -65,7 +65,7 @@ def _predicted(comparison: Comparison, models: Any, images_of: Any, progress: Ca
     return out
 
 
-def _found(diagnosis: dict[str, Any], effects: Mapping[str, Effect]) -> Any:
+def _found(diagnosis: dict[str, Any] | None, effects: Mapping[str, Effect]) -> Any:
     """The diagnosis's model."""
     model = Model()
     for entry in (diagnosis or {}).get("model", {}).get("effects", []):

@@ -37,9 +37,14 @@ class RenderedLight(Protocol):
     ambient radiance 1.
     """
 
-    direct: np.ndarray
-    indirect: np.ndarray
-    ambient: np.ndarray
+    @property
+    def direct(self) -> np.ndarray: ...
+
+    @property
+    def indirect(self) -> np.ndarray: ...
+
+    @property
+    def ambient(self) -> np.ndarray: ...
 
 
 class Rendering(Protocol):
