@@ -10,6 +10,12 @@ import numpy as np
 from PIL import Image
 
 
+def write_text(path: str | Path, text: str) -> None:
+    """replace_file() of a text in UTF-8."""
+    content = text.encode()
+    replace_file(path, lambda file: file.write(content))
+
+
 def replace_file(path: str | Path, write: Callable[[BinaryIO], object]) -> None:
     """write(binary file) fills it. A failed write leaves what was there before. Raises OSError whose filename is
     `path`: a full disk alone does not say what it had no room for."""

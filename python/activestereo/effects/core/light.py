@@ -82,7 +82,7 @@ class Light:
         image = later.image
         return self._once(("sum", names), lambda: image(names))
 
-    def seen(self, pick: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def seen(self, pick: np.ndarray | slice) -> tuple[np.ndarray, np.ndarray]:
         """Projector and ambient light, float64 [n] each, at flat indices of pixels."""
         later = self.__dict__.get("_later")
         if (
@@ -149,7 +149,7 @@ class _Later:
     """
 
     whole: Callable[[tuple[str, ...]], np.ndarray] | None = None
-    at: Callable[[tuple[str, ...], np.ndarray], np.ndarray] | None = None
+    at: Callable[[tuple[str, ...], np.ndarray | slice], np.ndarray] | None = None
 
     def __init__(
         self,

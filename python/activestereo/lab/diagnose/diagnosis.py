@@ -118,7 +118,7 @@ def no_infrared(capture_path: str | Path) -> str | None:
 
 def _undetermined(reason: str, model: Model) -> Diagnosis:
     text = "record the infrared images of both cameras, with two or more frames of each static view"
-    result = {
+    result: dict[str, Any] = {
         "verdict": UNDETERMINED,
         "reason": reason,
         "ranking": [],
@@ -164,7 +164,7 @@ def examine(
     faults = engine_faults(depth)[:1]
     found, name_of = _model_of(accepted, faults), surface_text(evidence.capture.scene_path)
     solution = _solution_of(way[-1].ranking.base, [*on_top, *faults])
-    result = {
+    result: dict[str, Any] = {
         "verdict": verdict,
         "capture": evidence.capture.name,
         "ranking": ranking_json(first, name_of),
@@ -179,7 +179,7 @@ def examine(
     }
     found = _with_own_functions(found, candidates)
     complete = found_model(evidence, found, solution, [*first.findings, *faults])
-    return Diagnosis(result, found, law and law.stub(), complete)
+    return Diagnosis(result, found, None if law is None else law.stub(), complete)
 
 
 def _with_own_functions(model: Model, candidates: Sequence[Effect]) -> Model:
@@ -192,8 +192,8 @@ def _way(
     bench: Bench, bases: BaseFits, first: Ranking, candidates: Sequence[Effect], steps: str, progress: Progress | None
 ) -> list[Step]:
     """Models from the given one on; further ones where they are asked for, or where what is named leaves something."""
-    is_whole = not is_named(first) or lacks_nothing(first, first.best)
-    if not is_whole and (steps == "greedy" or is_unexplained(first, first.best.remainder, first)):
+    is_whole = not is_named(first) or lacks_nothing(first, first.findings[0])
+    if not is_whole and (steps == "greedy" or is_unexplained(first, first.findings[0].remainder, first)):
         return greedy(bench, bases, first, candidates, progress)
     return [Step((), first)]
 
@@ -204,7 +204,7 @@ def _accepted(verdict: str, first: Ranking, way: list[Step], steps: str) -> tupl
     """
     if verdict != EFFECT:
         return way[:1], []
-    return (way[:1], [first.best]) if steps == "one" else (way, _without_images_of_their_own(way[-1].ranking))
+    return (way[:1], [first.findings[0]]) if steps == "one" else (way, _without_images_of_their_own(way[-1].ranking))
 
 
 def _without_images_of_their_own(ranking: Ranking) -> list[Finding]:

@@ -83,6 +83,12 @@ class Explanation:
     own: OwnEvidence | None = None
     repeats_floors: float = 0.0
 
+    @property
+    def fitted(self) -> Solution:
+        """The solution where there is one: an explanation on expected images has it."""
+        assert self.solution is not None, self.effect.id
+        return self.solution
+
 
 @dataclass(frozen=True)
 class NotRanked:
@@ -181,6 +187,10 @@ class Finding:
     @property
     def solution(self) -> Solution | None:
         return self.explanation.solution
+
+    @property
+    def fitted(self) -> Solution:
+        return self.explanation.fitted
 
     @property
     def remainder(self) -> Remainder:

@@ -49,8 +49,8 @@ def greedy(
             break
         tried.add(best.id)
         rivals |= {f.id for f in passing[: 1 + _RIVALS]}
-        phi = best.solution.phi
-        grown = _pruned(bench, bases, best.solution.model, given, phi)
+        phi = best.fitted.phi
+        grown = _pruned(bench, bases, best.fitted.model, given, phi)
         grown = _swapped(bench, bases, grown, [c for c in candidates if c.id in rivals], given, phi)
         base = bases(grown, phi)
         worth_trying = candidates if _is_worth_another(bench, base, first) else []
@@ -109,5 +109,5 @@ def _swapped(
             continue
         gains = best.score.nats - own.score.nats > bench.gates.needless_nats
         if gains and own.chi2 - best.chi2 > bench.gates.needless_floors * others.pixels:
-            model = best.solution.model
+            model = best.fitted.model
     return model

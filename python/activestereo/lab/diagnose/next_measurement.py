@@ -10,6 +10,7 @@ design: Atkinson and Fedorov 1975); divided by the residuals' design effect. A m
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 
@@ -26,11 +27,11 @@ from activestereo.lab.diagnose.verdict.confidence import equivalents
 _MEMBERS = 3
 _SUGGESTIONS = 3
 
-Change = dict[str, object]
+Change = dict[str, Any]
 Advice = dict[str, object]
 
 # What changes in frames of the known views: factors, values, kelvins more, a velocity [v, w], repeats more.
-_MENU = {
+_MENU: dict[str, Change] = {
     "the same views with the projector off": {"power_factor": 0.0},
     "the same views at a quarter of the exposure": {"exposure_factor": 0.25},
     "the same views at twice the exposure": {"exposure_factor": 2.0},
@@ -116,10 +117,10 @@ def _worst_pair(
     frames = [_changed(o.frame, **change) for o in observations]
     changed = [replace(o, frame=f, view=replace(o.view, frame=f)) for o, f in zip(observations, frames, strict=True)]
     # As many pixels as the train frames have: each view is recorded anew.
-    copies = ranking.pixels / sum(len(o.pick) for o in observations)
+    copies = ranking.pixels / sum(o.measured.size if o.pick is None else len(o.pick) for o in observations)
     worst: tuple[float, tuple[str, ...]] = (np.inf, ())
     for first, second in combinations(members, 2):
-        nats = left_between(evidence, changed, first.solution, second.solution, copies) / ranking.design_effect
+        nats = left_between(evidence, changed, first.fitted, second.fitted, copies) / ranking.design_effect
         worst = min(worst, (float(nats), (first.id, second.id)))
     return worst
 

@@ -43,6 +43,7 @@ from activestereo.lab.diagnose.score.structure import local_structure
 from activestereo.lab.diagnose.verdict.acceptance import is_significant, passes
 from activestereo.lab.diagnose.verdict.completeness import is_unexplained
 from activestereo.lab.diagnose.verdict.confidence import confidences, equivalents
+from activestereo.progress_bar import part_of
 
 # Part of the time that fields of draws take, for the progress.
 _FIELDS_TIME = 0.05
@@ -122,10 +123,10 @@ def _on_images(
 ) -> tuple[list[Explanation], list[NotRanked]]:
     """Explanations on the infrared images: fields of draws, then expected images."""
     fields, images = of_kind.get(Channel.STATIC_FIELD, []), of_kind.get(Channel.EXPECTED_IMAGE, [])
-    parts = _parts(progress, _FIELDS_TIME) if fields else (None, progress)
-    out = StaticFieldChannel(bench.evidence, base, bench.gates).explain(fields, parts[0])
+    start = _FIELDS_TIME if fields else 0.0
+    out = StaticFieldChannel(bench.evidence, base, bench.gates).explain(fields, part_of(progress, 0.0, start))
     channel = ExpectedImageChannel(bench.fitters, base, bench.gates, bench.workers, earlier)
-    out += channel.explain(images, parts[1])
+    out += channel.explain(images, part_of(progress, start, 1.0))
     ranked = {x.effect.id for x in out}
     skipped = [NotRanked(e, "it explains next to nothing of the images") for e in images if e.id not in ranked]
     return _split(out, skipped)
@@ -154,7 +155,7 @@ def settled_first(bench: Bench, ranking: Ranking) -> Ranking:
     explanation = settled(bench.evidence, bench.fitters.train, first.explanation)
     found = replace(first, explanation=explanation)
     structure = local_structure(_rows_after(bench, ranking.base, found))
-    checks = replace(first.checks, structure_floors=structure, variation=_variation(bench, found.solution))
+    checks = replace(first.checks, structure_floors=structure, variation=_variation(bench, found.fitted))
     return _with_findings(ranking, (replace(found, checks=checks), *ranking.findings[1:]))
 
 
@@ -163,16 +164,10 @@ def _unjudged(of_kind: Mapping[Channel | None, list[Effect]]) -> list[NotRanked]
     return [NotRanked(e, reason) for e in of_kind.get(None, [])]
 
 
-def _parts(progress: Progress | None, share: float) -> tuple[Progress | None, Progress | None]:
-    """One progress as those of a first and a second part."""
-    if progress is None:
-        return None, None
-    return lambda f: progress(share * f), lambda f: progress(share + (1.0 - share) * f)
-
-
 def _scored(bench: Bench, base: BaseFit, explained: Sequence[Explanation]) -> Ranking:
     """A Ranking of explanations on the infrared images, in the order given."""
-    best = min([base, *explained], key=lambda e: e.chi2)
+    fits: list[BaseFit | Explanation] = [base, *explained]
+    best = min(fits, key=lambda e: e.chi2)
     pixels = bench.evidence.pixels
     design = design_effect(best.tile_chi2, bench.evidence.tile_pixels)
     floor_chi2 = min(float(pixels), best.chi2)
@@ -199,7 +194,9 @@ def _score(bench: Bench, base: BaseFit, e: Explanation, design: float, floor_chi
 
 def _own_score(e: Explanation) -> Score:
     """Of a channel with evidence of its own, whose shares stand for floors."""
-    return Score(e.own.nats, e.own.share, e.own.share, e.own.consistency, choice_nats=e.own.surveyed_nats)
+    own = e.own
+    assert own is not None, e.effect.id
+    return Score(own.nats, own.share, own.share, own.consistency, choice_nats=own.surveyed_nats)
 
 
 def _rendered(bench: Bench, ranking: Ranking) -> Ranking:
@@ -236,15 +233,15 @@ def _by_nats(findings: Iterable[Finding]) -> list[Finding]:
 
 def _sized(bench: Bench, ranking: Ranking) -> list[Finding]:
     """The findings, the best few with the fall of the error in DN as it is."""
-    chosen = _by_nats(f for f in ranking.findings if f.solution is not None and is_significant(ranking, f))
-    chosen = {f.id for f in chosen[: ranking.gates.sized]}
+    likely = _by_nats(f for f in ranking.findings if f.solution is not None and is_significant(ranking, f))
+    chosen = {f.id for f in likely[: ranking.gates.sized]}
     floor = _floor_square(bench)
     before = _square(ranking.base.train)
 
     def sized(f: Finding) -> Finding:
         if f.id not in chosen:
             return f
-        fall = before - _square(bench.fitters.train.residuals(f.solution))
+        fall = before - _square(bench.fitters.train.residuals(f.fitted))
         share = fall / max(before - floor, 1e-9 * floor)
         return replace(f, checks=replace(f.checks, plain_share=share, plain_floors=fall / floor))
 
@@ -272,10 +269,10 @@ def _simplified(bench: Bench, ranking: Ranking) -> Ranking:
 
 def _looked_at(bench: Bench, ranking: Ranking) -> list[Finding]:
     """The findings, the best few with what their traces explain where they may vary."""
-    chosen = _by_nats(f for f in ranking.findings if f.solution is not None and passes(ranking, f))
-    chosen = {f.id for f in chosen[: ranking.gates.looked_at]}
+    likely = _by_nats(f for f in ranking.findings if f.solution is not None and passes(ranking, f))
+    chosen = {f.id for f in likely[: ranking.gates.looked_at]}
     return [
-        replace(f, checks=replace(f.checks, varying_floors=_varying(bench, f.solution, f.effect)))
+        replace(f, checks=replace(f.checks, varying_floors=_varying(bench, f.fitted, f.effect)))
         if f.id in chosen
         else f
         for f in ranking.findings

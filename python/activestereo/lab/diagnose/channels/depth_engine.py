@@ -154,7 +154,8 @@ def _frames(evidence: Evidence, base: BaseFit) -> Iterator[_DepthFrame]:
         inside = valid & (np.abs(device) < _LARGEST_ERROR_PX)
         for error in engine:
             inside &= np.abs(error) < _LARGEST_ERROR_PX
-        yield _DepthFrame(views[d.frame.id, "left"], truth, device, tuple(engine), valid, inside, d.focal_baseline)
+        first, second = engine
+        yield _DepthFrame(views[d.frame.id, "left"], truth, device, (first, second), valid, inside, d.focal_baseline)
 
 
 class _Judge:
@@ -181,7 +182,8 @@ class _Judge:
 
     def _shift(self, effect: Effect, values: np.ndarray, frame: _DepthFrame) -> np.ndarray:
         """By how much the effect moves the true disparities, px: its mean over the engine's noise, which it acts on."""
-        return sum(weight * frame.shift(effect, values, node * self._noise_px) for node, weight in _NODES)
+        shifts = [weight * frame.shift(effect, values, node * self._noise_px) for node, weight in _NODES]
+        return np.sum(shifts, axis=0)
 
     def _squares(self, effect: Effect, values: np.ndarray) -> list[np.ndarray]:
         """Capped squared errors of each frame's valid pixels."""
@@ -231,7 +233,8 @@ class _Judge:
             error = step * np.sqrt(2 * design * (after / pixels) / curve) if curve > 0 else p.high - p.low
             error = np.hypot(error, survey_px)
             ends = found[i], found[i] - Z90 * error, found[i] + Z90 * error
-            limits[p.name] = tuple(float(np.clip(v, p.low, p.high)) for v in ends)
+            value, low, high = (float(np.clip(v, p.low, p.high)) for v in ends)
+            limits[p.name] = value, low, high
         surveyed = surveyed_nats(nats, found - neutral, survey_px)
         return _DepthFit(OwnEvidence(float(nats), float(1.0 - after / before), float(better), surveyed), found, limits)
 
@@ -252,10 +255,10 @@ class _Judge:
         engines = [at(wanted * factor) for factor in (differ, 1 / differ)]
         pixels = sum(frame.inside.sum() for frame in self._frames)
         nats = 0.25 * pixels / TILE_PX * (np.log(ratio / differ)) ** 2
-        values = {p.name: (p.neutral,) * 3 for p in effect.parameters} | {
-            first.name: (at(wanted), min(engines), max(engines))
-        }
-        return _DepthFit(OwnEvidence(float(nats), float(1.0 - 1.0 / ratio)), values)
+        limits: dict[str, Limits] = {p.name: (p.neutral, p.neutral, p.neutral) for p in effect.parameters}
+        limits[first.name] = at(wanted), min(engines), max(engines)
+        own = OwnEvidence(float(nats), float(1.0 - 1.0 / ratio))
+        return _DepthFit(own, _leading(effect, at(wanted)), limits, is_filter=True)
 
     def _roughness(self, errors: Sequence[np.ndarray]) -> float:
         """Mean square difference of neighbours along rows and columns, well-matched pixels only."""
@@ -283,11 +286,11 @@ def surveyed_nats(nats: float, offset_px: np.ndarray, survey_px: float) -> float
 
 def _by_tile(squares: Sequence[np.ndarray], valid: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """(sum of squares, count of valid pixels) of every tile that has any."""
-    sums, counts = [], []
+    squares_of, pixels_of = [], []
     for s, ok in zip(squares, valid, strict=True):
         rows, columns = np.arange(s.shape[0]) // TILE_PX, np.arange(s.shape[1]) // TILE_PX
         index = (rows[:, None] * (columns[-1] + 1) + columns[None]).ravel()
-        sums.append(np.bincount(index, s.ravel()))
-        counts.append(np.bincount(index, ok.ravel()))
-    sums, counts = np.concatenate(sums), np.concatenate(counts)
+        squares_of.append(np.bincount(index, s.ravel()))
+        pixels_of.append(np.bincount(index, ok.ravel()))
+    sums, counts = np.concatenate(squares_of), np.concatenate(pixels_of)
     return sums[counts > 0], counts[counts > 0]

@@ -31,7 +31,9 @@ _HOPELESS_START = 1.5
 # Parts of the time, for the progress; polishing takes the rest.
 _SCAN_TIME, _FIT_TIME = 0.4, 0.3
 
-_In, _Out = TypeVar("_In"), TypeVar("_Out")
+_In = TypeVar("_In")
+_Out = TypeVar("_Out")
+_Likely = TypeVar("_Likely", "_Scanned", "_Approached")
 
 
 @dataclass(frozen=True)
@@ -116,7 +118,7 @@ class ExpectedImageChannel(JudgingChannel):
         return Explanation(effect, self.kind, parameters, chi2, solution.sums.tile_chi2, solution=solution)
 
 
-def _close_to_best(found: Sequence[_Out], share: float) -> list[_Out]:
+def _close_to_best(found: Sequence[_Likely], share: float) -> list[_Likely]:
     """Those with more than a share of the best one's gain, best first."""
     best = max((f.gain for f in found), default=0.0)
     return sorted((f for f in found if f.gain > share * best), key=lambda f: -f.gain)

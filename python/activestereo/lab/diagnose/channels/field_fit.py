@@ -8,6 +8,7 @@ squared error is honest.
 
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -45,7 +46,7 @@ def fit_fields(
             sigma[term.parameter] = 0.0
             continue
         if term.shared_by is SharedBy.DOT:
-            seen = np.sqrt(dots_seen(train, lambda residuals, rows=rows: _variance_of(residuals, rows)))
+            seen = np.sqrt(dots_seen(train, partial(_variance_of, rows=rows)))
             sigma[term.parameter], error[term.parameter] = sigma[term.parameter] / seen, error[term.parameter] / seen
         found = True
         tests = [_row_of(term, row, black_dn, index) for row in test]
@@ -133,11 +134,12 @@ def _size(rows: Sequence[_Row]) -> int:
 def _totals(rows: Sequence[_Row]) -> tuple[np.ndarray, np.ndarray]:
     size = _size(rows)
     sums = [row.sums(size) for row in rows]
-    return sum(a for a, _ in sums), sum(b for _, b in sums)
+    return np.sum([a for a, _ in sums], axis=0), np.sum([b for _, b in sums], axis=0)
 
 
 def _group_sums(rows: Sequence[_Row]) -> dict[Hashable, tuple[np.ndarray, np.ndarray]]:
-    size, groups = _size(rows), {}
+    size = _size(rows)
+    groups: dict[Hashable, tuple[np.ndarray, np.ndarray]] = {}
     for row in rows:
         a, b = row.sums(size)
         if row.group in groups:
@@ -153,9 +155,9 @@ def _variance(rows: Sequence[_Row]) -> tuple[float, float]:
     error from a jackknife over interleaved subsets of the draws.
     """
     groups = _group_sums(rows).values()
-    total_a, total_b = sum(a for a, _ in groups), sum(b for _, b in groups)
-    top = total_b**2 - sum(b**2 for _, b in groups)
-    bottom = total_a**2 - sum(a**2 for a, _ in groups)
+    a, b = (np.array([pair[i] for pair in groups]) for i in range(2))
+    top = b.sum(axis=0) ** 2 - (b**2).sum(axis=0)
+    bottom = a.sum(axis=0) ** 2 - (a**2).sum(axis=0)
     if bottom.sum() <= 0:
         return 0.0, 0.0
     variance = top.sum() / bottom.sum()

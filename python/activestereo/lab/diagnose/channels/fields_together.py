@@ -50,9 +50,8 @@ def shown_together(findings: Sequence[Finding], base: BaseFit, gates: Gates) -> 
     findings: of random fields that may be named alone, on top of the base. They are fitted from those that most
     frames share to those that fewest do, multiplicative ones first.
     """
-    chosen = sorted(
-        ((pixel_term(f.effect), f) for f in findings if pixel_term(f.effect)), key=lambda pair: _order(pair[0])
-    )
+    terms = ((pixel_term(f.effect), f) for f in findings)
+    chosen = sorted(((term, f) for term, f in terms if term is not None), key=lambda pair: _order(pair[0]))
     if len(chosen) < 2:
         return []
     train, test = base.train, base.test
@@ -92,7 +91,8 @@ def _parameters(finding: Finding, component: Component) -> Mapping[str, Interval
 
 def _largest_sigma(finding: Finding) -> float:
     """The deviation of a draw as fitted alone: no less than what it is beside others."""
-    return float(np.sqrt(sum(s**2 for s in finding.explanation.fields.sigma.values())))
+    fields = finding.explanation.fields
+    return 0.0 if fields is None else float(np.linalg.norm(list(fields.sigma.values())))
 
 
 def components(

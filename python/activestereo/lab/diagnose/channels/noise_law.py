@@ -104,7 +104,8 @@ def _comb(evidence: Evidence, parameter: str, comb_share: float) -> _NoiseFit:
     """Digital numbers that come in steps: the widest comb that holds nearly all pixels."""
     none = _NoiseFit(0.0, 0.0, {parameter: (0.0, 0.0, 1.0)})
     levels = int(evidence.capture.rig.max_dn) + 1
-    counts = sum(np.bincount(np.rint(o.measured).astype(int).ravel(), minlength=levels) for o in evidence.train)
+    seen = [np.bincount(np.rint(o.measured).astype(int).ravel(), minlength=levels) for o in evidence.train]
+    counts = np.sum(seen, axis=0)
     counts[0] = counts[-1] = 0  # clipped
     used, total = np.nonzero(counts)[0], counts.sum()
     if len(used) < _LEAST_LEVELS or len(used) > _MOST_USED * (used[-1] - used[0] + 1):
@@ -173,11 +174,11 @@ def _transfer(term: RandomTerm, evidence: Evidence, model: Model) -> _NoiseFit |
     without, _, _ = _fit_levers(rows, others, black)
     misfit, value, error = _fit_levers(rows, [term.lever, *others], black)
     # The coefficient is a variance; the parameter is a deviation, but for photons.
-    parameter = (lambda c: c) if term.lever is Lever.PHOTONS else np.sqrt
-    low, high = (float(parameter(max(value + side * Z90 * error, 0.0))) for side in (-1, 1))
+    power = 1.0 if term.lever is Lever.PHOTONS else 0.5
+    low, high = (float(max(value + side * Z90 * error, 0.0) ** power) for side in (-1, 1))
     mean = np.average([_column(term.lever, row[0], np.array(row[1]), np.array(row[2]), black) for row in rows])
     nats = 0.5 * (without - misfit) if stated else 0.0
-    return _NoiseFit(float(nats), float(value * mean), {term.parameter: (float(parameter(value)), low, high)})
+    return _NoiseFit(float(nats), float(value * mean), {term.parameter: (float(value**power), low, high)})
 
 
 def _transfer_levers(effect: Effect) -> list[Lever]:
@@ -187,7 +188,9 @@ def _transfer_levers(effect: Effect) -> list[Lever]:
     return [t.lever for t in effect.random_terms if t.shared_by is SharedBy.PIXEL and t.lever in _TRANSFER]
 
 
-def _column(lever: Lever, gain: np.ndarray, mean: np.ndarray, square: np.ndarray, black_dn: float) -> np.ndarray:
+def _column(
+    lever: Lever, gain: float | np.ndarray, mean: np.ndarray, square: np.ndarray, black_dn: float
+) -> np.ndarray:
     """By what a term's variance grows, from mean and mean square of DN."""
     signal = np.maximum(mean - black_dn, 0.0)
     return _TRANSFER[lever](gain, signal, np.maximum(square - 2 * black_dn * mean + black_dn**2, 0.0))

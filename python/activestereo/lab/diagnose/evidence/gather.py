@@ -3,12 +3,11 @@
 correlated by tiles.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Hashable, Sequence
 
 import numpy as np
 
-from activestereo.capture import EYES, Capture, Frame
+from activestereo.capture import EYES, Capture
 from activestereo.effects import Model, View
 from activestereo.lab.diagnose.evidence.inadequacy import place_error
 from activestereo.lab.diagnose.evidence.observation import (
@@ -18,6 +17,7 @@ from activestereo.lab.diagnose.evidence.observation import (
     TILE_PX,
     Evidence,
     Observation,
+    Shot,
     weight_of,
 )
 from activestereo.lab.fit import Nuisances, fit_nuisances, predict
@@ -39,25 +39,10 @@ _MOST_MEASURED = 0.5
 Floors = dict[tuple[int, str], float]
 
 
-@dataclass(frozen=True)
-class _Shot:
-    """One eye of one frame before it is weighed."""
-
-    frame: Frame
-    eye: str
-    view: View
-    layers: Layers
-    measured: np.ndarray
-
-    @property
-    def key(self) -> tuple[int, str]:
-        return self.frame.id, self.eye
-
-
 def gather(capture: Capture, layers: dict[int, dict[str, Layers]], seed: int = 0) -> Evidence:
     """The Evidence of a capture and its rendered layers {frame id: {eye: Layers}}. seed: rules every random choice."""
     shots = [
-        _Shot(f, eye, View.of(capture, f, eye, layers[f.id][eye], seed), layers[f.id][eye], capture.ir(f, eye))
+        Shot(f, eye, View.of(capture, f, eye, layers[f.id][eye], seed), layers[f.id][eye], capture.ir(f, eye))
         for f in capture.frames
         for eye in EYES
     ]
@@ -72,9 +57,10 @@ def gather(capture: Capture, layers: dict[int, dict[str, Layers]], seed: int = 0
     material_of = _material_of(capture)
     materials = _albedo_materials(train, material_of)
 
-    def observation(shot: _Shot) -> Observation:
+    def observation(shot: Shot) -> Observation:
         weight = weight_of(law, place_error_m, shot, expected[shot.key])
-        tile, fold = tiles.get(shot.key, (None, None))
+        outside = np.full(shot.measured.shape, -1)
+        tile, fold = tiles.get(shot.key, (outside, outside))
         material, slope = _material_index(shot, materials, material_of), _focal_slope(shot, nuisances)
         return Observation(
             shot.frame, shot.eye, shot.view, shot.layers, shot.measured, weight, tile, fold, material, slope
@@ -95,7 +81,7 @@ def gather(capture: Capture, layers: dict[int, dict[str, Layers]], seed: int = 0
     )
 
 
-def _noise(capture: Capture, shots: Sequence[_Shot], nuisances: Nuisances) -> tuple[Floors, NoiseLaw, bool]:
+def _noise(capture: Capture, shots: Sequence[Shot], nuisances: Nuisances) -> tuple[Floors, NoiseLaw, bool]:
     """(floor of each image in DN^2, noise law, whether repeats told them)."""
     floors, law = frame_floors(capture, nuisances.black_dn)
     if law is not None:
@@ -108,8 +94,8 @@ def _noise_at_other_gains(
     law: NoiseLaw,
     floors: Floors,
     has_floor: bool,
-    shots: Sequence[_Shot],
-    train: Sequence[_Shot],
+    shots: Sequence[Shot],
+    train: Sequence[Shot],
     nuisances: Nuisances,
     max_dn: float,
 ) -> tuple[NoiseLaw, Floors]:
@@ -125,7 +111,7 @@ def _noise_at_other_gains(
     }
 
 
-def _focal_slope(shot: _Shot, nuisances: Nuisances) -> np.ndarray:
+def _focal_slope(shot: Shot, nuisances: Nuisances) -> np.ndarray:
     """DN per relative change of the focal length, float32 [height][width]."""
     model, (u, v), (cx, cy) = Model(), shot.view.pixels(), shot.view.K[:2, 2]
     light = model.light(shot.layers, shot.view, fine=False)
@@ -136,7 +122,7 @@ def _focal_slope(shot: _Shot, nuisances: Nuisances) -> np.ndarray:
 
 
 def _expected(
-    shots: Sequence[_Shot], floors: Floors, nuisances: Nuisances, max_dn: float
+    shots: Sequence[Shot], floors: Floors, nuisances: Nuisances, max_dn: float
 ) -> dict[tuple[int, str], np.ndarray]:
     """Expected values: the model's prediction, and of the measurement (the mean of repeats) as much as the
     prediction lacks.
@@ -145,11 +131,11 @@ def _expected(
     as good as the noise allows is therefore trusted alone; one that misses something gives way to the measurement, at
     most by half.
     """
-    groups: dict[object, list[_Shot]] = {}
+    groups: dict[Hashable, list[Shot]] = {}
     for s in shots:
         key = (s.frame.repeat_group, s.eye) if s.frame.repeat_group is not None else s.key
         groups.setdefault(key, []).append(s)
-    expected = {}
+    expected: dict[tuple[int, str], np.ndarray] = {}
     for group in groups.values():
         images = [predict(s.frame, s.layers, nuisances, max_dn) for s in group]
         mean = np.mean([s.measured for s in group], axis=0)
@@ -160,13 +146,15 @@ def _expected(
     return expected
 
 
-def _tiles(train: Sequence[_Shot]) -> tuple[dict[tuple[int, str], tuple[np.ndarray, np.ndarray]], int]:
+def _tiles(train: Sequence[Shot]) -> tuple[dict[tuple[int, str], tuple[np.ndarray, np.ndarray]], int]:
     """({key: (tile, fold)} of each image, number of tiles).
 
     Folds are blocks of the image, other ones in every pose: a highlight that one place shows is judged by those of
     other poses.
     """
-    first, poses, out = 0, {}, {}
+    first = 0
+    poses: dict[bytes, int] = {}
+    out: dict[tuple[int, str], tuple[np.ndarray, np.ndarray]] = {}
     for s in train:
         turn = poses.setdefault(s.frame.camera_to_world.tobytes(), len(poses))
         height, width = s.measured.shape
@@ -184,21 +172,21 @@ def _material_of(capture: Capture) -> np.ndarray:
     return np.array([surface.material for surface in scene_surfaces(capture.scene_path)], dtype=np.int64)
 
 
-def _materials(shot: _Shot, material_of: np.ndarray) -> np.ndarray:
+def _materials(shot: Shot, material_of: np.ndarray) -> np.ndarray:
     """The material [height][width] of each pixel's surface; what is no surface of the file keeps its number."""
     surface = np.asarray(shot.layers.material).astype(np.int64)
     known = surface < len(material_of)
     return np.where(known, material_of[np.where(known, surface, 0)] if len(material_of) else surface, surface)
 
 
-def _albedo_materials(train: Sequence[_Shot], material_of: np.ndarray) -> list[int]:
+def _albedo_materials(train: Sequence[Shot], material_of: np.ndarray) -> list[int]:
     """Materials that cover enough of the train frames, but for the largest one: its albedo is part of the scales."""
     ids, counts = np.unique(np.concatenate([_materials(s, material_of).ravel() for s in train]), return_counts=True)
     order = np.argsort(-counts)
     return [ids[i] for i in order if counts[i] > _SMALLEST_MATERIAL * counts.sum()][1:]
 
 
-def _material_index(shot: _Shot, materials: Sequence[int], material_of: np.ndarray) -> np.ndarray:
+def _material_index(shot: Shot, materials: Sequence[int], material_of: np.ndarray) -> np.ndarray:
     index, seen = np.full(shot.measured.shape, -1), _materials(shot, material_of)
     for number, name in enumerate(materials):
         index[seen == name] = number

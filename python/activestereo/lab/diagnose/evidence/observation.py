@@ -31,30 +31,36 @@ FOCAL_SIGMA = 6e-4
 
 
 @dataclass(frozen=True)
-class Observation:
-    """One eye of one frame. All images are [height][width].
-
-    measured: DN. weight: 1 / variance of the measurement, 1/DN^2. tile: each pixel's tile, numbered over all train
-    observations, and fold: the tile's cross-validation fold (both None for test frames). material: index into the
-    albedo nuisances, -1 = none. focal_slope: DN per relative change of the focal length. pick: flat indices of the
-    pixels that count, None = all.
-    """
+class Shot:
+    """One eye of one frame before it is weighed. measured: DN [height][width]."""
 
     frame: Frame
     eye: str
     view: View
     layers: Layers
     measured: np.ndarray
-    weight: np.ndarray
-    tile: np.ndarray | None
-    fold: np.ndarray | None
-    material: np.ndarray
-    focal_slope: np.ndarray
-    pick: np.ndarray | None = None
 
     @property
     def key(self) -> tuple[int, str]:
         return self.frame.id, self.eye
+
+
+@dataclass(frozen=True)
+class Observation(Shot):
+    """A Shot with what fits need of it. All images are [height][width].
+
+    weight: 1 / variance of the measurement, 1/DN^2. tile: each pixel's tile, numbered over all train
+    observations, and fold: the tile's cross-validation fold (both -1 for test frames). material: index into the
+    albedo nuisances, -1 = none. focal_slope: DN per relative change of the focal length. pick: flat indices of the
+    pixels that count, None = all.
+    """
+
+    weight: np.ndarray
+    tile: np.ndarray
+    fold: np.ndarray
+    material: np.ndarray
+    focal_slope: np.ndarray
+    pick: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -105,7 +111,7 @@ class Evidence:
         return weight_of(self.law, self.place_error_m, observation, expected_dn)
 
 
-def weight_of(law: NoiseLaw, place_error_m: float, observation: Observation, expected_dn: np.ndarray) -> np.ndarray:
+def weight_of(law: NoiseLaw, place_error_m: float, observation: Shot, expected_dn: np.ndarray) -> np.ndarray:
     """1 / variance of pixels: the noise law's variance, and at edges what their misplacement adds."""
     variance = np.maximum(law.variance(expected_dn, observation.frame.gain), QUANTISATION_VARIANCE)
     if place_error_m > 0:

@@ -45,7 +45,8 @@ def scan_observations(observations: Sequence[Observation], seed: int = 0) -> tup
     """One image of each situation: the right eye (which every camera effect touches), one frame per pose and
     setting, and one of the left eye, which the right one may differ from; a random part of the pixels counts.
     """
-    seen, chosen = set(), []
+    seen: set[tuple] = set()
+    chosen: list[Observation] = []
     for o in observations:
         f = o.frame
         setting = (
@@ -74,7 +75,7 @@ def starts(
     """
     first = len(space.pairs) - len(candidate.parameters)
     points = _own_points(fitter, space, candidate, phi) or _points(candidate)
-    tried = [(np.arange(first, len(space.pairs)), p) for p in points]
+    tried = [(list(range(first, len(space.pairs))), p) for p in points]
     stage = candidate.stage
     if alone is not None and first:
         before = space.pairs[first - 1][0]

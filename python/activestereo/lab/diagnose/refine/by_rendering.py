@@ -101,7 +101,7 @@ def refined_by_rendering(fitter: Fitter, explanation: Explanation, rendering: Re
 
     fitter: of the train images.
     """
-    effect, start = explanation.effect, explanation.solution
+    effect, start = explanation.effect, explanation.fitted
     own = slice(len(start.theta) - len(effect.parameters), None)
     without = _images(rendering(Model(), draft=True))
     theta, phi, steps, slopes = start.theta, start.phi, _steps(effect, start.theta[own]), None

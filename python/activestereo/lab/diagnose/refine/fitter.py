@@ -10,7 +10,7 @@ from collections import OrderedDict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -28,6 +28,7 @@ _HELD_RANGES = 1e-7
 _DAMPING, _DAMPING_STEP, _LEAST_RAISED, _MOST_DAMPING = 1e-3, 10.0, 1e-2, 10.0
 # Solutions whose images are remembered.
 _REMEMBERED = 12
+_SomePixels = TypeVar("_SomePixels", Pixels, AllPixels)
 
 
 class ImageResidual(NamedTuple):
@@ -123,13 +124,13 @@ class Fitter:
 
     def _slopes(
         self,
-        pixels_of: Sequence[Pixels | AllPixels],
+        pixels_of: Sequence[_SomePixels],
         space: ParameterSpace,
         theta: np.ndarray,
         phi: np.ndarray,
         lights: Sequence[Light],
         n_theta: int,
-    ) -> Iterator[tuple[Pixels | AllPixels, list[np.ndarray], np.ndarray]]:
+    ) -> Iterator[tuple[_SomePixels, list[np.ndarray], np.ndarray]]:
         """slopes() over Pixels: (Pixels, derivatives [n] each, residual [n])."""
         steps = space.steps(theta)
         models = [self._moved(space, theta, steps, j) for j in range(n_theta)]
@@ -148,7 +149,7 @@ class Fitter:
                 in_light = space.in_light[j]
                 moved = self._lights(model, i, self._fine and not coarse) if in_light else light
                 columns.append((exposed(model, pixels, moved, phi)[0] - (from_there if in_light else image)) / steps[j])
-            columns += scale_columns
+            columns += scale_columns or []
             none, is_right = np.zeros(image.shape), pixels.observation.view.is_right
             columns += [none, pixels.focal_slope] if is_right else [pixels.focal_slope, none]
             yield pixels, columns, pixels.measured - image - phi[SCALES + is_right] * pixels.focal_slope

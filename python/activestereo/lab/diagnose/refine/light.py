@@ -34,8 +34,9 @@ class LightMemory:
 
     def __init__(self, observations: Sequence[Observation]) -> None:
         self._observations = observations
-        self._rendered = [None] * len(observations)
-        self._before, self._lock = OrderedDict(), Lock()
+        self._rendered: list[tuple[Light, Light] | None] = [None] * len(observations)
+        self._before: OrderedDict[tuple, Light] = OrderedDict()
+        self._lock = Lock()
 
     def __call__(self, model: Model, i: int, fine: bool = True) -> Light:
         """The Light of observation i that falls on the sensor; fine: see Model.light."""
@@ -65,10 +66,11 @@ class LightMemory:
 
     def _of_layers(self, i: int) -> tuple[Light, Light]:
         """Without and with finer images."""
-        if self._rendered[i] is None:
+        known = self._rendered[i]
+        if known is None:
             light = Light.of(self._observations[i].layers)
-            self._rendered[i] = Light(light.direct, light.indirect, light.ambient, light.flat), light
-        return self._rendered[i]
+            known = self._rendered[i] = Light(light.direct, light.indirect, light.ambient, light.flat), light
+        return known
 
 
 class AllPixels:

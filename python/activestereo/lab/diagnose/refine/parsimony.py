@@ -27,7 +27,7 @@ def simplified(fitter: Fitter, explanation: Explanation, base_chi2: float, pixel
     """The explanation without the parameters of its effect that it does not need; itself where it needs them all."""
     share = gates.needless_parameter_share * (base_chi2 - explanation.chi2)
     limit = min(share, gates.needless_parameter_floors * pixels)
-    solution, effect = explanation.solution, explanation.effect
+    solution, effect = explanation.fitted, explanation.effect
     first = len(solution.theta) - len(effect.parameters)
     amplitudes = [first + i for i, p in enumerate(effect.parameters) if not is_shape(p) and not p.choice]
     held = _needless(fitter, solution, amplitudes, limit)
@@ -55,7 +55,7 @@ def _needless(fitter: Fitter, solution: Solution, own: Sequence[int], limit: flo
     held: list[int] = []
     while len(held) < len(own) - 1:
         costs = {j: _step_to(fitter, solution, [*held, j])[0] for j in own if j not in held}
-        cheapest = min(costs, key=costs.get)
+        cheapest = min(costs, key=lambda j: costs[j])
         if not costs[cheapest] < limit:
             break
         held.append(cheapest)

@@ -20,7 +20,7 @@ def settled(evidence: Evidence, fitter: Fitter, explanation: Explanation) -> Exp
 
     fitter: of the train images.
     """
-    effect, start = explanation.effect, explanation.solution
+    effect, start = explanation.effect, explanation.fitted
     observations = [replace(o, weight=evidence.weight(o, expected)) for o, expected, *_ in fitter.residuals(start)]
     own_weights = Fitter(observations, evidence.held_sigma, evidence.tiles)
     solution = own_weights.refine(start.space, start.theta, start.phi, _ROUNDS)

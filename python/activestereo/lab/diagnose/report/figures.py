@@ -50,4 +50,5 @@ def _residuals(fitter: Fitter, entry: BaseFit | Finding, is_test: bool) -> Seque
     if isinstance(entry, Finding) and entry.explanation.fields is not None:
         fields = entry.explanation.fields
         return fields.test_residuals if is_test else fields.residuals
-    return [row.residual for row in fitter.residuals(entry.solution)]
+    solution = entry.fitted if isinstance(entry, Finding) else entry.solution
+    return [row.residual for row in fitter.residuals(solution)]

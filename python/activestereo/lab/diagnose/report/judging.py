@@ -3,6 +3,7 @@
 
 from collections.abc import Mapping, Sequence
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from activestereo.lab.diagnose.findings import BaseChecks, Checks, Explanation, 
 from activestereo.lab.diagnose.gates import Gates
 from activestereo.lab.diagnose.verdict.verdict import is_named, verdict_of
 
-Json = dict[str, object]
+Json = dict[str, Any]
 # Of the base's checks, those that verdicts rest on.
 _OF_BASE = ("structure_floors", "plain_excess_floors", "unsteady_floors", "uneven_structure_floors")
 
@@ -35,27 +36,28 @@ def judging_json(ranking: Ranking, has_floor: bool) -> Json:
     return sizes | {"has_floor": has_floor, "base": base, "findings": findings}
 
 
-def ranking_under(judging: Mapping[str, object], gates: Gates) -> Ranking:
+def ranking_under(judging: Mapping[str, Any], gates: Gates) -> Ranking:
     """The ranking that the numbers stand for, under other gates; its order stays as it was. It knows no tiles."""
     base = judging["base"]
     checks = BaseChecks(**{name: base[name] for name in _OF_BASE if name in base})
-    stub = SimpleNamespace(chi2=base["chi2"], white_floors=base["white_floors"])
+    stub: Any = SimpleNamespace(chi2=base["chi2"], white_floors=base["white_floors"])
     sizes = judging["pixels"], judging["design_effect"], judging["floor_chi2"]
     return Ranking(stub, checks, tuple(_findings(judging["findings"])), (), *sizes, gates)
 
 
-def _findings(stored: Sequence[Mapping[str, object]]) -> list[Finding]:
+def _findings(stored: Sequence[Mapping[str, Any]]) -> list[Finding]:
     out = []
     for entry in stored:
-        effect, channel = SimpleNamespace(id=entry["effect"]), Channel(entry["channel"])
+        effect: Any = SimpleNamespace(id=entry["effect"])
+        channel = Channel(entry["channel"])
         # Whether there is an expected image decides which gate of size holds; the fit itself is not kept.
         e = Explanation(effect, channel, {}, entry["chi2"], np.zeros(1), repeats_floors=entry["repeats_floors"])
         out.append(Finding(e, Score(**entry["score"]), Checks(**entry["checks"])))
     return out
 
 
-def verdict_under(judging: Mapping[str, object], gates: Gates) -> tuple[str, str | None]:
+def verdict_under(judging: Mapping[str, Any], gates: Gates) -> tuple[str, str | None]:
     """(verdict, first name or None) of one step under other gates; further steps of --greedy cannot be taken again."""
     ranking = ranking_under(judging, gates)
     verdict = verdict_of(ranking, ranking, judging["has_floor"])
-    return verdict, ranking.best.id if is_named(ranking) else None
+    return verdict, ranking.findings[0].id if is_named(ranking) else None

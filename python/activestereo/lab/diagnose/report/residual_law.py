@@ -126,7 +126,7 @@ def _stage(rows: Sequence[ImageResidual]) -> str:
     """PROJECTOR where frames without it are clean, DIGITAL where the residual does not grow with light, else
     READOUT.
     """
-    excess = {"off": [], "on": []}
+    excess: dict[str, list[float]] = {"off": [], "on": []}
     strength, light = [], []
     for o, image, _, residual in rows:
         excess["off" if o.frame.projector_power == 0 else "on"].append((o.weight * residual**2).mean() - 1.0)
@@ -172,7 +172,8 @@ def _solve(A: np.ndarray, target: np.ndarray, weight: np.ndarray) -> np.ndarray:
 
 def _forward(columns: Sequence[np.ndarray], target: np.ndarray, weight: np.ndarray) -> list[int]:
     """Indices of terms, added while the information criterion of the weighted fit falls."""
-    chosen, count = [], len(target)
+    chosen: list[int] = []
+    count = len(target)
     best = count * np.log(max((weight * target**2).sum(), 1e-300))
     while len(chosen) < _TERMS:
         trials = []

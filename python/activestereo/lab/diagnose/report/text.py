@@ -2,11 +2,12 @@
 """A diagnosis for reading."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 _SHOWN = 8
 
 
-def parameter_text(name: str, found: Mapping[str, object]) -> str:
+def parameter_text(name: str, found: Mapping[str, Any]) -> str:
     """One parameter of a ranking's entry for reading: a choice by its materials, else value, interval and unit."""
     if "materials" in found:
         return f"on {', '.join(found['materials']) or 'all surfaces'}"
@@ -14,7 +15,7 @@ def parameter_text(name: str, found: Mapping[str, object]) -> str:
     return f"{name} {found['value']:.4g}{interval}" + ("" if found["unit"] in ("", "1") else f" {found['unit']}")
 
 
-def diagnosis_text(result: Mapping[str, object]) -> str:
+def diagnosis_text(result: Mapping[str, Any]) -> str:
     """What a reader wants first."""
     lines = [f"verdict: {result['verdict']}" + (f" ({', '.join(result['added'])})" if result["added"] else "")]
     if result.get("reason"):
@@ -34,7 +35,7 @@ def diagnosis_text(result: Mapping[str, object]) -> str:
     return "\n".join(lines)
 
 
-def _table(ranking: Sequence[Mapping[str, object]]) -> list[str]:
+def _table(ranking: Sequence[Mapping[str, Any]]) -> list[str]:
     lines = (
         [f"{'effect':26}{'family':20}{'nats':>12}{'explains':>10}{'confidence':>12}  parameters (90 %)"]
         if ranking
@@ -49,11 +50,11 @@ def _table(ranking: Sequence[Mapping[str, object]]) -> list[str]:
     return lines
 
 
-def _values(entry: Mapping[str, object]) -> str:
+def _values(entry: Mapping[str, Any]) -> str:
     return ", ".join(parameter_text(name, found) for name, found in entry["parameters"].items())
 
 
-def _depth_lines(depth: Mapping[str, object] | None) -> list[str]:
+def _depth_lines(depth: Mapping[str, Any] | None) -> list[str]:
     """The verdict on the depth engine, and what differs from our engine as any other would."""
     if not depth:
         return []

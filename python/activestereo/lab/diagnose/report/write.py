@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from activestereo.lab.model_file import write_model as write_effects
-from activestereo.output_files import replace_file
+from activestereo.output_files import write_text
 from activestereo.sensor_model import write_model
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ def write_diagnosis(diagnosis: "Diagnosis", folder: str | Path) -> list[Path]:
     if diagnosis.stub:
         texts["effect_stub.py"] = diagnosis.stub
     for name, text in texts.items():
-        replace_file(folder / name, lambda file, text=text: file.write(text.encode()))
+        write_text(folder / name, text)
     complete = diagnosis.sensor_model
     paths = [folder / "model.json"]
     if complete is None:

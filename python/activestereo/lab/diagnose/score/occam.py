@@ -55,8 +55,8 @@ def _cost(kept: list[int], away: np.ndarray, density: np.ndarray, information: n
 
     away: distances from neutral in typical deviations; information: in those units.
     """
-    unused = np.setdiff1d(np.arange(len(away)), kept)
-    across, inner = information[np.ix_(unused, kept)], information[np.ix_(kept, kept)]
+    used, unused = np.array(kept, dtype=np.int64), np.setdiff1d(np.arange(len(away)), kept)
+    across, inner = information[np.ix_(unused, used)], information[np.ix_(used, used)]
     alone = information[np.ix_(unused, unused)] - across @ np.linalg.pinv(inner, hermitian=True) @ across.T
     loss = away[unused] @ alone @ away[unused]
     # What the data hardly tell keeps the prior's width.

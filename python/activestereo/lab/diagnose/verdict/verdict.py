@@ -21,7 +21,7 @@ def verdict_of(first: Ranking, last: Ranking, has_floor: bool) -> str:
     last: the one on top of the model that was found. has_floor: whether repeats told the noise.
     """
     best = first.best
-    if not is_named(first):
+    if best is None or not is_named(first):
         if not has_floor:
             return UNDETERMINED
         is_missing = is_unexplained(first, first.base_remainder) or exceeds_surveys(first)
