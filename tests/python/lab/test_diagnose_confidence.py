@@ -9,7 +9,7 @@ import pytest
 from activestereo.effects import Parameter
 from activestereo.effects.core.judging import Channel
 from activestereo.lab.diagnose.channels.depth_engine import surveyed_nats
-from activestereo.lab.diagnose.findings import BaseChecks, Checks, Explanation, Finding, Ranking, Remainder, Score
+from activestereo.lab.diagnose.findings import BaseChecks, Explanation, Finding, Ranking, Remainder, Score
 from activestereo.lab.diagnose.gates import GATES
 from activestereo.lab.diagnose.refine import Fitter
 from activestereo.lab.diagnose.refine.light import SCALES
