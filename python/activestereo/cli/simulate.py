@@ -114,6 +114,8 @@ def _add_rendering(group: argparse._ArgumentGroup) -> None:
     add_seed(group, "of rendering and noise; same seed, same files")
     text = "uniform visible radiance from all sides, W/(sr m^2) (default: 0.25; 1 where a scene has no light)"
     group.add_argument("--ambient", type=positive, metavar="R", help=text)
+    text = "equirectangular map of the light from all sides (.hdr, .exr, .png, .jpg); --ambient multiplies it"
+    group.add_argument("--environment", type=Path, metavar="FILE", help=text)
     text = "radiant intensity of the brightest dot at the sensor's laser power, W/sr (default: the sensor's; 0 = off)"
     group.add_argument("--projector", type=positive, metavar="I", help=text)
     group.add_argument("--laser-power", type=positive, metavar="MW", help="the laser's setting (default: the sensor's)")
@@ -214,7 +216,15 @@ def _load_scene(args: argparse.Namespace) -> kuafu.Scene:
     ambient = args.ambient
     if ambient is None:
         ambient = 0.25 if scene.summary.light_count else 1.0
-    scene.set_environment((ambient, ambient, ambient))
+    if args.environment is None:
+        scene.set_environment((ambient, ambient, ambient))
+        return scene
+    from activestereo.environment_map import EnvironmentMapError, set_environment_map
+
+    try:
+        set_environment_map(scene, args.environment, 1.0 if args.ambient is None else args.ambient)
+    except EnvironmentMapError as error:
+        raise CommandError(str(error)) from error
     return scene
 
 

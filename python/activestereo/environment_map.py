@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Environment maps from files: Radiance HDR and OpenEXR in linear radiance, PNG and JPEG in sRGB."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    import kuafu
+
+# A map's frame has row 0 along -y; a scene with y up turns it by half a turn about x, so that the middle column looks
+# along -z, as a glTF camera does, and columns go towards +x.
+MAP_TO_Y_UP = np.diag([1.0, -1.0, -1.0])
+
+
+class EnvironmentMapError(Exception):
+    """An environment map cannot be used; the text names the file and what to do."""
+
+
+def read_environment_map(path: str | Path) -> np.ndarray:
+    """Linear RGB radiance, float32 [height, width, 3], of an equirectangular image twice as wide as high. Raises
+    EnvironmentMapError."""
+    path = Path(path)
+    if not path.is_file():
+        raise EnvironmentMapError(f"{path}: there is no such file")
+    # OpenCV reads OpenEXR only where the environment says so, for files that are not trusted.
+    os.environ.setdefault("OPENCV_IO_ENABLE_OPENEXR", "1")
+    import cv2
+
+    try:
+        pixels = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    except cv2.error as error:
+        raise EnvironmentMapError(f"{path}: cannot be read: {str(error).splitlines()[0]}") from error
+    if pixels is None:
+        raise EnvironmentMapError(f"{path}: is no image that can be read: .hdr, .exr, .png and .jpg can be")
+    return _linear_rgb(pixels, path)
+
+
+def _linear_rgb(pixels: np.ndarray, path: Path) -> np.ndarray:
+    """OpenCV's image, grey or BGR or BGRA of any depth, as linear RGB."""
+    height, width = pixels.shape[:2]
+    if width != 2 * height:
+        raise EnvironmentMapError(
+            f"{path}: is {width}x{height} pixels, an equirectangular map is twice as wide as high"
+        )
+    channels = pixels[..., None] if pixels.ndim == 2 else pixels[..., :3][..., ::-1]
+    rgb = np.broadcast_to(channels, (height, width, 3))
+    if rgb.dtype.kind == "u":
+        coded = rgb.astype(np.float32) / np.iinfo(rgb.dtype).max
+        return np.where(coded <= 0.04045, coded / 12.92, ((coded + 0.055) / 1.055) ** 2.4).astype(np.float32)
+    out = np.ascontiguousarray(rgb, np.float32)
+    if not np.isfinite(out).all() or out.min() < 0:
+        raise EnvironmentMapError(f"{path}: has radiances that are negative or not finite: clamp them in an editor")
+    return out
+
+
+def set_environment_map(scene: kuafu.Scene, path: str | Path, scale: float = 1.0) -> None:
+    """Lights a scene with y up by the map, times `scale`. Raises EnvironmentMapError."""
+    texture = scene.add_texture(read_environment_map(path), name=Path(path).name)
+    scene.set_environment((scale, scale, scale), texture=texture, map_to_world=MAP_TO_Y_UP)
