@@ -74,6 +74,25 @@ def surface_names(scene_path: str | Path | None) -> list[str]:
     return [surface.name for surface in scene_surfaces(scene_path)]
 
 
+def surfaces_of_object(scene_path: str | Path, name: str) -> list[int]:
+    """Numbers of the surfaces of the objects of a name. ValueError lists the objects where there is none, and where one
+    has no material."""
+    instances = _instances(_document(Path(scene_path)))
+    chosen = [k for k, instance in enumerate(instances) if instance.name == name]
+    if not chosen:
+        known = ", ".join(dict.fromkeys(instance.name for instance in instances)) or "none"
+        raise ValueError(f"{scene_path}: there is no object '{name}' (there are: {known})")
+    of_objects = {m for k in chosen for m in instances[k].materials}
+    if -1 in of_objects:
+        raise ValueError(f"{scene_path}: the object '{name}' has a part without a material: give it one")
+    own = [
+        k
+        for k, surface in enumerate(scene_surfaces(scene_path))
+        if (surface.instance in chosen if surface.instance is not None else surface.material in of_objects)
+    ]
+    return own
+
+
 def split_surfaces(scene: kuafu.Scene, scene_path: str | Path) -> None:
     """Gives every surface of a scene, loaded from this file alone, a material of its own: surface k is material k."""
     surfaces = scene_surfaces(scene_path)

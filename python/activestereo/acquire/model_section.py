@@ -12,9 +12,9 @@ from activestereo.sensor_model.read import FORMAT, VERSION
 
 
 def replace_sections(path: Path, told: SensorModel, keep_rig: bool = False) -> None:
-    """Writes what `told` says of rig, pattern and imager into the model at `path`, which is made where it does not
-    exist. Nuisances that it names replace those of the same names. keep_rig: of a rig that is there already, only the
-    projector's place is replaced.
+    """Writes what `told` says of rig, pattern, imager and materials into the model at `path`, which is made where it
+    does not exist. Nuisances and materials that it names replace those of the same names. keep_rig: of a rig that is
+    there already, only the projector's place is replaced.
 
     ValueError, with the file, where it is no model or one of another version: nothing is written then.
     """
@@ -24,6 +24,8 @@ def replace_sections(path: Path, told: SensorModel, keep_rig: bool = False) -> N
     if keep_rig and "rig" in root and "rig" in new:
         new["rig"] = root["rig"] | {"left_to_projector": new["rig"]["left_to_projector"]}
     root |= {name: new[name] for name in ("rig", "pattern", "imager") if name in new}
+    if new.get("materials"):
+        root["materials"] = root.get("materials", {}) | new["materials"]
     if new["nuisances"]:
         root["nuisances"] = root.get("nuisances", {}) | new["nuisances"]
     text = json.dumps(root, indent=1, allow_nan=False) + "\n"

@@ -5,17 +5,19 @@ import argparse
 import json
 from pathlib import Path
 
-from activestereo.cli import acquire_pose
+from activestereo.cli import acquire_pose, acquire_scene
 from activestereo.cli.arguments import CommandError, add_seed, camera_matrix
 
 _TEXT = """\
 Measures a real camera. Each part replaces its own section of model.json, and
 leaves the others as they are; the file is written at the end, whole.
 
-  noise    repeats of static views  -> imager
-  pattern  frames of a flat wall    -> pattern
-  rig      frames of a board        -> rig
-  pose     views of parts with CAD  -> the capture's scene with the parts in it
+  noise      repeats of static views  -> imager
+  pattern    frames of a flat wall    -> pattern
+  rig        frames of a board        -> rig
+  materials  views of an object       -> materials
+  pose       views of parts with CAD  -> the capture's scene with the parts in it
+  scene      depth of one pose        -> a scene where there is no CAD
 
 activestereo acquire noise --help tells more.
 """
@@ -109,6 +111,7 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
     )
     rig.set_defaults(run=_run_rig)
     acquire_pose.add_part(parts)
+    acquire_scene.add_parts(parts)
 
 
 def _part(parts: argparse._SubParsersAction, name: str, summary: str, text: str) -> argparse.ArgumentParser:

@@ -3,24 +3,47 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+import kuafu
 from activestereo.effects.core.engine import EngineInputs
+
+# Textures that a measured value takes the place of.
+_TEXTURES = {
+    "roughness": "metallic_roughness_texture",
+    "metallic": "metallic_roughness_texture",
+    "specular": "specular_texture",
+    "transmission": "transmission_texture",
+    "ir_albedo": "ir_albedo_texture",
+}
+
+
+def set_surface(material: kuafu.Material, told: Mapping[str, float]) -> None:
+    """Measured fields in place of a material's own, their textures included."""
+    for name, value in told.items():
+        setattr(material, name, value)
+        setattr(material, _TEXTURES[name], None)
+    if "roughness" in told:
+        material.transmission_roughness = told["roughness"]
 
 
 @dataclass(frozen=True)
 class Survey:
     """focal: relative change of the left and the right focal length. albedo: {material id: factor on its infrared
-    albedo}."""
+    albedo}. surfaces: {material id: {field of kuafu's Material: value in place of the scene's}}."""
 
     focal: tuple[float, float] = (0.0, 0.0)
     albedo: dict[int, float] = field(default_factory=dict)
+    surfaces: dict[int, dict[str, float]] = field(default_factory=dict)
 
     def apply(self, inputs: EngineInputs) -> None:
         """Corrects the calibration's focal lengths and the scene's albedos."""
         for eye, change in zip(inputs.eyes, self.focal, strict=True):
             if change:
                 eye.scale_focal(1.0 + change)
+        for number, told in self.surfaces.items():
+            set_surface(inputs.material(number), told)
         for number, factor in self.albedo.items():
             material = inputs.material(number)
             if (

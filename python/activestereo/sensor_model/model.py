@@ -153,7 +153,7 @@ class SensorModel:
         return {name for entry in self.effects for name in entry.surfaces}
 
     def survey(self, material_names: Sequence[str]) -> Survey:
-        """Focal lengths and albedo factors in a scene; of materials that it lacks nothing is said."""
+        """Focal lengths, albedo factors and measured materials in a scene; nothing is said of those that it lacks."""
         left, right = (
             self.nuisances[name].value if name in self.nuisances else 0.0 for name in ("focal_left", "focal_right")
         )
@@ -163,7 +163,13 @@ class SensorModel:
             for fields in [self.materials.get(name) or self.materials.get(material_of(name)) or {}]
             if "ir_albedo_factor" in fields
         }
-        return Survey((left, right), albedo)
+        surfaces = {number: told for number, name in enumerate(material_names) if (told := self._surface(name))}
+        return Survey((left, right), albedo, surfaces)
+
+    def _surface(self, name: str) -> dict[str, float]:
+        """What is known of a surface, but for factors."""
+        fields = self.materials.get(name) or self.materials.get(material_of(name)) or {}
+        return {field: q.value for field, q in fields.items() if field != "ir_albedo_factor"}
 
 
 def with_surfaces(

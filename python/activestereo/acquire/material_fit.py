@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How well rendered pictures under a candidate's materials explain the recorded ones.
+
+loss = colour + lambda infrared, each the square of the residual in deviations plus that of an oriented filter bank
+(derivatives of Gaussians of two sizes, four directions, on square roots). Squares are products of the residuals of two
+halves of the samples: the renderer's own noise has no part in their mean, where the plain square prefers rough
+surfaces, which render with less of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
+from scipy.optimize import nnls
+
+from activestereo.acquire.material_views import MaterialScene, Picture
+from activestereo.engines.survey import set_surface
+
+PARAMETERS = ("roughness", "metallic", "specular", "transmission", "ir_albedo")
+LOW = np.array([0.03, 0.0, 0.0, 0.0, 0.01])
+HIGH = np.array([1.0, 1.0, 1.0, 1.0, 0.98])
+_FILTERS = 0.5  # weight of the filter bank beside the plain residual
+_INFRARED = 1.0  # lambda
+_SIZES_PX = (1.0, 2.0)
+_DIRECTIONS = 4
+_HUBER = 4.0
+
+
+@dataclass(frozen=True)
+class Residuals:
+    """first, second: of the two halves of the samples, in deviations; loss: mean of their products, never below 0 on
+    average."""
+
+    first: NDArray[np.float64]
+    second: NDArray[np.float64]
+
+    @property
+    def loss(self) -> float:
+        return float(np.mean(self.first * self.second))
+
+    @property
+    def mean(self) -> NDArray[np.float64]:
+        return 0.5 * (self.first + self.second)
+
+
+class MaterialFit:
+    """Residuals of candidates. theta: PARAMETERS of each surface in turn, [surfaces x 5]."""
+
+    def __init__(
+        self, scene: MaterialScene, pictures: Sequence[Picture], surfaces: Sequence[int], seed: int = 0
+    ) -> None:
+        self._scene, self._pictures, self._surfaces, self._seed = scene, pictures, surfaces, seed
+        self.renders = 0
+
+    @property
+    def size(self) -> int:
+        return len(self._surfaces) * len(PARAMETERS)
+
+    def start(self) -> NDArray[np.float64]:
+        """What the scene says."""
+        out = []
+        for number in self._surfaces:
+            material = self._scene.scene.get_material(number)
+            albedo = material.base_color[0] if material.ir_albedo is None else material.ir_albedo
+            out += [material.roughness, material.metallic, material.specular, material.transmission, albedo]
+        return np.clip(np.array(out), np.tile(LOW, len(self._surfaces)), np.tile(HIGH, len(self._surfaces)))
+
+    def residuals(self, theta: NDArray[np.float64], samples: int) -> Residuals:
+        """samples: of each half."""
+        self.set(theta)
+        self.renders += 1
+        halves: tuple[list[NDArray], list[NDArray]] = ([], [])
+        rendered = [
+            [self._scene.lights(p, samples, self._seed + 2 * k + half) for half in (0, 1)]
+            for k, p in enumerate(self._pictures)
+        ]
+        for band, weight in (("visible", 1.0), ("infrared", _INFRARED)):
+            chosen = [(p, r) for p, r in zip(self._pictures, rendered, strict=True) if p.band == band]
+            if not chosen:
+                continue
+            intensities = _intensities([(p, 0.5 * (a + b)) for p, (a, b) in chosen])
+            count = sum(int(p.usable.sum()) for p, _ in chosen)
+            for picture, pair in chosen:
+                for half, lights in zip(halves, pair, strict=True):
+                    image = np.einsum("yxcl,cl->yxc", lights, intensities)
+                    half.append(np.sqrt(weight / count) * _compare(picture, image))
+        scale = np.sqrt(sum(len(part) for part in halves[0]))
+        return Residuals(*(scale * np.concatenate(half) for half in halves))
+
+    def set(self, theta: NDArray[np.float64]) -> None:
+        for number, told in zip(self._surfaces, self.told(theta), strict=True):
+            material = self._scene.scene.get_material(number)
+            set_surface(material, told)
+            self._scene.scene.set_material(number, material)
+
+    def told(self, theta: NDArray[np.float64]) -> list[Mapping[str, float]]:
+        rows = np.asarray(theta).reshape(len(self._surfaces), len(PARAMETERS))
+        return [dict(zip(PARAMETERS, map(float, row), strict=True)) for row in rows]
+
+
+def _intensities(pictures: Sequence[tuple[Picture, NDArray]]) -> NDArray[np.float64]:
+    """[channel][light] of all pictures of a band together, none below 0."""
+    out = []
+    for channel in range(pictures[0][1].shape[2]):
+        rows, rest = [], []
+        for picture, lights in pictures:
+            weight = 1.0 / picture.sigma[picture.usable][:, channel]
+            rows.append(lights[picture.usable][:, channel] * weight[:, None])
+            rest.append(picture.seen[picture.usable][:, channel] * weight)
+        A, b = np.concatenate(rows).astype(np.float64), np.concatenate(rest).astype(np.float64)
+        size = np.maximum(np.linalg.norm(A, axis=0), 1e-9)
+        out.append(nnls(A / size, b)[0] / size)
+    return np.array(out)
+
+
+def _compare(picture: Picture, image: NDArray) -> NDArray[np.float64]:
+    """Differences in deviations, large ones tempered, and those of the filter bank."""
+    rest = np.where(picture.usable[..., None], (image - picture.seen) / picture.sigma, 0.0)
+    parts = [_tempered(rest)]
+    root = np.sqrt(np.maximum(picture.sigma, 1e-6) ** 2 + np.maximum(image, 0) ** 2) ** 0.5
+    seen = np.sqrt(np.maximum(picture.sigma, 1e-6) ** 2 + np.maximum(picture.seen, 0) ** 2) ** 0.5
+    change = np.where(picture.usable[..., None], root - seen, 0.0) / (0.5 * picture.sigma / np.maximum(seen, 1e-3))
+    for size in _SIZES_PX:
+        across, down = (gaussian_filter(change, (size, size, 0), order=(*order, 0)) for order in ((0, 1), (1, 0)))
+        norm = size * np.sqrt(8.0 * np.pi) * size  # white noise keeps its deviation
+        for k in range(_DIRECTIONS):
+            angle = np.pi * k / _DIRECTIONS
+            response = norm * (np.cos(angle) * across + np.sin(angle) * down)
+            parts.append(np.sqrt(_FILTERS / (len(_SIZES_PX) * _DIRECTIONS)) * _tempered(response))
+    return np.concatenate([part.ravel() for part in parts])
+
+
+def _tempered(rest: NDArray) -> NDArray:
+    """Linear near 0; far off it grows as a square root, as the pseudo-Huber loss's does."""
+    return np.asarray(np.sign(rest) * _HUBER * np.sqrt(2.0 * (np.sqrt(1.0 + (rest / _HUBER) ** 2) - 1.0)))
