@@ -20,7 +20,9 @@ Makes a capture of a recording. RECORDING is one of
 
   a folder of PNG files of both infrared streams, of depth (16-bit) and colour where
     they were saved; names tell the stream (Infrared 1, Infrared 2, Depth, Color, or
-    left, right, depth) and the time. Needs --calibration: what rs-enumerate-devices
+    left, right, depth) and the time. Folders inside with both eyes of their own are
+    views of their own (walls/near, walls/far); one named off has frames with the
+    projector off (desk/on, desk/off). Needs --calibration: what rs-enumerate-devices
     -c prints, saved to a file, from the same device
   a bag: librealsense's .bag, or one of ROS 1 or ROS 2 with the topics of
     realsense-ros (needs: pip install rosbags). It has its own calibration

@@ -9,7 +9,7 @@ left/000001.png beside right/000001.png.
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +29,8 @@ _STREAMS = {
     "color": re.compile(r"color|colour|rgb", re.I),
 }
 _NAMES = {"left": "Infrared 1", "right": "Infrared 2"}
+# Folders of frames that were taken with the projector off.
+_OFF = re.compile(r"(?:^|[ _-])off(?:$|[ _-])", re.I)
 _LAST_NUMBER = re.compile(r"(\d+(?:\.\d+)?)(?!.*\d)")
 # Streams of one frame differ by less than this, milliseconds.
 _SAME_FRAME_MS = 8.0
@@ -53,16 +55,39 @@ class RobotPoses:
 
 @dataclass(frozen=True)
 class FrameFiles:
-    """Files of one frame by stream, and the number in the left one's name."""
+    """Files of one frame by stream, the number in the left one's name, and the view, by number, that it is of.
+    projector_on: False below a folder that is named off."""
 
     number: float
     files: dict[str, Path]
+    view: int = 0
+    projector_on: bool = True
 
 
 def frame_files(folder: Path) -> list[FrameFiles]:
-    """Frames with both eyes, in order of time. ValueError where there are none."""
+    """Frames with both eyes: of each view in order of time. A folder inside with both eyes of its own is a view of its
+    own, such as walls/near and walls/far, or desk/on and desk/off. ValueError where there are none."""
+    folder = Path(folder)
+    out = []
+    for number, view in enumerate(_views(folder)):
+        is_on = not any(_OFF.search(part) for part in view.relative_to(folder).parts)
+        out += [replace(entry, view=number, projector_on=is_on) for entry in _view_files(view)]
+    return out
+
+
+def _views(folder: Path) -> list[Path]:
+    children = [child for child in sorted(folder.iterdir()) if child.is_dir() and _has_both(child)]
+    return [view for child in children for view in _views(child)] or [folder]
+
+
+def _has_both(folder: Path) -> bool:
+    names = [file.relative_to(folder).as_posix() for file in folder.rglob("*.png")]
+    return all(any(_STREAMS[eye].search(name) for name in names) for eye in ("left", "right"))
+
+
+def _view_files(folder: Path) -> list[FrameFiles]:
     by_stream: dict[str, list[tuple[float, Path]]] = {stream: [] for stream in _STREAMS}
-    for file in sorted(Path(folder).rglob("*.png")):
+    for file in sorted(folder.rglob("*.png")):
         name = file.relative_to(folder).as_posix()
         stream = next((s for s, pattern in _STREAMS.items() if pattern.search(name)), None)
         number = _LAST_NUMBER.search(file.stem)
@@ -178,14 +203,16 @@ def _frame(
     robot: RobotPoses | None,
 ) -> Frame:
     time = 1e-3 * entry.number if entry.number > 1e6 else float(number) / 30.0
-    pose, group, gripper_to_base = np.eye(4), None if trajectory is not None else 0, None
+    pose, group, gripper_to_base = np.eye(4), None if trajectory is not None else entry.view, None
     if trajectory is not None:
         pose = pose_at(*trajectory, time, str(entry.files["left"]))
     elif robot is not None:
-        gripper_to_base, group = robot.at(entry.files["left"])
+        gripper_to_base, place = robot.at(entry.files["left"])
+        group = place + entry.view * len(robot.gripper_to_base)
         pose = gripper_to_base @ robot.camera_to_gripper
     return Frame(
         number, entry.files["left"], entry.files["right"], time, exposure_s, pose, "train",
-        repeat_group=group, depth_path=entry.files.get("depth"), depth_scale=depth_scale,
+        projector_power=float(entry.projector_on), repeat_group=group,
+        depth_path=entry.files.get("depth"), depth_scale=depth_scale,
         color_path=entry.files.get("color"), gripper_to_base=gripper_to_base,
     )  # fmt: skip

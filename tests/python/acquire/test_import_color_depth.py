@@ -189,6 +189,22 @@ def test_a_robots_views_stand_where_the_gripper_carries_the_camera(tmp_path, cap
     assert np.allclose(capture.frames[2].gripper_to_base[:3, 3], (0.1, 0, 0))
 
 
+def test_folders_inside_are_views_of_their_own(tmp_path):
+    from test_import import _TEXT
+
+    (tmp_path / "d435.txt").write_text(_TEXT)
+    for number, view in enumerate(("desk_off", "near", "wall/far")):
+        for eye in ("left", "right"):
+            (tmp_path / "r" / view / eye).mkdir(parents=True)
+            for i in range(2):
+                write_gray(tmp_path / "r" / view / eye / f"{i:03d}.png", np.full((48, 64), 10 * number + i + 100 * (eye == "right"), np.uint8))
+    assert main(["import", str(tmp_path / "r"), "--calibration", str(tmp_path / "d435.txt"), "--out", str(tmp_path / "c")]) == 0
+    capture = read_capture(tmp_path / "c")
+    assert [frame.repeat_group for frame in capture.frames] == [0, 0, 1, 1, 2, 2]
+    assert [frame.projector_power for frame in capture.frames] == [0, 0, 1, 1, 1, 1]
+    assert [int(capture.ir(frame, "right")[0, 0]) for frame in capture.frames] == [100, 101, 110, 111, 120, 121]
+
+
 class _Stream:
     def __init__(self, baseline_m=0.0):
         self.baseline_m = baseline_m
