@@ -70,16 +70,18 @@ class EngineModel:
 
 
 class EngineImages:
-    """A capture's light under a model by the engine (a Rendering of refine/by_rendering.py): whole, or as a draft of a
-    quarter of the samples. Images are kept in the user's cache of renders.
+    """A capture's light under a model by the engine (a Rendering of refine/by_rendering.py). Images are kept in the
+    user's cache of renders.
 
-    Arguments as of CaptureRenderer.
+    Arguments as of CaptureRenderer. Samples are of the base model's images; a draft has a quarter of them. What a
+    search ends with has twice as many, as many as `compare` has: light below surfaces is noisier than the base model's,
+    and its images are no longer filtered there.
     """
 
     def __init__(
         self, capture: Capture, device: str | int, samples_per_pixel: int, max_bounces: int, seed: int
     ) -> None:
-        draft, whole = max(1, samples_per_pixel // 4), samples_per_pixel
+        draft, whole = max(1, samples_per_pixel // 4), 2 * samples_per_pixel
         self._renderers = {
             is_draft: CaptureRenderer(capture, device, spp, max_bounces, seed)
             for is_draft, spp in ((True, draft), (False, whole))

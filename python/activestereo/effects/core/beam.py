@@ -21,17 +21,25 @@ def glow(view: View, extinction_per_m: float, from_m: float) -> np.ndarray:
 
     Places along a ray are spaced evenly in the angle at the projector, which takes 1 / distance^2 out of the integral
     (Kulla and Fajardo 2012, Importance sampling techniques for path tracing in participating media)."""
-    rows, columns, ray, end, foot, aside = view.once("coarse rays", lambda: _coarse_rays(view))
-    first, last = np.arctan((from_m - foot) / aside), np.arctan((end - foot) / aside)
-    share = ((np.arange(_PLACES) + 0.5) / _PLACES)[:, None, None]
-    along = foot + aside * np.tan(first + share * (last - first))
-    way = along - from_m + np.hypot(along - foot, aside)
-    light = _intensity(view, along[..., None] * ray) * np.exp(-extinction_per_m * way)
-    coarse = light.mean(axis=0) * np.maximum(last - first, 0.0) / (4.0 * np.pi * aside)
+    rows, columns, *_ = view.once("coarse rays", lambda: _coarse_rays(view))
+    # A scan goes through extinctions: what lies along the rays stays.
+    intensity, way, factor = view.latest("beam", None, lambda: _along_rays(view, from_m), choice=from_m)
+    coarse = (intensity * np.exp(-extinction_per_m * way)).mean(axis=0) * factor
     places = [
         np.interp(np.arange(n), kept, np.arange(len(kept))) for n, kept in zip(view.shape, (rows, columns), strict=True)
     ]
     return map_coordinates(coarse, np.meshgrid(*places, indexing="ij"), order=1, mode="nearest")
+
+
+def _along_rays(view: View, from_m: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(intensity, light's way in metres) [places][rows][columns] along the coarse rays, and what their mean is to be
+    multiplied by."""
+    _, _, ray, end, foot, aside = view.once("coarse rays", lambda: _coarse_rays(view))
+    first, last = np.arctan((from_m - foot) / aside), np.arctan((end - foot) / aside)
+    share = ((np.arange(_PLACES) + 0.5) / _PLACES)[:, None, None]
+    along = foot + aside * np.tan(first + share * (last - first))
+    way = along - from_m + np.hypot(along - foot, aside)
+    return _intensity(view, along[..., None] * ray), way, np.maximum(last - first, 0.0) / (4.0 * np.pi * aside)
 
 
 def _coarse_rays(view: View) -> tuple[np.ndarray, ...]:
