@@ -116,6 +116,10 @@ def _add_rendering(group: argparse._ArgumentGroup) -> None:
     group.add_argument("--ambient", type=positive, metavar="R", help=text)
     text = "equirectangular map of the light from all sides (.hdr, .exr, .png, .jpg); --ambient multiplies it"
     group.add_argument("--environment", type=Path, metavar="FILE", help=text)
+    text = (
+        "measured reflectances of the scene's materials, from 400 to 850 nm: columns wavelength_nm and materials' names"
+    )
+    group.add_argument("--reflectances", type=Path, metavar="CSV", help=text)
     text = "radiant intensity of the brightest dot at the sensor's laser power, W/sr (default: the sensor's; 0 = off)"
     group.add_argument("--projector", type=positive, metavar="I", help=text)
     group.add_argument("--laser-power", type=positive, metavar="MW", help="the laser's setting (default: the sensor's)")
@@ -213,6 +217,13 @@ def _load_scene(args: argparse.Namespace) -> kuafu.Scene:
     scene.load(args.scene)
     if not scene.summary.triangle_count:
         raise CommandError(f"{args.scene}: there is nothing to see in it: no triangles")
+    if args.reflectances is not None:
+        from activestereo.reflectance import ReflectanceError, apply_reflectances, read_reflectances
+
+        try:
+            apply_reflectances(scene, read_reflectances(args.reflectances))
+        except ReflectanceError as error:
+            raise CommandError(str(error)) from error
     ambient = args.ambient
     if ambient is None:
         ambient = 0.25 if scene.summary.light_count else 1.0

@@ -1,0 +1,135 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Materials from measured reflectances: what the RGB camera sees and what the infrared cameras see, from one table.
+
+A CSV file has a column `wavelength_nm`, ascending, and one column for each material of the scene that was measured:
+
+    wavelength_nm,wood,steel
+    400,0.08,0.52
+    ...
+    900,0.55,0.61
+
+The visible colour is that of the reflectance under light of equal energy, seen through the CIE 1931 observer and
+brought to linear sRGB so that a reflectance of 1 is white. The infrared albedo is the reflectance where the sensor's
+laser shines.
+"""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    import kuafu
+
+VISIBLE_NM = (400.0, 700.0)  # what a table must cover; the observer sees 0.2 % beyond
+INFRARED_NM = 850.0  # the laser of a RealSense D400
+_XYZ_TO_SRGB = np.array(  # IEC 61966-2-1
+    [[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.0557, -0.2040, 1.0570]]
+)
+# Weight, wavelength of the peak, widths below and above it: Wyman, Sloan and Shirley, "Simple Analytic Approximations
+# to the CIE XYZ Color Matching Functions", JCGT 2013.
+_OBSERVER = (
+    ((1.056, 599.8, 37.9, 31.0), (0.362, 442.0, 16.0, 26.7), (-0.065, 501.1, 20.4, 26.2)),
+    ((0.821, 568.8, 46.9, 40.5), (0.286, 530.9, 16.3, 31.1)),
+    ((1.217, 437.0, 11.8, 36.0), (0.681, 459.0, 26.0, 13.8)),
+)
+
+
+class ReflectanceError(Exception):
+    """A table cannot be used; the text names the file, the place and what to do."""
+
+
+@dataclass(frozen=True)
+class Reflectance:
+    """Share of light that a surface sends back, by wavelength."""
+
+    wavelengths_nm: NDArray[np.float64]  # [n], ascending
+    values: NDArray[np.float64]  # [n], 0 to 1
+
+    def at(self, wavelength_nm: float) -> float:
+        """Interpolated linearly."""
+        return float(np.interp(wavelength_nm, self.wavelengths_nm, self.values))
+
+    def linear_rgb(self) -> NDArray[np.float64]:
+        """[3], linear sRGB; colours that sRGB does not have are cut to 0..1."""
+        nm = np.arange(360.0, 781.0)
+        to_rgb = _XYZ_TO_SRGB @ _observer(nm)
+        rgb = to_rgb @ np.interp(nm, self.wavelengths_nm, self.values) / to_rgb.sum(axis=1)
+        return np.asarray(np.clip(rgb, 0.0, 1.0))
+
+
+def _observer(nm: NDArray[np.float64]) -> NDArray[np.float64]:
+    """[3, n]: the CIE 1931 colour matching functions."""
+    rows = []
+    for lobes in _OBSERVER:
+        row = np.zeros_like(nm)
+        for weight, peak, below, above in lobes:
+            row += weight * np.exp(-0.5 * ((nm - peak) / np.where(nm < peak, below, above)) ** 2)
+        rows.append(row)
+    return np.array(rows)
+
+
+def read_reflectances(path: str | Path, infrared_nm: float = INFRARED_NM) -> dict[str, Reflectance]:
+    """The table's materials by name. Raises ReflectanceError."""
+    try:
+        with Path(path).open(newline="", encoding="utf-8") as file:
+            rows = [row for row in csv.reader(file) if row]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise ReflectanceError(f"{path}: cannot be read: {error}") from error
+    if len(rows) < 3 or rows[0][0].strip() != "wavelength_nm" or len(rows[0]) < 2:
+        raise ReflectanceError(f"{path}: needs a first line wavelength_nm,NAME,... and at least two lines of numbers")
+    names = [name.strip() for name in rows[0][1:]]
+    if len(set(names)) != len(names):
+        raise ReflectanceError(f"{path}: a material is there twice: {', '.join(names)}")
+    numbers = np.array([_numbers(path, i, row, len(names) + 1) for i, row in enumerate(rows[1:], start=2)])
+    nm = numbers[:, 0]
+    if not (np.diff(nm) > 0).all():
+        raise ReflectanceError(f"{path}: wavelengths must ascend")
+    low, high = min(VISIBLE_NM[0], infrared_nm), max(VISIBLE_NM[1], infrared_nm)
+    if nm[0] > low or nm[-1] < high:
+        raise ReflectanceError(f"{path}: covers {nm[0]:g} to {nm[-1]:g} nm, must cover {low:g} to {high:g}")
+    return {name: Reflectance(nm, numbers[:, 1 + i]) for i, name in enumerate(names)}
+
+
+def _numbers(path: str | Path, line: int, row: list[str], count: int) -> list[float]:
+    """A line's numbers. Raises ReflectanceError."""
+    try:
+        values = [float(text) for text in row]
+    except ValueError as error:
+        raise ReflectanceError(f"{path}: line {line}: {error}") from error
+    if len(values) != count:
+        raise ReflectanceError(f"{path}: line {line} has {len(values)} numbers, the first line names {count}")
+    if not all(0.0 <= value <= 1.0 for value in values[1:]) or not np.isfinite(values[0]):
+        raise ReflectanceError(f"{path}: line {line}: reflectances must be from 0 to 1 (not percent)")
+    return values
+
+
+def apply_reflectances(
+    scene: kuafu.Scene, table: dict[str, Reflectance], infrared_nm: float = INFRARED_NM
+) -> list[str]:
+    """Gives the scene's materials of these names their measured colour and infrared albedo, in place of their base
+    colours and their textures. Returns the names that were found. Raises ReflectanceError where a name is none of the
+    scene's."""
+    found: list[str] = []
+    known: list[str] = []
+    for id in range(scene.summary.material_count):
+        material = scene.get_material(id)
+        known.append(material.name)
+        measured = table.get(material.name)
+        if measured is None:
+            continue
+        red, green, blue = (float(value) for value in measured.linear_rgb())
+        material.base_color = (red, green, blue, material.base_color[3])
+        material.ir_albedo = measured.at(infrared_nm)
+        material.base_color_texture = material.ir_albedo_texture = None
+        scene.set_material(id, material)
+        found.append(material.name)
+    missing = sorted(set(table) - set(found))
+    if missing:
+        raise ReflectanceError(f"no material is called {', '.join(missing)}; the scene has {', '.join(sorted(known))}")
+    return found
