@@ -8,10 +8,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from activestereo.effects import Parameter
 from activestereo.effects.core.judging import Channel
 from activestereo.lab.diagnose.findings import BaseChecks, Checks, Explanation, Finding, Ranking, Score
 from activestereo.lab.diagnose.gates import GATES, gates_table, share_words
 from activestereo.lab.diagnose.report.judging import judging_json, verdict_under
+from activestereo.lab.diagnose.score.occam import is_at_end
 from activestereo.lab.diagnose.verdict.completeness import lacks_nothing
 from activestereo.lab.diagnose.verdict.verdict import verdict_of
 
@@ -51,6 +53,22 @@ def test_what_no_survey_leaves_is_unknown_where_nothing_is_named(check):
     shown = replace(calm, base_checks=replace(calm.base_checks, **{check: 0.6}))
     assert verdict_of(shown, shown, True) == "unknown"
     assert verdict_under(kept(shown), GATES)[0] == "unknown"
+
+
+def test_what_ends_at_its_range_and_leaves_structure_is_a_stand_in():
+    calm = replace(ranking(0.9), base=SimpleNamespace(chi2=100.0, white_floors=0.0), findings=())
+    for at_end, left, verdict in ((True, 0.2, "unknown"), (True, 0.0, "effect"), (False, 0.2, "effect")):
+        best = ranking(0.9, left).best
+        explanation = replace(best.explanation, chi2=130.0)
+        best = replace(best, explanation=explanation, checks=replace(best.checks, at_range_end=at_end))
+        assert verdict_of(replace(ranking(0.9), findings=(best,)), calm, True) == verdict
+
+
+def test_only_shapes_end_at_their_range():
+    length = Parameter("length_m", "m", neutral=0.003, low=0.0002, high=0.03, typical=0.002)
+    share = Parameter("fraction", "1", neutral=0.0, low=0.0, high=1.0, typical=0.4)
+    assert [is_at_end(length, x) for x in (0.03, 0.0002, 0.0294, 0.003)] == [True, True, False, False]
+    assert not is_at_end(share, 1.0)
 
 
 def test_nothing_is_added_to_noise_where_the_images_are_at_its_floor():

@@ -122,7 +122,8 @@ class Checks:
     plain_share, plain_floors: explained_share and gain_floors of the error in DN as it is, not weighed by its
     expected variance. varying_floors: what a varying amplitude of the effect's trace explains beyond one.
     structure_floors: structure that it leaves (score/structure.py). variation: {effect: varying_floors} of every
-    effect that was added to the given model. None and absent: not looked at.
+    effect that was added to the given model. at_range_end: whether a shape parameter was driven to an end of its range.
+    None and absent: not looked at.
     """
 
     plain_share: float | None = None
@@ -130,6 +131,7 @@ class Checks:
     varying_floors: float = 0.0
     structure_floors: float | None = None
     variation: Mapping[str, float] = field(default_factory=dict)
+    at_range_end: bool = False
 
 
 @dataclass(frozen=True)

@@ -37,7 +37,7 @@ from activestereo.lab.diagnose.refine.parsimony import simplified
 from activestereo.lab.diagnose.refine.settle import settled
 from activestereo.lab.diagnose.score.constancy import varying_floors
 from activestereo.lab.diagnose.score.likelihood import design_effect, frame_consistency, nats_of
-from activestereo.lab.diagnose.score.occam import choice_nats, occam_nats
+from activestereo.lab.diagnose.score.occam import choice_nats, is_at_end, occam_nats
 from activestereo.lab.diagnose.score.steadiness import uneven_structure, unsteady_floors
 from activestereo.lab.diagnose.score.structure import local_structure
 from activestereo.lab.diagnose.verdict.acceptance import is_significant, passes
@@ -315,7 +315,10 @@ def _with_remainders(bench: Bench, ranking: Ranking) -> Ranking:
             return f
         structure = local_structure(_rows_after(bench, ranking.base, f))
         variation = base_checks.variation if f.solution is None else _variation(bench, f.solution)
-        return replace(f, checks=replace(f.checks, structure_floors=structure, variation=variation))
+        at_end = any(is_at_end(p, f.explanation.parameters[p.name].value) for p in f.effect.parameters)
+        return replace(
+            f, checks=replace(f.checks, structure_floors=structure, variation=variation, at_range_end=at_end)
+        )
 
     return replace(ranking, base_checks=base_checks, findings=tuple(map(checked, ranking.findings)))
 

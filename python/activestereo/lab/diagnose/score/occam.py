@@ -15,10 +15,19 @@ from activestereo.effects import Effect, Parameter
 from activestereo.lab.diagnose.refine.fitter import Fitter
 from activestereo.lab.diagnose.refine.parameter_space import Solution
 
+# This near to an end of a range, in ranges, a fit was stopped by it.
+_NEAR_END = 1e-3
+
 
 def is_shape(parameter: Parameter) -> bool:
     """Shape parameters (a focus, a frequency, a doubling temperature) have no neutral value of zero."""
     return parameter.neutral != 0.0
+
+
+def is_at_end(parameter: Parameter, value: float) -> bool:
+    """Whether a shape parameter was driven to an end of its range: what it stands for lies beyond its kind."""
+    room = _NEAR_END * (parameter.high - parameter.low)
+    return is_shape(parameter) and not parameter.low + room < value < parameter.high - room
 
 
 def occam_nats(fitter: Fitter, solution: Solution, effect: Effect, design: float) -> float:

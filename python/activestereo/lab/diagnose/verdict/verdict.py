@@ -30,6 +30,8 @@ def verdict_of(first: Ranking, last: Ranking, has_floor: bool) -> str:
         # Its own channel tells it, where the images lack nothing else.
         rest = replace(last.base_remainder, repeats_floors=best.explanation.repeats_floors)
         return UNKNOWN if is_unexplained(last, rest) else EFFECT
+    if best.checks.at_range_end and is_unexplained(last, best.remainder, first):
+        return UNKNOWN  # a stand-in: what mends it is another stand-in
     passing = [f.remainder for f in last.findings if passes(last, f)]
     end = min([last.base_remainder, *passing], key=lambda rest: rest.chi2)
     return UNKNOWN if all(is_unexplained(last, rest, first) for rest in (best.remainder, end)) else EFFECT
