@@ -53,7 +53,8 @@ ShadowRequest ask_light_in_fog(IN(Path) path, IN(FogVertex) fog, uint k) {
   ShadowRequest request;
   request.wanted = false;
   IN(SceneAddresses) scene = push.scene.at[0];
-  LightRequest asked = find_light(path, fog.position, fog.position, k);
+  LightRequest asked;
+  find_light(path, fog.position, fog.position, k, asked);
   if (!asked.found) return request;
   float pdf = phase(scene.medium.at[0].phase_g, dot(fog.direction, asked.light.direction));
   request.contribution = fog.throughput * asked.light.irradiance * (pdf / asked.probability);

@@ -61,12 +61,11 @@ struct LightAtSurface {
   vec3 origin;  // of the shadow ray
 };
 
-LightAtSurface light_at_surface(IN(Path) path, IN(Vertex) vertex, uint k) {
-  LightAtSurface l;
+void light_at_surface(IN(Path) path, IN(Vertex) vertex, uint k, OUT(LightAtSurface) l) {
   l.origin = offset_origin(vertex.position, vertex.coordinate_size, vertex.side_normal);
-  l.asked = find_light(path, vertex.position, l.origin, k);
   l.found = false;
-  if (!l.asked.found) return l;
+  find_light(path, vertex.position, l.origin, k, l.asked);
+  if (!l.asked.found) return;
   bool behind = dot(l.asked.light.direction, vertex.side_normal) <= 0.0f;
   if (behind) {
     l.origin = offset_origin(vertex.position, vertex.coordinate_size, -vertex.side_normal);
@@ -74,12 +73,10 @@ LightAtSurface light_at_surface(IN(Path) path, IN(Vertex) vertex, uint k) {
   }
   l.wi = to_local(vertex.frame, l.asked.light.direction);
   l.found = behind != (l.wi.z > 0.0f);
-  return l;
 }
 
 /// f, pdf: of bsdf_evaluate for the light's direction.
-ShadowRequest request_light(IN(Path) path, IN(LightAtSurface) l, Spectrum f, float pdf) {
-  ShadowRequest request;
+void request_light(IN(Path) path, IN(LightAtSurface) l, Spectrum f, float pdf, OUT(ShadowRequest) request) {
   request.contribution = path.throughput * f * l.asked.light.irradiance / l.asked.probability;
   if (in_medium()) request.contribution *= open_transmittance(l.origin, l.asked.light.direction, l.asked.light.distance_m);
   request.opaque = l.asked.light.pdf > 0.0f;  // directions that find it go through glass by themselves
@@ -87,17 +84,18 @@ ShadowRequest request_light(IN(Path) path, IN(LightAtSurface) l, Spectrum f, flo
   request.wanted = max_component(request.contribution) > 0.0f;
   request.group = !l.asked.projector ? l.asked.group : all_delta(path) ? group_projector_direct : group_projector_indirect;
   request.ray = Ray(l.origin, 0.0f, l.asked.light.direction, l.asked.light.distance_m * 0.99999f);
-  return request;
 }
 
 ShadowRequest ask_light_at_surface(IN(Path) path, IN(Vertex) vertex, uint k) {
   ShadowRequest request;
   request.wanted = false;
-  LightAtSurface l = light_at_surface(path, vertex, k);
+  LightAtSurface l;
+  light_at_surface(path, vertex, k, l);
   if (!l.found || (l.wi.z <= 0.0f && !is_rough(vertex.bsdf.glass))) return request;
   float pdf;
   Spectrum f = bsdf_evaluate(vertex.bsdf, push.scene.at[0].specular_albedo, vertex.wo, l.wi, vertex.chances, pdf);
-  return request_light(path, l, f, pdf);
+  request_light(path, l, f, pdf, request);
+  return request;
 }
 
 /// The k-th shadow ray of the vertex, where asks_light.

@@ -18,8 +18,7 @@ struct ShadowRequest {
   uint group;
 };
 
-LightRequest find_light(IN(Path) path, vec3 position, vec3 shape_origin, uint k) {
-  LightRequest request;
+void find_light(IN(Path) path, vec3 position, vec3 shape_origin, uint k, OUT(LightRequest) request) {
   request.found = false;
   IN(SceneAddresses) scene = push.scene.at[0];
   bool select = (push.flags & shade_select_lights) != 0u;
@@ -27,7 +26,7 @@ LightRequest find_light(IN(Path) path, vec3 position, vec3 shape_origin, uint k)
   IN(EnvironmentRecord) environment = scene.environments.at[path_environment(path)];
   LightChoice choice = vertex_light(scene.lights, environment, k, select, all_delta(path), u);
   request.probability = choice.probability;
-  if (choice.probability == 0.0f) return request;
+  if (choice.probability == 0.0f) return;
   IN(LightRecord) record = scene.lights.at[choice.index];
   request.projector = record.kind == light_projector;
   vec2 point = vec2(0.0f);
@@ -36,11 +35,10 @@ LightRequest find_light(IN(Path) path, vec3 position, vec3 shape_origin, uint k)
     position = shape_origin;
   }
   request.light = light_towards(scene, choice.index, position, point, path.time_s);
-  if (request.light.pdf > 0.0f && (push.flags & shade_bsdf_only) != 0u) return request;
+  if (request.light.pdf > 0.0f && (push.flags & shade_bsdf_only) != 0u) return;
   bool mesh = (features & feature_lights) != 0u && record.kind == light_mesh;
   request.group = ambient_group(mesh ? request.light.light_group : record.light_group);
   request.found = max_component(request.light.irradiance) > 0.0f;
-  return request;
 }
 
 /// Weight of light `index` where the path's direction, not a light sample, found it; pdf: that of the light sample.

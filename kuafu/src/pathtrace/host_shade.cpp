@@ -32,9 +32,17 @@ struct QueuedOnward {
 class Queued {
  public:
   Queued(uint32_t paths, uint32_t shadow_rays_per_vertex)
-      : shadows_(std::make_unique_for_overwrite<Shadow[]>(size_t(paths) * shadow_rays_per_vertex)),
+      : shadows_(std::make_unique_for_overwrite<Shadow[]>(size_t(paths) * shadow_rays_per_vertex + 1)),
         nexts_(std::make_unique_for_overwrite<Next[]>(paths)) {}
-  void shadow(const Shade::Path& path, const Shade::ShadowRequest& request, uint32_t k) { shadows_[shadow_count_++] = {path, request, k}; }
+  /// Where the next request is written, for keep(). A struct that is made elsewhere and copied here costs more than all of its arithmetic:
+  /// the copy reads with one load what several stores have just written, which processors wait for.
+  Shade::ShadowRequest& place(const Shade::Path& path, uint32_t k) {
+    Shadow& shadow = shadows_[shadow_count_];
+    shadow.path = path;
+    shadow.k = k;
+    return shadow.request;
+  }
+  void keep() { ++shadow_count_; }
   void next(const Shade::Path& path, const Shade::NextRequest& request) {
     if (request.wanted) nexts_[next_count_++] = {path, request};
   }
@@ -76,11 +84,11 @@ void shade_range(Shade& stage, Queued& queued, uint32_t first, uint32_t end) {
   for (uint32_t i = first; i < end; ++i) {
     Shade::Shading shading = stage.begin_shading(i);
     for (uint32_t k = 0; k < stage.push.shadow_rays_per_vertex; ++k) {
-      Shade::ShadowRequest request;
+      Shade::ShadowRequest& request = queued.place(shading.path, k);
       request.wanted = false;
       if (stage.asks_light(shading, k)) request = stage.ask_light(shading, k);
       if (request.wanted)
-        queued.shadow(shading.path, request, k);
+        queued.keep();
       else
         stage.queue_no_shadow(shading.path, k);
     }
