@@ -704,6 +704,7 @@ extern "C" {
     pub fn kuafu_scene_get_material(scene: *mut c_void, id: u32, out: *mut kuafu_material_desc) -> i32;
     pub fn kuafu_scene_add_instance(scene: *mut c_void, desc: *const kuafu_instance_desc, id: *mut u32) -> i32;
     pub fn kuafu_scene_set_instance_pose(scene: *mut c_void, id: u32, local_to_world: *const f64) -> i32;
+    pub fn kuafu_scene_set_instance_poses(scene: *mut c_void, ids: *const u32, local_to_world: *const f64, count: u32) -> i32;
     pub fn kuafu_scene_set_instance_velocity(scene: *mut c_void, id: u32, linear: *const f64, angular: *const f64) -> i32;
     pub fn kuafu_scene_set_instance_materials(scene: *mut c_void, id: u32, materials: *const u32, material_count: u32) -> i32;
     pub fn kuafu_scene_next_frame(scene: *mut c_void) -> i32;
@@ -715,6 +716,7 @@ extern "C" {
     pub fn kuafu_scene_material_name(scene: *mut c_void, id: u32) -> *const c_char;
     pub fn kuafu_scene_add_light(scene: *mut c_void, desc: *const kuafu_light_desc, id: *mut u32) -> i32;
     pub fn kuafu_scene_set_light(scene: *mut c_void, id: u32, desc: *const kuafu_light_desc) -> i32;
+    pub fn kuafu_scene_set_lights(scene: *mut c_void, ids: *const u32, descs: *const kuafu_light_desc, count: u32) -> i32;
     pub fn kuafu_scene_get_light(scene: *mut c_void, id: u32, out: *mut kuafu_light_desc) -> i32;
     pub fn kuafu_scene_remove_light(scene: *mut c_void, id: u32) -> i32;
     pub fn kuafu_scene_set_environment(scene: *mut c_void, desc: *const kuafu_environment_desc) -> i32;

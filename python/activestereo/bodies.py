@@ -56,47 +56,52 @@ class Bodies:
         self.environment_count = environment_count
         self.names: list[str] = []
         # One row for each instance in the scene: its number, environment, body and 4x4 to the body.
-        self._instances: list[int] = []
+        self._instances = np.empty(0, np.uint32)
         self._environments = np.empty(0, np.intp)
         self._bodies = np.empty(0, np.intp)
+        self._semantic_ids = np.zeros(1, np.uint32)  # by instance; the last is of pixels without one
         self._to_body = np.empty((0, 4, 4))
         self._last = np.zeros((environment_count or 1, 0, 4, 4))
 
     def add(
         self,
         name: str,
-        shapes: Iterable[Shape],
+        shapes: Iterable[Shape] | Mapping[int, Iterable[Shape]],
         pose: ArrayLike | None = None,
         environments: Iterable[int] | None = None,
         semantic_id: int = 0,
     ) -> int:
-        """Puts a body into the scene and returns its number. pose: [7] or [4, 4] until it is moved. environments: those
-        that have it, all by default. semantic_id: what kuafu's output of that name shows."""
+        """Puts a body into the scene and returns its number. shapes: the same in each environment, or {environment:
+        shapes} of those that have it. pose: [7] or [4, 4] until it is moved. environments: those that have it, all by
+        default. semantic_id: what kuafu's output of that name shows."""
         if name in self.names:
             raise ValueError(f"there is a body '{name}' already")
         start = np.eye(4) if pose is None else pose_matrices(np.asarray(pose, dtype=np.float64), f"body '{name}'")
         fault = pose_fault(start)
         if start.shape != (4, 4) or fault.any():
             raise ValueError(f"body '{name}': a pose is [7] or a rigid [4, 4] of finite numbers; got {pose!r}")
-        chosen = self._environments_of(name, environments)
-        shapes = list(shapes)
-        for shape in shapes:
-            for environment in chosen:
-                instance = self.scene.add_instance(
-                    shape.mesh,
-                    shape.materials,
-                    local_to_world=start @ shape.to_body,
-                    environment=environment,
-                    semantic_id=semantic_id,
-                    name=name,
-                )
-                self._instances.append(instance)
-        count = len(shapes) * len(chosen)
-        where = np.array([environment or 0 for environment in chosen], np.intp)
-        to_body = np.array([shape.to_body for shape in shapes], np.float64).reshape(-1, 4, 4)
-        self._environments = np.append(self._environments, np.tile(where, len(shapes)))
-        self._bodies = np.append(self._bodies, np.full(count, len(self.names), np.intp))
-        self._to_body = np.concatenate([self._to_body, np.repeat(to_body, len(chosen), axis=0)])
+        rows = self._rows(name, shapes, environments)
+        instances = [
+            self.scene.add_instance(
+                shape.mesh,
+                shape.materials,
+                local_to_world=start @ shape.to_body,
+                environment=environment,
+                semantic_id=semantic_id,
+                name=name,
+            )
+            for environment, shape in rows
+        ]
+        self._instances = np.append(self._instances, np.array(instances, np.uint32))
+        if instances:  # whose numbers are above all before them
+            more = np.zeros(instances[-1] + 2 - len(self._semantic_ids), np.uint32)
+            self._semantic_ids = np.append(self._semantic_ids, more)
+            self._semantic_ids[instances] = semantic_id
+        where = np.array([environment or 0 for environment, _ in rows], np.intp)
+        to_body = np.array([shape.to_body for _, shape in rows], np.float64).reshape(-1, 4, 4)
+        self._environments = np.append(self._environments, where)
+        self._bodies = np.append(self._bodies, np.full(len(rows), len(self.names), np.intp))
+        self._to_body = np.concatenate([self._to_body, to_body])
         self.names.append(name)
         self._last = np.concatenate([self._last, np.broadcast_to(start, (len(self._last), 1, 4, 4))], axis=1)
         return len(self.names) - 1
@@ -105,9 +110,9 @@ class Bodies:
         """Takes a body out of the scene; its meshes and materials stay. Bodies after it move up by one number."""
         body = self.index(name)
         stays = self._bodies != body
-        for row in np.flatnonzero(~stays):
-            self.scene.remove_instance(self._instances[row])
-        self._instances = [self._instances[row] for row in np.flatnonzero(stays)]
+        for instance in self._instances[~stays].tolist():
+            self.scene.remove_instance(instance)
+        self._instances = self._instances[stays]
         self._environments, self._to_body = self._environments[stays], self._to_body[stays]
         self._bodies = self._bodies[stays] - (self._bodies[stays] > body)
         del self.names[body]
@@ -120,6 +125,15 @@ class Bodies:
         close = get_close_matches(name, self.names, 1)
         hint = f"; did you mean '{close[0]}'?" if close else ""
         raise ValueError(f"there is no body '{name}' among {len(self.names)}{hint}")
+
+    @property
+    def poses(self) -> NDArray[np.float64]:
+        """A copy of where the bodies are: [E, bodies, 4, 4], without environments [bodies, 4, 4]."""
+        return self._last[0].copy() if self.environment_count is None else self._last.copy()
+
+    def semantic_ids(self, instances: NDArray[np.uint32]) -> NDArray[np.uint32]:
+        """Of a picture of instances, the picture of what add() was given as semantic_id; 0 where there is no body."""
+        return self._semantic_ids[np.minimum(instances, len(self._semantic_ids) - 1)]
 
     def move(self, poses: Any) -> int:
         """Moves the bodies whose pose is not what it was, and returns how many instances moved.
@@ -135,14 +149,28 @@ class Bodies:
         has_moved[broken] = False
         rows = np.flatnonzero(has_moved[self._environments, self._bodies])
         to_world = now[self._environments[rows], self._bodies[rows]] @ self._to_body[rows]
-        for row, matrix in zip(rows.tolist(), to_world, strict=True):
-            self.scene.set_instance_pose(self._instances[row], matrix)
+        self.scene.set_instance_poses(self._instances[rows], to_world)
         if broken.any():
             now[broken] = self._last[broken]
         self._last = now
         if broken.any():
             self._refuse(fault)
         return int(rows.size)
+
+    def _rows(
+        self,
+        name: str,
+        shapes: Iterable[Shape] | Mapping[int, Iterable[Shape]],
+        environments: Iterable[int] | None,
+    ) -> list[tuple[int | None, Shape]]:
+        """(environment, shape) of each instance."""
+        if not isinstance(shapes, Mapping):
+            chosen = self._environments_of(name, environments)
+            return [(environment, shape) for shape in shapes for environment in chosen]
+        if environments is not None:
+            raise ValueError(f"body '{name}': its shapes name the environments already")
+        checked = self._environments_of(name, shapes.keys())
+        return [(e, shape) for e, own in zip(checked, shapes.values(), strict=True) for shape in own]
 
     def _environments_of(self, name: str, chosen: Iterable[int] | None) -> list[int | None]:
         if self.environment_count is None:

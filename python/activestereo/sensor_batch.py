@@ -204,6 +204,11 @@ class StereoDepthSensorBatch:
         return self._frame
 
     @property
+    def allocated_bytes(self) -> int:
+        """What the buffers of this batch's device hold now: scene, renderer, depth engine and images."""
+        return int(self._scene.device.allocated_bytes + self._engine.device.allocated_bytes)
+
+    @property
     def stage_times(self) -> dict[str, float]:
         """{stage: milliseconds} of the last render and the last match."""
         render = {f"render: {name}": t for name, t in self._renderer.stage_times.items()}
@@ -251,7 +256,8 @@ class StereoDepthSensorBatch:
         self._rgb_cameras = [kuafu.Camera(width, height, c.rgb_intrinsic, **lens) for _ in range(self._count)]
         self._eyes_on_rig = [eye.camera.camera_to_world for eye in told.eyes]
         self._ir_cameras = [copy_camera(eye.camera, 0.0) for eye in told.eyes for _ in range(self._count)]
-        self._lights: list[tuple[int, kuafu.Light]] = []
+        self._lights: list[kuafu.Light] = []
+        self._light_numbers: list[int] = []
         texture = None
         if told.projector is not None:
             if pattern is not None:
@@ -260,9 +266,9 @@ class StereoDepthSensorBatch:
             for environment in self._environments:
                 light = copy_light(told.projector, 0.0)
                 light.environment = environment
-                self._lights.append((self._scene.add_light(light), light))
-        numbers = [number for number, _ in self._lights]
-        self._remove_lights = weakref.finalize(self, _remove, self._scene, numbers, texture)
+                self._lights.append(light)
+                self._light_numbers.append(self._scene.add_light(light))
+        self._remove_lights = weakref.finalize(self, _remove, self._scene, self._light_numbers, texture)
         self._remove_lights.atexit = False
 
     def _tell(self, broken: NDArray[np.intp]) -> None:
@@ -288,14 +294,15 @@ class StereoDepthSensorBatch:
             camera.camera_to_world = view
         for camera, view in zip(self._rgb_cameras, rigs @ self._rgb_on_rig, strict=True):
             camera.camera_to_world = view
-        for (_, light), rig in zip(self._lights, rigs, strict=bool(self._lights)):
-            light.light_to_world = rig @ self._projector_on_rig
+        if self._lights:
+            for light, place in zip(self._lights, rigs @ self._projector_on_rig, strict=True):
+                light.light_to_world = place
         return np.flatnonzero(broken)
 
     def _shine(self, ir_intensity: float) -> None:
-        for number, light in self._lights:
+        for light in self._lights:
             light.ir_intensity = ir_intensity
-            self._scene.set_light(number, light)
+        self._scene.set_lights(self._light_numbers, self._lights)
 
     def _render_infrared(self, settings: dict[str, Any]) -> None:
         """Into the link, exposed; the laser's part, where speckle is its alone, is kept."""

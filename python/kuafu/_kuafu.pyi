@@ -442,6 +442,8 @@ class Scene:
     ) -> int:
         """Velocities as set_instance_velocity says."""
     def set_instance_pose(self, id: int, local_to_world: ArrayLike) -> None: ...
+    def set_instance_poses(self, ids: ArrayLike, local_to_world: ArrayLike) -> None:
+        """Moves many at once: ids [n], local_to_world [n, 4, 4]. Where one is refused, none has moved."""
     def set_instance_velocity(self, id: int, linear: Sequence[float], angular: Sequence[float] = ...) -> None:
         """What it does while a shutter is open, m/s and rad/s in its own frame (local_to_world's rotation without
         its scale)."""
@@ -457,6 +459,8 @@ class Scene:
         """Begins a frame: motion from now on is against the poses that instances have now."""
     def add_light(self, light: Light) -> int: ...
     def set_light(self, id: int, light: Light) -> None: ...
+    def set_lights(self, ids: Sequence[int], lights: Sequence[Light]) -> None:
+        """Replaces many at once. Where one is refused, none has changed."""
     def get_light(self, id: int) -> Light: ...
     def remove_light(self, id: int) -> None: ...
     def set_environment(

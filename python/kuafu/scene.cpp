@@ -137,6 +137,19 @@ void set_instance_pose(Scene& scene, uint32_t id, const py::object& local_to_wor
   check<Kuafu>(kuafu_scene_set_instance_pose(scene.get(), id, pose));
 }
 
+using Matrices = py::array_t<double, py::array::c_style | py::array::forcecast>;
+
+void set_instance_poses(Scene& scene, const py::object& given_ids, const Matrices& local_to_world) {
+  const std::optional<Indices> ids = whole_numbers(given_ids, "ids");
+  const uint32_t* numbers = rows(ids, "ids", 1, -1);
+  const bool shaped = local_to_world.ndim() == 3 && local_to_world.shape(1) == 4 && local_to_world.shape(2) == 4;
+  if (!numbers || !shaped || local_to_world.shape(0) != ids->shape(0))
+    raise_argument<Kuafu>("local_to_world has shape " + std::string(py::str(local_to_world.attr("shape"))) + ", it needs (" +
+                          (numbers ? std::to_string(ids->shape(0)) : "n") + ", 4, 4): one for each of ids");
+  const InUse<Kuafu> in_use(scene.in_use, "scene");
+  check<Kuafu>(kuafu_scene_set_instance_poses(scene.get(), numbers, local_to_world.data(), static_cast<uint32_t>(ids->shape(0))));
+}
+
 void set_instance_velocity(Scene& scene, uint32_t id, const Vector3& linear, const Vector3& angular) {
   const InUse<Kuafu> in_use(scene.in_use, "scene");
   check<Kuafu>(kuafu_scene_set_instance_velocity(scene.get(), id, linear.data(), angular.data()));
@@ -255,6 +268,20 @@ void bind_materials_and_lights(SceneType& type) {
       },
       py::arg("id"), py::arg("light"));
   type.def(
+      "set_lights",
+      [](Scene& s, const std::vector<uint32_t>& ids, const std::vector<const Light*>& lights) {
+        if (ids.size() != lights.size())
+          raise_argument<Kuafu>("there are " + std::to_string(ids.size()) + " ids and " + std::to_string(lights.size()) + " lights");
+        const InUse<Kuafu> in_use(s.in_use, "scene");
+        std::vector<kuafu_light_desc> descs;
+        for (const Light* light : lights) {
+          if (!light) raise_argument<Kuafu>("one of lights is None");
+          descs.push_back(light->desc());
+        }
+        check<Kuafu>(kuafu_scene_set_lights(s.get(), ids.data(), descs.data(), static_cast<uint32_t>(ids.size())));
+      },
+      py::arg("ids"), py::arg("lights"), "Replaces many at once. Where one is refused, none has changed.");
+  type.def(
       "get_light",
       [](const Scene& s, uint32_t id) {
         Light l;
@@ -292,6 +319,8 @@ void bind_scene(py::module_& module) {
            py::arg("local_to_world") = py::none(), py::arg("environment") = py::none(), py::arg("semantic_id") = 0, py::arg("name") = "",
            py::arg("linear_velocity") = Vector3{}, py::arg("angular_velocity") = Vector3{}, "Velocities as set_instance_velocity says.")
       .def("set_instance_pose", &set_instance_pose, py::arg("id"), py::arg("local_to_world"))
+      .def("set_instance_poses", &set_instance_poses, py::arg("ids"), py::arg("local_to_world"),
+           "Moves many at once: ids [n], local_to_world [n, 4, 4]. Where one is refused, none has moved.")
       .def("set_instance_velocity", &set_instance_velocity, py::arg("id"), py::arg("linear"), py::arg("angular") = Vector3{},
            "What it does while a shutter is open, m/s and rad/s in its own frame (local_to_world's rotation without its scale).")
       .def("set_instance_materials", &set_instance_materials, py::arg("id"), py::arg("materials"))

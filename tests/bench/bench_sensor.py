@@ -5,7 +5,7 @@ usage: PYTHONPATH=build/python python3 tests/bench/bench_sensor.py [--size 848x4
 
 First table: our sensor in front of the example's table-top (102 k triangles), path depth 8, and SAPIEN's StereoDepthSensor, where the package,
 CUDA and a renderer are, before twelve spheres and boxes. The least of the rounds counts. Second table: environments of the grasping task in
-batches, steps a second against how good the depth is.
+batches: steps a second, the processor's time of a step, what moving all bodies takes of it, memory, and how good the depth is.
 """
 
 import argparse
@@ -106,25 +106,39 @@ def picture_and_depth(sensor: StereoDepthSensor, with_rgb: bool) -> Callable[[],
     return take
 
 
-def least(work: Callable[[], object], rounds: int) -> float:
-    """Seconds of the quickest of the rounds, after one that does not count."""
+def least(work: Callable[[], object], rounds: int, processor: list[float] | None = None) -> float:
+    """Seconds of the quickest of the rounds, after one that does not count. processor: gets the processor's seconds of each."""
     seconds = []
     for _ in range(rounds + 1):
-        start = time.perf_counter()
+        start, used = time.perf_counter(), time.process_time()
         work()
         seconds.append(time.perf_counter() - start)
+        if processor is not None:
+            processor.append(time.process_time() - used)
     return min(seconds[1:])
 
 
+def move_all(world: GraspWorld, seconds: list[float]) -> None:
+    """Moves every body of every environment by a millimetre."""
+    poses = world.things.bodies.poses
+    poses[..., 0, 3] += 1e-3
+    start = time.perf_counter()
+    world.things.bodies.move(poses)
+    seconds.append(time.perf_counter() - start)
+
+
 def print_batches(counts: list[int], samples: list[int], rounds: int, device: str) -> None:
-    print("\n| environments, infrared pairs 128x128 | spp | ms a step | steps/s | pairs/s | within 2 % of the truth | invented |")
-    print("|--|--|--|--|--|--|--|")
+    print("\n| environments, infrared pairs 128x128 | spp | ms a step | steps/s | pairs/s | processor ms | bodies moved, ms | memory, MB | "
+          "within 2 % of the truth | invented |")  # fmt: skip
+    print("|--|--|--|--|--|--|--|--|--|--|")
     for count in counts:
         for spp in samples:
             world = GraspWorld(count, "full", size_px=64, samples_per_pixel=spp, device=device)
             world.reset(seed=1)
             rest = np.zeros((count, 4))
-            seconds = least(lambda w=world, a=rest: (w.step(a), w.look()), rounds)
+            processor, moved = [], []
+            seconds = least(lambda w=world, a=rest: (w.step(a), w.look()), rounds, processor)
+            least(lambda w=world, m=moved: move_all(w, m), rounds)
             sensors = world.camera.sensors
             sensors.take_picture()
             sensors.compute_depth()
@@ -132,7 +146,9 @@ def print_batches(counts: list[int], samples: list[int], rounds: int, device: st
             is_measured, is_there = depth > 0, truth > 0
             good = (np.abs(depth - truth) < 0.02 * truth)[is_measured & is_there].mean()
             invented = f"{100 * is_measured[~is_there].mean():.0f} %" if (~is_there).any() else "no background"
-            figures = f"{1e3 * seconds:.1f} | {1 / seconds:.1f} | {count / seconds:.0f} | {100 * good:.0f} % | {invented}"
+            memory = f"{sensors.allocated_bytes / 1e6:.0f}"
+            figures = f"{1e3 * seconds:.1f} | {1 / seconds:.1f} | {count / seconds:.0f} | {1e3 * min(processor[1:]):.0f}"
+            figures += f" | {len(world.things.bodies.names)}: {1e3 * min(moved[1:]):.2f} | {memory} | {100 * good:.0f} % | {invented}"
             print(f"| {count} | {spp} | {figures} |", flush=True)
 
 

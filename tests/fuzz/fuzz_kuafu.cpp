@@ -215,6 +215,8 @@ class Calls {
       case 4: {
         const std::array<double, 3> linear{bytes_.number(), bytes_.number(), bytes_.number()};
         (void)kuafu_scene_set_instance_pose(scene(), id(), pose());
+        const std::array<uint32_t, 1> moved{id()};
+        (void)kuafu_scene_set_instance_poses(scene(), or_null(moved[0]), pose(), bytes_.below(2));
         (void)kuafu_scene_set_instance_velocity(scene(), id(), or_null(linear[0]), or_null(linear[0]));
         const std::array<uint32_t, 2> materials{id(), id()};
         (void)kuafu_scene_set_instance_materials(scene(), id(), or_null(materials[0]), bytes_.below(3));
@@ -243,6 +245,8 @@ class Calls {
           (void)kuafu_scene_add_light(scene(), or_null(light), &id_out);
         else
           (void)kuafu_scene_set_light(scene(), id(), or_null(light));
+        const std::array<uint32_t, 1> changed{id()};
+        (void)kuafu_scene_set_lights(scene(), or_null(changed[0]), or_null(light), bytes_.below(2));
         (void)kuafu_scene_get_light(scene(), id(), &light);
         return;
       }

@@ -125,6 +125,9 @@ KUAFU_API ks_status kuafu_scene_get_material(kuafu_scene scene, uint32_t id, kua
 
 KUAFU_API ks_status kuafu_scene_add_instance(kuafu_scene scene, const kuafu_instance_desc* desc, uint32_t* id);
 KUAFU_API ks_status kuafu_scene_set_instance_pose(kuafu_scene scene, uint32_t id, const double* local_to_world);
+/* Moves instances ids[count] to local_to_world[count][16], row-major, as many calls of kuafu_scene_set_instance_pose would; of an instance that is named twice
+ * the last pose counts. Where one is refused, none has moved. */
+KUAFU_API ks_status kuafu_scene_set_instance_poses(kuafu_scene scene, const uint32_t* ids, const double* local_to_world, uint32_t count);
 /* linear and angular are the vectors [3] of kuafu_instance_desc. The call does not move the instance: the velocity says how it moves while a shutter is
  * open. */
 KUAFU_API ks_status kuafu_scene_set_instance_velocity(kuafu_scene scene, uint32_t id, const double* linear, const double* angular);
@@ -146,6 +149,8 @@ KUAFU_API const char* kuafu_scene_material_name(kuafu_scene scene, uint32_t id);
 
 KUAFU_API ks_status kuafu_scene_add_light(kuafu_scene scene, const kuafu_light_desc* desc, uint32_t* id);
 KUAFU_API ks_status kuafu_scene_set_light(kuafu_scene scene, uint32_t id, const kuafu_light_desc* desc);
+/* Replaces lights ids[count] by descs[count], as many calls of kuafu_scene_set_light would. Where one is refused, none has changed. */
+KUAFU_API ks_status kuafu_scene_set_lights(kuafu_scene scene, const uint32_t* ids, const kuafu_light_desc* descs, uint32_t count);
 KUAFU_API ks_status kuafu_scene_get_light(kuafu_scene scene, uint32_t id, kuafu_light_desc* out);
 KUAFU_API ks_status kuafu_scene_remove_light(kuafu_scene scene, uint32_t id);
 

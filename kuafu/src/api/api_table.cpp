@@ -64,6 +64,8 @@ constexpr kuafu_api table{
     .renderer_wait = kuafu_renderer_wait,
     .renderer_cancel = kuafu_renderer_cancel,
     .scene_cancel_load = kuafu_scene_cancel_load,
+    .scene_set_instance_poses = kuafu_scene_set_instance_poses,
+    .scene_set_lights = kuafu_scene_set_lights,
 };
 
 }  // namespace

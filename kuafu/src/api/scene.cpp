@@ -4,6 +4,7 @@
 
 #include "api/descriptors.h"
 #include "api/handles.h"
+#include "api/struct_array.h"
 #include "api/struct_table.h"
 #include "device/interrupt.h"
 #include "device/struct_read.h"
@@ -174,6 +175,17 @@ ks_status kuafu_scene_set_instance_pose(kuafu_scene scene, uint32_t id, const do
   return ks::call([&] { changeable(scene).set_instance_pose(id, kuafu::from_row_major<4>(&required(local_to_world, "local_to_world"))); });
 }
 
+ks_status kuafu_scene_set_instance_poses(kuafu_scene scene, const uint32_t* ids, const double* local_to_world, uint32_t count) {
+  return ks::call([&] {
+    kuafu::Scene& changed = changeable(scene);
+    if (count == 0) return;
+    (void)required(ids, "ids"), (void)required(local_to_world, "local_to_world");
+    std::vector<glm::dmat4> poses(count);
+    for (uint32_t i = 0; i < count; ++i) poses[i] = kuafu::from_row_major<4>(local_to_world + size_t{16} * i);
+    changed.set_instance_poses({ids, count}, poses);
+  });
+}
+
 ks_status kuafu_scene_set_instance_velocity(kuafu_scene scene, uint32_t id, const double* linear, const double* angular) {
   return ks::call(
       [&] { changeable(scene).set_instance_velocity(id, kuafu::to_twist(&required(linear, "linear"), &required(angular, "angular"))); });
@@ -227,6 +239,18 @@ ks_status kuafu_scene_add_light(kuafu_scene scene, const kuafu_light_desc* desc,
 
 ks_status kuafu_scene_set_light(kuafu_scene scene, uint32_t id, const kuafu_light_desc* desc) {
   return ks::call([&] { changeable(scene).set_light(id, to_light(desc)); });
+}
+
+ks_status kuafu_scene_set_lights(kuafu_scene scene, const uint32_t* ids, const kuafu_light_desc* descs, uint32_t count) {
+  return ks::call([&] {
+    kuafu::Scene& changed = changeable(scene);
+    if (count == 0) return;
+    (void)required(ids, "ids");
+    std::vector<kuafu::Light> lights(count);
+    for (uint32_t i = 0; i < count; ++i)
+      lights[i] = kuafu::to_light(kuafu::element(&required(descs, "descs"), i, KUAFU_TYPE_LIGHT_DESC, "light desc"));
+    changed.set_lights({ids, count}, lights);
+  });
 }
 
 ks_status kuafu_scene_get_light(kuafu_scene scene, uint32_t id, kuafu_light_desc* out) {

@@ -153,13 +153,16 @@ void Scene::set_material(uint32_t id, Material material) {
   ++revisions_.materials;
 }
 
-void Scene::set_instance_pose(uint32_t id, const glm::dmat4& local_to_world) {
-  Instance& instance = live(instances_, "instance", id);
-  check_affine(local_to_world, ("instance '" + instance.name + "': local_to_world").c_str());
-  instance.local_to_world = local_to_world;
-  if (!instance.moved) moved_.push_back(id);
-  instance.moved = true;
-  note_instance(instance.slot);
+void Scene::set_instance_poses(std::span<const uint32_t> ids, std::span<const glm::dmat4> local_to_world) {
+  for (size_t i = 0; i < ids.size(); ++i)
+    check_affine(local_to_world[i], ("instance '" + live(instances_, "instance", ids[i]).name + "': local_to_world").c_str());
+  for (size_t i = 0; i < ids.size(); ++i) {
+    Instance& instance = *instances_[ids[i]];
+    instance.local_to_world = local_to_world[i];
+    if (!instance.moved) moved_.push_back(ids[i]);
+    instance.moved = true;
+    note_instance(instance.slot);
+  }
 }
 
 void Scene::next_frame() {
@@ -187,14 +190,17 @@ void Scene::set_instance_materials(uint32_t id, std::vector<uint32_t> materials)
   note_instance(instance.slot);
 }
 
-void Scene::set_light(uint32_t id, Light light) {
-  Light& old = live(lights_, "light", id);
-  check(light);
-  check_references(light);
-  light.raster = nullptr;
-  if (!light.dots.dots.empty())  // a light that only moves keeps its image
-    light.raster = light.dots == old.dots ? old.raster : std::make_shared<const Texture>(rasterise(light.dots));
-  old = std::move(light);
+void Scene::set_lights(std::span<const uint32_t> ids, std::span<Light> lights) {
+  for (size_t i = 0; i < ids.size(); ++i) {
+    const Light& old = live(lights_, "light", ids[i]);
+    Light& light = lights[i];
+    check(light);
+    check_references(light);
+    light.raster = nullptr;
+    if (!light.dots.dots.empty())  // a light that only moves keeps its image
+      light.raster = light.dots == old.dots ? old.raster : std::make_shared<const Texture>(rasterise(light.dots));
+  }
+  for (size_t i = 0; i < ids.size(); ++i) lights_[ids[i]] = std::move(lights[i]);
   ++revisions_.lights;
 }
 

@@ -9,6 +9,7 @@
 #include <limits>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -101,12 +102,16 @@ class Scene {
   /// Replaces the texels; size, channels and format may change.
   void set_texture(uint32_t id, Texture texture);
   void set_material(uint32_t id, Material material);
-  void set_instance_pose(uint32_t id, const glm::dmat4& local_to_world);
+  void set_instance_pose(uint32_t id, const glm::dmat4& local_to_world) { set_instance_poses({&id, 1}, {&local_to_world, 1}); }
+  /// Of as many instances as there are poses. All are checked before any is moved.
+  void set_instance_poses(std::span<const uint32_t> ids, std::span<const glm::dmat4> local_to_world);
   /// What is there now is the frame before, for motion vectors. Cost follows what moved.
   void next_frame();
   void set_instance_velocity(uint32_t id, const Twist& velocity);
   void set_instance_materials(uint32_t id, std::vector<uint32_t> materials);
-  void set_light(uint32_t id, Light light);
+  void set_light(uint32_t id, Light light) { set_lights({&id, 1}, {&light, 1}); }
+  /// Moves from `lights`, as many as there are ids. All are checked before any is replaced.
+  void set_lights(std::span<const uint32_t> ids, std::span<Light> lights);
   void set_environment(const Environment& environment);
   void set_medium(const std::optional<Medium>& medium);
   // Frees what it holds; the id is not given again. Refused while something uses it.

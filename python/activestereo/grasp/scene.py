@@ -31,12 +31,12 @@ class GraspScene:
         self._add_room()
         meshes = add_mesh(self.scene, solids.box()), add_mesh(self.scene, solids.cylinder())
         for number in range(OBJECTS):
+            own = {}  # each environment's size and material
             for environment in range(environment_count):
-                # A body of its own, since its size and material are this environment's.
                 scale = np.diag([*sizes[environment, number], 1.0])
                 look = [materials[int(random.integers(len(materials)))]]
-                part = Shape(meshes[int(self.is_round[number])], look, scale)
-                self.bodies.add(f"object {number} of {environment}", [part], environments=[environment])
+                own[environment] = [Shape(meshes[int(self.is_round[number])], look, scale)]
+            self.bodies.add(f"object {number}", own)
         self._poses = np.broadcast_to(np.eye(4), (environment_count, len(self.bodies.names), 4, 4)).copy()
 
     def place(self, chosen: NDArray[np.intp], at_m: NDArray[np.float64], yaw_rad: NDArray[np.float64]) -> None:
@@ -44,12 +44,11 @@ class GraspScene:
         count = len(chosen)
         self._poses[..., 2, 3] = _BELOW_M
         every = np.arange(count)
-        body = chosen * count + every
         cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
         own = np.broadcast_to(np.eye(4), (count, 4, 4)).copy()
         own[:, 0, 0], own[:, 0, 1], own[:, 1, 0], own[:, 1, 1] = cos, -sin, sin, cos
         own[:, :2, 3], own[:, 2, 3] = at_m, self.half_sizes_m[every, chosen, 2]
-        self._poses[every, body] = own
+        self._poses[every, chosen] = own
         self.bodies.move(self._poses)
 
     def _add_room(self) -> None:

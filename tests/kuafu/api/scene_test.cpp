@@ -221,6 +221,48 @@ TEST_F(SceneApi, LightsAndMaterialsAreSetAndReadBack) {
   expect_invalid(kuafu_scene_set_environment(scene_, &environment), "radiance");
 }
 
+TEST_F(SceneApi, ManyInstancesMoveAtOnceOrNone) {
+  const kuafu_instance_desc instance = kuafu_instance_desc_init(add_triangle());
+  uint32_t ids[2];
+  for (uint32_t& id : ids) ASSERT_EQ(kuafu_scene_add_instance(scene_, &instance, &id), KS_OK) << kuafu_last_error();
+  double poses[2][16] = {};
+  for (int i = 0; i < 2; ++i) {
+    poses[i][0] = poses[i][5] = poses[i][10] = poses[i][15] = 1.0;
+    poses[i][3] = 10.0 * (i + 1);
+  }
+  ASSERT_EQ(kuafu_scene_set_instance_poses(scene_, ids, poses[0], 2), KS_OK) << kuafu_last_error();
+  EXPECT_EQ(summary().bounds_min_m[0], 10.0);
+  EXPECT_EQ(summary().bounds_max_m[0], 21.0);
+  poses[0][3] = -5.0, poses[1][7] = NAN;
+  expect_invalid(kuafu_scene_set_instance_poses(scene_, ids, poses[0], 2), "not finite");
+  EXPECT_EQ(summary().bounds_min_m[0], 10.0);
+  const uint32_t unknown[2] = {ids[0], 99};
+  poses[1][7] = 0.0;
+  expect_invalid(kuafu_scene_set_instance_poses(scene_, unknown, poses[0], 2), "there is no instance 99");
+  EXPECT_EQ(summary().bounds_min_m[0], 10.0);
+  expect_invalid(kuafu_scene_set_instance_poses(scene_, nullptr, poses[0], 2), "ids is NULL");
+  EXPECT_EQ(kuafu_scene_set_instance_poses(scene_, nullptr, nullptr, 0), KS_OK) << kuafu_last_error();
+}
+
+TEST_F(SceneApi, ManyLightsChangeAtOnceOrNone) {
+  kuafu_light_desc lights[2] = {kuafu_light_desc_init(KUAFU_LIGHT_POINT), kuafu_light_desc_init(KUAFU_LIGHT_POINT)};
+  uint32_t ids[2];
+  for (int i = 0; i < 2; ++i) ASSERT_EQ(kuafu_scene_add_light(scene_, &lights[i], &ids[i]), KS_OK) << kuafu_last_error();
+  const auto red = [&](int i) {
+    kuafu_light_desc back = kuafu_light_desc_init(KUAFU_LIGHT_POINT);
+    EXPECT_EQ(kuafu_scene_get_light(scene_, ids[i], &back), KS_OK) << kuafu_last_error();
+    return back.intensity[0];
+  };
+  for (int i = 0; i < 2; ++i) lights[i].intensity[0] = 3.0f + static_cast<float>(i);
+  ASSERT_EQ(kuafu_scene_set_lights(scene_, ids, lights, 2), KS_OK) << kuafu_last_error();
+  EXPECT_EQ(red(0), 3.0f);
+  EXPECT_EQ(red(1), 4.0f);
+  lights[0].intensity[0] = 7.0f, lights[1].intensity[0] = -1.0f;
+  expect_invalid(kuafu_scene_set_lights(scene_, ids, lights, 2), "intensity");
+  EXPECT_EQ(red(0), 3.0f);
+  expect_invalid(kuafu_scene_set_lights(scene_, ids, nullptr, 2), "descs is NULL");
+}
+
 TEST_F(SceneApi, RemovedIdsAreRefusedAndNeverComeBack) {
   const kuafu_instance_desc instance = kuafu_instance_desc_init(add_triangle());
   uint32_t first = KUAFU_NONE, second = KUAFU_NONE;
