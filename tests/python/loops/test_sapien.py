@@ -322,7 +322,7 @@ def test_render_shapes_and_materials_where_there_is_a_renderer(scene):
         np.testing.assert_array_equal(found.scale, scale, err_msg=kind)
         assert found.normals is None and found.uvs is not None
     world = SapienScene(scene)
-    first = world._material(material)
-    assert world._material(material) == first and world.scene.summary.texture_count == 1
+    first = world.looks.material(material)
+    assert world.looks.material(material) == first and world.scene.summary.texture_count == 1
     made = world.scene.get_material(first)
     assert made.specular == pytest.approx(1.0) and made.metallic == pytest.approx(0.2) and made.base_color_texture is not None
