@@ -16,8 +16,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from activestereo.effects.core.surfaces import MOST_MATERIALS
+from activestereo.pose_arrays import pose_matrices
 
 if TYPE_CHECKING:
     import kuafu
@@ -39,10 +41,11 @@ class Surface:
 
 @dataclass(frozen=True)
 class _Instance:
-    """materials: of each slot, -1 where the file names none."""
+    """materials: of each slot, -1 where the file names none. to_file: 4x4."""
 
     name: str
     materials: tuple[int, ...]
+    to_file: NDArray[np.float64]
 
 
 def scene_surfaces(scene_path: str | Path | None) -> list[Surface]:
@@ -143,6 +146,18 @@ def numbers_of(name: str, names: Sequence[str]) -> list[int]:
     return exact or [k for k, other in enumerate(names) if material_of(other) == name]
 
 
+def instance_transforms(scene_path: str | Path, count: int) -> NDArray[np.float64]:
+    """[count, 4, 4]: from the meshes' axes to the file's, of the instances that loading the file makes. Files other
+    than glTF have no transforms of their own."""
+    path = Path(scene_path)
+    if path.suffix.lower() not in (".gltf", ".glb"):
+        return np.broadcast_to(np.eye(4), (count, 4, 4)).copy()
+    instances = _instances(_document(path))
+    if len(instances) != count:
+        raise ValueError(f"{path}: loading it makes {count} objects, its nodes are {len(instances)}")
+    return np.array([instance.to_file for instance in instances]).reshape(-1, 4, 4)
+
+
 def _document(path: Path) -> dict[str, Any]:
     """A .gltf's JSON, or a .glb's JSON chunk (glTF 2.0, section 4.4)."""
     content = path.read_bytes()
@@ -156,18 +171,18 @@ def _instances(document: dict[str, Any]) -> list[_Instance]:
     """Objects in the order of kuafu's numbers: of the default scene, each node before its children."""
     nodes, meshes = document.get("nodes", []), document.get("meshes", [])
     out: list[_Instance] = []
-    stack = [(n, 1.0) for n in reversed(_roots(document))]
+    stack = [(n, np.eye(4)) for n in reversed(_roots(document))]
     while stack:
-        number, scale = stack.pop()
+        number, parent = stack.pop()
         node = nodes[number]
-        scale *= _volume(node)
-        if "mesh" in node and scale != 0.0:
+        to_file = parent @ _transform(node)
+        if "mesh" in node and np.linalg.det(to_file[:3, :3]) != 0.0:  # a scale of 0 hides what is below it
             mesh = meshes[node["mesh"]]
             shown = [p for p in mesh["primitives"] if _TRIANGLES <= p.get("mode", _TRIANGLES) <= _FAN]
             if shown:
                 name = node.get("name") or mesh.get("name") or f"object {len(out)}"
-                out.append(_Instance(name, tuple(p.get("material", -1) for p in shown)))
-        stack += [(child, scale) for child in reversed(node.get("children", []))]
+                out.append(_Instance(name, tuple(p.get("material", -1) for p in shown), to_file))
+        stack += [(child, to_file) for child in reversed(node.get("children", []))]
     return out
 
 
@@ -179,8 +194,11 @@ def _roots(document: dict[str, Any]) -> list[int]:
     return [n for n in range(len(nodes)) if n not in children]
 
 
-def _volume(node: dict[str, Any]) -> float:
-    """How a node changes volumes; 0 hides what is below it."""
+def _transform(node: dict[str, Any]) -> NDArray[np.float64]:
+    """4x4 to the parent (glTF 2.0, section 3.5.3)."""
     if "matrix" in node:
-        return float(np.linalg.det(np.reshape(node["matrix"], (4, 4)).T[:3, :3]))
-    return float(np.prod(node.get("scale", (1.0,))))
+        return np.reshape(np.array(node["matrix"], np.float64), (4, 4)).T
+    x, y, z, w = node.get("rotation", (0.0, 0.0, 0.0, 1.0))
+    out = pose_matrices(np.array([*node.get("translation", (0.0, 0.0, 0.0)), w, x, y, z], np.float64), "a node")
+    out[:3, :3] *= node.get("scale", (1.0, 1.0, 1.0))
+    return out

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The command line: activestereo simulate | presets | depth | pair | depth-quality | compare | diagnose | add | model |
-acquire | import | overlay | effect | devices, one file each. This one parses, runs and makes failures one line."""
+acquire | import | overlay | effect | generate | devices, one file each. This one parses, runs and makes failures one
+line."""
 
 import argparse
 import os
@@ -19,6 +20,7 @@ from activestereo.cli import (
     devices,
     diagnose,
     effect,
+    generate,
     import_capture,
     model,
     overlay,
@@ -42,6 +44,7 @@ _COMMANDS = (
     import_capture,
     overlay,
     effect,
+    generate,
     devices,
 )
 

@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: Apache-2.0
+"""activestereo generate: a data set of depth pictures of things on a table."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from activestereo.cli.arguments import (
+    CommandError,
+    Commands,
+    add_device,
+    add_out,
+    add_seed,
+    integer_from,
+    make_folder,
+    size,
+)
+
+_TEXT = """\
+Puts things on a table again and again, each time with other poses, lamps and another
+view, and takes pictures with a depth sensor. THING is a file of one thing, in metres:
+.gltf .glb .obj .dae .stl or .ply; .gltf and .glb have y up, the others z.
+
+Writes the BOP format into DIR (train_pbr/000000/rgb, depth, mask, mask_visib,
+scene_camera.json, scene_gt.json, scene_gt_info.json, scene_gt_coco.json), and beside it
+ir_left, ir_right and depth_true. depth is what the sensor measures, in the RGB camera.
+
+Frame N depends on the options, the seed and N alone. A run that was ended, however it
+was, goes on when it is started again; with a larger --count it makes more.
+
+--ranges FILE is a .toml file with some of these, each a pair of low and high:
+  things spread_m distance_m elevation_deg roll_deg lamps lamp_w_per_sr
+  ambient_radiance table_albedo table_roughness
+
+examples:
+  activestereo generate cup.glb box.obj can.ply --count 100 --workers 2 --out out/cups
+  activestereo generate *.glb --count 1000 --layout drop --sensor d415 --out out/dropped
+"""
+
+
+def add_parser(commands: Commands) -> None:
+    parser = commands.add_parser(
+        "generate",
+        help="make a data set of things on a table, with poses and masks",
+        description=_TEXT,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("things", type=Path, nargs="+", metavar="THING", help="file of one thing")
+    add_out(parser)
+    add_device(parser)
+    parser.add_argument("--format", choices=("bop",), default="bop", help="the files' format (default: bop)")
+    parser.add_argument("--count", type=integer_from(1), default=100, metavar="N", help="frames (default: 100)")
+    text = "processes, each with a device of its own (default: 1; a device that is a processor is busy with one or two)"
+    parser.add_argument("--workers", type=integer_from(1), default=1, metavar="K", help=text)
+    add_seed(parser, "of everything that is drawn; same seed, same files")
+    parser.add_argument("--sensor", default="d435", metavar="NAME", help="as simulate's (default: d435)")
+    text = "of the colour image and of depth (default: 640x480)"
+    parser.add_argument("--rgb-size", type=size, default=(640, 480), metavar="WxH", help=text)
+    text = "rays per pixel (default: 16)"
+    parser.add_argument("--samples-per-pixel", type=integer_from(1), default=16, metavar="N", help=text)
+    text = "things upright side by side, or dropped with MuJoCo's physics (default: scatter)"
+    parser.add_argument("--layout", choices=("scatter", "drop"), default="scatter", help=text)
+    parser.add_argument("--ranges", type=Path, metavar="FILE", help="what is drawn from which ranges")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> None:
+    from activestereo.generate.ranges import read_ranges
+    from activestereo.generate.run import generate
+    from activestereo.generate.studio import Settings
+    from activestereo.progress_bar import ProgressBar, duration
+
+    for path in args.things:
+        if not path.exists():
+            raise CommandError(f"{path}: there is no such file")
+    settings = Settings(
+        things=tuple(args.things),
+        sensor=args.sensor,
+        rgb_size=args.rgb_size,
+        samples=args.samples_per_pixel,
+        seed=args.seed,
+        layout=args.layout,
+        ranges=read_ranges(args.ranges),
+        device=args.device,
+    )
+    make_folder(args.out)
+    with ProgressBar(f"{args.count} frames with {args.workers} worker{'' if args.workers == 1 else 's'}") as bar:
+        made, seconds = generate(settings, args.out, args.count, args.workers, bar)
+    there = args.count - made
+    rate = (
+        f"{made} frames in {duration(seconds)}, {made / max(seconds, 1e-9):.2f} a second"
+        if made
+        else "nothing was left to do"
+    )
+    print(f"{rate}{f'; {there} were there already' if there else ''}; written: {args.out}")

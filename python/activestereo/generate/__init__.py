@@ -1,0 +1,14 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Data sets of depth pictures of things on a table, with poses, masks and true depth: `activestereo generate`.
+
+| file | job |
+|--|--|
+| ranges.py | what is drawn at random, and from which ranges |
+| things.py | files of things, and where they are in a scene |
+| layout.py | where things lie: side by side, or dropped with physics |
+| studio.py | one frame: layout, camera, light, pictures |
+| bop.py | folders and files of the BOP format |
+| run.py | workers, resuming, progress |
+
+Frame n depends on the settings, the seed and n alone; so neither workers nor interruptions change a picture.
+"""

@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Makes a data set with workers, each with a device of its own. What is there already is not made again."""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import kuafu
+from activestereo.generate import bop
+from activestereo.generate.studio import Settings, Studio, sensor_config
+from activestereo.generate.things import Things
+from activestereo.output_files import remove_left_over
+
+_studio: Studio | None = None  # a worker's
+
+
+def generate(
+    settings: Settings, out: Path, count: int, workers: int, progress: Callable[[float], object] | None = None
+) -> tuple[int, float]:
+    """Frames 0 to count - 1 in BOP's format under `out`; returns how many were made now, and in how many seconds.
+    ValueError where `out` has frames of other settings; ChildProcessError where a worker was ended from outside: what
+    is done stays, and the same call goes on."""
+    things = Things(kuafu.Scene(kuafu.Device(settings.device)), list(settings.things)).things  # its checks come first
+    about = description(settings)
+    _check_same(out, about)
+    out.mkdir(parents=True, exist_ok=True)
+    remove_left_over(out)
+    config = sensor_config(settings)
+    bop.write_head(out, things, config.rgb_intrinsic, settings.rgb_size, about)
+    missing = [number for number in range(count) if not bop.is_done(out, number)]
+    start = time.monotonic()
+    for done, _ in enumerate(_made(settings, out, missing, workers), 1):
+        if progress is not None:
+            progress(done / len(missing))
+    seconds = time.monotonic() - start
+    bop.write_scenes(out, count)
+    return len(missing), seconds
+
+
+def description(settings: Settings) -> dict[str, Any]:
+    """What the frames depend on, for dataset.json."""
+    about = asdict(settings)
+    del about["device"]
+    return about | {"things": [path.name for path in settings.things], "rgb_size": list(settings.rgb_size),
+                    "ranges": {name: list(pair) for name, pair in about["ranges"].items()}}  # fmt: skip
+
+
+def _made(settings: Settings, out: Path, missing: list[int], workers: int) -> Iterator[int]:
+    """The number of each frame after it is written."""
+    if workers == 1 or len(missing) < 2:
+        studio = Studio(settings) if missing else None
+        for number in missing:
+            assert studio is not None
+            bop.write_frame(out, studio.take(number))
+            yield number
+        return
+    with _pool(settings, workers) as pool:
+        tasks = [pool.submit(_make, out, number) for number in missing]
+        try:
+            for task in as_completed(tasks):
+                yield task.result()
+        except BrokenProcessPool as error:
+            raise ChildProcessError(
+                "a worker was ended from outside, perhaps for want of memory; what is done is kept: run the same again"
+            ) from error
+
+
+@contextmanager
+def _pool(settings: Settings, workers: int) -> Iterator[ProcessPoolExecutor]:
+    """Begun anew (spawn), since a device does not survive a fork. Left by an error, it does no more frames."""
+    context = multiprocessing.get_context("spawn")
+    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_begin, initargs=(settings,))
+    try:
+        yield pool
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _begin(settings: Settings) -> None:
+    global _studio
+    _studio = Studio(settings)
+
+
+def _make(out: Path, number: int) -> int:
+    assert _studio is not None
+    bop.write_frame(out, _studio.take(number))
+    return number
+
+
+def _check_same(out: Path, about: dict[str, Any]) -> None:
+    path = out / "dataset.json"
+    if not path.exists():
+        return
+    before = json.loads(path.read_text())
+    different = [key for key in about if before.get(key) != json.loads(json.dumps(about[key]))]
+    if different:
+        key = different[0]
+        text = f"{out} has frames of other settings: {key} was {before.get(key)} and is {about[key]}"
+        raise ValueError(f"{text}; choose another folder, or the same settings")

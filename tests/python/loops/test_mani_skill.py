@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: Apache-2.0
+"""ManiSkill's environments with active stereo cameras: its conventions, its own raster camera as the truth, parallel scenes."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("mani_skill", reason="the package mani_skill is not installed (pip install mani_skill)")
+import gymnasium  # noqa: E402
+import mani_skill.envs  # noqa: E402
+import sapien  # noqa: E402
+import torch  # noqa: E402
+
+from activestereo.bodies import BodyPoseError  # noqa: E402
+from activestereo.mani_skill import ManiSkillWorld, StereoDepthCamera, StereoDepthCameraConfig  # noqa: E402
+
+SIZE = 64
+
+
+def make(name: str, obs_mode: str, **config: Any) -> Any:
+    camera = {"use_stereo_depth": True, "samples_per_pixel": 1, "width": SIZE, "height": SIZE}
+    try:
+        env = gymnasium.make(name, obs_mode=obs_mode, sim_backend="physx_cpu", render_backend="cpu", num_envs=1,
+                             sensor_configs=camera | config)  # fmt: skip
+    except RuntimeError as error:
+        pytest.skip(f"SAPIEN has no renderer here, which ManiSkill's cameras need: {error}")
+    return env
+
+
+@pytest.mark.parametrize("name", ["PickCube-v1", "PushCube-v1"])
+def test_an_environment_runs_with_our_camera(name: str) -> None:
+    env = make(name, "rgb+depth+segmentation")
+    obs, _ = env.reset(seed=0)
+    camera = env.unwrapped._sensors["base_camera"]
+    assert isinstance(camera, StereoDepthCamera) and isinstance(camera.config, StereoDepthCameraConfig)
+    data = obs["sensor_data"]["base_camera"]
+    assert {n: (v.dtype, tuple(v.shape)) for n, v in data.items()} == {
+        "rgb": (torch.uint8, (1, SIZE, SIZE, 3)),
+        "depth": (torch.int16, (1, SIZE, SIZE, 1)),
+        "segmentation": (torch.int16, (1, SIZE, SIZE, 1)),
+    }
+    # The SAPIEN camera's pose and K are ours: what ManiSkill hides is hidden, and ids are its own.
+    points = surface_points(camera)
+    seen = set(np.unique(data["segmentation"].numpy()).tolist())
+    known = {
+        int(i)
+        for _, s in camera._world._structs()
+        for i in s._objs[0:1]
+        for i in [getattr(i, "entity", i).per_scene_id]
+    }
+    assert seen - {0} <= known and len(seen) > 3
+    hidden = {actor._objs[0].per_scene_id for actor in env.unwrapped._hidden_objects}
+    assert not seen & hidden
+    cube = env.unwrapped.cube if hasattr(env.unwrapped, "cube") else env.unwrapped.obj
+    mask = data["segmentation"][0, ..., 0].numpy() == int(cube.per_scene_id[0])
+    assert mask.any()
+    middle = points[mask].mean(axis=0)
+    np.testing.assert_allclose(middle, cube.pose.p[0].numpy(), atol=0.03)
+    before = data["rgb"].clone()
+    obs, *_ = env.step(env.action_space.sample())
+    assert not torch.equal(before, obs["sensor_data"]["base_camera"]["rgb"])
+    env.close()
+
+
+def surface_points(camera: Any) -> np.ndarray:
+    """[h, w, 3] in the world, by the true depth and the parameters that ManiSkill gives."""
+    params = camera.get_params()
+    depth = camera.sensors.get_true_depth()[0].astype(np.float64)
+    v, u = np.indices(depth.shape) + 0.5
+    rays = np.linalg.inv(params["intrinsic_cv"][0].numpy()) @ np.stack([u.ravel(), v.ravel(), np.ones(u.size)])
+    camera_points = (rays * depth.ravel()).T
+    extrinsic = params["extrinsic_cv"][0].numpy()
+    return ((camera_points - extrinsic[:, 3]) @ extrinsic[:, :3]).reshape(*depth.shape, 3)
+
+
+def test_point_clouds_stand_where_things_are() -> None:
+    env = make("PickCube-v1", "pointcloud", samples_per_pixel=8)
+    obs, _ = env.reset(seed=0)
+    cloud = obs["pointcloud"]["xyzw"][0].numpy()
+    robot_and_things = cloud[cloud[:, 3] > 0][:, :3]
+    measured = np.linalg.norm(
+        robot_and_things - env.unwrapped._sensors["base_camera"].camera.get_global_pose().p[0].numpy(), axis=1
+    )
+    near = robot_and_things[(measured > 0.05) & (measured < 0.9)]
+    assert len(near) > 100 and np.median(np.abs(near[:, 2])) < 0.15
+    env.close()
+
+
+class FakeStruct:
+    """A ManiSkill actor: one entity in each of its scenes, one pose for each."""
+
+    hidden = False
+
+    def __init__(self, entities: list[Any], environments: list[int]) -> None:
+        self._objs, self._scene_idxs = entities, torch.tensor(environments)
+        raw = np.array([[*e.pose.p, *e.pose.q] for e in entities], np.float32)
+        self.pose = SimpleNamespace(raw_pose=torch.from_numpy(raw))
+
+
+@pytest.fixture
+def parallel() -> Any:
+    """Three parallel scenes, as a simulation on a GPU has them; the box is not in the second one."""
+    scenes, boxes = [], []
+    for number in range(3):
+        scene = sapien.Scene([sapien.physx.PhysxCpuSystem()])
+        scenes.append(scene)
+        if number == 1:
+            continue
+        entity = sapien.Entity()
+        body = sapien.physx.PhysxRigidDynamicComponent()
+        body.attach(sapien.physx.PhysxCollisionShapeBox([0.1, 0.1, 0.1], sapien.physx.PhysxMaterial(0.5, 0.5, 0)))
+        entity.add_component(body)
+        entity.set_pose(sapien.Pose([0.1 * number, 0, 0]))
+        scene.add_entity(entity)
+        boxes.append(entity)
+    struct = FakeStruct(boxes, [0, 2])
+    return SimpleNamespace(
+        sub_scenes=scenes,
+        actors={"box": struct},
+        articulations={},
+        device=torch.device("cpu"),
+        parallel_in_single_scene=False,
+    )
+
+
+def test_parallel_scenes_are_environments(parallel: Any) -> None:
+    world = ManiSkillWorld(parallel, "cpu")
+    assert world.count == 3 and world.bodies.names == ["box"]
+    assert world.bodies.poses[0, 0, 0, 3] == 0.0 and world.bodies.poses[2, 0, 0, 3] == pytest.approx(0.2)
+    assert world.scene.summary.instance_count == 2
+    assert world.update() == 0
+    parallel.actors["box"].pose.raw_pose[1, 0] = 0.7
+    assert world.update() == 1
+    assert world.bodies.poses[2, 0, 0, 3] == pytest.approx(0.7)
+    parallel.actors["box"].hidden = True
+    world.update()
+    assert world.scene.summary.instance_count == 0
+    parallel.actors["box"].hidden = False
+    world.update()
+    assert world.scene.summary.instance_count == 2
+
+
+def test_a_broken_pose_names_environment_and_body(parallel: Any) -> None:
+    world = ManiSkillWorld(parallel, "cpu")
+    poses = parallel.actors["box"].pose.raw_pose
+    poses[0, 0], poses[1, 1] = float("nan"), 0.3
+    with pytest.raises(BodyPoseError, match="environment 0, body 'box'"):
+        world.update()
+    assert world.bodies.poses[2, 0, 1, 3] == pytest.approx(0.3)
+
+
+def test_what_is_not_there_is_said(parallel: Any) -> None:
+    parallel.parallel_in_single_scene = True
+    with pytest.raises(ValueError, match="side by side"):
+        ManiSkillWorld(parallel, "cpu")
+    assert mani_skill.envs.sapien_env.StereoDepthCamera is StereoDepthCamera
