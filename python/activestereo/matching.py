@@ -69,11 +69,7 @@ def render_parameters(config: StereoDepthSensorConfig) -> dict[str, Any]:
 
 def matcher_parameters(config: StereoDepthSensorConfig) -> dict[str, Any]:
     """The stereo matcher's parameters under the engine's names."""
-    values = _values(config, MATCHER)
-    # SAPIEN's ways to switch a check off.
-    values["uniqueness_ratio"] = min(values["uniqueness_ratio"], 100)
-    values["lr_max_diff"] = -1 if values["lr_max_diff"] == 255 else values["lr_max_diff"]
-    return values
+    return _values(config, MATCHER)
 
 
 def engine_parameters(config: StereoDepthSensorConfig) -> dict[str, Any]:

@@ -81,7 +81,17 @@ SAPIEN_NAMES = {
     "ir_ambient_scale": "ir_light_dim_factor",
     "ir_ambient_radiance": "ir_ambient_strength",
 }
-SAPIEN_DEFAULTS = {"min_depth_m": 0.2, "depth_dilation": True}
+SAPIEN_DEFAULTS = {"depth_dilation": True}
+# Parameters of the engines that are a camera's own: the section of its data and the figure's name there.
+OF_THE_CAMERA = {
+    "min_depth_m": ("rig", "min_depth_m"),
+    "max_depth_m": ("rig", "max_depth_m"),
+    "max_disparity": ("rig", "max_disparity_px"),
+    # What a visible light gives in the infrared where it does not say, and ambient infrared radiance, W/(sr m^2).
+    "ir_ambient_scale": ("room", "visible_share"),
+    "ir_ambient_radiance": ("room", "radiance_w_sr_m2"),
+    "denoise": ("room", "denoise"),
+}
 
 
 def sapien_name(name: str) -> str:
@@ -201,12 +211,8 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
         # are rendered. What SAPIEN has is under SAPIEN's names.
         for p in (*MATCHER, *RIG, *RENDERER, *RENDER):
             setattr(self, sapien_name(p.name), SAPIEN_DEFAULTS.get(p.name, p.default))
-        self.min_depth, self.max_depth = camera.value("rig", "min_depth_m"), camera.value("rig", "max_depth_m")
-        self.max_disp = camera.value("rig", "max_disparity_px")
-        # What a visible light gives in the infrared where it does not say, and ambient infrared radiance, W/(sr m^2).
-        self.ir_light_dim_factor = camera.value("room", "visible_share")
-        self.ir_ambient_strength = camera.value("room", "radiance_w_sr_m2")
-        self.denoise = camera.value("room", "denoise")
+        for name, (section, figure) in OF_THE_CAMERA.items():
+            setattr(self, sapien_name(name), camera.value(section, figure))
         self.render_seed = 0
         # What compute_depth() gives besides, out of 'confidence', 'reason', 'points', 'rectified_left' and
         # 'rectified_right'; get_depth_map() returns it.

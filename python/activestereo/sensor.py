@@ -336,7 +336,7 @@ class StereoDepthSensor:
         self._set(uniqueness_ratio=uniqueness_ratio)
 
     def set_lr_max_diff(self, lr_max_diff: int) -> None:
-        """255 switches the check off."""
+        """-1 switches the check off."""
         self._set(lr_max_diff=lr_max_diff)
 
     # ---- inside ----

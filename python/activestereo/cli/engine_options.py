@@ -15,8 +15,8 @@ from activestereo.parameter import Parameter
 def add_options(
     group: argparse._ArgumentGroup, table: Sequence[Parameter], defaults: Mapping[str, Any] | None = None
 ) -> None:
-    """One option for every parameter. `defaults`: those of the command that are not the engine's own. What is not
-    given is None."""
+    """One option for every parameter. `defaults`: those of the command that are not the engine's own, or a text where
+    they depend on something else. What is not given is None."""
     for p in table:
         if not p.on_command_line:
             continue

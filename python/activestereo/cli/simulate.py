@@ -25,7 +25,7 @@ from activestereo.cli.camera_options import add_camera_options, set_cameras
 from activestereo.cli.depth_maps import add_depth_maps, wanted_maps, write_maps
 from activestereo.cli.engine_options import add_matching, add_options, given, given_matching, given_rig
 from activestereo.cli.record_options import add_records, set_records
-from activestereo.presets import SAPIEN_DEFAULTS
+from activestereo.presets import OF_THE_CAMERA, SAPIEN_DEFAULTS
 from activestereo.render_table import RENDER, RENDERER
 
 if TYPE_CHECKING:
@@ -57,6 +57,8 @@ examples:
   activestereo simulate table_top.gltf --sensor d435 --model out/diagnosis/model.json --out out/as_measured
   activestereo simulate table_top.gltf --velocity 0.5,0,0 --ir-distortion -0.06,0.01,0,0 --out out/moving
 """
+
+_OF_THE_CAMERA = dict.fromkeys(OF_THE_CAMERA, "the camera's")
 
 
 def add_parser(commands: Commands) -> None:
@@ -91,7 +93,7 @@ def add_parser(commands: Commands) -> None:
     _add_view(parser.add_argument_group("view"))
     add_camera_options(parser.add_argument_group("lenses, shutters and motion"))
     _add_rendering(parser.add_argument_group("rendering and noise"))
-    add_depth_maps(add_matching(parser, SAPIEN_DEFAULTS))
+    add_depth_maps(add_matching(parser, SAPIEN_DEFAULTS | _OF_THE_CAMERA))
     parser.set_defaults(run=run)
 
 
@@ -109,8 +111,8 @@ def _add_view(group: argparse._ArgumentGroup) -> None:
 
 
 def _add_rendering(group: argparse._ArgumentGroup) -> None:
-    add_options(group, RENDERER)
-    add_options(group, RENDER)
+    add_options(group, RENDERER, _OF_THE_CAMERA)
+    add_options(group, RENDER, _OF_THE_CAMERA)
     add_seed(group, "of rendering and noise; same seed, same files")
     text = "uniform visible radiance from all sides, W/(sr m^2) (default: 0.25; 1 where a scene has no light)"
     group.add_argument("--ambient", type=positive, metavar="R", help=text)

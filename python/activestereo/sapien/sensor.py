@@ -158,7 +158,7 @@ class StereoDepthSensor:
         _check_config(changed)
         if self._sensor is not None:
             setter = next(name for name, fields in _SETTERS.items() if set(changes) == fields)
-            getattr(self._sensor, setter)(**changes)
+            getattr(self._sensor, setter)(**{name: _own_value(name, value) for name, value in changes.items()})
         for name, value in changes.items():
             setattr(self._config, name, value)
 
@@ -193,8 +193,16 @@ def native_config(config: Any) -> NativeConfig:
             setattr(out, name, k)
     if isinstance(out.light_pattern, (str, PathLike)) and out.light_pattern != "generated":
         setattr(out, "light_pattern", _red_of(out.light_pattern))  # noqa: B010 (the field takes either)
-    out.lr_max_diff = 255 if out.lr_max_diff == -1 else out.lr_max_diff
+    for name in ("uniqueness_ratio", "lr_max_diff"):
+        setattr(out, name, _own_value(name, getattr(out, name)))
     return out
+
+
+def _own_value(name: str, value: Any) -> Any:
+    """SAPIEN's ways to switch a check off are a difference of 255 pixels and a ratio of 100 % and more."""
+    if name == "lr_max_diff":
+        return -1 if value == 255 else value
+    return min(value, 100) if name == "uniqueness_ratio" else value
 
 
 def _red_of(path: str | PathLike[str]) -> NDArray[np.uint8]:

@@ -17,11 +17,10 @@ from activestereo.cli.simulate import make_config
 from activestereo.matcher_table import MATCHER, RIG
 from activestereo.matching import matcher_parameters, render_parameters, renderer_parameters, rig_parameters
 from activestereo.parameter import Parameter
-from activestereo.presets import SAPIEN_DEFAULTS, SAPIEN_NAMES, sapien_name
+from activestereo.presets import OF_THE_CAMERA, SAPIEN_DEFAULTS, SAPIEN_NAMES, sapien_name
 from activestereo.render_table import RENDER, RENDERER
 
 OF_THE_SENSOR = {"noise_seed", "frame_index"}  # what a sensor counts itself
-OF_THE_CAMERA = {"ir_ambient_scale", "ir_ambient_radiance", "denoise"}  # what its data say
 COMMANDS = {"depth": "l.png r.png --k 1,2,3,4 --baseline 0.05 --out x", "simulate": "scene.gltf --out x"}
 
 
@@ -49,7 +48,8 @@ def test_defaults_are_those_of_the_library() -> None:
 
 def test_a_configuration_has_the_defaults_but_for_those_of_sapien() -> None:
     config = StereoDepthSensorConfig()
-    assert matcher_parameters(config) == {p.name: SAPIEN_DEFAULTS.get(p.name, p.default) for p in MATCHER}
+    known = {p.name: SAPIEN_DEFAULTS.get(p.name, p.default) for p in MATCHER if p.name not in OF_THE_CAMERA}
+    assert {name: value for name, value in matcher_parameters(config).items() if name in known} == known
     assert {name for name in SAPIEN_NAMES if hasattr(config, name)} == set(), "one name each"
 
 
@@ -142,9 +142,10 @@ def test_a_field_that_no_record_has_is_refused(options: tuple[str, ...], words: 
         make_config(parse("simulate", *options))
 
 
-@pytest.mark.parametrize("foreign", [{"lr_max_diff": 255}, {"uniqueness_ratio": 255}])
-def test_sapiens_ways_to_switch_off_stay_in_the_configuration(foreign: dict[str, int]) -> None:
-    config = StereoDepthSensorConfig()
-    for name, value in foreign.items():
-        setattr(config, sapien_name(name), value)
-        assert matcher_parameters(config)[name] == {"lr_max_diff": -1, "uniqueness_ratio": 100}[name]
+@pytest.mark.parametrize("name", OF_THE_CAMERA)
+def test_help_of_simulate_leaves_to_the_camera_what_is_its_own(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        parse("simulate", "--help")
+    option = next(p.option for p in (*MATCHER, *RENDERER, *RENDER) if p.name == name)
+    text = " ".join(capsys.readouterr().out.split(f"{option} ")[-1].split("--")[0].split())
+    assert "default: the camera's" in text

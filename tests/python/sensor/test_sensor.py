@@ -168,7 +168,7 @@ def test_setters_reach_the_engine_and_bad_values_change_nothing(small_config):
     sensor.set_matching_block_size(3, 5)
     sensor.set_penalties(5, 50)
     sensor.set_uniqueness_ratio(20)
-    sensor.set_lr_max_diff(255)
+    sensor.set_lr_max_diff(-1)
     sensor.set_ir_noise(2.0, 3.0)
     p = sensor.engine.parameters
     names = ("census_width", "census_height", "block_width", "block_height", "p1", "p2", "uniqueness_ratio", "lr_max_diff")
