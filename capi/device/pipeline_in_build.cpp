@@ -5,10 +5,12 @@
 
 #include <chrono>
 #include <condition_variable>
+#include <cstddef>
 #include <cstdlib>
 #include <mutex>
 #include <thread>
 #include <utility>
+#include <vector>
 
 #include "device/interrupt.h"
 
@@ -57,6 +59,10 @@ void compile(const std::shared_ptr<Device>& device, const ComputePipeline& pipel
   Commands commands(device);
   const VkCommandBuffer buffer = commands.handle();
   device->vk().vkCmdBindPipeline(buffer, VK_PIPELINE_BIND_POINT_COMPUTE, pipeline.handle());
+  const std::vector<std::byte> push(pipeline.push_constant_bytes());  // what is declared must be set, also where nothing runs
+  if (!push.empty())
+    device->vk().vkCmdPushConstants(buffer, pipeline.layout(), VK_SHADER_STAGE_COMPUTE_BIT, 0, static_cast<uint32_t>(push.size()),
+                                    push.data());
   device->vk().vkCmdDispatch(buffer, 0, 0, 0);
   commands.flush();
 }

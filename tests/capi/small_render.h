@@ -10,7 +10,7 @@ namespace ks::test {
 
 /// A device, and a small render.
 struct SmallRender {
-  kuafu_device device = open_cpu_device<Kuafu>();
+  kuafu_device device;
   kuafu_scene scene = nullptr;
   kuafu_renderer renderer = nullptr;
   kuafu_buffer buffer = nullptr;
@@ -18,7 +18,8 @@ struct SmallRender {
   kuafu_output_desc output{};
   kuafu_render_desc desc = kuafu_render_desc_init();
 
-  explicit SmallRender(uint32_t tracer) {
+  /// Takes the device over.
+  explicit SmallRender(uint32_t tracer, kuafu_device on = open_cpu_device<Kuafu>()) : device(on) {
     if (device == nullptr) return;
     constexpr uint32_t side = 64;
     const float positions[] = {-9, -9, 2, 9, -9, 2, -9, 9, 2};

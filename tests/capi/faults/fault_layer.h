@@ -1,4 +1,4 @@
-/* SPDX-License-Identifier: Apache-2.0 */
+// SPDX-License-Identifier: Apache-2.0
 /* A Vulkan layer in which a call fails as if a device had run out of memory or was lost. A test opens the layer's library and arms it. */
 #ifndef FAULT_LAYER_H
 #define FAULT_LAYER_H
