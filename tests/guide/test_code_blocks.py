@@ -39,10 +39,11 @@ SPECIAL: dict[str, tuple[str, str]] = {
     r"bench_\w+": ("test -x build/bin/{0}", "benchmarks are run by hand; the program is there"),
     r"/usr/bin/python3 \S+/(bench|run)_\w+.py": ("test -f {1}", "it is run by hand; the program is there"),
     r"pip install|pre-commit|sudo|apt-get": ("true", "it installs packages; tests/wheel.sh tries the wheel"),
-    r"python3 examples/(mujoco_wrist|sapien_sensor|train_depth_policy)/": ("test -f {1}", "it needs a package that Debian lacks; tests/python/loops runs it where it is"),
+    r"python3 examples/(mani_skill_depth|mujoco_wrist|sapien_sensor|train_depth_policy)/": ("test -f {1}", "it needs a package that Debian lacks; tests/python/loops runs it where it is"),
     r"rs-enumerate-devices": ("true", "it needs a RealSense camera"),
     r"activestereo simulate": ("{0} {1:} --spp 1", "as few samples as possible"),
     r"activestereo (acquire|import|overlay|compare|diagnose)": (f"/usr/bin/python3 -c '{PARSED}' {{1:}}", "it needs a capture; its options are parsed"),
+    r"activestereo generate": (f"/usr/bin/python3 -c '{PARSED}' {{1:}}", "it needs files of things; its options are parsed"),
     r"/usr/bin/python3 examples/gallery/gallery.py": ("{0} {1} --only lambert --spp 1 --out out", "it renders every picture; here it renders one"),
 }  # fmt: skip
 SLOW = "examples/hidden_effect/README.md"

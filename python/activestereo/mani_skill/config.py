@@ -58,9 +58,12 @@ class StereoDepthCameraConfig(ManiSkillConfig):
 
     def _of_preset(self, intrinsic: NDArray[np.float64]) -> StereoDepthSensorConfig:
         config = StereoDepthSensorConfig(self.model)
-        scale, focal_px = 2 if self.width < _SMALL_PX else 1, config.ir_intrinsic[0, 0]
+        scale = 2 if self.width < _SMALL_PX else 1
+        focal_px, lit = config.ir_intrinsic[0, 0], _tangents(config)
         config.ir_resolution = (scale * self.width, scale * self.height)
         config.ir_intrinsic = _centred(np.diag([scale, scale, 1.0]) @ intrinsic)
+        # The pattern reaches as far beyond a preset's field of view as the camera does.
+        config.light_pattern_scale = max(1.0, float((_tangents(config) / lit).max()))
         config.min_depth, config.max_depth = self.min_depth, self.max_depth
         config.samples_per_pixel = self.samples_per_pixel
         nearest = int(np.ceil(config.focal_baseline_px_m / self.min_depth)) + 1
@@ -69,8 +72,14 @@ class StereoDepthCameraConfig(ManiSkillConfig):
             config.block_width = config.block_height = 3
             config.p1_penalty, config.p2_penalty = 4, 16
             # Dots of more than a pixel.
-            config.light_pattern_scale = max(1.0, 0.5 * focal_px / config.ir_intrinsic[0, 0])
+            dots = 0.5 * focal_px / config.ir_intrinsic[0, 0]
+            config.light_pattern_scale = max(config.light_pattern_scale, dots)
         return config
+
+
+def _tangents(config: StereoDepthSensorConfig) -> NDArray[np.float64]:
+    """Of half the infrared cameras' fields of view, horizontal and vertical."""
+    return 0.5 * np.array(config.ir_resolution) / np.diag(config.ir_intrinsic)[:2]
 
 
 def _centred(intrinsic: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -31,6 +31,16 @@ def test_sapien_sensor(tmp_path):
     assert (tmp_path / "sapien_sensor.png").stat().st_size > 1000
 
 
+def test_mani_skill_depth(tmp_path):
+    pytest.importorskip("mani_skill", reason="the package mani_skill is not installed (pip install mani_skill)")
+    try:
+        good_share = load(EXAMPLES / "mani_skill_depth/mani_skill_depth.py").run(tmp_path, "PickCube-v1", size=96, samples=4, steps=1)
+    except RuntimeError as error:
+        pytest.skip(f"SAPIEN has no renderer here, which ManiSkill's cameras need: {error}")
+    assert good_share > 0.6
+    assert (tmp_path / "mani_skill_depth.png").stat().st_size > 1000
+
+
 def test_any_simulator(tmp_path):
     good_share = load(EXAMPLES / "any_simulator/any_simulator.py").run(tmp_path, environments=2, pictures=2, samples=4)
     assert good_share > 0.6
