@@ -33,14 +33,6 @@ def replace_file(path: str | Path, write: Callable[[BinaryIO], object]) -> None:
         temporary.unlink(missing_ok=True)
 
 
-def remove_left_over(folder: Path) -> None:
-    """Temporary files below a folder whose process ended before it renamed them."""
-    for path in folder.rglob(".*.*.*"):
-        owner = path.name.rpartition(".")[2]
-        if owner.isdecimal() and not Path(f"/proc/{owner}").exists():
-            path.unlink(missing_ok=True)
-
-
 def write_png(path: str | Path, pixels: np.ndarray) -> None:
     """uint8 [h, w] or [h, w, 3], or uint16 [h, w]."""
     image = Image.fromarray(np.ascontiguousarray(pixels))

@@ -35,6 +35,7 @@ was, goes on when it is started again; with a larger --count it makes more.
 
 examples:
   activestereo generate cup.glb box.obj can.ply --count 100 --workers 2 --out out/cups
+  activestereo generate cup.glb box.obj --count 5000 --part 3/50 --out shared/cups
   activestereo generate *.glb --count 1000 --layout drop --sensor d415 --out out/dropped
 """
 
@@ -53,6 +54,8 @@ def add_parser(commands: Commands) -> None:
     parser.add_argument("--count", type=integer_from(1), default=100, metavar="N", help="frames (default: 100)")
     text = "processes, each with a device of its own (default: 1; a device that is a processor is busy with one or two)"
     parser.add_argument("--workers", type=integer_from(1), default=1, metavar="K", help=text)
+    text = "makes part K of N, for N machines that share DIR; whoever makes the last frame writes the tables"
+    parser.add_argument("--part", type=_part, default=(1, 1), metavar="K/N", help=text)
     add_seed(parser, "of everything that is drawn; same seed, same files")
     parser.add_argument("--sensor", default="d435", metavar="NAME", help="as simulate's (default: d435)")
     text = "of the colour image and of depth (default: 640x480)"
@@ -63,6 +66,14 @@ def add_parser(commands: Commands) -> None:
     parser.add_argument("--layout", choices=("scatter", "drop"), default="scatter", help=text)
     parser.add_argument("--ranges", type=Path, metavar="FILE", help="what is drawn from which ranges")
     parser.set_defaults(run=run)
+
+
+def _part(text: str) -> tuple[int, int]:
+    """K/N."""
+    number, slash, parts = text.partition("/")
+    if not (slash and number.isdecimal() and parts.isdecimal() and 1 <= int(number) <= int(parts)):
+        raise argparse.ArgumentTypeError(f"a part is K/N, from 1/N to N/N, not '{text}'")
+    return int(number), int(parts)
 
 
 def run(args: argparse.Namespace) -> None:
@@ -86,11 +97,9 @@ def run(args: argparse.Namespace) -> None:
     )
     make_folder(args.out)
     with ProgressBar(f"{args.count} frames with {args.workers} worker{'' if args.workers == 1 else 's'}") as bar:
-        made, seconds = generate(settings, args.out, args.count, args.workers, bar)
-    there = args.count - made
-    rate = (
-        f"{made} frames in {duration(seconds)}, {made / max(seconds, 1e-9):.2f} a second"
-        if made
-        else "nothing was left to do"
-    )
-    print(f"{rate}{f'; {there} were there already' if there else ''}; written: {args.out}")
+        done = generate(settings, args.out, args.count, args.workers, args.part, bar)
+    rate = f"{done.made} frames in {duration(done.seconds)}, {done.made / max(done.seconds, 1e-9):.2f} a second"
+    notes = [rate if done.made else "nothing was left to do"]
+    notes += [f"{done.there} were there already"] if done.there else []
+    notes += [f"{done.missing} of other parts are not there yet"] if done.missing else []
+    print(f"{'; '.join(notes)}; written: {args.out}")

@@ -13,6 +13,7 @@ frame with a record is whole.
 from __future__ import annotations
 
 import json
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +31,13 @@ _RECORDS = ".frames"
 
 def is_done(out: Path, number: int) -> bool:
     return _record(out, number).exists()
+
+
+def remove_left_over(out: Path, numbers: Collection[int]) -> None:
+    """Temporary files of these frames, whose process ended before it renamed them."""
+    for path in (out / SPLIT).glob("*/*/.[0-9]*"):
+        if int(path.parts[-3]) * FRAMES_PER_SCENE + int(path.name[1:7]) in numbers:
+            path.unlink(missing_ok=True)
 
 
 def write_frame(out: Path, frame: Frame) -> None:

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -18,32 +18,51 @@ import kuafu
 from activestereo.generate import bop
 from activestereo.generate.studio import Settings, Studio, sensor_config
 from activestereo.generate.things import Things
-from activestereo.output_files import remove_left_over
 
 _studio: Studio | None = None  # a worker's
 
 
+@dataclass(frozen=True)
+class Done:
+    """Frames made now, of this part there before, and of other parts not there yet."""
+
+    made: int
+    there: int
+    missing: int
+    seconds: float
+
+
 def generate(
-    settings: Settings, out: Path, count: int, workers: int, progress: Callable[[float], object] | None = None
-) -> tuple[int, float]:
-    """Frames 0 to count - 1 in BOP's format under `out`; returns how many were made now, and in how many seconds.
+    settings: Settings,
+    out: Path,
+    count: int,
+    workers: int,
+    part: tuple[int, int] = (1, 1),
+    progress: Callable[[float], object] | None = None,
+) -> Done:
+    """Frames 0 to count - 1 in BOP's format under `out`, or part k of n of them; other parts may be made at the same
+    time, also by other machines that share the folder. Whoever makes the last frame writes the scenes' tables.
     ValueError where `out` has frames of other settings; ChildProcessError where a worker was ended from outside: what
     is done stays, and the same call goes on."""
     things = Things(kuafu.Scene(kuafu.Device(settings.device)), list(settings.things)).things  # its checks come first
     about = description(settings)
     _check_same(out, about)
     out.mkdir(parents=True, exist_ok=True)
-    remove_left_over(out)
     config = sensor_config(settings)
     bop.write_head(out, things, config.rgb_intrinsic, settings.rgb_size, about)
-    missing = [number for number in range(count) if not bop.is_done(out, number)]
+    number, parts = part
+    own = range(number - 1, count, parts)
+    missing = [frame for frame in own if not bop.is_done(out, frame)]
+    bop.remove_left_over(out, set(missing))
     start = time.monotonic()
     for done, _ in enumerate(_made(settings, out, missing, workers), 1):
         if progress is not None:
             progress(done / len(missing))
     seconds = time.monotonic() - start
-    bop.write_scenes(out, count)
-    return len(missing), seconds
+    others = sum(not bop.is_done(out, frame) for frame in range(count))
+    if not others:
+        bop.write_scenes(out, count)
+    return Done(len(missing), len(own) - len(missing), others, seconds)
 
 
 def description(settings: Settings) -> dict[str, Any]:

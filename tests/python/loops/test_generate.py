@@ -92,6 +92,22 @@ def test_frames_are_the_same_by_any_way_of_making_them(things: tuple[Path, ...],
     assert read_all(tmp_path / "one") == whole
 
 
+def test_parts_are_the_whole(things: tuple[Path, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    names, out = [str(path) for path in things], tmp_path / "parts"
+    assert main(["generate", *names, *options(tmp_path / "whole", 3)]) == 0
+    assert main(["generate", *names, *options(out, 3), "--part", "2/2"]) == 0
+    assert "2 of other parts are not there yet" in capsys.readouterr().out
+    assert not (out / "train_pbr/000000/scene_gt.json").exists()
+    other = out / "train_pbr/000000/rgb/.000000.png.77"  # of a machine that is at it
+    other.write_bytes(b"half a pict")
+    assert main(["generate", *names, *options(out, 3), "--part", "2/2"]) == 0
+    assert other.exists()
+    assert main(["generate", *names, *options(out, 3), "--part", "1/2"]) == 0
+    assert read_all(out) == read_all(tmp_path / "whole")
+    with pytest.raises(SystemExit):
+        main(["generate", *names, *options(out, 3), "--part", "3/2"])
+
+
 def test_a_killed_run_goes_on(things: tuple[Path, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     names, out = [str(path) for path in things], tmp_path / "killed"
     command = [sys.executable, "-m", "activestereo", "generate", *names, *options(out, 4)]
