@@ -53,7 +53,7 @@ def in_host(folder: pathlib.Path, names: list[str]) -> subprocess.CompletedProce
     return subprocess.run([folder / "host", *libraries, folder / "wall.obj"], capture_output=True, text=True)
 
 
-@pytest.mark.parametrize("other", ["libembree3", "libassimp", "libpng16", "libjpeg"])
+@pytest.mark.parametrize("other", ["libembree3", "libassimp", "libpng16", "libjpeg", "libopencv_core", "libopencv_calib3d"])
 def test_a_host_with_names_of_other_libraries_is_not_disturbed(other, tmp_path):
     if os.uname().machine != "x86_64":
         pytest.skip("the stubs are written in x86-64 assembler")
