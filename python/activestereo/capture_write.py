@@ -37,7 +37,8 @@ def write_capture(
     for folder in ("left", "right", "depth", *(("color",) if colors else ())):
         (partial / folder).mkdir(parents=True, exist_ok=True)
     for source in capture.scene_path.parent.glob(capture.scene_path.stem + ".*"):
-        (partial / source.name).write_bytes(source.read_bytes())
+        if source.is_file():
+            (partial / source.name).write_bytes(source.read_bytes())
     write_gray(partial / "pattern.png", pattern)
     for (frame_id, eye), image in images.items():
         write_gray(partial / eye / f"{frame_id:06d}.png", image)

@@ -41,6 +41,8 @@ SPECIAL: dict[str, tuple[str, str]] = {
     r"pip install|pre-commit|sudo|apt-get": ("true", "it installs packages; tests/wheel.sh tries the wheel"),
     r"python3 examples/(mani_skill_depth|mujoco_wrist|sapien_sensor|train_depth_policy)/": ("test -f {1}", "it needs a package that Debian lacks; tests/python/loops runs it where it is"),
     r"rs-enumerate-devices": ("true", "it needs a RealSense camera"),
+    r"/usr/bin/python3 examples/real_camera/": ("test -f {1}", "it renders for minutes; tests/python/acquire/test_afternoon.py runs the page"),
+    r"activestereo (simulate|model show|pair) out/(desk|model|practice)": (f"/usr/bin/python3 -c '{PARSED}' {{1:}}", "tests/python/acquire/test_afternoon.py runs the page"),
     r"activestereo simulate": ("{0} {1:} --spp 1", "as few samples as possible"),
     r"activestereo (acquire|import|overlay|compare|diagnose)": (f"/usr/bin/python3 -c '{PARSED}' {{1:}}", "it needs a capture; its options are parsed"),
     r"activestereo generate": (f"/usr/bin/python3 -c '{PARSED}' {{1:}}", "it needs files of things; its options are parsed"),

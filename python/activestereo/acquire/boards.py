@@ -22,6 +22,10 @@ _LEAST_CORNERS = 8
 _MARKER_SHIFT_PX = 0.5
 _EXAMPLES = "9x6:0.03, charuco:9x6:0.03:0.022 or apriltag:6x4:0.04:0.01"
 
+# Half the window of a corner's refinement, as a share of the way to the next corner.
+_REFINED_SHARE = 0.45
+_REFINED_UNTIL = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 50, 1e-4)
+
 
 @dataclass(frozen=True)
 class Board:
@@ -63,13 +67,18 @@ class Board:
         return found if found is not None and len(found[0]) >= _LEAST_CORNERS else None
 
     def _find_chessboard(self, image: NDArray[np.uint8]) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-        # The sector-based detector (Duda and Frese 2018) finds to a few hundredths of a pixel.
+        # The sector-based detector (Duda and Frese 2018) finds every corner; its places are up to 0.08 px off to one
+        # side where squares are small (0.6 % of a focal length at 424x240), which Foerstner's saddle points are not.
         is_found, corners = cv2.findChessboardCornersSB(
             image, (self.columns, self.rows), flags=cv2.CALIB_CB_ACCURACY | cv2.CALIB_CB_EXHAUSTIVE
         )
         if not is_found:
             return None
-        return self.chessboard_points(), corners.reshape(-1, 2).astype(np.float64)
+        corners = np.ascontiguousarray(corners.reshape(-1, 2), np.float32)
+        apart = np.linalg.norm(np.diff(corners.reshape(self.rows, self.columns, 2), axis=1), axis=2).min()
+        half = max(2, int(_REFINED_SHARE * apart))
+        corners = cv2.cornerSubPix(image, corners, (half, half), (-1, -1), _REFINED_UNTIL)
+        return self.chessboard_points(), corners.astype(np.float64)
 
     def chessboard_points(self) -> NDArray[np.float64]:
         """[corner][3], row by row, metres; the board lies in z = 0."""

@@ -10,7 +10,7 @@ surfaces, which render with less of it.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,6 +90,40 @@ class MaterialFit:
                     half.append(np.sqrt(weight / count) * _compare(picture, image))
         scale = np.sqrt(sum(len(part) for part in halves[0]))
         return Residuals(*(scale * np.concatenate(half) for half in halves))
+
+    def estimate_colors(self, theta: NDArray[np.float64], samples: int) -> dict[int, tuple[float, float, float]]:
+        """Gives surfaces that no one gave a colour (white, without a texture) that of the colour images: what is seen
+        over what white would show, under the lights that the surroundings tell. {surface: linear RGB}."""
+        blank = [n for n in self._surfaces if self._is_blank(n)]
+        chosen = [p for p in self._pictures if p.band == "visible"]
+        if not blank or not chosen:
+            return {}
+        self.set(theta)
+        rendered = [self._scene.lights(p, samples, self._seed + k) for k, p in enumerate(chosen)]
+        around = [replace(p, usable=p.usable & (p.surface == 0)) for p in chosen]
+        intensities = _intensities(list(zip(around, rendered, strict=True)))
+        images = [np.einsum("yxcl,cl->yxc", lights, intensities) for lights in rendered]
+        out = {}
+        for number in blank:
+            own = [p.usable & (p.surface == 1 + self._surfaces.index(number)) for p in chosen]
+            seen, white = (
+                np.concatenate([image[mask] for image, mask in zip(stack, own, strict=True)])
+                for stack in ([p.seen for p in chosen], images)
+            )
+            if len(seen) < 20:
+                continue
+            red, green, blue = (
+                float(c) for c in np.clip(np.median(seen / np.maximum(white, 1e-3), axis=0), 0.02, 0.98)
+            )
+            material = self._scene.scene.get_material(number)
+            material.base_color = (red, green, blue, 1.0)
+            self._scene.scene.set_material(number, material)
+            out[number] = (red, green, blue)
+        return out
+
+    def _is_blank(self, number: int) -> bool:
+        material = self._scene.scene.get_material(number)
+        return material.base_color_texture is None and min(material.base_color[:3]) > 0.999
 
     def set(self, theta: NDArray[np.float64]) -> None:
         for number, told in zip(self._surfaces, self.told(theta), strict=True):

@@ -28,7 +28,8 @@ _SATURATED = 0.97
 @dataclass(frozen=True)
 class Picture:
     """seen: float32 [height][width][channel]; usable: [height][width], not saturated; sigma: noise and what a model
-    cannot know, in the same unit; band: infrared or visible; lit: whether the projector was on."""
+    cannot know, in the same unit; lit: whether the projector was on; surface: [height][width], 1 + place of the
+    object's surface, 0 around it."""
 
     name: str
     band: Literal["infrared", "visible"]
@@ -38,7 +39,7 @@ class Picture:
     sigma: NDArray[np.float32]
     camera: kuafu.Camera
     pose: NDArray[np.float64]
-    inside: NDArray[np.bool_]
+    surface: NDArray[np.int64]
 
 
 class MaterialScene:
@@ -173,9 +174,10 @@ def _picture(
     small = mean(crop).reshape(height, width, -1)
     floor = (1.0 if lit is not None else 0.01) / step
     sigma = np.sqrt(floor**2 + (0.03 * small) ** 2)
-    inside = np.isin(scene.material_ids(own), surfaces)
+    ids = scene.material_ids(own)
+    surface = sum(((1 + k) * (ids == number) for k, number in enumerate(surfaces)), np.zeros(ids.shape, np.int64))
     band: Literal["infrared", "visible"] = "visible" if lit is None else "infrared"
-    return [Picture(name, band, bool(lit), small, mean(usable) > 0.99, sigma, own, pose, inside)]
+    return [Picture(name, band, bool(lit), small, mean(usable) > 0.99, sigma, own, pose, surface)]
 
 
 def _box(

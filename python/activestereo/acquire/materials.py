@@ -32,7 +32,8 @@ _UNDETERMINED = {"roughness": 0.25, "metallic": 0.4, "specular": 0.5, "transmiss
 @dataclass(frozen=True)
 class Materials:
     """found: {surface: {parameter: Quantity}}, those that the pictures determine; undetermined: {surface: names}; loss:
-    mean square in deviations, before and after; renders: how many candidates were rendered."""
+    mean square in deviations, before and after; renders: how many candidates were rendered; colors:
+    linear RGB of surfaces that the scene has no colour for."""
 
     object_name: str
     found: dict[str, dict[str, Quantity]]
@@ -40,6 +41,7 @@ class Materials:
     loss: tuple[float, float]
     renders: int
     pictures: tuple[str, ...]
+    colors: dict[str, tuple[float, float, float]]
 
     def model(self) -> SensorModel:
         """model.json's section."""
@@ -51,6 +53,11 @@ class Materials:
         for surface, fields in self.found.items():
             lines.append(f"{surface}:")
             lines += [f"  {name:13}{q.value:.3f} ({q.low:.3f} to {q.high:.3f})" for name, q in fields.items()]
+            if surface in self.colors:
+                red, green, blue = self.colors[surface]
+                lines.append(
+                    f"  seen as linear RGB {red:.2f} {green:.2f} {blue:.2f}, for the scene has no colour for it"
+                )
             if self.undetermined[surface]:
                 lines.append(f"  not determined by these pictures: {', '.join(self.undetermined[surface])}")
         before, after = self.loss
@@ -78,6 +85,7 @@ def acquire_materials(
     fit = MaterialFit(scene, seen, surfaces, seed)
     tell = progress or (lambda fraction: None)
     nominal = fit.start()
+    colors = fit.estimate_colors(nominal, _FINE_SAMPLES)
     ranked = _wide(fit, nominal, seed, full_grid, lambda f: tell(0.5 * f))
     first = _fine(fit, ranked[0], lambda f: tell(0.5 + 0.25 * f))
     results = [first, _fine(fit, ranked[1], lambda f: tell(0.75 + 0.25 * f))]
@@ -87,9 +95,9 @@ def acquire_materials(
     source = f"acquire materials: {len(seen)} pictures of {capture.name}"
     found, undetermined = _told(names, theta, sigma, source)
     tell(1.0)
-    return Materials(
-        object_name, found, undetermined, (before, residuals.loss), fit.renders, tuple(p.name for p in seen)
-    )
+    told = {surface_names(capture.scene_path)[number]: color for number, color in colors.items()}
+    losses = before, residuals.loss
+    return Materials(object_name, found, undetermined, losses, fit.renders, tuple(p.name for p in seen), told)
 
 
 def _wide(

@@ -70,6 +70,23 @@ def test_the_command_finds_the_paint(plastic, tmp_path, monkeypatch, capsys):
     assert "mean square of the residuals" in said and "written: materials" in said
 
 
+def test_a_part_without_a_colour_gets_the_one_that_is_seen(plastic, tmp_path):
+    import shutil
+
+    folder = tmp_path / "white"
+    shutil.copytree(plastic, folder)
+    document = json.loads((folder / "scene.gltf").read_text())
+    document["materials"][1]["pbrMetallicRoughness"]["baseColorFactor"] = [1.0, 1.0, 1.0, 1.0]
+    (folder / "scene.gltf").write_text(json.dumps(document))
+    capture = read_capture(folder)
+    surfaces = surfaces_of_object(capture.scene_path, "ball")
+    scene = MaterialScene(capture)
+    fit = MaterialFit(scene, pictures(scene, capture, surfaces), surfaces)
+    (color,) = fit.estimate_colors(np.array(PAINTS["plastic"]), 16).values()
+    assert np.allclose(color, (0.6, 0.25, 0.2), atol=0.08)
+    assert fit.estimate_colors(np.array(PAINTS["plastic"]), 16) == {}  # now it has one
+
+
 def test_a_models_materials_take_the_scenes_place(plastic):
     import kuafu
     from activestereo.effects.core.model import Model
