@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from activestereo.capture import Camera
 from activestereo.gltf_writer import GltfWriter
 from activestereo.meshes import Mesh
 from activestereo.output_files import replace_file
@@ -30,8 +31,16 @@ def node_pose(scene_path: Path, name: str) -> NDArray[np.float64] | None:
     return None if node is None else _matrix(node)
 
 
-def write_placed(scene_path: Path, out: Path, name: str, mesh: Mesh, local_to_world: NDArray[np.float64]) -> None:
-    """Writes the scene with the part at its pose to `out` (.gltf)."""
+def write_placed(
+    scene_path: Path,
+    out: Path,
+    name: str,
+    mesh: Mesh,
+    local_to_world: NDArray[np.float64],
+    view: tuple[Camera, NDArray[np.float64]] | None = None,
+) -> None:
+    """Writes the scene with the part at its pose to `out` (.gltf). view: (camera, camera_to_world) that a scene without
+    a camera gets."""
     document, buffers = _read(scene_path)
     node = _root_node(scene_path, document, name)
     matrix = np.asarray(local_to_world, dtype=float).T.reshape(-1).tolist()
@@ -41,6 +50,8 @@ def write_placed(scene_path: Path, out: Path, name: str, mesh: Mesh, local_to_wo
         node["matrix"] = matrix
     else:
         _append(document, buffers, name, mesh, local_to_world)
+    if view is not None and not document.get("cameras"):
+        _add_camera(document, *view)
     document["buffers"] = [
         {"byteLength": len(data), "uri": "data:application/octet-stream;base64," + base64.b64encode(data).decode()}
         for data in buffers
@@ -70,6 +81,16 @@ def _append(document: dict[str, Any], buffers: list[bytes], name: str, mesh: Mes
     scenes = document.setdefault("scenes", [{}])
     scenes[document.setdefault("scene", 0)].setdefault("nodes", []).append(shift["nodes"])
     buffers.append(data)
+
+
+def _add_camera(document: dict[str, Any], camera: Camera, camera_to_world: NDArray[np.float64]) -> None:
+    angle = 2.0 * float(np.arctan(0.5 * camera.height / camera.K[1, 1]))
+    perspective = {"yfov": angle, "aspectRatio": camera.width / camera.height, "znear": 0.01}
+    document["cameras"] = [{"name": "first view", "type": "perspective", "perspective": perspective}]
+    # glTF's camera looks along -z with y up.
+    matrix = (camera_to_world @ np.diag([1.0, -1.0, -1.0, 1.0])).T.reshape(-1).tolist()
+    document["nodes"].append({"name": "first view", "camera": 0, "matrix": matrix})
+    document["scenes"][document["scene"]]["nodes"].append(len(document["nodes"]) - 1)
 
 
 def _root_node(path: Path, document: dict[str, Any], name: str) -> dict[str, Any] | None:

@@ -17,6 +17,7 @@ from activestereo.acquire.material_views import MaterialScene, pictures
 from activestereo.capture import read_capture
 from activestereo.scene_surfaces import surface_names, surfaces_of_object
 from activestereo.sensor_model import Quantity, SensorModel
+from activestereo.sensor_model.calibrated import calibrated
 
 _CANDIDATES, _KEEP = 32, 4  # a quarter of each round goes on, with four times the samples
 _SAMPLES = (4, 16, 64)
@@ -74,11 +75,15 @@ def acquire_materials(
     seed: int = 0,
     full_grid: bool = False,
     device: str = "auto",
+    model: SensorModel | None = None,
     progress: Callable[[float], object] | None = None,
 ) -> Materials:
-    """full_grid: all candidates of the wide search are rendered with the most samples. ValueError names what is wrong:
-    no such object, a part without material, out of view, no infrared image."""
+    """full_grid: all candidates of the wide search are rendered with the most samples. model: what is known of rig and
+    pattern already, in place of the capture's. ValueError names what is wrong: no such object, a part without material,
+    out of view, no infrared image."""
     capture = read_capture(path)
+    if model is not None:
+        capture = calibrated(capture, model)
     surfaces = surfaces_of_object(capture.scene_path, object_name)
     scene = MaterialScene(capture, device)
     seen = pictures(scene, capture, surfaces)

@@ -23,9 +23,10 @@ with the projector off, in all views together. Measured depth is not used, for o
 glossy and clear parts it is wrong by centimetres.
 
 CAD is .stl, .obj or .ply. The start, within about 2 cm and 5 degrees, is the node of
-that name in the capture's scene, or --start. Writes the scene with the part in it to
-FILE (.gltf), and the poses with their 90 % intervals beside it (.poses.json). Axes
-about which a part is symmetric are reported free.
+that name in the capture's scene, or --start. Writes the scene with the part in it, and
+with a camera at the first frame's place if it has none, to FILE (.gltf), and the poses
+with their 90 % intervals beside it (.poses.json). Axes about which a part is symmetric
+are reported free.
 
 examples:
   activestereo acquire pose captures/desk --object bracket=bracket.stl --unit 0.001 \\
@@ -86,7 +87,8 @@ def run(args: argparse.Namespace) -> None:
             found[name] = refine_pose(mesh, views, starts[name], args.seed, bar)
     scene = capture.scene_path
     for name, mesh in meshes.items():
-        write_placed(scene, args.out, name, mesh, found[name].part_to_world)
+        view = capture.rig.left, capture.frames[0].camera_to_world
+        write_placed(scene, args.out, name, mesh, found[name].part_to_world, view)
         scene = args.out
     entries = {name: _as_json(pose) for name, pose in found.items()}
     beside = args.out.with_suffix(".poses.json")

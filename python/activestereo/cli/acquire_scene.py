@@ -22,7 +22,8 @@ What an object of the capture's scene is made of: roughness, metallic, specular,
 transmission and infrared albedo of each of its parts, into the section materials of
 model.json under the materials' names. The object's pose must be known (acquire pose);
 what lies around it, such as the table, keeps the scene's materials, which tell how
-bright the lights are. Put lamps whose place you measured into the capture's "lights".
+bright the lights are. Rig and pattern are those of model.json, where it has them
+already. Put lamps whose place you measured into the capture's "lights".
 
 Infrared images with the projector on are needed; with it off, and colour images, tell
 more. What the pictures do not determine is named and not written. The clean way: two
@@ -79,11 +80,13 @@ def _run_materials(args: argparse.Namespace) -> None:
     from activestereo.acquire.materials import acquire_materials
     from activestereo.acquire.model_section import replace_sections
     from activestereo.progress_bar import ProgressBar
+    from activestereo.sensor_model import read_model
 
     if args.out.is_dir() or not args.out.absolute().parent.is_dir():
         raise CommandError(f"{args.out}: -o is the name of a file in a folder that exists, such as model.json")
     with ProgressBar(f"materials of {args.object}") as bar:
-        found = acquire_materials(args.capture, args.object, args.seed, args.full_grid, args.device, bar)
+        model = read_model(args.out) if args.out.is_file() else None
+        found = acquire_materials(args.capture, args.object, args.seed, args.full_grid, args.device, model, bar)
     replace_sections(args.out, found.model())
     print(found.text())
     print(f"written: materials in {args.out}")

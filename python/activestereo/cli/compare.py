@@ -88,10 +88,12 @@ def _under_model(args: argparse.Namespace, effects: "dict[str, Effect]") -> dict
     from activestereo.lab.model_file import scene_of
     from activestereo.scene_surfaces import surface_names
     from activestereo.sensor_model import read_model
+    from activestereo.sensor_model.calibrated import calibrated
 
     model, names = read_model(args.model, effects), surface_names(scene_of(args.capture))
     return {
         "model": model.bound(names),
         "survey": model.survey(names),
+        "calibrate": lambda capture: calibrated(capture, model),
         "engines": lambda capture: CaptureRenderer(capture, args.device, args.spp, args.max_bounces, args.seed),
     }

@@ -61,6 +61,7 @@ def compare(
     max_bounces: int = 8, seed: int = 0, cache: LayerCache | None = None,
     progress: Callable[[float], object] | None = None, is_fine: bool = False,
     engines: Callable[[Capture], CaptureRenderer] | None = None, survey: Survey | None = None,
+    calibrate: Callable[[Capture], Capture] | None = None,
 ) -> Comparison:  # fmt: skip
     """A Comparison of the capture folder. CaptureError where the capture cannot be used.
 
@@ -69,9 +70,11 @@ def compare(
     progress(fraction done). is_fine: renders images finer than the pixels even where the model does not warp them, for
     effects that are added to the Comparison's layers later. engines: makes a CaptureRenderer of the capture, in which
     the model's effects act; None: their image functions do. survey: an engines.Survey, what is known of focal lengths
-    and albedos.
+    and albedos. calibrate: replaces the capture's nominal rig and pattern by measured ones.
     """
     capture = read_capture(capture_path)
+    if calibrate is not None:
+        capture = calibrate(capture)
     measured = {(frame.id, eye): capture.ir(frame, eye) for frame in capture.frames for eye in EYES}
     if renderer is None:
         from activestereo.lab.kuafu_renderer import KuafuRenderer

@@ -123,6 +123,7 @@ def test_a_box_is_placed_from_2_cm_and_5_degrees(box, capsys):
     scene = kuafu.Scene(kuafu.Device())
     scene.load(out)
     assert scene.summary.instance_count == 2
+    assert np.allclose(scene.camera(0).camera_to_world, camera_poses()[0], atol=1e-6)
     assert "free to turn" not in capsys.readouterr().out
 
 
