@@ -8,15 +8,17 @@ import base64
 import json
 import struct
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from activestereo.capture import Camera
 from activestereo.gltf_writer import GltfWriter
 from activestereo.meshes import Mesh
 from activestereo.output_files import replace_file
+
+if TYPE_CHECKING:
+    from activestereo.capture import Camera
 
 _MIME = {".png": "image/png", ".jpg": "image/jpeg", ".jpeg": "image/jpeg"}
 
