@@ -245,7 +245,7 @@ class Gates:
     row_correlation: float = _earlier(
         0.4,
         "1",
-        "correlation of neighbouring rows above which they are bands of light",
+        "correlation of neighbouring rows above which the rows are taken for bands of light",
         "theory: rows are independent",
     )
     # The depth engine.
