@@ -12,8 +12,9 @@ one that names none by all (activestereo.bodies puts bodies into them).
 
 from __future__ import annotations
 
-import weakref
 from copy import deepcopy
+from os import PathLike
+from pathlib import Path
 from types import TracebackType
 from typing import Any, Protocol, Self
 
@@ -23,7 +24,7 @@ from numpy.typing import NDArray
 import kuafu
 import simsense
 from activestereo.auto_exposure import AutoExposure, rgb_exposure, srgb
-from activestereo.engines.world import copy_camera, copy_light
+from activestereo.batch_rig import BatchRig
 from activestereo.fireflies import infrared_layers
 from activestereo.ir_link import IrLink
 from activestereo.lazy_maps import LazyMaps
@@ -33,8 +34,8 @@ from activestereo.pose import Pose, as_matrix, camera_to_world
 from activestereo.pose_arrays import host_array, pose_fault, pose_matrices
 from activestereo.presets import StereoDepthSensorConfig
 from activestereo.sensor import LASER_OUTPUTS, RGB_OUTPUTS
-from activestereo.sensor_inputs import exposure, render_settings, sensor_inputs, shutter
-from activestereo.sensor_world import pattern_of
+from activestereo.sensor_inputs import render_settings, shutter
+from activestereo.sensor_model import SensorModel, read_model
 
 
 class SensorPoseError(ValueError):
@@ -71,9 +72,19 @@ class StereoDepthSensorBatch:
     axes). pose: the RGB camera's, relative to its mount. Sensors of one environment see one another's projectors, as
     real ones do. The frames of the batch differ in noise; under one seed they are the same again. Exposure is 'fixed'
     or 'settled', for each sensor by what it sees; gain then counts as exposure. One thread at a time.
+
+    model: a SensorModel or the path of a model.json, whose effects all sensors have; its materials and medium are those
+    of the whole scene until close(). ValueError for effects that act outside of the engines, which StereoDepthSensor
+    has, and for a model that does not fit the scene; then nothing has been changed.
     """
 
-    def __init__(self, config: StereoDepthSensorConfig, mounts: HasPoses, pose: Any = None) -> None:
+    def __init__(
+        self,
+        config: StereoDepthSensorConfig,
+        mounts: HasPoses,
+        pose: Any = None,
+        model: SensorModel | str | PathLike[str] | None = None,
+    ) -> None:
         self._config = deepcopy(config)
         self._mounts, self._scene = mounts, mounts.scene
         self._exposure = AutoExposure(self._config)
@@ -92,6 +103,8 @@ class StereoDepthSensorBatch:
         self._engine = make_engine(self._config, simsense.Device(device.info.device_uuid), self._count)
         width, height = self._config.ir_resolution
         self._link = IrLink(device, self._engine.device, width, height, count=self._count)
+        model = read_model(Path(model)) if isinstance(model, (str, PathLike)) else model
+        self._rig = BatchRig(self._config, self._scene, self._environments, model)
         self._make_rig()
         self._frame, self._has_picture, self._speckle_draw = -1, False, -1
         self._lasers: tuple[NDArray[np.float32] | None, NDArray[np.float32] | None] = (None, None)
@@ -109,7 +122,7 @@ class StereoDepthSensorBatch:
         self._maps.clear()
         self._rgb.forget()
         broken = self._place()
-        self._shine(self._config.projector_intensity * self._config.emitter_power(self._frame + 1))
+        self._rig.shine(self._config.emitter_power(self._frame + 1))
         settings = render_settings(self._config, self._frame + 1)
         if not infrared_only:
             self._renderer.render(
@@ -124,7 +137,7 @@ class StereoDepthSensorBatch:
             self._has_rgb = True
         self._render_infrared(settings)
         if not self._config.projector_always_on:
-            self._shine(0.0)
+            self._rig.shine(0.0)
         self._link.deliver()
         self._frame, self._has_picture = self._frame + 1, True
         self._tell(broken)
@@ -228,8 +241,8 @@ class StereoDepthSensorBatch:
         self._maps.clear()
 
     def close(self) -> None:
-        """Takes the projectors out of the scene."""
-        self._remove_lights()
+        """Takes the projectors, and what else a model brought, out of the scene."""
+        self._rig.leave()
 
     def __enter__(self) -> Self:
         return self
@@ -244,9 +257,7 @@ class StereoDepthSensorBatch:
     def _make_rig(self) -> None:
         """The cameras and projectors of all sensors, and where they are on theirs."""
         c = self._config
-        pattern = c.pattern() if c.light_dots is None else None
-        image, still = None if pattern is None else pattern_of(pattern[0]), np.zeros(6)
-        told = sensor_inputs(c, self._scene, Pose(), still, exposure(c, still), image, c.ir_ambient_strength)
+        told = self._rig.told
         self._engine.set_signal(*(eye.signal for eye in told.eyes))
         self._signal, self._max_dn = told.left.signal, told.max_dn
         lens: dict[str, Any] = {"distortion": c.rgb_distortion, "exposure_s": c.rgb_exposure_s}
@@ -254,22 +265,6 @@ class StereoDepthSensorBatch:
         self._rgb_on_rig = camera_to_world(Pose())
         width, height = c.rgb_resolution
         self._rgb_cameras = [kuafu.Camera(width, height, c.rgb_intrinsic, **lens) for _ in range(self._count)]
-        self._eyes_on_rig = [eye.camera.camera_to_world for eye in told.eyes]
-        self._ir_cameras = [copy_camera(eye.camera, 0.0) for eye in told.eyes for _ in range(self._count)]
-        self._lights: list[kuafu.Light] = []
-        self._light_numbers: list[int] = []
-        texture = None
-        if told.projector is not None:
-            if pattern is not None:
-                texture = told.projector.texture = self._scene.add_texture(pattern[0], name="projector pattern")
-            self._projector_on_rig = told.projector.light_to_world
-            for environment in self._environments:
-                light = copy_light(told.projector, 0.0)
-                light.environment = environment
-                self._lights.append(light)
-                self._light_numbers.append(self._scene.add_light(light))
-        self._remove_lights = weakref.finalize(self, _remove, self._scene, self._light_numbers, texture)
-        self._remove_lights.atexit = False
 
     def _tell(self, broken: NDArray[np.intp]) -> None:
         if broken.size:
@@ -289,35 +284,25 @@ class StereoDepthSensorBatch:
             self._speckle_draw += 1
         self._places[~broken] = places[~broken]
         rigs = self._places @ self._pose
-        views = np.concatenate([rigs @ eye for eye in self._eyes_on_rig])
-        for camera, view in zip(self._ir_cameras, views, strict=True):
-            camera.camera_to_world = view
+        self._rig.place(rigs)
         for camera, view in zip(self._rgb_cameras, rigs @ self._rgb_on_rig, strict=True):
             camera.camera_to_world = view
-        if self._lights:
-            for light, place in zip(self._lights, rigs @ self._projector_on_rig, strict=True):
-                light.light_to_world = place
         return np.flatnonzero(broken)
-
-    def _shine(self, ir_intensity: float) -> None:
-        for light in self._lights:
-            light.ir_intensity = ir_intensity
-        self._scene.set_lights(self._light_numbers, self._lights)
 
     def _render_infrared(self, settings: dict[str, Any]) -> None:
         """Into the link, exposed; the laser's part, where speckle is its alone, is kept."""
         c = self._config
-        apart, clamps = c.ir_speckle_of_laser, c.ir_fireflies == "clamp"
+        apart, clamps = self._rig.told.speckle_of_laser, c.ir_fireflies == "clamp"
         names = LASER_OUTPUTS if apart else LASER_OUTPUTS[:1] if clamps else ()
         outputs: dict[str, Any] = {"radiance": self._link.target} | dict.fromkeys(names, np.float32)
         environments = self._environments * 2
         layers = self._renderer.render(
             self._scene,
-            self._ir_cameras,
+            self._rig.cameras,
             outputs,
             band="infrared",
             environments=environments,
-            film=c.ir_film,
+            film=self._rig.films,
             **settings,
         )
         self._lasers = (None, None)
@@ -368,10 +353,3 @@ class StereoDepthSensorBatch:
     def _require_picture(self) -> None:
         if not self._has_picture:
             raise RuntimeError("no picture yet: call take_picture() first")
-
-
-def _remove(scene: kuafu.Scene, lights: list[int], texture: int | None) -> None:
-    for number in lights:
-        scene.remove_light(number)
-    if texture is not None:
-        scene.remove_texture(texture)

@@ -9,7 +9,9 @@ import pytest
 import kuafu
 from activestereo import Mount, Mounts, Pose, StereoDepthSensor, StereoDepthSensorBatch, StereoDepthSensorConfig, solids
 from activestereo.bodies import Bodies, Shape, add_mesh
+from activestereo.effects import builtin
 from activestereo.sensor_batch import SensorPoseError
+from activestereo.sensor_model import Quantity, SensorModel
 
 FORWARD = [0, 0, 0, 1, 0, 0, 0]
 
@@ -189,3 +191,44 @@ def test_sensors_do_not_see_one_anothers_dots_unless_asked(config):
         again = StereoDepthSensor(config, scene)
         again.take_picture(infrared_only=True)
         assert again.get_ir()[0].mean() > 1.3 * alone.mean()
+
+
+def model_of(**effects: dict[str, float]) -> SensorModel:
+    model = SensorModel()
+    for name, values in effects.items():
+        model = model.with_effect(builtin()[name], {n: Quantity(v) for n, v in values.items()})
+    return model
+
+
+def typical(name: str) -> dict[str, float]:
+    return {p.name: p.typical for p in builtin()[name].parameters}
+
+
+@pytest.mark.parametrize(
+    "name", ["vignetting", "principal_point_offset", "haze", "specular", "second_projector", "shot_noise"]
+)
+def test_a_models_effects_are_each_sensors_own(config: StereoDepthSensorConfig, name: str) -> None:
+    model = model_of(**{name: typical(name)})
+    plain = StereoDepthSensorBatch(config, Mounts(walls([0.8], 1), [FORWARD]))
+    batch = StereoDepthSensorBatch(config, Mounts(walls([0.8], 1), [FORWARD]), model=model)
+    sensor = StereoDepthSensor(config, Mount(walls([0.8])), model=model)
+    for one in (plain, batch, sensor):
+        one.take_picture(infrared_only=True)
+        one.compute_depth()
+    for one, alone in zip(batch.get_ir_measured(), sensor.get_ir_measured(), strict=True):
+        np.testing.assert_array_equal(one[0], alone)
+    np.testing.assert_array_equal(batch.get_depth()[0], sensor.get_depth())
+    assert not np.array_equal(batch.get_ir_measured(), plain.get_ir_measured())
+
+
+def test_a_model_goes_with_its_batch(config: StereoDepthSensorConfig) -> None:
+    scene = walls([0.8, 1.2], 2)
+    before = scene.get_material(0).specular, scene.summary.light_count
+    model = model_of(specular=typical("specular"), haze=typical("haze"), second_projector=typical("second_projector"))
+    with StereoDepthSensorBatch(config, Mounts(scene, [FORWARD] * 2), model=model):
+        assert scene.summary.light_count == before[1] + 4
+        assert scene.get_material(0).specular != before[0]
+    assert (scene.get_material(0).specular, scene.summary.light_count) == before
+    with pytest.raises(ValueError, match="a batch has no quantisation"):
+        StereoDepthSensorBatch(config, Mounts(scene, [FORWARD] * 2), model=model_of(quantisation={"step_dn": 16.0}))
+    assert scene.summary.light_count == before[1]

@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a batch of like sensors has in its scene: infrared cameras, projectors and a model's effects, for each sensor in
+its environment."""
+
+from __future__ import annotations
+
+import weakref
+
+import numpy as np
+from numpy.typing import NDArray
+
+import kuafu
+from activestereo.effects.core.engine import EngineInputs, apply_engine
+from activestereo.engines.world import copy_camera, copy_light, enter_world
+from activestereo.pose import Pose
+from activestereo.presets import StereoDepthSensorConfig
+from activestereo.sensor_inputs import exposure, sensor_inputs
+from activestereo.sensor_model import SensorModel
+from activestereo.sensor_world import pattern_of
+
+
+class BatchRig:
+    """environments: of each sensor. told: what the engines are told of each. Lights are dark until shine()."""
+
+    def __init__(
+        self,
+        config: StereoDepthSensorConfig,
+        scene: kuafu.Scene,
+        environments: list[int],
+        model: SensorModel | None = None,
+    ) -> None:
+        self._scene = scene
+        pattern = config.pattern() if config.light_dots is None else None
+        image = None if pattern is None else pattern[0]
+        self.told = _told(config, scene, None if image is None else pattern_of(image), model)
+        eyes = self.told.eyes
+        self.cameras = [copy_camera(eye.camera, 0.0) for eye in eyes for _ in environments]
+        self.films = [eye.film for eye in eyes for _ in environments]
+        self._eyes_on_rig = [eye.camera.camera_to_world for eye in eyes]
+        materials = {number: scene.get_material(number) for number in self.told.materials}
+        enter_world(scene, self.told)
+        texture = _texture(scene, self.told, image)
+        own = [] if self.told.projector is None else [self.told.projector]
+        self._lights: list[kuafu.Light] = []
+        self._on_rig = [light.light_to_world for light in (*own, *self.told.rig_lights)]
+        power = [float(light.ir_intensity or 0.0) for light in (*own, *self.told.rig_lights) for _ in environments]
+        nominal = config.projector_intensity
+        self._power = [nominal if p == np.float32(nominal) else p for p in power]  # unrounded where it is the config's
+        for light in (*own, *self.told.rig_lights):
+            for environment in environments:
+                placed = copy_light(light)
+                placed.environment, placed.ir_intensity = environment, 0.0
+                if light.kind == "projector" and texture is not None and not len(light.dots):
+                    placed.texture = texture
+                self._lights.append(placed)
+        self._numbers = [scene.add_light(light) for light in self._lights]
+        standing = [scene.add_light(light) for light in self.told.lights]
+        has_medium = self.told.medium is not None
+        self.leave = weakref.finalize(
+            self, _leave, scene, [*self._numbers, *standing], texture, materials, has_medium
+        )
+        self.leave.atexit = False
+
+    def place(self, rigs: NDArray[np.float64]) -> None:
+        """rigs: [count, 4, 4], body axes."""
+        views = np.concatenate([rigs @ eye for eye in self._eyes_on_rig])
+        for camera, view in zip(self.cameras, views, strict=True):
+            camera.camera_to_world = view
+        if self._lights:
+            for light, place in zip(self._lights, np.concatenate([rigs @ p for p in self._on_rig]), strict=True):
+                light.light_to_world = place
+
+    def shine(self, share: float) -> None:
+        """The lights of all rigs, of their nominal power; where place() has put them."""
+        for light, power in zip(self._lights, self._power, strict=True):
+            light.ir_intensity = power * share
+        self._scene.set_lights(self._numbers, self._lights)
+
+
+def _told(
+    config: StereoDepthSensorConfig, scene: kuafu.Scene, image: NDArray[np.float32] | None, model: SensorModel | None
+) -> EngineInputs:
+    """With the RGB camera at the origin. ValueError where the model does not fit the scene or a batch."""
+    still, radiance = np.zeros(6), config.ir_ambient_strength
+    ambient = None if model is None else model.nuisances.get("ambient_scale")
+    if ambient is not None:
+        radiance = ambient.value / config.ir_responsivity_dn
+    told = sensor_inputs(config, scene, Pose(), still, exposure(config, still), image, radiance)
+    if model is None:
+        return told
+    names = [scene.material_name(number) for number in range(scene.summary.material_count)]
+    model.survey(names).apply(told)
+    left_over = [effect.id for effect, _ in apply_engine(told, model.bound(names).effects)]
+    left_over += ["exposure_desync"] if any(eye.delay_s for eye in told.eyes) else []
+    if left_over:
+        what = ", ".join(left_over)
+        raise ValueError(f"a batch has no {what}: StereoDepthSensor has effects that act outside of the engines")
+    return told
+
+
+def _texture(scene: kuafu.Scene, told: EngineInputs, image: NDArray[np.uint8] | None) -> int | None:
+    """What the projectors throw: the sensor's own image, or what effects made of it."""
+    if told.projector is None or image is None or told.pattern is None:
+        return None
+    if np.array_equal(told.pattern, pattern_of(image)):
+        return scene.add_texture(image, name="projector pattern")
+    return scene.add_texture(np.ascontiguousarray(told.pattern, np.float32), name="changed projector pattern")
+
+
+def _leave(
+    scene: kuafu.Scene, lights: list[int], texture: int | None, materials: dict[int, kuafu.Material], has_medium: bool
+) -> None:
+    for number in lights:
+        scene.remove_light(number)
+    if texture is not None:
+        scene.remove_texture(texture)
+    for number, material in materials.items():
+        scene.set_material(number, material)
+    if has_medium:
+        scene.set_medium(None)
