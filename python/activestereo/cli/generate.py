@@ -63,6 +63,8 @@ def add_parser(commands: Commands) -> None:
     text = "rays per pixel (default: 16)"
     parser.add_argument("--samples-per-pixel", type=integer_from(1), default=16, metavar="N", help=text)
     text = "things upright side by side, or dropped with MuJoCo's physics (default: scatter)"
+    text = "also write WebDataset tar files of N frames each, once all frames are there"
+    parser.add_argument("--shards", type=integer_from(1), metavar="N", help=text)
     parser.add_argument("--layout", choices=("scatter", "drop"), default="scatter", help=text)
     parser.add_argument("--ranges", type=Path, metavar="FILE", help="what is drawn from which ranges")
     parser.set_defaults(run=run)
@@ -79,6 +81,7 @@ def _part(text: str) -> tuple[int, int]:
 def run(args: argparse.Namespace) -> None:
     from activestereo.generate.ranges import read_ranges
     from activestereo.generate.run import generate
+    from activestereo.generate.shards import write_shards
     from activestereo.generate.studio import Settings
     from activestereo.progress_bar import ProgressBar, duration
 
@@ -102,4 +105,6 @@ def run(args: argparse.Namespace) -> None:
     notes = [rate if done.made else "nothing was left to do"]
     notes += [f"{done.there} were there already"] if done.there else []
     notes += [f"{done.missing} of other parts are not there yet"] if done.missing else []
+    if args.shards is not None and not done.missing:
+        notes += [f"{write_shards(args.out, args.count, args.shards)} shards"]
     print(f"{'; '.join(notes)}; written: {args.out}")

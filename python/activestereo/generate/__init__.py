@@ -8,6 +8,7 @@
 | layout.py | where things lie: side by side, or dropped with physics |
 | studio.py | one frame: layout, camera, light, pictures |
 | bop.py | folders and files of the BOP format |
+| shards.py | the same as tar files for training |
 | run.py | workers, resuming, progress |
 
 Frame n depends on the settings, the seed and n alone; so neither workers nor interruptions change a picture.

@@ -30,7 +30,7 @@ _RECORDS = ".frames"
 
 
 def is_done(out: Path, number: int) -> bool:
-    return _record(out, number).exists()
+    return record_path(out, number).exists()
 
 
 def remove_left_over(out: Path, numbers: Collection[int]) -> None:
@@ -42,7 +42,7 @@ def remove_left_over(out: Path, numbers: Collection[int]) -> None:
 
 def write_frame(out: Path, frame: Frame) -> None:
     """Pictures, then the record."""
-    folder, name = _scene(out, frame.number), f"{frame.number % FRAMES_PER_SCENE:06d}"
+    folder, name = scene_folder(out, frame.number), f"{frame.number % FRAMES_PER_SCENE:06d}"
     for kind in ("rgb", "depth", "ir_left", "ir_right", "depth_true", "mask", "mask_visib", _RECORDS):
         (folder / kind).mkdir(parents=True, exist_ok=True)
     write_png(folder / "rgb" / f"{name}.png", frame.rgb)
@@ -63,15 +63,15 @@ def write_frame(out: Path, frame: Frame) -> None:
         "gt": [_pose(found) for found in frame.found],
         "gt_info": [_info(found, frame.depth) for found in frame.found],
     }
-    _write_json(_record(out, frame.number), record)
+    _write_json(record_path(out, frame.number), record)
 
 
 def write_scenes(out: Path, count: int) -> None:
     """Each scene's tables, of the records of its frames."""
     for first in range(0, count, FRAMES_PER_SCENE):
-        records = {n % FRAMES_PER_SCENE: json.loads(_record(out, n).read_text())
+        records = {n % FRAMES_PER_SCENE: json.loads(record_path(out, n).read_text())
                    for n in range(first, min(first + FRAMES_PER_SCENE, count))}  # fmt: skip
-        folder = _scene(out, first)
+        folder = scene_folder(out, first)
         for file, key in (("scene_camera", "camera"), ("scene_gt", "gt"), ("scene_gt_info", "gt_info")):
             _write_json(folder / f"{file}.json", {str(n): record[key] for n, record in records.items()})
         _write_json(folder / "scene_gt_coco.json", _coco(folder, records))
@@ -159,12 +159,12 @@ def run_lengths(mask: NDArray[np.bool_]) -> list[int]:
     return np.diff(np.concatenate([[0], edges, [mask.size]])).astype(int).tolist()
 
 
-def _scene(out: Path, number: int) -> Path:
+def scene_folder(out: Path, number: int) -> Path:
     return out / SPLIT / f"{number // FRAMES_PER_SCENE:06d}"
 
 
-def _record(out: Path, number: int) -> Path:
-    return _scene(out, number) / _RECORDS / f"{number % FRAMES_PER_SCENE:06d}.json"
+def record_path(out: Path, number: int) -> Path:
+    return scene_folder(out, number) / _RECORDS / f"{number % FRAMES_PER_SCENE:06d}.json"
 
 
 def _write_json(path: Path, content: Any) -> None:
