@@ -176,7 +176,7 @@ class Practice:
             paint = kuafu.Material(base_color=(0.6, 0.6, 0.6, 1), roughness=1.0, specular=0.0)
             scene.add_instance(number, [scene.add_material(paint)])
             scene.set_environment((0.0, 0.0, 0.0), ir_radiance=0.0)
-            light = self.infrared(scene, np.eye(4), True, 0, 8 * self.samples)
+            light = self.infrared(scene, np.eye(4), True, 0, 32 * self.samples)
             for k in range(REPEATS):
                 for eye, image in zip(("left", "right"), light, strict=True):
                     write_gray(_made(self.out / "walls" / name / eye) / f"{k:03d}.png", self.counts(image))

@@ -2,7 +2,7 @@
 """How well rendered pictures under a candidate's materials explain the recorded ones.
 
 loss = colour + lambda infrared, each the square of the residual in deviations plus that of an oriented filter bank
-(derivatives of Gaussians of two sizes, four directions, on square roots). Squares are products of the residuals of two
+(derivatives of Gaussians of two sizes, four directions). Squares are products of the residuals of two
 halves of the samples: the renderer's own noise has no part in their mean, where the plain square prefers rough
 surfaces, which render with less of it.
 """
@@ -15,7 +15,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
-from scipy.optimize import nnls
 
 from activestereo.acquire.material_views import MaterialScene, Picture
 from activestereo.engines.survey import set_surface
@@ -82,12 +81,14 @@ class MaterialFit:
             chosen = [(p, r) for p, r in zip(self._pictures, rendered, strict=True) if p.band == band]
             if not chosen:
                 continue
-            intensities = _intensities([(p, 0.5 * (a + b)) for p, (a, b) in chosen])
+            intensities = _intensities([(p, a, b) for p, (a, b) in chosen])
             count = sum(int(p.usable.sum()) for p, _ in chosen)
             for picture, pair in chosen:
-                for half, lights in zip(halves, pair, strict=True):
-                    image = np.einsum("yxcl,cl->yxc", lights, intensities)
-                    half.append(np.sqrt(weight / count) * _compare(picture, image))
+                first, second = (_compare(picture, np.einsum("yxcl,cl->yxc", r, intensities)) for r in pair)
+                # Large differences count as a square root's; the weight knows no sign, so that noises still cancel.
+                weights = np.sqrt(weight / count) * (1.0 + (first**2 + second**2) / (2.0 * _HUBER**2)) ** -0.25
+                halves[0].append(weights * first)
+                halves[1].append(weights * second)
         scale = np.sqrt(sum(len(part) for part in halves[0]))
         return Residuals(*(scale * np.concatenate(half) for half in halves))
 
@@ -101,7 +102,7 @@ class MaterialFit:
         self.set(theta)
         rendered = [self._scene.lights(p, samples, self._seed + k) for k, p in enumerate(chosen)]
         around = [replace(p, usable=p.usable & (p.surface == 0)) for p in chosen]
-        intensities = _intensities(list(zip(around, rendered, strict=True)))
+        intensities = _intensities(list(zip(around, rendered, rendered, strict=True)))
         images = [np.einsum("yxcl,cl->yxc", lights, intensities) for lights in rendered]
         out = {}
         for number in blank:
@@ -136,38 +137,48 @@ class MaterialFit:
         return [dict(zip(PARAMETERS, map(float, row), strict=True)) for row in rows]
 
 
-def _intensities(pictures: Sequence[tuple[Picture, NDArray]]) -> NDArray[np.float64]:
-    """[channel][light] of all pictures of a band together, none below 0."""
+def _intensities(pictures: Sequence[tuple[Picture, NDArray, NDArray]]) -> NDArray[np.float64]:
+    """[channel][light] of all pictures of a band together, none below 0.
+
+    Each half is the other's instrument: with the plain square, noise in the rendered lights would take intensity from
+    them (errors in variables; Fuller, Measurement Error Models, 1987, section 1.4).
+    """
     out = []
     for channel in range(pictures[0][1].shape[2]):
-        rows, rest = [], []
-        for picture, lights in pictures:
-            weight = 1.0 / picture.sigma[picture.usable][:, channel]
-            rows.append(lights[picture.usable][:, channel] * weight[:, None])
-            rest.append(picture.seen[picture.usable][:, channel] * weight)
-        A, b = np.concatenate(rows).astype(np.float64), np.concatenate(rest).astype(np.float64)
-        size = np.maximum(np.linalg.norm(A, axis=0), 1e-9)
-        out.append(nnls(A / size, b)[0] / size)
+        count = pictures[0][1].shape[3]
+        H, b = np.zeros((count, count)), np.zeros(count)
+        for picture, first, second in pictures:
+            weight = 1.0 / picture.sigma[picture.usable][:, channel].astype(np.float64)
+            one, two = (half[picture.usable][:, channel] * weight[:, None] for half in (first, second))
+            H += 0.5 * (one.T @ two + two.T @ one)
+            b += 0.5 * (one + two).T @ (picture.seen[picture.usable][:, channel] * weight)
+        out.append(_not_negative(H, b))
     return np.array(out)
 
 
+def _not_negative(H: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Solves H x = b; what is below 0, or lights nothing, is 0 and the rest solved again."""
+    kept = np.flatnonzero(np.diag(H) > 1e-12 * max(float(np.diag(H).max()), 1e-300))
+    while len(kept):
+        size = np.sqrt(np.diag(H)[kept])
+        x = np.linalg.lstsq(H[np.ix_(kept, kept)] / np.outer(size, size), b[kept] / size, rcond=1e-9)[0] / size
+        if (x >= 0).all():
+            out = np.zeros(len(b))
+            out[kept] = x
+            return out
+        kept = np.delete(kept, int(np.argmin(x * size)))
+    return np.zeros(len(b))
+
+
 def _compare(picture: Picture, image: NDArray) -> NDArray[np.float64]:
-    """Differences in deviations, large ones tempered, and those of the filter bank."""
+    """Differences in deviations, and those of the filter bank: linear in the image, for only then do two halves' noises
+    cancel in the mean."""
     rest = np.where(picture.usable[..., None], (image - picture.seen) / picture.sigma, 0.0)
-    parts = [_tempered(rest)]
-    root = np.sqrt(np.maximum(picture.sigma, 1e-6) ** 2 + np.maximum(image, 0) ** 2) ** 0.5
-    seen = np.sqrt(np.maximum(picture.sigma, 1e-6) ** 2 + np.maximum(picture.seen, 0) ** 2) ** 0.5
-    change = np.where(picture.usable[..., None], root - seen, 0.0) / (0.5 * picture.sigma / np.maximum(seen, 1e-3))
+    parts = [rest]
     for size in _SIZES_PX:
-        across, down = (gaussian_filter(change, (size, size, 0), order=(*order, 0)) for order in ((0, 1), (1, 0)))
+        across, down = (gaussian_filter(rest, (size, size, 0), order=(*order, 0)) for order in ((0, 1), (1, 0)))
         norm = size * np.sqrt(8.0 * np.pi) * size  # white noise keeps its deviation
-        for k in range(_DIRECTIONS):
-            angle = np.pi * k / _DIRECTIONS
-            response = norm * (np.cos(angle) * across + np.sin(angle) * down)
-            parts.append(np.sqrt(_FILTERS / (len(_SIZES_PX) * _DIRECTIONS)) * _tempered(response))
+        share = norm * np.sqrt(_FILTERS / (len(_SIZES_PX) * _DIRECTIONS))
+        angles = np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
+        parts += [share * (np.cos(angle) * across + np.sin(angle) * down) for angle in angles]
     return np.concatenate([part.ravel() for part in parts])
-
-
-def _tempered(rest: NDArray) -> NDArray:
-    """Linear near 0; far off it grows as a square root, as the pseudo-Huber loss's does."""
-    return np.asarray(np.sign(rest) * _HUBER * np.sqrt(2.0 * (np.sqrt(1.0 + (rest / _HUBER) ** 2) - 1.0)))

@@ -26,6 +26,8 @@ _FINE_SAMPLES = 32
 _INTERVAL_90 = 1.645
 # Neighbouring pixels err alike, and the model errs beside the noise: so many residuals tell as much as one.
 _ALIKE = 12.0
+# Pixels and samples leave so much of any parameter open, by trials on balls of two paints.
+_FLOOR = 0.012
 # Half an interval wider than this says that the pictures do not determine the value.
 _UNDETERMINED = {"roughness": 0.25, "metallic": 0.4, "specular": 0.5, "transmission": 0.3, "ir_albedo": 0.25}
 
@@ -168,7 +170,7 @@ def _fine(
     floor = 1e-6 * max(float(values[-1]), 1e-9)
     variance = _ALIKE * max(best.loss, 1.0) / np.maximum(values, floor)
     tell(1.0)
-    return theta, best, np.sqrt(np.einsum("ij,j,ij->i", vectors, variance, vectors))
+    return theta, best, np.sqrt(np.einsum("ij,j,ij->i", vectors, variance, vectors) + _FLOOR**2)
 
 
 def _told(

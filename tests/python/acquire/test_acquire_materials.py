@@ -42,7 +42,7 @@ def test_the_loss_is_least_at_the_truth(fit):
 
 def test_the_renderers_noise_has_no_part_in_the_loss(fit):
     theta = np.array(PAINTS["plastic"])
-    few, many = (fit.residuals(theta, samples) for samples in (2, 32))
+    few, many = (fit.residuals(theta, samples) for samples in (8, 64))
     plain = [float(np.mean(r.mean**2)) for r in (few, many)]
     assert plain[0] > 1.1 * plain[1]  # a plain square counts it
     assert abs(few.loss / many.loss - 1.0) < 0.6 * (plain[0] / plain[1] - 1.0)
@@ -57,7 +57,7 @@ def test_the_scene_is_where_the_fit_starts(plastic):
 
 def test_the_command_finds_the_paint(plastic, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(materials, "_SAMPLES", (4, 16))  # fewer than a user's, for one small picture
-    monkeypatch.setattr(materials, "_FINE_SAMPLES", 24)
+    monkeypatch.setattr(materials, "_FINE_SAMPLES", 64)
     out = tmp_path / "model.json"
     out.write_text(json.dumps({"format": "active-stereo-model", "version": 2, "materials": {"table": {"roughness": 0.9}}}))
     assert main(["acquire", "materials", str(plastic), "--object", "ball", "-o", str(out)]) == 0
