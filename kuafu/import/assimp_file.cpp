@@ -115,7 +115,7 @@ void import_assimp(Import& import) {
   if (file == nullptr) fail_read(importer);
   if (file->mRootNode == nullptr || file->mNumMeshes == 0) ks::fail(KS_ERROR_FILE, "there are no triangles in it");
   Tables tables;
-  std::map<std::string, uint32_t> textures;
+  AssimpTextures textures(import);
   for (unsigned i = 0; i < file->mNumMaterials; ++i) {
     const aiMaterial& material = *file->mMaterials[i];
     const bool made_up = material.GetName() == aiString(AI_DEFAULT_MATERIAL_NAME) || material.GetName().length == 0;

@@ -8,7 +8,6 @@
 #include <optional>
 
 #include "device/error.h"
-#include "import/image.h"
 
 namespace kuafu {
 namespace {
@@ -43,33 +42,9 @@ class Clamp {
 
 bool is_glass(int illum) { return illum == 4 || illum == 6 || illum == 7 || illum == 9; }
 
-uint32_t diffuse_texture(Import& import, const aiMaterial& from, const std::string& name, std::map<std::string, uint32_t>& textures) {
-  aiString file;
-  if (from.GetTexture(aiTextureType_DIFFUSE, 0, &file) != AI_SUCCESS || file.length == 0) return none;
-  std::string uri = file.C_Str();
-  if (uri[0] == '*') {
-    import.warn("material '" + name + "': embedded texture " + uri + " is ignored");
-    return none;
-  }
-  std::replace(uri.begin(), uri.end(), '\\', '/');
-  const auto found = textures.find(uri);
-  if (found != textures.end()) return found->second;
-  const uint32_t id = import.scene.add_texture(decode_image(import.folder.read(uri), clean_name(uri), true, import.budget));
-  textures.emplace(uri, id);
-  return id;
-}
-
-void warn_of_other_textures(Import& import, const aiMaterial& from, const std::string& name) {
-  for (int type = aiTextureType_NONE + 1; type <= AI_TEXTURE_TYPE_MAX; ++type) {
-    const auto kind = static_cast<aiTextureType>(type);
-    if (kind != aiTextureType_DIFFUSE && from.GetTextureCount(kind) > 0)
-      import.warn("material '" + name + "': its texture of kind " + aiTextureTypeToString(kind) + " is ignored");
-  }
-}
-
 }  // namespace
 
-Material read_material(Import& import, const aiMaterial& from, std::map<std::string, uint32_t>& textures) {
+Material read_material(Import& import, const aiMaterial& from, AssimpTextures& textures) {
   aiString name;
   from.Get(AI_MATKEY_NAME, name);
   Material to;
@@ -97,8 +72,8 @@ Material read_material(Import& import, const aiMaterial& from, std::map<std::str
     to.roughness = 0.0f;
     to.specular = 1.0f;
   }
-  to.base_color_texture = diffuse_texture(import, from, to.name, textures);
-  warn_of_other_textures(import, from, to.name);
+  if (to.base_color.a < 1.0f) import.warn("material '" + to.name + "': its opacity " + std::to_string(opacity) + " is rendered as 1");
+  textures.read(from, to);
   return to;
 }
 

@@ -7,15 +7,23 @@
 #include <glm/gtc/type_ptr.hpp>
 
 #include "device/error.h"
+#include "import/gltf_instancing.h"
 #include "import/gltf_material.h"
 #include "import/gltf_mesh.h"
 
 namespace kuafu {
 namespace {
 
-constexpr std::array known_extensions = {"KHR_materials_ior",    "KHR_materials_transmission",      "KHR_materials_specular",
-                                         "KHR_materials_volume", "KHR_materials_emissive_strength", "KHR_lights_punctual",
-                                         "KHR_mesh_quantization"};
+constexpr std::array known_extensions = {"KHR_materials_ior",
+                                         "KHR_materials_transmission",
+                                         "KHR_materials_specular",
+                                         "KHR_materials_volume",
+                                         "KHR_materials_emissive_strength",
+                                         "KHR_lights_punctual",
+                                         "KHR_mesh_quantization",
+                                         "EXT_texture_webp",
+                                         "EXT_mesh_gpu_instancing",
+                                         "KHR_draco_mesh_compression"};
 
 bool is_known(const std::string& extension) {
   return std::find(known_extensions.begin(), known_extensions.end(), extension) != known_extensions.end();
@@ -128,12 +136,17 @@ class Nodes {
     }
     const Loaded& mesh = load(index);
     if (mesh.id == none) return;
-    Instance instance;
-    instance.name = node.name.empty() ? model_.meshes[index].name : node.name;
-    instance.mesh = mesh.id;
-    instance.materials = mesh.materials;
-    instance.local_to_world = node_to_world;
-    import_.scene.add_instance(std::move(instance));
+    for (const glm::dmat4& copy_to_node : gpu_instances(import_, model_, node, field)) {
+      Instance instance;
+      instance.name = node.name.empty() ? model_.meshes[index].name : node.name;
+      instance.mesh = mesh.id;
+      instance.materials = mesh.materials;
+      instance.local_to_world = node_to_world * copy_to_node;
+      if (glm::determinant(glm::dmat3(instance.local_to_world)) == 0.0)
+        import_.warn(field + ": a scale of 0 hides a copy of it");
+      else
+        import_.scene.add_instance(std::move(instance));
+    }
   }
 
   void place_camera(const tinygltf::Node& node, const glm::dmat4& node_to_world, const std::string& field) {
@@ -168,6 +181,7 @@ class Nodes {
       import_.warn(field + ": a light of type '" + from.type + "' is not known and ignored");
       return;
     }
+    if (from.range > 0.0) import_.warn(field + ": a light's range is ignored: real lamps have none");
     light.name = node.name.empty() ? from.name : node.name;
     for (int i = 0; i < 3; ++i)
       light.intensity[i] = static_cast<float>(from.intensity * (from.color.empty() ? 1.0 : from.color[static_cast<size_t>(i)]));

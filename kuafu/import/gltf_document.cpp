@@ -3,6 +3,7 @@
 #include "import/gltf_document.h"
 
 #include <algorithm>
+#include <array>
 #include <cctype>
 #include <cstring>
 #include <string_view>
@@ -75,6 +76,32 @@ bool escape_plus(nlohmann::json& root) {
   return changed;
 }
 
+/// tinygltf refuses an index accessor without a buffer view, which is what a primitive has whose triangles are compressed (gltf_draco.h).
+/// Returns true where one was taken out.
+bool drop_compressed_indices(nlohmann::json& root) {
+  bool changed = false;
+  if (!root.contains("meshes")) return false;
+  for (auto& mesh : root["meshes"]) {
+    if (!mesh.contains("primitives")) continue;
+    for (auto& primitive : mesh["primitives"])
+      if (primitive.contains(nlohmann::json::json_pointer("/extensions/KHR_draco_mesh_compression")))
+        changed = primitive.erase("indices") > 0 || changed;
+  }
+  return changed;
+}
+
+/// A .glb with another text in its JSON chunk, and its other chunks as they are.
+std::vector<uint8_t> with_json(const std::vector<uint8_t>& glb, std::string text) {
+  text.resize((text.size() + 3) / 4 * 4, ' ');
+  const size_t rest = 20 + size_t{word(glb, 12)}, end = word(glb, 8);
+  std::vector<uint8_t> out(glb.begin(), glb.begin() + 20);
+  out.insert(out.end(), text.begin(), text.end());
+  out.insert(out.end(), glb.begin() + static_cast<long>(rest), glb.begin() + static_cast<long>(end));
+  const std::array<uint32_t, 2> sizes{static_cast<uint32_t>(out.size()), static_cast<uint32_t>(text.size())};
+  std::memcpy(out.data() + 8, sizes.data(), sizeof sizes);
+  return out;
+}
+
 std::string one_line(std::string text) {
   const std::string base = std::string(base_directory) + "/";
   for (size_t at = text.find(base); at != std::string::npos; at = text.find(base, at)) text.erase(at, base.size());
@@ -93,12 +120,14 @@ void clean_names(tinygltf::Model& model) {
 }  // namespace
 
 tinygltf::Model read_gltf(const Import& import) {
-  const std::vector<uint8_t> bytes = import.folder.read_scene_file();
+  std::vector<uint8_t> bytes = import.folder.read_scene_file();
   if (bytes.size() > 0xffffffffu) ks::fail(KS_ERROR_UNSUPPORTED, "%zu bytes: a glTF file must be smaller than 4 GiB", bytes.size());
   const bool binary = is_binary(bytes);
   std::string text(binary ? binary_json(bytes) : std::string_view(reinterpret_cast<const char*>(bytes.data()), bytes.size()));
   nlohmann::json root = parse_gltf_json(text);
-  if (!binary && escape_plus(root)) text = root.dump();
+  const bool dropped = drop_compressed_indices(root), escaped = !binary && escape_plus(root);
+  if (dropped || escaped) text = root.dump();
+  if (binary && dropped) bytes = with_json(bytes, text);
 
   const std::string directory(base_directory);
   tinygltf::TinyGLTF reader;

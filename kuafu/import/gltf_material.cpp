@@ -125,14 +125,43 @@ void GltfMaterials::read_extensions(const tinygltf::Material& from, const std::s
   if (const auto* e = extension("KHR_materials_emissive_strength")) to.emission *= static_cast<float>(number(*e, "emissiveStrength", 1.0));
 }
 
+int GltfMaterials::image_of(const tinygltf::Texture& texture, int index, const std::string& field) {
+  int image = texture.source;
+  // A format that is read comes first; else what stands in for it.
+  for (const char* name : {"EXT_texture_webp", "KHR_texture_basisu", "MSFT_texture_dds"}) {
+    const auto extension = texture.extensions.find(name);
+    if (extension == texture.extensions.end()) continue;
+    const bool read = std::string(name) == "EXT_texture_webp";
+    if (read) image = static_cast<int>(number(extension->second, "source", image));
+    if (!read && image < 0)
+      ks::fail(KS_ERROR_UNSUPPORTED, "%s: textures[%d] is there as %s alone, which is not read: export it as PNG, JPEG or WebP too",
+               field.c_str(), index, name);
+    if (!read) import_.warn(field + ": its " + name + " image is ignored, and the one that stands in for it is read");
+  }
+  if (image < 0 || static_cast<size_t>(image) >= model_.images.size())
+    ks::fail(KS_ERROR_FILE, "%s: textures[%d].source is image %d of %zu", field.c_str(), index, image, model_.images.size());
+  return image;
+}
+
+/// Textures repeat and are interpolated: what else a sampler asks for is said.
+void GltfMaterials::warn_of_sampler(const tinygltf::Texture& texture, const std::string& field) {
+  if (texture.sampler < 0) return;
+  if (static_cast<size_t>(texture.sampler) >= model_.samplers.size())
+    ks::fail(KS_ERROR_FILE, "%s: sampler %d of %zu", field.c_str(), texture.sampler, model_.samplers.size());
+  const tinygltf::Sampler& sampler = model_.samplers[static_cast<size_t>(texture.sampler)];
+  if (sampler.wrapS != TINYGLTF_TEXTURE_WRAP_REPEAT || sampler.wrapT != TINYGLTF_TEXTURE_WRAP_REPEAT)
+    import_.warn(field + ": its sampler clamps or mirrors, which is ignored: the image repeats");
+  if (sampler.magFilter == TINYGLTF_TEXTURE_FILTER_NEAREST)
+    import_.warn(field + ": its sampler's nearest filter is ignored: texels are interpolated");
+}
+
 uint32_t GltfMaterials::texture(int index, int uv_set, bool srgb, const std::string& field) {
   if (index < 0) return none;
   if (static_cast<size_t>(index) >= model_.textures.size())
     ks::fail(KS_ERROR_FILE, "%s: texture %d of %zu", field.c_str(), index, model_.textures.size());
   if (uv_set != 0) import_.warn(field + ": TEXCOORD_" + std::to_string(uv_set) + " is not read, TEXCOORD_0 is used");
-  const int image = model_.textures[static_cast<size_t>(index)].source;
-  if (image < 0 || static_cast<size_t>(image) >= model_.images.size())
-    ks::fail(KS_ERROR_FILE, "%s: textures[%d].source is image %d of %zu", field.c_str(), index, image, model_.images.size());
+  warn_of_sampler(model_.textures[static_cast<size_t>(index)], field);
+  const int image = image_of(model_.textures[static_cast<size_t>(index)], index, field);
   const auto found = textures_.find({image, srgb});
   if (found != textures_.end()) return found->second;
   const uint32_t id = import_.scene.add_texture(read_image(import_, model_, image, srgb, field));

@@ -22,6 +22,8 @@ class GltfMaterials {
   Material read(const tinygltf::Material& from, const std::string& field);
   void read_extensions(const tinygltf::Material& from, const std::string& field, Material& to);
   void read_extras(const tinygltf::Value& extras, const std::string& field, Material& to);
+  int image_of(const tinygltf::Texture& texture, int index, const std::string& field);
+  void warn_of_sampler(const tinygltf::Texture& texture, const std::string& field);
   /// Scene id of a texture; index -1 = none. One image used as colour and as data becomes two textures.
   uint32_t texture(int index, int uv_set, bool srgb, const std::string& field);
 

@@ -4,9 +4,11 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <numeric>
 
 #include "device/error.h"
 #include "import/gltf_accessor.h"
+#include "import/gltf_draco.h"
 
 namespace kuafu {
 namespace {
@@ -87,35 +89,68 @@ void check_index_range(const Mesh& part, const std::string& field) {
                  part.positions.size());
 }
 
+/// Where a primitive's vertices come from: accessors, or compressed data in their place.
+class Attributes {
+ public:
+  Attributes(Import& import, const tinygltf::Model& model, const tinygltf::Primitive& primitive, const std::string& field)
+      : import_(import),
+        model_(model),
+        primitive_(primitive),
+        field_(field),
+        draco_(DracoPrimitive::decode(import.budget, model, primitive, field)) {}
+
+  [[nodiscard]] bool has(const char* name) const { return accessor(name) >= 0 || (draco_ && draco_->has(name)); }
+  [[nodiscard]] std::vector<float> floats(const char* name, int components) const {
+    const std::string user = field_ + ".attributes." + name;
+    return draco_ && draco_->has(name) ? draco_->floats(name, components, user)
+                                       : read_floats(import_.budget, model_, accessor(name), components, user);
+  }
+  template <class Vector>
+  [[nodiscard]] std::vector<Vector> vectors(const char* name) const {
+    return has(name) ? as_vectors<Vector>(floats(name, Vector::length())) : std::vector<Vector>();
+  }
+  /// Compressed data holds triangles, whatever they were before.
+  [[nodiscard]] int mode() const { return draco_ ? TINYGLTF_MODE_TRIANGLES : primitive_.mode; }
+  /// Vertices of the triangles, in the order of the primitive's mode.
+  [[nodiscard]] std::vector<uint32_t> indices(size_t vertex_count) const {
+    if (draco_) return draco_->indices();
+    if (primitive_.indices >= 0) return read_indices(import_.budget, model_, primitive_.indices, field_ + ".indices");
+    import_.budget.claim(vertex_count * sizeof(uint32_t), field_);
+    std::vector<uint32_t> out(vertex_count);
+    std::iota(out.begin(), out.end(), 0u);
+    return out;
+  }
+
+ private:
+  [[nodiscard]] int accessor(const char* name) const {
+    const auto found = primitive_.attributes.find(name);
+    return found == primitive_.attributes.end() ? -1 : found->second;
+  }
+  Import& import_;
+  const tinygltf::Model& model_;
+  const tinygltf::Primitive& primitive_;
+  const std::string& field_;
+  std::optional<DracoPrimitive> draco_;
+};
+
 Mesh read_primitive(Import& import, const tinygltf::Model& model, const tinygltf::Primitive& primitive, const std::string& field) {
-  const auto attribute = [&](const char* name) {
-    const auto found = primitive.attributes.find(name);
-    return found == primitive.attributes.end() ? -1 : found->second;
-  };
-  if (attribute("POSITION") < 0) ks::fail(KS_ERROR_FILE, "%s.attributes.POSITION is missing", field.c_str());
+  const Attributes attributes(import, model, primitive, field);
+  if (!attributes.has("POSITION")) ks::fail(KS_ERROR_FILE, "%s.attributes.POSITION is missing", field.c_str());
   Mesh part;
-  part.positions = as_vectors<glm::vec3>(read_floats(import.budget, model, attribute("POSITION"), 3, field + ".attributes.POSITION"));
-  if (attribute("NORMAL") >= 0)
-    part.normals = as_vectors<glm::vec3>(read_floats(import.budget, model, attribute("NORMAL"), 3, field + ".attributes.NORMAL"));
-  if (attribute("TEXCOORD_0") >= 0)
-    part.uvs = as_vectors<glm::vec2>(read_floats(import.budget, model, attribute("TEXCOORD_0"), 2, field + ".attributes.TEXCOORD_0"));
+  part.positions = attributes.vectors<glm::vec3>("POSITION");
+  part.normals = attributes.vectors<glm::vec3>("NORMAL");
+  part.uvs = attributes.vectors<glm::vec2>("TEXCOORD_0");
   const size_t count = part.positions.size();
-  if ((!part.normals.empty() && part.normals.size() != count) || (!part.uvs.empty() && part.uvs.size() != count))
+  const auto fits = [&](const auto& values) { return values.empty() || values.size() == count; };
+  if (!fits(part.normals) || !fits(part.uvs))
     ks::fail(KS_ERROR_FILE, "%s.attributes: %zu positions, %zu normals, %zu uvs", field.c_str(), count, part.normals.size(),
              part.uvs.size());
-  std::vector<uint32_t> vertices;
-  if (primitive.indices >= 0) {
-    vertices = read_indices(import.budget, model, primitive.indices, field + ".indices");
-  } else {
-    import.budget.claim(count * sizeof(uint32_t), field);
-    vertices.resize(count);
-    for (size_t i = 0; i < count; ++i) vertices[i] = static_cast<uint32_t>(i);
-  }
-  part.indices = triangles(vertices, primitive.mode, field);
+  const std::vector<uint32_t> vertices = attributes.indices(count);
+  part.indices = triangles(vertices, attributes.mode(), field);
   check_index_range(part, field);
   normalise(part);
   if (!primitive.targets.empty()) import.warn(field + ": morph targets are ignored");
-  if (attribute("COLOR_0") >= 0) import.warn(field + ": vertex colours are ignored");
+  if (attributes.has("COLOR_0")) import.warn(field + ": vertex colours are ignored");
   return part;
 }
 

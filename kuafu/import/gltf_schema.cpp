@@ -53,6 +53,11 @@ constexpr Field fields[] = {
     {"/nodes", "/scale", Kind::numbers, 3},
     {"/nodes", "/extensions", Kind::object},
     {"/nodes", "/extensions/KHR_lights_punctual/light", Kind::index},
+    {"/nodes", "/extensions/EXT_mesh_gpu_instancing", Kind::object},
+    {"/nodes", "/extensions/EXT_mesh_gpu_instancing/attributes", Kind::object},
+    {"/nodes", "/extensions/EXT_mesh_gpu_instancing/attributes/TRANSLATION", Kind::index},
+    {"/nodes", "/extensions/EXT_mesh_gpu_instancing/attributes/ROTATION", Kind::index},
+    {"/nodes", "/extensions/EXT_mesh_gpu_instancing/attributes/SCALE", Kind::index},
     {"/scenes", "/nodes", Kind::indices},
     {"/materials", "/name", Kind::text},
     {"/materials", "/pbrMetallicRoughness", Kind::object},
@@ -89,6 +94,9 @@ constexpr Field fields[] = {
     {"/materials", "/extensions/KHR_materials_emissive_strength/emissiveStrength", Kind::number},
 #include "import/material_extras.inc"
     {"/textures", "/source", Kind::index},
+    {"/textures", "/extensions", Kind::object},
+    {"/textures", "/extensions/EXT_texture_webp", Kind::object},
+    {"/textures", "/extensions/EXT_texture_webp/source", Kind::index},
     {"/images", "/uri", Kind::text},
     {"/images", "/bufferView", Kind::index},
     {"/cameras", "/type", Kind::text},
@@ -108,6 +116,10 @@ constexpr Field primitive_fields[] = {
     {"", "/indices", Kind::index},
     {"", "/material", Kind::index},
     {"", "/mode", Kind::index},
+    {"", "/extensions", Kind::object},
+    {"", "/extensions/KHR_draco_mesh_compression", Kind::object},
+    {"", "/extensions/KHR_draco_mesh_compression/bufferView", Kind::index},
+    {"", "/extensions/KHR_draco_mesh_compression/attributes", Kind::object},
 };
 
 // tinygltf keeps indices in an int and counts of bytes in a size_t; what does not fit would wrap around in silence.

@@ -13,6 +13,7 @@ using Decoder = void (*)(std::span<const uint8_t>, Texture&, Budget&);
 Decoder decoder_of(std::span<const uint8_t> bytes) {
   if (is_png(bytes)) return decode_png;
   if (is_jpeg(bytes)) return decode_jpeg;
+  if (is_webp(bytes)) return decode_webp;
   if (is_bmp(bytes)) return decode_bmp;
   if (is_tga(bytes)) return decode_tga;
   return nullptr;
@@ -33,7 +34,7 @@ void size_texture(Texture& texture, uint64_t width, uint64_t height, uint32_t ch
 Texture decode_image(std::span<const uint8_t> bytes, const std::string& name, bool srgb, Budget& budget) {
   const Decoder decode = decoder_of(bytes);
   if (decode == nullptr)
-    ks::fail(KS_ERROR_FILE, "texture '%s' is not a PNG, JPEG, BMP or TGA image that can be read: its first bytes are of none of them",
+    ks::fail(KS_ERROR_FILE, "texture '%s' is not a PNG, JPEG, WebP, BMP or TGA image that can be read: its first bytes are of none of them",
              name.c_str());
   Texture texture;
   texture.name = name;

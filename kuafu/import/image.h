@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Encoded images into textures, each format by its own file: PNG by libpng, JPEG by libjpeg-turbo, BMP and TGA here. Thread rule: pure
-// functions. Every decoder throws KS_ERROR_FILE with the reason, and claims the texels from the budget before it takes memory for them.
+// Encoded images into textures, each format by its own file: PNG by libpng, JPEG by libjpeg-turbo, WebP by libwebp, BMP and TGA here.
+// Thread rule: pure functions. Every decoder throws KS_ERROR_FILE with the reason, and claims the texels from the budget before it takes
+// memory for them.
 #pragma once
 
 #include <span>
@@ -12,15 +13,17 @@
 
 namespace kuafu {
 
-/// PNG (8 or 16 bit), JPEG, BMP or TGA, told by content. Throws KS_ERROR_FILE that names the texture.
+/// PNG (8 or 16 bit), JPEG, WebP, BMP or TGA, told by content. Throws KS_ERROR_FILE that names the texture.
 Texture decode_image(std::span<const uint8_t> bytes, const std::string& name, bool srgb, Budget& budget);
 
 bool is_png(std::span<const uint8_t> bytes);
 bool is_jpeg(std::span<const uint8_t> bytes);
+bool is_webp(std::span<const uint8_t> bytes);
 bool is_bmp(std::span<const uint8_t> bytes);
 bool is_tga(std::span<const uint8_t> bytes);
 void decode_png(std::span<const uint8_t> bytes, Texture& texture, Budget& budget);
 void decode_jpeg(std::span<const uint8_t> bytes, Texture& texture, Budget& budget);
+void decode_webp(std::span<const uint8_t> bytes, Texture& texture, Budget& budget);
 void decode_bmp(std::span<const uint8_t> bytes, Texture& texture, Budget& budget);
 void decode_tga(std::span<const uint8_t> bytes, Texture& texture, Budget& budget);
 

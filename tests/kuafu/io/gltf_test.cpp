@@ -450,8 +450,8 @@ TEST(GltfFile, UnsupportedRequiredExtensionsAreNamed) {
   GltfWriter w;
   w.triangle();
   w.node({{"mesh", 0}});
-  w.root["extensionsRequired"] = {"KHR_draco_mesh_compression"};
-  expect_error(w, "KHR_draco_mesh_compression is not supported");
+  w.root["extensionsRequired"] = {"EXT_meshopt_compression"};
+  expect_error(w, "EXT_meshopt_compression is not supported");
   w.root.erase("extensionsRequired");
   w.root["extensionsUsed"] = {"KHR_texture_transform"};
   expect_warning(load(w), "KHR_texture_transform is ignored");

@@ -246,7 +246,7 @@ TEST(HostileFile, WhatIsMissingIsSaid) {
   EXPECT_EQ(outcome.error, "");
   EXPECT_TRUE(warns(outcome, "gone.mtl"));
   EXPECT_TRUE(warns(outcome, "nothing"));
-  write_text(folder / "a.mtl", "newmtl a\nmap_Bump b.png\nmap_d c.png\nmap_Ks d.png\n");
+  write_text(folder / "a.mtl", "newmtl a\nmap_Ka b.png\ndisp c.png\nmap_Ns d.png\n");
   write_text(folder / "b.obj", "mtllib a.mtl\nusemtl a\n" + obj_triangle);
   const Outcome maps = load(folder / "b.obj");
   EXPECT_EQ(maps.warnings.size(), 3u) << "three textures that are not read";

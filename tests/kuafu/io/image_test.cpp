@@ -45,11 +45,11 @@ void expect_colours(const Texture& t, uint32_t channels) {
 }
 
 TEST(ImageFile, EveryKindOfLosslessFileGivesTheSamePicture) {
-  for (const char* name : {"rgb.png", "rgb.bmp", "rgb.tga", "rgb_runs.tga", "palette.png", "palette.bmp", "palette.tga"}) {
+  for (const char* name : {"rgb.png", "rgb.bmp", "rgb.tga", "rgb_runs.tga", "palette.png", "palette.bmp", "palette.tga", "rgb.webp"}) {
     SCOPED_TRACE(name);
     expect_colours(decode_file(name), 3);
   }
-  for (const char* name : {"rgba.png", "rgba.tga"}) {
+  for (const char* name : {"rgba.png", "rgba.tga", "rgba.webp"}) {
     SCOPED_TRACE(name);
     expect_colours(decode_file(name), 4);
   }
@@ -67,7 +67,7 @@ TEST(ImageFile, GrayIsOneChannelAndSixteenBitsStay) {
 }
 
 TEST(ImageFile, JpegColoursAreNear) {
-  for (const char* name : {"flat.jpg", "flat_progressive.jpg", "flat_cmyk.jpg"}) {
+  for (const char* name : {"flat.jpg", "flat_progressive.jpg", "flat_cmyk.jpg", "flat.webp"}) {
     const Texture t = decode_file(name);
     ASSERT_EQ(t.channels, 3u) << name;
     ASSERT_EQ(t.width, 16u);

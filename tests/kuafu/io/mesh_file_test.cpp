@@ -65,6 +65,55 @@ TEST(ObjFile, QuadsNormalsUvsAndMaterialsArrive) {
   EXPECT_NEAR(material(2).ior, 1.45f, 1e-6f);
 }
 
+/// An uncompressed grey TGA of one row.
+std::string grey_row(const std::vector<unsigned char>& values) {
+  std::string out(18, '\0');
+  out[2] = 3;
+  out[12] = static_cast<char>(values.size());
+  out[14] = 1;
+  out[16] = 8;
+  return out + std::string(values.begin(), values.end());
+}
+
+std::vector<uint8_t> texel(const Scene& scene, uint32_t id, uint32_t x = 0) {
+  const Texture& t = scene.textures().at(id);
+  return {t.texels.begin() + x * t.channels, t.texels.begin() + (x + 1) * t.channels};
+}
+
+TEST(ObjFile, EveryMapOfAMaterialArrives) {
+  const Folder folder;
+  write_text(folder / "d.tga", grey_row({0, 255, 100, 100}));
+  write_text(folder / "r.tga", grey_row({50}));
+  write_text(folder / "m.tga", grey_row({200}));
+  write_text(folder / "pixel.png", png_pixel());
+  write_text(folder / "a.mtl",
+             "newmtl all\nKd 1 1 1\nKs 1 1 1\nillum 2\nmap_Kd pixel.png\nmap_Ks pixel.png\nmap_Pr r.tga\nmap_Pm m.tga\n"
+             "map_bump -bm 2 d.tga\n"
+             "newmtl directed\nKd 1 1 1\nillum 2\nnorm pixel.png\n");
+  std::string obj = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\n";
+  for (const char* name : {"all", "directed"}) obj += std::string("o ") + name + "\nusemtl " + name + "\nf 1 2 3\n";
+  write_text(folder / "a.obj", obj);
+  const Loaded loaded = load(folder / "a.obj");
+  EXPECT_TRUE(loaded.warnings.empty()) << loaded.warnings[0];
+  const Scene& scene = loaded.scene;
+  const auto material = [&](size_t i) -> const Material& { return scene.materials()[scene.instances()[i]->materials[0]]; };
+  const Material& all = material(0);
+  EXPECT_EQ(texel(scene, all.base_color_texture), (std::vector<uint8_t>{10, 20, 30, 255}));
+  EXPECT_TRUE(scene.textures()[all.base_color_texture].srgb);
+  EXPECT_EQ(texel(scene, all.specular_texture)[3], 20) << "the mean of 10, 20 and 30";
+  EXPECT_EQ(texel(scene, all.metallic_roughness_texture)[1], 50);
+  EXPECT_EQ(texel(scene, all.metallic_roughness_texture)[2], 200);
+  EXPECT_EQ(all.roughness, 1.0f);
+  EXPECT_EQ(all.metallic, 1.0f);
+  // Heights 0, 1, 0.392, 0.392: at the first texel the slope is (1 - 0.392) / 2 per texel, twice as steep by -bm 2.
+  const double slope = 155 / 255.0, length = std::hypot(slope, 1.0);
+  const std::vector<uint8_t> normal = texel(scene, all.normal_texture);
+  EXPECT_NEAR(normal[0], 255 * (0.5 - 0.5 * slope / length), 1);
+  EXPECT_NEAR(normal[1], 127.5, 1);
+  EXPECT_NEAR(normal[2], 255 * (0.5 + 0.5 / length), 1);
+  EXPECT_EQ(texel(scene, material(1).normal_texture), (std::vector<uint8_t>{10, 20, 30, 255}));
+}
+
 TEST(ObjFile, AMissingTextureOrNoFaceIsAnError) {
   const Folder folder;
   write_text(folder / "a.mtl", "newmtl m\nKd 1 1 1\nmap_Kd nowhere.png\n");
