@@ -54,6 +54,8 @@ def range_text(field: Field) -> str:
     if field.range is None:
         return ""
     low, high = field.range
+    if math.isinf(low) and math.isinf(high):
+        return ""
     if math.isinf(high):
         return f">= {number(low)}"
     return f"{number(low)}..{number(high)}"

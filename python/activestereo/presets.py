@@ -41,16 +41,16 @@ def _pose(camera: CameraData, name: str) -> Pose:
 
 def _pattern_design(camera: CameraData) -> PatternDesign:
     width, height = camera.value("projector", "pattern_size")
-    told = {
+    figures = {
         name: camera.value("projector", name) for name in ("dot_pitch_px", "dot_sigma_px", "weakest_dot", "background")
     }
-    return PatternDesign(width, height, seed=camera.value("projector", "pattern_seed"), **told)
+    return PatternDesign(width, height, seed=camera.value("projector", "pattern_seed"), **figures)
 
 
 def _signal(camera: CameraData) -> dict[str, float] | None:
     """simsense's imager for counts, None where the camera tells none: SAPIEN's noise then."""
-    told = camera.figures["imager"]
-    if "dn_per_electron" not in told:
+    imager = camera.figures["imager"]
+    if "dn_per_electron" not in imager:
         return None
     gain, contrast = camera.value("imager", "dn_per_electron"), camera.value("imager", "speckle_contrast", 0.0)
     signal = {

@@ -83,7 +83,7 @@ class StereoDepthSensor:
         pattern = self._config.pattern() if self._config.light_dots is None else None
         self._pattern = None if pattern is None else pattern[0]
         self._world = SensorWorld(self._scene, self._pattern)
-        self._told, self._frame, self._lit_frame, self._is_closed = None, -1, -1, False
+        self._inputs, self._frame, self._lit_frame, self._is_closed = None, -1, -1, False
         self._tell_engines()
         self._image_effects = ImageEffects(weakref.proxy(self), self._left_over)
         if self._image_effects:
@@ -245,7 +245,7 @@ class StereoDepthSensor:
         since it was switched on."""
         self._match_rest()
         self._conditions = (None if temperature_c is None else float(temperature_c), float(time_s))
-        self._told = None
+        self._inputs = None
 
     @property
     def scene(self) -> kuafu.Scene:
@@ -355,7 +355,7 @@ class StereoDepthSensor:
         self._match_rest()
         self._engine.set_parameters(**parameters)
         self._config, self._exposure = config, AutoExposure(config)
-        self._told = None
+        self._inputs = None
 
     def _match(self, names: Iterable[str]) -> dict[str, np.ndarray]:
         """These maps of the last picture."""
@@ -377,7 +377,7 @@ class StereoDepthSensor:
     def _tell_engines(self) -> EngineInputs:
         """What the engines are told, with the RGB camera at the origin; found anew where the sensor or its conditions
         have changed."""
-        if self._told is None:
+        if self._inputs is None:
             temperature, time_s = self._conditions
             c, twist = self._config, self._twist
             frame = exposure(c, twist, time_s, temperature)
@@ -396,8 +396,8 @@ class StereoDepthSensor:
                 if c.projector_always_on:
                     self._world.place(as_matrix(self.get_pose()))
             self._engine.set_signal(*(eye.signal for eye in inputs.eyes))
-            self._told = inputs
-        return self._told
+            self._inputs = inputs
+        return self._inputs
 
     def _prepare(self, frame: int) -> None:
         """What changes from picture to picture: exposure, emitter, and, where the sensor has moved, its static
@@ -405,7 +405,7 @@ class StereoDepthSensor:
         if self._next_setting is not None:
             self._set_exposure(self._next_setting)
         if self._config.emitter == "alternating":
-            self._told = None
+            self._inputs = None
         place = as_matrix(self.get_pose())
         if self._place is None or not np.array_equal(place, self._place):
             self._place, self._speckle_draw = place, self._speckle_draw + 1
@@ -425,15 +425,15 @@ class StereoDepthSensor:
     def _set_exposure(self, setting: Any) -> None:
         if (setting.exposure_s, setting.gain) != (self._config.ir_camera_exposure, self._config.ir_camera_gain):
             self._config.ir_camera_exposure, self._config.ir_camera_gain = setting.exposure_s, setting.gain
-            self._told = None
+            self._inputs = None
         self._next_setting = None
 
     def _move(self) -> None:
         """Gives what the engines are told the present velocity."""
-        if self._told is None or any(eye.delay_s for eye in self._told.eyes):
-            self._told = None
+        if self._inputs is None or any(eye.delay_s for eye in self._inputs.eyes):
+            self._inputs = None
             return
-        c, inputs = self._config, self._told
+        c, inputs = self._config, self._inputs
         for record, place in ((inputs.left.camera, c.trans_pose_l), (inputs.right.camera, c.trans_pose_r)):
             record.linear_velocity, record.angular_velocity = twist_of(c, self._twist, place)
         for light in ([] if inputs.projector is None else [inputs.projector]) + inputs.rig_lights:

@@ -302,9 +302,9 @@ class Light:
     angular_velocity: tuple[float, float, float]
     """Angular part of the same twist. [-1000000..1000000 rad/s]"""
     on_from_s: float
-    """Time at which the light is switched on within a frame; where it equals on_until_s the light is always on. [>= -inf s]"""
+    """Time at which the light is switched on within a frame; where it equals on_until_s the light is always on. [in s]"""
     on_until_s: float
-    """Time at which the light is switched off. [>= -inf s]"""
+    """Time at which the light is switched off. [in s]"""
     dots: NDArray[np.float32]
     """Projector: [n, 3] u, v in pixels and power, in place of a texture; power is the pattern's integral over the dot in pixels squared."""
     def __init__(self, **fields: Any) -> None: ...

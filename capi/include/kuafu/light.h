@@ -43,6 +43,7 @@ extern "C" {
  * directly and by rays that hit them. */
 typedef struct kuafu_light_desc {
   ks_header header;
+  /* Name of the light, shown in messages; NULL is no name. */
   const char* name;
   /* Kind of the light, which decides the fields that are read. [point by default] */
   uint32_t kind;
@@ -107,10 +108,9 @@ typedef struct kuafu_light_desc {
   double linear_velocity[3];
   /* Angular part of the same twist. [-1000000..1000000 rad/s] */
   double angular_velocity[3];
-  /* Time at which the light is switched on within a frame; where it equals on_until_s the light is always on. [>= -inf
-   * s] */
+  /* Time at which the light is switched on within a frame; where it equals on_until_s the light is always on. [in s] */
   double on_from_s;
-  /* Time at which the light is switched off. [>= -inf s] */
+  /* Time at which the light is switched off. [in s] */
   double on_until_s;
 } kuafu_light_desc;
 static inline kuafu_light_desc kuafu_light_desc_init(uint32_t kind) {

@@ -34,6 +34,7 @@ extern "C" {
  * {"index": n}. */
 typedef struct kuafu_material_desc {
   ks_header header;
+  /* Name that kuafu_scene_material_name returns; NULL is no name. */
   const char* name;
   /* Linear RGB and alpha. [0..1; 1, 1, 1, 1 by default] */
   float base_color[4];

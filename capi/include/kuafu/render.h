@@ -85,7 +85,7 @@ static inline kuafu_renderer_desc kuafu_renderer_desc_init(void) {
 /* One image to render. */
 typedef struct kuafu_view_desc {
   ks_header header;
-  /* The camera. Its length is the one in this header. */
+  /* The camera, embedded here; its struct never grows. */
   kuafu_camera_desc camera;
   /* Band of wavelengths that is rendered. [visible by default] */
   uint32_t band;

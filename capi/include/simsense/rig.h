@@ -22,8 +22,8 @@ extern "C" {
 /* simsense_rig_desc.faults: Bits SIMSENSE_FAULT_*; 0 is none. */
 /* Shrink the rectified images until every source pixel fits (stereoRectify's alpha = 1). */
 #define SIMSENSE_FAULT_RECTIFIED_SHRUNK 0x01u
-/* Depth from stereoRectify's focal length and baseline even where the pair comes rectified; cx may differ unheeded, and
- * whether the rig is row-aligned is not checked. */
+/* Depth from stereoRectify's focal length and baseline even where the pair comes rectified; a difference of cx is
+ * ignored, and whether the rig is row-aligned is not checked. */
 #define SIMSENSE_FAULT_FOCAL_FROM_RECTIFIER 0x02u
 /* Rectify by the nearest pixel; edge pixels repeat beyond the source. */
 #define SIMSENSE_FAULT_REMAP_NEAREST 0x04u
@@ -56,7 +56,7 @@ typedef struct simsense_camera {
   uint32_t height;
   /* Camera matrix, row-major. [in px] */
   double k[9];
-  /* K1 k2 p1 p2 k3 (OpenCV's order). */
+  /* Coefficients k1 k2 p1 p2 k3 (OpenCV's order). */
   double distortion[5];
   /* Must be 0. */
   double reserved[3];

@@ -103,11 +103,11 @@ SIMSENSE_API ks_status simsense_engine_compute(simsense_engine engine, const sim
 SIMSENSE_API ks_status simsense_engine_submit(simsense_engine engine, const simsense_compute_desc* desc, ks_sync* out);
 /* Waits until the outputs of a submission may be read. */
 SIMSENSE_API ks_status simsense_engine_wait(simsense_engine engine, const ks_sync* sync);
-/* The same, for so long: KS_ERROR_TIMEOUT where the submission has not ended after timeout_ns; it goes on, and may be waited for again. 0 only asks,
- * UINT64_MAX waits as long as it takes. */
+/* Like simsense_engine_wait, but waits at most timeout_ns. KS_ERROR_TIMEOUT means that the submission is still running and may be waited for again.
+ * 0 checks without waiting, UINT64_MAX waits as long as it takes. */
 SIMSENSE_API ks_status simsense_engine_wait_for(simsense_engine engine, const ks_sync* sync, uint64_t timeout_ns);
-/* Ends the compute that another thread is in: it returns KS_ERROR_CANCELLED soon, and its outputs hold anything. What a GPU has begun runs to its end,
- * which takes milliseconds. Any thread may call it at any time. */
+/* Ends the compute that another thread is in: it returns KS_ERROR_CANCELLED soon, and the contents of its outputs are undefined. What a GPU has begun
+ * runs to its end, which takes milliseconds. Any thread may call it at any time. */
 SIMSENSE_API ks_status simsense_engine_cancel(simsense_engine engine);
 /* Returns the timeline semaphore that each submission advances to its value, for waiting on the device: a KS_SYNC_TIMELINE_FD with the value of the last
  * submission. The caller closes the file descriptor. The device needs KS_CAP_TIMELINE_FD, and there must have been a submission. */

@@ -13,6 +13,7 @@
 namespace kuafu {
 
 struct MaterialFields {
+  /// Name that kuafu_scene_material_name returns; NULL is no name.
   std::string name;
   /// Linear RGB and alpha.
   glm::vec4 base_color{1.0f, 1.0f, 1.0f, 1.0f};
@@ -124,6 +125,7 @@ struct Medium {
 };
 
 struct LightFields {
+  /// Name of the light, shown in messages; NULL is no name.
   std::string name;
   /// Kind of the light, which decides the fields that are read.
   enum class Kind : uint32_t { point = 1, projector = 2, directional = 3, spot = 4, rectangle = 5, disk = 6 };

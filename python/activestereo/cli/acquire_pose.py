@@ -69,13 +69,13 @@ def run(args: argparse.Namespace) -> None:
         raise CommandError("--unit is 0, expected metres per unit above 0")
     capture = read_capture(args.capture)
     meshes = {name: read_mesh(Path(file), args.unit) for name, file in _named(args.object, "--object NAME=CAD").items()}
-    told = {name: _pose(text) for name, text in _named(args.start, "--start NAME=x,y,z,qx,qy,qz,qw").items()}
-    for name in told:
+    given = {name: _pose(text) for name, text in _named(args.start, "--start NAME=x,y,z,qx,qy,qz,qw").items()}
+    for name in given:
         if name not in meshes:
             raise CommandError(f"--start {name}: there is no --object of that name, only {', '.join(meshes)}")
     starts: dict[str, NDArray[np.float64]] = {}
     for name in meshes:
-        start = told.get(name)
+        start = given.get(name)
         start = node_pose(capture.scene_path, name) if start is None else start
         if start is None:
             raise CommandError(f"{capture.scene_path}: has no node '{name}': give --start {name}=x,y,z,qx,qy,qz,qw")

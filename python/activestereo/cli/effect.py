@@ -9,7 +9,7 @@ from activestereo.cli.arguments import add_device
 _TEXT = """\
 Physical effects that the lab can add to its model.
 
-  list     the built-in effects: id, stage on the light's way, family, whether the
+  list     the built-in effects: id, stage in the pipeline, family, whether the
            engines have it, parameters
   check    loads effects of your own from a Python file or a shared library and tries
            the laws that every effect obeys

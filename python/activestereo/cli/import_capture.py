@@ -150,12 +150,12 @@ def _infrared(args: argparse.Namespace, temporary: Path) -> Capture:
     folder, depth_scale, exposure_s = args.recording, args.depth_scale, args.exposure
     if is_live:
         with ProgressBar("recording") as bar:
-            told, units, exposure_s = record_live(temporary, args.frames, args.size, progress=bar)
+            recorded_device, units, exposure_s = record_live(temporary, args.frames, args.size, progress=bar)
     elif bag:
         with ProgressBar(f"reading {args.recording.name}") as bar:
-            told, units = extract_bag(args.recording, temporary, progress=bar)
+            recorded_device, units = extract_bag(args.recording, temporary, progress=bar)
     if is_live or bag:
-        folder, depth_scale, device = temporary, depth_scale or units, device or told
+        folder, depth_scale, device = temporary, depth_scale or units, device or recorded_device
     assert device is not None  # a folder has --calibration, others their own
     with ProgressBar(f"importing {args.recording.name}") as bar:
         return import_realsense(

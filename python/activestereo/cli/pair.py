@@ -77,23 +77,26 @@ def run(args: argparse.Namespace) -> None:
     disparity = {name: _match(args, *pair) for name, pair in pairs.items()}
     max_dn = float(np.iinfo(left.dtype).max)
     findings = pair_findings(left, right, disparity["this pair"], max_dn, device)
-    told = {
+    statistics = {
         name: pair_statistics(*pair, disparity[name], float(np.iinfo(pair[0].dtype).max))
         for name, pair in pairs.items()
     }
     make_folder(args.out)
-    entries = {"findings": [f.as_json() for f in findings], "statistics": [f.as_json() for f in told["this pair"]]}
-    if "against" in told:
-        entries["against"] = [f.as_json() for f in told["against"]]
+    entries = {
+        "findings": [f.as_json() for f in findings],
+        "statistics": [f.as_json() for f in statistics["this pair"]],
+    }
+    if "against" in statistics:
+        entries["against"] = [f.as_json() for f in statistics["against"]]
     text = json.dumps(entries, indent=1) + "\n"
     replace_file(args.out / "pair.json", lambda file: file.write(text.encode()))
     print(findings_text(findings))
-    print(f"\n{statistics_text(told)}")
+    print(f"\n{statistics_text(statistics)}")
     if "against" in pairs:
         from activestereo.lab.report.pair_figure import pair_figure
         from activestereo.overview import write_figure
 
-        write_figure(args.out / "against.png", pair_figure(pairs, disparity, told))
+        write_figure(args.out / "against.png", pair_figure(pairs, disparity, statistics))
     print(f"written: pair.json{', against.png' if 'against' in pairs else ''} in {args.out}")
 
 

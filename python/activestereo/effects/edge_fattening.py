@@ -14,7 +14,7 @@ from activestereo.effects.core.view import View
     family="matcher",
     source="Scharstein and Szeliski 2002, A taxonomy: foreground fattening by half a window",
     parameters=[Parameter("radius_px", "px", neutral=0.0, low=0.0, high=8.0, typical=1.0)],
-    image_only="the matcher's window fattens edges by itself; a device's own way of it has no field in simsense",
+    image_only="the matcher's window fattens edges itself; simsense has no field for a device's additional fattening",
 )
 def edge_fattening(disparity: np.ndarray, view: View, radius_px: float) -> np.ndarray:
     """Next to a depth edge the far side takes the near side's disparity, over radius_px; pixels without a match stay

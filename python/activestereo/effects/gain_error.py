@@ -22,7 +22,13 @@ def _engine(inputs: EngineInputs, exposure_offset_s: float, log_gain: float) -> 
     source="EMVA 1288 linearity: exposure offsets of microseconds, gain steps off by per cents",
     parameters=[
         Parameter(
-            "exposure_offset_s", "s", neutral=0.0, low=-2e-4, high=1e-3, typical=1e-4, source="exposed longer than told"
+            "exposure_offset_s",
+            "s",
+            neutral=0.0,
+            low=-2e-4,
+            high=1e-3,
+            typical=1e-4,
+            source="true minus recorded exposure time",
         ),
         Parameter(
             "log_gain",
@@ -31,12 +37,13 @@ def _engine(inputs: EngineInputs, exposure_offset_s: float, log_gain: float) -> 
             low=-0.5,
             high=0.5,
             typical=0.05,
-            source="true gain = told gain^(1 + log_gain)",
+            source="true gain = recorded gain^(1 + log_gain)",
         ),
     ],
     engine=_engine,
 )
 def gain_error(signal: np.ndarray, view: View, exposure_offset_s: float, log_gain: float) -> np.ndarray:
-    """Frames of different exposure or gain differ by another ratio than told; frames of one setting show nothing."""
+    """The ratio between frames of different exposure or gain differs from the recorded settings. Frames with one
+    setting cannot show this."""
     longer = max(0.0, 1.0 + exposure_offset_s / view.frame.exposure_s)
     return signal * (longer * view.frame.gain**log_gain)

@@ -27,6 +27,7 @@ def _engine(inputs: EngineInputs, gain: float, offset_dn: float) -> None:
     engine=_engine,
 )
 def gain_mismatch(signal: np.ndarray, view: View, gain: float, offset_dn: float) -> np.ndarray:
-    """The right camera amplifies more and has another offset; the left one half of each the other way."""
+    """The cameras differ in gain and offset. The difference is split: the right camera gets half of gain and offset,
+    the left camera the opposite half."""
     side = 0.5 if view.is_right else -0.5
     return signal * (1.0 + side * gain) + side * offset_dn

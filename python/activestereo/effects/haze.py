@@ -49,8 +49,8 @@ def _engine(inputs: EngineInputs, extinction_per_m: float, backscatter: float, h
     engine=_engine,
 )  # fmt: skip
 def haze(light: Light, view: View, extinction_per_m: float, backscatter: float, hidden_m: float) -> Light:
-    """Light fades by exp(-extinction x way); ambient light is scattered in where it is scattered out, and so is the
-    beam on its way out."""
+    """Light is attenuated by exp(-extinction x distance). The air scatters ambient light and the projector's beam into
+    the camera."""
     if extinction_per_m == 0.0:
         return light
     to_camera = np.maximum(np.linalg.norm(view.points(), axis=-1) - hidden_m, 0.0)

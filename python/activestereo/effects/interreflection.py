@@ -21,8 +21,8 @@ from activestereo.effects.core.view import View
     image_only="kuafu computes bounced light from the albedos alone",
 )
 def interreflection(light: Light, view: View, gain: float) -> Light:
-    """Light that comes over other surfaces, smooth and strongest in corners, is 1 + gain times the rendered one: the
-    projector's, and the ambient light's where the view tells its share."""
+    """Light reflected by other surfaces, which is smooth and strongest in corners, is 1 + gain times the rendered
+    amount. Ambient light is included where its indirect share is known."""
     changed = replace(light, indirect=light.indirect * (1.0 + gain))
     if view.ambient_bounced is None:
         return changed

@@ -33,7 +33,8 @@ def _engine(inputs: EngineInputs, log_exponent: float) -> None:
     engine=_engine,
 )
 def response_gamma(signal: np.ndarray, view: View, log_exponent: float) -> np.ndarray:
-    """Output goes with a power of the light, exp(log_exponent), full scale fixed; the black level is added after."""
+    """The output is proportional to light^exp(log_exponent); full scale is unchanged, and the black level is added
+    afterwards."""
     if log_exponent == 0.0:
         return signal
     relative = np.maximum(signal, 0.0) / view.max_dn

@@ -54,8 +54,8 @@ def _engine(inputs: EngineInputs, intensity_m2: float, offset_x_m: float, offset
 def second_projector(
     light: Light, view: View, intensity_m2: float, offset_x_m: float, offset_y_m: float, yaw_rad: float
 ) -> Light:
-    """A second unit on the same rig throws the same pattern from beside; it shines in frames with the own projector off
-    too."""
+    """A second unit on the same rig projects the same pattern from another position, also while the rig's projector is
+    off."""
     if intensity_m2 == 0.0:
         return light
     shading = Shading.of(light, view)

@@ -38,8 +38,7 @@ def _engine(inputs: EngineInputs, fraction: float, behind: float, surfaces: floa
     engine=_engine,
 )
 def transmission(light: Light, view: View, fraction: float, behind: float, surfaces: float) -> Light:
-    """Surfaces send back less of all light, and show through what is behind them: ambient light, but none of the dots.
-    """
+    """Surfaces reflect less light and let the background show through: its ambient light, but not its dots."""
     if fraction == 0.0:
         return light
     share = np.where((view.depth_m > 0) & chosen(view, surfaces), fraction, 0.0)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The descriptor of an effect: plain data and one function. A C plug-in brings the same fields.
 
-By stage, in the light's order, `apply(value, view, **parameters)` gets and returns
+By stage, in the order of the pipeline, `apply(value, view, **parameters)` gets and returns
 
     PROJECTOR, MEDIUM, SURFACE, CAMERA   a Light (radiance per light; projector at the frame's power)
     OPTICS                               one image [..., height, width] of radiance; applied to every light
@@ -29,7 +29,7 @@ from activestereo.effects.core.judging import Channel, CodeSteps, EngineFault, J
 
 
 class Stage(IntEnum):
-    """Where on the light's way an effect acts."""
+    """Where in the pipeline an effect acts."""
 
     PROJECTOR = 1
     MEDIUM = 2

@@ -223,8 +223,8 @@ def moved_pose(
 def apply_engine(
     inputs: EngineInputs, effects: tuple[tuple[Any, dict[str, float]], ...]
 ) -> tuple[tuple[Any, dict[str, float]], ...]:
-    """Lets effects, pairs (Effect, {parameter: value}), change the inputs in the light's order; returns those that no
-    engine field expresses."""
+    """Lets effects, pairs (Effect, {parameter: value}), change the inputs in the pipeline's order; returns those that
+    no engine field expresses."""
     left = []
     for effect, parameters in sorted(effects, key=lambda pair: pair[0].stage):
         if effect.engine is None:

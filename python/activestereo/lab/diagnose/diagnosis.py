@@ -80,7 +80,7 @@ def diagnose(
 
     model: a Model to start from; effects: {id: Effect} to choose from, None for the built-in ones. steps: "one" adds
     the best effect at most, "greedy" goes on until nothing may be named. progress: called with the fraction done.
-    rendering: makes a capture's engine, by whose images effects on the way of the light are refined
+    rendering: makes a capture's engine, by whose images effects of light transport are refined
     (refine/by_rendering.py).
     """
     model, effects = model or Model(), library() if effects is None else effects

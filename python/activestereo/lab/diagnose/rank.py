@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Ranks candidates on top of a model: every effect is explained on its channel, scored, checked and put in order.
 
-The way is one: channels give explanations, which are scored together, the best are simplified and looked at closely,
-and the findings are ordered. Nothing goes back.
+The pipeline has one direction: channels give explanations, which are scored together, the best are simplified and
+looked at closely, and the findings are ordered. Nothing goes back.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -200,7 +200,7 @@ def _own_score(e: Explanation) -> Score:
 
 
 def _rendered(bench: Bench, ranking: Ranking) -> Ranking:
-    """The ranking with its likeliest effects on the way of the light refined by the engine's own images: the first,
+    """The ranking with its likeliest effects of light transport refined by the engine's own images: the first,
     then those that still come near it.
     """
     if bench.rendering is None:

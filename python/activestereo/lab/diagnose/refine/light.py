@@ -28,9 +28,8 @@ _STEP = 1e-3
 
 
 class LightMemory:
-    """Lights of observations under models; effects that came earlier on the light's way are not applied anew when
-    a later one changes.
-    """
+    """Lights of observations under models; effects that came earlier in the pipeline are not applied anew when a
+    later one changes."""
 
     def __init__(self, observations: Sequence[Observation]) -> None:
         self._observations = observations

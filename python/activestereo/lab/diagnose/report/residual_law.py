@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""When no effect of the library explains the data: where on the light's way the rest arises, and a sparse law of
-it.
+"""When no effect of the library explains the data: where in the pipeline the rest arises, and a sparse law of it.
 
 The law is a forward selection (Bayesian information criterion) over few physical terms, fitted to tile means of the
 residual relative to the light it would act on, with intervals by a bootstrap over tiles.
