@@ -32,7 +32,7 @@ PROJECTOR_PLACE_M = (0.0293, 0.0004, -0.0012)
 BLACK_DN, READ_DN, SHOT_DN = 5.0, 0.5, 0.02
 BOX_M, BOX_ROUGHNESS, BOX_ALBEDO = (0.12, 0.09, 0.07), 0.35, 0.6
 SQUARE_M, CORNERS = 0.03, (9, 6)
-WALLS_M = {"near": 1.0, "far": 1.8}
+WALLS_M = {"near": 0.8, "far": 1.3}
 REPEATS = 12
 
 TEXT = """\
