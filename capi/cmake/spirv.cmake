@@ -1,11 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-# ks_add_shaders(target shader_dir [INLINED stem ...] [PER_BAND stem ...]): compiles every shader_dir/entry/*.{comp,rgen,rchit,rmiss} to
+# ks_add_shaders(target shader_dir [INLINED stem ...] [PER_BAND stem ...] [VARIANTS stem:suffix:definition ...]): compiles every shader_dir/entry/*.{comp,rgen,rchit,rmiss} to
 # SPIR-V and embeds it. C++ sees it by #include "spirv/<stem>.h", which defines `const uint32_t <stem>_spirv[]`. The stem of trace.rgen is
 # trace_rgen; of trace.comp, trace. INLINED: all functions are inlined: NVIDIA's compiler leaves long ones as they are, their arrays in memory.
-# PER_BAND: compiled twice, <stem>_infrared with KUAFU_CHANNELS=1 and <stem>_visible with 3.
+# VARIANTS: compiled once for each, as <stem>_<suffix> with the macro defined (none where definition is empty).
+# PER_BAND: the variants <stem>_infrared with KUAFU_CHANNELS=1 and <stem>_visible with 3.
 find_program(GLSLANG_VALIDATOR glslangValidator REQUIRED)
 function(ks_add_shaders target shader_dir)
-  cmake_parse_arguments(PARSE_ARGV 2 shaders "" "" "INLINED;PER_BAND")
+  cmake_parse_arguments(PARSE_ARGV 2 shaders "" "" "INLINED;PER_BAND;VARIANTS")
+  foreach(stem IN LISTS shaders_PER_BAND)
+    list(APPEND shaders_VARIANTS ${stem}:infrared:KUAFU_CHANNELS=1 ${stem}:visible:KUAFU_CHANNELS=3)
+  endforeach()
   file(GLOB entries CONFIGURE_DEPENDS ${shader_dir}/entry/*.comp ${shader_dir}/entry/*.rgen ${shader_dir}/entry/*.rchit ${shader_dir}/entry/*.rmiss)
   set(out_dir ${CMAKE_CURRENT_BINARY_DIR}/shaders)
   set(headers)
@@ -13,17 +17,24 @@ function(ks_add_shaders target shader_dir)
     get_filename_component(stem ${entry} NAME)
     string(REPLACE "." "_" stem ${stem})
     string(REGEX REPLACE "_comp$" "" stem ${stem})
-    set(variants ${stem}:)
-    if(stem IN_LIST shaders_PER_BAND)
-      set(variants ${stem}_infrared:-DKUAFU_CHANNELS=1 ${stem}_visible:-DKUAFU_CHANNELS=3)
+    set(variants ${shaders_VARIANTS})
+    list(FILTER variants INCLUDE REGEX "^${stem}:")
+    if(NOT variants)
+      set(variants ${stem})
     endif()
     set(optimise)
     if(stem IN_LIST shaders_INLINED)
       set(optimise -Os)
     endif()
     foreach(variant ${variants})
-      string(REGEX REPLACE ":.*" "" name ${variant})
-      string(REGEX REPLACE ".*:" "" definition ${variant})
+      set(name ${stem})
+      set(definition)
+      if(variant MATCHES "^[^:]*:([^:]*):(.*)$")
+        set(name ${stem}_${CMAKE_MATCH_1})
+        if(CMAKE_MATCH_2)
+          set(definition -D${CMAKE_MATCH_2})
+        endif()
+      endif()
       set(header ${out_dir}/spirv/${name}.h)
       add_custom_command(
         OUTPUT ${header}

@@ -74,7 +74,7 @@ MATCHER = (
         "lr_max_diff",
         int,
         1,
-        unit="pixels",
+        unit="px",
         possible="-1..1024",
         range=(-1, 1024),
         doc="Largest difference in pixels to the match that the right image finds; -1 switches the left-right check off.",  # noqa: E501
@@ -215,7 +215,7 @@ MATCHER = (
         "splat_size",
         int,
         1,
-        unit="pixels",
+        unit="px",
         possible="0..15",
         doc="Number of pixels that each registered point covers in x and in y.",
     ),

@@ -20,7 +20,7 @@
 #include "device/error.h"
 #include "device/thread_pool.h"
 #include "engine/engine.h"
-#include "signal/presets.h"
+#include "signal/imager.h"
 #include "vulkan/matcher.h"
 
 namespace {
@@ -188,7 +188,7 @@ std::vector<Case> cases() {
     return c;
   };
   add("D 128", 128, 1, 1, 0.42, 150);
-  add("D 128, census without contrast", 128, 1, 1, 0.42, 150).parameters.census_contrast = 0;
+  add("D 128, census without contrast", 128, 1, 1, 0.42, 150).parameters.census_contrast_256ths = 0;
   add("D 64", 64, 1, 1, 0.30, 0);
   add("D 256", 256, 1, 1, 0.70, 0);
   add("D 128, block 7x7", 128, 7, 1, 0.80, 150);

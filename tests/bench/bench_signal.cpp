@@ -11,7 +11,6 @@
 #include "ks/image.h"
 #include "reference/imager.h"
 #include "signal/imager.h"
-#include "signal/presets.h"
 
 namespace {
 

@@ -77,7 +77,7 @@ typedef struct simsense_parameters {
    * 15 by default] */
   uint32_t uniqueness_ratio;
   /* Largest difference in pixels to the match that the right image finds; -1 switches the left-right check off.
-   * [-1..1024 pixels; 1 by default] */
+   * [-1..1024 px; 1 by default] */
   int32_t lr_max_diff;
   /* Side of the median filter on the disparity; 1 is no filter. [1, 3, 5 or 7 px; 3 by default] */
   uint32_t median_size;
@@ -121,7 +121,7 @@ typedef struct simsense_parameters {
   uint32_t roi_width;
   /* Height of the region of interest. [in px] */
   uint32_t roi_height;
-  /* Number of pixels that each registered point covers in x and in y. [0..15 pixels; 0 means 1; 1 by default] */
+  /* Number of pixels that each registered point covers in x and in y. [0..15 px; 0 means 1; 1 by default] */
   uint32_t splat_size;
   /* Two counts differ, for the census, only where their difference exceeds this share of the range of counts in the
    * window and 2 pixels around it; smaller differences are noise between dots. With 0 every difference counts, as in

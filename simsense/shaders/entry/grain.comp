@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Standard normals shaped by a Gaussian PSF (signal/grain.h): first along the rows, of white ones drawn into shared memory, then along the
+// Standard normals shaped by a Gaussian PSF (signal/imager.h): first along the rows, of white ones drawn into shared memory, then along the
 // columns.
 #version 460
 #extension GL_GOOGLE_include_directive : require

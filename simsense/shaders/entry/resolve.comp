@@ -9,7 +9,7 @@ layout(local_size_x = 32, local_size_y = 8) in;
 layout(push_constant, scalar) uniform Push { DepthPush push; };
 
 float resolved_depth(DepthParameters p, uint n, uint x, uint y) {
-  int first_x = int(x) + SPLAT_MARGIN - int((p.splat_size - 1u) / 2u), first_y = int(y) + SPLAT_MARGIN - int((p.splat_size - 1u) / 2u);
+  int first_x = int(x) + SPLAT_MARGIN - int(p.splat_reach), first_y = int(y) + SPLAT_MARGIN - int(p.splat_reach);
   uint bits = infinity;
   for (int v = 0; v < int(p.splat_size); ++v)
     for (int u = 0; u < int(p.splat_size); ++u) bits = min(bits, push.nearest.at[cell_at(p, n, first_x + u, first_y + v)]);

@@ -74,7 +74,7 @@ uint gray_before;
 /// SGM's P2 between the pixel before and this one (Hirschmüller 2008): less across edges of the left image, but at least P1.
 void heed_gradient(uint gray) {
   uint gradient = uint(abs(int(gray) - int(gray_before)));
-  uint penalty = gradient <= push.p2_full_gradient ? push.p2 / block_pixels : push.p2 / block_pixels * push.p2_full_gradient / gradient;
+  uint penalty = gradient <= push.p2_full_gradient_dn ? push.p2 / block_pixels : push.p2 / block_pixels * push.p2_full_gradient_dn / gradient;
   jump_penalty = max(push.p1, penalty * block_pixels);
   gray_before = gray;
 }

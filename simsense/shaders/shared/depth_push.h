@@ -25,7 +25,7 @@ struct DepthParameters {
   uint width, height, rgb_width, rgb_height;
   float focal_baseline, offset_px, invalid;
   float min_m, max_m;
-  uint splat_size, splat_invalid;
+  uint splat_size, splat_reach, splat_invalid;
   float landing_margin;             // how far beyond the image's border points are kept, pixels, at most SPLAT_MARGIN
   float step[3], translation_m[3];  // of a ray from column to column; of the left camera
   float rgb_focal[2], rgb_centre[2];

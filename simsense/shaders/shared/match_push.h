@@ -51,8 +51,8 @@ struct PathPush {
   UintArray first_sums, second_sums;  // volumes of path costs, each the sum of opposite paths: rows and columns, or both kinds of diagonals
   uint width, height;
   uint right_origin, right_pitch, right_copy_words;
-  uint p1, p2;            // times the block's area
-  uint p2_full_gradient;  // counts
+  uint p1, p2;               // times the block's area
+  uint p2_full_gradient_dn;  // counts
 };
 
 /// Winners and what follows. A block's costs around the winner come from their volume, or from census words.

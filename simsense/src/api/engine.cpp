@@ -9,7 +9,7 @@
 #include "api/struct_table.h"
 #include "device/struct_read.h"
 #include "device/struct_table.h"
-#include "signal/presets.h"
+#include "signal/imager.h"
 #include "simsense/simsense.h"
 
 namespace {

@@ -14,7 +14,7 @@ CpuMatcher::CpuMatcher(uint32_t width, uint32_t height, const MatchParameters& p
       height_(height),
       parameters_(p),
       workers_(workers),
-      padded_{{width, height, 1, p.census_contrast > 0}, {width, height, 1, p.census_contrast > 0}},
+      padded_{{width, height, 1, p.census_contrast_256ths > 0}, {width, height, 1, p.census_contrast_256ths > 0}},
       census_{{width, height, p.census_bits(), cpu::left_reach(p)}, {width, height, p.census_bits(), cpu::left_reach(p), p.min_disparity}},
       penalties_(width, height, p),
       aggregation_(cpu::make_aggregation(census_[0], census_[1], penalties_, width, height, p, workers.size())),
@@ -41,7 +41,7 @@ void CpuMatcher::census() {
 void CpuMatcher::transform(size_t eye) {
   const ConstImage& image = images_[eye];
   if (padded_[eye].element_bytes() != image.element_bytes)
-    padded_[eye] = {width_, height_, image.element_bytes, parameters_.census_contrast > 0};
+    padded_[eye] = {width_, height_, image.element_bytes, parameters_.census_contrast_256ths > 0};
   for_rows([&](size_t begin, size_t end) { padded_[eye].copy_rows(image, begin, end); });
   for_rows([&](size_t begin, size_t end) { cpu::census_rows(padded_[eye], parameters_, begin, end, census_[eye]); });
 }

@@ -180,7 +180,7 @@ void CpuStages::registration() {
   float* depth_rgb = frame.target(SIMSENSE_OUTPUT_DEPTH_RGB, pair, depth_rgb_, size_t{width} * height);
   depth_from_disparity(rig_.rectification.geometry, everything, maps_.disparity, settings.invalid_disparity(), width_, height_,
                        depth_.data(), workers_);
-  registration_->apply(depth_.data(), settings.depth_range, settings.splat_size, depth_rgb, workers_);
+  registration_->apply(depth_.data(), settings.depth_range, settings.splat, depth_rgb, workers_);
   frame.store_depth(SIMSENSE_OUTPUT_DEPTH_RGB, pair, depth_rgb, width, height);
   points_depth_ = depth_rgb;
 }

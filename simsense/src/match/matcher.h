@@ -25,17 +25,16 @@ namespace simsense {
 struct MatchParameters : MatchFields {
   MatchParameters() { block_width = block_height = 1; }  // a matcher by itself sums no block
   explicit MatchParameters(const MatchFields& fields) : MatchFields(fields) {}
-  CensusKind census = CensusKind::center_symmetric;
-  uint32_t census_contrast = 16;  // in 256ths of the range of counts around a pixel; what does not differ by more counts as equal. 0 = off
-  uint32_t path_count = 4;        // or 8, with the diagonals
-  uint32_t p2_full_gradient = 0;  // counts; a steeper step between two pixels g lowers their p2 to p2 * full / g; 0 = p2 everywhere
+  CensusKind census_kind = CensusKind::center_symmetric;
+  uint32_t census_contrast_256ths = 16;  // of the range of counts around a pixel; what does not differ by more counts as equal. 0 = off
+  uint32_t path_count = 4;               // or 8, with the diagonals
   Subpixel subpixel = Subpixel::equiangular;
   bool operator==(const MatchParameters&) const = default;
 
   /// How far beyond the census window the range of counts is taken.
   static constexpr uint32_t contrast_margin = 2;
   [[nodiscard]] uint32_t census_bits() const {
-    return census == CensusKind::plain ? census_width * census_height - 1 : (census_width * census_height - 1) / 2;
+    return census_kind == CensusKind::plain ? census_width * census_height - 1 : (census_width * census_height - 1) / 2;
   }
   [[nodiscard]] uint32_t block_area() const { return block_width * block_height; }
   /// What an invalid pixel's disparity is: below every valid one.

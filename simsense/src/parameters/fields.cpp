@@ -13,7 +13,7 @@ namespace simsense {
 void check_fields(const simsense_parameters& s, const std::string& owner) {
   ks::check_range({owner, "max_disparity", "px"}, s.max_disparity, 16.0, 1024.0);
   ks::check_range({owner, "uniqueness_ratio", "percent"}, s.uniqueness_ratio, 0.0, 100.0);
-  ks::check_range({owner, "lr_max_diff", "pixels"}, s.lr_max_diff, -1.0, 1024.0);
+  ks::check_range({owner, "lr_max_diff", "px"}, s.lr_max_diff, -1.0, 1024.0);
   ks::check_allowed({owner, "median_size", "px"}, s.median_size, std::array<uint32_t, 4>{1u, 3u, 5u, 7u});
   ks::check_choice({owner, "subpixel", ""}, s.subpixel, 0, std::array<const char*, 4>{"none", "parabola", "equiangular", "equiangular_summed"});
   ks::check_range({owner, "min_depth_m", "m"}, s.min_depth_m, 0.0f, INFINITY);
@@ -22,7 +22,7 @@ void check_fields(const simsense_parameters& s, const std::string& owner) {
   ks::check_allowed({owner, "path_count", ""}, s.path_count, std::array<uint32_t, 3>{0u, 4u, 8u});
   ks::check_range({owner, "speckle_max_diff_px", "px"}, s.speckle_max_diff_px, 0.0f, INFINITY);
   ks::check_choice({owner, "hole_filling", ""}, s.hole_filling, 0, std::array<const char*, 3>{"keep", "left", "background"});
-  ks::check_range({owner, "splat_size", "pixels"}, s.splat_size, 0.0, 15.0);
+  ks::check_range({owner, "splat_size", "px"}, s.splat_size, 0.0, 15.0);
   ks::check_range({owner, "census_contrast", ""}, s.census_contrast, 0.0f, 1.0f);
   ks::check_range({owner, "census_noise_dn", "DN"}, s.census_noise_dn, 0.0, 255.0);
 }
@@ -72,6 +72,7 @@ MatchFields match_fields(const simsense_parameters& s) {
   m.lr_max_diff = s.lr_max_diff;
   m.median_size = s.median_size;
   m.min_disparity = s.min_disparity;
+  m.p2_full_gradient_dn = s.p2_full_gradient_dn;
   m.census_noise_dn = s.census_noise_dn;
   return m;
 }

@@ -21,6 +21,7 @@ struct MatchFields {
   int32_t lr_max_diff = 1;
   uint32_t median_size = 3u;
   int32_t min_disparity = 0;
+  uint32_t p2_full_gradient_dn = 0;
   uint32_t census_noise_dn = 0;
   bool operator==(const MatchFields&) const = default;
 };

@@ -36,14 +36,15 @@ Grid<uint64_t> census(ConstImage image, size_t width, size_t height, const Match
   constexpr ptrdiff_t margin = MatchParameters::contrast_margin;
   const ptrdiff_t half_width = p.census_width / 2, half_height = p.census_height / 2;
   const size_t cell_count = size_t{p.census_width} * p.census_height;
-  const bool plain = p.census == CensusKind::plain, with_contrast = p.census_contrast > 0;
+  const bool plain = p.census_kind == CensusKind::plain, with_contrast = p.census_contrast_256ths > 0;
   Grid<uint64_t> words(width, height);
   for (size_t y = 0; y < height; ++y) {
     for (size_t x = 0; x < width; ++x) {
       const Window window{
           image,        static_cast<ptrdiff_t>(width), static_cast<ptrdiff_t>(height), static_cast<ptrdiff_t>(x), static_cast<ptrdiff_t>(y),
           with_contrast};
-      const int share = with_contrast ? static_cast<int>(p.census_contrast) * window.range(half_width + margin, half_height + margin) : 0;
+      const int share =
+          with_contrast ? static_cast<int>(p.census_contrast_256ths) * window.range(half_width + margin, half_height + margin) : 0;
       const int needed = with_contrast ? std::max(share, 256 * static_cast<int>(p.census_noise_dn)) : 0;
       size_t bit = 0;
       for (size_t cell = 0; cell < cell_count; ++cell) {

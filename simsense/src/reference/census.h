@@ -14,11 +14,11 @@ namespace simsense::reference {
 /// Center-symmetric: one bit per mirrored pair, (census_width * census_height - 1) / 2 of them: 1 where the pixel that comes first in
 /// raster order is >= its mirror. Plain: one bit per pixel but the centre, in raster order: 1 where it is < the centre. Pixels outside the
 /// image are 0.
-/// census_contrast > 0: pixels outside the image are the nearest one inside. A bit needs a difference of more than census_contrast / 256 of
-/// the range of counts in the window and contrast_margin around it, and of more than census_noise_dn counts, so that noise between dots and
-/// on dark surfaces sets none. Plain: 1 where the pixel is that much below
-/// the centre. Center-symmetric: 1 where the first pixel is that much above its mirror in the even pairs, and where the mirror is above the
-/// first in the odd ones: with one direction alone a lone dot would be seen in half of the window.
+/// census_contrast_256ths > 0: pixels outside the image are the nearest one inside. A bit needs a difference of more than
+/// census_contrast_256ths / 256 of the range of counts in the window and contrast_margin around it, and of more than census_noise_dn
+/// counts, so that noise between dots and on dark surfaces sets none. Plain: 1 where the pixel is that much below the centre.
+/// Center-symmetric: 1 where the first pixel is that much above its mirror in the even pairs, and where the mirror is above the first in
+/// the odd ones: with one direction alone a lone dot would be seen in half of the window.
 Grid<uint64_t> census(ConstImage image, size_t width, size_t height, const MatchParameters& parameters);
 
 }  // namespace simsense::reference

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Depth, registration and points written from the camera model, double precision, one pixel after the other.
+// Distortion, depth, registration and points written from the camera model, double precision, one pixel after the other.
 #pragma once
 
 #include <array>
@@ -9,6 +9,10 @@
 #include "rectify/rectification.h"
 
 namespace simsense::reference {
+
+/// Brown-Conrady, as OpenCV's documentation of the pinhole camera gives it: radial k1, k2, k3 and tangential p1, p2 on normalised
+/// coordinates.
+std::array<double, 2> distort(const simsense_camera& camera, double x, double y);
 
 double depth(const StereoGeometry& geometry, double disparity);
 

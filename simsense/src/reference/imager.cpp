@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "signal/gamma_quantile.h"
-#include "signal/grain.h"
+#include "signal/imager.h"
 
 namespace simsense::reference {
 namespace {

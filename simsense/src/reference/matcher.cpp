@@ -27,7 +27,7 @@ class ReferenceMatcher final : public Matcher {
       return block_sum(hamming_cost(left_census, right_census, p.max_disparity, p.min_disparity), p.block_width, p.block_height);
     }();
     const uint32_t area = p.block_area();  // the penalties are given per pixel of the block
-    const auto aggregated = aggregate(cost, {p.p1, p.p2, p.p2_full_gradient, left}, area, p.path_count);
+    const auto aggregated = aggregate(cost, {p.p1, p.p2, p.p2_full_gradient_dn, left}, area, p.path_count);
     auto result = left_winner(aggregated, p.uniqueness_ratio, p.subpixel, area > 1 ? &cost : nullptr);
     Grid<MatchReason> reason(width_, height_, MatchReason::valid);
     std::transform(result.data.begin(), result.data.end(), reason.data.begin(),

@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-#include "reference/distortion.h"
+#include "reference/depth.h"
 
 namespace simsense::reference {
 

@@ -13,6 +13,14 @@
 
 namespace simsense {
 
+/// Each point covers size x size pixels about its own; where the size is even, one more to the left and above.
+struct Splat {
+  uint32_t size = 1;
+  /// How far it goes to the right and below, pixels.
+  [[nodiscard]] constexpr uint32_t reach() const { return (size - 1) / 2; }
+};
+static_assert(Splat{.size = 15}.reach() == SPLAT_MARGIN);
+
 class RgbProjection {
  public:
   RgbProjection(const StereoGeometry& left, const simsense_camera& rgb, const Rigid& left_to_rgb);

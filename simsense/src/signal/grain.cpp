@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "signal/grain.h"
+#include "signal/imager.h"
 
 #include <cmath>
 

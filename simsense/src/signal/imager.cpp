@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "signal/imager.h"
 
-#include "signal/dark.h"
+#include "signal/imager.h"
 
 namespace simsense {
 namespace {

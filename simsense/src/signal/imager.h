@@ -3,6 +3,9 @@
 // cpu/signal/imager.h and vulkan/signal/imager.h run it. Thread rule: immutable.
 #pragma once
 
+#include <cmath>
+#include <vector>
+
 #include "signal/gamma_quantile.h"
 #include "simsense/simsense.h"
 
@@ -10,6 +13,27 @@ namespace simsense {
 
 /// Throws KS_ERROR_INVALID_ARGUMENT with the eye, the name, the value and the range of the first parameter that cannot be.
 void check_signal(const simsense_signal& signal, const char* eye);
+
+/// A measured imager by its name in simsense.h. Throws KS_ERROR_INVALID_ARGUMENT with the known names.
+simsense_signal signal_preset(const char* name);
+
+/// The exposure at the reference temperature that gathers as much dark charge, seconds: dark current doubles every few kelvins (Widenhorn
+/// et al., Temperature dependence of dark current in a CCD, SPIE 4669, 2002).
+inline float dark_exposure_s(const simsense_signal& s) {
+  return s.exposure_s * std::exp2((s.temperature_c - s.dark_reference_c) / s.dark_doubling_k);
+}
+
+/// It drifts with temperature.
+inline float black_dn(const simsense_signal& s) {
+  return s.black_level_dn + s.black_level_dn_per_k * (s.temperature_c - s.dark_reference_c);
+}
+
+inline float max_dn(const simsense_signal& s) { return static_cast<float>((1u << s.bit_depth) - 1); }
+
+/// What gives speckle its grain: weights of the standard normal numbers that neighbouring pixels share as a point spread function makes
+/// them, -radius..radius along one axis of the Gaussian PSF, their squares summing to 1; radius is 4 sigma, rounded up. Each sum is N(0,
+/// 1), so a quantile of it keeps its law; sums d pixels apart correlate by exp(-d^2 / (4 sigma^2)).
+std::vector<float> grain_kernel(float sigma_px);
 
 class Imager {
  public:

@@ -48,10 +48,9 @@ void check_region(const simsense_parameters& p, uint32_t width, uint32_t height)
 
 MatchParameters match_parameters(const simsense_parameters& p) {
   MatchParameters m{match_fields(p)};
-  m.census = p.census_kind == SIMSENSE_CENSUS_PLAIN ? CensusKind::plain : CensusKind::center_symmetric;
-  m.census_contrast = std::min(255u, static_cast<uint32_t>(std::lround(p.census_contrast * 256.0f)));
+  m.census_kind = p.census_kind == SIMSENSE_CENSUS_PLAIN ? CensusKind::plain : CensusKind::center_symmetric;
+  m.census_contrast_256ths = std::min(255u, static_cast<uint32_t>(std::lround(p.census_contrast * 256.0f)));
   m.path_count = p.path_count == 8 ? 8 : 4;
-  m.p2_full_gradient = p.p2_full_gradient_dn;
   constexpr Subpixel steps[] = {Subpixel::none, Subpixel::parabola, Subpixel::equiangular, Subpixel::equiangular_summed};
   m.subpixel = steps[std::min<size_t>(p.subpixel, std::size(steps) - 1)];
   return m;

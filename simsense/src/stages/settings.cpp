@@ -9,7 +9,7 @@ namespace simsense {
 namespace {
 
 /// Dilation is the older name of a splat of 2 x 2.
-uint32_t splat_size_of(const simsense_parameters& p) { return std::max({1u, p.splat_size, p.depth_dilation != 0 ? 2u : 1u}); }
+Splat splat_of(const simsense_parameters& p) { return {.size = std::max({1u, p.splat_size, p.depth_dilation != 0 ? 2u : 1u})}; }
 
 }  // namespace
 
@@ -35,7 +35,7 @@ StageSettings::StageSettings(const PreparedRig& rig, const simsense_parameters& 
       hole_filling(static_cast<HoleFilling>(p.hole_filling)),
       reason{p.census_width, p.census_height, p.low_texture_dn, (1u << both[0].signal().bit_depth) - 1},
       depth_range(simsense::depth_range(p)),
-      splat_size(splat_size_of(p)) {}
+      splat(splat_of(p)) {}
 
 NoiseKey StageSettings::noise_key(uint32_t pair, uint32_t eye) const {
   const simsense_signal& s = imagers[eye].signal();

@@ -34,7 +34,7 @@ struct StageSettings {
   ReasonParameters reason;
 
   DepthRange depth_range;
-  uint32_t splat_size;  // of the registration, pixels
+  Splat splat;  // of the registration
 
   [[nodiscard]] float invalid_disparity() const { return match.invalid_disparity(); }
   [[nodiscard]] NoiseKey noise_key(uint32_t pair, uint32_t eye) const;

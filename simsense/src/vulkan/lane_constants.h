@@ -23,7 +23,7 @@ inline Constants lane_constants(const MatchPlan& plan, const MatchParameters& p,
                       plan.stored_costs ? 1u : 0u,
                       p.path_count,
                       plan.census_words,
-                      p.p2_full_gradient > 0 ? 1u : 0u};
+                      p.p2_full_gradient_dn > 0 ? 1u : 0u};
   constants.insert(constants.end(), more);
   return constants;
 }

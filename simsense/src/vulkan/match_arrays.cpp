@@ -10,7 +10,7 @@ MatchBuffers::MatchBuffers(const std::shared_ptr<ks::Device>& device, const Matc
   };
   left_census = allocate((plan.pixels() + 2 * left_margin) * plan.census_words * 4);
   right_census = allocate(plan.right_copy_words() * plan.census_copies * plan.census_words * 4);
-  if (parameters.p2_full_gradient > 0) gray = allocate((plan.pixels() + 2 * left_margin) * 4);
+  if (parameters.p2_full_gradient_dn > 0) gray = allocate((plan.pixels() + 2 * left_margin) * 4);
   if (plan.cost_volume_bytes() > 0) cost = allocate(plan.cost_volume_bytes());
   for (uint32_t i = 0; i < plan.sum_volumes; ++i) sums[i] = allocate(plan.sum_volume_bytes());
   right_winner = allocate(plan.pixels() * 4);
@@ -32,7 +32,7 @@ PathPush path_push(const MatchPlan& plan, const MatchParameters& parameters, con
   push.right_copy_words = static_cast<uint32_t>(plan.right_copy_words());
   push.p1 = plan.p1;
   push.p2 = plan.p2;
-  push.p2_full_gradient = parameters.p2_full_gradient;
+  push.p2_full_gradient_dn = parameters.p2_full_gradient_dn;
   return push;
 }
 

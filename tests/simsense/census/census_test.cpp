@@ -20,8 +20,8 @@ MatchParameters window(size_t width, size_t height, CensusKind kind = CensusKind
   MatchParameters p;
   p.census_width = static_cast<uint32_t>(width);
   p.census_height = static_cast<uint32_t>(height);
-  p.census = kind;
-  p.census_contrast = contrast;
+  p.census_kind = kind;
+  p.census_contrast_256ths = contrast;
   return p;
 }
 
@@ -104,7 +104,7 @@ TEST(census, noise_on_a_dark_surface_sets_no_bit) {
   EXPECT_GT(bits(), 0) << "differences of 4 are more than 3";
   p.census_noise_dn = 4;
   EXPECT_EQ(bits(), 0);
-  p.census_contrast = 0;
+  p.census_contrast_256ths = 0;
   EXPECT_GT(bits(), 0) << "without a contrast every count tells";
 }
 

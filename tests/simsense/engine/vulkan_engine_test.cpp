@@ -11,7 +11,7 @@
 
 #include "capi/device/devices.h"
 #include "device/error.h"
-#include "signal/presets.h"
+#include "signal/imager.h"
 #include "simsense/match/stereo_pair.h"
 #include "simsense/rig_samples.h"
 

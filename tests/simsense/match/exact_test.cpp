@@ -59,7 +59,7 @@ TEST(matcher, fuzzed_16_bit_images_equal_the_reference) {
   Fuzz fuzz(13);
   for (int i = 0; i < 20; ++i) {
     MatchParameters p = fuzz.all_parameters(i % 3 == 0);
-    p.p2_full_gradient *= 257;
+    p.p2_full_gradient_dn *= 257;
     const StereoPair pair = fuzz.pair();
     ks::ThreadPool workers(2);
     const auto reference = simsense::make_reference_matcher(pair.width, pair.height, p);

@@ -95,7 +95,7 @@ TEST(adaptive_p2, places_an_edge_where_the_image_has_it) {
     return bad;
   };
   const size_t fixed = wrong();
-  p.p2_full_gradient = 8;
+  p.p2_full_gradient_dn = 8;
   EXPECT_LT(wrong(), fixed);
 }
 

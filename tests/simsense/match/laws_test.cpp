@@ -76,7 +76,7 @@ TEST_P(matcher_law, contrast_lets_faint_noise_change_little) {
     p.block_width = p.block_height = 1;
     p.p1 = 7;
     p.p2 = 86;  // the published penalties: weaker ones leave almost no pixel that noise changes
-    p.census_contrast = contrast;
+    p.census_contrast_256ths = contrast;
     const auto clean = match_with(engine, pair, p), found = match_with(engine, noisy, p);
     size_t different = 0;
     for (size_t i = 0; i < clean.size(); ++i) different += std::abs(clean[i] - found[i]) > 0.25f;

@@ -19,8 +19,8 @@ inline std::string describe(size_t width, size_t height, const MatchParameters& 
   text << width << "x" << height << " D " << p.max_disparity << " census " << p.census_width << "x" << p.census_height << " block "
        << p.block_width << "x" << p.block_height << " p1 " << p.p1 << " p2 " << p.p2 << " uniqueness " << p.uniqueness_ratio << " lr "
        << p.lr_max_diff << " median " << p.median_size << " subpixel " << static_cast<int>(p.subpixel) << " plain "
-       << (p.census == simsense::CensusKind::plain) << " min " << p.min_disparity << " paths " << p.path_count << " gradient "
-       << p.p2_full_gradient << " contrast " << p.census_contrast << " noise " << p.census_noise_dn;
+       << (p.census_kind == simsense::CensusKind::plain) << " min " << p.min_disparity << " paths " << p.path_count << " gradient "
+       << p.p2_full_gradient_dn << " contrast " << p.census_contrast_256ths << " noise " << p.census_noise_dn;
   return text.str();
 }
 
@@ -61,7 +61,7 @@ class Fuzz {
     p.lr_max_diff = static_cast<int32_t>(in(0, 4)) - 1;
     p.median_size = one_of({1, 3, 5, 7});
     p.subpixel = static_cast<simsense::Subpixel>(in(0, 2));
-    p.census_contrast = one_of({0, 1, 26, 32, 255});
+    p.census_contrast_256ths = one_of({0, 1, 26, 32, 255});
     p.census_noise_dn = one_of({0, 0, 2, 30, 255});
     return p;
   }
@@ -71,7 +71,7 @@ class Fuzz {
     if (in(0, 1)) {
       static constexpr uint32_t windows[][2] = {{9, 7}, {7, 9}, {7, 7}, {5, 5}, {7, 5}, {3, 3}, {63, 1}};
       const auto& window = windows[in(0, 6)];
-      p.census = simsense::CensusKind::plain;
+      p.census_kind = simsense::CensusKind::plain;
       p.census_width = window[0];
       p.census_height = window[1];
       while (p.block_area() * (p.census_bits() + p.p2) > 65535) p.block_width = p.block_height = 3;
@@ -79,7 +79,7 @@ class Fuzz {
     if (in(0, 2) > 0) p.min_disparity = static_cast<int32_t>(in(0, 60)) - 30;
     if (in(0, 5) == 0) p.min_disparity = static_cast<int32_t>(in(0, 400)) - 200;
     if (in(0, 1)) p.path_count = 8;
-    if (in(0, 1)) p.p2_full_gradient = in(1, 60);
+    if (in(0, 1)) p.p2_full_gradient_dn = in(1, 60);
     if (in(0, 3) == 0) p.subpixel = simsense::Subpixel::equiangular_summed;
     return p;
   }

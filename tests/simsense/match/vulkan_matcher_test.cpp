@@ -30,9 +30,9 @@ std::string describe(const StereoPair& pair, const MatchParameters& p, const Mat
   text << pair.width << "x" << pair.height << " D " << p.max_disparity << " census " << p.census_width << "x" << p.census_height
        << " block " << p.block_width << "x" << p.block_height << " p1 " << p.p1 << " p2 " << p.p2 << " uniqueness " << p.uniqueness_ratio
        << " lr " << p.lr_max_diff << " median " << p.median_size << " subpixel " << static_cast<int>(p.subpixel) << " census kind "
-       << static_cast<int>(p.census) << " paths " << p.path_count << " min " << p.min_disparity << " gradient " << p.p2_full_gradient
-       << " contrast " << p.census_contrast << "; lanes " << t.path_lanes << " steps " << t.steps << " groups " << t.path_group << ", "
-       << t.winner_group << " segments " << t.segments << (t.minima == Minima::half ? " half" : "")
+       << static_cast<int>(p.census_kind) << " paths " << p.path_count << " min " << p.min_disparity << " gradient "
+       << p.p2_full_gradient_dn << " contrast " << p.census_contrast_256ths << "; lanes " << t.path_lanes << " steps " << t.steps
+       << " groups " << t.path_group << ", " << t.winner_group << " segments " << t.segments << (t.minima == Minima::half ? " half" : "")
        << (t.block_costs == BlockCosts::summed ? " summed" : "");
   return text.str();
 }
@@ -108,17 +108,17 @@ class Fuzz {
     p.lr_max_diff = static_cast<int32_t>(in(0, 4)) - 1;
     p.median_size = one_of({1u, 3u, 5u, 7u});
     p.subpixel = static_cast<simsense::Subpixel>(in(0, 3));
-    p.census_contrast = one_of({0u, 1u, 26u, 255u});
+    p.census_contrast_256ths = one_of({0u, 1u, 26u, 255u});
     return p;
   }
   /// What extends the published matcher.
   void extend(MatchParameters& p) {
     if (in(0, 1)) p.path_count = 8;
     if (in(0, 1)) p.min_disparity = static_cast<int32_t>(in(0, 40)) - 20;
-    if (in(0, 1)) p.p2_full_gradient = in(1, 60);
+    if (in(0, 1)) p.p2_full_gradient_dn = in(1, 60);
     if (in(0, 2)) return;
     using Window = std::pair<uint32_t, uint32_t>;
-    p.census = simsense::CensusKind::plain;
+    p.census_kind = simsense::CensusKind::plain;
     std::tie(p.census_width, p.census_height) = one_of<Window>({{9, 7}, {7, 7}, {5, 5}, {3, 11}, {7, 5}});
   }
   MatchTuning tuning() {
@@ -162,7 +162,7 @@ TEST(vulkan_matcher, diagonals_of_flat_and_of_tall_images_equal_the_reference) {
   p.max_disparity = 24;
   p.path_count = 8;
   for (const auto& [width, height] : {std::pair{130u, 32u}, {32u, 130u}, {65u, 65u}, {37u, 111u}}) {
-    p.p2_full_gradient = height % 2 ? 20 : 0;
+    p.p2_full_gradient_dn = height % 2 ? 20 : 0;
     compare(random_dots(width, height, 5, 10, width), p);
   }
 }
@@ -231,7 +231,7 @@ TEST(vulkan_matcher, block_costs_summed_on_the_way_equal_the_reference) {
   for (const auto& [block_width, block_height] : {std::pair{7u, 7u}, {3u, 13u}}) {
     p.block_width = block_width;
     p.block_height = block_height;
-    p.p2_full_gradient = block_width == 3 ? 12 : 0;
+    p.p2_full_gradient_dn = block_width == 3 ? 12 : 0;
     const StereoPair pair = random_dots(64 + block_width, 49 + block_height, 6, 10, block_width);
     EXPECT_TRUE(simsense::make_vulkan_matcher(device(), pair.width, pair.height, 1, p, summed)->plan().sums_blocks());
     compare(pair, p, summed);

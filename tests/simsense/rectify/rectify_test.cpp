@@ -13,7 +13,7 @@
 #include "cpu/rectify/remap.h"
 #include "device/error.h"
 #include "device/thread_pool.h"
-#include "reference/distortion.h"
+#include "reference/depth.h"
 #include "reference/rectify.h"
 #include "simsense/rig_samples.h"
 

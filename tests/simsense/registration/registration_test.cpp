@@ -38,7 +38,7 @@ std::vector<float> registered(const StereoGeometry& g, const simsense_camera& rg
   ks::ThreadPool pool(workers);
   std::vector<float> out(size_t{rgb.width} * rgb.height, -7);
   const RgbProjection projection(g, rgb, to_rgb);
-  Registration(projection, width, height).apply(depth.data(), range, splat_size, out.data(), pool);
+  Registration(projection, width, height).apply(depth.data(), range, {.size = splat_size}, out.data(), pool);
   return out;
 }
 
@@ -165,7 +165,7 @@ TEST(Registration, SplatsOfPointsBeyondTheBorderReachIn) {
   std::vector<float> out(size_t{301} * 221);
   const auto land = [&] {
     const RgbProjection projection(rig, straight());
-    Registration(projection, width, height).apply(depth.data(), everything, 2, out.data(), pool);
+    Registration(projection, width, height).apply(depth.data(), everything, {.size = 2}, out.data(), pool);
   };
   land();
   EXPECT_EQ(landed(out), out.size());

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <numeric>
 
-#include "signal/presets.h"
+#include "signal/imager.h"
 #include "simsense/signal/signal_samples.h"
 
 using namespace simsense;

@@ -9,7 +9,6 @@
 #include "device/thread_pool.h"
 #include "ks/image.h"
 #include "signal/imager.h"
-#include "signal/presets.h"
 
 namespace simsense_test {
 

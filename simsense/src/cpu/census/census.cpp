@@ -49,7 +49,7 @@ void insignificant_row(const PaddedImage& image, const MatchParameters& p, size_
   extremes(low, high, columns, 1, image.width(), needed, high);
   // Copies: a store to bytes may be one to the parameters, for all that the compiler knows, and would keep the loop from lanes.
   const size_t width = image.width();
-  const uint32_t contrast = p.census_contrast;
+  const uint32_t contrast = p.census_contrast_256ths;
   const auto noise = static_cast<T>(p.census_noise_dn);
   for (size_t x = 0; x < width; ++x)
     needed[x] = std::max(static_cast<T>(static_cast<uint32_t>(high[x] - needed[x]) * contrast >> 8), noise);
@@ -102,7 +102,7 @@ constexpr auto row_of(bool with_contrast) {
 
 void census_bits(const PaddedImage& image, const MatchParameters& p, const ContrastRows& contrast, size_t y, size_t first_bit,
                  size_t end_bit, uint8_t* plane) {
-  const bool plain = p.census == CensusKind::plain, with_contrast = p.census_contrast > 0;
+  const bool plain = p.census_kind == CensusKind::plain, with_contrast = p.census_contrast_256ths > 0;
   const auto row =
       image.element_bytes() == 1
           ? (plain ? row_of<uint8_t, CensusKind::plain>(with_contrast) : row_of<uint8_t, CensusKind::center_symmetric>(with_contrast))
@@ -183,10 +183,10 @@ void CensusPlanes::repeat_ends(size_t y) {
 
 void census_rows(const PaddedImage& image, const MatchParameters& p, size_t first_row, size_t end_row, CensusPlanes& census) {
   const size_t cells = size_t{p.census_width} * p.census_height;
-  const size_t bit_count = p.census == CensusKind::plain ? cells - 1 : (cells - 1) / 2;
-  ContrastRows contrast(p.census_contrast > 0 ? image.width() : 0);
+  const size_t bit_count = p.census_kind == CensusKind::plain ? cells - 1 : (cells - 1) / 2;
+  ContrastRows contrast(p.census_contrast_256ths > 0 ? image.width() : 0);
   for (size_t y = first_row; y < end_row; ++y) {
-    if (p.census_contrast > 0) HWY_DYNAMIC_DISPATCH(find_insignificant)(image, p, y, contrast);
+    if (p.census_contrast_256ths > 0) HWY_DYNAMIC_DISPATCH(find_insignificant)(image, p, y, contrast);
     for (size_t bit = 0; bit < bit_count; bit += 8) {
       HWY_DYNAMIC_DISPATCH(census_bits)
       (image, p, contrast, y, bit, std::min(bit + 8, bit_count), census.row(bit / 8, y) + census.shift());

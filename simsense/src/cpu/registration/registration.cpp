@@ -103,25 +103,25 @@ void Registration::splat_row(const float* depth, uint32_t y) {
 }
 
 /// scratch: two rows of the z-buffer.
-void Registration::resolve_row(const DepthRange& range, uint32_t splat_size, uint32_t y, int32_t* scratch, float* out) const {
-  const size_t first = SPLAT_MARGIN - (splat_size - 1) / 2;  // where n is even, points to the right and below reach one farther
+void Registration::resolve_row(const DepthRange& range, Splat splat, uint32_t y, int32_t* scratch, float* out) const {
+  const size_t first = SPLAT_MARGIN - splat.reach();
   const int32_t* rows = nearest_.data() + (y + first) * pitch() + first;
   int32_t *below = scratch, *least = scratch + pitch();
-  const size_t columns = projection_.width() + splat_size - 1;
+  const size_t columns = projection_.width() + splat.size - 1;
   std::copy_n(rows, columns, below);
-  for (size_t k = 1; k < splat_size; ++k) take_less(rows + k * pitch(), columns, below);
-  least_across(below, splat_size, projection_.width(), least);
+  for (size_t k = 1; k < splat.size; ++k) take_less(rows + k * pitch(), columns, below);
+  least_across(below, splat.size, projection_.width(), least);
   for (size_t x = 0; x < projection_.width(); ++x) out[x] = range.keep(std::bit_cast<float>(least[x]));  // which infinity is not within
 }
 
-void Registration::apply(const float* depth, const DepthRange& range, uint32_t splat_size, float* out, ks::ThreadPool& workers) {
+void Registration::apply(const float* depth, const DepthRange& range, Splat splat, float* out, ks::ThreadPool& workers) {
   std::fill(nearest_.begin(), nearest_.end(), nothing);
   workers.parallel_for(height_, [&](size_t y) { splat_row(depth + y * width_, static_cast<uint32_t>(y)); });
   constexpr size_t rows = 16;
   workers.parallel_for((projection_.height() + rows - 1) / rows, [&](size_t block) {
     std::vector<int32_t> scratch(2 * pitch());
     for (size_t y = block * rows; y < std::min<size_t>((block + 1) * rows, projection_.height()); ++y)
-      resolve_row(range, splat_size, static_cast<uint32_t>(y), scratch.data(), out + y * projection_.width());
+      resolve_row(range, splat, static_cast<uint32_t>(y), scratch.data(), out + y * projection_.width());
   });
 }
 

@@ -26,8 +26,8 @@ class Registration {
         nearest_(size_t{projection.width() + 2 * SPLAT_MARGIN} * (projection.height() + 2 * SPLAT_MARGIN)) {}
 
   /// depth: packed [height][width] of the rectified left camera. out: packed [rgb.height][rgb.width], z in the RGB camera, 0 = nothing
-  /// landed there. splat_size: each point covers n x n pixels about its own; where n is even, one more to the left and above.
-  void apply(const float* depth, const DepthRange& range, uint32_t splat_size, float* out, ks::ThreadPool& workers);
+  /// landed there.
+  void apply(const float* depth, const DepthRange& range, Splat splat, float* out, ks::ThreadPool& workers);
 
  private:
   static constexpr size_t chunk = 256;
@@ -48,7 +48,7 @@ class Registration {
   };
   [[nodiscard]] Cells cells() const;
   [[nodiscard]] size_t pitch() const { return projection_.width() + 2 * SPLAT_MARGIN; }
-  void resolve_row(const DepthRange& range, uint32_t splat_size, uint32_t y, int32_t* scratch, float* out) const;
+  void resolve_row(const DepthRange& range, Splat splat, uint32_t y, int32_t* scratch, float* out) const;
 
   const RgbProjection& projection_;
   uint32_t width_, height_;

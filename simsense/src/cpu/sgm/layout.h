@@ -12,13 +12,13 @@
 namespace simsense::cpu {
 
 struct Range {
-  size_t begin, end;
+  size_t begin = 0, end = 0;
   [[nodiscard]] size_t size() const { return end - begin; }
 };
 
 struct Layout {
-  size_t width, height, disparities, lanes;
-  size_t blocks, bands, strips, groups_per_strip;
+  size_t width = 0, height = 0, disparities = 0, lanes = 0;
+  size_t blocks = 0, bands = 0, strips = 0, groups_per_strip = 0;
 
   Layout(size_t width_, size_t height_, size_t disparities_, size_t lanes_, size_t threads)
       : width(width_), height(height_), disparities(disparities_), lanes(lanes_), blocks(round_up(width, lanes) / lanes) {

@@ -9,11 +9,11 @@ namespace simsense::cpu {
 PenaltyMaps::PenaltyMaps(size_t width, size_t height, const MatchParameters& p)
     : width_(width),
       height_(height),
-      directions_(p.p2_full_gradient == 0 ? 0 : (p.path_count == 8 ? 4 : 2)),
+      directions_(p.p2_full_gradient_dn == 0 ? 0 : (p.path_count == 8 ? 4 : 2)),
       pitch_(round_up(width, 64) + 3 * margin),
       p1_(p.p1),
       p2_(p.p2),
-      full_gradient_(p.p2_full_gradient),
+      full_gradient_(p.p2_full_gradient_dn),
       storage_(directions_ * (height + 1) * pitch_) {
   for (uint32_t gradient = 0; gradient < 256 && directions_ > 0; ++gradient) {
     const uint32_t penalty = gradient <= full_gradient_ ? p2_ : std::max(p1_, p2_ * full_gradient_ / gradient);

@@ -8,7 +8,7 @@
 #endif
 
 #include "cpu/signal/passes-inl.h"
-#include "signal/dark.h"
+#include "signal/imager.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace simsense::cpu::HWY_NAMESPACE {

@@ -3,7 +3,7 @@
 
 #include "cpu/signal/rows.h"
 #include "device/thread_pool.h"
-#include "signal/grain.h"
+#include "signal/imager.h"
 
 namespace simsense::cpu {
 

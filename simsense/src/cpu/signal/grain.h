@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The normal numbers of grains (signal/grain.h) on the host.
+// The normal numbers of grains (signal/imager.h) on the host.
 #pragma once
 
 #include "cpu/simd/buffer.h"

@@ -23,12 +23,12 @@ struct SpeckleRow {
 struct SignalRow {
   const simsense_signal& signal;
   const StreamKeys& keys;
-  uint32_t y;
-  size_t width;     // padded
-  uint32_t* words;  // scratch, [width]
-  float* scratch;   // [width]
-  float* values;    // [width]; irradiance in, charge out, then charge in
-  float* laser;     // [width]; the irradiance that has speckle; null: all has
+  uint32_t y = 0;
+  size_t width = 0;           // padded
+  uint32_t* words = nullptr;  // scratch, [width]
+  float* scratch = nullptr;   // [width]
+  float* values = nullptr;    // [width]; irradiance in, charge out, then charge in
+  float* laser = nullptr;     // [width]; the irradiance that has speckle; null: all has
 };
 
 /// Input units to collected charge, e-: exposure, speckle, PRNU, dark charge, shot noise.

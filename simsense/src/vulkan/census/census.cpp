@@ -9,8 +9,8 @@ namespace simsense {
 namespace {
 
 Constants census_constants(const MatchPlan& plan, const MatchParameters& p, uint32_t element_bytes) {
-  return {plan.census_copies, static_cast<uint32_t>(p.census),  plan.census_words,
-          element_bytes,      p.p2_full_gradient > 0 ? 1u : 0u, p.census_contrast};
+  return {plan.census_copies, static_cast<uint32_t>(p.census_kind), plan.census_words,
+          element_bytes,      p.p2_full_gradient_dn > 0 ? 1u : 0u,  p.census_contrast_256ths};
 }
 
 }  // namespace

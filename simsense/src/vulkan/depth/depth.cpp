@@ -57,7 +57,8 @@ void VulkanDepth::begin(ks::Commands& commands, const StageSettings& settings) {
   parameters_.invalid = settings.invalid_disparity();
   parameters_.min_m = settings.depth_range.min_m;
   parameters_.max_m = settings.depth_range.max_m;
-  parameters_.splat_size = settings.splat_size;
+  parameters_.splat_size = settings.splat.size;
+  parameters_.splat_reach = settings.splat.reach();
   commands.update(*block_, 0, &parameters_, sizeof parameters_);
 }
 

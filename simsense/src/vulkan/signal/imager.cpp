@@ -5,8 +5,7 @@
 #include <cstddef>
 
 #include "device/error.h"
-#include "signal/dark.h"
-#include "signal/grain.h"
+#include "signal/imager.h"
 #include "spirv/bloom.h"
 #include "spirv/grain.h"
 #include "spirv/signal.h"

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "vulkan/winner/winner.h"
 
-#include "spirv/winner.h"
 #include "spirv/winner_packed.h"
+#include "spirv/winner_wide.h"
 #include "vulkan/dispatch.h"
 #include "vulkan/lane_constants.h"
 
@@ -10,7 +10,7 @@ namespace simsense {
 namespace {
 
 std::span<const uint32_t> code(const MatchPlan& plan) {
-  return plan.packed_keys ? std::span<const uint32_t>(winner_packed_spirv) : winner_spirv;
+  return plan.packed_keys ? std::span<const uint32_t>(winner_packed_spirv) : winner_wide_spirv;
 }
 
 }  // namespace

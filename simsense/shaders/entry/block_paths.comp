@@ -2,6 +2,9 @@
 // Paths whose costs are block sums that no memory holds. A workgroup follows neighbouring lines, both ways: at each step a path's block takes
 // in one line of pixels across and leaves another, so every cluster works out the change of its own line alone, and adds up its
 // neighbours' through shared memory. The lines at the workgroup's edges only do that for the others.
+// Compiled twice: with HALF_MIN minima are packed half floats, where the device has them and the costs' range fits; else integers.
+#version 460
+#extension GL_GOOGLE_include_directive : require
 #include "lib/walk.glsl"
 
 const bool along_rows = part == PATHS_ROWS;

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Rows and columns, in one dispatch with the rows first because they are the longest or in one each, or both kinds of diagonals: a path runs in a cluster of lanes
 // without barriers, a workgroup holds both paths of its lines, which wait for each other where they meet, once.
+// Compiled twice: with HALF_MIN minima are packed half floats, where the device has them and the costs' range fits; else integers.
+#version 460
+#extension GL_GOOGLE_include_directive : require
 #include "lib/walk_lines.glsl"
 #include "lib/walk_rows.glsl"
 

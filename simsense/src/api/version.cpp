@@ -1,9 +1,0 @@
-// SPDX-License-Identifier: Apache-2.0
-#include "device/error.h"
-#include "simsense/simsense.h"
-
-extern "C" uint32_t simsense_version(void) {
-  return SIMSENSE_VERSION_MAJOR * 10000 + SIMSENSE_VERSION_MINOR * 100 + SIMSENSE_VERSION_PATCH;
-}
-
-extern "C" const char* simsense_last_error(void) { return ks::last_error(); }
