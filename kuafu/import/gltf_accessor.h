@@ -19,9 +19,9 @@ std::vector<uint32_t> read_indices(Budget& budget, const tinygltf::Model& model,
 
 /// The bytes of a buffer view.
 struct Bytes {
-  const uint8_t* data;
-  size_t size;
-  size_t stride;  // 0 = packed
+  const uint8_t* data = nullptr;
+  size_t size = 0;
+  size_t stride = 0;  // 0 = packed
 };
 Bytes view_bytes(const tinygltf::Model& model, int view, const std::string& field);
 

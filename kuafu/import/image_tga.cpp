@@ -10,8 +10,8 @@ namespace {
 constexpr uint64_t header_bytes = 18;
 
 struct Header {
-  uint32_t id_bytes, type, map_first, map_count, map_bits, width, height, bits;
-  bool runs, top_down, right_to_left;
+  uint32_t id_bytes = 0, type = 0, map_first = 0, map_count = 0, map_bits = 0, width = 0, height = 0, bits = 0;
+  bool runs = false, top_down = false, right_to_left = false;
 };
 
 Header read_header(std::span<const uint8_t> b) {

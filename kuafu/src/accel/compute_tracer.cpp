@@ -18,14 +18,14 @@ namespace kuafu {
 namespace {
 
 struct TracePush {
-  uint64_t words, environments, count, roots, nodes, instances, motions;
-  uint32_t capacity, environment_count, has_environments, glass_surfaces = 0;
+  uint64_t words = 0, environments = 0, count = 0, roots = 0, nodes = 0, instances = 0, motions = 0;
+  uint32_t capacity = 0, environment_count = 0, has_environments = 0, glass_surfaces = 0;
 };
 
 struct GlassPush {
   TracePush trace;
-  uint64_t contributions, scene;
-  uint32_t has_medium, unused = 0;
+  uint64_t contributions = 0, scene = 0;
+  uint32_t has_medium = 0, unused = 0;
 };
 
 /// By constant_id (lib/bvh_queue.glsl, entry/trace_glass.comp).

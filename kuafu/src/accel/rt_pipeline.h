@@ -8,8 +8,8 @@
 namespace kuafu {
 
 struct RtPush {
-  uint64_t words, environments, count, top_levels;
-  uint32_t capacity, environment_count, has_environments, unused = 0;
+  uint64_t words = 0, environments = 0, count = 0, top_levels = 0;
+  uint32_t capacity = 0, environment_count = 0, has_environments = 0, unused = 0;
 };
 
 class RtPipeline {

@@ -18,6 +18,13 @@ namespace {
 
 using ull = unsigned long long;
 
+static_assert(uint32_t(LightSampling::mis) == KUAFU_SAMPLING_MIS && uint32_t(LightSampling::lights) == KUAFU_SAMPLING_LIGHTS &&
+                  uint32_t(LightSampling::bsdf) == KUAFU_SAMPLING_BSDF,
+              "the two count alike");
+static_assert(uint32_t(DenoiseKind::none) == KUAFU_DENOISE_NONE && uint32_t(DenoiseKind::atrous) == KUAFU_DENOISE_ATROUS &&
+                  uint32_t(DenoiseKind::oidn) == KUAFU_DENOISE_OIDN,
+              "the two count alike");
+
 constexpr uint32_t most_pixels_per_side = 32768, most_environments = 65536;
 
 void check_numbers(const kuafu_render_desc& d) {

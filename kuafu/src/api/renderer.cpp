@@ -18,7 +18,10 @@ struct kuafu_renderer_t : ks::Handle<kuafu::RenderQueue, 0x6b726e64> {
 
 namespace {
 
-static_assert(uint32_t(kuafu::TracerKind::rt_pipeline) == KUAFU_TRACER_RT_PIPELINE, "the two count alike");
+static_assert(uint32_t(kuafu::TracerKind::automatic) == KUAFU_TRACER_AUTO && uint32_t(kuafu::TracerKind::embree) == KUAFU_TRACER_EMBREE &&
+                  uint32_t(kuafu::TracerKind::compute) == KUAFU_TRACER_COMPUTE &&
+                  uint32_t(kuafu::TracerKind::rt_pipeline) == KUAFU_TRACER_RT_PIPELINE,
+              "the two count alike");
 
 kuafu::Launch read_launch(const kuafu::RenderQueue& images, const kuafu::Scene& scene, const kuafu_render_desc* desc) {
   kuafu::Launch launch = kuafu::read_launch(desc, *images.device());

@@ -24,9 +24,9 @@ LoadOptions load_options_from_environment();
 
 /// The options with their automatic values filled in for a scene file of this size.
 struct LoadLimits {
-  uint64_t memory_bytes;       // at the start
-  uint64_t memory_most_bytes;  // as files are read, it grows up to this
-  uint32_t seconds;
+  uint64_t memory_bytes = 0;       // at the start
+  uint64_t memory_most_bytes = 0;  // as files are read, it grows up to this
+  uint32_t seconds = 0;
 };
 LoadLimits load_limits(const LoadOptions& options, uint64_t file_bytes);
 

@@ -12,6 +12,11 @@ namespace {
 
 constexpr double pi = std::numbers::pi;
 
+static_assert(uint32_t(Light::Kind::point) == light_point && uint32_t(Light::Kind::projector) == light_projector &&
+                  uint32_t(Light::Kind::directional) == light_directional && uint32_t(Light::Kind::spot) == light_spot &&
+                  uint32_t(Light::Kind::rectangle) == light_rectangle && uint32_t(Light::Kind::disk) == light_disk,
+              "scene and shaders number the kinds alike");
+
 /// K with the pattern magnified about its principal point.
 glm::dmat3 scaled_k(const Light& light) {
   glm::dmat3 k = light.k;
