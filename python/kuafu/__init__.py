@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """kuafu: path tracer for active stereo (infrared pattern projectors), on any Vulkan device.
 
-Metres, radians; camera x right, y down, z forward; pixel centres at integers; a 4x4 named a_to_b maps coordinates in a to coordinates in b.
+Metres, radians; camera x right, y down, z forward; pixel centres at integers; a 4x4 named a_to_b maps coordinates in a
+to coordinates in b.
 
     device = kuafu.Device()
     scene = kuafu.Scene(device)

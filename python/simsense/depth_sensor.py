@@ -64,7 +64,10 @@ def _noise(shape: float, scale: float, mu: float, sigma: float) -> dict[str, Any
 
 
 def _penalties(p1: int, p2: int) -> dict[str, Any]:
-    _require(_is_int(p1) and _is_int(p2) and 0 < p1 < p2 < 224, f"penalties must be integers with 0 < p1 < p2 < 224, not {p1} and {p2}")
+    _require(
+        _is_int(p1) and _is_int(p2) and 0 < p1 < p2 < 224,
+        f"penalties must be integers with 0 < p1 < p2 < 224, not {p1} and {p2}",
+    )
     return {"p1": int(p1), "p2": int(p2)}
 
 
@@ -81,14 +84,15 @@ def _lr_max_diff(pixels: int) -> dict[str, Any]:
 class DepthSensor:
     """Depth from an infrared pair.
 
-    Sizes are (width, height); k_* are 3x3; l2r and l2rgb are 4x4 changes of frame from the left camera to the right and to the RGB camera,
-    OpenCV axes. With rgb_size, k_rgb and l2rgb depth is registered to the RGB camera. rectified: the pair is row-aligned already.
-    lr_max_diff 255 and speckle_shape 0 switch their stage off. device: which device computes ('host' needs no Vulkan). Raises SettingError
-    (a ValueError and a TypeError) out of range.
+    Sizes are (width, height); k_* are 3x3; l2r and l2rgb are 4x4 changes of frame from the left camera to the right and
+    to the RGB camera, OpenCV axes. With rgb_size, k_rgb and l2rgb depth is registered to the RGB camera. rectified: the
+    pair is row-aligned already. lr_max_diff 255 and speckle_shape 0 switch their stage off. device: which device
+    computes ('host' needs no Vulkan). Raises SettingError (a ValueError and a TypeError) out of range.
 
-    mode 'fixed' computes what those arguments mean; 'simsense-exact' also keeps SimSense's faults, its census of every count and its parabola
-    as subpixel step, and gives its results bit for bit as long as noise is off: SimSense's random numbers are CUDA's, ours are drawn from the same distributions.
-    faults: names out of simsense.FAULTS, those to keep instead of the mode's (none, or all of them); simsense/README.md says what each does.
+    mode 'fixed' computes what those arguments mean; 'simsense-exact' also keeps SimSense's faults, its census of every
+    count and its parabola as subpixel step, and gives its results bit for bit as long as noise is off: SimSense's
+    random numbers are CUDA's, ours are drawn from the same distributions. faults: names out of simsense.FAULTS, those
+    to keep instead of the mode's (none, or all of them); simsense/README.md says what each does.
     """
 
     def __init__(
@@ -125,11 +129,21 @@ class DepthSensor:
         faults: Sequence[str] | None = None,
     ) -> None:
         width, height = _check_size(lr_size, "lr_size")
-        _require(_is_int(max_disp) and 32 <= max_disp <= 1024, f"max_disp must be an integer in 32..1024, not {max_disp}")
-        _require(median_filter_size in (1, 3, 5, 7), f"median_filter_size must be 1, 3, 5 or 7, not {median_filter_size}")
+        _require(
+            _is_int(max_disp) and 32 <= max_disp <= 1024, f"max_disp must be an integer in 32..1024, not {max_disp}"
+        )
+        _require(
+            median_filter_size in (1, 3, 5, 7), f"median_filter_size must be 1, 3, 5 or 7, not {median_filter_size}"
+        )
         _require_numbers(min_depth=min_depth, max_depth=max_depth)
-        _require(0 <= min_depth < max_depth, f"depths must satisfy 0 <= min_depth < max_depth, not {min_depth} and {max_depth}")
-        _require(_is_int(ir_noise_seed) and ir_noise_seed >= 0, f"ir_noise_seed must be an integer of at least 0, not {ir_noise_seed}")
+        _require(
+            0 <= min_depth < max_depth,
+            f"depths must satisfy 0 <= min_depth < max_depth, not {min_depth} and {max_depth}",
+        )
+        _require(
+            _is_int(ir_noise_seed) and ir_noise_seed >= 0,
+            f"ir_noise_seed must be an integer of at least 0, not {ir_noise_seed}",
+        )
         parameters: dict[str, Any] = {
             "min_depth_m": min_depth,
             "max_depth_m": max_depth,
@@ -178,7 +192,8 @@ class DepthSensor:
         return self._engine
 
     def compute(self, img_l: NDArray[np.uint8], img_r: NDArray[np.uint8]) -> NDArray[np.float32]:
-        """Depth float32 [height, width] in metres, 0 = invalid. img_l, img_r: uint8 [height, width], any strides. Each call has new noise."""
+        """Depth float32 [height, width] in metres, 0 = invalid. img_l, img_r: uint8 [height, width], any strides. Each
+        call has new noise."""
         for image, name in ((img_l, "img_l"), (img_r, "img_r")):
             ok = isinstance(image, np.ndarray) and image.dtype == np.uint8 and image.shape == self._size
             _require(ok, f"{name} must be a uint8 array of shape {self._size}")
@@ -186,7 +201,9 @@ class DepthSensor:
         self._frame += 1
         return self._engine.compute(img_l, img_r, (self._output,))[self._output]
 
-    def set_ir_noise_parameters(self, speckle_shape: float, speckle_scale: float, gaussian_mu: float, gaussian_sigma: float) -> None:
+    def set_ir_noise_parameters(
+        self, speckle_shape: float, speckle_scale: float, gaussian_mu: float, gaussian_sigma: float
+    ) -> None:
         """speckle_shape 0 switches the noise off."""
         self._engine.set_parameters(**_noise(speckle_shape, speckle_scale, gaussian_mu, gaussian_sigma))
 

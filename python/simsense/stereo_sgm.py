@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""StereoSGM: cv2.StereoSGBM's parameters and result on this engine, so that a script which has one needs one line changed."""
+"""StereoSGM: cv2.StereoSGBM's parameters and result on this engine, so that a script which has one needs one line
+changed."""
 
 from __future__ import annotations
 
@@ -37,17 +38,19 @@ def _setter(name: str) -> Callable[[StereoSGM, int], None]:
 
 
 class StereoSGM:
-    """Disparity of a rectified pair: compute(left, right) gives int16 [height, width], sixteenths of pixels, (minDisparity - 1) * 16 =
-    invalid.
+    """Disparity of a rectified pair: compute(left, right) gives int16 [height, width], sixteenths of pixels,
+    (minDisparity - 1) * 16 = invalid.
 
-    The parameters are cv2.StereoSGBM's, in its order. What differs: the cost is census, not Birchfield-Tomasi, so preFilterCap has nothing
-    to do; P1 and P2 are divided by blockSize * blockSize and then count differing census bits (1 <= P1 < P2 <= 223 after that; the usual 8
-    and 32 times the block's area are good values here too; 0, 0 means this engine's own); numDisparities is 16..1024 and need not be a
-    multiple of 16; the columns left of the largest disparity are computed as well. disp12MaxDiff 0 means 1, as OpenCV takes it; -1 switches
-    the check off. A speckleWindowSize of 0 switches the speckle filter off. mode: MODE_HH follows 8 paths, the others 4. A 3x3 median
+    The parameters are cv2.StereoSGBM's, in its order. What differs: the cost is census, not Birchfield-Tomasi, so
+    preFilterCap has nothing to do; P1 and P2 are divided by blockSize * blockSize and then count differing census bits
+    (1 <= P1 < P2 <= 223 after that; the usual 8 and 32 times the block's area are good values here too; 0, 0 means this
+    engine's own); numDisparities is 16..1024 and need not be a multiple of 16; the columns left of the largest
+    disparity are computed as well. disp12MaxDiff 0 means 1, as OpenCV takes it; -1 switches the check off. A
+    speckleWindowSize of 0 switches the speckle filter off. mode: MODE_HH follows 8 paths, the others 4. A 3x3 median
     follows, as in OpenCV.
 
-    device: 'host', 'auto', an index, or a simsense.Device. Raises ValueError out of range. One thread at a time may use an object.
+    device: 'host', 'auto', an index, or a simsense.Device. Raises ValueError out of range. One thread at a time may use
+    an object.
     """
 
     MODE_SGBM = 0
@@ -108,13 +111,18 @@ class StereoSGM:
         """The constructor, under the name that cv2.StereoSGBM has."""
         return cls(*args, **kwargs)
 
-    def compute(self, left: NDArray[Any], right: NDArray[Any], disparity: NDArray[np.int16] | None = None) -> NDArray[np.int16]:
-        """left, right: uint8 or uint16 [height, width], or [height, width, 3] BGR. disparity: an int16 array to fill, or None."""
+    def compute(
+        self, left: NDArray[Any], right: NDArray[Any], disparity: NDArray[np.int16] | None = None
+    ) -> NDArray[np.int16]:
+        """left, right: uint8 or uint16 [height, width], or [height, width, 3] BGR. disparity: an int16 array to fill,
+        or None."""
         left, right = _gray(left, "left"), _gray(right, "right")
         if left.shape != right.shape or left.dtype != right.dtype:
             raise ValueError(f"the images differ: left is {left.shape} {left.dtype}, right {right.shape} {right.dtype}")
         if disparity is not None and (not isinstance(disparity, np.ndarray) or disparity.dtype != np.int16):
-            raise ValueError(f"disparity must be an int16 array to fill, or None, not {getattr(disparity, 'dtype', disparity)!s}")
+            raise ValueError(
+                f"disparity must be an int16 array to fill, or None, not {getattr(disparity, 'dtype', disparity)!s}"
+            )
         engine = self._engine_of(left)
         wanted: Any = np.int16 if disparity is None else disparity
         disparity = engine.compute(left, right, {"disparity": wanted})["disparity"]
@@ -126,7 +134,9 @@ class StereoSGM:
         height, width = image.shape
         parameters: dict[str, Any] = self._parameters() | {"bit_depth": 16 if image.dtype == np.uint16 else 8}
         if self._engine is None or self._size != (width, height):
-            camera = Camera(width, height, [[width, 0, 0], [0, width, 0], [0, 0, 1]])  # any: disparities alone are asked for
+            camera = (
+                Camera(width, height, [[width, 0, 0], [0, width, 0], [0, 0, 1]])  # any: disparities alone are asked for
+            )
             left_to_right = np.eye(4)
             left_to_right[0, 3] = -1
             self._engine = Engine(self._device, camera, camera, left_to_right, rectified=True, **parameters)
@@ -140,7 +150,9 @@ class StereoSGM:
         v = self._values
         for name, value in v.items():
             if not isinstance(value, (int, np.integer)) or isinstance(value, bool):
-                raise ValueError(f"{name[0].lower() if name[1:2].islower() else name[0]}{name[1:]} must be an integer, not {value!r}")
+                raise ValueError(
+                    f"{name[0].lower() if name[1:2].islower() else name[0]}{name[1:]} must be an integer, not {value!r}"
+                )
         block = v["BlockSize"]
         if not (0 < block <= _LARGEST_BLOCK and block % 2 == 1):
             raise ValueError(f"blockSize must be odd and in 1..{_LARGEST_BLOCK}, not {block}")
@@ -175,7 +187,9 @@ class StereoSGM:
 def _gray(image: NDArray[Any], what: str) -> NDArray[Any]:
     image = np.asarray(image)
     if image.dtype not in (np.uint8, np.uint16) or not (image.ndim == 2 or (image.ndim == 3 and image.shape[2] == 3)):
-        raise ValueError(f"{what} must be uint8 or uint16, [height, width] or [height, width, 3], not {image.dtype} {image.shape}")
+        raise ValueError(
+            f"{what} must be uint8 or uint16, [height, width] or [height, width, 3], not {image.dtype} {image.shape}"
+        )
     if image.ndim == 2:
         return image
     return np.rint(image @ np.array([0.114, 0.587, 0.299])).astype(image.dtype)  # ITU-R BT.601, BGR

@@ -9,8 +9,11 @@ from typing import TypeAlias
 
 import numpy as np
 
+from activestereo.render_table import RENDER
+
 # What a command's add_parser gets, and adds its own parser to.
 Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
+_MAX_BOUNCES = next(p for p in RENDER if p.name == "max_bounces")
 
 
 class CommandError(Exception):
@@ -91,9 +94,9 @@ def add_max_bounces(parser: argparse.ArgumentParser | argparse._ArgumentGroup) -
     parser.add_argument(
         "--max-bounces",
         type=integer_from(0),
-        default=8,
+        default=_MAX_BOUNCES.default,
         metavar="N",
-        help="surface interactions after the first (default: 8)",
+        help=f"surface interactions after the first (default: {_MAX_BOUNCES.default})",
     )
 
 

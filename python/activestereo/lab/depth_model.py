@@ -12,12 +12,13 @@ import numpy as np
 
 from activestereo.capture import Capture, CaptureWarning, Rig
 from activestereo.lab.noise import NoiseLaw
+from activestereo.matcher_table import MATCHER
 
 # Quantisation is in the measured variance already, and rounding adds it again.
 _QUANTISATION_VARIANCE = 1.0 / 12.0
-_DEFAULT_MAX_DISPARITY = 128
-_LEAST_MAX_DISPARITY, _MOST_MAX_DISPARITY = 16, 1024
+# Farther than the engine's own default: a device's depth reaches as far as its 16 bits.
 _DEFAULT_MAX_DEPTH_M = 65.0
+_MAX_DISPARITY = next(p for p in MATCHER if p.name == "max_disparity")
 _HINTS = (
     "max_disparity", "census_width", "census_height", "block_width", "block_height", "p1", "p2", "uniqueness_ratio",
     "lr_max_diff", "median_size", "path_count", "min_disparity", "min_depth_m", "max_depth_m",
@@ -85,8 +86,10 @@ class DepthModel:
 def _followed(hints: Mapping[str, Any]) -> dict[str, Any]:
     """The engine's parameters under the hints that it understands."""
     known = {name: hints[name] for name in _HINTS if isinstance(hints.get(name), int | float)}
-    parameters = {"max_disparity": _DEFAULT_MAX_DISPARITY, "max_depth_m": _DEFAULT_MAX_DEPTH_M} | known
-    parameters["max_disparity"] = min(max(parameters["max_disparity"], _LEAST_MAX_DISPARITY), _MOST_MAX_DISPARITY)
+    parameters = {"max_disparity": _MAX_DISPARITY.default, "max_depth_m": _DEFAULT_MAX_DEPTH_M} | known
+    if _MAX_DISPARITY.range is not None:
+        least, most = _MAX_DISPARITY.range
+        parameters["max_disparity"] = min(max(parameters["max_disparity"], least), most)
     return parameters
 
 
