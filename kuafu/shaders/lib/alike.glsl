@@ -5,7 +5,13 @@
 #include "lib/language.glsl"
 #include "shared/denoise_record.h"
 
-const float unlike = 8.0f;  // and beyond: weight 0
+// Tuned as the numbers of stage/denoise.glsl are.
+const float unlike = 8.0f;            // and beyond: weight 0
+const float any_exponent = 1e9f;      // of normals: that of the surface counts
+const float matt_exponent = 32.0f;    // of normals, on rough surfaces: the weight is 1/e where they are 14 degrees apart
+const float plane_reach = 0.5f;       // of a pixel's footprint: neighbours so far off the tangent plane differ by 1
+const float least_length_m = 1e-9f;   // keeps divisions finite where nothing was hit
+const float square_reach_px = 2.0f;   // apart that a ray over a pixel's square and a neighbour's centre may be
 
 void store_guide_part(UintArray words, uint pixel, uint k, vec3 v, uint w) {
   uint word = guide_place(pixel, k) * 4u;
@@ -57,6 +63,6 @@ float surface_unlike(GuideRecord a, GuideRecord b, float pixels, float most_expo
   if (a.material == miss) return 0.0f;
   float exponent = min(most_exponent, max(a.normal_exponent, b.normal_exponent));
   float off_plane = abs(dot(b.position - a.position, a.normal));
-  return exponent * max(0.0f, 1.0f - dot(a.normal, b.normal)) + off_plane / (0.5f * (mixed ? max(a.footprint_m, b.footprint_m) : a.footprint_m) * max(pixels, 1.0f) + 1e-9f);
+  return exponent * max(0.0f, 1.0f - dot(a.normal, b.normal)) + off_plane / (plane_reach * (mixed ? max(a.footprint_m, b.footprint_m) : a.footprint_m) * max(pixels, 1.0f) + least_length_m);
 }
 #endif

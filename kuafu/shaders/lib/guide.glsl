@@ -2,7 +2,8 @@
 // The guide of what a ray met; includers have `push.rays`, `push.scene`, `push.views`, `push.range` and `push.infrared`, and include it
 // where `push` is.
 
-const float least_albedo = 0.02f;
+const float least_albedo = 0.02f;  // darker surfaces are divided by this: less would make noise of rounding
+const float least_alpha = 0.02f;   // sharper reflections change within a pixel, whatever the normals say
 
 uint guide_word(uint i, uint field) { return push.rays.at[closest_word(i, field, push.range.capacity)]; }
 
@@ -26,7 +27,7 @@ GuideRecord guide_of_ray(uint i, uint view) {
   vec3 base = push.infrared == 0u ? p.base : vec3(p.base.x);
   g.albedo = max(base, vec3(least_albedo));
   // A reflection changes over the angle that the GGX lobe is wide, and turns twice as fast as the normal.
-  float alpha = max(p.roughness * p.roughness, 0.02f);
-  g.normal_exponent = mix(32.0f, max(32.0f, 0.5f / (alpha * alpha)), p.metallic);
+  float alpha = max(p.roughness * p.roughness, least_alpha);
+  g.normal_exponent = mix(matt_exponent, max(matt_exponent, 0.5f / (alpha * alpha)), p.metallic);
   return g;
 }

@@ -70,6 +70,7 @@ struct MomentsPush {
 };
 
 KUAFU_CONST most_denoised = 5u;  // images: projector indirect, and ambient or its light groups
+KUAFU_CONST most_planes = 3u * most_denoised;  // with a channel each of red, green and blue
 
 /// The images of one launch, packed [pixel][channel]; those with address 0 are not there.
 struct DenoiseImages {

@@ -16,8 +16,11 @@ const float edge_confidence = 0.1f;                      // of a pixel on an edg
 const float most_apart = 0.5f, most_recoloured = 0.02f;  // of neighbours whose pixel one ray tells of: surface_unlike, and share of the albedo
 const float edge_apart = 1.2f, edge_recoloured = 0.1f;   // from here on there is an edge between them
 const float edge_exponent = 8.0f;                        // of normals: curved surfaces have no edges
-const float any_exponent = 1e9f;                         // of normals: that of the surface counts
-const float blurred_exponent = 32.0f;                    // of normals where statistics, not light, are averaged: mirrors are as wide as matt surfaces
+const float blurred_exponent = matt_exponent;            // of normals where statistics, not light, are averaged: mirrors are as wide as matt surfaces
+
+const float relative_reach = 1e-3f, least_reach = 1e-12f;  // of levels, where the noise is known to be nothing
+const float own_least = 1e-4f;                             // weight of a pixel without any like it: it keeps its light
+const float full_support = 0.5f;                           // of the kernel on this surface: a pixel there is as sure as its neighbours
 
 /// The pixel (dx, dy) away, or `miss` where the view ends.
 uint neighbour(uint pixel, int dx, int dy) {
@@ -152,8 +155,8 @@ void accumulate(uint pixel) {
   PlaceRecord place = images.places.at[pixel];
   here.position = place.position;
   here.normal = place.normal;
-  float sum[15], weights = 0.0f, variance = 0.0f, launches = 0.0f;
-  for (uint p = 0u; p < 15u; ++p) sum[p] = 0.0f;
+  float sum[most_planes], weights = 0.0f, variance = 0.0f, launches = 0.0f;
+  for (uint p = 0u; p < most_planes; ++p) sum[p] = 0.0f;
   if (images.has_last != 0u) {
     vec2 corner = floor(place.film);
     for (int k = 0; k < 4; ++k) {
@@ -221,8 +224,7 @@ void atrous(uint pixel) {
   GuideRecord here = load_guide(push.guides, pixel);
   SmoothStatistics own = push.smoothed.at[pixel];
   float noise_here = smooth_variance(pixel);
-  const uint most_planes = 15u;
-  float sum[15], weights = 0.0f, variance = 0.0f, support = 0.0f;
+  float sum[most_planes], weights = 0.0f, variance = 0.0f, support = 0.0f;
   uint planes = plane_count();
   for (uint p = 0u; p < most_planes; ++p) sum[p] = 0.0f;
   for (int dy = -2; dy <= 2; ++dy)
@@ -234,9 +236,9 @@ void atrous(uint pixel) {
       SmoothStatistics there = push.smoothed.at[other];
       float kernel = binomial(dx) * binomial(dy), noise = max(noise_here, there.variance);
       support += kernel * falling(t) * there.confidence;
-      t += abs(there.level - own.level) * own.confidence / (level_reach * sqrt(noise) + 1e-3f * abs(own.level) + 1e-12f);
+      t += abs(there.level - own.level) * own.confidence / (level_reach * sqrt(noise) + relative_reach * abs(own.level) + least_reach);
       float weight = kernel * falling(t) * there.confidence;
-      if (other == pixel) weight = max(weight, 1e-4f);  // a pixel without any like it keeps its light
+      if (other == pixel) weight = max(weight, own_least);
       weights += weight;
       variance += weight * weight * there.pixel_variance;
       for (uint p = 0u; p < planes; ++p) sum[p] += weight * push.light_in.at[other * planes + p];
@@ -247,7 +249,7 @@ void atrous(uint pixel) {
     push.light_out.at[pixel * planes + p] = sum[p];
     mean += sum[p] / float(push.images.at[0].channels);
   }
-  push.pixels_out.at[pixel] = PixelStatistics(mean, variance / (weights * weights), max(own.confidence, min(1.0f, 2.0f * support)),
+  push.pixels_out.at[pixel] = PixelStatistics(mean, variance / (weights * weights), max(own.confidence, min(1.0f, support / full_support)),
                                               push.pixels_in.at[pixel].square);
 }
 
@@ -260,8 +262,7 @@ void multiply(uint pixel) {
   if (squares && push.pixels_in.at[pixel].square != square_plain) return;
   DenoiseImages images = push.images.at[0];
   GuideRecord here = load_guide(push.guides, pixel);
-  const uint most_planes = 15u;
-  float sum[15], weights = 0.0f;
+  float sum[most_planes], weights = 0.0f;
   uint planes = plane_count();
   for (uint p = 0u; p < most_planes; ++p) sum[p] = 0.0f;
   int reach = squares ? 1 : 0;
@@ -269,7 +270,7 @@ void multiply(uint pixel) {
     for (int dx = -reach; dx <= reach; ++dx) {
       uint other = neighbour(pixel, dx, dy);
       if (other == miss) continue;
-      float weight = other == pixel ? 1.0f : (dx == 0 || dy == 0 ? side_weight : corner_weight) * falling(surface_unlike(here, load_surface(push.guides, other), 2.0f, any_exponent));
+      float weight = other == pixel ? 1.0f : (dx == 0 || dy == 0 ? side_weight : corner_weight) * falling(surface_unlike(here, load_surface(push.guides, other), square_reach_px, any_exponent));
       weights += weight;
       for (uint p = 0u; p < planes; ++p) sum[p] += weight * push.light_in.at[other * planes + p];
     }

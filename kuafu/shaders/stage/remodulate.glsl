@@ -2,10 +2,10 @@
 // Stage `remodulate`: the filter works on one surface per pixel, an image has the mean over the pixel's square. So rays over the square ask what is there,
 // each takes the filtered light of the nearest pixels of its surface, and its own albedo: edges and textures become as smooth as there are rays.
 // Where all around is of one surface and colour, a pixel needs none (square_of).
-const uint most_planes = 15u;
+const float least_own_share = 1e-6f;  // weight of a pixel for its own rays, where they meet what no neighbour shows
 
 struct Gathered {
-  float light[15];
+  float light[most_planes];
   float weights;
 };
 
@@ -22,9 +22,9 @@ Gathered gather(GuideRecord g, Pixel pixel, uint planes) {
       uint other = (pixel.view * height + uint(y)) * width + uint(x);
       GuideRecord there = load_surface(push.guides, other);
       vec3 away = there.position - g.position;
-      float pixels = g.material == miss ? float(dx * dx + dy * dy) : length(away) / (g.footprint_m + 1e-9f);
+      float pixels = g.material == miss ? float(dx * dx + dy * dy) : length(away) / (g.footprint_m + least_length_m);
       bool own = dx == 0 && dy == 0;
-      float weight = falling(surface_unlike(g, there, 2.0f, 1e9f)) * falling(2.0f * pixels) + (own ? 1e-6f : 0.0f);
+      float weight = falling(surface_unlike(g, there, square_reach_px, any_exponent)) * falling(square_reach_px * pixels) + (own ? least_own_share : 0.0f);
       out_.weights += weight;
       for (uint p = 0u; p < planes; ++p) out_.light[p] += weight * push.light.at[other * planes + p];
     }

@@ -162,9 +162,9 @@ TEST(Variance, is_the_same_wherever_it_is_rendered) {
 }
 
 TEST_P(Accumulation, one_sample_has_no_variance_to_show) {
-  auto images = render(1, false);
-  for (const float v : images[KUAFU_OUTPUT_VARIANCE].values) EXPECT_EQ(v, std::numeric_limits<float>::infinity());
-  for (const float v : render(9, false)[KUAFU_OUTPUT_VARIANCE].values) EXPECT_TRUE(std::isfinite(v));
+  auto one = render(1, false), nine = render(9, false);
+  for (const float v : one[KUAFU_OUTPUT_VARIANCE].values) EXPECT_EQ(v, std::numeric_limits<float>::infinity());
+  for (const float v : nine[KUAFU_OUTPUT_VARIANCE].values) EXPECT_TRUE(std::isfinite(v));
 }
 
 TEST_P(Accumulation, stops_at_the_relative_error) {
