@@ -34,28 +34,38 @@ class DeviceInfo:
     """What a device is and can do."""
 
     @property
-    def name(self) -> str: ...
+    def name(self) -> str:
+        """The device's name."""
     @property
-    def driver(self) -> str: ...
+    def driver(self) -> str:
+        """The driver's name and version, as the driver states them."""
     @property
     def refused(self) -> str:
         """Why it cannot be used; empty when it can."""
     @property
-    def device_uuid(self) -> bytes: ...
+    def device_uuid(self) -> bytes:
+        """Vulkan's 16 bytes for the device."""
     @property
-    def driver_uuid(self) -> bytes: ...
+    def driver_uuid(self) -> bytes:
+        """Vulkan's 16 bytes for the driver."""
     @property
-    def index(self) -> int: ...
+    def index(self) -> int:
+        """The device's place in the list of devices."""
     @property
-    def kind(self) -> Literal["host", "cpu", "integrated gpu", "discrete gpu", "virtual gpu", "other"]: ...
+    def kind(self) -> Literal["host", "cpu", "integrated gpu", "discrete gpu", "virtual gpu", "other"]:
+        """Whether it is the host itself, a CPU, or which GPU."""
     @property
-    def api_version(self) -> str: ...
+    def api_version(self) -> str:
+        """The Vulkan version that the device speaks, as '1.3.255'."""
     @property
-    def usable(self) -> bool: ...
+    def usable(self) -> bool:
+        """Whether the library can use the device."""
     @property
-    def capabilities(self) -> list[str]: ...
+    def capabilities(self) -> list[str]:
+        """What the library may ask of it: exports, imports, ray tracing pipelines."""
     @property
-    def memory_bytes(self) -> int: ...
+    def memory_bytes(self) -> int:
+        """Size of its largest own heap."""
 
 class Device:
     """A device to compute on. select: 'auto', 'cpu' (lavapipe), 'host' (simsense alone), an index, or a device's UUID (16 bytes).
@@ -78,7 +88,8 @@ class Device:
     def enumerate() -> list[DeviceInfo]:
         """Every Vulkan device, usable or not."""
     @property
-    def info(self) -> DeviceInfo: ...
+    def info(self) -> DeviceInfo:
+        """What the device is and can do."""
     @property
     def copied_bytes(self) -> int:
         """Bytes copied between buffers, or between host memory and buffers, since the device was created."""
@@ -90,25 +101,34 @@ class BufferDesc:
     """Memory that one library exports and another imports; closes its file descriptor when it is closed or collected."""
 
     @property
-    def memory(self) -> Literal["host", "opaque_fd"]: ...
+    def memory(self) -> Literal["host", "opaque_fd"]:
+        """Whether `handle` is an address of this process or a file descriptor."""
     @property
-    def memory_type_index(self) -> int: ...
+    def memory_type_index(self) -> int:
+        """Vulkan's memory type of the exporter's allocation."""
     @property
     def handle(self) -> int:
         """File descriptor, until close(), or address."""
     @property
-    def allocation_bytes(self) -> int: ...
+    def allocation_bytes(self) -> int:
+        """Size of the whole allocation."""
     @property
-    def offset_bytes(self) -> int: ...
+    def offset_bytes(self) -> int:
+        """Where in the allocation the buffer begins."""
     @property
-    def size_bytes(self) -> int: ...
+    def size_bytes(self) -> int:
+        """Size of the buffer."""
     @property
-    def dedicated(self) -> bool: ...
+    def dedicated(self) -> bool:
+        """Whether the allocation is for this buffer alone."""
     @property
-    def device_uuid(self) -> bytes: ...
+    def device_uuid(self) -> bytes:
+        """Vulkan's 16 bytes for the exporter's device."""
     @property
-    def driver_uuid(self) -> bytes: ...
-    def close(self) -> None: ...
+    def driver_uuid(self) -> bytes:
+        """Vulkan's 16 bytes for the exporter's driver."""
+    def close(self) -> None:
+        """Closes the file descriptor, where there is one."""
     def __enter__(self) -> BufferDesc: ...
     def __exit__(self, *args: object) -> None: ...
 
@@ -120,7 +140,8 @@ class Buffer:
     def import_(device: Device, desc: Any) -> Buffer:
         """The memory that another library exported; desc is its BufferDesc."""
     @property
-    def size_bytes(self) -> int: ...
+    def size_bytes(self) -> int:
+        """Size of the buffer."""
     def export(self, memory: Literal["host", "opaque_fd"] = "opaque_fd") -> BufferDesc:
         """memory: 'opaque_fd' (needs exportable) or 'host' (needs host_visible)."""
     def write(self, data: ArrayLike | bytes, offset_bytes: int = 0) -> None:
@@ -168,13 +189,17 @@ class Image:
         """(1, 0): memory of the host."""
 
     @property
-    def buffer(self) -> Buffer: ...
+    def buffer(self) -> Buffer:
+        """The buffer that it looks at."""
     @property
-    def shape(self) -> tuple[int, ...]: ...
+    def shape(self) -> tuple[int, ...]:
+        """Lengths of its axes."""
     @property
-    def dtype(self) -> np.dtype[Any]: ...
+    def dtype(self) -> np.dtype[Any]:
+        """Type of its elements."""
     @property
-    def offset_bytes(self) -> int: ...
+    def offset_bytes(self) -> int:
+        """Where in the buffer its first element lies."""
     def array(self) -> NDArray[Any]:
         """The view as a numpy array, without a copy."""
 class Material:
@@ -378,32 +403,43 @@ class SceneSummary:
     """How much is in a scene, and where."""
 
     @property
-    def mesh_count(self) -> int: ...
+    def mesh_count(self) -> int:
+        """Meshes in the scene."""
     @property
-    def texture_count(self) -> int: ...
+    def texture_count(self) -> int:
+        """Textures in the scene."""
     @property
-    def material_count(self) -> int: ...
+    def material_count(self) -> int:
+        """Materials in the scene; removed ones are not counted."""
     @property
-    def instance_count(self) -> int: ...
+    def instance_count(self) -> int:
+        """Instances in the scene."""
     @property
-    def light_count(self) -> int: ...
+    def light_count(self) -> int:
+        """Lights that were added or loaded."""
     @property
-    def camera_count(self) -> int: ...
+    def camera_count(self) -> int:
+        """Cameras of the loaded files."""
     @property
-    def triangle_count(self) -> int: ...
+    def triangle_count(self) -> int:
+        """Triangles of all instances."""
     @property
-    def bounds_min_m(self) -> tuple[float, float, float]: ...
+    def bounds_min_m(self) -> tuple[float, float, float]:
+        """Least corner of all instances' bounds, metres in the world; infinite where there is none."""
     @property
-    def bounds_max_m(self) -> tuple[float, float, float]: ...
+    def bounds_max_m(self) -> tuple[float, float, float]:
+        """Greatest corner of all instances' bounds, metres in the world; infinite where there is none."""
 
 class Scene:
     """Meshes, textures, materials, instances and lights. Ids are stable and not reused. One thread at a time."""
 
     def __init__(self, device: Device) -> None: ...
     @property
-    def device(self) -> Device: ...
+    def device(self) -> Device:
+        """The device that the scene was made on."""
     @property
-    def summary(self) -> SceneSummary: ...
+    def summary(self) -> SceneSummary:
+        """How much is in the scene, and where."""
     def load(self, path: str | PathLike[str], root_to_world: ArrayLike | None = None) -> None:
         """Appends a .gltf, .glb, .obj, .dae, .stl or .ply file. root_to_world: 4x4. Raises FileError, or
         MissingFileError where there is none."""
@@ -425,9 +461,12 @@ class Scene:
         """texels: [height, width] or [height, width, 1..4], uint8, uint16 or float32; row 0 on top."""
     def set_texture(self, id: int, texels: ArrayLike, *, srgb: bool = False, name: str = "") -> None:
         """Replaces a texture; its size may change. Cost follows this texture's size."""
-    def add_material(self, material: Material) -> int: ...
-    def set_material(self, id: int, material: Material) -> None: ...
-    def get_material(self, id: int) -> Material: ...
+    def add_material(self, material: Material) -> int:
+        """Adds a material and returns its number. ArgumentError names a field that is out of range."""
+    def set_material(self, id: int, material: Material) -> None:
+        """Replaces a material: every instance that has it changes with the next render."""
+    def get_material(self, id: int) -> Material:
+        """A copy of the material as it is."""
     def add_instance(
         self,
         mesh: int,
@@ -441,28 +480,35 @@ class Scene:
         angular_velocity: Sequence[float] = ...,
     ) -> int:
         """Velocities as set_instance_velocity says."""
-    def set_instance_pose(self, id: int, local_to_world: ArrayLike) -> None: ...
+    def set_instance_pose(self, id: int, local_to_world: ArrayLike) -> None:
+        """Moves an instance. local_to_world: 4x4, affine; ArgumentError where it is singular or not finite."""
     def set_instance_poses(self, ids: ArrayLike, local_to_world: ArrayLike) -> None:
         """Moves many at once: ids [n], local_to_world [n, 4, 4]. Where one is refused, none has moved."""
     def set_instance_velocity(self, id: int, linear: Sequence[float], angular: Sequence[float] = ...) -> None:
         """What it does while a shutter is open, m/s and rad/s in its own frame (local_to_world's rotation without
         its scale)."""
-    def set_instance_materials(self, id: int, materials: Sequence[int]) -> None: ...
+    def set_instance_materials(self, id: int, materials: Sequence[int]) -> None:
+        """Replaces the materials of an instance, one for each part of its mesh."""
     def remove_mesh(self, id: int) -> None:
         """Frees a mesh; refused while an instance uses it."""
     def remove_texture(self, id: int) -> None:
         """Frees a texture; refused while a material, a light or the environment uses it."""
     def remove_material(self, id: int) -> None:
         """Refused while it is on an instance."""
-    def remove_instance(self, id: int) -> None: ...
+    def remove_instance(self, id: int) -> None:
+        """Takes an instance out of the scene; its mesh stays."""
     def next_frame(self) -> None:
         """Begins a frame: motion from now on is against the poses that instances have now."""
-    def add_light(self, light: Light) -> int: ...
-    def set_light(self, id: int, light: Light) -> None: ...
+    def add_light(self, light: Light) -> int:
+        """Adds a light and returns its number. ArgumentError names a field that is out of range."""
+    def set_light(self, id: int, light: Light) -> None:
+        """Replaces a light."""
     def set_lights(self, ids: Sequence[int], lights: Sequence[Light]) -> None:
         """Replaces many at once. Where one is refused, none has changed."""
-    def get_light(self, id: int) -> Light: ...
-    def remove_light(self, id: int) -> None: ...
+    def get_light(self, id: int) -> Light:
+        """A copy of the light as it is."""
+    def remove_light(self, id: int) -> None:
+        """Takes a light out of the scene."""
     def set_environment(
         self,
         radiance: Sequence[float],
@@ -489,8 +535,10 @@ class Scene:
         RGB, infrared None = red. extinction_per_m None: no medium."""
     def camera(self, index: int) -> Camera:
         """A camera that a file brought."""
-    def instance_name(self, id: int) -> str: ...
-    def material_name(self, id: int) -> str: ...
+    def instance_name(self, id: int) -> str:
+        """The name that the instance was given or loaded with."""
+    def material_name(self, id: int) -> str:
+        """The name that the material was given or loaded with."""
 
 class RenderSummary:
     """What the last render did."""
@@ -522,7 +570,8 @@ class Renderer:
         driver has it. oidn_library: path of Open Image Denoise's library; None: $KUAFU_OIDN_LIBRARY, else its
         usual names."""
     @property
-    def device(self) -> Device: ...
+    def device(self) -> Device:
+        """The device that it renders on."""
     @property
     def stage_times(self) -> dict[str, float]:
         """{stage: milliseconds} of the last render."""

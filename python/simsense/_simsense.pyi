@@ -35,28 +35,38 @@ class DeviceInfo:
     """What a device is and can do."""
 
     @property
-    def name(self) -> str: ...
+    def name(self) -> str:
+        """The device's name."""
     @property
-    def driver(self) -> str: ...
+    def driver(self) -> str:
+        """The driver's name and version, as the driver states them."""
     @property
     def refused(self) -> str:
         """Why it cannot be used; empty when it can."""
     @property
-    def device_uuid(self) -> bytes: ...
+    def device_uuid(self) -> bytes:
+        """Vulkan's 16 bytes for the device."""
     @property
-    def driver_uuid(self) -> bytes: ...
+    def driver_uuid(self) -> bytes:
+        """Vulkan's 16 bytes for the driver."""
     @property
-    def index(self) -> int: ...
+    def index(self) -> int:
+        """The device's place in the list of devices."""
     @property
-    def kind(self) -> Literal["host", "cpu", "integrated gpu", "discrete gpu", "virtual gpu", "other"]: ...
+    def kind(self) -> Literal["host", "cpu", "integrated gpu", "discrete gpu", "virtual gpu", "other"]:
+        """Whether it is the host itself, a CPU, or which GPU."""
     @property
-    def api_version(self) -> str: ...
+    def api_version(self) -> str:
+        """The Vulkan version that the device speaks, as '1.3.255'."""
     @property
-    def usable(self) -> bool: ...
+    def usable(self) -> bool:
+        """Whether the library can use the device."""
     @property
-    def capabilities(self) -> list[str]: ...
+    def capabilities(self) -> list[str]:
+        """What the library may ask of it: exports, imports, ray tracing pipelines."""
     @property
-    def memory_bytes(self) -> int: ...
+    def memory_bytes(self) -> int:
+        """Size of its largest own heap."""
 
 class Device:
     """A device to compute on. select: 'auto', 'cpu' (lavapipe), 'host' (simsense alone), an index, or a device's UUID (16 bytes).
@@ -79,7 +89,8 @@ class Device:
     def enumerate() -> list[DeviceInfo]:
         """Every Vulkan device, usable or not."""
     @property
-    def info(self) -> DeviceInfo: ...
+    def info(self) -> DeviceInfo:
+        """What the device is and can do."""
     @property
     def copied_bytes(self) -> int:
         """Bytes copied between buffers, or between host memory and buffers, since the device was created."""
@@ -91,25 +102,34 @@ class BufferDesc:
     """Memory that one library exports and another imports; closes its file descriptor when it is closed or collected."""
 
     @property
-    def memory(self) -> Literal["host", "opaque_fd"]: ...
+    def memory(self) -> Literal["host", "opaque_fd"]:
+        """Whether `handle` is an address of this process or a file descriptor."""
     @property
-    def memory_type_index(self) -> int: ...
+    def memory_type_index(self) -> int:
+        """Vulkan's memory type of the exporter's allocation."""
     @property
     def handle(self) -> int:
         """File descriptor, until close(), or address."""
     @property
-    def allocation_bytes(self) -> int: ...
+    def allocation_bytes(self) -> int:
+        """Size of the whole allocation."""
     @property
-    def offset_bytes(self) -> int: ...
+    def offset_bytes(self) -> int:
+        """Where in the allocation the buffer begins."""
     @property
-    def size_bytes(self) -> int: ...
+    def size_bytes(self) -> int:
+        """Size of the buffer."""
     @property
-    def dedicated(self) -> bool: ...
+    def dedicated(self) -> bool:
+        """Whether the allocation is for this buffer alone."""
     @property
-    def device_uuid(self) -> bytes: ...
+    def device_uuid(self) -> bytes:
+        """Vulkan's 16 bytes for the exporter's device."""
     @property
-    def driver_uuid(self) -> bytes: ...
-    def close(self) -> None: ...
+    def driver_uuid(self) -> bytes:
+        """Vulkan's 16 bytes for the exporter's driver."""
+    def close(self) -> None:
+        """Closes the file descriptor, where there is one."""
     def __enter__(self) -> BufferDesc: ...
     def __exit__(self, *args: object) -> None: ...
 
@@ -121,7 +141,8 @@ class Buffer:
     def import_(device: Device, desc: Any) -> Buffer:
         """The memory that another library exported; desc is its BufferDesc."""
     @property
-    def size_bytes(self) -> int: ...
+    def size_bytes(self) -> int:
+        """Size of the buffer."""
     def export(self, memory: Literal["host", "opaque_fd"] = "opaque_fd") -> BufferDesc:
         """memory: 'opaque_fd' (needs exportable) or 'host' (needs host_visible)."""
     def write(self, data: ArrayLike | bytes, offset_bytes: int = 0) -> None:
@@ -169,13 +190,17 @@ class Image:
         """(1, 0): memory of the host."""
 
     @property
-    def buffer(self) -> Buffer: ...
+    def buffer(self) -> Buffer:
+        """The buffer that it looks at."""
     @property
-    def shape(self) -> tuple[int, ...]: ...
+    def shape(self) -> tuple[int, ...]:
+        """Lengths of its axes."""
     @property
-    def dtype(self) -> np.dtype[Any]: ...
+    def dtype(self) -> np.dtype[Any]:
+        """Type of its elements."""
     @property
-    def offset_bytes(self) -> int: ...
+    def offset_bytes(self) -> int:
+        """Where in the buffer its first element lies."""
     def array(self) -> NDArray[Any]:
         """The view as a numpy array, without a copy."""
 class Camera:
@@ -183,13 +208,17 @@ class Camera:
 
     def __init__(self, width: int, height: int, k: ArrayLike, distortion: ArrayLike | None = None) -> None: ...
     @property
-    def width(self) -> int: ...
+    def width(self) -> int:
+        """Width of the images, pixels."""
     @property
-    def height(self) -> int: ...
+    def height(self) -> int:
+        """Height of the images, pixels."""
     @property
-    def k(self) -> NDArray[np.float64]: ...
+    def k(self) -> NDArray[np.float64]:
+        """3x3, pixels; pixel centres are at integers."""
     @property
-    def distortion(self) -> tuple[float, float, float, float, float]: ...
+    def distortion(self) -> tuple[float, float, float, float, float]:
+        """k1, k2, p1, p2, k3 of Brown and Conrady; zeros are an ideal pinhole."""
 
 class Engine:
     """A stereo rig's depth engine. One thread at a time."""
@@ -277,7 +306,8 @@ class Engine:
         cannot; 'auto': Vulkan on a GPU, else the CPU. low_memory: Vulkan takes the least memory, not the least
         time; the maps stay the same."""
     @property
-    def device(self) -> Device: ...
+    def device(self) -> Device:
+        """The device that it computes on."""
     @property
     def parameters(self) -> dict[str, float]:
         """All parameters, as a new dict; those of the imagers as the left one has them, see Engine.signal."""
