@@ -45,7 +45,8 @@ struct Outcome {
   std::string message;
 };
 
-/// Runs call() on another thread. A signal whose Python handler raises makes cancel() end it, and is raised when it has ended.
+/// Runs call() on another thread. A signal whose Python handler raises makes cancel() end it, and is raised when it has ended. cancel() is
+/// repeated until then: one that comes before the thread has begun ends nothing.
 template <class Api, class Call, class Cancel>
 Outcome run_interruptibly(const Call& call, const Cancel& cancel) {
   std::future<Outcome> running = std::async(std::launch::async, [&call] {
@@ -60,9 +61,8 @@ Outcome run_interruptibly(const Call& call, const Cancel& cancel) {
       now = running.wait_for(std::chrono::duration<double>(wait_slice_s));
     }
     if (now == std::future_status::ready) break;
-    if (interrupted || PyErr_CheckSignals() == 0) continue;
-    interrupted = true;
-    (void)cancel();
+    interrupted = interrupted || PyErr_CheckSignals() != 0;
+    if (interrupted) (void)cancel();
   }
   if (interrupted) throw py::error_already_set();
   return running.get();
