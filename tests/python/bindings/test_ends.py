@@ -139,6 +139,7 @@ def test_ctrl_c_ends_a_load(tmp_path: Path) -> None:
     folder = sleeping_helper(tmp_path)
     program = f"""
 import os, signal, threading, kuafu
+signal.signal(signal.SIGINT, signal.default_int_handler)  # shells let background jobs ignore it
 os.environ["KUAFU_HELPERS"] = {str(folder)!r}
 scene = kuafu.Scene(kuafu.Device("cpu"))
 threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT)).start()
