@@ -8,7 +8,7 @@ import sys
 import time
 from collections.abc import Callable
 from types import TracebackType
-from typing import TextIO
+from typing import TextIO, overload
 
 _REDRAW_S = 0.1
 _LINE_S = 15.0
@@ -18,6 +18,12 @@ _WIDTH = 28
 Progress = Callable[[float], object]
 
 
+@overload
+def part_of(progress: Progress, start: float, end: float) -> Progress: ...
+@overload
+def part_of(progress: None, start: float, end: float) -> None: ...
+@overload
+def part_of(progress: Progress | None, start: float, end: float) -> Progress | None: ...
 def part_of(progress: Progress | None, start: float, end: float) -> Progress | None:
     """`progress` for a call that is only the part start..end of the work."""
     if progress is None:

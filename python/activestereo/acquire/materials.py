@@ -15,6 +15,7 @@ from scipy.stats import qmc
 from activestereo.acquire.material_fit import HIGH, LOW, PARAMETERS, MaterialFit, Residuals
 from activestereo.acquire.material_views import MaterialScene, pictures
 from activestereo.capture import read_capture
+from activestereo.progress_bar import part_of
 from activestereo.scene_surfaces import surface_names, surfaces_of_object
 from activestereo.sensor_model import Quantity, SensorModel
 from activestereo.sensor_model.calibrated import calibrated
@@ -93,9 +94,9 @@ def acquire_materials(
     tell = progress or (lambda fraction: None)
     nominal = fit.start()
     colors = fit.estimate_colors(nominal, _FINE_SAMPLES)
-    ranked = _wide(fit, nominal, seed, full_grid, lambda f: tell(0.5 * f))
-    first = _fine(fit, ranked[0], lambda f: tell(0.5 + 0.25 * f))
-    results = [first, _fine(fit, ranked[1], lambda f: tell(0.75 + 0.25 * f))]
+    ranked = _wide(fit, nominal, seed, full_grid, part_of(tell, 0.0, 0.5))
+    first = _fine(fit, ranked[0], part_of(tell, 0.5, 0.75))
+    results = [first, _fine(fit, ranked[1], part_of(tell, 0.75, 1.0))]
     theta, residuals, sigma = min(results, key=lambda r: r[1].loss)
     before = fit.residuals(nominal, _FINE_SAMPLES).loss
     names = [surface_names(capture.scene_path)[k] for k in surfaces]

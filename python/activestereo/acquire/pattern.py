@@ -129,7 +129,7 @@ def acquire_pattern(path: Path, progress: Callable[[float], object] | None = Non
         )
     views = []
     for number, (group, frames) in enumerate(groups.items()):
-        share = lambda part, number=number: tell(0.95 * (number + part) / len(groups))  # noqa: E731
+        share = part_of(tell, 0.95 * number / len(groups), 0.95 * (number + 1) / len(groups))
         views.append(_wall_view(capture, f"{capture.path}: repeat group {group}", frames, share))
     views.sort(key=lambda view: view.wall.distance_m)
     pattern = merged_pattern(tuple(views), capture)

@@ -19,6 +19,7 @@ from scipy.sparse import lil_matrix
 from activestereo.acquire.boards import Board
 from activestereo.capture import EYES
 from activestereo.images import read_gray
+from activestereo.progress_bar import part_of
 from activestereo.sensor_model import Eye, Rig, SensorModel
 
 LEAST_BOARDS = 3
@@ -107,7 +108,7 @@ def acquire_rig(
     boards found.
     """
     tell = progress or (lambda fraction: None)
-    views, size, bit_depth = find_boards(path, board, lambda part: tell(0.7 * part))
+    views, size, bit_depth = find_boards(path, board, part_of(tell, 0.0, 0.7))
     result = calibrate(views, size, has_lens, known_K, bit_depth)
     tell(1.0)
     return result

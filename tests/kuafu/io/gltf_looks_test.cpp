@@ -9,6 +9,7 @@
 
 #include "device/error.h"
 #include "io/load.h"
+#include "kuafu/io/loaded.h"
 #include "kuafu/io/sample_files.h"
 
 namespace {
@@ -16,17 +17,10 @@ namespace {
 using namespace kuafu;
 using namespace scene_test;
 
-struct Loaded {
-  Scene scene;
-  std::vector<std::string> warnings;
-};
-
 Loaded load(GltfWriter& w) {
   const Folder folder;
   w.write_glb(folder / "a.glb");
-  Loaded out;
-  out.warnings = load_file(out.scene, folder / "a.glb", glm::dmat4(1.0));
-  return out;
+  return load_path(folder / "a.glb");
 }
 
 std::string error_of(GltfWriter& w) {

@@ -6,6 +6,7 @@
 
 #include "device/error.h"
 #include "io/load.h"
+#include "kuafu/io/loaded.h"
 #include "kuafu/io/sample_files.h"
 
 namespace {
@@ -13,16 +14,10 @@ namespace {
 using namespace kuafu;
 using namespace scene_test;
 
-struct Loaded {
-  Scene scene;
-  std::vector<std::string> warnings;
-};
-
 Loaded load(GltfWriter& writer, const glm::dmat4& root = glm::dmat4(1.0)) {
   const Folder folder;
-  Loaded out;
   writer.write_gltf(folder / "scene.gltf");
-  out.warnings = load_file(out.scene, folder / "scene.gltf", root);
+  Loaded out = load_path(folder / "scene.gltf", root);
   Scene binary;
   writer.write_glb(folder / "scene.glb");
   load_file(binary, folder / "scene.glb", root);

@@ -6,23 +6,13 @@
 
 #include "device/error.h"
 #include "io/load.h"
+#include "kuafu/io/loaded.h"
 #include "kuafu/io/sample_files.h"
 
 namespace {
 
 using namespace kuafu;
 using namespace scene_test;
-
-struct Loaded {
-  Scene scene;
-  std::vector<std::string> warnings;
-};
-
-Loaded load(const std::filesystem::path& path, const glm::dmat4& root = glm::dmat4(1.0)) {
-  Loaded out;
-  out.warnings = load_file(out.scene, path, root);
-  return out;
-}
 
 TEST(ObjFile, QuadsNormalsUvsAndMaterialsArrive) {
   const Folder folder;
@@ -37,7 +27,7 @@ TEST(ObjFile, QuadsNormalsUvsAndMaterialsArrive) {
              "o b\nusemtl shiny\nf 1/1/1 2/2/1 3/3/1\no c\nusemtl glass\nf 1/1/1 2/2/1 3/3/1\n");
   glm::dmat4 root(1.0);
   root[3] = {0, 0, 2, 1};
-  const Loaded loaded = load(folder / "box.obj", root);
+  const Loaded loaded = load_path(folder / "box.obj", root);
   const Scene& scene = loaded.scene;
   ASSERT_EQ(scene.instances().size(), 3u);
   EXPECT_EQ(scene.meshes()[0].indices.size(), 2u) << "a quad is two triangles";
@@ -93,7 +83,7 @@ TEST(ObjFile, EveryMapOfAMaterialArrives) {
   std::string obj = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\n";
   for (const char* name : {"all", "directed"}) obj += std::string("o ") + name + "\nusemtl " + name + "\nf 1 2 3\n";
   write_text(folder / "a.obj", obj);
-  const Loaded loaded = load(folder / "a.obj");
+  const Loaded loaded = load_path(folder / "a.obj");
   EXPECT_TRUE(loaded.warnings.empty()) << loaded.warnings[0];
   const Scene& scene = loaded.scene;
   const auto material = [&](size_t i) -> const Material& { return scene.materials()[scene.instances()[i]->materials[0]]; };
@@ -121,7 +111,7 @@ TEST(ObjFile, AMissingTextureOrNoFaceIsAnError) {
   write_text(folder / "points.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n");
   for (const char* name : {"a.obj", "points.obj"}) {
     try {
-      load(folder / name);
+      load_path(folder / name);
       ADD_FAILURE() << name << " was accepted";
     } catch (const ks::Error& error) {
       EXPECT_NE(std::string(error.what()).find(name), std::string::npos) << error.what();
@@ -133,7 +123,7 @@ TEST(StlFile, FacetsAreTrianglesOfTheDefaultMaterial) {
   const Folder folder;
   write_text(folder / "a.stl",
              "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\nendsolid a\n");
-  const Loaded loaded = load(folder / "a.stl");
+  const Loaded loaded = load_path(folder / "a.stl");
   ASSERT_EQ(loaded.scene.instances().size(), 1u);
   EXPECT_EQ(loaded.scene.meshes()[0].indices.size(), 1u);
   EXPECT_EQ(loaded.scene.instances()[0]->materials, std::vector<uint32_t>{none});
@@ -145,13 +135,13 @@ TEST(PlyFile, AsciiFacesArrive) {
              "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\nelement face 1\nproperty list "
              "uchar int "
              "vertex_indices\nend_header\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n4 0 1 2 3\n");
-  EXPECT_EQ(load(folder / "a.ply").scene.meshes()[0].indices.size(), 2u);
+  EXPECT_EQ(load_path(folder / "a.ply").scene.meshes()[0].indices.size(), 2u);
 }
 
 TEST(ColladaFile, NodesCarryTheirTransformsUnitsAndUpAxis) {
   const Folder folder;
   write_text(folder / "a.dae", collada_triangle());
-  const Loaded loaded = load(folder / "a.dae");
+  const Loaded loaded = load_path(folder / "a.dae");
   ASSERT_EQ(loaded.scene.instances().size(), 2u);
   EXPECT_EQ(loaded.scene.meshes().size(), 1u) << "two nodes share one geometry";
   const Scene::Bounds bounds = loaded.scene.bounds();
