@@ -11,8 +11,7 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-# Poses are printed with about nine digits; a rotation further off than this is a mistake, not rounding.
-ROTATION_TOLERANCE = 1e-4
+from activestereo.pose import rigid_fault
 
 LARGEST_INTEGER = 2**53
 
@@ -180,10 +179,9 @@ class JsonObject:
 
     def rigid_transform(self, key: str) -> np.ndarray:
         pose = self.numbers(key, (4, 4))
-        rotation = pose[:3, :3]
-        error = np.abs(rotation @ rotation.T - np.eye(3)).max()
-        if error > ROTATION_TOLERANCE or np.linalg.det(rotation) < 0 or np.any(pose[3] != [0, 0, 0, 1]):
-            self.fail(key, f"is not a rigid row-major 4x4 transform (rotation off by {error:.2g})")
+        fault = rigid_fault(pose)
+        if fault is not None:
+            self.fail(key, fault)
         return pose
 
     def file(self, key: str, optional: bool = False) -> Any:

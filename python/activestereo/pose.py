@@ -15,6 +15,11 @@ from numpy.typing import ArrayLike
 CAMERA_TO_BODY = np.array([[0.0, 0.0, 1.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
 CAMERA_TO_BODY.setflags(write=False)
 
+# Poses are printed with about nine digits; a rotation further off than this is a mistake, not rounding.
+ROTATION_TOLERANCE = 1e-4
+# Other programs print as few as four.
+_PRINTED_TOLERANCE = 1e-3
+
 
 class Pose:
     """A rigid motion: position p in metres, unit quaternion q = (w, x, y, z), as sapien.Pose. a * b applies b first."""
@@ -22,6 +27,9 @@ class Pose:
     def __init__(self, p: ArrayLike = (0.0, 0.0, 0.0), q: ArrayLike = (1.0, 0.0, 0.0, 0.0)) -> None:
         matrix = np.asarray(p, dtype=np.float64)
         if matrix.shape == (4, 4):
+            fault = rigid_fault(matrix)
+            if fault is not None:
+                raise ValueError(f"the matrix {fault}")
             p, q = matrix[:3, 3], _quaternion(matrix[:3, :3])
         self.p = np.array(p, dtype=np.float64)
         self.q = np.array(q, dtype=np.float64)
@@ -105,11 +113,45 @@ def look_at(eye: ArrayLike, target: ArrayLike, up: ArrayLike) -> np.ndarray:
     return out
 
 
+def rigid_fault(pose: np.ndarray, tolerance: float = ROTATION_TOLERANCE) -> str | None:
+    """What keeps a [4, 4] from being a rigid motion, in words that follow its name; None where it is one."""
+    if pose.shape != (4, 4) or not np.isfinite(pose).all():
+        return "is not a 4x4 of finite numbers"
+    if np.abs(pose[3] - [0.0, 0.0, 0.0, 1.0]).max() > 1e-9:
+        last = ", ".join(f"{value:g}" for value in pose[3])
+        return f"is not a rigid motion: the last row of the row-major 4x4 is {last}, expected 0, 0, 0, 1"
+    rotation = pose[:3, :3]
+    with np.errstate(over="ignore", invalid="ignore"):
+        error = float(np.abs(rotation @ rotation.T - np.eye(3)).max())
+    if not error <= tolerance:
+        return f"is not a rigid motion: its 3x3 part is off a rotation by {error:.2g}"
+    return "is not a rigid motion: its 3x3 part mirrors" if np.linalg.det(rotation) < 0 else None
+
+
+def printed_motion(
+    rotation: ArrayLike, translation: ArrayLike, name: str, last_row: ArrayLike = (0.0, 0.0, 0.0, 1.0)
+) -> np.ndarray:
+    """The rigid [4, 4] nearest to a rotation (9 numbers, row by row) and a translation (3) that another program has
+    printed with few digits. last_row: where it printed 4x4. ValueError, which begins with the name, for what is no
+    rigid motion."""
+    pose = np.eye(4)
+    try:
+        pose[:3, :3] = np.asarray(rotation, dtype=np.float64).reshape(3, 3)
+        pose[:3, 3] = np.asarray(translation, dtype=np.float64).reshape(3)
+        pose[3] = np.asarray(last_row, dtype=np.float64).reshape(4)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name}: is not 9 numbers of a rotation and 3 of a translation") from None
+    fault = rigid_fault(pose, _PRINTED_TOLERANCE)
+    if fault is not None:
+        raise ValueError(f"{name}: {fault}")
+    left, _, right = np.linalg.svd(pose[:3, :3])
+    pose[:3, :3], pose[3] = left @ right, (0.0, 0.0, 0.0, 1.0)
+    return pose
+
+
 def _quaternion(rotation: np.ndarray) -> np.ndarray:
     """(w, x, y, z) of a rotation: the eigenvector of Bar-Itzhack's symmetric matrix, good at every angle (J. Guidance
     23(6), 2000)."""
-    if not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-4) or np.linalg.det(rotation) < 0:
-        raise ValueError("the matrix is not a rigid motion: its 3x3 part is not a rotation")
     (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = rotation
     k = np.array(
         [

@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
+from activestereo.pose import printed_motion
+
 METHODS = {
     "Tsai": cv2.CALIB_HAND_EYE_TSAI,
     "Park": cv2.CALIB_HAND_EYE_PARK,
@@ -170,9 +172,7 @@ def _of_numbers(values: NDArray[np.float64], path: Path, number: int) -> NDArray
             raise ValueError(f"{path}: line {number}: the quaternion's length is {norm:.3f}, expected 1")
         return _matrix(Rotation.from_quat(values[3:]).as_rotvec(), values[:3])
     pose = values.reshape(4, 4)
-    if not np.allclose(pose[:3, :3] @ pose[:3, :3].T, np.eye(3), atol=1e-3) or not np.allclose(pose[3], [0, 0, 0, 1]):
-        raise ValueError(f"{path}: line {number}: the 4x4 is not a rotation and a translation")
-    return pose
+    return printed_motion(pose[:3, :3], pose[:3, 3], f"{path}: line {number}", pose[3])
 
 
 def _is_number(text: str) -> bool:

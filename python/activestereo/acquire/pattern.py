@@ -30,6 +30,7 @@ _LEAST_DISTANCE_RATIO = 1.2
 # The same dot at two distances: so far from where the projector's last place puts it, pixels of the pattern.
 _SAME_DOT_PX = (6.0, 3.0, 1.5, 1.5)
 _LEAST_LINES = 100
+_INTERVAL_90 = 1.6449
 
 
 @dataclass(frozen=True)
@@ -103,9 +104,9 @@ class Pattern:
                 "1.5 times as far, would tell it"
             )
         else:
-            ex, ey, ez = 1e3 * self.place_error_m
+            ex, ey, ez = 1e3 * _INTERVAL_90 * self.place_error_m
             lines.append(
-                f"projector at {x:.2f} ± {ex:.2f}, {y:.2f} ± {ey:.2f}, {z:.2f} ± {ez:.2f} mm of the left camera"
+                f"projector at {x:.3f} ± {ex:.3f}, {y:.3f} ± {ey:.3f}, {z:.3f} ± {ez:.3f} mm of the left camera (90 %)"
             )
         return "\n".join(lines)
 
@@ -256,7 +257,10 @@ def _meeting_point(
             )
         a, b = near.points[pairs[:, 0]], far.points[pairs[:, 1]]
         place, error = _nearest_to_lines(a, b)
-    return place, error, pairs
+    # A wall's plane errs for all of its dots at once, which the lines' own scatter does not show.
+    moved = [_nearest_to_lines(off[pairs[:, 0]], b)[0] for off in near.points_if_off]
+    moved += [_nearest_to_lines(a, off[pairs[:, 1]])[0] for off in far.points_if_off]
+    return place, np.sqrt(error**2 + np.sum((np.array(moved) - place) ** 2, axis=0)), pairs
 
 
 def _nearest_to_lines(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

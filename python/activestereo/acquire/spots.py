@@ -61,8 +61,9 @@ def find_spots(image: np.ndarray, variance: np.ndarray, progress: Callable[[floa
     fit.run(_FIRST_STEPS)
     tell(0.3)
     for peel in range(_PEELS):
-        left = -gaussian_laplace(fit.residual(), 0.8 * fit.sigma)
-        v, u = _peaks(left, np.maximum(_LEAST_MERGED * strong, _SIGNIFICANT * noise))
+        scale = 0.8 * fit.sigma
+        left = -gaussian_laplace(fit.residual(), scale)
+        v, u = _peaks(left, np.maximum(_LEAST_MERGED * strong, _SIGNIFICANT * _response_noise(variance, scale)))
         fit.add(u.astype(float), v.astype(float))
         fit.run(_PEEL_STEPS)
         fit.drop_weak()
@@ -86,7 +87,8 @@ class _Fit:
         sigma: float,
     ) -> None:
         self.image, self.background, self.sigma = image, background, sigma
-        self.weight = 1.0 / np.sqrt(variance)
+        self.deviation = np.sqrt(variance)
+        self.weight = 1.0 / self.deviation
         self.u, self.v, self.amplitude = np.empty(0), np.empty(0), np.empty(0)
         self.add(u, v)
 
@@ -149,11 +151,17 @@ class _Fit:
         """What is smooth in the residual is background."""
         self.background = self.background + gaussian_filter(self.residual(), 6.0 * self.sigma)
 
+    def _amplitude_error(self) -> np.ndarray:
+        """Of the noise alone: a Gaussian's square sums to pi sigma^2 over the pixels."""
+        at = self.deviation[np.rint(self.v).astype(int), np.rint(self.u).astype(int)]
+        return np.asarray(at / (np.sqrt(np.pi) * self.sigma))
+
     def drop_weak(self) -> None:
-        """Spots far weaker than those around them, and the weaker of two at one place."""
+        """Spots far weaker than those around them or than the noise, and the weaker of two at one place."""
         tree = cKDTree(np.column_stack([self.u, self.v]))
         _, near = tree.query(tree.data, k=min(30, len(self.u)))
         keep = self.amplitude > _LEAST_AMPLITUDE * np.median(self.amplitude[near], axis=1)
+        keep &= self.amplitude > _SIGNIFICANT * self._amplitude_error()
         for a, b in tree.query_pairs(_ONE_SPOT * self.sigma):
             if keep[a] and keep[b]:
                 strong, weak = (a, b) if self.amplitude[a] >= self.amplitude[b] else (b, a)
@@ -180,8 +188,12 @@ def _background(image: np.ndarray, sigma: float) -> np.ndarray:
 
 
 def _response_noise(variance: np.ndarray, sigma: float) -> np.ndarray:
-    """Deviation of a Laplacian of Gaussian's answer to white noise: of the filter's own energy, 1 / (2 pi sigma^6)."""
-    return np.sqrt(gaussian_filter(variance, 2.0 * sigma) / (2.0 * np.pi * sigma**6))
+    """Deviation of a Laplacian of Gaussian's answer to white noise: of the sampled filter's own energy, which for a
+    sigma well above a pixel is 1 / (2 pi sigma^6)."""
+    impulse = np.zeros((31, 31))
+    impulse[15, 15] = 1.0
+    energy = float(np.sum(gaussian_laplace(impulse, sigma) ** 2))
+    return np.sqrt(gaussian_filter(variance, 2.0 * sigma) * energy)
 
 
 def _strong_response(response: np.ndarray) -> np.ndarray:

@@ -18,10 +18,13 @@ _ROUNDS = 8
 @dataclass(frozen=True)
 class Wall:
     """plane: [n, d] with n . X = d in the left camera's frame, metres. points [spot][3]: where the left spots lie.
-    is_seen_by_both [spot]. flatness_px: RMS of the matched spots' disparity off the plane."""
+    points_if_off [3][spot][3]: where they would lie, were the plane one standard deviation off in each of the three
+    ways in which it errs independently. is_seen_by_both [spot]. flatness_px: RMS of the matched spots' disparity off
+    the plane."""
 
     plane: np.ndarray
     points: np.ndarray
+    points_if_off: np.ndarray
     is_seen_by_both: np.ndarray
     flatness_px: float
 
@@ -66,24 +69,32 @@ def find_wall(left: Spots, right: Spots, K: np.ndarray, right_K: np.ndarray, bas
         )
     flatness = float(np.sqrt(np.mean((left.u[both] - right.u[match[both]] - column[both] @ coefficients) ** 2)))
     # The left ray, with the right eye's opinion of its column: half of the disparity's deviation belongs to each.
-    shift = np.zeros(len(left.u))
-    shift[both] = 0.5 * (right.u[match[both]] + column[both] @ coefficients - left.u[both])
-    u, v = left.u + shift, left.v.copy()
+    v = left.v.copy()
     v[both] = 0.5 * (v[both] + (right.v[match[both]] - right_K[1, 2]) * K[1, 1] / right_K[1, 1] + K[1, 2])
-    ray = np.column_stack([(u - K[0, 2]) / K[0, 0], (v - K[1, 2]) / K[1, 1], np.ones(len(u))])
-    # disparity = fx B / Z + cx - cx': a plane in it is a plane in space, n . X = 1.
-    offset = K[0, 2] - right_K[0, 2]
-    normal = np.array([coefficients[1] * K[0, 0], coefficients[2] * K[1, 1], coefficients[0] - offset]) / (
-        K[0, 0] * baseline_m
-    )
+
+    def points_on(plane: np.ndarray) -> np.ndarray:
+        u = left.u.copy()
+        u[both] += 0.5 * (right.u[match[both]] + column[both] @ plane - left.u[both])
+        ray = np.column_stack([(u - K[0, 2]) / K[0, 0], (v - K[1, 2]) / K[1, 1], np.ones(len(u))])
+        return ray / (ray @ _normal(plane, K, right_K, baseline_m))[:, None]
+
+    normal = _normal(coefficients, K, right_K, baseline_m)
     if normal[2] <= 0:
         raise ValueError(
-            f"{name}: the wall's disparity is {coefficients[0] - offset:.2f} px: left and right are swapped, or the "
-            "baseline's sign is wrong"
+            f"{name}: the wall's disparity is {coefficients[0] - K[0, 2] + right_K[0, 2]:.2f} px: left and right are "
+            "swapped, or the baseline's sign is wrong"
         )
-    points = ray / (ray @ normal)[:, None]
+    variances, ways = np.linalg.eigh(flatness**2 * np.linalg.inv(column[both].T @ column[both]))
+    if_off = np.stack([points_on(coefficients + step) for step in (np.sqrt(variances) * ways).T])
     length = np.linalg.norm(normal)
-    return Wall(np.append(normal / length, 1.0 / length), points, both, flatness)
+    plane = np.append(normal / length, 1.0 / length)
+    return Wall(plane, points_on(coefficients), if_off, both, flatness)
+
+
+def _normal(coefficients: np.ndarray, K: np.ndarray, right_K: np.ndarray, baseline_m: float) -> np.ndarray:
+    """n of n . X = 1: disparity = fx B / Z + cx - cx', so that a plane in it is a plane in space."""
+    level = coefficients[0] - K[0, 2] + right_K[0, 2]
+    return np.array([coefficients[1] * K[0, 0], coefficients[2] * K[1, 1], level]) / (K[0, 0] * baseline_m)
 
 
 def _pairs(left: Spots, right: Spots) -> np.ndarray:

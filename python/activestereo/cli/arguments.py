@@ -9,6 +9,7 @@ from typing import TypeAlias
 
 import numpy as np
 
+from activestereo.pose import rigid_fault
 from activestereo.render_table import RENDER
 
 # What a command's add_parser gets, and adds its own parser to.
@@ -49,12 +50,9 @@ def camera_matrix(text: str) -> np.ndarray:
 
 def transform(text: str) -> np.ndarray:
     matrix = numbers(text, (16,), "a transform").reshape(4, 4)
-    rotation = matrix[:3, :3]
-    rigid = np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-4) and np.linalg.det(rotation) > 0
-    if not rigid or not np.array_equal(matrix[3], [0, 0, 0, 1]):
-        raise argparse.ArgumentTypeError(
-            "a transform is a row-major 4x4 of a rotation and a translation, with 0,0,0,1 as its last row"
-        )
+    fault = rigid_fault(matrix)
+    if fault is not None:
+        raise argparse.ArgumentTypeError(f"the transform {fault}")
     return matrix
 
 

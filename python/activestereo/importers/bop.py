@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from activestereo.gltf_writer import GltfWriter
 from activestereo.importers.color_depth import ColorDepthFrame, ColorDepthRecording, camera_matrix_of, image_files
 from activestereo.mesh_files import read_mesh
+from activestereo.pose import printed_motion
 
 _MM = 0.001
 _RATE_HZ = 30.0
@@ -55,24 +56,18 @@ def _camera_to_world(
     path: Path, name: str, entry: dict[str, Any], truth: dict[str, Any], first: str
 ) -> NDArray[np.float64] | None:
     if "cam_R_w2c" in entry:
-        return np.linalg.inv(_rigid(path, f"{name}.cam_R_w2c", entry["cam_R_w2c"], entry.get("cam_t_w2c")))
+        return np.linalg.inv(_motion(path, name, entry, "w2c"))
     if not truth.get(name) or not truth.get(first):
         return None
-    here, there = (
-        _rigid(path, f"{n}.cam_R_m2c", truth[n][0]["cam_R_m2c"], truth[n][0]["cam_t_m2c"]) for n in (name, first)
-    )
+    here, there = (_motion(path, n, truth[n][0], "m2c") for n in (name, first))
     return np.asarray(there @ np.linalg.inv(here))
 
 
-def _rigid(path: Path, key: str, rotation: object, translation_mm: object) -> NDArray[np.float64]:
-    pose = np.eye(4)
-    try:
-        pose[:3, :3] = np.array(rotation, dtype=np.float64).reshape(3, 3)
-        pose[:3, 3] = _MM * np.array(translation_mm, dtype=np.float64).reshape(3)
-    except (TypeError, ValueError):
-        raise ValueError(f"{path}: {key}: is not nine numbers beside three millimetres") from None
-    if not np.isfinite(pose).all() or not np.allclose(pose[:3, :3] @ pose[:3, :3].T, np.eye(3), atol=1e-3):
-        raise ValueError(f"{path}: {key}: is no rotation")
+def _motion(path: Path, key: str, entry: dict[str, Any], way: str) -> NDArray[np.float64]:
+    """way: w2c or m2c."""
+    name, translation = f"{path}: {key}.cam_R_{way}, cam_t_{way}", entry.get(f"cam_t_{way}")
+    pose = printed_motion(entry[f"cam_R_{way}"], translation if translation is not None else (), name)
+    pose[:3, 3] *= _MM
     return pose
 
 
@@ -91,9 +86,7 @@ def _write_scene(
             continue
         name = f"object {entry['obj_id']}" + (f" ({number})" if number else "")
         material = writer.add_material(name, pbrMetallicRoughness={"metallicFactor": 0.0, "roughnessFactor": 0.6})
-        pose = frame.camera_to_world @ _rigid(
-            folder / "scene_gt.json", f"{first}.cam_R_m2c", entry["cam_R_m2c"], entry["cam_t_m2c"]
-        )
+        pose = frame.camera_to_world @ _motion(folder / "scene_gt.json", first, entry, "m2c")
         writer.add_placed_mesh(name, read_mesh(file, _MM), material, pose)
         count += 1
     if count:

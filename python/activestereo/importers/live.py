@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
 from activestereo.images import write_gray
 from activestereo.importers.realsense_text import DeviceText, Intrinsic
+from activestereo.pose import printed_motion
 
 # Automatic exposure needs a second or so to settle.
 _SETTLING_FRAMES = 30
@@ -77,13 +77,10 @@ def _calibration(rs: Any, profile: Any) -> DeviceText:
         K = np.array([[told.fx, 0.0, told.ppx], [0.0, told.fy, told.ppy], [0.0, 0.0, 1.0]])
         modes[name, told.width, told.height] = Intrinsic(told.width, told.height, K, np.array(told.coeffs, dtype=float))
     first = streams["Infrared 1"]
-    between = {("Infrared 1", name): _rigid(first.get_extrinsics_to(streams[name])) for name in ("Infrared 2", "Color")}
+    between = {}
+    for name in ("Infrared 2", "Color"):
+        told = first.get_extrinsics_to(streams[name])
+        rotation = np.reshape(told.rotation, (3, 3)).T  # librealsense keeps rotations column by column
+        what = f'live: Extrinsic from "Infrared 1" To "{name}"'
+        between["Infrared 1", name] = printed_motion(rotation, told.translation, what)
     return DeviceText(Path("live"), modes, between)
-
-
-def _rigid(told: Any) -> NDArray[np.float64]:
-    """librealsense keeps rotations column by column."""
-    pose = np.eye(4)
-    pose[:3, :3] = np.reshape(told.rotation, (3, 3)).T
-    pose[:3, 3] = told.translation
-    return pose

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from activestereo.importers.color_depth import ColorDepthFrame, ColorDepthRecording, camera_matrix_of, image_files
+from activestereo.pose import printed_motion
 
 _INTRINSICS = ("camera_intrinsic.json", "intrinsic.json")
 _TRAJECTORIES = ("trajectory.log", "scene/trajectory.log", "trajectory.json", "scene/trajectory.json")
@@ -74,8 +75,7 @@ def _poses(folder: Path) -> list[NDArray[np.float64]] | None:
             pose = np.array(block, dtype=np.float64).reshape(4, 4)
         except ValueError:
             raise ValueError(f"{path}: pose {number}: is not a 4x4 of numbers") from None
-        if not np.isfinite(pose).all() or not np.allclose(pose[:3, :3] @ pose[:3, :3].T, np.eye(3), atol=1e-3):
-            raise ValueError(f"{path}: pose {number}: is not a rotation and a place of finite numbers")
+        pose = printed_motion(pose[:3, :3], pose[:3, 3], f"{path}: pose {number}", pose[3])
         out.append(pose if path.suffix == ".log" else np.linalg.inv(pose))
     return out
 

@@ -18,6 +18,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from activestereo.pose import printed_motion
+
 _INTRINSIC = re.compile(r'Intrinsic of\s+"(?P<stream>[^"]+)"\s*/\s*(?P<width>\d+)x(?P<height>\d+)')
 _EXTRINSIC = re.compile(r'Extrinsic from\s+"(?P<first>[^"]+)"\s+To\s+"(?P<second>[^"]+)"', re.IGNORECASE)
 _FIELD = re.compile(r"^\s*(?P<key>Width|Height|PPX|PPY|Fx|Fy|Distortion|Coeffs)\s*:\s*(?P<value>.*)$")
@@ -130,8 +132,4 @@ def _extrinsic(path: Path, name: str, lines: list[str]) -> NDArray[np.float64]:
             f"{path}: {name} {len(rotation)} numbers of rotation and {len(translation)} of translation, expected 9 and "
             "3"
         )
-    pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = np.reshape(rotation[:9], (3, 3)), translation[:3]
-    if not np.allclose(pose[:3, :3] @ pose[:3, :3].T, np.eye(3), atol=1e-3):
-        raise ValueError(f"{path}: {name} the rotation matrix is none")
-    return pose
+    return printed_motion(rotation[:9], translation[:3], f"{path}: {name}")

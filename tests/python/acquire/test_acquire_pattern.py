@@ -9,8 +9,9 @@ from scipy.spatial import cKDTree
 
 from activestereo import StereoDepthSensorConfig
 from activestereo.acquire.model_section import replace_sections
-from activestereo.acquire.pattern import acquire_pattern
+from activestereo.acquire.pattern import _meeting_point, _variance_of_mean, acquire_pattern
 from activestereo.acquire.spots import find_spots
+from activestereo.acquire.wall import find_wall
 from activestereo.capture import read_capture
 from activestereo.cli import main
 from activestereo.images import write_gray
@@ -113,6 +114,41 @@ def test_merged_spots_are_told_apart():
     assert len(spots) == len(u) == len(np.unique(nearest)) and distance.max() < 0.1
     assert spots.sigma_px == pytest.approx(sigma, rel=0.01)
     assert np.median(spots.flux) == pytest.approx(2 * np.pi * sigma**2 * 60.0, rel=0.01)
+
+
+def test_intervals_of_dim_walls_hold_the_truth():
+    """Dots of 2 to 12 DN under the noise of 12 repeats, of which the far wall's weakest are lost. 18 intervals of 90 %
+    hold 16 truths on average, below 13 by chance in less than one run of 150."""
+    left_K, dots_K = np.array([[213.5, 0, 79.5], [0, 213.5, 59.5], [0, 0, 1.0]]), np.array([[400.0, 0, 250], [0, 400.0, 200], [0, 0, 1]])
+    place, baseline_m, scores = np.array([0.0293, 0.0004, -0.0012]), 0.05, []
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        u, v = (part.ravel() + rng.uniform(-5, 5, part.size) for part in np.meshgrid(np.arange(80, 420, 12.0), np.arange(80, 320, 12.0)))
+        power, walls = rng.uniform(0.4, 1.6, u.size), []
+        for distance_m, peak_dn in ((1.0, 8.0), (1.8, 3.0)):
+            ray = np.column_stack([(u - dots_K[0, 2]) / dots_K[0, 0], (v - dots_K[1, 2]) / dots_K[1, 1], np.ones(u.size)])
+            points = place + (distance_m - place[2]) * ray
+            seen = [_spots_of(points - [shift, 0, 0], peak_dn * power, left_K, rng) for shift in (0.0, baseline_m)]
+            walls.append(find_wall(*seen, left_K, left_K, baseline_m, "wall"))
+        found, error, pairs = _meeting_point(*walls, NOMINAL_PLACE_M, np.eye(3), dots_K)
+        assert len(pairs) > 200
+        scores.append((found - place) / error)
+    scores = np.array(scores)
+    assert np.sum(np.abs(scores) < 1.6449) >= 13
+    assert 0.5 < np.sqrt(np.mean(scores**2)) < 1.5  # nor are they wide for nothing
+
+
+def _spots_of(points, peak_dn, K, rng, size=(120, 160), sigma=0.9, repeats=12):
+    """Spots that find_spots sees of dots at points [n][3] in a camera's frame."""
+    y, x = np.mgrid[: size[0], : size[1]]
+    light = np.zeros(size)
+    for (px, py, pz), peak in zip(points, peak_dn, strict=True):
+        u, v = K[0, 0] * px / pz + K[0, 2], K[1, 1] * py / pz + K[1, 2]
+        if -4 < u < size[1] + 3 and -4 < v < size[0] + 3:
+            part = np.s_[max(int(v) - 4, 0) : int(v) + 6, max(int(u) - 4, 0) : int(u) + 6]
+            light[part] += peak * np.exp(-0.5 * ((x[part] - u) ** 2 + (y[part] - v) ** 2) / sigma**2)
+    counts = np.rint(light + 5.0 + rng.normal(size=(repeats, *size)) * np.sqrt(0.25 + 0.02 * light))
+    return find_spots(counts.mean(axis=0), _variance_of_mean(counts))
 
 
 def _refused(arguments, capsys):

@@ -122,6 +122,19 @@ def test_a_bop_scene_brings_its_objects(bop, tmp_path):
     assert np.allclose(scene.summary.bounds_max_m, (0.04, 0.06, 0.52), atol=1e-6)
 
 
+def test_a_bop_scene_whose_rotations_have_few_digits_becomes_a_capture(bop, tmp_path, capsys):
+    truth = json.loads((bop / "scene_gt.json").read_text())
+    truth["1"][0]["cam_R_m2c"] = [0.8, -0.6004, 0, 0.6, 0.8, 0, 0, 0, 1]
+    (bop / "scene_gt.json").write_text(json.dumps(truth))
+    assert main(["import", str(bop), "--out", str(tmp_path / "capture")]) == 0
+    turn = read_capture(tmp_path / "capture").frames[1].camera_to_world[:3, :3]
+    np.testing.assert_allclose(turn, [[0.8, 0.6, 0], [-0.6, 0.8, 0], [0, 0, 1]], atol=4e-4)
+    truth["1"][0]["cam_R_m2c"] = [-1, 0, 0, 0, 1, 0, 0, 0, 1]
+    (bop / "scene_gt.json").write_text(json.dumps(truth))
+    line = refused(["import", str(bop), "--out", str(tmp_path / "other")], capsys)
+    assert "1.cam_R_m2c, cam_t_m2c: is not a rigid motion: its 3x3 part mirrors" in line
+
+
 def test_what_is_wrong_with_a_bop_scene_is_told(bop, tmp_path, capsys):
     camera = json.loads((bop / "scene_camera.json").read_text())
     del camera["1"]["cam_K"]

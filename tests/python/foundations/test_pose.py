@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from activestereo import Pose
-from activestereo.pose import body_pose, camera_to_camera, camera_to_world, look_at
+from activestereo.pose import body_pose, camera_to_camera, camera_to_world, look_at, printed_motion, rigid_fault
 
 QUARTER_TURN_LEFT = [np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)]  # about z, which is up
 
@@ -58,6 +58,30 @@ def test_look_at_puts_the_target_on_the_axis_and_up_upwards():
 def test_what_is_no_rotation_is_refused(bad):
     with pytest.raises(ValueError, match="rigid"):
         Pose(bad)
+
+
+def test_what_is_not_rigid_is_said_in_words():
+    assert rigid_fault(np.eye(4)) is None
+    assert rigid_fault(np.diag([-1.0, 1, 1, 1])).endswith("its 3x3 part mirrors")
+    assert rigid_fault(np.diag([1.1, 1, 1, 1])).endswith("off a rotation by 0.21")
+    assert rigid_fault(np.diag([1.0, 1, 1, 2])).endswith("is 0, 0, 0, 2, expected 0, 0, 0, 1")
+    for broken in (np.eye(3), np.full((4, 4), np.nan)):
+        assert rigid_fault(broken) == "is not a 4x4 of finite numbers"
+
+
+def test_a_rotation_printed_with_few_digits_becomes_one():
+    true = look_at(eye=(1, 2, 3), target=(0, 0, 0), up=(0, 1, 0))
+    few = np.round(true[:3, :3], 3)
+    assert rigid_fault(np.block([[few, true[:3, 3:]], [true[3:]]])) is not None
+    pose = printed_motion(few.ravel().tolist(), true[:3, 3], "poses.txt: line 3")
+    assert rigid_fault(pose, 1e-12) is None
+    np.testing.assert_allclose(pose, true, atol=1e-3)
+    with pytest.raises(ValueError, match="poses.txt: line 3: is not a rigid motion: its 3x3 part mirrors"):
+        printed_motion(-few, true[:3, 3], "poses.txt: line 3")
+    with pytest.raises(ValueError, match="poses.txt: line 3: is not 9 numbers of a rotation and 3 of a translation"):
+        printed_motion(few, (1.0, 2.0), "poses.txt: line 3")
+    with pytest.raises(ValueError, match="last row of the row-major 4x4 is 0, 0, 1, 1"):
+        printed_motion(few, true[:3, 3], "poses.txt: line 3", (0, 0, 1, 1))
 
 
 def test_bad_numbers_are_refused():
