@@ -23,7 +23,7 @@ if [ "${1:-}" = --no-build ]; then
   exit 0
 fi
 base=${LINT_BASE:-$(git rev-parse --verify -q HEAD~1 || git rev-parse HEAD)}
-changed=$(git diff --name-only --diff-filter=d "$base" -- '*.cpp' | grep -v '^tests/' | xargs -r grep -L '#include "frame/host_language.h"' || true)
+changed=$(git diff --name-only --diff-filter=d "$base" -- '*.cpp' | grep -Ev '^(tests|examples)/' | xargs -r grep -L '#include "frame/host_language.h"' || true)
 if [ -n "$changed" ]; then
   build_all
   echo "$changed" | xargs -P "$(nproc)" -n 1 clang-tidy --quiet -p build 2>/dev/null

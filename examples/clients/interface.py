@@ -338,6 +338,7 @@ class kuafu_film_desc(c.Structure):
         ("psf_sigma_px", c.c_double),
         ("psf_corner_sigma_px", c.c_double),
         ("veiling_glare_fraction", c.c_double),
+        ("firefly_factor", c.c_double),
     ]
 
 

@@ -168,6 +168,7 @@ pub struct kuafu_film_desc {
     pub psf_sigma_px: f64,
     pub psf_corner_sigma_px: f64,
     pub veiling_glare_fraction: f64,
+    pub firefly_factor: f64,
 }
 
 #[repr(C)]

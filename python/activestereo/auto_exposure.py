@@ -94,13 +94,32 @@ class AutoExposure:
 
 
 def rgb_exposure(radiance: NDArray[np.float32]) -> float:
-    """The factor that puts the median lit pixel's green at a quarter of white. radiance: [height][width][3]."""
-    lit = radiance[..., 1][radiance[..., 1] > 0]
+    """The factor that puts the median lit pixel's green at a quarter of white. radiance: [..., height, width, 3]."""
+    green = radiance[..., ::_STRIDE, ::_STRIDE, 1]
+    lit = green[green > 0]
     return 0.25 / float(np.median(lit)) if lit.size else 1.0
 
 
+def encoded_rgb(radiance: NDArray[np.float32], exposure: float | None) -> NDArray[np.float32]:
+    """0..1, sRGB-encoded, under this exposure or, for None or 0, that of rgb_exposure(). radiance: [..., height, width,
+    3]."""
+    return srgb(radiance * np.float32(exposure or rgb_exposure(radiance)))
+
+
 def srgb(linear: NDArray[np.float32]) -> NDArray[np.float32]:
-    """sRGB's transfer curve (IEC 61966-2-1) on linear values, clipped to 0..1."""
-    linear = np.clip(linear, 0.0, 1.0)
-    encoded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
-    return encoded.astype(np.float32)
+    """sRGB's transfer curve (IEC 61966-2-1) on linear values, clipped to 0..1; right to 2e-5, by a table over the root
+    of the value, where the curve is nearly straight."""
+    root = np.maximum(linear, np.float32(0.0))
+    np.minimum(root, np.float32(1.0), out=root)
+    np.sqrt(root, out=root)
+    root *= len(_SRGB) - 1
+    root += 0.5
+    return _SRGB.take(root.astype(np.uint16))
+
+
+def _srgb_table() -> NDArray[np.float32]:
+    linear = np.linspace(0.0, 1.0, 1 << 16) ** 2
+    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055).astype(np.float32)
+
+
+_SRGB = _srgb_table()

@@ -17,9 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 
 import kuafu
 import simsense
-from activestereo.auto_exposure import AutoExposure, rgb_exposure, srgb
+from activestereo.auto_exposure import AutoExposure, encoded_rgb
 from activestereo.effects.core.engine import EngineInputs, apply_engine, moved_pose
-from activestereo.fireflies import infrared_layers
 from activestereo.ir_link import IrLink
 from activestereo.lazy_maps import LazyMaps
 from activestereo.lens import undistort
@@ -31,16 +30,24 @@ from activestereo.pose import Pose, as_matrix, camera_to_world
 from activestereo.presets import StereoDepthSensorConfig
 from activestereo.progress_bar import Progress, part_of
 from activestereo.sensor_effects import ImageEffects, ModelCostWarning
-from activestereo.sensor_inputs import exposure, fitted_to, render_settings, sensor_inputs, shutter, twist_of
+from activestereo.sensor_inputs import (
+    LASER_OUTPUTS,
+    exposure,
+    fitted_to,
+    laser_light,
+    render_settings,
+    sensor_inputs,
+    shutter,
+    twist_of,
+)  # fmt: skip
 from activestereo.sensor_model import SensorModel
-from activestereo.sensor_world import LATER, SensorWorld, pattern_of
+from activestereo.sensor_world import LATER, SensorWorld
 
 # Of the RGB picture: dtype and channels.
 RGB_OUTPUTS = {
     "radiance": (np.float32, 3), "depth": (np.float32, 1), "material_id": (np.uint32, 1), "instance_id": (np.uint32, 1),
 }  # fmt: skip
 Band = Literal["visible", "infrared"]
-LASER_OUTPUTS = ("projector_direct", "projector_indirect")
 
 
 class StereoDepthSensor:
@@ -81,8 +88,7 @@ class StereoDepthSensor:
         width, height = self._config.ir_resolution
         self._link = IrLink(self._device, self._engine.device, width, height, copy=copy_ir)
         pattern = self._config.pattern() if self._config.light_dots is None else None
-        self._pattern = None if pattern is None else pattern[0]
-        self._world = SensorWorld(self._scene, self._pattern)
+        self._world = SensorWorld(self._scene, None if pattern is None else pattern[0])
         self._inputs, self._frame, self._lit_frame, self._is_closed = None, -1, -1, False
         self._tell_engines()
         self._image_effects = ImageEffects(weakref.proxy(self), self._left_over)
@@ -93,8 +99,7 @@ class StereoDepthSensor:
         weakref.finalize(self, self._world.leave).atexit = False
         rgb_width, rgb_height = self._config.rgb_resolution
         self._rgb = PictureMemory(self._device, (1, rgb_height, rgb_width), RGB_OUTPUTS)
-        self._has_rgb, self._maps, self._laser = False, LazyMaps(), (None, None)
-        self._has_picture = False
+        self._has_picture, self._has_rgb, self._maps, self._laser = False, False, LazyMaps(), (None, None)
         self._stage_times: dict[str, float] = {}
 
     # ---- taking pictures ----
@@ -134,9 +139,7 @@ class StereoDepthSensor:
     def get_rgb(self) -> NDArray[np.float32]:
         """float32 [height, width, 3] in 0..1, sRGB-encoded."""
         self._require_rgb()
-        radiance = self._rgb.read("radiance")[0]
-        exposure = self._config.rgb_exposure or rgb_exposure(radiance)
-        return srgb(radiance * np.float32(exposure))
+        return encoded_rgb(self._rgb.read("radiance")[0], self._config.rgb_exposure)
 
     def get_ir(self) -> list[NDArray[np.float32]]:
         """[left, right] float32 [height, width] in 0..1: what linear imagers would count without noise and dark
@@ -381,8 +384,7 @@ class StereoDepthSensor:
             temperature, time_s = self._conditions
             c, twist = self._config, self._twist
             frame = exposure(c, twist, time_s, temperature)
-            pattern = None if self._pattern is None else pattern_of(self._pattern)
-            emitter = c.emitter_power(max(self._lit_frame, 0))
+            emitter, pattern = c.emitter_power(max(self._lit_frame, 0)), self._world.pattern
             inputs = sensor_inputs(c, self._scene, Pose(), twist, frame, pattern, self._ambient_radiance, emitter)
             inputs.scene_materials = self._world.material
             self._survey.apply(inputs)
@@ -474,13 +476,11 @@ class StereoDepthSensor:
         )  # fmt: skip
 
     def _render_infrared(self, frame: int, progress: Any) -> Any:
-        """Into the link; returns the projector's part of both images, (None, None) where the config does not ask for
-        it."""
-        apart, clamps = self._tell_engines().speckle_of_laser, self._config.ir_fireflies == "clamp"
-        names = LASER_OUTPUTS if apart else LASER_OUTPUTS[:1] if clamps else ()
+        """Into the link; returns the projector's part of both images, (None, None) where all light has speckle."""
+        names = LASER_OUTPUTS if self._tell_engines().speckle_of_laser else ()
         outputs = {"radiance": self._link.target} | dict.fromkeys(names, np.float32)
         images = self._render(self.ir_cameras(), outputs, "infrared", frame, progress)
-        return infrared_layers(self._link.images, images, apart, clamps)
+        return laser_light(images) if names else (None, None)
 
     def _keep_times(self, group: str, worker: Any) -> None:
         kept = {name: t for name, t in self._stage_times.items() if not name.startswith(f"{group}: ")}

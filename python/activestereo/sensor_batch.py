@@ -23,9 +23,8 @@ from numpy.typing import NDArray
 
 import kuafu
 import simsense
-from activestereo.auto_exposure import AutoExposure, rgb_exposure, srgb
+from activestereo.auto_exposure import AutoExposure, encoded_rgb
 from activestereo.batch_rig import BatchRig
-from activestereo.fireflies import infrared_layers
 from activestereo.ir_link import IrLink
 from activestereo.lazy_maps import LazyMaps
 from activestereo.matching import make_engine, renderer_parameters
@@ -33,8 +32,8 @@ from activestereo.picture_memory import PictureMemory
 from activestereo.pose import Pose, as_matrix, camera_to_world
 from activestereo.pose_arrays import host_array, pose_fault, pose_matrices
 from activestereo.presets import StereoDepthSensorConfig
-from activestereo.sensor import LASER_OUTPUTS, RGB_OUTPUTS
-from activestereo.sensor_inputs import render_settings, shutter
+from activestereo.sensor import RGB_OUTPUTS
+from activestereo.sensor_inputs import LASER_OUTPUTS, laser_light, render_settings, shutter
 from activestereo.sensor_model import SensorModel, read_model
 
 
@@ -189,8 +188,7 @@ class StereoDepthSensorBatch:
 
     def get_rgb(self) -> NDArray[np.float32]:
         """float32 [..., height, width, 3] in 0..1, sRGB-encoded; exposed alike, unless the config says how."""
-        radiance = self._picture("radiance")
-        return srgb(radiance * np.float32(self._config.rgb_exposure or rgb_exposure(radiance)))
+        return encoded_rgb(self._picture("radiance"), self._config.rgb_exposure)
 
     def get_true_depth(self) -> NDArray[np.float32]:
         """float32 [..., height, width] metres in the RGB cameras of what is at each pixel's centre; 0 = nothing."""
@@ -291,9 +289,8 @@ class StereoDepthSensorBatch:
 
     def _render_infrared(self, settings: dict[str, Any]) -> None:
         """Into the link, exposed; the laser's part, where speckle is its alone, is kept."""
-        c = self._config
-        apart, clamps = self._rig.told.speckle_of_laser, c.ir_fireflies == "clamp"
-        names = LASER_OUTPUTS if apart else LASER_OUTPUTS[:1] if clamps else ()
+        apart = self._rig.told.speckle_of_laser
+        names = LASER_OUTPUTS if apart else ()
         outputs: dict[str, Any] = {"radiance": self._link.target} | dict.fromkeys(names, np.float32)
         environments = self._environments * 2
         layers = self._renderer.render(
@@ -306,29 +303,23 @@ class StereoDepthSensorBatch:
             **settings,
         )
         self._lasers = (None, None)
-        if not names and self._exposure.mode == "fixed":
+        if not apart and self._exposure.mode == "fixed":
             return
         pairs = self._link.images.reshape(2, self._count, *self._link.images.shape[1:])
-        lasers: tuple[list[NDArray[np.float32]], list[NDArray[np.float32]]] = ([], [])
-        for n in range(self._count):
-            own = {name: layers[name][n :: self._count] for name in names}
-            parts = infrared_layers(pairs[:, n], own, apart, clamps)
-            light = self._light_of(pairs[0, n])
-            pairs[:, n] *= light
-            for images, part in zip(lasers, parts, strict=True):
-                images += [] if part is None else [part * light]
-        if apart:
-            self._lasers = (self._stacked(lasers[0]), self._stacked(lasers[1]))
+        lasers = laser_light(layers).reshape(pairs.shape) if apart else None
+        if self._exposure.mode != "fixed":
+            for n in range(self._count):
+                light = self._light_of(pairs[0, n])
+                pairs[:, n] *= light
+                if lasers is not None:
+                    lasers[:, n] *= light
+        if lasers is not None:
+            self._lasers = (lasers[0], lasers[1]) if self._count > 1 else (lasers[0, 0], lasers[1, 0])
 
     def _light_of(self, left: NDArray[np.float32]) -> np.float32:
         """How much more light than under the configuration's exposure a sensor that sees this takes."""
-        if self._exposure.mode == "fixed":
-            return np.float32(1.0)
         setting = self._exposure.after(self._config, self._signal, left, self._max_dn)
         return np.float32(setting.light_s / self._exposure.start.light_s)
-
-    def _stacked(self, images: list[NDArray[np.float32]]) -> NDArray[np.float32]:
-        return np.stack(images) if self._count > 1 else images[0]
 
     def _compute(self, names: list[str]) -> dict[str, NDArray[Any]]:
         self._engine.set_parameters(frame_index=self._frame, scene_index=max(self._speckle_draw, 0))

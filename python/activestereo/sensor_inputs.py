@@ -4,6 +4,7 @@ effects; and a model's effects with the names of a scene's surfaces."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -24,6 +25,10 @@ from activestereo.sensor_model import SensorModel, read_model
 if TYPE_CHECKING:
     from activestereo.presets import StereoDepthSensorConfig
 
+# Parts of the infrared pair's light that the projector's laser makes.
+LASER_OUTPUTS = ("projector_direct", "projector_indirect")
+# How many times brighter than all around it a pixel of indirect light is taken for a firefly.
+_FIREFLY_FACTOR = 1.5
 # Media reach so far beyond scene and rig.
 _MARGIN_M = 0.05
 # A collimated beam is in focus here: a dot is the beam's width in metres beside its angle.
@@ -99,6 +104,13 @@ def shutter(line_time_s: float, readout: str) -> dict[str, Any]:
     return {"shutter": "rolling", "line_time_s": line_time_s, "readout": readout} if line_time_s else {}
 
 
+def laser_light(images: Mapping[str, NDArray[np.float32]]) -> NDArray[np.float32]:
+    """float32 [cameras, height, width]: the projector's light of LASER_OUTPUTS, [cameras, height, width, 1] each. The
+    depth engine takes no more of it than the image has."""
+    direct, indirect = (images[name] for name in LASER_OUTPUTS)
+    return np.add(direct, indirect)[..., 0]
+
+
 def _eye(
     config: StereoDepthSensorConfig,
     pose: Pose,
@@ -121,8 +133,10 @@ def _eye(
         exposure_s=config.ir_camera_exposure,
         **shutter(config.ir_line_time_s, config.ir_readout),
     )
-    film = config.ir_film
-    return EngineEye(camera, kuafu.Film() if film is None else kuafu.Film(**film), signal, is_right)
+    film = kuafu.Film(**(config.ir_film or {}))
+    if config.ir_fireflies == "clamp" and film.firefly_factor == 0.0:
+        film.firefly_factor = _FIREFLY_FACTOR
+    return EngineEye(camera, film, signal, is_right)
 
 
 def _projector(

@@ -21,6 +21,8 @@ class SensorWorld:
     def __init__(self, scene: kuafu.Scene, pattern: NDArray[np.uint8] | None) -> None:
         self._scene = scene
         self._pattern = pattern
+        # What the engines are told of it; None where the projector has dots or there is none.
+        self.pattern = None if pattern is None else pattern_of(pattern)
         self._texture: int | None = None
         self._changed_texture: int | None = None
         self._materials: dict[int, kuafu.Material] = {}
@@ -94,20 +96,24 @@ class SensorWorld:
 
     def _throw(self, light: kuafu.Light, inputs: EngineInputs) -> None:
         """Gives a projector of an image its texture: the sensor's own one, or what effects made of it."""
-        if light.kind != "projector" or self._pattern is None or len(light.dots):
+        own = self.pattern
+        if light.kind != "projector" or self._pattern is None or own is None or len(light.dots):
             return
-        if inputs.pattern is None or np.array_equal(inputs.pattern, pattern_of(self._pattern)):
+        pattern = own if inputs.pattern is None else inputs.pattern
+        if pattern is own or np.array_equal(pattern, own):
             if self._texture is None:
                 self._texture = self._scene.add_texture(self._pattern, name="projector pattern")
             light.texture = self._texture
         else:
             if self._changed_texture is None:
                 self._changed_texture = self._scene.add_texture(
-                    np.ascontiguousarray(inputs.pattern, np.float32), name="changed projector pattern"
+                    np.ascontiguousarray(pattern, np.float32), name="changed projector pattern"
                 )
             light.texture = self._changed_texture
 
 
 def pattern_of(image: NDArray[np.uint8]) -> NDArray[np.float32]:
-    """Relative radiant intensity 0..1 of an 8-bit image."""
-    return image.astype(np.float32) / np.float32(255.0)
+    """Relative radiant intensity 0..1 of an 8-bit image, which nobody may change in place."""
+    pattern = image.astype(np.float32) / np.float32(255.0)
+    pattern.flags.writeable = False
+    return pattern

@@ -55,6 +55,7 @@ inline void bind_fields(py::class_<Film>& type) {
   scalar(type, "psf_sigma_px", &S::psf_sigma_px, "Point spread: a Gaussian of variance psf_sigma_px^2 + (psf_corner_sigma_px r^2)^2, where r is that of the point from which the light comes. Its kernel on the pixels has exactly that variance and the sum 1. In px.");
   scalar(type, "psf_corner_sigma_px", &S::psf_corner_sigma_px, "The part of the point spread that grows with r^2; this is its value in the corners. In px.");
   scalar(type, "veiling_glare_fraction", &S::veiling_glare_fraction, "Share of the light that is spread evenly over the image (ISO 9358).");
+  scalar(type, "firefly_factor", &S::firefly_factor, "Limit of fireflies, the lone pixels that a few rare paths make far too bright. A pixel of radiance, less what came straight from the projector (projector_direct), that is more than firefly_factor times the brightest of its eight neighbours is taken down to that neighbour; then the same with the eight pixels two away, so that pairs go as well. Each channel is judged by itself. What is taken away is lost, which makes indirect light a little darker where few samples meet caustics; 1.5 is what cameras' presets take.");
 }
 
 inline void bind_fields(py::class_<Camera>& type) {

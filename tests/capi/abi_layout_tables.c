@@ -118,7 +118,7 @@ AT(kuafu_material_desc, ir_subsurface_radius_m, 196, 4);
 AT(kuafu_material_desc, ior_texture, 200, 4);
 AT(kuafu_material_desc, reserved, 204, 4);
 
-SIZE(kuafu_film_desc, 88);
+SIZE(kuafu_film_desc, 96);
 AT(kuafu_film_desc, vignetting_exponent, 16, 8);
 AT(kuafu_film_desc, vignetting_polynomial, 24, 24);
 AT(kuafu_film_desc, defocus_lens_radius_m, 48, 8);
@@ -126,6 +126,7 @@ AT(kuafu_film_desc, defocus_focus_m, 56, 8);
 AT(kuafu_film_desc, psf_sigma_px, 64, 8);
 AT(kuafu_film_desc, psf_corner_sigma_px, 72, 8);
 AT(kuafu_film_desc, veiling_glare_fraction, 80, 8);
+AT(kuafu_film_desc, firefly_factor, 88, 8);
 
 SIZE(kuafu_medium_desc, 104);
 AT(kuafu_medium_desc, extinction_per_m, 16, 12);

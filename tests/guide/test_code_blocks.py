@@ -57,7 +57,7 @@ def blocks_of(page: str) -> list[tuple[str, str]]:
 
 
 def programs(language: str) -> list[str]:
-    """The pages with programs in a language. The first page's Python is run by tests/python/commands/test_readme.py, which also looks at its result."""
+    """The pages with programs in a language. The first page's Python is run by tests/python/cli/test_readme.py, which also looks at its result."""
     pages = [page for page in PAGES if (language, page) != ("python", "README.md")]
     return [page for page in pages if any(kind == language for kind, _ in blocks_of(page))]
 

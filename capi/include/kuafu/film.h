@@ -15,11 +15,12 @@ extern "C" {
 
 #define KUAFU_TYPE_FILM_DESC 0x100du
 
-/* What a camera's optics do to the light before it reaches the imager. The steps act on linear images in the order of
- * the fields: vignetting, defocus, point spread, veiling glare. They apply to every image of light (radiance and the
- * light groups, whose sum stays equal to the image) and not to AOVs. A newly initialised struct changes no bit of an
- * image. (fx, fy) is the position in the image, from -1 at the first pixel to 1 at the last, so that r^2 = (fx^2 +
- * fy^2) / 2 is 1 in the corners. Beyond its border the image is continued with the nearest pixel. */
+/* What a camera's optics do to the light before it reaches the imager. The steps act on linear images: the limit of
+ * fireflies first, then in the order of the fields vignetting, defocus, point spread and veiling glare. They apply to
+ * every image of light (radiance and the light groups, whose sum stays equal to the image, but for the limit of
+ * fireflies) and not to AOVs. A newly initialised struct changes no bit of an image. (fx, fy) is the position in the
+ * image, from -1 at the first pixel to 1 at the last, so that r^2 = (fx^2 + fy^2) / 2 is 1 in the corners. Beyond its
+ * border the image is continued with the nearest pixel. */
 typedef struct kuafu_film_desc {
   ks_header header;
   /* The light is multiplied by cos^n of the angle between the pixel's ray and the optical axis; n = 4 describes a thin
@@ -44,6 +45,12 @@ typedef struct kuafu_film_desc {
   double psf_corner_sigma_px;
   /* Share of the light that is spread evenly over the image (ISO 9358). [0..1] */
   double veiling_glare_fraction;
+  /* Limit of fireflies, the lone pixels that a few rare paths make far too bright. A pixel of radiance, less what came
+   * straight from the projector (projector_direct), that is more than firefly_factor times the brightest of its eight
+   * neighbours is taken down to that neighbour; then the same with the eight pixels two away, so that pairs go as well.
+   * Each channel is judged by itself. What is taken away is lost, which makes indirect light a little darker where few
+   * samples meet caustics; 1.5 is what cameras' presets take. [1..1000000; 0 means none] */
+  double firefly_factor;
 } kuafu_film_desc;
 static inline kuafu_film_desc kuafu_film_desc_init(void) {
   kuafu_film_desc s;

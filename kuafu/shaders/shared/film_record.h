@@ -20,6 +20,7 @@ struct FilmRecord {
   float psf_kernels_per_variance;  // how many per px^2 from the middle's variance to the corners'; 0: one alone
   float defocus_px_m, defocus_inverse_focus;  // f_px times the lens' radius, 1 / m; circle radius = their product with |1/z - 1/focus|
   float veiling_glare_fraction;
+  float firefly_factor;  // 0: none
 };
 KUAFU_ARRAY(FilmArray, FilmRecord, 4)
 
@@ -32,6 +33,8 @@ KUAFU_CONST film_row_sums = 5u;       // per row and channel
 KUAFU_CONST film_view_means = 6u;     // per view and channel
 KUAFU_CONST film_veiling_glare = 7u;  // per pixel, in place
 KUAFU_CONST film_copy = 8u;           // per pixel
+KUAFU_CONST film_fireflies = 9u;      // per pixel: takes the projector's direct light off, and looks at the pixels beside
+KUAFU_CONST film_firefly_pairs = 10u; // per pixel: looks at those two away, and puts the direct light back
 
 KUAFU_CONST film_most_radius_px = 32u;  // of a circle of confusion
 
@@ -42,13 +45,14 @@ struct FilmPush {
   FloatArray rows;   // one word per view, row and channel; then one per view and channel
   FilmArray films;   // one per view
   FloatArray kernels;
+  FloatArray direct;  // the projector's direct light, for fireflies
   uint step, count;  // film_*; invocations
   uint width, height, channels, view_count;
 };
 
 #ifdef __cplusplus
-static_assert(sizeof(FilmRecord) == 100);
-static_assert(sizeof(FilmPush) == 72);
+static_assert(sizeof(FilmRecord) == 104);
+static_assert(sizeof(FilmPush) == 80);
 }  // namespace kuafu
 #endif
 #endif

@@ -14,6 +14,40 @@ void copy_pixel(uint pixel) {
   for (uint c = 0u; c < push.channels; ++c) push.to.at[pixel * push.channels + c] = push.from.at[pixel * push.channels + c];
 }
 
+/// The image goes on beyond its border as in a mirror, whose plane is the border's pixel.
+int mirrored(int position, int last) {
+  int inside = abs(position);
+  return clamp(inside > last ? 2 * last - inside : inside, 0, last);
+}
+
+/// Light of `from` that did not come straight from the projector; the second step finds it by itself.
+float indirect(uint word) {
+  float light = push.from.at[word];
+  return push.step == film_fireflies ? max(light - push.direct.at[word], 0.0f) : light;
+}
+
+void fireflies(uint pixel, int reach) {
+  float factor = film_of(pixel).firefly_factor;
+  if (factor == 0.0f) {
+    copy_pixel(pixel);
+    return;
+  }
+  int column = int(pixel % push.width), row = int(pixel / push.width % push.height), first_row = int(pixel / push.width) - row;
+  int last_column = int(push.width) - 1, last_row = int(push.height) - 1;
+  for (uint c = 0u; c < push.channels; ++c) {
+    float brightest = 0.0f;
+    for (int y = row - reach; y <= row + reach; y += reach)
+      for (int x = column - reach; x <= column + reach; x += reach) {
+        uint other = uint((first_row + mirrored(y, last_row)) * int(push.width) + mirrored(x, last_column));
+        if (x != column || y != row) brightest = max(brightest, indirect(other * push.channels + c));
+      }
+    uint word = pixel * push.channels + c;
+    float light = indirect(word);
+    if (light > factor * brightest) light = brightest;
+    push.to.at[word] = push.step == film_fireflies ? light : light + push.direct.at[word];
+  }
+}
+
 void vignetting(uint pixel) {
   FilmRecord f = film_of(pixel);
   uint column = pixel % push.width, row = pixel / push.width % push.height;
@@ -137,4 +171,6 @@ void film(uint i) {
   if (push.step == film_view_means) view_mean(i);
   if (push.step == film_veiling_glare) veiling_glare(i);
   if (push.step == film_copy) copy_pixel(i);
+  if (push.step == film_fireflies) fireflies(i, 1);
+  if (push.step == film_firefly_pairs) fireflies(i, 2);
 }

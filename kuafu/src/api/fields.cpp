@@ -92,6 +92,7 @@ void copy_fields(const kuafu_film_desc& s, FilmFields& out) {
   out.psf_sigma_px = s.psf_sigma_px;
   out.psf_corner_sigma_px = s.psf_corner_sigma_px;
   out.veiling_glare_fraction = s.veiling_glare_fraction;
+  out.firefly_factor = s.firefly_factor;
 }
 
 void copy_fields(const FilmFields& s, kuafu_film_desc& out) {
@@ -102,6 +103,7 @@ void copy_fields(const FilmFields& s, kuafu_film_desc& out) {
   out.psf_sigma_px = s.psf_sigma_px;
   out.psf_corner_sigma_px = s.psf_corner_sigma_px;
   out.veiling_glare_fraction = s.veiling_glare_fraction;
+  out.firefly_factor = s.firefly_factor;
 }
 
 void copy_fields(const kuafu_medium_desc& s, Medium& out) {

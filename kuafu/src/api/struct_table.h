@@ -104,6 +104,7 @@ struct StructInfo<kuafu_film_desc> {
       KS_FIELD_END(kuafu_film_desc, psf_sigma_px),
       KS_FIELD_END(kuafu_film_desc, psf_corner_sigma_px),
       KS_FIELD_END(kuafu_film_desc, veiling_glare_fraction),
+      KS_FIELD_END(kuafu_film_desc, firefly_factor),
   };
   static constexpr std::array<ReservedBytes, 0> reserved = {};
   static kuafu_film_desc neutral() {

@@ -10,7 +10,7 @@
 namespace kuafu {
 namespace {
 
-constexpr uint32_t light_kind_end = output_light_group + light_group_count;
+constexpr uint32_t output_direct = output_radiance + 1 + group_projector_direct, light_kind_end = output_light_group + light_group_count;
 constexpr uint32_t varying_kernels = 32;  // between the middle's variance and the corners'
 
 double square(double x) { return x * x; }
@@ -33,7 +33,8 @@ void add_kernels(const Film& film, FilmRecord& record, std::vector<float>& table
 /// Bit film_*: the step changes the image of such a camera.
 uint32_t steps_of(const Film& film) {
   return (film.vignettes() ? 1u << film_vignetting : 0) | (film.defocuses() ? 1u << film_defocus : 0) |
-         (film.spreads() ? 1u << film_psf_columns : 0) | (film.glares() ? 1u << film_veiling_glare : 0);
+         (film.spreads() ? 1u << film_psf_columns : 0) | (film.glares() ? 1u << film_veiling_glare : 0) |
+         (film.limits_fireflies() ? 1u << film_fireflies : 0);
 }
 
 FilmRecord film_record(const View& view) {
@@ -53,20 +54,23 @@ FilmRecord film_record(const View& view) {
   r.defocus_px_m = float(film.defocus_lens_radius_m * 0.5 * (view.k[0][0] + view.k[1][1]));
   r.defocus_inverse_focus = film.defocuses() ? float(1.0 / film.defocus_focus_m) : 0.0f;
   r.veiling_glare_fraction = float(film.veiling_glare_fraction);
+  r.firefly_factor = float(film.firefly_factor);
   return r;
 }
 
 }  // namespace
 
 uint32_t held_for_film(const Launch& launch) {
-  bool any = false, defocus = false;
+  bool any = false, defocus = false, fireflies = false;
   for (const View& view : launch.views) {
     any = any || !view.film.is_neutral();
     defocus = defocus || view.film.defocuses();
+    fireflies = fireflies || view.film.limits_fireflies();
   }
   uint32_t held = 0;
   for (uint32_t kind = output_radiance; any && kind < light_kind_end; ++kind)
     if (launch.outputs[kind].buffer) held |= 1u << kind;
+  if (fireflies && (held >> output_radiance & 1) != 0) held |= 1u << output_direct;
   return held != 0 && defocus ? held | 1u << output_depth : held;
 }
 
@@ -87,6 +91,7 @@ void FilmOptics::run(ks::Commands& commands, const Launch& launch, const Frame& 
     push.depth = frame.address(output_depth);
     step(commands, push, film_circle_rows, push.view_count * push.height);
   }
+  if (takes(film_fireflies) && launch.outputs[output_radiance].buffer) limit_fireflies(commands, push, launch, frame);
   for (uint32_t kind = output_radiance; kind < light_kind_end; ++kind) {
     if (!launch.outputs[kind].buffer) continue;
     push.channels = launch.channels(kind);
@@ -113,6 +118,17 @@ void FilmOptics::write_records(const Launch& launch) {
     records[i] = record;
   }
   std::copy(kernels.begin(), kernels.end(), kernels_.resize(memory_, kernels.size()).begin());
+}
+
+/// Before the other steps: optics spread what one pixel has too much.
+void FilmOptics::limit_fireflies(ks::Commands& commands, FilmPush push, const Launch& launch, const Frame& frame) {
+  push.channels = launch.channels(output_radiance);
+  push.direct = frame.address(output_direct);
+  push.from = frame.address(output_radiance);
+  push.to = memory_.address(*scratch_);
+  step(commands, push, film_fireflies, launch.pixel_count());
+  std::swap(push.from, push.to);
+  step(commands, push, film_firefly_pairs, launch.pixel_count());
 }
 
 void FilmOptics::develop(ks::Commands& commands, FilmPush push) {

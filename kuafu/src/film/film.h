@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Film optics change the frame's images of light, view by view: vignetting, defocus by depth, point spread and veiling glare, in this
-// order. All are linear, so each light group gets them by itself and the groups still add up to the image. Thread rule: externally
-// synchronised.
+// Film optics change the frame's images of light, view by view: the limit of fireflies, then vignetting, defocus by depth, point spread and
+// veiling glare, in this order. All but the first, which changes radiance alone, are linear, so each light group gets them by itself and
+// the groups still add up to the image. Thread rule: externally synchronised.
 #pragma once
 
 #include "frame/frame.h"
@@ -10,7 +10,8 @@
 
 namespace kuafu {
 
-/// The images that the frame must hold for the launch's films: those of light, and depth for defocus.
+/// The images that the frame must hold for the launch's films: those of light, depth for defocus, and the projector's direct light for
+/// the limit of fireflies.
 uint32_t held_for_film(const Launch& launch);
 
 class FilmOptics {
@@ -22,6 +23,7 @@ class FilmOptics {
  private:
   void fit(const Launch& launch);
   void write_records(const Launch& launch);
+  void limit_fireflies(ks::Commands& commands, FilmPush push, const Launch& launch, const Frame& frame);
   void develop(ks::Commands& commands, FilmPush push);
   void step(ks::Commands& commands, FilmPush push, uint32_t step, uint32_t count);
 

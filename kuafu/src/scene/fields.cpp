@@ -43,6 +43,7 @@ void check_fields(const FilmFields& s, const std::string& owner) {
   if (s.psf_sigma_px != 0) ks::check_range({owner, "psf_sigma_px", "px"}, s.psf_sigma_px, 1e-06, 32.0);
   if (s.psf_corner_sigma_px != 0) ks::check_range({owner, "psf_corner_sigma_px", "px"}, s.psf_corner_sigma_px, 1e-06, 32.0);
   ks::check_range({owner, "veiling_glare_fraction", ""}, s.veiling_glare_fraction, 0.0, 1.0);
+  if (s.firefly_factor != 0) ks::check_range({owner, "firefly_factor", ""}, s.firefly_factor, 1.0, 1000000.0);
 }
 
 void check_fields(const Medium& s, const std::string& owner) {

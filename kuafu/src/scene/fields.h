@@ -101,8 +101,10 @@ struct FilmFields {
   double psf_corner_sigma_px = 0.0;
   /// Share of the light that is spread evenly over the image (ISO 9358).
   double veiling_glare_fraction = 0.0;
+  /// Limit of fireflies, the lone pixels that a few rare paths make far too bright. A pixel of radiance, less what came straight from the projector (projector_direct), that is more than firefly_factor times the brightest of its eight neighbours is taken down to that neighbour; then the same with the eight pixels two away, so that pairs go as well. Each channel is judged by itself. What is taken away is lost, which makes indirect light a little darker where few samples meet caustics; 1.5 is what cameras' presets take.
+  double firefly_factor = 0.0;
   /// Whether it changes nothing.
-  [[nodiscard]] bool is_neutral() const { return vignetting_exponent == 0.0 && vignetting_polynomial == glm::dvec3(0.0) && defocus_lens_radius_m == 0.0 && psf_sigma_px == 0.0 && psf_corner_sigma_px == 0.0 && veiling_glare_fraction == 0.0; }
+  [[nodiscard]] bool is_neutral() const { return vignetting_exponent == 0.0 && vignetting_polynomial == glm::dvec3(0.0) && defocus_lens_radius_m == 0.0 && psf_sigma_px == 0.0 && psf_corner_sigma_px == 0.0 && veiling_glare_fraction == 0.0 && firefly_factor == 0.0; }
 };
 
 struct Medium {

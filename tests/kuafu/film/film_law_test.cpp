@@ -17,10 +17,10 @@ class FilmOptics : public testing::TestWithParam<uint32_t> {
     world_.desc().max_bounces = 0;
   }
 
-  /// A light that fills one pixel, with 1 W/(sr m^2), at z = 1 m.
-  void add_point_at(uint32_t column, uint32_t row, double z = 1.0) {
+  /// A light that fills one pixel, at z = 1 m; radiance in W/(sr m^2).
+  void add_point_at(uint32_t column, uint32_t row, double z = 1.0, float radiance = 1.0f) {
     const double half = 0.5 * z / focal_px * 0.999;
-    world_.add(quad({(column - 20.0) * z / focal_px, (row - 20.0) * z / focal_px, z}, {-half, 0, 0}, {0, half, 0}), emitter(1));
+    world_.add(quad({(column - 20.0) * z / focal_px, (row - 20.0) * z / focal_px, z}, {-half, 0, 0}, {0, half, 0}), emitter(radiance));
   }
   void add_wall(float radiance, double z = 2.0, double first_x = -40.0) {
     world_.add(quad({first_x + 40.0, 0, z}, {-40, 0, 0}, {0, 40, 0}), emitter(radiance));
@@ -197,6 +197,39 @@ TEST_P(FilmOptics, veiling_glare_keeps_the_mean_and_is_even) {
   EXPECT_NEAR(seen.at(0, 0, 0), 0.2 * mean, 1e-8);
 }
 
+TEST_P(FilmOptics, lone_bright_pixels_and_pairs_go_and_everything_else_stays) {
+  add_wall(1);
+  for (const auto& [column, row] : {std::pair{10u, 10u}, {25u, 30u}, {26u, 30u}, {0u, 0u}, {40u, 17u}}) add_point_at(column, row, 1, 50);
+  for (uint32_t i = 0; i < 25; ++i) add_point_at(30 + i % 5, 5 + i / 5, 1, 50);
+  kuafu_film_desc film = kuafu_film_desc_init();
+  const Pixels spoilt = image(film);
+  film.firefly_factor = 1.5;
+  const Pixels seen = image(film);
+  for (uint32_t r = 0; r < side; ++r)
+    for (uint32_t c = 0; c < side; ++c) {
+      const bool in_block = c >= 30 && c < 35 && r >= 5 && r < 10;
+      ASSERT_EQ(seen.at(0, r, c), in_block ? 50.0f : 1.0f) << c << " " << r;
+    }
+  EXPECT_EQ(spoilt.at(0, 0, 0), 50.0f);
+  film.firefly_factor = 60;  // none is so bright
+  EXPECT_EQ(image(film).values, spoilt.values);
+}
+
+TEST_P(FilmOptics, light_straight_from_the_projector_is_no_firefly) {
+  std::vector<float> dots(17 * 17, 0.0f);
+  for (size_t i = 0; i < dots.size(); i += 7) dots[i] = 1.0f;
+  world_.add(quad({0, 0, 2}, {-4, 0, 0}, {0, 4, 0}), lambert(0.8f));
+  world_.add_projector(dots, 17, 17, 40, 30);
+  kuafu_film_desc film = kuafu_film_desc_init();
+  const Pixels dotted = image(film);
+  film.firefly_factor = 1;
+  EXPECT_EQ(image(film).values, dotted.values);
+  EXPECT_GT(std::ranges::max(dotted.values), 5 * dotted.mean());
+  add_point_at(3, 3, 1, 50);
+  const Pixels seen = image(film);
+  EXPECT_LT(seen.at(0, 3, 3), 1.0f);
+}
+
 kuafu_film_desc everything() {
   kuafu_film_desc film = kuafu_film_desc_init();
   film.vignetting_exponent = 3;
@@ -274,6 +307,7 @@ TEST(Film, what_cannot_be_is_refused) {
   refuses([](kuafu_film_desc& f) { f.psf_corner_sigma_px = INFINITY; }, "psf_corner_sigma_px");
   refuses([](kuafu_film_desc& f) { f.defocus_lens_radius_m = 0.1, f.defocus_focus_m = 0; }, "defocus_focus_m is 0");
   refuses([](kuafu_film_desc& f) { f.veiling_glare_fraction = 1.5; }, "veiling_glare_fraction is 1.5");
+  refuses([](kuafu_film_desc& f) { f.firefly_factor = 0.5; }, "firefly_factor is 0.5");
 }
 
 }  // namespace

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from activestereo import Pose, StereoDepthSensor, StereoDepthSensorConfig
-from activestereo.fireflies import clamp_fireflies
+from activestereo.auto_exposure import rgb_exposure, srgb
+
+AROUND = [(y, x) for y in (-1, 0, 1) for x in (-1, 0, 1) if (y, x) != (0, 0)]
 
 
 def wall(distance_m=1.0, room=0.25):
@@ -109,12 +111,31 @@ def test_speckle_stands_still_with_the_sensor_and_differs_between_the_eyes(confi
     assert abs(np.corrcoef(((images[0] - 20) / (clean[0] - 20))[:, right])[0, 1]) < 0.3
 
 
-def test_lone_bright_pixels_go_and_everything_else_stays():
-    y, x = np.mgrid[0:60, 0:80]
-    smooth = (1.0 + 0.5 * np.sin(x / 7.0) * np.cos(y / 5.0)).astype(np.float32)
-    np.testing.assert_array_equal(clamp_fireflies(smooth), smooth)
-    spoilt = smooth.copy()
-    spoilt[10, 10], spoilt[30, 40], spoilt[30, 41] = 50.0, 80.0, 60.0
-    np.testing.assert_array_equal(clamp_fireflies(smooth)[0], smooth[0])
-    cleaned = clamp_fireflies(spoilt)
-    assert cleaned.max() < 2.0 and np.count_nonzero(cleaned != smooth) <= 3
+def test_presets_limit_fireflies_in_the_film_unless_they_are_kept():
+    config = StereoDepthSensorConfig("d435").scaled(0.25)
+    scene = wall()
+    for choice, film, expected in (("clamp", None, 1.5), ("clamp", {"firefly_factor": 3.0}, 3.0), ("keep", None, 0.0)):
+        config.ir_fireflies, config.ir_film = choice, film
+        with StereoDepthSensor(config, scene) as sensor:
+            assert [eye.film.firefly_factor for eye in sensor.engine_inputs.eyes] == [expected, expected]
+    config.ir_film = None
+    bright = []
+    for choice in ("keep", "clamp"):
+        config.ir_fireflies, config.samples_per_pixel, config.denoise = choice, 1, "none"
+        with StereoDepthSensor(config, scene) as sensor:
+            sensor.take_picture(infrared_only=True)
+            image = sensor.get_ir()[0]
+            around = np.max([np.roll(image, shift, (0, 1)) for shift in AROUND], axis=0)[1:-1, 1:-1]
+            bright.append(np.count_nonzero(image[1:-1, 1:-1] > 3.0 * around))
+    assert bright[1] <= bright[0]
+
+
+def test_rgb_is_encoded_as_the_standard_says_and_exposed_by_the_median():
+    linear = np.concatenate([[-1.0, 0.0], np.geomspace(1e-6, 2.0, 5001)]).astype(np.float32)
+    clipped = np.clip(np.float64(linear), 0.0, 1.0)
+    expected = np.where(clipped <= 0.0031308, 12.92 * clipped, 1.055 * clipped ** (1 / 2.4) - 0.055)
+    np.testing.assert_allclose(srgb(linear), expected, atol=2e-5)
+    assert srgb(linear[:2]).tolist() == [0.0, 0.0] and srgb(np.float32([1.0, 7.0])).tolist() == [1.0, 1.0]
+    image = np.random.default_rng(1).uniform(0.5, 1.5, (40, 60, 3)).astype(np.float32)
+    image[:, :30] = 0.0
+    assert rgb_exposure(image) == pytest.approx(0.25, rel=0.1)
