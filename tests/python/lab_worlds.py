@@ -38,3 +38,17 @@ class WorldRenderer:
         source = PatternSource(pose[:3, 3], pose[:3, :3], request.projector_K, pattern)
         size, seed = (camera.width, camera.height), 1000 * self._seed + 10 * self.calls + index
         return look(self._world.solids, size, camera.K, camera.camera_to_world, source, seed, self._grid, bounces)
+
+
+class RememberingRenderer:
+    """Renders each pose once, whatever the seed and the number of samples: a renderer without noise, whose images are the truth."""
+
+    def __init__(self, renderer):
+        self._renderer, self._known = renderer, {}
+        self.version = f"{renderer.version}, remembered"
+
+    def __call__(self, request, progress=None):
+        key = tuple((camera.camera_to_world.tobytes(), camera.K.tobytes()) for camera in request.cameras)
+        if key not in self._known:
+            self._known[key] = self._renderer(request)
+        return self._known[key]

@@ -19,6 +19,7 @@ from activestereo.effects.core.descriptor import Randomness
 from activestereo.effects.core.engine import EngineInputs, apply_engine
 from activestereo.effects.core.model import Model
 from activestereo.engines.capture_inputs import capture_inputs
+from activestereo.engines.halves import half_samples, half_seeds
 from activestereo.engines.imager import ExpectedImager
 from activestereo.engines.smoothing import smooth_view
 from activestereo.engines.survey import Survey
@@ -132,9 +133,11 @@ class CaptureRenderer:
         survey: Survey | None = None,
         random: bool = False,
         progress: Callable[[float], object] | None = None,
+        half: int | None = None,
     ) -> dict[Key, EyeLight]:
         """{(frame id, eye): EyeLight} of the frames, all by default. Frames that differ in exposure, power or gain
-        alone share their images; all poses of one world are one render."""
+        alone share their images; all poses of one world are one render. half: 0 or 1, one of two independent halves of
+        the samples (halves.py)."""
         jobs: dict[tuple, _Job] = {}
         for frame in self.capture.frames if frames is None else frames:
             inputs = self.inputs(frame, model, survey, random)
@@ -145,7 +148,7 @@ class CaptureRenderer:
         out: dict[Key, EyeLight] = {}
         for done, group in enumerate(worlds.values()):
             share = part_of(progress, done / len(worlds), (done + 1) / len(worlds))
-            for job, eyes in zip(group, self._images(group, share), strict=True):
+            for job, eyes in zip(group, self._images(group, share, half), strict=True):
                 out |= {
                     (frame.id, eye): _eye_light(view, own)
                     for frame, own in job.frames
@@ -186,23 +189,25 @@ class CaptureRenderer:
 
     # ---- inside ----
 
-    def _images(self, jobs: list[_Job], progress: Callable[[float], object] | None) -> list[list[dict[str, NDArray]]]:
+    def _images(
+        self, jobs: list[_Job], progress: Callable[[float], object] | None, half: int | None
+    ) -> list[list[dict[str, NDArray]]]:
         """[job][eye]: images by name; remembered, so that what changes no ray traces none."""
-        key = tuple(_job_key(job.inputs) for job in jobs)
+        key = (half, *(_job_key(job.inputs) for job in jobs))
         if key not in self._kept:
             with changed_world(self._scene, jobs[0].inputs):
-                self._kept[key] = self._render_world(jobs, progress)
+                self._kept[key] = self._render_world(jobs, progress, half)
             while len(self._kept) > _KEPT:
                 self._kept.pop(next(iter(self._kept)))
         return self._kept[key]
 
     def _render_world(
-        self, jobs: list[_Job], progress: Callable[[float], object] | None
+        self, jobs: list[_Job], progress: Callable[[float], object] | None, half: int | None
     ) -> list[list[dict[str, NDArray]]]:
-        images = self._render(jobs, _LIGHT + _GEOMETRY, own=True, progress=progress)
+        images = self._render(jobs, _LIGHT + _GEOMETRY, own=True, progress=progress, half=half)
         if any(light.kind == "projector" for job in jobs for light in job.inputs.added_lights):
             # Projectors' light has one pair of outputs; that of further units belongs to the room's.
-            others = self._render(jobs, _LIGHT[:2], own=False, progress=None)
+            others = self._render(jobs, _LIGHT[:2], own=False, progress=None, half=half)
             images["added"] = images["added"] + others["projector_direct"]
             images["added_indirect"] = others["projector_indirect"]
         count = len(jobs) * len(EYES)
@@ -214,7 +219,12 @@ class CaptureRenderer:
         return [views[k : k + len(EYES)] for k in range(0, count, len(EYES))]
 
     def _render(
-        self, jobs: list[_Job], outputs: tuple[str, ...], own: bool, progress: Callable[[float], object] | None
+        self,
+        jobs: list[_Job],
+        outputs: tuple[str, ...],
+        own: bool,
+        progress: Callable[[float], object] | None,
+        half: int | None,
     ) -> dict[str, NDArray]:
         """One render of all jobs, an environment each: own: the rig's projector at 1 W/sr and lamps; else further
         projectors alone."""
@@ -238,9 +248,9 @@ class CaptureRenderer:
                 band="infrared",
                 environments=[n for n, _ in eyes],
                 film=[eye.film for _, eye in eyes],
-                spp=self.samples_per_pixel,
+                spp=self.samples_per_pixel if half is None else half_samples(self.samples_per_pixel),
                 max_bounces=self.max_bounces,
-                seed=self.seed,
+                seed=self.seed if half is None else half_seeds(self.seed)[half],
                 progress=progress,
             )
         finally:

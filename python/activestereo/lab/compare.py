@@ -25,7 +25,8 @@ from activestereo.lab.fit_model import fit_under_model
 from activestereo.lab.floors import floors_of
 from activestereo.lab.mismatch import match_of, warnings_of
 from activestereo.lab.noise import transfer_points
-from activestereo.lab.render import WARP_SCALE, render_frames
+from activestereo.lab.render import WARP_SCALE, LayersOfFrames, render_halves
+from activestereo.lab.render_noise import mean_of_halves, noise_square, rmse_without_noise
 from activestereo.lab.where_channels import where_it_fails
 from activestereo.progress_bar import part_of
 
@@ -34,7 +35,6 @@ if TYPE_CHECKING:
     from activestereo.engines.capture_renderer import CaptureRenderer
     from activestereo.lab.cache import LayerCache
     from activestereo.lab.fit import Fit
-    from activestereo.lab.layers import Layers
     from activestereo.lab.render import Renderer
 
 
@@ -46,13 +46,14 @@ _RENDER_SHARE = 0.9
 class Comparison:
     """scores: what compare.json holds (lab/schema/compare.schema.json). predictions: {(frame id, eye): expected DN,
     float32 [height][width]}. depths: a DepthFrame for each frame with the device's depth. layers: {frame id: {eye:
-    Layers}} as rendered."""
+    Layers}} as rendered, the mean of two halves of the samples. Errors of images are without the renderer's own noise
+    (render_noise.py)."""
 
     capture: Capture
     scores: dict
     predictions: dict
     depths: list
-    layers: dict
+    layers: LayersOfFrames
     model: Model
 
 
@@ -83,24 +84,26 @@ def compare(
     share = part_of(progress, 0.0, _RENDER_SHARE)
     model = model or Model()
     moves = is_fine or any(effect.stage is Stage.CAMERA for effect, _ in model.effects)
-    layers = render_frames(
+    halves = render_halves(
         capture, renderer, samples_per_pixel, max_bounces, seed, cache, share, WARP_SCALE if moves else 1
     )
+    layers = mean_of_halves(halves)
     views = {
         key: View.of(capture, frame, key[1], layers[frame.id][key[1]], seed)
         for frame in capture.frames
         for key in _keys(frame)
     }
     if engines is None:
-        fit, predictions = predict_under_model(capture, model, layers, views, measured)
+        fit, expected = predict_under_model(capture, model, (layers, *halves), views, measured)
     else:
-        fit, predictions = predict_in_engines(
+        fit, expected = predict_in_engines(
             capture, model, survey or Survey(), engines(capture), layers, views, measured
         )
+    predictions = {key: (0.5 * (a + b)).astype(np.float32) for key, (a, b) in expected.items()}
     floors, law = floors_of(capture, views, measured, predictions, fit.nuisances.black_dn)
     match = match_of(capture, views, {key: layers[key[0]][key[1]].projector for key in views}, measured, law)
     depths = model_depths(capture, measured, predictions, views, law, model, seed)
-    images = {key: _image_scores(measured[key], predictions[key], floors.get(key)) for key in measured}
+    images = {key: _image_scores(measured[key], expected[key], floors.get(key)) for key in measured}
     scores = {
         "capture": capture.name,
         "renderer": renderer.version,
@@ -124,31 +127,35 @@ def compare(
 def predict_under_model(
     capture: Capture,
     model: Model,
-    layers: Mapping[int, Mapping[str, Layers]],
+    layers: Sequence[LayersOfFrames],
     views: Mapping[tuple[int, str], View],
     measured: Mapping[tuple[int, str], np.ndarray],
-) -> tuple[Fit, dict[tuple[int, str], np.ndarray]]:
-    """(the Fit of the nuisances on the train frames, {(frame id, eye): expected DN, float32 [height][width]}) under a
+) -> tuple[Fit, dict[tuple[int, str], list[np.ndarray]]]:
+    """(the Fit of the nuisances on the train frames, {(frame id, eye): expected DN, [height][width] each}) under a
     Model.
 
-    layers: {frame id: {eye: Layers}}; views and measured: {(frame id, eye): View and DN}. ValueError where there is
-    nothing to fit.
+    layers: those that are fitted, then those whose images are wanted, or the first alone where they are the same;
+    views and measured: {(frame id, eye): View and DN}. ValueError where there is nothing to fit.
     """
-    lights = {key: model.light(layers[key[0]][key[1]], view) for key, view in views.items()}
-    train = [(views[key], lights[key], measured[key]) for frame in capture.split("train") for key in _keys(frame)]
+    lights = [{key: model.light(of[key[0]][key[1]], view) for key, view in views.items()} for of in layers]
+    train = [(views[key], lights[0][key], measured[key]) for frame in capture.split("train") for key in _keys(frame)]
     fit = fit_under_model(model, train, capture.rig.max_dn)
-    return fit, {key: model.signal(lights[key], view, fit.nuisances).astype(np.float32) for key, view in views.items()}
+    wanted = lights[1:] or lights
+    return fit, {
+        key: [model.signal(light[key], view, fit.nuisances) for light in wanted] for key, view in views.items()
+    }
 
 
 def _keys(frame: Frame) -> list[tuple[int, str]]:
     return [(frame.id, eye) for eye in EYES]
 
 
-def _image_scores(measured: np.ndarray, predicted: np.ndarray, floor: Any) -> dict[str, Any]:
-    """Sums of squares of one image, to be pooled over eyes and frames."""
-    residual = measured.astype(np.float64) - predicted
+def _image_scores(measured: np.ndarray, halves: Sequence[np.ndarray], floor: Any) -> dict[str, Any]:
+    """Sums of squares of one image, to be pooled over eyes and frames. halves: expected, of half the samples each."""
+    residual = measured - 0.5 * (halves[0] + halves[1])
     return {
         "squares": float((residual**2).sum()),
+        "noise_squares": noise_square(*halves) * residual.size,
         "sum": float(residual.sum()),
         "pixels": residual.size,
         "floor_variance": None if floor is None else floor[0],
@@ -157,10 +164,15 @@ def _image_scores(measured: np.ndarray, predicted: np.ndarray, floor: Any) -> di
 
 
 def _pool(images: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """RMSE, bias, noise floor and what is left above it of pooled pixels, DN."""
-    pixels = sum(image["pixels"] for image in images)
-    rmse = np.sqrt(sum(image["squares"] for image in images) / pixels)
-    pooled = {"rmse_dn": float(rmse), "bias_dn": sum(image["sum"] for image in images) / pixels}
+    """RMSE without the renderer's noise, bias, that noise, the measurement's noise floor, and what is left above it of
+    pooled pixels, DN."""
+    pixels, squares, noise = (sum(image[name] for image in images) for name in ("pixels", "squares", "noise_squares"))
+    rmse = rmse_without_noise(squares, pixels, noise)
+    pooled = {
+        "rmse_dn": rmse,
+        "bias_dn": sum(image["sum"] for image in images) / pixels,
+        "render_noise_dn": float(np.sqrt(noise / pixels)),
+    }
     if any(image["floor_variance"] is None for image in images):
         return pooled | {"noise_floor_dn": None, "explainable_rmse_dn": None}
     floor = np.sqrt(sum(image["floor_variance"] * image["pixels"] for image in images) / pixels)

@@ -16,6 +16,7 @@ from activestereo.capture import EYES, Capture
 from activestereo.effects import Light, Model, View
 from activestereo.effects.core.descriptor import Randomness
 from activestereo.engines import CaptureRenderer, EyeLight, Survey
+from activestereo.engines.halves import HALVES
 from activestereo.engines.imager import ExpectedImager
 from activestereo.engines.smooth import SMOOTH_VERSION
 from activestereo.lab.cache import LayerCache, scene_digest
@@ -23,6 +24,7 @@ from activestereo.lab.fit import Fit, Nuisances
 from activestereo.lab.fit_model import fit_under_model
 from activestereo.lab.kuafu_renderer import engine_version
 from activestereo.lab.layers import Layers
+from activestereo.progress_bar import part_of
 
 Key = tuple[int, str]
 
@@ -82,18 +84,17 @@ class EngineImages:
         self, capture: Capture, device: str | int, samples_per_pixel: int, max_bounces: int, seed: int
     ) -> None:
         draft, whole = max(1, samples_per_pixel // 4), 2 * samples_per_pixel
-        self._renderers = {
-            is_draft: CaptureRenderer(capture, device, spp, max_bounces, seed)
-            for is_draft, spp in ((True, draft), (False, whole))
-        }
+        self._draft, self._whole = (
+            CaptureRenderer(capture, device, spp, max_bounces, seed) for spp in (draft, whole)
+        )
         self._cache = LayerCache()
 
-    def __call__(self, model: Model, draft: bool = False) -> Mapping[Key, LightOnly]:
-        renderer = self._renderers[draft]
-        key = _images_key(renderer, model)
+    def __call__(self, model: Model, half: int | None = None) -> Mapping[Key, LightOnly]:
+        renderer = self._draft if half is None else self._whole
+        key = _images_key(renderer, model, half)
         stored = self._cache.get_arrays(key)
         if stored is None:
-            seen = renderer.lights(model)
+            seen = renderer.lights(model, half=half)
             stored = {f"{eye}_{id}": np.stack([x.direct, x.indirect, x.ambient]) for (id, eye), x in seen.items()}
             self._cache.put_arrays(key, stored)
         return {(f.id, eye): LightOnly(*stored[f"{eye}_{f.id}"]) for f in renderer.capture.frames for eye in EYES}
@@ -107,13 +108,13 @@ class LightOnly(NamedTuple):
     ambient: NDArray[np.float32]
 
 
-def _images_key(renderer: CaptureRenderer, model: Model) -> str:
+def _images_key(renderer: CaptureRenderer, model: Model, half: int | None) -> str:
     """Hash of all that decides the images: the capture, the code that renders, and what the effects do to it."""
     capture, digest = renderer.capture, hashlib.sha256()
     digest.update((capture.path / "capture.json").read_bytes())
     digest.update(scene_digest(capture.scene_path).encode())
     digest.update(np.ascontiguousarray(capture.rig.projector.pattern()).tobytes())
-    settings = renderer.samples_per_pixel, renderer.max_bounces, renderer.seed, SMOOTH_VERSION
+    settings = renderer.samples_per_pixel, renderer.max_bounces, renderer.seed, half, SMOOTH_VERSION
     digest.update(repr((settings, engine_version(renderer.device))).encode())
     for effect, parameters in model.effects:
         digest.update(repr((effect.id, sorted(parameters.items()))).encode())
@@ -130,14 +131,30 @@ def predict_in_engines(
     views: Mapping[Key, View],
     measured: Mapping[Key, NDArray],
     progress: Callable[[float], object] | None = None,
-) -> tuple[Fit, dict[Key, NDArray[np.float32]]]:
-    """(the Fit of the nuisances on the train frames, {(frame id, eye): expected DN, float32 [height][width]}).
+) -> tuple[Fit, dict[Key, list[NDArray[np.float64]]]]:
+    """(the Fit of the nuisances on the train frames, {(frame id, eye): expected DN [height][width] by each of two
+    independent halves of the samples}).
 
     layers: the base model's; views and measured: {(frame id, eye): View and DN}. ValueError where there is nothing to
     fit.
     """
-    seen, engine = renderer.lights(model, survey=survey, progress=progress), EngineModel(model, renderer)
-    lights = {key: engine.light(seen[key], layers[key[0]][key[1]].flat, view) for key, view in views.items()}
-    train = [(views[f.id, eye], lights[f.id, eye], measured[f.id, eye]) for f in capture.split("train") for eye in EYES]
+    engine, halves = EngineModel(model, renderer), []
+    for half in HALVES:
+        share = part_of(progress, half / 2, (half + 1) / 2)
+        seen = renderer.lights(model, survey=survey, progress=share, half=half)
+        halves.append({k: engine.light(seen[k], layers[k[0]][k[1]].flat, view) for k, view in views.items()})
+    train = [
+        (views[f.id, eye], mean_light(*(lights[f.id, eye] for lights in halves)), measured[f.id, eye])
+        for f in capture.split("train")
+        for eye in EYES
+    ]
     fit = fit_under_model(engine, train, capture.rig.max_dn)
-    return fit, {key: engine.signal(lights[key], view, fit.nuisances).astype(np.float32) for key, view in views.items()}
+    return fit, {
+        key: [engine.signal(lights[key], view, fit.nuisances) for lights in halves] for key, view in views.items()
+    }
+
+
+def mean_light(first: Light, second: Light) -> Light:
+    """The mean of two renders' light on the imager."""
+    names = ("direct", "indirect", "ambient", "flat")
+    return Light.of_images([0.5 * (getattr(first, name) + getattr(second, name)) for name in names])

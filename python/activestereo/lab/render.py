@@ -5,13 +5,18 @@ A renderer is any callable (RenderRequest, progress) -> tuple of Layers (one per
 changes whenever its pixels may change.
 """
 
-from collections.abc import Callable
-from typing import Protocol
+from collections.abc import Callable, Mapping, Sequence
+from typing import Protocol, TypeAlias
 
-from activestereo.capture import EYES, Capture
+from activestereo.capture import EYES, Capture, Frame
+from activestereo.engines.halves import half_samples, half_seeds
 from activestereo.lab.cache import LayerCache, request_key
 from activestereo.lab.layers import Layers, RenderRequest, rig_request, sampling_of
 from activestereo.progress_bar import part_of
+
+# {frame id: {eye: Layers}}, and of two independent halves of the samples.
+LayersOfFrames: TypeAlias = Mapping[int, Mapping[str, Layers]]
+Halves: TypeAlias = tuple[LayersOfFrames, LayersOfFrames]
 
 # Image samples per pixel side where effects may warp the images: finer ones keep dots sharp.
 WARP_SCALE = 2
@@ -32,8 +37,9 @@ class Renderer(Protocol):
 def render_frames(
     capture: Capture, renderer: Renderer, samples_per_pixel: int = 64, max_bounces: int = 8, seed: int = 0,
     cache: LayerCache | None = None, progress: Callable[[float], object] | None = None, scale: int = 1,
-) -> dict[int, dict[str, Layers]]:  # fmt: skip
-    """{frame id: {eye: Layers}} of every frame; frames at one pose share their layers.
+    frames: Sequence[Frame] | None = None,
+) -> LayersOfFrames:  # fmt: skip
+    """Layers of every frame, or of some; frames at one pose share their layers.
 
     A moving frame is rendered at its mid-exposure pose: motion within the exposure is an effect, not part of the base
     model. cache: a LayerCache, None for the user's own. progress: called as progress(fraction done). scale: image
@@ -45,7 +51,7 @@ def render_frames(
     sampling = sampling_of(capture.rig, scale)
     requests: dict[str, RenderRequest] = {}
     keys = {}
-    for frame in capture.frames:
+    for frame in capture.frames if frames is None else frames:
         request = rig_request(capture, frame, samples_per_pixel, max_bounces, seed, sampling)
         keys[frame.id] = key = request_key(request, renderer.version)
         requests.setdefault(key, request)
@@ -63,3 +69,19 @@ def render_frames(
         if progress:
             progress((done + 1) / len(requests))
     return {frame_id: rendered[key] for frame_id, key in keys.items()}
+
+
+def render_halves(
+    capture: Capture, renderer: Renderer, samples_per_pixel: int = 64, max_bounces: int = 8, seed: int = 0,
+    cache: LayerCache | None = None, progress: Callable[[float], object] | None = None, scale: int = 1,
+    frames: Sequence[Frame] | None = None,
+) -> Halves:  # fmt: skip
+    """render_frames() twice with half of the samples each, from independent random numbers (render_noise.py)."""
+    first, second = (
+        render_frames(
+            capture, renderer, half_samples(samples_per_pixel), max_bounces, own_seed, cache,
+            part_of(progress, half / 2, (half + 1) / 2), scale, frames,
+        )
+        for half, own_seed in enumerate(half_seeds(seed))
+    )  # fmt: skip
+    return first, second

@@ -30,8 +30,7 @@ from activestereo.images import write_gray
 from activestereo.lab.cache import LayerCache
 from activestereo.lab.fit import Nuisances
 from activestereo.lab.kuafu_renderer import KuafuRenderer
-from activestereo.lab.layers import Layers
-from activestereo.lab.render import WARP_SCALE, render_frames
+from activestereo.lab.render import WARP_SCALE, LayersOfFrames, render_frames
 from activestereo.pattern import PatternDesign, make_pattern
 from activestereo.pose import look_at
 
@@ -78,7 +77,7 @@ class _Run:
     capture: Capture
     engine: CaptureRenderer
     views: dict[Key, View]
-    layers: dict[int, dict[str, Layers]]
+    layers: LayersOfFrames
 
     @classmethod
     def make(cls, capture: Capture, folder: Path, device: str | int, seed: int) -> _Run:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lab_worlds import WorldRenderer
+from lab_worlds import RememberingRenderer, WorldRenderer
 from activestereo.capture import read_capture
 from activestereo.effects import Model, View, builtin
 from activestereo.images import read_gray, write_gray
@@ -178,14 +178,15 @@ def test_an_effect_that_the_world_has_makes_the_error_fall(world, comparison, tm
     model = Model().with_effect(gamma, log_exponent=np.log(0.8))
     copy = Path(shutil.copytree(world.capture_path, tmp_path / "copy"))
     capture = read_capture(copy)
-    layers = render_frames(capture, WorldRenderer(world, grid=8), cache=LayerCache(tmp_path / "cache"))
+    renderer = RememberingRenderer(WorldRenderer(world, grid=8))
+    layers = render_frames(capture, renderer, cache=LayerCache(tmp_path / "cache"))
     truth, rng = Nuisances(9.0e4, 3.0e3, 4.0), np.random.default_rng(8)
     for frame in capture.frames:
         for eye in ("left", "right"):
             view = View.of(capture, frame, eye, layers[frame.id][eye])
             image = model.signal(model.light(layers[frame.id][eye], view), view, truth) + rng.normal(size=view.shape)
             write_gray(frame.path(eye), np.clip(np.rint(image), 0, 255).astype(np.uint8))
-    base, right = (compare(copy, m, WorldRenderer(world), cache=LayerCache(tmp_path / "cache")).scores for m in (None, model))
+    base, right = (compare(copy, m, renderer, cache=LayerCache(tmp_path / "cache")).scores for m in (None, model))
     for split in ("train", "test"):
         assert base["ir"][split]["rmse_dn"] > 1.5 * right["ir"][split]["rmse_dn"]
         assert right["ir"][split]["rmse_dn"] == pytest.approx(np.sqrt(1 + 1 / 12), rel=0.02)

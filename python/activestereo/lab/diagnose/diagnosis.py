@@ -39,7 +39,8 @@ from activestereo.lab.diagnose.verdict.completeness import is_unexplained, lacks
 from activestereo.lab.diagnose.verdict.depth import engine_faults
 from activestereo.lab.diagnose.verdict.verdict import EFFECT, UNDETERMINED, UNKNOWN, is_named, verdict_of
 from activestereo.lab.model_file import library, model_json
-from activestereo.lab.render import WARP_SCALE, Renderer, render_frames
+from activestereo.lab.render import WARP_SCALE, Renderer, render_frames, render_halves
+from activestereo.lab.render_noise import mean_of_halves
 from activestereo.lab.where_channels import surface_text
 from activestereo.progress_bar import part_of
 from activestereo.sensor_model import SensorModel
@@ -92,11 +93,15 @@ def diagnose(
         from activestereo.lab.kuafu_renderer import KuafuRenderer
 
         renderer = KuafuRenderer()
-    share = part_of(progress, 0.0, _RENDER_SHARE)
-    layers = render_frames(capture, renderer, samples_per_pixel, max_bounces, seed, cache, share, WARP_SCALE)
+    train, test = capture.split("train"), capture.split("test")
+    sampled = capture, renderer, samples_per_pixel, max_bounces, seed, cache
+    middle = _RENDER_SHARE * len(train) / len(capture.frames)
+    layers = render_frames(*sampled, part_of(progress, 0.0, middle), WARP_SCALE, train)
+    halves = render_halves(*sampled, part_of(progress, middle, _RENDER_SHARE), WARP_SCALE, test)
+    evidence = gather(capture, {**layers, **mean_of_halves(halves)}, seed, halves)
     share = part_of(progress, _RENDER_SHARE, 1.0)
     engine = None if rendering is None else rendering(capture)
-    return examine(gather(capture, layers, seed), model, list(effects.values()), steps, workers, share, gates, engine)
+    return examine(evidence, model, list(effects.values()), steps, workers, share, gates, engine)
 
 
 def no_infrared(capture_path: str | Path) -> str | None:

@@ -7,6 +7,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from activestereo.capture import EYES
 from activestereo.effects import Model, Randomness, Stage, View
 from activestereo.lab.compare import predict_under_model
@@ -59,7 +61,10 @@ def _predicted(comparison: Comparison, models: Any, images_of: Any, progress: Ca
     out = {}
     for done, (name, model) in enumerate(models.items()):
         same = next((images for other, images in images_of if other == model), None)
-        out[name] = predict_under_model(capture, model, comparison.layers, views, measured)[1] if same is None else same
+        if same is None:
+            expected = predict_under_model(capture, model, (comparison.layers,), views, measured)[1]
+            same = {key: images[0].astype(np.float32) for key, images in expected.items()}
+        out[name] = same
         if progress:
             progress((done + 1) / len(models))
     return out

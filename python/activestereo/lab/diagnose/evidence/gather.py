@@ -4,6 +4,7 @@ correlated by tiles.
 """
 
 from collections.abc import Hashable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -22,8 +23,8 @@ from activestereo.lab.diagnose.evidence.observation import (
 )
 from activestereo.lab.fit import Nuisances, fit_nuisances, predict
 from activestereo.lab.gain_noise import law_at_other_gains
-from activestereo.lab.layers import Layers
 from activestereo.lab.noise import NoiseLaw, frame_floors
+from activestereo.lab.render import LayersOfFrames
 from activestereo.scene_surfaces import scene_surfaces
 
 _BLOCK_TILES = BLOCK_PX // TILE_PX
@@ -39,8 +40,10 @@ _MOST_MEASURED = 0.5
 Floors = dict[tuple[int, str], float]
 
 
-def gather(capture: Capture, layers: dict[int, dict[str, Layers]], seed: int = 0) -> Evidence:
-    """The Evidence of a capture and its rendered layers {frame id: {eye: Layers}}. seed: rules every random choice."""
+def gather(capture: Capture, layers: LayersOfFrames, seed: int = 0, halves: Sequence[LayersOfFrames] = ()) -> Evidence:
+    """The Evidence of a capture and its rendered layers {frame id: {eye: Layers}}. seed: rules every random choice.
+    halves: of the test frames' layers, which are the halves' mean.
+    """
     shots = [
         Shot(f, eye, View.of(capture, f, eye, layers[f.id][eye], seed), layers[f.id][eye], capture.ir(f, eye))
         for f in capture.frames
@@ -66,10 +69,11 @@ def gather(capture: Capture, layers: dict[int, dict[str, Layers]], seed: int = 0
             shot.frame, shot.eye, shot.view, shot.layers, shot.measured, weight, tile, fold, material, slope
         )
 
+    test_observations = tuple(map(observation, test))
     return Evidence(
         capture=capture,
         train=tuple(map(observation, train)),
-        test=tuple(map(observation, test)),
+        test=test_observations,
         nuisances=nuisances,
         law=law,
         floors=floors,
@@ -78,6 +82,12 @@ def gather(capture: Capture, layers: dict[int, dict[str, Layers]], seed: int = 0
         tiles=count,
         place_error_m=place_error_m,
         seed=seed,
+        test_halves=tuple(
+            tuple(
+                replace(o, layers=of[o.frame.id][o.eye], view=replace(o.view, half=number)) for o in test_observations
+            )
+            for number, of in enumerate(halves)
+        ),
     )
 
 

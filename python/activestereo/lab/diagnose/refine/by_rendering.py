@@ -48,11 +48,11 @@ class RenderedLight(Protocol):
 
 
 class Rendering(Protocol):
-    """Renders every frame of a capture under a model, with the same random numbers in every call; a draft has fewer
-    samples.
+    """Renders every frame of a capture under a model, with the same random numbers in every call. half: 0 or 1, one of
+    two independent halves of the samples; None: a draft, with fewer samples.
     """
 
-    def __call__(self, model: Model, draft: bool = False) -> Mapping[Key, RenderedLight]: ...
+    def __call__(self, model: Model, half: int | None = None) -> Mapping[Key, RenderedLight]: ...
 
 
 _Images = dict[Key, np.ndarray]
@@ -61,13 +61,14 @@ _Images = dict[Key, np.ndarray]
 @dataclass(frozen=True)
 class _Rendered:
     """An effect's change of light, rendered at theta and one step further along each free parameter:
-    [3][height][width] each.
+    [3][height][width] each. halves: the change by either half of the samples; none of a draft.
     """
 
     effect: Effect
     theta: np.ndarray
     change: _Images
     slopes: tuple[_Images, ...]
+    halves: tuple[_Images, ...] = ()
 
     def emulated(self) -> Effect:
         """The effect with these images for its image function; neutral amplitudes change nothing."""
@@ -78,7 +79,7 @@ class _Rendered:
         if _is_off(self.effect, given):
             return light
         key = view.frame.id, view.eye
-        change = self.change[key]
+        change = (self.change if view.half is None or not self.halves else self.halves[view.half])[key]
         for away, slope in zip(given - self.theta, self.slopes, strict=True):
             if away and slope:
                 change = change + away * slope[key]
@@ -103,10 +104,10 @@ def refined_by_rendering(fitter: Fitter, explanation: Explanation, rendering: Re
     """
     effect, start = explanation.effect, explanation.fitted
     own = slice(len(start.theta) - len(effect.parameters), None)
-    without = _images(rendering(Model(), draft=True))
+    without = _images(rendering(Model()))
     theta, phi, steps, slopes = start.theta, start.phi, _steps(effect, start.theta[own]), None
     for _ in range(_ROUNDS):
-        rendered = _render(effect, theta[own], steps, rendering, without, slopes)
+        rendered = _draft(effect, theta[own], steps, rendering, without, slopes)
         space = _with_effect(start.space, rendered.emulated())
         solution = fitter.refine(space, theta, phi, _STEPS)
         reach = np.abs(steps)
@@ -116,8 +117,7 @@ def refined_by_rendering(fitter: Fitter, explanation: Explanation, rendering: Re
         if (distance <= _SETTLED * reach).all():
             break
         steps, slopes = _steps(effect, moved), rendered.slopes if (distance <= _NEAR * reach).all() else None
-    without = _images(rendering(Model()))
-    final = _render(effect, theta[own], steps, rendering, without, rendered.slopes, draft=False)
+    final = _whole(effect, theta[own], rendering, rendered.slopes)
     solution = fitter.refine(_with_effect(start.space, final.emulated()), theta, phi, 1)
     chi2 = cross_validated(fitter, solution)
     if chi2 >= explanation.chi2:
@@ -147,21 +147,35 @@ def _steps(effect: Effect, values: np.ndarray) -> np.ndarray:
     return np.array(out)
 
 
-def _render(
+def _whole(effect: Effect, values: np.ndarray, rendering: Rendering, slopes: tuple[_Images, ...]) -> _Rendered:
+    """Of all samples. slopes: those of values near by."""
+    model = _model_at(effect, values)
+    first, second = (_change(_images(rendering(model, half)), _images(rendering(Model(), half))) for half in (0, 1))
+    mean = {key: 0.5 * (image + second[key]) for key, image in first.items()}
+    return _Rendered(effect, values, mean, slopes, (first, second))
+
+
+def _model_at(effect: Effect, values: np.ndarray) -> Model:
+    named = {p.name: float(np.clip(v, p.low, p.high)) for p, v in zip(effect.parameters, values, strict=True)}
+    return Model().with_effect(effect, **named)
+
+
+def _change(images: _Images, without: _Images) -> _Images:
+    return {key: image - without[key] for key, image in images.items()}
+
+
+def _draft(
     effect: Effect,
     values: np.ndarray,
     steps: np.ndarray,
     rendering: Rendering,
     without: _Images,
     slopes: tuple[_Images, ...] | None = None,
-    draft: bool = True,
 ) -> _Rendered:
     """slopes: those of values near by, None for new ones."""
 
     def at(theta: np.ndarray) -> _Images:
-        named = {p.name: float(np.clip(v, p.low, p.high)) for p, v in zip(effect.parameters, theta, strict=True)}
-        images = _images(rendering(Model().with_effect(effect, **named), draft))
-        return {key: image - without[key] for key, image in images.items()}
+        return _change(_images(rendering(_model_at(effect, theta))), without)
 
     here = at(values)
     if slopes is not None:

@@ -247,17 +247,23 @@ class Fitter:
 
 @dataclass(frozen=True)
 class Fitters:
-    """The Fitters of one capture: over its train frames, its test frames, and the few images that a scan looks at."""
+    """The Fitters of one capture: over its train frames, its test frames, and the few images that a scan looks at;
+    test_halves: over its test frames by either half of the renderer's samples, or none.
+    """
 
     train: Fitter
     test: Fitter
     scan: Fitter
+    test_halves: tuple[Fitter, ...] = ()
 
     @classmethod
     def of(cls, evidence: Evidence, scanned: Sequence[Observation]) -> "Fitters":
         """scanned: the observations of a scan, see propose/scan.py."""
-        train, test = (Fitter(o, evidence.held_sigma, evidence.tiles) for o in (evidence.train, evidence.test))
-        return cls(train, test, Fitter(scanned, evidence.held_sigma, evidence.tiles, fine=False))
+        train, test, *halves = (
+            Fitter(o, evidence.held_sigma, evidence.tiles)
+            for o in (evidence.train, evidence.test, *evidence.test_halves)
+        )
+        return cls(train, test, Fitter(scanned, evidence.held_sigma, evidence.tiles, fine=False), tuple(halves))
 
 
 def signal(model: Model, observation: Observation, light: Light, phi: np.ndarray) -> np.ndarray:
