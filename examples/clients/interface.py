@@ -129,6 +129,8 @@ KUAFU_SAMPLING_BSDF = 2
 KUAFU_DENOISE_NONE = 0
 KUAFU_DENOISE_ATROUS = 1
 KUAFU_DENOISE_OIDN = 2
+KUAFU_GLASS_SHADOWS_STRAIGHT = 0
+KUAFU_GLASS_SHADOWS_BENT = 1
 KUAFU_TYPE_RENDER_SUMMARY = 0x100e
 SIMSENSE_FAULTS_PUBLISHED = 0x7f
 SIMSENSE_TYPE_RIG_DESC = 0x2001
@@ -520,7 +522,7 @@ class kuafu_render_desc(c.Structure):
         ("projector", c.c_uint32),
         ("temporal_weight", c.c_float),
         ("accumulate", c.c_uint32),
-        ("reserved", c.c_uint32),
+        ("glass_shadows", c.c_uint32),
         ("max_seconds", c.c_double),
         ("relative_error", c.c_double),
     ]

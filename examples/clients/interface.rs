@@ -340,7 +340,7 @@ pub struct kuafu_render_desc {
     pub projector: u32,
     pub temporal_weight: f32,
     pub accumulate: u32,
-    pub reserved: u32,
+    pub glass_shadows: u32,
     pub max_seconds: f64,
     pub relative_error: f64,
 }
@@ -593,6 +593,8 @@ pub const KUAFU_SAMPLING_BSDF: u32 = 2;
 pub const KUAFU_DENOISE_NONE: u32 = 0;
 pub const KUAFU_DENOISE_ATROUS: u32 = 1;
 pub const KUAFU_DENOISE_OIDN: u32 = 2;
+pub const KUAFU_GLASS_SHADOWS_STRAIGHT: u32 = 0;
+pub const KUAFU_GLASS_SHADOWS_BENT: u32 = 1;
 pub const KUAFU_TYPE_RENDER_SUMMARY: u32 = 0x100e;
 pub const SIMSENSE_FAULTS_PUBLISHED: u32 = 0x7f;
 pub const SIMSENSE_TYPE_RIG_DESC: u32 = 0x2001;

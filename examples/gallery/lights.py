@@ -134,3 +134,14 @@ def dots_through_glass(device):
 @tile("Projector", "Blocked by glass", "... or glass casts a shadow (`glass_surfaces=0`)")
 def dots_blocked(device):
     return projected(device, glass=0)
+
+
+@tile("Projector", "Bent by glass", '`glass_shadows="bent"`: a ball turns dots over, and gathers them on the table')
+def dots_bent(device):
+    stage = Stage(device, wall=False)
+    stage.camera.update(eye=(0.0, -2.6, 1.9), target=(0.0, -0.2, 0.2))
+    stage.ball(x=0.0, y=0.2, radius=0.4, transmission=1.0, roughness=0.0)
+    stage.options.update(band="infrared", ir_ambient_radiance=0.02, glass_shadows="bent")
+    k = [[150, 0, 79.5], [0, 150, 79.5], [0, 0, 1]]
+    stage.light("projector", (0.6, 1.9, 2.2), (0.0, 0.0, 0.1), ir_intensity=40.0, k=k, texture=stage.texture(dots()))
+    return stage.picture()

@@ -64,7 +64,7 @@ RENDER = (
         8,
         possible="0..64",
         range=(0, 64),
-        doc="Largest number of smooth glass surfaces that light of points, directions and projectors crosses on a straight line towards a surface; it is dimmed by Fresnel reflection, tint and absorption. With 0 glass casts full shadows.",  # noqa: E501
+        doc="Largest number of smooth glass surfaces that light of points, directions and projectors crosses on its way to a surface; it is dimmed by Fresnel reflection, tint and absorption. With 0 glass casts full shadows.",  # noqa: E501
     ),
     Parameter(
         "light_sampling",
@@ -88,6 +88,13 @@ RENDER = (
         range=(0, 1),
         on_command_line=False,
         doc="For atrous: share of the light that is taken from this renderer's previous renders, 0..<1; 0 uses this render only. The previous renders must have had as many views of the same size, and only light from the same surface is used. Moving cameras (with any lens and shutter) and instances are followed, and a pixel begins anew where another surface or instance appears. Previous light is dropped where it differs by more than this render's noise; smaller changes, reflections and deforming meshes lag behind. Give each render another seed.",  # noqa: E501
+    ),
+    Parameter(
+        "glass_shadows",
+        str,
+        "straight",
+        choices=("straight", "bent"),
+        doc="How light of points, directions, projectors and spots passes smooth glass that bounds a body; thin-walled glass is passed straight.",  # noqa: E501
     ),
     Parameter(
         "max_seconds",
@@ -122,5 +129,6 @@ class RenderFields:
     light_sampling: Literal["mis", "lights", "bsdf"]
     denoise: Literal["none", "atrous", "oidn"]
     temporal_weight: float
+    glass_shadows: Literal["straight", "bent"]
     max_seconds: float
     relative_error: float

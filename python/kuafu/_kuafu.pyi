@@ -605,6 +605,7 @@ class Renderer:
         projector: int | None = None,
         temporal_weight: float = 0.0,
         accumulate: bool = False,
+        glass_shadows: Literal["straight", "bent"] = "straight",
         max_seconds: float = 0.0,
         relative_error: float = 0.0,
     ) -> dict[str, NDArray[Any]]:
@@ -626,9 +627,9 @@ class Renderer:
         or one for each camera; None is perfect. denoise: 'none', 'atrous' or 'oidn' (Open Image Denoise, where
         its library is found); all light but projector_direct is filtered. temporal_weight: 'atrous' keeps this
         share, 0..<1, of what the renderer's last renders of these views saw on the same surface; vary the seed.
-        glass_surfaces: how many smooth glass surfaces a light's straight way to a surface may pass; 0: glass
-        casts full shadows. progress(fraction: float) may return True to cancel (CancelledError); what it raises
-        is raised here. Same seed, same bits."""
+        glass_surfaces: how many smooth glass surfaces a light's way to a surface may pass; 0: glass casts full
+        shadows. glass_shadows: 'bent' by glass as Snell's law says, or 'straight'. progress(fraction: float) may
+        return True to cancel (CancelledError); what it raises is raised here. Same seed, same bits."""
     def submit(
         self,
         scene: Scene,
@@ -654,6 +655,7 @@ class Renderer:
         projector: int | None = None,
         temporal_weight: float = 0.0,
         accumulate: bool = False,
+        glass_shadows: Literal["straight", "bent"] = "straight",
         max_seconds: float = 0.0,
         relative_error: float = 0.0,
     ) -> Submission:

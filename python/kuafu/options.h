@@ -27,6 +27,7 @@ inline const Field<kuafu_render_desc> render_fields[] = {
     {"projector", &kuafu_render_desc::projector, Field<kuafu_render_desc>::Kind::id, {}},
     {"temporal_weight", &kuafu_render_desc::temporal_weight, Field<kuafu_render_desc>::Kind::number, {}},
     {"accumulate", &kuafu_render_desc::accumulate, Field<kuafu_render_desc>::Kind::flag, {}},
+    {"glass_shadows", &kuafu_render_desc::glass_shadows, Field<kuafu_render_desc>::Kind::choice, {"straight", "bent"}},
     {"max_seconds", &kuafu_render_desc::max_seconds, Field<kuafu_render_desc>::Kind::number, {}},
     {"relative_error", &kuafu_render_desc::relative_error, Field<kuafu_render_desc>::Kind::number, {}},
 };

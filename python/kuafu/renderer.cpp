@@ -342,7 +342,8 @@ void bind_renderer(py::module_& module) {
       "filtered.\n"
       "temporal_weight: 'atrous' keeps this share, 0..<1, of what the renderer's last renders of these views saw on the same surface; "
       "vary the seed.\n"
-      "glass_surfaces: how many smooth glass surfaces a light's straight way to a surface may pass; 0: glass casts full shadows.\n"
+      "glass_surfaces: how many smooth glass surfaces a light's way to a surface may pass; 0: glass casts full shadows.\n"
+      "glass_shadows: 'bent' by glass as Snell's law says, or 'straight'.\n"
       "progress(fraction: float) may return True to cancel (CancelledError); what it raises is raised here. Same seed, same bits.");
   def_render(
       renderer, "submit",

@@ -271,7 +271,7 @@ AT(kuafu_render_desc, denoise, 92, 4);
 AT(kuafu_render_desc, projector, 96, 4);
 AT(kuafu_render_desc, temporal_weight, 100, 4);
 AT(kuafu_render_desc, accumulate, 104, 4);
-AT(kuafu_render_desc, reserved, 108, 4);
+AT(kuafu_render_desc, glass_shadows, 108, 4);
 AT(kuafu_render_desc, max_seconds, 112, 8);
 AT(kuafu_render_desc, relative_error, 120, 8);
 

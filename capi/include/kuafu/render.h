@@ -62,6 +62,14 @@ extern "C" {
 /* Open Image Denoise, version 1 or 2, opened at run time on the host; KS_ERROR_UNSUPPORTED where it is not found. */
 #define KUAFU_DENOISE_OIDN 2u
 
+/* kuafu_render_desc.glass_shadows: How light of points, directions, projectors and spots passes smooth glass that
+ * bounds a body; thin-walled glass is passed straight. */
+/* On the straight line, dimmed: dots stay where they would be without the glass, and nothing is focused. */
+#define KUAFU_GLASS_SHADOWS_STRAIGHT 0u
+/* On the ways that Snell's law gives, with its focusing, in and beside the straight shadow; not on ways that glass
+ * reflects. */
+#define KUAFU_GLASS_SHADOWS_BENT 1u
+
 #define KUAFU_TYPE_RENDER_SUMMARY 0x100eu
 
 /* How a renderer traces rays, and where its optional denoiser is. */
@@ -131,9 +139,9 @@ typedef struct kuafu_render_desc {
   /* Constant that is added to the environment's infrared radiance where the environment states none. [>= 0 W/(sr m^2);
    * 0.002 by default] */
   float ir_ambient_radiance;
-  /* Largest number of smooth glass surfaces that light of points, directions and projectors crosses on a straight line
-   * towards a surface; it is dimmed by Fresnel reflection, tint and absorption. With 0 glass casts full shadows.
-   * [0..64; 8 by default] */
+  /* Largest number of smooth glass surfaces that light of points, directions and projectors crosses on its way to a
+   * surface; it is dimmed by Fresnel reflection, tint and absorption. With 0 glass casts full shadows. [0..64; 8 by
+   * default] */
   uint32_t glass_surfaces;
   /* Called as the render advances; may be NULL. */
   ks_progress_fn progress;
@@ -159,8 +167,9 @@ typedef struct kuafu_render_desc {
    * groups or variance, and after a call that failed. Cameras and scene may move between calls; the images are then
    * means over that time. */
   uint32_t accumulate;
-  /* Must be 0. */
-  uint32_t reserved;
+  /* How light of points, directions, projectors and spots passes smooth glass that bounds a body; thin-walled glass is
+   * passed straight. [straight by default] */
+  uint32_t glass_shadows;
   /* Time budget; 0 is none. samples_per_pixel is then the largest number of samples. The views are rendered in rounds,
    * at least one, and the render stops before max_seconds would be exceeded, as estimated from the previous rounds. [>=
    * 0 s] */

@@ -192,6 +192,9 @@ GlassSample sample_rough_glass(IN(Glass) g, vec3 wo, vec2 u, float choice) {
   return s;
 }
 
+/// Smooth and with a body behind it.
+bool bends_light(IN(MaterialPoint) m) { return m.transmission > 0.0f && m.metallic < 1.0f && !is_sheet(m) && glass_alpha(m) < mirror_alpha; }
+
 /// What smooth glass lets through at one boundary, of a ray taken straight on: outside a plane-parallel plate the angle is the same on both sides, so
 /// `cosine`, the straight ray's, holds for both of its faces. A sheet is both at once.
 Spectrum straight_transmittance(IN(MaterialPoint) m, float cosine) {

@@ -11,6 +11,7 @@ bool is_lit(IN(LightMotion) m, float time_s) { return m.on_from_s == m.on_until_
 LightSample light_towards(IN(SceneAddresses) scene, uint index, vec3 position, vec2 u, float time_s) {
   IN(LightRecord) light = scene.lights.at[index];
   LightMotion m;
+  m.motion.pivot = m.motion.linear = m.motion.angular = vec3(0.0f);
   bool moves = false;
   if ((features & feature_motion) != 0u && scene.moves != 0u) {
     m = scene.light_motions.at[index];

@@ -138,6 +138,12 @@ struct MediumRecord {
 };
 KUAFU_ARRAY(MediumArray, MediumRecord, 4)
 
+/// A box in the world around smooth glass that bends light.
+struct GlassBox {
+  vec3 min, max;
+};
+KUAFU_ARRAY(GlassBoxArray, GlassBox, 4)
+
 struct SceneAddresses {
   InstanceArray instances;
   UintArray instance_materials;  // index into materials
@@ -153,7 +159,8 @@ struct SceneAddresses {
   MotionArray instance_motions;  // as instances; filled where something moves
   LightMotionArray light_motions;  // as lights
   uint moves;  // nonzero: an instance or a light moves or goes on or off while a shutter is open
-  uint reserved;
+  uint glass_box_count;
+  GlassBoxArray glass_boxes;
 };
 KUAFU_ARRAY(SceneReference, SceneAddresses, 8)
 
@@ -165,7 +172,7 @@ static_assert(sizeof(LightRecord) == 104);
 static_assert(sizeof(LightShape) == 152);
 static_assert(sizeof(EnvironmentRecord) == 36);
 static_assert(sizeof(MediumRecord) == 56);
-static_assert(sizeof(SceneAddresses) == 112);
+static_assert(sizeof(SceneAddresses) == 120);
 }  // namespace kuafu
 #endif
 #endif

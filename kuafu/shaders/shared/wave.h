@@ -40,8 +40,40 @@ KUAFU_FN state_shadow(uint channels, uint groups) { return state_throughput + ch
 // A path's shadow-ray plane holds its index in the shadow queue and, above, the light group it feeds.
 KUAFU_CONST shadow_none = 0xffffffffu;
 KUAFU_CONST shadow_group_shift = 29u;
-// A shadow ray's ray_id is the index of its contribution and, above, whether glass stops it all the same.
+// A shadow ray's ray_id is the index of its contribution and, above, whether glass stops it all the same, and whether glass may bend it.
 KUAFU_CONST shadow_opaque = 0x80000000u;
+KUAFU_CONST shadow_bends = 0x40000000u;
+KUAFU_CONST shadow_index_mask = 0x1fffffffu;
+
+// What is kept of each shadow ray where glass may bend it (stage/bend.glsl): plane p of ray i is p * shadow_capacity + i.
+KUAFU_CONST bend_found = 0u;      // irradiance by all bent ways, for an intensity of 1 (a directional light's irradiance); 0: there are none
+KUAFU_CONST bend_light = 1u;      // the light's index and, above, whether it is a directional one
+KUAFU_CONST bend_box = 2u;        // of the glass to look at
+KUAFU_CONST bend_chance = 3u;     // of looking there where the straight way does not meet glass; 0: not now
+KUAFU_CONST bend_target = 4u;     // 3: the light's position, or the direction towards it
+KUAFU_CONST bend_direction = 7u;  // 3: of the way that was found, where the light is asked for
+KUAFU_CONST bend_lit = 10u;       // 3: a point that is lit as the end of that way at the light is
+KUAFU_CONST bend_random = 13u;    // a random number, which says the way that is taken of several
+KUAFU_CONST bend_gain = 14u;      // `channels` planes: colour of what passes, times the square of the way's metres; then of throughput / probability
+KUAFU_FN bend_weight(uint channels) { return bend_gain + channels; }
+KUAFU_FN bend_result_planes(uint channels) { return bend_gain + 2u * channels; }
+// The rest is of a search that goes surface by surface, in queues.
+KUAFU_CONST bend_from = 0u;     // 3: where the light is asked for
+KUAFU_CONST bend_trial = 3u;    // 3: direction of the trial
+KUAFU_CONST bend_spread = 6u;   // 12: Differential
+KUAFU_CONST bend_best = 18u;    // 3: the best direction so far
+KUAFU_CONST bend_error = 21u;   // of it
+KUAFU_CONST bend_step = 22u;    // 2: from it
+KUAFU_CONST bend_scale = 24u;   // of the step
+KUAFU_CONST bend_length = 25u;  // metres of this trial
+KUAFU_CONST bend_share = 26u;   // 1, or 1 / bend_chance
+KUAFU_CONST bend_counts = 27u;  // segments in all and of this seed, surfaces of this trial, seed, ways found: 8, 8, 8, 4 and 4 bits
+KUAFU_CONST bend_ways = 28u;    // 9: directions of the ways that were found
+KUAFU_CONST bend_colour = 37u;  // `channels` planes: of the trial
+KUAFU_FN bend_search_planes(uint channels) { return bend_colour + channels; }
+KUAFU_FN bend_planes(uint channels, bool search) { return bend_result_planes(channels) + (search ? bend_search_planes(channels) : 0u); }
+KUAFU_CONST bend_directional = 0x80000000u;
+KUAFU_CONST bend_segments = 96u, bend_seed_segments = 32u;  // a search, and one seed of it, take no more
 
 // Counters: one block per bounce; then, where shadow rays pass glass, one per bounce and surface that they passed.
 KUAFU_CONST counter_trace_arguments = 0u;   // VkDispatchIndirectCommand of `closest`
@@ -149,6 +181,7 @@ struct ShadePush {
   uint bounce, max_bounces;
   uint shadow_rays_per_vertex, flags;  // shade_*
   uint groups, reserved;
+  FloatArray bends;  // bend_*; null without shade_bends
 };
 
 // Of the scene.
@@ -160,6 +193,7 @@ KUAFU_CONST shade_medium = 1u << 3u;         // there is a medium; half of a ver
 KUAFU_CONST shade_lights_only = 1u << 4u;    // light with an extent is found by light samples alone, or
 KUAFU_CONST shade_bsdf_only = 1u << 5u;      // by BSDF samples alone; else by both, weighted
 KUAFU_CONST shade_glass_shadows = 1u << 6u;  // shadow rays pass smooth glass: they stand in a closest queue, and `transmit` follows them
+KUAFU_CONST shade_bends = 1u << 7u;          // and are bent by it
 
 struct ResolvePush {
   UintArray rays, shadow_rays;
@@ -181,7 +215,9 @@ struct TransmitPush {
   uint block_in, block_out;  // of counters
   uint has_environments;
   uint last;  // nonzero: whatever stands in the way blocks
-  uint has_medium, reserved;
+  uint has_medium;
+  uint surfaces;     // of glass that a way may pass
+  FloatArray bends;  // as in ShadePush
 };
 
 /// Where the variance of a pixel's mean is asked for, its samples are dealt out to this many sequences with scrambles of their own: sample i is number
@@ -238,9 +274,9 @@ static_assert(((path_environment_mask | path_walk_mask << path_walk_shift) & (pa
 static_assert(sizeof(ViewRecord) == 64);
 static_assert(sizeof(OutputRecord) == 32);
 static_assert(sizeof(GeneratePush) == 104);
-static_assert(sizeof(ShadePush) == 104);
+static_assert(sizeof(ShadePush) == 112);
 static_assert(sizeof(ResolvePush) == 72);
-static_assert(sizeof(TransmitPush) == 88);
+static_assert(sizeof(TransmitPush) == 96);
 static_assert(sizeof(AccumulatePush) == 96);
 static_assert(sizeof(AovPush) == 120);
 static_assert(sizeof(WritePush) == 64);

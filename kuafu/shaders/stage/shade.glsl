@@ -73,6 +73,7 @@ void light_at_surface(IN(Path) path, IN(Vertex) vertex, uint k, OUT(LightAtSurfa
   }
   l.wi = to_local(vertex.frame, l.asked.light.direction);
   l.found = behind != (l.wi.z > 0.0f);
+  if (can_walk() && vertex.from_below) l.asked.seek.found = false;  // `relight` does not know the surface from below
 }
 
 /// f, pdf: of bsdf_evaluate for the light's direction.
@@ -81,7 +82,8 @@ void request_light(IN(Path) path, IN(LightAtSurface) l, Spectrum f, float pdf, O
   if (in_medium()) request.contribution *= open_transmittance(l.origin, l.asked.light.direction, l.asked.light.distance_m);
   request.opaque = l.asked.light.pdf > 0.0f;  // directions that find it go through glass by themselves
   if (request.opaque && (push.flags & shade_lights_only) == 0u) request.contribution *= mis_weight(l.asked.light.pdf * l.asked.probability, pdf);
-  request.wanted = max_component(request.contribution) > 0.0f;
+  request.wanted = max_component(request.contribution) > 0.0f || l.asked.seek.found;
+  set_seek(request, l.asked, path.throughput);
   request.group = !l.asked.projector ? l.asked.group : all_delta(path) ? group_projector_direct : group_projector_indirect;
   request.ray = Ray(l.origin, 0.0f, l.asked.light.direction, l.asked.light.distance_m * 0.99999f);
 }
@@ -161,16 +163,31 @@ bool goes_on(IN(Shading) s) {
   return (s.hit || s.fog.found) && bounces_on(s.path);
 }
 
+void store_bend(IN(ShadowRequest) request, uint i) {
+  push.bends.at[bend_found * push.shadow_capacity + i] = 0.0f;
+  if (!request.seek.found) return;
+  bool directional = request.ray.t_far >= 0.5f * infinite_m;
+  vec3 target = directional ? request.ray.direction : request.ray.origin + request.ray.direction * (request.ray.t_far / 0.99999f);
+  push.bends.at[bend_light * push.shadow_capacity + i] = uintBitsToFloat(request.light | (directional ? bend_directional : 0u));
+  push.bends.at[bend_box * push.shadow_capacity + i] = uintBitsToFloat(request.seek.box);
+  push.bends.at[bend_chance * push.shadow_capacity + i] = request.seek.chance;
+  push.bends.at[bend_random * push.shadow_capacity + i] = request.seek.random;
+  for (uint axis = 0u; axis < 3u; ++axis) push.bends.at[(bend_target + axis) * push.shadow_capacity + i] = target[axis];
+  for (uint c = 0u; c < channels; ++c) push.bends.at[(bend_weight(channels) + c) * push.shadow_capacity + i] = channel_of(request.weight, c);
+}
+
 /// What was asked for goes to the places in the queues that the caller found.
 void queue_shadow(IN(Path) path, IN(ShadowRequest) request, uint k, uint i) {
+  uint id = i | (request.opaque ? shadow_opaque : 0u) | (request.seek.found ? shadow_bends : 0u);
   if ((push.flags & shade_glass_shadows) != 0u) {
-    store_closest_ray(push.shadow_rays, i, push.shadow_capacity, request.ray, path.time_s, request.opaque ? i | shadow_opaque : i);
+    store_closest_ray(push.shadow_rays, i, push.shadow_capacity, request.ray, path.time_s, id);
     push.contributions.at[channels * push.shadow_capacity + i] = request.ray.t_far;
   } else {
-    store_ray(push.shadow_rays, i, occlusion_words, push.shadow_capacity, request.ray, path.time_s, request.opaque ? i | shadow_opaque : i);
+    store_ray(push.shadow_rays, i, occlusion_words, push.shadow_capacity, request.ray, path.time_s, id);
   }
   if ((push.flags & shade_environments) != 0u) push.shadow_environments.at[i] = path_environment(path);
   for (uint c = 0u; c < channels; ++c) push.contributions.at[c * push.shadow_capacity + i] = channel_of(request.contribution, c);
+  if ((push.flags & shade_bends) != 0u) store_bend(request, i);
   push.state.at[plane(state_shadow(channels, push.groups) + k, path.slot)] = i | (request.group << shadow_group_shift);
 }
 

@@ -42,25 +42,19 @@ Spectrum absorbed(IN(Path) path, IN(MaterialPoint) m, bool front, float t) {
   return band_exp(attenuation * -t);
 }
 
-/// The surface that ray i met; the path loses what the way inside absorbed, and gets the surface's emission.
-void load_vertex(uint i, INOUT(Path) path, OUT(Vertex) vertex) {
+/// The surface that ray i met.
+Surface meet_surface(uint i, float time_s, OUT(Vertex) vertex) {
   vec3 wo = -load_direction(push.rays_in, i, push.capacity);
   IN(SceneAddresses) scene = push.scene.at[0];
   Surface s = surface_at(scene, ray_field(i, hit_instance), ray_field(i, hit_primitive), uintBitsToFloat(ray_field(i, hit_u)),
-                         uintBitsToFloat(ray_field(i, hit_v)), path.time_s);
+                         uintBitsToFloat(ray_field(i, hit_v)), time_s);
   IN(MaterialRecord) record = scene.materials.at[s.material];
   MaterialPoint m = load_material(scene, record, s);
   bool front = dot(s.geometric_normal, wo) >= 0.0f;
-  if ((features & feature_materials) != 0u) path.throughput *= absorbed(path, m, front, uintBitsToFloat(ray_field(i, ray_t_far)));
-  if (max_component(m.emission) > 0.0f) {
-    float weight = emission_weight(path, record, uintBitsToFloat(ray_field(i, ray_t_far)), dot(s.geometric_normal, wo));
-    add_radiance(path.slot, ambient_group(record.light_group), path.throughput * m.emission * weight);
-  }
   vertex.position = s.position;
   vertex.coordinate_size = s.coordinate_size;
   vertex.side_normal = front ? s.geometric_normal : -s.geometric_normal;
   vertex.body_beyond = front ? s.material + 1u : 0u;
-  if (is_sheet(m)) vertex.body_beyond = path.body;
   vec3 normal = front ? s.shading_normal : -s.shading_normal;
   // An interpolated normal may face away from the viewer, where GGX is not defined: bend it back. Lambert needs no viewer.
   float facing = dot(normal, wo);
@@ -70,6 +64,20 @@ void load_vertex(uint i, INOUT(Path) path, OUT(Vertex) vertex) {
   vertex.material = m;
   vertex.front = front;
   vertex.from_below = false;
+  return s;
+}
+
+/// The surface that ray i met; the path loses what the way inside absorbed, and gets the surface's emission.
+void load_vertex(uint i, INOUT(Path) path, OUT(Vertex) vertex) {
+  Surface s = meet_surface(i, path.time_s, vertex);
+  IN(MaterialPoint) m = vertex.material;
+  float t = uintBitsToFloat(ray_field(i, ray_t_far));
+  if (is_sheet(m)) vertex.body_beyond = path.body;
+  if ((features & feature_materials) != 0u) path.throughput *= absorbed(path, m, vertex.front, t);
+  if (max_component(m.emission) == 0.0f) return;
+  IN(MaterialRecord) record = push.scene.at[0].materials.at[s.material];
+  float weight = emission_weight(path, record, t, -dot(s.geometric_normal, load_direction(push.rays_in, i, push.capacity)));
+  add_radiance(path.slot, ambient_group(record.light_group), path.throughput * m.emission * weight);
 }
 
 void set_bsdf(INOUT(Vertex) vertex) {

@@ -2,6 +2,7 @@
 // Our own two-level BVH2, built on the host and traced in Vulkan compute: the portable tracer of GPUs, and of CPU devices when asked for.
 #include <array>
 #include <map>
+#include <tuple>
 #include <utility>
 
 #include "accel/bvh_world.h"
@@ -24,12 +25,12 @@ struct TracePush {
 
 struct GlassPush {
   TracePush trace;
-  uint64_t contributions = 0, scene = 0;
+  uint64_t contributions = 0, scene = 0, bends = 0;
   uint32_t has_medium = 0, unused = 0;
 };
 
 /// By constant_id (lib/bvh_queue.glsl, entry/trace_glass.comp).
-using Constants = std::array<uint32_t, 5>;
+using Constants = std::array<uint32_t, 6>;
 
 constexpr uint32_t gpu_spread_groups = 2048;  // about what a large GPU holds at once
 
@@ -65,21 +66,21 @@ class ComputeTracer final : public Tracer {
 
   [[nodiscard]] bool passes_glass() const override { return true; }
   void occluded_by_more_than_glass(ks::Commands& commands, const RayQueue& rays, const GlassWay& glass) override {
-    GlassPush all{push(rays), glass.contributions, glass.scene, glass.medium ? 1u : 0u};
+    GlassPush all{push(rays), glass.contributions, glass.scene, glass.bends, glass.medium ? 1u : 0u};
     all.trace.glass_surfaces = glass.surfaces;
     commands.dispatch_indirect(glass_pipeline(glass), all, *rays.counters, rays.arguments_offset);
   }
 
  private:
-  [[nodiscard]] Constants specialisation(bool moves, uint32_t features = 0) const {
-    return {group_size_, layout_, moves ? 1u : 0u, features, spread_};
+  [[nodiscard]] Constants specialisation(bool moves, uint32_t features = 0, bool bends = false) const {
+    return {group_size_, layout_, moves ? 1u : 0u, features, spread_, bends ? 1u : 0u};
   }
   /// Built for the features of a scene that asks for it.
   [[nodiscard]] const ks::ComputePipeline& glass_pipeline(const GlassWay& glass) {
     const uint32_t features = world_.moves() ? glass.features : glass.features & ~feature_motion;  // of lights alone: rays need no time
-    return glass_[{glass.infrared, features}].get(
+    return glass_[{glass.infrared, glass.bends != 0, features}].get(
         device_, glass.infrared ? std::span<const uint32_t>(trace_glass_infrared_spirv) : trace_glass_visible_spirv, sizeof(GlassPush),
-        specialisation(world_.moves(), features));
+        specialisation(world_.moves(), features, glass.bends != 0));
   }
 
   [[nodiscard]] TracePush push(const RayQueue& rays) const {
@@ -97,8 +98,8 @@ class ComputeTracer final : public Tracer {
   }
 
   uint32_t layout_, group_size_, spread_;
-  ks::PipelineInBuild closest_[2], occluded_[2];                    // of rays at rest, and with a time
-  std::map<std::pair<bool, uint32_t>, ks::PipelineInBuild> glass_;  // by infrared and features
+  ks::PipelineInBuild closest_[2], occluded_[2];                           // of rays at rest, and with a time
+  std::map<std::tuple<bool, bool, uint32_t>, ks::PipelineInBuild> glass_;  // by infrared, whether light is bent, and features
   std::shared_ptr<ks::Device> device_;
   BvhWorld world_;
 };

@@ -271,6 +271,7 @@ void check_fields(const kuafu_render_desc& s, const std::string& owner) {
   ks::check_choice({owner, "light_sampling", ""}, s.light_sampling, 0, std::array<const char*, 3>{"mis", "lights", "bsdf"});
   ks::check_choice({owner, "denoise", ""}, s.denoise, 0, std::array<const char*, 3>{"none", "atrous", "oidn"});
   ks::check_range({owner, "temporal_weight", ""}, s.temporal_weight, 0.0f, 1.0f);
+  ks::check_choice({owner, "glass_shadows", ""}, s.glass_shadows, 0, std::array<const char*, 2>{"straight", "bent"});
   ks::check_range({owner, "max_seconds", "s"}, s.max_seconds, 0.0, INFINITY);
   ks::check_range({owner, "relative_error", ""}, s.relative_error, 0.0, INFINITY);
 }

@@ -411,11 +411,11 @@ struct StructInfo<kuafu_render_desc> {
       KS_FIELD_END(kuafu_render_desc, projector),
       KS_FIELD_END(kuafu_render_desc, temporal_weight),
       KS_FIELD_END(kuafu_render_desc, accumulate),
-      KS_FIELD_END(kuafu_render_desc, reserved),
+      KS_FIELD_END(kuafu_render_desc, glass_shadows),
       KS_FIELD_END(kuafu_render_desc, max_seconds),
       KS_FIELD_END(kuafu_render_desc, relative_error),
   };
-  static constexpr std::array<ReservedBytes, 1> reserved = {{{offsetof(kuafu_render_desc, reserved), sizeof(kuafu_render_desc::reserved)}}};
+  static constexpr std::array<ReservedBytes, 0> reserved = {};
   static kuafu_render_desc neutral() {
     kuafu_render_desc s{};
     s.header = ks_header_make(KUAFU_TYPE_RENDER_DESC, sizeof s);

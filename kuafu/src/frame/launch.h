@@ -55,9 +55,10 @@ struct Launch {
   uint32_t width = 0, height = 0;
   Band band;
   uint32_t samples = 1, first_sample = 0, max_bounces = 0;
-  bool accumulate = false;      // the samples are added to those of the calls before
-  double max_seconds = 0.0;     // 0: no limit
-  double relative_error = 0.0;  // 0: no limit
+  bool accumulate = false;              // the samples are added to those of the calls before
+  bool straight_through_glass = false;  // shadow rays are not bent there
+  double max_seconds = 0.0;             // 0: no limit
+  double relative_error = 0.0;          // 0: no limit
   uint64_t seed = 0;
   LightSampling light_sampling = LightSampling::mis;
   DenoiseKind denoise = DenoiseKind::none;

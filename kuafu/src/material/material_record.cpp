@@ -85,6 +85,13 @@ uint32_t material_features(const Material& m) {
   return (special ? feature_materials : 0) | (m.subsurface > 0.0f ? feature_subsurface : 0);
 }
 
+bool is_smooth_glass(const Material& m) {
+  constexpr float rough = 0.0317f;  // whose alpha is mirror_alpha (lib/glass.glsl)
+  return m.transmission > 0.0f && m.metallic < 1.0f && (m.transmission_roughness < rough || m.ior < 1.001f);
+}
+
+bool bends_light(const Material& m) { return is_smooth_glass(m) && !m.thin_walled; }
+
 bool is_frosted(const Material& m) {
   return m.transmission > 0.0f && m.metallic < 1.0f && m.transmission_roughness > 0.0f && !m.thin_walled;
 }

@@ -9,6 +9,8 @@
 #include "spirv/aov_infrared.h"
 #include "spirv/aov_visible.h"
 #include "spirv/generate.h"
+#include "spirv/relight_infrared.h"
+#include "spirv/relight_visible.h"
 #include "spirv/resolve.h"
 #include "spirv/shade_infrared.h"
 #include "spirv/shade_visible.h"
@@ -56,6 +58,15 @@ class DeviceStages final : public Stages {
                                (uint64_t(push.block_in) * counter_words + counter_transmit_arguments) * 4);
   }
 
+  void relight(ks::Commands& commands, const ShadePush& push, const WaveBuffers& buffers) override {
+    commands.begin_stage("relight");
+    const bool infrared = buffers.size().channels == 1;
+    Pipeline& slot = relight_[{infrared, buffers.size().features}];
+    const ks::ComputePipeline& pipeline = built<ShadePush>(
+        slot, infrared ? std::span<const uint32_t>(relight_infrared_spirv) : relight_visible_spirv, buffers.size().features);
+    commands.dispatch_indirect(pipeline, push, buffers.counters(), shade_arguments(push.bounce));
+  }
+
   void resolve(ks::Commands& commands, const ResolvePush& push, const WaveBuffers& buffers) override {
     commands.begin_stage("resolve");
     commands.dispatch_indirect(built<ResolvePush>(resolve_, resolve_spirv), push, buffers.counters(), shade_arguments(push.bounce));
@@ -98,7 +109,7 @@ class DeviceStages final : public Stages {
   std::array<uint32_t, 6> specialisation_;  // by constant_id (lib/invocation.glsl); 4 is the denoiser's
   Pipeline generate_[2], aov_[2][2];        // plain, and with feature_camera; aov: visible, infrared
   Pipeline resolve_, accumulate_, visibility_;
-  std::map<std::pair<bool, uint32_t>, Pipeline> shade_, transmit_;  // by infrared and features
+  std::map<std::pair<bool, uint32_t>, Pipeline> shade_, transmit_, relight_;  // by infrared and features
 };
 
 }  // namespace

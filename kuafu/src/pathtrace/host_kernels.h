@@ -39,7 +39,9 @@ class QueuePlaces {
 /// These are of host_shade.cpp, which the build compiles once for each band, plain (feature set 0) and full.
 using ShadeKernel = void(const ShadePush& push, uint32_t first, uint32_t end, QueuePlaces& places, size_t chunk);
 using TransmitKernel = void(const TransmitPush& push, uint32_t first, uint32_t end, QueuePlaces& places, size_t chunk);
+using RelightKernel = void(const ShadePush& push, uint32_t first, uint32_t end);
 ShadeKernel shade_infrared, shade_visible, shade_infrared_full, shade_visible_full;
 TransmitKernel transmit_infrared, transmit_visible, transmit_infrared_full, transmit_visible_full;
+RelightKernel relight_infrared, relight_visible, relight_infrared_full, relight_visible_full;
 
 }  // namespace kuafu::host

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stages `shade` and `transmit` on the host. The build compiles this file once for each band, plain and with every feature: KUAFU_CHANNELS
-// and KUAFU_PLAIN say which, KUAFU_HOST_SHADE and KUAFU_HOST_TRANSMIT name the functions.
+// Stages `shade`, `transmit` and `relight` on the host. The build compiles this file once for each band, plain and with every feature:
+// KUAFU_CHANNELS and KUAFU_PLAIN say which, KUAFU_HOST_SHADE, KUAFU_HOST_TRANSMIT and KUAFU_HOST_RELIGHT name the functions.
 #include <memory>
 
 #include "frame/host_language.h"
@@ -15,6 +15,7 @@ constexpr uint features = KUAFU_PLAIN ? 0u : ~0u;
 
 struct Shade {
   const ShadePush& push;
+#include "stage/relight.glsl"
 #include "stage/shade.glsl"
 };
 
@@ -120,6 +121,10 @@ void KUAFU_HOST_TRANSMIT(const TransmitPush& push, uint32_t first, uint32_t end,
   }
   const uint32_t mine = places.take(chunk, 0, count).shadow;
   for (uint32_t i = 0; i < count; ++i) stage.queue_onward(onwards[i].from, onwards[i].onward, mine + i);
+}
+
+void KUAFU_HOST_RELIGHT(const ShadePush& push, uint32_t first, uint32_t end) {
+  for (Shade stage{push}; first < end; ++first) stage.relight(first);
 }
 
 }  // namespace host

@@ -45,6 +45,14 @@ class HostStages final : public Stages {
     push.counters.at[push.block_out * counter_words + counter_shadow_count] = places.ends().shadow;
   }
 
+  void relight(ks::Commands& commands, const ShadePush& push, const WaveBuffers& buffers) override {
+    const bool infrared = buffers.size().channels == 1, plain = buffers.size().features == 0;
+    host::RelightKernel* const kernel = infrared ? (plain ? host::relight_infrared : host::relight_infrared_full)
+                                                 : (plain ? host::relight_visible : host::relight_visible_full);
+    run(commands, "relight", push.counters.at[push.bounce * counter_words + counter_ray_count], chunk_rays,
+        [&](uint32_t first, uint32_t end, size_t) { kernel(push, first, end); });
+  }
+
   void resolve(ks::Commands& commands, const ResolvePush& push, const WaveBuffers&) override {
     const uint32_t rays = push.counters.at[push.bounce * counter_words + counter_ray_count];
     run(commands, "resolve", rays, chunk_rays, [&](uint32_t first, uint32_t end, size_t) { host::resolve(push, first, end); });

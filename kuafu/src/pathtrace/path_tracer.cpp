@@ -50,6 +50,7 @@ void PathTracer::update_tables(const Scene& scene, const Launch& launch) {
 
 WavePlan PathTracer::plan_of(const Launch& launch, bool special_cameras) const {
   const bool light_groups = launch.wants(output_light_group, output_light_group + light_group_count);
+  const bool passes_glass = tables_.shadow_rays_per_vertex() > 0 && tables_.has_glass() && launch.glass_surfaces > 0;
   const uint32_t last_lit = launch.max_bounces + tables_.walk_passes();
   return {.scene = tables_.address(),
           .views = views_.address(),
@@ -61,7 +62,8 @@ WavePlan PathTracer::plan_of(const Launch& launch, bool special_cameras) const {
           .medium = tables_.has_medium(),
           .ambient = tables_.has_ambient(),
           .select_lights = tables_.select_lights(),
-          .passes_glass = tables_.shadow_rays_per_vertex() > 0 && tables_.has_glass() && launch.glass_surfaces > 0,
+          .passes_glass = passes_glass,
+          .bends = passes_glass && tables_.has_bending() && !launch.straight_through_glass,
           .features = tables_.features(),
           .groups = light_groups ? group_ambient + tables_.light_groups() : group_count,
           .shadow_rays_per_vertex = tables_.shadow_rays_per_vertex(),
@@ -73,7 +75,10 @@ void PathTracer::fit(const Launch& launch, uint32_t rays_per_square) {
   rays_per_square_ = rays_per_square;
   const uint32_t shadows = plan_.shadow_rays_per_vertex, total = launch.pixel_count();
   const uint32_t samples = launch.wants_radiance() ? std::min(launch.samples, most_pass_samples(launch.has_budget())) : 1;
-  const uint32_t paths = memory().on_host ? host_wave_paths(shadows) : most_paths(*memory().device, shadows);
+  const bool by_surfaces = plan_.passes_glass && !backend_.tracer->passes_glass();
+  const uint32_t bend_words = plan_.bends ? bend_planes(launch.band.channels(), by_surfaces) : 0;
+  const uint32_t paths = memory().on_host ? host_wave_paths(shadows) : most_paths(*memory().device, shadows, bend_words * 4);
+  const uint32_t passes = plan_.bends ? bend_segments + launch.glass_surfaces + 1 : launch.glass_surfaces;
   const uint32_t wave = std::min(total, std::max(paths / samples, pixel_block));
   // One wave of a fourth of the pixels: seldom do more ask for rays over their squares, and each wave ends in a few slow rays.
   const uint32_t square_paths = memory().on_host ? 0 : std::min(total / 4 * rays_per_square, paths);
@@ -86,7 +91,8 @@ void PathTracer::fit(const Launch& launch, uint32_t rays_per_square) {
               .environments = plan_.environments,
               .features = plan_.features,
               .visibility = launch.wants_visibility(),
-              .glass_surfaces = plan_.passes_glass && !backend_.tracer->passes_glass() ? launch.glass_surfaces : 0});
+              .glass_passes = by_surfaces ? passes : 0,
+              .bends = plan_.bends});
 }
 
 void PathTracer::update_tracer(const Scene& scene, const Launch& launch) {

@@ -20,6 +20,8 @@ class Stages {
   virtual void shade(ks::Commands& commands, const ShadePush& push, const WaveBuffers& buffers) = 0;
   /// Follows the shadow rays past one surface of glass.
   virtual void transmit(ks::Commands& commands, const TransmitPush& push, const WaveBuffers& buffers) = 0;
+  /// After the shadow rays, the contributions of those that glass has bent.
+  virtual void relight(ks::Commands& commands, const ShadePush& push, const WaveBuffers& buffers) = 0;
   virtual void resolve(ks::Commands& commands, const ResolvePush& push, const WaveBuffers& buffers) = 0;
   virtual void accumulate(ks::Commands& commands, const AccumulatePush& push) = 0;
   virtual void aov(ks::Commands& commands, const AovPush& push) = 0;

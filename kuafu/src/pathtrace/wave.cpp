@@ -60,6 +60,7 @@ void Wave::trace_paths() {
       more = more && buffers_.ray_count(bounce + 1) > 0;
       if (more) trace_closest(bounce + 1);
     }
+    if (lit && plan_.bends) backend_.stages->relight(commands_, shade_push(bounce), buffers_);
     if (lit) resolve(bounce);
     if (!more) break;
   }
@@ -78,6 +79,7 @@ void Wave::trace_shadows(uint32_t bounce, const char* stage) {
   backend_.tracer->occluded_by_more_than_glass(commands_, rays,
                                                {.contributions = buffers_.contributions(),
                                                 .scene = plan_.scene,
+                                                .bends = buffers_.bends(),
                                                 .surfaces = launch_.glass_surfaces,
                                                 .features = plan_.features,
                                                 .infrared = launch_.band.infrared,
@@ -85,12 +87,12 @@ void Wave::trace_shadows(uint32_t bounce, const char* stage) {
 }
 
 void Wave::trace_by_surfaces(uint32_t bounce) {
-  const uint32_t surfaces = buffers_.size().glass_surfaces;
-  for (uint32_t passed = 0; passed <= surfaces; ++passed) {
+  const uint32_t passes = buffers_.size().glass_passes;
+  for (uint32_t passed = 0; passed <= passes; ++passed) {
     if (passed > 0 && backend_.memory.on_host && buffers_.shadow_ray_count(bounce, passed) == 0) return;
     commands_.begin_stage("trace closest");
     backend_.tracer->closest(commands_, buffers_.shadow_queue(bounce, passed));
-    const bool last = passed == surfaces;
+    const bool last = passed == passes;
     backend_.stages->transmit(commands_,
                               {.rays_in = buffers_.shadow_rays(passed),
                                .rays_out = buffers_.shadow_rays(passed + 1),
@@ -105,7 +107,8 @@ void Wave::trace_by_surfaces(uint32_t bounce) {
                                .has_environments = flag(plan_.environments, 1),
                                .last = flag(last, 1),
                                .has_medium = flag(plan_.medium, 1),
-                               .reserved = 0},
+                               .surfaces = launch_.glass_surfaces,
+                               .bends = buffers_.bends()},
                               buffers_);
   }
 }
@@ -127,30 +130,30 @@ void Wave::generate(uint32_t flags, uint64_t pixels) {
                             buffers_);
 }
 
-void Wave::shade(uint32_t bounce) {
-  backend_.stages->shade(
-      commands_,
-      {.rays_in = buffers_.closest_rays(bounce),
-       .rays_out = buffers_.closest_rays(bounce + 1),
-       .shadow_rays = buffers_.shadow_rays(),
-       .ray_environments = buffers_.closest_environments(bounce + 1),
-       .shadow_environments = buffers_.shadow_environments(),
-       .contributions = buffers_.contributions(),
-       .state = buffers_.state(),
-       .counters = buffers_.counter_address(),
-       .scene = plan_.scene,
-       .capacity = buffers_.size().capacity,
-       .shadow_capacity = buffers_.shadow_capacity(),
-       .bounce = bounce,
-       .max_bounces = launch_.max_bounces,
-       .shadow_rays_per_vertex = bounce <= plan_.last_lit ? plan_.shadow_rays_per_vertex : 0,
-       .flags = flag(plan_.environments, shade_environments) | flag(plan_.ambient, shade_ambient) |
-                flag(plan_.select_lights, shade_select_lights) | flag(glass_shadows(), shade_glass_shadows) |
-                flag(plan_.medium, shade_medium) | flag(launch_.light_sampling == LightSampling::lights, shade_lights_only) |
-                flag(launch_.light_sampling == LightSampling::bsdf, shade_bsdf_only),
-       .groups = plan_.groups,
-       .reserved = 0},
-      buffers_);
+void Wave::shade(uint32_t bounce) { backend_.stages->shade(commands_, shade_push(bounce), buffers_); }
+
+ShadePush Wave::shade_push(uint32_t bounce) const {
+  return {.rays_in = buffers_.closest_rays(bounce),
+          .rays_out = buffers_.closest_rays(bounce + 1),
+          .shadow_rays = buffers_.shadow_rays(),
+          .ray_environments = buffers_.closest_environments(bounce + 1),
+          .shadow_environments = buffers_.shadow_environments(),
+          .contributions = buffers_.contributions(),
+          .state = buffers_.state(),
+          .counters = buffers_.counter_address(),
+          .scene = plan_.scene,
+          .capacity = buffers_.size().capacity,
+          .shadow_capacity = buffers_.shadow_capacity(),
+          .bounce = bounce,
+          .max_bounces = launch_.max_bounces,
+          .shadow_rays_per_vertex = bounce <= plan_.last_lit ? plan_.shadow_rays_per_vertex : 0,
+          .flags = flag(plan_.environments, shade_environments) | flag(plan_.ambient, shade_ambient) |
+                   flag(plan_.select_lights, shade_select_lights) | flag(glass_shadows(), shade_glass_shadows) |
+                   flag(plan_.medium, shade_medium) | flag(launch_.light_sampling == LightSampling::lights, shade_lights_only) |
+                   flag(launch_.light_sampling == LightSampling::bsdf, shade_bsdf_only) | flag(plan_.bends, shade_bends),
+          .groups = plan_.groups,
+          .reserved = 0,
+          .bends = buffers_.bends()};
 }
 
 void Wave::resolve(uint32_t bounce) {

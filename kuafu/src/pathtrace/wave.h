@@ -28,6 +28,7 @@ struct WavePlan {
   bool ambient = false;        // there is light that only BSDF rays find
   bool select_lights = false;  // each vertex asks one light, chosen by power
   bool passes_glass = false;   // shadow rays may pass something on their way
+  bool bends = false;          // and are bent by it
   uint32_t features = 0;       // feature_*
   uint32_t groups = 0;         // of light, kept apart
   uint32_t shadow_rays_per_vertex = 0;
@@ -77,8 +78,9 @@ class Wave {
   void trace_shadows(uint32_t bounce, const char* stage = "trace occluded");
   void trace_by_surfaces(uint32_t bounce);
   void resolve(uint32_t bounce);
+  [[nodiscard]] ShadePush shade_push(uint32_t bounce) const;
   /// Whether shadow rays pass glass surface by surface, in queues of their own.
-  [[nodiscard]] bool glass_shadows() const { return buffers_.size().glass_surfaces > 0; }
+  [[nodiscard]] bool glass_shadows() const { return buffers_.size().glass_passes > 0; }
   [[nodiscard]] bool on_cpu_device() const { return backend_.memory.device->is_cpu(); }
 
   const WaveBackend& backend_;

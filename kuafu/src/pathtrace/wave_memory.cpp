@@ -11,13 +11,14 @@ void WaveBuffers::fit(const WaveSize& size) {
   const uint64_t capacity = size.capacity, shadows = shadow_capacity();
   for (auto& rays : rays_) grow(memory_, rays, capacity * closest_words);
   for (auto& environments : environments_) grow(memory_, environments, size.environments ? capacity : 1);
-  const bool glass = size.glass_surfaces > 0;
+  const bool glass = size.glass_passes > 0;
   for (int i = 0; i < 2; ++i) {
     const uint64_t rays = i == 0 || glass ? shadows : 0;
     grow(memory_, shadow_rays_[i], rays * (glass ? closest_words : occlusion_words));
     grow(memory_, shadow_environments_[i], size.environments ? rays : 0);
   }
   grow(memory_, contributions_, shadows * (size.channels + (glass ? 1 : 0)));
+  if (size.bends) grow(memory_, bends_, shadows * bend_planes(size.channels, glass));
   grow(memory_, state_, capacity * (state_shadow(size.channels, size.groups) + size.shadow_rays_per_vertex));
   grow(memory_, counters_, counter_bytes() / 4);
 }

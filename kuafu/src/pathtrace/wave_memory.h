@@ -21,9 +21,10 @@ struct WaveSize {
   uint32_t shadow_rays_per_vertex = 0;
   uint32_t bounces = 0;  // passes that have a block of counters
   bool environments = false;
-  uint32_t features = 0;        // feature_*
-  bool visibility = false;      // `aov` asks a shadow ray of each pixel
-  uint32_t glass_surfaces = 0;  // a shadow ray may pass so many; 0: shadow rays only ask whether something stands in the way
+  uint32_t features = 0;      // feature_*
+  bool visibility = false;    // `aov` asks a shadow ray of each pixel
+  uint32_t glass_passes = 0;  // queues of shadow rays that pass glass, surface by surface; 0: shadow rays ask once
+  bool bends = false;         // glass bends them
 };
 
 /// One wave of paths has two closest queues that take turns, shadow queues, a state for each path, and counters.
@@ -38,17 +39,18 @@ class WaveBuffers {
   [[nodiscard]] RayQueue shadow_queue(uint32_t bounce, uint32_t passed = 0) const;
   /// The counter block of shadow_queue(bounce, passed).
   [[nodiscard]] uint32_t shadow_block(uint32_t bounce, uint32_t passed) const {
-    return passed == 0 ? bounce : size_.bounces + bounce * size_.glass_surfaces + passed - 1;
+    return passed == 0 ? bounce : size_.bounces + bounce * size_.glass_passes + passed - 1;
   }
   [[nodiscard]] uint64_t closest_rays(uint32_t bounce) const { return address(rays_[bounce & 1]); }
   [[nodiscard]] uint64_t shadow_rays(uint32_t passed = 0) const { return address(shadow_rays_[passed & 1]); }
   [[nodiscard]] uint64_t closest_environments(uint32_t bounce) const { return address(environments_[bounce & 1]); }
   [[nodiscard]] uint64_t shadow_environments(uint32_t passed = 0) const { return address(shadow_environments_[passed & 1]); }
   [[nodiscard]] uint64_t contributions() const { return address(contributions_); }
+  [[nodiscard]] uint64_t bends() const { return size_.bends ? address(bends_) : 0; }
   [[nodiscard]] uint64_t state() const { return address(state_); }
   [[nodiscard]] const ks::Buffer& counters() const { return *counters_; }
   [[nodiscard]] uint64_t counter_address() const { return address(counters_); }
-  [[nodiscard]] uint64_t counter_bytes() const { return uint64_t(size_.bounces) * (1 + size_.glass_surfaces) * counter_words * 4; }
+  [[nodiscard]] uint64_t counter_bytes() const { return uint64_t(size_.bounces) * (1 + size_.glass_passes) * counter_words * 4; }
   /// The number of a bounce's rays where the host can see it, else the capacity.
   [[nodiscard]] uint32_t ray_count(uint32_t bounce) const;
   /// The same for its shadow rays.
@@ -63,7 +65,8 @@ class WaveBuffers {
 
   Memory memory_;
   WaveSize size_;
-  std::shared_ptr<ks::Buffer> rays_[2], environments_[2], shadow_rays_[2], shadow_environments_[2], contributions_, state_, counters_;
+  std::shared_ptr<ks::Buffer> rays_[2], environments_[2], shadow_rays_[2], shadow_environments_[2], contributions_, bends_, state_,
+      counters_;
 };
 
 /// A wave is rendered in a slot, which has memory for queues and state, and a recorder.

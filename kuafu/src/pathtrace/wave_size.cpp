@@ -27,14 +27,14 @@ uint32_t permutation_stride(uint32_t n) {
 
 uint32_t host_wave_paths(uint32_t shadow_rays_per_vertex) { return host_wave / (1 + shadow_rays_per_vertex / 4); }
 
-uint32_t most_paths(const ks::Device& device, uint32_t shadow_rays_per_vertex) {
+uint32_t most_paths(const ks::Device& device, uint32_t shadow_rays_per_vertex, uint32_t shadow_ray_bytes) {
   if (device.is_cpu()) return cpu_wave / (1 + shadow_rays_per_vertex / 4);
-  return gpu_wave_paths(device.info().memory_bytes, device.limits().maxComputeWorkGroupCount[0], shadow_rays_per_vertex);
+  return gpu_wave_paths(device.info().memory_bytes, device.limits().maxComputeWorkGroupCount[0], shadow_rays_per_vertex, shadow_ray_bytes);
 }
 
-uint32_t gpu_wave_paths(uint64_t memory_bytes, uint32_t most_groups, uint32_t shadow_rays_per_vertex) {
+uint32_t gpu_wave_paths(uint64_t memory_bytes, uint32_t most_groups, uint32_t shadow_rays_per_vertex, uint32_t shadow_ray_bytes) {
   const uint64_t fits = std::min<uint64_t>(memory_bytes / 8 / path_bytes, gpu_wave) / (1 + shadow_rays_per_vertex / 4);
-  const uint64_t queue = std::min(most_groups * smallest_group, most_array_bytes / (closest_words * 4));
+  const uint64_t queue = std::min(most_groups * smallest_group, most_array_bytes / std::max(closest_words * 4, shadow_ray_bytes));
   return uint32_t(std::min(fits, queue / std::max(1u, shadow_rays_per_vertex)));  // all shadow rays of a pass stand in one queue
 }
 

@@ -35,6 +35,8 @@ void SceneTables::update(const Scene& scene, const Band& band, uint32_t environm
   if (now.meshes != seen_.meshes) meshes_.update(memory_, scene);
   if (materials_changed) write_materials(scene);
   if (now.instances != seen_.instances) instances_.update(memory_, scene, meshes_);
+  if (has_bending_ && (materials_changed || now.instances != seen_.instances || now.meshes != seen_.meshes))
+    glass_boxes_.update(memory_, scene, band);
   if (lights_changed) write_lights(scene, environment_count);
   write_medium(scene);
   if (now.instances != seen_.instances || lights_changed) write_instance_motions(scene);
@@ -55,7 +57,8 @@ void SceneTables::update(const Scene& scene, const Band& band, uint32_t environm
                                    .instance_motions = instance_motions_.address(),
                                    .light_motions = light_motions_.address(),
                                    .moves = moves_ ? 1u : 0u,
-                                   .reserved = 0};
+                                   .glass_box_count = has_bending_ ? glass_boxes_.count() : 0,
+                                   .glass_boxes = glass_boxes_.address()};
   scene_ = &scene;
 }
 
@@ -78,18 +81,20 @@ void SceneTables::forget() {
   meshes_.forget();
   instances_.forget();
   textures_.forget();
+  glass_boxes_.forget();
 }
 
 void SceneTables::write_materials(const Scene& scene) {
   const std::vector<Material>& materials = scene.materials();
   const auto records = materials_.resize(memory_, materials.size() + 1);
-  has_glass_ = emissive_ = false;
+  has_glass_ = has_bending_ = emissive_ = false;
   bool frosted = false;
   material_features_ = emission_group_ = 0;
   for (uint32_t i = 0; i < materials.size(); ++i) {
     const Material m = in_band(materials[i], band_);
     records[material_index(i)] = material_record(m, i, band_);
     has_glass_ = has_glass_ || (m.transmission > 0.0f && m.metallic < 1.0f);
+    has_bending_ = has_bending_ || bends_light(m);
     emissive_ = emissive_ || m.emission != glm::vec3(0);
     frosted = frosted || is_frosted(m);
     material_features_ |= material_features(m);

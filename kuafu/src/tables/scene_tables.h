@@ -10,6 +10,7 @@
 #include "scene/scene.h"
 #include "shared/scene_records.h"
 #include "shared/wave.h"
+#include "tables/glass_boxes.h"
 #include "tables/instance_table.h"
 #include "tables/texture_tables.h"
 
@@ -39,6 +40,8 @@ class SceneTables {
   [[nodiscard]] uint32_t light_groups() const { return 1 + std::max(emission_group_, light_group_); }
   /// Whether a surface lets light through.
   [[nodiscard]] bool has_glass() const { return has_glass_; }
+  /// Whether some of it is smooth and bounds a body.
+  [[nodiscard]] bool has_bending() const { return has_bending_; }
   /// Whether the environment or a surface shines in the band: light that only BSDF rays find.
   [[nodiscard]] bool has_ambient() const { return has_environment_light_ || (light_features_ & feature_lights) != 0 || emissive_; }
 
@@ -62,6 +65,7 @@ class SceneTables {
 
   MeshTable meshes_;
   InstanceTable instances_;
+  GlassBoxes glass_boxes_;
   TextureTables textures_;
   MappedTable<MaterialRecord> materials_;
   MappedTable<LightRecord> lights_;
@@ -76,7 +80,7 @@ class SceneTables {
   TimeSpan open_;
   bool moves_ = false, lights_move_ = false;
   uint32_t shadow_rays_per_vertex_ = 0;
-  bool select_lights_ = false, has_environment_light_ = false, has_glass_ = false, has_medium_ = false;
+  bool select_lights_ = false, has_environment_light_ = false, has_glass_ = false, has_bending_ = false, has_medium_ = false;
   uint32_t light_features_ = 0, material_features_ = 0;
   uint32_t light_group_ = 0, emission_group_ = 0;  // highest
   bool emissive_ = false;                          // some material shines in the band

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Light on its straight way through smooth glass: what a lamp or a projector gives to a surface behind a pane.
+// Light on its straight way through smooth glass (KUAFU_GLASS_SHADOWS_STRAIGHT): what a lamp or a projector gives to a surface behind a
+// pane.
 #include "kuafu/material/fresnel.h"
 #include "kuafu/world.h"
 
@@ -14,6 +15,7 @@ struct Lit {
     world.add_point({1.5, 0, 0.5}, 2.0f);
     world.desc().samples_per_pixel = 4;
     world.desc().max_bounces = 0;
+    world.desc().glass_shadows = KUAFU_GLASS_SHADOWS_STRAIGHT;
   }
   void add_pane(kuafu_material_desc material, double x = 0.8) { world.add(box({0.01, 0.3, 0.3}), material, placed({x, 0, 0.75})); }
   double mean() { return world.radiance(view_at({0, 0, 0}, 9, 9, 2000)).mean(); }
@@ -76,6 +78,7 @@ TEST(GlassShadow, the_pattern_behind_glass_is_projector_direct) {
   world.add(box({0.5, 0.5, 0.01}), glass(1.5f), placed({0, 0, 0.5}));
   world.add_projector(std::vector<float>(64, 1.0f), 8, 8, 8, 1.0f);
   world.desc().samples_per_pixel = 256;
+  world.desc().glass_shadows = KUAFU_GLASS_SHADOWS_STRAIGHT;
   auto images = world.render({view_at({0, 0, 0}, 9, 9, 2000)}, {KUAFU_OUTPUT_PROJECTOR_DIRECT});
   // Seen through the pane (all internal reflections), lit straight through it: rho / pi, 1 m, and camera at the projector.
   const double r = reflectance(0, 1.5);
@@ -91,6 +94,7 @@ TEST(GlassShadow, each_environment_of_a_batch_has_its_own_panes) {
   for (uint32_t e = 0; e < 3; ++e) views[e].environment = e;
   world.desc().samples_per_pixel = 1;
   world.desc().max_bounces = 0;
+  world.desc().glass_shadows = KUAFU_GLASS_SHADOWS_STRAIGHT;
   const Pixels image = world.render(views, {KUAFU_OUTPUT_RADIANCE})[KUAFU_OUTPUT_RADIANCE];
   const double r = reflectance(std::atan2(0.5, 1.5), 1.5);
   EXPECT_NEAR(image.at(1, 4, 4) / image.at(0, 4, 4), (1 - r) * (1 - r), 2e-3);

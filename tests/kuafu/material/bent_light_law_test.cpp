@@ -1,0 +1,176 @@
+// SPDX-License-Identifier: Apache-2.0
+// Light that glass bends on its way from a lamp or a projector: where it lands and how much, against rays traced from the lamp by Snell and
+// Fresnel.
+#include <functional>
+
+#include "kuafu/material/fresnel.h"
+#include "kuafu/world.h"
+
+namespace laws {
+namespace {
+
+constexpr double ior = 1.5;
+
+/// Where a ray from a lamp at the origin lands that leaves at `angle` from +z towards +x, and what share of it arrives.
+struct Landing {
+  double x = 0, share = 0;
+};
+
+/// Through a ball on the axis, onto the wall z = wall.
+Landing through_ball(double angle, double centre, double radius, double wall) {
+  const double in = std::asin(centre * std::sin(angle) / radius), inside = std::asin(std::sin(in) / ior), r = reflectance(in, ior);
+  // The point of entry has polar angle in - angle about the ball's centre, seen from the lamp's side; the chord turns it by pi - 2 inside.
+  const double entry = pi - (in - angle), exit = entry - (pi - 2 * inside);
+  const double z = centre + radius * std::cos(exit), x = radius * std::sin(exit), direction = angle - 2 * (in - inside);
+  return {x + std::tan(direction) * (wall - z), (1 - r) * (1 - r)};
+}
+
+/// Mean irradiances of rings of equal width that fill a disc of the wall around the axis, for a lamp of 1 W/sr.
+std::vector<double> rings_by_light_tracing(double centre, double radius, double wall, double disc, size_t count) {
+  std::vector<double> rings(count, 0.0);
+  const double most = std::asin(radius / centre);
+  constexpr int rays = 400000;
+  for (int i = 0; i < rays; ++i) {
+    const double angle = most * (i + 0.5) / rays;
+    const Landing l = through_ball(angle, centre, radius, wall);
+    const auto ring = size_t(std::abs(l.x) / disc * double(count));
+    if (ring < count) rings[ring] += l.share * 2 * pi * std::sin(angle) * most / rays;
+  }
+  for (size_t k = 0; k < count; ++k) rings[k] /= pi * disc * disc * double(2 * k + 1) / double(count * count);
+  return rings;
+}
+
+/// The same rings of an image of the wall, in irradiance; the camera looks along the axis.
+std::vector<double> rings_of(const Pixels& image, double disc_px, size_t count, double albedo) {
+  std::vector<double> sums(count, 0.0), pixels(count, 0.0);
+  const double middle = (image.width - 1) / 2.0;
+  for (uint32_t r = 0; r < image.height; ++r)
+    for (uint32_t c = 0; c < image.width; ++c) {
+      const auto ring = size_t(std::hypot(r - middle, c - middle) / disc_px * double(count));
+      if (ring >= count) continue;
+      sums[ring] += image.at(0, r, c) * pi / albedo;
+      pixels[ring] += 1;
+    }
+  for (size_t k = 0; k < count; ++k) sums[k] /= pixels[k];
+  return sums;
+}
+
+TEST(BentLight, a_ball_spreads_a_lamps_light_as_traced_rays_say) {
+  const double centre = 0.7, radius = 0.06, wall = 1.4, camera = 0.8;
+  // Pixels on the shadow's edge show what lies beside it.
+  const double shadow = 0.95 * wall * std::tan(std::asin(radius / centre)), focal_px = 600, shadow_px = shadow / (wall - camera) * focal_px;
+  const std::vector<double> expected = rings_by_light_tracing(centre, radius, wall, shadow, 6);
+  for (const uint32_t tracer : {KUAFU_TRACER_AUTO, KUAFU_TRACER_COMPUTE}) {
+    World world(tracer);
+    world.add(quad({0, 0, wall}, {-0.5, 0, 0}, {0, 0.5, 0}), lambert(0.5f));
+    world.add(sphere(radius, 128, true), glass(float(ior)), placed({0, 0, centre}));
+    world.add_point({0, 0, 0}, 1.0f);
+    world.desc().samples_per_pixel = tracer == KUAFU_TRACER_AUTO ? 4 : 1;
+    world.desc().max_bounces = 0;
+    world.desc().glass_shadows = KUAFU_GLASS_SHADOWS_BENT;
+    const auto side = uint32_t(2 * shadow_px) + 3;
+    const std::vector<double> found =
+        rings_of(world.radiance(view_at({0, 0, camera}, side, side, focal_px)), shadow_px, expected.size(), 0.5);
+    double sum = 0, expected_sum = 0;
+    for (size_t k = 0; k < expected.size(); ++k) {
+      EXPECT_NEAR(found[k] / expected[k], 1, 0.03) << "ring " << k << " of tracer " << tracer;
+      sum += found[k] * double(2 * k + 1);
+      expected_sum += expected[k] * double(2 * k + 1);
+    }
+    EXPECT_NEAR(sum / expected_sum, 1, 0.01) << tracer;
+  }
+}
+
+/// A projector at the origin lights the wall z = 1 through a tilted slab, behind which the camera stands.
+struct BehindSlab {
+  static constexpr double thickness = 0.05, tilt = 0.5, focal_px = 60;
+  static constexpr uint32_t columns = 64;
+
+  Pixels image(const std::function<float(uint32_t)>& pattern) const {
+    World world;
+    world.add(quad({0, 0, 1}, {-0.5, 0, 0}, {0, 0.5, 0}), lambert(0.5f));
+    world.add(box({0.3, 0.3, thickness / 2}), glass(float(ior)), placed({0, 0, 0.5}, tilt));
+    std::vector<float> texels(size_t(columns) * columns);
+    for (size_t i = 0; i < texels.size(); ++i) texels[i] = pattern(uint32_t(i % columns));
+    world.add_projector(texels, columns, columns, focal_px, 1.0f);
+    world.desc().samples_per_pixel = 16;
+    world.desc().max_bounces = 0;
+    world.desc().glass_shadows = KUAFU_GLASS_SHADOWS_BENT;
+    return world.radiance(view_at({0, 0, 0.75}, 41, 9, 150));
+  }
+
+  /// Column of the pattern whose light lands at x: the slab moves a ray aside by t sin(i) (1 - cos(i) / (n cos(t))) (Hecht, Optics, 4.4).
+  static double column_at(double x) {
+    double low = -0.4, high = 0.4;
+    for (int step = 0; step < 60; ++step) {
+      const double angle = (low + high) / 2, i = angle - tilt, t = std::asin(std::sin(i) / ior);
+      const double aside = thickness * std::sin(i) * (1 - std::cos(i) / (ior * std::cos(t)));
+      (std::tan(angle) - aside / std::cos(angle) < x ? low : high) = angle;
+    }
+    return focal_px * std::tan(low) + (columns - 1) / 2.0;
+  }
+};
+
+TEST(BentLight, dots_behind_a_slab_are_displaced_as_snell_says) {
+  const BehindSlab slab;
+  const Pixels ramp = slab.image([](uint32_t column) { return float(column); }), flat = slab.image([](uint32_t) { return 1.0f; });
+  double moved = 0;
+  for (uint32_t c = 0; c < ramp.width; ++c) {
+    const double x = (c - (ramp.width - 1) / 2.0) / 150 * 0.25;
+    const double straight = BehindSlab::focal_px * x + (BehindSlab::columns - 1) / 2.0, expected = BehindSlab::column_at(x);
+    EXPECT_NEAR(ramp.at(0, 4, c) / flat.at(0, 4, c), expected, 0.02) << x;
+    moved = std::max(moved, std::abs(expected - straight));
+  }
+  EXPECT_GT(moved, 0.3);
+}
+
+TEST(BentLight, a_pane_dims_by_fresnel_and_brings_the_lamp_nearer) {
+  const double thickness = 0.02;
+  World open, glazed;
+  for (World* world : {&open, &glazed}) {
+    world->add(quad({0, 0, 1}, {-0.2, 0, 0}, {0, 0.2, 0}), lambert(0.5f));
+    world->add_point({0, 0, 0}, 1.0f);
+    world->desc().samples_per_pixel = 4;
+    world->desc().max_bounces = 0;
+    world->desc().glass_shadows = KUAFU_GLASS_SHADOWS_BENT;
+  }
+  glazed.add(box({0.3, 0.3, thickness / 2}), glass(float(ior)), placed({0, 0, 0.4}));
+  const auto mean = [](World& world) { return world.radiance(view_at({0, 0, 0.5}, 5, 5, 5000)).mean(); };
+  // Near the axis the lamp seems nearer by t (1 - 1 / n).
+  const double r = reflectance(0, ior), nearer = 1 - thickness * (1 - 1 / ior);
+  EXPECT_NEAR(mean(glazed) / mean(open), (1 - r) * (1 - r) / (nearer * nearer), 1e-4);
+}
+
+TEST(BentLight, a_directional_light_is_focused_by_a_ball) {
+  const double radius = 0.06, behind = 0.5, focal = ior * radius / (2 * (ior - 1));
+  World open, glazed;
+  for (World* world : {&open, &glazed}) {
+    world->add(quad({0, 0, behind}, {-0.5, 0, 0}, {0, 0.5, 0}), lambert(0.5f));
+    kuafu_light_desc sun = kuafu_light_desc_init(KUAFU_LIGHT_DIRECTIONAL);
+    sun.ir_intensity = 1.0f;
+    world->add_light(sun, placed({0, 0, 0}));
+    world->desc().samples_per_pixel = 4;
+    world->desc().max_bounces = 0;
+    world->desc().glass_shadows = KUAFU_GLASS_SHADOWS_BENT;
+  }
+  glazed.add(sphere(radius, 128, true), glass(float(ior)));
+  const auto mean = [](World& world) { return world.radiance(view_at({0, 0, 0.2}, 3, 3, 5000)).mean(); };
+  // Paraxial rays cross at the focal length behind the centre.
+  const double r = reflectance(0, ior);
+  EXPECT_NEAR(mean(glazed) / mean(open) / (std::pow(1 - r, 2) * std::pow(focal / (behind - focal), 2)), 1, 0.02);
+}
+
+TEST(BentLight, an_opaque_thing_behind_the_ball_casts_its_shadow) {
+  World world;
+  world.add(quad({0, 0, 1}, {-0.5, 0, 0}, {0, 0.5, 0}), lambert(0.5f));
+  world.add(sphere(0.06, 32, true), glass(float(ior)), placed({0, 0, 0.5}));
+  world.add(quad({0, 0, 0.2}, {-0.2, 0, 0}, {0, 0.2, 0}), lambert(0.5f));
+  world.add_point({0, 0, 0}, 1.0f);
+  world.desc().samples_per_pixel = 4;
+  world.desc().max_bounces = 0;
+  world.desc().glass_shadows = KUAFU_GLASS_SHADOWS_BENT;
+  EXPECT_EQ(world.radiance(view_at({0, 0, 0.6}, 9, 9, 100)).mean(), 0.0);
+}
+
+}  // namespace
+}  // namespace laws
