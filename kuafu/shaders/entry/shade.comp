@@ -25,15 +25,13 @@ void main() {
   shading.hit = shading.fog.found = shading.walk.inside = false;
   if (live) shading = begin_shading(i);
   for (uint k = 0u; k < push.shadow_rays_per_vertex; ++k) {
-    ShadowRequest request;
-    request.wanted = false;
+    ShadowRequest request = no_shadow_request();
     if (live && asks_light(shading, k)) request = ask_light(shading, k);
     uint place = append(request.wanted, push.counters, block + counter_shadow_count);
     if (request.wanted) queue_shadow(shading.path, request, k, place);
     else if (live) queue_no_shadow(shading.path, k);
   }
-  NextRequest next;
-  next.wanted = false;
+  NextRequest next = no_next_request();
   if (live && goes_on(shading)) next = scatter(shading);
   block += counter_words;
   uint place = append(next.wanted, push.counters, block + counter_ray_count);

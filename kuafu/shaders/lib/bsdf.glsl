@@ -92,7 +92,7 @@ Bsdf make_bsdf(IN(MaterialPoint) m, Vec2Array table, float cos_o, bool front) {
     b.coat_albedo = coat_albedo(b, table, cos_o);
     b.base_scale = 1.0f / (1.0f - b.coat * min(rows_entry(b.layer_rows, table, lobe_size - 1, lobe_size).x, 0.9999f));
   }
-  if ((features & feature_materials) != 0u) b.diffuse_roughness = m.diffuse_roughness;
+  b.diffuse_roughness = (features & feature_materials) != 0u ? m.diffuse_roughness : 0.0f;
   b.glass = make_glass(m, table, cos_o, front);
   return b;
 }

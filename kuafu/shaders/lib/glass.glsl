@@ -115,11 +115,8 @@ void set_several_of_body(INOUT(Glass) g, Vec2Array table) {
 }
 
 Glass make_glass(IN(MaterialPoint) m, Vec2Array table, float cos_o, bool front) {
-  Glass g;
-  g.share = (1.0f - m.metallic) * m.transmission;
-  g.eta = front ? 1.0f / m.ior : m.ior;
-  g.specular = m.specular;
-  g.tint = m.base;
+  Glass g = Glass((1.0f - m.metallic) * m.transmission, 0.0f, front ? 1.0f / m.ior : m.ior, m.specular, m.base, false, 0.0f, 0.0f,
+                  Faces(Spectrum(0.0f), Spectrum(0.0f), 0.0f), vec2(0.0f), AlbedoRows(0, 0, 0.0f, 0.0f));
   if ((features & feature_materials) == 0u) return g;
   g.alpha = glass_alpha(m);
   g.thin = m.thin_walled;

@@ -12,6 +12,9 @@ struct Ray {
   float t_far;
 };
 
+/// Of what asks for none.
+Ray empty_ray() { return Ray(vec3(0.0f), 0.0f, vec3(0.0f, 0.0f, 1.0f), 0.0f); }
+
 uint closest_word(uint i, uint field, uint capacity) { return ray_word(i, field, closest_words, queue_layout, capacity); }
 uint occlusion_word(uint i, uint field, uint capacity) { return ray_word(i, field, occlusion_words, queue_layout, capacity); }
 

@@ -50,9 +50,7 @@ void write_nothing(Pixel pixel) {
   write_vec2(output_motion, pixel, false, vec2(0.0f));
 }
 
-/// A ray that meets nothing keeps its place in the queue.
-Ray no_ray() { return Ray(vec3(0.0f), 0.0f, vec3(0.0f, 0.0f, 1.0f), 0.0f); }
-
+/// A ray that meets nothing, the empty one, keeps its place in the queue.
 void ask_projector(uint i, Pixel pixel, IN(Ray) ray) {
   if ((push.flags & aov_visibility) == 0u) return;
   store_ray(push.shadow_rays, i, occlusion_words, push.shadow_capacity, ray, uintBitsToFloat(hit_word(i, ray_time)), i);
@@ -61,9 +59,7 @@ void ask_projector(uint i, Pixel pixel, IN(Ray) ray) {
 
 /// Visible until the shadow ray says otherwise.
 void write_projector(uint i, Pixel pixel, IN(Surface) s, vec3 normal, vec3 side_normal) {
-  ProjectorView view;
-  view.inside = false;
-  view.geometry = 0.0f;
+  ProjectorView view = ProjectorView(false, vec2(0.0f), 0.0f, empty_ray());
   ProjectorRecord projector = push.aov.at[0].projectors.at[push.views.at[pixel.view].environment];
   if (projector.found != 0u) view = projector_view(projector, s, normal, side_normal);
   bool lit = view.inside && view.geometry > 0.0f;
@@ -71,7 +67,7 @@ void write_projector(uint i, Pixel pixel, IN(Surface) s, vec3 normal, vec3 side_
   write_float(output_projector_geometry, pixel, view.geometry);
   write_float(output_projector_visibility, pixel, lit ? 1.0f : 0.0f);
   if (lit) ask_projector(i, pixel, view.ray);
-  else ask_projector(i, pixel, no_ray());
+  else ask_projector(i, pixel, empty_ray());
 }
 
 void write_motion(uint i, Pixel pixel, IN(InstanceRecord) instance, vec3 position) {
@@ -81,7 +77,7 @@ void write_motion(uint i, Pixel pixel, IN(InstanceRecord) instance, vec3 positio
                                aov.previous_local_to_world, 3u * hit_word(i, hit_instance));
   if ((features & feature_motion) != 0u && push.scene.at[0].moves != 0u)  // what it does while the shutter is open, it did then, too
     before += position - standing_position(instance, hit_word(i, hit_primitive), uintBitsToFloat(hit_word(i, hit_u)), uintBitsToFloat(hit_word(i, hit_v)));
-  vec2 film, film_before;
+  vec2 film = vec2(0.0f), film_before = vec2(0.0f);
   bool seen = film_position(view, view.now, position, film);
   seen = film_position(view, view.previous, before, film_before) && seen;
   write_vec2(output_motion, pixel, seen, film - film_before);
@@ -115,6 +111,6 @@ void aov(uint i) {
     write_surface(i, pixel);
   } else {
     write_nothing(pixel);
-    ask_projector(i, pixel, no_ray());
+    ask_projector(i, pixel, empty_ray());
   }
 }

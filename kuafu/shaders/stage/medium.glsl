@@ -35,8 +35,7 @@ bool ran_inside(uint i, IN(Path) path) {
 }
 
 FogVertex sample_fog(IN(Path) path, vec3 origin, vec3 direction, float t_far) {
-  FogVertex fog;
-  fog.found = false;
+  FogVertex fog = FogVertex(false, vec3(0.0f), direction, Spectrum(0.0f));
   IN(MediumRecord) medium = push.scene.at[0].medium.at[0];
   vec2 part = medium_part(medium, origin, direction, clear_way_m(), t_far);
   if (part.y <= part.x || max_component(medium_albedo(medium)) == 0.0f) return fog;
@@ -44,14 +43,12 @@ FogVertex sample_fog(IN(Path) path, vec3 origin, vec3 direction, float t_far) {
   fog.throughput = path.throughput * flight.weight;
   fog.found = max_component(fog.throughput) > 0.0f;
   fog.position = origin + direction * (part.x + flight.t);
-  fog.direction = direction;
   return fog;
 }
 
 /// The k-th shadow ray of the fog's vertex. What it gives is projector indirect: light that only got dimmed is not in it.
 ShadowRequest ask_light_in_fog(IN(Path) path, IN(FogVertex) fog, uint k) {
-  ShadowRequest request;
-  request.wanted = false;
+  ShadowRequest request = no_shadow_request();
   IN(SceneAddresses) scene = push.scene.at[0];
   LightRequest asked;
   find_light(path, fog.position, fog.position, k, asked);
@@ -77,7 +74,7 @@ float fog_chance(IN(Path) path, IN(FogVertex) fog, bool hit) {
 
 /// The next ray from the fog; the path takes its throughput, divided by its chance.
 NextRequest scatter_in_fog(INOUT(Path) path, IN(FogVertex) fog, float chance) {
-  NextRequest request;
+  NextRequest request = no_next_request();
   float g = push.scene.at[0].medium.at[0].phase_g;
   vec3 local = sample_phase(g, sample_2d(path.key, path.index, pair_direction(push.bounce)));
   path.throughput = fog.throughput / chance;

@@ -76,3 +76,5 @@ struct NextRequest {
   bool wanted;
   Ray ray;
 };
+
+NextRequest no_next_request() { return NextRequest(false, empty_ray()); }

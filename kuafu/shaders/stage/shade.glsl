@@ -89,8 +89,7 @@ void request_light(IN(Path) path, IN(LightAtSurface) l, Spectrum f, float pdf, O
 }
 
 ShadowRequest ask_light_at_surface(IN(Path) path, IN(Vertex) vertex, uint k) {
-  ShadowRequest request;
-  request.wanted = false;
+  ShadowRequest request = no_shadow_request();
   LightAtSurface l;
   light_at_surface(path, vertex, k, l);
   if (!l.found || (l.wi.z <= 0.0f && !is_rough(vertex.bsdf.glass))) return request;
@@ -111,8 +110,7 @@ bool bounces_on(IN(Path) path) { return depth(path) < push.max_bounces || (push.
 
 /// Where the BSDF's sample takes the path; roulette: a random number.
 NextRequest go_on(INOUT(Path) path, IN(Vertex) vertex, IN(BsdfSample) b, float roulette) {
-  NextRequest request;
-  request.wanted = false;
+  NextRequest request = no_next_request();
   vec3 direction = to_world(vertex.frame, b.direction);
   // The shading normal may send a ray to the wrong side of the triangle.
   if (b.transmitted == (dot(direction, vertex.side_normal) > 0.0f)) return request;
@@ -127,8 +125,7 @@ NextRequest go_on(INOUT(Path) path, IN(Vertex) vertex, IN(BsdfSample) b, float r
 }
 
 NextRequest scatter(INOUT(Shading) s) {
-  NextRequest request;
-  request.wanted = false;
+  NextRequest request = no_next_request();
   if (s.walk.inside) return wander(s.path, s.walk);
   bool roulette = push.bounce >= 3u;
   vec2 choice = vec2(0.0f);  // where there is nothing to choose, not drawn

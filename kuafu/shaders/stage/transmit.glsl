@@ -129,9 +129,7 @@ void search_on(uint i, uint index, bool hit, INOUT(Onward) onward) {
 }
 
 Onward transmit(uint i) {
-  Onward onward;
-  onward.wanted = false;
-  onward.id = shadow_field(i, ray_id);
+  Onward onward = Onward(false, empty_ray(), shadow_field(i, ray_id));
   uint index = onward.id & shadow_index_mask;
   onward.ray = Ray(shadow_origin(i), 0.0f, load_direction(push.rays_in, i, push.capacity), 0.0f);
   bool hit = shadow_field(i, hit_geometry) != miss;

@@ -30,6 +30,10 @@ struct ShadowRequest {
   Spectrum weight;  // of what arrives, without BSDF or phase function
 };
 
+GlassSeek no_glass() { return GlassSeek(false, 0u, 0.0f, 0.0f); }
+
+ShadowRequest no_shadow_request() { return ShadowRequest(false, false, empty_ray(), Spectrum(0.0f), 0u, no_glass(), 0u, Spectrum(0.0f)); }
+
 void set_seek(INOUT(ShadowRequest) request, IN(LightRequest) asked, Spectrum throughput) {
   request.seek = asked.seek;
   request.light = asked.index;
@@ -40,7 +44,7 @@ void set_seek(INOUT(ShadowRequest) request, IN(LightRequest) asked, Spectrum thr
 GlassSeek seek_glass(IN(Path) path, vec3 origin, IN(LightSample) light, uint k) {
   const float sure = 1.44f, least = 0.003f;  // squared distance from the middle, in radii; chance
   IN(SceneAddresses) scene = push.scene.at[0];
-  GlassSeek seek = GlassSeek(false, 0u, 0.0f, 0.0f);
+  GlassSeek seek = no_glass();
   vec3 inverse = vec3(1.0f) / (abs(light.direction) + vec3(1e-30f)) * (step(vec3(0.0f), light.direction) * 2.0f - 1.0f);
   float nearest = 1e30f, sum = 0.0f;
   vec2 random = sample_2d(path.key, path.index, pair_bend(push.bounce, k));
@@ -85,7 +89,7 @@ void find_light(IN(Path) path, vec3 position, vec3 shape_origin, uint k, OUT(Lig
     position = shape_origin;
   }
   request.light = light_towards(scene, choice.index, position, point, path.time_s);
-  request.seek = GlassSeek(false, 0u, 0.0f, 0.0f);
+  request.seek = no_glass();
   if (request.light.pdf > 0.0f && (push.flags & shade_bsdf_only) != 0u) return;
   bool mesh = (features & feature_lights) != 0u && record.kind == light_mesh;
   request.group = ambient_group(mesh ? request.light.light_group : record.light_group);

@@ -37,7 +37,7 @@ float rest_of_walk(float albedo, float n) {
 
 /// Goes on from a surface into the body below it; share: what the surface lets in, per chance of this choice.
 NextRequest enter_body(INOUT(Path) path, IN(Vertex) vertex, float share) {
-  NextRequest request;
+  NextRequest request = no_next_request();
   vec3 down = sample_cosine(sample_2d(path.key, path.index, pair_direction(push.bounce)));
   request.wanted = true;
   request.ray = Ray(offset_origin(vertex.position, vertex.coordinate_size, -vertex.side_normal), 0.0f,
@@ -105,7 +105,7 @@ bool walk_on(uint i, INOUT(Path) path, INOUT(Walk) walk, INOUT(Vertex) vertex) {
 
 /// The next ray of a path that was scattered in its body.
 NextRequest wander(INOUT(Path) path, IN(Walk) walk) {
-  NextRequest request;
+  NextRequest request = no_next_request();
   vec2 u = sample_2d(path.key, path.index, pair_direction(push.bounce));
   float cosine = 1.0f - 2.0f * u.x, sine = sqrt(max(1.0f - cosine * cosine, 0.0f)), phi = 2.0f * pi * u.y;
   request.wanted = survives(path, sample_2d(path.key, path.index, pair_choice(push.bounce)).y);

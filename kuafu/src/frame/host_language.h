@@ -10,7 +10,6 @@
 // The text is written for two languages, so a function that one of them leaves unused, or a value that it sets in a branch, is no mistake.
 #pragma GCC diagnostic ignored "-Wunused-function"
 #pragma GCC diagnostic ignored "-Wunused-parameter"
-#pragma GCC diagnostic ignored "-Wmaybe-uninitialized"
 
 namespace kuafu {
 namespace {

@@ -26,6 +26,7 @@ struct Push {
 struct Search {
   const Push& push;
 #include "stage/glass.glsl"
+
 #include "stage/bend.glsl"
 };
 
