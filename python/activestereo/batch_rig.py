@@ -37,10 +37,14 @@ class BatchRig:
         self.cameras = [copy_camera(eye.camera, 0.0) for eye in eyes for _ in environments]
         self.films = [eye.film for eye in eyes for _ in environments]
         self._eyes_on_rig = [eye.camera.camera_to_world for eye in eyes]
+        # Of each sensor: the laser's power over the configuration's, and how its right eye is turned.
+        self.laser_power = np.ones(len(environments))
+        self.right_turn = np.broadcast_to(np.eye(4), (len(environments), 4, 4)).copy()
         materials = {number: scene.get_material(number) for number in self.told.materials}
         enter_world(scene, self.told)
         texture = _texture(scene, self.told, image)
         own = [] if self.told.projector is None else [self.told.projector]
+        self._projectors = len(own) * len(environments)  # the first of the lights
         self._lights: list[kuafu.Light] = []
         self._on_rig = [light.light_to_world for light in (*own, *self.told.rig_lights)]
         power = [float(light.ir_intensity or 0.0) for light in (*own, *self.told.rig_lights) for _ in environments]
@@ -63,7 +67,8 @@ class BatchRig:
 
     def place(self, rigs: NDArray[np.float64]) -> None:
         """rigs: [count, 4, 4], body axes."""
-        views = np.concatenate([rigs @ eye for eye in self._eyes_on_rig])
+        left, right = self._eyes_on_rig
+        views = np.concatenate([rigs @ left, rigs @ right @ self.right_turn])
         for camera, view in zip(self.cameras, views, strict=True):
             camera.camera_to_world = view
         if self._lights:
@@ -72,8 +77,9 @@ class BatchRig:
 
     def shine(self, share: float) -> None:
         """The lights of all rigs, of their nominal power; where place() has put them."""
-        for light, power in zip(self._lights, self._power, strict=True):
-            light.ir_intensity = power * share
+        own = [*self.laser_power[: self._projectors].tolist(), *[1.0] * (len(self._lights) - self._projectors)]
+        for light, power, laser in zip(self._lights, self._power, own, strict=True):
+            light.ir_intensity = power * share * laser
         self._scene.set_lights(self._numbers, self._lights)
 
 

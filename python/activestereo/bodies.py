@@ -11,7 +11,7 @@ found.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from typing import Any
@@ -61,6 +61,7 @@ class Bodies:
         self._bodies = np.empty(0, np.intp)
         self._semantic_ids = np.zeros(1, np.uint32)  # by instance; the last is of pixels without one
         self._to_body = np.empty((0, 4, 4))
+        self._materials: list[tuple[int, ...]] = []  # as they were given
         self._last = np.zeros((environment_count or 1, 0, 4, 4))
 
     def add(
@@ -102,6 +103,7 @@ class Bodies:
         self._environments = np.append(self._environments, where)
         self._bodies = np.append(self._bodies, np.full(len(rows), len(self.names), np.intp))
         self._to_body = np.concatenate([self._to_body, to_body])
+        self._materials += [tuple(shape.materials) for _, shape in rows]
         self.names.append(name)
         self._last = np.concatenate([self._last, np.broadcast_to(start, (len(self._last), 1, 4, 4))], axis=1)
         return len(self.names) - 1
@@ -113,10 +115,19 @@ class Bodies:
         for instance in self._instances[~stays].tolist():
             self.scene.remove_instance(instance)
         self._instances = self._instances[stays]
+        self._materials = [own for own, stay in zip(self._materials, stays, strict=True) if stay]
         self._environments, self._to_body = self._environments[stays], self._to_body[stays]
         self._bodies = self._bodies[stays] - (self._bodies[stays] > body)
         del self.names[body]
         self._last = np.delete(self._last, body, axis=1)
+
+    def dress(self, material_of: Callable[[int, int], int]) -> None:
+        """Gives each instance the materials that material_of names for its environment (0 where there are none) and a
+        material that its shape was added with."""
+        for instance, environment, own in zip(self._instances, self._environments, self._materials, strict=True):
+            if own:
+                materials = [material_of(int(environment), number) for number in own]
+                self.scene.set_instance_materials(int(instance), materials)
 
     def index(self, name: str) -> int:
         """A body's number. Raises ValueError where there is none of this name."""

@@ -105,6 +105,7 @@ class StereoDepthSensorBatch:
         model = read_model(Path(model)) if isinstance(model, (str, PathLike)) else model
         self._rig = BatchRig(self._config, self._scene, self._environments, model)
         self._make_rig()
+        self._light_share = np.ones(self._count)  # of each sensor, over its exposure
         self._frame, self._has_picture, self._speckle_draw = -1, False, -1
         self._lasers: tuple[NDArray[np.float32] | None, NDArray[np.float32] | None] = (None, None)
         rgb_width, rgb_height = self._config.rgb_resolution
@@ -229,6 +230,33 @@ class StereoDepthSensorBatch:
         """A copy."""
         return deepcopy(self._config)
 
+    def vary(
+        self,
+        environment: int,
+        laser_power: NDArray[np.float64],
+        exposure: NDArray[np.float64],
+        right_turn: NDArray[np.float64],
+    ) -> None:
+        """How the sensors of an environment differ from the configuration, from the next picture on: the laser's power
+        [S] and the exposure [S] over what they are without this, and rotations [S, 3, 3] of the right eyes in their
+        own axes, which the matcher does not know of. ValueError for another number of sensors, or for what is not
+        finite and not negative."""
+        sensors = self._count // self._shape[0]
+        if not 0 <= environment < self._shape[0]:
+            raise ValueError(f"environments are 0 to {self._shape[0] - 1}, not {environment}")
+        own = slice(environment * sensors, (environment + 1) * sensors)
+        for name, values in (("laser_power", laser_power), ("exposure", exposure)):
+            if np.shape(values) != (sensors,) or not (np.isfinite(values).all() and np.min(values) >= 0.0):
+                raise ValueError(f"{name} of environment {environment} is {sensors} numbers from 0 on, not {values}")
+        turned = np.broadcast_to(np.eye(4), (sensors, 4, 4)).copy()
+        if np.shape(right_turn) != (sensors, 3, 3):
+            raise ValueError(f"right_turn of environment {environment}: [{sensors}, 3, 3], not {np.shape(right_turn)}")
+        turned[:, :3, :3] = right_turn
+        if pose_fault(turned).any():
+            raise ValueError(f"right_turn of environment {environment} is no rotation")
+        self._rig.laser_power[own], self._rig.right_turn[own] = laser_power, turned
+        self._light_share[own] = exposure
+
     def restart(self, seed: int) -> None:
         """The next picture is frame 0 under this seed, of the render and of the noise: from here on all is as it was
         after the same restart."""
@@ -303,13 +331,14 @@ class StereoDepthSensorBatch:
             **settings,
         )
         self._lasers = (None, None)
-        if not apart and self._exposure.mode == "fixed":
+        is_scaled = self._exposure.mode != "fixed" or bool((self._light_share != 1.0).any())
+        if not apart and not is_scaled:
             return
         pairs = self._link.images.reshape(2, self._count, *self._link.images.shape[1:])
         lasers = laser_light(layers).reshape(pairs.shape) if apart else None
-        if self._exposure.mode != "fixed":
+        if is_scaled:
             for n in range(self._count):
-                light = self._light_of(pairs[0, n])
+                light = self._light_of(pairs[0, n]) * np.float32(self._light_share[n])
                 pairs[:, n] *= light
                 if lasers is not None:
                     lasers[:, n] *= light
@@ -318,6 +347,8 @@ class StereoDepthSensorBatch:
 
     def _light_of(self, left: NDArray[np.float32]) -> np.float32:
         """How much more light than under the configuration's exposure a sensor that sees this takes."""
+        if self._exposure.mode == "fixed":
+            return np.float32(1.0)
         setting = self._exposure.after(self._config, self._signal, left, self._max_dn)
         return np.float32(setting.light_s / self._exposure.start.light_s)
 

@@ -79,7 +79,8 @@ def _part(text: str) -> tuple[int, int]:
 
 
 def run(args: argparse.Namespace) -> None:
-    from activestereo.generate.ranges import read_ranges
+    from activestereo.declared_ranges import read_ranges
+    from activestereo.generate.ranges import Ranges
     from activestereo.generate.run import generate
     from activestereo.generate.shards import write_shards
     from activestereo.generate.studio import Settings
@@ -95,7 +96,7 @@ def run(args: argparse.Namespace) -> None:
         samples=args.samples_per_pixel,
         seed=args.seed,
         layout=args.layout,
-        ranges=read_ranges(args.ranges),
+        ranges=read_ranges(args.ranges, Ranges),
         device=args.device,
     )
     make_folder(args.out)

@@ -17,9 +17,10 @@ from PIL import Image
 import kuafu
 from activestereo import meshes
 from activestereo.cli import main
+from activestereo.declared_ranges import read_ranges
 from activestereo.generate import bop
 from activestereo.generate.layout import drop, scatter
-from activestereo.generate.ranges import Ranges, read_ranges
+from activestereo.generate.ranges import Ranges
 from activestereo.generate.studio import Settings, Studio
 from activestereo.generate.things import Things
 from activestereo.gltf_writer import GltfWriter
@@ -241,4 +242,4 @@ def test_what_is_wrong_is_said(things: tuple[Path, ...], tmp_path: Path, capsys:
     assert "other settings" in fails(ball)
     with pytest.raises(ValueError, match="two finite numbers"):
         Ranges(spread_m=(0.1, float("nan")))
-    assert read_ranges(None) == Ranges()
+    assert read_ranges(None, Ranges) == Ranges()

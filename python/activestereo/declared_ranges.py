@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Ranges from which worlds are drawn: a dataclass with a (low, high) for each figure, or a .toml file with some."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import fields
+from math import inf
+from pathlib import Path
+from typing import Any, ClassVar, TypeVar
+
+import numpy as np
+
+
+class DeclaredRanges:
+    """The base of frozen dataclasses whose fields are all (low, high), drawn evenly between them. LIMITS: within which
+    a range lies, 0 and up where a name is not there. ValueError says what is wrong with which range."""
+
+    LIMITS: ClassVar[dict[str, tuple[float, float]]] = {}
+
+    def __post_init__(self) -> None:
+        for name in names(type(self)):
+            value = getattr(self, name)
+            is_pair = isinstance(value, (tuple, list)) and len(value) == 2
+            if not is_pair or not all(isinstance(v, (int, float)) and np.isfinite(v) for v in value):
+                raise ValueError(f"the range {name} is two finite numbers, low and high, not {value}")
+            low, high = value
+            least, most = self.LIMITS.get(name, (0.0, inf))
+            if low > high:
+                raise ValueError(f"the range {name} goes from {low} to {high}; it must rise from at least {least:g}")
+            if not least <= low <= high <= most:
+                raise ValueError(f"the range {name} must lie within {least:g} to {most:g}, not {(low, high)}")
+            object.__setattr__(self, name, (low, high))
+
+    def draw(self, name: str, random: np.random.Generator) -> float:
+        return float(random.uniform(*getattr(self, name)))
+
+    def count(self, name: str, random: np.random.Generator) -> int:
+        low, high = getattr(self, name)
+        return int(random.integers(int(low), int(high) + 1))
+
+
+Kind = TypeVar("Kind", bound=DeclaredRanges)
+
+
+def names(kind: type[DeclaredRanges]) -> list[str]:
+    """Of a class's ranges."""
+    return [field.name for field in fields(kind)]
+
+
+def read_ranges(path: Path | None, kind: type[Kind]) -> Kind:
+    """The defaults where there is no file. ValueError names the file and what is wrong in it."""
+    if path is None:
+        return kind()
+    try:
+        given: dict[str, Any] = tomllib.loads(path.read_text())
+        unknown = sorted(set(given) - set(names(kind)))
+        if unknown:
+            raise ValueError(f"there is no range '{unknown[0]}' (known: {', '.join(sorted(names(kind)))})")
+        return kind(**given)
+    except (ValueError, UnicodeDecodeError) as error:
+        raise ValueError(f"{path}: {error}") from error
