@@ -21,13 +21,18 @@ constexpr VkMemoryPropertyFlags host_coherent = VK_MEMORY_PROPERTY_HOST_VISIBLE_
 
 std::shared_ptr<Buffer> Buffer::create(std::shared_ptr<Device> device, uint64_t size_bytes, uint32_t flags,
                                        VkBufferUsageFlags extra_usage) {
-  constexpr uint32_t known = KS_BUFFER_EXPORTABLE | KS_BUFFER_HOST_VISIBLE;
+  constexpr uint32_t known = KS_BUFFER_EXPORTABLE | KS_BUFFER_HOST_VISIBLE | KS_BUFFER_DMA_BUF,
+                     shared = KS_BUFFER_EXPORTABLE | KS_BUFFER_DMA_BUF;
   if (size_bytes == 0) fail(KS_ERROR_INVALID_ARGUMENT, "a buffer of 0 bytes was asked for: the smallest is 1");
   if (flags & ~known) fail(KS_ERROR_INVALID_ARGUMENT, "buffer flags 0x%x hold bits that are not KS_BUFFER_* (0x%x)", flags, known);
   if ((flags & KS_BUFFER_EXPORTABLE) && !(device->info().capabilities & KS_CAP_EXPORT_OPAQUE_FD))
     fail(KS_ERROR_UNSUPPORTED, "%s cannot export memory as an opaque fd: leave KS_BUFFER_EXPORTABLE out and share by KS_MEMORY_HOST",
          device->info().name);
-  if ((flags & KS_BUFFER_EXPORTABLE) && extra_usage != 0)
+  if ((flags & KS_BUFFER_DMA_BUF) && !(device->info().capabilities & KS_CAP_EXPORT_DMA_BUF))
+    fail(KS_ERROR_UNSUPPORTED, "%s cannot export memory as a dma-buf (KS_CAP_EXPORT_DMA_BUF)", device->info().name);
+  if ((flags & shared) == shared)
+    fail(KS_ERROR_INVALID_ARGUMENT, "buffer flags: KS_BUFFER_EXPORTABLE and KS_BUFFER_DMA_BUF are for buffers of their own");
+  if ((flags & shared) && extra_usage != 0)
     fail(KS_ERROR_INTERNAL, "a buffer with usage 0x%x beyond that of every buffer cannot be exported", extra_usage);
   const bool host = (flags & KS_BUFFER_HOST_VISIBLE) || device->is_cpu();
   return make(std::move(device), size_bytes, flags, extra_usage,
@@ -79,16 +84,21 @@ void Buffer::allocate_host() {
 }
 
 void Buffer::allocate_vulkan(VkMemoryPropertyFlags preferred) {
-  const bool exportable = flags_ & KS_BUFFER_EXPORTABLE;
+  const VkExternalMemoryHandleTypeFlags exported = exported_handle_type();
   const bool host = (flags_ & KS_BUFFER_HOST_VISIBLE) || device_->is_cpu();
-  const VkMemoryRequirements needs = make_vk_buffer(exportable ? VK_EXTERNAL_MEMORY_HANDLE_TYPE_OPAQUE_FD_BIT : 0);
+  const VkMemoryRequirements needs = make_vk_buffer(exported);
   memory_type_ = device_->memory_type(needs.memoryTypeBits, host ? host_coherent : 0, preferred);
   VkExportMemoryAllocateInfo export_info{VK_STRUCTURE_TYPE_EXPORT_MEMORY_ALLOCATE_INFO};
-  export_info.handleTypes = VK_EXTERNAL_MEMORY_HANDLE_TYPE_OPAQUE_FD_BIT;
-  allocate_memory(needs.size, memory_type_, exportable, exportable ? &export_info : nullptr);
+  export_info.handleTypes = exported;
+  allocate_memory(needs.size, memory_type_, exported != 0, exported != 0 ? &export_info : nullptr);
   bind(0);
   map();
   clear();
+}
+
+VkExternalMemoryHandleTypeFlagBits Buffer::exported_handle_type() const {
+  if (flags_ & KS_BUFFER_DMA_BUF) return VK_EXTERNAL_MEMORY_HANDLE_TYPE_DMA_BUF_BIT_EXT;
+  return flags_ & KS_BUFFER_EXPORTABLE ? VK_EXTERNAL_MEMORY_HANDLE_TYPE_OPAQUE_FD_BIT : VkExternalMemoryHandleTypeFlagBits(0);
 }
 
 VkMemoryRequirements Buffer::make_vk_buffer(VkExternalMemoryHandleTypeFlags handle_types) {
@@ -155,7 +165,7 @@ Buffer::~Buffer() {
   if (owned_bytes_ > 0) device_->count_allocated(-int64_t(owned_bytes_));
   if (owns_host_) unmap_host_pages(mapped_, allocation_bytes_);
   if (buffer_ != VK_NULL_HANDLE) device_->vk().vkDestroyBuffer(device_->handle(), buffer_, nullptr);
-  if (memory_ != VK_NULL_HANDLE) device_->vk().vkFreeMemory(device_->handle(), memory_, nullptr);
+  if (owns_memory_ && memory_ != VK_NULL_HANDLE) device_->vk().vkFreeMemory(device_->handle(), memory_, nullptr);
 }
 
 void Buffer::check_range(uint64_t offset_bytes, uint64_t size_bytes, const char* what) const {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Linear memory: a VkBuffer with its device address, or plain host memory on the host device. Export and import by opaque fd or host
-// pointer (ks/buffer.h). Shared by reference; keeps its device alive. Thread rule: externally synchronised contents, immutable object.
+// Linear memory: a VkBuffer with its device address, or plain host memory on the host device. Export and import by file descriptor, host
+// pointer or Vulkan handle (ks/buffer.h). Shared by reference; keeps its device alive. Thread rule: externally synchronised contents, immutable object.
 #pragma once
 
 #include <memory>
@@ -51,7 +51,11 @@ class Buffer {
   void allocate_vulkan(VkMemoryPropertyFlags preferred);
   void import_host(const ks_buffer_desc& desc);
   void import_host_pages(const ks_buffer_desc& desc);
-  void import_opaque_fd(const ks_buffer_desc& desc);
+  void import_fd(const ks_buffer_desc& desc, VkExternalMemoryHandleTypeFlagBits handle_type);
+  void import_vulkan(const ks_buffer_desc& desc);
+  [[nodiscard]] uint32_t dma_buf_type(int fd, const VkMemoryRequirements& needs) const;
+  /// 0: it is not exportable.
+  [[nodiscard]] VkExternalMemoryHandleTypeFlagBits exported_handle_type() const;
   VkMemoryRequirements make_vk_buffer(VkExternalMemoryHandleTypeFlags handle_types);
   void allocate_memory(uint64_t bytes, uint32_t type, bool dedicated, const void* chain);
   void bind(uint64_t offset_bytes);
@@ -64,7 +68,7 @@ class Buffer {
   uint64_t size_bytes_ = 0, allocation_bytes_ = 0, owned_bytes_ = 0, address_ = 0;
   uint32_t memory_type_ = 0, flags_ = 0;
   VkBufferUsageFlags extra_usage_ = 0;
-  bool owns_host_ = false;
+  bool owns_host_ = false, owns_memory_ = true;
   void* mapped_ = nullptr;
 };
 

@@ -2,14 +2,13 @@
 // Export and import of buffers: what crosses between two libraries is a plain ks_buffer_desc (ks/buffer.h).
 #include <fcntl.h>
 #include <sys/stat.h>
-#include <unistd.h>
 
-#include <cerrno>
 #include <cstring>
 
 #include "device/buffer.h"
 #include "device/error.h"
 #include "device/host_memory.h"
+#include "device/owned_fd.h"
 
 namespace ks {
 namespace {
@@ -32,40 +31,31 @@ void check_same_device(const ks_buffer_desc& desc, const ks_device_info& info) {
          info.name);
 }
 
-// A descriptor that is ours until Vulkan takes it.
-class OwnedFd {
- public:
-  explicit OwnedFd(int fd) : fd_(fd) {}
-  ~OwnedFd() {
-    if (fd_ >= 0) close(fd_);
-  }
-  OwnedFd(const OwnedFd&) = delete;
-  OwnedFd& operator=(const OwnedFd&) = delete;
-  [[nodiscard]] int get() const { return fd_; }
-  void release() { fd_ = -1; }
-
- private:
-  int fd_;
-};
-
-int duplicate_fd(uint64_t handle, uint64_t allocation_bytes) {
-  const int fd = handle <= INT32_MAX ? fcntl(static_cast<int>(handle), F_DUPFD_CLOEXEC, 0) : (errno = EBADF, -1);
-  if (fd < 0)
-    fail(KS_ERROR_INVALID_ARGUMENT, "buffer import: fd %llu cannot be duplicated: %s", static_cast<ull>(handle), std::strerror(errno));
-  // Memory behind a regular file (lavapipe) shorter than the descriptor says would fault when touched. GPU drivers' fds are no regular
-  // files.
+/// Memory behind a regular file (lavapipe) shorter than the descriptor says would fault when touched. GPU drivers' fds are no regular
+/// files.
+void check_memory_fd(int fd, const ks_buffer_desc& desc) {
   struct stat status {};
-  const bool known = fstat(fd, &status) == 0;
-  if (known && (S_ISFIFO(status.st_mode) || S_ISSOCK(status.st_mode) || S_ISDIR(status.st_mode) || S_ISBLK(status.st_mode))) {
-    close(fd);
-    fail(KS_ERROR_INVALID_ARGUMENT, "buffer import: fd %llu is a pipe, socket, folder or disk, not memory", static_cast<ull>(handle));
-  }
-  if (known && S_ISREG(status.st_mode) && static_cast<uint64_t>(status.st_size) < allocation_bytes) {
-    close(fd);
-    fail(KS_ERROR_INVALID_ARGUMENT, "buffer import: fd %llu holds %llu bytes, the descriptor says %llu", static_cast<ull>(handle),
-         static_cast<ull>(status.st_size), static_cast<ull>(allocation_bytes));
-  }
-  return fd;
+  if (fstat(fd, &status) != 0) return;
+  if (S_ISFIFO(status.st_mode) || S_ISSOCK(status.st_mode) || S_ISDIR(status.st_mode) || S_ISBLK(status.st_mode))
+    fail(KS_ERROR_INVALID_ARGUMENT, "buffer import: fd %llu is a pipe, socket, folder or disk, not memory", static_cast<ull>(desc.handle));
+  if (S_ISREG(status.st_mode) && static_cast<uint64_t>(status.st_size) < desc.allocation_bytes)
+    fail(KS_ERROR_INVALID_ARGUMENT, "buffer import: fd %llu holds %llu bytes, the descriptor says %llu", static_cast<ull>(desc.handle),
+         static_cast<ull>(status.st_size), static_cast<ull>(desc.allocation_bytes));
+}
+
+void check_memory_type(uint32_t index, const VkPhysicalDeviceMemoryProperties& memory, const VkMemoryRequirements& needs) {
+  if (index >= memory.memoryTypeCount || !(needs.memoryTypeBits >> index & 1u))
+    fail(KS_ERROR_INVALID_ARGUMENT, "buffer import: memory type %u cannot hold a buffer (allowed bits 0x%x)", index, needs.memoryTypeBits);
+}
+
+void check_fits(const ks_buffer_desc& desc, const VkMemoryRequirements& needs) {
+  const bool fits = desc.dedicated ? desc.offset_bytes == 0 && desc.allocation_bytes == needs.size
+                                   : desc.offset_bytes % needs.alignment == 0 && needs.size <= desc.allocation_bytes - desc.offset_bytes;
+  if (!fits)
+    fail(KS_ERROR_INVALID_ARGUMENT,
+         "buffer import: %s allocation of %llu bytes, offset %llu, does not fit a buffer that needs %llu bytes aligned to %llu",
+         desc.dedicated ? "a dedicated" : "an", static_cast<ull>(desc.allocation_bytes), static_cast<ull>(desc.offset_bytes),
+         static_cast<ull>(needs.size), static_cast<ull>(needs.alignment));
 }
 
 }  // namespace
@@ -80,7 +70,18 @@ std::shared_ptr<Buffer> Buffer::import(std::shared_ptr<Device> device, const ks_
       self->import_host(desc);
       break;
     case KS_MEMORY_OPAQUE_FD:
-      self->import_opaque_fd(desc);
+      if (!(self->device_->info().capabilities & KS_CAP_IMPORT_OPAQUE_FD))
+        fail(KS_ERROR_UNSUPPORTED, "%s cannot import memory by opaque fd: share by KS_MEMORY_HOST", self->device_->info().name);
+      check_same_device(desc, self->device_->info());
+      self->import_fd(desc, VK_EXTERNAL_MEMORY_HANDLE_TYPE_OPAQUE_FD_BIT);
+      break;
+    case KS_MEMORY_DMA_BUF:
+      if (!(self->device_->info().capabilities & KS_CAP_IMPORT_DMA_BUF))
+        fail(KS_ERROR_UNSUPPORTED, "%s cannot import memory by dma-buf (KS_CAP_IMPORT_DMA_BUF)", self->device_->info().name);
+      self->import_fd(desc, VK_EXTERNAL_MEMORY_HANDLE_TYPE_DMA_BUF_BIT_EXT);
+      break;
+    case KS_MEMORY_VULKAN:
+      self->import_vulkan(desc);
       break;
     default:
       fail(KS_ERROR_INVALID_ARGUMENT, "buffer import: memory is %u, which is no KS_MEMORY_*", desc.memory);
@@ -127,32 +128,45 @@ void Buffer::import_host_pages(const ks_buffer_desc& desc) {
   bind(offset);
 }
 
-void Buffer::import_opaque_fd(const ks_buffer_desc& desc) {
-  if (!(device_->info().capabilities & KS_CAP_IMPORT_OPAQUE_FD))
-    fail(KS_ERROR_UNSUPPORTED, "%s cannot import memory by opaque fd: share by KS_MEMORY_HOST", device_->info().name);
-  check_same_device(desc, device_->info());
-  OwnedFd fd(duplicate_fd(desc.handle, desc.allocation_bytes));
-  const VkMemoryRequirements needs = make_vk_buffer(VK_EXTERNAL_MEMORY_HANDLE_TYPE_OPAQUE_FD_BIT);
-  if (desc.memory_type_index >= device_->memory_properties().memoryTypeCount || !(needs.memoryTypeBits >> desc.memory_type_index & 1u))
-    fail(KS_ERROR_INVALID_ARGUMENT, "buffer import: memory type %u cannot hold a buffer (allowed bits 0x%x)", desc.memory_type_index,
-         needs.memoryTypeBits);
-  const bool fits = desc.dedicated ? desc.offset_bytes == 0 && desc.allocation_bytes == needs.size
-                                   : desc.offset_bytes % needs.alignment == 0 && needs.size <= desc.allocation_bytes - desc.offset_bytes;
-  if (!fits)
-    fail(KS_ERROR_INVALID_ARGUMENT,
-         "buffer import: %s allocation of %llu bytes, offset %llu, does not fit a buffer that needs %llu bytes aligned to %llu",
-         desc.dedicated ? "a dedicated" : "an", static_cast<ull>(desc.allocation_bytes), static_cast<ull>(desc.offset_bytes),
-         static_cast<ull>(needs.size), static_cast<ull>(needs.alignment));
+void Buffer::import_fd(const ks_buffer_desc& desc, VkExternalMemoryHandleTypeFlagBits handle_type) {
+  OwnedFd fd(desc.handle);
+  check_memory_fd(fd.get(), desc);
+  const VkMemoryRequirements needs = make_vk_buffer(handle_type);
+  memory_type_ = handle_type == VK_EXTERNAL_MEMORY_HANDLE_TYPE_OPAQUE_FD_BIT ? desc.memory_type_index : dma_buf_type(fd.get(), needs);
+  check_memory_type(memory_type_, device_->memory_properties(), needs);
+  check_fits(desc, needs);
   VkImportMemoryFdInfoKHR import{VK_STRUCTURE_TYPE_IMPORT_MEMORY_FD_INFO_KHR};
-  import.handleType = VK_EXTERNAL_MEMORY_HANDLE_TYPE_OPAQUE_FD_BIT;
+  import.handleType = handle_type;
   import.fd = fd.get();
-  memory_type_ = desc.memory_type_index;
   allocate_memory(desc.allocation_bytes, memory_type_, desc.dedicated != 0, &import);
   fd.release();
   bind(desc.offset_bytes);
   map();
   if (mapped_ != nullptr) mapped_ = static_cast<char*>(mapped_) + desc.offset_bytes;
   allocation_bytes_ -= desc.offset_bytes;
+}
+
+uint32_t Buffer::dma_buf_type(int fd, const VkMemoryRequirements& needs) const {
+  VkMemoryFdPropertiesKHR properties{VK_STRUCTURE_TYPE_MEMORY_FD_PROPERTIES_KHR};
+  check(device_->vk().vkGetMemoryFdPropertiesKHR(device_->handle(), VK_EXTERNAL_MEMORY_HANDLE_TYPE_DMA_BUF_BIT_EXT, fd, &properties),
+        "buffer import: the fd is no dma-buf (vkGetMemoryFdPropertiesKHR)");
+  return device_->memory_type(needs.memoryTypeBits & properties.memoryTypeBits, 0, VK_MEMORY_PROPERTY_DEVICE_LOCAL_BIT);
+}
+
+void Buffer::import_vulkan(const ks_buffer_desc& desc) {
+  if (!device_->is_hosts())
+    fail(KS_ERROR_UNSUPPORTED,
+         "buffer import: KS_MEMORY_VULKAN belongs to a VkDevice, and %s was not made from the host's (KS_SELECT_VULKAN)",
+         device_->info().name);
+  if (desc.handle == 0) fail(KS_ERROR_INVALID_ARGUMENT, "buffer import: the VkDeviceMemory is NULL");
+  const VkMemoryRequirements needs = make_vk_buffer(0);
+  check_memory_type(desc.memory_type_index, device_->memory_properties(), needs);
+  check_fits(desc, needs);
+  memory_type_ = desc.memory_type_index;
+  memory_ = reinterpret_cast<VkDeviceMemory>(static_cast<uintptr_t>(desc.handle));
+  owns_memory_ = false;
+  allocation_bytes_ = desc.allocation_bytes - desc.offset_bytes;
+  bind(desc.offset_bytes);  // not mapped: the host may have mapped it, and memory is mapped once
 }
 
 ks_buffer_desc Buffer::export_as(uint32_t memory) const {
@@ -169,13 +183,23 @@ ks_buffer_desc Buffer::export_as(uint32_t memory) const {
     desc.handle = reinterpret_cast<uintptr_t>(mapped_);
     return desc;
   }
-  if (memory != KS_MEMORY_OPAQUE_FD) fail(KS_ERROR_INVALID_ARGUMENT, "buffer export: memory is %u, which is no KS_MEMORY_*", memory);
-  if (!(flags_ & KS_BUFFER_EXPORTABLE))
-    fail(KS_ERROR_INVALID_STATE,
-         "the buffer was not created with KS_BUFFER_EXPORTABLE (an imported buffer never is): it cannot be exported as an opaque fd");
+  if (memory == KS_MEMORY_VULKAN) {
+    if (!device_->is_hosts() || !owns_memory_)
+      fail(KS_ERROR_INVALID_STATE,
+           "KS_MEMORY_VULKAN is the memory of a buffer that was created on a device that the host has made (KS_SELECT_VULKAN)");
+    desc.handle = reinterpret_cast<uintptr_t>(memory_);
+    desc.dedicated = flags_ & (KS_BUFFER_EXPORTABLE | KS_BUFFER_DMA_BUF) ? 1 : 0;
+    return desc;
+  }
+  const bool dma_buf = memory == KS_MEMORY_DMA_BUF;
+  if (memory != KS_MEMORY_OPAQUE_FD && !dma_buf)
+    fail(KS_ERROR_INVALID_ARGUMENT, "buffer export: memory is %u, which is no KS_MEMORY_*", memory);
+  if (!(flags_ & (dma_buf ? KS_BUFFER_DMA_BUF : KS_BUFFER_EXPORTABLE)))
+    fail(KS_ERROR_INVALID_STATE, "the buffer was not created with %s (an imported buffer never is): it cannot be exported as %s",
+         dma_buf ? "KS_BUFFER_DMA_BUF" : "KS_BUFFER_EXPORTABLE", dma_buf ? "a dma-buf" : "an opaque fd");
   VkMemoryGetFdInfoKHR info{VK_STRUCTURE_TYPE_MEMORY_GET_FD_INFO_KHR};
   info.memory = memory_;
-  info.handleType = VK_EXTERNAL_MEMORY_HANDLE_TYPE_OPAQUE_FD_BIT;
+  info.handleType = exported_handle_type();
   int fd = -1;
   check(device_->vk().vkGetMemoryFdKHR(device_->handle(), &info, &fd), "vkGetMemoryFdKHR");
   fcntl(fd, F_SETFD, FD_CLOEXEC);

@@ -178,9 +178,9 @@ void Commands::flush() {
   state_->collect();
 }
 
-void Commands::submit(const Timeline& timeline, uint64_t value) {
+void Commands::submit(const Timeline& timeline, uint64_t value, const TimelinePoint& wait) {
   (void)state_->begun();  // an empty submission still reaches its value
-  state_->device->submit(state_->ended(), timeline.handle(), value);
+  state_->device->submit(state_->ended(), timeline.handle(), value, wait.timeline ? wait.timeline->handle() : VK_NULL_HANDLE, wait.value);
   state_->submitted = true;
 }
 

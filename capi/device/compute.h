@@ -14,6 +14,7 @@
 namespace ks {
 
 class Timeline;
+struct TimelinePoint;
 
 /// Specialisation constants that several shaders share, under ids from first_id on.
 struct SharedConstants {
@@ -75,8 +76,9 @@ class Commands {
   void set_automatic_barriers(bool on);
   /// Submits what was recorded, waits on the host, and starts recording anew. A no-op when nothing was recorded.
   void flush();
-  /// Submits what was recorded and returns; `timeline` reaches `value` when it has run. Nothing may be recorded before finish().
-  void submit(const Timeline& timeline, uint64_t value);
+  /// Submits what was recorded and returns; it runs after `wait`, which the caller keeps until then, and `timeline` reaches `value` when it
+  /// has run. Nothing may be recorded before finish().
+  void submit(const Timeline& timeline, uint64_t value, const TimelinePoint& wait);
   /// After the submitted work has run: takes its stage times. A no-op when nothing was submitted.
   void finish();
 

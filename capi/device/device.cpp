@@ -10,10 +10,13 @@
 #include "device/device_select.h"
 #include "device/error.h"
 #include "device/host_memory.h"
+#include "device/hosts_device.h"
 #include "device/instance.h"
 #include "device/log_sink.h"
 #include "device/physical.h"
 #include "device/pipeline_cache.h"
+#include "device/struct_read.h"
+#include "device/struct_table.h"
 #include "device/text.h"
 #include "device/thread_pool.h"
 
@@ -49,8 +52,9 @@ ks_device_info host_info() {
 // Extensions that are used where they exist; none is required.
 std::vector<const char*> wanted_extensions(const PhysicalFacts& facts) {
   std::vector<const char*> wanted;
-  for (const char* name : {VK_KHR_EXTERNAL_MEMORY_FD_EXTENSION_NAME, VK_EXT_EXTERNAL_MEMORY_HOST_EXTENSION_NAME,
-                           VK_KHR_EXTERNAL_SEMAPHORE_FD_EXTENSION_NAME, VK_EXT_SUBGROUP_SIZE_CONTROL_EXTENSION_NAME})
+  for (const char* name :
+       {VK_KHR_EXTERNAL_MEMORY_FD_EXTENSION_NAME, VK_EXT_EXTERNAL_MEMORY_DMA_BUF_EXTENSION_NAME, VK_EXT_EXTERNAL_MEMORY_HOST_EXTENSION_NAME,
+        VK_KHR_EXTERNAL_SEMAPHORE_FD_EXTENSION_NAME, VK_EXT_SUBGROUP_SIZE_CONTROL_EXTENSION_NAME})
     if (facts.has_extension(name)) wanted.push_back(name);
   if (facts.ray_tracing_pipeline) wanted.insert(wanted.end(), std::begin(ray_tracing_extensions), std::end(ray_tracing_extensions));
   return wanted;
@@ -75,6 +79,8 @@ std::shared_ptr<Device> Device::create(const ks_device_desc& desc, const char* l
   self->log_ = std::make_shared<LogSink>(desc.log, desc.log_user);
   if (desc.select == KS_SELECT_HOST)
     self->info_ = host_info();
+  else if (desc.select == KS_SELECT_VULKAN)
+    self->take_hosts(desc, library);
   else
     self->open_vulkan(desc, library);
   self->workers_ = std::make_unique<ThreadPool>(desc.worker_count);
@@ -93,17 +99,40 @@ void Device::open_vulkan(const ks_device_desc& desc, const char* library) {
   const std::vector<ks_device_info> infos = describe_all(facts);
   const size_t chosen = select_device(infos, desc, why_none);
   info_ = infos[chosen];
+  take_facts(facts[chosen]);
   create_vk_device(facts[chosen]);
-
   vk().vkGetDeviceQueue(device_, queue_family_, 0, &queue_);
+  prepare_vulkan(desc, library, facts[chosen].properties);
+}
+
+void Device::take_hosts(const ks_device_desc& desc, const char* library) {
+  const auto host = read_struct(desc.vulkan, KS_TYPE_VULKAN_DEVICE, "device desc: vulkan");
+  Instance::know_hosts(static_cast<VkInstance>(host.instance));
+  const PhysicalFacts facts = hosts_facts(host);
+  info_ = describe(facts, 0);
+  if (!info_.usable)
+    fail(KS_ERROR_UNSUPPORTED, "the host's VkDevice on %s cannot be used: %s (as far as its VkDeviceCreateInfo enables it)", info_.name,
+         info_.refused);
+  take_facts(facts);
+  hosts_ = true;
+  device_ = static_cast<VkDevice>(host.device);
+  queue_ = static_cast<VkQueue>(host.queue);
+  lock_queue_ = host.lock_queue;
+  lock_user_ = host.lock_user;
+  extensions_ = facts.extensions;
+  volkLoadDeviceTable(&table_, device_);
+  prepare_vulkan(desc, library, facts.properties);
+}
+
+void Device::prepare_vulkan(const ks_device_desc& desc, const char* library, const VkPhysicalDeviceProperties& properties) {
   const VkFenceCreateInfo fence{VK_STRUCTURE_TYPE_FENCE_CREATE_INFO};
   check(vk().vkCreateFence(device_, &fence, nullptr, &fence_), "vkCreateFence");
   std::filesystem::path file = library == nullptr ? std::filesystem::path() : cache_folder(desc.cache_directory);
-  if (!file.empty()) file /= pipeline_file_name(library, facts[chosen].properties);
+  if (!file.empty()) file /= pipeline_file_name(library, properties);
   pipeline_cache_ = std::make_unique<PipelineCache>(table_, device_, std::move(file));
 }
 
-void Device::create_vk_device(const PhysicalFacts& facts) {
+void Device::take_facts(const PhysicalFacts& facts) {
   physical_ = facts.handle;
   queue_family_ = facts.queue_family;
   timestamp_bits_ = facts.timestamp_bits;
@@ -115,7 +144,11 @@ void Device::create_vk_device(const PhysicalFacts& facts) {
   host_pointer_alignment_ = facts.host_pointer_alignment;
   limits_ = facts.properties.limits;
   memory_ = facts.memory;
+  features11_ = facts.features11;
+  features12_ = facts.features12;
+}
 
+void Device::create_vk_device(const PhysicalFacts& facts) {
   VkPhysicalDeviceSubgroupSizeControlFeatures control{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_SUBGROUP_SIZE_CONTROL_FEATURES};
   control.subgroupSizeControl = VK_TRUE;
   VkPhysicalDeviceVulkan12Features f12{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES};
@@ -159,10 +192,10 @@ void Device::create_vk_device(const PhysicalFacts& facts) {
 Device::~Device() {
   workers_.reset();
   if (device_ == VK_NULL_HANDLE) return;
-  vk().vkDeviceWaitIdle(device_);
+  if (!hosts_) vk().vkDeviceWaitIdle(device_);  // the host's other queues are not ours to wait for; whoever submitted has waited
   pipeline_cache_.reset();
   vk().vkDestroyFence(device_, fence_, nullptr);
-  vk().vkDestroyDevice(device_, nullptr);
+  if (!hosts_) vk().vkDestroyDevice(device_, nullptr);
 }
 
 bool Device::has_extension(const char* name) const { return std::find(extensions_.begin(), extensions_.end(), name) != extensions_.end(); }
@@ -213,7 +246,7 @@ void Device::run(VkCommandBuffer commands) {
   VkSubmitInfo submit{VK_STRUCTURE_TYPE_SUBMIT_INFO};
   submit.commandBufferCount = 1;
   submit.pCommandBuffers = &commands;
-  VkResult result = vk().vkQueueSubmit(queue_, 1, &submit, fence_);
+  VkResult result = submit_locked(submit, fence_);
   if (result == VK_SUCCESS) result = vk().vkWaitForFences(device_, 1, &fence_, VK_TRUE, UINT64_MAX);
   check_alive(result, "running commands on the device");
   check(vk().vkResetFences(device_, 1, &fence_), "vkResetFences");
@@ -224,7 +257,15 @@ void Device::save_pipelines() {
     log(KS_LOG_INFO, "compiled pipelines could not be written to the cache folder: the next process builds them again");
 }
 
-void Device::submit(VkCommandBuffer commands, VkSemaphore timeline, uint64_t value) {
+VkResult Device::submit_locked(const VkSubmitInfo& submit, VkFence fence) {
+  if (lock_queue_ != nullptr) lock_queue_(lock_user_, 1);
+  const VkResult result = vk().vkQueueSubmit(queue_, 1, &submit, fence);
+  if (lock_queue_ != nullptr) lock_queue_(lock_user_, 0);
+  return result;
+}
+
+void Device::submit(VkCommandBuffer commands, VkSemaphore timeline, uint64_t value, VkSemaphore wait, uint64_t wait_value) {
+  const VkPipelineStageFlags all = VK_PIPELINE_STAGE_ALL_COMMANDS_BIT;
   VkTimelineSemaphoreSubmitInfo signal{VK_STRUCTURE_TYPE_TIMELINE_SEMAPHORE_SUBMIT_INFO};
   signal.signalSemaphoreValueCount = 1;
   signal.pSignalSemaphoreValues = &value;
@@ -233,9 +274,16 @@ void Device::submit(VkCommandBuffer commands, VkSemaphore timeline, uint64_t val
   submit.pCommandBuffers = &commands;
   submit.signalSemaphoreCount = 1;
   submit.pSignalSemaphores = &timeline;
+  if (wait != VK_NULL_HANDLE) {
+    signal.waitSemaphoreValueCount = 1;
+    signal.pWaitSemaphoreValues = &wait_value;
+    submit.waitSemaphoreCount = 1;
+    submit.pWaitSemaphores = &wait;
+    submit.pWaitDstStageMask = &all;
+  }
   std::lock_guard lock(queue_mutex_);
   if (lost_) fail(KS_ERROR_DEVICE_LOST, "%s was lost in an earlier call: create a new device", info_.name);
-  check_alive(vk().vkQueueSubmit(queue_, 1, &submit, VK_NULL_HANDLE), "vkQueueSubmit");
+  check_alive(submit_locked(submit, VK_NULL_HANDLE), "vkQueueSubmit");
 }
 
 void Device::check_alive(VkResult result, const char* what) {

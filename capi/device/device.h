@@ -55,6 +55,11 @@ class Device : public std::enable_shared_from_this<Device> {
   [[nodiscard]] const VkPhysicalDeviceMemoryProperties& memory_properties() const { return memory_; }
   /// Of the device's own memory, what the host can map at most; 0 without such memory.
   [[nodiscard]] uint64_t mappable_bytes() const;
+  /// Of the features that this project uses, those that are enabled.
+  [[nodiscard]] const VkPhysicalDeviceVulkan11Features& features11() const { return features11_; }
+  [[nodiscard]] const VkPhysicalDeviceVulkan12Features& features12() const { return features12_; }
+  /// Whether the VkDevice is the host's (KS_SELECT_VULKAN): then memory and semaphores of it may be shared as they are.
+  [[nodiscard]] bool is_hosts() const { return hosts_; }
   /// Whether the extension is enabled.
   [[nodiscard]] bool has_extension(const char* name) const;
   /// Index of a memory type in type_bits that has all `required` flags and as many `preferred` ones as there are; throws if none.
@@ -62,8 +67,9 @@ class Device : public std::enable_shared_from_this<Device> {
 
   /// Submits one command buffer and waits for it on the host. Device loss is sticky and throws KS_ERROR_DEVICE_LOST.
   void submit_and_wait(VkCommandBuffer commands);
-  /// Submits one command buffer; the timeline semaphore reaches `value` when it has run.
-  void submit(VkCommandBuffer commands, VkSemaphore timeline, uint64_t value);
+  /// Submits one command buffer, which begins when the semaphore `wait` (or VK_NULL_HANDLE) has reached its value; `timeline` reaches its
+  /// own when it has run.
+  void submit(VkCommandBuffer commands, VkSemaphore timeline, uint64_t value, VkSemaphore wait, uint64_t wait_value);
   /// check() that remembers a lost device.
   void check_alive(VkResult result, const char* what);
 
@@ -81,7 +87,12 @@ class Device : public std::enable_shared_from_this<Device> {
   void run(VkCommandBuffer commands);
   /// May call the log: never under the queue's mutex, which the caller's other threads may be waiting for.
   void save_pipelines();
+  void take_hosts(const ks_device_desc& desc, const char* library);
+  void take_facts(const PhysicalFacts& facts);
   void create_vk_device(const PhysicalFacts& facts);
+  void prepare_vulkan(const ks_device_desc& desc, const char* library, const VkPhysicalDeviceProperties& properties);
+  /// Under the queue's mutex; the host's lock is taken for the submission alone.
+  VkResult submit_locked(const VkSubmitInfo& submit, VkFence fence);
   ks_device_info info_{};
   std::shared_ptr<LogSink> log_;
   std::unique_ptr<Instance> instance_;
@@ -94,6 +105,11 @@ class Device : public std::enable_shared_from_this<Device> {
   uint64_t host_pointer_alignment_ = 0;
   VkPhysicalDeviceLimits limits_{};
   VkPhysicalDeviceMemoryProperties memory_{};
+  VkPhysicalDeviceVulkan11Features features11_{};
+  VkPhysicalDeviceVulkan12Features features12_{};
+  bool hosts_ = false;
+  ks_lock_fn lock_queue_ = nullptr;  // the host's, of a queue that it uses too
+  void* lock_user_ = nullptr;
   std::vector<std::string> extensions_;
   VolkDeviceTable table_{};
   std::unique_ptr<PipelineCache> pipeline_cache_;

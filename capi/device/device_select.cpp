@@ -37,8 +37,9 @@ int rank(uint32_t kind) {
 }  // namespace
 
 size_t select_device(const std::vector<ks_device_info>& devices, const ks_device_desc& desc, const std::string& why_none) {
-  if (desc.select > KS_SELECT_CPU)
-    fail(KS_ERROR_INVALID_ARGUMENT, "device desc: select is %u, the largest known is %u", desc.select, KS_SELECT_CPU);
+  if (desc.select > KS_SELECT_VULKAN)
+    fail(KS_ERROR_INVALID_ARGUMENT, "device desc: select is %u, the largest known is %u", desc.select, KS_SELECT_VULKAN);
+  if (desc.select == KS_SELECT_VULKAN) fail(KS_ERROR_INTERNAL, "a device of the host's is not among those that are chosen from");
   if (devices.empty()) fail(KS_ERROR_NO_DEVICE, "no Vulkan device: %s", why_none.c_str());
   constexpr size_t none = SIZE_MAX;
   size_t chosen = none;

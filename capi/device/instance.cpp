@@ -116,6 +116,11 @@ std::unique_ptr<Instance> Instance::create(std::shared_ptr<LogSink> log, bool va
   return self;
 }
 
+void Instance::know_hosts(VkInstance instance) {
+  if (!open_loader()) fail(KS_ERROR_NO_DEVICE, "the Vulkan loader (libvulkan.so.1) was not found: %s", install_hint);
+  load_instance_functions(instance);
+}
+
 void Instance::attach_messenger() {
   // Asked of this instance and not kept by volk: another instance may be without the extension.
   const auto create =

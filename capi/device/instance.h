@@ -17,6 +17,8 @@ class Instance {
  public:
   /// nullptr when there is no loader, no driver or no Vulkan 1.2; why_not then says which, and what to install.
   static std::unique_ptr<Instance> create(std::shared_ptr<LogSink> log, bool validation, std::string* why_not);
+  /// Makes the loader's functions known for an instance that the host has made; throws KS_ERROR_NO_DEVICE where there is no loader.
+  static void know_hosts(VkInstance instance);
   ~Instance();
   Instance(const Instance&) = delete;
   Instance& operator=(const Instance&) = delete;

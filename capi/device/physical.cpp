@@ -84,14 +84,20 @@ void query_features(PhysicalFacts& facts) {
       structure.accelerationStructure && pipeline.rayTracingPipeline && pipeline.rayTracingPipelineTraceRaysIndirect;
 }
 
+VkExternalMemoryFeatureFlags query_buffers(VkPhysicalDevice device, VkExternalMemoryHandleTypeFlagBits handle_type) {
+  VkPhysicalDeviceExternalBufferInfo info{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_EXTERNAL_BUFFER_INFO};
+  info.usage = buffer_usage;
+  info.handleType = handle_type;
+  VkExternalBufferProperties found{VK_STRUCTURE_TYPE_EXTERNAL_BUFFER_PROPERTIES};
+  vkGetPhysicalDeviceExternalBufferProperties(device, &info, &found);
+  return found.externalMemoryProperties.externalMemoryFeatures;
+}
+
 void query_sharing(PhysicalFacts& facts) {
   if (facts.has_extension(VK_KHR_EXTERNAL_MEMORY_FD_EXTENSION_NAME)) {
-    VkPhysicalDeviceExternalBufferInfo info{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_EXTERNAL_BUFFER_INFO};
-    info.usage = buffer_usage;
-    info.handleType = VK_EXTERNAL_MEMORY_HANDLE_TYPE_OPAQUE_FD_BIT;
-    VkExternalBufferProperties found{VK_STRUCTURE_TYPE_EXTERNAL_BUFFER_PROPERTIES};
-    vkGetPhysicalDeviceExternalBufferProperties(facts.handle, &info, &found);
-    facts.opaque_fd = found.externalMemoryProperties.externalMemoryFeatures;
+    facts.opaque_fd = query_buffers(facts.handle, VK_EXTERNAL_MEMORY_HANDLE_TYPE_OPAQUE_FD_BIT);
+    if (facts.has_extension(VK_EXT_EXTERNAL_MEMORY_DMA_BUF_EXTENSION_NAME))
+      facts.dma_buf = query_buffers(facts.handle, VK_EXTERNAL_MEMORY_HANDLE_TYPE_DMA_BUF_BIT_EXT);
   }
   if (facts.has_extension(VK_KHR_EXTERNAL_SEMAPHORE_FD_EXTENSION_NAME)) {
     VkSemaphoreTypeCreateInfo timeline{VK_STRUCTURE_TYPE_SEMAPHORE_TYPE_CREATE_INFO};
@@ -172,6 +178,8 @@ ks_device_info describe(const PhysicalFacts& facts, uint32_t index) {
   info.usable = refused.empty() ? 1 : 0;
   if (facts.opaque_fd & VK_EXTERNAL_MEMORY_FEATURE_EXPORTABLE_BIT) info.capabilities |= KS_CAP_EXPORT_OPAQUE_FD;
   if (facts.opaque_fd & VK_EXTERNAL_MEMORY_FEATURE_IMPORTABLE_BIT) info.capabilities |= KS_CAP_IMPORT_OPAQUE_FD;
+  if (facts.dma_buf & VK_EXTERNAL_MEMORY_FEATURE_EXPORTABLE_BIT) info.capabilities |= KS_CAP_EXPORT_DMA_BUF;
+  if (facts.dma_buf & VK_EXTERNAL_MEMORY_FEATURE_IMPORTABLE_BIT) info.capabilities |= KS_CAP_IMPORT_DMA_BUF;
   if (facts.host_pointer_alignment != 0) info.capabilities |= KS_CAP_IMPORT_HOST_POINTER;
   info.capabilities |= KS_CAP_EXPORT_HOST_POINTER;  // Vulkan guarantees a host-visible coherent memory type
   if (facts.ray_tracing_pipeline) info.capabilities |= KS_CAP_RAY_TRACING_PIPELINE;

@@ -26,7 +26,7 @@ struct PhysicalFacts {
   uint32_t queue_family = UINT32_MAX;   // with compute; UINT32_MAX = none
   uint32_t timestamp_bits = 0;          // of that queue family
   VkPhysicalDeviceMemoryProperties memory{};
-  VkExternalMemoryFeatureFlags opaque_fd = 0;  // of our kind of buffer
+  VkExternalMemoryFeatureFlags opaque_fd = 0, dma_buf = 0;  // of our kind of buffer
   bool timeline_fd = false;
   bool ray_tracing_pipeline = false;  // all of ray_tracing_extensions, with their features
   std::vector<std::string> extensions;

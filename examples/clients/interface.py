@@ -169,8 +169,11 @@ SIMSENSE_TYPE_OUTPUT_DESC = 0x2004
 SIMSENSE_TYPE_COMPUTE_DESC = 0x2003
 KS_MEMORY_HOST = 1
 KS_MEMORY_OPAQUE_FD = 2
+KS_MEMORY_VULKAN = 3
+KS_MEMORY_DMA_BUF = 4
 KS_BUFFER_EXPORTABLE = 0x1
 KS_BUFFER_HOST_VISIBLE = 0x2
+KS_BUFFER_DMA_BUF = 0x4
 KS_TYPE_BUFFER_CREATE = 0x03
 KS_TYPE_BUFFER_DESC = 0x04
 KS_SELECT_AUTO = 0
@@ -178,6 +181,7 @@ KS_SELECT_INDEX = 1
 KS_SELECT_UUID = 2
 KS_SELECT_HOST = 3
 KS_SELECT_CPU = 4
+KS_SELECT_VULKAN = 5
 KS_DEVICE_KIND_HOST = 0
 KS_DEVICE_KIND_CPU = 1
 KS_DEVICE_KIND_INTEGRATED_GPU = 2
@@ -190,6 +194,9 @@ KS_CAP_IMPORT_HOST_POINTER = 0x04
 KS_CAP_EXPORT_HOST_POINTER = 0x08
 KS_CAP_RAY_TRACING_PIPELINE = 0x10
 KS_CAP_TIMELINE_FD = 0x20
+KS_CAP_EXPORT_DMA_BUF = 0x40
+KS_CAP_IMPORT_DMA_BUF = 0x80
+KS_TYPE_VULKAN_DEVICE = 0x0a
 KS_TYPE_DEVICE_DESC = 0x01
 KS_TYPE_DEVICE_INFO = 0x02
 KS_FORMAT_U8 = 1
@@ -203,6 +210,7 @@ KS_TYPE_IMAGE_DESC = 0x05
 KS_SYNC_HOST = 0
 KS_SYNC_TIMELINE_FD = 1
 KS_SYNC_TIMELINE = 2
+KS_SYNC_SEMAPHORE = 3
 KS_TYPE_SYNC = 0x06
 KS_LOG_INFO = 0
 KS_LOG_WARNING = 1
@@ -525,6 +533,7 @@ class kuafu_render_desc(c.Structure):
         ("glass_shadows", c.c_uint32),
         ("max_seconds", c.c_double),
         ("relative_error", c.c_double),
+        ("wait", c.c_void_p),
     ]
 
 
@@ -576,6 +585,22 @@ class ks_buffer_desc(c.Structure):
     ]
 
 
+class ks_vulkan_device(c.Structure):
+    type_id = KS_TYPE_VULKAN_DEVICE
+    _fields_ = [
+        ("header", ks_header),
+        ("instance", c.c_void_p),
+        ("physical_device", c.c_void_p),
+        ("device", c.c_void_p),
+        ("queue", c.c_void_p),
+        ("create_info", c.c_void_p),
+        ("queue_family_index", c.c_uint32),
+        ("api_version", c.c_uint32),
+        ("lock_queue", c.c_void_p),
+        ("lock_user", c.c_void_p),
+    ]
+
+
 class ks_device_desc(c.Structure):
     type_id = KS_TYPE_DEVICE_DESC
     _fields_ = [
@@ -588,6 +613,7 @@ class ks_device_desc(c.Structure):
         ("log", c.c_void_p),
         ("log_user", c.c_void_p),
         ("cache_directory", c.c_char_p),
+        ("vulkan", c.c_void_p),
     ]
 
 
@@ -712,4 +738,5 @@ class simsense_compute_desc(c.Structure):
         ("rgb", simsense_image),
         ("left_laser", simsense_image),
         ("right_laser", simsense_image),
+        ("wait", c.c_void_p),
     ]

@@ -343,6 +343,7 @@ pub struct kuafu_render_desc {
     pub glass_shadows: u32,
     pub max_seconds: f64,
     pub relative_error: f64,
+    pub wait: *const c_void,
 }
 
 #[repr(C)]
@@ -392,6 +393,21 @@ pub struct ks_buffer_desc {
 
 #[repr(C)]
 #[derive(Clone, Copy)]
+pub struct ks_vulkan_device {
+    pub header: ks_header,
+    pub instance: *const c_void,
+    pub physical_device: *const c_void,
+    pub device: *const c_void,
+    pub queue: *const c_void,
+    pub create_info: *const c_void,
+    pub queue_family_index: u32,
+    pub api_version: u32,
+    pub lock_queue: *mut c_void,
+    pub lock_user: *const c_void,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy)]
 pub struct ks_device_desc {
     pub header: ks_header,
     pub select: u32,
@@ -402,6 +418,7 @@ pub struct ks_device_desc {
     pub log: *mut c_void,
     pub log_user: *const c_void,
     pub cache_directory: *const c_char,
+    pub vulkan: *const c_void,
 }
 
 #[repr(C)]
@@ -518,6 +535,7 @@ pub struct simsense_compute_desc {
     pub rgb: simsense_image,
     pub left_laser: simsense_image,
     pub right_laser: simsense_image,
+    pub wait: *const c_void,
 }
 
 pub const SIMSENSE_TYPE_PARAMETERS: u32 = 0x2002;
@@ -633,8 +651,11 @@ pub const SIMSENSE_TYPE_OUTPUT_DESC: u32 = 0x2004;
 pub const SIMSENSE_TYPE_COMPUTE_DESC: u32 = 0x2003;
 pub const KS_MEMORY_HOST: u32 = 1;
 pub const KS_MEMORY_OPAQUE_FD: u32 = 2;
+pub const KS_MEMORY_VULKAN: u32 = 3;
+pub const KS_MEMORY_DMA_BUF: u32 = 4;
 pub const KS_BUFFER_EXPORTABLE: u32 = 0x1;
 pub const KS_BUFFER_HOST_VISIBLE: u32 = 0x2;
+pub const KS_BUFFER_DMA_BUF: u32 = 0x4;
 pub const KS_TYPE_BUFFER_CREATE: u32 = 0x03;
 pub const KS_TYPE_BUFFER_DESC: u32 = 0x04;
 pub const KS_SELECT_AUTO: u32 = 0;
@@ -642,6 +663,7 @@ pub const KS_SELECT_INDEX: u32 = 1;
 pub const KS_SELECT_UUID: u32 = 2;
 pub const KS_SELECT_HOST: u32 = 3;
 pub const KS_SELECT_CPU: u32 = 4;
+pub const KS_SELECT_VULKAN: u32 = 5;
 pub const KS_DEVICE_KIND_HOST: u32 = 0;
 pub const KS_DEVICE_KIND_CPU: u32 = 1;
 pub const KS_DEVICE_KIND_INTEGRATED_GPU: u32 = 2;
@@ -654,6 +676,9 @@ pub const KS_CAP_IMPORT_HOST_POINTER: u32 = 0x04;
 pub const KS_CAP_EXPORT_HOST_POINTER: u32 = 0x08;
 pub const KS_CAP_RAY_TRACING_PIPELINE: u32 = 0x10;
 pub const KS_CAP_TIMELINE_FD: u32 = 0x20;
+pub const KS_CAP_EXPORT_DMA_BUF: u32 = 0x40;
+pub const KS_CAP_IMPORT_DMA_BUF: u32 = 0x80;
+pub const KS_TYPE_VULKAN_DEVICE: u32 = 0x0a;
 pub const KS_TYPE_DEVICE_DESC: u32 = 0x01;
 pub const KS_TYPE_DEVICE_INFO: u32 = 0x02;
 pub const KS_FORMAT_U8: u32 = 1;
@@ -667,6 +692,7 @@ pub const KS_TYPE_IMAGE_DESC: u32 = 0x05;
 pub const KS_SYNC_HOST: u32 = 0;
 pub const KS_SYNC_TIMELINE_FD: u32 = 1;
 pub const KS_SYNC_TIMELINE: u32 = 2;
+pub const KS_SYNC_SEMAPHORE: u32 = 3;
 pub const KS_TYPE_SYNC: u32 = 0x06;
 pub const KS_LOG_INFO: u32 = 0;
 pub const KS_LOG_WARNING: u32 = 1;
@@ -732,6 +758,7 @@ extern "C" {
     pub fn kuafu_renderer_submit(renderer: *mut c_void, scene: *mut c_void, desc: *const kuafu_render_desc, out: *mut ks_sync) -> i32;
     pub fn kuafu_renderer_wait(renderer: *mut c_void, sync: *const ks_sync, timeout_ns: u64) -> i32;
     pub fn kuafu_renderer_cancel(renderer: *mut c_void) -> i32;
+    pub fn kuafu_renderer_export_timeline(renderer: *mut c_void, out: *mut ks_sync) -> i32;
     pub fn kuafu_renderer_get_summary(renderer: *mut c_void, out: *mut kuafu_render_summary) -> i32;
     pub fn kuafu_renderer_get_stage_times(renderer: *mut c_void, times: *mut ks_stage_time, count: *mut u32) -> i32;
 }

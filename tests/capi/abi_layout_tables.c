@@ -252,7 +252,7 @@ AT(kuafu_view_desc, environment, 476, 4);
 AT(kuafu_view_desc, film, 480, 8);
 AT(kuafu_view_desc, previous_camera_to_world, 488, 128);
 
-SIZE(kuafu_render_desc, 128);
+SIZE(kuafu_render_desc, 136);
 AT(kuafu_render_desc, views, 16, 8);
 AT(kuafu_render_desc, outputs, 24, 8);
 AT(kuafu_render_desc, view_count, 32, 4);
@@ -274,6 +274,7 @@ AT(kuafu_render_desc, accumulate, 104, 4);
 AT(kuafu_render_desc, glass_shadows, 108, 4);
 AT(kuafu_render_desc, max_seconds, 112, 8);
 AT(kuafu_render_desc, relative_error, 120, 8);
+AT(kuafu_render_desc, wait, 128, 8);
 
 SIZE(kuafu_render_summary, 40);
 AT(kuafu_render_summary, samples_per_pixel, 16, 4);
@@ -311,7 +312,7 @@ AT(simsense_output_desc, output, 16, 4);
 AT(simsense_output_desc, reserved, 20, 4);
 AT(simsense_output_desc, image, 24, 128);
 
-SIZE(simsense_compute_desc, 688);
+SIZE(simsense_compute_desc, 696);
 AT(simsense_compute_desc, left, 16, 128);
 AT(simsense_compute_desc, right, 144, 128);
 AT(simsense_compute_desc, outputs, 272, 8);
@@ -322,6 +323,7 @@ AT(simsense_compute_desc, progress_user, 296, 8);
 AT(simsense_compute_desc, rgb, 304, 128);
 AT(simsense_compute_desc, left_laser, 432, 128);
 AT(simsense_compute_desc, right_laser, 560, 128);
+AT(simsense_compute_desc, wait, 688, 8);
 
 SIZE(ks_buffer_create, 32);
 AT(ks_buffer_create, size_bytes, 16, 8);
@@ -340,7 +342,18 @@ AT(ks_buffer_desc, reserved, 60, 4);
 AT(ks_buffer_desc, device_uuid, 64, 16);
 AT(ks_buffer_desc, driver_uuid, 80, 16);
 
-SIZE(ks_device_desc, 72);
+SIZE(ks_vulkan_device, 80);
+AT(ks_vulkan_device, instance, 16, 8);
+AT(ks_vulkan_device, physical_device, 24, 8);
+AT(ks_vulkan_device, device, 32, 8);
+AT(ks_vulkan_device, queue, 40, 8);
+AT(ks_vulkan_device, create_info, 48, 8);
+AT(ks_vulkan_device, queue_family_index, 56, 4);
+AT(ks_vulkan_device, api_version, 60, 4);
+AT(ks_vulkan_device, lock_queue, 64, 8);
+AT(ks_vulkan_device, lock_user, 72, 8);
+
+SIZE(ks_device_desc, 80);
 AT(ks_device_desc, select, 16, 4);
 AT(ks_device_desc, index, 20, 4);
 AT(ks_device_desc, uuid, 24, 16);
@@ -349,6 +362,7 @@ AT(ks_device_desc, validation, 44, 4);
 AT(ks_device_desc, log, 48, 8);
 AT(ks_device_desc, log_user, 56, 8);
 AT(ks_device_desc, cache_directory, 64, 8);
+AT(ks_device_desc, vulkan, 72, 8);
 
 SIZE(ks_device_info, 1104);
 AT(ks_device_info, name, 16, 256);

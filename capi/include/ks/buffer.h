@@ -8,7 +8,9 @@
  * duplicates its file descriptor, and each export returns a new one.
  * KS_MEMORY_OPAQUE_FD is valid only between Vulkan devices of equal device and driver UUID; the descriptor carries both
  * and import checks them.
- * KS_MEMORY_HOST is an address in this process; the imported buffer must be released before the exported one. */
+ * KS_MEMORY_HOST is an address in this process; the imported buffer must be released before the exported one.
+ * KS_MEMORY_VULKAN stays its exporter's, which must outlive the importer. The host allocates what it hands in with
+ * VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT. */
 #ifndef KS_BUFFER_H
 #define KS_BUFFER_H
 
@@ -23,10 +25,13 @@ extern "C" {
 
 #define KS_MEMORY_HOST 1u
 #define KS_MEMORY_OPAQUE_FD 2u
+#define KS_MEMORY_VULKAN 3u  /* a VkDeviceMemory of a device that the host has made (KS_SELECT_VULKAN) */
+#define KS_MEMORY_DMA_BUF 4u /* a file descriptor that drivers of other makes, cameras and displays know too */
 
 /* Bits of ks_buffer_create.flags. */
 #define KS_BUFFER_EXPORTABLE 0x1u   /* may be exported as KS_MEMORY_OPAQUE_FD */
 #define KS_BUFFER_HOST_VISIBLE 0x2u /* may be mapped, and exported as KS_MEMORY_HOST */
+#define KS_BUFFER_DMA_BUF 0x4u      /* may be exported as KS_MEMORY_DMA_BUF; not together with KS_BUFFER_EXPORTABLE */
 
 #define KS_TYPE_BUFFER_CREATE 0x03u
 
@@ -56,9 +61,9 @@ typedef struct ks_buffer_desc {
   ks_header header;
   /* Kind of memory, KS_MEMORY_*. */
   uint32_t memory;
-  /* For KS_MEMORY_OPAQUE_FD: index of Vulkan's memory type. */
+  /* For KS_MEMORY_OPAQUE_FD and KS_MEMORY_VULKAN: index of Vulkan's memory type. */
   uint32_t memory_type_index;
-  /* File descriptor, or address for KS_MEMORY_HOST. */
+  /* File descriptor, address for KS_MEMORY_HOST, or VkDeviceMemory. */
   uint64_t handle;
   /* Size of the exporter's whole allocation. */
   uint64_t allocation_bytes;

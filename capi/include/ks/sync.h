@@ -18,6 +18,7 @@ extern "C" {
 #define KS_SYNC_HOST 0u
 #define KS_SYNC_TIMELINE_FD 1u /* an opaque fd of a timeline semaphore, which reaches `value` */
 #define KS_SYNC_TIMELINE 2u    /* the timeline of the object that made it, for that object's ..._wait */
+#define KS_SYNC_SEMAPHORE 3u   /* a VkSemaphore of type timeline of a device that the host has made (KS_SELECT_VULKAN) */
 
 #define KS_TYPE_SYNC 0x06u
 
@@ -29,7 +30,7 @@ typedef struct ks_sync {
   uint32_t kind;
   /* Must be 0. */
   uint32_t reserved;
-  /* For KS_SYNC_TIMELINE_FD: the file descriptor, which the caller closes. */
+  /* For KS_SYNC_TIMELINE_FD: the file descriptor, which the caller closes. For KS_SYNC_SEMAPHORE: the VkSemaphore. */
   uint64_t handle;
   /* Value that the semaphore reaches. */
   uint64_t value;

@@ -186,6 +186,10 @@ KUAFU_API ks_status kuafu_renderer_wait(kuafu_renderer renderer, const ks_sync* 
 /* Cancels the renders of this renderer, both submitted ones and one in a call of another thread. They end with KS_ERROR_CANCELLED, within 0.2 s on an idle
  * machine. Any thread may call it at any time. Releasing a renderer also cancels its renders, and waits until they have ended. */
 KUAFU_API ks_status kuafu_renderer_cancel(kuafu_renderer renderer);
+/* Returns the timeline semaphore that reaches each submission's value when its render has ended, also where it failed, for waiting on the device: the value
+ * is the last submission's. On a device that the host has made it is a KS_SYNC_SEMAPHORE, which lives as long as the renderer; elsewhere a
+ * KS_SYNC_TIMELINE_FD, whose file descriptor the caller closes and for which the device needs KS_CAP_TIMELINE_FD. */
+KUAFU_API ks_status kuafu_renderer_export_timeline(kuafu_renderer renderer, ks_sync* out);
 
 /* Summary of the last render that succeeded. */
 KUAFU_API ks_status kuafu_renderer_get_summary(kuafu_renderer renderer, kuafu_render_summary* out);

@@ -10,6 +10,7 @@
 
 #include "ks/header.h"
 #include "ks/log.h"
+#include "ks/sync.h"
 #include "kuafu/camera.h"
 #include "kuafu/film.h"
 #include "kuafu/material.h"
@@ -179,6 +180,9 @@ typedef struct kuafu_render_desc {
    * %, from the scatter of the pixels' variances) is compared, so that images with few pixels or rare bright samples
    * take more samples. With a noise budget alone the result is deterministic. [>= 0] */
   double relative_error;
+  /* What must have happened before a buffer is read or written: KS_SYNC_TIMELINE_FD (the caller closes it, at any time)
+   * or KS_SYNC_SEMAPHORE. NULL and KS_SYNC_HOST wait for nothing. */
+  const ks_sync* wait;
 } kuafu_render_desc;
 static inline kuafu_render_desc kuafu_render_desc_init(void) {
   kuafu_render_desc s;

@@ -11,6 +11,7 @@
 #include "ks/header.h"
 #include "ks/image.h"
 #include "ks/log.h"
+#include "ks/sync.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -106,6 +107,9 @@ typedef struct simsense_compute_desc {
   simsense_image left_laser;
   /* The same for the right image. */
   simsense_image right_laser;
+  /* What must have happened before a buffer is read or written: KS_SYNC_TIMELINE_FD (the caller closes it, at any time)
+   * or KS_SYNC_SEMAPHORE. NULL and KS_SYNC_HOST wait for nothing. In Vulkan the queue waits: that cannot be cancelled. */
+  const ks_sync* wait;
 } simsense_compute_desc;
 static inline simsense_compute_desc simsense_compute_desc_init(void) {
   simsense_compute_desc s;

@@ -109,8 +109,9 @@ SIMSENSE_API ks_status simsense_engine_wait_for(simsense_engine engine, const ks
 /* Ends the compute that another thread is in: it returns KS_ERROR_CANCELLED soon, and the contents of its outputs are undefined. What a GPU has begun
  * runs to its end, which takes milliseconds. Any thread may call it at any time. */
 SIMSENSE_API ks_status simsense_engine_cancel(simsense_engine engine);
-/* Returns the timeline semaphore that each submission advances to its value, for waiting on the device: a KS_SYNC_TIMELINE_FD with the value of the last
- * submission. The caller closes the file descriptor. The device needs KS_CAP_TIMELINE_FD, and there must have been a submission. */
+/* Returns the timeline semaphore that each submission advances to its value, for waiting on the device: its value is the last
+ * submission's. On a device that the host has made it is a KS_SYNC_SEMAPHORE, which lives as long as the engine; elsewhere a KS_SYNC_TIMELINE_FD, whose
+ * file descriptor the caller closes and for which the device needs KS_CAP_TIMELINE_FD. There must have been a submission. */
 SIMSENSE_API ks_status simsense_engine_export_timeline(simsense_engine engine, ks_sync* out);
 /* Times of the stages of the last compute or wait; count works as in kuafu_renderer_get_stage_times. */
 SIMSENSE_API ks_status simsense_engine_get_stage_times(simsense_engine engine, ks_stage_time* times, uint32_t* count);

@@ -66,6 +66,7 @@ constexpr kuafu_api table{
     .scene_cancel_load = kuafu_scene_cancel_load,
     .scene_set_instance_poses = kuafu_scene_set_instance_poses,
     .scene_set_lights = kuafu_scene_set_lights,
+    .renderer_export_timeline = kuafu_renderer_export_timeline,
 };
 
 }  // namespace

@@ -107,12 +107,12 @@ void read_views(const kuafu_render_desc& desc, Launch& launch) {
 
 }  // namespace
 
-Launch read_launch(const kuafu_render_desc* desc, const ks::Device& device) {
+Launch read_launch(const kuafu_render_desc* desc, const std::shared_ptr<ks::Device>& device) {
   const kuafu_render_desc d = ks::read_struct(desc, KUAFU_TYPE_RENDER_DESC, "render desc");
   check_numbers(d);
   Launch launch;
   read_views(d, launch);
-  read_outputs(d, device, launch);
+  read_outputs(d, *device, launch);
   launch.samples = d.samples_per_pixel;
   launch.first_sample = d.first_sample;
   launch.max_bounces = d.max_bounces;
@@ -126,6 +126,7 @@ Launch read_launch(const kuafu_render_desc* desc, const ks::Device& device) {
   launch.light_sampling = static_cast<LightSampling>(d.light_sampling);
   launch.denoise = static_cast<DenoiseKind>(d.denoise);
   launch.temporal_weight = d.temporal_weight;
+  launch.wait = ks::point_of(device, d.wait);
   hold_images(launch);
   if (d.progress != nullptr) launch.cancelled = [f = d.progress, user = d.progress_user](float fraction) { return f(user, fraction) != 0; };
   return launch;

@@ -8,6 +8,6 @@
 
 namespace kuafu {
 
-Launch read_launch(const kuafu_render_desc* desc, const ks::Device& device);
+Launch read_launch(const kuafu_render_desc* desc, const std::shared_ptr<ks::Device>& device);
 
 }  // namespace kuafu

@@ -24,7 +24,7 @@ static_assert(uint32_t(kuafu::TracerKind::automatic) == KUAFU_TRACER_AUTO && uin
               "the two count alike");
 
 kuafu::Launch read_launch(const kuafu::RenderQueue& images, const kuafu::Scene& scene, const kuafu_render_desc* desc) {
-  kuafu::Launch launch = kuafu::read_launch(desc, *images.device());
+  kuafu::Launch launch = kuafu::read_launch(desc, images.device());
   kuafu::check_ids_fit(launch, scene);
   return launch;
 }
@@ -83,6 +83,13 @@ ks_status kuafu_renderer_wait(kuafu_renderer renderer, const ks_sync* sync, uint
 
 ks_status kuafu_renderer_cancel(kuafu_renderer renderer) {
   return ks::call([&] { ks::object_of(renderer, "renderer")->cancel(); });
+}
+
+ks_status kuafu_renderer_export_timeline(kuafu_renderer renderer, ks_sync* out) {
+  return ks::call([&] {
+    (void)ks::check_header(out, KS_TYPE_SYNC, "out");  // before an fd is made that nobody would close
+    ks::write_struct(out, ks::object_of(renderer, "renderer")->export_timeline(), KS_TYPE_SYNC, "out");
+  });
 }
 
 ks_status kuafu_renderer_get_summary(kuafu_renderer renderer, kuafu_render_summary* out) {

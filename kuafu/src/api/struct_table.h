@@ -414,6 +414,7 @@ struct StructInfo<kuafu_render_desc> {
       KS_FIELD_END(kuafu_render_desc, glass_shadows),
       KS_FIELD_END(kuafu_render_desc, max_seconds),
       KS_FIELD_END(kuafu_render_desc, relative_error),
+      KS_FIELD_END(kuafu_render_desc, wait),
   };
   static constexpr std::array<ReservedBytes, 0> reserved = {};
   static kuafu_render_desc neutral() {

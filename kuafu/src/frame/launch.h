@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "device/buffer.h"
+#include "device/timeline.h"
 #include "frame/band.h"
 #include "scene/camera.h"
 #include "scene/scene.h"
@@ -69,6 +70,7 @@ struct Launch {
   uint32_t held = 0;          // a bit for each output that a step after the paths reads from the frame, asked for or not
   /// The renderer calls it between waves with the share that is done, 0..1; true cancels. It may be empty.
   std::function<bool(float)> cancelled;
+  ks::TimelinePoint wait;  // what comes before a buffer is read or written
 
   [[nodiscard]] uint32_t pixel_count() const { return uint32_t(views.size()) * width * height; }
   [[nodiscard]] uint32_t environment_count() const {

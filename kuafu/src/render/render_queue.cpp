@@ -80,6 +80,24 @@ bool RenderQueue::wait_for_ended(uint64_t count, uint64_t timeout_ns) {
   }
 }
 
+ks_sync RenderQueue::export_timeline() {
+  const std::lock_guard lock(mutex_);
+  if (!timeline_) {
+    timeline_.emplace(device());
+    signal_ended();
+  }
+  return timeline_->exported(submitted_);
+}
+
+void RenderQueue::signal_ended() noexcept {
+  if (!timeline_ || ended_ == 0) return;
+  try {
+    timeline_->signal(ended_);
+  } catch (const ks::Error&) {
+    // The device is lost, as every later call on it will say.
+  }
+}
+
 void RenderQueue::serve() {
   std::unique_lock lock(mutex_);
   for (;;) {
@@ -90,6 +108,7 @@ void RenderQueue::serve() {
     run(next);
     lock.lock();
     ++ended_;
+    signal_ended();
     changed_.notify_all();
   }
 }

@@ -7,8 +7,10 @@
 #include <condition_variable>
 #include <exception>
 #include <mutex>
+#include <optional>
 #include <thread>
 
+#include "device/timeline.h"
 #include "render/renderer.h"
 
 namespace kuafu {
@@ -30,6 +32,8 @@ class RenderQueue {
   /// false: it has not ended after so long (UINT64_MAX: however long it takes). Throws what the render threw. An outcome is kept until the
   /// second submission after it.
   [[nodiscard]] bool wait(uint64_t number, uint64_t timeout_ns);
+  /// The timeline that reaches the number of each submission that has ended, from the first call on; at the last one's value.
+  [[nodiscard]] ks_sync export_timeline();
   /// Ends every render that has begun or was submitted.
   void cancel() { ++wishes_; }
 
@@ -56,6 +60,8 @@ class RenderQueue {
   [[nodiscard]] bool wait_for_ended(uint64_t count, uint64_t timeout_ns);
   void serve();
   void run(Submission& submission);
+  /// Under the mutex.
+  void signal_ended() noexcept;
 
   Renderer renderer_;
   std::atomic<uint64_t> wishes_{0};
@@ -63,6 +69,7 @@ class RenderQueue {
   std::condition_variable changed_;
   Submission slots_[most_under_way];
   uint64_t submitted_ = 0, ended_ = 0;  // how many
+  std::optional<ks::Timeline> timeline_;  // where it was asked for
   bool stopping_ = false;
   std::thread thread_;  // from the first submission on
   std::vector<std::pair<std::string, double>> stage_times_;

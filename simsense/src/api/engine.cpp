@@ -43,7 +43,7 @@ std::vector<simsense::ComputeRequest::Output> read_outputs(const simsense_output
 
 bool is_given(const simsense_image& image) { return image.buffer || image.host; }
 
-simsense::ComputeRequest read_request(const simsense_compute_desc* desc) {
+simsense::ComputeRequest read_request(const simsense::Engine& engine, const simsense_compute_desc* desc) {
   const auto known = ks::read_struct(desc, SIMSENSE_TYPE_COMPUTE_DESC, "compute desc");
   simsense::ComputeRequest request;
   request.left = read_image(known.left, "left image");
@@ -54,6 +54,7 @@ simsense::ComputeRequest read_request(const simsense_compute_desc* desc) {
   request.outputs = read_outputs(known.outputs, known.output_count);
   request.progress = known.progress;
   request.progress_user = known.progress_user;
+  request.wait = ks::point_of(engine.device(), known.wait);
   return request;
 }
 
@@ -122,13 +123,17 @@ ks_status simsense_engine_get_rectified(simsense_engine engine, double* k, doubl
 }
 
 ks_status simsense_engine_compute(simsense_engine engine, const simsense_compute_desc* desc) {
-  return ks::call([&] { ks::object_of(engine, "engine")->compute(read_request(desc)); });
+  return ks::call([&] {
+    simsense::Engine& object = *ks::object_of(engine, "engine");
+    object.compute(read_request(object, desc));
+  });
 }
 
 ks_status simsense_engine_submit(simsense_engine engine, const simsense_compute_desc* desc, ks_sync* out) {
   return ks::call([&] {
     (void)ks::check_header(out, KS_TYPE_SYNC, "out");  // before work begins that nobody could wait for
-    ks::write_struct(out, ks::object_of(engine, "engine")->submit(read_request(desc)), KS_TYPE_SYNC, "out");
+    simsense::Engine& object = *ks::object_of(engine, "engine");
+    ks::write_struct(out, object.submit(read_request(object, desc)), KS_TYPE_SYNC, "out");
   });
 }
 

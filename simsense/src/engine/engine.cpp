@@ -60,6 +60,7 @@ void Engine::compute(const ComputeRequest& request) {
     (void)wait_for_device(submit_to_device(request, settings), UINT64_MAX);
   } else {
     if (vulkan_) vulkan_->wait_idle();  // what was submitted before the parameters left the device comes first
+    request.wait.wait_on_host();
     if (!cpu_) cpu_ = std::make_unique<CpuCalls>(device_, rig_);
     cpu_->compute(request, settings);
     stage_times_ = cpu_->stage_times();
@@ -95,11 +96,7 @@ bool Engine::wait(const ks_sync& sync, uint64_t timeout_ns) {
 ks_sync Engine::export_timeline() {
   if (!vulkan_ || !vulkan_->timeline())
     ks::fail(KS_ERROR_UNSUPPORTED, "there is no timeline: nothing was submitted to a Vulkan device that has one");
-  ks_sync sync = ks_sync_init();
-  sync.kind = KS_SYNC_TIMELINE_FD;
-  sync.handle = static_cast<uint64_t>(vulkan_->timeline()->export_fd());
-  sync.value = vulkan_->submitted();
-  return sync;
+  return vulkan_->timeline()->exported(vulkan_->submitted());
 }
 
 uint64_t Engine::submit_to_device(const ComputeRequest& request, const StageSettings& settings) {

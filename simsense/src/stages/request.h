@@ -5,6 +5,7 @@
 #include <optional>
 #include <vector>
 
+#include "device/timeline.h"
 #include "image/frame.h"
 #include "image/layout.h"
 #include "ks/log.h"
@@ -24,6 +25,7 @@ struct ComputeRequest {
   std::vector<Output> outputs;
   ks_progress_fn progress = nullptr;
   void* progress_user = nullptr;
+  ks::TimelinePoint wait;  // what comes before its buffers are read or written
 
   /// Any of its images lies in the host's memory, not in a buffer.
   [[nodiscard]] bool has_host_image() const;

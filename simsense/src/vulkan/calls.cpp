@@ -64,8 +64,10 @@ uint64_t VulkanCalls::submit(const ComputeRequest& request, const StageSettings&
   try {
     record(slot->commands, *slot->frame, request, settings);
     if (timeline_) {
-      slot->commands.submit(*timeline_, submitted_ + 1);
+      slot->wait = request.wait;
+      slot->commands.submit(*timeline_, submitted_ + 1, slot->wait);
     } else {
+      request.wait.wait_on_host();
       slot->commands.flush();
     }
   } catch (...) {
@@ -85,6 +87,7 @@ void VulkanCalls::finish(Slot& slot) {
   for (auto& output : slot.frame->outputs)
     if (output) output->commit();
   slot.frame.reset();
+  slot.wait = {};
 }
 
 bool VulkanCalls::wait(uint64_t submission, uint64_t timeout_ns) {
@@ -98,11 +101,8 @@ bool VulkanCalls::wait(uint64_t submission, uint64_t timeout_ns) {
 
 std::string why_no_vulkan_calls(const ks::Device& device, const simsense_rig_desc& rig, const MatchParameters& parameters) {
   if (!device.has_vulkan()) return "the host device has no Vulkan";
-  VkPhysicalDeviceVulkan12Features f12{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES};
-  VkPhysicalDeviceVulkan11Features f11{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_1_FEATURES, &f12};
-  VkPhysicalDeviceFeatures2 all{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2, &f11};
-  vkGetPhysicalDeviceFeatures2(device.physical(), &all);
-  if (!f12.storageBuffer8BitAccess || !f11.storageBuffer16BitAccess) return "storage buffers of 8 or 16 bit are missing";
+  if (!device.features12().storageBuffer8BitAccess || !device.features11().storageBuffer16BitAccess)
+    return "storage buffers of 8 or 16 bit are missing";
   if (rig.faults & SIMSENSE_FAULT_REGISTRATION_UNRECTIFIED)
     return "it knows no SIMSENSE_FAULT_REGISTRATION_UNRECTIFIED, which needs doubles";
   return why_not_vulkan(device, rig.left.width, rig.left.height, rig.batch_count, parameters);

@@ -38,6 +38,7 @@ class VulkanCalls {
     explicit Slot(const std::shared_ptr<ks::Device>& device) : commands(device) {}
     ks::Commands commands;
     std::optional<DeviceFrame> frame;  // keeps the caller's buffers while they are used
+    ks::TimelinePoint wait;            // and what the work waits for
     uint64_t number = 0;               // 0 = nothing under way
   };
   DeviceFrame open(const ComputeRequest& request);

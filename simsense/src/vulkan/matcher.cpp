@@ -93,10 +93,7 @@ std::string why_not_vulkan(const ks::Device& device, uint32_t width, uint32_t he
                                             VK_SUBGROUP_FEATURE_ARITHMETIC_BIT | VK_SUBGROUP_FEATURE_BALLOT_BIT |
                                             VK_SUBGROUP_FEATURE_SHUFFLE_BIT | VK_SUBGROUP_FEATURE_SHUFFLE_RELATIVE_BIT;
   if (!device.has_vulkan()) return "the host device has no Vulkan";
-  VkPhysicalDeviceVulkan12Features features{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES};
-  VkPhysicalDeviceFeatures2 all_features{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2, &features};
-  vkGetPhysicalDeviceFeatures2(device.physical(), &all_features);
-  if (!features.storageBuffer8BitAccess) return "storage buffers of 8 bit are missing";
+  if (!device.features12().storageBuffer8BitAccess) return "storage buffers of 8 bit are missing";
   VkPhysicalDeviceSubgroupProperties subgroup{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_SUBGROUP_PROPERTIES};
   VkPhysicalDeviceProperties2 all{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2, &subgroup};
   vkGetPhysicalDeviceProperties2(device.physical(), &all);

@@ -15,10 +15,7 @@ constexpr uint32_t half_bias = 0x0400, largest_half = 0x7bff;  // as in path_sta
 /// CPU devices emulate half floats, several times slower than integers.
 bool want_half_minima(const ks::Device& device, Minima minima) {
   if (minima == Minima::integer || (minima == Minima::automatic && device.is_cpu())) return false;
-  VkPhysicalDeviceVulkan12Features features{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES};
-  VkPhysicalDeviceFeatures2 all{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2, &features};
-  vkGetPhysicalDeviceFeatures2(device.physical(), &all);
-  return features.shaderFloat16 == VK_TRUE;
+  return device.features12().shaderFloat16 == VK_TRUE;
 }
 
 uint32_t divide_up(uint32_t a, uint32_t b) { return (a + b - 1) / b; }

@@ -94,7 +94,7 @@ TEST_F(ComputeTest, SubmittedWorkReachesItsValueOnTheTimeline) {
   Commands commands(device_);
   commands.update(*a, 0, ones.data(), count * 4);
   commands.dispatch(pipeline, Push{a->address(), b->address(), count, 5}, (count + 63) / 64);
-  commands.submit(timeline, 1);
+  commands.submit(timeline, 1, {});
   EXPECT_ERROR(commands.barrier(), KS_ERROR_INTERNAL, "finish()");
   ASSERT_TRUE(timeline.wait(1, UINT64_MAX));
   EXPECT_EQ(timeline.reached(), 1u);
@@ -102,7 +102,7 @@ TEST_F(ComputeTest, SubmittedWorkReachesItsValueOnTheTimeline) {
   uint32_t last = 0;
   b->read(4 * (count - 1), &last, 4);
   EXPECT_EQ(last, 15u);
-  commands.submit(timeline, 2);  // nothing was recorded
+  commands.submit(timeline, 2, {});  // nothing was recorded
   ASSERT_TRUE(timeline.wait(2, UINT64_MAX));
   EXPECT_ERROR(commands.update(*Buffer::create(device_, 65540, 0), 0, ones.data(), 65540), KS_ERROR_INTERNAL, "at most 65536");
   EXPECT_ERROR(Timeline(test::host_device()), KS_ERROR_UNSUPPORTED, "no timeline semaphores");
