@@ -80,7 +80,10 @@ const ComputePipeline& PipelineInBuild::get(const std::shared_ptr<Device>& devic
           return pipeline;
         });
     building_ = task.get_future();
-    Builders::get().start(std::move(task));
+    if (device->is_hosts())
+      task();  // nothing may use the host's VkDevice after the library's was released
+    else
+      Builders::get().start(std::move(task));
   }
   while (building_.wait_for(std::chrono::milliseconds(20)) != std::future_status::ready) interruption_point();
   pipeline_ = building_.get();  // where it throws, the next use tries again
