@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Linear memory: a VkBuffer with its device address, or plain host memory on the host device. Export and import by file descriptor, host
-// pointer or Vulkan handle (ks/buffer.h). Shared by reference; keeps its device alive. Thread rule: externally synchronised contents, immutable object.
+// pointer or Vulkan handle (ks/buffer.h). Shared by reference; keeps its device alive. Thread rule: externally synchronised contents,
+// immutable object.
 #pragma once
 
 #include <memory>
