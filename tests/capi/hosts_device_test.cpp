@@ -192,7 +192,7 @@ class Chain : public testing::Test {
       camera->width = camera->height = side;
       camera->k[0] = camera->k[4] = 60, camera->k[2] = camera->k[5] = 31.5, camera->k[8] = 1;
     }
-    rig.left_to_right[3] = -0.05, rig.rectified = 1;
+    rig.left_to_right[3] = -0.05, rig.rectified = 1, rig.back_end = SIMSENSE_BACK_END_VULKAN;
     simsense_parameters parameters = simsense_parameters_init();
     parameters.max_disparity = 16;
     ASSERT_EQ(simsense_engine_create(matcher_side_, &rig, &parameters, &engine_), KS_OK) << simsense_last_error();

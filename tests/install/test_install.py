@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is installed can be used from where it lies: by pkg-config, by find_package, after a move, and by add_subdirectory."""
+"""What is installed can be used from where it lies: by pkg-config, find_package, after a move, by add_subdirectory and FetchContent."""
 
 import os
 import pathlib
@@ -85,6 +85,15 @@ def test_project_that_takes_this_one_in(tmp_path):
     if os.environ.get("ACTIVESTEREO_FULL"):
         run("cmake", "--build", tmp_path, "--target", "client")
         assert run(tmp_path / "client") == "simsense 100\n"
+
+
+def test_project_that_fetches_this_one(tmp_path):
+    """FetchContent makes the same targets; what they build to is shown by the test above."""
+    run("cmake", "-S", ROOT / "tests/install/subdirectory", "-B", tmp_path, "-G", "Ninja", "-DBY_FETCH_CONTENT=ON",
+        f"-DACTIVESTEREO_SOURCE={ROOT}")
+    told = run("ninja", "-C", tmp_path, "-t", "commands", "client")
+    assert "libsimsense.so" in told
+    assert f"-I{ROOT}/capi/include" in told
 
 
 def test_debian_packages_name_what_they_need(tmp_path):
