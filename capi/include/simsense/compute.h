@@ -108,8 +108,8 @@ typedef struct simsense_compute_desc {
   /* The same for the right image. */
   simsense_image right_laser;
   /* What must have happened before a buffer is read or written: KS_SYNC_TIMELINE_FD (the caller closes it, at any time)
-   * or KS_SYNC_SEMAPHORE. NULL and KS_SYNC_HOST wait for nothing. In Vulkan the queue waits: that cannot be cancelled.
-   * On the processor the call waits, so that another thread must make it happen. */
+   * or KS_SYNC_SEMAPHORE. NULL and KS_SYNC_HOST wait for nothing. On a Vulkan device of the library's own the queue
+   * waits, which cannot be cancelled; else the call waits, so that others must make it happen. */
   const ks_sync* wait;
 } simsense_compute_desc;
 static inline simsense_compute_desc simsense_compute_desc_init(void) {

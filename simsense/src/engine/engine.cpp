@@ -74,6 +74,7 @@ ks_sync Engine::submit(const ComputeRequest& request) {
     compute(request);
     return sync;
   }
+  const ks::Interrupt interrupt([this, before = wishes_.load()](float) { return wishes_ != before; });
   const StageSettings settings(rig_, parameters_, imagers_);
   check_request(request, rig_, settings);
   stage_times_.clear();

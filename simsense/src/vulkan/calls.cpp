@@ -49,6 +49,9 @@ void VulkanCalls::record(ks::Commands& commands, const DeviceFrame& frame, const
 }
 
 uint64_t VulkanCalls::submit(const ComputeRequest& request, const StageSettings& settings) {
+  // The host's queue may be the one that the signal comes by: a wait in it would stop what it waits for.
+  const bool queue_waits = timeline_ && !device_->is_hosts();
+  if (!queue_waits) request.wait.wait_on_host();
   DeviceFrame frame = open(request);
   uint64_t outputs = 0;
   for (uint32_t i = 0; i < output_count; ++i) outputs |= uint64_t{frame.wants(i)} << i;
@@ -64,10 +67,9 @@ uint64_t VulkanCalls::submit(const ComputeRequest& request, const StageSettings&
   try {
     record(slot->commands, *slot->frame, request, settings);
     if (timeline_) {
-      slot->wait = request.wait;
+      if (queue_waits) slot->wait = request.wait;
       slot->commands.submit(*timeline_, submitted_ + 1, slot->wait);
     } else {
-      request.wait.wait_on_host();
       slot->commands.flush();
     }
   } catch (...) {
