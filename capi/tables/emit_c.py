@@ -78,7 +78,7 @@ def _init(struct: Struct, embedded: frozenset[str]) -> list[str]:
     arguments = ", ".join(_declaration(struct[name]).rstrip(";") for name in struct.init) or "void"
     out = [f"static inline {struct.name} {struct.name}_init({arguments}) {{", f"  {struct.name} s;", "  memset(&s, 0, sizeof s);"]
     if struct.type_id is not None:
-        out.append(f"  s.header = ks_header_make({struct.type_name}, (uint32_t)sizeof s);")
+        out.append(f"  s.header = ks_header_make({struct.type_name}, KS_CAST(uint32_t, sizeof s));")
     return [*out, *(f"  {line}" for line in assignments(struct, "s", embedded=embedded)), "  return s;", "}"]
 
 

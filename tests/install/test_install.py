@@ -33,6 +33,21 @@ def pkg_config(prefix: pathlib.Path) -> list[str]:
     return run("pkg-config", "--cflags", "--libs", "kuafu", "simsense", PKG_CONFIG_PATH=prefix / "lib/pkgconfig").split()
 
 
+@pytest.mark.parametrize("language", ["c99", "c++17"])
+def test_headers_please_clang_with_every_cast_visible(tmp_path: pathlib.Path, language: str) -> None:
+    """GCC says nothing about C's casts inside extern "C"; clang does."""
+    if shutil.which("clang++") is None:
+        pytest.skip("clang is not installed: apt-get install clang")
+    endings = (".h",) if language == "c99" else (".h", ".hpp")
+    headers = sorted(p for p in (ROOT / "capi/include").rglob("*") if p.suffix in endings)
+    assert len(headers) > 15
+    all_of_them = tmp_path / ("all.c" if language == "c99" else "all.cpp")
+    all_of_them.write_text("".join(f'#include "{p.relative_to(ROOT / "capi/include")}"\n' for p in headers))
+    casts = ["-Wold-style-cast"] if language == "c++17" else []
+    compiler = "clang" if language == "c99" else "clang++"
+    run(compiler, f"-std={language}", *STRICT, *casts, "-Wno-unused-function", f"-I{ROOT}/capi/include", "-fsyntax-only", all_of_them)
+
+
 def test_components_hold_what_they_are_named_for(tmp_path):
     expected = {"kuafu": {"lib/libkuafu.so.0", "lib/kuafu/kuafu-import-gltf"}, "simsense": {"lib/libsimsense.so.0"},
                 "dev": {"lib/libkuafu.so", "include/ks/header.h", "include/simsense/simsense.h", "lib/cmake/kuafu/kuafu-config.cmake"}}
@@ -87,7 +102,7 @@ def test_project_that_takes_this_one_in(tmp_path):
         assert run(tmp_path / "client") == "simsense 100\n"
 
 
-def test_project_that_fetches_this_one(tmp_path):
+def test_project_that_fetches_this_one(tmp_path: pathlib.Path) -> None:
     """FetchContent makes the same targets; what they build to is shown by the test above."""
     run("cmake", "-S", ROOT / "tests/install/subdirectory", "-B", tmp_path, "-G", "Ninja", "-DBY_FETCH_CONTENT=ON",
         f"-DACTIVESTEREO_SOURCE={ROOT}")

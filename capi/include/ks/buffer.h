@@ -50,7 +50,7 @@ typedef struct ks_buffer_create {
 static inline ks_buffer_create ks_buffer_create_init(uint64_t size_bytes, uint32_t flags) {
   ks_buffer_create s;
   memset(&s, 0, sizeof s);
-  s.header = ks_header_make(KS_TYPE_BUFFER_CREATE, (uint32_t)sizeof s);
+  s.header = ks_header_make(KS_TYPE_BUFFER_CREATE, KS_CAST(uint32_t, sizeof s));
   s.size_bytes = size_bytes;
   s.flags = flags;
   return s;
@@ -83,7 +83,7 @@ typedef struct ks_buffer_desc {
 static inline ks_buffer_desc ks_buffer_desc_init(void) {
   ks_buffer_desc s;
   memset(&s, 0, sizeof s);
-  s.header = ks_header_make(KS_TYPE_BUFFER_DESC, (uint32_t)sizeof s);
+  s.header = ks_header_make(KS_TYPE_BUFFER_DESC, KS_CAST(uint32_t, sizeof s));
   return s;
 }
 

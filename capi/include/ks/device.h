@@ -79,7 +79,7 @@ typedef struct ks_vulkan_device {
 static inline ks_vulkan_device ks_vulkan_device_init(void) {
   ks_vulkan_device s;
   memset(&s, 0, sizeof s);
-  s.header = ks_header_make(KS_TYPE_VULKAN_DEVICE, (uint32_t)sizeof s);
+  s.header = ks_header_make(KS_TYPE_VULKAN_DEVICE, KS_CAST(uint32_t, sizeof s));
   return s;
 }
 
@@ -111,7 +111,7 @@ typedef struct ks_device_desc {
 static inline ks_device_desc ks_device_desc_init(void) {
   ks_device_desc s;
   memset(&s, 0, sizeof s);
-  s.header = ks_header_make(KS_TYPE_DEVICE_DESC, (uint32_t)sizeof s);
+  s.header = ks_header_make(KS_TYPE_DEVICE_DESC, KS_CAST(uint32_t, sizeof s));
   return s;
 }
 
@@ -144,7 +144,7 @@ typedef struct ks_device_info {
 static inline ks_device_info ks_device_info_init(void) {
   ks_device_info s;
   memset(&s, 0, sizeof s);
-  s.header = ks_header_make(KS_TYPE_DEVICE_INFO, (uint32_t)sizeof s);
+  s.header = ks_header_make(KS_TYPE_DEVICE_INFO, KS_CAST(uint32_t, sizeof s));
   return s;
 }
 

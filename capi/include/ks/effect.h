@@ -110,7 +110,7 @@ typedef struct ks_effect_random_terms {
 static inline ks_effect_random_terms ks_effect_random_terms_init(void) {
   ks_effect_random_terms s;
   memset(&s, 0, sizeof s);
-  s.header = ks_header_make(KS_TYPE_EFFECT_RANDOM_TERMS, (uint32_t)sizeof s);
+  s.header = ks_header_make(KS_TYPE_EFFECT_RANDOM_TERMS, KS_CAST(uint32_t, sizeof s));
   return s;
 }
 
@@ -182,7 +182,7 @@ typedef struct ks_effect_view {
 static inline ks_effect_view ks_effect_view_init(void) {
   ks_effect_view s;
   memset(&s, 0, sizeof s);
-  s.header = ks_header_make(KS_TYPE_EFFECT_VIEW, (uint32_t)sizeof s);
+  s.header = ks_header_make(KS_TYPE_EFFECT_VIEW, KS_CAST(uint32_t, sizeof s));
   s.temperature_c = NAN;
   return s;
 }
@@ -214,7 +214,7 @@ typedef struct ks_effect {
 static inline ks_effect ks_effect_init(void) {
   ks_effect s;
   memset(&s, 0, sizeof s);
-  s.header = ks_header_make(KS_TYPE_EFFECT, (uint32_t)sizeof s);
+  s.header = ks_header_make(KS_TYPE_EFFECT, KS_CAST(uint32_t, sizeof s));
   return s;
 }
 

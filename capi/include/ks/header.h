@@ -12,6 +12,13 @@
 
 #include <stdint.h>
 
+/* For hosts that compile these headers as C++ and are warned of C's casts. */
+#ifdef __cplusplus
+#define KS_CAST(type, value) static_cast<type>(value)
+#else
+#define KS_CAST(type, value) ((type)(value))
+#endif
+
 typedef struct ks_header {
   uint32_t type;
   uint32_t size_bytes;

@@ -55,7 +55,7 @@ typedef struct ks_image_desc {
 static inline ks_image_desc ks_image_desc_init(void) {
   ks_image_desc s;
   memset(&s, 0, sizeof s);
-  s.header = ks_header_make(KS_TYPE_IMAGE_DESC, (uint32_t)sizeof s);
+  s.header = ks_header_make(KS_TYPE_IMAGE_DESC, KS_CAST(uint32_t, sizeof s));
   return s;
 }
 
@@ -65,12 +65,12 @@ static inline ks_image_desc ks_image_desc_packed(uint32_t format, uint32_t dim_c
   uint64_t stride = ks_format_bytes(format);
   uint32_t k;
   memset(&d, 0, sizeof d);
-  d.header = ks_header_make(KS_TYPE_IMAGE_DESC, (uint32_t)sizeof d);
+  d.header = ks_header_make(KS_TYPE_IMAGE_DESC, KS_CAST(uint32_t, sizeof d));
   d.format = format;
   d.dim_count = dim_count > KS_MAX_DIMS ? KS_MAX_DIMS : dim_count;
   for (k = d.dim_count; k-- > 0;) {
     d.shape[k] = shape[k];
-    d.byte_stride[k] = (int64_t)stride;
+    d.byte_stride[k] = KS_CAST(int64_t, stride);
     stride *= shape[k];
   }
   return d;

@@ -38,7 +38,7 @@ typedef struct ks_sync {
 static inline ks_sync ks_sync_init(void) {
   ks_sync s;
   memset(&s, 0, sizeof s);
-  s.header = ks_header_make(KS_TYPE_SYNC, (uint32_t)sizeof s);
+  s.header = ks_header_make(KS_TYPE_SYNC, KS_CAST(uint32_t, sizeof s));
   return s;
 }
 

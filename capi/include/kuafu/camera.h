@@ -79,7 +79,7 @@ typedef struct kuafu_camera_desc {
 static inline kuafu_camera_desc kuafu_camera_desc_init(void) {
   kuafu_camera_desc s;
   memset(&s, 0, sizeof s);
-  s.header = ks_header_make(KUAFU_TYPE_CAMERA_DESC, (uint32_t)sizeof s);
+  s.header = ks_header_make(KUAFU_TYPE_CAMERA_DESC, KS_CAST(uint32_t, sizeof s));
   s.k[0] = 1.0;
   s.k[4] = 1.0;
   s.k[8] = 1.0;

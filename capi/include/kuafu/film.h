@@ -55,7 +55,7 @@ typedef struct kuafu_film_desc {
 static inline kuafu_film_desc kuafu_film_desc_init(void) {
   kuafu_film_desc s;
   memset(&s, 0, sizeof s);
-  s.header = ks_header_make(KUAFU_TYPE_FILM_DESC, (uint32_t)sizeof s);
+  s.header = ks_header_make(KUAFU_TYPE_FILM_DESC, KS_CAST(uint32_t, sizeof s));
   s.defocus_focus_m = 1.0;
   return s;
 }

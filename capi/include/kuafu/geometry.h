@@ -48,7 +48,7 @@ typedef struct kuafu_scene_summary {
 static inline kuafu_scene_summary kuafu_scene_summary_init(void) {
   kuafu_scene_summary s;
   memset(&s, 0, sizeof s);
-  s.header = ks_header_make(KUAFU_TYPE_SCENE_SUMMARY, (uint32_t)sizeof s);
+  s.header = ks_header_make(KUAFU_TYPE_SCENE_SUMMARY, KS_CAST(uint32_t, sizeof s));
   return s;
 }
 
@@ -75,7 +75,7 @@ typedef struct kuafu_mesh_desc {
 static inline kuafu_mesh_desc kuafu_mesh_desc_init(void) {
   kuafu_mesh_desc s;
   memset(&s, 0, sizeof s);
-  s.header = ks_header_make(KUAFU_TYPE_MESH_DESC, (uint32_t)sizeof s);
+  s.header = ks_header_make(KUAFU_TYPE_MESH_DESC, KS_CAST(uint32_t, sizeof s));
   return s;
 }
 
@@ -102,7 +102,7 @@ typedef struct kuafu_texture_desc {
 static inline kuafu_texture_desc kuafu_texture_desc_init(void) {
   kuafu_texture_desc s;
   memset(&s, 0, sizeof s);
-  s.header = ks_header_make(KUAFU_TYPE_TEXTURE_DESC, (uint32_t)sizeof s);
+  s.header = ks_header_make(KUAFU_TYPE_TEXTURE_DESC, KS_CAST(uint32_t, sizeof s));
   s.channels = 1u;
   return s;
 }
@@ -134,7 +134,7 @@ typedef struct kuafu_instance_desc {
 static inline kuafu_instance_desc kuafu_instance_desc_init(uint32_t mesh) {
   kuafu_instance_desc s;
   memset(&s, 0, sizeof s);
-  s.header = ks_header_make(KUAFU_TYPE_INSTANCE_DESC, (uint32_t)sizeof s);
+  s.header = ks_header_make(KUAFU_TYPE_INSTANCE_DESC, KS_CAST(uint32_t, sizeof s));
   s.mesh = mesh;
   s.environment = KUAFU_ALL_ENVIRONMENTS;
   s.local_to_world[0] = 1.0;

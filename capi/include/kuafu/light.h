@@ -116,7 +116,7 @@ typedef struct kuafu_light_desc {
 static inline kuafu_light_desc kuafu_light_desc_init(uint32_t kind) {
   kuafu_light_desc s;
   memset(&s, 0, sizeof s);
-  s.header = ks_header_make(KUAFU_TYPE_LIGHT_DESC, (uint32_t)sizeof s);
+  s.header = ks_header_make(KUAFU_TYPE_LIGHT_DESC, KS_CAST(uint32_t, sizeof s));
   s.kind = kind;
   s.environment = KUAFU_ALL_ENVIRONMENTS;
   s.ir_intensity = NAN;
@@ -153,7 +153,7 @@ typedef struct kuafu_environment_desc {
 static inline kuafu_environment_desc kuafu_environment_desc_init(void) {
   kuafu_environment_desc s;
   memset(&s, 0, sizeof s);
-  s.header = ks_header_make(KUAFU_TYPE_ENVIRONMENT_DESC, (uint32_t)sizeof s);
+  s.header = ks_header_make(KUAFU_TYPE_ENVIRONMENT_DESC, KS_CAST(uint32_t, sizeof s));
   s.ir_radiance = NAN;
   s.texture = KUAFU_NONE;
   s.map_to_world[0] = 1.0;

@@ -119,7 +119,7 @@ typedef struct kuafu_material_desc {
 static inline kuafu_material_desc kuafu_material_desc_init(void) {
   kuafu_material_desc s;
   memset(&s, 0, sizeof s);
-  s.header = ks_header_make(KUAFU_TYPE_MATERIAL_DESC, (uint32_t)sizeof s);
+  s.header = ks_header_make(KUAFU_TYPE_MATERIAL_DESC, KS_CAST(uint32_t, sizeof s));
   s.base_color[0] = 1.0f;
   s.base_color[1] = 1.0f;
   s.base_color[2] = 1.0f;

@@ -47,7 +47,7 @@ typedef struct kuafu_medium_desc {
 static inline kuafu_medium_desc kuafu_medium_desc_init(void) {
   kuafu_medium_desc s;
   memset(&s, 0, sizeof s);
-  s.header = ks_header_make(KUAFU_TYPE_MEDIUM_DESC, (uint32_t)sizeof s);
+  s.header = ks_header_make(KUAFU_TYPE_MEDIUM_DESC, KS_CAST(uint32_t, sizeof s));
   s.ir_extinction_per_m = NAN;
   s.ir_albedo = NAN;
   s.bounds_min_m[0] = -INFINITY;

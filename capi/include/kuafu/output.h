@@ -67,7 +67,7 @@ typedef struct kuafu_output_desc {
 static inline kuafu_output_desc kuafu_output_desc_init(uint32_t output, kuafu_buffer buffer, ks_image_desc image) {
   kuafu_output_desc s;
   memset(&s, 0, sizeof s);
-  s.header = ks_header_make(KUAFU_TYPE_OUTPUT_DESC, (uint32_t)sizeof s);
+  s.header = ks_header_make(KUAFU_TYPE_OUTPUT_DESC, KS_CAST(uint32_t, sizeof s));
   s.output = output;
   s.buffer = buffer;
   s.image = image;

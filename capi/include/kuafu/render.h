@@ -87,7 +87,7 @@ typedef struct kuafu_renderer_desc {
 static inline kuafu_renderer_desc kuafu_renderer_desc_init(void) {
   kuafu_renderer_desc s;
   memset(&s, 0, sizeof s);
-  s.header = ks_header_make(KUAFU_TYPE_RENDERER_DESC, (uint32_t)sizeof s);
+  s.header = ks_header_make(KUAFU_TYPE_RENDERER_DESC, KS_CAST(uint32_t, sizeof s));
   return s;
 }
 
@@ -108,7 +108,7 @@ typedef struct kuafu_view_desc {
 static inline kuafu_view_desc kuafu_view_desc_init(void) {
   kuafu_view_desc s;
   memset(&s, 0, sizeof s);
-  s.header = ks_header_make(KUAFU_TYPE_VIEW_DESC, (uint32_t)sizeof s);
+  s.header = ks_header_make(KUAFU_TYPE_VIEW_DESC, KS_CAST(uint32_t, sizeof s));
   s.camera = kuafu_camera_desc_init();
   return s;
 }
@@ -187,7 +187,7 @@ typedef struct kuafu_render_desc {
 static inline kuafu_render_desc kuafu_render_desc_init(void) {
   kuafu_render_desc s;
   memset(&s, 0, sizeof s);
-  s.header = ks_header_make(KUAFU_TYPE_RENDER_DESC, (uint32_t)sizeof s);
+  s.header = ks_header_make(KUAFU_TYPE_RENDER_DESC, KS_CAST(uint32_t, sizeof s));
   s.samples_per_pixel = 16u;
   s.max_bounces = 8u;
   s.ir_ambient_scale = 0.05f;
@@ -212,7 +212,7 @@ typedef struct kuafu_render_summary {
 static inline kuafu_render_summary kuafu_render_summary_init(void) {
   kuafu_render_summary s;
   memset(&s, 0, sizeof s);
-  s.header = ks_header_make(KUAFU_TYPE_RENDER_SUMMARY, (uint32_t)sizeof s);
+  s.header = ks_header_make(KUAFU_TYPE_RENDER_SUMMARY, KS_CAST(uint32_t, sizeof s));
   return s;
 }
 

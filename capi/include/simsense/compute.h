@@ -75,7 +75,7 @@ typedef struct simsense_output_desc {
 static inline simsense_output_desc simsense_output_desc_init(uint32_t output, simsense_image image) {
   simsense_output_desc s;
   memset(&s, 0, sizeof s);
-  s.header = ks_header_make(SIMSENSE_TYPE_OUTPUT_DESC, (uint32_t)sizeof s);
+  s.header = ks_header_make(SIMSENSE_TYPE_OUTPUT_DESC, KS_CAST(uint32_t, sizeof s));
   s.output = output;
   s.image = image;
   return s;
@@ -115,7 +115,7 @@ typedef struct simsense_compute_desc {
 static inline simsense_compute_desc simsense_compute_desc_init(void) {
   simsense_compute_desc s;
   memset(&s, 0, sizeof s);
-  s.header = ks_header_make(SIMSENSE_TYPE_COMPUTE_DESC, (uint32_t)sizeof s);
+  s.header = ks_header_make(SIMSENSE_TYPE_COMPUTE_DESC, KS_CAST(uint32_t, sizeof s));
   return s;
 }
 

@@ -137,7 +137,7 @@ typedef struct simsense_parameters {
 static inline simsense_parameters simsense_parameters_init(void) {
   simsense_parameters s;
   memset(&s, 0, sizeof s);
-  s.header = ks_header_make(SIMSENSE_TYPE_PARAMETERS, (uint32_t)sizeof s);
+  s.header = ks_header_make(SIMSENSE_TYPE_PARAMETERS, KS_CAST(uint32_t, sizeof s));
   s.census_width = 7u;
   s.census_height = 7u;
   s.max_disparity = 128u;

@@ -101,7 +101,7 @@ typedef struct simsense_rig_desc {
 static inline simsense_rig_desc simsense_rig_desc_init(void) {
   simsense_rig_desc s;
   memset(&s, 0, sizeof s);
-  s.header = ks_header_make(SIMSENSE_TYPE_RIG_DESC, (uint32_t)sizeof s);
+  s.header = ks_header_make(SIMSENSE_TYPE_RIG_DESC, KS_CAST(uint32_t, sizeof s));
   s.left_to_right[0] = 1.0;
   s.left_to_right[5] = 1.0;
   s.left_to_right[10] = 1.0;

@@ -115,7 +115,7 @@ typedef struct simsense_signal {
 static inline simsense_signal simsense_signal_init(void) {
   simsense_signal s;
   memset(&s, 0, sizeof s);
-  s.header = ks_header_make(SIMSENSE_TYPE_SIGNAL, (uint32_t)sizeof s);
+  s.header = ks_header_make(SIMSENSE_TYPE_SIGNAL, KS_CAST(uint32_t, sizeof s));
   s.exposure_s = 1.0f;
   s.responsivity_e = 1.0f;
   s.temperature_c = 25.0f;

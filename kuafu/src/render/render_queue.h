@@ -68,7 +68,7 @@ class RenderQueue {
   std::mutex mutex_;
   std::condition_variable changed_;
   Submission slots_[most_under_way];
-  uint64_t submitted_ = 0, ended_ = 0;  // how many
+  uint64_t submitted_ = 0, ended_ = 0;    // how many
   std::optional<ks::Timeline> timeline_;  // where it was asked for
   bool stopping_ = false;
   std::thread thread_;  // from the first submission on
