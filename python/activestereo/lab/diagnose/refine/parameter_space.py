@@ -130,4 +130,5 @@ class Solution:
 
     @property
     def albedo(self) -> np.ndarray:
+        """Relative albedo errors; the motions of objects that follow them in phi are no materials'."""
         return self.phi[DENSE:]
