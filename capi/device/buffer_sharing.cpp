@@ -58,6 +58,11 @@ void check_fits(const ks_buffer_desc& desc, const VkMemoryRequirements& needs) {
          static_cast<ull>(needs.size), static_cast<ull>(needs.alignment));
 }
 
+/// A handle of KS_MEMORY_HOST is an address.
+void* host_address(uint64_t handle) {
+  return reinterpret_cast<void*>(static_cast<uintptr_t>(handle));  // NOLINT(performance-no-int-to-ptr)
+}
+
 }  // namespace
 
 std::shared_ptr<Buffer> Buffer::import(std::shared_ptr<Device> device, const ks_buffer_desc& desc) {
@@ -94,7 +99,7 @@ void Buffer::import_host(const ks_buffer_desc& desc) {
     fail(KS_ERROR_INVALID_ARGUMENT, "buffer import: host pointer 0x%llx with %llu bytes", static_cast<ull>(desc.handle),
          static_cast<ull>(desc.allocation_bytes));
   if (device_->has_vulkan()) import_host_pages(desc);
-  mapped_ = reinterpret_cast<void*>(static_cast<uintptr_t>(desc.handle + desc.offset_bytes));
+  mapped_ = host_address(desc.handle + desc.offset_bytes);
   allocation_bytes_ = desc.allocation_bytes - desc.offset_bytes;
 }
 
@@ -115,7 +120,7 @@ void Buffer::import_host_pages(const ks_buffer_desc& desc) {
          "multiples of %llu",
          static_cast<ull>(desc.handle), static_cast<ull>(desc.offset_bytes), static_cast<ull>(desc.allocation_bytes), device_->info().name,
          static_cast<ull>(needs.alignment), static_cast<ull>(alignment));
-  void* pages = reinterpret_cast<void*>(static_cast<uintptr_t>(first_page));
+  void* pages = host_address(first_page);
   constexpr auto handle_type = VK_EXTERNAL_MEMORY_HANDLE_TYPE_HOST_ALLOCATION_BIT_EXT;
   VkMemoryHostPointerPropertiesEXT properties{VK_STRUCTURE_TYPE_MEMORY_HOST_POINTER_PROPERTIES_EXT};
   check(device_->vk().vkGetMemoryHostPointerPropertiesEXT(device_->handle(), handle_type, pages, &properties),
