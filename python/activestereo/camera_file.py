@@ -100,6 +100,9 @@ FIELDS: dict[str, dict[str, Field]] = {
         "denoise": Field("filter of the samples' noise, never of the dots' light", choices=("none", "atrous", "oidn")),
         "fireflies": Field("lone bright pixels of indirect light", choices=("keep", "clamp")),
     },
+    "matcher": {
+        "median_size_px": Field("side of the window whose median a disparity becomes", "px", choices=(1, 3, 5, 7)),
+    },
 }
 
 

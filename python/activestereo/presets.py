@@ -91,6 +91,7 @@ OF_THE_CAMERA = {
     "ir_ambient_scale": ("room", "visible_share"),
     "ir_ambient_radiance": ("room", "radiance_w_sr_m2"),
     "denoise": ("room", "denoise"),
+    "median_size": ("matcher", "median_size_px"),
 }
 
 

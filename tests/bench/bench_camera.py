@@ -14,7 +14,9 @@ albedo in grains of 4 mm and more, 0 is a wall that shows the dots alone. Each f
     temporal noise  standard deviation over 8 frames where the mean is 20 to 40 DN above zero, DN
     background      median count over the table-top, DN
     lone pixels     brighter than all of the eight around it by 30 DN and by a half of its own count, worse eye
-    fill            of the table-top, without the left border that the right eye does not see, %
+    fill            of the table-top where both eyes see it, as of the recordings, without the glass and the velvet
+                    that stand there to break stereo, %; beside it that of glass and velvet, and of the whole table-top
+                    without the left border that the right eye does not see
 """
 
 from __future__ import annotations
@@ -151,7 +153,35 @@ class Camera:
         border = int(np.nanpercentile(np.where(disparity > 0, disparity, np.nan), 99)) + 4
         self.rows["background"] = float(np.median(images[0]))
         self.rows["lone pixels"] = float(max(map(lone_pixels, images)))
-        self.rows["fill"] = float(100 * (disparity[:, border:] > 0).mean())
+        is_measured = disparity > 0
+        self.rows["fill, all"] = float(100 * is_measured[:, border:].mean())
+        names, (materials, both) = material_names(scene), seen_by_both(sensor, scene)
+        special = [names.index(name) for name in ("glass", "velvet")]
+        for name, number in zip(("glass", "velvet"), special, strict=True):
+            self.rows[f"fill, {name}"] = float(100 * is_measured[both & (materials == number)].mean())
+        plain = both & ~np.isin(materials, special)
+        plain[:, :border] = False
+        self.rows["fill"] = float(100 * is_measured[plain].mean())
+
+
+def material_names(scene: kuafu.Scene) -> list[str]:
+    return [scene.material_name(number) for number in range(scene.summary.material_count)]
+
+
+def seen_by_both(sensor: StereoDepthSensor, scene: kuafu.Scene) -> tuple[NDArray[np.uint32], NDArray[np.bool_]]:
+    """Of the left infrared image: materials' numbers, and where the right eye sees the same point, within 1 %."""
+    seen = kuafu.Renderer(scene.device).render(
+        scene, list(sensor.ir_cameras()), ["depth", "material_id"], band="infrared", spp=1
+    )
+    left, right = seen["depth"][..., 0]
+    rows, columns = np.indices(left.shape)
+    disparity = sensor.get_config().focal_baseline_px_m / np.where(left > 0, left, np.inf)
+    there = np.rint(columns - disparity).astype(int)
+    both = np.zeros(left.shape, bool)
+    for shift in (-1, 0, 1):  # the columns beside it, as the point lies between two
+        beside = right[rows, (there + shift).clip(0, left.shape[1] - 1)]
+        both |= (there >= 0) & (left > 0) & (np.abs(beside - left) < 0.01 * left)
+    return seen["material_id"][0, ..., 0], both
 
 
 def lone_pixels(image: NDArray[np.float64]) -> int:

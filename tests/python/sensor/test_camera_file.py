@@ -14,7 +14,7 @@ BASE = 'name = "mine"\ntitle = "My camera"\nbased_on = "d435"\n'
 def test_every_figure_of_a_camera_has_a_basis_and_a_source(name):
     camera = read_camera(name)
     assert set(camera.figures) == set(FIELDS)
-    for section in ("rig", "projector", "exposure", "imager", "room"):
+    for section in ("rig", "projector", "exposure", "imager", "room", "matcher"):
         assert camera.figures[section], section
     for told in camera.figures.values():
         for figure in told.values():
@@ -29,6 +29,8 @@ def test_the_asked_cameras_are_there_and_make_configurations():
     for name, baseline_m in {"D415": 0.055, "D435": 0.05, "D455": 0.095, "D405": 0.018}.items():
         config = StereoDepthSensorConfig(name)
         assert config.focal_baseline_px_m / config.ir_intrinsic[0, 0] == pytest.approx(baseline_m, rel=0.01)
+    sizes = {name: StereoDepthSensorConfig(name).median_filter_size for name in ("sapien-D415", "D415", "D435")}
+    assert sizes == {"sapien-D415": 3, "D415": 5, "D435": 7}
 
 
 def test_a_file_of_ones_own_changes_what_it_tells_and_keeps_the_rest(tmp_path):
