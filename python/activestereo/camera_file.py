@@ -3,7 +3,7 @@
 
 name = "D435i"
 title = "Intel RealSense D435i"
-based_on = "d435"            # another file of the same folder; what is not told here is told there
+based_on = "d435"            # another file of the same folder, for figures that this one lacks
 
 [imager]
 black_level_dn = { value = 17.0, basis = "measured", source = "least counts of D435i recordings" }

@@ -19,7 +19,7 @@ class DeclaredRanges:
     LIMITS: ClassVar[dict[str, tuple[float, float]]] = {}
 
     def __post_init__(self) -> None:
-        for name in names(type(self)):
+        for name in range_names(type(self)):
             value = getattr(self, name)
             is_pair = isinstance(value, (tuple, list)) and len(value) == 2
             if not is_pair or not all(isinstance(v, (int, float)) and np.isfinite(v) for v in value):
@@ -43,7 +43,7 @@ class DeclaredRanges:
 Kind = TypeVar("Kind", bound=DeclaredRanges)
 
 
-def names(kind: type[DeclaredRanges]) -> list[str]:
+def range_names(kind: type[DeclaredRanges]) -> list[str]:
     """Of a class's ranges."""
     return [field.name for field in fields(kind)]
 
@@ -54,9 +54,9 @@ def read_ranges(path: Path | None, kind: type[Kind]) -> Kind:
         return kind()
     try:
         given: dict[str, Any] = tomllib.loads(path.read_text())
-        unknown = sorted(set(given) - set(names(kind)))
+        unknown = sorted(set(given) - set(range_names(kind)))
         if unknown:
-            raise ValueError(f"there is no range '{unknown[0]}' (known: {', '.join(sorted(names(kind)))})")
+            raise ValueError(f"there is no range '{unknown[0]}' (known: {', '.join(sorted(range_names(kind)))})")
         return kind(**given)
     except (ValueError, UnicodeDecodeError) as error:
         raise ValueError(f"{path}: {error}") from error

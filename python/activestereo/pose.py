@@ -16,7 +16,7 @@ CAMERA_TO_BODY = np.array([[0.0, 0.0, 1.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.0, -1
 CAMERA_TO_BODY.setflags(write=False)
 
 # Poses are printed with about nine digits; a rotation further off than this is a mistake, not rounding.
-ROTATION_TOLERANCE = 1e-4
+_ROTATION_TOLERANCE = 1e-4
 # Other programs print as few as four.
 _PRINTED_TOLERANCE = 1e-3
 
@@ -113,7 +113,7 @@ def look_at(eye: ArrayLike, target: ArrayLike, up: ArrayLike) -> np.ndarray:
     return out
 
 
-def rigid_fault(pose: np.ndarray, tolerance: float = ROTATION_TOLERANCE) -> str | None:
+def rigid_fault(pose: np.ndarray, tolerance: float = _ROTATION_TOLERANCE) -> str | None:
     """What keeps a [4, 4] from being a rigid motion, in words that follow its name; None where it is one."""
     if pose.shape != (4, 4) or not np.isfinite(pose).all():
         return "is not a 4x4 of finite numbers"

@@ -239,8 +239,8 @@ class StereoDepthSensorBatch:
     ) -> None:
         """How the sensors of an environment differ from the configuration, from the next picture on: the laser's power
         [S] and the exposure [S] over what they are without this, and rotations [S, 3, 3] of the right eyes in their
-        own axes, which the matcher does not know of. ValueError for another number of sensors, or for what is not
-        finite and not negative."""
+        own axes, which the matcher does not know of. ValueError for another number of sensors, for numbers that are
+        negative or not finite, and for what is no rotation."""
         sensors = self._count // self._shape[0]
         if not 0 <= environment < self._shape[0]:
             raise ValueError(f"environments are 0 to {self._shape[0] - 1}, not {environment}")

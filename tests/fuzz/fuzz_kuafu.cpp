@@ -357,6 +357,10 @@ class Calls {
     kuafu_render_desc desc = kuafu_render_desc_init();
     desc.samples_per_pixel = 1;
     bytes_.disturb(desc);
+    ks_sync wait = ks_sync_init();
+    bytes_.disturb(wait);
+    wait.handle = UINT64_MAX;  // no file descriptor of this process
+    desc.wait = bytes_.below(8) == 0 ? &wait : nullptr;
     int questions = 20;
     desc.views = or_null(view), desc.view_count = bytes_.below(16) > 0 ? 1 : 0;
     desc.outputs = or_null(output), desc.output_count = bytes_.below(16) > 0 ? 1 : 0;

@@ -66,7 +66,11 @@ class ComputeTracer final : public Tracer {
 
   [[nodiscard]] bool passes_glass() const override { return true; }
   void occluded_by_more_than_glass(ks::Commands& commands, const RayQueue& rays, const GlassWay& glass) override {
-    GlassPush all{push(rays), glass.contributions, glass.scene, glass.bends, glass.medium ? 1u : 0u};
+    GlassPush all{.trace = push(rays),
+                  .contributions = glass.contributions,
+                  .scene = glass.scene,
+                  .bends = glass.bends,
+                  .has_medium = glass.medium ? 1u : 0u};
     all.trace.glass_surfaces = glass.surfaces;
     commands.dispatch_indirect(glass_pipeline(glass), all, *rays.counters, rays.arguments_offset);
   }

@@ -123,10 +123,10 @@ def _add_rendering(group: argparse._ArgumentGroup) -> None:
     )
     group.add_argument("--reflectances", type=Path, metavar="CSV", help=text)
     text = "radiant intensity of the brightest dot at the sensor's laser power, W/sr (default: the sensor's; 0 = off)"
-    group.add_argument("--projector", type=positive, metavar="I", help=text)
+    group.add_argument("--projector-intensity", type=positive, metavar="I", help=text)
     group.add_argument("--laser-power", type=positive, metavar="MW", help="the laser's setting (default: the sensor's)")
     text = "exposure of the infrared cameras, seconds: fixed, at gain 1 (default: the sensor's own, often automatic)"
-    group.add_argument("--ir-exposure", type=positive, metavar="S", help=text)
+    group.add_argument("--ir-camera-exposure", "--ir-exposure", type=positive, metavar="S", help=text)
     group.add_argument("--no-noise", action="store_true", help="infrared images without imager noise")
     add_records(group)
 
@@ -180,13 +180,13 @@ def make_config(args: argparse.Namespace, model: SensorModel | None = None) -> S
         config = _resized(config, args.resolution)
     config.render_seed = config.ir_noise_seed = args.seed
     set_cameras(config, args)
-    if args.projector is not None:
-        config.projector_intensity = args.projector
+    if args.projector_intensity is not None:
+        config.projector_intensity = args.projector_intensity
     if args.laser_power is not None:
         config.laser_power_mw = args.laser_power
         config.emitter_power(0)  # its check comes before any work
-    if args.ir_exposure is not None:
-        config.ir_exposure_mode, config.ir_camera_exposure, config.ir_camera_gain = "fixed", args.ir_exposure, 1.0
+    if args.ir_camera_exposure is not None:
+        config.ir_exposure_mode, config.ir_camera_exposure, config.ir_camera_gain = "fixed", args.ir_camera_exposure, 1.0
     options = given_matching(args) | given_rig(args) | given(args, RENDERER) | given(args, RENDER)
     for name, value in options.items():
         setattr(config, sapien_name(name), value)

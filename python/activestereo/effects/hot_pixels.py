@@ -5,6 +5,8 @@ import numpy as np
 
 from activestereo.effects.core.descriptor import Parameter, Randomness, Stage, effect
 from activestereo.effects.core.engine import EngineInputs, moves
+from activestereo.effects.core.judging import Lever, RandomTerm
+from activestereo.effects.core.view import View
 
 
 @moves("signal.hot_pixel_share", "signal.hot_pixel_e_per_s")
@@ -14,10 +16,6 @@ def _engine(inputs: EngineInputs, share: float, rate_dn_per_s: float) -> None:
         # The tail is that of the present temperature; simsense's is that of the reference.
         warming = 2.0 ** (inputs.warming_k / eye.signal["dark_doubling_k"])
         eye.signal["hot_pixel_e_per_s"] = rate_dn_per_s / (eye.signal["conversion_gain_dn_per_e"] * warming)
-
-
-from activestereo.effects.core.judging import Lever, RandomTerm
-from activestereo.effects.core.view import View
 
 
 @effect(

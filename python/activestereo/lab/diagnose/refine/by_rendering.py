@@ -150,7 +150,7 @@ def _steps(effect: Effect, values: np.ndarray) -> np.ndarray:
 def _whole(effect: Effect, values: np.ndarray, rendering: Rendering, slopes: tuple[_Images, ...]) -> _Rendered:
     """Of all samples. slopes: those of values near by."""
     model = _model_at(effect, values)
-    first, second = (_change(_images(rendering(model, half)), _images(rendering(Model(), half))) for half in (0, 1))
+    first, second = (_change(_images(rendering(model, half)), _images(rendering(Model(), half))) for half in HALVES)
     mean = {key: 0.5 * (image + second[key]) for key, image in first.items()}
     return _Rendered(effect, values, mean, slopes, (first, second))
 

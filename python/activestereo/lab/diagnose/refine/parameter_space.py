@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from activestereo.effects import Effect, Model, Parameter, Randomness, Stage
-from activestereo.lab.diagnose.refine.light import DENSE, SCALES
+from activestereo.lab.diagnose.refine.light import SCALES
 from activestereo.lab.diagnose.refine.normal_equations import Sums
 from activestereo.lab.fit import Nuisances
 
@@ -127,8 +127,3 @@ class Solution:
     @property
     def nuisances(self) -> Nuisances:
         return Nuisances(*map(float, self.phi[:SCALES]))
-
-    @property
-    def albedo(self) -> np.ndarray:
-        """Relative albedo errors; the motions of objects that follow them in phi are no materials'."""
-        return self.phi[DENSE:]

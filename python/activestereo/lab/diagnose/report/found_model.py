@@ -8,7 +8,7 @@ import numpy as np
 from activestereo.effects import Model
 from activestereo.lab.diagnose.evidence import Evidence
 from activestereo.lab.diagnose.findings import Finding
-from activestereo.lab.diagnose.refine.light import SCALES
+from activestereo.lab.diagnose.refine.light import DENSE, SCALES
 from activestereo.lab.diagnose.refine.parameter_space import Solution
 from activestereo.scene_surfaces import material_of, scene_surfaces
 from activestereo.sensor_model import SensorModel, diagnosed_model
@@ -22,7 +22,7 @@ def found_model(evidence: Evidence, model: Model, solution: Solution, findings: 
     """
     surfaces = scene_surfaces(evidence.capture.scene_path)
     albedo = {
-        material_of(surfaces[number].name): 1.0 + float(solution.albedo[index])
+        material_of(surfaces[number].name): 1.0 + float(solution.phi[DENSE + index])
         for index, number in _albedo_surfaces(evidence).items()
         if number < len(surfaces)
     }
