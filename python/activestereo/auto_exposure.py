@@ -107,8 +107,8 @@ def encoded_rgb(radiance: NDArray[np.float32], exposure: float | None) -> NDArra
 
 
 def srgb(linear: NDArray[np.float32]) -> NDArray[np.float32]:
-    """sRGB's transfer curve (IEC 61966-2-1) on linear values, clipped to 0..1; accurate to 2e-5, by a table over the root
-    of the value, where the curve is nearly straight."""
+    """sRGB's transfer curve (IEC 61966-2-1) on linear values, clipped to 0..1. Accurate to 2e-5, by a table over the
+    root of the value, where the curve is nearly straight."""
     root = np.maximum(linear, np.float32(0.0))
     np.minimum(root, np.float32(1.0), out=root)
     np.sqrt(root, out=root)

@@ -96,24 +96,6 @@ def surfaces_of_object(scene_path: str | Path, name: str) -> list[int]:
     return own
 
 
-def objects_of_surfaces(scene_path: str | Path | None) -> list[int]:
-    """The object, by kuafu's number of its instance, that each surface is of; -1 where it is of several."""
-    surfaces = scene_surfaces(scene_path)
-    if scene_path is None or not surfaces:
-        return []
-    users: dict[int, list[int]] = {}
-    for number, instance in enumerate(_instances(_document(Path(scene_path)))):
-        for material in dict.fromkeys(instance.materials):
-            users.setdefault(material, []).append(number)
-    default = next((k for k, surface in enumerate(surfaces) if surface.name == _DEFAULT), -2)
-    return [_only(users.get(-1 if k == default else s.material, [])) if s.instance is None else s.instance
-            for k, s in enumerate(surfaces)]
-
-
-def _only(numbers: Sequence[int]) -> int:
-    return numbers[0] if len(numbers) == 1 else -1
-
-
 def split_surfaces(scene: kuafu.Scene, scene_path: str | Path) -> None:
     """Gives every surface of a scene, loaded from this file alone, a material of its own: surface k is material k."""
     surfaces = scene_surfaces(scene_path)

@@ -13,9 +13,9 @@ from activestereo.cli.arguments import add_device, add_max_bounces, add_out, add
 _TEXT = """\
 Ranks which physical effect the model of a capture lacks. Every effect of the
 library is fitted on the train frames together with projector scale, ambient
-scale, black level, focal lengths, albedos and the places of objects, and judged
-on image tiles that its fit did not see; temporal noise is judged on repeats,
-faults of the depth engine on the device's disparity. An effect is accepted only if it is significant among
+scale, black level, focal lengths and albedos, and judged on image tiles that its
+fit did not see; temporal noise is judged on repeats, faults of the depth engine
+on the device's disparity. An effect is accepted only if it is significant among
 all that were tried, explains {share} of the error above the noise floor or more,
 and helps wherever it acts. Test frames serve once, for the held-out figures.
 

@@ -186,7 +186,8 @@ def make_config(args: argparse.Namespace, model: SensorModel | None = None) -> S
         config.laser_power_mw = args.laser_power
         config.emitter_power(0)  # its check comes before any work
     if args.ir_camera_exposure is not None:
-        config.ir_exposure_mode, config.ir_camera_exposure, config.ir_camera_gain = "fixed", args.ir_camera_exposure, 1.0
+        config.ir_exposure_mode, config.ir_camera_gain = "fixed", 1.0
+        config.ir_camera_exposure = args.ir_camera_exposure
     options = given_matching(args) | given_rig(args) | given(args, RENDERER) | given(args, RENDER)
     for name, value in options.items():
         setattr(config, sapien_name(name), value)

@@ -76,11 +76,9 @@ class Layers:
 @dataclass(frozen=True)
 class PixelLayers(Layers):
     """Layers of the camera's pixels, with the finer and wider images (direct, indirect, ambient, flat) that they are
-    means of; fine_depth_m, fine_surface: z and material of each of the finer pixels, as an ideal camera sees them."""
+    means of."""
 
     fine: FineImages = field(kw_only=True)
-    fine_depth_m: np.ndarray = field(kw_only=True)
-    fine_surface: np.ndarray = field(kw_only=True)
 
 
 @dataclass(frozen=True)
@@ -116,9 +114,7 @@ class Sampling:
         direct, indirect, ambient, flat = (image.astype(np.float32) for image in fine.pixels)
         ambient_direct = None if sky is None else sky.pixels[0].astype(np.float32)
         surfaces = self._surfaces(layers, column, row)
-        light = direct, indirect, ambient, flat
-        finer = {"fine_depth_m": layers.depth_m, "fine_surface": layers.material}
-        return PixelLayers(*light, *surfaces, ambient_direct, fine=fine, **finer)
+        return PixelLayers(direct, indirect, ambient, flat, *surfaces, ambient_direct, fine=fine)
 
     def _surfaces(
         self, layers: Layers, column: np.ndarray, row: np.ndarray

@@ -7,7 +7,7 @@ import pytest
 import kuafu
 from activestereo.gltf_writer import GltfWriter
 from activestereo.meshes import box, sphere
-from activestereo.scene_surfaces import names_of, numbers_of, objects_of_surfaces, scene_surfaces, split_surfaces, surface_names
+from activestereo.scene_surfaces import names_of, numbers_of, scene_surfaces, split_surfaces, surface_names
 
 NAMES = ["paint of ball", "steel", "paint of crate"]
 
@@ -41,7 +41,6 @@ def test_each_surface_has_a_material_of_its_own(path, device):
     seen = kuafu.Renderer(device).render(scene, [camera], ("material_id", "instance_id"), spp=1)
     pairs = {(int(i), int(m)) for i, m in zip(seen["instance_id"].ravel(), seen["material_id"].ravel(), strict=True) if i != 0xFFFFFFFF}
     assert {(scene.instance_name(i), m) for i, m in pairs} == {("ball", 0), ("crate", 2), ("weight", 1)}
-    assert {(objects_of_surfaces(path)[m], m) for _, m in pairs} == pairs
 
 
 def test_a_whole_material_has_its_own_name(path):
@@ -61,4 +60,4 @@ def test_a_scene_that_is_not_the_files_is_refused(path, device):
 def test_what_cannot_be_read_has_no_surfaces(tmp_path):
     (tmp_path / "scene.gltf").write_text("{")
     assert scene_surfaces(tmp_path / "scene.gltf") == []
-    assert scene_surfaces(None) == [] and objects_of_surfaces(None) == []
+    assert scene_surfaces(None) == []

@@ -86,8 +86,8 @@ def _ranking(ranking: Sequence[dict[str, Any]], shown: Iterable[str]) -> str:
     rest = f'<p class="muted small">{len(ranking) - ROWS} more in diagnose.json.</p>' if len(ranking) > ROWS else ""
     note = (
         '<p class="muted small">What it leaves: the residual of the frame and eye chosen above when this effect alone '
-        "is added; projector, ambient and black level are fitted anew, focal lengths, albedos and the places "
-        "of objects are not. A click shows it among the large pictures.</p>"
+        "is added; projector, ambient and black level are fitted anew, focal lengths and albedos are not. A click "
+        "shows it among the large pictures.</p>"
     )
     return section("Ranking", note if shown else "", table(head, rows, numbers=(2,), wide=True), rest)
 

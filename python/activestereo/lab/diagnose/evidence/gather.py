@@ -3,11 +3,10 @@
 correlated by tiles.
 """
 
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.sparse import csr_matrix
 
 from activestereo.capture import EYES, Capture
 from activestereo.effects import Model, View
@@ -22,12 +21,11 @@ from activestereo.lab.diagnose.evidence.observation import (
     Shot,
     weight_of,
 )
-from activestereo.lab.diagnose.evidence.places import Objects, place_slopes, with_places
 from activestereo.lab.fit import Nuisances, fit_nuisances, predict
 from activestereo.lab.gain_noise import law_at_other_gains
 from activestereo.lab.noise import NoiseLaw, frame_floors
 from activestereo.lab.render import LayersOfFrames
-from activestereo.scene_surfaces import objects_of_surfaces, scene_surfaces
+from activestereo.scene_surfaces import scene_surfaces
 
 _BLOCK_TILES = BLOCK_PX // TILE_PX
 # Noise of captures without repeats: the paper's gamma speckle (k = 60) and a read noise of 1 DN. No effect is ever
@@ -56,11 +54,8 @@ def gather(capture: Capture, layers: LayersOfFrames, seed: int = 0, halves: Sequ
     floors, law, has_floor = _noise(capture, shots, nuisances)
     expected = _expected(shots, floors, nuisances, capture.rig.max_dn)
     law, floors = _noise_at_other_gains(law, floors, has_floor, shots, train, nuisances, capture.rig.max_dn)
-    objects = Objects.seen(train, objects_of_surfaces(capture.scene_path))
-    deviations = {s.key: np.sqrt(law.variance(expected[s.key], s.frame.gain)) for s in shots}
-    places = _place_slopes(shots, objects, nuisances, deviations)
     predicted = {s.key: predict(s.frame, s.layers, nuisances, capture.rig.max_dn) for s in train}
-    place_error_m = place_error(train, with_places(train, predicted, places, deviations), law)
+    place_error_m = place_error(train, predicted, law)
     tiles, count = _tiles(train)
     material_of = _material_of(capture)
     materials = _albedo_materials(train, material_of)
@@ -71,17 +66,7 @@ def gather(capture: Capture, layers: LayersOfFrames, seed: int = 0, halves: Sequ
         tile, fold = tiles.get(shot.key, (outside, outside))
         material, slope = _material_index(shot, materials, material_of), _focal_slope(shot, nuisances)
         return Observation(
-            shot.frame,
-            shot.eye,
-            shot.view,
-            shot.layers,
-            shot.measured,
-            weight,
-            tile,
-            fold,
-            material,
-            slope,
-            places[shot.key],
+            shot.frame, shot.eye, shot.view, shot.layers, shot.measured, weight, tile, fold, material, slope
         )
 
     test_observations = tuple(map(observation, test))
@@ -103,23 +88,7 @@ def gather(capture: Capture, layers: LayersOfFrames, seed: int = 0, halves: Sequ
             )
             for number, of in enumerate(halves)
         ),
-        motions=objects.columns,
     )
-
-
-def _place_slopes(
-    shots: Sequence[Shot], objects: Objects, nuisances: Nuisances, deviations: Mapping[tuple[int, str], np.ndarray]
-) -> dict[tuple[int, str], csr_matrix]:
-    """Of every shot; repeats share theirs."""
-    known: dict[Hashable, csr_matrix] = {}
-    out = {}
-    for s in shots:
-        f = s.frame
-        same = id(s.layers), f.camera_to_world.tobytes(), f.exposure_gain, f.projector_power, f.ambient
-        if same not in known:
-            known[same] = place_slopes(s, objects, nuisances, deviations[s.key])
-        out[s.key] = known[same]
-    return out
 
 
 def _noise(capture: Capture, shots: Sequence[Shot], nuisances: Nuisances) -> tuple[Floors, NoiseLaw, bool]:

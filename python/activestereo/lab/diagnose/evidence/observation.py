@@ -10,7 +10,6 @@ square in units of that variance.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import csr_matrix
 
 from activestereo.capture import EYES, Capture, Frame
 from activestereo.effects import View
@@ -52,8 +51,7 @@ class Observation(Shot):
 
     weight: 1 / variance of the measurement, 1/DN^2. tile: each pixel's tile, numbered over all train
     observations, and fold: the tile's cross-validation fold (both -1 for test frames). material: index into the
-    albedo nuisances, -1 = none. focal_slope: DN per relative change of the focal length. place_slopes: DN per deviation
-    of the objects' motions (places.py), [pixels][columns], none of a capture without objects. pick: flat indices of the
+    albedo nuisances, -1 = none. focal_slope: DN per relative change of the focal length. pick: flat indices of the
     pixels that count, None = all.
     """
 
@@ -62,7 +60,6 @@ class Observation(Shot):
     fold: np.ndarray
     material: np.ndarray
     focal_slope: np.ndarray
-    place_slopes: csr_matrix
     pick: np.ndarray | None = None
 
 
@@ -74,7 +71,7 @@ class Evidence:
     noise; has_floor: whether repeats told it. floors: {(frame id, eye): noise floor, DN^2}. materials: how many
     albedo nuisances there are. tiles: how many tiles. seed: rules every random choice. place_error_m: deviation by
     which a survey misplaces the scene's edges. test_halves: the test observations with the light of either half of the
-    renderer's samples; empty where the renderer has no noise. motions: how many nuisances the objects' places have.
+    renderer's samples; empty where the renderer has no noise.
     """
 
     capture: Capture
@@ -89,16 +86,13 @@ class Evidence:
     place_error_m: float
     seed: int = 0
     test_halves: tuple[tuple[Observation, ...], ...] = ()
-    motions: int = 0
 
     @property
     def held_sigma(self) -> np.ndarray:
         """Prior deviations of the nuisances that a calibration or survey tells: both eyes' focal lengths, then
-        albedos, then the objects' motions, whose unit is their deviation.
+        albedos.
         """
-        return np.concatenate(
-            [np.full(len(EYES), FOCAL_SIGMA), np.full(self.materials, ALBEDO_SIGMA), np.ones(self.motions)]
-        )
+        return np.concatenate([np.full(len(EYES), FOCAL_SIGMA), np.full(self.materials, ALBEDO_SIGMA)])
 
     @property
     def pixels(self) -> int:

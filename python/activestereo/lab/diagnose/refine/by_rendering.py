@@ -15,6 +15,7 @@ from typing import Protocol
 import numpy as np
 
 from activestereo.effects import Effect, Light, Model, View
+from activestereo.engines.halves import HALVES
 from activestereo.lab.diagnose.findings import Explanation
 from activestereo.lab.diagnose.refine.fitter import Fitter
 from activestereo.lab.diagnose.refine.parameter_space import ParameterSpace

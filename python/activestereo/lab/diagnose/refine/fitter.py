@@ -2,8 +2,8 @@
 """Fits a model to observations: weighted least squares in effect parameters and nuisances jointly.
 
 Free are the parameters of every effect in a ParameterSpace, projector scale, ambient scale, black level, focal
-lengths, albedos and the objects' places under their priors. Gauss-Newton with Levenberg's damping; images are
-recomputed at every step, never extrapolated.
+lengths and albedos under their priors. Gauss-Newton with Levenberg's damping; images are recomputed at every step,
+never extrapolated.
 """
 
 from collections import OrderedDict
@@ -44,19 +44,13 @@ class Fitter:
     """Fits over given observations.
 
     held_sigma: prior deviations of the nuisances that have one. fine=False: warps look up pixels alone.
-    places=False: the objects stay where a fit's start has them.
     """
 
     def __init__(
-        self,
-        observations: Sequence[Observation],
-        held_sigma: np.ndarray,
-        tiles: int,
-        fine: bool = True,
-        places: bool = True,
+        self, observations: Sequence[Observation], held_sigma: np.ndarray, tiles: int, fine: bool = True
     ) -> None:
         self.observations = observations
-        self._fine, self._places = fine, places
+        self._fine = fine
         self._held_sigma = held_sigma
         self._tiles = tiles
         self._lights = LightMemory(observations)
@@ -65,11 +59,7 @@ class Fitter:
     @property
     def materials(self) -> int:
         """How many materials have an albedo nuisance."""
-        return len(self._held_sigma) - (DENSE - SCALES) - self._motions
-
-    @property
-    def _motions(self) -> int:
-        return self.observations[0].place_slopes.shape[1] if self.observations else 0
+        return len(self._held_sigma) - (DENSE - SCALES)
 
     @cached_property
     def _pixels(self) -> list[Pixels]:
@@ -102,7 +92,7 @@ class Fitter:
         model, total = space.model(theta), 0.0
         for pixels, light in zip(self._pixels, lights, strict=True):
             image = exposed(model, pixels, light, phi)[0]
-            rest = (pixels.measured - _surveyed(image, pixels, phi)) * pixels.root_weight
+            rest = (pixels.measured - _with_focal(image, pixels, phi)) * pixels.root_weight
             total += float(rest @ rest)
         return total + float(((phi[SCALES:] / self._held_sigma) ** 2).sum())
 
@@ -118,7 +108,7 @@ class Fitter:
         n_theta = len(theta) if free_theta else 0
         sums = Sums.of_size(n_theta + len(phi), self._tiles)
         for pixels, columns, residual in self._slopes(self._pixels, space, theta, phi, lights, n_theta):
-            sums.add(pixels, columns, residual, n_theta, phi, self._places)
+            sums.add(pixels, columns, residual, n_theta, phi)
             if self._fine and n_theta:
                 sums.add_blocks(pixels, columns, residual, n_theta, phi)
         return sums
@@ -162,7 +152,7 @@ class Fitter:
             columns += scale_columns or []
             none, is_right = np.zeros(image.shape), pixels.observation.view.is_right
             columns += [none, pixels.focal_slope] if is_right else [pixels.focal_slope, none]
-            yield pixels, columns, pixels.measured - image - _survey_change(pixels, phi)
+            yield pixels, columns, pixels.measured - image - phi[SCALES + is_right] * pixels.focal_slope
 
     @staticmethod
     def _moved(space: ParameterSpace, theta: np.ndarray, steps: np.ndarray, j: int) -> Model | None:
@@ -194,8 +184,6 @@ class Fitter:
         prior = self.prior(n_theta, space)
         offset = np.where(space.given, 0.0, theta - space.neutral)[:n_theta]
         offset = np.concatenate([offset, np.zeros(SCALES), phi[SCALES:]])
-        if not self._places:
-            offset[len(offset) - self._motions :] = 0.0
         gram, moment = sums.gram.sum(0) + np.diag(prior), sums.moment.sum(0) - prior * offset
         norm = np.sqrt(np.maximum(np.diag(gram), 1e-300))
         scaled = gram / np.outer(norm, norm) + damping * np.eye(len(norm))
@@ -275,28 +263,18 @@ class Fitters:
             Fitter(o, evidence.held_sigma, evidence.tiles)
             for o in (evidence.train, evidence.test, *evidence.test_halves)
         )
-        scan = Fitter(scanned, evidence.held_sigma, evidence.tiles, fine=False, places=False)
-        return cls(train, test, scan, tuple(halves))
+        return cls(train, test, Fitter(scanned, evidence.held_sigma, evidence.tiles, fine=False), tuple(halves))
 
 
 def signal(model: Model, observation: Observation, light: Light, phi: np.ndarray) -> np.ndarray:
     """Expected DN, float64 [height][width]."""
     pixels = AllPixels(observation)
-    image = _surveyed(exposed(model, pixels, light, phi)[0], pixels, phi)
+    image = _with_focal(exposed(model, pixels, light, phi)[0], pixels, phi)
     return image.reshape(observation.measured.shape)
 
 
-def _surveyed(image: np.ndarray, pixels: Pixels | AllPixels, phi: np.ndarray) -> np.ndarray:
-    """The image with the survey's corrections; clipped where they move it: the expected image itself ends at the
-    range's ends already.
-    """
-    change, max_dn = _survey_change(pixels, phi), pixels.observation.view.max_dn
-    return np.minimum(np.maximum(image + change, 0.0), max_dn) if np.any(change) else image
-
-
-def _survey_change(pixels: Pixels | AllPixels, phi: np.ndarray) -> np.ndarray | float:
-    """DN [n] that the focal length and the objects' places add."""
-    slopes = pixels.place_slopes
-    focal, motions = phi[SCALES + pixels.observation.view.is_right], phi[len(phi) - slopes.shape[1] :]
-    change = focal * pixels.focal_slope if focal else 0.0
-    return change + slopes @ motions if motions.any() else change
+def _with_focal(image: np.ndarray, pixels: Pixels | AllPixels, phi: np.ndarray) -> np.ndarray:
+    """Clipped where the focal length moves it: the expected image itself ends at the range's ends already."""
+    view = pixels.observation.view
+    focal = phi[SCALES + view.is_right]
+    return np.minimum(np.maximum(image + focal * pixels.focal_slope, 0.0), view.max_dn) if focal else image

@@ -3,7 +3,7 @@
 makes of it.
 
 The nuisances phi are projector scale, ambient scale and black level; then, with priors, both eyes' relative focal
-lengths, the materials' relative albedos and the motions of the objects.
+lengths and the materials' relative albedos.
 """
 
 from collections import OrderedDict
@@ -80,7 +80,6 @@ class AllPixels:
         self.index = slice(None)
         self.measured, self.material = observation.measured.ravel(), observation.material.ravel()
         self.focal_slope = observation.focal_slope.ravel()
-        self.place_slopes = observation.place_slopes
 
     def of(self, image: np.ndarray) -> np.ndarray:
         return image.ravel()
@@ -109,9 +108,9 @@ def _sent(pixels: "Pixels | AllPixels", light: Light, phi: np.ndarray) -> list[n
     that the material sends.
     """
     levels = scales(pixels.observation.view.frame)
-    gain, albedo = 1.0, phi[DENSE : len(phi) - pixels.observation.place_slopes.shape[1]]
-    if albedo.any():
-        gain = np.append(1.0 + albedo, 1.0)[pixels.material]
+    gain = 1.0
+    if phi[DENSE:].any():
+        gain = np.append(1.0 + phi[DENSE:], 1.0)[pixels.material]
     return [level * gain * seen for level, seen in zip(levels, light.seen(pixels.index), strict=True)]
 
 

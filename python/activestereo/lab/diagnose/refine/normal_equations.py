@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from scipy.sparse import csr_matrix
 
 from activestereo.lab.diagnose.evidence.observation import BLOCK_PX, FOLDS, Observation
 
@@ -15,8 +14,7 @@ from activestereo.lab.diagnose.evidence.observation import BLOCK_PX, FOLDS, Obse
 class Pixels:
     """The pixels of an Observation that count, ordered by fold, then by material. All arrays are [n].
 
-    index: flat indices; measured: DN; root_weight: 1 / deviation; material: as the observation's, -1 = none; tile;
-    place_slopes: the observation's, [n][motions]."""
+    index: flat indices; measured: DN; root_weight: 1 / deviation; material: as the observation's, -1 = none; tile."""
 
     def __init__(self, observation: Observation, materials: int) -> None:
         o = observation
@@ -28,7 +26,6 @@ class Pixels:
         self.root_weight = np.sqrt(self.of(o.weight).astype(np.float64))
         self.material, self.tile = self.of(o.material), self.of(o.tile)
         self.focal_slope = self.of(o.focal_slope).astype(np.float64)
-        self.place_slopes = o.place_slopes[self.index]
         bounds = np.searchsorted(label, np.arange(FOLDS + 1) * (materials + 1))
         self.folds = [slice(first, last) for first, last in zip(bounds, bounds[1:], strict=False)]
         self._starts = np.flatnonzero(np.diff(label, prepend=-1))
@@ -37,12 +34,6 @@ class Pixels:
     def of(self, image: np.ndarray) -> np.ndarray:
         """An image's values."""
         return image.ravel()[self.index]
-
-    @cached_property
-    def motions(self) -> "Motions":
-        weighted = self.place_slopes.multiply(self.root_weight[:, None]).tocsr()
-        fold = np.repeat(np.arange(FOLDS), [part.stop - part.start for part in self.folds])
-        return Motions.of(weighted, fold)
 
     @cached_property
     def block(self) -> np.ndarray:
@@ -62,27 +53,6 @@ class Pixels:
         out = np.zeros((len(values), FOLDS * (self._materials + 1)))
         out[:, self._labels] = np.add.reduceat(values, self._starts, axis=1)
         return out.reshape(len(values), FOLDS, -1)[:, :, :-1]
-
-
-@dataclass(frozen=True)
-class Motions:
-    """What normal equations need of the objects' motions: weighted slopes [folds x motions][m], each row of the pixels
-    of its fold alone, at the pixels that any motion changes (index [m]); and their Gram matrix, which never changes,
-    [folds][motions][motions].
-    """
-
-    index: np.ndarray
-    slopes: csr_matrix
-    gram: np.ndarray
-
-    @classmethod
-    def of(cls, weighted: csr_matrix, fold: np.ndarray) -> "Motions":
-        index, count = np.flatnonzero(np.diff(weighted.indptr)), weighted.shape[1]
-        entries = weighted[index].tocoo()
-        rows = fold[index[entries.row]] * count + entries.col
-        slopes = csr_matrix((entries.data.astype(np.float64), (rows, entries.row)), shape=(FOLDS * count, len(index)))
-        parts = (slopes[f * count : (f + 1) * count] for f in range(FOLDS))
-        return cls(index, slopes, np.stack([(part @ part.T).toarray() for part in parts]))
 
 
 @dataclass
@@ -106,15 +76,9 @@ class Sums:
         return float(self.chi2.sum())
 
     def add(
-        self,
-        pixels: Pixels,
-        columns: list[np.ndarray],
-        residual: np.ndarray,
-        n_theta: int,
-        phi: np.ndarray,
-        places: bool = True,
+        self, pixels: Pixels, columns: list[np.ndarray], residual: np.ndarray, n_theta: int, phi: np.ndarray
     ) -> None:
-        """Adds one observation; places=False: without the objects' motions.
+        """Adds one observation.
 
         columns: derivatives [k][n]; those by albedo live on their own material's pixels: a material's is the light it
         sends, the columns of projector and ambient scale (n_theta and the next) times their scales.
@@ -129,43 +93,16 @@ class Sums:
             self.gram[f, :dense, :dense] += here @ here.T
             self.moment[f, :dense] += here @ r[part]
             self.chi2[f] += squares[part].sum()
-        motions = pixels.place_slopes.shape[1]
-        materials = self.moment.shape[1] - dense - motions
-        if motions and places:
-            self._add_motions(pixels, A, r, n_theta, phi)
+        materials = self.moment.shape[1] - dense
         if materials:
             glow = A[n_theta] * phi[0] + A[n_theta + 1] * phi[1]
             sums = pixels.by_material(np.concatenate([glow * A, [glow * glow, glow * r]]))
             diagonal = np.arange(dense, dense + materials)
             self.gram[:, diagonal, diagonal] += sums[-2]
-            self.moment[:, diagonal] += sums[-1]
-            cross, own = np.moveaxis(sums[:-2], 0, 1), slice(dense, dense + materials)
-            self.gram[:, :dense, own] += cross
-            self.gram[:, own, :dense] += np.swapaxes(cross, 1, 2)
-
-    def _add_motions(self, pixels: Pixels, A: np.ndarray, r: np.ndarray, n_theta: int, phi: np.ndarray) -> None:
-        """The rows of the objects' motions. A [dense][n] and r [n]: weighted columns and residual."""
-        dense, size = len(A), self.moment.shape[1]
-        first = size - pixels.place_slopes.shape[1]
-        own, albedo = slice(first, size), slice(dense, first)
-        motions = pixels.motions
-        here = A[:, motions.index]
-        cross = (motions.slopes @ here.T).reshape(FOLDS, -1, dense)
-        self.gram[:, own, own] += motions.gram
-        self.gram[:, own, :dense] += cross
-        self.gram[:, :dense, own] += np.swapaxes(cross, 1, 2)
-        self.moment[:, own] += (motions.slopes @ r[motions.index]).reshape(FOLDS, -1)
-        if first == dense:
-            return
-        glow = here[n_theta] * phi[0] + here[n_theta + 1] * phi[1]
-        material = pixels.material[motions.index]
-        by_material = csr_matrix(
-            (np.where(material >= 0, glow, 0.0), np.maximum(material, 0), np.arange(len(glow) + 1)),
-            shape=(len(glow), first - dense),
-        )
-        shared = (motions.slopes @ by_material).toarray().reshape(FOLDS, -1, first - dense)
-        self.gram[:, own, albedo] += shared
-        self.gram[:, albedo, own] += np.swapaxes(shared, 1, 2)
+            self.moment[:, dense:] += sums[-1]
+            cross = np.moveaxis(sums[:-2], 0, 1)
+            self.gram[:, :dense, dense:] += cross
+            self.gram[:, dense:, :dense] += np.swapaxes(cross, 1, 2)
 
     def add_blocks(
         self, pixels: Pixels, columns: list[np.ndarray], residual: np.ndarray, n_theta: int, phi: np.ndarray
@@ -178,11 +115,7 @@ class Sums:
             moment[j] = np.bincount(block, column * force, minlength=blocks)
         glow = (columns[n_theta] * phi[0] + columns[n_theta + 1] * phi[1]) * force
         # Pixels of no material come last, and go.
-        first = len(moment) - pixels.place_slopes.shape[1]
-        label = np.where(pixels.material >= 0, pixels.material, first - dense) * blocks + block
-        by_material = np.bincount(label, glow, minlength=(first - dense + 1) * blocks)
-        moment[dense:first] = by_material.reshape(-1, blocks)[:-1]
-        if first < len(moment):
-            in_block = csr_matrix((force, block, np.arange(len(block) + 1)), shape=(len(block), blocks))
-            moment[first:] = (pixels.place_slopes.T @ in_block).toarray()
+        label = np.where(pixels.material >= 0, pixels.material, len(moment) - dense) * blocks + block
+        by_material = np.bincount(label, glow, minlength=(len(moment) - dense + 1) * blocks)
+        moment[dense:] = by_material.reshape(-1, blocks)[:-1]
         self.block_moment[pixels.cluster] = self.block_moment.get(pixels.cluster, 0.0) + moment
