@@ -168,7 +168,7 @@ void Buffer::import_vulkan(const ks_buffer_desc& desc) {
   check_memory_type(desc.memory_type_index, device_->memory_properties(), needs);
   check_fits(desc, needs);
   memory_type_ = desc.memory_type_index;
-  memory_ = reinterpret_cast<VkDeviceMemory>(static_cast<uintptr_t>(desc.handle));
+  memory_ = reinterpret_cast<VkDeviceMemory>(static_cast<uintptr_t>(desc.handle));  // NOLINT(performance-no-int-to-ptr)
   owns_memory_ = false;
   allocation_bytes_ = desc.allocation_bytes - desc.offset_bytes;
   bind(desc.offset_bytes);  // not mapped: the host may have mapped it, and memory is mapped once

@@ -27,7 +27,7 @@ Timeline::Timeline(std::shared_ptr<Device> device, const ks_sync& sync) : device
          device_->info().name);
   if (!can_have(*device_)) fail(KS_ERROR_UNSUPPORTED, "%s has no timeline semaphores", device_->info().name);
   if (sync.handle == 0) fail(KS_ERROR_INVALID_ARGUMENT, "sync: the VkSemaphore is NULL");
-  semaphore_ = reinterpret_cast<VkSemaphore>(static_cast<uintptr_t>(sync.handle));
+  semaphore_ = reinterpret_cast<VkSemaphore>(static_cast<uintptr_t>(sync.handle));  // NOLINT(performance-no-int-to-ptr)
   owned_ = false;
 }
 

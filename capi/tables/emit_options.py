@@ -18,7 +18,7 @@ def named(struct: Struct) -> Struct:
     return dataclasses.replace(struct, fields=[f for f in struct.fields if f.python and f.count == 1 and f.type in kinds])
 
 
-def _fields_h(name: str, structs: dict[str, Struct], include: str) -> str:
+def _fields_h(name: str, structs: dict[str, Struct], include: str, documented: str | None = None) -> str:
     text = [*banner(*structs.values(), note=f"{name}: fields by name."), "#pragma once", "", '#include "bindings/named_fields.h"',
             f'#include "{include}"', "", "namespace ks_python {"]  # fmt: skip
     for variable, s in structs.items():
@@ -32,7 +32,24 @@ def _fields_h(name: str, structs: dict[str, Struct], include: str) -> str:
             for given in filter(None, (f.name, f.short)):
                 text.append(f'    {{"{given}", &{s.name}::{f.name}, Field<{s.name}>::Kind::{kind}, {names}{one}}},')
         text.append("};")
+    text += _doc_h(documented, structs[documented]) if documented else []
     return "\n".join([*text, "", "}  // namespace ks_python", ""])
+
+
+def options_doc(struct: Struct, width: int) -> list[str]:
+    """Lines of prose: what each keyword argument of the struct means, and each of its values."""
+    lines: list[str] = []
+    for f in named(struct).fields:
+        text = " ".join(f"{f.name}{f' or {f.short}' if f.short else ''}: {python_words(f.doc)}".split())
+        text += "".join(f" '{value}': {python_words(doc)}" for value, doc in f.values.items())
+        lines += textwrap.wrap(text, width, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False)
+    return lines
+
+
+def _doc_h(variable: str, struct: Struct) -> list[str]:
+    """The same as a string of C++."""
+    quoted = [line.replace("\\", "\\\\").replace('"', '\\"') for line in options_doc(struct, 110)]
+    return ["", f"inline constexpr const char* {variable}_doc =", *(f'    "{line}\\n"' for line in quoted[:-1]), f'    "{quoted[-1]}";']
 
 
 def simsense_fields_h(tables: Tables) -> str:
@@ -44,7 +61,8 @@ def simsense_fields_h(tables: Tables) -> str:
 def kuafu_options_h(tables: Tables) -> str:
     """python/kuafu/options.h"""
     names = {"renderer": "kuafu_renderer_desc", "render": "kuafu_render_desc"}
-    return _fields_h("Options of a renderer and of a render", {key: tables.structs[name] for key, name in names.items()}, "kuafu_api.h")
+    return _fields_h("Options of a renderer and of a render", {key: tables.structs[name] for key, name in names.items()},
+                     "kuafu_api.h", documented="render")  # fmt: skip
 
 
 def literal(field: Field) -> str:

@@ -7,7 +7,7 @@ import math
 
 import emit_options
 from table import Field, Struct, Tables
-from words import GENERATED, LICENCE, default_text, facts, python_words
+from words import GENERATED, LICENCE, WIDTH, default_text, facts, python_words
 
 
 def scalar_type(field: Field) -> str:
@@ -70,6 +70,7 @@ def stub(tables: Tables, library: str, template: str, shared: str) -> str:
     lists |= {"parameters": _stub_arguments(engine), "shared": shared.removeprefix(f"# {LICENCE}\n").rstrip().split("\n")}
     for key, name in (("rig", "simsense_rig_desc"), ("renderer", "kuafu_renderer_desc"), ("options", "kuafu_render_desc")):
         lists[key] = _stub_options(tables.structs[name])
+        lists[f"{key}.doc"] = emit_options.options_doc(tables.structs[name], WIDTH - 8)
     out = ["# " + GENERATED.format("*.toml").replace("from", f"from python/{library}/_{library}.pyi.in, python/bindings/shared.pyi.in and")]
     for line in template.removeprefix(f"# {LICENCE}\n").split("\n"):
         for key, value in lists.items():

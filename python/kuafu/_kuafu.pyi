@@ -609,27 +609,68 @@ class Renderer:
         max_seconds: float = 0.0,
         relative_error: float = 0.0,
     ) -> dict[str, NDArray[Any]]:
-        """cameras: a Camera or a sequence of them, all of one size. outputs: names of radiance, projector_direct,
-        projector_indirect, ambient, light_group_0 .. light_group_3 (ambient's parts), variance (of the mean
-        radiance), sample_count, depth, normal, position, albedo, roughness, transmission, motion, projector_uv,
-        projector_visibility, projector_geometry, instance_id, material_id, semantic_id; or {name: dtype}
-        (float32, float16, uint8, uint16; ids: uint32, uint16, uint8; None: the default), or {name: Image or
-        Buffer} to fill those. What they hold: kuafu/output.h. scales: {name: factor} before rounding, as 1000 for
-        depth in uint16 millimetres; by default 1.0 is an integer's full range. band: 'infrared' (one channel) or
-        'visible' (three). accumulate: adds to the samples of the calls before that accumulated; the images are
-        means of all. A call without begins anew. max_seconds, relative_error: budgets, 0 = none; spp is then the
-        most, and summary says what was taken. relative_error is the root of the pixels' mean variance over their
-        mean radiance, its upper limit at 84 % confidence. projector: light id that the projector_* outputs are
-        of; None: the first of each view's environment. previous_poses: camera_to_world one frame before, (4, 4)
-        or one for each camera, for motion; None: as now. Returns {name: array [view, height, width, channel]}: by
-        default float32, uint32 for ids; views of the buffers, nothing is copied. light_sampling: 'mis', 'lights'
-        or 'bsdf', how light with an extent is found. film: optics of the cameras: a Film, a dict of its fields,
-        or one for each camera; None is perfect. denoise: 'none', 'atrous' or 'oidn' (Open Image Denoise, where
-        its library is found); all light but projector_direct is filtered. temporal_weight: 'atrous' keeps this
-        share, 0..<1, of what the renderer's last renders of these views saw on the same surface; vary the seed.
-        glass_surfaces: how many smooth glass surfaces a light's way to a surface may pass; 0: glass casts full
-        shadows. glass_shadows: 'bent' by glass as Snell's law says, or 'straight'. progress(fraction: float) may
-        return True to cancel (CancelledError); what it raises is raised here. Same seed, same bits."""
+        """Returns {name: array [view, height, width, channel]}: by default float32, uint32 for ids; views of the
+        buffers, nothing is copied. Same seed, same bits.
+        cameras: a Camera or a sequence of them, all of one size.
+        outputs: names of radiance, projector_direct, projector_indirect, ambient, light_group_0 .. light_group_3
+          (ambient's parts), variance (of the mean radiance), sample_count, depth, normal, position, albedo,
+          roughness, transmission, motion, projector_uv, projector_visibility, projector_geometry, instance_id,
+          material_id, semantic_id; or {name: dtype} (float32, float16, uint8, uint16; ids: uint32, uint16, uint8;
+          None: the default), or {name: Image or Buffer} to fill those. What they hold: kuafu/output.h.
+        band: 'infrared' (one channel) or 'visible' (three).
+        environments: what each camera looks into; None: all into 0.
+        film: optics of the cameras: a Film, a dict of its fields, or one for each camera; None is perfect.
+        previous_poses: camera_to_world one frame before, (4, 4) or one for each camera, for motion; None: as now.
+        scales: {name: factor} before rounding, as 1000 for depth in uint16 millimetres; by default 1.0 is an
+          integer's full range.
+        progress: called with the fraction that is done; returning True cancels (CancelledError), and what it raises
+          is raised here.
+        samples_per_pixel or spp: Number of samples of each pixel.
+        max_bounces: Largest number of surface interactions and scatterings after the first; 0 renders direct light
+          only.
+        seed: Seed of all random numbers.
+        first_sample: Index of the first sample, to continue a sequence: the samples are first_sample .. first_sample +
+          samples_per_pixel - 1.
+        ir_ambient_scale: Infrared intensity of lights that state only a visible one, as a share of its red channel (the
+          parameter a of Zhang et al. 2023).
+        ir_ambient_radiance: Constant that is added to the environment's infrared radiance where the environment states
+          none.
+        glass_surfaces: Largest number of smooth glass surfaces that light of points, directions and projectors crosses
+          on its way to a surface; it is dimmed by Fresnel reflection, tint and absorption. With 0 glass casts full
+          shadows.
+        light_sampling: How the light of rectangles, disks, spheres, emissive surfaces and the environment's map is
+          sampled. All three ways have the same expected image. 'mis': Samples of the lights and of the BSDF are
+          combined by Veach's power heuristic. 'lights': Only the lights are sampled, except in mirrors. 'bsdf': Only
+          the BSDF is sampled.
+        denoise: Denoiser. It filters all images of light but the projectors' direct light, which carries the dots and
+          has no noise. The same inputs give the same bits. 'none': No denoiser. 'atrous': A filter that is guided by
+          the surfaces and by the scatter of the samples; 16 more rays per pixel then restore textures and edges.
+          'oidn': Open Image Denoise, version 1 or 2, opened at run time on the host; KS_ERROR_UNSUPPORTED where it is
+          not found.
+        projector: Id of the light to which projector_uv, projector_visibility and projector_geometry refer; None is the
+          first projector of a view's environment.
+        temporal_weight: For atrous: share of the light that is taken from this renderer's previous renders, 0..<1; 0
+          uses this render only. The previous renders must have had as many views of the same size, and only light from
+          the same surface is used. Moving cameras (with any lens and shutter) and instances are followed, and a pixel
+          begins anew where another surface or instance appears. Previous light is dropped where it differs by more than
+          this render's noise; smaller changes, reflections and deforming meshes lag behind. Give each render another
+          seed.
+        accumulate: Nonzero: this call continues the sampling of the renderer's previous call. The images are the means
+          over all samples since the last call with accumulate 0. Accumulation starts again where a call has other
+          sizes, band, light groups or variance, and after a call that failed. Cameras and scene may move between calls;
+          the images are then means over that time.
+        glass_shadows: How light of points, directions, projectors and spots passes smooth glass that bounds a body;
+          thin-walled glass is passed straight. 'straight': On the straight line, dimmed: dots stay where they would be
+          without the glass, and nothing is focused. 'bent': On the refracted paths of Snell's law, with their focusing,
+          in and beside the straight shadow; not on paths that glass reflects.
+        max_seconds: Time budget; 0 is none. samples_per_pixel is then the largest number of samples. The views are
+          rendered in rounds, at least one, and the render stops before max_seconds would be exceeded, as estimated from
+          the previous rounds.
+        relative_error: Noise budget; 0 is none. The render stops when its noise has fallen to this value. The noise is
+          the square root of the mean variance over the mean radiance, over all views and channels. Its upper confidence
+          limit (84 %, from the scatter of the pixels' variances) is compared, so that images with few pixels or rare
+          bright samples take more samples. With a noise budget alone the result is deterministic.
+        """
     def submit(
         self,
         scene: Scene,

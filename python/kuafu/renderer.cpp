@@ -277,6 +277,23 @@ void def_render(py::class_<Renderer>& renderer, const char* name, F call, const 
       py::arg("scales") = std::map<std::string, float>(), py::arg("progress") = py::none(), doc);
 }
 
+/// What the tables do not say; the options follow.
+constexpr const char* render_arguments =
+    "Returns {name: array [view, height, width, channel]}: by default float32, uint32 for ids; views of the buffers, nothing is copied.\n"
+    "Same seed, same bits.\n"
+    "cameras: a Camera or a sequence of them, all of one size.\n"
+    "outputs: names of radiance, projector_direct, projector_indirect, ambient, light_group_0 .. light_group_3 (ambient's parts),\n"
+    "  variance (of the mean radiance), sample_count, depth, normal, position, albedo, roughness, transmission, motion,\n"
+    "  projector_uv, projector_visibility, projector_geometry, instance_id, material_id, semantic_id; or {name: dtype} (float32,\n"
+    "  float16, uint8, uint16; ids: uint32, uint16, uint8; None: the default), or {name: Image or Buffer} to fill those. What they\n"
+    "  hold: kuafu/output.h.\n"
+    "band: 'infrared' (one channel) or 'visible' (three).\n"
+    "environments: what each camera looks into; None: all into 0.\n"
+    "film: optics of the cameras: a Film, a dict of its fields, or one for each camera; None is perfect.\n"
+    "previous_poses: camera_to_world one frame before, (4, 4) or one for each camera, for motion; None: as now.\n"
+    "scales: {name: factor} before rounding, as 1000 for depth in uint16 millimetres; by default 1.0 is an integer's full range.\n"
+    "progress: called with the fraction that is done; returning True cancels (CancelledError), and what it raises is raised here.\n";
+
 }  // namespace
 
 void bind_renderer(py::module_& module) {
@@ -319,32 +336,7 @@ void bind_renderer(py::module_& module) {
       [](const py::object& self, Scene& scene, const Call& call, const kuafu_render_desc& desc) {
         return self.cast<Renderer&>().render(scene, call, desc);
       },
-      "cameras: a Camera or a sequence of them, all of one size. outputs: names of radiance, projector_direct, projector_indirect, "
-      "ambient, light_group_0 .. light_group_3 (ambient's parts), variance (of the mean radiance), sample_count, depth, normal, "
-      "position, albedo, roughness, transmission, motion,\n"
-      "projector_uv, projector_visibility, projector_geometry, instance_id, material_id, semantic_id; or {name: dtype} (float32, "
-      "float16,\n"
-      "uint8, uint16; ids: uint32, uint16, uint8; None: the default), or {name: Image or Buffer} to fill those. "
-      "What they hold: kuafu/output.h.\n"
-      "scales: {name: factor} before rounding, as 1000 for depth in uint16 millimetres; by default 1.0 is an integer's full range.\n"
-      "band: 'infrared' (one channel) or 'visible' (three).\n"
-      "accumulate: adds to the samples of the calls before that accumulated; the images are means of all. A call without begins anew.\n"
-      "max_seconds, relative_error: budgets, 0 = none; spp is then the most, and summary says what was taken. relative_error is the "
-      "root\n"
-      "of the pixels' mean variance over their mean radiance, its upper limit at 84 % confidence.\n"
-      "projector: light id that the projector_* outputs are of; None: the first of each view's environment.\n"
-      "previous_poses: camera_to_world one frame before, (4, 4) or one for each camera, for motion; None: as now.\n"
-      "Returns {name: array [view, height, width, channel]}: by default float32, uint32 for ids; views of the buffers, nothing is "
-      "copied.\n"
-      "light_sampling: 'mis', 'lights' or 'bsdf', how light with an extent is found.\n"
-      "film: optics of the cameras: a Film, a dict of its fields, or one for each camera; None is perfect.\n"
-      "denoise: 'none', 'atrous' or 'oidn' (Open Image Denoise, where its library is found); all light but projector_direct is "
-      "filtered.\n"
-      "temporal_weight: 'atrous' keeps this share, 0..<1, of what the renderer's last renders of these views saw on the same surface; "
-      "vary the seed.\n"
-      "glass_surfaces: how many smooth glass surfaces a light's way to a surface may pass; 0: glass casts full shadows.\n"
-      "glass_shadows: 'bent' by glass as Snell's law says, or 'straight'.\n"
-      "progress(fraction: float) may return True to cancel (CancelledError); what it raises is raised here. Same seed, same bits.");
+      (std::string(render_arguments) + render_doc).c_str());
   def_render(
       renderer, "submit",
       [](const py::object& self, Scene& scene, const Call& call, const kuafu_render_desc& desc) {

@@ -67,8 +67,8 @@ extern "C" {
  * bounds a body; thin-walled glass is passed straight. */
 /* On the straight line, dimmed: dots stay where they would be without the glass, and nothing is focused. */
 #define KUAFU_GLASS_SHADOWS_STRAIGHT 0u
-/* On the ways that Snell's law gives, with its focusing, in and beside the straight shadow; not on ways that glass
- * reflects. */
+/* On the refracted paths of Snell's law, with their focusing, in and beside the straight shadow; not on paths that
+ * glass reflects. */
 #define KUAFU_GLASS_SHADOWS_BENT 1u
 
 #define KUAFU_TYPE_RENDER_SUMMARY 0x100eu
@@ -154,8 +154,9 @@ typedef struct kuafu_render_desc {
   /* Denoiser. It filters all images of light but the projectors' direct light, which carries the dots and has no noise.
    * The same inputs give the same bits. [none by default] */
   uint32_t denoise;
-  /* Id of the light to which KUAFU_OUTPUT_PROJECTOR_UV, _VISIBILITY and _GEOMETRY refer; KUAFU_NONE is the first
-   * projector of a view's environment. [KUAFU_NONE by default] */
+  /* Id of the light to which KUAFU_OUTPUT_PROJECTOR_UV, KUAFU_OUTPUT_PROJECTOR_VISIBILITY and
+   * KUAFU_OUTPUT_PROJECTOR_GEOMETRY refer; KUAFU_NONE is the first projector of a view's environment. [KUAFU_NONE by
+   * default] */
   uint32_t projector;
   /* For KUAFU_DENOISE_ATROUS: share of the light that is taken from this renderer's previous renders, 0..<1; 0 uses
    * this render only. The previous renders must have had as many views of the same size, and only light from the same

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// The bent way of light through smooth glass, from where it is asked for to a light without extent: manifold next-event estimation (Hanika, Droske, Fascione,
+// The refracted path of light through smooth glass, from where it is asked for to a light without extent: manifold next-event estimation (Hanika, Droske, Fascione,
 // "Manifold Next Event Estimation", 2015) by shooting. A trial follows one direction through all the glass that it meets, by Snell's law, with its
 // differential; where it misses the light, the differential says how to turn it (Newton's method, steps halved where they do not help). The first trial
 // goes straight at the light. The determinant that Newton's method ends with is what the pencil's cross section does to the light.
-// Other trials begin on the far side of the glass's middle, where a lens beyond its focus turns light over, and at its rims. Of several ways one is
-// taken, with a chance by what it brings. No way is found that is reflected.
+// Other trials begin on the far side of the glass's middle, where a lens beyond its focus turns light over, and at its rims. Of several paths one is
+// taken, with a chance by what it brings. No path is found that has a reflection.
 #include "lib/refraction.glsl"
 
 struct Bend {
@@ -26,16 +26,16 @@ struct Bend {
   vec3 way_0, way_1, way_2;  // their directions
   float total;               // of what they bring
   float random;
-  // Of the last segment alone: it completed a way that the caller must keep.
+  // Of the last segment alone: it completed a path that the caller must keep.
   bool taken;
   vec3 taken_direction, lit;  // as bend_direction, bend_lit
   Spectrum taken_gain;
 };
 
 const uint bend_goes_on = 0u, bend_ends = 1u;
-const uint bend_seeds = 4u;  // the straight way is the first
+const uint bend_seeds = 4u;  // the straight path is the first
 const float bend_most_radians = 0.3f, bend_least_scale = 0.1f, bend_tolerance = 3e-5f, bend_same_way = 2e-4f;
-const float bend_single = 1.1f;  // light that is hardly focused came on one way
+const float bend_single = 1.1f;  // light that is hardly focused came on one path
 
 Ray begin_trial(INOUT(Bend) b) {
   Frame f = frame_around(b.direction);
@@ -101,7 +101,7 @@ uint try_next(INOUT(Bend) b, INOUT(Ray) ray) {
 
 bool is_way(IN(Bend) b, uint way, vec3 direction) { return b.ways > way && length(b.direction - direction) < bend_same_way; }
 
-/// The trial reaches the light: each way is counted once.
+/// The trial reaches the light: each path is counted once.
 void take_way(INOUT(Bend) b, float determinant, float reach_m) {
   bool known = is_way(b, 0u, b.way_0) || is_way(b, 1u, b.way_1) || is_way(b, 2u, b.way_2);
   float brings = max_component(b.gain) / determinant;
@@ -207,7 +207,7 @@ bool passes_light(IN(MetSurface) met, float time_s) {
   return bends_light(m) || max_component(straight_transmittance(m, abs(dot(s.geometric_normal, s.shading_normal)))) > 0.0f;
 }
 
-/// Looks beside the straight way, which meets no glass: `share` is 1 over the chance of looking.
+/// Looks beside the straight path, which meets no glass: `share` is 1 over the chance of looking.
 uint look_beside(INOUT(Bend) b, INOUT(Ray) ray, float share) {
   b.share = max(share, 1.000001f);
   return next_seed(b, ray, false);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage `transmit`: a shadow ray that met smooth glass goes on, dimmed, either straight or (shadow_bends) in search of the bent way to its light, of which
+// Stage `transmit`: a shadow ray that met smooth glass goes on, dimmed, either straight or (shadow_bends) in search of the refracted path to its light, of which
 // this is one segment; any other surface ends it.
 #include "stage/glass.glsl"
 #include "stage/bend.glsl"
@@ -96,7 +96,7 @@ void darken(uint index) {
 /// A search is marked by the way left, which it does not need: negative.
 bool searches(uint index) { return push.contributions.at[channels * push.capacity + index] < 0.0f; }
 
-/// What follows a segment, or the straight way.
+/// What follows a segment, or the straight path.
 void end_segment(IN(Bend) b, uint index, uint state, INOUT(Onward) onward) {
   if (b.taken) store_way(b, index);
   onward.wanted = state == bend_goes_on && push.last == 0u;
@@ -107,7 +107,7 @@ void end_segment(IN(Bend) b, uint index, uint state, INOUT(Onward) onward) {
   onward.ray.t_far = uintBitsToFloat(0x7f800000u);
 }
 
-/// The straight way ended: in the open, or at a surface. Glass begins the search; where there is none on the way, it may lie beside.
+/// The straight path ended: in the open, or at a surface. Glass begins the search; where there is none on it, it may lie beside.
 bool begins_search(uint i, uint index, bool hit, INOUT(Onward) onward) {
   float time_s = shadow_value(i, ray_time), chance = load_bend(result_word(bend_chance, index));
   bool through = hit && passes_light(met_surface(i), time_s);

@@ -34,7 +34,7 @@ uint32_t round_up(uint32_t n, uint32_t step) { return (n + step - 1) / step * st
 
 }  // namespace
 
-PathTracer::PathTracer(std::shared_ptr<ks::Device> device, TracerKind tracer)
+PathTracer::PathTracer(const std::shared_ptr<ks::Device>& device, TracerKind tracer)
     : backend_(make_backend(device, tracer)), tables_(memory()), aov_tables_(memory()), slots_(memory()) {}
 
 void PathTracer::update_tables(const Scene& scene, const Launch& launch) {

@@ -21,7 +21,7 @@ enum class TracerKind { automatic, embree, compute, rt_pipeline };
 class PathTracer {
  public:
   /// Throws KS_ERROR_UNSUPPORTED for Embree on a device whose memory the host does not share.
-  PathTracer(std::shared_ptr<ks::Device> device, TracerKind tracer);
+  PathTracer(const std::shared_ptr<ks::Device>& device, TracerKind tracer);
 
   [[nodiscard]] const Memory& memory() const { return backend_.memory; }
   [[nodiscard]] uint32_t queue_layout() const { return backend_.tracer->queue_layout(); }

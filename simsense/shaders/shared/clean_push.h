@@ -5,6 +5,18 @@
 #include "shared/choices.h"
 #include "shared/image_ref.h"
 
+// Passes of the speckle filter, in their order.
+#define ISLANDS_BEGIN 0u
+#define ISLANDS_JOIN 1u
+#define ISLANDS_COUNT 2u
+#define ISLANDS_DROP 3u
+#define ISLANDS_PASSES 4u
+
+// Passes of the filling of holes.
+#define HOLES_GUESS 0u
+#define HOLES_WRITE 1u
+#define HOLES_PASSES 2u
+
 #ifdef __cplusplus
 namespace simsense {
 using CleanFloats = uint64_t;
@@ -23,7 +35,7 @@ struct CleanPush {
   uint width, height;
   uint maps;  // MAPS_*
   float invalid;
-  uint step;  // speckle and hole stages: which of their passes
+  uint step;  // ISLANDS_* or HOLES_*: the pass of the speckle filter or of the filling
   float max_diff_px;
   uint max_size;
   uint filling;         // HOLES_*

@@ -47,7 +47,7 @@ void VulkanCleaner::filter_speckles(ks::Commands& commands, const StageSettings&
   reserve(device_, size_, word_bytes(pairs));
   push.parent = parent_->address();
   push.size = size_->address();
-  for (push.step = 0; push.step < 4; ++push.step)
+  for (push.step = ISLANDS_BEGIN; push.step < ISLANDS_PASSES; ++push.step)
     dispatch_pixels(commands, pipeline(islands_, islands_spirv), push, width_, height_, pairs);
 }
 
@@ -55,7 +55,7 @@ void VulkanCleaner::fill_holes(ks::Commands& commands, const StageSettings& sett
   CleanPush push = push_of(settings, maps);
   reserve(device_, parent_, word_bytes(pairs));
   push.parent = parent_->address();
-  for (push.step = 0; push.step < 2; ++push.step)
+  for (push.step = HOLES_GUESS; push.step < HOLES_PASSES; ++push.step)
     dispatch_pixels(commands, pipeline(holes_, holes_spirv), push, push.x1 - push.x0, push.y1 - push.y0, pairs);
 }
 
