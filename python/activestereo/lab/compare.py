@@ -19,7 +19,7 @@ from activestereo.effects.core.descriptor import Stage
 from activestereo.effects.core.model import Model
 from activestereo.effects.core.view import View
 from activestereo.engines import Survey
-from activestereo.lab.depth_compare import depth_scores, model_depths
+from activestereo.lab.depth_compare import DepthFrame, depth_scores, model_depths
 from activestereo.lab.engine_prediction import predict_in_engines
 from activestereo.lab.fit_model import fit_under_model
 from activestereo.lab.floors import floors_of
@@ -50,9 +50,9 @@ class Comparison:
     (render_noise.py)."""
 
     capture: Capture
-    scores: dict
-    predictions: dict
-    depths: list
+    scores: dict[str, Any]
+    predictions: dict[tuple[int, str], np.ndarray]
+    depths: list[DepthFrame]
     layers: LayersOfFrames
     model: Model
 

@@ -31,8 +31,8 @@ class _Node:
 
     a: np.ndarray
     b: np.ndarray
-    conditions: dict
-    children: list = field(default_factory=list)
+    conditions: dict[str, set[int]]
+    children: list[_Node] = field(default_factory=list)
 
     def leaves(self) -> list[Any]:
         return [leaf for child in self.children for leaf in child.leaves()] or [self]
@@ -139,7 +139,7 @@ class HonestTree:
         codes = sorted(c for c in codes if c > 0)
         if not codes:
             return {"covariate": name, "values": [], "words": f"no {covariate.words}"}
-        if covariate.is_category:
+        if bins.values is not None and covariate.is_category:
             names = [name_of(int(bins.values[c - 1])) for c in codes]
             return {"covariate": name, "values": names, "words": f"{covariate.words} is {_either(names)}"}
         low, high = _limits(bins, codes)

@@ -31,7 +31,7 @@ class ResidualImage:
     residual: np.ndarray
     floor: np.ndarray
     mask: np.ndarray
-    maps: dict
+    maps: dict[str, np.ndarray]
     pose: bytes
 
 
@@ -60,7 +60,7 @@ class Samples:
     excess: np.ndarray
     floor: np.ndarray
     group: np.ndarray
-    bins: dict
+    bins: dict[str, Bins]
 
     @property
     def total_excess(self) -> float:
