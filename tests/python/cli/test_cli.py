@@ -249,7 +249,9 @@ def test_simulate_refuses_what_is_wrong(run, table_top, tmp_path):
     assert_refused(run("simulate", table_top, "--resolution", "400x400", *out), "400x226")
     assert_refused(run("simulate", table_top, "--camera", "3", *out), "--camera 3")
     assert_refused(run("simulate", table_top, "--camera-to-world", "1,2,3", *out), "16")
-    assert_refused(run("simulate", table_top, "--camera-to-world", ",".join(["2"] * 16), *out), "rotation")
+    assert_refused(run("simulate", table_top, "--camera-to-world", ",".join(["2"] * 16), *out), "2, 2, 2, 2", "expected 0, 0, 0, 1")
+    twice_as_large = "2,0,0,0, 0,2,0,0, 0,0,2,0, 0,0,0,1"
+    assert_refused(run("simulate", table_top, "--camera-to-world", twice_as_large, *out), "rotation")
     assert_refused(run("simulate", table_top, "--ir-distortion", "0.1,0.2", *out), "4 or 5")
     assert_refused(run("simulate", table_top, "--velocity", "1,2", *out), "3 or 6")
     assert_refused(run("simulate", table_top, "--readout", "rows_up", *out), "--ir-line-time")
