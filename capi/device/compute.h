@@ -42,7 +42,7 @@ class ComputePipeline {
   uint32_t push_constant_bytes_ = 0;
 };
 
-/// Records dispatches; each is followed by a full barrier of all device work (compute, transfer, indirect, ray tracing) unless told
+/// Records dispatches; each is followed by a full barrier of all device work (compute, transfer, indirect, ray tracing) unless said
 /// otherwise.
 /// Stage names given to begin_stage collect GPU time (timestamps; the wall time of flushes where the queue has none).
 class Commands {

@@ -69,7 +69,7 @@ struct Job {
       try {
         interruption_point();
         fn(i);
-      } catch (abi::__forced_unwind&) {  // the calling thread ends: no one is left to be told
+      } catch (abi::__forced_unwind&) {  // the calling thread ends: no one is left to hear of it
         next = count;
         throw;
       } catch (...) {

@@ -112,7 +112,7 @@ def in_another_scene(capture, found, fit, path):
 def report(result, answer, out):
     print(f"verdict: {result['verdict']}; added: {', '.join(result['added']) or 'nothing'}")
     for entry in result["ranking"][:3]:
-        values = ", ".join(parameter_text(name, told) for name, told in entry["parameters"].items())
+        values = ", ".join(parameter_text(name, parameter) for name, parameter in entry["parameters"].items())
         print(f"  {entry['effect']:24} {entry['score_nats']:9.0f} nats, confidence {entry['confidence']:.2f}: {values}")
     figures = [result[f"heldout_{name}"] for name in ("ir_rmse_before", "ir_rmse_after", "noise_floor")]
     print("error on frames that no fit has seen: {:.2f} DN before, {:.2f} after; noise alone gives {:.2f}".format(*figures))

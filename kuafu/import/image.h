@@ -13,7 +13,7 @@
 
 namespace kuafu {
 
-/// PNG (8 or 16 bit), JPEG, WebP, BMP or TGA, told by content. Throws KS_ERROR_FILE that names the texture.
+/// PNG (8 or 16 bit), JPEG, WebP, BMP or TGA, recognised by content. Throws KS_ERROR_FILE that names the texture.
 Texture decode_image(std::span<const uint8_t> bytes, const std::string& name, bool srgb, Budget& budget);
 
 bool is_png(std::span<const uint8_t> bytes);

@@ -20,7 +20,7 @@ from activestereo.sensor_world import pattern_of
 
 
 class BatchRig:
-    """environments: of each sensor. told: what the engines are told of each. Lights are dark until shine()."""
+    """environments: of each sensor. inputs: the engines' inputs for each. Lights are dark until shine()."""
 
     def __init__(
         self,
@@ -32,25 +32,25 @@ class BatchRig:
         self._scene = scene
         pattern = config.pattern() if config.light_dots is None else None
         image = None if pattern is None else pattern[0]
-        self.told = _told(config, scene, None if image is None else pattern_of(image), model)
-        eyes = self.told.eyes
+        self.inputs = _inputs_of(config, scene, None if image is None else pattern_of(image), model)
+        eyes = self.inputs.eyes
         self.cameras = [copy_camera(eye.camera, 0.0) for eye in eyes for _ in environments]
         self.films = [eye.film for eye in eyes for _ in environments]
         self._eyes_on_rig = [eye.camera.camera_to_world for eye in eyes]
         # Of each sensor: the laser's power over the configuration's, and how its right eye is turned.
         self.laser_power = np.ones(len(environments))
         self.right_turn = np.broadcast_to(np.eye(4), (len(environments), 4, 4)).copy()
-        materials = {number: scene.get_material(number) for number in self.told.materials}
-        enter_world(scene, self.told)
-        texture = _texture(scene, self.told, image)
-        own = [] if self.told.projector is None else [self.told.projector]
+        materials = {number: scene.get_material(number) for number in self.inputs.materials}
+        enter_world(scene, self.inputs)
+        texture = _texture(scene, self.inputs, image)
+        own = [] if self.inputs.projector is None else [self.inputs.projector]
         self._projectors = len(own) * len(environments)  # the first of the lights
         self._lights: list[kuafu.Light] = []
-        self._on_rig = [light.light_to_world for light in (*own, *self.told.rig_lights)]
-        power = [float(light.ir_intensity or 0.0) for light in (*own, *self.told.rig_lights) for _ in environments]
+        self._on_rig = [light.light_to_world for light in (*own, *self.inputs.rig_lights)]
+        power = [float(light.ir_intensity or 0.0) for light in (*own, *self.inputs.rig_lights) for _ in environments]
         nominal = config.projector_intensity
         self._power = [nominal if p == np.float32(nominal) else p for p in power]  # unrounded where it is the config's
-        for light in (*own, *self.told.rig_lights):
+        for light in (*own, *self.inputs.rig_lights):
             for environment in environments:
                 placed = copy_light(light)
                 placed.environment, placed.ir_intensity = environment, 0.0
@@ -58,8 +58,8 @@ class BatchRig:
                     placed.texture = texture
                 self._lights.append(placed)
         self._numbers = [scene.add_light(light) for light in self._lights]
-        standing = [scene.add_light(light) for light in self.told.lights]
-        has_medium = self.told.medium is not None
+        standing = [scene.add_light(light) for light in self.inputs.lights]
+        has_medium = self.inputs.medium is not None
         self.leave = weakref.finalize(
             self, _leave, scene, [*self._numbers, *standing], texture, materials, has_medium
         )
@@ -83,7 +83,7 @@ class BatchRig:
         self._scene.set_lights(self._numbers, self._lights)
 
 
-def _told(
+def _inputs_of(
     config: StereoDepthSensorConfig, scene: kuafu.Scene, image: NDArray[np.float32] | None, model: SensorModel | None
 ) -> EngineInputs:
     """With the RGB camera at the origin. ValueError where the model does not fit the scene or a batch."""
@@ -91,26 +91,26 @@ def _told(
     ambient = None if model is None else model.nuisances.get("ambient_scale")
     if ambient is not None:
         radiance = ambient.value / config.ir_responsivity_dn
-    told = sensor_inputs(config, scene, Pose(), still, exposure(config, still), image, radiance)
+    inputs = sensor_inputs(config, scene, Pose(), still, exposure(config, still), image, radiance)
     if model is None:
-        return told
+        return inputs
     names = [scene.material_name(number) for number in range(scene.summary.material_count)]
-    model.survey(names).apply(told)
-    left_over = [effect.id for effect, _ in apply_engine(told, model.bound(names).effects)]
-    left_over += ["exposure_desync"] if any(eye.delay_s for eye in told.eyes) else []
+    model.survey(names).apply(inputs)
+    left_over = [effect.id for effect, _ in apply_engine(inputs, model.bound(names).effects)]
+    left_over += ["exposure_desync"] if any(eye.delay_s for eye in inputs.eyes) else []
     if left_over:
         what = ", ".join(left_over)
         raise ValueError(f"a batch has no {what}: StereoDepthSensor has effects that act outside of the engines")
-    return told
+    return inputs
 
 
-def _texture(scene: kuafu.Scene, told: EngineInputs, image: NDArray[np.uint8] | None) -> int | None:
+def _texture(scene: kuafu.Scene, inputs: EngineInputs, image: NDArray[np.uint8] | None) -> int | None:
     """What the projectors throw: the sensor's own image, or what effects made of it."""
-    if told.projector is None or image is None or told.pattern is None:
+    if inputs.projector is None or image is None or inputs.pattern is None:
         return None
-    if np.array_equal(told.pattern, pattern_of(image)):
+    if np.array_equal(inputs.pattern, pattern_of(image)):
         return scene.add_texture(image, name="projector pattern")
-    return scene.add_texture(np.ascontiguousarray(told.pattern, np.float32), name="changed projector pattern")
+    return scene.add_texture(np.ascontiguousarray(inputs.pattern, np.float32), name="changed projector pattern")
 
 
 def _leave(

@@ -54,7 +54,7 @@ FIELDS: dict[str, dict[str, Field]] = {
         "projector_position_m": _numbers("projector", "m", 3, -10, 10),
         "min_depth_m": _numbers("nearer depths are dropped", "m", 0, 0, 1e6),
         "max_depth_m": _numbers("farther depths are dropped", "m", 0, 0, 1e6),
-        "max_disparity_px": _numbers("disparities that are searched", "px", 0, 16, 1024, whole=True),
+        "max_disparity": _numbers("disparities that are searched", "px", 0, 16, 1024, whole=True),
         "line_time_s": _numbers("rolling shutter of the infrared cameras, 0 = global", "s", 0, 0, 1),
     },
     "projector": {
@@ -93,15 +93,15 @@ FIELDS: dict[str, dict[str, Field]] = {
     "optics": {
         "vignetting_exponent": _numbers("light falls with this power of the cosine from the axis", "", 0, 0, 64),
         "psf_sigma_px": _numbers("sigma of the lens's blur", "px", 0, 0, 32),
+        "firefly_factor": _numbers("pixels of indirect light may outshine their neighbours so much", "", 0, 1, 1e6),
     },
     "room": {
-        "visible_share": _numbers("what visible light gives in the infrared images", "", 0, 0, 100),
-        "radiance_w_sr_m2": _numbers("infrared light from all sides, besides", "W/(sr m^2)", 0, 0, 1e6),
+        "ir_ambient_scale": _numbers("what visible light gives in the infrared images", "", 0, 0, 100),
+        "ir_ambient_radiance": _numbers("infrared light from all sides, besides", "W/(sr m^2)", 0, 0, 1e6),
         "denoise": Field("filter of the samples' noise, never of the dots' light", choices=("none", "atrous", "oidn")),
-        "fireflies": Field("lone bright pixels of indirect light", choices=("keep", "clamp")),
     },
     "matcher": {
-        "median_size_px": Field("side of the window whose median a disparity becomes", "px", choices=(1, 3, 5, 7)),
+        "median_size": Field("side of the window whose median a disparity becomes", "px", choices=(1, 3, 5, 7)),
     },
 }
 
@@ -167,16 +167,16 @@ def _read(path: Path, chain: int) -> CameraData:
     if base is not None:
         beside = path.parent / f"{base}.toml"
         beside = beside if beside.is_file() else FOLDER / f"{base}.toml"
-        figures = {section: dict(told) for section, told in _read(beside, chain - 1).figures.items()}
+        figures = {section: dict(entries) for section, entries in _read(beside, chain - 1).figures.items()}
     texts = {key: content.pop(key, None) for key in ("name", "title")}
     for key, text in texts.items():
         if not isinstance(text, str) or not text:
             raise ValueError(f"{path}: {key}: is {text!r}, expected text")
-    for section, told in content.items():
+    for section, entries in content.items():
         _known(path, "section", section, FIELDS)
-        if not isinstance(told, dict):
-            raise ValueError(f"{path}: {section}: is {told!r}, expected a section of figures")
-        for key, entry in told.items():
+        if not isinstance(entries, dict):
+            raise ValueError(f"{path}: {section}: is {entries!r}, expected a section of figures")
+        for key, entry in entries.items():
             _known(path, f"figure of {section}", key, FIELDS[section])
             figures[section][key] = _figure(f"{path}: {section}.{key}", entry, FIELDS[section][key])
     return CameraData(str(texts["name"]), str(texts["title"]), figures)

@@ -86,8 +86,8 @@ def _obj(data: bytes) -> tuple[Points, Faces]:
         if words[:1] == ["v"]:
             points.append([float(word) for word in words[1:4]])
         elif words[:1] == ["f"]:
-            told = [int(word.split("/")[0]) for word in words[1:]]
-            polygon = [n - 1 if n > 0 else len(points) + n for n in told]
+            numbers = [int(word.split("/")[0]) for word in words[1:]]
+            polygon = [n - 1 if n > 0 else len(points) + n for n in numbers]
             faces += [[polygon[0], a, b] for a, b in zip(polygon[1:], polygon[2:], strict=False)]
     return np.array(points, dtype=np.float64).reshape(-1, 3), np.array(faces, dtype=np.int64).reshape(-1, 3)
 

@@ -103,8 +103,8 @@ def live_pictures(size: tuple[int, int]) -> Iterator[tuple[NDArray[np.uint8], ND
     config.enable_stream(rs.stream.color, *size, rs.format.rgb8, 30)
     profile = pipeline.start(config)
     try:
-        told = profile.get_stream(rs.stream.color).as_video_stream_profile().get_intrinsics()
-        K = np.array([[told.fx, 0.0, told.ppx], [0.0, told.fy, told.ppy], [0.0, 0.0, 1.0]])
+        lens = profile.get_stream(rs.stream.color).as_video_stream_profile().get_intrinsics()
+        K = np.array([[lens.fx, 0.0, lens.ppx], [0.0, lens.fy, lens.ppy], [0.0, 0.0, 1.0]])
         while True:
             yield np.array(pipeline.wait_for_frames().get_color_frame().get_data()), K
     finally:

@@ -72,6 +72,7 @@ def _signal(camera: CameraData) -> dict[str, float] | None:
 
 # What SAPIEN's StereoDepthSensorConfig calls the engine's parameters, and where its defaults are others.
 SAPIEN_NAMES = {
+    "noise_seed": "ir_noise_seed",
     "max_disparity": "max_disp",
     "p1": "p1_penalty",
     "p2": "p2_penalty",
@@ -82,16 +83,15 @@ SAPIEN_NAMES = {
     "ir_ambient_radiance": "ir_ambient_strength",
 }
 SAPIEN_DEFAULTS = {"depth_dilation": True}
-# Parameters of the engines that are a camera's own: the section of its data and the figure's name there.
+# Parameters of the engines that are a camera's own, with the section of its data where they stand.
 OF_THE_CAMERA = {
-    "min_depth_m": ("rig", "min_depth_m"),
-    "max_depth_m": ("rig", "max_depth_m"),
-    "max_disparity": ("rig", "max_disparity_px"),
-    # What a visible light gives in the infrared where it does not say, and ambient infrared radiance, W/(sr m^2).
-    "ir_ambient_scale": ("room", "visible_share"),
-    "ir_ambient_radiance": ("room", "radiance_w_sr_m2"),
-    "denoise": ("room", "denoise"),
-    "median_size": ("matcher", "median_size_px"),
+    "min_depth_m": "rig",
+    "max_depth_m": "rig",
+    "max_disparity": "rig",
+    "ir_ambient_scale": "room",
+    "ir_ambient_radiance": "room",
+    "denoise": "room",
+    "median_size": "matcher",
 }
 
 
@@ -176,9 +176,6 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
         self.ir_exposure_limits_s = tuple(camera.value("exposure", "exposure_limits_s"))
         self.ir_gain_limits = tuple(camera.value("exposure", "gain_limits"))
         self.ir_responsivity_dn = camera.value("imager", "responsivity_dn")
-        # 'clamp': pixels of indirect light that outshine all around them, which few samples give, are taken down to
-        # the brightest neighbour; 'keep'.
-        self.ir_fireflies = camera.value("room", "fireflies")
         self.rgb_exposure = None  # colour value per radiance; None = the median lit pixel at a quarter of white
 
         # Shutters, which what moves is seen through (the sensor by set_velocity(), instances and lights by
@@ -207,13 +204,13 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
         # simsense_signal's parameters whose input is in counts; exposure, responsivity and black level above come on
         # top. (Set above, with the devices' own noise.)
 
-        # What the engines may be told beside (capi/tables/reference.md): every parameter of matching and depth, where
+        # Further settings of the engines (capi/tables/reference.md): every parameter of matching and depth, where
         # the depth engine works and which faults of the published SimSense it keeps, who traces rays, and how pictures
         # are rendered. What SAPIEN has is under SAPIEN's names.
         for p in (*MATCHER, *RIG, *RENDERER, *RENDER):
             setattr(self, sapien_name(p.name), SAPIEN_DEFAULTS.get(p.name, p.default))
-        for name, (section, figure) in OF_THE_CAMERA.items():
-            setattr(self, sapien_name(name), camera.value(section, figure))
+        for name, section in OF_THE_CAMERA.items():
+            setattr(self, sapien_name(name), camera.value(section, name))
         self.render_seed = 0
         # What compute_depth() gives besides, out of 'confidence', 'reason', 'points', 'rectified_left' and
         # 'rectified_right'; get_depth_map() returns it.

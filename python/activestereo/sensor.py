@@ -265,7 +265,7 @@ class StereoDepthSensor:
 
     @property
     def engine_inputs(self) -> EngineInputs:
-        """What the engines are told of this sensor under its model, with the infrared cameras at their present
+        """The engines' inputs for this sensor under its model, with the infrared cameras at their present
         poses."""
         self.ir_cameras()
         return self._tell_engines()
@@ -378,7 +378,7 @@ class StereoDepthSensor:
         return make_engine(self._config, simsense.Device(self._device.info.device_uuid))
 
     def _tell_engines(self) -> EngineInputs:
-        """What the engines are told, with the RGB camera at the origin; found anew where the sensor or its conditions
+        """The engines' inputs, with the RGB camera at the origin; found anew where the sensor or its conditions
         have changed."""
         if self._inputs is None:
             temperature, time_s = self._conditions
@@ -431,7 +431,7 @@ class StereoDepthSensor:
         self._next_setting = None
 
     def _move(self) -> None:
-        """Gives what the engines are told the present velocity."""
+        """Gives the engines' inputs the present velocity."""
         if self._inputs is None or any(eye.delay_s for eye in self._inputs.eyes):
             self._inputs = None
             return

@@ -283,9 +283,9 @@ class StereoDepthSensorBatch:
     def _make_rig(self) -> None:
         """The cameras and projectors of all sensors, and where they are on theirs."""
         c = self._config
-        told = self._rig.told
-        self._engine.set_signal(*(eye.signal for eye in told.eyes))
-        self._signal, self._max_dn = told.left.signal, told.max_dn
+        inputs = self._rig.inputs
+        self._engine.set_signal(*(eye.signal for eye in inputs.eyes))
+        self._signal, self._max_dn = inputs.left.signal, inputs.max_dn
         lens: dict[str, Any] = {"distortion": c.rgb_distortion, "exposure_s": c.rgb_exposure_s}
         lens |= shutter(c.rgb_line_time_s, c.rgb_readout)
         self._rgb_on_rig = camera_to_world(Pose())
@@ -317,7 +317,7 @@ class StereoDepthSensorBatch:
 
     def _render_infrared(self, settings: dict[str, Any]) -> None:
         """Into the link, exposed; the laser's part, where speckle is its alone, is kept."""
-        apart = self._rig.told.speckle_of_laser
+        apart = self._rig.inputs.speckle_of_laser
         names = LASER_OUTPUTS if apart else ()
         outputs: dict[str, Any] = {"radiance": self._link.target} | dict.fromkeys(names, np.float32)
         environments = self._environments * 2

@@ -27,8 +27,6 @@ if TYPE_CHECKING:
 
 # Parts of the infrared pair's light that the projector's laser makes.
 LASER_OUTPUTS = ("projector_direct", "projector_indirect")
-# How many times brighter than all around it a pixel of indirect light is taken for a firefly.
-_FIREFLY_FACTOR = 1.5
 # Media reach so far beyond scene and rig.
 _MARGIN_M = 0.05
 # A collimated beam is in focus here: a dot is the beam's width in metres beside its angle.
@@ -134,8 +132,6 @@ def _eye(
         **shutter(config.ir_line_time_s, config.ir_readout),
     )
     film = kuafu.Film(**(config.ir_film or {}))
-    if config.ir_fireflies == "clamp" and film.firefly_factor == 0.0:
-        film.firefly_factor = _FIREFLY_FACTOR
     return EngineEye(camera, film, signal, is_right)
 
 

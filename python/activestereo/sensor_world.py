@@ -21,7 +21,7 @@ class SensorWorld:
     def __init__(self, scene: kuafu.Scene, pattern: NDArray[np.uint8] | None) -> None:
         self._scene = scene
         self._pattern = pattern
-        # What the engines are told of it; None where the projector has dots or there is none.
+        # The engines' inputs for it; None where the projector has dots or there is none.
         self.pattern = None if pattern is None else pattern_of(pattern)
         self._texture: int | None = None
         self._changed_texture: int | None = None
@@ -68,7 +68,7 @@ class SensorWorld:
             self._standing.append(self._scene.add_light(light))
 
     def place(self, rig_to_world: NDArray[np.float64]) -> None:
-        """Moves the lights of the rig along. rig_to_world: 4x4 from the frame in which their own poses are told."""
+        """Moves the lights of the rig along. rig_to_world: 4x4 from the frame in which their own poses are given."""
         for number, light, pose in self._on_rig:
             light.light_to_world = rig_to_world @ pose
             self._scene.set_light(number, light)

@@ -91,7 +91,7 @@ class Device {
     }
   }
 
-  /// Messages of the library where nobody else asked for them: to Python's logging, which shows warnings unless it is told otherwise.
+  /// Messages of the library where nobody else asked for them: to Python's logging, which shows warnings unless it is set otherwise.
   static py::object logger() {
     const py::object log = py::module_::import("logging").attr("getLogger")(Api::name).attr("log");
     return py::cpp_function([log](uint32_t level, const py::str& text) {

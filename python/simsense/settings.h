@@ -28,7 +28,7 @@ inline simsense_signal signal_preset(const std::string& name) {
   return signal;
 }
 
-/// All that an engine can be told between frames.
+/// All settings of an engine that may change between frames.
 struct Settings {
   simsense_parameters parameters = simsense_parameters_init();
   simsense_signal left = simsense_signal_init(), right = simsense_signal_init();

@@ -56,16 +56,16 @@ def row(folder: Path, out: Path, tool: str, device: str) -> str:
     truth = json.loads(answer.read_text())
     hidden = ", ".join(effect["effect"] for effect in truth["effects"]) or "nothing"
     error = truth["oracle"]["ir_rmse_dn"]["test"]
-    told, engines = said["heldout_ir_rmse_after"], compared["ir"]["test"]["rmse_dn"]
-    gap = (error["before"] - told) / (error["before"] - error["floor"]) if truth["effects"] else None
+    diagnosed, engines = said["heldout_ir_rmse_after"], compared["ir"]["test"]["rmse_dn"]
+    gap = (error["before"] - diagnosed) / (error["before"] - error["floor"]) if truth["effects"] else None
     cells = [
         folder.name,
         hidden,
         ", ".join([said["verdict"], *said["added"]]),
         "" if gap is None else f"{gap:.2f}",
-        f"{told:.3f}",
+        f"{diagnosed:.3f}",
         f"{engines:.3f}",
-        f"{engines / told:.3f}",
+        f"{engines / diagnosed:.3f}",
         f"{first['wall_s']:.0f} s, {first['processor_s']:.0f} s",
         f"{again['wall_s']:.0f} s, {again['processor_s']:.0f} s",
     ]

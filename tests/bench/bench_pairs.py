@@ -274,7 +274,7 @@ def table(pairs: list[Pair], weak_dn: float) -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path, help="folder of pairs")
-    parser.add_argument("--weak-dn", type=float, default=10, help="darker pixels are told apart (default 10)")
+    parser.add_argument("--weak-dn", type=float, default=10, help="darker pixels are counted separately (default 10)")
     parser.add_argument("--each", action="store_true", help="a table for each pair too")
     args = parser.parse_args()
     folders = sorted(path.parent for path in args.folder.glob("*/left.png"))

@@ -106,9 +106,9 @@ def test_project_that_fetches_this_one(tmp_path: pathlib.Path) -> None:
     """FetchContent makes the same targets; what they build to is shown by the test above."""
     run("cmake", "-S", ROOT / "tests/install/subdirectory", "-B", tmp_path, "-G", "Ninja", "-DBY_FETCH_CONTENT=ON",
         f"-DACTIVESTEREO_SOURCE={ROOT}")
-    told = run("ninja", "-C", tmp_path, "-t", "commands", "client")
-    assert "libsimsense.so" in told
-    assert f"-I{ROOT}/capi/include" in told
+    commands = run("ninja", "-C", tmp_path, "-t", "commands", "client")
+    assert "libsimsense.so" in commands
+    assert f"-I{ROOT}/capi/include" in commands
 
 
 def test_debian_packages_name_what_they_need(tmp_path):

@@ -127,12 +127,12 @@ class MaterialFit:
         return material.base_color_texture is None and min(material.base_color[:3]) > 0.999
 
     def set(self, theta: NDArray[np.float64]) -> None:
-        for number, told in zip(self._surfaces, self.told(theta), strict=True):
+        for number, surface in zip(self._surfaces, self.surfaces(theta), strict=True):
             material = self._scene.scene.get_material(number)
-            set_surface(material, told)
+            set_surface(material, surface)
             self._scene.scene.set_material(number, material)
 
-    def told(self, theta: NDArray[np.float64]) -> list[Mapping[str, float]]:
+    def surfaces(self, theta: NDArray[np.float64]) -> list[Mapping[str, float]]:
         rows = np.asarray(theta).reshape(len(self._surfaces), len(PARAMETERS))
         return [dict(zip(PARAMETERS, map(float, row), strict=True)) for row in rows]
 

@@ -101,11 +101,11 @@ def acquire_materials(
     before = fit.residuals(nominal, _FINE_SAMPLES).loss
     names = [surface_names(capture.scene_path)[k] for k in surfaces]
     source = f"acquire materials: {len(seen)} pictures of {capture.name}"
-    found, undetermined = _told(names, theta, sigma, source)
+    found, undetermined = _judged(names, theta, sigma, source)
     tell(1.0)
-    told = {surface_names(capture.scene_path)[number]: color for number, color in colors.items()}
+    found_colors = {surface_names(capture.scene_path)[number]: color for number, color in colors.items()}
     losses = before, residuals.loss
-    return Materials(object_name, found, undetermined, losses, fit.renders, tuple(p.name for p in seen), told)
+    return Materials(object_name, found, undetermined, losses, fit.renders, tuple(p.name for p in seen), found_colors)
 
 
 def _wide(
@@ -174,7 +174,7 @@ def _fine(
     return theta, best, np.sqrt(np.einsum("ij,j,ij->i", vectors, variance, vectors) + _FLOOR**2)
 
 
-def _told(
+def _judged(
     names: list[str], theta: NDArray[np.float64], sigma: NDArray[np.float64], source: str
 ) -> tuple[dict[str, dict[str, Quantity]], dict[str, tuple[str, ...]]]:
     found: dict[str, dict[str, Quantity]] = {}

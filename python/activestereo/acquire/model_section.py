@@ -11,15 +11,15 @@ from activestereo.sensor_model import SensorModel, model_json
 from activestereo.sensor_model.read import FORMAT, VERSION
 
 
-def replace_sections(path: Path, told: SensorModel, keep_rig: bool = False) -> None:
-    """Writes what `told` says of rig, pattern, imager and materials into the model at `path`, which is made where it
+def replace_sections(path: Path, measured: SensorModel, keep_rig: bool = False) -> None:
+    """Writes what `measured` says of rig, pattern, imager and materials into the model at `path`, made where it
     does not exist. Nuisances and materials that it names replace those of the same names. keep_rig: of a rig that is
     there already, only the projector's place is replaced.
 
     ValueError, with the file, where it is no model or one of another version: nothing is written then.
     """
     path = Path(path)
-    new = model_json(told)
+    new = model_json(measured)
     root = _read(path) if path.exists() else {"format": FORMAT, "version": VERSION}
     if keep_rig and "rig" in root and "rig" in new:
         new["rig"] = root["rig"] | {"left_to_projector": new["rig"]["left_to_projector"]}

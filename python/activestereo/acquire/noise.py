@@ -38,7 +38,7 @@ class TransferPoint:
 @dataclass(frozen=True)
 class Noise:
     """fit: of the law that gives pixels it was not fitted to the higher density; margin_nats: by how much, per held-out
-    pixel, with its standard error. clipped_share: of all counts, censored. black_from: what told the black level."""
+    pixel, with its standard error. clipped_share: of all counts, censored. black_from: its source."""
 
     fit: LawFit
     margin_nats: tuple[float, float]

@@ -83,7 +83,7 @@ def run(args: argparse.Namespace) -> None:
 
 
 def _under_model(args: argparse.Namespace, effects: "dict[str, Effect]") -> dict[str, Any]:
-    """What compare() is told of a model: its effects and survey in this scene, and engines in which they act."""
+    """What compare() takes of a model: its effects and survey in this scene, and engines in which they act."""
     from activestereo.engines import CaptureRenderer
     from activestereo.lab.model_file import scene_of
     from activestereo.scene_surfaces import surface_names

@@ -81,7 +81,7 @@ def _figures(camera: CameraData) -> str:
             field = FIELDS[section][name]
             lines.append(f"{name} = {_value(figure)} {field.unit}".rstrip() + f"   ({field.doc})")
             lines.append(f"    {figure.basis}: {figure.source}")
-    estimated = sum(figure.basis == "estimated" for told in camera.figures.values() for figure in told.values())
+    estimated = sum(figure.basis == "estimated" for section in camera.figures.values() for figure in section.values())
     return "\n".join([*lines, "", f"{estimated} of {sum(map(len, camera.figures.values()))} figures are estimated"])
 
 

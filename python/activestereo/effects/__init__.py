@@ -10,7 +10,7 @@ function.
         '''Stray light from the whole picture.'''
         return (1 - fraction) * image + fraction * image.mean()
 
-What a function gets and gives back by stage is told in core/descriptor.py. Every module of this folder is one built-in
+What a function gets and gives back by stage stands in core/descriptor.py. Every module of this folder is one built-in
 effect.
 """
 

@@ -33,9 +33,9 @@ def foreshortening_bias(disparity: np.ndarray, view: View, offset_px: float, off
     along it."""
     normal, points = view.normal, view.points()
     plane_m = (normal * points).sum(-1)  # the tangent plane's distance: 1/z = normal . (x, y, 1) / plane_m
-    told = (disparity > 0) & (np.abs(plane_m) > 1e-3 * np.maximum(view.depth_m, 1e-6))
-    per_px = view.baseline_m / np.where(told, plane_m, 1.0)
+    known = (disparity > 0) & (np.abs(plane_m) > 1e-3 * np.maximum(view.depth_m, 1e-6))
+    per_px = view.baseline_m / np.where(known, plane_m, 1.0)
     right, down = (
         np.clip(x, -1.0, 1.0) for x in (per_px * normal[..., 0], per_px * normal[..., 1] * view.K[0, 0] / view.K[1, 1])
     )
-    return np.where(told, np.maximum(disparity + offset_px * right + offset_down_px * down, 0.0), disparity)
+    return np.where(known, np.maximum(disparity + offset_px * right + offset_down_px * down, 0.0), disparity)

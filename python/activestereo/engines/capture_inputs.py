@@ -41,13 +41,13 @@ def capture_inputs(
 def frame_signal(frame: Frame) -> dict[str, float]:
     """A noiseless imager under a frame's settings, in counts: input is counts per second at gain 1."""
     temperature = REFERENCE_TEMPERATURE_C if frame.temperature_c is None else frame.temperature_c
-    told = {
+    settings = {
         "exposure_s": frame.exposure_s,
         "gain": frame.gain,
         "temperature_c": temperature,
         "dark_reference_c": REFERENCE_TEMPERATURE_C,
     }
-    return simsense.signal_preset("neutral") | told
+    return simsense.signal_preset("neutral") | settings
 
 
 def _eye(capture: Capture, frame: Frame, name: str, left_to_eye: NDArray[np.float64]) -> EngineEye:

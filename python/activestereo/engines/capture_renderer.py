@@ -118,7 +118,7 @@ class CaptureRenderer:
         return self._device
 
     def inputs(self, frame: Frame, model: Model, survey: Survey | None = None, random: bool = False) -> EngineInputs:
-        """What the engines are told for a frame: calibration and settings, the survey's corrections, then the model's
+        """The engines' inputs for a frame: calibration and settings, the survey's corrections, then the model's
         effects. random=False: those that draw numbers are left out, for they have no part in an expected image."""
         inputs = capture_inputs(self.capture, frame, self._scene, self._pattern, self.seed)
         if survey is not None:

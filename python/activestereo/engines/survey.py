@@ -19,13 +19,13 @@ _TEXTURES = {
 }
 
 
-def set_surface(material: kuafu.Material, told: Mapping[str, float]) -> None:
+def set_surface(material: kuafu.Material, values: Mapping[str, float]) -> None:
     """Measured fields in place of a material's own, their textures included."""
-    for name, value in told.items():
+    for name, value in values.items():
         setattr(material, name, value)
         setattr(material, _TEXTURES[name], None)
-    if "roughness" in told:
-        material.transmission_roughness = told["roughness"]
+    if "roughness" in values:
+        material.transmission_roughness = values["roughness"]
 
 
 @dataclass(frozen=True)
@@ -42,8 +42,8 @@ class Survey:
         for eye, change in zip(inputs.eyes, self.focal, strict=True):
             if change:
                 eye.scale_focal(1.0 + change)
-        for number, told in self.surfaces.items():
-            set_surface(inputs.material(number), told)
+        for number, values in self.surfaces.items():
+            set_surface(inputs.material(number), values)
         for number, factor in self.albedo.items():
             material = inputs.material(number)
             if (

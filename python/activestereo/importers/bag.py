@@ -126,8 +126,8 @@ def _pixels(path: Path, topic: str, message: Any) -> NDArray[np.generic]:
 def _intrinsic(path: Path, topic: str, message: Any) -> Intrinsic:
     K = np.asarray(_either(message, "k"), float).reshape(3, 3)
     distortion = np.zeros(5)
-    told = np.asarray(_either(message, "d"), float)[:5]
-    distortion[: len(told)] = told
+    coefficients = np.asarray(_either(message, "d"), float)[:5]
+    distortion[: len(coefficients)] = coefficients
     if not (K[0, 0] > 0 and K[1, 1] > 0):
         raise ValueError(f"{path}: {topic}: K is {K.ravel().tolist()}, expected focal lengths above 0")
     return Intrinsic(int(message.width), int(message.height), K, distortion)

@@ -73,14 +73,14 @@ def _calibration(rs: Any, profile: Any) -> DeviceText:
     }
     modes = {}
     for name, stream in streams.items():
-        told = stream.get_intrinsics()
-        K = np.array([[told.fx, 0.0, told.ppx], [0.0, told.fy, told.ppy], [0.0, 0.0, 1.0]])
-        modes[name, told.width, told.height] = Intrinsic(told.width, told.height, K, np.array(told.coeffs, dtype=float))
+        lens = stream.get_intrinsics()
+        K = np.array([[lens.fx, 0.0, lens.ppx], [0.0, lens.fy, lens.ppy], [0.0, 0.0, 1.0]])
+        modes[name, lens.width, lens.height] = Intrinsic(lens.width, lens.height, K, np.array(lens.coeffs, dtype=float))
     first = streams["Infrared 1"]
     between = {}
     for name in ("Infrared 2", "Color"):
-        told = first.get_extrinsics_to(streams[name])
-        rotation = np.reshape(told.rotation, (3, 3)).T  # librealsense keeps rotations column by column
+        motion = first.get_extrinsics_to(streams[name])
+        rotation = np.reshape(motion.rotation, (3, 3)).T  # librealsense keeps rotations column by column
         what = f'live: Extrinsic from "Infrared 1" To "{name}"'
-        between["Infrared 1", name] = printed_motion(rotation, told.translation, what)
+        between["Infrared 1", name] = printed_motion(rotation, motion.translation, what)
     return DeviceText(Path("live"), modes, between)

@@ -29,18 +29,18 @@ def read_open3d(
 ) -> ColorDepthRecording:
     """K and depth_scale go before what the folder says. ValueError names file, key and value."""
     path = next(folder / name for name in _INTRINSICS if (folder / name).is_file())
-    told = _json(path)
+    intrinsics = _json(path)
     if K is None:
-        if "intrinsic_matrix" not in told:
+        if "intrinsic_matrix" not in intrinsics:
             raise ValueError(f"{path}: intrinsic_matrix: is missing: give --k FX,FY,CX,CY")
-        K = _columns(path, told)
+        K = _columns(path, intrinsics)
     colors, depths = image_files(folder / "color"), image_files(folder / "depth")
     if not depths:
         raise ValueError(f"{folder / 'depth'}: holds no PNG files")
     poses = _poses(folder)
     if poses is not None and len(poses) != len(depths):
         raise ValueError(f"{folder}: the trajectory has {len(poses)} poses, depth/ {len(depths)} images")
-    scale = depth_scale or (1.0 / float(told["depth_scale"]) if told.get("depth_scale") else _UNIT_M)
+    scale = depth_scale or (1.0 / float(intrinsics["depth_scale"]) if intrinsics.get("depth_scale") else _UNIT_M)
     frames = [
         ColorDepthFrame(number / _RATE_HZ, file, colors.get(name), scale, None if poses is None else poses[number])
         for number, (name, file) in enumerate(depths.items())
@@ -48,12 +48,12 @@ def read_open3d(
     return ColorDepthRecording(folder, "an Open3D folder", K, tuple(frames))
 
 
-def _columns(path: Path, told: dict[str, Any]) -> NDArray[np.float64]:
+def _columns(path: Path, intrinsics: dict[str, Any]) -> NDArray[np.float64]:
     try:
-        values = np.array(told["intrinsic_matrix"], dtype=np.float64).reshape(3, 3).T
+        values = np.array(intrinsics["intrinsic_matrix"], dtype=np.float64).reshape(3, 3).T
     except (TypeError, ValueError):
         raise ValueError(
-            f"{path}: intrinsic_matrix: is {told['intrinsic_matrix']!r}, expected nine numbers, column by column"
+            f"{path}: intrinsic_matrix: is {intrinsics['intrinsic_matrix']!r}, expected nine numbers, column by column"
         ) from None
     return camera_matrix_of(path, "intrinsic_matrix", values)
 

@@ -189,9 +189,9 @@ def _color_camera(files: list[FrameFiles], device: DeviceText) -> ColorCamera | 
     first = next((entry.files["color"] for entry in files if "color" in entry.files), None)
     if first is None or not any(stream == "Color" for stream, _, _ in device.intrinsics):
         return None
-    told = device.intrinsic("Color", *image_size(first, "Color"))
+    intrinsic = device.intrinsic("Color", *image_size(first, "Color"))
     left_to_color = device.extrinsic("Infrared 1", "Color")
-    return ColorCamera(told.width, told.height, told.K, told.distortion, left_to_color)
+    return ColorCamera(intrinsic.width, intrinsic.height, intrinsic.K, intrinsic.distortion, left_to_color)
 
 
 def _frame(

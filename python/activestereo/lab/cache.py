@@ -85,10 +85,10 @@ class LayerCache:
         """The stored layers, one entry per camera, or None."""
         stored = self.get_arrays(key) or {}
         names = [field.name for field in fields(Layers)]
-        told = {f.name for f in fields(Layers) if f.default is MISSING or f"{f.name}_0" in (stored or {})}
+        present = {f.name for f in fields(Layers) if f.default is MISSING or f"{f.name}_0" in (stored or {})}
         try:
             count = int(stored["count"])
-            return tuple(Layers(**{n: stored[f"{n}_{i}"] for n in names if n in told}) for i in range(count))
+            return tuple(Layers(**{n: stored[f"{n}_{i}"] for n in names if n in present}) for i in range(count))
         except (KeyError, ValueError):
             return None
 

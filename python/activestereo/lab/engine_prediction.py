@@ -58,14 +58,14 @@ class EngineModel:
 
     def signal(self, light: Light, view: View, nuisances: Nuisances) -> NDArray[np.float64]:
         """Expected DN [height][width], black level included."""
-        frame, told = view.frame, self._signals[view.frame.id, view.eye]
+        frame, signal = view.frame, self._signals[view.frame.id, view.eye]
         level = 1.0 if frame.ambient is None else frame.ambient
         value = (
             nuisances.projector_scale * frame.projector_power * light.projector
             + nuisances.ambient_scale * level * light.ambient
         )
-        black = told["black_level_dn"] + nuisances.black_dn
-        counts = self._imager.one(np.maximum(value, 0.0), told | {"black_level_dn": black}).astype(np.float64)
+        black = signal["black_level_dn"] + nuisances.black_dn
+        counts = self._imager.one(np.maximum(value, 0.0), signal | {"black_level_dn": black}).astype(np.float64)
         if not self.rest.effects:
             return counts
         return self.rest.digital(counts - black, view, black)

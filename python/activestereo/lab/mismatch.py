@@ -27,7 +27,7 @@ _MOST_SHIFT_PX = 4
 # Of what noise lets a correlation reach. Another pattern gives 0.05 at most; dots moved, blurred and dimmed by the
 # strongest effects of the library keep more than 0.4.
 _LEAST = 0.25
-_LEAST_DOTS = 1.0  # variance of the dots over that of noise, below which nothing is told
+_LEAST_DOTS = 1.0  # variance of the dots over that of noise, below which nothing is concluded
 
 Key = tuple[int, str]
 Image = NDArray[np.generic]
@@ -49,7 +49,7 @@ class Match:
 
     @property
     def warnings(self) -> list[str]:
-        """One line each, the first thing to be told; empty where pattern and geometry are right or nothing is known."""
+        """One line each, to be said before all else; empty where pattern and geometry are right or nothing is known."""
         if self.pattern is None or self.geometry is None or self.possible is None or self.swapped is None:
             return []
         limit = _LEAST * self.possible

@@ -64,8 +64,9 @@ def model_json(model: Model, nuisances: Any = None) -> dict[str, Any]:
 def write_model(path: str | Path, model: Model, nuisances: Any = None, scene_path: str | Path | None = None) -> None:
     """Writes a model file of the effects and nuisances alone."""
     names = surface_names(scene_path)
-    told = {n: Quantity(float(v), unit=NUISANCES[n][0]) for n, v in (vars(nuisances) if nuisances else {}).items()}
-    out = SensorModel(nuisances=told)
+    values = vars(nuisances) if nuisances else {}
+    quantities = {name: Quantity(float(value), unit=NUISANCES[name][0]) for name, value in values.items()}
+    out = SensorModel(nuisances=quantities)
     for effect, values in model.effects:
         units = {p.name: p.unit for p in effect.parameters}
         plain, surfaces = with_surfaces(effect, values, names)

@@ -171,21 +171,21 @@ def _scale(disparity: np.ndarray, device: np.ndarray, blocks: Any) -> list[Findi
     return [
         _finding(
             "focal_baseline_error",
-            "f x baseline larger than told, if nothing else is wrong",
+            "f x baseline larger than given, if nothing else is wrong",
             dr / np.maximum(dd, 1e-12),
             "1",
             0.0,
         ),
         _finding(
             "disparity_offset_px",
-            "disparity larger than told, if nothing else is wrong",
+            "disparity larger than given, if nothing else is wrong",
             r / np.maximum(n, 1.0),
             "px",
             0.0,
         ),
         _finding(
             "focal_baseline_error_beside_offset",
-            "f x baseline larger than told, with an offset beside",
+            "f x baseline larger than given, with an offset beside",
             (n * dr - d * r) / determinant,
             "1",
             0.0,
@@ -199,6 +199,6 @@ def findings_text(findings: Sequence[Finding]) -> str:
     for f in findings:
         scale, unit = (100.0, "%") if f.unit == "1" and f.neutral == 0.0 else (1.0, "" if f.unit == "1" else f.unit)
         value, low, high = (scale * x for x in (f.value, f.low, f.high))
-        mark = "" if f.stands_out else "   (not told from a perfect pair)"
+        mark = "" if f.stands_out else "   (a perfect pair may show this, too)"
         lines.append(f"{f.text + ':':75}{value:9.4g} {unit:3} ({low:.4g} to {high:.4g}){mark}")
     return "\n".join(lines)

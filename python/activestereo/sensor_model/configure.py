@@ -30,8 +30,10 @@ def configure(config: Any, model: SensorModel) -> None:
     if model.imager is not None or model.rig is not None:
         config.ir_signal = _signal(model)
     if model.nuisances:
-        # Fitted to images: what its effects do not say of optics, beam and speckle is not there.
-        config.ir_film, config.ir_speckle_of_laser = None, False
+        # Fitted to images: what its effects do not say of optics, beam and speckle is not there. Fireflies are the
+        # renderer's, not the camera's: their limit stays.
+        limit = (config.ir_film or {}).get("firefly_factor")
+        config.ir_film, config.ir_speckle_of_laser = limit and {"firefly_factor": limit}, False
         config.projector_beam_radius_m = config.projector_falloff_exponent = 0.0
         if model.imager is None:
             config.ir_signal = {

@@ -39,10 +39,10 @@ def diagnosed_model(
     albedo}. intervals: {(effect id or 'nuisances' or material name, parameter): 90 % interval}. material_names: of the
     capture's scene, by id.
     """
-    told, source = intervals or {}, f"diagnosis of {capture.name}"
+    bounds, source = intervals or {}, f"diagnosis of {capture.name}"
 
     def quantity(owner: str, name: str, value: float, unit: str) -> Quantity:
-        return Quantity(float(value), *told.get((owner, name), (None, None)), unit=unit, source=source)
+        return Quantity(float(value), *bounds.get((owner, name), (None, None)), unit=unit, source=source)
 
     model = SensorModel(
         rig=_rig(capture),

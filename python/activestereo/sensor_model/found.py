@@ -27,9 +27,9 @@ def _quantities(
     values: Mapping[str, Any], ranked: Mapping[str, Any], surfaces: list[str] | None
 ) -> tuple[dict[str, Quantity], tuple[str, ...]]:
     out = {}
-    for name, told in values.items():
+    for name, value in values.items():
         if name != SURFACES.name:
-            entry = told if isinstance(told, Mapping) else {"value": told}
+            entry = value if isinstance(value, Mapping) else {"value": value}
             out[name] = Quantity(
                 entry["value"], entry.get("low"), entry.get("high"), entry.get("unit", "1"), "diagnosis"
             )

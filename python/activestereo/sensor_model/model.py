@@ -133,8 +133,8 @@ class SensorModel:
         that is out of range."""
         effect.values({name: q.value for name, q in parameters.items() if name != SURFACES.name})
         kept = tuple(e for e in self.effects if e.effect.id != effect.id)
-        told = {name: q for name, q in parameters.items() if name != SURFACES.name}
-        return replace(self, effects=(*kept, ModelEffect(effect, told, tuple(surfaces))))
+        values = {name: q for name, q in parameters.items() if name != SURFACES.name}
+        return replace(self, effects=(*kept, ModelEffect(effect, values, tuple(surfaces))))
 
     def bound(self, material_names: Sequence[str]) -> Model:
         """The effects in a scene whose surfaces (scene_surfaces.py) have these names, by number. ValueError names one
@@ -163,7 +163,7 @@ class SensorModel:
             for fields in [self.materials.get(name) or self.materials.get(material_of(name)) or {}]
             if "ir_albedo_factor" in fields
         }
-        surfaces = {number: told for number, name in enumerate(material_names) if (told := self._surface(name))}
+        surfaces = {number: known for number, name in enumerate(material_names) if (known := self._surface(name))}
         return Survey((left, right), albedo, surfaces)
 
     def _surface(self, name: str) -> dict[str, float]:

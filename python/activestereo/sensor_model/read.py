@@ -73,7 +73,7 @@ def _read(root: JsonObject, effects: dict[str, Effect]) -> SensorModel:
 def _read_first(root: JsonObject, effects: dict[str, Effect]) -> SensorModel:
     """Version 1: effects with plain numbers, surfaces by number, and three nuisances without intervals."""
     nuisances = root.object("nuisances", optional=True)
-    told = (
+    quantities = (
         {
             name: Quantity(nuisances.number(name), unit=NUISANCES[name][0])
             for name in nuisances.keys()
@@ -82,7 +82,7 @@ def _read_first(root: JsonObject, effects: dict[str, Effect]) -> SensorModel:
         if nuisances
         else {}
     )
-    return SensorModel(effects=_effects(root, effects), nuisances=told, source="a model file of version 1")
+    return SensorModel(effects=_effects(root, effects), nuisances=quantities, source="a model file of version 1")
 
 
 def _effects(root: JsonObject, effects: dict[str, Effect]) -> tuple[ModelEffect, ...]:
@@ -122,8 +122,8 @@ def _fields(entry: JsonObject, known: dict[str, tuple[str, float, float]]) -> di
 
 def _quantity(entry: JsonObject, key: str, unit: str, low: float, high: float) -> Quantity:
     """A number, or an object with value, low, high and source."""
-    told = entry.plain(key)
-    if not isinstance(told, dict):
+    plain = entry.plain(key)
+    if not isinstance(plain, dict):
         value, ends, source = entry.number(key), (None, None), ""
     else:
         inner = entry.object(key)

@@ -98,8 +98,8 @@ class Matcher {
   virtual void match(ConstImage left, ConstImage right, const MatchMaps& maps) = 0;
   /// Milliseconds of each stage of the last match.
   [[nodiscard]] virtual std::vector<ks_stage_time> stage_times() const = 0;
-  /// Told now and then how far match() is, 0..1, on the thread that called it, where a matcher says so; may throw, and match() ends with
-  /// that.
+  /// progress: called now and then with how far match() is, 0..1, on the caller's thread. Where it throws, match() ends
+  /// with what it threw.
   void set_progress(std::function<void(float)> progress) { progress_ = std::move(progress); }
 
  protected:

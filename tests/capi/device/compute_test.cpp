@@ -58,7 +58,7 @@ TEST_F(ComputeTest, TheLogIsToldWhileOtherThreadsMayUseTheDevice) {
   struct Log {
     std::shared_ptr<Device> device;
     std::future<void> other;
-    bool told = false, ran = false;
+    bool logged = false, ran = false;
   } log;
   ks_device_desc desc = ks_device_desc_init();
   desc.cache_directory = "/dev/null/no-folder";
@@ -66,7 +66,7 @@ TEST_F(ComputeTest, TheLogIsToldWhileOtherThreadsMayUseTheDevice) {
   desc.log = [](void* user, uint32_t, const char* text) {
     Log& self = *static_cast<Log*>(user);
     if (std::string(text).find("could not be written") == std::string::npos) return;
-    self.told = true;
+    self.logged = true;
     self.other = std::async(std::launch::async, [device = self.device] {
       const auto buffer = Buffer::create(device, 64, 0);
       Commands commands(device);
@@ -77,7 +77,7 @@ TEST_F(ComputeTest, TheLogIsToldWhileOtherThreadsMayUseTheDevice) {
   };
   log.device = Device::create(desc, "test");
   (void)multiply_twice(log.device, 3, 5);
-  EXPECT_TRUE(log.told);
+  EXPECT_TRUE(log.logged);
   EXPECT_TRUE(log.ran);
   if (log.other.valid()) log.other.wait();
   log.device.reset();

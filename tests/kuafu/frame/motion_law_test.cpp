@@ -90,7 +90,7 @@ std::pair<Vec3, Vec3> opposite(const Pose& pose, const Vec3& v, const Vec3& w) {
   return {linear, angular};
 }
 
-/// A room of diffuse, glossy and clear things under a projector, a lamp of some size and a shining plate; all move as told.
+/// A room of diffuse, glossy and clear things under a projector, a lamp of some size and a shining plate; all move as asked.
 void furnish(World& world, const Vec3& v, const Vec3& w) {
   const auto add = [&](const Shape& shape, const kuafu_material_desc& material, const Pose& pose) {
     const auto [linear, angular] = opposite(pose, v, w);

@@ -30,8 +30,8 @@ def fit(plastic):
 
 def loss(fit, **changed):
     names = ("roughness", "metallic", "specular", "transmission", "ir_albedo")
-    told = dict(zip(names, PAINTS["plastic"], strict=True)) | changed
-    return fit.residuals(np.array([told[name] for name in names]), 16).loss
+    surface = dict(zip(names, PAINTS["plastic"], strict=True)) | changed
+    return fit.residuals(np.array([surface[name] for name in names]), 16).loss
 
 
 def test_the_loss_is_least_at_the_truth(fit):
@@ -61,11 +61,11 @@ def test_the_command_finds_the_paint(plastic, tmp_path, monkeypatch, capsys):
     out = tmp_path / "model.json"
     out.write_text(json.dumps({"format": "active-stereo-model", "version": 2, "materials": {"table": {"roughness": 0.9}}}))
     assert main(["acquire", "materials", str(plastic), "--object", "ball", "-o", str(out)]) == 0
-    told = json.loads(out.read_text())["materials"]
-    assert told["table"] == {"roughness": 0.9}  # what it did not measure stays
-    assert abs(told["paint"]["ir_albedo"]["value"] - 0.5) < 0.1
-    assert abs(told["paint"]["roughness"]["value"] - 0.35) < 0.15
-    assert "acquire materials" in told["paint"]["roughness"]["source"]
+    measured = json.loads(out.read_text())["materials"]
+    assert measured["table"] == {"roughness": 0.9}  # what it did not measure stays
+    assert abs(measured["paint"]["ir_albedo"]["value"] - 0.5) < 0.1
+    assert abs(measured["paint"]["roughness"]["value"] - 0.35) < 0.15
+    assert "acquire materials" in measured["paint"]["roughness"]["source"]
     said = capsys.readouterr().out
     assert "mean square of the residuals" in said and "written: materials" in said
 

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Parts in a rendered room are placed by their edges, by the command and from its 2 cm and 5 degrees; what is wrong is
-told in one line."""
+one line each."""
 
 import json
 
@@ -112,13 +112,13 @@ def test_a_box_is_placed_from_2_cm_and_5_degrees(box, capsys):
     arguments = ["acquire", "pose", str(box / "capture"), "--object", f"part={box / 'part.obj'}", "-o", str(out)]
     for seed in (1, 2):
         assert main([*arguments, "--start", start_text(seed)]) == 0
-        told = json.loads(out.with_suffix(".poses.json").read_text())["part"]
-        pose = np.reshape(told["part_to_world"], (4, 4))
+        found = json.loads(out.with_suffix(".poses.json").read_text())["part"]
+        pose = np.reshape(found["part_to_world"], (4, 4))
         centre = np.array([0.0, 0.045, 0.0, 1.0])
         assert np.linalg.norm((pose @ centre - TRUTH @ centre)[:3]) < 2e-3
         turn = cv2.Rodrigues(pose[:3, :3].T @ TRUTH[:3, :3])[0]
         assert np.rad2deg(np.linalg.norm(turn)) < 1.5
-        assert told["free_axes"] == [] and told["views"] > _VIEWS
+        assert found["free_axes"] == [] and found["views"] > _VIEWS
     assert np.allclose(node_pose(out, "part"), pose, atol=1e-6)
     scene = kuafu.Scene(kuafu.Device())
     scene.load(out)
@@ -150,10 +150,10 @@ def test_a_cup_turns_freely_about_its_axis(tmp_path):
     write_obj(tmp_path / "part.obj", mesh)
     out = tmp_path / "placed.gltf"
     assert main(["acquire", "pose", str(tmp_path / "capture"), "--object", f"part={tmp_path / 'part.obj'}", "--start", start_text(1), "-o", str(out)]) == 0
-    told = json.loads(out.with_suffix(".poses.json").read_text())["part"]
-    (axis,) = told["free_axes"]
+    found = json.loads(out.with_suffix(".poses.json").read_text())["part"]
+    (axis,) = found["free_axes"]
     assert abs(axis[1]) > 0.99
-    pose = np.reshape(told["part_to_world"], (4, 4))
+    pose = np.reshape(found["part_to_world"], (4, 4))
     centre = np.array([0.0, 0.06, 0.0, 1.0])
     assert np.linalg.norm((pose @ centre - TRUTH @ centre)[:3]) < 2e-3
     assert np.rad2deg(np.arccos(np.clip(pose[:3, 1] @ TRUTH[:3, 1], -1, 1))) < 1.5

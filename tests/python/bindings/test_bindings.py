@@ -373,17 +373,17 @@ def test_depth_can_be_stopped_within_a_pair():
     device = simsense.Device("host", worker_count=1)
     engine = simsense.Engine(device, camera, camera, baseline, rectified=True, max_disparity=64)
     image = np.random.default_rng(1).integers(0, 256, (240, 320), dtype=np.uint8)
-    told = []
+    fractions = []
 
     def stop(fraction):
-        told.append(fraction)
+        fractions.append(fraction)
         if 0.3 < fraction < 1:
             raise KeyboardInterrupt
 
     expected = engine.compute(image, image)["depth"]
     with pytest.raises(KeyboardInterrupt):
         engine.compute(image, image, progress=stop)
-    assert 0 <= min(told) < 0.3 and told == sorted(told)
+    assert 0 <= min(fractions) < 0.3 and fractions == sorted(fractions)
     np.testing.assert_array_equal(engine.compute(image, image)["depth"], expected)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a wrong argument of the depth engine is told: one line that names it, with what it must be, and no name out of C."""
+"""What a wrong argument of the depth engine answers: one line that names it, with what it must be, and no name out of C."""
 
 import numpy as np
 import pytest

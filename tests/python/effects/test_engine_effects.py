@@ -90,9 +90,9 @@ def test_an_effect_moves_what_it_says(e):
     all_surfaces = {"surfaces": 0.0} if "surfaces" in e.typical_values else {}
     ends = ({p.name: getattr(p, end) for p in e.parameters} for end in ("typical_value", "low", "high"))
     moved = set().union(*(moved_fields(e, values | all_surfaces) for values in ends))
-    told = set(e.engine_fields)
-    assert moved <= told | {f"right.{name}" for name in told}, f"{e.id} moves more than it says"
-    assert told <= moved, f"{e.id} says more than it moves"
+    declared = set(e.engine_fields)
+    assert moved <= declared | {f"right.{name}" for name in declared}, f"{e.id} moves more than it says"
+    assert declared <= moved, f"{e.id} says more than it moves"
 
 
 @pytest.mark.parametrize("e", MAPPED, ids=lambda e: e.id)

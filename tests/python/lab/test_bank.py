@@ -28,8 +28,8 @@ open(sys.argv[2] + "/diagnose.json", "w").write(json.dumps(answer))
 
 
 def entry(effect, family="f", confidence=0.9, equivalent=(), **parameters):
-    told = {name: {"value": v, "low": 0.8 * v, "high": 1.2 * v, "unit": "1"} for name, v in parameters.items()}
-    return {"effect": effect, "family": family, "score_nats": 10.0, "confidence": confidence, "parameters": told, "equivalent": list(equivalent)}
+    entries = {name: {"value": v, "low": 0.8 * v, "high": 1.2 * v, "unit": "1"} for name, v in parameters.items()}
+    return {"effect": effect, "family": family, "score_nats": 10.0, "confidence": confidence, "parameters": entries, "equivalent": list(equivalent)}
 
 
 def result(truth, verdict, ranking=(), added=(), set_name="single", ratio=1.0, scored=None, strength="strong"):
@@ -101,8 +101,8 @@ def test_wrong_answers_are_told_apart():
 def test_a_measurement_resolves_where_the_truth_alone_is_left():
     first = result({"a"}, "effect", [entry("b", equivalent=["a"])], {"b"})
     assert first.is_ambiguous and not result({"a"}, "effect", [entry("b")], {"b"}).is_ambiguous
-    told, open_still = {"ranking": [entry("a")]}, {"ranking": [entry("a", equivalent=["b"])]}
-    measures = score([replace(first, followed={"asked": told, "random": open_still})])["measures"]
+    answered, open_still = {"ranking": [entry("a")]}, {"ranking": [entry("a", equivalent=["b"])]}
+    measures = score([replace(first, followed={"asked": answered, "random": open_still})])["measures"]
     assert (measures["next measurement resolves"]["value"], measures["a random one resolves"]["value"]) == (1.0, 0.0)
 
 

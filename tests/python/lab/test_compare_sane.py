@@ -100,14 +100,14 @@ def test_a_pair_without_repeats_tells_its_noise(world, tmp_path):
     _, scores = warnings_of(path, WorldRenderer(world, grid=2, bounces=1), tmp_path)
     capture = read_capture(path)
     for split in ("train", "test"):
-        told = scores["ir"][split]
-        assert told["noise_floor_from"] == ["pair"]
+        score = scores["ir"][split]
+        assert score["noise_floor_from"] == ["pair"]
         squares = [
             np.mean((capture.ir(f, eye) - expected(world.sensor, world.views[f.id, eye], f.exposure_gain, f.projector_power)) ** 2)
             for f in capture.split(split)
             for eye in ("left", "right")
         ]
-        assert told["noise_floor_dn"] == pytest.approx(np.sqrt(np.mean(squares)), rel=0.3)
+        assert score["noise_floor_dn"] == pytest.approx(np.sqrt(np.mean(squares)), rel=0.3)
 
 
 def test_a_pair_without_a_smooth_place_tells_nothing(world):

@@ -79,13 +79,13 @@ def test_adding_it_closes_most_of_the_gap_on_frames_that_no_fit_saw(hidden_shadi
 
 def test_the_complete_model_has_the_scales_that_were_fitted_with_what_was_found(world, cache, hidden_shading):
     folder, diagnosis = hidden_shading
-    told = diagnosis.sensor_model.nuisances["projector_scale"].value
+    scale = diagnosis.sensor_model.nuisances["projector_scale"].value
     without, under_it = (
         Lab(folder, model, renderer=WorldRenderer(world, grid=8), cache=cache).compare().scores["fit"]["nuisances"]
         for model in (None, diagnosis.model)
     )
-    assert told == pytest.approx(under_it["projector_scale"], rel=0.02)
-    assert abs(without["projector_scale"] / told - 1.0) > 0.1
+    assert scale == pytest.approx(under_it["projector_scale"], rel=0.02)
+    assert abs(without["projector_scale"] / scale - 1.0) > 0.1
 
 
 def test_nothing_is_named_where_nothing_is_hidden(world, cache):

@@ -29,40 +29,40 @@ def ranking_of(findings, base_chi2=900.0, pixels=100, base_structure=None):
     return Ranking(base, BaseChecks(structure_floors=base_structure), tuple(findings), (), pixels, 1.0, 100.0, GATES)
 
 
-def told(monkeypatch, entries, may_be_named):
+def judged(monkeypatch, entries, may_be_named):
     monkeypatch.setattr(confidence, "passes", lambda _, e: e.id in may_be_named)
     return confidences(ranking_of(entries))
 
 
 def test_a_fault_of_the_depth_engine_takes_nothing_from_what_the_images_lack(monkeypatch):
-    found = told(monkeypatch, [entry("shutter", 101.0), entry("blur", 800.0), entry("locking", 50.0, Channel.DEPTH_ENGINE)], {"shutter", "locking"})
+    found = judged(monkeypatch, [entry("shutter", 101.0), entry("blur", 800.0), entry("locking", 50.0, Channel.DEPTH_ENGINE)], {"shutter", "locking"})
     assert found["shutter"] == pytest.approx(0.97)
     assert found["locking"] == pytest.approx(0.97)
     assert found["blur"] < 0.05
 
 
 def test_what_explains_alike_shares(monkeypatch):
-    found = told(monkeypatch, [entry("laser", 110.0), entry("grating", 110.0), entry("blur", 800.0)], {"laser", "grating"})
+    found = judged(monkeypatch, [entry("laser", 110.0), entry("grating", 110.0), entry("blur", 800.0)], {"laser", "grating"})
     assert found["laser"] == found["grating"] == pytest.approx(0.485)
 
 
 def test_of_what_explains_alike_the_simpler_is_likelier(monkeypatch):
-    found = told(monkeypatch, [entry("level", 110.0, occam=-9.0), entry("dark", 110.0, occam=-12.0)], {"level", "dark"})
+    found = judged(monkeypatch, [entry("level", 110.0, occam=-9.0), entry("dark", 110.0, occam=-12.0)], {"level", "dark"})
     assert found["level"] / found["dark"] == pytest.approx(2.718, rel=1e-3)
 
 
 def test_of_what_leaves_alike_the_better_fit_is_likelier_by_less_than_its_likelihood_says(monkeypatch):
-    found = told(monkeypatch, [entry("shutter", 110.0, nats=460.0), entry("delay", 110.0, nats=400.0)], {"shutter", "delay"})
+    found = judged(monkeypatch, [entry("shutter", 110.0, nats=460.0), entry("delay", 110.0, nats=400.0)], {"shutter", "delay"})
     assert found["shutter"] / found["delay"] == pytest.approx(np.exp(3.0), rel=1e-3)
 
 
 def test_what_is_far_behind_shares_what_the_named_leave(monkeypatch):
-    found = told(monkeypatch, [entry("haze", 101.0, nats=90000.0), entry("blur", 880.0, nats=20.0)], {"haze"})
+    found = judged(monkeypatch, [entry("haze", 101.0, nats=90000.0), entry("blur", 880.0, nats=20.0)], {"haze"})
     assert found["haze"] == pytest.approx(0.97) and 0.0 < found["blur"] < 0.03
 
 
 def test_where_nothing_may_be_named_none_takes_part(monkeypatch):
-    found = told(monkeypatch, [entry("laser", 899.0, nats=90.0), entry("locking", 50.0, Channel.DEPTH_ENGINE)], set())
+    found = judged(monkeypatch, [entry("laser", 899.0, nats=90.0), entry("locking", 50.0, Channel.DEPTH_ENGINE)], set())
     assert 0.3 < found["laser"] < 0.55 and found["locking"] == 0.0
 
 
@@ -94,12 +94,12 @@ def test_unknown_is_what_has_structure_or_is_more_than_surveys_leave(floors, str
 
 def test_what_a_survey_may_have_wrong_widens_an_interval():
     """An effect and a focal length that move the images alike: the data tell their sum, the survey one of them."""
-    sigma, told = 6e-4, 1e10
+    sigma, weight = 6e-4, 1e10
     fitter = Fitter([], np.array([sigma, sigma]), 1)
     size = 1 + SCALES + 2
     alike = np.zeros(size)
     alike[[0, 1 + SCALES]] = 1.0, 1.0  # of the effect's parameter and the left eye's focal length
-    gram = told * np.outer(alike, alike) + np.diag([0.0, *[told] * SCALES, 0.0, told])
+    gram = weight * np.outer(alike, alike) + np.diag([0.0, *[weight] * SCALES, 0.0, weight])
     space = SimpleNamespace(held=np.array([False]), low=np.array([-1.0]), high=np.array([1.0]))
     sums = SimpleNamespace(gram=gram[None], block_moment={"left": np.zeros((size, 1))})
     deviation = np.sqrt(fitter.covariance(SimpleNamespace(theta=np.zeros(1), space=space, sums=sums))[0, 0])

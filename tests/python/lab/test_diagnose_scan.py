@@ -57,10 +57,10 @@ def test_freedom_costs_by_how_finely_it_was_used():
 
 
 def test_what_the_data_do_not_tell_costs_next_to_nothing():
-    told = occam_nats(*explanation("black_level", [0.0, 0.4], [0.0, 1e6]), design=1.0)
-    assert told - occam_nats(*explanation("black_level", [0.0, 0.4], [0.0, 1e6 + 1]), design=1.0) == pytest.approx(0.0, abs=1e-3)
+    penalty = occam_nats(*explanation("black_level", [0.0, 0.4], [0.0, 1e6]), design=1.0)
+    assert penalty - occam_nats(*explanation("black_level", [0.0, 0.4], [0.0, 1e6 + 1]), design=1.0) == pytest.approx(0.0, abs=1e-3)
     far = occam_nats(*explanation("black_level", [0.0, 0.8], [0.0, 1e6]), design=1.0)
-    assert told - far == pytest.approx(2 * np.log(2.0), abs=0.05)  # amplitudes: a power law's tail
+    assert penalty - far == pytest.approx(2 * np.log(2.0), abs=0.05)  # amplitudes: a power law's tail
     usual, odd = (occam_nats(*explanation("dark_signal", [100.0, k], [1e-2, 100.0]), design=1.0) for k in (7.0, 4.0))
     # What physics tells: a normal's tail, and the usual value need not be told from the neutral one.
     assert usual - odd == pytest.approx(4.5 + 0.5 * np.log(101.0), abs=0.01)

@@ -110,15 +110,15 @@ def test_an_effect_of_a_clear_strength_is_found(table, tmp_path, name):
     rivals = [e for e in EFFECTS.values() if e.id in ALWAYS or e.family == EFFECTS[name].family or e.id == name]
     result = examine(gather(capture, table[1]), stated, rivals, workers=1).result
     fault = EFFECTS[name].channel is Channel.DEPTH_ENGINE
-    told = result["depth"] if fault else result
+    judged = result["depth"] if fault else result
     if fault and EFFECTS[name].engine_fault.is_matcher_choice:
-        [own] = [e for e in told["ranking"] if e["effect"] == name]
+        [own] = [e for e in judged["ranking"] if e["effect"] == name]
         assert own["nuisance"] and own["score_nats"] > 5.0 and own["explained_share"] > 0.1  # reported, and no fault
-        assert (result["verdict"], told["verdict"]) == ("none", "none")
+        assert (result["verdict"], judged["verdict"]) == ("none", "none")
         return
-    first = told["ranking"][0]
-    assert name in (first["effect"], *first["equivalent"]), [(e["effect"], round(e["score_nats"])) for e in told["ranking"][:4]]
-    assert told["verdict"] == "effect"
+    first = judged["ranking"][0]
+    assert name in (first["effect"], *first["equivalent"]), [(e["effect"], round(e["score_nats"])) for e in judged["ranking"][:4]]
+    assert judged["verdict"] == "effect"
 
 
 @pytest.mark.parametrize("name", ["transmission", "subsurface"] if os.environ.get("ACTIVESTEREO_FULL") else ["transmission"])

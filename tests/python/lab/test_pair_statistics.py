@@ -40,17 +40,17 @@ def found(noise_dn, **how):
 def test_the_noise_that_was_drawn_is_found(noise_dn):
     # Disparities are whole pixels here, so that the warp keeps all of the noise, where on average it keeps 0.75.
     expected = np.sqrt(2.0 / 1.75 * (noise_dn**2 + 1.0 / 12.0))
-    told = found(noise_dn)["noise_20_40_dn"]
-    assert told.value == pytest.approx(expected, rel=0.1)
-    assert told.low < told.value < told.high
+    noise = found(noise_dn)["noise_20_40_dn"]
+    assert noise.value == pytest.approx(expected, rel=0.1)
+    assert noise.low < noise.value < noise.high
 
 
 def test_dots_are_counted_and_measured():
     left, right, disparity, per_1000 = drawn_pair(0.8)
-    told = {f.name: f.value for f in pair_statistics(left, right, disparity, 255.0)}
-    assert told["dots_per_1000_px"] == pytest.approx(per_1000, rel=0.15)
-    assert 30.0 < told["dot_peak_dn"] < 42.0
-    assert told["black_dn"] == pytest.approx(_BLACK_DN, abs=3.0)
+    values = {f.name: f.value for f in pair_statistics(left, right, disparity, 255.0)}
+    assert values["dots_per_1000_px"] == pytest.approx(per_1000, rel=0.15)
+    assert 30.0 < values["dot_peak_dn"] < 42.0
+    assert values["black_dn"] == pytest.approx(_BLACK_DN, abs=3.0)
 
 
 def test_more_noise_leaves_more_residual():
@@ -69,7 +69,7 @@ def test_two_pairs_stand_side_by_side(tmp_path, capsys):
     assert "nowhere: holds neither" in capsys.readouterr().err
     assert main([*arguments, "--against", str(tmp_path / "simulated")]) == 0
     assert (out / "against.png").stat().st_size > 10_000
-    told = json.loads((out / "pair.json").read_text())
-    noise = {key: next(f["value"] for f in told[key] if f["name"] == "noise_20_40_dn") for key in ("statistics", "against")}
+    report = json.loads((out / "pair.json").read_text())
+    noise = {key: next(f["value"] for f in report[key] if f["name"] == "noise_20_40_dn") for key in ("statistics", "against")}
     assert noise["statistics"] > 1.5 * noise["against"]
     assert "against" in capsys.readouterr().out

@@ -74,10 +74,10 @@ def test_compares_error_does_not_grow_with_the_renderers_noise(world, clean, tmp
 def test_the_diagnosis_error_does_not_grow_with_the_renderers_noise(world, clean, tmp_path):
     def error(noise):
         effects, renderer = {"vignetting": builtin()["vignetting"]}, NoisyRenderer(clean, noise)
-        told = diagnose(
+        result = diagnose(
             world.capture_path, effects=effects, renderer=renderer, samples_per_pixel=4, cache=LayerCache(tmp_path), workers=1
         ).result
-        return told["heldout_ir_rmse_before"]
+        return result["heldout_ir_rmse_before"]
 
     assert error(NOISE) == pytest.approx(error(0.0), rel=0.015)
 

@@ -77,7 +77,7 @@ def test_the_page_is_whole_and_loads_nothing(comparison, files):
     assert explained >= {"infrared", "disparity"}  # the missing ball moves both; a channel at its noise floor has no chart
     assert len(page.addresses) == 2 + len(explained)  # charts: frames, photon transfer, one of covariates per such channel
     assert all(re.match(r"data:image/svg\+xml;base64,", address) for address in page.addresses)
-    assert "default-src 'none'" in files[1].read_text()  # the browser itself is told to load nothing
+    assert "default-src 'none'" in files[1].read_text()  # the browser itself is set to load nothing
 
 
 def test_the_page_holds_every_frame_and_eye_under_every_model(comparison):

@@ -111,17 +111,17 @@ def test_speckle_stands_still_with_the_sensor_and_differs_between_the_eyes(confi
     assert abs(np.corrcoef(((images[0] - 20) / (clean[0] - 20))[:, right])[0, 1]) < 0.3
 
 
-def test_presets_limit_fireflies_in_the_film_unless_they_are_kept():
+def test_presets_limit_fireflies_in_the_film():
     config = StereoDepthSensorConfig("d435").scaled(0.25)
     scene = wall()
-    for choice, film, expected in (("clamp", None, 1.5), ("clamp", {"firefly_factor": 3.0}, 3.0), ("keep", None, 0.0)):
-        config.ir_fireflies, config.ir_film = choice, film
+    assert config.ir_film["firefly_factor"] == 1.5 and StereoDepthSensorConfig("sapien-d435").ir_film is None
+    for film, expected in ((config.ir_film, 1.5), ({"firefly_factor": 3.0}, 3.0), (None, 0.0)):
+        config.ir_film = film
         with StereoDepthSensor(config, scene) as sensor:
             assert [eye.film.firefly_factor for eye in sensor.engine_inputs.eyes] == [expected, expected]
-    config.ir_film = None
     bright = []
-    for choice in ("keep", "clamp"):
-        config.ir_fireflies, config.samples_per_pixel, config.denoise = choice, 1, "none"
+    for film in (None, {"firefly_factor": 1.5}):
+        config.ir_film, config.samples_per_pixel, config.denoise = film, 1, "none"
         with StereoDepthSensor(config, scene) as sensor:
             sensor.take_picture(infrared_only=True)
             image = sensor.get_ir()[0]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Cameras' data: every file is complete and checked, every figure has a source, and what is wrong is told by name."""
+"""Cameras' data: every file is complete and checked, every figure has a source, and what is wrong is named."""
 
 import pytest
 
@@ -16,8 +16,8 @@ def test_every_figure_of_a_camera_has_a_basis_and_a_source(name):
     assert set(camera.figures) == set(FIELDS)
     for section in ("rig", "projector", "exposure", "imager", "room", "matcher"):
         assert camera.figures[section], section
-    for told in camera.figures.values():
-        for figure in told.values():
+    for section in camera.figures.values():
+        for figure in section.values():
             assert figure.basis in BASES and len(figure.source) > 3
 
 

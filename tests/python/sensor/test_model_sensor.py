@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A sensor under a model: the engines are told the same as the model says, and the scene is given back."""
+"""A sensor under a model: the engines get what the model says, and the scene is given back."""
 
 import warnings
 

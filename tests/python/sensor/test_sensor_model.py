@@ -115,7 +115,7 @@ def test_surfaces_are_bound_by_name(whole):
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "message"),
     [
         (lambda r: r.update(version=3), "version: is 3; this program reads versions 1 to 2"),
         (lambda r: r.update(format="other"), "format: is 'other'"),
@@ -134,11 +134,11 @@ def test_surfaces_are_bound_by_name(whole):
         (lambda r: r["imager"].pop("shot"), "imager.shot: is missing"),
     ],
 )
-def test_what_is_wrong_is_one_line_that_names_it(whole, tmp_path, change, told, capsys):
+def test_what_is_wrong_is_one_line_that_names_it(whole, tmp_path, change, message, capsys):
     path = edited(written(whole, tmp_path), change)
     with pytest.raises(ValueError) as error:
         read_model(path)
-    assert told in str(error.value) and str(path) in str(error.value) and "\n" not in str(error.value)
+    assert message in str(error.value) and str(path) in str(error.value) and "\n" not in str(error.value)
     assert main(["model", "show", str(path)]) == 2
     assert capsys.readouterr().err.count("\n") == 1
 

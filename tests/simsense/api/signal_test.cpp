@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The imagers through the C API: bad parameters are refused with their numbers, the eyes differ as told, batches split, more than 8 bits.
+// The imagers through the C API: bad parameters are refused with their numbers, the eyes differ as asked, batches split, more than 8 bits.
 #include <cmath>
 #include <string>
 

@@ -24,20 +24,20 @@ TEST(match_progress, rises_to_the_end_on_the_callers_thread) {
     for (const unsigned threads : {1u, 3u}) {
       ks::ThreadPool workers(threads);
       const auto matcher = simsense::make_cpu_matcher(pair.width, pair.height, p, workers);
-      std::vector<float> told;
+      std::vector<float> fractions;
       matcher->set_progress([&, caller = std::this_thread::get_id()](float done) {
         EXPECT_EQ(std::this_thread::get_id(), caller);
-        told.push_back(done);
+        fractions.push_back(done);
       });
       const auto with = match(*matcher, pair);
-      EXPECT_TRUE(std::is_sorted(told.begin(), told.end()));
+      EXPECT_TRUE(std::is_sorted(fractions.begin(), fractions.end()));
       if (threads == 1) {  // with more, the others may take all there is to do
-        ASSERT_GT(told.size(), 4u);
-        EXPECT_GT(told.back(), 0.5f);
+        ASSERT_GT(fractions.size(), 4u);
+        EXPECT_GT(fractions.back(), 0.5f);
       }
-      if (!told.empty()) {
-        EXPECT_GE(told.front(), 0.0f);
-        EXPECT_LE(told.back(), 1.0f);
+      if (!fractions.empty()) {
+        EXPECT_GE(fractions.front(), 0.0f);
+        EXPECT_LE(fractions.back(), 1.0f);
       }
       matcher->set_progress(nullptr);
       expect_same(with, match(*matcher, pair), pair.width, describe(pair.width, pair.height, p));
@@ -52,12 +52,12 @@ TEST(match_progress, may_stop_the_match_anywhere) {
     const auto matcher = simsense::make_cpu_matcher(pair.width, pair.height, p, workers);
     const auto expected = match(*matcher, pair);
     for (const int calls : {1, 2, 4, 7}) {
-      int told = 0;
+      int reports = 0;
       matcher->set_progress([&](float) {
-        if (++told == calls) throw std::runtime_error("stop");
+        if (++reports == calls) throw std::runtime_error("stop");
       });
       EXPECT_THROW(match(*matcher, pair), std::runtime_error);
-      EXPECT_EQ(told, calls);
+      EXPECT_EQ(reports, calls);
     }
     matcher->set_progress(nullptr);
     expect_same(expected, match(*matcher, pair), pair.width, describe(pair.width, pair.height, p));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The imager as a whole: equal to the reference, the same bits on every instruction set and number of workers, neutral where told.
+// The imager as a whole: equal to the reference, the same bits on every instruction set and number of workers, neutral where asked.
 #include <gtest/gtest.h>
 
 #include <algorithm>

@@ -65,8 +65,8 @@ def _engine_table(effects: dict[str, Effect], differences: dict[str, float]) -> 
     ]
     for e in effects.values():
         fields = e.image_only if e.engine is None else ", ".join(f"`{name}`" for name in e.engine_fields)
-        told = f"{100 * differences[e.id]:.1f} %" if e.id in differences else ""
-        lines.append(f"| [{e.id}](#{e.id}) | {_where(e)} | {fields} | {told} |")
+        difference = f"{100 * differences[e.id]:.1f} %" if e.id in differences else ""
+        lines.append(f"| [{e.id}](#{e.id}) | {_where(e)} | {fields} | {difference} |")
     return [*lines, ""]
 
 

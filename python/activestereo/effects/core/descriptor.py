@@ -13,7 +13,7 @@ By stage, in the order of the pipeline, `apply(value, view, **parameters)` gets 
     DEPTH                                depth in the left image, metres, 0 = none
 
 It must not change its input, and must return the input itself or an equal one where every parameter is neutral.
-Random effects draw from view.rng(id) alone. How the lab judges an effect is told in judging.py.
+Random effects draw from view.rng(id) alone. How the lab judges an effect stands in judging.py.
 
 `engine` says what the effect is inside of the engines, see engine.py; an effect without one is `image_only`,
 and says why.
@@ -109,7 +109,7 @@ class Effect:
     @property
     def engine_fields(self) -> tuple[str, ...]:
         """Names of the engine fields that it moves; empty where it is image only."""
-        return getattr(self.engine, "fields", ("not told",) if self.engine else ())
+        return getattr(self.engine, "fields", ("not declared",) if self.engine else ())
 
     def __post_init__(self) -> None:
         names = {p.name for p in self.parameters}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the two engines are told for one exposure, and how an effect says which of it it moves.
+"""The inputs of the two engines for one exposure, and how an effect says which of it it moves.
 
     @moves("film.vignetting_exponent")
     def _engine(inputs: EngineInputs, exponent: float) -> None:
@@ -113,7 +113,7 @@ class Medium:
 
 @dataclass
 class EngineInputs:
-    """Everything that the engines are told for one exposure of a rig, as the calibration has it until effects change
+    """All inputs of the engines for one exposure of a rig, as the calibration has it until effects change
     it.
 
     projector: the rig's own, None where there is none; its texture is `pattern`, relative radiant intensity

@@ -32,7 +32,7 @@ def broken_laws(effect: Effect) -> list[str]:
     failure = _failure(effect, value, view)
     if failure:
         return [f"{effect.id}: {failure}"]
-    checks = (_neutral, _deterministic, _random_as_told, _finite, _influence, _input_untouched)
+    checks = (_neutral, _deterministic, _random_as_declared, _finite, _influence, _input_untouched)
     return [sentence for check in checks for sentence in check(effect, value, view)]
 
 
@@ -134,7 +134,7 @@ def _deterministic(effect: Effect, value: Any, view: View) -> Iterator[str]:
         yield f"{effect.id}: the same input gives another output (draw from view.rng alone)"
 
 
-def _random_as_told(effect: Effect, value: Any, view: View) -> Iterator[str]:
+def _random_as_declared(effect: Effect, value: Any, view: View) -> Iterator[str]:
     first = effect(value, view, **effect.typical_values)
     other_seed = effect(value, replace(view, seed=1), **effect.typical_values)
     other_frame = effect(value, replace(view, frame=replace(view.frame, id=view.frame.id + 1)), **effect.typical_values)

@@ -48,7 +48,7 @@ def load_plugin(path: str | Path) -> list[Effect]:
 
 
 def _records(first: Any, count: int, what: str, most: int) -> list[Any]:
-    """The records of a C array. A count beyond all measure, or without an array, is told from one that can be."""
+    """The records of a C array. A count beyond all measure, or without an array, is known from one that can be."""
     if count > most:
         raise ValueError(f"{count} {what}s are said to be there, the most is {most}")
     if count > 0 and not first:

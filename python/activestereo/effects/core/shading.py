@@ -61,10 +61,10 @@ class Shading(Facing):
         self.reflectance = self._reflectance(light, self.irradiance)
 
     def _reflectance(self, light: Light, irradiance: np.ndarray) -> np.ndarray:
-        told = self.hit & (light.flat > 0) & (self.projector_cosine > _LEAST_COSINE)
-        own = light.flat / np.where(told, irradiance, 1.0)
-        share = np.median((own / np.maximum(light.ambient, 1e-12))[told]) if told.any() else 0.0
-        return np.where(self.hit, np.where(told, own, light.ambient * share), 0.0)
+        lit = self.hit & (light.flat > 0) & (self.projector_cosine > _LEAST_COSINE)
+        own = light.flat / np.where(lit, irradiance, 1.0)
+        share = np.median((own / np.maximum(light.ambient, 1e-12))[lit]) if lit.any() else 0.0
+        return np.where(self.hit, np.where(lit, own, light.ambient * share), 0.0)
 
     def pattern_from(self, projector_points: np.ndarray, sampler: BoxSampler) -> np.ndarray:
         """Means of a BoxSampler's pattern at points in a projector's frame, 0 behind it; the own projector's footprint

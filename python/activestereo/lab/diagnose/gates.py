@@ -147,7 +147,7 @@ class Gates:
     images_at_floor: float = _gate(
         0.12, "floors", "excess below which the images lack nothing, so that the depth is judged", _GENERATION_1
     )
-    # Can it be told from others?
+    # Can it be distinguished from others?
     same_excess_ratio: float = _gate(
         1.2, "1", "ratio of excess errors within which two explanations count as equal", _GENERATION_1
     )

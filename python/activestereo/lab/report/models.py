@@ -45,7 +45,10 @@ def model_images(
         models[FOUND] = found
     for entry in (diagnosis or {}).get("ranking", [])[:ROWS]:
         model = _with(
-            Model(), effects, entry["effect"], {name: told["value"] for name, told in entry["parameters"].items()}
+            Model(),
+            effects,
+            entry["effect"],
+            {name: parameter["value"] for name, parameter in entry["parameters"].items()},
         )
         if any(_moves_images(effect) for effect, _ in model.effects):
             models[entry["effect"]] = model

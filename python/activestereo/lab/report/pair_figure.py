@@ -21,10 +21,10 @@ _DETAIL = 0.25  # of the image's width, from its middle
 def pair_figure(
     pairs: Mapping[str, tuple[NDArray, NDArray]],
     disparities: Mapping[str, NDArray],
-    told: Mapping[str, Sequence[Finding]],
+    findings_of: Mapping[str, Sequence[Finding]],
 ) -> Figure:
-    """pairs: {name: (left, right) DN [height][width]} of two; disparities: of the left images, 0 = none; told: what
-    pair_statistics found."""
+    """pairs: {name: (left, right) DN [height][width]} of two; disparities: of the left images, 0 = none.
+    findings_of: what pair_statistics found."""
     figure = Figure(figsize=(15, 10.5), layout="constrained")
     grid = figure.add_gridspec(3, 4, height_ratios=(1, 1, 0.9))
     highest = max(float(np.quantile(pair[0], 0.995)) for pair in pairs.values())
@@ -48,7 +48,7 @@ def pair_figure(
         counts.plot(np.arange(len(values)), values / pair[0].size, color=colour, label=name, lw=1.2)
     counts.set(yscale="log", xlim=(0, 1.1 * highest), xlabel="left image, DN", ylabel="share of the pixels")
     counts.legend(frameon=False)
-    _table(figure.add_subplot(grid[2, 2:]), told)
+    _table(figure.add_subplot(grid[2, 2:]), findings_of)
     return figure
 
 
@@ -58,17 +58,17 @@ def _middle(image: NDArray) -> tuple[slice, slice]:
     return slice(height // 2 - half[1], height // 2 + half[1]), slice(width // 2 - half[0], width // 2 + half[0])
 
 
-def _table(axes: Axes, told: Mapping[str, Sequence[Finding]]) -> None:
+def _table(axes: Axes, findings_of: Mapping[str, Sequence[Finding]]) -> None:
     axes.set_axis_off()
-    names = {f.name: f for findings in told.values() for f in findings}
+    names = {f.name: f for findings in findings_of.values() for f in findings}
     rows = []
     for shown in names.values():
         scale, unit = (100.0, "%") if shown.unit == "1" else (1.0, shown.unit)
-        found = [next((f for f in findings if f.name == shown.name), None) for findings in told.values()]
+        found = [next((f for f in findings if f.name == shown.name), None) for findings in findings_of.values()]
         rows.append([shown.text, *("-" if f is None else f"{scale * f.value:.3g} {unit}" for f in found)])
     table = axes.table(
         cellText=rows,
-        colLabels=["", *told],
+        colLabels=["", *findings_of],
         colWidths=[0.56, 0.22, 0.22],
         loc="center",
         cellLoc="left",

@@ -63,7 +63,7 @@ def _scored(world, name, values):
         exponents = np.linspace(0.3, 1.2, 181)
         misfit = [np.sum((y - x**e * (y @ x**e) / (x**e @ x**e)) ** 2) for e in exponents]
         return {"log_exponent": float(np.log(exponents[int(np.argmin(misfit))]))}
-    if name == "gain_error":  # As a power of the told gain.
+    if name == "gain_error":  # As a power of the nominal gain.
         gain = max(frame.gain for frame in world.frames)
         return {"log_gain": float(np.log1p(values["error"]) / np.log(gain))}
     if name == "projector_defocus":  # The radius; hidden is the diameter of the disc of equal second moment.

@@ -44,7 +44,7 @@ _NODES = ((-np.sqrt(3.0), 1 / 6), (0.0, 2 / 3), (np.sqrt(3.0), 1 / 6))
 class _DepthFit:
     """values: of the parameters, in order.
 
-    limits: {parameter: (value, low, high)}. is_filter: it was told by neighbours' differences.
+    limits: {parameter: (value, low, high)}. is_filter: it was recognised by neighbours' differences.
     """
 
     own: OwnEvidence

@@ -92,7 +92,7 @@ def gather(capture: Capture, layers: LayersOfFrames, seed: int = 0, halves: Sequ
 
 
 def _noise(capture: Capture, shots: Sequence[Shot], nuisances: Nuisances) -> tuple[Floors, NoiseLaw, bool]:
-    """(floor of each image in DN^2, noise law, whether repeats told them)."""
+    """(floor of each image in DN^2, noise law, whether repeats gave them)."""
     floors, law = frame_floors(capture, nuisances.black_dn)
     if law is not None:
         return {key: max(v[0], QUANTISATION_VARIANCE) for key, v in floors.items()}, law, True

@@ -18,7 +18,7 @@ _NAMES = ("projector_scale", "ambient_scale", "black_dn", "focal_left", "focal_r
 
 def found_model(evidence: Evidence, model: Model, solution: Solution, findings: Sequence[Finding]) -> SensorModel:
     """The capture's calibration and pattern with the effects of `model`, the nuisances and albedos of a fit under
-    them, and the noise law where repeats told it. findings: give the effects' intervals.
+    them, and the noise law where repeats gave it. findings: give the effects' intervals.
     """
     surfaces = scene_surfaces(evidence.capture.scene_path)
     albedo = {
@@ -27,7 +27,9 @@ def found_model(evidence: Evidence, model: Model, solution: Solution, findings: 
         if number < len(surfaces)
     }
     intervals = {
-        (f.id, name): (told.low, told.high) for f in findings for name, told in f.explanation.parameters.items()
+        (f.id, name): (parameter.low, parameter.high)
+        for f in findings
+        for name, parameter in f.explanation.parameters.items()
     }
     return diagnosed_model(
         evidence.capture,

@@ -18,7 +18,7 @@ def is_named(ranking: Ranking) -> bool:
 def verdict_of(first: Ranking, last: Ranking, has_floor: bool) -> str:
     """first: the ranking on top of the given model.
 
-    last: the one on top of the model that was found. has_floor: whether repeats told the noise.
+    last: the one on top of the model that was found. has_floor: whether repeats gave the noise.
     """
     best = first.best
     if best is None or not is_named(first):
