@@ -46,14 +46,18 @@ def licensed(path: str, text: str) -> str:
 
 def sources() -> list[str]:
     """Paths of the tracked files that carry the line."""
-    listed = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True).stdout.splitlines()
+    listed = subprocess.run(
+        ["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True
+    ).stdout.splitlines()
     return [path for path in listed if comment(path) is not None and (ROOT / path).is_file()]
 
 
 def main() -> int:
     """0: every source has the line. 1: one lacks it, or did."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--check", action="store_true", help="change nothing; name the files that lack the line and fail")
+    parser.add_argument(
+        "--check", action="store_true", help="change nothing; name the files that lack the line and fail"
+    )
     check = parser.parse_args().check
     lacking = []
     for path in sources():

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Run by tests/wheel.sh inside a clean virtual environment: a D435 in front of the table-top, and where the libraries came from."""
+"""Run by tests/wheel.sh inside a clean virtual environment: a D435 in front of the table-top, and where the libraries
+came from."""
 
 import sys
 from pathlib import Path
@@ -28,8 +29,15 @@ simsense.Image.from_dlpack(simsense.Device("host"), array).array()[3, 3] = 5
 if np.from_dlpack(image)[1, 2] != 7 or array[3, 3] != 5:
     sys.exit("what crosses by DLPack is not the same memory")
 loaded = {line.split()[-1] for line in Path("/proc/self/maps").read_text().splitlines() if ".so" in line}
-ours = [path for path in loaded if any(name in path for name in ("libkuafu", "libsimsense", "libembree3", "libtbb.", "libhwy"))]
+ours = [
+    path
+    for path in loaded
+    if any(name in path for name in ("libkuafu", "libsimsense", "libembree3", "libtbb.", "libhwy"))
+]
 outside = [path for path in ours if not path.startswith(sys.prefix)]
-print(f"NumPy {np.__version__}: {100 * valid.mean():.0f} % measured, median error {error_mm:.1f} mm, {len(ours)} of our libraries loaded")
+print(
+    f"NumPy {np.__version__}: {100 * valid.mean():.0f} % measured, median error {error_mm:.1f} mm, {len(ours)} "
+    f"of our libraries loaded"
+)
 if outside or len(ours) < 4 or not valid.mean() > 0.5 or not error_mm < 20:
     sys.exit(f"wrong: {outside} from outside the environment, {sorted(ours)}")

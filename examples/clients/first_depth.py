@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The first depth map by ctypes: kuafu renders the infrared pair of a scene under a projector, simsense measures its depth.
+"""The first depth map by ctypes: kuafu renders the infrared pair of a scene under a projector, simsense measures its
+depth.
 
 Usage: python3 first_depth.py [SCENE]. Needs interface.py, which stands beside it, and nothing but Python.
 """

@@ -41,7 +41,12 @@ def rolling_shutter(device):
 def moving_things(device):
     stage = Stage(device)
     stage.daylight()
-    stage.add(ball(0.35), stage.material(base_color=(0.7, 0.3, 0.2, 1), specular=0.0), at(-0.75, 0.0, 0.35), linear_velocity=(4.0, 0.0, 0.0))
+    stage.add(
+        ball(0.35),
+        stage.material(base_color=(0.7, 0.3, 0.2, 1), specular=0.0),
+        at(-0.75, 0.0, 0.35),
+        linear_velocity=(4.0, 0.0, 0.0),
+    )
     squares = stage.material(specular=0.0, base_color_texture=stage.texture(checker(4), srgb=True))
     stage.add(box((0.34, 0.34, 0.34)), squares, at(0.75, 0.1, 0.34), angular_velocity=(0.0, 0.0, np.deg2rad(250)))
     stage.camera_fields = {"exposure_s": 0.1}

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Draws the gallery: a small picture of each material, light and effect, and the page that shows them.
 
-usage: gallery.py [--only NAME ...] [--spp N] [--out FOLDER]
-Writes FOLDER/pictures/*.jpg and FOLDER/README.md, beside this file where no folder is given. Needs the kuafu module (PYTHONPATH=build/python).
+usage: gallery.py [--only NAME ...] [--spp N] [--out FOLDER] Writes FOLDER/pictures/*.jpg and FOLDER/README.md, beside
+this file where no folder is given. Needs the kuafu module (PYTHONPATH=build/python).
 """
 
 import argparse

@@ -32,7 +32,9 @@ def sphere(device):
 
 @tile("Lights", "Spot", "`inner_rad`, `outer_rad`")
 def spot(device):
-    return under(device, ambient=0.05, kind="spot", eye=(-1.2, -1.8, 2.6), intensity=(30, 28, 25), inner_rad=0.2, outer_rad=0.3).picture()
+    return under(
+        device, ambient=0.05, kind="spot", eye=(-1.2, -1.8, 2.6), intensity=(30, 28, 25), inner_rad=0.2, outer_rad=0.3
+    ).picture()
 
 
 @tile("Lights", "Directional", "parallel light; shadows soften with `angle_rad`")
@@ -48,7 +50,14 @@ def rectangle(device):
 @tile("Lights", "Stained glass", "a rectangle with a texture")
 def stained_glass(device):
     stage = under(device)
-    stage.light("rectangle", (-1.4, -0.6, 1.0), (0.0, 0.3, 0.2), intensity=(16, 16, 16), size_m=(1.0, 1.0), texture=stage.texture(stripes(), srgb=True))
+    stage.light(
+        "rectangle",
+        (-1.4, -0.6, 1.0),
+        (0.0, 0.3, 0.2),
+        intensity=(16, 16, 16),
+        size_m=(1.0, 1.0),
+        texture=stage.texture(stripes(), srgb=True),
+    )
     return stage.picture()
 
 
@@ -67,7 +76,15 @@ def environment(device):
 @tile("Lights", "Projected slide", "a spot with a texture over its cone")
 def slide(device):
     stage = under(device, ambient=0.05)
-    stage.light("spot", (0.3, -2.6, 1.6), (0, 0.5, 0.4), intensity=(22, 22, 22), inner_rad=0.4, outer_rad=0.42, texture=stage.texture(stripes(), srgb=True))
+    stage.light(
+        "spot",
+        (0.3, -2.6, 1.6),
+        (0, 0.5, 0.4),
+        intensity=(22, 22, 22),
+        inner_rad=0.4,
+        outer_rad=0.42,
+        texture=stage.texture(stripes(), srgb=True),
+    )
     return stage.picture()
 
 
@@ -87,7 +104,9 @@ def projected(device, *, pattern=None, glass=None, options=None, **fields):
     stage.boxes()
     stage.ball(y=-0.2, radius=0.35)
     if glass is not None:
-        pane = stage.material(transmission=1.0, roughness=0.0, attenuation_color=(0.3, 0.6, 0.5), attenuation_distance_m=0.05)
+        pane = stage.material(
+            transmission=1.0, roughness=0.0, attenuation_color=(0.3, 0.6, 0.5), attenuation_distance_m=0.05
+        )
         stage.add(box((0.6, 0.01, 0.5)), pane, at(0.0, -0.9, 0.5, 0.15))
         stage.options["glass_surfaces"] = glass
     stage.options.update(band="infrared", ir_ambient_radiance=0.01, **(options or {}))
@@ -108,7 +127,9 @@ def dots_listed(device):
     places = np.stack(np.meshgrid(np.arange(4, 160, 8.0), np.arange(4, 160, 8.0)), -1).reshape(-1, 2)
     places[:, 0] += 2.0 * np.sin(places[:, 1])  # anywhere, not only where an image has pixels
     power = np.where(np.arange(len(places)) % 5, 6.0, 24.0)
-    return projected(device, dots=np.column_stack([places, power]), pattern_width=160, pattern_height=160, dot_sigma_px=0.7)
+    return projected(
+        device, dots=np.column_stack([places, power]), pattern_width=160, pattern_height=160, dot_sigma_px=0.7
+    )
 
 
 @tile("Projector", "Out of focus", "blur grows with the distance from `focus_m` and the lens' radius")

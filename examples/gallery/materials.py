@@ -56,17 +56,26 @@ def frosted_glass(device):
 
 @tile("Materials", "Tinted glass", "absorbs along the way: `attenuation_color`, `attenuation_distance_m`")
 def tinted_glass(device):
-    return ball_of(device, transmission=1.0, roughness=0.0, attenuation_color=(0.2, 0.75, 0.45), attenuation_distance_m=0.4)
+    return ball_of(
+        device, transmission=1.0, roughness=0.0, attenuation_color=(0.2, 0.75, 0.45), attenuation_distance_m=0.4
+    )
 
 
-@tile("Materials", "Window and block", "`thin_walled=True`: a sheet, light goes straight through; right, a body that bends it")
+@tile(
+    "Materials",
+    "Window and block",
+    "`thin_walled=True`: a sheet, light goes straight through; right, a body that bends it",
+)
 def window_and_block(device):
     stage = Stage(device)
     stage.scene.set_environment((0.9, 1.0, 1.1))
     for i in range(9):
         post = stage.material(base_color=(0.75, 0.2 + 0.06 * (i % 2), 0.12, 1), specular=0.0)
         stage.add(box((0.035, 0.035, 0.6)), post, at(-1.2 + 0.3 * i, 0.9, 0.6))
-    stage.add(quad((-0.62, 0.0, 0.48), (0.44, 0.14, 0), (0, 0, 0.48)), stage.material(transmission=1.0, roughness=0.0, thin_walled=True))
+    stage.add(
+        quad((-0.62, 0.0, 0.48), (0.44, 0.14, 0), (0, 0, 0.48)),
+        stage.material(transmission=1.0, roughness=0.0, thin_walled=True),
+    )
     stage.add(box((0.44, 0.2, 0.48)), stage.material(transmission=1.0, roughness=0.0), at(0.62, 0.1, 0.481, -0.4))
     stage.options.update(denoise="none", spp=16 * stage.options["spp"])
     return stage.picture()
@@ -74,7 +83,9 @@ def window_and_block(device):
 
 @tile("Materials", "Wax", "`subsurface=1`: light wanders below the surface, red the farthest")
 def wax(device):
-    return ball_of(device, roughness=0.4, subsurface=1.0, subsurface_color=(0.9, 0.75, 0.5), subsurface_radius_m=(0.2, 0.08, 0.03))
+    return ball_of(
+        device, roughness=0.4, subsurface=1.0, subsurface_color=(0.9, 0.75, 0.5), subsurface_radius_m=(0.2, 0.08, 0.03)
+    )
 
 
 @tile("Materials", "Diamond", "`ior=2.42`")

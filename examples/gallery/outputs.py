@@ -79,7 +79,9 @@ def albedo(device):
 def projector_pixel(device):
     stage = furnished(device)
     images = stage.renderer.render(stage.scene, stage.view(), ["projector_uv", "projector_visibility"], **stage.options)
-    colour = np.concatenate([images["projector_uv"][0] / 160, np.full((*images["projector_uv"].shape[1:3], 1), 0.3)], -1)
+    colour = np.concatenate(
+        [images["projector_uv"][0] / 160, np.full((*images["projector_uv"].shape[1:3], 1), 0.3)], -1
+    )
     return to_srgb(np.where(images["projector_visibility"][0] > 0, np.nan_to_num(colour), 0.0))
 
 
@@ -92,7 +94,9 @@ def motion(device):
         stage.scene.set_instance_pose(thing, at(0.7 * x, -0.9, 0.2))
     pixels = stage.render("motion")[..., 0]
     still = 0.15 * stage.render("albedo")[..., 0]
-    return to_srgb(np.stack([still + 0.04 * np.clip(pixels, 0, None), still, still - 0.04 * np.clip(pixels, None, 0)], -1))
+    return to_srgb(
+        np.stack([still + 0.04 * np.clip(pixels, 0, None), still, still - 0.04 * np.clip(pixels, None, 0)], -1)
+    )
 
 
 @tile("Outputs", "Variance", "`variance` of each pixel's mean; its root, over the light")

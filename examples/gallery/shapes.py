@@ -35,7 +35,11 @@ def box(half):
     for axis in range(3):
         for side in (-1.0, 1.0):
             centre, a, b = np.zeros(3), np.zeros(3), np.zeros(3)
-            centre[axis], a[(axis + 1) % 3], b[(axis + 2) % 3] = side * half[axis], half[(axis + 1) % 3], side * half[(axis + 2) % 3]
+            centre[axis], a[(axis + 1) % 3], b[(axis + 2) % 3] = (
+                side * half[axis],
+                half[(axis + 1) % 3],
+                side * half[(axis + 2) % 3],
+            )
             parts.append(quad(centre, a, b))
     positions, faces, normals, uvs = (np.concatenate([p[k] for p in parts]) for k in range(4))
     return positions, faces + 4 * np.repeat(np.arange(6), 2)[:, None], normals, uvs
@@ -76,7 +80,9 @@ def bumps(size=128, waves=10, height=0.35):
 def sky(height=64):
     """An equirectangular evening: blue above, grey below, a low sun."""
     rows = np.linspace(1, -1, height)[:, None, None]
-    image = np.where(rows > 0, [0.25, 0.4, 0.75] + (1 - rows) ** 3 * [0.6, 0.45, 0.2], [0.18, 0.16, 0.14]) * np.ones((1, 2 * height, 1))
+    image = np.where(rows > 0, [0.25, 0.4, 0.75] + (1 - rows) ** 3 * [0.6, 0.45, 0.2], [0.18, 0.16, 0.14]) * np.ones(
+        (1, 2 * height, 1)
+    )
     image[18:22, 92:96] = [60, 45, 25]
     return image.astype(np.float32)
 

@@ -22,7 +22,9 @@ class Stage:
         self.camera_fields = {}
         self.options = {"band": "visible", "spp": SAMPLES, "max_bounces": 8, "seed": 1, "denoise": "atrous"}
         self.exposure = 1.0
-        table = self.scene.add_material(kuafu.Material(specular=0.0, base_color_texture=self.texture(checker(), srgb=True)))
+        table = self.scene.add_material(
+            kuafu.Material(specular=0.0, base_color_texture=self.texture(checker(), srgb=True))
+        )
         self.add(quad((0, 1, 0), (4, 0, 0), (0, 4, 0), repeat=2.5), table)
         if wall:
             self.add(quad((0, 1.6, 1), (3, 0, 0), (0, 0, 2)), self.material(**GREY))
@@ -45,7 +47,9 @@ class Stage:
     def boxes(self):
         """Things with edges, for shadows and depth."""
         for x, y, half, yaw in ((-0.85, 0.5, 0.3, 0.5), (0.9, 0.7, 0.42, -0.3)):
-            self.add(box((half, half, half)), self.material(base_color=(0.6, 0.3, 0.2, 1), specular=0.0), at(x, y, half, yaw))
+            self.add(
+                box((half, half, half)), self.material(base_color=(0.6, 0.3, 0.2, 1), specular=0.0), at(x, y, half, yaw)
+            )
 
     def light(self, kind, eye, target=(0, 0, 0.4), **fields):
         return self.scene.add_light(kuafu.Light(kind=kind, light_to_world=look_at(eye, target), **fields))
@@ -53,7 +57,9 @@ class Stage:
     def daylight(self, strength=1.0):
         """A sky, and a large lamp for soft shadows."""
         self.scene.set_environment((strength,) * 3, strength, texture=self.texture(sky()), map_to_world=MAP_TO_WORLD)
-        self.light("rectangle", (-2.0, -1.5, 3.0), intensity=(5 * strength,) * 3, ir_intensity=5 * strength, size_m=(1.2, 1.2))
+        self.light(
+            "rectangle", (-2.0, -1.5, 3.0), intensity=(5 * strength,) * 3, ir_intensity=5 * strength, size_m=(1.2, 1.2)
+        )
 
     def view(self):
         f = self.camera["focal"]

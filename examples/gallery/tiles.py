@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The list of pictures: each tile is a function from a device to a uint8 RGB image, with its section, title and note."""
+"""The list of pictures: each tile is a function from a device to a uint8 RGB image, with its section, title and
+note."""
 
 from dataclasses import dataclass
 from typing import Callable

@@ -1,10 +1,11 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Gathers the pages of the documentation site from the repository: gather.py FOLDER writes FOLDER/pages and FOLDER/mkdocs.yml.
+"""Gathers the pages of the documentation site from the repository: gather.py FOLDER writes FOLDER/pages and
+FOLDER/mkdocs.yml.
 
 The pages keep their places, so that links between them stay as they are; the files that they show or link to are copied
-beside them. Two directives, each alone on a line, include text of other files:
-`<!-- site: section PAGE "Heading" -->` the text under a heading, `<!-- site: program FILE -->` a file as a code block.
+beside them. Two directives, each alone on a line, include text of other files: `<!-- site: section PAGE "Heading" -->`
+the text under a heading, `<!-- site: program FILE -->` a file as a code block.
 """
 
 import pathlib
@@ -32,7 +33,9 @@ def page_names(config: str) -> list[str]:
 
 def section(page: pathlib.Path, heading: str) -> str:
     """The text under a heading, to the next one of its level or above."""
-    found = re.search(rf"^(#+) {re.escape(heading)}\n(.*?)(?=^#{{1,2}} |\Z)", page.read_text(), re.DOTALL | re.MULTILINE)
+    found = re.search(
+        rf"^(#+) {re.escape(heading)}\n(.*?)(?=^#{{1,2}} |\Z)", page.read_text(), re.DOTALL | re.MULTILINE
+    )
     if not found:
         raise PageError(f"{page.relative_to(ROOT)} has no heading '{heading}'")
     return found.group(2).strip()
@@ -94,7 +97,8 @@ class Gatherer:
         path.write_text(LINK.sub(site_link, text))
 
     def site_link(self, match: re.Match[str], page: pathlib.Path) -> str:
-        """The link as the site has it: to a page, to a copied file, or plain text where it leads to a folder without a page."""
+        """The link as the site has it: to a page, to a copied file, or plain text where it leads to a folder without a
+        page."""
         text, path, anchor = match["text"], match["path"], match["anchor"] or ""
         if not path or "://" in path:
             return match[0]

@@ -38,7 +38,11 @@ def picture(before, after, result):
     floor = result["heldout_noise_floor"]
     figure = Figure(figsize=(12, 6.4), layout="constrained", facecolor="white")
     parts = figure.subplots(2, 2)
-    titles = ("measured: a frame that no fit has seen", "measured minus model, no effects", "measured minus model with what was found")
+    titles = (
+        "measured: a frame that no fit has seen",
+        "measured minus model, no effects",
+        "measured minus model with what was found",
+    )
     for axes, image, title in zip(parts.flat, images, titles, strict=False):
         style = {"cmap": "gray"} if image is images[0] else {"cmap": "RdBu_r", "vmin": -5 * floor, "vmax": 5 * floor}
         shown = axes.imshow(image, **style)
@@ -58,7 +62,14 @@ def curve(axes, result, floor):
     for name, error in zip(names, errors, strict=True):
         axes.annotate(f"{error:.2f} DN", (name, error), textcoords="offset points", xytext=(10, 4), color=INK)
     axes.axhline(floor, color=COOL, ls="--")
-    axes.annotate(f"noise floor {floor:.2f} DN", (0.02, floor), xycoords=("axes fraction", "data"), textcoords="offset points", xytext=(0, 5), color=COOL)
+    axes.annotate(
+        f"noise floor {floor:.2f} DN",
+        (0.02, floor),
+        xycoords=("axes fraction", "data"),
+        textcoords="offset points",
+        xytext=(0, 5),
+        color=COOL,
+    )
     axes.set_ylim(0, 1.15 * max(errors))
     axes.margins(x=0.25)
     axes.set_title("error on unseen frames against effects added", loc="left", fontsize=11, color=INK)
@@ -88,7 +99,9 @@ def main():
     lab.report(args.out / "report")
     save(picture(before, after, result), args.out / "hidden_effect.png")
     report(result, json.loads(key.read_text()), args.out)
-    in_another_scene(elsewhere, lab.diagnosis.sensor_model, before.scores["fit"]["nuisances"], args.out / "another_scene.png")
+    in_another_scene(
+        elsewhere, lab.diagnosis.sensor_model, before.scores["fit"]["nuisances"], args.out / "another_scene.png"
+    )
     return 0
 
 
@@ -115,7 +128,11 @@ def report(result, answer, out):
         values = ", ".join(parameter_text(name, parameter) for name, parameter in entry["parameters"].items())
         print(f"  {entry['effect']:24} {entry['score_nats']:9.0f} nats, confidence {entry['confidence']:.2f}: {values}")
     figures = [result[f"heldout_{name}"] for name in ("ir_rmse_before", "ir_rmse_after", "noise_floor")]
-    print("error on frames that no fit has seen: {:.2f} DN before, {:.2f} after; noise alone gives {:.2f}".format(*figures))
+    print(
+        "error on frames that no fit has seen: {:.2f} DN before, {:.2f} after; noise alone gives {:.2f}".format(
+            *figures
+        )
+    )
     print(f"what was hidden: {', '.join(answer['hidden'])}")
     print(f"report: {out / 'report' / 'report.html'}, picture: {out / 'hidden_effect.png'}")
 

@@ -31,13 +31,17 @@ TABLE = """<mujoco>
 <worldbody>
   <light pos=".4 .5 1.6" dir="-.2 -.25 -1"/>
   <geom name="table" type="box" size=".6 .6 .02" pos="0 0 -.02" material="wood"/>
-  <body name="ball" pos=".05 .1 .3"><freejoint/><geom name="ball" type="sphere" size=".05" material="steel" density="3000"/></body>
-  <body name="can" pos="-.12 -.1 .25"><freejoint/><geom name="can" type="cylinder" size=".035 .05" rgba=".2 .6 .3 1"/></body>
-  <body name="pill" pos="-.1 .12 .35" euler="70 0 0"><freejoint/><geom name="pill" type="capsule" size=".025 .05" rgba=".8 .7 .3 1"/></body>
+  <body name="ball" pos=".05 .1 .3"><freejoint/>
+    <geom name="ball" type="sphere" size=".05" material="steel" density="3000"/></body>
+  <body name="can" pos="-.12 -.1 .25"><freejoint/>
+    <geom name="can" type="cylinder" size=".035 .05" rgba=".2 .6 .3 1"/></body>
+  <body name="pill" pos="-.1 .12 .35" euler="70 0 0"><freejoint/>
+    <geom name="pill" type="capsule" size=".025 .05" rgba=".8 .7 .3 1"/></body>
   BOXES
   <body name="wrist" pos="-.6 0 .5"><camera name="wrist" xyaxes="0 -1 0 .64 0 .77"/></body>
 </worldbody></mujoco>"""
-BOX = '<body name="box {i}" pos="{x} {y} {z}" euler="{a} {b} 0"><freejoint/><geom name="box {i}" type="box" size="{s}" rgba="{c} 1"/></body>'
+BOX = """<body name="box {i}" pos="{x} {y} {z}" euler="{a} {b} 0"><freejoint/>
+    <geom name="box {i}" type="box" size="{s}" rgba="{c} 1"/></body>"""
 STEPS_PER_PICTURE = 20
 
 

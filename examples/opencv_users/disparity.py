@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A usual OpenCV stereo script, and the one line that changes: python disparity.py LEFT.png RIGHT.png [--opencv] [--out disparity.png]."""
+"""A usual OpenCV stereo script, and the one line that changes: python disparity.py LEFT.png RIGHT.png [--opencv] [--out
+disparity.png]."""
 
 import argparse
 import time
@@ -42,7 +43,10 @@ disparity = stereo.compute(left, right).astype(np.float32) / 16
 milliseconds = 1000 * (time.perf_counter() - start)
 
 valid = disparity >= stereo.getMinDisparity()
-print(f"{'OpenCV' if args.opencv else 'simsense'}: {milliseconds:.1f} ms, {100 * valid.mean():.1f} % of the pixels have a disparity")
+print(
+    f"{'OpenCV' if args.opencv else 'simsense'}: {milliseconds:.1f} ms, {100 * valid.mean():.1f} % of the pixels "
+    f"have a disparity"
+)
 shown = cv2.applyColorMap(np.uint8(np.clip(2 * disparity, 0, 255)), cv2.COLORMAP_TURBO)
 shown[~valid] = 0
 cv2.imwrite(args.out, shown)

@@ -103,7 +103,9 @@ class Practice:
             to_world = pose @ turned((0.0, 0.0, 0.0), PROJECTOR_PLACE_M)
             texture = scene.add_texture(self.pattern)
             light = scene.add_light(
-                kuafu.Light(kind="projector", ir_intensity=1.0, texture=texture, k=self.pattern_K, light_to_world=to_world)
+                kuafu.Light(
+                    kind="projector", ir_intensity=1.0, texture=texture, k=self.pattern_K, light_to_world=to_world
+                )
             )
         right = pose @ turned((0.0, 0.0, 0.0), (BASELINE_M, 0.0, 0.0))
         cameras = [kuafu.Camera(WIDTH, HEIGHT, K, p) for p in (pose, right)]
@@ -158,7 +160,11 @@ class Practice:
         fine, metre = 4, SQUARE_M / px
         H = K @ there[:3, [0, 1, 3]] @ np.array([[metre, 0, 0.5 * metre], [0, metre, 0.5 * metre], [0, 0, 1.0]])
         corners = cv2.perspectiveTransform(
-            np.array([[[0, 0], [picture.shape[1], 0], [picture.shape[1], picture.shape[0]], [0, picture.shape[0]]]], np.float64), H
+            np.array(
+                [[[0, 0], [picture.shape[1], 0], [picture.shape[1], picture.shape[0]], [0, picture.shape[0]]]],
+                np.float64,
+            ),
+            H,
         )[0]
         if (corners < 6).any() or (corners > np.array([WIDTH, HEIGHT]) - 7).any():
             return None
@@ -205,14 +211,17 @@ class Practice:
             seen = self.renderer.render(scene, [camera], band="visible", spp=self.samples, max_bounces=3)["radiance"][0]
             seen = np.clip(0.7 * seen + self.random.normal(0.0, 0.004, seen.shape), 0, 1)
             srgb = np.where(seen < 0.0031308, 12.92 * seen, 1.055 * np.maximum(seen, 1e-6) ** (1 / 2.4) - 0.055)
-            Image.fromarray(np.rint(255 * srgb).astype(np.uint8)).save(_made(self.out / "desk" / "off" / "color") / name)
+            Image.fromarray(np.rint(255 * srgb).astype(np.uint8)).save(
+                _made(self.out / "desk" / "off" / "color") / name
+            )
             rows.append(_csv_row(name, pose @ np.linalg.inv(CAMERA_TO_GRIPPER)))
         (self.out / "desk" / "poses.csv").write_text("\n".join(rows) + "\n")
 
     def write_truth(self) -> None:
         truth = {
             "camera_to_gripper": CAMERA_TO_GRIPPER.ravel().tolist(), "box_to_base": BOX_TO_BASE.ravel().tolist(),
-            "projector_place_m": PROJECTOR_PLACE_M, "focal_px": FOCAL_PX, "baseline_m": BASELINE_M, "black_dn": BLACK_DN,
+            "projector_place_m": PROJECTOR_PLACE_M, "focal_px": FOCAL_PX, "baseline_m": BASELINE_M,
+            "black_dn": BLACK_DN,
             "read_dn": READ_DN, "shot_dn": SHOT_DN, "box_roughness": BOX_ROUGHNESS, "box_ir_albedo": BOX_ALBEDO,
         }  # fmt: skip
         (self.out / "truth.json").write_text(json.dumps(truth, indent=1) + "\n")
@@ -223,7 +232,10 @@ def _write_room(path: Path, with_box: bool) -> None:
     matt = {"KHR_materials_specular": {"specularFactor": 0.0}}
     gray = {"metallicFactor": 0.0, "roughnessFactor": 1.0}
     table = writer.add_material(
-        "table", pbrMetallicRoughness={"baseColorFactor": [0.3, 0.35, 0.42, 1.0], **gray}, extensions=matt, extras={"ir_albedo": 0.4}
+        "table",
+        pbrMetallicRoughness={"baseColorFactor": [0.3, 0.35, 0.42, 1.0], **gray},
+        extensions=matt,
+        extras={"ir_albedo": 0.4},
     )
     writer.add_mesh("table", meshes.box(1.6, 0.02, 1.6), table, (0.0, -0.02, 0.0))
     if with_box:

@@ -3,8 +3,8 @@
 
     PYTHONPATH=build/python /usr/bin/python3 examples/real_pair/real_pair.py DATA/d435-real --out out/real_pair
 
-DATA/d435-real holds left.png, right.png (848x480, 8 bit, rectified) and device_depth_mm.png (uint16 mm, 0 = none, every second pixel of the left image).
-"""
+DATA/d435-real holds left.png, right.png (848x480, 8 bit, rectified) and device_depth_mm.png (uint16 mm, 0 = none, every
+second pixel of the left image). """
 
 import argparse
 import sys
@@ -30,7 +30,8 @@ def simsense_depth_mm(left, right):
 
 
 def opencv_depth_mm(left, right):
-    """StereoSGBM with the four paths and the checks that simsense uses; the left border that it cannot compute is padded, so both search everywhere."""
+    """StereoSGBM with the four paths and the checks that simsense uses; the left border that it cannot compute is
+    padded, so both search everywhere."""
     block = 7
     matcher = cv2.StereoSGBM_create(
         0, MAX_DISPARITY, block, 8 * block**2, 32 * block**2, 1, 0, 15, 100, 1, cv2.STEREO_SGBM_MODE_HH4
@@ -41,7 +42,8 @@ def opencv_depth_mm(left, right):
 
 
 def against_device(depth_mm, device_mm):
-    """(after one affine fit: depth_mm fitted, median |difference| mm; fill rate). The device's depth was decoded from a picture of unknown range."""
+    """(after one affine fit: depth_mm fitted, median |difference| mm; fill rate). The device's depth was decoded from a
+    picture of unknown range."""
     both = (depth_mm > 0) & (device_mm > 0)
     fit = np.polyfit(depth_mm[both], device_mm[both], 1)
     fitted = np.where(depth_mm > 0, np.polyval(fit, depth_mm), 0.0)
@@ -88,9 +90,14 @@ def main():
     rows = []
     for name, engine in (("simsense", simsense_depth_mm), ("OpenCV StereoSGBM (HH4, 7x7)", opencv_depth_mm)):
         rows.append((name, *against_device(engine(left, right)[::2, ::2], device_mm.astype(float))))
-        print(f"{name:30s} median |difference| {rows[-1][2]:5.2f} mm   fill {100 * rows[-1][3]:5.1f} %   device {100 * np.mean(device_mm > 0):.1f} %")
+        print(
+            f"{name:30s} median |difference| {rows[-1][2]:5.2f} mm   fill {100 * rows[-1][3]:5.1f} %   device "
+            f"{100 * np.mean(device_mm > 0):.1f} %"
+        )
     args.out.mkdir(parents=True, exist_ok=True)
-    replace_file(args.out / "real_pair.png", lambda file: draw(left, rows, device_mm).savefig(file, format="png", dpi=100))
+    replace_file(
+        args.out / "real_pair.png", lambda file: draw(left, rows, device_mm).savefig(file, format="png", dpi=100)
+    )
     print(f"written: {args.out / 'real_pair.png'}")
     return 0
 

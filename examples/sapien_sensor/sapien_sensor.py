@@ -68,7 +68,9 @@ def run(out: Path, scale: float, samples: int, steps: int) -> float:
     shade = 255 * np.clip((far - depth) / (far - near), 0, 1) * (depth > 0)
     tiles = [255 * sensor.get_rgb(), np.repeat(shade[..., None], 3, axis=2)]
     Image.fromarray(np.hstack(tiles).astype(np.uint8)).save(out / "sapien_sensor.png")
-    for entity in list(scene.entities):  # SAPIEN ends the process where a scene without a renderer goes with its entities
+    for entity in list(
+        scene.entities
+    ):  # SAPIEN ends the process where a scene without a renderer goes with its entities
         scene.remove_entity(entity)
     return float(good.mean())
 

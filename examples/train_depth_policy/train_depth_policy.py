@@ -33,7 +33,8 @@ BATCH, LEARNING_RATE = 64, 1e-3
 
 
 class ForeignCamera:
-    """The same place, other figures: a darker exposure, other noise, and OpenCV's StereoSGBM in place of our matcher."""
+    """The same place, other figures: a darker exposure, other noise, and OpenCV's StereoSGBM in place of our
+    matcher."""
 
     def __init__(self, camera: DepthCamera) -> None:
         self._sensors, self._config = camera.sensors, camera.sensors.get_config()

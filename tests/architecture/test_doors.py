@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Keeps the doors between the rooms shut: who may include or import whom, what a library exports, what an engine never does.
+"""Keeps the doors between the rooms shut: who may include or import whom, what a library exports, what an engine never
+does.
 
-Reads #include and import lines of the sources, and the symbol tables of the built libraries (build folder: $ACTIVESTEREO_BUILD, else build/).
+Reads #include and import lines of the sources, and the symbol tables of the built libraries (build folder:
+$ACTIVESTEREO_BUILD, else build/).
 """
 
 import ast
@@ -24,9 +26,16 @@ MAX_LINES = 500
 C99_HEADERS = {"stdint.h", "stddef.h", "string.h", "math.h"}
 
 # Written once when the Vulkan loader is opened, never changed afterwards.
-LOADER_STATE = {"open_loader()::opened", "embree_library()::opened", "load_instance_functions(VkInstance_T*)::once", "shared_instance(VkInstanceCreateInfo const&)::first", "Builders::get()::builders"}
+LOADER_STATE = {
+    "open_loader()::opened",
+    "embree_library()::opened",
+    "load_instance_functions(VkInstance_T*)::once",
+    "shared_instance(VkInstanceCreateInfo const&)::first",
+    "Builders::get()::builders",
+}
 
-# Memory of released handles, behind a mutex: it has to outlive every object, or a handle could not be recognised as released.
+# Memory of released handles, behind a mutex: it has to outlive every object, or a handle could not be recognised as
+# released.
 HANDLE_MEMORY = {"Blocks::blocks()::all"}
 
 
@@ -77,12 +86,22 @@ def library(request):
 
 @pytest.mark.parametrize("room, other", [("kuafu", "simsense"), ("simsense", "kuafu")])
 def test_engines_do_not_know_each_other(room, other):
-    seen = [f"{name_of(p)}: {i}" for p in sources(room, NATIVE_SUFFIXES) for i in includes(p) if other in pathlib.PurePosixPath(i).parts]
+    seen = [
+        f"{name_of(p)}: {i}"
+        for p in sources(room, NATIVE_SUFFIXES)
+        for i in includes(p)
+        if other in pathlib.PurePosixPath(i).parts
+    ]
     assert not seen
 
 
 def test_device_leaf_knows_no_engine():
-    seen = [f"{name_of(p)}: {i}" for p in sources("capi/device", NATIVE_SUFFIXES) for i in includes(p) if i.split("/")[0] in LIBRARIES]
+    seen = [
+        f"{name_of(p)}: {i}"
+        for p in sources("capi/device", NATIVE_SUFFIXES)
+        for i in includes(p)
+        if i.split("/")[0] in LIBRARIES
+    ]
     assert not seen
 
 
@@ -109,7 +128,9 @@ def test_bindings_use_only_the_public_headers():
             parts = pathlib.PurePosixPath(include).parts
             standard = len(parts) == 1 and "." not in include
             own = any((base / include).exists() for base in (path.parent, ROOT / "python"))
-            if not (standard or own or parts[0] in allowed_folders or include in C99_HEADERS | {"cxxabi.h", "unistd.h"}):
+            if not (
+                standard or own or parts[0] in allowed_folders or include in C99_HEADERS | {"cxxabi.h", "unistd.h"}
+            ):
                 seen.append(f"{name_of(path)}: {include}")
     assert not seen
 
@@ -135,7 +156,10 @@ def test_python_modules_of_the_engines_do_not_import_each_other(room, other):
 
 @pytest.mark.parametrize("folder", ENGINE_FOLDERS)
 def test_engines_never_print_abort_or_exit(folder):
-    forbidden = re.compile(r"\b(?:std::)?(printf|fprintf|vprintf|puts|putchar|perror|abort|_?exit|quick_exit|terminate)\s*\(|\bstd::(cout|cerr|clog)\b")
+    forbidden = re.compile(
+        r"\b(?:std::)?(printf|fprintf|vprintf|puts|putchar|perror|abort|_?exit|quick_exit|terminate)\s*\("
+        r"|\bstd::(cout|cerr|clog)\b"
+    )
     seen = []
     for path in sources(folder, {".h", ".cpp", ".inc", ".c"}):
         seen += [f"{name_of(path)}: {match.group().strip()}" for match in forbidden.finditer(code_of(path))]
@@ -156,7 +180,11 @@ def test_no_source_is_longer_than_the_limit():
 
 def test_libraries_export_exactly_what_their_header_declares(library):
     name, path = library
-    exported = {line.split()[2].split("@")[0] for line in run("nm", "-D", "--defined-only", str(path)).splitlines() if line.split()[1] != "A"}
+    exported = {
+        line.split()[2].split("@")[0]
+        for line in run("nm", "-D", "--defined-only", str(path)).splitlines()
+        if line.split()[1] != "A"
+    }
     headers = "\n".join(code_of(p) for p in sources(f"capi/include/{name}", {".h"}))
     declared = set(re.findall(rf"{name.upper()}_API[^;(]*?\b({name}_\w+)\s*\(", headers))
     assert declared, "no declaration found: the test reads the header wrongly"
@@ -171,7 +199,11 @@ def test_generated_files_are_up_to_date(generator):
 
 def test_libraries_export_the_listed_symbols_under_their_version(library):
     name, path = library
-    listed = [line.split() for line in (ROOT / f"capi/abi/{name}.symbols").read_text().splitlines() if not line.startswith("#")]
+    listed = [
+        line.split()
+        for line in (ROOT / f"capi/abi/{name}.symbols").read_text().splitlines()
+        if not line.startswith("#")
+    ]
     table = run("nm", "-D", "--defined-only", "--with-symbol-versions", str(path))
     exported = dict(re.findall(r" [TR] (\w+)@@(\w+\.\w+)", table.replace(f"{name.upper()}_", "")))
     assert exported == dict(listed)
@@ -217,6 +249,8 @@ def test_libraries_hold_no_mutable_global_state(library):
         if not match or not re.match(r"(ks|kuafu|simsense)::", match.group(2).removeprefix("guard variable for ")):
             continue
         symbol = match.group(2)
-        if symbol.split("::")[-1] not in constants and not any(symbol.endswith(known) for known in LOADER_STATE | HANDLE_MEMORY):
+        if symbol.split("::")[-1] not in constants and not any(
+            symbol.endswith(known) for known in LOADER_STATE | HANDLE_MEMORY
+        ):
             seen.append(symbol)
     assert not seen

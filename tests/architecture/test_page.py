@@ -29,7 +29,9 @@ def tree_of_page() -> list[str]:
 
 def tracked_folders() -> set[str]:
     """First and second level, of what git tracks or would track."""
-    listing = subprocess.run(["git", "ls-files", "--cached", "--others", "--exclude-standard"], cwd=ROOT, capture_output=True, text=True)
+    listing = subprocess.run(
+        ["git", "ls-files", "--cached", "--others", "--exclude-standard"], cwd=ROOT, capture_output=True, text=True
+    )
     if listing.returncode:
         pytest.skip("not a git checkout: the tree is not compared with the files")
     paths = [pathlib.PurePosixPath(line) for line in listing.stdout.splitlines()]

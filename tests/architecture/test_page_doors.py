@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""ARCHITECTURE.md's table of doors between top-level folders is what the sources include and import: no more, no less."""
+"""ARCHITECTURE.md's table of doors between top-level folders is what the sources include and import: no more, no
+less."""
 
 import ast
 import pathlib
@@ -11,7 +12,17 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8")
 NATIVE = {".h", ".hpp", ".inc", ".c", ".cpp", ".comp", ".glsl", ".rgen", ".rchit", ".rmiss", ".rahit"}
 # Where an include may be found: the includer's own library first, then every folder that an include path could have.
-SHARED_ROOTS = ("capi/include", "capi", "python", "kuafu", "kuafu/src", "kuafu/shaders", "simsense/src", "simsense/shaders", "tests")
+SHARED_ROOTS = (
+    "capi/include",
+    "capi",
+    "python",
+    "kuafu",
+    "kuafu/src",
+    "kuafu/shaders",
+    "simsense/src",
+    "simsense/shaders",
+    "tests",
+)
 PYTHON_ROOTS = {"kuafu": "python/kuafu", "simsense": "python/simsense", "activestereo": "python/activestereo"}
 
 
@@ -37,7 +48,8 @@ def folder_of(path: str) -> str:
 
 
 def included(path: pathlib.Path) -> set[str]:
-    """Paths in the repository that a native source includes; what is not found there is the system's, or made by the build."""
+    """Paths in the repository that a native source includes; what is not found there is the system's, or made by the
+    build."""
     top = path.relative_to(ROOT).parts[0]
     roots = (path.parent, ROOT / top / "src", ROOT / top / "shaders", *(ROOT / root for root in SHARED_ROOTS))
     found = set()
@@ -56,14 +68,22 @@ def imported(path: pathlib.Path) -> set[str]:
             names |= {alias.name.split(".")[0] for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
             names.add(node.module.split(".")[0])
-    return {f"{PYTHON_ROOTS[name]}/" for name in names & set(PYTHON_ROOTS)} | {f"{name}/" for name in names & {"tests", "examples"}}
+    return {f"{PYTHON_ROOTS[name]}/" for name in names & set(PYTHON_ROOTS)} | {
+        f"{name}/" for name in names & {"tests", "examples"}
+    }
 
 
 def used_folders(folder: str) -> dict[str, list[str]]:
     """Other folders that the sources of a folder use, each with the sources that do."""
     found: dict[str, list[str]] = {}
     for path in (ROOT / folder).rglob("*"):
-        reads = included if path.suffix in NATIVE else imported if path.suffix == ".py" and "__pycache__" not in path.parts else None
+        reads = (
+            included
+            if path.suffix in NATIVE
+            else imported
+            if path.suffix == ".py" and "__pycache__" not in path.parts
+            else None
+        )
         for target in reads(path) if reads else ():
             found.setdefault(folder_of(target), []).append(f"{path.relative_to(ROOT)} uses {target}")
     return found
@@ -84,5 +104,9 @@ def test_every_folder_of_sources_has_its_row() -> None:
     for top in sorted(tops):
         for path in (ROOT / top).rglob("*"):
             name = path.relative_to(ROOT).as_posix()
-            if path.suffix in suffixes and "__pycache__" not in name and not name.startswith(tuple(f"{s}/" for s in scripts)):
+            if (
+                path.suffix in suffixes
+                and "__pycache__" not in name
+                and not name.startswith(tuple(f"{s}/" for s in scripts))
+            ):
                 assert folder_of(name) in with_row, name

@@ -9,7 +9,8 @@ PAGE = (TESTS / "README.md").read_text(encoding="utf-8")
 
 
 def named() -> set[str]:
-    """`Suite.Name`, `...Name` (of the suite before it), `Suite.*` and `folder/test_file.py` in the last cells of tables."""
+    """`Suite.Name`, `...Name` (of the suite before it), `Suite.*` and `folder/test_file.py` in the last cells of
+    tables."""
     cells = [line.split("|")[-2] for line in PAGE.splitlines() if line.startswith("| ") and line.count("|") > 2]
     return {name for cell in cells for name in re.findall(r"`([^`]+)`", cell)}
 
@@ -17,9 +18,13 @@ def named() -> set[str]:
 def test_each_named_gtest_exists() -> None:
     found = set()
     for path in TESTS.rglob("*_test.cpp"):
-        for suite, name in re.findall(r"^(?:TYPED_)?TEST(?:_[FP])?\((\w+),\s*(\w+)\)", path.read_text(encoding="utf-8"), re.MULTILINE):
+        for suite, name in re.findall(
+            r"^(?:TYPED_)?TEST(?:_[FP])?\((\w+),\s*(\w+)\)", path.read_text(encoding="utf-8"), re.MULTILINE
+        ):
             found |= {f"{suite}.{name}", f"{suite}.*", f"...{name}"}
-    wanted = {name for name in named() if re.fullmatch(r"(\w+|\.\.)\.(\w+|\*)", name) and not name.endswith((".py", ".sh"))}
+    wanted = {
+        name for name in named() if re.fullmatch(r"(\w+|\.\.)\.(\w+|\*)", name) and not name.endswith((".py", ".sh"))
+    }
     assert len(wanted) > 40
     assert not wanted - found
 

@@ -32,8 +32,10 @@ def write_page(scores, results, folder, set_name):
     lines = [
         f"# The blind bank: set `{set_name}`, {len(results)} worlds",
         "",
-        "Every world is a capture by an independent virtual sensor with an effect that the tool does not know. An effect counts as",
-        "detectable where it raises the error on test frames by half a noise floor or more, in quadrature. Intervals: 95 %.",
+        "Every world is a capture by an independent virtual sensor with an effect that the tool does not know. "
+        "An effect counts as",
+        "detectable where it raises the error on test frames by half a noise floor or more, in quadrature. "
+        "Intervals: 95 %.",
         "",
         *table,
         "",
@@ -41,7 +43,14 @@ def write_page(scores, results, folder, set_name):
     if scores["by_strength"]:
         _answers_picture(scores["by_strength"]).savefig(folder / "answers.png", dpi=110)
         _confusion_picture(scores["by_strength"]).savefig(folder / "confusion.png", dpi=110)
-        lines += [*_strength_table(scores["by_strength"]), "", "![answers](answers.png)", "", "![confusion](confusion.png)", ""]
+        lines += [
+            *_strength_table(scores["by_strength"]),
+            "",
+            "![answers](answers.png)",
+            "",
+            "![confusion](confusion.png)",
+            "",
+        ]
     if scores["calibration"]:
         _calibration_picture(scores["calibration"]).savefig(folder / "calibration.png", dpi=110)
         lines += ["![calibration](calibration.png)", ""]
@@ -60,7 +69,11 @@ def _table(measures):
         if name in BARS:
             sign, ship, best = BARS[name]
             reached = [(m["value"] >= x) if sign == ">=" else (m["value"] <= x) for x in (ship, best)]
-            bar, aim, mark = f"{sign} {ship}", f"{sign} {best}", "aim" if reached[1] else "bar" if reached[0] else "**no**"
+            bar, aim, mark = (
+                f"{sign} {ship}",
+                f"{sign} {best}",
+                "aim" if reached[1] else "bar" if reached[0] else "**no**",
+            )
         rows.append(f"| {name} | {m['value']:.3g} | {interval} | {m['n']} | {bar} | {aim} | {mark} |")
     return rows
 
@@ -68,20 +81,27 @@ def _table(measures):
 def _strength_table(by_strength):
     rows = ["| strength | top-1 | named and right | named and wrong | n |", "|---|---|---|---|---|"]
     for strength, part in by_strength.items():
-        cells = " | ".join(f"{part[k]['value']:.2f} ({part[k]['low']:.2f}..{part[k]['high']:.2f})" for k in ("top-1", "named and right", "named and wrong"))
+        cells = " | ".join(
+            f"{part[k]['value']:.2f} ({part[k]['low']:.2f}..{part[k]['high']:.2f})"
+            for k in ("top-1", "named and right", "named and wrong")
+        )
         rows.append(f"| {strength} | {cells} | {part['top-1']['n']} |")
     return rows
 
 
 def _misses(results):
     """Every world whose answer is not the truth."""
-    rows = ["| world | truth | strength | error over floor | verdict | added | first three |", "|---|---|---|---|---|---|---|"]
+    rows = [
+        "| world | truth | strength | error over floor | verdict | added | first three |",
+        "|---|---|---|---|---|---|---|",
+    ]
     for r in sorted(results, key=lambda r: r.key["id"]):
         if r.right:
             continue
         strength = " + ".join(r.key["strengths"].values())
-        cells = (r.key["id"], " + ".join(sorted(r.truth)), strength, f"{r.key['oracle']['test']['ratio']:.2f}", r.verdict,
-                 ", ".join(sorted(r.added)), ", ".join(r.names(3)))  # fmt: skip
+        hidden, ratio = " + ".join(sorted(r.truth)), f"{r.key['oracle']['test']['ratio']:.2f}"
+        found, first = ", ".join(sorted(r.added)), ", ".join(r.names(3))
+        cells = (r.key["id"], hidden, strength, ratio, r.verdict, found, first)
         rows.append("| " + " | ".join(cells) + " |")
     return ["## Misses", "", *rows] if len(rows) > 2 else ["No misses."]
 
@@ -93,7 +113,9 @@ def _color(truth, answer):
 def _answers_picture(by_strength):
     """What was said of each effect at each strength."""
     effects = sorted({truth for part in by_strength.values() for truth in part["confusion"]})
-    figure = Figure(figsize=(3.2 + 2.3 * len(by_strength), 1.2 + 0.24 * len(effects)), facecolor="white", layout="constrained")
+    figure = Figure(
+        figsize=(3.2 + 2.3 * len(by_strength), 1.2 + 0.24 * len(effects)), facecolor="white", layout="constrained"
+    )
     axes = figure.add_subplot()
     for column, part in enumerate(by_strength.values()):
         for row, truth in enumerate(effects):
@@ -102,7 +124,15 @@ def _answers_picture(by_strength):
                 continue
             axes.add_patch(_cell(column, row, _color(truth, answer)))
             text = "found" if answer == truth else answer
-            axes.text(column, row, text, ha="center", va="center", size=7.5, color=_INK if _color(truth, answer) == _QUIET else "white")
+            axes.text(
+                column,
+                row,
+                text,
+                ha="center",
+                va="center",
+                size=7.5,
+                color=_INK if _color(truth, answer) == _QUIET else "white",
+            )
     axes.set_xlim(-0.5, len(by_strength) - 0.5)
     axes.set_ylim(len(effects) - 0.5, -0.5)
     axes.set_xticks(range(len(by_strength)), list(by_strength))

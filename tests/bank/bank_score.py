@@ -15,8 +15,8 @@ DETECTABLE = 0.5
 
 @dataclass(frozen=True)
 class Result:
-    """One world: the key, the tool's diagnose.json (None where it failed) and the run's figures; followed: {"asked" or "random":
-    diagnose.json after one more measurement}, see run_next.py."""
+    """One world: the key, the tool's diagnose.json (None where it failed) and the run's figures; followed: {"asked" or
+    "random": diagnose.json after one more measurement}, see run_next.py."""
 
     key: dict
     answer: dict | None
@@ -33,7 +33,8 @@ class Result:
 
     @property
     def _asked(self):
-        """The part of the answer that the world asks for: the depth engine's, where its fault is hidden behind infrared images."""
+        """The part of the answer that the world asks for: the depth engine's, where its fault is hidden behind infrared
+        images."""
         asks_for_depth = self.key["set"] == "depth" and self.key["infrared"]
         return self.answer.get("depth", self.answer) if asks_for_depth else self.answer
 
@@ -48,7 +49,11 @@ class Result:
     @property
     def added(self):
         """What is added to the model: on the images and behind the matcher."""
-        return set() if self.failed else {*map(world_name, self.answer["added"]), *self.answer.get("depth", {}).get("added", ())}
+        return (
+            set()
+            if self.failed
+            else {*map(world_name, self.answer["added"]), *self.answer.get("depth", {}).get("added", ())}
+        )
 
     @property
     def detectable(self):
@@ -67,13 +72,17 @@ class Result:
         if self.key["set"] == "outside":
             return self.verdict == "unknown" and not self.added
         if any(entry.get("nuisance") for entry in self.ranking if entry["effect"] in self.truth):
-            return self.verdict == "none" and not self.added and set(self.names(1)) == self.truth  # any matcher differs so
+            return (
+                self.verdict == "none" and not self.added and set(self.names(1)) == self.truth
+            )  # any matcher differs so
         return self.verdict == ("effect" if self.truth else "none") and self.added == self.truth
 
     @property
     def is_ambiguous(self):
         """Whether the one thing hidden is named, with others that fit as well."""
-        return self.verdict == "effect" and len(self.truth) == 1 and len(_set_of(self)) > 1 and self.truth <= _set_of(self)
+        return (
+            self.verdict == "effect" and len(self.truth) == 1 and len(_set_of(self)) > 1 and self.truth <= _set_of(self)
+        )
 
     @property
     def named(self):
@@ -103,7 +112,9 @@ def read_results(folder, ids):
 
 def score(results):
     """{measure: {value, low, high, n}}, by strength, and what the pictures show."""
-    of = {name: [r for r in results if r.key["set"] == name] for name in ("single", "pairs", "outside", "none", "depth")}
+    of = {
+        name: [r for r in results if r.key["set"] == name] for name in ("single", "pairs", "outside", "none", "depth")
+    }
     clear = [r for r in of["single"] if r.detectable]
     measures = {
         "top-1": rate([_first(r) for r in clear]),
@@ -124,7 +135,9 @@ def score(results):
         "error fall F (median)": median([f for r in clear if (f := _fall(r)) is not None]),
         "next measurement resolves": rate([_resolved(r, "asked") for r in results if r.followed]),
         "a random one resolves": rate([_resolved(r, "random") for r in results if r.followed]),
-        "depth alone is undetermined": rate([r.verdict == "undetermined" for r in of["depth"] if not r.key["infrared"]]),
+        "depth alone is undetermined": rate(
+            [r.verdict == "undetermined" for r in of["depth"] if not r.key["infrared"]]
+        ),
         "depth engine's fault first": rate([_first(r) for r in of["depth"] if r.key["infrared"]]),
         "seconds per diagnosis (median)": median([r.run["diagnose_s"] for r in results]),
         "failed": rate([r.failed for r in results]),
@@ -146,8 +159,16 @@ def median(values):
     if not values.size:
         return {"value": None, "low": None, "high": None, "n": 0}
     half = 0.98 * np.sqrt(values.size)
-    low, high = max(0, int(np.floor(values.size / 2 - half))), min(values.size - 1, int(np.ceil(values.size / 2 + half)))
-    return {"value": float(np.median(values)), "low": float(values[low]), "high": float(values[high]), "n": int(values.size)}
+    low, high = (
+        max(0, int(np.floor(values.size / 2 - half))),
+        min(values.size - 1, int(np.ceil(values.size / 2 + half))),
+    )
+    return {
+        "value": float(np.median(values)),
+        "low": float(values[low]),
+        "high": float(values[high]),
+        "n": int(values.size),
+    }
 
 
 def _first(r):
@@ -157,7 +178,11 @@ def _first(r):
 def _resolved(r, how):
     """Whether, after one more measurement, the truth alone is left."""
     after = r.followed.get(how)
-    return after is not None and bool(after["ranking"]) and {after["ranking"][0]["effect"], *after["ranking"][0]["equivalent"]} == r.truth
+    return (
+        after is not None
+        and bool(after["ranking"])
+        and {after["ranking"][0]["effect"], *after["ranking"][0]["equivalent"]} == r.truth
+    )
 
 
 def _family_right(r):
@@ -188,10 +213,15 @@ def _covered(r):
 
 
 def _fall(r):
-    """1 - excess after / excess before: share of the held-out mean square above the true floor that went, by the tool's own figures."""
+    """1 - excess after / excess before: share of the held-out mean square above the true floor that went, by the tool's
+    own figures."""
     if r.failed or r.answer["heldout_ir_rmse_before"] is None:
         return None
-    before, after, floor = r.answer["heldout_ir_rmse_before"], r.answer["heldout_ir_rmse_after"], r.key["oracle"]["test"]["floor_dn"]
+    before, after, floor = (
+        r.answer["heldout_ir_rmse_before"],
+        r.answer["heldout_ir_rmse_after"],
+        r.key["oracle"]["test"]["floor_dn"],
+    )
     return (before**2 - after**2) / (before**2 - floor**2) if before > floor else None
 
 

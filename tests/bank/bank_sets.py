@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The sets of the blind bank: which world hides what. World k of a set is the same in every run; what is reported is generation 0.
+"""The sets of the blind bank: which world hides what. World k of a set is the same in every run; what is reported is
+generation 0.
 
 Other generations are other worlds of the same kinds, to learn from without looking at the bank's own.
 """
@@ -21,7 +22,8 @@ PAIRS, NONES, DEPTH_ONLY = 40, 100, 4
 _CODES = {"single": 1, "pairs": 2, "outside": 3, "none": 4, "depth": 5}
 ALL = ("single", "pairs", "outside", "none", "depth")
 _SMALL = (
-    ("none", 0), ("none", 1), ("single", "projector_defocus"), ("single", "radial_distortion"), ("single", "response_gamma"),
+    ("none", 0), ("none", 1), ("single", "projector_defocus"), ("single", "radial_distortion"),
+    ("single", "response_gamma"),
     ("single", "rolling_shutter"), ("single", "vignetting"), ("single", "prnu"), ("single", "laser_power_drift"),
     ("single", "stereo_pitch"), ("pairs", ("lens_psf", "projector_defocus")), ("outside", "column_crosstalk"),
 )  # fmt: skip
@@ -68,7 +70,10 @@ def _items(name):
         found = [item for part in ALL for item in _items(part)]
         return [found[i] for i in np.random.Generator(np.random.PCG64(1)).permutation(len(found))]
     lists = {"single": _single, "pairs": _pairs, "outside": _outside, "none": _none, "depth": _depth}
-    return [Item(name, number, tuple(strengths.items()), infrared) for number, (strengths, infrared) in enumerate(lists[name]())]
+    return [
+        Item(name, number, tuple(strengths.items()), infrared)
+        for number, (strengths, infrared) in enumerate(lists[name]())
+    ]
 
 
 def _single():

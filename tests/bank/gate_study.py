@@ -4,9 +4,9 @@
 
     python3 tests/bank/gate_study.py --set small --out out/bank
 
-Reads the answers of a bank that was run: each holds the numbers that its verdict rests on. Verdicts are passed again, nothing is fitted
-again: what a gate changes earlier (which effects are fitted, what --greedy goes on to add) does not show. Prints a Markdown table.
-"""
+Reads the answers of a bank that was run: each holds the numbers that its verdict rests on. Verdicts are passed again,
+nothing is fitted again: what a gate changes earlier (which effects are fitted, what --greedy goes on to add) does not
+show. Prints a Markdown table. """
 
 import argparse
 import sys
@@ -32,7 +32,11 @@ def main() -> int:
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="of run_bank.py")
     parser.add_argument("--generation", type=int, default=0, metavar="N")
     args = parser.parse_args()
-    results = [r for r in read_results(args.out, [i.id for i in items(args.set, args.generation)]) if "judging" in (r.answer or {})]
+    results = [
+        r
+        for r in read_results(args.out, [i.id for i in items(args.set, args.generation)])
+        if "judging" in (r.answer or {})
+    ]
     if not results:
         print("no answer holds what its verdict rests on: run run_bank.py first", file=sys.stderr)
         return 1
@@ -44,8 +48,11 @@ def study(results: Sequence[Result], gates: Gates = GATES) -> str:
     """The table: each gate that moves a figure, halved and doubled."""
     now = figures(results, gates)
     lines = [
-        f"{len(results)} worlds. Named and right {_text(now[0])}, false alarms {_text(now[1])}, outside said so {_text(now[2])}.", "",
-        "| gate | value | halved | doubled |", "|---|---|---|---|",
+        f"{len(results)} worlds. Named and right {_text(now[0])}, false alarms {_text(now[1])}, outside said so "
+        f"{_text(now[2])}.",
+        "",
+        "| gate | value | halved | doubled |",
+        "|---|---|---|---|",
     ]
     silent = []
     for field in fields(gates):
@@ -61,7 +68,11 @@ def study(results: Sequence[Result], gates: Gates = GATES) -> str:
 def figures(results: Sequence[Result], gates: Gates) -> Figures:
     """(detectable single effects named and right, false alarms, outside said so) of first steps."""
     said = [(r, *verdict_under(r.answer["judging"], gates)) for r in results]
-    single = [verdict == "effect" and {world_name(name)} == r.truth for r, verdict, name in said if r.key["set"] == "single" and r.detectable]
+    single = [
+        verdict == "effect" and {world_name(name)} == r.truth
+        for r, verdict, name in said
+        if r.key["set"] == "single" and r.detectable
+    ]
     none = [verdict == "effect" for r, verdict, _ in said if r.key["set"] == "none"]
     outside = [verdict == "unknown" for r, verdict, _ in said if r.key["set"] == "outside"]
     return tuple(sum(part) / len(part) if part else None for part in (single, none, outside))

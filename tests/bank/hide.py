@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Makes one capture with a hidden effect, and the answer in another place: hide.py SEED CAPTURE_FOLDER KEY_FILE [ELSEWHERE_FOLDER]. Says
-nothing of it. ELSEWHERE_FOLDER: what the same sensor takes of another scene."""
+"""Makes one capture with a hidden effect, and the answer in another place: hide.py SEED CAPTURE_FOLDER KEY_FILE
+[ELSEWHERE_FOLDER]. Says nothing of it. ELSEWHERE_FOLDER: what the same sensor takes of another scene."""
 
 import sys
 from pathlib import Path

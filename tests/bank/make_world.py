@@ -10,8 +10,8 @@ from worlds.blind.world import World
 
 
 def make_world(item, capture_folder, key_path, survey, more=None, elsewhere=None):
-    """Writes both, whole or not at all; returns the key. more: a change of frames recorded beside the usual ones. elsewhere: (folder, seed)
-    of a capture of another scene by the same sensor."""
+    """Writes both, whole or not at all; returns the key. more: a change of frames recorded beside the usual ones.
+    elsewhere: (folder, seed) of a capture of another scene by the same sensor."""
     hidden, moving_exposure = item.draw()
     world = World(item.seed, hidden, survey, moving_exposure=moving_exposure, more=more)
     figures = _write(world, capture_folder, item)

@@ -4,11 +4,10 @@
 
     python3 tests/bank/practice.py CAPTURES --out out/practice
 
-CAPTURES holds practice-NN folders, each with its answer.json, which the tool does not get to see. Prints a Markdown table: verdict and
-first names, the share of the gap between base model and floor that is closed, test errors of the diagnosis and of `compare --model`, and
-the time of the diagnosis (wall and processor seconds) with all renders and once more with renders kept on disk. What was run already is
-not run again.
-"""
+CAPTURES holds practice-NN folders, each with its answer.json, which the tool does not get to see. Prints a Markdown
+table: verdict and first names, the share of the gap between base model and floor that is closed, test errors of the
+diagnosis and of `compare --model`, and the time of the diagnosis (wall and processor seconds) with all renders and once
+more with renders kept on disk. What was run already is not run again. """
 
 import argparse
 import json
@@ -22,7 +21,8 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 TOOL = str(ROOT / "build/bin/activestereo")
 HEAD = (
-    "| capture | hidden | verdict, found | gap closed | diagnosis, DN | compare --model, DN | ratio | diagnosis | again |",
+    "| capture | hidden | verdict, found | gap closed | diagnosis, DN | compare --model, DN | ratio | diagnosis "
+    "| again |",
     "|---|---|---|---|---|---|---|---|---|",
 )
 
@@ -47,7 +47,9 @@ def row(folder: Path, out: Path, tool: str, device: str) -> str:
     if not capture.is_dir():
         shutil.copytree(folder, capture, ignore=shutil.ignore_patterns(answer.name))
     said, first = kept(place / "diagnose.json", [tool, "diagnose", str(capture), "--device", device], out / "renders")
-    _, again = kept(place / "again" / "diagnose.json", [tool, "diagnose", str(capture), "--device", device], out / "renders")
+    _, again = kept(
+        place / "again" / "diagnose.json", [tool, "diagnose", str(capture), "--device", device], out / "renders"
+    )
     compared, _ = kept(
         place / "compare" / "compare.json",
         [tool, "compare", str(capture), "--device", device, "--model", str(place / "model.json")],

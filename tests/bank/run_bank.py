@@ -4,9 +4,9 @@
 
     python3 tests/bank/run_bank.py --set small --out out/bank
 
-Resumable: worlds that have an answer in DIR are not run again. DIR holds keys/ (the truth, which the tool does not see),
-captures/ (as long as needed), answers/ (diagnose.json and the tool's output), then score.json, README.md and its pictures.
-"""
+Resumable: worlds that have an answer in DIR are not run again. DIR holds keys/ (the truth, which the tool does not
+see), captures/ (as long as needed), answers/ (diagnose.json and the tool's output), then score.json, README.md and its
+pictures. """
 
 import argparse
 import json
@@ -48,14 +48,34 @@ def _arguments():
     sets = ("small", "single", "pairs", "outside", "none", "depth", "all")
     parser.add_argument("--set", choices=sets, required=True)
     parser.add_argument("--out", type=Path, required=True, metavar="DIR")
-    parser.add_argument("--jobs", type=int, default=2, metavar="N", help="worlds at a time, each on its share of the cores (default: 2)")
-    parser.add_argument("--generation", type=int, default=0, metavar="N", help="other worlds of the same kinds (default: 0, the bank's own)")
-    parser.add_argument("--only", nargs="+", metavar="NAME", help="worlds of these ids, or that hide one of these effects")
+    parser.add_argument(
+        "--jobs", type=int, default=2, metavar="N", help="worlds at a time, each on its share of the cores (default: 2)"
+    )
+    parser.add_argument(
+        "--generation",
+        type=int,
+        default=0,
+        metavar="N",
+        help="other worlds of the same kinds (default: 0, the bank's own)",
+    )
+    parser.add_argument(
+        "--only", nargs="+", metavar="NAME", help="worlds of these ids, or that hide one of these effects"
+    )
     parser.add_argument("--limit", type=int, metavar="N", help="the first N worlds only")
-    parser.add_argument("--survey", type=float, default=1.0, metavar="X", help="size of the calibration's and scene's errors (default: 1)")
+    parser.add_argument(
+        "--survey",
+        type=float,
+        default=1.0,
+        metavar="X",
+        help="size of the calibration's and scene's errors (default: 1)",
+    )
     parser.add_argument("--command", default=COMMAND, help="the tool, with {capture} and {out} (default: %(default)s)")
-    parser.add_argument("--timeout", type=float, default=900.0, metavar="S", help="seconds per diagnosis (default: 900)")
-    parser.add_argument("--least", type=int, default=0, metavar="N", help="fail where fewer worlds are answered rightly")
+    parser.add_argument(
+        "--timeout", type=float, default=900.0, metavar="S", help="seconds per diagnosis (default: 900)"
+    )
+    parser.add_argument(
+        "--least", type=int, default=0, metavar="N", help="fail where fewer worlds are answered rightly"
+    )
     parser.add_argument("--keep", action="store_true", help="keep the captures")
     return parser.parse_args()
 
@@ -77,7 +97,10 @@ def _run_all(waiting, args):
         for done, (item_id, run) in enumerate(pool.imap_unordered(_run_one, tasks), 1):
             left = (time.monotonic() - started) / done * (len(waiting) - done)
             what = run["said"] if run["returncode"] == 0 else f"failed ({run['returncode']})"
-            print(f"[{done}/{len(waiting)}] {item_id}: {run['diagnose_s']:.0f} s, {what}; {_duration(left)} left", flush=True)
+            print(
+                f"[{done}/{len(waiting)}] {item_id}: {run['diagnose_s']:.0f} s, {what}; {_duration(left)} left",
+                flush=True,
+            )
 
 
 def _take_cores(shares):
@@ -101,7 +124,10 @@ def _run_one(task):
         capture.parent.mkdir(parents=True, exist_ok=True)
         make_world(item, capture, key, survey)
     made = time.monotonic()
-    run = diagnose_capture(command, capture, answer, timeout) | {"make_s": made - started, "diagnose_s": time.monotonic() - made}
+    run = diagnose_capture(command, capture, answer, timeout) | {
+        "make_s": made - started,
+        "diagnose_s": time.monotonic() - made,
+    }
     (answer / "run.json").write_text(json.dumps(run))
     if not keep:
         shutil.rmtree(capture)
@@ -109,7 +135,8 @@ def _run_one(task):
 
 
 def diagnose_capture(command, capture, answer, timeout):
-    """Runs the tool on a capture folder; {returncode, said}. answer: the folder for diagnose.json and the tool's output."""
+    """Runs the tool on a capture folder; {returncode, said}. answer: the folder for diagnose.json and the tool's
+    output."""
     words = [word.format(capture=capture, out=answer) for word in shlex.split(command)]
     with open(answer / "log.txt", "w") as log:
         try:
@@ -127,7 +154,13 @@ def diagnose_capture(command, capture, answer, timeout):
 
 
 def _duration(seconds):
-    return f"{seconds / 3600:.1f} h" if seconds > 5400 else f"{seconds / 60:.0f} min" if seconds > 90 else f"{seconds:.0f} s"
+    return (
+        f"{seconds / 3600:.1f} h"
+        if seconds > 5400
+        else f"{seconds / 60:.0f} min"
+        if seconds > 90
+        else f"{seconds:.0f} s"
+    )
 
 
 if __name__ == "__main__":

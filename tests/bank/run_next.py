@@ -4,10 +4,9 @@
 
     python3 tests/bank/run_next.py --set all --out out/bank-all --most 20
 
-Takes worlds of a bank that was run, where the first name has others beside it that fit as well and the truth is among them. Each
-is made once more with the frames that the tool asks for, and once with frames of a random choice, and diagnosed anew.
-DIR/next/WORLD/{asked,random}/ holds the answers; run_bank.py scores them with the rest. Resumable.
-"""
+Takes worlds of a bank that was run, where the first name has others beside it that fit as well and the truth is among
+them. Each is made once more with the frames that the tool asks for, and once with frames of a random choice, and
+diagnosed anew. DIR/next/WORLD/{asked,random}/ holds the answers; run_bank.py scores them with the rest. Resumable. """
 
 import argparse
 import json

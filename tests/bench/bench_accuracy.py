@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How accurate the matcher is, beside the published SimSense's arithmetic and OpenCV's StereoSGBM, on pairs whose disparity is known, and on a
-real pair beside the device's own depth. Prints tables; draws the bias against the fraction of a pixel, and what is wrong where.
+"""How accurate the matcher is, beside the published SimSense's arithmetic and OpenCV's StereoSGBM, on pairs whose
+disparity is known, and on a real pair beside the device's own depth. Prints tables; draws the bias against the fraction
+of a pixel, and what is wrong where.
 
     PYTHONPATH=build/python python3 tests/bench/bench_accuracy.py [--out tests/bench] [--no-render]
 """
@@ -34,7 +35,9 @@ def engine(**changes):
         pose = np.eye(4)
         pose[0, 3] = -0.05
         settings = {"max_disparity": DISPARITIES, **PUBLISHED_PENALTIES} | changes
-        matcher = simsense.Engine(simsense.Device("host"), camera, camera, pose, rectified=True, faults=faults, **settings)
+        matcher = simsense.Engine(
+            simsense.Device("host"), camera, camera, pose, rectified=True, faults=faults, **settings
+        )
         return matcher.compute(left, right, ("disparity",))["disparity"]
 
     return match
@@ -80,8 +83,8 @@ SHOWN = (
 
 
 def sloped_dots(width=960, height=540, noise_dn=2.0, seed=1):
-    """(left, right, disparity): Gaussian dots, as a projector makes them, on a slope that passes every fraction of a pixel; the left image is the
-    right one's continuous pattern at exactly x - disparity."""
+    """(left, right, disparity): Gaussian dots, as a projector makes them, on a slope that passes every fraction of a
+    pixel; the left image is the right one's continuous pattern at exactly x - disparity."""
     random = np.random.default_rng(seed)
     fine, reach = 8, 140
     pattern = np.zeros((height, (width + reach) * fine))
@@ -94,12 +97,16 @@ def sloped_dots(width=960, height=540, noise_dn=2.0, seed=1):
     disparity = 25.0 + 0.045 * x + 0.021 * y
     at = lambda u: map_coordinates(pattern, [y, (u + reach - 1) * fine], order=3, mode="nearest")  # noqa: E731
     images = (at(x - disparity), at(x))
-    counts = (np.clip(np.rint(15 + image + random.normal(0, noise_dn, image.shape)), 0, 255).astype(np.uint8) for image in images)
+    counts = (
+        np.clip(np.rint(15 + image + random.normal(0, noise_dn, image.shape)), 0, 255).astype(np.uint8)
+        for image in images
+    )
     return (*counts, disparity)
 
 
 def rendered_table_top(folder):
-    """(left, right, disparity): the example scene as a D435 sees it, with its imager's noise; truth from the renderer, at pixel centres."""
+    """(left, right, disparity): the example scene as a D435 sees it, with its imager's noise; truth from the renderer,
+    at pixel centres."""
     import kuafu
     from activestereo import Pose, StereoDepthSensor, StereoDepthSensorConfig
     from activestereo.pose import body_pose
@@ -139,11 +146,13 @@ def seen_by_both(disparity):
 
 
 def table_of(left, right, truth):
-    """Per matcher (a disparity of 0 is no measurement: it has no depth): fill of what both eyes see; share of the measured that is off by more; RMS of those within a pixel; median error.
-    Returns {matcher: disparity}."""
+    """Per matcher (a disparity of 0 is no measurement: it has no depth): fill of what both eyes see; share of the
+    measured that is off by more; RMS of those within a pixel; median error. Returns {matcher: disparity}."""
     seen = seen_by_both(truth)
     all_found = {}
-    print(f"| {'matcher':40} | fill | off > 0.5 px | > 1 px | > 2 px | RMS within 1 px | median |\n|--|--|--|--|--|--|--|")
+    print(
+        f"| {'matcher':40} | fill | off > 0.5 px | > 1 px | > 2 px | RMS within 1 px | median |\n|--|--|--|--|--|--|--|"
+    )
     for name, match in MATCHERS.items():
         found = all_found[name] = match(left, right)
         measured = (found > 0) & np.isfinite(truth)
@@ -151,7 +160,10 @@ def table_of(left, right, truth):
         off = [100 * np.mean(error > limit) for limit in (0.5, 1, 2)]
         rms = np.sqrt(np.mean(error[error < 1] ** 2))
         fill = 100 * np.mean((found > 0)[seen])
-        print(f"| {name:40} | {fill:.1f} % | {off[0]:.2f} % | {off[1]:.2f} % | {off[2]:.2f} % | {rms:.3f} px | {np.median(error):.3f} px |")
+        print(
+            f"| {name:40} | {fill:.1f} % | {off[0]:.2f} % | {off[1]:.2f} % | {off[2]:.2f} % | {rms:.3f} px | "
+            f"{np.median(error):.3f} px |"
+        )
     return all_found
 
 
@@ -188,7 +200,11 @@ def draw_depths(path, left, device_mm, found_mm):
     colours = {"cmap": colormaps["turbo"].with_extremes(bad="black"), "vmin": 400, "vmax": 1100}
     shown = {"the device's own depth": device_mm} | found_mm
     panels = [(name, np.where(depth > 0, depth, np.nan), colours) for name, depth in shown.items()]
-    draw(path, "depth of a real D435 pair, 0.4 m blue to 1.1 m red; black: no measurement", [("infrared left", left, {"cmap": "gray"}), *panels])
+    draw(
+        path,
+        "depth of a real D435 pair, 0.4 m blue to 1.1 m red; black: no measurement",
+        [("infrared left", left, {"cmap": "gray"}), *panels],
+    )
 
 
 def locking_curve(found, truth, bins=25):
@@ -230,8 +246,13 @@ def real_pair(folder):
     if not DATA.is_dir():
         print(f"no real pair at {DATA}: set ACTIVESTEREO_DATA")
         return
-    left, right, device = (cv2.imread(str(DATA / f"{name}.png"), cv2.IMREAD_UNCHANGED) for name in ("left", "right", "device_depth_mm"))
-    print(f"| {'matcher':40} | median difference | within 2 % | fill (device {100 * np.mean(device > 0):.1f} %) |\n|--|--|--|--|")
+    left, right, device = (
+        cv2.imread(str(DATA / f"{name}.png"), cv2.IMREAD_UNCHANGED) for name in ("left", "right", "device_depth_mm")
+    )
+    print(
+        f"| {'matcher':40} | median difference | within 2 % | fill (device {100 * np.mean(device > 0):.1f} %) "
+        f"|\n|--|--|--|--|"
+    )
     found_mm = {}
     for name, match in MATCHERS.items():
         disparity = match(left, right)[::2, ::2]
@@ -246,13 +267,17 @@ def real_pair(folder):
         difference = np.abs(np.polyval(fit, depth[both]) - device[both])
         near = 100 * np.mean(difference < 0.02 * device[both])
         print(f"| {name:40} | {np.median(difference):.2f} mm | {near:.1f} % | {100 * np.mean(depth > 0):.1f} % |")
-    draw_depths(folder / "accuracy_real.png", left[::2, ::2], device, {name: found_mm[name] for name in SHOWN[:1] + SHOWN[2:]})
+    draw_depths(
+        folder / "accuracy_real.png", left[::2, ::2], device, {name: found_mm[name] for name in SHOWN[:1] + SHOWN[2:]}
+    )
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, default=Path("."), help="folder for the pictures")
-    parser.add_argument("--no-render", action="store_true", help="leave the rendered pair out (it needs kuafu and half a minute)")
+    parser.add_argument(
+        "--no-render", action="store_true", help="leave the rendered pair out (it needs kuafu and half a minute)"
+    )
     args = parser.parse_args()
     args.out.mkdir(parents=True, exist_ok=True)
     dots = sloped_dots()

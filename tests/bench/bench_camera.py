@@ -4,9 +4,9 @@ of the simulated one.
 
     PYTHONPATH=build/python python3 tests/bench/bench_camera.py [D415 ...] [--spp 16] [--texture 0.03]
 
-A wall of albedo 0.5 in a room's light (visible radiance 0.25 from all sides, as `simulate` has it where a scene does not
-say) is looked at from 0.5 to 4 m, and the example's table-top once. --texture: relative standard deviation of the wall's
-albedo in grains of 4 mm and more, 0 is a wall that shows the dots alone. Each figure's definition:
+A wall of albedo 0.5 in a room's light (visible radiance 0.25 from all sides, as `simulate` has it where a scene does
+not say) is looked at from 0.5 to 4 m, and the example's table-top once. --texture: relative standard deviation of the
+wall's albedo in grains of 4 mm and more, 0 is a wall that shows the dots alone. Each figure's definition:
 
     plane noise     root mean square distance of disparities from their own plane on 96 x 96 px, the median patch, px
     dot RMS         of the left image less its Gaussian blur (4 px), in the middle 40 %, DN
@@ -47,7 +47,10 @@ REAL = {
         "dot RMS 1 m": "4.4", "dot RMS 2 m": "1.9", "residual 1 m": "16 %", "residual 2 m": "25 %",
         "temporal noise": "0.46-0.55", "background": "51", "lone pixels": "0", "fill": "97.1 %",
     },
-    "D435": {"plane noise 0.5 m": "0.06-0.09", "plane noise 2 m": "0.06-0.09", "temporal noise": "0.46-0.55", "lone pixels": "0"},
+    "D435": {
+        "plane noise 0.5 m": "0.06-0.09", "plane noise 2 m": "0.06-0.09",
+        "temporal noise": "0.46-0.55", "lone pixels": "0",
+    },
 }  # fmt: skip
 
 
@@ -126,7 +129,9 @@ class Camera:
             [np.ascontiguousarray(sensor.get_picture(name, eye)[..., 0]) for eye in ("left", "right")]
             for name in ("radiance", "projector_direct", "projector_indirect")
         )
-        laser = [a + b for a, b in zip(direct, indirect, strict=True)] if self.config.ir_speckle_of_laser else [None] * 2
+        laser = (
+            [a + b for a, b in zip(direct, indirect, strict=True)] if self.config.ir_speckle_of_laser else [None] * 2
+        )
         stack = []
         for frame in range(FRAMES):
             sensor.engine.set_parameters(frame_index=frame)
@@ -209,7 +214,10 @@ def main() -> None:
         real = REAL.get(camera.config.model.removeprefix("sapien-"), {})
         print(f"\n| {camera.config.model} | real | simulated |\n|--|--|--|")
         for row, value in camera.rows.items():
-            print(f"| {row} | {real.get(row, '')} | {value:.3g}{' %' if row[:4] in ('resi', 'fill') else ''} |", flush=True)
+            print(
+                f"| {row} | {real.get(row, '')} | {value:.3g}{' %' if row[:4] in ('resi', 'fill') else ''} |",
+                flush=True,
+            )
 
 
 if __name__ == "__main__":

@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How many samples the denoiser is worth: error of 2 filtered samples per pixel beside that of 2 and 32 plain ones, against 4096.
+"""How many samples the denoiser is worth: error of 2 filtered samples per pixel beside that of 2 and 32 plain ones,
+against 4096.
 
-Prints relative errors (root of the mean square over the mean) of all light but the projectors' direct one, and their ratio; how much of the dots'
-contrast stays; and milliseconds. Open Image Denoise stands beside it where its library is found. usage: PYTHONPATH=build/python python3 tests/bench/bench_denoise.py [--picture out.png] [--reference 4096]
+Prints relative errors (root of the mean square over the mean) of all light but the projectors' direct one, and their
+ratio; how much of the dots' contrast stays; and milliseconds. Open Image Denoise stands beside it where its library is
+found. usage: PYTHONPATH=build/python python3 tests/bench/bench_denoise.py [--picture out.png] [--reference 4096]
 """
 
 import argparse
@@ -32,12 +34,20 @@ def quad(centre, a, b):
 
 def sphere(radius, rings=32):
     columns = 2 * rings
-    theta, phi = np.meshgrid(np.pi * np.arange(rings + 1) / rings, 2 * np.pi * (np.arange(columns + 1) % columns) / columns, indexing="ij")
-    normals = np.stack([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)], -1).reshape(-1, 3).astype(np.float32)
+    theta, phi = np.meshgrid(
+        np.pi * np.arange(rings + 1) / rings, 2 * np.pi * (np.arange(columns + 1) % columns) / columns, indexing="ij"
+    )
+    normals = (
+        np.stack([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)], -1)
+        .reshape(-1, 3)
+        .astype(np.float32)
+    )
     i, j = (g.ravel() for g in np.meshgrid(np.arange(rings), np.arange(columns), indexing="ij"))
     a = i * (columns + 1) + j
     down = a + columns + 1
-    triangles = np.concatenate([np.stack([a, down, a + 1], -1)[i > 0], np.stack([a + 1, down, down + 1], -1)[i + 1 < rings]])
+    triangles = np.concatenate(
+        [np.stack([a, down, a + 1], -1)[i > 0], np.stack([a + 1, down, down + 1], -1)[i + 1 < rings]]
+    )
     return normals * np.float32(radius), triangles.astype(np.uint32), normals
 
 
@@ -76,7 +86,9 @@ def table_top(device, kind):
     scene = kuafu.Scene(device)
     cells = np.kron(rng.uniform(0.3, 0.9, (24, 24, 3)), np.ones((4, 4, 1))).astype(np.float32)
     gloss = dict(specular=0.0) if kind == "diffuse" else dict(specular=0.5, roughness=0.6)
-    table = scene.add_material(kuafu.Material(base_color=(0.7, 0.65, 0.6, 1), base_color_texture=scene.add_texture(cells), **gloss))
+    table = scene.add_material(
+        kuafu.Material(base_color=(0.7, 0.65, 0.6, 1), base_color_texture=scene.add_texture(cells), **gloss)
+    )
     wall = scene.add_material(kuafu.Material(base_color=(0.6, 0.7, 0.75, 1), specular=0.0))
     large, small, block = (scene.add_material(m) for m in objects(kind))
     uvs = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float32)
@@ -84,10 +96,14 @@ def table_top(device, kind):
     scene.add_instance(scene.add_mesh(*quad((0, -0.1, 1.5), (-1.0, 0, 0), (0, 0.6, 0))), [wall])
     for radius, material, place in ((0.13, large, (-0.2, 0.12, 0.95)), (0.09, small, (0.12, 0.16, 0.8))):
         positions, triangles, normals = sphere(radius)
-        scene.add_instance(scene.add_mesh(positions, triangles, normals=normals), [material], local_to_world=pose(*place))
+        scene.add_instance(
+            scene.add_mesh(positions, triangles, normals=normals), [material], local_to_world=pose(*place)
+        )
     scene.add_instance(scene.add_mesh(*box((0.08, 0.12, 0.08))), [block], local_to_world=pose(0.28, 0.13, 1.1, 0.5))
     down = np.array([[1, 0, 0, 0.3], [0, 0, 1, -0.8], [0, -1, 0, 0.9], [0, 0, 0, 1.0]])
-    scene.add_light(kuafu.Light(kind="rectangle", intensity=(4, 4, 4), ir_intensity=4.0, size_m=(0.4, 0.3), light_to_world=down))
+    scene.add_light(
+        kuafu.Light(kind="rectangle", intensity=(4, 4, 4), ir_intensity=4.0, size_m=(0.4, 0.3), light_to_world=down)
+    )
     dots = scene.add_texture((rng.random((240, 424)) < 0.08).astype(np.float32))
     k = [[400, 0, 211.5], [0, 400, 119.5], [0, 0, 1]]
     scene.add_light(kuafu.Light(kind="projector", texture=dots, k=k, ir_intensity=8.0, light_to_world=pose(0.03, 0, 0)))
@@ -149,7 +165,9 @@ def picture(results, path, reference_spp):
     import matplotlib.pyplot as plt
 
     columns = ("plain 2", "plain 32", "filtered 2", "truth")
-    figure, axes = plt.subplots(len(results), len(columns), figsize=(4 * len(columns), 2.4 * len(results)), squeeze=False)
+    figure, axes = plt.subplots(
+        len(results), len(columns), figsize=(4 * len(columns), 2.4 * len(results)), squeeze=False
+    )
     for row, (kind, result) in zip(axes, results.items()):
         for axis, name in zip(row, columns):
             image = result[name] if name == "truth" else result[name]["image"]
@@ -167,7 +185,10 @@ def main():
     arguments = parser.parse_args()
     device = kuafu.Device()
     print(f"{device.info.name}; {WIDTH}x{HEIGHT}, infrared")
-    print("| scene | light | 2 spp | 32 spp | 2 spp filtered | filtered / 32 spp | OIDN / 32 spp | dot contrast kept | ms, 2 / 32 / filtered |\n|--|--|--|--|--|--|--|--|--|")
+    print(
+        "| scene | light | 2 spp | 32 spp | 2 spp filtered | filtered / 32 spp | OIDN / 32 spp | dot contrast "
+        "kept | ms, 2 / 32 / filtered |\n|--|--|--|--|--|--|--|--|--|"
+    )
     results = {}
     for kind in KINDS:
         r = results[kind] = measure(device, kind, arguments.reference)

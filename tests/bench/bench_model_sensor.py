@@ -56,7 +56,8 @@ def main() -> None:
                 least[name] = min(least[name], seconds) if turn else least[name]
     first, second = least.values()
     print(
-        f"{next(iter(sensors.values())).device.info.name}, {config.ir_resolution[0]}x{config.ir_resolution[1]}, {config.samples_per_pixel} samples: {', '.join(EFFECTS)}"
+        f"{next(iter(sensors.values())).device.info.name}, {config.ir_resolution[0]}x{config.ir_resolution[1]}, "
+        f"{config.samples_per_pixel} samples: {', '.join(EFFECTS)}"
     )
     for name, seconds in least.items():
         print(f"{name:20} {1000 * seconds:8.1f} ms")

@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a picture and its depth cost where the user stands: wall time in Python from take_picture() to the depth as an array.
+"""What a picture and its depth cost where the user stands: wall time in Python from take_picture() to the depth as an
+array.
 
 usage: PYTHONPATH=build/python python3 tests/bench/bench_sensor.py [--size 848x480] [--rounds N] [--environments 1,16]
 
-First table: our sensor in front of the example's table-top (102 k triangles), path depth 8, and SAPIEN's StereoDepthSensor, where the package,
-CUDA and a renderer are, before twelve spheres and boxes. The least of the rounds counts. Second table: environments of the grasping task in
-batches: steps a second, the processor's time of a step, what moving all bodies takes of it, memory, and how good the depth is.
+First table: our sensor in front of the example's table-top (102 k triangles), path depth 8, and SAPIEN's
+StereoDepthSensor, where the package, CUDA and a renderer are, before twelve spheres and boxes. The least of the rounds
+counts. Second table: environments of the grasping task in batches: steps a second, the processor's time of a step, what
+moving all bodies takes of it, memory, and how good the depth is.
 """
 
 import argparse
@@ -73,7 +75,9 @@ def sapien_times(size: tuple[int, int], rounds: int) -> dict[str, float] | str:
     return lines[-1][:150]
 
 
-def our_times(size: tuple[int, int], rounds: int, device: str, model: str) -> tuple[dict[str, float], dict[str, float], str]:
+def our_times(
+    size: tuple[int, int], rounds: int, device: str, model: str
+) -> tuple[dict[str, float], dict[str, float], str]:
     """{row: seconds}, {stage: milliseconds} of the first row, and the device's name."""
     out: dict[str, float] = {}
     stages: dict[str, float] = {}
@@ -91,7 +95,9 @@ def our_times(size: tuple[int, int], rounds: int, device: str, model: str) -> tu
                 take = picture_and_depth(sensor, with_rgb)
                 out[f"{spp},{int(with_rgb)}"] = least(take, rounds)
                 stages = stages or sensor.stage_times
-                out[DEPTH] = min(out.get(DEPTH, np.inf), least(lambda s=sensor: (s.compute_depth(), s.get_depth()), rounds))
+                out[DEPTH] = min(
+                    out.get(DEPTH, np.inf), least(lambda s=sensor: (s.compute_depth(), s.get_depth()), rounds)
+                )
     return out, stages, name
 
 
@@ -107,7 +113,8 @@ def picture_and_depth(sensor: StereoDepthSensor, with_rgb: bool) -> Callable[[],
 
 
 def least(work: Callable[[], object], rounds: int, processor: list[float] | None = None) -> float:
-    """Seconds of the quickest of the rounds, after one that does not count. processor: gets the processor's seconds of each."""
+    """Seconds of the quickest of the rounds, after one that does not count. processor: gets the processor's seconds of
+    each."""
     seconds = []
     for _ in range(rounds + 1):
         start, used = time.perf_counter(), time.process_time()
@@ -128,7 +135,8 @@ def move_all(world: GraspWorld, seconds: list[float]) -> None:
 
 
 def print_batches(counts: list[int], samples: list[int], rounds: int, device: str) -> None:
-    print("\n| environments, infrared pairs 128x128 | spp | ms a step | steps/s | pairs/s | processor ms | bodies moved, ms | memory, MB | "
+    print("\n| environments, infrared pairs 128x128 | spp | ms a step | steps/s | pairs/s | processor ms | "
+          "bodies moved, ms | memory, MB | "
           "within 2 % of the truth | invented |")  # fmt: skip
     print("|--|--|--|--|--|--|--|--|--|--|")
     for count in counts:
@@ -147,8 +155,11 @@ def print_batches(counts: list[int], samples: list[int], rounds: int, device: st
             good = (np.abs(depth - truth) < 0.02 * truth)[is_measured & is_there].mean()
             invented = f"{100 * is_measured[~is_there].mean():.0f} %" if (~is_there).any() else "no background"
             memory = f"{sensors.allocated_bytes / 1e6:.0f}"
-            figures = f"{1e3 * seconds:.1f} | {1 / seconds:.1f} | {count / seconds:.0f} | {1e3 * min(processor[1:]):.0f}"
-            figures += f" | {len(world.things.bodies.names)}: {1e3 * min(moved[1:]):.2f} | {memory} | {100 * good:.0f} % | {invented}"
+            figures = (
+                f"{1e3 * seconds:.1f} | {1 / seconds:.1f} | {count / seconds:.0f} | {1e3 * min(processor[1:]):.0f}"
+            )
+            bodies = f"{len(world.things.bodies.names)}: {1e3 * min(moved[1:]):.2f}"
+            figures += f" | {bodies} | {memory} | {100 * good:.0f} % | {invented}"
             print(f"| {count} | {spp} | {figures} |", flush=True)
 
 

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Every code block on every page of the documentation site is run, in a folder that looks like the repository's root.
 
-A block in `sh`, `python`, `c`, `cpp`, `rust` or `cmake` is a program. `toml` must parse. `text`, `tree` and `layers` are pictures. Commands that build or test the
-whole project, need other machines, or take hours are looked at instead: SPECIAL says how each is, and the test prints it (-rP).
+A block in `sh`, `python`, `c`, `cpp`, `rust` or `cmake` is a program. `toml` must parse. `text`, `tree` and `layers`
+are pictures. Commands that build or test the whole project, need other machines, or take hours are looked at instead:
+SPECIAL says how each is, and the test prints it (-rP).
 """
 
 import os
@@ -39,14 +40,20 @@ SPECIAL: dict[str, tuple[str, str]] = {
     r"bench_\w+": ("test -x build/bin/{0}", "benchmarks are run by hand; the program is there"),
     r"/usr/bin/python3 \S+/(bench|run)_\w+.py": ("test -f {1}", "it is run by hand; the program is there"),
     r"pip install|pre-commit|sudo|apt-get": ("true", "it installs packages; tests/wheel.sh tries the wheel"),
-    r"python3 examples/(mani_skill_depth|mujoco_wrist|sapien_sensor|train_depth_policy)/": ("test -f {1}", "it needs a package that Debian lacks; tests/python/loops runs it where it is"),
+    r"python3 examples/(mani_skill_depth|mujoco_wrist|sapien_sensor|train_depth_policy)/":
+        ("test -f {1}", "it needs a package that Debian lacks; tests/python/loops runs it where it is"),
     r"rs-enumerate-devices": ("true", "it needs a RealSense camera"),
-    r"/usr/bin/python3 examples/real_camera/": ("test -f {1}", "it renders for minutes; tests/python/acquire/test_afternoon.py runs the page"),
-    r"activestereo (simulate|model show|pair) out/(desk|model|practice)": (f"/usr/bin/python3 -c '{PARSED}' {{1:}}", "tests/python/acquire/test_afternoon.py runs the page"),
+    r"/usr/bin/python3 examples/real_camera/":
+        ("test -f {1}", "it renders for minutes; tests/python/acquire/test_afternoon.py runs the page"),
+    r"activestereo (simulate|model show|pair) out/(desk|model|practice)":
+        (f"/usr/bin/python3 -c '{PARSED}' {{1:}}", "tests/python/acquire/test_afternoon.py runs the page"),
     r"activestereo simulate": ("{0} {1:} --spp 1", "as few samples as possible"),
-    r"activestereo (acquire|import|overlay|compare|diagnose)": (f"/usr/bin/python3 -c '{PARSED}' {{1:}}", "it needs a capture; its options are parsed"),
-    r"activestereo generate": (f"/usr/bin/python3 -c '{PARSED}' {{1:}}", "it needs files of things; its options are parsed"),
-    r"/usr/bin/python3 examples/gallery/gallery.py": ("{0} {1} --only lambert --spp 1 --out out", "it renders every picture; here it renders one"),
+    r"activestereo (acquire|import|overlay|compare|diagnose)":
+        (f"/usr/bin/python3 -c '{PARSED}' {{1:}}", "it needs a capture; its options are parsed"),
+    r"activestereo generate":
+        (f"/usr/bin/python3 -c '{PARSED}' {{1:}}", "it needs files of things; its options are parsed"),
+    r"/usr/bin/python3 examples/gallery/gallery.py":
+        ("{0} {1} --only lambert --spp 1 --out out", "it renders every picture; here it renders one"),
 }  # fmt: skip
 SLOW = "examples/hidden_effect/README.md"
 
@@ -57,7 +64,8 @@ def blocks_of(page: str) -> list[tuple[str, str]]:
 
 
 def programs(language: str) -> list[str]:
-    """The pages with programs in a language. The first page's Python is run by tests/python/cli/test_readme.py, which also looks at its result."""
+    """The pages with programs in a language. The first page's Python is run by tests/python/cli/test_readme.py, which
+    also looks at its result."""
     pages = [page for page in PAGES if (language, page) != ("python", "README.md")]
     return [page for page in pages if any(kind == language for kind, _ in blocks_of(page))]
 
@@ -103,7 +111,8 @@ def as_run_here(line: str) -> str:
 
 
 def assert_depths_are_right(said: str) -> None:
-    """Of the wall at 1.5 m and the board at 0.8 m, within 3 %: about one disparity step of a tenth of a pixel and its noise."""
+    """Of the wall at 1.5 m and the board at 0.8 m, within 3 %: about one disparity step of a tenth of a pixel and its
+    noise."""
     found = re.fullmatch(r"wall ([\d.]+) m, board ([\d.]+) m\n", said)
     assert found, said
     assert [float(text) for text in found.groups()] == pytest.approx([1.5, 0.8], rel=0.03)
@@ -185,6 +194,13 @@ def test_cmake(page: str, root: pathlib.Path) -> None:
             project = root / f"project{number}"
             project.mkdir()
             shutil.copy(ROOT / "examples/clients/first_depth.cpp", project / "app.cpp")
-            head = "" if "project(" in text else "cmake_minimum_required(VERSION 3.16)\nproject(app LANGUAGES CXX)\nadd_executable(app app.cpp)\n"
+            head = (
+                ""
+                if "project(" in text
+                else "cmake_minimum_required(VERSION 3.16)\nproject(app LANGUAGES CXX)\nadd_executable(app app.cpp)\n"
+            )
             (project / "CMakeLists.txt").write_text(head + text.replace("first_depth.cpp", "app.cpp"))
-            run(["cmake", "-S", str(project), "-B", str(project / "b"), f"-DCMAKE_PREFIX_PATH={root / 'out/prefix'}"], root)
+            run(
+                ["cmake", "-S", str(project), "-B", str(project / "b"), f"-DCMAKE_PREFIX_PATH={root / 'out/prefix'}"],
+                root,
+            )

@@ -39,7 +39,9 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> pathlib.Path:
         pytest.skip(f"{', '.join(missing)} not installed: tests/docs.sh installs what the site needs")
     folder = tmp_path_factory.mktemp("docs")
     variables = os.environ | {"ACTIVESTEREO_BUILD": str(BUILD)}
-    said = subprocess.run(["bash", str(ROOT / "tests/docs.sh"), str(folder)], env=variables, capture_output=True, text=True)
+    said = subprocess.run(
+        ["bash", str(ROOT / "tests/docs.sh"), str(folder)], env=variables, capture_output=True, text=True
+    )
     assert said.returncode == 0, said.stdout + said.stderr
     return folder / "site"
 

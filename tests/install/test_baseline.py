@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Programs that were compiled against the headers of an earlier version run on today's libraries, and the headers then and now agree on every field
-that both have."""
+"""Programs that were compiled against the headers of an earlier version run on today's libraries, and the headers then
+and now agree on every field that both have."""
 
 import os
 import pathlib
@@ -32,7 +32,9 @@ def run(*command: object) -> str:
     return said.stdout
 
 
-@pytest.mark.parametrize("compiler", [("cc", "-std=c99", "client.c"), ("c++", "-std=c++17", "client.cpp")], ids=["C99", "C++17"])
+@pytest.mark.parametrize(
+    "compiler", [("cc", "-std=c99", "client.c"), ("c++", "-std=c++17", "client.cpp")], ids=["C99", "C++17"]
+)
 @pytest.mark.parametrize("baseline", BASELINES, ids=lambda path: path.name)
 def test_a_client_of_the_baseline_runs_on_todays_libraries(
     baseline: pathlib.Path, compiler: tuple[str, str, str], tmp_path: pathlib.Path

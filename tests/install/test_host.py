@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A host program may have functions of the same names as those inside the libraries' own dependencies: neither disturbs the other.
+"""A host program may have functions of the same names as those inside the libraries' own dependencies: neither disturbs
+the other.
 
-The host defines and exports every function that another library exports, each ending the program; kuafu and simsense, opened with RTLD_LOCAL,
-must work in it all the same.
+The host defines and exports every function that another library exports, each ending the program; kuafu and simsense,
+opened with RTLD_LOCAL, must work in it all the same.
 """
 
 import os
@@ -31,14 +32,25 @@ def library_path(name: str) -> str:
 
 def exported_functions(name: str) -> list[str]:
     lines = [line.split() for line in run("nm", "-D", "--defined-only", library_path(name)).splitlines()]
-    return sorted({line[2].split("@")[0] for line in lines if len(line) == 3 and line[1] == "T" and not line[2].startswith("_ZNSt")})
+    return sorted(
+        {
+            line[2].split("@")[0]
+            for line in lines
+            if len(line) == 3 and line[1] == "T" and not line[2].startswith("_ZNSt")
+        }
+    )
 
 
 def stubs(names: list[str]) -> str:
     """Assembler text: each name loads its own text as the argument of taken_over and jumps there."""
     lines = [".text"]
     for number, name in enumerate(names):
-        lines += [f".globl {name}", f".type {name},@function", f"{name}: lea text{number}(%rip), %rdi", "jmp taken_over@PLT"]
+        lines += [
+            f".globl {name}",
+            f".type {name},@function",
+            f"{name}: lea text{number}(%rip), %rdi",
+            "jmp taken_over@PLT",
+        ]
     lines.append(".section .rodata")
     lines += [f'text{number}: .asciz "{name}"' for number, name in enumerate(names)]
     return "\n".join([*lines, '.section .note.GNU-stack,"",@progbits', ""])
@@ -53,7 +65,9 @@ def in_host(folder: pathlib.Path, names: list[str]) -> subprocess.CompletedProce
     return subprocess.run([folder / "host", *libraries, folder / "wall.obj"], capture_output=True, text=True)
 
 
-@pytest.mark.parametrize("other", ["libembree3", "libassimp", "libpng16", "libjpeg", "libopencv_core", "libopencv_calib3d"])
+@pytest.mark.parametrize(
+    "other", ["libembree3", "libassimp", "libpng16", "libjpeg", "libopencv_core", "libopencv_calib3d"]
+)
 def test_a_host_with_names_of_other_libraries_is_not_disturbed(other, tmp_path):
     if os.uname().machine != "x86_64":
         pytest.skip("the stubs are written in x86-64 assembler")

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is installed can be used from where it lies: by pkg-config, find_package, after a move, by add_subdirectory and FetchContent."""
+"""What is installed can be used from where it lies: by pkg-config, find_package, after a move, by add_subdirectory and
+FetchContent."""
 
 import os
 import pathlib
@@ -30,7 +31,9 @@ def moved_prefix(tmp_path_factory):
 
 
 def pkg_config(prefix: pathlib.Path) -> list[str]:
-    return run("pkg-config", "--cflags", "--libs", "kuafu", "simsense", PKG_CONFIG_PATH=prefix / "lib/pkgconfig").split()
+    return run(
+        "pkg-config", "--cflags", "--libs", "kuafu", "simsense", PKG_CONFIG_PATH=prefix / "lib/pkgconfig"
+    ).split()
 
 
 @pytest.mark.parametrize("language", ["c99", "c++17"])
@@ -45,12 +48,29 @@ def test_headers_please_clang_with_every_cast_visible(tmp_path: pathlib.Path, la
     all_of_them.write_text("".join(f'#include "{p.relative_to(ROOT / "capi/include")}"\n' for p in headers))
     casts = ["-Wold-style-cast"] if language == "c++17" else []
     compiler = "clang" if language == "c99" else "clang++"
-    run(compiler, f"-std={language}", *STRICT, *casts, "-Wno-unused-function", f"-I{ROOT}/capi/include", "-fsyntax-only", all_of_them)
+    run(
+        compiler,
+        f"-std={language}",
+        *STRICT,
+        *casts,
+        "-Wno-unused-function",
+        f"-I{ROOT}/capi/include",
+        "-fsyntax-only",
+        all_of_them,
+    )
 
 
 def test_components_hold_what_they_are_named_for(tmp_path):
-    expected = {"kuafu": {"lib/libkuafu.so.0", "lib/kuafu/kuafu-import-gltf"}, "simsense": {"lib/libsimsense.so.0"},
-                "dev": {"lib/libkuafu.so", "include/ks/header.h", "include/simsense/simsense.h", "lib/cmake/kuafu/kuafu-config.cmake"}}
+    expected = {
+        "kuafu": {"lib/libkuafu.so.0", "lib/kuafu/kuafu-import-gltf"},
+        "simsense": {"lib/libsimsense.so.0"},
+        "dev": {
+            "lib/libkuafu.so",
+            "include/ks/header.h",
+            "include/simsense/simsense.h",
+            "lib/cmake/kuafu/kuafu-config.cmake",
+        },
+    }
     for component, names in expected.items():
         run("cmake", "--install", BUILD, "--prefix", tmp_path / component, "--component", component)
         held = {path.relative_to(tmp_path / component).as_posix() for path in (tmp_path / component).rglob("*")}
@@ -76,24 +96,50 @@ def test_c99_client_by_pkg_config(moved_prefix, tmp_path, name, said):
 
 
 def test_cpp17_client_by_find_package(moved_prefix, tmp_path):
-    run("cmake", "-S", CLIENTS, "-B", tmp_path, f"-DCMAKE_PREFIX_PATH={moved_prefix}", f"-DCMAKE_CXX_FLAGS={' '.join(STRICT)}")
+    run(
+        "cmake",
+        "-S",
+        CLIENTS,
+        "-B",
+        tmp_path,
+        f"-DCMAKE_PREFIX_PATH={moved_prefix}",
+        f"-DCMAKE_CXX_FLAGS={' '.join(STRICT)}",
+    )
     run("cmake", "--build", tmp_path)
     assert "wall 1." in run(tmp_path / "first_depth", SCENE)
 
 
 @pytest.mark.parametrize("library, older", [("kuafu", "0.0"), ("simsense", "0.2")])
 def test_other_versions_are_refused(moved_prefix, tmp_path, library, older):
-    (tmp_path / "CMakeLists.txt").write_text(f"cmake_minimum_required(VERSION 3.16)\nproject(p NONE)\nfind_package({library} {older} REQUIRED)\n")
-    said = subprocess.run(["cmake", "-S", tmp_path, "-B", tmp_path / "b", f"-DCMAKE_PREFIX_PATH={moved_prefix}"], capture_output=True, text=True)
+    (tmp_path / "CMakeLists.txt").write_text(
+        f"cmake_minimum_required(VERSION 3.16)\nproject(p NONE)\nfind_package({library} {older} REQUIRED)\n"
+    )
+    said = subprocess.run(
+        ["cmake", "-S", tmp_path, "-B", tmp_path / "b", f"-DCMAKE_PREFIX_PATH={moved_prefix}"],
+        capture_output=True,
+        text=True,
+    )
     assert said.returncode != 0
     assert "0.1.0" in said.stderr
 
 
 def test_project_that_takes_this_one_in(tmp_path):
-    """Configures all, compiles a file of each library; ACTIVESTEREO_FULL=1 (.ci/run, tests/run.sh --full) builds and runs a program."""
+    """Configures all, compiles a file of each library; ACTIVESTEREO_FULL=1 (.ci/run, tests/run.sh --full) builds and
+    runs a program."""
     launcher = ["-DCMAKE_CXX_COMPILER_LAUNCHER=ccache"] if shutil.which("ccache") else []
-    run("cmake", "-S", ROOT / "tests/install/subdirectory", "-B", tmp_path, "-G", "Ninja", f"-DACTIVESTEREO_SOURCE={ROOT}", *launcher,
-        "-DCMAKE_BUILD_TYPE=Debug", "-DCMAKE_CXX_FLAGS=-O0 -g0")
+    run(
+        "cmake",
+        "-S",
+        ROOT / "tests/install/subdirectory",
+        "-B",
+        tmp_path,
+        "-G",
+        "Ninja",
+        f"-DACTIVESTEREO_SOURCE={ROOT}",
+        *launcher,
+        "-DCMAKE_BUILD_TYPE=Debug",
+        "-DCMAKE_CXX_FLAGS=-O0 -g0",
+    )
     assert "libkuafu.so" in run("ninja", "-C", tmp_path, "-t", "commands", "kuafu")
     for library in ("kuafu", "simsense"):
         run("ninja", "-C", tmp_path, f"activestereo/{library}/CMakeFiles/{library}.dir/src/api/api_table.cpp.o")
@@ -130,7 +176,18 @@ def test_rust_client(moved_prefix, tmp_path):
     if rustc is None:
         pytest.skip("rustc is not installed: apt-get install rustc")
     library = moved_prefix / "lib"
-    run(rustc, "--edition", "2021", "-D", "warnings", "-L", library, CLIENTS / "first_depth.rs", "-o", tmp_path / "client")
+    run(
+        rustc,
+        "--edition",
+        "2021",
+        "-D",
+        "warnings",
+        "-L",
+        library,
+        CLIENTS / "first_depth.rs",
+        "-o",
+        tmp_path / "client",
+    )
     assert "wall 1." in run(tmp_path / "client", SCENE, LD_LIBRARY_PATH=library)
 
 

@@ -40,10 +40,19 @@ class RigWorld:
         size, K, distortion = (848, 480), {}, {}
         for eye in ("left", "right"):
             f = 430.0 * (1 + 0.01 * rng.standard_normal())
-            K[eye] = np.array([[f, 0, 424 + 4 * rng.standard_normal()], [0, f * (1 + 0.001 * rng.standard_normal()), 239 + 4 * rng.standard_normal()], [0, 0, 1]])
+            K[eye] = np.array(
+                [
+                    [f, 0, 424 + 4 * rng.standard_normal()],
+                    [0, f * (1 + 0.001 * rng.standard_normal()), 239 + 4 * rng.standard_normal()],
+                    [0, 0, 1],
+                ]
+            )
             lens = np.array([-0.05, 0.03, 5e-4, -3e-4, 0.0]) * (1 + 0.2 * rng.standard_normal(5))
             distortion[eye] = lens if has_lens else np.zeros(5)
-        left_to_right = matrix(np.deg2rad([0.2, -0.3, 0.1]) if has_lens else np.zeros(3), np.array([-0.05, 2e-4, -1e-4] if has_lens else [-0.05, 0, 0]))
+        left_to_right = matrix(
+            np.deg2rad([0.2, -0.3, 0.1]) if has_lens else np.zeros(3),
+            np.array([-0.05, 2e-4, -1e-4] if has_lens else [-0.05, 0, 0]),
+        )
         boards, views = {}, []
         points = BOARD.chessboard_points()
         middle = points.mean(axis=0)
@@ -56,7 +65,9 @@ class RigWorld:
             corners = {}
             for eye in ("left", "right"):
                 camera = pose if eye == "left" else left_to_right @ pose
-                pixels = cv2.projectPoints(points, cv2.Rodrigues(camera[:3, :3])[0], camera[:3, 3], K[eye], distortion[eye])[0].reshape(-1, 2)
+                pixels = cv2.projectPoints(
+                    points, cv2.Rodrigues(camera[:3, :3])[0], camera[:3, 3], K[eye], distortion[eye]
+                )[0].reshape(-1, 2)
                 if np.all(pixels > 6) and np.all(pixels < np.array(size) - 7):
                     corners[eye] = points, pixels + _CORNER_NOISE_PX * rng.standard_normal(pixels.shape)
             if len(corners) == 2:
@@ -73,18 +84,28 @@ class RigWorld:
         poses = []
         for view in self.views:
             true = board_to_base @ np.linalg.inv(self.boards[view.name]) @ np.linalg.inv(self.camera_to_gripper)
-            poses.append(true @ matrix(_ROBOT_NOISE_RAD * rng.standard_normal(3), _ROBOT_NOISE_M * rng.standard_normal(3)))
+            poses.append(
+                true @ matrix(_ROBOT_NOISE_RAD * rng.standard_normal(3), _ROBOT_NOISE_M * rng.standard_normal(3))
+            )
         return poses
 
-    def rendered(self, name: str, eye: str, board: Board, first_corner_m: np.ndarray, margin_m: float = 0.02) -> np.ndarray:
-        """A picture of a printed board in a view, 8-bit, without lens distortion: three by three samples a pixel. first_corner_m: of the
-        board's origin from the print's left top, metres."""
+    def rendered(
+        self, name: str, eye: str, board: Board, first_corner_m: np.ndarray, margin_m: float = 0.02
+    ) -> np.ndarray:
+        """A picture of a printed board in a view, 8-bit, without lens distortion: three by three samples a pixel.
+        first_corner_m: of the board's origin from the print's left top, metres."""
         assert not np.any(self.distortion[eye])
         density, fine = 8000.0, 3
         print_ = board.drawn(density, margin_m)
         pose = self.boards[name] if eye == "left" else self.left_to_right @ self.boards[name]
         # Print pixels to board metres to fine pixels.
-        to_board = np.array([[1 / density, 0, 0.5 / density - first_corner_m[0]], [0, 1 / density, 0.5 / density - first_corner_m[1]], [0, 0, 1.0]])
+        to_board = np.array(
+            [
+                [1 / density, 0, 0.5 / density - first_corner_m[0]],
+                [0, 1 / density, 0.5 / density - first_corner_m[1]],
+                [0, 0, 1.0],
+            ]
+        )
         K = self.K[eye].copy()
         grow = np.array([[fine, 0, 0.5 * (fine - 1)], [0, fine, 0.5 * (fine - 1)], [0, 0, 1.0]])
         H = grow @ K @ pose[:3, [0, 1, 3]] @ to_board

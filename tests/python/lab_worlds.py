@@ -31,7 +31,9 @@ class WorldRenderer:
         direct, indirect, ambient, flat, depth = (
             image.astype(np.float32) for image in (view.direct, view.indirect, view.sky, flat.direct, view.depth)
         )
-        return Layers(direct, indirect, ambient, flat, depth, view.normal.astype(np.float32), view.index.astype(np.uint32))
+        return Layers(
+            direct, indirect, ambient, flat, depth, view.normal.astype(np.float32), view.index.astype(np.uint32)
+        )
 
     def _look(self, camera, request, index, pattern, bounces):
         pose = request.projector_to_world
@@ -41,7 +43,8 @@ class WorldRenderer:
 
 
 class RememberingRenderer:
-    """Renders each pose once, whatever the seed and the number of samples: a renderer without noise, whose images are the truth."""
+    """Renders each pose once, whatever the seed and the number of samples: a renderer without noise, whose images are
+    the truth."""
 
     def __init__(self, renderer):
         self._renderer, self._known = renderer, {}

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Shared by the report's tests: a comparison with much to explain, what a diagnosis of it says, and the decoder of the page's pictures."""
+"""Shared by the report's tests: a comparison with much to explain, what a diagnosis of it says, and the decoder of the
+page's pictures."""
 
 import base64
 import io
@@ -32,7 +33,10 @@ DIAGNOSIS = {
     "heldout_ir_rmse_before": 6.21,
     "heldout_ir_rmse_after": 2.51,
     "heldout_noise_floor": 2.44,
-    "next_measurement": ["a second distance", {"text": "tilt by 30 degrees (expected 14.2 nats)", "separates": ["a", "b"]}],
+    "next_measurement": [
+        "a second distance",
+        {"text": "tilt by 30 degrees (expected 14.2 nats)", "separates": ["a", "b"]},
+    ],
     "law": None,
     "curve": [
         {"effects": [], "heldout_ir_rmse": 6.21, "train_ir_rmse": 5.9},

@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The part of JSON Schema (draft 2020-12) that the lab's schemas use; a keyword that is not known here is an error, not a pass."""
+"""The part of JSON Schema (draft 2020-12) that the lab's schemas use; a keyword that is not known here is an error, not
+a pass."""
 
 _TYPES = {
-    "object": dict, "array": list, "string": str, "boolean": bool, "null": type(None), "integer": int, "number": (int, float),
+    "object": dict, "array": list, "string": str, "boolean": bool, "null": type(None), "integer": int,
+    "number": (int, float),
 }  # fmt: skip
 _ANNOTATIONS = {"$schema", "$defs", "title", "description"}
 _KNOWN = _ANNOTATIONS | {
-    "$ref", "type", "enum", "anyOf", "required", "properties", "additionalProperties", "items", "minItems", "maxItems", "minimum", "maximum",
+    "$ref", "type", "enum", "anyOf", "required", "properties", "additionalProperties", "items", "minItems", "maxItems",
+    "minimum", "maximum",
 }  # fmt: skip
 
 
@@ -18,7 +21,11 @@ def violations(value, schema, root=None, place="$"):
     if "$ref" in schema:
         return violations(value, root["$defs"][schema["$ref"].removeprefix("#/$defs/")], root, place)
     if "anyOf" in schema:
-        return [] if any(not violations(value, s, root, place) for s in schema["anyOf"]) else [f"{place}: fits none of anyOf"]
+        return (
+            []
+            if any(not violations(value, s, root, place) for s in schema["anyOf"])
+            else [f"{place}: fits none of anyOf"]
+        )
     if "enum" in schema:
         return [] if value in schema["enum"] else [f"{place}: {value!r} is not one of {schema['enum']}"]
     wanted = schema.get("type", list(_TYPES))
@@ -49,10 +56,20 @@ def _object(value, schema, root, place):
 
 
 def _array(value, schema, root, place):
-    found = [] if schema.get("minItems", 0) <= len(value) <= schema.get("maxItems", len(value)) else [f"{place}: has {len(value)} items"]
-    return found + [v for i, item in enumerate(value) for v in violations(item, schema.get("items", {}), root, f"{place}[{i}]")]
+    found = (
+        []
+        if schema.get("minItems", 0) <= len(value) <= schema.get("maxItems", len(value))
+        else [f"{place}: has {len(value)} items"]
+    )
+    return found + [
+        v for i, item in enumerate(value) for v in violations(item, schema.get("items", {}), root, f"{place}[{i}]")
+    ]
 
 
 def _range(value, schema, place):
     low, high = schema.get("minimum", value), schema.get("maximum", value)
-    return [] if isinstance(value, str) or value is None or low <= value <= high else [f"{place}: {value} is outside {low}..{high}"]
+    return (
+        []
+        if isinstance(value, str) or value is None or low <= value <= high
+        else [f"{place}: {value} is outside {low}..{high}"]
+    )

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Shared by the pattern's tests: captures of a flat wall under the D435's pattern, rendered by kuafu, whose dots are known."""
+"""Shared by the pattern's tests: captures of a flat wall under the D435's pattern, rendered by kuafu, whose dots are
+known."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -45,21 +46,29 @@ class WallWorld:
         pose[2, 3] = distance
         return pose
 
-    def render(self, device: kuafu.Device, wall: tuple[float, float], light: kuafu.Light, scene: kuafu.Scene, spp: int = 32) -> np.ndarray:
+    def render(
+        self, device: kuafu.Device, wall: tuple[float, float], light: kuafu.Light, scene: kuafu.Scene, spp: int = 32
+    ) -> np.ndarray:
         """Radiance [2][height][width] of both eyes."""
         width, height = self.config.ir_resolution
         poses = [np.eye(4), np.eye(4)]
         poses[1][0, 3] = BASELINE_M
         cameras = [kuafu.Camera(width, height, self.config.ir_intrinsic, pose) for pose in poses]
         scene.add_light(light)
-        out = kuafu.Renderer(device).render(scene, cameras, ("radiance",), band="infrared", spp=spp, max_bounces=0, ir_ambient_radiance=0.01)
+        out = kuafu.Renderer(device).render(
+            scene, cameras, ("radiance",), band="infrared", spp=spp, max_bounces=0, ir_ambient_radiance=0.01
+        )
         return out["radiance"][..., 0].astype(np.float64)
 
     def scene(self, device: kuafu.Device, wall: tuple[float, float]) -> kuafu.Scene:
         scene = kuafu.Scene(device)
         box = meshes.box(12, 12, 0.02)
         mesh = scene.add_mesh(box.positions, box.indices.reshape(-1, 3), normals=box.normals)
-        matt = scene.add_material(kuafu.Material(name="wall", base_color=(0.6, 0.6, 0.6, 1), metallic=0, roughness=1, specular=0, ir_albedo=0.6))
+        matt = scene.add_material(
+            kuafu.Material(
+                name="wall", base_color=(0.6, 0.6, 0.6, 1), metallic=0, roughness=1, specular=0, ir_albedo=0.6
+            )
+        )
         lift = np.eye(4)
         lift[1, 3], lift[2, 3] = -6.0, 0.01
         scene.add_instance(mesh, [matt], local_to_world=self.wall_pose(wall) @ lift)
@@ -72,7 +81,15 @@ class WallWorld:
         texture = scene.add_texture(make_pattern(self.config.pattern_design))
         return kuafu.Light(kind="projector", ir_intensity=3.0, texture=texture, k=self.projector_K, light_to_world=pose)
 
-    def write(self, folder: Path, device: kuafu.Device, repeats: int = 20, spp: int = 32, seed: int = 0, brightest_dn: float = 190.0) -> Capture:
+    def write(
+        self,
+        folder: Path,
+        device: kuafu.Device,
+        repeats: int = 20,
+        spp: int = 32,
+        seed: int = 0,
+        brightest_dn: float = 190.0,
+    ) -> Capture:
         """Writes a capture of the walls, one repeat group each; the brightest dots come to brightest_dn above black."""
         rng = np.random.default_rng(seed)
         images, frames = {}, []
@@ -101,10 +118,16 @@ class WallWorld:
 def exposed(light_dn: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """One noisy 8-bit frame of an expected image above black."""
     electrons = rng.poisson(np.maximum(light_dn, 0.0) / GAIN_DN_PER_E)
-    return np.rint(electrons * GAIN_DN_PER_E + BLACK_DN + rng.normal(0.0, READ_DN, light_dn.shape)).clip(0, 255).astype(np.uint8)
+    return (
+        np.rint(electrons * GAIN_DN_PER_E + BLACK_DN + rng.normal(0.0, READ_DN, light_dn.shape))
+        .clip(0, 255)
+        .astype(np.uint8)
+    )
 
 
-def seen_dots(world: WallWorld, wall: tuple[float, float], eye: str, border_px: float = 5.0) -> tuple[np.ndarray, np.ndarray]:
+def seen_dots(
+    world: WallWorld, wall: tuple[float, float], eye: str, border_px: float = 5.0
+) -> tuple[np.ndarray, np.ndarray]:
     """(true dots' numbers, their pixels [n][2]) of those inside an eye's image."""
     true, K, P = world.true_dots(), world.config.ir_intrinsic, world.projector_K
     ray = np.column_stack([(true[:, 0] - P[0, 2]) / P[0, 0], (true[:, 1] - P[1, 2]) / P[1, 1], np.ones(len(true))])
@@ -115,6 +138,8 @@ def seen_dots(world: WallWorld, wall: tuple[float, float], eye: str, border_px: 
     points[:, 0] -= BASELINE_M if eye == "right" else 0.0
     u, v = (K[i, i] * points[:, i] / points[:, 2] + K[i, 2] for i in (0, 1))
     width, height = world.config.ir_resolution
-    inside = (reach > 0) & (u > border_px) & (u < width - 1 - border_px) & (v > border_px) & (v < height - 1 - border_px)
+    inside = (
+        (reach > 0) & (u > border_px) & (u < width - 1 - border_px) & (v > border_px) & (v < height - 1 - border_px)
+    )
     numbers = np.flatnonzero(inside)
     return numbers, np.column_stack([u, v])[numbers]

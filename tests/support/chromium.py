@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Debian's chromium without a window, driven over a pipe by the DevTools protocol (chromedevtools.github.io/devtools-protocol)."""
+"""Debian's chromium without a window, driven over a pipe by the DevTools protocol
+(chromedevtools.github.io/devtools-protocol)."""
 
 import base64
 import json
@@ -20,7 +21,8 @@ def is_installed() -> bool:
 
 
 class Page:
-    """One page in a browser of its own; a context manager that ends the browser. Raises RuntimeError where the browser or a script fails.
+    """One page in a browser of its own; a context manager that ends the browser. Raises RuntimeError where the browser
+    or a script fails.
 
     size: (width, height) of the window, pixels.
     """
@@ -31,14 +33,20 @@ class Page:
         from_us, self._write = os.pipe()
         self._read, to_us = os.pipe()
         command = [
-            _PROGRAM, "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--no-first-run", "--hide-scrollbars",
-            "--disable-extensions", "--disable-background-networking", "--disable-component-update", "--remote-debugging-pipe",
+            _PROGRAM, "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--no-first-run",
+            "--hide-scrollbars",
+            "--disable-extensions", "--disable-background-networking", "--disable-component-update",
+            "--remote-debugging-pipe",
             f"--user-data-dir={self._profile.name}", f"--window-size={size[0]},{size[1]}", "about:blank",
         ]  # fmt: skip
         # The protocol reads from file descriptor 3 and writes to 4.
         shell = ["bash", "-c", f'exec "$@" 3<&{from_us} 4>&{to_us}', "chromium", *command]
         self._process = subprocess.Popen(
-            shell, pass_fds=(from_us, to_us), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
+            shell,
+            pass_fds=(from_us, to_us),
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,
         )
         os.close(from_us)
         os.close(to_us)
@@ -47,7 +55,9 @@ class Page:
         self._session = self.call("Target.attachToTarget", targetId=target["targetId"], flatten=True)["sessionId"]
         for domain in ("Page", "Runtime", "Network", "Log"):
             self.call(f"{domain}.enable")
-        self.call("Emulation.setDeviceMetricsOverride", width=size[0], height=size[1], deviceScaleFactor=1, mobile=False)
+        self.call(
+            "Emulation.setDeviceMetricsOverride", width=size[0], height=size[1], deviceScaleFactor=1, mobile=False
+        )
         self.events = []
         self.call("Page.navigate", url=Path(path).resolve().as_uri())
         self.wait("document.readyState === 'complete'")
@@ -88,7 +98,9 @@ class Page:
             ready = select.select([self._read], [], [], max(0.0, end - time.monotonic()))[0]
             chunk = os.read(self._read, 1 << 16) if ready else b""
             if not chunk:
-                raise RuntimeError("chromium " + ("gave no answer" if not ready else f"ended with status {self._process.poll()}"))
+                raise RuntimeError(
+                    "chromium " + ("gave no answer" if not ready else f"ended with status {self._process.poll()}")
+                )
             self._rest += chunk
         message, self._rest = self._rest.split(b"\0", 1)
         return json.loads(message)
@@ -97,7 +109,9 @@ class Page:
         """A script expression's value; it may be a promise."""
         result = self.call("Runtime.evaluate", expression=expression, awaitPromise=True, returnByValue=True)
         if "exceptionDetails" in result:
-            raise RuntimeError(f"{expression}: {result['exceptionDetails'].get('exception', {}).get('description', 'failed')}")
+            raise RuntimeError(
+                f"{expression}: {result['exceptionDetails'].get('exception', {}).get('description', 'failed')}"
+            )
         return result["result"].get("value")
 
     def wait(self, condition: str) -> None:
@@ -110,8 +124,10 @@ class Page:
 
     def place(self, selector: str, x: float = 0.5, y: float = 0.5) -> tuple[float, float]:
         """Window coordinates of a share (x, y) of an element, scrolled into view."""
-        script = f"(() => {{ const e = document.querySelector({json.dumps(selector)}); e.scrollIntoView({{block: 'center'}});"
-        box = self.value(script + " const b = e.getBoundingClientRect(); return [b.left, b.top, b.width, b.height]; })()")
+        script = f"""(() => {{ const e = document.querySelector({json.dumps(selector)});
+            e.scrollIntoView({{block: 'center'}});
+            const b = e.getBoundingClientRect(); return [b.left, b.top, b.width, b.height]; }})()"""
+        box = self.value(script)
         return box[0] + x * box[2], box[1] + y * box[3]
 
     def mouse(self, kind: str, place: tuple[float, float], **more: object) -> None:
@@ -146,6 +162,8 @@ class Page:
 
     def complaints(self) -> list[str]:
         """Exceptions of scripts and what the console logged as an error."""
-        thrown = [e["params"]["exceptionDetails"]["text"] for e in self.events if e.get("method") == "Runtime.exceptionThrown"]
+        thrown = [
+            e["params"]["exceptionDetails"]["text"] for e in self.events if e.get("method") == "Runtime.exceptionThrown"
+        ]
         logged = [e["params"]["entry"]["text"] for e in self.events if e.get("method") == "Log.entryAdded"]
         return thrown + logged

@@ -28,7 +28,8 @@ def write_room(path, paint):
     roughness, metallic, specular, transmission, albedo = paint
     writer = GltfWriter()
     table = writer.add_material(
-        "table", pbrMetallicRoughness={"baseColorFactor": [0.5, 0.45, 0.4, 1.0], "metallicFactor": 0.0, "roughnessFactor": 1.0},
+        "table",
+        pbrMetallicRoughness={"baseColorFactor": [0.5, 0.45, 0.4, 1.0], "metallicFactor": 0.0, "roughnessFactor": 1.0},
         extensions={"KHR_materials_specular": {"specularFactor": 0.0}}, extras={"ir_albedo": 0.52},
     )  # fmt: skip
     extensions = {"KHR_materials_specular": {"specularFactor": specular}}
@@ -56,18 +57,24 @@ def record(folder, paint, nominal=NOMINAL, scale=1.0, samples=256, poses=2):
     right, to_projector = np.eye(4), np.eye(4)
     right[0, 3], to_projector[0, 3] = -0.05, -0.029
     camera = Camera(width, height, K)
-    rig = Rig(camera, camera, right, Projector(folder / "none", _PATTERN_K, to_projector), color=ColorCamera(width, height, K))
+    rig = Rig(
+        camera, camera, right, Projector(folder / "none", _PATTERN_K, to_projector), color=ColorCamera(width, height, K)
+    )
     frames, images, colors = [], {}, {}
     for k in range(poses):
         azimuth, elevation = np.deg2rad(50.0 * k), np.deg2rad(35.0 - 10.0 * k)
-        place = 0.5 * np.array([np.sin(azimuth) * np.cos(elevation), np.sin(elevation), np.cos(azimuth) * np.cos(elevation)])
+        place = 0.5 * np.array(
+            [np.sin(azimuth) * np.cos(elevation), np.sin(elevation), np.cos(azimuth) * np.cos(elevation)]
+        )
         pose = look_at(eye=place + [0, 0.05, 0], target=(0, 0.05, 0), up=(0, 1, 0))
         for lit in (True, False):
             scene = kuafu.Scene(device)
             scene.load(folder / "true.gltf")
             scene.set_environment((0.25, 0.25, 0.25), ir_radiance=0.02)
             if lit:
-                light = kuafu.Light(kind="projector", ir_intensity=3.0, texture=scene.add_texture(pattern), k=_PATTERN_K)
+                light = kuafu.Light(
+                    kind="projector", ir_intensity=3.0, texture=scene.add_texture(pattern), k=_PATTERN_K
+                )
                 light.light_to_world = pose @ np.linalg.inv(to_projector)
                 scene.add_light(light)
             how = {"spp": samples, "max_bounces": 6}

@@ -36,7 +36,15 @@ def loss(fit, **changed):
 
 def test_the_loss_is_least_at_the_truth(fit):
     least = loss(fit)
-    for changed in ({"roughness": 0.15}, {"roughness": 0.55}, {"metallic": 0.4}, {"specular": 0.3}, {"ir_albedo": 0.35}, {"ir_albedo": 0.65}, {"transmission": 0.4}):
+    for changed in (
+        {"roughness": 0.15},
+        {"roughness": 0.55},
+        {"metallic": 0.4},
+        {"specular": 0.3},
+        {"ir_albedo": 0.35},
+        {"ir_albedo": 0.65},
+        {"transmission": 0.4},
+    ):
         assert loss(fit, **changed) > 1.02 * least, changed
 
 
@@ -59,7 +67,9 @@ def test_the_command_finds_the_paint(plastic, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(materials, "_SAMPLES", (4, 16))  # fewer than a user's, for one small picture
     monkeypatch.setattr(materials, "_FINE_SAMPLES", 64)
     out = tmp_path / "model.json"
-    out.write_text(json.dumps({"format": "active-stereo-model", "version": 2, "materials": {"table": {"roughness": 0.9}}}))
+    out.write_text(
+        json.dumps({"format": "active-stereo-model", "version": 2, "materials": {"table": {"roughness": 0.9}}})
+    )
     assert main(["acquire", "materials", str(plastic), "--object", "ball", "-o", str(out)]) == 0
     measured = json.loads(out.read_text())["materials"]
     assert measured["table"] == {"roughness": 0.9}  # what it did not measure stays

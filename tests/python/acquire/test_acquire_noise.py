@@ -28,7 +28,11 @@ def drawn(law: GammaLaw | ShotLaw, clean: np.ndarray, repeats: int, seed: int, m
     """Repeats by NumPy's own generators."""
     rng = np.random.default_rng(seed)
     shape = (repeats, *clean.shape)
-    light = clean * rng.gamma(law.shape, 1.0 / law.shape, shape) if law.name == "gamma" else law.shape * rng.poisson(clean / law.shape, shape)
+    light = (
+        clean * rng.gamma(law.shape, 1.0 / law.shape, shape)
+        if law.name == "gamma"
+        else law.shape * rng.poisson(clean / law.shape, shape)
+    )
     counts = np.rint(light + law.black_dn + rng.normal(0.0, law.sigma_dn, shape))
     return counts.clip(0, max_dn).astype(np.uint8 if max_dn == 255 else np.uint16)
 
@@ -41,7 +45,9 @@ def dark(law: GammaLaw | ShotLaw, seed: int = 7) -> list[Repeats]:
     return [Repeats("dark", drawn(law, np.full(_SIZE, 1e-9), 12, seed))]
 
 
-@pytest.mark.parametrize("law", [GammaLaw(4.0, 0.8, 5.0), GammaLaw(40.0, 0.5, -0.4), ShotLaw(0.3, 0.6, 5.0), ShotLaw(2.0, 0.4, 3.0)])
+@pytest.mark.parametrize(
+    "law", [GammaLaw(4.0, 0.8, 5.0), GammaLaw(40.0, 0.5, -0.4), ShotLaw(0.3, 0.6, 5.0), ShotLaw(2.0, 0.4, 3.0)]
+)
 def test_a_table_is_the_histogram_of_draws(law):
     """10^5 draws of NumPy's generators at two levels: chi-square of the counts with enough expected."""
     for level in (1.5, 60.0):
@@ -61,9 +67,20 @@ def test_the_paper_law_of_simsense_is_read_back():
     camera = simsense.Camera(width, height, np.array([[200.0, 0, 32], [0, 200, 20], [0, 0, 1]]))
     left_to_right = np.eye(4)
     left_to_right[0, 3] = -0.05
-    engine = simsense.Engine(simsense.Device("host"), camera, camera, left_to_right, rectified=True, max_disparity=32, batch_count=repeats, noise_seed=5)
+    engine = simsense.Engine(
+        simsense.Device("host"),
+        camera,
+        camera,
+        left_to_right,
+        rectified=True,
+        max_disparity=32,
+        batch_count=repeats,
+        noise_seed=5,
+    )
     engine.set_signal(signal, signal)
-    lit, covered = (np.repeat(image[None].astype(np.float32), repeats, 0) for image in (clean_image(1), np.zeros(_SIZE)))
+    lit, covered = (
+        np.repeat(image[None].astype(np.float32), repeats, 0) for image in (clean_image(1), np.zeros(_SIZE))
+    )
     frames = []
     for index, stack in enumerate((lit, covered)):
         engine.set_parameters(frame_index=index)
@@ -72,7 +89,9 @@ def test_the_paper_law_of_simsense_is_read_back():
     assert noise.chosen == "gamma" and noise.margin_nats[0] > 5.0 * noise.margin_nats[1]
     law = noise.fit.law
     assert law.shape == pytest.approx(3.98, rel=0.03)
-    assert law.sigma_dn == pytest.approx(0.83, rel=0.03 + 1.6 * noise.fit.error[1])  # without dark frames its own error is 1.4 %
+    assert law.sigma_dn == pytest.approx(
+        0.83, rel=0.03 + 1.6 * noise.fit.error[1]
+    )  # without dark frames its own error is 1.4 %
     assert law.black_dn == pytest.approx(-0.231, abs=0.05 + 1.6 * noise.fit.error[2])
     assert noise.model().imager.relative.value == pytest.approx(1.0 / law.shape)
 
@@ -107,7 +126,9 @@ def test_exposures_tell_black_and_photon_transfer():
     assert noise.fit.law.black_dn == pytest.approx(6.0, abs=0.05)
     assert noise.chosen == "shot" and noise.fit.law.shape == pytest.approx(0.4, rel=0.03)
     assert [p.exposure_gain for p in noise.transfer] == [0.001, 0.002, 0.004]
-    slope = (noise.transfer[2].variance_dn2 - noise.transfer[0].variance_dn2) / (noise.transfer[2].mean_dn - noise.transfer[0].mean_dn)
+    slope = (noise.transfer[2].variance_dn2 - noise.transfer[0].variance_dn2) / (
+        noise.transfer[2].mean_dn - noise.transfer[0].mean_dn
+    )
     assert slope == pytest.approx(0.4, rel=0.03)
 
 
@@ -123,7 +144,11 @@ def folder(tmp_path):
 
 def test_the_command_replaces_one_section_only(folder, tmp_path, capsys):
     out = tmp_path / "model.json"
-    out.write_text(json.dumps({"format": "active-stereo-model", "version": 2, "kept": {"as": 1}, "nuisances": {"focal_left": 0.001}}))
+    out.write_text(
+        json.dumps(
+            {"format": "active-stereo-model", "version": 2, "kept": {"as": 1}, "nuisances": {"focal_left": 0.001}}
+        )
+    )
     assert main(["acquire", "noise", str(folder), "--paper", "-o", str(out)]) == 0
     text = capsys.readouterr().out
     assert "law: gamma" in text and "1/k: a gauge" in text and "literal fit" in text and "never show in repeats" in text
@@ -159,7 +184,9 @@ def test_bad_repeats_are_refused_in_one_line(folder, tmp_path, capsys):
     (folder / "002.png").unlink()
     assert "9 repeats, at least 10" in _refused(ask, capsys)
     for i in range(12):  # the view shifts by a pixel half way
-        write_gray(folder / f"{i:03d}.png", np.roll(drawn(GammaLaw(400.0, 0.5, 5.0), clean_image(3), 1, i)[0], i // 6, axis=1))
+        write_gray(
+            folder / f"{i:03d}.png", np.roll(drawn(GammaLaw(400.0, 0.5, 5.0), clean_image(3), 1, i)[0], i // 6, axis=1)
+        )
     assert "the repeats move" in _refused(ask, capsys)
     for i in range(12):
         write_gray(folder / f"{i:03d}.png", drawn(GammaLaw(400.0, 0.5, 5.0), clean_image(3) * (1 + 0.01 * i), 1, i)[0])

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The pattern from walls that kuafu renders, whose dots and projector are known. At 424x240 dots are a pixel wide: harder than 848x480."""
+"""The pattern from walls that kuafu renders, whose dots and projector are known. At 424x240 dots are a pixel wide:
+harder than 848x480."""
 
 import json
 
@@ -79,13 +80,18 @@ def test_the_sensor_takes_what_was_measured(pattern, tmp_path):
     replace_sections(out, pattern.model())
     config = StereoDepthSensorConfig.from_model(read_model(out))
     assert np.allclose(config.light_dots, pattern.dots, rtol=1e-5)
-    body = np.linalg.inv(config.trans_pose_l.to_transformation_matrix()) @ config.pose_rgb_irproj.to_transformation_matrix()
+    body = (
+        np.linalg.inv(config.trans_pose_l.to_transformation_matrix())
+        @ config.pose_rgb_irproj.to_transformation_matrix()
+    )
     x, y, z = body[:3, 3]  # body axes: x forward, y left, z up
     assert (-y, -z, x) == pytest.approx(tuple(pattern.place_m), abs=1e-6)
     model = json.loads(out.read_text())
     model["rig"] |= {"gain": 2.0, "left_to_projector": np.eye(4).ravel().tolist()}
     out.write_text(json.dumps(model))
-    replace_sections(out, pattern.model(), keep_rig=True)  # of a rig that is there, the projector's place alone is replaced
+    replace_sections(
+        out, pattern.model(), keep_rig=True
+    )  # of a rig that is there, the projector's place alone is replaced
     again = read_model(out).rig
     assert again.gain == 2.0 and np.allclose(again.left_to_projector[:3, 3], -pattern.place_m)
 
@@ -105,7 +111,10 @@ def test_one_distance_leaves_it_nominal_and_says_so(capture_path, tmp_path):
 def test_merged_spots_are_told_apart():
     """Two dots at 2.6 sigma, which show one peak, and one alone, in a grid of others."""
     rng, (height, width), sigma = np.random.default_rng(0), (120, 160), 1.3
-    u, v = (part.ravel() + rng.uniform(-0.5, 0.5, part.size) for part in np.meshgrid(np.arange(12, 150, 12.0), np.arange(12, 110, 12.0)))
+    u, v = (
+        part.ravel() + rng.uniform(-0.5, 0.5, part.size)
+        for part in np.meshgrid(np.arange(12, 150, 12.0), np.arange(12, 110, 12.0))
+    )
     u, v = np.append(u, u[40] + 2.6 * sigma), np.append(v, v[40])
     y, x = np.mgrid[:height, :width]
     image = 8.0 + sum(60.0 * np.exp(-0.5 * ((x - a) ** 2 + (y - b) ** 2) / sigma**2) for a, b in zip(u, v, strict=True))
@@ -119,14 +128,22 @@ def test_merged_spots_are_told_apart():
 def test_intervals_of_dim_walls_hold_the_truth():
     """Dots of 2 to 12 DN under the noise of 12 repeats, of which the far wall's weakest are lost. 18 intervals of 90 %
     hold 16 truths on average, below 13 by chance in less than one run of 150."""
-    left_K, dots_K = np.array([[213.5, 0, 79.5], [0, 213.5, 59.5], [0, 0, 1.0]]), np.array([[400.0, 0, 250], [0, 400.0, 200], [0, 0, 1]])
+    left_K, dots_K = (
+        np.array([[213.5, 0, 79.5], [0, 213.5, 59.5], [0, 0, 1.0]]),
+        np.array([[400.0, 0, 250], [0, 400.0, 200], [0, 0, 1]]),
+    )
     place, baseline_m, scores = np.array([0.0293, 0.0004, -0.0012]), 0.05, []
     for seed in range(6):
         rng = np.random.default_rng(seed)
-        u, v = (part.ravel() + rng.uniform(-5, 5, part.size) for part in np.meshgrid(np.arange(80, 420, 12.0), np.arange(80, 320, 12.0)))
+        u, v = (
+            part.ravel() + rng.uniform(-5, 5, part.size)
+            for part in np.meshgrid(np.arange(80, 420, 12.0), np.arange(80, 320, 12.0))
+        )
         power, walls = rng.uniform(0.4, 1.6, u.size), []
         for distance_m, peak_dn in ((1.0, 8.0), (1.8, 3.0)):
-            ray = np.column_stack([(u - dots_K[0, 2]) / dots_K[0, 0], (v - dots_K[1, 2]) / dots_K[1, 1], np.ones(u.size)])
+            ray = np.column_stack(
+                [(u - dots_K[0, 2]) / dots_K[0, 0], (v - dots_K[1, 2]) / dots_K[1, 1], np.ones(u.size)]
+            )
             points = place + (distance_m - place[2]) * ray
             seen = [_spots_of(points - [shift, 0, 0], peak_dn * power, left_K, rng) for shift in (0.0, baseline_m)]
             walls.append(find_wall(*seen, left_K, left_K, baseline_m, "wall"))
@@ -199,6 +216,8 @@ def test_bad_walls_are_refused_in_one_line(capture_path, tmp_path, capsys):
         (bright / eye).mkdir()
         capture = read_capture(capture_path)
         for frame in capture.frames:
-            write_gray(bright / eye / frame.path(eye).name, np.minimum(5.0 * capture.ir(frame, eye), 255).astype(np.uint8))
+            write_gray(
+                bright / eye / frame.path(eye).name, np.minimum(5.0 * capture.ir(frame, eye), 255).astype(np.uint8)
+            )
     assert "the wall saturates" in _refused(["acquire", "pattern", bright, "-o", out], capsys)
     assert not out.exists()

@@ -34,7 +34,9 @@ TRUTH[:3, 3] = (0.02, 0.0, 0.01)
 
 def camera_poses():
     angles = np.deg2rad(np.linspace(-70.0, 70.0, _VIEWS))
-    return [look_at(eye=(0.4 * np.sin(a), 0.28, 0.4 * np.cos(a)), target=(0.02, 0.03, 0.01), up=(0, 1, 0)) for a in angles]
+    return [
+        look_at(eye=(0.4 * np.sin(a), 0.28, 0.4 * np.cos(a)), target=(0.02, 0.03, 0.01), up=(0, 1, 0)) for a in angles
+    ]
 
 
 def room(path, part):
@@ -64,11 +66,20 @@ def record(folder, mesh, color=True, projector_power=0.0):
     scene.set_environment((0.4, 0.4, 0.4), ir_radiance=0.4)
     cameras = [kuafu.Camera(_WIDTH, _HEIGHT, _K, pose) for pose in poses]
     how = {"spp": 8, "max_bounces": 1}
-    seen = {band: kuafu.Renderer(scene.device).render(scene, cameras, band=band, **how)["radiance"] for band in ("visible", "infrared")}
+    seen = {
+        band: kuafu.Renderer(scene.device).render(scene, cameras, band=band, **how)["radiance"]
+        for band in ("visible", "infrared")
+    }
     right = np.eye(4)
     right[0, 3] = -0.05
     nominal = Camera(_WIDTH, _HEIGHT, _K)
-    rig = Rig(nominal, nominal, right, Projector(folder / "none", _K, np.eye(4)), color=ColorCamera(_WIDTH, _HEIGHT, _K) if color else None)
+    rig = Rig(
+        nominal,
+        nominal,
+        right,
+        Projector(folder / "none", _K, np.eye(4)),
+        color=ColorCamera(_WIDTH, _HEIGHT, _K) if color else None,
+    )
     frames, images, colors = [], {}, {}
     for k, pose in enumerate(poses):
         frames.append(Frame(k, None, None, float(k), 0.008, pose, "train", projector_power=projector_power))
@@ -134,7 +145,10 @@ def test_the_scene_lies_over_the_pictures(box):
     files = sorted((box / "over").glob("*.png"))
     assert len(files) == 3 * _VIEWS  # colour and both eyes of each pose
     capture = read_capture(box / "capture")
-    over, seen = np.asarray(Image.open(box / "over" / "0_color.png")).astype(int), capture.color(capture.frames[0]).astype(int)
+    over, seen = (
+        np.asarray(Image.open(box / "over" / "0_color.png")).astype(int),
+        capture.color(capture.frames[0]).astype(int),
+    )
     changed = np.abs(over - seen).max(axis=2) > 30
     assert 0.01 < changed.mean() < 0.12
     # The lines lie where the picture has its edges.
@@ -149,7 +163,22 @@ def test_a_cup_turns_freely_about_its_axis(tmp_path):
     record(tmp_path, mesh)
     write_obj(tmp_path / "part.obj", mesh)
     out = tmp_path / "placed.gltf"
-    assert main(["acquire", "pose", str(tmp_path / "capture"), "--object", f"part={tmp_path / 'part.obj'}", "--start", start_text(1), "-o", str(out)]) == 0
+    assert (
+        main(
+            [
+                "acquire",
+                "pose",
+                str(tmp_path / "capture"),
+                "--object",
+                f"part={tmp_path / 'part.obj'}",
+                "--start",
+                start_text(1),
+                "-o",
+                str(out),
+            ]
+        )
+        == 0
+    )
     found = json.loads(out.with_suffix(".poses.json").read_text())["part"]
     (axis,) = found["free_axes"]
     assert abs(axis[1]) > 0.99

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The rig from boards: corners with noise of 0.08 px from a rig that is known, and rendered pictures of printed boards."""
+"""The rig from boards: corners with noise of 0.08 px from a rig that is known, and rendered pictures of printed
+boards."""
 
 import json
 
@@ -41,7 +42,9 @@ def test_with_a_known_k_boards_are_placed_to_a_fifth_of_a_millimetre():
     world = RigWorld.make(5, has_lens=False)
     K = world.K["left"]
     world.K["right"][:] = K
-    world = RigWorld(world.size, world.K, world.distortion, world.left_to_right, world.boards, _again(world), world.camera_to_gripper)
+    world = RigWorld(
+        world.size, world.K, world.distortion, world.left_to_right, world.boards, _again(world), world.camera_to_gripper
+    )
     found = calibrate(world.views, world.size, has_lens=False, known_K=K)
     apart = np.array([difference(found.board_to_left[view.name], world.boards[view.name]) for view in world.views])
     assert np.median(apart[:, 0]) < 2e-4 and np.median(apart[:, 1]) < 0.1
@@ -55,7 +58,9 @@ def _again(world):
         corners = {}
         for eye in ("left", "right"):
             pose = world.boards[view.name] if eye == "left" else world.left_to_right @ world.boards[view.name]
-            pixels = cv2.projectPoints(points, cv2.Rodrigues(pose[:3, :3])[0], pose[:3, 3], world.K[eye], None)[0].reshape(-1, 2)
+            pixels = cv2.projectPoints(points, cv2.Rodrigues(pose[:3, :3])[0], pose[:3, 3], world.K[eye], None)[
+                0
+            ].reshape(-1, 2)
             corners[eye] = points, pixels + 0.08 * rng.standard_normal(pixels.shape)
         views.append(BoardView(view.name, corners))
     return views
@@ -64,7 +69,10 @@ def _again(world):
 def test_a_false_detection_is_left_out():
     world = RigWorld.make(3)
     points, pixels = world.views[7].corners["right"]
-    world.views[7].corners["right"] = points, pixels[::-1].copy() + 6.0 * np.random.default_rng(0).standard_normal(pixels.shape)
+    world.views[7].corners["right"] = (
+        points,
+        pixels[::-1].copy() + 6.0 * np.random.default_rng(0).standard_normal(pixels.shape),
+    )
     found = calibrate(world.views, world.size)
     assert world.views[7].name not in found.board_to_left and len(found.views) == 19
     assert found.rms_px < 0.13
@@ -72,14 +80,19 @@ def test_a_false_detection_is_left_out():
 
 @pytest.mark.parametrize("board", [BOARD, Board("charuco", 9, 6, 0.03, 0.022), Board("apriltag", 5, 3, 0.04, 0.012)])
 def test_boards_are_found_where_the_camera_draws_them(board):
-    """Rendered pictures of a print at a slant: corners within 0.2 px in the median, and no shift of more than 0.15 px in common."""
+    """Rendered pictures of a print at a slant: corners within 0.2 px in the median, and no shift of more than 0.15 px
+    in common."""
     world = RigWorld.make(4, count=3, has_lens=False)
     for view in world.views:
         pose = world.boards[view.name]
         pose[:3, 3] *= 1.1
-        margin = 0.05 if board.kind == "chessboard" else 0.02  # to the first corner: a print's margin, and a chessboard's first square
+        margin = (
+            0.05 if board.kind == "chessboard" else 0.02
+        )  # to the first corner: a print's margin, and a chessboard's first square
         points, pixels = board.find(world.rendered(view.name, "left", board, np.array([margin, margin])))
-        drawn = cv2.projectPoints(points * [1, 1, 0], cv2.Rodrigues(pose[:3, :3])[0], pose[:3, 3], world.K["left"], None)[0].reshape(-1, 2)
+        drawn = cv2.projectPoints(
+            points * [1, 1, 0], cv2.Rodrigues(pose[:3, :3])[0], pose[:3, 3], world.K["left"], None
+        )[0].reshape(-1, 2)
         if board.kind == "chessboard" and np.linalg.norm(drawn[0] - pixels[0]) > np.linalg.norm(drawn[-1] - pixels[0]):
             drawn = drawn[::-1]  # counted from its other end
         assert np.median(np.linalg.norm(drawn - pixels, axis=1)) < 0.2
@@ -105,7 +118,23 @@ def frames(tmp_path_factory):
 def test_the_command_writes_rig_coverage_and_hand_eye(frames, tmp_path, capsys):
     folder, world = frames
     out = tmp_path / "model.json"
-    assert main(["acquire", "rig", str(folder), "--board", "9x6:0.03", "--rectified", "--robot", str(folder / "poses.csv"), "-o", str(out)]) == 0
+    assert (
+        main(
+            [
+                "acquire",
+                "rig",
+                str(folder),
+                "--board",
+                "9x6:0.03",
+                "--rectified",
+                "--robot",
+                str(folder / "poses.csv"),
+                "-o",
+                str(out),
+            ]
+        )
+        == 0
+    )
     text = capsys.readouterr().out
     assert "6 boards" in text and "Daniilidis" in text and "corners reach" in text
     rig = read_model(out).rig
@@ -130,7 +159,9 @@ def test_bad_boards_are_refused_in_one_line(frames, tmp_path, capsys):
         (few / eye).mkdir(parents=True)
         for view in world.views[:2]:
             (few / eye / view.name).symlink_to(folder / eye / view.name)
-    assert "2 of 2 frame pairs show the board" in _refused(["acquire", "rig", few, "--board", "9x6:0.03", "-o", out], capsys)
+    assert "2 of 2 frame pairs show the board" in _refused(
+        ["acquire", "rig", few, "--board", "9x6:0.03", "-o", out], capsys
+    )
     assert "0 of 2 frame pairs" in _refused(["acquire", "rig", few, "--board", "8x5:0.03", "-o", out], capsys)
     assert "no PNG file is in both" in _refused(["acquire", "rig", tmp_path, "--board", "9x6:0.03", "-o", out], capsys)
     for wrong in ("9x6", "9x6:0.03:0.1", "charuco:9x6:0.02:0.03", "9:0.03", "1x6:0.03"):

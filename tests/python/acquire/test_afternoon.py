@@ -15,7 +15,9 @@ from conftest import BUILD, ROOT
 
 PAGE = ROOT / "examples/real_camera/README.md"
 
-pytestmark = pytest.mark.skipif(not os.environ.get("ACTIVESTEREO_FULL"), reason="it takes minutes: ACTIVESTEREO_FULL=1 runs it")
+pytestmark = pytest.mark.skipif(
+    not os.environ.get("ACTIVESTEREO_FULL"), reason="it takes minutes: ACTIVESTEREO_FULL=1 runs it"
+)
 
 
 def commands():

@@ -76,7 +76,10 @@ def recording(tmp_path):
     for i in range(3):
         for stream, delay in (("Infrared 1", 0.0), ("Infrared 2", 0.2), ("Depth", 1.1)):
             kind, high = (np.uint16, 3000) if stream == "Depth" else (np.uint8, 255)
-            write_gray(folder / f"run_{stream}_{1700000000000.5 + 33.3 * i + delay:.6f}.png", rng.integers(1, high, (48, 64)).astype(kind))
+            write_gray(
+                folder / f"run_{stream}_{1700000000000.5 + 33.3 * i + delay:.6f}.png",
+                rng.integers(1, high, (48, 64)).astype(kind),
+            )
     (tmp_path / "d435.txt").write_text(_TEXT)
     return folder
 
@@ -90,7 +93,9 @@ def _refused(arguments, capsys):
     assert main(arguments) == 2
     lines = [line for line in capsys.readouterr().err.strip().splitlines() if line.startswith("activestereo: ")]
     assert len(lines) == 1
-    assert sorted(p.name for p in (__import__("pathlib").Path(arguments[1]).parent).iterdir() if "capture" in p.name) == []
+    assert (
+        sorted(p.name for p in (__import__("pathlib").Path(arguments[1]).parent).iterdir() if "capture" in p.name) == []
+    )
     return lines[0]
 
 
@@ -116,12 +121,23 @@ def test_folders_of_eyes_and_a_trajectory(recording, tmp_path):
             write_gray(folder / eye / f"{i:06d}.png", np.full((48, 64), 10 * i + (eye == "right"), np.uint8))
     poses = tmp_path / "poses.txt"
     poses.write_text("# time tx ty tz qx qy qz qw\n0.0 0 0 0 0 0 0 1\n0.1 0.3 0 0 0 0 0.7071068 0.7071068\n")
-    arguments = ["import", str(folder), "--calibration", str(tmp_path / "d435.txt"), "--poses", str(poses), "--out", str(tmp_path / "moved")]
+    arguments = [
+        "import",
+        str(folder),
+        "--calibration",
+        str(tmp_path / "d435.txt"),
+        "--poses",
+        str(poses),
+        "--out",
+        str(tmp_path / "moved"),
+    ]
     assert main(arguments) == 0
     capture = read_capture(tmp_path / "moved")
     assert [frame.repeat_group for frame in capture.frames] == [None] * 4
     assert capture.frames[1].camera_to_world[0, 3] == pytest.approx(0.1)
-    assert np.rad2deg(np.arctan2(capture.frames[1].camera_to_world[1, 0], capture.frames[1].camera_to_world[0, 0])) == pytest.approx(30.0, abs=1e-3)
+    assert np.rad2deg(
+        np.arctan2(capture.frames[1].camera_to_world[1, 0], capture.frames[1].camera_to_world[0, 0])
+    ) == pytest.approx(30.0, abs=1e-3)
     assert capture.ir(capture.frames[3], "right")[0, 0] == 31
 
 
@@ -130,7 +146,9 @@ def test_what_is_wrong_is_told_with_file_key_and_value(recording, tmp_path, caps
     assert "depth scale: is not known" in _refused(_arguments(recording), capsys)
     scale = ("--depth-scale", "0.001")
     text.write_text(_TEXT.replace("Translation Vector: -0.04", "Translation Vector: 0.04"))
-    assert 'x is 0.0499586 m, expected below 0: left and right are swapped' in _refused(_arguments(recording, *scale), capsys)
+    assert "x is 0.0499586 m, expected below 0: left and right are swapped" in _refused(
+        _arguments(recording, *scale), capsys
+    )
     text.write_text(_TEXT.replace("Fx:         	43.0", "Fx:         	none"))
     assert "Fx is 'none', expected a number" in _refused(_arguments(recording, *scale), capsys)
     text.write_text(_TEXT.replace("64x48", "32x24"))
@@ -162,8 +180,10 @@ def test_an_inverse_extrinsic_will_do(tmp_path):
 def test_trajectories_are_checked(tmp_path):
     file = tmp_path / "poses.txt"
     for text, words in (
-        ("0 0 0 0 0 0 0\n", "line 1: 7 numbers"), ("0 0 0 0 0 0 0 2\n", "line 1: the quaternion's length is 2"), ("# none\n", "holds no poses"),
-        ("1 0 0 0 0 0 0 1\n1 0 0 0 0 0 0 1\n", "line 2: timestamp 1.0* is not after"), ("0 0 0 nan 0 0 0 1\n", "line 1: 8 numbers, expected finite"),
+        ("0 0 0 0 0 0 0\n", "line 1: 7 numbers"), ("0 0 0 0 0 0 0 2\n", "line 1: the quaternion's length is 2"),
+        ("# none\n", "holds no poses"),
+        ("1 0 0 0 0 0 0 1\n1 0 0 0 0 0 0 1\n", "line 2: timestamp 1.0* is not after"),
+        ("0 0 0 nan 0 0 0 1\n", "line 1: 8 numbers, expected finite"),
     ):  # fmt: skip
         file.write_text(text)
         with pytest.raises(ValueError, match=words):

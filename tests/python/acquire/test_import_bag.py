@@ -26,7 +26,9 @@ def images(seed=1):
 def image_message(store, pixels, time_ns):
     types = store.types
     stamp = types["builtin_interfaces/msg/Time"](time_ns // 10**9, time_ns % 10**9)
-    header = {"stamp": stamp, "frame_id": "0"} | ({"seq": 0} if "seq" in types["std_msgs/msg/Header"].__annotations__ else {})
+    header = {"stamp": stamp, "frame_id": "0"} | (
+        {"seq": 0} if "seq" in types["std_msgs/msg/Header"].__annotations__ else {}
+    )
     encoding = "mono8" if pixels.dtype == np.uint8 else ("mono16" if "seq" in header else "16UC1")
     data = np.frombuffer(pixels.tobytes(), np.uint8)
     header = types["std_msgs/msg/Header"](**header)
@@ -41,14 +43,18 @@ def camera_info(store, baseline_m):
     roi = types["sensor_msgs/msg/RegionOfInterest"](0, 0, 0, 0, False)
     k = np.array([43.0, 0, 32.1, 0, 43.5, 24.2, 0, 0, 1])
     p = np.array([43.0, 0, 32.1, -43.0 * baseline_m, 0, 43.5, 24.2, 0, 0, 0, 1, 0])
-    return types["sensor_msgs/msg/CameraInfo"](header, height, width, "plumb_bob", np.zeros(5), k, np.eye(3).ravel(), p, 0, 0, roi)
+    return types["sensor_msgs/msg/CameraInfo"](
+        header, height, width, "plumb_bob", np.zeros(5), k, np.eye(3).ravel(), p, 0, 0, roi
+    )
 
 
 def write_librealsense(path, frames=2, skip=()):
     store = get_typestore(Stores.ROS1_NOETIC)
     with Writer1(path) as writer:
         def add(topic, kind, message, time_ns=1):
-            connection = known.get(topic) or known.setdefault(topic, writer.add_connection(topic, kind, typestore=store))
+            connection = known.get(topic) or known.setdefault(
+                topic, writer.add_connection(topic, kind, typestore=store)
+            )
             writer.write(connection, time_ns, store.serialize_ros1(message, kind))
 
         known = {}
@@ -56,7 +62,11 @@ def write_librealsense(path, frames=2, skip=()):
         transform = store.types["geometry_msgs/msg/Transform"](vector(_BASELINE_M, 0.0, 0.0), turn(0.0, 0.0, 0.0, 1.0))
         if "tf" not in skip:
             add(f"{_TOPICS1[2]}/tf/0", "geometry_msgs/msg/Transform", transform)
-        add("/device_0/sensor_0/option/Depth_Units/value", "std_msgs/msg/Float32", store.types["std_msgs/msg/Float32"](0.0005))
+        add(
+            "/device_0/sensor_0/option/Depth_Units/value",
+            "std_msgs/msg/Float32",
+            store.types["std_msgs/msg/Float32"](0.0005),
+        )
         for stream, topic in _TOPICS1.items():
             if stream not in skip:
                 add(f"{topic}/info/camera_info", "sensor_msgs/msg/CameraInfo", camera_info(store, 0.0))
@@ -64,7 +74,12 @@ def write_librealsense(path, frames=2, skip=()):
             for stream, pixels in images(frame).items():
                 if stream not in skip:
                     time_ns = 1_700_000_000_000_000_000 + 33_000_000 * frame
-                    add(f"{_TOPICS1[stream]}/image/data", "sensor_msgs/msg/Image", image_message(store, pixels, time_ns), time_ns)
+                    add(
+                        f"{_TOPICS1[stream]}/image/data",
+                        "sensor_msgs/msg/Image",
+                        image_message(store, pixels, time_ns),
+                        time_ns,
+                    )
 
 
 def write_ros2(path):
@@ -73,7 +88,9 @@ def write_ros2(path):
     with Writer2(path, version=8) as writer:
         for stream, topic in topics.items():
             info = writer.add_connection(f"{topic}/camera_info", "sensor_msgs/msg/CameraInfo", typestore=store)
-            writer.write(info, 1, store.serialize_cdr(camera_info(store, _BASELINE_M if stream == 2 else 0.0), info.msgtype))
+            writer.write(
+                info, 1, store.serialize_cdr(camera_info(store, _BASELINE_M if stream == 2 else 0.0), info.msgtype)
+            )
             image = writer.add_connection(f"{topic}/image_rect_raw", "sensor_msgs/msg/Image", typestore=store)
             message = image_message(store, images()[stream], 1_700_000_000_000_000_000)
             writer.write(image, 1_700_000_000_000_000_000, store.serialize_cdr(message, image.msgtype))

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings in the layouts of TUM, Open3D and BOP, written here as their descriptions have them, become captures; so do
-a robot's views and a connected camera's frames."""
+"""Recordings in the layouts of TUM, Open3D and BOP, written here as their descriptions have them, become captures; so
+do a robot's views and a connected camera's frames."""
 
 import json
 import sys
@@ -58,7 +58,8 @@ def write_ply(path, mesh):
     vertex = np.array([tuple(p) for p in mesh.positions], dtype=[("x", "<f4"), ("y", "<f4"), ("z", "<f4")])
     face = np.array([(3, tuple(t)) for t in mesh.indices.reshape(-1, 3)], dtype=[("count", "u1"), ("index", "<i4", 3)])
     header = (
-        f"ply\nformat binary_little_endian 1.0\nelement vertex {len(vertex)}\nproperty float x\nproperty float y\nproperty float z\n"
+        f"ply\nformat binary_little_endian 1.0\nelement vertex {len(vertex)}\nproperty float x\nproperty float "
+        f"y\nproperty float z\n"
         f"element face {len(face)}\nproperty list uchar int vertex_indices\nend_header\n"
     )
     path.write_bytes(header.encode() + vertex.tobytes() + face.tobytes())
@@ -87,7 +88,10 @@ def test_a_tum_folder(tum, capsys):
 def test_what_needs_infrared_says_so(tum, capsys):
     out = tum.parent / "capture"
     assert main(["import", str(tum), "--k", ",".join(map(str, _K)), "--out", str(out)]) == 0
-    for command in (["acquire", "noise", str(out), "-o", str(tum / "model.json")], ["compare", str(out), "--out", str(tum / "c")]):
+    for command in (
+        ["acquire", "noise", str(out), "-o", str(tum / "model.json")],
+        ["compare", str(out), "--out", str(tum / "c")],
+    ):
         capsys.readouterr()
         assert "infrared" in refused(command, capsys) or "repeat" in refused(command, capsys)
     assert not (tum / "model.json").exists()
@@ -99,7 +103,9 @@ def test_an_open3d_folder_with_its_trajectory(tmp_path, capsys):
     fx, fy, cx, cy = _K
     intrinsic = {"width": _WIDTH, "height": _HEIGHT, "intrinsic_matrix": [fx, 0, 0, 0, fy, 0, cx, cy, 1]}
     (folder / "camera_intrinsic.json").write_text(json.dumps(intrinsic))
-    (folder / "trajectory.log").write_text("".join(f"{k} {k} {k + 1}\n1 0 0 {0.1 * k}\n0 1 0 0\n0 0 1 0\n0 0 0 1\n" for k in range(2)))
+    (folder / "trajectory.log").write_text(
+        "".join(f"{k} {k} {k + 1}\n1 0 0 {0.1 * k}\n0 1 0 0\n0 0 1 0\n0 0 0 1\n" for k in range(2))
+    )
     assert main(["import", str(folder), "--out", str(tmp_path / "capture")]) == 0
     capture = read_capture(tmp_path / "capture")
     assert capture.rig.left.K[0, 2] == cx and capture.frames[1].camera_to_world[0, 3] == pytest.approx(0.1)
@@ -139,7 +145,9 @@ def test_what_is_wrong_with_a_bop_scene_is_told(bop, tmp_path, capsys):
     camera = json.loads((bop / "scene_camera.json").read_text())
     del camera["1"]["cam_K"]
     (bop / "scene_camera.json").write_text(json.dumps(camera))
-    assert "scene_camera.json: 1.cam_K: is None, expected nine numbers" in refused(["import", str(bop), "--out", str(tmp_path / "a")], capsys)
+    assert "scene_camera.json: 1.cam_K: is None, expected nine numbers" in refused(
+        ["import", str(bop), "--out", str(tmp_path / "a")], capsys
+    )
     camera["1"] = camera["0"] | {"depth_scale": None}
     (bop / "scene_camera.json").write_text(json.dumps(camera))
     assert "1.depth_scale: is missing" in refused(["import", str(bop), "--out", str(tmp_path / "a")], capsys)
@@ -158,7 +166,9 @@ def test_meshes_of_cad_programs(tmp_path):
     facets = np.zeros(len(triangles), record)
     facets["points"] = 1000.0 * box.positions[triangles]
     (tmp_path / "box.stl").write_bytes(b"\0" * 80 + len(facets).to_bytes(4, "little") + facets.tobytes())
-    lines = [f"v {x} {y} {z}" for x, y, z in box.positions] + [f"f {a + 1}//1 {b + 1}//1 {c + 1}//1" for a, b, c in triangles]
+    lines = [f"v {x} {y} {z}" for x, y, z in box.positions] + [
+        f"f {a + 1}//1 {b + 1}//1 {c + 1}//1" for a, b, c in triangles
+    ]
     (tmp_path / "box.obj").write_text("\n".join(lines))
     for name, unit in (("box.ply", 1.0), ("box.stl", 0.001), ("box.obj", 1.0)):
         mesh = read_mesh(tmp_path / name, unit)
@@ -193,7 +203,16 @@ def test_a_robots_views_stand_where_the_gripper_carries_the_camera(tmp_path, cap
     hand = np.eye(4)
     hand[2, 3] = 0.05
     (tmp_path / "hand.json").write_text(json.dumps({"camera_to_gripper": hand.ravel().tolist()}))
-    arguments = ["import", str(views), "--calibration", str(tmp_path / "d435.txt"), "--robot", str(tmp_path / "poses.csv"), "--out", str(tmp_path / "c")]
+    arguments = [
+        "import",
+        str(views),
+        "--calibration",
+        str(tmp_path / "d435.txt"),
+        "--robot",
+        str(tmp_path / "poses.csv"),
+        "--out",
+        str(tmp_path / "c"),
+    ]
     assert "--robot needs --hand-eye" in refused(arguments, capsys)
     assert main([*arguments, "--hand-eye", str(tmp_path / "hand.json")]) == 0
     capture = read_capture(tmp_path / "c")
@@ -210,8 +229,14 @@ def test_folders_inside_are_views_of_their_own(tmp_path):
         for eye in ("left", "right"):
             (tmp_path / "r" / view / eye).mkdir(parents=True)
             for i in range(2):
-                write_gray(tmp_path / "r" / view / eye / f"{i:03d}.png", np.full((48, 64), 10 * number + i + 100 * (eye == "right"), np.uint8))
-    assert main(["import", str(tmp_path / "r"), "--calibration", str(tmp_path / "d435.txt"), "--out", str(tmp_path / "c")]) == 0
+                write_gray(
+                    tmp_path / "r" / view / eye / f"{i:03d}.png",
+                    np.full((48, 64), 10 * number + i + 100 * (eye == "right"), np.uint8),
+                )
+    assert (
+        main(["import", str(tmp_path / "r"), "--calibration", str(tmp_path / "d435.txt"), "--out", str(tmp_path / "c")])
+        == 0
+    )
     capture = read_capture(tmp_path / "c")
     assert [frame.repeat_group for frame in capture.frames] == [0, 0, 1, 1, 2, 2]
     assert [frame.projector_power for frame in capture.frames] == [0, 0, 1, 1, 1, 1]
@@ -263,9 +288,14 @@ class _Pipeline:
 
     def wait_for_frames(self, timeout_ms):
         self.number += 1
-        gray, depth, color = np.full((24, 32), self.number, np.uint8), np.full((24, 32), 500, np.uint16), np.zeros((24, 32, 3), np.uint8)
+        gray, depth, color = (
+            np.full((24, 32), self.number, np.uint8),
+            np.full((24, 32), 500, np.uint16),
+            np.zeros((24, 32, 3), np.uint8),
+        )
         return SimpleNamespace(
-            get_infrared_frame=lambda eye: _Image(self.number, gray), get_depth_frame=lambda: _Image(self.number, depth),
+            get_infrared_frame=lambda eye: _Image(self.number, gray),
+            get_depth_frame=lambda: _Image(self.number, depth),
             get_color_frame=lambda: _Image(self.number, color),
         )  # fmt: skip
 

@@ -65,8 +65,14 @@ class Versioned(c.Structure):
     ]
 
 
-c.pythonapi.PyCapsule_GetPointer.restype, c.pythonapi.PyCapsule_GetPointer.argtypes = c.c_void_p, [c.py_object, c.c_char_p]
-c.pythonapi.PyCapsule_New.restype, c.pythonapi.PyCapsule_New.argtypes = c.py_object, [c.c_void_p, c.c_char_p, c.c_void_p]
+c.pythonapi.PyCapsule_GetPointer.restype, c.pythonapi.PyCapsule_GetPointer.argtypes = (
+    c.c_void_p,
+    [c.py_object, c.c_char_p],
+)
+c.pythonapi.PyCapsule_New.restype, c.pythonapi.PyCapsule_New.argtypes = (
+    c.py_object,
+    [c.c_void_p, c.c_char_p, c.c_void_p],
+)
 c.pythonapi.PyCapsule_IsValid.argtypes = [c.py_object, c.c_char_p]
 
 
@@ -78,7 +84,17 @@ class Producer:
         kind = {"u": 1, "i": 0, "f": 2}[array.dtype.kind]
         self._shape = (c.c_int64 * array.ndim)(*array.shape)
         self._strides = (c.c_int64 * array.ndim)(*(s // array.itemsize for s in array.strides))
-        tensor = Tensor(array.ctypes.data, (c.c_int32 * 2)(device_type, 0), array.ndim, kind, 8 * array.itemsize, 1, self._shape, self._strides, 0)
+        tensor = Tensor(
+            array.ctypes.data,
+            (c.c_int32 * 2)(device_type, 0),
+            array.ndim,
+            kind,
+            8 * array.itemsize,
+            1,
+            self._shape,
+            self._strides,
+            0,
+        )
         self._deleter = Deleter(self._delete)
         self._managed = Versioned(major, 0, None, self._deleter, flags, tensor)
 
@@ -211,7 +227,9 @@ def test_the_producer_lives_as_long_as_the_image(module: ModuleType, own_device:
         (lambda: [1, 2, 3], "no __dlpack__"),
     ],
 )
-def test_what_cannot_be_taken_is_one_error(module: ModuleType, own_device: Any, make: Callable[[], Any], text: str) -> None:
+def test_what_cannot_be_taken_is_one_error(
+    module: ModuleType, own_device: Any, make: Callable[[], Any], text: str
+) -> None:
     with pytest.raises(ValueError, match=text):
         module.Image.from_dlpack(own_device, make())
 

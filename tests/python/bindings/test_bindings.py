@@ -42,7 +42,9 @@ def test_error_types(library):
     assert issubclass(library.Error, RuntimeError)
     assert issubclass(library.ArgumentError, library.Error) and issubclass(library.ArgumentError, ValueError)
     assert issubclass(library.FileError, library.Error) and issubclass(library.FileError, OSError)
-    assert issubclass(library.MissingFileError, FileNotFoundError) and issubclass(library.MissingFileError, library.FileError)
+    assert issubclass(library.MissingFileError, FileNotFoundError) and issubclass(
+        library.MissingFileError, library.FileError
+    )
 
 
 @pytest.mark.parametrize("library", [kuafu, simsense])
@@ -124,7 +126,9 @@ def test_engine_parameters_by_name():
     camera = simsense.Camera(64, 48, np.diag([60.0, 60.0, 1.0]))
     left_to_right = np.eye(4)
     left_to_right[0, 3] = -0.05
-    engine = simsense.Engine(simsense.Device("host"), camera, camera, left_to_right, rectified=True, p1=5, max_disparity=32)
+    engine = simsense.Engine(
+        simsense.Device("host"), camera, camera, left_to_right, rectified=True, p1=5, max_disparity=32
+    )
     assert engine.parameters["p1"] == 5 and engine.parameters["p2"] == simsense.default_parameters()["p2"] == 32
     with pytest.raises(TypeError, match="p3"):
         engine.set_parameters(p3=1)
@@ -139,9 +143,32 @@ def test_engine_parameters_by_name():
 
 
 def test_records_come_back_as_they_went_in(scene):
-    material = kuafu.Material(name="m", base_color=(0.1, 0.2, 0.3, 1.0), metallic=0.25, roughness=0.5, ior=1.25, ir_albedo=0.75, emission=(1, 2, 3), thin_walled=True)
+    material = kuafu.Material(
+        name="m",
+        base_color=(0.1, 0.2, 0.3, 1.0),
+        metallic=0.25,
+        roughness=0.5,
+        ior=1.25,
+        ir_albedo=0.75,
+        emission=(1, 2, 3),
+        thin_walled=True,
+    )
     back = scene.get_material(scene.add_material(material))
-    for name in ("name", "thin_walled", "ir_ior", "subsurface_radius_m", "ior_texture", "base_color", "metallic", "roughness", "specular", "ior", "ir_albedo", "emission", "base_color_texture"):
+    for name in (
+        "name",
+        "thin_walled",
+        "ir_ior",
+        "subsurface_radius_m",
+        "ior_texture",
+        "base_color",
+        "metallic",
+        "roughness",
+        "specular",
+        "ior",
+        "ir_albedo",
+        "emission",
+        "base_color_texture",
+    ):
         assert getattr(back, name) == getattr(material, name), name
     assert kuafu.Material().ir_albedo is None and kuafu.Material().normal_texture is None
     pose = np.eye(4)
@@ -153,7 +180,9 @@ def test_records_come_back_as_they_went_in(scene):
 
 def test_dots_make_a_pattern_and_come_back(scene):
     dots = np.array([[3, 4, 1], [5.5, 6, 0.5]], np.float32)
-    light = kuafu.Light(kind="projector", dots=dots, pattern_width=16, pattern_height=12, dot_sigma_px=0.8, pattern_scale=1.01)
+    light = kuafu.Light(
+        kind="projector", dots=dots, pattern_width=16, pattern_height=12, dot_sigma_px=0.8, pattern_scale=1.01
+    )
     back = scene.get_light(scene.add_light(light))
     np.testing.assert_array_equal(back.dots, dots)
     assert (back.pattern_width, back.pattern_height, back.pattern_scale) == (16, 12, 1.01) and back.texture is None
@@ -199,7 +228,9 @@ def test_what_is_removed_frees_its_memory(scene, renderer, device):
 
 
 def test_render_gives_named_arrays(scene, renderer):
-    images = renderer.render(scene, [CAMERA, CAMERA], ["radiance", "depth", "normal", "instance_id"], band="visible", spp=4)
+    images = renderer.render(
+        scene, [CAMERA, CAMERA], ["radiance", "depth", "normal", "instance_id"], band="visible", spp=4
+    )
     assert {name: (image.shape, image.dtype.name) for name, image in images.items()} == {
         "radiance": ((2, 12, 16, 3), "float32"),
         "depth": ((2, 12, 16, 1), "float32"),
@@ -255,7 +286,9 @@ def test_array_keeps_its_buffer_alive(device):
     assert (array == 7).all()
 
 
-@pytest.mark.parametrize("shape, offset", [((65,), 0), ((64,), 1), ((2**62, 4), 0), ((0,), 0), ((1,) * 6, 0), ((8,), 2**64 - 4)])
+@pytest.mark.parametrize(
+    "shape, offset", [((65,), 0), ((64,), 1), ((2**62, 4), 0), ((0,), 0), ((1,) * 6, 0), ((8,), 2**64 - 4)]
+)
 def test_image_outside_its_buffer_is_refused(device, shape, offset):
     with pytest.raises(ValueError):
         kuafu.Buffer(device, 64).image(np.uint8, shape, offset)
@@ -334,8 +367,17 @@ def test_stubs_and_modules_agree(library):
     if mypy is None:
         pytest.skip("mypy is not installed: apt-get install mypy")
     packages = str(Path(library.__file__).parents[1])
-    command = [mypy, native(library).__name__, "--concise", "--allowlist", Path(__file__).with_name("stubtest_allowlist.txt"), "--ignore-unused-allowlist"]
-    result = subprocess.run(command, capture_output=True, text=True, env={**os.environ, "PYTHONPATH": packages, "MYPYPATH": packages})
+    command = [
+        mypy,
+        native(library).__name__,
+        "--concise",
+        "--allowlist",
+        Path(__file__).with_name("stubtest_allowlist.txt"),
+        "--ignore-unused-allowlist",
+    ]
+    result = subprocess.run(
+        command, capture_output=True, text=True, env={**os.environ, "PYTHONPATH": packages, "MYPYPATH": packages}
+    )
     assert result.returncode == 0, result.stdout + result.stderr
 
 
@@ -347,13 +389,19 @@ def test_stub_names_what_the_module_has(library):
     classes = {node.name: node for node in tree.body if isinstance(node, ast.ClassDef)}
     functions = {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}
     constants = {node.target.id for node in tree.body if isinstance(node, ast.AnnAssign)} - {"__version__"}
-    in_python = {name for name in library.__all__ if getattr(getattr(library, name), "__module__", "").count(".") and not hasattr(native(library), name)}
+    in_python = {
+        name
+        for name in library.__all__
+        if getattr(getattr(library, name), "__module__", "").count(".") and not hasattr(native(library), name)
+    }
     assert set(classes) | functions | constants == set(library.__all__) - in_python
     for name, node in classes.items():
         kind = getattr(library, name)
         if issubclass(kind, Exception):
             continue
-        stated = {n.name for n in node.body if isinstance(n, ast.FunctionDef)} | {n.target.id for n in node.body if isinstance(n, ast.AnnAssign)}
+        stated = {n.name for n in node.body if isinstance(n, ast.FunctionDef)} | {
+            n.target.id for n in node.body if isinstance(n, ast.AnnAssign)
+        }
         present = {member for member in vars(kind) if not member.startswith("_")}
         assert {member for member in stated if not member.startswith("_")} == present, name
 
@@ -397,7 +445,9 @@ def test_a_submission_gives_what_compute_gives():
     eyes = np.ascontiguousarray(np.stack([light[:, :64], light[:, 4:]]))
     buffer = simsense.Buffer(device, eyes.nbytes + 4 * 48 * 64)
     buffer.write(eyes.tobytes())
-    left, right, depth = (buffer.image(t, (48, 64), n * 48 * 64) for n, t in enumerate((np.uint8, np.uint8, np.float32)))
+    left, right, depth = (
+        buffer.image(t, (48, 64), n * 48 * 64) for n, t in enumerate((np.uint8, np.uint8, np.float32))
+    )
     found = {}
     for back_end in ("cpu", "vulkan"):
         engine = simsense.Engine(device, camera, camera, baseline, rectified=True, max_disparity=16, back_end=back_end)

@@ -53,7 +53,9 @@ def test_rays_are_those_of_opencv(device, lens):
 
 
 def test_fields_go_in_and_come_out():
-    camera = kuafu.Camera(4, 4, K, distortion=[0.1, 0.2, 0.3, 0.4, 0.5], shutter="rolling", readout="columns_left", line_time_s=1e-5)
+    camera = kuafu.Camera(
+        4, 4, K, distortion=[0.1, 0.2, 0.3, 0.4, 0.5], shutter="rolling", readout="columns_left", line_time_s=1e-5
+    )
     assert camera.distortion == (0.1, 0.2, 0.3, 0.4, 0.5, 0.0, 0.0, 0.0)
     assert (camera.shutter, camera.readout, camera.line_time_s) == ("rolling", "columns_left", 1e-5)
     camera.distortion = [0.0] * 4

@@ -13,14 +13,18 @@ def _matcher(**parameters):
     camera = simsense.Camera(_WIDTH, _HEIGHT, k)
     left_to_right = np.eye(4)
     left_to_right[0, 3] = -0.05
-    return simsense.Engine(simsense.Device("host"), camera, camera, left_to_right, rectified=True, max_disparity=32, **parameters)
+    return simsense.Engine(
+        simsense.Device("host"), camera, camera, left_to_right, rectified=True, max_disparity=32, **parameters
+    )
 
 
 def _valid_share(engine_options, scale):
     rng = np.random.default_rng(4)
     left = rng.integers(0, 256, (_HEIGHT, _WIDTH)) * scale + 10
     right = np.roll(left, -_SHIFT, axis=1)
-    noisy = [np.clip(np.rint(image + rng.normal(0, 1, image.shape)), 0, 255).astype(np.uint8) for image in (left, right)]
+    noisy = [
+        np.clip(np.rint(image + rng.normal(0, 1, image.shape)), 0, 255).astype(np.uint8) for image in (left, right)
+    ]
     disparity = _matcher(**engine_options).compute(*noisy, outputs=("disparity",))["disparity"]
     inner = disparity.reshape(_HEIGHT, _WIDTH)[8:-8, 40:-8]
     return float((np.abs(inner - _SHIFT) < 1).mean())

@@ -71,7 +71,9 @@ def test_cuda_sees_the_exported_memory(module: ModuleType, own_device: Any, stub
     assert stub.stub_held() == 0
 
 
-def test_cuda_memory_without_cuda_or_on_another_gpu_says_so(module: ModuleType, own_device: Any, stub_cuda: Path) -> None:
+def test_cuda_memory_without_cuda_or_on_another_gpu_says_so(
+    module: ModuleType, own_device: Any, stub_cuda: Path
+) -> None:
     buffer = exportable(module, own_device)
     with pytest.raises(CudaError, match="no CUDA driver"):
         CudaMemory(buffer, library="/nowhere/libcuda.so.1")

@@ -18,13 +18,17 @@ def scene(device):
     wall = scene.add_mesh(corners, np.array([[0, 1, 2], [0, 2, 3]], np.uint32))
     scene.add_instance(wall, [scene.add_material(kuafu.Material(base_color=(0.5, 0.5, 0.5, 1), specular=0.0))])
     lamp = np.array([[1, 0, 0, 0.5], [0, 0, 1, -1.5], [0, -1, 0, 1], [0, 0, 0, 1.0]])
-    scene.add_light(kuafu.Light(kind="rectangle", intensity=(4, 4, 4), ir_intensity=4.0, size_m=(0.5, 0.5), light_to_world=lamp))
+    scene.add_light(
+        kuafu.Light(kind="rectangle", intensity=(4, 4, 4), ir_intensity=4.0, size_m=(0.5, 0.5), light_to_world=lamp)
+    )
     return scene
 
 
 def test_atrous_takes_noise(device, scene):
     renderer = kuafu.Renderer(device)
-    plain, clean = (renderer.render(scene, CAMERA, ["ambient"], spp=2, denoise=d)["ambient"][0, ..., 0] for d in ("none", "atrous"))
+    plain, clean = (
+        renderer.render(scene, CAMERA, ["ambient"], spp=2, denoise=d)["ambient"][0, ..., 0] for d in ("none", "atrous")
+    )
     roughness = [np.abs(np.diff(image, 2)).mean() for image in (plain, clean)]
     assert roughness[1] < 0.1 * roughness[0]
     assert clean.mean() == pytest.approx(plain.mean(), rel=0.02)

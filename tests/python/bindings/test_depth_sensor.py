@@ -9,8 +9,10 @@ import pytest
 import simsense
 
 SIGNATURE = (
-    "lr_size, k_l, k_r, l2r, rgb_size=None, k_rgb=None, l2rgb=None, min_depth=0.0, max_depth=10.0, ir_noise_seed=0, speckle_shape=0.0, speckle_scale=0.0, "
-    "gaussian_mu=0.0, gaussian_sigma=0.0, rectified=False, census_width=7, census_height=7, max_disp=128, block_width=7, block_height=7, p1_penalty=7, "
+    "lr_size, k_l, k_r, l2r, rgb_size=None, k_rgb=None, l2rgb=None, min_depth=0.0, max_depth=10.0, "
+    "ir_noise_seed=0, speckle_shape=0.0, speckle_scale=0.0, "
+    "gaussian_mu=0.0, gaussian_sigma=0.0, rectified=False, census_width=7, census_height=7, max_disp=128, "
+    "block_width=7, block_height=7, p1_penalty=7, "
     "p2_penalty=86, uniqueness_ratio=15, lr_max_diff=1, median_filter_size=3, depth_dilation=False"
 )
 SIZE = (160, 96)
@@ -125,7 +127,9 @@ def test_setters_change_what_comes_out(pair):
     sensor.set_lr_max_diff(255)
     sensor.set_uniqueness_ratio(100)
     parameters = sensor.engine.parameters
-    assert [parameters[name] for name in ("block_width", "census_height", "p1", "p2", "lr_max_diff", "uniqueness_ratio")] == [5, 5, 3, 20, -1, 100]
+    assert [
+        parameters[name] for name in ("block_width", "census_height", "p1", "p2", "lr_max_diff", "uniqueness_ratio")
+    ] == [5, 5, 3, 20, -1, 100]
     assert (sensor.compute(*pair) > 0).mean() < (before > 0).mean()
     with pytest.raises(TypeError):
         sensor.set_penalties(9, 9)
@@ -153,7 +157,8 @@ def test_registers_to_the_rgb_camera(pair):
 
 
 def test_exact_mode_keeps_every_fault(pair):
-    """Of a rectified pair only the parabola and the rectifier's focal length count; tests/simsense/engine/published_test.cpp proves the bits."""
+    """Of a rectified pair only the parabola and the rectifier's focal length count;
+    tests/simsense/engine/published_test.cpp proves the bits."""
     exact, fixed = make(mode="simsense-exact"), make()
     assert exact.engine.parameters["subpixel"] == 1 and fixed.engine.parameters["subpixel"] == 2
     assert exact.engine.parameters["census_contrast"] == 0 and fixed.engine.parameters["census_contrast"] > 0
@@ -177,7 +182,16 @@ def test_faults_are_named_switches():
 
 def test_engine_gives_maps_and_integer_depth(pair):
     camera = simsense.Camera(*SIZE, K)
-    engine = simsense.Engine(simsense.Device("host"), camera, camera, L2R, rgb=camera, left_to_rgb=np.eye(4), rectified=True, max_disparity=32)
+    engine = simsense.Engine(
+        simsense.Device("host"),
+        camera,
+        camera,
+        L2R,
+        rgb=camera,
+        left_to_rgb=np.eye(4),
+        rectified=True,
+        max_disparity=32,
+    )
     rgb = np.random.default_rng(2).integers(0, 256, (SIZE[1], SIZE[0], 3), dtype=np.uint8)
     out = engine.compute(*pair, ("depth", "disparity", "confidence", "reason", "points_colored"), rgb=rgb)
     depth, reason = out["depth"], out["reason"]
@@ -194,7 +208,16 @@ def test_engine_gives_maps_and_integer_depth(pair):
 
 def test_eight_paths_and_a_first_disparity(pair):
     camera = simsense.Camera(*SIZE, K)
-    settings = {"path_count": 8, "min_disparity": 5, "max_disparity": 16, "census_kind": 1, "p2_full_gradient_dn": 20, "roi_x": 40, "roi_width": 80, "roi_height": 96}
+    settings = {
+        "path_count": 8,
+        "min_disparity": 5,
+        "max_disparity": 16,
+        "census_kind": 1,
+        "p2_full_gradient_dn": 20,
+        "roi_x": 40,
+        "roi_width": 80,
+        "roi_height": 96,
+    }
     engine = simsense.Engine(simsense.Device("host"), camera, camera, L2R, rectified=True, **settings)
     disparity = engine.compute(*pair, ("disparity",))["disparity"]
     assert np.median(disparity[:, 44:116]) == pytest.approx(DISPARITY, abs=0.1)
@@ -202,7 +225,11 @@ def test_eight_paths_and_a_first_disparity(pair):
 
 
 def test_each_fault_has_its_switch(pair):
-    rgb = {"rgb_size": SIZE, "k_rgb": K * [[2.4], [2.4], [1]] - [[0, 0, 112], [0, 0, 67], [0, 0, 0]], "l2rgb": np.eye(4)}
+    rgb = {
+        "rgb_size": SIZE,
+        "k_rgb": K * [[2.4], [2.4], [1]] - [[0, 0, 112], [0, 0, 67], [0, 0, 0]],
+        "l2rgb": np.eye(4),
+    }
     turned = L2R.copy()
     turned[:3, :3] = [[np.cos(0.03), 0, np.sin(0.03)], [0, 1, 0], [-np.sin(0.03), 0, np.cos(0.03)]]
     views = ({}, {**rgb, "depth_dilation": True})

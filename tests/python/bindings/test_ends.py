@@ -36,7 +36,9 @@ def lit_triangle(device: kuafu.Device) -> kuafu.Scene:
 
 
 def run(program: str, tracer: str) -> subprocess.CompletedProcess:
-    return subprocess.run([sys.executable, "-c", PROGRAM + program, tracer], capture_output=True, text=True, timeout=200)
+    return subprocess.run(
+        [sys.executable, "-c", PROGRAM + program, tracer], capture_output=True, text=True, timeout=200
+    )
 
 
 @pytest.mark.parametrize("tracer", ["embree", "compute"])
@@ -84,7 +86,9 @@ def test_what_a_file_has_and_kuafu_ignores_is_said(device, tmp_path, caplog):
     assert any(level == 1 and "gone.mtl" in text for level, text in heard), "a log of one's own hears it instead"
 
 
-@pytest.mark.parametrize("wrong", [[[0, 1, 2**32]], [[0.5, 1, 2]], [[-1, 1, 2]], [[0, 1, float("nan")]], [[2**64, 0, 0]]])
+@pytest.mark.parametrize(
+    "wrong", [[[0, 1, 2**32]], [[0.5, 1, 2]], [[-1, 1, 2]], [[0, 1, float("nan")]], [[2**64, 0, 0]]]
+)
 def test_indices_are_not_cut_or_wrapped(device, wrong):
     with pytest.raises(ValueError):
         kuafu.Scene(device).add_mesh(TRIANGLE, wrong)

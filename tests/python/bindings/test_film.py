@@ -26,7 +26,9 @@ def render(device):
     renderer, camera = kuafu.Renderer(device), kuafu.Camera(WIDTH, HEIGHT, K)
 
     def image(film=None):
-        return renderer.render(scene, camera, ["radiance"], band="visible", spp=4, max_bounces=0, film=film)["radiance"][0].astype(np.float64)
+        return renderer.render(scene, camera, ["radiance"], band="visible", spp=4, max_bounces=0, film=film)[
+            "radiance"
+        ][0].astype(np.float64)
 
     return image
 
@@ -63,7 +65,9 @@ def test_one_film_for_each_camera_or_for_all(render, device):
     scene = kuafu.Scene(device)
     scene.set_environment((1.0, 1.0, 1.0), 1.0)
     camera, renderer = kuafu.Camera(9, 9, [[9, 0, 4], [0, 9, 4], [0, 0, 1]]), kuafu.Renderer(device)
-    images = renderer.render(scene, [camera, camera], spp=1, film=[kuafu.Film(), {"vignetting_exponent": 4}])["radiance"]
+    images = renderer.render(scene, [camera, camera], spp=1, film=[kuafu.Film(), {"vignetting_exponent": 4}])[
+        "radiance"
+    ]
     assert (images[0] == 1.0).all() and images[1, 0, 0, 0] < 0.8
     with pytest.raises(ValueError, match="1 films for 2 cameras"):
         renderer.render(scene, [camera, camera], film=[kuafu.Film()])

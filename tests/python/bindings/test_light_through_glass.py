@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A projector's light through solid glass against Mitsuba 3's light tracer (its `ptracer`), which follows rays from
-the lamp and so finds caustics without any search: how much arrives in the shadow and in all, and where dots land.
-Mitsuba is an optional extra (`pip install mitsuba`); it wants an LLVM library, by DRJIT_LIBLLVM_PATH, or takes longer."""
+"""A projector's light through solid glass against Mitsuba 3's light tracer (its `ptracer`), which follows rays from the
+lamp and so finds caustics without any search: how much arrives in the shadow and in all, and where dots land. Mitsuba
+is an optional extra (`pip install mitsuba`); it wants an LLVM library, by DRJIT_LIBLLVM_PATH, or takes longer."""
 
 from __future__ import annotations
 
@@ -104,7 +104,8 @@ SHAPES = {
     "pane": pane,
     "wine glass": lambda: turned(
         [(0.0, -0.1), (0.035, -0.1), (0.036, -0.098), (0.02, -0.093), (0.006, -0.085), (0.004, -0.06), (0.004, -0.03),
-         (0.008, -0.012), (0.028, 0.004), (0.040, 0.03), (0.042, 0.06), (0.038, 0.095), (0.0372, 0.0965), (0.0364, 0.095),
+         (0.008, -0.012), (0.028, 0.004), (0.040, 0.03), (0.042, 0.06), (0.038, 0.095), (0.0372, 0.0965),
+         (0.0364, 0.095),
          (0.0404, 0.06), (0.0384, 0.03), (0.0264, 0.006), (0.012, -0.004), (0.0, -0.007)]
     ),
 }  # fmt: skip

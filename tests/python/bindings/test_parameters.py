@@ -68,7 +68,9 @@ def test_a_pair_option_sets_width_and_height() -> None:
 
 
 def test_an_option_reaches_the_configuration_under_its_name_there() -> None:
-    config = make_config(parse("simulate", "--max-disparity", "64", "--subpixel", "parabola", "--path-count", "8", "--no-depth-dilation"))
+    config = make_config(
+        parse("simulate", "--max-disparity", "64", "--subpixel", "parabola", "--path-count", "8", "--no-depth-dilation")
+    )
     assert (config.max_disp, config.subpixel, config.path_count, config.depth_dilation) == (64, "parabola", 8, False)
 
 
@@ -112,17 +114,40 @@ def test_what_a_render_is_told_are_all_options_that_a_sensor_does_not_decide_its
     np.testing.assert_allclose(image, 0.5, rtol=1e-6)
 
 
-@pytest.mark.parametrize(("options", "words"), [(("--spp", "0"), "samples_per_pixel"), (("--max-bounces", "1025"), "0..1024"), (("--fault", "none"), "remap_nearest")])
-def test_an_option_out_of_range_is_refused_before_any_work(options: tuple[str, ...], words: str, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--spp", "0"), "samples_per_pixel"),
+        (("--max-bounces", "1025"), "0..1024"),
+        (("--fault", "none"), "remap_nearest"),
+    ],
+)
+def test_an_option_out_of_range_is_refused_before_any_work(
+    options: tuple[str, ...], words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     with pytest.raises(SystemExit):
         parse("simulate", *options)
     assert words in capsys.readouterr().err
 
 
 def test_fields_of_optics_and_imagers_are_options() -> None:
-    options = ("--ir-film", "psf_sigma_px=0.7", "--ir-film", "vignetting_polynomial=-0.3,0.1,0", "--rgb-film", "vignetting_exponent=4")
-    config = make_config(parse("simulate", *options, "--ir-signal", "d435", "--ir-signal", "read_noise_e=2", "--ir-signal", "bit_depth=10"))
-    assert config.ir_film == (StereoDepthSensorConfig().ir_film or {}) | {"psf_sigma_px": 0.7, "vignetting_polynomial": [-0.3, 0.1, 0]}
+    options = (
+        "--ir-film",
+        "psf_sigma_px=0.7",
+        "--ir-film",
+        "vignetting_polynomial=-0.3,0.1,0",
+        "--rgb-film",
+        "vignetting_exponent=4",
+    )
+    config = make_config(
+        parse(
+            "simulate", *options, "--ir-signal", "d435", "--ir-signal", "read_noise_e=2", "--ir-signal", "bit_depth=10"
+        )
+    )
+    assert config.ir_film == (StereoDepthSensorConfig().ir_film or {}) | {
+        "psf_sigma_px": 0.7,
+        "vignetting_polynomial": [-0.3, 0.1, 0],
+    }
     assert config.rgb_film == {"vignetting_exponent": 4}
     assert config.ir_signal == simsense.signal_preset("d435") | {"read_noise_e": 2, "bit_depth": 10}
 

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Subpixel steps on a slope that passes every fraction of a pixel: the default's pull towards whole pixels is at most half of the parabola's."""
+"""Subpixel steps on a slope that passes every fraction of a pixel: the default's pull towards whole pixels is at most
+half of the parabola's."""
 
 import importlib.util
 from pathlib import Path

@@ -26,7 +26,10 @@ def shared_buffers(device, engine_device, memory):
 
 @pytest.mark.parametrize("memory", ["opaque_fd", "host"])
 def test_a_mark_written_by_one_is_read_by_the_other(device, engine_device, memory):
-    needed = {"opaque_fd": ("export_opaque_fd", "import_opaque_fd"), "host": ("export_host_pointer", "import_host_pointer")}[memory]
+    needed = {
+        "opaque_fd": ("export_opaque_fd", "import_opaque_fd"),
+        "host": ("export_host_pointer", "import_host_pointer"),
+    }[memory]
     if not (needed[0] in device.info.capabilities and needed[1] in engine_device.info.capabilities):
         pytest.skip(f"{device.info.name} does not share memory by {memory}")
     source, sink = shared_buffers(device, engine_device, memory)
@@ -79,8 +82,9 @@ def test_link_gives_each_eye_its_half(device, engine_device):
 
 
 def test_a_frame_copies_nothing_and_the_copying_way_counts(sensors):
-    """Over take_picture and compute_depth both copy counters stand still when memory is shared, and rise by the pair's size when it is not. A GPU
-    hands the results, which the sensor wants as arrays, from its own memory to the host's."""
+    """Over take_picture and compute_depth both copy counters stand still when memory is shared, and rise by the pair's
+    size when it is not. A GPU hands the results, which the sensor wants as arrays, from its own memory to the
+    host's."""
     shared, copying = sensors
     assert shared.ir_memory in ("opaque_fd", "host") and copying.ir_memory == "copy"
     for sensor, expected in ((shared, 0), (copying, 2 * 4 * np.prod(sensor_size(copying)))):

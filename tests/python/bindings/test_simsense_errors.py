@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a wrong argument of the depth engine answers: one line that names it, with what it must be, and no name out of C."""
+"""What a wrong argument of the depth engine answers: one line that names it, with what it must be, and no name out of
+C."""
 
 import numpy as np
 import pytest
@@ -43,9 +44,15 @@ def k_of(fx, fy, cx=160.0):
         "no K": (lambda: simsense.Camera(320, 240, None), ("k is missing",)),
         "width as text": (lambda: simsense.Camera("a", 240, K), ("width", "'a'")),
         "negative width": (lambda: simsense.Camera(-1, 240, K), ("width", "-1")),
-        "no camera": (lambda: simsense.Engine(simsense.Device("host"), None, None, pose()), ("left", "simsense.Camera", "None")),
+        "no camera": (
+            lambda: simsense.Engine(simsense.Device("host"), None, None, pose()),
+            ("left", "simsense.Camera", "None"),
+        ),
         "no device": (lambda: simsense.Engine(None, camera(), camera(), pose()), ("device", "simsense.Device")),
-        "no pose": (lambda: simsense.Engine(simsense.Device("host"), camera(), camera(), None), ("left_to_right is missing",)),
+        "no pose": (
+            lambda: simsense.Engine(simsense.Device("host"), camera(), camera(), None),
+            ("left_to_right is missing",),
+        ),
         "batch": (lambda: make(batch_count=None), ("batch_count", "None")),
         "rgb": (lambda: make(rgb=3), ("rgb", "simsense.Camera")),
         "parameter": (lambda: make(p1=None), ("p1", "None")),
@@ -93,7 +100,10 @@ def test_choices_may_be_named():
     assert (engine.parameters["hole_filling"], engine.parameters["subpixel"]) == (2, 2)
 
 
-@pytest.mark.parametrize("setting", [{"min_depth": None}, {"max_depth": "a"}, {"speckle_shape": None}, {"speckle_shape": 1, "speckle_scale": None}])
+@pytest.mark.parametrize(
+    "setting",
+    [{"min_depth": None}, {"max_depth": "a"}, {"speckle_shape": None}, {"speckle_shape": 1, "speckle_scale": None}],
+)
 def test_sensor_names_the_setting(setting):
     with pytest.raises(simsense.SettingError, match=list(setting)[-1]):
         simsense.DepthSensor((320, 240), K, K, pose(), **setting)

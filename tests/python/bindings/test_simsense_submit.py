@@ -16,7 +16,9 @@ def engine_of(device: simsense.Device, batch_count: int = 1, back_end: str = "au
     camera = simsense.Camera(SHAPE[1], SHAPE[0], K)
     left_to_right = np.eye(4)
     left_to_right[0, 3] = -0.05
-    return simsense.Engine(device, camera, camera, left_to_right, rectified=True, batch_count=batch_count, back_end=back_end)
+    return simsense.Engine(
+        device, camera, camera, left_to_right, rectified=True, batch_count=batch_count, back_end=back_end
+    )
 
 
 def test_a_wait_gives_up_and_may_be_repeated() -> None:

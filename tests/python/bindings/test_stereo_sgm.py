@@ -26,9 +26,12 @@ def pair():
 
 
 def test_parameters_are_those_of_opencv_in_its_order():
-    names = [p.name for p in inspect.signature(simsense.StereoSGM).parameters.values() if p.kind is p.POSITIONAL_OR_KEYWORD]
+    names = [
+        p.name for p in inspect.signature(simsense.StereoSGM).parameters.values() if p.kind is p.POSITIONAL_OR_KEYWORD
+    ]
     assert names == (
-        "minDisparity numDisparities blockSize P1 P2 disp12MaxDiff preFilterCap uniquenessRatio speckleWindowSize speckleRange mode".split()
+        "minDisparity numDisparities blockSize P1 P2 disp12MaxDiff preFilterCap uniquenessRatio "
+        "speckleWindowSize speckleRange mode".split()
     )
 
 
@@ -51,9 +54,16 @@ def test_result_is_in_sixteenths_of_pixels(pair):
 
 def test_first_disparity_moves_the_invalid_value(pair):
     left, right, truth = pair
-    disparity = simsense.StereoSGM(minDisparity=-20, numDisparities=64, blockSize=5, uniquenessRatio=10).compute(left, right)
+    disparity = simsense.StereoSGM(minDisparity=-20, numDisparities=64, blockSize=5, uniquenessRatio=10).compute(
+        left, right
+    )
     assert disparity.min() == -21 * 16
-    assert simsense.StereoSGM(minDisparity=15, numDisparities=32, blockSize=5, uniquenessRatio=10).compute(left, right).min() == 14 * 16
+    assert (
+        simsense.StereoSGM(minDisparity=15, numDisparities=32, blockSize=5, uniquenessRatio=10)
+        .compute(left, right)
+        .min()
+        == 14 * 16
+    )
     assert np.median(disparity[60, 60:200]) / 16 == pytest.approx(truth[60], abs=0.5)
 
 
@@ -92,6 +102,8 @@ def test_at_least_as_right_as_opencv(pair):
         return (np.abs(inside - truth[8:-8, None]) < 1).mean()
 
     ours = share_within_a_pixel(simsense.StereoSGM(**USUAL, mode=simsense.StereoSGM.MODE_HH4))
-    theirs = share_within_a_pixel(cv2.StereoSGBM_create(minDisparity=0, **USUAL, preFilterCap=31, mode=cv2.STEREO_SGBM_MODE_HH4))
+    theirs = share_within_a_pixel(
+        cv2.StereoSGBM_create(minDisparity=0, **USUAL, preFilterCap=31, mode=cv2.STEREO_SGBM_MODE_HH4)
+    )
     print(f"within a pixel: simsense {100 * ours:.1f} %, OpenCV {100 * theirs:.1f} %")
     assert ours >= theirs - 0.01

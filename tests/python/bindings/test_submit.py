@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Renders that Python does not wait for: the same bits, two under way, cancel, and scenes that stay as they are meanwhile."""
+"""Renders that Python does not wait for: the same bits, two under way, cancel, and scenes that stay as they are
+meanwhile."""
 
 import threading
 import time

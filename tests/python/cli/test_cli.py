@@ -20,7 +20,9 @@ def run(build):
 
     def run(*arguments, **changes):
         command = [str(build / "bin" / "activestereo"), *map(str, arguments)]
-        return subprocess.run(command, capture_output=True, text=True, cwd="/", env={**environment, **changes}, timeout=300)
+        return subprocess.run(
+            command, capture_output=True, text=True, cwd="/", env={**environment, **changes}, timeout=300
+        )
 
     return run
 
@@ -29,7 +31,13 @@ def run(build):
 def pair(tmp_path_factory):
     folder = tmp_path_factory.mktemp("pair")
     wide = np.random.default_rng(1).integers(0, 256, (96, 172), dtype=np.uint8)
-    for name, image in (("left", wide[:, :160]), ("right", wide[:, 12:]), ("small", wide[:50, :160]), ("gray3", np.dstack([wide[:, :160]] * 3)), ("color", np.dstack([wide, wide, 255 - wide]))):
+    for name, image in (
+        ("left", wide[:, :160]),
+        ("right", wide[:, 12:]),
+        ("small", wide[:50, :160]),
+        ("gray3", np.dstack([wide[:, :160]] * 3)),
+        ("color", np.dstack([wide, wide, 255 - wide])),
+    ):
         Image.fromarray(np.ascontiguousarray(image)).save(folder / f"{name}.png")
     (folder / "text.png").write_text("no image")
     Image.fromarray(wide[:, :160].astype(np.uint16)).save(folder / "deep.png")
@@ -57,7 +65,16 @@ def assert_refused(result, *words):
 def test_help_of_each_command(run):
     assert all(name in run("--help").stdout for name in ("simulate", "depth", "compare", "devices"))
     for command, words in {
-        "simulate": ("--sensor", "--spp", "--seed", "--device", "--camera-to-world", "--out", "depth_true.png", "example"),
+        "simulate": (
+            "--sensor",
+            "--spp",
+            "--seed",
+            "--device",
+            "--camera-to-world",
+            "--out",
+            "depth_true.png",
+            "example",
+        ),
         "depth": ("--k", "--baseline", "--max-disparity", "cloud.ply", "example", "0,0,1 \\\n"),
         "compare": ("--out", "compare.json", "--spp"),
         "devices": ("lavapipe", "--device"),
@@ -82,11 +99,29 @@ def test_without_a_driver_it_says_what_to_install(run, table_top, tmp_path):
 
 def test_simulate_writes_all_files(run, table_top, tmp_path):
     out = tmp_path / "deep" / "out"
-    result = run("simulate", table_top, "--sensor", "D435", "--resolution", "212x120", "--spp", "1", "--max-bounces", "1", "--out", out)
+    result = run(
+        "simulate",
+        table_top,
+        "--sensor",
+        "D435",
+        "--resolution",
+        "212x120",
+        "--spp",
+        "1",
+        "--max-bounces",
+        "1",
+        "--out",
+        out,
+    )
     assert result.returncode == 0, result.stderr
     names = ("rgb.png", "ir_left.png", "ir_right.png", "depth.png", "depth_true.png", "cloud.ply", "overview.png")
     assert sorted(path.name for path in out.iterdir()) == sorted(names)
-    assert "device:" in result.stdout and "infrared" in result.stdout and "wood" in result.stdout and "done in" in result.stderr
+    assert (
+        "device:" in result.stdout
+        and "infrared" in result.stdout
+        and "wood" in result.stdout
+        and "done in" in result.stderr
+    )
     depth, true = (np.asarray(Image.open(out / name)) for name in ("depth.png", "depth_true.png"))
     assert depth.dtype == true.dtype and depth.shape == (120, 212) and depth.max() > 255
     both = (depth > 0) & (true > 0)
@@ -96,7 +131,20 @@ def test_simulate_writes_all_files(run, table_top, tmp_path):
 def test_simulate_repeats_with_its_seed(run, table_top, tmp_path):
     files = []
     for name, seed in (("a", 3), ("b", 3), ("c", 4)):
-        result = run("simulate", table_top, "--resolution", "212x120", "--spp", 1, "--max-bounces", 0, "--seed", seed, "--out", tmp_path / name)
+        result = run(
+            "simulate",
+            table_top,
+            "--resolution",
+            "212x120",
+            "--spp",
+            1,
+            "--max-bounces",
+            0,
+            "--seed",
+            seed,
+            "--out",
+            tmp_path / name,
+        )
         assert result.returncode == 0, result.stderr
         files.append((tmp_path / name / "ir_left.png").read_bytes())
     assert files[0] == files[1] != files[2]
@@ -134,9 +182,28 @@ def test_simulate_from_a_given_pose(run, table_top, tmp_path):
 
 
 def test_depth_of_a_pair(run, pair, tmp_path):
-    result = run("depth", pair / "left.png", pair / "right.png", "--k", K, "--baseline", "0.05", "--max-disparity", "32", "--out", tmp_path)
+    result = run(
+        "depth",
+        pair / "left.png",
+        pair / "right.png",
+        "--k",
+        K,
+        "--baseline",
+        "0.05",
+        "--max-disparity",
+        "32",
+        "--out",
+        tmp_path,
+    )
     assert result.returncode == 0, result.stderr
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["cloud.ply", "depth.npy", "depth.png", "disparity.npy", "disparity.png", "overview.png"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "cloud.ply",
+        "depth.npy",
+        "depth.png",
+        "disparity.npy",
+        "disparity.png",
+        "overview.png",
+    ]
     disparity, metres = (np.load(tmp_path / f"{name}.npy") for name in ("disparity", "depth"))
     assert disparity.dtype == metres.dtype == np.float32
     np.testing.assert_allclose(metres[metres > 0], 6.0 / disparity[metres > 0], rtol=1e-5)
@@ -152,7 +219,11 @@ def test_depth_takes_equal_channels_and_arrays_like_gray(run, pair, tmp_path):
         assert result.returncode == 0 and "hint" not in result.stdout and "cut off" not in result.stdout, result.stderr
     assert (tmp_path / "a" / "depth.npy").read_bytes() == (tmp_path / "b" / "depth.npy").read_bytes()
     np.save(tmp_path / "float.npy", np.zeros((96, 160)))
-    assert_refused(run("depth", tmp_path / "float.npy", tmp_path / "right.npy", *rest, tmp_path / "c"), "float.npy", "uint8 or uint16")
+    assert_refused(
+        run("depth", tmp_path / "float.npy", tmp_path / "right.npy", *rest, tmp_path / "c"),
+        "float.npy",
+        "uint8 or uint16",
+    )
 
 
 def test_depth_hints_at_exchanged_eyes_and_tells_what_it_cut(run, pair, tmp_path):
@@ -162,28 +233,55 @@ def test_depth_hints_at_exchanged_eyes_and_tells_what_it_cut(run, pair, tmp_path
     result = run("depth", pair / "left.png", pair / "right.png", *rest, "--max-depth-m", "0.4")
     (line,) = (line for line in result.stdout.splitlines() if line.startswith("cut off"))
     count, share = int(line.split()[2]), float(line.split()[8])
-    assert "--max-depth-m 0.4" in line and count > 0.8 * 96 * 140 and share == pytest.approx(100 * count / (96 * 160), abs=0.1)
+    assert (
+        "--max-depth-m 0.4" in line
+        and count > 0.8 * 96 * 140
+        and share == pytest.approx(100 * count / (96 * 160), abs=0.1)
+    )
 
 
 def test_depth_of_a_passive_pair_has_a_profile_and_options_go_before_it(run, pair, tmp_path):
     rest = ("--k", K, "--baseline", "0.05", "--max-disparity", "32", "--profile", "passive", "--out", tmp_path)
     for options, words in (((), "block 5x5"), (("--block", "3x3"), "block 3x3")):
         result = run("depth", pair / "left.png", pair / "right.png", *rest, *options)
-        assert result.returncode == 0 and words in result.stdout and "uniqueness 5 %" in result.stdout and "median 5" in result.stdout
+        assert (
+            result.returncode == 0
+            and words in result.stdout
+            and "uniqueness 5 %" in result.stdout
+            and "median 5" in result.stdout
+        )
 
 
 def test_depth_explains_itself_where_asked(run, pair, tmp_path):
     options = ("--max-disparity", "32", "--subpixel", "none", "--confidence", "--reason")
-    result = run("depth", pair / "left.png", pair / "right.png", "--k", K, "--baseline", "0.05", *options, "--out", tmp_path)
+    result = run(
+        "depth", pair / "left.png", pair / "right.png", "--k", K, "--baseline", "0.05", *options, "--out", tmp_path
+    )
     assert result.returncode == 0, result.stderr
     assert "confidence.png, reason.png" in result.stdout
-    depth, confidence, reason = (np.asarray(Image.open(tmp_path / f"{name}.png")) for name in ("depth", "confidence", "reason"))
+    depth, confidence, reason = (
+        np.asarray(Image.open(tmp_path / f"{name}.png")) for name in ("depth", "confidence", "reason")
+    )
     assert ((reason == 0) == (depth > 0)).all() and np.median(confidence[depth > 0]) > 0.15 * 65535
-    assert set(np.unique(depth)) <= {0} | {round(6000 / d) for d in range(1, 32)}, "whole disparities alone: f B is 6 px m"
+    assert set(np.unique(depth)) <= {0} | {round(6000 / d) for d in range(1, 32)}, (
+        "whole disparities alone: f B is 6 px m"
+    )
 
 
 def test_depth_is_the_same_on_every_back_end_and_takes_faults_by_name(run, pair, tmp_path):
-    call = ("depth", pair / "left.png", pair / "right.png", "--k", K, "--baseline", "0.05", "--max-disparity", "32", "--out", tmp_path)
+    call = (
+        "depth",
+        pair / "left.png",
+        pair / "right.png",
+        "--k",
+        K,
+        "--baseline",
+        "0.05",
+        "--max-disparity",
+        "32",
+        "--out",
+        tmp_path,
+    )
 
     def depth(*options):
         result = run(*call, *options)
@@ -203,9 +301,23 @@ def test_depth_of_a_dim_16_bit_pair_with_one_bright_pixel(run, pair, tmp_path):
         dim = np.asarray(Image.open(pair / f"{name}.png")).astype(np.uint16)
         dim[3, 5] = 65535
         Image.fromarray(dim).save(tmp_path / f"{name}.png")
-    result = run("depth", tmp_path / "left.png", tmp_path / "right.png", "--k", K, "--baseline", "0.05", "--max-disparity", "32", "--out", tmp_path)
+    result = run(
+        "depth",
+        tmp_path / "left.png",
+        tmp_path / "right.png",
+        "--k",
+        K,
+        "--baseline",
+        "0.05",
+        "--max-disparity",
+        "32",
+        "--out",
+        tmp_path,
+    )
     assert result.returncode == 0, result.stderr
-    assert "p1 8, p2 32" in result.stdout and "disparities 0..31" in result.stdout and "matching 160x96" in result.stderr
+    assert (
+        "p1 8, p2 32" in result.stdout and "disparities 0..31" in result.stdout and "matching 160x96" in result.stderr
+    )
     depth = np.asarray(Image.open(tmp_path / "depth.png"))
     assert np.median(depth[depth > 0]) == 500 and (depth > 0).mean() > 0.8
 
@@ -249,7 +361,9 @@ def test_simulate_refuses_what_is_wrong(run, table_top, tmp_path):
     assert_refused(run("simulate", table_top, "--resolution", "400x400", *out), "400x226")
     assert_refused(run("simulate", table_top, "--camera", "3", *out), "--camera 3")
     assert_refused(run("simulate", table_top, "--camera-to-world", "1,2,3", *out), "16")
-    assert_refused(run("simulate", table_top, "--camera-to-world", ",".join(["2"] * 16), *out), "2, 2, 2, 2", "expected 0, 0, 0, 1")
+    assert_refused(
+        run("simulate", table_top, "--camera-to-world", ",".join(["2"] * 16), *out), "2, 2, 2, 2", "expected 0, 0, 0, 1"
+    )
     twice_as_large = "2,0,0,0, 0,2,0,0, 0,0,2,0, 0,0,0,1"
     assert_refused(run("simulate", table_top, "--camera-to-world", twice_as_large, *out), "rotation")
     assert_refused(run("simulate", table_top, "--ir-distortion", "0.1,0.2", *out), "4 or 5")

@@ -16,7 +16,9 @@ K = "120,120,20,15"
 def run(build):
     def run(*arguments: object, **changes: str) -> subprocess.CompletedProcess:
         command = [str(build / "bin" / "activestereo"), *map(str, arguments)]
-        return subprocess.run(command, capture_output=True, text=True, cwd="/", env={**os.environ, **changes}, timeout=300)
+        return subprocess.run(
+            command, capture_output=True, text=True, cwd="/", env={**os.environ, **changes}, timeout=300
+        )
 
     return run
 
@@ -33,7 +35,9 @@ def npy_header(shape: str) -> bytes:
     return b"\x93NUMPY\x01\x00" + struct.pack("<H", len(text)) + text.encode()
 
 
-@pytest.mark.parametrize("shape", ["(99999999, 99999999)", "(4, 5)", "(-1, 5)", "(99999999999999999999, 2)", "()", "(3,)"])
+@pytest.mark.parametrize(
+    "shape", ["(99999999, 99999999)", "(4, 5)", "(-1, 5)", "(99999999999999999999, 2)", "()", "(3,)"]
+)
 def test_an_array_file_that_promises_more_than_it_holds(run, tmp_path, shape):
     (tmp_path / "depth.npy").write_bytes(npy_header(shape) + b"\0" * 8)
     assert "depth.npy" in one_line(run("depth-quality", tmp_path / "depth.npy", "--k", K, "--baseline", "0.05"))
@@ -44,7 +48,18 @@ def test_depths_beyond_any_scene(run, tmp_path):
     assert "1e+300 m" in one_line(run("depth-quality", tmp_path / "depth.npy", "--k", K, "--baseline", "0.05"))
 
 
-@pytest.mark.parametrize("text", ['{"ranking": 1}', '{"model": 3}', '{"ranking": [3]}', '{"ranking": [{"effect": "read_noise", "parameters": 4}]}', "[]", "{", "7"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        '{"ranking": 1}',
+        '{"model": 3}',
+        '{"ranking": [3]}',
+        '{"ranking": [{"effect": "read_noise", "parameters": 4}]}',
+        "[]",
+        "{",
+        "7",
+    ],
+)
 def test_parameters_from_a_file_that_is_no_diagnosis(run, tmp_path, text):
     (tmp_path / "other.json").write_text(text)
     one_line(run("add", "read_noise", "--from", tmp_path / "other.json", "-o", tmp_path / "model.json"))
@@ -58,7 +73,11 @@ def test_help_into_a_closed_pipe(build):
 
 
 @pytest.mark.parametrize(
-    "raised, said", [(IndexError("list index\nout of range"), "a fault of the program (IndexError in "), (MemoryError(), "out of memory")]
+    "raised, said",
+    [
+        (IndexError("list index\nout of range"), "a fault of the program (IndexError in "),
+        (MemoryError(), "out of memory"),
+    ],
 )
 def test_what_nobody_foresaw_is_one_line(monkeypatch, capsys, raised, said):
     from activestereo import cli

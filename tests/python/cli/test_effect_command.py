@@ -29,8 +29,8 @@ def check(capsys, path):
 
 def user_file(folder, body, parameters=A, stage="READOUT"):
     path = folder / "my_effects.py"
-    text = f"{HEADER}\n@effect('mine', stage=Stage.{stage}, family='f', source='s', {parameters})\ndef mine(signal, view, a):\n    'Mine.'\n    {body}\n"
-    path.write_text(text)
+    declared = f"@effect('mine', stage=Stage.{stage}, family='f', source='s', {parameters})"
+    path.write_text(f"{HEADER}\n{declared}\ndef mine(signal, view, a):\n    'Mine.'\n    {body}\n")
     return path
 
 
@@ -43,7 +43,9 @@ def test_list_names_every_effect_with_its_units(capsys):
 
 def test_the_documentation_page_is_what_the_command_prints(capsys):
     assert main(["effect", "list", "--markdown"]) == 0
-    assert capsys.readouterr().out == PAGE.read_text(encoding="utf-8"), "activestereo effect list --markdown > examples/effects/README.md"
+    assert capsys.readouterr().out == PAGE.read_text(encoding="utf-8"), (
+        "activestereo effect list --markdown > examples/effects/README.md"
+    )
 
 
 def test_the_pages_ten_line_example_is_lawful_and_joins_a_model(tmp_path, capsys):
@@ -105,7 +107,10 @@ def test_a_file_that_does_not_load_is_one_line_with_the_place(tmp_path, capsys, 
 def test_missing_and_foreign_files_are_refused(tmp_path, capsys):
     foreign = tmp_path / "foreign.so"
     foreign.write_bytes(b"no library")
-    for path, words in ((tmp_path / "none.py", "no such effect file"), (foreign, "neither a Python file nor a shared library")):
+    for path, words in (
+        (tmp_path / "none.py", "no such effect file"),
+        (foreign, "neither a Python file nor a shared library"),
+    ):
         status, _, err = check(capsys, path)
         assert status == 2 and words in err
 
@@ -121,7 +126,16 @@ def compiled(tmp_path_factory):
             path.write_text(source)
             source = path
         library = folder / f"{name}.so"
-        flags = ["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-shared", "-fPIC", f"-I{ROOT / 'capi/include'}"]
+        flags = [
+            "-std=c99",
+            "-pedantic",
+            "-Wall",
+            "-Wextra",
+            "-Werror",
+            "-shared",
+            "-fPIC",
+            f"-I{ROOT / 'capi/include'}",
+        ]
         subprocess.run(["cc", *flags, str(source), "-o", str(library)], check=True, capture_output=True, text=True)
         return library
 
@@ -169,7 +183,15 @@ def test_what_c_sees_is_what_python_has(compiled):
     (spy,) = load_effects(compiled(SPY % (0, 7), "spy")).values()
     view = example_view()
     seen = spy(np.zeros(view.shape), view, a=0.5)[0]
-    expected = [view.K[0, 2], view.camera_to_projector[0, 3], view.depth_m[0, -1], -1.0, view.pattern[-1, -1], 45.0, 1.0]
+    expected = [
+        view.K[0, 2],
+        view.camera_to_projector[0, 3],
+        view.depth_m[0, -1],
+        -1.0,
+        view.pattern[-1, -1],
+        45.0,
+        1.0,
+    ]
     np.testing.assert_allclose(seen[:7], expected)
     np.testing.assert_allclose(seen[8:10], [view.baseline_m, 1.0])
     with pytest.raises(ValueError, match="gave status -3"):
@@ -189,7 +211,8 @@ NOISY = """
 #include "ks/effect.h"
 static int32_t apply(const ks_effect_view* view, const double* p, uint32_t n, const double* images, double* out) {
   for (uint64_t i = 0; i < (uint64_t)n * view->width * view->height; ++i)
-    out[i] = images[i] + p[0] * (double)((view->random_seed * 6364136223846793005u + i * 1442695040888963407u) >> 40) / (1u << 24);
+    out[i] = images[i] +
+             p[0] * (double)((view->random_seed * 6364136223846793005u + i * 1442695040888963407u) >> 40) / (1u << 24);
   return KS_OK;
 }
 static const ks_effect_parameter parameters[] = {{"sigma_dn", "DN", "", 0.0, 0.0, 9.0, 1.0}};
@@ -201,7 +224,8 @@ const ks_effect* ks_effect_plugin(uint32_t* count) {
   terms.terms = &term, terms.count = 1;
   e = ks_effect_init();
   e.header.next = &terms.header;
-  e.id = "noisy_rows", e.family = "f", e.summary = "Noise.", e.source = "s", e.stage = KS_STAGE_READOUT, e.randomness = KS_RANDOMNESS_TEMPORAL;
+  e.id = "noisy_rows", e.family = "f", e.summary = "Noise.", e.source = "s";
+  e.stage = KS_STAGE_READOUT, e.randomness = KS_RANDOMNESS_TEMPORAL;
   e.parameter_count = 1, e.parameters = parameters, e.apply = apply;
   *count = 1;
   return &e;
@@ -217,14 +241,22 @@ def test_a_random_effect_in_c_says_how_it_is_judged(compiled):
 
 def test_the_python_mirror_of_the_c_descriptor_has_its_layout(tmp_path):
     """Sizes are those that plug-ins were compiled against: they never change."""
-    structs = {"ks_effect": (plugin.records.Effect, 80), "ks_effect_parameter": (plugin.records.Parameter, 56), "ks_effect_view": (plugin.records.View, 568)}
+    structs = {
+        "ks_effect": (plugin.records.Effect, 80),
+        "ks_effect_parameter": (plugin.records.Parameter, 56),
+        "ks_effect_view": (plugin.records.View, 568),
+    }
     fields = [(name, field) for name, (mirror, _) in structs.items() for field, *_ in mirror._fields_]
     prints = [f'printf("%u\\n", (unsigned)sizeof({name}));' for name in structs]
     prints += [f'printf("%u\\n", (unsigned)offsetof({name}, {field}));' for name, field in fields]
     source, program = tmp_path / "layout.c", tmp_path / "layout"
     body = "\n".join(prints)
-    source.write_text(f'#include <stddef.h>\n#include <stdio.h>\n#include "ks/effect.h"\nint main(void) {{\n{body}\nreturn 0; }}\n')
+    source.write_text(
+        f'#include <stddef.h>\n#include <stdio.h>\n#include "ks/effect.h"\nint main(void) {{\n{body}\nreturn 0; }}\n'
+    )
     subprocess.run(["cc", "-std=c99", f"-I{ROOT / 'capi/include'}", str(source), "-o", str(program)], check=True)
     seen = [int(line) for line in subprocess.run([program], capture_output=True, text=True, check=True).stdout.split()]
-    assert seen[:3] == [size for _, size in structs.values()] == [ctypes.sizeof(mirror) for mirror, _ in structs.values()]
+    assert (
+        seen[:3] == [size for _, size in structs.values()] == [ctypes.sizeof(mirror) for mirror, _ in structs.values()]
+    )
     assert seen[3:] == [getattr(structs[name][0], field).offset for name, field in fields]

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Tables of C plug-ins changed at random, under a seed: each is read, or one error names the library. Pointers are NULL or right: C cannot tell others."""
+"""Tables of C plug-ins changed at random, under a seed: each is read, or one error names the library. Pointers are NULL
+or right: C cannot tell others."""
 
 import ctypes as c
 import random
@@ -33,7 +34,9 @@ def library(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def record(dice: random.Random, count: int, chain: Any) -> plugin.records.Effect:
     """A sound effect."""
-    parameters = (plugin.records.Parameter * 3)(*(plugin.records.Parameter(n, b"1", b"", 0.0, 0.0, 1.0, 0.5) for n in (b"p", b"q", b"r")))
+    parameters = (plugin.records.Parameter * 3)(
+        *(plugin.records.Parameter(n, b"1", b"", 0.0, 0.0, 1.0, 0.5) for n in (b"p", b"q", b"r"))
+    )
     header = plugin.records.Header(plugin.records.TYPE_EFFECT, c.sizeof(plugin.records.Effect), chain)
     apply = plugin.records.Apply(lambda *_: 0)
     return plugin.records.Effect(header, b"effect", b"f", b"s", b"s", 7, dice.randrange(3), count, 0, parameters, apply)
@@ -59,13 +62,20 @@ def test_changed_tables(library: Path) -> None:
     own = c.CDLL(str(library))
     outcomes = {"read": 0, "refused": 0}
     for _ in range(3000):
-        terms = plugin.records.RandomTerms(plugin.records.Header(plugin.records.TYPE_EFFECT_RANDOM_TERMS, c.sizeof(plugin.records.RandomTerms), None))
+        terms = plugin.records.RandomTerms(
+            plugin.records.Header(plugin.records.TYPE_EFFECT_RANDOM_TERMS, c.sizeof(plugin.records.RandomTerms), None)
+        )
         term = plugin.records.RandomTerm(b"p", None, 0, 0)
         terms.terms, terms.count = c.pointer(term), 1
         count = dice.randrange(1, 4)
         effects = (plugin.records.Effect * 3)(*(record(dice, count, c.addressof(terms)) for _ in range(3)))
         for _ in range(dice.randrange(3)):
-            disturb(dice, dice.choice([effects[0], effects[0], terms, term, effects[0].parameters[0]]) if effects[0].parameters else effects[0])
+            disturb(
+                dice,
+                dice.choice([effects[0], effects[0], terms, term, effects[0].parameters[0]])
+                if effects[0].parameters
+                else effects[0],
+            )
         if terms.terms and 1 < terms.count <= 64:
             terms.count = 1  # more than there are, C cannot tell
         if effects[0].parameters and 3 < effects[0].parameter_count <= 64:

@@ -26,7 +26,10 @@ def test_every_parameter_says_unit_and_the_effect_its_source(name):
 
 
 def make(function, **fields):
-    given = dict(stage=Stage.READOUT, family="test", source="test", parameters=[Parameter("a", "1", 0.0, 0.0, 1.0, 0.5)]) | fields
+    given = (
+        dict(stage=Stage.READOUT, family="test", source="test", parameters=[Parameter("a", "1", 0.0, 0.0, 1.0, 0.5)])
+        | fields
+    )
     function.__doc__ = "A test."
     return effect("bad", **given)(function)
 
@@ -96,7 +99,9 @@ def test_resampling_keeps_the_place_and_spreads_it_as_two_weighted_pixels_do():
     view = example_view()
     u, v = view.pixels()
     blob = np.exp(-((u - 48) ** 2 + (v - 36) ** 2) / 8)
-    seen = EFFECTS["rectification_resampling"](Light(blob, blob, blob, blob), view, phase_u_px=0.3, phase_v_px=0.0).direct
+    seen = EFFECTS["rectification_resampling"](
+        Light(blob, blob, blob, blob), view, phase_u_px=0.3, phase_v_px=0.0
+    ).direct
     column, row = ((seen * x).sum() / seen.sum() for x in (u, v))
     assert (column, row) == (pytest.approx(48, abs=1e-3), pytest.approx(36, abs=1e-6))
     variance = (seen * (u - column) ** 2).sum() / seen.sum() - (blob * (u - 48) ** 2).sum() / blob.sum()

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Fine images: warps that look between and beyond pixels, lenses of the nominal rig, and the filter of bounced light."""
+"""Fine images: warps that look between and beyond pixels, lenses of the nominal rig, and the filter of bounced
+light."""
 
 import sys
 
@@ -47,7 +48,9 @@ def truth(camera, to_ideal):
     total = 0.0
     for a in within:
         for b in within:
-            total = total + radiance(*to_ideal((u + a - camera.K[0, 2]) / camera.K[0, 0], (v + b - camera.K[1, 2]) / camera.K[1, 1]))
+            total = total + radiance(
+                *to_ideal((u + a - camera.K[0, 2]) / camera.K[0, 0], (v + b - camera.K[1, 2]) / camera.K[1, 1])
+            )
     return total / 256
 
 
@@ -67,7 +70,9 @@ def test_a_warp_of_fine_images_is_sharp_up_to_the_border():
     errors = {}
     for scale in (1, 2):
         sampling = Sampling(scale, 6 if scale > 1 else 0)
-        moved = builtin()["radial_distortion"](Light.of(sampling.pixel_layers(rendered(camera, sampling), camera)), view, k1=k1)
+        moved = builtin()["radial_distortion"](
+            Light.of(sampling.pixel_layers(rendered(camera, sampling), camera)), view, k1=k1
+        )
         errors[scale] = np.sqrt(np.mean((moved.ambient - expected) ** 2))
         assert moved.ambient.shape == view.shape
     assert errors[2] < 0.01 * expected.std()

@@ -33,11 +33,17 @@ def kuafu_plane(device, specular, roughness, size=(96, 64)):
     scene.add_instance(mesh, [scene.add_material(material)])
     white = scene.add_texture(np.ones((64, 96), np.float32))
     projector_K = np.array([[60.0, 0, 47.5], [0, 60.0, 31.5], [0, 0, 1]])
-    scene.add_light(kuafu.Light(kind="projector", texture=white, k=projector_K, ir_intensity=1.0, light_to_world=shift(0.03)))
+    scene.add_light(
+        kuafu.Light(kind="projector", texture=white, k=projector_K, ir_intensity=1.0, light_to_world=shift(0.03))
+    )
     outputs = ("projector_direct", "ambient", "depth", "normal")
     images = kuafu.Renderer(device).render(scene, [kuafu.Camera(*size, K)], outputs, spp=256, seed=3)
-    direct, ambient, depth = (images[name][0, ..., 0].astype(np.float64) for name in ("projector_direct", "ambient", "depth"))
-    geometry = dict(K=K, depth_m=depth, normal=images["normal"][0].astype(np.float64), pattern=np.ones((64, 96), np.float32))
+    direct, ambient, depth = (
+        images[name][0, ..., 0].astype(np.float64) for name in ("projector_direct", "ambient", "depth")
+    )
+    geometry = dict(
+        K=K, depth_m=depth, normal=images["normal"][0].astype(np.float64), pattern=np.ones((64, 96), np.float32)
+    )
     view = replace(example_view("left"), projector_K=projector_K, camera_to_projector=shift(-0.03), **geometry)
     return Light(direct, np.zeros_like(direct), ambient, direct), view
 
@@ -57,7 +63,10 @@ def test_specular_is_the_renderers_own_gloss(device, roughness):
 def test_the_lobe_reflects_its_fresnel_share_where_it_is_smooth():
     cosines = np.array([1.0, 0.7, 0.3])
     inside = np.sqrt(1 - (1 - cosines**2) / 1.5**2)
-    across, along = (cosines - 1.5 * inside) / (cosines + 1.5 * inside), (1.5 * cosines - inside) / (1.5 * cosines + inside)
+    across, along = (
+        (cosines - 1.5 * inside) / (cosines + 1.5 * inside),
+        (1.5 * cosines - inside) / (1.5 * cosines + inside),
+    )
     np.testing.assert_allclose(reflected_share(cosines, 0.1), (across**2 + along**2) / 2, rtol=0.05)
 
 
@@ -91,7 +100,9 @@ def test_second_projector_is_a_second_source_in_the_world():
     pose = POSE @ shift(0.015) @ place @ turn
     source = PatternSource(pose[:3, 3], pose[:3, :3], PROJECTOR_K, PATTERN)
     truth = look(world_table_top(), SIZE, CAMERA_K, POSE @ shift(0.05), source, seed=3, grid=6, bounces=0).direct
-    modelled = EFFECTS["second_projector"](light, view, intensity_m2=1.0, offset_x_m=offset[0], offset_y_m=offset[1], yaw_rad=yaw)
+    modelled = EFFECTS["second_projector"](
+        light, view, intensity_m2=1.0, offset_x_m=offset[0], offset_y_m=offset[1], yaw_rad=yaw
+    )
     added = modelled.ambient - light.ambient
     # Shadows of the second unit are not modelled, edges mix surfaces.
     here = smooth_places(view.depth_m) & (truth > 0) & (light.flat > 0)
@@ -141,13 +152,19 @@ def test_gain_error_changes_the_ratio_of_exposures_and_not_of_equal_ones():
     signal = np.full(view.shape, 40.0)
     half = replace(view, frame=replace(view.frame, exposure_s=view.frame.exposure_s / 2))
     of = lambda v, **p: EFFECTS["gain_error"](signal, v, **p).mean() / 40.0  # noqa: E731
-    assert of(half, exposure_offset_s=1e-4) / of(view, exposure_offset_s=1e-4) == pytest.approx((1 + 0.05) / (1 + 0.025))
+    assert of(half, exposure_offset_s=1e-4) / of(view, exposure_offset_s=1e-4) == pytest.approx(
+        (1 + 0.05) / (1 + 0.025)
+    )
     assert of(view, log_gain=0.1) == pytest.approx(view.frame.gain**0.1)
 
 
 def test_smoothing_brings_bounced_light_nearer_to_a_long_render(device, table_top):
-    camera = ViewCamera(96, 64, np.array([[120.0, 0, 47.5], [0, 120.0, 31.5], [0, 0, 1]]), look_at((0.1, 0.4, 0.5), (0.0, 0.08, -0.2)))
-    request = RenderRequest(table_top, (camera,), PATTERN.astype(np.float32), PROJECTOR_K, camera.camera_to_world, 32, 4, 1)
+    camera = ViewCamera(
+        96, 64, np.array([[120.0, 0, 47.5], [0, 120.0, 31.5], [0, 0, 1]]), look_at((0.1, 0.4, 0.5), (0.0, 0.08, -0.2))
+    )
+    request = RenderRequest(
+        table_top, (camera,), PATTERN.astype(np.float32), PROJECTOR_K, camera.camera_to_world, 32, 4, 1
+    )
     raw, smooth = (KuafuRenderer(device, smooth=s)(request)[0] for s in (False, True))
     reference = KuafuRenderer(device, smooth=False)(replace(request, samples_per_pixel=512, seed=2))[0].indirect
     matt = raw.indirect != smooth.indirect
@@ -158,7 +175,10 @@ def test_smoothing_brings_bounced_light_nearer_to_a_long_render(device, table_to
     np.testing.assert_array_equal(smooth.direct, raw.direct)
 
 
-@pytest.mark.parametrize(("name", "values"), [("transmission", {"fraction": 0.5}), ("specular", {"factor": 1.0}), ("subsurface", {"fraction": 0.8})])
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [("transmission", {"fraction": 0.5}), ("specular", {"factor": 1.0}), ("subsurface", {"fraction": 0.8})],
+)
 def test_what_one_surface_shows_leaves_the_others_alone(name, values):
     view = example_view()
     light = example_value(Stage.SURFACE, view)
@@ -166,4 +186,6 @@ def test_what_one_surface_shows_leaves_the_others_alone(name, values):
     np.testing.assert_array_equal(there.images[:, view.material == 0], light.images[:, view.material == 0])
     np.testing.assert_array_equal(there.images[:, view.material == 1], everywhere.images[:, view.material == 1])
     assert np.abs(there.images - light.images).max() > 0
-    np.testing.assert_array_equal(EFFECTS[name](light, replace(view, material=None), **values, surfaces=2.0).images, everywhere.images)
+    np.testing.assert_array_equal(
+        EFFECTS[name](light, replace(view, material=None), **values, surfaces=2.0).images, everywhere.images
+    )

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Image-space effects against worlds that were ray-cast with the effect in them: at least most of the change is reproduced."""
+"""Image-space effects against worlds that were ray-cast with the effect in them: at least most of the change is
+reproduced."""
 
 from dataclasses import replace
 
@@ -50,7 +51,16 @@ def seen(eye="right", left_to_world=POSE, baseline_m=0.05, projector_K=PROJECTOR
 def view_of(geometry, eye="right"):
     frame = Frame(0, None, None, 0.0, 0.004, POSE, "train", camera_velocity=TWIST, temperature_c=45.0)
     left_to_camera = RIG.left_to_right if eye == "right" else np.eye(4)
-    return View(eye, CAMERA_K, *geometry, PATTERN, PROJECTOR_K, shift(-0.015) @ np.linalg.inv(left_to_camera), left_to_camera, frame)
+    return View(
+        eye,
+        CAMERA_K,
+        *geometry,
+        PATTERN,
+        PROJECTOR_K,
+        shift(-0.015) @ np.linalg.inv(left_to_camera),
+        left_to_camera,
+        frame,
+    )
 
 
 @pytest.fixture(scope="module")
@@ -88,7 +98,10 @@ def test_pattern_scale_drift_spreads_the_diffraction_orders(nominal):
     x, y = (columns - PROJECTOR_K[0, 2]) / PROJECTOR_K[0, 0], (rows - PROJECTOR_K[1, 2]) / PROJECTOR_K[1, 1]
     angle, azimuth = np.arctan(np.hypot(x, y)), np.arctan2(y, x)
     radius = np.tan(np.arcsin(np.sin(angle) / 1.01))
-    places = [radius * np.sin(azimuth) * PROJECTOR_K[1, 1] + PROJECTOR_K[1, 2], radius * np.cos(azimuth) * PROJECTOR_K[0, 0] + PROJECTOR_K[0, 2]]
+    places = [
+        radius * np.sin(azimuth) * PROJECTOR_K[1, 1] + PROJECTOR_K[1, 2],
+        radius * np.cos(azimuth) * PROJECTOR_K[0, 0] + PROJECTOR_K[0, 2],
+    ]
     truth, _ = seen(pattern=map_coordinates(PATTERN, places, order=1))
     assert unexplained(light, truth, EFFECTS["pattern_scale_drift"](light, view, scale=0.01)) < 0.12
 

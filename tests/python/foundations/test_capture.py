@@ -49,7 +49,9 @@ def test_what_is_written_is_read_back(pristine, tmp_path):
     write_capture(tmp_path / "copy", first, images, pattern)
     assert not (tmp_path / "copy" / "left" / "000099.png").exists()
     second = read_capture(tmp_path / "copy")
-    assert json.loads((first.path / "capture.json").read_text()) == json.loads((second.path / "capture.json").read_text())
+    assert json.loads((first.path / "capture.json").read_text()) == json.loads(
+        (second.path / "capture.json").read_text()
+    )
     assert second.scene_path.read_bytes() == first.scene_path.read_bytes()
     np.testing.assert_array_equal(second.ir(second.frames[4], "right"), first.ir(first.frames[4], "right"))
     np.testing.assert_array_equal(second.rig.projector.pattern(), first.rig.projector.pattern())
@@ -79,7 +81,10 @@ def test_depth_is_scaled_to_metres_and_absent_depth_is_none(folder):
 
 
 def test_unknown_keys_warn_and_are_ignored(folder):
-    edit(folder, lambda c: (c.update(owner="me"), c["frames"][2].update(weather="fine"), c["rig"]["left"].update(lens="x")))
+    edit(
+        folder,
+        lambda c: (c.update(owner="me"), c["frames"][2].update(weather="fine"), c["rig"]["left"].update(lens="x")),
+    )
     with pytest.warns(CaptureWarning) as caught:
         capture = read_capture(folder)
     said = " ".join(str(w.message) for w in caught)
@@ -87,7 +92,9 @@ def test_unknown_keys_warn_and_are_ignored(folder):
     assert len(capture.frames) == 8
 
 
-@pytest.mark.parametrize("key, value", [("id", 2**63), ("temperature_c", 1e9), ("temperature_c", -300.0), ("repeat_group", -(2**80))])
+@pytest.mark.parametrize(
+    "key, value", [("id", 2**63), ("temperature_c", 1e9), ("temperature_c", -300.0), ("repeat_group", -(2**80))]
+)
 def test_numbers_that_nothing_can_have(folder, key, value):
     edit(folder, lambda root: root["frames"][0].update({key: value}))
     expect_error(folder, key, "expected at")

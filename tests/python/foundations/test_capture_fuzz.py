@@ -14,7 +14,27 @@ import pytest
 from activestereo.capture import CaptureError, read_capture
 from worlds.world import make_world
 
-ODD = [None, True, -1, 0, 2**63, 1e308, -1e308, 0.5, "", "x", "../x.png", "/dev/zero", "a\nb", [], {}, [[]], [1e300] * 16, {"a": 1}, "\udcff"]
+ODD = [
+    None,
+    True,
+    -1,
+    0,
+    2**63,
+    1e308,
+    -1e308,
+    0.5,
+    "",
+    "x",
+    "../x.png",
+    "/dev/zero",
+    "a\nb",
+    [],
+    {},
+    [[]],
+    [1e300] * 16,
+    {"a": 1},
+    "\udcff",
+]
 
 
 @pytest.fixture(scope="module")

@@ -39,7 +39,9 @@ def test_disparity_noise_comes_back_in_pixels_and_millimetres(sigma_px, distance
     noise = np.random.default_rng(1).normal(0, sigma_px, SHAPE)
     depth = FOCAL_BASELINE / (FOCAL_BASELINE / plane(distance_m) + noise)
     q = depth_quality(depth, K, BASELINE, region=region_of(SHAPE, 0.2))
-    assert q.subpixel_rms_px == pytest.approx(sigma_px, rel=0.06)  # 0.5 % at each end are left out, and the region is a little off the axis
+    assert q.subpixel_rms_px == pytest.approx(
+        sigma_px, rel=0.06
+    )  # 0.5 % at each end are left out, and the region is a little off the axis
     assert q.plane_fit_rms_mm == pytest.approx(1e3 * sigma_px * distance_m**2 / FOCAL_BASELINE, rel=0.06)
     assert depth_quality(depth, K, BASELINE, distance_m).z_accuracy_percent == pytest.approx(0, abs=0.1)
 
@@ -97,7 +99,19 @@ def test_command_line(tmp_path, capsys):
     assert "note: the file's steps of 1 mm are 0.131 px here" in capsys.readouterr().out
     disparity = FOCAL_BASELINE / plane(0.8) + random.normal(0, 0.02, SHAPE)
     np.save(tmp_path / "disparity.npy", disparity)
-    assert main(["depth-quality", str(tmp_path / "disparity.npy"), *options, "--disparity", "--json", str(tmp_path / "d.json")]) == 0
+    assert (
+        main(
+            [
+                "depth-quality",
+                str(tmp_path / "disparity.npy"),
+                *options,
+                "--disparity",
+                "--json",
+                str(tmp_path / "d.json"),
+            ]
+        )
+        == 0
+    )
     assert json.loads((tmp_path / "d.json").read_text())["subpixel_rms_px"] == pytest.approx(0.02, rel=0.15)
     assert "steps" not in capsys.readouterr().out
     assert main(["depth-quality", names[0], *options, "--disparity"]) == 2

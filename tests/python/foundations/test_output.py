@@ -99,7 +99,9 @@ def test_progress_bar_is_sparing_where_there_is_no_terminal():
     assert 2 <= len(lines) <= 4 and "\r" not in stream.getvalue()
 
 
-@pytest.mark.parametrize("seconds, text", [(0.44, "0.4 s"), (12.3, "12 s"), (59.8, "1 min 00 s"), (185, "3 min 05 s"), (3725, "1 h 02 min")])
+@pytest.mark.parametrize(
+    "seconds, text", [(0.44, "0.4 s"), (12.3, "12 s"), (59.8, "1 min 00 s"), (185, "3 min 05 s"), (3725, "1 h 02 min")]
+)
 def test_duration(seconds, text):
     assert duration(seconds) == text
 
@@ -112,8 +114,13 @@ def test_accuracy_by_material():
     measured = true + 0.002
     measured[:5, 10:] = 0.0
     measured[5:, 10:] = 1.02
-    rows = {row.name: row for row in accuracy_by_material(measured, true, ids, lambda i: ["good", "bad"][i], least_pixels=10)}
-    assert (rows["good"].pixels, rows["good"].fill) == (100, 1.0) and rows["good"].median_error_m == pytest.approx(0.002)
+    rows = {
+        row.name: row
+        for row in accuracy_by_material(measured, true, ids, lambda i: ["good", "bad"][i], least_pixels=10)
+    }
+    assert (rows["good"].pixels, rows["good"].fill) == (100, 1.0) and rows["good"].median_error_m == pytest.approx(
+        0.002
+    )
     assert (rows["bad"].pixels, rows["bad"].fill) == (90, 0.5) and rows["bad"].median_error_m == pytest.approx(0.02)
     assert rows["all"].pixels == 190
     assert "good" in accuracy_table(list(rows.values()))

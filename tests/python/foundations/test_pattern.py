@@ -19,8 +19,9 @@ def camera_pixels(config):
 
 @pytest.mark.parametrize("model", ["D415", "D435"])
 def test_windows_along_a_row_are_unique_within_the_disparity_range(model):
-    """Two windows of UNIQUE_WINDOW pixels (of a D435: a third as long as a dot's cell is high) at 1..max_disp pixels from each other differ by at
-    least half the energy of a mean dot. From one dot's width on: nearer than that a window overlaps itself."""
+    """Two windows of UNIQUE_WINDOW pixels (of a D435: a third as long as a dot's cell is high) at 1..max_disp pixels
+    from each other differ by at least half the energy of a mean dot. From one dot's width on: nearer than that a window
+    overlaps itself."""
     config = StereoDepthSensorConfig(model)
     design = config.pattern_design
     image = (make_pattern(design).astype(np.float32) / 255.0 - design.background) / (1.0 - design.background)

@@ -48,7 +48,16 @@ def result():
 
 
 @pytest.mark.parametrize(
-    "name", ["conversion_gain_dn_per_e", "read_noise_e", "full_well_e", "dark_current_e_per_s", "prnu", "dsnu_e", "black_level_dn"]
+    "name",
+    [
+        "conversion_gain_dn_per_e",
+        "read_noise_e",
+        "full_well_e",
+        "dark_current_e_per_s",
+        "prnu",
+        "dsnu_e",
+        "black_level_dn",
+    ],
 )
 def test_gives_back_what_was_put_in_to_five_percent(result, name):
     assert getattr(result, name) == pytest.approx(SENSOR[name], rel=0.05)
@@ -61,7 +70,9 @@ def test_a_linear_imager_is_found_linear(result):
 
 
 def test_the_gain_acts_on_counts_alone():
-    twice = photon_transfer(camera(**(SENSOR | {"gain": 0.5, "bit_depth": 14})), np.linspace(0.02, 1.0, 50), stack_count=2)
+    twice = photon_transfer(
+        camera(**(SENSOR | {"gain": 0.5, "bit_depth": 14})), np.linspace(0.02, 1.0, 50), stack_count=2
+    )
     assert twice.conversion_gain_dn_per_e == pytest.approx(0.025, rel=0.05)
     assert twice.full_well_e == pytest.approx(SENSOR["full_well_e"], rel=0.05)
 
@@ -69,7 +80,9 @@ def test_the_gain_acts_on_counts_alone():
 def test_d435_preset_has_its_gain():
     # Amplified, so that the converter's noise spans a step in the dark too, which the analysis needs.
     fine = {"bit_depth": 14, "gain": 32.0, "adc_noise_dn": 1.0, "responsivity_e": 1.0, "full_well_e": 51000.0}
-    result = photon_transfer(camera(**(simsense.signal_preset("d435") | fine)), np.linspace(0.02, 1.0, 40), stack_count=2)
+    result = photon_transfer(
+        camera(**(simsense.signal_preset("d435") | fine)), np.linspace(0.02, 1.0, 40), stack_count=2
+    )
     assert result.conversion_gain_dn_per_e / 32.0 == pytest.approx(0.00497, rel=0.05)
 
 

@@ -64,6 +64,8 @@ def test_same_bytes_each_time(tmp_path):
 
 
 def test_wrong_use_is_one_line(tmp_path, capsys):
-    assert main([]) == 2 and main([str(tmp_path / "scene.obj")]) == 2 and main([str(tmp_path / "no" / "scene.glb")]) == 2
+    assert (
+        main([]) == 2 and main([str(tmp_path / "scene.obj")]) == 2 and main([str(tmp_path / "no" / "scene.glb")]) == 2
+    )
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == 3 and not list(tmp_path.iterdir())

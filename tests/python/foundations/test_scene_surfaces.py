@@ -37,9 +37,18 @@ def test_each_surface_has_a_material_of_its_own(path, device):
     split_surfaces(scene, path)
     assert [scene.material_name(k) for k in range(scene.summary.material_count)] == NAMES
     assert scene.get_material(2).ir_albedo == pytest.approx(0.6)
-    camera = kuafu.Camera(64, 24, [[60, 0, 32], [0, 60, 12], [0, 0, 1]], np.array([[1, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 0.8], [0, 0, 0, 1.0]]))
+    camera = kuafu.Camera(
+        64,
+        24,
+        [[60, 0, 32], [0, 60, 12], [0, 0, 1]],
+        np.array([[1, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 0.8], [0, 0, 0, 1.0]]),
+    )
     seen = kuafu.Renderer(device).render(scene, [camera], ("material_id", "instance_id"), spp=1)
-    pairs = {(int(i), int(m)) for i, m in zip(seen["instance_id"].ravel(), seen["material_id"].ravel(), strict=True) if i != 0xFFFFFFFF}
+    pairs = {
+        (int(i), int(m))
+        for i, m in zip(seen["instance_id"].ravel(), seen["material_id"].ravel(), strict=True)
+        if i != 0xFFFFFFFF
+    }
     assert {(scene.instance_name(i), m) for i, m in pairs} == {("ball", 0), ("crate", 2), ("weight", 1)}
 
 

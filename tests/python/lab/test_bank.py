@@ -29,15 +29,29 @@ open(sys.argv[2] + "/diagnose.json", "w").write(json.dumps(answer))
 
 def entry(effect, family="f", confidence=0.9, equivalent=(), **parameters):
     entries = {name: {"value": v, "low": 0.8 * v, "high": 1.2 * v, "unit": "1"} for name, v in parameters.items()}
-    return {"effect": effect, "family": family, "score_nats": 10.0, "confidence": confidence, "parameters": entries, "equivalent": list(equivalent)}
+    return {
+        "effect": effect,
+        "family": family,
+        "score_nats": 10.0,
+        "confidence": confidence,
+        "parameters": entries,
+        "equivalent": list(equivalent),
+    }
 
 
 def result(truth, verdict, ranking=(), added=(), set_name="single", ratio=1.0, scored=None, strength="strong"):
     key = {
-        "id": f"{set_name}-0", "set": set_name, "hidden": dict.fromkeys(truth, {}), "scored": scored or {}, "infrared": True,
+        "id": f"{set_name}-0", "set": set_name, "hidden": dict.fromkeys(truth, {}), "scored": scored or {},
+        "infrared": True,
         "strengths": dict.fromkeys(truth, strength), "oracle": {"test": {"ratio": ratio, "floor_dn": 2.0}},
     }  # fmt: skip
-    answer = {"verdict": verdict, "ranking": list(ranking), "added": list(added), "heldout_ir_rmse_before": 4.0, "heldout_ir_rmse_after": 2.5}
+    answer = {
+        "verdict": verdict,
+        "ranking": list(ranking),
+        "added": list(added),
+        "heldout_ir_rmse_before": 4.0,
+        "heldout_ir_rmse_after": 2.5,
+    }
     return Result(key, answer, {"diagnose_s": 10.0})
 
 
@@ -57,7 +71,10 @@ def test_other_generations_are_other_worlds_of_the_same_kinds():
     own, other = items("all"), items("all", 1)
     assert [item.strengths for item in own] == [item.strengths for item in other]
     assert not {i.seed for i in own} & {i.seed for i in other} and not {i.id for i in own} & {i.id for i in other}
-    assert own[0].seed == {"single": 1, "pairs": 2, "outside": 3, "none": 4, "depth": 5}[own[0].set] * 100_000 + own[0].number
+    assert (
+        own[0].seed
+        == {"single": 1, "pairs": 2, "outside": 3, "none": 4, "depth": 5}[own[0].set] * 100_000 + own[0].number
+    )
     assert is_wanted(own[0], None) and is_wanted(own[0], [own[0].id]) and not is_wanted(own[0], ["no such effect"])
     assert [i.id for i in items("single") if is_wanted(i, ["haze"])] == [f"single-{k:03}" for k in (13, 52, 91, 130)]
 
@@ -92,7 +109,12 @@ def test_wrong_answers_are_told_apart():
     out = score([kin, stranger, alarm, quiet, said, misled, both, one])
     value = {name: m["value"] for name, m in out["measures"].items()}
     assert (value["top-1"], value["top-3"], value["family"]) == (0.0, 0.5, 0.5)
-    assert value["false alarms"] == value["outside the library: said so"] == value["outside the library: wrong name"] == 0.5
+    assert (
+        value["false alarms"]
+        == value["outside the library: said so"]
+        == value["outside the library: wrong name"]
+        == 0.5
+    )
     assert value["pairs: both found"] == 0.5
     assert value["pairs: one of two first"] == 1.0
     assert out["by_strength"]["strong"]["confusion"] == {"a": "b"}
@@ -108,7 +130,10 @@ def test_a_measurement_resolves_where_the_truth_alone_is_left():
 
 def test_intervals_cover_what_they_say():
     rng = np.random.default_rng(1)
-    held = [low <= 0.9 <= high for low, high in ((r["low"], r["high"]) for r in (rate(rng.random(40) < 0.9) for _ in range(400)))]
+    held = [
+        low <= 0.9 <= high
+        for low, high in ((r["low"], r["high"]) for r in (rate(rng.random(40) < 0.9) for _ in range(400)))
+    ]
     assert 0.91 < np.mean(held) < 0.99
     held = [m["low"] <= 0.0 <= m["high"] for m in (median(rng.standard_normal(30)) for _ in range(400))]
     assert 0.92 < np.mean(held) < 1.0

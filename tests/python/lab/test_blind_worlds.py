@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The blind worlds are what their keys say: light obeys its laws, hidden effects show, and the simulator agrees where nothing hides."""
+"""The blind worlds are what their keys say: light obeys its laws, hidden effects show, and the simulator agrees where
+nothing hides."""
 
 import ast
 import sys
@@ -37,10 +38,19 @@ def pcg64(seed):
 
 
 def test_blind_worlds_share_no_code_with_the_product():
-    files = [*(SUPPORT / "worlds" / "blind").glob("*.py"), *(SUPPORT / "worlds" / f"{n}.py" for n in ("solids", "cylinder", "tiles", "gltf"))]
+    files = [
+        *(SUPPORT / "worlds" / "blind").glob("*.py"),
+        *(SUPPORT / "worlds" / f"{n}.py" for n in ("solids", "cylinder", "tiles", "gltf")),
+    ]
     for path in files:
         for node in ast.walk(ast.parse(path.read_text())):
-            names = [a.name for a in node.names] if isinstance(node, ast.Import) else [node.module] if isinstance(node, ast.ImportFrom) else []
+            names = (
+                [a.name for a in node.names]
+                if isinstance(node, ast.Import)
+                else [node.module]
+                if isinstance(node, ast.ImportFrom)
+                else []
+            )
             assert not PRODUCT & {name.split(".")[0] for name in names}, path
 
 
@@ -70,7 +80,8 @@ def test_a_ball_on_the_table_darkens_it_by_the_balls_form_factor():
     Sphere("ball", (0.0, 0.1, 0.0), 0.1, 0.5),
 ])  # fmt: skip
 def test_triangles_lie_on_the_closed_form(solid):
-    """Rays from far towards the triangles' middles hit the solid within 40 micrometres of them, from the side of their normal."""
+    """Rays from far towards the triangles' middles hit the solid within 40 micrometres of them, from the side of their
+    normal."""
     positions, normals, faces = solid.triangles()
     middles, outward = positions[faces].mean(axis=1), normals[faces].mean(axis=1)
     length = np.linalg.norm(outward, axis=1)
@@ -147,7 +158,10 @@ def test_more_frames_repeat_each_train_view_under_the_change(world):
     assert [f.id for f in more] == list(range(len(more)))
     elsewhere = more_frames(world.frames, {"views": 2})[len(world.frames) :]
     assert [f.id for f in elsewhere] == [8, 9] and elsewhere[0].timestamp_s > world.frames[-1].timestamp_s
-    assert len({f.camera_to_world.tobytes() for f in (*world.frames, *elsewhere)}) == len({f.camera_to_world.tobytes() for f in world.frames}) + 2
+    assert (
+        len({f.camera_to_world.tobytes() for f in (*world.frames, *elsewhere)})
+        == len({f.camera_to_world.tobytes() for f in world.frames}) + 2
+    )
     repeated = more_frames(world.frames, {"repeats": 2})
     assert all(f.repeat_group is not None for f in repeated if f.split == "train")
     groups = [f.repeat_group for f in repeated[8:]]

@@ -47,7 +47,13 @@ def test_noise_floor_is_the_worlds_own_noise(world, comparison):
     capture = comparison.capture
     for split in ("train", "test"):
         squares = [
-            np.mean((capture.ir(f, eye) - expected(world.sensor, world.views[f.id, eye], f.exposure_gain, f.projector_power)) ** 2)
+            np.mean(
+                (
+                    capture.ir(f, eye)
+                    - expected(world.sensor, world.views[f.id, eye], f.exposure_gain, f.projector_power)
+                )
+                ** 2
+            )
             for f in capture.split(split)
             for eye in ("left", "right")
         ]
@@ -98,12 +104,16 @@ def test_fit_without_clipping_is_plain_least_squares(comparison, world, tmp_path
     train = [(f, layers[f.id][eye], capture.ir(f, eye)) for f in capture.split("train") for eye in ("left", "right")]
     rows = np.concatenate(
         [
-            np.stack([l.projector * f.exposure_gain * f.projector_power, l.ambient * f.exposure_gain, 0 * l.ambient + 1], -1).reshape(-1, 3)
+            np.stack(
+                [l.projector * f.exposure_gain * f.projector_power, l.ambient * f.exposure_gain, 0 * l.ambient + 1], -1
+            ).reshape(-1, 3)
             for f, l, _ in train
         ]
     ).astype(np.float64)
     value = np.concatenate([m.ravel() for _, _, m in train]).astype(np.float64)
-    np.testing.assert_allclose(fit_nuisances(train, np.inf).nuisances.vector(), np.linalg.lstsq(rows, value, rcond=None)[0], rtol=1e-4)
+    np.testing.assert_allclose(
+        fit_nuisances(train, np.inf).nuisances.vector(), np.linalg.lstsq(rows, value, rcond=None)[0], rtol=1e-4
+    )
 
 
 def test_frames_of_one_pose_share_a_render_and_a_second_run_traces_nothing(world, tmp_path):

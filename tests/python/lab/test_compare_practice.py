@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """compare on captures made by an independent program, against the errors that the program's own right model leaves.
 
-The captures are not in the repository: ACTIVESTEREO_DATA names the folder that holds `captures`, else ../shared beside the
-checkout. practice-01 hides nothing; on the others the model lacks one effect, and must be wrong by exactly that. All five
-run where ACTIVESTEREO_FULL is set, else practice-01 alone (a minute or two per capture without a GPU).
+The captures are not in the repository: ACTIVESTEREO_DATA names the folder that holds `captures`, else ../shared beside
+the checkout. practice-01 hides nothing; on the others the model lacks one effect, and must be wrong by exactly that.
+All five run where ACTIVESTEREO_FULL is set, else practice-01 alone (a minute or two per capture without a GPU).
 """
 
 import json

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""compare says first what makes all else worthless: another pattern, another scene, exchanged eyes, light below zero."""
+"""compare says first what makes all else worthless: another pattern, another scene, exchanged eyes, light below
+zero."""
 
 import json
 import shutil
@@ -37,7 +38,10 @@ def test_the_right_world_has_no_warning(world, tmp_path):
     warnings, scores = warnings_of(world.capture_path, WorldRenderer(world, grid=2, bounces=1), tmp_path)
     assert warnings == [] and scores["fit"]["at_bound"] == []
     match = scores["match"]
-    assert match["pattern"] > 0.8 * match["possible"] and match["geometry"] > 0.6 * match["possible"] > 2 * match["swapped"]
+    assert (
+        match["pattern"] > 0.8 * match["possible"]
+        and match["geometry"] > 0.6 * match["possible"] > 2 * match["swapped"]
+    )
 
 
 def test_another_pattern_is_said_first(world, tmp_path):
@@ -50,7 +54,9 @@ def test_another_pattern_is_said_first(world, tmp_path):
 
 
 def test_another_scene_is_said_first(world, tmp_path):
-    wrong = replace(world, solids=tuple(replace(s, centre=(s.centre[0], s.centre[1] + 0.15, s.centre[2])) for s in world.solids))
+    wrong = replace(
+        world, solids=tuple(replace(s, centre=(s.centre[0], s.centre[1] + 0.15, s.centre[2])) for s in world.solids)
+    )
     warnings, _ = warnings_of(world.capture_path, WorldRenderer(wrong, grid=2, bounces=1), tmp_path)
     assert warnings[0].startswith("geometry does not match: at the scene's depth the eyes' dots correlate ")
 
@@ -73,7 +79,9 @@ def test_scales_are_those_of_non_negative_least_squares():
         solution, _, at_bound = solve_bounded(columns.T @ columns, columns.T @ value)
         (a, b, plus, minus), _ = nnls(np.hstack([columns, -columns[:, 2:]]), value)
         np.testing.assert_allclose(solution, [a, b, plus - minus], atol=1e-6)
-        assert at_bound == tuple(n for n, v in zip(("projector_scale", "ambient_scale"), truth[:2], strict=True) if v < 0)
+        assert at_bound == tuple(
+            n for n, v in zip(("projector_scale", "ambient_scale"), truth[:2], strict=True) if v < 0
+        )
 
 
 def test_a_scale_at_its_bound_is_told(world, tmp_path):
@@ -103,7 +111,13 @@ def test_a_pair_without_repeats_tells_its_noise(world, tmp_path):
         score = scores["ir"][split]
         assert score["noise_floor_from"] == ["pair"]
         squares = [
-            np.mean((capture.ir(f, eye) - expected(world.sensor, world.views[f.id, eye], f.exposure_gain, f.projector_power)) ** 2)
+            np.mean(
+                (
+                    capture.ir(f, eye)
+                    - expected(world.sensor, world.views[f.id, eye], f.exposure_gain, f.projector_power)
+                )
+                ** 2
+            )
             for f in capture.split(split)
             for eye in ("left", "right")
         ]

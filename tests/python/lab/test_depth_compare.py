@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Depth beside the device's: the model's own repeat is at the floor, and a device that is wrong by a known amount shows that amount."""
+"""Depth beside the device's: the model's own repeat is at the floor, and a device that is wrong by a known amount shows
+that amount."""
 
 import json
 import shutil
@@ -65,11 +66,17 @@ def test_a_device_that_is_the_model_is_at_the_floor(world, layers, tmp_path):
 
 def test_a_stretched_device_shows_its_bias(world, layers, tmp_path):
     plain, stretched = (
-        compare(with_device_depth(world, tmp_path / name, ids=(0, 4), stretch=s), renderer=WorldRenderer(world, grid=4), cache=layers)
+        compare(
+            with_device_depth(world, tmp_path / name, ids=(0, 4), stretch=s),
+            renderer=WorldRenderer(world, grid=4),
+            cache=layers,
+        )
         for name, s in (("plain", 1.0), ("stretched", 1.04))
     )
     for split in ("train", "test"):
-        both = [np.mean(d.measured[(d.measured > 0) & (d.model[0] > 0)]) for d in plain.depths if d.frame.split == split]
+        both = [
+            np.mean(d.measured[(d.measured > 0) & (d.model[0] > 0)]) for d in plain.depths if d.frame.split == split
+        ]
         shift = stretched.scores["depth"][split]["bias_m"] - plain.scores["depth"][split]["bias_m"]
         assert shift == pytest.approx(0.04 * np.mean(both), rel=0.02)
 
@@ -98,7 +105,9 @@ def test_figures_by_hand():
         id, split, repeat_group = 0, "train", None
 
     measured, model = np.array([[1.0, 2.0, 3.0, 0.0]]), np.array([[1.0, 2.5, 0.0, 4.0]])
-    depth = depth_scores([DepthFrame(Still(), measured, (model, model), np.array([[1.0, 2.0, 3.0, 4.0]]), 10.0)])["train"]
+    depth = depth_scores([DepthFrame(Still(), measured, (model, model), np.array([[1.0, 2.0, 3.0, 4.0]]), 10.0)])[
+        "train"
+    ]
     assert depth["rmse_m"] == pytest.approx(np.sqrt(0.125)) and depth["bias_m"] == pytest.approx(-0.25)
     assert depth["rmse_px"] == pytest.approx(np.sqrt(0.5)) and depth["median_abs_px"] == pytest.approx(0.5)
     assert depth["fill_measured"] == depth["fill_model"] == 0.75 and depth["validity_iou"] == 0.5
@@ -118,14 +127,20 @@ def test_nothing_in_common_is_unknown_not_zero():
 
 def test_hints_are_followed_where_they_can_be(world):
     capture = read_capture(world.capture_path)
-    good = DepthModel(replace(capture, depth_engine={"max_disparity": 10, "census_width": 9, "notes": "SGM", "p1": "many"}))
-    assert good.parameters["max_disparity"] == 16 and good.parameters["census_width"] == 9 and "p1" not in good.parameters
+    good = DepthModel(
+        replace(capture, depth_engine={"max_disparity": 10, "census_width": 9, "notes": "SGM", "p1": "many"})
+    )
+    assert (
+        good.parameters["max_disparity"] == 16 and good.parameters["census_width"] == 9 and "p1" not in good.parameters
+    )
     with pytest.warns(CaptureWarning, match="hints cannot be followed"):
         bad = DepthModel(replace(capture, depth_engine={"census_width": 4}))
     assert "census_width" not in bad.parameters
 
 
-@pytest.mark.parametrize("law", [NoiseLaw(4.0, 0.0, 0.0, 5.0), NoiseLaw(1.0, 0.3, 0.0, 5.0), NoiseLaw(1.0, 0.0, 0.02, 5.0)])
+@pytest.mark.parametrize(
+    "law", [NoiseLaw(4.0, 0.0, 0.0, 5.0), NoiseLaw(1.0, 0.3, 0.0, 5.0), NoiseLaw(1.0, 0.0, 0.02, 5.0)]
+)
 def test_exposures_have_the_laws_mean_and_variance(law):
     expected = np.full((400, 500), 60.0)
     image = expose(expected, 2.0, law, 255, np.random.default_rng(2)).astype(np.float64)

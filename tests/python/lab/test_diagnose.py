@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""diagnose: names the effect that a world hides, names none where nothing is hidden, and says so where the data cannot tell."""
+"""diagnose: names the effect that a world hides, names none where nothing is hidden, and says so where the data cannot
+tell."""
 
 import json
 import shutil
@@ -20,7 +21,15 @@ from activestereo.lab.diagnose.report import diagnosis_text, write_diagnosis
 from activestereo.lab.model_file import library, read_model, write_model
 from worlds.world import make_world
 
-FEW = ("projector_vignetting", "radial_distortion", "vignetting", "response_gamma", "veiling_glare", "gain_mismatch", "prnu")
+FEW = (
+    "projector_vignetting",
+    "radial_distortion",
+    "vignetting",
+    "response_gamma",
+    "veiling_glare",
+    "gain_mismatch",
+    "prnu",
+)
 EFFECTS = {name: e for name, e in builtin().items() if name in FEW}
 BLACK_DN = 4.0
 

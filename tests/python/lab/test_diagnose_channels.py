@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every effect is judged on the channel that its descriptor says: no name of an effect stands in the lab, and a user's own are judged alike."""
+"""Every effect is judged on the channel that its descriptor says: no name of an effect stands in the lab, and a user's
+own are judged alike."""
 
 import ast
 from dataclasses import replace
@@ -25,7 +26,11 @@ LAB = Path(activestereo.lab.__file__).resolve().parent
 
 def test_no_effect_is_named_in_the_lab():
     for path in LAB.rglob("*.py"):
-        texts = {n.value for n in ast.walk(ast.parse(path.read_text())) if isinstance(n, ast.Constant) and isinstance(n.value, str)}
+        texts = {
+            n.value
+            for n in ast.walk(ast.parse(path.read_text()))
+            if isinstance(n, ast.Constant) and isinstance(n.value, str)
+        }
         assert not texts & set(EFFECTS), path
 
 
@@ -42,7 +47,8 @@ def test_a_term_names_a_parameter_of_its_effect():
 
 @pytest.fixture(scope="module")
 def result(tmp_path_factory):
-    """A world whose pixels have gains, ranked with effects of a user's: gains by another name, noise, and one without a word."""
+    """A world whose pixels have gains, ranked with effects of a user's: gains by another name, noise, and one without a
+    word."""
     folder = tmp_path_factory.mktemp("world")
     world, rng, gains = make_world(folder, grid=6), np.random.default_rng(3), {}
 

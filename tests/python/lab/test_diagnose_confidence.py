@@ -35,24 +35,34 @@ def judged(monkeypatch, entries, may_be_named):
 
 
 def test_a_fault_of_the_depth_engine_takes_nothing_from_what_the_images_lack(monkeypatch):
-    found = judged(monkeypatch, [entry("shutter", 101.0), entry("blur", 800.0), entry("locking", 50.0, Channel.DEPTH_ENGINE)], {"shutter", "locking"})
+    found = judged(
+        monkeypatch,
+        [entry("shutter", 101.0), entry("blur", 800.0), entry("locking", 50.0, Channel.DEPTH_ENGINE)],
+        {"shutter", "locking"},
+    )
     assert found["shutter"] == pytest.approx(0.97)
     assert found["locking"] == pytest.approx(0.97)
     assert found["blur"] < 0.05
 
 
 def test_what_explains_alike_shares(monkeypatch):
-    found = judged(monkeypatch, [entry("laser", 110.0), entry("grating", 110.0), entry("blur", 800.0)], {"laser", "grating"})
+    found = judged(
+        monkeypatch, [entry("laser", 110.0), entry("grating", 110.0), entry("blur", 800.0)], {"laser", "grating"}
+    )
     assert found["laser"] == found["grating"] == pytest.approx(0.485)
 
 
 def test_of_what_explains_alike_the_simpler_is_likelier(monkeypatch):
-    found = judged(monkeypatch, [entry("level", 110.0, occam=-9.0), entry("dark", 110.0, occam=-12.0)], {"level", "dark"})
+    found = judged(
+        monkeypatch, [entry("level", 110.0, occam=-9.0), entry("dark", 110.0, occam=-12.0)], {"level", "dark"}
+    )
     assert found["level"] / found["dark"] == pytest.approx(2.718, rel=1e-3)
 
 
 def test_of_what_leaves_alike_the_better_fit_is_likelier_by_less_than_its_likelihood_says(monkeypatch):
-    found = judged(monkeypatch, [entry("shutter", 110.0, nats=460.0), entry("delay", 110.0, nats=400.0)], {"shutter", "delay"})
+    found = judged(
+        monkeypatch, [entry("shutter", 110.0, nats=460.0), entry("delay", 110.0, nats=400.0)], {"shutter", "delay"}
+    )
     assert found["shutter"] / found["delay"] == pytest.approx(np.exp(3.0), rel=1e-3)
 
 
@@ -67,7 +77,10 @@ def test_where_nothing_may_be_named_none_takes_part(monkeypatch):
 
 
 def test_what_formulas_lack_widens_a_shapes_interval_by_its_value_and_a_choices_not_at_all():
-    focus, strength = (Parameter(name, "m", neutral=neutral, low=0.0, high=5.0, typical=1.0) for name, neutral in (("focus", 1.0), ("strength", 0.0)))
+    focus, strength = (
+        Parameter(name, "m", neutral=neutral, low=0.0, high=5.0, typical=1.0)
+        for name, neutral in (("focus", 1.0), ("strength", 0.0))
+    )
     (_, low, high), (_, other_low, other_high) = interval(focus, 1.5, 0.0), interval(strength, 1.5, 0.0)
     assert high - low == pytest.approx(other_high - other_low)
     place = Parameter("place", "bits", neutral=0.0, low=0.0, high=8.0, typical=1.0, choice=True)

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether a found effect is the same everywhere: its own amplitude alone explains nothing more, another law's trace does."""
+"""Whether a found effect is the same everywhere: its own amplitude alone explains nothing more, another law's trace
+does."""
 
 from types import SimpleNamespace
 
@@ -21,7 +22,8 @@ EFFECT = SimpleNamespace(id="blur")
 
 
 def found(monkeypatch, amplitude_of):
-    """(floors that varying_floors finds, floors that are hidden) where the effect's trace is amplitude_of(frame, eye) too small."""
+    """(floors that varying_floors finds, floors that are hidden) where the effect's trace is amplitude_of(frame, eye)
+    too small."""
     rng, rows, plains, hidden = np.random.default_rng(9), [], [], []
     for frame in range(4):
         for eye in ("left", "right"):
@@ -60,7 +62,8 @@ def test_what_varies_over_the_picture_frames_or_eyes_is_found(monkeypatch, ampli
 
 
 @pytest.mark.parametrize(
-    ("varying", "is_named", "unknown"), [(0.0, True, False), (0.02, True, False), (0.03, True, True), (0.12, False, True)]
+    ("varying", "is_named", "unknown"),
+    [(0.0, True, False), (0.02, True, False), (0.03, True, True), (0.12, False, True)],
 )
 def test_what_varies_much_is_not_named_and_what_varies_somewhat_is_unknown(varying, is_named, unknown):
     gain = 0.2

@@ -26,7 +26,9 @@ def fitted(tmp_path_factory):
     folder = tmp_path_factory.mktemp("world")
     world = make_world(folder, grid=4)
     capture = read_capture(world.capture_path)
-    evidence = gather(capture, render_frames(capture, WorldRenderer(world), 32, 8, 0, LayerCache(folder / "cache"), None, WARP_SCALE))
+    evidence = gather(
+        capture, render_frames(capture, WorldRenderer(world), 32, 8, 0, LayerCache(folder / "cache"), None, WARP_SCALE)
+    )
     fitters = Fitters.of(evidence, scan_observations(evidence.train))
     phi = fit_base(evidence, fitters, Model(), GATES).solution.phi
     return evidence, fitters.train.refine(ParameterSpace.of(Model(), builtin()["vignetting"]), np.array([0.5]), phi, 0)
@@ -38,7 +40,9 @@ def test_a_rival_that_can_be_refitted_is_no_rival(fitted):
     truth = replace(rival, theta=rival.theta + 0.2)
     nothing = replace(rival.sums, gram=np.zeros_like(rival.sums.gram))
     held = replace(rival.sums, gram=1e9 * rival.sums.gram)
-    left = [left_between(evidence, frames, truth, replace(rival, sums=sums), 1.0) for sums in (nothing, rival.sums, held)]
+    left = [
+        left_between(evidence, frames, truth, replace(rival, sums=sums), 1.0) for sums in (nothing, rival.sums, held)
+    ]
     assert left[0] < 0.05 * left[2]
     assert left[0] < left[1] < left[2]
     assert left_between(evidence, frames, rival, rival, 1.0) == pytest.approx(0.0, abs=1e-6)

@@ -32,7 +32,9 @@ def test_a_second_units_place_is_found_from_its_dots(scene, x, yaw):
     ambient_dn = 500.0 * view.frame.exposure_gain
     added = ambient_dn * (unit(light, view, **place).ambient - light.ambient)
     residual = added + np.random.default_rng(1).normal(0.0, added.std(), added.shape)
-    image = StartImage(view, light, np.full(view.shape, added.var() ** -1), residual, ambient_dn * light.ambient, ambient_dn)
+    image = StartImage(
+        view, light, np.full(view.shape, added.var() ** -1), residual, ambient_dn * light.ambient, ambient_dn
+    )
     found = unit_starts([image])[0]
     # A pixel of this small camera is 19 mrad wide.
     assert found["yaw_rad"] == pytest.approx(yaw, abs=0.03)
@@ -44,7 +46,9 @@ def explanation(name, values, information):
     """A fit with given values of an effect's parameters, and what the data say of each (1 / variance)."""
     parameters = EFFECTS[name].parameters
     neutral, nothing = np.array([p.neutral for p in parameters]), np.zeros(len(parameters), bool)
-    space = SimpleNamespace(held=nothing, given=nothing, neutral=neutral, pairs=[(EFFECTS[name], p) for p in parameters])
+    space = SimpleNamespace(
+        held=nothing, given=nothing, neutral=neutral, pairs=[(EFFECTS[name], p) for p in parameters]
+    )
     sums = SimpleNamespace(gram=np.diag(information)[None])
     fitter = SimpleNamespace(prior=lambda n, space: np.zeros(n))
     return fitter, SimpleNamespace(space=space, theta=np.array(values), sums=sums), EFFECTS[name]
@@ -58,7 +62,9 @@ def test_freedom_costs_by_how_finely_it_was_used():
 
 def test_what_the_data_do_not_tell_costs_next_to_nothing():
     penalty = occam_nats(*explanation("black_level", [0.0, 0.4], [0.0, 1e6]), design=1.0)
-    assert penalty - occam_nats(*explanation("black_level", [0.0, 0.4], [0.0, 1e6 + 1]), design=1.0) == pytest.approx(0.0, abs=1e-3)
+    assert penalty - occam_nats(*explanation("black_level", [0.0, 0.4], [0.0, 1e6 + 1]), design=1.0) == pytest.approx(
+        0.0, abs=1e-3
+    )
     far = occam_nats(*explanation("black_level", [0.0, 0.8], [0.0, 1e6]), design=1.0)
     assert penalty - far == pytest.approx(2 * np.log(2.0), abs=0.05)  # amplitudes: a power law's tail
     usual, odd = (occam_nats(*explanation("dark_signal", [100.0, k], [1e-2, 100.0]), design=1.0) for k in (7.0, 4.0))
@@ -71,7 +77,9 @@ def test_dots_that_share_pixels_show_less_of_their_own_gains(scene, apart_px, sq
     """Pixels of this camera are 2.8 pattern pixels wide."""
     light, view = scene
     rows, columns = np.mgrid[0:200, 0:320]
-    pattern = np.exp(-(((rows % apart_px) - apart_px // 2) ** 2 + ((columns % apart_px) - apart_px // 2) ** 2) / square_px)
+    pattern = np.exp(
+        -(((rows % apart_px) - apart_px // 2) ** 2 + ((columns % apart_px) - apart_px // 2) ** 2) / square_px
+    )
     view = replace(view, pattern=pattern)
     dots = light.flat * DotView.of(view).nominal
     of_pixels = lambda residuals: (residuals[0] ** 2).sum() / (dots**2).sum()  # noqa: E731

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a diagnosis says of parameters: no bias by weights that have seen the noise, no value where it costs nothing to leave it out."""
+"""What a diagnosis says of parameters: no bias by weights that have seen the noise, no value where it costs nothing to
+leave it out."""
 
 from dataclasses import dataclass, field, replace
 
@@ -42,8 +43,17 @@ def table(tmp_path_factory):
     world = make_world(tmp_path_factory.mktemp("world"))
     capture = read_capture(world.capture_path)
     base = replace(capture.frames[0], repeat_group=None, temperature_c=25.0, split="train", depth_path=None)
-    plan = [{"repeat_group": 0}, {"repeat_group": 0}, {"projector_power": 0.0}, {"temperature_c": 45.0}, {"temperature_c": 35.0}, {}]
-    capture = replace(capture, frames=tuple(replace(base, id=i, timestamp_s=2.0 * i, **changes) for i, changes in enumerate(plan)))
+    plan = [
+        {"repeat_group": 0},
+        {"repeat_group": 0},
+        {"projector_power": 0.0},
+        {"temperature_c": 45.0},
+        {"temperature_c": 35.0},
+        {},
+    ]
+    capture = replace(
+        capture, frames=tuple(replace(base, id=i, timestamp_s=2.0 * i, **changes) for i, changes in enumerate(plan))
+    )
     return capture, render_frames(capture, WorldRenderer(world), cache=LayerCache(tmp_path_factory.mktemp("cache")))
 
 

@@ -28,7 +28,10 @@ def dots(rng):
 
 def row(image, residual, **frame):
     o = SimpleNamespace(
-        eye="left", frame=SimpleNamespace(**frame), weight=np.full(SHAPE, NOISE_DN**-2), view=SimpleNamespace(once=lambda *_: np.zeros(SHAPE, bool), max_dn=255)
+        eye="left",
+        frame=SimpleNamespace(**frame),
+        weight=np.full(SHAPE, NOISE_DN**-2),
+        view=SimpleNamespace(once=lambda *_: np.zeros(SHAPE, bool), max_dn=255),
     )
     return ImageResidual(o, image, image - 20.0, residual)
 
@@ -65,7 +68,8 @@ def test_what_moves_dims_or_blurs_smoothly_is_structure_of_its_own_size(kind):
 
 
 def frames(rng, gain_sigma, contrast):
-    """Rows of six frames at three poses (two of them once repeated) under pixel gains, and grains that change with the pose."""
+    """Rows of six frames at three poses (two of them once repeated) under pixel gains, and grains that change with the
+    pose."""
     gains, rows = gain_sigma * rng.standard_normal(SHAPE), []
     for pose, count in enumerate((3, 2, 1)):
         image, grains = dots(rng), contrast * rng.standard_normal(SHAPE)
@@ -82,7 +86,9 @@ def test_gains_of_pixels_and_grains_are_told_apart_where_both_are_there(gain_sig
     for name, truth in (("prnu", gain_sigma), ("fixed_pattern_noise", 0.0), ("speckle_static", contrast)):
         deviation = abs(found[name].variance - truth**2)
         assert deviation <= max(4.0 * found[name].error, 0.01 * max(gain_sigma, contrast) ** 2), name
-        assert (found[name].variance > 3.0 * found[name].error) == (truth > 0) or truth == 0 and found[name].floors < 0.02
+        assert (
+            (found[name].variance > 3.0 * found[name].error) == (truth > 0) or truth == 0 and found[name].floors < 0.02
+        )
 
 
 def test_offsets_that_the_range_clips_are_no_gains():

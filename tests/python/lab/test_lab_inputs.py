@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the lab does with inputs that change or lie outside the usual: deeper images, edited scenes, shared caches, models by hand."""
+"""What the lab does with inputs that change or lie outside the usual: deeper images, edited scenes, shared caches,
+models by hand."""
 
 import json
 from dataclasses import fields, replace
@@ -62,7 +63,16 @@ def test_a_cache_may_lose_entries_to_another_run_meanwhile(tmp_path, monkeypatch
     assert len(cache.get("second")) == 1
 
 
-@pytest.mark.parametrize("effects", [[{}], [3], {"id": "haze"}, [{"id": "haze", "parameters": {"extinction_per_m": None}}], [{"id": "haze", "parameters": 3}]])
+@pytest.mark.parametrize(
+    "effects",
+    [
+        [{}],
+        [3],
+        {"id": "haze"},
+        [{"id": "haze", "parameters": {"extinction_per_m": None}}],
+        [{"id": "haze", "parameters": 3}],
+    ],
+)
 def test_a_model_by_hand_is_told_what_is_wrong(tmp_path, effects):
     path = tmp_path / "model.json"
     path.write_text(json.dumps({"format": "active-stereo-model", "version": 1, "effects": effects}))

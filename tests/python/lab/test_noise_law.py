@@ -21,7 +21,11 @@ def law_and_images():
     signal = rng.gamma(0.6, 14.0, (240, 400)) + 2.0
 
     def exposed():
-        value = BLACK_DN + signal * (1.0 + SPECKLE * rng.standard_normal(signal.shape)) + READ_DN * rng.standard_normal(signal.shape)
+        value = (
+            BLACK_DN
+            + signal * (1.0 + SPECKLE * rng.standard_normal(signal.shape))
+            + READ_DN * rng.standard_normal(signal.shape)
+        )
         return np.clip(np.rint(tone(np.rint(value))), 0, 255)
 
     first, second = exposed(), exposed()

@@ -27,7 +27,10 @@ def drawn_pair(noise_dn, dot_dn=40.0, pitch_px=9, height=240, width=320, seed=0)
     light += 14.0
     light[:30] = 0.0
     right = shift(light, (0, -_DISPARITY_PX), order=0, mode="nearest")
-    images = (np.clip(np.rint(image + _BLACK_DN + rng.normal(0.0, noise_dn, image.shape)), 0, 255).astype(np.uint8) for image in (light, right))
+    images = (
+        np.clip(np.rint(image + _BLACK_DN + rng.normal(0.0, noise_dn, image.shape)), 0, 255).astype(np.uint8)
+        for image in (light, right)
+    )
     return *images, np.full((height, width), float(_DISPARITY_PX)), 1e3 * len(place) / light.size
 
 
@@ -64,12 +67,24 @@ def test_two_pairs_stand_side_by_side(tmp_path, capsys):
         write_gray(tmp_path / name / "left.png", left)
         write_gray(tmp_path / name / "right.png", right)
     real, out = tmp_path / "real", tmp_path / "out"
-    arguments = ["pair", str(real / "left.png"), str(real / "right.png"), "--k", "300,300,160,120", "--baseline", "0.05", "--out", str(out)]
+    arguments = [
+        "pair",
+        str(real / "left.png"),
+        str(real / "right.png"),
+        "--k",
+        "300,300,160,120",
+        "--baseline",
+        "0.05",
+        "--out",
+        str(out),
+    ]
     assert main([*arguments, "--against", str(tmp_path / "nowhere")]) == 2
     assert "nowhere: holds neither" in capsys.readouterr().err
     assert main([*arguments, "--against", str(tmp_path / "simulated")]) == 0
     assert (out / "against.png").stat().st_size > 10_000
     report = json.loads((out / "pair.json").read_text())
-    noise = {key: next(f["value"] for f in report[key] if f["name"] == "noise_20_40_dn") for key in ("statistics", "against")}
+    noise = {
+        key: next(f["value"] for f in report[key] if f["name"] == "noise_20_40_dn") for key in ("statistics", "against")
+    }
     assert noise["statistics"] > 1.5 * noise["against"]
     assert "against" in capsys.readouterr().out

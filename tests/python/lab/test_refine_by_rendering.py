@@ -29,7 +29,13 @@ def brightened(light, view, amount, law):
     return replace(light, ambient=light.ambient * (1.0 + law(amount * (1.0 + view.field()[0]))))
 
 
-@effect("glow", stage=Stage.SURFACE, family="f", source="s", parameters=[Parameter("amount", "1", neutral=0.0, low=0.0, high=3.0, typical=0.3)])
+@effect(
+    "glow",
+    stage=Stage.SURFACE,
+    family="f",
+    source="s",
+    parameters=[Parameter("amount", "1", neutral=0.0, low=0.0, high=3.0, typical=0.3)],
+)
 def glow(light, view, amount):
     """It grows linearly, says the image function."""
     return brightened(light, view, amount, lambda x: x)
@@ -61,7 +67,9 @@ def test_the_engines_images_find_the_parameter_that_the_formula_misses(evidence)
         amount = model.effects[0][1]["amount"] if model.effects else 0.0
         calls.append(half)
         lights = {o.key: brightened(Light.of(o.layers), o.view, amount, engine_law) for o in evidence.train}
-        return {key: SimpleNamespace(direct=x.direct, indirect=x.indirect, ambient=x.ambient) for key, x in lights.items()}
+        return {
+            key: SimpleNamespace(direct=x.direct, indirect=x.indirect, ambient=x.ambient) for key, x in lights.items()
+        }
 
     fitters = Fitters.of(evidence, scan_observations(evidence.train))
     base = fit_base(evidence, fitters, Model(), GATES)

@@ -21,7 +21,8 @@ NOISE = 0.15
 
 
 class NoisyRenderer:
-    """A clean renderer's layers with relative noise that falls with the number of samples, drawn from the request's seed."""
+    """A clean renderer's layers with relative noise that falls with the number of samples, drawn from the request's
+    seed."""
 
     def __init__(self, clean, noise_of_one_sample):
         self._clean, self._noise = clean, noise_of_one_sample
@@ -62,7 +63,9 @@ def test_an_estimate_from_halves_has_no_bias():
 
 def test_compares_error_does_not_grow_with_the_renderers_noise(world, clean, tmp_path):
     def errors(noise):
-        scores = compare(world.capture_path, renderer=NoisyRenderer(clean, noise), samples_per_pixel=4, cache=LayerCache(tmp_path)).scores
+        scores = compare(
+            world.capture_path, renderer=NoisyRenderer(clean, noise), samples_per_pixel=4, cache=LayerCache(tmp_path)
+        ).scores
         return scores["ir"]["test"]
 
     quiet, noisy = errors(0.0), errors(NOISE)
@@ -75,7 +78,12 @@ def test_the_diagnosis_error_does_not_grow_with_the_renderers_noise(world, clean
     def error(noise):
         effects, renderer = {"vignetting": builtin()["vignetting"]}, NoisyRenderer(clean, noise)
         result = diagnose(
-            world.capture_path, effects=effects, renderer=renderer, samples_per_pixel=4, cache=LayerCache(tmp_path), workers=1
+            world.capture_path,
+            effects=effects,
+            renderer=renderer,
+            samples_per_pixel=4,
+            cache=LayerCache(tmp_path),
+            workers=1,
         ).result
         return result["heldout_ir_rmse_before"]
 

@@ -74,8 +74,13 @@ def test_the_page_is_whole_and_loads_nothing(comparison, files):
     page = _Page(files[1].read_text())
     assert page.open == []
     explained = {name for name, region in comparison.scores["regions"].items() if region["is_explainable"]}
-    assert explained >= {"infrared", "disparity"}  # the missing ball moves both; a channel at its noise floor has no chart
-    assert len(page.addresses) == 2 + len(explained)  # charts: frames, photon transfer, one of covariates per such channel
+    assert explained >= {
+        "infrared",
+        "disparity",
+    }  # the missing ball moves both; a channel at its noise floor has no chart
+    assert len(page.addresses) == 2 + len(
+        explained
+    )  # charts: frames, photon transfer, one of covariates per such channel
     assert all(re.match(r"data:image/svg\+xml;base64,", address) for address in page.addresses)
     assert "default-src 'none'" in files[1].read_text()  # the browser itself is set to load nothing
 
@@ -86,7 +91,9 @@ def test_the_page_holds_every_frame_and_eye_under_every_model(comparison):
     assert list(images) == ["base", "found", "radial_distortion", "vignetting"]
     data = explorer_data(comparison, images)
     seen = [(view["frame"], view["eye"]) for view in data["views"]]
-    assert seen == [(f.id, e) for f in comparison.capture.frames for e in ("left", "right", "depth") if e != "depth" or f.depth_path]
+    assert seen == [
+        (f.id, e) for f in comparison.capture.frames for e in ("left", "right", "depth") if e != "depth" or f.depth_path
+    ]
     view = next(v for v in data["views"] if v["eye"] == "right")
     frame = next(f for f in comparison.capture.frames if f.id == view["frame"])
     measured = comparison.capture.ir(frame, "right")
@@ -103,11 +110,15 @@ def test_the_page_holds_every_frame_and_eye_under_every_model(comparison):
     values = decoded(depth["layers"]["measured"])
     assert np.array_equal(np.isnan(values), device.measured <= 0)
     seen = device.measured > 0
-    assert np.abs(values[seen] - device.focal_baseline / device.measured[seen]).max() <= 0.5 * depth["layers"]["measured"]["step"] + 1e-6
+    assert (
+        np.abs(values[seen] - device.focal_baseline / device.measured[seen]).max()
+        <= 0.5 * depth["layers"]["measured"]["step"] + 1e-6
+    )
 
 
 def test_what_the_ranking_cannot_show_is_left_out(comparison):
-    """A random effect, a fault of the depth engine, and an effect that this program does not know have no expected image."""
+    """A random effect, a fault of the depth engine, and an effect that this program does not know have no expected
+    image."""
     rows = [("shot_noise", {}), ("pixel_locking", {}), ("of another program", {"x": {"value": 1.0}})]
     ranking = [{"effect": name, "parameters": parameters} for name, parameters in rows]
     assert list(model_images(comparison, {"ranking": ranking})) == ["base"]
@@ -174,7 +185,12 @@ def test_an_empty_diagnosis_has_a_page_too(comparison):
 
 def test_an_unknown_effect_shows_its_law(comparison):
     term = {"term": "r^2", "value": -0.31, "low": -0.35, "high": -0.27}
-    law = {"stage": "PROJECTOR", "text": "residual / the projector's light = -0.31 r^2", "terms": [term], "explained_share": 0.8}
+    law = {
+        "stage": "PROJECTOR",
+        "text": "residual / the projector's light = -0.31 r^2",
+        "terms": [term],
+        "explained_share": 0.8,
+    }
     unknown = DIAGNOSIS | {"verdict": "unknown", "added": [], "law": law}
     assert violations(unknown, _schema("diagnose")) == []
     page = report_page(comparison, unknown)

@@ -11,7 +11,9 @@ from activestereo.lab.report.models import model_images
 from report_worlds import WITH_MODEL
 from chromium import Page, is_installed
 
-pytestmark = pytest.mark.skipif(not is_installed(), reason="no chromium: install Debian's package chromium to test the report's page")
+pytestmark = pytest.mark.skipif(
+    not is_installed(), reason="no chromium: install Debian's package chromium to test the report's page"
+)
 
 _HEIGHT, _WIDTH = 90, 160
 
@@ -57,7 +59,8 @@ def shown_part(page, selector):
 def colour(page, selector, u, v):
     """The colour of an image pixel's middle as a canvas draws it while the whole picture is shown."""
     script = f"""(() => {{ const c = document.querySelector('{selector}');
-        return [...c.getContext('2d').getImageData(c.width * {(u + 0.5) / _WIDTH}, c.height * {(v + 0.5) / _HEIGHT}, 1, 1).data]; }})()"""
+        const x = c.width * {(u + 0.5) / _WIDTH}, y = c.height * {(v + 0.5) / _HEIGHT};
+        return [...c.getContext('2d').getImageData(x, y, 1, 1).data]; }})()"""
     return page.value(script)[:3]
 
 
@@ -120,7 +123,10 @@ def test_depth_is_the_third_eye(page, ball_comparison):
 def test_the_slider_fades_from_measured_to_base_to_found(page, ball_comparison, images):
     u, v = 80, 40
     high = np.quantile(ball_comparison.capture.ir(ball_comparison.capture.frames[0], "left"), 0.998)
-    values = [ball_comparison.capture.ir(ball_comparison.capture.frames[0], "left")[v, u], *(images[n][0, "left"][v, u] for n in ("base", "found"))]
+    values = [
+        ball_comparison.capture.ir(ball_comparison.capture.frames[0], "left")[v, u],
+        *(images[n][0, "left"][v, u] for n in ("base", "found")),
+    ]
     page.point("#readout")
     for at in (0.0, 0.5, 1.0, 1.75, 2.0):
         slide(page, at)
@@ -139,7 +145,9 @@ def test_one_zoom_for_all_pictures(page):
     page.wait("document.getElementById('zoom').textContent === '4×'")
     first, *others = [shown_part(page, p) for p in pictures]
     assert others == [first] * 3
-    assert first == pytest.approx([30, 33.75, 40, 22.5], abs=0.3)  # what was under the pointer, a quarter from the left, has stayed
+    assert first == pytest.approx(
+        [30, 33.75, 40, 22.5], abs=0.3
+    )  # what was under the pointer, a quarter from the left, has stayed
     start = page.place("#picture", 0.5, 0.5)
     page.mouse("mousePressed", start, button="left", clickCount=1)
     width = page.value("document.getElementById('picture').clientWidth")
@@ -160,11 +168,15 @@ def test_each_row_shows_its_own_residual(page, ball_comparison, images):
     measured = ball_comparison.capture.ir(ball_comparison.capture.frames[0], "left")
     for name in ("radial_distortion", "vignetting"):
         rmse = np.sqrt(np.mean((measured - images[name][0, "left"]) ** 2))
-        caption = page.value(f"document.querySelector('canvas[data-model={name}]').parentElement.querySelector('figcaption').textContent")
+        caption = page.value(
+            f"document.querySelector('canvas[data-model={name}]').parentElement.querySelector('figcaption').textContent"
+        )
         assert caption == f"RMSE {rmse:.2f} DN"
         page.click(f"canvas[data-model={name}]")
         assert page.value("document.getElementById('residual-other').dataset.model") == name
-        assert page.value("document.getElementById('other').selectedOptions[0].textContent").endswith(f"base model with {name} alone")
+        assert page.value("document.getElementById('other').selectedOptions[0].textContent").endswith(
+            f"base model with {name} alone"
+        )
     both = [images[name][0, "left"] for name in ("radial_distortion", "vignetting")]
     v, u = np.unravel_index(np.argmax(np.abs(both[0] - both[1])), both[0].shape)
     page.point("#picture", (u + 0.5) / _WIDTH, (v + 0.5) / _HEIGHT)
@@ -175,6 +187,9 @@ def test_without_anything_found_the_slider_ends_at_the_base_model(ball_compariso
     with Page(write_report(ball_comparison, tmp_path)[1]) as page:
         page.wait("document.getElementById('explorer').dataset.view !== undefined")
         assert page.value("document.getElementById('fade').max") == "1"
-        assert page.value("[...document.querySelectorAll('#fade-names button')].map((b) => b.textContent)") == ["measured", "base model"]
+        assert page.value("[...document.querySelectorAll('#fade-names button')].map((b) => b.textContent)") == [
+            "measured",
+            "base model",
+        ]
         assert page.value("document.getElementById('residual-other').parentElement.hidden") is True
         assert page.complaints() == []

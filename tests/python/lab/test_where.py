@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where it fails: planted errors are found where they were planted, with honest shares, and noise is not called a finding."""
+"""Where it fails: planted errors are found where they were planted, with honest shares, and noise is not called a
+finding."""
 
 from types import SimpleNamespace
 
@@ -24,7 +25,12 @@ def _maps(rng):
     maps = {c.name: np.full((HEIGHT, WIDTH), np.nan, np.float32) for c in COVARIATES}
     maps["row"], maps["column"] = rows, columns
     maps["radius"] = np.hypot(rows - 119.5, columns - 211.5) / np.hypot(119.5, 211.5)
-    maps["depth"] = (0.6 + 1.0 * rng.random((HEIGHT // 24, WIDTH // 8 + 1))).repeat(24, 0).repeat(8, 1)[:, :WIDTH].astype(np.float32)
+    maps["depth"] = (
+        (0.6 + 1.0 * rng.random((HEIGHT // 24, WIDTH // 8 + 1)))
+        .repeat(24, 0)
+        .repeat(8, 1)[:, :WIDTH]
+        .astype(np.float32)
+    )
     return maps
 
 
@@ -34,7 +40,11 @@ def _images(rng, residual_of):
         maps = _maps(rng)
         noise = rng.normal(scale=np.sqrt(FLOOR_DN2), size=(HEIGHT, WIDTH))
         residual = noise + residual_of(maps)
-        images.append(ResidualImage(residual, np.full(residual.shape, FLOOR_DN2), np.ones(residual.shape, bool), maps, bytes([pose])))
+        images.append(
+            ResidualImage(
+                residual, np.full(residual.shape, FLOOR_DN2), np.ones(residual.shape, bool), maps, bytes([pose])
+            )
+        )
     return images
 
 
@@ -42,7 +52,9 @@ def _images(rng, residual_of):
 def planted():
     """A texture that the model lacks in the far corners alone."""
     rng = np.random.default_rng(3)
-    return gather_samples(_images(rng, lambda m: ((m["radius"] > 0.6) & (m["depth"] > 1.1)) * rng.normal(scale=6.0, size=(HEIGHT, WIDTH))))
+    return gather_samples(
+        _images(rng, lambda m: ((m["radius"] > 0.6) & (m["depth"] > 1.1)) * rng.normal(scale=6.0, size=(HEIGHT, WIDTH)))
+    )
 
 
 def test_the_tree_says_where_the_error_was_planted(planted):
@@ -83,10 +95,13 @@ def test_noise_alone_gives_no_findings_and_no_tree():
 
 
 def test_static_blotches_do_not_fake_a_dependence():
-    """Errors alike over 16-px blocks, without any covariate: pixels counted as independent would see hundreds of sigmas."""
+    """Errors alike over 16-px blocks, without any covariate: pixels counted as independent would see hundreds of
+    sigmas."""
     rng = np.random.default_rng(5)
     blotch = lambda m: rng.normal(scale=1.5, size=(15, 27)).repeat(16, 0).repeat(16, 1)[:, :WIDTH]  # noqa: E731
-    tables = [t for _ in range(4) for t in where_tables({"infrared": (gather_samples(_images(rng, blotch)), "DN", True)})]
+    tables = [
+        t for _ in range(4) for t in where_tables({"infrared": (gather_samples(_images(rng, blotch)), "DN", True)})
+    ]
     assert np.mean([t["q_value"] <= 0.05 for t in tables]) <= 0.1
 
 
@@ -104,7 +119,9 @@ def test_block_intervals_cover_the_truth():
 
 def test_benjamini_yekutieli_by_hand():
     c = 1 + 1 / 2 + 1 / 3
-    np.testing.assert_allclose(benjamini_yekutieli([0.04, 0.001, 0.02]), [0.04 * c, 0.001 * 3 * c, 0.02 * 3 / 2 * c], rtol=1e-12)
+    np.testing.assert_allclose(
+        benjamini_yekutieli([0.04, 0.001, 0.02]), [0.04 * c, 0.001 * 3 * c, 0.02 * 3 / 2 * c], rtol=1e-12
+    )
     assert benjamini_yekutieli([0.9, 0.8]).max() == 1.0
 
 
@@ -117,8 +134,29 @@ def _plane_view(velocity=(0, 0, 0, 0, 0, 0), temperature=None, eye="left"):
     normal[..., 2] = -1.0
     shift = np.eye(4)
     shift[0, 3] = -0.05 if eye == "right" else 0.0
-    frame = Frame(0, None, None, 0.5, 0.004, np.eye(4), "train", gain=2.0, temperature_c=temperature, camera_velocity=np.array(velocity, float))
-    return View(eye, K, depth, normal, np.ones((64, 64)), np.array([[20.0, 0, 31.5], [0, 20.0, 31.5], [0, 0, 1]]), np.eye(4), shift, frame)
+    frame = Frame(
+        0,
+        None,
+        None,
+        0.5,
+        0.004,
+        np.eye(4),
+        "train",
+        gain=2.0,
+        temperature_c=temperature,
+        camera_velocity=np.array(velocity, float),
+    )
+    return View(
+        eye,
+        K,
+        depth,
+        normal,
+        np.ones((64, 64)),
+        np.array([[20.0, 0, 31.5], [0, 20.0, 31.5], [0, 0, 1]]),
+        np.eye(4),
+        shift,
+        frame,
+    )
 
 
 def test_covariates_of_a_plane():

@@ -58,8 +58,15 @@ def test_poses_come_in_many_kinds(kind):
         torch = pytest.importorskip("torch", reason="the package torch is not installed (pip install torch)")
         given = torch.from_numpy(poses.astype(np.float32))
     else:
-        speaks_dlpack = type("Speaker", (), {"__dlpack__": lambda _, **k: poses.__dlpack__(**k), "__dlpack_device__": lambda _: (1, 0)})
-        given = {"float32": poses.astype(np.float32), "matrices": pose_matrices(poses, ""), "lists": poses.tolist(), "dlpack": speaks_dlpack()}[kind]
+        speaks_dlpack = type(
+            "Speaker", (), {"__dlpack__": lambda _, **k: poses.__dlpack__(**k), "__dlpack_device__": lambda _: (1, 0)}
+        )
+        given = {
+            "float32": poses.astype(np.float32),
+            "matrices": pose_matrices(poses, ""),
+            "lists": poses.tolist(),
+            "dlpack": speaks_dlpack(),
+        }[kind]
     bodies.move(given)
     np.testing.assert_allclose(middle_depth(scene, [0, 1]), [0.9, 1.9], rtol=1e-6)
 
@@ -118,7 +125,9 @@ def test_a_pose_that_is_none_names_its_place_and_the_others_move(wrong):
 
 def test_what_does_not_fit_is_told():
     scene, bodies = cubes(3)
-    with pytest.raises(ValueError, match=r"2 bodies in 3 environments have the shape \(3, 2, 7\) or \(3, 2, 4, 4\), not \(2, 2, 7\)"):
+    with pytest.raises(
+        ValueError, match=r"2 bodies in 3 environments have the shape \(3, 2, 7\) or \(3, 2, 4, 4\), not \(2, 2, 7\)"
+    ):
         bodies.move(at(1.0, 2.0))
     with pytest.raises(ValueError, match="no body 'bleu' among 2; did you mean 'blue'"):
         bodies.move({"red": at(1, 2, 3)[:, 0], "blue": at(1, 2, 3)[:, 0], "bleu": at(1, 2, 3)[:, 0]})

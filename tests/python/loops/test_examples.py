@@ -34,7 +34,9 @@ def test_sapien_sensor(tmp_path):
 def test_mani_skill_depth(tmp_path):
     pytest.importorskip("mani_skill", reason="the package mani_skill is not installed (pip install mani_skill)")
     try:
-        good_share = load(EXAMPLES / "mani_skill_depth/mani_skill_depth.py").run(tmp_path, "PickCube-v1", size=96, samples=4, steps=1)
+        good_share = load(EXAMPLES / "mani_skill_depth/mani_skill_depth.py").run(
+            tmp_path, "PickCube-v1", size=96, samples=4, steps=1
+        )
     except RuntimeError as error:
         pytest.skip(f"SAPIEN has no renderer here, which ManiSkill's cameras need: {error}")
     assert good_share > 0.6
@@ -53,7 +55,8 @@ def test_grasp_task(tmp_path):
 
 
 def test_train_depth_policy(tmp_path):
-    """What the network is to say makes it act as the teacher does; a whole run, of one step of training, writes its results."""
+    """What the network is to say makes it act as the teacher does; a whole run, of one step of training, writes its
+    results."""
     pytest.importorskip("torch", reason="the package torch is not installed (pip install torch)")
     pytest.importorskip("cv2", reason="OpenCV is not installed (pip install opencv-python-headless)")
     example = load(EXAMPLES / "train_depth_policy/train_depth_policy.py")

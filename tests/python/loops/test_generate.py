@@ -57,8 +57,8 @@ def read_all(folder: Path) -> dict[str, bytes]:
 
 def options(out: Path, count: int, workers: int = 1) -> list[str]:
     size = f"{SIZE[0]}x{SIZE[1]}"
-    return ["--out", str(out), "--count", str(count), "--workers", str(workers), "--sensor", "sapien-D435", "--rgb-size", size,
-            "--samples-per-pixel", "1"]  # fmt: skip
+    render = ["--sensor", "sapien-D435", "--rgb-size", size, "--samples-per-pixel", "1"]
+    return ["--out", str(out), "--count", str(count), "--workers", str(workers), *render]
 
 
 def test_poses_masks_and_true_depth_agree(things: tuple[Path, ...]) -> None:

@@ -85,7 +85,13 @@ def test_a_teacher_grasps_and_chance_does_not():
 
 @pytest.mark.parametrize(
     "offset, holds",
-    [((0, 0, 0, 0), True), ((0, 0.03, 0, 0), False), ((0.1, 0, 0, 0), False), ((0, 0, 0.1, 0), False), ((0, 0, 0, 0.6), False)],
+    [
+        ((0, 0, 0, 0), True),
+        ((0, 0.03, 0, 0), False),
+        ((0.1, 0, 0, 0), False),
+        ((0, 0, 0.1, 0), False),
+        ((0, 0, 0, 0.6), False),
+    ],
     ids=["there", "on a finger", "beside", "too high", "turned"],
 )
 def test_what_a_grasp_needs(offset, holds):
@@ -94,7 +100,9 @@ def test_what_a_grasp_needs(offset, holds):
     world.chosen[:] = 0  # boxes
     x, y, z, turn = world.offsets().T
     world.yaw_rad += turn
-    world.gripper_m += np.stack([world.object_m[:, 0], world.object_m[:, 1], world.gripper_m[:, 2] + z], 1) - world.gripper_m
+    world.gripper_m += (
+        np.stack([world.object_m[:, 0], world.object_m[:, 1], world.gripper_m[:, 2] + z], 1) - world.gripper_m
+    )
     assert np.abs(world.offsets()).max() < 1e-9
     cos, sin = np.cos(world.yaw_rad), np.sin(world.yaw_rad)
     dx, dy, dz, dturn = offset
@@ -162,7 +170,9 @@ def test_a_vector_of_environments_begins_anew_by_itself(gymnasium):
     assert depth.shape == (4, 32, 32, 1) and envs.observation_space.contains(depth)
     total = np.zeros(4)
     for step in range(11):
-        depth, reward, terminated, truncated, info = envs.step(np.clip(info["state"] / [0.03, 0.03, 0.04, 0.3], -1, 1).astype(np.float32))
+        depth, reward, terminated, truncated, info = envs.step(
+            np.clip(info["state"] / [0.03, 0.03, 0.04, 0.3], -1, 1).astype(np.float32)
+        )
         total += reward
         assert terminated.all() == (step == 9)
     assert (total == 1.0).all() and (envs.unwrapped.world.steps == 0).all()

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Images that nobody reads are not copied, maps that nobody reads are not computed; what is read is right all the same."""
+"""Images that nobody reads are not copied, maps that nobody reads are not computed; what is read is right all the
+same."""
 
 import numpy as np
 import pytest

@@ -28,11 +28,15 @@ XML = """<mujoco>
   <geom name="dune" type="hfield" hfield="dune" pos="-.3 .45 0"/>
   <geom name="hidden" type="box" size=".1 .1 .1" pos=".2 0 .4" group="3"/>
   <geom name="clear" type="box" size=".1 .1 .1" pos=".2 0 .4" rgba="1 1 1 0"/>
-  <body name="die" pos="0 0 .05" euler="0 0 20"><freejoint/><geom name="die" type="box" size=".06 .05 .04" material="painted"/></body>
+  <body name="die" pos="0 0 .05" euler="0 0 20"><freejoint/>
+    <geom name="die" type="box" size=".06 .05 .04" material="painted"/></body>
   <body name="ball" pos=".2 .2 .06"><freejoint/><geom name="ball" type="sphere" size=".06" material="steel"/></body>
-  <body name="egg" pos="-.2 .2 .06"><freejoint/><geom name="egg" type="ellipsoid" size=".04 .05 .06" rgba=".9 .8 .7 1"/></body>
-  <body name="can" pos=".2 -.2 .06"><freejoint/><geom name="can" type="cylinder" size=".04 .06" rgba=".2 .7 .3 1"/></body>
-  <body name="pill" pos="-.2 -.2 .06" euler="90 0 0"><freejoint/><geom name="pill" type="capsule" size=".03 .05"/></body>
+  <body name="egg" pos="-.2 .2 .06"><freejoint/>
+    <geom name="egg" type="ellipsoid" size=".04 .05 .06" rgba=".9 .8 .7 1"/></body>
+  <body name="can" pos=".2 -.2 .06"><freejoint/>
+    <geom name="can" type="cylinder" size=".04 .06" rgba=".2 .7 .3 1"/></body>
+  <body name="pill" pos="-.2 -.2 .06" euler="90 0 0"><freejoint/>
+    <geom name="pill" type="capsule" size=".03 .05"/></body>
   <body name="wedge" pos="0 -.25 .02"><freejoint/><geom name="wedge" type="mesh" mesh="wedge" rgba=".9 .9 .1 1"/></body>
   <body name="arm" pos="-.75 0 .55"><camera name="wrist" xyaxes="0 -1 0 .6 0 .85"/></body>
 </worldbody></mujoco>"""

@@ -30,7 +30,9 @@ class World:
     def __init__(self, config, ranges=None, seed=5):
         scene = kuafu.Scene(kuafu.Device())
         bodies = Bodies(scene, ENVIRONMENTS)
-        paint = scene.add_material(kuafu.Material(base_color=(0.5, 0.4, 0.3, 1), roughness=0.5, specular=0.0, ir_albedo=0.5))
+        paint = scene.add_material(
+            kuafu.Material(base_color=(0.5, 0.4, 0.3, 1), roughness=0.5, specular=0.0, ir_albedo=0.5)
+        )
         bodies.add("wall", [Shape(add_mesh(scene, solids.box()), [paint], np.diag([0.1, 3.0, 3.0, 1.0]))])
         bodies.move(np.array([[[0.9, 0, 0, 1, 0, 0, 0]]] * ENVIRONMENTS, float))
         self.batch = StereoDepthSensorBatch(config, Mounts(scene, [[0, 0, 0, 1, 0, 0, 0]] * ENVIRONMENTS))

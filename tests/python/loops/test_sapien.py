@@ -231,7 +231,8 @@ WRONG = [
 ]  # fmt: skip
 RIGHT = [
     ("set_census_window_size", (9, 7)), ("set_matching_block_size", (5, 5)), ("set_penalties", (7, 86)),
-    ("set_uniqueness_ratio", (255,)), ("set_lr_max_diff", (255,)), ("set_lr_max_diff", (-1,)), ("set_ir_noise", (2.0, 1.0)),
+    ("set_uniqueness_ratio", (255,)), ("set_lr_max_diff", (255,)), ("set_lr_max_diff", (-1,)),
+    ("set_ir_noise", (2.0, 1.0)),
     ("set_ir_noise", (0, 0)),
 ]  # fmt: skip
 
@@ -255,7 +256,9 @@ def test_setters_refuse_what_sapiens_refuse_and_take_the_rest(scene):
     early.take_picture(infrared_only=True)
     for sensor in (early, late):
         sensor.compute_depth()
-    assert early.native.engine.parameters["uniqueness_ratio"] == late.native.engine.parameters["uniqueness_ratio"] == 100
+    assert (
+        early.native.engine.parameters["uniqueness_ratio"] == late.native.engine.parameters["uniqueness_ratio"] == 100
+    )
     with pytest.raises(TypeError, match="max_disp must be a whole number from 32 to 1024; given 16"):
         config = small()
         config.max_disp = 16
@@ -270,7 +273,9 @@ def test_configurations_have_the_same_fields_and_defaults(model):
             continue  # the page says why
         own = ours[name]
         if isinstance(value, sapien.Pose):
-            np.testing.assert_allclose(own.to_transformation_matrix(), value.to_transformation_matrix(), atol=1e-6, err_msg=name)
+            np.testing.assert_allclose(
+                own.to_transformation_matrix(), value.to_transformation_matrix(), atol=1e-6, err_msg=name
+            )
         else:
             np.testing.assert_allclose(own, value, rtol=1e-9, err_msg=name)
 
@@ -283,11 +288,15 @@ def table():
 
 
 def test_the_pages_table_is_that_of_the_installed_package():
-    public = {n for n, _ in inspect.getmembers(theirs.StereoDepthSensor, inspect.isfunction) if n == "__init__" or n[0] != "_"}
+    public = {
+        n for n, _ in inspect.getmembers(theirs.StereoDepthSensor, inspect.isfunction) if n == "__init__" or n[0] != "_"
+    }
     assert set(table()) == public
     for name in public:
         own, other = (inspect.signature(getattr(c, name)) for c in (StereoDepthSensor, theirs.StereoDepthSensor))
-        assert [(p.name, p.default) for p in own.parameters.values()] == [(p.name, p.default) for p in other.parameters.values()], name
+        assert [(p.name, p.default) for p in own.parameters.values()] == [
+            (p.name, p.default) for p in other.parameters.values()
+        ], name
 
 
 class Fake:
@@ -306,7 +315,8 @@ def test_render_shapes_and_materials_where_there_is_a_renderer(scene):
 
     texture = Fake(is_srgb=True, download=lambda: np.full((4, 4, 4), 128, np.uint8))
     material = Fake(
-        base_color=[0.5, 0.4, 0.3, 1], emission=[0, 0, 0, 0], metallic=0.2, roughness=0.3, specular=0.5, transmission=0, ior=1.45,
+        base_color=[0.5, 0.4, 0.3, 1], emission=[0, 0, 0, 0], metallic=0.2, roughness=0.3, specular=0.5,
+        transmission=0, ior=1.45,
         base_color_texture=texture,
     )  # fmt: skip
     part = Fake(
@@ -325,4 +335,8 @@ def test_render_shapes_and_materials_where_there_is_a_renderer(scene):
     first = world.looks.material(material)
     assert world.looks.material(material) == first and world.scene.summary.texture_count == 1
     made = world.scene.get_material(first)
-    assert made.specular == pytest.approx(1.0) and made.metallic == pytest.approx(0.2) and made.base_color_texture is not None
+    assert (
+        made.specular == pytest.approx(1.0)
+        and made.metallic == pytest.approx(0.2)
+        and made.base_color_texture is not None
+    )

@@ -133,7 +133,9 @@ def test_a_mount_without_a_pose_is_named_and_the_others_are_seen(config):
     batch = StereoDepthSensorBatch(config, mounts)
     mounts.poses = mounts.poses.copy()
     mounts.poses[1, 0] = np.nan
-    with pytest.raises(SensorPoseError, match="environment 1: the mount's pose is not a finite rigid one; 1 of 3") as caught:
+    with pytest.raises(
+        SensorPoseError, match="environment 1: the mount's pose is not a finite rigid one; 1 of 3"
+    ) as caught:
         batch.take_picture()
     assert caught.value.environment == 1
     batch.compute_depth()

@@ -13,13 +13,17 @@ from activestereo.urdf import Urdf
 ARM = """<robot name="arm">
   <material name="red"><color rgba="0.8 0.1 0.1 1"/></material>
   <link name="base"><visual><geometry><box size="0.2 0.2 0.1"/></geometry></visual></link>
-  <link name="upper"><visual><origin xyz="0.5 0 0"/><geometry><box size="1 0.1 0.1"/></geometry><material name="red"/></visual></link>
-  <link name="lower"><visual><geometry><mesh filename="package://parts/tip.obj" scale="2 2 2"/></geometry></visual></link>
+  <link name="upper"><visual><origin xyz="0.5 0 0"/><geometry><box size="1 0.1 0.1"/></geometry>
+    <material name="red"/></visual></link>
+  <link name="lower"><visual><geometry>
+    <mesh filename="package://parts/tip.obj" scale="2 2 2"/></geometry></visual></link>
   <link name="finger"><visual><geometry><sphere radius="0.05"/></geometry></visual></link>
   <link name="other finger"/>
-  <joint name="elbow" type="revolute"><parent link="upper"/><child link="lower"/><origin xyz="1 0 0"/><axis xyz="0 0 1"/></joint>
+  <joint name="elbow" type="revolute"><parent link="upper"/><child link="lower"/><origin xyz="1 0 0"/>
+    <axis xyz="0 0 1"/></joint>
   <joint name="shoulder" type="continuous"><parent link="base"/><child link="upper"/><axis xyz="0 0 2"/></joint>
-  <joint name="grip" type="prismatic"><parent link="lower"/><child link="finger"/><origin xyz="1 0 0" rpy="0 0 1.5707963267948966"/>
+  <joint name="grip" type="prismatic"><parent link="lower"/><child link="finger"/>
+    <origin xyz="1 0 0" rpy="0 0 1.5707963267948966"/>
     <axis xyz="1 0 0"/></joint>
   <joint name="grip too" type="prismatic"><parent link="lower"/><child link="other finger"/><origin xyz="1 0 0"/>
     <axis xyz="0 1 0"/><mimic joint="grip" multiplier="-1" offset="0.01"/></joint>

@@ -36,11 +36,17 @@ def mean_count(sensor):
 @pytest.mark.parametrize("room", [0.02, 0.25, 20.0])
 def test_a_settled_exposure_has_the_target_whatever_the_light(config, room):
     config.ir_exposure_limits_s = (1e-6, 10.0)
-    assert mean_count(StereoDepthSensor(config, wall(room=room))) == pytest.approx(config.ir_exposure_target_dn, abs=1.5)
+    assert mean_count(StereoDepthSensor(config, wall(room=room))) == pytest.approx(
+        config.ir_exposure_target_dn, abs=1.5
+    )
 
 
 def test_it_converges_over_frames_and_gain_follows_exposure_at_its_limit(config):
-    config.ir_exposure_mode, config.ir_camera_exposure, config.ir_exposure_limits_s = "converging", 0.0005, (1e-6, 0.008)
+    config.ir_exposure_mode, config.ir_camera_exposure, config.ir_exposure_limits_s = (
+        "converging",
+        0.0005,
+        (1e-6, 0.008),
+    )
     sensor = StereoDepthSensor(config, wall())
     seen = []
     for _ in range(9):
@@ -92,7 +98,13 @@ def test_light_of_the_dots_goes_with_the_lasers_setting_and_the_emitter(config):
 
 
 def test_speckle_stands_still_with_the_sensor_and_differs_between_the_eyes(config):
-    config.ir_signal |= {"shot_noise": 0.0, "adc_noise_dn": 0.0, "prnu": 0.0, "speckle_shape": 4.0, "speckle_scale": 0.25}
+    config.ir_signal |= {
+        "shot_noise": 0.0,
+        "adc_noise_dn": 0.0,
+        "prnu": 0.0,
+        "speckle_shape": 4.0,
+        "speckle_scale": 0.25,
+    }
     config.ir_exposure_mode, config.ir_light_dim_factor, config.ir_ambient_strength = "fixed", 0.0, 0.0
     sensor = StereoDepthSensor(config, wall(0.4, room=0.0))
     images, clean = [], []

@@ -19,7 +19,9 @@ _NEW = np.array([[101.0, 0, 32.0], [0, 102.0, 23.0], [0, 0, 1.0]])
 def capture():
     camera, right = Camera(64, 48, _K), np.eye(4)
     right[0, 3] = -0.05
-    return Capture(Path("c"), "c", Path("s.gltf"), Rig(camera, camera, right, Projector(Path("none.png"), _K, np.eye(4))), ())
+    return Capture(
+        Path("c"), "c", Path("s.gltf"), Rig(camera, camera, right, Projector(Path("none.png"), _K, np.eye(4))), ()
+    )
 
 
 def model_rig(width=64):

@@ -22,7 +22,9 @@ def test_every_figure_of_a_camera_has_a_basis_and_a_source(name):
 
 
 def test_the_asked_cameras_are_there_and_make_configurations():
-    assert {"D415", "D435", "D435i", "D455", "D405", "generic", "sapien-D415", "sapien-D435"} <= set(StereoDepthSensorConfig.SUPPORTED_MODELS)
+    assert {"D415", "D435", "D435i", "D455", "D405", "generic", "sapien-D415", "sapien-D435"} <= set(
+        StereoDepthSensorConfig.SUPPORTED_MODELS
+    )
     blacks = {name: StereoDepthSensorConfig(name).ir_black_level_dn for name in ("D415", "D435i")}
     assert 3 <= blacks["D415"] <= 5 and blacks["D435i"] == 17
     assert StereoDepthSensorConfig("d405").pattern() is None
@@ -41,18 +43,22 @@ def test_a_file_of_ones_own_changes_what_it_tells_and_keeps_the_rest(tmp_path):
     assert mine.ir_signal == base.ir_signal and mine.ir_resolution == base.ir_resolution
 
 
+HERE = 'basis = "measured", source = "here"'
 WRONG = {
     "no TOML": ("[imager", "is no TOML file"),
     "section": (BASE + "[imagers]\n", "'imagers' is no section; did you mean 'imager'"),
-    "figure": (BASE + '[imager]\nblack_level = { value = 1, basis = "measured", source = "here" }\n', "did you mean 'black_level_dn'"),
+    "figure": (BASE + f"[imager]\nblack_level = {{ value = 1, {HERE} }}\n", "did you mean 'black_level_dn'"),
     "no source": (BASE + "[imager]\nblack_level_dn = 5\n", "imager.black_level_dn: expected { value"),
-    "empty source": (BASE + '[imager]\nblack_level_dn = { value = 1, basis = "measured", source = " " }\n', "source is empty"),
+    "empty source": (
+        BASE + '[imager]\nblack_level_dn = { value = 1, basis = "measured", source = " " }\n',
+        "source is empty",
+    ),
     "basis": (BASE + '[imager]\nblack_level_dn = { value = 1, basis = "felt", source = "here" }\n', "basis is 'felt'"),
     "range": (BASE + '[imager]\nprnu = { value = 2, basis = "measured", source = "here" }\n', "2 is outside of 0 to 1"),
     "number": (BASE + '[imager]\nprnu = { value = "a", basis = "measured", source = "here" }\n', "'a' is no number"),
     "nan": (BASE + '[imager]\nprnu = { value = nan, basis = "measured", source = "here" }\n', "nan is no number"),
-    "count": (BASE + '[rig]\nir_resolution = { value = [1], basis = "measured", source = "here" }\n', "expected 2 numbers"),
-    "choice": (BASE + '[exposure]\nmode = { value = "auto", basis = "measured", source = "here" }\n', "'auto', expected one of 'fixed'"),
+    "count": (BASE + f"[rig]\nir_resolution = {{ value = [1], {HERE} }}\n", "expected 2 numbers"),
+    "choice": (BASE + f'[exposure]\nmode = {{ value = "auto", {HERE} }}\n', "'auto', expected one of 'fixed'"),
     "name": ('title = "x"\nbased_on = "d435"\n', "name: is None"),
     "base": ('name = "x"\ntitle = "x"\nbased_on = "d999"\n', "d999.toml: cannot be read"),
     "circle": ('name = "x"\ntitle = "x"\nbased_on = "mine"\n', "in a circle"),
@@ -73,9 +79,15 @@ def test_what_is_wrong_with_a_file_is_told(case, tmp_path):
 def test_the_command_prints_all_cameras_and_one(capsys):
     assert main(["presets"]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert len(lines) == 1 + len(list(FOLDER.glob("*.toml"))) and any(line.startswith("D435i ") and "17 DN" in line for line in lines)
+    assert len(lines) == 1 + len(list(FOLDER.glob("*.toml"))) and any(
+        line.startswith("D435i ") and "17 DN" in line for line in lines
+    )
     assert main(["presets", "d415"]) == 0
     text = capsys.readouterr().out
-    assert "black_level_dn = 4 DN" in text and "measured: least counts of D415 recordings" in text and "figures are estimated" in text
+    assert (
+        "black_level_dn = 4 DN" in text
+        and "measured: least counts of D415 recordings" in text
+        and "figures are estimated" in text
+    )
     assert main(["presets", "d1"]) == 2
     assert "unknown sensor 'd1'" in capsys.readouterr().err

@@ -93,7 +93,9 @@ def test_every_sensor_can_be_small(model):
     config = StereoDepthSensorConfig(model).scaled(0.125)
     if config.ir_signal:
         assert engine_parameters(config)["speckle_psf_sigma_px"] == 0.0
-        assert config.ir_film["psf_sigma_px"] == pytest.approx(StereoDepthSensorConfig(model).ir_film["psf_sigma_px"] / 8)
+        assert config.ir_film["psf_sigma_px"] == pytest.approx(
+            StereoDepthSensorConfig(model).ir_film["psf_sigma_px"] / 8
+        )
 
 
 def test_config_of_one_sensor_does_not_change_another():

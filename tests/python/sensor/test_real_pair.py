@@ -19,7 +19,9 @@ LEFT_TO_RIGHT = np.array([[1, 0, 0, -0.05], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0
 def pair():
     if not DATA.is_dir():
         pytest.skip(f"no real D435 pair at {DATA}; set ACTIVESTEREO_DATA to the folder that holds data/d435-real")
-    left, right, device_mm = (np.asarray(Image.open(DATA / f"{name}.png")) for name in ("left", "right", "device_depth_mm"))
+    left, right, device_mm = (
+        np.asarray(Image.open(DATA / f"{name}.png")) for name in ("left", "right", "device_depth_mm")
+    )
     return left, right, device_mm.astype(float)
 
 
@@ -29,13 +31,22 @@ def engine_mm(left, right, **settings):
 
 
 def agreement(ours_mm, device_mm):
-    """Median absolute difference in mm after one affine fit, and both fill rates. The device's depth was decoded from a picture of unknown range."""
+    """Median absolute difference in mm after one affine fit, and both fill rates. The device's depth was decoded from a
+    picture of unknown range."""
     both = (ours_mm > 0) & (device_mm > 0)
     fit = np.polyfit(ours_mm[both], device_mm[both], 1)
-    return np.median(np.abs(np.polyval(fit, ours_mm[both]) - device_mm[both])), np.mean(ours_mm > 0), np.mean(device_mm > 0)
+    return (
+        np.median(np.abs(np.polyval(fit, ours_mm[both]) - device_mm[both])),
+        np.mean(ours_mm > 0),
+        np.mean(device_mm > 0),
+    )
 
 
-@pytest.mark.parametrize("settings", [{}, {"p1_penalty": 8, "p2_penalty": 32}, {"block_width": 1, "block_height": 1}], ids=["default", "sapien", "no-block"])
+@pytest.mark.parametrize(
+    "settings",
+    [{}, {"p1_penalty": 8, "p2_penalty": 32}, {"block_width": 1, "block_height": 1}],
+    ids=["default", "sapien", "no-block"],
+)
 def test_depth_agrees_with_the_device(pair, settings):
     left, right, device_mm = pair
     median_mm, fill, device_fill = agreement(engine_mm(left, right, **settings), device_mm)

@@ -27,7 +27,9 @@ def table(table_top):
 
 @pytest.fixture(scope="module")
 def by_material(table):
-    rows = accuracy_by_material(table.get_depth(), table.get_true_depth(), table.get_material_ids(), table.scene.material_name)
+    rows = accuracy_by_material(
+        table.get_depth(), table.get_true_depth(), table.get_material_ids(), table.scene.material_name
+    )
     return {row.name: row for row in rows}
 
 
@@ -49,7 +51,9 @@ def test_most_of_the_table_is_measured_well(by_material):
 def test_materials_that_break_stereo_do(by_material):
     for name in ("glass", "steel"):  # light goes elsewhere: every match is off
         assert by_material[name].median_error_m > 2 * by_material["clay"].median_error_m, name
-    assert by_material["velvet"].p90_error_m > 2 * by_material["clay"].p90_error_m  # little light comes back: some matches are noise
+    assert (
+        by_material["velvet"].p90_error_m > 2 * by_material["clay"].p90_error_m
+    )  # little light comes back: some matches are noise
     assert 1 - by_material["glass"].fill > 3 * (1 - by_material["clay"].fill)  # and some find none
 
 
@@ -106,7 +110,8 @@ def wall_scene(distance_m):
 
 
 def test_a_wall_in_front_of_the_sensor_is_as_far_as_it_is(small_config):
-    """The default pose looks along x. Nothing but axes, poses, projector, matcher and registration in their places gives this number."""
+    """The default pose looks along x. Nothing but axes, poses, projector, matcher and registration in their places
+    gives this number."""
     small_config.max_bounces = 0
     sensor = StereoDepthSensor(small_config, wall_scene(0.9))
     sensor.take_picture()
@@ -131,7 +136,9 @@ def test_moving_the_mount_moves_the_sensor(small_config):
     sensor.take_picture()
     np.testing.assert_allclose(sensor.get_true_depth(), 1.0, rtol=1e-5)
     matrix = Pose([0.1, 0.0, 0.0]).to_transformation_matrix()
-    np.testing.assert_allclose(StereoDepthSensor(small_config, Mount(wall_scene(0.9), matrix), pose=matrix).get_pose().p, [0.2, 0.0, 0.0])
+    np.testing.assert_allclose(
+        StereoDepthSensor(small_config, Mount(wall_scene(0.9), matrix), pose=matrix).get_pose().p, [0.2, 0.0, 0.0]
+    )
 
 
 def test_the_projector_is_seen_by_the_infrared_cameras_only(small_config):
@@ -171,13 +178,29 @@ def test_setters_reach_the_engine_and_bad_values_change_nothing(small_config):
     sensor.set_lr_max_diff(-1)
     sensor.set_ir_noise(2.0, 3.0)
     p = sensor.engine.parameters
-    names = ("census_width", "census_height", "block_width", "block_height", "p1", "p2", "uniqueness_ratio", "lr_max_diff")
+    names = (
+        "census_width",
+        "census_height",
+        "block_width",
+        "block_height",
+        "p1",
+        "p2",
+        "uniqueness_ratio",
+        "lr_max_diff",
+    )
     assert [p[name] for name in names] == [5, 7, 3, 5, 5, 50, 20, -1]
     assert (p["speckle_shape"], p["adc_noise_dn"]) == pytest.approx((1333.33 / 2.0, 0.75))
     sensor.set_ir_noise(0.0, 0.0)
     assert sensor.engine.parameters["speckle_shape"] == sensor.engine.parameters["adc_noise_dn"] == 0.0
-    assert p["exposure_s"] * p["responsivity_e"] == pytest.approx(sensor.ir_gain) and p["black_level_dn"] == small_config.ir_black_level_dn
-    for bad in (lambda: sensor.set_penalties(50, 5), lambda: sensor.set_ir_noise(1.0, 0.0), lambda: sensor.set_census_window_size(4, 4)):
+    assert (
+        p["exposure_s"] * p["responsivity_e"] == pytest.approx(sensor.ir_gain)
+        and p["black_level_dn"] == small_config.ir_black_level_dn
+    )
+    for bad in (
+        lambda: sensor.set_penalties(50, 5),
+        lambda: sensor.set_ir_noise(1.0, 0.0),
+        lambda: sensor.set_census_window_size(4, 4),
+    ):
         with pytest.raises(ValueError):
             bad()
     assert sensor.get_config().p1_penalty == 5 and sensor.get_config().ir_speckle_noise == 0.0
@@ -286,7 +309,9 @@ def test_speckle_is_of_the_laser_alone_where_asked(table_top, small_config):
     sensor.take_picture(infrared_only=True)
     sensor.compute_depth()
     counts_per_radiance = sensor.ir_gain * 100.0
-    for got, clean, all_light, laser in zip(sensor.get_ir_measured(), sensor.get_ir(), sensor._link.images, sensor._laser, strict=True):
+    for got, clean, all_light, laser in zip(
+        sensor.get_ir_measured(), sensor.get_ir(), sensor._link.images, sensor._laser, strict=True
+    ):
         noise = (got - 65535.0 * clean) / counts_per_radiance
         bright = (laser > 0.01) & (got < 65535)
         assert np.std(noise[bright] / laser[bright]) == pytest.approx(0.5, rel=0.03)  # Gamma(4, 1/4)'s

@@ -31,7 +31,9 @@ def test_depth_through_a_lens_is_as_good_as_without_one(small_config):
     small_config.max_bounces, small_config.ir_speckle_noise = 0, 0.0
     bent = deepcopy(small_config)
     bent.ir_distortion = LENS
-    plain, through_lens, unaware = (StereoDepthSensor(c, wall_scene(DISTANCE_M)) for c in (small_config, bent, small_config))
+    plain, through_lens, unaware = (
+        StereoDepthSensor(c, wall_scene(DISTANCE_M)) for c in (small_config, bent, small_config)
+    )
     unaware.ir_cameras = through_lens.ir_cameras
     (ideal, ideal_fill), (error, fill), (wrong, _) = (wall_error(s) for s in (plain, through_lens, unaware))
     assert ideal[0] < 0.005 and ideal_fill > 0.99
@@ -127,9 +129,13 @@ def test_a_rolling_shutter_shears_an_edge(small_config, readout, direction):
     for speed in (0.0, SPEED):  # the edge has a tilt of its own in a camera that is turned
         sensor.set_velocity([speed, 0.0, 0.0])
         pictures = radiances(sensor)
-        slopes.append({name: np.polyfit(np.arange(len(image)), edge_moments(image)[0], 1)[0] for name, image in pictures.items()})
+        slopes.append(
+            {name: np.polyfit(np.arange(len(image)), edge_moments(image)[0], 1)[0] for name, image in pictures.items()}
+        )
     config = sensor.get_config()
-    sheared = -direction * config.ir_intrinsic[0, 0] * SPEED * config.ir_line_time_s / DISTANCE_M  # px per row: the edge goes to the left
+    sheared = (
+        -direction * config.ir_intrinsic[0, 0] * SPEED * config.ir_line_time_s / DISTANCE_M
+    )  # px per row: the edge goes to the left
     for name, expected in {"rgb": 0.0, "left": sheared, "right": sheared}.items():
         assert slopes[1][name] - slopes[0][name] == pytest.approx(expected, abs=0.05 * abs(sheared)), name
 
@@ -141,7 +147,9 @@ def test_the_whole_rig_moves_as_one_body(small_config):
     sensor.take_picture(infrared_only=True)
     left, right = sensor.ir_cameras()
     rgb, projector = sensor.rgb_camera(), sensor.scene.get_light(0)
-    assert left.linear_velocity == pytest.approx((0.3, -0.2, 0.5)) and left.angular_velocity == pytest.approx((0.4, 1.5, -0.7))
+    assert left.linear_velocity == pytest.approx((0.3, -0.2, 0.5)) and left.angular_velocity == pytest.approx(
+        (0.4, 1.5, -0.7)
+    )
 
     def pose_at(thing, pose, time_s):
         wx, wy, wz = thing.angular_velocity
@@ -149,16 +157,27 @@ def test_the_whole_rig_moves_as_one_body(small_config):
         generator[:3] = np.column_stack([[[0, -wz, wy], [wz, 0, -wx], [-wy, wx, 0]], thing.linear_velocity])
         return pose @ expm(time_s * generator)
 
-    for thing, pose in ((right, right.camera_to_world), (rgb, rgb.camera_to_world), (projector, projector.light_to_world)):
+    for thing, pose in (
+        (right, right.camera_to_world),
+        (rgb, rgb.camera_to_world),
+        (projector, projector.light_to_world),
+    ):
         beside = [np.linalg.inv(pose_at(left, left.camera_to_world, t)) @ pose_at(thing, pose, t) for t in (0.0, 0.8)]
         np.testing.assert_allclose(*beside, atol=1e-7)
-    np.testing.assert_allclose(projector.light_to_world, camera_to_world(as_matrix(small_config.pose_rgb_irproj)), atol=1e-7)
+    np.testing.assert_allclose(
+        projector.light_to_world, camera_to_world(as_matrix(small_config.pose_rgb_irproj)), atol=1e-7
+    )
 
 
 def test_dots_on_a_wall_stay_where_they_are_in_a_sensor_that_slides_along_it(small_config):
-    """The projector goes with the cameras: what they see of it does not move, and so nothing blurs; without it the dots would run by 5 pixels."""
+    """The projector goes with the cameras: what they see of it does not move, and so nothing blurs; without it the dots
+    would run by 5 pixels."""
     small_config.max_bounces, small_config.ir_camera_exposure = 0, 0.02
-    along_wall = camera_to_world(small_config.trans_pose_l)[:3, :3].T @ [0.0, -1.0, 0.0]  # sideways, in the left camera's axes
+    along_wall = camera_to_world(small_config.trans_pose_l)[:3, :3].T @ [
+        0.0,
+        -1.0,
+        0.0,
+    ]  # sideways, in the left camera's axes
     contrast = {}
     for case in ("still", "moving", "left behind"):
         sensor = StereoDepthSensor(small_config, wall_scene(DISTANCE_M))

@@ -15,7 +15,11 @@ def write_gltf(folder, solids):
         nonlocal blob
         data = array.tobytes()
         views.append({"buffer": 0, "byteOffset": len(blob), "byteLength": len(data)})
-        entry = {"bufferView": len(views) - 1, "componentType": component, "count": array.size // (3 if kind == "VEC3" else 1)}
+        entry = {
+            "bufferView": len(views) - 1,
+            "componentType": component,
+            "count": array.size // (3 if kind == "VEC3" else 1),
+        }
         if bounds:
             entry |= {"min": array.min(axis=0).tolist(), "max": array.max(axis=0).tolist()}
         accessors.append(entry | {"type": kind})
@@ -29,7 +33,9 @@ def write_gltf(folder, solids):
             "NORMAL": accessor(normals.astype("<f4"), "VEC3", 5126, False),
         }
         indices = accessor(faces.ravel().astype("<u4"), "SCALAR", 5125, False)
-        meshes.append({"name": solid.name, "primitives": [{"attributes": attributes, "indices": indices, "material": i}]})
+        meshes.append(
+            {"name": solid.name, "primitives": [{"attributes": attributes, "indices": indices, "material": i}]}
+        )
         nodes.append({"name": solid.name, "mesh": i})
         materials.append(_lambertian(solid))
     document = {
@@ -55,7 +61,11 @@ def _lambertian(solid):
     return {
         "name": solid.name,
         "doubleSided": True,
-        "pbrMetallicRoughness": {"baseColorFactor": [gray, gray, gray, 1.0], "metallicFactor": 0.0, "roughnessFactor": 1.0},
+        "pbrMetallicRoughness": {
+            "baseColorFactor": [gray, gray, gray, 1.0],
+            "metallicFactor": 0.0,
+            "roughnessFactor": 1.0,
+        },
         "extensions": {"KHR_materials_specular": {"specularFactor": 0.0}},
         "extras": {"ir_albedo": gray},
     }

@@ -58,8 +58,8 @@ def bilinear(image, u, v):
 
 
 def radiance(solids, origins, directions, projector, rng, bounces):
-    """(direct projector, indirect projector, sky) radiance along each ray, sky radiance 1; and t, normal, index of the first
-    hit. One cosine-distributed path per ray."""
+    """(direct projector, indirect projector, sky) radiance along each ray, sky radiance 1; and t, normal, index of the
+    first hit. One cosine-distributed path per ray."""
     count = len(origins)
     direct, indirect, sky = np.zeros(count), np.zeros(count), np.zeros(count)
     weight = np.ones(count)

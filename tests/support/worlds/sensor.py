@@ -10,7 +10,8 @@ from worlds.pcg import Pcg
 
 @dataclass(frozen=True)
 class Sensor:
-    """projector_scale, ambient_scale: DN per second x gain x radiance; shot: DN of variance per DN; speckle_k: gamma shape."""
+    """projector_scale, ambient_scale: DN per second x gain x radiance; shot: DN of variance per DN; speckle_k: gamma
+    shape."""
 
     projector_scale: float
     ambient_scale: float

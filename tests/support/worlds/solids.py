@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Lambertian solids with closed-form ray intersections, and their triangles for the glTF file.
 
-Rays are float64 arrays of origins and unit directions [n][3]; a miss has t = inf. Solids are closed or two-sided; normals
-point outwards, and a rectangle's along its `normal`.
+Rays are float64 arrays of origins and unit directions [n][3]; a miss has t = inf. Solids are closed or two-sided;
+normals point outwards, and a rectangle's along its `normal`.
 """
 
 from dataclasses import dataclass

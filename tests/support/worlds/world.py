@@ -70,15 +70,19 @@ def make_world(folder, seed=1, size=(106, 60), sensor=None, grid=4, bounces=3):
     rig = _rig(size, folder / "pattern.png")
     poses = [look_at(eye, (0.0, 0.08, -0.2)) for eye in ((0.0, 0.4, 0.5), (-0.25, 0.35, 0.4), (0.2, 0.45, 0.45))]
     plan = [  # pose, exposure_s, projector power, repeat group, split
-        (0, 0.004, 1.0, 0, "train"), (0, 0.004, 1.0, 0, "train"), (1, 0.004, 1.0, 1, "train"), (1, 0.004, 1.0, 1, "train"),
-        (2, 0.004, 1.0, 2, "test"), (2, 0.004, 1.0, 2, "test"), (0, 0.004, 0.0, None, "train"), (1, 0.002, 1.0, None, "test"),
+        (0, 0.004, 1.0, 0, "train"), (0, 0.004, 1.0, 0, "train"), (1, 0.004, 1.0, 1, "train"),
+        (1, 0.004, 1.0, 1, "train"),
+        (2, 0.004, 1.0, 2, "test"), (2, 0.004, 1.0, 2, "test"), (0, 0.004, 0.0, None, "train"),
+        (1, 0.002, 1.0, None, "test"),
     ]  # fmt: skip
     frames, images, views, by_pose = [], {}, {}, {}
     for i, (pose, exposure, power, group, split) in enumerate(plan):
         frames.append(_frame(i, poses[pose], exposure, power, group, split))
         for e, eye in enumerate(("left", "right")):
             if (pose, eye) not in by_pose:
-                by_pose[pose, eye] = see(solids, rig, pattern, poses[pose], eye, 1000 * seed + 2 * pose + e, grid, bounces)
+                by_pose[pose, eye] = see(
+                    solids, rig, pattern, poses[pose], eye, 1000 * seed + 2 * pose + e, grid, bounces
+                )
             views[i, eye] = by_pose[pose, eye]
             images[i, eye] = expose(sensor, views[i, eye], exposure, power, seed=7919 * seed + 2 * i + e)
     capture = Capture(folder, f"world-{seed}", scene_path, rig, tuple(frames))

@@ -7,8 +7,8 @@ from worlds.blind.rig import HEIGHT, WIDTH, moved
 
 
 def rays(rig, frame, eye, hidden, sub, dt_s=0.0, offset=(0.0, 0.0)):
-    """(origins, directions [n][3], rig poses [n][4][4] at the ray's time), row by row of a grid of sub x sub rays per pixel;
-    offset: shift of the grid within its cells."""
+    """(origins, directions [n][3], rig poses [n][4][4] at the ray's time), row by row of a grid of sub x sub rays per
+    pixel; offset: shift of the grid within its cells."""
     columns = (np.arange(WIDTH * sub) + 0.5 + offset[0]) / sub - 0.5
     rows = (np.arange(HEIGHT * sub) + 0.5 + offset[1]) / sub - 0.5
     u, v = np.meshgrid(columns, rows)
@@ -40,14 +40,20 @@ def _directions(rig, frame, eye, hidden, u, v):
     if "principal_point_offset" in hidden and eye == "right":
         cx, cy = cx + hidden["principal_point_offset"]["cx_px"], cy + hidden["principal_point_offset"]["cy_px"]
     if "rectification_resampling" in hidden:  # The raw grid lies off the rectified one.
-        u, v = u + hidden["rectification_resampling"]["phase_u_px"], v + hidden["rectification_resampling"]["phase_v_px"]
+        u, v = (
+            u + hidden["rectification_resampling"]["phase_u_px"],
+            v + hidden["rectification_resampling"]["phase_v_px"],
+        )
     x, y = (u - cx) / fx, (v - cy) / fy
     if "radial_distortion" in hidden:  # Division model (Fitzgibbon 2001); k1 to first order.
         ratio = 1.0 / (1.0 + hidden["radial_distortion"]["k1"] * (x * x + y * y))
         x, y = x * ratio, y * ratio
     if "tangential_distortion" in hidden:
         p, r2 = hidden["tangential_distortion"], x * x + y * y
-        x, y = x - 2 * p["p1"] * x * y - p["p2"] * (r2 + 2 * x * x), y - p["p1"] * (r2 + 2 * y * y) - 2 * p["p2"] * x * y
+        x, y = (
+            x - 2 * p["p1"] * x * y - p["p2"] * (r2 + 2 * x * x),
+            y - p["p1"] * (r2 + 2 * y * y) - 2 * p["p2"] * x * y,
+        )
     directions = np.stack([x, y, np.ones_like(x)], axis=-1)
     return directions / np.linalg.norm(directions, axis=-1, keepdims=True)
 

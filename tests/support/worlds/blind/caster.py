@@ -9,7 +9,8 @@ LIFT_M = 1e-6
 
 
 def closest(solids, origins, directions, skip=None):
-    """(t, unit normal facing the ray, index or -1) of rays [n][3]; skip: index of a solid that the ray does not see, per ray."""
+    """(t, unit normal facing the ray, index or -1) of rays [n][3]; skip: index of a solid that the ray does not see,
+    per ray."""
     t = np.full(len(directions), np.inf)
     normal = np.zeros((len(directions), 3))
     index = np.full(len(directions), -1)

@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What may be hidden in a world: every effect at four strengths, pairs, effects that no library has, depth-engine faults.
+"""What may be hidden in a world: every effect at four strengths, pairs, effects that no library has, depth-engine
+faults.
 
-A level multiplies the scaled parameters; the four were measured on trial worlds so that the error they leave on test frames,
-over the noise floor and in quadrature, is about TARGETS (see oracle.py). Two effects change the noise itself: theirs are chosen.
+A level multiplies the scaled parameters; the four were measured on trial worlds so that the error they leave on test
+frames, over the noise floor and in quadrature, is about TARGETS (see oracle.py). Two effects change the noise itself:
+theirs are chosen.
 """
 
 from dataclasses import dataclass, field
@@ -37,9 +39,15 @@ SINGLE = {
     "projector_vignetting": Entry((0.7, 2, 4.9, 11), {"exponent": 0.5}),
     "laser_power_drift": Entry((0.6, 1.7, 3.5, 5.2), {"per_k": -0.005}, {"per_s": (0.0, 0.0)}),
     "speckle_static": Entry((0.47, 1.3, 2.9, 6.6), {"contrast": 0.05}),
-    "second_projector": Entry((0.42, 1.2, 2.9, 6.8), {"power": 0.1}, {"on_rig": (-1, 1), "beside_m": (0.1, 0.3), "yaw_rad": (-0.15, 0.05)}),
+    "second_projector": Entry(
+        (0.42, 1.2, 2.9, 6.8), {"power": 0.1}, {"on_rig": (-1, 1), "beside_m": (0.1, 0.3), "yaw_rad": (-0.15, 0.05)}
+    ),
     "ambient_ir": Entry((0.6, 1.8, 4.5, 11), {"strength": 0.5}),
-    "flicker_banding": Entry((1.5, 3, 5, 6.5), {"depth": 0.1}, {"frequency_hz": (100, 120), "phase_rad": (-3, 3), "line_time_s": (1e-5, 3e-5)}),
+    "flicker_banding": Entry(
+        (1.5, 3, 5, 6.5),
+        {"depth": 0.1},
+        {"frequency_hz": (100, 120), "phase_rad": (-3, 3), "line_time_s": (1e-5, 3e-5)},
+    ),
     "specular": Entry((0.12, 0.3, 0.6, 0.9), {"f0": 0.05}, {"roughness": (0.25, 0.4), "everywhere": (-1, 1)}),
     "transmission": Entry((0.47, 1.2, 2.5, 5.4), {"share": 0.1}),
     "subsurface": Entry((0.5, 2, 6, 14), {"length_m": 1e-3}, {"everywhere": (-1, 1)}),
@@ -125,7 +133,8 @@ def pairs(count):
 
 
 def draw_hidden(strengths, rng):
-    """{effect: parameters} of {effect: index into STRENGTHS}, and the moving frames' exposure in units of the others'."""
+    """{effect: parameters} of {effect: index into STRENGTHS}, and the moving frames' exposure in units of the
+    others'."""
     hidden, moving_exposure = {}, 1 / 8
     for name, strength in strengths.items():
         hidden[name] = CATALOGUE[name].draw(strength, rng)

@@ -6,7 +6,9 @@ from scipy.ndimage import gaussian_filter, median_filter, uniform_filter
 
 MAX_DISPARITY = 32
 _P1, _P2 = 4, 28
-_CROSS = [(dy, dx) for dy in range(-3, 4) for dx in range(-4, 5) if (dy, dx) != (0, 0) and (abs(dx) % 2 == 0 or dy == 0)]
+_CROSS = [
+    (dy, dx) for dy in range(-3, 4) for dx in range(-4, 5) if (dy, dx) != (0, 0) and (abs(dx) % 2 == 0 or dy == 0)
+]
 _PATHS = [(0, 1), (0, -1), (1, 0), (-1, 0), (1, 1), (1, -1), (-1, 1), (-1, -1)]
 
 
@@ -30,11 +32,15 @@ def _faults(disparity, hidden):
         a = hidden["pixel_locking"]["amplitude_px"]
         d = d - a * (np.sin(2 * np.pi * d) - np.sin(6 * np.pi * d) / 9)
     if "foreshortening_bias" in hidden:
-        smooth = gaussian_filter(np.where(valid, d, 0.0), 2.5) / np.maximum(gaussian_filter(valid.astype(float), 2.5), 1e-6)
+        smooth = gaussian_filter(np.where(valid, d, 0.0), 2.5) / np.maximum(
+            gaussian_filter(valid.astype(float), 2.5), 1e-6
+        )
         d = d + hidden["foreshortening_bias"]["px_per_slope"] * np.abs(np.gradient(smooth, axis=0)).clip(0, 0.3)
     if "post_filter" in hidden:
         sigma = hidden["post_filter"]["sigma_px"]
-        d = gaussian_filter(np.where(valid, d, 0.0), sigma) / np.maximum(gaussian_filter(valid.astype(float), sigma), 1e-6)
+        d = gaussian_filter(np.where(valid, d, 0.0), sigma) / np.maximum(
+            gaussian_filter(valid.astype(float), sigma), 1e-6
+        )
     return np.where(valid, d, 0.0)
 
 

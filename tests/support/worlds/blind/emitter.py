@@ -17,10 +17,16 @@ class Emitter:
     def __init__(self, rig, hidden, seed):
         self.K = rig.projector_K()
         self._hidden = hidden
-        self.pattern = _with_uneven_dots(rig.pattern, seed, **hidden["dot_gain_spread"]) if "dot_gain_spread" in hidden else rig.pattern
+        self.pattern = (
+            _with_uneven_dots(rig.pattern, seed, **hidden["dot_gain_spread"])
+            if "dot_gain_spread" in hidden
+            else rig.pattern
+        )
         self._levels = {0: self.pattern}
         # Bounced light is smooth: it may see a blurred pattern, which its coarse texels sample without aliasing.
-        self._coarse = fftconvolve(np.pad(self.pattern, 40), np.outer(_gauss(14.0), _gauss(14.0)), mode="same")[40:-40, 40:-40]
+        self._coarse = fftconvolve(np.pad(self.pattern, 40), np.outer(_gauss(14.0), _gauss(14.0)), mode="same")[
+            40:-40, 40:-40
+        ]
 
     def intensity(self, local, frame, coarse=False):
         """Towards points [n][3] of the projector's frame."""
@@ -54,11 +60,14 @@ class Emitter:
             shading = shading * np.exp(p["per_k"] * frame.warming_k) * (1.0 + p["per_s"] * frame.timestamp_s)
         if "emitter_bands" in h:
             p = h["emitter_bands"]
-            shading = shading * (1.0 + p["depth"] * np.sin(2 * np.pi * p["cycles"] * (x * np.cos(0.4) + y * np.sin(0.4))))
+            shading = shading * (
+                1.0 + p["depth"] * np.sin(2 * np.pi * p["cycles"] * (x * np.cos(0.4) + y * np.sin(0.4)))
+            )
         return shading
 
     def _defocused(self, u, v, z, aperture_px_m, focus_m):
-        """Through a hexagonal aperture of a disc's second moment: stack of blurred patterns, linear between its levels."""
+        """Through a hexagonal aperture of a disc's second moment: stack of blurred patterns, linear between its
+        levels."""
         level = aperture_px_m * np.abs(1.0 / z - 1.0 / focus_m) / _LEVEL_STEP_PX
         level = np.minimum(level, 60.0)
         low = np.floor(level).astype(int)
@@ -66,7 +75,9 @@ class Emitter:
         for i in np.unique(low):
             here = low == i
             part = level[here] - i
-            value[here] = (1 - part) * _sample(self._level(i), u[here], v[here]) + part * _sample(self._level(i + 1), u[here], v[here])
+            value[here] = (1 - part) * _sample(self._level(i), u[here], v[here]) + part * _sample(
+                self._level(i + 1), u[here], v[here]
+            )
         return value
 
     def _level(self, i):
@@ -84,7 +95,10 @@ class Emitter:
         step = sigma_px * radius / (PATTERN_WIDTH / 2)
         taps = np.linspace(-2, 2, _ASTIGMATIC_TAPS)
         weights = np.exp(-0.5 * taps**2) / np.exp(-0.5 * taps**2).sum()
-        return sum(w * _sample(self.pattern, u + t * step * du / radius, v + t * step * dv / radius) for t, w in zip(taps, weights, strict=True))
+        return sum(
+            w * _sample(self.pattern, u + t * step * du / radius, v + t * step * dv / radius)
+            for t, w in zip(taps, weights, strict=True)
+        )
 
 
 def _diffracted(x, y, frame, scale=0.0, per_k=0.0):
@@ -118,7 +132,10 @@ def _hexagon(disc_diameter):
     x, y = np.meshgrid(grid, grid)
     inside = np.ones_like(x, dtype=bool)
     for k in range(3):
-        inside &= np.abs(x * np.cos(k * np.pi / 3 + np.pi / 6) + y * np.sin(k * np.pi / 3 + np.pi / 6)) <= radius * np.sqrt(3) / 2
+        inside &= (
+            np.abs(x * np.cos(k * np.pi / 3 + np.pi / 6) + y * np.sin(k * np.pi / 3 + np.pi / 6))
+            <= radius * np.sqrt(3) / 2
+        )
     size = 2 * half + 1
     kernel = inside.reshape(size, fine, size, fine).mean(axis=(1, 3))
     return kernel / kernel.sum()

@@ -38,14 +38,19 @@ def write_capture(folder, name, rig, solids, frames, images, depths, max_dispari
     for (frame_id, eye), image in images.items():
         write_png(folder / eye / f"{frame_id:06}.png", image)
     for frame_id, depth in depths.items():
-        write_png(folder / "depth" / f"{frame_id:06}.png", np.rint(depth / DEPTH_SCALE).clip(0, 65535).astype(np.uint16))
+        write_png(
+            folder / "depth" / f"{frame_id:06}.png", np.rint(depth / DEPTH_SCALE).clip(0, 65535).astype(np.uint16)
+        )
     document = {
         "format": "active-stereo-capture",
         "version": 1,
         "name": name,
         "scene": "scene.gltf",
         "rig": _rig(rig, line_time_s),
-        "depth_engine": {"max_disparity": max_disparity, "notes": "census + 8-path SGM, left-right check, 1/16 px, 3x3 median"},
+        "depth_engine": {
+            "max_disparity": max_disparity,
+            "notes": "census + 8-path SGM, left-right check, 1/16 px, 3x3 median",
+        },
         "frames": [_frame(frame, frame.id in depths) for frame in frames],
     }
     (folder / "capture.json").write_text(json.dumps(document, indent=1))

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From light on pixels to digital numbers. Static fields come from the sensor's seed, temporal noise from the frame's."""
+"""From light on pixels to digital numbers. Static fields come from the sensor's seed, temporal noise from the
+frame's."""
 
 from dataclasses import dataclass
 
@@ -69,7 +70,9 @@ def _charge(sensor, lights, frame, eye, hidden, previous):
     if previous is not None:
         signal = signal + previous
     if "prnu" in hidden:
-        signal = signal * (1.0 + hidden["prnu"]["sigma"] * np.sqrt(3) * static_rng(sensor, 21, eye).uniform(-1, 1, SHAPE))
+        signal = signal * (
+            1.0 + hidden["prnu"]["sigma"] * np.sqrt(3) * static_rng(sensor, 21, eye).uniform(-1, 1, SHAPE)
+        )
     if "tap_gain" in hidden:
         signal = signal * np.where(np.arange(WIDTH) < WIDTH // 2, 1.0, 1.0 + hidden["tap_gain"]["gain"])
     exposure = frame.exposure_s * frame.gain
@@ -160,7 +163,8 @@ def _grain(sensor, frame, eye, contrast):
 
 
 def _flicker(frame, depth, frequency_hz, phase_rad, line_time_s):
-    """A rectified sine, as lamps without smoothing give; its fundamental has the amplitude `depth`. Mean over each row's exposure."""
+    """A rectified sine, as lamps without smoothing give; its fundamental has the amplitude `depth`. Mean over each
+    row's exposure."""
     row_time = frame.timestamp_s + (np.arange(HEIGHT) - (HEIGHT - 1) / 2) * line_time_s
     instants = row_time[:, None] + (np.arange(24) + 0.5 - 12) / 24 * frame.exposure_s
     wave = np.pi / 2 * np.abs(np.sin(np.pi * frequency_hz * instants + phase_rad / 2))

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Indirect light by radiosity: form factors between texels by quasi-random rays, once per scene, for every pose of the rig.
+"""Indirect light by radiosity: form factors between texels by quasi-random rays, once per scene, for every pose of the
+rig.
 
 All values are irradiance / pi, so that albedo times a value is a radiance.
 """
@@ -90,7 +91,8 @@ class Lightmap:
         return self._filled(self._sky) + (1.0 + bounce_gain) * self.bounced(self._sky)
 
     def _filled(self, values):
-        """Texels that nobody sees take the nearest exposed one's value, so that interpolation does not darken its neighbours."""
+        """Texels that nobody sees take the nearest exposed one's value, so that interpolation does not darken its
+        neighbours."""
         values = values.copy()
         for starts, group in zip(self._starts, self._charts, strict=True):
             for start, chart in zip(starts, group, strict=True):

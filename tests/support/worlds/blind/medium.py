@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Haze between rig and scene: Beer-Lambert fading, ambient light scattered in, and the projector's beam seen from the side."""
+"""Haze between rig and scene: Beer-Lambert fading, ambient light scattered in, and the projector's beam seen from the
+side."""
 
 import numpy as np
 
@@ -20,7 +21,8 @@ def faded(lights, origins, directions, t, projector_centres, extinction_per_m):
 
 
 def backscatter(world, frame, origins, directions, t, row, poses, extinction_per_m):
-    """Single isotropic scattering of the rig's own beam, by midpoints in log distance; shadows in the haze are left out."""
+    """Single isotropic scattering of the rig's own beam, by midpoints in log distance; shadows in the haze are left
+    out."""
     centres = (poses[:, :3, 0] * world.rig.projector_x_m + poses[:, :3, 3])[row]
     edges = np.geomspace(_NEAR_M, _FAR_M, _STEPS + 1)
     total = np.zeros(len(directions))

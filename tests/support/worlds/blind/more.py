@@ -24,13 +24,19 @@ CHOICES = {
 
 
 def more_frames(frames, change):
-    """The frames, and after them the changed ones of every train view; repeats: as many more of each; views: so many like the first
-    frame from other places instead."""
+    """The frames, and after them the changed ones of every train view; repeats: as many more of each; views: so many
+    like the first frame from other places instead."""
     if "views" in change:
         rng = np.random.Generator(np.random.PCG64([_SEED, len(frames)]))
         new = [replace(frames[0], camera_to_world=random_pose(rng), repeat_group=None) for _ in range(change["views"])]
         times = frames[-1].timestamp_s + _PAUSE_S * np.arange(1, len(new) + 1)
-        return (*frames, *(replace(f, id=len(frames) + i, timestamp_s=float(t)) for i, (f, t) in enumerate(zip(new, times, strict=True))))
+        return (
+            *frames,
+            *(
+                replace(f, id=len(frames) + i, timestamp_s=float(t))
+                for i, (f, t) in enumerate(zip(new, times, strict=True))
+            ),
+        )
     views, seen = [], set()
     for frame in frames:
         view = frame.camera_to_world.tobytes(), frame.exposure_s, frame.power, frame.temperature_c, frame.twist

@@ -13,7 +13,8 @@ _GLARE_SIGMA_PX, _WINDOW_PX = 45.0, 11.0
 
 
 def on_pixels(layers, frame, eye, hidden, rig):
-    """(own projector, sky and lamp, second projector) [HEIGHT][WIDTH]: irradiance on the sensor in units of radiance."""
+    """(own projector, sky and lamp, second projector) [HEIGHT][WIDTH]: irradiance on the sensor in units of
+    radiance."""
     direct, indirect = layers.direct, layers.indirect
     if "chromatic_drift" in hidden:
         p = hidden["chromatic_drift"]
@@ -21,7 +22,9 @@ def on_pixels(layers, frame, eye, hidden, rig):
         share = 1.0 / (1.0 - p["transmission_per_k"] * warm)
         direct = share * _blurred(direct, _DISC_PER_SIGMA * p["sigma_px_per_k"] * warm)
         indirect = share * indirect
-    return tuple(_through_lens(light, eye, hidden, rig) for light in (direct + indirect, layers.sky + layers.lamp, layers.other))
+    return tuple(
+        _through_lens(light, eye, hidden, rig) for light in (direct + indirect, layers.sky + layers.lamp, layers.other)
+    )
 
 
 def _through_lens(fine, eye, hidden, rig):
@@ -36,7 +39,9 @@ def _through_lens(fine, eye, hidden, rig):
         image = (1 - h) * image + h * _halo(image)
     if "veiling_glare" in hidden:  # Half of it wide but not even.
         g = hidden["veiling_glare"]["fraction"]
-        image = (1 - g) * image + 0.5 * g * (image.mean() + gaussian_filter(image, _GLARE_SIGMA_PX, mode="reflect", truncate=2.5))
+        image = (1 - g) * image + 0.5 * g * (
+            image.mean() + gaussian_filter(image, _GLARE_SIGMA_PX, mode="reflect", truncate=2.5)
+        )
     if "ghost_image" in hidden:
         image = image + hidden["ghost_image"]["fraction"] * image[::-1, ::-1]
     return image * _shading(eye, hidden, rig)

@@ -9,8 +9,9 @@ EYES = ("left", "right")
 
 
 def errors(world, images):
-    """{split: {floor_dn, before_dn, ratio}}: RMSE of the truth, and of the world without its hidden effects after fitting projector
-    scale, ambient scale and black level on the train frames; ratio: root of the excess square, over the floor."""
+    """{split: {floor_dn, before_dn, ratio}}: RMSE of the truth, and of the world without its hidden effects after
+    fitting projector scale, ambient scale and black level on the train frames; ratio: root of the excess square, over
+    the floor."""
     scales = _fit(world, images)
     figures = {}
     for split in ("train", "test"):
@@ -19,7 +20,12 @@ def errors(world, images):
             for eye in EYES:
                 measured = images[frame.id, eye].astype(np.float64)
                 floor.append(np.mean((measured - world.expected(frame, eye, world.hidden)) ** 2))
-                before.append(np.mean((measured - np.clip(scales @ _columns(world, frame, eye), 0, MAX_DN).reshape(measured.shape)) ** 2))
+                before.append(
+                    np.mean(
+                        (measured - np.clip(scales @ _columns(world, frame, eye), 0, MAX_DN).reshape(measured.shape))
+                        ** 2
+                    )
+                )
         floor, before = np.sqrt(np.mean(floor)), np.sqrt(np.mean(before))
         ratio = np.sqrt(max(0.0, before**2 - floor**2)) / floor
         figures[split] = {"floor_dn": float(floor), "before_dn": float(before), "ratio": float(ratio)}
@@ -30,7 +36,10 @@ def ratio_alone(world, name, floor_dn):
     """errors()' ratio on test frames if the world hid this one of its effects alone."""
     hidden = {name: world.hidden[name]}
     images = {(frame.id, eye): world.expected(frame, eye, hidden) for frame in world.frames for eye in EYES}
-    scales, tests = _fit(world, images), [(frame, eye) for frame in world.frames if frame.split == "test" for eye in EYES]
+    scales, tests = (
+        _fit(world, images),
+        [(frame, eye) for frame in world.frames if frame.split == "test" for eye in EYES],
+    )
     rest = [images[f.id, e].ravel() - np.clip(scales @ _columns(world, f, e), 0, MAX_DN) for f, e in tests]
     return float(np.sqrt(np.mean(np.square(rest))) / floor_dn)
 
@@ -68,7 +77,9 @@ def _scored(world, name, values):
         return {"log_gain": float(np.log1p(values["error"]) / np.log(gain))}
     if name == "projector_defocus":  # The radius; hidden is the diameter of the disc of equal second moment.
         return {"aperture_px_m": values["aperture_px_m"] / 2}
-    if name == "subsurface":  # The rms distance along one axis; hidden is the length of exp(-r / length) over the surface.
+    if (
+        name == "subsurface"
+    ):  # The rms distance along one axis; hidden is the length of exp(-r / length) over the surface.
         return {"length_m": float(np.sqrt(3.0) * values["length_m"])}
     main = {
         "flicker_banding": ("depth",),

@@ -68,13 +68,16 @@ def believed(rig, rng, amount):
 
 
 def draw_frames(rng, moving_exposure=1 / 8):
-    """Two poses with repeat, projector off and half exposure; two moving; warm at both poses. Test: a moving and a warm one.
+    """Two poses with repeat, projector off and half exposure; two moving; warm at both poses. Test: a moving and a warm
+    one.
 
     moving_exposure: of the moving frames, in units of the others; their gain makes up for it."""
     poses = [random_pose(rng) for _ in range(4)]
     exposure = rng.uniform(0.0035, 0.0045)
     moving = {"exposure_s": exposure * moving_exposure, "gain": round(1 / moving_exposure, 4)}
-    time = np.cumsum(np.concatenate([[0.0, 0.0334], rng.uniform(0.8, 3.0, 3), rng.uniform(8.0, 14.0, 1), rng.uniform(0.8, 3.0, 2)]))
+    time = np.cumsum(
+        np.concatenate([[0.0, 0.0334], rng.uniform(0.8, 3.0, 3), rng.uniform(8.0, 14.0, 1), rng.uniform(0.8, 3.0, 2)])
+    )
     return (
         Frame(0, poses[0], "train", time[0], exposure, repeat_group=0),
         Frame(1, poses[0], "train", time[1], exposure, repeat_group=0),
@@ -118,7 +121,8 @@ def moved(pose, twist, times):
 
 
 def _exponential_coefficients(speed, t):
-    """Of K and K^2 in the exponential of a twist, and of K^2 v in its translation (Murray, Li and Sastry 1994, 2.36)."""
+    """Of K and K^2 in the exponential of a twist, and of K^2 v in its translation (Murray, Li and Sastry 1994,
+    2.36)."""
     if speed < 1e-9:
         return t, 0.5 * t**2, t**3 / 6
     angle = speed * t

@@ -19,7 +19,9 @@ POSITION_M, TILT_RAD, ALBEDO = 1e-3, np.radians(0.25), 0.03
 def draw_scene(rng):
     """Table, wall, two boxes, ball, standing can, lying pipe: y is up, the table's top is y = 0."""
     table = Tiles("table", (0.0, 0.0, -0.1), (0.0, 0.0, 0.8), (1.3, 0.0, 0.0), _tile_albedo(rng, 30, 48))
-    wall = Tiles("wall", (0.0, 0.5, rng.uniform(-0.8, -0.65)), (1.3, 0.0, 0.0), (0.0, 0.55, 0.0), _tile_albedo(rng, 44, 12))
+    wall = Tiles(
+        "wall", (0.0, 0.5, rng.uniform(-0.8, -0.65)), (1.3, 0.0, 0.0), (0.0, 0.55, 0.0), _tile_albedo(rng, 44, 12)
+    )
     objects, footprints = [], []
     for make in (_box("box1"), _box("box2"), _ball, _can, _pipe):
         while True:
@@ -97,7 +99,9 @@ def _can(rng, x, z):
 
 def _pipe(rng, x, z):
     radius, half, turn = rng.uniform(0.03, 0.05), rng.uniform(0.08, 0.12), rng.uniform(0, np.pi)
-    solid = Cylinder("pipe", (x, radius - 0.001, z), (np.cos(turn), 0.0, np.sin(turn)), radius, half, rng.uniform(0.25, 0.8))
+    solid = Cylinder(
+        "pipe", (x, radius - 0.001, z), (np.cos(turn), 0.0, np.sin(turn)), radius, half, rng.uniform(0.25, 0.8)
+    )
     return solid, float(np.hypot(half, radius))
 
 

@@ -30,7 +30,9 @@ def _projector_glint(world, frame, points, n, view, poses, row, f0, roughness, e
     light = way / distance[:, None]
     half = light + view
     half /= np.linalg.norm(half, axis=1, keepdims=True)
-    nl, nv, nh, vh = (np.maximum(np.einsum("ij,ij->i", a, b), 1e-6) for a, b in ((n, light), (n, view), (n, half), (view, half)))
+    nl, nv, nh, vh = (
+        np.maximum(np.einsum("ij,ij->i", a, b), 1e-6) for a, b in ((n, light), (n, view), (n, half), (view, half))
+    )
     m2 = roughness**4
     facets = np.exp((nh**2 - 1) / (m2 * nh**2)) / (np.pi * m2 * nh**4)
     masking = np.minimum(1.0, np.minimum(2 * nh * nv / vh, 2 * nh * nl / vh))
@@ -55,7 +57,9 @@ def _surroundings(world, points, normals, directions, ambient, roughness):
         way /= np.linalg.norm(way, axis=1, keepdims=True)
         t, _, index = closest(world.solids, points, way)
         there = points + np.where(np.isfinite(t), t, 0.0)[:, None] * way
-        total += np.where(index < 0, 1.0, albedo_of(world.solids, index, there) * world.lightmap.look_up(ambient, index, there))
+        total += np.where(
+            index < 0, 1.0, albedo_of(world.solids, index, there) * world.lightmap.look_up(ambient, index, there)
+        )
     return total / _LOBE
 
 

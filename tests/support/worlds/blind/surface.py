@@ -17,8 +17,8 @@ _RING = 12
 
 @dataclass(frozen=True)
 class Layers:
-    """Radiance [rows][columns]: projector straight off a surface and otherwise (power 1), sky of radiance 1, a second projector
-    (its own power), lamp; depth in metres, 0 where nothing was hit."""
+    """Radiance [rows][columns]: projector straight off a surface and otherwise (power 1), sky of radiance 1, a second
+    projector (its own power), lamp; depth in metres, 0 where nothing was hit."""
 
     direct: np.ndarray
     indirect: np.ndarray
@@ -29,7 +29,9 @@ class Layers:
 
     def map(self, function):
         """Of the lights; depth stays."""
-        return replace(self, **{name: function(getattr(self, name)) for name in ("direct", "indirect", "sky", "other", "lamp")})
+        return replace(
+            self, **{name: function(getattr(self, name)) for name in ("direct", "indirect", "sky", "other", "lamp")}
+        )
 
 
 def shade(world, frame, eye_rays, shape, bounced, ambient):
@@ -47,7 +49,8 @@ def shade(world, frame, eye_rays, shape, bounced, ambient):
 
 
 def projector_irradiance(world, frame, points, normals, poses, row, coarse=False):
-    """Irradiance / pi at points [n][3] from the rig's projector; poses[row] is the left camera's at each point's time."""
+    """Irradiance / pi at points [n][3] from the rig's projector; poses[row] is the left camera's at each point's
+    time."""
     centre = _projector_centres(world, poses, row)
     way = points - centre
     local = np.einsum("nji,nj->ni", poses[row, :3, :3], way)
@@ -84,7 +87,9 @@ def _lights(world, frame, origins, directions, row, poses, hits, bounced, ambien
     lights[2][hit] = albedo * world.lightmap.look_up(ambient, i, points)
     lights[2][index < 0] = 1.0
     if "second_projector" in world.hidden:
-        lights[3][hit] = albedo * _second_projector(world, frame, points, n, poses, row[hit], **world.hidden["second_projector"])
+        lights[3][hit] = albedo * _second_projector(
+            world, frame, points, n, poses, row[hit], **world.hidden["second_projector"]
+        )
     if "ambient_ir" in world.hidden:
         lights[4][hit] = albedo * _lamp(world, points, n, **world.hidden["ambient_ir"])
     if "specular" in world.hidden:
@@ -105,7 +110,9 @@ def _direct(world, frame, points, normals, index, poses, row):
     value[hard] = projector_irradiance(world, frame, points[hard], normals[hard], poses, row[hard])
     soft = np.flatnonzero(wax)
     if soft.size:
-        value[soft] = _diffused(world, frame, points[soft], normals[soft], poses, row[soft], **world.hidden["subsurface"])
+        value[soft] = _diffused(
+            world, frame, points[soft], normals[soft], poses, row[soft], **world.hidden["subsurface"]
+        )
     return value
 
 
@@ -147,7 +154,9 @@ def _second_projector(world, frame, points, normals, poses, row, power, on_rig, 
     way = points - centre
     distance = np.linalg.norm(way, axis=1)
     cosine = np.maximum(-np.einsum("ij,ij->i", normals, way) / distance, 0.0)
-    value = power * world.emitter.intensity(np.einsum("nji,nj->ni", rotation, way), frame) * cosine / (np.pi * distance**2)
+    value = (
+        power * world.emitter.intensity(np.einsum("nji,nj->ni", rotation, way), frame) * cosine / (np.pi * distance**2)
+    )
     lit = np.flatnonzero(value > 0)
     value[lit] *= transmittance(world.solids, centre[lit], points[lit])
     return value

@@ -22,7 +22,8 @@ SUB = 4
 _BLUR_INSTANTS, _BLUR_SUB = 8, 2
 # What acts on rays and surfaces; everything else acts on images.
 RAY_EFFECTS = frozenset(
-    "projector_defocus pattern_scale_drift pattern_rotation dot_gain_spread dot_astigmatism projector_vignetting laser_power_drift"
+    "projector_defocus pattern_scale_drift pattern_rotation dot_gain_spread dot_astigmatism projector_vignetting "
+    "laser_power_drift"
     " emitter_bands second_projector ambient_ir specular transmission subsurface interreflection haze radial_distortion"
     " tangential_distortion rectification_resampling thermal_drift thermal_lens principal_point_offset baseline_drift"
     " stereo_pitch stereo_roll rolling_shutter exposure_desync row_desync motion_blur".split()
@@ -51,8 +52,8 @@ class Hardware:
 
 
 class World:
-    """Everything follows from the seed, the hidden effects {id: {parameter: value}}, and the survey errors' size; more: a change of frames
-    that are recorded beside the usual ones, see more.py."""
+    """Everything follows from the seed, the hidden effects {id: {parameter: value}}, and the survey errors' size; more:
+    a change of frames that are recorded beside the usual ones, see more.py."""
 
     def __init__(self, seed, hidden, survey=1.0, sub=SUB, moving_exposure=1 / 8, more=None):
         self.seed, self.hidden, self._survey, self._sub = seed, hidden, survey, sub
@@ -85,7 +86,8 @@ class World:
 
     @cached_property
     def sensor(self):
-        """Exposed so that a tenth of a percent of the first frame's pixels pass half of the range, before other errors."""
+        """Exposed so that a tenth of a percent of the first frame's pixels pass half of the range, before other
+        errors."""
         lights = on_pixels(self.layers(self.frames[0], "left", {}), self.frames[0], "left", {}, self.rig)
         n, exposure = self._noise, self.frames[0].exposure_s
         target = 0.45 * imager.MAX_DN / np.quantile(lights[0], 0.999)
@@ -100,12 +102,16 @@ class World:
         )
 
     def hardware(self, hidden):
-        return self._hardware(tuple(sorted((k, tuple(sorted(v.items()))) for k, v in hidden.items() if k in RAY_EFFECTS)))
+        return self._hardware(
+            tuple(sorted((k, tuple(sorted(v.items()))) for k, v in hidden.items() if k in RAY_EFFECTS))
+        )
 
     def _hardware(self, key):
         if key not in self._hardwares:
             hidden = {name: dict(values) for name, values in key}
-            self._hardwares[key] = Hardware(self.solids, self.rig, Emitter(self.rig, hidden, self.seed), self.lightmap, hidden)
+            self._hardwares[key] = Hardware(
+                self.solids, self.rig, Emitter(self.rig, hidden, self.seed), self.lightmap, hidden
+            )
         return self._hardwares[key]
 
     def layers(self, frame, eye, hidden):
@@ -125,7 +131,9 @@ class World:
         sums = None
         for i in range(_BLUR_INSTANTS):  # Each instant sees its own subpixel places.
             offset = ((i * 0.7549) % 1.0 - 0.5, (i * 0.5698) % 1.0 - 0.5)
-            seen = self._cast(hardware, frame, eye, _BLUR_SUB, ((i + 0.5) / _BLUR_INSTANTS - 0.5) * span, offset, bounced, ambient)
+            seen = self._cast(
+                hardware, frame, eye, _BLUR_SUB, ((i + 0.5) / _BLUR_INSTANTS - 0.5) * span, offset, bounced, ambient
+            )
             lights = [seen.direct, seen.indirect, seen.sky, seen.other, seen.lamp]
             sums = lights if sums is None else [a + b for a, b in zip(sums, lights, strict=True)]
         return Layers(*(s / _BLUR_INSTANTS for s in sums), seen.depth)
@@ -141,7 +149,9 @@ class World:
             self._ambient[id(hardware)] = self.lightmap.ambient(gain)
         texels = self.lightmap
         poses, row = frame.camera_to_world[None], np.zeros(len(texels.points), dtype=int)
-        first = projector_irradiance(hardware, frame, texels.points + 1e-6 * texels.normals, texels.normals, poses, row, coarse=True)
+        first = projector_irradiance(
+            hardware, frame, texels.points + 1e-6 * texels.normals, texels.normals, poses, row, coarse=True
+        )
         return (1.0 + gain) * texels.bounced(np.where(texels.exposed, first, 0.0)), self._ambient[id(hardware)]
 
     def lights(self, frame, eye, hidden):
@@ -157,7 +167,9 @@ class World:
 
     def expected(self, frame, eye, hidden):
         """Noise-free DN under the effects given: the world's own, or fewer."""
-        return imager.expected(self.sensor, self.lights(frame, eye, hidden), frame, eye, hidden, self._residue(frame, eye, hidden))
+        return imager.expected(
+            self.sensor, self.lights(frame, eye, hidden), frame, eye, hidden, self._residue(frame, eye, hidden)
+        )
 
     def measured(self, frame, eye):
         lights = self.lights(frame, eye, self.hidden)
@@ -170,14 +182,18 @@ class World:
         rig, solids = believed(self.rig, survey, self._survey), surveyed(self.solids, survey, self._survey)
         # The second frame only repeats the first, and without dots there is nothing to match.
         depths = {
-            frame.id: device_depth(images[frame.id, "left"], images[frame.id, "right"], rig.focal_px, rig.baseline_m, self.hidden)
+            frame.id: device_depth(
+                images[frame.id, "left"], images[frame.id, "right"], rig.focal_px, rig.baseline_m, self.hidden
+            )
             for frame in self.frames
             if frame.power > 0 and frame.id != 1
         }
         write_capture(folder, name, rig, solids, self.frames, images, depths, MAX_DISPARITY)
         figures = oracle.errors(self, images)
         if len(self.hidden) > 1:
-            figures["alone"] = {name: oracle.ratio_alone(self, name, figures["test"]["floor_dn"]) for name in self.hidden}
+            figures["alone"] = {
+                name: oracle.ratio_alone(self, name, figures["test"]["floor_dn"]) for name in self.hidden
+            }
         return figures
 
 
