@@ -38,7 +38,7 @@ TEST_P(Fork, AForkedChildMayReleaseAndIsToldWhatItCannotUse) {
 INSTANTIATE_TEST_SUITE_P(Tracers, Fork, testing::Values(KUAFU_TRACER_EMBREE, KUAFU_TRACER_COMPUTE));
 
 TEST(BufferImport, APipeOrASocketIsNoMemory) {
-  const kuafu_device device = open_cpu_device<Kuafu>();
+  const kuafu_device device = open_test_device<Kuafu>();
   SKIP_IF(device ? "" : kuafu_last_error());
   ks_device_info info = ks_device_info_init();
   ASSERT_EQ(kuafu_device_get_info(device, &info), KS_OK);

@@ -24,7 +24,7 @@ class Handles : public testing::Test {
     EXPECT_EQ(Library::buffer_create(device_, &create, &buffer), KS_OK) << Library::last_error();
     return buffer;
   }
-  Device device_ = open_cpu_device<Library>();
+  Device device_ = open_test_device<Library>();
 };
 using Libraries = testing::Types<Kuafu, Simsense>;
 struct LibraryName {

@@ -138,7 +138,7 @@ TYPED_TEST(HostsDevice, WhatTheHostLeftOutIsSaid) {
 }
 
 TYPED_TEST(HostsDevice, WhatIsNoTimelineOfTheDeviceIsRefused) {
-  typename TypeParam::Device own = open_cpu_device<TypeParam>();
+  typename TypeParam::Device own = open_test_device<TypeParam>();
   ks_buffer_desc desc = ks_buffer_desc_init();
   desc.memory = KS_MEMORY_VULKAN, desc.handle = 1, desc.allocation_bytes = desc.size_bytes = 64;
   typename TypeParam::Buffer buffer = nullptr;

@@ -2,6 +2,9 @@
 // Both libraries' device and buffer functions as one set of names, so that a test written once runs on each.
 #pragma once
 
+#include <cstdlib>
+#include <cstring>
+
 #include "kuafu/kuafu.h"
 #include "simsense/simsense.h"
 #include "support/skip.h"
@@ -35,11 +38,13 @@ namespace ks::test {
 KS_TEST_LIBRARY(Kuafu, kuafu);
 KS_TEST_LIBRARY(Simsense, simsense);
 
-/// The CPU Vulkan device; nullptr where there is none (last_error says why).
+/// The CPU Vulkan device, or the best one where the environment has ACTIVESTEREO_TEST_DEVICE=auto (to try the same on a GPU); nullptr where
+/// there is none (last_error says why).
 template <class Library>
-typename Library::Device open_cpu_device() {
+typename Library::Device open_test_device() {
   ks_device_desc desc = ks_device_desc_init();
-  desc.select = KS_SELECT_CPU;
+  const char* choice = std::getenv("ACTIVESTEREO_TEST_DEVICE");
+  desc.select = choice != nullptr && std::strcmp(choice, "auto") == 0 ? KS_SELECT_AUTO : KS_SELECT_CPU;
   desc.worker_count = 2;
   typename Library::Device device = nullptr;
   (void)Library::device_create(&desc, &device);

@@ -34,7 +34,7 @@ class Rounds : public testing::Test {
  protected:
   void SetUp() override { SKIP_IF(device_ ? "" : Library::last_error()); }
   void TearDown() override { Library::device_release(device_); }
-  typename Library::Device device_ = open_cpu_device<Library>();
+  typename Library::Device device_ = open_test_device<Library>();
 };
 using Libraries = testing::Types<Kuafu, Simsense>;
 TYPED_TEST_SUITE(Rounds, Libraries);
@@ -55,14 +55,14 @@ TYPED_TEST(Rounds, Buffers) {
 TYPED_TEST(Rounds, Devices) {
   // Each starts threads and opens the driver: a tenth of the rounds tells as much.
   expect_flat("device", round_count() / 10, [] {
-    const typename TypeParam::Device device = open_cpu_device<TypeParam>();
+    const typename TypeParam::Device device = open_test_device<TypeParam>();
     ASSERT_NE(device, nullptr) << TypeParam::last_error();
     TypeParam::device_release(device);
   });
 }
 
 TEST(RoundsOfKuafu, ScenesAndWhatIsInThem) {
-  const kuafu_device device = open_cpu_device<Kuafu>();
+  const kuafu_device device = open_test_device<Kuafu>();
   SKIP_IF(device ? "" : kuafu_last_error());
   static constexpr float positions[] = {-9, -9, 2, 9, -9, 2, -9, 9, 2};
   static constexpr uint32_t indices[] = {0, 1, 2};

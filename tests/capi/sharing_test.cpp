@@ -44,8 +44,8 @@ class Sharing : public testing::Test {
     EXPECT_STREQ(static_cast<char*>(ours), "simsense wrote");
     EXPECT_EQ(copied_bytes(), 0u);
   }
-  kuafu_device renderer_side_ = open_cpu_device<Kuafu>();
-  simsense_device matcher_side_ = open_cpu_device<Simsense>();
+  kuafu_device renderer_side_ = open_test_device<Kuafu>();
+  simsense_device matcher_side_ = open_test_device<Simsense>();
   kuafu_buffer source_ = nullptr;
   simsense_buffer view_ = nullptr;
 };

@@ -19,7 +19,7 @@ struct SmallRender {
   kuafu_render_desc desc = kuafu_render_desc_init();
 
   /// Takes the device over.
-  explicit SmallRender(uint32_t tracer, kuafu_device on = open_cpu_device<Kuafu>()) : device(on) {
+  explicit SmallRender(uint32_t tracer, kuafu_device on = open_test_device<Kuafu>()) : device(on) {
     if (device == nullptr) return;
     constexpr uint32_t side = 64;
     const float positions[] = {-9, -9, 2, 9, -9, 2, -9, 9, 2};

@@ -78,7 +78,7 @@ TEST(Structs, AnInitialiserServesShorterAndLongerStructs) {
 }
 
 struct Scene {
-  kuafu_device device = open_cpu_device<Kuafu>();
+  kuafu_device device = open_test_device<Kuafu>();
   kuafu_scene scene = nullptr;
   Scene() { EXPECT_EQ(kuafu_scene_create(device, &scene), KS_OK) << kuafu_last_error(); }
   ~Scene() {
@@ -150,7 +150,7 @@ using Libraries = testing::Types<Kuafu, Simsense>;
 TYPED_TEST_SUITE(Future, Libraries);
 
 TYPED_TEST(Future, ALongerStructIsTakenWhileWhatIsNewInItIsZeroAndElseRefused) {
-  const auto opened = open_cpu_device<TypeParam>();
+  const auto opened = open_test_device<TypeParam>();
   SKIP_IF(opened ? "" : TypeParam::last_error());
   auto desc = from_the_future(ks_device_desc_init());
   desc.known.select = KS_SELECT_CPU;
@@ -179,7 +179,7 @@ TEST(Structs, ALongerStructOfEachLibrarysOwnIsRefusedToo) {
   material.later = 1;
   EXPECT_EQ(kuafu_scene_add_material(s.scene, &material.known, &id), KS_ERROR_VERSION);
 
-  const simsense_device device = open_cpu_device<Simsense>();
+  const simsense_device device = open_test_device<Simsense>();
   auto rig = from_the_future(simsense_rig_desc_init());
   rig.later = 1;
   simsense_engine engine = nullptr;

@@ -82,3 +82,58 @@ def test_cuda_memory_without_cuda_or_on_another_gpu_says_so(
     with pytest.raises(CudaError, match="none of the 2 CUDA devices"):
         CudaMemory(buffer, library=str(stub_cuda))
     assert stub.stub_held() == 0
+
+
+def on_a_gpu() -> Any:
+    """PyTorch, where it has a CUDA device."""
+    torch = pytest.importorskip("torch", reason="PyTorch is not installed")
+    if not torch.cuda.is_available():
+        pytest.skip("PyTorch sees no CUDA device")
+    return torch
+
+
+def test_torch_and_the_renderer_have_one_memory() -> None:
+    """kuafu renders into a tensor's memory; what PyTorch writes there kuafu reads; no byte is copied between."""
+    torch = on_a_gpu()
+    device = kuafu.Device("gpu")
+    scene = kuafu.Scene(device)
+    positions = np.float32([[-4, -4, 2], [4, -4, 2], [0, 5, 2]])
+    scene.add_instance(scene.add_mesh(positions, np.uint32([[0, 1, 2]])))
+    camera = kuafu.Camera(64, 48, np.array([[60.0, 0, 31.5], [0, 60.0, 23.5], [0, 0, 1]]))
+    size = 4 * 48 * 64
+    buffer = kuafu.Buffer(device, size, exportable=True, host_visible=False)
+    tensor = torch.as_tensor(CudaMemory(buffer).array("float32", (1, 48, 64, 1)), device="cuda")
+    renderer = kuafu.Renderer(device)
+    before = device.copied_bytes
+    renderer.render(scene, [camera], outputs={"depth": buffer.image("float32", (1, 48, 64, 1))})
+    assert device.copied_bytes - before < size // 16  # records of scene and camera, no image
+    assert float((tensor - 2.0).abs().max()) < 1e-5
+    tensor.fill_(7.0)
+    torch.cuda.synchronize()
+    assert np.all(buffer.read().view(np.float32) == 7.0)
+
+
+def test_torch_gives_the_depth_engine_its_pair_without_a_copy() -> None:
+    torch = on_a_gpu()
+    device = simsense.Device("gpu")
+    height, width, disparity = 96, 160, 7
+    texture = np.random.default_rng(1).integers(0, 255, (height, width + disparity), dtype=np.uint8)
+    pair = np.stack([texture[:, :width], texture[:, disparity:]])
+    k = np.array([[200.0, 0, 80], [0, 200.0, 48], [0, 0, 1]])
+    camera = simsense.Camera(width, height, k)
+    left_to_right = np.eye(4)
+    left_to_right[0, 3] = -0.05
+    engine = simsense.Engine(device, camera, camera, left_to_right, rectified=True, max_disparity=32)
+    buffer = simsense.Buffer(device, pair.nbytes, exportable=True, host_visible=False)
+    tensor = torch.as_tensor(CudaMemory(buffer).array("uint8", pair.shape), device="cuda")
+    tensor.copy_(torch.from_numpy(pair))
+    torch.cuda.synchronize()
+    before = device.copied_bytes
+    eyes = [buffer.image("uint8", (height, width), eye * height * width) for eye in (0, 1)]
+    out = simsense.Buffer(device, 4 * height * width, exportable=True, host_visible=False)
+    found = torch.as_tensor(CudaMemory(out).array("float32", (height, width)), device="cuda")
+    engine.compute(*eyes, outputs={"disparity": out.image("float32", (height, width))})
+    assert device.copied_bytes - before < pair.nbytes // 16
+    valid = found[:, 32:] > 0
+    assert float(valid.float().mean()) > 0.95
+    assert float((found[:, 32:][valid] - disparity).abs().median()) < 0.1
