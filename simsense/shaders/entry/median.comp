@@ -9,7 +9,7 @@
 
 const uint tile_width = 32u, tile_height = 8u;
 layout(local_size_x = tile_width, local_size_y = tile_height) in;
-layout(push_constant, scalar) uniform Push { FinishPush push; };
+layout(push_constant, scalar) uniform Push { MedianPush push; };
 
 const uint reach = median_size / 2u, values = median_size * median_size;
 const uint shared_width = tile_width + 2u * reach, shared_height = tile_height + 2u * reach;

@@ -6,7 +6,7 @@
 #include "shared/map_push.h"
 
 layout(local_size_x = 32, local_size_y = 8) in;
-layout(push_constant, scalar) uniform Push { ExplainPush push; };
+layout(push_constant, scalar) uniform Push { ReasonPush push; };
 
 uint explained(DepthParameters p, uint reason, int x, int y, uint n) {
   int reach_x = int(push.window_width / 2u), reach_y = int(push.window_height / 2u);

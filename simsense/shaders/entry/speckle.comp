@@ -32,13 +32,13 @@ void main() {
   uint x = gl_GlobalInvocationID.x, y = gl_GlobalInvocationID.y;
   if (x >= push.width || y >= push.height) return;
   uint pixel = (gl_WorkGroupID.z * push.height + y) * push.width + x;
-  if (push.step == ISLANDS_BEGIN) {
+  if (push.step == SPECKLE_BEGIN) {
     push.parent.at[pixel] = pixel;
     push.size.at[pixel] = 0u;
-  } else if (push.step == ISLANDS_JOIN) {
+  } else if (push.step == SPECKLE_JOIN) {
     if (x > 0u && connected(pixel, pixel - 1u)) join(pixel, pixel - 1u);
     if (y > 0u && connected(pixel, pixel - push.width)) join(pixel, pixel - push.width);
-  } else if (push.step == ISLANDS_COUNT) {
+  } else if (push.step == SPECKLE_COUNT) {
     atomicAdd(push.size.at[root(pixel)], 1u);
   } else if (push.disparity.at[pixel] != push.invalid && push.size.at[root(pixel)] <= push.max_size) {
     drop(pixel, REASON_SPECKLE);

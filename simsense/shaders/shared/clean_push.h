@@ -6,11 +6,11 @@
 #include "shared/image_ref.h"
 
 // Passes of the speckle filter, in their order.
-#define ISLANDS_BEGIN 0u
-#define ISLANDS_JOIN 1u
-#define ISLANDS_COUNT 2u
-#define ISLANDS_DROP 3u
-#define ISLANDS_PASSES 4u
+#define SPECKLE_BEGIN 0u
+#define SPECKLE_JOIN 1u
+#define SPECKLE_COUNT 2u
+#define SPECKLE_DROP 3u
+#define SPECKLE_PASSES 4u
 
 // Passes of the filling of holes.
 #define HOLES_GUESS 0u
@@ -35,7 +35,7 @@ struct CleanPush {
   uint width, height;
   uint maps;  // MAPS_*
   float invalid;
-  uint step;  // ISLANDS_* or HOLES_*: the pass of the speckle filter or of the filling
+  uint step;  // SPECKLE_* or HOLES_*: the pass of the speckle filter or of the filling
   float max_diff_px;
   uint max_size;
   uint filling;         // HOLES_*

@@ -26,7 +26,7 @@ struct PlacePush {
 };
 
 /// Why pixels have no depth (cpu/checks/reason.h).
-struct ExplainPush {
+struct ReasonPush {
   DepthBlockAddress block;
   DepthFloats disparity;
   BytesAddress reason;
@@ -36,7 +36,7 @@ struct ExplainPush {
 };
 
 #ifdef __cplusplus
-static_assert(sizeof(PlacePush) == 96 && sizeof(ExplainPush) == 72);
+static_assert(sizeof(PlacePush) == 96 && sizeof(ReasonPush) == 72);
 }  // namespace simsense
 #endif
 #endif

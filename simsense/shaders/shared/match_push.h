@@ -69,7 +69,7 @@ struct WinnerPush {
   uint maps;  // MAPS_*
 };
 
-struct FinishPush {
+struct MedianPush {
   UintArray right_winner;
   FloatArray unchecked;
   FloatArray disparity;   // [P][height][width]

@@ -27,9 +27,9 @@ VulkanMatcher::VulkanMatcher(std::shared_ptr<ks::Device> device, uint32_t width,
       plan_(make_match_plan(*device_, width, height, batch, parameters, tuning)),
       buffers_(device_, plan_, parameters_),
       census_(device_, plan_, parameters_),
-      paths_(device_, plan_, parameters_),
+      sgm_(device_, plan_, parameters_),
       winner_(device_, plan_, parameters_),
-      finish_(device_, plan_, parameters_),
+      median_(device_, plan_, parameters_),
       own_commands_(device_) {
   if (plan_.stored_costs) cost_.emplace(device_, plan_, parameters_);
 }
@@ -42,9 +42,9 @@ void VulkanMatcher::begin(ks::Commands& commands, const MatchArrays& arrays, uin
 
 void VulkanMatcher::census() { census_.record(*commands_, buffers_, arrays_, pairs_); }
 void VulkanMatcher::cost() { cost_->record(*commands_, buffers_, pairs_); }
-void VulkanMatcher::sgm() { paths_.record(*commands_, buffers_, pairs_); }
+void VulkanMatcher::sgm() { sgm_.record(*commands_, buffers_, pairs_); }
 void VulkanMatcher::winner() { winner_.record(*commands_, buffers_, arrays_, pairs_); }
-void VulkanMatcher::checks() { finish_.record(*commands_, buffers_, arrays_, pairs_); }
+void VulkanMatcher::checks() { median_.record(*commands_, buffers_, arrays_, pairs_); }
 
 void VulkanMatcher::record(ks::Commands& commands, const MatchArrays& arrays, uint32_t pairs) {
   begin(commands, arrays, pairs);

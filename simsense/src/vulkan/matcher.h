@@ -12,10 +12,10 @@
 #include "device/compute.h"
 #include "match/matcher.h"
 #include "vulkan/census/census.h"
-#include "vulkan/checks/finish.h"
+#include "vulkan/checks/median.h"
 #include "vulkan/cost/block_cost.h"
 #include "vulkan/match_arrays.h"
-#include "vulkan/sgm/paths.h"
+#include "vulkan/sgm/sgm.h"
 #include "vulkan/winner/winner.h"
 
 namespace simsense {
@@ -60,9 +60,9 @@ class VulkanMatcher final : public MatchStages {
   MatchBuffers buffers_;
   VulkanCensus census_;
   std::optional<VulkanBlockCost> cost_;
-  VulkanPaths paths_;
+  VulkanSgm sgm_;
   VulkanWinner winner_;
-  VulkanFinish finish_;
+  VulkanMedian median_;
   ks::Commands own_commands_;  // of match()
   ks::Commands* commands_ = nullptr;
   MatchArrays arrays_;

@@ -25,8 +25,7 @@ VulkanStages::VulkanStages(std::shared_ptr<ks::Device> device, const PreparedRig
       rig_(rig),
       width_(rig.width()),
       height_(rig.height()),
-      rectifier_(rig.rectification.is_identity() ? nullptr : std::make_unique<VulkanRectifier>(device_, rig.rectification)),
-      cleaner_(device_, width_, height_) {}
+      remap_(rig.rectification.is_identity() ? nullptr : std::make_unique<VulkanRemap>(device_, rig.rectification)) {}
 
 bool VulkanStages::keeps_arrays(const StageSettings& settings) const {
   return matching_ == Matching{settings.match, settings.wanted, settings.used};
@@ -114,14 +113,14 @@ void VulkanStages::rectify() {
 ImageRef VulkanStages::rectify_eye(uint32_t eye) {
   const auto& [commands, settings, frame, pairs] = *call_;
   const auto& image = frame.outputs[SIMSENSE_OUTPUT_RECTIFIED_LEFT + eye];
-  if (!rectifier_) {
+  if (!remap_) {
     if (image) copy(images_[eye], image->ref(pairs.first));
     return images_[eye];
   }
   const auto in_place = packed_ref(image, pairs, counts_format(settings.wide));
   const ImageRef rectified = in_place ? *in_place : scratch(rectified_[eye]);
-  rectifier_->record(commands, eye, settings.remaps_nearest, images_[eye], rectified, in_place ? ImageRef{} : ref_or_none(image, pairs),
-                     pairs.count);
+  remap_->record(commands, eye, settings.remaps_nearest, images_[eye], rectified, in_place ? ImageRef{} : ref_or_none(image, pairs),
+                 pairs.count);
   return rectified;
 }
 
@@ -134,11 +133,20 @@ MatchStages& VulkanStages::matcher() {
 
 void VulkanStages::place_region() { match_maps_->place(call_->commands, arrays_, maps_, call_->pairs.count); }
 
-void VulkanStages::drop_padding() { cleaner_.drop_padding(call_->commands, call_->settings, *rectifier_, maps_, call_->pairs.count); }
+void VulkanStages::drop_padding() {
+  if (!padding_) padding_.emplace(device_);
+  padding_->record(call_->commands, clean(), *remap_, call_->pairs.count);
+}
 
-void VulkanStages::filter_speckles() { cleaner_.filter_speckles(call_->commands, call_->settings, maps_, call_->pairs.count); }
+void VulkanStages::filter_speckles() {
+  if (!speckle_filter_) speckle_filter_.emplace(device_);
+  speckle_filter_->record(call_->commands, clean(), call_->pairs.count);
+}
 
-void VulkanStages::fill_holes() { cleaner_.fill_holes(call_->commands, call_->settings, maps_, call_->pairs.count); }
+void VulkanStages::fill_holes() {
+  if (!hole_filling_) hole_filling_.emplace(device_);
+  hole_filling_->record(call_->commands, clean(), call_->pairs.count);
+}
 
 void VulkanStages::depth() {
   const ImageRef disparity = VulkanMaps::is_in_place(call_->frame) ? ImageRef{} : output(SIMSENSE_OUTPUT_DISPARITY);
@@ -153,14 +161,15 @@ void VulkanStages::registration() {
 }
 
 void VulkanStages::explain() {
-  if (!explain_) explain_.emplace(device_);
-  explain_->record(call_->commands, call_->settings, depth_->block(), images_[0], maps_, width_, height_, call_->pairs.count);
+  if (!reason_) reason_.emplace(device_);
+  reason_->record(call_->commands, call_->settings, depth_->block(), images_[0], maps_, width_, height_, call_->pairs.count);
 }
 
 void VulkanStages::store_maps() { match_maps_->store(call_->commands, call_->frame, call_->pairs, maps_); }
 
 uint64_t VulkanStages::memory_bytes() const {
-  uint64_t bytes = cleaner_.memory_bytes() + (imagers_ ? imagers_->memory_bytes() : 0) + (matcher_ ? matcher_->memory_bytes() : 0) +
+  uint64_t bytes = (speckle_filter_ ? speckle_filter_->memory_bytes() : 0) + (hole_filling_ ? hole_filling_->memory_bytes() : 0) +
+                   (imagers_ ? imagers_->memory_bytes() : 0) + (matcher_ ? matcher_->memory_bytes() : 0) +
                    (match_maps_ ? match_maps_->memory_bytes() : 0) + (registration_ ? registration_->memory_bytes() : 0);
   for (const auto* buffer : {&counts_[0], &counts_[1], &rectified_[0], &rectified_[1]})
     if (*buffer) bytes += (*buffer)->size_bytes();

@@ -7,13 +7,15 @@
 #include <optional>
 
 #include "stages/stages.h"
-#include "vulkan/checks/cleaner.h"
-#include "vulkan/checks/explain.h"
+#include "vulkan/checks/holes.h"
+#include "vulkan/checks/padding.h"
+#include "vulkan/checks/reason.h"
+#include "vulkan/checks/speckle.h"
 #include "vulkan/depth/depth.h"
 #include "vulkan/frame.h"
 #include "vulkan/maps.h"
 #include "vulkan/matcher.h"
-#include "vulkan/rectify/rectifier.h"
+#include "vulkan/rectify/remap.h"
 #include "vulkan/registration/registration.h"
 #include "vulkan/signal/imager.h"
 
@@ -71,6 +73,7 @@ class VulkanStages final : public Stages {
   ImageRef rectify_eye(uint32_t eye);
   ImageRef scratch(std::shared_ptr<ks::Buffer>& buffer);
   void copy(const ImageRef& from, const ImageRef& to);
+  [[nodiscard]] CleanPush clean() const { return clean_push(call_->settings, maps_, width_, height_); }
   [[nodiscard]] ImageRef output(uint32_t which) const { return ref_or_none(call_->frame.outputs[which], call_->pairs); }
 
   std::shared_ptr<ks::Device> device_;
@@ -81,8 +84,7 @@ class VulkanStages final : public Stages {
   MatchArrays arrays_;
   DeviceMaps maps_;
 
-  std::unique_ptr<VulkanRectifier> rectifier_;  // where the pair is not rectified already
-  VulkanCleaner cleaner_;
+  std::unique_ptr<VulkanRemap> remap_;  // where the pair is not rectified already
   // made when first needed
   std::optional<VulkanImagers> imagers_;
   std::optional<ks::ComputePipeline> copy_;
@@ -92,7 +94,10 @@ class VulkanStages final : public Stages {
   std::optional<VulkanMaps> match_maps_;
   std::optional<VulkanDepth> depth_;
   std::optional<VulkanRegistration> registration_;
-  std::optional<VulkanExplain> explain_;
+  std::optional<VulkanPadding> padding_;
+  std::optional<VulkanSpeckleFilter> speckle_filter_;
+  std::optional<VulkanHoleFilling> hole_filling_;
+  std::optional<VulkanReason> reason_;
 };
 
 }  // namespace simsense

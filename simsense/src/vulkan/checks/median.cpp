@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "vulkan/checks/finish.h"
+#include "vulkan/checks/median.h"
 
-#include "spirv/finish.h"
+#include "spirv/median.h"
 #include "vulkan/dispatch.h"
 #include "vulkan/lane_constants.h"
 
 namespace simsense {
 
-VulkanFinish::VulkanFinish(const std::shared_ptr<ks::Device>& device, const MatchPlan& plan, const MatchParameters& p)
-    : plan_(plan), parameters_(p), pipeline_(device, finish_spirv, sizeof(FinishPush), {}, 0, {first_match_constant, match_constants(p)}) {}
+VulkanMedian::VulkanMedian(const std::shared_ptr<ks::Device>& device, const MatchPlan& plan, const MatchParameters& p)
+    : plan_(plan), parameters_(p), pipeline_(device, median_spirv, sizeof(MedianPush), {}, 0, {first_match_constant, match_constants(p)}) {}
 
-void VulkanFinish::record(ks::Commands& commands, const MatchBuffers& buffers, const MatchArrays& arrays, uint32_t pairs) const {
-  FinishPush push{};
+void VulkanMedian::record(ks::Commands& commands, const MatchBuffers& buffers, const MatchArrays& arrays, uint32_t pairs) const {
+  MedianPush push{};
   push.right_winner = buffers.right_winner->address();
   push.unchecked = buffers.unchecked->address();
   push.disparity = arrays.disparity;

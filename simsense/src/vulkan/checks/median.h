@@ -7,10 +7,10 @@
 
 namespace simsense {
 
-class VulkanFinish {
+class VulkanMedian {
  public:
   /// plan, parameters: outlive this.
-  VulkanFinish(const std::shared_ptr<ks::Device>& device, const MatchPlan& plan, const MatchParameters& parameters);
+  VulkanMedian(const std::shared_ptr<ks::Device>& device, const MatchPlan& plan, const MatchParameters& parameters);
   void record(ks::Commands& commands, const MatchBuffers& buffers, const MatchArrays& arrays, uint32_t pairs) const;
 
  private:

@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "vulkan/checks/explain.h"
+#include "vulkan/checks/reason.h"
 
-#include "spirv/explain.h"
+#include "spirv/reason.h"
 #include "vulkan/dispatch.h"
 
 namespace simsense {
 
-VulkanExplain::VulkanExplain(const std::shared_ptr<ks::Device>& device) : pipeline_(device, explain_spirv, sizeof(ExplainPush)) {}
+VulkanReason::VulkanReason(const std::shared_ptr<ks::Device>& device) : pipeline_(device, reason_spirv, sizeof(ReasonPush)) {}
 
-void VulkanExplain::record(ks::Commands& commands, const StageSettings& settings, uint64_t depth_block, const ImageRef& left,
-                           const DeviceMaps& maps, uint32_t width, uint32_t height, uint32_t pairs) const {
-  ExplainPush push{};
+void VulkanReason::record(ks::Commands& commands, const StageSettings& settings, uint64_t depth_block, const ImageRef& left,
+                          const DeviceMaps& maps, uint32_t width, uint32_t height, uint32_t pairs) const {
+  ReasonPush push{};
   push.block = depth_block;
   push.disparity = maps.disparity;
   push.reason = maps.reason;

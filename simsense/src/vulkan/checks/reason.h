@@ -9,9 +9,9 @@
 
 namespace simsense {
 
-class VulkanExplain {
+class VulkanReason {
  public:
-  explicit VulkanExplain(const std::shared_ptr<ks::Device>& device);
+  explicit VulkanReason(const std::shared_ptr<ks::Device>& device);
   /// depth_block: VulkanDepth::block(). left: what the matcher saw.
   void record(ks::Commands& commands, const StageSettings& settings, uint64_t depth_block, const ImageRef& left, const DeviceMaps& maps,
               uint32_t width, uint32_t height, uint32_t pairs) const;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "vulkan/rectify/rectifier.h"
+#include "vulkan/rectify/remap.h"
 
 #include "spirv/remap.h"
 #include "vulkan/dispatch.h"
@@ -7,15 +7,15 @@
 
 namespace simsense {
 
-VulkanRectifier::VulkanRectifier(const std::shared_ptr<ks::Device>& device, const Rectification& rectification)
+VulkanRemap::VulkanRemap(const std::shared_ptr<ks::Device>& device, const Rectification& rectification)
     : width_(rectification.left.width),
       height_(rectification.left.height),
       tables_{{upload(device, rectification.left.x), upload(device, rectification.left.y)},
               {upload(device, rectification.right.x), upload(device, rectification.right.y)}},
       remap_(device, remap_spirv, sizeof(RemapPush)) {}
 
-void VulkanRectifier::record(ks::Commands& commands, uint32_t eye, bool nearest, const ImageRef& source, const ImageRef& target,
-                             const ImageRef& copy, uint32_t pairs) const {
+void VulkanRemap::record(ks::Commands& commands, uint32_t eye, bool nearest, const ImageRef& source, const ImageRef& target,
+                         const ImageRef& copy, uint32_t pairs) const {
   RemapPush push{};
   push.source = source;
   push.target = target;

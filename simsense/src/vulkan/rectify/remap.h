@@ -9,10 +9,10 @@
 
 namespace simsense {
 
-class VulkanRectifier {
+class VulkanRemap {
  public:
   /// rectification: with tables.
-  VulkanRectifier(const std::shared_ptr<ks::Device>& device, const Rectification& rectification);
+  VulkanRemap(const std::shared_ptr<ks::Device>& device, const Rectification& rectification);
 
   /// target and copy get the same counts; either may be absent.
   void record(ks::Commands& commands, uint32_t eye, bool nearest, const ImageRef& source, const ImageRef& target, const ImageRef& copy,

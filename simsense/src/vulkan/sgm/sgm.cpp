@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "vulkan/sgm/paths.h"
+#include "vulkan/sgm/sgm.h"
 
 #include <utility>
 
@@ -28,7 +28,7 @@ std::span<const uint32_t> code(const MatchPlan& plan) {
 
 }  // namespace
 
-VulkanPaths::VulkanPaths(const std::shared_ptr<ks::Device>& device, const MatchPlan& plan, const MatchParameters& p)
+VulkanSgm::VulkanSgm(const std::shared_ptr<ks::Device>& device, const MatchPlan& plan, const MatchParameters& p)
     : plan_(plan),
       parameters_(p),
       paths_(device, code(plan), sizeof(PathPush), path_constants(plan, p, plan.rows_apart ? PATHS_ROWS : PATHS_ROWS_AND_COLUMNS),
@@ -43,7 +43,7 @@ VulkanPaths::VulkanPaths(const std::shared_ptr<ks::Device>& device, const MatchP
 }
 
 /// Where a dispatch adds to what another leaves, it waits for that.
-void VulkanPaths::record(ks::Commands& commands, const MatchBuffers& buffers, uint32_t pairs) const {
+void VulkanSgm::record(ks::Commands& commands, const MatchBuffers& buffers, uint32_t pairs) const {
   PathPush push = path_push(plan_, parameters_, buffers);
   const uint32_t lines = plan_.path_group / plan_.path_lanes / 2;
   uint32_t row_groups = groups_of(plan_.height, lines), column_groups = 4 * groups_of(plan_.width, 4 * lines);

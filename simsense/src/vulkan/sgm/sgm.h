@@ -9,10 +9,10 @@
 
 namespace simsense {
 
-class VulkanPaths {
+class VulkanSgm {
  public:
   /// plan, parameters: outlive this.
-  VulkanPaths(const std::shared_ptr<ks::Device>& device, const MatchPlan& plan, const MatchParameters& parameters);
+  VulkanSgm(const std::shared_ptr<ks::Device>& device, const MatchPlan& plan, const MatchParameters& parameters);
   void record(ks::Commands& commands, const MatchBuffers& buffers, uint32_t pairs) const;
 
  private:
