@@ -8,7 +8,7 @@ import numpy as np
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
 from activestereo.effects.core.engine import EngineInputs, moves
 from activestereo.effects.core.light import Light
-from activestereo.effects.core.resample import blur
+from activestereo.effects.core.resample import blur_along
 from activestereo.effects.core.surfaces import SURFACES, on_surfaces
 from activestereo.effects.core.view import View
 
@@ -21,16 +21,21 @@ def _mean_free_path_m(length_m: float, albedo: float) -> float:
     return length_m / np.sqrt(7.0) * s
 
 
-# (weight, width in rms lengths) of Gaussians whose sum is the profile of two exponentials in _mean_free_path_m's
-# source: the light within any radius agrees to 0.006.
-_PROFILE = ((0.081, 0.032), (0.254, 0.193), (0.396, 0.643), (0.269, 1.751))
+# (weight, width in rms lengths) of Gaussians whose sum is a profile: the light within any radius agrees to 0.006.
+# Of two exponentials over the distance, as in _mean_free_path_m's source: light that leaves after few scatterings
+# makes a bright core where it enters.
+_WITH_CORE = ((0.081, 0.032), (0.254, 0.193), (0.396, 0.643), (0.269, 1.751))
+# exp(-distance / width), whose rms distance is sqrt(3) widths: a medium that scatters forward turns light around only
+# deep inside (Jensen et al. 2001: the diffuse part has no core either).
+_WITHOUT_CORE = ((0.118, 0.308), (0.525, 0.735), (0.357, 1.389))
 
-# A scan goes through lengths and comes back to them with another fraction.
-_LENGTHS_KEPT = 3
+# A scan goes through lengths and profiles, and comes back to them with another fraction.
+_PROFILES_KEPT = 4
 
 
 @moves("materials.subsurface", "materials.ir_subsurface_color", "materials.ir_subsurface_radius_m")
-def _engine(inputs: EngineInputs, fraction: float, length_m: float, surfaces: float) -> None:
+def _engine(inputs: EngineInputs, fraction: float, length_m: float, core: float, surfaces: float) -> None:
+    """The engine scatters evenly to all sides, which is the profile with a core: of `core` it knows nothing."""
     for material in inputs.surfaces(surfaces):
         albedo = material.base_color[0] if material.ir_albedo is None else material.ir_albedo
         material.subsurface = fraction
@@ -57,30 +62,66 @@ def _engine(inputs: EngineInputs, fraction: float, length_m: float, surfaces: fl
             typical=0.002,
             source="rms distance along one axis; without effect at fraction 0",
         ),
+        Parameter(
+            "core",
+            "1",
+            neutral=1.0,
+            low=0.0,
+            high=1.0,
+            typical=1.0,
+            source="share of the profile with a bright core, the engine's own; 0: exp(-distance / width), of media "
+                   "that scatter forward",
+            in_engine=False,
+        ),
         SURFACES,
     ],
     engine=_engine,
 )
-def subsurface(light: Light, view: View, fraction: float, length_m: float, surfaces: float) -> Light:
+def subsurface(light: Light, view: View, fraction: float, length_m: float, core: float, surfaces: float) -> Light:
     """Dots keep a core and grow wide tails of one width in metres on the surface; near ones look wider; ambient edges
     stay sharp."""
     if fraction == 0.0:
         return light
-    dots = view.latest(
-        "dots below", light, lambda: _dots_below(light, view, length_m), choice=length_m, most=_LENGTHS_KEPT
+    spread, share = (
+        core * peaked + (1.0 - core) * smooth
+        for peaked, smooth in zip(
+            _wandered(light, view, length_m, _WITH_CORE, core > 0.0),
+            _wandered(light, view, length_m, _WITHOUT_CORE, core < 1.0),
+            strict=True,
+        )
     )
+    # What spreads is the dots' irradiance: reflectance and shadows stay where they are.
+    dots = np.where(share > 0, spread / np.where(share > 0, share, 1.0), 0.0)
     return on_surfaces(
         light, replace(light, direct=(1.0 - fraction) * light.direct + fraction * light.flat * dots), view, surfaces
     )
 
 
-def _dots_below(light: Light, view: View, length_m: float) -> np.ndarray:
-    """The pattern's share of the light that leaves, [height][width]."""
-    hit = view.depth_m > 0
-    sigma_px = np.where(hit, view.K[0, 0] * length_m / np.where(hit, view.depth_m, 1.0), 0.0)
-    entered = np.stack([light.direct, light.flat])
-    spread, share = sum(
-        (weight * blur(entered, width * sigma_px) for weight, width in _PROFILE), np.zeros(entered.shape, entered.dtype)
-    )
-    # What spreads is the dots' irradiance: reflectance and shadows stay where they are.
-    return np.where(share > 0, spread / np.where(share > 0, share, 1.0), 0.0)
+def _wandered(
+    light: Light, view: View, length_m: float, profile: tuple[tuple[float, float], ...], is_wanted: bool
+) -> np.ndarray:
+    """[2][height][width]: the dots' light after it wandered, and that of a projector that lights all pixels; zeros
+    where it is not wanted."""
+    if not is_wanted:
+        return np.zeros((2, *view.shape), light.direct.dtype)
+
+    def spread() -> np.ndarray:
+        across, down = (length_m * per_m for per_m in view.once("pixels per metre below", lambda: _pixels_per_m(view)))
+        entered = np.stack([light.direct, light.flat])
+        blurred = (blur_along(blur_along(entered, width * across, -1), width * down, -2) for _, width in profile)
+        return np.sum([weight * image for (weight, _), image in zip(profile, blurred, strict=True)], axis=0)
+
+    choice = length_m, profile is _WITH_CORE
+    return view.latest("light below", light, spread, choice=choice, most=_PROFILES_KEPT)
+
+
+def _pixels_per_m(view: View) -> tuple[np.ndarray, np.ndarray]:
+    """Along image columns and rows, by how many pixels (rms) a step of a metre (rms per axis) over a surface moves:
+    what is seen aslant is foreshortened; [height][width] each, where nothing is hit as at the farthest point. That
+    columns and rows move together on surfaces turned about both axes is left out."""
+    hit, (x, y) = view.depth_m > 0, view.rays()
+    along_x, along_y, along_z = np.moveaxis(view.normal, -1, 0)
+    seen = (1.0 + ray**2 - (along - ray * along_z) ** 2 for ray, along in ((x, along_x), (y, along_y)))
+    scale = 1.0 / np.where(hit, view.depth_m, view.depth_m.max() if hit.any() else 1.0)
+    across, down = (k * scale * np.sqrt(np.maximum(s, 0.0)) for k, s in zip(np.diag(view.K)[:2], seen, strict=True))
+    return across, down

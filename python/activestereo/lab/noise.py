@@ -11,7 +11,7 @@ square of a noisy signal exceeds the squared mean by the variance itself, so mea
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
@@ -56,12 +56,18 @@ class NoiseLaw:
         return raw / (1.0 + self.relative)
 
 
-def repeat_statistics(capture: Capture, split: str | None = None) -> list[Repeats]:
-    """Pixelwise mean and unbiased variance of every repeat group and eye: [(frames, eye, mean, variance)], DN."""
+def repeat_statistics(
+    capture: Capture, split: str | None = None, drift: Mapping[tuple[int, str], np.ndarray] | None = None
+) -> list[Repeats]:
+    """Pixelwise mean and unbiased variance of every repeat group and eye: [(frames, eye, mean, variance)], DN.
+
+    drift: {(frame id, eye): what is known to differ between repeats, DN [height][width]}, taken out of the images.
+    """
+    known = drift or {}
     statistics = []
     for frames in capture.repeats(split).values():
         for eye in EYES:
-            stack = np.stack([capture.ir(frame, eye) for frame in frames]).astype(np.float64)
+            stack = np.stack([capture.ir(frame, eye) - known.get((frame.id, eye), 0.0) for frame in frames])
             statistics.append((frames, eye, stack.mean(axis=0), stack.var(axis=0, ddof=1)))
     return statistics
 
@@ -135,12 +141,16 @@ def _with_weights(rows: list[Any], count: Any) -> list[Any]:
     return list(zip(gain, mean, square, variance, 1.0 / error, strict=True))
 
 
-def frame_floors(capture: Capture, black_dn: float) -> tuple[dict[tuple[int, str], tuple[float, str]], NoiseLaw | None]:
+def frame_floors(
+    capture: Capture, black_dn: float, no_noise: Mapping[tuple[int, str], np.ndarray] | None = None
+) -> tuple[dict[tuple[int, str], tuple[float, str]], NoiseLaw | None]:
     """({(frame id, eye): (variance in DN^2, "repeats" or "law")}, law). Without any repeats: ({}, None).
 
-    The law is fitted on the train repeats where there are any, else on all.
+    The law is fitted on the train repeats where there are any, else on all. no_noise: DN [height][width] that are
+    taken out of images: of repeats what is known to differ between them, of others what is no light.
     """
-    statistics = repeat_statistics(capture)
+    known = no_noise or {}
+    statistics = repeat_statistics(capture, drift=known)
     train = [entry for entry in statistics if entry[0][0].split == "train"]
     law = fit_noise_law(train or statistics, black_dn, capture.rig.max_dn)
     if law is None:
@@ -152,5 +162,6 @@ def frame_floors(capture: Capture, black_dn: float) -> tuple[dict[tuple[int, str
     for frame in capture.frames:
         for eye in EYES:
             if (frame.id, eye) not in floors:
-                floors[frame.id, eye] = (law.mean_variance(capture.ir(frame, eye), frame.gain), "law")
+                lit = capture.ir(frame, eye) - known.get((frame.id, eye), 0.0)
+                floors[frame.id, eye] = (law.mean_variance(lit, frame.gain), "law")
     return floors, law

@@ -54,8 +54,10 @@ class Trial:
         return cls((first, second))
 
     def difference(self, effect: Effect) -> float:
-        """Of an effect with engine fields at its typical values, on all surfaces."""
-        values = effect.typical_values | ({SURFACES.name: 0.0} if SURFACES in effect.parameters else {})
+        """Of an effect with engine fields at its typical values, on all surfaces; what the engines do not know stays
+        neutral."""
+        unknown = {p.name: p.neutral for p in effect.parameters if not p.in_engine}
+        values = effect.typical_values | unknown | ({SURFACES.name: 0.0} if SURFACES in effect.parameters else {})
         model = Model().with_effect(effect, **values)
         if effect.randomness is not Randomness.NONE and all(
             name.startswith(("signal.", "speckle")) for name in effect.engine_fields

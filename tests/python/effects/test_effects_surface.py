@@ -110,17 +110,31 @@ def test_second_projector_is_a_second_source_in_the_world():
     assert np.sqrt(np.mean((added - truth)[here] ** 2)) < 0.3 * truth[here].std()
 
 
+@pytest.mark.parametrize("core", [0.0, 0.4, 1.0])
 @pytest.mark.parametrize("depth_m", [0.5, 1.0])
-def test_subsurface_widens_a_dot_by_its_length_on_the_surface(depth_m):
+def test_subsurface_widens_a_dot_by_its_length_on_the_surface(depth_m: float, core: float) -> None:
     view = example_view("left")
     view = replace(view, K=view.K * np.array([[5, 1, 1], [1, 5, 1], [1, 1, 1]]), depth_m=np.full(view.shape, depth_m))
     u, v = view.pixels()
     dot = np.exp(-((u - 48) ** 2 + (v - 36) ** 2) / (2 * 1.5**2))
     light = Light(dot, 0 * dot, 0 * dot, np.ones_like(dot))
-    seen_dot = EFFECTS["subsurface"](light, view, fraction=1.0, length_m=0.004).direct
+    seen_dot = EFFECTS["subsurface"](light, view, fraction=1.0, length_m=0.004, core=core).direct
     width = np.sqrt((seen_dot * (u - 48) ** 2).sum() / seen_dot.sum())
     assert width == pytest.approx(np.hypot(1.5, view.K[0, 0] * 0.004 / depth_m), rel=0.02)
     assert seen_dot.sum() == pytest.approx(dot.sum(), rel=1e-3)
+
+
+def test_subsurface_without_a_core_falls_off_exponentially_from_where_light_enters() -> None:
+    view = example_view("left")
+    view = replace(view, K=view.K * np.array([[15, 1, 1], [1, 15, 1], [1, 1, 1]]), depth_m=np.full(view.shape, 0.5))
+    length_px = view.K[0, 0] * 0.004 / 0.5
+    u, v = view.pixels()
+    dot = ((u == 48) & (v == 36)).astype(np.float64)
+    light = Light(dot, 0 * dot, 0 * dot, np.ones_like(dot))
+    spread = EFFECTS["subsurface"](light, view, fraction=1.0, length_m=0.004, core=0.0).direct
+    away = np.hypot(u - 48, v - 36) * np.sqrt(3.0) / length_px
+    for radius in (0.7, 1.5, 3.0):
+        assert spread[away < radius].sum() == pytest.approx(1.0 - (1.0 + radius) * np.exp(-radius), abs=0.02)
 
 
 def test_what_is_wholly_transparent_shows_what_is_behind_it_alone():

@@ -55,7 +55,8 @@ class Randomness(Enum):
 @dataclass(frozen=True)
 class Parameter:
     """neutral: the value of no effect. low..high: physically possible. typical: one prior deviation from neutral.
-    choice: it says where or how, in whole numbers: fits take it as given."""
+    choice: it says where or how, in whole numbers: fits take it as given. in_engine: whether the engines know it, in an
+    effect that they simulate."""
 
     name: str
     unit: str
@@ -65,6 +66,7 @@ class Parameter:
     typical: float
     source: str = ""
     choice: bool = False
+    in_engine: bool = True
 
     def __post_init__(self) -> None:
         if not self.low <= self.neutral <= self.high or self.low == self.high:

@@ -3,7 +3,8 @@
 them are looked at.
 
 A row's share of ambient light is linear in the sine and cosine of the flicker's phase at that row's time: per
-frequency and line time that is a regression on a few sums per row.
+frequency and line time that is a regression on a few sums per row, with the ambient level beside them: what a fit
+without flicker took for it is the mean of a few phases.
 """
 
 import numpy as np
@@ -52,7 +53,7 @@ def _gains(images: list[_RowSums], line_time: float) -> tuple[np.ndarray, np.nda
     Sums of squares and products of sine and cosine are those of twice the angle: of a row's wave exp(i angle) and of
     its square.
     """
-    total, square, product = 0.0, 0.0, 0.0
+    total, square, product, level = 0.0, 0.0, 0.0, 0.0
     waves = {len(strength): _row_waves(len(strength), line_time) for _, strength, _ in images}
     for frame, strength, moment in images:
         rows, start = waves[len(strength)], np.exp(2j * np.pi * _FREQUENCIES_HZ * frame.timestamp_s)
@@ -60,7 +61,12 @@ def _gains(images: list[_RowSums], line_time: float) -> tuple[np.ndarray, np.nda
         total = total + averaged**2 * strength.sum()
         square = square + (averaged * start) ** 2 * ((rows * rows) @ strength)
         product = product + averaged * start * (rows @ moment)
+        level = level + averaged * start * (rows @ strength)
+    # Normal equations of sine and cosine after the level's share (Schur's complement).
+    light = sum(strength.sum() for _, strength, _ in images) + 1e-30
+    product = product - level * (sum(moment.sum() for *_, moment in images) / light)
     ss, cc, sc = 0.5 * (total - square.real), 0.5 * (total + square.real), 0.5 * square.imag
+    ss, cc, sc = ss - level.imag**2 / light, cc - level.real**2 / light, sc - level.real * level.imag / light
     determinant = np.maximum(ss * cc - sc * sc, 1e-12 * (ss * cc + 1e-30))
     sine = (cc * product.imag - sc * product.real) / determinant
     cosine = (ss * product.real - sc * product.imag) / determinant

@@ -13,9 +13,12 @@ from scipy.fft import irfft2, next_fast_len, rfft2
 from scipy.ndimage import convolve1d, map_coordinates, spline_filter
 from scipy.special import ive
 
-_MAX_LEVELS = 5
+# Uniform blurs of which one that varies is made, an equal step or an equal ratio of variances apart.
+_MAX_LEVELS, _MAX_RATIO_LEVELS = 5, 7
 # A blur's kernel ends where so many of its deviations, and a pixel, are passed.
 _REACH = 4.0
+# A blur by less shows nothing.
+_LEAST_SIGMA_PX = 0.05
 
 
 def sample(images: np.ndarray, u: np.ndarray, v: np.ndarray, order: int = 3) -> np.ndarray:
@@ -118,9 +121,8 @@ def blur(images: np.ndarray, sigma_px: float | np.ndarray) -> np.ndarray:
     if np.ndim(sigma_px) == 0:
         if sigma_px == 0:
             return images
-        reach = int(np.ceil(_REACH * sigma_px + 1.0))
-        kernel = ive(np.abs(np.arange(-reach, reach + 1)), sigma_px**2)
-        return _along_both(images, kernel / kernel.sum())
+        kernel = _kernel(float(sigma_px))
+        return _along_both(images, kernel, kernel)
     variance = np.asarray(sigma_px, dtype=np.float64) ** 2
     low, high = variance.min(), variance.max()
     if high - low < 1e-12:
@@ -134,15 +136,37 @@ def blur(images: np.ndarray, sigma_px: float | np.ndarray) -> np.ndarray:
     return out
 
 
-def _along_both(images: np.ndarray, kernel: np.ndarray) -> np.ndarray:
-    """Images [..., height][width] under a kernel along columns and rows; the border value beyond the border."""
+def blur_along(images: np.ndarray, sigma_px: np.ndarray, axis: int) -> np.ndarray:
+    """blur() along one axis of the image, -1 (columns) or -2 (rows), by an image of sigma in pixels.
+
+    Its uniform blurs are a constant ratio apart: beside the widest a narrow one between equal steps would keep a core.
+    """
+    variance = np.maximum(np.asarray(sigma_px, dtype=np.float64), _LEAST_SIGMA_PX) ** 2
+    levels = np.unique(np.geomspace(variance.min(), variance.max(), _MAX_RATIO_LEVELS))
+    position = np.interp(variance, levels, np.arange(len(levels)))
+    out = np.zeros(images.shape, np.result_type(images, np.float32))
+    for i, level in enumerate(levels):
+        kernels = (_kernel(np.sqrt(level)), np.ones(1))
+        weight = np.maximum(0.0, 1.0 - np.abs(position - i)).astype(out.dtype)
+        out += weight * _along_both(images, *(kernels if axis == -1 else kernels[::-1]))
+    return out
+
+
+def _kernel(sigma_px: float) -> np.ndarray:
+    reach = int(np.ceil(_REACH * sigma_px + 1.0))
+    kernel = ive(np.abs(np.arange(-reach, reach + 1)), sigma_px**2)
+    return kernel / kernel.sum()
+
+
+def _along_both(images: np.ndarray, kernel_u: np.ndarray, kernel_v: np.ndarray) -> np.ndarray:
+    """Images [..., height][width] under kernels along columns (u) and rows (v); the border value beyond the border."""
     floats = images.astype(np.result_type(images, np.float32), copy=False)
     try:
         import cv2  # five times as fast as SciPy, and the same to rounding; loaded where something is blurred
     except ImportError:
-        return convolve1d(convolve1d(floats, kernel, axis=-2, mode="nearest"), kernel, axis=-1, mode="nearest")
+        return convolve1d(convolve1d(floats, kernel_v, axis=-2, mode="nearest"), kernel_u, axis=-1, mode="nearest")
     stack = floats.reshape(-1, *images.shape[-2:])
-    out = [cv2.sepFilter2D(image, -1, kernel, kernel, borderType=cv2.BORDER_REPLICATE) for image in stack]
+    out = [cv2.sepFilter2D(image, -1, kernel_u, kernel_v, borderType=cv2.BORDER_REPLICATE) for image in stack]
     return np.stack(out).reshape(images.shape)
 
 

@@ -176,7 +176,7 @@ def examine(
         "not_ranked": not_ranked_json((*first.not_ranked, *depth.not_ranked)),
         "added": [*way[-1].added, *(f.id for f in on_top)],
         "depth": depth_json(depth, faults, name_of),
-        **held_out_figures(evidence, fitters, [(step.added, step.ranking.base) for step in way], on_top),
+        **held_out_figures(way[-1].bench.evidence, fitters, [(step.added, step.ranking.base) for step in way], on_top),
         "next_measurement": next_measurements(first, evidence),
         "judging": judging_json(first, evidence.has_floor),
         "law": law and law.as_json(),
@@ -200,7 +200,7 @@ def _way(
     is_whole = not is_named(first) or lacks_nothing(first, first.findings[0])
     if not is_whole and (steps == "greedy" or is_unexplained(first, first.findings[0].remainder, first)):
         return greedy(bench, bases, first, candidates, progress)
-    return [Step((), first)]
+    return [Step((), first, bench)]
 
 
 def _accepted(verdict: str, first: Ranking, way: list[Step], steps: str) -> tuple[list[Step], list[Finding]]:

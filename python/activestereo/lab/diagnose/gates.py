@@ -193,10 +193,21 @@ class Gates:
     )
     needless_floors: float = _earlier(0.005, "floors", "the same limit in units of the noise floor", _GENERATION_1)
     formulas_share: float = _earlier(
-        0.015, "1", "share of the error explained so far that inexact formulas may have left over", _GENERATION_1
+        0.015,
+        "1",
+        "share of what is explained that inexact formulas may leave over, and by which two explanations may differ and "
+        "still count as equal",
+        _GENERATION_1,
     )
     enough_share: float = _earlier(
         0.95, "1", "share of the initial excess which, once explained, ends the search", "convention"
+    )
+    drift_share: float = _earlier(
+        0.02,
+        "1",
+        "share by which the noise floor must fall without what a found effect adds in the dark, or between repeats, "
+        "for weights to be formed anew",
+        "convention",
     )
     smooth_floors: float = _earlier(
         0.06,
@@ -267,6 +278,13 @@ class Gates:
         "nats",
         "least difference in likelihood between two effects that a proposed measurement must be expected to make",
         "convention",
+    )
+    lever_ratio: float = _earlier(
+        2.0,
+        "1",
+        "ratio of what a proposed measurement tells to what the same frames tell again, below which other views come "
+        "first",
+        "theory: twice the light doubles the nats of what the views tell already",
     )
     # Effort: what is worth another look.
     out_of_reach: float = _earlier(

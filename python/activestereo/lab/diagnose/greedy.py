@@ -4,15 +4,18 @@ may be named.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from activestereo.effects import Effect, Model
 from activestereo.lab.diagnose.base_fit import BaseFits
 from activestereo.lab.diagnose.channels import Progress
-from activestereo.lab.diagnose.findings import BaseFit, Ranking
+from activestereo.lab.diagnose.evidence.repeats import without_drift
+from activestereo.lab.diagnose.findings import BaseFit, Finding, Ranking
+from activestereo.lab.diagnose.propose.scan import scan_observations
 from activestereo.lab.diagnose.rank import Bench, bare_ranking, rank
+from activestereo.lab.diagnose.refine import Fitters
 from activestereo.lab.diagnose.score.whiteness import worst_image
 from activestereo.lab.diagnose.verdict.acceptance import passes
 
@@ -22,10 +25,12 @@ _RIVALS = 3
 
 @dataclass(frozen=True)
 class Step:
-    """A model along the way: the effects added so far, and the ranking that was made on top of it."""
+    """A model along the way: the effects added so far, the ranking that was made on top of it, and what it was made
+    with."""
 
     added: tuple[str, ...]
     ranking: Ranking
+    bench: Bench
 
 
 def greedy(
@@ -36,13 +41,15 @@ def greedy(
     first: the Ranking on top of the given model.
     """
     gates, given = bench.gates, len(first.base.model.effects)
-    steps, ranking = [Step((), first)], first
+    steps, ranking = [Step((), first, bench)], first
     tried: set[str] = set()
     rivals: set[str] = set()
+    start = first
     while len(steps) <= gates.most_effects:
-        least = gates.formulas_share * (first.base.chi2 - ranking.base.chi2) / first.pixels
         passing = [
-            f for f in ranking.findings if f.solution is not None and passes(ranking, f) and f.score.gain_floors > least
+            f
+            for f in ranking.findings
+            if f.solution is not None and passes(ranking, f) and _exceeds_formulas(bench, start, ranking, f)
         ]
         best = next((f for f in passing if f.id not in tried), None)
         if best is None:
@@ -53,10 +60,42 @@ def greedy(
         grown = _pruned(bench, bases, best.fitted.model, given, phi)
         grown = _swapped(bench, bases, grown, [c for c in candidates if c.id in rivals], given, phi)
         base = bases(grown, phi)
-        worth_trying = candidates if _is_worth_another(bench, base, first) else []
+        bench, bases = _without_drift(bench, bases, base)
+        base, start = bases(grown, phi), bare_ranking(bench, bases(first.base.model))
+        worth_trying = candidates if _is_worth_another(bench, base, start) else []
         ranking = rank(bench, base, worth_trying, progress, _fitted_at_first(first, rivals))
-        steps.append(Step(tuple(e.id for e, _ in grown.effects[given:]), ranking))
+        steps.append(Step(tuple(e.id for e, _ in grown.effects[given:]), ranking, bench))
     return steps
+
+
+def _exceeds_formulas(bench: Bench, start: Ranking, ranking: Ranking, finding: Finding) -> bool:
+    """Whether a finding gains a practical size beyond what the formulas of earlier effects may have left of what they
+    explained, image by image: an image that these leave alone is none of their fault.
+
+    start: the ranking of the given model by the same weights.
+    """
+    if start is ranking:
+        return True
+    gates, beyond = ranking.gates, 0.0
+    for o in bench.evidence.train:
+        tiles = np.unique(o.tile)
+        first, before, after = (
+            float(chi2[tiles].sum())
+            for chi2 in (start.base.tile_chi2, ranking.base.tile_chi2, finding.explanation.tile_chi2)
+        )
+        beyond += max(before - after - gates.formulas_share * max(first - before, 0.0), 0.0)
+    return beyond >= gates.smallest_gain_floors * ranking.pixels
+
+
+def _without_drift(bench: Bench, bases: BaseFits, base: BaseFit) -> tuple[Bench, BaseFits]:
+    """The bench and its base fits, with the noise of what is light alone under what was found."""
+    expected = {row.observation.key: row.expected for row in (*base.train, *base.test)}
+    model, black_dn = base.solution.model, base.solution.nuisances.black_dn
+    evidence = without_drift(bench.evidence, model, black_dn, expected, bench.gates.drift_share)
+    if evidence is bench.evidence:
+        return bench, bases
+    fitters = Fitters.of(evidence, scan_observations(evidence.train, evidence.seed))
+    return replace(bench, evidence=evidence, fitters=fitters), BaseFits(evidence, fitters, bench.gates)
 
 
 def _fitted_at_first(first: Ranking, rivals: set[str]) -> dict[str, np.ndarray]:
@@ -65,7 +104,9 @@ def _fitted_at_first(first: Ranking, rivals: set[str]) -> dict[str, np.ndarray]:
 
 
 def _is_worth_another(bench: Bench, base: BaseFit, first: Ranking) -> bool:
-    """Whether more than next to nothing is left in some image; what random effects leave is theirs alone."""
+    """Whether more than next to nothing is left in some image; what random effects leave is theirs alone. first: the
+    ranking of the given model by the same weights.
+    """
     enough = bare_ranking(bench, base).excess_floors < (1.0 - bench.gates.enough_share) * first.excess_floors
     return not enough or worst_image(base.train) >= bench.gates.smooth_floors
 

@@ -37,6 +37,7 @@ _MENU: dict[str, Change] = {
     "the same views at twice the exposure": {"exposure_factor": 2.0},
     "the same views at half the projector power": {"power_factor": 0.5},
     "the same views 20 K warmer": {"warming_k": 20.0},
+    "the same views 20 K warmer with the projector off": {"warming_k": 20.0, "power_factor": 0.0},
     "the same views with the rig moving sideways at 0.5 m/s": {"velocity": [0.5, 0.0, 0.0, 0.0, 0.0, 0.0]},
     "the same views with the rig turning about its vertical axis at 1 rad/s": {
         "velocity": [0.0, 0.0, 0.0, 0.0, 1.0, 0.0]
@@ -44,7 +45,7 @@ _MENU: dict[str, Change] = {
     "two more repeats of each view": {"repeats": 2},
 }
 # Where no exposure of the known views helps; what others would show cannot be foretold without rendering them.
-_OTHER_VIEWS = "other views: another distance (at least twice as far) and other materials", {"views": 2}
+_OTHER_VIEWS = "six other views: another distance (at least twice as far) and other materials", {"views": 6}
 
 
 def _changed(
@@ -88,14 +89,18 @@ def next_measurements(ranking: Ranking, evidence: Evidence) -> list[Advice]:
         nats, pair = _worst_pair(ranking, evidence, foretold, observations, change)
         scored.append((nats, text, pair))
     scored.sort(key=lambda entry: -entry[0])
-    useful = [entry for entry in scored if entry[0] > ranking.gates.worth_nats][:_SUGGESTIONS]
-    if not useful:
-        text, change = _OTHER_VIEWS
-        return [{"text": text, "nats": None, "separates": [f.id for f in members], "change": change}]
-    return [
+    useful = [entry for entry in scored if entry[0] > ranking.gates.worth_nats]
+    advice: list[Advice] = [
         {"text": f"{text} (expected {nats:.0f} nats)", "nats": nats, "separates": list(pair), "change": _MENU[text]}
         for nats, text, pair in useful
     ]
+    # What brings little more than the same frames again is no lever: errors of a survey, which no light lessens, hide
+    # the difference where these views have not shown it.
+    again = _worst_pair(ranking, evidence, foretold, observations, {})[0] if useful else np.inf
+    if not useful or useful[0][0] < ranking.gates.lever_ratio * again:
+        text, change = _OTHER_VIEWS
+        advice = [{"text": text, "nats": None, "separates": [f.id for f in members], "change": change}, *advice]
+    return advice[:_SUGGESTIONS]
 
 
 def _open_set(ranking: Ranking) -> list[Finding]:

@@ -19,7 +19,7 @@ CHOICES = {
     "sideways": {"velocity": [0.5, 0.0, 0.0, 0.0, 0.0, 0.0]},
     "turning": {"velocity": [0.0, 0.0, 0.0, 0.0, 1.0, 0.0]},
     "repeats": {"repeats": 2},
-    "other views": {"views": 2},
+    "other views": {"views": 6},
 }
 
 

@@ -3,7 +3,7 @@
 correlated by tiles.
 """
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -53,8 +53,9 @@ def gather(capture: Capture, layers: LayersOfFrames, seed: int = 0, halves: Sequ
     nuisances = fit_nuisances([(s.frame, s.layers, s.measured) for s in train], capture.rig.max_dn).nuisances
     floors, law, has_floor = _noise(capture, shots, nuisances)
     expected = _expected(shots, floors, nuisances, capture.rig.max_dn)
-    law, floors = _noise_at_other_gains(law, floors, has_floor, shots, train, nuisances, capture.rig.max_dn)
     predicted = {s.key: predict(s.frame, s.layers, nuisances, capture.rig.max_dn) for s in train}
+    if has_floor:
+        law, floors = noise_at_other_gains(law, floors, shots, train, predicted)
     place_error_m = place_error(train, predicted, law)
     tiles, count = _tiles(train)
     material_of = _material_of(capture)
@@ -100,21 +101,18 @@ def _noise(capture: Capture, shots: Sequence[Shot], nuisances: Nuisances) -> tup
     return {s.key: max(law.mean_variance(s.measured, s.frame.gain), QUANTISATION_VARIANCE) for s in shots}, law, False
 
 
-def _noise_at_other_gains(
+def noise_at_other_gains(
     law: NoiseLaw,
     floors: Floors,
-    has_floor: bool,
     shots: Sequence[Shot],
     train: Sequence[Shot],
-    nuisances: Nuisances,
-    max_dn: float,
+    predicted: Mapping[tuple[int, str], np.ndarray],
 ) -> tuple[NoiseLaw, Floors]:
-    """The law and floors with the noise that frames at gains without repeats show."""
-    if not has_floor:
-        return law, floors
-    predicted = {s.key: predict(s.frame, s.layers, nuisances, max_dn) for s in train}
+    """The law and floors with the noise that frames at gains without repeats show. predicted: expected DN of the train
+    images.
+    """
     shown = {s.frame.gain for s in train if s.frame.repeat_group is not None}
-    law = law_at_other_gains(law, train, predicted, shown)
+    law = law_at_other_gains(law, train, dict(predicted), shown)
     others = [s for s in shots if s.frame.gain not in shown]
     return law, floors | {
         s.key: max(law.mean_variance(s.measured, s.frame.gain), QUANTISATION_VARIANCE) for s in others

@@ -140,11 +140,12 @@ def _with_effect(space: ParameterSpace, effect: Effect) -> ParameterSpace:
 
 
 def _steps(effect: Effect, values: np.ndarray) -> np.ndarray:
-    """Steps of differences, 0 for choices; inside the range."""
+    """Steps of differences, 0 for choices and for what the engine does not know; inside the range."""
     out = []
     for p, v in zip(effect.parameters, values, strict=True):
         step = max(_STEP_TYPICAL * p.typical, _STEP_DISTANCE * abs(v - p.neutral))
-        out.append(0.0 if p.choice else -step if v + step > p.high else step)
+        is_fixed = p.choice or not p.in_engine
+        out.append(0.0 if is_fixed else -step if v + step > p.high else step)
     return np.array(out)
 
 

@@ -25,7 +25,10 @@ def is_shape(parameter: Parameter) -> bool:
 
 
 def is_at_end(parameter: Parameter, value: float) -> bool:
-    """Whether a shape parameter was driven to an end of its range: what it stands for lies beyond its kind."""
+    """Whether a shape parameter was driven to an end of its range: what it stands for lies beyond its kind. Where the
+    neutral value is an end, staying there means nothing."""
+    if value == parameter.neutral:
+        return False
     room = _NEAR_END * (parameter.high - parameter.low)
     return is_shape(parameter) and not parameter.low + room < value < parameter.high - room
 

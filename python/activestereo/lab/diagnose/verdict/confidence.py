@@ -11,12 +11,15 @@ from activestereo.lab.diagnose.verdict.acceptance import passes
 
 def equivalents(ranking: Ranking, finding: Finding) -> list[str]:
     """Ids of other findings that explain the images as well, within their paired error or the models' own
-    inadequacy.
+    inadequacy, which is a share of what a model leaves, and no more than formulas miss of what it explains: what errors
+    of a survey leave says nothing of either.
     """
     gates = ranking.gates
     if finding.score.nats <= 0 or not finding.on_images:
         return []
-    limit = gates.same_excess_ratio * ranking.excess_after(finding.chi2) + gates.same_excess_floors
+    excess = ranking.excess_after(finding.chi2)
+    inadequacy = min((gates.same_excess_ratio - 1.0) * excess, gates.formulas_share * finding.score.gain_floors)
+    limit = excess + inadequacy + gates.same_excess_floors
     chosen = []
     for other in ranking.findings:
         if other is finding or not other.on_images or other.score.nats <= 0:
