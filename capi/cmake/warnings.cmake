@@ -3,6 +3,6 @@
 add_library(ks_warnings INTERFACE)
 target_compile_options(ks_warnings INTERFACE -Wall -Wextra -Werror $<$<COMPILE_LANGUAGE:CXX>:-Wno-missing-field-initializers>)
 if(ACTIVESTEREO_SANITIZE)
-  add_compile_options(-fsanitize=${ACTIVESTEREO_SANITIZE} -fno-omit-frame-pointer -g)
+  add_compile_options(-fsanitize=${ACTIVESTEREO_SANITIZE} -fno-omit-frame-pointer -g1)
   add_link_options(-fsanitize=${ACTIVESTEREO_SANITIZE})
 endif()

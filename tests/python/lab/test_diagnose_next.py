@@ -2,8 +2,6 @@
 """What to measure next: what a rival's parameters can make up for separates nothing."""
 
 from dataclasses import replace
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +10,6 @@ from lab_worlds import WorldRenderer
 from activestereo.capture import read_capture
 from activestereo.effects import Model, builtin
 from activestereo.lab.cache import LayerCache
-from activestereo.lab.diagnose import next_measurement as asked
 from activestereo.lab.diagnose.base_fit import fit_base
 from activestereo.lab.diagnose.evidence import gather
 from activestereo.lab.diagnose.gates import GATES
@@ -49,22 +46,3 @@ def test_a_rival_that_can_be_refitted_is_no_rival(fitted):
     assert left[0] < 0.05 * left[2]
     assert left[0] < left[1] < left[2]
     assert left_between(evidence, frames, rival, rival, 1.0) == pytest.approx(0.0, abs=1e-6)
-
-
-@pytest.mark.parametrize(("warm_nats", "first"), [(150.0, "six other views"), (250.0, "the same views 20 K warmer")])
-def test_what_tells_no_more_than_more_light_comes_after_other_views(
-    monkeypatch: pytest.MonkeyPatch, warm_nats: float, first: str
-) -> None:
-    members = [SimpleNamespace(id=name, solution=name) for name in ("drift", "shift")]
-
-    def told(*given: Any) -> tuple[float, tuple[str, ...]]:
-        change = given[-1]
-        return (warm_nats if change == {"warming_k": 20.0} else 100.0), ("drift", "shift")
-
-    monkeypatch.setattr(asked, "_open_set", lambda ranking: members)
-    monkeypatch.setattr(asked, "scan_observations", lambda *given: ())
-    monkeypatch.setattr(asked, "_worst_pair", told)
-    evidence = SimpleNamespace(has_floor=True, train=(), seed=0)
-    advice = asked.next_measurements(SimpleNamespace(gates=GATES), evidence)
-    assert advice[0]["text"].startswith(first)
-    assert len(advice) == 3
