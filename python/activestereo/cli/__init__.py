@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The command line: activestereo simulate | presets | depth | pair | depth-quality | compare | diagnose | add | model |
-acquire | import | overlay | effect | generate | devices, one file each. This one parses, runs and makes failures one
-line."""
+acquire | import | overlay | effect | generate | gap | devices, one file each. This one parses, runs and makes failures
+one line."""
 
 import argparse
 import os
@@ -20,6 +20,7 @@ from activestereo.cli import (
     devices,
     diagnose,
     effect,
+    gap,
     generate,
     import_capture,
     model,
@@ -44,6 +45,7 @@ _COMMANDS = (
     import_capture,
     overlay,
     effect,
+    gap,
     generate,
     devices,
 )

@@ -1,0 +1,20 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How well a simulated depth camera ranks methods as a foreign one does: `activestereo gap run | score | ablate`.
+
+| file | job |
+|--|--|
+| objects.py | eight objects, from clay to glass, and their symmetries |
+| views.py | where an object and the camera are in view n |
+| worlds.py | which worlds there are: modes of depth and their variants |
+| stage.py | takes depth pictures of views in a world |
+| foreign.py | a world whose differences the others do not know of |
+| clouds.py | points of an object in a depth picture |
+| icp.py, ppf.py, features.py, template.py | three methods that find an object's pose |
+| methods.py | the methods with the settings that tuning chooses from |
+| pose_error.py | how far a pose is off, up to symmetry |
+| score.py | how two worlds' scores agree, with intervals |
+| files.py | the folder of a run: what is there already, what is written |
+| run.py | pictures, tuning, poses, in this order; resumable |
+| ablate.py | the same under more samples, noise, other materials |
+| report.py | tables and pictures of the results |
+"""

@@ -1,0 +1,149 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The results of a run as JSON, as a table and as a picture."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+from math import isnan
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from activestereo.gap.files import RunFolder
+from activestereo.gap.pose_error import CRITERIA, successes
+from activestereo.gap.poses import errors_of
+from activestereo.gap.score import Agreement, Figure, agreement
+from activestereo.gap.settings import GapSettings
+from activestereo.gap.tuning import Model, candidates_of, models_of
+from activestereo.gap.worlds import SIMULATED, WORLDS
+from activestereo.output_files import replace_file, write_text
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Picture
+
+COLORS = {"clean": "#4477aa", "raster": "#ccaa33", "full": "#cc3366"}
+_MARKERS = {"ICP": "o", "PPF": "s", "template": "^"}
+
+
+@dataclass(frozen=True)
+class Results:
+    """errors: {world: [models, views, 2]} mm and degrees."""
+
+    models: list[Model]
+    errors: dict[str, NDArray[np.float64]]
+    seed: int
+
+    @property
+    def views(self) -> int:
+        return int(self.errors["foreign"].shape[1])
+
+    def rates(self, world: str, criterion: tuple[float, float]) -> NDArray[np.float64]:
+        """[models] shares of views where the pose was found."""
+        return np.asarray(successes(self.errors[world], criterion).mean(axis=1))
+
+    def agreement(self, world: str, criterion: tuple[float, float]) -> Agreement:
+        """Of a world with the foreign one."""
+        own, real = (successes(self.errors[name], criterion) for name in (world, "foreign"))
+        return agreement(own, real, self.seed)
+
+
+def results(folder: RunFolder) -> Results:
+    """Of the test views that all worlds have. ValueError where the run is not so far."""
+    settings = GapSettings.of(folder)
+    models = models_of(folder)
+    candidates = candidates_of(models)
+    rounds = min(folder.rounds(world, "test") for world in WORLDS)
+    rows = [candidates.index(model.candidate) for model in models]
+    errors = {world: errors_of(folder, world, "test", rounds, candidates)[rows] for world in WORLDS}
+    return Results(models, errors, settings.seed)
+
+
+def write_report(found: Results, out: Path) -> None:
+    """gap.json, gap.md and gap.png."""
+    write_text(out / "gap.json", json.dumps(_as_json(found), indent=2) + "\n")
+    write_text(out / "gap.md", "\n".join([*agreement_table(found), "", *model_table(found)]) + "\n")
+    picture = scatter(found)
+    replace_file(out / "gap.png", lambda file: picture.savefig(file, format="png", dpi=110))
+
+
+def agreement_table(found: Results) -> list[str]:
+    """Lines of Markdown: how each world agrees with the foreign one."""
+    lines = ["| poses within | learnt and ranked in | Pearson | Spearman | mean gap |", "|---|---|---|---|---|"]
+    for criterion in CRITERIA:
+        for world in SIMULATED:
+            own = found.agreement(world, criterion)
+            figures = " | ".join(shown(figure) for figure in (own.pearson, own.spearman, own.gap))
+            lines.append(f"| {_named(criterion)} | `{world}` | {figures} |")
+    return lines
+
+
+def model_table(found: Results) -> list[str]:
+    """Lines of Markdown: the share of poses that each model finds in each world."""
+    head = " | ".join(f"`{world}`" for world in WORLDS)
+    lines = [f"| model | tuned on | its setting | {head} |", "|---|---|---|" + "---|" * len(WORLDS)]
+    rates = [[found.rates(world, criterion) for criterion in CRITERIA] for world in WORLDS]
+    for row, model in enumerate(found.models):
+        values = ", ".join(f"{name} {value}" for name, value in model.values.items())
+        own = " | ".join(" / ".join(f"{100 * rate[row]:.0f}" for rate in pair) for pair in rates)
+        lines.append(f"| {model.method} | `{model.tuned_on}` | {values} | {own} |")
+    return lines
+
+
+def scatter(found: Results) -> Picture:
+    """Scores of the models in each of our worlds over those in the foreign one; on the diagonal they are the same."""
+    from matplotlib.figure import Figure as Picture
+    from matplotlib.lines import Line2D
+
+    picture = Picture(figsize=(10.0, 4.6))
+    for axes, criterion in zip(picture.subplots(1, len(CRITERIA)), CRITERIA, strict=True):
+        axes.plot([0, 100], [0, 100], color="0.7", linewidth=1)
+        real = 100 * found.rates("foreign", criterion)
+        for world in SIMULATED:
+            own = 100 * found.rates(world, criterion)
+            for row, model in enumerate(found.models):
+                marker = _MARKERS[model.method]
+                axes.plot(real[row], own[row], marker, color=COLORS[world], markersize=7, alpha=0.75)
+        axes.set(xlim=(0, 100), ylim=(0, 100), aspect="equal", title=f"within {_named(criterion)}")
+        axes.set(xlabel="poses found in the foreign world, %", ylabel="poses found in the simulation, %")
+    marks = [Line2D([], [], color=COLORS[world], marker="o", linestyle="", label=world) for world in SIMULATED]
+    marks += [Line2D([], [], color="0.3", marker=m, linestyle="", label=name) for name, m in _MARKERS.items()]
+    picture.legend(handles=marks, loc="center right", frameon=False)
+    picture.subplots_adjust(left=0.07, right=0.87, wspace=0.22)
+    return picture
+
+
+def shown(figure: Figure) -> str:
+    """'0.97 (0.91 to 0.99)', or a dash where there is no value."""
+    if isnan(figure.value):
+        return "–"
+    return f"{figure.value:.2f} ({figure.low:.2f} to {figure.high:.2f})"
+
+
+def _named(criterion: tuple[float, float]) -> str:
+    return f"{criterion[0]:.0f} mm {criterion[1]:.0f}°"
+
+
+def _as_json(found: Results) -> dict[str, Any]:
+    return {
+        "views": found.views,
+        "models": [asdict(model) | {"values": model.values} for model in found.models],
+        "criteria": [
+            {
+                "mm": criterion[0],
+                "deg": criterion[1],
+                "scores": {world: found.rates(world, criterion).tolist() for world in WORLDS},
+                "agreement": {world: agreement_json(found.agreement(world, criterion)) for world in SIMULATED},
+            }
+            for criterion in CRITERIA
+        ],
+    }
+
+
+def agreement_json(own: Agreement) -> dict[str, list[float | None]]:
+    """{figure: [value, low, high]}; null where there is no value."""
+    return {
+        name: [None if isnan(value) else value for value in figure.values()] for name, figure in asdict(own).items()
+    }

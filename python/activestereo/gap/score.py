@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How two worlds agree on how good methods are: correlation of their scores, and how far the scores are apart.
+
+Intervals come from drawing views anew, the same ones in both worlds (Efron and Tibshirani, An Introduction to the
+Bootstrap, 1993, ch. 6)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import rankdata
+
+_DRAWS, _LEVEL = 2000, 0.95
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A value with the interval that holds it 95 times in 100. NaN: there is none, as all scores of a world are
+    alike."""
+
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """pearson, spearman: correlation over models; gap: mean absolute difference of their scores."""
+
+    pearson: Figure
+    spearman: Figure
+    gap: Figure
+
+
+def pearson(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    """[...] of scores [..., models]; NaN where all of a or all of b are alike."""
+    a, b = a - a.mean(axis=-1, keepdims=True), b - b.mean(axis=-1, keepdims=True)
+    scale = np.sqrt((a * a).sum(axis=-1) * (b * b).sum(axis=-1))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(np.where(scale > 1e-12, (a * b).sum(axis=-1) / scale, np.nan))
+
+
+def spearman(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    """pearson() of the ranks; equal scores share their middle rank."""
+    return pearson(rankdata(a, axis=-1), rankdata(b, axis=-1))
+
+
+def mean_gap(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    """[...] of scores [..., models]."""
+    return np.asarray(np.abs(a - b).mean(axis=-1))
+
+
+def agreement(simulated: NDArray[np.bool_], real: NDArray[np.bool_], seed: int = 0) -> Agreement:
+    """Of successes [models, views] in two worlds. ValueError where the two are not of the same models and views."""
+    if simulated.shape != real.shape or simulated.ndim != 2 or not simulated.size:
+        raise ValueError(f"successes of both worlds are [models, views], not {simulated.shape} and {real.shape}")
+    views = simulated.shape[1]
+    drawn = np.random.default_rng(seed).multinomial(views, np.full(views, 1.0 / views), _DRAWS) / views
+    scores = [(s.mean(axis=1), drawn @ s.T.astype(np.float64)) for s in (simulated, real)]
+    figures = []
+    for measure in (pearson, spearman, mean_gap):
+        value = float(measure(*(own for own, _ in scores)))
+        draws = measure(*(draw for _, draw in scores))
+        draws = draws[np.isfinite(draws)]
+        tail = 50.0 * (1.0 - _LEVEL)
+        low, high = np.percentile(draws, (tail, 100.0 - tail)) if draws.size else (np.nan, np.nan)
+        figures.append(Figure(value, float(low), float(high)))
+    return Agreement(*figures)

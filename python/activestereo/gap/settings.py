@@ -1,0 +1,43 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a run depends on."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from activestereo.gap.files import RunFolder
+from activestereo.gap.objects import objects
+from activestereo.gap.stage import CameraSettings
+
+
+@dataclass(frozen=True)
+class GapSettings:
+    """views, tuning_views: at least so many, in whole rounds of one view of each object."""
+
+    views: int = 320
+    tuning_views: int = 64
+    seed: int = 0
+    camera: CameraSettings = CameraSettings()
+    foreign_samples: int = 64
+
+    def rounds(self, split: str) -> int:
+        return -(-(self.views if split == "test" else self.tuning_views) // len(objects()))
+
+    def described(self) -> dict[str, Any]:
+        """Without the number of test views, which may grow."""
+        out = asdict(self)
+        del out["views"]
+        return out | {"tuning_views": self.rounds("tuning") * len(objects())}
+
+    @staticmethod
+    def of(folder: RunFolder) -> GapSettings:
+        """As described() wrote them."""
+        told = folder.settings()
+        try:
+            camera = dict(told["camera"])
+            camera["size_px"] = tuple(camera["size_px"])
+            own = {name: told[name] for name in ("tuning_views", "seed", "foreign_samples")}
+            return GapSettings(camera=CameraSettings(**camera), **own)
+        except (KeyError, TypeError, ValueError) as error:
+            raise ValueError(f"{folder.path}/settings.json is not of a run of this version: {error}") from error
