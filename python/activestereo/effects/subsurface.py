@@ -29,6 +29,8 @@ _WITH_CORE = ((0.081, 0.032), (0.254, 0.193), (0.396, 0.643), (0.269, 1.751))
 # deep inside (Jensen et al. 2001: the diffuse part has no core either).
 _WITHOUT_CORE = ((0.118, 0.308), (0.525, 0.735), (0.357, 1.389))
 
+# A pixel that would get less than this share of the brightest one's light lies in shadow.
+_LEAST_LIT = 1e-3
 # A scan goes through lengths and profiles, and comes back to them with another fraction.
 _PROFILES_KEPT = 4
 
@@ -100,14 +102,15 @@ def subsurface(light: Light, view: View, fraction: float, length_m: float, core:
 def _wandered(
     light: Light, view: View, length_m: float, profile: tuple[tuple[float, float], ...], is_wanted: bool
 ) -> np.ndarray:
-    """[2][height][width]: the dots' light after it wandered, and that of a projector that lights all pixels; zeros
-    where it is not wanted."""
+    """[2][height][width]: the pattern's share of the irradiance after its light wandered, and what of such light came
+    from lit pixels; zeros where it is not wanted. Neighbours count alike, whatever they reflect."""
     if not is_wanted:
         return np.zeros((2, *view.shape), light.direct.dtype)
 
     def spread() -> np.ndarray:
         across, down = (length_m * per_m for per_m in view.once("pixels per metre below", lambda: _pixels_per_m(view)))
-        entered = np.stack([light.direct, light.flat])
+        lit = light.flat > _LEAST_LIT * light.flat.max()
+        entered = np.stack([np.where(lit, light.direct / np.where(lit, light.flat, 1.0), 0.0), lit])
         blurred = (blur_along(blur_along(entered, width * across, -1), width * down, -2) for _, width in profile)
         return np.sum([weight * image for (weight, _), image in zip(profile, blurred, strict=True)], axis=0)
 

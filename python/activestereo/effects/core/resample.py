@@ -139,10 +139,13 @@ def blur(images: np.ndarray, sigma_px: float | np.ndarray) -> np.ndarray:
 def blur_along(images: np.ndarray, sigma_px: np.ndarray, axis: int) -> np.ndarray:
     """blur() along one axis of the image, -1 (columns) or -2 (rows), by an image of sigma in pixels.
 
-    Its uniform blurs are a constant ratio apart: beside the widest a narrow one between equal steps would keep a core.
+    Its uniform blurs are a constant ratio of variances apart, twice where their number allows: between equal steps a
+    narrow blur beside the widest would keep a core.
     """
     variance = np.maximum(np.asarray(sigma_px, dtype=np.float64), _LEAST_SIGMA_PX) ** 2
-    levels = np.unique(np.geomspace(variance.min(), variance.max(), _MAX_RATIO_LEVELS))
+    low, high = variance.min(), variance.max()
+    count = min(2 + int(np.log2(high / low)), _MAX_RATIO_LEVELS)
+    levels = np.unique(np.geomspace(low, high, count))
     position = np.interp(variance, levels, np.arange(len(levels)))
     out = np.zeros(images.shape, np.result_type(images, np.float32))
     for i, level in enumerate(levels):
