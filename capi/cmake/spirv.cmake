@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-# ks_add_shaders(target shader_dir [INLINED stem ...] [PER_BAND stem ...] [VARIANTS stem:suffix:definition ...]): compiles every shader_dir/entry/*.{comp,rgen,rchit,rmiss} to
+# ks_add_shaders(target shader_dir [INLINED stem ...] [PER_BAND stem ...] [VARIANTS stem:suffix:definition ...]): compiles every
+# shader_dir/entry/*.{comp,rgen,rchit,rahit,rmiss} to
 # SPIR-V and embeds it. C++ sees it by #include "spirv/<stem>.h", which defines `const uint32_t <stem>_spirv[]`. The stem of trace.rgen is
 # trace_rgen; of trace.comp, trace. INLINED: all functions are inlined: NVIDIA's compiler leaves long ones as they are, their arrays in memory.
 # VARIANTS: compiled once for each, as <stem>_<suffix> with the macro defined (none where definition is empty).
@@ -10,7 +11,7 @@ function(ks_add_shaders target shader_dir)
   foreach(stem IN LISTS shaders_PER_BAND)
     list(APPEND shaders_VARIANTS ${stem}:infrared:KUAFU_CHANNELS=1 ${stem}:visible:KUAFU_CHANNELS=3)
   endforeach()
-  file(GLOB entries CONFIGURE_DEPENDS ${shader_dir}/entry/*.comp ${shader_dir}/entry/*.rgen ${shader_dir}/entry/*.rchit ${shader_dir}/entry/*.rmiss)
+  file(GLOB entries CONFIGURE_DEPENDS ${shader_dir}/entry/*.comp ${shader_dir}/entry/*.rgen ${shader_dir}/entry/*.rchit ${shader_dir}/entry/*.rahit ${shader_dir}/entry/*.rmiss)
   set(out_dir ${CMAKE_CURRENT_BINARY_DIR}/shaders)
   set(headers)
   foreach(entry ${entries})

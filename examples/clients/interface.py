@@ -71,6 +71,9 @@ KUAFU_NONE = 0xffffffff
 KUAFU_TYPE_MATERIAL_DESC = 0x1003
 KUAFU_BSDF_GLTF = 0
 KUAFU_BSDF_PAPER = 1
+KUAFU_ALPHA_OPAQUE = 0
+KUAFU_ALPHA_MASK = 1
+KUAFU_ALPHA_BLEND = 2
 KUAFU_TYPE_FILM_DESC = 0x100d
 KUAFU_TYPE_MEDIUM_DESC = 0x1010
 KUAFU_TYPE_CAMERA_DESC = 0x1006
@@ -92,6 +95,11 @@ KUAFU_TYPE_ENVIRONMENT_DESC = 0x1007
 KUAFU_TYPE_SCENE_SUMMARY = 0x100b
 KUAFU_TYPE_MESH_DESC = 0x1001
 KUAFU_TYPE_TEXTURE_DESC = 0x1002
+KUAFU_WRAP_REPEAT = 0
+KUAFU_WRAP_CLAMP = 1
+KUAFU_WRAP_MIRROR = 2
+KUAFU_FILTER_LINEAR = 0
+KUAFU_FILTER_NEAREST = 1
 KUAFU_TYPE_INSTANCE_DESC = 0x1004
 KUAFU_OUTPUT_RADIANCE = 1
 KUAFU_OUTPUT_PROJECTOR_DIRECT = 2
@@ -333,7 +341,9 @@ class kuafu_material_desc(c.Structure):
         ("ir_subsurface_color", c.c_float),
         ("ir_subsurface_radius_m", c.c_float),
         ("ior_texture", c.c_uint32),
-        ("reserved", c.c_uint32),
+        ("alpha_mode", c.c_uint32),
+        ("alpha_cutoff", c.c_float),
+        ("normal_scale", c.c_float),
     ]
 
 
@@ -421,6 +431,7 @@ class kuafu_light_desc(c.Structure):
         ("angular_velocity", c.c_double * 3),
         ("on_from_s", c.c_double),
         ("on_until_s", c.c_double),
+        ("range_m", c.c_double),
     ]
 
 
@@ -464,6 +475,8 @@ class kuafu_mesh_desc(c.Structure):
         ("slots", c.c_void_p),
         ("vertex_count", c.c_uint32),
         ("triangle_count", c.c_uint32),
+        ("uvs_1", c.c_void_p),
+        ("colors", c.c_void_p),
     ]
 
 
@@ -478,6 +491,11 @@ class kuafu_texture_desc(c.Structure):
         ("channels", c.c_uint32),
         ("format", c.c_uint32),
         ("srgb", c.c_uint32),
+        ("wrap_u", c.c_uint32),
+        ("wrap_v", c.c_uint32),
+        ("filter", c.c_uint32),
+        ("uv_set", c.c_uint32),
+        ("uv_transform", c.c_float * 6),
         ("reserved", c.c_uint32),
     ]
 

@@ -154,7 +154,9 @@ pub struct kuafu_material_desc {
     pub ir_subsurface_color: f32,
     pub ir_subsurface_radius_m: f32,
     pub ior_texture: u32,
-    pub reserved: u32,
+    pub alpha_mode: u32,
+    pub alpha_cutoff: f32,
+    pub normal_scale: f32,
 }
 
 #[repr(C)]
@@ -238,6 +240,7 @@ pub struct kuafu_light_desc {
     pub angular_velocity: [f64; 3],
     pub on_from_s: f64,
     pub on_until_s: f64,
+    pub range_m: f64,
 }
 
 #[repr(C)]
@@ -278,6 +281,8 @@ pub struct kuafu_mesh_desc {
     pub slots: *const c_void,
     pub vertex_count: u32,
     pub triangle_count: u32,
+    pub uvs_1: *const c_void,
+    pub colors: *const c_void,
 }
 
 #[repr(C)]
@@ -291,6 +296,11 @@ pub struct kuafu_texture_desc {
     pub channels: u32,
     pub format: u32,
     pub srgb: u32,
+    pub wrap_u: u32,
+    pub wrap_v: u32,
+    pub filter: u32,
+    pub uv_set: u32,
+    pub uv_transform: [f32; 6],
     pub reserved: u32,
 }
 
@@ -553,6 +563,9 @@ pub const KUAFU_NONE: u32 = 0xffffffff;
 pub const KUAFU_TYPE_MATERIAL_DESC: u32 = 0x1003;
 pub const KUAFU_BSDF_GLTF: u32 = 0;
 pub const KUAFU_BSDF_PAPER: u32 = 1;
+pub const KUAFU_ALPHA_OPAQUE: u32 = 0;
+pub const KUAFU_ALPHA_MASK: u32 = 1;
+pub const KUAFU_ALPHA_BLEND: u32 = 2;
 pub const KUAFU_TYPE_FILM_DESC: u32 = 0x100d;
 pub const KUAFU_TYPE_MEDIUM_DESC: u32 = 0x1010;
 pub const KUAFU_TYPE_CAMERA_DESC: u32 = 0x1006;
@@ -574,6 +587,11 @@ pub const KUAFU_TYPE_ENVIRONMENT_DESC: u32 = 0x1007;
 pub const KUAFU_TYPE_SCENE_SUMMARY: u32 = 0x100b;
 pub const KUAFU_TYPE_MESH_DESC: u32 = 0x1001;
 pub const KUAFU_TYPE_TEXTURE_DESC: u32 = 0x1002;
+pub const KUAFU_WRAP_REPEAT: u32 = 0;
+pub const KUAFU_WRAP_CLAMP: u32 = 1;
+pub const KUAFU_WRAP_MIRROR: u32 = 2;
+pub const KUAFU_FILTER_LINEAR: u32 = 0;
+pub const KUAFU_FILTER_NEAREST: u32 = 1;
 pub const KUAFU_TYPE_INSTANCE_DESC: u32 = 0x1004;
 pub const KUAFU_OUTPUT_RADIANCE: u32 = 1;
 pub const KUAFU_OUTPUT_PROJECTOR_DIRECT: u32 = 2;

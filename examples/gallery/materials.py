@@ -147,3 +147,29 @@ def instances(device):
         paint = stage.material(base_color=(0.8 - 0.15 * i, 0.25 + 0.1 * i, 0.15 + 0.15 * i, 1), roughness=0.1 + 0.2 * i)
         stage.scene.add_instance(mesh, [paint], local_to_world=pose)
     return stage.picture()
+
+
+def beside_a_lamp(device):
+    """A lamp at the side throws a long hard shadow over the table, which the camera sees from above."""
+    stage = Stage(device)
+    stage.scene.set_environment((0.12,) * 3, 0.12)
+    stage.light("point", (-1.5, -1.1, 2.2), intensity=(18, 18, 18))
+    stage.camera = {"eye": (0.35, -2.6, 2.0), "target": (0.3, 0.0, 0.25), "focal": 230.0}
+    stage.options |= {"denoise": "none", "spp": 6 * stage.options["spp"]}
+    return stage
+
+
+@tile("Materials", "Cut out", '`alpha_mode="mask"`: holes for camera, light and shadow')
+def cut_out(device):
+    stage = beside_a_lamp(device)
+    alpha = np.kron(checker(12, 0, 255), np.ones((4, 4), np.uint8))
+    colour = np.dstack([np.full_like(alpha, value) for value in (200, 90, 45)] + [alpha])
+    stage.ball(base_color_texture=stage.texture(colour, srgb=True), alpha_mode="mask", specular=0.0)
+    return stage.picture()
+
+
+@tile("Materials", "Half there", '`alpha_mode="blend"`, alpha 0.4: its shadow is as thin as it')
+def half_there(device):
+    stage = beside_a_lamp(device)
+    stage.ball(base_color=(0.1, 0.45, 0.8, 0.4), alpha_mode="blend", specular=0.0)
+    return stage.picture()

@@ -6,6 +6,7 @@
 
 #include <assimp/DefaultLogger.hpp>
 #include <assimp/Importer.hpp>
+#include <cmath>
 #include <new>
 
 #include "device/error.h"
@@ -20,11 +21,28 @@ glm::dmat4 to_matrix(const aiMatrix4x4& m) {
   return glm::transpose(glm::dmat4(m.a1, m.a2, m.a3, m.a4, m.b1, m.b2, m.b3, m.b4, m.c1, m.c2, m.c3, m.c4, m.d1, m.d2, m.d3, m.d4));
 }
 
+float srgb_to_linear(float v) { return v <= 0.04045f ? v / 12.92f : std::pow((v + 0.055f) / 1.055f, 2.4f); }
+
+/// PLY and OBJ say nothing about their colours; scanners and editors write sRGB.
+glm::vec4 linear_color(const aiColor4D& c) {
+  const glm::vec4 v = glm::clamp(glm::vec4(c.r, c.g, c.b, c.a), glm::vec4(0.0f), glm::vec4(1.0f));
+  return {srgb_to_linear(v.r), srgb_to_linear(v.g), srgb_to_linear(v.b), v.a};
+}
+
+/// What shows a mesh's colours where the file has no material: white and Lambertian.
+Material colored_material() {
+  Material m;
+  m.name = "vertex colours";
+  m.specular = 0.0f;
+  return m;
+}
+
 Mesh read_mesh(const aiMesh& from, size_t index) {
   Mesh mesh;
   mesh.name = from.mName.length > 0 ? clean_name(from.mName.C_Str()) : "mesh" + std::to_string(index);
   for (unsigned i = 0; i < from.mNumVertices; ++i) {
     mesh.positions.emplace_back(from.mVertices[i].x, from.mVertices[i].y, from.mVertices[i].z);
+    if (from.HasVertexColors(0)) mesh.colors.push_back(linear_color(from.mColors[0][i]));
     if (from.HasTextureCoords(0)) mesh.uvs.emplace_back(from.mTextureCoords[0][i].x, from.mTextureCoords[0][i].y);
   }
   bool unit = from.HasNormals();
@@ -72,6 +90,7 @@ class Listening {
 /// Scene ids of the file's meshes and materials; none = grey default, or a mesh of points and lines only.
 struct Tables {
   std::vector<uint32_t> meshes, materials;
+  uint32_t colored = none;  // shows vertex colours where there is no material
 };
 
 void place(Import& import, const aiScene& file, const Tables& tables) {
@@ -90,7 +109,9 @@ void place(Import& import, const aiScene& file, const Tables& tables) {
       Instance instance;
       instance.name = next.node->mName.length > 0 ? clean_name(next.node->mName.C_Str()) : import.scene.meshes()[tables.meshes[mesh]].name;
       instance.mesh = tables.meshes[mesh];
-      instance.materials = {tables.materials[file.mMeshes[mesh]->mMaterialIndex]};
+      uint32_t material = tables.materials[file.mMeshes[mesh]->mMaterialIndex];
+      if (material == none && file.mMeshes[mesh]->HasVertexColors(0)) material = tables.colored;
+      instance.materials = {material};
       instance.local_to_world = node_to_world;
       import.scene.add_instance(std::move(instance));
     }
@@ -125,6 +146,9 @@ void import_assimp(Import& import) {
     const aiMesh& mesh = *file->mMeshes[i];
     tables.meshes.push_back(mesh.mPrimitiveTypes & aiPrimitiveType_TRIANGLE ? import.scene.add_mesh(read_mesh(mesh, i)) : none);
   }
+  for (size_t i = 0; i < file->mNumMeshes && tables.colored == none; ++i)
+    if (file->mMeshes[i]->HasVertexColors(0) && tables.materials[file->mMeshes[i]->mMaterialIndex] == none)
+      tables.colored = import.scene.add_material(colored_material());
   place(import, *file, tables);
 }
 

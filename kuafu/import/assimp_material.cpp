@@ -72,7 +72,7 @@ Material read_material(Import& import, const aiMaterial& from, AssimpTextures& t
     to.roughness = 0.0f;
     to.specular = 1.0f;
   }
-  if (to.base_color.a < 1.0f) import.warn("material '" + to.name + "': its opacity " + std::to_string(opacity) + " is rendered as 1");
+  if (to.base_color.a < 1.0f) to.alpha_mode = Material::AlphaMode::blend;
   textures.read(from, to);
   return to;
 }

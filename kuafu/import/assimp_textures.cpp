@@ -80,8 +80,8 @@ Texture normals_of(const Texture& heights, float multiplier, Budget& budget) {
   });
 }
 
-constexpr std::array read_kinds = {aiTextureType_DIFFUSE, aiTextureType_SPECULAR,  aiTextureType_EMISSIVE,         aiTextureType_HEIGHT,
-                                   aiTextureType_NORMALS, aiTextureType_METALNESS, aiTextureType_DIFFUSE_ROUGHNESS};
+constexpr std::array read_kinds = {aiTextureType_DIFFUSE, aiTextureType_OPACITY, aiTextureType_SPECULAR,  aiTextureType_EMISSIVE,
+                                   aiTextureType_HEIGHT,  aiTextureType_NORMALS, aiTextureType_METALNESS, aiTextureType_DIFFUSE_ROUGHNESS};
 
 }  // namespace
 
@@ -129,9 +129,17 @@ void AssimpTextures::read(const aiMaterial& from, Material& to) {
   }
 }
 
+/// map_Kd, and map_d as its alpha.
 void AssimpTextures::read_color(const aiMaterial& from, Material& to) {
-  if (const auto color = uri(from, aiTextureType_DIFFUSE, to.name))
-    to.base_color_texture = id("colour", *color, "", [&] { return image(*color, true); });
+  const auto color = uri(from, aiTextureType_DIFFUSE, to.name), opacity = uri(from, aiTextureType_OPACITY, to.name);
+  if (color && !opacity) to.base_color_texture = id("colour", *color, "", [&] { return image(*color, true); });
+  if (!opacity) return;
+  to.alpha_mode = Material::AlphaMode::blend;
+  to.base_color_texture = id("colour and opacity", color.value_or(""), *opacity, [&] {
+    const Texture d = image(*opacity, false), kd = color ? image(*color, true) : d;
+    return make(kd, kd.name, true, import_.budget,
+                [&](uint32_t x, uint32_t y) { return glm::vec4(color ? rgb(kd, x, y) : glm::vec3(1.0f), grey_at(d, x, y, kd)); });
+  });
 }
 
 /// map_Pr and map_Pm as green and blue.

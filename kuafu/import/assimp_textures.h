@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Textures of the formats that assimp reads, brought to what kuafu's materials have: MTL keeps roughness and highlights in images
+// Textures of the formats that assimp reads, brought to what kuafu's materials have: MTL keeps roughness, opacity and highlights in images
 // of their own, and relief in heights.
 #pragma once
 

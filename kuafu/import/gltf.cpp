@@ -14,16 +14,10 @@
 namespace kuafu {
 namespace {
 
-constexpr std::array known_extensions = {"KHR_materials_ior",
-                                         "KHR_materials_transmission",
-                                         "KHR_materials_specular",
-                                         "KHR_materials_volume",
-                                         "KHR_materials_emissive_strength",
-                                         "KHR_lights_punctual",
-                                         "KHR_mesh_quantization",
-                                         "EXT_texture_webp",
-                                         "EXT_mesh_gpu_instancing",
-                                         "KHR_draco_mesh_compression"};
+constexpr std::array known_extensions = {"KHR_materials_ior",       "KHR_materials_transmission",      "KHR_materials_specular",
+                                         "KHR_materials_volume",    "KHR_materials_emissive_strength", "KHR_lights_punctual",
+                                         "KHR_mesh_quantization",   "KHR_texture_transform",           "EXT_texture_webp",
+                                         "EXT_mesh_gpu_instancing", "KHR_draco_mesh_compression"};
 
 bool is_known(const std::string& extension) {
   return std::find(known_extensions.begin(), known_extensions.end(), extension) != known_extensions.end();
@@ -181,7 +175,6 @@ class Nodes {
       import_.warn(field + ": a light of type '" + from.type + "' is not known and ignored");
       return;
     }
-    if (from.range > 0.0) import_.warn(field + ": a light's range is ignored: real lamps have none");
     light.name = node.name.empty() ? from.name : node.name;
     for (int i = 0; i < 3; ++i)
       light.intensity[i] = static_cast<float>(from.intensity * (from.color.empty() ? 1.0 : from.color[static_cast<size_t>(i)]));
@@ -191,6 +184,7 @@ class Nodes {
       light.inner_rad = from.spot.innerConeAngle;
       light.outer_rad = from.spot.outerConeAngle;
     }
+    light.range_m = from.range;
     import_.scene.add_light(std::move(light));
   }
 
@@ -204,7 +198,7 @@ class Nodes {
     Loaded& out = meshes_[index];
     if (out.done) return out;
     out.done = true;
-    std::optional<GltfMesh> mesh = read_mesh(import_, model_, index);
+    std::optional<GltfMesh> mesh = read_mesh(import_, model_, index, materials_.uses_uv_1());
     if (!mesh) return out;
     for (const int material : mesh->materials) out.materials.push_back(materials_.id(material, "mesh '" + mesh->mesh.name + "'"));
     out.id = import_.scene.add_mesh(std::move(mesh->mesh));

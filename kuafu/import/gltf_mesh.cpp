@@ -74,6 +74,8 @@ void flatten(Mesh& m) {
     for (int k = 0; k < 3; ++k) {
       flat.positions.push_back(m.positions[t[k]]);
       if (!m.uvs.empty()) flat.uvs.push_back(m.uvs[t[k]]);
+      if (!m.uvs_1.empty()) flat.uvs_1.push_back(m.uvs_1[t[k]]);
+      if (!m.colors.empty()) flat.colors.push_back(m.colors[t[k]]);
       flat.normals.push_back(length > 0.0f ? normal / length : glm::vec3(0.0f, 0.0f, 1.0f));
     }
     flat.indices.emplace_back(first, first + 1, first + 2);
@@ -109,6 +111,18 @@ class Attributes {
   [[nodiscard]] std::vector<Vector> vectors(const char* name) const {
     return has(name) ? as_vectors<Vector>(floats(name, Vector::length())) : std::vector<Vector>();
   }
+  /// COLOR_0 as linear RGBA; empty where it is 1 everywhere, which changes nothing.
+  [[nodiscard]] std::vector<glm::vec4> colors() const {
+    if (!has("COLOR_0")) return {};
+    const size_t width = is_rgb("COLOR_0") ? 3 : 4;
+    const std::vector<float> values = floats("COLOR_0", static_cast<int>(width));
+    std::vector<glm::vec4> out;
+    out.reserve(values.size() / width);
+    for (size_t i = 0; i < values.size(); i += width)
+      out.emplace_back(glm::max(glm::vec4(values[i], values[i + 1], values[i + 2], width == 3 ? 1.0f : values[i + 3]), glm::vec4(0.0f)));
+    if (std::all_of(out.begin(), out.end(), [](const glm::vec4& c) { return c == glm::vec4(1.0f); })) out.clear();
+    return out;
+  }
   /// Compressed data holds triangles, whatever they were before.
   [[nodiscard]] int mode() const { return draco_ ? TINYGLTF_MODE_TRIANGLES : primitive_.mode; }
   /// Vertices of the triangles, in the order of the primitive's mode.
@@ -126,6 +140,12 @@ class Attributes {
     const auto found = primitive_.attributes.find(name);
     return found == primitive_.attributes.end() ? -1 : found->second;
   }
+  [[nodiscard]] bool is_rgb(const char* name) const {
+    if (draco_ && draco_->has(name)) return draco_->components(name) == 3;
+    const auto index = static_cast<size_t>(accessor(name));
+    return index < model_.accessors.size() && model_.accessors[index].type == TINYGLTF_TYPE_VEC3;
+  }
+
   Import& import_;
   const tinygltf::Model& model_;
   const tinygltf::Primitive& primitive_;
@@ -133,36 +153,45 @@ class Attributes {
   std::optional<DracoPrimitive> draco_;
 };
 
-Mesh read_primitive(Import& import, const tinygltf::Model& model, const tinygltf::Primitive& primitive, const std::string& field) {
+Mesh read_primitive(Import& import, const tinygltf::Model& model, const tinygltf::Primitive& primitive, bool uv_1,
+                    const std::string& field) {
   const Attributes attributes(import, model, primitive, field);
   if (!attributes.has("POSITION")) ks::fail(KS_ERROR_FILE, "%s.attributes.POSITION is missing", field.c_str());
   Mesh part;
   part.positions = attributes.vectors<glm::vec3>("POSITION");
   part.normals = attributes.vectors<glm::vec3>("NORMAL");
   part.uvs = attributes.vectors<glm::vec2>("TEXCOORD_0");
+  if (uv_1) part.uvs_1 = attributes.vectors<glm::vec2>("TEXCOORD_1");
+  part.colors = attributes.colors();
   const size_t count = part.positions.size();
   const auto fits = [&](const auto& values) { return values.empty() || values.size() == count; };
-  if (!fits(part.normals) || !fits(part.uvs))
-    ks::fail(KS_ERROR_FILE, "%s.attributes: %zu positions, %zu normals, %zu uvs", field.c_str(), count, part.normals.size(),
-             part.uvs.size());
+  if (!fits(part.normals) || !fits(part.uvs) || !fits(part.uvs_1) || !fits(part.colors))
+    ks::fail(KS_ERROR_FILE, "%s.attributes: %zu positions, %zu normals, %zu uvs, %zu of TEXCOORD_1, %zu of COLOR_0", field.c_str(), count,
+             part.normals.size(), part.uvs.size(), part.uvs_1.size(), part.colors.size());
   const std::vector<uint32_t> vertices = attributes.indices(count);
   part.indices = triangles(vertices, attributes.mode(), field);
   check_index_range(part, field);
   normalise(part);
   if (!primitive.targets.empty()) import.warn(field + ": morph targets are ignored");
-  if (attributes.has("COLOR_0")) import.warn(field + ": vertex colours are ignored");
   return part;
+}
+
+/// An attribute of both; where only one has it, the other gets `missing`.
+template <class T>
+void join(std::vector<T>& all, size_t all_count, std::vector<T>& part, size_t part_count, const T& missing) {
+  if (all.empty() && part.empty()) return;
+  all.resize(all_count, missing);
+  part.resize(part_count, missing);
+  all.insert(all.end(), part.begin(), part.end());
 }
 
 void append(Mesh& mesh, Mesh&& part, uint32_t slot) {
   const auto base = static_cast<uint32_t>(mesh.positions.size());
-  if (!mesh.uvs.empty() || !part.uvs.empty()) {
-    mesh.uvs.resize(mesh.positions.size(), glm::vec2(0.0f));
-    part.uvs.resize(part.positions.size(), glm::vec2(0.0f));
-  }
+  join(mesh.uvs, base, part.uvs, part.positions.size(), glm::vec2(0.0f));
+  join(mesh.uvs_1, base, part.uvs_1, part.positions.size(), glm::vec2(0.0f));
+  join(mesh.colors, base, part.colors, part.positions.size(), glm::vec4(1.0f));
   mesh.positions.insert(mesh.positions.end(), part.positions.begin(), part.positions.end());
   mesh.normals.insert(mesh.normals.end(), part.normals.begin(), part.normals.end());
-  mesh.uvs.insert(mesh.uvs.end(), part.uvs.begin(), part.uvs.end());
   for (const glm::uvec3& t : part.indices) mesh.indices.push_back(t + base);
   mesh.slots.insert(mesh.slots.end(), part.indices.size(), slot);
 }
@@ -171,7 +200,7 @@ bool has_normals(const Mesh& mesh) { return !mesh.normals.empty(); }
 
 }  // namespace
 
-std::optional<GltfMesh> read_mesh(Import& import, const tinygltf::Model& model, size_t index) {
+std::optional<GltfMesh> read_mesh(Import& import, const tinygltf::Model& model, size_t index, bool uv_1) {
   const tinygltf::Mesh& from = model.meshes[index];
   const std::string name = from.name.empty() ? "mesh" + std::to_string(index) : from.name;
   if (from.primitives.empty()) ks::fail(KS_ERROR_FILE, "meshes[%zu] '%s' has no primitives", index, name.c_str());
@@ -186,7 +215,7 @@ std::optional<GltfMesh> read_mesh(Import& import, const tinygltf::Model& model, 
     }
     if (primitive.mode > TINYGLTF_MODE_TRIANGLE_FAN)
       ks::fail(KS_ERROR_FILE, "%s.mode is %d, must be 0 to 6", field.c_str(), primitive.mode);
-    parts.push_back(read_primitive(import, model, primitive, field));
+    parts.push_back(read_primitive(import, model, primitive, uv_1, field));
     out.materials.push_back(primitive.material);
   }
   if (parts.empty()) return std::nullopt;

@@ -15,7 +15,8 @@ struct GltfMesh {
   std::vector<int> materials;  // per slot: index into the file's materials, -1 = glTF's default material
 };
 
-/// Nothing when the mesh has only points and lines (a warning says so). Triangle strips and fans become triangles.
-std::optional<GltfMesh> read_mesh(Import& import, const tinygltf::Model& model, size_t index);
+/// uv_1: whether TEXCOORD_1 is wanted. Nothing when the mesh has only points and lines (a warning says so). Triangle strips and fans become
+/// triangles.
+std::optional<GltfMesh> read_mesh(Import& import, const tinygltf::Model& model, size_t index, bool uv_1);
 
 }  // namespace kuafu

@@ -225,9 +225,9 @@ class Material:
     ir_emission: float
     """Radiance in the infrared band. [>= 0 W/(sr m^2)]"""
     base_color_texture: int | None
-    """Its RGB multiplies base_color. [None by default]"""
+    """Its RGB multiplies base_color, its alpha that of base_color. [None by default]"""
     metallic_roughness_texture: int | None
-    """Its green channel multiplies roughness, its blue channel metallic. [None by default]"""
+    """Its green channel multiplies roughness and transmission_roughness, its blue channel metallic. [None by default]"""
     normal_texture: int | None
     """Normals in tangent space, encoded as in glTF. [None by default]"""
     emission_texture: int | None
@@ -274,6 +274,12 @@ class Material:
     """The same as subsurface_radius_m, in the infrared band. [> 0 m; None = red of subsurface_radius_m]"""
     ior_texture: int | None
     """Its red channel R changes the index of refraction to 1 + (ior - 1) R. [None by default]"""
+    alpha_mode: Literal["opaque", "mask", "blend"]
+    """What alpha means, which is that of base_color times those of base_color_texture and of the mesh's colors. It is the same in both bands. [opaque by default]"""
+    alpha_cutoff: float
+    """With mask: the least alpha of what is there. [>= 0; 0.5 by default]"""
+    normal_scale: float
+    """Multiplies the x and y of normal_texture's normals. [-1000..1000; 0 means 1; 1 by default]"""
     def __init__(self, **fields: Any) -> None: ...
 
 class Light:
@@ -330,6 +336,8 @@ class Light:
     """Time at which the light is switched on within a frame; where it equals on_until_s the light is always on. [in s]"""
     on_until_s: float
     """Time at which the light is switched off. [in s]"""
+    range_m: float
+    """Point without a radius, and spot: distance at which the light ends. The intensity is multiplied by max(0, 1 - (d / range_m)^4), as KHR_lights_punctual recommends. No real lamp does that. [>= 0 m; 0 means endless]"""
     dots: NDArray[np.float32]
     """Projector: [n, 3] u, v in pixels and power, in place of a texture; power is the pattern's integral over the dot in pixels squared."""
     def __init__(self, **fields: Any) -> None: ...
@@ -454,14 +462,39 @@ class Scene:
         uvs: ArrayLike | None = None,
         slots: ArrayLike | None = None,
         name: str = "",
+        uvs_1: ArrayLike | None = None,
+        colors: ArrayLike | None = None,
     ) -> int:
-        """positions, normals [n, 3] float32; uvs [n, 2]; indices [t, 3] uint32; slots [t]: which of the instance's
-        materials a triangle has."""
+        """positions, normals [n, 3] float32; uvs, uvs_1 [n, 2]; colors [n, 4], linear RGBA that multiplies base_color;
+        indices [t, 3] uint32; slots [t]: which of the instance's materials a triangle has."""
     def update_mesh(self, id: int, positions: ArrayLike, normals: ArrayLike | None = None) -> None:
         """Moves the vertices of a deforming mesh; normals where it was made with them."""
-    def add_texture(self, texels: ArrayLike, *, srgb: bool = False, name: str = "") -> int:
-        """texels: [height, width] or [height, width, 1..4], uint8, uint16 or float32; row 0 on top."""
-    def set_texture(self, id: int, texels: ArrayLike, *, srgb: bool = False, name: str = "") -> None:
+    def add_texture(
+        self,
+        texels: ArrayLike,
+        *,
+        srgb: bool = False,
+        name: str = "",
+        wrap: Sequence[str] = ("repeat", "repeat"),
+        filter: str = "linear",
+        uv_set: int = 0,
+        uv_transform: ArrayLike | None = None,
+    ) -> int:
+        """texels: [height, width] or [height, width, 1..4], uint8, uint16 or float32; row 0 on top. How materials read
+        it: wrap along u and v ('repeat', 'clamp', 'mirror'), filter ('linear', 'nearest'), uv_set 0 or 1 of the mesh,
+        and a 2x3 uv_transform from those to the image's coordinates."""
+    def set_texture(
+        self,
+        id: int,
+        texels: ArrayLike,
+        *,
+        srgb: bool = False,
+        name: str = "",
+        wrap: Sequence[str] = ("repeat", "repeat"),
+        filter: str = "linear",
+        uv_set: int = 0,
+        uv_transform: ArrayLike | None = None,
+    ) -> None:
         """Replaces a texture; its size may change. Cost follows this texture's size."""
     def add_material(self, material: Material) -> int:
         """Adds a material and returns its number. ArgumentError names a field that is out of range."""

@@ -19,8 +19,8 @@ inline void bind_fields(py::class_<Material>& type) {
   vector(type, "emission", &S::emission, "Radiance in the visible band. In W/(sr m^2).");
   maybe(type, "ir_albedo", &S::ir_albedo, "Diffuse albedo (or metal reflectance) in the infrared band. None = red of base_color.");
   scalar(type, "ir_emission", &S::ir_emission, "Radiance in the infrared band. In W/(sr m^2).");
-  maybe(type, "base_color_texture", &S::base_color_texture, "Its RGB multiplies base_color.");
-  maybe(type, "metallic_roughness_texture", &S::metallic_roughness_texture, "Its green channel multiplies roughness, its blue channel metallic.");
+  maybe(type, "base_color_texture", &S::base_color_texture, "Its RGB multiplies base_color, its alpha that of base_color.");
+  maybe(type, "metallic_roughness_texture", &S::metallic_roughness_texture, "Its green channel multiplies roughness and transmission_roughness, its blue channel metallic.");
   maybe(type, "normal_texture", &S::normal_texture, "Normals in tangent space, encoded as in glTF.");
   maybe(type, "emission_texture", &S::emission_texture, "Its RGB multiplies emission.");
   maybe(type, "transmission_texture", &S::transmission_texture, "Its red channel multiplies transmission.");
@@ -44,6 +44,9 @@ inline void bind_fields(py::class_<Material>& type) {
   maybe(type, "ir_subsurface_color", &S::ir_subsurface_color, "The same as subsurface_color, in the infrared band. None = red of subsurface_color.");
   maybe(type, "ir_subsurface_radius_m", &S::ir_subsurface_radius_m, "The same as subsurface_radius_m, in the infrared band. In m. None = red of subsurface_radius_m.");
   maybe(type, "ior_texture", &S::ior_texture, "Its red channel R changes the index of refraction to 1 + (ior - 1) R.");
+  named(type, "alpha_mode", &S::alpha_mode, std::array<std::string_view, 3>{"opaque", "mask", "blend"}, 0, "What alpha means, which is that of base_color times those of base_color_texture and of the mesh's colors. It is the same in both bands.");
+  scalar(type, "alpha_cutoff", &S::alpha_cutoff, "With KUAFU_ALPHA_MASK: the least alpha of what is there.");
+  scalar(type, "normal_scale", &S::normal_scale, "Multiplies the x and y of normal_texture's normals.");
 }
 
 inline void bind_fields(py::class_<Film>& type) {
@@ -103,6 +106,7 @@ inline void bind_fields(py::class_<Light>& type) {
   vector(type, "angular_velocity", &S::angular_velocity, "Angular part of the same twist. In rad/s.");
   scalar(type, "on_from_s", &S::on_from_s, "Time at which the light is switched on within a frame; where it equals on_until_s the light is always on. In s.");
   scalar(type, "on_until_s", &S::on_until_s, "Time at which the light is switched off. In s.");
+  scalar(type, "range_m", &S::range_m, "Point without a radius, and spot: distance at which the light ends. The intensity is multiplied by max(0, 1 - (d / range_m)^4), as KHR_lights_punctual recommends. No real lamp does that. In m.");
 }
 
 }  // namespace ks_python

@@ -59,7 +59,7 @@ std::optional<Indices> whole_numbers(const py::object& given, const char* what) 
 
 uint32_t add_mesh(Scene& scene, const std::optional<Floats>& positions, const py::object& given_indices,
                   const std::optional<Floats>& normals, const std::optional<Floats>& uvs, const py::object& given_slots,
-                  const std::string& name) {
+                  const std::string& name, const std::optional<Floats>& uvs_1, const std::optional<Floats>& colors) {
   const std::optional<Indices> indices = whole_numbers(given_indices, "indices"), slots = whole_numbers(given_slots, "slots");
   kuafu_mesh_desc mesh = kuafu_mesh_desc_init();
   mesh.name = name.c_str();
@@ -70,6 +70,8 @@ uint32_t add_mesh(Scene& scene, const std::optional<Floats>& positions, const py
   mesh.triangle_count = static_cast<uint32_t>(indices->shape(0));
   mesh.normals = rows(normals, "normals", 3, mesh.vertex_count);
   mesh.uvs = rows(uvs, "uvs", 2, mesh.vertex_count);
+  mesh.uvs_1 = rows(uvs_1, "uvs_1", 2, mesh.vertex_count);
+  mesh.colors = rows(colors, "colors", 4, mesh.vertex_count);
   mesh.slots = rows(slots, "slots", 1, mesh.triangle_count);
   const InUse<Kuafu> in_use(scene.in_use, "scene");
   uint32_t id = 0;
@@ -85,9 +87,37 @@ void update_mesh(Scene& scene, uint32_t id, const std::optional<Floats>& positio
   check<Kuafu>(kuafu_scene_update_mesh(scene.get(), id, p, n, static_cast<uint32_t>(positions->shape(0))));
 }
 
+/// How materials read a texture, in Python's words.
+struct TextureLook {
+  std::array<std::string, 2> wrap;  // u and v
+  std::string filter;
+  uint32_t uv_set;
+  std::optional<std::array<std::array<float, 3>, 2>> uv_transform;
+
+  void put_into(kuafu_texture_desc& texture) const {
+    texture.wrap_u = chosen(wrap[0], "wrap", {"repeat", "clamp", "mirror"});
+    texture.wrap_v = chosen(wrap[1], "wrap", {"repeat", "clamp", "mirror"});
+    texture.filter = chosen(filter, "filter", {"linear", "nearest"});
+    texture.uv_set = uv_set;
+    if (uv_transform)
+      for (size_t i = 0; i < 6; ++i) texture.uv_transform[i] = (*uv_transform)[i / 3][i % 3];
+  }
+
+ private:
+  static uint32_t chosen(const std::string& word, const char* what, std::initializer_list<const char*> words) {
+    uint32_t number = 0;
+    std::string known;
+    for (const char* one : words) {
+      if (word == one) return number;
+      known += (number++ > 0 ? ", " : "") + std::string(one);
+    }
+    raise_argument<Kuafu>("unknown " + std::string(what) + " '" + word + "' (known: " + known + ")");
+  }
+};
+
 /// Hands the texels to `take` as a descriptor, which lives until it returns.
 template <class Take>
-void with_texture(Scene& scene, const py::array& texels, bool srgb, const std::string& name, const Take& take) {
+void with_texture(Scene& scene, const py::array& texels, const TextureLook& look, bool srgb, const std::string& name, const Take& take) {
   const py::array packed = py::array::ensure(texels, py::array::c_style);
   if (packed.ndim() != 2 && packed.ndim() != 3) raise_argument<Kuafu>("texels must be [height][width] or [height][width][channels]");
   kuafu_texture_desc texture = kuafu_texture_desc_init();
@@ -98,18 +128,24 @@ void with_texture(Scene& scene, const py::array& texels, bool srgb, const std::s
   texture.channels = packed.ndim() == 3 ? static_cast<uint32_t>(packed.shape(2)) : 1;
   texture.format = format_of<Kuafu>(packed.dtype());
   texture.srgb = srgb ? 1 : 0;
+  look.put_into(texture);
   const InUse<Kuafu> in_use(scene.in_use, "scene");
   check<Kuafu>(take(texture));
 }
 
-uint32_t add_texture(Scene& scene, const py::array& texels, bool srgb, const std::string& name) {
+uint32_t add_texture(Scene& scene, const py::array& texels, bool srgb, const std::string& name, const std::array<std::string, 2>& wrap,
+                     const std::string& filter, uint32_t uv_set, const std::optional<std::array<std::array<float, 3>, 2>>& uv_transform) {
   uint32_t id = 0;
-  with_texture(scene, texels, srgb, name, [&](const kuafu_texture_desc& t) { return kuafu_scene_add_texture(scene.get(), &t, &id); });
+  with_texture(scene, texels, {wrap, filter, uv_set, uv_transform}, srgb, name,
+               [&](const kuafu_texture_desc& t) { return kuafu_scene_add_texture(scene.get(), &t, &id); });
   return id;
 }
 
-void set_texture(Scene& scene, uint32_t id, const py::array& texels, bool srgb, const std::string& name) {
-  with_texture(scene, texels, srgb, name, [&](const kuafu_texture_desc& t) { return kuafu_scene_set_texture(scene.get(), id, &t); });
+void set_texture(Scene& scene, uint32_t id, const py::array& texels, bool srgb, const std::string& name,
+                 const std::array<std::string, 2>& wrap, const std::string& filter, uint32_t uv_set,
+                 const std::optional<std::array<std::array<float, 3>, 2>>& uv_transform) {
+  with_texture(scene, texels, {wrap, filter, uv_set, uv_transform}, srgb, name,
+               [&](const kuafu_texture_desc& t) { return kuafu_scene_set_texture(scene.get(), id, &t); });
 }
 
 uint32_t add_instance(Scene& scene, uint32_t mesh, const std::vector<uint32_t>& materials, const py::object& local_to_world,
@@ -306,15 +342,23 @@ void bind_scene(py::module_& module) {
            "Appends a .gltf, .glb, .obj, .dae, .stl or .ply file. root_to_world: 4x4. Raises FileError, or MissingFileError where there is "
            "none.")
       .def("add_mesh", &add_mesh, py::arg("positions"), py::arg("indices"), py::kw_only(), py::arg("normals") = py::none(),
-           py::arg("uvs") = py::none(), py::arg("slots") = py::none(), py::arg("name") = "",
-           "positions, normals [n, 3] float32; uvs [n, 2]; indices [t, 3] uint32; slots [t]: which of the instance's materials a triangle "
-           "has.")
+           py::arg("uvs") = py::none(), py::arg("slots") = py::none(), py::arg("name") = "", py::arg("uvs_1") = py::none(),
+           py::arg("colors") = py::none(),
+           "positions, normals [n, 3] float32; uvs, uvs_1 [n, 2]; colors [n, 4], linear RGBA that multiplies base_color; indices [t, 3] "
+           "uint32; slots [t]: which of the instance's materials a triangle has.")
       .def("update_mesh", &update_mesh, py::arg("id"), py::arg("positions"), py::arg("normals") = py::none(),
            "Moves the vertices of a deforming mesh; normals where it was made with them.")
       .def("add_texture", &add_texture, py::arg("texels"), py::kw_only(), py::arg("srgb") = false, py::arg("name") = "",
-           "texels: [height, width] or [height, width, 1..4], uint8, uint16 or float32; row 0 on top.")
+           py::arg("wrap") = std::array<std::string, 2>{"repeat", "repeat"}, py::arg("filter") = "linear", py::arg("uv_set") = 0,
+           py::arg("uv_transform") = py::none(),
+           "texels: [height, width] or [height, width, 1..4], uint8, uint16 or float32; row 0 on top. How materials read it: wrap along u "
+           "and "
+           "v ('repeat', 'clamp', 'mirror'), filter ('linear', 'nearest'), uv_set 0 or 1 of the mesh, and a 2x3 uv_transform from those to "
+           "the "
+           "image's coordinates.")
       .def("set_texture", &set_texture, py::arg("id"), py::arg("texels"), py::kw_only(), py::arg("srgb") = false, py::arg("name") = "",
-           "Replaces a texture; its size may change. Cost follows this texture's size.")
+           py::arg("wrap") = std::array<std::string, 2>{"repeat", "repeat"}, py::arg("filter") = "linear", py::arg("uv_set") = 0,
+           py::arg("uv_transform") = py::none(), "Replaces a texture; its size may change. Cost follows this texture's size.")
       .def("add_instance", &add_instance, py::arg("mesh"), py::arg("materials") = std::vector<uint32_t>(), py::kw_only(),
            py::arg("local_to_world") = py::none(), py::arg("environment") = py::none(), py::arg("semantic_id") = 0, py::arg("name") = "",
            py::arg("linear_velocity") = Vector3{}, py::arg("angular_velocity") = Vector3{}, "Velocities as set_instance_velocity says.")

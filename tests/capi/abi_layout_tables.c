@@ -80,7 +80,7 @@ AT(simsense_signal, bit_depth, 128, 4);
 AT(simsense_signal, first_view, 132, 4);
 AT(simsense_signal, scene_index, 136, 8);
 
-SIZE(kuafu_material_desc, 208);
+SIZE(kuafu_material_desc, 216);
 AT(kuafu_material_desc, name, 16, 8);
 AT(kuafu_material_desc, base_color, 24, 16);
 AT(kuafu_material_desc, metallic, 40, 4);
@@ -116,7 +116,9 @@ AT(kuafu_material_desc, subsurface_radius_m, 180, 12);
 AT(kuafu_material_desc, ir_subsurface_color, 192, 4);
 AT(kuafu_material_desc, ir_subsurface_radius_m, 196, 4);
 AT(kuafu_material_desc, ior_texture, 200, 4);
-AT(kuafu_material_desc, reserved, 204, 4);
+AT(kuafu_material_desc, alpha_mode, 204, 4);
+AT(kuafu_material_desc, alpha_cutoff, 208, 4);
+AT(kuafu_material_desc, normal_scale, 212, 4);
 
 SIZE(kuafu_film_desc, 96);
 AT(kuafu_film_desc, vignetting_exponent, 16, 8);
@@ -156,7 +158,7 @@ AT(kuafu_camera_desc, linear_velocity, 344, 24);
 AT(kuafu_camera_desc, angular_velocity, 368, 24);
 AT(kuafu_camera_desc, reserved, 392, 64);
 
-SIZE(kuafu_light_desc, 480);
+SIZE(kuafu_light_desc, 488);
 AT(kuafu_light_desc, name, 16, 8);
 AT(kuafu_light_desc, kind, 24, 4);
 AT(kuafu_light_desc, environment, 28, 4);
@@ -184,6 +186,7 @@ AT(kuafu_light_desc, linear_velocity, 416, 24);
 AT(kuafu_light_desc, angular_velocity, 440, 24);
 AT(kuafu_light_desc, on_from_s, 464, 8);
 AT(kuafu_light_desc, on_until_s, 472, 8);
+AT(kuafu_light_desc, range_m, 480, 8);
 
 SIZE(kuafu_environment_desc, 112);
 AT(kuafu_environment_desc, radiance, 16, 12);
@@ -203,7 +206,7 @@ AT(kuafu_scene_summary, triangle_count, 40, 8);
 AT(kuafu_scene_summary, bounds_min_m, 48, 24);
 AT(kuafu_scene_summary, bounds_max_m, 72, 24);
 
-SIZE(kuafu_mesh_desc, 72);
+SIZE(kuafu_mesh_desc, 88);
 AT(kuafu_mesh_desc, name, 16, 8);
 AT(kuafu_mesh_desc, positions, 24, 8);
 AT(kuafu_mesh_desc, normals, 32, 8);
@@ -212,8 +215,10 @@ AT(kuafu_mesh_desc, indices, 48, 8);
 AT(kuafu_mesh_desc, slots, 56, 8);
 AT(kuafu_mesh_desc, vertex_count, 64, 4);
 AT(kuafu_mesh_desc, triangle_count, 68, 4);
+AT(kuafu_mesh_desc, uvs_1, 72, 8);
+AT(kuafu_mesh_desc, colors, 80, 8);
 
-SIZE(kuafu_texture_desc, 56);
+SIZE(kuafu_texture_desc, 96);
 AT(kuafu_texture_desc, name, 16, 8);
 AT(kuafu_texture_desc, texels, 24, 8);
 AT(kuafu_texture_desc, width, 32, 4);
@@ -221,7 +226,12 @@ AT(kuafu_texture_desc, height, 36, 4);
 AT(kuafu_texture_desc, channels, 40, 4);
 AT(kuafu_texture_desc, format, 44, 4);
 AT(kuafu_texture_desc, srgb, 48, 4);
-AT(kuafu_texture_desc, reserved, 52, 4);
+AT(kuafu_texture_desc, wrap_u, 52, 4);
+AT(kuafu_texture_desc, wrap_v, 56, 4);
+AT(kuafu_texture_desc, filter, 60, 4);
+AT(kuafu_texture_desc, uv_set, 64, 4);
+AT(kuafu_texture_desc, uv_transform, 68, 24);
+AT(kuafu_texture_desc, reserved, 92, 4);
 
 SIZE(kuafu_instance_desc, 224);
 AT(kuafu_instance_desc, name, 16, 8);

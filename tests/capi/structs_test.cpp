@@ -192,10 +192,14 @@ TEST(Structs, ALongerStructOfEachLibrarysOwnIsRefusedToo) {
 TEST(Structs, ReservedFieldsMustBeZero) {
   const Scene s;
   uint32_t id = 0;
-  kuafu_material_desc material = kuafu_material_desc_init();
-  material.reserved = 1;
-  EXPECT_EQ(kuafu_scene_add_material(s.scene, &material, &id), KS_ERROR_VERSION);
-  EXPECT_TRUE(says(kuafu_last_error(), "byte 204")) << kuafu_last_error();
+  kuafu_texture_desc texture = kuafu_texture_desc_init();
+  const uint8_t texel = 7;
+  texture.texels = &texel;
+  texture.width = texture.height = 1;
+  texture.format = KS_FORMAT_U8;
+  texture.reserved = 1;
+  EXPECT_EQ(kuafu_scene_add_texture(s.scene, &texture, &id), KS_ERROR_VERSION);
+  EXPECT_TRUE(says(kuafu_last_error(), "byte 92")) << kuafu_last_error();
 }
 
 }  // namespace

@@ -21,6 +21,21 @@ extern "C" {
 
 #define KUAFU_TYPE_TEXTURE_DESC 0x1002u
 
+/* kuafu_texture_desc.wrap_u: How a material reads the texture beyond its left and right edges. Lights and the
+ * environment do not look at this and the fields below. */
+/* The image again. */
+#define KUAFU_WRAP_REPEAT 0u
+/* The texels at the edge. */
+#define KUAFU_WRAP_CLAMP 1u
+/* The image again, each second time mirrored. */
+#define KUAFU_WRAP_MIRROR 2u
+
+/* kuafu_texture_desc.filter: How a material reads between the centres of texels. */
+/* Bilinear interpolation of the four nearest. */
+#define KUAFU_FILTER_LINEAR 0u
+/* The nearest alone. */
+#define KUAFU_FILTER_NEAREST 1u
+
 #define KUAFU_TYPE_INSTANCE_DESC 0x1004u
 
 /* What a scene contains. Removed objects are not counted. */
@@ -52,7 +67,7 @@ static inline kuafu_scene_summary kuafu_scene_summary_init(void) {
   return s;
 }
 
-/* A mesh of triangles. normals, uvs and slots may be NULL. The data is copied. */
+/* A mesh of triangles. All arrays but positions and indices may be NULL. The data is copied. */
 typedef struct kuafu_mesh_desc {
   ks_header header;
   /* Shown in messages; NULL is no name. */
@@ -71,6 +86,12 @@ typedef struct kuafu_mesh_desc {
   uint32_t vertex_count;
   /* Number of triangles. */
   uint32_t triangle_count;
+  /* Array [vertex_count][2] of a second set of texture coordinates, for textures with uv_set 1, or NULL for 0
+   * everywhere. */
+  const float* uvs_1;
+  /* Array [vertex_count][4] of linear RGBA, each >= 0, or NULL for 1 everywhere. They multiply base_color and its
+   * alpha; in the infrared band their red channel does, unless the material has an ir_albedo or an ir_albedo_texture. */
+  const float* colors;
 } kuafu_mesh_desc;
 static inline kuafu_mesh_desc kuafu_mesh_desc_init(void) {
   kuafu_mesh_desc s;
@@ -96,6 +117,18 @@ typedef struct kuafu_texture_desc {
   uint32_t format;
   /* Whether the colour channels are sRGB-encoded; else they are linear data. */
   uint32_t srgb;
+  /* How a material reads the texture beyond its left and right edges. Lights and the environment do not look at this
+   * and the fields below. [repeat by default] */
+  uint32_t wrap_u;
+  /* The same beyond the upper and lower edges, KUAFU_WRAP_*. [0, 1 or 2] */
+  uint32_t wrap_v;
+  /* How a material reads between the centres of texels. [linear by default] */
+  uint32_t filter;
+  /* Which texture coordinates of a mesh a material reads it at: 0 is uvs, 1 is uvs_1. [0..1] */
+  uint32_t uv_set;
+  /* What takes a mesh's texture coordinates to the image's: rows [a b c] and [d e f] of u' = a u + b v + c and v' = d u
+   * + e v + f (KHR_texture_transform); 0 everywhere changes nothing. [-1000000..1000000] */
+  float uv_transform[6];
   /* Must be 0. */
   uint32_t reserved;
 } kuafu_texture_desc;

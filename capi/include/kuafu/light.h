@@ -112,6 +112,9 @@ typedef struct kuafu_light_desc {
   double on_from_s;
   /* Time at which the light is switched off. [in s] */
   double on_until_s;
+  /* Point without a radius, and spot: distance at which the light ends. The intensity is multiplied by max(0, 1 - (d /
+   * range_m)^4), as KHR_lights_punctual recommends. No real lamp does that. [>= 0 m; 0 means endless] */
+  double range_m;
 } kuafu_light_desc;
 static inline kuafu_light_desc kuafu_light_desc_init(uint32_t kind) {
   kuafu_light_desc s;

@@ -27,6 +27,16 @@ extern "C" {
 /* The weighted sum w f_diffuse + (1 - w) f_specular with w = (1 - metallic)(1 - transmission), without a layer. */
 #define KUAFU_BSDF_PAPER 1u
 
+/* kuafu_material_desc.alpha_mode: What alpha means, which is that of base_color times those of base_color_texture and
+ * of the mesh's colors. It is the same in both bands. */
+/* Nothing. */
+#define KUAFU_ALPHA_OPAQUE 0u
+/* The surface is not there where alpha is below alpha_cutoff: for the camera, for light and for shadows. */
+#define KUAFU_ALPHA_MASK 1u
+/* The surface is there with probability alpha, decided for each ray by itself: in the mean, light passes 1 - alpha of
+ * it. */
+#define KUAFU_ALPHA_BLEND 2u
+
 /* A surface's material, by glTF 2.0's model: a GGX microfacet layer (alpha is the square of roughness),
  * metallic-roughness, and KHR_materials_ior, specular, transmission and volume. Energy is conserved at every roughness.
  * Transmission without a thicknessFactor is read as thin_walled, as KHR_materials_volume defines it. Fields that glTF
@@ -55,9 +65,10 @@ typedef struct kuafu_material_desc {
   float ir_albedo;
   /* Radiance in the infrared band. [>= 0 W/(sr m^2)] */
   float ir_emission;
-  /* Its RGB multiplies base_color. [KUAFU_NONE by default] */
+  /* Its RGB multiplies base_color, its alpha that of base_color. [KUAFU_NONE by default] */
   uint32_t base_color_texture;
-  /* Its green channel multiplies roughness, its blue channel metallic. [KUAFU_NONE by default] */
+  /* Its green channel multiplies roughness and transmission_roughness, its blue channel metallic. [KUAFU_NONE by
+   * default] */
   uint32_t metallic_roughness_texture;
   /* Normals in tangent space, encoded as in glTF. [KUAFU_NONE by default] */
   uint32_t normal_texture;
@@ -113,8 +124,13 @@ typedef struct kuafu_material_desc {
   float ir_subsurface_radius_m;
   /* Its red channel R changes the index of refraction to 1 + (ior - 1) R. [KUAFU_NONE by default] */
   uint32_t ior_texture;
-  /* Must be 0. */
-  uint32_t reserved;
+  /* What alpha means, which is that of base_color times those of base_color_texture and of the mesh's colors. It is the
+   * same in both bands. [opaque by default] */
+  uint32_t alpha_mode;
+  /* With KUAFU_ALPHA_MASK: the least alpha of what is there. [>= 0; 0.5 by default] */
+  float alpha_cutoff;
+  /* Multiplies the x and y of normal_texture's normals. [-1000..1000; 0 means 1; 1 by default] */
+  float normal_scale;
 } kuafu_material_desc;
 static inline kuafu_material_desc kuafu_material_desc_init(void) {
   kuafu_material_desc s;
@@ -152,6 +168,8 @@ static inline kuafu_material_desc kuafu_material_desc_init(void) {
   s.ir_subsurface_color = NAN;
   s.ir_subsurface_radius_m = NAN;
   s.ior_texture = KUAFU_NONE;
+  s.alpha_cutoff = 0.5f;
+  s.normal_scale = 1.0f;
   return s;
 }
 

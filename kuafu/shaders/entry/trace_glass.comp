@@ -5,10 +5,10 @@
 // t_far becomes minus infinity where something stands in the way; else the contribution is dimmed.
 #include "shared/wave.h"
 // What stage/glass.glsl reads, beyond what every tracer is given.
-#define KUAFU_MORE_PUSH uint surfaces; FloatArray contributions; SceneReference scene; FloatArray bends; uint has_medium, unused;
+#define KUAFU_MORE_PUSH FloatArray contributions; FloatArray bends; uint has_medium, unused;
+#define cutout_kind cutout_occluded
 #include "lib/bvh_queue.glsl"
 
-layout(constant_id = 3) const uint features = 0u;
 layout(constant_id = 5) const uint bends_light_ways = 0u;
 #define queue_layout layout_kind
 #include "lib/shading.glsl"

@@ -139,10 +139,22 @@ void bvh_return(BvhWorld world) {
   bvh_current = bvh_pop();
 }
 
+/// Whether there is something at a point of a triangle; the includer's.
+bool bvh_stands_at(uint instance, uint primitive, vec2 uv);
+
 void bvh_test_leaf(const bool any) {
   uint first = bvh_current & bvh_first_mask, end = first + bvh_leaf_count(bvh_current);
   for (uint i = first; i < end; ++i) {
-    if (!hit_triangle(bvh_triangles.triangle[i], bvh_here.origin, bvh_here.direction, bvh_ray.t_near, bvh_ray.t_far, bvh_hit.uv)) continue;
+    if ((features & feature_cutouts) != 0u) {
+      float t_far = bvh_ray.t_far;
+      vec2 uv;
+      if (!hit_triangle(bvh_triangles.triangle[i], bvh_here.origin, bvh_here.direction, bvh_ray.t_near, t_far, uv)) continue;
+      if (!bvh_stands_at(bvh_instance, bvh_triangles.triangle[i].primitive, uv)) continue;
+      bvh_ray.t_far = t_far;
+      bvh_hit.uv = uv;
+    } else if (!hit_triangle(bvh_triangles.triangle[i], bvh_here.origin, bvh_here.direction, bvh_ray.t_near, bvh_ray.t_far, bvh_hit.uv)) {
+      continue;
+    }
     bvh_found = true;
     bvh_hit.primitive = bvh_triangles.triangle[i].primitive;
     bvh_hit.instance = bvh_instance;

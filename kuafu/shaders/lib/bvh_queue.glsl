@@ -4,6 +4,10 @@
 #define KUAFU_BVH_QUEUE_GLSL
 
 #include "lib/queue_words.glsl"
+#include "shared/wave.h"
+
+layout(constant_id = 3) const uint features = 0u;
+
 // After the extensions that it needs.
 #include "lib/bvh.glsl"
 
@@ -17,15 +21,21 @@ layout(push_constant, scalar) uniform Push {
   BvhNodes nodes;
   BvhInstances instances;
   MotionArray motions;      // as instances; null where none moves
+  SceneReference scene;     // null unless feature_cutouts, or for shadow rays through glass
   uint capacity;
   uint environment_count;
   uint has_environments;
+  uint surfaces;            // of glass that a shadow ray may pass
 #ifdef KUAFU_MORE_PUSH
   KUAFU_MORE_PUSH
 #endif
 } push;
 
+#include "lib/cutout.glsl"
 #include "lib/trace_queue.glsl"
+
+/// The entry says by cutout_kind what its rays are.
+bool bvh_stands_at(uint instance, uint primitive, vec2 uv) { return stands_at(push.scene.at[0], instance, primitive, uv.x, uv.y, cutout_kind); }
 
 layout(constant_id = 4) const uint spread_groups = 0u;  // Tracer::spread_groups
 

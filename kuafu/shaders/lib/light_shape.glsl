@@ -3,6 +3,7 @@
 // for lights without extent, which no ray meets. Light shapes do not block: only scene surfaces do.
 #ifndef KUAFU_LIGHT_SHAPE_GLSL
 #define KUAFU_LIGHT_SHAPE_GLSL
+#include "lib/cutout.glsl"
 #include "lib/distortion.glsl"
 #include "lib/frame.glsl"
 #include "lib/light.glsl"
@@ -22,7 +23,7 @@ vec3 to_light_frame(IN(LightShape) s, vec3 w) { return vec3(dot(s.axis_x, w), do
 vec3 from_light_frame(IN(LightShape) s, vec3 v) { return s.axis_x * v.x + s.axis_y * v.y + s.axis_z * v.z; }
 
 Spectrum light_texel(IN(SceneAddresses) scene, uint texture, vec2 uv) {
-  vec4 t = material_texel(scene, texture, uv);
+  vec4 t = texture_repeat(scene.textures.at[texture], uv);
   return band_of(xyz(t));
 }
 
@@ -185,6 +186,7 @@ LightSample sample_mesh(IN(SceneAddresses) scene, IN(LightShape) s, vec3 positio
   l.pdf = max_component(band_of(record.emission)) / s.total * distance_squared /
           max(abs(dot(l.direction, surface.geometric_normal)), 1e-9f);
   l.irradiance = m.emission / l.pdf;
+  if ((features & feature_cutouts) != 0u) l.irradiance *= coverage(scene, record, surface.place, surface.color.a);
   l.light_group = record.light_group;
   l.distance_m -= surface.coordinate_size * (1.0f / 131072.0f);
   return l;
@@ -239,6 +241,10 @@ LightSample sample_light(IN(SceneAddresses) scene, IN(LightRecord) light, IN(Lig
   // A projector's depth of focus needs the way itself, the others its direction.
   vec3 away = light.kind == light_projector ? -way : -l.direction;
   l.irradiance = profile(scene, light, s, away, u) * band_of(light.intensity) / distance_squared;
+  if (s.range_m > 0.0f) {
+    float share = distance_squared / (s.range_m * s.range_m);
+    l.irradiance *= max(0.0f, 1.0f - share * share);
+  }
   return l;
 }
 

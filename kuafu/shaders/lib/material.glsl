@@ -21,19 +21,36 @@ struct MaterialPoint {
 /// Without a body behind it: nothing absorbs there, and no path is inside.
 bool is_sheet(IN(MaterialPoint) m) { return (features & feature_materials) != 0u && m.thin_walled; }
 
-vec4 material_texel(IN(SceneAddresses) scene, uint texture, vec2 uv) {
-  return texture == no_texture ? vec4(1.0f) : texture_repeat(scene.textures.at[texture], uv);
+/// World directions in which a texture's own coordinates grow.
+void texture_tangents(IN(TextureRecord) t, IN(Surface) s, OUT(vec3) tangent_u, OUT(vec3) tangent_v) {
+  tangent_u = s.tangent_u;
+  tangent_v = s.tangent_v;
+  if ((features & feature_lookups) == 0u || t.lookup == 0u) return;
+  if ((t.lookup & lookup_uv_1) != 0u) {
+    tangent_u = s.tangent_u_1;
+    tangent_v = s.tangent_v_1;
+  }
+  if ((t.lookup & lookup_transform) == 0u) return;
+  // The inverse of the transform's matrix, but for its determinant, of which only the sign matters.
+  vec3 a = t.transform[0], b = t.transform[1], u = tangent_u, v = tangent_v;
+  float scale = a.x * b.y - a.y * b.x < 0.0f ? -1.0f : 1.0f;
+  tangent_u = (u * b.y - v * b.x) * scale;
+  tangent_v = (v * a.x - u * a.y) * scale;
 }
 
 // Tangent-space normal map of glTF: x along growing u, y against growing v (v points down).
-void apply_normal_map(IN(SceneAddresses) scene, uint texture, INOUT(Surface) s) {
-  vec3 map = xyz(material_texel(scene, texture, s.uv)) * 2.0f - 1.0f;
-  vec3 tangent = s.tangent_u - s.shading_normal * dot(s.tangent_u, s.shading_normal);
+void apply_normal_map(IN(SceneAddresses) scene, IN(MaterialRecord) m, INOUT(Surface) s) {
+  if (m.normal_texture == no_texture) return;
+  vec3 map = xyz(material_texel(scene, m.normal_texture, s.place)) * 2.0f - 1.0f;
+  if ((features & feature_lookups) != 0u) map = vec3(map.x * m.normal_scale, map.y * m.normal_scale, map.z);
+  vec3 tangent_u, tangent_v;
+  texture_tangents(scene.textures.at[m.normal_texture], s, tangent_u, tangent_v);
+  vec3 tangent = tangent_u - s.shading_normal * dot(tangent_u, s.shading_normal);
   float length_squared = dot(tangent, tangent);
-  if (texture == no_texture || length_squared == 0.0f) return;
+  if (length_squared == 0.0f) return;
   tangent *= inversesqrt(length_squared);
   vec3 bitangent = cross(s.shading_normal, tangent);
-  if (dot(bitangent, s.tangent_v) > 0.0f) bitangent = -bitangent;
+  if (dot(bitangent, tangent_v) > 0.0f) bitangent = -bitangent;
   vec3 n = normalize(tangent * map.x + bitangent * map.y + s.shading_normal * max(map.z, 1e-3f));
   if (dot(n, s.geometric_normal) > 0.0f) s.shading_normal = n;
 }
@@ -58,19 +75,21 @@ MaterialPoint load_material(IN(SceneAddresses) scene, IN(MaterialRecord) m, INOU
     p.transmission_roughness = m.transmission_roughness;
     p.diffuse_roughness = m.diffuse_roughness;
   }
+  if ((features & feature_lookups) != 0u && m.colored != 0u) p.base *= band_of(xyz(s.color));
   if (m.textured == 0u) return p;
-  vec4 base = material_texel(scene, m.base_color_texture, s.uv);
+  vec4 base = material_texel(scene, m.base_color_texture, s.place);
   p.base *= band_of(xyz(base));
-  vec4 emission = material_texel(scene, m.emission_texture, s.uv);
+  vec4 emission = material_texel(scene, m.emission_texture, s.place);
   p.emission *= band_of(xyz(emission));
-  vec4 metallic_roughness = material_texel(scene, m.metallic_roughness_texture, s.uv);
+  vec4 metallic_roughness = material_texel(scene, m.metallic_roughness_texture, s.place);
   p.roughness *= metallic_roughness.g;
+  p.transmission_roughness *= metallic_roughness.g;
   p.metallic *= metallic_roughness.b;
-  p.transmission *= material_texel(scene, m.transmission_texture, s.uv).r;
-  p.specular *= material_texel(scene, m.specular_texture, s.uv).a;
+  p.transmission *= material_texel(scene, m.transmission_texture, s.place).r;
+  p.specular *= material_texel(scene, m.specular_texture, s.place).a;
   p.coat = p.specular * m.coat;
-  p.ior = 1.0f + (p.ior - 1.0f) * material_texel(scene, m.ior_texture, s.uv).r;
-  apply_normal_map(scene, m.normal_texture, s);
+  p.ior = 1.0f + (p.ior - 1.0f) * material_texel(scene, m.ior_texture, s.place).r;
+  apply_normal_map(scene, m, s);
   return p;
 }
 #endif

@@ -1,29 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the two ray generation shaders share: their push constants, and a ray of the queue sent through its environment's top level.
+// What the two ray generation shaders share: a ray of the queue sent through its environment's top level.
 #ifndef KUAFU_RT_QUEUE_GLSL
 #define KUAFU_RT_QUEUE_GLSL
 
-#include "lib/queue_words.glsl"
+#include "lib/rt_push.glsl"
 #include "lib/rt_hit.glsl"
-
-layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer TopLevels { uvec2 address[]; };
-
-layout(push_constant, scalar) uniform Push {
-  QueueWords words;
-  QueueWords environments;  // null unless has_environments
-  QueueWords count;
-  TopLevels top_levels;     // device address of each environment's acceleration structure; 0 = it is empty
-  uint capacity;
-  uint environment_count;
-  uint has_environments;
-} push;
-
 #include "lib/trace_queue.glsl"
 
 layout(location = 0) rayPayloadEXT RtHit hit;
 
 /// This invocation's ray, or one past every queue; the launch may be two-dimensional.
 uint queue_ray_index() { return gl_LaunchIDEXT.y * gl_LaunchSizeEXT.x + gl_LaunchIDEXT.x; }
+
+/// Every hit counts, or each is asked whether it does.
+uint opacity_flag() { return uvec2(push.scene) != uvec2(0u) ? gl_RayFlagsNoOpaqueEXT : gl_RayFlagsOpaqueEXT; }
 
 /// false: nothing there to be hit, or an interval that Vulkan does not allow. Else `hit` has the answer.
 bool queue_trace(uint i, uint words, uint flags) {

@@ -4,7 +4,7 @@
 #define KUAFU_SURFACE_GLSL
 #include "lib/language.glsl"
 #include "lib/motion.glsl"
-#include "shared/scene_records.h"
+#include "lib/texture.glsl"
 
 struct Surface {
   vec3 position;
@@ -12,7 +12,9 @@ struct Surface {
   vec3 geometric_normal;  // outward by winding (counter-clockwise seen from outside)
   vec3 shading_normal;    // same side
   vec3 tangent_u, tangent_v;  // world directions of growing uv; filled only with uvs
-  vec2 uv;
+  vec3 tangent_u_1, tangent_v_1;  // the same of the second set; filled only with feature_lookups
+  TexturePlace place;
+  vec4 color;  // of the mesh; filled only with feature_lookups
   uint material;  // index into the material table
   uint instance_id;
 };
@@ -25,14 +27,19 @@ vec3 to_world_vector(IN(InstanceRecord) r, vec3 v) {
   return vec3(dot(xyz(r.local_to_world[0]), v), dot(xyz(r.local_to_world[1]), v), dot(xyz(r.local_to_world[2]), v));
 }
 
-void load_uv(IN(InstanceRecord) r, uvec3 vertices, vec3 weights, vec3 edge_1, vec3 edge_2, INOUT(Surface) s) {
-  vec2 uv_0 = r.uvs.at[vertices.x], uv_1 = r.uvs.at[vertices.y], uv_2 = r.uvs.at[vertices.z];
-  s.uv = weights.x * uv_0 + weights.y * uv_1 + weights.z * uv_2;
+/// Texture coordinates of a point, and their world directions.
+vec2 load_uv(IN(InstanceRecord) r, Vec2Array uvs, uvec3 vertices, vec3 weights, vec3 edge_1, vec3 edge_2, OUT(vec3) tangent_u, OUT(vec3) tangent_v) {
+  vec2 uv_0 = uvs.at[vertices.x], uv_1 = uvs.at[vertices.y], uv_2 = uvs.at[vertices.z];
   vec2 d_1 = uv_1 - uv_0, d_2 = uv_2 - uv_0;
   float determinant = d_1.x * d_2.y - d_1.y * d_2.x;
   float scale = determinant < 0.0f ? -1.0f : 1.0f;  // only directions matter
-  s.tangent_u = to_world_vector(r, (edge_1 * d_2.y - edge_2 * d_1.y) * scale);
-  s.tangent_v = to_world_vector(r, (edge_2 * d_1.x - edge_1 * d_2.x) * scale);
+  tangent_u = to_world_vector(r, (edge_1 * d_2.y - edge_2 * d_1.y) * scale);
+  tangent_v = to_world_vector(r, (edge_2 * d_1.x - edge_1 * d_2.x) * scale);
+  return weights.x * uv_0 + weights.y * uv_1 + weights.z * uv_2;
+}
+
+vec4 load_color(IN(InstanceRecord) r, uvec3 vertices, vec3 weights) {
+  return weights.x * r.colors.at[vertices.x] + weights.y * r.colors.at[vertices.y] + weights.z * r.colors.at[vertices.z];
 }
 
 // The point comes from the triangle, not from the ray: its error is a few ulps of the vertices, whatever the ray's length.
@@ -54,9 +61,15 @@ Surface load_surface(IN(SceneAddresses) scene, IN(InstanceRecord) r, uint primit
     if (length_squared > 0.0f) s.shading_normal = n * inversesqrt(length_squared);
     if (dot(s.shading_normal, s.geometric_normal) < 0.0f) s.shading_normal = -s.shading_normal;
   }
-  s.uv = vec2(0.0f);
-  s.tangent_u = s.tangent_v = vec3(0.0f);
-  if ((r.flags & instance_has_uvs) != 0u) load_uv(r, vertices, weights, edge_1, edge_2, s);
+  s.place.uv = s.place.uv_1 = vec2(0.0f);
+  s.tangent_u = s.tangent_v = s.tangent_u_1 = s.tangent_v_1 = vec3(0.0f);
+  s.color = vec4(1.0f);
+  if ((r.flags & instance_has_uvs) != 0u) s.place.uv = load_uv(r, r.uvs, vertices, weights, edge_1, edge_2, s.tangent_u, s.tangent_v);
+  if ((features & feature_lookups) != 0u) {
+    if ((r.flags & instance_has_uvs_1) != 0u)
+      s.place.uv_1 = load_uv(r, r.uvs_1, vertices, weights, edge_1, edge_2, s.tangent_u_1, s.tangent_v_1);
+    if ((r.flags & instance_has_colors) != 0u) s.color = load_color(r, vertices, weights);
+  }
   uint slot = (r.flags & instance_has_slots) != 0u ? r.slots.at[primitive] : 0u;
   s.material = scene.instance_materials.at[r.first_material + min(slot, r.material_count)];
   s.instance_id = r.id;
@@ -72,6 +85,10 @@ void move_surface(IN(MotionRecord) m, float time_s, INOUT(Surface) s) {
   s.shading_normal = moved_direction(m, time_s, s.shading_normal);
   s.tangent_u = moved_direction(m, time_s, s.tangent_u);
   s.tangent_v = moved_direction(m, time_s, s.tangent_v);
+  if ((features & feature_lookups) != 0u) {
+    s.tangent_u_1 = moved_direction(m, time_s, s.tangent_u_1);
+    s.tangent_v_1 = moved_direction(m, time_s, s.tangent_v_1);
+  }
 }
 
 /// load_surface of instance `index` at a time.

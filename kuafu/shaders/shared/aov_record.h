@@ -29,7 +29,6 @@ struct MotionView {
   float distortion[8];  // k1 k2 p1 p2 k3 k4 k5 k6
 };
 KUAFU_ARRAY(MotionViewArray, MotionView, 4)
-KUAFU_ARRAY(Vec4Array, vec4, 4)
 
 struct AovAddresses {
   ProjectorArray projectors;           // by environment

@@ -22,6 +22,7 @@ using UintArray = AddressedArray<uint32_t>;
 using FloatArray = AddressedArray<float>;
 using Vec2Array = AddressedArray<const vec2>;
 using Vec3Array = AddressedArray<const vec3>;
+using Vec4Array = AddressedArray<const vec4>;
 using UVec3Array = AddressedArray<const uvec3>;
 #define KUAFU_ARRAY(Name, Record, alignment) using Name = AddressedArray<const Record>;
 #define KUAFU_WRITTEN_ARRAY(Name, Record, alignment) using Name = AddressedArray<Record>;
@@ -37,6 +38,7 @@ KUAFU_ARRAY(UintArray, uint, 4)
 KUAFU_ARRAY(FloatArray, float, 4)
 KUAFU_ARRAY(Vec2Array, vec2, 4)
 KUAFU_ARRAY(Vec3Array, vec3, 4)
+KUAFU_ARRAY(Vec4Array, vec4, 4)
 KUAFU_ARRAY(UVec3Array, uvec3, 4)
 #endif
 #endif

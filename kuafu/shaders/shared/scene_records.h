@@ -14,11 +14,14 @@ namespace kuafu {
 KUAFU_CONST instance_has_normals = 1u;
 KUAFU_CONST instance_has_uvs = 2u;
 KUAFU_CONST instance_has_slots = 4u;
+KUAFU_CONST instance_has_uvs_1 = 8u;
+KUAFU_CONST instance_has_colors = 16u;
 
 struct InstanceRecord {
   Vec3Array positions;
   Vec3Array normals;
-  Vec2Array uvs;
+  Vec2Array uvs, uvs_1;
+  Vec4Array colors;
   UVec3Array indices;
   UintArray slots;
   vec4 local_to_world[3];   // rows
@@ -47,17 +50,41 @@ struct MaterialRecord {
   float subsurface;
   vec3 subsurface_albedo, subsurface_extinction;  // of one scattering, and 1/m
   uint thin_walled;
+  uint alpha_mode;  // alpha_*
+  float alpha, alpha_cutoff;
+  uint alpha_texture;  // its alpha multiplies; the visible band's base_color_texture
+  uint colored;        // nonzero: the mesh's colors multiply base_color
+  float normal_scale;
 };
 KUAFU_ARRAY(MaterialArray, MaterialRecord, 4)
+
+KUAFU_CONST alpha_opaque = 0u;
+KUAFU_CONST alpha_mask = 1u;
+KUAFU_CONST alpha_blend = 2u;
+
+// What asks whether a surface is there (lib/cutout.glsl): the nearest hit, or a shadow ray.
+KUAFU_CONST cutout_closest = 0u;
+KUAFU_CONST cutout_occluded = 1u;
 
 KUAFU_CONST no_texture = 0xffffffffu;
 KUAFU_CONST texel_half4 = 0u;
 KUAFU_CONST texel_float4 = 1u;
 
+// TextureRecord.lookup: 0 is linear, repeating, at the mesh's first texture coordinates as they are. Bits 0 and 1: wrap_* of u; 2 and 3: of v.
+KUAFU_CONST wrap_repeat = 0u;
+KUAFU_CONST wrap_clamp = 1u;
+KUAFU_CONST wrap_mirror = 2u;
+KUAFU_CONST lookup_wrap_mask = 3u;
+KUAFU_CONST lookup_wrap_v_shift = 2u;
+KUAFU_CONST lookup_nearest = 1u << 4u;
+KUAFU_CONST lookup_uv_1 = 1u << 5u;
+KUAFU_CONST lookup_transform = 1u << 6u;
+
 /// Linear RGBA texels, row 0 first.
 struct TextureRecord {
   UintArray texels;
-  uint width, height, format, reserved;
+  uint width, height, format, lookup;
+  vec3 transform[2];  // rows, from a mesh's texture coordinates (u, v, 1) to the image's
 };
 KUAFU_ARRAY(TextureArray, TextureRecord, 8)
 
@@ -100,6 +127,8 @@ struct LightShape {
   uint columns;                 // map
   float half_texel;             // map: of a row
   float total;                  // mesh: sum of emission times area
+  float range_m;                // point without a radius, spot: where it ends, 0: never
+  uint reserved;
 };
 KUAFU_ARRAY(LightShapeArray, LightShape, 4)
 
@@ -165,11 +194,11 @@ struct SceneAddresses {
 KUAFU_ARRAY(SceneReference, SceneAddresses, 8)
 
 #ifdef __cplusplus
-static_assert(sizeof(InstanceRecord) == 144);
-static_assert(sizeof(MaterialRecord) == 140);
-static_assert(sizeof(TextureRecord) == 24);
+static_assert(sizeof(InstanceRecord) == 160);
+static_assert(sizeof(MaterialRecord) == 164);
+static_assert(sizeof(TextureRecord) == 48);
 static_assert(sizeof(LightRecord) == 104);
-static_assert(sizeof(LightShape) == 152);
+static_assert(sizeof(LightShape) == 160);
 static_assert(sizeof(EnvironmentRecord) == 36);
 static_assert(sizeof(MediumRecord) == 56);
 static_assert(sizeof(SceneAddresses) == 120);

@@ -150,6 +150,8 @@ KUAFU_CONST feature_medium = 1u << 2u;      // a participating medium
 KUAFU_CONST feature_subsurface = 1u << 3u;  // light that wanders below surfaces
 KUAFU_CONST feature_motion = 1u << 4u;      // rays have a time: SceneAddresses.moves
 KUAFU_CONST feature_camera = 1u << 5u;      // of `generate` and `aov`: generate_camera or aov_camera may be there
+KUAFU_CONST feature_lookups = 1u << 6u;     // textures with a lookup of their own (TextureRecord), second texture coordinates, vertex colours, normal_scale
+KUAFU_CONST feature_cutouts = 1u << 7u;     // of tracers: surfaces that are not everywhere there (alpha_mask, alpha_blend)
 
 struct GeneratePush {
   ViewArray views;

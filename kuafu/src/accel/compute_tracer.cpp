@@ -19,13 +19,13 @@ namespace kuafu {
 namespace {
 
 struct TracePush {
-  uint64_t words = 0, environments = 0, count = 0, roots = 0, nodes = 0, instances = 0, motions = 0;
+  uint64_t words = 0, environments = 0, count = 0, roots = 0, nodes = 0, instances = 0, motions = 0, scene = 0;
   uint32_t capacity = 0, environment_count = 0, has_environments = 0, glass_surfaces = 0;
 };
 
 struct GlassPush {
   TracePush trace;
-  uint64_t contributions = 0, scene = 0, bends = 0;
+  uint64_t contributions = 0, bends = 0;
   uint32_t has_medium = 0, unused = 0;
 };
 
@@ -52,30 +52,28 @@ class ComputeTracer final : public Tracer {
     world_.update(scene, environment_count, open);
   }
 
-  void closest(ks::Commands& commands, const RayQueue& rays) override {
-    const ks::ComputePipeline& pipeline =
-        closest_[world_.moves()].get(device_, trace_closest_spirv, sizeof(TracePush), specialisation(world_.moves()));
-    commands.dispatch_indirect(pipeline, push(rays), *rays.counters, rays.arguments_offset);
-  }
+  void closest(ks::Commands& commands, const RayQueue& rays) override { trace(commands, rays, closest_, trace_closest_spirv); }
 
-  void occluded(ks::Commands& commands, const RayQueue& rays) override {
-    const ks::ComputePipeline& pipeline =
-        occluded_[world_.moves()].get(device_, trace_occluded_spirv, sizeof(TracePush), specialisation(world_.moves()));
-    commands.dispatch_indirect(pipeline, push(rays), *rays.counters, rays.arguments_offset);
-  }
+  void occluded(ks::Commands& commands, const RayQueue& rays) override { trace(commands, rays, occluded_, trace_occluded_spirv); }
 
   [[nodiscard]] bool passes_glass() const override { return true; }
   void occluded_by_more_than_glass(ks::Commands& commands, const RayQueue& rays, const GlassWay& glass) override {
-    GlassPush all{.trace = push(rays),
-                  .contributions = glass.contributions,
-                  .scene = glass.scene,
-                  .bends = glass.bends,
-                  .has_medium = glass.medium ? 1u : 0u};
+    GlassPush all{.trace = push(rays), .contributions = glass.contributions, .bends = glass.bends, .has_medium = glass.medium ? 1u : 0u};
+    all.trace.scene = glass.scene;
     all.trace.glass_surfaces = glass.surfaces;
     commands.dispatch_indirect(glass_pipeline(glass), all, *rays.counters, rays.arguments_offset);
   }
 
  private:
+  using Pipelines = std::map<std::pair<bool, bool>, ks::PipelineInBuild>;  // by whether rays have a time, and whether surfaces have holes
+
+  void trace(ks::Commands& commands, const RayQueue& rays, Pipelines& pipelines, std::span<const uint32_t> spirv) {
+    const bool cutouts = rays.scene != 0;
+    const ks::ComputePipeline& pipeline = pipelines[{world_.moves(), cutouts}].get(
+        device_, spirv, sizeof(TracePush), specialisation(world_.moves(), cutouts ? feature_cutouts | feature_lookups : 0));
+    commands.dispatch_indirect(pipeline, push(rays), *rays.counters, rays.arguments_offset);
+  }
+
   [[nodiscard]] Constants specialisation(bool moves, uint32_t features = 0, bool bends = false) const {
     return {group_size_, layout_, moves ? 1u : 0u, features, spread_, bends ? 1u : 0u};
   }
@@ -96,13 +94,14 @@ class ComputeTracer final : public Tracer {
             world_.nodes(),
             world_.instances(),
             world_.moves() ? world_.motions() : 0,
+            rays.scene,
             rays.capacity,
             world_.environment_count(),
             rays.environments ? 1u : 0u};
   }
 
   uint32_t layout_, group_size_, spread_;
-  ks::PipelineInBuild closest_[2], occluded_[2];                           // of rays at rest, and with a time
+  Pipelines closest_, occluded_;
   std::map<std::tuple<bool, bool, uint32_t>, ks::PipelineInBuild> glass_;  // by infrared, whether light is bent, and features
   std::shared_ptr<ks::Device> device_;
   BvhWorld world_;

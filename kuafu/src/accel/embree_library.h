@@ -12,7 +12,8 @@
           use(rtcAttachGeometry) use(rtcAttachGeometryByID) use(rtcDetachGeometry) use(rtcNewGeometry) use(rtcReleaseGeometry)        \
               use(rtcCommitGeometry) use(rtcSetNewGeometryBuffer) use(rtcGetGeometryBufferData) use(rtcUpdateGeometryBuffer)          \
                   use(rtcSetGeometryBuildQuality) use(rtcSetGeometryInstancedScene) use(rtcSetGeometryTransform)                      \
-                      use(rtcSetGeometryTransformQuaternion) use(rtcSetGeometryTimeStepCount) use(rtcIntersect8) use(rtcOccluded8)
+                      use(rtcSetGeometryTransformQuaternion) use(rtcSetGeometryTimeStepCount) use(rtcIntersect8) use(rtcOccluded8)    \
+                          use(rtcSetGeometryIntersectFilterFunction) use(rtcSetGeometryOccludedFilterFunction)
 
 namespace kuafu {
 

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstddef>
 
+#include "accel/embree_cutout.h"
 #include "accel/embree_world.h"
 #include "accel/tracer.h"
 #include "device/error.h"
@@ -28,6 +29,7 @@ struct MappedQueue {
   const uint32_t* environments;  // nullptr = all 0
   uint32_t count;
   RTCIntersectContextFlags flags;
+  const SceneAddresses* scene;  // RayQueue::scene
 };
 
 template <class T>
@@ -38,7 +40,8 @@ T* mapped(const ks::Buffer& buffer, const char* name) {
 }
 
 MappedQueue map_queue(const RayQueue& rays, size_t alignment) {
-  MappedQueue queue{mapped<std::byte>(*rays.words, "words"), nullptr, 0, RTC_INTERSECT_CONTEXT_FLAG_INCOHERENT};
+  MappedQueue queue{mapped<std::byte>(*rays.words, "words"), nullptr, 0, RTC_INTERSECT_CONTEXT_FLAG_INCOHERENT,
+                    reinterpret_cast<const SceneAddresses*>(rays.scene)};
   // Measured: camera rays gain 1.45x from it, bounced rays lose 2x, shadow rays lose a little.
   if (rays.coherent) queue.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
   if (rays.environments) queue.environments = mapped<const uint32_t>(*rays.environments, "environments");
@@ -124,9 +127,11 @@ class EmbreeTracer final : public Tracer {
   template <class Packet>
   void trace_packet(const MappedQueue& queue, uint32_t index) const {
     auto& packet = reinterpret_cast<Packet*>(queue.words)[index];
-    RTCIntersectContext context;
-    rtcInitIntersectContext(&context);
-    context.flags = queue.flags;
+    EmbreeContext context;
+    rtcInitIntersectContext(&context.context);
+    context.context.flags = queue.flags;
+    context.scene = queue.scene;
+    context.kind = std::is_same_v<Packet, RTCRayHit8> ? cutout_closest : cutout_occluded;
     const EmbreeTimes times(rays_of(packet), world_.times());
     const uint32_t first = index * packet_rays;
     uint32_t waiting = queue.count - first >= packet_rays ? 0xffu : (1u << (queue.count - first)) - 1u;
@@ -138,7 +143,9 @@ class EmbreeTracer final : public Tracer {
         valid[lane] = here && can_trace(rays_of(packet), lane) ? -1 : 0;
         if (here) waiting &= ~(1u << lane);
       }
-      if (environment < world_.environments().size()) trace(world_.environments()[environment], valid, context, packet);
+      if (environment >= world_.environments().size()) continue;
+      context.instances = world_.environments()[environment].instances.data();
+      trace(world_.environments()[environment], valid, context.context, packet);
     }
   }
 

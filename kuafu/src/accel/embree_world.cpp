@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "accel/embree_cutout.h"
 #include "accel/embree_motion.h"
 #include "device/error.h"
 #include "device/interrupt.h"
@@ -44,6 +45,7 @@ void commit(RTCScene scene, size_t primitives) {
 void EmbreeWorld::update(const Scene& scene, uint32_t environment_count, const TimeSpan& open) {
   if (environment_count == 0) ks::fail(KS_ERROR_INVALID_ARGUMENT, "a tracer needs at least one environment");
   if (std::exchange(scene_, nullptr) != &scene) forget();  // and forget too what a failed update left
+  follow_cutouts(scene);
   const std::vector<uint32_t> deformed = follow_meshes(scene);
   const auto changed = changed_slots(scene, instances_revision_, deformed, placements_);
   const TimeSpan times = ray_times(scene, open);
@@ -59,6 +61,7 @@ void EmbreeWorld::update(const Scene& scene, uint32_t environment_count, const T
 }
 
 void EmbreeWorld::forget() {
+  cutouts_seen_ = {0, 0, 0, 0, 0};
   environments_.clear(), geometries_.clear(), placements_.clear(), meshes_.clear(), watch_.forget();
   instances_revision_ = 0;
   device_.forget_errors();
@@ -69,12 +72,26 @@ std::vector<uint32_t> EmbreeWorld::follow_meshes(const Scene& scene) {
   MeshWatch::Changes changes = watch_.look(scene);
   for (const uint32_t id : changes.deformed) deform(scene.meshes()[id], meshes_[id]);
   for (const uint32_t id : changes.removed) meshes_[id] = {};
-  while (meshes_.size() < scene.meshes().size()) add_mesh(scene.meshes()[meshes_.size()]);
+  while (meshes_.size() < scene.meshes().size()) {
+    const size_t id = meshes_.size();
+    add_mesh(scene.meshes()[id], id < cutouts_.size() && cutouts_[id]);
+  }
   return std::move(changes.deformed);
 }
 
-void EmbreeWorld::add_mesh(const Mesh& mesh) {
+/// A mesh that shows its first cutout after it was built is built anew, and with it everything.
+void EmbreeWorld::follow_cutouts(const Scene& scene) {
+  const Revisions& now = scene.revisions();
+  if (now.meshes == cutouts_seen_.meshes && now.materials == cutouts_seen_.materials && now.instances == cutouts_seen_.instances) return;
+  cutouts_seen_ = now;
+  cutouts_ = meshes_with_cutouts(scene);
+  for (size_t id = 0; id < std::min(meshes_.size(), cutouts_.size()); ++id)
+    if (cutouts_[id] && !meshes_[id].filtered) return forget();
+}
+
+void EmbreeWorld::add_mesh(const Mesh& mesh, bool cutouts) {
   Bottom bottom{device_.new_scene(), nullptr};
+  bottom.filtered = cutouts;
   if (!mesh.indices.empty()) {
     bottom.geometry.reset(rtcNewGeometry(device_.handle(), RTC_GEOMETRY_TYPE_TRIANGLE));
     RTCGeometry geometry = bottom.geometry.get();
@@ -83,6 +100,7 @@ void EmbreeWorld::add_mesh(const Mesh& mesh) {
     device_.check("taking a mesh's buffers");
     std::ranges::copy(mesh.positions, positions);
     std::ranges::copy(mesh.indices, indices);
+    if (cutouts) set_cutout_filter(geometry);
     rtcCommitGeometry(geometry);
     rtcAttachGeometry(bottom.scene.get(), geometry);
   }

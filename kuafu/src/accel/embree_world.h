@@ -32,11 +32,13 @@ class EmbreeWorld {
     EmbreeGeometry geometry;  // null for a mesh without triangles
     bool refittable = false;
     uint32_t refits = 0;
+    bool filtered = false;  // for cutouts
   };
 
   void forget();
   std::vector<uint32_t> follow_meshes(const Scene& scene);
-  void add_mesh(const Mesh& mesh);
+  void follow_cutouts(const Scene& scene);
+  void add_mesh(const Mesh& mesh, bool cutouts);
   void deform(const Mesh& mesh, Bottom& bottom);
   void place_all(const Scene& scene, uint32_t environment_count);
   void follow(const Scene& scene, const std::vector<uint32_t>& slots);
@@ -49,6 +51,8 @@ class EmbreeWorld {
   TimeSpan times_;
   MeshWatch watch_;
   std::vector<Bottom> meshes_;
+  Revisions cutouts_seen_{0, 0, 0, 0, 0};
+  std::vector<bool> cutouts_;  // meshes_with_cutouts
   // By slot.
   std::vector<Placement> placements_;
   std::vector<EmbreeGeometry> geometries_;  // null where it is not traceable

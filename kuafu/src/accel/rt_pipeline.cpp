@@ -7,6 +7,7 @@
 
 #include "device/pipeline_cache.h"
 #include "spirv/trace_closest_rgen.h"
+#include "spirv/trace_cutout_rahit.h"
 #include "spirv/trace_hit_rchit.h"
 #include "spirv/trace_miss_rmiss.h"
 #include "spirv/trace_occluded_rgen.h"
@@ -20,11 +21,14 @@ struct Stage {
   VkShaderStageFlagBits stage;
   std::span<const uint32_t> spirv;
 };
-// One shader per group, in the order of groups.
-const std::array<Stage, group_count> stages{{{VK_SHADER_STAGE_RAYGEN_BIT_KHR, trace_closest_rgen_spirv},
+// One shader per group, in the order of groups; then what the hit group has beside it where there are cutouts.
+constexpr uint32_t stage_cutout = group_count, stage_count = group_count + 1;
+constexpr VkShaderStageFlags push_stages = VK_SHADER_STAGE_RAYGEN_BIT_KHR | VK_SHADER_STAGE_ANY_HIT_BIT_KHR;
+const std::array<Stage, stage_count> stages{{{VK_SHADER_STAGE_RAYGEN_BIT_KHR, trace_closest_rgen_spirv},
                                              {VK_SHADER_STAGE_RAYGEN_BIT_KHR, trace_occluded_rgen_spirv},
                                              {VK_SHADER_STAGE_MISS_BIT_KHR, trace_miss_rmiss_spirv},
-                                             {VK_SHADER_STAGE_CLOSEST_HIT_BIT_KHR, trace_hit_rchit_spirv}}};
+                                             {VK_SHADER_STAGE_CLOSEST_HIT_BIT_KHR, trace_hit_rchit_spirv},
+                                             {VK_SHADER_STAGE_ANY_HIT_BIT_KHR, trace_cutout_rahit_spirv}}};
 
 /// Shader modules that live until the pipeline is made.
 struct Modules {
@@ -42,25 +46,26 @@ struct Modules {
   Modules(const Modules&) = delete;
   Modules& operator=(const Modules&) = delete;
   const ks::Device& device;
-  std::array<VkShaderModule, group_count> handles{};
+  std::array<VkShaderModule, stage_count> handles{};
 };
 
 uint64_t round_up(uint64_t n, uint64_t step) { return (n + step - 1) / step * step; }
 
-VkRayTracingShaderGroupCreateInfoKHR shader_group(uint32_t index) {
+VkRayTracingShaderGroupCreateInfoKHR shader_group(uint32_t index, bool cutouts) {
   VkRayTracingShaderGroupCreateInfoKHR group{VK_STRUCTURE_TYPE_RAY_TRACING_SHADER_GROUP_CREATE_INFO_KHR};
   const bool hit = index == group_hit;
   group.type = hit ? VK_RAY_TRACING_SHADER_GROUP_TYPE_TRIANGLES_HIT_GROUP_KHR : VK_RAY_TRACING_SHADER_GROUP_TYPE_GENERAL_KHR;
   group.generalShader = hit ? VK_SHADER_UNUSED_KHR : index;
   group.closestHitShader = hit ? index : VK_SHADER_UNUSED_KHR;
-  group.anyHitShader = group.intersectionShader = VK_SHADER_UNUSED_KHR;
+  group.anyHitShader = hit && cutouts ? stage_cutout : VK_SHADER_UNUSED_KHR;
+  group.intersectionShader = VK_SHADER_UNUSED_KHR;
   return group;
 }
 
 }  // namespace
 
-RtPipeline::RtPipeline(std::shared_ptr<ks::Device> device) : device_(std::move(device)) {
-  const VkPushConstantRange range{VK_SHADER_STAGE_RAYGEN_BIT_KHR, 0, sizeof(RtPush)};
+RtPipeline::RtPipeline(std::shared_ptr<ks::Device> device, bool cutouts) : device_(std::move(device)), cutouts_(cutouts) {
+  const VkPushConstantRange range{push_stages, 0, sizeof(RtPush)};
   VkPipelineLayoutCreateInfo info{VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO};
   info.pushConstantRangeCount = 1;
   info.pPushConstantRanges = &range;
@@ -83,17 +88,18 @@ void RtPipeline::destroy() {
 
 void RtPipeline::create_pipeline() {
   const Modules modules(*device_);
-  std::array<VkPipelineShaderStageCreateInfo, group_count> shaders{};
+  std::array<VkPipelineShaderStageCreateInfo, stage_count> shaders{};
   std::array<VkRayTracingShaderGroupCreateInfoKHR, group_count> groups{};
-  for (uint32_t i = 0; i < group_count; ++i) {
+  for (uint32_t i = 0; i < stage_count; ++i) {
     shaders[i] = {VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO};
     shaders[i].stage = stages[i].stage;
     shaders[i].module = modules.handles[i];
     shaders[i].pName = "main";
-    groups[i] = shader_group(i);
   }
+  for (uint32_t i = 0; i < group_count; ++i) groups[i] = shader_group(i, cutouts_);
   VkRayTracingPipelineCreateInfoKHR info{VK_STRUCTURE_TYPE_RAY_TRACING_PIPELINE_CREATE_INFO_KHR};
-  info.stageCount = info.groupCount = group_count;
+  info.stageCount = cutouts_ ? stage_count : group_count;
+  info.groupCount = group_count;
   info.pStages = shaders.data();
   info.pGroups = groups.data();
   info.maxPipelineRayRecursionDepth = 1;
@@ -125,7 +131,7 @@ void RtPipeline::trace(ks::Commands& commands, Entry entry, const RtPush& push, 
   const VolkDeviceTable& vk = device_->vk();
   VkCommandBuffer buffer = commands.handle();
   vk.vkCmdBindPipeline(buffer, VK_PIPELINE_BIND_POINT_RAY_TRACING_KHR, pipeline_);
-  vk.vkCmdPushConstants(buffer, layout_, VK_SHADER_STAGE_RAYGEN_BIT_KHR, 0, sizeof push, &push);
+  vk.vkCmdPushConstants(buffer, layout_, push_stages, 0, sizeof push, &push);
   const VkStridedDeviceAddressRegionKHR generation = table_entry(entry), misses = table_entry(group_miss), hits = table_entry(group_hit),
                                         callables{};
   vk.vkCmdTraceRaysIndirectKHR(buffer, &generation, &misses, &hits, &callables, arguments.address() + arguments_offset);

@@ -8,15 +8,16 @@
 namespace kuafu {
 
 struct RtPush {
-  uint64_t words = 0, environments = 0, count = 0, top_levels = 0;
-  uint32_t capacity = 0, environment_count = 0, has_environments = 0, unused = 0;
+  uint64_t words = 0, environments = 0, count = 0, top_levels = 0, scene = 0;
+  uint32_t capacity = 0, environment_count = 0, has_environments = 0, cutout_kind = 0;
 };
 
 class RtPipeline {
  public:
   enum Entry : uint32_t { closest, occluded };
 
-  explicit RtPipeline(std::shared_ptr<ks::Device> device);
+  /// cutouts: for scenes whose surfaces are not everywhere there.
+  explicit RtPipeline(std::shared_ptr<ks::Device> device, bool cutouts = false);
   ~RtPipeline();
   RtPipeline(const RtPipeline&) = delete;
   RtPipeline& operator=(const RtPipeline&) = delete;
@@ -33,6 +34,7 @@ class RtPipeline {
   }
 
   std::shared_ptr<ks::Device> device_;
+  bool cutouts_;
   VkPipelineLayout layout_ = VK_NULL_HANDLE;
   VkPipeline pipeline_ = VK_NULL_HANDLE;
   std::shared_ptr<ks::Buffer> table_;

@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // Rays by the driver: VK_KHR_ray_tracing_pipeline, over queues in planes.
+#include <optional>
+
 #include "accel/rt_pipeline.h"
 #include "accel/rt_world.h"
 #include "accel/tracer.h"
 #include "device/error.h"
+#include "shared/scene_records.h"
 
 namespace kuafu {
 namespace {
@@ -18,7 +21,7 @@ std::shared_ptr<ks::Device> check_device(std::shared_ptr<ks::Device> device) {
 
 class RtTracer final : public Tracer {
  public:
-  explicit RtTracer(std::shared_ptr<ks::Device> device) : pipeline_(check_device(device)), world_(std::move(device)) {}
+  explicit RtTracer(std::shared_ptr<ks::Device> device) : device_(check_device(device)), pipeline_(device), world_(std::move(device)) {}
 
   [[nodiscard]] const char* name() const override { return "rt pipeline"; }
   [[nodiscard]] uint32_t queue_layout() const override { return queue_layout_planes; }
@@ -37,14 +40,20 @@ class RtTracer final : public Tracer {
                       rays.environments ? rays.environments->address() : 0,
                       rays.counters->address() + rays.count_offset,
                       world_.top_levels(),
+                      rays.scene,
                       rays.capacity,
                       world_.environment_count(),
-                      rays.environments ? 1u : 0u};
+                      rays.environments ? 1u : 0u,
+                      entry == RtPipeline::closest ? cutout_closest : cutout_occluded};
     if (world_.record(commands)) commands.begin_stage("trace closest");  // the first rays after an update are a camera's
-    pipeline_.trace(commands, entry, push, *rays.counters, rays.arguments_offset);
+    if (rays.scene != 0 && !cutout_pipeline_) cutout_pipeline_.emplace(device_, true);
+    const RtPipeline& pipeline = rays.scene != 0 ? *cutout_pipeline_ : pipeline_;
+    pipeline.trace(commands, entry, push, *rays.counters, rays.arguments_offset);
   }
 
+  std::shared_ptr<ks::Device> device_;
   RtPipeline pipeline_;
+  std::optional<RtPipeline> cutout_pipeline_;  // once a scene has such surfaces
   RtWorld world_;
 };
 

@@ -21,6 +21,7 @@ struct RayQueue {
   uint64_t count_offset = 0;      // uint32 ray count
   uint64_t arguments_offset = 0;  // VkDispatchIndirectCommand for trace_group_size
   uint32_t capacity = 0;          // multiple of 8
+  uint64_t scene = 0;             // SceneReference, where some surfaces are not everywhere there (lib/cutout.glsl); else 0
   bool coherent = false;          // a hint: neighbours in the queue go nearly the same way, as camera rays do
 };
 

@@ -53,6 +53,8 @@ Mesh to_mesh(const kuafu_mesh_desc& desc) {
   mesh.positions = array<glm::vec3>(desc.positions, desc.vertex_count, "positions");
   mesh.normals = to_vectors(desc.normals, desc.vertex_count);
   mesh.uvs = array<glm::vec2>(desc.uvs, desc.vertex_count);
+  mesh.uvs_1 = array<glm::vec2>(desc.uvs_1, desc.vertex_count);
+  mesh.colors = array<glm::vec4>(desc.colors, desc.vertex_count);
   mesh.indices = array<glm::uvec3>(desc.indices, desc.triangle_count, "indices");
   mesh.slots = array<uint32_t>(desc.slots, desc.triangle_count);
   return mesh;

@@ -44,6 +44,9 @@ void copy_fields(const kuafu_material_desc& s, MaterialFields& out) {
   out.ir_subsurface_color = s.ir_subsurface_color;
   out.ir_subsurface_radius_m = s.ir_subsurface_radius_m;
   out.ior_texture = s.ior_texture;
+  out.alpha_mode = static_cast<decltype(out.alpha_mode)>(s.alpha_mode);
+  out.alpha_cutoff = s.alpha_cutoff;
+  out.normal_scale = s.normal_scale;
 }
 
 void copy_fields(const MaterialFields& s, kuafu_material_desc& out) {
@@ -82,6 +85,9 @@ void copy_fields(const MaterialFields& s, kuafu_material_desc& out) {
   out.ir_subsurface_color = s.ir_subsurface_color;
   out.ir_subsurface_radius_m = s.ir_subsurface_radius_m;
   out.ior_texture = s.ior_texture;
+  out.alpha_mode = static_cast<uint32_t>(s.alpha_mode);
+  out.alpha_cutoff = s.alpha_cutoff;
+  out.normal_scale = s.normal_scale;
 }
 
 void copy_fields(const kuafu_film_desc& s, FilmFields& out) {
@@ -190,6 +196,7 @@ void copy_fields(const kuafu_light_desc& s, Light& out) {
   for (int i = 0; i < 3; ++i) out.velocity.angular[i] = s.angular_velocity[i];
   out.on_from_s = s.on_from_s;
   out.on_until_s = s.on_until_s;
+  out.range_m = s.range_m;
 }
 
 void copy_fields(const Light& s, kuafu_light_desc& out) {
@@ -218,6 +225,7 @@ void copy_fields(const Light& s, kuafu_light_desc& out) {
   for (int i = 0; i < 3; ++i) out.angular_velocity[i] = s.velocity.angular[i];
   out.on_from_s = s.on_from_s;
   out.on_until_s = s.on_until_s;
+  out.range_m = s.range_m;
 }
 
 void copy_fields(const kuafu_environment_desc& s, Environment& out) {
@@ -242,6 +250,11 @@ void copy_fields(const kuafu_texture_desc& s, Texture& out) {
   out.height = s.height;
   out.channels = s.channels;
   out.srgb = s.srgb != 0;
+  out.wrap_u = static_cast<decltype(out.wrap_u)>(s.wrap_u);
+  out.wrap_v = s.wrap_v;
+  out.filter = static_cast<decltype(out.filter)>(s.filter);
+  out.uv_set = s.uv_set;
+  for (int i = 0; i < 6; ++i) out.uv_transform[i] = s.uv_transform[i];
 }
 
 void copy_fields(const kuafu_instance_desc& s, Instance& out) {

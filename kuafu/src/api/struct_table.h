@@ -52,9 +52,11 @@ struct StructInfo<kuafu_material_desc> {
       KS_FIELD_END(kuafu_material_desc, ir_subsurface_color),
       KS_FIELD_END(kuafu_material_desc, ir_subsurface_radius_m),
       KS_FIELD_END(kuafu_material_desc, ior_texture),
-      KS_FIELD_END(kuafu_material_desc, reserved),
+      KS_FIELD_END(kuafu_material_desc, alpha_mode),
+      KS_FIELD_END(kuafu_material_desc, alpha_cutoff),
+      KS_FIELD_END(kuafu_material_desc, normal_scale),
   };
-  static constexpr std::array<ReservedBytes, 1> reserved = {{{offsetof(kuafu_material_desc, reserved), sizeof(kuafu_material_desc::reserved)}}};
+  static constexpr std::array<ReservedBytes, 0> reserved = {};
   static kuafu_material_desc neutral() {
     kuafu_material_desc s{};
     s.header = ks_header_make(KUAFU_TYPE_MATERIAL_DESC, sizeof s);
@@ -209,6 +211,7 @@ struct StructInfo<kuafu_light_desc> {
       KS_FIELD_END(kuafu_light_desc, angular_velocity),
       KS_FIELD_END(kuafu_light_desc, on_from_s),
       KS_FIELD_END(kuafu_light_desc, on_until_s),
+      KS_FIELD_END(kuafu_light_desc, range_m),
   };
   static constexpr std::array<ReservedBytes, 0> reserved = {};
   static kuafu_light_desc neutral() {
@@ -285,6 +288,8 @@ struct StructInfo<kuafu_mesh_desc> {
       KS_FIELD_END(kuafu_mesh_desc, slots),
       KS_FIELD_END(kuafu_mesh_desc, vertex_count),
       KS_FIELD_END(kuafu_mesh_desc, triangle_count),
+      KS_FIELD_END(kuafu_mesh_desc, uvs_1),
+      KS_FIELD_END(kuafu_mesh_desc, colors),
   };
   static constexpr std::array<ReservedBytes, 0> reserved = {};
   static kuafu_mesh_desc neutral() {
@@ -304,6 +309,11 @@ struct StructInfo<kuafu_texture_desc> {
       KS_FIELD_END(kuafu_texture_desc, channels),
       KS_FIELD_END(kuafu_texture_desc, format),
       KS_FIELD_END(kuafu_texture_desc, srgb),
+      KS_FIELD_END(kuafu_texture_desc, wrap_u),
+      KS_FIELD_END(kuafu_texture_desc, wrap_v),
+      KS_FIELD_END(kuafu_texture_desc, filter),
+      KS_FIELD_END(kuafu_texture_desc, uv_set),
+      KS_FIELD_END(kuafu_texture_desc, uv_transform),
       KS_FIELD_END(kuafu_texture_desc, reserved),
   };
   static constexpr std::array<ReservedBytes, 1> reserved = {{{offsetof(kuafu_texture_desc, reserved), sizeof(kuafu_texture_desc::reserved)}}};

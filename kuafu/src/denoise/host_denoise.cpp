@@ -7,7 +7,7 @@
 namespace kuafu {
 namespace {
 
-constexpr uint features = feature_motion;
+constexpr uint features = feature_motion | feature_lookups;
 #include "lib/alike.glsl"
 #include "lib/material.glsl"
 #include "lib/motion_vector.glsl"

@@ -28,7 +28,10 @@ class ImageStep {
   using HostKernel = void(const Push& push, uint32_t first, uint32_t end);
   /// queue_layout is that of the tracer, for a step that reads rays.
   ImageStep(Memory memory, std::span<const uint32_t> spirv, HostKernel* kernel, uint32_t queue_layout = queue_layout_planes)
-      : memory_(std::move(memory)), spirv_(spirv), kernel_(kernel), specialisation_{group_size, queue_layout, 1, feature_motion, 0} {}
+      : memory_(std::move(memory)),
+        spirv_(spirv),
+        kernel_(kernel),
+        specialisation_{group_size, queue_layout, 1, feature_motion | feature_lookups, 0} {}
 
   /// `constant` becomes the shader's specialisation constant 4, where it has one.
   void run(ks::Commands& commands, const char* stage, const Push& push, uint32_t constant = 0) {
@@ -57,7 +60,7 @@ class ImageStep {
   Memory memory_;
   std::span<const uint32_t> spirv_;
   HostKernel* kernel_;
-  std::array<uint32_t, 5> specialisation_;             // of lib/invocation.glsl; surfaces that rays met may move
+  std::array<uint32_t, 5> specialisation_;             // of lib/invocation.glsl; surfaces that rays met may move and have all textures
   std::map<uint32_t, ks::PipelineInBuild> pipelines_;  // by constant
 };
 

@@ -12,7 +12,7 @@
 namespace kuafu {
 namespace {
 
-constexpr uint32_t first_word = 0x314d494bu;  // "KIM1"; grows with the format
+constexpr uint32_t first_word = 0x324d494bu;  // "KIM2"; grows with the format
 constexpr uint32_t last_word = 0x21646e65u;
 
 class Writer {
@@ -85,15 +85,16 @@ class Reader {
 
 template <class Stream, class T>
 void transfer(Stream& s, T& t) requires std::is_same_v<std::remove_const_t<T>, Texture> {
-  auto& [name, width, height, channels, format, srgb, texels, revision, removed] = t;
+  auto& [name, width, height, channels, format, srgb, texels, wrap_u, wrap_v, filter, uv_set, uv_transform, revision, removed] = t;
   s.text(name), s.plain(width), s.plain(height), s.plain(channels), s.plain(format), s.flag(srgb), s.array(texels);
+  s.plain(wrap_u), s.plain(wrap_v), s.plain(filter), s.plain(uv_set), s.plain(uv_transform);
   (void)revision, (void)removed;
 }
 
 template <class Stream, class T>
 void transfer(Stream& s, T& t) requires std::is_same_v<std::remove_const_t<T>, Mesh> {
-  auto& [name, positions, normals, uvs, indices, slots, deformation, removed] = t;
-  s.text(name), s.array(positions), s.array(normals), s.array(uvs), s.array(indices), s.array(slots);
+  auto& [name, positions, normals, uvs, uvs_1, colors, indices, slots, deformation, removed] = t;
+  s.text(name), s.array(positions), s.array(normals), s.array(uvs), s.array(uvs_1), s.array(colors), s.array(indices), s.array(slots);
   (void)deformation, (void)removed;
 }
 
@@ -119,6 +120,7 @@ void transfer(Stream& s, T& t) requires std::is_same_v<std::remove_const_t<T>, I
 template <class Stream, class T>
 void transfer(Stream& s, T& t) requires std::is_same_v<std::remove_const_t<T>, Light> {
   s.text(t.name), s.plain(t.kind), s.plain(t.intensity), s.plain(t.light_to_world), s.plain(t.inner_rad), s.plain(t.outer_rad);
+  s.plain(t.range_m);
 }
 
 template <class Stream, class T>

@@ -103,11 +103,12 @@ LightEntry light_entry(const Light& light, const glm::vec3& intensity, const Sce
   s.cos_inner = float(std::cos(light.inner_rad));
   s.cos_outer = float(std::cos(light.outer_rad));
   s.texture = light.texture;
+  s.range_m = float(light.range_m);
   if (light.kind == Light::Kind::projector) {
     set_projector(e, light, scene, pattern);
     set_lens(e, light);
   } else {
-    e.shaped = light.kind != Light::Kind::point || light.radius_m > 0 || light.texture != none;
+    e.shaped = light.kind != Light::Kind::point || light.range_m > 0 || light.radius_m > 0 || light.texture != none;
   }
   const bool sphere = light.kind == Light::Kind::point && light.radius_m > 0,
              disc = light.kind == Light::Kind::directional && light.angle_rad > 0;

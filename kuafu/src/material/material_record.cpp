@@ -73,7 +73,13 @@ MaterialRecord material_record(const Material& material, uint32_t id, const Band
   r.coat = m.bsdf == Material::Bsdf::paper ? 0.0f : 1.0f;
   r.light_group = m.light_group;
   r.thin_walled = m.thin_walled ? 1 : 0;
-  r.textured = std::ranges::any_of(texture_ids(material), [](const uint32_t* id) { return *id != none; }) ? 1 : 0;
+  r.textured = std::ranges::any_of(texture_ids(m), [](const uint32_t* id) { return *id != none; }) ? 1 : 0;
+  r.alpha_mode = uint32_t(m.alpha_mode);
+  r.alpha = m.base_color.a;
+  r.alpha_cutoff = m.alpha_cutoff;
+  r.alpha_texture = material.base_color_texture;
+  r.colored = !band.infrared || (material.ir_albedo_texture == none && std::isnan(material.ir_albedo)) ? 1 : 0;
+  r.normal_scale = m.normal_scale == 0.0f ? 1.0f : m.normal_scale;
   set_subsurface(r, m);
   set_textures(r, m);
   return r;
@@ -82,7 +88,10 @@ MaterialRecord material_record(const Material& material, uint32_t id, const Band
 uint32_t material_features(const Material& m) {
   const bool special = m.diffuse_roughness > 0.0f ||
                        (m.transmission > 0.0f && (m.transmission_roughness > 0.0f || m.thin_walled || m.attenuation_distance_m > 0.0f));
-  return (special ? feature_materials : 0) | (m.subsurface > 0.0f ? feature_subsurface : 0);
+  const bool scaled = m.normal_texture != none && m.normal_scale != 0.0f && m.normal_scale != 1.0f;
+  return (special ? feature_materials : 0) | (scaled ? feature_lookups : 0) |
+         (m.alpha_mode != Material::AlphaMode::opaque ? feature_cutouts | feature_lookups : 0) |
+         (m.subsurface > 0.0f ? feature_subsurface : 0);
 }
 
 bool is_smooth_glass(const Material& m) {

@@ -81,7 +81,7 @@ class DeviceStages final : public Stages {
     commands.begin_stage("aov");
     const bool infrared = (push.flags & aov_infrared) != 0, camera = (push.flags & aov_camera) != 0;
     dispatch(commands, aov_[infrared][camera], infrared ? std::span<const uint32_t>(aov_infrared_spirv) : aov_visible_spirv, push,
-             push.range.pixel_count, camera ? feature_camera | feature_motion : 0);
+             push.range.pixel_count, feature_lookups | (camera ? feature_camera | feature_motion : 0));
   }
 
   void visibility(ks::Commands& commands, const AovPush& push) override {

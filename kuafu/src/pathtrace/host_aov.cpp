@@ -6,7 +6,7 @@
 namespace kuafu {
 namespace {
 
-constexpr uint features = feature_camera | feature_motion;
+constexpr uint features = feature_camera | feature_motion | feature_lookups;
 #include "lib/camera.glsl"
 #include "lib/material.glsl"
 #include "lib/motion_vector.glsl"

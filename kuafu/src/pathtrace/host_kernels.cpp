@@ -10,7 +10,7 @@
 namespace kuafu {
 namespace {
 
-constexpr uint features = feature_camera | feature_motion;
+constexpr uint features = feature_camera | feature_motion | feature_lookups;
 #include "lib/camera.glsl"
 #include "lib/pixel_sample.glsl"
 #include "lib/pixels.glsl"

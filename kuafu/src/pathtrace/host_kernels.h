@@ -36,10 +36,13 @@ class QueuePlaces {
   Places ends_;
 };
 
-/// These are of host_shade.cpp, which the build compiles once for each band, plain (feature set 0) and full.
+/// These are of host_shade.cpp, which the build compiles once for each band, plain and full.
 using ShadeKernel = void(const ShadePush& push, uint32_t first, uint32_t end, QueuePlaces& places, size_t chunk);
 using TransmitKernel = void(const TransmitPush& push, uint32_t first, uint32_t end, QueuePlaces& places, size_t chunk);
 using RelightKernel = void(const ShadePush& push, uint32_t first, uint32_t end);
+/// What the plain ones know, and whether they are enough for a scene: its tracer alone looks at cutouts, but for those that shine.
+inline constexpr uint32_t plain_features = feature_lookups;
+constexpr bool is_plain(uint32_t features) { return (features & ~(plain_features | feature_cutouts)) == 0; }
 ShadeKernel shade_infrared, shade_visible, shade_infrared_full, shade_visible_full;
 TransmitKernel transmit_infrared, transmit_visible, transmit_infrared_full, transmit_visible_full;
 RelightKernel relight_infrared, relight_visible, relight_infrared_full, relight_visible_full;

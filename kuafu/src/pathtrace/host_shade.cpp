@@ -10,7 +10,7 @@
 namespace kuafu {
 namespace {
 
-constexpr uint features = KUAFU_PLAIN ? 0u : ~0u;
+constexpr uint features = KUAFU_PLAIN ? host::plain_features : ~0u;
 #include "lib/shading.glsl"
 
 struct Shade {

@@ -26,7 +26,7 @@ class HostStages final : public Stages {
   void shade(ks::Commands& commands, const ShadePush& push, const WaveBuffers& buffers) override {
     uint32_t* counters = push.counters.at + push.bounce * counter_words;
     host::QueuePlaces places;
-    const bool infrared = buffers.size().channels == 1, plain = buffers.size().features == 0;
+    const bool infrared = buffers.size().channels == 1, plain = host::is_plain(buffers.size().features);
     host::ShadeKernel* const kernel =
         infrared ? (plain ? host::shade_infrared : host::shade_infrared_full) : (plain ? host::shade_visible : host::shade_visible_full);
     run(commands, "shade", counters[counter_ray_count], chunk_rays,
@@ -37,7 +37,7 @@ class HostStages final : public Stages {
 
   void transmit(ks::Commands& commands, const TransmitPush& push, const WaveBuffers& buffers) override {
     host::QueuePlaces places;
-    const bool infrared = buffers.size().channels == 1, plain = buffers.size().features == 0;
+    const bool infrared = buffers.size().channels == 1, plain = host::is_plain(buffers.size().features);
     host::TransmitKernel* const kernel = infrared ? (plain ? host::transmit_infrared : host::transmit_infrared_full)
                                                   : (plain ? host::transmit_visible : host::transmit_visible_full);
     run(commands, "transmit", push.counters.at[push.block_in * counter_words + counter_shadow_count], chunk_rays,
@@ -46,7 +46,7 @@ class HostStages final : public Stages {
   }
 
   void relight(ks::Commands& commands, const ShadePush& push, const WaveBuffers& buffers) override {
-    const bool infrared = buffers.size().channels == 1, plain = buffers.size().features == 0;
+    const bool infrared = buffers.size().channels == 1, plain = host::is_plain(buffers.size().features);
     host::RelightKernel* const kernel = infrared ? (plain ? host::relight_infrared : host::relight_infrared_full)
                                                  : (plain ? host::relight_visible : host::relight_visible_full);
     run(commands, "relight", push.counters.at[push.bounce * counter_words + counter_ray_count], chunk_rays,

@@ -36,7 +36,7 @@ void Wave::write_aovs(uint64_t outputs) {
   backend_.stages->aov(commands_, push);
   if (!launch_.wants_visibility()) return;
   commands_.begin_stage("trace occluded");
-  backend_.tracer->occluded(commands_, buffers_.shadow_queue(0));
+  backend_.tracer->occluded(commands_, of_scene(buffers_.shadow_queue(0)));
   backend_.stages->visibility(commands_, push);
 }
 
@@ -66,15 +66,21 @@ void Wave::trace_paths() {
   }
 }
 
+/// A queue's rays ask the scene's materials where surfaces are not everywhere there.
+RayQueue Wave::of_scene(RayQueue rays) const {
+  if ((plan_.features & feature_cutouts) != 0) rays.scene = plan_.scene;
+  return rays;
+}
+
 void Wave::trace_closest(uint32_t bounce, const char* stage) {
   commands_.begin_stage(stage);
-  backend_.tracer->closest(commands_, buffers_.closest_queue(bounce));
+  backend_.tracer->closest(commands_, of_scene(buffers_.closest_queue(bounce)));
 }
 
 void Wave::trace_shadows(uint32_t bounce, const char* stage) {
   if (glass_shadows()) return trace_by_surfaces(bounce);
   commands_.begin_stage(stage);
-  const RayQueue rays = buffers_.shadow_queue(bounce);
+  const RayQueue rays = of_scene(buffers_.shadow_queue(bounce));
   if (!plan_.passes_glass) return backend_.tracer->occluded(commands_, rays);
   backend_.tracer->occluded_by_more_than_glass(commands_, rays,
                                                {.contributions = buffers_.contributions(),
@@ -91,7 +97,7 @@ void Wave::trace_by_surfaces(uint32_t bounce) {
   for (uint32_t passed = 0; passed <= passes; ++passed) {
     if (passed > 0 && backend_.memory.on_host && buffers_.shadow_ray_count(bounce, passed) == 0) return;
     commands_.begin_stage("trace closest");
-    backend_.tracer->closest(commands_, buffers_.shadow_queue(bounce, passed));
+    backend_.tracer->closest(commands_, of_scene(buffers_.shadow_queue(bounce, passed)));
     const bool last = passed == passes;
     backend_.stages->transmit(commands_,
                               {.rays_in = buffers_.shadow_rays(passed),

@@ -74,6 +74,7 @@ class Wave {
   /// With generate_listed, `pixels` is that of GeneratePush.
   void generate(uint32_t flags, uint64_t pixels = 0);
   void shade(uint32_t bounce);
+  [[nodiscard]] RayQueue of_scene(RayQueue rays) const;
   void trace_closest(uint32_t bounce, const char* stage = "trace closest");
   void trace_shadows(uint32_t bounce, const char* stage = "trace occluded");
   void trace_by_surfaces(uint32_t bounce);

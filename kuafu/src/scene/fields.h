@@ -33,9 +33,9 @@ struct MaterialFields {
   float ir_albedo = NAN;
   /// Radiance in the infrared band.
   float ir_emission = 0.0f;
-  /// Its RGB multiplies base_color.
+  /// Its RGB multiplies base_color, its alpha that of base_color.
   uint32_t base_color_texture = 0xffffffffu;
-  /// Its green channel multiplies roughness, its blue channel metallic.
+  /// Its green channel multiplies roughness and transmission_roughness, its blue channel metallic.
   uint32_t metallic_roughness_texture = 0xffffffffu;
   /// Normals in tangent space, encoded as in glTF.
   uint32_t normal_texture = 0xffffffffu;
@@ -84,6 +84,13 @@ struct MaterialFields {
   float ir_subsurface_radius_m = NAN;
   /// Its red channel R changes the index of refraction to 1 + (ior - 1) R.
   uint32_t ior_texture = 0xffffffffu;
+  /// What alpha means, which is that of base_color times those of base_color_texture and of the mesh's colors. It is the same in both bands.
+  enum class AlphaMode : uint32_t { opaque = 0, mask = 1, blend = 2 };
+  AlphaMode alpha_mode = AlphaMode::opaque;
+  /// With KUAFU_ALPHA_MASK: the least alpha of what is there.
+  float alpha_cutoff = 0.5f;
+  /// Multiplies the x and y of normal_texture's normals.
+  float normal_scale = 1.0f;
 };
 
 struct FilmFields {
@@ -168,6 +175,8 @@ struct LightFields {
   double on_from_s = 0.0;
   /// Time at which the light is switched off.
   double on_until_s = 0.0;
+  /// Point without a radius, and spot: distance at which the light ends. The intensity is multiplied by max(0, 1 - (d / range_m)^4), as KHR_lights_punctual recommends. No real lamp does that.
+  double range_m = 0.0;
 };
 
 struct Environment {
@@ -186,12 +195,14 @@ struct Environment {
 // Each field by itself: throws KS_ERROR_INVALID_ARGUMENT with the owner, the field, the value and what it must be.
 struct Camera;
 struct Light;
+struct Texture;
 void check_fields(const MaterialFields& s, const std::string& owner);
 void check_fields(const FilmFields& s, const std::string& owner);
 void check_fields(const Medium& s, const std::string& owner);
 void check_fields(const Camera& s, const std::string& owner);
 void check_fields(const Light& s, const std::string& owner);
 void check_fields(const Environment& s, const std::string& owner);
+void check_fields(const Texture& s, const std::string& owner);
 
 /// Pointers to the fields of a material that name textures.
 template <class M>
@@ -203,7 +214,7 @@ auto texture_ids(M& m) {
 template <class M, class Visit>
 void for_each_field(M& m, Visit&& visit) {
   const auto all = [&](auto&... fields) { (visit(fields), ...); };
-  all(m.name, m.base_color, m.metallic, m.roughness, m.specular, m.ior, m.transmission, m.emission, m.ir_albedo, m.ir_emission, m.base_color_texture, m.metallic_roughness_texture, m.normal_texture, m.emission_texture, m.transmission_texture, m.specular_texture, m.transmission_roughness, m.diffuse_roughness, m.attenuation_color, m.ir_attenuation_color, m.attenuation_distance_m, m.bsdf, m.light_group, m.thin_walled, m.ir_albedo_texture, m.ir_roughness, m.ir_ior, m.ir_transmission, m.ir_transmission_roughness, m.subsurface, m.subsurface_color, m.subsurface_radius_m, m.ir_subsurface_color, m.ir_subsurface_radius_m, m.ior_texture);
+  all(m.name, m.base_color, m.metallic, m.roughness, m.specular, m.ior, m.transmission, m.emission, m.ir_albedo, m.ir_emission, m.base_color_texture, m.metallic_roughness_texture, m.normal_texture, m.emission_texture, m.transmission_texture, m.specular_texture, m.transmission_roughness, m.diffuse_roughness, m.attenuation_color, m.ir_attenuation_color, m.attenuation_distance_m, m.bsdf, m.light_group, m.thin_walled, m.ir_albedo_texture, m.ir_roughness, m.ir_ior, m.ir_transmission, m.ir_transmission_roughness, m.subsurface, m.subsurface_color, m.subsurface_radius_m, m.ir_subsurface_color, m.ir_subsurface_radius_m, m.ior_texture, m.alpha_mode, m.alpha_cutoff, m.normal_scale);
 }
 
 }  // namespace kuafu

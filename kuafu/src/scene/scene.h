@@ -28,6 +28,8 @@ struct Mesh {
   std::vector<glm::vec3> positions;  // metres
   std::vector<glm::vec3> normals;    // unit; empty = geometric normals
   std::vector<glm::vec2> uvs;        // empty = 0
+  std::vector<glm::vec2> uvs_1;      // the second set; empty = 0
+  std::vector<glm::vec4> colors;     // linear RGBA; empty = 1
   std::vector<glm::uvec3> indices;
   std::vector<uint32_t> slots;  // per triangle, index into Instance::materials; empty = 0
   uint64_t deformation = 0;     // how often update_mesh_positions moved its vertices
@@ -41,8 +43,12 @@ struct Texture {
   Format format = Format::u8;
   bool srgb = false;
   std::vector<uint8_t> texels;  // row 0 first, packed
-  uint64_t revision = 0;        // how often set_texture replaced it
-  bool removed = false;         // then it is empty
+  // How materials read it.
+  uint32_t wrap_u = 0, wrap_v = 0, filter = 0;  // KUAFU_WRAP_*, KUAFU_FILTER_*
+  uint32_t uv_set = 0;                          // Mesh::uvs or uvs_1
+  std::array<float, 6> uv_transform{};          // rows of a 2x3 matrix from a mesh's coordinates to the image's; all 0 = none
+  uint64_t revision = 0;                        // how often set_texture replaced it
+  bool removed = false;                         // then it is empty
 };
 
 struct Material : MaterialFields {

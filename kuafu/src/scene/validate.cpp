@@ -49,6 +49,10 @@ void check_counts(const Mesh& mesh) {
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "mesh '%s': %zu normals for %zu vertices", name, mesh.normals.size(), count);
   if (!mesh.uvs.empty() && mesh.uvs.size() != count)
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "mesh '%s': %zu uvs for %zu vertices", name, mesh.uvs.size(), count);
+  if (!mesh.uvs_1.empty() && mesh.uvs_1.size() != count)
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "mesh '%s': %zu uvs_1 for %zu vertices", name, mesh.uvs_1.size(), count);
+  if (!mesh.colors.empty() && mesh.colors.size() != count)
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "mesh '%s': %zu colors for %zu vertices", name, mesh.colors.size(), count);
 }
 
 }  // namespace
@@ -73,8 +77,14 @@ void check(const Mesh& mesh) {
              mesh.indices.size());
   check_counts(mesh);
   check_vertices(mesh.name, mesh.positions, mesh.normals);
-  for (size_t i = 0; i < mesh.uvs.size(); ++i)
-    if (!all_finite(mesh.uvs[i])) ks::fail(KS_ERROR_INVALID_ARGUMENT, "mesh '%s': uv %zu is not finite", name, i);
+  for (const std::vector<glm::vec2>* uvs : {&mesh.uvs, &mesh.uvs_1})
+    for (size_t i = 0; i < uvs->size(); ++i)
+      if (!all_finite((*uvs)[i]))
+        ks::fail(KS_ERROR_INVALID_ARGUMENT, "mesh '%s': %s %zu is not finite", name, uvs == &mesh.uvs ? "uv" : "uv_1", i);
+  for (size_t i = 0; i < mesh.colors.size(); ++i)
+    if (!all_finite(mesh.colors[i]) || glm::any(glm::lessThan(mesh.colors[i], glm::vec4(0.0f))))
+      ks::fail(KS_ERROR_INVALID_ARGUMENT, "mesh '%s': color %zu is (%g, %g, %g, %g), must be finite and >= 0", name, i, mesh.colors[i].r,
+               mesh.colors[i].g, mesh.colors[i].b, mesh.colors[i].a);
   for (size_t i = 0; i < mesh.indices.size(); ++i)
     for (int k = 0; k < 3; ++k)
       if (mesh.indices[i][k] >= mesh.positions.size())
@@ -104,6 +114,7 @@ void check(const Texture& texture) {
   if (texture.texels.size() != bytes)
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "texture '%s': %zu bytes, but its size and format make %" PRIu64, name, texture.texels.size(),
              bytes);
+  check_fields(texture, "texture '" + texture.name + "': ");
   if (texture.format != Texture::Format::f32) return;
   for (size_t i = 0; i < bytes; i += 4) {
     float value;

@@ -60,6 +60,8 @@ void InstanceTable::set(const Scene& scene, const MeshTable& meshes, uint32_t sl
   r.positions = mesh.positions;
   r.normals = mesh.normals;
   r.uvs = mesh.uvs;
+  r.uvs_1 = mesh.uvs_1;
+  r.colors = mesh.colors;
   r.indices = mesh.indices;
   r.slots = mesh.slots;
   r.flags = mesh.flags;

@@ -18,16 +18,20 @@ void MeshTable::add(const Memory& memory, const Scene& scene, size_t first) {
     a.positions = block.add(m.positions);
     a.normals = block.add(m.normals);
     a.uvs = block.add(m.uvs);
+    a.uvs_1 = block.add(m.uvs_1);
+    a.colors = block.add(m.colors);
     a.indices = block.add(m.indices);
     a.slots = block.add(m.slots);
     a.flags = (m.normals.empty() ? 0 : instance_has_normals) | (m.uvs.empty() ? 0 : instance_has_uvs) |
-              (m.slots.empty() ? 0 : instance_has_slots);
+              (m.slots.empty() ? 0 : instance_has_slots) | (m.uvs_1.empty() ? 0 : instance_has_uvs_1) |
+              (m.colors.empty() ? 0 : instance_has_colors);
     meshes_.push_back(a);
   }
   const auto buffer = block.upload(memory.device);
   for (size_t i = first; i < meshes_.size(); ++i) {
     Addresses& a = meshes_[i];
-    for (uint64_t* offset : {&a.positions, &a.normals, &a.uvs, &a.indices, &a.slots}) *offset += memory.address(*buffer);
+    for (uint64_t* offset : {&a.positions, &a.normals, &a.uvs, &a.uvs_1, &a.colors, &a.indices, &a.slots})
+      *offset += memory.address(*buffer);
     if (!scene.meshes()[i].removed) a.block = buffer;
   }
 }

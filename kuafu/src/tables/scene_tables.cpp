@@ -33,6 +33,7 @@ void SceneTables::update(const Scene& scene, const Band& band, uint32_t environm
   band_ = band;
   open_ = open;
   if (now.meshes != seen_.meshes) meshes_.update(memory_, scene);
+  if (now.meshes != seen_.meshes || now.textures != seen_.textures) lookup_features_ = lookups_of(scene);
   if (materials_changed) write_materials(scene);
   if (now.instances != seen_.instances) instances_.update(memory_, scene, meshes_);
   if (has_bending_ && (materials_changed || now.instances != seen_.instances || now.meshes != seen_.meshes))
@@ -60,6 +61,11 @@ void SceneTables::update(const Scene& scene, const Band& band, uint32_t environm
                                    .glass_box_count = has_bending_ ? glass_boxes_.count() : 0,
                                    .glass_boxes = glass_boxes_.address()};
   scene_ = &scene;
+}
+
+uint32_t SceneTables::lookups_of(const Scene& scene) const {
+  const auto looks_up = [](const Mesh& mesh) { return !mesh.uvs_1.empty() || !mesh.colors.empty(); };
+  return textures_.looks_up() || std::ranges::any_of(scene.meshes(), looks_up) ? feature_lookups : 0;
 }
 
 /// Whether something that moved since the last update gives light, or changes the power of light from infinitely far. The band is the same.
@@ -92,7 +98,7 @@ void SceneTables::write_materials(const Scene& scene) {
   material_features_ = emission_group_ = 0;
   for (uint32_t i = 0; i < materials.size(); ++i) {
     const Material m = in_band(materials[i], band_);
-    records[material_index(i)] = material_record(m, i, band_);
+    records[material_index(i)] = material_record(materials[i], i, band_);
     has_glass_ = has_glass_ || (m.transmission > 0.0f && m.metallic < 1.0f);
     has_bending_ = has_bending_ || bends_light(m);
     emissive_ = emissive_ || m.emission != glm::vec3(0);

@@ -31,7 +31,7 @@ class SceneTables {
   [[nodiscard]] bool has_medium() const { return has_medium_; }
   /// feature_* that the scene needs.
   [[nodiscard]] uint32_t features() const {
-    return light_features_ | material_features_ | (has_medium_ ? feature_medium : 0) | (moves_ ? feature_motion : 0);
+    return lookup_features_ | light_features_ | material_features_ | (has_medium_ ? feature_medium : 0) | (moves_ ? feature_motion : 0);
   }
   /// Whether anything but a camera moves, or a light goes on or off, while a shutter is open.
   [[nodiscard]] bool moves() const { return moves_; }
@@ -49,6 +49,7 @@ class SceneTables {
   void forget();
   /// Writes the table of albedos; `frosted` adds those of rough glass.
   void write_albedos(bool frosted);
+  [[nodiscard]] uint32_t lookups_of(const Scene& scene) const;
   bool moved_lights(const Scene& scene);
   void write_materials(const Scene& scene);
   void write_medium(const Scene& scene);
@@ -81,6 +82,7 @@ class SceneTables {
   bool moves_ = false, lights_move_ = false;
   uint32_t shadow_rays_per_vertex_ = 0;
   bool select_lights_ = false, has_environment_light_ = false, has_glass_ = false, has_bending_ = false, has_medium_ = false;
+  uint32_t lookup_features_ = 0;  // of textures and meshes
   uint32_t light_features_ = 0, material_features_ = 0;
   uint32_t light_group_ = 0, emission_group_ = 0;  // highest
   bool emissive_ = false;                          // some material shines in the band

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "kuafu/geometry.h"
 #include "material/texels.h"
 
 namespace kuafu {
@@ -20,7 +21,28 @@ void put(const Memory& memory, std::shared_ptr<ks::Buffer>& buffer, const std::v
   buffer = block.upload(memory.device);
 }
 
+/// How a material looks a texture up (TextureRecord.lookup).
+uint32_t lookup_of(const Texture& t) {
+  const bool transforms = std::ranges::any_of(t.uv_transform, [](float value) { return value != 0; });
+  return t.wrap_u | t.wrap_v << lookup_wrap_v_shift | (t.filter == KUAFU_FILTER_NEAREST ? lookup_nearest : 0) |
+         (t.uv_set == 1 ? lookup_uv_1 : 0) | (transforms ? lookup_transform : 0);
+}
+
+TextureRecord record_of(const Texture& t, UintArray texels, uint32_t format) {
+  const auto& m = t.uv_transform;
+  return {.texels = texels,
+          .width = t.width,
+          .height = t.height,
+          .format = format,
+          .lookup = lookup_of(t),
+          .transform = {{m[0], m[1], m[2]}, {m[3], m[4], m[5]}}};
+}
+
 }  // namespace
+
+bool TextureTables::looks_up() const {
+  return std::ranges::any_of(records_, [](const TextureRecord& r) { return r.lookup != 0; });
+}
 
 bool TextureTables::update(const Scene& scene) {
   bool lights = false;
@@ -55,7 +77,7 @@ void TextureTables::add_new(const Scene& scene) {
     const Texture& t = scene.textures()[i];
     const Texels texels = linear_texels(t);
     offsets.push_back(block.add(texels.words));
-    records_.push_back({.texels = {}, .width = t.width, .height = t.height, .format = texels.format, .reserved = 0});
+    records_.push_back(record_of(t, {}, texels.format));
     slots_.push_back({.revision = t.revision, .own = nullptr, .block = nullptr});
   }
   const auto buffer = block.upload(memory_.device);
@@ -76,8 +98,7 @@ void TextureTables::replace(const Texture& texture, uint32_t id) {
   const Texels texels = linear_texels(texture);
   put(memory_, slots_[id].own, texels.words);
   slots_[id].block.reset();
-  records_[id] = {
-      .texels = memory_.address(*slots_[id].own), .width = texture.width, .height = texture.height, .format = texels.format, .reserved = 0};
+  records_[id] = record_of(texture, memory_.address(*slots_[id].own), texels.format);
 }
 
 bool TextureTables::replace_pattern(const Texture& texture, uint32_t id) {

@@ -27,6 +27,8 @@ class TextureTables {
   PatternAddress pattern(const Scene& scene, const Light& light);
   /// Frees the dots that no light has any more.
   void drop_unused();
+  /// Whether a material reads some texture otherwise than plainly.
+  [[nodiscard]] bool looks_up() const;
   [[nodiscard]] uint64_t address() const { return table_.address(); }
 
  private:

@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// glTF's WebP textures, copies by EXT_mesh_gpu_instancing, Draco's geometry, and what is said of what is not rendered.
+// How glTF files say that textures are read, colours of vertices, alpha, copies by EXT_mesh_gpu_instancing, and Draco's geometry.
 #include <draco/compression/encode.h>
 #include <draco/mesh/triangle_soup_mesh_builder.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <iterator>
 
 #include "device/error.h"
 #include "io/load.h"
+#include "kuafu/geometry.h"
 #include "kuafu/io/loaded.h"
 #include "kuafu/io/sample_files.h"
 
@@ -46,42 +46,88 @@ GltfWriter with_material(const json& material) {
 
 json base_texture(json info) { return {{"pbrMetallicRoughness", {{"baseColorTexture", std::move(info)}}}}; }
 
-TEST(GltfLooks, AnImageThatIsNotReadHasOneInItsPlaceOrIsAnError) {
-  GltfWriter w = with_material(base_texture({{"index", 0}}));
-  w.root["textures"] = {{{"source", 0}, {"extensions", {{"KHR_texture_basisu", {{"source", 7}}}}}}};
+TEST(GltfLooks, SamplersSetsAndTransformsArrive) {
+  const json transform = {{"offset", {0.25, 0.5}}, {"rotation", 0.5}, {"scale", {2, 3}}, {"texCoord", 1}};
+  GltfWriter w = with_material(base_texture({{"index", 0}, {"extensions", {{"KHR_texture_transform", transform}}}}));
+  w.root["extensionsRequired"] = {"KHR_texture_transform"};
+  w.root["samplers"] = {{{"magFilter", 9728}, {"wrapS", 33071}, {"wrapT", 33648}}};
+  w.root["textures"][0]["sampler"] = 0;
   const Loaded loaded = load(w);
-  ASSERT_EQ(loaded.warnings.size(), 1u);
-  EXPECT_NE(loaded.warnings[0].find("KHR_texture_basisu image is ignored"), std::string::npos) << loaded.warnings[0];
-  EXPECT_EQ(loaded.scene.textures().size(), 1u);
-  w.root["textures"][0].erase("source");
+  EXPECT_TRUE(loaded.warnings.empty());
+  const Texture& t = loaded.scene.textures()[loaded.scene.materials()[0].base_color_texture];
+  EXPECT_EQ(t.wrap_u, KUAFU_WRAP_CLAMP);
+  EXPECT_EQ(t.wrap_v, KUAFU_WRAP_MIRROR);
+  EXPECT_EQ(t.filter, KUAFU_FILTER_NEAREST);
+  EXPECT_EQ(t.uv_set, 1u);
+  const double c = std::cos(0.5), s = std::sin(0.5), rows[6] = {2 * c, 3 * s, 0.25, -2 * s, 3 * c, 0.5};
+  for (size_t i = 0; i < 6; ++i) EXPECT_NEAR(t.uv_transform[i], rows[i], 1e-6);
+}
+
+TEST(GltfLooks, OneImageLookedUpInTwoWaysIsTwoTexturesAndTheSameWayOne) {
+  json material = base_texture({{"index", 0}});
+  material["emissiveTexture"] = {{"index", 0}};
+  material["extensions"]["KHR_materials_transmission"]["transmissionTexture"] = {{"index", 0}, {"texCoord", 1}};
+  GltfWriter w = with_material(material);
+  const Loaded loaded = load(w);
+  const Material& m = loaded.scene.materials()[0];
+  EXPECT_EQ(m.base_color_texture, m.emission_texture);
+  EXPECT_EQ(loaded.scene.textures().size(), 2u);
+  EXPECT_EQ(loaded.scene.textures()[m.transmission_texture].uv_set, 1u);
+}
+
+TEST(GltfLooks, WrongOnesNameTheField) {
+  GltfWriter w = with_material(base_texture({{"index", 0}}));
+  w.root["samplers"] = {{{"wrapS", 7}}};
+  w.root["textures"][0]["sampler"] = 0;
+  EXPECT_NE(error_of(w).find("wrapS is 7"), std::string::npos) << error_of(w);
+  w.root["textures"][0]["sampler"] = 3;
+  EXPECT_NE(error_of(w).find("sampler 3 of 1"), std::string::npos) << error_of(w);
+  w = with_material(base_texture({{"index", 0}, {"extensions", {{"KHR_texture_transform", {{"scale", {1, 2, 3}}}}}}}));
+  EXPECT_NE(error_of(w).find("must be 2 numbers"), std::string::npos) << error_of(w);
+  w = with_material({{"alphaMode", "GLASSY"}});
+  EXPECT_NE(error_of(w).find("alphaMode is 'GLASSY'"), std::string::npos) << error_of(w);
+  w = with_material(base_texture({{"index", 0}}));
+  w.root["textures"] = {{{"extensions", {{"KHR_texture_basisu", {{"source", 0}}}}}}};
   EXPECT_NE(error_of(w).find("KHR_texture_basisu alone, which is not read"), std::string::npos) << error_of(w);
 }
 
-TEST(GltfLooks, WebpIsReadWhereTheExtensionNamesIt) {
-  GltfWriter w = with_material(base_texture({{"index", 0}}));
-  std::ifstream file(std::filesystem::path(KUAFU_TESTS) / "kuafu/io/images/rgb.webp", std::ios::binary);
-  const std::string webp{std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
-  w.root["images"].push_back({{"bufferView", w.view(webp.data(), webp.size())}, {"mimeType", "image/webp"}});
-  w.root["extensionsRequired"] = {"EXT_texture_webp"};
-  w.root["textures"] = {{{"source", 0}, {"extensions", {{"EXT_texture_webp", {{"source", 1}}}}}}};
-  const Loaded loaded = load(w);
-  EXPECT_TRUE(loaded.warnings.empty());
-  EXPECT_EQ(loaded.scene.textures().at(0).width, 4u) << "the WebP image, not the PNG that stands in for it";
-}
-
-TEST(GltfLooks, WhatASamplerOrALightAsksInVainIsSaid) {
-  GltfWriter w = with_material(base_texture({{"index", 0}}));
-  w.root["samplers"] = {{{"magFilter", 9728}, {"wrapS", 33071}}};
-  w.root["textures"][0]["sampler"] = 0;
+TEST(GltfLooks, AlphaScaleAndRangeArrive) {
+  GltfWriter w = with_material({{"alphaMode", "MASK"},
+                                {"alphaCutoff", 0.25},
+                                {"normalTexture", {{"index", 0}, {"scale", 0.5}}},
+                                {"pbrMetallicRoughness", {{"baseColorFactor", {1, 1, 1, 0.75}}}}});
+  w.root["materials"].push_back({{"alphaMode", "BLEND"}, {"normalTexture", {{"index", 0}, {"scale", 0}}}});
   w.root["extensions"]["KHR_lights_punctual"]["lights"] = {{{"type", "point"}, {"range", 3}}};
   w.node({{"extensions", {{"KHR_lights_punctual", {{"light", 0}}}}}});
   const Loaded loaded = load(w);
-  ASSERT_EQ(loaded.warnings.size(), 3u);
-  EXPECT_NE(loaded.warnings[0].find("clamps or mirrors"), std::string::npos) << loaded.warnings[0];
-  EXPECT_NE(loaded.warnings[1].find("nearest filter"), std::string::npos) << loaded.warnings[1];
-  EXPECT_NE(loaded.warnings[2].find("range is ignored"), std::string::npos) << loaded.warnings[2];
-  w.root["textures"][0]["sampler"] = 3;
-  EXPECT_NE(error_of(w).find("sampler 3 of 1"), std::string::npos) << error_of(w);
+  EXPECT_TRUE(loaded.warnings.empty());
+  const auto& m = loaded.scene.materials();
+  EXPECT_EQ(m[0].alpha_mode, Material::AlphaMode::mask);
+  EXPECT_EQ(m[0].alpha_cutoff, 0.25f);
+  EXPECT_EQ(m[0].base_color.a, 0.75f);
+  EXPECT_EQ(m[0].normal_scale, 0.5f);
+  EXPECT_EQ(m[1].alpha_mode, Material::AlphaMode::blend);
+  EXPECT_EQ(m[1].normal_texture, none) << "a scale of 0 is a flat surface";
+  EXPECT_EQ(loaded.scene.lights()[0]->range_m, 3);
+}
+
+TEST(GltfLooks, ColoursAndTheSecondSetAreReadWhereTheyMatter) {
+  const auto file = [](const std::vector<float>& colors, int uv_set) {
+    GltfWriter w = with_material(base_texture({{"index", 0}, {"texCoord", uv_set}}));
+    json& attributes = w.root["meshes"][0]["primitives"][0]["attributes"];
+    attributes["COLOR_0"] = w.accessor<float>(colors, type_float, "VEC3", 3);
+    attributes["TEXCOORD_0"] = w.accessor<float>({0, 0, 1, 0, 0, 1}, type_float, "VEC2", 2);
+    attributes["TEXCOORD_1"] = w.accessor<float>({0, 0, 5, 0, 0, 5}, type_float, "VEC2", 2);
+    return load(w);
+  };
+  const Loaded both = file({1, 0, 0, 0, 1, 0, 0, 0, 0.5f}, 1);
+  ASSERT_EQ(both.scene.meshes()[0].colors.size(), 3u);
+  EXPECT_EQ(both.scene.meshes()[0].colors[2], glm::vec4(0, 0, 0.5f, 1));
+  ASSERT_EQ(both.scene.meshes()[0].uvs_1.size(), 3u);
+  EXPECT_EQ(both.scene.meshes()[0].uvs_1[1], glm::vec2(5, 0));
+  const Loaded neither = file(std::vector<float>(9, 1.0f), 0);
+  EXPECT_TRUE(neither.scene.meshes()[0].colors.empty()) << "white changes nothing";
+  EXPECT_TRUE(neither.scene.meshes()[0].uvs_1.empty()) << "nothing reads it";
 }
 
 TEST(GltfLooks, EveryCopyOfAnInstancedNodeIsThere) {

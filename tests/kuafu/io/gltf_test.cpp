@@ -448,8 +448,8 @@ TEST(GltfFile, UnsupportedRequiredExtensionsAreNamed) {
   w.root["extensionsRequired"] = {"EXT_meshopt_compression"};
   expect_error(w, "EXT_meshopt_compression is not supported");
   w.root.erase("extensionsRequired");
-  w.root["extensionsUsed"] = {"KHR_texture_transform"};
-  expect_warning(load(w), "KHR_texture_transform is ignored");
+  w.root["extensionsUsed"] = {"KHR_materials_sheen"};
+  expect_warning(load(w), "KHR_materials_sheen is ignored");
 }
 
 TEST(GltfFile, NothingToShowIsAnError) {

@@ -77,18 +77,21 @@ TEST(ObjFile, EveryMapOfAMaterialArrives) {
   write_text(folder / "m.tga", grey_row({200}));
   write_text(folder / "pixel.png", png_pixel());
   write_text(folder / "a.mtl",
-             "newmtl all\nKd 1 1 1\nKs 1 1 1\nillum 2\nmap_Kd pixel.png\nmap_Ks pixel.png\nmap_Pr r.tga\nmap_Pm m.tga\n"
+             "newmtl all\nKd 1 1 1\nKs 1 1 1\nillum 2\nmap_Kd pixel.png\nmap_d d.tga\nmap_Ks pixel.png\nmap_Pr r.tga\nmap_Pm m.tga\n"
              "map_bump -bm 2 d.tga\n"
+             "newmtl cut\nKd 1 1 1\nillum 2\nd 0.25\n"
+             "newmtl mask\nKd 1 1 1\nillum 2\nmap_d d.tga\n"
              "newmtl directed\nKd 1 1 1\nillum 2\nnorm pixel.png\n");
   std::string obj = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\n";
-  for (const char* name : {"all", "directed"}) obj += std::string("o ") + name + "\nusemtl " + name + "\nf 1 2 3\n";
+  for (const char* name : {"all", "cut", "mask", "directed"}) obj += std::string("o ") + name + "\nusemtl " + name + "\nf 1 2 3\n";
   write_text(folder / "a.obj", obj);
   const Loaded loaded = load_path(folder / "a.obj");
   EXPECT_TRUE(loaded.warnings.empty()) << loaded.warnings[0];
   const Scene& scene = loaded.scene;
   const auto material = [&](size_t i) -> const Material& { return scene.materials()[scene.instances()[i]->materials[0]]; };
   const Material& all = material(0);
-  EXPECT_EQ(texel(scene, all.base_color_texture), (std::vector<uint8_t>{10, 20, 30, 255}));
+  EXPECT_EQ(all.alpha_mode, Material::AlphaMode::blend);
+  EXPECT_EQ(texel(scene, all.base_color_texture), (std::vector<uint8_t>{10, 20, 30, 0})) << "map_d is map_Kd's alpha";
   EXPECT_TRUE(scene.textures()[all.base_color_texture].srgb);
   EXPECT_EQ(texel(scene, all.specular_texture)[3], 20) << "the mean of 10, 20 and 30";
   EXPECT_EQ(texel(scene, all.metallic_roughness_texture)[1], 50);
@@ -101,7 +104,28 @@ TEST(ObjFile, EveryMapOfAMaterialArrives) {
   EXPECT_NEAR(normal[0], 255 * (0.5 - 0.5 * slope / length), 1);
   EXPECT_NEAR(normal[1], 127.5, 1);
   EXPECT_NEAR(normal[2], 255 * (0.5 + 0.5 / length), 1);
-  EXPECT_EQ(texel(scene, material(1).normal_texture), (std::vector<uint8_t>{10, 20, 30, 255}));
+  EXPECT_EQ(material(1).alpha_mode, Material::AlphaMode::blend);
+  EXPECT_EQ(material(1).base_color.a, 0.25f);
+  EXPECT_EQ(texel(scene, material(2).base_color_texture, 2), (std::vector<uint8_t>{255, 255, 255, 100}));
+  EXPECT_EQ(texel(scene, material(3).normal_texture), (std::vector<uint8_t>{10, 20, 30, 255}));
+}
+
+TEST(PlyFile, ColoursOfVerticesAreLinearAndShown) {
+  const Folder folder;
+  write_text(folder / "a.ply",
+             "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nproperty uchar red\n"
+             "property uchar green\nproperty uchar blue\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n"
+             "0 0 0 255 0 0\n1 0 0 0 128 0\n0 1 0 0 0 0\n3 0 1 2\n");
+  const Loaded loaded = load_path(folder / "a.ply");
+  const Mesh& mesh = loaded.scene.meshes()[0];
+  ASSERT_EQ(mesh.colors.size(), mesh.positions.size());
+  for (size_t i = 0; i < mesh.positions.size(); ++i) {
+    EXPECT_NEAR(mesh.colors[i].r, mesh.positions[i] == glm::vec3(0) ? 1.0 : 0.0, 1e-6);
+    EXPECT_NEAR(mesh.colors[i].g, mesh.positions[i].x == 1.0f ? 0.21586 : 0.0, 1e-4);
+  }
+  const uint32_t material = loaded.scene.instances()[0]->materials.at(0);
+  ASSERT_NE(material, none);
+  EXPECT_EQ(loaded.scene.materials()[material].base_color, glm::vec4(1)) << "the grey of surfaces without a material would dim them";
 }
 
 TEST(ObjFile, AMissingTextureOrNoFaceIsAnError) {

@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: Apache-2.0
+// Embree's side of surfaces that are not everywhere there (lib/cutout.glsl): meshes that show such a material get a filter, which asks the
+// scene's tables. Thread rule: as Embree's traversal.
+#pragma once
+
+#include <embree3/rtcore.h>
+
+#include <vector>
+
+#include "scene/scene.h"
+#include "shared/scene_records.h"
+
+namespace kuafu {
+
+/// What the filter finds through Embree's context, which it begins with.
+struct EmbreeContext {
+  RTCIntersectContext context{};
+  const SceneAddresses* scene = nullptr;  // null: everything is there
+  const uint32_t* instances = nullptr;    // Embree's instID -> slot
+  uint32_t kind = cutout_closest;
+};
+
+/// For each mesh, whether an instance shows it with such a material; empty where no material is one.
+std::vector<bool> meshes_with_cutouts(const Scene& scene);
+
+/// Before the geometry is committed.
+void set_cutout_filter(RTCGeometry geometry);
+
+}  // namespace kuafu
