@@ -78,6 +78,8 @@ def add_parser(commands: Commands) -> None:
     ablation.add_argument("folder", type=Path, metavar="DIR", help="folder of a run")
     text = "how many of the run's test views (default: 80)"
     ablation.add_argument("--views", type=integer_from(8), default=80, metavar="N", help=text)
+    text = "rays per pixel to try (default: 2 4 8 16 32 64 128)"
+    ablation.add_argument("--samples-per-pixel", type=integer_from(1), nargs="+", metavar="N", help=text)
     text = "only this; may be given again (default: all)"
     ablation.add_argument("--only", choices=("samples", "noise", "materials"), action="append", help=text)
     add_device(ablation)
@@ -119,11 +121,11 @@ def _write(out: Path) -> None:
 
 
 def _ablate(args: argparse.Namespace) -> None:
-    from activestereo.gap.ablate import KINDS, ablate, table, variants, write_ablation
+    from activestereo.gap.ablate import KINDS, SAMPLES, ablate, table, variants, write_ablation
     from activestereo.gap.files import RunFolder
     from activestereo.progress_bar import ProgressBar
 
-    worlds = variants(tuple(args.only or KINDS))
+    worlds = variants(tuple(args.only or KINDS), tuple(args.samples_per_pixel or SAMPLES))
     with ProgressBar(f"{args.views} views of {len(worlds)} worlds") as bar:
         found = ablate(RunFolder(args.folder), args.views, worlds, args.device, args.workers, bar)
     write_ablation(found, args.folder)

@@ -124,7 +124,8 @@ def chart(found: Ablation) -> Picture:
             axes[0, column].legend(frameon=False)
             for line in (0, 1):
                 axes[line, column].set_xscale("log", base=2)
-                axes[line, column].set_xticks(SAMPLES, [str(n) for n in SAMPLES])
+                counts = sorted({world.samples or 0 for world, _ in own})
+                axes[line, column].set_xticks(counts, [str(n) for n in counts])
         if kind == "materials":
             words = [world.materials for world, _ in own]
             axes[0, column].set(xticks=range(len(words)), xticklabels=words, xlim=(-0.5, len(words) - 0.5))

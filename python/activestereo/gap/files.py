@@ -58,9 +58,9 @@ class RunFolder:
         return found["errors"][[rows[name] for name in wanted]] if set(wanted) <= set(rows) else None
 
     def rounds(self, world: str, split: str) -> int:
-        """How many rounds there are depths of, without a gap from the first on."""
+        """How many rounds there are errors of, without a gap from the first on."""
         count = 0
-        while self.depth_path(world, split, count).exists():
+        while self.errors_path(world, split, count).exists():
             count += 1
         return count
 

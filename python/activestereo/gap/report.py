@@ -55,7 +55,7 @@ def results(folder: RunFolder) -> Results:
     settings = GapSettings.of(folder)
     models = models_of(folder)
     candidates = candidates_of(models)
-    rounds = min(folder.rounds(world, "test") for world in WORLDS)
+    rounds = max(1, min(folder.rounds(world, "test") for world in WORLDS))
     rows = [candidates.index(model.candidate) for model in models]
     errors = {world: errors_of(folder, world, "test", rounds, candidates)[rows] for world in WORLDS}
     return Results(models, errors, settings.seed)
@@ -106,7 +106,7 @@ def scatter(found: Results) -> Picture:
             for row, model in enumerate(found.models):
                 marker = _MARKERS[model.method]
                 axes.plot(real[row], own[row], marker, color=COLORS[world], markersize=7, alpha=0.75)
-        axes.set(xlim=(0, 100), ylim=(0, 100), aspect="equal", title=f"within {_named(criterion)}")
+        axes.set(xlim=(0, 103), ylim=(0, 103), aspect="equal", title=f"within {_named(criterion)}")
         axes.set(xlabel="poses found in the foreign world, %", ylabel="poses found in the simulation, %")
     marks = [Line2D([], [], color=COLORS[world], marker="o", linestyle="", label=world) for world in SIMULATED]
     marks += [Line2D([], [], color="0.3", marker=m, linestyle="", label=name) for name, m in _MARKERS.items()]
