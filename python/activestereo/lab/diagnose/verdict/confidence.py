@@ -18,8 +18,8 @@ def equivalents(ranking: Ranking, finding: Finding) -> list[str]:
     if finding.score.nats <= 0 or not finding.on_images:
         return []
     excess = ranking.excess_after(finding.chi2)
-    inadequacy = min((gates.same_excess_ratio - 1.0) * excess, gates.formulas_share * finding.score.gain_floors)
-    limit = excess + inadequacy + gates.same_excess_floors
+    inadequacy = (gates.same_excess_ratio - 1.0) * excess + gates.same_excess_floors
+    limit = excess + min(inadequacy, gates.formulas_share * finding.score.gain_floors)
     chosen = []
     for other in ranking.findings:
         if other is finding or not other.on_images or other.score.nats <= 0:
