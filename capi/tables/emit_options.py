@@ -91,10 +91,10 @@ def _annotation(field: Field) -> str:
 
 
 def _range(f: Field) -> tuple[float, float] | None:
-    """What a number may be; an unsigned one is never negative, and 0 may mean something of its own."""
+    """What a number may be; an unsigned one is never negative."""
     if f.type in ("uint32", "uint64") and not f.range and not f.allowed:
         return (0, 2**32 - 1 if f.type == "uint32" else 2**64 - 1)
-    return None if f.range is None or f.zero_means is not None else f.range
+    return f.range
 
 
 def _bound(value: float) -> str:
@@ -105,6 +105,8 @@ def _row(f: Field) -> list[str]:
     more = [f'unit="{f.unit}"'] if f.unit else []
     more += [f'possible="{range_text(f)}"'] if range_text(f) else []
     more += [f"range=({', '.join(_bound(v) for v in _range(f))})"] if _range(f) else []
+    more += [f"allowed={f.allowed!r}"] if f.allowed else []
+    more += ["or_zero=True"] if f.zero_means is not None else []
     more += _choices(f) if f.values else []
     more += [f'{key}="{value}"' for key, value in (("pair", f.pair), ("short", f.short), ("one", f.one)) if value]
     more += ["on_command_line=False"] if not f.option else []
@@ -122,13 +124,15 @@ def _choices(f: Field) -> list[str]:
     return ["choices=(\n" + "\n".join(f"            {line}" for line in lines) + "\n        )"]
 
 
-def _option_table(what: str, structs: dict[str, Struct], owner: str) -> str:
-    """A Python module: a tuple of Parameters for each struct, and a class with the types of all."""
-    text = [*textwrap.wrap("# " + GENERATED.format(", ".join(s.source for s in structs.values())), WIDTH, subsequent_indent="# "),
+def _option_table(what: str, structs: dict[str, Struct], owner: str, records: dict[str, Struct]) -> str:
+    """A Python module: a tuple of Parameters for each struct, and a class with the types of all; tuples alone for records,
+    which are given whole."""
+    sources = ", ".join(s.source for s in (*structs.values(), *records.values()))
+    text = [*textwrap.wrap("# " + GENERATED.format(sources), WIDTH, subsequent_indent="# "),
             f'"""{what}: what a sensor\'s configuration and the command line have of them."""', "",
             "from typing import Literal", "", "from activestereo.parameter import Parameter"]  # fmt: skip
     shown = {key: [f for f in named(s).fields if f.config] for key, s in structs.items()}
-    for key, fields in shown.items():
+    for key, fields in (shown | {key: named(s).fields for key, s in records.items()}).items():
         text += ["", f"{key} = (", *(line for f in fields for line in _row(f)), ")"]
     text += ["", "", f"class {owner}:", '    """Their types. A class that has them as attributes inherits this."""', ""]
     text += [f"    {f.name}: {_annotation(f)}" for fields in shown.values() for f in fields]
@@ -138,10 +142,10 @@ def _option_table(what: str, structs: dict[str, Struct], owner: str) -> str:
 def matcher_table(tables: Tables) -> str:
     """python/activestereo/matcher_table.py"""
     structs = {"MATCHER": tables.structs["simsense_parameters"], "RIG": tables.structs["simsense_rig_desc"]}
-    return _option_table("The stereo engine's options", structs, "MatcherFields")
+    return _option_table("The stereo engine's options", structs, "MatcherFields", {"SIGNAL": tables.structs["simsense_signal"]})
 
 
 def render_table(tables: Tables) -> str:
     """python/activestereo/render_table.py"""
     structs = {"RENDERER": tables.structs["kuafu_renderer_desc"], "RENDER": tables.structs["kuafu_render_desc"]}
-    return _option_table("The renderer's options", structs, "RenderFields")
+    return _option_table("The renderer's options", structs, "RenderFields", {"FILM": tables.structs["kuafu_film_desc"]})

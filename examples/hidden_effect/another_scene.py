@@ -97,7 +97,7 @@ def _alike(capture: Capture) -> list[Frame]:
 
 def _config(capture: Capture, model: SensorModel) -> StereoDepthSensorConfig:
     config = StereoDepthSensorConfig.from_model(model)
-    config.max_disp = capture.depth_engine["max_disparity"]
+    config.max_disparity = capture.depth_engine["max_disparity"]
     return config
 
 

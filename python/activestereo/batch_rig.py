@@ -87,7 +87,7 @@ def _inputs_of(
     config: StereoDepthSensorConfig, scene: kuafu.Scene, image: NDArray[np.float32] | None, model: SensorModel | None
 ) -> EngineInputs:
     """With the RGB camera at the origin. ValueError where the model does not fit the scene or a batch."""
-    still, radiance = np.zeros(6), config.ir_ambient_strength
+    still, radiance = np.zeros(6), config.ir_ambient_radiance
     ambient = None if model is None else model.nuisances.get("ambient_scale")
     if ambient is not None:
         radiance = ambient.value / config.ir_responsivity_dn

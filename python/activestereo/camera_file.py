@@ -19,6 +19,10 @@ from math import inf, isfinite
 from pathlib import Path
 from typing import Any
 
+from activestereo.matcher_table import MATCHER, SIGNAL
+from activestereo.parameter import Parameter
+from activestereo.render_table import FILM, RENDER
+
 FOLDER = Path(__file__).parent / "camera_data"
 BASES = ("data sheet", "measured", "published", "derived", "estimated")
 _LONGEST_CHAIN = 8
@@ -35,10 +39,25 @@ class Field:
     high: float = inf
     choices: tuple[Any, ...] = ()
     whole: bool = False
+    or_zero: bool = False
 
 
 def _numbers(doc: str, unit: str, count: int = 0, low: float = -inf, high: float = inf, whole: bool = False) -> Field:
     return Field(doc, unit, count, low, high, whole=whole)
+
+
+def _engine(table: Sequence[Parameter], *names: str, least: float = -inf, most: float = inf) -> dict[str, Field]:
+    """Figures that are parameters of an engine, as its table has them; least, most: narrower bounds for a camera."""
+    rows = {p.name: p for p in table}
+    return {name: _of_table(rows[name], least, most) for name in names}
+
+
+def _of_table(p: Parameter, least: float, most: float) -> Field:
+    low, high = p.range or (-inf, inf)
+    low, high = max(low, least), min(high, most)
+    whole = p.kind is int
+    doc, choices = p.doc.split(". ")[0].rstrip("."), p.choices or p.allowed
+    return Field(doc, p.unit, low=low, high=high, choices=choices, whole=whole, or_zero=p.or_zero)
 
 
 # section: {figure: what it may be}. Positions are in the RGB camera's body frame (x forward, y left, z up).
@@ -52,9 +71,7 @@ FIELDS: dict[str, dict[str, Field]] = {
         "left_position_m": _numbers("left infrared camera", "m", 3, -10, 10),
         "right_position_m": _numbers("right infrared camera", "m", 3, -10, 10),
         "projector_position_m": _numbers("projector", "m", 3, -10, 10),
-        "min_depth_m": _numbers("nearer depths are dropped", "m", 0, 0, 1e6),
-        "max_depth_m": _numbers("farther depths are dropped", "m", 0, 0, 1e6),
-        "max_disparity": _numbers("disparities that are searched", "px", 0, 16, 1024, whole=True),
+        **_engine(MATCHER, "min_depth_m", "max_depth_m", "max_disparity"),
         "line_time_s": _numbers("rolling shutter of the infrared cameras, 0 = global", "s", 0, 0, 1),
     },
     "projector": {
@@ -70,7 +87,7 @@ FIELDS: dict[str, dict[str, Field]] = {
         "laser_power_mw": _numbers("the setting as it comes", "mW", 0, 1e-3, 1e6),
         "laser_power_limits_mw": _numbers("least and largest setting, and the step", "mW", 3, 0, 1e6),
         "beam_radius_m": _numbers("of a dot's beam where it leaves the projector", "m", 0, 0, 0.1),
-        "falloff_exponent": _numbers("dots fall with this power of the cosine from the axis", "", 0, 0, 64),
+        "falloff": _numbers("dots fall with this power of the cosine from the axis", "", 0, 0, 64),
     },
     "exposure": {
         "mode": Field("how exposure and gain are found", choices=("fixed", "settled", "converging")),
@@ -82,27 +99,14 @@ FIELDS: dict[str, dict[str, Field]] = {
     },
     "imager": {
         "responsivity_dn": _numbers("counts per W s / (sr m^2) at gain 1", "DN", 0, 1e-6, 1e12),
-        "black_level_dn": _numbers("counts in the dark", "DN", 0, -1000, 65535),
-        "dn_per_electron": _numbers("conversion gain; shot noise is that of electrons", "DN/e-", 0, 1e-6, 1e6),
-        "read_noise_dn": _numbers("temporal noise in the dark, without rounding", "DN", 0, 0, 65535),
         "speckle_contrast": _numbers("laser speckle's standard deviation over its mean", "", 0, 0, 1),
-        "speckle_static_share": _numbers("share that stays while the scene does", "", 0, 0, 1),
-        "speckle_grain_px": _numbers("sigma of a speckle grain, 0 = a pixel's own", "px", 0, 0, 16),
-        "prnu": _numbers("pixels' gains differ by", "", 0, 0, 1),
+        **_engine(SIGNAL, "black_level_dn", "adc_noise_dn", "speckle_correlation", "speckle_psf_sigma_px"),
+        **_engine(SIGNAL, "conversion_gain_dn_per_e", least=1e-6),
+        **_engine(SIGNAL, "prnu", most=1.0),
     },
-    "optics": {
-        "vignetting_exponent": _numbers("light falls with this power of the cosine from the axis", "", 0, 0, 64),
-        "psf_sigma_px": _numbers("sigma of the lens's blur", "px", 0, 0, 32),
-        "firefly_factor": _numbers("pixels of indirect light may outshine their neighbours so much", "", 0, 1, 1e6),
-    },
-    "room": {
-        "ir_ambient_scale": _numbers("what visible light gives in the infrared images", "", 0, 0, 100),
-        "ir_ambient_radiance": _numbers("infrared light from all sides, besides", "W/(sr m^2)", 0, 0, 1e6),
-        "denoise": Field("filter of the samples' noise, never of the dots' light", choices=("none", "atrous", "oidn")),
-    },
-    "matcher": {
-        "median_size": Field("side of the window whose median a disparity becomes", "px", choices=(1, 3, 5, 7)),
-    },
+    "optics": _engine(FILM, "vignetting_exponent", "psf_sigma_px", "firefly_factor"),
+    "room": _engine(RENDER, "ir_ambient_scale", "ir_ambient_radiance", "denoise"),
+    "matcher": _engine(MATCHER, "median_size"),
 }
 
 
@@ -210,6 +214,6 @@ def _value(place: str, value: Any, field: Field) -> Any:
     for part in parts:
         if isinstance(part, bool) or not isinstance(part, int if field.whole else (int, float)) or not isfinite(part):
             raise ValueError(f"{place}: {part!r} is no {'whole ' if field.whole else ''}number")
-        if not field.low <= part <= field.high:
+        if not field.low <= part <= field.high and not (field.or_zero and part == 0):
             raise ValueError(f"{place}: {part:g} is outside of {field.low:g} to {field.high:g} {field.unit}".rstrip())
     return value

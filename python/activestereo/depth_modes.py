@@ -43,7 +43,7 @@ class DepthCamera:
             config.max_bounces = 0
         self.sensors = StereoDepthSensorBatch(config, mounts, pose)
         self._config = config
-        self._random = np.random.default_rng(config.ir_noise_seed)
+        self._random = np.random.default_rng(config.noise_seed)
 
     def seed(self, seed: int) -> None:
         """From here on all noise is as it was after the same seed."""
@@ -58,7 +58,7 @@ class DepthCamera:
             return self.sensors.get_depth()
         truth = self.sensors.render_true_depth()
         c = self._config
-        truth = np.where((truth >= c.min_depth) & (truth < c.max_depth), truth, np.float32(0.0))
+        truth = np.where((truth >= c.min_depth_m) & (truth < c.max_depth_m), truth, np.float32(0.0))
         if self.mode == "clean":
             return truth
         noise = self._random.standard_normal(truth.shape, np.float32)
@@ -67,7 +67,7 @@ class DepthCamera:
         with np.errstate(divide="ignore", invalid="ignore"):
             disparity = c.focal_baseline_px_m / truth + _DISPARITY_SIGMA_PX * noise
             disparity = np.rint(disparity / _DISPARITY_STEP_PX) * _DISPARITY_STEP_PX
-            is_measured = (truth > 0) & (disparity > 0) & (disparity < c.max_disp)
+            is_measured = (truth > 0) & (disparity > 0) & (disparity < c.max_disparity)
             return np.where(is_measured, c.focal_baseline_px_m / disparity, 0.0).astype(np.float32)
 
 

@@ -10,7 +10,7 @@ import simsense
 from activestereo.matcher_table import MATCHER, RIG
 from activestereo.parameter import Parameter
 from activestereo.pose import Pose, camera_to_camera
-from activestereo.presets import StereoDepthSensorConfig, sapien_name
+from activestereo.presets import StereoDepthSensorConfig
 from activestereo.render_table import RENDER, RENDERER
 
 # SAPIEN's noise at scale 1: a gamma factor of shape 1333.33 and mean 1, and Gaussian noise of 0.25 counts.
@@ -49,7 +49,7 @@ def _sapien_noise(config: StereoDepthSensorConfig) -> dict[str, float]:
 
 def _values(config: StereoDepthSensorConfig, table: Sequence[Parameter]) -> dict[str, Any]:
     """What the configuration says, under the engine's names."""
-    return {p.name: getattr(config, sapien_name(p.name)) for p in table}
+    return {p.name: getattr(config, p.name) for p in table}
 
 
 def rig_parameters(config: StereoDepthSensorConfig) -> dict[str, Any]:
@@ -91,7 +91,7 @@ def make_engine(config: StereoDepthSensorConfig, device: simsense.Device, batch_
         left_to_rgb=camera_to_camera(config.trans_pose_l, Pose()),
         rectified=config.rectified and not is_distorted,
         batch_count=batch_count,
-        noise_seed=config.ir_noise_seed,
+        noise_seed=config.noise_seed,
         **rig_parameters(config),
         **engine_parameters(config),
     )

@@ -17,12 +17,21 @@ class Parameter:
     unit: str = ""
     possible: str = ""  # the range in words
     range: tuple[float, float] | None = None
+    allowed: tuple[int, ...] = ()  # the only numbers that it may be
+    or_zero: bool = False  # 0 has a meaning of its own, outside of range and allowed
     choices: tuple[str, ...] = ()
     short: str = ""  # its other name in Python and on the command line
     one: str = ""  # what one of a tuple is called
     on_command_line: bool = True
     pair: str = ""  # this and the next parameter are also the width and height of the option --<pair> WxH
     doc: str = ""
+
+    def takes(self, value: float) -> bool:
+        """Whether a number is one that it may be."""
+        if self.or_zero and value == 0:
+            return True
+        low, high = self.range or (value, value)
+        return low <= value <= high and (not self.allowed or value in self.allowed)
 
     @property
     def option(self) -> str:

@@ -48,29 +48,30 @@ def _pattern_design(camera: CameraData) -> PatternDesign:
 
 
 def _signal(camera: CameraData) -> dict[str, float] | None:
-    """simsense's imager for counts, None where the camera tells none: SAPIEN's noise then."""
+    """simsense's imager for counts, None where the camera's file has none: SAPIEN's noise then."""
     imager = camera.figures["imager"]
-    if "dn_per_electron" not in imager:
+    if "conversion_gain_dn_per_e" not in imager:
         return None
-    gain, contrast = camera.value("imager", "dn_per_electron"), camera.value("imager", "speckle_contrast", 0.0)
+    gain, contrast = camera.value("imager", "conversion_gain_dn_per_e"), camera.value("imager", "speckle_contrast", 0.0)
     signal = {
         "responsivity_e": 1.0 / gain,
         "conversion_gain_dn_per_e": gain,
         "shot_noise": 1.0,
-        "adc_noise_dn": camera.value("imager", "read_noise_dn", 0.0),
+        "adc_noise_dn": camera.value("imager", "adc_noise_dn", 0.0),
         "prnu": camera.value("imager", "prnu", 0.0),
     }
     if contrast > 0.0:
         signal |= {
             "speckle_shape": contrast**-2,
             "speckle_scale": contrast**2,
-            "speckle_correlation": camera.value("imager", "speckle_static_share", 0.0),
-            "speckle_psf_sigma_px": camera.value("imager", "speckle_grain_px", 0.0),
+            "speckle_correlation": camera.value("imager", "speckle_correlation", 0.0),
+            "speckle_psf_sigma_px": camera.value("imager", "speckle_psf_sigma_px", 0.0),
         }
     return signal
 
 
-# What SAPIEN's StereoDepthSensorConfig calls the engine's parameters, and where its defaults are others.
+# What SAPIEN's StereoDepthSensorConfig calls the engines' parameters: a configuration answers to those names, too. And
+# where its defaults are others.
 SAPIEN_NAMES = {
     "noise_seed": "ir_noise_seed",
     "max_disparity": "max_disp",
@@ -95,9 +96,7 @@ OF_THE_CAMERA = {
 }
 
 
-def sapien_name(name: str) -> str:
-    """A parameter's name in a sensor's configuration."""
-    return SAPIEN_NAMES.get(name, name)
+_OWN_NAMES = {sapien: own for own, sapien in SAPIEN_NAMES.items()}
 
 
 class StereoDepthSensorConfig(MatcherFields, RenderFields):
@@ -107,14 +106,6 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
 
     SUPPORTED_MODELS = tuple(camera_titles())
     _FIELDS: tuple[str, ...] = ()  # all names, once a first one has been made
-    max_disp: int
-    p1_penalty: int
-    p2_penalty: int
-    median_filter_size: int
-    min_depth: float
-    max_depth: float
-    ir_light_dim_factor: float
-    ir_ambient_strength: float
 
     def __init__(self, model: str = "D435") -> None:
         camera = read_camera(model)
@@ -160,7 +151,7 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
         # A dot's beam is so wide where it leaves the projector; 0 = no wider than its angle makes it. Dots fall with
         # this power of the cosine from the projector's axis.
         self.projector_beam_radius_m = camera.value("projector", "beam_radius_m", 0.0)
-        self.projector_falloff_exponent = camera.value("projector", "falloff_exponent", 0.0)
+        self.projector_falloff = camera.value("projector", "falloff", 0.0)
         # True: other sensors of the scene see its dots, too, as those of real sensors do that look at one thing.
         self.projector_always_on = False
 
@@ -193,7 +184,7 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
 
         # Noise: 1 is SAPIEN's level (a gamma factor of 2.7 % and 0.25 counts), 0 for ir_speckle_noise switches both
         # off.
-        self.ir_noise_seed = 0
+        self.noise_seed = 0
         self.ir_speckle_noise = 1.0
         self.ir_thermal_noise = 1.0
         # Of which light the speckle is, that of ir_signal too: False = of all, as SAPIEN and the paper have it; True =
@@ -206,11 +197,11 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
 
         # Further settings of the engines (capi/tables/reference.md): every parameter of matching and depth, where
         # the depth engine works and which faults of the published SimSense it keeps, who traces rays, and how pictures
-        # are rendered. What SAPIEN has is under SAPIEN's names.
+        # are rendered.
         for p in (*MATCHER, *RIG, *RENDERER, *RENDER):
-            setattr(self, sapien_name(p.name), SAPIEN_DEFAULTS.get(p.name, p.default))
+            setattr(self, p.name, SAPIEN_DEFAULTS.get(p.name, p.default))
         for name, section in OF_THE_CAMERA.items():
-            setattr(self, sapien_name(name), camera.value(section, name))
+            setattr(self, name, camera.value(section, name))
         self.render_seed = 0
         # What compute_depth() gives besides, out of 'confidence', 'reason', 'points', 'rectified_left' and
         # 'rectified_right'; get_depth_map() returns it.
@@ -223,9 +214,18 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
         } or None
         self.rgb_film: dict[str, Any] | None = None
 
+    if not TYPE_CHECKING:  # our own code uses our own names
+
+        def __getattr__(self, name: str) -> Any:
+            """A field under SAPIEN's name."""
+            if name in _OWN_NAMES:
+                return getattr(self, _OWN_NAMES[name])
+            raise AttributeError(f"a sensor's configuration has no field '{name}'")
+
     def __setattr__(self, name: str, value: Any) -> None:
+        name = _OWN_NAMES.get(name, name)
         if self._FIELDS and name not in self._FIELDS:
-            close = [SAPIEN_NAMES[name]] if name in SAPIEN_NAMES else get_close_matches(name, self._FIELDS, 1)
+            close = get_close_matches(name, self._FIELDS, 1)
             hint = f"; did you mean '{close[0]}'?" if close else ""
             raise AttributeError(f"a sensor's configuration has no field '{name}'{hint}")
         object.__setattr__(self, name, value)
@@ -272,7 +272,7 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
         if not 0.0 < factor <= 100.0:
             raise ValueError(f"a sensor is scaled by a factor above 0 and up to 100, not {factor}")
         out = deepcopy(self)
-        out.max_disp = max(32, round(self.max_disp * factor))
+        out.max_disparity = max(32, round(self.max_disparity * factor))
         if isinstance(out.ir_signal, dict) and "speckle_psf_sigma_px" in out.ir_signal:
             grain_px = factor * out.ir_signal["speckle_psf_sigma_px"]
             out.ir_signal["speckle_psf_sigma_px"] = grain_px if grain_px >= 0.1 else 0.0  # less is a pixel's own

@@ -43,5 +43,5 @@ def registered(
             r, c = row - down, column - right
             inside = (r >= 0) & (r < height) & (c >= 0) & (c < width)
             np.minimum.at(out, (r[inside], c[inside]), z[inside].astype(np.float32))
-    out[~np.isfinite(out) | (out < config.min_depth) | (out >= config.max_depth)] = 0.0
+    out[~np.isfinite(out) | (out < config.min_depth_m) | (out >= config.max_depth_m)] = 0.0
     return out

@@ -332,8 +332,8 @@ class StereoDepthSensor:
     def set_matching_block_size(self, block_width: int, block_height: int) -> None:
         self._set(block_width=block_width, block_height=block_height)
 
-    def set_penalties(self, p1_penalty: int, p2_penalty: int) -> None:
-        self._set(p1_penalty=p1_penalty, p2_penalty=p2_penalty)
+    def set_penalties(self, p1: int, p2: int) -> None:
+        self._set(p1=p1, p2=p2)
 
     def set_uniqueness_ratio(self, uniqueness_ratio: int) -> None:
         self._set(uniqueness_ratio=uniqueness_ratio)

@@ -260,7 +260,7 @@ class StereoDepthSensorBatch:
     def restart(self, seed: int) -> None:
         """The next picture is frame 0 under this seed, of the render and of the noise: from here on all is as it was
         after the same restart."""
-        self._config.render_seed = self._config.ir_noise_seed = seed
+        self._config.render_seed = self._config.noise_seed = seed
         self._engine.set_parameters(noise_seed=seed)
         self._frame, self._speckle_draw, self._has_picture = -1, -1, False
         self._has_rgb = False

@@ -61,7 +61,7 @@ def sensor_inputs(
         material_count=summary.material_count,
         bounds_m=_bounds(summary, camera_to_world(pose)[:3, 3]),
         max_dn=float(2 ** int(signal["bit_depth"]) - 1),
-        seed=config.ir_noise_seed,
+        seed=config.noise_seed,
         ambient_radiance=ambient_radiance,
         speckle_of_laser=bool(config.ir_speckle_of_laser),
     )
@@ -158,7 +158,7 @@ def _projector(
         kind="projector",
         name="projector",
         ir_intensity=config.projector_intensity * emitter,
-        falloff=config.projector_falloff_exponent,
+        falloff=config.projector_falloff,
         pattern_scale=config.light_pattern_scale,
         light_to_world=camera_to_world(pose * config.pose_rgb_irproj),
         linear_velocity=linear,
@@ -182,14 +182,14 @@ def fitted_to(
     """(effects, survey, infrared radiance of the model's room) in this scene. source: what the scene is from; where the
     model tells two objects of one material apart and it is a file's path, each gets a material of its own."""
     if model is None:
-        return Model(), Survey(), config.ir_ambient_strength
+        return Model(), Survey(), config.ir_ambient_radiance
     model = model if isinstance(model, SensorModel) else read_model(Path(model))
     names = _material_names(scene)
     if isinstance(source, (str, PathLike)) and not model.surfaces <= set(names):
         split_surfaces(scene, Path(source))
         names = _material_names(scene)
     ambient = model.nuisances.get("ambient_scale")
-    radiance = config.ir_ambient_strength if ambient is None else ambient.value / config.ir_responsivity_dn
+    radiance = config.ir_ambient_radiance if ambient is None else ambient.value / config.ir_responsivity_dn
     return model.bound(names), model.survey(names), radiance
 
 

@@ -7,8 +7,8 @@
  * leaves its objects as they were.
  * Lifetime: a create function returns one reference, ..._retain takes another, and ..._release gives one back; ..._release(NULL) does nothing. An object
  * keeps those that it was made from, so that they may be released in any order.
- * Time: time 0 is the middle of the exposure of a view's middle line, and poses are those of time 0. An object with a twist [v, w] has the pose
- * pose exp(t [v, w]) at time t, where v (m/s) and w (rad/s) are in the object's own frame. Motion within an exposure, or from line to line, is rendered
+ * Time: time 0 is the middle of the exposure of a view's middle line. If P is an object's pose at time 0 and [v, w] its twist, its pose at time t is
+ * P exp(t [v, w]), where v (m/s) and w (rad/s) are in the object's own frame. Motion within an exposure, or from line to line, is rendered
  * where a camera's exposure_s or line_time_s is not 0.
  * Threads: a device may be used by several threads at once, a scene and a renderer by one thread at a time. Distinct objects are independent. */
 #ifndef KUAFU_KUAFU_H
@@ -116,7 +116,7 @@ KUAFU_API ks_status kuafu_scene_update_mesh(kuafu_scene scene, uint32_t id, cons
 
 KUAFU_API ks_status kuafu_scene_add_texture(kuafu_scene scene, const kuafu_texture_desc* desc, uint32_t* id);
 /* Replaces a texture, for example in every frame. Materials, lights and the environment that use it show the new one. Size, channels and format may
- * change. The cost depends on the size of the texture, not on that of the scene; for an environment map the sampling by brightness is prepared again. */
+ * change. The cost depends on the size of the texture, not on that of the scene; for the environment's map the table of directions by brightness is made anew. */
 KUAFU_API ks_status kuafu_scene_set_texture(kuafu_scene scene, uint32_t id, const kuafu_texture_desc* desc);
 
 KUAFU_API ks_status kuafu_scene_add_material(kuafu_scene scene, const kuafu_material_desc* desc, uint32_t* id);
@@ -186,8 +186,8 @@ KUAFU_API ks_status kuafu_renderer_wait(kuafu_renderer renderer, const ks_sync* 
 /* Cancels the renders of this renderer, both submitted ones and one in a call of another thread. They end with KS_ERROR_CANCELLED, within 0.2 s on an idle
  * machine. Any thread may call it at any time. Releasing a renderer also cancels its renders, and waits until they have ended. */
 KUAFU_API ks_status kuafu_renderer_cancel(kuafu_renderer renderer);
-/* Returns the timeline semaphore that reaches each submission's value when its render has ended, also where it failed, for waiting on the device: the value
- * is the last submission's. On a device that the host has made it is a KS_SYNC_SEMAPHORE, which lives as long as the renderer; elsewhere a
+/* Returns a timeline semaphore for waits on the device, with the value of the last submission. It takes a submission's value when that render has ended,
+ * whether it succeeded or failed. On a device that the host has made it is a KS_SYNC_SEMAPHORE, which lives as long as the renderer; elsewhere a
  * KS_SYNC_TIMELINE_FD, whose file descriptor the caller closes and for which the device needs KS_CAP_TIMELINE_FD. */
 KUAFU_API ks_status kuafu_renderer_export_timeline(kuafu_renderer renderer, ks_sync* out);
 

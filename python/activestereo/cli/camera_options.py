@@ -30,16 +30,16 @@ def add_camera_options(group: argparse._ArgumentGroup) -> None:
     )
     text = "seconds that each line is exposed after the one before; 0 = a global shutter (default: 0)"
     group.add_argument(
-        "--ir-line-time", type=positive, metavar="S", help=f"rolling shutter of the infrared cameras: {text}"
+        "--ir-line-time-s", type=positive, metavar="S", help=f"rolling shutter of the infrared cameras: {text}"
     )
-    group.add_argument("--rgb-line-time", type=positive, metavar="S", help=f"the same of the RGB camera: {text}")
+    group.add_argument("--rgb-line-time-s", type=positive, metavar="S", help=f"the same of the RGB camera: {text}")
     group.add_argument(
         "--readout",
         choices=READOUTS,
         help="the way their lines go; a sensor built in upside down has rows_up (default: rows_down)",
     )
     group.add_argument(
-        "--rgb-exposure",
+        "--rgb-exposure-s",
         type=positive,
         metavar="S",
         help="how long the RGB camera is open, which only blurs what moves (default: 0)",
@@ -48,19 +48,19 @@ def add_camera_options(group: argparse._ArgumentGroup) -> None:
 
 def set_cameras(config: StereoDepthSensorConfig, args: argparse.Namespace) -> None:
     """Puts the options that were given into a sensor's configuration."""
-    rolls = args.ir_line_time or args.rgb_line_time
+    rolls = args.ir_line_time_s or args.rgb_line_time_s
     if args.readout is not None and not rolls:
         raise CommandError(
-            f"--readout {args.readout} is of a rolling shutter: give --ir-line-time or --rgb-line-time as well"
+            f"--readout {args.readout} is of a rolling shutter: give --ir-line-time-s or --rgb-line-time-s as well"
         )
     values = {
         "ir_distortion": args.ir_distortion,
         "rgb_distortion": args.rgb_distortion,
-        "ir_line_time_s": args.ir_line_time,
-        "rgb_line_time_s": args.rgb_line_time,
+        "ir_line_time_s": args.ir_line_time_s,
+        "rgb_line_time_s": args.rgb_line_time_s,
         "ir_readout": args.readout,
         "rgb_readout": args.readout,
-        "rgb_exposure_s": args.rgb_exposure,
+        "rgb_exposure_s": args.rgb_exposure_s,
     }
     for name, value in values.items():
         if value is not None:

@@ -54,7 +54,7 @@ def _within(p: Parameter, parse: Callable[[str], Any]) -> Callable[[str], Any]:
 
     def number(text: str) -> Any:
         value = parse(text)
-        if p.range is not None and not p.range[0] <= value <= p.range[1]:
+        if not p.takes(value):
             raise argparse.ArgumentTypeError(f"{p.name} is {text}, it must be {p.possible} {p.unit}".rstrip())
         return value
 

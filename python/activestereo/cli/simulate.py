@@ -169,7 +169,7 @@ def read_sensor_model(args: argparse.Namespace) -> SensorModel | None:
 def make_config(args: argparse.Namespace, model: SensorModel | None = None) -> StereoDepthSensorConfig:
     """The preset, the model's own figures, and the options that were given."""
     from activestereo.matching import engine_parameters
-    from activestereo.presets import StereoDepthSensorConfig, sapien_name
+    from activestereo.presets import StereoDepthSensorConfig
 
     config = (
         StereoDepthSensorConfig(args.sensor)
@@ -178,7 +178,7 @@ def make_config(args: argparse.Namespace, model: SensorModel | None = None) -> S
     )
     if args.resolution:
         config = _resized(config, args.resolution)
-    config.render_seed = config.ir_noise_seed = args.seed
+    config.render_seed = config.noise_seed = args.seed
     set_cameras(config, args)
     if args.projector_intensity is not None:
         config.projector_intensity = args.projector_intensity
@@ -190,7 +190,7 @@ def make_config(args: argparse.Namespace, model: SensorModel | None = None) -> S
         config.ir_camera_exposure = args.ir_camera_exposure
     options = given_matching(args) | given_rig(args) | given(args, RENDERER) | given(args, RENDER)
     for name, value in options.items():
-        setattr(config, sapien_name(name), value)
+        setattr(config, name, value)
     set_records(config, args)
     config.depth_maps = wanted_maps(args)
     if args.no_noise:
@@ -269,7 +269,7 @@ def _overall_view(summary: kuafu.SceneSummary) -> np.ndarray:
 def _accuracy(sensor: StereoDepthSensor) -> list[Any]:
     from activestereo.accuracy import accuracy_by_material
 
-    name_of, max_depth = sensor.scene.material_name, sensor.get_config().max_depth
+    name_of, max_depth = sensor.scene.material_name, sensor.get_config().max_depth_m
     return accuracy_by_material(
         sensor.get_depth(), sensor.get_true_depth(), sensor.get_material_ids(), name_of, max_depth
     )

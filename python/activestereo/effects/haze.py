@@ -25,9 +25,9 @@ def _phase_g(backscatter: float) -> float:
 
 
 @moves("medium")
-def _engine(inputs: EngineInputs, extinction_per_m: float, backscatter: float, hidden_m: float) -> None:
+def _engine(inputs: EngineInputs, extinction_per_m: float, backscatter: float, housing_m: float) -> None:
     if extinction_per_m > 0.0:
-        inputs.medium = Medium(extinction_per_m, 1.0, _phase_g(backscatter), inputs.bounds_m, hidden_m)
+        inputs.medium = Medium(extinction_per_m, 1.0, _phase_g(backscatter), inputs.bounds_m, housing_m)
 
 
 @effect(
@@ -42,18 +42,18 @@ def _engine(inputs: EngineInputs, extinction_per_m: float, backscatter: float, h
             source="scattering back to the rig over isotropic: fine smoke 1, fog 0.1-0.5 (Henyey and Greenstein 1941)",
         ),
         Parameter(
-            "hidden_m", "m", neutral=0.05, low=0.01, high=0.3, typical=0.03,
+            "housing_m", "m", neutral=0.05, low=0.01, high=0.3, typical=0.03,
             source="window and housing of the camera keep the air out so far, where the beam is brightest",
         ),
     ],
     engine=_engine,
 )  # fmt: skip
-def haze(light: Light, view: View, extinction_per_m: float, backscatter: float, hidden_m: float) -> Light:
+def haze(light: Light, view: View, extinction_per_m: float, backscatter: float, housing_m: float) -> Light:
     """Light is attenuated by exp(-extinction x distance). The air scatters ambient light and the projector's beam into
     the camera."""
     if extinction_per_m == 0.0:
         return light
-    to_camera = np.maximum(np.linalg.norm(view.points(), axis=-1) - hidden_m, 0.0)
+    to_camera = np.maximum(np.linalg.norm(view.points(), axis=-1) - housing_m, 0.0)
     to_projector = np.linalg.norm(view.projector_points(), axis=-1)
     hit = view.depth_m > 0
     seen = np.where(hit, np.exp(-extinction_per_m * to_camera), 0.0)
@@ -63,5 +63,5 @@ def haze(light: Light, view: View, extinction_per_m: float, backscatter: float, 
     if backscatter == 0.0:
         return faded
     return replace(
-        faded, indirect=faded.indirect + backscatter * extinction_per_m * glow(view, extinction_per_m, hidden_m)
+        faded, indirect=faded.indirect + backscatter * extinction_per_m * glow(view, extinction_per_m, housing_m)
     )

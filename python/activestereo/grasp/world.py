@@ -151,14 +151,14 @@ def wrist_config(size_px: int, samples_per_pixel: int, seed: int) -> StereoDepth
     config = StereoDepthSensorConfig("sapien-D435")
     config.rgb_resolution, config.rgb_intrinsic = (size_px, size_px), _intrinsic(size_px)
     config.ir_resolution, config.ir_intrinsic = (2 * size_px, 2 * size_px), _intrinsic(2 * size_px)
-    config.min_depth, config.max_depth = 0.1, 1.0
-    config.max_disp = max(32, int(np.ceil(config.focal_baseline_px_m / _NEAREST_M)))
+    config.min_depth_m, config.max_depth_m = 0.1, 1.0
+    config.max_disparity = max(32, int(np.ceil(config.focal_baseline_px_m / _NEAREST_M)))
     config.block_width = config.block_height = 3
-    config.p1_penalty, config.p2_penalty = 4, 16
+    config.p1, config.p2 = 4, 16
     config.ir_camera_exposure = 0.004
     config.light_pattern_scale = 128.0 / size_px  # dots of more than a pixel
     config.samples_per_pixel, config.max_bounces = samples_per_pixel, 3
-    config.ir_noise_seed = config.render_seed = seed
+    config.noise_seed = config.render_seed = seed
     return config
 
 

@@ -64,13 +64,13 @@ class StereoDepthCameraConfig(ManiSkillConfig):
         config.ir_intrinsic = _centred(np.diag([scale, scale, 1.0]) @ intrinsic)
         # The pattern reaches as far beyond a preset's field of view as the camera does.
         config.light_pattern_scale = max(1.0, float((_tangents(config) / lit).max()))
-        config.min_depth, config.max_depth = self.min_depth, self.max_depth
+        config.min_depth_m, config.max_depth_m = self.min_depth, self.max_depth
         config.samples_per_pixel = self.samples_per_pixel
         nearest = int(np.ceil(config.focal_baseline_px_m / self.min_depth)) + 1
-        config.max_disp = max(32, min(nearest, int(_MOST_DISPARITY * config.ir_resolution[0])))
+        config.max_disparity = max(32, min(nearest, int(_MOST_DISPARITY * config.ir_resolution[0])))
         if self.width < _SMALL_PX:
             config.block_width = config.block_height = 3
-            config.p1_penalty, config.p2_penalty = 4, 16
+            config.p1, config.p2 = 4, 16
             # Dots of more than a pixel.
             dots = 0.5 * focal_px / config.ir_intrinsic[0, 0]
             config.light_pattern_scale = max(config.light_pattern_scale, dots)

@@ -15,6 +15,7 @@ from PIL import Image
 
 import activestereo
 from activestereo.pose import Pose, as_matrix
+from activestereo.presets import SAPIEN_NAMES
 from activestereo.presets import StereoDepthSensorConfig as NativeConfig
 from activestereo.sapien.device_array import DeviceArray
 from activestereo.sapien.scene import SapienScene
@@ -158,7 +159,7 @@ class StereoDepthSensor:
         _check_config(changed)
         if self._sensor is not None:
             setter = next(name for name, fields in _SETTERS.items() if set(changes) == fields)
-            getattr(self._sensor, setter)(**{name: _own_value(name, value) for name, value in changes.items()})
+            getattr(self._sensor, setter)(*(_own_value(name, value) for name, value in changes.items()))
         for name, value in changes.items():
             setattr(self._config, name, value)
 
@@ -182,8 +183,9 @@ def native_config(config: Any) -> NativeConfig:
     """The configuration of our sensor: pixel centres at integers, our Pose."""
     out = NativeConfig("sapien-D435")
     for name in NativeConfig._FIELDS:
-        if hasattr(config, name):
-            value = getattr(config, name)
+        given = name if hasattr(config, name) else SAPIEN_NAMES.get(name, name)
+        if hasattr(config, given):
+            value = getattr(config, given)
             is_pose = hasattr(value, "to_transformation_matrix")
             setattr(out, name, Pose(as_matrix(value)) if is_pose else deepcopy(value))
     for name in ("rgb_intrinsic", "ir_intrinsic", "ir_intrinsic_right"):

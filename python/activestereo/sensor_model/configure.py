@@ -34,7 +34,7 @@ def configure(config: Any, model: SensorModel) -> None:
         # renderer's, not the camera's: their limit stays.
         limit = (config.ir_film or {}).get("firefly_factor")
         config.ir_film, config.ir_speckle_of_laser = limit and {"firefly_factor": limit}, False
-        config.projector_beam_radius_m = config.projector_falloff_exponent = 0.0
+        config.projector_beam_radius_m = config.projector_falloff = 0.0
         if model.imager is None:
             config.ir_signal = {
                 k: v for k, v in (config.ir_signal or {}).items() if not k.startswith("speckle")

@@ -17,7 +17,7 @@ from activestereo.cli.simulate import make_config
 from activestereo.matcher_table import MATCHER, RIG
 from activestereo.matching import matcher_parameters, render_parameters, renderer_parameters, rig_parameters
 from activestereo.parameter import Parameter
-from activestereo.presets import OF_THE_CAMERA, SAPIEN_DEFAULTS, SAPIEN_NAMES, sapien_name
+from activestereo.presets import OF_THE_CAMERA, SAPIEN_DEFAULTS, SAPIEN_NAMES
 from activestereo.render_table import RENDER, RENDERER
 
 OF_THE_SENSOR = {"noise_seed", "frame_index"}  # what a sensor counts itself
@@ -28,7 +28,7 @@ def a_value(p: Parameter) -> Any:
     """Some value that the parameter may have."""
     if p.choices:
         return p.choices[-1]
-    low, high = p.range or (3, 3)
+    low, high = (p.allowed[0],) * 2 if p.allowed else p.range or (3, 3)
     return "x.so" if p.kind is str else p.kind(max(low, min(3, high)))
 
 
@@ -50,7 +50,11 @@ def test_a_configuration_has_the_defaults_but_for_those_of_sapien() -> None:
     config = StereoDepthSensorConfig()
     known = {p.name: SAPIEN_DEFAULTS.get(p.name, p.default) for p in MATCHER if p.name not in OF_THE_CAMERA}
     assert {name: value for name, value in matcher_parameters(config).items() if name in known} == known
-    assert {name for name in SAPIEN_NAMES if hasattr(config, name)} == set(), "one name each"
+    assert set(SAPIEN_NAMES) <= set(vars(config)) and not set(SAPIEN_NAMES.values()) & set(vars(config))
+    for own, sapien in SAPIEN_NAMES.items():
+        assert getattr(config, sapien) == getattr(config, own)
+        setattr(config, sapien, 7)
+        assert getattr(config, own) == 7
 
 
 @pytest.mark.parametrize("command", COMMANDS)
@@ -71,7 +75,8 @@ def test_an_option_reaches_the_configuration_under_its_name_there() -> None:
     config = make_config(
         parse("simulate", "--max-disparity", "64", "--subpixel", "parabola", "--path-count", "8", "--no-depth-dilation")
     )
-    assert (config.max_disp, config.subpixel, config.path_count, config.depth_dilation) == (64, "parabola", 8, False)
+    assert (config.max_disparity, config.subpixel, config.path_count) == (64, "parabola", 8)
+    assert config.depth_dilation is False
 
 
 @pytest.mark.parametrize("command", COMMANDS)
@@ -94,14 +99,14 @@ def test_names_of_faults_and_back_ends_are_those_of_the_library() -> None:
 @pytest.mark.parametrize("parameter", [*RENDERER, *RENDER], ids=lambda p: p.name)
 def test_every_option_of_a_render_is_in_the_configuration_and_on_the_command_line(parameter) -> None:
     config = StereoDepthSensorConfig()
-    assert parameter.name in OF_THE_CAMERA or getattr(config, sapien_name(parameter.name)) == parameter.default
+    assert parameter.name in OF_THE_CAMERA or getattr(config, parameter.name) == parameter.default
     if not parameter.on_command_line:
         assert parameter.name == "temporal_weight"  # a command renders one frame
         return
     value = a_value(parameter)
     for option in filter(None, (parameter.option, parameter.short and f"--{parameter.short}")):
         config = make_config(parse("simulate", f"{option}={value}"))
-        assert getattr(config, sapien_name(parameter.name)) == value
+        assert getattr(config, parameter.name) == value
 
 
 def test_what_a_render_is_told_are_all_options_that_a_sensor_does_not_decide_itself() -> None:

@@ -164,7 +164,7 @@ def test_simulate_options_are_the_configuration():
     from activestereo.cli import make_parser, simulate
 
     options = ("--ir-distortion=-0.06,0.01,0,0", "--rgb-distortion", "0.1,0,0,0,0.2", "--readout", "rows_up")
-    times = ("--ir-line-time", "1e-4", "--rgb-line-time", "2e-4", "--rgb-exposure", "3e-3")
+    times = ("--ir-line-time-s", "1e-4", "--rgb-line-time-s", "2e-4", "--rgb-exposure-s", "3e-3")
     config = simulate.make_config(make_parser().parse_args(["simulate", "x.gltf", "--out", "x", *options, *times]))
     assert config.ir_distortion == (-0.06, 0.01, 0, 0, 0) and config.rgb_distortion == (0.1, 0, 0, 0, 0.2)
     assert (config.ir_line_time_s, config.rgb_line_time_s, config.rgb_exposure_s) == (1e-4, 2e-4, 3e-3)
@@ -368,7 +368,7 @@ def test_simulate_refuses_what_is_wrong(run, table_top, tmp_path):
     assert_refused(run("simulate", table_top, "--camera-to-world", twice_as_large, *out), "rotation")
     assert_refused(run("simulate", table_top, "--ir-distortion", "0.1,0.2", *out), "4 or 5")
     assert_refused(run("simulate", table_top, "--velocity", "1,2", *out), "3 or 6")
-    assert_refused(run("simulate", table_top, "--readout", "rows_up", *out), "--ir-line-time")
+    assert_refused(run("simulate", table_top, "--readout", "rows_up", *out), "--ir-line-time-s")
     assert_refused(run("simulate", table_top, "--device", "97", *out), "97")
     assert_refused(run("simulate", table_top, "--device", "best", *out), "best", "auto")
     assert_refused(run("simulate", table_top, "--spp", "0", *out), "--spp")

@@ -19,9 +19,9 @@ def camera_pixels(config):
 
 @pytest.mark.parametrize("model", ["D415", "D435"])
 def test_windows_along_a_row_are_unique_within_the_disparity_range(model):
-    """Two windows of UNIQUE_WINDOW pixels (of a D435: a third as long as a dot's cell is high) at 1..max_disp pixels
-    from each other differ by at least half the energy of a mean dot. From one dot's width on: nearer than that a window
-    overlaps itself."""
+    """Two windows of UNIQUE_WINDOW pixels (of a D435: a third as long as a dot's cell is high) at 1..max_disparity
+    pixels from each other differ by at least half the energy of a mean dot. From one dot's width on: nearer than that a
+    window overlaps itself."""
     config = StereoDepthSensorConfig(model)
     design = config.pattern_design
     image = (make_pattern(design).astype(np.float32) / 255.0 - design.background) / (1.0 - design.background)
@@ -30,7 +30,7 @@ def test_windows_along_a_row_are_unique_within_the_disparity_range(model):
     pixel = design.dot_pitch_px / 9.0  # of a D435, whose cells are 9 pixels high
     width, height = (int(side * pixel) | 1 for side in UNIQUE_WINDOW)
     least = np.inf
-    for shift in range(int(np.ceil(4.0 * design.dot_sigma_px)), int(config.max_disp * camera_pixels(config)) + 1):
+    for shift in range(int(np.ceil(4.0 * design.dot_sigma_px)), int(config.max_disparity * camera_pixels(config)) + 1):
         difference = (image[:, shift:] - image[:, :-shift]) ** 2
         sums = cv2.boxFilter(difference, -1, (width, height), normalize=False)
         inside = sums[height // 2 : -(height // 2), width // 2 : -(width // 2)]

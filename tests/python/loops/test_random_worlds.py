@@ -75,7 +75,7 @@ def test_a_seed_makes_the_same_worlds_and_environments_differ(config):
 
 
 def test_a_sensors_laser_and_exposure_scale_its_light(config):
-    config.ir_ambient_strength = 0.0
+    config.ir_ambient_radiance = 0.0
     light = World(config, dark()).look()[0]
     for ranges in (dark(laser_power=(0.5, 0.5)), dark(exposure=(0.5, 0.5)), dark(albedo_factor=(0.5, 0.5))):
         world = World(config, ranges)

@@ -78,7 +78,7 @@ def test_the_region_alone_is_looked_at(config):
 
 
 def test_light_of_the_dots_goes_with_the_lasers_setting_and_the_emitter(config):
-    config.ir_exposure_mode, config.ir_light_dim_factor, config.ir_ambient_strength = "fixed", 0.0, 0.0
+    config.ir_exposure_mode, config.ir_ambient_scale, config.ir_ambient_radiance = "fixed", 0.0, 0.0
     config.ir_signal, config.ir_speckle_of_laser, config.ir_speckle_noise = None, False, 0.0
     config.laser_power_mw = 300.0
     twice = StereoDepthSensor(config, wall(room=0.0))
@@ -105,7 +105,7 @@ def test_speckle_stands_still_with_the_sensor_and_differs_between_the_eyes(confi
         "speckle_shape": 4.0,
         "speckle_scale": 0.25,
     }
-    config.ir_exposure_mode, config.ir_light_dim_factor, config.ir_ambient_strength = "fixed", 0.0, 0.0
+    config.ir_exposure_mode, config.ir_ambient_scale, config.ir_ambient_radiance = "fixed", 0.0, 0.0
     sensor = StereoDepthSensor(config, wall(0.4, room=0.0))
     images, clean = [], []
     for pose in (Pose(), Pose(), Pose([1e-4, 0.0, 0.0])):

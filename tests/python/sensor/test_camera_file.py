@@ -31,7 +31,7 @@ def test_the_asked_cameras_are_there_and_make_configurations():
     for name, baseline_m in {"D415": 0.055, "D435": 0.05, "D455": 0.095, "D405": 0.018}.items():
         config = StereoDepthSensorConfig(name)
         assert config.focal_baseline_px_m / config.ir_intrinsic[0, 0] == pytest.approx(baseline_m, rel=0.01)
-    sizes = {name: StereoDepthSensorConfig(name).median_filter_size for name in ("sapien-D415", "D415", "D435")}
+    sizes = {name: StereoDepthSensorConfig(name).median_size for name in ("sapien-D415", "D415", "D435")}
     assert sizes == {"sapien-D415": 3, "D415": 5, "D435": 7}
 
 

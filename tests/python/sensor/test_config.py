@@ -107,8 +107,8 @@ def test_config_of_one_sensor_does_not_change_another():
 
 def test_a_misspelt_field_is_refused():
     config = StereoDepthSensorConfig()
-    with pytest.raises(AttributeError, match="no field 'max_disparity'; did you mean 'max_disp'"):
-        config.max_disparity = 64
+    with pytest.raises(AttributeError, match="no field 'max_disparty'; did you mean 'max_disparity'"):
+        config.max_disparty = 64
     with pytest.raises(AttributeError, match="no field 'zzz'$"):
         config.scaled(0.5).zzz = 1
     config.max_disp = 64

@@ -203,7 +203,7 @@ def test_setters_reach_the_engine_and_bad_values_change_nothing(small_config):
     ):
         with pytest.raises(ValueError):
             bad()
-    assert sensor.get_config().p1_penalty == 5 and sensor.get_config().ir_speckle_noise == 0.0
+    assert sensor.get_config().p1 == 5 and sensor.get_config().ir_speckle_noise == 0.0
 
 
 def test_imagers_of_a_preset_see_the_same_light_with_their_own_noise(small_config):
@@ -303,7 +303,7 @@ def test_what_is_no_scene_is_refused(small_config):
 def test_speckle_is_of_the_laser_alone_where_asked(table_top, small_config):
     scene = kuafu.Scene(kuafu.Device())
     scene.load(table_top)
-    small_config.max_bounces, small_config.ir_speckle_of_laser, small_config.ir_ambient_strength = 0, True, 0.1
+    small_config.max_bounces, small_config.ir_speckle_of_laser, small_config.ir_ambient_radiance = 0, True, 0.1
     small_config.ir_signal = {"speckle_shape": 4.0, "speckle_scale": 0.25, "bit_depth": 16, "gain": 100.0}
     sensor = StereoDepthSensor(small_config, scene, pose=body_pose(scene.camera(0).camera_to_world))
     sensor.take_picture(infrared_only=True)

@@ -72,7 +72,7 @@ def edge_scene():
 def edge_sensor(config):
     """It sees the edge alone, with the same exposure in all cameras."""
     config = config.scaled(0.5)
-    config.max_bounces, config.light_pattern, config.ir_ambient_strength = 0, None, 0.0
+    config.max_bounces, config.light_pattern, config.ir_ambient_radiance = 0, None, 0.0
     config.samples_per_pixel, config.rgb_exposure_s = 32, EXPOSURE_S
     assert config.ir_camera_exposure == EXPOSURE_S
     return StereoDepthSensor(config, edge_scene())

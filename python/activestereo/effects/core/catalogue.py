@@ -115,16 +115,17 @@ mean square of their difference, as a share of the engines' change. For random f
 deviations. `build/bin/activestereo effect measure` computes it, and removes the noise of the renders. The large
 differences have known causes. The scene is only 160 pixels wide, and its dots and edges are finer than a pixel; blurs
 and shifts by a fraction of a pixel (resampling, motion, rotations) then depend on detail that the pixels do not show.
-No light comes from behind a closed surface that transmits light: the image function of `transmission` fits that light,
-and no field of the engines has it. Indirect light of lamps exists in the engines only."""
+`transmission` differs most: its image function has a parameter for the light that arrives from behind the surface,
+and the engines have no such field, because there it is whatever the scene has behind the surface. Indirect light of
+lamps exists in the engines only."""
 
 _INTRODUCTION = """\
 An *effect* is one physical reason why a real sensor differs from the base model. This page lists all {count} of them
 in the order of the pipeline, from the projector to the depth map; {engine} of them can be simulated inside the two
 engines. Each effect is one file in `python/activestereo/effects`: a function of images, and a descriptor with its
-parameters. At its *neutral* parameters an effect changes nothing. A *typical* value is one standard deviation of the
-prior away from neutral, and a fit expects values of about that size. This page is made by `activestereo effect list
---markdown`.
+parameters. At its *neutral* parameters an effect changes nothing. A *typical* value is about as far from neutral as
+real sensors are: a fit starts from the assumption that parameters deviate by about this much (the standard deviation
+of its prior). This page is made by `activestereo effect list --markdown`.
 
 ## Your own effect
 
