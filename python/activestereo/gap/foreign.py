@@ -58,7 +58,7 @@ class ForeignStage(Stage):
 class _ForeignCamera:
     def __init__(self, camera: DepthCamera) -> None:
         self._sensors, self._config = camera.sensors, camera.sensors.get_config()
-        count = -(-self._config.max_disp // 16) * 16
+        count = -(-self._config.max_disparity // 16) * 16
         mode = cv2.STEREO_SGBM_MODE_HH
         self._matcher = cv2.StereoSGBM_create(0, count, 5, 8 * 25, 32 * 25, 1, 0, 8, 60, 2, mode)
         self._border = count

@@ -103,8 +103,8 @@ def crop(settings: CameraSettings) -> StereoDepthSensorConfig:
     config.ir_resolution = config.rgb_resolution = (width, height)
     config.ir_intrinsic, config.rgb_intrinsic = k, k.copy()
     config.rgb_distortion = (0.0,) * 5
-    config.min_depth, config.max_depth = _NEAREST_M, _FARTHEST_M
-    config.max_disp = int(np.ceil(config.focal_baseline_px_m / _NEAREST_M))
+    config.min_depth_m, config.max_depth_m = _NEAREST_M, _FARTHEST_M
+    config.max_disparity = int(np.ceil(config.focal_baseline_px_m / _NEAREST_M))
     config.samples_per_pixel = settings.samples
     if config.ir_exposure_mode == "converging":
         config.ir_exposure_mode = "settled"
