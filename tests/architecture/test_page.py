@@ -97,3 +97,35 @@ def test_recipes_name_what_exists():
     names = re.findall(r"`([\w./]+/[\w./]*\w)`", recipes)
     assert names
     assert not [name for name in names if not any((base / name).exists() for base in (ROOT, PACKAGE))]
+
+
+def described_folders(root: str) -> list[str]:
+    """Folders under `root` that a table of the page describes, in its order."""
+    rows = re.findall(r"^\| ((?:`[^`]+`(?:, )?)+) \| [^|]+ \|$", PAGE, re.MULTILINE)
+    names = [name for row in rows for name in re.findall(r"`([^`]+)`", row)]
+    return [name.removeprefix(root) for name in names if name.startswith(root)]
+
+
+def test_folders_of_kuafu_stand_in_the_order_of_its_layers():
+    layers = (ROOT / "kuafu/README.md").read_text(encoding="utf-8")
+    order = re.findall(r"^\| `(\w+)` \| [^|]+ \|[^|]*\|$", layers, re.MULTILINE)
+    assert described_folders("kuafu/src/") == order
+
+
+def test_folders_of_simsense_stand_in_the_order_of_its_layers():
+    readme = (ROOT / "simsense/README.md").read_text(encoding="utf-8")
+    block = re.search(r"```layers\n(.*?)```", readme, re.DOTALL)
+    assert block, "simsense/README.md has no fenced block called layers"
+    layers = [set(re.findall(r"\w+", line.split(":")[0])) for line in block.group(1).splitlines() if line.strip()]
+    described = described_folders("simsense/src/")
+    rank = {name: number for number, layer in enumerate(layers) for name in layer}
+    assert sorted(described) == sorted(rank)
+    assert [rank[name] for name in described] == sorted(rank[name] for name in described)
+
+
+def test_every_subpackage_is_described():
+    files = [path.relative_to(PACKAGE) for path in PACKAGE.rglob("*") if path.is_file()]
+    inner = {str(f.parent) for f in files if len(f.parts) > 2 and "__pycache__" not in f.parts}
+    packages = {name.split("/")[0] for name in inner}
+    described = {name for name in described_folders("") if name.split("/")[0] in packages and "/" in name}
+    assert described == inner
