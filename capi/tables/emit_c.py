@@ -47,7 +47,9 @@ def _is_zero(value: object) -> bool:
     return value is None or (isinstance(value, (int, float)) and value == 0)
 
 
-def assignments(struct: Struct, variable: str, of: str = "default", embedded: frozenset[str] = frozenset()) -> list[str]:
+def assignments(
+    struct: Struct, variable: str, of: str = "default", embedded: frozenset[str] = frozenset()
+) -> list[str]:
     """C statements that give a zeroed struct its defaults (or its neutral values) where these are not 0."""
     out = []
     for f in struct.fields:
@@ -76,7 +78,11 @@ def _init(struct: Struct, embedded: frozenset[str]) -> list[str]:
     if struct.type_id is None and not struct.init and not assignments(struct, "s"):
         return []
     arguments = ", ".join(_declaration(struct[name]).rstrip(";") for name in struct.init) or "void"
-    out = [f"static inline {struct.name} {struct.name}_init({arguments}) {{", f"  {struct.name} s;", "  memset(&s, 0, sizeof s);"]
+    out = [
+        f"static inline {struct.name} {struct.name}_init({arguments}) {{",
+        f"  {struct.name} s;",
+        "  memset(&s, 0, sizeof s);",
+    ]
     if struct.type_id is not None:
         out.append(f"  s.header = ks_header_make({struct.type_name}, KS_CAST(uint32_t, sizeof s));")
     return [*out, *(f"  {line}" for line in assignments(struct, "s", embedded=embedded)), "  return s;", "}"]

@@ -28,16 +28,24 @@ def _check(field: Field, value: str) -> list[str]:
     out = []
     if field.type == "choice":
         names = ", ".join(f'"{v}"' for v in field.values)
-        out.append(f"ks::check_choice({name}, {value}, {field.first}, std::array<const char*, {len(field.values)}>{{{names}}});")
+        out.append(
+            f"ks::check_choice({name}, {value}, {field.first}, std::array<const char*, "
+            f"{len(field.values)}>{{{names}}});"
+        )
     elif field.allowed:
         allowed = sorted({*field.allowed, *([0] if field.zero_means is not None else [])})
-        out.append(f"ks::check_allowed({name}, {value}, std::array<uint32_t, {len(allowed)}>{{{', '.join(f'{v}u' for v in allowed)}}});")
+        out.append(
+            f"ks::check_allowed({name}, {value}, std::array<uint32_t, "
+            f"{len(allowed)}>{{{', '.join(f'{v}u' for v in allowed)}}});"
+        )
     elif field.above is not None:
         out.append(f"ks::check_above({name}, {value}, {_bound(field, field.above)});")
     elif field.range is not None:
         low, high = field.range
         if field.range[0] > 0 and field.zero_means is not None:
-            out.append(f"if ({value} != 0) ks::check_range({name}, {value}, {_bound(field, low)}, {_bound(field, high)});")
+            out.append(
+                f"if ({value} != 0) ks::check_range({name}, {value}, {_bound(field, low)}, {_bound(field, high)});"
+            )
         elif real or low != 0 or not math.isinf(high):
             out.append(f"ks::check_range({name}, {value}, {_bound(field, low)}, {_bound(field, high)});")
     if field.nan and real:
@@ -46,7 +54,8 @@ def _check(field: Field, value: str) -> list[str]:
 
 
 def checks(struct: Struct, copied: bool = False) -> list[str]:
-    """Statements that check every field that the table bounds. copied: of the record, where they may stand elsewhere and choices are enums."""
+    """Statements that check every field that the table bounds. copied: of the record, where they may stand elsewhere
+    and choices are enums."""
     out: list[str] = []
     for f in struct.fields:
         if not f.check or (copied and not f.copy):
@@ -63,10 +72,13 @@ def simsense_fields_h(tables: Tables) -> str:
     """simsense/src/parameters/fields.h"""
     both = [tables.structs["simsense_parameters"], tables.structs["simsense_signal"]]
     return "\n".join([
-        *banner(*both, note="Checks of every field by itself; what two fields mean together is checked where it matters."),
-        "#pragma once", "", "#include <string>", "", '#include "parameters/match_fields.h"', '#include "simsense/simsense.h"', "",
+        *banner(*both, note="Checks of every field by itself; what two fields mean together is checked where it "
+                            "matters."),
+        "#pragma once", "", "#include <string>", "", '#include "parameters/match_fields.h"',
+        '#include "simsense/simsense.h"', "",
         "namespace simsense {", "",
-        "/// Throws KS_ERROR_INVALID_ARGUMENT with the name, the value and the range of the first field that cannot be.",
+        "/// Throws KS_ERROR_INVALID_ARGUMENT with the name, the value and the range of the first field that "
+        "cannot be.",
         *(f"void check_fields(const {s.name}& s, const std::string& owner);" for s in both),
         "/// The matcher's part, which keeps its names.",
         "MatchFields match_fields(const simsense_parameters& s);", "", "}  // namespace simsense", "",
@@ -84,7 +96,8 @@ def simsense_match_fields_h(tables: Tables) -> str:
     constants = [f for f in fields if f.kernel]
     return "\n".join([
         *banner(struct, note="Parameters that reach the matcher as they are."),
-        "#pragma once", "", "#include <array>", "#include <cstdint>", "", "namespace simsense {", "", "struct MatchFields {",
+        "#pragma once", "", "#include <array>", "#include <cstdint>", "", "namespace simsense {", "",
+        "struct MatchFields {",
         *(f"  {f.c_type} {f.name} = {c_literal(f.type, f.default)};" for f in fields),
         "  bool operator==(const MatchFields&) const = default;", "};", "",
         "/// The specialisation constants of shared/match_constants.glsl, from the first id on.",
@@ -108,7 +121,9 @@ def simsense_match_constants_glsl(tables: Tables) -> str:
     for i, f in enumerate(f for f in struct.fields if f.kernel):
         kind, suffix = words[f.type]
         unit = f"  // {f.unit}" if f.unit else ""
-        text.append(f"layout(constant_id = {FIRST_MATCH_CONSTANT + i}) const {kind} {f.name} = {f.default}{suffix};{unit}")
+        text.append(
+            f"layout(constant_id = {FIRST_MATCH_CONSTANT + i}) const {kind} {f.name} = {f.default}{suffix};{unit}"
+        )
     return "\n".join([*text, "#endif", ""])
 
 
@@ -118,7 +133,12 @@ def simsense_fields_cpp(tables: Tables) -> str:
     text = [*banner(*both), '#include "parameters/fields.h"', "", "#include <array>", "#include <cmath>", "",
             '#include "device/field_check.h"', "", "namespace simsense {"]  # fmt: skip
     for s in both:
-        text += ["", f"void check_fields(const {s.name}& s, const std::string& owner) {{", *(f"  {line}" for line in checks(s)), "}"]
+        text += [
+            "",
+            f"void check_fields(const {s.name}& s, const std::string& owner) {{",
+            *(f"  {line}" for line in checks(s)),
+            "}",
+        ]
     copied = [f for f in both[0].fields if f.match]
     text += ["", "MatchFields match_fields(const simsense_parameters& s) {", "  MatchFields m;"]
     text += [f"  m.{f.name} = s.{f.name};" for f in copied]

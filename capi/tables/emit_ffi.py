@@ -19,7 +19,8 @@ RUST = {"float": "f32", "double": "f64", "uint8_t": "u8", "uint32_t": "u32", "in
 
 RUST_WORDS = ("type", "match", "ref", "in")
 
-PYTHON_HEAD = '''"""kuafu.h and simsense.h for ctypes: a caller of their functions, and their constants and structs. Copy this file."""
+PYTHON_HEAD = '''"""kuafu.h and simsense.h for ctypes: a caller of their functions, and their constants \
+and structs. Copy this file."""
 
 import ctypes as c
 import math
@@ -75,7 +76,8 @@ class ks_header(c.Structure):
     _fields_ = [("type", c.c_uint32), ("size_bytes", c.c_uint32), ("next", c.c_void_p)]
 
 '''
-RUST_HEAD = """//! The structs and constants of kuafu.h and simsense.h. Copy this file; `kuafu_struct_init` and `simsense_struct_init` fill in a struct.
+RUST_HEAD = """//! The structs and constants of kuafu.h and simsense.h. Copy this file; `kuafu_struct_init` and \
+`simsense_struct_init` fill in a struct.
 #![allow(dead_code, non_camel_case_types)]
 use std::os::raw::{c_char, c_void};
 
@@ -172,7 +174,10 @@ def rust_structs(tables: Tables, headers: dict[str, str]) -> str:
         for field in struct.fields:
             kind = _type(field, RUST, "*mut c_void" if not field.is_pointer else "*const c_void", tables)
             count = _count(field, constants)
-            out.append(f"    pub {'r#' if field.name in RUST_WORDS else ''}{field.name}: {kind if count == 1 else f'[{kind}; {count}]'},")
+            out.append(
+                f"    pub {'r#' if field.name in RUST_WORDS else ''}{field.name}: "
+                f"{kind if count == 1 else f'[{kind}; {count}]'},"
+            )
         out += ["}", ""]
     for name, value in constants.items():
         out.append(f"pub const {name}: u32 = {value};")
@@ -185,7 +190,11 @@ def rust_structs(tables: Tables, headers: dict[str, str]) -> str:
 
 def _rust_function(function: Function, tables: Tables) -> str:
     """The declaration of a function of C, in Rust."""
-    parameters = [] if function.parameters == "void" else [_rust_parameter(text, tables) for text in function.parameters.split(", ")]
+    parameters = (
+        []
+        if function.parameters == "void"
+        else [_rust_parameter(text, tables) for text in function.parameters.split(", ")]
+    )
     result = "" if function.result == "void" else f" -> {_rust_type(function.result, tables)}"
     return f"    pub fn {function.name}({', '.join(parameters)}){result};"
 

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""kuafu's scene: its records, their checks, their copies from and to the public structs, and a glTF material's extras."""
+"""kuafu's scene: its records, their checks, their copies from and to the public structs, and a glTF material's
+extras."""
 
 from __future__ import annotations
 
@@ -9,7 +10,13 @@ from emit_cpp import banner, checks
 from table import Field, Struct, Tables
 from words import c_literal
 
-VECTORS = {("float", 2): "glm::vec2", ("float", 3): "glm::vec3", ("float", 4): "glm::vec4", ("double", 2): "glm::dvec2", ("double", 3): "glm::dvec3"}
+VECTORS = {
+    ("float", 2): "glm::vec2",
+    ("float", 3): "glm::vec3",
+    ("float", 4): "glm::vec4",
+    ("double", 2): "glm::dvec2",
+    ("double", 3): "glm::dvec3",
+}
 MATRICES = {(3, 3): "glm::dmat3", (4, 4): "glm::dmat4"}
 
 
@@ -76,16 +83,23 @@ def _is_neutral(struct: Struct) -> list[str]:
     parts = []
     for f in struct.fields:
         if f.neutral != "any":
-            value = f"{_record_type(f)}({c_literal(f.type, f.neutral)})" if f.count != 1 else c_literal(f.type, f.neutral)
+            value = (
+                f"{_record_type(f)}({c_literal(f.type, f.neutral)})" if f.count != 1 else c_literal(f.type, f.neutral)
+            )
             parts.append(f"{f.name} == {value}")
-    return ["  /// Whether it changes nothing.", f"  [[nodiscard]] bool is_neutral() const {{ return {' && '.join(parts)}; }}"]
+    return [
+        "  /// Whether it changes nothing.",
+        f"  [[nodiscard]] bool is_neutral() const {{ return {' && '.join(parts)}; }}",
+    ]
 
 
 def fields_h(tables: Tables) -> str:
     """kuafu/src/scene/fields.h"""
     records = _records(tables)
-    text = [*banner(*records, note="The scene's records: what the public structs say, in the renderer's types."), "#pragma once", "",
-            "#include <cmath>", "#include <cstdint>", "#include <glm/glm.hpp>", "#include <string>", "", "namespace kuafu {", ""]  # fmt: skip
+    text = [*banner(*records, note="The scene's records: what the public structs say, in the renderer's "
+                                   "types."), "#pragma once", "",
+            "#include <cmath>", "#include <cstdint>", "#include <glm/glm.hpp>", "#include <string>", "",
+            "namespace kuafu {", ""]  # fmt: skip
     for s in records:
         text.append(f"struct {s.scene} {{")
         for f in s.fields:
@@ -93,26 +107,45 @@ def fields_h(tables: Tables) -> str:
                 text += _member(f)
         text += _is_neutral(s) if s.has_neutral else []
         text += ["};", ""]
-    text.append("// Each field by itself: throws KS_ERROR_INVALID_ARGUMENT with the owner, the field, the value and what it must be.")
+    text.append(
+        "// Each field by itself: throws KS_ERROR_INVALID_ARGUMENT with the owner, the field, the value and what "
+        "it must be."
+    )
     text += [f"struct {s.record};" for s in _checked(tables) if s.record]
     text += [f"void check_fields(const {_record_of(s)}& s, const std::string& owner);" for s in _checked(tables)]
     ids = [f.name for f in tables.structs["kuafu_material_desc"].fields if f.type == "id"]
-    text += ["", "/// Pointers to the fields of a material that name textures.", "template <class M>", "auto texture_ids(M& m) {",
+    text += ["", "/// Pointers to the fields of a material that name textures.", "template <class "
+                                                                                 "M>", "auto texture_ids(M& m) {",
              f"  return std::array{{{', '.join('&m.' + name for name in ids)}}};", "}"]  # fmt: skip
     text[text.index("#include <cmath>")] = "#include <array>\n#include <cmath>"
     names = ", ".join(f"m.{f.name}" for f in tables.structs["kuafu_material_desc"].fields if f.copy)
-    text += ["", "/// visit(field) for every field of a material, in the table's order.", "template <class M, class Visit>",
-             "void for_each_field(M& m, Visit&& visit) {", "  const auto all = [&](auto&... fields) { (visit(fields), ...); };", f"  all({names});", "}"]  # fmt: skip
+    text += ["", "/// visit(field) for every field of a material, in the table's order.", "template <class M, "
+                                                                                          "class Visit>",
+             "void for_each_field(M& m, Visit&& visit) {",
+             "  const auto all = [&](auto&... fields) { (visit(fields), ...); };", f"  all({names});", "}"]  # fmt: skip
     return "\n".join([*text, "", "}  // namespace kuafu", ""])
 
 
 def fields_cpp(tables: Tables) -> str:
     """kuafu/src/scene/fields.cpp"""
     records = _checked(tables)
-    text = [*banner(*records), '#include "scene/fields.h"', "", '#include "device/field_check.h"', '#include "scene/scene.h"', "", "namespace kuafu {"]
+    text = [
+        *banner(*records),
+        '#include "scene/fields.h"',
+        "",
+        '#include "device/field_check.h"',
+        '#include "scene/scene.h"',
+        "",
+        "namespace kuafu {",
+    ]
     for s in records:
         lines = checks(s, copied=True)
-        text += ["", f"void check_fields(const {_record_of(s)}& s, const std::string& owner) {{", *(f"  {line}" for line in lines), "}"]
+        text += [
+            "",
+            f"void check_fields(const {_record_of(s)}& s, const std::string& owner) {{",
+            *(f"  {line}" for line in lines),
+            "}",
+        ]
     return "\n".join([*text, "", "}  // namespace kuafu", ""])
 
 
@@ -155,10 +188,16 @@ def _ways(struct: Struct) -> list[tuple[str, str, Callable[[Field], str]]]:
 def copies_h(tables: Tables) -> str:
     """kuafu/src/api/fields.h"""
     copied, checked = _copied(tables), [s for s in tables.of("kuafu") if s.checked]
-    text = [*banner(*copied, *checked, note="Copies between the public structs and the scene's records. Text that a struct points to is the record's."),
-            "#pragma once", "", '#include "kuafu/kuafu.h"', '#include "scene/scene.h"', "", "namespace kuafu {", ""]  # fmt: skip
+    text = [*banner(*copied, *checked, note="Copies between the public structs and the scene's records. Text "
+                                            "that a struct points to is the record's."),
+            "#pragma once", "", '#include "kuafu/kuafu.h"', '#include "scene/scene.h"', "", "namespace kuafu {",
+            ""]  # fmt: skip
     text += [f"void copy_fields(const {source}& s, {target}& out);" for s in copied for source, target, _ in _ways(s)]
-    text += ["", "// Each field by itself: throws KS_ERROR_INVALID_ARGUMENT with the owner, the field, the value and what it must be."]
+    text += [
+        "",
+        "// Each field by itself: throws KS_ERROR_INVALID_ARGUMENT with the owner, the field, the value and what "
+        "it must be.",
+    ]
     text += [f"void check_fields(const {s.name}& s, const std::string& owner);" for s in checked]
     return "\n".join([*text, "", "}  // namespace kuafu", ""])
 
@@ -166,12 +205,30 @@ def copies_h(tables: Tables) -> str:
 def copies_cpp(tables: Tables) -> str:
     """kuafu/src/api/fields.cpp"""
     copied, checked = _copied(tables), [s for s in tables.of("kuafu") if s.checked]
-    text = [*banner(*copied, *checked), '#include "api/fields.h"', "", '#include "device/field_check.h"', '#include "scene/matrix.h"', "", "namespace kuafu {"]
+    text = [
+        *banner(*copied, *checked),
+        '#include "api/fields.h"',
+        "",
+        '#include "device/field_check.h"',
+        '#include "scene/matrix.h"',
+        "",
+        "namespace kuafu {",
+    ]
     for s in copied:
         for source, target, line in _ways(s):
-            text += ["", f"void copy_fields(const {source}& s, {target}& out) {{", *(f"  {line(f)}" for f in s.fields if f.copy and not f.reserved), "}"]
+            text += [
+                "",
+                f"void copy_fields(const {source}& s, {target}& out) {{",
+                *(f"  {line(f)}" for f in s.fields if f.copy and not f.reserved),
+                "}",
+            ]
     for s in checked:
-        text += ["", f"void check_fields(const {s.name}& s, const std::string& owner) {{", *(f"  {line}" for line in checks(s)), "}"]
+        text += [
+            "",
+            f"void check_fields(const {s.name}& s, const std::string& owner) {{",
+            *(f"  {line}" for line in checks(s)),
+            "}",
+        ]
     return "\n".join([*text, "", "}  // namespace kuafu", ""])
 
 
@@ -185,8 +242,9 @@ def extras_h(tables: Tables) -> str:
         "flags": [f for f in fields if f.type == "flag"],
         "textures": [f for f in fields if f.type == "id"],
     }
-    text = [*banner(struct, note="Fields that a glTF material's extras may have, under their names."), "#pragma once", "",
-            "#include <array>", "#include <utility>", "", '#include "scene/fields.h"', "", "namespace kuafu {"]  # fmt: skip
+    text = [*banner(struct, note="Fields that a glTF material's extras may have, under their names."),
+            "#pragma once", "", "#include <array>", "#include <utility>", "", '#include "scene/fields.h"', "",
+            "namespace kuafu {"]  # fmt: skip
     for kind, members in kinds.items():
         pairs = ", ".join(f'std::pair{{"{f.name}", &m.{f.name}}}' for f in members)
         text += ["", f"inline auto extras_{kind}(MaterialFields& m) {{", f"  return std::array{{{pairs}}};", "}"]
@@ -211,8 +269,8 @@ def extras_schema(tables: Tables) -> str:
 def python_fields_h(tables: Tables) -> str:
     """python/kuafu/fields.h"""
     records = [s for s in tables.of("kuafu") if s.python]
-    text = [*banner(*records, note="The fields of the records as properties, under their C names."), "#pragma once", "", '#include "properties.h"', "",
-            "namespace ks_python {"]  # fmt: skip
+    text = [*banner(*records, note="The fields of the records as properties, under their C names."), "#pragma once", "",
+            '#include "properties.h"', "", "namespace ks_python {"]  # fmt: skip
     for s in records:
         text += ["", f"inline void bind_fields(py::class_<{s.python}>& type) {{", f"  using S = {s.name};"]
         for f in s.fields:
@@ -232,7 +290,19 @@ def _property(struct: Struct, f: Field) -> str:
     if f.values:
         names = ", ".join(f'"{v}"' for v in f.values)
         return f'named({member}, std::array<std::string_view, {len(f.values)}>{{{names}}}, {f.first}, "{doc}");'
-    kind = "maybe" if f.nan or f.none else "flag" if f.type == "flag" else "square" if f.shape else "padded" if f.lengths else "vector" if f.count != 1 else "scalar"
+    kind = (
+        "maybe"
+        if f.nan or f.none
+        else "flag"
+        if f.type == "flag"
+        else "square"
+        if f.shape
+        else "padded"
+        if f.lengths
+        else "vector"
+        if f.count != 1
+        else "scalar"
+    )
     return f'{kind}({member}, "{doc}");'
 
 

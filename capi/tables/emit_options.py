@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Options of the engines: the bindings' lists of keyword arguments, and what a sensor's configuration and the command line have."""
+"""Options of the engines: the bindings' lists of keyword arguments, and what a sensor's configuration and the command
+line have."""
 
 from __future__ import annotations
 
@@ -15,12 +16,14 @@ from words import GENERATED, WIDTH, number, python_words, range_text
 def named(struct: Struct) -> Struct:
     """The struct with what Python gives by keyword alone: no array, no pointer, no struct inside."""
     kinds = ("flag", "choice", "bits", "id", "float", "double", "uint32", "int32", "uint64", "text")
-    return dataclasses.replace(struct, fields=[f for f in struct.fields if f.python and f.count == 1 and f.type in kinds])
+    return dataclasses.replace(
+        struct, fields=[f for f in struct.fields if f.python and f.count == 1 and f.type in kinds]
+    )
 
 
 def _fields_h(name: str, structs: dict[str, Struct], include: str, documented: str | None = None) -> str:
-    text = [*banner(*structs.values(), note=f"{name}: fields by name."), "#pragma once", "", '#include "bindings/named_fields.h"',
-            f'#include "{include}"', "", "namespace ks_python {"]  # fmt: skip
+    text = [*banner(*structs.values(), note=f"{name}: fields by name."), "#pragma once", "",
+            '#include "bindings/named_fields.h"', f'#include "{include}"', "", "namespace ks_python {"]  # fmt: skip
     for variable, s in structs.items():
         text += ["", f"inline const Field<{s.name}> {variable}_fields[] = {{"]
         for f in named(s).fields:
@@ -49,7 +52,12 @@ def options_doc(struct: Struct, width: int) -> list[str]:
 def _doc_h(variable: str, struct: Struct) -> list[str]:
     """The same as a string of C++."""
     quoted = [line.replace("\\", "\\\\").replace('"', '\\"') for line in options_doc(struct, 110)]
-    return ["", f"inline constexpr const char* {variable}_doc =", *(f'    "{line}\\n"' for line in quoted[:-1]), f'    "{quoted[-1]}";']
+    return [
+        "",
+        f"inline constexpr const char* {variable}_doc =",
+        *(f'    "{line}\\n"' for line in quoted[:-1]),
+        f'    "{quoted[-1]}";',
+    ]
 
 
 def simsense_fields_h(tables: Tables) -> str:
@@ -61,8 +69,8 @@ def simsense_fields_h(tables: Tables) -> str:
 def kuafu_options_h(tables: Tables) -> str:
     """python/kuafu/options.h"""
     names = {"renderer": "kuafu_renderer_desc", "render": "kuafu_render_desc"}
-    return _fields_h("Options of a renderer and of a render", {key: tables.structs[name] for key, name in names.items()},
-                     "kuafu_api.h", documented="render")  # fmt: skip
+    structs = {key: tables.structs[name] for key, name in names.items()}
+    return _fields_h("Options of a renderer and of a render", structs, "kuafu_api.h", documented="render")
 
 
 def literal(field: Field) -> str:
@@ -111,8 +119,9 @@ def _row(f: Field) -> list[str]:
     more += [f'{key}="{value}"' for key, value in (("pair", f.pair), ("short", f.short), ("one", f.one)) if value]
     more += ["on_command_line=False"] if not f.option else []
     doc = python_words(f.doc)
-    return ["    Parameter(", f'        "{f.name}",', f"        {_kind(f)},", f"        {literal(f)},", *(f"        {m}," for m in more),
-            f'        doc="{doc}",  # noqa: E501' if len(doc) > 104 else f'        doc="{doc}",', "    ),"]  # fmt: skip
+    lines = [f'"{f.name}",', f"{_kind(f)},", f"{literal(f)},", *(f"{m}," for m in more)]
+    lines += [f'doc="{doc}",  # noqa: E501' if len(doc) > 104 else f'doc="{doc}",']
+    return ["    Parameter(", *(f"        {line}" for line in lines), "    ),"]
 
 
 def _choices(f: Field) -> list[str]:
@@ -125,8 +134,8 @@ def _choices(f: Field) -> list[str]:
 
 
 def _option_table(what: str, structs: dict[str, Struct], owner: str, records: dict[str, Struct]) -> str:
-    """A Python module: a tuple of Parameters for each struct, and a class with the types of all; tuples alone for records,
-    which are given whole."""
+    """A Python module: a tuple of Parameters for each struct, and a class with the types of all; tuples alone for
+    records, which are given whole."""
     sources = ", ".join(s.source for s in (*structs.values(), *records.values()))
     text = [*textwrap.wrap("# " + GENERATED.format(sources), WIDTH, subsequent_indent="# "),
             f'"""{what}: what a sensor\'s configuration and the command line have of them."""', "",
@@ -142,7 +151,9 @@ def _option_table(what: str, structs: dict[str, Struct], owner: str, records: di
 def matcher_table(tables: Tables) -> str:
     """python/activestereo/matcher_table.py"""
     structs = {"MATCHER": tables.structs["simsense_parameters"], "RIG": tables.structs["simsense_rig_desc"]}
-    return _option_table("The stereo engine's options", structs, "MatcherFields", {"SIGNAL": tables.structs["simsense_signal"]})
+    return _option_table(
+        "The stereo engine's options", structs, "MatcherFields", {"SIGNAL": tables.structs["simsense_signal"]}
+    )
 
 
 def render_table(tables: Tables) -> str:

@@ -15,7 +15,11 @@ def _shape(field: Field) -> str:
 
 
 def _neutral(field: Field) -> str:
-    if isinstance(field.neutral, (int, float)) and field.neutral == field.default or isinstance(field.neutral, (str, list)):
+    if (
+        isinstance(field.neutral, (int, float))
+        and field.neutral == field.default
+        or isinstance(field.neutral, (str, list))
+    ):
         return ""
     return "" if field.neutral is None or field.neutral != field.neutral else number(field.neutral)
 
@@ -29,19 +33,29 @@ def _row(field: Field) -> str:
     kind = " \\| ".join(f"`{v}`" for v in field.values) if field.values else f"`{field.type}{_shape(field)}`"
     where = ", ".join(name for name, there in (("extras", field.extras),) if there)
     text = _plain(field.doc) + (f" (NAN: {field.nan})" if field.nan else "") + (f" *{where}*" if where else "")
-    return f"| `{field.name}` | {kind} | {range_text(field)} | {field.unit} | {page_default(field)} | {_neutral(field)} | {text} |"
+    cells = [f"`{field.name}`", kind, range_text(field), field.unit, page_default(field), _neutral(field), text]
+    return f"| {' | '.join(cells)} |"
 
 
 def _section(struct: Struct) -> list[str]:
     reach = [f"Reachable in: {struct.reach}.", ""] if struct.reach else []
     head = ["| field | type | range | unit | default | neutral, if another | what it is |", "|--|--|--|--|--|--|--|"]
-    return [f"## {struct.name}", _plain(struct.doc), "", *reach, *head, *(_row(f) for f in struct.fields if not f.reserved), ""]
+    return [
+        f"## {struct.name}",
+        _plain(struct.doc),
+        "",
+        *reach,
+        *head,
+        *(_row(f) for f in struct.fields if not f.reserved),
+        "",
+    ]
 
 
 def page(tables: Tables) -> str:
     """capi/tables/reference.md"""
     text = ["<!-- " + GENERATED.format("*.toml") + " -->", "# Public structs, field by field",
-            "Neutral is what a field means to a caller whose header did not have it yet: no effect, or what the library did before.",
+            "Neutral is what a field means to a caller whose header did not have it yet: no effect, or what the "
+            "library did before.",
             "Fields marked *extras* are read from a glTF material's extras under their names.", ""]  # fmt: skip
     for struct in tables.structs.values():
         text += _section(struct)

@@ -40,7 +40,15 @@ def _ctype(field: Field, tables: Tables) -> str:
 
 def _class(struct: Struct, tables: Tables) -> list[str]:
     header = ['        ("header", Header),'] if struct.type_id is not None else []
-    text = ["", "", f"class {_name(struct.name)}(c.Structure):", f'    """{struct.name}"""', "", "    _fields_ = [", *header]
+    text = [
+        "",
+        "",
+        f"class {_name(struct.name)}(c.Structure):",
+        f'    """{struct.name}"""',
+        "",
+        "    _fields_ = [",
+        *header,
+    ]
     text += [f'        ("{f.name}", {_ctype(f, tables)}),' for f in struct.fields]
     return [*text, "    ]"]
 
@@ -48,7 +56,8 @@ def _class(struct: Struct, tables: Tables) -> list[str]:
 def records(tables: Tables) -> str:
     """python/activestereo/effects/core/plugin_records.py"""
     structs = [s for s in tables.structs.values() if s.plugin]
-    text = ["# " + GENERATED.format("ks_effect*.toml"), '"""The structs of ks/effect.h: numbers of their types, names of their choices, and how they lie."""',
+    text = ["# " + GENERATED.format("ks_effect*.toml"), '"""The structs of ks/effect.h: numbers of their types, '
+                                                        'names of their choices, and how they lie."""',
             "", "import ctypes as c", ""]  # fmt: skip
     text += [f"{s.type_name.removeprefix('KS_')} = 0x{s.type_id:02x}" for s in structs if s.type_id is not None]
     for f in (f for s in structs for f in s.fields if f.values):

@@ -59,19 +59,35 @@ def _stub_arguments(structs: list[Struct]) -> list[str]:
 def _stub_options(struct: Struct) -> list[str]:
     """Every field that is a keyword argument, with its default."""
     fields = emit_options.named(struct).fields
-    return [f"{name}: {scalar_type(f)} = {emit_options.literal(f)}," for f in fields for name in (f.name, f.short) if name]
+    return [
+        f"{name}: {scalar_type(f)} = {emit_options.literal(f)}," for f in fields for name in (f.name, f.short) if name
+    ]
 
 
 def stub(tables: Tables, library: str, template: str, shared: str) -> str:
     """python/<library>/_<library>.pyi, from its template, what both libraries share, and the tables."""
     named = {s.python: s for s in tables.of(library) if s.python}
-    lists = {f"{name}.fields": _stub_fields(s) for name, s in named.items()} | {f"{name}.doc": [s.doc] for name, s in named.items()}
+    lists = {f"{name}.fields": _stub_fields(s) for name, s in named.items()} | {
+        f"{name}.doc": [s.doc] for name, s in named.items()
+    }
     engine = [s for s in tables.of(library) if s.name in ("simsense_parameters", "simsense_signal")]
-    lists |= {"parameters": _stub_arguments(engine), "shared": shared.removeprefix(f"# {LICENCE}\n").rstrip().split("\n")}
-    for key, name in (("rig", "simsense_rig_desc"), ("renderer", "kuafu_renderer_desc"), ("options", "kuafu_render_desc")):
+    lists |= {
+        "parameters": _stub_arguments(engine),
+        "shared": shared.removeprefix(f"# {LICENCE}\n").rstrip().split("\n"),
+    }
+    for key, name in (
+        ("rig", "simsense_rig_desc"),
+        ("renderer", "kuafu_renderer_desc"),
+        ("options", "kuafu_render_desc"),
+    ):
         lists[key] = _stub_options(tables.structs[name])
         lists[f"{key}.doc"] = emit_options.options_doc(tables.structs[name], WIDTH - 8)
-    out = ["# " + GENERATED.format("*.toml").replace("from", f"from python/{library}/_{library}.pyi.in, python/bindings/shared.pyi.in and")]
+    out = [
+        "# "
+        + GENERATED.format("*.toml").replace(
+            "from", f"from python/{library}/_{library}.pyi.in, python/bindings/shared.pyi.in and"
+        )
+    ]
     for line in template.removeprefix(f"# {LICENCE}\n").split("\n"):
         for key, value in lists.items():
             if "{" + key + "}" in line:

@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Writes what follows from the tables of the public structs. `--check` changes nothing and fails where a committed file is stale.
+"""Writes what follows from the tables of the public structs. `--check` changes nothing and fails where a committed file
+is stale.
 
-Both fail where the tables break the promise of a release: capi/abi/structs-*.txt has where each field lies for its callers. `--release 0.2` writes
-such a file for a new one."""
+Both fail where the tables break the promise of a release: capi/abi/structs-*.txt has where each field lies for its
+callers. `--release 0.2` writes such a file for a new one."""
 
 from __future__ import annotations
 
@@ -34,7 +35,9 @@ def outputs(tables: Tables) -> dict[str, str]:
         files[f"{library}/src/api/struct_table.h"] = emit_abi.struct_table(tables, library)
         files[f"{library}/src/api/struct_init.cpp"] = emit_abi.struct_init(tables, library)
         sources = (ROOT / f"python/{library}/_{library}.pyi.in", ROOT / "python/bindings/shared.pyi.in")
-        files[f"python/{library}/_{library}.pyi"] = emit_python.stub(tables, library, *(path.read_text() for path in sources))
+        files[f"python/{library}/_{library}.pyi"] = emit_python.stub(
+            tables, library, *(path.read_text() for path in sources)
+        )
     callers = [f"capi/include/{entry.path}" for entry in tables.headers if not any(s.plugin for s in entry.structs)]
     headers = {path: files[path] for path in callers}
     return files | {
@@ -85,7 +88,9 @@ def main() -> int:
     if broken:
         print("\n".join(broken), file=sys.stderr)
         return 2
-    stale = {path: text for path, text in files.items() if not (ROOT / path).exists() or (ROOT / path).read_text() != text}
+    stale = {
+        path: text for path, text in files.items() if not (ROOT / path).exists() or (ROOT / path).read_text() != text
+    }
     if check:
         for path in stale:
             print(f"{path} is not what the tables say: run python3 capi/tables/generate.py", file=sys.stderr)

@@ -28,10 +28,14 @@ SCALARS = {
     "text": ("const char*", 8),
 }
 FIELD_KEYS = set(
-    "type doc count shape default neutral range above allowed zero_means unit group values prefix first none nan config match kernel pair"
+    "type doc count shape default neutral range above allowed zero_means unit group values prefix first none nan "
+    "config match kernel pair"
     " python extras check reserved copy lengths option short one member".split()
 )
-STRUCT_KEYS = set("struct type_id doc what reach init fields python scene record read_back checked plugin embedded has_neutral".split())
+STRUCT_KEYS = set(
+    "struct type_id doc what reach init fields python scene record read_back checked plugin embedded "
+    "has_neutral".split()
+)
 
 
 class TableError(Exception):
@@ -40,7 +44,8 @@ class TableError(Exception):
 
 @dataclass
 class Field:
-    """One field of a public struct. `default` is what _init gives; `neutral` what a missing field means: no effect, or as it was before."""
+    """One field of a public struct. `default` is what _init gives; `neutral` what a missing field means: no effect, or
+    as it was before."""
 
     name: str
     type: str
@@ -86,7 +91,10 @@ class Field:
     @property
     def constants(self) -> dict[str, int]:
         """Name of each choice in C: its number; of bits, its bit."""
-        return {self.prefix + name.upper(): 1 << i if self.type == "bits" else self.first + i for i, name in enumerate(self.values)}
+        return {
+            self.prefix + name.upper(): 1 << i if self.type == "bits" else self.first + i
+            for i, name in enumerate(self.values)
+        }
 
 
 @dataclass
@@ -161,7 +169,12 @@ def _read_field(source: str, name: str, entry: dict[str, Any]) -> Field:
         out.neutral = out.default
     if out.range and not isinstance(out.default, (str, list)) and not math.isnan(out.default):
         zero = out.zero_means is not None and out.default == 0
-        _require(zero or out.range[0] <= out.default <= out.range[1], source, name, f"default {out.default} is outside of {out.range}")
+        _require(
+            zero or out.range[0] <= out.default <= out.range[1],
+            source,
+            name,
+            f"default {out.default} is outside of {out.range}",
+        )
     return out
 
 
@@ -173,10 +186,30 @@ def read_struct(path: Path) -> Struct:
         except tomllib.TOMLDecodeError as error:
             raise TableError(f"{path.name}: {error}") from error
     unknown = set(data) - STRUCT_KEYS
-    _require(not unknown, path.name, "struct", f"unknown keys {sorted(unknown)} (known: {' '.join(sorted(STRUCT_KEYS))})")
+    _require(
+        not unknown, path.name, "struct", f"unknown keys {sorted(unknown)} (known: {' '.join(sorted(STRUCT_KEYS))})"
+    )
     fields = [_read_field(path.name, name, entry) for name, entry in data["fields"].items()]
-    rest = {key: data[key] for key in ("type_id", "what", "reach", "python", "scene", "record", "read_back", "checked", "plugin", "embedded", "has_neutral") if key in data}
-    return Struct(data["struct"], " ".join(data["doc"].split()), fields, path.name, init=tuple(data.get("init", ())), **rest)
+    rest = {
+        key: data[key]
+        for key in (
+            "type_id",
+            "what",
+            "reach",
+            "python",
+            "scene",
+            "record",
+            "read_back",
+            "checked",
+            "plugin",
+            "embedded",
+            "has_neutral",
+        )
+        if key in data
+    }
+    return Struct(
+        data["struct"], " ".join(data["doc"].split()), fields, path.name, init=tuple(data.get("init", ())), **rest
+    )
 
 
 @dataclass
@@ -215,7 +248,16 @@ def read_tables() -> Tables:
             _require(name in found, "headers.toml", path, f"there is no {name}.toml")
             structs[name] = found.pop(name)
         members = [structs[name] for name in entry["structs"]]
-        headers.append(Header(path, entry["doc"].strip(), members, entry.get("includes", []), entry.get("text", "").strip(), entry.get("after", "").strip()))
+        headers.append(
+            Header(
+                path,
+                entry["doc"].strip(),
+                members,
+                entry.get("includes", []),
+                entry.get("text", "").strip(),
+                entry.get("after", "").strip(),
+            )
+        )
     _require(not found, "headers.toml", ", ".join(found), "no header has this struct")
     ids = [s.type_id for s in structs.values() if s.type_id is not None]
     _require(len(ids) == len(set(ids)), "headers.toml", "type_id", "two structs share one")

@@ -14,14 +14,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from difflib import get_close_matches
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import kuafu
 from activestereo.meshes import Mesh
-from activestereo.pose_arrays import host_array, pose_fault, pose_matrices
+from activestereo.pose_arrays import PosesLike, host_array, pose_fault, pose_matrices
 
 
 class BodyPoseError(ValueError):
@@ -146,7 +145,7 @@ class Bodies:
         """Of a picture of instances, the picture of what add() was given as semantic_id; 0 where there is no body."""
         return self._semantic_ids[np.minimum(instances, len(self._semantic_ids) - 1)]
 
-    def move(self, poses: Any) -> int:
+    def move(self, poses: PosesLike | Mapping[str, PosesLike]) -> int:
         """Moves the bodies whose pose is not what it was, and returns how many instances moved.
 
         poses: [E, bodies, 7] (x, y, z, then the quaternion w, x, y, z) or [E, bodies, 4, 4] body to world; without
@@ -205,7 +204,7 @@ class Bodies:
             )
         return pose_matrices(array, "poses").reshape(self.environment_count or 1, len(self.names), 4, 4)
 
-    def _from_names(self, poses: Mapping[str, Any]) -> NDArray[np.float64]:
+    def _from_names(self, poses: Mapping[str, PosesLike]) -> NDArray[np.float64]:
         now = self._last.copy()
         lead = () if self.environment_count is None else (self.environment_count,)
         for name, given in poses.items():

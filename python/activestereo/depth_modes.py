@@ -13,12 +13,12 @@
 from __future__ import annotations
 
 from copy import deepcopy
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 import kuafu
+from activestereo.pose import PoseLike
 from activestereo.presets import StereoDepthSensorConfig
 from activestereo.sensor_batch import HasPoses, StereoDepthSensorBatch
 
@@ -33,7 +33,9 @@ class DepthCamera:
     """Depth [E, height, width], float32 metres, of a sensor's RGB camera on each mount. 'raster' makes every material
     of the scene Lambertian, for good. pose: the RGB camera's, relative to its mount."""
 
-    def __init__(self, mode: str, config: StereoDepthSensorConfig, mounts: HasPoses, pose: Any = None) -> None:
+    def __init__(
+        self, mode: str, config: StereoDepthSensorConfig, mounts: HasPoses, pose: PoseLike | None = None
+    ) -> None:
         if mode not in MODES:
             raise ValueError(f"unknown mode '{mode}' (known: {', '.join(MODES)})")
         self.mode = mode

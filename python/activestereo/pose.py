@@ -7,7 +7,7 @@ this file knows both.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,6 +19,12 @@ CAMERA_TO_BODY.setflags(write=False)
 _ROTATION_TOLERANCE = 1e-4
 # Other programs print as few as four.
 _PRINTED_TOLERANCE = 1e-3
+
+
+class HasMatrix(Protocol):
+    """A pose of another program, such as sapien.Pose."""
+
+    def to_transformation_matrix(self) -> np.ndarray: ...
 
 
 class Pose:
@@ -62,21 +68,25 @@ class Pose:
     def inv(self) -> Pose:
         return Pose(np.linalg.inv(self.to_transformation_matrix()))
 
-    def __mul__(self, other: Any) -> Pose:
+    def __mul__(self, other: PoseLike) -> Pose:
         return Pose(self.to_transformation_matrix() @ as_matrix(other))
 
     def __repr__(self) -> str:
         return f"Pose({np.round(self.p, 6).tolist()}, {np.round(self.q, 6).tolist()})"
 
 
-def as_matrix(pose: Any) -> np.ndarray:
+# A Pose, another program's, or a 4x4 array.
+PoseLike: TypeAlias = HasMatrix | ArrayLike
+
+
+def as_matrix(pose: PoseLike) -> np.ndarray:
     """4x4 of a Pose, of anything with to_transformation_matrix() such as sapien.Pose, or of a 4x4 array."""
     if hasattr(pose, "to_transformation_matrix"):
         return np.asarray(pose.to_transformation_matrix(), dtype=np.float64)
     return Pose(pose).to_transformation_matrix()
 
 
-def camera_to_world(pose: Any) -> np.ndarray:
+def camera_to_world(pose: PoseLike) -> np.ndarray:
     """camera_to_world (camera axes) of a camera whose body stands at `pose` (body axes)."""
     return as_matrix(pose) @ CAMERA_TO_BODY
 
@@ -86,7 +96,7 @@ def body_pose(camera_to_world: ArrayLike) -> Pose:
     return Pose(np.asarray(camera_to_world, dtype=np.float64) @ CAMERA_TO_BODY.T)
 
 
-def camera_to_camera(pose_a: Any, pose_b: Any) -> np.ndarray:
+def camera_to_camera(pose_a: PoseLike, pose_b: PoseLike) -> np.ndarray:
     """a_to_b in camera axes, for two bodies whose poses (body axes) are given in one common frame."""
     return np.linalg.inv(camera_to_world(pose_b)) @ camera_to_world(pose_a)
 

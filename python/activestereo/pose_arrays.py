@@ -4,20 +4,29 @@ and MuJoCo) or [..., 4, 4]."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Protocol, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+
+
+class HasDlpack(Protocol):
+    """An array of another library, such as torch."""
+
+    def __dlpack__(self, *args: Any, **kwargs: Any) -> Any: ...
+
+
+PosesLike: TypeAlias = ArrayLike | HasDlpack
 
 _RIGID = 1e-3  # float32 physics keeps its rotations to 1e-6; a scale or a shear is far beyond this
 
 
-def host_array(values: Any) -> NDArray[np.float64]:
+def host_array(values: PosesLike) -> NDArray[np.float64]:
     """float64 in host memory, of a NumPy array, a torch tensor of any device, what speaks DLPack, or nested lists."""
     if hasattr(values, "detach"):
         values = values.detach().cpu().numpy()
     elif hasattr(values, "__dlpack__") and not isinstance(values, np.ndarray):
-        values = np.from_dlpack(values)
+        values = np.from_dlpack(values)  # type: ignore[arg-type]  # NumPy knows no stream that is not None
     return np.asarray(values, dtype=np.float64)
 
 

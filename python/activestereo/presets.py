@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from activestereo.camera_file import CameraData, camera_titles, read_camera
 from activestereo.matcher_table import MATCHER, RIG, MatcherFields
@@ -122,11 +123,11 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
         # Lenses, of Brown and Conrady as in OpenCV: k1, k2, p1, p2, k3; both IR cameras have the same one. rectified:
         # the infrared pair is matched as it comes, its rows aligned; a pair with a distorting lens is rectified first
         # all the same.
-        self.ir_distortion = (0.0,) * 5
+        self.ir_distortion: tuple[float, ...] = (0.0,) * 5
         # Of the right IR camera, where it is not as the left one; None = it is.
-        self.ir_intrinsic_right = None
-        self.ir_distortion_right = None
-        self.rgb_distortion = (0.0,) * 5
+        self.ir_intrinsic_right: NDArray[np.float64] | None = None
+        self.ir_distortion_right: tuple[float, ...] | None = None
+        self.rgb_distortion: tuple[float, ...] = (0.0,) * 5
         self.rectified = True
 
         # Projector. active_light_fov: the pattern image's horizontal angle, radians. light_pattern: "generated" from
@@ -134,12 +135,13 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
         self.pose_rgb_irproj = _pose(camera, "projector_position_m")
         self.active_light_fov = float(np.deg2rad(camera.value("projector", "field_of_view_deg")))
         self.light_pattern = "generated" if camera.value("projector", "has_projector", True) else None
-        self.pattern_intrinsic = None  # 3x3 of the pattern image in place of active_light_fov
+        # 3x3 of the pattern image in place of active_light_fov.
+        self.pattern_intrinsic: NDArray[np.float64] | None = None
         self.pattern_design = _pattern_design(camera)
         # In place of light_pattern: [n, 3] u, v and power of dots, in pixels of pattern_design's image and with its
         # dot_sigma_px. A dot's power is the pattern's integral over it, in pixels squared. light_pattern_scale
         # magnifies the pattern about its middle.
-        self.light_dots = None
+        self.light_dots: NDArray[np.float32] | None = None
         self.light_pattern_scale = 1.0
         self.projector_intensity = camera.value("projector", "intensity_w_sr")  # W/sr where the pattern is 1
         # The laser's setting: light goes with laser_power_mw over laser_power_nominal_mw. emitter: 'on', 'off', or

@@ -29,8 +29,8 @@ from activestereo.ir_link import IrLink
 from activestereo.lazy_maps import LazyMaps
 from activestereo.matching import make_engine, renderer_parameters
 from activestereo.picture_memory import PictureMemory
-from activestereo.pose import Pose, as_matrix, camera_to_world
-from activestereo.pose_arrays import host_array, pose_fault, pose_matrices
+from activestereo.pose import Pose, PoseLike, as_matrix, camera_to_world
+from activestereo.pose_arrays import PosesLike, host_array, pose_fault, pose_matrices
 from activestereo.presets import StereoDepthSensorConfig
 from activestereo.sensor import RGB_OUTPUTS
 from activestereo.sensor_inputs import LASER_OUTPUTS, laser_light, render_settings, shutter
@@ -52,14 +52,14 @@ class HasPoses(Protocol):
     def scene(self) -> kuafu.Scene: ...
 
     @property
-    def poses(self) -> Any: ...
+    def poses(self) -> PosesLike: ...
 
 
 class Mounts:
     """A scene and the poses in it that a batch of sensors moves along with: [E, 7] or [E, 4, 4], one sensor for each
     environment, or [E, S, 7] or [E, S, 4, 4]; of NumPy, torch or DLPack. Assign `poses` to move them."""
 
-    def __init__(self, scene: kuafu.Scene, poses: Any) -> None:
+    def __init__(self, scene: kuafu.Scene, poses: PosesLike) -> None:
         self.scene = scene
         self.poses = poses
 
@@ -81,7 +81,7 @@ class StereoDepthSensorBatch:
         self,
         config: StereoDepthSensorConfig,
         mounts: HasPoses,
-        pose: Any = None,
+        pose: PoseLike | None = None,
         model: SensorModel | str | PathLike[str] | None = None,
     ) -> None:
         self._config = deepcopy(config)
@@ -93,7 +93,7 @@ class StereoDepthSensorBatch:
         places = pose_matrices(host_array(mounts.poses), "poses of sensors")
         self._shape = places.shape[:-2]
         if len(self._shape) not in (1, 2) or not places.size:
-            raise ValueError(f"poses of sensors are [E] or [E, S] times 7 or 4x4, not {np.shape(mounts.poses)}")
+            raise ValueError(f"poses of sensors are [E] or [E, S] times 7 or 4x4, given {list(places.shape)}")
         self._count = int(np.prod(self._shape))
         self._places = np.broadcast_to(np.eye(4), (self._count, 4, 4)).copy()
         self._environments = np.repeat(np.arange(self._shape[0]), self._count // self._shape[0]).tolist()

@@ -18,7 +18,7 @@
 namespace kuafu {
 
 struct EmbreeLibrary {
-#define KUAFU_MEMBER(name) decltype(&::name) name;
+#define KUAFU_MEMBER(name) decltype(&::name) name;  // NOLINT(bugprone-macro-parentheses): a name cannot stand in parentheses
   KUAFU_EMBREE_FUNCTIONS(KUAFU_MEMBER)
 #undef KUAFU_MEMBER
 };

@@ -6,9 +6,16 @@ from __future__ import annotations
 import argparse
 import os
 from pathlib import Path
-from typing import Any
 
-from activestereo.cli.arguments import add_device, add_max_bounces, add_out, add_seed, integer_from, make_folder
+from activestereo.cli.arguments import (
+    Commands,
+    add_device,
+    add_max_bounces,
+    add_out,
+    add_seed,
+    integer_from,
+    make_folder,
+)
 
 _TEXT = """\
 Ranks which physical effect the model of a capture lacks. Every effect of the
@@ -47,7 +54,7 @@ class _HelpWithGates(argparse.RawDescriptionHelpFormatter):
         return super()._format_text(text.format(share=share_words(GATES.smallest_share)))
 
 
-def add_parser(commands: Any) -> None:
+def add_parser(commands: Commands) -> None:
     parser = commands.add_parser(
         "diagnose",
         help="rank which physical effect is missing from a capture's model",

@@ -79,7 +79,7 @@ def model_depths(
     return out
 
 
-def depth_scores(depths: Sequence[DepthFrame]) -> Any:
+def depth_scores(depths: Sequence[DepthFrame]) -> dict[str, dict[str, Any]]:
     """compare.json's `depth`: {split: scores}, splits without device depth left out."""
     scores = {}
     for split in SPLITS:

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -55,7 +55,17 @@ class Fit:
         return asdict(self) | {"at_bound": list(self.at_bound)}
 
 
-def regressors(frame: Frame, layers: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+class Images(Protocol):
+    """A view's light of the projector and of the room, [height][width]: Layers, or a Light."""
+
+    @property
+    def projector(self) -> np.ndarray: ...
+
+    @property
+    def ambient(self) -> np.ndarray: ...
+
+
+def regressors(frame: Frame, layers: Images) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The derivatives of an unclipped prediction by (projector scale, ambient scale, black), each [height][width]."""
     light = frame.exposure_gain
     level = 1.0 if frame.ambient is None else frame.ambient
@@ -63,7 +73,7 @@ def regressors(frame: Frame, layers: Any) -> tuple[np.ndarray, np.ndarray, np.nd
     return projector, layers.ambient.astype(np.float64) * (light * level), np.ones(layers.ambient.shape)
 
 
-def predict(frame: Frame, layers: Any, nuisances: Nuisances, max_dn: float) -> np.ndarray:
+def predict(frame: Frame, layers: Images, nuisances: Nuisances, max_dn: float) -> np.ndarray:
     """Expected DN before rounding, float64 [height][width], clipped to 0..max_dn."""
     columns = regressors(frame, layers)
     value = sum(scale * column for scale, column in zip(nuisances.vector(), columns, strict=True))

@@ -3,11 +3,12 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
 from activestereo.capture import Frame
+from activestereo.effects import View
 from activestereo.lab.noise import NoiseLaw
 
 # Neighbours whose expected values differ by less than this share show noise alone in their difference.
@@ -22,7 +23,7 @@ class Shot(Protocol):
     @property
     def frame(self) -> Frame: ...
     @property
-    def view(self) -> Any: ...
+    def view(self) -> View: ...
     @property
     def measured(self) -> np.ndarray: ...
     @property

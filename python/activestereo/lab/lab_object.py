@@ -62,7 +62,7 @@ class Lab:
         self.model = self.model.with_effect(effect, **parameters)
         return self.model
 
-    def report(self, folder: str | Path) -> list[Path]:
+    def report(self, folder: str | Path) -> tuple[Path, Path]:
         """Writes compare.json, report.html, model.json and, after diagnose(), diagnose.json into a folder."""
         from activestereo.lab.report import write_report  # matplotlib takes its time to load
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from activestereo.effects import Effect, Model, builtin, load_effects
+from activestereo.lab.fit import Nuisances
 from activestereo.scene_surfaces import surface_names
 from activestereo.sensor_model import Quantity, SensorModel
 from activestereo.sensor_model import read_model as read_sensor_model
@@ -55,13 +56,15 @@ def scene_of(capture_path: str | Path) -> Path | None:
         return None
 
 
-def model_json(model: Model, nuisances: Any = None) -> dict[str, Any]:
+def model_json(model: Model, nuisances: Nuisances | None = None) -> dict[str, Any]:
     """A model's effects and nuisances in plain numbers, as diagnose.json has them."""
     effects = [{"id": e.id, "parameters": dict(values)} for e, values in model.effects]
     return {"format": FORMAT, "version": 1, "effects": effects, "nuisances": vars(nuisances) if nuisances else {}}
 
 
-def write_model(path: str | Path, model: Model, nuisances: Any = None, scene_path: str | Path | None = None) -> None:
+def write_model(
+    path: str | Path, model: Model, nuisances: Nuisances | None = None, scene_path: str | Path | None = None
+) -> None:
     """Writes a model file of the effects and nuisances alone."""
     names = surface_names(scene_path)
     values = vars(nuisances) if nuisances else {}

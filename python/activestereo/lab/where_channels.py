@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,23 +18,28 @@ from activestereo.scene_surfaces import surface_names
 
 if TYPE_CHECKING:
     from activestereo.capture import Frame
+    from activestereo.effects import View
     from activestereo.lab.depth_compare import DepthFrame
     from activestereo.lab.noise import NoiseLaw
+    from activestereo.lab.render import LayersOfFrames
+    from activestereo.lab.where_samples import Samples
 
 # Below this share of the floor's variance an excess may be the renderer's own Monte Carlo noise, and is not explained
 # further.
 _SMALLEST_EXCESS = 0.05
 
+Key = tuple[int, str]  # (frame id, eye)
+
 
 def where_it_fails(
     capture: Capture,
-    layers: Any,
-    views: Any,
-    measured: Any,
-    predictions: Any,
-    floors: Any,
-    law: Any,
-    depths: Any,
+    layers: LayersOfFrames,
+    views: Mapping[Key, View],
+    measured: Mapping[Key, np.ndarray],
+    predictions: Mapping[Key, np.ndarray],
+    floors: Mapping[Key, tuple[float, str]],
+    law: NoiseLaw | None,
+    depths: Sequence[DepthFrame],
     seed: int = 0,
 ) -> dict[str, Any]:
     """{where: tables, regions: {channel: ...}} of compare.json, from the train frames."""
@@ -62,7 +67,12 @@ def where_it_fails(
     }
 
 
-def residual_channels(infrared: Any, depths: Any, maps: Any, seed: int = 0) -> Any:
+def residual_channels(
+    infrared: Sequence[tuple[Key, np.ndarray, np.ndarray, bytes]],
+    depths: Sequence[DepthFrame],
+    maps: Mapping[Key, dict[str, np.ndarray]],
+    seed: int = 0,
+) -> dict[str, tuple[Samples, str, bool]]:
     """{channel: (Samples, unit, is there anything to explain)}. infrared: [(key, residual, floor, pose)]; depths:
     DepthFrames; maps: {(frame id, eye): covariates}."""
     images = {
@@ -92,7 +102,9 @@ def surface_text(scene_path: Path) -> Callable[[int], str]:
     return lambda index: names[index] if index < len(names) else f"material {index}"
 
 
-def _floor(expected: np.ndarray, frame: Frame, image_floor: Any, law: NoiseLaw | None) -> np.ndarray:
+def _floor(
+    expected: np.ndarray, frame: Frame, image_floor: tuple[float, str] | None, law: NoiseLaw | None
+) -> np.ndarray:
     """Variance per pixel [height][width] by the law, scaled to the image's own floor; 0 where nothing tells it."""
     if image_floor is None or law is None:
         return np.zeros(expected.shape)

@@ -1,14 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """A sensor's configuration from its model: what the model says of rig, pattern, imager and calibration in place of a
-preset's.
-
-A configuration is a presets.StereoDepthSensorConfig.
-"""
+preset's."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,11 +13,14 @@ from numpy.typing import NDArray
 from activestereo.pose import CAMERA_TO_BODY, Pose, as_matrix
 from activestereo.sensor_model.model import Imager, Pattern, Rig, SensorModel
 
+if TYPE_CHECKING:
+    from activestereo.presets import StereoDepthSensorConfig
+
 # Rounding adds it by itself; it is in a measured variance.
 _QUANTISATION_VARIANCE = 1.0 / 12.0
 
 
-def configure(config: Any, model: SensorModel) -> None:
+def configure(config: StereoDepthSensorConfig, model: SensorModel) -> None:
     """Changes the configuration. Effects and materials are the sensor's own to apply: StereoDepthSensor(config, scene,
     model=model)."""
     if model.rig is not None:
@@ -47,7 +47,7 @@ def configure(config: Any, model: SensorModel) -> None:
         config.laser_power_mw = config.laser_power_nominal_mw
 
 
-def _rig(config: Any, rig: Rig) -> None:
+def _rig(config: StereoDepthSensorConfig, rig: Rig) -> None:
     config.ir_resolution = (rig.left.width, rig.left.height)
     config.ir_intrinsic, config.ir_distortion = np.array(rig.left.K), tuple(rig.left.distortion)
     config.ir_intrinsic_right, config.ir_distortion_right = np.array(rig.right.K), tuple(rig.right.distortion)
@@ -71,7 +71,7 @@ def _beside(left: Pose, left_to_other: NDArray[np.float64]) -> Pose:
     return Pose(as_matrix(left) @ CAMERA_TO_BODY @ np.linalg.inv(left_to_other) @ CAMERA_TO_BODY.T)
 
 
-def _pattern(config: Any, pattern: Pattern) -> None:
+def _pattern(config: StereoDepthSensorConfig, pattern: Pattern) -> None:
     config.pattern_intrinsic = np.array(pattern.K)
     if pattern.dots is None:
         config.light_pattern, config.light_dots = str(pattern.file), None

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Protocol
 
 from activestereo.capture import Camera, Capture
 from activestereo.effects.core.model import Model
@@ -23,19 +23,32 @@ from activestereo.sensor_model.model import (
 Interval = tuple[float | None, float | None]
 
 
+class NoiseTerms(Protocol):
+    """Variance of the noise: offset + shot * signal + relative * signal^2; DN^2, DN and 1."""
+
+    @property
+    def offset(self) -> float: ...
+
+    @property
+    def shot(self) -> float: ...
+
+    @property
+    def relative(self) -> float: ...
+
+
 def diagnosed_model(
     capture: Capture,
     effects: Model,
     nuisances: Mapping[str, float] | None = None,
-    noise_law: Any = None,
+    noise_law: NoiseTerms | None = None,
     albedo: Mapping[str, float] | None = None,
     intervals: Mapping[tuple[str, str], Interval] | None = None,
     material_names: Sequence[str] = (),
 ) -> SensorModel:
     """The SensorModel of a diagnosis.
 
-    effects: what was found. nuisances: values by names of sensor_model.model.NUISANCES. noise_law: has offset, shot and
-    relative, in DN^2, DN and 1; None where no repeat tells it. albedo: {material name: factor on its nominal infrared
+    effects: what was found. nuisances: values by names of sensor_model.model.NUISANCES. noise_law: None where no repeat
+    gives it. albedo: {material name: factor on its nominal infrared
     albedo}. intervals: {(effect id or 'nuisances' or material name, parameter): 90 % interval}. material_names: of the
     capture's scene, by id.
     """
@@ -86,7 +99,7 @@ def _eye(camera: Camera) -> Eye:
     return Eye(camera.width, camera.height, camera.K, tuple(map(float, camera.distortion)))
 
 
-def _imager(law: Any, source: str) -> Imager:
+def _imager(law: NoiseTerms, source: str) -> Imager:
     return Imager(
         **{name: Quantity(float(getattr(law, name)), unit=unit, source=source) for name, unit in NOISE_TERMS.items()}
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -16,6 +16,22 @@ from activestereo.effects.core.resample import Spline, blur, sample, shifted_sum
 _UNCHANGED = 1e-6
 _GAIN_SIGMA_PX = 2.0
 _PROJECTOR, _AMBIENT = ("direct", "indirect"), ("ambient",)
+
+
+class Rendered(Protocol):
+    """Rendered images of one view (lab/layers.py), each [height][width]; it may also have `fine`, a FineImages."""
+
+    @property
+    def direct(self) -> np.ndarray: ...
+
+    @property
+    def indirect(self) -> np.ndarray: ...
+
+    @property
+    def ambient(self) -> np.ndarray: ...
+
+    @property
+    def flat(self) -> np.ndarray: ...
 
 
 class _Part:
@@ -52,7 +68,7 @@ class Light:
     fine: FineImages | None = None
 
     @classmethod
-    def of(cls, layers: Any) -> Light:
+    def of(cls, layers: Rendered) -> Light:
         """From rendered lab layers."""
         images = (layers.direct, layers.indirect, layers.ambient, layers.flat)
         return cls.of_images([np.asarray(image, dtype=np.float64) for image in images], getattr(layers, "fine", None))

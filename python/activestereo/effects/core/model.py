@@ -4,16 +4,29 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from activestereo.effects.core.descriptor import Effect, Randomness, Stage
-from activestereo.effects.core.light import Light
+from activestereo.effects.core.light import Light, Rendered
 from activestereo.effects.core.view import View
 
 if TYPE_CHECKING:
     from activestereo.capture import Frame
+
+
+class Scales(Protocol):
+    """Factors on the projector's and the ambient light, and the black level in DN: lab.fit.Nuisances, for one."""
+
+    @property
+    def projector_scale(self) -> float: ...
+
+    @property
+    def ambient_scale(self) -> float: ...
+
+    @property
+    def black_dn(self) -> float: ...
 
 
 @dataclass(frozen=True)
@@ -30,7 +43,7 @@ class Model:
     def without_effect(self, effect_id: str) -> Model:
         return Model(tuple((e, p) for e, p in self.effects if e.id != effect_id))
 
-    def light(self, layers: Any, view: View, random: bool = False, fine: bool = True) -> Light:
+    def light(self, layers: Rendered, view: View, random: bool = False, fine: bool = True) -> Light:
         """The Light that falls on the sensor, from rendered layers. fine=False: warps look up the pixels even where the
         layers have finer images: less than half the time, for scans."""
         light = Light.of(layers) if fine else replace(Light.of(layers), fine=None)
@@ -48,7 +61,7 @@ class Model:
         for clipping."""
         return not self._of(Stage.CHARGE, Stage.DIGITAL, False)
 
-    def signal(self, light: Light, view: View, nuisances: Any, random: bool = False) -> np.ndarray:
+    def signal(self, light: Light, view: View, nuisances: Scales, random: bool = False) -> np.ndarray:
         """DN of a Light, black level included. random=False: the expected value, without rounding; zero-mean noise is
         left out and random fields are drawn as their mean. random=True: one exposure."""
         projector, ambient = scales(view.frame)

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -18,6 +18,23 @@ if TYPE_CHECKING:
 
 REFERENCE_TEMPERATURE_C = 25.0
 _NO_DISTORTION = (0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+class RenderedSurfaces(Protocol):
+    """What a View takes from rendered images (lab/layers.py), each [height][width]; normal [height][width][3]. They may
+    also have `ambient_direct`."""
+
+    @property
+    def depth_m(self) -> np.ndarray: ...
+
+    @property
+    def normal(self) -> np.ndarray: ...
+
+    @property
+    def material(self) -> np.ndarray: ...
+
+    @property
+    def ambient(self) -> np.ndarray: ...
 
 
 @dataclass(frozen=True)
@@ -48,7 +65,7 @@ class View:
     half: int | None = None
 
     @classmethod
-    def of(cls, capture: Capture, frame: Frame, eye: str, layers: Any, seed: int = 0) -> View:
+    def of(cls, capture: Capture, frame: Frame, eye: str, layers: RenderedSurfaces, seed: int = 0) -> View:
         rig = capture.rig
         left_to_camera = np.eye(4) if eye == "left" else rig.left_to_right
         camera_to_world = frame.camera_to_world @ np.linalg.inv(left_to_camera)

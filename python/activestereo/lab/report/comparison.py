@@ -4,12 +4,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from activestereo.lab.covariates import COVARIATES
 from activestereo.lab.report.charts import covariates_chart, frames_chart, photon_transfer_chart
 from activestereo.lab.report.page import card, chart, section, share_bar, table, text
 from activestereo.lab.where_samples import LARGEST_DISPARITY_ERROR_PX
+
+if TYPE_CHECKING:
+    from activestereo.lab.compare import Comparison
 
 _WORDS = {covariate.name: covariate.words for covariate in COVARIATES}
 _CHANNEL = {"infrared": "Infrared", "disparity": "Disparity", "validity": "Validity"}
@@ -69,7 +72,7 @@ def cards(scores: dict[str, Any]) -> str:
     return f'<div class="cards">{"".join(parts)}</div>'
 
 
-def comparison_sections(comparison: Any) -> list[str]:
+def comparison_sections(comparison: Comparison) -> list[str]:
     """All sections, in reading order."""
     scores = comparison.scores
     parts = []

@@ -12,7 +12,7 @@ from matplotlib import colormaps
 
 from activestereo.capture import EYES, SPLITS
 from activestereo.lab.report.encode import encoded_image
-from activestereo.lab.report.models import BASE, FOUND
+from activestereo.lab.report.models import BASE, FOUND, ModelImages
 from activestereo.lab.report.page import text, web_file
 from activestereo.lab.report.worst import RESIDUAL_FLOORS, worst_frame
 
@@ -32,7 +32,7 @@ _COLOURS = 33
 _DEPTH = "depth"
 
 
-def explorer_section(comparison: Any, images: Any) -> str:
+def explorer_section(comparison: Comparison, images: ModelImages) -> str:
     """HTML of the section, and its data as a script of JSON. images: {name: {(frame id, eye): expected DN}}, see
     models.py."""
     data = explorer_data(comparison, images)
@@ -47,7 +47,7 @@ def explorer_section(comparison: Any, images: Any) -> str:
     return f'{markup}<script type="application/json" id="explorer-data">{content}</script>'
 
 
-def explorer_data(comparison: Any, images: Any) -> dict[str, Any]:
+def explorer_data(comparison: Comparison, images: ModelImages) -> dict[str, Any]:
     """{views, start, models, maps}: what web/explorer.js shows; views in the order of frames, then left, right, depth.
     """
     frames = _chosen_frames(comparison)

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 # Rows of the ranking that are shown.
 ROWS = 12
 BASE, FOUND = "base", "found"
+ModelImages = dict[str, dict[tuple[int, str], np.ndarray]]  # {name: {(frame id, eye): expected DN}}
 
 
 def model_images(
@@ -28,7 +29,7 @@ def model_images(
     diagnosis: dict[str, Any] | None = None,
     effects: Mapping[str, Effect] | None = None,
     progress: Callable[[float], object] | None = None,
-) -> Any:
+) -> ModelImages:
     """{name: {(frame id, eye): expected DN, float32 [height][width]}} under BASE, FOUND and the ids of ranked effects.
 
     BASE is the model without effects. FOUND is the comparison's model where it has effects, else the diagnosis's; it is

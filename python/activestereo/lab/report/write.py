@@ -8,7 +8,7 @@ Files appear whole or not at all: written aside, then renamed.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,19 +21,20 @@ from activestereo.lab.report.sheet import comparison_figure
 from activestereo.output_files import replace_file
 
 if TYPE_CHECKING:
-    from activestereo.capture import Capture
+    from activestereo.effects import Effect
+    from activestereo.lab.compare import Comparison
 
 
 _SCRIPTS = ("picture.js", "zoom.js", "explorer.js")
 
 
 def write_report(
-    comparison: Any,
+    comparison: Comparison,
     folder: str | Path,
-    diagnosis: Any = None,
-    effects: Any = None,
+    diagnosis: dict[str, Any] | None = None,
+    effects: Mapping[str, Effect] | None = None,
     progress: Callable[[float], object] | None = None,
-) -> Any:
+) -> tuple[Path, Path]:
     """Writes compare.json, compare.png and report.html into `folder` (made where absent); returns the paths of the
     first and the last.
 
@@ -55,7 +56,10 @@ def write_report(
 
 
 def report_page(
-    comparison: Any, diagnosis: Any = None, effects: Any = None, progress: Callable[[float], object] | None = None
+    comparison: Comparison,
+    diagnosis: dict[str, Any] | None = None,
+    effects: Mapping[str, Effect] | None = None,
+    progress: Callable[[float], object] | None = None,
 ) -> str:
     """The page's text."""
     scores = comparison.scores
@@ -70,7 +74,7 @@ def report_page(
     return page(f"{scores['capture']}: comparison", body, _SCRIPTS)
 
 
-def _stored_diagnosis(folder: Path, capture: Capture) -> dict[str, Any] | None:
+def _stored_diagnosis(folder: Path, capture: str) -> dict[str, Any] | None:
     """The folder's diagnose.json if it is of this capture; one that cannot be read is as good as none."""
     try:
         diagnosis = json.loads((folder / "diagnose.json").read_text(encoding="utf-8"))

@@ -7,6 +7,7 @@ residual relative to the light it would act on, with intervals by a bootstrap ov
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any, TypedDict
 
 import numpy as np
 
@@ -40,15 +41,25 @@ def my_effect({value}, view, amount):
 '''
 
 
+class Term(TypedDict):
+    """One summand: its name, its code in the stub, its factor with a 90 % interval."""
+
+    term: str
+    code: str
+    value: float
+    low: float
+    high: float
+
+
 @dataclass(frozen=True)
 class Law:
-    """terms: [{term, value, low, high}]; stage: where it acts; share: of the residual's tile variance that the law
+    """stage: where it acts; share: of the residual's tile variance that the law
     explains.
     """
 
     capture: str
     stage: str
-    terms: tuple[dict[str, object], ...]
+    terms: tuple[Term, ...]
     share: float
 
     @property
@@ -64,7 +75,7 @@ class Law:
         law = " ".join(parts) or "0"
         return f"residual / {of} = {law} (explains {100 * self.share:.0f} % of its variation over tiles)"
 
-    def as_json(self) -> dict[str, object]:
+    def as_json(self) -> dict[str, Any]:
         return {"stage": self.stage, "terms": list(self.terms), "explained_share": self.share, "text": self.text}
 
     def stub(self) -> str:
@@ -115,7 +126,7 @@ def residual_law(base: BaseFit, capture: str, seed: int = 0) -> Law:
     total = (weight * target**2).sum()
     share = 1.0 - (weight * (target - A @ value) ** 2).sum() / total if total > 0 else 0.0
     terms = tuple(
-        {"term": _LIBRARY[i][0], "code": _LIBRARY[i][1], "value": float(v), "low": float(a), "high": float(b)}
+        Term(term=_LIBRARY[i][0], code=_LIBRARY[i][1], value=float(v), low=float(a), high=float(b))
         for i, v, a, b in zip(chosen, value, low, high, strict=True)
     )
     return Law(capture, stage, terms, float(share))
