@@ -139,7 +139,13 @@ class RayBench {
   }
 
   [[nodiscard]] RayQueue queue() const {
-    return {words_buffer_.get(), has_environments_ ? environments_buffer_.get() : nullptr, counters_.get(), 4, 8, capacity_, coherent_};
+    return {.words = words_buffer_.get(),
+            .environments = has_environments_ ? environments_buffer_.get() : nullptr,
+            .counters = counters_.get(),
+            .count_offset = 4,
+            .arguments_offset = 8,
+            .capacity = capacity_,
+            .coherent = coherent_};
   }
   [[nodiscard]] size_t at(uint32_t i, uint32_t field) const { return ray_word(i, field, words_, tracer_.queue_layout(), capacity_); }
   void set(uint32_t i, uint32_t field, uint32_t value) { queue_words_[at(i, field)] = value; }
