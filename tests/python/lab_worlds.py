@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Shared by the lab's tests: the analytic worlds, and a renderer that asks them instead of kuafu."""
 
+import json
+import shutil
 import sys
 from pathlib import Path
 
@@ -8,8 +10,13 @@ import numpy as np
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "support"))
 
+from activestereo.capture import read_capture  # noqa: E402
+from activestereo.images import write_gray  # noqa: E402
+from activestereo.lab.depth_model import DepthModel  # noqa: E402
 from activestereo.lab.layers import Layers  # noqa: E402
 from worlds.view import PatternSource, look  # noqa: E402
+
+DEPTH_SCALE_M = 1e-4
 
 
 class WorldRenderer:
@@ -55,3 +62,20 @@ class RememberingRenderer:
         if key not in self._known:
             self._known[key] = self._renderer(request)
         return self._known[key]
+
+
+def with_device_depth(world, folder, ids, stretch=1.0):
+    """A copy of the world's capture, whose device matched the measured pairs and stretches depth."""
+    copy = Path(shutil.copytree(world.capture_path, folder))
+    values = json.loads((copy / "capture.json").read_text())
+    values["depth_engine"] = {"max_disparity": 32, "notes": "as the model's"}
+    capture = read_capture(copy)
+    engine = DepthModel(capture)
+    (copy / "depth").mkdir(exist_ok=True)
+    for entry, frame in zip(values["frames"], capture.frames, strict=True):
+        if frame.id in ids:
+            depth = stretch * engine.depth(capture.ir(frame, "left"), capture.ir(frame, "right"))
+            write_gray(copy / "depth" / f"{frame.id}.png", np.rint(depth / DEPTH_SCALE_M).astype(np.uint16))
+            entry |= {"depth": f"depth/{frame.id}.png", "depth_scale": DEPTH_SCALE_M}
+    (copy / "capture.json").write_text(json.dumps(values))
+    return copy

@@ -12,8 +12,7 @@ from PIL import Image
 
 from activestereo.lab.cache import LayerCache
 from activestereo.lab.compare import Comparison, compare
-from lab_worlds import WorldRenderer
-from test_depth_compare import with_device_depth
+from lab_worlds import WorldRenderer, with_device_depth
 from worlds.world import make_world
 
 DIAGNOSIS = {

@@ -14,7 +14,7 @@ from activestereo.effects.core.ggx import reflected_share
 from activestereo.effects.core.laws import example_value, example_view
 from activestereo.lab.kuafu_renderer import KuafuRenderer
 from activestereo.lab.layers import RenderRequest, ViewCamera
-from test_effects_worlds import CAMERA_K, PATTERN, POSE, PROJECTOR_K, SIZE, seen, shift, smooth_places, view_of
+from effect_worlds import CAMERA_K, PATTERN, POSE, PROJECTOR_K, SIZE, seen, shift, smooth_places, view_of
 from worlds.view import PatternSource, look
 from worlds.world import look_at
 from worlds.world import table_top as world_table_top

@@ -2,26 +2,19 @@
 """Depth beside the device's: the model's own repeat is at the floor, and a device that is wrong by a known amount shows
 that amount."""
 
-import json
-import shutil
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from lab_worlds import WorldRenderer
+from lab_worlds import WorldRenderer, with_device_depth
 from activestereo.capture import CaptureWarning, read_capture
-from activestereo.images import write_gray
 from activestereo.lab.cache import LayerCache
 from activestereo.lab.compare import compare
 from activestereo.lab.depth_compare import DepthFrame, depth_scores
 from activestereo.lab.depth_model import DepthModel, expose
 from activestereo.lab.noise import NoiseLaw
 from worlds.world import make_world
-
-_SCALE_M = 1e-4
-
 
 @pytest.fixture(scope="module")
 def world(tmp_path_factory):
@@ -31,23 +24,6 @@ def world(tmp_path_factory):
 @pytest.fixture(scope="module")
 def layers(tmp_path_factory):
     return LayerCache(tmp_path_factory.mktemp("cache"))
-
-
-def with_device_depth(world, folder, ids, stretch=1.0):
-    """A copy of the world's capture, whose device matched the measured pairs and stretches depth."""
-    copy = Path(shutil.copytree(world.capture_path, folder))
-    values = json.loads((copy / "capture.json").read_text())
-    values["depth_engine"] = {"max_disparity": 32, "notes": "as the model's"}
-    capture = read_capture(copy)
-    engine = DepthModel(capture)
-    (copy / "depth").mkdir(exist_ok=True)
-    for entry, frame in zip(values["frames"], capture.frames, strict=True):
-        if frame.id in ids:
-            depth = stretch * engine.depth(capture.ir(frame, "left"), capture.ir(frame, "right"))
-            write_gray(copy / "depth" / f"{frame.id}.png", np.rint(depth / _SCALE_M).astype(np.uint16))
-            entry |= {"depth": f"depth/{frame.id}.png", "depth_scale": _SCALE_M}
-    (copy / "capture.json").write_text(json.dumps(values))
-    return copy
 
 
 def test_a_device_that_is_the_model_is_at_the_floor(world, layers, tmp_path):

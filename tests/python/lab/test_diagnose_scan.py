@@ -13,7 +13,7 @@ from activestereo.effects.core.judging import StartImage
 from activestereo.effects.core.second_unit import unit_starts
 from activestereo.lab.diagnose.channels.dots_seen import dots_seen
 from activestereo.lab.diagnose.score.occam import occam_nats
-from test_effects_worlds import seen, view_of
+from effect_worlds import seen, view_of
 
 EFFECTS = builtin()
 
