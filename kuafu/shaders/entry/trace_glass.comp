@@ -10,7 +10,6 @@
 #include "lib/bvh_queue.glsl"
 
 layout(constant_id = 5) const uint bends_light_ways = 0u;
-#define queue_layout layout_kind
 #include "lib/shading.glsl"
 #include "stage/glass.glsl"
 #include "stage/bend.glsl"

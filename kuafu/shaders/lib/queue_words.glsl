@@ -9,7 +9,7 @@
 #include "shared/arrays.h"  // its extensions, before any code
 #include "shared/ray_queue.h"
 
-layout(constant_id = 1) const uint layout_kind = queue_layout_planes;
+layout(constant_id = 1) const uint queue_layout = queue_layout_planes;
 
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer QueueWords { uint word[]; };
 

@@ -12,7 +12,7 @@ uint queue_environment(uint i) {
   return min(environment, push.environment_count);
 }
 
-uint queue_word(uint i, uint field, uint words) { return ray_word(i, field, words, layout_kind, push.capacity); }
+uint queue_word(uint i, uint field, uint words) { return ray_word(i, field, words, queue_layout, push.capacity); }
 
 float queue_float(uint i, uint field, uint words) { return uintBitsToFloat(push.words.word[queue_word(i, field, words)]); }
 

@@ -87,17 +87,17 @@ class ComputeTracer final : public Tracer {
 
   [[nodiscard]] TracePush push(const RayQueue& rays) const {
     if (world_.environment_count() == 0) ks::fail(KS_ERROR_INVALID_STATE, "the tracer has not seen a scene yet: call update first");
-    return {rays.words->address(),
-            rays.environments ? rays.environments->address() : 0,
-            rays.counters->address() + rays.count_offset,
-            world_.roots(),
-            world_.nodes(),
-            world_.instances(),
-            world_.moves() ? world_.motions() : 0,
-            rays.scene,
-            rays.capacity,
-            world_.environment_count(),
-            rays.environments ? 1u : 0u};
+    return {.words = rays.words->address(),
+            .environments = rays.environments ? rays.environments->address() : 0,
+            .count = rays.counters->address() + rays.count_offset,
+            .roots = world_.roots(),
+            .nodes = world_.nodes(),
+            .instances = world_.instances(),
+            .motions = world_.moves() ? world_.motions() : 0,
+            .scene = rays.scene,
+            .capacity = rays.capacity,
+            .environment_count = world_.environment_count(),
+            .has_environments = rays.environments ? 1u : 0u};
   }
 
   uint32_t layout_, group_size_, spread_;

@@ -11,6 +11,12 @@
 namespace kuafu {
 namespace {
 
+static_assert(uint32_t(Shutter::Kind::global) == KUAFU_SHUTTER_GLOBAL && uint32_t(Shutter::Kind::rolling) == KUAFU_SHUTTER_ROLLING);
+static_assert(uint32_t(Shutter::Readout::rows_down) == KUAFU_READOUT_ROWS_DOWN &&
+              uint32_t(Shutter::Readout::rows_up) == KUAFU_READOUT_ROWS_UP &&
+              uint32_t(Shutter::Readout::columns_right) == KUAFU_READOUT_COLUMNS_RIGHT &&
+              uint32_t(Shutter::Readout::columns_left) == KUAFU_READOUT_COLUMNS_LEFT);
+
 std::string text(const char* name) { return name == nullptr ? "" : name; }
 
 /// Copies `count` elements of N scalars each; NULL gives none, and is an error where the array must be there.

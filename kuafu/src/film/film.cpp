@@ -15,9 +15,12 @@ constexpr uint32_t varying_kernels = 32;  // between the middle's variance and t
 
 double square(double x) { return x * x; }
 
+bool spreads(const Film& film) { return film.psf_sigma_px > 0.0 || film.psf_corner_sigma_px > 0.0; }
+bool limits_fireflies(const Film& film) { return film.firefly_factor > 0.0; }
+
 /// Puts the view's kernels behind `table` and says in `record` where they are.
 void add_kernels(const Film& film, FilmRecord& record, std::vector<float>& table) {
-  if (!film.spreads()) return;
+  if (!spreads(film)) return;
   const double middle = square(film.psf_sigma_px), corner = square(film.psf_corner_sigma_px);
   record.psf_corner_sigma_px = float(film.psf_corner_sigma_px);
   record.psf_radius = gaussian_radius(middle + corner);
@@ -32,9 +35,11 @@ void add_kernels(const Film& film, FilmRecord& record, std::vector<float>& table
 
 /// Bit film_*: the step changes the image of such a camera.
 uint32_t steps_of(const Film& film) {
-  return (film.vignettes() ? 1u << film_vignetting : 0) | (film.defocuses() ? 1u << film_defocus : 0) |
-         (film.spreads() ? 1u << film_psf_columns : 0) | (film.glares() ? 1u << film_veiling_glare : 0) |
-         (film.limits_fireflies() ? 1u << film_fireflies : 0);
+  const bool vignettes = film.vignetting_exponent != 0.0 || film.vignetting_polynomial != glm::dvec3(0.0);
+  const bool glares = film.veiling_glare_fraction > 0.0;
+  return (vignettes ? 1u << film_vignetting : 0) | (film.defocuses() ? 1u << film_defocus : 0) |
+         (spreads(film) ? 1u << film_psf_columns : 0) | (glares ? 1u << film_veiling_glare : 0) |
+         (limits_fireflies(film) ? 1u << film_fireflies : 0);
 }
 
 FilmRecord film_record(const View& view) {
@@ -65,7 +70,7 @@ uint32_t held_for_film(const Launch& launch) {
   for (const View& view : launch.views) {
     any = any || !view.film.is_neutral();
     defocus = defocus || view.film.defocuses();
-    fireflies = fireflies || view.film.limits_fireflies();
+    fireflies = fireflies || limits_fireflies(view.film);
   }
   uint32_t held = 0;
   for (uint32_t kind = output_radiance; any && kind < light_kind_end; ++kind)

@@ -41,7 +41,10 @@ glm::vec2 seconds_per_pixel(const Shutter& shutter) {
 }
 
 CameraPose camera_pose(const glm::dmat4& camera_to_world) {
-  return {glm::vec3(camera_to_world[3]), glm::vec3(camera_to_world[0]), glm::vec3(camera_to_world[1]), glm::vec3(camera_to_world[2])};
+  return {.origin = glm::vec3(camera_to_world[3]),
+          .axis_x = glm::vec3(camera_to_world[0]),
+          .axis_y = glm::vec3(camera_to_world[1]),
+          .axis_z = glm::vec3(camera_to_world[2])};
 }
 
 }  // namespace

@@ -32,11 +32,7 @@ struct Shutter {
 
 /// The optics between the light and the imager; neutral as made.
 struct Film : FilmFields {
-  [[nodiscard]] bool vignettes() const { return vignetting_exponent != 0.0 || vignetting_polynomial != glm::dvec3(0.0); }
-  [[nodiscard]] bool spreads() const { return psf_sigma_px > 0.0 || psf_corner_sigma_px > 0.0; }
   [[nodiscard]] bool defocuses() const { return defocus_lens_radius_m > 0.0; }
-  [[nodiscard]] bool glares() const { return veiling_glare_fraction > 0.0; }
-  [[nodiscard]] bool limits_fireflies() const { return firefly_factor > 0.0; }
 };
 
 }  // namespace kuafu

@@ -27,7 +27,7 @@ void main() {
   if (x >= push.x1 || y >= push.y1) return;
   uint row = (gl_WorkGroupID.z * push.height + y) * push.width;
   if (push.disparity.at[row + x] != push.invalid) return;
-  if (push.step == HOLES_GUESS) {
+  if (push.step == HOLES_PASS_GUESS) {
     push.parent.at[row + x] = floatBitsToUint(guess(row, x));
   } else {
     push.disparity.at[row + x] = uintBitsToFloat(push.parent.at[row + x]);

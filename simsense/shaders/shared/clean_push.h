@@ -13,9 +13,9 @@
 #define SPECKLE_PASSES 4u
 
 // Passes of the filling of holes.
-#define HOLES_GUESS 0u
-#define HOLES_WRITE 1u
-#define HOLES_PASSES 2u
+#define HOLES_PASS_GUESS 0u
+#define HOLES_PASS_WRITE 1u
+#define HOLES_PASS_COUNT 2u
 
 #ifdef __cplusplus
 namespace simsense {
@@ -35,7 +35,7 @@ struct CleanPush {
   uint width, height;
   uint maps;  // MAPS_*
   float invalid;
-  uint step;  // SPECKLE_* or HOLES_*: the pass of the speckle filter or of the filling
+  uint step;  // SPECKLE_* or HOLES_PASS_*: the pass of the speckle filter or of the filling
   float max_diff_px;
   uint max_size;
   uint filling;         // HOLES_*

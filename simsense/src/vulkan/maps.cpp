@@ -102,7 +102,13 @@ void VulkanMaps::store(ks::Commands& commands, const DeviceFrame& frame, const P
   const auto copy = [&](uint32_t output, uint32_t format, uint64_t address) {
     if (!address || in_place_address(frame.outputs[output], pairs, format)) return;
     RemapPush push{};
-    push.source = {address, format, 0, static_cast<int>(width_ * height_), static_cast<int>(width_), 1, 0};
+    push.source = {.address = address,
+                   .format = format,
+                   .first = 0,
+                   .batch_stride = static_cast<int>(width_ * height_),
+                   .row_stride = static_cast<int>(width_),
+                   .pixel_stride = 1,
+                   .component_stride = 0};
     push.target = frame.outputs[output]->ref(pairs.first);
     push.width = width_;
     push.height = height_;

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Effects: every built-in one obeys the laws, lawless ones are caught, and each does what its physics says."""
 
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -174,3 +176,9 @@ def test_the_expected_value_is_the_mean_of_exposures():
     inside = expected < 200
     assert np.abs((mean - expected)[inside]).mean() < 0.5
     assert (mean - expected)[inside].mean() == pytest.approx(0.0, abs=0.05)
+
+
+def test_stages_of_python_are_those_of_c():
+    header = (Path(__file__).resolve().parents[3] / "capi/include/ks/effect.h").read_text(encoding="utf-8")
+    in_c = {name: int(value) for name, value in re.findall(r"#define KS_STAGE_(\w+) (\d+)u", header)}
+    assert in_c == {stage.name: int(stage) for stage in Stage}
