@@ -36,15 +36,15 @@ _LEVER_M = 0.5
 class HandEye:
     """camera_to_gripper, board_to_base: 4x4. by_method: camera_to_gripper of each closed form. error: standard
     deviations of the turn (3, radians) and the translation (3, metres). spread: largest distance of a method from the
-    answer, metres and degrees. left_m, left_deg: RMS of what is left between the boards' places."""
+    answer, metres and degrees. residual_m, residual_deg: RMS distance between the boards' places."""
 
     camera_to_gripper: NDArray[np.float64]
     board_to_base: NDArray[np.float64]
     by_method: dict[str, NDArray[np.float64]]
     error: NDArray[np.float64]
     spread: tuple[float, float]
-    left_m: float
-    left_deg: float
+    residual_m: float
+    residual_deg: float
     poses: int
 
     def as_json(self) -> dict[str, object]:
@@ -54,7 +54,7 @@ class HandEye:
             "board_to_base": self.board_to_base.ravel().tolist(), "by_method": flat,
             "turn_error_rad": self.error[:3].tolist(), "translation_error_m": self.error[3:].tolist(),
             "poses": self.poses,
-            "left_m": self.left_m, "left_deg": self.left_deg,
+            "residual_m": self.residual_m, "residual_deg": self.residual_deg,
         }  # fmt: skip
 
     def text(self) -> str:
@@ -65,7 +65,7 @@ class HandEye:
             f"camera on gripper: {t[0]:.2f} ± {e[0]:.2f}, {t[1]:.2f} ± {e[1]:.2f}, {t[2]:.2f} ± {e[2]:.2f} mm, turn ± "
             f"{turn:.3f} deg (90 %), of {self.poses} poses"
         ]
-        lines.append(f"boards' places agree to {1e3 * self.left_m:.2f} mm, {self.left_deg:.3f} deg RMS")
+        lines.append(f"boards' places agree to {1e3 * self.residual_m:.2f} mm, {self.residual_deg:.3f} deg RMS")
         for name, pose in self.by_method.items():
             metres, degrees = difference(pose, self.camera_to_gripper)
             lines.append(f"  {name:11} {1e3 * metres:7.2f} mm {degrees:7.3f} deg from it")

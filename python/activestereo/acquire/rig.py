@@ -3,7 +3,7 @@
 board's pose.
 
 OpenCV's calibrateCamera and stereoCalibrate (Zhang 2000) give the start; a bundle adjustment over everything gives the
-answer and its covariance: J^T J over the variance of what is left, times 1.1 for what is not Gaussian about corners.
+answer and its covariance: J^T J over the variance of the residuals, times 1.1 for what is not Gaussian about corners.
 """
 
 from collections.abc import Callable
@@ -42,8 +42,8 @@ class BoardView:
 @dataclass(frozen=True)
 class Calibration:
     """K, distortion: by eye. left_to_right: 4x4. board_to_left: {view's name: 4x4}. error: standard deviations of {eye:
-    fx, fy, cx, cy} and of left_to_right's translation. rms_px: what is left. coverage: share of the picture's cells
-    that corners reach, by eye."""
+    fx, fy, cx, cy} and of left_to_right's translation. rms_px: of the residuals. coverage: share of the picture's
+    cells that corners reach, by eye."""
 
     size: tuple[int, int]
     K: dict[str, NDArray[np.float64]]
