@@ -71,7 +71,8 @@ FIELDS: dict[str, dict[str, Field]] = {
         "left_position_m": _numbers("left infrared camera", "m", 3, -10, 10),
         "right_position_m": _numbers("right infrared camera", "m", 3, -10, 10),
         "projector_position_m": _numbers("projector", "m", 3, -10, 10),
-        **_engine(MATCHER, "min_depth_m", "max_depth_m", "max_disparity"),
+        **_engine(MATCHER, "min_depth_m", "max_depth_m", least=0.0, most=1e6),
+        **_engine(MATCHER, "max_disparity"),
         "line_time_s": _numbers("rolling shutter of the infrared cameras, 0 = global", "s", 0, 0, 1),
     },
     "projector": {
@@ -100,12 +101,17 @@ FIELDS: dict[str, dict[str, Field]] = {
     "imager": {
         "responsivity_dn": _numbers("counts per W s / (sr m^2) at gain 1", "DN", 0, 1e-6, 1e12),
         "speckle_contrast": _numbers("laser speckle's standard deviation over its mean", "", 0, 0, 1),
-        **_engine(SIGNAL, "black_level_dn", "adc_noise_dn", "speckle_correlation", "speckle_psf_sigma_px"),
-        **_engine(SIGNAL, "conversion_gain_dn_per_e", least=1e-6),
+        **_engine(SIGNAL, "black_level_dn", "adc_noise_dn", least=-1000.0, most=65535.0),
+        **_engine(SIGNAL, "speckle_correlation", "speckle_psf_sigma_px"),
+        **_engine(SIGNAL, "conversion_gain_dn_per_e", least=1e-6, most=1e6),
         **_engine(SIGNAL, "prnu", most=1.0),
     },
     "optics": _engine(FILM, "vignetting_exponent", "psf_sigma_px", "firefly_factor"),
-    "room": _engine(RENDER, "ir_ambient_scale", "ir_ambient_radiance", "denoise"),
+    "room": {
+        **_engine(RENDER, "ir_ambient_scale", most=100.0),
+        **_engine(RENDER, "ir_ambient_radiance", most=1e6),
+        **_engine(RENDER, "denoise"),
+    },
     "matcher": _engine(MATCHER, "median_size"),
 }
 

@@ -8,7 +8,6 @@ import os
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +16,7 @@ import kuafu
 from activestereo.capture import EYES, Capture, Frame
 from activestereo.effects.core.descriptor import Randomness
 from activestereo.effects.core.engine import EngineInputs, apply_engine
-from activestereo.effects.core.model import Model
+from activestereo.effects.core.model import Model, Scales
 from activestereo.engines.capture_inputs import capture_inputs
 from activestereo.engines.halves import half_samples, half_seeds
 from activestereo.engines.imager import ExpectedImager
@@ -67,19 +66,6 @@ class _Job:
 
     inputs: EngineInputs
     frames: list[tuple[Frame, EngineInputs]]
-
-
-class Nuisances(Protocol):
-    """Counts per second, gain and unit of radiance of both kinds of light, and the black level."""
-
-    @property
-    def projector_scale(self) -> float: ...
-
-    @property
-    def ambient_scale(self) -> float: ...
-
-    @property
-    def black_dn(self) -> float: ...
 
 
 class CaptureRenderer:
@@ -159,7 +145,7 @@ class CaptureRenderer:
     def expected(
         self,
         model: Model,
-        nuisances: Nuisances,
+        nuisances: Scales,
         frames: Iterable[Frame] | None = None,
         survey: Survey | None = None,
         random: bool = False,
@@ -172,7 +158,7 @@ class CaptureRenderer:
         return {key: dn for frame in frames for key, dn in self.counts(frame, lights, model, nuisances, random).items()}
 
     def counts(
-        self, frame: Frame, lights: dict[Key, EyeLight], model: Model, nuisances: Nuisances, random: bool = False
+        self, frame: Frame, lights: dict[Key, EyeLight], model: Model, nuisances: Scales, random: bool = False
     ) -> dict[Key, NDArray[np.float32]]:
         """expected() of one frame from its lights: no ray is traced."""
         inputs = self.inputs(frame, model, random=random)
