@@ -17,7 +17,7 @@ export TSAN_OPTIONS="ignore_noninstrumented_modules=1:die_after_fork=0:second_de
 tests=(-R .)
 case "$kind:${2:-}" in
   thread:)
-    tests=(-R 'ThreadPool|Handles|Device\.|ComputeTest|CacheFile|Cancel|Submit|Fork|ThreadEnd|LiveScene\.ScenesAndRenderers|ImportProcess\.Threads|any_number_of_workers|any_thread_count|Rounds|^Engine|Signal\.|matcher_sizes|Imager\.Gives')
+    tests=(-R 'ThreadPool|HostThreads|HostMemory|HostServices|Handles|Device\.|ComputeTest|CacheFile|Cancel|Submit|Fork|ThreadEnd|LiveScene\.ScenesAndRenderers|ImportProcess\.Threads|any_number_of_workers|any_thread_count|Rounds|^Engine|Signal\.|matcher_sizes|Imager\.Gives')
     ;;
   thread:small)
     cmake --build "$tree" --target device_tests

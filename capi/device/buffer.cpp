@@ -79,12 +79,39 @@ void Buffer::allocate_host() {
          static_cast<ull>(physical_memory_bytes()));
   const uint64_t page = page_bytes();
   allocation_bytes_ = (size_bytes_ + page - 1) / page * page;
-  mapped_ = map_host_pages(allocation_bytes_);
+  if (device_->host_memory() != nullptr)
+    take_lent(allocation_bytes_, page);
+  else
+    mapped_ = map_host_pages(allocation_bytes_);
   owns_host_ = true;
+}
+
+void Buffer::take_lent(uint64_t bytes, uint64_t alignment) {
+  lent_ = device_->host_memory()->allocate(bytes, alignment);
+  lent_bytes_ = bytes;
+  lent_alignment_ = alignment;
+  std::memset(lent_, 0, bytes);
+  mapped_ = lent_;
+}
+
+void Buffer::allocate_lent() {
+  const uint64_t alignment = std::max(device_->host_pointer_alignment(), page_bytes());
+  const uint64_t heap_bytes = physical_memory_bytes();
+  if (size_bytes_ > heap_bytes)
+    fail(KS_ERROR_OUT_OF_DEVICE_MEMORY, "a buffer of %llu bytes does not fit the host's %llu bytes of memory",
+         static_cast<ull>(size_bytes_), static_cast<ull>(heap_bytes));
+  take_lent((size_bytes_ + alignment - 1) / alignment * alignment, alignment);
+  ks_buffer_desc desc = ks_buffer_desc_init();
+  desc.memory = KS_MEMORY_HOST;
+  desc.handle = reinterpret_cast<uintptr_t>(lent_);
+  desc.allocation_bytes = desc.size_bytes = lent_bytes_;
+  import_host_pages(desc);
 }
 
 void Buffer::allocate_vulkan(VkMemoryPropertyFlags preferred) {
   const VkExternalMemoryHandleTypeFlags exported = exported_handle_type();
+  if (exported == 0 && device_->is_cpu() && device_->host_memory() != nullptr && device_->host_pointer_alignment() != 0)
+    return allocate_lent();
   const bool host = (flags_ & KS_BUFFER_HOST_VISIBLE) || device_->is_cpu();
   const VkMemoryRequirements needs = make_vk_buffer(exported);
   memory_type_ = device_->memory_type(needs.memoryTypeBits, host ? host_coherent : 0, preferred);
@@ -163,9 +190,10 @@ void Buffer::clear() {
 
 Buffer::~Buffer() {
   if (owned_bytes_ > 0) device_->count_allocated(-int64_t(owned_bytes_));
-  if (owns_host_) unmap_host_pages(mapped_, allocation_bytes_);
+  if (owns_host_ && lent_ == nullptr) unmap_host_pages(mapped_, allocation_bytes_);
   if (buffer_ != VK_NULL_HANDLE) device_->vk().vkDestroyBuffer(device_->handle(), buffer_, nullptr);
   if (owns_memory_ && memory_ != VK_NULL_HANDLE) device_->vk().vkFreeMemory(device_->handle(), memory_, nullptr);
+  if (lent_ != nullptr) device_->host_memory()->deallocate(lent_, lent_bytes_, lent_alignment_);
 }
 
 void Buffer::check_range(uint64_t offset_bytes, uint64_t size_bytes, const char* what) const {

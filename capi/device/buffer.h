@@ -50,6 +50,10 @@ class Buffer {
   void check_range(uint64_t offset_bytes, uint64_t size_bytes, const char* what) const;
   void allocate_host();
   void allocate_vulkan(VkMemoryPropertyFlags preferred);
+  /// On a CPU device, in memory that the host lends.
+  void allocate_lent();
+  /// Zero-filled memory that the host lends.
+  void take_lent(uint64_t bytes, uint64_t alignment);
   void import_host(const ks_buffer_desc& desc);
   void import_host_pages(const ks_buffer_desc& desc);
   void import_fd(const ks_buffer_desc& desc, VkExternalMemoryHandleTypeFlagBits handle_type);
@@ -71,6 +75,8 @@ class Buffer {
   VkBufferUsageFlags extra_usage_ = 0;
   bool owns_host_ = false, owns_memory_ = true;
   void* mapped_ = nullptr;
+  void* lent_ = nullptr;  // by the host
+  uint64_t lent_bytes_ = 0, lent_alignment_ = 0;
 };
 
 /// Throws KS_ERROR_INVALID_ARGUMENT unless the view lies inside size_bytes; overflow-safe. Returns {first, one past last} byte touched.

@@ -83,7 +83,7 @@ std::shared_ptr<Device> Device::create(const ks_device_desc& desc, const char* l
     self->take_hosts(desc, library);
   else
     self->open_vulkan(desc, library);
-  self->workers_ = std::make_unique<ThreadPool>(desc.worker_count);
+  self->take_services(desc);
   self->log(KS_LOG_INFO, "device %s, driver %s, %u host threads", self->info_.name, self->info_.driver, self->workers_->size());
   return self;
 }
@@ -122,6 +122,17 @@ void Device::take_hosts(const ks_device_desc& desc, const char* library) {
   extensions_ = facts.extensions;
   volkLoadDeviceTable(&table_, device_);
   prepare_vulkan(desc, library, facts.properties);
+}
+
+void Device::take_services(const ks_device_desc& desc) {
+  ks_host_services host = ks_host_services_init();
+  if (desc.host != nullptr) host = read_struct(desc.host, KS_TYPE_HOST_SERVICES, "device desc: host");
+  if ((host.allocate == nullptr) != (host.deallocate == nullptr))
+    fail(KS_ERROR_INVALID_ARGUMENT, "device desc: host has %s, but no %s: give both or neither",
+         host.allocate != nullptr ? "allocate" : "deallocate", host.allocate != nullptr ? "deallocate" : "allocate");
+  if (host.allocate != nullptr) host_memory_ = std::make_unique<HostMemory>(host.allocate, host.deallocate, host.memory_user);
+  workers_ = host.parallel_for == nullptr ? std::make_unique<ThreadPool>(desc.worker_count)
+                                          : std::make_unique<ThreadPool>(desc.worker_count, host.parallel_for, host.parallel_user);
 }
 
 void Device::prepare_vulkan(const ks_device_desc& desc, const char* library, const VkPhysicalDeviceProperties& properties) {

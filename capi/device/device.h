@@ -15,6 +15,7 @@
 
 namespace ks {
 
+class HostMemory;
 class Instance;
 class LogSink;
 class PipelineCache;
@@ -74,6 +75,8 @@ class Device : public std::enable_shared_from_this<Device> {
   void check_alive(VkResult result, const char* what);
 
   [[nodiscard]] ThreadPool& workers() const { return *workers_; }
+  /// Memory that the host lends; nullptr where it lends none.
+  [[nodiscard]] HostMemory* host_memory() const { return host_memory_.get(); }
   void log(uint32_t level, const char* format, ...) const __attribute__((format(printf, 3, 4)));
 
   void count_copy(uint64_t bytes) { copied_bytes_ += bytes; }
@@ -88,6 +91,7 @@ class Device : public std::enable_shared_from_this<Device> {
   /// May call the log: never under the queue's mutex, which the caller's other threads may be waiting for.
   void save_pipelines();
   void take_hosts(const ks_device_desc& desc, const char* library);
+  void take_services(const ks_device_desc& desc);
   void take_facts(const PhysicalFacts& facts);
   void create_vk_device(const PhysicalFacts& facts);
   void prepare_vulkan(const ks_device_desc& desc, const char* library, const VkPhysicalDeviceProperties& properties);
@@ -117,6 +121,7 @@ class Device : public std::enable_shared_from_this<Device> {
   std::atomic<bool> lost_{false};
   std::atomic<uint64_t> copied_bytes_{0}, allocated_bytes_{0};
   std::unique_ptr<ThreadPool> workers_;
+  std::unique_ptr<HostMemory> host_memory_;
 };
 
 }  // namespace ks

@@ -4,9 +4,16 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
+#include <utility>
+
 #include "device/error.h"
 
 namespace ks {
+namespace {
+
+thread_local HostMemory* current_memory = nullptr;
+
+}  // namespace
 
 uint64_t page_bytes() { return static_cast<uint64_t>(sysconf(_SC_PAGESIZE)); }
 
@@ -24,5 +31,23 @@ void* map_host_pages(uint64_t size_bytes) {
 }
 
 void unmap_host_pages(void* pages, uint64_t size_bytes) { munmap(pages, size_bytes); }
+
+void* HostMemory::allocate(uint64_t size_bytes, uint64_t alignment_bytes) const {
+  using ull = unsigned long long;
+  void* memory = allocate_(user_, size_bytes, alignment_bytes);
+  if (memory == nullptr) fail(KS_ERROR_OUT_OF_HOST_MEMORY, "the host's allocate gave nothing for %llu bytes", static_cast<ull>(size_bytes));
+  if (reinterpret_cast<uintptr_t>(memory) % alignment_bytes != 0) {
+    deallocate(memory, size_bytes, alignment_bytes);
+    fail(KS_ERROR_INVALID_ARGUMENT, "the host's allocate gave %p, which is no multiple of the %llu bytes that were asked for", memory,
+         static_cast<ull>(alignment_bytes));
+  }
+  return memory;
+}
+
+HostMemory* HostMemory::current() { return current_memory; }
+
+HostMemory::Use::Use(HostMemory* memory) : before_(std::exchange(current_memory, memory)) {}
+
+HostMemory::Use::~Use() { current_memory = before_; }
 
 }  // namespace ks

@@ -58,6 +58,10 @@ void Interrupt::leave() const { fail(KS_ERROR_CANCELLED, "cancelled at %.0f %%",
 void Interrupt::watch(const std::function<void()>& fn) {
   Interrupt* const self = current();
   if (self == nullptr || std::this_thread::get_id() != self->caller_) return fn();
+  if (!self->may_start_thread_) {
+    const NoUnwinding barrier;
+    return fn();
+  }
   // Its destructor waits for the thread, whatever happens here.
   std::future<void> done = std::async(std::launch::async, [&] {
     const Adopted adopted(self);

@@ -31,6 +31,8 @@ class Interrupt {
   [[nodiscard]] bool requested() const { return requested_.load(std::memory_order_relaxed); }
   void request() { requested_.store(true, std::memory_order_relaxed); }
 
+  /// No thread is started for this call: watch() runs in the caller's.
+  void start_no_thread() { may_start_thread_ = false; }
   /// Runs fn on another thread while this one asks: for work that calls interruption_point too seldom on the caller's thread, or on none.
   static void watch(const std::function<void()>& fn);
 
@@ -54,7 +56,8 @@ class Interrupt {
   std::thread::id caller_ = std::this_thread::get_id();
   Interrupt* before_;
   std::atomic<bool> requested_{false};
-  float fraction_ = 0.0f;
+  bool may_start_thread_ = true;
+  std::atomic<float> fraction_{0.0f};  // written by the caller's thread, told by any
   std::chrono::steady_clock::time_point asked_ = std::chrono::steady_clock::now();
 };
 

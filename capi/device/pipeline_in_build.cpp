@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "device/interrupt.h"
+#include "device/thread_pool.h"
 
 namespace ks {
 namespace {
@@ -80,8 +81,9 @@ const ComputePipeline& PipelineInBuild::get(const std::shared_ptr<Device>& devic
           return pipeline;
         });
     building_ = task.get_future();
-    if (device->is_hosts())
-      task();  // nothing may use the host's VkDevice after the library's was released
+    // Nothing may use a host's VkDevice after the library's was released, and a host that lends threads wants no others.
+    if (device->is_hosts() || device->workers().is_hosts())
+      task();
     else
       Builders::get().start(std::move(task));
   }

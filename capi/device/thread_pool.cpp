@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "device/cancellation.h"
+#include "device/host_memory.h"
 #include "device/interrupt.h"
 
 namespace ks {
@@ -56,6 +57,7 @@ struct Job {
   const size_t count;
   Interrupt* const interrupt = Interrupt::current();
   std::atomic<size_t> next{0};
+  HostMemory* const memory = HostMemory::current();
   unsigned helper_count = 0;  // workers inside run(); guarded by the pool's mutex
   std::mutex failure_mutex;
   size_t failure_index = SIZE_MAX;
@@ -65,6 +67,7 @@ struct Job {
   void run() {
     const InTask inside;
     const Interrupt::Adopted adopted(interrupt);
+    const HostMemory::Use used(memory);
     for (size_t i = next++; i < count; i = next++) {
       try {
         interruption_point();
@@ -87,6 +90,9 @@ struct Job {
 }  // namespace
 
 struct ThreadPool::State {
+  ks_parallel_for_fn hosts = nullptr;
+  void* user = nullptr;
+  unsigned size = 1;
   std::mutex mutex;
   std::condition_variable work, idle;
   std::list<Job*> jobs;
@@ -122,19 +128,37 @@ struct ThreadPool::State {
   }
 };
 
-ThreadPool::ThreadPool(unsigned worker_count) : state_(std::make_unique<State>()) {
-  const unsigned count = worker_count == 0 ? usable_core_count() : worker_count;
-  state_->threads.reserve(count - 1);
-  for (unsigned i = 1; i < count; ++i) state_->threads.emplace_back([state = state_.get()] { state->serve(); });
+ThreadPool::ThreadPool(unsigned worker_count) : ThreadPool(worker_count, nullptr, nullptr) {
+  state_->threads.reserve(size() - 1);
+  for (unsigned i = 1; i < size(); ++i) state_->threads.emplace_back([state = state_.get()] { state->serve(); });
+}
+
+ThreadPool::ThreadPool(unsigned worker_count, ks_parallel_for_fn parallel_for, void* user) : state_(std::make_unique<State>()) {
+  state_->hosts = parallel_for;
+  state_->user = user;
+  state_->size = worker_count == 0 ? usable_core_count() : worker_count;
 }
 
 ThreadPool::~ThreadPool() = default;
 
-unsigned ThreadPool::size() const { return static_cast<unsigned>(state_->threads.size()) + 1; }
+unsigned ThreadPool::size() const { return state_->size; }
+
+bool ThreadPool::is_hosts() const { return state_->hosts != nullptr; }
 
 void ThreadPool::parallel_for(size_t count, const std::function<void(size_t)>& fn) {
   if (count == 0) return;
   Job job{fn, count};
+  if (is_hosts()) {
+    // Each task takes indices until none is left: the host may run fewer of them than it was given, or all in this thread.
+    if (count > 1 && !in_task) {
+      const NoUnwinding barrier;
+      state_->hosts(
+          state_->user, std::min<size_t>(count, size()), [](void* work, uint64_t) { static_cast<Job*>(work)->run(); }, &job);
+    }
+    job.run();
+    if (job.failure) std::rethrow_exception(job.failure);
+    return;
+  }
   const bool share = count > 1 && !in_task && !state_->threads.empty();
   if (share) {
     std::lock_guard lock(state_->mutex);

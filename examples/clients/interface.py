@@ -205,6 +205,7 @@ KS_CAP_TIMELINE_FD = 0x20
 KS_CAP_EXPORT_DMA_BUF = 0x40
 KS_CAP_IMPORT_DMA_BUF = 0x80
 KS_TYPE_VULKAN_DEVICE = 0x0a
+KS_TYPE_HOST_SERVICES = 0x0b
 KS_TYPE_DEVICE_DESC = 0x01
 KS_TYPE_DEVICE_INFO = 0x02
 KS_FORMAT_U8 = 1
@@ -619,6 +620,18 @@ class ks_vulkan_device(c.Structure):
     ]
 
 
+class ks_host_services(c.Structure):
+    type_id = KS_TYPE_HOST_SERVICES
+    _fields_ = [
+        ("header", ks_header),
+        ("parallel_for", c.c_void_p),
+        ("parallel_user", c.c_void_p),
+        ("allocate", c.c_void_p),
+        ("deallocate", c.c_void_p),
+        ("memory_user", c.c_void_p),
+    ]
+
+
 class ks_device_desc(c.Structure):
     type_id = KS_TYPE_DEVICE_DESC
     _fields_ = [
@@ -632,6 +645,7 @@ class ks_device_desc(c.Structure):
         ("log_user", c.c_void_p),
         ("cache_directory", c.c_char_p),
         ("vulkan", c.c_void_p),
+        ("host", c.c_void_p),
     ]
 
 

@@ -418,6 +418,17 @@ pub struct ks_vulkan_device {
 
 #[repr(C)]
 #[derive(Clone, Copy)]
+pub struct ks_host_services {
+    pub header: ks_header,
+    pub parallel_for: *mut c_void,
+    pub parallel_user: *const c_void,
+    pub allocate: *mut c_void,
+    pub deallocate: *mut c_void,
+    pub memory_user: *const c_void,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy)]
 pub struct ks_device_desc {
     pub header: ks_header,
     pub select: u32,
@@ -429,6 +440,7 @@ pub struct ks_device_desc {
     pub log_user: *const c_void,
     pub cache_directory: *const c_char,
     pub vulkan: *const c_void,
+    pub host: *const c_void,
 }
 
 #[repr(C)]
@@ -697,6 +709,7 @@ pub const KS_CAP_TIMELINE_FD: u32 = 0x20;
 pub const KS_CAP_EXPORT_DMA_BUF: u32 = 0x40;
 pub const KS_CAP_IMPORT_DMA_BUF: u32 = 0x80;
 pub const KS_TYPE_VULKAN_DEVICE: u32 = 0x0a;
+pub const KS_TYPE_HOST_SERVICES: u32 = 0x0b;
 pub const KS_TYPE_DEVICE_DESC: u32 = 0x01;
 pub const KS_TYPE_DEVICE_INFO: u32 = 0x02;
 pub const KS_FORMAT_U8: u32 = 1;

@@ -363,7 +363,14 @@ AT(ks_vulkan_device, api_version, 60, 4);
 AT(ks_vulkan_device, lock_queue, 64, 8);
 AT(ks_vulkan_device, lock_user, 72, 8);
 
-SIZE(ks_device_desc, 80);
+SIZE(ks_host_services, 56);
+AT(ks_host_services, parallel_for, 16, 8);
+AT(ks_host_services, parallel_user, 24, 8);
+AT(ks_host_services, allocate, 32, 8);
+AT(ks_host_services, deallocate, 40, 8);
+AT(ks_host_services, memory_user, 48, 8);
+
+SIZE(ks_device_desc, 88);
 AT(ks_device_desc, select, 16, 4);
 AT(ks_device_desc, index, 20, 4);
 AT(ks_device_desc, uuid, 24, 16);
@@ -373,6 +380,7 @@ AT(ks_device_desc, log, 48, 8);
 AT(ks_device_desc, log_user, 56, 8);
 AT(ks_device_desc, cache_directory, 64, 8);
 AT(ks_device_desc, vulkan, 72, 8);
+AT(ks_device_desc, host, 80, 8);
 
 SIZE(ks_device_info, 1104);
 AT(ks_device_info, name, 16, 256);

@@ -31,6 +31,7 @@ TEST(Structs, ExportedInitialisersAreTheInlineOnes) {
     expect_same(init, KS_TYPE_IMAGE_DESC, ks_image_desc_init());
     expect_same(init, KS_TYPE_SYNC, ks_sync_init());
     expect_same(init, KS_TYPE_VULKAN_DEVICE, ks_vulkan_device_init());
+    expect_same(init, KS_TYPE_HOST_SERVICES, ks_host_services_init());
   }
   expect_same(kuafu_struct_init, KUAFU_TYPE_MATERIAL_DESC, kuafu_material_desc_init());
   expect_same(kuafu_struct_init, KUAFU_TYPE_LIGHT_DESC, kuafu_light_desc_init(KUAFU_LIGHT_POINT));

@@ -34,7 +34,12 @@ void commit(RTCScene scene, size_t primitives) {
   ks::interruption_point();
   if (primitives < long_build) return rtcCommitScene(scene);
   rtcSetSceneProgressMonitorFunction(
-      scene, [](void* interrupt, double) { return interrupt == nullptr || !static_cast<ks::Interrupt*>(interrupt)->requested(); },
+      scene,
+      [](void* of_call, double) {
+        auto* const interrupt = static_cast<ks::Interrupt*>(of_call);
+        if (interrupt != nullptr) interrupt->ask_now_and_then();  // where it is built in the caller's thread
+        return interrupt == nullptr || !interrupt->requested();
+      },
       ks::Interrupt::current());
   ks::Interrupt::watch([&] { rtcCommitScene(scene); });
   rtcSetSceneProgressMonitorFunction(scene, nullptr, nullptr);

@@ -20,6 +20,7 @@ void Renderer::render(const std::shared_ptr<const Scene>& scene, const Launch& l
   parts_.paths.collect_times(*commands);  // those of a failed render
   commands->reset_stage_times();
   ks::Interrupt interrupt(launch.cancelled);
+  if (device()->workers().is_hosts()) interrupt.start_no_thread();
   launch.wait.wait_on_host();
   RenderRun run(parts_, launch, *commands);
   try {

@@ -2,6 +2,7 @@
 #include "cpu/calls.h"
 
 #include "device/device.h"
+#include "device/host_memory.h"
 
 namespace simsense {
 
@@ -9,6 +10,7 @@ CpuCalls::CpuCalls(std::shared_ptr<ks::Device> device, const PreparedRig& rig)
     : device_(std::move(device)), rig_(rig), stages_(rig, device_->workers()) {}
 
 void CpuCalls::compute(const ComputeRequest& request, const StageSettings& settings) {
+  const ks::HostMemory::Use lent(device_->host_memory());
   stages_.reset_times();
   HostFrame frame;
   open_frame(request, rig_, frame, [this](const ImageArgument& argument, const ImageShape& shape, const char* name) {
