@@ -110,7 +110,7 @@ def _wandered(
     def spread() -> np.ndarray:
         across, down = (length_m * per_m for per_m in view.once("pixels per metre below", lambda: _pixels_per_m(view)))
         lit = light.flat > _LEAST_LIT * light.flat.max()
-        entered = np.stack([np.where(lit, light.direct / np.where(lit, light.flat, 1.0), 0.0), lit])
+        entered = np.stack([np.where(lit, light.direct / np.where(lit, light.flat, 1.0), 0.0), lit]).astype(np.float32)
         blurred = (blur_along(blur_along(entered, width * across, -1), width * down, -2) for _, width in profile)
         return np.sum([weight * image for (weight, _), image in zip(profile, blurred, strict=True)], axis=0)
 

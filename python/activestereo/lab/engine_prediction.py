@@ -89,15 +89,15 @@ class EngineImages:
         )
         self._cache = LayerCache()
 
-    def __call__(self, model: Model, half: int | None = None) -> Mapping[Key, LightOnly]:
+    def __call__(self, model: Model, split: str, half: int | None = None) -> Mapping[Key, LightOnly]:
         renderer = self._draft if half is None else self._whole
-        key = _images_key(renderer, model, half)
+        frames, key = renderer.capture.split(split), _images_key(renderer, model, split, half)
         stored = self._cache.get_arrays(key)
         if stored is None:
-            seen = renderer.lights(model, half=half)
+            seen = renderer.lights(model, frames, half=half)
             stored = {f"{eye}_{id}": np.stack([x.direct, x.indirect, x.ambient]) for (id, eye), x in seen.items()}
             self._cache.put_arrays(key, stored)
-        return {(f.id, eye): LightOnly(*stored[f"{eye}_{f.id}"]) for f in renderer.capture.frames for eye in EYES}
+        return {(f.id, eye): LightOnly(*stored[f"{eye}_{f.id}"]) for f in frames for eye in EYES}
 
 
 class LightOnly(NamedTuple):
@@ -108,13 +108,13 @@ class LightOnly(NamedTuple):
     ambient: NDArray[np.float32]
 
 
-def _images_key(renderer: CaptureRenderer, model: Model, half: int | None) -> str:
+def _images_key(renderer: CaptureRenderer, model: Model, split: str, half: int | None) -> str:
     """Hash of all that decides the images: the capture, the code that renders, and what the effects do to it."""
     capture, digest = renderer.capture, hashlib.sha256()
     digest.update((capture.path / "capture.json").read_bytes())
     digest.update(scene_digest(capture.scene_path).encode())
     digest.update(np.ascontiguousarray(capture.rig.projector.pattern()).tobytes())
-    settings = renderer.samples_per_pixel, renderer.max_bounces, renderer.seed, half, SMOOTH_VERSION
+    settings = renderer.samples_per_pixel, renderer.max_bounces, renderer.seed, split, half, SMOOTH_VERSION
     digest.update(repr((settings, engine_version(renderer.device))).encode())
     for effect, parameters in model.effects:
         digest.update(repr((effect.id, sorted(parameters.items()))).encode())

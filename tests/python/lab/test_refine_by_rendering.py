@@ -63,10 +63,11 @@ def evidence(tmp_path_factory):
 def test_the_engines_images_find_the_parameter_that_the_formula_misses(evidence):
     calls = []
 
-    def rendering(model, half=None):
+    def rendering(model, split, half=None):
         amount = model.effects[0][1]["amount"] if model.effects else 0.0
-        calls.append(half)
-        lights = {o.key: brightened(Light.of(o.layers), o.view, amount, engine_law) for o in evidence.train}
+        calls.append((split, half))
+        seen = evidence.train if split == "train" else evidence.test
+        lights = {o.key: brightened(Light.of(o.layers), o.view, amount, engine_law) for o in seen}
         return {
             key: SimpleNamespace(direct=x.direct, indirect=x.indirect, ambient=x.ambient) for key, x in lights.items()
         }
@@ -78,7 +79,11 @@ def test_the_engines_images_find_the_parameter_that_the_formula_misses(evidence)
     assert abs(proposed.parameters["amount"].value - TRUTH) > 0.1 * TRUTH
     assert refined.parameters["amount"].value == pytest.approx(TRUTH, rel=0.03)
     assert refined.chi2 < 0.2 * proposed.chi2 and refined.effect.id == "glow"
-    assert calls.count(None) <= 7  # the base, then the effect and one step of it in each of three rounds
-    assert calls.count(0) == calls.count(1) == 2  # the base and the last, whole
+    assert calls.count(("train", None)) <= 7  # the base, then the effect and one step of it in each of three rounds
+    assert calls.count(("train", 0)) == calls.count(("train", 1)) == 2  # the base and the last, whole
+    assert not any(split == "test" for split, _ in calls)
     neutral = refined.effect(Light.of(evidence.train[0].layers), evidence.train[0].view, amount=0.0)
     assert np.array_equal(neutral.ambient, evidence.train[0].layers.ambient)
+    test = fitters.test.residuals(refined.solution)  # where they are asked for, test frames are rendered, too
+    assert max(np.abs(row.residual).max() for row in test) < 0.5
+    assert calls.count(("test", 0)) == calls.count(("test", 1)) == 2

@@ -4,7 +4,8 @@ them are looked at.
 
 A row's share of ambient light is linear in the sine and cosine of the flicker's phase at that row's time: per
 frequency and line time that is a regression on a few sums per row, with the ambient level beside them: what a fit
-without flicker took for it is the mean of a few phases.
+without flicker took for it is the mean of a few phases. Light is never negative: a wave larger than its own mean counts
+as one of that size, or slow waves of which frames show a few similar phases would pass for the level.
 """
 
 import numpy as np
@@ -27,19 +28,12 @@ def flicker_starts(images: list[StartImage]) -> list[dict[str, float]]:
     """Depth, frequency, phase and line time of the best few peaks for the flicker of ambient light."""
     rows, peaks = [_row_sums(image) for image in images], []
     for line_time in _LINE_TIMES_S:
-        gains, sine, cosine = _gains(rows, line_time)
+        gains, depths, phases = _gains(rows, line_time)
         best = int(gains.argmax())
-        peaks.append((gains[best], _FREQUENCIES_HZ[best], line_time, sine[best], cosine[best]))
+        peaks.append((gains[best], depths[best], _FREQUENCIES_HZ[best], phases[best], line_time))
     peaks.sort(reverse=True)
-    return [
-        {
-            "depth": np.hypot(sine, cosine),
-            "frequency_hz": frequency,
-            "phase_rad": np.arctan2(cosine, sine),
-            "line_time_s": line_time,
-        }
-        for _, frequency, line_time, sine, cosine in peaks[:_STARTS]
-    ]
+    names = "depth", "frequency_hz", "phase_rad", "line_time_s"
+    return [dict(zip(names, peak, strict=True)) for _, *peak in peaks[:_STARTS]]
 
 
 def _row_sums(image: StartImage) -> _RowSums:
@@ -48,7 +42,7 @@ def _row_sums(image: StartImage) -> _RowSums:
 
 
 def _gains(images: list[_RowSums], line_time: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(fall of chi2, amplitude of the sine, of the cosine) at every frequency.
+    """(fall of chi2, depth, phase in radians) at every frequency.
 
     Sums of squares and products of sine and cosine are those of twice the angle: of a row's wave exp(i angle) and of
     its square.
@@ -64,13 +58,18 @@ def _gains(images: list[_RowSums], line_time: float) -> tuple[np.ndarray, np.nda
         level = level + averaged * start * (rows @ strength)
     # Normal equations of sine and cosine after the level's share (Schur's complement).
     light = sum(strength.sum() for _, strength, _ in images) + 1e-30
-    product = product - level * (sum(moment.sum() for *_, moment in images) / light)
+    rest = sum(moment.sum() for *_, moment in images)
+    product = product - level * (rest / light)
     ss, cc, sc = 0.5 * (total - square.real), 0.5 * (total + square.real), 0.5 * square.imag
     ss, cc, sc = ss - level.imag**2 / light, cc - level.real**2 / light, sc - level.real * level.imag / light
     determinant = np.maximum(ss * cc - sc * sc, 1e-12 * (ss * cc + 1e-30))
     sine = (cc * product.imag - sc * product.real) / determinant
     cosine = (ss * product.real - sc * product.imag) / determinant
-    return sine * product.imag + cosine * product.real, sine, cosine
+    mean = np.maximum(1.0 + (rest - sine * level.imag - cosine * level.real) / light, 0.0)
+    amplitude = np.hypot(sine, cosine) + 1e-30
+    taken = np.minimum(mean / amplitude, 1.0)
+    fall = taken * (2.0 - taken) * (sine * product.imag + cosine * product.real)
+    return fall, np.minimum(amplitude / (mean + 1e-30), 1.0), np.arctan2(cosine, sine)
 
 
 def _row_waves(height: int, line_time: float) -> np.ndarray:

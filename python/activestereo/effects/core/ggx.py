@@ -23,11 +23,11 @@ def ior_of(reflectance: float) -> float:
 
 
 class Cosines(NamedTuple):
-    """Between normal (n), light (l), camera (v) and the half vector of these two (h); [...] each."""
+    """Between normal (n), light (l), camera (v) and the half vector of these two (h); [...] each, or a number."""
 
     n_h: np.ndarray
     n_l: np.ndarray
-    n_v: np.ndarray
+    n_v: np.ndarray | float
     h_v: np.ndarray
 
 
@@ -82,16 +82,13 @@ def _shares(roughness: float, ior: float) -> tuple[np.ndarray, np.ndarray]:
     quantile, angle = (np.arange(_RINGS) + 0.5) / _RINGS, (np.arange(_SPOKES) + 0.5) / _SPOKES * 2 * np.pi
     n_h = np.sqrt((1.0 - quantile) / (1.0 + (square - 1.0) * quantile))[:, None]
     side = np.sqrt(1.0 - n_h * n_h)
-    half = np.stack(np.broadcast_arrays(side * np.cos(angle), side * np.sin(angle), n_h), axis=-1)
+    across, density = side * np.cos(angle), square / (np.pi * (n_h * n_h * (square - 1.0) + 1.0) ** 2) * n_h
     shares = []
     for cosine in cosines:
-        view = np.array([np.sqrt(1.0 - cosine * cosine), 0.0, cosine])
-        v_h = half @ view
-        out = 2 * v_h[..., None] * half - view
+        v_h = across * np.sqrt(1.0 - cosine * cosine) + n_h * cosine
+        n_l = 2 * v_h * n_h - cosine
+        way = Cosines(n_h, np.clip(n_l, 0.0, 1.0), cosine, np.clip(v_h, 0.0, 1.0))
         # Density of the half vectors is D n_h, of the reflected ones that over 4 v_h.
-        density = square / (np.pi * (n_h * n_h * (square - 1.0) + 1.0) ** 2) * n_h / (4.0 * np.maximum(v_h, 1e-9))
-        way = cosines_of(np.array([0.0, 0.0, 1.0]), out, np.broadcast_to(view, out.shape))
-        radiance = highlight(way, roughness, ior)
-        weight = np.where((v_h > 0) & (out[..., 2] > 0), radiance * out[..., 2] / np.maximum(density, 1e-300), 0.0)
-        shares.append(weight.mean())
+        ratio = n_l * 4.0 * np.maximum(v_h, 1e-9) / np.maximum(density, 1e-300)
+        shares.append(np.where((v_h > 0) & (n_l > 0), highlight(way, roughness, ior) * ratio, 0.0).mean())
     return cosines, np.array(shares)

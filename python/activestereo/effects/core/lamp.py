@@ -84,20 +84,28 @@ def _lit(view: View, way: np.ndarray) -> np.ndarray:
     points = view.points()[::_EVERY_PX, ::_EVERY_PX].astype(np.float32)
     way = np.broadcast_to(way, view.points().shape)[::_EVERY_PX, ::_EVERY_PX].astype(np.float32)
     height, width = depth.shape
-    fx, fy = (view.K[i, i] / _EVERY_PX for i in (0, 1))
-    cx, cy = (view.K[i, 2] / _EVERY_PX for i in (0, 1))
+    K = view.K.astype(np.float32) / np.float32(_EVERY_PX)
+    # Pixel coordinates times depth are linear along a ray.
+    column_z, row_z, z = ((k * points[..., i] + c * points[..., 2]) for k, i, c in _projection(K))
+    column_step, row_step, z_step = ((k * way[..., i] + c * way[..., 2]) for k, i, c in _projection(K))
     shadowed = np.zeros(depth.shape, dtype=bool)
     for step in np.geomspace(_FIRST_STEP_M, _REACH_M, _STEPS).astype(np.float32):
-        at = points + step * way
-        z = np.maximum(at[..., 2], 1e-3)
-        column, row = np.rint(fx * at[..., 0] / z + cx).astype(int), np.rint(fy * at[..., 1] / z + cy).astype(int)
-        inside = (column >= 0) & (column < width) & (row >= 0) & (row < height) & (at[..., 2] > 0.05)
-        there = depth[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)]
-        behind = z - there
-        shadowed |= inside & (there > 0) & (behind > _BEHIND_SHARE * z + 0.25 * step) & (behind < _THICK_M)
+        along = z + step * z_step
+        at = np.maximum(along, np.float32(1e-3))
+        column = np.rint((column_z + step * column_step) / at).astype(np.int32)
+        row = np.rint((row_z + step * row_step) / at).astype(np.int32)
+        inside = (column >= 0) & (column < width) & (row >= 0) & (row < height) & (along > 0.05)
+        there = depth.take(np.where(inside, row * width + column, 0))
+        behind = at - there
+        shadowed |= inside & (there > 0) & (behind > _BEHIND_SHARE * at + 0.25 * step) & (behind < _THICK_M)
     soft = gaussian_filter((~shadowed).astype(np.float32), _SOFT_PX, mode="mirror")
     factors = [full / part for full, part in zip(view.shape, soft.shape, strict=True)]
     return zoom(soft, factors, np.float64, order=1, mode="nearest", grid_mode=True)
+
+
+def _projection(K: np.ndarray) -> tuple[tuple[np.float32, int, np.float32], ...]:
+    """Factor, index of a coordinate, and factor of z whose sum is column times z, row times z, and z itself."""
+    return (K[0, 0], 0, K[0, 2]), (K[1, 1], 1, K[1, 2]), (np.float32(1.0), 2, np.float32(0.0))
 
 
 def lamp_starts(images: list[StartImage]) -> list[dict[str, float]]:

@@ -315,6 +315,13 @@ class Gates:
     rendered: int = _earlier(
         2, "1", "number of explanations that are refined by rendering, where the engine can render them", "convention"
     )
+    near_size_share: float = _earlier(
+        0.5,
+        "1",
+        "share of the size that a name needs, which an effect's own formula must reach for it to be refined by "
+        "rendering",
+        "convention: formulas miss less than half of what they stand for",
+    )
     sized: int = _earlier(
         5, "1", "number of explanations for which the decrease of the error in DN is computed", "convention"
     )

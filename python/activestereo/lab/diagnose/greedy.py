@@ -69,22 +69,23 @@ def greedy(
 
 
 def _exceeds_formulas(bench: Bench, start: Ranking, ranking: Ranking, finding: Finding) -> bool:
-    """Whether a finding gains a practical size beyond what the formulas of earlier effects may have left of what they
-    explained, image by image: an image that these leave alone is none of their fault.
+    """Whether a finding gains more than the formulas of earlier effects may have left of what they explained: in all
+    images together, or by a practical size in those that the formulas leave alone, which are none of their fault.
 
     start: the ranking of the given model by the same weights.
     """
     if start is ranking:
         return True
-    gates, beyond = ranking.gates, 0.0
+    gates = ranking.gates
+    beyond = []
     for o in bench.evidence.train:
         tiles = np.unique(o.tile)
         first, before, after = (
             float(chi2[tiles].sum())
             for chi2 in (start.base.tile_chi2, ranking.base.tile_chi2, finding.explanation.tile_chi2)
         )
-        beyond += max(before - after - gates.formulas_share * max(first - before, 0.0), 0.0)
-    return beyond >= gates.smallest_gain_floors * ranking.pixels
+        beyond.append(before - after - gates.formulas_share * max(first - before, 0.0))
+    return sum(beyond) > 0.0 or sum(max(x, 0.0) for x in beyond) >= gates.smallest_gain_floors * ranking.pixels
 
 
 def _without_drift(bench: Bench, bases: BaseFits, base: BaseFit) -> tuple[Bench, BaseFits]:

@@ -40,7 +40,7 @@ from activestereo.lab.diagnose.score.likelihood import design_effect, frame_cons
 from activestereo.lab.diagnose.score.occam import choice_nats, is_at_end, occam_nats
 from activestereo.lab.diagnose.score.steadiness import uneven_structure, unsteady_floors
 from activestereo.lab.diagnose.score.structure import local_structure
-from activestereo.lab.diagnose.verdict.acceptance import is_significant, passes
+from activestereo.lab.diagnose.verdict.acceptance import comes_near, is_significant, passes
 from activestereo.lab.diagnose.verdict.completeness import is_unexplained
 from activestereo.lab.diagnose.verdict.confidence import confidences, equivalents
 from activestereo.progress_bar import part_of
@@ -201,7 +201,7 @@ def _own_score(e: Explanation) -> Score:
 
 def _rendered(bench: Bench, ranking: Ranking) -> Ranking:
     """The ranking with its likeliest effects of light transport refined by the engine's own images: the first,
-    then those that still come near it.
+    then those that still come near it, where they come near the size that a name needs.
     """
     if bench.rendering is None:
         return ranking
@@ -211,7 +211,8 @@ def _rendered(bench: Bench, ranking: Ranking) -> Ranking:
     explained = {f.id: f.explanation for f in ranking.findings}
     for f in hopeful[: gates.rendered]:
         best = max(ranking.base.chi2 - e.chi2 for e in explained.values())
-        if _is_transport(f.effect) and ranking.base.chi2 - f.chi2 >= gates.close_share * best:
+        is_close = ranking.base.chi2 - f.chi2 >= gates.close_share * best
+        if _is_transport(f.effect) and is_close and comes_near(ranking, _with_size(bench, ranking, f)):
             explained[f.id] = refined_by_rendering(bench.fitters.train, f.explanation, bench.rendering)
     return _scored(bench, ranking.base, list(explained.values()))
 
@@ -235,17 +236,15 @@ def _sized(bench: Bench, ranking: Ranking) -> list[Finding]:
     """The findings, the best few with the fall of the error in DN as it is."""
     likely = _by_nats(f for f in ranking.findings if f.solution is not None and is_significant(ranking, f))
     chosen = {f.id for f in likely[: ranking.gates.sized]}
-    floor = _floor_square(bench)
-    before = _square(ranking.base.train)
+    return [_with_size(bench, ranking, f) if f.id in chosen else f for f in ranking.findings]
 
-    def sized(f: Finding) -> Finding:
-        if f.id not in chosen:
-            return f
-        fall = before - _square(bench.fitters.train.residuals(f.fitted))
-        share = fall / max(before - floor, 1e-9 * floor)
-        return replace(f, checks=replace(f.checks, plain_share=share, plain_floors=fall / floor))
 
-    return [sized(f) for f in ranking.findings]
+def _with_size(bench: Bench, ranking: Ranking, finding: Finding) -> Finding:
+    """A finding with the fall of the error in DN as it is."""
+    floor, before = _floor_square(bench), _square(ranking.base.train)
+    fall = before - _square(bench.fitters.train.residuals(finding.fitted))
+    share = fall / max(before - floor, 1e-9 * floor)
+    return replace(finding, checks=replace(finding.checks, plain_share=share, plain_floors=fall / floor))
 
 
 def _simplified(bench: Bench, ranking: Ranking) -> Ranking:

@@ -38,12 +38,11 @@ _Likely = TypeVar("_Likely", "_Scanned", "_Approached")
 
 @dataclass(frozen=True)
 class _Scanned:
-    """gain: relative fall of chi2. neutral: chi2 without the effect. found: where fits start."""
+    """gain: relative fall of chi2. found: where fits start."""
 
     gain: float
     effect: Effect
     space: ParameterSpace
-    neutral: float
     found: tuple[Start, ...]
 
 
@@ -75,6 +74,9 @@ class ExpectedImageChannel(JudgingChannel):
     ) -> None:
         self._fitters, self._base, self._gates, self._workers = fitters, base, gates, workers
         self._earlier = earlier or {}
+        # chi2 of the scan's images without the effect.
+        space, scan = ParameterSpace.of(base.model).starting_at(base.solution.theta), fitters.scan
+        self._neutral = scan.nuisance_fit(space, space.start, base.solution.phi, scan.lights(space, space.start), 1)[1]
 
     def explain(self, effects: Sequence[Effect], progress: Progress | None = None) -> list[Explanation | NotRanked]:
         gates, steps = self._gates, _Steps(progress)
@@ -97,17 +99,16 @@ class ExpectedImageChannel(JudgingChannel):
         """A coarse scan; None where there is nothing to see."""
         base, scan = self._base.solution, self._fitters.scan
         space = ParameterSpace.of(self._base.model, effect).starting_at(base.theta)
-        neutral = scan.nuisance_fit(space, space.start, base.phi, scan.lights(space, space.start), 1)[1]
-        tried = starts(scan, space, effect, base.phi, self._earlier.get(effect.id))
-        found = tuple(s for s in tried if s.chi2 < _HOPELESS_START * neutral)
-        return _Scanned(1.0 - found[0].chi2 / neutral, effect, space, neutral, found) if found else None
+        limit = _HOPELESS_START * self._neutral
+        found = tuple(starts(scan, space, effect, base.phi, limit, self._earlier.get(effect.id)))
+        return _Scanned(1.0 - found[0].chi2 / self._neutral, effect, space, found) if found else None
 
     def _approached(self, scanned: _Scanned) -> _Approached | None:
         """The best fit to the scan's images; None where it gains nothing."""
         scan = self._fitters.scan
         fits = [scan.refine(scanned.space, s.theta, s.phi, _SCAN_STEPS) for s in scanned.found]
         best = on_explained(scan, min(fits, key=lambda fit: fit.sums.total), _SCAN_STEPS)
-        gain = 1.0 - best.sums.total / scanned.neutral
+        gain = 1.0 - best.sums.total / self._neutral
         return _Approached(gain, scanned.effect, best) if gain > self._gates.worth_polishing else None
 
     def _polished(self, job: tuple[bool, _Approached]) -> Explanation:

@@ -11,7 +11,7 @@ from itertools import product
 
 import numpy as np
 
-from activestereo.effects import Effect, Parameter, Stage
+from activestereo.effects import Effect, Light, Parameter, Stage
 from activestereo.effects.core.judging import StartImage
 from activestereo.effects.core.model import scales
 from activestereo.lab.diagnose.evidence import Observation
@@ -66,9 +66,14 @@ def scan_observations(observations: Sequence[Observation], seed: int = 0) -> tup
 
 
 def starts(
-    fitter: Fitter, space: ParameterSpace, candidate: Effect, phi: np.ndarray, alone: np.ndarray | None = None
+    fitter: Fitter,
+    space: ParameterSpace,
+    candidate: Effect,
+    phi: np.ndarray,
+    limit: float,
+    alone: np.ndarray | None = None,
 ) -> list[Start]:
-    """The best few Starts of a scan, best first.
+    """The best few Starts of a scan with a chi2 below the limit, best first.
 
     alone: the candidate's parameters as fitted without the effect that was added before it, or None. That effect is
     then scanned beside them and beside a part of them, too: it may have been fitted to what is the candidate's.
@@ -87,16 +92,37 @@ def starts(
     rounds = 1 if stage <= Stage.OPTICS else 3
     moves_light = space.in_light[min(index[0] for index, _ in tried) :].any()
     fixed_lights = None if moves_light else fitter.lights(space, space.start)
-    scored = []
+    on_some = bool(space.given[first:].any())
+    scored: list[Start] = []
     for index, values in tried:
         theta = space.start.copy()
         theta[index] = np.clip(values, space.low[index], space.high[index])
-        lights = fixed_lights or fitter.lights(space, theta)
-        phi_here, chi2 = fitter.nuisance_fit(space, theta, phi, lights, rounds)
-        scored.append(Start(chi2, theta, phi_here))
-    if space.given[first:].any():
+        # What fits no surface well may fit some of them.
+        least = np.inf if on_some else _least_wanted(scored, limit)
+        scored.append(_start(fitter, space, theta, phi, fixed_lights, rounds, least))
+    if on_some:
         scored += _on_some_surfaces(fitter, space, scored, phi, rounds)
-    return sorted(scored, key=lambda start: start.chi2)[:_STARTS]
+    return sorted((s for s in scored if s.chi2 < limit), key=lambda start: start.chi2)[:_STARTS]
+
+
+def _least_wanted(scored: Sequence[Start], limit: float) -> float:
+    """The chi2 that another start has to fall below to be one of the best few."""
+    best = sorted(start.chi2 for start in scored)[:_STARTS]
+    return min(limit, best[-1]) if len(best) == _STARTS else limit
+
+
+def _start(
+    fitter: Fitter,
+    space: ParameterSpace,
+    theta: np.ndarray,
+    phi: np.ndarray,
+    lights: Sequence[Light] | None,
+    rounds: int,
+    limit: float = np.inf,
+) -> Start:
+    """The Start at theta; lights: those at theta, where they are known."""
+    phi_here, chi2 = fitter.nuisance_fit(space, theta, phi, lights or fitter.each_light(space, theta), rounds, limit)
+    return Start(chi2, theta, phi_here)
 
 
 def _own_points(fitter: Fitter, space: ParameterSpace, candidate: Effect, phi: np.ndarray) -> list[np.ndarray]:
@@ -130,8 +156,7 @@ def _on_some_surfaces(
         changed = start.theta.copy()
         changed[space.given] = explained_surfaces(fitter, space, start.theta, phi, without)
         if changed[space.given].any():
-            phi_here, chi2 = fitter.nuisance_fit(space, changed, phi, fitter.lights(space, changed), rounds)
-            out.append(Start(chi2, changed, phi_here))
+            out.append(_start(fitter, space, changed, phi, None, rounds))
     return out
 
 

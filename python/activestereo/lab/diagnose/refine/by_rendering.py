@@ -5,11 +5,13 @@ function only proposed.
 An effect's image function is a surrogate. Around its solution the engine renders the effect, and the effect with each
 parameter one step further, all poses in one call with the same random numbers: what changes is the effect, not the
 noise. The differences from the render without the effect stand for it from then on, linear in its parameters near the
-solution; they are rendered anew as the solution moves. The search looks at drafts; what it ends with is rendered whole.
+solution; they are rendered anew as the solution moves. The search looks at drafts of the train frames; what it ends
+with is rendered whole. Test frames are rendered where they are asked for, which is for what is added to a model alone.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -49,41 +51,84 @@ class RenderedLight(Protocol):
 
 
 class Rendering(Protocol):
-    """Renders every frame of a capture under a model, with the same random numbers in every call. half: 0 or 1, one of
-    two independent halves of the samples; None: a draft, with fewer samples.
+    """Renders the frames of a capture's split, "train" or "test", under a model, with the same random numbers in every
+    call. half: 0 or 1, one of two independent halves of the samples; None: a draft, with fewer samples.
     """
 
-    def __call__(self, model: Model, half: int | None = None) -> Mapping[Key, RenderedLight]: ...
+    def __call__(self, model: Model, split: str, half: int | None = None) -> Mapping[Key, RenderedLight]: ...
 
 
 _Images = dict[Key, np.ndarray]
+_TRAIN, _TEST = "train", "test"
+
+
+@dataclass(frozen=True)
+class _Change:
+    """What an effect changes of the light, [3][height][width] of each image. without: images without it, as far as
+    they were asked for.
+    """
+
+    effect: Effect
+    rendering: Rendering
+    without: dict[tuple[str, int | None], _Images] = field(default_factory=dict)
+
+    def at(self, theta: np.ndarray, split: str, half: int | None = None) -> _Images:
+        """The change by one half of the samples, or of a draft."""
+        named = {p.name: float(np.clip(v, p.low, p.high)) for p, v in zip(self.effect.parameters, theta, strict=True)}
+        images = _images(self.rendering(Model().with_effect(self.effect, **named), split, half))
+        if (split, half) not in self.without:
+            self.without[split, half] = _images(self.rendering(Model(), split, half))
+        return {key: image - self.without[split, half][key] for key, image in images.items()}
+
+    def slopes(self, theta: np.ndarray, steps: np.ndarray, split: str, here: _Images) -> tuple[_Images, ...]:
+        """How drafts change by step along each parameter, 0: along none. here: the change at theta."""
+        found: list[_Images] = []
+        for j, step in enumerate(steps):
+            there = self.at(np.where(np.arange(len(theta)) == j, theta + step, theta), split) if step else {}
+            found.append({key: (image - here[key]) / step for key, image in there.items()})
+        return tuple(found)
 
 
 @dataclass(frozen=True)
 class _Rendered:
-    """An effect's change of light, rendered at theta and one step further along each free parameter:
-    [3][height][width] each. halves: the change by either half of the samples; none of a draft.
+    """An effect whose image function is its change as rendered at theta, with slopes: of the train frames. steps: of
+    the slopes, for the test frames'.
     """
 
-    effect: Effect
+    rendered: _Change
     theta: np.ndarray
+    steps: np.ndarray
     change: _Images
     slopes: tuple[_Images, ...]
-    halves: tuple[_Images, ...] = ()
 
     def emulated(self) -> Effect:
         """The effect with these images for its image function; neutral amplitudes change nothing."""
-        return replace(self.effect, apply=self._apply)
+        return replace(self.rendered.effect, apply=self._apply)
+
+    @cached_property
+    def _test(self) -> tuple[tuple[_Images, _Images], tuple[_Images, ...]]:
+        """(the change of the test frames by either half of the samples, its slopes)."""
+        first, second = (self.rendered.at(self.theta, _TEST, half) for half in HALVES)
+        draft = self.rendered.at(self.theta, _TEST)
+        return (first, second), self.rendered.slopes(self.theta, self.steps, _TEST, draft)
+
+    def _of_view(self, view: View) -> tuple[np.ndarray, list[np.ndarray | None]]:
+        """(the change at theta, its slopes) of one image."""
+        key = view.frame.id, view.eye
+        if key in self.change:
+            return self.change[key], [slope.get(key) for slope in self.slopes]
+        halves, slopes = self._test
+        change = 0.5 * (halves[0][key] + halves[1][key]) if view.half is None else halves[view.half][key]
+        return change, [slope.get(key) for slope in slopes]
 
     def _apply(self, light: Light, view: View, **values: float) -> Light:
-        given = np.array([values[p.name] for p in self.effect.parameters])
-        if _is_off(self.effect, given):
+        given = np.array([values[p.name] for p in self.rendered.effect.parameters])
+        if _is_off(self.rendered.effect, given):
             return light
-        key = view.frame.id, view.eye
-        change = (self.change if view.half is None or not self.halves else self.halves[view.half])[key]
-        for away, slope in zip(given - self.theta, self.slopes, strict=True):
-            if away and slope:
-                change = change + away * slope[key]
+        change, slopes = self._of_view(view)
+        for away, slope in zip(given - self.theta, slopes, strict=True):
+            if away and slope is not None:
+                change = change + away * slope
         direct, indirect, ambient = (
             np.maximum(old + new, 0.0)
             for old, new in zip((light.direct, light.indirect, light.ambient), change, strict=True)
@@ -105,11 +150,13 @@ def refined_by_rendering(fitter: Fitter, explanation: Explanation, rendering: Re
     """
     effect, start = explanation.effect, explanation.fitted
     own = slice(len(start.theta) - len(effect.parameters), None)
-    without = _images(rendering(Model()))
-    theta, phi, steps, slopes = start.theta, start.phi, _steps(effect, start.theta[own]), None
+    change = _Change(effect, rendering)
+    theta, phi, steps = start.theta, start.phi, _steps(effect, start.theta[own])
+    slopes: tuple[_Images, ...] = ()
     for _ in range(_ROUNDS):
-        rendered = _draft(effect, theta[own], steps, rendering, without, slopes)
-        space = _with_effect(start.space, rendered.emulated())
+        draft = change.at(theta[own], _TRAIN)
+        slopes = slopes or change.slopes(theta[own], steps, _TRAIN, draft)
+        space = _with_effect(start.space, _Rendered(change, theta[own], steps, draft, slopes).emulated())
         solution = fitter.refine(space, theta, phi, _STEPS)
         reach = np.abs(steps)
         moved = np.clip(solution.theta[own], theta[own] - _TRUSTED * reach, theta[own] + _TRUSTED * reach)
@@ -117,8 +164,8 @@ def refined_by_rendering(fitter: Fitter, explanation: Explanation, rendering: Re
         theta, phi = np.concatenate([solution.theta[: own.start], moved]), solution.phi
         if (distance <= _SETTLED * reach).all():
             break
-        steps, slopes = _steps(effect, moved), rendered.slopes if (distance <= _NEAR * reach).all() else None
-    final = _whole(effect, theta[own], rendering, rendered.slopes)
+        steps, slopes = _steps(effect, moved), slopes if (distance <= _NEAR * reach).all() else ()
+    final = _whole(change, theta[own], steps, slopes)
     solution = fitter.refine(_with_effect(start.space, final.emulated()), theta, phi, 1)
     chi2 = cross_validated(fitter, solution)
     if chi2 >= explanation.chi2:
@@ -149,47 +196,11 @@ def _steps(effect: Effect, values: np.ndarray) -> np.ndarray:
     return np.array(out)
 
 
-def _whole(effect: Effect, values: np.ndarray, rendering: Rendering, slopes: tuple[_Images, ...]) -> _Rendered:
+def _whole(change: _Change, theta: np.ndarray, steps: np.ndarray, slopes: tuple[_Images, ...]) -> _Rendered:
     """Of all samples. slopes: those of values near by."""
-    model = _model_at(effect, values)
-    first, second = (_change(_images(rendering(model, half)), _images(rendering(Model(), half))) for half in HALVES)
+    first, second = (change.at(theta, _TRAIN, half) for half in HALVES)
     mean = {key: 0.5 * (image + second[key]) for key, image in first.items()}
-    return _Rendered(effect, values, mean, slopes, (first, second))
-
-
-def _model_at(effect: Effect, values: np.ndarray) -> Model:
-    named = {p.name: float(np.clip(v, p.low, p.high)) for p, v in zip(effect.parameters, values, strict=True)}
-    return Model().with_effect(effect, **named)
-
-
-def _change(images: _Images, without: _Images) -> _Images:
-    return {key: image - without[key] for key, image in images.items()}
-
-
-def _draft(
-    effect: Effect,
-    values: np.ndarray,
-    steps: np.ndarray,
-    rendering: Rendering,
-    without: _Images,
-    slopes: tuple[_Images, ...] | None = None,
-) -> _Rendered:
-    """slopes: those of values near by, None for new ones."""
-
-    def at(theta: np.ndarray) -> _Images:
-        return _change(_images(rendering(_model_at(effect, theta))), without)
-
-    here = at(values)
-    if slopes is not None:
-        return _Rendered(effect, values, here, slopes)
-    found: list[_Images] = []
-    for j, step in enumerate(steps):
-        if step == 0.0:
-            found.append({})
-            continue
-        there = at(np.where(np.arange(len(values)) == j, values + step, values))
-        found.append({key: (there[key] - here[key]) / step for key in here})
-    return _Rendered(effect, values, here, tuple(found))
+    return _Rendered(change, theta, steps, mean, slopes)
 
 
 def _images(lights: Mapping[Key, RenderedLight]) -> _Images:

@@ -7,7 +7,7 @@ never extrapolated.
 """
 
 from collections import OrderedDict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple, TypeVar
@@ -15,7 +15,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from activestereo.effects import Light, Model
-from activestereo.lab.diagnose.evidence.observation import Evidence, Observation
+from activestereo.lab.diagnose.evidence.observation import FOLDS, Evidence, Observation
 from activestereo.lab.diagnose.refine.light import DENSE, SCALES, AllPixels, LightMemory, exposed
 from activestereo.lab.diagnose.refine.normal_equations import Pixels, Sums
 from activestereo.lab.diagnose.refine.parameter_space import ParameterSpace, Solution
@@ -26,6 +26,8 @@ _PRIOR_RANGES = 3.0
 _HELD_RANGES = 1e-7
 # Levenberg's damping: its start, its growth and fall, and where a fit gives up.
 _DAMPING, _DAMPING_STEP, _LEAST_RAISED, _MOST_DAMPING = 1e-3, 10.0, 1e-2, 10.0
+# chi2 per pixel that no model is expected to go below: the noise is known to a few percent.
+_LEAST_CHI2 = 0.9
 # Solutions whose images are remembered.
 _REMEMBERED = 12
 _SomePixels = TypeVar("_SomePixels", Pixels, AllPixels)
@@ -43,7 +45,8 @@ class ImageResidual(NamedTuple):
 class Fitter:
     """Fits over given observations.
 
-    held_sigma: prior deviations of the nuisances that have one. fine=False: warps look up pixels alone.
+    held_sigma: prior deviations of the nuisances that have one. fine=False, for scans: warps look up pixels alone, and
+    sums are of no folds.
     """
 
     def __init__(
@@ -63,15 +66,19 @@ class Fitter:
 
     @cached_property
     def _pixels(self) -> list[Pixels]:
-        return [Pixels(o, self.materials) for o in self.observations]
+        return [Pixels(o, self.materials, FOLDS if self._fine else 1) for o in self.observations]
 
     def phi0(self, nuisances: Nuisances) -> np.ndarray:
         return np.concatenate([nuisances.vector(), np.zeros(len(self._held_sigma))])
 
     def lights(self, space: ParameterSpace, theta: np.ndarray) -> list[Light]:
         """The Light of every observation."""
+        return list(self.each_light(space, theta))
+
+    def each_light(self, space: ParameterSpace, theta: np.ndarray) -> Iterator[Light]:
+        """The same, each made where it is asked for."""
         model = space.model(theta)
-        return [self._lights(model, i, self._fine) for i in range(len(self.observations))]
+        return (self._lights(model, i, self._fine) for i in range(len(self.observations)))
 
     def residuals(self, solution: Solution) -> list[ImageResidual]:
         """Every observation under a solution; the last few solutions' are remembered."""
@@ -89,23 +96,27 @@ class Fitter:
             yield ImageResidual(o, image, dots, o.measured - image)
 
     def chi2(self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray, lights: Sequence[Light]) -> float:
-        model, total = space.model(theta), 0.0
-        for pixels, light in zip(self._pixels, lights, strict=True):
-            image = exposed(model, pixels, light, phi)[0]
-            rest = (pixels.measured - _with_focal(image, pixels, phi)) * pixels.root_weight
-            total += float(rest @ rest)
-        return total + float(((phi[SCALES:] / self._held_sigma) ** 2).sum())
+        return self._chi2(self._rests(space, theta, phi, lights), phi)
+
+    def _rests(
+        self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray, lights: Sequence[Light]
+    ) -> list[np.ndarray]:
+        """What (theta, phi) leaves of each observation's pixels, DN."""
+        model = space.model(theta)
+        return [
+            pixels.measured - _with_focal(exposed(model, pixels, light, phi)[0], pixels, phi)
+            for pixels, light in zip(self._pixels, lights, strict=True)
+        ]
+
+    def _chi2(self, rests: Sequence[np.ndarray], phi: np.ndarray) -> float:
+        squares = sum(float(((r * p.root_weight) ** 2).sum()) for p, r in zip(self._pixels, rests, strict=True))
+        return squares + float(((phi[SCALES:] / self._held_sigma) ** 2).sum())
 
     def linearise(
-        self,
-        space: ParameterSpace,
-        theta: np.ndarray,
-        phi: np.ndarray,
-        lights: Sequence[Light],
-        free_theta: bool = True,
+        self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray, lights: Sequence[Light]
     ) -> Sums:
-        """Sums at (theta, phi). Columns: theta (if free), then phi."""
-        n_theta = len(theta) if free_theta else 0
+        """Sums at (theta, phi). Columns: theta, then phi."""
+        n_theta = len(theta)
         sums = Sums.of_size(n_theta + len(phi), self._tiles)
         for pixels, columns, residual in self._slopes(self._pixels, space, theta, phi, lights, n_theta):
             sums.add(pixels, columns, residual, n_theta, phi)
@@ -128,7 +139,7 @@ class Fitter:
         space: ParameterSpace,
         theta: np.ndarray,
         phi: np.ndarray,
-        lights: Sequence[Light],
+        lights: Iterable[Light],
         n_theta: int,
     ) -> Iterator[tuple[_SomePixels, list[np.ndarray], np.ndarray]]:
         """slopes() over Pixels: (Pixels, derivatives [n] each, residual [n])."""
@@ -195,19 +206,31 @@ class Fitter:
         return np.concatenate([1.0 / width**2, np.zeros(SCALES), 1.0 / self._held_sigma**2])
 
     def nuisance_fit(
-        self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray, lights: Sequence[Light], rounds: int
+        self,
+        space: ParameterSpace,
+        theta: np.ndarray,
+        phi: np.ndarray,
+        lights: Iterable[Light],
+        rounds: int,
+        limit: float = np.inf,
     ) -> tuple[np.ndarray, float]:
-        """phi refitted at fixed theta, and chi2; with rounds = 1 the model is taken to be linear in phi."""
+        """phi refitted at fixed theta, and chi2.
+
+        With rounds = 1 the model is taken to be linear in phi, and lights are asked for one by one until chi2 is sure
+        to exceed the limit; it is infinite then. With more rounds the slopes are those of the first one.
+        """
         if rounds == 1:
-            sums = self.linearise(space, theta, phi, lights, free_theta=False)
-            step = self.solve(sums, phi, 0, space, theta, 1e-9)
-            gram, moment = sums.gram.sum(0), sums.moment.sum(0)
-            return phi + step, sums.total - 2.0 * step @ moment + step @ gram @ step
-        chi2 = np.inf
+            return self._linear_fit(space, theta, phi, lights, limit)
+        lights, chi2 = list(lights), np.inf
+        slopes = list(self._slopes(self._pixels, space, theta, phi, lights, 0))
+        columns, residuals = [c for _, c, _ in slopes], [r for *_, r in slopes]
         for _ in range(rounds):
-            step = self.solve(self.linearise(space, theta, phi, lights, free_theta=False), phi, 0, space, theta, 0.0)
-            trial = phi + step
-            value = self.chi2(space, theta, trial, lights)
+            sums = Sums.of_size(len(phi), self._tiles)
+            for pixels, column, residual in zip(self._pixels, columns, residuals, strict=True):
+                sums.add(pixels, column, residual, 0, phi)
+            trial = phi + self.solve(sums, phi, 0, space, theta, 0.0)
+            residuals = self._rests(space, theta, trial, lights)
+            value = self._chi2(residuals, trial)
             if not value < chi2:
                 break
             done = chi2 - value < 1e-5 * value
@@ -215,6 +238,26 @@ class Fitter:
             if done:
                 break
         return phi, chi2
+
+    def _linear_fit(
+        self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray, lights: Iterable[Light], limit: float
+    ) -> tuple[np.ndarray, float]:
+        """See nuisance_fit(). What images leave with nuisances of their own they leave with everyone's, too, and those
+        that are not looked at yet leave hardly less than their noise.
+        """
+        sums, ahead = Sums.of_size(len(phi), self._tiles), sum(len(pixels.index) for pixels in self._pixels)
+        step, chi2 = np.zeros(len(phi)), 0.0
+        for pixels, columns, residual in self._slopes(self._pixels, space, theta, phi, lights, 0):
+            sums.add(pixels, columns, residual, 0, phi)
+            ahead -= len(pixels.index)
+            least = _LEAST_CHI2 * ahead
+            if ahead and sums.total + least <= limit:
+                continue
+            step = self.solve(sums, phi, 0, space, theta, 1e-9)
+            chi2 = sums.total - 2.0 * step @ sums.moment.sum(0) + step @ sums.gram.sum(0) @ step
+            if chi2 + least > limit:
+                return phi, np.inf
+        return phi + step, chi2
 
     def refine(
         self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray, iterations: int, tolerance: float = 2e-5

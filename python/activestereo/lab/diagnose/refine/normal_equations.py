@@ -14,12 +14,14 @@ from activestereo.lab.diagnose.evidence.observation import BLOCK_PX, FOLDS, Obse
 class Pixels:
     """The pixels of an Observation that count, ordered by fold, then by material. All arrays are [n].
 
+    folds: FOLDS, or 1: all pixels are the first one's.
+
     index: flat indices; measured: DN; root_weight: 1 / deviation; material: as the observation's, -1 = none; tile."""
 
-    def __init__(self, observation: Observation, materials: int) -> None:
+    def __init__(self, observation: Observation, materials: int, folds: int = FOLDS) -> None:
         o = observation
         index = np.arange(o.measured.size) if o.pick is None else o.pick
-        label = (o.fold * (materials + 1) + np.where(o.material >= 0, o.material, materials)).ravel()[index]
+        label = (o.fold % folds * (materials + 1) + np.where(o.material >= 0, o.material, materials)).ravel()[index]
         order = np.argsort(label, kind="stable")
         self.observation, self.index, label = o, index[order], label[order]
         self.measured = self.of(o.measured).astype(np.float64)

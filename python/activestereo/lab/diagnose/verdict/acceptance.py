@@ -24,15 +24,23 @@ def passes(ranking: Ranking, finding: Finding) -> bool:
     return _is_large(ranking, finding) and is_significant(ranking, finding)
 
 
-def _is_large(ranking: Ranking, finding: Finding) -> bool:
+def comes_near(ranking: Ranking, finding: Finding) -> bool:
+    """Whether a finding has so much of the size that a name needs that better images may give the rest."""
+    return _is_large(ranking, finding, ranking.gates.near_size_share)
+
+
+def _is_large(ranking: Ranking, finding: Finding, part: float = 1.0) -> bool:
+    """part: of the size that is asked for."""
     gates, score, checks = ranking.gates, finding.score, finding.checks
     share = gates.smallest_field_share
     if finding.channel is Channel.EXPECTED_IMAGE:
         share = gates.smallest_share
     elif finding.channel is Channel.DEPTH_ENGINE:
         share = gates.smallest_depth_share
-    large = score.explained_share >= share and score.gain_floors >= gates.smallest_gain_floors
+    large = score.explained_share >= part * share and score.gain_floors >= part * gates.smallest_gain_floors
     if checks.plain_share is None:
         return large
-    large_in_dn = checks.plain_share >= gates.smallest_share and checks.plain_floors >= gates.smallest_plain_floors
-    return (large and checks.plain_share >= gates.patch_share) or large_in_dn
+    large_in_dn = (
+        checks.plain_share >= part * gates.smallest_share and checks.plain_floors >= part * gates.smallest_plain_floors
+    )
+    return (large and checks.plain_share >= part * gates.patch_share) or large_in_dn
