@@ -18,22 +18,30 @@ from activestereo.effects.core.judging import StartImage
 _FREQUENCIES_HZ = np.arange(98.0, 122.5, 0.02)
 _FINE_STEPS = 50
 _LINE_TIMES_S = np.arange(0.0, 6.1e-5, 5e-6)
-_STARTS = 4
+_STARTS = 8
 
 # (frame, sums w A^2 and w A r of ambient light A over each row).
 _RowSums = tuple[Frame, np.ndarray, np.ndarray]
 
 
 def flicker_starts(images: list[StartImage]) -> list[dict[str, float]]:
-    """Depth, frequency, phase and line time of the best few peaks for the flicker of ambient light."""
-    rows, peaks = [_row_sums(image) for image in images], []
-    for line_time in _LINE_TIMES_S:
-        gains, depths, phases = _gains(rows, line_time)
-        best = int(gains.argmax())
-        peaks.append((gains[best], depths[best], _FREQUENCIES_HZ[best], phases[best], line_time))
-    peaks.sort(reverse=True)
-    names = "depth", "frequency_hz", "phase_rad", "line_time_s"
-    return [dict(zip(names, peak, strict=True)) for _, *peak in peaks[:_STARTS]]
+    """Depth, frequency, phase and line time of the best few peaks for the flicker of ambient light, each at another
+    frequency: few frames see several of them nearly alike.
+    """
+    rows = [_row_sums(image) for image in images]
+    gains, depths, phases = (np.stack(x) for x in zip(*(_gains(rows, t) for t in _LINE_TIMES_S), strict=True))
+    line, best = gains.argmax(axis=0), gains.max(axis=0)
+    beside = np.pad(best, 1, constant_values=-np.inf)
+    peaks = np.flatnonzero((best >= beside[:-2]) & (best > beside[2:]))
+    return [
+        {
+            "depth": float(depths[line[i], i]),
+            "frequency_hz": float(_FREQUENCIES_HZ[i]),
+            "phase_rad": float(phases[line[i], i]),
+            "line_time_s": float(_LINE_TIMES_S[line[i]]),
+        }
+        for i in peaks[np.argsort(-best[peaks])][:_STARTS]
+    ]
 
 
 def _row_sums(image: StartImage) -> _RowSums:
