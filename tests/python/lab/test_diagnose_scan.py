@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where fits start, and what an explanation's freedom costs."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,6 +9,7 @@ import pytest
 
 from activestereo.effects import builtin
 from activestereo.effects.core.dots import DotView
+from activestereo.effects.core.flicker import flicker_starts
 from activestereo.effects.core.judging import StartImage
 from activestereo.effects.core.second_unit import unit_starts
 from activestereo.lab.diagnose.channels.dots_seen import dots_seen
@@ -40,6 +41,31 @@ def test_a_second_units_place_is_found_from_its_dots(scene, x, yaw):
     assert found["yaw_rad"] == pytest.approx(yaw, abs=0.03)
     assert found["offset_x_m"] == pytest.approx(x, abs=0.03)
     assert found["intensity_m2"] == pytest.approx(6.0, rel=0.5)
+
+
+def test_a_flickers_starts_are_of_different_frequencies_and_no_deeper_than_its_mean():
+    flicker, ambient, images = EFFECTS["flicker_banding"], np.full((60, 4), 40.0), []
+    truth = {"depth": 0.6, "frequency_hz": 107.36, "phase_rad": 0.7, "line_time_s": 2e-5}
+    frames = [SimpleNamespace(timestamp_s=t, exposure_s=0.002) for t in (0.0, 0.97, 2.31, 4.88)]
+    seen_dn = [
+        flicker(SimpleLight(ambient), SimpleNamespace(shape=ambient.shape, frame=f), **truth).ambient for f in frames
+    ]
+    level = np.mean(seen_dn) / 40.0  # a fit without flicker takes its mean for the light
+    for frame, image in zip(frames, seen_dn, strict=True):
+        view, weight = SimpleNamespace(frame=frame), np.ones(ambient.shape)
+        images.append(StartImage(view, None, weight, image - level * ambient, level * ambient, level))
+    starts = flicker_starts(images)
+    assert starts[0]["frequency_hz"] == pytest.approx(107.36, abs=0.02)
+    assert starts[0]["depth"] == pytest.approx(0.6, rel=0.05) and starts[0]["line_time_s"] == pytest.approx(2e-5)
+    assert len({start["frequency_hz"] for start in starts}) == len(starts) > 3
+    assert max(start["depth"] for start in starts) <= 1.0
+
+
+@dataclass(frozen=True)
+class SimpleLight:
+    """What a flicker changes of a Light."""
+
+    ambient: np.ndarray
 
 
 def explanation(name, values, information):
