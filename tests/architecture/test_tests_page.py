@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The tests that tests/README.md names as proofs exist."""
+"""The tests that tests/README.md names as proofs exist, and Python's tests stand in folders named after packages."""
 
 import pathlib
 import re
@@ -33,3 +33,12 @@ def test_each_named_python_file_exists() -> None:
     wanted = {name for name in named() if re.fullmatch(r"\w+/test_\w+\.py", name)}
     assert len(wanted) >= 8
     assert {name for name in wanted if not (TESTS / "python" / name).exists() and not (TESTS / name).exists()} == set()
+
+
+def test_pythons_tests_stand_by_package() -> None:
+    modules = TESTS.parent / "python"
+    packages = {path.parent.name for path in (modules / "activestereo").glob("*/__init__.py")}
+    subjects = packages | {"kuafu", "simsense", "bindings", "foundations", "bank"}
+    folders = {path.parent for path in (TESTS / "python").rglob("test_*.py")}
+    assert {folder.name for folder in folders} <= subjects
+    assert {folder.parent for folder in folders} == {TESTS / "python"}

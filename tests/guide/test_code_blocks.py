@@ -41,7 +41,7 @@ SPECIAL: dict[str, tuple[str, str]] = {
     r"/usr/bin/python3 \S+/(bench|run)_\w+.py": ("test -f {1}", "it is run by hand; the program is there"),
     r"pip install|pre-commit|sudo|apt-get": ("true", "it installs packages; tests/wheel.sh tries the wheel"),
     r"python3 examples/(mani_skill_depth|mujoco_wrist|sapien_sensor|train_depth_policy)/":
-        ("test -f {1}", "it needs a package that Debian lacks; tests/python/loops runs it where it is"),
+        ("test -f {1}", "it needs a package that Debian lacks; tests/guide/test_examples.py runs it where it is"),
     r"rs-enumerate-devices": ("true", "it needs a RealSense camera"),
     r"/usr/bin/python3 examples/real_camera/":
         ("test -f {1}", "it renders for minutes; tests/python/acquire/test_afternoon.py runs the page"),

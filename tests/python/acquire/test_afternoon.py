@@ -8,11 +8,12 @@ import re
 import shlex
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import BUILD, ROOT
 
+ROOT = Path(__file__).resolve().parents[3]
 PAGE = ROOT / "examples/real_camera/README.md"
 
 pytestmark = pytest.mark.skipif(
@@ -31,7 +32,7 @@ def followed(tmp_path_factory):
     folder = tmp_path_factory.mktemp("afternoon")
     (folder / "examples").symlink_to(ROOT / "examples")
     (folder / "out").mkdir()
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(BUILD / "python"), *sys.path])}
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
     for words in commands():
         if words[0] == "activestereo":
             words = [sys.executable, "-m", *words]

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import lab_worlds  # noqa: F401
 from activestereo.capture import CaptureError, CaptureWarning, read_capture
 from activestereo.capture_write import write_capture
 from activestereo.images import write_gray

@@ -8,7 +8,6 @@ import warnings
 from pathlib import Path
 from typing import Any
 
-import lab_worlds  # noqa: F401
 import pytest
 
 from activestereo.capture import CaptureError, read_capture

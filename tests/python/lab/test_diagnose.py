@@ -9,12 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lab_worlds import WorldRenderer
+from lab_worlds import BLACK_DN, WorldRenderer, altered
 from schema_check import violations
 import activestereo.lab
 from activestereo.cli import main
 from activestereo.effects import Model, builtin
-from activestereo.images import read_gray, write_gray
 from activestereo.lab import Lab, diagnose
 from activestereo.lab.cache import LayerCache
 from activestereo.lab.diagnose.report import diagnosis_text, write_diagnosis
@@ -31,7 +30,6 @@ FEW = (
     "prnu",
 )
 EFFECTS = {name: e for name, e in builtin().items() if name in FEW}
-BLACK_DN = 4.0
 
 
 @pytest.fixture(scope="module")
@@ -42,16 +40,6 @@ def world(tmp_path_factory):
 @pytest.fixture(scope="module")
 def cache(tmp_path_factory):
     return LayerCache(tmp_path_factory.mktemp("cache"))
-
-
-def altered(world, folder, change):
-    """A copy of the world's capture with every image changed: change(DN, eye)."""
-    copy = shutil.copytree(world.capture_path, folder)
-    for eye in ("left", "right"):
-        for path in (copy / eye).iterdir():
-            image = change(read_gray(path).astype(np.float64), eye)
-            write_gray(path, np.clip(np.rint(image), 0, 255).astype(np.uint8))
-    return copy
 
 
 EXPONENT = 2.0

@@ -16,8 +16,7 @@ from activestereo.effects.core.judging import Channel, Lever, RandomTerm
 from activestereo.lab import diagnose
 from activestereo.lab.cache import LayerCache
 from activestereo.lab.diagnose.gates import GATES, gates_table
-from lab_worlds import WorldRenderer
-from test_diagnose import BLACK_DN, altered
+from lab_worlds import BLACK_DN, WorldRenderer, altered
 from worlds.world import make_world
 
 EFFECTS = builtin()

@@ -6,7 +6,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-import lab_worlds  # noqa: F401  (the path to worlds)
 from activestereo.effects import builtin
 from activestereo.lab.diagnose.channels.fields_together import components, pixel_term
 from activestereo.lab.diagnose.gates import GATES

@@ -8,7 +8,6 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-import lab_worlds  # noqa: F401
 from activestereo.capture import read_capture
 from activestereo.effects import builtin
 from activestereo.lab.cache import LayerCache

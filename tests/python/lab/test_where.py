@@ -7,7 +7,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from lab_worlds import WorldRenderer  # noqa: F401  (puts the test support on the path)
 from activestereo.capture import Frame
 from activestereo.effects.core.view import View
 from activestereo.lab.bootstrap import BlockBootstrap, benjamini_yekutieli, interval

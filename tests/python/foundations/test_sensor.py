@@ -10,6 +10,7 @@ import kuafu
 from activestereo import Mount, Pose, StereoDepthSensor, StereoDepthSensorConfig
 from activestereo.accuracy import accuracy_by_material
 from activestereo.pose import body_pose
+from sensor_scenes import wall_scene
 
 
 @pytest.fixture(scope="module")
@@ -98,15 +99,6 @@ def test_pictures_by_name_agree_with_each_other(table):
 
 def test_stage_times_name_the_three_parts(table):
     assert {name.split(":")[0] for name in table.stage_times} == {"rgb", "ir", "depth"}
-
-
-def wall_scene(distance_m):
-    """A white wall across the whole view, in SAPIEN's axes: x forward, y left, z up."""
-    scene = kuafu.Scene(kuafu.Device())
-    corners = np.array([[distance_m, y, z] for y in (-9.0, 9.0) for z in (-9.0, 9.0)], np.float32)
-    material = scene.add_material(kuafu.Material(base_color=(0.5, 0.5, 0.5, 1.0), specular=0.0))
-    scene.add_instance(scene.add_mesh(corners, [[0, 1, 3], [0, 3, 2]]), [material])
-    return scene
 
 
 def test_a_wall_in_front_of_the_sensor_is_as_far_as_it_is(small_config):

@@ -3,20 +3,18 @@
 
 import json
 import shutil
-import sys
 from pathlib import Path
 
 import numpy as np
 
-sys.path.append(str(Path(__file__).resolve().parents[1] / "support"))
-
-from activestereo.capture import read_capture  # noqa: E402
-from activestereo.images import write_gray  # noqa: E402
-from activestereo.lab.depth_model import DepthModel  # noqa: E402
-from activestereo.lab.layers import Layers  # noqa: E402
-from worlds.view import PatternSource, look  # noqa: E402
+from activestereo.capture import read_capture
+from activestereo.images import read_gray, write_gray
+from activestereo.lab.depth_model import DepthModel
+from activestereo.lab.layers import Layers
+from worlds.view import PatternSource, look
 
 DEPTH_SCALE_M = 1e-4
+BLACK_DN = 4.0  # what the worlds' imagers add to every pixel
 
 
 class WorldRenderer:
@@ -78,4 +76,14 @@ def with_device_depth(world, folder, ids, stretch=1.0):
             write_gray(copy / "depth" / f"{frame.id}.png", np.rint(depth / DEPTH_SCALE_M).astype(np.uint16))
             entry |= {"depth": f"depth/{frame.id}.png", "depth_scale": DEPTH_SCALE_M}
     (copy / "capture.json").write_text(json.dumps(values))
+    return copy
+
+
+def altered(world, folder, change):
+    """A copy of the world's capture with every image changed: change(DN, eye)."""
+    copy = shutil.copytree(world.capture_path, folder)
+    for eye in ("left", "right"):
+        for path in (copy / eye).iterdir():
+            image = change(read_gray(path).astype(np.float64), eye)
+            write_gray(path, np.clip(np.rint(image), 0, 255).astype(np.uint8))
     return copy

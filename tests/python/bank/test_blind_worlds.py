@@ -3,27 +3,24 @@
 nothing hides."""
 
 import ast
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from worlds.blind import oracle
+from worlds.blind.caster import closest
+from worlds.blind.catalogue import CATALOGUE, OUTSIDE, SINGLE, STRENGTHS
+from worlds.blind.depth import device_depth
+from worlds.blind.lightmap import Lightmap
+from worlds.blind.scene import draw_scene, texel_spacing
+from worlds.blind.more import more_frames
+from worlds.blind.world import EYES, RAY_EFFECTS, World
+from worlds.cylinder import Cylinder
+from worlds.solids import Box, Sphere
+from worlds.tiles import Tiles
+
 SUPPORT = Path(__file__).resolve().parents[2] / "support"
-sys.path.append(str(SUPPORT))
-
-from worlds.blind import oracle  # noqa: E402
-from worlds.blind.caster import closest  # noqa: E402
-from worlds.blind.catalogue import CATALOGUE, OUTSIDE, SINGLE, STRENGTHS  # noqa: E402
-from worlds.blind.depth import device_depth  # noqa: E402
-from worlds.blind.lightmap import Lightmap  # noqa: E402
-from worlds.blind.scene import draw_scene, texel_spacing  # noqa: E402
-from worlds.blind.more import more_frames  # noqa: E402
-from worlds.blind.world import EYES, RAY_EFFECTS, World  # noqa: E402
-from worlds.cylinder import Cylinder  # noqa: E402
-from worlds.solids import Box, Sphere  # noqa: E402
-from worlds.tiles import Tiles  # noqa: E402
-
 PRODUCT = {"activestereo", "kuafu", "simsense"}
 
 

@@ -10,13 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bank_score import Result, median, rate, score
+from bank_sets import ALL, items
+from run_bank import is_wanted
+
 BANK = Path(__file__).resolve().parents[2] / "bank"
-sys.path.append(str(BANK))
-
-from bank_score import Result, median, rate, score  # noqa: E402
-from bank_sets import ALL, items  # noqa: E402
-from run_bank import is_wanted  # noqa: E402
-
 STUB = """
 import json, sys
 names = ("capture.json", "scene.gltf", "pattern.png")

@@ -4,7 +4,6 @@
 import numpy as np
 from scipy.ndimage import binary_dilation, maximum_filter, minimum_filter
 
-import lab_worlds  # noqa: F401  (puts the worlds on the path)
 from activestereo.capture import Camera, Frame, Projector, Rig
 from activestereo.effects import Light, View
 from worlds.view import PatternSource, look

@@ -10,7 +10,7 @@ from scipy.linalg import expm
 import kuafu
 from activestereo import StereoDepthSensor, StereoDepthSensorConfig
 from activestereo.pose import as_matrix, camera_to_world
-from test_sensor import wall_scene
+from sensor_scenes import wall_scene
 
 LENS = (-0.08, 0.02, 2e-4, -3e-4, 0.0)  # a barrel of some percent, as wide-angle modules have
 DISTANCE_M = 0.9

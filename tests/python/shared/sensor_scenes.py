@@ -1,0 +1,15 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Scenes for one question to a sensor."""
+
+import numpy as np
+
+import kuafu
+
+
+def wall_scene(distance_m: float) -> kuafu.Scene:
+    """A white wall across the whole view, in SAPIEN's axes: x forward, y left, z up."""
+    scene = kuafu.Scene(kuafu.Device())
+    corners = np.array([[distance_m, y, z] for y in (-9.0, 9.0) for z in (-9.0, 9.0)], np.float32)
+    material = scene.add_material(kuafu.Material(base_color=(0.5, 0.5, 0.5, 1.0), specular=0.0))
+    scene.add_instance(scene.add_mesh(corners, [[0, 1, 3], [0, 3, 2]]), [material])
+    return scene
