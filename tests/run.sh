@@ -33,7 +33,9 @@ ctest --test-dir build --output-on-failure -j "$(nproc)" --progress >build/ctest
   cat build/ctest.log
 }
 echo "== pytest"
-ACTIVESTEREO_BUILD="$root/build" PYTHONPATH="$root/build/python" /usr/bin/python3 -m pytest -q -rs tests || status=1
+workers=$(nproc)  # a worker renders on all cores and may take 2 GB: more than four gain nothing
+[ "$workers" -le 4 ] || workers=4
+ACTIVESTEREO_BUILD="$root/build" PYTHONPATH="$root/build/python" /usr/bin/python3 -m pytest -q -rs -n "$workers" --dist loadscope tests || status=1
 echo "== ctest said"
 tail -n 12 build/ctest.log
 exit $status
