@@ -2,6 +2,8 @@
 """Tiles of lights: two boxes and a ball, one light each."""
 
 import numpy as np
+
+import kuafu
 from shapes import at, box, dots, grid, sky, stripes
 from stage import MAP_TO_WORLD, Stage
 from tiles import tile
@@ -92,7 +94,7 @@ def slide(device):
 def fog(device):
     stage = under(device)
     stage.light("spot", (-1.6, 0.4, 2.4), (0.2, -0.1, 0.0), intensity=(90, 85, 75), inner_rad=0.14, outer_rad=0.18)
-    stage.scene.set_medium((0.25, 0.25, 0.25), (0.95, 0.95, 0.95), phase_g=0.3)
+    stage.scene.set_medium(kuafu.Medium(extinction_per_m=(0.25,) * 3, albedo=(0.95,) * 3, phase_g=0.3))
     stage.options.update(denoise="none", spp=12 * stage.options["spp"], max_bounces=3)
     stage.scene.set_environment((0.02, 0.02, 0.03))
     return stage.picture()

@@ -57,6 +57,7 @@ def sensor_inputs(
         pattern=pattern,
         frame=frame,
         new_light=kuafu.Light,
+        new_medium=kuafu.Medium,
         scene_materials=scene.get_material,
         material_count=summary.material_count,
         bounds_m=_bounds(summary, camera_to_world(pose)[:3, 3]),

@@ -409,6 +409,27 @@ class Film:
     """Limit of fireflies, the lone pixels that a few rare paths make far too bright. A pixel of radiance, less what came straight from the projector (projector_direct), that is more than firefly_factor times the brightest of its eight neighbours is taken down to that neighbour; then the same with the eight pixels two away, so that pairs go as well. Each channel is judged by itself. What is taken away is lost, which makes indirect light a little darker where few samples meet caustics; 1.5 is what cameras' presets take. [1..1000000; 0 means none]"""
     def __init__(self, **fields: Any) -> None: ...
 
+class Medium:
+    """A homogeneous participating medium such as fog, smoke or dusty air. It fills a box, except inside bodies (closed surfaces that transmit light). Light that is only dimmed stays in its light group; projector light that is scattered becomes projector indirect light. A scattering counts as a bounce. Light from infinitely far away (environment, directional lights) is dimmed along its path through the whole box, so that none arrives through an unbounded medium."""
+
+    extinction_per_m: tuple[float, float, float]
+    """Extinction in the visible band: the radiance falls by the factor e over a distance of 1/extinction metres. [>= 0 1/m]"""
+    ir_extinction_per_m: float | None
+    """Extinction in the infrared band. [>= 0 1/m; None = red of extinction_per_m]"""
+    albedo: tuple[float, float, float]
+    """Share of the extinction that is scattering, 0..1. 0 is absorption alone, which is exact and fastest. [0..1]"""
+    ir_albedo: float | None
+    """The same share in the infrared band. [0..1; None = red of albedo]"""
+    phase_g: float
+    """Mean cosine of the scattering angle (Henyey and Greenstein), in (-1, 1). 0 is isotropic, positive values scatter forwards."""
+    housing_m: float
+    """Distance from a camera over which its window and housing keep the medium out of its view. The projector's light is brightest there. [>= 0 m]"""
+    bounds_min_m: tuple[float, float, float]
+    """Lower corner of the medium's box in the world, -1e9..1e9, or infinite for no bound. [in m; -inf, -inf, -inf by default]"""
+    bounds_max_m: tuple[float, float, float]
+    """Upper corner of the medium's box in the world, -1e9..1e9, or infinite for no bound. [in m; inf, inf, inf by default]"""
+    def __init__(self, **fields: Any) -> None: ...
+
 class SceneSummary:
     """How much is in a scene, and where."""
 
@@ -555,19 +576,8 @@ class Scene:
     ) -> None:
         """Radiance from all directions, W/(sr m^2), times an equirectangular texture turned by the 3x3 map_to_world.
         ir_radiance None: red of radiance times ir_ambient_scale plus ir_ambient_radiance."""
-    def set_medium(
-        self,
-        extinction_per_m: tuple[float, float, float] | None,
-        albedo: tuple[float, float, float] = (0.0, 0.0, 0.0),
-        *,
-        ir_extinction_per_m: float | None = None,
-        ir_albedo: float | None = None,
-        phase_g: float = 0.0,
-        bounds_m: Sequence[Sequence[float]] | None = None,
-        housing_m: float = 0.0,
-    ) -> None:
-        """Homogeneous fog outside of bodies, within bounds_m ((min), (max)) or endless; extinction and albedo as
-        RGB, infrared None = red. extinction_per_m None: no medium."""
+    def set_medium(self, medium: Medium | None) -> None:
+        """The fog, smoke or dusty air around what stands in the scene; None: clear air."""
     def camera(self, index: int) -> Camera:
         """A camera that a file brought."""
     def instance_name(self, id: int) -> str:

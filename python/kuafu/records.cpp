@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Material, Light, Camera, Film: built from keyword arguments, every field a property under its C name. None stands for "no texture" and
-// "not said".
+// Material, Light, Camera, Film, Medium: built from keyword arguments, every field a property under its C name. None stands for "no
+// texture" and "not said".
 #include "fields.h"
 
 namespace ks_python {
@@ -81,6 +81,12 @@ void bind_film(py::module_& module) {
   bind_fields(type);
 }
 
+void bind_medium(py::module_& module) {
+  py::class_<Medium> type(module, "Medium", "Fog, smoke or dusty air in a box, except inside bodies. Every field is a keyword argument.");
+  type.def(py::init(&from_fields<Medium>));
+  bind_fields(type);
+}
+
 }  // namespace
 
 void bind_records(py::module_& module) {
@@ -88,6 +94,7 @@ void bind_records(py::module_& module) {
   bind_light(module);
   bind_camera(module);
   bind_film(module);
+  bind_medium(module);
 }
 
 }  // namespace ks_python

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Material, Light, Camera and Film as Python sees them: the C descriptor and the memory it points to.
+// Material, Light, Camera, Film and Medium as Python sees them: the C descriptor and the memory it points to.
 #pragma once
 
 #include <vector>
@@ -37,6 +37,10 @@ struct Camera {
 
 struct Film {
   kuafu_film_desc c = kuafu_film_desc_init();
+};
+
+struct Medium {
+  kuafu_medium_desc c = kuafu_medium_desc_init();
 };
 
 inline std::string text_of(const char* name) { return name ? name : ""; }

@@ -208,22 +208,9 @@ void set_environment(Scene& scene, const std::array<float, 3>& radiance, std::op
   check<Kuafu>(kuafu_scene_set_environment(scene.get(), &environment));
 }
 
-void set_medium(Scene& scene, const std::optional<std::array<float, 3>>& extinction_per_m, const std::array<float, 3>& albedo,
-                std::optional<float> ir_extinction_per_m, std::optional<float> ir_albedo, float phase_g,
-                const std::optional<std::array<std::array<double, 3>, 2>>& bounds_m, float housing_m) {
-  kuafu_medium_desc medium = kuafu_medium_desc_init();
-  if (extinction_per_m) std::copy(extinction_per_m->begin(), extinction_per_m->end(), medium.extinction_per_m);
-  std::copy(albedo.begin(), albedo.end(), medium.albedo);
-  if (ir_extinction_per_m) medium.ir_extinction_per_m = *ir_extinction_per_m;
-  if (ir_albedo) medium.ir_albedo = *ir_albedo;
-  medium.phase_g = phase_g;
-  medium.housing_m = housing_m;
-  if (bounds_m) {
-    std::copy((*bounds_m)[0].begin(), (*bounds_m)[0].end(), medium.bounds_min_m);
-    std::copy((*bounds_m)[1].begin(), (*bounds_m)[1].end(), medium.bounds_max_m);
-  }
+void set_medium(Scene& scene, const Medium* medium) {
   const InUse<Kuafu> in_use(scene.in_use, "scene");
-  check<Kuafu>(kuafu_scene_set_medium(scene.get(), extinction_per_m || ir_extinction_per_m ? &medium : nullptr));
+  check<Kuafu>(kuafu_scene_set_medium(scene.get(), medium ? &medium->c : nullptr));
 }
 
 kuafu_scene_summary summary(const Scene& scene) {
@@ -385,12 +372,8 @@ void bind_scene(py::module_& module) {
            "Radiance from all directions, W/(sr m^2), times an equirectangular texture turned by the 3x3 map_to_world. ir_radiance None: "
            "red of radiance times ir_ambient_scale plus "
            "ir_ambient_radiance.")
-      .def("set_medium", &set_medium, py::arg("extinction_per_m"), py::arg("albedo") = std::array<float, 3>{}, py::kw_only(),
-           py::arg("ir_extinction_per_m") = py::none(), py::arg("ir_albedo") = py::none(), py::arg("phase_g") = 0.0f,
-           py::arg("bounds_m") = py::none(), py::arg("housing_m") = 0.0f,
-           "Homogeneous fog outside of bodies, within bounds_m ((min), (max)) or endless; extinction and albedo as RGB, infrared None = "
-           "red. "
-           "extinction_per_m None: no medium. housing_m: so far from a camera there is none of it.")
+      .def("set_medium", &set_medium, py::arg("medium").none(true),
+           "The fog, smoke or dusty air around what stands in the scene; None: clear air.")
       .def("camera", &camera, py::arg("index"), "A camera that a file brought.")
       .def(
           "instance_name", [](const Scene& s, uint32_t id) { return text_of(kuafu_scene_instance_name(s.get(), id)); }, py::arg("id"))

@@ -124,8 +124,8 @@ def test_other_versions_are_refused(moved_prefix, tmp_path, library, older):
 
 
 def test_project_that_takes_this_one_in(tmp_path):
-    """Configures all, compiles a file of each library; ACTIVESTEREO_FULL=1 (.ci/run, tests/run.sh --full) builds and
-    runs a program."""
+    """Configures all, compiles a file of each library without the shaders; ACTIVESTEREO_FULL=1 (tests/run.sh --full)
+    builds and runs a program."""
     launcher = ["-DCMAKE_CXX_COMPILER_LAUNCHER=ccache"] if shutil.which("ccache") else []
     run(
         "cmake",
@@ -142,7 +142,11 @@ def test_project_that_takes_this_one_in(tmp_path):
     )
     assert "libkuafu.so" in run("ninja", "-C", tmp_path, "-t", "commands", "kuafu")
     for library in ("kuafu", "simsense"):
-        run("ninja", "-C", tmp_path, f"activestereo/{library}/CMakeFiles/{library}.dir/src/api/api_table.cpp.o")
+        made = tmp_path / f"activestereo/{library}/CMakeFiles/{library}.dir/src/api/api_table.cpp.o"
+        made.parent.mkdir(parents=True, exist_ok=True)
+        compiles = run("ninja", "-C", tmp_path, "-t", "commands", made.relative_to(tmp_path)).splitlines()[-1]
+        subprocess.run(compiles, shell=True, cwd=tmp_path, check=True)
+        assert made.exists()
     if os.environ.get("ACTIVESTEREO_FULL"):
         run("cmake", "--build", tmp_path, "--target", "client")
         assert run(tmp_path / "client") == "simsense 100\n"

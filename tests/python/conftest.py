@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The built packages come from ACTIVESTEREO_BUILD, else from build/ beside the sources."""
 
+import fcntl
 import os
+import pickle
 import sys
 from pathlib import Path
 
@@ -35,11 +37,43 @@ def device():
 
 
 @pytest.fixture(scope="session")
-def ball_comparison(tmp_path_factory):
+def run_folder(tmp_path_factory):
+    """One folder for all processes of this run of pytest."""
+    folder = tmp_path_factory.getbasetemp()
+    return folder.parent if "PYTEST_XDIST_WORKER" in os.environ else folder
+
+
+def made_once(path, make):
+    """What make() returns, made by the first process that asks for it."""
+    with open(path.with_suffix(".lock"), "w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not path.exists():
+            path.write_bytes(pickle.dumps(make()))
+    return pickle.loads(path.read_bytes())
+
+
+@pytest.fixture(scope="session")
+def lab_world(run_folder):
+    """A table-top in front of a plain sensor, of 36 rays a pixel. Tests that change its capture copy it first."""
+    from worlds.world import make_world
+
+    return made_once(run_folder / "lab_world.pickle", lambda: make_world(run_folder / "lab_world", grid=6))
+
+
+@pytest.fixture(scope="session")
+def lab_cache(run_folder):
+    """Renders that every test of this run may take."""
+    from activestereo.lab.cache import LayerCache
+
+    return LayerCache(run_folder / "layers")
+
+
+@pytest.fixture(scope="session")
+def ball_comparison(run_folder):
     """A lab Comparison with much to explain: see report_worlds.py."""
     from report_worlds import make_ball_comparison
 
-    return make_ball_comparison(tmp_path_factory.mktemp("ball"))
+    return made_once(run_folder / "ball.pickle", lambda: make_ball_comparison(run_folder / "ball"))
 
 
 @pytest.fixture

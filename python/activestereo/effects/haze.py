@@ -7,7 +7,7 @@ import numpy as np
 
 from activestereo.effects.core.beam import glow
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
-from activestereo.effects.core.engine import EngineInputs, Medium, moves
+from activestereo.effects.core.engine import EngineInputs, moves
 from activestereo.effects.core.light import Light
 from activestereo.effects.core.view import View
 
@@ -27,7 +27,15 @@ def _phase_g(backscatter: float) -> float:
 @moves("medium")
 def _engine(inputs: EngineInputs, extinction_per_m: float, backscatter: float, housing_m: float) -> None:
     if extinction_per_m > 0.0:
-        inputs.medium = Medium(extinction_per_m, 1.0, _phase_g(backscatter), inputs.bounds_m, housing_m)
+        lower, upper = inputs.bounds_m
+        inputs.fill_with(
+            extinction_per_m=(extinction_per_m,) * 3,
+            albedo=(1.0,) * 3,
+            phase_g=_phase_g(backscatter),
+            bounds_min_m=lower,
+            bounds_max_m=upper,
+            housing_m=housing_m,
+        )
 
 
 @effect(

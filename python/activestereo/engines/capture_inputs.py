@@ -30,6 +30,7 @@ def capture_inputs(
         pattern=pattern,
         frame=frame,
         new_light=kuafu.Light,
+        new_medium=kuafu.Medium,
         scene_materials=scene.get_material,
         material_count=summary.material_count,
         bounds_m=_bounds(capture, summary),

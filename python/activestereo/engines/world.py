@@ -50,7 +50,8 @@ def copy_light(light: kuafu.Light, delay_s: float = 0.0) -> kuafu.Light:
 
 def world_key(inputs: EngineInputs) -> tuple:
     """What all poses of one render share."""
-    return (tuple((number, record_key(m)) for number, m in sorted(inputs.materials.items())), repr(inputs.medium))
+    materials = tuple((number, record_key(m)) for number, m in sorted(inputs.materials.items()))
+    return materials, record_key(inputs.medium)
 
 
 @contextmanager
@@ -71,14 +72,5 @@ def enter_world(scene: kuafu.Scene, inputs: EngineInputs) -> None:
     """Gives the scene the inputs' materials and medium."""
     for number, material in inputs.materials.items():
         scene.set_material(number, material)
-    medium = inputs.medium
-    if medium is not None:
-        scene.set_medium(
-            (medium.extinction_per_m,) * 3,
-            (medium.albedo,) * 3,
-            ir_extinction_per_m=medium.extinction_per_m,
-            ir_albedo=medium.albedo,
-            phase_g=medium.phase_g,
-            bounds_m=medium.bounds_m,
-            housing_m=medium.housing_m,
-        )
+    if inputs.medium is not None:
+        scene.set_medium(inputs.medium)

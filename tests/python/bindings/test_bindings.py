@@ -192,12 +192,12 @@ def test_dots_make_a_pattern_and_come_back(scene):
 
 def test_fog_can_be_set_and_taken_away(device, scene, renderer):
     clear = renderer.render(scene, CAMERA, ["radiance"], band="visible", spp=4)["radiance"].mean()
-    scene.set_medium((2.0, 2.0, 2.0), bounds_m=((-9, -9, -9), (9, 9, 9)))
+    scene.set_medium(kuafu.Medium(extinction_per_m=(2.0,) * 3, bounds_min_m=(-9,) * 3, bounds_max_m=(9,) * 3))
     assert renderer.render(scene, CAMERA, ["radiance"], band="visible", spp=4)["radiance"].mean() < 0.1 * clear
     scene.set_medium(None)
     assert renderer.render(scene, CAMERA, ["radiance"], band="visible", spp=4)["radiance"].mean() == clear
     with pytest.raises(ValueError, match="phase_g is 2"):
-        scene.set_medium((1, 1, 1), phase_g=2)
+        scene.set_medium(kuafu.Medium(extinction_per_m=(1,) * 3, phase_g=2))
 
 
 def test_a_texture_can_be_set_again(scene):

@@ -118,12 +118,13 @@ def test_values_that_made_images_of_nan_are_refused(device, what, change):
 @pytest.mark.parametrize("bound", [1e12, 1e300])
 def test_a_medium_beyond_all_measure_is_refused(device, bound):
     with pytest.raises(ValueError, match="bound"):
-        lit_triangle(device).set_medium((1, 1, 1), bounds_m=[[-bound] * 3, [bound] * 3])
+        medium = kuafu.Medium(extinction_per_m=(1,) * 3, bounds_min_m=(-bound,) * 3, bounds_max_m=(bound,) * 3)
+        lit_triangle(device).set_medium(medium)
 
 
 def test_the_least_and_largest_values_give_finite_images(device):
     scene = lit_triangle(device)
-    scene.set_medium((1e-12, 1e-12, 1e-12), bounds_m=[[-1e9] * 3, [1e9] * 3])
+    scene.set_medium(kuafu.Medium(extinction_per_m=(1e-12,) * 3, bounds_min_m=(-1e9,) * 3, bounds_max_m=(1e9,) * 3))
     film = {"psf_sigma_px": 1e-6, "psf_corner_sigma_px": 1e-6}
     image = kuafu.Renderer(device).render(scene, kuafu.Camera(64, 64, K), spp=1, film=film)["radiance"]
     assert np.isfinite(image).all()

@@ -40,6 +40,7 @@ def engine_inputs() -> EngineInputs:
         pattern=np.eye(120, 160, dtype=np.float32),
         frame=frame,
         new_light=kuafu.Light,
+        new_medium=kuafu.Medium,
         scene_materials=lambda number: kuafu.Material(ir_albedo=0.5, specular=0.0),
         material_count=2,
         bounds_m=((-1.0,) * 3, (1.0,) * 3),
@@ -50,7 +51,7 @@ def fields_of(inputs: EngineInputs) -> dict[str, object]:
     """Every engine field by the name that moves() has for it. Fields of one eye have that eye's name before them."""
     out: dict[str, object] = {
         "pattern": inputs.pattern.tobytes(),
-        "medium": repr(inputs.medium),
+        "medium": record_key(inputs.medium),
         "lights": len(inputs.lights),
         "rig_lights": len(inputs.rig_lights),
         "speckle_of_laser": inputs.speckle_of_laser,

@@ -21,28 +21,21 @@ from activestereo.lab.noise import frame_floors
 from activestereo.lab.render import render_frames
 from activestereo.lab.report import summary_table, write_report
 from worlds.sensor import expected
-from worlds.world import make_world
 
 
 @pytest.fixture(scope="module")
-def world(tmp_path_factory):
-    return make_world(tmp_path_factory.mktemp("world"), grid=6)
+def comparison(lab_world, lab_cache):
+    return compare(lab_world.capture_path, renderer=WorldRenderer(lab_world, grid=8), cache=lab_cache)
 
 
-@pytest.fixture(scope="module")
-def comparison(world, tmp_path_factory):
-    cache = LayerCache(tmp_path_factory.mktemp("cache"))
-    return compare(world.capture_path, renderer=WorldRenderer(world, grid=8), cache=cache)
-
-
-def test_the_fit_finds_what_the_world_was_made_with(world, comparison):
+def test_the_fit_finds_what_the_world_was_made_with(lab_world, comparison):
     fit = comparison.scores["fit"]["nuisances"]
-    assert fit["projector_scale"] == pytest.approx(world.sensor.projector_scale, rel=0.01)
-    assert fit["ambient_scale"] == pytest.approx(world.sensor.ambient_scale, rel=0.02)
-    assert fit["black_dn"] == pytest.approx(world.sensor.black_dn, abs=0.1)
+    assert fit["projector_scale"] == pytest.approx(lab_world.sensor.projector_scale, rel=0.01)
+    assert fit["ambient_scale"] == pytest.approx(lab_world.sensor.ambient_scale, rel=0.02)
+    assert fit["black_dn"] == pytest.approx(lab_world.sensor.black_dn, abs=0.1)
 
 
-def test_noise_floor_is_the_worlds_own_noise(world, comparison):
+def test_noise_floor_is_the_worlds_own_noise(lab_world, comparison):
     """Against the residual of the noise-free truth itself, which no model can beat."""
     capture = comparison.capture
     for split in ("train", "test"):
@@ -50,7 +43,7 @@ def test_noise_floor_is_the_worlds_own_noise(world, comparison):
             np.mean(
                 (
                     capture.ir(f, eye)
-                    - expected(world.sensor, world.views[f.id, eye], f.exposure_gain, f.projector_power)
+                    - expected(lab_world.sensor, lab_world.views[f.id, eye], f.exposure_gain, f.projector_power)
                 )
                 ** 2
             )
@@ -70,9 +63,9 @@ def test_the_right_model_leaves_little_to_explain(comparison):
         )
 
 
-def test_a_wrong_scene_leaves_much_to_explain(world, comparison, tmp_path):
-    wrong = replace(world, solids=tuple(s for s in world.solids if s.name != "ball"))
-    scores = compare(world.capture_path, renderer=WorldRenderer(wrong), cache=LayerCache(tmp_path)).scores
+def test_a_wrong_scene_leaves_much_to_explain(lab_world, comparison, tmp_path):
+    wrong = replace(lab_world, solids=tuple(s for s in lab_world.solids if s.name != "ball"))
+    scores = compare(lab_world.capture_path, renderer=WorldRenderer(wrong), cache=LayerCache(tmp_path)).scores
     for split in ("train", "test"):
         assert scores["ir"][split]["explainable_rmse_dn"] > 3 * comparison.scores["ir"][split]["explainable_rmse_dn"]
 
@@ -83,10 +76,10 @@ def test_rmse_pools_squares_over_eyes_and_frames(comparison):
     assert comparison.scores["ir"]["train"]["rmse_dn"] == pytest.approx(pooled)
 
 
-def test_saturated_pixels_do_not_bias_the_fit(world):
+def test_saturated_pixels_do_not_bias_the_fit(lab_world):
     """The same light measured by a sensor that clips a tenth of the dots gives the same scales."""
-    capture = read_capture(world.capture_path)
-    layers = render_frames(capture, WorldRenderer(world), cache=LayerCache(world.capture_path.parent / "own"))
+    capture = read_capture(lab_world.capture_path)
+    layers = render_frames(capture, WorldRenderer(lab_world), cache=LayerCache(lab_world.capture_path.parent / "own"))
     truth, limit = Nuisances(9.0e4, 3.0e3, 4.0), 60.0
     rng = np.random.default_rng(5)
     observations = []
@@ -98,9 +91,9 @@ def test_saturated_pixels_do_not_bias_the_fit(world):
     np.testing.assert_allclose(fit.nuisances.vector(), truth.vector(), rtol=4e-3)
 
 
-def test_fit_without_clipping_is_plain_least_squares(comparison, world, tmp_path):
+def test_fit_without_clipping_is_plain_least_squares(comparison, lab_world, tmp_path):
     capture = comparison.capture
-    layers = render_frames(capture, WorldRenderer(world), cache=LayerCache(tmp_path))
+    layers = render_frames(capture, WorldRenderer(lab_world), cache=LayerCache(tmp_path))
     train = [(f, layers[f.id][eye], capture.ir(f, eye)) for f in capture.split("train") for eye in ("left", "right")]
     rows = np.concatenate(
         [
@@ -116,8 +109,8 @@ def test_fit_without_clipping_is_plain_least_squares(comparison, world, tmp_path
     )
 
 
-def test_frames_of_one_pose_share_a_render_and_a_second_run_traces_nothing(world, tmp_path):
-    renderer, capture = WorldRenderer(world, grid=1), read_capture(world.capture_path)
+def test_frames_of_one_pose_share_a_render_and_a_second_run_traces_nothing(lab_world, tmp_path):
+    renderer, capture = WorldRenderer(lab_world, grid=1), read_capture(lab_world.capture_path)
     first = render_frames(capture, renderer, cache=LayerCache(tmp_path))
     assert renderer.calls == 3  # poses, not frames
     second = render_frames(capture, renderer, cache=LayerCache(tmp_path))
@@ -125,8 +118,8 @@ def test_frames_of_one_pose_share_a_render_and_a_second_run_traces_nothing(world
     np.testing.assert_array_equal(first[4]["right"].direct, second[4]["right"].direct)
 
 
-def test_a_damaged_cache_entry_is_rendered_again(world, tmp_path):
-    renderer, capture = WorldRenderer(world, grid=1), read_capture(world.capture_path)
+def test_a_damaged_cache_entry_is_rendered_again(lab_world, tmp_path):
+    renderer, capture = WorldRenderer(lab_world, grid=1), read_capture(lab_world.capture_path)
     render_frames(capture, renderer, cache=LayerCache(tmp_path))
     for entry in tmp_path.glob("*.npz"):
         entry.write_bytes(entry.read_bytes()[:500])
@@ -134,8 +127,8 @@ def test_a_damaged_cache_entry_is_rendered_again(world, tmp_path):
     assert renderer.calls == 6
 
 
-def test_the_cache_key_follows_everything_that_decides_pixels(world, tmp_path):
-    copy = Path(shutil.copytree(world.capture_path, tmp_path / "copy"))
+def test_the_cache_key_follows_everything_that_decides_pixels(lab_world, tmp_path):
+    copy = Path(shutil.copytree(lab_world.capture_path, tmp_path / "copy"))
     capture = read_capture(copy)
     base = rig_request(capture, capture.frames[0], 64, 8, 0)
     key = request_key(base, "1")
@@ -154,14 +147,14 @@ def test_the_cache_key_follows_everything_that_decides_pixels(world, tmp_path):
     assert len({key, *keys}) == len(keys) + 1
 
 
-def test_without_repeats_the_floor_is_the_pairs_not_zero(world, tmp_path):
-    copy = Path(shutil.copytree(world.capture_path, tmp_path / "copy"))
+def test_without_repeats_the_floor_is_the_pairs_not_zero(lab_world, tmp_path):
+    copy = Path(shutil.copytree(lab_world.capture_path, tmp_path / "copy"))
     values = json.loads((copy / "capture.json").read_text())
     for frame in values["frames"]:
         frame["repeat_group"] = None
     (copy / "capture.json").write_text(json.dumps(values))
     assert frame_floors(read_capture(copy), 4.0) == ({}, None)
-    scores = compare(copy, renderer=WorldRenderer(world, grid=1), cache=LayerCache(tmp_path / "cache")).scores
+    scores = compare(copy, renderer=WorldRenderer(lab_world, grid=1), cache=LayerCache(tmp_path / "cache")).scores
     assert scores["ir"]["test"]["noise_floor_from"] == ["pair"]
     assert scores["ir"]["test"]["noise_floor_dn"] > 1.0  # the world's read noise
     assert "   pair" in summary_table(scores)
@@ -182,13 +175,13 @@ def test_sixteen_bit_images_keep_their_values(tmp_path):
     np.testing.assert_array_equal(read_gray(tmp_path / "deep.png"), image)
 
 
-def test_an_effect_that_the_world_has_makes_the_error_fall(world, comparison, tmp_path):
+def test_an_effect_that_the_world_has_makes_the_error_fall(lab_world, comparison, tmp_path):
     """A sensor of bent response: the base model fails, the model with the effect is at the floor again."""
     gamma = builtin()["response_gamma"]
     model = Model().with_effect(gamma, log_exponent=np.log(0.8))
-    copy = Path(shutil.copytree(world.capture_path, tmp_path / "copy"))
+    copy = Path(shutil.copytree(lab_world.capture_path, tmp_path / "copy"))
     capture = read_capture(copy)
-    renderer = RememberingRenderer(WorldRenderer(world, grid=8))
+    renderer = RememberingRenderer(WorldRenderer(lab_world, grid=8))
     layers = render_frames(capture, renderer, cache=LayerCache(tmp_path / "cache"))
     truth, rng = Nuisances(9.0e4, 3.0e3, 4.0), np.random.default_rng(8)
     for frame in capture.frames:

@@ -15,10 +15,8 @@ import activestereo.lab
 from activestereo.cli import main
 from activestereo.effects import Model, builtin
 from activestereo.lab import Lab, diagnose
-from activestereo.lab.cache import LayerCache
 from activestereo.lab.diagnose.report import diagnosis_text, write_diagnosis
 from activestereo.lab.model_file import library, read_model, write_model
-from worlds.world import make_world
 
 FEW = (
     "projector_vignetting",
@@ -30,16 +28,6 @@ FEW = (
     "prnu",
 )
 EFFECTS = {name: e for name, e in builtin().items() if name in FEW}
-
-
-@pytest.fixture(scope="module")
-def world(tmp_path_factory):
-    return make_world(tmp_path_factory.mktemp("world"), grid=6)
-
-
-@pytest.fixture(scope="module")
-def cache(tmp_path_factory):
-    return LayerCache(tmp_path_factory.mktemp("cache"))
 
 
 EXPONENT = 2.0
@@ -54,9 +42,9 @@ def shaded(dn, eye):
 
 
 @pytest.fixture(scope="module")
-def hidden_shading(world, cache, tmp_path_factory):
-    folder = altered(world, tmp_path_factory.mktemp("shading") / "capture", shaded)
-    return folder, diagnose(folder, effects=EFFECTS, renderer=WorldRenderer(world, grid=8), cache=cache)
+def hidden_shading(lab_world, lab_cache, tmp_path_factory):
+    folder = altered(lab_world, tmp_path_factory.mktemp("shading") / "capture", shaded)
+    return folder, diagnose(folder, effects=EFFECTS, renderer=WorldRenderer(lab_world, grid=8), cache=lab_cache)
 
 
 def test_a_hidden_lens_shading_is_named_and_its_exponent_found(hidden_shading):
@@ -74,24 +62,28 @@ def test_adding_it_closes_most_of_the_gap_on_frames_that_no_fit_saw(hidden_shadi
     assert (before - after) / (before - floor) > 0.6  # the rest is the analytic renderer's own noise
 
 
-def test_the_complete_model_has_the_scales_that_were_fitted_with_what_was_found(world, cache, hidden_shading):
+def test_the_complete_model_has_the_scales_that_were_fitted_with_what_was_found(lab_world, lab_cache, hidden_shading):
     folder, diagnosis = hidden_shading
     scale = diagnosis.sensor_model.nuisances["projector_scale"].value
     without, under_it = (
-        Lab(folder, model, renderer=WorldRenderer(world, grid=8), cache=cache).compare().scores["fit"]["nuisances"]
-        for model in (None, diagnosis.model)
+        lab.compare().scores["fit"]["nuisances"]
+        for lab in (
+            Lab(folder, model, renderer=WorldRenderer(lab_world, grid=8), cache=lab_cache)
+            for model in (None, diagnosis.model)
+        )
     )
     assert scale == pytest.approx(under_it["projector_scale"], rel=0.02)
     assert abs(without["projector_scale"] / scale - 1.0) > 0.1
 
 
-def test_nothing_is_named_where_nothing_is_hidden(world, cache):
-    result = diagnose(world.capture_path, effects=EFFECTS, renderer=WorldRenderer(world, grid=8), cache=cache).result
+def test_nothing_is_named_where_nothing_is_hidden(lab_world, lab_cache):
+    renderer = WorldRenderer(lab_world, grid=8)
+    result = diagnose(lab_world.capture_path, effects=EFFECTS, renderer=renderer, cache=lab_cache).result
     assert (result["verdict"], result["added"]) == ("none", [])
     assert result["heldout_ir_rmse_after"] == result["heldout_ir_rmse_before"]
 
 
-def test_pixel_gains_are_told_from_offsets_and_smooth_shading(world, cache, tmp_path):
+def test_pixel_gains_are_told_from_offsets_and_smooth_shading(lab_world, lab_cache, tmp_path):
     rng = np.random.default_rng(3)
     gains = {}
 
@@ -99,9 +91,10 @@ def test_pixel_gains_are_told_from_offsets_and_smooth_shading(world, cache, tmp_
         gain = gains.setdefault(eye, 1.0 + 0.15 * rng.standard_normal(dn.shape))
         return BLACK_DN + gain * (dn - BLACK_DN)
 
-    folder = altered(world, tmp_path / "capture", change)
+    folder = altered(lab_world, tmp_path / "capture", change)
     effects = {name: e for name, e in builtin().items() if name in (*FEW, "fixed_pattern_noise", "hot_pixels")}
-    first = diagnose(folder, effects=effects, renderer=WorldRenderer(world, grid=8), cache=cache).result["ranking"][0]
+    renderer = WorldRenderer(lab_world, grid=8)
+    first = diagnose(folder, effects=effects, renderer=renderer, cache=lab_cache).result["ranking"][0]
     assert first["effect"] == "prnu"
     assert first["parameters"]["sigma"]["value"] == pytest.approx(0.15, rel=0.15)
 
@@ -130,8 +123,8 @@ def test_add_command_takes_the_parameters_of_a_diagnosis(hidden_shading, tmp_pat
     assert "no effect 'no_such_effect'" in capsys.readouterr().err
 
 
-def test_depth_alone_ends_in_undetermined(world, tmp_path):
-    folder = shutil.copytree(world.capture_path, tmp_path / "capture")
+def test_depth_alone_ends_in_undetermined(lab_world, tmp_path):
+    folder = shutil.copytree(lab_world.capture_path, tmp_path / "capture")
     root = json.loads((folder / "capture.json").read_text())
     for frame in root["frames"]:
         frame["left"] = frame["right"] = None
@@ -141,9 +134,9 @@ def test_depth_alone_ends_in_undetermined(world, tmp_path):
     assert result["next_measurement"]
 
 
-def test_a_lab_adds_what_it_found_and_its_error_falls(hidden_shading, world, cache):
+def test_a_lab_adds_what_it_found_and_its_error_falls(hidden_shading, lab_world, lab_cache):
     folder, _ = hidden_shading
-    lab = Lab(folder, renderer=WorldRenderer(world, grid=8), cache=cache)
+    lab = Lab(folder, renderer=WorldRenderer(lab_world, grid=8), cache=lab_cache)
     lab.effects = EFFECTS
     before = lab.compare().scores["ir"]["test"]["rmse_dn"]
     lab.diagnose()

@@ -14,10 +14,8 @@ from activestereo.cli import main
 from activestereo.effects import Randomness, builtin
 from activestereo.effects.core.judging import Channel, Lever, RandomTerm
 from activestereo.lab import diagnose
-from activestereo.lab.cache import LayerCache
 from activestereo.lab.diagnose.gates import GATES, gates_table
 from lab_worlds import BLACK_DN, WorldRenderer, altered
-from worlds.world import make_world
 
 EFFECTS = builtin()
 LAB = Path(activestereo.lab.__file__).resolve().parent
@@ -45,24 +43,22 @@ def test_a_term_names_a_parameter_of_its_effect():
 
 
 @pytest.fixture(scope="module")
-def result(tmp_path_factory):
+def result(lab_world, lab_cache, tmp_path_factory):
     """A world whose pixels have gains, ranked with effects of a user's: gains by another name, noise, and one without a
     word."""
-    folder = tmp_path_factory.mktemp("world")
-    world, rng, gains = make_world(folder, grid=6), np.random.default_rng(3), {}
+    rng, gains = np.random.default_rng(3), {}
 
     def change(dn, eye):
         gain = gains.setdefault(eye, 1.0 + 0.15 * rng.standard_normal(dn.shape))
         return BLACK_DN + gain * (dn - BLACK_DN)
 
-    capture = altered(world, folder / "altered", change)
+    capture = altered(lab_world, tmp_path_factory.mktemp("gains") / "capture", change)
     effects = {
         "my_gains": replace(EFFECTS["prnu"], id="my_gains"),
         "my_noise": replace(EFFECTS["read_noise"], id="my_noise"),
         "no_word": replace(EFFECTS["prnu"], id="no_word", judged=()),
     }
-    cache = LayerCache(folder / "cache")
-    return diagnose(capture, effects=effects, renderer=WorldRenderer(world, grid=8), cache=cache).result
+    return diagnose(capture, effects=effects, renderer=WorldRenderer(lab_world, grid=8), cache=lab_cache).result
 
 
 def test_a_users_static_effect_is_ranked_and_found(result):

@@ -14,7 +14,6 @@ from activestereo.lab.diagnose import diagnose
 from activestereo.lab.render import render_halves
 from activestereo.lab.render_noise import mean_of_halves, noise_square, rmse_without_noise
 from lab_worlds import RememberingRenderer, WorldRenderer
-from worlds.world import make_world
 
 # Of one sample, relative. Much more of it and the fitted scales would be too small: noisy regressors attenuate.
 NOISE = 0.15
@@ -41,13 +40,8 @@ class NoisyRenderer:
 
 
 @pytest.fixture(scope="module")
-def world(tmp_path_factory):
-    return make_world(tmp_path_factory.mktemp("world"), grid=6)
-
-
-@pytest.fixture(scope="module")
-def clean(world):
-    return RememberingRenderer(WorldRenderer(world))
+def clean(lab_world):
+    return RememberingRenderer(WorldRenderer(lab_world))
 
 
 def test_an_estimate_from_halves_has_no_bias():
@@ -61,11 +55,10 @@ def test_an_estimate_from_halves_has_no_bias():
     assert squares - noise == pytest.approx(((first - measured) * (second - measured)).sum())
 
 
-def test_compares_error_does_not_grow_with_the_renderers_noise(world, clean, tmp_path):
+def test_compares_error_does_not_grow_with_the_renderers_noise(lab_world, clean, tmp_path):
     def errors(noise):
-        scores = compare(
-            world.capture_path, renderer=NoisyRenderer(clean, noise), samples_per_pixel=4, cache=LayerCache(tmp_path)
-        ).scores
+        renderer, cache = NoisyRenderer(clean, noise), LayerCache(tmp_path)
+        scores = compare(lab_world.capture_path, renderer=renderer, samples_per_pixel=4, cache=cache).scores
         return scores["ir"]["test"]
 
     quiet, noisy = errors(0.0), errors(NOISE)
@@ -74,11 +67,11 @@ def test_compares_error_does_not_grow_with_the_renderers_noise(world, clean, tmp
     assert noisy["rmse_dn"] == pytest.approx(quiet["rmse_dn"], rel=0.015)
 
 
-def test_the_diagnosis_error_does_not_grow_with_the_renderers_noise(world, clean, tmp_path):
+def test_the_diagnosis_error_does_not_grow_with_the_renderers_noise(lab_world, clean, tmp_path):
     def error(noise):
         effects, renderer = {"vignetting": builtin()["vignetting"]}, NoisyRenderer(clean, noise)
         result = diagnose(
-            world.capture_path,
+            lab_world.capture_path,
             effects=effects,
             renderer=renderer,
             samples_per_pixel=4,
@@ -90,8 +83,8 @@ def test_the_diagnosis_error_does_not_grow_with_the_renderers_noise(world, clean
     assert error(NOISE) == pytest.approx(error(0.0), rel=0.015)
 
 
-def test_halves_are_independent_and_their_mean_is_of_all_samples(world, clean, tmp_path):
-    capture, renderer = read_capture(world.capture_path), NoisyRenderer(clean, NOISE)
+def test_halves_are_independent_and_their_mean_is_of_all_samples(lab_world, clean, tmp_path):
+    capture, renderer = read_capture(lab_world.capture_path), NoisyRenderer(clean, NOISE)
     halves = render_halves(capture, renderer, 4, cache=LayerCache(tmp_path), scale=2)
     mean, key = mean_of_halves(halves), (capture.frames[0].id, "left")
     first, second = (half[key[0]][key[1]] for half in halves)

@@ -9,6 +9,7 @@ import numpy as np
 
 from activestereo.capture import read_capture
 from activestereo.images import read_gray, write_gray
+from activestereo.lab.cache import request_key
 from activestereo.lab.depth_model import DepthModel
 from activestereo.lab.layers import Layers
 from worlds.view import PatternSource, look
@@ -18,21 +19,22 @@ BLACK_DN = 4.0  # what the worlds' imagers add to every pixel
 
 
 class WorldRenderer:
-    """Renders a world's solids by closed form; counts its calls."""
+    """Renders a world's solids by closed form, grid x grid rays a pixel; equal requests give equal noise. Counts its
+    calls."""
 
-    version = "analytic worlds 1"
-
-    def __init__(self, world, seed=77, grid=4, bounces=3):
-        self._world, self._seed, self._grid, self._bounces = world, seed, grid, bounces
+    def __init__(self, world, grid=4, bounces=3):
+        self._world, self._grid, self._bounces = world, grid, bounces
+        self.version = f"analytic worlds 1, {grid} x {grid} rays, {bounces} bounces"
         self.calls = 0
 
     def __call__(self, request, progress=None):
         self.calls += 1
-        return tuple(self._layers(camera, request, i) for i, camera in enumerate(request.cameras))
+        seed = int(request_key(request, self.version)[:8], 16)
+        return tuple(self._layers(camera, request, seed + i) for i, camera in enumerate(request.cameras))
 
-    def _layers(self, camera, request, index):
-        view = self._look(camera, request, index, request.pattern.astype(np.float64), self._bounces)
-        flat = self._look(camera, request, index, np.ones(request.pattern.shape), 0)
+    def _layers(self, camera, request, seed):
+        view = self._look(camera, request, seed, request.pattern.astype(np.float64), self._bounces)
+        flat = self._look(camera, request, seed, np.ones(request.pattern.shape), 0)
         direct, indirect, ambient, flat, depth = (
             image.astype(np.float32) for image in (view.direct, view.indirect, view.sky, flat.direct, view.depth)
         )
@@ -40,10 +42,10 @@ class WorldRenderer:
             direct, indirect, ambient, flat, depth, view.normal.astype(np.float32), view.index.astype(np.uint32)
         )
 
-    def _look(self, camera, request, index, pattern, bounces):
+    def _look(self, camera, request, seed, pattern, bounces):
         pose = request.projector_to_world
         source = PatternSource(pose[:3, 3], pose[:3, :3], request.projector_K, pattern)
-        size, seed = (camera.width, camera.height), 1000 * self._seed + 10 * self.calls + index
+        size = (camera.width, camera.height)
         return look(self._world.solids, size, camera.K, camera.camera_to_world, source, seed, self._grid, bounces)
 
 

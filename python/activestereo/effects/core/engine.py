@@ -8,8 +8,8 @@
 
 An effect's `engine` function changes EngineInputs in place; its keyword arguments are the effect's parameters. What the
 engines then compute is the effect itself: the image function beside it is its surrogate, for scans. Records are kuafu's
-own (kuafu.Camera, kuafu.Film, kuafu.Light, kuafu.Material), a signal is a dict of simsense_signal's fields, so a wrong
-field name is an error. Nothing here imports an engine.
+own (kuafu.Camera, kuafu.Film, kuafu.Light, kuafu.Material, kuafu.Medium), a signal is a dict of simsense_signal's
+fields, so a wrong field name is an error. Nothing here imports an engine.
 """
 
 from __future__ import annotations
@@ -101,27 +101,16 @@ class Ambient:
 
 
 @dataclass
-class Medium:
-    """kuafu_medium_desc's fields in the infrared band: a homogeneous medium inside of a box, world axes."""
-
-    extinction_per_m: float
-    albedo: float
-    phase_g: float
-    bounds_m: tuple[tuple[float, ...], tuple[float, ...]]
-    housing_m: float = 0.0
-
-
-@dataclass
 class EngineInputs:
     """All inputs of the engines for one exposure of a rig, as the calibration has it until effects change
     it.
 
     projector: the rig's own, None where there is none; its texture is `pattern`, relative radiant intensity
     [height][width] 0..1 (None where it throws dots). rig_lights: further ones that move with the rig; lights: those
-    that stand in the world; both made by new_light. ambient_radiance: of the capture's or room's infrared light, in the
-    unit of the lights' intensities per steradian. scene_materials: id -> a fresh kuafu.Material of the scene. matcher:
-    simsense's parameters. bounds_m: a box around the scene and the rig, world. speckle_of_laser: only the projectors'
-    light has speckle. frame: exposure, gain, time, temperature.
+    that stand in the world; both made by new_light. medium: made by new_medium. ambient_radiance: of the capture's or
+    room's infrared light, in the unit of the lights' intensities per steradian. scene_materials: id -> a fresh
+    kuafu.Material of the scene. matcher: simsense's parameters. bounds_m: a box around the scene and the rig, world.
+    speckle_of_laser: only the projectors' light has speckle. frame: exposure, gain, time, temperature.
     """
 
     left: EngineEye
@@ -130,6 +119,7 @@ class EngineInputs:
     pattern: NDArray[np.float32] | None
     frame: Frame
     new_light: Callable[..., kuafu.Light]
+    new_medium: Callable[..., kuafu.Medium]
     scene_materials: Callable[[int], kuafu.Material]
     material_count: int
     bounds_m: tuple[tuple[float, ...], tuple[float, ...]]
@@ -139,7 +129,7 @@ class EngineInputs:
     ambient: Ambient = field(default_factory=Ambient)
     lights: list[kuafu.Light] = field(default_factory=list)
     rig_lights: list[kuafu.Light] = field(default_factory=list)
-    medium: Medium | None = None
+    medium: kuafu.Medium | None = None
     materials: dict[int, kuafu.Material] = field(default_factory=dict)
     speckle_of_laser: bool = False
     matcher: dict[str, float] = field(default_factory=dict)
@@ -172,6 +162,10 @@ class EngineInputs:
     def add_light(self, *, on_rig: bool, **fields: Any) -> None:
         """One more light, on the rig or standing in the world; `fields` are kuafu.Light's."""
         (self.rig_lights if on_rig else self.lights).append(self.new_light(**fields))
+
+    def fill_with(self, **fields: Any) -> None:
+        """Fills the scene with a medium; `fields` are kuafu.Medium's."""
+        self.medium = self.new_medium(**fields)
 
     def blur_pattern(self, sigma_px: float) -> None:
         """Blurs the projector's dots by a Gaussian of so many camera pixels: the same angle at the projector."""
