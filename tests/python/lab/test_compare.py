@@ -25,7 +25,7 @@ from worlds.sensor import expected
 
 @pytest.fixture(scope="module")
 def comparison(lab_world, lab_cache):
-    return compare(lab_world.capture_path, renderer=WorldRenderer(lab_world, grid=8), cache=lab_cache)
+    return compare(lab_world.capture_path, renderer=WorldRenderer(lab_world, grid=6), cache=lab_cache)
 
 
 def test_the_fit_finds_what_the_world_was_made_with(lab_world, comparison):
@@ -181,7 +181,7 @@ def test_an_effect_that_the_world_has_makes_the_error_fall(lab_world, comparison
     model = Model().with_effect(gamma, log_exponent=np.log(0.8))
     copy = Path(shutil.copytree(lab_world.capture_path, tmp_path / "copy"))
     capture = read_capture(copy)
-    renderer = RememberingRenderer(WorldRenderer(lab_world, grid=8))
+    renderer = RememberingRenderer(WorldRenderer(lab_world, grid=6))
     layers = render_frames(capture, renderer, cache=LayerCache(tmp_path / "cache"))
     truth, rng = Nuisances(9.0e4, 3.0e3, 4.0), np.random.default_rng(8)
     for frame in capture.frames:
