@@ -93,8 +93,19 @@ OF_THE_CAMERA = {
     "ir_ambient_scale": "room",
     "ir_ambient_radiance": "room",
     "denoise": "room",
+    "block_width": "matcher",
+    "block_height": "matcher",
     "median_size": "matcher",
 }
+
+
+# A block of summed costs covers at least this side, that of a census window.
+_LEAST_BLOCK_PX = 7
+
+
+def _scaled_block(side_px: int, factor: float) -> int:
+    """An odd side."""
+    return min(side_px, max(_LEAST_BLOCK_PX, 2 * int(0.5 * side_px * factor) + 1))
 
 
 _OWN_NAMES = {sapien: own for own, sapien in SAPIEN_NAMES.items()}
@@ -270,11 +281,15 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
 
     def scaled(self, factor: float) -> StereoDepthSensorConfig:
         """A copy with all images and the disparity range `factor` times as large; fields of view, readout times,
-        projector and depths are the same."""
+        projector and depths are the same. The matcher's block shrinks with them, but not below 7 pixels, and never
+        grows."""
         if not 0.0 < factor <= 100.0:
             raise ValueError(f"a sensor is scaled by a factor above 0 and up to 100, not {factor}")
         out = deepcopy(self)
         out.max_disparity = max(32, round(self.max_disparity * factor))
+        out.block_width, out.block_height = (
+            _scaled_block(side, factor) for side in (self.block_width, self.block_height)
+        )
         if isinstance(out.ir_signal, dict) and "speckle_psf_sigma_px" in out.ir_signal:
             grain_px = factor * out.ir_signal["speckle_psf_sigma_px"]
             out.ir_signal["speckle_psf_sigma_px"] = grain_px if grain_px >= 0.1 else 0.0  # less is a pixel's own

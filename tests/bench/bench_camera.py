@@ -8,7 +8,9 @@ A wall of albedo 0.5 in a room's light (visible radiance 0.25 from all sides, as
 not say) is looked at from 0.5 to 4 m, and the example's table-top once. --texture: relative standard deviation of the
 wall's albedo in grains of 4 mm and more, 0 is a wall that shows the dots alone. Each figure's definition:
 
-    plane noise     root mean square distance of disparities from their own plane on 96 x 96 px, the median patch, px
+    plane noise     root mean square distance of disparities from their own plane on 96 x 96 px, the median patch, px;
+                    mean over four fractions of a pixel by which the right eye's light is moved, for it changes by half
+                    with the fraction, and a wall has one where a recording's surfaces have all
     dot RMS         of the left image less its Gaussian blur (4 px), in the middle 40 %, DN
     residual        the same of left less right at the true disparity, over sqrt 2, as a share of the dot RMS
     temporal noise  standard deviation over 8 frames where the mean is 20 to 40 DN above zero, DN
@@ -28,16 +30,19 @@ from pathlib import Path
 import numpy as np
 from bench_pairs import PATCH, plane_residual
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter, map_coordinates
+from scipy.ndimage import gaussian_filter, map_coordinates, shift
 
 import kuafu
 from activestereo import StereoDepthSensor, StereoDepthSensorConfig
 from activestereo.pose import body_pose
 from activestereo.scene import write_table_top
 
+Field = NDArray[np.float32]
+
 DISTANCES_M = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0)
 BLUR_PX = 4.0
 FRAMES = 8
+FRACTIONS_PX = (0.0, 0.25, 0.5, 0.75)
 TILE_M = 2.0
 
 # What was measured on real cameras; the D415's are of its ASIC.
@@ -97,7 +102,9 @@ class Camera:
         sensor.take_picture(infrared_only=True)
         sensor.compute_depth()
         left, right = (image.astype(float) for image in sensor.get_ir_measured())
-        self.rows[f"plane noise {distance_m:g} m"] = self._plane(sensor.get_disparity(), distance_m)
+        self.rows[f"plane noise {distance_m:g} m"] = float(
+            np.mean([self._plane(self._matched(sensor, part), distance_m) for part in FRACTIONS_PX])
+        )
         if distance_m in (1.0, 2.0):
             self._dots(left, right, distance_m)
         if distance_m == 1.0:
@@ -123,15 +130,31 @@ class Camera:
         self.rows[f"dot RMS {distance_m:g} m"] = float(sharp.std())
         self.rows[f"residual {distance_m:g} m"] = float(100 * rest.std() / np.sqrt(2) / sharp.std())
 
-    def _repeats(self, sensor: StereoDepthSensor) -> None:
-        """Of one and the same light: the samples' noise is none of the camera's."""
+    def _light(self, sensor: StereoDepthSensor) -> tuple[list[Field], list[Field] | list[None]]:
+        """(radiance, the laser's part of it), left and right."""
         light, direct, indirect = (
             [np.ascontiguousarray(sensor.get_picture(name, eye)[..., 0]) for eye in ("left", "right")]
             for name in ("radiance", "projector_direct", "projector_indirect")
         )
-        laser = (
-            [a + b for a, b in zip(direct, indirect, strict=True)] if self.config.ir_speckle_of_laser else [None] * 2
+        if not self.config.ir_speckle_of_laser:
+            return light, [None, None]
+        return light, [a + b for a, b in zip(direct, indirect, strict=True)]
+
+    def _matched(self, sensor: StereoDepthSensor, part_px: float) -> Field:
+        """Disparity of what the eyes see, the right one's light moved to the left by part of a pixel."""
+        light, laser = self._light(sensor)
+        light[1] = moved(light[1], part_px)
+        found = sensor.engine.compute(
+            *light,
+            ("disparity",),
+            left_laser=laser[0],
+            right_laser=None if laser[1] is None else moved(laser[1], part_px),
         )
+        return np.array(found["disparity"])
+
+    def _repeats(self, sensor: StereoDepthSensor) -> None:
+        """Of one and the same light: the samples' noise is none of the camera's."""
+        light, laser = self._light(sensor)
         stack = []
         for frame in range(FRAMES):
             sensor.engine.set_parameters(frame_index=frame)
@@ -169,6 +192,12 @@ class Camera:
         self.rows["fill"] = float(100 * is_measured[plain].mean())
 
 
+def moved(image: Field, part_px: float) -> Field:
+    if part_px == 0.0:
+        return image
+    return np.maximum(shift(image, (0.0, -part_px), order=3, mode="nearest"), 0.0).astype(np.float32)
+
+
 def material_names(scene: kuafu.Scene) -> list[str]:
     return [scene.material_name(number) for number in range(scene.summary.material_count)]
 
@@ -183,8 +212,8 @@ def seen_by_both(sensor: StereoDepthSensor, scene: kuafu.Scene) -> tuple[NDArray
     disparity = sensor.get_config().focal_baseline_px_m / np.where(left > 0, left, np.inf)
     there = np.rint(columns - disparity).astype(int)
     both = np.zeros(left.shape, bool)
-    for shift in (-1, 0, 1):  # the columns beside it, as the point lies between two
-        beside = right[rows, (there + shift).clip(0, left.shape[1] - 1)]
+    for step in (-1, 0, 1):  # the columns beside it, as the point lies between two
+        beside = right[rows, (there + step).clip(0, left.shape[1] - 1)]
         both |= (there >= 0) & (left > 0) & (np.abs(beside - left) < 0.01 * left)
     return seen["material_id"][0, ..., 0], both
 

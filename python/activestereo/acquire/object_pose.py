@@ -5,6 +5,9 @@ A wide search scores poses by how near contours lie to image edges of the same d
 Liu et al., CVPR 2010), by the cross-entropy method (Rubinstein 1999) with contours rendered anew after each round. Then
 Gauss-Newton on the distance of contours to the strongest edge across them (Drummond and Cipolla, PAMI 2002), with
 Tukey's weights. A direction that no contour resists is free: the part is symmetric about it.
+
+Intervals are the jackknife's over the camera's places (Miller, Biometrika 1974): what one place of the camera errs in,
+a highlight taken for an edge or a contour that a shadow moves, is the same for all of its contour points.
 """
 
 from __future__ import annotations
@@ -16,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, map_coordinates, maximum_filter
 from scipy.spatial.transform import Rotation
+from scipy.stats import t as student_t
 
 from activestereo.acquire.object_contours import Contours, PartRenderer
 from activestereo.acquire.object_views import View, gradient
@@ -29,9 +33,9 @@ _ROUNDS = ((10.0, 0.012, 3.5), (6.0, 0.008, 2.5), (3.0, 0.004, 1.5))
 _GENERATIONS, _POPULATION, _ELITE = 6, 256, 24
 _FINE_RANGES_PX = (6.0, 5.0, 4.0, 3.0, 3.0, 2.5, 2.5, 2.5)
 _FREE = 0.015  # of the largest eigenvalue: facets of a round part give 0.004, a box has 0.13
-_INTERVAL_90 = 1.645
-# Neighbouring contour points see the same edge: so many tell as much as one.
-_ALIKE = 8.0
+# With fewer places of the camera intervals rest on the residuals: neighbouring contour points see the same edge, and so
+# many tell as much as one.
+_LEAST_PLACES, _ALIKE = 4, 8.0
 
 
 @dataclass(frozen=True)
@@ -69,6 +73,16 @@ def refine_pose(
     return fit.result(pose)
 
 
+@dataclass(frozen=True)
+class _Step:
+    """Of a step of Gauss-Newton, in turns times the part's radius and shifts, m. free: [6][k], directions that no
+    contour resists; extent: [6][6], covariance times the square of a 90 % interval's half width in deviations."""
+
+    free: NDArray[np.float64]
+    extent: NDArray[np.float64]
+    rms_px: float
+
+
 class _Fit:
     def __init__(self, mesh: Mesh, views: Sequence[View], seed: int) -> None:
         self._part, self._views = PartRenderer(mesh), views
@@ -78,16 +92,19 @@ class _Fit:
         self._random = np.random.default_rng(seed)
         self._gradients = [gradient(view) for view in views]
         self._distances = [_distances(*pair) for pair in self._gradients]
-        self._last: tuple[NDArray, NDArray, NDArray, float] | None = None
+        names = [np.round(view.frame.camera_to_world, 7).tobytes() for view in views]
+        self._places = [names.index(name) for name in names]  # views of one place of the camera have one number
+        self._last: _Step | None = None
 
     def search(self, pose: NDArray, reach_px: float, sigma_m: float, sigma_rad: float) -> NDArray:
         """The best pose about one, with its contours."""
         contours = self._contours(pose)
+        nearness = [np.exp(-0.5 * (distances / reach_px) ** 2) for distances in self._distances]
         mean, spread = np.zeros(6), np.diag([sigma_rad**2] * 3 + [sigma_m**2] * 3)
-        best, best_score = mean, self._scores(mean[None], contours, pose, reach_px)[0]
+        best, best_score = mean, self._scores(mean[None], contours, pose, nearness)[0]
         for _ in range(_GENERATIONS):
             drawn = self._random.multivariate_normal(mean, spread, _POPULATION)
-            scores = self._scores(drawn, contours, pose, reach_px)
+            scores = self._scores(drawn, contours, pose, nearness)
             elite = drawn[np.argsort(scores)[-_ELITE:]]
             if scores.max() > best_score:
                 best, best_score = drawn[np.argmax(scores)], float(scores.max())
@@ -99,14 +116,15 @@ class _Fit:
     def step(self, pose: NDArray, reach_px: float) -> NDArray:
         """One step of Gauss-Newton."""
         contours = self._contours(pose)
-        rows, rest, weights = [], [], []
+        rows, rest, weights, places = [], [], [], []
         total = 0
-        for view, pair, found in zip(self._views, self._gradients, contours, strict=True):
+        for place, view, pair, found in zip(self._places, self._views, self._gradients, contours, strict=True):
             if found is None:
                 continue
             offsets, strength = _nearest_edges(*pair, found, reach_px)
             total += len(offsets)
             kept = np.isfinite(offsets)
+            places.append(np.full(kept.sum(), place))
             rows.append(self._jacobian(view, pose, found)[kept])
             rest.append(offsets[kept])
             weights.append(found.weights[kept] * strength[kept])
@@ -114,11 +132,21 @@ class _Fit:
         scale = max(1.4826 * float(np.median(np.abs(r))), 0.15)
         u = r / (4.0 * scale)
         w = w * np.where(np.abs(u) < 1.0, (1.0 - u**2) ** 2, 0.0)
-        H, b = (A * w[:, None]).T @ A, (A * w[:, None]).T @ r
+        weighted, of_place = A * w[:, None], np.concatenate(places)
+        chosen = [of_place == place for place in np.unique(of_place)]
+        each_H = np.array([weighted[part].T @ A[part] for part in chosen])
+        each_b = np.array([weighted[part].T @ r[part] for part in chosen])
+        H, b = each_H.sum(axis=0), each_b.sum(axis=0)
         values, vectors = np.linalg.eigh(H)
-        moved = np.where(values > _FREE * values[-1], (vectors.T @ b) / np.maximum(values, 1e-12), 0.0)
-        delta = vectors @ moved
-        self._last = (H, vectors, values, float(np.sqrt((w * r**2).sum() / max(w.sum(), 1e-9))))
+        is_free = values <= _FREE * values[-1]
+        held = vectors[:, ~is_free]
+        delta = held @ ((held.T @ b) / values[~is_free])
+        rms = float(np.sqrt((w * r**2).sum() / max(w.sum(), 1e-9)))
+        if len(chosen) < _LEAST_PLACES:
+            spread, reach = held @ np.diag(_ALIKE * rms**2 / values[~is_free]) @ held.T, student_t.ppf(0.95, np.inf)
+        else:
+            spread, reach = _jackknife(each_H, each_b, held), student_t.ppf(0.95, len(chosen) - 1)
+        self._last = _Step(vectors[:, is_free], spread * reach**2, rms)
         self._matched = float((w > 0).sum()) / max(total, 1)
         limit = np.array([0.03] * 3 + [0.006] * 3)
         delta[:3] /= self._radius
@@ -126,19 +154,16 @@ class _Fit:
 
     def result(self, pose: NDArray) -> PartPose:
         assert self._last is not None
-        _, vectors, values, rms = self._last
-        is_free = values <= _FREE * values[-1]
-        variance = np.where(is_free, 0.0, _ALIKE * rms**2 / np.maximum(values, 1e-12))
-        covariance = (vectors * variance) @ vectors.T
-        turn, move = (np.sqrt(np.linalg.eigvalsh(covariance[s, s])[-1]) for s in (slice(0, 3), slice(3, 6)))
-        axes = tuple(v[:3] / np.linalg.norm(v[:3]) for v in vectors.T[is_free] if np.linalg.norm(v[:3]) > 0.5)
+        step = self._last
+        turn, move = (np.sqrt(np.linalg.eigvalsh(step.extent[s, s])[-1]) for s in (slice(0, 3), slice(3, 6)))
+        axes = tuple(v[:3] / np.linalg.norm(v[:3]) for v in step.free.T if np.linalg.norm(v[:3]) > 0.5)
         seen = sum(found is not None for found in self._contours(pose))
         return PartPose(
             pose,
-            _INTERVAL_90 * float(move),
-            float(np.rad2deg(_INTERVAL_90 * turn / self._radius)),
+            float(move),
+            float(np.rad2deg(turn / self._radius)),
             axes,
-            rms,
+            step.rms_px,
             self._matched,
             seen,
         )
@@ -160,29 +185,29 @@ class _Fit:
         change[:3, 3] = delta[3:] + self._centre - change[:3, :3] @ self._centre
         return np.asarray(pose @ change)
 
-    def _scores(self, deltas: NDArray, contours: list[Contours | None], pose: NDArray, reach_px: float) -> NDArray:
-        """[n]: mean over views of how near contours lie to edges, 0..1."""
+    def _scores(
+        self, deltas: NDArray, contours: list[Contours | None], pose: NDArray, nearness: list[NDArray[np.float32]]
+    ) -> NDArray:
+        """[n]: mean over views of how near contours lie to edges, 0..1. nearness: of each view
+        [direction][height][width]."""
         turns = Rotation.from_rotvec(deltas[:, :3]).as_matrix()
         out, count = np.zeros(len(deltas)), 0
-        for view, distances, found in zip(self._views, self._distances, contours, strict=True):
+        for view, near, found in zip(self._views, nearness, contours, strict=True):
             if found is None:
                 continue
             there = np.linalg.inv(view.camera_to_world) @ pose
             KR = view.K @ there[:3, :3]
-            points = (
-                np.einsum("nij,kj->nki", turns, found.points - self._centre) + (self._centre + deltas[:, 3:])[:, None]
-            )
-            uvw = points @ KR.T + view.K @ there[:3, 3]
+            place = (self._centre + deltas[:, 3:]) @ KR.T + view.K @ there[:3, 3]
+            from_centre = (found.points - self._centre).T.astype(np.float32)
+            uvw = (KR @ turns).astype(np.float32) @ from_centre + place[:, :, None].astype(np.float32)
             # The contour's place rests on the finer image: its own rounding is kept.
             home = found.points @ KR.T + view.K @ there[:3, 3]
-            rounding = found.places - home[:, :2] / home[:, 2:]
-            uv = uvw[..., :2] / uvw[..., 2:] + rounding
+            rounding = (found.places - home[:, :2] / home[:, 2:]).T.astype(np.float32)
+            uv = np.rint(uvw[:, :2] / uvw[:, 2:] + rounding)
             width, height = view.size
-            u = np.clip(np.rint(uv[..., 0]).astype(int), 0, width - 1)
-            v = np.clip(np.rint(uv[..., 1]).astype(int), 0, height - 1)
-            d = distances[_direction(found.normals)[None], v, u]
-            near = np.exp(-0.5 * (d / reach_px) ** 2)
-            out += (near * found.weights).sum(axis=1) / found.weights.sum()
+            u, v = uv[:, 0].clip(0, width - 1).astype(int), uv[:, 1].clip(0, height - 1).astype(int)
+            place_in_map = (_direction(found.normals) * height + v) * width + u
+            out += near.ravel().take(place_in_map) @ found.weights / found.weights.sum()
             count += 1
         return out / max(count, 1)
 
@@ -200,6 +225,17 @@ class _Fit:
         arm = points - self._centre
         turn = np.cross(arm, move)
         return np.concatenate([turn / self._radius, move], axis=1)
+
+
+def _jackknife(each_H: NDArray, each_b: NDArray, held: NDArray) -> NDArray:
+    """Covariance of a step's solution, [6][6], from how it changes when one place of the camera is left out. each_H
+    [place][6][6], each_b [place][6]: normal equations; held [6][k]: the directions that are determined."""
+    rest_H = held.T @ (each_H.sum(axis=0) - each_H) @ held
+    rest_b = (each_b.sum(axis=0) - each_b) @ held
+    without = np.linalg.solve(rest_H, rest_b[..., None])[..., 0]
+    off = without - without.mean(axis=0)
+    count = len(each_H)
+    return np.asarray(held @ ((count - 1) / count * off.T @ off) @ held.T)
 
 
 def _direction(normals: NDArray) -> NDArray:
