@@ -9,6 +9,7 @@
 #include <string_view>
 
 #include "device/error.h"
+#include "import/gltf_meshopt.h"
 #include "import/gltf_schema.h"
 
 namespace kuafu {
@@ -125,9 +126,9 @@ tinygltf::Model read_gltf(const Import& import) {
   const bool binary = is_binary(bytes);
   std::string text(binary ? binary_json(bytes) : std::string_view(reinterpret_cast<const char*>(bytes.data()), bytes.size()));
   nlohmann::json root = parse_gltf_json(text);
-  const bool dropped = drop_compressed_indices(root), escaped = !binary && escape_plus(root);
-  if (dropped || escaped) text = root.dump();
-  if (binary && dropped) bytes = with_json(bytes, text);
+  const bool dropped = drop_compressed_indices(root), compressed = read_compressed_views(root), escaped = !binary && escape_plus(root);
+  if (dropped || compressed || escaped) text = root.dump();
+  if (binary && (dropped || compressed)) bytes = with_json(bytes, text);
 
   const std::string directory(base_directory);
   tinygltf::TinyGLTF reader;
@@ -146,6 +147,7 @@ tinygltf::Model read_gltf(const Import& import) {
   }
   if (!good) ks::fail(KS_ERROR_FILE, "%s", one_line(error).c_str());
   clean_names(model);
+  decode_meshopt(import.budget, model);
   return model;
 }
 

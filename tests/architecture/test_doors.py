@@ -220,10 +220,10 @@ def test_readers_of_untrusted_files_stay_out_of_the_libraries(library):
     # They run in helper programs (kuafu/import), so that neither their faults nor their symbols reach the host.
     _, path = library
     needed = re.findall(r"NEEDED.*\[(.+)\]", run("readelf", "-d", str(path)))
-    readers = ("libassimp", "libpng", "libjpeg", "libz.", "libturbojpeg", "libwebp", "libdraco")
+    readers = ("libassimp", "libpng", "libjpeg", "libz.", "libturbojpeg", "libwebp", "libdraco", "libmeshoptimizer")
     assert not [n for n in needed if n.startswith(readers)]
     names = run("nm", "--demangle", str(path)) + run("nm", "-D", "--demangle", str(path))
-    theirs = r"Assimp::|\bai[A-Z]\w+|\bpng_\w+|\bjpeg_\w+|\bstbi_\w+|tinygltf::|\bWebP\w+|draco::"
+    theirs = r"Assimp::|\bai[A-Z]\w+|\bpng_\w+|\bjpeg_\w+|\bstbi_\w+|tinygltf::|\bWebP\w+|draco::|meshopt_\w+"
     seen = re.search(theirs, names)
     assert not seen, seen.group()
 

@@ -2,8 +2,9 @@
 #version 460
 // Nearest hit of each ray of a queue; a miss leaves the ray as it was.
 #extension GL_GOOGLE_include_directive : require
-#define cutout_kind cutout_closest
 #include "lib/bvh_queue.glsl"
+
+uint cutout_kind() { return cutout_closest; }
 
 void begin(uint i) { bvh_begin(queue_world(), queue_root(i), queue_ray(i, closest_words)); }
 

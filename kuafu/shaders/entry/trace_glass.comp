@@ -6,7 +6,6 @@
 #include "shared/wave.h"
 // What stage/glass.glsl reads, beyond what every tracer is given.
 #define KUAFU_MORE_PUSH FloatArray contributions; FloatArray bends; uint has_medium, unused;
-#define cutout_kind cutout_occluded
 #include "lib/bvh_queue.glsl"
 
 layout(constant_id = 5) const uint bends_light_ways = 0u;
@@ -21,6 +20,8 @@ Spectrum glass_light;
 bool glass_opaque;
 Bend glass_bend;
 bool glass_bends;
+
+uint cutout_kind() { return glass_bends ? cutout_search : cutout_occluded; }
 
 uint contribution_word(uint c, uint i) { return c * push.capacity + i; }
 

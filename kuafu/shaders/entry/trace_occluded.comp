@@ -2,8 +2,9 @@
 #version 460
 // Any hit of each ray of a queue: t_far becomes minus infinity where something stands in the way.
 #extension GL_GOOGLE_include_directive : require
-#define cutout_kind cutout_occluded
 #include "lib/bvh_queue.glsl"
+
+uint cutout_kind() { return cutout_occluded; }
 
 void begin(uint i) { bvh_begin(queue_world(), queue_root(i), queue_ray(i, occlusion_words)); }
 

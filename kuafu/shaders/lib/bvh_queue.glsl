@@ -34,8 +34,9 @@ layout(push_constant, scalar) uniform Push {
 #include "lib/cutout.glsl"
 #include "lib/trace_queue.glsl"
 
-/// The entry says by cutout_kind what its rays are.
-bool bvh_stands_at(uint instance, uint primitive, vec2 uv) { return stands_at(push.scene.at[0], instance, primitive, uv.x, uv.y, cutout_kind); }
+/// What kind of ray this is (cutout_*); the entry says it.
+uint cutout_kind();
+bool bvh_stands_at(uint instance, uint primitive, vec2 uv) { return stands_at(push.scene.at[0], instance, primitive, uv.x, uv.y, cutout_kind()); }
 
 layout(constant_id = 4) const uint spread_groups = 0u;  // Tracer::spread_groups
 

@@ -7,7 +7,7 @@
 struct RtHit {
   float t;
   vec2 uv;        // barycentrics of vertices 1 and 2
-  uint primitive;
+  uint primitive; // before there is a hit: what kind of ray it is (lib/cutout.glsl)
   uint instance;  // shared/ray_queue.h: miss where there is none
 };
 

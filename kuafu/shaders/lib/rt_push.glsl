@@ -16,6 +16,5 @@ layout(push_constant, scalar) uniform Push {
   uint capacity;
   uint environment_count;
   uint has_environments;
-  uint cutout_kind;
 } push;
 #endif

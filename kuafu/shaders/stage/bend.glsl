@@ -172,6 +172,17 @@ bool refract_at(INOUT(Bend) b, INOUT(Ray) ray, IN(MetSurface) met, IN(Surface) s
   return true;
 }
 
+/// How much of a surface is there (cutout_search).
+float share_there(IN(SceneAddresses) scene, IN(Surface) s) {
+  return (features & feature_cutouts) == 0u ? 1.0f : coverage(scene, scene.materials.at[s.material], s.place, s.color.a);
+}
+
+/// What a surface lets through straight: all where it is not there.
+Spectrum straight_past(IN(MaterialPoint) m, float cosine, float there) {
+  Spectrum through = straight_transmittance(m, cosine);
+  return there == 1.0f ? through : through * there + Spectrum(1.0f - there);
+}
+
 /// Goes on where the last segment ended: nowhere, or at a surface.
 uint follow_bend(INOUT(Bend) b, INOUT(Ray) ray, bool hit, IN(MetSurface) met, float time_s) {
   ++b.segments;
@@ -183,11 +194,13 @@ uint follow_bend(INOUT(Bend) b, INOUT(Ray) ray, bool hit, IN(MetSurface) met, fl
   Surface s = surface_at(scene, met.instance, met.primitive, met.u, met.v, time_s);
   vec3 side = s.shading_normal;
   MaterialPoint m = load_material(scene, scene.materials.at[s.material], s);
-  Spectrum straight = straight_transmittance(m, abs(dot(s.geometric_normal, ray.direction)));
+  float there = share_there(scene, s);
+  Spectrum straight = straight_past(m, abs(dot(s.geometric_normal, ray.direction)), there);
   if (max_component(straight) == 0.0f && !bends_light(m)) return b.surfaces == 0u ? try_next(b, ray) : judge_trial(b, ray, to_light, true);
   if (b.surfaces >= push.surfaces) return try_next(b, ray);
   if (bends_light(m)) {
     if (!refract_at(b, ray, met, s, m, side, time_s)) return try_next(b, ray);
+    b.gain *= there;
   } else {
     carry(b.spread, met.t, ray.direction, s.geometric_normal);
     b.gain *= straight;
@@ -204,7 +217,7 @@ bool passes_light(IN(MetSurface) met, float time_s) {
   IN(SceneAddresses) scene = push.scene.at[0];
   Surface s = surface_at(scene, met.instance, met.primitive, met.u, met.v, time_s);
   MaterialPoint m = load_material(scene, scene.materials.at[s.material], s);
-  return bends_light(m) || max_component(straight_transmittance(m, abs(dot(s.geometric_normal, s.shading_normal)))) > 0.0f;
+  return bends_light(m) || max_component(straight_past(m, abs(dot(s.geometric_normal, s.shading_normal)), share_there(scene, s))) > 0.0f;
 }
 
 /// Looks beside the straight path, which meets no glass: `share` is 1 over the chance of looking.

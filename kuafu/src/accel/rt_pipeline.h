@@ -9,7 +9,7 @@ namespace kuafu {
 
 struct RtPush {
   uint64_t words = 0, environments = 0, count = 0, top_levels = 0, scene = 0;
-  uint32_t capacity = 0, environment_count = 0, has_environments = 0, cutout_kind = 0;
+  uint32_t capacity = 0, environment_count = 0, has_environments = 0;
 };
 
 class RtPipeline {

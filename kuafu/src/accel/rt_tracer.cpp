@@ -43,8 +43,7 @@ class RtTracer final : public Tracer {
                       rays.scene,
                       rays.capacity,
                       world_.environment_count(),
-                      rays.environments ? 1u : 0u,
-                      entry == RtPipeline::closest ? cutout_closest : cutout_occluded};
+                      rays.environments ? 1u : 0u};
     if (world_.record(commands)) commands.begin_stage("trace closest");  // the first rays after an update are a camera's
     if (rays.scene != 0 && !cutout_pipeline_) cutout_pipeline_.emplace(device_, true);
     const RtPipeline& pipeline = rays.scene != 0 ? *cutout_pipeline_ : pipeline_;

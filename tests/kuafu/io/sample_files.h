@@ -64,6 +64,7 @@ inline constexpr int type_byte = 5120, type_u8 = 5121, type_i16 = 5122, type_u16
 class GltfWriter {
  public:
   json root = {{"asset", {{"version", "2.0"}}}, {"scene", 0}};
+  json more_buffers = json::array();  // after the one that is written
 
   /// A packed view of these values; returns the accessor's index.
   template <class T>
@@ -115,6 +116,7 @@ class GltfWriter {
     std::string body = bytes_;
     body.resize((body.size() + 3) / 4 * 4);
     if (!body.empty()) root["buffers"] = {{{"byteLength", bytes_.size()}}};
+    for (const json& buffer : more_buffers) root["buffers"].push_back(buffer);
     std::string text = root.dump();
     text.resize((text.size() + 3) / 4 * 4, ' ');
     word(2), word(20 + text.size() + (body.empty() ? 0 : 8 + body.size()));

@@ -1,0 +1,18 @@
+// SPDX-License-Identifier: Apache-2.0
+// EXT_meshopt_compression: buffer views whose bytes libmeshoptimizer decodes.
+#pragma once
+
+#include <nlohmann/json.hpp>
+
+#include "import/gltf_document.h"
+
+namespace kuafu {
+
+/// Of a file's JSON: compressed views mean their compressed bytes from here on, and buffers that stand in for those who cannot decode get
+/// no bytes. Returns whether there was any.
+bool read_compressed_views(nlohmann::json& root);
+
+/// Of the tables made of that: every compressed view gets a buffer of its decoded bytes. Throws KS_ERROR_FILE that names the view.
+void decode_meshopt(Budget& budget, tinygltf::Model& model);
+
+}  // namespace kuafu
