@@ -211,6 +211,33 @@ TEST(HostMemoryOfKuafu, IsThatOfEveryBuffer) {
   kuafu_device_release(device);
 }
 
+TEST(HostMemoryOfKuafu, ThatEndsIsOneErrorAndTheRendererStaysUsable) {
+  Memory memory;
+  ks_host_services host = ks_host_services_init();
+  memory.lend(host);
+  const kuafu_device device = open_lent<Kuafu>(KS_SELECT_CPU, host);
+  SKIP_IF(device ? "" : kuafu_last_error());
+  {
+    SmallRender render(KUAFU_TRACER_EMBREE, device);
+    render.desc.samples_per_pixel = 4;
+    int failures = 0;
+    for (ks_status status = KS_ERROR_INTERNAL; status != KS_OK; ++failures) {
+      memory.refuse_after(failures);
+      status = kuafu_renderer_render(render.renderer, render.scene, &render.desc);
+      if (status == KS_OK) break;
+      ASSERT_EQ(status, KS_ERROR_OUT_OF_HOST_MEMORY) << kuafu_last_error();
+      EXPECT_TRUE(says(kuafu_last_error(), "the host's allocate gave nothing for")) << kuafu_last_error();
+      ASSERT_LT(failures, 1000);
+    }
+    EXPECT_GT(failures, 3);
+    memory.refuse_after(INT64_MAX);
+    std::vector<float> pixels(64 * 64);
+    EXPECT_EQ(kuafu_buffer_read(render.buffer, 0, pixels.data(), pixels.size() * sizeof(float)), KS_OK);
+    EXPECT_EQ(pixels, rendered(open_test_device<Kuafu>(), 4));
+  }
+  EXPECT_EQ(memory.live_bytes(), 0u);
+}
+
 TEST(HostMemoryOfSimsense, IsThatOfBuffersAndOfTheMatcher) {
   const std::vector<float> own = matched(open_host_device());
   Memory memory;
