@@ -461,6 +461,8 @@ class kuafu_scene_summary(c.Structure):
         ("triangle_count", c.c_uint64),
         ("bounds_min_m", c.c_double * 3),
         ("bounds_max_m", c.c_double * 3),
+        ("animation_count", c.c_uint32),
+        ("reserved", c.c_uint32),
     ]
 
 

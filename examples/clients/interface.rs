@@ -267,6 +267,8 @@ pub struct kuafu_scene_summary {
     pub triangle_count: u64,
     pub bounds_min_m: [f64; 3],
     pub bounds_max_m: [f64; 3],
+    pub animation_count: u32,
+    pub reserved: u32,
 }
 
 #[repr(C)]
@@ -754,6 +756,9 @@ extern "C" {
     pub fn kuafu_scene_release(scene: *mut c_void);
     pub fn kuafu_scene_load(scene: *mut c_void, path: *const c_char, root_to_world: *const f64) -> i32;
     pub fn kuafu_scene_cancel_load(scene: *mut c_void) -> i32;
+    pub fn kuafu_scene_animate(scene: *mut c_void, animation: u32, time_s: f64) -> i32;
+    pub fn kuafu_scene_animation_duration(scene: *mut c_void, animation: u32, out: *mut f64) -> i32;
+    pub fn kuafu_scene_animation_name(scene: *mut c_void, animation: u32) -> *const c_char;
     pub fn kuafu_scene_get_summary(scene: *mut c_void, out: *mut kuafu_scene_summary) -> i32;
     pub fn kuafu_scene_add_mesh(scene: *mut c_void, desc: *const kuafu_mesh_desc, id: *mut u32) -> i32;
     pub fn kuafu_scene_update_mesh(scene: *mut c_void, id: u32, positions: *const f32, normals: *const f32, vertex_count: u32) -> i32;

@@ -10,6 +10,7 @@
 #include "import/gltf_instancing.h"
 #include "import/gltf_material.h"
 #include "import/gltf_mesh.h"
+#include "import/gltf_rig.h"
 
 namespace kuafu {
 namespace {
@@ -29,53 +30,42 @@ void check_extensions(Import& import, const tinygltf::Model& model) {
       ks::fail(KS_ERROR_UNSUPPORTED, "extensionsRequired: %.100s is not supported, export the file without it", extension.c_str());
   for (const std::string& extension : model.extensionsUsed)
     if (!is_known(extension)) import.warn("extension " + extension + " is ignored");
-  if (!model.animations.empty()) import.warn("animations are ignored");
-  if (!model.skins.empty()) import.warn("skins are ignored");
-}
-
-/// Coordinates in the node to those in its parent (glTF 2.0 section 3.5.3).
-glm::dmat4 node_to_parent(const tinygltf::Node& node, const std::string& field) {
-  if (!node.matrix.empty()) return glm::make_mat4(node.matrix.data());
-  glm::dmat4 out(1.0);
-  if (!node.rotation.empty()) {
-    const glm::dquat q(node.rotation[3], node.rotation[0], node.rotation[1], node.rotation[2]);
-    if (!(glm::length(q) > 0.5)) ks::fail(KS_ERROR_FILE, "%s.rotation has length %g, must be 1", field.c_str(), glm::length(q));
-    out = glm::mat4_cast(glm::normalize(q));
-  }
-  if (!node.scale.empty())
-    for (int i = 0; i < 3; ++i) out[i] *= node.scale[static_cast<size_t>(i)];
-  if (!node.translation.empty()) out[3] = glm::dvec4(node.translation[0], node.translation[1], node.translation[2], 1.0);
-  return out;
 }
 
 // glTF's cameras and lights look along -z with y up (section 3.10); ours along +z with y down.
 const glm::dmat4 camera_to_node(glm::dvec4(1, 0, 0, 0), glm::dvec4(0, -1, 0, 0), glm::dvec4(0, 0, -1, 0), glm::dvec4(0, 0, 0, 1));
 
-/// The rotation and translation of a node, without its scale: what cameras and lights take from it.
-glm::dmat4 without_scale(const glm::dmat4& m, const std::string& field) {
-  const glm::dvec3 z = glm::normalize(glm::dvec3(m[2]));
-  const glm::dvec3 x = glm::normalize(glm::cross(glm::dvec3(m[1]), z));
-  const glm::dmat4 out(glm::dvec4(x, 0.0), glm::dvec4(glm::cross(z, x), 0.0), glm::dvec4(z, 0.0), m[3]);
-  for (int c = 0; c < 4; ++c)
-    if (glm::any(glm::isnan(out[c])) || glm::any(glm::isinf(out[c])))
-      ks::fail(KS_ERROR_FILE, "%s has no rotation: its axes have no length", field.c_str());
-  return out;
+/// The rotation and translation of a node: what cameras and lights take from it.
+glm::dmat4 turned(const glm::dmat4& node_to_world, const std::string& field) {
+  const std::optional<glm::dmat4> out = without_scale(node_to_world);
+  if (!out) ks::fail(KS_ERROR_FILE, "%s has no rotation: its axes have no length", field.c_str());
+  return *out;
+}
+
+bool has_joints(const tinygltf::Mesh& mesh) {
+  return std::ranges::any_of(mesh.primitives, [](const tinygltf::Primitive& p) { return p.attributes.contains("JOINTS_0"); });
+}
+
+bool has_targets(const tinygltf::Mesh& mesh) {
+  return std::ranges::any_of(mesh.primitives, [](const tinygltf::Primitive& p) { return !p.targets.empty(); });
 }
 
 class Nodes {
  public:
-  Nodes(Import& import, const tinygltf::Model& model, GltfMaterials& materials) : import_(import), model_(model), materials_(materials) {}
+  Nodes(Import& import, const tinygltf::Model& model, GltfMaterials& materials)
+      : import_(import), model_(model), materials_(materials), rig_(import, model) {}
 
   void place_all() {
     visited_.assign(model_.nodes.size(), false);
     meshes_.resize(model_.meshes.size());
     struct Pending {
       size_t node;
+      uint32_t parent;  // in the rig
       glm::dmat4 parent_to_world;
     };
     std::vector<Pending> stack;
     const std::vector<int> first = roots();
-    for (auto root = first.rbegin(); root != first.rend(); ++root) stack.push_back({checked(*root, "scenes"), import_.root_to_world});
+    for (auto root = first.rbegin(); root != first.rend(); ++root) stack.push_back({checked(*root, "scenes"), none, import_.root_to_world});
     while (!stack.empty()) {
       const Pending next = stack.back();
       stack.pop_back();
@@ -83,11 +73,13 @@ class Nodes {
       const std::string field = "nodes[" + std::to_string(next.node) + "] '" + node.name + "'";
       if (visited_[next.node]) ks::fail(KS_ERROR_FILE, "%s has two parents or is its own ancestor", field.c_str());
       visited_[next.node] = true;
-      const glm::dmat4 node_to_world = next.parent_to_world * node_to_parent(node, field);
-      place(node, node_to_world, field);
+      const uint32_t number = rig_.add_node(next.node, next.parent, field);
+      const glm::dmat4 node_to_world = next.parent_to_world * rig_.node_to_parent(number);
+      place({node, number, node_to_world, field});
       for (auto child = node.children.rbegin(); child != node.children.rend(); ++child)
-        stack.push_back({checked(*child, field), node_to_world});
+        stack.push_back({checked(*child, field), number, node_to_world});
     }
+    rig_.finish();
   }
 
  private:
@@ -113,37 +105,50 @@ class Nodes {
     return out;
   }
 
-  void place(const tinygltf::Node& node, const glm::dmat4& node_to_world, const std::string& field) {
-    if (node.mesh >= 0) place_mesh(node, node_to_world, field);
-    if (node.camera >= 0) place_camera(node, node_to_world, field);
-    const auto light = node.extensions.find("KHR_lights_punctual");
-    if (light != node.extensions.end() && light->second.Has("light"))
-      place_light(light->second.Get("light").GetNumberAsInt(), node, node_to_world, field);
+  /// A node on its way into the scene.
+  struct Place {
+    const tinygltf::Node& node;
+    uint32_t number;  // in the rig
+    glm::dmat4 node_to_world;
+    const std::string& field;
+  };
+
+  void place(const Place& at) {
+    if (at.node.mesh >= 0) place_mesh(at);
+    if (at.node.camera >= 0) place_camera(at);
+    const auto light = at.node.extensions.find("KHR_lights_punctual");
+    if (light != at.node.extensions.end() && light->second.Has("light")) place_light(light->second.Get("light").GetNumberAsInt(), at);
   }
 
-  void place_mesh(const tinygltf::Node& node, const glm::dmat4& node_to_world, const std::string& field) {
+  void place_mesh(const Place& at) {
+    const tinygltf::Node& node = at.node;
     const auto index = static_cast<size_t>(node.mesh);
-    if (index >= model_.meshes.size()) ks::fail(KS_ERROR_FILE, "%s.mesh is %d of %zu", field.c_str(), node.mesh, model_.meshes.size());
-    if (glm::determinant(glm::dmat3(node_to_world)) == 0.0) {
-      import_.warn(field + ": a scale of 0 hides it");
+    if (index >= model_.meshes.size()) ks::fail(KS_ERROR_FILE, "%s.mesh is %d of %zu", at.field.c_str(), node.mesh, model_.meshes.size());
+    const bool skinned = node.skin >= 0 && has_joints(model_.meshes[index]);
+    if (!skinned && !rig_.moves(at.number) && glm::determinant(glm::dmat3(at.node_to_world)) == 0.0) {
+      import_.warn(at.field + ": a scale of 0 hides it");
       return;
     }
-    const Loaded& mesh = load(index);
+    if (node.skin >= 0 && !skinned) import_.warn(at.field + " has a skin, but its mesh has no JOINTS_0: the skin is ignored");
+    const Loaded mesh = skinned || has_targets(model_.meshes[index]) ? load_deforming(at, index) : load(index);
     if (mesh.id == none) return;
-    for (const glm::dmat4& copy_to_node : gpu_instances(import_, model_, node, field)) {
-      Instance instance;
-      instance.name = node.name.empty() ? model_.meshes[index].name : node.name;
-      instance.mesh = mesh.id;
-      instance.materials = mesh.materials;
-      instance.local_to_world = node_to_world * copy_to_node;
-      if (glm::determinant(glm::dmat3(instance.local_to_world)) == 0.0)
-        import_.warn(field + ": a scale of 0 hides a copy of it");
+    if (skinned) return void(add_instance(at, mesh, import_.root_to_world));  // its joints place it, not the node
+    for (const glm::dmat4& copy_to_node : gpu_instances(import_, model_, node, at.field)) {
+      const glm::dmat4 local_to_world = at.node_to_world * copy_to_node;
+      if (rig_.moves(at.number))
+        rig_.add_member({.kind = RigMember::Kind::instance,
+                         .id = add_instance(at, mesh, with_extent(local_to_world)),
+                         .node = at.number,
+                         .to_node = copy_to_node});
+      else if (glm::determinant(glm::dmat3(local_to_world)) == 0.0)
+        import_.warn(at.field + ": a scale of 0 hides a copy of it");
       else
-        import_.scene.add_instance(std::move(instance));
+        add_instance(at, mesh, local_to_world);
     }
   }
 
-  void place_camera(const tinygltf::Node& node, const glm::dmat4& node_to_world, const std::string& field) {
+  void place_camera(const Place& at) {
+    const auto& [node, number, node_to_world, field] = at;
     if (static_cast<size_t>(node.camera) >= model_.cameras.size())
       ks::fail(KS_ERROR_FILE, "%s.camera is %d of %zu", field.c_str(), node.camera, model_.cameras.size());
     const tinygltf::Camera& from = model_.cameras[static_cast<size_t>(node.camera)];
@@ -158,13 +163,19 @@ class Nodes {
     Camera camera;
     camera.name = node.name.empty() ? from.name : node.name;
     camera.k = glm::dmat3(focal, 0, 0, 0, focal, 0, 0.5 * aspect, 0.5, 1);
-    camera.camera_to_world = without_scale(node_to_world, field) * camera_to_node;
+    camera.camera_to_world = turned(node_to_world, field) * camera_to_node;
     camera.near_m = lens.znear;
     if (lens.zfar > 0.0) camera.far_m = lens.zfar;
+    if (rig_.moves(number))
+      rig_.add_member({.kind = RigMember::Kind::camera,
+                       .id = static_cast<uint32_t>(import_.scene.cameras().size()),
+                       .node = number,
+                       .to_node = camera_to_node});
     import_.scene.add_camera(std::move(camera));
   }
 
-  void place_light(int index, const tinygltf::Node& node, const glm::dmat4& node_to_world, const std::string& field) {
+  void place_light(int index, const Place& at) {
+    const auto& [node, number, node_to_world, field] = at;
     if (index < 0 || static_cast<size_t>(index) >= model_.lights.size())
       ks::fail(KS_ERROR_FILE, "%s: light %d of %zu", field.c_str(), index, model_.lights.size());
     const tinygltf::Light& from = model_.lights[static_cast<size_t>(index)];
@@ -178,38 +189,61 @@ class Nodes {
     light.name = node.name.empty() ? from.name : node.name;
     for (int i = 0; i < 3; ++i)
       light.intensity[i] = static_cast<float>(from.intensity * (from.color.empty() ? 1.0 : from.color[static_cast<size_t>(i)]));
-    light.light_to_world = without_scale(node_to_world, field);
-    if (light.kind != Light::Kind::point) light.light_to_world *= camera_to_node;  // they shine along the node's -z, ours along +z
+    const bool point = light.kind == Light::Kind::point;  // the others shine along the node's -z, ours along +z
+    const glm::dmat4 light_to_node = point ? glm::dmat4(1.0) : camera_to_node;
+    light.light_to_world = turned(node_to_world, field) * light_to_node;
     if (light.kind == Light::Kind::spot) {
       light.inner_rad = from.spot.innerConeAngle;
       light.outer_rad = from.spot.outerConeAngle;
     }
     light.range_m = from.range;
-    import_.scene.add_light(std::move(light));
+    const uint32_t id = import_.scene.add_light(std::move(light));
+    if (rig_.moves(number)) rig_.add_member({.kind = RigMember::Kind::light, .id = id, .node = number, .to_node = light_to_node});
   }
 
   struct Loaded {
-    bool done = false;
     uint32_t id = none;  // none: nothing to render
     std::vector<uint32_t> materials;
   };
   /// Each mesh is read once, however many nodes show it.
   const Loaded& load(size_t index) {
-    Loaded& out = meshes_[index];
-    if (out.done) return out;
-    out.done = true;
+    std::optional<Loaded>& out = meshes_[index];
+    if (!out) {
+      std::optional<GltfMesh> mesh = read_mesh(import_, model_, index, materials_.uses_uv_1());
+      out = mesh ? add(*mesh) : Loaded{};
+    }
+    return *out;
+  }
+  /// Of a mesh whose vertices move each node has its own.
+  Loaded load_deforming(const Place& at, size_t index) {
     std::optional<GltfMesh> mesh = read_mesh(import_, model_, index, materials_.uses_uv_1());
-    if (!mesh) return out;
-    for (const int material : mesh->materials) out.materials.push_back(materials_.id(material, "mesh '" + mesh->mesh.name + "'"));
-    out.id = import_.scene.add_mesh(std::move(mesh->mesh));
+    if (!mesh) return {};
+    Loaded out = add(*mesh);
+    if (at.node.skin < 0) mesh->skin_weights.clear();
+    rig_.add_mesh(at.number, at.node, out.id, std::move(*mesh), at.field);
     return out;
+  }
+  Loaded add(GltfMesh& mesh) {
+    Loaded out;
+    for (const int material : mesh.materials) out.materials.push_back(materials_.id(material, "mesh '" + mesh.mesh.name + "'"));
+    out.id = import_.scene.add_mesh(std::move(mesh.mesh));
+    return out;
+  }
+  uint32_t add_instance(const Place& at, const Loaded& mesh, const glm::dmat4& local_to_world) {
+    Instance instance;
+    instance.name = at.node.name.empty() ? model_.meshes[static_cast<size_t>(at.node.mesh)].name : at.node.name;
+    instance.mesh = mesh.id;
+    instance.materials = mesh.materials;
+    instance.local_to_world = local_to_world;
+    return import_.scene.add_instance(std::move(instance));
   }
 
   Import& import_;
   const tinygltf::Model& model_;
   GltfMaterials& materials_;
+  GltfRig rig_;
   std::vector<bool> visited_;
-  std::vector<Loaded> meshes_;
+  std::vector<std::optional<Loaded>> meshes_;
 };
 
 }  // namespace

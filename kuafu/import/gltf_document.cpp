@@ -116,6 +116,7 @@ void clean_names(tinygltf::Model& model) {
     for (auto& entry : table) entry.name = clean_name(entry.name);
   };
   clean(model.nodes), clean(model.meshes), clean(model.materials), clean(model.images), clean(model.cameras), clean(model.lights);
+  clean(model.animations);
 }
 
 }  // namespace

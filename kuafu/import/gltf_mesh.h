@@ -7,12 +7,16 @@
 
 #include "import/gltf_document.h"
 #include "import/import.h"
+#include "scene/rig.h"
 
 namespace kuafu {
 
 struct GltfMesh {
   Mesh mesh;
   std::vector<int> materials;  // per slot: index into the file's materials, -1 = glTF's default material
+  // What moves its vertices (scene/rig.h).
+  std::vector<SkinWeights> skin_weights;
+  std::vector<MorphTarget> targets;
 };
 
 /// uv_1: whether TEXCOORD_1 is wanted. Nothing when the mesh has only points and lines (a warning says so). Triangle strips and fans become

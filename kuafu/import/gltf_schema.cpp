@@ -52,8 +52,16 @@ constexpr Field fields[] = {
     {"/accessors", "/sparse/values/byteOffset", Kind::index},
     {"/meshes", "/name", Kind::text},
     {"/meshes", "/primitives", Kind::array},
+    {"/meshes", "/weights", Kind::numbers},
+    {"/skins", "/inverseBindMatrices", Kind::index},
+    {"/skins", "/joints", Kind::indices},
+    {"/animations", "/name", Kind::text},
+    {"/animations", "/channels", Kind::array},
+    {"/animations", "/samplers", Kind::array},
     {"/nodes", "/name", Kind::text},
     {"/nodes", "/mesh", Kind::index},
+    {"/nodes", "/skin", Kind::index},
+    {"/nodes", "/weights", Kind::numbers},
     {"/nodes", "/camera", Kind::index},
     {"/nodes", "/children", Kind::indices},
     {"/nodes", "/matrix", Kind::numbers, 16},
@@ -175,6 +183,19 @@ constexpr Field primitive_fields[] = {
     {"", "/extensions/KHR_draco_mesh_compression/attributes", Kind::object},
 };
 
+constexpr Field channel_fields[] = {
+    {"", "/sampler", Kind::index},
+    {"", "/target", Kind::object},
+    {"", "/target/node", Kind::index},
+    {"", "/target/path", Kind::text},
+};
+
+constexpr Field sampler_fields[] = {
+    {"", "/input", Kind::index},
+    {"", "/output", Kind::index},
+    {"", "/interpolation", Kind::text},
+};
+
 // tinygltf keeps indices in an int and counts of bytes in a size_t; what does not fit would wrap around in silence.
 bool is_below(const json& value, uint64_t limit) { return value.is_number_unsigned() && value.get<uint64_t>() < limit; }
 bool is_index(const json& value) { return is_below(value, uint64_t{1} << 31); }
@@ -254,6 +275,22 @@ void check_primitives(const json& root) {
       if (!primitive.contains("attributes")) ks::fail(KS_ERROR_FILE, "%s/attributes is missing", name.c_str());
       for (const auto& [key, accessor] : primitive["attributes"].items())
         if (!is_index(accessor)) ks::fail(KS_ERROR_FILE, "%s/attributes/%.40s must be an accessor's index", name.c_str(), key.c_str());
+      for_each(primitive, "/targets", name + "/targets", [](const json& target, const std::string& target_name) {
+        if (!target.is_object()) ks::fail(KS_ERROR_FILE, "%s is not an object", target_name.c_str());
+        for (const auto& [key, accessor] : target.items())
+          if (!is_index(accessor)) ks::fail(KS_ERROR_FILE, "%s/%.40s must be an accessor's index", target_name.c_str(), key.c_str());
+      });
+    });
+  });
+}
+
+void check_animations(const json& root) {
+  for_each(root, "/animations", "animations", [](const json& animation, const std::string& animation_name) {
+    for_each(animation, "/channels", animation_name + "/channels", [](const json& channel, const std::string& name) {
+      for (const Field& field : channel_fields) check_field(channel, field, name);
+    });
+    for_each(animation, "/samplers", animation_name + "/samplers", [](const json& sampler, const std::string& name) {
+      for (const Field& field : sampler_fields) check_field(sampler, field, name);
     });
   });
 }
@@ -314,6 +351,7 @@ json parse_gltf_json(std::string_view text) {
   for (const Field& field : fields)
     for_each(root, field.table, field.table + 1, [&](const json& element, const std::string& name) { check_field(element, field, name); });
   check_primitives(root);
+  check_animations(root);
   check_views(root);
   return root;
 }

@@ -452,6 +452,9 @@ class SceneSummary:
     def camera_count(self) -> int:
         """Cameras of the loaded files."""
     @property
+    def animation_count(self) -> int:
+        """Animations of the loaded files."""
+    @property
     def triangle_count(self) -> int:
         """Triangles of all instances."""
     @property
@@ -471,9 +474,21 @@ class Scene:
     @property
     def summary(self) -> SceneSummary:
         """How much is in the scene, and where."""
-    def load(self, path: str | PathLike[str], root_to_world: ArrayLike | None = None) -> None:
-        """Appends a .gltf, .glb, .obj, .dae, .stl or .ply file. root_to_world: 4x4. Raises FileError, or
-        MissingFileError where there is none."""
+    def load(
+        self, path: str | PathLike[str], root_to_world: ArrayLike | None = None, *, time_s: float | None = None
+    ) -> None:
+        """Appends a .gltf, .glb, .obj, .dae, .stl or .ply file. root_to_world: 4x4. time_s: animate(time_s) then, else
+        what is animated stands as it does without animation. Raises FileError, or MissingFileError where there is
+        none."""
+    def animate(self, time_s: float, animation: int | None = None) -> None:
+        """Poses what glTF files animate (nodes with their instances, lights and cameras, skins, morph targets) as it is
+        at time_s; what the animation does not move stands as without it. animation: below summary.animation_count;
+        None: all of all files, of which the first counts where two move the same. It holds still before its start and
+        after its end."""
+    def animation_duration_s(self, animation: int) -> float:
+        """Time of the animation's last keyframe."""
+    def animation_name(self, animation: int) -> str:
+        """The name that the file gives the animation."""
     def add_mesh(
         self,
         positions: ArrayLike,

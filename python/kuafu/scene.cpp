@@ -19,7 +19,7 @@ using Floats = py::array_t<float, py::array::c_style | py::array::forcecast>;
 using Vector3 = std::array<double, 3>;
 using Indices = py::array_t<uint32_t, py::array::c_style | py::array::forcecast>;
 
-void load(Scene& scene, const std::filesystem::path& path, const py::object& root_to_world) {
+void load(Scene& scene, const std::filesystem::path& path, const py::object& root_to_world, std::optional<double> time_s) {
   double root[16];
   read_matrix<Kuafu>(root_to_world, "root_to_world", root, 16);
   const InUse<Kuafu> in_use(scene.in_use, "scene");
@@ -27,6 +27,18 @@ void load(Scene& scene, const std::filesystem::path& path, const py::object& roo
       run_interruptibly<Kuafu>([&] { return kuafu_scene_load(scene.get(), path.c_str(), root_to_world.is_none() ? nullptr : root); },
                                [&] { return kuafu_scene_cancel_load(scene.get()); });
   check_file<Kuafu>(outcome.status, outcome.message, path);
+  if (time_s) check<Kuafu>(kuafu_scene_animate(scene.get(), KUAFU_NONE, *time_s));
+}
+
+void animate(Scene& scene, double time_s, std::optional<uint32_t> animation) {
+  const InUse<Kuafu> in_use(scene.in_use, "scene");
+  check<Kuafu>(kuafu_scene_animate(scene.get(), animation.value_or(KUAFU_NONE), time_s));
+}
+
+double animation_duration_s(const Scene& scene, uint32_t animation) {
+  double seconds = 0.0;
+  check<Kuafu>(kuafu_scene_animation_duration(scene.get(), animation, &seconds));
+  return seconds;
 }
 
 /// The array's rows, after checking that it is [rows][columns]; `rows` < 0 accepts any count.
@@ -234,6 +246,7 @@ void bind_summary(py::module_& module) {
       .def_readonly("instance_count", &S::instance_count)
       .def_readonly("light_count", &S::light_count)
       .def_readonly("camera_count", &S::camera_count)
+      .def_readonly("animation_count", &S::animation_count)
       .def_readonly("triangle_count", &S::triangle_count)
       .def_property_readonly("bounds_min_m",
                              [](const S& s) { return py::make_tuple(s.bounds_min_m[0], s.bounds_min_m[1], s.bounds_min_m[2]); })
@@ -325,9 +338,18 @@ void bind_scene(py::module_& module) {
   type.def(py::init<std::shared_ptr<Device<Kuafu>>>(), py::arg("device").none(false))
       .def_property_readonly("device", [](const Scene& s) { return s.device; })
       .def_property_readonly("summary", &summary)
-      .def("load", &load, py::arg("path"), py::arg("root_to_world") = py::none(),
-           "Appends a .gltf, .glb, .obj, .dae, .stl or .ply file. root_to_world: 4x4. Raises FileError, or MissingFileError where there is "
-           "none.")
+      .def("load", &load, py::arg("path"), py::arg("root_to_world") = py::none(), py::kw_only(), py::arg("time_s") = py::none(),
+           "Appends a .gltf, .glb, .obj, .dae, .stl or .ply file. root_to_world: 4x4. time_s: animate(time_s) then, else what is animated "
+           "stands as it does without animation. Raises FileError, or MissingFileError where there is none.")
+      .def("animate", &animate, py::arg("time_s"), py::arg("animation") = py::none(),
+           "Poses what glTF files animate (nodes with their instances, lights and cameras, skins, morph targets) as it is at time_s; what "
+           "the "
+           "animation does not move stands as without it. animation: below summary.animation_count; None: all of all files, of which the "
+           "first counts where two move the same. It holds still before its start and after its end.")
+      .def("animation_duration_s", &animation_duration_s, py::arg("animation"), "Time of the animation's last keyframe.")
+      .def(
+          "animation_name", [](const Scene& s, uint32_t id) { return text_of(kuafu_scene_animation_name(s.get(), id)); },
+          py::arg("animation"))
       .def("add_mesh", &add_mesh, py::arg("positions"), py::arg("indices"), py::kw_only(), py::arg("normals") = py::none(),
            py::arg("uvs") = py::none(), py::arg("slots") = py::none(), py::arg("name") = "", py::arg("uvs_1") = py::none(),
            py::arg("colors") = py::none(),

@@ -195,7 +195,7 @@ AT(kuafu_environment_desc, texture, 32, 4);
 AT(kuafu_environment_desc, light_group, 36, 4);
 AT(kuafu_environment_desc, map_to_world, 40, 72);
 
-SIZE(kuafu_scene_summary, 96);
+SIZE(kuafu_scene_summary, 104);
 AT(kuafu_scene_summary, mesh_count, 16, 4);
 AT(kuafu_scene_summary, texture_count, 20, 4);
 AT(kuafu_scene_summary, material_count, 24, 4);
@@ -205,6 +205,8 @@ AT(kuafu_scene_summary, camera_count, 36, 4);
 AT(kuafu_scene_summary, triangle_count, 40, 8);
 AT(kuafu_scene_summary, bounds_min_m, 48, 24);
 AT(kuafu_scene_summary, bounds_max_m, 72, 24);
+AT(kuafu_scene_summary, animation_count, 96, 4);
+AT(kuafu_scene_summary, reserved, 100, 4);
 
 SIZE(kuafu_mesh_desc, 88);
 AT(kuafu_mesh_desc, name, 16, 8);

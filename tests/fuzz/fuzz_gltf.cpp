@@ -25,6 +25,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
     kuafu::Import import(file, folder, budget);
     kuafu::import_gltf(import);
     (void)import.scene.bounds();
+    import.scene.animate(kuafu::none, 0.5);
   } catch (const ks::Error&) {
   }
   return 0;

@@ -291,6 +291,9 @@ class Calls {
         break;
       default:
         bytes_.disturb(summary), (void)kuafu_scene_get_summary(scene(), &summary);
+        double seconds = bytes_.below(2) == 0 ? 0.5 : NAN;
+        (void)kuafu_scene_animate(scene(), bytes_.below(2) == 0 ? KUAFU_NONE : id(), seconds);
+        (void)kuafu_scene_animation_duration(scene(), id(), &seconds), (void)kuafu_scene_animation_name(scene(), id());
     }
   }
 

@@ -13,8 +13,9 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
     at += bytes;
   };
   try {
-    const kuafu::ImportAnswer answer = kuafu::read_answer(read, 64 << 20);
+    kuafu::ImportAnswer answer = kuafu::read_answer(read, 64 << 20);
     (void)answer.scene.bounds();
+    answer.scene.animate(kuafu::none, 0.5);
   } catch (const ks::Error&) {
   }
   return 0;

@@ -80,6 +80,9 @@ typedef struct kuafu_api {
   ks_status (*scene_set_instance_poses)(kuafu_scene scene, const uint32_t* ids, const double* local_to_world, uint32_t count);
   ks_status (*scene_set_lights)(kuafu_scene scene, const uint32_t* ids, const kuafu_light_desc* descs, uint32_t count);
   ks_status (*renderer_export_timeline)(kuafu_renderer renderer, ks_sync* out);
+  ks_status (*scene_animate)(kuafu_scene scene, uint32_t animation, double time_s);
+  ks_status (*scene_animation_duration)(kuafu_scene scene, uint32_t animation, double* out);
+  const char* (*scene_animation_name)(kuafu_scene scene, uint32_t animation);
 } kuafu_api;
 
 #define KUAFU_API_HAS(api, entry) ((api)->size_bytes >= offsetof(kuafu_api, entry) + sizeof((api)->entry))

@@ -59,6 +59,10 @@ typedef struct kuafu_scene_summary {
   double bounds_min_m[3];
   /* Upper corner of that box; -inf where there is no instance. [in m] */
   double bounds_max_m[3];
+  /* Number of animations of loaded files. */
+  uint32_t animation_count;
+  /* Must be 0. */
+  uint32_t reserved;
 } kuafu_scene_summary;
 static inline kuafu_scene_summary kuafu_scene_summary_init(void) {
   kuafu_scene_summary s;

@@ -98,13 +98,26 @@ KUAFU_API void kuafu_scene_release(kuafu_scene scene);
 
 /* Adds the contents of a file to the scene: meshes, materials, textures, lights (KHR_lights_punctual) and cameras of .gltf and .glb files; meshes and
  * materials of .obj, .dae, .stl and .ply files. root_to_world is a row-major 4x4 transform that is applied to every node; NULL is the identity. An error
- * names the file and the field, and the scene is then unchanged. Contents that the renderer ignores, such as alpha modes, animations and skins, are
- * reported to the device's log as a warning. A point light's candela are read as W/sr. Of an .mtl file Kd, map_Kd, Ks, Ke, Ns, Ni, d, illum, Pr and Pm are
- * read. A glTF material may have further fields in its extras (kuafu_material_desc). */
+ * names the file and the field, and the scene is then unchanged. Contents that the renderer ignores, such as unknown extensions, are reported to the
+ * device's log as a warning. A point light's candela are read as W/sr. Of an .mtl file Kd, map_Kd, Ks, Ke, Ns, Ni, d, illum, Pr and Pm are read. A glTF
+ * material may have further fields in its extras (kuafu_material_desc). Nodes, skins and morph targets stand as they do without animation, until
+ * kuafu_scene_animate is called. */
 KUAFU_API ks_status kuafu_scene_load(kuafu_scene scene, const char* path, const double* root_to_world);
 
 /* Ends a load that another thread is in: it gives KS_ERROR_CANCELLED soon, and the scene is unchanged. Any thread may call it at any time. */
 KUAFU_API ks_status kuafu_scene_cancel_load(kuafu_scene scene);
+
+/* Poses what loaded glTF files animate (glTF 2.0 section 3.11) as it is at time_s: instances, lights and cameras of animated nodes, and the vertices of meshes
+ * with skins or morph targets, as the functions of this interface that move them would. animation is less than animation_count of the summary, in the order
+ * of the files; what this animation does not move stands as its file has it without animation, whatever was posed before. KUAFU_NONE stands for all
+ * animations of all files; where two of them move the same property, the first one counts. Before its first keyframe and after its last an animation stands
+ * still: for one that repeats, time_s is a remainder of kuafu_scene_animation_duration. time_s is finite. Objects that were removed are passed over. A node
+ * that has a scale of 0 is hidden. */
+KUAFU_API ks_status kuafu_scene_animate(kuafu_scene scene, uint32_t animation, double time_s);
+/* Time of the last keyframe, in seconds. */
+KUAFU_API ks_status kuafu_scene_animation_duration(kuafu_scene scene, uint32_t animation, double* out);
+/* Name of an animation, as kuafu_scene_instance_name returns names. */
+KUAFU_API const char* kuafu_scene_animation_name(kuafu_scene scene, uint32_t animation);
 
 KUAFU_API ks_status kuafu_scene_get_summary(kuafu_scene scene, kuafu_scene_summary* out);
 

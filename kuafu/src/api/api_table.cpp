@@ -67,6 +67,9 @@ constexpr kuafu_api table{
     .scene_set_instance_poses = kuafu_scene_set_instance_poses,
     .scene_set_lights = kuafu_scene_set_lights,
     .renderer_export_timeline = kuafu_renderer_export_timeline,
+    .scene_animate = kuafu_scene_animate,
+    .scene_animation_duration = kuafu_scene_animation_duration,
+    .scene_animation_name = kuafu_scene_animation_name,
 };
 
 }  // namespace

@@ -10,6 +10,7 @@
 #include "device/struct_read.h"
 #include "io/load.h"
 #include "scene/matrix.h"
+#include "scene/rig.h"
 #include "scene/table.h"
 
 namespace {
@@ -68,12 +69,22 @@ kuafu_scene_summary summarise(const kuafu::Scene& scene) {
   s.camera_count = static_cast<uint32_t>(scene.cameras().size());
   for (const auto& instance : scene.instances())
     if (instance) s.triangle_count += scene.meshes()[instance->mesh].indices.size();
+  for (const auto& rig : scene.rigs()) s.animation_count += static_cast<uint32_t>(rig->animations.size());
   const kuafu::Scene::Bounds bounds = scene.bounds();
   for (int i = 0; i < 3; ++i) {
     s.bounds_min_m[i] = bounds.min[i];
     s.bounds_max_m[i] = bounds.max[i];
   }
   return s;
+}
+
+const kuafu::RigAnimation& animation_of(const kuafu::Scene& scene, uint32_t id) {
+  size_t first = 0;
+  for (const auto& rig : scene.rigs()) {
+    if (id - first < rig->animations.size()) return rig->animations[id - first];
+    first += rig->animations.size();
+  }
+  ks::fail(KS_ERROR_INVALID_ARGUMENT, "there is no animation %u (the scene has %zu)", id, first);
 }
 
 kuafu::Material to_material(const kuafu_material_desc* desc) {
@@ -115,6 +126,20 @@ ks_status kuafu_scene_load(kuafu_scene scene, const char* path, const double* ro
 
 ks_status kuafu_scene_cancel_load(kuafu_scene scene) {
   return ks::call([&] { ++ks::object_of(scene, "scene")->load_wishes; });
+}
+
+ks_status kuafu_scene_animate(kuafu_scene scene, uint32_t animation, double time_s) {
+  return ks::call([&] { changeable(scene).animate(animation, time_s); });
+}
+
+ks_status kuafu_scene_animation_duration(kuafu_scene scene, uint32_t animation, double* out) {
+  return ks::call([&] { required(out, "out") = animation_of(scene_of(scene), animation).duration_s(); });
+}
+
+const char* kuafu_scene_animation_name(kuafu_scene scene, uint32_t animation) {
+  const char* name = nullptr;
+  (void)ks::call([&] { name = animation_of(scene_of(scene), animation).name.c_str(); });
+  return name;
 }
 
 ks_status kuafu_scene_get_summary(kuafu_scene scene, kuafu_scene_summary* out) {

@@ -268,8 +268,10 @@ struct StructInfo<kuafu_scene_summary> {
       KS_FIELD_END(kuafu_scene_summary, triangle_count),
       KS_FIELD_END(kuafu_scene_summary, bounds_min_m),
       KS_FIELD_END(kuafu_scene_summary, bounds_max_m),
+      KS_FIELD_END(kuafu_scene_summary, animation_count),
+      KS_FIELD_END(kuafu_scene_summary, reserved),
   };
-  static constexpr std::array<ReservedBytes, 0> reserved = {};
+  static constexpr std::array<ReservedBytes, 1> reserved = {{{offsetof(kuafu_scene_summary, reserved), sizeof(kuafu_scene_summary::reserved)}}};
   static kuafu_scene_summary neutral() {
     kuafu_scene_summary s{};
     s.header = ks_header_make(KUAFU_TYPE_SCENE_SUMMARY, sizeof s);

@@ -8,77 +8,14 @@
 
 #include "device/error.h"
 #include "device/text.h"
+#include "io/wire_rig.h"
+#include "io/wire_stream.h"
 
 namespace kuafu {
 namespace {
 
-constexpr uint32_t first_word = 0x324d494bu;  // "KIM2"; grows with the format
+constexpr uint32_t first_word = 0x334d494bu;  // "KIM3"; grows with the format
 constexpr uint32_t last_word = 0x21646e65u;
-
-class Writer {
- public:
-  explicit Writer(std::FILE* to) : to_(to) {}
-  template <class T>
-  void plain(const T& value) {
-    static_assert(std::is_trivially_copyable_v<T>);
-    bytes(&value, sizeof value);
-  }
-  template <class T>
-  void array(const std::vector<T>& values) {
-    static_assert(std::is_trivially_copyable_v<T>);
-    plain(uint64_t{values.size()});
-    bytes(values.data(), values.size() * sizeof(T));
-  }
-  void text(const std::string& value) {
-    plain(uint64_t{value.size()});
-    bytes(value.data(), value.size());
-  }
-  void flag(bool value) { plain(static_cast<uint8_t>(value)); }
-
- private:
-  void bytes(const void* from, size_t size) {
-    if (size > 0 && std::fwrite(from, size, 1, to_) != 1) ks::fail(KS_ERROR_FILE, "the answer cannot be written: %s", std::strerror(errno));
-  }
-  std::FILE* to_;
-};
-
-class Reader {
- public:
-  Reader(const std::function<void(void*, size_t)>& read, uint64_t most_bytes) : read_(read), left_(most_bytes) {}
-  template <class T>
-  void plain(T& value) {
-    static_assert(std::is_trivially_copyable_v<T>);
-    read_(&value, sizeof value);
-  }
-  template <class T>
-  void array(std::vector<T>& values) {
-    static_assert(std::is_trivially_copyable_v<T>);
-    values.resize(claim(sizeof(T)));
-    read_(values.data(), values.size() * sizeof(T));
-  }
-  void text(std::string& value) {
-    value.resize(claim(1));
-    read_(value.data(), value.size());
-  }
-  void flag(bool& value) {
-    uint8_t byte = 0;
-    plain(byte);
-    value = byte != 0;
-  }
-  /// The count of things that follow, each of at least `element_bytes`; that much of the bound is used up.
-  size_t claim(size_t element_bytes) {
-    uint64_t count = 0;
-    plain(count);
-    if (count > left_ / element_bytes)
-      ks::fail(KS_ERROR_FILE, "the scene in it takes more memory than a file of its size may: KUAFU_LOAD_MEMORY_MB allows more");
-    left_ -= count * element_bytes;
-    return count;
-  }
-
- private:
-  const std::function<void(void*, size_t)>& read_;
-  uint64_t left_;
-};
 
 // Each `transfer` lists the fields once, for both directions. The bindings name every field of the struct, so that one who adds a field
 // meets this place when it does not compile.
@@ -164,6 +101,8 @@ void write_answer(std::FILE* to, const Scene& scene, const std::vector<std::stri
   write_table(w, scene.instances());
   write_table(w, scene.lights());
   write_table(w, scene.cameras());
+  w.plain(uint64_t{scene.rigs().size()});
+  for (const auto& rig : scene.rigs()) transfer(w, *rig);
   w.plain(last_word);
   if (std::fflush(to) != 0) ks::fail(KS_ERROR_FILE, "the answer cannot be written: %s", std::strerror(errno));
 }
@@ -200,6 +139,11 @@ ImportAnswer read_answer(const std::function<void(void*, size_t)>& read, uint64_
   read_table<Instance>(r, [&](Instance&& i) { scene.add_instance(std::move(i)); });
   read_table<Light>(r, [&](Light&& l) { scene.add_light(std::move(l)); });
   read_table<Camera>(r, [&](Camera&& c) { scene.add_camera(std::move(c)); });
+  for (size_t left = r.claim(sizeof(Rig)); left > 0; --left) {
+    Rig rig;
+    transfer(r, rig);
+    scene.add_rig(std::move(rig));
+  }
   r.plain(word);
   if (word != last_word) ks::fail(KS_ERROR_FILE, "the program that reads it answered with something that is no scene");
   return answer;

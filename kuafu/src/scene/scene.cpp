@@ -5,6 +5,7 @@
 #include <iterator>
 
 #include "device/error.h"
+#include "scene/rig.h"
 #include "scene/table.h"
 #include "scene/validate.h"
 
@@ -236,6 +237,7 @@ void Scene::append(Scene&& other) {
   free_slots_.reserve(free_slots_.size() + 1);
   grow(lights_, other.lights_);
   grow(cameras_, other.cameras_);
+  grow(rigs_, other.rigs_);
   for (Material& m : other.materials_)
     for (uint32_t* texture : texture_ids(m)) shift(*texture, textures_.size());
   for (auto& instance : other.instances_) {
@@ -245,6 +247,15 @@ void Scene::append(Scene&& other) {
   }
   for (auto& light : other.lights_)
     if (light) shift(light->texture, textures_.size());
+  for (const auto& rig : other.rigs_) {
+    auto moved = std::make_shared<Rig>(*rig);
+    for (RigMesh& mesh : moved->meshes) shift(mesh.mesh, meshes_.size());
+    for (RigMember& member : moved->members)
+      shift(member.id, member.kind == RigMember::Kind::instance ? instances_.size()
+                       : member.kind == RigMember::Kind::light  ? lights_.size()
+                                                                : cameras_.size());
+    rigs_.push_back(std::move(moved));
+  }
   const size_t first_instance = instances_.size();
   std::ranges::copy(other.mesh_bounds_, std::back_inserter(mesh_bounds_));
   move_to_end(meshes_, other.meshes_, revisions_.meshes);

@@ -75,6 +75,7 @@ struct Light : LightFields {
   std::shared_ptr<const Texture> raster;  // of the dots; made by the scene
 };
 
+struct Rig;  // scene/rig.h
 class Scene;
 /// The image that a projector throws.
 const Texture& pattern_of(const Scene& scene, const Light& light);
@@ -127,6 +128,11 @@ class Scene {
   void remove_instance(uint32_t id);
   void remove_light(uint32_t id);
   void add_camera(Camera camera);
+  /// What of this scene a file animates. Its animations follow those of earlier rigs.
+  void add_rig(Rig rig);
+  /// Poses what hangs on the rig of this animation as that has it at `time_s`, and as its file has it without animation where that moves
+  /// nothing; `none`: every rig by all its animations, of which the first counts where two move the same. What was removed is passed over.
+  void animate(uint32_t animation, double time_s);
   /// Moves everything but the environment of `other` to the end of this scene; ids of `other` grow by the sizes of the tables here.
   void append(Scene&& other);
 
@@ -144,6 +150,7 @@ class Scene {
   [[nodiscard]] const Environment& environment() const { return environment_; }
   [[nodiscard]] const std::optional<Medium>& medium() const { return medium_; }
   [[nodiscard]] const std::vector<Camera>& cameras() const { return cameras_; }
+  [[nodiscard]] const std::vector<std::shared_ptr<const Rig>>& rigs() const { return rigs_; }
   [[nodiscard]] const Revisions& revisions() const { return revisions_; }
   /// Whether an instance has a velocity.
   [[nodiscard]] bool instances_move() const { return moving_instances_ > 0; }
@@ -159,6 +166,7 @@ class Scene {
   void check_references(const Light& light) const;
   void check_references(const Environment& environment) const;
   void check_materials(const std::vector<uint32_t>& ids) const;
+  void pose(const Rig& rig, uint32_t animation, double time_s);
   void take_slot(uint32_t id);
   void note_instance(uint32_t slot);
 
@@ -174,6 +182,7 @@ class Scene {
   Environment environment_;
   std::optional<Medium> medium_;
   std::vector<Camera> cameras_;
+  std::vector<std::shared_ptr<const Rig>> rigs_;
   Revisions revisions_;
   std::vector<uint32_t> moved_;  // instances, since the frame before
 };

@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+// Where a primitive's vertices come from: accessors, or compressed data in their place.
+#pragma once
+
+#include <cstring>
+#include <optional>
+#include <vector>
+
+#include "import/gltf_document.h"
+#include "import/gltf_draco.h"
+#include "import/import.h"
+
+namespace kuafu {
+
+template <class Vector>
+std::vector<Vector> as_vectors(const std::vector<float>& values) {
+  std::vector<Vector> out(values.size() / static_cast<size_t>(Vector::length()));
+  if (!out.empty()) std::memcpy(static_cast<void*>(out.data()), values.data(), out.size() * sizeof(Vector));
+  return out;
+}
+
+class GltfAttributes {
+ public:
+  GltfAttributes(Import& import, const tinygltf::Model& model, const tinygltf::Primitive& primitive, const std::string& field);
+
+  [[nodiscard]] bool has(const std::string& name) const { return accessor(name) >= 0 || (draco_ && draco_->has(name)); }
+  [[nodiscard]] std::vector<float> floats(const std::string& name, int components) const;
+  /// Empty where there is no such attribute.
+  template <class Vector>
+  [[nodiscard]] std::vector<Vector> vectors(const std::string& name) const {
+    return has(name) ? as_vectors<Vector>(floats(name, Vector::length())) : std::vector<Vector>();
+  }
+  /// COLOR_0 as linear RGBA; empty where it is 1 everywhere, which changes nothing.
+  [[nodiscard]] std::vector<glm::vec4> colors() const;
+  /// Compressed data holds triangles, whatever they were before.
+  [[nodiscard]] int mode() const { return draco_ ? TINYGLTF_MODE_TRIANGLES : primitive_.mode; }
+  /// Vertices of the triangles, in the order of the primitive's mode.
+  [[nodiscard]] std::vector<uint32_t> indices(size_t vertex_count) const;
+
+ private:
+  [[nodiscard]] int accessor(const std::string& name) const;
+  [[nodiscard]] bool is_rgb(const std::string& name) const;
+
+  Import& import_;
+  const tinygltf::Model& model_;
+  const tinygltf::Primitive& primitive_;
+  const std::string& field_;
+  std::optional<DracoPrimitive> draco_;
+};
+
+}  // namespace kuafu

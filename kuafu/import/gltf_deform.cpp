@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "import/gltf_deform.h"
+
+#include "device/error.h"
+#include "import/gltf_accessor.h"
+
+namespace kuafu {
+namespace {
+
+/// Files round their weights; a vertex without any hangs on its first joint.
+void normalise(std::vector<SkinWeights>& sets, size_t vertex_count) {
+  for (size_t i = 0; i < vertex_count; ++i) {
+    float sum = 0.0f;
+    for (const SkinWeights& set : sets) sum += set.weights[i][0] + set.weights[i][1] + set.weights[i][2] + set.weights[i][3];
+    for (SkinWeights& set : sets) set.weights[i] = sum != 0.0f ? set.weights[i] / sum : glm::vec4(0.0f);
+    if (sum == 0.0f) sets[0].weights[i][0] = 1.0f;
+  }
+}
+
+}  // namespace
+
+std::vector<SkinWeights> read_skin_weights(const GltfAttributes& attributes, size_t vertex_count, const std::string& field) {
+  std::vector<SkinWeights> sets;
+  for (size_t n = 0;; ++n) {
+    const std::string joints = "JOINTS_" + std::to_string(n), weights = "WEIGHTS_" + std::to_string(n);
+    if (!attributes.has(joints) || !attributes.has(weights)) break;
+    SkinWeights set;
+    for (const glm::vec4& j : attributes.vectors<glm::vec4>(joints))
+      set.joints.emplace_back(glm::min(glm::max(glm::vec4(0.0f), j), glm::vec4(65535.0f)));
+    set.weights = attributes.vectors<glm::vec4>(weights);
+    if (set.joints.size() != vertex_count || set.weights.size() != vertex_count)
+      ks::fail(KS_ERROR_FILE, "%s.attributes: %zu positions, %zu of %s, %zu of %s", field.c_str(), vertex_count, set.joints.size(),
+               joints.c_str(), set.weights.size(), weights.c_str());
+    sets.push_back(std::move(set));
+  }
+  if (!sets.empty()) normalise(sets, vertex_count);
+  return sets;
+}
+
+std::vector<MorphTarget> read_targets(Import& import, const tinygltf::Model& model, const tinygltf::Primitive& primitive,
+                                      size_t vertex_count, const std::string& field) {
+  std::vector<MorphTarget> out;
+  for (size_t t = 0; t < primitive.targets.size(); ++t) {
+    MorphTarget target;
+    for (const auto& [name, accessor] : primitive.targets[t]) {
+      const std::string user = field + ".targets[" + std::to_string(t) + "]." + name;
+      const bool moves_positions = name == "POSITION";
+      if (!moves_positions && name != "NORMAL") {
+        if (name != "TANGENT") import.warn(field + ": of morph targets, " + clean_name(name) + " is ignored");
+        continue;
+      }
+      std::vector<glm::vec3>& to = moves_positions ? target.positions : target.normals;
+      to = as_vectors<glm::vec3>(read_floats(import.budget, model, accessor, 3, user));
+      if (to.size() != vertex_count) ks::fail(KS_ERROR_FILE, "%s: %zu values for %zu positions", user.c_str(), to.size(), vertex_count);
+    }
+    out.push_back(std::move(target));
+  }
+  return out;
+}
+
+}  // namespace kuafu

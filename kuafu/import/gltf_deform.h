@@ -1,0 +1,16 @@
+// SPDX-License-Identifier: Apache-2.0
+// What moves a primitive's vertices: joints and weights (glTF 2.0 section 3.7.3.3), morph targets (section 3.7.2.2).
+#pragma once
+
+#include "import/gltf_attributes.h"
+#include "scene/rig.h"
+
+namespace kuafu {
+
+/// All sets of JOINTS_n and WEIGHTS_n; the weights of each vertex have the sum 1.
+std::vector<SkinWeights> read_skin_weights(const GltfAttributes& attributes, size_t vertex_count, const std::string& field);
+/// POSITION and NORMAL of each target; what else a target moves gives a message.
+std::vector<MorphTarget> read_targets(Import& import, const tinygltf::Model& model, const tinygltf::Primitive& primitive,
+                                      size_t vertex_count, const std::string& field);
+
+}  // namespace kuafu

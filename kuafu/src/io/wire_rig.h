@@ -1,0 +1,14 @@
+// SPDX-License-Identifier: Apache-2.0
+// A rig (scene/rig.h) in a helper program's answer.
+#pragma once
+
+#include "io/wire_stream.h"
+#include "scene/rig.h"
+
+namespace kuafu {
+
+void transfer(Writer& to, const Rig& rig);
+/// What it fills is not checked: Scene::add_rig does that.
+void transfer(Reader& from, Rig& rig);
+
+}  // namespace kuafu
