@@ -172,10 +172,8 @@ bool refract_at(INOUT(Bend) b, INOUT(Ray) ray, IN(MetSurface) met, IN(Surface) s
   return true;
 }
 
-/// How much of a surface is there (cutout_search).
-float share_there(IN(SceneAddresses) scene, IN(Surface) s) {
-  return (features & feature_cutouts) == 0u ? 1.0f : coverage(scene, scene.materials.at[s.material], s.place, s.color.a);
-}
+/// How much of a surface is there (cutout_search). Not asked of `features`: plain kernels on the host leave all other cutouts to the tracer.
+float share_there(IN(SceneAddresses) scene, IN(Surface) s) { return coverage(scene, scene.materials.at[s.material], s.place, s.color.a); }
 
 /// What a surface lets through straight: all where it is not there.
 Spectrum straight_past(IN(MaterialPoint) m, float cosine, float there) {
