@@ -36,6 +36,9 @@ _FREE = 0.015  # of the largest eigenvalue: facets of a round part give 0.004, a
 # With fewer places of the camera intervals rest on the residuals: neighbouring contour points see the same edge, and so
 # many tell as much as one.
 _LEAST_PLACES, _ALIKE = 4, 8.0
+# What all places err in alike, a deviation in pixels: a contour's place in the finer image, shade where a part touches
+# the table. tests/bench/bench_pose.py: 0.07 to 0.2 px on boxes of four materials.
+_COMMON_PX = 0.1
 
 
 @dataclass(frozen=True)
@@ -155,7 +158,10 @@ class _Fit:
     def result(self, pose: NDArray) -> PartPose:
         assert self._last is not None
         step = self._last
-        turn, move = (np.sqrt(np.linalg.eigvalsh(step.extent[s, s])[-1]) for s in (slice(0, 3), slice(3, 6)))
+        common_m = student_t.ppf(0.95, np.inf) * _COMMON_PX * self._m_per_px(pose)
+        turn, move = (
+            np.hypot(np.sqrt(np.linalg.eigvalsh(step.extent[s, s])[-1]), common_m) for s in (slice(0, 3), slice(3, 6))
+        )
         axes = tuple(v[:3] / np.linalg.norm(v[:3]) for v in step.free.T if np.linalg.norm(v[:3]) > 0.5)
         seen = sum(found is not None for found in self._contours(pose))
         return PartPose(
@@ -169,6 +175,12 @@ class _Fit:
         )
 
     # ---- inside ----
+
+    def _m_per_px(self, pose: NDArray) -> float:
+        """Of the part's middle, over the views."""
+        middle = np.append(self._centre, 1.0)
+        away = [(np.linalg.inv(view.camera_to_world) @ pose @ middle)[2] / view.K[0, 0] for view in self._views]
+        return float(np.median(np.abs(away)))
 
     def _contours(self, pose: NDArray) -> list[Contours | None]:
         found = self._part.contours(self._views, pose)
