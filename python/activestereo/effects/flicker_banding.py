@@ -19,7 +19,10 @@ from activestereo.effects.core.view import View
     starts=flicker_starts,
     parameters=[
         Parameter("depth", "1", neutral=0.0, low=0.0, high=1.0, typical=0.15),
-        Parameter("frequency_hz", "Hz", neutral=100.0, low=80.0, high=250.0, typical=20.0),
+        Parameter(
+            "frequency_hz", "Hz", neutral=100.0, low=80.0, high=250.0, typical=20.0,
+            slope_step=1e-3,  # a capture of a minute tells a hundredth of a hertz
+        ),
         Parameter("phase_rad", "rad", neutral=0.0, low=-np.pi, high=np.pi, typical=1.0),
         Parameter(
             "line_time_s",
@@ -32,7 +35,7 @@ from activestereo.effects.core.view import View
         ),
     ],
     image_only="kuafu's lights do not vary within a frame",
-)
+)  # fmt: skip
 def flicker_banding(
     light: Light, view: View, depth: float, frequency_hz: float, phase_rad: float, line_time_s: float
 ) -> Light:

@@ -7,12 +7,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from activestereo.effects import builtin
+from activestereo.effects import Model, builtin
 from activestereo.effects.core.dots import DotView
 from activestereo.effects.core.flicker import flicker_starts
 from activestereo.effects.core.judging import StartImage
 from activestereo.effects.core.second_unit import unit_starts
 from activestereo.lab.diagnose.channels.dots_seen import dots_seen
+from activestereo.lab.diagnose.refine import ParameterSpace
 from activestereo.lab.diagnose.score.occam import occam_nats
 from effect_worlds import seen, view_of
 
@@ -59,6 +60,10 @@ def test_a_flickers_starts_are_of_different_frequencies_and_no_deeper_than_its_m
     assert starts[0]["depth"] == pytest.approx(0.6, rel=0.05) and starts[0]["line_time_s"] == pytest.approx(2e-5)
     assert len({start["frequency_hz"] for start in starts}) == len(starts) > 3
     assert max(start["depth"] for start in starts) <= 1.0
+    space = ParameterSpace.of(Model(), flicker)
+    at = [p.name for _, p in space.pairs].index("frequency_hz")
+    # Over the frames' five seconds a slope's step may turn the wave by a small part of a radian.
+    assert 2 * np.pi * 4.88 * space.steps(space.start)[at] < 0.1
 
 
 @dataclass(frozen=True)

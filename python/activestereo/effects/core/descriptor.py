@@ -56,7 +56,8 @@ class Randomness(Enum):
 class Parameter:
     """neutral: the value of no effect. low..high: physically possible. typical: one prior deviation from neutral.
     choice: it says where or how, in whole numbers: fits take it as given. in_engine: whether the engines know it, in an
-    effect that they simulate."""
+    effect that they simulate. slope_step: the largest step by which a slope of an image may be taken, where the image
+    follows the parameter far more finely than `typical` tells."""
 
     name: str
     unit: str
@@ -67,6 +68,7 @@ class Parameter:
     source: str = ""
     choice: bool = False
     in_engine: bool = True
+    slope_step: float = float("inf")
 
     def __post_init__(self) -> None:
         if not self.low <= self.neutral <= self.high or self.low == self.high:

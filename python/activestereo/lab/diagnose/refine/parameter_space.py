@@ -66,6 +66,10 @@ class ParameterSpace:
         return self.of_parameters("typical")
 
     @cached_property
+    def slope_step(self) -> np.ndarray:
+        return self.of_parameters("slope_step")
+
+    @cached_property
     def neutral(self) -> np.ndarray:
         return self.of_parameters("neutral")
 
@@ -96,6 +100,7 @@ class ParameterSpace:
     def steps(self, theta: np.ndarray) -> np.ndarray:
         """Finite-difference steps that stay in range."""
         step = _STEP * np.maximum(self.typical, _DISTANCE_SHARE * np.abs(theta - self.neutral))
+        step = np.minimum(step, self.slope_step)
         return np.where(theta + step > self.high, -step, step)
 
 
