@@ -18,12 +18,12 @@ def tree_of_page() -> list[str]:
     """Folders of the page's tree, two levels, as paths."""
     block = re.search(r"^```tree\n(.*?)^```", PAGE, re.DOTALL | re.MULTILINE)
     assert block, "ARCHITECTURE.md has no tree"
-    folders, room = [], ""
+    folders, top = [], ""
     for line in block.group(1).splitlines():
         name = line.split()[0]
         assert len(line.split()) > 2, f"'{line}' says nothing about {name}"
-        room = name if not line.startswith(" ") else room
-        folders.append(name if name == room else f"{room}/{name}")
+        top = name if not line.startswith(" ") else top
+        folders.append(name if name == top else f"{top}/{name}")
     return folders
 
 

@@ -198,14 +198,14 @@ void CpuStages::points() {
   }
 }
 
-void CpuStages::explain() {
+void CpuStages::reason() {
   const StageSettings& s = call_->settings;
   depth_.resize(rig_.pixels());
   depth_from_disparity(rig_.rectification.geometry, s.depth_range, maps_.disparity, s.invalid_disparity(), width_, height_, depth_.data(),
                        workers_);
   for (size_t i = 0; i < rig_.pixels(); ++i)
     if (maps_.reason[i] == MatchReason::valid && depth_[i] == 0) maps_.reason[i] = MatchReason::out_of_range;
-  explain_invalid(s.reason, images_[0], width_, height_, maps_.reason, workers_);
+  find_reasons(s.reason, images_[0], width_, height_, maps_.reason, workers_);
 }
 
 void CpuStages::store_maps() {

@@ -36,7 +36,7 @@ class CpuStages final : public Stages {
   void depth() override;
   void registration() override;
   void points() override;
-  void explain() override;
+  void reason() override;
   void store_maps() override;
   [[nodiscard]] bool makes_points_apart() const override { return true; }
   void measure(const char* name, const std::function<void()>& run) override { clock_.measure(name, run); }

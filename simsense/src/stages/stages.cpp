@@ -36,7 +36,7 @@ constexpr Step map_order[] = {
     {"depth", &Stages::depth, [](const Call& c) { return c.needs.depth; }},
     {"registration", &Stages::registration, [](const Call& c) { return c.needs.registered; }},
     {"points", &Stages::points, [](const Call& c) { return c.needs.points && c.stages.makes_points_apart(); }},
-    {"reason", &Stages::explain, [](const Call& c) { return c.needs.reason; }},
+    {"reason", &Stages::reason, [](const Call& c) { return c.needs.reason; }},
     {"maps", &Stages::store_maps, [](const Call& c) { return c.needs.confidence || c.needs.reason; }},
 };
 

@@ -50,7 +50,7 @@ class Stages {
   virtual void depth() = 0;
   virtual void registration() = 0;
   virtual void points() = 0;  // only where makes_points_apart(); else depth and registration make them
-  virtual void explain() = 0;
+  virtual void reason() = 0;
   virtual void store_maps() = 0;  // confidence and reasons
 
   [[nodiscard]] virtual bool makes_points_apart() const = 0;

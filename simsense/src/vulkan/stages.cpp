@@ -160,7 +160,7 @@ void VulkanStages::registration() {
                         output(SIMSENSE_OUTPUT_POINTS_COLORED), ref_or_none(call_->frame.rgb, call_->pairs), call_->pairs.count);
 }
 
-void VulkanStages::explain() {
+void VulkanStages::reason() {
   if (!reason_) reason_.emplace(device_);
   reason_->record(call_->commands, call_->settings, depth_->block(), images_[0], maps_, width_, height_, call_->pairs.count);
 }

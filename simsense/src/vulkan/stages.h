@@ -50,7 +50,7 @@ class VulkanStages final : public Stages {
   void depth() override;
   void registration() override;
   void points() override {}
-  void explain() override;
+  void reason() override;
   void store_maps() override;
   [[nodiscard]] bool makes_points_apart() const override { return false; }
   void measure(const char* name, const std::function<void()>& run) override;

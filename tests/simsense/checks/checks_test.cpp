@@ -105,7 +105,7 @@ TEST(Reason, TheImageExplainsWhatStagesRejected) {
   std::fill_n(reason.begin(), 60 * 10, MatchReason::valid);
   std::fill_n(reason.begin() + 60 * 10, 60 * 10, MatchReason::outside);
   ks::ThreadPool workers(2);
-  explain_invalid({7, 7, 4, 255}, {image.data(), 60}, 60, 40, reason.data(), workers);
+  find_reasons({7, 7, 4, 255}, {image.data(), 60}, 60, 40, reason.data(), workers);
   EXPECT_EQ(reason[5 * 60 + 10], MatchReason::valid);
   EXPECT_EQ(reason[15 * 60 + 10], MatchReason::outside) << "geometry needs no other cause";
   EXPECT_EQ(reason[30 * 60 + 10], MatchReason::low_texture);

@@ -15,8 +15,8 @@ bool is_of_a_stage(MatchReason reason) {
 
 }  // namespace
 
-void explain_invalid(const ReasonParameters& p, ConstImage left, uint32_t width, uint32_t height, MatchReason* reason,
-                     ks::ThreadPool& workers) {
+void find_reasons(const ReasonParameters& p, ConstImage left, uint32_t width, uint32_t height, MatchReason* reason,
+                  ks::ThreadPool& workers) {
   const auto half_width = static_cast<ptrdiff_t>(p.window_width / 2), half_height = static_cast<ptrdiff_t>(p.window_height / 2);
   const auto last_x = static_cast<ptrdiff_t>(width) - 1, last_y = static_cast<ptrdiff_t>(height) - 1;
   workers.parallel_for(height, [&](size_t row) {

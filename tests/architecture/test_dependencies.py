@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Keeps the doors between the rooms shut: who may include or import whom, what a library exports, what an engine never
-does.
+"""Which folder may include or import which, what a library exports, what an engine never does.
 
 Reads #include and import lines of the sources, and the symbol tables of the built libraries (build folder:
 $ACTIVESTEREO_BUILD, else build/).
@@ -84,11 +83,11 @@ def library(request):
     return request.param, path
 
 
-@pytest.mark.parametrize("room, other", [("kuafu", "simsense"), ("simsense", "kuafu")])
-def test_engines_do_not_know_each_other(room, other):
+@pytest.mark.parametrize("folder, other", [("kuafu", "simsense"), ("simsense", "kuafu")])
+def test_engines_do_not_know_each_other(folder, other):
     seen = [
         f"{name_of(p)}: {i}"
-        for p in sources(room, NATIVE_SUFFIXES)
+        for p in sources(folder, NATIVE_SUFFIXES)
         for i in includes(p)
         if other in pathlib.PurePosixPath(i).parts
     ]
@@ -108,9 +107,9 @@ def test_device_leaf_knows_no_engine():
 @pytest.mark.parametrize("folder", ["ks", *LIBRARIES])
 def test_public_headers_include_only_c99_ks_and_their_own(folder):
     seen = []
-    doors = ("ks/", f"{folder}/")
+    allowed = ("ks/", f"{folder}/")
     for path in sources(f"capi/include/{folder}", {".h"}):
-        seen += [f"{name_of(path)}: {i}" for i in includes(path) if i not in C99_HEADERS and not i.startswith(doors)]
+        seen += [f"{name_of(path)}: {i}" for i in includes(path) if i not in C99_HEADERS and not i.startswith(allowed)]
     assert not seen
 
 
@@ -148,10 +147,10 @@ def test_product_python_imports_no_test_and_no_example():
     assert not [f"{name_of(p)}: {m}" for p in sources("python", {".py"}) for m in imported_modules(p) & closed]
 
 
-@pytest.mark.parametrize("room, other", [("kuafu", "simsense"), ("simsense", "kuafu")])
-def test_python_modules_of_the_engines_do_not_import_each_other(room, other):
+@pytest.mark.parametrize("folder, other", [("kuafu", "simsense"), ("simsense", "kuafu")])
+def test_python_modules_of_the_engines_do_not_import_each_other(folder, other):
     closed = {other, "activestereo"}
-    assert not [f"{name_of(p)}: {m}" for p in sources(f"python/{room}", {".py"}) for m in imported_modules(p) & closed]
+    assert not [f"{name_of(p)}: {m}" for p in sources(f"python/{folder}", {".py"}) for m in imported_modules(p) & closed]
 
 
 @pytest.mark.parametrize("folder", ENGINE_FOLDERS)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""ARCHITECTURE.md's table of doors between top-level folders is what the sources include and import: no more, no
+"""ARCHITECTURE.md's table of dependencies of top-level folders is what the sources include and import: no more, no
 less."""
 
 import ast
@@ -29,7 +29,7 @@ PYTHON_ROOTS = {"kuafu": "python/kuafu", "simsense": "python/simsense", "actives
 def rows() -> list[tuple[list[str], list[str]]]:
     """(folders, folders that they use) of each row; a row that uses everything is left out."""
     block = re.search(r"^\| folder \| includes or imports \|\n\|[-|]+\|\n((?:\|.*\|\n)+)", PAGE, re.MULTILINE)
-    assert block, "ARCHITECTURE.md has no table of doors"
+    assert block, "ARCHITECTURE.md has no table of dependencies"
     out = []
     for line in block.group(1).splitlines():
         folders, used = (re.findall(r"`([\w/]+)`", cell) for cell in line.strip("|").split("|"))
@@ -90,10 +90,10 @@ def used_folders(folder: str) -> dict[str, list[str]]:
 
 
 @pytest.mark.parametrize(("folders", "allowed"), ROWS, ids=lambda names: "+".join(names) or "nothing")
-def test_doors_are_those_of_the_page(folders: list[str], allowed: list[str]) -> None:
+def test_dependencies_are_those_of_the_page(folders: list[str], allowed: list[str]) -> None:
     used = {name: lines for folder in folders for name, lines in used_folders(folder).items() if name not in folders}
     assert not [line for name, lines in used.items() if name not in allowed for line in lines]
-    assert set(allowed) == set(used), "the page names a door that nothing goes through"
+    assert set(allowed) == set(used), "the page names a dependency that no source has"
 
 
 def test_every_folder_of_sources_has_its_row() -> None:
