@@ -150,7 +150,8 @@ def test_product_python_imports_no_test_and_no_example():
 @pytest.mark.parametrize("folder, other", [("kuafu", "simsense"), ("simsense", "kuafu")])
 def test_python_modules_of_the_engines_do_not_import_each_other(folder, other):
     closed = {other, "activestereo"}
-    assert not [f"{name_of(p)}: {m}" for p in sources(f"python/{folder}", {".py"}) for m in imported_modules(p) & closed]
+    files = sources(f"python/{folder}", {".py"})
+    assert not [f"{name_of(p)}: {m}" for p in files for m in imported_modules(p) & closed]
 
 
 @pytest.mark.parametrize("folder", ENGINE_FOLDERS)
