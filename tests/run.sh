@@ -35,7 +35,7 @@ ctest --test-dir build --output-on-failure -j "$(nproc)" --progress >build/ctest
 echo "== pytest"
 workers=$(nproc)  # a worker renders on all cores and may take 2 GB: more than four gain nothing
 [ "$workers" -le 4 ] || workers=4
-ACTIVESTEREO_BUILD="$root/build" PYTHONPATH="$root/build/python" /usr/bin/python3 -m pytest -q -rs -n "$workers" --dist loadscope tests || status=1
+ACTIVESTEREO_BUILD="$root/build" PYTHONPATH="$root/build/python" /usr/bin/python3 -m pytest -q -rs --durations=15 -n "$workers" --dist loadscope tests || status=1
 echo "== ctest said"
 tail -n 12 build/ctest.log
 exit $status

@@ -9,63 +9,7 @@ from activestereo.cli import main
 from activestereo.images import write_gray
 from activestereo.importers.realsense_text import read_device_text
 from activestereo.importers.trajectory import pose_at, read_trajectory
-
-_TEXT = """\
-Device info:
-    Name                          : 	Intel RealSense D435
-
-Intrinsic Parameters:
-
- Intrinsic of "Depth" / 64x48 / {Z16}
-  Width:      	64
-  Height:     	48
-  PPX:        	32.1
-  PPY:        	24.2
-  Fx:         	43.0
-  Fy:         	43.0
-  Distortion: 	Brown Conrady
-  Coeffs:     	0  	0  	0  	0  	0
-  FOV (deg):  	73.3 x 58.3
-
- Intrinsic of "Infrared 1" / 64x48 / {Y8}
-  Width:      	64
-  Height:     	48
-  PPX:        	32.1
-  PPY:        	24.2
-  Fx:         	43.0
-  Fy:         	43.5
-  Distortion: 	Brown Conrady
-  Coeffs:     	0  	0  	0  	0  	0
-  FOV (deg):  	73.3 x 58.3
-
- Intrinsic of "Infrared 2" / 64x48 / {Y8}
-  Width:      	64
-  Height:     	48
-  PPX:        	32.1
-  PPY:        	24.2
-  Fx:         	43.0
-  Fy:         	43.5
-  Distortion: 	Brown Conrady
-  Coeffs:     	0  	0  	0  	0  	0
-  FOV (deg):  	73.3 x 58.3
-
-Extrinsic Parameters:
- Extrinsic from "Infrared 1"	  To	  "Infrared 2" :
- Rotation Matrix:
-   1                0                0
-   0                1                0
-   0                0                1
-
- Translation Vector: -0.0499585680663586  0  0
-
- Extrinsic from "Infrared 2"	  To	  "Infrared 1" :
- Rotation Matrix:
-   1                0                0
-   0                1                0
-   0                0                1
-
- Translation Vector: 0.0499585680663586  0  0
-"""
+from camera_dumps import ENUMERATED
 
 
 @pytest.fixture
@@ -80,7 +24,7 @@ def recording(tmp_path):
                 folder / f"run_{stream}_{1700000000000.5 + 33.3 * i + delay:.6f}.png",
                 rng.integers(1, high, (48, 64)).astype(kind),
             )
-    (tmp_path / "d435.txt").write_text(_TEXT)
+    (tmp_path / "d435.txt").write_text(ENUMERATED)
     return folder
 
 
@@ -145,19 +89,19 @@ def test_what_is_wrong_is_told_with_file_key_and_value(recording, tmp_path, caps
     text = tmp_path / "d435.txt"
     assert "depth scale: is not known" in _refused(_arguments(recording), capsys)
     scale = ("--depth-scale", "0.001")
-    text.write_text(_TEXT.replace("Translation Vector: -0.04", "Translation Vector: 0.04"))
+    text.write_text(ENUMERATED.replace("Translation Vector: -0.04", "Translation Vector: 0.04"))
     assert "x is 0.0499586 m, expected below 0: left and right are swapped" in _refused(
         _arguments(recording, *scale), capsys
     )
-    text.write_text(_TEXT.replace("Fx:         	43.0", "Fx:         	none"))
+    text.write_text(ENUMERATED.replace("Fx:         	43.0", "Fx:         	none"))
     assert "Fx is 'none', expected a number" in _refused(_arguments(recording, *scale), capsys)
-    text.write_text(_TEXT.replace("64x48", "32x24"))
+    text.write_text(ENUMERATED.replace("64x48", "32x24"))
     assert "none for the images' 64x48 (there are: 32x24)" in _refused(_arguments(recording, *scale), capsys)
-    text.write_text(_TEXT.split("Extrinsic Parameters")[0])
+    text.write_text(ENUMERATED.split("Extrinsic Parameters")[0])
     assert "is missing: run rs-enumerate-devices -c" in _refused(_arguments(recording, *scale), capsys)
     text.write_text("no such thing")
     assert '"Intrinsic of": is nowhere in it' in _refused(_arguments(recording, *scale), capsys)
-    text.write_text(_TEXT)
+    text.write_text(ENUMERATED)
     odd = sorted(recording.glob("*Infrared 2*"))[1]
     write_gray(odd, np.zeros((24, 32), np.uint8))
     assert "is 32x24, expected 64x48" in _refused(_arguments(recording, *scale), capsys)
@@ -173,7 +117,8 @@ def test_what_is_wrong_is_told_with_file_key_and_value(recording, tmp_path, caps
 
 def test_an_inverse_extrinsic_will_do(tmp_path):
     text = tmp_path / "d435.txt"
-    text.write_text(_TEXT.replace('from "Infrared 1"	  To	  "Infrared 2"', 'from "Infrared 1"	  To	  "Color"'))
+    forwards = 'from "Infrared 1"	  To	  '
+    text.write_text(ENUMERATED.replace(f'{forwards}"Infrared 2"', f'{forwards}"Color"'))
     assert read_device_text(text).extrinsic("Infrared 1", "Infrared 2")[0, 3] == pytest.approx(-0.0499585680663586)
 
 

@@ -15,6 +15,7 @@ from activestereo.capture import CaptureError, read_capture
 from activestereo.cli import main
 from activestereo.images import write_gray
 from activestereo.mesh_files import read_mesh
+from camera_dumps import ENUMERATED
 
 _HEIGHT, _WIDTH = 24, 32
 _K = (30.0, 31.0, 15.5, 11.5)
@@ -190,14 +191,12 @@ def test_a_round_side_has_round_normals(tmp_path):
 
 
 def test_a_robots_views_stand_where_the_gripper_carries_the_camera(tmp_path, capsys):
-    from test_import import _TEXT
-
     views = tmp_path / "views"
     for eye in ("left", "right"):
         (views / eye).mkdir(parents=True)
         for i in range(4):
             write_gray(views / eye / f"{i:06d}.png", np.full((48, 64), 10 * i, np.uint8))
-    (tmp_path / "d435.txt").write_text(_TEXT)
+    (tmp_path / "d435.txt").write_text(ENUMERATED)
     rows = [f"{i:06d}.png,{0.1 * (i // 2)},0,0,0,0,0,1" for i in range(4)]
     (tmp_path / "poses.csv").write_text("name,x,y,z,qx,qy,qz,qw\n" + "\n".join(rows) + "\n")
     hand = np.eye(4)
@@ -222,9 +221,8 @@ def test_a_robots_views_stand_where_the_gripper_carries_the_camera(tmp_path, cap
 
 
 def test_folders_inside_are_views_of_their_own(tmp_path):
-    from test_import import _TEXT
 
-    (tmp_path / "d435.txt").write_text(_TEXT)
+    (tmp_path / "d435.txt").write_text(ENUMERATED)
     for number, view in enumerate(("desk_off", "near", "wall/far")):
         for eye in ("left", "right"):
             (tmp_path / "r" / view / eye).mkdir(parents=True)
