@@ -13,7 +13,7 @@ from activestereo.pose import body_pose
 from activestereo.scene import CAMERA_TO_WORLD, write_table_top
 
 write_table_top("table_top.gltf")
-config = StereoDepthSensorConfig("D435").scaled(0.25)
+config = StereoDepthSensorConfig("D435").scaled(0.5)
 config.samples_per_pixel = 2
 sensor = StereoDepthSensor(config, "table_top.gltf", pose=body_pose(CAMERA_TO_WORLD))
 sensor.take_picture()
