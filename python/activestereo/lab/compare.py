@@ -27,6 +27,7 @@ from activestereo.lab.mismatch import match_of, warnings_of
 from activestereo.lab.noise import transfer_points
 from activestereo.lab.render import WARP_SCALE, LayersOfFrames, render_halves
 from activestereo.lab.render_noise import mean_of_halves, noise_square, rmse_without_noise
+from activestereo.lab.unsteady_light import unsteady_light
 from activestereo.lab.where_channels import where_it_fails
 from activestereo.progress_bar import part_of
 
@@ -100,7 +101,8 @@ def compare(
             capture, model, survey or Survey(), engines(capture), layers, views, measured
         )
     predictions = {key: (0.5 * (a + b)).astype(np.float32) for key, (a, b) in expected.items()}
-    floors, law = floors_of(capture, views, measured, predictions, fit.nuisances.black_dn)
+    seen = {(f, e): (views[f, e].frame, layers[f][e], image) for (f, e), image in measured.items()}
+    floors, law = floors_of(capture, views, measured, predictions, fit.nuisances.black_dn, unsteady_light(seen))
     match = match_of(capture, views, {key: layers[key[0]][key[1]].projector for key in views}, measured, law)
     depths = model_depths(capture, measured, predictions, views, law, model, seed)
     images = {key: _image_scores(measured[key], expected[key], floors.get(key)) for key in measured}

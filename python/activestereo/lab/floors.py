@@ -31,10 +31,11 @@ def floors_of(
     measured: Mapping[Key, np.ndarray],
     predicted: Mapping[Key, np.ndarray],
     black_dn: float,
+    no_noise: Mapping[Key, np.ndarray],
 ) -> tuple[dict[Key, tuple[float, str]], NoiseLaw | None]:
     """({(frame id, eye): (variance in DN^2, 'repeats', 'law' or 'pair')}, law). Empty and None where not even the pairs
-    tell: nothing in them is smooth. predicted: expected DN."""
-    floors, law = frame_floors(capture, black_dn)
+    tell: nothing in them is smooth. predicted: expected DN; no_noise: what is known to differ between repeats, DN."""
+    floors, law = frame_floors(capture, black_dn, no_noise)
     if law is None:
         frames = capture.split("train") or capture.frames
         pairs = [

@@ -13,6 +13,7 @@ from activestereo.effects.core.flicker import flicker_starts
 from activestereo.effects.core.judging import StartImage
 from activestereo.effects.core.second_unit import unit_starts
 from activestereo.lab.diagnose.channels.dots_seen import dots_seen
+from activestereo.lab.diagnose.propose.scan import scan_observations
 from activestereo.lab.diagnose.refine import ParameterSpace
 from activestereo.lab.diagnose.score.occam import occam_nats
 from effect_worlds import seen, view_of
@@ -71,6 +72,26 @@ class SimpleLight:
     """What a flicker changes of a Light."""
 
     ambient: np.ndarray
+
+
+@dataclass(frozen=True)
+class Image:
+    """What a scan's choice asks of an Observation."""
+
+    frame: SimpleNamespace
+    eye: str
+    measured: np.ndarray
+    pick: np.ndarray | None = None
+
+
+def test_a_scan_sees_two_instants_of_repeats():
+    pose = dict(camera_to_world=np.eye(4), exposure_gain=1.0, projector_power=1.0, ambient=None, temperature_c=None)
+    frame = lambda k, group: SimpleNamespace(id=k, repeat_group=group, is_moving=False, **pose)  # noqa: E731
+    images = [Image(frame(k, 0), eye, np.zeros((8, 8))) for k in range(3) for eye in ("left", "right")]
+    chosen = {(o.frame.id, o.eye) for o in scan_observations(images)}
+    assert chosen == {(0, "right"), (2, "left")}
+    single = [Image(frame(0, None), eye, np.zeros((8, 8))) for eye in ("left", "right")]
+    assert {(o.frame.id, o.eye) for o in scan_observations(single)} == {(0, "right"), (0, "left")}
 
 
 def explanation(name, values, information):

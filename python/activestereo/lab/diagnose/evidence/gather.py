@@ -25,6 +25,7 @@ from activestereo.lab.fit import Nuisances, fit_nuisances, predict
 from activestereo.lab.gain_noise import law_at_other_gains
 from activestereo.lab.noise import NoiseLaw, frame_floors
 from activestereo.lab.render import LayersOfFrames
+from activestereo.lab.unsteady_light import unsteady_light
 from activestereo.scene_surfaces import scene_surfaces
 
 _BLOCK_TILES = BLOCK_PX // TILE_PX
@@ -94,7 +95,8 @@ def gather(capture: Capture, layers: LayersOfFrames, seed: int = 0, halves: Sequ
 
 def _noise(capture: Capture, shots: Sequence[Shot], nuisances: Nuisances) -> tuple[Floors, NoiseLaw, bool]:
     """(floor of each image in DN^2, noise law, whether repeats gave them)."""
-    floors, law = frame_floors(capture, nuisances.black_dn)
+    no_noise = unsteady_light({s.key: (s.frame, s.layers, s.measured) for s in shots})
+    floors, law = frame_floors(capture, nuisances.black_dn, no_noise)
     if law is not None:
         return {key: max(v[0], QUANTISATION_VARIANCE) for key, v in floors.items()}, law, True
     law = NoiseLaw(*_ASSUMED_NOISE, nuisances.black_dn)

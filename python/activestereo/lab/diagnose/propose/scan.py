@@ -46,6 +46,7 @@ def scan_observations(observations: Sequence[Observation], seed: int = 0) -> tup
     setting, and one of the left eye, which the right one may differ from; a random part of the pixels counts.
     """
     seen: set[tuple] = set()
+    left = _left_image(observations)
     chosen: list[Observation] = []
     for o in observations:
         f = o.frame
@@ -57,12 +58,20 @@ def scan_observations(observations: Sequence[Observation], seed: int = 0) -> tup
             f.temperature_c,
             f.is_moving,
         )
-        if (o.eye == "right" and setting not in seen) or (o.eye == "left" and not any(c.eye == "left" for c in chosen)):
+        if o is left or (o.eye == "right" and setting not in seen):
             seen |= {setting} if o.eye == "right" else set()
             rng = np.random.Generator(np.random.PCG64([_SEED, len(chosen), seed]))
             picked = np.sort(rng.permutation(o.measured.size)[: int(_PICKED_SHARE * o.measured.size)])
             chosen.append(replace(o, pick=picked))
     return tuple(chosen)
+
+
+def _left_image(observations: Sequence[Observation]) -> Observation | None:
+    """The first of the left eye, or its last repeat: light that flickers is seen at one more instant then."""
+    left = [o for o in observations if o.eye == "left"]
+    group = left[0].frame.repeat_group if left else None
+    repeats = [o for o in left if o.frame.repeat_group == group] if group is not None else left[:1]
+    return repeats[-1] if repeats else None
 
 
 def starts(
