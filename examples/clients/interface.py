@@ -261,7 +261,7 @@ class simsense_parameters(c.Structure):
         ("splat_size", c.c_uint32),
         ("census_contrast", c.c_float),
         ("census_noise_dn", c.c_uint32),
-        ("reserved", c.c_uint32),
+        ("min_texture_dn", c.c_uint32),
     ]
 
 

@@ -75,7 +75,7 @@ pub struct simsense_parameters {
     pub splat_size: u32,
     pub census_contrast: f32,
     pub census_noise_dn: u32,
-    pub reserved: u32,
+    pub min_texture_dn: u32,
 }
 
 #[repr(C)]

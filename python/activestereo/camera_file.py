@@ -112,7 +112,7 @@ FIELDS: dict[str, dict[str, Field]] = {
         **_engine(RENDER, "ir_ambient_radiance", most=1e6),
         **_engine(RENDER, "denoise"),
     },
-    "matcher": _engine(MATCHER, "block_width", "block_height", "median_size"),
+    "matcher": _engine(MATCHER, "block_width", "block_height", "median_size", "min_texture_dn"),
 }
 
 

@@ -241,6 +241,15 @@ MATCHER = (
         range=(0, 255),
         doc="Two counts differ, for the census, only where their difference also exceeds this many counts; it is used where census_contrast is not 0. Dark surfaces, where only the imager's noise differs, then have no measurement instead of wrong ones.",  # noqa: E501
     ),
+    Parameter(
+        "min_texture_dn",
+        int,
+        0,
+        unit="DN",
+        possible="0..65535",
+        range=(0, 65535),
+        doc="No measurement in squares of 31 pixels in which no two counts of the left image differ by at least this much, but for 5 pixels along their edges; the reason is low_texture. Rounding alone makes differences of one count, which 2 refuses: what the paths carry into black surfaces goes. 0 switches this check off.",  # noqa: E501
+    ),
 )
 
 RIG = (
@@ -572,6 +581,7 @@ class MatcherFields:
     splat_size: int
     census_contrast: float
     census_noise_dn: int
+    min_texture_dn: int
     faults: tuple[str, ...]
     back_end: Literal["auto", "cpu", "vulkan"]
     low_memory: bool

@@ -96,6 +96,7 @@ OF_THE_CAMERA = {
     "block_width": "matcher",
     "block_height": "matcher",
     "median_size": "matcher",
+    "min_texture_dn": "matcher",
 }
 
 

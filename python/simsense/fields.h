@@ -41,6 +41,7 @@ inline const Field<simsense_parameters> parameter_fields[] = {
     {"splat_size", &simsense_parameters::splat_size, Field<simsense_parameters>::Kind::number, {}},
     {"census_contrast", &simsense_parameters::census_contrast, Field<simsense_parameters>::Kind::number, {}},
     {"census_noise_dn", &simsense_parameters::census_noise_dn, Field<simsense_parameters>::Kind::number, {}},
+    {"min_texture_dn", &simsense_parameters::min_texture_dn, Field<simsense_parameters>::Kind::number, {}},
 };
 
 inline const Field<simsense_signal> signal_fields[] = {

@@ -155,6 +155,10 @@ MATCHERS: dict[str, Matcher] = {
     "simsense, summed subpixel, median 5": ours(subpixel="equiangular_summed", median_size=5),
     "simsense, 8 paths, summed subpixel, median 5": ours(path_count=8, subpixel="equiangular_summed", median_size=5),
     "simsense, block 5, uniqueness 5, median 5": ours(block_width=5, block_height=5, uniqueness_ratio=5, median_size=5),
+    "simsense, as D415 (median 5, texture 2)": ours(median_size=5, min_texture_dn=2),
+    "simsense, as D435 (block 15, median 5, texture 2)": ours(
+        block_width=15, block_height=15, median_size=5, min_texture_dn=2
+    ),
     "simsense, census_contrast 1/32": ours(census_contrast=1 / 32),
     "simsense, census_contrast 1/8": ours(census_contrast=1 / 8),
     "OpenCV SGBM HH4, block 7": sgbm(HH4, 7),

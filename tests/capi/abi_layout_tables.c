@@ -45,7 +45,7 @@ AT(simsense_parameters, roi_height, 132, 4);
 AT(simsense_parameters, splat_size, 136, 4);
 AT(simsense_parameters, census_contrast, 140, 4);
 AT(simsense_parameters, census_noise_dn, 144, 4);
-AT(simsense_parameters, reserved, 148, 4);
+AT(simsense_parameters, min_texture_dn, 148, 4);
 
 SIZE(simsense_signal, 144);
 AT(simsense_signal, exposure_s, 16, 4);

@@ -131,8 +131,10 @@ typedef struct simsense_parameters {
    * census_contrast is not 0. Dark surfaces, where only the imager's noise differs, then have no measurement instead of
    * wrong ones. [0..255 DN] */
   uint32_t census_noise_dn;
-  /* Must be 0. */
-  uint32_t reserved;
+  /* No measurement in squares of 31 pixels in which no two counts of the left image differ by at least this much, but
+   * for 5 pixels along their edges; the reason is SIMSENSE_REASON_LOW_TEXTURE. Rounding alone makes differences of one
+   * count, which 2 refuses: what the paths carry into black surfaces goes. 0 switches this check off. [0..65535 DN] */
+  uint32_t min_texture_dn;
 } simsense_parameters;
 static inline simsense_parameters simsense_parameters_init(void) {
   simsense_parameters s;

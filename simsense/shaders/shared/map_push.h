@@ -5,6 +5,15 @@
 #include "shared/choices.h"
 #include "shared/depth_push.h"
 
+// Of the check of texture (src/checks/texture.h), pixels.
+#define TEXTURE_SIDE 31u
+#define TEXTURE_EDGE 5u
+
+// Its passes.
+#define TEXTURE_PASS_FIND 0u
+#define TEXTURE_PASS_DROP 1u
+#define TEXTURE_PASS_COUNT 2u
+
 #ifdef __cplusplus
 namespace simsense {
 using MapFloats = uint64_t;
@@ -25,6 +34,19 @@ struct PlacePush {
   float invalid;
 };
 
+/// Where the left image has too little texture (cpu/checks/texture.h).
+struct TexturePush {
+  MapFloats disparity, confidence;  // [pairs][height][width]
+  BytesAddress reason;
+  BytesAddress blank;  // [pairs][height][width] whether the square about a pixel is blank
+  ImageRef left;       // what the matcher saw
+  uint width, height;
+  uint min_texture_dn;
+  uint step;  // TEXTURE_PASS_*
+  uint maps;  // MAPS_*
+  float invalid;
+};
+
 /// Why pixels have no depth (cpu/checks/reason.h).
 struct ReasonPush {
   DepthBlockAddress block;
@@ -36,7 +58,7 @@ struct ReasonPush {
 };
 
 #ifdef __cplusplus
-static_assert(sizeof(PlacePush) == 96 && sizeof(ReasonPush) == 72);
+static_assert(sizeof(PlacePush) == 96 && sizeof(TexturePush) == 88 && sizeof(ReasonPush) == 72);
 }  // namespace simsense
 #endif
 #endif

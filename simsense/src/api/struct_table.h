@@ -48,9 +48,9 @@ struct StructInfo<simsense_parameters> {
       KS_FIELD_END(simsense_parameters, splat_size),
       KS_FIELD_END(simsense_parameters, census_contrast),
       KS_FIELD_END(simsense_parameters, census_noise_dn),
-      KS_FIELD_END(simsense_parameters, reserved),
+      KS_FIELD_END(simsense_parameters, min_texture_dn),
   };
-  static constexpr std::array<ReservedBytes, 1> reserved = {{{offsetof(simsense_parameters, reserved), sizeof(simsense_parameters::reserved)}}};
+  static constexpr std::array<ReservedBytes, 0> reserved = {};
   static simsense_parameters neutral() {
     simsense_parameters s{};
     s.header = ks_header_make(SIMSENSE_TYPE_PARAMETERS, sizeof s);

@@ -150,6 +150,11 @@ void CpuStages::place_region() {
 
 void CpuStages::drop_padding() { invalidate_outside(rig_.rectification.left, maps_, call_->settings.invalid_disparity(), workers_); }
 
+void CpuStages::drop_low_texture() {
+  const StageSettings& s = call_->settings;
+  texture_check_.apply(s.texture, images_[0], width_, height_, maps_, s.invalid_disparity(), workers_);
+}
+
 void CpuStages::filter_speckles() {
   const StageSettings& s = call_->settings;
   speckle_filter_.apply(maps_, width_, height_, s.invalid_disparity(), s.speckle_max_size, s.speckle_max_diff_px, workers_);

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "cpu/checks/speckle.h"
+#include "cpu/checks/texture.h"
 #include "cpu/frame.h"
 #include "cpu/matcher.h"
 #include "cpu/registration/registration.h"
@@ -31,6 +32,7 @@ class CpuStages final : public Stages {
   MatchStages& matcher() override;
   void place_region() override;
   void drop_padding() override;
+  void drop_low_texture() override;
   void filter_speckles() override;
   void fill_holes() override;
   void depth() override;
@@ -67,6 +69,7 @@ class CpuStages final : public Stages {
   std::optional<CpuMatcher> matcher_;
   MatchParameters matcher_parameters_;
   Region matcher_region_;
+  TextureCheck texture_check_;
   SpeckleFilter speckle_filter_;
   std::optional<Registration> registration_;
   HostClock clock_;

@@ -25,6 +25,7 @@ void check_fields(const simsense_parameters& s, const std::string& owner) {
   ks::check_range({owner, "splat_size", "px"}, s.splat_size, 0.0, 15.0);
   ks::check_range({owner, "census_contrast", ""}, s.census_contrast, 0.0f, 1.0f);
   ks::check_range({owner, "census_noise_dn", "DN"}, s.census_noise_dn, 0.0, 255.0);
+  ks::check_range({owner, "min_texture_dn", "DN"}, s.min_texture_dn, 0.0, 65535.0);
 }
 
 void check_fields(const simsense_signal& s, const std::string& owner) {

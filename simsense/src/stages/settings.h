@@ -3,6 +3,7 @@
 #pragma once
 
 #include "checks/reason.h"
+#include "checks/texture.h"
 #include "depth/depth.h"
 #include "match/region.h"
 #include "signal/imager.h"
@@ -31,6 +32,7 @@ struct StageSettings {
   uint32_t speckle_max_size;  // 0 = no speckle filter
   float speckle_max_diff_px;
   HoleFilling hole_filling;
+  TextureParameters texture;
   ReasonParameters reason;
 
   DepthRange depth_range;

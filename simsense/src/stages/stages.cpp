@@ -30,6 +30,7 @@ constexpr Step image_order[] = {
 constexpr Step map_order[] = {
     {"region", &Stages::place_region, [](const Call& c) { return c.settings.is_partial; }},
     {"padding", &Stages::drop_padding, drops_padding},
+    {"texture", &Stages::drop_low_texture, [](const Call& c) { return c.settings.texture.min_texture_dn > 0; }},
     {"speckle filter", &Stages::filter_speckles, [](const Call& c) { return c.settings.speckle_max_size > 0; }},
     {"hole filling", &Stages::fill_holes, fills_holes},
     {"padding", &Stages::drop_padding, [](const Call& c) { return fills_holes(c) && drops_padding(c); }},

@@ -43,6 +43,7 @@ class Stages {
   // on the matcher's maps
   virtual void place_region() = 0;
   virtual void drop_padding() = 0;
+  virtual void drop_low_texture() = 0;
   virtual void filter_speckles() = 0;
   virtual void fill_holes() = 0;
 

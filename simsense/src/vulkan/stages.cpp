@@ -138,6 +138,11 @@ void VulkanStages::drop_padding() {
   padding_->record(call_->commands, clean(), *remap_, call_->pairs.count);
 }
 
+void VulkanStages::drop_low_texture() {
+  if (!texture_) texture_.emplace(device_);
+  texture_->record(call_->commands, call_->settings, images_[0], maps_, width_, height_, call_->pairs.count);
+}
+
 void VulkanStages::filter_speckles() {
   if (!speckle_filter_) speckle_filter_.emplace(device_);
   speckle_filter_->record(call_->commands, clean(), call_->pairs.count);
@@ -169,8 +174,9 @@ void VulkanStages::store_maps() { match_maps_->store(call_->commands, call_->fra
 
 uint64_t VulkanStages::memory_bytes() const {
   uint64_t bytes = (speckle_filter_ ? speckle_filter_->memory_bytes() : 0) + (hole_filling_ ? hole_filling_->memory_bytes() : 0) +
-                   (imagers_ ? imagers_->memory_bytes() : 0) + (matcher_ ? matcher_->memory_bytes() : 0) +
-                   (match_maps_ ? match_maps_->memory_bytes() : 0) + (registration_ ? registration_->memory_bytes() : 0);
+                   (texture_ ? texture_->memory_bytes() : 0) + (imagers_ ? imagers_->memory_bytes() : 0) +
+                   (matcher_ ? matcher_->memory_bytes() : 0) + (match_maps_ ? match_maps_->memory_bytes() : 0) +
+                   (registration_ ? registration_->memory_bytes() : 0);
   for (const auto* buffer : {&counts_[0], &counts_[1], &rectified_[0], &rectified_[1]})
     if (*buffer) bytes += (*buffer)->size_bytes();
   return bytes;

@@ -11,6 +11,7 @@
 #include "vulkan/checks/padding.h"
 #include "vulkan/checks/reason.h"
 #include "vulkan/checks/speckle.h"
+#include "vulkan/checks/texture.h"
 #include "vulkan/depth/depth.h"
 #include "vulkan/frame.h"
 #include "vulkan/maps.h"
@@ -45,6 +46,7 @@ class VulkanStages final : public Stages {
   MatchStages& matcher() override;
   void place_region() override;
   void drop_padding() override;
+  void drop_low_texture() override;
   void filter_speckles() override;
   void fill_holes() override;
   void depth() override;
@@ -95,6 +97,7 @@ class VulkanStages final : public Stages {
   std::optional<VulkanDepth> depth_;
   std::optional<VulkanRegistration> registration_;
   std::optional<VulkanPadding> padding_;
+  std::optional<VulkanTexture> texture_;
   std::optional<VulkanSpeckleFilter> speckle_filter_;
   std::optional<VulkanHoleFilling> hole_filling_;
   std::optional<VulkanReason> reason_;

@@ -3,11 +3,13 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <limits>
 #include <random>
 
 #include "cpu/checks/holes.h"
 #include "cpu/checks/reason.h"
 #include "cpu/checks/speckle.h"
+#include "cpu/checks/texture.h"
 #include "device/thread_pool.h"
 
 using namespace simsense;
@@ -94,6 +96,54 @@ TEST(HoleFilling, ByHand) {
   std::vector<float> part = row;
   fill_holes(HoleFilling::background, part.data(), 9, {2, 0, 5, 1}, -1, workers);
   EXPECT_EQ(part, (std::vector<float>{-1, 5, 9, 9, 9, 3, -1, 7, -1})) << "what lies outside the region is not looked at";
+}
+
+/// Every square looked through by itself: faint noise, with a spot here and there.
+template <class T>
+void expect_blank_squares_dropped(uint32_t width, uint32_t height, uint32_t spots, unsigned threads, std::mt19937& random) {
+  constexpr uint32_t reach = TextureParameters::window_reach, drop_reach = TextureParameters::drop_reach;
+  std::vector<T> image(size_t{width} * height);
+  for (T& count : image) count = static_cast<T>(40 + random() % 2);
+  for (uint32_t i = 0; i < spots; ++i) image[random() % image.size()] = static_cast<T>(39 + random() % 4);  // 39 and 42 make a difference
+  std::vector<float> disparity(image.size(), 10.0f), confidence(image.size(), 0.5f);
+  for (float& d : disparity)
+    if (random() % 5 == 0) d = -1;
+  std::vector<MatchReason> reason(image.size(), MatchReason::valid);
+  const std::vector<float> before = disparity;
+  MatchMaps maps = disparity.data();
+  maps.confidence = confidence.data();
+  maps.reason = reason.data();
+  ks::ThreadPool workers(threads);
+  const ConstImage left{reinterpret_cast<const uint8_t*>(image.data()), static_cast<ptrdiff_t>(width), sizeof(T)};
+  TextureCheck().apply({2}, left, width, height, maps, -1, workers);
+  std::vector<bool> drops(image.size());
+  const auto around = [&](uint32_t i, uint32_t far, const auto& visit) {
+    const uint32_t x = i % width, y = i / width;
+    for (uint32_t v = y - std::min(y, far); v < std::min(height, y + far + 1); ++v)
+      for (uint32_t u = x - std::min(x, far); u < std::min(width, x + far + 1); ++u) visit(v * width + u);
+  };
+  for (uint32_t i = 0; i < image.size(); ++i) {
+    T low = image[i], high = image[i];
+    around(i, reach, [&](uint32_t k) { low = std::min(low, image[k]), high = std::max(high, image[k]); });
+    if (high - low < 2) around(i, drop_reach, [&](uint32_t k) { drops[k] = true; });
+  }
+  size_t dropped = 0;
+  for (uint32_t i = 0; i < image.size(); ++i) {
+    const bool goes = drops[i] && before[i] >= 0;
+    dropped += goes;
+    ASSERT_EQ(disparity[i], goes ? -1.0f : before[i]) << "x " << i % width << " y " << i / width << " of " << width << "x" << height;
+    ASSERT_EQ(reason[i], goes ? MatchReason::low_texture : MatchReason::valid);
+    ASSERT_EQ(confidence[i], goes ? 0.0f : 0.5f);
+  }
+  EXPECT_GT(dropped, image.size() / 50);
+  EXPECT_LT(dropped, image.size() * 3 / 4);
+}
+
+TEST(Texture, PixelsInsideOfABlankSquareAreDropped) {
+  std::mt19937 random(3);
+  expect_blank_squares_dropped<uint8_t>(97, 70, 12, 1, random);
+  expect_blank_squares_dropped<uint8_t>(64, 33, 4, 3, random);
+  expect_blank_squares_dropped<uint16_t>(131, 65, 24, 2, random);
 }
 
 TEST(Reason, TheImageExplainsWhatStagesRejected) {

@@ -6,6 +6,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cstring>
 #include <functional>
 
@@ -200,6 +201,37 @@ TEST(vulkan_engine, both_back_ends_explain_alike) {
   simsense_signal bright = simsense_signal_init();
   bright.gain = 1.7f;
   compare(ideal(), p, wanted, bright, 0);
+}
+
+TEST(vulkan_engine, both_back_ends_drop_what_is_blank_alike) {
+  const std::vector<Wanted> wanted{
+      {SIMSENSE_OUTPUT_DISPARITY, KS_FORMAT_F32}, {SIMSENSE_OUTPUT_CONFIDENCE, KS_FORMAT_F32}, {SIMSENSE_OUTPUT_REASON, KS_FORMAT_U8}};
+  Images images;
+  for (uint32_t i = 0; i < batch * pixels; ++i) {
+    const uint32_t x = i % width, y = i % pixels / width;
+    if (x < 40 && y < 36) images.left[i] = static_cast<uint8_t>(100 + (x + y) % 2);
+  }
+  simsense_parameters p = small_parameters();
+  p.uniqueness_ratio = 0;
+  p.lr_max_diff = -1;
+  simsense_signal wide = simsense_signal_init();
+  wide.bit_depth = 12;
+  wide.gain = 3;
+  for (const bool is_wide : {false, true}) {
+    p.min_texture_dn = is_wide ? 4 : 2;
+    Maps maps[2];
+    for (const uint32_t back_end : {SIMSENSE_BACK_END_CPU, SIMSENSE_BACK_END_VULKAN}) {
+      simsense_rig_desc rig = ideal();
+      rig.back_end = back_end;
+      Engine engine(device(), rig, p);
+      if (is_wide) engine.set_signal(wide, wide);
+      maps[back_end - 1] = compute(engine, images, wanted, false);
+    }
+    EXPECT_EQ(maps[0], maps[1]);
+    const auto blank = std::count(maps[0][2].begin(), maps[0][2].end(), SIMSENSE_REASON_LOW_TEXTURE);
+    EXPECT_GT(blank, batch * 25 * 20);
+    EXPECT_LT(blank, batch * 40 * 36);
+  }
 }
 
 TEST(vulkan_engine, both_back_ends_match_a_region_alike) {

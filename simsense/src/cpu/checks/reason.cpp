@@ -10,7 +10,7 @@ namespace {
 
 bool is_of_a_stage(MatchReason reason) {
   return reason == MatchReason::not_unique || reason == MatchReason::occluded || reason == MatchReason::isolated ||
-         reason == MatchReason::speckle || reason == MatchReason::out_of_range;
+         reason == MatchReason::speckle || reason == MatchReason::out_of_range || reason == MatchReason::low_texture;
 }
 
 }  // namespace
