@@ -8,7 +8,7 @@
 #include <filesystem>
 #include <iterator>
 #ifdef __SANITIZE_ADDRESS__
-#include <sanitizer/allocator_interface.h>
+extern "C" size_t __sanitizer_get_current_allocated_bytes();  // GCC has it, but ships no header for it
 #endif
 
 namespace ks::test {

@@ -1,14 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // The scene through the C API: every field that the capture format names, ids, instancing, names, cameras, warnings.
 #include <gtest/gtest.h>
-#ifdef __SANITIZE_ADDRESS__
-#include <sanitizer/allocator_interface.h>
-#endif
 
 #include <cmath>
 
 #include "kuafu/io/sample_files.h"
 #include "kuafu/kuafu.h"
+#include "support/heap.h"
 
 namespace {
 
@@ -279,21 +277,12 @@ TEST_F(SceneApi, RemovedIdsAreRefusedAndNeverComeBack) {
 
 TEST_F(SceneApi, TwoHundredRoundsOfAddAndRemoveGrowOnlyTheIdTable) {
   const uint32_t mesh = add_triangle();
-  const std::string long_name(1 << 20, 'x');  // 200 of them would show in the resident memory
-  const auto resident_mib = [] {
-#ifdef __SANITIZE_ADDRESS__  // it keeps freed memory for a while: what is allocated counts
-    return static_cast<double>(__sanitizer_get_current_allocated_bytes()) / (1 << 20);
-#endif
-    std::ifstream statm("/proc/self/statm");
-    size_t total = 0, resident = 0;
-    statm >> total >> resident;
-    return static_cast<double>(resident) * static_cast<double>(sysconf(_SC_PAGESIZE)) / (1 << 20);
-  };
+  const std::string long_name(1 << 20, 'x');  // 200 of them would show in the heap
   kuafu_instance_desc instance = kuafu_instance_desc_init(mesh);
   instance.name = long_name.c_str();
   kuafu_light_desc light = kuafu_light_desc_init(KUAFU_LIGHT_POINT);
   light.name = long_name.c_str();
-  const double before = resident_mib();
+  const size_t before = ks::test::heap_bytes();
   for (uint32_t round = 0; round < 200; ++round) {
     uint32_t id = KUAFU_NONE;
     ASSERT_EQ(kuafu_scene_add_instance(scene_, &instance, &id), KS_OK);
@@ -302,7 +291,7 @@ TEST_F(SceneApi, TwoHundredRoundsOfAddAndRemoveGrowOnlyTheIdTable) {
     ASSERT_EQ(kuafu_scene_add_light(scene_, &light, &id), KS_OK);
     ASSERT_EQ(kuafu_scene_remove_light(scene_, id), KS_OK);
   }
-  EXPECT_LT(resident_mib() - before, 20.0);
+  EXPECT_LT(ks::test::heap_bytes(), before + (20 << 20));
   EXPECT_EQ(summary().instance_count, 0u);
   EXPECT_EQ(summary().light_count, 0u);
 }
