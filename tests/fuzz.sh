@@ -28,9 +28,9 @@ for name in "${programs[@]}"; do
   done
   echo "== $prefix: $name, $seconds s"
   if [ "$prefix" = libfuzzer ]; then
-    mkdir -p "$tree/work/$name"  # what was found to reach new code, for the next time
+    mkdir -p "$tree/reached/$name"  # what was found to reach new code, for the next time
     "$tree/bin/libfuzzer_$name" -max_total_time="$seconds" -timeout=20 -rss_limit_mb=4096 -max_len=8192 -verbosity=0 -print_final_stats=1 \
-      -artifact_prefix="$tree/found/${name}_" "$tree/work/$name" "${seeds[@]}" || status=1
+      -artifact_prefix="$tree/found/${name}_" "$tree/reached/$name" "${seeds[@]}" || status=1
   else
     (cd "$tree/found" && "$root/$tree/bin/fuzz_$name" -seconds="$seconds" -seed="$(date +%Y%j)" "${seeds[@]}") || status=1
   fi
