@@ -43,7 +43,7 @@ std::vector<MorphTarget> read_targets(Import& import, const tinygltf::Model& mod
   for (size_t t = 0; t < primitive.targets.size(); ++t) {
     MorphTarget target;
     for (const auto& [name, accessor] : primitive.targets[t]) {
-      const std::string user = field + ".targets[" + std::to_string(t) + "]." + name;
+      const std::string user = std::string(field).append(".targets[").append(std::to_string(t)).append("].").append(name);
       const bool moves_positions = name == "POSITION";
       if (!moves_positions && name != "NORMAL") {
         if (name != "TANGENT") import.warn(field + ": of morph targets, " + clean_name(name) + " is ignored");

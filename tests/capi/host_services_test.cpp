@@ -32,11 +32,13 @@ enum class Order { side_by_side, backwards, never };
 class Threads {
  public:
   explicit Threads(Order order) : order_(order) {}
-  void lend(ks_host_services& host) {
+  ks_host_services services() {
+    ks_host_services host = ks_host_services_init();
     host.parallel_for = [](void* self, uint64_t count, ks_task_fn task, void* work) {
       static_cast<Threads*>(self)->run(count, task, work);
     };
     host.parallel_user = this;
+    return host;
   }
   [[nodiscard]] uint64_t calls() const { return calls_; }
   [[nodiscard]] uint64_t most_tasks() const { return most_tasks_; }
@@ -61,12 +63,14 @@ class Threads {
 /// A host's memory, which notes what it has given.
 class Memory {
  public:
-  void lend(ks_host_services& host) {
+  ks_host_services services() {
+    ks_host_services host = ks_host_services_init();
     host.allocate = [](void* self, uint64_t bytes, uint64_t alignment) { return static_cast<Memory*>(self)->allocate(bytes, alignment); };
     host.deallocate = [](void* self, void* block, uint64_t bytes, uint64_t alignment) {
       static_cast<Memory*>(self)->deallocate(block, bytes, alignment);
     };
     host.memory_user = this;
+    return host;
   }
   void refuse_after(int64_t more) { left_ = more; }
   [[nodiscard]] uint64_t live_bytes() const { return live_bytes_; }
@@ -140,10 +144,8 @@ class HostThreads : public testing::TestWithParam<Order> {};
 TEST_P(HostThreads, RunAllOfAMatchAndNoOthersAreStarted) {
   const std::vector<float> own = matched(open_host_device());
   Threads threads(GetParam());
-  ks_host_services host = ks_host_services_init();
-  threads.lend(host);
   const size_t before = thread_count();
-  const simsense_device device = open_lent<Simsense>(KS_SELECT_HOST, host);
+  const simsense_device device = open_lent<Simsense>(KS_SELECT_HOST, threads.services());
   ASSERT_NE(device, nullptr) << simsense_last_error();
   EXPECT_EQ(thread_count(), before);
   EXPECT_EQ(matched(device), own);
@@ -157,8 +159,6 @@ TEST_P(HostThreads, RunAllOfARenderAndNoOthersAreStarted) {
   SKIP_IF(first ? "" : kuafu_last_error());
   const std::vector<float> own = rendered(first, 4);  // after which Embree's threads are there
   Threads threads(GetParam());
-  ks_host_services host = ks_host_services_init();
-  threads.lend(host);
   // A device starts threads of its driver: as many with the host's threads as with one worker, which is the caller.
   const auto started = [](const ks_host_services& services, uint32_t workers) {
     const size_t before = thread_count();
@@ -168,16 +168,14 @@ TEST_P(HostThreads, RunAllOfARenderAndNoOthersAreStarted) {
     kuafu_device_release(device);
     return std::make_pair(pixels, after - before);
   };
-  EXPECT_EQ(started(host, 8), started(ks_host_services_init(), 1));
-  EXPECT_EQ(started(host, 8).first, own);
+  EXPECT_EQ(started(threads.services(), 8), started(ks_host_services_init(), 1));
+  EXPECT_EQ(started(threads.services(), 8).first, own);
   EXPECT_GT(threads.calls(), 0u);
 }
 
 TEST_P(HostThreads, ARenderOnThemIsCancelled) {
   Threads threads(GetParam());
-  ks_host_services host = ks_host_services_init();
-  threads.lend(host);
-  const kuafu_device device = open_lent<Kuafu>(KS_SELECT_CPU, host);
+  const kuafu_device device = open_lent<Kuafu>(KS_SELECT_CPU, threads.services());
   SKIP_IF(device ? "" : kuafu_last_error());
   SmallRender render(KUAFU_TRACER_EMBREE, device);
   render.desc.samples_per_pixel = 1 << 20;
@@ -190,9 +188,7 @@ INSTANTIATE_TEST_SUITE_P(Orders, HostThreads, testing::Values(Order::side_by_sid
 
 TEST(HostMemoryOfKuafu, IsThatOfEveryBuffer) {
   Memory memory;
-  ks_host_services host = ks_host_services_init();
-  memory.lend(host);
-  const kuafu_device device = open_lent<Kuafu>(KS_SELECT_CPU, host);
+  const kuafu_device device = open_lent<Kuafu>(KS_SELECT_CPU, memory.services());
   SKIP_IF(device ? "" : kuafu_last_error());
   {
     SmallRender render(KUAFU_TRACER_EMBREE, (kuafu_device_retain(device), device));
@@ -213,9 +209,7 @@ TEST(HostMemoryOfKuafu, IsThatOfEveryBuffer) {
 
 TEST(HostMemoryOfKuafu, ThatEndsIsOneErrorAndTheRendererStaysUsable) {
   Memory memory;
-  ks_host_services host = ks_host_services_init();
-  memory.lend(host);
-  const kuafu_device device = open_lent<Kuafu>(KS_SELECT_CPU, host);
+  const kuafu_device device = open_lent<Kuafu>(KS_SELECT_CPU, memory.services());
   SKIP_IF(device ? "" : kuafu_last_error());
   {
     SmallRender render(KUAFU_TRACER_EMBREE, device);
@@ -241,9 +235,7 @@ TEST(HostMemoryOfKuafu, ThatEndsIsOneErrorAndTheRendererStaysUsable) {
 TEST(HostMemoryOfSimsense, IsThatOfBuffersAndOfTheMatcher) {
   const std::vector<float> own = matched(open_host_device());
   Memory memory;
-  ks_host_services host = ks_host_services_init();
-  memory.lend(host);
-  const simsense_device device = open_lent<Simsense>(KS_SELECT_HOST, host);
+  const simsense_device device = open_lent<Simsense>(KS_SELECT_HOST, memory.services());
   ASSERT_NE(device, nullptr) << simsense_last_error();
   const ks_buffer_create create = ks_buffer_create_init(10000, KS_BUFFER_HOST_VISIBLE);
   simsense_buffer buffer = nullptr;
@@ -263,9 +255,7 @@ TEST(HostMemoryOfSimsense, IsThatOfBuffersAndOfTheMatcher) {
 TEST(HostMemoryOfSimsense, ThatEndsIsOneErrorAndTheEngineStaysUsable) {
   const std::vector<float> own = matched(open_host_device());
   Memory memory;
-  ks_host_services host = ks_host_services_init();
-  memory.lend(host);
-  const simsense_device device = open_lent<Simsense>(KS_SELECT_HOST, host);
+  const simsense_device device = open_lent<Simsense>(KS_SELECT_HOST, memory.services());
   ASSERT_NE(device, nullptr) << simsense_last_error();
   {
     SmallMatch match(device);

@@ -2,19 +2,10 @@
 #include "accel/placement.h"
 
 #include <algorithm>
-#include <cmath>
+
+#include "scene/finite.h"
 
 namespace kuafu {
-namespace {
-
-bool all_finite(const glm::dmat4& m) {
-  for (int column = 0; column < 4; ++column)
-    for (int row = 0; row < 4; ++row)
-      if (!std::isfinite(m[column][row])) return false;
-  return true;
-}
-
-}  // namespace
 
 TimeSpan ray_times(const Scene& scene, const TimeSpan& open) { return scene.instances_move() ? open : TimeSpan{}; }
 

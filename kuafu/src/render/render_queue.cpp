@@ -10,8 +10,8 @@
 
 namespace kuafu {
 
-RenderQueue::RenderQueue(std::shared_ptr<ks::Device> device, TracerKind tracer, std::string oidn_library)
-    : renderer_(std::move(device), tracer, std::move(oidn_library)) {}
+RenderQueue::RenderQueue(const std::shared_ptr<ks::Device>& device, TracerKind tracer, std::string oidn_library)
+    : renderer_(device, tracer, std::move(oidn_library)) {}
 
 RenderQueue::~RenderQueue() {
   if (!thread_.joinable()) return;

@@ -18,7 +18,7 @@ namespace kuafu {
 class RenderQueue {
  public:
   /// As Renderer's.
-  RenderQueue(std::shared_ptr<ks::Device> device, TracerKind tracer, std::string oidn_library);
+  RenderQueue(const std::shared_ptr<ks::Device>& device, TracerKind tracer, std::string oidn_library);
   /// Cancels what is under way, and waits for it.
   ~RenderQueue();
   RenderQueue(const RenderQueue&) = delete;

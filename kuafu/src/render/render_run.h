@@ -25,8 +25,8 @@ struct RenderSummary {
 
 /// The parts that render calls work with, one after the other; they keep memory and tables between the calls.
 struct RenderParts {
-  RenderParts(std::shared_ptr<ks::Device> device, TracerKind tracer, std::string oidn_library)
-      : paths(std::move(device), tracer),
+  RenderParts(const std::shared_ptr<ks::Device>& device, TracerKind tracer, std::string oidn_library)
+      : paths(device, tracer),
         frame(paths.memory()),
         accumulation(paths.memory()),
         denoiser(paths.memory(), paths.queue_layout(), std::move(oidn_library)),

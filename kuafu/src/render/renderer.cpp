@@ -10,8 +10,8 @@ void hold_images(Launch& launch) {
   launch.held |= held_for_denoiser(launch) | held_for_film(launch);
 }
 
-Renderer::Renderer(std::shared_ptr<ks::Device> device, TracerKind tracer, std::string oidn_library)
-    : parts_(std::move(device), tracer, std::move(oidn_library)) {}
+Renderer::Renderer(const std::shared_ptr<ks::Device>& device, TracerKind tracer, std::string oidn_library)
+    : parts_(device, tracer, std::move(oidn_library)) {}
 
 void Renderer::render(const std::shared_ptr<const Scene>& scene, const Launch& launch) {
   next_scene_ = scene;

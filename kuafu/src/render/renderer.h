@@ -20,7 +20,7 @@ class Renderer {
  public:
   /// Throws KS_ERROR_UNSUPPORTED for Embree on a device whose memory the host does not share.
   /// oidn_library: path of Open Image Denoise; empty: wherever it is found.
-  Renderer(std::shared_ptr<ks::Device> device, TracerKind tracer, std::string oidn_library = {});
+  Renderer(const std::shared_ptr<ks::Device>& device, TracerKind tracer, std::string oidn_library = {});
 
   /// Blocks until the outputs are written. Throws KS_ERROR_CANCELLED when the launch's callback says so.
   void render(const std::shared_ptr<const Scene>& scene, const Launch& launch);

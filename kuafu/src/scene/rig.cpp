@@ -3,7 +3,8 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
+
+#include "scene/finite.h"
 
 namespace kuafu {
 namespace {
@@ -115,9 +116,7 @@ std::optional<glm::dmat4> without_scale(const glm::dmat4& m) {
   const glm::dvec3 z = glm::normalize(glm::dvec3(m[2]));
   const glm::dvec3 x = glm::normalize(glm::cross(glm::dvec3(m[1]), z));
   const glm::dmat4 out(glm::dvec4(x, 0.0), glm::dvec4(glm::cross(z, x), 0.0), glm::dvec4(z, 0.0), m[3]);
-  for (int c = 0; c < 4; ++c)
-    if (glm::any(glm::isnan(out[c])) || glm::any(glm::isinf(out[c]))) return std::nullopt;
-  return out;
+  return all_finite(out) ? std::optional(out) : std::nullopt;
 }
 
 glm::dmat4 with_extent(const glm::dmat4& m) {

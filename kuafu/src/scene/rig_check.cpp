@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "device/error.h"
+#include "scene/finite.h"
 #include "scene/rig.h"
 
 namespace kuafu {
@@ -13,25 +14,7 @@ void demand(bool good, const char* what, size_t index) {
   if (!good) ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s %zu is not one that can be shown", what, index);
 }
 
-template <class Values>
-bool all_finite(const Values& values) {
-  return std::ranges::all_of(values, [](auto v) { return std::isfinite(v); });
-}
-
-template <class Vectors>
-bool finite_vectors(const Vectors& vectors) {
-  return std::ranges::all_of(vectors, [](const auto& v) { return std::isfinite(v[0] + v[1] + v[2]); });
-}
-
-template <class Matrix>
-bool finite_matrix(const Matrix& m) {
-  for (int c = 0; c < 4; ++c)
-    for (int r = 0; r < 4; ++r)
-      if (!std::isfinite(m[c][r])) return false;
-  return true;
-}
-
-bool is_affine(const glm::dmat4& m) { return finite_matrix(m) && m[0][3] == 0.0 && m[1][3] == 0.0 && m[2][3] == 0.0 && m[3][3] == 1.0; }
+bool is_affine(const glm::dmat4& m) { return all_finite(m) && m[0][3] == 0.0 && m[1][3] == 0.0 && m[2][3] == 0.0 && m[3][3] == 1.0; }
 
 bool is_good(const RigChannel& channel, const Rig& rig) {
   using Property = RigChannel::Property;
@@ -51,10 +34,10 @@ bool is_good(const RigMesh& mesh, const Rig& rig) {
   if (mesh.node >= rig.nodes.size() || (mesh.skin != none && mesh.skin >= rig.skins.size())) return false;
   const size_t count = mesh.positions.size();
   const auto fits = [&](const auto& values) { return values.empty() || values.size() == count; };
-  if (!finite_vectors(mesh.positions) || !finite_vectors(mesh.normals) || !fits(mesh.normals)) return false;
+  if (!all_finite(mesh.positions) || !all_finite(mesh.normals) || !fits(mesh.normals)) return false;
   if (mesh.targets.size() != rig.nodes[mesh.node].rest.weights.size()) return false;
   for (const MorphTarget& t : mesh.targets)
-    if (!fits(t.positions) || !fits(t.normals) || !finite_vectors(t.positions) || !finite_vectors(t.normals)) return false;
+    if (!fits(t.positions) || !fits(t.normals) || !all_finite(t.positions) || !all_finite(t.normals)) return false;
   if (mesh.skin == none) return mesh.skin_weights.empty();
   const auto joints = static_cast<uint32_t>(rig.skins[mesh.skin].joints.size());
   for (const SkinWeights& set : mesh.skin_weights) {
@@ -69,8 +52,7 @@ bool is_good(const RigMesh& mesh, const Rig& rig) {
 bool is_good(const RigNode& node, size_t index) {
   const NodePose& p = node.rest;
   const double length = glm::length(p.rotation);
-  return (node.parent == none || node.parent < index) && is_affine(node.matrix) &&
-         std::isfinite(p.translation.x + p.translation.y + p.translation.z) && std::isfinite(p.scale.x + p.scale.y + p.scale.z) &&
+  return (node.parent == none || node.parent < index) && is_affine(node.matrix) && all_finite(p.translation) && all_finite(p.scale) &&
          std::abs(length - 1.0) < 1e-3 && all_finite(p.weights);
 }
 
@@ -85,7 +67,7 @@ void check(const Rig& rig) {
   }
   for (size_t i = 0; i < rig.skins.size(); ++i) {
     const Skin& skin = rig.skins[i];
-    demand(skin.inverse_binds.size() == skin.joints.size() && std::ranges::all_of(skin.inverse_binds, finite_matrix<glm::mat4>) &&
+    demand(skin.inverse_binds.size() == skin.joints.size() && all_finite(skin.inverse_binds) &&
                std::ranges::all_of(skin.joints, [&](uint32_t node) { return node < rig.nodes.size(); }),
            "skin", i);
   }

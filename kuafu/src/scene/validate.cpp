@@ -7,6 +7,7 @@
 #include <cstring>
 
 #include "device/error.h"
+#include "scene/finite.h"
 
 namespace kuafu {
 namespace {
@@ -18,13 +19,6 @@ constexpr uint32_t max_texture_side = 1u << 15;
 constexpr double most_speed = 1e6;    // m/s, rad/s
 constexpr double most_bound_m = 1e9;  // of a medium: beyond it, float32 makes nothing of a ray's way through it
 
-template <class Vector>
-bool all_finite(const Vector& v) {
-  for (int i = 0; i < v.length(); ++i)
-    if (!std::isfinite(v[i])) return false;
-  return true;
-}
-
 void check_range(const char* what, const std::string& name, const char* field, double value, double low, double high) {
   if (std::isfinite(value) && value >= low && value <= high) return;
   if (std::isinf(high))
@@ -33,8 +27,7 @@ void check_range(const char* what, const std::string& name, const char* field, d
 }
 
 void check_pinhole(const char* what, const std::string& name, const glm::dmat3& k) {
-  for (int c = 0; c < 3; ++c)
-    if (!all_finite(k[c])) ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s '%s': K has a value that is not finite", what, name.c_str());
+  if (!all_finite(k)) ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s '%s': K has a value that is not finite", what, name.c_str());
   if (k[0][0] <= 0.0 || k[1][1] <= 0.0)
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s '%s': focal lengths of K are %g and %g pixels, must be > 0", what, name.c_str(), k[0][0],
              k[1][1]);
@@ -224,8 +217,7 @@ void check_undistortable(const Camera& camera) {
 }
 
 void check_affine(const glm::dmat4& matrix, const char* what) {
-  for (int c = 0; c < 4; ++c)
-    if (!all_finite(matrix[c])) ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s has a value that is not finite", what);
+  if (!all_finite(matrix)) ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s has a value that is not finite", what);
   if (matrix[0][3] != 0.0 || matrix[1][3] != 0.0 || matrix[2][3] != 0.0 || matrix[3][3] != 1.0)
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s has the last row %g %g %g %g, must be 0 0 0 1 (row-major)", what, matrix[0][3], matrix[1][3],
              matrix[2][3], matrix[3][3]);

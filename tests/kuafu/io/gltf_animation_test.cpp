@@ -17,21 +17,6 @@ namespace {
 using namespace kuafu;
 using namespace scene_test;
 
-Loaded load(GltfWriter& w, const glm::dmat4& root = glm::dmat4(1.0)) {
-  const Folder folder;
-  w.write_glb(folder / "a.glb");
-  return load_path(folder / "a.glb", root);
-}
-
-std::string error_of(GltfWriter& w) {
-  try {
-    load(w);
-  } catch (const ks::Error& error) {
-    return error.what();
-  }
-  return "accepted";
-}
-
 struct Channel {
   int node;
   const char* path;
@@ -71,7 +56,7 @@ TEST(GltfAnimation, InstancesLightsAndCamerasFollowTheirNodes) {
   animation(w, "turn", {{0, "rotation", {0, 2}, {0, 0, 0, 1, 0, 0, half_turn, half_turn}, 4}});
   glm::dmat4 root(1.0);
   root[3] = {0, 0, 5, 1};
-  Loaded loaded = load(w, root);
+  Loaded loaded = load_glb(w, root);
   EXPECT_TRUE(loaded.warnings.empty()) << loaded.warnings[0];
   Scene& scene = loaded.scene;
   const glm::dmat4 first = scene.instances()[0]->local_to_world;
@@ -115,7 +100,7 @@ GltfWriter strip() {
 TEST(GltfAnimation, SkinsBendAndTargetsMoveVertices) {
   GltfWriter w = strip();
   animation(w, "bend", {{2, "rotation", {0, 1}, {0, 0, 0, 1, 0, 0, half_turn, half_turn}, 4}, {0, "weights", {0, 1}, {0, 0.5f}, 1}});
-  Loaded loaded = load(w);
+  Loaded loaded = load_glb(w);
   EXPECT_TRUE(loaded.warnings.empty()) << loaded.warnings[0];
   Scene& scene = loaded.scene;
   EXPECT_EQ(scene.instances()[0]->local_to_world, glm::dmat4(1.0));
@@ -137,7 +122,7 @@ TEST(GltfAnimation, ASkinIsPosedByItsJointsWithoutAnimationToo) {
   GltfWriter w = strip();
   w.root["nodes"][1]["translation"] = {0, 0, 7};
   w.root["nodes"][0]["weights"] = {1};
-  const Loaded loaded = load(w);
+  const Loaded loaded = load_glb(w);
   EXPECT_EQ(loaded.scene.meshes()[0].positions[0], glm::vec3(0, 0, 7));
   EXPECT_EQ(loaded.scene.meshes()[0].positions[3], glm::vec3(1, 2, 8));
   EXPECT_TRUE(loaded.scene.rigs().empty());  // nothing moves any more
@@ -152,7 +137,7 @@ TEST(GltfAnimation, NodesOfOneMeshMoveTheirOwnVertices) {
   w.node({{"mesh", 0}});
   w.node({{"mesh", 0}, {"weights", {2}}});
   animation(w, "rise", {{0, "weights", {0, 1}, {0, 4}, 1, "STEP"}});
-  Loaded loaded = load(w);
+  Loaded loaded = load_glb(w);
   ASSERT_EQ(loaded.scene.meshes().size(), 2u);
   EXPECT_EQ(loaded.scene.meshes()[0].positions[0].z, 0.5f);
   EXPECT_EQ(loaded.scene.meshes()[1].positions[0].z, 2.0f);
@@ -166,7 +151,7 @@ TEST(GltfAnimation, AScaleOfZeroHidesForATime) {
   w.triangle();
   w.node({{"mesh", 0}, {"scale", {0, 0, 0}}});
   animation(w, "show", {{0, "scale", {0, 1}, {0, 0, 0, 1, 1, 1}, 3}});
-  Loaded loaded = load(w);
+  Loaded loaded = load_glb(w);
   ASSERT_EQ(loaded.scene.instances().size(), 1u);
   EXPECT_LT(loaded.scene.bounds().max.x, 1e-6);
   loaded.scene.animate(0, 1.0);
@@ -199,7 +184,7 @@ TEST(GltfAnimation, BrokenOnesAreErrorsThatNameThem) {
     GltfWriter w = strip();
     animation(w, "bend", {{2, "rotation", {0, 1}, {0, 0, 0, 1, 0, 0, half_turn, half_turn}, 4}});
     spoil(w.root);
-    EXPECT_NE(error_of(w).find(message), std::string::npos) << error_of(w);
+    EXPECT_NE(glb_error_of(w).find(message), std::string::npos) << glb_error_of(w);
   };
   refused("skins[0].joints: node 7", [](json& r) { r["skins"][0]["joints"][1] = 7; });
   refused("but its skin has 1", [](json& r) { r["skins"][0]["joints"] = {1}; });
@@ -213,7 +198,7 @@ TEST(GltfAnimation, BrokenOnesAreErrorsThatNameThem) {
 TEST(GltfAnimation, WhatIsNotReadGivesAMessage) {
   GltfWriter w = strip();
   animation(w, "colour", {{2, "pointer", {0, 1}, {0, 0, 0, 0, 0, 0}, 3}});
-  const Loaded loaded = load(w);
+  const Loaded loaded = load_glb(w);
   ASSERT_EQ(loaded.warnings.size(), 2u);
   EXPECT_NE(loaded.warnings[0].find("an animation of 'pointer' is ignored"), std::string::npos) << loaded.warnings[0];
   EXPECT_NE(loaded.warnings[1].find("animation 'colour' moves nothing that is rendered"), std::string::npos) << loaded.warnings[1];

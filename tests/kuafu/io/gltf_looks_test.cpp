@@ -17,21 +17,6 @@ namespace {
 using namespace kuafu;
 using namespace scene_test;
 
-Loaded load(GltfWriter& w) {
-  const Folder folder;
-  w.write_glb(folder / "a.glb");
-  return load_path(folder / "a.glb");
-}
-
-std::string error_of(GltfWriter& w) {
-  try {
-    load(w);
-  } catch (const ks::Error& error) {
-    return error.what();
-  }
-  return "accepted";
-}
-
 /// A triangle with the material, and one image as texture 0.
 GltfWriter with_material(const json& material) {
   GltfWriter w;
@@ -52,7 +37,7 @@ TEST(GltfLooks, SamplersSetsAndTransformsArrive) {
   w.root["extensionsRequired"] = {"KHR_texture_transform"};
   w.root["samplers"] = {{{"magFilter", 9728}, {"wrapS", 33071}, {"wrapT", 33648}}};
   w.root["textures"][0]["sampler"] = 0;
-  const Loaded loaded = load(w);
+  const Loaded loaded = load_glb(w);
   EXPECT_TRUE(loaded.warnings.empty());
   const Texture& t = loaded.scene.textures()[loaded.scene.materials()[0].base_color_texture];
   EXPECT_EQ(t.wrap_u, KUAFU_WRAP_CLAMP);
@@ -68,7 +53,7 @@ TEST(GltfLooks, OneImageLookedUpInTwoWaysIsTwoTexturesAndTheSameWayOne) {
   material["emissiveTexture"] = {{"index", 0}};
   material["extensions"]["KHR_materials_transmission"]["transmissionTexture"] = {{"index", 0}, {"texCoord", 1}};
   GltfWriter w = with_material(material);
-  const Loaded loaded = load(w);
+  const Loaded loaded = load_glb(w);
   const Material& m = loaded.scene.materials()[0];
   EXPECT_EQ(m.base_color_texture, m.emission_texture);
   EXPECT_EQ(loaded.scene.textures().size(), 2u);
@@ -79,16 +64,16 @@ TEST(GltfLooks, WrongOnesNameTheField) {
   GltfWriter w = with_material(base_texture({{"index", 0}}));
   w.root["samplers"] = {{{"wrapS", 7}}};
   w.root["textures"][0]["sampler"] = 0;
-  EXPECT_NE(error_of(w).find("wrapS is 7"), std::string::npos) << error_of(w);
+  EXPECT_NE(glb_error_of(w).find("wrapS is 7"), std::string::npos) << glb_error_of(w);
   w.root["textures"][0]["sampler"] = 3;
-  EXPECT_NE(error_of(w).find("sampler 3 of 1"), std::string::npos) << error_of(w);
+  EXPECT_NE(glb_error_of(w).find("sampler 3 of 1"), std::string::npos) << glb_error_of(w);
   w = with_material(base_texture({{"index", 0}, {"extensions", {{"KHR_texture_transform", {{"scale", {1, 2, 3}}}}}}}));
-  EXPECT_NE(error_of(w).find("must be 2 numbers"), std::string::npos) << error_of(w);
+  EXPECT_NE(glb_error_of(w).find("must be 2 numbers"), std::string::npos) << glb_error_of(w);
   w = with_material({{"alphaMode", "GLASSY"}});
-  EXPECT_NE(error_of(w).find("alphaMode is 'GLASSY'"), std::string::npos) << error_of(w);
+  EXPECT_NE(glb_error_of(w).find("alphaMode is 'GLASSY'"), std::string::npos) << glb_error_of(w);
   w = with_material(base_texture({{"index", 0}}));
   w.root["textures"] = {{{"extensions", {{"KHR_texture_basisu", {{"source", 0}}}}}}};
-  EXPECT_NE(error_of(w).find("KHR_texture_basisu alone, which is not read"), std::string::npos) << error_of(w);
+  EXPECT_NE(glb_error_of(w).find("KHR_texture_basisu alone, which is not read"), std::string::npos) << glb_error_of(w);
 }
 
 TEST(GltfLooks, AlphaScaleAndRangeArrive) {
@@ -99,7 +84,7 @@ TEST(GltfLooks, AlphaScaleAndRangeArrive) {
   w.root["materials"].push_back({{"alphaMode", "BLEND"}, {"normalTexture", {{"index", 0}, {"scale", 0}}}});
   w.root["extensions"]["KHR_lights_punctual"]["lights"] = {{{"type", "point"}, {"range", 3}}};
   w.node({{"extensions", {{"KHR_lights_punctual", {{"light", 0}}}}}});
-  const Loaded loaded = load(w);
+  const Loaded loaded = load_glb(w);
   EXPECT_TRUE(loaded.warnings.empty());
   const auto& m = loaded.scene.materials();
   EXPECT_EQ(m[0].alpha_mode, Material::AlphaMode::mask);
@@ -118,7 +103,7 @@ TEST(GltfLooks, ColoursAndTheSecondSetAreReadWhereTheyMatter) {
     attributes["COLOR_0"] = w.accessor<float>(colors, type_float, "VEC3", 3);
     attributes["TEXCOORD_0"] = w.accessor<float>({0, 0, 1, 0, 0, 1}, type_float, "VEC2", 2);
     attributes["TEXCOORD_1"] = w.accessor<float>({0, 0, 5, 0, 0, 5}, type_float, "VEC2", 2);
-    return load(w);
+    return load_glb(w);
   };
   const Loaded both = file({1, 0, 0, 0, 1, 0, 0, 0, 0.5f}, 1);
   ASSERT_EQ(both.scene.meshes()[0].colors.size(), 3u);
@@ -140,7 +125,7 @@ TEST(GltfLooks, EveryCopyOfAnInstancedNodeIsThere) {
   w.node({{"mesh", 0},
           {"translation", {0, 0, 10}},
           {"extensions", {{"EXT_mesh_gpu_instancing", {{"attributes", {{"TRANSLATION", places}, {"ROTATION", turns}}}}}}}});
-  const Loaded loaded = load(w);
+  const Loaded loaded = load_glb(w);
   ASSERT_EQ(loaded.scene.instances().size(), 3u);
   EXPECT_EQ(loaded.scene.meshes().size(), 1u);
   const auto point = [&](size_t i) { return glm::dvec3(loaded.scene.instances()[i]->local_to_world * glm::dvec4(1, 0, 0, 1)); };
@@ -148,7 +133,7 @@ TEST(GltfLooks, EveryCopyOfAnInstancedNodeIsThere) {
   EXPECT_LT(glm::length(point(1) - glm::dvec3(0, 3, 10)), 1e-6) << "turned by a quarter about z";
   EXPECT_LT(glm::length(point(2) - glm::dvec3(1, 0, 13)), 1e-6);
   w.root["nodes"][0]["extensions"]["EXT_mesh_gpu_instancing"]["attributes"]["SCALE"] = w.accessor<float>({1, 1, 1}, type_float, "VEC3", 3);
-  EXPECT_NE(error_of(w).find("1 of SCALE, must be as many"), std::string::npos) << error_of(w);
+  EXPECT_NE(glb_error_of(w).find("1 of SCALE, must be as many"), std::string::npos) << glb_error_of(w);
 }
 
 std::vector<char> draco_triangle() {
@@ -184,7 +169,7 @@ GltfWriter with_draco(const std::vector<char>& data) {
 TEST(GltfDraco, CompressedTrianglesAreDecodedAndBrokenOnesAreErrors) {
   std::vector<char> data = draco_triangle();
   GltfWriter w = with_draco(data);
-  const Loaded loaded = load(w);
+  const Loaded loaded = load_glb(w);
   const Mesh& mesh = loaded.scene.meshes()[0];
   ASSERT_EQ(mesh.indices.size(), 1u);
   for (int k = 0; k < 3; ++k) {
@@ -195,10 +180,10 @@ TEST(GltfDraco, CompressedTrianglesAreDecodedAndBrokenOnesAreErrors) {
   EXPECT_NEAR(loaded.scene.bounds().max.y, 3, 1e-3);
   for (const size_t kept : {size_t{1}, size_t{3}, data.size() / 2, data.size() - 1}) {
     GltfWriter cut = with_draco(std::vector<char>(data.begin(), data.begin() + long(kept)));
-    EXPECT_NE(error_of(cut).find("KHR_draco_mesh_compression"), std::string::npos) << kept << ": " << error_of(cut);
+    EXPECT_NE(glb_error_of(cut).find("KHR_draco_mesh_compression"), std::string::npos) << kept << ": " << glb_error_of(cut);
   }
   w.root["meshes"][0]["primitives"][0]["extensions"]["KHR_draco_mesh_compression"]["bufferView"] = 9;
-  EXPECT_NE(error_of(w).find("buffer view 9"), std::string::npos) << error_of(w);
+  EXPECT_NE(glb_error_of(w).find("buffer view 9"), std::string::npos) << glb_error_of(w);
 }
 
 }  // namespace

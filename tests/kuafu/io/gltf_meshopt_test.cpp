@@ -89,26 +89,11 @@ GltfWriter written(const Grid& g, bool triangles, size_t cut = 0) {
   return w;
 }
 
-Loaded load(GltfWriter& w) {
-  const Folder folder;
-  w.write_glb(folder / "a.glb");
-  return load_path(folder / "a.glb");
-}
-
-std::string error_of(GltfWriter& w) {
-  try {
-    load(w);
-  } catch (const ks::Error& error) {
-    return error.what();
-  }
-  return "accepted";
-}
-
 TEST(GltfMeshopt, CompressedViewsAreDecoded) {
   const Grid g = grid();
   for (const bool triangles : {false, true}) {
     GltfWriter w = written(g, triangles);
-    const Loaded loaded = load(w);
+    const Loaded loaded = load_glb(w);
     EXPECT_TRUE(loaded.warnings.empty());
     const Mesh& mesh = loaded.scene.meshes()[0];
     ASSERT_EQ(mesh.positions.size(), vertex_count);
@@ -135,7 +120,7 @@ TEST(GltfMeshopt, ExponentsAreDecoded) {
   const int view = add(w, encoded_vertices(packed.data(), 12),
                        {{"count", vertex_count}, {"mode", "ATTRIBUTES"}, {"byteStride", 12}, {"filter", "EXPONENTIAL"}});
   w.root["accessors"][0]["bufferView"] = view;
-  const Loaded loaded = load(w);
+  const Loaded loaded = load_glb(w);
   const Mesh& mesh = loaded.scene.meshes()[0];
   for (size_t i = 0; i < vertex_count; ++i)
     for (int k = 0; k < 3; ++k) EXPECT_NEAR(mesh.positions[i][k], g.positions[3 * i + size_t(k)], 1e-3);
@@ -145,12 +130,12 @@ TEST(GltfMeshopt, BrokenDataIsAnErrorThatNamesIt) {
   const Grid g = grid();
   for (const size_t cut : {size_t{1}, size_t{20}, size_t{60}}) {
     GltfWriter w = written(g, true, cut);
-    EXPECT_NE(error_of(w).find("bufferViews[0].extensions.EXT_meshopt_compression: its"), std::string::npos) << cut << error_of(w);
+    EXPECT_NE(glb_error_of(w).find("bufferViews[0].extensions.EXT_meshopt_compression: its"), std::string::npos) << cut << glb_error_of(w);
   }
   const auto refused = [&](const char* key, const json& value, const char* message) {
     GltfWriter w = written(g, true);
     w.root["bufferViews"][0]["extensions"]["EXT_meshopt_compression"][key] = value;
-    EXPECT_NE(error_of(w).find(message), std::string::npos) << key << ": " << error_of(w);
+    EXPECT_NE(glb_error_of(w).find(message), std::string::npos) << key << ": " << glb_error_of(w);
   };
   refused("mode", "POINTS", "mode is 'POINTS'");
   refused("filter", "QUATERNION", "filter is 'QUATERNION'");

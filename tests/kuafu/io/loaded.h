@@ -6,7 +6,9 @@
 #include <string>
 #include <vector>
 
+#include "device/error.h"
 #include "io/load.h"
+#include "kuafu/io/sample_files.h"
 
 namespace scene_test {
 
@@ -19,6 +21,23 @@ inline Loaded load_path(const std::filesystem::path& path, const glm::dmat4& roo
   Loaded out;
   out.warnings = kuafu::load_file(out.scene, path, root);
   return out;
+}
+
+/// What a .glb file of the writer's gives.
+inline Loaded load_glb(GltfWriter& writer, const glm::dmat4& root = glm::dmat4(1.0)) {
+  const Folder folder;
+  writer.write_glb(folder / "a.glb");
+  return load_path(folder / "a.glb", root);
+}
+
+/// The error of loading it; "accepted" where there is none.
+inline std::string glb_error_of(GltfWriter& writer) {
+  try {
+    load_glb(writer);
+  } catch (const ks::Error& error) {
+    return error.what();
+  }
+  return "accepted";
 }
 
 }  // namespace scene_test
