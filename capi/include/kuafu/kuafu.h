@@ -112,7 +112,7 @@ KUAFU_API ks_status kuafu_scene_cancel_load(kuafu_scene scene);
  * of the files; what this animation does not move stands as its file has it without animation, whatever was posed before. KUAFU_NONE stands for all
  * animations of all files; where two of them move the same property, the first one counts. Before its first keyframe and after its last an animation stands
  * still: for one that repeats, time_s is a remainder of kuafu_scene_animation_duration. time_s is finite. Objects that were removed are passed over. A node
- * that has a scale of 0 is hidden. */
+ * that has a scale of 0 is hidden. An error, as where a vertex would have no finite place, leaves the scene as it was. */
 KUAFU_API ks_status kuafu_scene_animate(kuafu_scene scene, uint32_t animation, double time_s);
 /* Time of the last keyframe, in seconds. */
 KUAFU_API ks_status kuafu_scene_animation_duration(kuafu_scene scene, uint32_t animation, double* out);

@@ -124,13 +124,18 @@ uint32_t Scene::add_light(Light light) {
 }
 
 void Scene::update_mesh_positions(uint32_t id, std::vector<glm::vec3> positions, std::vector<glm::vec3> normals) {
-  Mesh& mesh = there(meshes_, "mesh", id);
+  const Mesh& mesh = there(meshes_, "mesh", id);
   const char* name = mesh.name.c_str();
   if (positions.size() != mesh.positions.size())
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "mesh '%s': %zu positions for its %zu vertices", name, positions.size(), mesh.positions.size());
   if (normals.size() != mesh.normals.size())
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "mesh '%s': %zu normals, it was made with %zu", name, normals.size(), mesh.normals.size());
   check_vertices(mesh.name, positions, normals);
+  move_vertices(id, std::move(positions), std::move(normals));
+}
+
+void Scene::move_vertices(uint32_t id, std::vector<glm::vec3> positions, std::vector<glm::vec3> normals) {
+  Mesh& mesh = meshes_[id];
   mesh_bounds_[id] = bounds_of(positions);
   mesh.positions = std::move(positions);
   mesh.normals = std::move(normals);

@@ -75,7 +75,8 @@ struct Light : LightFields {
   std::shared_ptr<const Texture> raster;  // of the dots; made by the scene
 };
 
-struct Rig;  // scene/rig.h
+struct Rig;      // scene/rig.h
+struct RigPose;  // scene/rig.h
 class Scene;
 /// The image that a projector throws.
 const Texture& pattern_of(const Scene& scene, const Light& light);
@@ -132,6 +133,7 @@ class Scene {
   void add_rig(Rig rig);
   /// Poses what hangs on the rig of this animation as that has it at `time_s`, and as its file has it without animation where that moves
   /// nothing; `none`: every rig by all its animations, of which the first counts where two move the same. What was removed is passed over.
+  /// An error, as where a vertex comes to no finite place, leaves the scene as it was.
   void animate(uint32_t animation, double time_s);
   /// Moves everything but the environment of `other` to the end of this scene; ids of `other` grow by the sizes of the tables here.
   void append(Scene&& other);
@@ -166,7 +168,10 @@ class Scene {
   void check_references(const Light& light) const;
   void check_references(const Environment& environment) const;
   void check_materials(const std::vector<uint32_t>& ids) const;
-  void pose(const Rig& rig, uint32_t animation, double time_s);
+  struct Posed;
+  void gather(const Rig& rig, const RigPose& pose, Posed& to) const;
+  void take(Posed&& posed);
+  void move_vertices(uint32_t id, std::vector<glm::vec3> positions, std::vector<glm::vec3> normals);
   void take_slot(uint32_t id);
   void note_instance(uint32_t slot);
 

@@ -146,6 +146,32 @@ TEST(GltfAnimation, NodesOfOneMeshMoveTheirOwnVertices) {
   EXPECT_EQ(loaded.scene.meshes()[1].positions[0].z, 2.0f);
 }
 
+TEST(GltfAnimation, AVertexWithoutAFinitePlaceLeavesAllAsItWas) {
+  GltfWriter w;
+  const int positions = w.accessor<float>({0, 0, 0, 1, 0, 0, 0, 1, 0}, type_float, "VEC3", 3),
+            far = w.accessor<float>({0, 0, 1, 0, 0, 1, 0, 0, 3e38f}, type_float, "VEC3", 3);
+  w.root["cameras"] = {{{"type", "perspective"}, {"perspective", {{"yfov", 1.0}, {"znear", 0.1}}}}};
+  w.root["extensions"]["KHR_lights_punctual"]["lights"] = {{{"type", "point"}}};
+  w.mesh({{{"attributes", {{"POSITION", positions}}}, {"targets", {{{"POSITION", positions}}}}}});
+  w.mesh({{{"attributes", {{"POSITION", positions}}}, {"targets", {{{"POSITION", far}}}}}});
+  w.node({{"mesh", 0}});
+  w.node({{"mesh", 1}, {"camera", 0}, {"extensions", {{"KHR_lights_punctual", {{"light", 0}}}}}});
+  animation(w, "burst",
+            {{0, "weights", {0, 1}, {0, 1}, 1}, {1, "weights", {0, 1}, {0, 10}, 1}, {1, "translation", {0, 1}, {0, 0, 0, 0, 0, 5}, 3}});
+  Loaded loaded = load_glb(w);
+  Scene& scene = loaded.scene;
+  scene.animate(0, 0.0);
+  EXPECT_THROW(scene.animate(0, 1.0), ks::Error);
+  EXPECT_EQ(scene.meshes()[0].positions[1], glm::vec3(1, 0, 0));
+  EXPECT_EQ(scene.meshes()[0].deformation, 1u);
+  EXPECT_EQ(scene.instances()[1]->local_to_world[3].z, 0.0);
+  EXPECT_EQ(scene.lights()[0]->light_to_world[3].z, 0.0);
+  EXPECT_EQ(scene.cameras()[0].camera_to_world[3].z, 0.0);
+  scene.animate(0, 0.1);
+  EXPECT_EQ(scene.meshes()[0].positions[1], glm::vec3(1.1f, 0, 0));
+  EXPECT_EQ(scene.cameras()[0].camera_to_world[3].z, 0.5);
+}
+
 TEST(GltfAnimation, AScaleOfZeroHidesForATime) {
   GltfWriter w;
   w.triangle();
