@@ -12,9 +12,10 @@
 namespace ks {
 
 /// guard(), but for a thread that ends inside (pthread_cancel, or pthread_exit in a callback): that is no exception of ours, and swallowing
-/// it would end the process. It goes on through the host's frames.
+/// it would end the process. It goes on through the host's frames. What is caught then is a reference to nothing, which the
+/// undefined-behaviour sanitizer would report.
 template <class F>
-ks_status call(F&& fn) {
+__attribute__((no_sanitize("undefined"))) ks_status call(F&& fn) {
   const CancellationHeld held;
   try {
     std::forward<F>(fn)();
