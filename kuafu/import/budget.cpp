@@ -49,6 +49,9 @@ void Budget::claim(uint64_t bytes, const std::string& what) {
 }
 
 void Budget::limit_address_space() const {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  return;  // a sanitizer maps memory of its own, and ends the process or hangs where it gets none: what is claimed counts alone
+#endif
   rlimit limit{};
   if (getrlimit(RLIMIT_AS, &limit) != 0) return;
   const uint64_t wanted = std::min(limit_, UINT64_MAX / 4) + own_bytes_;
