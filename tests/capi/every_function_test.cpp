@@ -1,0 +1,173 @@
+// SPDX-License-Identifier: Apache-2.0
+// Every function of both interfaces that takes a handle, with a handle that is NULL, of another kind or released, and with a good one but
+// absurd arguments: pointers are NULL, sizes and ids the largest, numbers none.
+#include <gtest/gtest.h>
+
+#include <limits>
+#include <set>
+#include <string>
+#include <type_traits>
+
+#include "capi/small_match.h"
+#include "capi/small_render.h"
+#include "kuafu/api.h"
+#include "simsense/api.h"
+
+// The entries of the tables whose first argument is a handle.
+// clang-format off
+#define KS_DEVICE_AND_BUFFER_FUNCTIONS(f) \
+  f(device_get_info) f(device_retain) f(device_release) f(device_copied_bytes) f(device_allocated_bytes) \
+  f(buffer_create) f(buffer_import) f(buffer_export) f(buffer_map) f(buffer_write) f(buffer_read) f(buffer_retain) f(buffer_release)
+#define KUAFU_FUNCTIONS(f) \
+  KS_DEVICE_AND_BUFFER_FUNCTIONS(f) \
+  f(scene_create) f(scene_retain) f(scene_release) f(scene_load) f(scene_cancel_load) f(scene_get_summary) f(scene_next_frame) \
+  f(scene_add_mesh) f(scene_update_mesh) f(scene_remove_mesh) f(scene_add_texture) f(scene_set_texture) f(scene_remove_texture) \
+  f(scene_add_material) f(scene_set_material) f(scene_get_material) f(scene_remove_material) f(scene_material_name) \
+  f(scene_add_instance) f(scene_remove_instance) f(scene_instance_name) f(scene_set_instance_pose) f(scene_set_instance_poses) \
+  f(scene_set_instance_velocity) f(scene_set_instance_materials) f(scene_add_light) f(scene_set_light) f(scene_set_lights) \
+  f(scene_get_light) f(scene_remove_light) f(scene_set_environment) f(scene_set_medium) f(scene_get_camera) \
+  f(scene_animate) f(scene_animation_duration) f(scene_animation_name) \
+  f(renderer_create) f(renderer_retain) f(renderer_release) f(renderer_render) f(renderer_submit) f(renderer_wait) f(renderer_cancel) \
+  f(renderer_get_summary) f(renderer_get_stage_times) f(renderer_export_timeline)
+#define SIMSENSE_FUNCTIONS(f) \
+  KS_DEVICE_AND_BUFFER_FUNCTIONS(f) \
+  f(engine_create) f(engine_set_parameters) f(engine_get_parameters) f(engine_set_signal) f(engine_get_signal) f(engine_retain) \
+  f(engine_release) f(engine_get_rectified) f(engine_compute) f(engine_submit) f(engine_wait) f(engine_wait_for) f(engine_cancel) \
+  f(engine_export_timeline) f(engine_get_stage_times)
+// clang-format on
+
+namespace ks::test {
+namespace {
+
+constexpr size_t kuafu_others = 5;     // version, last_error, device_enumerate, device_create, struct_init
+constexpr size_t simsense_others = 6;  // and signal_preset
+#define KS_COUNT_ONE(entry) +1
+static_assert(offsetof(kuafu_api, version) + (kuafu_others KUAFU_FUNCTIONS(KS_COUNT_ONE)) * sizeof(void*) == sizeof(kuafu_api),
+              "a function of kuafu's is not tried here");
+static_assert(offsetof(simsense_api, version) + (simsense_others SIMSENSE_FUNCTIONS(KS_COUNT_ONE)) * sizeof(void*) == sizeof(simsense_api),
+              "a function of simsense's is not tried here");
+
+template <class T>
+T absurd() {
+  if constexpr (std::is_pointer_v<T>)
+    return nullptr;
+  else if constexpr (std::is_floating_point_v<T>)
+    return std::numeric_limits<T>::quiet_NaN();
+  else
+    return std::numeric_limits<T>::max();
+}
+
+/// A handle of each kind of both libraries.
+struct Kinds {
+  kuafu_device device = nullptr;
+  kuafu_buffer buffer = nullptr;
+  kuafu_scene scene = nullptr;
+  kuafu_renderer renderer = nullptr;
+  simsense_device engines_device = nullptr;
+  simsense_buffer engines_buffer = nullptr;
+  simsense_engine engine = nullptr;
+
+  template <class H>
+  [[nodiscard]] H get() const {
+    if constexpr (std::is_same_v<H, kuafu_device>) return device;
+    if constexpr (std::is_same_v<H, kuafu_buffer>) return buffer;
+    if constexpr (std::is_same_v<H, kuafu_scene>) return scene;
+    if constexpr (std::is_same_v<H, kuafu_renderer>) return renderer;
+    if constexpr (std::is_same_v<H, simsense_device>) return engines_device;
+    if constexpr (std::is_same_v<H, simsense_buffer>) return engines_buffer;
+    if constexpr (std::is_same_v<H, simsense_engine>) return engine;
+  }
+};
+
+/// `attempt(name, function)` with every function of both libraries that takes a handle.
+template <class Attempt>
+void each_function(const Attempt& attempt) {
+  const kuafu_api& kuafu = *kuafu_get_api();
+  const simsense_api& simsense = *simsense_get_api();
+#define KS_TRY_KUAFU(entry) attempt("kuafu_" #entry, kuafu.entry);
+#define KS_TRY_SIMSENSE(entry) attempt("simsense_" #entry, simsense.entry);
+  KUAFU_FUNCTIONS(KS_TRY_KUAFU)
+  SIMSENSE_FUNCTIONS(KS_TRY_SIMSENSE)
+}
+
+/// What the function answers to absurd arguments. A name that is not given counts as an error, as does what has no result.
+template <class Result, class H, class... Rest>
+ks_status answer(Result (*function)(H, Rest...), const Kinds& given) {
+  if constexpr (std::is_same_v<Result, ks_status>)
+    return function(given.get<H>(), absurd<Rest>()...);
+  else if constexpr (std::is_pointer_v<Result>)
+    return function(given.get<H>(), absurd<Rest>()...) == nullptr ? KS_ERROR_INVALID_ARGUMENT : KS_OK;
+  else
+    function(given.get<H>(), absurd<Rest>()...);
+  return KS_ERROR_INVALID_ARGUMENT;
+}
+
+void expect_all_refuse(const Kinds& given) {
+  each_function([&](const char* name, auto* function) { EXPECT_EQ(answer(function, given), KS_ERROR_INVALID_ARGUMENT) << name; });
+}
+
+class EveryFunction : public testing::Test {
+ protected:
+  /// Objects of all kinds, and their handles.
+  struct Objects {
+    Objects() : render(KUAFU_TRACER_EMBREE), match(open_host_device()) {
+      const ks_buffer_create create = ks_buffer_create_init(64, KS_BUFFER_HOST_VISIBLE);
+      EXPECT_EQ(simsense_buffer_create(match.device, &create, &buffer), KS_OK) << simsense_last_error();
+    }
+    ~Objects() { simsense_buffer_release(buffer); }
+    [[nodiscard]] Kinds handles() const {
+      return {render.device, render.buffer, render.scene, render.renderer, match.device, buffer, match.engine};
+    }
+    SmallRender render;
+    SmallMatch match;
+    simsense_buffer buffer = nullptr;
+  };
+  Objects objects_;
+};
+
+TEST_F(EveryFunction, RefusesAHandleThatIsNull) { expect_all_refuse({}); }
+
+TEST_F(EveryFunction, RefusesAHandleOfAnotherKind) {
+  SKIP_IF(objects_.render.device ? "" : kuafu_last_error());
+  const Kinds good = objects_.handles();
+  Kinds other;
+  other.device = reinterpret_cast<kuafu_device>(good.engines_device);
+  other.buffer = reinterpret_cast<kuafu_buffer>(good.engines_buffer);
+  other.scene = reinterpret_cast<kuafu_scene>(good.renderer);
+  other.renderer = reinterpret_cast<kuafu_renderer>(good.scene);
+  other.engines_device = reinterpret_cast<simsense_device>(good.device);
+  other.engines_buffer = reinterpret_cast<simsense_buffer>(good.buffer);
+  other.engine = reinterpret_cast<simsense_engine>(good.engines_device);
+  expect_all_refuse(other);
+  objects_.render.expect_works();
+  EXPECT_EQ(simsense_engine_compute(objects_.match.engine, &objects_.match.desc), KS_OK) << simsense_last_error();
+}
+
+TEST_F(EveryFunction, RefusesAHandleThatWasReleased) {
+  SKIP_IF(objects_.render.device ? "" : kuafu_last_error());
+  Kinds released;
+  {
+    const Objects others;
+    released = others.handles();
+  }
+  expect_all_refuse(released);
+  objects_.render.expect_works();
+}
+
+TEST_F(EveryFunction, RefusesAbsurdArgumentsOfAGoodHandle) {
+  SKIP_IF(objects_.render.device ? "" : kuafu_last_error());
+  // NULL is no medium, or what is not asked for; what takes a handle alone has nothing absurd.
+  const std::set<std::string> meant = {"kuafu_scene_set_medium", "simsense_engine_get_signal", "simsense_engine_get_rectified",
+                                       "kuafu_scene_next_frame", "kuafu_scene_cancel_load",    "kuafu_renderer_cancel",
+                                       "simsense_engine_cancel"};
+  const Kinds good = objects_.handles();
+  each_function([&](const std::string& name, auto* function) {
+    if (name.ends_with("_retain") || name.ends_with("_release")) return;
+    EXPECT_EQ(answer(function, good) < KS_OK, !meant.contains(name)) << name;
+  });
+  objects_.render.expect_works();
+  EXPECT_EQ(simsense_engine_compute(objects_.match.engine, &objects_.match.desc), KS_OK) << simsense_last_error();
+}
+
+}  // namespace
+}  // namespace ks::test
