@@ -140,7 +140,8 @@ def test_a_killed_run_goes_on(things: tuple[Path, ...], tmp_path: Path, capsys: 
         if bop.is_done(out, 0) or run.poll() is not None:
             break
         time.sleep(0.05)
-    os.killpg(run.pid, signal.SIGKILL)
+    if run.poll() is None:
+        os.killpg(run.pid, signal.SIGKILL)
     run.wait()
     kept = read_all(out / "train_pbr/000000/rgb")["000000.png"]
     assert main(["generate", *names, *options(out, 4)]) == 0
