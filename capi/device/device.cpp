@@ -15,6 +15,7 @@
 #include "device/log_sink.h"
 #include "device/physical.h"
 #include "device/pipeline_cache.h"
+#include "device/spare_threads.h"
 #include "device/struct_read.h"
 #include "device/struct_table.h"
 #include "device/text.h"
@@ -131,6 +132,7 @@ void Device::take_services(const ks_device_desc& desc) {
     fail(KS_ERROR_INVALID_ARGUMENT, "device desc: host has %s, but no %s: give both or neither",
          host.allocate != nullptr ? "allocate" : "deallocate", host.allocate != nullptr ? "deallocate" : "allocate");
   if (host.allocate != nullptr) host_memory_ = std::make_unique<HostMemory>(host.allocate, host.deallocate, host.memory_user);
+  spare_threads_ = std::make_unique<SpareThreads>();
   workers_ = host.parallel_for == nullptr ? std::make_unique<ThreadPool>(desc.worker_count)
                                           : std::make_unique<ThreadPool>(desc.worker_count, host.parallel_for, host.parallel_user);
 }

@@ -19,6 +19,7 @@ class HostMemory;
 class Instance;
 class LogSink;
 class PipelineCache;
+class SpareThreads;
 class ThreadPool;
 struct PhysicalFacts;
 
@@ -75,6 +76,8 @@ class Device : public std::enable_shared_from_this<Device> {
   void check_alive(VkResult result, const char* what);
 
   [[nodiscard]] ThreadPool& workers() const { return *workers_; }
+  /// For work that has a thread of its own.
+  [[nodiscard]] SpareThreads& spare_threads() const { return *spare_threads_; }
   /// Memory that the host lends; nullptr where it lends none.
   [[nodiscard]] HostMemory* host_memory() const { return host_memory_.get(); }
   void log(uint32_t level, const char* format, ...) const __attribute__((format(printf, 3, 4)));
@@ -122,6 +125,7 @@ class Device : public std::enable_shared_from_this<Device> {
   std::atomic<uint64_t> copied_bytes_{0}, allocated_bytes_{0};
   std::unique_ptr<ThreadPool> workers_;
   std::unique_ptr<HostMemory> host_memory_;
+  std::unique_ptr<SpareThreads> spare_threads_;
 };
 
 }  // namespace ks

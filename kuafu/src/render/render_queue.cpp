@@ -7,6 +7,7 @@
 
 #include "device/cancellation.h"
 #include "device/error.h"
+#include "device/spare_threads.h"
 
 namespace kuafu {
 
@@ -14,14 +15,11 @@ RenderQueue::RenderQueue(const std::shared_ptr<ks::Device>& device, TracerKind t
     : renderer_(device, tracer, std::move(oidn_library)) {}
 
 RenderQueue::~RenderQueue() {
-  if (!thread_.joinable()) return;
   cancel();
-  {
-    const std::lock_guard lock(mutex_);
-    stopping_ = true;
-  }
+  std::unique_lock lock(mutex_);
+  stopping_ = true;
   changed_.notify_all();
-  thread_.join();
+  changed_.wait(lock, [&] { return !serving_; });
 }
 
 void RenderQueue::heed_cancel(Launch& launch) const {
@@ -44,7 +42,8 @@ uint64_t RenderQueue::submit(std::shared_ptr<const Scene> scene, Launch launch, 
   if (number > most_under_way) (void)wait_for_ended(number - most_under_way, UINT64_MAX);
   {
     const std::lock_guard lock(mutex_);
-    if (!thread_.joinable()) thread_ = std::thread([this] { serve(); });
+    if (!serving_) device()->spare_threads().run([this] { serve(); });
+    serving_ = true;
     slot(number) = {std::move(scene), std::move(launch), std::move(held), nullptr, {}, {}};
     submitted_ = number;
   }
@@ -102,7 +101,7 @@ void RenderQueue::serve() {
   std::unique_lock lock(mutex_);
   for (;;) {
     changed_.wait(lock, [&] { return stopping_ || ended_ < submitted_; });
-    if (ended_ == submitted_) return;  // what was submitted ends first: cancelled
+    if (ended_ == submitted_) break;  // what was submitted ends first: cancelled
     Submission& next = slot(ended_ + 1);
     lock.unlock();
     run(next);
@@ -111,6 +110,8 @@ void RenderQueue::serve() {
     signal_ended();
     changed_.notify_all();
   }
+  serving_ = false;
+  changed_.notify_all();
 }
 
 void RenderQueue::run(Submission& submission) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Renders whose caller does not wait for them: a thread of the library's takes them one after the other; at most two are under way.
+// Renders whose caller does not wait for them: a thread of the device's takes them one after the other; at most two are under way.
 // Thread rule: as the renderer's, one caller at a time; cancel() may be called by any thread at any time.
 #pragma once
 
@@ -8,7 +8,6 @@
 #include <exception>
 #include <mutex>
 #include <optional>
-#include <thread>
 
 #include "device/timeline.h"
 #include "render/renderer.h"
@@ -70,8 +69,8 @@ class RenderQueue {
   Submission slots_[most_under_way];
   uint64_t submitted_ = 0, ended_ = 0;    // how many
   std::optional<ks::Timeline> timeline_;  // where it was asked for
+  bool serving_ = false;                  // from the first submission on
   bool stopping_ = false;
-  std::thread thread_;  // from the first submission on
   std::vector<std::pair<std::string, double>> stage_times_;
   RenderSummary summary_{};
 };

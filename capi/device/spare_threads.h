@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+// Threads that outlive what they were begun for, and take up the next work: what others keep for each thread that ever was (Embree keeps
+// some bytes for each that built a tree) does not grow with the work. Thread rule: internally synchronised.
+#pragma once
+
+#include <condition_variable>
+#include <cstddef>
+#include <functional>
+#include <mutex>
+#include <queue>
+#include <thread>
+#include <vector>
+
+namespace ks {
+
+class SpareThreads {
+ public:
+  SpareThreads() = default;
+  /// Waits for the work that was begun.
+  ~SpareThreads();
+  SpareThreads(const SpareThreads&) = delete;
+  SpareThreads& operator=(const SpareThreads&) = delete;
+
+  /// Begins the work in a thread that is done with its last one, or in a new one. What the work throws ends the process.
+  void run(std::function<void()> work);
+
+ private:
+  void serve();
+
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  std::queue<std::function<void()>> waiting_;
+  size_t idle_ = 0;
+  bool stopping_ = false;
+  std::vector<std::thread> threads_;
+};
+
+}  // namespace ks
