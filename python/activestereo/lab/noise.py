@@ -11,9 +11,9 @@ square of a noisy signal exceeds the squared mean by the variance itself, so mea
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
@@ -33,6 +33,20 @@ _CHI2_MARGIN = 4.0
 
 # The frames of a repeat group, the eye, and the mean and variance over the repeats, [height][width].
 Repeats: TypeAlias = tuple[list[Frame], str, np.ndarray, np.ndarray]
+
+_Item = TypeVar("_Item")
+
+
+def by_repeats(items: Iterable[tuple[Frame, str, _Item]]) -> list[list[_Item]]:
+    """What belongs to one static view and eye together, in order; frames without repeats are left out.
+
+    items: (frame, eye, what belongs to them).
+    """
+    groups: dict[tuple[int, str], list[_Item]] = {}
+    for frame, eye, item in items:
+        if frame.repeat_group is not None:
+            groups.setdefault((frame.repeat_group, eye), []).append(item)
+    return list(groups.values())
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from scipy.ndimage import uniform_filter1d
 
 from activestereo.capture import Frame
 from activestereo.lab.fit import Images, regressors
+from activestereo.lab.noise import by_repeats
 
 Key = tuple[int, str]
 # Neighbouring rows that are taken to see one brightness: 0.4 ms at 26 us a line, a twentieth of a period of 120 Hz.
@@ -27,25 +28,21 @@ def unsteady_light(shots: Mapping[Key, tuple[Frame, Images, np.ndarray]]) -> dic
 
     shots: {(frame id, eye): (frame, its rendered light, measured DN [height][width])}.
     """
-    groups: dict[tuple[int, str], list[Key]] = {}
-    for key, (frame, *_) in shots.items():
-        if frame.repeat_group is not None:
-            groups.setdefault((frame.repeat_group, key[1]), []).append(key)
     found, lamp, level, all_rows = {}, 0.0, 0.0, 0.0
-    for keys in groups.values():
+    for keys in by_repeats((frame, key[1], key) for key, (frame, *_) in shots.items()):
         mean = np.mean([shots[key][2] for key in keys], axis=0)
         for key in keys:
             frame, light, measured = shots[key]
             ambient = regressors(frame, light)[1]
-            found[key] = _common(measured - mean, ambient)
+            change = measured - mean
+            found[key] = _common(change, ambient)
             lamp += float((found[key] ** 2).sum())
-            level += float((_common(measured - mean, np.ones(ambient.shape)) ** 2).sum())
-            all_rows += float((_common(measured - mean, ambient, 1) ** 2).sum())
+            level += float((_common(change, np.ones(ambient.shape)) ** 2).sum())
+            all_rows += float((_common(change, ambient, 1) ** 2).sum())
     return found if lamp > max(_COMMON * all_rows, level) else {}
 
 
 def _common(change: np.ndarray, light: np.ndarray, rows: int = _ROWS) -> np.ndarray:
     """Of a change, what neighbouring rows have in common: the light times one factor in each row."""
-    sums = (uniform_filter1d((x * light).sum(axis=1), rows, mode="nearest") for x in (change, light))
-    moment, power = sums
+    moment, power = (uniform_filter1d((x * light).sum(axis=1), rows, mode="nearest") for x in (change, light))
     return (moment / np.maximum(power, 1e-12))[:, None] * light

@@ -21,7 +21,7 @@ from activestereo.lab.diagnose.evidence.observation import QUANTISATION_VARIANCE
 from activestereo.lab.diagnose.findings import BaseFit, Explanation, NotRanked, OwnEvidence
 from activestereo.lab.diagnose.gates import Gates
 from activestereo.lab.diagnose.score.intervals import Z90, Limits, within_ranges
-from activestereo.lab.noise import repeat_statistics, transfer_rows
+from activestereo.lab.noise import by_repeats, repeat_statistics, transfer_rows
 
 # Half of the 90 % quantile of chi-square with one degree of freedom.
 _LIKELIHOOD_DROP = 1.353
@@ -153,11 +153,8 @@ def _rows(observations: Sequence[Observation], parameter: str, row_correlation: 
 
 
 def _pairs(observations: Sequence[Observation]) -> list[tuple[Observation, Observation]]:
-    groups: dict[tuple[int, str], list[Observation]] = {}
-    for o in observations:
-        if o.frame.repeat_group is not None:
-            groups.setdefault((o.frame.repeat_group, o.eye), []).append(o)
-    return [(a, b) for group in groups.values() for a, b in zip(group, group[1:], strict=False)]
+    groups = by_repeats((o.frame, o.eye, o) for o in observations)
+    return [(a, b) for group in groups for a, b in zip(group, group[1:], strict=False)]
 
 
 def _transfer(term: RandomTerm, evidence: Evidence, model: Model) -> _NoiseFit | str:

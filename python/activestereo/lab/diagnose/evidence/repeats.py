@@ -15,7 +15,7 @@ from activestereo.effects import Model
 from activestereo.lab.diagnose.evidence.gather import noise_at_other_gains
 from activestereo.lab.diagnose.evidence.inadequacy import place_error
 from activestereo.lab.diagnose.evidence.observation import QUANTISATION_VARIANCE, Evidence, Observation, weight_of
-from activestereo.lab.noise import frame_floors
+from activestereo.lab.noise import by_repeats, frame_floors
 
 Images = Mapping[tuple[int, str], np.ndarray]
 
@@ -62,9 +62,6 @@ def without_drift(
 
 def _drift(shots: Sequence[Observation], expected: Images) -> Images:
     """Of every repeat its expected image's difference from the mean of its group's, DN."""
-    groups: dict[tuple[int, str], list[tuple[int, str]]] = {}
-    for o in shots:
-        if o.frame.repeat_group is not None:
-            groups.setdefault((o.frame.repeat_group, o.eye), []).append(o.key)
-    means = ((keys, np.mean([expected[k] for k in keys], axis=0)) for keys in groups.values())
+    groups = by_repeats((o.frame, o.eye, o.key) for o in shots)
+    means = ((keys, np.mean([expected[k] for k in keys], axis=0)) for keys in groups)
     return {key: expected[key] - mean for keys, mean in means for key in keys}
