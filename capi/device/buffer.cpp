@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <utility>
 
 #include "device/compute.h"
 #include "device/error.h"
@@ -230,7 +231,7 @@ void Buffer::read(uint64_t offset_bytes, void* data, uint64_t size_bytes) const 
     device_->count_copy(size_bytes);
     return;
   }
-  const auto staging = create(device_, std::min(size_bytes, staging_bytes), KS_BUFFER_HOST_VISIBLE);
+  const auto staging = take_staging(size_bytes);
   Commands commands(device_);
   for (uint64_t done = 0; done < size_bytes; done += staging->size_bytes()) {
     const uint64_t bytes = std::min(staging->size_bytes(), size_bytes - done);
@@ -238,6 +239,21 @@ void Buffer::read(uint64_t offset_bytes, void* data, uint64_t size_bytes) const 
     commands.flush();
     std::memcpy(static_cast<char*>(data) + done, staging->mapped(), bytes);
   }
+  keep_staging(staging);
+}
+
+std::shared_ptr<Buffer> Buffer::take_staging(uint64_t size_bytes) const {
+  const uint64_t bytes = std::min(size_bytes, staging_bytes);
+  {
+    const std::lock_guard lock(staging_mutex_);
+    if (staging_ != nullptr && staging_->size_bytes() >= bytes) return std::exchange(staging_, nullptr);
+  }
+  return create(device_, bytes, KS_BUFFER_HOST_VISIBLE);
+}
+
+void Buffer::keep_staging(std::shared_ptr<Buffer> staging) const {
+  const std::lock_guard lock(staging_mutex_);
+  staging_.swap(staging);
 }
 
 }  // namespace ks

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <memory>
+#include <mutex>
 
 #include "device/device.h"
 #include "ks/buffer.h"
@@ -39,7 +40,8 @@ class Buffer {
   [[nodiscard]] void* mapped() const { return mapped_; }
   [[nodiscard]] const std::shared_ptr<Device>& device() const { return device_; }
 
-  /// Counted copies (Device::copied_bytes); through a staging buffer where the memory is not host visible. Bounds are checked.
+  /// Counted copies (Device::copied_bytes); through a staging buffer where the memory is not host visible. That of a read is kept for
+  /// the next one, because making it takes longer than copying an image. Bounds are checked.
   void write(uint64_t offset_bytes, const void* data, uint64_t size_bytes);
   void read(uint64_t offset_bytes, void* data, uint64_t size_bytes) const;
 
@@ -48,6 +50,9 @@ class Buffer {
   static std::shared_ptr<Buffer> make(std::shared_ptr<Device> device, uint64_t size_bytes, uint32_t flags, VkBufferUsageFlags extra_usage,
                                       VkMemoryPropertyFlags preferred);
   void check_range(uint64_t offset_bytes, uint64_t size_bytes, const char* what) const;
+  /// Memory that the host sees, to read so many bytes through: what was kept, unless another thread has it or it is too small.
+  [[nodiscard]] std::shared_ptr<Buffer> take_staging(uint64_t size_bytes) const;
+  void keep_staging(std::shared_ptr<Buffer> staging) const;
   void allocate_host();
   void allocate_vulkan(VkMemoryPropertyFlags preferred);
   /// On a CPU device, in memory that the host lends.
@@ -77,6 +82,8 @@ class Buffer {
   void* mapped_ = nullptr;
   void* lent_ = nullptr;  // by the host
   uint64_t lent_bytes_ = 0, lent_alignment_ = 0;
+  mutable std::mutex staging_mutex_;
+  mutable std::shared_ptr<Buffer> staging_;
 };
 
 /// Throws KS_ERROR_INVALID_ARGUMENT unless the view lies inside size_bytes; overflow-safe. Returns {first, one past last} byte touched.

@@ -6,6 +6,9 @@ pointer; simsense imports it. With copy=True each library has its own buffer and
 and shows what the sharing saves.
 """
 
+from __future__ import annotations
+
+from functools import cached_property, partial
 from typing import Literal
 
 import numpy as np
@@ -35,6 +38,7 @@ class IrLink:
         copy: bool = False,
         count: int = 1,
     ) -> None:
+        self._beside = partial(IrLink, renderer_device, engine_device, width, height, copy, count)
         shape = (2 * count, height, width, 1)
         size_bytes = 4 * int(np.prod(shape))
         shared = shared_memory_kind(renderer_device, engine_device)
@@ -49,6 +53,12 @@ class IrLink:
         eye_shape = (height, width) if count == 1 else (count, height, width)
         self.left, self.right = (self._sink.image(np.float32, eye_shape, eye * size_bytes // 2) for eye in (0, 1))
 
+    @cached_property
+    def laser(self) -> IrLink:
+        """A second pair of memory beside this one, for the part of the light that is the laser's; made when it is first
+        asked for."""
+        return self._beside()
+
     @property
     def images(self) -> np.ndarray:
         """The pairs as kuafu wrote them, float32 [2 * count, height, width], left ones first; a view."""
@@ -58,3 +68,5 @@ class IrLink:
         """After a render: makes `left` and `right` current. Costs nothing unless the link copies."""
         if self.memory == "copy":
             self._sink.write(self._source.read())
+            if "laser" in self.__dict__:
+                self.laser.deliver()

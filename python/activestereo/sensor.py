@@ -31,10 +31,8 @@ from activestereo.presets import StereoDepthSensorConfig
 from activestereo.progress_bar import Progress, part_of
 from activestereo.sensor_effects import ImageEffects, ModelCostWarning
 from activestereo.sensor_inputs import (
-    LASER_OUTPUTS,
     exposure,
     fitted_to,
-    laser_light,
     render_settings,
     sensor_inputs,
     shutter,
@@ -99,7 +97,7 @@ class StereoDepthSensor:
         weakref.finalize(self, self._world.leave).atexit = False
         rgb_width, rgb_height = self._config.rgb_resolution
         self._rgb = PictureMemory(self._device, (1, rgb_height, rgb_width), RGB_OUTPUTS)
-        self._has_picture, self._has_rgb, self._maps, self._laser = False, False, LazyMaps(), (None, None)
+        self._has_picture, self._has_rgb, self._maps, self._is_laser_apart = False, False, LazyMaps(), False
         self._stage_times: dict[str, float] = {}
 
     # ---- taking pictures ----
@@ -119,12 +117,12 @@ class StereoDepthSensor:
                 self._render([self.rgb_camera()], self._rgb.targets, "visible", frame, part_of(progress, 0.0, share))
                 self._has_rgb = True
                 self._keep_times("rgb", self._renderer)
-            laser = self._render_infrared(frame, part_of(progress, share, 1.0))
+            self._render_infrared(frame, part_of(progress, share, 1.0))
             self._keep_times("ir", self._renderer)
         self._image_effects.on_light(self._link.images)
         self._link.deliver()
         self._expose()
-        self._frame, self._laser, self._has_picture = frame, laser, True
+        self._frame, self._has_picture = frame, True
 
     def compute_depth(self) -> None:
         """Noise, matching, registration of the last picture. The same picture gives the same depth. Maps that have been
@@ -363,9 +361,9 @@ class StereoDepthSensor:
     def _match(self, names: Iterable[str]) -> dict[str, np.ndarray]:
         """These maps of the last picture."""
         self._engine.set_parameters(frame_index=self._frame, scene_index=self._speckle_draw)
-        left_laser, right_laser = self._laser
         pair = (self._link.left, self._link.right)
-        laser = {"left_laser": left_laser, "right_laser": right_laser}
+        apart = self._link.laser if self._is_laser_apart else None
+        laser = {} if apart is None else {"left_laser": apart.left, "right_laser": apart.right}
         return self._image_effects.depth(self._engine, pair, tuple(names), **laser)
 
     def _match_rest(self) -> None:
@@ -475,12 +473,13 @@ class StereoDepthSensor:
             environments=environments, projector=self._world.projector, progress=progress,
         )  # fmt: skip
 
-    def _render_infrared(self, frame: int, progress: Any) -> Any:
-        """Into the link; returns the projector's part of both images, (None, None) where all light has speckle."""
-        names = LASER_OUTPUTS if self._tell_engines().speckle_of_laser else ()
-        outputs = {"radiance": self._link.target} | dict.fromkeys(names, np.float32)
-        images = self._render(self.ir_cameras(), outputs, "infrared", frame, progress)
-        return laser_light(images) if names else (None, None)
+    def _render_infrared(self, frame: int, progress: Any) -> None:
+        """Into the link; the projector's part of both images beside it, unless all light has speckle."""
+        outputs = {"radiance": self._link.target}
+        self._is_laser_apart = self._tell_engines().speckle_of_laser
+        if self._is_laser_apart:
+            outputs["projector"] = self._link.laser.target
+        self._render(self.ir_cameras(), outputs, "infrared", frame, progress)
 
     def _keep_times(self, group: str, worker: Any) -> None:
         kept = {name: t for name, t in self._stage_times.items() if not name.startswith(f"{group}: ")}

@@ -33,7 +33,7 @@ from activestereo.pose import Pose, PoseLike, as_matrix, camera_to_world
 from activestereo.pose_arrays import PosesLike, host_array, pose_fault, pose_matrices
 from activestereo.presets import StereoDepthSensorConfig
 from activestereo.sensor import RGB_OUTPUTS
-from activestereo.sensor_inputs import LASER_OUTPUTS, laser_light, render_settings, shutter
+from activestereo.sensor_inputs import render_settings, shutter
 from activestereo.sensor_model import SensorModel, read_model
 
 
@@ -107,7 +107,6 @@ class StereoDepthSensorBatch:
         self._make_rig()
         self._light_share = np.ones(self._count)  # of each sensor, over its exposure
         self._frame, self._has_picture, self._speckle_draw = -1, False, -1
-        self._lasers: tuple[NDArray[np.float32] | None, NDArray[np.float32] | None] = (None, None)
         rgb_width, rgb_height = self._config.rgb_resolution
         self._rgb = PictureMemory(device, (self._count, rgb_height, rgb_width), RGB_OUTPUTS)
         self._has_rgb = False
@@ -318,10 +317,10 @@ class StereoDepthSensorBatch:
     def _render_infrared(self, settings: dict[str, Any]) -> None:
         """Into the link, exposed; the laser's part, where speckle is its alone, is kept."""
         apart = self._rig.inputs.speckle_of_laser
-        names = LASER_OUTPUTS if apart else ()
-        outputs: dict[str, Any] = {"radiance": self._link.target} | dict.fromkeys(names, np.float32)
+        links = [self._link, self._link.laser] if apart else [self._link]
+        outputs = dict(zip(("radiance", "projector"), (link.target for link in links), strict=False))
         environments = self._environments * 2
-        layers = self._renderer.render(
+        self._renderer.render(
             self._scene,
             self._rig.cameras,
             outputs,
@@ -330,20 +329,13 @@ class StereoDepthSensorBatch:
             film=self._rig.films,
             **settings,
         )
-        self._lasers = (None, None)
-        is_scaled = self._exposure.mode != "fixed" or bool((self._light_share != 1.0).any())
-        if not apart and not is_scaled:
+        if self._exposure.mode == "fixed" and bool((self._light_share == 1.0).all()):
             return
-        pairs = self._link.images.reshape(2, self._count, *self._link.images.shape[1:])
-        lasers = laser_light(layers).reshape(pairs.shape) if apart else None
-        if is_scaled:
-            for n in range(self._count):
-                light = self._light_of(pairs[0, n]) * np.float32(self._light_share[n])
-                pairs[:, n] *= light
-                if lasers is not None:
-                    lasers[:, n] *= light
-        if lasers is not None:
-            self._lasers = (lasers[0], lasers[1]) if self._count > 1 else (lasers[0, 0], lasers[1, 0])
+        pairs = [link.images.reshape(2, self._count, *link.images.shape[1:]) for link in links]
+        for n in range(self._count):
+            light = self._light_of(pairs[0][0, n]) * np.float32(self._light_share[n])
+            for images in pairs:
+                images[:, n] *= light
 
     def _light_of(self, left: NDArray[np.float32]) -> np.float32:
         """How much more light than under the configuration's exposure a sensor that sees this takes."""
@@ -354,9 +346,10 @@ class StereoDepthSensorBatch:
 
     def _compute(self, names: list[str]) -> dict[str, NDArray[Any]]:
         self._engine.set_parameters(frame_index=self._frame, scene_index=max(self._speckle_draw, 0))
-        left, right = self._lasers
         pair = (self._link.left, self._link.right)
-        found = self._engine.compute(*pair, names, left_laser=left, right_laser=right)
+        apart = self._link.laser if self._rig.inputs.speckle_of_laser else None
+        lasers = (None, None) if apart is None else (apart.left, apart.right)
+        found = self._engine.compute(*pair, names, left_laser=lasers[0], right_laser=lasers[1])
         per_sensor = 1 if self._count > 1 else 0  # axes before an image's own
         return {name: image.reshape(*self._shape, *image.shape[per_sensor:]) for name, image in found.items()}
 

@@ -4,7 +4,6 @@ effects; and a model's effects with the names of a scene's surfaces."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -25,8 +24,6 @@ from activestereo.sensor_model import SensorModel, read_model
 if TYPE_CHECKING:
     from activestereo.presets import StereoDepthSensorConfig
 
-# Parts of the infrared pair's light that the projector's laser makes.
-LASER_OUTPUTS = ("projector_direct", "projector_indirect")
 # Media reach so far beyond scene and rig.
 _MARGIN_M = 0.05
 # A collimated beam is in focus here: a dot is the beam's width in metres beside its angle.
@@ -101,13 +98,6 @@ def twist_of(config: StereoDepthSensorConfig, twist: NDArray[np.float64], pose_i
 def shutter(line_time_s: float, readout: str) -> dict[str, Any]:
     """kuafu.Camera's fields of a rolling shutter, none for a global one."""
     return {"shutter": "rolling", "line_time_s": line_time_s, "readout": readout} if line_time_s else {}
-
-
-def laser_light(images: Mapping[str, NDArray[np.float32]]) -> NDArray[np.float32]:
-    """float32 [cameras, height, width]: the projector's light of LASER_OUTPUTS, [cameras, height, width, 1] each. The
-    depth engine takes no more of it than the image has."""
-    direct, indirect = (images[name] for name in LASER_OUTPUTS)
-    return np.add(direct, indirect)[..., 0]
 
 
 def _eye(

@@ -670,10 +670,10 @@ class Renderer:
         """Returns {name: array [view, height, width, channel]}: by default float32, uint32 for ids; views of the
         buffers, nothing is copied. Same seed, same bits.
         cameras: a Camera or a sequence of them, all of one size.
-        outputs: names of radiance, projector_direct, projector_indirect, ambient, light_group_0 .. light_group_3
-          (ambient's parts), variance (of the mean radiance), sample_count, depth, normal, position, albedo,
-          roughness, transmission, motion, projector_uv, projector_visibility, projector_geometry, instance_id,
-          material_id, semantic_id; or {name: dtype} (float32, float16, uint8, uint16; ids: uint32, uint16, uint8;
+        outputs: names of radiance, projector_direct, projector_indirect, projector (their sum), ambient, light_group_0
+          .. light_group_3 (ambient's parts), variance (of the mean radiance), sample_count, depth, normal, position,
+          albedo, roughness, transmission, motion, projector_uv, projector_visibility, projector_geometry,
+          instance_id, material_id, semantic_id; or {name: dtype} (float32, float16, uint8, uint16; ids: uint32, uint16, uint8;
           None: the default), or {name: Image or Buffer} to fill those. What they hold: kuafu/output.h.
         band: 'infrared' (one channel) or 'visible' (three).
         environments: what each camera looks into; None: all into 0.

@@ -20,6 +20,7 @@ struct Output {
 constexpr Output outputs_known[] = {{"radiance", KUAFU_OUTPUT_RADIANCE, 0, KS_FORMAT_F32},
                                     {"projector_direct", KUAFU_OUTPUT_PROJECTOR_DIRECT, 0, KS_FORMAT_F32},
                                     {"projector_indirect", KUAFU_OUTPUT_PROJECTOR_INDIRECT, 0, KS_FORMAT_F32},
+                                    {"projector", KUAFU_OUTPUT_PROJECTOR, 0, KS_FORMAT_F32},
                                     {"ambient", KUAFU_OUTPUT_AMBIENT, 0, KS_FORMAT_F32},
                                     {"light_group_0", KUAFU_OUTPUT_LIGHT_GROUP_0, 0, KS_FORMAT_F32},
                                     {"light_group_1", KUAFU_OUTPUT_LIGHT_GROUP_0 + 1, 0, KS_FORMAT_F32},
@@ -282,8 +283,9 @@ constexpr const char* render_arguments =
     "Returns {name: array [view, height, width, channel]}: by default float32, uint32 for ids; views of the buffers, nothing is copied.\n"
     "Same seed, same bits.\n"
     "cameras: a Camera or a sequence of them, all of one size.\n"
-    "outputs: names of radiance, projector_direct, projector_indirect, ambient, light_group_0 .. light_group_3 (ambient's parts),\n"
-    "  variance (of the mean radiance), sample_count, depth, normal, position, albedo, roughness, transmission, motion,\n"
+    "outputs: names of radiance, projector_direct, projector_indirect, projector (their sum), ambient, light_group_0 ..\n"
+    "  light_group_3 (ambient's parts), variance (of the mean radiance), sample_count, depth, normal, position, albedo, roughness, "
+    "transmission, motion,\n"
     "  projector_uv, projector_visibility, projector_geometry, instance_id, material_id, semantic_id; or {name: dtype} (float32,\n"
     "  float16, uint8, uint16; ids: uint32, uint16, uint8; None: the default), or {name: Image or Buffer} to fill those. What they\n"
     "  hold: kuafu/output.h.\n"

@@ -17,7 +17,7 @@ VulkanHost::VulkanHost(const VkPhysicalDeviceVulkan12Features* features) {
   instance.pApplicationInfo = &application;
   if (vkCreateInstance(&instance, nullptr, &instance_) != VK_SUCCESS) return;
   volkLoadInstance(instance_);
-  physical_ = cpu_device();
+  physical_ = choose_device();
   if (physical_ == VK_NULL_HANDLE) return;
 
   features11_.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_1_FEATURES;
@@ -28,7 +28,7 @@ VulkanHost::VulkanHost(const VkPhysicalDeviceVulkan12Features* features) {
   if (features != nullptr) features12_ = *features;
   static constexpr float priority = 1.0f;
   queue_info_ = {VK_STRUCTURE_TYPE_DEVICE_QUEUE_CREATE_INFO};
-  queue_info_.queueCount = 1, queue_info_.pQueuePriorities = &priority;  // lavapipe's only family computes
+  queue_info_.queueCount = 1, queue_info_.pQueuePriorities = &priority;  // of every driver that the tests met the first family computes
   device_info_ = {VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO, &features_};
   device_info_.queueCreateInfoCount = 1, device_info_.pQueueCreateInfos = &queue_info_;
   if (vkCreateDevice(physical_, &device_info_, nullptr, &device_) != VK_SUCCESS) return;
@@ -48,16 +48,26 @@ VulkanHost::~VulkanHost() {
   if (instance_ != VK_NULL_HANDLE) vkDestroyInstance(instance_, nullptr);
 }
 
-VkPhysicalDevice VulkanHost::cpu_device() const {
+VkPhysicalDevice VulkanHost::choose_device() const {
   uint32_t count = 16;
   VkPhysicalDevice devices[16];
-  if (vkEnumeratePhysicalDevices(instance_, &count, devices) < 0) return VK_NULL_HANDLE;
+  if (vkEnumeratePhysicalDevices(instance_, &count, devices) < 0 || count == 0) return VK_NULL_HANDLE;
   for (uint32_t i = 0; i < count; ++i) {
     VkPhysicalDeviceProperties properties;
     vkGetPhysicalDeviceProperties(devices[i], &properties);
     if (properties.deviceType == VK_PHYSICAL_DEVICE_TYPE_CPU) return devices[i];
   }
-  return VK_NULL_HANDLE;
+  return devices[0];
+}
+
+uint32_t VulkanHost::mappable_type(uint32_t allowed) const {
+  constexpr VkMemoryPropertyFlags wanted = VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT | VK_MEMORY_PROPERTY_HOST_COHERENT_BIT;
+  VkPhysicalDeviceMemoryProperties memory;
+  vkGetPhysicalDeviceMemoryProperties(physical_, &memory);
+  for (uint32_t type = 0; type < memory.memoryTypeCount; ++type)
+    if ((allowed >> type & 1) != 0 && (memory.memoryTypes[type].propertyFlags & wanted) == wanted) return type;
+  ADD_FAILURE() << "the host's device has no memory that can be mapped";
+  return 0;
 }
 
 void VulkanHost::lock(void* self, uint32_t locked) {
@@ -79,7 +89,8 @@ VulkanHost::Memory VulkanHost::allocate(uint64_t bytes) {
   Memory made{make_buffer(bytes), VK_NULL_HANDLE, 0, 0, nullptr};
   VkMemoryRequirements needs;
   vkGetBufferMemoryRequirements(device_, made.buffer, &needs);
-  made.bytes = needs.size;  // lavapipe's one memory type is visible to the host
+  made.bytes = needs.size;
+  made.type = mappable_type(needs.memoryTypeBits);
   VkMemoryAllocateFlagsInfo flags{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO};
   flags.flags = VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT;
   VkMemoryAllocateInfo info{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO, &flags};

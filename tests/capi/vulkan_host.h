@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A host program's own Vulkan: an instance, a device on the CPU driver with what the libraries need, a queue and what goes through it.
+// A host program's own Vulkan: an instance, a device (the CPU's, where there is one) with what the libraries need, a queue and what goes
+// through it.
 #pragma once
 
 #include <mutex>
@@ -41,7 +42,8 @@ class VulkanHost {
 
  private:
   VkBuffer make_buffer(uint64_t bytes);
-  VkPhysicalDevice cpu_device() const;
+  VkPhysicalDevice choose_device() const;
+  uint32_t mappable_type(uint32_t allowed) const;
   static void lock(void* self, uint32_t locked);
 
   VkInstance instance_ = VK_NULL_HANDLE;

@@ -27,6 +27,7 @@ typedef struct kuafu_buffer_t* kuafu_buffer;
  * 8 samples. Where this output is asked for, the samples are divided into 8 independent sequences, so that the images have other noise than without it. */
 #define KUAFU_OUTPUT_VARIANCE 9u
 #define KUAFU_OUTPUT_SAMPLE_COUNT 10u /* 1, U32: number of samples in the pixel's mean */
+#define KUAFU_OUTPUT_PROJECTOR 11u    /* C: all light of projectors, PROJECTOR_DIRECT plus PROJECTOR_INDIRECT */
 /* AOVs (arbitrary output variables) describe what the ray through the pixel's centre hits. Where it hits nothing, positions are NaN, ids are KUAFU_NONE, and
  * all others are 0. */
 #define KUAFU_OUTPUT_DEPTH 16u             /* 1: z in metres, 0 = nothing hit */

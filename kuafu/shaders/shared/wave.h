@@ -113,7 +113,8 @@ KUAFU_CONST output_radiance = 13u;  // then projector direct, projector indirect
 KUAFU_CONST output_light_group = 17u;  // 0, then the others
 KUAFU_CONST output_variance = 21u;
 KUAFU_CONST output_sample_count = 22u;
-KUAFU_CONST output_kind_count = 23u;
+KUAFU_CONST output_projector = 23u;  // made by `write`, of the two images that are its parts
+KUAFU_CONST output_kind_count = 24u;
 
 // Element formats of output images; numbers are KS_FORMAT_*.
 KUAFU_CONST format_u8 = 1u;
@@ -268,6 +269,8 @@ struct WritePush {
   uint count, width, height;  // pixels of all views
   uint channels;
   uint integer;  // nonzero: ids or counts, not floats
+  uint sums;     // nonzero: `second` is added to `from`
+  FloatArray second;
 };
 
 #ifdef __cplusplus
@@ -281,7 +284,7 @@ static_assert(sizeof(ResolvePush) == 72);
 static_assert(sizeof(TransmitPush) == 96);
 static_assert(sizeof(AccumulatePush) == 96);
 static_assert(sizeof(AovPush) == 120);
-static_assert(sizeof(WritePush) == 64);
+static_assert(sizeof(WritePush) == 72);
 }  // namespace kuafu
 #endif
 #endif

@@ -32,6 +32,7 @@ constexpr OutputKind output_kinds[] = {
     {KUAFU_OUTPUT_LIGHT_GROUP_0 + 3, output_light_group + 3, "KUAFU_OUTPUT_LIGHT_GROUP_0 + 3"},
     {KUAFU_OUTPUT_VARIANCE, output_variance, "KUAFU_OUTPUT_VARIANCE"},
     {KUAFU_OUTPUT_SAMPLE_COUNT, output_sample_count, "KUAFU_OUTPUT_SAMPLE_COUNT"},
+    {KUAFU_OUTPUT_PROJECTOR, output_projector, "KUAFU_OUTPUT_PROJECTOR"},
     {KUAFU_OUTPUT_DEPTH, output_depth, "KUAFU_OUTPUT_DEPTH"},
     {KUAFU_OUTPUT_NORMAL, output_normal, "KUAFU_OUTPUT_NORMAL"},
     {KUAFU_OUTPUT_INSTANCE_ID, output_instance_id, "KUAFU_OUTPUT_INSTANCE_ID"},

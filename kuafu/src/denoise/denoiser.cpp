@@ -14,21 +14,20 @@ namespace kuafu {
 namespace {
 
 constexpr uint32_t passes = 4;  // taps 1, 2, 4 and 8 pixels apart
-constexpr uint32_t output_direct = output_radiance + 1 + group_projector_direct,
-                   output_indirect = output_radiance + 1 + group_projector_indirect, output_ambient = output_radiance + 1 + group_ambient;
+constexpr uint32_t output_ambient = output_radiance + 1 + group_ambient;
 
 }  // namespace
 
 std::vector<uint32_t> denoised_kinds(const Launch& launch) {
-  if (!launch.wants(output_light_group, output_light_group + light_group_count)) return {output_indirect, output_ambient};
-  std::vector<uint32_t> kinds = {output_indirect};
+  if (!launch.wants(output_light_group, output_light_group + light_group_count)) return {output_projector_indirect, output_ambient};
+  std::vector<uint32_t> kinds = {output_projector_indirect};
   for (uint32_t group = 0; group < light_group_count; ++group) kinds.push_back(output_light_group + group);
   return kinds;
 }
 
 uint32_t held_for_denoiser(const Launch& launch) {
   if (launch.denoise == DenoiseKind::none || !launch.wants_radiance()) return 0;
-  uint32_t held = 1u << output_radiance | 1u << output_direct | 1u << output_ambient;
+  uint32_t held = 1u << output_radiance | 1u << output_projector_direct | 1u << output_ambient;
   for (const uint32_t kind : denoised_kinds(launch)) held |= 1u << kind;
   return held;
 }
@@ -49,7 +48,7 @@ void Denoiser::fit(const Launch& launch, const Scene& scene, const Frame& frame)
   infrared_ = launch.band.infrared;
   DenoiseImages images{};
   for (size_t i = 0; i < kinds.size(); ++i) images.denoised[i] = frame.address(kinds[i]);
-  images.direct = frame.address(output_direct);
+  images.direct = frame.address(output_projector_direct);
   images.ambient = frame.address(output_ambient);
   images.radiance = frame.address(output_radiance);
   images.denoised_count = uint32_t(kinds.size());

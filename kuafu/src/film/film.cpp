@@ -10,7 +10,7 @@
 namespace kuafu {
 namespace {
 
-constexpr uint32_t output_direct = output_radiance + 1 + group_projector_direct, light_kind_end = output_light_group + light_group_count;
+constexpr uint32_t light_kind_end = output_light_group + light_group_count;
 constexpr uint32_t varying_kernels = 32;  // between the middle's variance and the corners'
 
 double square(double x) { return x * x; }
@@ -74,8 +74,8 @@ uint32_t held_for_film(const Launch& launch) {
   }
   uint32_t held = 0;
   for (uint32_t kind = output_radiance; any && kind < light_kind_end; ++kind)
-    if (launch.outputs[kind].buffer) held |= 1u << kind;
-  if (fireflies && (held >> output_radiance & 1) != 0) held |= 1u << output_direct;
+    if (launch.shows(kind)) held |= 1u << kind;
+  if (fireflies && (held >> output_radiance & 1) != 0) held |= 1u << output_projector_direct;
   return held != 0 && defocus ? held | 1u << output_depth : held;
 }
 
@@ -98,7 +98,7 @@ void FilmOptics::run(ks::Commands& commands, const Launch& launch, const Frame& 
   }
   if (takes(film_fireflies) && launch.outputs[output_radiance].buffer) limit_fireflies(commands, push, launch, frame);
   for (uint32_t kind = output_radiance; kind < light_kind_end; ++kind) {
-    if (!launch.outputs[kind].buffer) continue;
+    if (!launch.shows(kind)) continue;
     push.channels = launch.channels(kind);
     push.to = frame.address(kind);
     develop(commands, push);
@@ -128,7 +128,7 @@ void FilmOptics::write_records(const Launch& launch) {
 /// Before the other steps: optics spread what one pixel has too much.
 void FilmOptics::limit_fireflies(ks::Commands& commands, FilmPush push, const Launch& launch, const Frame& frame) {
   push.channels = launch.channels(output_radiance);
-  push.direct = frame.address(output_direct);
+  push.direct = frame.address(output_projector_direct);
   push.from = frame.address(output_radiance);
   push.to = memory_.address(*scratch_);
   step(commands, push, film_fireflies, launch.pixel_count());

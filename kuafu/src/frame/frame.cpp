@@ -53,15 +53,18 @@ OutputRecord Frame::target(const Launch& launch, uint32_t kind) const {
 
 void Frame::deliver(ks::Commands& commands, const Launch& launch) {
   for (uint32_t kind = 0; kind < output_kind_count; ++kind) {
-    if (!launch.outputs[kind].buffer || !holds(kind)) continue;
+    const bool sums = kind == output_projector;
+    if (!launch.outputs[kind].buffer || (!sums && !holds(kind))) continue;
     write_.run(commands, "write",
-               {.from = address(kind),
+               {.from = address(sums ? output_projector_direct : kind),
                 .to = callers(memory_, launch.outputs[kind]),
                 .count = launch.pixel_count(),
                 .width = launch.width,
                 .height = launch.height,
                 .channels = launch.channels(kind),
-                .integer = is_integer(kind) ? 1u : 0u});
+                .integer = is_integer(kind) ? 1u : 0u,
+                .sums = sums ? 1u : 0u,
+                .second = sums ? address(output_projector_indirect) : 0});
   }
 }
 

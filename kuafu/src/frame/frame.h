@@ -20,7 +20,8 @@ class Frame {
   void fit(const Launch& launch);
   /// Whether the frame must hold this output of the launch.
   [[nodiscard]] static bool needs(const Launch& launch, uint32_t kind) {
-    return (launch.held >> kind & 1) != 0 || (launch.outputs[kind].buffer && !launch.outputs[kind].is_plain());
+    const bool differs = launch.outputs[kind].buffer && !launch.outputs[kind].is_plain() && kind != output_projector;
+    return (launch.held >> kind & 1) != 0 || differs;
   }
   [[nodiscard]] bool holds(uint32_t kind) const { return images_[kind] != nullptr; }
   [[nodiscard]] bool is_empty() const;

@@ -47,6 +47,11 @@ struct OutputImage {
   [[nodiscard]] bool is_plain() const { return format_bits(format) == 32 && scale == 1.0f; }
 };
 
+inline constexpr uint32_t output_projector_direct = output_radiance + 1 + group_projector_direct,
+                          output_projector_indirect = output_radiance + 1 + group_projector_indirect;
+/// The images whose sum is output_projector.
+inline constexpr uint32_t projector_parts = 1u << output_projector_direct | 1u << output_projector_indirect;
+
 [[nodiscard]] constexpr bool is_integer(uint32_t kind) {
   return (kind >= output_instance_id && kind <= output_semantic_id) || kind == output_sample_count;
 }
@@ -82,6 +87,10 @@ struct Launch {
     for (uint32_t k = first_kind; k < end_kind; ++k)
       if (outputs[k].buffer || (held >> k & 1) != 0) return true;
     return false;
+  }
+  /// Whether the caller sees this image, alone or in a sum.
+  [[nodiscard]] bool shows(uint32_t kind) const {
+    return outputs[kind].buffer || (outputs[output_projector].buffer && (projector_parts >> kind & 1) != 0);
   }
   [[nodiscard]] uint32_t channels(uint32_t kind) const {
     if (kind == output_sample_count) return 1;

@@ -249,12 +249,14 @@ TEST_P(FilmOptics, light_groups_still_sum_to_the_image) {
   world_.set_environment(0.3f);
   world_.desc().max_bounces = 3;
   const kuafu_film_desc film = everything();
-  auto images =
-      render(&film, {KUAFU_OUTPUT_RADIANCE, KUAFU_OUTPUT_PROJECTOR_DIRECT, KUAFU_OUTPUT_PROJECTOR_INDIRECT, KUAFU_OUTPUT_AMBIENT});
+  auto images = render(&film, {KUAFU_OUTPUT_RADIANCE, KUAFU_OUTPUT_PROJECTOR_DIRECT, KUAFU_OUTPUT_PROJECTOR_INDIRECT, KUAFU_OUTPUT_AMBIENT,
+                               KUAFU_OUTPUT_PROJECTOR});
   for (size_t i = 0; i < side * side; ++i) {
     const float sum = images[KUAFU_OUTPUT_PROJECTOR_DIRECT].values[i] + images[KUAFU_OUTPUT_PROJECTOR_INDIRECT].values[i] +
                       images[KUAFU_OUTPUT_AMBIENT].values[i];
     ASSERT_NEAR(images[KUAFU_OUTPUT_RADIANCE].values[i], sum, 2e-6 * (1 + sum));
+    ASSERT_EQ(images[KUAFU_OUTPUT_PROJECTOR].values[i],
+              images[KUAFU_OUTPUT_PROJECTOR_DIRECT].values[i] + images[KUAFU_OUTPUT_PROJECTOR_INDIRECT].values[i]);
   }
 }
 

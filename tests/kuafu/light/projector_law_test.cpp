@@ -87,6 +87,8 @@ TEST(Projector, light_groups_sum_to_radiance) {
   const Pixels& radiance = images[KUAFU_OUTPUT_RADIANCE];
   for (size_t i = 0; i < radiance.values.size(); ++i)
     ASSERT_NEAR(radiance.values[i], direct.values[i] + indirect.values[i] + ambient.values[i], 1e-5f * (1 + radiance.values[i])) << i;
+  const Pixels alone = world.render({view_at({0, 0, 0}, 48, 32, 40)}, {KUAFU_OUTPUT_PROJECTOR})[KUAFU_OUTPUT_PROJECTOR];
+  for (size_t i = 0; i < alone.values.size(); ++i) ASSERT_EQ(alone.values[i], direct.values[i] + indirect.values[i]) << i;
 }
 
 TEST(Projector, direct_light_through_smooth_glass_and_mirrors_is_direct) {

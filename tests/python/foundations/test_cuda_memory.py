@@ -95,7 +95,7 @@ def on_a_gpu() -> Any:
 def test_torch_and_the_renderer_have_one_memory() -> None:
     """kuafu renders into a tensor's memory; what PyTorch writes there kuafu reads; no byte is copied between."""
     torch = on_a_gpu()
-    device = kuafu.Device("gpu")
+    device = kuafu.Device("auto")
     scene = kuafu.Scene(device)
     positions = np.float32([[-4, -4, 2], [4, -4, 2], [0, 5, 2]])
     scene.add_instance(scene.add_mesh(positions, np.uint32([[0, 1, 2]])))
@@ -115,7 +115,7 @@ def test_torch_and_the_renderer_have_one_memory() -> None:
 
 def test_torch_gives_the_depth_engine_its_pair_without_a_copy() -> None:
     torch = on_a_gpu()
-    device = simsense.Device("gpu")
+    device = simsense.Device("auto")
     height, width, disparity = 96, 160, 7
     texture = np.random.default_rng(1).integers(0, 255, (height, width + disparity), dtype=np.uint8)
     pair = np.stack([texture[:, :width], texture[:, disparity:]])
