@@ -434,6 +434,7 @@ class kuafu_light_desc(c.Structure):
         ("on_from_s", c.c_double),
         ("on_until_s", c.c_double),
         ("range_m", c.c_double),
+        ("dot_background", c.c_double),
     ]
 
 

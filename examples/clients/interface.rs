@@ -241,6 +241,7 @@ pub struct kuafu_light_desc {
     pub on_from_s: f64,
     pub on_until_s: f64,
     pub range_m: f64,
+    pub dot_background: f64,
 }
 
 #[repr(C)]

@@ -152,8 +152,9 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
         self.pattern_design = _pattern_design(camera)
         # In place of light_pattern: [n, 3] u, v and power of dots, in pixels of pattern_design's image and with its
         # dot_sigma_px. A dot's power is the pattern's integral over it, in pixels squared. light_pattern_scale
-        # magnifies the pattern about its middle.
+        # magnifies the pattern about its middle; light_dot_background is what every pixel of it has beside the dots.
         self.light_dots: NDArray[np.float32] | None = None
+        self.light_dot_background = 0.0
         self.light_pattern_scale = 1.0
         self.projector_intensity = camera.value("projector", "intensity_w_sr")  # W/sr where the pattern is 1
         # The laser's setting: light goes with laser_power_mw over laser_power_nominal_mw. emitter: 'on', 'off', or

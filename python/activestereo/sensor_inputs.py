@@ -137,6 +137,7 @@ def _projector(
     if config.light_dots is not None:
         design = config.pattern_design
         size = {"pattern_width": design.width, "pattern_height": design.height, "dot_sigma_px": design.dot_sigma_px}
+        size["dot_background"] = config.light_dot_background
         fields = {"dots": config.light_dots, "k": config.pattern_k(design.width, design.height), **size}
     elif pattern is None:
         return None

@@ -338,6 +338,8 @@ class Light:
     """Time at which the light is switched off. [in s]"""
     range_m: float
     """Point without a radius, and spot: distance at which the light ends. The intensity is multiplied by max(0, 1 - (d / range_m)^4), as KHR_lights_punctual recommends. No real lamp does that. [>= 0 m; 0 means endless]"""
+    dot_background: float
+    """Value of the dots' image beside them: light that the projector throws everywhere within its field. [>= 0]"""
     dots: NDArray[np.float32]
     """Projector: [n, 3] u, v in pixels and power, in place of a texture; power is the pattern's integral over the dot in pixels squared."""
     def __init__(self, **fields: Any) -> None: ...

@@ -119,6 +119,7 @@ inline void bind_fields(py::class_<Light>& type) {
   scalar(type, "on_from_s", &S::on_from_s, "Time at which the light is switched on within a frame; where it equals on_until_s the light is always on. In s.");
   scalar(type, "on_until_s", &S::on_until_s, "Time at which the light is switched off. In s.");
   scalar(type, "range_m", &S::range_m, "Point without a radius, and spot: distance at which the light ends. The intensity is multiplied by max(0, 1 - (d / range_m)^4), as KHR_lights_punctual recommends. No real lamp does that. In m.");
+  scalar(type, "dot_background", &S::dot_background, "Value of the dots' image beside them: light that the projector throws everywhere within its field.");
 }
 
 }  // namespace ks_python

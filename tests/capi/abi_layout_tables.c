@@ -158,7 +158,7 @@ AT(kuafu_camera_desc, linear_velocity, 344, 24);
 AT(kuafu_camera_desc, angular_velocity, 368, 24);
 AT(kuafu_camera_desc, reserved, 392, 64);
 
-SIZE(kuafu_light_desc, 488);
+SIZE(kuafu_light_desc, 496);
 AT(kuafu_light_desc, name, 16, 8);
 AT(kuafu_light_desc, kind, 24, 4);
 AT(kuafu_light_desc, environment, 28, 4);
@@ -187,6 +187,7 @@ AT(kuafu_light_desc, angular_velocity, 440, 24);
 AT(kuafu_light_desc, on_from_s, 464, 8);
 AT(kuafu_light_desc, on_until_s, 472, 8);
 AT(kuafu_light_desc, range_m, 480, 8);
+AT(kuafu_light_desc, dot_background, 488, 8);
 
 SIZE(kuafu_environment_desc, 112);
 AT(kuafu_environment_desc, radiance, 16, 12);

@@ -115,6 +115,8 @@ typedef struct kuafu_light_desc {
   /* Point without a radius, and spot: distance at which the light ends. The intensity is multiplied by max(0, 1 - (d /
    * range_m)^4), as KHR_lights_punctual recommends. No real lamp does that. [>= 0 m; 0 means endless] */
   double range_m;
+  /* Value of the dots' image beside them: light that the projector throws everywhere within its field. [>= 0] */
+  double dot_background;
 } kuafu_light_desc;
 static inline kuafu_light_desc kuafu_light_desc_init(uint32_t kind) {
   kuafu_light_desc s;

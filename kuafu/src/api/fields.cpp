@@ -197,6 +197,7 @@ void copy_fields(const kuafu_light_desc& s, Light& out) {
   out.on_from_s = s.on_from_s;
   out.on_until_s = s.on_until_s;
   out.range_m = s.range_m;
+  out.dots.background = s.dot_background;
 }
 
 void copy_fields(const Light& s, kuafu_light_desc& out) {
@@ -226,6 +227,7 @@ void copy_fields(const Light& s, kuafu_light_desc& out) {
   out.on_from_s = s.on_from_s;
   out.on_until_s = s.on_until_s;
   out.range_m = s.range_m;
+  out.dot_background = s.dots.background;
 }
 
 void copy_fields(const kuafu_environment_desc& s, Environment& out) {

@@ -212,6 +212,7 @@ struct StructInfo<kuafu_light_desc> {
       KS_FIELD_END(kuafu_light_desc, on_from_s),
       KS_FIELD_END(kuafu_light_desc, on_until_s),
       KS_FIELD_END(kuafu_light_desc, range_m),
+      KS_FIELD_END(kuafu_light_desc, dot_background),
   };
   static constexpr std::array<ReservedBytes, 0> reserved = {};
   static kuafu_light_desc neutral() {

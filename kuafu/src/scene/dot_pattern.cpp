@@ -61,7 +61,7 @@ void check(const DotPattern& pattern, const std::string& light) {
 
 Texture rasterise(const DotPattern& pattern) {
   const size_t count = size_t(pattern.width) * pattern.height;
-  std::vector<double> sums(count);
+  std::vector<double> sums(count, pattern.background);
   for (const glm::vec3& dot : pattern.dots) {
     const Profile across = profile(dot.x, pattern.sigma_px, pattern.width), down = profile(dot.y, pattern.sigma_px, pattern.height);
     for (size_t r = 0; r < down.shares.size(); ++r) {

@@ -15,6 +15,7 @@ struct DotPattern {
   std::vector<glm::vec3> dots;  // u, v in pixels of the raster, and power: the pattern's integral over the dot, pixels squared
   uint32_t width = 0, height = 0;
   float sigma_px = 0.0f;
+  double background = 0.0;  // of every pixel
   bool operator==(const DotPattern&) const = default;
 };
 

@@ -83,6 +83,7 @@ void check_fields(const Light& s, const std::string& owner) {
   ks::check_range({owner, "on_from_s", "s"}, s.on_from_s, -INFINITY, INFINITY);
   ks::check_range({owner, "on_until_s", "s"}, s.on_until_s, -INFINITY, INFINITY);
   ks::check_range({owner, "range_m", "m"}, s.range_m, 0.0, INFINITY);
+  ks::check_range({owner, "dot_background", ""}, s.dots.background, 0.0, INFINITY);
 }
 
 void check_fields(const Environment& s, const std::string& owner) {

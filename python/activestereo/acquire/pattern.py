@@ -4,7 +4,7 @@
 Dots are found in the averaged images of both eyes (spots.py) and lie on the wall's plane (wall.py). Two distances give
 each dot a line; where the lines meet stands the projector. One distance leaves its place nominal. A dot's power follows
 from what it looks like: the camera sees radiance, which falls with the projector's distance and angle and with the
-camera's (power_px2 below).
+camera's (power_factor in glow.py, which also finds the light between the dots).
 """
 
 from collections.abc import Callable
@@ -15,6 +15,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from activestereo.acquire.frames import LEAST_REPEATS, Repeats, check_still
+from activestereo.acquire.glow import ProjectorView, SeenWall, light_between_dots, power_factor
 from activestereo.acquire.spots import Spots, find_spots
 from activestereo.acquire.wall import Wall, find_wall
 from activestereo.capture import EYES, Capture, Frame, read_capture
@@ -35,19 +36,22 @@ _INTERVAL_90 = 1.6449
 
 @dataclass(frozen=True)
 class WallView:
-    """One distance: averaged images by eye, their spots, and the wall they lie on."""
+    """One distance: averaged images by eye, their spots, the wall they lie on, and the exposure."""
 
     name: str
     images: dict[str, np.ndarray]
     spots: dict[str, Spots]
     wall: Wall
+    exposure_s: float
 
 
 @dataclass(frozen=True)
 class Pattern:
     """dots [n][3]: u, v in pixels of an image of `size` under K, and power in pixels squared, their mean that of the
     nominal pattern (or 1). place_m: the projector's origin in the left camera's frame; place_error_m: its standard
-    deviations, None where it is nominal. seen_twice: dots that two distances show. rig: what was believed."""
+    deviations, None where it is nominal. background: light between the dots, in the powers' unit per square pixel, and
+    half of what the eyes differ by; None where it was not measured. seen_twice: dots that two distances show. rig: what
+    was believed."""
 
     dots: np.ndarray
     size: tuple[int, int]
@@ -56,6 +60,7 @@ class Pattern:
     place_error_m: np.ndarray | None
     left_to_projector: np.ndarray
     dot_sigma_px: float
+    background: tuple[float, float] | None
     views: tuple[WallView, ...]
     seen_twice: int
     rig: CaptureRig
@@ -69,7 +74,12 @@ class Pattern:
             "the projector's place is nominal" if self.place_error_m is None else "the projector's place is measured"
         )
         pattern = SensorPattern(
-            self.K, dots=self.dots, size=self.size, dot_sigma_px=self.dot_sigma_px, source=f"{source}; {where}"
+            self.K,
+            dots=self.dots,
+            size=self.size,
+            dot_sigma_px=self.dot_sigma_px,
+            background=0.0 if self.background is None else self.background[0],
+            source=f"{source}; {where}",
         )
         eyes = (self.rig.left, self.rig.right)
         left, right = (Eye(c.width, c.height, c.K, tuple(c.distortion)) for c in eyes)
@@ -107,6 +117,16 @@ class Pattern:
             ex, ey, ez = 1e3 * _INTERVAL_90 * self.place_error_m
             lines.append(
                 f"projector at {x:.3f} ± {ex:.3f}, {y:.3f} ± {ey:.3f}, {z:.3f} ± {ez:.3f} mm of the left camera (90 %)"
+            )
+        if self.background is None:
+            lines.append(
+                "light between the dots: NOT MEASURED, taken as none; it takes walls at two distances, exposed alike"
+            )
+        else:
+            peak = float(self.dots[:, 2].max()) / (2.0 * np.pi * self.dot_sigma_px**2)
+            value, differ = 100.0 * self.background[0] / peak, 200.0 * self.background[1] / peak
+            lines.append(
+                f"light between the dots: {value:.2f} % of the brightest dot's peak; the eyes differ by {differ:.2f} %"
             )
         return "\n".join(lines)
 
@@ -169,7 +189,7 @@ def _wall_view(capture: Capture, name: str, frames: list[Frame], tell: Callable[
     wall = find_wall(
         spots["left"], spots["right"], capture.rig.left.K, capture.rig.right.K, capture.rig.baseline_m, name
     )
-    return WallView(name, images, spots, wall)
+    return WallView(name, images, spots, wall, frames[0].exposure_s)
 
 
 def _check_saturation(name: str, counts: np.ndarray, max_dn: int) -> None:
@@ -200,19 +220,65 @@ def merged_pattern(views: tuple[WallView, ...], capture: Capture) -> Pattern:
     far = [view for view in views if view.wall.distance_m > _LEAST_DISTANCE_RATIO * views[0].wall.distance_m]
     if far:
         place, error, pairs = _meeting_point(views[0].wall, far[-1].wall, place, rotation, projector.K)
+    power_scale = 1.0
     by_view = [_dots_of(view, capture.rig.left.K, projector.K, place, rotation) for view in (views[0], *far[-1:])]
     dots = by_view[0]
     if len(by_view) > 1:
+        power_scale = float(np.median(by_view[0][pairs[:, 0], 2] / by_view[1][pairs[:, 1], 2]))
+        by_view[1][:, 2] *= power_scale
         dots = _union(by_view[0], by_view[1], pairs)
     inside = (dots[:, 0] > -0.5) & (dots[:, 0] < width - 0.5) & (dots[:, 1] > -0.5) & (dots[:, 1] < height - 0.5)
     dots = dots[inside]
-    dots[:, 2] *= (float(image.sum()) / len(dots) if image.any() else 1.0) / dots[:, 2].mean()
+    background = None
+    if far and far[-1].exposure_s == views[0].exposure_s:
+        stands = ProjectorView(place, rotation, projector.K, (width, height))
+        background = _background(capture.rig, ((views[0], 1.0), (far[-1], power_scale)), stands)
+    left, top, right, bottom = _field(dots)
+    light = dots[:, 2].sum() + (0.0 if background is None else background[0] * (right - left) * (bottom - top))
+    # Where dots are seen: the light of the nominal pattern, dots and background together; without one a dot's mean is
+    # 1.
+    unit = (float(image[top:bottom, left:right].sum()) if image.any() else float(len(dots))) / light
+    dots[:, 2] *= unit
+    if background is not None:
+        background = (unit * background[0], unit * background[1])
     left_to_projector = np.eye(4)
     left_to_projector[:3, :3], left_to_projector[:3, 3] = rotation, -rotation @ place
     sigma = _pattern_sigma(views[0], capture, place)
     return Pattern(
-        dots, (width, height), projector.K, place, error, left_to_projector, sigma, views, len(pairs), capture.rig
+        dots,
+        (width, height),
+        projector.K,
+        place,
+        error,
+        left_to_projector,
+        sigma,
+        background,
+        views,
+        len(pairs),
+        capture.rig,
     )
+
+
+def _field(dots: np.ndarray) -> tuple[int, int, int, int]:
+    """left, top, right, bottom of the rectangle of the pattern in which dots are seen; the ends are one past."""
+    low, high = np.rint(dots[:, :2].min(axis=0)).astype(int), np.rint(dots[:, :2].max(axis=0)).astype(int) + 1
+    return int(low[0]), int(low[1]), int(high[0]), int(high[1])
+
+
+def _background(
+    rig: CaptureRig, views: tuple[tuple[WallView, float], ...], projector: ProjectorView
+) -> tuple[float, float]:
+    """light_between_dots() of both eyes; views with what brings each one's powers to the first one's."""
+    places = {"left": np.zeros(3), "right": np.array([rig.baseline_m, 0.0, 0.0])}
+    cameras = {"left": rig.left.K, "right": rig.right.K}
+    walls = [
+        [
+            SeenWall(view.spots[eye].background, view.wall.plane, places[eye], cameras[eye], scale)
+            for view, scale in views
+        ]
+        for eye in EYES
+    ]
+    return light_between_dots(walls, projector)
 
 
 def _dots_of(
@@ -223,20 +289,7 @@ def _dots_of(
     beam = (points - place) @ rotation.T
     u = projector_K[0, 0] * beam[:, 0] / beam[:, 2] + projector_K[0, 2]
     v = projector_K[1, 1] * beam[:, 1] / beam[:, 2] + projector_K[1, 2]
-    return np.column_stack([u, v, power_px2(view.spots["left"].flux, points, view.wall.plane[:3], beam)])
-
-
-def power_px2(flux: np.ndarray, points: np.ndarray, normal: np.ndarray, beam: np.ndarray) -> np.ndarray:
-    """What a dot's flux in the camera says of its integral over the pattern's pixels, up to a constant.
-
-    A matt wall turns the dot's power, watts, into the same radiance times area whatever the beam's angle. The camera
-    integrates it over du dv = f^2 dOmega / cos^3 a with dOmega = dA cos(c) / r^2, a its angle off the axis and c off
-    the wall's normal; the pattern holds power per solid angle, over du dv = f^2 dOmega / cos^3 b.
-    """
-    distance = np.linalg.norm(points, axis=1)
-    off_axis, off_normal = points[:, 2] / distance, np.abs(points @ normal) / distance
-    off_beam = beam[:, 2] / np.linalg.norm(beam, axis=1)
-    return flux * distance**2 * off_axis**3 / (off_normal * off_beam**3)
+    return np.column_stack([u, v, view.spots["left"].flux * power_factor(points, view.wall.plane[:3], beam)])
 
 
 def _meeting_point(
@@ -284,10 +337,7 @@ def _projected(points: np.ndarray, place: np.ndarray, rotation: np.ndarray, K: n
 
 
 def _union(near: np.ndarray, far: np.ndarray, pairs: np.ndarray) -> np.ndarray:
-    """Dots of both walls: equal ones are averaged, the others of each are kept; the far wall's powers are brought to
-    the near one's."""
-    scale = float(np.median(near[pairs[:, 0], 2] / far[pairs[:, 1], 2]))
-    far = far * np.array([1.0, 1.0, scale])
+    """Dots of both walls: equal ones are averaged, the others of each are kept."""
     out = near.copy()
     out[pairs[:, 0]] = 0.5 * (near[pairs[:, 0]] + far[pairs[:, 1]])
     alone = np.setdiff1d(np.arange(len(far)), pairs[:, 1])
@@ -305,4 +355,4 @@ def _pattern_sigma(view: WallView, capture: Capture, place: np.ndarray) -> float
     return float(sigma * projector[0, 0] / camera[0, 0] * middle / (middle - place[2]))
 
 
-__all__ = ["Pattern", "WallView", "acquire_pattern", "merged_pattern", "power_px2"]
+__all__ = ["Pattern", "WallView", "acquire_pattern", "merged_pattern"]

@@ -28,7 +28,7 @@ def _engine(inputs: EngineInputs, intensity_m2: float, offset_x_m: float, offset
         angular_velocity=own.angular_velocity,
         pattern_scale=own.pattern_scale, dots=own.dots, pattern_width=own.pattern_width,
         pattern_height=own.pattern_height,
-        dot_sigma_px=own.dot_sigma_px,
+        dot_sigma_px=own.dot_sigma_px, dot_background=own.dot_background,
     )  # fmt: skip
 
 

@@ -52,7 +52,7 @@ def calibrated(capture: Capture, model: SensorModel) -> Capture:
 
 def pattern_image(pattern: Pattern) -> NDArray[np.float32]:
     """Relative radiant intensity, [height][width], 1 at the brightest: the file's, or the dots' Gaussians, each with
-    its power as its integral."""
+    its power as its integral, and the background that all pixels have."""
     if pattern.dots is None:
         assert pattern.file is not None
         return read_gray(pattern.file, key="pattern.file").astype(np.float32) / 255.0
@@ -69,7 +69,7 @@ def pattern_image(pattern: Pattern) -> NDArray[np.float32]:
     inside = (centre_u >= 0) & (centre_u < width) & (centre_v >= 0) & (centre_v < height)
     places = rows[inside][:, :, None] + reach, columns[inside][:, None, :] + reach
     np.add.at(image, places, (peak[:, None, None] * down[:, :, None] * across[:, None, :])[inside])
-    image = image[reach:-reach, reach:-reach]
+    image = image[reach:-reach, reach:-reach] + pattern.background
     return (image / max(float(image.max()), 1e-12)).astype(np.float32)
 
 

@@ -81,6 +81,7 @@ def _pattern(config: StereoDepthSensorConfig, pattern: Pattern) -> None:
             config.pattern_design, width=width, height=height, dot_sigma_px=float(pattern.dot_sigma_px or 1.0)
         )
         config.light_dots = np.asarray(pattern.dots, dtype=np.float32)
+        config.light_dot_background = pattern.background
 
 
 def _signal(model: SensorModel) -> dict[str, float]:

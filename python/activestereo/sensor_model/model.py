@@ -83,13 +83,15 @@ class Rig:
 @dataclass(frozen=True)
 class Pattern:
     """What the projector throws: an 8-bit image file, or dots [n, 3] of u, v and power in an image of `size` (width,
-    height). K: 3x3."""
+    height). background: every pixel of that image beside the dots, so that its sum and the dots' powers are of one
+    unit. K: 3x3."""
 
     K: NDArray[np.float64]
     file: Path | None = None
     dots: NDArray[np.float64] | None = None
     size: tuple[int, int] | None = None
     dot_sigma_px: float | None = None
+    background: float = 0.0
     source: str = ""
 
 

@@ -169,6 +169,8 @@ def _pattern(entry: JsonObject) -> Pattern:
     if not entry.has("dots"):
         return Pattern(k, file=entry.file("file"), source=source)
     size = entry.integer("width", minimum=1), entry.integer("height", minimum=1)
+    sigma_px = entry.number("dot_sigma_px", above=0.0)
+    background = entry.number("background", minimum=0.0) if entry.has("background") else 0.0
     return Pattern(
-        k, dots=entry.table("dots", 3), size=size, dot_sigma_px=entry.number("dot_sigma_px", above=0.0), source=source
+        k, dots=entry.table("dots", 3), size=size, dot_sigma_px=sigma_px, background=background, source=source
     )

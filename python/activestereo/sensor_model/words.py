@@ -83,7 +83,7 @@ def _pattern(model: SensorModel) -> list[str]:
     if pattern is None:
         return []
     if pattern.dots is not None:
-        what = f"{len(pattern.dots)} dots"
+        what = f"{len(pattern.dots)} dots" + (" with light between them" if pattern.background > 0.0 else "")
     else:
         what = f"image {pattern.file.name}" if pattern.file else "nothing"
     return [

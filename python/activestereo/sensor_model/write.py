@@ -98,6 +98,7 @@ def _pattern(pattern: Pattern, file: str | None) -> dict[str, Any]:
             "width": width,
             "height": height,
             "dot_sigma_px": pattern.dot_sigma_px,
+            "background": pattern.background,
             "dots": np.asarray(pattern.dots).tolist(),
         }
     return out | ({"source": pattern.source} if pattern.source else {})

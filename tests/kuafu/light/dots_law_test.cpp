@@ -51,6 +51,15 @@ World& wall(World& world) {
   return world;
 }
 
+TEST(Dots, stand_on_a_background_that_is_everywhere) {
+  World world;
+  const std::vector<float> dot{16.0f, 16.0f, 2.5f};
+  kuafu_light_desc light = dot_projector(dot, 1.2f);
+  light.dot_background = 0.25;
+  world.add_light(light, placed({0, 0, 0}));
+  EXPECT_NEAR(spot_on_wall(wall(world)).power, 2.5 + 0.25 * side * side, 0.01 * 0.25 * side * side);
+}
+
 TEST(Dots, keep_their_power_and_place_between_pixels) {
   for (const float sigma : {0.3f, 1.2f})
     for (const float u : {11.0f, 11.3f, 11.5f}) {
@@ -103,6 +112,9 @@ TEST(Dots, bad_ones_are_refused_with_the_numbers) {
   };
   const std::vector<float> one{1, 2, 1}, negative{1, 2, -1};
   refused(dot_projector(one, 0.0f), "dot_sigma_px is 0");
+  kuafu_light_desc dark = dot_projector(one, 1.0f);
+  dark.dot_background = -1;
+  refused(dark, "dot_background");
   refused(dot_projector(negative, 1.0f), "dots[0]");
   kuafu_light_desc light = dot_projector(one, 1.0f);
   light.pattern_width = 0;

@@ -64,8 +64,21 @@ def test_the_pattern_holds_directions_and_powers(world, pattern):
     near = distance < pixel
     ratio = pattern.dots[near, 2] / true[nearest[near], 2]
     assert np.median(np.abs(ratio / np.median(ratio) - 1.0)) < 0.03
+    seen_px2 = 2 * np.pi * world.config.pattern_design.dot_sigma_px**2  # of a dot whose peak is 1
+    assert np.median(ratio) == pytest.approx(seen_px2, rel=0.03)
     left, right = (np.median(ratio[part]) for part in np.array_split(np.argsort(pattern.dots[near, 0]), 2))
     assert left / right == pytest.approx(1.0, abs=0.01)  # no falloff is left over the field
+
+
+def test_the_light_between_dots_is_measured(pattern):
+    """The projected image has 5 of 255 there; in the room's light and above the black level, which are not told."""
+    image = pattern.rig.projector.pattern()
+    true = image.min() / image.max()
+    value, error = pattern.background
+    peak = np.max(pattern.dots[:, 2]) / (2 * np.pi * pattern.dot_sigma_px**2)
+    assert true == pytest.approx(5 / 255, rel=0.01)
+    assert value / image.max() == pytest.approx(true, rel=0.1) and error < 0.1 * value
+    assert f"{100 * value / peak:.2f} % of the brightest" in pattern.text()
 
 
 def test_two_distances_tell_the_projectors_place(pattern):
@@ -80,6 +93,7 @@ def test_the_sensor_takes_what_was_measured(pattern, tmp_path):
     replace_sections(out, pattern.model())
     config = StereoDepthSensorConfig.from_model(read_model(out))
     assert np.allclose(config.light_dots, pattern.dots, rtol=1e-5)
+    assert config.light_dot_background == pytest.approx(pattern.background[0])
     body = (
         np.linalg.inv(config.trans_pose_l.to_transformation_matrix())
         @ config.pose_rgb_irproj.to_transformation_matrix()
@@ -105,6 +119,7 @@ def test_one_distance_leaves_it_nominal_and_says_so(capture_path, tmp_path):
     (tmp_path / "capture.json").write_text(json.dumps(root))
     pattern = acquire_pattern(tmp_path)
     assert pattern.place_m == pytest.approx(NOMINAL_PLACE_M) and pattern.place_error_m is None
+    assert pattern.background is None and "NOT MEASURED" in pattern.text()
     assert "NOMINAL" in pattern.text() and "is nominal" in pattern.model().pattern.source
 
 

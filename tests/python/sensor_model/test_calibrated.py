@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from activestereo.capture import Camera, Capture, Projector, Rig
-from activestereo.sensor_model import Pattern, SensorModel
+from activestereo.sensor_model import Pattern, SensorModel, read_model, write_model
 from activestereo.sensor_model.calibrated import calibrated, pattern_image
 from activestereo.sensor_model.model import Eye
 from activestereo.sensor_model.model import Rig as ModelRig
@@ -59,3 +59,14 @@ def test_dots_become_gaussians_with_their_power():
     assert power[0] / power[1] == pytest.approx(2.0, rel=1e-3)
     centre = [(found * grid)[near[0]].sum() / power[0] for grid in (u, v)]
     assert centre == pytest.approx([20.3, 11.6], abs=5e-3)
+
+
+def test_the_background_of_dots_is_everywhere(tmp_path):
+    dots = np.array([[20.0, 12.0, 2.0]])
+    pattern = Pattern(_K, dots=dots, size=(64, 48), dot_sigma_px=1.5, background=0.01)
+    alone = pattern_image(Pattern(_K, dots=dots, size=(64, 48), dot_sigma_px=1.5))
+    found = pattern_image(pattern)
+    assert found.max() == 1.0 and found.min() == pytest.approx(0.01 / (0.01 + 2.0 / (2 * np.pi * 1.5**2)), rel=1e-5)
+    assert np.corrcoef(found.ravel(), alone.ravel())[0, 1] > 1 - 1e-9
+    write_model(tmp_path / "model.json", SensorModel(pattern=pattern))
+    assert read_model(tmp_path / "model.json").pattern.background == 0.01

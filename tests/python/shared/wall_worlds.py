@@ -90,13 +90,16 @@ class WallWorld:
         seed: int = 0,
         brightest_dn: float = 190.0,
     ) -> Capture:
-        """Writes a capture of the walls, one repeat group each; the brightest dots come to brightest_dn above black."""
+        """Writes a capture of the walls, one repeat group each, exposed alike; the brightest dots of the first one come
+        to brightest_dn above black."""
         rng = np.random.default_rng(seed)
         images, frames = {}, []
+        gain = None
         for group, wall in enumerate(self.walls):
             scene = self.scene(device, wall)
             expected = self.render(device, wall, self.textured(scene), scene, spp)
-            expected *= brightest_dn / np.quantile(expected, 0.9995)
+            gain = gain or brightest_dn / np.quantile(expected, 0.9995)
+            expected *= gain
             for _ in range(repeats):
                 number = len(frames)
                 for eye, image in zip(("left", "right"), expected, strict=True):

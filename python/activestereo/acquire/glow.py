@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Light that the projector throws between its dots, from walls at two distances.
+
+Between the dots an eye counts its black level and the room's light, which a wall at either distance has alike, and the
+projector's light, which falls with the distance's square:
+
+    counts = constant of the eye + background * (pattern pixels per camera pixel) / (flux to power, power_factor)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+# Every so many pixels; so many pixels beside the image's and the pattern's borders have less background than their
+# place says, because it was found by a filter.
+_STRIDE_PX, _BORDER_PX = 4, 24
+_OUTLIER = 4.0  # in median absolute deviations
+
+
+@dataclass(frozen=True)
+class SeenWall:
+    """One wall by one eye. background [height][width], DN: the image without its dots. plane: [n, d] with n . X = d in
+    the left camera's frame, metres. eye_m: the eye's origin there. K: the eye's. to_common: what brings this wall's
+    powers to the first wall's."""
+
+    background: NDArray[np.float64]
+    plane: NDArray[np.float64]
+    eye_m: NDArray[np.float64]
+    K: NDArray[np.float64]
+    to_common: float
+
+
+@dataclass(frozen=True)
+class ProjectorView:
+    """Where the projector stands: its origin in the left camera's frame, the rotation into its own, its K, and the
+    pattern's width and height in pixels."""
+
+    place_m: NDArray[np.float64]
+    rotation: NDArray[np.float64]
+    K: NDArray[np.float64]
+    size: tuple[int, int]
+
+    def pixels(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """(u, v [n][2] in the pattern, the beams [n][3]) of points [n][3] in the left camera's frame."""
+        beam = (points - self.place_m) @ self.rotation.T
+        uv = beam[:, :2] / beam[:, 2:] * [self.K[0, 0], self.K[1, 1]] + [self.K[0, 2], self.K[1, 2]]
+        return uv, beam
+
+
+def power_factor(
+    points: NDArray[np.float64], normal: NDArray[np.float64], beam: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """What a flux in the camera is multiplied by for its integral over the pattern's pixels, up to a constant. points
+    [n][3]: from the camera.
+
+    A matt wall turns a beam's power, watts, into the same radiance times area whatever the beam's angle. The camera
+    integrates it over du dv = f^2 dOmega / cos^3 a with dOmega = dA cos(c) / r^2, a its angle off the axis and c off
+    the wall's normal; the pattern holds power per solid angle, over du dv = f^2 dOmega / cos^3 b.
+    """
+    distance = np.linalg.norm(points, axis=1)
+    off_axis, off_normal = points[:, 2] / distance, np.abs(points @ normal) / distance
+    off_beam = beam[:, 2] / np.linalg.norm(beam, axis=1)
+    return np.asarray(distance**2 * off_axis**3 / (off_normal * off_beam**3))
+
+
+def light_between_dots(
+    walls_by_eye: Sequence[Sequence[SeenWall]], projector: ProjectorView
+) -> tuple[float, float]:
+    """(the pattern's value between its dots, in the unit of their powers per square pixel; half of what the eyes differ
+    by)."""
+    found = [_of_one_eye(walls, projector) for walls in walls_by_eye]
+    return max(float(np.mean(found)), 0.0), float(0.5 * np.ptp(found))
+
+
+def _of_one_eye(walls: Sequence[SeenWall], projector: ProjectorView) -> float:
+    parts = [_samples(wall, projector) for wall in walls]
+    counts, shares = (np.concatenate([part[k] for part in parts]) for k in (0, 1))
+    columns = np.column_stack([np.ones(len(shares)), shares])
+    use = np.ones(len(shares), dtype=bool)
+    for _ in range(3):
+        solution = np.linalg.lstsq(columns[use], counts[use], rcond=None)[0]
+        off = np.abs(counts - columns @ solution)
+        use = off <= _OUTLIER * 1.4826 * np.median(off[use])
+    return float(solution[1])
+
+
+def _samples(wall: SeenWall, projector: ProjectorView) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(counts, what a background of 1 adds to them) of pixels of a wall within the pattern."""
+    height, width = wall.background.shape
+    rows, columns = (np.arange(_BORDER_PX, size - _BORDER_PX, _STRIDE_PX) for size in (height, width))
+    v, u = (part.ravel() for part in np.meshgrid(rows, columns, indexing="ij"))
+    points = _on_wall(wall, u, v)
+    place, beam = projector.pixels(points)
+    along_u, along_v = (projector.pixels(_on_wall(wall, *shifted))[0] - place for shifted in ((u + 1, v), (u, v + 1)))
+    pattern_pixels = np.abs(along_u[:, 0] * along_v[:, 1] - along_u[:, 1] * along_v[:, 0])
+    margin = _BORDER_PX * np.sqrt(pattern_pixels)[:, None]
+    inside = np.all((place > margin) & (place < np.array(projector.size) - margin), axis=1)
+    shares = pattern_pixels / (power_factor(points - wall.eye_m, wall.plane[:3], beam) * wall.to_common)
+    return wall.background[v, u][inside], shares[inside]
+
+
+def _on_wall(wall: SeenWall, u: NDArray[np.int_], v: NDArray[np.int_]) -> NDArray[np.float64]:
+    """[n][3]: where the rays through these pixels meet the wall, in the left camera's frame."""
+    ray = np.column_stack([(u - wall.K[0, 2]) / wall.K[0, 0], (v - wall.K[1, 2]) / wall.K[1, 1], np.ones(len(u))])
+    normal, offset = wall.plane[:3], wall.plane[3]
+    reach = (offset - normal @ wall.eye_m) / (ray @ normal)
+    return np.asarray(wall.eye_m + reach[:, None] * ray)
