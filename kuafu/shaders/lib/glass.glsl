@@ -1,16 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 // Glass: Fresnel's reflectance from its side, and a roughness of its own (Walter et al. 2007). It bounds a body, or is a sheet (thin): both of its faces at
-// once, with all reflections between them, and nothing bends. Light that meets several facets leaves as diffuse lobes on both sides (Kulla and
-// Conty 2017), so that none is lost; of what comes from outside, the share goes through that does on average at a smooth boundary: random walks over
-// facets (Heitz et al., "Multiple-Scattering Microfacet BSDFs with the Smith Model", 2016) find 0.73 to 0.99 for indices up to 2.4, this 0.79 to 0.97.
-// From inside, the share follows by reciprocity.
+// once, with all reflections between them, and nothing bends. Light that meets several facets leaves on both sides (Kulla and Conty 2017), so that
+// none is lost: a sheet's as diffuse lobes; a body's turned forwards, and by lobes that are fitted to random walks over facets (Heitz et al.,
+// "Multiple-Scattering Microfacet BSDFs with the Smith Model", 2016). From inside, what goes through follows by reciprocity.
 #ifndef KUAFU_GLASS_GLSL
 #define KUAFU_GLASS_GLSL
 #include "lib/albedo_table.glsl"
 #include "lib/material.glsl"
 #include "lib/microfacet.glsl"
 
-const int glass_cosines = int(glass_albedo_cosines), glass_row_size = 2 * glass_cosines + 2;
+const int glass_cosines = int(glass_albedo_cosines), glass_row_size = 2 * glass_cosines + 4;
 
 /// What faces give and let through, and the chance of taking what they reflect.
 struct Faces {
@@ -28,7 +27,10 @@ struct Glass {
   float roughness;   // what follows is of rough glass
   float albedo;      // of one facet, towards the viewer
   Faces several;     // facets: of the rest of the light
-  vec2 rest_scale;   // 1 / (1 - mean albedo), on the viewer's side and beyond
+  vec2 stays;        // share of the rest that stays on its side, x + y cosine: for the viewer's side,
+  vec2 stays_beyond; // and for the other
+  vec2 rest_scale;   // 1 / mean of what several facets give, on the viewer's side and beyond
+  float forward;     // how much that is turned forwards: 0 evenly, 1 all of it where both directions graze
   AlbedoRows rows;
 };
 
@@ -72,7 +74,7 @@ Faces faces_at(IN(Glass) g, float cosine, OUT(float) cos_t) {
 vec2 facet_albedo(IN(Glass) g, Vec2Array table, int c) {
   vec2 e = rows_entry(g.rows, table, c, glass_row_size);
   if (g.specular == 1.0f) return e;
-  return mix(rows_entry(g.rows, table, c + glass_cosines + 1, glass_row_size), e, g.specular);
+  return mix(rows_entry(g.rows, table, c + glass_cosines + 2, glass_row_size), e, g.specular);
 }
 
 /// Albedo of one facet from the viewer's side, or from beyond.
@@ -103,20 +105,27 @@ void set_several_of_sheet(INOUT(Glass) g, Vec2Array table) {
   g.rest_scale = vec2(1.0f / max(1.0f - mean, 1e-4f));
 }
 
+// Fitted to walks at indices from 1.1 to 2.4 and roughnesses from 0.3 to 1. Of the rest from outside, the share that stays outside does not depend on the
+// direction; from inside, the share that leaves is even where facets are smooth, and like the cosine where they are rough.
 void set_several_of_body(INOUT(Glass) g, Vec2Array table) {
-  vec2 rest = max(vec2(1.0f) - facet_albedo(g, table, glass_cosines), vec2(1e-4f));  // means, outside and inside
   bool inside = g.eta > 1.0f;
-  float through = 1.0f - mean_reflectance(g);
-  if (inside) through *= min(rest.x / (rest.y * g.eta * g.eta), 1.0f);
-  g.several.chance = 1.0f - through;
-  g.several.reflected = Spectrum(1.0f - through);
-  g.several.through = g.tint * through;
-  g.rest_scale = inside ? vec2(1.0f / rest.y, 1.0f / rest.x) : vec2(1.0f / rest.x, 1.0f / rest.y);
+  float r = g.roughness, ior = max(g.eta, 1.0f / g.eta), odds = 0.15f * mean_reflectance(g) / (r * r * r);
+  vec2 rest = max(vec2(1.0f) - facet_albedo(g, table, glass_cosines), vec2(1e-5f));  // means, outside and inside
+  float inclined = max(2.0f / 3.0f - facet_albedo(g, table, glass_cosines + 1).y, 1e-5f);  // of rest times cosine, inside
+  float leaving = (1.0f - r) * rest.y + r * inclined, through = min(rest.x / (1.0f + odds), ior * ior * leaving);
+  float leaves = through / (ior * ior * leaving);
+  vec2 outside_stays = vec2(1.0f - through / rest.x, 0.0f);
+  vec2 inside_stays = vec2(1.0f - leaves * (1.0f - r), -leaves * r);
+  vec2 reflected = 1.0f / max(vec2(rest.x - through, rest.y - leaves * leaving), vec2(1e-6f));
+  g.stays = inside ? inside_stays : outside_stays;
+  g.stays_beyond = inside ? outside_stays : inside_stays;
+  g.rest_scale = inside ? vec2(reflected.y, 1.0f / through) : vec2(reflected.x, 1.0f / (leaves * leaving));
+  g.forward = min((2.25f - 1.1f * g.alpha * g.alpha) / (ior * ior), 0.97f);
 }
 
 Glass make_glass(IN(MaterialPoint) m, Vec2Array table, float cos_o, bool front) {
   Glass g = Glass((1.0f - m.metallic) * m.transmission, 0.0f, front ? 1.0f / m.ior : m.ior, m.specular, m.base, false, 0.0f, 0.0f,
-                  Faces(Spectrum(0.0f), Spectrum(0.0f), 0.0f), vec2(0.0f), AlbedoRows(0, 0, 0.0f, 0.0f));
+                  Faces(Spectrum(0.0f), Spectrum(0.0f), 0.0f), vec2(0.0f), vec2(0.0f), vec2(0.0f), 0.0f, AlbedoRows(0, 0, 0.0f, 0.0f));
   if ((features & feature_materials) == 0u) return g;
   g.alpha = glass_alpha(m);
   g.thin = m.thin_walled;
@@ -125,8 +134,14 @@ Glass make_glass(IN(MaterialPoint) m, Vec2Array table, float cos_o, bool front) 
   g.roughness = m.transmission_roughness;
   g.rows = find_rows(sqrt((m.ior - 1.0f) / (m.ior + 1.0f)), int(glass_albedo_indices), g.roughness, int(glass_albedo_roughnesses), int(glass_albedo_first), glass_row_size);
   g.albedo = facet_albedo_from(g, table, cos_o, false);
-  if (g.thin) set_several_of_sheet(g, table);
-  else set_several_of_body(g, table);
+  if (g.thin) {
+    set_several_of_sheet(g, table);
+    return g;
+  }
+  set_several_of_body(g, table);
+  g.several.chance = g.stays.x + g.stays.y * cos_o;
+  g.several.reflected = Spectrum(g.several.chance);
+  g.several.through = g.tint * (1.0f - g.several.chance);
   return g;
 }
 
@@ -144,7 +159,8 @@ Spectrum evaluate_facet(IN(Glass) g, vec3 wo, vec3 wi, OUT(float) pdf) {
   if (o <= 0.0f || (reflected || g.thin) != (i > 0.0f)) return Spectrum(0.0f);
   Faces faces = faces_at(g, o, cos_t);
   float visible = ggx_reflection_pdf(wo, h, g.alpha);
-  float facets = ggx_distribution(h, g.alpha) * ggx_visibility(wo.z, abs(wi.z), g.alpha) * abs(wi.z);
+  float free = reflected || g.thin ? ggx_visibility(wo.z, abs(wi.z), g.alpha) : ggx_refraction_visibility(wo.z, abs(wi.z), g.alpha);
+  float facets = ggx_distribution(h, g.alpha) * free * abs(wi.z);
   pdf = (reflected ? faces.chance : 1.0f - faces.chance) * visible;
   if (reflected) return faces.reflected * facets;
   if (g.thin) return faces.through * facets;
@@ -153,15 +169,28 @@ Spectrum evaluate_facet(IN(Glass) g, vec3 wo, vec3 wi, OUT(float) pdf) {
   return faces.through * (facets * turn * g.eta * g.eta);
 }
 
+/// What of the light that meets several facets leaves at this cosine, over the cosine: of a mean of 1 over the hemisphere.
+float several_towards(IN(Glass) g, Vec2Array table, float cosine, bool beyond) {
+  float rest = (1.0f - facet_albedo_from(g, table, cosine, beyond)) * (beyond ? g.rest_scale.y : g.rest_scale.x);
+  if (g.thin) return rest;
+  return rest * (beyond ? 1.0f - g.stays_beyond.x - g.stays_beyond.y * cosine : g.stays.x + g.stays.y * cosine);
+}
+
+/// Density of the azimuth around the one that goes on straight, times 2 pi: a wrapped Cauchy distribution.
+float forward_density(IN(Glass) g, vec3 wo, vec3 wi) {
+  float sines = (1.0f - wo.z * wo.z) * (1.0f - wi.z * wi.z), spread = g.forward * g.forward * max(sines, 0.0f);
+  return (1.0f - spread) / (1.0f + spread + 2.0f * g.forward * dot(xy(wo), xy(wi)));
+}
+
 /// f cos of rough glass, both sides, and the density of sample_rough_glass.
 Spectrum evaluate_glass(IN(Glass) g, Vec2Array table, vec3 wo, vec3 wi, OUT(float) pdf) {
   Spectrum f = evaluate_facet(g, wo, wi, pdf);
   bool reflected = wi.z > 0.0f;
-  float cosine = abs(wi.z), rest = (1.0f - g.albedo) * cosine / pi;
+  float cosine = abs(wi.z), rest = (1.0f - g.albedo) * cosine / pi * forward_density(g, wo, wi);
   pdf = g.albedo * pdf + rest * (reflected ? g.several.chance : 1.0f - g.several.chance);
-  rest *= 1.0f - facet_albedo_from(g, table, cosine, !reflected);
-  if (reflected) f += g.several.reflected * (rest * g.rest_scale.x);
-  else f += g.several.through * (rest * g.rest_scale.y * (g.thin ? 1.0f : g.eta * g.eta));
+  rest *= several_towards(g, table, cosine, !reflected);
+  if (reflected) f += g.several.reflected * rest;
+  else f += g.several.through * (rest * (g.thin ? 1.0f : g.eta * g.eta));
   return f * g.share;
 }
 
@@ -169,12 +198,22 @@ vec3 sample_cosine(vec2 u) {
   return vec3(sqrt(u.x) * unit_circle(u.y), sqrt(max(1.0f - u.x, 0.0f)));
 }
 
+/// By the cosine, and by forward_density.
+vec3 sample_several(IN(Glass) g, vec3 wo, vec2 u) {
+  float sine_o = sqrt(max(1.0f - wo.z * wo.z, 0.0f)), sine = sqrt(u.x), spread = g.forward * sine_o * sine;
+  vec2 turn = unit_circle(u.y);
+  float a = (spread - 1.0f) * turn.y, b = (1.0f + spread) * (1.0f - turn.x), scale = sine / max(a * a + b * b, 1e-30f);
+  float along = -scale * (b * b - a * a), across = scale * 2.0f * a * b;
+  vec2 o = sine_o > 1e-6f ? xy(wo) / sine_o : vec2(1.0f, 0.0f);
+  return vec3(along * o.x - across * o.y, along * o.y + across * o.x, sqrt(max(1.0f - u.x, 0.0f)));
+}
+
 /// `choice` in [0, 1) picks one facet or several, reflection or refraction.
 GlassSample sample_rough_glass(IN(Glass) g, vec3 wo, vec2 u, float choice) {
   GlassSample s;
   if (choice >= g.albedo) {
     s.transmitted = choice - g.albedo >= g.several.chance * (1.0f - g.albedo);
-    s.direction = sample_cosine(u);
+    s.direction = sample_several(g, wo, u);
     if (s.transmitted) s.direction.z = -s.direction.z;
     s.valid = true;
     return s;

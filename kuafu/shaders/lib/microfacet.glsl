@@ -22,6 +22,15 @@ float ggx_visibility(float cos_o, float cos_i, float alpha) {
   return 0.5f / (cos_i * smith_root(cos_o, a2) + cos_o * smith_root(cos_i, a2));
 }
 
+/// The same of light that a facet refracts, which must be free above and below it: the masking function of both sides is Euler's beta of
+/// 1 + lambda (Heitz et al. 2016), here by Stirling's series, scaled to be exact where nothing is hidden, and 0.4 % from it at most.
+float ggx_refraction_visibility(float cos_o, float cos_i, float alpha) {
+  float a2 = alpha * alpha;
+  float o = 0.5f + 0.5f * smith_root(cos_o, a2) / cos_o, i = 0.5f + 0.5f * smith_root(cos_i, a2) / cos_i, sum = o + i;
+  float power = (o - 0.5f) * log(o / sum) + (i - 0.5f) * log(i / sum) - 0.5f * log(sum);
+  return 2.49612f * exp(power + (1.0f / o + 1.0f / i - 1.0f / sum) / 12.0f) / (4.0f * cos_o * cos_i);
+}
+
 /// Density of the direction reflected about a visible normal.
 float ggx_reflection_pdf(vec3 wo, vec3 h, float alpha) {
   return ggx_distribution(h, alpha) * 0.5f / (wo.z + smith_root(wo.z, alpha * alpha));

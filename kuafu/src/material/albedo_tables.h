@@ -23,10 +23,10 @@ glm::vec2 specular_albedo(double cosine, double roughness);
 double layer_fresnel_mean(double ior);
 
 /// Rough glass: what one facet reflects and lets through, of all light; the rest meets several facets.
-/// [index][roughness], glass_albedo_indices and glass_albedo_roughnesses, of 2 (glass_albedo_cosines + 1) entries, from outside as x and
-/// from inside as y: at the cosines, then the mean over the hemisphere; and the same once more for specular 0, where only total reflection
-/// is left. Steps are equal in the roughness, in the root of the cosine, and in that of (ior - 1) / (ior + 1). Takes some 50 ms of work:
-/// for scenes that have rough glass.
+/// [index][roughness], glass_albedo_indices and glass_albedo_roughnesses, of 2 (glass_albedo_cosines + 2) entries, from outside as x and
+/// from inside as y: at the cosines, then the mean over the hemisphere, and that of the albedo times the cosine; and the same once more for
+/// specular 0, where only total reflection is left. Steps are equal in the roughness, in the root of the cosine, and in that of
+/// (ior - 1) / (ior + 1). Takes some 100 ms of work: for scenes that have rough glass.
 std::vector<glm::vec2> glass_albedo_table(ks::ThreadPool& workers);
 
 }  // namespace kuafu

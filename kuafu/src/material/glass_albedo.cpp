@@ -10,9 +10,10 @@
 namespace kuafu {
 namespace {
 
-constexpr uint32_t cosines = glass_albedo_cosines, plane = cosines + 1, row_size = 2 * plane;
+constexpr uint32_t cosines = glass_albedo_cosines, plane = cosines + 2, row_size = 2 * plane;
 constexpr uint32_t sides = 2 * glass_albedo_indices;  // outside of each index, then inside
-constexpr int facets = 377;                           // visible normals of one direction: of the half that mirrors the other
+constexpr int free_entries = 128;
+constexpr int facets = 377;  // visible normals of one direction: of the half that mirrors the other
 // On a Fibonacci lattice: seen from the normal, where one of the two coordinates is idle, they still all differ.
 constexpr double golden = 0.6180339887498949;
 
@@ -29,15 +30,34 @@ std::array<float, sides> index_ratios() {
 
 /// Light from one direction, and what it has met: with Fresnel's reflectance, and with total reflection alone.
 struct Light {
-  float cosine, a2;
-  float root = std::sqrt(a2 + (1 - a2) * cosine * cosine);
+  Light(float cos_o, float alpha_squared);
+
+  float cosine, a2, root;
+  float free_below[free_entries + 1];  // f cos / pdf of a facet that refracts it, but for Fresnel's factor, at equal steps of Smith's G1
   float full[sides] = {}, bare[sides] = {};
 };
 
-/// f cos / pdf of a facet that sends it on at cosine c, but for Fresnel's factor.
+// Heitz et al. 2016: of light that a facet refracts, Euler's beta of 1 + lambda of both directions is free; 1 + lambda = 1 / G1.
+Light::Light(float cos_o, float alpha_squared) : cosine(cos_o), a2(alpha_squared), root(float(smith_root(cos_o, alpha_squared))) {
+  const double o = (1 + double(root) / double(cosine)) / 2;
+  free_below[0] = 0;
+  for (int k = 1; k <= free_entries; ++k) {
+    const double i = double(free_entries) / k;
+    free_below[k] = float(o * std::exp(std::lgamma(o) + std::lgamma(i) - std::lgamma(o + i)));
+  }
+}
+
+/// f cos / pdf of a facet that reflects it to cosine c, but for Fresnel's factor.
 inline float facet_weight(const Light& l, float c) {
   const float weight = c * (l.cosine + l.root) / (c * l.root + l.cosine * std::sqrt(l.a2 + (1 - l.a2) * c * c) + 1e-20f);
   return c <= 0 ? 0 : weight;
+}
+
+/// The same of a facet that refracts it.
+inline float refracted_weight(const Light& l, float c) {
+  const float place = c <= 0 ? 0 : 2 * c / (c + std::sqrt(l.a2 + (1 - l.a2) * c * c)) * free_entries;
+  const int entry = std::min(int(place), free_entries - 1);
+  return l.free_below[entry] + (l.free_below[entry + 1] - l.free_below[entry]) * (place - float(entry));
 }
 
 /// Adds facet h, which meets the light at cosine o, for all sides at once (vectorised).
@@ -46,7 +66,7 @@ void add_facet(Light& l, const std::array<float, sides>& ratios, float h_z, floa
   for (uint32_t i = 0; i < sides; ++i) {
     const float ratio = ratios[i], rest = 1 - ratio * ratio * (1 - o * o), cos_t = std::sqrt(std::max(rest, 0.0f));
     const float s = (ratio * o - cos_t) / (ratio * o + cos_t), p = (o - ratio * cos_t) / (o + ratio * cos_t);
-    const float reflectance = (s * s + p * p) / 2, refracted = facet_weight(l, ratio * l.cosine - h_z * (ratio * o - cos_t));
+    const float reflectance = (s * s + p * p) / 2, refracted = refracted_weight(l, ratio * l.cosine - h_z * (ratio * o - cos_t));
     const bool total = rest <= 0;
     l.full[i] += total ? mirrored : reflectance * mirrored + (1 - reflectance) * refracted;
     l.bare[i] += total ? mirrored : refracted;
@@ -57,7 +77,7 @@ void add_facet(Light& l, const std::array<float, sides>& ratios, float h_z, floa
 void fill_column(glm::vec2* rows, uint32_t c, double alpha, const std::array<float, sides>& ratios) {
   const double root = double(c) / (cosines - 1), cosine = std::max(root * root, 1e-4);
   const glm::dvec3 wo(std::sqrt(1 - cosine * cosine), 0, cosine), w = glm::normalize(glm::dvec3(wo.x * alpha, 0, wo.z));
-  Light l{float(cosine), float(alpha * alpha)};
+  Light l(float(cosine), float(alpha * alpha));
   for (int k = 0; k < facets; ++k) {
     const double phi = std::numbers::pi * (k + 0.5) / facets;
     const glm::dvec3 h = visible_normal(w, alpha, {std::cos(phi), std::sin(phi)}, std::fmod(0.5 + k * golden, 1.0));
@@ -70,12 +90,14 @@ void fill_column(glm::vec2* rows, uint32_t c, double alpha, const std::array<flo
   }
 }
 
-/// Over the hemisphere, weighted by 2 cosine: exact for what is piecewise linear in the root of the cosine.
-glm::vec2 mean_of(const glm::vec2* row) {
-  const auto power = [](uint32_t c, int n) { return std::pow(double(c) / (cosines - 1), n); };
+/// Integral of 4 u^n over the root u of the cosine: exact for what is piecewise linear in u. n = 3 is the mean over the hemisphere,
+/// weighted by 2 cosine; n = 5 is that of the same times the cosine.
+glm::vec2 moment(const glm::vec2* row, int n) {
+  const auto power = [](uint32_t c, int p) { return std::pow(double(c) / (cosines - 1), p) * 4 / p; };
   glm::dvec2 sum(0);
   for (uint32_t c = 0; c + 1 < cosines; ++c) {
-    const double all = power(c + 1, 4) - power(c, 4), right = (0.8 * (power(c + 1, 5) - power(c, 5)) - power(c, 1) * all) * (cosines - 1);
+    const double all = power(c + 1, n + 1) - power(c, n + 1), from = double(c) / (cosines - 1);
+    const double right = (power(c + 1, n + 2) - power(c, n + 2) - from * all) * (cosines - 1);
     sum += (all - right) * glm::dvec2(row[c]) + right * glm::dvec2(row[c + 1]);
   }
   return sum;
@@ -90,7 +112,10 @@ std::vector<glm::vec2> glass_albedo_table(ks::ThreadPool& workers) {
     const double roughness = double(r) / (glass_albedo_roughnesses - 1);
     for (uint32_t c = 0; c < cosines; ++c) fill_column(&table[r * row_size], c, roughness * roughness, ratios);
   });
-  for (size_t row = 0; row < table.size(); row += plane) table[row + cosines] = mean_of(&table[row]);
+  for (size_t row = 0; row < table.size(); row += plane) {
+    table[row + cosines] = moment(&table[row], 3);
+    table[row + cosines + 1] = moment(&table[row], 5);
+  }
   return table;
 }
 
