@@ -346,6 +346,8 @@ class kuafu_material_desc(c.Structure):
         ("alpha_mode", c.c_uint32),
         ("alpha_cutoff", c.c_float),
         ("normal_scale", c.c_float),
+        ("clearcoat", c.c_float),
+        ("clearcoat_roughness", c.c_float),
     ]
 
 

@@ -157,6 +157,8 @@ pub struct kuafu_material_desc {
     pub alpha_mode: u32,
     pub alpha_cutoff: f32,
     pub normal_scale: f32,
+    pub clearcoat: f32,
+    pub clearcoat_roughness: f32,
 }
 
 #[repr(C)]

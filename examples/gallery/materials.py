@@ -44,6 +44,11 @@ def steel(device):
     return ball_of(device, base_color=(0.6, 0.6, 0.62, 1), metallic=1.0, roughness=0.45)
 
 
+@tile("Materials", "Car paint", "metal under a smooth coat: `metallic=1, roughness=0.5, clearcoat=1`")
+def car_paint(device):
+    return ball_of(device, base_color=(0.55, 0.05, 0.06, 1), metallic=1.0, roughness=0.5, clearcoat=1.0)
+
+
 @tile("Materials", "Glass", "`transmission=1, ior=1.5`")
 def glass(device):
     return ball_of(device, transmission=1.0, roughness=0.0, ior=1.5)

@@ -106,6 +106,16 @@ void GltfMaterials::read_extensions(const tinygltf::Material& from, const std::s
     if (e->Has("attenuationColor"))
       for (int i = 0; i < 3; ++i) to.attenuation_color[i] = static_cast<float>(e->Get("attenuationColor").Get(i).GetNumberAsDouble());
   }
+  if (const auto* e = extension("KHR_materials_clearcoat")) {
+    to.clearcoat = static_cast<float>(number_of(*e, "clearcoatFactor", 0.0));
+    to.clearcoat_roughness = static_cast<float>(number_of(*e, "clearcoatRoughnessFactor", 0.0));
+    if (to.clearcoat > 0.0f) {
+      for (const char* texture : {"clearcoatTexture", "clearcoatRoughnessTexture"})
+        if (e->Has(texture)) import_.warn(field + ": " + texture + " is ignored");
+      if (e->Has("clearcoatNormalTexture") || from.normalTexture.index >= 0)
+        import_.warn(field + ": the clear coat has the normals of the surface below it; clearcoatNormalTexture is ignored");
+    }
+  }
   if (const auto* e = extension("KHR_materials_emissive_strength"))
     to.emission *= static_cast<float>(number_of(*e, "emissiveStrength", 1.0));
 }

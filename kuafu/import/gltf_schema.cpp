@@ -147,6 +147,9 @@ constexpr Field fields[] = {
     {"/materials", "/extensions/KHR_materials_volume/attenuationColor", Kind::numbers, 3},
     {"/materials", "/extensions/KHR_materials_emissive_strength", Kind::object},
     {"/materials", "/extensions/KHR_materials_emissive_strength/emissiveStrength", Kind::number},
+    {"/materials", "/extensions/KHR_materials_clearcoat", Kind::object},
+    {"/materials", "/extensions/KHR_materials_clearcoat/clearcoatFactor", Kind::number},
+    {"/materials", "/extensions/KHR_materials_clearcoat/clearcoatRoughnessFactor", Kind::number},
 #include "import/material_extras.inc"
     {"/textures", "/source", Kind::index},
     {"/textures", "/sampler", Kind::index},

@@ -203,7 +203,7 @@ class Image:
     def array(self) -> NDArray[Any]:
         """The view as a numpy array, without a copy."""
 class Material:
-    """A surface's material, by glTF 2.0's model: a GGX microfacet layer (alpha is the square of roughness), metallic-roughness, and KHR_materials_ior, specular, transmission and volume. Energy is conserved at every roughness. Transmission without a thicknessFactor is read as thin_walled, as KHR_materials_volume defines it. Fields that glTF has no words for are read from a material's extras, under the names that they have here; a texture there is written {"index": n}."""
+    """A surface's material, by glTF 2.0's model: a GGX microfacet layer (alpha is the square of roughness), metallic-roughness, and KHR_materials_ior, specular, transmission, volume and clearcoat. Energy is conserved at every roughness. Transmission without a thicknessFactor is read as thin_walled, as KHR_materials_volume defines it. Fields that glTF has no words for are read from a material's extras, under the names that they have here; a texture there is written {"index": n}."""
 
     name: str
     base_color: tuple[float, float, float, float]
@@ -280,6 +280,10 @@ class Material:
     """With mask: the least alpha of what is there. [>= 0; 0.5 by default]"""
     normal_scale: float
     """Multiplies the x and y of normal_texture's normals. [-1000..1000; 0 means 1; 1 by default]"""
+    clearcoat: float
+    """Weight of a clear coat over all of the surface that is not transmission: a reflecting layer of index 1.5 with a roughness of its own (KHR_materials_clearcoat). What lies below receives and gives off the light that the coat transmits. The coat has the normals of the surface, normal_texture's too, is the same in both bands, and does not dim emission. [0..1]"""
+    clearcoat_roughness: float
+    """Roughness of the clear coat. [0..1]"""
     def __init__(self, **fields: Any) -> None: ...
 
 class Light:

@@ -47,6 +47,8 @@ inline void bind_fields(py::class_<Material>& type) {
   named(type, "alpha_mode", &S::alpha_mode, std::array<std::string_view, 3>{"opaque", "mask", "blend"}, 0, "What alpha means, which is that of base_color times those of base_color_texture and of the mesh's colors. It is the same in both bands.");
   scalar(type, "alpha_cutoff", &S::alpha_cutoff, "With KUAFU_ALPHA_MASK: the least alpha of what is there.");
   scalar(type, "normal_scale", &S::normal_scale, "Multiplies the x and y of normal_texture's normals.");
+  scalar(type, "clearcoat", &S::clearcoat, "Weight of a clear coat over all of the surface that is not transmission: a reflecting layer of index 1.5 with a roughness of its own (KHR_materials_clearcoat). What lies below receives and gives off the light that the coat transmits. The coat has the normals of the surface, normal_texture's too, is the same in both bands, and does not dim emission.");
+  scalar(type, "clearcoat_roughness", &S::clearcoat_roughness, "Roughness of the clear coat.");
 }
 
 inline void bind_fields(py::class_<Film>& type) {

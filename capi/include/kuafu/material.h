@@ -38,10 +38,10 @@ extern "C" {
 #define KUAFU_ALPHA_BLEND 2u
 
 /* A surface's material, by glTF 2.0's model: a GGX microfacet layer (alpha is the square of roughness),
- * metallic-roughness, and KHR_materials_ior, specular, transmission and volume. Energy is conserved at every roughness.
- * Transmission without a thicknessFactor is read as thin_walled, as KHR_materials_volume defines it. Fields that glTF
- * has no words for are read from a material's extras, under the names that they have here; a texture there is written
- * {"index": n}. */
+ * metallic-roughness, and KHR_materials_ior, specular, transmission, volume and clearcoat. Energy is conserved at every
+ * roughness. Transmission without a thicknessFactor is read as thin_walled, as KHR_materials_volume defines it. Fields
+ * that glTF has no words for are read from a material's extras, under the names that they have here; a texture there is
+ * written {"index": n}. */
 typedef struct kuafu_material_desc {
   ks_header header;
   /* Name that kuafu_scene_material_name returns; NULL is no name. */
@@ -131,6 +131,13 @@ typedef struct kuafu_material_desc {
   float alpha_cutoff;
   /* Multiplies the x and y of normal_texture's normals. [-1000..1000; 0 means 1; 1 by default] */
   float normal_scale;
+  /* Weight of a clear coat over all of the surface that is not transmission: a reflecting layer of index 1.5 with a
+   * roughness of its own (KHR_materials_clearcoat). What lies below receives and gives off the light that the coat
+   * transmits. The coat has the normals of the surface, normal_texture's too, is the same in both bands, and does not
+   * dim emission. [0..1] */
+  float clearcoat;
+  /* Roughness of the clear coat. [0..1] */
+  float clearcoat_roughness;
 } kuafu_material_desc;
 static inline kuafu_material_desc kuafu_material_desc_init(void) {
   kuafu_material_desc s;

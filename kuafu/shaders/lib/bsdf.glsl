@@ -3,11 +3,12 @@
 // A dielectric's layer reflects as Fresnel says of its index, times specular. Its base gets and gives what the layer lets through,
 // (1 - E(wo)) (1 - E(wi)) / (1 - mean of E) with the layer's directional albedo E: reciprocal, and a white base loses nothing (Kelemen and
 // Szirmay-Kalos, "A Microfacet Based Coupled Specular-Matte BRDF Model", 2001). Both sides of a surface wear the layer. A glass share
-// (transmission) is in lib/glass.glsl. Light that meets several microfacets comes back as one more diffuse lobe (Kulla and Conty, "Revisiting
+// (transmission) is in lib/glass.glsl, a coat over all else in lib/clearcoat.glsl. Light that meets several microfacets comes back as one more diffuse lobe (Kulla and Conty, "Revisiting
 // Physically Based Shading at Imageworks", 2017).
 #ifndef KUAFU_BSDF_GLSL
 #define KUAFU_BSDF_GLSL
 #include "lib/albedo_table.glsl"
+#include "lib/clearcoat.glsl"
 #include "lib/glass.glsl"
 #include "lib/material.glsl"
 #include "lib/microfacet.glsl"
@@ -28,6 +29,7 @@ struct Bsdf {
   float diffuse_roughness;
   float subsurface;             // share that goes below the surface
   Glass glass;
+  Clearcoat clearcoat;
 };
 
 struct BsdfSample {
@@ -45,7 +47,24 @@ float layer_albedo(IN(Bsdf) b, Vec2Array table, float cosine) {
   return mix(e.x, e.y, p - float(c));
 }
 
-float coat_albedo(IN(Bsdf) b, Vec2Array table, float cosine) { return b.coat == 0.0f ? 0.0f : b.coat * layer_albedo(b, table, cosine); }
+/// What all layers over a dielectric's base reflect.
+float coat_albedo(IN(Bsdf) b, Vec2Array table, float cosine) {
+  float layer = b.coat == 0.0f ? 0.0f : b.coat * layer_albedo(b, table, cosine);
+  if (!wears_clearcoat(b.clearcoat)) return layer;
+  float over = clearcoat_albedo(b.clearcoat, table, cosine);
+  return over + (1.0f - over) * layer;
+}
+
+/// Mean over the hemisphere of what a clear coat and the layer below it reflect together: their product by Gauss's rule of three points.
+float clearcoat_and_layer_mean(IN(Bsdf) b, Vec2Array table) {
+  float over = clearcoat_mean(b.clearcoat, table);
+  if (b.coat == 0.0f) return over;
+  float layer = b.coat * rows_entry(b.layer_rows, table, lobe_size - 1, lobe_size).x;
+  float both = 5.0f * clearcoat_albedo(b.clearcoat, table, 0.33571f) * layer_albedo(b, table, 0.33571f);
+  both += 8.0f * clearcoat_albedo(b.clearcoat, table, 0.70711f) * layer_albedo(b, table, 0.70711f);
+  both += 5.0f * clearcoat_albedo(b.clearcoat, table, 0.94196f) * layer_albedo(b, table, 0.94196f);
+  return over + layer - b.coat * both / 18.0f;
+}
 
 // F_avg^2 E / (1 - F_avg (1 - E))
 Spectrum multiple_share(Spectrum average, float mean) { return average * average * mean / (Spectrum(1.0f) - average * (1.0f - mean)); }
@@ -59,6 +78,37 @@ void set_multiple(INOUT(Bsdf) b, IN(MaterialPoint) m, Vec2Array table) {
   b.multiple = multiple_share(m.base + (Spectrum(1.0f) - m.base) * (1.0f / 21.0f), mean) * b.metallic;
   b.multiple += Spectrum(b.layer * (layer_mean * layer_mean * mean / (1.0f - layer_mean * (1.0f - mean))));
   b.multiple_scale = 1.0f / max(1.0f - mean, 1e-4f);
+}
+
+/// What the base and several facets, the GGX lobe and the glass give towards the viewer; below: what goes below the surface.
+vec3 lobe_weights(IN(Bsdf) b, OUT(float) below) {
+  vec3 w = vec3(max_component(b.diffuse) * (1.0f - b.coat_albedo), 0.0f, b.glass.share);
+  if (has_lobe(b)) {
+    float under = wears_clearcoat(b.clearcoat) ? 1.0f - b.clearcoat.albedo : 1.0f;
+    w.y = dot(b.lobe_albedo, vec2(max_component(b.metal), b.metallic)) * under;
+    if (b.layer > 0.0f) w.y += b.layer / b.coat * (wears_clearcoat(b.clearcoat) ? b.coat_albedo - b.clearcoat.albedo : b.coat_albedo);
+    w.x += max_component(b.multiple) * max(1.0f - b.lobe_albedo.x - b.lobe_albedo.y, 0.0f) * under;
+  }
+  below = (features & feature_subsurface) != 0u ? b.subsurface * (1.0f - b.coat_albedo) : 0.0f;
+  return w;
+}
+
+/// Chances of taking the base and what several facets scatter, the GGX lobe and the glass; the rest goes below the surface, but for the
+/// clear coat's.
+vec3 lobe_chances(IN(Bsdf) b) {
+  float below;
+  vec3 w = lobe_weights(b, below);
+  float sum = w.x + w.y + w.z + below;
+  if (wears_clearcoat(b.clearcoat)) w *= 1.0f - b.clearcoat.chance;
+  return sum > 0.0f ? w / sum : vec3(0.0f);
+}
+
+void wear_clearcoat(INOUT(Bsdf) b, Vec2Array table, float cos_o) {
+  float below, over = b.clearcoat.share * b.clearcoat.albedo;
+  b.coat_albedo = coat_albedo(b, table, cos_o);
+  b.base_scale = 1.0f / (1.0f - min(clearcoat_and_layer_mean(b, table), 0.9999f));
+  vec3 w = lobe_weights(b, below);
+  b.clearcoat.chance = over / (over + w.x + w.y + w.z + below);
 }
 
 Bsdf make_bsdf(IN(MaterialPoint) m, Vec2Array table, float cos_o, bool front) {
@@ -84,6 +134,7 @@ Bsdf make_bsdf(IN(MaterialPoint) m, Vec2Array table, float cos_o, bool front) {
     b.lobe_albedo = lobe_albedo(table, cos_o, b.roughness);
     if (!is_mirror(b)) set_multiple(b, m, table);
   }
+  b.clearcoat = make_clearcoat(m, table, cos_o, 1.0f - (1.0f - m.metallic) * m.transmission);
   b.coat_albedo = 0.0f;
   b.base_scale = 1.0f;
   b.layer_rows = AlbedoRows(0, 0, 0.0f, 0.0f);
@@ -94,11 +145,14 @@ Bsdf make_bsdf(IN(MaterialPoint) m, Vec2Array table, float cos_o, bool front) {
   }
   b.diffuse_roughness = (features & feature_materials) != 0u ? m.diffuse_roughness : 0.0f;
   b.glass = make_glass(m, table, cos_o, front);
+  if (wears_clearcoat(b.clearcoat)) wear_clearcoat(b, table, cos_o);
   return b;
 }
 
 /// Has a part that light from a point can be scattered by.
-bool takes_light(IN(Bsdf) b) { return max_component(b.diffuse) > 0.0f || (has_lobe(b) && !is_mirror(b)) || is_rough(b.glass); }
+bool takes_light(IN(Bsdf) b) {
+  return max_component(b.diffuse) > 0.0f || (has_lobe(b) && !is_mirror(b)) || is_rough(b.glass) || has_clearcoat_lobe(b.clearcoat);
+}
 
 /// Fresnel's reflectance of layer and metal where light meets a facet at this cosine.
 Spectrum lobe_fresnel(IN(Bsdf) b, float cosine) {
@@ -108,18 +162,6 @@ Spectrum lobe_fresnel(IN(Bsdf) b, float cosine) {
   return f;
 }
 
-/// Chances of taking the base and what several facets scatter, the GGX lobe and the glass; the rest goes below the surface.
-vec3 lobe_chances(IN(Bsdf) b) {
-  vec3 w = vec3(max_component(b.diffuse) * (1.0f - b.coat_albedo), 0.0f, b.glass.share);
-  if (has_lobe(b)) {
-    w.y = dot(b.lobe_albedo, vec2(max_component(b.metal), b.metallic));
-    if (b.layer > 0.0f) w.y += b.layer / b.coat * b.coat_albedo;
-    w.x += max_component(b.multiple) * max(1.0f - b.lobe_albedo.x - b.lobe_albedo.y, 0.0f);
-  }
-  float sum = w.x + w.y + w.z;
-  if ((features & feature_subsurface) != 0u) sum += b.subsurface * (1.0f - b.coat_albedo);
-  return sum > 0.0f ? w / sum : vec3(0.0f);
-}
 
 /// Lambert's 1 / pi, or rough diffuse: Oren and Nayar 1994 in Fujii's form, which is reciprocal and creates no energy.
 float diffuse_shape(float roughness, vec3 wo, vec3 wi) {
@@ -140,15 +182,23 @@ Spectrum bsdf_evaluate(IN(Bsdf) b, Vec2Array table, vec3 wo, vec3 wi, vec3 chanc
   pdf += chances.x * wi.z / pi;
   if (max_component(b.diffuse) > 0.0f) {
     float through = 1.0f;
-    if (b.coat > 0.0f) through = (1.0f - b.coat_albedo) * (1.0f - coat_albedo(b, table, wi.z)) * b.base_scale;
+    if (b.coat > 0.0f || wears_clearcoat(b.clearcoat))
+      through = (1.0f - b.coat_albedo) * (1.0f - coat_albedo(b, table, wi.z)) * b.base_scale;
     f += b.diffuse * (through * wi.z * diffuse_shape(b.diffuse_roughness, wo, wi));
   }
   if (has_lobe(b) && !is_mirror(b)) {
     vec3 h = normalize(wo + wi);
-    f += lobe_fresnel(b, dot(wo, h)) * (ggx_distribution(h, b.alpha) * ggx_visibility(wo.z, wi.z, b.alpha) * wi.z);
+    Spectrum lobe = lobe_fresnel(b, dot(wo, h)) * (ggx_distribution(h, b.alpha) * ggx_visibility(wo.z, wi.z, b.alpha) * wi.z);
     vec2 e_i = lobe_albedo(table, wi.z, b.roughness);
-    f += b.multiple * (max(1.0f - b.lobe_albedo.x - b.lobe_albedo.y, 0.0f) * max(1.0f - e_i.x - e_i.y, 0.0f) * b.multiple_scale * wi.z / pi);
+    float rest = max(1.0f - b.lobe_albedo.x - b.lobe_albedo.y, 0.0f) * max(1.0f - e_i.x - e_i.y, 0.0f);
+    lobe += b.multiple * (rest * b.multiple_scale * wi.z / pi);
+    f += wears_clearcoat(b.clearcoat) ? lobe * under_clearcoat(b.clearcoat, table, wi.z) : lobe;
     pdf += chances.y * ggx_reflection_pdf(wo, h, b.alpha);
+  }
+  if (has_clearcoat_lobe(b.clearcoat)) {
+    float density;
+    f += Spectrum(evaluate_clearcoat(b.clearcoat, table, wo, wi, density));
+    pdf += b.clearcoat.chance * density;
   }
   return f;
 }
@@ -181,10 +231,10 @@ BsdfSample sample_frosted(IN(Bsdf) b, Vec2Array table, vec3 wo, vec3 chances, ve
   return s;
 }
 
-/// By the GGX lobe, which is no mirror, or by the base.
-BsdfSample sample_opaque(IN(Bsdf) b, Vec2Array table, vec3 wo, vec3 chances, vec2 u, bool lobe) {
+/// By a GGX lobe, which is no mirror, or by the base.
+BsdfSample sample_opaque(IN(Bsdf) b, Vec2Array table, vec3 wo, vec3 chances, vec2 u, bool lobe, float alpha) {
   BsdfSample s = BsdfSample(vec3(0.0f), Spectrum(0.0f), 0.0f, false, false);
-  vec3 mirrored = reflect(-wo, sample_visible_normal(wo, b.alpha, u)), diffuse = sample_cosine(u);
+  vec3 mirrored = reflect(-wo, sample_visible_normal(wo, alpha, u)), diffuse = sample_cosine(u);
   s.direction = vec3(lobe ? mirrored.x : diffuse.x, lobe ? mirrored.y : diffuse.y, lobe ? mirrored.z : diffuse.z);
   if (is_rough(b.glass) && s.direction.z <= 0.0f) return s;  // mirrored into the surface: not the glass's light beyond
   Spectrum f = bsdf_evaluate(b, table, wo, s.direction, chances, s.pdf);
@@ -192,6 +242,13 @@ BsdfSample sample_opaque(IN(Bsdf) b, Vec2Array table, vec3 wo, vec3 chances, vec
   return s;
 }
 
+BsdfSample sample_clearcoat(IN(Bsdf) b, Vec2Array table, vec3 wo, vec3 chances, vec2 u) {
+  if (has_clearcoat_lobe(b.clearcoat)) return sample_opaque(b, table, wo, chances, u, true, b.clearcoat.alpha);
+  Spectrum weight = Spectrum(clearcoat_mirror(b.clearcoat, wo.z) / b.clearcoat.chance);
+  return BsdfSample(vec3(-xy(wo), wo.z), weight, 0.0f, true, false);
+}
+
+/// Where choice is beyond all chances, by the clear coat.
 BsdfSample bsdf_sample(IN(Bsdf) b, Vec2Array table, vec3 wo, vec3 chances, vec2 u, float choice) {
   BsdfSample s = BsdfSample(vec3(0.0f, 0.0f, 1.0f), Spectrum(0.0f), 0.0f, false, false);
   if (choice < chances.z) {
@@ -204,10 +261,13 @@ BsdfSample bsdf_sample(IN(Bsdf) b, Vec2Array table, vec3 wo, vec3 chances, vec2 
   if (lobe && is_mirror(b)) {
     s.direction = vec3(-xy(wo), wo.z);
     s.weight = lobe_fresnel(b, wo.z) / chances.y;
+    if (wears_clearcoat(b.clearcoat)) s.weight *= 1.0f - b.clearcoat.albedo;
     s.delta = true;
     return s;
   }
+  bool beyond = choice >= chances.z + chances.y + chances.x;
+  if (!lobe && beyond && wears_clearcoat(b.clearcoat)) return sample_clearcoat(b, table, wo, chances, u);
   if (!lobe && chances.x == 0.0f) return s;
-  return sample_opaque(b, table, wo, chances, u, lobe);
+  return sample_opaque(b, table, wo, chances, u, lobe, b.alpha);
 }
 #endif

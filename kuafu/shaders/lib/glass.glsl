@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Glass: Fresnel's reflectance from its side, and a roughness of its own (Walter et al. 2007). It bounds a body, or is a sheet (thin): both of its faces at
-// once, with all reflections between them, and nothing bends. Light that meets several facets leaves on both sides (Kulla and Conty 2017), so that
-// none is lost: a sheet's as diffuse lobes; a body's turned forwards, and by lobes that are fitted to random walks over facets (Heitz et al.,
-// "Multiple-Scattering Microfacet BSDFs with the Smith Model", 2016). From inside, what goes through follows by reciprocity.
+// Glass: Fresnel's reflectance from its side, and a roughness of its own (Walter et al. 2007). It bounds a body, or is a sheet (thin): both of
+// its faces at once, with all reflections between them, and nothing bends. Light that meets several facets leaves on both sides (Kulla and
+// Conty 2017), so that none is lost: a sheet's as diffuse lobes; a body's turned forwards, and by lobes that are fitted to random walks over
+// facets (Heitz et al., "Multiple-Scattering Microfacet BSDFs with the Smith Model", 2016). From inside, what goes through follows by
+// reciprocity.
 #ifndef KUAFU_GLASS_GLSL
 #define KUAFU_GLASS_GLSL
 #include "lib/albedo_table.glsl"
@@ -105,8 +106,8 @@ void set_several_of_sheet(INOUT(Glass) g, Vec2Array table) {
   g.rest_scale = vec2(1.0f / max(1.0f - mean, 1e-4f));
 }
 
-// Fitted to walks at indices from 1.1 to 2.4 and roughnesses from 0.3 to 1. Of the rest from outside, the share that stays outside does not depend on the
-// direction; from inside, the share that leaves is even where facets are smooth, and like the cosine where they are rough.
+// Fitted to walks at indices from 1.1 to 2.4 and roughnesses from 0.3 to 1. Of the rest from outside, the share that stays outside does not
+// depend on the direction; from inside, the share that leaves is even where facets are smooth, and like the cosine where they are rough.
 void set_several_of_body(INOUT(Glass) g, Vec2Array table) {
   bool inside = g.eta > 1.0f;
   float r = g.roughness, ior = max(g.eta, 1.0f / g.eta), odds = 0.15f * mean_reflectance(g) / (r * r * r);

@@ -15,6 +15,7 @@ struct MaterialPoint {
   Spectrum attenuation;  // inside, 1/m
   float transmission_roughness, diffuse_roughness;
   float subsurface;  // share of the diffuse base
+  float clearcoat, clearcoat_roughness;
   bool thin_walled;  // the glass is a sheet
 };
 
@@ -66,7 +67,7 @@ MaterialPoint load_material(IN(SceneAddresses) scene, IN(MaterialRecord) m, INOU
   p.transmission = m.transmission;
   p.coat = m.specular * m.coat;
   p.attenuation = Spectrum(0.0f);
-  p.transmission_roughness = p.diffuse_roughness = p.subsurface = 0.0f;
+  p.transmission_roughness = p.diffuse_roughness = p.subsurface = p.clearcoat = p.clearcoat_roughness = 0.0f;
   p.thin_walled = false;
   if ((features & feature_subsurface) != 0u) p.subsurface = m.subsurface;
   if ((features & feature_materials) != 0u) {
@@ -74,6 +75,10 @@ MaterialPoint load_material(IN(SceneAddresses) scene, IN(MaterialRecord) m, INOU
     p.thin_walled = m.thin_walled != 0u;
     p.transmission_roughness = m.transmission_roughness;
     p.diffuse_roughness = m.diffuse_roughness;
+  }
+  if ((features & feature_clearcoat) != 0u) {
+    p.clearcoat = m.clearcoat;
+    p.clearcoat_roughness = m.clearcoat_roughness;
   }
   if ((features & feature_lookups) != 0u && m.colored != 0u) p.base *= band_of(xyz(s.color));
   if (m.textured == 0u) return p;

@@ -55,6 +55,7 @@ struct MaterialRecord {
   uint alpha_texture;  // its alpha multiplies; the visible band's base_color_texture
   uint colored;        // nonzero: the mesh's colors multiply base_color
   float normal_scale;
+  float clearcoat, clearcoat_roughness;
 };
 KUAFU_ARRAY(MaterialArray, MaterialRecord, 4)
 
@@ -195,7 +196,7 @@ KUAFU_ARRAY(SceneReference, SceneAddresses, 8)
 
 #ifdef __cplusplus
 static_assert(sizeof(InstanceRecord) == 160);
-static_assert(sizeof(MaterialRecord) == 164);
+static_assert(sizeof(MaterialRecord) == 172);
 static_assert(sizeof(TextureRecord) == 48);
 static_assert(sizeof(LightRecord) == 104);
 static_assert(sizeof(LightShape) == 160);

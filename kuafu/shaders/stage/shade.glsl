@@ -142,6 +142,7 @@ NextRequest scatter(INOUT(Shading) s) {
   }
   if (can_walk() && s.vertex.bsdf.subsurface > 0.0f) {
     float below = 1.0f - (s.vertex.chances.x + s.vertex.chances.y + s.vertex.chances.z);
+    if (wears_clearcoat(s.vertex.bsdf.clearcoat)) below -= s.vertex.bsdf.clearcoat.chance;
     if (choice.x >= 1.0f - below && below > 0.0f) {
       request = enter_body(s.path, s.vertex, s.vertex.bsdf.subsurface * (1.0f - s.vertex.bsdf.coat_albedo) / below);
       leave_first(s.path);

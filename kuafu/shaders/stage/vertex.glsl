@@ -58,7 +58,7 @@ Surface meet_surface(uint i, float time_s, OUT(Vertex) vertex) {
   vec3 normal = front ? s.shading_normal : -s.shading_normal;
   // An interpolated normal may face away from the viewer, where GGX is not defined: bend it back. Lambert needs no viewer.
   float facing = dot(normal, wo);
-  if (facing < 1e-3f && m.specular + m.metallic > 0.0f) normal = normalize(normal + (1e-3f - facing) * wo);
+  if (facing < 1e-3f && m.specular + m.metallic + m.clearcoat > 0.0f) normal = normalize(normal + (1e-3f - facing) * wo);
   vertex.frame = frame_around(normal);
   vertex.wo = to_local(vertex.frame, wo);
   vertex.material = m;
@@ -87,5 +87,6 @@ void set_bsdf(INOUT(Vertex) vertex) {
   // Seen through the layer by the light alone: what the layer keeps from the eye was taken where the path entered.
   vertex.bsdf.layer = vertex.bsdf.coat_albedo = 0.0f;
   vertex.bsdf.multiple = Spectrum(0.0f);
+  vertex.bsdf.clearcoat.share = vertex.bsdf.clearcoat.chance = 0.0f;
   vertex.chances = vec3(1.0f, 0.0f, 0.0f);
 }

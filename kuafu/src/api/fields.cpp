@@ -47,6 +47,8 @@ void copy_fields(const kuafu_material_desc& s, MaterialFields& out) {
   out.alpha_mode = static_cast<decltype(out.alpha_mode)>(s.alpha_mode);
   out.alpha_cutoff = s.alpha_cutoff;
   out.normal_scale = s.normal_scale;
+  out.clearcoat = s.clearcoat;
+  out.clearcoat_roughness = s.clearcoat_roughness;
 }
 
 void copy_fields(const MaterialFields& s, kuafu_material_desc& out) {
@@ -88,6 +90,8 @@ void copy_fields(const MaterialFields& s, kuafu_material_desc& out) {
   out.alpha_mode = static_cast<uint32_t>(s.alpha_mode);
   out.alpha_cutoff = s.alpha_cutoff;
   out.normal_scale = s.normal_scale;
+  out.clearcoat = s.clearcoat;
+  out.clearcoat_roughness = s.clearcoat_roughness;
 }
 
 void copy_fields(const kuafu_film_desc& s, FilmFields& out) {

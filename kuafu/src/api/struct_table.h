@@ -55,6 +55,8 @@ struct StructInfo<kuafu_material_desc> {
       KS_FIELD_END(kuafu_material_desc, alpha_mode),
       KS_FIELD_END(kuafu_material_desc, alpha_cutoff),
       KS_FIELD_END(kuafu_material_desc, normal_scale),
+      KS_FIELD_END(kuafu_material_desc, clearcoat),
+      KS_FIELD_END(kuafu_material_desc, clearcoat_roughness),
   };
   static constexpr std::array<ReservedBytes, 0> reserved = {};
   static kuafu_material_desc neutral() {

@@ -80,6 +80,8 @@ MaterialRecord material_record(const Material& material, uint32_t id, const Band
   r.alpha_texture = material.base_color_texture;
   r.colored = !band.infrared || (material.ir_albedo_texture == none && std::isnan(material.ir_albedo)) ? 1 : 0;
   r.normal_scale = m.normal_scale == 0.0f ? 1.0f : m.normal_scale;
+  r.clearcoat = m.clearcoat;
+  r.clearcoat_roughness = m.clearcoat_roughness;
   set_subsurface(r, m);
   set_textures(r, m);
   return r;
@@ -91,7 +93,7 @@ uint32_t material_features(const Material& m) {
   const bool scaled = m.normal_texture != none && m.normal_scale != 0.0f && m.normal_scale != 1.0f;
   return (special ? feature_materials : 0) | (scaled ? feature_lookups : 0) |
          (m.alpha_mode != Material::AlphaMode::opaque ? feature_cutouts | feature_lookups : 0) |
-         (m.subsurface > 0.0f ? feature_subsurface : 0);
+         (m.subsurface > 0.0f ? feature_subsurface : 0) | (m.clearcoat > 0.0f ? feature_clearcoat : 0);
 }
 
 bool is_smooth_glass(const Material& m) {

@@ -37,6 +37,8 @@ void check_fields(const MaterialFields& s, const std::string& owner) {
   ks::check_choice({owner, "alpha_mode", ""}, uint32_t(s.alpha_mode), 0, std::array<const char*, 3>{"opaque", "mask", "blend"});
   ks::check_range({owner, "alpha_cutoff", ""}, s.alpha_cutoff, 0.0f, INFINITY);
   ks::check_range({owner, "normal_scale", ""}, s.normal_scale, -1000.0f, 1000.0f);
+  ks::check_range({owner, "clearcoat", ""}, s.clearcoat, 0.0f, 1.0f);
+  ks::check_range({owner, "clearcoat_roughness", ""}, s.clearcoat_roughness, 0.0f, 1.0f);
 }
 
 void check_fields(const FilmFields& s, const std::string& owner) {

@@ -91,6 +91,10 @@ struct MaterialFields {
   float alpha_cutoff = 0.5f;
   /// Multiplies the x and y of normal_texture's normals.
   float normal_scale = 1.0f;
+  /// Weight of a clear coat over all of the surface that is not transmission: a reflecting layer of index 1.5 with a roughness of its own (KHR_materials_clearcoat). What lies below receives and gives off the light that the coat transmits. The coat has the normals of the surface, normal_texture's too, is the same in both bands, and does not dim emission.
+  float clearcoat = 0.0f;
+  /// Roughness of the clear coat.
+  float clearcoat_roughness = 0.0f;
 };
 
 struct FilmFields {
@@ -214,7 +218,7 @@ auto texture_ids(M& m) {
 template <class M, class Visit>
 void for_each_field(M& m, Visit&& visit) {
   const auto all = [&](auto&... fields) { (visit(fields), ...); };
-  all(m.name, m.base_color, m.metallic, m.roughness, m.specular, m.ior, m.transmission, m.emission, m.ir_albedo, m.ir_emission, m.base_color_texture, m.metallic_roughness_texture, m.normal_texture, m.emission_texture, m.transmission_texture, m.specular_texture, m.transmission_roughness, m.diffuse_roughness, m.attenuation_color, m.ir_attenuation_color, m.attenuation_distance_m, m.bsdf, m.light_group, m.thin_walled, m.ir_albedo_texture, m.ir_roughness, m.ir_ior, m.ir_transmission, m.ir_transmission_roughness, m.subsurface, m.subsurface_color, m.subsurface_radius_m, m.ir_subsurface_color, m.ir_subsurface_radius_m, m.ior_texture, m.alpha_mode, m.alpha_cutoff, m.normal_scale);
+  all(m.name, m.base_color, m.metallic, m.roughness, m.specular, m.ior, m.transmission, m.emission, m.ir_albedo, m.ir_emission, m.base_color_texture, m.metallic_roughness_texture, m.normal_texture, m.emission_texture, m.transmission_texture, m.specular_texture, m.transmission_roughness, m.diffuse_roughness, m.attenuation_color, m.ir_attenuation_color, m.attenuation_distance_m, m.bsdf, m.light_group, m.thin_walled, m.ir_albedo_texture, m.ir_roughness, m.ir_ior, m.ir_transmission, m.ir_transmission_roughness, m.subsurface, m.subsurface_color, m.subsurface_radius_m, m.ir_subsurface_color, m.ir_subsurface_radius_m, m.ior_texture, m.alpha_mode, m.alpha_cutoff, m.normal_scale, m.clearcoat, m.clearcoat_roughness);
 }
 
 }  // namespace kuafu

@@ -96,6 +96,23 @@ TEST(GltfLooks, AlphaScaleAndRangeArrive) {
   EXPECT_EQ(loaded.scene.lights()[0]->range_m, 3);
 }
 
+TEST(GltfLooks, AClearCoatArrivesAndItsTexturesAreTold) {
+  GltfWriter w =
+      with_material({{"extensions", {{"KHR_materials_clearcoat", {{"clearcoatFactor", 0.75}, {"clearcoatRoughnessFactor", 0.25}}}}}});
+  w.root["extensionsUsed"] = {"KHR_materials_clearcoat"};
+  w.root["extensionsRequired"] = {"KHR_materials_clearcoat"};
+  const Loaded loaded = load_glb(w);
+  EXPECT_TRUE(loaded.warnings.empty());
+  EXPECT_EQ(loaded.scene.materials()[0].clearcoat, 0.75f);
+  EXPECT_EQ(loaded.scene.materials()[0].clearcoat_roughness, 0.25f);
+  json& coat = w.root["materials"][0]["extensions"]["KHR_materials_clearcoat"];
+  coat["clearcoatTexture"] = {{"index", 0}};
+  coat["clearcoatNormalTexture"] = {{"index", 0}};
+  EXPECT_EQ(load_glb(w).warnings.size(), 2u);
+  coat["clearcoatFactor"] = 1.5;
+  EXPECT_NE(glb_error_of(w).find("clearcoat is 1.5"), std::string::npos) << glb_error_of(w);
+}
+
 TEST(GltfLooks, ColoursAndTheSecondSetAreReadWhereTheyMatter) {
   const auto file = [](const std::vector<float>& colors, int uv_set) {
     GltfWriter w = with_material(base_texture({{"index", 0}, {"texCoord", uv_set}}));

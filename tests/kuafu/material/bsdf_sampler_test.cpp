@@ -131,6 +131,17 @@ TEST(BsdfSampler, a_rough_sheet) {
 
 TEST(BsdfSampler, everything_at_once) { check(point(0.3f, 0.4f, 0.6f, 0.7f), 0.9, true); }
 
+MaterialPoint coated(MaterialPoint m, float weight, float roughness) {
+  m.clearcoat = weight;
+  m.clearcoat_roughness = roughness;
+  return m;
+}
+
+TEST(BsdfSampler, a_clear_coat) {
+  check(coated(point(0.5f, 0, 0.4f, 0), 0.8f, 0.3f), 1.0, true);
+  check(coated(point(0.3f, 0.4f, 0.6f, 0.7f), 1, 0.5f), 0.6, true);
+}
+
 /// Energy that clear glass gives of light from one direction, by its sampler; radiance changes by eta squared besides.
 double energy(const MaterialPoint& m, double cosine, bool front) {
   const Lobe l = lobe(m, std::acos(cosine), front);
@@ -173,6 +184,21 @@ TEST(Glass, that_is_a_rough_sheet_loses_and_creates_nothing) {
       }
 }
 
+// What lies over rough metal takes the larger of the coat's two albedos from it, so that some is lost there.
+TEST(Clearcoat, over_white_surfaces_creates_nothing_and_loses_little) {
+  for (const float metallic : {0.0f, 1.0f})
+    for (const float roughness : {0.0f, 0.5f, 1.0f})
+      for (const float coat : {0.0f, 0.3f, 1.0f})
+        for (const double cosine : {0.15, 0.4, 1.0}) {
+          MaterialPoint m = coated(point(metallic, 0, roughness, 0), 1, coat);
+          m.base = 1;
+          m.diffuse_roughness = 0;
+          const double e = energy(m, cosine, true);
+          EXPECT_LT(e, 1.01) << metallic << " " << roughness << ", coat " << coat << ", " << cosine;
+          EXPECT_GT(e, metallic * roughness > 0 ? 0.95 : 0.985) << metallic << " " << roughness << ", coat " << coat << ", " << cosine;
+        }
+}
+
 /// f of glass from wo to wi, each on its side of the surface; radiance over the squared index of where it is, as reciprocity has it.
 double reciprocal_f(const MaterialPoint& m, vec3 wo, vec3 wi) {
   const bool front = wo.z > 0, turned = !front;
@@ -200,6 +226,15 @@ TEST(Glass, is_reciprocal) {
             EXPECT_NEAR(there / back, 1, 2e-3) << thin << " " << ior << " " << roughness << " " << a.z << " " << b.z;
           }
       }
+}
+
+TEST(Clearcoat, is_reciprocal) {
+  const vec3 a = direction(0.9, 0), b = direction(0.3, 2);
+  for (const float metallic : {0.0f, 1.0f})
+    for (const float coat : {0.2f, 0.8f}) {
+      const MaterialPoint m = coated(point(metallic, 0.2f, 0.5f, 0.5f), 0.7f, coat);
+      EXPECT_NEAR(reciprocal_f(m, a, b) / reciprocal_f(m, b, a), 1, 2e-3) << metallic << " " << coat;
+    }
 }
 
 }  // namespace

@@ -152,6 +152,7 @@ def test_records_come_back_as_they_went_in(scene):
         ir_albedo=0.75,
         emission=(1, 2, 3),
         thin_walled=True,
+        clearcoat=0.5,
     )
     back = scene.get_material(scene.add_material(material))
     for name in (
@@ -160,6 +161,8 @@ def test_records_come_back_as_they_went_in(scene):
         "ir_ior",
         "subsurface_radius_m",
         "ior_texture",
+        "clearcoat",
+        "clearcoat_roughness",
         "base_color",
         "metallic",
         "roughness",
