@@ -69,6 +69,8 @@ def add_parser(commands: Commands) -> None:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file")
+    text = "the scene as its animations pose it then (default: without animation)"
+    parser.add_argument("--time", type=positive, metavar="SECONDS", help=text)
     parser.add_argument(
         "--sensor",
         default="d435",
@@ -217,7 +219,9 @@ def _load_scene(args: argparse.Namespace) -> kuafu.Scene:
     import kuafu
 
     scene = kuafu.Scene(kuafu.Device(args.device))
-    scene.load(args.scene)
+    scene.load(args.scene, time_s=args.time)
+    if args.time is not None and not scene.summary.animation_count:
+        raise CommandError(f"--time {args.time:g}: {args.scene} has no animation")
     if not scene.summary.triangle_count:
         raise CommandError(f"{args.scene}: there is nothing to see in it: no triangles")
     if args.reflectances is not None:

@@ -8,6 +8,7 @@ import zlib
 
 import numpy as np
 import pytest
+from moving_wall import write_moving_wall
 from PIL import Image
 
 K = "120,0,79.5,0,120,47.5,0,0,1"
@@ -158,6 +159,16 @@ def test_simulate_moves_the_sensor_while_it_exposes(run, table_top, tmp_path):
         assert result.returncode == 0, result.stderr
         images.append([(tmp_path / str(speed) / f"{name}.png").read_bytes() for name in ("ir_left", "rgb")])
     assert images[0][0] != images[1][0] and images[0][1] == images[1][1]  # the RGB camera is open for an instant
+
+
+def test_simulate_at_a_time(run, table_top, tmp_path):
+    wall = write_moving_wall(tmp_path / "wall.gltf")
+    ahead = "1,0,0,0, 0,1,0,0, 0,0,1,0, 0,0,0,1"
+    options = ("--resolution", "106x60", "--spp", 1, "--max-bounces", 0, "--out", tmp_path / "out")
+    result = run("simulate", wall, "--time", 1, "--camera-to-world", ahead, *options)
+    assert result.returncode == 0, result.stderr
+    assert abs(np.median(np.asarray(Image.open(tmp_path / "out" / "depth_true.png"))) - 3500) <= 1  # 2000 at time 0
+    assert_refused(run("simulate", table_top, "--time", 1, *options), "table_top.gltf", "--time 1", "no animation")
 
 
 def test_simulate_options_are_the_configuration():
