@@ -9,6 +9,7 @@
 #include <string_view>
 
 #include "device/error.h"
+#include "import/gltf_members.h"
 #include "import/gltf_meshopt.h"
 #include "import/gltf_schema.h"
 
@@ -121,12 +122,13 @@ void clean_names(tinygltf::Model& model) {
 
 }  // namespace
 
-tinygltf::Model read_gltf(const Import& import) {
+tinygltf::Model read_gltf(Import& import) {
   std::vector<uint8_t> bytes = import.folder.read_scene_file();
   if (bytes.size() > 0xffffffffu) ks::fail(KS_ERROR_UNSUPPORTED, "%zu bytes: a glTF file must be smaller than 4 GiB", bytes.size());
   const bool binary = is_binary(bytes);
   std::string text(binary ? binary_json(bytes) : std::string_view(reinterpret_cast<const char*>(bytes.data()), bytes.size()));
   nlohmann::json root = parse_gltf_json(text);
+  warn_of_unknown_members(import, root);
   const bool dropped = drop_compressed_indices(root), compressed = read_compressed_views(root), escaped = !binary && escape_plus(root);
   if (dropped || compressed || escaped) text = root.dump();
   if (binary && (dropped || compressed)) bytes = with_json(bytes, text);

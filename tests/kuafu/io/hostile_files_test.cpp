@@ -272,6 +272,29 @@ TEST(HostileFile, NamesStayInTheirLineAndMessagesAreBounded) {
   EXPECT_TRUE(has(outcome.warnings.back(), "more such messages")) << outcome.warnings.back();
 }
 
+TEST(HostileFile, AMemberThatIsMisspeltIsSaidOnceWithTheNearestName) {
+  const Folder folder;
+  GltfWriter w;
+  w.triangle();
+  w.triangle();
+  w.root["materials"] = {{{"pbrMetallicRoughness", {{"rougnessFactor", 0.2}}}, {"name", "a"}}};
+  for (json& mesh : w.root["meshes"]) mesh["primitives"][0]["indeces"] = 0;
+  w.root["accessors"][1]["something\nelse"] = 1;
+  w.root["accessors"][1]["extras"] = {{"anything", 1}};
+  w.node({{"mesh", 0}});
+  w.write_glb(folder / "a.glb");
+  const Outcome outcome = load(folder / "a.glb");
+  ASSERT_EQ(outcome.error, "");
+  EXPECT_EQ(outcome.warnings.size(), 3u);
+  EXPECT_TRUE(warns(outcome, "meshes[0]/primitives[0]: member 'indeces' is unknown and ignored; is 'indices' meant?"));
+  EXPECT_TRUE(warns(outcome, "materials[0]/pbrMetallicRoughness: member 'rougnessFactor' is unknown and ignored; is 'roughnessFactor'"));
+  EXPECT_TRUE(warns(outcome, "accessors[1]: member 'something else' is unknown and ignored"));
+
+  for (int i = 0; i < 3000; ++i) w.root["nodes"][0][std::to_string(i)] = i;
+  w.write_glb(folder / "a.glb");
+  EXPECT_EQ(load(folder / "a.glb").warnings.size(), 11u);
+}
+
 TEST(HostileFile, IndicesThatDoNotFitAreNotWrapped) {
   const Folder folder;
   GltfWriter w;
