@@ -4,6 +4,7 @@
 
 #include <atomic>
 #include <chrono>
+#include <cstddef>
 #include <functional>
 #include <thread>
 
@@ -64,6 +65,10 @@ class Interrupt {
 /// Where long work may end early; costs a few nanoseconds.
 inline void interruption_point() {
   if (Interrupt* interrupt = Interrupt::current()) interrupt->point();
+}
+/// For each step of a loop whose steps take nanoseconds; only every 65536th looks.
+inline void interruption_point(size_t step) {
+  if (step % 65536 == 0) interruption_point();
 }
 
 }  // namespace ks

@@ -5,8 +5,21 @@
 #include <optional>
 
 #include "device/compute.h"
+#include "device/interrupt.h"
 
 namespace kuafu {
+namespace {
+
+constexpr uint64_t piece_bytes = 32ull << 20;  // into memory that was never touched some 20 ms
+
+}  // namespace
+
+void ArrayBuffer::write_bytes(uint64_t offset_bytes, const std::byte* values, uint64_t bytes) {
+  for (uint64_t done = 0; done < bytes; done += piece_bytes) {
+    ks::interruption_point();
+    buffer_->write(offset_bytes + done, values + done, std::min(piece_bytes, bytes - done));
+  }
+}
 
 /// Neighbours go together, and all of them in one submission.
 void ArrayBuffer::write_elements(const std::byte* values, uint64_t element_bytes, std::vector<uint32_t> indices) {

@@ -31,7 +31,7 @@ class ArrayBuffer {
   }
   template <class T>
   void write(uint64_t offset_bytes, const std::vector<T>& values) {
-    if (!values.empty()) buffer_->write(offset_bytes, values.data(), values.size() * sizeof(T));
+    write_bytes(offset_bytes, reinterpret_cast<const std::byte*>(values.data()), values.size() * sizeof(T));
   }
   /// `indices` (any order, taken) say which of `values` changed. All of them are written where the array has to grow.
   template <class T>
@@ -48,6 +48,7 @@ class ArrayBuffer {
   [[nodiscard]] const std::shared_ptr<ks::Buffer>& buffer() const { return buffer_; }
 
  private:
+  void write_bytes(uint64_t offset_bytes, const std::byte* values, uint64_t bytes);
   void write_elements(const std::byte* values, uint64_t element_bytes, std::vector<uint32_t> indices);
 
   VkBufferUsageFlags extra_usage_;

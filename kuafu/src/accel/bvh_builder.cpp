@@ -42,7 +42,10 @@ class Builder {
  public:
   Builder(std::span<const Box> boxes, uint32_t max_leaf, uint32_t max_depth) : max_leaf_(max_leaf), max_depth_(max_depth) {
     primitives_.reserve(boxes.size());
-    for (size_t i = 0; i < boxes.size(); ++i) primitives_.push_back({boxes[i], uint32_t(i)});
+    for (size_t i = 0; i < boxes.size(); ++i) {
+      ks::interruption_point(i);
+      primitives_.push_back({boxes[i], uint32_t(i)});
+    }
   }
 
   Bvh run() {
@@ -53,7 +56,11 @@ class Builder {
       bvh_.nodes.emplace_back();
       set_children(0, root, {bvh_leaf, {}});
     }
-    for (const Primitive& p : primitives_) bvh_.order.push_back(p.id);
+    bvh_.order.reserve(primitives_.size());
+    for (size_t i = 0; i < primitives_.size(); ++i) {
+      ks::interruption_point(i);
+      bvh_.order.push_back(primitives_[i].id);
+    }
     return std::move(bvh_);
   }
 

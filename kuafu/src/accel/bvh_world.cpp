@@ -5,6 +5,7 @@
 
 #include "accel/swept_box.h"
 #include "device/error.h"
+#include "device/interrupt.h"
 #include "device/thread_pool.h"
 #include "scene/motion.h"
 
@@ -62,7 +63,12 @@ void BvhWorld::add_meshes(const Scene& scene) {
   std::vector<MeshBvh> built(scene.meshes().size() - first);
   device_->workers().parallel_for(built.size(), [&](size_t i) { built[i] = build_mesh_bvh(scene.meshes()[first + i]); });
   std::vector<std::byte> bytes;
+  uint64_t most_bytes = 0;
+  for (const MeshBvh& mesh : built)
+    most_bytes += mesh.nodes.size() * sizeof(BvhNode) + mesh.triangles.size() * sizeof(BvhTriangle) + sizeof(BvhNode);
+  bytes.reserve(most_bytes);
   const auto append = [&bytes](const auto& values) {
+    ks::interruption_point();
     bytes.resize((bytes.size() + sizeof(BvhNode) - 1) / sizeof(BvhNode) * sizeof(BvhNode));  // a node in one cache line
     const size_t offset = bytes.size();
     const auto span = std::as_bytes(std::span(values));

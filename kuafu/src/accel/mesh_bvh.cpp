@@ -3,6 +3,8 @@
 
 #include <span>
 
+#include "device/interrupt.h"
+
 namespace kuafu {
 namespace {
 
@@ -28,24 +30,34 @@ Box node_box(const BvhNode& node) {
 
 MeshBvh build_mesh_bvh(const Mesh& mesh) {
   std::vector<Box> boxes(mesh.indices.size());
-  for (size_t i = 0; i < boxes.size(); ++i)
+  for (size_t i = 0; i < boxes.size(); ++i) {
+    ks::interruption_point(i);
     for (int corner = 0; corner < 3; ++corner) boxes[i].add(mesh.positions[mesh.indices[i][corner]]);
+  }
   Bvh bvh = build_bvh(boxes, bvh_max_leaf, bvh_bottom_depth);
 
   MeshBvh out{std::move(bvh.nodes), {}, bvh.bounds};
   out.triangles.reserve(bvh.order.size());
-  for (const uint32_t id : bvh.order) out.triangles.push_back(triangle_of(mesh, id));
+  for (size_t i = 0; i < bvh.order.size(); ++i) {
+    ks::interruption_point(i);
+    out.triangles.push_back(triangle_of(mesh, bvh.order[i]));
+  }
   return out;
 }
 
 void refit_mesh_bvh(MeshBvh& bvh, const Mesh& mesh) {
-  for (BvhTriangle& triangle : bvh.triangles) triangle = triangle_of(mesh, triangle.primitive);
-  // Parents come before children.
-  for (auto node = bvh.nodes.rbegin(); node != bvh.nodes.rend(); ++node)
+  for (size_t i = 0; i < bvh.triangles.size(); ++i) {
+    ks::interruption_point(i);
+    bvh.triangles[i] = triangle_of(mesh, bvh.triangles[i].primitive);
+  }
+  for (size_t i = bvh.nodes.size(); i-- > 0;) {  // parents come before children
+    ks::interruption_point(i);
+    BvhNode& node = bvh.nodes[i];
     for (int child = 0; child < 2; ++child) {
-      const uint32_t code = child == 0 ? node->child0 : node->child1;
-      set_child_box(*node, child, code & bvh_leaf ? leaf_box(bvh, code) : node_box(bvh.nodes[code]));
+      const uint32_t code = child == 0 ? node.child0 : node.child1;
+      set_child_box(node, child, code & bvh_leaf ? leaf_box(bvh, code) : node_box(bvh.nodes[code]));
     }
+  }
   bvh.bounds = node_box(bvh.nodes.front());
 }
 
