@@ -9,7 +9,7 @@
 typedef int32_t ks_status;
 
 #define KS_OK 0
-#define KS_NOT_READY 1
+#define KS_NOT_READY 1 /* returned by nothing: a submission that still runs is KS_ERROR_TIMEOUT, also where the timeout was 0 */
 #define KS_ERROR_INVALID_ARGUMENT (-1)
 #define KS_ERROR_INVALID_STATE (-2)
 #define KS_ERROR_UNSUPPORTED (-3)
