@@ -3,10 +3,12 @@
 #include "device/cache_file.h"
 
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
+#include <csignal>
 #include <fstream>
 #include <thread>
 
@@ -86,6 +88,42 @@ TEST_F(CacheFile, what_is_no_file_reads_as_nothing_and_cannot_be_written) {
   EXPECT_FALSE(write_cache_file(folder_ / "pipe" / "below", some_bytes(3, 0)));
 }
 
+/// While it lives, no file of this process grows beyond so many bytes: a write to a full disk ends as short.
+class FullDisk {
+ public:
+  explicit FullDisk(rlim_t most_bytes) : ignored_(std::signal(SIGXFSZ, SIG_IGN)) {
+    getrlimit(RLIMIT_FSIZE, &before_);
+    const rlimit full{std::min(most_bytes, before_.rlim_max), before_.rlim_max};
+    setrlimit(RLIMIT_FSIZE, &full);
+  }
+  ~FullDisk() {
+    setrlimit(RLIMIT_FSIZE, &before_);
+    std::signal(SIGXFSZ, ignored_);
+  }
+  FullDisk(const FullDisk&) = delete;
+  FullDisk& operator=(const FullDisk&) = delete;
+
+ private:
+  void (*ignored_)(int);
+  rlimit before_{};
+};
+
+TEST_F(CacheFile, on_a_full_disk_what_was_there_stays_and_nothing_is_left_beside_it) {
+  const fs::path file = folder_ / "file";
+  ASSERT_TRUE(write_cache_file(file, some_bytes(50, 1)));
+  for (const rlim_t room : {rlim_t{0}, rlim_t{10}, rlim_t{5000}}) {  // none, a part of the header, a part of the bytes
+    bool replaced = true, made = true;
+    {
+      const FullDisk full(room);
+      replaced = write_cache_file(file, some_bytes(100000, 2));
+      made = write_cache_file(folder_ / "new", some_bytes(100000, 3));
+    }
+    EXPECT_FALSE(replaced || made) << room;
+    EXPECT_EQ(read_cache_file(file), some_bytes(50, 1)) << room;
+    EXPECT_EQ(files().size(), 1u) << room;
+  }
+}
+
 TEST_F(CacheFile, many_writers_leave_one_whole_file) {
   const fs::path file = folder_ / "file";
   std::vector<std::thread> writers;
@@ -162,6 +200,14 @@ TEST_F(CacheFile, without_a_folder_or_with_one_that_cannot_be_made_a_device_work
   build_one(folder_ / "a_file" / "below");
   fs::current_path(before);
   EXPECT_EQ(files().size(), 1u) << "only the file in the way";
+}
+
+TEST_F(CacheFile, on_a_full_disk_a_device_works_the_same) {
+  {
+    const FullDisk full(10);
+    build_one(folder_);
+  }
+  EXPECT_TRUE(files().empty());
 }
 
 TEST(CacheFolder, follows_the_asked_one_then_XDG_then_home) {
