@@ -3,7 +3,6 @@
 // process of its own: cold with empty cache folders (ours and the driver's), warm with those that the cold one left. CPU time, divided by
 // the cores, is what an idle machine would show at least.
 // Usage: bench_first_image
-#include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -19,13 +18,6 @@ struct Kind {
   uint32_t tracer;
 };
 constexpr Kind kinds[] = {{"auto", KUAFU_TRACER_AUTO}, {"compute", KUAFU_TRACER_COMPUTE}, {"rt", KUAFU_TRACER_RT_PIPELINE}};
-
-double cpu_ms() {
-  rusage used{};
-  getrusage(RUSAGE_SELF, &used);
-  const auto ms = [](const timeval& t) { return 1e3 * double(t.tv_sec) + 1e-3 * double(t.tv_usec); };
-  return ms(used.ru_utime) + ms(used.ru_stime);
-}
 
 int child(uint32_t tracer) {
   const double start = now_ms();

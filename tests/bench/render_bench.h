@@ -2,6 +2,8 @@
 // A device, a renderer and one radiance image per view, for the benchmarks; each failure ends the program with its message.
 #pragma once
 
+#include <sys/resource.h>
+
 #include <algorithm>
 #include <chrono>
 #include <limits>
@@ -12,6 +14,17 @@
 namespace bench {
 
 inline double now_ms() { return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
+
+/// Processor time of this process and of its children that have ended.
+inline double cpu_ms() {
+  double ms = 0;
+  for (const auto who : {RUSAGE_SELF, RUSAGE_CHILDREN}) {
+    rusage used{};
+    getrusage(who, &used);
+    for (const timeval& t : {used.ru_utime, used.ru_stime}) ms += 1e3 * double(t.tv_sec) + 1e-3 * double(t.tv_usec);
+  }
+  return ms;
+}
 
 inline kuafu_device open_device() {
   kuafu_device device = nullptr;
