@@ -213,7 +213,7 @@ void Buffer::write(uint64_t offset_bytes, const void* data, uint64_t size_bytes)
   if (size_bytes == 0) return;
   if (data == nullptr) fail(KS_ERROR_INVALID_ARGUMENT, "a write of %llu bytes from NULL", static_cast<ull>(size_bytes));
   if (mapped_ != nullptr) {
-    std::memcpy(static_cast<char*>(mapped_) + offset_bytes, data, size_bytes);
+    std::memmove(static_cast<char*>(mapped_) + offset_bytes, data, size_bytes);  // data may lie in this very memory
     device_->count_copy(size_bytes);
     return;
   }
@@ -232,7 +232,7 @@ void Buffer::read(uint64_t offset_bytes, void* data, uint64_t size_bytes) const 
   if (size_bytes == 0) return;
   if (data == nullptr) fail(KS_ERROR_INVALID_ARGUMENT, "a read of %llu bytes to NULL", static_cast<ull>(size_bytes));
   if (mapped_ != nullptr) {
-    std::memcpy(data, static_cast<const char*>(mapped_) + offset_bytes, size_bytes);
+    std::memmove(data, static_cast<const char*>(mapped_) + offset_bytes, size_bytes);
     device_->count_copy(size_bytes);
     return;
   }

@@ -91,6 +91,21 @@ TEST_P(EveryDevice, HostVisibleBuffersAreMapped) {
   EXPECT_EQ(buffer->address() != 0, device_->has_vulkan());
 }
 
+// Found by fuzz_kuafu under ASan: the caller's memory is the buffer's own, which was imported or mapped.
+TEST_P(EveryDevice, BytesAreMovedWithinTheBuffersOwnMemory) {
+  constexpr size_t size = 100000, step = 37;
+  const auto buffer = Buffer::create(device_, size, KS_BUFFER_HOST_VISIBLE);
+  auto* own = static_cast<uint8_t*>(buffer->mapped());
+  std::vector<uint8_t> expected(size);
+  for (size_t i = 0; i < size; ++i) own[i] = expected[i] = uint8_t(i * 31 >> 3);
+  buffer->write(step, own, size - step);
+  std::copy_backward(expected.begin(), expected.end() - step, expected.end());
+  EXPECT_TRUE(std::equal(expected.begin(), expected.end(), own));
+  buffer->read(step, own, size - step);
+  std::copy(expected.begin() + step, expected.end(), expected.begin());
+  EXPECT_TRUE(std::equal(expected.begin(), expected.end(), own));
+}
+
 TEST(Buffer, CpuDevicesMapEveryBuffer) {
   SKIP_IF(test::why_no_cpu_device());
   EXPECT_NE(Buffer::create(test::cpu_device(), 64, 0)->mapped(), nullptr);
