@@ -57,7 +57,8 @@ TEST(Dots, stand_on_a_background_that_is_everywhere) {
   kuafu_light_desc light = dot_projector(dot, 1.2f);
   light.dot_background = 0.25;
   world.add_light(light, placed({0, 0, 0}));
-  EXPECT_NEAR(spot_on_wall(wall(world)).power, 2.5 + 0.25 * side * side, 0.01 * 0.25 * side * side);
+  // Over the last half pixel the image fades: an eighth of a pixel is lost along each border.
+  EXPECT_NEAR(spot_on_wall(wall(world)).power, 2.5 + 0.25 * (side * side - 4 * side / 8.0), 0.3);
 }
 
 TEST(Dots, keep_their_power_and_place_between_pixels) {

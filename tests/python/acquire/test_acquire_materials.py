@@ -65,7 +65,7 @@ def test_the_scene_is_where_the_fit_starts(plastic):
 
 def test_the_command_finds_the_paint(plastic, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(materials, "_SAMPLES", (4, 16))  # fewer than a user's, for one small picture
-    monkeypatch.setattr(materials, "_FINE_SAMPLES", 64)
+    monkeypatch.setattr(materials, "_FINE_SAMPLES", 128)
     out = tmp_path / "model.json"
     out.write_text(
         json.dumps({"format": "active-stereo-model", "version": 2, "materials": {"table": {"roughness": 0.9}}})
