@@ -59,6 +59,14 @@ class IrLink:
         asked for."""
         return self._beside()
 
+    def targets(self, is_laser_apart: bool) -> dict[str, kuafu.Image]:
+        """What a render fills, by kuafu's name of the output."""
+        return {"radiance": self.target} | ({"projector": self.laser.target} if is_laser_apart else {})
+
+    def lasers(self, is_laser_apart: bool) -> dict[str, simsense.Image]:
+        """The depth engine's keyword arguments for the laser's part; none where all light has speckle."""
+        return {"left_laser": self.laser.left, "right_laser": self.laser.right} if is_laser_apart else {}
+
     @property
     def images(self) -> np.ndarray:
         """The pairs as kuafu wrote them, float32 [2 * count, height, width], left ones first; a view."""

@@ -362,8 +362,7 @@ class StereoDepthSensor:
         """These maps of the last picture."""
         self._engine.set_parameters(frame_index=self._frame, scene_index=self._speckle_draw)
         pair = (self._link.left, self._link.right)
-        apart = self._link.laser if self._is_laser_apart else None
-        laser = {} if apart is None else {"left_laser": apart.left, "right_laser": apart.right}
+        laser = self._link.lasers(self._is_laser_apart)
         return self._image_effects.depth(self._engine, pair, tuple(names), **laser)
 
     def _match_rest(self) -> None:
@@ -475,11 +474,8 @@ class StereoDepthSensor:
 
     def _render_infrared(self, frame: int, progress: Any) -> None:
         """Into the link; the projector's part of both images beside it, unless all light has speckle."""
-        outputs = {"radiance": self._link.target}
         self._is_laser_apart = self._tell_engines().speckle_of_laser
-        if self._is_laser_apart:
-            outputs["projector"] = self._link.laser.target
-        self._render(self.ir_cameras(), outputs, "infrared", frame, progress)
+        self._render(self.ir_cameras(), self._link.targets(self._is_laser_apart), "infrared", frame, progress)
 
     def _keep_times(self, group: str, worker: Any) -> None:
         kept = {name: t for name, t in self._stage_times.items() if not name.startswith(f"{group}: ")}

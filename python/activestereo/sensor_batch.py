@@ -317,13 +317,11 @@ class StereoDepthSensorBatch:
     def _render_infrared(self, settings: dict[str, Any]) -> None:
         """Into the link, exposed; the laser's part, where speckle is its alone, is kept."""
         apart = self._rig.inputs.speckle_of_laser
-        links = [self._link, self._link.laser] if apart else [self._link]
-        outputs = dict(zip(("radiance", "projector"), (link.target for link in links), strict=False))
         environments = self._environments * 2
         self._renderer.render(
             self._scene,
             self._rig.cameras,
-            outputs,
+            self._link.targets(apart),
             band="infrared",
             environments=environments,
             film=self._rig.films,
@@ -331,6 +329,7 @@ class StereoDepthSensorBatch:
         )
         if self._exposure.mode == "fixed" and bool((self._light_share == 1.0).all()):
             return
+        links = [self._link, self._link.laser] if apart else [self._link]
         pairs = [link.images.reshape(2, self._count, *link.images.shape[1:]) for link in links]
         for n in range(self._count):
             light = self._light_of(pairs[0][0, n]) * np.float32(self._light_share[n])
@@ -347,9 +346,8 @@ class StereoDepthSensorBatch:
     def _compute(self, names: list[str]) -> dict[str, NDArray[Any]]:
         self._engine.set_parameters(frame_index=self._frame, scene_index=max(self._speckle_draw, 0))
         pair = (self._link.left, self._link.right)
-        apart = self._link.laser if self._rig.inputs.speckle_of_laser else None
-        lasers = (None, None) if apart is None else (apart.left, apart.right)
-        found = self._engine.compute(*pair, names, left_laser=lasers[0], right_laser=lasers[1])
+        lasers: dict[str, Any] = self._link.lasers(self._rig.inputs.speckle_of_laser)
+        found = self._engine.compute(*pair, names, **lasers)
         per_sensor = 1 if self._count > 1 else 0  # axes before an image's own
         return {name: image.reshape(*self._shape, *image.shape[per_sensor:]) for name, image in found.items()}
 

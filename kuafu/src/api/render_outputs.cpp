@@ -23,8 +23,8 @@ struct OutputKind {
 
 constexpr OutputKind output_kinds[] = {
     {KUAFU_OUTPUT_RADIANCE, output_radiance, "KUAFU_OUTPUT_RADIANCE"},
-    {KUAFU_OUTPUT_PROJECTOR_DIRECT, output_radiance + 1 + group_projector_direct, "KUAFU_OUTPUT_PROJECTOR_DIRECT"},
-    {KUAFU_OUTPUT_PROJECTOR_INDIRECT, output_radiance + 1 + group_projector_indirect, "KUAFU_OUTPUT_PROJECTOR_INDIRECT"},
+    {KUAFU_OUTPUT_PROJECTOR_DIRECT, output_projector_direct, "KUAFU_OUTPUT_PROJECTOR_DIRECT"},
+    {KUAFU_OUTPUT_PROJECTOR_INDIRECT, output_projector_indirect, "KUAFU_OUTPUT_PROJECTOR_INDIRECT"},
     {KUAFU_OUTPUT_AMBIENT, output_radiance + 1 + group_ambient, "KUAFU_OUTPUT_AMBIENT"},
     {KUAFU_OUTPUT_LIGHT_GROUP_0, output_light_group, "KUAFU_OUTPUT_LIGHT_GROUP_0"},
     {KUAFU_OUTPUT_LIGHT_GROUP_0 + 1, output_light_group + 1, "KUAFU_OUTPUT_LIGHT_GROUP_0 + 1"},

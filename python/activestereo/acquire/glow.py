@@ -45,10 +45,18 @@ class ProjectorView:
     size: tuple[int, int]
 
     def pixels(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """(u, v [n][2] in the pattern, the beams [n][3]) of points [n][3] in the left camera's frame."""
-        beam = (points - self.place_m) @ self.rotation.T
-        uv = beam[:, :2] / beam[:, 2:] * [self.K[0, 0], self.K[1, 1]] + [self.K[0, 2], self.K[1, 2]]
-        return uv, beam
+        return projected(points, self.place_m, self.rotation, self.K)
+
+
+def projected(
+    points: NDArray[np.float64], place_m: NDArray[np.float64], rotation: NDArray[np.float64], K: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(u, v [n][2] in the pattern, the beams [n][3] in the projector's axes) of points [n][3] in the left camera's
+    frame."""
+    beam = (points - place_m) @ rotation.T
+    u = K[0, 0] * beam[:, 0] / beam[:, 2] + K[0, 2]
+    v = K[1, 1] * beam[:, 1] / beam[:, 2] + K[1, 2]
+    return np.column_stack([u, v]), beam
 
 
 def power_factor(

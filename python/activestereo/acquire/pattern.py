@@ -15,7 +15,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from activestereo.acquire.frames import LEAST_REPEATS, Repeats, check_still
-from activestereo.acquire.glow import ProjectorView, SeenWall, light_between_dots, power_factor
+from activestereo.acquire.glow import ProjectorView, SeenWall, light_between_dots, power_factor, projected
 from activestereo.acquire.spots import Spots, find_spots
 from activestereo.acquire.wall import Wall, find_wall
 from activestereo.capture import EYES, Capture, Frame, read_capture
@@ -286,10 +286,8 @@ def _dots_of(
 ) -> np.ndarray:
     """[spot][3]: u, v in the pattern and power, in units that the views share but for exposure."""
     points = view.wall.points
-    beam = (points - place) @ rotation.T
-    u = projector_K[0, 0] * beam[:, 0] / beam[:, 2] + projector_K[0, 2]
-    v = projector_K[1, 1] * beam[:, 1] / beam[:, 2] + projector_K[1, 2]
-    return np.column_stack([u, v, view.spots["left"].flux * power_factor(points, view.wall.plane[:3], beam)])
+    uv, beam = projected(points, place, rotation, projector_K)
+    return np.column_stack([uv, view.spots["left"].flux * power_factor(points, view.wall.plane[:3], beam)])
 
 
 def _meeting_point(
@@ -298,7 +296,7 @@ def _meeting_point(
     """(the point that the lines through equal dots meet in, its standard deviations, pairs [n][2] of equal dots)."""
     pairs = np.empty((0, 2), dtype=int)
     for reach in _SAME_DOT_PX:
-        first, second = (_projected(wall.points, place, rotation, projector_K) for wall in (near, far))
+        first, second = (projected(wall.points, place, rotation, projector_K)[0] for wall in (near, far))
         distance, other = cKDTree(second).query(first)
         back = cKDTree(first).query(second)[1]
         chosen = np.flatnonzero((distance < reach) & (back[other] == np.arange(len(first))))
@@ -329,11 +327,6 @@ def _nearest_to_lines(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndar
         use = off < 4.0 * np.median(off)
     variance = float(np.sum(off[use] ** 2)) / max(2 * int(use.sum()) - 3, 1)
     return point, np.sqrt(variance * np.diag(np.linalg.inv(gram)))
-
-
-def _projected(points: np.ndarray, place: np.ndarray, rotation: np.ndarray, K: np.ndarray) -> np.ndarray:
-    beam = (points - place) @ rotation.T
-    return np.column_stack([K[0, 0] * beam[:, 0] / beam[:, 2] + K[0, 2], K[1, 1] * beam[:, 1] / beam[:, 2] + K[1, 2]])
 
 
 def _union(near: np.ndarray, far: np.ndarray, pairs: np.ndarray) -> np.ndarray:
