@@ -37,6 +37,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import simsense
+from activestereo.cli.depth import PROFILES
 
 Image = NDArray[np.generic]
 Matcher = Callable[[Image, Image, int], NDArray[np.float32]]
@@ -154,7 +155,8 @@ MATCHERS: dict[str, Matcher] = {
     "simsense, summed subpixel": ours(subpixel="equiangular_summed"),
     "simsense, summed subpixel, median 5": ours(subpixel="equiangular_summed", median_size=5),
     "simsense, 8 paths, summed subpixel, median 5": ours(path_count=8, subpixel="equiangular_summed", median_size=5),
-    "simsense, block 5, uniqueness 5, median 5": ours(block_width=5, block_height=5, uniqueness_ratio=5, median_size=5),
+    "simsense, depth --profile active": ours(**PROFILES["active"]),
+    "simsense, depth --profile passive": ours(**PROFILES["passive"]),
     "simsense, as D415 (median 5, texture 2)": ours(median_size=5, min_texture_dn=2),
     "simsense, as D435 (block 15, median 5, texture 2)": ours(
         block_width=15, block_height=15, median_size=5, min_texture_dn=2

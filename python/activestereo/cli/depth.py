@@ -25,12 +25,25 @@ from activestereo.cli.engine_options import add_matching, given_matching, given_
 if TYPE_CHECKING:
     import simsense
 
-# Of the matcher's settings, on Motorcycle, Cones and Teddy of Middlebury: pixels off by more than 2 px or without
-# disparity fall from 7.5, 7.7 and 10.1 % to 6.3, 6.5 and 8.0 % under 'passive'.
+# Settings for real pictures, found on pairs with truth (tests/bench/README.md, "Pairs with truth"); the engine's own
+# defaults, the published SimSense's, err more on both kinds.
 PROFILES: dict[str, dict[str, Any]] = {
-    "active": {},
-    "passive": {"block_width": 5, "block_height": 5, "uniqueness_ratio": 5, "median_size": 5},
-}
+    "active": {"p1": 12, "p2": 32, "subpixel": "equiangular_summed", "median_size": 5, "uniqueness_ratio": 10},
+    "passive": {
+        "census_kind": "plain", "census_contrast": 1 / 128, "block_width": 5, "block_height": 5,
+        "p1": 12, "p2": 48, "p2_full_gradient_dn": 24,
+        "subpixel": "equiangular_summed", "median_size": 5, "uniqueness_ratio": 5,
+    },
+}  # fmt: skip
+
+
+def profile(name: str, bits: int) -> dict[str, Any]:
+    """The engine's parameters under a profile, for images of so many bits."""
+    found = dict(PROFILES.get(name, {}))
+    if "p2_full_gradient_dn" in found:
+        found["p2_full_gradient_dn"] <<= bits - 8  # of 8-bit counts
+    return found
+
 
 _TEXT = """\
 Computes depth from a rectified infrared (or gray) image pair, as a depth camera does inside.
@@ -65,10 +78,10 @@ def add_parser(commands: Commands) -> None:
     )
     add_out(parser)
     text = (
-        "values of the options below that are not given: active for dots, passive for plain pictures of textured "
-        "things (block 5x5, uniqueness 5, median 5) (default: active)"
+        "values of the options below that are not given: active for pictures of dots, passive for plain pictures of "
+        "textured things, engine for the engine's own defaults (default: active)"
     )
-    parser.add_argument("--profile", choices=tuple(PROFILES), default="active", help=text)
+    parser.add_argument("--profile", choices=("engine", *PROFILES), default="active", help=text)
     text = (
         "Vulkan device for --back-end vulkan: the best one, lavapipe, or number N of 'activestereo devices' (default: "
         "none, the CPU)"
@@ -114,7 +127,7 @@ def _make_engine(args: argparse.Namespace, left: np.ndarray, right: np.ndarray) 
     left_to_right = np.eye(4)
     left_to_right[0, 3] = -args.baseline
     bits = 8 * left.itemsize  # the matcher sees every count of either depth
-    options = PROFILES[args.profile] | given_matching(args) | given_rig(args)
+    options = profile(args.profile, bits) | given_matching(args) | given_rig(args)
     # A Vulkan device is opened where it was asked for: a plain call needs no driver at all.
     device = args.device or ("auto" if options.get("back_end") == "vulkan" else "host")
     return simsense.Engine(

@@ -263,6 +263,23 @@ def test_depth_of_a_passive_pair_has_a_profile_and_options_go_before_it(run, pai
         )
 
 
+def test_profiles_of_depth_are_for_dots_for_textures_and_the_engine_itself(run, pair, tmp_path):
+    deep = []
+    for name in ("left", "right"):
+        deep.append(tmp_path / f"{name}.png")
+        Image.fromarray(np.asarray(Image.open(pair / f"{name}.png")).astype(np.uint16) * 256).save(deep[-1])
+    rest = ("--k", K, "--baseline", "0.05", "--max-disparity", "32")
+    told = {"active": "uniqueness 10 %", "passive": "uniqueness 5 %", "engine": "uniqueness 15 %"}
+    for name, words in told.items():
+        maps = []
+        for count, images in enumerate(((pair / "left.png", pair / "right.png"), deep)):
+            out = tmp_path / f"{name}{count}"
+            result = run("depth", *images, *rest, "--profile", name, "--out", out)
+            assert result.returncode == 0 and words in result.stdout, result.stderr
+            maps.append(np.load(out / "disparity.npy"))
+        assert np.mean(maps[0] == maps[1]) > 0.99, "counts of 16 bits mean what those of 8 do"
+
+
 def test_depth_explains_itself_where_asked(run, pair, tmp_path):
     options = ("--max-disparity", "32", "--subpixel", "none", "--confidence", "--reason")
     result = run(
@@ -327,7 +344,7 @@ def test_depth_of_a_dim_16_bit_pair_with_one_bright_pixel(run, pair, tmp_path):
     )
     assert result.returncode == 0, result.stderr
     assert (
-        "p1 8, p2 32" in result.stdout and "disparities 0..31" in result.stdout and "matching 160x96" in result.stderr
+        "p1 12, p2 32" in result.stdout and "disparities 0..31" in result.stdout and "matching 160x96" in result.stderr
     )
     depth = np.asarray(Image.open(tmp_path / "depth.png"))
     assert np.median(depth[depth > 0]) == 500 and (depth > 0).mean() > 0.8
