@@ -45,6 +45,9 @@ endfunction()
 ks_wheel_helper(kuafu-import-gltf)
 ks_wheel_helper(kuafu-import-assimp)
 
-find_library(EMBREE_LIBRARY_FILE libembree3.so.3 REQUIRED)
+get_target_property(opens kuafu::kuafu KUAFU_OPENS)  # Embree, unless it is linked
+if(opens)
+  find_library(EMBREE_LIBRARY_FILE ${opens} REQUIRED)
+endif()
 ks_wheel_module(kuafu ${EMBREE_LIBRARY_FILE})
 ks_wheel_module(simsense)

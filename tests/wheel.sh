@@ -1,17 +1,19 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# Builds the wheel from the libraries in build/, installs it into clean virtual environments with NumPy 1.24 and with the newest NumPy, and lets
-# each render an infrared pair and measure depth with nothing of this repository or of Debian's Python packages in reach. Needs pip, the
-# network and python3-venv: not part of the README's two commands. With --from-source the libraries are built by pip too.
+# Builds the wheel from the libraries in a build folder (wheel.sh [FOLDER], build by default), installs it into clean virtual environments with
+# NumPy 1.24 and with the newest NumPy, and lets each render an infrared pair and measure depth with nothing of this repository or of Debian's
+# Python packages in reach. Needs pip, the network and python3-venv: not part of the README's two commands. With --from-source in place of the
+# folder the libraries are built by pip too.
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 cd "$root"
+from=${1:-build}
 work=$root/build/wheel_test
 rm -rf "$work"
 mkdir -p "$work"
 take_libraries=()
-if [ "${1:-}" != --from-source ]; then
-  cmake --install build --prefix "$work/prefix" >/dev/null
+if [ "$from" != --from-source ]; then
+  cmake --install "$from" --prefix "$work/prefix" >/dev/null
   take_libraries=(--config-settings "cmake.define.ACTIVESTEREO_LIBRARIES=$work/prefix")
 fi
 /usr/bin/python3 -m venv "$work/build"

@@ -16,7 +16,10 @@ set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
 set(CPACK_DEBIAN_PACKAGE_GENERATE_SHLIBS ON)  # and the trigger that runs ldconfig
 set(CPACK_DEBIAN_KUAFU_PACKAGE_NAME libkuafu0)
 set(CPACK_DEBIAN_KUAFU_PACKAGE_SECTION libs)
-set(CPACK_DEBIAN_KUAFU_PACKAGE_DEPENDS "libembree3-3, libvulkan1")  # opened at run time, so dpkg-shlibdeps does not see them
+set(CPACK_DEBIAN_KUAFU_PACKAGE_DEPENDS libvulkan1)  # opened at run time, so dpkg-shlibdeps does not see it; nor Embree, where that is opened
+if(NOT KUAFU_STATIC_EMBREE)
+  string(PREPEND CPACK_DEBIAN_KUAFU_PACKAGE_DEPENDS "libembree3-3, ")
+endif()
 set(CPACK_DEBIAN_SIMSENSE_PACKAGE_NAME libsimsense0)
 set(CPACK_DEBIAN_SIMSENSE_PACKAGE_SECTION libs)
 set(CPACK_DEBIAN_SIMSENSE_PACKAGE_RECOMMENDS libvulkan1)

@@ -69,6 +69,40 @@ TEST_F(Sharing, OpaqueFdIsOneMemoryWithoutACopy) {
   expect_same_memory();
 }
 
+// Memory that is the device's own, so that it is read and written by each side's own copies instead of mappings.
+TEST(DmaBuf, IsOneMemoryOfBothLibraries) {
+  const kuafu_device renderer_side = open_test_device<Kuafu>();
+  SKIP_IF(renderer_side ? "" : kuafu_last_error());
+  ks_device_info info = ks_device_info_init();
+  ASSERT_EQ(kuafu_device_get_info(renderer_side, &info), KS_OK);
+  const uint64_t both_ways = KS_CAP_EXPORT_DMA_BUF | KS_CAP_IMPORT_DMA_BUF;
+  const bool shares = (info.capabilities & both_ways) == both_ways;
+  if (!shares) kuafu_device_release(renderer_side);
+  SKIP_IF(shares ? "" : "the device does not share memory by dma-buf (ACTIVESTEREO_TEST_DEVICE=auto tries a GPU)");
+  const simsense_device matcher_side = open_test_device<Simsense>();
+  ASSERT_NE(matcher_side, nullptr) << simsense_last_error();
+  const ks_buffer_create create = ks_buffer_create_init(size_bytes, KS_BUFFER_DMA_BUF);
+  kuafu_buffer source = nullptr;
+  simsense_buffer view = nullptr;
+  ASSERT_EQ(kuafu_buffer_create(renderer_side, &create, &source), KS_OK) << kuafu_last_error();
+  ks_buffer_desc desc = ks_buffer_desc_init();
+  EXPECT_EQ(kuafu_buffer_export(source, KS_MEMORY_OPAQUE_FD, &desc), KS_ERROR_INVALID_STATE) << "it was not made to be an opaque fd";
+  ASSERT_EQ(kuafu_buffer_export(source, KS_MEMORY_DMA_BUF, &desc), KS_OK) << kuafu_last_error();
+  ASSERT_EQ(simsense_buffer_import(matcher_side, &desc, &view), KS_OK) << simsense_last_error();
+  close(static_cast<int>(desc.handle));  // each side has its own since
+  char read[16] = {};
+  ASSERT_EQ(kuafu_buffer_write(source, size_bytes - 16, "kuafu wrote", 12), KS_OK) << kuafu_last_error();
+  ASSERT_EQ(simsense_buffer_read(view, size_bytes - 16, read, 12), KS_OK) << simsense_last_error();
+  EXPECT_STREQ(read, "kuafu wrote");
+  ASSERT_EQ(simsense_buffer_write(view, 0, "simsense wrote", 15), KS_OK) << simsense_last_error();
+  ASSERT_EQ(kuafu_buffer_read(source, 0, read, 15), KS_OK) << kuafu_last_error();
+  EXPECT_STREQ(read, "simsense wrote");
+  simsense_buffer_release(view);
+  kuafu_buffer_release(source);
+  simsense_device_release(matcher_side);
+  kuafu_device_release(renderer_side);
+}
+
 TEST_F(Sharing, HostPointerIsOneMemoryWithoutACopy) {
   ks_buffer_desc desc = ks_buffer_desc_init();
   ASSERT_EQ(kuafu_buffer_export(source_, KS_MEMORY_HOST, &desc), KS_OK) << kuafu_last_error();

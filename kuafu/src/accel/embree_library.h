@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Embree, opened at run time and known to nobody else. Linking it would let a host program that defines or loads another Embree (version 4
-// uses the same function names) take our calls; a private handle and a table of its functions cannot be taken.
-// Within namespace kuafu each Embree function is the table's one under its own name.
+// Embree, known to nobody else: opened at run time (embree_opened.cpp), or linked from archives whose names are hidden (embree_linked.cpp).
+// Linking the shared library would let a host program that defines or loads another Embree (version 4 uses the same function names) take
+// our calls; a table of functions cannot be taken. Within namespace kuafu each Embree function is the table's one under its own name.
 #pragma once
 
 #include <embree3/rtcore.h>
@@ -23,7 +23,7 @@ struct EmbreeLibrary {
 #undef KUAFU_MEMBER
 };
 
-/// Opens the library with the first call, for the life of the process. Throws KS_ERROR_UNSUPPORTED where there is none.
+/// The first call opens the library, for the life of the process, unless it is linked. Throws KS_ERROR_UNSUPPORTED where there is none.
 const EmbreeLibrary& embree_library();
 
 #define KUAFU_FORWARD(name) inline constexpr auto name = [](auto... arguments) { return embree_library().name(arguments...); };
