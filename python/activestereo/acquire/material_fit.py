@@ -2,9 +2,10 @@
 """How well rendered pictures under a candidate's materials explain the recorded ones.
 
 loss = colour + lambda infrared, each the square of the residual in deviations plus that of an oriented filter bank
-(derivatives of Gaussians of two sizes, four directions). Squares are products of the residuals of two
-halves of the samples: the renderer's own noise has no part in their mean, where the plain square prefers rough
-surfaces, which render with less of it.
+(derivatives of Gaussians of two sizes, four directions), or of a network's early layers where one is given. Squares are
+products of the residuals of two halves of the samples: the renderer's own noise has no part in their mean, where the
+plain square prefers rough surfaces, which render with less of it. Of a network that holds to first order only, for its
+layers are not linear.
 """
 
 from __future__ import annotations
@@ -17,12 +18,13 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from activestereo.acquire.material_views import MaterialScene, Picture
+from activestereo.acquire.network_features import Network, PictureFeatures
 from activestereo.engines.survey import set_surface
 
 PARAMETERS = ("roughness", "metallic", "specular", "transmission", "ir_albedo")
 LOW = np.array([0.03, 0.0, 0.0, 0.0, 0.01])
 HIGH = np.array([1.0, 1.0, 1.0, 1.0, 0.98])
-_FILTERS = 0.5  # weight of the filter bank beside the plain residual
+_PERCEPTUAL = 0.5  # weight of the filter bank, or of the network, beside the plain residual
 _INFRARED = 1.0  # lambda
 _SIZES_PX = (1.0, 2.0)
 _DIRECTIONS = 4
@@ -50,9 +52,16 @@ class MaterialFit:
     """Residuals of candidates. theta: PARAMETERS of each surface in turn, [surfaces x 5]."""
 
     def __init__(
-        self, scene: MaterialScene, pictures: Sequence[Picture], surfaces: Sequence[int], seed: int = 0
+        self,
+        scene: MaterialScene,
+        pictures: Sequence[Picture],
+        surfaces: Sequence[int],
+        seed: int = 0,
+        network: Network | None = None,
     ) -> None:
+        """network: takes the filter bank's place."""
         self._scene, self._pictures, self._surfaces, self._seed = scene, pictures, surfaces, seed
+        self._features = None if network is None else {p.name: PictureFeatures(network, p) for p in pictures}
         self.renders = 0
 
     @property
@@ -84,7 +93,7 @@ class MaterialFit:
             intensities = _intensities([(p, a, b) for p, (a, b) in chosen])
             count = sum(int(p.usable.sum()) for p, _ in chosen)
             for picture, pair in chosen:
-                first, second = (_compare(picture, np.einsum("yxcl,cl->yxc", r, intensities)) for r in pair)
+                first, second = (self._compare(picture, np.einsum("yxcl,cl->yxc", r, intensities)) for r in pair)
                 # Large differences count as a square root's; the weight knows no sign, so that noises still cancel.
                 weights = np.sqrt(weight / count) * (1.0 + (first**2 + second**2) / (2.0 * _HUBER**2)) ** -0.25
                 halves[0].append(weights * first)
@@ -125,6 +134,12 @@ class MaterialFit:
     def _is_blank(self, number: int) -> bool:
         material = self._scene.scene.get_material(number)
         return material.base_color_texture is None and min(material.base_color[:3]) > 0.999
+
+    def _compare(self, picture: Picture, image: NDArray) -> NDArray[np.float64]:
+        """Differences in deviations, and those of the filter bank or network."""
+        rest = np.where(picture.usable[..., None], (image - picture.seen) / picture.sigma, 0.0)
+        seen = _filtered(rest) if self._features is None else self._features[picture.name].differences(image)
+        return np.concatenate([rest.ravel(), *(np.sqrt(_PERCEPTUAL) * part.ravel() for part in seen)])
 
     def set(self, theta: NDArray[np.float64]) -> None:
         for number, surface in zip(self._surfaces, self.surfaces(theta), strict=True):
@@ -170,15 +185,14 @@ def _not_negative(H: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.
     return np.zeros(len(b))
 
 
-def _compare(picture: Picture, image: NDArray) -> NDArray[np.float64]:
-    """Differences in deviations, and those of the filter bank: linear in the image, for only then do two halves' noises
-    cancel in the mean."""
-    rest = np.where(picture.usable[..., None], (image - picture.seen) / picture.sigma, 0.0)
-    parts = [rest]
+def _filtered(rest: NDArray) -> list[NDArray[np.float64]]:
+    """Differences as the filter bank sees them: linear in the image, for only then do two halves' noises cancel in the
+    mean."""
+    parts = []
     for size in _SIZES_PX:
         across, down = (gaussian_filter(rest, (size, size, 0), order=(*order, 0)) for order in ((0, 1), (1, 0)))
         norm = size * np.sqrt(8.0 * np.pi) * size  # white noise keeps its deviation
-        share = norm * np.sqrt(_FILTERS / (len(_SIZES_PX) * _DIRECTIONS))
+        share = norm / np.sqrt(len(_SIZES_PX) * _DIRECTIONS)
         angles = np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
         parts += [share * (np.cos(angle) * across + np.sin(angle) * down) for angle in angles]
-    return np.concatenate([part.ravel() for part in parts])
+    return parts

@@ -14,6 +14,7 @@ from scipy.stats import qmc
 
 from activestereo.acquire.material_fit import HIGH, LOW, PARAMETERS, MaterialFit, Residuals
 from activestereo.acquire.material_views import MaterialScene, pictures
+from activestereo.acquire.network_features import Network
 from activestereo.capture import read_capture
 from activestereo.progress_bar import part_of
 from activestereo.scene_surfaces import surface_names, surfaces_of_object
@@ -79,18 +80,21 @@ def acquire_materials(
     full_grid: bool = False,
     device: str = "auto",
     model: SensorModel | None = None,
+    network_path: Path | None = None,
     progress: Callable[[float], object] | None = None,
 ) -> Materials:
     """full_grid: all candidates of the wide search are rendered with the most samples. model: what is known of rig and
-    pattern already, in place of the capture's. ValueError names what is wrong: no such object, a part without material,
-    out of view, no infrared image."""
+    pattern already, in place of the capture's. network_path: an ONNX file whose early layers compare pictures in place
+    of the filter bank. ValueError names what is wrong: no such object, a part without material, out of view, no
+    infrared image, no network."""
+    network = None if network_path is None else Network(network_path)
     capture = read_capture(path)
     if model is not None:
         capture = calibrated(capture, model)
     surfaces = surfaces_of_object(capture.scene_path, object_name)
     scene = MaterialScene(capture, device)
     seen = pictures(scene, capture, surfaces)
-    fit = MaterialFit(scene, seen, surfaces, seed)
+    fit = MaterialFit(scene, seen, surfaces, seed, network)
     tell = progress or (lambda fraction: None)
     nominal = fit.start()
     colors = fit.estimate_colors(nominal, _FINE_SAMPLES)

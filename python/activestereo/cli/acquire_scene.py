@@ -55,6 +55,12 @@ def add_parts(parts: argparse._SubParsersAction) -> None:
     add("--object", required=True, metavar="NAME", help="the object's name in the scene")
     add("-o", "--out", required=True, type=Path, metavar="FILE", help="model.json; other sections stay as they are")
     add("--full-grid", action="store_true", help="render every candidate of the wide search in full, to check it")
+    add(
+        "--network",
+        type=Path,
+        metavar="FILE",
+        help="ONNX, such as AlexNet: its early layers compare the pictures, in place of the filter bank",
+    )
     add_device(materials)
     add_seed(materials, "same seed, same result")
     materials.set_defaults(run=_run_materials)
@@ -86,7 +92,9 @@ def _run_materials(args: argparse.Namespace) -> None:
         raise CommandError(f"{args.out}: -o is the name of a file in a folder that exists, such as model.json")
     with ProgressBar(f"materials of {args.object}") as bar:
         model = read_model(args.out) if args.out.is_file() else None
-        found = acquire_materials(args.capture, args.object, args.seed, args.full_grid, args.device, model, bar)
+        found = acquire_materials(
+            args.capture, args.object, args.seed, args.full_grid, args.device, model, args.network, bar
+        )
     replace_sections(args.out, found.model())
     print(found.text())
     print(f"written: materials in {args.out}")
