@@ -10,20 +10,25 @@ layers are not linear.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
+import kuafu
 from activestereo.acquire.material_views import MaterialScene, Picture
 from activestereo.acquire.network_features import Network, PictureFeatures
 from activestereo.engines.survey import set_surface
 
 PARAMETERS = ("roughness", "metallic", "specular", "transmission", "ir_albedo")
-LOW = np.array([0.03, 0.0, 0.0, 0.0, 0.01])
-HIGH = np.array([1.0, 1.0, 1.0, 1.0, 0.98])
+COLORS = ("red", "green", "blue")
+_RANGES = {
+    "roughness": (0.03, 1.0), "metallic": (0.0, 1.0), "specular": (0.0, 1.0), "transmission": (0.0, 1.0),
+    "ir_albedo": (0.01, 0.98), "red": (0.02, 0.98), "green": (0.02, 0.98), "blue": (0.02, 0.98),
+}  # fmt: skip
+_GRAY = 0.2  # base colour beside white, to tell what in a picture goes with it
 _PERCEPTUAL = 0.5  # weight of the filter bank, or of the network, beside the plain residual
 _INFRARED = 1.0  # lambda
 _SIZES_PX = (1.0, 2.0)
@@ -33,11 +38,12 @@ _HUBER = 4.0
 
 @dataclass(frozen=True)
 class Residuals:
-    """first, second: of the two halves of the samples, in deviations; loss: mean of their products, never below 0 on
-    average."""
+    """first, second: of the two halves of the samples, in deviations times weights, in which large differences count as
+    their square root; loss: mean of their products, never below 0 on average."""
 
     first: NDArray[np.float64]
     second: NDArray[np.float64]
+    weights: NDArray[np.float64]
 
     @property
     def loss(self) -> float:
@@ -49,7 +55,9 @@ class Residuals:
 
 
 class MaterialFit:
-    """Residuals of candidates. theta: PARAMETERS of each surface in turn, [surfaces x 5]."""
+    """Residuals of candidates. theta: the values of `parameters` in turn, which are (material's number, name):
+    PARAMETERS of each surface, and COLORS too where no one gave it a colour (white, without a texture) and colour
+    images are there. A colour that is found once and then held would hide gloss in it."""
 
     def __init__(
         self,
@@ -61,27 +69,37 @@ class MaterialFit:
     ) -> None:
         """network: takes the filter bank's place."""
         self._scene, self._pictures, self._surfaces, self._seed = scene, pictures, surfaces, seed
+        self._scenes = {n: scene.scene.get_material(n) for n in surfaces}
+        colored = any(p.band == "visible" for p in pictures)
+        self.parameters = tuple(
+            (n, name)
+            for n in surfaces
+            for name in PARAMETERS + (COLORS if colored and _is_blank(self._scenes[n]) else ())
+        )
+        self.low, self.high = np.array([_RANGES[name] for _, name in self.parameters]).reshape(-1, 2).T
         self._features = None if network is None else {p.name: PictureFeatures(network, p) for p in pictures}
         self.renders = 0
-
-    @property
-    def size(self) -> int:
-        return len(self._surfaces) * len(PARAMETERS)
 
     def start(self) -> NDArray[np.float64]:
         """What the scene says."""
         out = []
-        for number in self._surfaces:
-            material = self._scene.scene.get_material(number)
-            albedo = material.base_color[0] if material.ir_albedo is None else material.ir_albedo
-            out += [material.roughness, material.metallic, material.specular, material.transmission, albedo]
-        return np.clip(np.array(out), np.tile(LOW, len(self._surfaces)), np.tile(HIGH, len(self._surfaces)))
+        for number, name in self.parameters:
+            material = self._scenes[number]
+            if name in COLORS:
+                out.append(material.base_color[COLORS.index(name)])
+            elif name == "ir_albedo" and material.ir_albedo is None:
+                out.append(material.base_color[0])
+            else:
+                out.append(getattr(material, name))
+        return np.clip(np.array(out), self.low, self.high)
 
-    def residuals(self, theta: NDArray[np.float64], samples: int) -> Residuals:
-        """samples: of each half."""
+    def residuals(
+        self, theta: NDArray[np.float64], samples: int, weights: NDArray[np.float64] | None = None
+    ) -> Residuals:
+        """samples: of each half. weights: those of another candidate, for derivatives between the two."""
         self.set(theta)
         self.renders += 1
-        halves: tuple[list[NDArray], list[NDArray]] = ([], [])
+        halves: tuple[list[NDArray], list[NDArray], list[NDArray]] = ([], [], [])
         rendered = [
             [self._scene.lights(p, samples, self._seed + 2 * k + half) for half in (0, 1)]
             for k, p in enumerate(self._pictures)
@@ -90,50 +108,50 @@ class MaterialFit:
             chosen = [(p, r) for p, r in zip(self._pictures, rendered, strict=True) if p.band == band]
             if not chosen:
                 continue
-            intensities = _intensities([(p, a, b) for p, (a, b) in chosen])
+            intensities = light_intensities([(p, a, b) for p, (a, b) in chosen])
             count = sum(int(p.usable.sum()) for p, _ in chosen)
             for picture, pair in chosen:
                 first, second = (self._compare(picture, np.einsum("yxcl,cl->yxc", r, intensities)) for r in pair)
-                # Large differences count as a square root's; the weight knows no sign, so that noises still cancel.
-                weights = np.sqrt(weight / count) * (1.0 + (first**2 + second**2) / (2.0 * _HUBER**2)) ** -0.25
-                halves[0].append(weights * first)
-                halves[1].append(weights * second)
-        scale = np.sqrt(sum(len(part) for part in halves[0]))
-        return Residuals(*(scale * np.concatenate(half) for half in halves))
+                halves[0].append(first)
+                halves[1].append(second)
+                # The weight knows no sign, so that noises still cancel.
+                halves[2].append(np.sqrt(weight / count) * (1.0 + (first**2 + second**2) / (2.0 * _HUBER**2)) ** -0.25)
+        one, two, own = (np.concatenate(parts) for parts in halves)
+        if weights is None:
+            weights = np.sqrt(len(own)) * own
+        return Residuals(weights * one, weights * two, weights)
 
-    def estimate_colors(self, theta: NDArray[np.float64], samples: int) -> dict[int, tuple[float, float, float]]:
-        """Gives surfaces that no one gave a colour (white, without a texture) that of the colour images: what is seen
-        over what white would show, under the lights that the surroundings tell. {surface: linear RGB}."""
-        blank = [n for n in self._surfaces if self._is_blank(n)]
+    def with_colors(self, theta: NDArray[np.float64], samples: int) -> NDArray[np.float64]:
+        """theta with the colours that go best with its other values, under the lights that the surroundings tell."""
+        free = np.array([name in COLORS for _, name in self.parameters])
+        if not free.any():
+            return theta
         chosen = [p for p in self._pictures if p.band == "visible"]
-        if not blank or not chosen:
-            return {}
+        white, gray = (self._visible(np.where(free, value, theta), chosen, samples) for value in (1.0, _GRAY))
+        out = theta.copy()
+        for place, number in enumerate(self._surfaces):
+            own = [p.usable & (p.surface == 1 + place) for p in chosen]
+            seen, bright, dark = (
+                np.concatenate([image[mask] for image, mask in zip(stack, own, strict=True)])
+                for stack in ([p.seen for p in chosen], white, gray)
+            )
+            rows = [k for k, (n, name) in enumerate(self.parameters) if n == number and name in COLORS]
+            for channel, row in enumerate(rows):
+                # A picture is linear in a surface's colour, but for what it casts on itself.
+                share = (bright - dark)[:, channel] / (1.0 - _GRAY)
+                told = share > 0.2 * max(float(np.median(share)), 1e-6) if len(share) else []
+                if np.sum(told) >= 20:
+                    value = 1.0 - (bright - seen)[told, channel] / share[told]
+                    out[row] = np.clip(np.median(value), self.low[row], self.high[row])
+        return out
+
+    def _visible(self, theta: NDArray[np.float64], chosen: Sequence[Picture], samples: int) -> list[NDArray]:
+        """The colour images under the lights that the surroundings tell."""
         self.set(theta)
         rendered = [self._scene.lights(p, samples, self._seed + k) for k, p in enumerate(chosen)]
         around = [replace(p, usable=p.usable & (p.surface == 0)) for p in chosen]
-        intensities = _intensities(list(zip(around, rendered, rendered, strict=True)))
-        images = [np.einsum("yxcl,cl->yxc", lights, intensities) for lights in rendered]
-        out = {}
-        for number in blank:
-            own = [p.usable & (p.surface == 1 + self._surfaces.index(number)) for p in chosen]
-            seen, white = (
-                np.concatenate([image[mask] for image, mask in zip(stack, own, strict=True)])
-                for stack in ([p.seen for p in chosen], images)
-            )
-            if len(seen) < 20:
-                continue
-            red, green, blue = (
-                float(c) for c in np.clip(np.median(seen / np.maximum(white, 1e-3), axis=0), 0.02, 0.98)
-            )
-            material = self._scene.scene.get_material(number)
-            material.base_color = (red, green, blue, 1.0)
-            self._scene.scene.set_material(number, material)
-            out[number] = (red, green, blue)
-        return out
-
-    def _is_blank(self, number: int) -> bool:
-        material = self._scene.scene.get_material(number)
-        return material.base_color_texture is None and min(material.base_color[:3]) > 0.999
+        intensities = light_intensities(list(zip(around, rendered, rendered, strict=True)))
+        return [np.einsum("yxcl,cl->yxc", lights, intensities) for lights in rendered]
 
     def _compare(self, picture: Picture, image: NDArray) -> NDArray[np.float64]:
         """Differences in deviations, and those of the filter bank or network."""
@@ -142,17 +160,19 @@ class MaterialFit:
         return np.concatenate([rest.ravel(), *(np.sqrt(_PERCEPTUAL) * part.ravel() for part in seen)])
 
     def set(self, theta: NDArray[np.float64]) -> None:
-        for number, surface in zip(self._surfaces, self.surfaces(theta), strict=True):
-            material = self._scene.scene.get_material(number)
-            set_surface(material, surface)
+        for number, material in self._scenes.items():
+            values = {name: float(v) for (n, name), v in zip(self.parameters, theta, strict=True) if n == number}
+            set_surface(material, {name: values[name] for name in PARAMETERS})
+            if "red" in values:
+                material.base_color = (values["red"], values["green"], values["blue"], 1.0)
             self._scene.scene.set_material(number, material)
 
-    def surfaces(self, theta: NDArray[np.float64]) -> list[Mapping[str, float]]:
-        rows = np.asarray(theta).reshape(len(self._surfaces), len(PARAMETERS))
-        return [dict(zip(PARAMETERS, map(float, row), strict=True)) for row in rows]
+
+def _is_blank(material: kuafu.Material) -> bool:
+    return material.base_color_texture is None and min(material.base_color[:3]) > 0.999
 
 
-def _intensities(pictures: Sequence[tuple[Picture, NDArray, NDArray]]) -> NDArray[np.float64]:
+def light_intensities(pictures: Sequence[tuple[Picture, NDArray, NDArray]]) -> NDArray[np.float64]:
     """[channel][light] of all pictures of a band together, none below 0.
 
     Each half is the other's instrument: with the plain square, noise in the rendered lights would take intensity from

@@ -14,6 +14,7 @@ from typing import Literal
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter, minimum_filter
 
 import kuafu
 from activestereo.capture import Camera, Capture, Frame
@@ -23,6 +24,8 @@ _MARGIN = 0.35  # of the object's size, around it: the table's known material te
 _LARGEST_PX = 72  # pictures are averaged down to this
 _GROUPS = 4
 _SATURATED = 0.97
+# What a model errs in beside the noise: a share of the light, and where the object, its edges and the dots lie.
+_OFF_SHARE, _OFF_PX = 0.03, 0.1
 
 
 @dataclass(frozen=True)
@@ -173,7 +176,8 @@ def _picture(
     own = kuafu.Camera(width, height, K, pose)
     small = mean(crop).reshape(height, width, -1)
     floor = (1.0 if lit is not None else 0.01) / step
-    sigma = np.sqrt(floor**2 + (0.03 * small) ** 2)
+    edges = _OFF_PX * (maximum_filter(small, (3, 3, 1)) - minimum_filter(small, (3, 3, 1)))
+    sigma = np.sqrt(floor**2 + (_OFF_SHARE * small) ** 2 + edges**2).astype(np.float32)
     ids = scene.material_ids(own)
     surface = sum(((1 + k) * (ids == number) for k, number in enumerate(surfaces)), np.zeros(ids.shape, np.int64))
     band: Literal["infrared", "visible"] = "visible" if lit is None else "infrared"

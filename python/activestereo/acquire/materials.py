@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """An object's materials from a capture: a wide search by successive halving (Jamieson and Talwalkar 2016), then
-Levenberg-Marquardt from the best two. What the pictures do not determine is named, and not written."""
+Gauss-Newton steps from the best two. What the pictures do not determine is named, and not written."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
-from activestereo.acquire.material_fit import HIGH, LOW, PARAMETERS, MaterialFit, Residuals
+from activestereo.acquire.material_fit import COLORS, PARAMETERS, MaterialFit
+from activestereo.acquire.material_refine import refine
 from activestereo.acquire.material_views import MaterialScene, pictures
 from activestereo.acquire.network_features import Network
 from activestereo.capture import read_capture
@@ -23,13 +24,9 @@ from activestereo.sensor_model.calibrated import calibrated
 
 _CANDIDATES, _KEEP = 32, 4  # a quarter of each round goes on, with four times the samples
 _SAMPLES = (4, 16, 64)
-_FINE_STEPS, _STEP = 4, 0.08
 _FINE_SAMPLES = 32
+_FIRST_REACH, _REACHES = 0.2, (0.15, 0.1)
 _INTERVAL_90 = 1.645
-# Neighbouring pixels err alike, and the model errs beside the noise: so many residuals tell as much as one.
-_ALIKE = 12.0
-# Pixels and samples leave so much of any parameter open, by trials on balls of two paints.
-_FLOOR = 0.012
 # Half an interval wider than this says that the pictures do not determine the value.
 _UNDETERMINED = {"roughness": 0.25, "metallic": 0.4, "specular": 0.5, "transmission": 0.3, "ir_albedo": 0.25}
 
@@ -46,7 +43,7 @@ class Materials:
     loss: tuple[float, float]
     renders: int
     pictures: tuple[str, ...]
-    colors: dict[str, tuple[float, float, float]]
+    colors: dict[str, list[float]]
 
     def model(self) -> SensorModel:
         """model.json's section."""
@@ -60,9 +57,7 @@ class Materials:
             lines += [f"  {name:13}{q.value:.3f} ({q.low:.3f} to {q.high:.3f})" for name, q in fields.items()]
             if surface in self.colors:
                 red, green, blue = self.colors[surface]
-                lines.append(
-                    f"  seen as linear RGB {red:.2f} {green:.2f} {blue:.2f}, for the scene has no colour for it"
-                )
+                lines.append(f"  colour as linear RGB {red:.2f} {green:.2f} {blue:.2f}, for the scene has none for it")
             if self.undetermined[surface]:
                 lines.append(f"  not determined by these pictures: {', '.join(self.undetermined[surface])}")
         before, after = self.loss
@@ -97,38 +92,53 @@ def acquire_materials(
     fit = MaterialFit(scene, seen, surfaces, seed, network)
     tell = progress or (lambda fraction: None)
     nominal = fit.start()
-    colors = fit.estimate_colors(nominal, _FINE_SAMPLES)
     ranked = _wide(fit, nominal, seed, full_grid, part_of(tell, 0.0, 0.5))
-    first = _fine(fit, ranked[0], part_of(tell, 0.5, 0.75))
-    results = [first, _fine(fit, ranked[1], part_of(tell, 0.75, 1.0))]
-    theta, residuals, sigma = min(results, key=lambda r: r[1].loss)
-    before = fit.residuals(nominal, _FINE_SAMPLES).loss
-    names = [surface_names(capture.scene_path)[k] for k in surfaces]
+    firsts = [
+        refine(fit, theta, (_FIRST_REACH,), _FINE_SAMPLES, part_of(tell, 0.5 + 0.12 * k, 0.62 + 0.12 * k))
+        for k, theta in enumerate(ranked[:2])
+    ]
+    better = min(firsts, key=lambda refined: refined.residuals.loss).theta
+    best = refine(fit, better, _REACHES, _FINE_SAMPLES, part_of(tell, 0.74, 1.0))
+    before = fit.residuals(fit.with_colors(nominal, _FINE_SAMPLES), _FINE_SAMPLES).loss
+    names = surface_names(capture.scene_path)
     source = f"acquire materials: {len(seen)} pictures of {capture.name}"
-    found, undetermined = _judged(names, theta, sigma, source)
+    found: dict[str, dict[str, Quantity]] = {names[number]: {} for number in surfaces}
+    open_: dict[str, list[str]] = {names[number]: [] for number in surfaces}
+    colors: dict[str, list[float]] = {}
+    for (number, name), value, error in zip(fit.parameters, best.theta, best.sigma, strict=True):
+        half, surface = _INTERVAL_90 * float(error), names[number]
+        if name in COLORS:
+            colors.setdefault(surface, []).append(float(value))
+        elif half > _UNDETERMINED[name]:
+            open_[surface].append(name)
+        else:
+            low, high = max(float(value) - half, 0.0), min(float(value) + half, 1.0)
+            found[surface][name] = Quantity(float(value), low, high, "1", source)
     tell(1.0)
-    found_colors = {surface_names(capture.scene_path)[number]: color for number, color in colors.items()}
-    losses = before, residuals.loss
-    return Materials(object_name, found, undetermined, losses, fit.renders, tuple(p.name for p in seen), found_colors)
+    undetermined = {surface: tuple(fields) for surface, fields in open_.items()}
+    losses = before, best.residuals.loss
+    return Materials(object_name, found, undetermined, losses, fit.renders, tuple(p.name for p in seen), colors)
 
 
 def _wide(
     fit: MaterialFit, nominal: NDArray[np.float64], seed: int, full_grid: bool, tell: Callable[[float], object]
 ) -> list[NDArray[np.float64]]:
     """The best candidates, best first."""
-    surfaces = fit.size // len(PARAMETERS)
-    low, high = np.tile(LOW, surfaces), np.tile(HIGH, surfaces)
-    unit = qmc.Sobol(fit.size, seed=seed).random(_CANDIDATES)
+    searched = [k for k, (_, name) in enumerate(fit.parameters) if name in PARAMETERS]
+    unit = qmc.Sobol(len(searched), seed=seed).random(_CANDIDATES)
     # Few materials are between metal and not, or half clear.
-    for k, name in enumerate(PARAMETERS * surfaces):
-        if name in ("metallic", "transmission"):
-            unit[:, k] = np.clip(1.5 * (unit[:, k] - 0.6) / 0.4, 0.0, 1.0)
-    candidates = [nominal, *(low + unit * (high - low))]
+    for column, k in zip(unit.T, searched, strict=True):
+        if fit.parameters[k][1] in ("metallic", "transmission"):
+            column[:] = np.clip(1.5 * (column - 0.6) / 0.4, 0.0, 1.0)
+    spread = np.tile(nominal, (_CANDIDATES, 1))
+    spread[:, searched] = fit.low[searched] + unit * (fit.high - fit.low)[searched]
+    candidates = [nominal, *spread]
     rounds = (_SAMPLES[-1],) if full_grid else _SAMPLES
     total, done = sum(len(candidates) // _KEEP**k * s for k, s in enumerate(rounds)), 0
     for number, samples in enumerate(rounds):
         losses = []
-        for theta in candidates:
+        for k, candidate in enumerate(candidates):
+            theta = candidates[k] = fit.with_colors(candidate, samples)
             losses.append(fit.residuals(theta, samples // 2).loss)
             done += samples
             tell(min(done / total, 1.0))
@@ -136,60 +146,3 @@ def _wide(
         keep = len(candidates) if number == len(rounds) - 1 else max(2, len(candidates) // _KEEP)
         candidates = [candidates[k] for k in order[:keep]]
     return candidates
-
-
-def _fine(
-    fit: MaterialFit, theta: NDArray[np.float64], tell: Callable[[float], object]
-) -> tuple[NDArray[np.float64], Residuals, NDArray[np.float64]]:
-    """(theta, its residuals, standard deviations), by Levenberg-Marquardt: all renders have the same seeds, so that
-    differences are those of the materials."""
-    surfaces = fit.size // len(PARAMETERS)
-    low, high = np.tile(LOW, surfaces), np.tile(HIGH, surfaces)
-    best, damping = fit.residuals(theta, _FINE_SAMPLES), 1e-2
-    H = np.eye(fit.size)
-    for number in range(_FINE_STEPS):
-        J1, J2 = np.empty((2, best.first.size, fit.size))
-        for k in range(fit.size):
-            width = _STEP if theta[k] + _STEP <= high[k] else -_STEP
-            moved = theta.copy()
-            moved[k] += width
-            other = fit.residuals(moved, _FINE_SAMPLES)
-            J1[:, k], J2[:, k] = (other.first - best.first) / width, (other.second - best.second) / width
-            tell((number + (k + 1) / (fit.size + 1)) / _FINE_STEPS)
-        # Products of the two halves here, too: noise in the derivatives does not shrink the step.
-        H = 0.5 * (J1.T @ J2 + J2.T @ J1)
-        b = -0.5 * (J1.T @ best.second + J2.T @ best.first)
-        diagonal = np.maximum(np.diag(H), 1e-3 * max(float(np.diag(H).max()), 1e-9))
-        improved = False
-        for _ in range(4):
-            step = np.linalg.solve(H + damping * np.diag(diagonal) + 1e-9 * np.eye(fit.size), b)
-            moved = np.clip(theta + np.clip(step, -0.3, 0.3), low, high)
-            other = fit.residuals(moved, _FINE_SAMPLES)
-            if other.loss < best.loss:
-                theta, best, damping, improved = moved, other, damping / 5.0, True
-                break
-            damping *= 8.0
-        if not improved:
-            break
-    values, vectors = np.linalg.eigh(H)
-    floor = 1e-6 * max(float(values[-1]), 1e-9)
-    variance = _ALIKE * max(best.loss, 1.0) / np.maximum(values, floor)
-    tell(1.0)
-    return theta, best, np.sqrt(np.einsum("ij,j,ij->i", vectors, variance, vectors) + _FLOOR**2)
-
-
-def _judged(
-    names: list[str], theta: NDArray[np.float64], sigma: NDArray[np.float64], source: str
-) -> tuple[dict[str, dict[str, Quantity]], dict[str, tuple[str, ...]]]:
-    found: dict[str, dict[str, Quantity]] = {}
-    undetermined: dict[str, tuple[str, ...]] = {}
-    rows = zip(names, theta.reshape(len(names), -1), sigma.reshape(len(names), -1), strict=True)
-    for surface, values, errors in rows:
-        half = dict(zip(PARAMETERS, _INTERVAL_90 * errors, strict=True))
-        undetermined[surface] = tuple(name for name in PARAMETERS if half[name] > _UNDETERMINED[name])
-        found[surface] = {
-            name: Quantity(float(v), max(float(v - half[name]), 0.0), min(float(v + half[name]), 1.0), "1", source)
-            for name, v in zip(PARAMETERS, values, strict=True)
-            if name not in undetermined[surface]
-        }
-    return found, undetermined

@@ -9,6 +9,7 @@ from material_worlds import NOMINAL, PAINTS, record
 
 from activestereo.acquire import materials
 from activestereo.acquire.material_fit import MaterialFit
+from activestereo.acquire.material_refine import refine
 from activestereo.acquire.material_views import MaterialScene, pictures
 from activestereo.capture import read_capture
 from activestereo.cli import main
@@ -65,7 +66,8 @@ def test_the_scene_is_where_the_fit_starts(plastic):
 
 def test_the_command_finds_the_paint(plastic, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(materials, "_SAMPLES", (4, 16))  # fewer than a user's, for one small picture
-    monkeypatch.setattr(materials, "_FINE_SAMPLES", 128)
+    monkeypatch.setattr(materials, "_FINE_SAMPLES", 16)
+    monkeypatch.setattr(materials, "_REACHES", (0.15,))
     out = tmp_path / "model.json"
     out.write_text(
         json.dumps({"format": "active-stereo-model", "version": 2, "materials": {"table": {"roughness": 0.9}}})
@@ -92,9 +94,18 @@ def test_a_part_without_a_colour_gets_the_one_that_is_seen(plastic, tmp_path):
     surfaces = surfaces_of_object(capture.scene_path, "ball")
     scene = MaterialScene(capture)
     fit = MaterialFit(scene, pictures(scene, capture, surfaces), surfaces)
-    (color,) = fit.estimate_colors(np.array(PAINTS["plastic"]), 16).values()
-    assert np.allclose(color, (0.6, 0.25, 0.2), atol=0.08)
-    assert fit.estimate_colors(np.array(PAINTS["plastic"]), 16) == {}  # now it has one
+    assert [name for _, name in fit.parameters][5:] == ["red", "green", "blue"]
+    gray = np.array([*PAINTS["plastic"], 0.5, 0.5, 0.5])
+    assert np.allclose(fit.with_colors(gray, 16), [*PAINTS["plastic"], 0.6, 0.25, 0.2], atol=0.06)
+
+
+def test_designed_renders_lead_to_the_truth(fit):
+    start = np.array([0.45, 0.1, 0.8, 0.1, 0.42])
+    found = refine(fit, start, (0.15,), 16)
+    assert found.residuals.loss < fit.residuals(start, 64).loss
+    sure = found.sigma < 0.1
+    assert sure[[0, 4]].all()
+    assert (np.abs(found.theta - PAINTS["plastic"])[sure] < 3.0 * found.sigma[sure]).all()
 
 
 def test_a_models_materials_take_the_scenes_place(plastic):
@@ -122,7 +133,7 @@ def test_what_is_wrong_is_told(plastic, tmp_path, capsys):
     try:
         for node in document["nodes"]:
             if node["name"] == "ball":
-                node["translation"] = [0.0, -3.0, 0.0]
+                node["matrix"][13] = -3.0
         (plastic / "scene.gltf").write_text(json.dumps(document))
         assert main([*arguments, "ball"]) == 2
         assert "the object is out of view in all 1 poses" in capsys.readouterr().err

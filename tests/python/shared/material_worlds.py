@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Shared by tests and by hand: captures of a painted ball on a table, rendered by kuafu, whose paint is known."""
+"""Shared by tests and by hand: captures of a painted thing on a table, rendered by kuafu, whose paint is known."""
 
 from pathlib import Path
 
@@ -19,76 +19,135 @@ PAINTS = {
     "ceramic": (0.12, 0.0, 1.0, 0.0, 0.45), "painted": (0.4, 0.5, 0.5, 0.0, 0.5),
 }  # fmt: skip
 NOMINAL = (0.6, 0.0, 1.0, 0.0, 0.4)
+COLOR = (0.6, 0.25, 0.2)
 _PATTERN = PatternDesign(width=848, height=480, dot_pitch_px=14.4, dot_sigma_px=1.8, seed=2)
-_PATTERN_K = np.array([[400.0, 0, 423.5], [0, 400.0, 239.5], [0, 0, 1.0]])
+PATTERN_K = np.array([[400.0, 0, 423.5], [0, 400.0, 239.5], [0, 0, 1.0]])
+BASELINE_M = 0.05
+LEFT_TO_PROJECTOR = np.eye(4)
+LEFT_TO_PROJECTOR[0, 3] = -0.029
+DN, BLACK_DN, SHOT_DN, READ_DN = 700.0, 5.0, 0.005, 0.1**0.5
+ROOM, IR_ROOM, IR_PROJECTOR = 0.25, 0.02, 3.0  # radiance; W/sr at the pattern's brightest
+LAMPS = (((-0.6, 1.1, 0.5), (1.0, 0.93, 0.84), 1.5), ((0.7, 0.9, 0.6), (0.8, 0.9, 1.0), 1.0))  # place, colour, light
+TABLE_COLOR, TABLE_ALBEDO = (0.5, 0.45, 0.4), 0.52
 
 
-def write_room(path, paint):
-    """Table, ball and two lamps."""
+def mesh_of(shape):
+    if shape == "box":
+        return meshes.box(0.11, 0.08, 0.06)
+    if shape == "cup":
+        return meshes.tumbler(0.042, 0.09, 0.004, 0.006)
+    return meshes.sphere(0.05)
+
+
+def place_of(shape):
+    """A ball stands on its lowest point; a box shows two sides."""
+    pose = np.eye(4)
+    pose[1, 3] = 0.05 if shape == "ball" else 0.0
+    if shape == "box":
+        turn = np.deg2rad(35.0)
+        pose[0, [0, 2]], pose[2, [0, 2]] = (np.cos(turn), np.sin(turn)), (-np.sin(turn), np.cos(turn))
+    return pose
+
+
+def write_room(path, paint, shape="ball", color=COLOR):
+    """Table, thing and two lamps."""
     roughness, metallic, specular, transmission, albedo = paint
     writer = GltfWriter()
     table = writer.add_material(
         "table",
-        pbrMetallicRoughness={"baseColorFactor": [0.5, 0.45, 0.4, 1.0], "metallicFactor": 0.0, "roughnessFactor": 1.0},
-        extensions={"KHR_materials_specular": {"specularFactor": 0.0}}, extras={"ir_albedo": 0.52},
+        pbrMetallicRoughness={"baseColorFactor": [*TABLE_COLOR, 1.0], "metallicFactor": 0.0, "roughnessFactor": 1.0},
+        extensions={"KHR_materials_specular": {"specularFactor": 0.0}}, extras={"ir_albedo": TABLE_ALBEDO},
     )  # fmt: skip
     extensions = {"KHR_materials_specular": {"specularFactor": specular}}
     if transmission > 0:
         extensions["KHR_materials_transmission"] = {"transmissionFactor": transmission}
-    color = {"baseColorFactor": [0.6, 0.25, 0.2, 1.0], "metallicFactor": metallic, "roughnessFactor": roughness}
-    own = writer.add_material("paint", pbrMetallicRoughness=color, extensions=extensions, extras={"ir_albedo": albedo})
+    surface = {"baseColorFactor": [*color, 1.0], "metallicFactor": metallic, "roughnessFactor": roughness}
+    extras = {"ir_albedo": albedo}
+    own = writer.add_material("paint", pbrMetallicRoughness=surface, extensions=extensions, extras=extras)
     writer.add_mesh("table", meshes.box(1.2, 0.02, 1.2), table, (0.0, -0.02, 0.0))
-    writer.add_mesh("ball", meshes.sphere(0.05), own, (0.0, 0.05, 0.0))
-    writer.add_point_light("lamp", (-0.6, 1.1, 0.5), (1.0, 0.93, 0.84), 1.5)
-    writer.add_point_light("second", (0.7, 0.9, 0.6), (0.8, 0.9, 1.0), 1.0)
+    writer.add_placed_mesh(shape, mesh_of(shape), own, place_of(shape))
+    for name, lamp in zip(("lamp", "second"), LAMPS):
+        writer.add_point_light(name, *lamp)
     writer.write(path)
 
 
-def record(folder, paint, nominal=NOMINAL, scale=1.0, samples=256, poses=2):
-    """The capture of a ball of one paint, whose scene says another; with the projector on and off, and in colour."""
+def intrinsics(scale=1.0):
+    """(width, height, K)"""
+    width, height, f = int(200 * scale), int(150 * scale), 150.0 * scale
+    return width, height, np.array([[f, 0, (width - 1) / 2], [0, f, (height - 1) / 2], [0, 0, 1.0]])
+
+
+def eye_pose(k):
+    """Of the camera, around the thing; k: 0, 1 and on are the recorded places, others lie between them."""
+    azimuth, elevation = np.deg2rad(50.0 * k), np.deg2rad(35.0 - 10.0 * k)
+    place = 0.5 * np.array(
+        [np.sin(azimuth) * np.cos(elevation), np.sin(elevation), np.cos(azimuth) * np.cos(elevation)]
+    )
+    return look_at(eye=place + [0, 0.05, 0], target=(0, 0.05, 0), up=(0, 1, 0))
+
+
+def counts(light, rng):
+    """Infrared light as the camera counts it, without a range: shot and read noise."""
+    gray = BLACK_DN + DN * light
+    return gray + rng.normal(size=gray.shape) * np.sqrt(SHOT_DN * gray + READ_DN**2)
+
+
+def pattern():
+    return make_pattern(_PATTERN)
+
+
+def _seen_by_kuafu(gltf, scale, samples):
+    width, height, K = intrinsics(scale)
+    device = kuafu.Device()
+    renderer = kuafu.Renderer(device)
+
+    def see(pose, lit, band, seed):
+        scene = kuafu.Scene(device)
+        scene.load(gltf)
+        scene.set_environment((ROOM, ROOM, ROOM), ir_radiance=IR_ROOM)
+        if lit:
+            texture = scene.add_texture(pattern())
+            light = kuafu.Light(kind="projector", ir_intensity=IR_PROJECTOR, texture=texture, k=PATTERN_K)
+            light.light_to_world = pose @ np.linalg.inv(LEFT_TO_PROJECTOR)
+            scene.add_light(light)
+        view = kuafu.Camera(width, height, K, pose)
+        image = renderer.render(scene, [view], seed=seed, band=band, spp=samples, max_bounces=6)["radiance"][0]
+        return image[..., 0] if band == "infrared" else image
+
+    return see
+
+
+def record(
+    folder, paint, nominal=NOMINAL, scale=1.0, samples=256, poses=2, shape="ball", color=COLOR, nominal_color=COLOR,
+    see=None,
+):  # fmt: skip
+    """The capture of a thing of one paint, whose scene says another; with the projector on and off, and in colour.
+    see: what renders it in kuafu's place, of (pose of the camera, is the projector on, band, seed): [height][width],
+    with three channels where the band is visible."""
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    write_room(folder / "true.gltf", paint)
-    write_room(folder / "scene.gltf", nominal)
-    width, height, f = int(200 * scale), int(150 * scale), 150.0 * scale
-    K = np.array([[f, 0, (width - 1) / 2], [0, f, (height - 1) / 2], [0, 0, 1.0]])
-    device, rng = kuafu.Device(), np.random.default_rng(0)
-    renderer, pattern = kuafu.Renderer(device), make_pattern(_PATTERN)
-    right, to_projector = np.eye(4), np.eye(4)
-    right[0, 3], to_projector[0, 3] = -0.05, -0.029
+    write_room(folder / "true.gltf", paint, shape, color)
+    write_room(folder / "scene.gltf", nominal, shape, nominal_color)
+    width, height, K = intrinsics(scale)
+    see, rng = see or _seen_by_kuafu(folder / "true.gltf", scale, samples), np.random.default_rng(0)
+    right = np.eye(4)
+    right[0, 3] = -BASELINE_M
     camera = Camera(width, height, K)
-    rig = Rig(
-        camera, camera, right, Projector(folder / "none", _PATTERN_K, to_projector), color=ColorCamera(width, height, K)
-    )
+    projector = Projector(folder / "none", PATTERN_K, LEFT_TO_PROJECTOR)
+    rig = Rig(camera, camera, right, projector, color=ColorCamera(width, height, K))
     frames, images, colors = [], {}, {}
     for k in range(poses):
-        azimuth, elevation = np.deg2rad(50.0 * k), np.deg2rad(35.0 - 10.0 * k)
-        place = 0.5 * np.array(
-            [np.sin(azimuth) * np.cos(elevation), np.sin(elevation), np.cos(azimuth) * np.cos(elevation)]
-        )
-        pose = look_at(eye=place + [0, 0.05, 0], target=(0, 0.05, 0), up=(0, 1, 0))
+        pose = eye_pose(k)
         for lit in (True, False):
-            scene = kuafu.Scene(device)
-            scene.load(folder / "true.gltf")
-            scene.set_environment((0.25, 0.25, 0.25), ir_radiance=0.02)
-            if lit:
-                light = kuafu.Light(
-                    kind="projector", ir_intensity=3.0, texture=scene.add_texture(pattern), k=_PATTERN_K
-                )
-                light.light_to_world = pose @ np.linalg.inv(to_projector)
-                scene.add_light(light)
-            how = {"spp": samples, "max_bounces": 6}
-            view = kuafu.Camera(width, height, K, pose)
-            gray = 5.0 + 700.0 * renderer.render(scene, [view], seed=77 + k, **how)["radiance"][0, ..., 0]
-            gray = gray + rng.normal(size=gray.shape) * np.sqrt(0.005 * gray + 0.1)
+            gray = counts(see(pose, lit, "infrared", 77 + k), rng)
             number = 2 * k + lit
             frames.append(Frame(number, None, None, float(number), 0.008, pose, "train", projector_power=float(lit)))
             images[number, "left"] = images[number, "right"] = np.clip(np.rint(gray), 0, 255).astype(np.uint8)
             if lit:
-                seen = 0.6 * renderer.render(scene, [view], band="visible", seed=99 + k, **how)["radiance"][0]
+                seen = 0.6 * see(pose, lit, "visible", 99 + k)
                 seen = np.clip(seen + 0.004 * rng.normal(size=seen.shape), 0, 1)
                 srgb = np.where(seen < 0.0031308, 12.92 * seen, 1.055 * seen ** (1 / 2.4) - 0.055)
                 colors[number] = np.rint(255 * srgb).astype(np.uint8)
-    capture = Capture(folder, "ball", folder / "scene.gltf", rig, tuple(frames))
-    write_capture(folder / "capture", capture, images, pattern, colors=colors)
+    capture = Capture(folder, shape, folder / "scene.gltf", rig, tuple(frames))
+    write_capture(folder / "capture", capture, images, pattern(), colors=colors)
     return folder / "capture"
