@@ -30,6 +30,8 @@ _LARGEST_SATURATED = 0.005
 _LEAST_DISTANCE_RATIO = 1.2
 # The same dot at two distances: so far from where the projector's last place puts it, pixels of the pattern.
 _SAME_DOT_PX = (6.0, 3.0, 1.5, 1.5)
+_ALIKE_POWERS = 0.3
+_INTERPOLATED_PX2 = 1.0 / 6.0  # a tent's variance
 _LEAST_LINES = 100
 _INTERVAL_90 = 1.6449
 
@@ -221,7 +223,7 @@ def merged_pattern(views: tuple[WallView, ...], capture: Capture) -> Pattern:
     if far:
         place, error, pairs = _meeting_point(views[0].wall, far[-1].wall, place, rotation, projector.K)
     power_scale = 1.0
-    by_view = [_dots_of(view, capture.rig.left.K, projector.K, place, rotation) for view in (views[0], *far[-1:])]
+    by_view = [_dots_of(view, capture.rig, projector.K, place, rotation) for view in (views[0], *far[-1:])]
     dots = by_view[0]
     if len(by_view) > 1:
         power_scale = float(np.median(by_view[0][pairs[:, 0], 2] / by_view[1][pairs[:, 1], 2]))
@@ -282,12 +284,26 @@ def _background(
 
 
 def _dots_of(
-    view: WallView, K: np.ndarray, projector_K: np.ndarray, place: np.ndarray, rotation: np.ndarray
+    view: WallView, rig: CaptureRig, projector_K: np.ndarray, place: np.ndarray, rotation: np.ndarray
 ) -> np.ndarray:
-    """[spot][3]: u, v in the pattern and power, in units that the views share but for exposure."""
-    points = view.wall.points
-    uv, beam = projected(points, place, rotation, projector_K)
-    return np.column_stack([uv, view.spots["left"].flux * power_factor(points, view.wall.plane[:3], beam)])
+    """[dot][3]: u, v in the pattern and power, in units that the views share but for exposure. First the left eye's
+    spots in their order, then those of the right eye that lie out of the left one's sight."""
+    plane, right = view.wall.plane, view.spots["right"]
+    eye = np.array([rig.baseline_m, 0.0, 0.0])
+    ray = np.column_stack([*((x - rig.right.K[i, 2]) / rig.right.K[i, i] for i, x in enumerate((right.u, right.v)))])
+    ray = np.column_stack([ray, np.ones(len(ray))])
+    points = eye + ray * ((plane[3] - plane[:3] @ eye) / (ray @ plane[:3]))[:, None]
+    border = view.spots["left"].border_px
+    outside = np.zeros(len(points), dtype=bool)
+    for axis, size in enumerate((rig.left.width, rig.left.height)):
+        pixel = rig.left.K[axis, axis] * points[:, axis] / points[:, 2] + rig.left.K[axis, 2]
+        outside |= (pixel <= border) | (pixel >= size - 1 - border)
+    parts = [(view.wall.points, np.zeros(3), view.spots["left"].flux), (points[outside], eye, right.flux[outside])]
+    out = []
+    for seen, origin, flux in parts:
+        uv, beam = projected(seen, place, rotation, projector_K)
+        out.append(np.column_stack([uv, flux * power_factor(seen - origin, plane[:3], beam)]))
+    return np.vstack(out)
 
 
 def _meeting_point(
@@ -330,9 +346,12 @@ def _nearest_to_lines(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 
 def _union(near: np.ndarray, far: np.ndarray, pairs: np.ndarray) -> np.ndarray:
-    """Dots of both walls: equal ones are averaged, the others of each are kept."""
+    """Dots of both walls: equal ones are averaged, the others of each are kept. Where their powers differ, the far wall
+    shows merged dots that it splits wrongly: the near wall's stay."""
     out = near.copy()
-    out[pairs[:, 0]] = 0.5 * (near[pairs[:, 0]] + far[pairs[:, 1]])
+    first, second = near[pairs[:, 0]], far[pairs[:, 1]]
+    alike = np.abs(second[:, 2] - first[:, 2]) < _ALIKE_POWERS * first[:, 2]
+    out[pairs[alike, 0]] = 0.5 * (first + second)[alike]
     alone = np.setdiff1d(np.arange(len(far)), pairs[:, 1])
     # What the near wall shows close by is one dot there and two merged ones here, or the other way round.
     clear = alone[cKDTree(out[:, :2]).query(far[alone, :2])[0] > _SAME_DOT_PX[0]] if len(alone) else alone
@@ -341,11 +360,12 @@ def _union(near: np.ndarray, far: np.ndarray, pairs: np.ndarray) -> np.ndarray:
 
 def _pattern_sigma(view: WallView, capture: Capture, place: np.ndarray) -> float:
     """A dot's width in the pattern: the spot's without the pixel's square, seen from the projector at the wall's
-    middle."""
+    middle, and without what interpolation between the pattern's pixels widens it by when it is projected again."""
     camera, projector = capture.rig.left.K, capture.rig.projector.K
     middle = view.wall.points[:, 2].mean()
-    sigma = np.sqrt(max(view.spots["left"].sigma_px ** 2 - 1.0 / 12.0, 0.05))
-    return float(sigma * projector[0, 0] / camera[0, 0] * middle / (middle - place[2]))
+    to_pattern = projector[0, 0] / camera[0, 0] * middle / (middle - place[2])
+    variance = np.maximum(view.spots["left"].sigma_px ** 2 - 1.0 / 12.0, 0.05) * to_pattern**2
+    return float(np.sqrt(max(variance - _INTERPOLATED_PX2, 0.25 * variance)))
 
 
 __all__ = ["Pattern", "WallView", "acquire_pattern", "merged_pattern"]

@@ -42,6 +42,11 @@ class Spots:
     def __len__(self) -> int:
         return len(self.u)
 
+    @property
+    def border_px(self) -> int:
+        """Nearer to the image's border spots are not looked for."""
+        return _reach(self.sigma_px)
+
 
 def find_spots(image: np.ndarray, variance: np.ndarray, progress: Callable[[float], object] | None = None) -> Spots:
     """Spots of an averaged image [height][width], DN; variance: of its pixels, DN^2. ValueError where there are fewer
@@ -94,19 +99,16 @@ class _Fit:
 
     def add(self, u: np.ndarray, v: np.ndarray) -> None:
         height, width = self.image.shape
-        reach = self._reach()
+        reach = _reach(self.sigma)
         inside = (u > reach) & (u < width - 1 - reach) & (v > reach) & (v < height - 1 - reach)
         u, v = u[inside], v[inside]
         left = self.residual()
         at = left[np.rint(v).astype(int), np.rint(u).astype(int)]
         self.u, self.v, self.amplitude = np.r_[self.u, u], np.r_[self.v, v], np.r_[self.amplitude, np.maximum(at, 0.3)]
 
-    def _reach(self) -> int:
-        return int(np.ceil(3.5 * self.sigma))
-
     def _patches(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """(pixel numbers, offsets in u and v, Gaussian) [spot][pixel of its patch]."""
-        reach, width = self._reach(), self.image.shape[1]
+        reach, width = _reach(self.sigma), self.image.shape[1]
         y, x = (part.ravel() for part in np.mgrid[-reach : reach + 1, -reach : reach + 1])
         column, row = np.rint(self.u).astype(int)[:, None] + x, np.rint(self.v).astype(int)[:, None] + y
         du, dv = column - self.u[:, None], row - self.v[:, None]
@@ -171,6 +173,11 @@ class _Fit:
                 self.amplitude[strong] += self.amplitude[weak]
                 keep[weak] = False
         self.u, self.v, self.amplitude = self.u[keep], self.v[keep], self.amplitude[keep]
+
+
+def _reach(sigma: float) -> int:
+    """Pixels from a spot's middle to where it ends."""
+    return int(np.ceil(3.5 * sigma))
 
 
 def _typical_sigma(image: np.ndarray) -> float:

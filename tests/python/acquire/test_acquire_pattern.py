@@ -70,6 +70,19 @@ def test_the_pattern_holds_directions_and_powers(world, pattern):
     assert left / right == pytest.approx(1.0, abs=0.01)  # no falloff is left over the field
 
 
+def test_a_dots_width_is_that_of_the_pattern(world, pattern):
+    assert pattern.dot_sigma_px == pytest.approx(world.config.pattern_design.dot_sigma_px, rel=0.02)
+
+
+def test_dots_that_the_right_eye_alone_sees_are_in_the_pattern(world, pattern):
+    numbers, places = seen_dots(world, _WALLS[0], "right")
+    beyond = np.setdiff1d(numbers, np.concatenate([seen_dots(world, wall, "left", 1.0)[0] for wall in _WALLS]))
+    assert len(beyond) > 50
+    pixel = world.projector_K[0, 0] / world.config.ir_intrinsic[0, 0]
+    off = cKDTree(pattern.dots[:, :2]).query(world.true_dots()[beyond, :2])[0]
+    assert np.mean(off < pixel) >= 0.97 and np.median(off) < 0.05 * pixel
+
+
 def test_the_light_between_dots_is_measured(pattern):
     """The projected image has 5 of 255 there; in the room's light and above the black level, which are not told."""
     image = pattern.rig.projector.pattern()
