@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """How many samples the denoiser is worth: error of 2 filtered samples per pixel beside that of 2 and 32 plain ones,
-against 4096.
+against 4096; and whether 128 filtered samples are better than 128 plain ones.
 
 Prints relative errors (root of the mean square over the mean) of all light but the projectors' direct one, and their
 ratio; how much of the dots' contrast stays; and milliseconds. Open Image Denoise stands beside it where its library is
@@ -145,6 +145,7 @@ def measure(device, kind, reference_spp):
     truth = take(reference_spp, 77)[0]
     out = {"truth": indirect(truth)}
     runs = [("plain 2", 2, "none"), ("plain 32", 32, "none"), ("filtered 2", 2, "atrous")]
+    runs += [("plain 128", 128, "none"), ("filtered 128", 128, "atrous")]
     for name, spp, denoise in runs + ([("OIDN 2", 2, "oidn")] if has_oidn(renderer, scene, camera) else []):
         take(spp, 0, denoise)
         taken = [take(spp, 100 + seed, denoise) for seed in SEEDS]
@@ -187,7 +188,7 @@ def main():
     print(f"{device.info.name}; {WIDTH}x{HEIGHT}, infrared")
     print(
         "| scene | light | 2 spp | 32 spp | 2 spp filtered | filtered / 32 spp | OIDN / 32 spp | dot contrast "
-        "kept | ms, 2 / 32 / filtered |\n|--|--|--|--|--|--|--|--|--|"
+        "kept | at 128 spp, filtered / plain | ms, 2 / 32 / filtered |\n|--|--|--|--|--|--|--|--|--|--|"
     )
     results = {}
     for kind in KINDS:
@@ -199,7 +200,8 @@ def main():
             kept = f"{100 * filtered['contrast'] / plain['contrast']:.1f} %" if light == "all" else ""
             oidn = f"{r['OIDN 2'][light] / many[light]:.2f}" if "OIDN 2" in r else ""
             errors = f"{plain[light]:.4f} | {many[light]:.4f} | {filtered[light]:.4f} | {ratio:.2f} | {oidn}"
-            print(f"| {kind} | {light} | {errors} | {kept} | {times if kept else ''} |", flush=True)
+            converged = f"{r['filtered 128'][light] / r['plain 128'][light]:.2f}"
+            print(f"| {kind} | {light} | {errors} | {kept} | {converged} | {times if kept else ''} |", flush=True)
     if arguments.picture:
         picture(results, arguments.picture, arguments.reference)
 

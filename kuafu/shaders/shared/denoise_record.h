@@ -60,10 +60,13 @@ struct GuidePush {
   uint history, reserved;
 };
 
-/// Adds the first and second moment of a pixel's samples, the mean over channels of all light but the projectors' direct one.
+// What is kept of a pixel's samples: their sum, the sum of squares of their blocks' sums over the blocks' sizes, and the number of blocks.
+KUAFU_CONST moment_words = 3u;
+
+/// Adds the moments of a pixel's samples, the mean over channels of all light but the projectors' direct one.
 struct MomentsPush {
   FloatArray state;
-  FloatArray moments;  // [pixel][2]
+  FloatArray moments;  // [pixel][moment_words]
   WaveRange range;
   uint count;  // pixels
   uint channels, groups, first_pass;
@@ -93,7 +96,7 @@ KUAFU_CONST denoise_accumulate = 2u;  // over launches
 KUAFU_CONST denoise_smooth = 3u;      // levels that the next pass tells pixels apart by; light stays where it is
 KUAFU_CONST denoise_atrous = 4u;      // one pass of the filter, its taps `spacing` pixels apart
 KUAFU_CONST denoise_multiply = 5u;    // by albedo, where no rays do it
-KUAFU_CONST denoise_sum = 6u;        // ambient and radiance from their parts
+KUAFU_CONST denoise_sum = 6u;        // what filtering is worth to each pixel; ambient and radiance from their parts
 
 // Whether one ray tells what a pixel shows.
 KUAFU_CONST square_plain = 0u;
@@ -128,13 +131,13 @@ struct DenoisePush {
   DenoiseImagesArray images;
   GuideArray guides;
   FloatArray moments;
-  FloatArray light_in, light_out;  // [pixel][image][channel], over albedo
+  FloatArray light_in, light_out;  // [pixel][image][channel], over albedo; from denoise_multiply on times albedo
   PixelStatisticsArray pixels_in, pixels_out;
   SmoothStatisticsArray smoothed;
   UintArray squares;  // how many pixels are not square_plain, then which
   uint step, count;   // denoise_*; pixels of all views
   uint width, height;
-  uint samples, spacing;
+  uint samples, spacing;  // samples 0: the images are filtered already
   uint lists;  // nonzero: squares is filled
   uint reserved;
 };
@@ -147,6 +150,7 @@ struct RemodulatePush {
   DenoiseImagesArray images;
   GuideArray guides;
   FloatArray light;
+  FloatArray light_out;  // as DenoisePush's
   PixelStatisticsArray pixels;
   WaveRange range;
   uint count;  // rays, or pixels that blend
@@ -163,7 +167,7 @@ static_assert(sizeof(MomentsPush) == 72);
 static_assert(sizeof(DenoiseImages) == 136);
 static_assert(sizeof(PixelStatistics) == 16 && sizeof(SmoothStatistics) == 16);
 static_assert(sizeof(DenoisePush) == 104);
-static_assert(sizeof(RemodulatePush) == 120);
+static_assert(sizeof(RemodulatePush) == 128);
 }  // namespace kuafu
 #endif
 #endif

@@ -20,6 +20,8 @@ const float blurred_exponent = matt_exponent;            // of normals where sta
 
 const float relative_reach = 1e-3f, least_reach = 1e-12f;  // of levels, where the noise is known to be nothing
 const float own_least = 1e-4f;                             // weight of a pixel without any like it: it keeps its light
+const int worth_reach = 2;       // pixels around that tell what filtering is worth
+const float few_samples = 8.0f;  // over their number: what is added to the scatter of so few that they tell little of it
 const float full_support = 0.5f;                           // of the kernel on this surface: a pixel there is as sure as its neighbours
 
 /// The pixel (dx, dy) away, or `miss` where the view ends.
@@ -50,6 +52,14 @@ uint square_of(uint pixel) {
   return square;
 }
 
+/// Of the pixel's samples, from their blocks' own scatter.
+float variance_of_mean(uint pixel, OUT(float) mean) {
+  uint word = pixel * moment_words;
+  float n = float(push.samples), first = push.moments.at[word], blocks = push.moments.at[word + 2u];
+  mean = first / n;
+  return blocks > 1.0f ? max(0.0f, push.moments.at[word + 1u] - first * mean) / (n * (blocks - 1.0f)) : 0.0f;
+}
+
 void divide(uint pixel) {
   vec3 albedo = load_guide(push.guides, pixel).albedo;
   uint channels = push.images.at[0].channels;
@@ -60,10 +70,7 @@ void divide(uint pixel) {
       push.light_out.at[pixel * plane_count() + k * channels + c] = light;
       level += light / float(channels);
     }
-  // Of the mean of the samples, from their own scatter; scaled as the light is.
-  float n = float(push.samples), mean = push.moments.at[pixel * 2u] / n;
-  float variance = push.samples > 1u ? max(0.0f, push.moments.at[pixel * 2u + 1u] / n - mean * mean) / (n - 1.0f) : 0.0f;
-  float scale = mean > 0.0f ? level / mean : 0.0f;
+  float mean, variance = variance_of_mean(pixel, mean), scale = mean > 0.0f ? level / mean : 0.0f;  // scaled as the light is
   uint square = square_of(pixel);
   push.pixels_out.at[pixel] = PixelStatistics(level, variance * scale * scale, confidence_of(square), square);
 }
@@ -260,7 +267,7 @@ const float side_weight = 0.25f, corner_weight = 0.0875f;
 void multiply(uint pixel) {
   bool squares = push.lists != 0u;
   if (squares && push.pixels_in.at[pixel].square != square_plain) return;
-  DenoiseImages images = push.images.at[0];
+  uint channels = push.images.at[0].channels;
   GuideRecord here = load_guide(push.guides, pixel);
   float sum[most_planes], weights = 0.0f;
   uint planes = plane_count();
@@ -275,10 +282,42 @@ void multiply(uint pixel) {
       for (uint p = 0u; p < planes; ++p) sum[p] += weight * push.light_in.at[other * planes + p];
     }
   for (uint p = 0u; p < planes; ++p)
-    images.denoised[p / images.channels].at[pixel * images.channels + p % images.channels] = sum[p] / weights * here.albedo[int(p % images.channels)];
+    push.light_out.at[pixel * planes + p] = sum[p] / weights * here.albedo[int(p % channels)];
+}
+
+/// Share of the filtered light in the pixel; the rest is the mean of its own samples. The square of their difference holds the samples' noise and the filter's
+/// bias: around the pixel, what is more than the noise is bias, and each of the two gets the share that the other's square asks for.
+float filtered_share(uint pixel) {
+  if (push.samples == 1u) return 1.0f;
+  float scatter = 0.0f, apart = 0.0f;
+  uint planes = plane_count();
+  for (int dy = -worth_reach; dy <= worth_reach; ++dy)
+    for (int dx = -worth_reach; dx <= worth_reach; ++dx) {
+      uint other = neighbour(pixel, dx, dy);
+      if (other == miss) continue;
+      float mean, filtered = 0.0f;
+      scatter += variance_of_mean(other, mean);
+      for (uint p = 0u; p < planes; ++p) filtered += push.light_in.at[other * planes + p];
+      filtered /= float(push.images.at[0].channels);
+      apart += (filtered - mean) * (filtered - mean);
+    }
+  float expected = scatter * (1.0f + few_samples / float(push.samples - 1u));
+  return apart > expected ? scatter / (scatter + apart - expected) : 1.0f;
+}
+
+void keep_converged(uint pixel) {
+  DenoiseImages images = push.images.at[0];
+  float share = filtered_share(pixel);
+  uint planes = plane_count();
+  for (uint p = 0u; p < planes; ++p) {
+    uint word = pixel * images.channels + p % images.channels;
+    float own = images.denoised[p / images.channels].at[word];
+    images.denoised[p / images.channels].at[word] = own + share * (push.light_in.at[pixel * planes + p] - own);
+  }
 }
 
 void sum_images(uint pixel) {
+  if (push.samples > 0u) keep_converged(pixel);
   DenoiseImages images = push.images.at[0];
   for (uint c = 0u; c < images.channels; ++c) {
     uint word = pixel * images.channels + c;

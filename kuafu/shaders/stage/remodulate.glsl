@@ -54,6 +54,6 @@ void remodulate(uint pixel, uint plane, float light) {
   DenoiseImages images = push.images.at[0];
   float rays = float(square_rays), samples = float(push.samples);
   float trust = push.pixels.at[pixel].square == square_edge && samples > rays ? rays / (rays + samples) : 1.0f;
-  uint k = plane / images.channels, word = pixel * images.channels + plane % images.channels;
-  images.denoised[k].at[word] += trust * (light - images.denoised[k].at[word]);
+  float own = images.denoised[plane / images.channels].at[pixel * images.channels + plane % images.channels];
+  push.light_out.at[pixel * plane_count() + plane] = own + trust * (light - own);
 }

@@ -65,7 +65,7 @@ void Denoiser::fit(const Launch& launch, const Scene& scene, const Frame& frame)
     history_.forget();
   images_.resize(memory_, 1)[0] = images;
   grow(memory_, guides_, guide_words(uint32_t(pixels)));
-  grow(memory_, sums_, pixels * 2);
+  grow(memory_, sums_, pixels * moment_words);
   for (auto& light : light_) grow(memory_, light, pixels * kinds.size() * channels_);
   for (auto& statistics : pixels_) grow(memory_, statistics, pixels * sizeof(PixelStatistics) / 4);
   grow(memory_, smooth_, pixels * sizeof(SmoothStatistics) / 4);
@@ -170,6 +170,7 @@ void Denoiser::over_square(ks::Commands& commands, const WaveRays& square, uint3
                    .images = images_.address(),
                    .guides = guides,
                    .light = push_.light_in,
+                   .light_out = push_.light_out,
                    .pixels = push_.pixels_in,
                    .range = square.range,
                    .count = count,
@@ -181,6 +182,7 @@ void Denoiser::over_square(ks::Commands& commands, const WaveRays& square, uint3
 }
 
 void Denoiser::sum(ks::Commands& commands) {
+  push_.light_in = push_.light_out;
   push_.step = denoise_sum;
   denoise_.run(commands, "denoise", push_, planes_ | push_.step << 8);
 }

@@ -155,6 +155,26 @@ TEST(Denoiser, two_samples_become_as_good_as_thirty_two_and_many_stay) {
   EXPECT_LT(rms(ambient(128, KUAFU_DENOISE_ATROUS), truth), plain_128);
 }
 
+// The ball's shadow and its light on the wall are finer than the filter: where samples are sure of them, pixels keep what they have.
+TEST(Denoiser, a_converged_image_keeps_itself) {
+  World world;
+  world.desc().max_bounces = 2;
+  world.add(quad({0, 0, 1.4}, {-2, 0, 0}, {0, 2, 0}), lambert(0.5f));
+  world.add(sphere(0.2, 32, true), lambert(0.9f), placed({0, 0, 1.2}));
+  kuafu_light_desc lamp = kuafu_light_desc_init(KUAFU_LIGHT_DISK);
+  lamp.ir_intensity = 10;
+  lamp.radius_m = 0.2;
+  world.add_light(lamp, {1, 0, 0, 0.6, 0, 1, 0, -0.6, 0, 0, 1, 0, 0, 0, 0, 1});
+  const auto ambient = [&](uint32_t samples, uint64_t seed, uint32_t kind) {
+    world.desc().samples_per_pixel = samples;
+    world.desc().seed = seed;
+    world.desc().denoise = kind;
+    return world.render({view_at({0, 0, 0}, width, height, 50)}, {KUAFU_OUTPUT_AMBIENT})[KUAFU_OUTPUT_AMBIENT];
+  };
+  const Pixels truth = ambient(512, 1, KUAFU_DENOISE_NONE);
+  EXPECT_LT(rms(ambient(128, 2, KUAFU_DENOISE_ATROUS), truth), rms(ambient(128, 2, KUAFU_DENOISE_NONE), truth));
+}
+
 TEST(Denoiser, same_bits_for_any_thread_count) {
   SKIP_IF(why_not(KUAFU_TRACER_EMBREE));
   World one(KUAFU_TRACER_EMBREE, 1), three(KUAFU_TRACER_EMBREE, 3);
