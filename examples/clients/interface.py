@@ -348,6 +348,10 @@ class kuafu_material_desc(c.Structure):
         ("normal_scale", c.c_float),
         ("clearcoat", c.c_float),
         ("clearcoat_roughness", c.c_float),
+        ("diffuse_transmission", c.c_float),
+        ("diffuse_transmission_color", c.c_float * 3),
+        ("ir_diffuse_transmission_color", c.c_float),
+        ("reserved", c.c_uint32),
     ]
 
 

@@ -159,6 +159,10 @@ pub struct kuafu_material_desc {
     pub normal_scale: f32,
     pub clearcoat: f32,
     pub clearcoat_roughness: f32,
+    pub diffuse_transmission: f32,
+    pub diffuse_transmission_color: [f32; 3],
+    pub ir_diffuse_transmission_color: f32,
+    pub reserved: u32,
 }
 
 #[repr(C)]

@@ -15,11 +15,20 @@
 namespace kuafu {
 namespace {
 
-constexpr std::array known_extensions = {"KHR_materials_ior",       "KHR_materials_transmission",      "KHR_materials_specular",
-                                         "KHR_materials_volume",    "KHR_materials_emissive_strength", "KHR_lights_punctual",
-                                         "KHR_mesh_quantization",   "KHR_texture_transform",           "EXT_texture_webp",
-                                         "EXT_mesh_gpu_instancing", "KHR_draco_mesh_compression",      "EXT_meshopt_compression",
-                                         "KHR_materials_clearcoat"};
+constexpr std::array known_extensions = {"KHR_materials_ior",
+                                         "KHR_materials_transmission",
+                                         "KHR_materials_specular",
+                                         "KHR_materials_volume",
+                                         "KHR_materials_emissive_strength",
+                                         "KHR_lights_punctual",
+                                         "KHR_mesh_quantization",
+                                         "KHR_texture_transform",
+                                         "EXT_texture_webp",
+                                         "EXT_mesh_gpu_instancing",
+                                         "KHR_draco_mesh_compression",
+                                         "EXT_meshopt_compression",
+                                         "KHR_materials_clearcoat",
+                                         "KHR_materials_diffuse_transmission"};
 
 bool is_known(const std::string& extension) {
   return std::find(known_extensions.begin(), known_extensions.end(), extension) != known_extensions.end();

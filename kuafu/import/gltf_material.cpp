@@ -98,9 +98,11 @@ void GltfMaterials::read_extensions(const tinygltf::Material& from, const std::s
   to.transmission_roughness = to.roughness;
   const auto* volume = extension("KHR_materials_volume");
   const double thickness = volume == nullptr ? 0.0 : number_of(*volume, "thicknessFactor", 0.0);
-  to.thin_walled = extension("KHR_materials_transmission") != nullptr && thickness == 0.0;  // as KHR_materials_volume has it
+  const auto* diffuse_transmission = extension("KHR_materials_diffuse_transmission");
+  const bool lets_through = extension("KHR_materials_transmission") != nullptr || diffuse_transmission != nullptr;
+  to.thin_walled = lets_through && thickness == 0.0;  // as KHR_materials_volume has it
   if (to.thin_walled && volume != nullptr && volume->Has("attenuationDistance"))
-    import_.warn(field + ": attenuationDistance is not used, for thicknessFactor is 0: the glass is a sheet");
+    import_.warn(field + ": attenuationDistance is not used, for thicknessFactor is 0: it is a sheet");
   if (const auto* e = volume) {
     to.attenuation_distance_m = static_cast<float>(number_of(*e, "attenuationDistance", 0.0));
     if (e->Has("attenuationColor"))
@@ -115,6 +117,15 @@ void GltfMaterials::read_extensions(const tinygltf::Material& from, const std::s
       if (e->Has("clearcoatNormalTexture") || from.normalTexture.index >= 0)
         import_.warn(field + ": the clear coat has the normals of the surface below it; clearcoatNormalTexture is ignored");
     }
+  }
+  if (const auto* e = diffuse_transmission) {
+    to.diffuse_transmission = static_cast<float>(number_of(*e, "diffuseTransmissionFactor", 0.0));
+    if (e->Has("diffuseTransmissionColorFactor"))
+      for (int i = 0; i < 3; ++i)
+        to.diffuse_transmission_color[i] = static_cast<float>(e->Get("diffuseTransmissionColorFactor").Get(i).GetNumberAsDouble());
+    if (to.diffuse_transmission > 0.0f)
+      for (const char* texture : {"diffuseTransmissionTexture", "diffuseTransmissionColorTexture"})
+        if (e->Has(texture)) import_.warn(field + ": " + texture + " is ignored");
   }
   if (const auto* e = extension("KHR_materials_emissive_strength"))
     to.emission *= static_cast<float>(number_of(*e, "emissiveStrength", 1.0));

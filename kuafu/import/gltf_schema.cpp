@@ -150,6 +150,9 @@ constexpr Field fields[] = {
     {"/materials", "/extensions/KHR_materials_clearcoat", Kind::object},
     {"/materials", "/extensions/KHR_materials_clearcoat/clearcoatFactor", Kind::number},
     {"/materials", "/extensions/KHR_materials_clearcoat/clearcoatRoughnessFactor", Kind::number},
+    {"/materials", "/extensions/KHR_materials_diffuse_transmission", Kind::object},
+    {"/materials", "/extensions/KHR_materials_diffuse_transmission/diffuseTransmissionFactor", Kind::number},
+    {"/materials", "/extensions/KHR_materials_diffuse_transmission/diffuseTransmissionColorFactor", Kind::numbers, 3},
 #include "import/material_extras.inc"
     {"/textures", "/source", Kind::index},
     {"/textures", "/sampler", Kind::index},

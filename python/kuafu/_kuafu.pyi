@@ -203,7 +203,7 @@ class Image:
     def array(self) -> NDArray[Any]:
         """The view as a numpy array, without a copy."""
 class Material:
-    """A surface's material, by glTF 2.0's model: a GGX microfacet layer (alpha is the square of roughness), metallic-roughness, and KHR_materials_ior, specular, transmission, volume and clearcoat. Energy is conserved at every roughness. Transmission without a thicknessFactor is read as thin_walled, as KHR_materials_volume defines it. Fields that glTF has no words for are read from a material's extras, under the names that they have here; a texture there is written {"index": n}."""
+    """A surface's material, by glTF 2.0's model: a GGX microfacet layer (alpha is the square of roughness), metallic-roughness, and KHR_materials_ior, specular, transmission, volume, clearcoat and diffuse_transmission. Energy is conserved at every roughness. Transmission without a thicknessFactor is read as thin_walled, as KHR_materials_volume defines it. Fields that glTF has no words for are read from a material's extras, under the names that they have here; a texture there is written {"index": n}."""
 
     name: str
     base_color: tuple[float, float, float, float]
@@ -284,6 +284,12 @@ class Material:
     """Weight of a clear coat over all of the surface that is not transmission: a reflecting layer of index 1.5 with a roughness of its own (KHR_materials_clearcoat). What lies below receives and gives off the light that the coat transmits. The coat has the normals of the surface, normal_texture's too, is the same in both bands, and does not dim emission. [0..1]"""
     clearcoat_roughness: float
     """Roughness of the clear coat. [0..1]"""
+    diffuse_transmission: float
+    """Share of the diffuse base whose light leaves on the other side of the surface, evenly in all directions (KHR_materials_diffuse_transmission): paper, leaves, lampshades. Both sides wear the dielectric layer. Unless the material is thin_walled, the other side is the inside of a body, which absorbs as attenuation_color says. [0..1]"""
+    diffuse_transmission_color: tuple[float, float, float]
+    """Colour of diffuse_transmission; base_color does not tint it. [0..1; 1, 1, 1 by default]"""
+    ir_diffuse_transmission_color: float
+    """The same as diffuse_transmission_color, in the infrared band. [0..1; 0 means the red of diffuse_transmission_color]"""
     def __init__(self, **fields: Any) -> None: ...
 
 class Light:

@@ -49,6 +49,9 @@ inline void bind_fields(py::class_<Material>& type) {
   scalar(type, "normal_scale", &S::normal_scale, "Multiplies the x and y of normal_texture's normals.");
   scalar(type, "clearcoat", &S::clearcoat, "Weight of a clear coat over all of the surface that is not transmission: a reflecting layer of index 1.5 with a roughness of its own (KHR_materials_clearcoat). What lies below receives and gives off the light that the coat transmits. The coat has the normals of the surface, normal_texture's too, is the same in both bands, and does not dim emission.");
   scalar(type, "clearcoat_roughness", &S::clearcoat_roughness, "Roughness of the clear coat.");
+  scalar(type, "diffuse_transmission", &S::diffuse_transmission, "Share of the diffuse base whose light leaves on the other side of the surface, evenly in all directions (KHR_materials_diffuse_transmission): paper, leaves, lampshades. Both sides wear the dielectric layer. Unless the material is thin_walled, the other side is the inside of a body, which absorbs as attenuation_color says.");
+  vector(type, "diffuse_transmission_color", &S::diffuse_transmission_color, "Colour of diffuse_transmission; base_color does not tint it.");
+  scalar(type, "ir_diffuse_transmission_color", &S::ir_diffuse_transmission_color, "The same as diffuse_transmission_color, in the infrared band.");
 }
 
 inline void bind_fields(py::class_<Film>& type) {

@@ -80,7 +80,7 @@ AT(simsense_signal, bit_depth, 128, 4);
 AT(simsense_signal, first_view, 132, 4);
 AT(simsense_signal, scene_index, 136, 8);
 
-SIZE(kuafu_material_desc, 224);
+SIZE(kuafu_material_desc, 248);
 AT(kuafu_material_desc, name, 16, 8);
 AT(kuafu_material_desc, base_color, 24, 16);
 AT(kuafu_material_desc, metallic, 40, 4);
@@ -121,6 +121,10 @@ AT(kuafu_material_desc, alpha_cutoff, 208, 4);
 AT(kuafu_material_desc, normal_scale, 212, 4);
 AT(kuafu_material_desc, clearcoat, 216, 4);
 AT(kuafu_material_desc, clearcoat_roughness, 220, 4);
+AT(kuafu_material_desc, diffuse_transmission, 224, 4);
+AT(kuafu_material_desc, diffuse_transmission_color, 228, 12);
+AT(kuafu_material_desc, ir_diffuse_transmission_color, 240, 4);
+AT(kuafu_material_desc, reserved, 244, 4);
 
 SIZE(kuafu_film_desc, 96);
 AT(kuafu_film_desc, vignetting_exponent, 16, 8);

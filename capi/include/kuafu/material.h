@@ -38,10 +38,10 @@ extern "C" {
 #define KUAFU_ALPHA_BLEND 2u
 
 /* A surface's material, by glTF 2.0's model: a GGX microfacet layer (alpha is the square of roughness),
- * metallic-roughness, and KHR_materials_ior, specular, transmission, volume and clearcoat. Energy is conserved at every
- * roughness. Transmission without a thicknessFactor is read as thin_walled, as KHR_materials_volume defines it. Fields
- * that glTF has no words for are read from a material's extras, under the names that they have here; a texture there is
- * written {"index": n}. */
+ * metallic-roughness, and KHR_materials_ior, specular, transmission, volume, clearcoat and diffuse_transmission. Energy
+ * is conserved at every roughness. Transmission without a thicknessFactor is read as thin_walled, as
+ * KHR_materials_volume defines it. Fields that glTF has no words for are read from a material's extras, under the names
+ * that they have here; a texture there is written {"index": n}. */
 typedef struct kuafu_material_desc {
   ks_header header;
   /* Name that kuafu_scene_material_name returns; NULL is no name. */
@@ -138,6 +138,16 @@ typedef struct kuafu_material_desc {
   float clearcoat;
   /* Roughness of the clear coat. [0..1] */
   float clearcoat_roughness;
+  /* Share of the diffuse base whose light leaves on the other side of the surface, evenly in all directions
+   * (KHR_materials_diffuse_transmission): paper, leaves, lampshades. Both sides wear the dielectric layer. Unless the
+   * material is thin_walled, the other side is the inside of a body, which absorbs as attenuation_color says. [0..1] */
+  float diffuse_transmission;
+  /* Colour of diffuse_transmission; base_color does not tint it. [0..1; 1, 1, 1 by default] */
+  float diffuse_transmission_color[3];
+  /* The same as diffuse_transmission_color, in the infrared band. [0..1; 0 means the red of diffuse_transmission_color] */
+  float ir_diffuse_transmission_color;
+  /* Must be 0. */
+  uint32_t reserved;
 } kuafu_material_desc;
 static inline kuafu_material_desc kuafu_material_desc_init(void) {
   kuafu_material_desc s;
@@ -177,6 +187,9 @@ static inline kuafu_material_desc kuafu_material_desc_init(void) {
   s.ior_texture = KUAFU_NONE;
   s.alpha_cutoff = 0.5f;
   s.normal_scale = 1.0f;
+  s.diffuse_transmission_color[0] = 1.0f;
+  s.diffuse_transmission_color[1] = 1.0f;
+  s.diffuse_transmission_color[2] = 1.0f;
   return s;
 }
 

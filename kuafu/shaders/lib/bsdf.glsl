@@ -3,7 +3,8 @@
 // A dielectric's layer reflects as Fresnel says of its index, times specular. Its base gets and gives what the layer lets through,
 // (1 - E(wo)) (1 - E(wi)) / (1 - mean of E) with the layer's directional albedo E: reciprocal, and a white base loses nothing (Kelemen and
 // Szirmay-Kalos, "A Microfacet Based Coupled Specular-Matte BRDF Model", 2001). Both sides of a surface wear the layer. A glass share
-// (transmission) is in lib/glass.glsl, a coat over all else in lib/clearcoat.glsl. Light that meets several microfacets comes back as one more diffuse lobe (Kulla and Conty, "Revisiting
+// (transmission) is in lib/glass.glsl, a coat over all else in lib/clearcoat.glsl. What the base lets through (diffuse_transmission) passes the layers of both
+// sides, as what it gives back passes one twice. Light that meets several microfacets comes back as one more diffuse lobe (Kulla and Conty, "Revisiting
 // Physically Based Shading at Imageworks", 2017).
 #ifndef KUAFU_BSDF_GLSL
 #define KUAFU_BSDF_GLSL
@@ -28,6 +29,8 @@ struct Bsdf {
   float multiple_scale;         // 1 / (1 - mean of E)
   float diffuse_roughness;
   float subsurface;             // share that goes below the surface
+  Spectrum beyond;              // albedo of the base for light that leaves on the other side
+  float beyond_chance;          // of that, where the base is taken
   Glass glass;
   Clearcoat clearcoat;
 };
@@ -71,6 +74,9 @@ Spectrum multiple_share(Spectrum average, float mean) { return average * average
 
 bool is_mirror(IN(Bsdf) b) { return b.alpha < mirror_alpha; }
 bool has_lobe(IN(Bsdf) b) { return b.metallic + b.layer > 0.0f; }
+bool lets_through(IN(Bsdf) b) { return (features & feature_diffuse_transmission) != 0u && max_component(b.beyond) > 0.0f; }
+/// Has a part that light from behind can be scattered by.
+bool takes_light_behind(IN(Bsdf) b) { return is_rough(b.glass) || lets_through(b); }
 
 /// What several facets scatter. Means of Fresnel's reflectance: Schlick's exactly, the layer's by Kulla and Conty's fit.
 void set_multiple(INOUT(Bsdf) b, IN(MaterialPoint) m, Vec2Array table) {
@@ -89,6 +95,7 @@ vec3 lobe_weights(IN(Bsdf) b, OUT(float) below) {
     if (b.layer > 0.0f) w.y += b.layer / b.coat * (wears_clearcoat(b.clearcoat) ? b.coat_albedo - b.clearcoat.albedo : b.coat_albedo);
     w.x += max_component(b.multiple) * max(1.0f - b.lobe_albedo.x - b.lobe_albedo.y, 0.0f) * under;
   }
+  if (lets_through(b)) w.x += max_component(b.beyond) * (1.0f - b.coat_albedo);
   below = (features & feature_subsurface) != 0u ? b.subsurface * (1.0f - b.coat_albedo) : 0.0f;
   return w;
 }
@@ -120,6 +127,13 @@ Bsdf make_bsdf(IN(MaterialPoint) m, Vec2Array table, float cos_o, bool front) {
     b.subsurface = m.subsurface * dielectric;
     b.diffuse *= 1.0f - m.subsurface;
   }
+  b.beyond = Spectrum(0.0f);
+  b.beyond_chance = 0.0f;
+  if ((features & feature_diffuse_transmission) != 0u) {
+    b.beyond = m.beyond * (dielectric * m.diffuse_transmission);
+    b.diffuse *= 1.0f - m.diffuse_transmission;
+    b.subsurface *= 1.0f - m.diffuse_transmission;
+  }
   b.metallic = m.metallic;
   b.metal = m.base * m.metallic;
   b.coat = m.ior > 1.0f ? m.coat : 0.0f;
@@ -146,12 +160,16 @@ Bsdf make_bsdf(IN(MaterialPoint) m, Vec2Array table, float cos_o, bool front) {
   b.diffuse_roughness = (features & feature_materials) != 0u ? m.diffuse_roughness : 0.0f;
   b.glass = make_glass(m, table, cos_o, front);
   if (wears_clearcoat(b.clearcoat)) wear_clearcoat(b, table, cos_o);
+  if (lets_through(b)) {
+    float below;
+    b.beyond_chance = max_component(b.beyond) * (1.0f - b.coat_albedo) / max(lobe_weights(b, below).x, 1e-12f);
+  }
   return b;
 }
 
 /// Has a part that light from a point can be scattered by.
 bool takes_light(IN(Bsdf) b) {
-  return max_component(b.diffuse) > 0.0f || (has_lobe(b) && !is_mirror(b)) || is_rough(b.glass) || has_clearcoat_lobe(b.clearcoat);
+  return max_component(b.diffuse) > 0.0f || (has_lobe(b) && !is_mirror(b)) || takes_light_behind(b) || has_clearcoat_lobe(b.clearcoat);
 }
 
 /// Fresnel's reflectance of layer and metal where light meets a facet at this cosine.
@@ -170,6 +188,12 @@ float diffuse_shape(float roughness, vec3 wo, vec3 wi) {
   return (1.0f + roughness * s / max(t, 1e-6f)) / (pi + (pi / 2.0f - 2.0f / 3.0f) * roughness);
 }
 
+/// What the layers let through to the base and from it, towards the eye and at this cosine.
+float through_layers(IN(Bsdf) b, Vec2Array table, float cosine) {
+  if (b.coat == 0.0f && !wears_clearcoat(b.clearcoat)) return 1.0f;
+  return (1.0f - b.coat_albedo) * (1.0f - coat_albedo(b, table, cosine)) * b.base_scale;
+}
+
 /// f cos of the parts that are no mirrors, and the density of bsdf_sample for them.
 Spectrum bsdf_evaluate(IN(Bsdf) b, Vec2Array table, vec3 wo, vec3 wi, vec3 chances, OUT(float) pdf) {
   pdf = 0.0f;
@@ -178,14 +202,13 @@ Spectrum bsdf_evaluate(IN(Bsdf) b, Vec2Array table, vec3 wo, vec3 wi, vec3 chanc
     f = evaluate_glass(b.glass, table, wo, wi, pdf);
     pdf *= chances.z;
   }
-  if (wi.z <= 0.0f) return f;
-  pdf += chances.x * wi.z / pi;
-  if (max_component(b.diffuse) > 0.0f) {
-    float through = 1.0f;
-    if (b.coat > 0.0f || wears_clearcoat(b.clearcoat))
-      through = (1.0f - b.coat_albedo) * (1.0f - coat_albedo(b, table, wi.z)) * b.base_scale;
-    f += b.diffuse * (through * wi.z * diffuse_shape(b.diffuse_roughness, wo, wi));
+  if (lets_through(b) && wi.z < 0.0f) {
+    pdf += chances.x * b.beyond_chance * -wi.z / pi;
+    f += b.beyond * (through_layers(b, table, -wi.z) * -wi.z / pi);
   }
+  if (wi.z <= 0.0f) return f;
+  pdf += (lets_through(b) ? chances.x * (1.0f - b.beyond_chance) : chances.x) * wi.z / pi;
+  if (max_component(b.diffuse) > 0.0f) f += b.diffuse * (through_layers(b, table, wi.z) * wi.z * diffuse_shape(b.diffuse_roughness, wo, wi));
   if (has_lobe(b) && !is_mirror(b)) {
     vec3 h = normalize(wo + wi);
     Spectrum lobe = lobe_fresnel(b, dot(wo, h)) * (ggx_distribution(h, b.alpha) * ggx_visibility(wo.z, wi.z, b.alpha) * wi.z);
@@ -236,7 +259,16 @@ BsdfSample sample_opaque(IN(Bsdf) b, Vec2Array table, vec3 wo, vec3 chances, vec
   BsdfSample s = BsdfSample(vec3(0.0f), Spectrum(0.0f), 0.0f, false, false);
   vec3 mirrored = reflect(-wo, sample_visible_normal(wo, alpha, u)), diffuse = sample_cosine(u);
   s.direction = vec3(lobe ? mirrored.x : diffuse.x, lobe ? mirrored.y : diffuse.y, lobe ? mirrored.z : diffuse.z);
-  if (is_rough(b.glass) && s.direction.z <= 0.0f) return s;  // mirrored into the surface: not the glass's light beyond
+  if (takes_light_behind(b) && s.direction.z <= 0.0f) return s;  // mirrored into the surface: not the light beyond
+  Spectrum f = bsdf_evaluate(b, table, wo, s.direction, chances, s.pdf);
+  if (s.pdf > 0.0f) s.weight = f / s.pdf;
+  return s;
+}
+
+/// By the base, to the other side.
+BsdfSample sample_beyond(IN(Bsdf) b, Vec2Array table, vec3 wo, vec3 chances, vec2 u) {
+  vec3 up = sample_cosine(u);
+  BsdfSample s = BsdfSample(vec3(xy(up), -up.z), Spectrum(0.0f), 0.0f, false, true);
   Spectrum f = bsdf_evaluate(b, table, wo, s.direction, chances, s.pdf);
   if (s.pdf > 0.0f) s.weight = f / s.pdf;
   return s;
@@ -268,6 +300,7 @@ BsdfSample bsdf_sample(IN(Bsdf) b, Vec2Array table, vec3 wo, vec3 chances, vec2 
   bool beyond = choice >= chances.z + chances.y + chances.x;
   if (!lobe && beyond && wears_clearcoat(b.clearcoat)) return sample_clearcoat(b, table, wo, chances, u);
   if (!lobe && chances.x == 0.0f) return s;
+  if (!lobe && lets_through(b) && choice < chances.z + chances.y + chances.x * b.beyond_chance) return sample_beyond(b, table, wo, chances, u);
   return sample_opaque(b, table, wo, chances, u, lobe, b.alpha);
 }
 #endif

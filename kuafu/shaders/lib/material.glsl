@@ -16,6 +16,8 @@ struct MaterialPoint {
   float transmission_roughness, diffuse_roughness;
   float subsurface;  // share of the diffuse base
   float clearcoat, clearcoat_roughness;
+  float diffuse_transmission;  // share of the diffuse base, and
+  Spectrum beyond;             // its colour
   bool thin_walled;  // the glass is a sheet
 };
 
@@ -69,6 +71,8 @@ MaterialPoint load_material(IN(SceneAddresses) scene, IN(MaterialRecord) m, INOU
   p.attenuation = Spectrum(0.0f);
   p.transmission_roughness = p.diffuse_roughness = p.subsurface = p.clearcoat = p.clearcoat_roughness = 0.0f;
   p.thin_walled = false;
+  p.diffuse_transmission = 0.0f;
+  p.beyond = Spectrum(0.0f);
   if ((features & feature_subsurface) != 0u) p.subsurface = m.subsurface;
   if ((features & feature_materials) != 0u) {
     if (m.thin_walled == 0u) p.attenuation = band_of(m.attenuation);
@@ -79,6 +83,10 @@ MaterialPoint load_material(IN(SceneAddresses) scene, IN(MaterialRecord) m, INOU
   if ((features & feature_clearcoat) != 0u) {
     p.clearcoat = m.clearcoat;
     p.clearcoat_roughness = m.clearcoat_roughness;
+  }
+  if ((features & feature_diffuse_transmission) != 0u) {
+    p.diffuse_transmission = m.diffuse_transmission;
+    p.beyond = band_of(m.diffuse_transmission_color);
   }
   if ((features & feature_lookups) != 0u && m.colored != 0u) p.base *= band_of(xyz(s.color));
   if (m.textured == 0u) return p;

@@ -56,6 +56,8 @@ struct MaterialRecord {
   uint colored;        // nonzero: the mesh's colors multiply base_color
   float normal_scale;
   float clearcoat, clearcoat_roughness;
+  float diffuse_transmission;
+  vec3 diffuse_transmission_color;
 };
 KUAFU_ARRAY(MaterialArray, MaterialRecord, 4)
 
@@ -196,7 +198,7 @@ KUAFU_ARRAY(SceneReference, SceneAddresses, 8)
 
 #ifdef __cplusplus
 static_assert(sizeof(InstanceRecord) == 160);
-static_assert(sizeof(MaterialRecord) == 172);
+static_assert(sizeof(MaterialRecord) == 188);
 static_assert(sizeof(TextureRecord) == 48);
 static_assert(sizeof(LightRecord) == 104);
 static_assert(sizeof(LightShape) == 160);

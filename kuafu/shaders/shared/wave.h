@@ -153,6 +153,7 @@ KUAFU_CONST feature_motion = 1u << 4u;      // rays have a time: SceneAddresses.
 KUAFU_CONST feature_camera = 1u << 5u;      // of `generate` and `aov`: generate_camera or aov_camera may be there
 KUAFU_CONST feature_lookups = 1u << 6u;     // textures with a lookup of their own (TextureRecord), second texture coordinates, vertex colours, normal_scale
 KUAFU_CONST feature_clearcoat = 1u << 8u;   // a clear coat over the surface
+KUAFU_CONST feature_diffuse_transmission = 1u << 9u;  // light that the diffuse base lets through
 KUAFU_CONST feature_cutouts = 1u << 7u;     // of tracers: surfaces that are not everywhere there (alpha_mask, alpha_blend)
 
 struct GeneratePush {

@@ -31,7 +31,7 @@ bool ran_inside(uint i, IN(Path) path) {
   IN(SceneAddresses) scene = push.scene.at[0];
   Surface s = surface_at(scene, ray_field(i, hit_instance), ray_field(i, hit_primitive), 0.0f, 0.0f, path.time_s);
   IN(MaterialRecord) m = scene.materials.at[s.material];
-  return dot(s.geometric_normal, load_direction(push.rays_in, i, push.capacity)) > 0.0f && m.transmission > 0.0f && m.thin_walled == 0u;
+  return dot(s.geometric_normal, load_direction(push.rays_in, i, push.capacity)) > 0.0f && m.transmission + m.diffuse_transmission > 0.0f && m.thin_walled == 0u;
 }
 
 FogVertex sample_fog(IN(Path) path, vec3 origin, vec3 direction, float t_far) {

@@ -20,7 +20,7 @@ Spectrum scattered_towards(uint i, uint k, vec3 direction, float time_s) {
   set_bsdf(vertex);
   vec3 wi = to_local(vertex.frame, direction);
   bool behind = dot(direction, vertex.side_normal) <= 0.0f;
-  if (behind != (wi.z <= 0.0f) || (behind && !is_rough(vertex.bsdf.glass))) return Spectrum(0.0f);
+  if (behind != (wi.z <= 0.0f) || (behind && !takes_light_behind(vertex.bsdf))) return Spectrum(0.0f);
   float pdf;
   return bsdf_evaluate(vertex.bsdf, push.scene.at[0].specular_albedo, vertex.wo, wi, vertex.chances, pdf);
 }

@@ -92,7 +92,7 @@ ShadowRequest ask_light_at_surface(IN(Path) path, IN(Vertex) vertex, uint k) {
   ShadowRequest request = no_shadow_request();
   LightAtSurface l;
   light_at_surface(path, vertex, k, l);
-  if (!l.found || (l.wi.z <= 0.0f && !is_rough(vertex.bsdf.glass))) return request;
+  if (!l.found || (l.wi.z <= 0.0f && !takes_light_behind(vertex.bsdf))) return request;
   float pdf;
   Spectrum f = bsdf_evaluate(vertex.bsdf, push.scene.at[0].specular_albedo, vertex.wo, l.wi, vertex.chances, pdf);
   request_light(path, l, f, pdf, request);

@@ -49,6 +49,9 @@ void copy_fields(const kuafu_material_desc& s, MaterialFields& out) {
   out.normal_scale = s.normal_scale;
   out.clearcoat = s.clearcoat;
   out.clearcoat_roughness = s.clearcoat_roughness;
+  out.diffuse_transmission = s.diffuse_transmission;
+  for (int i = 0; i < 3; ++i) out.diffuse_transmission_color[i] = s.diffuse_transmission_color[i];
+  out.ir_diffuse_transmission_color = s.ir_diffuse_transmission_color;
 }
 
 void copy_fields(const MaterialFields& s, kuafu_material_desc& out) {
@@ -92,6 +95,9 @@ void copy_fields(const MaterialFields& s, kuafu_material_desc& out) {
   out.normal_scale = s.normal_scale;
   out.clearcoat = s.clearcoat;
   out.clearcoat_roughness = s.clearcoat_roughness;
+  out.diffuse_transmission = s.diffuse_transmission;
+  for (int i = 0; i < 3; ++i) out.diffuse_transmission_color[i] = s.diffuse_transmission_color[i];
+  out.ir_diffuse_transmission_color = s.ir_diffuse_transmission_color;
 }
 
 void copy_fields(const kuafu_film_desc& s, FilmFields& out) {

@@ -57,8 +57,12 @@ struct StructInfo<kuafu_material_desc> {
       KS_FIELD_END(kuafu_material_desc, normal_scale),
       KS_FIELD_END(kuafu_material_desc, clearcoat),
       KS_FIELD_END(kuafu_material_desc, clearcoat_roughness),
+      KS_FIELD_END(kuafu_material_desc, diffuse_transmission),
+      KS_FIELD_END(kuafu_material_desc, diffuse_transmission_color),
+      KS_FIELD_END(kuafu_material_desc, ir_diffuse_transmission_color),
+      KS_FIELD_END(kuafu_material_desc, reserved),
   };
-  static constexpr std::array<ReservedBytes, 0> reserved = {};
+  static constexpr std::array<ReservedBytes, 1> reserved = {{{offsetof(kuafu_material_desc, reserved), sizeof(kuafu_material_desc::reserved)}}};
   static kuafu_material_desc neutral() {
     kuafu_material_desc s{};
     s.header = ks_header_make(KUAFU_TYPE_MATERIAL_DESC, sizeof s);

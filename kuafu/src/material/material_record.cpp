@@ -47,6 +47,7 @@ Material in_band(const Material& material, const Band& band) {
   if (m.ir_albedo_texture != none || !std::isnan(m.ir_albedo)) m.base_color_texture = m.ir_albedo_texture;
   m.emission = band.color(m.emission, m.ir_emission);
   m.attenuation_color = band.color(m.attenuation_color, m.ir_attenuation_color);
+  if (m.ir_diffuse_transmission_color > 0.0f) m.diffuse_transmission_color = glm::vec3(m.ir_diffuse_transmission_color);
   m.subsurface_color = band.color(m.subsurface_color, m.ir_subsurface_color);
   m.subsurface_radius_m = band.color(m.subsurface_radius_m, m.ir_subsurface_radius_m);
   m.roughness = band.number(m.roughness, m.ir_roughness);
@@ -82,18 +83,22 @@ MaterialRecord material_record(const Material& material, uint32_t id, const Band
   r.normal_scale = m.normal_scale == 0.0f ? 1.0f : m.normal_scale;
   r.clearcoat = m.clearcoat;
   r.clearcoat_roughness = m.clearcoat_roughness;
+  r.diffuse_transmission = m.diffuse_transmission;
+  r.diffuse_transmission_color = m.diffuse_transmission_color;
   set_subsurface(r, m);
   set_textures(r, m);
   return r;
 }
 
 uint32_t material_features(const Material& m) {
-  const bool special = m.diffuse_roughness > 0.0f ||
-                       (m.transmission > 0.0f && (m.transmission_roughness > 0.0f || m.thin_walled || m.attenuation_distance_m > 0.0f));
+  const bool body = m.thin_walled || m.attenuation_distance_m > 0.0f;  // that differs from clear glass
+  const bool special = m.diffuse_roughness > 0.0f || (m.transmission > 0.0f && (m.transmission_roughness > 0.0f || body)) ||
+                       (m.diffuse_transmission > 0.0f && body);
   const bool scaled = m.normal_texture != none && m.normal_scale != 0.0f && m.normal_scale != 1.0f;
   return (special ? feature_materials : 0) | (scaled ? feature_lookups : 0) |
          (m.alpha_mode != Material::AlphaMode::opaque ? feature_cutouts | feature_lookups : 0) |
-         (m.subsurface > 0.0f ? feature_subsurface : 0) | (m.clearcoat > 0.0f ? feature_clearcoat : 0);
+         (m.subsurface > 0.0f ? feature_subsurface : 0) | (m.clearcoat > 0.0f ? feature_clearcoat : 0) |
+         (m.diffuse_transmission > 0.0f ? feature_diffuse_transmission : 0);
 }
 
 bool is_smooth_glass(const Material& m) {

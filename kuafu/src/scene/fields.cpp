@@ -39,6 +39,9 @@ void check_fields(const MaterialFields& s, const std::string& owner) {
   ks::check_range({owner, "normal_scale", ""}, s.normal_scale, -1000.0f, 1000.0f);
   ks::check_range({owner, "clearcoat", ""}, s.clearcoat, 0.0f, 1.0f);
   ks::check_range({owner, "clearcoat_roughness", ""}, s.clearcoat_roughness, 0.0f, 1.0f);
+  ks::check_range({owner, "diffuse_transmission", ""}, s.diffuse_transmission, 0.0f, 1.0f);
+  for (int i = 0; i < 3; ++i) ks::check_range({owner, "diffuse_transmission_color", ""}, s.diffuse_transmission_color[i], 0.0f, 1.0f);
+  ks::check_range({owner, "ir_diffuse_transmission_color", ""}, s.ir_diffuse_transmission_color, 0.0f, 1.0f);
 }
 
 void check_fields(const FilmFields& s, const std::string& owner) {

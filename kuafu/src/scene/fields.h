@@ -95,6 +95,12 @@ struct MaterialFields {
   float clearcoat = 0.0f;
   /// Roughness of the clear coat.
   float clearcoat_roughness = 0.0f;
+  /// Share of the diffuse base whose light leaves on the other side of the surface, evenly in all directions (KHR_materials_diffuse_transmission): paper, leaves, lampshades. Both sides wear the dielectric layer. Unless the material is thin_walled, the other side is the inside of a body, which absorbs as attenuation_color says.
+  float diffuse_transmission = 0.0f;
+  /// Colour of diffuse_transmission; base_color does not tint it.
+  glm::vec3 diffuse_transmission_color{1.0f, 1.0f, 1.0f};
+  /// The same as diffuse_transmission_color, in the infrared band.
+  float ir_diffuse_transmission_color = 0.0f;
 };
 
 struct FilmFields {
@@ -218,7 +224,7 @@ auto texture_ids(M& m) {
 template <class M, class Visit>
 void for_each_field(M& m, Visit&& visit) {
   const auto all = [&](auto&... fields) { (visit(fields), ...); };
-  all(m.name, m.base_color, m.metallic, m.roughness, m.specular, m.ior, m.transmission, m.emission, m.ir_albedo, m.ir_emission, m.base_color_texture, m.metallic_roughness_texture, m.normal_texture, m.emission_texture, m.transmission_texture, m.specular_texture, m.transmission_roughness, m.diffuse_roughness, m.attenuation_color, m.ir_attenuation_color, m.attenuation_distance_m, m.bsdf, m.light_group, m.thin_walled, m.ir_albedo_texture, m.ir_roughness, m.ir_ior, m.ir_transmission, m.ir_transmission_roughness, m.subsurface, m.subsurface_color, m.subsurface_radius_m, m.ir_subsurface_color, m.ir_subsurface_radius_m, m.ior_texture, m.alpha_mode, m.alpha_cutoff, m.normal_scale, m.clearcoat, m.clearcoat_roughness);
+  all(m.name, m.base_color, m.metallic, m.roughness, m.specular, m.ior, m.transmission, m.emission, m.ir_albedo, m.ir_emission, m.base_color_texture, m.metallic_roughness_texture, m.normal_texture, m.emission_texture, m.transmission_texture, m.specular_texture, m.transmission_roughness, m.diffuse_roughness, m.attenuation_color, m.ir_attenuation_color, m.attenuation_distance_m, m.bsdf, m.light_group, m.thin_walled, m.ir_albedo_texture, m.ir_roughness, m.ir_ior, m.ir_transmission, m.ir_transmission_roughness, m.subsurface, m.subsurface_color, m.subsurface_radius_m, m.ir_subsurface_color, m.ir_subsurface_radius_m, m.ior_texture, m.alpha_mode, m.alpha_cutoff, m.normal_scale, m.clearcoat, m.clearcoat_roughness, m.diffuse_transmission, m.diffuse_transmission_color, m.ir_diffuse_transmission_color);
 }
 
 }  // namespace kuafu

@@ -113,6 +113,29 @@ TEST(GltfLooks, AClearCoatArrivesAndItsTexturesAreTold) {
   EXPECT_NE(glb_error_of(w).find("clearcoat is 1.5"), std::string::npos) << glb_error_of(w);
 }
 
+TEST(GltfLooks, LightThatIsLetThroughArrivesAndItsTexturesAreTold) {
+  const char* name = "KHR_materials_diffuse_transmission";
+  GltfWriter w =
+      with_material({{"extensions", {{name, {{"diffuseTransmissionFactor", 0.75}, {"diffuseTransmissionColorFactor", {0.25, 0.5, 1}}}}}},
+                     {"extras", {{"ir_diffuse_transmission_color", 0.875}}}});
+  w.root["extensionsUsed"] = {name};
+  w.root["extensionsRequired"] = {name};
+  const Loaded loaded = load_glb(w);
+  EXPECT_TRUE(loaded.warnings.empty());
+  const Material& m = loaded.scene.materials()[0];
+  EXPECT_EQ(m.diffuse_transmission, 0.75f);
+  EXPECT_EQ(m.diffuse_transmission_color, glm::vec3(0.25f, 0.5f, 1));
+  EXPECT_EQ(m.ir_diffuse_transmission_color, 0.875f);
+  EXPECT_TRUE(m.thin_walled);
+  json& extensions = w.root["materials"][0]["extensions"];
+  extensions[name]["diffuseTransmissionTexture"] = extensions[name]["diffuseTransmissionColorTexture"] = {{"index", 0}};
+  EXPECT_EQ(load_glb(w).warnings.size(), 2u);
+  extensions["KHR_materials_volume"] = {{"thicknessFactor", 0.01}};
+  EXPECT_FALSE(load_glb(w).scene.materials()[0].thin_walled);
+  extensions[name]["diffuseTransmissionColorFactor"] = {1, 2, 0};
+  EXPECT_NE(glb_error_of(w).find("diffuse_transmission_color is 2"), std::string::npos) << glb_error_of(w);
+}
+
 TEST(GltfLooks, ColoursAndTheSecondSetAreReadWhereTheyMatter) {
   const auto file = [](const std::vector<float>& colors, int uv_set) {
     GltfWriter w = with_material(base_texture({{"index", 0}, {"texCoord", uv_set}}));

@@ -142,6 +142,18 @@ TEST(BsdfSampler, a_clear_coat) {
   check(coated(point(0.3f, 0.4f, 0.6f, 0.7f), 1, 0.5f), 0.6, true);
 }
 
+MaterialPoint translucent(MaterialPoint m, float share, float color) {
+  m.diffuse_transmission = share;
+  m.beyond = color;
+  m.thin_walled = true;
+  return m;
+}
+
+TEST(BsdfSampler, light_that_is_let_through) {
+  check(translucent(point(0.2f, 0, 0.4f, 0), 0.6f, 0.8f), 1.0, true);
+  check(translucent(coated(point(0.2f, 0.5f, 0.6f, 0.7f), 0.5f, 0.3f), 0.5f, 0.4f), 0.6, false);
+}
+
 /// Energy that clear glass gives of light from one direction, by its sampler; radiance changes by eta squared besides.
 double energy(const MaterialPoint& m, double cosine, bool front) {
   const Lobe l = lobe(m, std::acos(cosine), front);
@@ -226,6 +238,24 @@ TEST(Glass, is_reciprocal) {
             EXPECT_NEAR(there / back, 1, 2e-3) << thin << " " << ior << " " << roughness << " " << a.z << " " << b.z;
           }
       }
+}
+
+TEST(DiffuseTransmission, of_white_paper_loses_and_creates_nothing) {
+  for (const float coat : {0.0f, 1.0f})
+    for (const float share : {0.3f, 1.0f})
+      for (const bool front : {true, false})
+        for (const double cosine : {0.15, 0.5, 1.0}) {
+          MaterialPoint m = translucent(coated(point(0, 0, 0.5f, 0), coat, 0.4f), share, 1);
+          m.base = 1;
+          m.diffuse_roughness = 0;
+          EXPECT_NEAR(energy(m, cosine, front), 1, coat > 0 ? 0.015 : 0.01) << "share " << share << ", coat " << coat << ", " << cosine;
+        }
+}
+
+TEST(DiffuseTransmission, is_reciprocal) {
+  const vec3 a = direction(0.9, 0), b = direction(-0.3, 2);
+  const MaterialPoint m = translucent(coated(point(0.2f, 0, 0.5f, 0), 0.7f, 0.2f), 0.6f, 0.8f);
+  EXPECT_NEAR(reciprocal_f(m, a, b) / reciprocal_f(m, b, a), 1, 2e-3);
 }
 
 TEST(Clearcoat, is_reciprocal) {

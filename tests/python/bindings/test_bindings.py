@@ -153,6 +153,9 @@ def test_records_come_back_as_they_went_in(scene):
         emission=(1, 2, 3),
         thin_walled=True,
         clearcoat=0.5,
+        diffuse_transmission=0.25,
+        diffuse_transmission_color=(0.5, 1, 0.75),
+        ir_diffuse_transmission_color=0.875,
     )
     back = scene.get_material(scene.add_material(material))
     for name in (
@@ -163,6 +166,9 @@ def test_records_come_back_as_they_went_in(scene):
         "ior_texture",
         "clearcoat",
         "clearcoat_roughness",
+        "diffuse_transmission",
+        "diffuse_transmission_color",
+        "ir_diffuse_transmission_color",
         "base_color",
         "metallic",
         "roughness",
