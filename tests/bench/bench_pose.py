@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """How often `acquire pose` finds a part: starts 2 cm and 5 degrees off in random directions, in rendered rooms.
 
-    PYTHONPATH=build/python python3 tests/bench/bench_pose.py [--starts 40] [--parts matt glossy metal glass] [--workers N]
+    PYTHONPATH=build/python python3 tests/bench/bench_pose.py [--starts 40] [--parts matt glossy ...] [--workers N]
 
 A box of 12 x 9 x 7 cm of each material stands on a table beside two things that are not modelled; five poses of the
 camera see it in colour and in the infrared with the projector off, 240 x 160 px, with noise. Asked in nine of ten
