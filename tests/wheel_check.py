@@ -29,6 +29,7 @@ simsense.Image.from_dlpack(simsense.Device("host"), array).array()[3, 3] = 5
 if np.from_dlpack(image)[1, 2] != 7 or array[3, 3] != 5:
     sys.exit("what crosses by DLPack is not the same memory")
 loaded = {line.split()[-1] for line in Path("/proc/self/maps").read_text().splitlines() if ".so" in line}
+# Embree and TBB are among them unless Embree is linked into libkuafu.
 ours = [
     path
     for path in loaded
@@ -39,5 +40,5 @@ print(
     f"NumPy {np.__version__}: {100 * valid.mean():.0f} % measured, median error {error_mm:.1f} mm, {len(ours)} "
     f"of our libraries loaded"
 )
-if outside or len(ours) < 4 or not valid.mean() > 0.5 or not error_mm < 20:
+if outside or len(ours) < 3 or not valid.mean() > 0.5 or not error_mm < 20:
     sys.exit(f"wrong: {outside} from outside the environment, {sorted(ours)}")

@@ -45,9 +45,9 @@ if [ -z "${EMBREE_SOURCE:-}" ]; then
   fetch_source
   EMBREE_SOURCE=$work/source
 fi
-# Code for several kinds of processor, of which Embree takes the best at run time: any x86-64, AVX2 and AVX-512, as Debian's does.
+# Code for several kinds of processor, of which Embree takes the best at run time: any x86-64, AVX, AVX2 and AVX-512.
 instructions=()
-[ "$(uname -m)" != x86_64 ] || instructions=(-DEMBREE_MAX_ISA=NONE -DEMBREE_ISA_SSE42=OFF -DEMBREE_ISA_AVX=OFF -DEMBREE_ISA_AVX2=ON -DEMBREE_ISA_AVX512=ON)
+[ "$(uname -m)" != x86_64 ] || instructions=(-DEMBREE_MAX_ISA=NONE -DEMBREE_ISA_SSE42=OFF -DEMBREE_ISA_AVX=ON -DEMBREE_ISA_AVX2=ON -DEMBREE_ISA_AVX512=ON)
 without=()
 for part in TUTORIALS ISPC_SUPPORT GEOMETRY_QUAD GEOMETRY_CURVE GEOMETRY_SUBDIVISION GEOMETRY_USER GEOMETRY_GRID GEOMETRY_POINT; do
   without+=("-DEMBREE_$part=OFF")
