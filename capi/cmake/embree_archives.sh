@@ -14,7 +14,7 @@ give_up() {
   exit 3
 }
 
-# One line of deb-src for each repository from which the machine takes its own release's main component.
+# The line of deb-src for the repository from which the machine takes its own release's main component.
 source_lists() {
   # shellcheck disable=SC2016  # apt's own placeholders
   apt-get indextargets --format '$(REPO_URI) $(CODENAME) $(COMPONENT)' 'Created-By: Packages' |
@@ -28,6 +28,7 @@ private_apt() {
 }
 
 fetch_source() {
+  command -v apt-get >/dev/null || give_up "there is no apt-get; name an unpacked source in EMBREE_SOURCE"
   mkdir -p "$work/apt/lists/partial" "$work/source"
   source_lists >"$work/apt/sources.list"
   [ -s "$work/apt/sources.list" ] || give_up "apt knows no mirror of this release; run apt-get update first, or name a source in EMBREE_SOURCE"
@@ -37,7 +38,7 @@ fetch_source() {
   touch "$work/source/readme.pdf"  # Debian leaves it out, Embree's rules install it
 }
 
-if [ -f "$prefix/lib/libembree3.a" ]; then
+if [ -f "$prefix/lib/libembree3.a" ] && [ ! -d "$work" ]; then  # the work goes last
   exit 0
 fi
 rm -rf "$work"

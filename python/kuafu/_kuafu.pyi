@@ -285,7 +285,7 @@ class Material:
     clearcoat_roughness: float
     """Roughness of the clear coat. [0..1]"""
     diffuse_transmission: float
-    """Share of the diffuse base whose light leaves on the other side of the surface, evenly in all directions (KHR_materials_diffuse_transmission): paper, leaves, lampshades. Both sides wear the dielectric layer. Unless the material is thin_walled, the other side is the inside of a body, which absorbs as attenuation_color says. [0..1]"""
+    """Share of the diffuse base whose light leaves on the other side of the surface, evenly in all directions (KHR_materials_diffuse_transmission): paper, leaves, lampshades. Both sides wear the dielectric layer. Unless the material is thin_walled, the other side is the inside of a body, which absorbs as attenuation_color says, but for the light of lamps that stand in it. [0..1]"""
     diffuse_transmission_color: tuple[float, float, float]
     """Colour of diffuse_transmission; base_color does not tint it. [0..1; 1, 1, 1 by default]"""
     ir_diffuse_transmission_color: float

@@ -108,6 +108,8 @@ def ours(**settings: object) -> Matcher:
         return simsense.Engine(device, camera, camera, pose, rectified=True, max_disparity=max_disparity, **changes)
 
     def match(left: Image, right: Image, max_disparity: int) -> NDArray[np.float32]:
+        if left.dtype == np.uint16 and "p2_full_gradient_dn" in settings:
+            raise SystemExit("the profile passive is told in counts of 8 bit: write such pictures")
         matcher = engine(left.shape[1], left.shape[0], max_disparity, left.dtype == np.uint16)
         disparity = matcher.compute(left, right, ("disparity",))["disparity"]
         return np.where(disparity >= 0, disparity, np.nan).astype(np.float32)
@@ -156,7 +158,7 @@ MATCHERS: dict[str, Matcher] = {
     "simsense, summed subpixel, median 5": ours(subpixel="equiangular_summed", median_size=5),
     "simsense, 8 paths, summed subpixel, median 5": ours(path_count=8, subpixel="equiangular_summed", median_size=5),
     "simsense, depth --profile active": ours(**PROFILES["active"]),
-    "simsense, depth --profile passive": ours(**PROFILES["passive"]),
+    "simsense, depth --profile passive": ours(**PROFILES["passive"]),  # of 8 bit
     "simsense, as D415 (median 5, texture 2)": ours(median_size=5, min_texture_dn=2),
     "simsense, as D435 (block 15, median 5, texture 2)": ours(
         block_width=15, block_height=15, median_size=5, min_texture_dn=2

@@ -34,7 +34,7 @@ PARSED = "from activestereo.cli import make_parser; import sys; make_parser().pa
 SPECIAL: dict[str, tuple[str, str]] = {
     r"bash (tests|examples|capi)/": ("bash -n {1}", "it builds or tests the whole project; its syntax is checked"),
     r"ninja |ctest |cmake --build|cpack": ("true", "it builds or tests the whole project"),
-    r"cmake -S|pip wheel": ("true", "it builds the whole project; tests/static_embree.sh and tests/wheel.sh do so"),
+    r"cmake -S|pip wheel": ("true", "it builds the whole project; tests/static_embree.sh does the same from a build"),
     r"build/bin/fuzz_\w+": ("test -n {0}", "ctest runs the fuzzing programs"),
     r"build/bin/kuafu_\w+_tests": ("test -n {0}", "it is a test of its own"),
     r"/usr/bin/python3 -m pytest": ("test -f {4}", "it is a test of its own; its file is there"),

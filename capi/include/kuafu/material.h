@@ -140,7 +140,8 @@ typedef struct kuafu_material_desc {
   float clearcoat_roughness;
   /* Share of the diffuse base whose light leaves on the other side of the surface, evenly in all directions
    * (KHR_materials_diffuse_transmission): paper, leaves, lampshades. Both sides wear the dielectric layer. Unless the
-   * material is thin_walled, the other side is the inside of a body, which absorbs as attenuation_color says. [0..1] */
+   * material is thin_walled, the other side is the inside of a body, which absorbs as attenuation_color says, but for
+   * the light of lamps that stand in it. [0..1] */
   float diffuse_transmission;
   /* Colour of diffuse_transmission; base_color does not tint it. [0..1; 1, 1, 1 by default] */
   float diffuse_transmission_color[3];

@@ -32,9 +32,9 @@ void add_shapes(uint i, IN(Path) path, float t_far, bool open) {
   }
 }
 
-/// What is left after a way that ended at this surface: the glass absorbs that the path is in, also before an immersed thing.
+/// What is left after a way that ended at this surface: the body absorbs that the path is in, also before an immersed thing.
 Spectrum absorbed(IN(Path) path, IN(MaterialPoint) m, bool front, float t) {
-  Spectrum attenuation = !front && m.transmission > 0.0f ? m.attenuation : Spectrum(0.0f);
+  Spectrum attenuation = !front && m.transmission + m.diffuse_transmission > 0.0f ? m.attenuation : Spectrum(0.0f);
   if (path.body != 0u) {
     IN(MaterialRecord) body = push.scene.at[0].materials.at[path.body - 1u];
     attenuation = band_of(body.attenuation);

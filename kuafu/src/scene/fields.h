@@ -95,7 +95,7 @@ struct MaterialFields {
   float clearcoat = 0.0f;
   /// Roughness of the clear coat.
   float clearcoat_roughness = 0.0f;
-  /// Share of the diffuse base whose light leaves on the other side of the surface, evenly in all directions (KHR_materials_diffuse_transmission): paper, leaves, lampshades. Both sides wear the dielectric layer. Unless the material is thin_walled, the other side is the inside of a body, which absorbs as attenuation_color says.
+  /// Share of the diffuse base whose light leaves on the other side of the surface, evenly in all directions (KHR_materials_diffuse_transmission): paper, leaves, lampshades. Both sides wear the dielectric layer. Unless the material is thin_walled, the other side is the inside of a body, which absorbs as attenuation_color says, but for the light of lamps that stand in it.
   float diffuse_transmission = 0.0f;
   /// Colour of diffuse_transmission; base_color does not tint it.
   glm::vec3 diffuse_transmission_color{1.0f, 1.0f, 1.0f};

@@ -69,22 +69,26 @@ class MaterialFit:
     ) -> None:
         """network: takes the filter bank's place."""
         self._scene, self._pictures, self._surfaces, self._seed = scene, pictures, surfaces, seed
-        self._scenes = {n: scene.scene.get_material(n) for n in surfaces}
+        self._materials = {n: scene.scene.get_material(n) for n in surfaces}
         colored = any(p.band == "visible" for p in pictures)
         self.parameters = tuple(
             (n, name)
             for n in surfaces
-            for name in PARAMETERS + (COLORS if colored and _is_blank(self._scenes[n]) else ())
+            for name in PARAMETERS + (COLORS if colored and _is_blank(self._materials[n]) else ())
         )
         self.low, self.high = np.array([_RANGES[name] for _, name in self.parameters]).reshape(-1, 2).T
         self._features = None if network is None else {p.name: PictureFeatures(network, p) for p in pictures}
         self.renders = 0
+        self._nominal = self._as_the_scene_has_it()
 
     def start(self) -> NDArray[np.float64]:
         """What the scene says."""
+        return self._nominal.copy()
+
+    def _as_the_scene_has_it(self) -> NDArray[np.float64]:
         out = []
         for number, name in self.parameters:
-            material = self._scenes[number]
+            material = self._materials[number]
             if name in COLORS:
                 out.append(material.base_color[COLORS.index(name)])
             elif name == "ir_albedo" and material.ir_albedo is None:
@@ -160,7 +164,7 @@ class MaterialFit:
         return np.concatenate([rest.ravel(), *(np.sqrt(_PERCEPTUAL) * part.ravel() for part in seen)])
 
     def set(self, theta: NDArray[np.float64]) -> None:
-        for number, material in self._scenes.items():
+        for number, material in self._materials.items():
             values = {name: float(v) for (n, name), v in zip(self.parameters, theta, strict=True) if n == number}
             set_surface(material, {name: values[name] for name in PARAMETERS})
             if "red" in values:

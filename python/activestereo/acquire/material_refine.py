@@ -29,6 +29,9 @@ _COLOR_FLOOR = 0.03
 _OPEN = 0.6
 # Gloss goes with powers of roughness: below this the design's reach shrinks with it.
 _LINEAR_ROUGHNESS = 0.4
+# Residuals whose two halves of the samples ever lie this far apart, in deviations, tell of rare bright paths alone (a
+# dot by way of gloss): derivatives leave them out, whatever their sign.
+_WILD = 6.0
 _STEPS = 3  # with the same derivatives
 _FARTHEST = 2.0  # they lead, in reaches
 
@@ -97,11 +100,13 @@ def _derivatives(
         if name == "roughness":
             reaches[k] *= min(1.0, theta[k] / _LINEAR_ROUGHNESS)
     middle = np.clip(theta, fit.low + reaches, fit.high - reaches)
-    J = np.zeros((2, len(weights), size))
+    J, apart = np.zeros((2, len(weights), size)), np.zeros(len(weights))
     for number, row in enumerate(signs):
         rendered = fit.residuals(middle + row * reaches, samples, weights)
         J[0] += rendered.first[:, None] * row
         J[1] += rendered.second[:, None] * row
+        np.maximum(apart, np.abs(rendered.first - rendered.second), out=apart)
         tell((number + 1) / len(signs))
     J /= len(signs) * reaches
+    J[:, apart > _WILD] = 0.0
     return J[0], J[1]

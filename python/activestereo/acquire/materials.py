@@ -28,7 +28,9 @@ _FINE_SAMPLES = 32
 _FIRST_REACH, _REACHES = 0.2, (0.15, 0.1)
 _INTERVAL_90 = 1.645
 # Half an interval wider than this says that the pictures do not determine the value.
-_UNDETERMINED = {"roughness": 0.25, "metallic": 0.4, "specular": 0.5, "transmission": 0.3, "ir_albedo": 0.25}
+_UNDETERMINED = {
+    "roughness": 0.25, "metallic": 0.4, "specular": 0.5, "transmission": 0.3, "ir_albedo": 0.25, "color": 0.25,
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -87,6 +89,8 @@ def acquire_materials(
     if model is not None:
         capture = calibrated(capture, model)
     surfaces = surfaces_of_object(capture.scene_path, object_name)
+    names = surface_names(capture.scene_path)
+    _refuse_twins(capture.scene_path, [names[number] for number in surfaces])
     scene = MaterialScene(capture, device)
     seen = pictures(scene, capture, surfaces)
     fit = MaterialFit(scene, seen, surfaces, seed, network)
@@ -100,24 +104,35 @@ def acquire_materials(
     better = min(firsts, key=lambda refined: refined.residuals.loss).theta
     best = refine(fit, better, _REACHES, _FINE_SAMPLES, part_of(tell, 0.74, 1.0))
     before = fit.residuals(fit.with_colors(nominal, _FINE_SAMPLES), _FINE_SAMPLES).loss
-    names = surface_names(capture.scene_path)
     source = f"acquire materials: {len(seen)} pictures of {capture.name}"
     found: dict[str, dict[str, Quantity]] = {names[number]: {} for number in surfaces}
     open_: dict[str, list[str]] = {names[number]: [] for number in surfaces}
     colors: dict[str, list[float]] = {}
+    open_colors: set[str] = set()
     for (number, name), value, error in zip(fit.parameters, best.theta, best.sigma, strict=True):
         half, surface = _INTERVAL_90 * float(error), names[number]
         if name in COLORS:
             colors.setdefault(surface, []).append(float(value))
+            if half > _UNDETERMINED["color"]:
+                open_colors.add(surface)
         elif half > _UNDETERMINED[name]:
             open_[surface].append(name)
         else:
             low, high = max(float(value) - half, 0.0), min(float(value) + half, 1.0)
             found[surface][name] = Quantity(float(value), low, high, "1", source)
+    for surface in open_colors:
+        del colors[surface]
+        open_[surface].append("colour")
     tell(1.0)
     undetermined = {surface: tuple(fields) for surface, fields in open_.items()}
     losses = before, best.residuals.loss
     return Materials(object_name, found, undetermined, losses, fit.renders, tuple(p.name for p in seen), colors)
+
+
+def _refuse_twins(scene_path: object, names: list[str]) -> None:
+    twins = sorted({name for name in names if names.count(name) > 1})
+    if twins:
+        raise ValueError(f"{scene_path}: more than one surface is called '{twins[0]}': give each a name of its own")
 
 
 def _wide(

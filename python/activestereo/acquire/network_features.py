@@ -42,10 +42,10 @@ class Network:
             raise ValueError(f"{path}: has no convolution with an activation behind it, such as AlexNet's")
         try:
             with _quiet():
-                self.features(np.zeros((_LEAST_PX, _LEAST_PX, 3), np.float32))
+                self.features(np.zeros((_LEAST_PX, _LEAST_PX + 16, 3), np.float32))
         except cv2.error as error:
             raise ValueError(
-                f"{path}: does not take a picture of 3 channels and {_LEAST_PX}x{_LEAST_PX} px ({_line(error)})"
+                f"{path}: does not take a picture of 3 channels and {_LEAST_PX + 16}x{_LEAST_PX} px ({_line(error)})"
             ) from error
 
     def _early_layers(self) -> tuple[str, ...]:

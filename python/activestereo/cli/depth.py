@@ -87,7 +87,7 @@ def add_parser(commands: Commands) -> None:
         "none, the CPU)"
     )
     parser.add_argument("--device", metavar="auto|cpu|N", help=text)
-    add_depth_maps(add_matching(parser, {}))
+    add_depth_maps(add_matching(parser, PROFILES["active"]))
     parser.set_defaults(run=run)
 
 

@@ -78,5 +78,17 @@ TEST(DiffuseTransmission, of_a_body_is_absorbed_inside) {
   EXPECT_NEAR(in_furnace(box({50, 50, 0.05}), material, 0.3), 0.4432, 0.02);
 }
 
+TEST(DiffuseTransmission, of_the_body_around_the_camera_is_absorbed) {
+  kuafu_material_desc material = paper(0, 1, 1);
+  material.thin_walled = 0;
+  for (float& c : material.attenuation_color) c = 0.1f;
+  material.attenuation_distance_m = 2;
+  World world;
+  world.add(box({50, 50, 2}), material, placed({0, 0, 0}));
+  world.set_environment(1.0f);
+  world.desc().samples_per_pixel = 64;
+  EXPECT_NEAR(world.radiance(view_at({0, 0, 0}, 8, 8, 2000)).mean(), 0.1, 0.002);
+}
+
 }  // namespace
 }  // namespace laws
