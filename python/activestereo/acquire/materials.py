@@ -31,6 +31,7 @@ _INTERVAL_90 = 1.645
 _UNDETERMINED = {
     "roughness": 0.25, "metallic": 0.4, "specular": 0.5, "transmission": 0.3, "ir_albedo": 0.25, "color": 0.25,
 }  # fmt: skip
+_METAL = 0.9
 
 
 @dataclass(frozen=True)
@@ -120,6 +121,11 @@ def acquire_materials(
         else:
             low, high = max(float(value) - half, 0.0), min(float(value) + half, 1.0)
             found[surface][name] = Quantity(float(value), low, high, "1", source)
+    for surface, fields in found.items():
+        # What is metal lets no light through, whatever its transmission.
+        if "transmission" in fields and "metallic" in fields and fields["metallic"].value > _METAL:
+            del fields["transmission"]
+            open_[surface].append("transmission")
     for surface in open_colors:
         del colors[surface]
         open_[surface].append("colour")
