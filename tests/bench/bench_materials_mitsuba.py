@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 from material_worlds import (
     BASELINE_M, BLACK_DN, COLOR, DN, IR_PROJECTOR, IR_ROOM, LAMPS, LEFT_TO_PROJECTOR, NOMINAL, PATTERN_K, READ_DN, ROOM,
-    SHOT_DN, TABLE_ALBEDO, TABLE_COLOR, counts, eye_pose, intrinsics, mesh_of, pattern, place_of, record,
+    SHOT_DN, TABLE_ALBEDO, TABLE_COLOR, counts, eye_pose, intrinsics, mesh_of, pattern, place_of, record, seen_of,
 )  # fmt: skip
 from numpy.typing import NDArray
 
@@ -31,10 +31,8 @@ import kuafu
 import simsense
 from activestereo import meshes
 from activestereo.acquire.material_fit import MaterialFit, light_intensities
-from activestereo.acquire.material_views import MaterialScene, Picture, pictures
+from activestereo.acquire.material_views import Picture
 from activestereo.acquire.materials import acquire_materials
-from activestereo.capture import read_capture
-from activestereo.scene_surfaces import surfaces_of_object
 
 Image = NDArray[np.float64]
 IR_ALBEDO = 0.5
@@ -141,10 +139,8 @@ class Rendered:
     """The unseen view as kuafu sees it under the materials that were found."""
 
     def __init__(self, capture_path: Path, shape: str, found: Any, spp: int) -> None:
-        capture = read_capture(capture_path)
-        self.surfaces = surfaces_of_object(capture.scene_path, shape)
-        self.scene, self._spp = MaterialScene(capture), spp
-        seen = pictures(self.scene, capture, self.surfaces)
+        self.scene, seen, self.surfaces = seen_of(capture_path, shape)
+        self._spp = spp
         fit = MaterialFit(self.scene, seen, self.surfaces)
         theta = fit.start()
         (fields,), (color,) = found.found.values(), (*found.colors.values(), None)[:1]

@@ -5,12 +5,12 @@ import json
 
 import numpy as np
 import pytest
-from material_worlds import NOMINAL, PAINTS, record
+from material_worlds import NOMINAL, PAINTS, record, seen_of
 
 from activestereo.acquire import materials
 from activestereo.acquire.material_fit import MaterialFit
 from activestereo.acquire.material_refine import refine
-from activestereo.acquire.material_views import MaterialScene, pictures
+from activestereo.acquire.material_views import MaterialScene
 from activestereo.capture import read_capture
 from activestereo.cli import main
 from activestereo.scene_surfaces import surface_names, surfaces_of_object
@@ -23,10 +23,7 @@ def plastic(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def fit(plastic):
-    capture = read_capture(plastic)
-    surfaces = surfaces_of_object(capture.scene_path, "ball")
-    scene = MaterialScene(capture)
-    return MaterialFit(scene, pictures(scene, capture, surfaces), surfaces)
+    return MaterialFit(*seen_of(plastic, "ball"))
 
 
 def loss(fit, **changed):
@@ -90,10 +87,7 @@ def test_a_part_without_a_colour_gets_the_one_that_is_seen(plastic, tmp_path):
     document = json.loads((folder / "scene.gltf").read_text())
     document["materials"][1]["pbrMetallicRoughness"]["baseColorFactor"] = [1.0, 1.0, 1.0, 1.0]
     (folder / "scene.gltf").write_text(json.dumps(document))
-    capture = read_capture(folder)
-    surfaces = surfaces_of_object(capture.scene_path, "ball")
-    scene = MaterialScene(capture)
-    fit = MaterialFit(scene, pictures(scene, capture, surfaces), surfaces)
+    fit = MaterialFit(*seen_of(folder, "ball"))
     assert [name for _, name in fit.parameters][5:] == ["red", "green", "blue"]
     gray = np.array([*PAINTS["plastic"], 0.5, 0.5, 0.5])
     assert np.allclose(fit.with_colors(gray, 16), [*PAINTS["plastic"], 0.6, 0.25, 0.2], atol=0.06)

@@ -3,15 +3,12 @@
 
 import numpy as np
 import pytest
-from material_worlds import PAINTS, record
+from material_worlds import PAINTS, record, seen_of
 from onnx_bytes import edge_network, network
 
 from activestereo.acquire.material_fit import MaterialFit
-from activestereo.acquire.material_views import MaterialScene, pictures
 from activestereo.acquire.network_features import Network, PictureFeatures
-from activestereo.capture import read_capture
 from activestereo.cli import main
-from activestereo.scene_surfaces import surfaces_of_object
 
 
 @pytest.fixture(scope="module")
@@ -28,10 +25,7 @@ def ball(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def seen(ball):
-    capture = read_capture(ball)
-    surfaces = surfaces_of_object(capture.scene_path, "ball")
-    scene = MaterialScene(capture)
-    return scene, pictures(scene, capture, surfaces), surfaces
+    return seen_of(ball, "ball")
 
 
 def test_the_layers_behind_convolutions_are_looked_at_and_no_classifier(edges):

@@ -7,11 +7,13 @@ import numpy as np
 
 import kuafu
 from activestereo import meshes
-from activestereo.capture import Camera, Capture, ColorCamera, Frame, Projector, Rig
+from activestereo.acquire.material_views import MaterialScene, Picture, pictures
+from activestereo.capture import Camera, Capture, ColorCamera, Frame, Projector, Rig, read_capture
 from activestereo.capture_write import write_capture
 from activestereo.gltf_writer import GltfWriter
 from activestereo.pattern import PatternDesign, make_pattern
 from activestereo.pose import look_at
+from activestereo.scene_surfaces import surfaces_of_object
 
 # roughness, metallic, specular, transmission, ir_albedo
 PAINTS = {
@@ -151,3 +153,11 @@ def record(
     capture = Capture(folder, shape, folder / "scene.gltf", rig, tuple(frames))
     write_capture(folder / "capture", capture, images, pattern(), colors=colors)
     return folder / "capture"
+
+
+def seen_of(path: Path, object_name: str) -> tuple[MaterialScene, list[Picture], list[int]]:
+    """A capture's scene as it is rendered, its pictures, and the numbers of an object's surfaces."""
+    capture = read_capture(path)
+    surfaces = surfaces_of_object(capture.scene_path, object_name)
+    scene = MaterialScene(capture)
+    return scene, pictures(scene, capture, surfaces), surfaces
