@@ -8,32 +8,22 @@ set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
 prefix=$(realpath -m "${1:-$root/build/embree}")
 work=$prefix/work
+. "$root/capi/cmake/mirror.sh"
 
 give_up() {
   echo "embree_archives: $*" >&2
   exit 3
 }
 
-# The line of deb-src for the repository from which the machine takes its own release's main component.
-source_lists() {
-  # shellcheck disable=SC2016  # apt's own placeholders
-  apt-get indextargets --format '$(REPO_URI) $(CODENAME) $(COMPONENT)' 'Created-By: Packages' |
-    awk -v release="$(. /etc/os-release && echo "${VERSION_CODENAME:-}")" \
-      '$2 == release && $3 == "main" { print "deb-src [signed-by=/usr/share/keyrings/debian-archive-keyring.gpg]", $1, $2, $3; exit }'
-}
-
-private_apt() {
-  apt-get -o Dir::Etc::sourcelist="$work/apt/sources.list" -o Dir::Etc::sourceparts=/dev/null -o Dir::State::lists="$work/apt/lists" \
-    -o Dir::Cache="$work/apt" -o Debug::NoLocking=1 -o APT::Sandbox::User="$(id -un)" "$@"
-}
-
 fetch_source() {
+  local uri
   command -v apt-get >/dev/null || give_up "there is no apt-get; name an unpacked source in EMBREE_SOURCE"
+  uri=$(mirror_uri)
+  [ -n "$uri" ] || give_up "apt knows no mirror of this release; run apt-get update first, or name a source in EMBREE_SOURCE"
   mkdir -p "$work/apt/lists/partial" "$work/source"
-  source_lists >"$work/apt/sources.list"
-  [ -s "$work/apt/sources.list" ] || give_up "apt knows no mirror of this release; run apt-get update first, or name a source in EMBREE_SOURCE"
-  private_apt update -qq -o APT::Update::Error-Mode=any >&2 || give_up "the mirror has no lists of sources; name a source in EMBREE_SOURCE"
-  (cd "$work" && private_apt source -qq --download-only --tar-only embree >&2) || give_up "the source of Embree cannot be downloaded"
+  echo "deb-src [signed-by=$debian_key] $uri $release main" >"$work/apt/sources.list"
+  apt_in "$work" apt-get update -qq -o APT::Update::Error-Mode=any >&2 || give_up "the mirror has no lists of sources; name a source in EMBREE_SOURCE"
+  (cd "$work" && apt_in "$work" apt-get source -qq --download-only --tar-only embree >&2) || give_up "the source of Embree cannot be downloaded"
   tar -xf "$work"/embree_*.orig.tar.* -C "$work/source" --strip-components=1
   touch "$work/source/readme.pdf"  # Debian leaves it out, Embree's rules install it
 }

@@ -7,6 +7,7 @@
 # and call run_in_mesa "$@". What it does goes to stderr. Exit status 3: the suite cannot be reached.
 
 icd=$home/lvp_icd.json
+. "$(dirname "${BASH_SOURCE[0]}")/../../capi/cmake/mirror.sh"
 
 say() { echo "$name: $*" >&2; }
 
@@ -16,19 +17,7 @@ give_up() {
   exit 3
 }
 
-# The URI of the mirror that the machine itself is set up with for this release.
-mirror_uri() {
-  # shellcheck disable=SC2016  # apt's own placeholders
-  apt-get indextargets --format '$(REPO_URI) $(CODENAME) $(COMPONENT)' 'Created-By: Packages' |
-    awk -v release="$1" '$2 == release && $3 == "main" { print $1; exit }'
-}
-
-private_apt() {
-  local tool=$1
-  shift
-  "$tool" -o Dir::Etc::sourcelist="$home/apt/sources.list" -o Dir::Etc::sourceparts=/dev/null -o Dir::State::lists="$home/apt/lists" \
-    -o Dir::Cache="$home/apt" -o Debug::NoLocking=1 -o APT::Sandbox::User="$(id -un)" -o APT::Default-Release="$release$suite" "$@"
-}
+private_apt() { apt_in "$home" "$1" -o APT::Default-Release="$release$suite" "${@:2}"; }
 
 # Package names on stdin; "name installed candidate" of each on stdout.
 versions_of() {
@@ -58,13 +47,11 @@ packages_to_bring() {
 
 bring() {
   local uri packages deb
-  local key=/usr/share/keyrings/debian-archive-keyring.gpg
-  release=$(. /etc/os-release && echo "${VERSION_CODENAME:-}")
-  uri=$(mirror_uri "$release")
+  uri=$(mirror_uri)
   [ -n "$uri" ] || give_up "apt knows no mirror of Debian '$release'"
   rm -rf "$home"
   mkdir -p "$home/apt/lists/partial" "$home/debs" "$home/root"
-  printf "deb [signed-by=$key] $uri %s main\n" "$release" ${suite:+"$release$suite"} >"$home/apt/sources.list"
+  printf "deb [signed-by=$debian_key] $uri %s main\n" "$release" ${suite:+"$release$suite"} >"$home/apt/sources.list"
   say "reading the package lists of $release${suite:+ and $release$suite} from the machine's own mirror (private state, $home/apt)"
   private_apt apt-get update -qq -o APT::Update::Error-Mode=any >&2 || give_up "$release$suite cannot be reached through the machine's mirror"
   mapfile -t packages < <(packages_to_bring)
