@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from activestereo.acquire.material_fit import COLORS, PARAMETERS, MaterialFit
-from activestereo.acquire.material_refine import refine
+from activestereo.acquire.material_refine import Refined, refine
 from activestereo.acquire.material_views import MaterialScene, pictures
 from activestereo.acquire.network_features import Network
 from activestereo.capture import read_capture
@@ -83,8 +83,8 @@ def acquire_materials(
 ) -> Materials:
     """full_grid: all candidates of the wide search are rendered with the most samples. model: what is known of rig and
     pattern already, in place of the capture's. network_path: an ONNX file whose early layers compare pictures in place
-    of the filter bank. ValueError names what is wrong: no such object, a part without material, out of view, no
-    infrared image, no network."""
+    of the filter bank. ValueError names what is wrong: no such object, a part without material, two of one name, out of
+    view, no infrared image, no network."""
     network = None if network_path is None else Network(network_path)
     capture = read_capture(path)
     if model is not None:
@@ -106,18 +106,27 @@ def acquire_materials(
     best = refine(fit, better, _REACHES, _FINE_SAMPLES, part_of(tell, 0.74, 1.0))
     before = fit.residuals(fit.with_colors(nominal, _FINE_SAMPLES), _FINE_SAMPLES).loss
     source = f"acquire materials: {len(seen)} pictures of {capture.name}"
-    found: dict[str, dict[str, Quantity]] = {names[number]: {} for number in surfaces}
-    open_: dict[str, list[str]] = {names[number]: [] for number in surfaces}
+    found, undetermined, colors = _judged(fit, best, names, source)
+    tell(1.0)
+    losses = before, best.residuals.loss
+    return Materials(object_name, found, undetermined, losses, fit.renders, tuple(p.name for p in seen), colors)
+
+
+def _judged(
+    fit: MaterialFit, best: Refined, names: list[str], source: str
+) -> tuple[dict[str, dict[str, Quantity]], dict[str, tuple[str, ...]], dict[str, list[float]]]:
+    """(found, undetermined, colours), as Materials has them; names: of all surfaces."""
+    told = dict.fromkeys(names[number] for number, _ in fit.parameters)
+    found: dict[str, dict[str, Quantity]] = {surface: {} for surface in told}
+    open_: dict[str, list[str]] = {surface: [] for surface in told}
     colors: dict[str, list[float]] = {}
-    open_colors: set[str] = set()
     for (number, name), value, error in zip(fit.parameters, best.theta, best.sigma, strict=True):
         half, surface = _INTERVAL_90 * float(error), names[number]
-        if name in COLORS:
-            colors.setdefault(surface, []).append(float(value))
-            if half > _UNDETERMINED["color"]:
-                open_colors.add(surface)
-        elif half > _UNDETERMINED[name]:
+        kind = "color" if name in COLORS else name
+        if half > _UNDETERMINED[kind]:
             open_[surface].append(name)
+        elif name in COLORS:
+            colors.setdefault(surface, []).append(float(value))
         else:
             low, high = max(float(value) - half, 0.0), min(float(value) + half, 1.0)
             found[surface][name] = Quantity(float(value), low, high, "1", source)
@@ -126,13 +135,10 @@ def acquire_materials(
         if "transmission" in fields and "metallic" in fields and fields["metallic"].value > _METAL:
             del fields["transmission"]
             open_[surface].append("transmission")
-    for surface in open_colors:
-        del colors[surface]
-        open_[surface].append("colour")
-    tell(1.0)
-    undetermined = {surface: tuple(fields) for surface, fields in open_.items()}
-    losses = before, best.residuals.loss
-    return Materials(object_name, found, undetermined, losses, fit.renders, tuple(p.name for p in seen), colors)
+        if any(name in COLORS for name in open_[surface]):
+            colors.pop(surface, None)
+            open_[surface] = [name for name in open_[surface] if name not in COLORS] + ["colour"]
+    return found, {surface: tuple(fields) for surface, fields in open_.items()}, colors
 
 
 def _refuse_twins(scene_path: object, names: list[str]) -> None:
