@@ -32,7 +32,8 @@ PROJECTOR_PLACE_M = (0.0293, 0.0004, -0.0012)
 BLACK_DN, READ_DN, SHOT_DN = 5.0, 0.5, 0.02
 BOX_M, BOX_ROUGHNESS, BOX_ALBEDO = (0.12, 0.09, 0.07), 0.35, 0.6
 SQUARE_M, CORNERS = 0.03, (9, 6)
-WALLS_M = {"near": 0.8, "far": 1.3}
+WALLS_M = {"near": 0.5, "far": 1.3}
+WALL_EXPOSURE = 0.4  # of the desk's: the near wall's dots would be white
 REPEATS = 12
 
 TEXT = """\
@@ -185,7 +186,8 @@ class Practice:
             light = self.infrared(scene, np.eye(4), True, 0, 32 * self.samples)
             for k in range(REPEATS):
                 for eye, image in zip(("left", "right"), light, strict=True):
-                    write_gray(_made(self.out / "walls" / name / eye) / f"{k:03d}.png", self.counts(image))
+                    picture = self.counts(WALL_EXPOSURE * image)
+                    write_gray(_made(self.out / "walls" / name / eye) / f"{k:03d}.png", picture)
         for k in range(20):
             write_gray(_made(self.out / "covered") / f"{k:03d}.png", self.counts(np.zeros((HEIGHT, WIDTH))))
 

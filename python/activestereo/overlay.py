@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A scene's contours over a camera's pictures."""
+"""A scene's contours, and its surfaces where asked, over a camera's pictures."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter
 
 import kuafu
 
@@ -16,33 +16,39 @@ _ORANGE = (255, 140, 0)
 _STRENGTH = 0.85
 _CREASE = 0.82
 _STEP = 0.02
+_LEAST_LIGHT = 0.3  # on a surface that is seen edge on
+_NOTHING_M = 1e3  # depth of what no surface covers
 _WINDOW = "activestereo overlay (q ends)"
 
 
 class Overlay:
     """Contours of a scene, rendered once for each camera: blending alone follows every picture."""
 
-    def __init__(self, scene_path: Path, device: str | int = "auto") -> None:
+    def __init__(self, scene_path: Path, device: str | int = "auto", share: float = 0.0) -> None:
+        """share: of the rendered surfaces, lit from the camera, in what is shown of them, 0 to 1."""
         self._device = kuafu.Device(device)
         self._scene, self._renderer = kuafu.Scene(self._device), kuafu.Renderer(self._device)
         self._scene.load(scene_path)
-        self._path = scene_path
-        self._kept: tuple[bytes, NDArray[np.bool_]] | None = None
+        self._path, self._share = scene_path, share
+        self._kept: tuple[bytes, NDArray[np.bool_], NDArray[np.uint8] | None] | None = None
 
     def blend(
         self, picture: NDArray[np.uint8], K: NDArray[np.float64] | None, camera_to_world: NDArray[np.float64] | None
     ) -> NDArray[np.uint8]:
         """picture: uint8 [h][w][1 or 3]. K, camera_to_world: None for those of the scene's first camera. Returns uint8
         [h][w][3]."""
-        picture = np.broadcast_to(picture, (*picture.shape[:2], 3))
-        lines = self._contours(picture.shape[1], picture.shape[0], K, camera_to_world)
-        out = picture.astype(np.float32)
-        out[lines] = (1.0 - _STRENGTH) * out[lines] + _STRENGTH * np.array(_ORANGE, np.float32)
-        return np.rint(out).astype(np.uint8)
+        out = np.array(np.broadcast_to(picture, (*picture.shape[:2], 3)))
+        lines, surfaces = self._rendered(out.shape[1], out.shape[0], K, camera_to_world)
+        if surfaces is not None:
+            mixed = cv2.addWeighted(out, 1.0 - self._share, surfaces, self._share, 0.0)
+            out = np.where(surfaces.any(axis=2, keepdims=True), mixed, out)
+        out[lines] = np.rint((1.0 - _STRENGTH) * out[lines] + _STRENGTH * np.array(_ORANGE))
+        return out
 
-    def _contours(
+    def _rendered(
         self, width: int, height: int, K: NDArray[np.float64] | None, pose: NDArray[np.float64] | None
-    ) -> NDArray[np.bool_]:
+    ) -> tuple[NDArray[np.bool_], NDArray[np.uint8] | None]:
+        """(contours, surfaces, 0 where there is none)"""
         if K is None or pose is None:
             if self._scene.summary.camera_count == 0:
                 raise ValueError(f"{self._path}: has no camera: lay it over a capture, or add one to the scene")
@@ -56,32 +62,36 @@ class Overlay:
         key = np.concatenate([K.ravel(), np.asarray(pose).ravel(), [width, height]]).tobytes()
         if self._kept is None or self._kept[0] != key:
             camera = kuafu.Camera(width, height, K, pose)
-            images = self._renderer.render(self._scene, [camera], ("depth", "normal", "instance_id"), spp=1)
-            self._kept = (
-                key,
-                contours(images["depth"][0, ..., 0], images["normal"][0], images["instance_id"][0, ..., 0]),
-            )
-        return self._kept[1]
+            outputs = ("depth", "normal", "instance_id", "albedo")[: 4 if self._share > 0 else 3]
+            images = self._renderer.render(self._scene, [camera], outputs, band="visible", spp=1)
+            depth, normal, instance = (np.asarray(images[name][0]) for name in outputs[:3])
+            lines = contours(depth[..., 0], normal, instance[..., 0])
+            surfaces = None
+            if self._share > 0:
+                facing = np.abs(normal @ np.asarray(pose, np.float32)[:3, 2])
+                light = np.asarray(images["albedo"][0]) * (_LEAST_LIGHT + (1.0 - _LEAST_LIGHT) * facing)[..., None]
+                surfaces = np.where(depth > 0, np.clip(255.0 * light ** (1 / 2.2), 1.0, 255.0), 0.0).astype(np.uint8)
+            self._kept = key, lines, surfaces
+        return self._kept[1:]
 
 
 def contours(depth: NDArray, normal: NDArray, instance: NDArray) -> NDArray[np.bool_]:
     """Pixels where depth jumps, a surface bends or another object begins, [h][w]."""
-    out = np.zeros(depth.shape, bool)
-    for axis in (0, 1):
-        far, near = (np.where(d > 0, d, 1e3) for d in (depth, np.roll(depth, -1, axis=axis)))
-        jump = np.abs(far - near) > _STEP * np.minimum(far, near)
-        bend = (np.einsum("ijk,ijk->ij", normal, np.roll(normal, -1, axis=axis)) < _CREASE) & (far < 1e3) & (near < 1e3)
-        other = instance != np.roll(instance, -1, axis=axis)
-        edge = jump | bend | other
-        edge[(-1, slice(None)) if axis == 0 else (slice(None), -1)] = False
-        out |= edge
-    return np.asarray(maximum_filter(out, 2))
+    depth = np.where(depth > 0, depth, np.float32(_NOTHING_M))
+    is_surface = depth < _NOTHING_M
+    x, y, z = np.ascontiguousarray(np.moveaxis(normal, -1, 0))
+    out = np.zeros(depth.shape, np.uint8)
+    whole, first, last = slice(None), slice(-1), slice(1, None)
+    for here, there in (((first, whole), (last, whole)), ((whole, first), (whole, last))):
+        jump = np.abs(depth[here] - depth[there]) > _STEP * np.minimum(depth[here], depth[there])
+        cosine = x[here] * x[there] + y[here] * y[there] + z[here] * z[there]
+        bend = (cosine < _CREASE) & is_surface[here] & is_surface[there]
+        out[here] |= jump | bend | (instance[here] != instance[there])
+    return cv2.dilate(out, np.ones((2, 2), np.uint8)) > 0
 
 
 def show_window(pictures: Iterable[NDArray[np.uint8]]) -> None:
     """Each picture as it comes, until q. RuntimeError where OpenCV has no window to open."""
-    import cv2
-
     try:
         cv2.namedWindow(_WINDOW, cv2.WINDOW_NORMAL)
     except cv2.error as error:

@@ -30,6 +30,8 @@ _LARGEST_SATURATED = 0.005
 _LEAST_DISTANCE_RATIO = 1.2
 # The same dot at two distances: so far from where the projector's last place puts it, pixels of the pattern.
 _SAME_DOT_PX = (6.0, 3.0, 1.5, 1.5)
+# A spot that a border cuts is another dot than those known if it lies so far from all of them.
+_OTHER_DOT_PX = 3.0
 _ALIKE_POWERS = 0.3
 _INTERPOLATED_PX2 = 1.0 / 6.0  # a tent's variance
 _LEAST_LINES = 100
@@ -38,11 +40,13 @@ _INTERVAL_90 = 1.6449
 
 @dataclass(frozen=True)
 class WallView:
-    """One distance: averaged images by eye, their spots, the wall they lie on, and the exposure."""
+    """One distance: averaged images by eye, their spots, those that the images' borders cut, the wall they lie on, and
+    the exposure."""
 
     name: str
     images: dict[str, np.ndarray]
     spots: dict[str, Spots]
+    cut: dict[str, Spots]
     wall: Wall
     exposure_s: float
 
@@ -181,17 +185,18 @@ def _wall_view(capture: Capture, name: str, frames: list[Frame], tell: Callable[
         raise ValueError(
             f"{name}: {len(frames)} repeats, at least {LEAST_REPEATS} are needed: record more frames of the wall"
         )
-    images, spots = {}, {}
+    images, spots, cut = {}, {}, {}
     for place, eye in enumerate(EYES):
         counts = np.stack([read_gray(frame.path(eye), key=f"frames[id={frame.id}].{eye}") for frame in frames])
         check_still(Repeats(f"{name}, {eye}", counts))
         _check_saturation(f"{name}, {eye}", counts, capture.rig.max_dn)
         images[eye] = counts.mean(axis=0)
-        spots[eye] = find_spots(images[eye], _variance_of_mean(counts), part_of(tell, 0.5 * place, 0.5 * place + 0.5))
+        found = find_spots(images[eye], _variance_of_mean(counts), part_of(tell, 0.5 * place, 0.5 * place + 0.5))
+        spots[eye], cut[eye] = found.of(found.is_whole), found.of(~found.is_whole)
     wall = find_wall(
         spots["left"], spots["right"], capture.rig.left.K, capture.rig.right.K, capture.rig.baseline_m, name
     )
-    return WallView(name, images, spots, wall, frames[0].exposure_s)
+    return WallView(name, images, spots, cut, wall, frames[0].exposure_s)
 
 
 def _check_saturation(name: str, counts: np.ndarray, max_dn: int) -> None:
@@ -229,6 +234,11 @@ def merged_pattern(views: tuple[WallView, ...], capture: Capture) -> Pattern:
         power_scale = float(np.median(by_view[0][pairs[:, 0], 2] / by_view[1][pairs[:, 1], 2]))
         by_view[1][:, 2] *= power_scale
         dots = _union(by_view[0], by_view[1], pairs)
+    for number, view in enumerate((views[0], *far[-1:])):
+        cut = _cut_dots(view, capture.rig, projector.K, place, rotation) * [1.0, 1.0, power_scale if number else 1.0]
+        for dot in cut:
+            if np.hypot(*(dots[:, :2] - dot[:2]).T).min() > _OTHER_DOT_PX:
+                dots = np.vstack([dots, dot])
     inside = (dots[:, 0] > -0.5) & (dots[:, 0] < width - 0.5) & (dots[:, 1] > -0.5) & (dots[:, 1] < height - 0.5)
     dots = dots[inside]
     background = None
@@ -288,22 +298,47 @@ def _dots_of(
 ) -> np.ndarray:
     """[dot][3]: u, v in the pattern and power, in units that the views share but for exposure. First the left eye's
     spots in their order, then those of the right eye that lie out of the left one's sight."""
-    plane, right = view.wall.plane, view.spots["right"]
-    eye = np.array([rig.baseline_m, 0.0, 0.0])
-    ray = np.column_stack([*((x - rig.right.K[i, 2]) / rig.right.K[i, i] for i, x in enumerate((right.u, right.v)))])
-    ray = np.column_stack([ray, np.ones(len(ray))])
-    points = eye + ray * ((plane[3] - plane[:3] @ eye) / (ray @ plane[:3]))[:, None]
+    right, eye = view.spots["right"], np.array([rig.baseline_m, 0.0, 0.0])
+    points = _on_wall(right, view.wall, rig.right.K, eye)
     border = view.spots["left"].border_px
     outside = np.zeros(len(points), dtype=bool)
     for axis, size in enumerate((rig.left.width, rig.left.height)):
         pixel = rig.left.K[axis, axis] * points[:, axis] / points[:, 2] + rig.left.K[axis, 2]
         outside |= (pixel <= border) | (pixel >= size - 1 - border)
     parts = [(view.wall.points, np.zeros(3), view.spots["left"].flux), (points[outside], eye, right.flux[outside])]
+    return np.vstack([_as_dots(*part, view.wall, projector_K, place, rotation) for part in parts])
+
+
+def _cut_dots(
+    view: WallView, rig: CaptureRig, projector_K: np.ndarray, place: np.ndarray, rotation: np.ndarray
+) -> np.ndarray:
+    """[dot][3], as _dots_of() has them, of spots that an image's border cuts: less sure, for where nothing else is."""
     out = []
-    for seen, origin, flux in parts:
-        uv, beam = projected(seen, place, rotation, projector_K)
-        out.append(np.column_stack([uv, flux * power_factor(seen - origin, plane[:3], beam)]))
+    for eye, camera, x in (("left", rig.left, 0.0), ("right", rig.right, rig.baseline_m)):
+        origin = np.array([x, 0.0, 0.0])
+        points = _on_wall(view.cut[eye], view.wall, camera.K, origin)
+        out.append(_as_dots(points, origin, view.cut[eye].flux, view.wall, projector_K, place, rotation))
     return np.vstack(out)
+
+
+def _on_wall(spots: Spots, wall: Wall, K: np.ndarray, eye: np.ndarray) -> np.ndarray:
+    """[spot][3], in the left camera's frame, where an eye at `eye` sees them."""
+    ray = np.column_stack([(spots.u - K[0, 2]) / K[0, 0], (spots.v - K[1, 2]) / K[1, 1], np.ones(len(spots))])
+    return np.asarray(eye + ray * ((wall.plane[3] - wall.plane[:3] @ eye) / (ray @ wall.plane[:3]))[:, None])
+
+
+def _as_dots(
+    points: np.ndarray,
+    eye: np.ndarray,
+    flux: np.ndarray,
+    wall: Wall,
+    projector_K: np.ndarray,
+    place: np.ndarray,
+    rotation: np.ndarray,
+) -> np.ndarray:
+    """[dot][3]: u, v in the pattern and power of what an eye sees on the wall."""
+    uv, beam = projected(points, place, rotation, projector_K)
+    return np.column_stack([uv, flux * power_factor(points - eye, wall.plane[:3], beam)])
 
 
 def _meeting_point(

@@ -8,7 +8,7 @@ One sigma for all; positions, amplitudes and sigma by Gauss-Newton on a sparse J
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.ndimage import gaussian_filter, gaussian_laplace, maximum_filter, minimum_filter
@@ -25,6 +25,8 @@ _LEAST_AMPLITUDE = 0.15
 _FIRST_STEPS, _PEEL_STEPS, _PEELS, _LAST_STEPS = 5, 3, 3, 4
 _LARGEST_STEP_PX = 0.4
 _LSQR_STEPS = 40
+# A spot's middle lies at most this far outside the image, in sigmas.
+_OUTSIDE = 1.5
 # Two spots closer than this, in sigmas, are one.
 _ONE_SPOT = 0.9
 
@@ -44,13 +46,24 @@ class Spots:
 
     @property
     def border_px(self) -> int:
-        """Nearer to the image's border spots are not looked for."""
+        """Nearer to the image's border a spot is cut by it."""
         return _reach(self.sigma_px)
+
+    @property
+    def is_whole(self) -> np.ndarray:
+        """[spot]: the border does not cut it, so that its place and flux are as good as any."""
+        height, width = self.background.shape
+        border = self.border_px
+        across = (self.u > border) & (self.u < width - 1 - border)
+        return np.asarray(across & (self.v > border) & (self.v < height - 1 - border))
+
+    def of(self, which: np.ndarray) -> "Spots":
+        return replace(self, u=self.u[which], v=self.v[which], flux=self.flux[which])
 
 
 def find_spots(image: np.ndarray, variance: np.ndarray, progress: Callable[[float], object] | None = None) -> Spots:
-    """Spots of an averaged image [height][width], DN; variance: of its pixels, DN^2. ValueError where there are fewer
-    than 50."""
+    """Spots of an averaged image [height][width], DN, those too that its border cuts; variance: of its pixels, DN^2.
+    ValueError where there are fewer than 50."""
     tell = progress or (lambda fraction: None)
     image = np.asarray(image, dtype=np.float64)
     sigma = _typical_sigma(image)
@@ -98,22 +111,24 @@ class _Fit:
         self.add(u, v)
 
     def add(self, u: np.ndarray, v: np.ndarray) -> None:
-        height, width = self.image.shape
-        reach = _reach(self.sigma)
-        inside = (u > reach) & (u < width - 1 - reach) & (v > reach) & (v < height - 1 - reach)
-        u, v = u[inside], v[inside]
         left = self.residual()
-        at = left[np.rint(v).astype(int), np.rint(u).astype(int)]
+        at = left[self._pixel(u, v)]
         self.u, self.v, self.amplitude = np.r_[self.u, u], np.r_[self.v, v], np.r_[self.amplitude, np.maximum(at, 0.3)]
 
+    def _pixel(self, u: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The nearest pixel's row and column."""
+        height, width = self.image.shape
+        return np.rint(v).astype(int).clip(0, height - 1), np.rint(u).astype(int).clip(0, width - 1)
+
     def _patches(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """(pixel numbers, offsets in u and v, Gaussian) [spot][pixel of its patch]."""
-        reach, width = _reach(self.sigma), self.image.shape[1]
+        """(pixel numbers, offsets in u and v, Gaussian, 0 outside the image) [spot][pixel of its patch]."""
+        reach, (height, width) = _reach(self.sigma), self.image.shape
         y, x = (part.ravel() for part in np.mgrid[-reach : reach + 1, -reach : reach + 1])
         column, row = np.rint(self.u).astype(int)[:, None] + x, np.rint(self.v).astype(int)[:, None] + y
         du, dv = column - self.u[:, None], row - self.v[:, None]
-        column, row = column.clip(0, width - 1), row.clip(0, self.image.shape[0] - 1)
-        return row * width + column, du, dv, np.exp(-0.5 * (du**2 + dv**2) / self.sigma**2)
+        inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
+        column, row = column.clip(0, width - 1), row.clip(0, height - 1)
+        return row * width + column, du, dv, inside * np.exp(-0.5 * (du**2 + dv**2) / self.sigma**2)
 
     def residual(self) -> np.ndarray:
         if not len(self.u):
@@ -145,8 +160,11 @@ class _Fit:
             / size
         )
         self.amplitude = np.maximum(self.amplitude + step[:count], 0.05)
-        self.u = self.u + np.clip(step[count : 2 * count], -_LARGEST_STEP_PX, _LARGEST_STEP_PX)
-        self.v = self.v + np.clip(step[2 * count : 3 * count], -_LARGEST_STEP_PX, _LARGEST_STEP_PX)
+        height, width = self.image.shape
+        outside = _OUTSIDE * self.sigma
+        u = self.u + np.clip(step[count : 2 * count], -_LARGEST_STEP_PX, _LARGEST_STEP_PX)
+        v = self.v + np.clip(step[2 * count : 3 * count], -_LARGEST_STEP_PX, _LARGEST_STEP_PX)
+        self.u, self.v = u.clip(-outside, width - 1 + outside), v.clip(-outside, height - 1 + outside)
         self.sigma = float(np.clip(self.sigma + np.clip(step[-1], -0.1, 0.1), 0.4, 8.0))
 
     def _follow_background(self) -> None:
@@ -155,7 +173,7 @@ class _Fit:
 
     def _amplitude_error(self) -> np.ndarray:
         """Of the noise alone: a Gaussian's square sums to pi sigma^2 over the pixels."""
-        at = self.deviation[np.rint(self.v).astype(int), np.rint(self.u).astype(int)]
+        at = self.deviation[self._pixel(self.u, self.v)]
         return np.asarray(at / (np.sqrt(np.pi) * self.sigma))
 
     def drop_weak(self) -> None:
@@ -220,14 +238,15 @@ def _strong_response(response: np.ndarray) -> np.ndarray:
 
 
 def _peaks(response: np.ndarray, least: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(rows, columns) of local maxima above `least`, not at the border."""
+    """(rows, columns) of local maxima above `least`."""
     found = (response == maximum_filter(response, 3)) & (response > least)
-    found[:3], found[-3:], found[:, :3], found[:, -3:] = False, False, False, False
     rows, columns = np.nonzero(found)
     return rows, columns
 
 
 def _vertex(image: np.ndarray, v: np.ndarray, u: np.ndarray, dv: int, du: int) -> np.ndarray:
-    """Offset of a parabola's top through three pixels."""
-    before, middle, after = image[v - dv, u - du], image[v, u], image[v + dv, u + du]
+    """Offset of a parabola's top through three pixels, the last one of which is repeated at the border."""
+    height, width = image.shape
+    before, middle = image[np.maximum(v - dv, 0), np.maximum(u - du, 0)], image[v, u]
+    after = image[np.minimum(v + dv, height - 1), np.minimum(u + du, width - 1)]
     return 0.5 * (before - after) / np.minimum(before - 2.0 * middle + after, -1e-12)

@@ -83,6 +83,14 @@ def positive(text: str) -> float:
     return value
 
 
+def share(text: str) -> float:
+    """0 to 1."""
+    value = real(text)
+    if not 0.0 <= value <= 1.0:
+        raise argparse.ArgumentTypeError(f"{value:g} is no share: 0 to 1")
+    return value
+
+
 def add_device(parser: argparse.ArgumentParser) -> None:
     text = "Vulkan device: the best one, lavapipe, or number N of 'activestereo devices' (default: auto)"
     parser.add_argument("--device", default="auto", metavar="auto|cpu|N", help=text)

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from activestereo.cli.arguments import CommandError, Commands, add_device, make_folder, size
+from activestereo.cli.arguments import CommandError, Commands, add_device, make_folder, share, size
 
 if TYPE_CHECKING:
     import numpy as np
@@ -16,9 +16,10 @@ if TYPE_CHECKING:
 
 _TEXT = """\
 Lays a scene over the pictures of a real camera: contours of what is rendered in
-orange, half of each image, so that the eye sees whether things stand where the scene
-says. SOURCE is a capture (all its poses), one PNG file, a folder of PNG files, or
-live: a connected D4xx (needs: pip install pyrealsense2).
+orange, and with --blend the surfaces themselves, lit from the camera, so that the eye
+sees whether things stand where the scene says. SOURCE is a capture (all its poses),
+one PNG file, a folder of PNG files, or live: a connected D4xx (needs: pip install
+pyrealsense2).
 
 Of files and of a live camera the scene's first camera says from where they look. In
 a window (q ends it) the scene is rendered once for each pose, so that a live picture
@@ -26,7 +27,7 @@ keeps the camera's rate; with --out pictures are saved instead.
 
 examples:
   activestereo overlay captures/desk --scene desk.gltf --out out/overlay
-  activestereo overlay live --scene desk.gltf
+  activestereo overlay live --scene desk.gltf --blend 0.5
 """
 
 
@@ -39,6 +40,7 @@ def add_parser(commands: Commands) -> None:
     )
     parser.add_argument("source", type=Path, metavar="SOURCE", help="capture, PNG file, folder of PNG files, or live")
     parser.add_argument("--scene", type=Path, metavar="FILE", help="glTF scene (default: the capture's own)")
+    parser.add_argument("--blend", type=share, default=0.0, metavar="SHARE", help="of the surfaces, 0 to 1 (0)")
     parser.add_argument("--out", type=Path, metavar="DIR", help="folder for PNG files; without it a window opens")
     parser.add_argument("--size", type=size, default=(848, 480), metavar="WxH", help="of a live camera (848x480)")
     add_device(parser)
@@ -88,7 +90,7 @@ def _of_capture(args: argparse.Namespace) -> Iterator[tuple[str, NDArray[np.uint
             )
             for f in capture.frames
         ]
-    overlay = Overlay(args.scene or capture.scene_path, args.device)
+    overlay = Overlay(args.scene or capture.scene_path, args.device, args.blend)
     for view in views:
         picture = np.rint(255 * np.clip(view.image, 0, 1)).astype(np.uint8)
         yield (
@@ -101,7 +103,7 @@ def _of_files(args: argparse.Namespace) -> Iterator[tuple[str, NDArray[np.uint8]
     from activestereo.images import read_color
     from activestereo.overlay import Overlay, live_pictures
 
-    overlay = Overlay(args.scene, args.device)
+    overlay = Overlay(args.scene, args.device, args.blend)
     if str(args.source) == "live":
         for picture, K in live_pictures(args.size):
             yield "live", overlay.blend(picture, K, None)

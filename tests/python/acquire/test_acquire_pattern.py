@@ -83,6 +83,16 @@ def test_dots_that_the_right_eye_alone_sees_are_in_the_pattern(world, pattern):
     assert np.mean(off < pixel) >= 0.97 and np.median(off) < 0.05 * pixel
 
 
+def test_dots_that_an_images_border_cuts_are_in_the_pattern(world, pattern):
+    whole = np.concatenate([seen_dots(world, wall, eye, 6.0)[0] for wall in _WALLS for eye in ("left", "right")])
+    cut = np.concatenate([seen_dots(world, wall, eye, 0.0)[0] for wall in _WALLS for eye in ("left", "right")])
+    cut = np.setdiff1d(cut, whole)
+    assert len(cut) > 100
+    pixel = world.projector_K[0, 0] / world.config.ir_intrinsic[0, 0]
+    off = cKDTree(pattern.dots[:, :2]).query(world.true_dots()[cut, :2])[0]
+    assert np.mean(off < pixel) >= 0.95 and np.median(off) < 0.15 * pixel
+
+
 def test_the_light_between_dots_is_measured(pattern):
     """The projected image has 5 of 255 there; in the room's light and above the black level, which are not told."""
     image = pattern.rig.projector.pattern()
@@ -151,6 +161,21 @@ def test_merged_spots_are_told_apart():
     assert len(spots) == len(u) == len(np.unique(nearest)) and distance.max() < 0.1
     assert spots.sigma_px == pytest.approx(sigma, rel=0.01)
     assert np.median(spots.flux) == pytest.approx(2 * np.pi * sigma**2 * 60.0, rel=0.01)
+
+
+def test_spots_whose_middles_lie_outside_are_found():
+    rng, (height, width), sigma = np.random.default_rng(0), (120, 160), 1.5
+    u, v = (
+        part.ravel() for part in np.meshgrid(np.linspace(-1.0, width, 14), np.linspace(-1.0, height, 11))
+    )
+    y, x = np.mgrid[:height, :width]
+    image = 8.0 + sum(60.0 * np.exp(-0.5 * ((x - a) ** 2 + (y - b) ** 2) / sigma**2) for a, b in zip(u, v, strict=True))
+    spots = find_spots(image + rng.normal(0, 0.2, image.shape), np.full(image.shape, 0.04))
+    distance, nearest = cKDTree(np.column_stack([u, v])).query(np.column_stack([spots.u, spots.v]))
+    assert len(spots) == len(u) == len(np.unique(nearest)) and distance.max() < 0.3
+    whole = spots.is_whole
+    assert whole.sum() == 12 * 9 and distance[whole].max() < 0.03
+    assert np.abs(spots.flux / (2 * np.pi * sigma**2 * 60.0) - 1.0).max() < 0.3
 
 
 def test_intervals_of_dim_walls_hold_the_truth():

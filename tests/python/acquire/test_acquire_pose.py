@@ -15,6 +15,7 @@ from activestereo.capture_write import write_capture
 from activestereo.cli import main
 from activestereo.gltf_place import node_pose
 from activestereo.gltf_writer import GltfWriter
+from activestereo.overlay import Overlay
 from activestereo.pose import look_at
 
 _WIDTH, _HEIGHT, _F = 240, 160, 170.0
@@ -156,6 +157,10 @@ def test_the_scene_lies_over_the_pictures(box):
 
     slope = gaussian_gradient_magnitude(seen.mean(axis=2), 1.0)
     assert slope[changed].mean() > 4.0 * slope[~changed].mean()
+    place = capture.rig.color.K, capture.frames[0].camera_to_world
+    half, whole = (Overlay(box / "true.gltf", share=share).blend(seen.astype(np.uint8), *place) for share in (0.5, 1.0))
+    mixed = (np.abs(half - 0.5 * (seen + whole)) <= 1.0).all(axis=2) & (np.abs(whole - seen).max(axis=2) > 8)
+    assert mixed.mean() > 0.3  # most of what surfaces cover; the rest are lines, and what looks alike
 
 
 def test_a_cup_turns_freely_about_its_axis(tmp_path):
