@@ -91,7 +91,6 @@ def walls(scale: float, spp: int, repeats: int, border_px: int) -> None:
         ]
     again = [seen_again(world, measured, wall, spp) for wall in WALLS]
     means = [stack.mean(axis=0) for stack in frames]
-    # Dots whose middles no picture shows reach into the pictures' borders.
     rows, columns = (slice(border_px, size - border_px) for size in means[0].shape[1:])
     again, means, frames = ([image[..., rows, columns] for image in part] for part in (again, means, frames))
     # One intensity of the projector, and one of what all pixels have, for both walls.
@@ -116,7 +115,7 @@ def main() -> None:
     parser.add_argument("--scale", type=float, default=0.5, help="of 848x480")
     parser.add_argument("--spp", type=int, default=256)
     parser.add_argument("--repeats", type=int, default=20)
-    parser.add_argument("--border", type=int, default=8, metavar="PX", help="left out around the pictures")
+    parser.add_argument("--border", type=int, default=0, metavar="PX", help="left out around the pictures")
     args = parser.parse_args()
     if args.figure == "laws":
         laws(args.draws, with_dark=True)

@@ -14,7 +14,7 @@ from typing import Literal
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter, minimum_filter
+from scipy.ndimage import maximum_filter, minimum_filter, uniform_filter
 
 import kuafu
 from activestereo.capture import Camera, Capture, Frame
@@ -26,6 +26,7 @@ _GROUPS = 4
 _SATURATED = 0.97
 # What a model errs in beside the noise: a share of the light, and where the object, its edges and the dots lie.
 _OFF_SHARE, _OFF_PX = 0.03, 0.1
+_NEIGHBOURS = np.array([[1, 1, 1], [1, 0, 1], [1, 1, 1]], bool)[..., None]
 
 
 @dataclass(frozen=True)
@@ -176,8 +177,11 @@ def _picture(
     own = kuafu.Camera(width, height, K, pose)
     small = mean(crop).reshape(height, width, -1)
     floor = (1.0 if lit is not None else 0.01) / step
-    edges = _OFF_PX * (maximum_filter(small, (3, 3, 1)) - minimum_filter(small, (3, 3, 1)))
-    sigma = np.sqrt(floor**2 + (_OFF_SHARE * small) ** 2 + edges**2).astype(np.float32)
+    # Of a pixel's neighbours: with its own value a pixel whose noise is positive would count less than others, and all
+    # that is fitted would come out too dark.
+    light = (9.0 * uniform_filter(small, (3, 3, 1)) - small) / 8.0
+    edges = _OFF_PX * (maximum_filter(small, footprint=_NEIGHBOURS) - minimum_filter(small, footprint=_NEIGHBOURS))
+    sigma = np.sqrt(floor**2 + (_OFF_SHARE * light) ** 2 + edges**2).astype(np.float32)
     ids = scene.material_ids(own)
     surface = sum(((1 + k) * (ids == number) for k, number in enumerate(surfaces)), np.zeros(ids.shape, np.int64))
     band: Literal["infrared", "visible"] = "visible" if lit is None else "infrared"

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """An object's materials from a capture: a wide search by successive halving (Jamieson and Talwalkar 2016), then
-Gauss-Newton steps from the best two. What the pictures do not determine is named, and not written."""
+Gauss-Newton steps from the best, from the best that is rough or smooth where that one is not, and from what the scene
+says. What the pictures do not determine is named, and not written."""
 
 from __future__ import annotations
 
@@ -23,9 +24,11 @@ from activestereo.sensor_model import Quantity, SensorModel
 from activestereo.sensor_model.calibrated import calibrated
 
 _CANDIDATES, _KEEP = 32, 4  # a quarter of each round goes on, with four times the samples
+_LEAST_KEPT = 4
 _SAMPLES = (4, 16, 64)
 _FINE_SAMPLES = 32
 _FIRST_REACH, _REACHES = 0.2, (0.15, 0.1)
+_OTHER_ROUGHNESS = 0.2  # gloss has more than one minimum: sharp and weak looks like wide and strong
 _INTERVAL_90 = 1.645
 # Half an interval wider than this says that the pictures do not determine the value.
 _UNDETERMINED = {
@@ -98,12 +101,13 @@ def acquire_materials(
     tell = progress or (lambda fraction: None)
     nominal = fit.start()
     ranked = _wide(fit, nominal, seed, full_grid, part_of(tell, 0.0, 0.5))
+    starts = [ranked[0], _other(fit, ranked), fit.with_colors(nominal, _FINE_SAMPLES)]
     firsts = [
-        refine(fit, theta, (_FIRST_REACH,), _FINE_SAMPLES, part_of(tell, 0.5 + 0.12 * k, 0.62 + 0.12 * k))
-        for k, theta in enumerate(ranked[:2])
+        refine(fit, theta, (_FIRST_REACH,), _FINE_SAMPLES, part_of(tell, 0.5 + 0.1 * k, 0.6 + 0.1 * k))
+        for k, theta in enumerate(starts)
     ]
     better = min(firsts, key=lambda refined: refined.residuals.loss).theta
-    best = refine(fit, better, _REACHES, _FINE_SAMPLES, part_of(tell, 0.74, 1.0))
+    best = refine(fit, better, _REACHES, _FINE_SAMPLES, part_of(tell, 0.8, 1.0))
     before = fit.residuals(fit.with_colors(nominal, _FINE_SAMPLES), _FINE_SAMPLES).loss
     source = f"acquire materials: {len(seen)} pictures of {capture.name}"
     found, undetermined, colors = _judged(fit, best, names, source)
@@ -147,6 +151,15 @@ def _refuse_twins(scene_path: object, names: list[str]) -> None:
         raise ValueError(f"{scene_path}: more than one surface is called '{twins[0]}': give each a name of its own")
 
 
+def _other(fit: MaterialFit, ranked: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """The best candidate with another roughness than the first one's, or the second where all are alike."""
+    rough = np.array([name == "roughness" for _, name in fit.parameters])
+    for theta in ranked[1:]:
+        if np.abs(theta - ranked[0])[rough].max() > _OTHER_ROUGHNESS:
+            return theta
+    return ranked[1]
+
+
 def _wide(
     fit: MaterialFit, nominal: NDArray[np.float64], seed: int, full_grid: bool, tell: Callable[[float], object]
 ) -> list[NDArray[np.float64]]:
@@ -170,6 +183,6 @@ def _wide(
             done += samples
             tell(min(done / total, 1.0))
         order = np.argsort(losses)
-        keep = len(candidates) if number == len(rounds) - 1 else max(2, len(candidates) // _KEEP)
+        keep = len(candidates) if number == len(rounds) - 1 else max(_LEAST_KEPT, len(candidates) // _KEEP)
         candidates = [candidates[k] for k in order[:keep]]
     return candidates

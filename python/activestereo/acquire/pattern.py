@@ -8,11 +8,12 @@ camera's (power_factor in glow.py, which also finds the light between the dots).
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
 
 from activestereo.acquire.frames import LEAST_REPEATS, Repeats, check_still
 from activestereo.acquire.glow import ProjectorView, SeenWall, light_between_dots, power_factor, projected
@@ -24,6 +25,7 @@ from activestereo.images import read_gray
 from activestereo.progress_bar import part_of
 from activestereo.sensor_model import Eye, Rig, SensorModel
 from activestereo.sensor_model import Pattern as SensorPattern
+from activestereo.sensor_model.calibrated import calibrated
 
 # A dot covers some ten pixels of a hundred: a tenth of the dots may clip at their tops.
 _LARGEST_SATURATED = 0.005
@@ -36,6 +38,7 @@ _ALIKE_POWERS = 0.3
 _INTERPOLATED_PX2 = 1.0 / 6.0  # a tent's variance
 _LEAST_LINES = 100
 _INTERVAL_90 = 1.6449
+_MOST_TURNED_DEG = 0.3  # of the right eye: what calibrations of rectified images err by, and more
 
 
 @dataclass(frozen=True)
@@ -137,16 +140,21 @@ class Pattern:
         return "\n".join(lines)
 
 
-def acquire_pattern(path: Path, progress: Callable[[float], object] | None = None) -> Pattern:
+def acquire_pattern(
+    path: Path, progress: Callable[[float], object] | None = None, model: SensorModel | None = None
+) -> Pattern:
     """The Pattern of a capture whose repeat groups look at one flat, matt wall, each group from one distance, the
     projector on.
 
-    The rig's nominal calibration is believed: K, the baseline, the projector's K and, for one distance, its place.
+    The rig is believed, `model`'s where it has one and else the capture's nominal one: K, the baseline, the projector's
+    K and, for one distance, its place. Dots are directions from that rig's eyes, and right beside no other one.
     ValueError with file, number and remedy: too few or moving repeats, a saturated wall, a distorted lens, what is not
     flat.
     """
     tell = progress or (lambda fraction: None)
     capture = read_capture(path)
+    if model is not None:
+        capture = calibrated(capture, replace(model, pattern=None))
     _check_rig(capture)
     groups = capture.repeats()
     if not groups:
@@ -171,8 +179,12 @@ def _check_rig(capture: Capture) -> None:
             f"{capture.path}/capture.json: rig.left.distortion: dots are matched along rows: rectify the images and "
             "give zeros"
         )
-    if not np.allclose(rig.left_to_right[:3, :3], np.eye(3), atol=1e-4):
-        raise ValueError(f"{capture.path}/capture.json: rig.left_to_right: turns the right camera: rectify the images")
+    turned = np.rad2deg(np.linalg.norm(Rotation.from_matrix(rig.left_to_right[:3, :3]).as_rotvec()))
+    if turned > _MOST_TURNED_DEG:
+        raise ValueError(
+            f"{capture.path}/capture.json: rig.left_to_right: turns the right camera by {turned:.2f} degrees, at most "
+            f"{_MOST_TURNED_DEG:g} are taken for rectified images: rectify them"
+        )
     if rig.left_to_right[0, 3] >= 0:
         raise ValueError(
             f"{capture.path}/capture.json: rig.left_to_right: x is {rig.left_to_right[0, 3]:g}, expected below 0: left "
@@ -192,11 +204,21 @@ def _wall_view(capture: Capture, name: str, frames: list[Frame], tell: Callable[
         _check_saturation(f"{name}, {eye}", counts, capture.rig.max_dn)
         images[eye] = counts.mean(axis=0)
         found = find_spots(images[eye], _variance_of_mean(counts), part_of(tell, 0.5 * place, 0.5 * place + 0.5))
-        spots[eye], cut[eye] = found.of(found.is_whole), found.of(~found.is_whole)
+        is_whole = found.is_whole
+        if eye == "right":
+            found = _as_if_not_turned(found, capture.rig)
+        spots[eye], cut[eye] = found.of(is_whole), found.of(~is_whole)
     wall = find_wall(
         spots["left"], spots["right"], capture.rig.left.K, capture.rig.right.K, capture.rig.baseline_m, name
     )
     return WallView(name, images, spots, cut, wall, frames[0].exposure_s)
+
+
+def _as_if_not_turned(right: Spots, rig: CaptureRig) -> Spots:
+    """Where the right eye's spots would lie, were its axes the left one's: a measured rig is a little turned."""
+    H = rig.right.K @ rig.left_to_right[:3, :3].T @ np.linalg.inv(rig.right.K)
+    u, v, w = H @ np.stack([right.u, right.v, np.ones(len(right))])
+    return replace(right, u=u / w, v=v / w)
 
 
 def _check_saturation(name: str, counts: np.ndarray, max_dn: int) -> None:

@@ -48,8 +48,9 @@ wall, and the projector's place.
 WALL_FRAMES is a capture: 10 or more repeats of the wall in one repeat group per
 distance, both eyes, rectified, projector on, no dot clipped. Two distances, the
 second 1.5 times as far or more, tell where the projector stands; with one its
-nominal place is kept. The rig's K, its baseline and the projector's K are
-believed: acquire rig measures the first two.
+nominal place is kept. The nearest wall stands as near as things will. K and the
+baseline are those of FILE's rig where it has one, which acquire rig measures, else
+the capture's; the projector's K is the capture's.
 
 example:
   activestereo acquire pattern walls/ -o model.json
@@ -155,10 +156,12 @@ def _run_pattern(args: argparse.Namespace) -> None:
     from activestereo.acquire.model_section import replace_sections
     from activestereo.acquire.pattern import acquire_pattern
     from activestereo.progress_bar import ProgressBar
+    from activestereo.sensor_model import read_model
 
     _check_out(args.out)
+    model = read_model(args.out) if args.out.is_file() else None
     with ProgressBar("finding dots") as bar:
-        pattern = acquire_pattern(args.frames, bar)
+        pattern = acquire_pattern(args.frames, bar, model)
     replace_sections(args.out, pattern.model(), keep_rig=True)
     print(pattern.text())
     print(f"written: pattern in {args.out}")

@@ -3,20 +3,22 @@
 harder than 848x480."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
 
 from activestereo import StereoDepthSensorConfig
 from activestereo.acquire.model_section import replace_sections
-from activestereo.acquire.pattern import _meeting_point, _variance_of_mean, acquire_pattern
-from activestereo.acquire.spots import find_spots
+from activestereo.acquire.pattern import _as_if_not_turned, _meeting_point, _variance_of_mean, acquire_pattern
+from activestereo.acquire.spots import Spots, find_spots
 from activestereo.acquire.wall import find_wall
 from activestereo.capture import read_capture
 from activestereo.cli import main
 from activestereo.images import write_gray
-from activestereo.sensor_model import read_model
+from activestereo.sensor_model import SensorModel, read_model
 from wall_worlds import NOMINAL_PLACE_M, PLACE_M, WallWorld, seen_dots
 
 _WALLS = ((1.0, 0.0), (1.7, 0.1))
@@ -144,6 +146,37 @@ def test_one_distance_leaves_it_nominal_and_says_so(capture_path, tmp_path):
     assert pattern.place_m == pytest.approx(NOMINAL_PLACE_M) and pattern.place_error_m is None
     assert pattern.background is None and "NOT MEASURED" in pattern.text()
     assert "NOMINAL" in pattern.text() and "is nominal" in pattern.model().pattern.source
+
+
+def test_a_turned_right_eye_is_set_straight(pattern):
+    """A calibration's right eye is turned by a part of a degree, and its spots lie in rows of their own."""
+    rig, rng = pattern.rig, np.random.default_rng(0)
+    points = rng.uniform([-0.4, -0.25, 0.8], [0.4, 0.25, 1.5], (50, 3))
+    left_to_right = rig.left_to_right.copy()
+    left_to_right[:3, :3] = Rotation.from_rotvec([0.002, -0.001, 0.003]).as_matrix()
+    left_to_right[:3, 3] = left_to_right[:3, :3] @ rig.left_to_right[:3, 3]  # the eye stays where it is
+    seen = (points @ left_to_right[:3, :3].T + left_to_right[:3, 3]) @ rig.right.K.T
+    spots = Spots(seen[:, 0] / seen[:, 2], seen[:, 1] / seen[:, 2], np.ones(50), 1.0, np.zeros((240, 424)))
+    straight = _as_if_not_turned(spots, replace(rig, left_to_right=left_to_right))
+    true = (points + rig.left_to_right[:3, 3]) @ rig.right.K.T
+    assert np.abs(straight.v - true[:, 1] / true[:, 2]).max() < 1e-9
+    assert np.abs(straight.u - true[:, 0] / true[:, 2]).max() < 1e-9
+    assert np.abs(spots.v - straight.v).max() > 0.3
+
+
+def test_the_models_rig_is_believed(capture_path, pattern, tmp_path, monkeypatch):
+    """Dots are directions from the eyes of the rig that `acquire rig` wrote into the same file."""
+    own = pattern.model().rig
+    out = tmp_path / "model.json"
+    left, right = (replace(eye, K=eye.K * [[1.01], [1.01], [1.0]]) for eye in (own.left, own.right))
+    replace_sections(out, SensorModel(rig=replace(own, left=left, right=right)))
+
+    def stop(capture, *_):
+        raise ValueError(f"f {capture.rig.left.K[0, 0] / own.left.K[0, 0]:.4f} {capture.rig.right.K[0, 0]:.4f}")
+
+    monkeypatch.setattr("activestereo.acquire.pattern._wall_view", stop)
+    with pytest.raises(ValueError, match=f"f 1.0100 {1.01 * own.right.K[0, 0]:.4f}"):
+        acquire_pattern(capture_path, model=read_model(out))
 
 
 def test_merged_spots_are_told_apart():
