@@ -12,6 +12,15 @@ from numpy.typing import DTypeLike, NDArray
 
 import kuafu
 
+# Of an RGB picture: dtype and channels.
+RGB_OUTPUTS = {
+    "radiance": (np.float32, 3),
+    "srgb": (np.uint8, 4),
+    "depth": (np.float32, 1),
+    "material_id": (np.uint32, 1),
+    "instance_id": (np.uint32, 1),
+}
+
 
 class PictureMemory:
     """Images [count, height, width, channels] of several outputs, which the next picture is rendered into again.

@@ -25,7 +25,7 @@ from activestereo.lens import undistort
 from activestereo.matching import engine_parameters, linear_counts, make_engine, renderer_parameters
 from activestereo.mount import Mount as Mount
 from activestereo.mount import as_mount
-from activestereo.picture_memory import PictureMemory
+from activestereo.picture_memory import RGB_OUTPUTS, PictureMemory
 from activestereo.pose import Pose, as_matrix, camera_to_world
 from activestereo.presets import StereoDepthSensorConfig
 from activestereo.progress_bar import Progress, part_of
@@ -41,10 +41,6 @@ from activestereo.sensor_inputs import (
 from activestereo.sensor_model import SensorModel
 from activestereo.sensor_world import LATER, SensorWorld
 
-# Of the RGB picture: dtype and channels.
-RGB_OUTPUTS = {
-    "radiance": (np.float32, 3), "depth": (np.float32, 1), "material_id": (np.uint32, 1), "instance_id": (np.uint32, 1),
-}  # fmt: skip
 Band = Literal["visible", "infrared"]
 
 
@@ -134,8 +130,13 @@ class StereoDepthSensor:
 
     # ---- results ----
 
+    def get_rgba8(self) -> NDArray[np.uint8]:
+        """uint8 [height, width, 4]: red, green, blue, 255, sRGB-encoded where the picture was rendered."""
+        self._require_rgb()
+        return self._rgb.read("srgb")[0]
+
     def get_rgb(self) -> NDArray[np.float32]:
-        """float32 [height, width, 3] in 0..1, sRGB-encoded."""
+        """float32 [height, width, 3] in 0..1, sRGB-encoded here; get_rgba8() is a third of the copy and no work."""
         self._require_rgb()
         return encoded_rgb(self._rgb.read("radiance")[0], self._config.rgb_exposure)
 
@@ -470,6 +471,7 @@ class StereoDepthSensor:
         return self._renderer.render(
             self._scene, cameras, outputs, band=band, **render_settings(self._config, frame), film=film,
             environments=environments, projector=self._world.projector, progress=progress,
+            scales={"srgb": self._config.rgb_exposure or 0.0} if "srgb" in outputs else {},
         )  # fmt: skip
 
     def _render_infrared(self, frame: int, progress: Any) -> None:

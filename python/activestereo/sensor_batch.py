@@ -28,11 +28,10 @@ from activestereo.batch_rig import BatchRig
 from activestereo.ir_link import IrLink
 from activestereo.lazy_maps import LazyMaps
 from activestereo.matching import make_engine, renderer_parameters
-from activestereo.picture_memory import PictureMemory
+from activestereo.picture_memory import RGB_OUTPUTS, PictureMemory
 from activestereo.pose import Pose, PoseLike, as_matrix, camera_to_world
 from activestereo.pose_arrays import PosesLike, host_array, pose_fault, pose_matrices
 from activestereo.presets import StereoDepthSensorConfig
-from activestereo.sensor import RGB_OUTPUTS
 from activestereo.sensor_inputs import render_settings, shutter
 from activestereo.sensor_model import SensorModel, read_model
 
@@ -131,6 +130,7 @@ class StereoDepthSensorBatch:
                 band="visible",
                 environments=self._environments,
                 film=self._config.rgb_film,
+                scales={"srgb": self._config.rgb_exposure or 0.0},
                 **settings,
             )
             self._has_rgb = True
@@ -186,8 +186,13 @@ class StereoDepthSensorBatch:
         """'confidence', 'reason', 'points', 'rectified_left' or 'rectified_right', as StereoDepthSensor has them."""
         return self._output(name)
 
+    def get_rgba8(self) -> NDArray[np.uint8]:
+        """uint8 [..., height, width, 4]: red, green, blue, 255, sRGB-encoded where the pictures were rendered; exposed
+        alike, unless the config says how."""
+        return self._picture("srgb")
+
     def get_rgb(self) -> NDArray[np.float32]:
-        """float32 [..., height, width, 3] in 0..1, sRGB-encoded; exposed alike, unless the config says how."""
+        """float32 [..., height, width, 3] in 0..1, as get_rgba8() but not rounded, and encoded here."""
         return encoded_rgb(self._picture("radiance"), self._config.rgb_exposure)
 
     def get_true_depth(self) -> NDArray[np.float32]:

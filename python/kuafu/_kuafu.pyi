@@ -683,16 +683,17 @@ class Renderer:
         buffers, nothing is copied. Same seed, same bits.
         cameras: a Camera or a sequence of them, all of one size.
         outputs: names of radiance, projector_direct, projector_indirect, projector (their sum), ambient, light_group_0
-          .. light_group_3 (ambient's parts), variance (of the mean radiance), sample_count, depth, normal, position,
-          albedo, roughness, transmission, motion, projector_uv, projector_visibility, projector_geometry,
-          instance_id, material_id, semantic_id; or {name: dtype} (float32, float16, uint8, uint16; ids: uint32, uint16, uint8;
+          .. light_group_3 (ambient's parts), srgb (radiance as uint8 red, green, blue, 255; visible), variance (of the
+          mean radiance), sample_count, depth, normal, position, albedo, roughness, transmission, motion, projector_uv,
+          projector_visibility, projector_geometry, instance_id, material_id, semantic_id; or {name: dtype} (float32, float16, uint8, uint16; ids: uint32, uint16, uint8;
           None: the default), or {name: Image or Buffer} to fill those. What they hold: kuafu/output.h.
         band: 'infrared' (one channel) or 'visible' (three).
         environments: what each camera looks into; None: all into 0.
         film: optics of the cameras: a Film, a dict of its fields, or one for each camera; None is perfect.
         previous_poses: camera_to_world one frame before, (4, 4) or one for each camera, for motion; None: as now.
         scales: {name: factor} before rounding, as 1000 for depth in uint16 millimetres; by default 1.0 is an
-          integer's full range.
+          integer's full range; of srgb the exposure, by default the one that puts the median lit pixel's green at a
+          quarter of white.
         progress: called with the fraction that is done; returning True cancels (CancelledError), and what it raises
           is raised here.
         samples_per_pixel or spp: Number of samples of each pixel.

@@ -28,6 +28,7 @@ constexpr Output outputs_known[] = {{"radiance", KUAFU_OUTPUT_RADIANCE, 0, KS_FO
                                     {"light_group_3", KUAFU_OUTPUT_LIGHT_GROUP_0 + 3, 0, KS_FORMAT_F32},
                                     {"variance", KUAFU_OUTPUT_VARIANCE, 0, KS_FORMAT_F32},
                                     {"sample_count", KUAFU_OUTPUT_SAMPLE_COUNT, 1, KS_FORMAT_U32},
+                                    {"srgb", KUAFU_OUTPUT_SRGB, 4, KS_FORMAT_U8},
                                     {"depth", KUAFU_OUTPUT_DEPTH, 1, KS_FORMAT_F32},
                                     {"normal", KUAFU_OUTPUT_NORMAL, 3, KS_FORMAT_F32},
                                     {"instance_id", KUAFU_OUTPUT_INSTANCE_ID, 1, KS_FORMAT_U32},
@@ -284,8 +285,8 @@ constexpr const char* render_arguments =
     "Same seed, same bits.\n"
     "cameras: a Camera or a sequence of them, all of one size.\n"
     "outputs: names of radiance, projector_direct, projector_indirect, projector (their sum), ambient, light_group_0 ..\n"
-    "  light_group_3 (ambient's parts), variance (of the mean radiance), sample_count, depth, normal, position, albedo, roughness, "
-    "transmission, motion,\n"
+    "  light_group_3 (ambient's parts), srgb (radiance as uint8 red, green, blue, 255; visible), variance (of the\n"
+    "  mean radiance), sample_count, depth, normal, position, albedo, roughness, transmission, motion,\n"
     "  projector_uv, projector_visibility, projector_geometry, instance_id, material_id, semantic_id; or {name: dtype} (float32,\n"
     "  float16, uint8, uint16; ids: uint32, uint16, uint8; None: the default), or {name: Image or Buffer} to fill those. What they\n"
     "  hold: kuafu/output.h.\n"
@@ -293,7 +294,8 @@ constexpr const char* render_arguments =
     "environments: what each camera looks into; None: all into 0.\n"
     "film: optics of the cameras: a Film, a dict of its fields, or one for each camera; None is perfect.\n"
     "previous_poses: camera_to_world one frame before, (4, 4) or one for each camera, for motion; None: as now.\n"
-    "scales: {name: factor} before rounding, as 1000 for depth in uint16 millimetres; by default 1.0 is an integer's full range.\n"
+    "scales: {name: factor} before rounding, as 1000 for depth in uint16 millimetres; by default 1.0 is an integer's full range;\n"
+    "  of srgb the exposure, by default the one that puts the median lit pixel's green at a quarter of white.\n"
     "progress: called with the fraction that is done; returning True cancels (CancelledError), and what it raises is raised here.\n";
 
 }  // namespace

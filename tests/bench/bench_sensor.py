@@ -26,8 +26,9 @@ from activestereo.grasp import GraspWorld
 from activestereo.pose import body_pose
 from activestereo.scene import CAMERA_TO_WORLD, write_table_top
 
-# Samples per pixel, and whether there is an RGB picture.
+# Samples per pixel, and whether there is an RGB picture, which is read as bytes.
 ROWS = ((2, False), (8, False), (32, False), (2, True), (8, True))
+FLOATS = "2 spp, RGB as floats + IR + depth"
 DEPTH = "compute_depth"
 
 SAPIEN = """
@@ -94,6 +95,8 @@ def our_times(
             with StereoDepthSensor(config, scene, pose=body_pose(CAMERA_TO_WORLD)) as sensor:
                 take = picture_and_depth(sensor, with_rgb)
                 out[f"{spp},{int(with_rgb)}"] = least(take, rounds)
+                if (spp, with_rgb) == (2, True):
+                    out[FLOATS] = least(picture_and_depth(sensor, with_rgb, as_floats=True), rounds)
                 stages = stages or sensor.stage_times
                 out[DEPTH] = min(
                     out.get(DEPTH, np.inf), least(lambda s=sensor: (s.compute_depth(), s.get_depth()), rounds)
@@ -101,13 +104,13 @@ def our_times(
     return out, stages, name
 
 
-def picture_and_depth(sensor: StereoDepthSensor, with_rgb: bool) -> Callable[[], object]:
+def picture_and_depth(sensor: StereoDepthSensor, with_rgb: bool, as_floats: bool = False) -> Callable[[], object]:
     def take() -> None:
         sensor.take_picture(infrared_only=not with_rgb)
         sensor.compute_depth()
         sensor.get_depth()
         if with_rgb:
-            sensor.get_rgb()
+            _ = sensor.get_rgb() if as_floats else sensor.get_rgba8()
 
     return take
 
@@ -177,10 +180,9 @@ def main() -> None:
     theirs = sapien_times((width, height), args.rounds)
     print(f"{name}, {width}x{height}, {args.model}, wall milliseconds, least of {args.rounds}")
     print("\n| | ours | SAPIEN StereoDepthSensor | SAPIEN / ours |\n|--|--|--|--|")
-    for key in (*(f"{spp},{int(rgb)}" for spp, rgb in ROWS), DEPTH):
-        spp, _, rgb = key.partition(",")
-        title = key if key == DEPTH else f"{spp} spp, {'RGB + ' if rgb == '1' else ''}IR + depth"
-        other = theirs[key] if isinstance(theirs, dict) else None
+    rows = {f"{spp},{int(rgb)}": f"{spp} spp, {'RGB + ' if rgb else ''}IR + depth" for spp, rgb in ROWS}
+    for key, title in (rows | {FLOATS: FLOATS, DEPTH: DEPTH}).items():
+        other = theirs.get(key) if isinstance(theirs, dict) else None
         shown = "not here | " if other is None else f"{1e3 * other:.1f} | {other / ours[key]:.1f}"
         print(f"| {title} | {1e3 * ours[key]:.1f} | {shown} |")
     if isinstance(theirs, str):

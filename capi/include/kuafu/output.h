@@ -28,6 +28,10 @@ typedef struct kuafu_buffer_t* kuafu_buffer;
 #define KUAFU_OUTPUT_VARIANCE 9u
 #define KUAFU_OUTPUT_SAMPLE_COUNT 10u /* 1, U32: number of samples in the pixel's mean */
 #define KUAFU_OUTPUT_PROJECTOR 11u    /* C: all light of projectors, PROJECTOR_DIRECT plus PROJECTOR_INDIRECT */
+/* 4, U8: RADIANCE of a visible view times kuafu_output_desc.scale as sRGB (IEC 61966-2-1): red, green, blue, 255, the same bytes on every device. Scale 0 puts
+ * the median lit pixel's green, over all views of the call, at a quarter of white, to 1 part in 256. Negative light and NaN become 0. Offset and strides of the
+ * image are multiples of 4 bytes. */
+#define KUAFU_OUTPUT_SRGB 12u
 /* AOVs (arbitrary output variables) describe what the ray through the pixel's centre hits. Where it hits nothing, positions are NaN, ids are KUAFU_NONE, and
  * all others are 0. */
 #define KUAFU_OUTPUT_DEPTH 16u             /* 1: z in metres, 0 = nothing hit */
@@ -57,8 +61,9 @@ typedef struct kuafu_output_desc {
   /* One of KUAFU_OUTPUT_*. */
   uint32_t output;
   /* Factor by which numbers are multiplied. 0 means 1 for F32 and F16, 255 for U8 and 65535 for U16, so that 1.0 is the
-   * full range. U8 and U16 are rounded and clamped, and NaN becomes 0; F16 is clamped to +-65504. Ids are not scaled.
-   * An id of the scene that does not fit its format is an error, and KUAFU_NONE is the format's largest number. */
+   * full range, and an exposure of its own for KUAFU_OUTPUT_SRGB. U8 and U16 are rounded and clamped, and NaN becomes
+   * 0; F16 is clamped to +-65504. Ids are not scaled. An id of the scene that does not fit its format is an error, and
+   * KUAFU_NONE is the format's largest number. */
   float scale;
   /* Buffer that is written. */
   kuafu_buffer buffer;

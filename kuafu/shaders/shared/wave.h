@@ -114,7 +114,8 @@ KUAFU_CONST output_light_group = 17u;  // 0, then the others
 KUAFU_CONST output_variance = 21u;
 KUAFU_CONST output_sample_count = 22u;
 KUAFU_CONST output_projector = 23u;  // made by `write`, of the two images that are its parts
-KUAFU_CONST output_kind_count = 24u;
+KUAFU_CONST output_srgb = 24u;       // made by `srgb`, of the radiance
+KUAFU_CONST output_kind_count = 25u;
 
 // Element formats of output images; numbers are KS_FORMAT_*.
 KUAFU_CONST format_u8 = 1u;

@@ -33,6 +33,7 @@ constexpr OutputKind output_kinds[] = {
     {KUAFU_OUTPUT_VARIANCE, output_variance, "KUAFU_OUTPUT_VARIANCE"},
     {KUAFU_OUTPUT_SAMPLE_COUNT, output_sample_count, "KUAFU_OUTPUT_SAMPLE_COUNT"},
     {KUAFU_OUTPUT_PROJECTOR, output_projector, "KUAFU_OUTPUT_PROJECTOR"},
+    {KUAFU_OUTPUT_SRGB, output_srgb, "KUAFU_OUTPUT_SRGB"},
     {KUAFU_OUTPUT_DEPTH, output_depth, "KUAFU_OUTPUT_DEPTH"},
     {KUAFU_OUTPUT_NORMAL, output_normal, "KUAFU_OUTPUT_NORMAL"},
     {KUAFU_OUTPUT_INSTANCE_ID, output_instance_id, "KUAFU_OUTPUT_INSTANCE_ID"},
@@ -59,6 +60,8 @@ void check_format(const ks_image_desc& image, const OutputKind& kind) {
   const bool narrow = f == KS_FORMAT_U8 || f == KS_FORMAT_U16;
   if (kind.kind == output_sample_count && f != KS_FORMAT_U32)
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s has format %u, it must be KS_FORMAT_U32", kind.name, f);
+  if (kind.kind == output_srgb && f != KS_FORMAT_U8)
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s has format %u, it must be KS_FORMAT_U8", kind.name, f);
   if (is_integer(kind.kind) ? !narrow && f != KS_FORMAT_U32 : !narrow && f != KS_FORMAT_F16 && f != KS_FORMAT_F32)
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s has format %u, it must be KS_FORMAT_%s, _U16 or _U8", kind.name, f,
              is_integer(kind.kind) ? "U32" : "F32, _F16");
@@ -80,11 +83,19 @@ void check_shape(const ks_image_desc& image, const OutputKind& kind, const Launc
              static_cast<long long>(image.byte_stride[2]), static_cast<long long>(image.byte_stride[3]), bytes * channels, bytes);
 }
 
+void check_srgb(const ks_image_desc& image, const Launch& launch) {
+  if (launch.band.infrared) ks::fail(KS_ERROR_INVALID_ARGUMENT, "KUAFU_OUTPUT_SRGB is of visible views, these are infrared");
+  if (image.offset_bytes % 4 != 0 || image.byte_stride[0] % 4 != 0 || image.byte_stride[1] % 4 != 0)
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "KUAFU_OUTPUT_SRGB has offset %llu and byte strides %lld and %lld, which must be multiples of 4",
+             ull(image.offset_bytes), static_cast<long long>(image.byte_stride[0]), static_cast<long long>(image.byte_stride[1]));
+}
+
 float read_scale(const kuafu_output_desc& desc, const OutputKind& kind) {
   if (!(desc.scale >= 0.0f && desc.scale <= std::numeric_limits<float>::max()))
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s has scale %g, it must be finite and >= 0", kind.name, double(desc.scale));
   if (is_integer(kind.kind) && desc.scale != 0.0f && desc.scale != 1.0f)
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s has scale %g, but ids are not scaled: leave it 0", kind.name, double(desc.scale));
+  if (kind.kind == output_srgb) return desc.scale;  // 0: the image's own exposure
   if (desc.scale != 0.0f || is_integer(kind.kind)) return is_integer(kind.kind) ? 1.0f : desc.scale;
   return desc.image.format == KS_FORMAT_U8 ? 255.0f : desc.image.format == KS_FORMAT_U16 ? 65535.0f : 1.0f;
 }
@@ -98,6 +109,7 @@ void read_output(const kuafu_output_desc& desc, const ks::Device& device, Launch
   ks::check_embedded(image, KS_TYPE_IMAGE_DESC, kind.name);
   check_format(image, kind);
   check_shape(image, kind, launch);
+  if (kind.kind == output_srgb) check_srgb(image, launch);
   const ks::ByteRange range = ks::check_image(image, buffer->size_bytes(), kind.name);
   const int64_t bytes = ks_format_bytes(image.format);
   const uint64_t begin = range.begin / 4 * 4;

@@ -19,7 +19,7 @@ OutputRecord callers(const Memory& memory, const OutputImage& image) {
 
 }  // namespace
 
-Frame::Frame(Memory memory) : memory_(std::move(memory)), write_(memory_, write_spirv, host::write) {}
+Frame::Frame(Memory memory) : memory_(std::move(memory)), write_(memory_, write_spirv, host::write), srgb_(memory_) {}
 
 void Frame::fit(const Launch& launch) {
   for (uint32_t kind = 0; kind < output_kind_count; ++kind) {
@@ -54,7 +54,7 @@ OutputRecord Frame::target(const Launch& launch, uint32_t kind) const {
 void Frame::deliver(ks::Commands& commands, const Launch& launch) {
   for (uint32_t kind = 0; kind < output_kind_count; ++kind) {
     const bool sums = kind == output_projector;
-    if (!launch.outputs[kind].buffer || (!sums && !holds(kind))) continue;
+    if (!launch.outputs[kind].buffer || kind == output_srgb || (!sums && !holds(kind))) continue;
     write_.run(commands, "write",
                {.from = address(sums ? output_projector_direct : kind),
                 .to = callers(memory_, launch.outputs[kind]),
@@ -66,6 +66,9 @@ void Frame::deliver(ks::Commands& commands, const Launch& launch) {
                 .sums = sums ? 1u : 0u,
                 .second = sums ? address(output_projector_indirect) : 0});
   }
+  if (launch.outputs[output_srgb].buffer)
+    srgb_.run(commands, address(output_radiance), callers(memory_, launch.outputs[output_srgb]), uint32_t(launch.views.size()),
+              launch.width, launch.height);
 }
 
 }  // namespace kuafu

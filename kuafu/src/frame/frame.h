@@ -9,6 +9,7 @@
 #include "frame/device_array.h"
 #include "frame/image_step.h"
 #include "frame/launch.h"
+#include "frame/srgb.h"
 
 namespace kuafu {
 
@@ -20,7 +21,7 @@ class Frame {
   void fit(const Launch& launch);
   /// Whether the frame must hold this output of the launch.
   [[nodiscard]] static bool needs(const Launch& launch, uint32_t kind) {
-    const bool differs = launch.outputs[kind].buffer && !launch.outputs[kind].is_plain() && kind != output_projector;
+    const bool differs = launch.outputs[kind].buffer && !launch.outputs[kind].is_plain() && !is_made(kind);
     return (launch.held >> kind & 1) != 0 || differs;
   }
   [[nodiscard]] bool holds(uint32_t kind) const { return images_[kind] != nullptr; }
@@ -39,6 +40,7 @@ class Frame {
   std::array<std::shared_ptr<ks::Buffer>, output_kind_count> images_;
   MappedTable<OutputRecord> outputs_;
   ImageStep<WritePush> write_;
+  SrgbEncoder srgb_;
 };
 
 namespace host {

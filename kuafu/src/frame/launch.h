@@ -52,6 +52,9 @@ inline constexpr uint32_t output_projector_direct = output_radiance + 1 + group_
 /// The images whose sum is output_projector.
 inline constexpr uint32_t projector_parts = 1u << output_projector_direct | 1u << output_projector_indirect;
 
+/// Whether the frame makes it of other images when it delivers them.
+[[nodiscard]] constexpr bool is_made(uint32_t kind) { return kind == output_projector || kind == output_srgb; }
+
 [[nodiscard]] constexpr bool is_integer(uint32_t kind) {
   return (kind >= output_instance_id && kind <= output_semantic_id) || kind == output_sample_count;
 }
@@ -88,12 +91,14 @@ struct Launch {
       if (outputs[k].buffer || (held >> k & 1) != 0) return true;
     return false;
   }
-  /// Whether the caller sees this image, alone or in a sum.
+  /// Whether the caller sees this image, as it is or in one that is made of it.
   [[nodiscard]] bool shows(uint32_t kind) const {
-    return outputs[kind].buffer || (outputs[output_projector].buffer && (projector_parts >> kind & 1) != 0);
+    return outputs[kind].buffer || (outputs[output_projector].buffer && (projector_parts >> kind & 1) != 0) ||
+           (outputs[output_srgb].buffer && kind == output_radiance);
   }
   [[nodiscard]] uint32_t channels(uint32_t kind) const {
     if (kind == output_sample_count) return 1;
+    if (kind == output_srgb) return 4;
     if (kind >= output_radiance || kind == output_albedo) return band.channels();
     if (kind == output_normal || kind == output_position) return 3;
     return kind == output_projector_uv || kind == output_motion ? 2 : 1;

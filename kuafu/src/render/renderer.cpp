@@ -8,6 +8,7 @@ namespace kuafu {
 void hold_images(Launch& launch) {
   launch.held = launch.relative_error > 0.0 ? 1u << output_variance | 1u << output_radiance : 0;
   if (launch.outputs[output_projector].buffer) launch.held |= projector_parts;
+  if (launch.outputs[output_srgb].buffer) launch.held |= 1u << output_radiance;
   launch.held |= held_for_denoiser(launch) | held_for_film(launch);
 }
 

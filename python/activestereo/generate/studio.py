@@ -96,7 +96,7 @@ class Studio:
         seen = self._sensor.get_instance_ids()[0].copy()
         frame = Frame(
             number=number,
-            rgb=np.rint(255.0 * self._sensor.get_rgb()[0]).astype(np.uint8),
+            rgb=np.ascontiguousarray(self._sensor.get_rgba8()[0, ..., :3]),
             left=left[0].copy(),
             right=right[0].copy(),
             depth=self._sensor.get_depth()[0].copy(),

@@ -75,7 +75,7 @@ class StereoDepthCamera(Camera):
         sensors, out = self.sensors, {}
         sensors.take_picture(infrared_only=not (rgb or segmentation))
         if rgb:
-            out["rgb"] = np.rint(255.0 * sensors.get_rgb()).astype(np.uint8)
+            out["rgb"] = np.ascontiguousarray(sensors.get_rgba8()[..., :3])
         if depth or position:
             sensors.compute_depth()
             found = np.rint(np.minimum(sensors.get_depth() * np.float32(_MM), _FARTHEST_MM))

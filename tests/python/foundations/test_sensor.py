@@ -43,6 +43,13 @@ def test_shapes_and_types(table):
         assert picture.min() >= 0.0 and picture.max() <= 1.0
 
 
+def test_bytes_of_the_rgb_picture_are_its_floats_rounded(table):
+    rgba = table.get_rgba8()
+    assert rgba.shape == (240, 424, 4) and rgba.dtype == np.uint8 and (rgba[..., 3] == 255).all()
+    assert np.abs(255.0 * table.get_rgb() - rgba[..., :3]).max() < 0.51
+    assert rgba[..., :3].std() > 20
+
+
 def test_most_of_the_table_is_measured_well(by_material):
     wood = by_material["wood"]
     assert wood.fill > 0.9

@@ -45,7 +45,7 @@ def test_a_batch_of_one_is_one_sensor_to_the_bit(config):
         for one in (batch, sensor):
             one.take_picture()
             one.compute_depth()
-        for name in ("get_depth", "get_disparity", "get_true_depth", "get_rgb", "get_instance_ids"):
+        for name in ("get_depth", "get_disparity", "get_true_depth", "get_rgb", "get_rgba8", "get_instance_ids"):
             np.testing.assert_array_equal(getattr(batch, name)()[0], getattr(sensor, name)(), err_msg=name)
         np.testing.assert_array_equal(batch.get_ir_measured()[1][0], sensor.get_ir_measured()[1])
 
