@@ -12,7 +12,11 @@ from PIL import Image
 
 def write_text(path: str | Path, text: str) -> None:
     """replace_file() of a text in UTF-8."""
-    content = text.encode()
+    write_bytes(path, text.encode())
+
+
+def write_bytes(path: str | Path, content: bytes) -> None:
+    """replace_file() of these."""
     replace_file(path, lambda file: file.write(content))
 
 

@@ -36,6 +36,7 @@ was, goes on when it is started again; with a larger --count it makes more.
 examples:
   activestereo generate cup.glb box.obj can.ply --count 100 --workers 2 --out out/cups
   activestereo generate cup.glb box.obj --count 5000 --part 3/50 --out shared/cups
+  activestereo generate cup.glb box.obj --count 5000 --ray auto --out out/cups
   activestereo generate *.glb --count 1000 --layout drop --sensor d415 --out out/dropped
 """
 
@@ -56,15 +57,19 @@ def add_parser(commands: Commands) -> None:
     parser.add_argument("--workers", type=integer_from(1), default=1, metavar="K", help=text)
     text = "makes part K of N, for N machines that share DIR; whoever makes the last frame writes the tables"
     parser.add_argument("--part", type=_part, default=(1, 1), metavar="K/N", help=text)
+    text = "has the actors of a Ray cluster make the frames (auto, HOST:PORT, ray://HOST:PORT): one for each GPU"
+    parser.add_argument("--ray", metavar="ADDRESS", help=text)
+    text = "with --ray: processors of an actor, where the cluster has no GPUs or --device is given (default: 2)"
+    parser.add_argument("--ray-cpus", type=integer_from(1), default=2, metavar="N", help=text)
     add_seed(parser, "of everything that is drawn; same seed, same files")
     parser.add_argument("--sensor", default="d435", metavar="NAME", help="as simulate's (default: d435)")
     text = "of the colour image and of depth (default: 640x480)"
     parser.add_argument("--rgb-size", type=size, default=(640, 480), metavar="WxH", help=text)
     text = "rays per pixel (default: 16)"
     parser.add_argument("--samples-per-pixel", type=integer_from(1), default=16, metavar="N", help=text)
-    text = "things upright side by side, or dropped with MuJoCo's physics (default: scatter)"
     text = "also write WebDataset tar files of N frames each, once all frames are there"
     parser.add_argument("--shards", type=integer_from(1), metavar="N", help=text)
+    text = "things upright side by side, or dropped with MuJoCo's physics (default: scatter)"
     parser.add_argument("--layout", choices=("scatter", "drop"), default="scatter", help=text)
     parser.add_argument("--ranges", type=Path, metavar="FILE", help="what is drawn from which ranges")
     parser.set_defaults(run=run)
@@ -100,8 +105,10 @@ def run(args: argparse.Namespace) -> None:
         device=args.device,
     )
     make_folder(args.out)
-    with ProgressBar(f"{args.count} frames with {args.workers} worker{'' if args.workers == 1 else 's'}") as bar:
-        done = generate(settings, args.out, args.count, args.workers, args.part, bar)
+    by = f"{args.workers} worker{'' if args.workers == 1 else 's'}" if args.ray is None else f"Ray at {args.ray}"
+    with ProgressBar(f"{args.count} frames with {by}") as bar:
+        ray = None if args.ray is None else (args.ray, args.ray_cpus)
+        done = generate(settings, args.out, args.count, args.workers, args.part, bar, ray)
     rate = f"{done.made} frames in {duration(done.seconds)}, {done.made / max(done.seconds, 1e-9):.2f} a second"
     notes = [rate if done.made else "nothing was left to do"]
     notes += [f"{done.there} were there already"] if done.there else []

@@ -9,6 +9,7 @@
 | studio.py | one frame: layout, camera, light, pictures |
 | bop.py | folders and files of the BOP format |
 | shards.py | the same as tar files for training |
+| ray_actors.py | the same by the machines of a Ray cluster |
 | run.py | workers, resuming, progress |
 
 Frame n depends on the settings, the seed and n alone; so neither workers nor interruptions change a picture.

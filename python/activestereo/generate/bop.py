@@ -13,7 +13,7 @@ frame with a record is whole.
 from __future__ import annotations
 
 import json
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from activestereo.generate.studio import Found, Frame
 from activestereo.generate.things import Thing
-from activestereo.output_files import replace_file, write_depth_png, write_png
+from activestereo.output_files import write_bytes, write_depth_png, write_png, write_text
 
 SPLIT = "train_pbr"
 FRAMES_PER_SCENE = 1000
@@ -64,6 +64,18 @@ def write_frame(out: Path, frame: Frame) -> None:
         "gt_info": [_info(found, frame.depth) for found in frame.found],
     }
     _write_json(record_path(out, frame.number), record)
+
+
+def read_files(out: Path) -> dict[str, bytes]:
+    """All there are, by path below `out`."""
+    return {str(path.relative_to(out)): path.read_bytes() for path in out.rglob("*") if path.is_file()}
+
+
+def write_files(out: Path, files: Mapping[str, bytes]) -> None:
+    """A frame's files, as read_files() has them: pictures, then the record."""
+    for name in sorted(files, key=lambda name: (_RECORDS in name, name)):
+        (out / name).parent.mkdir(parents=True, exist_ok=True)
+        write_bytes(out / name, files[name])
 
 
 def write_scenes(out: Path, count: int) -> None:
@@ -168,4 +180,4 @@ def record_path(out: Path, number: int) -> Path:
 
 
 def _write_json(path: Path, content: Any) -> None:
-    replace_file(path, lambda file: file.write((json.dumps(content, indent=1) + "\n").encode()))
+    write_text(path, json.dumps(content, indent=1) + "\n")

@@ -16,6 +16,7 @@ from typing import Any
 
 import kuafu
 from activestereo.generate import bop
+from activestereo.generate.ray_actors import made_by_ray
 from activestereo.generate.studio import Settings, Studio, sensor_config
 from activestereo.generate.things import Things
 
@@ -39,11 +40,13 @@ def generate(
     workers: int,
     part: tuple[int, int] = (1, 1),
     progress: Callable[[float], object] | None = None,
+    ray: tuple[str, int] | None = None,
 ) -> Done:
     """Frames 0 to count - 1 in BOP's format under `out`, or part k of n of them; other parts may be made at the same
     time, also by other machines that share the folder. Whoever makes the last frame writes the scenes' tables.
     ValueError where `out` has frames of other settings; ChildProcessError where a worker was ended from outside: what
-    is done stays, and the same call goes on."""
+    is done stays, and the same call goes on. ray: a cluster's address and the processors of an actor there, which take
+    the place of the workers (ray_actors.py)."""
     things = Things(kuafu.Scene(kuafu.Device(settings.device)), list(settings.things)).things  # its checks come first
     about = description(settings)
     _check_same(out, about)
@@ -55,7 +58,8 @@ def generate(
     missing = [frame for frame in own if not bop.is_done(out, frame)]
     bop.remove_left_over(out, set(missing))
     start = time.monotonic()
-    for done, _ in enumerate(_made(settings, out, missing, workers), 1):
+    made = _made(settings, out, missing, workers) if ray is None else made_by_ray(settings, out, missing, *ray)
+    for done, _ in enumerate(made, 1):
         if progress is not None:
             progress(done / len(missing))
     seconds = time.monotonic() - start

@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Frames from a cluster's actors: none is lost and none comes twice, whatever happens to the actors."""
+
+import os
+import time
+from collections import deque
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from activestereo import meshes
+from activestereo.generate import bop
+from activestereo.generate.ranges import Ranges
+from activestereo.generate.ray_actors import frames_of
+from activestereo.generate.run import generate
+from activestereo.generate.studio import Settings
+from activestereo.gltf_writer import GltfWriter
+
+
+class Lost(Exception):
+    """What FakeRay says of an actor that is no more."""
+
+
+class Failed(Exception):
+    def __init__(self, cause: Exception) -> None:
+        self.cause = cause
+
+
+class FakeRay:
+    """Ray's calls in one process. lose: {(actor, its how many-th call): exception}, which gets() raises; the first call
+    is begin()."""
+
+    exceptions = SimpleNamespace(RayActorError=Lost, ObjectLostError=Lost, NodeDiedError=Lost, RayTaskError=Failed)
+
+    def __init__(self, lose: dict[tuple[int, int], Exception]) -> None:
+        self.lose, self.pending, self.results = lose, deque(), {}
+        self.started, self.killed = 0, []
+
+    def start(self) -> SimpleNamespace:
+        number, calls = self.started, iter(range(1000))
+        self.started += 1
+
+        def call(*frame: int) -> str:
+            key = f"actor {number} call {next(calls)}"
+            place = (number, int(key.split()[-1]))
+            self.results[key] = self.lose.get(place) or {f"{frame}": bytes(frame)}
+            self.pending.append(key)
+            return key
+
+        method = SimpleNamespace(remote=call)
+        return SimpleNamespace(number=number, begin=method, files=method)
+
+    def wait(self, keys: list[str], num_returns: int) -> tuple[list[str], list[str]]:
+        assert num_returns == 1 and set(keys) == set(self.pending)
+        return [self.pending.popleft()], []
+
+    def get(self, key: str) -> object:
+        if isinstance(self.results[key], Exception):
+            raise self.results[key]
+        return self.results[key]
+
+    def kill(self, actor: SimpleNamespace) -> None:
+        self.killed.append(actor.number)
+
+
+@pytest.mark.parametrize("lose", [{}, {(0, 1): Lost()}, {(0, 0): Lost(), (1, 2): Lost(), (3, 1): Lost()}])
+def test_each_frame_comes_once(lose: dict[tuple[int, int], Exception]) -> None:
+    ray = FakeRay(lose)
+    found = list(frames_of(ray, ray.start, 3, range(10)))
+    assert sorted(number for number, _ in found) == list(range(10))
+    assert all(files == {f"{(number,)}": bytes([number])} for number, files in found)
+    assert ray.started == 3 + len(lose) and set(ray.killed) >= {actor for actor, _ in lose}
+
+
+def test_an_actor_more_is_not_started_for_nothing() -> None:
+    ray = FakeRay({})
+    assert len(list(frames_of(ray, ray.start, 8, [5, 7]))) == 2 and ray.started == 2
+
+
+def test_what_ends_every_actor_ends_the_run() -> None:
+    ray = FakeRay({(actor, 1): Lost("no memory\nmore") for actor in range(9)})
+    with pytest.raises(ChildProcessError, match=r"3 of Ray's actors were lost at frame \d, the last by: no memory$"):
+        list(frames_of(ray, ray.start, 1, range(5)))
+    ray = FakeRay({(actor, 0): Lost("no module") for actor in range(9)})
+    with pytest.raises(ChildProcessError, match="lost at their start, the last by: no module$"):
+        list(frames_of(ray, ray.start, 1, range(5)))
+
+
+def test_a_fault_of_a_frame_is_the_callers() -> None:
+    ray = FakeRay({(1, 1): Failed(ValueError("no such thing"))})
+    with pytest.raises(ValueError, match="no such thing"):
+        list(frames_of(ray, ray.start, 2, range(5)))
+    assert ray.killed  # the others do not go on
+
+
+def test_two_machines_of_which_one_is_killed(tmp_path: Path) -> None:
+    if os.environ.get("ACTIVESTEREO_FULL") != "1":
+        pytest.skip("two nodes of Ray take 20 s of a processor to start: ACTIVESTEREO_FULL=1 runs this")
+    ray = pytest.importorskip("ray", reason="the package ray is not installed (pip install ray)")
+    from ray.cluster_utils import Cluster
+
+    writer = GltfWriter("ball")
+    writer.add_mesh("ball", meshes.sphere(0.05), writer.add_material("paint"))
+    writer.write(tmp_path / "ball.glb")
+    settings = Settings(
+        (tmp_path / "ball.glb",), sensor="sapien-D435", rgb_size=(96, 72), samples=1, ranges=Ranges(things=(1, 1))
+    )
+    count, dead_at, seen = 24, 6, []
+    cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 1})
+    doomed = cluster.add_node(num_cpus=1)
+    ray.init(address=cluster.address, log_to_driver=False)
+    try:
+
+        def watch(share: float) -> None:
+            seen.append(share)
+            if len(seen) == dead_at:
+                assert not ray.available_resources().get("CPU")  # both have an actor
+                cluster.remove_node(doomed, allow_graceful=False)
+
+        start = time.monotonic()
+        done = generate(settings, tmp_path / "ray", count, workers=1, progress=watch, ray=("auto", 1))
+        print(f"{count} frames on two nodes, one killed after {dead_at}: {time.monotonic() - start:.1f} s")
+    finally:
+        ray.shutdown()
+        cluster.shutdown()
+    assert len(seen) == done.made == count and not done.missing
+    generate(settings, tmp_path / "alone", count, workers=1)
+    files = [
+        {str(path.relative_to(out)): path.read_bytes() for path in out.rglob("*") if path.is_file()}
+        for out in (tmp_path / "ray", tmp_path / "alone")
+    ]
+    assert files[0] == files[1]
+    assert all(bop.is_done(tmp_path / "ray", number) for number in range(count))
