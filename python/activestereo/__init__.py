@@ -15,6 +15,8 @@ from importlib import import_module
 from typing import Any
 
 _HOMES = {
+    "LateStereoDepthSensor": "late_sensor",
+    "LateStereoDepthSensorBatch": "late_sensor_batch",
     "Mount": "sensor",
     "Mounts": "sensor_batch",
     "Pose": "pose",

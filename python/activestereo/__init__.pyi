@@ -1,4 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
+from activestereo.late_sensor import LateStereoDepthSensor as LateStereoDepthSensor
+from activestereo.late_sensor_batch import LateStereoDepthSensorBatch as LateStereoDepthSensorBatch
 from activestereo.pose import Pose as Pose
 from activestereo.presets import StereoDepthSensorConfig as StereoDepthSensorConfig
 from activestereo.sensor import Mount as Mount

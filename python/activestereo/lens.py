@@ -21,6 +21,16 @@ def distort(x: NDArray[np.float64], y: NDArray[np.float64], coefficients: Sequen
     return x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x), y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
 
 
+def pixel_rays(
+    u: NDArray[np.int_], v: NDArray[np.int_], k: NDArray[np.float64], coefficients: Sequence[float] | np.ndarray
+) -> NDArray[np.float64]:
+    """[3, n]: where the middles of pixels (u, v) look, with z = 1."""
+    rays = np.linalg.inv(k) @ np.stack([u, v, np.ones_like(u)]).astype(np.float64)
+    if np.any(coefficients):
+        rays[:2] = undistort(rays[0], rays[1], coefficients)
+    return rays
+
+
 def undistort(x: NDArray[np.float64], y: NDArray[np.float64], coefficients: Sequence[float] | np.ndarray) -> Positions:
     """The inverse of distort(), by fixed-point iteration."""
     ideal_x, ideal_y = x, y

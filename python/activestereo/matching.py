@@ -2,7 +2,7 @@
 """The sensor's configuration in the engines' terms."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,6 +16,14 @@ from activestereo.render_table import RENDER, RENDERER
 # SAPIEN's noise at scale 1: a gamma factor of shape 1333.33 and mean 1, and Gaussian noise of 0.25 counts.
 SPECKLE_SHAPE = 1333.33
 THERMAL_SIGMA_DN = 0.25
+
+
+class Taken(NamedTuple):
+    """What matching has to know of a picture beside its images."""
+
+    frame: int = -1
+    speckle_draw: int = -1
+    is_laser_apart: bool = False
 
 
 def signal_parameters(config: StereoDepthSensorConfig) -> dict[str, float]:

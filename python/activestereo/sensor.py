@@ -21,8 +21,8 @@ from activestereo.auto_exposure import AutoExposure, encoded_rgb
 from activestereo.effects.core.engine import EngineInputs, apply_engine, moved_pose
 from activestereo.ir_link import IrLink
 from activestereo.lazy_maps import LazyMaps
-from activestereo.lens import undistort
-from activestereo.matching import engine_parameters, linear_counts, make_engine, renderer_parameters
+from activestereo.lens import pixel_rays
+from activestereo.matching import Taken, engine_parameters, linear_counts, make_engine, renderer_parameters
 from activestereo.mount import Mount as Mount
 from activestereo.mount import as_mount
 from activestereo.picture_memory import RGB_OUTPUTS, PictureMemory
@@ -93,7 +93,7 @@ class StereoDepthSensor:
         weakref.finalize(self, self._world.leave).atexit = False
         rgb_width, rgb_height = self._config.rgb_resolution
         self._rgb = PictureMemory(self._device, (1, rgb_height, rgb_width), RGB_OUTPUTS)
-        self._has_picture, self._has_rgb, self._maps, self._is_laser_apart = False, False, LazyMaps(), False
+        self._has_picture, self._has_rgb, self._maps, self._taken = False, False, LazyMaps(), Taken()
         self._stage_times: dict[str, float] = {}
 
     # ---- taking pictures ----
@@ -104,7 +104,7 @@ class StereoDepthSensor:
         self._has_picture = False
         self._maps.clear()
         frame = self._frame + 1
-        self._prepare(frame)
+        taken = self._prepare(frame)
         share = 0.0 if infrared_only else 0.5
         with self._projector_on():
             if not infrared_only:
@@ -113,12 +113,12 @@ class StereoDepthSensor:
                 self._render([self.rgb_camera()], self._rgb.targets, "visible", frame, part_of(progress, 0.0, share))
                 self._has_rgb = True
                 self._keep_times("rgb", self._renderer)
-            self._render_infrared(frame, part_of(progress, share, 1.0))
+            self._render_infrared(taken, self._link, part_of(progress, share, 1.0))
             self._keep_times("ir", self._renderer)
         self._image_effects.on_light(self._link.images)
         self._link.deliver()
-        self._expose()
-        self._frame, self._has_picture = frame, True
+        self._expose(self._link)
+        self._frame, self._has_picture, self._taken = frame, True, taken
 
     def compute_depth(self) -> None:
         """Noise, matching, registration of the last picture. The same picture gives the same depth. Maps that have been
@@ -144,8 +144,7 @@ class StereoDepthSensor:
         """[left, right] float32 [height, width] in 0..1: what linear imagers would count without noise and dark
         current, over full scale."""
         self._require_picture()
-        eyes = self._tell_engines().eyes
-        return [linear_counts(image, eye.signal) for image, eye in zip(self._link.images, eyes, strict=True)]
+        return [linear_counts(image, signal) for image, signal in zip(self._link.images, self._signals(), strict=True)]
 
     def get_ir_measured(self) -> list[np.ndarray]:
         """[left, right] uint8 [height, width], uint16 where ir_signal has more than 8 bits: what the sensor gives, with
@@ -179,11 +178,8 @@ class StereoDepthSensor:
         0..1."""
         depth = self.get_depth()
         v, u = np.nonzero(depth)
-        z = depth[v, u].astype(np.float64)
-        rays = np.linalg.inv(self._config.rgb_intrinsic) @ np.stack([u, v, np.ones_like(u)]).astype(np.float64)
-        if np.any(self._config.rgb_distortion):
-            rays[:2] = undistort(rays[0], rays[1], self._config.rgb_distortion)
-        points = (rays * z).T.astype(np.float32)
+        rays = pixel_rays(u, v, self._config.rgb_intrinsic, self._config.rgb_distortion)
+        points = (rays * depth[v, u]).T.astype(np.float32)
         return np.hstack([points, self.get_rgb()[v, u]]) if with_rgb else points
 
     def get_true_depth(self) -> NDArray[np.float32]:
@@ -361,15 +357,19 @@ class StereoDepthSensor:
 
     def _match(self, names: Iterable[str]) -> dict[str, np.ndarray]:
         """These maps of the last picture."""
-        self._engine.set_parameters(frame_index=self._frame, scene_index=self._speckle_draw)
+        self._engine.set_parameters(frame_index=self._taken.frame, scene_index=self._taken.speckle_draw)
         pair = (self._link.left, self._link.right)
-        laser = self._link.lasers(self._is_laser_apart)
+        laser = self._link.lasers(self._taken.is_laser_apart)
         return self._image_effects.depth(self._engine, pair, tuple(names), **laser)
 
     def _match_rest(self) -> None:
         """Before the engine changes: what could still be read is computed."""
         if self._maps:
             self._maps.complete(("disparity", "ir_left", "ir_right", *self._config.depth_maps), self._match)
+
+    def _signals(self) -> list[dict[str, float]]:
+        """The imagers' parameters of the last picture, left and right."""
+        return [eye.signal for eye in self._tell_engines().eyes]
 
     def make_engine(self) -> simsense.Engine:
         """Another depth engine of this rig and these parameters, a simsense.Engine."""
@@ -399,7 +399,7 @@ class StereoDepthSensor:
             self._inputs = inputs
         return self._inputs
 
-    def _prepare(self, frame: int) -> None:
+    def _prepare(self, frame: int) -> Taken:
         """What changes from picture to picture: exposure, emitter, and, where the sensor has moved, its static
         speckle."""
         if self._next_setting is not None:
@@ -410,13 +410,14 @@ class StereoDepthSensor:
         if self._place is None or not np.array_equal(place, self._place):
             self._place, self._speckle_draw = place, self._speckle_draw + 1
         self._lit_frame = frame
+        return Taken(frame, self._speckle_draw, self._tell_engines().speckle_of_laser)
 
-    def _expose(self) -> None:
+    def _expose(self, link: IrLink) -> None:
         """Automatic exposure looks at the light of a picture: for the same picture, or for the next."""
         if self._exposure.mode == "fixed":
             return
         inputs = self._tell_engines()
-        after = self._exposure.after(self._config, inputs.left.signal, self._link.images[0], inputs.max_dn)
+        after = self._exposure.after(self._config, inputs.left.signal, link.images[0], inputs.max_dn)
         if self._exposure.mode == "settled":
             self._set_exposure(after)
         else:
@@ -461,23 +462,24 @@ class StereoDepthSensor:
         return kuafu.Camera(width, height, k, pose, linear_velocity=linear, angular_velocity=angular, **more)
 
     def _render(
-        self, cameras: Any, outputs: Any, band: Band, frame: int, progress: Any, eyes: Any = (False, True)
+        self, cameras: Any, outputs: Any, band: Band, frame: int, progress: Any, eyes: Any = (False, True),
+        run: Any = None,
     ) -> Any:
         film: Any = self._config.rgb_film
         environments = None
         if band == "infrared":
             seen_by = [self._tell_engines().eyes[is_right] for is_right in eyes]
             film, environments = [eye.film for eye in seen_by], [LATER if eye.delay_s else 0 for eye in seen_by]
-        return self._renderer.render(
+        return (run or self._renderer.render)(
             self._scene, cameras, outputs, band=band, **render_settings(self._config, frame), film=film,
             environments=environments, projector=self._world.projector, progress=progress,
             scales={"srgb": self._config.rgb_exposure or 0.0} if "srgb" in outputs else {},
         )  # fmt: skip
 
-    def _render_infrared(self, frame: int, progress: Any) -> None:
-        """Into the link; the projector's part of both images beside it, unless all light has speckle."""
-        self._is_laser_apart = self._tell_engines().speckle_of_laser
-        self._render(self.ir_cameras(), self._link.targets(self._is_laser_apart), "infrared", frame, progress)
+    def _render_infrared(self, taken: Taken, link: IrLink, progress: Any, run: Any = None) -> Any:
+        """The projector's part of both images beside them, unless all light has speckle."""
+        targets = link.targets(taken.is_laser_apart)
+        return self._render(self.ir_cameras(), targets, "infrared", taken.frame, progress, run=run)
 
     def _keep_times(self, group: str, worker: Any) -> None:
         kept = {name: t for name, t in self._stage_times.items() if not name.startswith(f"{group}: ")}

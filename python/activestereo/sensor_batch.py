@@ -27,7 +27,7 @@ from activestereo.auto_exposure import AutoExposure, encoded_rgb
 from activestereo.batch_rig import BatchRig
 from activestereo.ir_link import IrLink
 from activestereo.lazy_maps import LazyMaps
-from activestereo.matching import make_engine, renderer_parameters
+from activestereo.matching import Taken, make_engine, renderer_parameters
 from activestereo.picture_memory import RGB_OUTPUTS, PictureMemory
 from activestereo.pose import Pose, PoseLike, as_matrix, camera_to_world
 from activestereo.pose_arrays import PosesLike, host_array, pose_fault, pose_matrices
@@ -105,7 +105,7 @@ class StereoDepthSensorBatch:
         self._rig = BatchRig(self._config, self._scene, self._environments, model)
         self._make_rig()
         self._light_share = np.ones(self._count)  # of each sensor, over its exposure
-        self._frame, self._has_picture, self._speckle_draw = -1, False, -1
+        self._frame, self._has_picture, self._speckle_draw, self._taken = -1, False, -1, Taken()
         rgb_width, rgb_height = self._config.rgb_resolution
         self._rgb = PictureMemory(device, (self._count, rgb_height, rgb_width), RGB_OUTPUTS)
         self._has_rgb = False
@@ -118,27 +118,15 @@ class StereoDepthSensorBatch:
         after the others' pictures are taken, where a mount's pose is none."""
         self._has_picture = self._has_rgb = False
         self._maps.clear()
-        self._rgb.forget()
         broken = self._place()
-        self._rig.shine(self._config.emitter_power(self._frame + 1))
-        settings = render_settings(self._config, self._frame + 1)
+        taken = self._prepare()
         if not infrared_only:
-            self._renderer.render(
-                self._scene,
-                self._rgb_cameras,
-                self._rgb.targets,
-                band="visible",
-                environments=self._environments,
-                film=self._config.rgb_film,
-                scales={"srgb": self._config.rgb_exposure or 0.0},
-                **settings,
-            )
+            self._render_rgb(taken, self._rgb, self._renderer.render)
             self._has_rgb = True
-        self._render_infrared(settings)
-        if not self._config.projector_always_on:
-            self._rig.shine(0.0)
-        self._link.deliver()
-        self._frame, self._has_picture = self._frame + 1, True
+        self._render_infrared(taken, self._link, self._renderer.render)
+        self._darken()
+        self._expose(taken, self._link, self._light_share)
+        self._frame, self._has_picture, self._taken = taken.frame, True, taken
         self._tell(broken)
 
     def render_true_depth(self) -> NDArray[np.float32]:
@@ -319,27 +307,52 @@ class StereoDepthSensorBatch:
             camera.camera_to_world = view
         return np.flatnonzero(broken)
 
-    def _render_infrared(self, settings: dict[str, Any]) -> None:
-        """Into the link, exposed; the laser's part, where speckle is its alone, is kept."""
-        apart = self._rig.inputs.speckle_of_laser
-        environments = self._environments * 2
-        self._renderer.render(
+    def _prepare(self) -> Taken:
+        """Lets the next picture's emitters shine."""
+        frame = self._frame + 1
+        self._rig.shine(self._config.emitter_power(frame))
+        return Taken(frame, max(self._speckle_draw, 0), self._rig.inputs.speckle_of_laser)
+
+    def _darken(self) -> None:
+        if not self._config.projector_always_on:
+            self._rig.shine(0.0)
+
+    def _render_rgb(self, taken: Taken, memory: PictureMemory, run: Any) -> Any:
+        """run: the renderer's render or submit."""
+        memory.forget()
+        return run(
+            self._scene,
+            self._rgb_cameras,
+            memory.targets,
+            band="visible",
+            environments=self._environments,
+            film=self._config.rgb_film,
+            scales={"srgb": self._config.rgb_exposure or 0.0},
+            **render_settings(self._config, taken.frame),
+        )
+
+    def _render_infrared(self, taken: Taken, link: IrLink, run: Any) -> Any:
+        """The laser's part, where speckle is its alone, is kept beside it."""
+        return run(
             self._scene,
             self._rig.cameras,
-            self._link.targets(apart),
+            link.targets(taken.is_laser_apart),
             band="infrared",
-            environments=environments,
+            environments=self._environments * 2,
             film=self._rig.films,
-            **settings,
+            **render_settings(self._config, taken.frame),
         )
-        if self._exposure.mode == "fixed" and bool((self._light_share == 1.0).all()):
-            return
-        links = [self._link, self._link.laser] if apart else [self._link]
-        pairs = [link.images.reshape(2, self._count, *link.images.shape[1:]) for link in links]
-        for n in range(self._count):
-            light = self._light_of(pairs[0][0, n]) * np.float32(self._light_share[n])
-            for images in pairs:
-                images[:, n] *= light
+
+    def _expose(self, taken: Taken, link: IrLink, light_share: NDArray[np.float64]) -> None:
+        """Brings a rendered pair to the sensors' exposures, and to the engine."""
+        if self._exposure.mode != "fixed" or not bool((light_share == 1.0).all()):
+            links = [link, link.laser] if taken.is_laser_apart else [link]
+            pairs = [one.images.reshape(2, self._count, *one.images.shape[1:]) for one in links]
+            for n in range(self._count):
+                light = self._light_of(pairs[0][0, n]) * np.float32(light_share[n])
+                for images in pairs:
+                    images[:, n] *= light
+        link.deliver()
 
     def _light_of(self, left: NDArray[np.float32]) -> np.float32:
         """How much more light than under the configuration's exposure a sensor that sees this takes."""
@@ -349,9 +362,9 @@ class StereoDepthSensorBatch:
         return np.float32(setting.light_s / self._exposure.start.light_s)
 
     def _compute(self, names: list[str]) -> dict[str, NDArray[Any]]:
-        self._engine.set_parameters(frame_index=self._frame, scene_index=max(self._speckle_draw, 0))
+        self._engine.set_parameters(frame_index=self._taken.frame, scene_index=self._taken.speckle_draw)
         pair = (self._link.left, self._link.right)
-        lasers: dict[str, Any] = self._link.lasers(self._rig.inputs.speckle_of_laser)
+        lasers: dict[str, Any] = self._link.lasers(self._taken.is_laser_apart)
         found = self._engine.compute(*pair, names, **lasers)
         per_sensor = 1 if self._count > 1 else 0  # axes before an image's own
         return {name: image.reshape(*self._shape, *image.shape[per_sensor:]) for name, image in found.items()}

@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Renders that were submitted and have not been waited for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import kuafu
+
+
+class UnderWay:
+    """In the order of their submission. False where there are none."""
+
+    def __init__(self) -> None:
+        self._submissions: list[tuple[str, kuafu.Submission]] = []
+
+    def __bool__(self) -> bool:
+        return bool(self._submissions)
+
+    def add(self, name: str, submission: kuafu.Submission) -> None:
+        self._submissions.append((name, submission))
+
+    def wait(self, ended: Callable[[str], object] | None = None) -> None:
+        """Until all have ended; ended(name) after each. Where one has failed the others end first, unheard; an
+        interrupt leaves them."""
+        while self._submissions:
+            name, submission = self._submissions[0]
+            try:
+                submission.wait()
+            except kuafu.Error:
+                self.let_end()
+                raise
+            self._submissions.pop(0)
+            if ended is not None:
+                ended(name)
+
+    def let_end(self) -> None:
+        """wait() that hears no failures."""
+        while self._submissions:
+            _, submission = self._submissions.pop(0)
+            try:
+                submission.wait()
+            except kuafu.Error:
+                continue
