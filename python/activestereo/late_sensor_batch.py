@@ -32,7 +32,8 @@ class LateStereoDepthSensorBatch(StereoDepthSensorBatch):
         width, height = self._config.ir_resolution
         self._next_link = IrLink(device, self._engine.device, width, height, count=self._count)
         rgb_width, rgb_height = self._config.rgb_resolution
-        self._next_rgb = PictureMemory(device, (self._count, rgb_height, rgb_width), RGB_OUTPUTS)
+        shape = (self._count, rgb_height, rgb_width)
+        self._next_rgb = PictureMemory(device, shape, RGB_OUTPUTS, on_cuda=self._on_cuda)
         self._under_way = UnderWay()
         self._next: Taken | None = None
         weakref.finalize(self, self._under_way.let_end).atexit = False
@@ -95,7 +96,7 @@ class LateStereoDepthSensorBatch(StereoDepthSensorBatch):
         """What was rendered are the pictures now; those before give their memory to the next."""
         if self._next is None:
             return
-        self._maps.clear()
+        self._forget_maps()
         self._link, self._next_link = self._next_link, self._link
         self._rgb, self._next_rgb = self._next_rgb, self._rgb
         self._taken, self._next = self._next, None

@@ -7,29 +7,30 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
-from numpy.typing import NDArray
-
-Compute = Callable[[list[str]], Mapping[str, NDArray[Any]]]
+Compute = Callable[[list[str]], Mapping[str, Any]]
 
 
 class LazyMaps:
-    """compute, in each call: gives the named maps of the last picture."""
+    """compute, in each call: gives the named maps of the last picture. wanted: what is computed with the first."""
 
-    def __init__(self) -> None:
-        self._wanted = ["depth_rgb"]
-        self._found: dict[str, NDArray[Any]] = {}
+    def __init__(self, *wanted: str) -> None:
+        self._wanted = list(wanted)
+        self._found: dict[str, Any] = {}
+        self._has_begun = False
 
     def __bool__(self) -> bool:
-        """Whether there is a depth of the last picture."""
-        return bool(self._found)
+        """Whether the last picture has been matched."""
+        return self._has_begun
 
     def clear(self) -> None:
-        self._found = {}
+        self._found, self._has_begun = {}, False
 
     def begin(self, compute: Compute) -> None:
-        self._found = dict(compute(self._wanted))
+        self.clear()
+        self._found = dict(compute(self._wanted)) if self._wanted else {}
+        self._has_begun = True
 
-    def read(self, name: str, compute: Compute) -> NDArray[Any]:
+    def read(self, name: str, compute: Compute) -> Any:
         self.complete([name], compute)
         if name not in self._wanted:
             self._wanted.append(name)
@@ -41,6 +42,6 @@ class LazyMaps:
         if missing:
             self._found |= compute(missing)
 
-    def values(self) -> Iterable[NDArray[Any]]:
+    def values(self) -> Iterable[Any]:
         """Those that were computed."""
         return self._found.values()

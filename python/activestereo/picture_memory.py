@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 import kuafu
+from activestereo.cuda_memory import CudaArray, CudaMemory
 
 # Of an RGB picture: dtype and channels.
 RGB_OUTPUTS = {
@@ -26,6 +27,7 @@ class PictureMemory:
     """Images [count, height, width, channels] of several outputs, which the next picture is rendered into again.
 
     outputs: {kuafu's name: (dtype, channels)}. host_visible: None where the device is a GPU means its own memory.
+    on_cuda: CUDA is to see it, too.
     """
 
     def __init__(
@@ -34,6 +36,7 @@ class PictureMemory:
         shape: tuple[int, int, int],
         outputs: Mapping[str, tuple[DTypeLike, int]],
         host_visible: bool | None = None,
+        on_cuda: bool = False,
     ) -> None:
         is_host = device.info.kind in ("cpu", "host") if host_visible is None else host_visible
         self._is_host = is_host
@@ -41,7 +44,10 @@ class PictureMemory:
         for name, (dtype, channels) in outputs.items():
             full = (*shape, channels)
             size_bytes = int(np.prod(full)) * np.dtype(dtype).itemsize
-            self.targets[name] = kuafu.Buffer(device, size_bytes, host_visible=is_host).image(dtype, full)
+            self.targets[name] = kuafu.Buffer(device, size_bytes, host_visible=is_host, exportable=on_cuda).image(
+                dtype, full
+            )
+        self._cuda: dict[str, CudaMemory] = {}
         self._read: dict[str, NDArray[Any]] = {}
 
     def forget(self) -> None:
@@ -57,3 +63,10 @@ class PictureMemory:
             else:
                 self._read[name] = image.buffer.read().view(image.dtype).reshape(image.shape)
         return self._read[name]
+
+    def cuda(self, name: str, shape: tuple[int, ...]) -> CudaArray:
+        """One output of the last picture where it was rendered, of this shape: no copy, and the next picture's memory.
+        CudaError where there is no CUDA, or none on this GPU."""
+        if name not in self._cuda:
+            self._cuda[name] = CudaMemory(self.targets[name].buffer)
+        return self._cuda[name].array(self.targets[name].dtype, shape)

@@ -93,7 +93,7 @@ class StereoDepthSensor:
         weakref.finalize(self, self._world.leave).atexit = False
         rgb_width, rgb_height = self._config.rgb_resolution
         self._rgb = PictureMemory(self._device, (1, rgb_height, rgb_width), RGB_OUTPUTS)
-        self._has_picture, self._has_rgb, self._maps, self._taken = False, False, LazyMaps(), Taken()
+        self._has_picture, self._has_rgb, self._maps, self._taken = False, False, LazyMaps("depth_rgb"), Taken()
         self._stage_times: dict[str, float] = {}
 
     # ---- taking pictures ----

@@ -25,6 +25,8 @@ import kuafu
 import simsense
 from activestereo.auto_exposure import AutoExposure, encoded_rgb
 from activestereo.batch_rig import BatchRig
+from activestereo.cuda_maps import CudaMaps
+from activestereo.cuda_memory import CudaArray
 from activestereo.ir_link import IrLink
 from activestereo.lazy_maps import LazyMaps
 from activestereo.matching import Taken, make_engine, renderer_parameters
@@ -34,6 +36,10 @@ from activestereo.pose_arrays import PosesLike, host_array, pose_fault, pose_mat
 from activestereo.presets import StereoDepthSensorConfig
 from activestereo.sensor_inputs import render_settings, shutter
 from activestereo.sensor_model import SensorModel, read_model
+
+# get_cuda()'s names that are not the depth engine's, or are kuafu's.
+_MAPS = {"depth": "depth_rgb"}
+_PICTURES = {"rgba8": "srgb", "true_depth": "depth", "instance_ids": "instance_id", "material_ids": "material_id"}
 
 
 class SensorPoseError(ValueError):
@@ -74,6 +80,9 @@ class StereoDepthSensorBatch:
     model: a SensorModel or the path of a model.json, whose effects all sensors have; its materials and medium are those
     of the whole scene until close(). ValueError for effects that act outside of the engines, which StereoDepthSensor
     has, and for a model that does not fit the scene; then nothing has been changed.
+
+    on_cuda: pictures and maps lie where CUDA sees them, for get_cuda(); compute_depth() then computes nothing for the
+    host until get_depth() or another asks.
     """
 
     def __init__(
@@ -82,6 +91,7 @@ class StereoDepthSensorBatch:
         mounts: HasPoses,
         pose: PoseLike | None = None,
         model: SensorModel | str | PathLike[str] | None = None,
+        on_cuda: bool = False,
     ) -> None:
         self._config = deepcopy(config)
         self._mounts, self._scene = mounts, mounts.scene
@@ -107,9 +117,11 @@ class StereoDepthSensorBatch:
         self._light_share = np.ones(self._count)  # of each sensor, over its exposure
         self._frame, self._has_picture, self._speckle_draw, self._taken = -1, False, -1, Taken()
         rgb_width, rgb_height = self._config.rgb_resolution
-        self._rgb = PictureMemory(device, (self._count, rgb_height, rgb_width), RGB_OUTPUTS)
+        self._on_cuda = on_cuda
+        self._rgb = PictureMemory(device, (self._count, rgb_height, rgb_width), RGB_OUTPUTS, on_cuda=on_cuda)
         self._has_rgb = False
-        self._maps = LazyMaps()
+        self._maps = LazyMaps() if on_cuda else LazyMaps("depth_rgb")
+        self._cuda_maps, self._maps_on_cuda = CudaMaps(self._engine.device), LazyMaps("depth_rgb")
 
     # ---- taking pictures ----
 
@@ -117,7 +129,7 @@ class StereoDepthSensorBatch:
         """Renders all infrared pairs, and before them the RGB pictures unless infrared_only. Raises SensorPoseError,
         after the others' pictures are taken, where a mount's pose is none."""
         self._has_picture = self._has_rgb = False
-        self._maps.clear()
+        self._forget_maps()
         broken = self._place()
         taken = self._prepare()
         if not infrared_only:
@@ -144,6 +156,8 @@ class StereoDepthSensorBatch:
         anything else when it is first read."""
         self._require_picture()
         self._maps.begin(self._compute)
+        if self._on_cuda:
+            self._maps_on_cuda.begin(self._compute_on_cuda)
 
     # ---- results, all [E, ...] or [E, S, ...] ----
 
@@ -194,6 +208,21 @@ class StereoDepthSensorBatch:
     def get_material_ids(self) -> NDArray[np.uint32]:
         """uint32 [..., height, width] in the RGB cameras, 0xffffffff = nothing there."""
         return self._picture("material_id")[..., 0]
+
+    def get_cuda(self, name: str) -> CudaArray:
+        """What get_<name>() has, in CUDA memory and without a copy, as float32, uint8, uint16 or uint32: 'depth',
+        'disparity', 'ir_left', 'ir_right' (of ir_measured), a map of get_depth_map(), 'rgba8', 'true_depth',
+        'instance_ids' or 'material_ids'. torch.as_tensor(array, device="cuda") takes it. The next take_picture() or
+        compute_depth() writes into the same memory. RuntimeError without on_cuda; CudaError where there is no CUDA, or
+        none on this GPU."""
+        if not self._on_cuda:
+            raise RuntimeError("this batch is of the host: make it with on_cuda=True")
+        if name not in _PICTURES:
+            self._require_depth()
+            return self._maps_on_cuda.read(_MAPS.get(name, name), self._compute_on_cuda)
+        self._require_rgb()
+        shape = self._rgb.targets[_PICTURES[name]].shape
+        return self._rgb.cuda(_PICTURES[name], (*self._shape, *(shape[1:] if shape[-1] > 1 else shape[1:-1])))
 
     # ---- the batch itself ----
 
@@ -256,7 +285,7 @@ class StereoDepthSensorBatch:
         self._engine.set_parameters(noise_seed=seed)
         self._frame, self._speckle_draw, self._has_picture = -1, -1, False
         self._has_rgb = False
-        self._maps.clear()
+        self._forget_maps()
 
     def close(self) -> None:
         """Takes the projectors, and what else a model brought, out of the scene."""
@@ -362,25 +391,48 @@ class StereoDepthSensorBatch:
         return np.float32(setting.light_s / self._exposure.start.light_s)
 
     def _compute(self, names: list[str]) -> dict[str, NDArray[Any]]:
+        found = self._match(names)
+        return {name: image.reshape(self._shape_of(image)) for name, image in found.items()}
+
+    def _compute_on_cuda(self, names: list[str]) -> dict[str, CudaArray]:
+        new = self._cuda_maps.missing(names)
+        for name, image in self._match(new).items() if new else ():
+            self._cuda_maps.make(name, image)
+        targets = self._cuda_maps.targets(names)
+        self._match(targets)
+        return {name: self._cuda_maps.array(name, self._shape_of(image)) for name, image in targets.items()}
+
+    def _shape_of(self, image: NDArray[Any] | simsense.Image) -> tuple[int, ...]:
+        return (*self._shape, *image.shape[1 if self._count > 1 else 0 :])
+
+    def _match(self, outputs: list[str] | dict[str, simsense.Image]) -> dict[str, NDArray[Any]]:
         self._engine.set_parameters(frame_index=self._taken.frame, scene_index=self._taken.speckle_draw)
         pair = (self._link.left, self._link.right)
         lasers: dict[str, Any] = self._link.lasers(self._taken.is_laser_apart)
-        found = self._engine.compute(*pair, names, **lasers)
-        per_sensor = 1 if self._count > 1 else 0  # axes before an image's own
-        return {name: image.reshape(*self._shape, *image.shape[per_sensor:]) for name, image in found.items()}
+        return self._engine.compute(*pair, outputs, **lasers)
 
     def _output(self, name: str) -> NDArray[Any]:
-        if not self._maps:
-            raise RuntimeError("no depth of this picture yet: call compute_depth() after take_picture()")
+        self._require_depth()
         return self._maps.read(name, self._compute)
 
     def _picture(self, name: str) -> NDArray[Any]:
-        self._require_picture()
-        if not self._has_rgb:
-            raise RuntimeError("no RGB picture yet: call take_picture() first, without infrared_only")
+        self._require_rgb()
         image = self._rgb.read(name)
         return image.reshape(*self._shape, *image.shape[1:])
 
     def _require_picture(self) -> None:
         if not self._has_picture:
             raise RuntimeError("no picture yet: call take_picture() first")
+
+    def _require_rgb(self) -> None:
+        self._require_picture()
+        if not self._has_rgb:
+            raise RuntimeError("no RGB picture yet: call take_picture() first, without infrared_only")
+
+    def _require_depth(self) -> None:
+        if not self._maps:
+            raise RuntimeError("no depth of this picture yet: call compute_depth() after take_picture()")
+
+    def _forget_maps(self) -> None:
+        self._maps.clear()
+        self._maps_on_cuda.clear()

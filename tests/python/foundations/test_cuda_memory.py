@@ -12,6 +12,7 @@ import pytest
 
 import kuafu
 import simsense
+from activestereo import Mounts, StereoDepthSensorBatch, StereoDepthSensorConfig
 from activestereo.cuda_memory import CudaError, CudaMemory
 
 
@@ -84,6 +85,41 @@ def test_cuda_memory_without_cuda_or_on_another_gpu_says_so(
     assert stub.stub_held() == 0
 
 
+def test_a_batchs_results_are_cudas_too(monkeypatch: pytest.MonkeyPatch, stub_cuda: Path) -> None:
+    """The arrays have the bits of the host's, and the next picture's are in the same memory."""
+    monkeypatch.setitem(CudaMemory.__init__.__kwdefaults__, "library", str(stub_cuda))
+    device = kuafu.Device("cpu")
+    probe = exportable(kuafu, device)
+    begin = place_in_file(probe.image("float32", (6, 5)).array().ctypes.data)
+    c.CDLL(str(stub_cuda)).stub_be(device.info.device_uuid, c.c_uint64(begin))
+    scene = kuafu.Scene(device)
+    corners = np.float32([[1, y, z] for y in (-9, 9) for z in (-9, 9)])
+    scene.add_instance(scene.add_mesh(corners, np.uint32([[0, 1, 3], [0, 3, 2]])))
+    scene.set_environment((0.3, 0.2, 0.1), 0.3)
+    config = StereoDepthSensorConfig("sapien-D435").scaled(0.1)
+    config.samples_per_pixel, config.max_bounces = 1, 0
+    batch = StereoDepthSensorBatch(config, Mounts(scene, np.tile(np.eye(4), (2, 1, 1))), on_cuda=True)
+    with pytest.raises(RuntimeError, match="no RGB picture yet|no picture yet"):
+        batch.get_cuda("rgba8")
+    addresses = []
+    for _ in range(2):
+        batch.take_picture()
+        with pytest.raises(RuntimeError, match="no depth of this picture yet"):
+            batch.get_cuda("depth")
+        batch.compute_depth()
+        for name in ("depth", "disparity", "rgba8", "true_depth", "instance_ids", "ir_left"):
+            host = batch.get_ir_measured()[0] if name == "ir_left" else getattr(batch, f"get_{name}")()
+            there = batch.get_cuda(name).__cuda_array_interface__
+            assert there["shape"] == host.shape and there["typestr"] == host.dtype.str, name
+            kind = np.ctypeslib.as_ctypes_type(host.dtype)
+            seen = np.ctypeslib.as_array(c.cast(there["data"][0], c.POINTER(kind)), host.shape)
+            np.testing.assert_array_equal(seen, host)
+            addresses.append(there["data"][0])
+    assert addresses[:6] == addresses[6:] and batch.get_depth().any()
+    with pytest.raises(RuntimeError, match="on_cuda=True"):
+        StereoDepthSensorBatch(config, Mounts(scene, np.eye(4)[None])).get_cuda("depth")
+
+
 def on_a_gpu() -> Any:
     """PyTorch, where it has a CUDA device."""
     torch = pytest.importorskip("torch", reason="PyTorch is not installed")
@@ -137,3 +173,24 @@ def test_torch_gives_the_depth_engine_its_pair_without_a_copy() -> None:
     valid = found[:, 32:] > 0
     assert float(valid.float().mean()) > 0.95
     assert float((found[:, 32:][valid] - disparity).abs().median()) < 0.1
+
+
+def test_torch_has_a_batchs_results_where_they_were_made() -> None:
+    torch = on_a_gpu()
+    scene = kuafu.Scene(kuafu.Device("auto"))
+    corners = np.float32([[1, y, z] for y in (-9, 9) for z in (-9, 9)])
+    scene.add_instance(scene.add_mesh(corners, np.uint32([[0, 1, 3], [0, 3, 2]])))
+    config = StereoDepthSensorConfig("sapien-D435").scaled(0.25)
+    batch = StereoDepthSensorBatch(config, Mounts(scene, np.tile(np.eye(4), (3, 1, 1))), on_cuda=True)
+    for _ in range(2):
+        batch.take_picture()
+        batch.compute_depth()
+        for name in ("depth", "disparity", "rgba8", "true_depth"):
+            tensor = torch.as_tensor(batch.get_cuda(name), device="cuda")
+            assert tensor.is_cuda and tensor.shape[0] == 3
+            np.testing.assert_array_equal(tensor.cpu().numpy(), getattr(batch, f"get_{name}")())
+    before = scene.device.copied_bytes
+    batch.take_picture()
+    batch.compute_depth()
+    rgba8 = torch.as_tensor(batch.get_cuda("rgba8"), device="cuda")
+    assert scene.device.copied_bytes - before < rgba8.nbytes // 4  # records of scene and cameras, no image

@@ -18,7 +18,7 @@ def test_maps_that_were_read_are_computed_with_the_next_picture():
         asked.append(list(names))
         return {name: np.array(len(asked)) for name in names}
 
-    maps = LazyMaps()
+    maps = LazyMaps("depth_rgb")
     assert not maps
     maps.begin(compute)
     assert maps and maps.read("depth_rgb", compute) == 1
