@@ -96,7 +96,7 @@ void FilmOptics::run(ks::Commands& commands, const Launch& launch, const Frame& 
     push.depth = frame.address(output_depth);
     step(commands, push, film_circle_rows, push.view_count * push.height);
   }
-  if (takes(film_fireflies) && launch.outputs[output_radiance].buffer) limit_fireflies(commands, push, launch, frame);
+  if (takes(film_fireflies) && launch.shows(output_radiance)) limit_fireflies(commands, push, launch, frame);
   for (uint32_t kind = output_radiance; kind < light_kind_end; ++kind) {
     if (!launch.shows(kind)) continue;
     push.channels = launch.channels(kind);

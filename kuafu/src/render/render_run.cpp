@@ -74,11 +74,11 @@ void RenderRun::render() {
   }
   if (!parts_.frame.is_empty()) develop();
   commands_.flush();
+  report(launch_.pixel_count(), 0.0f);
   parts_.paths.collect_times(commands_);
 }
 
 void RenderRun::finish_round() {
-  if (launch_.has_budget()) commands_.flush();  // images and time are looked at
   if (keeps_sums()) parts_.accumulation.add(budget_.next());
   if (launch_.relative_error > 0)
     relative_error_ = kuafu::relative_error(parts_.frame.image(output_variance), parts_.frame.image(output_radiance), launch_.pixel_count(),
@@ -92,6 +92,7 @@ void RenderRun::render_round() {
     const uint32_t count = std::min(batch, total - first);
     if ((launch_.wants_aovs() || denoises()) && budget_.done() == 0) render_surfaces(first, count);
     if (launch_.wants_radiance()) render_pixels(first, count);
+    if (first + count == total && !launch_.has_budget()) return;  // its submission has what follows on whole images, too
     commands_.flush();  // a caller who wants to end waits for no more than a batch, and no watchdog minds
     report(first, float(count));
   }
@@ -174,7 +175,7 @@ void RenderRun::in_squares(uint32_t pixels, const std::function<void(Wave&)>& st
   for (uint32_t first = 0; first < pixels; first += batch) {
     const uint32_t count = std::min(batch, pixels - first);
     parts_.paths.in_waves(commands_, launch_, parts_.paths.range(launch_, first, count, launch_.first_sample, square_rays), step);
-    commands_.flush();
+    if (first + count < pixels) commands_.flush();
   }
 }
 

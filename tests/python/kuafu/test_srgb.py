@@ -55,10 +55,12 @@ def test_bytes_are_the_curves(renderer, scene, exposure):
         assert chosen * np.median(green[green > 0]) == pytest.approx(0.25, rel=0.01)
 
 
-def test_alone_it_is_the_same(renderer, scene):
+@pytest.mark.parametrize("film", [None, {"firefly_factor": 1.5, "vignetting_exponent": 4.0}])
+def test_alone_it_is_the_same(renderer, scene, film):
     """Where no radiance is asked for."""
-    beside = renderer.render(scene, CAMERA, ["srgb", "radiance"], band="visible", spp=2)["srgb"].copy()
-    np.testing.assert_array_equal(renderer.render(scene, CAMERA, ["srgb"], band="visible", spp=2)["srgb"], beside)
+    options = {"band": "visible", "spp": 2, "film": film}
+    beside = renderer.render(scene, CAMERA, ["srgb", "radiance"], **options)["srgb"].copy()
+    np.testing.assert_array_equal(renderer.render(scene, CAMERA, ["srgb"], **options)["srgb"], beside)
 
 
 def test_what_it_is_not(renderer, scene):
