@@ -89,9 +89,13 @@ class AutoExposure:
     def _step(self, now: Setting, seen: NDArray[np.float32], black_dn: float, max_dn: float) -> Setting:
         mean_dn = float(np.clip(seen * np.float32(now.light_s) + np.float32(black_dn), 0.0, max_dn).mean())
         wanted = (self._target_dn - black_dn) / max(mean_dn - black_dn, 1e-6)
-        light_s = now.light_s * float(np.clip(wanted**_DAMPING, 1.0 / _LARGEST_STEP, _LARGEST_STEP))
-        exposure_s = float(np.clip(light_s / self._gains[0], *self._exposures))
-        return Setting(exposure_s, float(np.clip(light_s / exposure_s, *self._gains)))
+        light_s = now.light_s * _clipped(wanted**_DAMPING, 1.0 / _LARGEST_STEP, _LARGEST_STEP)
+        exposure_s = _clipped(light_s / self._gains[0], *self._exposures)
+        return Setting(exposure_s, _clipped(light_s / exposure_s, *self._gains))
+
+
+def _clipped(value: float, low: float, high: float) -> float:
+    return min(max(value, low), high)
 
 
 def rgb_exposure(radiance: NDArray[np.float32]) -> float:

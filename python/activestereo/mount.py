@@ -6,8 +6,11 @@ from __future__ import annotations
 from os import PathLike
 from typing import Protocol
 
+import numpy as np
+from numpy.typing import NDArray
+
 import kuafu
-from activestereo.pose import Pose, PoseLike
+from activestereo.pose import Pose, PoseLike, as_matrix
 
 
 class HasPose(Protocol):
@@ -26,6 +29,28 @@ class Mount:
     def __init__(self, scene: kuafu.Scene, pose: PoseLike | None = None) -> None:
         self.scene = scene
         self.pose: PoseLike = Pose() if pose is None else pose
+
+
+class RigPlace:
+    """Where a sensor is that stands at the pose `local` of its mount."""
+
+    def __init__(self, mount: HasPose, local: Pose) -> None:
+        self._mount, self.local = mount, local
+        self._parts, self._matrix = b"", np.eye(4)
+
+    def pose(self) -> Pose:
+        """In the scene. ValueError where the mount has none."""
+        return Pose(as_matrix(self._mount.pose) @ as_matrix(self.local))
+
+    def matrix(self) -> NDArray[np.float64]:
+        """4x4 of pose(), read-only; kept until one of the two moves, for the checks take longer than the rest."""
+        mount, local = as_matrix(self._mount.pose), as_matrix(self.local)
+        parts = mount.tobytes() + local.tobytes()
+        if parts != self._parts:
+            matrix = as_matrix(Pose(mount @ local))
+            matrix.flags.writeable = False
+            self._parts, self._matrix = parts, matrix
+        return self._matrix
 
 
 def as_mount(

@@ -24,7 +24,7 @@ from activestereo.lazy_maps import LazyMaps
 from activestereo.lens import pixel_rays
 from activestereo.matching import Taken, engine_parameters, linear_counts, make_engine, renderer_parameters
 from activestereo.mount import Mount as Mount
-from activestereo.mount import as_mount
+from activestereo.mount import RigPlace, as_mount
 from activestereo.picture_memory import RGB_OUTPUTS, PictureMemory
 from activestereo.pose import Pose, as_matrix, camera_to_world
 from activestereo.presets import StereoDepthSensorConfig
@@ -68,7 +68,7 @@ class StereoDepthSensor:
     ) -> None:  # fmt: skip
         self._config = deepcopy(config)
         self._mount = as_mount(scene_or_mount, device)
-        self._pose = Pose() if pose is None else pose
+        self._rig = RigPlace(self._mount, Pose() if pose is None else pose)
         self._twist = np.zeros(6)
         self._scene = self._mount.scene
         self._device = self._scene.device
@@ -218,11 +218,11 @@ class StereoDepthSensor:
 
     def get_pose(self) -> Pose:
         """The RGB camera's pose in the scene (body axes)."""
-        return Pose(as_matrix(self._mount.pose) @ as_matrix(self._pose))
+        return self._rig.pose()
 
     def set_local_pose(self, pose: Pose | np.ndarray) -> None:
         """Pose relative to the mount, or in the scene where there is none."""
-        self._pose = Pose(as_matrix(pose))
+        self._rig.local = Pose(as_matrix(pose))
 
     def set_velocity(self, linear: ArrayLike, angular: ArrayLike = (0.0, 0.0, 0.0)) -> None:
         """What the whole sensor, projector included, does while its shutters are open, m/s and rad/s in the left
@@ -268,7 +268,7 @@ class StereoDepthSensor:
     @property
     def projector_to_world(self) -> NDArray[np.float64]:
         """4x4, the projector's own axes to the scene's."""
-        return as_matrix(self.get_pose()) @ camera_to_world(self._config.pose_rgb_irproj)
+        return self._rig.matrix() @ camera_to_world(self._config.pose_rgb_irproj)
 
     @property
     def frame_index(self) -> int:
@@ -298,7 +298,7 @@ class StereoDepthSensor:
 
     def ir_cameras(self) -> list[kuafu.Camera]:
         """The left and the right one, as they are: under a model not what the calibration says."""
-        to_world = as_matrix(self.get_pose())
+        to_world = self._rig.matrix()
         cameras = [eye.camera for eye in self._tell_engines().eyes]
         for camera, pose in zip(cameras, self._eye_poses, strict=True):
             camera.camera_to_world = to_world @ pose
@@ -394,7 +394,7 @@ class StereoDepthSensor:
             if not self._is_closed:
                 self._world.enter(inputs)
                 if c.projector_always_on:
-                    self._world.place(as_matrix(self.get_pose()))
+                    self._world.place(self._rig.matrix())
             self._engine.set_signal(*(eye.signal for eye in inputs.eyes))
             self._inputs = inputs
         return self._inputs
@@ -406,7 +406,7 @@ class StereoDepthSensor:
             self._set_exposure(self._next_setting)
         if self._config.emitter == "alternating":
             self._inputs = None
-        place = as_matrix(self.get_pose())
+        place = self._rig.matrix()
         if self._place is None or not np.array_equal(place, self._place):
             self._place, self._speckle_draw = place, self._speckle_draw + 1
         self._lit_frame = frame
@@ -443,7 +443,7 @@ class StereoDepthSensor:
     def _place_projector(self) -> None:
         """The projector, and what else is on the rig, at the present pose."""
         self._tell_engines()
-        self._world.place(as_matrix(self.get_pose()))
+        self._world.place(self._rig.matrix())
 
     @contextmanager
     def _projector_on(self) -> Iterator[None]:
@@ -457,7 +457,7 @@ class StereoDepthSensor:
 
     def _camera(self, resolution: Any, k: np.ndarray, pose_in_rgb: Pose, more: Any) -> kuafu.Camera:
         linear, angular = twist_of(self._config, self._twist, pose_in_rgb)
-        pose = camera_to_world(self.get_pose() * pose_in_rgb)
+        pose = camera_to_world(Pose(self._rig.matrix() @ as_matrix(pose_in_rgb)))
         width, height = resolution
         return kuafu.Camera(width, height, k, pose, linear_velocity=linear, angular_velocity=angular, **more)
 

@@ -3,7 +3,6 @@
 meanwhile."""
 
 import threading
-import time
 
 import numpy as np
 import pytest
