@@ -92,6 +92,8 @@ def render_settings(config: StereoDepthSensorConfig, frame: int) -> dict[str, An
 
 def twist_of(config: StereoDepthSensorConfig, twist: NDArray[np.float64], pose_in_rgb: Pose) -> NDArray[np.float64]:
     """[2, 3] linear and angular velocity, in its own camera axes, of what stands at this place of the sensor."""
+    if not np.any(twist):  # as nearly always; each picture under automatic exposure asks
+        return np.zeros((2, 3))
     return carried_twist(camera_to_camera(config.trans_pose_l, pose_in_rgb), twist).reshape(2, 3)
 
 
