@@ -94,10 +94,11 @@ def test_a_fault_of_a_frame_is_the_callers() -> None:
     assert ray.killed  # the others do not go on
 
 
-def test_two_machines_of_which_one_is_killed(tmp_path: Path) -> None:
+def test_two_machines_of_which_one_is_killed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     if os.environ.get("ACTIVESTEREO_FULL") != "1":
         pytest.skip("two nodes of Ray take 20 s of a processor to start: ACTIVESTEREO_FULL=1 runs this")
     ray = pytest.importorskip("ray", reason="the package ray is not installed (pip install ray)")
+    monkeypatch.setenv("RAY_USAGE_STATS_ENABLED", "0")
     from ray.cluster_utils import Cluster
 
     writer = GltfWriter("ball")
