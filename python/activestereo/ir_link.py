@@ -2,8 +2,9 @@
 """The infrared pair's way from kuafu to simsense: one memory that both libraries address, so that no frame is copied.
 
 kuafu exports the buffer once, as an opaque file descriptor where both devices can (GPUs, lavapipe), else as a host
-pointer; simsense imports it. With copy=True each library has its own buffer and every frame is copied, which is slower
-and shows what the sharing saves.
+pointer; simsense imports it. A GPU with memory of its own keeps it there, and the host sees the pair by copies that are
+asked for: through host-visible memory every pixel would cross the bus twice. With copy=True each library has its own
+buffer and every frame is copied, which is slower and shows what the sharing saves.
 """
 
 from __future__ import annotations
@@ -25,6 +26,11 @@ def shared_memory_kind(renderer_device: kuafu.Device, engine_device: simsense.De
     return "opaque_fd" if fd and same else "host"
 
 
+def has_own_memory(device: kuafu.Device) -> bool:
+    """Whether the host reaches the device's memory over a bus."""
+    return device.info.kind == "discrete gpu"
+
+
 class IrLink:
     """Two float32 images [height, width], left then right: kuafu renders into `target`, simsense reads `left` and
     `right`. With a count above 1 each of the two is [count, height, width]."""
@@ -39,11 +45,16 @@ class IrLink:
         count: int = 1,
     ) -> None:
         self._beside = partial(IrLink, renderer_device, engine_device, width, height, copy, count)
+        self._size, self._count = (height, width), count
         shape = (2 * count, height, width, 1)
         size_bytes = 4 * int(np.prod(shape))
         shared = shared_memory_kind(renderer_device, engine_device)
         self.memory = "copy" if copy else shared
-        self._source = kuafu.Buffer(renderer_device, size_bytes, exportable=self.memory == "opaque_fd")
+        is_shared_fd = self.memory == "opaque_fd"
+        self._is_on_gpu = is_shared_fd and has_own_memory(renderer_device)
+        self._source = kuafu.Buffer(
+            renderer_device, size_bytes, exportable=is_shared_fd, host_visible=not self._is_on_gpu
+        )
         self.target = self._source.image(np.float32, shape)
         if copy:
             self._sink = simsense.Buffer(engine_device, size_bytes)
@@ -69,8 +80,25 @@ class IrLink:
 
     @property
     def images(self) -> np.ndarray:
-        """The pairs as kuafu wrote them, float32 [2 * count, height, width], left ones first; a view."""
-        return self.target.array()[..., 0]
+        """The pairs as kuafu wrote them, float32 [2 * count, height, width], left ones first: a view, or a copy of a
+        GPU's own memory, which put() writes back."""
+        return self._seen(2 * self._count)
+
+    @property
+    def first(self) -> np.ndarray:
+        """The first left image alone, float32 [height, width]."""
+        return np.asarray(self._seen(1)[0])
+
+    def put(self, images: np.ndarray) -> None:
+        """What was changed in `images`."""
+        if self._is_on_gpu:
+            self._source.write(images)
+
+    def _seen(self, count: int) -> np.ndarray:
+        height, width = self._size
+        if self._is_on_gpu:
+            return self._source.read(4 * count * height * width).view(np.float32).reshape(count, height, width)
+        return self.target.array()[:count, ..., 0]
 
     def deliver(self) -> None:
         """After a render: makes `left` and `right` current. Costs nothing unless the link copies."""

@@ -115,7 +115,7 @@ class StereoDepthSensor:
                 self._keep_times("rgb", self._renderer)
             self._render_infrared(taken, self._link, part_of(progress, share, 1.0))
             self._keep_times("ir", self._renderer)
-        self._image_effects.on_light(self._link.images)
+        self._image_effects.on_light(self._link)
         self._link.deliver()
         self._expose(self._link)
         self._frame, self._has_picture, self._taken = frame, True, taken
@@ -417,7 +417,7 @@ class StereoDepthSensor:
         if self._exposure.mode == "fixed":
             return
         inputs = self._tell_engines()
-        after = self._exposure.after(self._config, inputs.left.signal, link.images[0], inputs.max_dn)
+        after = self._exposure.after(self._config, inputs.left.signal, link.first, inputs.max_dn)
         if self._exposure.mode == "settled":
             self._set_exposure(after)
         else:

@@ -178,8 +178,8 @@ class StereoDepthSensorBatch:
         return [self._output("ir_left"), self._output("ir_right")]
 
     def get_ir_radiance(self) -> NDArray[np.float32]:
-        """float32 [2, ..., height, width] W/(sr m^2) at the imagers, left then right, without noise; a view of the
-        memory that the next picture is rendered into."""
+        """float32 [2, ..., height, width] W/(sr m^2) at the imagers, left then right, without noise; a copy of a
+        GPU's memory, elsewhere a view of what the next picture is rendered into."""
         self._require_picture()
         height, width = self._config.ir_resolution[::-1]
         return self._link.images.reshape(2, *self._shape, height, width)
@@ -381,6 +381,8 @@ class StereoDepthSensorBatch:
                 light = self._light_of(pairs[0][0, n]) * np.float32(light_share[n])
                 for images in pairs:
                     images[:, n] *= light
+            for one, images in zip(links, pairs, strict=True):
+                one.put(images)
         link.deliver()
 
     def _light_of(self, left: NDArray[np.float32]) -> np.float32:

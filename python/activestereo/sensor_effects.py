@@ -21,6 +21,7 @@ from activestereo.effects.core.engine import EngineInputs
 from activestereo.effects.core.light import Light
 from activestereo.effects.core.model import Model
 from activestereo.effects.core.view import View
+from activestereo.ir_link import IrLink
 from activestereo.registration import registered
 
 
@@ -58,12 +59,12 @@ class ImageEffects:
     def names(self) -> list[str]:
         return [effect.id for effect, _ in self._effects]
 
-    def on_light(self, images: NDArray[np.float32]) -> None:
-        """Changes the pair of radiance [2][height][width] in place, up to the charge that it makes."""
+    def on_light(self, link: IrLink) -> None:
+        """Changes the pair of radiance, up to the charge that it makes."""
         before, charge = self._of(Stage.PROJECTOR, Stage.OPTICS), self._of(Stage.CHARGE, Stage.CHARGE)
         if not before.effects and not charge.effects:
             return
-        inputs = self._sensor.engine_inputs
+        inputs, images = self._sensor.engine_inputs, link.images
         for i, (eye, part) in enumerate(zip(EYES, inputs.eyes, strict=True)):
             view = self._view(eye, inputs)
             if before.effects:
@@ -80,6 +81,7 @@ class ImageEffects:
                     * signal["gain"]
                 )
                 images[i] = charge.digital(images[i] * dn, view, 0.0, random=True) / dn if dn > 0 else images[i]
+        link.put(images)
 
     def depth(
         self, engine: simsense.Engine, pair: tuple[Any, Any], outputs: tuple[str, ...], **lasers: Any

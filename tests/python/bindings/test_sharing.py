@@ -8,7 +8,9 @@ import pytest
 
 import kuafu
 import simsense
+from activestereo import StereoDepthSensor, StereoDepthSensorConfig
 from activestereo.ir_link import IrLink, shared_memory_kind
+from sensor_scenes import wall_scene
 
 SIZE = 64 * 48
 
@@ -81,6 +83,36 @@ def test_link_gives_each_eye_its_half(device, engine_device):
     assert (link.left.array() == 1.0).all() and (link.right.array() == 2.0).all()
 
 
+def test_memory_of_a_gpu_is_read_and_written_by_copies(device, engine_device, monkeypatch):
+    """What a GPU with memory of its own does, on any device that shares file descriptors."""
+    if shared_memory_kind(device, engine_device) != "opaque_fd":
+        pytest.skip(f"{device.info.name} and {engine_device.info.name} share no file descriptors")
+    monkeypatch.setattr("activestereo.ir_link.has_own_memory", lambda device: True)
+    link = IrLink(device, engine_device, 64, 48, count=2)
+    pair = np.random.default_rng(0).random((4, 48, 64), dtype=np.float32)
+    link.put(pair)
+    np.testing.assert_array_equal(link.images, pair)
+    np.testing.assert_array_equal(link.first, pair[0])
+    with pytest.raises(BufferError, match="not host-visible"):
+        link.target.array()
+
+
+def test_a_sensor_sees_the_same_in_memory_of_a_gpu(monkeypatch):
+    config = StereoDepthSensorConfig("D435").scaled(0.15)
+    config.samples_per_pixel, config.max_bounces, config.ir_exposure_mode = 1, 0, "settled"
+    seen = []
+    for is_on_gpu in (False, True):
+        monkeypatch.setattr("activestereo.ir_link.has_own_memory", lambda device, own=is_on_gpu: own)
+        sensor = StereoDepthSensor(config, wall_scene(1.0))
+        sensor.take_picture(infrared_only=True)
+        sensor.compute_depth()
+        setting = sensor.get_config().ir_camera_exposure, sensor.get_config().ir_camera_gain
+        seen.append([*sensor.get_ir(), *sensor.get_ir_measured(), sensor.get_depth(), setting])
+    assert seen[0][-1][0] != config.ir_camera_exposure
+    for one, other in zip(*seen, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
 def test_a_frame_copies_nothing_and_the_copying_way_counts(sensors):
     """Over take_picture and compute_depth both copy counters stand still when memory is shared, and rise by the pair's
     size when it is not. A GPU hands the results, which the sensor wants as arrays, from its own memory to the
@@ -114,8 +146,6 @@ def sensor_size(sensor):
 
 @pytest.fixture
 def sensors(small_config, table_top):
-    from activestereo import StereoDepthSensor
-
     small_config.samples_per_pixel = 1
     small_config.max_bounces = 0
     return [StereoDepthSensor(small_config, table_top, copy_ir=copy) for copy in (False, True)]
