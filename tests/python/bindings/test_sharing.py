@@ -78,9 +78,12 @@ def file_mapping(address):
 
 def test_link_gives_each_eye_its_half(device, engine_device):
     link = IrLink(device, engine_device, 64, 48)
-    link.images[0], link.images[1] = 1.0, 2.0
+    images = link.images
+    images[0], images[1] = 1.0, 2.0
+    link.put(images)
     link.deliver()
-    assert (link.left.array() == 1.0).all() and (link.right.array() == 2.0).all()
+    left, right = link._sink.read().view(np.float32).reshape(2, 48, 64)
+    assert (left == 1.0).all() and (right == 2.0).all()
 
 
 def test_memory_of_a_gpu_is_read_and_written_by_copies(device, engine_device, monkeypatch):
