@@ -24,7 +24,7 @@ from activestereo.sensor_model import Quantity, SensorModel
 from activestereo.sensor_model.calibrated import calibrated
 
 _CANDIDATES, _KEEP = 32, 4  # a quarter of each round goes on, with four times the samples
-_LEAST_KEPT = 4
+_LEAST_KEPT = 4  # so that one of another roughness is among the last
 _SAMPLES = (4, 16, 64)
 _FINE_SAMPLES = 32
 _FIRST_REACH, _REACHES = 0.2, (0.15, 0.1)
@@ -101,14 +101,15 @@ def acquire_materials(
     tell = progress or (lambda fraction: None)
     nominal = fit.start()
     ranked = _wide(fit, nominal, seed, full_grid, part_of(tell, 0.0, 0.5))
-    starts = [ranked[0], _other(fit, ranked), fit.with_colors(nominal, _FINE_SAMPLES)]
+    scenes_own = fit.with_colors(nominal, _FINE_SAMPLES)
+    starts = [ranked[0], _other(fit, ranked), scenes_own]
     firsts = [
         refine(fit, theta, (_FIRST_REACH,), _FINE_SAMPLES, part_of(tell, 0.5 + 0.1 * k, 0.6 + 0.1 * k))
         for k, theta in enumerate(starts)
     ]
     better = min(firsts, key=lambda refined: refined.residuals.loss).theta
     best = refine(fit, better, _REACHES, _FINE_SAMPLES, part_of(tell, 0.8, 1.0))
-    before = fit.residuals(fit.with_colors(nominal, _FINE_SAMPLES), _FINE_SAMPLES).loss
+    before = fit.residuals(scenes_own, _FINE_SAMPLES).loss
     source = f"acquire materials: {len(seen)} pictures of {capture.name}"
     found, undetermined, colors = _judged(fit, best, names, source)
     tell(1.0)

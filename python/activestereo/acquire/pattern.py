@@ -38,7 +38,9 @@ _ALIKE_POWERS = 0.3
 _INTERPOLATED_PX2 = 1.0 / 6.0  # a tent's variance
 _LEAST_LINES = 100
 _INTERVAL_90 = 1.6449
-_MOST_TURNED_DEG = 0.3  # of the right eye: what calibrations of rectified images err by, and more
+# Of the right eye: what calibrations of rectified images err by, and more. Beside the row, in baselines: 0.25 mm of a
+# D435's move a dot by a tenth of a pixel at half a metre, and matched rows take half of that.
+_MOST_TURNED_DEG, _MOST_ASIDE = 0.3, 0.005
 
 
 @dataclass(frozen=True)
@@ -75,7 +77,7 @@ class Pattern:
     rig: CaptureRig
 
     def model(self) -> SensorModel:
-        """model.json's `pattern`, and in its `rig`, the capture's nominal one, the projector's place."""
+        """model.json's `pattern`, and in its `rig`, the one that was believed, the projector's place."""
         source = f"acquire pattern: {len(self.dots)} dots, walls at " + ", ".join(
             f"{view.wall.distance_m:.3f} m" for view in self.views
         )
@@ -99,7 +101,7 @@ class Pattern:
             self.left_to_projector,
             self.rig.bit_depth,
             self.rig.line_time_s,
-            source="the capture's nominal rig",
+            source="the rig that acquire pattern believed",
         )
         return SensorModel(pattern=pattern, rig=nominal)
 
@@ -152,10 +154,13 @@ def acquire_pattern(
     flat.
     """
     tell = progress or (lambda fraction: None)
-    capture = read_capture(path)
-    if model is not None:
-        capture = calibrated(capture, replace(model, pattern=None))
-    _check_rig(capture)
+    capture, source = read_capture(path), f"{path}/capture.json"
+    if model is not None and model.rig is not None:
+        nominal, own = capture.rig.projector.left_to_projector, model.rig
+        # The projector's place is what is measured here.
+        capture = calibrated(capture, SensorModel(rig=replace(own, left_to_projector=nominal)))
+        source = "the model"
+    _check_rig(capture, source)
     groups = capture.repeats()
     if not groups:
         raise ValueError(
@@ -172,24 +177,33 @@ def acquire_pattern(
     return pattern
 
 
-def _check_rig(capture: Capture) -> None:
+def _check_rig(capture: Capture, source: str) -> None:
+    """source: which file says so."""
     rig = capture.rig
     if not (rig.left.is_pinhole and rig.right.is_pinhole):
         raise ValueError(
-            f"{capture.path}/capture.json: rig.left.distortion: dots are matched along rows: rectify the images and "
-            "give zeros"
+            f"{source}: rig.left.distortion: dots are matched along rows: rectify the images; their capture has zeros "
+            "then, and acquire rig takes --rectified"
         )
     turned = np.rad2deg(np.linalg.norm(Rotation.from_matrix(rig.left_to_right[:3, :3]).as_rotvec()))
     if turned > _MOST_TURNED_DEG:
         raise ValueError(
-            f"{capture.path}/capture.json: rig.left_to_right: turns the right camera by {turned:.2f} degrees, at most "
+            f"{source}: rig.left_to_right: turns the right camera by {turned:.2f} degrees, at most "
             f"{_MOST_TURNED_DEG:g} are taken for rectified images: rectify them"
         )
-    if rig.left_to_right[0, 3] >= 0:
+    x, y, z = _right_eye(rig)
+    if x <= 0:
+        raise ValueError(f"{source}: rig.left_to_right: x is {-x:g}, expected below 0: left and right are swapped")
+    if np.hypot(y, z) > _MOST_ASIDE * x:
         raise ValueError(
-            f"{capture.path}/capture.json: rig.left_to_right: x is {rig.left_to_right[0, 3]:g}, expected below 0: left "
-            "and right are swapped"
+            f"{source}: rig.left_to_right: the right camera stands {1e3 * np.hypot(y, z):.2f} mm beside the left one's "
+            f"row, at most {1e3 * _MOST_ASIDE * x:.2f} mm are taken for rectified images: rectify them"
         )
+
+
+def _right_eye(rig: CaptureRig) -> np.ndarray:
+    """Its place in the left camera's frame, metres."""
+    return np.asarray(-rig.left_to_right[:3, :3].T @ rig.left_to_right[:3, 3])
 
 
 def _wall_view(capture: Capture, name: str, frames: list[Frame], tell: Callable[[float], object]) -> WallView:
@@ -303,7 +317,7 @@ def _background(
     rig: CaptureRig, views: tuple[tuple[WallView, float], ...], projector: ProjectorView
 ) -> tuple[float, float]:
     """light_between_dots() of both eyes; views with what brings each one's powers to the first one's."""
-    places = {"left": np.zeros(3), "right": np.array([rig.baseline_m, 0.0, 0.0])}
+    places = {"left": np.zeros(3), "right": _right_eye(rig)}
     cameras = {"left": rig.left.K, "right": rig.right.K}
     walls = [
         [
@@ -320,7 +334,7 @@ def _dots_of(
 ) -> np.ndarray:
     """[dot][3]: u, v in the pattern and power, in units that the views share but for exposure. First the left eye's
     spots in their order, then those of the right eye that lie out of the left one's sight."""
-    right, eye = view.spots["right"], np.array([rig.baseline_m, 0.0, 0.0])
+    right, eye = view.spots["right"], _right_eye(rig)
     points = _on_wall(right, view.wall, rig.right.K, eye)
     border = view.spots["left"].border_px
     outside = np.zeros(len(points), dtype=bool)
@@ -336,8 +350,7 @@ def _cut_dots(
 ) -> np.ndarray:
     """[dot][3], as _dots_of() has them, of spots that an image's border cuts: less sure, for where nothing else is."""
     out = []
-    for eye, camera, x in (("left", rig.left, 0.0), ("right", rig.right, rig.baseline_m)):
-        origin = np.array([x, 0.0, 0.0])
+    for eye, camera, origin in (("left", rig.left, np.zeros(3)), ("right", rig.right, _right_eye(rig))):
         points = _on_wall(view.cut[eye], view.wall, camera.K, origin)
         out.append(_as_dots(points, origin, view.cut[eye].flux, view.wall, projector_K, place, rotation))
     return np.vstack(out)

@@ -50,7 +50,7 @@ distance, both eyes, rectified, projector on, no dot clipped. Two distances, the
 second 1.5 times as far or more, tell where the projector stands; with one its
 nominal place is kept. The nearest wall stands as near as things will. K and the
 baseline are those of FILE's rig where it has one, which acquire rig measures, else
-the capture's; the projector's K is the capture's.
+the capture's; the projector's K and nominal place are the capture's.
 
 example:
   activestereo acquire pattern walls/ -o model.json

@@ -177,6 +177,16 @@ def test_the_models_rig_is_believed(capture_path, pattern, tmp_path, monkeypatch
     monkeypatch.setattr("activestereo.acquire.pattern._wall_view", stop)
     with pytest.raises(ValueError, match=f"f 1.0100 {1.01 * own.right.K[0, 0]:.4f}"):
         acquire_pattern(capture_path, model=read_model(out))
+    # What is wrong with the model's rig is not said of the capture.
+    bent = SensorModel(rig=replace(own, left=replace(own.left, distortion=(0.01, 0.0, 0.0, 0.0, 0.0))))
+    with pytest.raises(ValueError, match="^the model: rig.left.distortion: .* --rectified"):
+        acquire_pattern(capture_path, model=bent)
+    for turn, told in ((0.01, "turns the right camera by 0.57 degrees"), (0.0, "0.50 mm beside")):
+        place = own.left_to_right.copy()
+        place[:3, :3] = Rotation.from_rotvec([0.0, turn, 0.0]).as_matrix()
+        place[1, 3] = 0.0005
+        with pytest.raises(ValueError, match=f"^the model: rig.left_to_right: .*{told}"):
+            acquire_pattern(capture_path, model=SensorModel(rig=replace(own, left_to_right=place)))
 
 
 def test_merged_spots_are_told_apart():
