@@ -70,7 +70,8 @@ def frames_of(
     at the same time. One that is lost is replaced, and its frame goes to the next that is free; an exception of a
     frame's own is raised."""
     waiting, losses, left = deque(numbers), Counter[int | None](), len(numbers)
-    lost = (ray.exceptions.RayActorError, ray.exceptions.ObjectLostError, ray.exceptions.NodeDiedError)
+    errors = ray.exceptions
+    lost = (errors.RayActorError, errors.ObjectLostError, errors.NodeDiedError, errors.OutOfMemoryError)
     busy: dict[Any, tuple[Any, int | None]] = {}  # by what is waited for: actor and frame, or none that it may have
 
     def begin() -> None:
@@ -96,7 +97,7 @@ def frames_of(
                 ray.kill(actor)  # what it held is free for the next
                 begin()
                 continue
-            except ray.exceptions.RayTaskError as error:
+            except errors.RayTaskError as error:
                 raise error.cause from None
             if waiting:
                 following = waiting.popleft()

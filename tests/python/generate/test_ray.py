@@ -22,6 +22,10 @@ class Lost(Exception):
     """What FakeRay says of an actor that is no more."""
 
 
+class OutOfMemory(Exception):
+    """What FakeRay says of an actor that the memory monitor ended; Ray has it apart from the others."""
+
+
 class Failed(Exception):
     def __init__(self, cause: Exception) -> None:
         self.cause = cause
@@ -31,7 +35,9 @@ class FakeRay:
     """Ray's calls in one process. lose: {(actor, its how many-th call): exception}, which gets() raises; the first call
     is begin()."""
 
-    exceptions = SimpleNamespace(RayActorError=Lost, ObjectLostError=Lost, NodeDiedError=Lost, RayTaskError=Failed)
+    exceptions = SimpleNamespace(
+        RayActorError=Lost, ObjectLostError=Lost, NodeDiedError=Lost, OutOfMemoryError=OutOfMemory, RayTaskError=Failed
+    )
 
     def __init__(self, lose: dict[tuple[int, int], Exception]) -> None:
         self.lose, self.pending, self.results = lose, deque(), {}
@@ -64,7 +70,7 @@ class FakeRay:
         self.killed.append(actor.number)
 
 
-@pytest.mark.parametrize("lose", [{}, {(0, 1): Lost()}, {(0, 0): Lost(), (1, 2): Lost(), (3, 1): Lost()}])
+@pytest.mark.parametrize("lose", [{}, {(0, 1): Lost()}, {(0, 0): Lost(), (1, 2): Lost(), (3, 1): OutOfMemory()}])
 def test_each_frame_comes_once(lose: dict[tuple[int, int], Exception]) -> None:
     ray = FakeRay(lose)
     found = list(frames_of(ray, ray.start, 3, range(10)))
