@@ -8,6 +8,7 @@ written is in Ray's object store, which spills it to disk.
 
 from __future__ import annotations
 
+import re
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -90,7 +91,7 @@ def frames_of(
                 losses[number] += 1
                 if losses[number] == _MOST_LOSSES:
                     what = "their start" if number is None else f"frame {number}"
-                    text = f"{_MOST_LOSSES} of Ray's actors were lost at {what}, the last by: {_first_line(error)}"
+                    text = f"{_MOST_LOSSES} of Ray's actors were lost at {what}, the last by: {_reason(error)}"
                     raise ChildProcessError(text) from error
                 if number is not None:
                     waiting.appendleft(number)
@@ -138,5 +139,9 @@ def _gpu(number: int) -> int:
     return gpus[number]
 
 
-def _first_line(error: Exception) -> str:
-    return str(error).strip().partition("\n")[0]
+def _reason(error: Exception) -> str:
+    """The line that tells most: the first, or where that has an actor's particulars below it, indented, the one after
+    those."""
+    text = str(error).strip()
+    after = re.search(r"^[ \t].*\n(\S.*)", text, re.MULTILINE)
+    return after[1] if after else text.partition("\n")[0]

@@ -18,6 +18,17 @@ from activestereo.generate.studio import Settings
 from activestereo.gltf_writer import GltfWriter
 
 
+# As Ray's ActorDiedError words it: a first line that says nothing, particulars, the cause.
+DIED = """The actor died unexpectedly before finishing this task.
+\tclass_name: StudioActor
+\tactor_id: 5d5ea2f7c1a2b8f1d9f0c3ab01000000
+\tpid: 4242
+\tnamespace: 0f6d
+\tip: 10.0.0.2
+The actor is dead because its worker process has died.
+The actor never ran - it was cancelled before it started running."""
+
+
 class Lost(Exception):
     """What FakeRay says of an actor that is no more."""
 
@@ -85,8 +96,12 @@ def test_an_actor_more_is_not_started_for_nothing() -> None:
 
 
 def test_what_ends_every_actor_ends_the_run() -> None:
-    ray = FakeRay({(actor, 1): Lost("no memory\nmore") for actor in range(9)})
-    with pytest.raises(ChildProcessError, match=r"3 of Ray's actors were lost at frame \d, the last by: no memory$"):
+    ray = FakeRay({(actor, 1): Lost(DIED) for actor in range(9)})
+    cause = "The actor is dead because its worker process has died"
+    with pytest.raises(ChildProcessError, match=rf"3 of Ray's actors were lost at frame \d, the last by: {cause}.$"):
+        list(frames_of(ray, ray.start, 1, range(5)))
+    ray = FakeRay({(actor, 1): OutOfMemory("1 worker was killed\nPID\tCOMMAND\nmore") for actor in range(9)})
+    with pytest.raises(ChildProcessError, match="the last by: 1 worker was killed$"):
         list(frames_of(ray, ray.start, 1, range(5)))
     ray = FakeRay({(actor, 0): Lost("no module") for actor in range(9)})
     with pytest.raises(ChildProcessError, match="lost at their start, the last by: no module$"):
