@@ -49,19 +49,33 @@ class StudioActor:
 
 def made_by_ray(settings: Settings, out: Path, missing: Sequence[int], address: str, cpus: int) -> Iterator[int]:
     """The number of each frame after it is written. address: 'auto', HOST:PORT or ray://HOST:PORT of a cluster that
-    runs. cpus: of an actor, where the cluster has no GPUs or the settings name a device. ValueError without Ray,
-    ConnectionError where there is no such cluster, ChildProcessError where a frame ends one actor after another."""
+    runs. cpus: of an actor, where the cluster has no GPUs or the settings name a device. ValueError without Ray and
+    where no machine has so many processors, ConnectionError where there is no such cluster, ChildProcessError where a
+    frame ends one actor after another."""
     if not missing:
         return
     with _cluster(address) as ray:
-        room = ray.cluster_resources()
-        own_gpu = settings.device == "auto" and room.get("GPU", 0) >= 1
-        count = int(room["GPU"]) if own_gpu else max(int(room.get("CPU", 0)) // cpus, 1)
-        needs = {"num_gpus": 1} if own_gpu else {"num_cpus": cpus}
+        count, needs = room_for(ray.nodes(), cpus, may_have_gpu=settings.device == "auto")
         actor = ray.remote(StudioActor).options(**needs)
         for number, files in frames_of(ray, lambda: actor.remote(settings), count, missing):
             bop.write_files(out, files)
             yield number
+
+
+def room_for(nodes: Sequence[dict[str, Any]], cpus: int, may_have_gpu: bool) -> tuple[int, dict[str, int]]:
+    """How many actors the machines have room for, and what Ray gives each of them: a GPU where there are some, else
+    `cpus` processors of one machine. nodes: ray.nodes(). ValueError where no machine has so many: Ray would wait for
+    one for ever."""
+    alive = [node["Resources"] for node in nodes if node["Alive"]]
+    gpus = sum(int(own.get("GPU", 0)) for own in alive)
+    if gpus and may_have_gpu:
+        return gpus, {"num_gpus": 1}
+    processors = [int(own.get("CPU", 0)) for own in alive]
+    largest = max(processors, default=0)
+    if largest < cpus:
+        text = f"--ray-cpus is {cpus}, but the largest machine of Ray's cluster has {largest} processors for actors"
+        raise ValueError(f"{text}: ask for fewer, or add a larger machine")
+    return sum(own // cpus for own in processors), {"num_cpus": cpus}
 
 
 def frames_of(

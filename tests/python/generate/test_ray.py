@@ -12,7 +12,7 @@ import pytest
 from activestereo import meshes
 from activestereo.generate import bop
 from activestereo.generate.ranges import Ranges
-from activestereo.generate.ray_actors import frames_of
+from activestereo.generate.ray_actors import frames_of, room_for
 from activestereo.generate.run import generate
 from activestereo.generate.studio import Settings
 from activestereo.gltf_writer import GltfWriter
@@ -88,6 +88,23 @@ def test_each_frame_comes_once(lose: dict[tuple[int, int], Exception]) -> None:
     assert sorted(number for number, _ in found) == list(range(10))
     assert all(files == {f"{(number,)}": bytes([number])} for number, files in found)
     assert ray.started == 3 + len(lose) and set(ray.killed) >= {actor for actor, _ in lose}
+
+
+def node(is_alive: bool = True, **resources: float) -> dict[str, object]:
+    return {"Alive": is_alive, "Resources": {"memory": 1e9, **resources}}
+
+
+def test_no_more_actors_than_fit_on_the_machines() -> None:
+    nodes = [node(CPU=3.0), node(CPU=5.0), node(False, CPU=64.0, GPU=8.0), node()]
+    assert room_for(nodes, 2, may_have_gpu=True) == (3, {"num_cpus": 2})  # a processor of each is left over
+    assert room_for(nodes, 5, may_have_gpu=True) == (1, {"num_cpus": 5})
+    for asked, there in ((6, nodes), (1, [node()]), (1, [])):
+        text = f"--ray-cpus is {asked}, but the largest machine of Ray's cluster has [05] "
+        with pytest.raises(ValueError, match=text):
+            room_for(there, asked, may_have_gpu=True)
+    nodes += [node(CPU=1.0, GPU=2.0)]
+    assert room_for(nodes, 6, may_have_gpu=True) == (2, {"num_gpus": 1})
+    assert room_for(nodes, 2, may_have_gpu=False) == (3, {"num_cpus": 2})
 
 
 def test_an_actor_more_is_not_started_for_nothing() -> None:
