@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 import kuafu
+from activestereo.auto_exposure import Setting
 from activestereo.ir_link import IrLink
 from activestereo.late_pictures import UnderWay
 from activestereo.matching import Taken
@@ -52,6 +53,7 @@ class LateStereoDepthSensor(StereoDepthSensor):
         self._next_rgb = PictureMemory(self._device, (1, rgb_height, rgb_width), RGB_OUTPUTS)
         self._next: Taken | None = None
         self._taken_signals = self._next_signals = super()._signals()
+        self._taken_exposure = self._present_exposure()
         weakref.finalize(self, self._under_way.let_end).atexit = False  # before the projector leaves the scene
 
     @property
@@ -124,7 +126,26 @@ class LateStereoDepthSensor(StereoDepthSensor):
             self._rgb, self._next_rgb = self._next_rgb, self._rgb
             self._has_rgb = True
         self._taken, self._taken_signals, self._next = self._next, self._next_signals, None
+        self._taken_exposure = self._present_exposure()
         self._frame, self._has_picture = self._taken.frame, True
+
+    def _present_exposure(self) -> Setting:
+        """Between wait() and the next picture's _prepare(): that of the picture that was rendered last."""
+        return Setting(self._config.ir_camera_exposure, self._config.ir_camera_gain)
+
+    def _changed(self, **changes: Any) -> StereoDepthSensorConfig:
+        self.wait()  # which may bring another exposure
+        return super()._changed(**changes)
+
+    def _apply(self, config: StereoDepthSensorConfig, parameters: dict[str, Any]) -> None:
+        """What has changed, noise too, holds for both pictures that there are, each under its own exposure."""
+        super()._apply(config, parameters)
+        present, following = self._present_exposure(), self._next_setting
+        self._set_exposure(self._taken_exposure)
+        self._taken_signals = super()._signals()
+        self._set_exposure(present)
+        self._next_signals = super()._signals()
+        self._next_setting = following
 
     def _darken(self) -> None:
         if not self._config.projector_always_on:

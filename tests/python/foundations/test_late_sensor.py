@@ -158,6 +158,50 @@ def test_the_scene_changes_only_after_waiting(config):
     move(scene, square, 2)  # close() has waited
 
 
+@pytest.mark.parametrize("mode, count", [("fixed", 2), ("converging", 2), ("settled", 1)])
+def test_new_noise_holds_for_the_next_depth(config, mode, count):
+    """As of the serial sensor, for the picture that is there and for the one that is rendered, which has settled under
+    the noise before."""
+    config.ir_exposure_mode = mode
+    scene, _ = small_world()
+    serial, late = [], []
+    with StereoDepthSensor(config, scene) as sensor:
+        for step in range(count):
+            sensor.take_picture(infrared_only=True)
+            if step == 0:
+                quiet = np.array(results(sensor, False)[2])
+                sensor.set_ir_noise(40.0, 10.0)
+            serial.append(results(sensor, False))
+    with LateStereoDepthSensor(config, scene) as sensor:
+        sensor.take_picture(infrared_only=True)
+        sensor.wait()
+        for step in range(count):
+            sensor.take_picture(infrared_only=True)
+            if step == 0:
+                sensor.set_ir_noise(40.0, 10.0)
+            late.append(results(sensor, False))
+    assert not np.array_equal(serial[0][2], quiet)
+    for expected, found in zip(serial, late, strict=True):
+        for one, other in zip(expected, found, strict=True):
+            np.testing.assert_array_equal(one, other)
+
+
+@pytest.mark.parametrize("waits", [True, False])
+def test_a_picture_keeps_the_exposure_that_it_settled_at(config, waits):
+    config.ir_exposure_mode, config.emitter = "settled", "off"
+    scene, _ = small_world()
+    with LateStereoDepthSensor(config, scene) as sensor:
+        sensor.take_picture(infrared_only=True)
+        sensor.wait()
+        scene.set_environment((0.9, 0.9, 0.9), 0.9)
+        sensor.take_picture(infrared_only=True)
+        if waits:
+            sensor.wait()
+        sensor.set_penalties(8, 200)
+        sensor.take_picture(infrared_only=True)
+        assert 255.0 * sensor.get_ir()[0].mean() == pytest.approx(config.ir_exposure_target_dn, rel=0.1)
+
+
 def test_a_sensor_that_is_forgotten_leaves_the_scene(config):
     scene, square = small_world()
     lights = scene.summary.light_count
