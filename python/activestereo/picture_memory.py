@@ -27,7 +27,7 @@ class PictureMemory:
     """Images [count, height, width, channels] of several outputs, which the next picture is rendered into again.
 
     outputs: {kuafu's name: (dtype, channels)}. host_visible: None where the device is a GPU means its own memory.
-    on_cuda: CUDA is to see it, too.
+    on_cuda: CUDA sees it, too; CudaError where there is no CUDA, or none on this GPU.
     """
 
     def __init__(
@@ -47,7 +47,8 @@ class PictureMemory:
             self.targets[name] = kuafu.Buffer(device, size_bytes, host_visible=is_host, exportable=on_cuda).image(
                 dtype, full
             )
-        self._cuda: dict[str, CudaMemory] = {}
+        shared = self.targets if on_cuda else {}
+        self._cuda = {name: CudaMemory(image.buffer) for name, image in shared.items()}
         self._read: dict[str, NDArray[Any]] = {}
 
     def forget(self) -> None:
@@ -65,8 +66,6 @@ class PictureMemory:
         return self._read[name]
 
     def cuda(self, name: str, shape: tuple[int, ...]) -> CudaArray:
-        """One output of the last picture where it was rendered, of this shape: no copy, and the next picture's memory.
-        CudaError where there is no CUDA, or none on this GPU."""
-        if name not in self._cuda:
-            self._cuda[name] = CudaMemory(self.targets[name].buffer)
+        """One output of the last picture where it was rendered, of this shape: no copy, and the next picture's
+        memory."""
         return self._cuda[name].array(self.targets[name].dtype, shape)

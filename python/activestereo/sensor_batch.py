@@ -37,8 +37,9 @@ from activestereo.presets import StereoDepthSensorConfig
 from activestereo.sensor_inputs import render_settings, shutter
 from activestereo.sensor_model import SensorModel, read_model
 
-# get_cuda()'s names that are not the depth engine's, or are kuafu's.
-_MAPS = {"depth": "depth_rgb"}
+# get_cuda()'s names: the depth engine's or kuafu's by them.
+_ALIKE = ("disparity", "ir_left", "ir_right", "confidence", "reason", "points", "rectified_left", "rectified_right")
+_MAPS = {"depth": "depth_rgb"} | {name: name for name in _ALIKE}
 _PICTURES = {"rgba8": "srgb", "true_depth": "depth", "instance_ids": "instance_id", "material_ids": "material_id"}
 
 
@@ -82,7 +83,7 @@ class StereoDepthSensorBatch:
     has, and for a model that does not fit the scene; then nothing has been changed.
 
     on_cuda: pictures and maps lie where CUDA sees them, for get_cuda(); compute_depth() then computes nothing for the
-    host until get_depth() or another asks.
+    host until get_depth() or another asks. CudaError where there is no CUDA, or none on this GPU.
     """
 
     def __init__(
@@ -107,6 +108,9 @@ class StereoDepthSensorBatch:
         self._places = np.broadcast_to(np.eye(4), (self._count, 4, 4)).copy()
         self._environments = np.repeat(np.arange(self._shape[0]), self._count // self._shape[0]).tolist()
         device = self._scene.device
+        rgb_width, rgb_height = self._config.rgb_resolution
+        self._on_cuda = on_cuda
+        self._rgb = PictureMemory(device, (self._count, rgb_height, rgb_width), RGB_OUTPUTS, on_cuda=on_cuda)
         self._renderer = kuafu.Renderer(device, **renderer_parameters(self._config))
         self._engine = make_engine(self._config, simsense.Device(device.info.device_uuid), self._count)
         width, height = self._config.ir_resolution
@@ -116,9 +120,6 @@ class StereoDepthSensorBatch:
         self._make_rig()
         self._light_share = np.ones(self._count)  # of each sensor, over its exposure
         self._frame, self._has_picture, self._speckle_draw, self._taken = -1, False, -1, Taken()
-        rgb_width, rgb_height = self._config.rgb_resolution
-        self._on_cuda = on_cuda
-        self._rgb = PictureMemory(device, (self._count, rgb_height, rgb_width), RGB_OUTPUTS, on_cuda=on_cuda)
         self._has_rgb = False
         self._maps = LazyMaps() if on_cuda else LazyMaps("depth_rgb")
         self._cuda_maps, self._maps_on_cuda = CudaMaps(self._engine.device), LazyMaps("depth_rgb")
@@ -213,13 +214,14 @@ class StereoDepthSensorBatch:
         """What get_<name>() has, in CUDA memory and without a copy, as float32, uint8, uint16 or uint32: 'depth',
         'disparity', 'ir_left', 'ir_right' (of ir_measured), a map of get_depth_map(), 'rgba8', 'true_depth',
         'instance_ids' or 'material_ids'. torch.as_tensor(array, device="cuda") takes it. The next take_picture() or
-        compute_depth() writes into the same memory. RuntimeError without on_cuda; CudaError where there is no CUDA, or
-        none on this GPU."""
+        compute_depth() writes into the same memory. RuntimeError without on_cuda, ValueError for another name."""
         if not self._on_cuda:
             raise RuntimeError("this batch is of the host: make it with on_cuda=True")
-        if name not in _PICTURES:
+        if name in _MAPS:
             self._require_depth()
-            return self._maps_on_cuda.read(_MAPS.get(name, name), self._compute_on_cuda)
+            return self._maps_on_cuda.read(_MAPS[name], self._compute_on_cuda)
+        if name not in _PICTURES:
+            raise ValueError(f"a batch has no '{name}' for CUDA (known: {', '.join((*_MAPS, *_PICTURES))})")
         self._require_rgb()
         shape = self._rgb.targets[_PICTURES[name]].shape
         return self._rgb.cuda(_PICTURES[name], (*self._shape, *(shape[1:] if shape[-1] > 1 else shape[1:-1])))

@@ -116,8 +116,22 @@ def test_a_batchs_results_are_cudas_too(monkeypatch: pytest.MonkeyPatch, stub_cu
             np.testing.assert_array_equal(seen, host)
             addresses.append(there["data"][0])
     assert addresses[:6] == addresses[6:] and batch.get_depth().any()
+    with pytest.raises(ValueError, match="a batch has no 'rgb' for CUDA .*depth, .*confidence, .*rgba8"):
+        batch.get_cuda("rgb")
     with pytest.raises(RuntimeError, match="on_cuda=True"):
         StereoDepthSensorBatch(config, Mounts(scene, np.eye(4)[None])).get_cuda("depth")
+
+
+def test_a_batch_for_cuda_is_not_made_without_cuda(monkeypatch: pytest.MonkeyPatch) -> None:
+    """And leaves the scene as it was."""
+    monkeypatch.setitem(CudaMemory.__init__.__kwdefaults__, "library", "/nowhere/libcuda.so.1")
+    device = kuafu.Device("cpu")
+    exportable(kuafu, device)
+    scene = kuafu.Scene(device)
+    config = StereoDepthSensorConfig("sapien-D435").scaled(0.1)
+    with pytest.raises(CudaError, match="there is no CUDA driver"):
+        StereoDepthSensorBatch(config, Mounts(scene, np.eye(4)[None]), on_cuda=True)
+    assert scene.summary.light_count == 0
 
 
 def on_a_gpu() -> Any:
