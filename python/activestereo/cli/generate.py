@@ -54,13 +54,13 @@ def add_parser(commands: Commands) -> None:
     parser.add_argument("--format", choices=("bop",), default="bop", help="the files' format (default: bop)")
     parser.add_argument("--count", type=integer_from(1), default=100, metavar="N", help="frames (default: 100)")
     text = "processes, each with a device of its own (default: 1; a device that is a processor is busy with one or two)"
-    parser.add_argument("--workers", type=integer_from(1), default=1, metavar="K", help=text)
+    parser.add_argument("--workers", type=integer_from(1), metavar="K", help=text)
     text = "makes part K of N, for N machines that share DIR; whoever makes the last frame writes the tables"
     parser.add_argument("--part", type=_part, default=(1, 1), metavar="K/N", help=text)
     text = "has the actors of a Ray cluster make the frames (auto, HOST:PORT, ray://HOST:PORT): one for each GPU"
     parser.add_argument("--ray", metavar="ADDRESS", help=text)
     text = "with --ray: processors of an actor, where the cluster has no GPUs or --device is given (default: 2)"
-    parser.add_argument("--ray-cpus", type=integer_from(1), default=2, metavar="N", help=text)
+    parser.add_argument("--ray-cpus", type=integer_from(1), metavar="N", help=text)
     add_seed(parser, "of everything that is drawn; same seed, same files")
     parser.add_argument("--sensor", default="d435", metavar="NAME", help="as simulate's (default: d435)")
     text = "of the colour image and of depth (default: 640x480)"
@@ -91,6 +91,10 @@ def run(args: argparse.Namespace) -> None:
     from activestereo.generate.studio import Settings
     from activestereo.progress_bar import ProgressBar, duration
 
+    if args.ray is None and args.ray_cpus is not None:
+        raise CommandError("--ray-cpus goes with --ray, which is not given")
+    if args.ray is not None and args.workers is not None:
+        raise CommandError("--workers does not go with --ray, whose actors take the workers' place: --ray-cpus")
     for path in args.things:
         if not path.exists():
             raise CommandError(f"{path}: there is no such file")
@@ -105,10 +109,11 @@ def run(args: argparse.Namespace) -> None:
         device=args.device,
     )
     make_folder(args.out)
-    by = f"{args.workers} worker{'' if args.workers == 1 else 's'}" if args.ray is None else f"Ray at {args.ray}"
+    workers = args.workers or 1
+    ray = None if args.ray is None else (args.ray, args.ray_cpus or 2)
+    by = f"{workers} worker{'' if workers == 1 else 's'}" if ray is None else f"Ray at {args.ray}"
     with ProgressBar(f"{args.count} frames with {by}") as bar:
-        ray = None if args.ray is None else (args.ray, args.ray_cpus)
-        done = generate(settings, args.out, args.count, args.workers, args.part, bar, ray)
+        done = generate(settings, args.out, args.count, workers, args.part, bar, ray)
     rate = f"{done.made} frames in {duration(done.seconds)}, {done.made / max(done.seconds, 1e-9):.2f} a second"
     notes = [rate if done.made else "nothing was left to do"]
     notes += [f"{done.there} were there already"] if done.there else []

@@ -41,7 +41,7 @@ class StudioActor:
             import ray
 
             own = ray.get_gpu_ids()
-            self._studio = Studio(replace(self._settings, device=_gpu(int(own[0]))) if own else self._settings)
+            self._studio = Studio(replace(self._settings, device=_gpu(str(own[0]))) if own else self._settings)
         with TemporaryDirectory() as folder:
             bop.write_frame(Path(folder), self._studio.take(number))
             return bop.read_files(Path(folder))
@@ -144,13 +144,16 @@ def _cluster(address: str) -> Iterator[Any]:
         ray.shutdown()
 
 
-def _gpu(number: int) -> int:
-    """The number in kuafu's list of the machine's GPU that Ray, which counts as CUDA does, calls `number`; Vulkan has
-    the same order, without regard to CUDA_VISIBLE_DEVICES."""
+def _gpu(name: str) -> int:
+    """The number in kuafu's list of the machine's GPU that Ray, which counts as CUDA does, calls by this number; Vulkan
+    has the same order, without regard to CUDA_VISIBLE_DEVICES."""
+    if not name.isdecimal():
+        text = f"Ray gave GPU '{name}' to an actor, which tells not which of the machine's it is"
+        raise ValueError(f"{text}: start the machine's Ray with numbers in CUDA_VISIBLE_DEVICES, or give --device")
     gpus = [info.index for info in kuafu.Device.enumerate() if info.usable and "gpu" in info.kind]
-    if number >= len(gpus):
-        raise ValueError(f"Ray gave GPU {number} to an actor, but Vulkan has {len(gpus)} usable ones there")
-    return gpus[number]
+    if int(name) >= len(gpus):
+        raise ValueError(f"Ray gave GPU {name} to an actor, but Vulkan has {len(gpus)} usable ones there")
+    return gpus[int(name)]
 
 
 def _reason(error: Exception) -> str:

@@ -2,6 +2,7 @@
 """Frames from a cluster's actors: none is lost and none comes twice, whatever happens to the actors."""
 
 import os
+import sys
 import time
 from collections import deque
 from pathlib import Path
@@ -10,9 +11,10 @@ from types import SimpleNamespace
 import pytest
 
 from activestereo import meshes
+from activestereo.cli import main
 from activestereo.generate import bop
 from activestereo.generate.ranges import Ranges
-from activestereo.generate.ray_actors import frames_of, room_for
+from activestereo.generate.ray_actors import StudioActor, frames_of, room_for
 from activestereo.generate.run import generate
 from activestereo.generate.studio import Settings
 from activestereo.gltf_writer import GltfWriter
@@ -130,6 +132,27 @@ def test_a_fault_of_a_frame_is_the_callers() -> None:
     with pytest.raises(ValueError, match="no such thing"):
         list(frames_of(ray, ray.start, 2, range(5)))
     assert ray.killed  # the others do not go on
+
+
+def test_a_gpu_that_has_no_number_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "ray", SimpleNamespace(get_gpu_ids=lambda: ["GPU-8f6d"]))
+    with pytest.raises(ValueError, match="GPU 'GPU-8f6d' .* numbers in CUDA_VISIBLE_DEVICES, or give --device"):
+        StudioActor(Settings(())).files(0)
+
+
+@pytest.mark.parametrize(
+    "given, told",
+    [
+        (["--ray-cpus", "1"], "--ray-cpus goes with --ray"),
+        (["--ray", "auto", "--workers", "1"], "--workers does not go with --ray"),
+    ],
+)
+def test_options_that_would_do_nothing_are_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], given: list[str], told: str
+) -> None:
+    assert main(["generate", "none.glb", "--out", str(tmp_path / "out"), *given]) != 0
+    text = capsys.readouterr().err
+    assert told in text and text.count("\n") == 1 and not (tmp_path / "out").exists()
 
 
 def test_two_machines_of_which_one_is_killed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
