@@ -103,13 +103,14 @@ def rgb_exposure(radiance: NDArray[np.float32]) -> float:
     `srgb` takes: that of the middle of all light that shares the median's upper 16 bits. radiance: float32 [...,
     height, width, 3]."""
     green = radiance[..., ::_STRIDE, ::_STRIDE, 1]
-    lit = green[(green >= np.finfo(np.float32).tiny) & (green < np.inf)]
+    smallest = np.finfo(np.float32).tiny  # devices may take what is below for 0
+    lit = green[(green >= smallest) & (green < np.inf)]
     if not lit.size:
         return 1.0
     middle = (lit.size - 1) // 2
     median = np.partition(lit, middle)[middle : middle + 1].view(np.uint32)
     shared = (median & np.uint32(0xFFFF0000) | np.uint32(0x8000)).view(np.float32)[0]
-    return float(np.float32(0.25) / shared)
+    return float(max(np.float32(0.25) / shared, smallest))
 
 
 def encoded_rgb(radiance: NDArray[np.float32], exposure: float | None) -> NDArray[np.float32]:

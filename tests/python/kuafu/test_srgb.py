@@ -55,6 +55,17 @@ def test_bytes_are_the_curves(renderer, scene, exposure):
         assert chosen * np.median(green[green > 0]) == pytest.approx(0.25, rel=0.01)
 
 
+@pytest.mark.parametrize("light", [1e37, 3e37])
+def test_light_near_the_largest_float_is_exposed_alike(renderer, device, light):
+    """Above 2e37 by a factor that could be no smaller, so brighter than a quarter of white."""
+    scene = kuafu.Scene(device)
+    scene.set_environment((light, light, light), 0.0)
+    images = renderer.render(scene, CAMERA, ["srgb", "radiance"], band="visible", spp=1, scales={"srgb": 0.0})
+    assert images["radiance"].min() > 0.9 * light
+    found = encoded(images["radiance"], rgb_exposure(images["radiance"]))
+    np.testing.assert_array_equal(images["srgb"][..., :3], found)
+
+
 @pytest.mark.parametrize("film", [None, {"firefly_factor": 1.5, "vignetting_exponent": 4.0}])
 def test_alone_it_is_the_same(renderer, scene, film):
     """Where no radiance is asked for."""
