@@ -17,6 +17,8 @@ VECTORS = {
     ("double", 2): "glm::dvec2",
     ("double", 3): "glm::dvec3",
 }
+# In the records, no id is 0xffffffff.
+ID_TYPES = ("id", "id_plus_1")
 MATRICES = {(3, 3): "glm::dmat3", (4, 4): "glm::dmat4"}
 
 
@@ -44,7 +46,7 @@ def _enum(field: Field) -> str:
 
 
 def _record_type(field: Field) -> str:
-    simple = {"text": "std::string", "flag": "bool", "choice": _enum(field), "id": "uint32_t"}
+    simple = {"text": "std::string", "flag": "bool", "choice": _enum(field), "id": "uint32_t", "id_plus_1": "uint32_t"}
     if field.type in simple:
         return simple[field.type]
     if field.shape:
@@ -59,7 +61,7 @@ def _record_default(field: Field) -> str:
         return " = true" if field.default else " = false"
     if field.type == "choice":
         return f" = {_enum(field)}::{field.default}"
-    if field.type == "id":
+    if field.type in ID_TYPES:
         return " = 0xffffffffu"
     if field.shape:
         return "{1.0}"
@@ -113,7 +115,7 @@ def fields_h(tables: Tables) -> str:
     )
     text += [f"struct {s.record};" for s in _checked(tables) if s.record]
     text += [f"void check_fields(const {_record_of(s)}& s, const std::string& owner);" for s in _checked(tables)]
-    ids = [f.name for f in tables.structs["kuafu_material_desc"].fields if f.type == "id"]
+    ids = [f.name for f in tables.structs["kuafu_material_desc"].fields if f.type in ID_TYPES]
     text += ["", "/// Pointers to the fields of a material that name textures.", "template <class "
                                                                                  "M>", "auto texture_ids(M& m) {",
              f"  return std::array{{{', '.join('&m.' + name for name in ids)}}};", "}"]  # fmt: skip
@@ -159,6 +161,8 @@ def _to_record(field: Field) -> str:
         return f"out.{member} = static_cast<decltype(out.{member})>(s.{name});"
     if field.shape:
         return f"out.{member} = from_row_major<{field.shape[0]}>(s.{name});"
+    if field.type == "id_plus_1":
+        return f"out.{member} = s.{name} - 1u;"
     if field.count != 1:
         return f"for (int i = 0; i < {field.count}; ++i) out.{member}[i] = s.{name}[i];"
     return f"out.{member} = s.{name};"
@@ -174,6 +178,8 @@ def _to_desc(field: Field) -> str:
         return f"out.{name} = static_cast<uint32_t>(s.{member});"
     if field.shape:
         return f"to_row_major<{field.shape[0]}>(s.{member}, out.{name});"
+    if field.type == "id_plus_1":
+        return f"out.{name} = s.{member} + 1u;"
     if field.count != 1:
         return f"for (int i = 0; i < {field.count}; ++i) out.{name}[i] = s.{member}[i];"
     return f"out.{name} = s.{member};"
@@ -293,6 +299,8 @@ def _property(struct: Struct, f: Field) -> str:
     kind = (
         "maybe"
         if f.nan or f.none
+        else "maybe_plus_1"
+        if f.type == "id_plus_1"
         else "flag"
         if f.type == "flag"
         else "square"

@@ -19,7 +19,7 @@ def scalar_type(field: Field) -> str:
     kind = {"float": "float", "double": "float", "flag": "bool", "text": "str"}.get(field.type, "int")
     if field.type == "text":
         return "str | None"
-    return f"{kind} | None" if field.nan or field.none else kind
+    return f"{kind} | None" if field.nan or field.none or field.type == "id_plus_1" else kind
 
 
 def _annotation(field: Field) -> str:

@@ -25,6 +25,7 @@ SCALARS = {
     "choice": ("uint32_t", 4),  # one of `values`
     "bits": ("uint32_t", 4),  # some of `values`, or'ed
     "id": ("uint32_t", 4),  # `none` (a constant's name) is no id
+    "id_plus_1": ("uint32_t", 4),  # 0 is no id
     "text": ("const char*", 8),
 }
 FIELD_KEYS = set(

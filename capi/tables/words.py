@@ -99,7 +99,7 @@ def facts(field: Field) -> str:
 
 def sentence(field: Field) -> str:
     """The whole doc of a field: what it is, then the facts."""
-    more = facts(field)
+    more = "1 + a texture's id; 0 is none" if field.type == "id_plus_1" else facts(field)
     if field.reserved:
         return "Must be 0."
     return " ".join(filter(None, [field.doc, f"[{more}]" if more else ""]))

@@ -28,7 +28,11 @@ constexpr std::array known_extensions = {"KHR_materials_ior",
                                          "KHR_draco_mesh_compression",
                                          "EXT_meshopt_compression",
                                          "KHR_materials_clearcoat",
-                                         "KHR_materials_diffuse_transmission"};
+                                         "KHR_materials_diffuse_transmission",
+                                         "KHR_materials_anisotropy",
+                                         "KHR_materials_sheen",
+                                         "KHR_materials_iridescence",
+                                         "KHR_materials_dispersion"};
 
 bool is_known(const std::string& extension) {
   return std::find(known_extensions.begin(), known_extensions.end(), extension) != known_extensions.end();

@@ -14,6 +14,18 @@ Material::AlphaMode alpha_mode(const std::string& word, const std::string& field
   return Material::AlphaMode::opaque;
 }
 
+/// nullptr: the material does not have it.
+const tinygltf::Value* extension_of(const tinygltf::Material& from, const char* name) {
+  const auto found = from.extensions.find(name);
+  return found == from.extensions.end() ? nullptr : &found->second;
+}
+
+/// Keeps the value where the member is absent.
+void read_color(const tinygltf::Value& object, const char* name, glm::vec3& to) {
+  if (!object.Has(name)) return;
+  for (int i = 0; i < 3; ++i) to[i] = static_cast<float>(object.Get(name).Get(i).GetNumberAsDouble());
+}
+
 }  // namespace
 
 void GltfMaterials::add_all() {
@@ -74,10 +86,7 @@ void GltfMaterials::read_extras(const tinygltf::Value& extras, const std::string
 }
 
 void GltfMaterials::read_extensions(const tinygltf::Material& from, const std::string& field, Material& to) {
-  const auto extension = [&](const char* name) -> const tinygltf::Value* {
-    const auto found = from.extensions.find(name);
-    return found == from.extensions.end() ? nullptr : &found->second;
-  };
+  const auto extension = [&](const char* name) { return extension_of(from, name); };
   if (const auto* e = extension("KHR_materials_ior")) {
     // ior 0 means total reflection for every angle (KHR_materials_ior, "Interaction with other extensions"): the limit of a huge index.
     const double ior = number_of(*e, "ior", 1.5);
@@ -98,37 +107,60 @@ void GltfMaterials::read_extensions(const tinygltf::Material& from, const std::s
   to.transmission_roughness = to.roughness;
   const auto* volume = extension("KHR_materials_volume");
   const double thickness = volume == nullptr ? 0.0 : number_of(*volume, "thicknessFactor", 0.0);
-  const auto* diffuse_transmission = extension("KHR_materials_diffuse_transmission");
-  const bool lets_through = extension("KHR_materials_transmission") != nullptr || diffuse_transmission != nullptr;
+  const bool lets_through =
+      extension("KHR_materials_transmission") != nullptr || extension("KHR_materials_diffuse_transmission") != nullptr;
   to.thin_walled = lets_through && thickness == 0.0;  // as KHR_materials_volume has it
   if (to.thin_walled && volume != nullptr && volume->Has("attenuationDistance"))
     import_.warn(field + ": attenuationDistance is not used, for thicknessFactor is 0: it is a sheet");
   if (const auto* e = volume) {
     to.attenuation_distance_m = static_cast<float>(number_of(*e, "attenuationDistance", 0.0));
-    if (e->Has("attenuationColor"))
-      for (int i = 0; i < 3; ++i) to.attenuation_color[i] = static_cast<float>(e->Get("attenuationColor").Get(i).GetNumberAsDouble());
+    read_color(*e, "attenuationColor", to.attenuation_color);
   }
-  if (const auto* e = extension("KHR_materials_clearcoat")) {
-    to.clearcoat = static_cast<float>(number_of(*e, "clearcoatFactor", 0.0));
-    to.clearcoat_roughness = static_cast<float>(number_of(*e, "clearcoatRoughnessFactor", 0.0));
-    if (to.clearcoat > 0.0f) {
-      for (const char* texture : {"clearcoatTexture", "clearcoatRoughnessTexture"})
-        if (e->Has(texture)) import_.warn(field + ": " + texture + " is ignored");
-      if (e->Has("clearcoatNormalTexture") || from.normalTexture.index >= 0)
-        import_.warn(field + ": the clear coat has the normals of the surface below it; clearcoatNormalTexture is ignored");
-    }
-  }
-  if (const auto* e = diffuse_transmission) {
-    to.diffuse_transmission = static_cast<float>(number_of(*e, "diffuseTransmissionFactor", 0.0));
-    if (e->Has("diffuseTransmissionColorFactor"))
-      for (int i = 0; i < 3; ++i)
-        to.diffuse_transmission_color[i] = static_cast<float>(e->Get("diffuseTransmissionColorFactor").Get(i).GetNumberAsDouble());
-    if (to.diffuse_transmission > 0.0f)
-      for (const char* texture : {"diffuseTransmissionTexture", "diffuseTransmissionColorTexture"})
-        if (e->Has(texture)) import_.warn(field + ": " + texture + " is ignored");
-  }
+  read_lobes(from, field, to);
   if (const auto* e = extension("KHR_materials_emissive_strength"))
     to.emission *= static_cast<float>(number_of(*e, "emissiveStrength", 1.0));
+}
+
+void GltfMaterials::read_lobes(const tinygltf::Material& from, const std::string& field, Material& to) {
+  const tinygltf::Value* e = nullptr;
+  const auto number = [&](const char* name, double fallback) { return static_cast<float>(number_of(*e, name, fallback)); };
+  const auto texture = [&](const char* name, bool srgb = false) {
+    return textures_.id(TextureUse::of(*e, name, field + "." + name), srgb, field + "." + name);
+  };
+  if ((e = extension_of(from, "KHR_materials_clearcoat")) != nullptr) {
+    to.clearcoat = number("clearcoatFactor", 0);
+    to.clearcoat_roughness = number("clearcoatRoughnessFactor", 0);
+    to.clearcoat_texture = texture("clearcoatTexture");
+    to.clearcoat_roughness_texture = texture("clearcoatRoughnessTexture");
+    if (to.clearcoat > 0.0f && (e->Has("clearcoatNormalTexture") || from.normalTexture.index >= 0))
+      import_.warn(field + ": the clear coat has the normals of the surface below it; clearcoatNormalTexture is ignored");
+  }
+  if ((e = extension_of(from, "KHR_materials_diffuse_transmission")) != nullptr) {
+    to.diffuse_transmission = number("diffuseTransmissionFactor", 0);
+    read_color(*e, "diffuseTransmissionColorFactor", to.diffuse_transmission_color);
+    to.diffuse_transmission_texture = texture("diffuseTransmissionTexture");
+    to.diffuse_transmission_color_texture = texture("diffuseTransmissionColorTexture", true);
+  }
+  if ((e = extension_of(from, "KHR_materials_anisotropy")) != nullptr) {
+    to.anisotropy = number("anisotropyStrength", 0);
+    to.anisotropy_rotation_rad = number("anisotropyRotation", 0);
+    to.anisotropy_texture = texture("anisotropyTexture");
+  }
+  if ((e = extension_of(from, "KHR_materials_sheen")) != nullptr) {
+    read_color(*e, "sheenColorFactor", to.sheen_color);
+    to.sheen_roughness = number("sheenRoughnessFactor", 0);
+    to.sheen_color_texture = texture("sheenColorTexture", true);
+    to.sheen_roughness_texture = texture("sheenRoughnessTexture");
+  }
+  if ((e = extension_of(from, "KHR_materials_iridescence")) != nullptr) {
+    to.iridescence = number("iridescenceFactor", 0);
+    to.iridescence_ior = number("iridescenceIor", 1.3);
+    to.iridescence_least_thickness_nm = number("iridescenceThicknessMinimum", 100);
+    to.iridescence_thickness_nm = number("iridescenceThicknessMaximum", 400);
+    to.iridescence_texture = texture("iridescenceTexture");
+    to.iridescence_thickness_texture = texture("iridescenceThicknessTexture");
+  }
+  if ((e = extension_of(from, "KHR_materials_dispersion")) != nullptr) to.dispersion = number("dispersion", 0);
 }
 
 }  // namespace kuafu

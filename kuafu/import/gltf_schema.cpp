@@ -81,38 +81,6 @@ constexpr Field fields[] = {
     {"/materials", "/pbrMetallicRoughness/baseColorFactor", Kind::numbers, 4},
     {"/materials", "/pbrMetallicRoughness/metallicFactor", Kind::number},
     {"/materials", "/pbrMetallicRoughness/roughnessFactor", Kind::number},
-    {"/materials", "/pbrMetallicRoughness/baseColorTexture", Kind::object},
-    {"/materials", "/pbrMetallicRoughness/baseColorTexture/index", Kind::index},
-    {"/materials", "/pbrMetallicRoughness/baseColorTexture/texCoord", Kind::index},
-    {"/materials", "/pbrMetallicRoughness/baseColorTexture/extensions/KHR_texture_transform", Kind::object},
-    {"/materials", "/pbrMetallicRoughness/baseColorTexture/extensions/KHR_texture_transform/offset", Kind::numbers, 2},
-    {"/materials", "/pbrMetallicRoughness/baseColorTexture/extensions/KHR_texture_transform/scale", Kind::numbers, 2},
-    {"/materials", "/pbrMetallicRoughness/baseColorTexture/extensions/KHR_texture_transform/rotation", Kind::number},
-    {"/materials", "/pbrMetallicRoughness/baseColorTexture/extensions/KHR_texture_transform/texCoord", Kind::index},
-    {"/materials", "/pbrMetallicRoughness/metallicRoughnessTexture", Kind::object},
-    {"/materials", "/pbrMetallicRoughness/metallicRoughnessTexture/index", Kind::index},
-    {"/materials", "/pbrMetallicRoughness/metallicRoughnessTexture/texCoord", Kind::index},
-    {"/materials", "/pbrMetallicRoughness/metallicRoughnessTexture/extensions/KHR_texture_transform", Kind::object},
-    {"/materials", "/pbrMetallicRoughness/metallicRoughnessTexture/extensions/KHR_texture_transform/offset", Kind::numbers, 2},
-    {"/materials", "/pbrMetallicRoughness/metallicRoughnessTexture/extensions/KHR_texture_transform/scale", Kind::numbers, 2},
-    {"/materials", "/pbrMetallicRoughness/metallicRoughnessTexture/extensions/KHR_texture_transform/rotation", Kind::number},
-    {"/materials", "/pbrMetallicRoughness/metallicRoughnessTexture/extensions/KHR_texture_transform/texCoord", Kind::index},
-    {"/materials", "/normalTexture", Kind::object},
-    {"/materials", "/normalTexture/index", Kind::index},
-    {"/materials", "/normalTexture/texCoord", Kind::index},
-    {"/materials", "/normalTexture/extensions/KHR_texture_transform", Kind::object},
-    {"/materials", "/normalTexture/extensions/KHR_texture_transform/offset", Kind::numbers, 2},
-    {"/materials", "/normalTexture/extensions/KHR_texture_transform/scale", Kind::numbers, 2},
-    {"/materials", "/normalTexture/extensions/KHR_texture_transform/rotation", Kind::number},
-    {"/materials", "/normalTexture/extensions/KHR_texture_transform/texCoord", Kind::index},
-    {"/materials", "/emissiveTexture", Kind::object},
-    {"/materials", "/emissiveTexture/index", Kind::index},
-    {"/materials", "/emissiveTexture/texCoord", Kind::index},
-    {"/materials", "/emissiveTexture/extensions/KHR_texture_transform", Kind::object},
-    {"/materials", "/emissiveTexture/extensions/KHR_texture_transform/offset", Kind::numbers, 2},
-    {"/materials", "/emissiveTexture/extensions/KHR_texture_transform/scale", Kind::numbers, 2},
-    {"/materials", "/emissiveTexture/extensions/KHR_texture_transform/rotation", Kind::number},
-    {"/materials", "/emissiveTexture/extensions/KHR_texture_transform/texCoord", Kind::index},
     {"/materials", "/emissiveFactor", Kind::numbers, 3},
     {"/materials", "/normalTexture/scale", Kind::number},
     {"/materials", "/alphaMode", Kind::text},
@@ -122,24 +90,8 @@ constexpr Field fields[] = {
     {"/materials", "/extensions/KHR_materials_ior/ior", Kind::number},
     {"/materials", "/extensions/KHR_materials_transmission", Kind::object},
     {"/materials", "/extensions/KHR_materials_transmission/transmissionFactor", Kind::number},
-    {"/materials", "/extensions/KHR_materials_transmission/transmissionTexture", Kind::object},
-    {"/materials", "/extensions/KHR_materials_transmission/transmissionTexture/index", Kind::index},
-    {"/materials", "/extensions/KHR_materials_transmission/transmissionTexture/texCoord", Kind::index},
-    {"/materials", "/extensions/KHR_materials_transmission/transmissionTexture/extensions/KHR_texture_transform", Kind::object},
-    {"/materials", "/extensions/KHR_materials_transmission/transmissionTexture/extensions/KHR_texture_transform/offset", Kind::numbers, 2},
-    {"/materials", "/extensions/KHR_materials_transmission/transmissionTexture/extensions/KHR_texture_transform/scale", Kind::numbers, 2},
-    {"/materials", "/extensions/KHR_materials_transmission/transmissionTexture/extensions/KHR_texture_transform/rotation", Kind::number},
-    {"/materials", "/extensions/KHR_materials_transmission/transmissionTexture/extensions/KHR_texture_transform/texCoord", Kind::index},
     {"/materials", "/extensions/KHR_materials_specular", Kind::object},
     {"/materials", "/extensions/KHR_materials_specular/specularFactor", Kind::number},
-    {"/materials", "/extensions/KHR_materials_specular/specularTexture", Kind::object},
-    {"/materials", "/extensions/KHR_materials_specular/specularTexture/index", Kind::index},
-    {"/materials", "/extensions/KHR_materials_specular/specularTexture/texCoord", Kind::index},
-    {"/materials", "/extensions/KHR_materials_specular/specularTexture/extensions/KHR_texture_transform", Kind::object},
-    {"/materials", "/extensions/KHR_materials_specular/specularTexture/extensions/KHR_texture_transform/offset", Kind::numbers, 2},
-    {"/materials", "/extensions/KHR_materials_specular/specularTexture/extensions/KHR_texture_transform/scale", Kind::numbers, 2},
-    {"/materials", "/extensions/KHR_materials_specular/specularTexture/extensions/KHR_texture_transform/rotation", Kind::number},
-    {"/materials", "/extensions/KHR_materials_specular/specularTexture/extensions/KHR_texture_transform/texCoord", Kind::index},
     {"/materials", "/extensions/KHR_materials_specular/specularColorFactor", Kind::numbers, 3},
     {"/materials", "/extensions/KHR_materials_volume", Kind::object},
     {"/materials", "/extensions/KHR_materials_volume/thicknessFactor", Kind::number},
@@ -153,6 +105,19 @@ constexpr Field fields[] = {
     {"/materials", "/extensions/KHR_materials_diffuse_transmission", Kind::object},
     {"/materials", "/extensions/KHR_materials_diffuse_transmission/diffuseTransmissionFactor", Kind::number},
     {"/materials", "/extensions/KHR_materials_diffuse_transmission/diffuseTransmissionColorFactor", Kind::numbers, 3},
+    {"/materials", "/extensions/KHR_materials_anisotropy", Kind::object},
+    {"/materials", "/extensions/KHR_materials_anisotropy/anisotropyStrength", Kind::number},
+    {"/materials", "/extensions/KHR_materials_anisotropy/anisotropyRotation", Kind::number},
+    {"/materials", "/extensions/KHR_materials_sheen", Kind::object},
+    {"/materials", "/extensions/KHR_materials_sheen/sheenColorFactor", Kind::numbers, 3},
+    {"/materials", "/extensions/KHR_materials_sheen/sheenRoughnessFactor", Kind::number},
+    {"/materials", "/extensions/KHR_materials_iridescence", Kind::object},
+    {"/materials", "/extensions/KHR_materials_iridescence/iridescenceFactor", Kind::number},
+    {"/materials", "/extensions/KHR_materials_iridescence/iridescenceIor", Kind::number},
+    {"/materials", "/extensions/KHR_materials_iridescence/iridescenceThicknessMinimum", Kind::number},
+    {"/materials", "/extensions/KHR_materials_iridescence/iridescenceThicknessMaximum", Kind::number},
+    {"/materials", "/extensions/KHR_materials_dispersion", Kind::object},
+    {"/materials", "/extensions/KHR_materials_dispersion/dispersion", Kind::number},
 #include "import/material_extras.inc"
     {"/textures", "/source", Kind::index},
     {"/textures", "/sampler", Kind::index},
@@ -175,6 +140,35 @@ constexpr Field fields[] = {
     {"/extensions/KHR_lights_punctual/lights", "/color", Kind::numbers, 3},
     {"/extensions/KHR_lights_punctual/lights", "/intensity", Kind::number},
     {"/extensions/KHR_lights_punctual/lights", "/range", Kind::number},
+};
+
+// Textures of materials, each with the fields below it.
+constexpr const char* texture_places[] = {
+    "/pbrMetallicRoughness/baseColorTexture",
+    "/pbrMetallicRoughness/metallicRoughnessTexture",
+    "/normalTexture",
+    "/emissiveTexture",
+    "/extensions/KHR_materials_transmission/transmissionTexture",
+    "/extensions/KHR_materials_specular/specularTexture",
+    "/extensions/KHR_materials_clearcoat/clearcoatTexture",
+    "/extensions/KHR_materials_clearcoat/clearcoatRoughnessTexture",
+    "/extensions/KHR_materials_diffuse_transmission/diffuseTransmissionTexture",
+    "/extensions/KHR_materials_diffuse_transmission/diffuseTransmissionColorTexture",
+    "/extensions/KHR_materials_anisotropy/anisotropyTexture",
+    "/extensions/KHR_materials_sheen/sheenColorTexture",
+    "/extensions/KHR_materials_sheen/sheenRoughnessTexture",
+    "/extensions/KHR_materials_iridescence/iridescenceTexture",
+    "/extensions/KHR_materials_iridescence/iridescenceThicknessTexture",
+};
+
+constexpr Field texture_fields[] = {
+    {"", "/index", Kind::index},
+    {"", "/texCoord", Kind::index},
+    {"", "/extensions/KHR_texture_transform", Kind::object},
+    {"", "/extensions/KHR_texture_transform/offset", Kind::numbers, 2},
+    {"", "/extensions/KHR_texture_transform/scale", Kind::numbers, 2},
+    {"", "/extensions/KHR_texture_transform/rotation", Kind::number},
+    {"", "/extensions/KHR_texture_transform/texCoord", Kind::index},
 };
 
 // Of each element of meshes[].primitives.
@@ -274,6 +268,16 @@ void for_each(const json& root, const char* pointer, const std::string& name, Fu
   for (const json& element : root.at(at)) function(element, name + "[" + std::to_string(i++) + "]");
 }
 
+void check_textures(const json& root) {
+  for_each(root, "/materials", "materials", [](const json& material, const std::string& name) {
+    for (const char* place : texture_places) {
+      const json::json_pointer at(place);
+      if (!material.contains(at)) continue;
+      for (const Field& field : texture_fields) check_field(material.at(at), field, name + place);
+    }
+  });
+}
+
 void check_primitives(const json& root) {
   for_each(root, "/meshes", "meshes", [](const json& mesh, const std::string& mesh_name) {
     for_each(mesh, "/primitives", mesh_name + "/primitives", [](const json& primitive, const std::string& name) {
@@ -356,6 +360,7 @@ json parse_gltf_json(std::string_view text) {
   if (number.rfind("2.", 0) != 0) ks::fail(KS_ERROR_UNSUPPORTED, "asset.version is '%.20s', only glTF 2.x is read", number.c_str());
   for (const Field& field : fields)
     for_each(root, field.table, field.table + 1, [&](const json& element, const std::string& name) { check_field(element, field, name); });
+  check_textures(root);
   check_primitives(root);
   check_animations(root);
   check_views(root);

@@ -12,7 +12,7 @@
 namespace kuafu {
 
 inline auto extras_numbers(MaterialFields& m) {
-  return std::array{std::pair{"ir_albedo", &m.ir_albedo}, std::pair{"ir_emission", &m.ir_emission}, std::pair{"transmission_roughness", &m.transmission_roughness}, std::pair{"diffuse_roughness", &m.diffuse_roughness}, std::pair{"ir_attenuation_color", &m.ir_attenuation_color}, std::pair{"ir_roughness", &m.ir_roughness}, std::pair{"ir_ior", &m.ir_ior}, std::pair{"ir_transmission", &m.ir_transmission}, std::pair{"ir_transmission_roughness", &m.ir_transmission_roughness}, std::pair{"subsurface", &m.subsurface}, std::pair{"ir_subsurface_color", &m.ir_subsurface_color}, std::pair{"ir_subsurface_radius_m", &m.ir_subsurface_radius_m}, std::pair{"ir_diffuse_transmission_color", &m.ir_diffuse_transmission_color}};
+  return std::array{std::pair{"ir_albedo", &m.ir_albedo}, std::pair{"ir_emission", &m.ir_emission}, std::pair{"transmission_roughness", &m.transmission_roughness}, std::pair{"diffuse_roughness", &m.diffuse_roughness}, std::pair{"ir_attenuation_color", &m.ir_attenuation_color}, std::pair{"ir_roughness", &m.ir_roughness}, std::pair{"ir_ior", &m.ir_ior}, std::pair{"ir_transmission", &m.ir_transmission}, std::pair{"ir_transmission_roughness", &m.ir_transmission_roughness}, std::pair{"subsurface", &m.subsurface}, std::pair{"ir_subsurface_color", &m.ir_subsurface_color}, std::pair{"ir_subsurface_radius_m", &m.ir_subsurface_radius_m}, std::pair{"ir_diffuse_transmission_color", &m.ir_diffuse_transmission_color}, std::pair{"ir_sheen_color", &m.ir_sheen_color}};
 }
 
 inline auto extras_vectors(MaterialFields& m) {

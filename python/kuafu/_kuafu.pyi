@@ -203,7 +203,7 @@ class Image:
     def array(self) -> NDArray[Any]:
         """The view as a numpy array, without a copy."""
 class Material:
-    """A surface's material, by glTF 2.0's model: a GGX microfacet layer (alpha is the square of roughness), metallic-roughness, and KHR_materials_ior, specular, transmission, volume, clearcoat and diffuse_transmission. Energy is conserved at every roughness. Transmission without a thicknessFactor is read as thin_walled, as KHR_materials_volume defines it. Fields that glTF has no words for are read from a material's extras, under the names that they have here; a texture there is written {"index": n}."""
+    """A surface's material, by glTF 2.0's model: a GGX microfacet layer (alpha is the square of roughness), metallic-roughness, and KHR_materials_ior, specular, transmission, volume, clearcoat, diffuse_transmission, anisotropy, sheen, iridescence and dispersion. Energy is conserved at every roughness. Transmission without a thicknessFactor is read as thin_walled, as KHR_materials_volume defines it. Fields that glTF has no words for are read from a material's extras, under the names that they have here; a texture there is written {"index": n}."""
 
     name: str
     base_color: tuple[float, float, float, float]
@@ -290,6 +290,44 @@ class Material:
     """Colour of diffuse_transmission; base_color does not tint it. [0..1; 1, 1, 1 by default]"""
     ir_diffuse_transmission_color: float
     """The same as diffuse_transmission_color, in the infrared band. [0..1; 0 means the red of diffuse_transmission_color]"""
+    clearcoat_texture: int | None
+    """Its red channel multiplies clearcoat."""
+    clearcoat_roughness_texture: int | None
+    """Its green channel multiplies clearcoat_roughness."""
+    diffuse_transmission_texture: int | None
+    """Its alpha multiplies diffuse_transmission."""
+    diffuse_transmission_color_texture: int | None
+    """Its RGB multiplies diffuse_transmission_color. In the infrared band it is its red channel, or nothing where ir_diffuse_transmission_color is given."""
+    anisotropy: float
+    """How far the GGX lobes of metal and layer are drawn out along one direction, as brushed metal's are (KHR_materials_anisotropy): alpha grows to mix(alpha, 1, anisotropy^2) along it and stays what it is across. Glass and clear coat stay round. A mesh without texture coordinates has no direction, and stays round too. [0..1]"""
+    anisotropy_rotation_rad: float
+    """Angle of that direction from growing u, counter-clockwise, so that a quarter turn is against growing v. [in rad]"""
+    anisotropy_texture: int | None
+    """Its red and green channels are the x and y of a direction, from -1 to 1, which anisotropy_rotation_rad turns; its blue channel multiplies anisotropy."""
+    sheen_color: tuple[float, float, float]
+    """Colour of a lobe of fibres over all of the surface that is not transmission (KHR_materials_sheen): velvet, wool, dust. What lies below is dimmed by the larger of the lobe's two albedos, towards the eye and towards the light; a clear coat lies over it. [0..1]"""
+    sheen_roughness: float
+    """Roughness of the fibres' directions; values below 0.07 are taken as 0.07. [0..1]"""
+    ir_sheen_color: float
+    """The same as sheen_color, in the infrared band. [0..1; 0 means the red of sheen_color]"""
+    sheen_color_texture: int | None
+    """Its RGB multiplies sheen_color. In the infrared band it is its red channel, or nothing where ir_sheen_color is given."""
+    sheen_roughness_texture: int | None
+    """Its alpha multiplies sheen_roughness."""
+    iridescence: float
+    """Share of the surface that wears a thin film, in which light interferes (KHR_materials_iridescence): soap, oil, tempered steel. It changes what metal, layer and glass reflect, in the infrared band by its light of 850 nm. [0..1]"""
+    iridescence_ior: float
+    """Index of refraction of the film. [>= 1; 0 means 1.3; 1.3 by default]"""
+    iridescence_thickness_nm: float
+    """Thickness of the film, or where iridescence_thickness_texture is 1. [0..100000 nm; 400 by default]"""
+    iridescence_least_thickness_nm: float
+    """Thickness of the film where iridescence_thickness_texture is 0. [0..100000 nm; 100 by default]"""
+    iridescence_texture: int | None
+    """Its red channel multiplies iridescence."""
+    iridescence_thickness_texture: int | None
+    """Its green channel goes from iridescence_least_thickness_nm to iridescence_thickness_nm."""
+    dispersion: float
+    """20 over Abbe's number of smooth glass that bounds a body (KHR_materials_dispersion): how far its colours part. ior is that of light of 587.6 nm; the others follow by Cauchy's law for 611.4, 549.1 and 464.3 nm, the wavelengths of the primaries' hues, and in the infrared band, unless ir_ior is given, for 850 nm. Rough glass, sheets and shadow rays take ior for all colours. [>= 0]"""
     def __init__(self, **fields: Any) -> None: ...
 
 class Light:

@@ -52,6 +52,25 @@ inline void bind_fields(py::class_<Material>& type) {
   scalar(type, "diffuse_transmission", &S::diffuse_transmission, "Share of the diffuse base whose light leaves on the other side of the surface, evenly in all directions (KHR_materials_diffuse_transmission): paper, leaves, lampshades. Both sides wear the dielectric layer. Unless the material is thin_walled, the other side is the inside of a body, which absorbs as attenuation_color says, but for the light of lamps that stand in it.");
   vector(type, "diffuse_transmission_color", &S::diffuse_transmission_color, "Colour of diffuse_transmission; base_color does not tint it.");
   scalar(type, "ir_diffuse_transmission_color", &S::ir_diffuse_transmission_color, "The same as diffuse_transmission_color, in the infrared band.");
+  maybe_plus_1(type, "clearcoat_texture", &S::clearcoat_texture, "Its red channel multiplies clearcoat.");
+  maybe_plus_1(type, "clearcoat_roughness_texture", &S::clearcoat_roughness_texture, "Its green channel multiplies clearcoat_roughness.");
+  maybe_plus_1(type, "diffuse_transmission_texture", &S::diffuse_transmission_texture, "Its alpha multiplies diffuse_transmission.");
+  maybe_plus_1(type, "diffuse_transmission_color_texture", &S::diffuse_transmission_color_texture, "Its RGB multiplies diffuse_transmission_color. In the infrared band it is its red channel, or nothing where ir_diffuse_transmission_color is given.");
+  scalar(type, "anisotropy", &S::anisotropy, "How far the GGX lobes of metal and layer are drawn out along one direction, as brushed metal's are (KHR_materials_anisotropy): alpha grows to mix(alpha, 1, anisotropy^2) along it and stays what it is across. Glass and clear coat stay round. A mesh without texture coordinates has no direction, and stays round too.");
+  scalar(type, "anisotropy_rotation_rad", &S::anisotropy_rotation_rad, "Angle of that direction from growing u, counter-clockwise, so that a quarter turn is against growing v. In rad.");
+  maybe_plus_1(type, "anisotropy_texture", &S::anisotropy_texture, "Its red and green channels are the x and y of a direction, from -1 to 1, which anisotropy_rotation_rad turns; its blue channel multiplies anisotropy.");
+  vector(type, "sheen_color", &S::sheen_color, "Colour of a lobe of fibres over all of the surface that is not transmission (KHR_materials_sheen): velvet, wool, dust. What lies below is dimmed by the larger of the lobe's two albedos, towards the eye and towards the light; a clear coat lies over it.");
+  scalar(type, "sheen_roughness", &S::sheen_roughness, "Roughness of the fibres' directions; values below 0.07 are taken as 0.07.");
+  scalar(type, "ir_sheen_color", &S::ir_sheen_color, "The same as sheen_color, in the infrared band.");
+  maybe_plus_1(type, "sheen_color_texture", &S::sheen_color_texture, "Its RGB multiplies sheen_color. In the infrared band it is its red channel, or nothing where ir_sheen_color is given.");
+  maybe_plus_1(type, "sheen_roughness_texture", &S::sheen_roughness_texture, "Its alpha multiplies sheen_roughness.");
+  scalar(type, "iridescence", &S::iridescence, "Share of the surface that wears a thin film, in which light interferes (KHR_materials_iridescence): soap, oil, tempered steel. It changes what metal, layer and glass reflect, in the infrared band by its light of 850 nm.");
+  scalar(type, "iridescence_ior", &S::iridescence_ior, "Index of refraction of the film.");
+  scalar(type, "iridescence_thickness_nm", &S::iridescence_thickness_nm, "Thickness of the film, or where iridescence_thickness_texture is 1. In nm.");
+  scalar(type, "iridescence_least_thickness_nm", &S::iridescence_least_thickness_nm, "Thickness of the film where iridescence_thickness_texture is 0. In nm.");
+  maybe_plus_1(type, "iridescence_texture", &S::iridescence_texture, "Its red channel multiplies iridescence.");
+  maybe_plus_1(type, "iridescence_thickness_texture", &S::iridescence_thickness_texture, "Its green channel goes from iridescence_least_thickness_nm to iridescence_thickness_nm.");
+  scalar(type, "dispersion", &S::dispersion, "20 over Abbe's number of smooth glass that bounds a body (KHR_materials_dispersion): how far its colours part. ior is that of light of 587.6 nm; the others follow by Cauchy's law for 611.4, 549.1 and 464.3 nm, the wavelengths of the primaries' hues, and in the infrared band, unless ir_ior is given, for 850 nm. Rough glass, sheets and shadow rays take ior for all colours.");
 }
 
 inline void bind_fields(py::class_<Film>& type) {

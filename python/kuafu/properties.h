@@ -53,6 +53,14 @@ void maybe(py::class_<Record>& type, const char* name, uint32_t Desc::*member, c
       [member](Record& r, std::optional<uint32_t> value) { r.c.*member = value.value_or(KUAFU_NONE); }, doc);
 }
 
+/// 1 + an id, or 0 in C; an id, or None in Python.
+template <class Record, class Desc>
+void maybe_plus_1(py::class_<Record>& type, const char* name, uint32_t Desc::*member, const char* doc) {
+  type.def_property(
+      name, [member](const Record& r) { return r.c.*member == 0 ? std::optional<uint32_t>() : r.c.*member - 1; },
+      [member](Record& r, std::optional<uint32_t> value) { r.c.*member = value.value_or(KUAFU_NONE) + 1; }, doc);
+}
+
 /// 0 and 1 in C, a bool in Python.
 template <class Record, class Desc>
 void flag(py::class_<Record>& type, const char* name, uint32_t Desc::*member, const char* doc) {

@@ -38,10 +38,10 @@ extern "C" {
 #define KUAFU_ALPHA_BLEND 2u
 
 /* A surface's material, by glTF 2.0's model: a GGX microfacet layer (alpha is the square of roughness),
- * metallic-roughness, and KHR_materials_ior, specular, transmission, volume, clearcoat and diffuse_transmission. Energy
- * is conserved at every roughness. Transmission without a thicknessFactor is read as thin_walled, as
- * KHR_materials_volume defines it. Fields that glTF has no words for are read from a material's extras, under the names
- * that they have here; a texture there is written {"index": n}. */
+ * metallic-roughness, and KHR_materials_ior, specular, transmission, volume, clearcoat, diffuse_transmission,
+ * anisotropy, sheen, iridescence and dispersion. Energy is conserved at every roughness. Transmission without a
+ * thicknessFactor is read as thin_walled, as KHR_materials_volume defines it. Fields that glTF has no words for are
+ * read from a material's extras, under the names that they have here; a texture there is written {"index": n}. */
 typedef struct kuafu_material_desc {
   ks_header header;
   /* Name that kuafu_scene_material_name returns; NULL is no name. */
@@ -147,8 +147,56 @@ typedef struct kuafu_material_desc {
   float diffuse_transmission_color[3];
   /* The same as diffuse_transmission_color, in the infrared band. [0..1; 0 means the red of diffuse_transmission_color] */
   float ir_diffuse_transmission_color;
-  /* Must be 0. */
-  uint32_t reserved;
+  /* Its red channel multiplies clearcoat. [1 + a texture's id; 0 is none] */
+  uint32_t clearcoat_texture;
+  /* Its green channel multiplies clearcoat_roughness. [1 + a texture's id; 0 is none] */
+  uint32_t clearcoat_roughness_texture;
+  /* Its alpha multiplies diffuse_transmission. [1 + a texture's id; 0 is none] */
+  uint32_t diffuse_transmission_texture;
+  /* Its RGB multiplies diffuse_transmission_color. In the infrared band it is its red channel, or nothing where
+   * ir_diffuse_transmission_color is given. [1 + a texture's id; 0 is none] */
+  uint32_t diffuse_transmission_color_texture;
+  /* How far the GGX lobes of metal and layer are drawn out along one direction, as brushed metal's are
+   * (KHR_materials_anisotropy): alpha grows to mix(alpha, 1, anisotropy^2) along it and stays what it is across. Glass
+   * and clear coat stay round. A mesh without texture coordinates has no direction, and stays round too. [0..1] */
+  float anisotropy;
+  /* Angle of that direction from growing u, counter-clockwise, so that a quarter turn is against growing v. [in rad] */
+  float anisotropy_rotation_rad;
+  /* Its red and green channels are the x and y of a direction, from -1 to 1, which anisotropy_rotation_rad turns; its
+   * blue channel multiplies anisotropy. [1 + a texture's id; 0 is none] */
+  uint32_t anisotropy_texture;
+  /* Colour of a lobe of fibres over all of the surface that is not transmission (KHR_materials_sheen): velvet, wool,
+   * dust. What lies below is dimmed by the larger of the lobe's two albedos, towards the eye and towards the light; a
+   * clear coat lies over it. [0..1] */
+  float sheen_color[3];
+  /* Roughness of the fibres' directions; values below 0.07 are taken as 0.07. [0..1] */
+  float sheen_roughness;
+  /* The same as sheen_color, in the infrared band. [0..1; 0 means the red of sheen_color] */
+  float ir_sheen_color;
+  /* Its RGB multiplies sheen_color. In the infrared band it is its red channel, or nothing where ir_sheen_color is
+   * given. [1 + a texture's id; 0 is none] */
+  uint32_t sheen_color_texture;
+  /* Its alpha multiplies sheen_roughness. [1 + a texture's id; 0 is none] */
+  uint32_t sheen_roughness_texture;
+  /* Share of the surface that wears a thin film, in which light interferes (KHR_materials_iridescence): soap, oil,
+   * tempered steel. It changes what metal, layer and glass reflect, in the infrared band by its light of 850 nm. [0..1] */
+  float iridescence;
+  /* Index of refraction of the film. [>= 1; 0 means 1.3; 1.3 by default] */
+  float iridescence_ior;
+  /* Thickness of the film, or where iridescence_thickness_texture is 1. [0..100000 nm; 400 by default] */
+  float iridescence_thickness_nm;
+  /* Thickness of the film where iridescence_thickness_texture is 0. [0..100000 nm; 100 by default] */
+  float iridescence_least_thickness_nm;
+  /* Its red channel multiplies iridescence. [1 + a texture's id; 0 is none] */
+  uint32_t iridescence_texture;
+  /* Its green channel goes from iridescence_least_thickness_nm to iridescence_thickness_nm. [1 + a texture's id; 0 is
+   * none] */
+  uint32_t iridescence_thickness_texture;
+  /* 20 over Abbe's number of smooth glass that bounds a body (KHR_materials_dispersion): how far its colours part. ior
+   * is that of light of 587.6 nm; the others follow by Cauchy's law for 611.4, 549.1 and 464.3 nm, the wavelengths of
+   * the primaries' hues, and in the infrared band, unless ir_ior is given, for 850 nm. Rough glass, sheets and shadow
+   * rays take ior for all colours. [>= 0] */
+  float dispersion;
 } kuafu_material_desc;
 static inline kuafu_material_desc kuafu_material_desc_init(void) {
   kuafu_material_desc s;
@@ -191,6 +239,9 @@ static inline kuafu_material_desc kuafu_material_desc_init(void) {
   s.diffuse_transmission_color[0] = 1.0f;
   s.diffuse_transmission_color[1] = 1.0f;
   s.diffuse_transmission_color[2] = 1.0f;
+  s.iridescence_ior = 1.3f;
+  s.iridescence_thickness_nm = 400.0f;
+  s.iridescence_least_thickness_nm = 100.0f;
   return s;
 }
 

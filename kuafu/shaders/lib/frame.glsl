@@ -15,6 +15,12 @@ Frame frame_around(vec3 n) {
   return Frame(vec3(1.0f + s * n.x * n.x * a, s * b, -s * n.x), vec3(b, s + n.y * n.y * a, -n.y), n);
 }
 
+/// Whose tangent lies along t, which is not the normal's direction.
+Frame frame_along(vec3 n, vec3 t) {
+  vec3 tangent = normalize(t - n * dot(t, n));
+  return Frame(tangent, cross(n, tangent), n);
+}
+
 vec3 to_local(Frame f, vec3 w) { return vec3(dot(f.tangent, w), dot(f.bitangent, w), dot(f.normal, w)); }
 vec3 to_world(Frame f, vec3 v) { return f.tangent * v.x + f.bitangent * v.y + f.normal * v.z; }
 

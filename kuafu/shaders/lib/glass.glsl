@@ -7,6 +7,7 @@
 #ifndef KUAFU_GLASS_GLSL
 #define KUAFU_GLASS_GLSL
 #include "lib/albedo_table.glsl"
+#include "lib/film.glsl"
 #include "lib/material.glsl"
 #include "lib/microfacet.glsl"
 
@@ -33,6 +34,9 @@ struct Glass {
   vec2 rest_scale;   // 1 / mean of what several facets give, on the viewer's side and beyond
   float forward;     // how much that is turned forwards: 0 evenly, 1 all of it where both directions graze
   AlbedoRows rows;
+  Film film;
+  float dispersion;  // of smooth glass that bounds a body, and
+  Spectrum carries;  // MaterialPoint.carries
 };
 
 struct GlassSample {
@@ -46,10 +50,10 @@ bool is_thin(IN(Glass) g) { return (features & feature_materials) != 0u && g.thi
 float glass_alpha(IN(MaterialPoint) m) { return m.ior < 1.001f ? 0.0f : m.transmission_roughness * m.transmission_roughness; }
 
 /// Both faces of a sheet that reflect `r` each, with all reflections between them; light is tinted each time it crosses the sheet.
-Faces sheet(float r, Spectrum tint) {
+Faces sheet(Spectrum r, Spectrum tint) {
   Faces f;
-  f.through = tint * ((1.0f - r) * (1.0f - r)) / max(Spectrum(1.0f) - tint * tint * (r * r), Spectrum(1e-12f));
-  f.reflected = Spectrum(r) + f.through * tint * r;
+  f.through = tint * ((Spectrum(1.0f) - r) * (Spectrum(1.0f) - r)) / max(Spectrum(1.0f) - tint * tint * (r * r), Spectrum(1e-12f));
+  f.reflected = r + f.through * tint * r;
   float reflected = max_component(f.reflected), sum = reflected + max_component(f.through);
   f.chance = sum > 0.0f ? reflected / sum : 0.0f;
   return f;
@@ -60,14 +64,30 @@ float glass_reflectance(IN(Glass) g, float cosine, OUT(float) cos_t) {
   return cos_t > 0.0f ? reflectance * g.specular : reflectance;
 }
 
+Film film_of(float weight, float ior, float thickness_nm) { return Film(thickness_nm > 0.0f ? weight : 0.0f, ior, thickness_nm); }
+
+/// A reflectance, without a film, with what the film makes of it; `outside`: the cosine on the side of the smaller index.
+Spectrum under_film(IN(Film) f, float eta, float specular, float reflectance, float outside) {
+  if (!wears_film(f)) return Spectrum(reflectance);
+  float root = (1.0f - eta) / (1.0f + eta);
+  return Spectrum(reflectance * (1.0f - f.weight)) + film_reflectance(f, Spectrum(root * root), outside) * (f.weight * specular);
+}
+
+/// glass_reflectance with the film.
+Spectrum filmed_reflectance(IN(Glass) g, float cosine, OUT(float) cos_t) {
+  float reflectance = glass_reflectance(g, cosine, cos_t);
+  if (cos_t == 0.0f) return Spectrum(reflectance);
+  return under_film(g.film, g.eta, g.specular, reflectance, g.eta > 1.0f ? cos_t : cosine);
+}
+
 /// At a facet that light meets at this cosine. Energies: radiance that goes through changes by eta squared besides (Veach 1997, 5.2).
 Faces faces_at(IN(Glass) g, float cosine, OUT(float) cos_t) {
-  float r = glass_reflectance(g, min(cosine, 1.0f), cos_t);
+  Spectrum r = filmed_reflectance(g, min(cosine, 1.0f), cos_t);
   if (g.thin) return sheet(r, g.tint);
   Faces f;
-  f.reflected = Spectrum(r);
-  f.through = g.tint * (1.0f - r);
-  f.chance = r;
+  f.reflected = r;
+  f.through = g.tint * (Spectrum(1.0f) - r);
+  f.chance = wears_film(g.film) ? mean_component(r) : channel_of(r, 0u);
   return f;
 }
 
@@ -98,7 +118,7 @@ float mean_reflectance(IN(Glass) g) {
 
 void set_several_of_sheet(INOUT(Glass) g, Vec2Array table) {
   float mean = lobe_mean(table, g.roughness);
-  g.several = sheet(mean_reflectance(g), g.tint);
+  g.several = sheet(Spectrum(mean_reflectance(g)), g.tint);
   Spectrum left = g.several.reflected + g.several.through;  // after each facet
   Spectrum scale = left * mean / (Spectrum(1.0f) - left * (1.0f - mean));
   g.several.reflected *= scale;
@@ -126,7 +146,8 @@ void set_several_of_body(INOUT(Glass) g, Vec2Array table) {
 
 Glass make_glass(IN(MaterialPoint) m, Vec2Array table, float cos_o, bool front) {
   Glass g = Glass((1.0f - m.metallic) * m.transmission, 0.0f, front ? 1.0f / m.ior : m.ior, m.specular, m.base, false, 0.0f, 0.0f,
-                  Faces(Spectrum(0.0f), Spectrum(0.0f), 0.0f), vec2(0.0f), vec2(0.0f), vec2(0.0f), 0.0f, AlbedoRows(0, 0, 0.0f, 0.0f));
+                  Faces(Spectrum(0.0f), Spectrum(0.0f), 0.0f), vec2(0.0f), vec2(0.0f), vec2(0.0f), 0.0f, AlbedoRows(0, 0, 0.0f, 0.0f),
+                  film_of(m.iridescence, m.iridescence_ior, m.film_nm), m.dispersion, m.carries);
   if ((features & feature_materials) == 0u) return g;
   g.alpha = glass_alpha(m);
   g.thin = m.thin_walled;
@@ -238,7 +259,9 @@ Spectrum straight_transmittance(IN(MaterialPoint) m, float cosine) {
   if (glass_alpha(m) >= mirror_alpha) return Spectrum(0.0f);
   float cos_t;
   float reflectance = fresnel_dielectric(cosine, 1.0f / m.ior, cos_t) * m.specular, share = (1.0f - m.metallic) * m.transmission;
-  if (is_sheet(m)) return sheet(reflectance, m.base).through * share;
-  return m.base * (share * (1.0f - reflectance));
+  Film film = film_of(m.iridescence, m.iridescence_ior, m.film_nm);
+  if (!is_sheet(m) && !wears_film(film)) return m.base * (share * (1.0f - reflectance));
+  Spectrum filmed = under_film(film, 1.0f / m.ior, m.specular, reflectance, cosine);
+  return is_sheet(m) ? sheet(filmed, m.base).through * share : m.base * (Spectrum(1.0f) - filmed) * share;
 }
 #endif

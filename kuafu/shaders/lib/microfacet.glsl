@@ -44,6 +44,31 @@ vec3 sample_visible_normal(vec3 wo, float alpha, vec2 u) {
   return normalize(vec3(xy(h) * alpha, max(h.z, 1e-7f)));
 }
 
+/// The same lobe drawn out along the frame's axes: alphas of x and y (Heitz 2014; Burley, "Physically Based Shading at Disney", 2012).
+float ggx_distribution_along(vec3 h, vec2 alphas) {
+  vec3 m = vec3(h.x / alphas.x, h.y / alphas.y, h.z);
+  float d = dot(m, m);
+  return 1.0f / (pi * alphas.x * alphas.y * d * d);
+}
+
+float smith_root_along(vec3 w, vec2 alphas) { return length(vec3(w.x * alphas.x, w.y * alphas.y, w.z)); }
+
+float ggx_visibility_along(vec3 wo, vec3 wi, vec2 alphas) {
+  return 0.5f / (wi.z * smith_root_along(wo, alphas) + wo.z * smith_root_along(wi, alphas));
+}
+
+float ggx_reflection_pdf_along(vec3 wo, vec3 h, vec2 alphas) {
+  return ggx_distribution_along(h, alphas) * 0.5f / (wo.z + smith_root_along(wo, alphas));
+}
+
+vec3 sample_visible_normal_along(vec3 wo, vec2 alphas, vec2 u) {
+  vec3 w = normalize(vec3(wo.x * alphas.x, wo.y * alphas.y, wo.z));
+  float z = (1.0f - u.y) * (1.0f + w.z) - w.z;
+  float s = sqrt(clamp(1.0f - z * z, 0.0f, 1.0f));
+  vec3 h = vec3(s * unit_circle(u.x), z) + w;
+  return normalize(vec3(h.x * alphas.x, h.y * alphas.y, max(h.z, 1e-7f)));
+}
+
 float schlick_weight(float cosine) {
   float m = clamp(1.0f - cosine, 0.0f, 1.0f);
   float m2 = m * m;

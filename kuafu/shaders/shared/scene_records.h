@@ -58,6 +58,15 @@ struct MaterialRecord {
   float clearcoat, clearcoat_roughness;
   float diffuse_transmission;
   vec3 diffuse_transmission_color;
+  uint clearcoat_texture, clearcoat_roughness_texture, diffuse_transmission_texture, diffuse_transmission_color_texture;
+  float anisotropy, anisotropy_cos, anisotropy_sin;  // of the angle from growing u
+  uint anisotropy_texture;
+  vec3 sheen_color;
+  float sheen_roughness;
+  uint sheen_color_texture, sheen_roughness_texture;
+  float iridescence, iridescence_ior, iridescence_thickness_nm, iridescence_least_thickness_nm;
+  uint iridescence_texture, iridescence_thickness_texture;
+  float dispersion;
 };
 KUAFU_ARRAY(MaterialArray, MaterialRecord, 4)
 
@@ -155,7 +164,11 @@ KUAFU_CONST specular_albedo_size = 32u;  // cosines and roughnesses of metal's t
 KUAFU_CONST layer_albedo_size = 16u;     // indices and roughnesses of the layer's
 KUAFU_CONST layer_albedo_first = 32u * 33u;
 KUAFU_CONST specular_albedo_entries = 32u * 33u + 16u * 16u * 32u;
-KUAFU_CONST glass_albedo_first = 32u * 33u + 16u * 16u * 32u;  // where a scene has rough glass
+KUAFU_CONST sheen_albedo_first = 32u * 33u + 16u * 16u * 32u;  // filled where a scene has sheen
+KUAFU_CONST sheen_albedo_roughnesses = 16u;
+KUAFU_CONST sheen_albedo_entries = 16u * 32u;
+KUAFU_CONST sheen_least_percent = 7u;  // the least roughness of sheen that is told apart
+KUAFU_CONST glass_albedo_first = 32u * 33u + 16u * 16u * 32u + 16u * 32u;  // where a scene has rough glass
 KUAFU_CONST glass_albedo_indices = 20u;
 KUAFU_CONST glass_albedo_roughnesses = 24u;
 KUAFU_CONST glass_albedo_cosines = 24u;
@@ -198,7 +211,7 @@ KUAFU_ARRAY(SceneReference, SceneAddresses, 8)
 
 #ifdef __cplusplus
 static_assert(sizeof(InstanceRecord) == 160);
-static_assert(sizeof(MaterialRecord) == 188);
+static_assert(sizeof(MaterialRecord) == 272);
 static_assert(sizeof(TextureRecord) == 48);
 static_assert(sizeof(LightRecord) == 104);
 static_assert(sizeof(LightShape) == 160);

@@ -155,6 +155,10 @@ KUAFU_CONST feature_camera = 1u << 5u;      // of `generate` and `aov`: generate
 KUAFU_CONST feature_lookups = 1u << 6u;     // textures with a lookup of their own (TextureRecord), second texture coordinates, vertex colours, normal_scale
 KUAFU_CONST feature_clearcoat = 1u << 8u;   // a clear coat over the surface
 KUAFU_CONST feature_diffuse_transmission = 1u << 9u;  // light that the diffuse base lets through
+KUAFU_CONST feature_anisotropy = 1u << 10u;           // lobes that are drawn out along a direction
+KUAFU_CONST feature_sheen = 1u << 11u;                // a lobe of fibres over the surface
+KUAFU_CONST feature_iridescence = 1u << 12u;          // thin films
+KUAFU_CONST feature_dispersion = 1u << 13u;           // glass that parts colours
 KUAFU_CONST feature_cutouts = 1u << 7u;     // of tracers: surfaces that are not everywhere there (alpha_mask, alpha_blend)
 
 struct GeneratePush {

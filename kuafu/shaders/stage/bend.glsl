@@ -165,6 +165,8 @@ bool refract_at(INOUT(Bend) b, INOUT(Ray) ray, IN(MetSurface) met, IN(Surface) s
   b.spread.direction_v = refracted_change(b.spread.direction_v, normal_change(field, b.spread.position_v) * flip, ray.direction, n, cos_i, cos_t, eta);
   // A pencil's solid angle is n^2 times what it would be in the open (Veach 1997, 5.2).
   b.gain *= m.base * ((1.0f - m.metallic) * m.transmission * (1.0f - reflectance) * eta * eta);
+  Film film = film_of(m.iridescence, m.iridescence_ior, m.film_nm);
+  if (wears_film(film)) b.gain *= (Spectrum(1.0f) - under_film(film, eta, m.specular, reflectance, front ? cos_i : cos_t)) / max(1.0f - reflectance, 1e-6f);
   if ((features & feature_materials) != 0u && !front) b.gain *= band_exp(m.attenuation * -met.t);
   if (push.has_medium != 0u && front) b.gain *= medium_transmittance(scene.medium.at[0], ray.origin, ray.direction, 0.0f, met.t);
   ray.direction = normalize(refracted(ray.direction, n, cos_i, cos_t, eta));

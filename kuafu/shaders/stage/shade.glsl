@@ -144,7 +144,7 @@ NextRequest scatter(INOUT(Shading) s) {
     float below = 1.0f - (s.vertex.chances.x + s.vertex.chances.y + s.vertex.chances.z);
     if (wears_clearcoat(s.vertex.bsdf.clearcoat)) below -= s.vertex.bsdf.clearcoat.chance;
     if (choice.x >= 1.0f - below && below > 0.0f) {
-      request = enter_body(s.path, s.vertex, s.vertex.bsdf.subsurface * (1.0f - s.vertex.bsdf.coat_albedo) / below);
+      request = enter_body(s.path, s.vertex, s.vertex.bsdf.subsurface * left_for_base(s.vertex.bsdf.coat_albedo, s.vertex.bsdf.sheen) / below);
       leave_first(s.path);
       return request;
     }

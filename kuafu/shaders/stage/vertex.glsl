@@ -58,8 +58,9 @@ Surface meet_surface(uint i, float time_s, OUT(Vertex) vertex) {
   vec3 normal = front ? s.shading_normal : -s.shading_normal;
   // An interpolated normal may face away from the viewer, where GGX is not defined: bend it back. Lambert needs no viewer.
   float facing = dot(normal, wo);
-  if (facing < 1e-3f && m.specular + m.metallic + m.clearcoat > 0.0f) normal = normalize(normal + (1e-3f - facing) * wo);
-  vertex.frame = frame_around(normal);
+  if (facing < 1e-3f && m.specular + m.metallic + m.clearcoat + max_component(m.sheen) > 0.0f) normal = normalize(normal + (1e-3f - facing) * wo);
+  if ((features & feature_anisotropy) != 0u && m.anisotropy > 0.0f) vertex.frame = frame_along(normal, m.tangent);
+  else vertex.frame = frame_around(normal);
   vertex.wo = to_local(vertex.frame, wo);
   vertex.material = m;
   vertex.front = front;
@@ -74,6 +75,7 @@ void load_vertex(uint i, INOUT(Path) path, OUT(Vertex) vertex) {
   float t = uintBitsToFloat(ray_field(i, ray_t_far));
   if (is_sheet(m)) vertex.body_beyond = path.body;
   if ((features & feature_materials) != 0u) path.throughput *= absorbed(path, m, vertex.front, t);
+  if ((features & feature_dispersion) != 0u) vertex.material.carries = path.throughput;
   if (max_component(m.emission) == 0.0f) return;
   IN(MaterialRecord) record = push.scene.at[0].materials.at[s.material];
   float weight = emission_weight(path, record, t, -dot(s.geometric_normal, load_direction(push.rays_in, i, push.capacity)));
@@ -81,12 +83,13 @@ void load_vertex(uint i, INOUT(Path) path, OUT(Vertex) vertex) {
 }
 
 void set_bsdf(INOUT(Vertex) vertex) {
-  vertex.bsdf = make_bsdf(vertex.material, push.scene.at[0].specular_albedo, vertex.wo.z, vertex.front);
+  vertex.bsdf = make_bsdf(vertex.material, push.scene.at[0].specular_albedo, vertex.wo, vertex.front);
   vertex.chances = lobe_chances(vertex.bsdf);
   if (!can_walk() || !vertex.from_below) return;
   // Seen through the layer by the light alone: what the layer keeps from the eye was taken where the path entered.
   vertex.bsdf.layer = vertex.bsdf.coat_albedo = 0.0f;
   vertex.bsdf.multiple = Spectrum(0.0f);
   vertex.bsdf.clearcoat.share = vertex.bsdf.clearcoat.chance = 0.0f;
+  vertex.bsdf.sheen.share = vertex.bsdf.sheen.taken = vertex.bsdf.sheen.chance = 0.0f;
   vertex.chances = vec3(1.0f, 0.0f, 0.0f);
 }

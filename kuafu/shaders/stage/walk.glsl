@@ -55,7 +55,7 @@ Vertex exit_vertex(IN(Surface) s, MaterialPoint m) {
   vertex.side_normal = s.geometric_normal;
   vertex.frame = frame_around(s.shading_normal);
   vertex.wo = vec3(0.0f, 0.0f, 1.0f);
-  m.metallic = m.transmission = m.transmission_roughness = m.diffuse_roughness = m.subsurface = m.diffuse_transmission = 0.0f;
+  m.metallic = m.transmission = m.transmission_roughness = m.diffuse_roughness = m.subsurface = m.diffuse_transmission = m.anisotropy = 0.0f;
   m.base = Spectrum(1.0f);
   vertex.material = m;
   vertex.front = vertex.from_below = true;

@@ -52,6 +52,25 @@ void copy_fields(const kuafu_material_desc& s, MaterialFields& out) {
   out.diffuse_transmission = s.diffuse_transmission;
   for (int i = 0; i < 3; ++i) out.diffuse_transmission_color[i] = s.diffuse_transmission_color[i];
   out.ir_diffuse_transmission_color = s.ir_diffuse_transmission_color;
+  out.clearcoat_texture = s.clearcoat_texture - 1u;
+  out.clearcoat_roughness_texture = s.clearcoat_roughness_texture - 1u;
+  out.diffuse_transmission_texture = s.diffuse_transmission_texture - 1u;
+  out.diffuse_transmission_color_texture = s.diffuse_transmission_color_texture - 1u;
+  out.anisotropy = s.anisotropy;
+  out.anisotropy_rotation_rad = s.anisotropy_rotation_rad;
+  out.anisotropy_texture = s.anisotropy_texture - 1u;
+  for (int i = 0; i < 3; ++i) out.sheen_color[i] = s.sheen_color[i];
+  out.sheen_roughness = s.sheen_roughness;
+  out.ir_sheen_color = s.ir_sheen_color;
+  out.sheen_color_texture = s.sheen_color_texture - 1u;
+  out.sheen_roughness_texture = s.sheen_roughness_texture - 1u;
+  out.iridescence = s.iridescence;
+  out.iridescence_ior = s.iridescence_ior;
+  out.iridescence_thickness_nm = s.iridescence_thickness_nm;
+  out.iridescence_least_thickness_nm = s.iridescence_least_thickness_nm;
+  out.iridescence_texture = s.iridescence_texture - 1u;
+  out.iridescence_thickness_texture = s.iridescence_thickness_texture - 1u;
+  out.dispersion = s.dispersion;
 }
 
 void copy_fields(const MaterialFields& s, kuafu_material_desc& out) {
@@ -98,6 +117,25 @@ void copy_fields(const MaterialFields& s, kuafu_material_desc& out) {
   out.diffuse_transmission = s.diffuse_transmission;
   for (int i = 0; i < 3; ++i) out.diffuse_transmission_color[i] = s.diffuse_transmission_color[i];
   out.ir_diffuse_transmission_color = s.ir_diffuse_transmission_color;
+  out.clearcoat_texture = s.clearcoat_texture + 1u;
+  out.clearcoat_roughness_texture = s.clearcoat_roughness_texture + 1u;
+  out.diffuse_transmission_texture = s.diffuse_transmission_texture + 1u;
+  out.diffuse_transmission_color_texture = s.diffuse_transmission_color_texture + 1u;
+  out.anisotropy = s.anisotropy;
+  out.anisotropy_rotation_rad = s.anisotropy_rotation_rad;
+  out.anisotropy_texture = s.anisotropy_texture + 1u;
+  for (int i = 0; i < 3; ++i) out.sheen_color[i] = s.sheen_color[i];
+  out.sheen_roughness = s.sheen_roughness;
+  out.ir_sheen_color = s.ir_sheen_color;
+  out.sheen_color_texture = s.sheen_color_texture + 1u;
+  out.sheen_roughness_texture = s.sheen_roughness_texture + 1u;
+  out.iridescence = s.iridescence;
+  out.iridescence_ior = s.iridescence_ior;
+  out.iridescence_thickness_nm = s.iridescence_thickness_nm;
+  out.iridescence_least_thickness_nm = s.iridescence_least_thickness_nm;
+  out.iridescence_texture = s.iridescence_texture + 1u;
+  out.iridescence_thickness_texture = s.iridescence_thickness_texture + 1u;
+  out.dispersion = s.dispersion;
 }
 
 void copy_fields(const kuafu_film_desc& s, FilmFields& out) {

@@ -60,9 +60,27 @@ struct StructInfo<kuafu_material_desc> {
       KS_FIELD_END(kuafu_material_desc, diffuse_transmission),
       KS_FIELD_END(kuafu_material_desc, diffuse_transmission_color),
       KS_FIELD_END(kuafu_material_desc, ir_diffuse_transmission_color),
-      KS_FIELD_END(kuafu_material_desc, reserved),
+      KS_FIELD_END(kuafu_material_desc, clearcoat_texture),
+      KS_FIELD_END(kuafu_material_desc, clearcoat_roughness_texture),
+      KS_FIELD_END(kuafu_material_desc, diffuse_transmission_texture),
+      KS_FIELD_END(kuafu_material_desc, diffuse_transmission_color_texture),
+      KS_FIELD_END(kuafu_material_desc, anisotropy),
+      KS_FIELD_END(kuafu_material_desc, anisotropy_rotation_rad),
+      KS_FIELD_END(kuafu_material_desc, anisotropy_texture),
+      KS_FIELD_END(kuafu_material_desc, sheen_color),
+      KS_FIELD_END(kuafu_material_desc, sheen_roughness),
+      KS_FIELD_END(kuafu_material_desc, ir_sheen_color),
+      KS_FIELD_END(kuafu_material_desc, sheen_color_texture),
+      KS_FIELD_END(kuafu_material_desc, sheen_roughness_texture),
+      KS_FIELD_END(kuafu_material_desc, iridescence),
+      KS_FIELD_END(kuafu_material_desc, iridescence_ior),
+      KS_FIELD_END(kuafu_material_desc, iridescence_thickness_nm),
+      KS_FIELD_END(kuafu_material_desc, iridescence_least_thickness_nm),
+      KS_FIELD_END(kuafu_material_desc, iridescence_texture),
+      KS_FIELD_END(kuafu_material_desc, iridescence_thickness_texture),
+      KS_FIELD_END(kuafu_material_desc, dispersion),
   };
-  static constexpr std::array<ReservedBytes, 1> reserved = {{{offsetof(kuafu_material_desc, reserved), sizeof(kuafu_material_desc::reserved)}}};
+  static constexpr std::array<ReservedBytes, 0> reserved = {};
   static kuafu_material_desc neutral() {
     kuafu_material_desc s{};
     s.header = ks_header_make(KUAFU_TYPE_MATERIAL_DESC, sizeof s);

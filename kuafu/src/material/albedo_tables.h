@@ -29,4 +29,11 @@ double layer_fresnel_mean(double ior);
 /// (ior - 1) / (ior + 1). Takes some 100 ms of work: for scenes that have rough glass.
 std::vector<glm::vec2> glass_albedo_table(ks::ThreadPool& workers);
 
+/// Sheen: [roughness][root of the cosine], sheen_albedo_roughnesses from the least to 1 and specular_albedo_size: the albedo of white
+/// fibres as x, that of the next root as y. Takes some 10 ms of work: for scenes that have sheen.
+std::vector<glm::vec2> sheen_albedo_table(ks::ThreadPool& workers);
+
+/// All of them as shaders read them: the first, then sheen's, or zeros, then glass's where it is asked for.
+std::vector<glm::vec2> albedo_tables(ks::ThreadPool& workers, bool sheen, bool frosted);
+
 }  // namespace kuafu

@@ -27,6 +27,26 @@ void set_subsurface(MaterialRecord& r, const Material& m) {
   }
 }
 
+/// (n - 1) / (ior - 1) - 1 at 850 nm for a dispersion of 1: Cauchy's law, as lib/dispersion.glsl has it for the visible band.
+constexpr float cauchy_part_850 = -0.0396032f;
+
+void set_lobes(MaterialRecord& r, const Material& m) {
+  r.clearcoat = m.clearcoat;
+  r.clearcoat_roughness = m.clearcoat_roughness;
+  r.diffuse_transmission = m.diffuse_transmission;
+  r.diffuse_transmission_color = m.diffuse_transmission_color;
+  r.anisotropy = m.anisotropy;
+  r.anisotropy_cos = std::cos(m.anisotropy_rotation_rad);
+  r.anisotropy_sin = std::sin(m.anisotropy_rotation_rad);
+  r.sheen_color = m.sheen_color;
+  r.sheen_roughness = m.sheen_roughness;
+  r.iridescence = m.iridescence;
+  r.iridescence_ior = m.iridescence_ior == 0.0f ? 1.3f : m.iridescence_ior;
+  r.iridescence_thickness_nm = m.iridescence_thickness_nm;
+  r.iridescence_least_thickness_nm = m.iridescence_least_thickness_nm;
+  r.dispersion = m.dispersion;
+}
+
 void set_textures(MaterialRecord& r, const Material& m) {
   r.base_color_texture = m.base_color_texture;
   r.metallic_roughness_texture = m.metallic_roughness_texture;
@@ -35,6 +55,25 @@ void set_textures(MaterialRecord& r, const Material& m) {
   r.transmission_texture = m.transmission_texture;
   r.specular_texture = m.specular_texture;
   r.ior_texture = m.ior_texture;
+  r.clearcoat_texture = m.clearcoat_texture;
+  r.clearcoat_roughness_texture = m.clearcoat_roughness_texture;
+  r.diffuse_transmission_texture = m.diffuse_transmission_texture;
+  r.diffuse_transmission_color_texture = m.diffuse_transmission_color_texture;
+  r.anisotropy_texture = m.anisotropy_texture;
+  r.sheen_color_texture = m.sheen_color_texture;
+  r.sheen_roughness_texture = m.sheen_roughness_texture;
+  r.iridescence_texture = m.iridescence_texture;
+  r.iridescence_thickness_texture = m.iridescence_thickness_texture;
+}
+
+/// A colour that has its own in the infrared band, where that is not 0, and then no texture.
+void take_infrared(glm::vec3& color, uint32_t& texture, float infrared) {
+  if (infrared == 0.0f) {
+    color = glm::vec3(color.r);
+    return;
+  }
+  color = glm::vec3(infrared);
+  texture = none;
 }
 
 }  // namespace
@@ -47,10 +86,13 @@ Material in_band(const Material& material, const Band& band) {
   if (m.ir_albedo_texture != none || !std::isnan(m.ir_albedo)) m.base_color_texture = m.ir_albedo_texture;
   m.emission = band.color(m.emission, m.ir_emission);
   m.attenuation_color = band.color(m.attenuation_color, m.ir_attenuation_color);
-  if (m.ir_diffuse_transmission_color > 0.0f) m.diffuse_transmission_color = glm::vec3(m.ir_diffuse_transmission_color);
+  take_infrared(m.diffuse_transmission_color, m.diffuse_transmission_color_texture, m.ir_diffuse_transmission_color);
+  take_infrared(m.sheen_color, m.sheen_color_texture, m.ir_sheen_color);
   m.subsurface_color = band.color(m.subsurface_color, m.ir_subsurface_color);
   m.subsurface_radius_m = band.color(m.subsurface_radius_m, m.ir_subsurface_radius_m);
   m.roughness = band.number(m.roughness, m.ir_roughness);
+  if (m.dispersion > 0.0f) m.ior = std::max(1.0f + (m.ior - 1.0f) * (1.0f + m.dispersion * cauchy_part_850), 1.0f);
+  m.dispersion = 0.0f;
   m.ior = band.number(m.ior, m.ir_ior);
   m.transmission = band.number(m.transmission, m.ir_transmission);
   m.transmission_roughness = band.number(m.transmission_roughness, m.ir_transmission_roughness);
@@ -81,10 +123,7 @@ MaterialRecord material_record(const Material& material, uint32_t id, const Band
   r.alpha_texture = material.base_color_texture;
   r.colored = !band.infrared || (material.ir_albedo_texture == none && std::isnan(material.ir_albedo)) ? 1 : 0;
   r.normal_scale = m.normal_scale == 0.0f ? 1.0f : m.normal_scale;
-  r.clearcoat = m.clearcoat;
-  r.clearcoat_roughness = m.clearcoat_roughness;
-  r.diffuse_transmission = m.diffuse_transmission;
-  r.diffuse_transmission_color = m.diffuse_transmission_color;
+  set_lobes(r, m);
   set_subsurface(r, m);
   set_textures(r, m);
   return r;
@@ -98,8 +137,12 @@ uint32_t material_features(const Material& m) {
   return (special ? feature_materials : 0) | (scaled ? feature_lookups : 0) |
          (m.alpha_mode != Material::AlphaMode::opaque ? feature_cutouts | feature_lookups : 0) |
          (m.subsurface > 0.0f ? feature_subsurface : 0) | (m.clearcoat > 0.0f ? feature_clearcoat : 0) |
-         (m.diffuse_transmission > 0.0f ? feature_diffuse_transmission : 0);
+         (m.diffuse_transmission > 0.0f ? feature_diffuse_transmission : 0) | (m.anisotropy > 0.0f ? feature_anisotropy : 0) |
+         (has_sheen(m) ? feature_sheen : 0) | (m.iridescence > 0.0f ? feature_iridescence : 0) |
+         (m.dispersion > 0.0f && m.transmission > 0.0f ? feature_dispersion : 0);
 }
+
+bool has_sheen(const Material& m) { return m.sheen_color != glm::vec3(0); }
 
 bool is_smooth_glass(const Material& m) {
   constexpr float rough = 0.0317f;  // whose alpha is mirror_alpha (lib/glass.glsl)

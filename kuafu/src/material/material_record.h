@@ -23,6 +23,9 @@ bool bends_light(const Material& material);
 /// A body of rough glass: its albedos are to be in the table (material/albedo_tables.h).
 bool is_frosted(const Material& material);
 
+/// Sheen's albedos are to be in the table.
+bool has_sheen(const Material& material);
+
 /// What stands in where an instance names no material: grey and Lambertian.
 Material grey_default();
 

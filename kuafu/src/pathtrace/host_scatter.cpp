@@ -21,7 +21,7 @@ Bsdf bsdf_of(const BandLanes& lanes, uint l) {
   m.ior = lanes.ior[l];
   m.transmission = lanes.transmission[l];
   m.coat = lanes.coat[l];
-  return make_bsdf(m, lanes.table, lanes.wo[2][l], true);  // sides differ for glass alone, which is not sampled here
+  return make_bsdf(m, lanes.table, host::vector_of(lanes.wo, l), true);  // sides differ for glass alone, which is not sampled here
 }
 
 [[gnu::always_inline]] inline void evaluate_lanes(BandLanes& lanes) {
@@ -49,8 +49,7 @@ Bsdf bsdf_of(const BandLanes& lanes, uint l) {
     const Bsdf b = bsdf_of(lanes, l);
     const vec3 chances = lobe_chances(b);
     const bool lobe = lanes.choice[l] < chances.z + chances.y;
-    const BsdfSample s =
-        sample_opaque(b, lanes.table, host::vector_of(lanes.wo, l), chances, vec2(lanes.u[0][l], lanes.u[1][l]), lobe, b.alpha);
+    const BsdfSample s = sample_opaque(b, lanes.table, host::vector_of(lanes.wo, l), chances, vec2(lanes.u[0][l], lanes.u[1][l]), lobe);
     for (uint c = 0; c < channels; ++c) lanes.weight[c][l] = channel_of(s.weight, c);
     for (int i = 0; i < 3; ++i) lanes.direction[i][l] = s.direction[i];
     lanes.delta[l] = lanes.choice[l] < chances.z || (lobe && is_mirror(b)) ? 1u : 0u;

@@ -42,6 +42,16 @@ void check_fields(const MaterialFields& s, const std::string& owner) {
   ks::check_range({owner, "diffuse_transmission", ""}, s.diffuse_transmission, 0.0f, 1.0f);
   for (int i = 0; i < 3; ++i) ks::check_range({owner, "diffuse_transmission_color", ""}, s.diffuse_transmission_color[i], 0.0f, 1.0f);
   ks::check_range({owner, "ir_diffuse_transmission_color", ""}, s.ir_diffuse_transmission_color, 0.0f, 1.0f);
+  ks::check_range({owner, "anisotropy", ""}, s.anisotropy, 0.0f, 1.0f);
+  ks::check_range({owner, "anisotropy_rotation_rad", "rad"}, s.anisotropy_rotation_rad, -INFINITY, INFINITY);
+  for (int i = 0; i < 3; ++i) ks::check_range({owner, "sheen_color", ""}, s.sheen_color[i], 0.0f, 1.0f);
+  ks::check_range({owner, "sheen_roughness", ""}, s.sheen_roughness, 0.0f, 1.0f);
+  ks::check_range({owner, "ir_sheen_color", ""}, s.ir_sheen_color, 0.0f, 1.0f);
+  ks::check_range({owner, "iridescence", ""}, s.iridescence, 0.0f, 1.0f);
+  if (s.iridescence_ior != 0) ks::check_range({owner, "iridescence_ior", ""}, s.iridescence_ior, 1.0f, INFINITY);
+  ks::check_range({owner, "iridescence_thickness_nm", "nm"}, s.iridescence_thickness_nm, 0.0f, 100000.0f);
+  ks::check_range({owner, "iridescence_least_thickness_nm", "nm"}, s.iridescence_least_thickness_nm, 0.0f, 100000.0f);
+  ks::check_range({owner, "dispersion", ""}, s.dispersion, 0.0f, INFINITY);
 }
 
 void check_fields(const FilmFields& s, const std::string& owner) {

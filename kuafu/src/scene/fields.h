@@ -101,6 +101,44 @@ struct MaterialFields {
   glm::vec3 diffuse_transmission_color{1.0f, 1.0f, 1.0f};
   /// The same as diffuse_transmission_color, in the infrared band.
   float ir_diffuse_transmission_color = 0.0f;
+  /// Its red channel multiplies clearcoat.
+  uint32_t clearcoat_texture = 0xffffffffu;
+  /// Its green channel multiplies clearcoat_roughness.
+  uint32_t clearcoat_roughness_texture = 0xffffffffu;
+  /// Its alpha multiplies diffuse_transmission.
+  uint32_t diffuse_transmission_texture = 0xffffffffu;
+  /// Its RGB multiplies diffuse_transmission_color. In the infrared band it is its red channel, or nothing where ir_diffuse_transmission_color is given.
+  uint32_t diffuse_transmission_color_texture = 0xffffffffu;
+  /// How far the GGX lobes of metal and layer are drawn out along one direction, as brushed metal's are (KHR_materials_anisotropy): alpha grows to mix(alpha, 1, anisotropy^2) along it and stays what it is across. Glass and clear coat stay round. A mesh without texture coordinates has no direction, and stays round too.
+  float anisotropy = 0.0f;
+  /// Angle of that direction from growing u, counter-clockwise, so that a quarter turn is against growing v.
+  float anisotropy_rotation_rad = 0.0f;
+  /// Its red and green channels are the x and y of a direction, from -1 to 1, which anisotropy_rotation_rad turns; its blue channel multiplies anisotropy.
+  uint32_t anisotropy_texture = 0xffffffffu;
+  /// Colour of a lobe of fibres over all of the surface that is not transmission (KHR_materials_sheen): velvet, wool, dust. What lies below is dimmed by the larger of the lobe's two albedos, towards the eye and towards the light; a clear coat lies over it.
+  glm::vec3 sheen_color{0.0f, 0.0f, 0.0f};
+  /// Roughness of the fibres' directions; values below 0.07 are taken as 0.07.
+  float sheen_roughness = 0.0f;
+  /// The same as sheen_color, in the infrared band.
+  float ir_sheen_color = 0.0f;
+  /// Its RGB multiplies sheen_color. In the infrared band it is its red channel, or nothing where ir_sheen_color is given.
+  uint32_t sheen_color_texture = 0xffffffffu;
+  /// Its alpha multiplies sheen_roughness.
+  uint32_t sheen_roughness_texture = 0xffffffffu;
+  /// Share of the surface that wears a thin film, in which light interferes (KHR_materials_iridescence): soap, oil, tempered steel. It changes what metal, layer and glass reflect, in the infrared band by its light of 850 nm.
+  float iridescence = 0.0f;
+  /// Index of refraction of the film.
+  float iridescence_ior = 1.3f;
+  /// Thickness of the film, or where iridescence_thickness_texture is 1.
+  float iridescence_thickness_nm = 400.0f;
+  /// Thickness of the film where iridescence_thickness_texture is 0.
+  float iridescence_least_thickness_nm = 100.0f;
+  /// Its red channel multiplies iridescence.
+  uint32_t iridescence_texture = 0xffffffffu;
+  /// Its green channel goes from iridescence_least_thickness_nm to iridescence_thickness_nm.
+  uint32_t iridescence_thickness_texture = 0xffffffffu;
+  /// 20 over Abbe's number of smooth glass that bounds a body (KHR_materials_dispersion): how far its colours part. ior is that of light of 587.6 nm; the others follow by Cauchy's law for 611.4, 549.1 and 464.3 nm, the wavelengths of the primaries' hues, and in the infrared band, unless ir_ior is given, for 850 nm. Rough glass, sheets and shadow rays take ior for all colours.
+  float dispersion = 0.0f;
 };
 
 struct FilmFields {
@@ -217,14 +255,14 @@ void check_fields(const Texture& s, const std::string& owner);
 /// Pointers to the fields of a material that name textures.
 template <class M>
 auto texture_ids(M& m) {
-  return std::array{&m.base_color_texture, &m.metallic_roughness_texture, &m.normal_texture, &m.emission_texture, &m.transmission_texture, &m.specular_texture, &m.ir_albedo_texture, &m.ior_texture};
+  return std::array{&m.base_color_texture, &m.metallic_roughness_texture, &m.normal_texture, &m.emission_texture, &m.transmission_texture, &m.specular_texture, &m.ir_albedo_texture, &m.ior_texture, &m.clearcoat_texture, &m.clearcoat_roughness_texture, &m.diffuse_transmission_texture, &m.diffuse_transmission_color_texture, &m.anisotropy_texture, &m.sheen_color_texture, &m.sheen_roughness_texture, &m.iridescence_texture, &m.iridescence_thickness_texture};
 }
 
 /// visit(field) for every field of a material, in the table's order.
 template <class M, class Visit>
 void for_each_field(M& m, Visit&& visit) {
   const auto all = [&](auto&... fields) { (visit(fields), ...); };
-  all(m.name, m.base_color, m.metallic, m.roughness, m.specular, m.ior, m.transmission, m.emission, m.ir_albedo, m.ir_emission, m.base_color_texture, m.metallic_roughness_texture, m.normal_texture, m.emission_texture, m.transmission_texture, m.specular_texture, m.transmission_roughness, m.diffuse_roughness, m.attenuation_color, m.ir_attenuation_color, m.attenuation_distance_m, m.bsdf, m.light_group, m.thin_walled, m.ir_albedo_texture, m.ir_roughness, m.ir_ior, m.ir_transmission, m.ir_transmission_roughness, m.subsurface, m.subsurface_color, m.subsurface_radius_m, m.ir_subsurface_color, m.ir_subsurface_radius_m, m.ior_texture, m.alpha_mode, m.alpha_cutoff, m.normal_scale, m.clearcoat, m.clearcoat_roughness, m.diffuse_transmission, m.diffuse_transmission_color, m.ir_diffuse_transmission_color);
+  all(m.name, m.base_color, m.metallic, m.roughness, m.specular, m.ior, m.transmission, m.emission, m.ir_albedo, m.ir_emission, m.base_color_texture, m.metallic_roughness_texture, m.normal_texture, m.emission_texture, m.transmission_texture, m.specular_texture, m.transmission_roughness, m.diffuse_roughness, m.attenuation_color, m.ir_attenuation_color, m.attenuation_distance_m, m.bsdf, m.light_group, m.thin_walled, m.ir_albedo_texture, m.ir_roughness, m.ir_ior, m.ir_transmission, m.ir_transmission_roughness, m.subsurface, m.subsurface_color, m.subsurface_radius_m, m.ir_subsurface_color, m.ir_subsurface_radius_m, m.ior_texture, m.alpha_mode, m.alpha_cutoff, m.normal_scale, m.clearcoat, m.clearcoat_roughness, m.diffuse_transmission, m.diffuse_transmission_color, m.ir_diffuse_transmission_color, m.clearcoat_texture, m.clearcoat_roughness_texture, m.diffuse_transmission_texture, m.diffuse_transmission_color_texture, m.anisotropy, m.anisotropy_rotation_rad, m.anisotropy_texture, m.sheen_color, m.sheen_roughness, m.ir_sheen_color, m.sheen_color_texture, m.sheen_roughness_texture, m.iridescence, m.iridescence_ior, m.iridescence_thickness_nm, m.iridescence_least_thickness_nm, m.iridescence_texture, m.iridescence_thickness_texture, m.dispersion);
 }
 
 }  // namespace kuafu

@@ -12,15 +12,15 @@
 #include "scene/motion.h"
 
 namespace kuafu {
-SceneTables::SceneTables(Memory memory) : memory_(std::move(memory)), textures_(memory_) { write_albedos(false); }
+SceneTables::SceneTables(Memory memory) : memory_(std::move(memory)), textures_(memory_) { write_albedos(false, false); }
 
-void SceneTables::write_albedos(bool frosted) {
-  std::vector<glm::vec2> table = specular_albedo_table(memory_.device->workers());
-  if (frosted) std::ranges::copy(glass_albedo_table(memory_.device->workers()), std::back_inserter(table));
+void SceneTables::write_albedos(bool frosted, bool sheen) {
+  const std::vector<glm::vec2> tables = albedo_tables(memory_.device->workers(), sheen, frosted);
   Block block;
-  block.add(table);
+  block.add(tables);
   specular_albedo_ = block.upload(memory_.device);
   has_glass_albedo_ = frosted;
+  has_sheen_albedo_ = sheen;
 }
 
 void SceneTables::update(const Scene& scene, const Band& band, uint32_t environment_count, const TimeSpan& open) {
@@ -94,7 +94,7 @@ void SceneTables::write_materials(const Scene& scene) {
   const std::vector<Material>& materials = scene.materials();
   const auto records = materials_.resize(memory_, materials.size() + 1);
   has_glass_ = has_bending_ = emissive_ = false;
-  bool frosted = false;
+  bool frosted = false, sheen = false;
   material_features_ = emission_group_ = 0;
   for (uint32_t i = 0; i < materials.size(); ++i) {
     const Material m = in_band(materials[i], band_);
@@ -103,11 +103,13 @@ void SceneTables::write_materials(const Scene& scene) {
     has_bending_ = has_bending_ || bends_light(m);
     emissive_ = emissive_ || m.emission != glm::vec3(0);
     frosted = frosted || is_frosted(m);
+    sheen = sheen || has_sheen(m);
     material_features_ |= material_features(m);
     emission_group_ = std::max(emission_group_, m.light_group);
   }
   records[material_index(none)] = material_record(grey_default(), none, band_);
-  if (frosted && !has_glass_albedo_) write_albedos(true);
+  if ((frosted && !has_glass_albedo_) || (sheen && !has_sheen_albedo_))
+    write_albedos(frosted || has_glass_albedo_, sheen || has_sheen_albedo_);
 }
 
 void SceneTables::write_medium(const Scene& scene) {

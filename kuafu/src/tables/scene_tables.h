@@ -47,8 +47,8 @@ class SceneTables {
 
  private:
   void forget();
-  /// Writes the table of albedos; `frosted` adds those of rough glass.
-  void write_albedos(bool frosted);
+  /// Writes the table of albedos; `frosted` adds those of rough glass, `sheen` fills in those of fibres.
+  void write_albedos(bool frosted, bool sheen);
   [[nodiscard]] uint32_t lookups_of(const Scene& scene) const;
   bool moved_lights(const Scene& scene);
   void write_materials(const Scene& scene);
@@ -58,7 +58,7 @@ class SceneTables {
 
   Memory memory_;
   std::shared_ptr<ks::Buffer> specular_albedo_;
-  bool has_glass_albedo_ = false;
+  bool has_glass_albedo_ = false, has_sheen_albedo_ = false;
   const Scene* scene_ = nullptr;  // null: the last update failed
   Revisions seen_{0, 0, 0, 0, 0};
   Band band_;

@@ -96,7 +96,7 @@ TEST(GltfLooks, AlphaScaleAndRangeArrive) {
   EXPECT_EQ(loaded.scene.lights()[0]->range_m, 3);
 }
 
-TEST(GltfLooks, AClearCoatArrivesAndItsTexturesAreTold) {
+TEST(GltfLooks, AClearCoatArrivesWithItsTexturesAndItsNormalsAreTold) {
   GltfWriter w =
       with_material({{"extensions", {{"KHR_materials_clearcoat", {{"clearcoatFactor", 0.75}, {"clearcoatRoughnessFactor", 0.25}}}}}});
   w.root["extensionsUsed"] = {"KHR_materials_clearcoat"};
@@ -107,13 +107,17 @@ TEST(GltfLooks, AClearCoatArrivesAndItsTexturesAreTold) {
   EXPECT_EQ(loaded.scene.materials()[0].clearcoat_roughness, 0.25f);
   json& coat = w.root["materials"][0]["extensions"]["KHR_materials_clearcoat"];
   coat["clearcoatTexture"] = {{"index", 0}};
+  coat["clearcoatRoughnessTexture"] = {{"index", 0}, {"texCoord", 1}};
   coat["clearcoatNormalTexture"] = {{"index", 0}};
-  EXPECT_EQ(load_glb(w).warnings.size(), 2u);
+  const Loaded textured = load_glb(w);
+  EXPECT_EQ(textured.warnings.size(), 1u);
+  EXPECT_EQ(textured.scene.materials()[0].clearcoat_texture, 0u);
+  EXPECT_EQ(textured.scene.materials()[0].clearcoat_roughness_texture, 1u);
   coat["clearcoatFactor"] = 1.5;
   EXPECT_NE(glb_error_of(w).find("clearcoat is 1.5"), std::string::npos) << glb_error_of(w);
 }
 
-TEST(GltfLooks, LightThatIsLetThroughArrivesAndItsTexturesAreTold) {
+TEST(GltfLooks, LightThatIsLetThroughArrivesWithItsTextures) {
   const char* name = "KHR_materials_diffuse_transmission";
   GltfWriter w =
       with_material({{"extensions", {{name, {{"diffuseTransmissionFactor", 0.75}, {"diffuseTransmissionColorFactor", {0.25, 0.5, 1}}}}}},
@@ -129,11 +133,52 @@ TEST(GltfLooks, LightThatIsLetThroughArrivesAndItsTexturesAreTold) {
   EXPECT_TRUE(m.thin_walled);
   json& extensions = w.root["materials"][0]["extensions"];
   extensions[name]["diffuseTransmissionTexture"] = extensions[name]["diffuseTransmissionColorTexture"] = {{"index", 0}};
-  EXPECT_EQ(load_glb(w).warnings.size(), 2u);
+  const Loaded textured = load_glb(w);
+  EXPECT_TRUE(textured.warnings.empty());
+  EXPECT_FALSE(textured.scene.textures()[textured.scene.materials()[0].diffuse_transmission_texture].srgb);
+  EXPECT_TRUE(textured.scene.textures()[textured.scene.materials()[0].diffuse_transmission_color_texture].srgb);
   extensions["KHR_materials_volume"] = {{"thicknessFactor", 0.01}};
   EXPECT_FALSE(load_glb(w).scene.materials()[0].thin_walled);
   extensions[name]["diffuseTransmissionColorFactor"] = {1, 2, 0};
   EXPECT_NE(glb_error_of(w).find("diffuse_transmission_color is 2"), std::string::npos) << glb_error_of(w);
+}
+
+TEST(GltfLooks, BrushedFluffyFilmedAndDispersiveMaterialsArrive) {
+  const json texture = {{"index", 0}};
+  const json extensions = {
+      {"KHR_materials_anisotropy", {{"anisotropyStrength", 0.75}, {"anisotropyRotation", 0.5}, {"anisotropyTexture", texture}}},
+      {"KHR_materials_sheen",
+       {{"sheenColorFactor", {0.25, 0.5, 1}},
+        {"sheenRoughnessFactor", 0.375},
+        {"sheenColorTexture", texture},
+        {"sheenRoughnessTexture", texture}}},
+      {"KHR_materials_iridescence",
+       {{"iridescenceFactor", 0.5},
+        {"iridescenceThicknessMinimum", 200},
+        {"iridescenceThicknessMaximum", 600},
+        {"iridescenceTexture", texture},
+        {"iridescenceThicknessTexture", texture}}},
+      {"KHR_materials_dispersion", {{"dispersion", 2}}}};
+  GltfWriter w = with_material({{"extensions", extensions}, {"extras", {{"ir_sheen_color", 0.125}}}});
+  for (const auto& [name, extension] : extensions.items()) w.root["extensionsRequired"].push_back(name);
+  const Loaded loaded = load_glb(w);
+  EXPECT_TRUE(loaded.warnings.empty());
+  const Material& m = loaded.scene.materials()[0];
+  EXPECT_EQ(m.anisotropy, 0.75f);
+  EXPECT_EQ(m.anisotropy_rotation_rad, 0.5f);
+  EXPECT_EQ(m.sheen_color, glm::vec3(0.25f, 0.5f, 1));
+  EXPECT_EQ(m.sheen_roughness, 0.375f);
+  EXPECT_EQ(m.ir_sheen_color, 0.125f);
+  EXPECT_EQ(m.iridescence, 0.5f);
+  EXPECT_EQ(m.iridescence_ior, 1.3f);
+  EXPECT_EQ(m.iridescence_least_thickness_nm, 200);
+  EXPECT_EQ(m.iridescence_thickness_nm, 600);
+  EXPECT_EQ(m.dispersion, 2);
+  EXPECT_TRUE(loaded.scene.textures()[m.sheen_color_texture].srgb);
+  for (const uint32_t data : {m.anisotropy_texture, m.sheen_roughness_texture, m.iridescence_texture, m.iridescence_thickness_texture})
+    EXPECT_FALSE(loaded.scene.textures().at(data).srgb);
+  w.root["materials"][0]["extensions"]["KHR_materials_iridescence"]["iridescenceIor"] = 0.5;
+  EXPECT_NE(glb_error_of(w).find("iridescence_ior is 0.5"), std::string::npos) << glb_error_of(w);
 }
 
 TEST(GltfLooks, ColoursAndTheSecondSetAreReadWhereTheyMatter) {

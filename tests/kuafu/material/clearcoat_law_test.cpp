@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The clear coat: Fresnel's reflectance of index 1.5 over what lies below, no loss over white surfaces. In compute:
-// diffuse_transmission_law_test.cpp.
+// lobes_law_test.cpp.
 #include "kuafu/material/fresnel.h"
 #include "kuafu/world.h"
 

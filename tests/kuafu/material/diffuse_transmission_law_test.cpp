@@ -14,8 +14,8 @@ kuafu_material_desc paper(float albedo, float share, float color) {
 }
 
 /// Mean radiance of what stands 1 m away in an environment of radiance 1.
-double in_furnace(const Shape& shape, const kuafu_material_desc& material, double angle, uint32_t tracer = KUAFU_TRACER_AUTO) {
-  World world(tracer);
+double in_furnace(const Shape& shape, const kuafu_material_desc& material, double angle) {
+  World world;
   world.add(shape, material, placed({0, 0, 1}, angle));
   world.set_environment(1.0f);
   world.desc().samples_per_pixel = 256;
@@ -58,14 +58,6 @@ TEST(DiffuseTransmission, of_white_paper_loses_nothing) {
     material.roughness = 0.3f;
     EXPECT_NEAR(in_furnace(sheet, material, 0.8), 1, 0.01) << specular;
   }
-}
-
-// Of two features that the compute tracer compiles at once.
-TEST(DiffuseTransmission, of_white_paper_under_a_clear_coat_loses_nothing_in_compute) {
-  kuafu_material_desc material = paper(1, 0.6f, 1);
-  material.clearcoat = 1;
-  material.clearcoat_roughness = 0.3f;
-  for (const double angle : {0.2, 0.8}) EXPECT_NEAR(in_furnace(sheet, material, angle, KUAFU_TRACER_COMPUTE), 1, 0.01) << angle;
 }
 
 // Evenly spread light that crosses a slab has 2 E3(optical thickness) left: 0.4432 of 0.5 (Abramowitz and Stegun, table 5.5).

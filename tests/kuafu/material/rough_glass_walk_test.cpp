@@ -88,7 +88,7 @@ class Walk {
 Vec2Array table() {
   static const std::vector<glm::vec2> values = [] {
     ks::ThreadPool workers(1);
-    std::vector<glm::vec2> all(specular_albedo_entries);  // of other lobes, which clear glass has none of
+    std::vector<glm::vec2> all(glass_albedo_first);  // of other lobes, which clear glass has none of
     std::ranges::copy(glass_albedo_table(workers), std::back_inserter(all));
     return all;
   }();
@@ -105,7 +105,7 @@ Spread lobes(double ior, double roughness, double angle, bool from_inside) {
   m.ior = float(ior);
   m.roughness = m.transmission_roughness = float(roughness);
   const vec3 wo(float(std::sin(angle)), 0, float(std::cos(angle)));
-  const Bsdf b = make_bsdf(m, table(), wo.z, !from_inside);
+  const Bsdf b = make_bsdf(m, table(), wo, !from_inside);
   const double step = std::numbers::pi / 2 / (bands * steps), turn = std::numbers::pi / (2 * steps);
   const double index2 = from_inside ? ior * ior : 1 / (ior * ior);
   Spread spread{};
