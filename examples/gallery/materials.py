@@ -49,6 +49,46 @@ def car_paint(device):
     return ball_of(device, base_color=(0.55, 0.05, 0.06, 1), metallic=1.0, roughness=0.5, clearcoat=1.0)
 
 
+@tile("Materials", "Spun metal", "drawn out around the ball: `metallic=1, roughness=0.25, anisotropy=0.8`")
+def spun_metal(device):
+    return ball_of(device, base_color=(0.7, 0.7, 0.72, 1), metallic=1.0, roughness=0.25, anisotropy=0.8)
+
+
+@tile("Materials", "Velvet", "fibres over a dark base: `sheen_color`, `sheen_roughness=0.4`")
+def velvet(device):
+    return ball_of(
+        device, base_color=(0.25, 0.02, 0.05, 1), specular=0.0, sheen_color=(1.0, 0.45, 0.5), sheen_roughness=0.4
+    )
+
+
+@tile("Materials", "Tempered steel", "a film of 320 nm: `iridescence=1, iridescence_ior=1.8`")
+def tempered_steel(device):
+    return ball_of(
+        device,
+        base_color=(0.6, 0.6, 0.62, 1),
+        metallic=1.0,
+        roughness=0.2,
+        iridescence=1.0,
+        iridescence_ior=1.8,
+        iridescence_thickness_nm=320.0,
+    )
+
+
+@tile("Materials", "Lampshade", "lets light through: `diffuse_transmission=0.6, thin_walled=True`, a lamp inside")
+def lampshade(device):
+    stage = Stage(device)
+    stage.scene.set_environment((0.15,) * 3, 0.15)
+    stage.light("point", (0.0, 0.0, 0.6), intensity=(0.7, 0.6, 0.47), radius_m=0.05)
+    stage.ball(
+        base_color=(0.8, 0.75, 0.6, 1),
+        specular=0.0,
+        diffuse_transmission=0.6,
+        diffuse_transmission_color=(0.95, 0.7, 0.35),
+        thin_walled=True,
+    )
+    return stage.picture()
+
+
 @tile("Materials", "Glass", "`transmission=1, ior=1.5`")
 def glass(device):
     return ball_of(device, transmission=1.0, roughness=0.0, ior=1.5)
@@ -96,6 +136,11 @@ def wax(device):
 @tile("Materials", "Diamond", "`ior=2.42`")
 def diamond(device):
     return ball_of(device, transmission=1.0, roughness=0.0, ior=2.42)
+
+
+@tile("Materials", "Flint glass", "`dispersion=4`: colours part")
+def flint_glass(device):
+    return ball_of(device, transmission=1.0, roughness=0.0, ior=1.8, dispersion=4.0)
 
 
 @tile("Materials", "The paper's mix", '`bsdf="paper"`: diffuse and specular weighted, no layer')
