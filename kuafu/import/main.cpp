@@ -42,7 +42,8 @@ void read(kuafu::Import& import) {
   kuafu::read_scene_file(import);
   const kuafu::Scene& scene = import.scene;
   if (scene.instances().empty() && scene.lights().empty() && scene.cameras().empty())
-    ks::fail(KS_ERROR_FILE, "there is no mesh, light or camera in it");
+    ks::fail(KS_ERROR_FILE, "there is no mesh, light or camera in it%s%s", import.warnings.empty() ? "" : ": ",
+             import.warnings.empty() ? "" : import.warnings.front().c_str());
   import.close_warnings();
 }
 

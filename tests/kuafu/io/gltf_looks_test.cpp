@@ -143,6 +143,13 @@ TEST(GltfLooks, LightThatIsLetThroughArrivesWithItsTextures) {
   EXPECT_NE(glb_error_of(w).find("diffuse_transmission_color is 2"), std::string::npos) << glb_error_of(w);
 }
 
+TEST(GltfLooks, AFileOfPointsAloneSaysWhyNothingIsInIt) {
+  GltfWriter w = with_material(json::object());
+  w.root["meshes"][0]["primitives"][0]["mode"] = 0;
+  EXPECT_NE(glb_error_of(w).find("in it: mesh"), std::string::npos) << glb_error_of(w);
+  EXPECT_NE(glb_error_of(w).find("points and lines are ignored"), std::string::npos) << glb_error_of(w);
+}
+
 TEST(GltfLooks, BrushedFluffyFilmedAndDispersiveMaterialsArrive) {
   const json texture = {{"index", 0}};
   const json extensions = {
