@@ -138,7 +138,7 @@ def diamond(device):
     return ball_of(device, transmission=1.0, roughness=0.0, ior=2.42)
 
 
-@tile("Materials", "Flint glass", "`dispersion=4`: colours part")
+@tile("Materials", "Flint glass", "`dispersion=4`, five times real flint's: colours part")
 def flint_glass(device):
     return ball_of(device, transmission=1.0, roughness=0.0, ior=1.8, dispersion=4.0)
 

@@ -79,13 +79,33 @@ float film_over_layer(IN(LayerFilm) f, Vec2Array table, float roughness, float c
   return min(mix(albedo, filmed, f.film.weight), 1.0f);
 }
 
-/// Share of light that the layer reflects, single and multiple scattering.
-float layer_albedo(IN(Bsdf) b, Vec2Array table, float cosine) {
+AlbedoRows find_layer_rows(float eta, float roughness) {
+  return find_rows((1.0f - eta) / (1.0f + eta), layer_size, roughness, layer_size, int(layer_albedo_first), lobe_size);
+}
+
+float albedo_of_rows(IN(AlbedoRows) rows, Vec2Array table, float cosine) {
   float p = clamp(cosine, 0.0f, 1.0f) * float(lobe_size - 1);
   int c = table_cell(p, lobe_size);
-  vec2 e = rows_entry(b.layer_rows, table, c, lobe_size);
-  float albedo = mix(e.x, e.y, p - float(c));
+  vec2 e = rows_entry(rows, table, c, lobe_size);
+  return mix(e.x, e.y, p - float(c));
+}
+
+/// Share of light that the layer reflects, single and multiple scattering.
+float layer_albedo(IN(Bsdf) b, Vec2Array table, float cosine) {
+  float albedo = albedo_of_rows(b.layer_rows, table, cosine);
   return wears_film(b.film.film) ? film_over_layer(b.film, table, b.roughness, cosine, albedo) : albedo;
+}
+
+/// The same towards w of a layer that is drawn out: facets that tilt in the plane of w and the normal say what is seen of it, and those that
+/// tilt out of that plane, the wider they do, that it is more like the round one's. Within 0.04 of quadratures.
+float layer_albedo_towards(IN(Bsdf) b, Vec2Array table, vec3 w) {
+  float cosine = abs(w.z), round_one = layer_albedo(b, table, cosine), s2 = dot(xy(w), xy(w));
+  if (!is_drawn_out(b.alphas) || s2 < 1e-6f) return round_one;
+  float in_plane = length(vec2(w.x * b.alphas.x, w.y * b.alphas.y)) * inversesqrt(s2);
+  float out_of_it = length(vec2(w.y * b.alphas.x, w.x * b.alphas.y)) * inversesqrt(s2);
+  float seen = albedo_of_rows(find_layer_rows(b.coat_eta, sqrt(in_plane)), table, cosine);
+  if (wears_film(b.film.film)) seen = film_over_layer(b.film, table, b.roughness, cosine, seen);
+  return mix(round_one, seen, 1.0f - 0.5f * out_of_it * out_of_it);
 }
 
 /// Its mean over the hemisphere; with a film by Gauss's rule of three points.
@@ -97,10 +117,10 @@ float layer_albedo_mean(IN(Bsdf) b, Vec2Array table) {
 }
 
 /// What all layers over a dielectric's base reflect.
-float coat_albedo(IN(Bsdf) b, Vec2Array table, float cosine) {
-  float layer = b.coat == 0.0f ? 0.0f : b.coat * layer_albedo(b, table, cosine);
+float coat_albedo(IN(Bsdf) b, Vec2Array table, vec3 w) {
+  float layer = b.coat == 0.0f ? 0.0f : b.coat * layer_albedo_towards(b, table, w);
   if (!wears_clearcoat(b.clearcoat)) return layer;
-  float over = clearcoat_albedo(b.clearcoat, table, cosine);
+  float over = clearcoat_albedo(b.clearcoat, table, abs(w.z));
   return over + (1.0f - over) * layer;
 }
 
@@ -173,9 +193,9 @@ vec3 lobe_chances(IN(Bsdf) b) {
   return sum > 0.0f ? w / sum : vec3(0.0f);
 }
 
-void wear_clearcoat(INOUT(Bsdf) b, Vec2Array table, float cos_o) {
+void wear_clearcoat(INOUT(Bsdf) b, Vec2Array table, vec3 wo) {
   float below, over = b.clearcoat.share * b.clearcoat.albedo;
-  b.coat_albedo = coat_albedo(b, table, cos_o);
+  b.coat_albedo = coat_albedo(b, table, wo);
   b.base_scale = 1.0f / (1.0f - min(clearcoat_and_layer_mean(b, table), 0.9999f));
   vec3 w = lobe_weights(b, below);
   b.clearcoat.chance = over / (over + w.x + w.y + w.z + below);
@@ -235,12 +255,12 @@ Bsdf make_bsdf(IN(MaterialPoint) m, Vec2Array table, vec3 wo, bool front) {
   b.layer_rows = AlbedoRows(0, 0, 0.0f, 0.0f);
   if (b.layer > 0.0f) {
     b.layer_rows = find_rows((m.ior - 1.0f) / (m.ior + 1.0f), layer_size, b.roughness, layer_size, int(layer_albedo_first), lobe_size);
-    b.coat_albedo = coat_albedo(b, table, wo.z);
+    b.coat_albedo = coat_albedo(b, table, wo);
     b.base_scale = 1.0f / (1.0f - b.coat * min(layer_albedo_mean(b, table), 0.9999f));
   }
   b.diffuse_roughness = (features & feature_materials) != 0u ? m.diffuse_roughness : 0.0f;
   b.glass = make_glass(m, table, wo.z, front);
-  if (wears_clearcoat(b.clearcoat)) wear_clearcoat(b, table, wo.z);
+  if (wears_clearcoat(b.clearcoat)) wear_clearcoat(b, table, wo);
   if (lets_through(b) || wears_sheen(b.sheen)) {
     float below, of_base = max(lobe_weights(b, below).x, 1e-12f);
     b.beyond_chance = max_component(b.beyond) * left_for_base(b.coat_albedo, b.sheen) / of_base;
@@ -273,11 +293,11 @@ float diffuse_shape(float roughness, vec3 wo, vec3 wi) {
   return (1.0f + roughness * s / max(t, 1e-6f)) / (pi + (pi / 2.0f - 2.0f / 3.0f) * roughness);
 }
 
-/// What the layers let through to the base and from it, towards the eye and at this cosine.
-float through_layers(IN(Bsdf) b, Vec2Array table, float cosine) {
-  float left = wears_sheen(b.sheen) ? under_sheen(b.sheen, table, cosine) : 1.0f;
+/// What the layers let through to the base and from it, towards the eye and towards w.
+float through_layers(IN(Bsdf) b, Vec2Array table, vec3 w) {
+  float left = wears_sheen(b.sheen) ? under_sheen(b.sheen, table, abs(w.z)) : 1.0f;
   if (b.coat == 0.0f && !wears_clearcoat(b.clearcoat)) return left;
-  float through = (1.0f - b.coat_albedo) * (1.0f - coat_albedo(b, table, cosine)) * b.base_scale;
+  float through = (1.0f - b.coat_albedo) * (1.0f - coat_albedo(b, table, w)) * b.base_scale;
   return wears_sheen(b.sheen) ? through * left : through;
 }
 
@@ -301,7 +321,7 @@ Spectrum bsdf_evaluate(IN(Bsdf) b, Vec2Array table, vec3 wo, vec3 wi, vec3 chanc
   }
   bool base = max_component(b.diffuse) > 0.0f;
   float through = 0.0f;
-  if (base || lets_through(b)) through = through_layers(b, table, abs(wi.z));
+  if (base || lets_through(b)) through = through_layers(b, table, wi);
   if (lets_through(b) && wi.z < 0.0f) {
     pdf += chances.x * b.beyond_chance * -wi.z / pi;
     f += b.beyond * (through * -wi.z / pi);

@@ -91,11 +91,11 @@ Material in_band(const Material& material, const Band& band) {
   m.subsurface_color = band.color(m.subsurface_color, m.ir_subsurface_color);
   m.subsurface_radius_m = band.color(m.subsurface_radius_m, m.ir_subsurface_radius_m);
   m.roughness = band.number(m.roughness, m.ir_roughness);
-  if (m.dispersion > 0.0f) m.ior = std::max(1.0f + (m.ior - 1.0f) * (1.0f + m.dispersion * cauchy_part_850), 1.0f);
-  m.dispersion = 0.0f;
-  m.ior = band.number(m.ior, m.ir_ior);
   m.transmission = band.number(m.transmission, m.ir_transmission);
   m.transmission_roughness = band.number(m.transmission_roughness, m.ir_transmission_roughness);
+  if (m.dispersion > 0.0f && bends_light(m)) m.ior = std::max(1.0f + (m.ior - 1.0f) * (1.0f + m.dispersion * cauchy_part_850), 1.0f);
+  m.dispersion = 0.0f;
+  m.ior = band.number(m.ior, m.ir_ior);
   return m;
 }
 
