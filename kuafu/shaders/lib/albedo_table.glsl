@@ -50,4 +50,20 @@ vec2 rows_entry(IN(AlbedoRows) rows, Vec2Array table, int c, int row_size) {
   if (rows.index_part == 0.0f) return e;
   return mix(e, mix(table.at[next], table.at[next + row_size], rows.roughness_part), rows.index_part);
 }
+
+/// Rows of a dielectric layer.
+AlbedoRows find_layer_rows(float ior, float roughness) {
+  return find_rows((ior - 1.0f) / (ior + 1.0f), layer_size, roughness, layer_size, int(layer_albedo_first), lobe_size);
+}
+
+/// Share of light that such a layer reflects, one facet and several.
+float albedo_of_layer(IN(AlbedoRows) rows, Vec2Array table, float cosine) {
+  float p = clamp(cosine, 0.0f, 1.0f) * float(lobe_size - 1);
+  int c = table_cell(p, lobe_size);
+  vec2 e = rows_entry(rows, table, c, lobe_size);
+  return mix(e.x, e.y, p - float(c));
+}
+
+/// Its mean over the hemisphere.
+float mean_of_layer(IN(AlbedoRows) rows, Vec2Array table) { return rows_entry(rows, table, lobe_size - 1, lobe_size).x; }
 #endif

@@ -79,20 +79,9 @@ float film_over_layer(IN(LayerFilm) f, Vec2Array table, float roughness, float c
   return min(mix(albedo, filmed, f.film.weight), 1.0f);
 }
 
-AlbedoRows find_layer_rows(float eta, float roughness) {
-  return find_rows((1.0f - eta) / (1.0f + eta), layer_size, roughness, layer_size, int(layer_albedo_first), lobe_size);
-}
-
-float albedo_of_rows(IN(AlbedoRows) rows, Vec2Array table, float cosine) {
-  float p = clamp(cosine, 0.0f, 1.0f) * float(lobe_size - 1);
-  int c = table_cell(p, lobe_size);
-  vec2 e = rows_entry(rows, table, c, lobe_size);
-  return mix(e.x, e.y, p - float(c));
-}
-
 /// Share of light that the layer reflects, single and multiple scattering.
 float layer_albedo(IN(Bsdf) b, Vec2Array table, float cosine) {
-  float albedo = albedo_of_rows(b.layer_rows, table, cosine);
+  float albedo = albedo_of_layer(b.layer_rows, table, cosine);
   return wears_film(b.film.film) ? film_over_layer(b.film, table, b.roughness, cosine, albedo) : albedo;
 }
 
@@ -103,14 +92,14 @@ float layer_albedo_towards(IN(Bsdf) b, Vec2Array table, vec3 w) {
   if (!is_drawn_out(b.alphas) || s2 < 1e-6f) return round_one;
   float in_plane = length(vec2(w.x * b.alphas.x, w.y * b.alphas.y)) * inversesqrt(s2);
   float out_of_it = length(vec2(w.y * b.alphas.x, w.x * b.alphas.y)) * inversesqrt(s2);
-  float seen = albedo_of_rows(find_layer_rows(b.coat_eta, sqrt(in_plane)), table, cosine);
+  float seen = albedo_of_layer(find_layer_rows(1.0f / b.coat_eta, sqrt(in_plane)), table, cosine);
   if (wears_film(b.film.film)) seen = film_over_layer(b.film, table, b.roughness, cosine, seen);
   return mix(round_one, seen, 1.0f - 0.5f * out_of_it * out_of_it);
 }
 
 /// Its mean over the hemisphere; with a film by Gauss's rule of three points.
 float layer_albedo_mean(IN(Bsdf) b, Vec2Array table) {
-  if (!wears_film(b.film.film)) return rows_entry(b.layer_rows, table, lobe_size - 1, lobe_size).x;
+  if (!wears_film(b.film.film)) return mean_of_layer(b.layer_rows, table);
   float sum = 0.0f;
   for (int i = 0; i < 3; ++i) sum += gauss_weight(i) * layer_albedo(b, table, gauss_cosine(i));
   return sum;
@@ -254,7 +243,7 @@ Bsdf make_bsdf(IN(MaterialPoint) m, Vec2Array table, vec3 wo, bool front) {
   b.base_scale = 1.0f;
   b.layer_rows = AlbedoRows(0, 0, 0.0f, 0.0f);
   if (b.layer > 0.0f) {
-    b.layer_rows = find_rows((m.ior - 1.0f) / (m.ior + 1.0f), layer_size, b.roughness, layer_size, int(layer_albedo_first), lobe_size);
+    b.layer_rows = find_layer_rows(m.ior, b.roughness);
     b.coat_albedo = coat_albedo(b, table, wo);
     b.base_scale = 1.0f / (1.0f - b.coat * min(layer_albedo_mean(b, table), 0.9999f));
   }

@@ -24,15 +24,10 @@ bool wears_clearcoat(IN(Clearcoat) c) { return (features & feature_clearcoat) !=
 bool has_clearcoat_lobe(IN(Clearcoat) c) { return wears_clearcoat(c) && c.alpha >= mirror_alpha; }
 
 /// What the coat reflects of light at this cosine, one facet and several.
-float clearcoat_albedo(IN(Clearcoat) c, Vec2Array table, float cosine) {
-  float p = clamp(cosine, 0.0f, 1.0f) * float(lobe_size - 1);
-  int cell = table_cell(p, lobe_size);
-  vec2 e = rows_entry(c.rows, table, cell, lobe_size);
-  return c.weight * mix(e.x, e.y, p - float(cell));
-}
+float clearcoat_albedo(IN(Clearcoat) c, Vec2Array table, float cosine) { return c.weight * albedo_of_layer(c.rows, table, cosine); }
 
 /// Its mean over the hemisphere.
-float clearcoat_mean(IN(Clearcoat) c, Vec2Array table) { return c.weight * rows_entry(c.rows, table, lobe_size - 1, lobe_size).x; }
+float clearcoat_mean(IN(Clearcoat) c, Vec2Array table) { return c.weight * mean_of_layer(c.rows, table); }
 
 float rest_of_facet(Vec2Array table, float cosine, float roughness) {
   vec2 e = lobe_albedo(table, cosine, roughness);
@@ -45,8 +40,7 @@ Clearcoat make_clearcoat(IN(MaterialPoint) m, Vec2Array table, float cos_o, floa
   c.weight = m.clearcoat;
   c.roughness = m.clearcoat_roughness;
   c.alpha = c.roughness * c.roughness;
-  float place = (clearcoat_ior - 1.0f) / (clearcoat_ior + 1.0f);
-  c.rows = find_rows(place, layer_size, c.roughness, layer_size, int(layer_albedo_first), lobe_size);
+  c.rows = find_layer_rows(clearcoat_ior, c.roughness);
   c.albedo = clearcoat_albedo(c, table, cos_o);
   float mean = lobe_mean(table, c.roughness), reflectance = (clearcoat_ior - 1.0f) / (4.08567f + 1.00071f * clearcoat_ior);
   float comes_back = reflectance * reflectance * mean / (1.0f - reflectance * (1.0f - mean));
