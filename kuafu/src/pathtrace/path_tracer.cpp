@@ -73,26 +73,27 @@ WavePlan PathTracer::plan_of(const Launch& launch, bool special_cameras) const {
 
 void PathTracer::fit(const Launch& launch, uint32_t rays_per_square) {
   rays_per_square_ = rays_per_square;
-  const uint32_t shadows = plan_.shadow_rays_per_vertex, total = launch.pixel_count();
+  const uint32_t total = launch.pixel_count();
   const uint32_t samples = launch.wants_radiance() ? std::min(launch.samples, most_pass_samples(launch.has_budget())) : 1;
   const bool by_surfaces = plan_.passes_glass && !backend_.tracer->passes_glass();
-  const uint32_t bend_words = plan_.bends ? bend_planes(launch.band.channels(), by_surfaces) : 0;
-  const uint32_t paths = memory().on_host ? host_wave_paths(shadows) : most_paths(*memory().device, shadows, bend_words * 4);
   const uint32_t passes = plan_.bends ? bend_segments + launch.glass_surfaces + 1 : launch.glass_surfaces;
+  WaveSize size{.queue_layout = backend_.tracer->queue_layout(),
+                .channels = launch.band.channels(),
+                .groups = plan_.groups,
+                .shadow_rays_per_vertex = plan_.shadow_rays_per_vertex,
+                .bounces = plan_.last_lit + 3,
+                .environments = plan_.environments,
+                .features = plan_.features,
+                .visibility = launch.wants_visibility(),
+                .glass_passes = by_surfaces ? passes : 0,
+                .bends = plan_.bends};
+  const uint32_t paths = memory().on_host ? host_wave_paths(size.shadow_rays_per_vertex) : most_paths(*memory().device, size);
   const uint32_t wave = std::min(total, std::max(paths / samples, pixel_block));
   // One wave of a fourth of the pixels: seldom do more ask for rays over their squares, and each wave ends in a few slow rays.
   const uint32_t square_paths = memory().on_host ? 0 : std::min(total / 4 * rays_per_square, paths);
   pixels_per_batch_ = memory().on_host ? std::min(total, wave * waves_per_worker * memory().device->workers().size()) : wave;
-  slots_.fit({.capacity = round_up(std::max(wave * samples, square_paths), pixel_block),
-              .channels = launch.band.channels(),
-              .groups = plan_.groups,
-              .shadow_rays_per_vertex = shadows,
-              .bounces = plan_.last_lit + 3,
-              .environments = plan_.environments,
-              .features = plan_.features,
-              .visibility = launch.wants_visibility(),
-              .glass_passes = by_surfaces ? passes : 0,
-              .bends = plan_.bends});
+  size.capacity = round_up(std::max(wave * samples, square_paths), pixel_block);
+  slots_.fit(size);
 }
 
 void PathTracer::update_tracer(const Scene& scene, const Launch& launch) {

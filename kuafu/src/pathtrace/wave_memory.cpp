@@ -1,25 +1,46 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "pathtrace/wave_memory.h"
 
+#include <algorithm>
+
 #include "device/error.h"
 #include "device/thread_pool.h"
 
 namespace kuafu {
 
+WordsPerPath::WordsPerPath(const WaveSize& size) {
+  const uint32_t shadows = size.shadow_rays_per_path();
+  const bool glass = size.glass_passes > 0;
+  rays = queue_words_per_ray(closest_words, size.queue_layout);
+  environments = size.environments ? 1 : 0;
+  state = state_shadow(size.channels, size.groups) + size.shadow_rays_per_vertex;
+  shadow_rays = shadows * queue_words_per_ray(glass ? closest_words : occlusion_words, size.queue_layout);
+  passed_rays = glass ? shadow_rays : 0;
+  shadow_environments = shadows * environments;
+  contributions = shadows * (size.channels + (glass ? 1 : 0));
+  bends = size.bends ? shadows * bend_planes(size.channels, glass) : 0;
+}
+
+uint32_t WordsPerPath::all() const {
+  return 2 * (rays + environments) + state + shadow_rays + passed_rays + (passed_rays ? 2 : 1) * shadow_environments + contributions +
+         bends;
+}
+
+uint32_t WordsPerPath::widest_array() const { return std::max({rays, state, shadow_rays, contributions, bends}); }
+
 void WaveBuffers::fit(const WaveSize& size) {
   size_ = size;
-  const uint64_t capacity = size.capacity, shadows = shadow_capacity();
-  for (auto& rays : rays_) grow(memory_, rays, capacity * closest_words);
-  for (auto& environments : environments_) grow(memory_, environments, size.environments ? capacity : 1);
-  const bool glass = size.glass_passes > 0;
-  for (int i = 0; i < 2; ++i) {
-    const uint64_t rays = i == 0 || glass ? shadows : 0;
-    grow(memory_, shadow_rays_[i], rays * (glass ? closest_words : occlusion_words));
-    grow(memory_, shadow_environments_[i], size.environments ? rays : 0);
-  }
-  grow(memory_, contributions_, shadows * (size.channels + (glass ? 1 : 0)));
-  if (size.bends) grow(memory_, bends_, shadows * bend_planes(size.channels, glass));
-  grow(memory_, state_, capacity * (state_shadow(size.channels, size.groups) + size.shadow_rays_per_vertex));
+  const WordsPerPath words(size);
+  const uint64_t capacity = size.capacity;
+  for (auto& rays : rays_) grow(memory_, rays, capacity * words.rays);
+  for (auto& environments : environments_) grow(memory_, environments, std::max<uint64_t>(capacity * words.environments, 1));
+  grow(memory_, shadow_rays_[0], capacity * words.shadow_rays);
+  grow(memory_, shadow_rays_[1], capacity * words.passed_rays);
+  grow(memory_, shadow_environments_[0], capacity * words.shadow_environments);
+  grow(memory_, shadow_environments_[1], words.passed_rays ? capacity * words.shadow_environments : 0);
+  grow(memory_, contributions_, capacity * words.contributions);
+  if (size.bends) grow(memory_, bends_, capacity * words.bends);
+  grow(memory_, state_, capacity * words.state);
   grow(memory_, counters_, counter_bytes() / 4);
 }
 

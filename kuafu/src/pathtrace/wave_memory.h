@@ -16,6 +16,7 @@ namespace kuafu {
 
 struct WaveSize {
   uint32_t capacity = 0;  // paths, a multiple of pixel_block
+  uint32_t queue_layout = queue_layout_planes;
   uint32_t channels = 1;
   uint32_t groups = group_count;  // groups of light that are kept apart
   uint32_t shadow_rays_per_vertex = 0;
@@ -25,6 +26,20 @@ struct WaveSize {
   bool visibility = false;    // `aov` asks a shadow ray of each pixel
   uint32_t glass_passes = 0;  // queues of shadow rays that pass glass, surface by surface; 0: shadow rays ask once
   bool bends = false;         // glass bends them
+
+  [[nodiscard]] uint32_t shadow_rays_per_path() const { return std::max(shadow_rays_per_vertex, visibility ? 1u : 0u); }
+};
+
+/// 32-bit words of a wave's arrays for each path. Arrays of shadow rays hold those of all its rays.
+struct WordsPerPath {
+  uint32_t rays, environments;  // of two arrays each
+  uint32_t state;
+  uint32_t shadow_rays, passed_rays;  // the latter of a second array, for those that passed glass
+  uint32_t shadow_environments, contributions, bends;
+
+  explicit WordsPerPath(const WaveSize& size);
+  [[nodiscard]] uint32_t all() const;
+  [[nodiscard]] uint32_t widest_array() const;
 };
 
 /// One wave of paths has two closest queues that take turns, shadow queues, a state for each path, and counters.
@@ -55,9 +70,7 @@ class WaveBuffers {
   [[nodiscard]] uint32_t ray_count(uint32_t bounce) const;
   /// The same for its shadow rays.
   [[nodiscard]] uint32_t shadow_ray_count(uint32_t bounce, uint32_t passed) const;
-  [[nodiscard]] uint32_t shadow_capacity() const {
-    return size_.capacity * std::max(size_.shadow_rays_per_vertex, size_.visibility ? 1u : 0u);
-  }
+  [[nodiscard]] uint32_t shadow_capacity() const { return size_.capacity * size_.shadow_rays_per_path(); }
   [[nodiscard]] const WaveSize& size() const { return size_; }
 
  private:

@@ -5,6 +5,7 @@
 #include <cstdint>
 
 #include "device/device.h"
+#include "pathtrace/wave_memory.h"
 
 namespace kuafu {
 
@@ -12,11 +13,11 @@ namespace kuafu {
 /// its cache.
 uint32_t host_wave_paths(uint32_t shadow_rays_per_vertex);
 constexpr uint32_t waves_per_worker = 32;  // between two reports of progress
-/// On a device, a wave takes at most an eighth of a GPU's memory, and its dispatches are no larger than the device takes.
-/// shadow_ray_bytes: of the widest array with a part for each shadow ray, where that is more than a ray queue's.
-uint32_t most_paths(const ks::Device& device, uint32_t shadow_rays_per_vertex, uint32_t shadow_ray_bytes = 0);
+/// On a device, a wave takes at most an eighth of a GPU's memory, and its dispatches are no larger than the device takes. Of `size` all but
+/// the capacity counts.
+uint32_t most_paths(const ks::Device& device, const WaveSize& size);
 /// The same of a GPU with so much memory, whose dispatches have at most so many groups.
-uint32_t gpu_wave_paths(uint64_t memory_bytes, uint32_t most_groups, uint32_t shadow_rays_per_vertex, uint32_t shadow_ray_bytes = 0);
+uint32_t gpu_wave_paths(uint64_t memory_bytes, uint32_t most_groups, const WaveSize& size);
 /// The most samples that a pixel has in one wave. The number is fixed, since the order of sums follows from it; the rounds of a budget are
 /// short.
 constexpr uint32_t most_pass_samples(bool in_rounds) { return in_rounds ? 32 : 256; }

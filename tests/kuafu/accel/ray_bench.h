@@ -88,7 +88,7 @@ class RayBench {
   [[nodiscard]] bool tail_untouched(uint32_t count) const {
     for (uint32_t i = count; i < capacity_; ++i)
       for (uint32_t field = 0; field < words_; ++field)
-        if (word(i, field) != tail_mark) return false;
+        if (has_field(field) && word(i, field) != tail_mark) return false;
     return true;
   }
 
@@ -105,13 +105,15 @@ class RayBench {
   void fill(const std::vector<TestRay>& rays, uint32_t words) {
     words_ = words;
     capacity_ = uint32_t(rays.size() + 8) / 8 * 8;
-    words_buffer_ = create(uint64_t(capacity_) * words * 4);
+    const uint32_t layout = tracer_.queue_layout(), words_per_ray = queue_words_per_ray(words, layout);
+    words_buffer_ = create(uint64_t(capacity_) * words_per_ray * 4);
     environments_buffer_ = create(uint64_t(capacity_) * 4);
     counters_ = create(64);
-    queue_words_.resize(size_t(capacity_) * words);
+    queue_words_.resize(size_t(capacity_) * words_per_ray);
     environments_.assign(capacity_, 0);
     for (uint32_t i = 0; i < capacity_; ++i)
-      for (uint32_t field = 0; field < words; ++field) set(i, field, i < rays.size() ? 0u : tail_mark);
+      for (uint32_t field = 0; field < words; ++field)
+        if (has_field(field)) set(i, field, i < rays.size() ? 0u : tail_mark);
     for (uint32_t i = 0; i < rays.size(); ++i) fill_ray(i, rays[i]);
     // Two rows of groups where there are enough: shaders must not count on a one-dimensional grid.
     const auto count = uint32_t(rays.size());
@@ -131,7 +133,7 @@ class RayBench {
     }
     set(i, ray_t_near, std::bit_cast<uint32_t>(ray.t_near));
     set(i, ray_t_far, std::bit_cast<uint32_t>(ray.t_far));
-    set(i, ray_mask, 0xffffffffu);
+    if (has_field(ray_mask)) set(i, ray_mask, 0xffffffffu);
     set(i, ray_id, i);
     if (words_ == closest_words) set(i, hit_geometry, miss);
     environments_[i] = ray.environment;
@@ -146,6 +148,10 @@ class RayBench {
             .arguments_offset = 8,
             .capacity = capacity_,
             .coherent = coherent_};
+  }
+  /// Planes leave out what Embree alone asks for.
+  [[nodiscard]] bool has_field(uint32_t field) const {
+    return tracer_.queue_layout() == queue_layout_packets || (field <= ray_id && field != ray_mask) || field >= hit_u;
   }
   [[nodiscard]] size_t at(uint32_t i, uint32_t field) const { return ray_word(i, field, words_, tracer_.queue_layout(), capacity_); }
   void set(uint32_t i, uint32_t field, uint32_t value) { queue_words_[at(i, field)] = value; }

@@ -16,7 +16,7 @@ TEST(LaunchSize, a_wave_s_shadow_rays_fit_one_dispatch) {
   constexpr uint32_t most_groups = 65535, smallest_group = 32;
   constexpr uint64_t memory_bytes = 64ull << 30;
   for (uint32_t shadows = 0; shadows <= 40; ++shadows) {
-    const uint64_t paths = gpu_wave_paths(memory_bytes, most_groups, shadows);
+    const uint64_t paths = gpu_wave_paths(memory_bytes, most_groups, {.shadow_rays_per_vertex = shadows});
     EXPECT_LE(paths * std::max(1u, shadows), uint64_t(most_groups) * smallest_group) << shadows;
     EXPECT_GT(paths, 32768u) << shadows;
   }
@@ -24,10 +24,22 @@ TEST(LaunchSize, a_wave_s_shadow_rays_fit_one_dispatch) {
 
 TEST(LaunchSize, a_wave_s_queues_fit_allocations_of_4_GB) {
   for (uint32_t shadows = 0; shadows <= 64; ++shadows) {
-    const uint64_t paths = gpu_wave_paths(uint64_t(1) << 40, 0x7fffffff, shadows);
-    EXPECT_LT(paths * std::max(1u, shadows) * closest_words * 4, uint64_t(1) << 32) << shadows;
-    EXPECT_GT(paths, 500000u) << shadows;
+    for (const bool bends : {false, true}) {
+      const WaveSize size{.channels = 3, .shadow_rays_per_vertex = shadows, .glass_passes = bends ? 8u : 0u, .bends = bends};
+      const uint64_t paths = gpu_wave_paths(uint64_t(1) << 40, 0x7fffffff, size);
+      EXPECT_LT(paths * WordsPerPath(size).widest_array() * 4, uint64_t(1) << 32) << shadows;
+      EXPECT_GT(paths, bends ? 50000u : 500000u) << shadows;
+    }
   }
+}
+
+TEST(LaunchSize, a_wave_takes_no_more_memory_than_plain_infrared_paths_do) {
+  const uint64_t memory_bytes = uint64_t(140) << 30;
+  const WaveSize plain{.shadow_rays_per_vertex = 1}, batch{.shadow_rays_per_vertex = 2, .environments = true};
+  EXPECT_EQ(gpu_wave_paths(memory_bytes, 0x7fffffff, plain), 1u << 24);
+  EXPECT_EQ(WordsPerPath(plain).all(), 51u);
+  for (const WaveSize& size : {plain, batch})
+    EXPECT_LE(4ull * WordsPerPath(size).all() * gpu_wave_paths(memory_bytes, 0x7fffffff, size), 3'425'000'000u);
 }
 
 // 4096 x 2049 pixels of 128 invocations a group are 65568 groups. Vignetting twice as bright in the corners reaches the last of them.
