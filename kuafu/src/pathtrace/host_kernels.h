@@ -36,15 +36,33 @@ class QueuePlaces {
   Places ends_;
 };
 
-/// These are of host_shade.cpp, which the build compiles once for each band, plain and full.
+/// These are of host_shade.cpp, which the build compiles once for each band and kind of scene.
 using ShadeKernel = void(const ShadePush& push, uint32_t first, uint32_t end, QueuePlaces& places, size_t chunk);
 using TransmitKernel = void(const TransmitPush& push, uint32_t first, uint32_t end, QueuePlaces& places, size_t chunk);
 using RelightKernel = void(const ShadePush& push, uint32_t first, uint32_t end);
-/// What the plain ones know, and whether they are enough for a scene: its tracer alone looks at cutouts, but for those that shine.
-inline constexpr uint32_t plain_features = feature_lookups;
-constexpr bool is_plain(uint32_t features) { return (features & ~(plain_features | feature_cutouts)) == 0; }
-ShadeKernel shade_infrared, shade_visible, shade_infrared_full, shade_visible_full;
-TransmitKernel transmit_infrared, transmit_visible, transmit_infrared_full, transmit_visible_full;
-RelightKernel relight_infrared, relight_visible, relight_infrared_full, relight_visible_full;
+/// The features that each kind knows. Surfaces of `plain` and `lit` scenes have a BSDF that goes in lanes; `lit` ones have lights with an extent or a
+/// profile, as most projectors do.
+inline constexpr uint32_t plain_features = feature_lookups, lit_features = plain_features | feature_lights | feature_cutouts, full_features = ~0u;
+ShadeKernel shade_infrared_plain, shade_infrared_lit, shade_infrared_full, shade_visible_plain, shade_visible_lit, shade_visible_full;
+TransmitKernel transmit_infrared_plain, transmit_infrared_lit, transmit_infrared_full, transmit_visible_plain, transmit_visible_lit,
+    transmit_visible_full;
+RelightKernel relight_infrared_plain, relight_infrared_lit, relight_infrared_full, relight_visible_plain, relight_visible_lit, relight_visible_full;
+
+struct SurfaceKernels {
+  ShadeKernel* shade;
+  TransmitKernel* transmit;
+  RelightKernel* relight;
+};
+/// The ones that know no more than a scene needs. A scene's tracer alone looks at cutouts, but for those that shine.
+constexpr SurfaceKernels surface_kernels(bool infrared, uint32_t features) {
+  if ((features & ~(plain_features | feature_cutouts)) == 0)
+    return infrared ? SurfaceKernels{shade_infrared_plain, transmit_infrared_plain, relight_infrared_plain}
+                    : SurfaceKernels{shade_visible_plain, transmit_visible_plain, relight_visible_plain};
+  if ((features & ~lit_features) == 0)
+    return infrared ? SurfaceKernels{shade_infrared_lit, transmit_infrared_lit, relight_infrared_lit}
+                    : SurfaceKernels{shade_visible_lit, transmit_visible_lit, relight_visible_lit};
+  return infrared ? SurfaceKernels{shade_infrared_full, transmit_infrared_full, relight_infrared_full}
+                  : SurfaceKernels{shade_visible_full, transmit_visible_full, relight_visible_full};
+}
 
 }  // namespace kuafu::host

@@ -33,7 +33,7 @@ struct alignas(64) PixelSampleLanes {
 };
 void sample_pixels(PixelSampleLanes& lanes, bool replicates);
 
-/// BSDFs of plain surfaces (lib/bsdf.glsl), which take most of stage `shade`.
+/// BSDFs of surfaces without features of their own (lib/bsdf.glsl), which take most of stage `shade`.
 template <uint32_t channels>
 struct alignas(64) ScatterLanes {
   Vec2Array table;  // SceneAddresses.specular_albedo
@@ -42,15 +42,16 @@ struct alignas(64) ScatterLanes {
   Lanes<float> base[channels], metallic, roughness, specular, ior, transmission, coat;
   Lanes<float> wo[3], wi[3];
 
-  Lanes<float> f[channels];                           // towards wi
+  Lanes<float> f[channels], pdf;                      // towards wi
   Lanes<float> choice, roulette;                      // as stage `shade` draws them
   Lanes<float> u[2], direction[3], weight[channels];  // where the path goes on, unless `delta` is set
+  Lanes<float> sampled_pdf;                           // of that direction
   Lanes<uint32_t> delta;                              // nonzero: a mirror or glass sends it on, and no lane computes that
 };
-/// Computes f of wi.
+/// Computes f of wi and its density.
 void evaluate(ScatterLanes<1>& lanes);
 void evaluate(ScatterLanes<3>& lanes);
-/// Draws samples, and takes direction and weight from them.
+/// Draws samples, and takes direction, weight and density from them.
 void scatter(ScatterLanes<1>& lanes);
 void scatter(ScatterLanes<3>& lanes);
 

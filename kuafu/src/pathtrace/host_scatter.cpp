@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// BSDFs of plain surfaces (feature set 0) in lanes. The build compiles this file once for each band: KUAFU_CHANNELS says which.
+// BSDFs of surfaces without features of their own, in lanes. The build compiles this file once for each band: KUAFU_CHANNELS says which.
 #include "frame/host_language.h"
 #include "pathtrace/host_lanes.h"
 
@@ -30,6 +30,7 @@ Bsdf bsdf_of(const BandLanes& lanes, uint l) {
     const Bsdf b = bsdf_of(lanes, l);
     float pdf;
     const Spectrum f = bsdf_evaluate(b, lanes.table, host::vector_of(lanes.wo, l), host::vector_of(lanes.wi, l), lobe_chances(b), pdf);
+    lanes.pdf[l] = pdf;
     for (uint c = 0; c < channels; ++c) lanes.f[c][l] = channel_of(f, c);
   }
 }
@@ -52,6 +53,7 @@ Bsdf bsdf_of(const BandLanes& lanes, uint l) {
     const BsdfSample s = sample_opaque(b, lanes.table, host::vector_of(lanes.wo, l), chances, vec2(lanes.u[0][l], lanes.u[1][l]), lobe);
     for (uint c = 0; c < channels; ++c) lanes.weight[c][l] = channel_of(s.weight, c);
     for (int i = 0; i < 3; ++i) lanes.direction[i][l] = s.direction[i];
+    lanes.sampled_pdf[l] = s.pdf;
     lanes.delta[l] = lanes.choice[l] < chances.z || (lobe && is_mirror(b)) ? 1u : 0u;
   }
 }

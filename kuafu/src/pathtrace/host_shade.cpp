@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stages `shade`, `transmit` and `relight` on the host. The build compiles this file once for each band, plain and with every feature:
-// KUAFU_CHANNELS and KUAFU_PLAIN say which, KUAFU_HOST_SHADE, KUAFU_HOST_TRANSMIT and KUAFU_HOST_RELIGHT name the functions.
+// Stages `shade`, `transmit` and `relight` on the host. The build compiles this file once for each band and kind of scene: KUAFU_CHANNELS and
+// KUAFU_KIND say which, KUAFU_HOST_SHADE, KUAFU_HOST_TRANSMIT and KUAFU_HOST_RELIGHT name the functions.
 #include <memory>
 
 #include "frame/host_language.h"
@@ -10,7 +10,9 @@
 namespace kuafu {
 namespace {
 
-constexpr uint features = KUAFU_PLAIN ? host::plain_features : ~0u;
+#define KUAFU_FEATURES_OF(kind) kind##_features
+#define KUAFU_KNOWN(kind) KUAFU_FEATURES_OF(kind)
+constexpr uint features = host::KUAFU_KNOWN(KUAFU_KIND);
 #include "lib/shading.glsl"
 
 struct Shade {
@@ -69,7 +71,7 @@ class Queued {
   uint32_t shadow_count_ = 0, next_count_ = 0;
 };
 
-#if KUAFU_PLAIN
+#if KUAFU_IN_LANES
 #include "pathtrace/host_shade_block.inc"
 
 void shade_range(Shade& stage, Queued& queued, uint32_t first, uint32_t end) {

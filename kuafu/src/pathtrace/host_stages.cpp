@@ -26,9 +26,7 @@ class HostStages final : public Stages {
   void shade(ks::Commands& commands, const ShadePush& push, const WaveBuffers& buffers) override {
     uint32_t* counters = push.counters.at + push.bounce * counter_words;
     host::QueuePlaces places;
-    const bool infrared = buffers.size().channels == 1, plain = host::is_plain(buffers.size().features);
-    host::ShadeKernel* const kernel =
-        infrared ? (plain ? host::shade_infrared : host::shade_infrared_full) : (plain ? host::shade_visible : host::shade_visible_full);
+    host::ShadeKernel* const kernel = kernels(buffers).shade;
     run(commands, "shade", counters[counter_ray_count], chunk_rays,
         [&](uint32_t first, uint32_t end, size_t chunk) { kernel(push, first, end, places, chunk); });
     counters[counter_shadow_count] = places.ends().shadow;
@@ -37,18 +35,14 @@ class HostStages final : public Stages {
 
   void transmit(ks::Commands& commands, const TransmitPush& push, const WaveBuffers& buffers) override {
     host::QueuePlaces places;
-    const bool infrared = buffers.size().channels == 1, plain = host::is_plain(buffers.size().features);
-    host::TransmitKernel* const kernel = infrared ? (plain ? host::transmit_infrared : host::transmit_infrared_full)
-                                                  : (plain ? host::transmit_visible : host::transmit_visible_full);
+    host::TransmitKernel* const kernel = kernels(buffers).transmit;
     run(commands, "transmit", push.counters.at[push.block_in * counter_words + counter_shadow_count], chunk_rays,
         [&](uint32_t first, uint32_t end, size_t chunk) { kernel(push, first, end, places, chunk); });
     push.counters.at[push.block_out * counter_words + counter_shadow_count] = places.ends().shadow;
   }
 
   void relight(ks::Commands& commands, const ShadePush& push, const WaveBuffers& buffers) override {
-    const bool infrared = buffers.size().channels == 1, plain = host::is_plain(buffers.size().features);
-    host::RelightKernel* const kernel = infrared ? (plain ? host::relight_infrared : host::relight_infrared_full)
-                                                 : (plain ? host::relight_visible : host::relight_visible_full);
+    host::RelightKernel* const kernel = kernels(buffers).relight;
     run(commands, "relight", push.counters.at[push.bounce * counter_words + counter_ray_count], chunk_rays,
         [&](uint32_t first, uint32_t end, size_t) { kernel(push, first, end); });
   }
@@ -76,6 +70,10 @@ class HostStages final : public Stages {
   }
 
  private:
+  static host::SurfaceKernels kernels(const WaveBuffers& buffers) {
+    return host::surface_kernels(buffers.size().channels == 1, buffers.size().features);
+  }
+
   template <class Kernel>
   void run(ks::Commands& commands, const char* name, uint32_t count, uint32_t chunk_size, const Kernel& kernel) {
     const auto start = std::chrono::steady_clock::now();
