@@ -40,13 +40,15 @@ class QueuePlaces {
 using ShadeKernel = void(const ShadePush& push, uint32_t first, uint32_t end, QueuePlaces& places, size_t chunk);
 using TransmitKernel = void(const TransmitPush& push, uint32_t first, uint32_t end, QueuePlaces& places, size_t chunk);
 using RelightKernel = void(const ShadePush& push, uint32_t first, uint32_t end);
-/// The features that each kind knows. Surfaces of `plain` and `lit` scenes have a BSDF that goes in lanes; `lit` ones have lights with an extent or a
-/// profile, as most projectors do.
-inline constexpr uint32_t plain_features = feature_lookups, lit_features = plain_features | feature_lights | feature_cutouts, full_features = ~0u;
+/// The features that each kind knows. Surfaces of `plain` and `lit` scenes have a BSDF that goes in lanes; `lit` ones have lights with an
+/// extent or a profile, as most projectors do.
+inline constexpr uint32_t plain_features = feature_lookups, lit_features = plain_features | feature_lights | feature_cutouts,
+                          full_features = ~0u;
 ShadeKernel shade_infrared_plain, shade_infrared_lit, shade_infrared_full, shade_visible_plain, shade_visible_lit, shade_visible_full;
 TransmitKernel transmit_infrared_plain, transmit_infrared_lit, transmit_infrared_full, transmit_visible_plain, transmit_visible_lit,
     transmit_visible_full;
-RelightKernel relight_infrared_plain, relight_infrared_lit, relight_infrared_full, relight_visible_plain, relight_visible_lit, relight_visible_full;
+RelightKernel relight_infrared_plain, relight_infrared_lit, relight_infrared_full, relight_visible_plain, relight_visible_lit,
+    relight_visible_full;
 
 struct SurfaceKernels {
   ShadeKernel* shade;

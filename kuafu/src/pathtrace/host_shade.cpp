@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stages `shade`, `transmit` and `relight` on the host. The build compiles this file once for each band and kind of scene: KUAFU_CHANNELS and
-// KUAFU_KIND say which, KUAFU_HOST_SHADE, KUAFU_HOST_TRANSMIT and KUAFU_HOST_RELIGHT name the functions.
+// Stages `shade`, `transmit` and `relight` on the host. The build compiles this file once for each band and kind of scene: KUAFU_CHANNELS
+// and KUAFU_KIND say which, KUAFU_HOST_SHADE, KUAFU_HOST_TRANSMIT and KUAFU_HOST_RELIGHT name the functions.
 #include <memory>
 
 #include "frame/host_language.h"
