@@ -12,6 +12,7 @@ layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer Bv
 layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer BvhInstances { BvhInstance instance[]; };
 
 layout(constant_id = 2) const bool rays_have_time = false;  // some instance moves
+layout(constant_id = 6) const uint nodes_per_step = 1u;      // at most; the tracer's
 
 const uint bvh_top = 0xffffffffu;  // "instance" while the ray is in the top level
 
@@ -162,10 +163,11 @@ void bvh_test_leaf(const bool any) {
   bvh_current = any && bvh_found ? bvh_done : bvh_pop();
 }
 
-/// Down to the next leaf and through it. any: stops at the first hit found.
+/// Down to the next leaf and through it, or down by nodes_per_step: the rays of a subgroup that have reached their leaves wait no longer for those that have not.
+/// any: stops at the first hit found.
 void bvh_step(BvhWorld world, const bool any) {
-  while ((bvh_current & bvh_leaf) == 0u) bvh_descend();
-  if (bvh_current == bvh_done) return;
+  for (uint n = 0u; n < nodes_per_step && (bvh_current & bvh_leaf) == 0u; ++n) bvh_descend();
+  if ((bvh_current & bvh_leaf) == 0u || bvh_current == bvh_done) return;
   if (bvh_current == bvh_leave) bvh_return(world);
   else if (bvh_instance != bvh_top) bvh_test_leaf(any);
   else if (bvh_leaf_count(bvh_current) != 0u) bvh_enter(world);

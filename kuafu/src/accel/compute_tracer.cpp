@@ -29,10 +29,12 @@ struct GlassPush {
   uint32_t has_medium = 0, unused = 0;
 };
 
-/// By constant_id (lib/bvh_queue.glsl, entry/trace_glass.comp).
-using Constants = std::array<uint32_t, 6>;
+/// By constant_id (lib/bvh.glsl, lib/bvh_queue.glsl, entry/trace_glass.comp).
+using Constants = std::array<uint32_t, 7>;
 
 constexpr uint32_t gpu_spread_groups = 2048;  // about what a large GPU holds at once
+// Subgroups of a GPU have 32 or 64 rays, the vectors of a CPU 8 (tests/bench/README.md has what was measured).
+constexpr uint32_t gpu_nodes_per_step = 4, cpu_nodes_per_step = 16;
 
 class ComputeTracer final : public Tracer {
  public:
@@ -40,6 +42,7 @@ class ComputeTracer final : public Tracer {
       : layout_(layout),
         group_size_(device->is_cpu() ? 8 : 64),
         spread_(device->is_cpu() ? 0 : gpu_spread_groups),
+        nodes_per_step_(device->is_cpu() ? cpu_nodes_per_step : gpu_nodes_per_step),
         device_(device),
         world_(std::move(device)) {}
 
@@ -75,7 +78,7 @@ class ComputeTracer final : public Tracer {
   }
 
   [[nodiscard]] Constants specialisation(bool moves, uint32_t features = 0, bool bends = false) const {
-    return {group_size_, layout_, moves ? 1u : 0u, features, spread_, bends ? 1u : 0u};
+    return {group_size_, layout_, moves ? 1u : 0u, features, spread_, bends ? 1u : 0u, nodes_per_step_};
   }
   /// Built for the features of a scene that asks for it.
   [[nodiscard]] const ks::ComputePipeline& glass_pipeline(const GlassWay& glass) {
@@ -100,7 +103,7 @@ class ComputeTracer final : public Tracer {
             .has_environments = rays.environments ? 1u : 0u};
   }
 
-  uint32_t layout_, group_size_, spread_;
+  uint32_t layout_, group_size_, spread_, nodes_per_step_;
   Pipelines closest_, occluded_;
   std::map<std::tuple<bool, bool, uint32_t>, ks::PipelineInBuild> glass_;  // by infrared, whether light is bent, and features
   std::shared_ptr<ks::Device> device_;
