@@ -20,6 +20,7 @@ _HOMES = {
     "Mount": "sensor",
     "Mounts": "sensor_batch",
     "Pose": "pose",
+    "SplitStereoDepthSensorBatch": "split_sensor_batch",
     "StereoDepthSensor": "sensor",
     "StereoDepthSensorBatch": "sensor_batch",
     "StereoDepthSensorConfig": "presets",

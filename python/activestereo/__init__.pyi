@@ -7,3 +7,4 @@ from activestereo.sensor import Mount as Mount
 from activestereo.sensor import StereoDepthSensor as StereoDepthSensor
 from activestereo.sensor_batch import Mounts as Mounts
 from activestereo.sensor_batch import StereoDepthSensorBatch as StereoDepthSensorBatch
+from activestereo.split_sensor_batch import SplitStereoDepthSensorBatch as SplitStereoDepthSensorBatch

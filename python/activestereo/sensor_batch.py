@@ -84,6 +84,9 @@ class StereoDepthSensorBatch:
 
     on_cuda: pictures and maps lie where CUDA sees them, for get_cuda(); compute_depth() then computes nothing for the
     host until get_depth() or another asks. CudaError where there is no CUDA, or none on this GPU.
+
+    environments: those of the mounts' environments that this batch is of, all by default. Its E is their number, they
+    keep their numbers in the scene, and all has the bits that it has in a batch of all (SplitStereoDepthSensorBatch).
     """
 
     def __init__(
@@ -93,6 +96,7 @@ class StereoDepthSensorBatch:
         pose: PoseLike | None = None,
         model: SensorModel | str | PathLike[str] | None = None,
         on_cuda: bool = False,
+        environments: range | None = None,
     ) -> None:
         self._config = deepcopy(config)
         self._mounts, self._scene = mounts, mounts.scene
@@ -101,12 +105,16 @@ class StereoDepthSensorBatch:
             raise ValueError("ir_exposure_mode of a batch is 'fixed' or 'settled', not 'converging'")
         self._pose = np.eye(4) if pose is None else as_matrix(pose)
         places = pose_matrices(host_array(mounts.poses), "poses of sensors")
-        self._shape = places.shape[:-2]
-        if len(self._shape) not in (1, 2) or not places.size:
+        self._mounts_shape = places.shape[:-2]
+        if len(self._mounts_shape) not in (1, 2) or not places.size:
             raise ValueError(f"poses of sensors are [E] or [E, S] times 7 or 4x4, given {list(places.shape)}")
+        self._numbers = _own_numbers(environments, self._mounts_shape[0])
+        self._shape = (len(self._numbers), *self._mounts_shape[1:])
         self._count = int(np.prod(self._shape))
-        self._places = np.broadcast_to(np.eye(4), (self._count, 4, 4)).copy()
-        self._environments = np.repeat(np.arange(self._shape[0]), self._count // self._shape[0]).tolist()
+        sensors = self._count // self._shape[0]
+        self._own = slice(self._numbers.start * sensors, self._numbers.stop * sensors)  # of all sensors
+        self._places = np.broadcast_to(np.eye(4), (int(np.prod(self._mounts_shape)), 4, 4)).copy()
+        self._environments = np.repeat(self._numbers, sensors).tolist()
         device = self._scene.device
         rgb_width, rgb_height = self._config.rgb_resolution
         self._on_cuda = on_cuda
@@ -265,9 +273,10 @@ class StereoDepthSensorBatch:
         own axes, which the matcher does not know of. ValueError for another number of sensors, for numbers that are
         negative or not finite, and for what is no rotation."""
         sensors = self._count // self._shape[0]
-        if not 0 <= environment < self._shape[0]:
-            raise ValueError(f"environments are 0 to {self._shape[0] - 1}, not {environment}")
-        own = slice(environment * sensors, (environment + 1) * sensors)
+        if environment not in self._numbers:
+            raise ValueError(f"environments are {self._numbers[0]} to {self._numbers[-1]}, not {environment}")
+        first = (environment - self._numbers.start) * sensors
+        own = slice(first, first + sensors)
         for name, values in (("laser_power", laser_power), ("exposure", exposure)):
             if np.shape(values) != (sensors,) or not (np.isfinite(values).all() and np.min(values) >= 0.0):
                 raise ValueError(f"{name} of environment {environment} is {sensors} numbers from 0 on, not {values}")
@@ -317,26 +326,27 @@ class StereoDepthSensorBatch:
 
     def _tell(self, broken: NDArray[np.intp]) -> None:
         if broken.size:
-            first = np.unravel_index(broken[0], self._shape)
-            where = ", sensor ".join(str(int(n)) for n in first)
+            own, *sensor = (int(n) for n in np.unravel_index(broken[0], self._shape))
+            environment = self._numbers[own]
+            where = ", sensor ".join(str(n) for n in (environment, *sensor))
             text = f"environment {where}: the mount's pose is not a finite rigid one; {broken.size} of {self._count}"
-            raise SensorPoseError(f"{text} sensors took their picture from their last place", int(first[0]))
+            raise SensorPoseError(f"{text} sensors took their picture from their last place", environment)
 
     def _place(self) -> NDArray[np.intp]:
         """Cameras and projectors to where the mounts are; returns the numbers of sensors whose mount has no pose."""
         places = pose_matrices(host_array(self._mounts.poses), "poses of sensors")
-        if places.shape[:-2] != self._shape:
-            raise ValueError(f"this batch is of {self._shape} sensors; the poses are of {places.shape[:-2]}")
+        if places.shape[:-2] != self._mounts_shape:
+            raise ValueError(f"this batch is of {self._mounts_shape} sensors; the poses are of {places.shape[:-2]}")
         places = places.reshape(-1, 4, 4)
         broken = pose_fault(places)
         if self._frame < 0 or not np.array_equal(places[~broken], self._places[~broken]):
             self._speckle_draw += 1
         self._places[~broken] = places[~broken]
-        rigs = self._places @ self._pose
+        rigs = self._places[self._own] @ self._pose
         self._rig.place(rigs)
         for camera, view in zip(self._rgb_cameras, rigs @ self._rgb_on_rig, strict=True):
             camera.camera_to_world = view
-        return np.flatnonzero(broken)
+        return np.flatnonzero(broken[self._own])
 
     def _prepare(self) -> Taken:
         """Lets the next picture's emitters shine."""
@@ -410,7 +420,9 @@ class StereoDepthSensorBatch:
         return (*self._shape, *image.shape[1 if self._count > 1 else 0 :])
 
     def _match(self, outputs: list[str] | dict[str, simsense.Image]) -> dict[str, NDArray[Any]]:
-        self._engine.set_parameters(frame_index=self._taken.frame, scene_index=self._taken.speckle_draw)
+        self._engine.set_parameters(
+            frame_index=self._taken.frame, scene_index=self._taken.speckle_draw, first_view=self._own.start
+        )
         pair = (self._link.left, self._link.right)
         lasers: dict[str, Any] = self._link.lasers(self._taken.is_laser_apart)
         return self._engine.compute(*pair, outputs, **lasers)
@@ -440,3 +452,11 @@ class StereoDepthSensorBatch:
     def _forget_maps(self) -> None:
         self._maps.clear()
         self._maps_on_cuda.clear()
+
+
+def _own_numbers(environments: range | None, count: int) -> range:
+    """Of the environments of a batch, among `count` that there are."""
+    numbers = range(count) if environments is None else environments
+    if not (numbers.step == 1 and 0 <= numbers.start < numbers.stop <= count):
+        raise ValueError(f"environments of a batch are a range inside of 0 to {count - 1}, not {numbers}")
+    return numbers

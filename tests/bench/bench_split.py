@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A batch of depth sensors over several devices beside the same batch on one: pairs a second, from take_picture() to
+the depth as an array.
+
+usage: PYTHONPATH=build/python python3 tests/bench/bench_split.py [--environments 256] [--scales 0.15,0.3] [--rounds N]
+
+Devices are all discrete GPUs, or the CPU twice, which shows that it works. Each environment has eight balls of its own
+before a wall; infrared alone, path depth 3, 4 samples. The least of the rounds counts; depths are compared bit for bit.
+"""
+
+import argparse
+import time
+
+import numpy as np
+
+import kuafu
+from activestereo import Mounts, SplitStereoDepthSensorBatch, StereoDepthSensorBatch, StereoDepthSensorConfig, solids
+from activestereo.bodies import Bodies, Shape, add_mesh
+
+
+def mounts(device: kuafu.Device, environments: range, count: int) -> Mounts:
+    """A scene with balls in these of `count` environments, and sensors in all."""
+    scene = kuafu.Scene(device)
+    bodies = Bodies(scene, count)
+    random = np.random.default_rng(1)
+    ball, box = add_mesh(scene, solids.sphere()), add_mesh(scene, solids.box())
+    paints = [
+        scene.add_material(kuafu.Material(base_color=(*random.uniform(0.2, 0.9, 3), 1), metallic=float(k % 3 == 0)))
+        for k in range(8)
+    ]
+    bodies.add("wall", [Shape(box, [paints[1]], np.diag([0.1, 3.0, 3.0, 1.0]))], environments=environments)
+    for k, paint in enumerate(paints):
+        size = np.diag([0.06, 0.06, 0.06, 1.0])
+        bodies.add(f"ball {k}", [Shape(ball, [paint], size)], environments=environments)
+    poses = np.tile([0, 0, 0, 1.0, 0, 0, 0], (count, 9, 1))
+    poses[:, 0, 0] = 1.1
+    poses[:, 1:, 0] = random.uniform(0.6, 0.9, (count, 8))
+    poses[:, 1:, 1:3] = random.uniform(-0.3, 0.3, (count, 8, 2))
+    bodies.move(poses)
+    return Mounts(scene, np.tile([0, 0, 0, 1.0, 0, 0, 0], (count, 1)))
+
+
+def least_ms(batch: StereoDepthSensorBatch | SplitStereoDepthSensorBatch, rounds: int) -> tuple[float, np.ndarray]:
+    """Of a picture with depth, and the first picture's depth."""
+    times, first = [], np.empty(0)
+    for n in range(rounds + 1):
+        start = time.perf_counter()
+        batch.take_picture(infrared_only=True)
+        batch.compute_depth()
+        depth = batch.get_depth()
+        times.append(1e3 * (time.perf_counter() - start))
+        first = depth.copy() if n == 0 else first
+    return min(times[1:]), first
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--environments", type=int, default=256)
+    parser.add_argument("--scales", default="0.15,0.3")
+    parser.add_argument("--rounds", type=int, default=9)
+    args = parser.parse_args()
+    count = args.environments
+    found = [info.index for info in kuafu.Device.enumerate() if info.usable and info.kind == "discrete gpu"]
+    devices = [kuafu.Device(index) for index in found] if len(found) > 1 else [kuafu.Device(), kuafu.Device()]
+    print(f"{len(devices)} x {devices[0].info.name}, {count} environments")
+    for scale in map(float, args.scales.split(",")):
+        config = StereoDepthSensorConfig("D435").scaled(scale)
+        config.samples_per_pixel, config.max_bounces, config.ir_exposure_mode = 4, 2, "fixed"
+        with StereoDepthSensorBatch(config, mounts(devices[0], range(count), count)) as one:
+            one_ms, expected = least_ms(one, args.rounds)
+            stages_ms = sum(one.stage_times.values())
+        sizes = ["{}x{}".format(*size) for size in (config.ir_resolution, config.rgb_resolution)]
+        rate = f"{one_ms:8.2f} ms on one (stages {stages_ms:.2f}), {1e3 * count / one_ms:8.0f} pairs/s"
+        print(f"{sizes[0]}, depth {sizes[1]}: {rate}")
+        for used in range(2, len(devices) + 1):
+            bounds = [k * count // used for k in range(used + 1)]
+            own = [range(a, b) for a, b in zip(bounds[:-1], bounds[1:], strict=True)]
+            parts = [mounts(device, part, count) for device, part in zip(devices, own, strict=False)]
+            with SplitStereoDepthSensorBatch(config, parts) as split:
+                ms, depth = least_ms(split, args.rounds)
+                same = "the same depths" if np.array_equal(depth, expected) else "OTHER DEPTHS"
+                stages = ", ".join(f"{sum(part.stage_times.values()):.2f}" for part in split.parts)
+                rate = f"{ms:8.2f} ms on {used} (stages {stages}), {1e3 * count / ms:8.0f} pairs/s"
+                print(f"    {rate}, {one_ms / ms:.2f} times; {same}")
+
+
+if __name__ == "__main__":
+    main()

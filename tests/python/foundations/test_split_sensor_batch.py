@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A batch over two devices, against the same batch on one."""
+
+import numpy as np
+import pytest
+
+import kuafu
+from activestereo import Mounts, SplitStereoDepthSensorBatch, StereoDepthSensorBatch, StereoDepthSensorConfig, solids
+from activestereo.bodies import Bodies, Shape, add_mesh
+from activestereo.sensor_batch import SensorPoseError
+
+DISTANCES_M = (0.5, 0.6, 0.8)
+POSES = np.array([[[0, 0, 0, 1, 0, 0, 0], [0.1, 0, 0, 1, 0, 0, 0]]] * 3, float)  # two sensors in each environment
+
+
+@pytest.fixture(scope="module")
+def config():
+    config = StereoDepthSensorConfig("D435").scaled(0.125)  # settles its exposure; speckle stays where nothing moves
+    config.samples_per_pixel, config.max_bounces = 2, 1
+    config.rgb_exposure = 0.5  # chosen by each device for itself where it is not said
+    return config
+
+
+def mounts(poses=POSES):
+    scene = kuafu.Scene(kuafu.Device())
+    plaster = scene.add_material(kuafu.Material(base_color=(0.7, 0.7, 0.7, 1), specular=0.0))
+    bodies = Bodies(scene, len(DISTANCES_M))
+    bodies.add("wall", [Shape(add_mesh(scene, solids.box()), [plaster], np.diag([0.1, 3.0, 3.0, 1.0]))])
+    bodies.move(np.array([[[d + 0.1, 0, 0, 1, 0, 0, 0]] for d in DISTANCES_M], float))
+    return Mounts(scene, poses)
+
+
+def pictures(batch, all_mounts):
+    """Two of them; between, the first environment's sensors alone move, which draws all speckle anew."""
+    for moved_m in (0.0, 0.01):
+        for one in all_mounts:
+            one.poses = one.poses.copy()
+            one.poses[0, ..., 0] += moved_m
+        batch.take_picture()
+        batch.compute_depth()
+        left, right = batch.get_ir_measured()
+        names = ("depth", "disparity", "ir_radiance", "rgba8", "rgb", "true_depth", "instance_ids", "material_ids")
+        maps = {name: getattr(batch, f"get_{name}")() for name in names}
+        yield maps | {"ir_left": left, "ir_right": right, "confidence": batch.get_depth_map("confidence")}
+
+
+def same_bits(one, whole, split, parts):
+    for expected, found in zip(pictures(one, [whole]), pictures(split, parts), strict=True):
+        assert (expected["depth"] > 0).mean() > 0.5
+        for name, image in expected.items():
+            np.testing.assert_array_equal(found[name], image, err_msg=name)
+    assert split.frame_index == 1
+
+
+def test_two_devices_give_the_bits_of_one(config):
+    whole, halves = mounts(), [mounts(), mounts()]
+    with StereoDepthSensorBatch(config, whole) as one, SplitStereoDepthSensorBatch(config, halves) as split:
+        assert split.shape == one.shape == (3, 2) and [part.shape for part in split.parts] == [(1, 2), (2, 2)]
+        same_bits(one, whole, split, halves)
+        np.testing.assert_array_equal(split.render_true_depth(), one.render_true_depth())
+
+
+def test_so_does_a_device_for_each_sensor(config):
+    poses = POSES[:, 0]
+    whole, parts = mounts(poses), [mounts(poses) for _ in range(3)]
+    with StereoDepthSensorBatch(config, whole) as one, SplitStereoDepthSensorBatch(config, parts) as split:
+        assert split.shape == one.shape == (3,) and [part.shape for part in split.parts] == [(1,)] * 3
+        same_bits(one, whole, split, parts)
+
+
+def test_a_pose_that_is_none_is_told_with_its_number_and_costs_no_other_picture(config):
+    halves = [mounts(), mounts()]
+    with SplitStereoDepthSensorBatch(config, halves) as split:
+        poses = POSES.copy()
+        poses[2, 1] = np.nan
+        for one in halves:
+            one.poses = poses
+        with pytest.raises(SensorPoseError, match=r"environment 2, sensor 1.* 1 of 4") as caught:
+            split.take_picture(infrared_only=True)
+        assert caught.value.environment == 2
+        assert [part.frame_index for part in split.parts] == [0, 0]
+        split.restart(3)
+        assert split.frame_index == -1
+
+
+def test_mounts_that_do_not_fit_are_errors(config):
+    with pytest.raises(ValueError, match="4 devices take as many environments or more, not"):
+        SplitStereoDepthSensorBatch(config, [mounts()] * 4)
+    with pytest.raises(ValueError, match="0 devices"):
+        SplitStereoDepthSensorBatch(config, [])
+    for environments in (range(2, 2), range(1, 4), range(0, 3, 2)):
+        with pytest.raises(ValueError, match="a range inside of 0 to 2"):
+            StereoDepthSensorBatch(config, mounts(), environments=environments)
