@@ -87,6 +87,25 @@ TEST(Wire, ASceneArrivesAsItWasSent) {
   EXPECT_EQ(scene.cameras()[0].near_m, 0.25);
 }
 
+// A library refuses a helper of another version by the first word alone. Who adds a field to a record changes these bytes, then the word in
+// wire.cpp, and last this number and the answers that tests/fuzz keeps.
+TEST(Wire, AFormatThatGrewHasANewFirstWord) {
+  const std::vector<char> bytes = sent(small_scene(), {});
+  EXPECT_EQ(std::string(bytes.data(), 4), "KIM4");
+  EXPECT_EQ(bytes.size(), 1208u);
+}
+
+TEST(Wire, AnOldHelperIsTold) {
+  std::vector<char> bytes = sent(small_scene(), {});
+  bytes[3] = '3';
+  try {
+    received(bytes);
+    ADD_FAILURE() << "accepted";
+  } catch (const ks::Error& error) {
+    EXPECT_NE(std::string(error.what()).find("another version than the library"), std::string::npos) << error.what();
+  }
+}
+
 TEST(Wire, AFailureArrivesAsOneLine) {
   char* bytes = nullptr;
   size_t size = 0;

@@ -20,8 +20,70 @@ kuafu_material_desc white(float metallic) {
   return m;
 }
 
-double in_furnace(const kuafu_material_desc& material, uint32_t tracer) {
+constexpr uint8_t texel[4] = {51, 102, 153, 204};  // 0.2, 0.4, 0.6 and 0.8
+
+/// What the fields of lobes name it by: its number and 1.
+uint32_t add_texel(World& world) {
+  kuafu_texture_desc t = kuafu_texture_desc_init();
+  t.texels = texel;
+  t.width = t.height = 1;
+  t.channels = 4;
+  t.format = KS_FORMAT_U8;
+  uint32_t id = 0;
+  ok(kuafu_scene_add_texture(world.scene(), &t, &id));
+  return id + 1;
+}
+
+/// A lobe's texture, and what says the same as its one texel without it.
+struct LobeTexture {
+  uint32_t kuafu_material_desc::*texture;
+  void (*factor)(kuafu_material_desc& m);
+};
+const LobeTexture lobe_textures[] = {
+    {&kuafu_material_desc::clearcoat_texture, [](kuafu_material_desc& m) { m.clearcoat *= 0.2f; }},
+    {&kuafu_material_desc::clearcoat_roughness_texture, [](kuafu_material_desc& m) { m.clearcoat_roughness *= 0.4f; }},
+    {&kuafu_material_desc::diffuse_transmission_texture, [](kuafu_material_desc& m) { m.diffuse_transmission *= 0.8f; }},
+    {&kuafu_material_desc::diffuse_transmission_color_texture,
+     [](kuafu_material_desc& m) {
+       for (int k = 0; k < 3; ++k) m.diffuse_transmission_color[k] *= 0.2f * float(k + 1);
+     }},
+    {&kuafu_material_desc::sheen_color_texture,
+     [](kuafu_material_desc& m) {
+       for (int k = 0; k < 3; ++k) m.sheen_color[k] *= 0.2f * float(k + 1);
+     }},
+    {&kuafu_material_desc::sheen_roughness_texture, [](kuafu_material_desc& m) { m.sheen_roughness *= 0.8f; }},
+    {&kuafu_material_desc::iridescence_texture, [](kuafu_material_desc& m) { m.iridescence *= 0.2f; }},
+    {&kuafu_material_desc::iridescence_thickness_texture,
+     [](kuafu_material_desc& m) {
+       m.iridescence_thickness_nm = 0.6f * m.iridescence_least_thickness_nm + 0.4f * m.iridescence_thickness_nm;
+     }},
+    {&kuafu_material_desc::anisotropy_texture,
+     [](kuafu_material_desc& m) {
+       m.anisotropy *= 0.6f;
+       m.anisotropy_rotation_rad += float(std::atan2(2 * 0.4 - 1, 2 * 0.2 - 1));  // red and green are a direction in -1 to 1
+     }},
+};
+
+/// Every lobe that has textures.
+kuafu_material_desc all_lobes() {
+  kuafu_material_desc m = white(0.5f);
+  m.anisotropy = 0.9f;
+  m.anisotropy_rotation_rad = 0.3f;
+  for (float& c : m.sheen_color) c = 0.8f;
+  m.sheen_roughness = 0.6f;
+  m.iridescence = 0.9f;
+  m.iridescence_least_thickness_nm = 150;
+  m.iridescence_thickness_nm = 450;
+  m.clearcoat = 0.9f;
+  m.clearcoat_roughness = 0.5f;
+  m.diffuse_transmission = 0.6f;
+  return m;
+}
+
+double in_furnace(kuafu_material_desc material, uint32_t tracer, bool textured = false) {
   World world(tracer);
+  if (textured)
+    for (const LobeTexture& t : lobe_textures) material.*t.texture = add_texel(world);
   world.add(textured_plane(), material, placed({0, 0, 1}, 0.8));
   world.set_environment(1.0f);
   world.desc().samples_per_pixel = 256;
@@ -46,6 +108,38 @@ TEST(Lobes, of_white_surfaces_gain_nothing_on_either_tracer) {
   EXPECT_LT(host, 1.01);
   EXPECT_GT(host, 0.7);
   EXPECT_NEAR(device, host, 0.005);
+  EXPECT_NEAR(in_furnace(m, KUAFU_TRACER_COMPUTE, true), in_furnace(m, KUAFU_TRACER_AUTO, true), 0.005) << "with their textures";
+}
+
+// Lit from both sides and from the side, so that every lobe shows.
+TEST(LobeTextures, of_one_texel_are_their_factors) {
+  const auto seen = [](const LobeTexture* texture, bool as_factor) {
+    World world;
+    kuafu_material_desc m = all_lobes();
+    if (texture != nullptr && as_factor) texture->factor(m);
+    if (texture != nullptr && !as_factor) m.*texture->texture = add_texel(world);
+    world.add(textured_plane(), m, placed({0, 0, 1}, 0.4));
+    kuafu_light_desc lamp = kuafu_light_desc_init(KUAFU_LIGHT_POINT);
+    for (float& c : lamp.intensity) c = 1;
+    world.add_light(lamp, placed({0.5, 0.2, 0.2}));
+    world.add_light(lamp, placed({0.1, 0.3, 1.5}));
+    world.desc().samples_per_pixel = 16;
+    kuafu_view_desc view = view_at({0, 0, 0}, 4, 4, 20);
+    view.band = KUAFU_BAND_VISIBLE;
+    return world.radiance(view);
+  };
+  const Pixels without = seen(nullptr, false);
+  for (const LobeTexture& t : lobe_textures) {
+    const auto index = &t - lobe_textures;
+    const Pixels textured = seen(&t, false), factor = seen(&t, true);
+    double changed = 0;
+    for (size_t i = 0; i < without.values.size(); ++i) {
+      ASSERT_GT(without.values[i], 0);
+      EXPECT_NEAR(textured.values[i], factor.values[i], 1e-3 * factor.values[i]) << "texture " << index << " value " << i;
+      changed = std::max(changed, std::abs(textured.values[i] / without.values[i] - 1.0));
+    }
+    EXPECT_GT(changed, 0.005) << "texture " << index << " shows";
+  }
 }
 
 // Light from the left and from below, seen from before: facets tilt along the brushing's direction, which a quarter turn brings to the
@@ -66,6 +160,39 @@ TEST(Anisotropy, follows_the_texture_coordinates_and_turns) {
   EXPECT_GT(along, 3 * across);
   EXPECT_NEAR(seen({0, 0.8, 0}, float(pi / 2)), along, 0.01 * along);
   EXPECT_NEAR(seen({0.8, 0, 0}, float(pi / 2)), across, 0.02 * across);
+}
+
+// KHR_materials_anisotropy: the rotation is counter-clockwise from the tangent, which is where u grows, towards the bitangent, which is
+// where v falls: from the right to the top of a picture whose texture stands upright. The highlight is long in that direction.
+TEST(Anisotropy, turns_counter_clockwise_by_its_rotation_and_by_its_texture) {
+  const auto seen = [](const Vec3& lamp, float rotation, bool textured) {
+    World world;
+    kuafu_material_desc m = white(1);
+    m.roughness = 0.3f;
+    m.anisotropy = 0.8f;
+    m.anisotropy_rotation_rad = rotation;
+    const uint8_t up_right[3] = {218, 218, 255};  // 0.71, 0.71, and all of the strength
+    kuafu_texture_desc t = kuafu_texture_desc_init();
+    t.texels = up_right;
+    t.width = t.height = 1;
+    t.channels = 3;
+    t.format = KS_FORMAT_U8;
+    uint32_t id = 0;
+    if (textured) ok(kuafu_scene_add_texture(world.scene(), &t, &id));
+    if (textured) m.anisotropy_texture = id + 1;
+    world.add(textured_plane(), m, placed({0, 0, 1}));
+    world.add_point(lamp, 1);
+    world.desc().samples_per_pixel = 4;
+    return world.radiance(view_at({0, 0, 0}, 4, 4, 20000)).mean();
+  };
+  const Vec3 right{0.8, 0, 0}, up_right{0.566, -0.566, 0}, down_right{0.566, 0.566, 0};  // y points down
+  const double along = seen(right, 0, false);
+  for (const bool textured : {false, true}) {
+    const float rotation = textured ? 0.0f : float(pi / 4);
+    EXPECT_NEAR(seen(up_right, rotation, textured), along, 0.02 * along) << textured;
+    EXPECT_LT(seen(down_right, rotation, textured), along / 3) << textured;
+  }
+  EXPECT_NEAR(seen({0, -0.8, 0}, float(pi / 4), true), along, 0.02 * along) << "the rotation turns the texture's direction on";
 }
 
 // A smooth film of 1.8 on a black base of 1.5, at normal incidence: Airy's sum at 850 nm.
