@@ -144,16 +144,16 @@ uint32_t material_features(const Material& m) {
 
 bool has_sheen(const Material& m) { return m.sheen_color != glm::vec3(0); }
 
+bool is_glass(const Material& m) { return m.transmission > 0.0f && (m.metallic < 1.0f || m.metallic_roughness_texture != none); }
+
 bool is_smooth_glass(const Material& m) {
   constexpr float rough = 0.0317f;  // whose alpha is mirror_alpha (lib/glass.glsl)
-  return m.transmission > 0.0f && m.metallic < 1.0f && (m.transmission_roughness < rough || m.ior < 1.001f);
+  return is_glass(m) && (m.transmission_roughness < rough || m.ior < 1.001f || m.metallic_roughness_texture != none);
 }
 
 bool bends_light(const Material& m) { return is_smooth_glass(m) && !m.thin_walled; }
 
-bool is_frosted(const Material& m) {
-  return m.transmission > 0.0f && m.metallic < 1.0f && m.transmission_roughness > 0.0f && !m.thin_walled;
-}
+bool is_frosted(const Material& m) { return is_glass(m) && m.transmission_roughness > 0.0f && !m.thin_walled; }
 
 Material grey_default() {
   Material m;

@@ -16,7 +16,10 @@ MaterialRecord material_record(const Material& material, uint32_t id, const Band
 /// feature_* that shaders need for it.
 uint32_t material_features(const Material& material);
 
-/// Glass that a shadow ray may pass, and whether it bends it: it then bounds a body.
+/// Glass, if only where a texture takes metal away.
+bool is_glass(const Material& material);
+
+/// Glass that a shadow ray may pass, if only where a texture says so, and whether it bends it: it then bounds a body.
 bool is_smooth_glass(const Material& material);
 bool bends_light(const Material& material);
 

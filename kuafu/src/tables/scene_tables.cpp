@@ -99,7 +99,7 @@ void SceneTables::write_materials(const Scene& scene) {
   for (uint32_t i = 0; i < materials.size(); ++i) {
     const Material m = in_band(materials[i], band_);
     records[material_index(i)] = material_record(materials[i], i, band_);
-    has_glass_ = has_glass_ || (m.transmission > 0.0f && m.metallic < 1.0f);
+    has_glass_ = has_glass_ || is_glass(m);
     has_bending_ = has_bending_ || bends_light(m);
     emissive_ = emissive_ || m.emission != glm::vec3(0);
     frosted = frosted || is_frosted(m);

@@ -217,6 +217,34 @@ TEST_P(TextureLookup, the_roughness_texture_also_makes_glass_rough_or_smooth) {
   EXPECT_LT(difference(1), 0.05 * difference(2));
 }
 
+// glTF's factors are 1 where a file has a texture alone: metal and rough by them, glass by the texture. Frosted glass reads its table of
+// albedos then too, and light goes through where the texture is smooth.
+TEST(TextureLookupOfGlass, whose_texture_takes_metal_and_roughness_away_finds_glass) {
+  for (const uint8_t green : {0, 255}) {
+    std::vector<float> images[2];  // by factors, by the texture
+    for (int i = 0; i < 2; ++i) {
+      World world;
+      world.set_environment(0.2f);
+      const uint8_t no_metal[3] = {255, green, 0};
+      kuafu_texture_desc t = kuafu_texture_desc_init();
+      t.texels = no_metal;
+      t.width = t.height = 1;
+      t.channels = 3;
+      t.format = KS_FORMAT_U8;
+      kuafu_material_desc m = glass(1.7f);
+      m.roughness = m.transmission_roughness = i == 0 ? float(green) / 255 : 1.0f;
+      if (i == 1) m.metallic = 1;
+      if (i == 1) m.metallic_roughness_texture = add(world, t);
+      world.add(sphere(0.5, 16, true, {0, 0, 2}), m);
+      world.add(quad({0, 0, 3}, {-2, 0, 0}, {0, 2, 0}), lambert(0.5f));
+      world.add_point({0.3, 0, 0}, 5);
+      world.desc().samples_per_pixel = 16;
+      images[i] = world.radiance(view_at({0, 0, 0}, 24, 24, 30)).values;
+    }
+    for (size_t k = 0; k < images[0].size(); ++k) EXPECT_NEAR(images[0][k], images[1][k], 1e-3) << "green " << int(green);
+  }
+}
+
 TEST_P(TextureLookup, a_light_ends_at_its_range) {
   SKIP_IF(why_not(GetParam()));
   for (const double range : {0.0, 2.0, 1.25, 0.9}) {
