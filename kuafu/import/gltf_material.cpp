@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "import/gltf_material.h"
 
+#include <algorithm>
+
 #include "device/error.h"
 #include "import/material_extras.h"
 
@@ -101,8 +103,7 @@ void GltfMaterials::read_extensions(const tinygltf::Material& from, const std::s
     to.specular = static_cast<float>(number_of(*e, "specularFactor", 1.0));
     to.specular_texture =
         textures_.id(TextureUse::of(*e, "specularTexture", field + ".specularTexture"), false, field + ".specularTexture");
-    if (e->Has("specularColorFactor") || e->Has("specularColorTexture"))
-      import_.warn(field + ": specularColorFactor and specularColorTexture are ignored");
+    read_specular_color(*e, field, to);
   }
   to.transmission_roughness = to.roughness;
   const auto* volume = extension("KHR_materials_volume");
@@ -117,8 +118,29 @@ void GltfMaterials::read_extensions(const tinygltf::Material& from, const std::s
     read_color(*e, "attenuationColor", to.attenuation_color);
   }
   read_lobes(from, field, to);
+  if (extension("KHR_materials_unlit") != nullptr) read_unlit(field, to);
   if (const auto* e = extension("KHR_materials_emissive_strength"))
     to.emission *= static_cast<float>(number_of(*e, "emissiveStrength", 1.0));
+}
+
+// The reflecting layer has a weight for all channels.
+void GltfMaterials::read_specular_color(const tinygltf::Value& extension, const std::string& field, Material& to) {
+  if (extension.Has("specularColorTexture")) import_.warn(field + ": specularColorTexture is ignored");
+  glm::vec3 color(1.0f);
+  read_color(extension, "specularColorFactor", color);
+  if (color == glm::vec3(1.0f)) return;
+  const float mean = to.specular * (color.r + color.g + color.b) / 3.0f;
+  to.specular = std::clamp(mean, 0.0f, 1.0f);
+  if (mean > 1.0f || color.r != color.g || color.g != color.b)
+    import_.warn(field + ": of specularColorFactor the mean is taken, 1 at most");
+}
+
+// Its colour is to be seen as it is in every light, which no surface does: it becomes matt.
+void GltfMaterials::read_unlit(const std::string& field, Material& to) {
+  to.metallic = to.specular = 0.0f;
+  to.roughness = 1.0f;
+  to.metallic_roughness_texture = to.normal_texture = none;
+  import_.warn(field + ": KHR_materials_unlit is shown as a matt surface, which is as bright as the light that falls on it");
 }
 
 void GltfMaterials::read_lobes(const tinygltf::Material& from, const std::string& field, Material& to) {

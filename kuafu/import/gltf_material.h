@@ -19,6 +19,8 @@ class GltfMaterials {
  private:
   Material read(const tinygltf::Material& from, const std::string& field);
   void read_extensions(const tinygltf::Material& from, const std::string& field, Material& to);
+  void read_specular_color(const tinygltf::Value& extension, const std::string& field, Material& to);
+  void read_unlit(const std::string& field, Material& to);
   /// Lobes beyond glTF's own: clearcoat, diffuse_transmission, anisotropy, sheen, iridescence, dispersion.
   void read_lobes(const tinygltf::Material& from, const std::string& field, Material& to);
   void read_extras(const tinygltf::Value& extras, const std::string& field, Material& to);

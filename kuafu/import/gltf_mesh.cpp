@@ -8,6 +8,7 @@
 #include "device/error.h"
 #include "import/gltf_attributes.h"
 #include "import/gltf_deform.h"
+#include "import/gltf_tangents.h"
 
 namespace kuafu {
 namespace {
@@ -114,6 +115,7 @@ GltfMesh read_primitive(Import& import, const tinygltf::Model& model, const tiny
   part.indices = triangles(vertices, attributes.mode(), field);
   check_index_range(part, field);
   normalise(part);
+  judge_tangents(import, model, primitive, part, attributes.vectors<glm::vec4>("TANGENT"), field);
   return out;
 }
 

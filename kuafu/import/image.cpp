@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "import/image.h"
 
+#include <algorithm>
+#include <string_view>
+
 #include "device/error.h"
 #include "scene/validate.h"
 
@@ -19,6 +22,17 @@ Decoder decoder_of(std::span<const uint8_t> bytes) {
   return nullptr;
 }
 
+bool begins_with(std::span<const uint8_t> bytes, std::string_view text) {
+  return bytes.size() >= text.size() &&
+         std::equal(text.begin(), text.end(), bytes.begin(), [](char a, uint8_t b) { return uint8_t(a) == b; });
+}
+
+/// The name of a format that is known and not read; nullptr: none of those.
+const char* unread_format(std::span<const uint8_t> bytes) {
+  if (begins_with(bytes, "\xabKTX ")) return "KTX";
+  return begins_with(bytes, "DDS ") ? "DDS" : nullptr;
+}
+
 }  // namespace
 
 void size_texture(Texture& texture, uint64_t width, uint64_t height, uint32_t channels, Texture::Format format, Budget& budget) {
@@ -33,6 +47,9 @@ void size_texture(Texture& texture, uint64_t width, uint64_t height, uint32_t ch
 
 Texture decode_image(std::span<const uint8_t> bytes, const std::string& name, bool srgb, Budget& budget) {
   const Decoder decode = decoder_of(bytes);
+  const char* unread = unread_format(bytes);
+  if (unread != nullptr)
+    ks::fail(KS_ERROR_UNSUPPORTED, "texture '%s' is a %s file, which is not read: export it as PNG, JPEG or WebP", name.c_str(), unread);
   if (decode == nullptr)
     ks::fail(KS_ERROR_FILE, "texture '%s' is not a PNG, JPEG, WebP, BMP or TGA image that can be read: its first bytes are of none of them",
              name.c_str());

@@ -117,6 +117,55 @@ TEST(GltfLooks, AClearCoatArrivesWithItsTexturesAndItsNormalsAreTold) {
   EXPECT_NE(glb_error_of(w).find("clearcoat is 1.5"), std::string::npos) << glb_error_of(w);
 }
 
+TEST(GltfLooks, TheReflectingLayersColourIsItsMean) {
+  const auto with_color = [](const json& color) {
+    GltfWriter w = with_material({{"extensions", {{"KHR_materials_specular", {{"specularFactor", 0.5}, {"specularColorFactor", color}}}}}});
+    return load_glb(w);
+  };
+  EXPECT_TRUE(with_color({1, 1, 1}).warnings.empty());
+  EXPECT_TRUE(with_color({0.5, 0.5, 0.5}).warnings.empty());
+  EXPECT_EQ(with_color({0.5, 0.5, 0.5}).scene.materials()[0].specular, 0.25f);
+  const Loaded colored = with_color({1, 0.5, 0});
+  EXPECT_EQ(colored.scene.materials()[0].specular, 0.25f);
+  EXPECT_EQ(colored.warnings.size(), 1u);
+  const Loaded bright = with_color({9, 9, 9});
+  EXPECT_EQ(bright.scene.materials()[0].specular, 1.0f);
+  EXPECT_EQ(bright.warnings.size(), 1u);
+}
+
+TEST(GltfLooks, UnlitBecomesMatt) {
+  GltfWriter w = with_material(
+      {{"pbrMetallicRoughness", {{"baseColorFactor", {0.25, 0.5, 0.75, 1}}}}, {"extensions", {{"KHR_materials_unlit", json::object()}}}});
+  w.root["extensionsRequired"] = {"KHR_materials_unlit"};
+  const Loaded loaded = load_glb(w);
+  const Material& m = loaded.scene.materials()[0];
+  EXPECT_EQ(m.base_color, glm::vec4(0.25f, 0.5f, 0.75f, 1));
+  EXPECT_EQ(m.metallic, 0.0f);
+  EXPECT_EQ(m.specular, 0.0f);
+  ASSERT_EQ(loaded.warnings.size(), 1u);
+  EXPECT_NE(loaded.warnings[0].find("matt"), std::string::npos);
+}
+
+// A triangle whose u grows along x and whose v grows against y: the tangent is x, and the bitangent y is on its positive side.
+TEST(GltfLooks, TangentsThatDifferFromTheTextureCoordinatesAreTold) {
+  const auto warned = [](float angle, float side, bool mapped) {
+    GltfWriter w = with_material(mapped ? json{{"normalTexture", {{"index", 0}}}} : json::object());
+    json& attributes = w.root["meshes"][0]["primitives"][0]["attributes"];
+    const std::vector<float> normals{0, 0, 1, 0, 0, 1, 0, 0, 1}, uvs{0, 0, 1, 0, 0, -1};
+    std::vector<float> tangents;
+    for (int i = 0; i < 3; ++i) tangents.insert(tangents.end(), {std::cos(angle), std::sin(angle), 0, side});
+    attributes["NORMAL"] = w.accessor<float>(normals, type_float, "VEC3", 3);
+    attributes["TEXCOORD_0"] = w.accessor<float>(uvs, type_float, "VEC2", 2);
+    attributes["TANGENT"] = w.accessor<float>(tangents, type_float, "VEC4", 4);
+    const Loaded loaded = load_glb(w);
+    return loaded.warnings.empty() ? std::string() : loaded.warnings[0];
+  };
+  EXPECT_EQ(warned(0.05f, 1, true), "");
+  EXPECT_NE(warned(0.5f, 1, true).find("TANGENT is not read, and is 29 degrees off"), std::string::npos) << warned(0.5f, 1, true);
+  EXPECT_NE(warned(0, -1, true).find("180 degrees"), std::string::npos);
+  EXPECT_EQ(warned(0.5f, 1, false), "") << "nothing follows it";
+}
+
 TEST(GltfLooks, LightThatIsLetThroughArrivesWithItsTextures) {
   const char* name = "KHR_materials_diffuse_transmission";
   GltfWriter w =

@@ -448,8 +448,8 @@ TEST(GltfFile, UnsupportedRequiredExtensionsAreNamed) {
   w.root["extensionsRequired"] = {"KHR_texture_basisu"};
   expect_error(w, "KHR_texture_basisu is not supported");
   w.root.erase("extensionsRequired");
-  w.root["extensionsUsed"] = {"KHR_materials_unlit"};
-  expect_warning(load(w), "KHR_materials_unlit is ignored");
+  w.root["extensionsUsed"] = {"KHR_materials_variants"};
+  expect_warning(load(w), "KHR_materials_variants is ignored");
 }
 
 TEST(GltfFile, NothingToShowIsAnError) {

@@ -257,7 +257,7 @@ TEST(HostileFile, NamesStayInTheirLineAndMessagesAreBounded) {
   GltfWriter w;
   for (int i = 0; i < 3000; ++i)
     w.root["materials"].push_back(
-        {{"name", std::to_string(i)}, {"extensions", {{"KHR_materials_specular", {{"specularColorFactor", {1, 1, 1}}}}}}});
+        {{"name", std::to_string(i)}, {"extensions", {{"KHR_materials_specular", {{"specularColorFactor", {1, 0.5, 1}}}}}}});
   w.root["materials"][0]["name"] = "evil\nERROR: all is lost\x1b[2J" + std::string(5000, 'x');
   w.triangle(0);
   w.node({{"mesh", 0}, {"name", "two\nlines"}});

@@ -77,6 +77,15 @@ TEST(ImageFile, JpegColoursAreNear) {
   EXPECT_EQ(decode_file("flat_gray.jpg").channels, 1u);
 }
 
+TEST(ImageFile, AKtxFileIsNamedAndWhatToDo) {
+  try {
+    decode({0xab, 'K', 'T', 'X', ' ', '2', '0', 0xbb, 13, 10, 26, 10});
+    ADD_FAILURE() << "accepted";
+  } catch (const ks::Error& error) {
+    EXPECT_STREQ(error.what(), "texture 'x' is a KTX file, which is not read: export it as PNG, JPEG or WebP");
+  }
+}
+
 TEST(ImageFile, EveryTruncationIsAnErrorOrAPicture) {
   for (const auto& entry : std::filesystem::directory_iterator(here / "images")) {
     const std::vector<uint8_t> whole = bytes_of(entry.path());
