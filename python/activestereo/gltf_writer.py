@@ -15,6 +15,7 @@ from activestereo.output_files import replace_file
 
 _ARRAY_BUFFER, _ELEMENT_BUFFER = 34962, 34963
 _FLOAT, _UINT = 5126, 5125
+REPEAT, CLAMP, MIRROR = 10497, 33071, 33648  # how a texture goes on beyond its image
 
 
 class GltfWriter:
@@ -33,9 +34,13 @@ class GltfWriter:
             self._use(extension)
         return self._append("materials", {"name": name, **fields})
 
-    def add_texture(self, png_bytes: bytes, name: str) -> int:
-        image = self._append("images", {"name": name, "mimeType": "image/png", "bufferView": self._view(png_bytes)})
-        sampler = self._append("samplers", {"magFilter": 9729, "minFilter": 9729})
+    def add_texture(
+        self, file_bytes: bytes, name: str, wrap: tuple[int, int] = (REPEAT, REPEAT), mime: str = "image/png"
+    ) -> int:
+        """file_bytes: a PNG or JPEG file, as `mime` says; wrap: along u and v."""
+        image = self._append("images", {"name": name, "mimeType": mime, "bufferView": self._view(file_bytes)})
+        wraps = {} if wrap == (REPEAT, REPEAT) else {"wrapS": wrap[0], "wrapT": wrap[1]}
+        sampler = self._append("samplers", {"magFilter": 9729, "minFilter": 9729, **wraps})
         return self._append("textures", {"source": image, "sampler": sampler})
 
     def add_mesh(
@@ -57,8 +62,15 @@ class GltfWriter:
 
     def add_placed_mesh(self, name: str, mesh: Mesh, material: int, local_to_world: np.ndarray) -> None:
         """A mesh and a node with a 4x4."""
-        matrix = np.asarray(local_to_world, dtype=float).T.reshape(-1).tolist()
-        self._node(name, mesh=self._mesh(name, mesh, material), matrix=matrix)
+        self.place(name, self.add_shape(name, mesh, material), local_to_world)
+
+    def add_shape(self, name: str, mesh: Mesh, material: int) -> int:
+        """A mesh that place() shows, once or often. Returns its index."""
+        return self._mesh(name, mesh, material)
+
+    def place(self, name: str, shape: int, local_to_world: np.ndarray) -> None:
+        """A node with a 4x4 that shows a mesh of add_shape()."""
+        self._node(name, mesh=shape, matrix=np.asarray(local_to_world, dtype=float).T.reshape(-1).tolist())
 
     def _mesh(self, name: str, mesh: Mesh, material: int) -> int:
         attributes = {
@@ -74,10 +86,20 @@ class GltfWriter:
         self, name: str, translation: Sequence[float], color: Sequence[float], intensity: float
     ) -> None:
         """intensity: W/sr for each of the colour's channels."""
+        self._light("point", name, color, intensity, translation=list(translation))
+
+    def add_directional_light(
+        self, name: str, local_to_world: np.ndarray, color: Sequence[float], intensity: float
+    ) -> None:
+        """Light along the node's -z; intensity: W/m^2 for each of the colour's channels."""
+        matrix = np.asarray(local_to_world, dtype=float).T.reshape(-1).tolist()
+        self._light("directional", name, color, intensity, matrix=matrix)
+
+    def _light(self, kind: str, name: str, color: Sequence[float], intensity: float, **place: Any) -> None:
         self._use("KHR_lights_punctual")
         lights = self._json.setdefault("extensions", {}).setdefault("KHR_lights_punctual", {}).setdefault("lights", [])
-        lights.append({"name": name, "type": "point", "color": list(color), "intensity": intensity})
-        self._node(name, translation=list(translation), extensions={"KHR_lights_punctual": {"light": len(lights) - 1}})
+        lights.append({"name": name, "type": kind, "color": list(color), "intensity": intensity})
+        self._node(name, **place, extensions={"KHR_lights_punctual": {"light": len(lights) - 1}})
 
     def add_camera(self, name: str, camera_to_world: np.ndarray, vertical_fov: float, aspect_ratio: float) -> None:
         """camera_to_world: 4x4 in camera axes (x right, y down, z forward); glTF's have y up and look along -z."""

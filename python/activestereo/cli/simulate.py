@@ -40,7 +40,8 @@ Puts a depth sensor into a scene and takes one frame: path-traced RGB picture an
 infrared pair with projected dots, imager noise, stereo matching, registration to
 the RGB camera.
 
-SCENE is .gltf .glb .obj .dae .stl or .ply, in metres. The sensor stands at the file's
+SCENE is .gltf .glb .obj .dae .stl or .ply, in metres, or .usd .usda .usdc .usdz
+(needs: pip install usd-core). The sensor stands at the file's
 first camera, or at --camera-to-world, or where all of the scene is seen. A scene
 without lights gets uniform light (--ambient).
 
@@ -217,10 +218,11 @@ def _resized(config: StereoDepthSensorConfig, resolution: tuple[int, int]) -> St
 
 def _load_scene(args: argparse.Namespace) -> kuafu.Scene:
     import kuafu
+    from activestereo.usd import is_usd
 
     scene = kuafu.Scene(kuafu.Device(args.device))
-    scene.load(args.scene, time_s=args.time)
-    if args.time is not None and not scene.summary.animation_count:
+    dome = _load_file(scene, args)
+    if args.time is not None and not scene.summary.animation_count and not is_usd(args.scene):
         raise CommandError(f"--time {args.time:g}: {args.scene} has no animation")
     if not scene.summary.triangle_count:
         raise CommandError(f"{args.scene}: there is nothing to see in it: no triangles")
@@ -235,7 +237,7 @@ def _load_scene(args: argparse.Namespace) -> kuafu.Scene:
     if ambient is None:
         ambient = 0.25 if scene.summary.light_count else 1.0
     if args.environment is None:
-        scene.set_environment((ambient, ambient, ambient))
+        scene.set_environment(dome if dome and args.ambient is None else (ambient, ambient, ambient))
         return scene
     from activestereo.environment_map import EnvironmentMapError, set_environment_map
 
@@ -244,6 +246,19 @@ def _load_scene(args: argparse.Namespace) -> kuafu.Scene:
     except EnvironmentMapError as error:
         raise CommandError(str(error)) from error
     return scene
+
+
+def _load_file(scene: kuafu.Scene, args: argparse.Namespace) -> tuple[float, float, float] | None:
+    """Returns the radiance of a USD stage's dome light, where there is one."""
+    from activestereo.usd import UsdError, is_usd, load_usd
+
+    if not is_usd(args.scene):
+        scene.load(args.scene, time_s=args.time)
+        return None
+    try:
+        return load_usd(scene, args.scene, args.time).ambient
+    except UsdError as error:
+        raise CommandError(str(error)) from error
 
 
 def _sensor_pose(args: argparse.Namespace, scene: kuafu.Scene) -> Pose:
