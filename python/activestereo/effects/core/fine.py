@@ -10,7 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
-from activestereo.effects.core.resample import Spline, blur, sample, shifted_sum
+from activestereo.effects.core.resample import Spline, blur, shifted_sum
 
 
 @dataclass(frozen=True)
@@ -38,19 +38,16 @@ class FineImages:
 
     def _warped(self, u: np.ndarray, v: np.ndarray) -> FineImages:
         height, width = u.shape
-        down, right = self._positions(height), self._positions(width)
-        rows, columns = np.meshgrid(down, right, indexing="ij")
-        column, row = np.meshgrid(np.arange(width, dtype=np.float64), np.arange(height, dtype=np.float64))
-        moved = sample(np.stack([u - column, v - row]), columns, rows, order=1)
-        return FineImages(self.at(columns + moved[0], rows + moved[1]), self.scale, self.margin_px)
+        columns, rows = self._positions(width), self._positions(height)[:, None]
+        moved_u, moved_v = u - np.arange(width), v - np.arange(height)[:, None]
+        moved = columns + self._refined(moved_u), rows + self._refined(moved_v)
+        return FineImages(self.at(*moved), self.scale, self.margin_px)
 
     def blurred(self, sigma_px: float | np.ndarray) -> FineImages:
         """The images under a Gaussian blur; sigma_px: a number, or an image of it [height][width] that goes on beyond
         the frame."""
         if np.ndim(sigma_px):
-            height, width = np.shape(sigma_px)
-            rows, columns = np.meshgrid(self._positions(height), self._positions(width), indexing="ij")
-            sigma_px = sample(np.asarray(sigma_px, dtype=np.float64), columns, rows, order=1)
+            sigma_px = self._refined(np.asarray(sigma_px, dtype=np.float64))
         return _LaterFine(
             self, lambda fine: FineImages(blur(fine.images, self.scale * sigma_px), self.scale, self.margin_px)
         )
@@ -85,6 +82,16 @@ class FineImages:
     def _splines(self) -> list[Spline]:
         """One set serves every warp of a fit."""
         return [Spline(image) for image in self.images]
+
+    def _refined(self, image: np.ndarray) -> np.ndarray:
+        """An image [height][width] at the fine samples, linear between pixels; beyond the frame as at its border."""
+        for axis, size in enumerate(image.shape):
+            at = np.clip(self._positions(size), 0.0, size - 1.0)
+            low = np.minimum(at.astype(np.intp), max(size - 2, 0))
+            share = np.expand_dims(at - low, 1 - axis)
+            before, after = image.take(low, axis), image.take(np.minimum(low + 1, size - 1), axis)
+            image = before + share * (after - before)
+        return image
 
     def _positions(self, size: int) -> np.ndarray:
         """Pixel coordinates of the fine samples along an axis of `size` pixels."""
