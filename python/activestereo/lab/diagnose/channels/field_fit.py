@@ -23,17 +23,26 @@ from activestereo.lab.diagnose.refine import ImageResidual
 
 _JACKKNIFE = 16
 
+Beside = Sequence[tuple[RandomTerm, float]]
+
 
 def fit_fields(
-    effect: Effect, train: Sequence[ImageResidual], test: Sequence[ImageResidual], black_dn: float, gates: Gates
+    effect: Effect,
+    train: Sequence[ImageResidual],
+    test: Sequence[ImageResidual],
+    black_dn: float,
+    gates: Gates,
+    beside: Beside = (),
 ) -> FieldFit | None:
     """The fields of a random effect, each fitted to what those before it leave; None where nothing repeats or what
     does is not random.
+
+    beside: (term, deviation of a draw) of other fields, which a sparse draw has to stand out of.
     """
     index, share, found = DrawIndex(), 0.0, False
     sigma, error = {}, {}
     for term in effect.random_terms:
-        rows = [_row_of(term, row, black_dn, index) for row in train]
+        rows = [_row_of(term, row, black_dn, index, beside) for row in train]
         if len({row.group for row in rows}) < 2:
             return None
         first = _variance(rows)[0]
@@ -49,7 +58,7 @@ def fit_fields(
             seen = np.sqrt(dots_seen(train, partial(_variance_of, rows=rows)))
             sigma[term.parameter], error[term.parameter] = sigma[term.parameter] / seen, error[term.parameter] / seen
         found = True
-        tests = [_row_of(term, row, black_dn, index) for row in test]
+        tests = [_row_of(term, row, black_dn, index, beside) for row in test]
         train = _with_residuals(train, [_corrected(row, rows, totals, variance, sparse) for row in rows])
         test = _with_residuals(test, [_predicted(row, totals, variance, sparse) for row in tests])
         if term.sparse_share:
@@ -63,41 +72,53 @@ def _with_residuals(rows: Sequence[ImageResidual], residuals: Sequence[np.ndarra
     return [row._replace(residual=r) for row, r in zip(rows, residuals, strict=True)]
 
 
-def _sparse(totals: tuple[np.ndarray, np.ndarray], hot_sigma: float) -> tuple[float, float | None]:
+def _sparse(totals: np.ndarray, hot_sigma: float) -> tuple[float, float | None]:
     """(share of the places with a draw, the draws' mean or None) of a sparse field."""
-    a, b = totals
-    strong = b > hot_sigma * np.sqrt(np.maximum(a, 1e-30))
+    a, b, _ = totals
+    strong = _stands_out(totals, hot_sigma)
     share = float(strong.sum() / max((a > 0).sum(), 1))
     return share, float((b[strong] / a[strong]).mean()) if strong.any() else None
 
 
+def _stands_out(totals: np.ndarray, hot_sigma: float) -> np.ndarray:
+    """Where the draws of a sparse field are beyond hot_sigma deviations of the noise and of the fields beside."""
+    a, b, beside = totals
+    return b > hot_sigma * np.sqrt(np.maximum(a + beside**2, 1e-30))
+
+
 @dataclass(frozen=True)
 class _Row:
-    """One image as normal equations of b: a = w z^2, b = w z r at each pixel's draw."""
+    """One image as normal equations of b: a = w z^2, b = w z r at each pixel's draw; and w z times the deviation of
+    the fields beside, DN, which frames share.
+    """
 
     group: Hashable
     index: np.ndarray
     z: np.ndarray
     residual: np.ndarray
     weight: np.ndarray
+    beside: np.ndarray
 
-    def sums(self, size: int) -> tuple[np.ndarray, np.ndarray]:
-        flat, w = self.index.ravel(), self.weight
-        a = np.bincount(flat, (w * self.z**2).ravel(), minlength=size)
-        return a, np.bincount(flat, (w * self.z * self.residual).ravel(), minlength=size)
+    def sums(self, size: int) -> np.ndarray:
+        flat, lever = self.index.ravel(), self.weight * self.z
+        parts = lever * self.z, lever * self.residual, lever * self.beside
+        return np.array([np.bincount(flat, part.ravel(), minlength=size) for part in parts])
 
 
-def _row_of(term: RandomTerm, row: ImageResidual, black_dn: float, index: DrawIndex) -> _Row:
+def _row_of(
+    term: RandomTerm, row: ImageResidual, black_dn: float, index: DrawIndex, beside: Beside
+) -> _Row:
     """Draws that last only while the rig stands still share that with misplaced edges, which therefore do not count."""
     o = row.observation
     weight = np.where(edges(o), 0.0, o.weight) if term.shared_by is SharedBy.VIEW else o.weight
-    return _Row(
-        frames_that_share(term, o), index(term, o), lever_image(term.lever, row, black_dn), row.residual, weight
-    )
+    other = [(sigma * lever_image(t.lever, row, black_dn)) ** 2 for t, sigma in beside]
+    deviation = np.sqrt(np.sum(other, axis=0)) if other else np.zeros_like(row.residual)
+    lever = lever_image(term.lever, row, black_dn)
+    return _Row(frames_that_share(term, o), index(term, o), lever, row.residual, weight, deviation)
 
 
 def _is_random(
-    totals: tuple[np.ndarray, np.ndarray],
+    totals: np.ndarray,
     variance: float,
     shape: tuple[int, ...],
     steps: int,
@@ -107,7 +128,7 @@ def _is_random(
     variance.
     """
     count = len(totals[0]) // int(np.prod(shape)) * int(np.prod(shape))
-    a, b = (total[:count].reshape(-1, *shape) for total in totals)
+    a, b, _ = (total[:count].reshape(-1, *shape) for total in totals)
     for axis in range(1, a.ndim):
         near, far = np.arange(a.shape[axis] - steps), np.arange(steps, a.shape[axis])
         both = (a.take(near, axis) * a.take(far, axis)).sum()
@@ -131,20 +152,16 @@ def _size(rows: Sequence[_Row]) -> int:
     return max(int(row.index.max()) for row in rows) + 1
 
 
-def _totals(rows: Sequence[_Row]) -> tuple[np.ndarray, np.ndarray]:
+def _totals(rows: Sequence[_Row]) -> np.ndarray:
     size = _size(rows)
-    sums = [row.sums(size) for row in rows]
-    return np.sum([a for a, _ in sums], axis=0), np.sum([b for _, b in sums], axis=0)
+    return np.sum([row.sums(size) for row in rows], axis=0)
 
 
-def _group_sums(rows: Sequence[_Row]) -> dict[Hashable, tuple[np.ndarray, np.ndarray]]:
+def _group_sums(rows: Sequence[_Row]) -> dict[Hashable, np.ndarray]:
     size = _size(rows)
-    groups: dict[Hashable, tuple[np.ndarray, np.ndarray]] = {}
+    groups: dict[Hashable, np.ndarray] = {}
     for row in rows:
-        a, b = row.sums(size)
-        if row.group in groups:
-            a, b = a + groups[row.group][0], b + groups[row.group][1]
-        groups[row.group] = a, b
+        groups[row.group] = row.sums(size) + groups.get(row.group, 0.0)
     return groups
 
 
@@ -155,7 +172,7 @@ def _variance(rows: Sequence[_Row]) -> tuple[float, float]:
     error from a jackknife over interleaved subsets of the draws.
     """
     groups = _group_sums(rows).values()
-    a, b = (np.array([pair[i] for pair in groups]) for i in range(2))
+    a, b = (np.array([sums[i] for sums in groups]) for i in range(2))
     top = b.sum(axis=0) ** 2 - (b**2).sum(axis=0)
     bottom = a.sum(axis=0) ** 2 - (a**2).sum(axis=0)
     if bottom.sum() <= 0:
@@ -173,29 +190,24 @@ def _variance_of(residuals: Sequence[np.ndarray], rows: Sequence[_Row]) -> float
     return _variance([replace(row, residual=r) for row, r in zip(rows, residuals, strict=True)])[0]
 
 
-def _shrunk(a: np.ndarray, b: np.ndarray, variance: float, hot_sigma: float | None) -> np.ndarray:
-    """Best predictions of the draws; of a sparse field, of those beyond hot_sigma deviations alone."""
+def _shrunk(totals: np.ndarray, variance: float, hot_sigma: float | None) -> np.ndarray:
+    """Best predictions of the draws; of a sparse field, of those that stand out alone."""
+    a, b, _ = totals
     if hot_sigma is None:
         return b / (a + 1.0 / variance)
-    return np.where(b > hot_sigma * np.sqrt(np.maximum(a, 1e-30)), b / np.maximum(a, 1e-30), 0.0)
+    return np.where(_stands_out(totals, hot_sigma), b / np.maximum(a, 1e-30), 0.0)
 
 
 def _corrected(
-    row: _Row, rows: Sequence[_Row], totals: tuple[np.ndarray, np.ndarray], variance: float, hot_sigma: float | None
+    row: _Row, rows: Sequence[_Row], totals: np.ndarray, variance: float, hot_sigma: float | None
 ) -> np.ndarray:
     """The residual less what the other groups predict."""
-    own_a, own_b = (np.zeros(len(total)) for total in totals)
-    for other in rows:
-        if other.group == row.group:
-            a, b = other.sums(len(own_a))
-            own_a, own_b = own_a + a, own_b + b
-    value = _shrunk(totals[0] - own_a, totals[1] - own_b, variance, hot_sigma)
+    own = np.sum([other.sums(totals.shape[1]) for other in rows if other.group == row.group], axis=0)
+    value = _shrunk(totals - own, variance, hot_sigma)
     return row.residual - row.z * value[row.index]
 
 
-def _predicted(
-    row: _Row, totals: tuple[np.ndarray, np.ndarray], variance: float, hot_sigma: float | None
-) -> np.ndarray:
-    value = _shrunk(*totals, variance, hot_sigma)
+def _predicted(row: _Row, totals: np.ndarray, variance: float, hot_sigma: float | None) -> np.ndarray:
+    value = _shrunk(totals, variance, hot_sigma)
     known = row.index < len(value)
     return row.residual - row.z * np.where(known, value[np.minimum(row.index, len(value) - 1)], 0.0)

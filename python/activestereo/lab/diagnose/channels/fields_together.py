@@ -16,7 +16,8 @@ from scipy.optimize import nnls
 from activestereo.effects import Effect
 from activestereo.effects.core.judging import Lever, RandomTerm, SharedBy
 from activestereo.lab.diagnose.channels.draws import lever_image
-from activestereo.lab.diagnose.channels.field_fit import fit_fields
+from activestereo.lab.diagnose.channels.field_fit import Beside, fit_fields
+from activestereo.lab.diagnose.channels.static_field import field_parameters
 from activestereo.lab.diagnose.evidence.inadequacy import edges
 from activestereo.lab.diagnose.findings import BaseFit, Finding
 from activestereo.lab.diagnose.gates import Gates
@@ -24,6 +25,7 @@ from activestereo.lab.diagnose.refine import ImageResidual
 from activestereo.lab.diagnose.score.intervals import Interval, interval, within_ranges
 
 _BLOCKS = 16
+_ROUNDS = 2
 
 
 @dataclass(frozen=True)
@@ -47,8 +49,54 @@ def shown_together(findings: Sequence[Finding], base: BaseFit, gates: Gates) -> 
     """Findings of random fields that the frames show at once, refitted in order, each to what those before it
     leave; [] for fewer than two.
 
-    findings: of random fields that may be named alone, on top of the base. They are fitted from those that most
-    frames share to those that fewest do, multiplicative ones first.
+    findings: of random fields that may be named alone, on top of the base.
+    """
+    dense = _dense_together(findings, base, gates)
+    sparse = [f for f in findings if _is_sparse(f)]
+    others = dense or [f for f in findings if not _is_sparse(f)][:1]
+    return _with_sparse(sparse, others, base, gates) or dense if sparse and others else dense
+
+
+def _is_sparse(finding: Finding) -> bool:
+    return any(term.sparse_share for term in finding.effect.random_terms)
+
+
+def _with_sparse(sparse: Sequence[Finding], others: Sequence[Finding], base: BaseFit, gates: Gates) -> list[Finding]:
+    """Sparse fields whose draws stand out of the others, and the others as fitted to what those leave; [] for fewer
+    than two that add their share to what all explain.
+    """
+    fitted, gains = list(others), []
+    for _ in range(_ROUNDS):  # strong draws widen what they have to stand out of
+        fields = [(f.explanation.fields, term) for f in fitted if not _is_sparse(f) for term in f.effect.random_terms]
+        beside = [(term, fit.sigma[term.parameter]) for fit, term in fields if fit is not None]
+        fitted, gains = _in_turn([(f, beside if _is_sparse(f) else ()) for f in (*sparse, *others)], base, gates)
+    shown = [f for f, gain in zip(fitted, gains, strict=True) if gain > gates.component_share * sum(gains)]
+    return shown if len(shown) > 1 else []
+
+
+def _in_turn(
+    findings: Sequence[tuple[Finding, Beside]], base: BaseFit, gates: Gates
+) -> tuple[list[Finding], list[float]]:
+    """Findings, each fitted to what those before it leave, and by how much chi2 falls."""
+    rows, test, fitted, gains = base.train, base.test, [], []
+    for f, beside in findings:
+        fit = fit_fields(f.effect, rows, test, base.solution.nuisances.black_dn, gates, beside)
+        if fit is not None:
+            left, test = _leaving(rows, fit.residuals), _leaving(test, fit.test_residuals)
+            gains.append(_chi2(rows) - _chi2(left))
+            rows, parameters = left, field_parameters(f.effect, fit)
+            fitted.append(replace(f, explanation=replace(f.explanation, fields=fit, parameters=parameters)))
+    return fitted, gains
+
+
+def _chi2(rows: Sequence[ImageResidual]) -> float:
+    return float(sum((row.observation.weight * row.residual**2).sum() for row in rows))
+
+
+def _dense_together(findings: Sequence[Finding], base: BaseFit, gates: Gates) -> list[Finding]:
+    """Those of the findings whose draws every pixel has; [] for fewer than two.
+
+    They are fitted from those that most frames share to those that fewest do, multiplicative ones first.
     """
     terms = ((pixel_term(f.effect), f) for f in findings)
     chosen = sorted(((term, f) for term, f in terms if term is not None), key=lambda pair: _order(pair[0]))

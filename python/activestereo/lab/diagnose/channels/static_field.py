@@ -45,7 +45,7 @@ class StaticFieldChannel(JudgingChannel):
         tiles = np.zeros(self._evidence.tiles)
         for (o, *_), r in zip(self._base.train, fit.residuals, strict=True):
             tiles += np.bincount(o.tile.ravel(), (o.weight * r**2).ravel(), minlength=len(tiles))
-        return Explanation(effect, self.kind, _parameters(effect, fit), float(tiles.sum()), tiles, fields=fit)
+        return Explanation(effect, self.kind, field_parameters(effect, fit), float(tiles.sum()), tiles, fields=fit)
 
 
 def has_extended_draws(effect: Effect) -> bool:
@@ -53,7 +53,8 @@ def has_extended_draws(effect: Effect) -> bool:
     return any(term.shared_by is SharedBy.DOT for term in effect.random_terms)
 
 
-def _parameters(effect: Effect, fit: FieldFit) -> dict[str, Interval]:
+def field_parameters(effect: Effect, fit: FieldFit) -> dict[str, Interval]:
+    """The parameters of an effect's fields, as fitted."""
     shares = {term.sparse_share for term in effect.random_terms}
     found = {}
     for p in effect.parameters:
