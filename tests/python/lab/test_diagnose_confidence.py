@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Confidences: what may be named shares nearly all, the depth engine's faults are no rivals of what the images lack."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,19 +10,26 @@ import pytest
 from activestereo.effects import Parameter
 from activestereo.effects.core.judging import Channel
 from activestereo.lab.diagnose.channels.depth_engine import surveyed_nats
-from activestereo.lab.diagnose.findings import BaseChecks, Explanation, Finding, Ranking, Remainder, Score
+from activestereo.lab.diagnose.findings import BaseChecks, Checks, Explanation, Finding, Ranking, Remainder, Score
 from activestereo.lab.diagnose.gates import GATES
 from activestereo.lab.diagnose.refine import Fitter
 from activestereo.lab.diagnose.refine.light import SCALES
 from activestereo.lab.diagnose.score.intervals import interval
 from activestereo.lab.diagnose.verdict import confidence
 from activestereo.lab.diagnose.verdict.completeness import is_unexplained
-from activestereo.lab.diagnose.verdict.confidence import confidences
+from activestereo.lab.diagnose.verdict.confidence import confidences, equivalents
 
 
 def entry(name, chi2, channel=Channel.EXPECTED_IMAGE, occam=0.0, nats=0.0):
     explanation = Explanation(SimpleNamespace(id=name), channel, {}, chi2, np.zeros(1))
     return Finding(explanation, Score(nats, 0.0, 0.0, 1.0, occam_nats=occam))
+
+
+def sized(name, nats, chi2, plain_floors, at_end=False):
+    """A finding of 0.1 floors by its weights, and of others in DN."""
+    explanation = Explanation(SimpleNamespace(id=name), Channel.EXPECTED_IMAGE, {}, chi2, np.zeros(1))
+    checks = Checks(plain_share=plain_floors, plain_floors=plain_floors, at_range_end=at_end)
+    return Finding(explanation, Score(nats, 0.5, 0.1, 1.0), checks)
 
 
 def ranking_of(findings, base_chi2=900.0, pixels=100, base_structure=None):
@@ -94,6 +102,21 @@ def test_what_misplaced_cameras_explain_is_no_fault_of_the_depth_engine(nats, of
     likelihood = nats * (1.0 - (1.0 - tried / offset_px) ** 2)
     misplaced = (likelihood - 0.5 * (tried / survey_px) ** 2).max()
     assert surveyed_nats(nats, np.array([0.6, 0.8]) * offset_px, survey_px) == pytest.approx(misplaced, abs=1e-4)
+
+
+def test_what_explains_little_of_the_error_in_dn_is_no_other_explanation():
+    """Full wells show in the brightest pixels, whose weights are small: a survey's errors gain as much elsewhere."""
+    well, pattern = sized("well", 100.0, 120.0, 0.1), sized("pattern", 150.0, 119.0, 0.005)
+    gamma = sized("gamma", 99.0, 120.0, 0.09)
+    assert equivalents(ranking_of([well, pattern, gamma]), well) == ["gamma"]
+    unseen = replace(pattern, checks=Checks())
+    assert equivalents(ranking_of([well, unseen]), well) == ["pattern"]
+
+
+def test_formulas_excuse_nothing_that_ends_at_its_range():
+    level, dark = sized("level", 9000.0, 120.0, 0.1), sized("dark", 8900.0, 120.1, 0.1)
+    assert equivalents(ranking_of([level, dark]), level) == ["dark"]
+    assert equivalents(ranking_of([level, replace(dark, checks=replace(dark.checks, at_range_end=True))]), level) == []
 
 
 @pytest.mark.parametrize(("floors", "structure", "unknown"), [(0.3, 0.05, False), (0.3, 0.2, True), (1.2, 0.05, True)])

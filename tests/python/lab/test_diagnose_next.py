@@ -13,7 +13,7 @@ from activestereo.lab.cache import LayerCache
 from activestereo.lab.diagnose.base_fit import fit_base
 from activestereo.lab.diagnose.evidence import gather
 from activestereo.lab.diagnose.gates import GATES
-from activestereo.lab.diagnose.next_measurement import left_between
+from activestereo.lab.diagnose.next_measurement import _MENU, _changed, left_between
 from activestereo.lab.diagnose.propose.scan import scan_observations
 from activestereo.lab.diagnose.refine import Fitters, ParameterSpace
 from activestereo.lab.render import WARP_SCALE, render_frames
@@ -46,3 +46,19 @@ def test_a_rival_that_can_be_refitted_is_no_rival(fitted):
     assert left[0] < 0.05 * left[2]
     assert left[0] < left[1] < left[2]
     assert left_between(evidence, frames, rival, rival, 1.0) == pytest.approx(0.0, abs=1e-6)
+
+
+def test_the_menu_tells_a_laser_from_a_filter_that_dim_alike_where_it_is_warmer(fitted):
+    """A filter passes less on either side of its wavelength; a laser brightens where it is cooler."""
+    evidence, _ = fitted
+    o, effects = evidence.train[0], builtin()
+    laser = Model().with_effect(effects["laser_power_drift"], per_k=-0.01)
+    filtered = Model().with_effect(effects["chromatic_drift"], transmission_per_k=np.expm1(-0.2) / 20.0)
+
+    def apart(change):
+        view = replace(o.view, frame=_changed(o.frame, **change))
+        a, b = (model.light(o.layers, view, fine=False).direct.sum() for model in (laser, filtered))
+        return abs(a / b - 1.0)
+
+    assert apart({"warming_k": 20.0}) < 0.01
+    assert max(apart(change) for change in _MENU.values()) > 0.1

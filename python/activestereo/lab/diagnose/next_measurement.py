@@ -30,7 +30,7 @@ _SUGGESTIONS = 3
 Change = dict[str, Any]
 Advice = dict[str, object]
 
-# What changes in frames of the known views: factors, values, kelvins more, a velocity [v, w], repeats more.
+# What changes in frames of the known views: factors, values, kelvins more or less, a velocity [v, w], repeats more.
 _MENU: dict[str, Change] = {
     "the same views with the projector off": {"power_factor": 0.0},
     "the same views at a quarter of the exposure": {"exposure_factor": 0.25},
@@ -38,6 +38,8 @@ _MENU: dict[str, Change] = {
     "the same views at half the projector power": {"power_factor": 0.5},
     "the same views 20 K warmer": {"warming_k": 20.0},
     "the same views 20 K warmer with the projector off": {"warming_k": 20.0, "power_factor": 0.0},
+    # Laws that agree where it is warmer part where it is cooler: a laser brightens, a filter passes less either way.
+    "the same views 10 K cooler": {"warming_k": -10.0},
     "the same views with the rig moving sideways at 0.5 m/s": {"velocity": [0.5, 0.0, 0.0, 0.0, 0.0, 0.0]},
     "the same views with the rig turning about its vertical axis at 1 rad/s": {
         "velocity": [0.0, 0.0, 0.0, 0.0, 1.0, 0.0]

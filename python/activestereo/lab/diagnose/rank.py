@@ -267,15 +267,18 @@ def _simplified(bench: Bench, ranking: Ranking) -> Ranking:
 
 
 def _looked_at(bench: Bench, ranking: Ranking) -> list[Finding]:
-    """The findings, the best few with what their traces explain where they may vary."""
+    """The findings with whether a range stopped their fit, the best few with what their traces explain where they
+    may vary.
+    """
     likely = _by_nats(f for f in ranking.findings if f.solution is not None and passes(ranking, f))
     chosen = {f.id for f in likely[: ranking.gates.looked_at]}
-    return [
-        replace(f, checks=replace(f.checks, varying_floors=_varying(bench, f.fitted, f.effect)))
-        if f.id in chosen
-        else f
-        for f in ranking.findings
-    ]
+
+    def checked(f: Finding) -> Finding:
+        at_end = any(is_at_end(p, f.explanation.parameters[p.name].value) for p in f.effect.parameters)
+        varying = _varying(bench, f.fitted, f.effect) if f.id in chosen else f.checks.varying_floors
+        return replace(f, checks=replace(f.checks, at_range_end=at_end, varying_floors=varying))
+
+    return list(map(checked, ranking.findings))
 
 
 def _varying(bench: Bench, solution: Solution, effect: Effect) -> float:
@@ -314,10 +317,7 @@ def _with_remainders(bench: Bench, ranking: Ranking) -> Ranking:
             return f
         structure = local_structure(_rows_after(bench, ranking.base, f))
         variation = base_checks.variation if f.solution is None else _variation(bench, f.solution)
-        at_end = any(is_at_end(p, f.explanation.parameters[p.name].value) for p in f.effect.parameters)
-        return replace(
-            f, checks=replace(f.checks, structure_floors=structure, variation=variation, at_range_end=at_end)
-        )
+        return replace(f, checks=replace(f.checks, structure_floors=structure, variation=variation))
 
     return replace(ranking, base_checks=base_checks, findings=tuple(map(checked, ranking.findings)))
 

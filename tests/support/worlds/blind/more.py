@@ -16,6 +16,7 @@ CHOICES = {
     "double exposure": {"exposure_factor": 2.0},
     "half power": {"power_factor": 0.5},
     "warmer": {"warming_k": 20.0},
+    "cooler": {"warming_k": -10.0},
     "sideways": {"velocity": [0.5, 0.0, 0.0, 0.0, 0.0, 0.0]},
     "turning": {"velocity": [0.0, 0.0, 0.0, 0.0, 1.0, 0.0]},
     "repeats": {"repeats": 2},

@@ -13,6 +13,9 @@ def equivalents(ranking: Ranking, finding: Finding) -> list[str]:
     """Ids of other findings that explain the images as well, within their paired error or the models' own
     inadequacy, which is a share of what a model leaves, and no more than formulas miss of what it explains: what errors
     of a survey leave says nothing of either.
+
+    A finding that explains little beside the other, by its weights or in DN, is no other explanation: what it gains
+    may be the survey's. Where a shape was driven to an end of its range, its formula is not what the fit lacked.
     """
     gates = ranking.gates
     if finding.score.nats <= 0 or not finding.on_images:
@@ -24,12 +27,24 @@ def equivalents(ranking: Ranking, finding: Finding) -> list[str]:
     for other in ranking.findings:
         if other is finding or not other.on_images or other.score.nats <= 0:
             continue
-        if other.score.gain_floors < gates.same_gain_share * finding.score.gain_floors:
+        if not _is_as_large(finding, other, gates.same_gain_share):
             continue
         error = gates.paired_errors * ranking.difference_error(finding, other) + gates.paired_nats
-        if finding.score.nats - other.score.nats <= error or ranking.excess_after(other.chi2) <= limit:
+        leaves_alike = ranking.excess_after(other.chi2) <= limit and not other.checks.at_range_end
+        if finding.score.nats - other.score.nats <= error or leaves_alike:
             chosen.append(other.id)
     return chosen
+
+
+def _is_as_large(finding: Finding, other: Finding, least_share: float) -> bool:
+    """Whether another finding gains a share of what a finding gains, and of what it gains in DN where both were
+    looked at.
+    """
+    if other.score.gain_floors < least_share * finding.score.gain_floors:
+        return False
+    if finding.checks.plain_share is None or other.checks.plain_share is None:
+        return True
+    return other.checks.plain_floors >= least_share * finding.checks.plain_floors
 
 
 def confidences(ranking: Ranking) -> dict[str, float]:
