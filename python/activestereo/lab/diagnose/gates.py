@@ -199,21 +199,12 @@ class Gates:
         "still count as equal",
         _GENERATION_1,
     )
-    enough_share: float = _earlier(
-        0.95, "1", "share of the initial excess which, once explained, ends the search", "convention"
-    )
     drift_share: float = _earlier(
         0.02,
         "1",
         "share by which the noise floor must fall without what a found effect adds in the dark, or between repeats, "
         "for weights to be formed anew",
         "convention",
-    )
-    smooth_floors: float = _earlier(
-        0.06,
-        "floors",
-        "error shared by neighbouring pixels of one image above which the search goes on all the same",
-        _GENERATION_1,
     )
     needless_parameter_share: float = _earlier(
         0.03, "1", "least share of its effect's gain that a free parameter must contribute", _GENERATION_1

@@ -16,7 +16,6 @@ from activestereo.lab.diagnose.findings import BaseFit, Finding, Ranking
 from activestereo.lab.diagnose.propose.scan import scan_observations
 from activestereo.lab.diagnose.rank import Bench, bare_ranking, rank
 from activestereo.lab.diagnose.refine import Fitters
-from activestereo.lab.diagnose.score.whiteness import worst_image
 from activestereo.lab.diagnose.verdict.acceptance import passes
 
 # Of a ranking, so many findings after the first may be what an effect added now was mistaken for.
@@ -49,7 +48,7 @@ def greedy(
         passing = [
             f
             for f in ranking.findings
-            if f.solution is not None and passes(ranking, f) and _exceeds_formulas(bench, start, ranking, f)
+            if f.solution is not None and passes(ranking, f) and _may_be_added(bench, start, ranking, f)
         ]
         best = next((f for f in passing if f.id not in tried), None)
         if best is None:
@@ -62,10 +61,16 @@ def greedy(
         base = bases(grown, phi)
         bench, bases = _without_drift(bench, bases, base)
         base, start = bases(grown, phi), bare_ranking(bench, bases(first.base.model))
-        worth_trying = candidates if _is_worth_another(bench, base, start) else []
-        ranking = rank(bench, base, worth_trying, progress, _fitted_at_first(first, rivals))
+        ranking = rank(bench, base, candidates, progress, _fitted_at_first(first, rivals))
         steps.append(Step(tuple(e.id for e, _ in grown.effects[given:]), ranking, bench))
     return steps
+
+
+def _may_be_added(bench: Bench, start: Ranking, ranking: Ranking, finding: Finding) -> bool:
+    """Whether a finding that passes may be added: beside others none that a range's end stopped, which stands in for
+    what they left.
+    """
+    return start is ranking or (not finding.checks.at_range_end and _exceeds_formulas(bench, start, ranking, finding))
 
 
 def _exceeds_formulas(bench: Bench, start: Ranking, ranking: Ranking, finding: Finding) -> bool:
@@ -74,8 +79,6 @@ def _exceeds_formulas(bench: Bench, start: Ranking, ranking: Ranking, finding: F
 
     start: the ranking of the given model by the same weights.
     """
-    if start is ranking:
-        return True
     gates = ranking.gates
     beyond = []
     for o in bench.evidence.train:
@@ -102,14 +105,6 @@ def _without_drift(bench: Bench, bases: BaseFits, base: BaseFit) -> tuple[Bench,
 def _fitted_at_first(first: Ranking, rivals: set[str]) -> dict[str, np.ndarray]:
     """{id: fitted parameters} of the effects that what was added may have been mistaken for."""
     return {f.id: f.solution.values_of(f.effect) for f in first.findings if f.id in rivals and f.solution is not None}
-
-
-def _is_worth_another(bench: Bench, base: BaseFit, first: Ranking) -> bool:
-    """Whether more than next to nothing is left in some image; what random effects leave is theirs alone. first: the
-    ranking of the given model by the same weights.
-    """
-    enough = bare_ranking(bench, base).excess_floors < (1.0 - bench.gates.enough_share) * first.excess_floors
-    return not enough or worst_image(base.train) >= bench.gates.smooth_floors
 
 
 def _loss(bench: Bench, smaller: BaseFit, full: BaseFit) -> tuple[float, float]:

@@ -18,20 +18,6 @@ def pose_key(o: Observation) -> tuple[bytes, bool]:
     return o.frame.camera_to_world.tobytes(), o.frame.is_moving
 
 
-def worst_image(rows: Sequence[ImageResidual]) -> float:
-    """The largest covariance of neighbours in one image, in floors: an effect that few frames show drowns in the
-    mean of them all.
-    """
-    return max(
-        [0.0, *(float(c) for row in rows for c in _with_neighbours(row.residual * np.sqrt(row.observation.weight)))]
-    )
-
-
-def _with_neighbours(x: np.ndarray) -> tuple[float, float]:
-    """Covariances of an image's pixels with those beside them and below them."""
-    return (x[:, 1:] * x[:, :-1]).mean(), (x[1:] * x[:-1]).mean()
-
-
 def white_rest(rows: Sequence[ImageResidual], gates: Gates) -> float:
     """Variance in floors that stays between repeats of a view and is white over the image, edges left out; 0 where
     it is not white.

@@ -1,0 +1,48 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which effects are added beside others: all are tried again, and none that stands in for another."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from activestereo.effects import Model, builtin
+from activestereo.effects.core.judging import Channel
+from activestereo.lab.diagnose import greedy as module
+from activestereo.lab.diagnose.findings import BaseChecks, Checks, Explanation, Finding, Ranking, Score
+from activestereo.lab.diagnose.gates import GATES
+
+FIRST, SECOND = builtin()["subsurface"], builtin()["saturation_blooming"]
+
+
+def finding(effect, model, gain, at_end=False):
+    """A finding that explains nearly all that its base leaves."""
+    solution = SimpleNamespace(model=model.with_effect(effect), phi=None, values_of=lambda _: np.zeros(1))
+    explanation = Explanation(effect, Channel.EXPECTED_IMAGE, {}, 100.0, np.array([100.0]), solution=solution)
+    return Finding(explanation, Score(1000.0, 1.0, gain, 1.0), Checks(at_range_end=at_end))
+
+
+def base_of(model, chi2):
+    return SimpleNamespace(model=model, chi2=chi2, white_floors=0.0, tile_chi2=np.array([chi2]), train=(), test=())
+
+
+@pytest.mark.parametrize(("at_end", "added"), [(False, 2), (True, 1)])
+def test_a_second_effect_is_sought_however_little_the_first_one_leaves(monkeypatch, at_end, added):
+    chi2_of = {0: 500.0, 1: 104.0, 2: 100.0}
+    bases = lambda model, phi=None: base_of(model, chi2_of[len(model.effects)])  # noqa: E731
+
+    def rank(bench, base, candidates, *_):
+        offered = [c for c in candidates if c.id not in {e.id for e, _ in base.model.effects}]
+        found = [finding(e, base.model, 0.04, at_end) for e in offered]
+        return Ranking(base, BaseChecks(), tuple(found), (), 100, 1.0, 100.0, GATES)
+
+    bench = SimpleNamespace(gates=GATES, evidence=SimpleNamespace(train=[SimpleNamespace(tile=np.zeros((2, 2), int))]))
+    monkeypatch.setattr(module, "rank", rank)
+    monkeypatch.setattr(module, "bare_ranking", lambda bench, base: rank(bench, base, ()))
+    monkeypatch.setattr(module, "_without_drift", lambda bench, bases, base: (bench, bases))
+    monkeypatch.setattr(module, "_swapped", lambda bench, bases, model, *_: model)
+    first = Ranking(bases(Model()), BaseChecks(), (finding(FIRST, Model(), 3.96),), (), 100, 1.0, 100.0, GATES)
+    monkeypatch.setattr(module, "_exceeds_formulas", lambda *_: True)
+    monkeypatch.setattr(module, "_pruned", lambda bench, bases, model, *_: model)
+    steps = module.greedy(bench, bases, first, [FIRST, SECOND])
+    assert len(steps[-1].added) == added
