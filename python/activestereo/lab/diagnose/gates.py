@@ -56,7 +56,10 @@ class Gates:
         _GENERATION_1,
     )
     smallest_gain_floors: float = _gate(
-        0.01, "floors", "least decrease of the mean squared error", _GENERATION_1,
+        0.01,
+        "floors",
+        "least decrease of the mean squared error",
+        _GENERATION_1,
         moves="halved: false alarms +0.010; doubled: false alarms -0.010",
     )
     smallest_plain_floors: float = _gate(
@@ -94,7 +97,10 @@ class Gates:
         moves="doubled: named +0.013",
     )
     other_law_floors: float = _gate(
-        0.012, "floors", "least size of that variation that counts at all", _GENERATION_1,
+        0.012,
+        "floors",
+        "least size of that variation that counts at all",
+        _GENERATION_1,
         moves="doubled: named +0.013",
     )
     unexplained_floors: float = _gate(
@@ -188,7 +194,7 @@ class Gates:
     needless_nats: float = _earlier(
         5.0,
         "nats",
-        "loss of likelihood below which an effect is removed again, and gain above which it is swapped",
+        "loss of likelihood below which an effect is removed again",
         "as margin_nats",
     )
     needless_floors: float = _earlier(0.005, "floors", "the same limit in units of the noise floor", _GENERATION_1)

@@ -133,18 +133,26 @@ def _pruned(bench: Bench, bases: BaseFits, model: Model, given: int, phi: np.nda
 def _swapped(
     bench: Bench, bases: BaseFits, model: Model, rivals: Sequence[Effect], given: int, phi: np.ndarray
 ) -> Model:
-    """The model with each earlier effect replaced by the rival that, beside the later ones, explains clearly more."""
-    if len(model.effects) - given < 2:
-        return model
-    for e, _ in model.effects[given:-1]:
-        taken = {other.id for other, _ in model.effects} - {e.id}
-        base = bases(model.without_effect(e.id), phi)
-        others = rank(bench, base, [c for c in rivals if c.id not in taken])
-        best = min((f for f in others.findings if f.solution is not None), key=lambda f: f.chi2, default=None)
-        own = next((f for f in others.findings if f.id == e.id), None)
-        if best is None or own is None:
+    """The model with each earlier effect replaced by the rival that comes first beside the later ones, of which the
+    ranking that chose it knew nothing; the last one, too, where what it was chosen beside has changed.
+    """
+    added = [e for e, _ in model.effects[given:]]
+    for e in added:
+        kept = {other.id for other, _ in model.effects}
+        if e is added[-1] and all(earlier.id in kept for earlier in added[:-1]):
             continue
-        gains = best.score.nats - own.score.nats > bench.gates.needless_nats
-        if gains and own.chi2 - best.chi2 > bench.gates.needless_floors * others.pixels:
-            model = best.fitted.model
+        model = _with_likeliest(bench, bases, model, e, rivals, phi)
     return model
+
+
+def _with_likeliest(
+    bench: Bench, bases: BaseFits, model: Model, effect: Effect, rivals: Sequence[Effect], phi: np.ndarray
+) -> Model:
+    """The model with the rival in an effect's place that comes first beside the others, and explains no less."""
+    taken = {other.id for other, _ in model.effects} - {effect.id}
+    others = rank(bench, bases(model.without_effect(effect.id), phi), [c for c in rivals if c.id not in taken])
+    best = next((f for f in others.findings if f.solution is not None), None)
+    own = next((f for f in others.findings if f.id == effect.id), None)
+    if best is None or own is None or best.chi2 > own.chi2 + bench.gates.needless_floors * others.pixels:
+        return model
+    return best.fitted.model if best.id != effect.id else model

@@ -22,6 +22,8 @@ from activestereo.lab.diagnose.gates import Gates
 from activestereo.lab.diagnose.refine import ImageResidual
 
 _JACKKNIFE = 16
+# Levels of the expected value by which a curve that all pixels share is told from their own draws.
+_LEVELS = 24
 
 Beside = Sequence[tuple[RandomTerm, float]]
 
@@ -37,8 +39,11 @@ def fit_fields(
     """The fields of a random effect, each fitted to what those before it leave; None where nothing repeats or what
     does is not random.
 
+    What is a function of the expected value alone, as an error of a tone curve is, is no draw: it is left as it is.
     beside: (term, deviation of a draw) of other fields, which a sparse draw has to stand out of.
     """
+    curves, test_curves = ([_level_means(row) for row in rows] for rows in (train, test))
+    train, test = _less(train, curves), _less(test, test_curves)
     index, share, found = DrawIndex(), 0.0, False
     sigma, error = {}, {}
     for term in effect.random_terms:
@@ -64,8 +69,21 @@ def fit_fields(
         if term.sparse_share:
             share, mean = _sparse(totals, gates.hot_sigma)
             sigma[term.parameter] = sigma[term.parameter] if mean is None else mean
-    residuals, test_residuals = (tuple(row.residual for row in rows) for rows in (train, test))
+    residuals = tuple(row.residual + curve for row, curve in zip(train, curves, strict=True))
+    test_residuals = tuple(row.residual + curve for row, curve in zip(test, test_curves, strict=True))
     return FieldFit(residuals, test_residuals, sigma, error, share) if found else None
+
+
+def _level_means(row: ImageResidual) -> np.ndarray:
+    """The mean residual of the pixels of about the same expected value, [height][width]."""
+    between = np.quantile(row.expected, np.arange(1, _LEVELS) / _LEVELS)
+    level = np.searchsorted(between, row.expected.ravel())
+    total = np.bincount(level, row.residual.ravel(), minlength=_LEVELS)
+    return (total / np.maximum(np.bincount(level, minlength=_LEVELS), 1))[level].reshape(row.residual.shape)
+
+
+def _less(rows: Sequence[ImageResidual], images: Sequence[np.ndarray]) -> list[ImageResidual]:
+    return _with_residuals(rows, [row.residual - image for row, image in zip(rows, images, strict=True)])
 
 
 def _with_residuals(rows: Sequence[ImageResidual], residuals: Sequence[np.ndarray]) -> list[ImageResidual]:
@@ -105,9 +123,7 @@ class _Row:
         return np.array([np.bincount(flat, part.ravel(), minlength=size) for part in parts])
 
 
-def _row_of(
-    term: RandomTerm, row: ImageResidual, black_dn: float, index: DrawIndex, beside: Beside
-) -> _Row:
+def _row_of(term: RandomTerm, row: ImageResidual, black_dn: float, index: DrawIndex, beside: Beside) -> _Row:
     """Draws that last only while the rig stands still share that with misplaced edges, which therefore do not count."""
     o = row.observation
     weight = np.where(edges(o), 0.0, o.weight) if term.shared_by is SharedBy.VIEW else o.weight
