@@ -65,7 +65,7 @@ def _with_sparse(sparse: Sequence[Finding], others: Sequence[Finding], base: Bas
     """Sparse fields whose draws stand out of the others, and the others as fitted to what those leave; [] for fewer
     than two that add their share to what all explain.
     """
-    fitted, gains = list(others), []
+    fitted, gains = list(others), [0.0] * len(others)
     for _ in range(_ROUNDS):  # strong draws widen what they have to stand out of
         fields = [(f.explanation.fields, term) for f in fitted if not _is_sparse(f) for term in f.effect.random_terms]
         beside = [(term, fit.sigma[term.parameter]) for fit, term in fields if fit is not None]
@@ -78,7 +78,9 @@ def _in_turn(
     findings: Sequence[tuple[Finding, Beside]], base: BaseFit, gates: Gates
 ) -> tuple[list[Finding], list[float]]:
     """Findings, each fitted to what those before it leave, and by how much chi2 falls."""
-    rows, test, fitted, gains = base.train, base.test, [], []
+    rows, test = base.train, base.test
+    fitted: list[Finding] = []
+    gains: list[float] = []
     for f, beside in findings:
         fit = fit_fields(f.effect, rows, test, base.solution.nuisances.black_dn, gates, beside)
         if fit is not None:
