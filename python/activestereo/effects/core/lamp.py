@@ -5,6 +5,7 @@ fit may start."""
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from scipy.ndimage import gaussian_filter, zoom
@@ -22,6 +23,9 @@ _THICK_M = 0.3
 _BEHIND_SHARE = 0.006
 # Shadows' edges are softened by so many of those pixels.
 _SOFT_PX = 0.7
+# A grid of places where a lamp may stand, and every how many pixels it is judged.
+_AZIMUTHS_RAD = tuple((np.arange(-8, 8) * np.pi / 8).tolist())
+_ELEVATIONS_RAD, _NEARNESSES_PER_M, _GRID_EVERY_PX = (0.2, 0.6, 1.0, 1.3), (0.3, 0.6, 1.0, 1.5), 4
 
 
 @dataclass(frozen=True)
@@ -109,6 +113,47 @@ def _projection(K: np.ndarray) -> tuple[tuple[np.float32, int, np.float32], ...]
 
 
 def lamp_starts(images: list[StartImage]) -> list[dict[str, float]]:
+    """Where a fit may start: a light that is far away, the same as a lamp, and the likeliest lamp of a coarse grid of
+    places in the room.
+    """
+    return _far_starts(images) + _near_starts(images)
+
+
+def _near_starts(images: list[StartImage]) -> list[dict[str, float]]:
+    """The place of a grid from which a lamp, shadows left out, explains most of the residual beside ambient light;
+    near lamps light by their distance, of which the normals alone tell nothing.
+    """
+    pixels = [_some_pixels(image) for image in images]
+    best: list[dict[str, float]] = []
+    most = 0.0
+    for azimuth, elevation, nearness in product(_AZIMUTHS_RAD, _ELEVATIONS_RAD, _NEARNESSES_PER_M):
+        lamp = Lamp.toward(azimuth, elevation, nearness)
+        gram, moment = np.zeros((2, 2)), np.zeros(2)
+        for view, (points, normal, white, ambient, weight, residual) in pixels:
+            way, square = lamp._way(view, points)
+            columns = np.stack([white * np.maximum((normal * way).sum(-1), 0.0) / square, ambient])
+            gram += (columns * weight) @ columns.T
+            moment += columns @ (weight * residual)
+        strength, _ = solution = np.linalg.lstsq(gram, moment, rcond=1e-8)[0]
+        if strength > 0.0 and solution @ moment > most:
+            place = {"azimuth_rad": azimuth, "elevation_rad": elevation, "nearness_per_m": nearness}
+            best, most = [{"strength": float(strength)} | place], float(solution @ moment)
+    return best
+
+
+def _some_pixels(image: StartImage) -> tuple[View, list[np.ndarray]]:
+    """The view, and [n] each of some pixels: point, normal, DN of a white lamp, of ambient light, weight, residual."""
+    shading = Shading.of(image.light, image.view)
+    chosen = np.zeros(shading.hit.shape, dtype=bool)
+    chosen[::_GRID_EVERY_PX, ::_GRID_EVERY_PX] = True
+    at = chosen & shading.hit
+    white = np.pi * shading.reflectance * image.ambient_dn
+    ambient = image.light.ambient * image.ambient_dn
+    images = shading.points, shading.normal, white, ambient, image.weight, image.residual
+    return image.view, [x[at] for x in images]
+
+
+def _far_starts(images: list[StartImage]) -> list[dict[str, float]]:
     """Direction and strength of a light that is far away: the residual over reflectance is linear in the surface's
     normal where it is lit.
 
