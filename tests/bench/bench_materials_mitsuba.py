@@ -25,22 +25,22 @@ from typing import Any
 
 import numpy as np
 from material_worlds import (
-    BASELINE_M, BLACK_DN, COLOR, DN, IR_ROOM, LAMPS, LEFT_TO_PROJECTOR, NOMINAL, PATTERN_K, READ_DN, ROOM,
-    SHOT_DN, TABLE_ALBEDO, TABLE_COLOR, counts, eye_pose, intrinsics, mesh_of, pattern, place_of, record, seen_of,
+    BASELINE_M, BLACK_DN, COLOR, DN, NOMINAL, READ_DN, SHOT_DN, counts, eye_pose, intrinsics, mesh_of, place_of, record,
+    seen_of,
 )  # fmt: skip
+from material_worlds_mitsuba import MitsubaWorld
 from numpy.typing import NDArray
 
 import kuafu
 import simsense
-from activestereo import meshes
 from activestereo.acquire.material_fit import MaterialFit, light_intensities
 from activestereo.acquire.material_views import MaterialScene, Picture
 from activestereo.acquire.materials import acquire_materials
 from activestereo.capture import read_capture
+from activestereo.gap.mitsuba_scene import grey, mitsuba
 
 Image = NDArray[np.float64]
 IR_ALBEDO = 0.5
-PROJECTOR = 1.0  # W/sr at the brightest: dots as strong as those of a D435 at this distance
 METAL = "Cr"  # the indices of chromium
 # A D4xx's speckle in one eye, of the dots' RMS: its eyes differ by 16 % of that at 1 m.
 SPECKLE = 0.16 / 2**0.5
@@ -52,114 +52,23 @@ OBJECTS = {
 }
 
 
-def mitsuba() -> Any:
-    try:
-        import mitsuba as mi
-    except ImportError:
-        raise SystemExit("skipped: Mitsuba is not installed (pip install mitsuba)") from None
-    mi.set_variant("scalar_rgb")  # needs no LLVM library
-    return mi
+def bsdf_of(kind: str, roughness: float, own: dict[str, Any]) -> dict[str, Any]:
+    gloss: dict[str, Any] = {"alpha": roughness**2, "distribution": "ggx"}
+    if kind == "plastic":
+        gloss |= {"type": "roughplastic", "int_ior": 1.5, "diffuse_reflectance": own}
+    else:
+        gloss |= {"type": "roughconductor", "material": METAL}
+    return {"type": "twosided", "bsdf": gloss}
 
 
-class MitsubaWorld:
+def world_of(shape: str, kind: str, roughness: float, spp: int) -> MitsubaWorld:
     """material_worlds.py's room with a roughplastic or roughconductor thing in it."""
 
-    def __init__(self, mi: Any, shape: str, kind: str, roughness: float, spp: int) -> None:
-        self._mi, self._shape, self._kind, self._roughness, self._spp = mi, shape, kind, roughness, spp
+    def bsdf(is_ir: bool, _: Image) -> tuple[dict[str, Any], dict[str, Any]]:
+        own = grey(IR_ALBEDO) if is_ir else {"type": "rgb", "value": list(COLOR)}
+        return bsdf_of(kind, roughness, own), {}
 
-    def see(
-        self,
-        pose: NDArray,
-        lit: bool,
-        band: str,
-        seed: int,
-        projector_pose: NDArray | None = None,
-        bounces: int = 6,
-        box: tuple[int, int, int, int] | None = None,
-        spp: int | None = None,
-    ) -> Image:
-        """Radiance from `pose`; projector_pose: of the left eye, where the picture is the right one's; bounces:
-        surfaces after the first; box: left, top, width and height of what is rendered, all else is 0."""
-        is_ir = band == "infrared"
-        scene = self._room(is_ir)
-        # Theirs counts the way from the light and the one to the camera.
-        scene["integrator"] = {"type": "path", "max_depth": bounces + 2, "rr_depth": 100}
-        width, height, K = intrinsics()
-        fov = float(np.rad2deg(2 * np.arctan(0.5 * width / K[0, 0])))
-        scene["sensor"] = {
-            "type": "perspective", "fov": fov, "to_world": self._pose(pose), "near_clip": 1e-3,
-            "film": {"type": "hdrfilm", "width": width, "height": height, "rfilter": {"type": "box"}},
-        }  # fmt: skip
-        if lit and is_ir:
-            left = pose if projector_pose is None else projector_pose
-            scene["projector"] = self._projector(left @ np.linalg.inv(LEFT_TO_PROJECTOR))
-        left, top, columns, rows = box or (0, 0, width, height)
-        scene["sensor"]["film"] |= {
-            "crop_offset_x": left, "crop_offset_y": top, "crop_width": columns, "crop_height": rows,
-        }  # fmt: skip
-        image = np.zeros((height, width, 3))
-        rendered = self._mi.render(self._mi.load_dict(scene), spp=spp or self._spp, seed=seed)
-        image[top : top + rows, left : left + columns] = np.array(rendered, np.float64)[..., :3]
-        return image.mean(axis=-1) if is_ir else image
-
-    def _rgb(self, *value: float) -> dict[str, Any]:
-        return {"type": "rgb", "value": list(value) * (1 if len(value) == 3 else 3)}
-
-    def _pose(self, pose: NDArray) -> Any:
-        """Mitsuba: x left, y up, z forward."""
-        return self._mi.ScalarTransform4f((pose @ np.diag([-1.0, -1.0, 1.0, 1.0])).tolist())
-
-    def _mesh(self, mesh: meshes.Mesh, bsdf: dict[str, Any], place: NDArray) -> Any:
-        props = self._mi.Properties()
-        props["mesh_bsdf"] = self._mi.load_dict(bsdf)
-        out = self._mi.Mesh("", len(mesh.positions), len(mesh.indices.reshape(-1, 3)), props, True)
-        parameters = self._mi.traverse(out)
-        turned, there = mesh.normals @ place[:3, :3].T, mesh.positions @ place[:3, :3].T + place[:3, 3]
-        parameters["vertex_positions"] = np.ascontiguousarray(there, np.float32).ravel()
-        parameters["faces"] = mesh.indices.astype(np.uint32).ravel()
-        parameters["vertex_normals"] = np.ascontiguousarray(turned, np.float32).ravel()
-        parameters.update()
-        return out
-
-    def _room(self, is_ir: bool) -> dict[str, Any]:
-        table = self._rgb(TABLE_ALBEDO) if is_ir else self._rgb(*TABLE_COLOR)
-        own = self._rgb(IR_ALBEDO) if is_ir else self._rgb(*COLOR)
-        gloss: dict[str, Any] = {"alpha": self._roughness**2, "distribution": "ggx"}
-        if self._kind == "plastic":
-            gloss |= {"type": "roughplastic", "int_ior": 1.5, "diffuse_reflectance": own}
-        else:
-            gloss |= {"type": "roughconductor", "material": METAL}
-        there = np.eye(4)
-        there[1, 3] = -0.02
-        matt = {"type": "diffuse", "reflectance": table}
-        scene = {
-            "type": "scene",
-            "table": self._mesh(meshes.box(1.2, 0.02, 1.2), {"type": "twosided", "bsdf": matt}, there),
-            "thing": self._mesh(mesh_of(self._shape), {"type": "twosided", "bsdf": gloss}, place_of(self._shape)),
-            "room": {"type": "constant", "radiance": self._rgb(IR_ROOM if is_ir else ROOM)},
-        }  # fmt: skip
-        if not is_ir:
-            for k, (where, color, light) in enumerate(LAMPS):
-                scene[f"lamp{k}"] = {
-                    "type": "point", "position": list(where), "intensity": self._rgb(*(light * c for c in color)),
-                }  # fmt: skip
-        return scene
-
-    def _projector(self, pose: NDArray) -> dict[str, Any]:
-        image = pattern().astype(np.float32) / 255.0
-        height, width = image.shape
-        x = (np.arange(width) - PATTERN_K[0, 2]) / PATTERN_K[0, 0]
-        y = (np.arange(height) - PATTERN_K[1, 2]) / PATTERN_K[1, 1]
-        # Theirs is of the image plane and pi times as bright, as walls show; ours is of directions.
-        image = PROJECTOR / np.pi * image * (1.0 + x[None] ** 2 + y[:, None] ** 2) ** -1.5
-        return {
-            "type": "projector", "to_world": self._pose(pose),
-            "fov": float(np.rad2deg(2 * np.arctan(0.5 * width / PATTERN_K[0, 0]))),
-            "irradiance": {
-                "type": "bitmap", "bitmap": self._mi.Bitmap(np.repeat(image.astype(np.float32)[..., None], 3, -1)),
-                "raw": True, "filter_type": "bilinear", "wrap_mode": "clamp",
-            },
-        }  # fmt: skip
+    return MitsubaWorld(mesh_of(shape), place_of(shape), bsdf, spp)
 
 
 class Rendered:
@@ -208,7 +117,7 @@ def fill(left: Image, right: Image, where: NDArray[np.bool_], rng: np.random.Gen
 
 def measured(name: str, spp: int, unseen_spp: int, bounces: int) -> str:
     shape, kind, roughness = OBJECTS[name]
-    world = MitsubaWorld(mitsuba(), shape, kind, roughness, spp)
+    world = world_of(shape, kind, roughness, spp)
     with tempfile.TemporaryDirectory() as folder:
         nominal_color = (1.0, 1.0, 1.0)
         path = record(Path(folder) / "world", NOMINAL, shape=shape, nominal_color=nominal_color, see=world.see)
@@ -260,7 +169,10 @@ def main() -> None:
     parser.add_argument("--unseen-spp", type=int, default=4096, help="for the residual of the unseen view")
     parser.add_argument("--bounces", type=int, default=1, help="of the unseen view")
     args = parser.parse_args()
-    mitsuba()
+    try:
+        mitsuba()
+    except ValueError as error:
+        raise SystemExit(f"skipped: {error}") from None
     print("| object | found | on, floors, with speckle | off, floors | fill, Mitsuba / ours | CPU s |\n|" + "--|" * 6)
     for name in args.only:
         print(measured(name, args.spp, args.unseen_spp, args.bounces), flush=True)

@@ -4,9 +4,11 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 
 from activestereo.cli.arguments import (
+    CommandError,
     Commands,
     add_device,
     add_out,
@@ -14,6 +16,7 @@ from activestereo.cli.arguments import (
     integer_from,
     make_folder,
 )
+from activestereo.gap.worlds import FOREIGN
 
 _TEXT = """\
 Asks whether a simulated depth camera tells which methods will do well with another
@@ -37,12 +40,14 @@ it was, goes on when it is started again; with a larger --views it adds views.
 examples:
   activestereo gap run --views 80 --out out/gap
   activestereo gap run --views 320 --workers 2 --out out/gap
+  activestereo gap run --foreign mitsuba --workers 2 --out out/mitsuba
 """
 
 _ABLATE = """\
 Takes the first views of a run again in worlds like 'full': with 2 to 128 rays per
 pixel with and without the denoiser, with 0 to 10 times the sensor's noise, with
-materials drawn at random. The models stay those of the run.
+materials drawn at random, and with --acquired with measured ones. The models stay
+those of the run.
 
 examples:
   activestereo gap ablate out/gap
@@ -68,10 +73,16 @@ def add_parser(commands: Commands) -> None:
     make.add_argument("--samples-per-pixel", type=integer_from(1), default=16, metavar="N", help=text)
     text = "rays per pixel of the foreign world (default: 64)"
     make.add_argument("--foreign-samples", type=integer_from(1), default=64, metavar="N", help=text)
+    text = "what stands for reality: a sensor unlike ours in our renderer, or Mitsuba 3, another project's renderer "
+    text += "and materials (needs: pip install mitsuba) (default: sensor)"
+    make.add_argument("--foreign", choices=FOREIGN, default="sensor", help=text)
     _add_workers(make)
     make.set_defaults(run=_run)
     score = parts.add_parser("score", help="the scores of what a run has so far")
     score.add_argument("folder", type=Path, metavar="DIR", help="folder of a run")
+    text = "scores of more models, learned ones for instance: a table with the columns method,tuned_on,world,mm,deg "
+    text += "and then view,found or score (gap/README.md); may be given again"
+    score.add_argument("--add", type=Path, action="append", default=[], metavar="FILE.csv", help=text)
     score.set_defaults(run=_score)
     text = "rays, denoiser, noise, materials"
     ablation = parts.add_parser("ablate", help=text, description=_ABLATE, formatter_class=raw)
@@ -82,13 +93,15 @@ def add_parser(commands: Commands) -> None:
     ablation.add_argument("--samples-per-pixel", type=integer_from(1), nargs="+", metavar="N", help=text)
     text = "only this; may be given again (default: all)"
     ablation.add_argument("--only", choices=("samples", "noise", "materials"), action="append", help=text)
+    text = "model.json whose materials, which 'acquire materials' found, are called as the objects are"
+    ablation.add_argument("--acquired", type=Path, metavar="FILE", help=text)
     add_device(ablation)
     _add_workers(ablation)
     ablation.set_defaults(run=_ablate)
 
 
 def _add_workers(parser: argparse.ArgumentParser) -> None:
-    text = "processes that find poses (default: 1)"
+    text = "processes that find poses, and render with Mitsuba (default: 1)"
     parser.add_argument("--workers", type=integer_from(1), default=1, metavar="K", help=text)
 
 
@@ -99,7 +112,7 @@ def _run(args: argparse.Namespace) -> None:
     from activestereo.progress_bar import ProgressBar
 
     camera = CameraSettings(args.sensor, samples=args.samples_per_pixel)
-    settings = GapSettings(args.views, args.tuning_views, args.seed, camera, args.foreign_samples)
+    settings = GapSettings(args.views, args.tuning_views, args.seed, camera, args.foreign, args.foreign_samples)
     make_folder(args.out)
     with ProgressBar(f"{settings.rounds('test') * 8} views of 4 worlds") as bar:
         run(settings, args.out, args.device, args.workers, bar)
@@ -107,14 +120,14 @@ def _run(args: argparse.Namespace) -> None:
 
 
 def _score(args: argparse.Namespace) -> None:
-    _write(args.folder)
+    _write(args.folder, args.add)
 
 
-def _write(out: Path) -> None:
+def _write(out: Path, added: Sequence[Path] = ()) -> None:
     from activestereo.gap.files import RunFolder
     from activestereo.gap.report import agreement_table, results, write_report
 
-    found = results(RunFolder(out))
+    found = results(RunFolder(out), added)
     write_report(found, out)
     print("\n".join(agreement_table(found)))
     print(f"{found.views} views; written: {out / 'gap.json'}, gap.md, gap.png")
@@ -122,12 +135,19 @@ def _write(out: Path) -> None:
 
 def _ablate(args: argparse.Namespace) -> None:
     from activestereo.gap.ablate import KINDS, SAMPLES, ablate, table, variants, write_ablation
+    from activestereo.gap.acquired import read_acquired
     from activestereo.gap.files import RunFolder
+    from activestereo.gap.objects import objects
     from activestereo.progress_bar import ProgressBar
 
-    worlds = variants(tuple(args.only or KINDS), tuple(args.samples_per_pixel or SAMPLES))
+    kinds, acquired = tuple(args.only or KINDS), None
+    if args.acquired is not None:
+        if "materials" not in kinds:
+            raise CommandError("--acquired is a variant of the materials, which --only leaves out")
+        acquired = read_acquired(args.acquired, objects())
+    worlds = variants(kinds, tuple(args.samples_per_pixel or SAMPLES), acquired is not None)
     with ProgressBar(f"{args.views} views of {len(worlds)} worlds") as bar:
-        found = ablate(RunFolder(args.folder), args.views, worlds, args.device, args.workers, bar)
+        found = ablate(RunFolder(args.folder), args.views, worlds, args.device, args.workers, bar, acquired)
     write_ablation(found, args.folder)
     print("\n".join(table(found)))
     print(f"written: {args.folder / 'ablation.json'}, ablation.md, ablation.png")

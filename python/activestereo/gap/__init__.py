@@ -7,14 +7,18 @@
 | views.py | where an object and the camera are in view n |
 | worlds.py | which worlds there are: modes of depth and their variants |
 | stage.py | takes depth pictures of views in a world |
-| foreign.py | a world whose differences the others do not know of |
+| foreign.py | a world whose differences the others do not know of, of our renderer |
+| foreign_mitsuba.py, mitsuba_scene.py | another, of Mitsuba 3 and its materials; parts of its scenes |
+| sgbm.py | the matcher of both |
 | clouds.py | points of an object in a depth picture |
 | icp.py, ppf.py, features.py, template.py | three methods that find an object's pose |
 | methods.py | the methods with the settings that tuning chooses from |
 | pose_error.py | how far a pose is off, up to symmetry |
 | score.py | how two worlds' scores agree, with intervals |
+| added.py | scores of models of others |
+| workers.py | processes that share the work |
 | files.py | the folder of a run: what is there already, what is written |
 | run.py | pictures, tuning, poses, in this order; resumable |
-| ablate.py | the same under more samples, noise, other materials |
+| ablate.py, acquired.py | the same under more samples, noise, other materials; measured materials |
 | report.py | tables and pictures of the results |
 """

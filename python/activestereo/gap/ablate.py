@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the simulation's realism takes: the agreement of `full` with the foreign world, with more and fewer rays, with
-and without the denoiser, with more and less noise, with nominal and with random materials. The models stay those of the
-run."""
+and without the denoiser, with more and less noise, with nominal, random and acquired materials. The models stay those
+of the run."""
 
 from __future__ import annotations
 
@@ -12,7 +12,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from activestereo.gap.acquired import Acquired, with_acquired
 from activestereo.gap.files import RunFolder
+from activestereo.gap.objects import objects
 from activestereo.gap.pictures import take_pictures
 from activestereo.gap.pose_error import CRITERIA, successes
 from activestereo.gap.poses import errors_of, find_poses
@@ -32,8 +34,10 @@ NOISES = (0.0, 0.5, 1.0, 2.0, 4.0, 10.0)
 KINDS = ("samples", "noise", "materials")
 
 
-def variants(kinds: tuple[str, ...] = KINDS, samples: tuple[int, ...] = SAMPLES) -> list[World]:
-    """Worlds like `full`, but for what `kinds` name."""
+def variants(
+    kinds: tuple[str, ...] = KINDS, samples: tuple[int, ...] = SAMPLES, has_acquired: bool = False
+) -> list[World]:
+    """Worlds like `full`, but for what `kinds` name. has_acquired: one of them is of acquired materials."""
     out = []
     if "samples" in kinds:
         for is_denoised in (True, False):
@@ -42,7 +46,8 @@ def variants(kinds: tuple[str, ...] = KINDS, samples: tuple[int, ...] = SAMPLES)
     if "noise" in kinds:
         out += [World(f"full_noise_{factor:g}", "full", noise=factor) for factor in NOISES]
     if "materials" in kinds:
-        out += [World(f"full_{word}_materials", "full", materials=word) for word in ("nominal", "random")]
+        words = ("nominal", "random", "acquired") if has_acquired else ("nominal", "random")
+        out += [World(f"full_{word}_materials", "full", materials=word) for word in words]
     return out
 
 
@@ -56,9 +61,11 @@ def ablate(
     device: str | int = "auto",
     workers: int = 1,
     progress: Progress | None = None,
+    acquired: Acquired | None = None,
 ) -> Ablation:
-    """The agreement of each world with the foreign one over the first `views` test views of a run. ValueError
-    where the run is not so far; what is done stays, and the same call goes on."""
+    """The agreement of each world with the foreign one over the first `views` test views of a run. acquired: what the
+    world of acquired materials has. ValueError where the run is not so far, or has pictures of other acquired
+    materials; what is done stays, and the same call goes on."""
     settings = GapSettings.of(folder)
     models = models_of(folder)
     candidates = candidates_of(models)
@@ -66,12 +73,15 @@ def ablate(
     rounds = GapSettings(views=views).rounds("test")
     real = errors_of(folder, "foreign", "test", rounds, candidates)[rows]
     effort = [float(world.samples or settings.camera.samples) + 4.0 for world in worlds]
+    if acquired is not None:
+        folder.keep_acquired(acquired)
     out: Ablation = []
     for n, world in enumerate(worlds):
         start, end = (sum(effort[:last]) / sum(effort) for last in (n, n + 1))
         middle = start + 0.8 * (end - start)
         own = part_of(progress, start, middle)
-        take_pictures(folder, settings, world, "test", rounds, device, own)
+        things = objects() if world.materials != "acquired" else with_acquired(objects(), acquired or {})
+        take_pictures(folder, settings, world, "test", rounds, device, workers, own, things)
         own = part_of(progress, middle, end)
         found = find_poses(folder, settings.seed, (world.name,), "test", rounds, candidates, workers, own)
         errors = found[world.name][rows]

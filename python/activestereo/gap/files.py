@@ -2,6 +2,7 @@
 """The folder of a run. Each file is whole or not there, so a run that was ended goes on where it was.
 
     DIR/settings.json                   what everything here depends on
+    DIR/acquired.json                   the materials of the world of acquired ones
     DIR/depth/WORLD/test-0003.npz       depth [objects, height, width] metres and k, of a round of views
     DIR/errors/WORLD/test-0003.npz      errors [candidates, objects, 2] mm and degrees, and which candidates
 """
@@ -9,6 +10,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -77,6 +79,16 @@ class RunFolder:
             return
         self.path.mkdir(parents=True, exist_ok=True)
         write_text(self.path / "settings.json", json.dumps(settings, indent=2) + "\n")
+
+    def keep_acquired(self, materials: Mapping[str, Mapping[str, float]]) -> None:
+        """ValueError where the folder has pictures of other acquired materials."""
+        path, text = self.path / "acquired.json", json.dumps(materials, indent=2) + "\n"
+        if path.exists() and path.read_text() != text:
+            raise ValueError(
+                f"{path} has other acquired materials: delete it, depth/full_acquired_materials and "
+                "errors/full_acquired_materials, and run the same again"
+            )
+        write_text(path, text)
 
     def settings(self) -> dict[str, Any]:
         """ValueError where there is no run."""

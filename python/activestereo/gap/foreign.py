@@ -19,18 +19,17 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 import kuafu
 from activestereo.depth_modes import DepthCamera
 from activestereo.gap.objects import GapObject
+from activestereo.gap.sgbm import Sgbm
 from activestereo.gap.stage import CameraSettings, Room, Stage
 from activestereo.gap.views import rotation
 from activestereo.gap.worlds import World
 from activestereo.presets import StereoDepthSensorConfig
-from activestereo.registration import registered
 
 _ROOM = Room(ambient=0.3, table_albedo=0.35, lamp_m=(-0.6, 0.5, 1.0), lamp_w_per_sr=1.6)
 _BOUNCES = 6
@@ -57,11 +56,7 @@ class ForeignStage(Stage):
 
 class _ForeignCamera:
     def __init__(self, camera: DepthCamera) -> None:
-        self._sensors, self._config = camera.sensors, camera.sensors.get_config()
-        count = -(-self._config.max_disparity // 16) * 16
-        mode = cv2.STEREO_SGBM_MODE_HH
-        self._matcher = cv2.StereoSGBM_create(0, count, 5, 8 * 25, 32 * 25, 1, 0, 8, 60, 2, mode)
-        self._border = count
+        self._sensors, self._matcher = camera.sensors, Sgbm(camera.sensors.get_config())
         one = np.ones(1)
         for environment in range(self._sensors.shape[0]):
             self._sensors.vary(environment, one, one, rotation(_RIGHT_TURN_RAD)[None])
@@ -73,13 +68,7 @@ class _ForeignCamera:
         self._sensors.take_picture(infrared_only=True)
         self._sensors.compute_depth()
         pairs = zip(*self._sensors.get_ir_measured(), strict=True)
-        return np.stack([self._depth(left, right) for left, right in pairs])
-
-    def _depth(self, left: NDArray[np.uint8], right: NDArray[np.uint8]) -> NDArray[np.float32]:
-        wide = [cv2.copyMakeBorder(i, 0, 0, self._border, 0, cv2.BORDER_REPLICATE) for i in (left, right)]
-        disparity = self._matcher.compute(*wide)[:, self._border :].astype(np.float32) / 16.0
-        depth = np.where(disparity > 0.5, self._config.focal_baseline_px_m / np.maximum(disparity, 0.5), 0.0)
-        return registered(depth.astype(np.float32), self._config.ir_intrinsic, np.eye(4), self._config)
+        return np.stack([self._matcher.depth(left, right) for left, right in pairs])
 
 
 def foreign_config(config: StereoDepthSensorConfig) -> StereoDepthSensorConfig:

@@ -3,16 +3,29 @@
 
 from __future__ import annotations
 
+from functools import cache
+from typing import Protocol
+
 import numpy as np
+from numpy.typing import NDArray
 
 from activestereo.gap.files import RunFolder
 from activestereo.gap.foreign import ForeignStage
-from activestereo.gap.objects import objects
+from activestereo.gap.foreign_mitsuba import MitsubaStage
+from activestereo.gap.objects import GapObject, objects
 from activestereo.gap.settings import GapSettings
 from activestereo.gap.stage import Stage
-from activestereo.gap.views import SPLITS, round_of_views
+from activestereo.gap.views import SPLITS, View, round_of_views
+from activestereo.gap.workers import each_done
 from activestereo.gap.worlds import World
+from activestereo.presets import StereoDepthSensorConfig
 from activestereo.progress_bar import Progress
+
+
+class _TakesViews(Protocol):
+    config: StereoDepthSensorConfig
+
+    def take(self, views: list[View], seed: int) -> NDArray[np.float32]: ...
 
 
 def take_pictures(
@@ -22,23 +35,43 @@ def take_pictures(
     split: str,
     rounds: int,
     device: str | int = "auto",
+    workers: int = 1,
     progress: Progress | None = None,
+    things: tuple[GapObject, ...] | None = None,
 ) -> None:
-    """The depths that are missing of rounds 0 to rounds - 1."""
+    """The depths that are missing of rounds 0 to rounds - 1. workers: processes that render with Mitsuba; our own
+    renderer fills a device by itself. things: objects(), perhaps of other materials."""
     missing = [number for number in range(rounds) if not folder.depth_path(world.name, split, number).exists()]
     if not missing:
         return
-    things = objects()
-    if world.mode == "foreign":
-        stage: Stage = ForeignStage(things, world, settings.camera, device, settings.foreign_samples)
-    else:
-        stage = Stage(things, world, settings.camera, device)
+    if world.mode == "foreign" and settings.foreign == "mitsuba":
+        tasks = [(folder, settings, world, split, number) for number in missing]
+        for done, _ in enumerate(each_done(_take_with_mitsuba, tasks, workers), 1):
+            if progress is not None:
+                progress(done / len(missing))
+        return
+    stage = (ForeignStage if world.mode == "foreign" else Stage)(things or objects(), world, settings.camera, device)
     for done, number in enumerate(missing, 1):
-        views = round_of_views(things, settings.seed, split, number)
-        depth = stage.take(views, _seed(settings.seed, split, number))
-        folder.write_depth(world.name, split, number, depth, stage.config.rgb_intrinsic)
+        _take(folder, settings, world, split, number, stage)
         if progress is not None:
             progress(done / len(missing))
+
+
+def _take(
+    folder: RunFolder, settings: GapSettings, world: World, split: str, number: int, stage: _TakesViews
+) -> None:
+    views = round_of_views(objects(), settings.seed, split, number)
+    depth = stage.take(views, _seed(settings.seed, split, number))
+    folder.write_depth(world.name, split, number, depth, stage.config.rgb_intrinsic)
+
+
+def _take_with_mitsuba(folder: RunFolder, settings: GapSettings, world: World, split: str, number: int) -> None:
+    _take(folder, settings, world, split, number, _mitsuba_stage(settings))
+
+
+@cache
+def _mitsuba_stage(settings: GapSettings) -> MitsubaStage:
+    return MitsubaStage(objects(), settings.camera, settings.foreign_samples)
 
 
 def _seed(seed: int, split: str, number: int) -> int:

@@ -6,6 +6,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from activestereo.gap.files import RunFolder
+from activestereo.gap.mitsuba_scene import mitsuba
 from activestereo.gap.pictures import take_pictures
 from activestereo.gap.poses import find_poses
 from activestereo.gap.settings import GapSettings
@@ -27,15 +28,18 @@ def run(
     progress: Progress | None = None,
 ) -> list[Model]:
     """Everything that a score needs, under `out`; returns the nine models. ValueError where `out` has results of other
-    settings; ChildProcessError where a worker was ended from outside: what is done stays, and the same call goes on."""
+    settings, or the foreign world's renderer is not installed; ChildProcessError where a worker was ended from outside:
+    what is done stays, and the same call goes on."""
     folder = RunFolder(out)
+    if settings.foreign == "mitsuba":
+        mitsuba()  # told before hours of work
     folder.keep_settings(settings.described())
     worlds_of = {"tuning": SIMULATED, "test": tuple(WORLDS)}
     for (split, worlds), start, end in zip(worlds_of.items(), (0.0, _ENDS[0]), _ENDS[:2], strict=True):
         effort = {world: _EFFORT[world] for world in worlds}
         for world in worlds:
             own = part_of(part_of(progress, start, end), *_share(effort, world))
-            take_pictures(folder, settings, WORLDS[world], split, settings.rounds(split), device, own)
+            take_pictures(folder, settings, WORLDS[world], split, settings.rounds(split), device, workers, own)
     every, seed = every_candidate(), settings.seed
     own = part_of(progress, _ENDS[1], _ENDS[2])
     tuning = find_poses(folder, seed, SIMULATED, "tuning", settings.rounds("tuning"), every, workers, own)

@@ -6,6 +6,7 @@ Bootstrap, 1993, ch. 6)."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -52,13 +53,23 @@ def mean_gap(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float
     return np.asarray(np.abs(a - b).mean(axis=-1))
 
 
-def agreement(simulated: NDArray[np.bool_], real: NDArray[np.bool_], seed: int = 0) -> Agreement:
-    """Of successes [models, views] in two worlds. ValueError where the two are not of the same models and views."""
+def agreement(
+    simulated: NDArray[np.bool_],
+    real: NDArray[np.bool_],
+    seed: int = 0,
+    known: tuple[Sequence[float], Sequence[float]] = ((), ()),
+) -> Agreement:
+    """Of successes [models, views] in two worlds. known: the scores, in both, of more models, of which no views are
+    drawn. ValueError where the two are not of the same models and views."""
     if simulated.shape != real.shape or simulated.ndim != 2 or not simulated.size:
         raise ValueError(f"successes of both worlds are [models, views], not {simulated.shape} and {real.shape}")
     views = simulated.shape[1]
     drawn = np.random.default_rng(seed).multinomial(views, np.full(views, 1.0 / views), _DRAWS) / views
-    scores = [(s.mean(axis=1), drawn @ s.T.astype(np.float64)) for s in (simulated, real)]
+    scores = []
+    for own, more in zip((simulated, real), known, strict=True):
+        draws = drawn @ own.T.astype(np.float64)
+        fixed = np.broadcast_to(np.array(more, np.float64), (_DRAWS, len(more)))
+        scores.append((np.append(own.mean(axis=1), more), np.concatenate([draws, fixed], axis=1)))
     figures = []
     for measure in (pearson, spearman, mean_gap):
         value = float(measure(*(own for own, _ in scores)))

@@ -13,12 +13,13 @@ from activestereo.gap.stage import CameraSettings
 
 @dataclass(frozen=True)
 class GapSettings:
-    """views, tuning_views: at least so many, in whole rounds of one view of each object."""
+    """views, tuning_views: at least so many, in whole rounds of one view of each object. foreign: one of FOREIGN."""
 
     views: int = 320
     tuning_views: int = 64
     seed: int = 0
     camera: CameraSettings = CameraSettings()
+    foreign: str = "sensor"
     foreign_samples: int = 64
 
     def rounds(self, split: str) -> int:
@@ -37,7 +38,7 @@ class GapSettings:
         try:
             camera = dict(told["camera"])
             camera["size_px"] = tuple(camera["size_px"])
-            own = {name: told[name] for name in ("tuning_views", "seed", "foreign_samples")}
+            own = {name: told[name] for name in ("tuning_views", "seed", "foreign", "foreign_samples")}
             return GapSettings(camera=CameraSettings(**camera), **own)
         except (KeyError, TypeError, ValueError) as error:
             raise ValueError(f"{folder.path}/settings.json is not of a run of this version: {error}") from error

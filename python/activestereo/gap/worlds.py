@@ -21,4 +21,5 @@ class World:
 
 
 SIMULATED = ("clean", "raster", "full")
+FOREIGN = ("sensor", "mitsuba")  # worlds that stand for reality: of our renderer, or of another project's
 WORLDS = {mode: World(mode, mode) for mode in (*SIMULATED, "foreign")}

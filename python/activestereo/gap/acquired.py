@@ -1,0 +1,35 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The objects with materials that `acquire materials` found, in place of their own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+from activestereo.engines.world import copy_record
+from activestereo.gap.objects import GapObject
+from activestereo.sensor_model import read_model
+
+Acquired = Mapping[str, Mapping[str, float]]  # {object: {field of its material: value}}
+
+
+def read_acquired(path: Path, objects: tuple[GapObject, ...]) -> Acquired:
+    """Of a model.json whose materials are called as the objects are. ValueError where it has none of these."""
+    names = [thing.name for thing in objects]
+    known = read_model(path).survey(names).surfaces
+    if not known:
+        raise ValueError(f"{path}: has a material of none of the objects ({', '.join(names)})")
+    return {names[number]: dict(fields) for number, fields in sorted(known.items())}
+
+
+def with_acquired(objects: tuple[GapObject, ...], acquired: Acquired) -> tuple[GapObject, ...]:
+    """What was not found stays."""
+    return tuple(_changed(thing, acquired.get(thing.name, {})) for thing in objects)
+
+
+def _changed(thing: GapObject, fields: Mapping[str, float]) -> GapObject:
+    material = copy_record(thing.material)
+    for name, value in fields.items():
+        setattr(material, name, value)
+    return replace(thing, material=material)
