@@ -42,9 +42,15 @@ class StereoDepthSensor:
     config: SAPIEN's StereoDepthSensorConfig or ours, which has more fields. mount_entity: a sapien.Entity, in a scene
     before the first picture. pose: sapien.Pose relative to it. Intrinsics are in SAPIEN's convention: the middle of the
     first pixel is at (0.5, 0.5). The scene is mirrored at the first picture and followed from then on.
+
+    late: a picture is rendered while SAPIEN simulates and the one before is matched (activestereo.late_sensor). Results
+    are of the picture before; from the second take_picture() on has_picture is True.
     """
 
-    def __init__(self, config: Any, mount_entity: sapien.Entity, pose: sapien.Pose | None = None) -> None:
+    def __init__(
+        self, config: Any, mount_entity: sapien.Entity, pose: sapien.Pose | None = None, *, late: bool = False
+    ) -> None:
+        self._is_late = late
         self._config = config
         self._mount = mount_entity
         self._pose = sapien.Pose() if pose is None else pose
@@ -60,13 +66,26 @@ class StereoDepthSensor:
         if scene is None:
             raise RuntimeError("Cannot take picture: sensor is not added to scene")
         if self._world is None or self._world.sapien_scene is not scene:
-            self._world = SapienScene.of(scene)
-            mount = activestereo.Mount(self._world.scene)
-            self._sensor = activestereo.StereoDepthSensor(native_config(self._config), mount)
+            self._world, self._sensor = SapienScene.of(scene), None
         self._world.update()
+        if self._sensor is None:  # after update(), which waits: its projector changes the scene
+            mount = activestereo.Mount(self._world.scene)
+            config = native_config(self._config)
+            if self._is_late:
+                self._sensor = activestereo.LateStereoDepthSensor(config, mount)
+                self._world.wait_for(self._sensor)
+            else:
+                self._sensor = activestereo.StereoDepthSensor(config, mount)
         sensor = self._made()
         sensor.set_local_pose(as_matrix(self.get_pose()))
         sensor.take_picture(infrared_only)
+
+    @property
+    def has_picture(self) -> bool:
+        """Whether results are there: of a late sensor from the second take_picture() on, else from the first."""
+        if isinstance(self._sensor, activestereo.LateStereoDepthSensor):
+            return self._sensor.has_picture
+        return self._sensor is not None
 
     def compute_depth(
         self, bbox_start: tuple[int, int] | None = None, bbox_size: tuple[int, int] | None = None
