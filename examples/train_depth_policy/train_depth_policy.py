@@ -23,6 +23,7 @@ except ImportError as error:
 
 from activestereo.depth_modes import DepthCamera
 from activestereo.grasp import GraspWorld, teacher
+from activestereo.grasp.scene import THINGS
 from activestereo.grasp.world import CAMERA_ON_GRIPPER, STEP_SCALE, STEPS
 from activestereo.registration import registered
 
@@ -61,8 +62,8 @@ class ForeignCamera:
         return registered(depth, self._config.ir_intrinsic, np.eye(4), self._config)
 
 
-def foreign_world(environments: int, seed: int) -> GraspWorld:
-    world = GraspWorld(environments, "full", seed=seed)
+def foreign_world(environments: int, seed: int, things: str) -> GraspWorld:
+    world = GraspWorld(environments, "full", seed=seed, things=things)
     config = world.camera.sensors.get_config()
     config.ir_speckle_noise, config.ir_thermal_noise, config.ir_camera_exposure = 4.0, 6.0, 0.003
     config.max_bounces = 6
@@ -97,9 +98,9 @@ def targets(offsets: np.ndarray) -> np.ndarray:
     return np.column_stack([offsets[:, :3] / OFFSET_SCALE, np.sin(turn), np.cos(turn)]).astype(np.float32)
 
 
-def collect(mode: str, episodes: int, environments: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
+def collect(mode: str, episodes: int, environments: int, seed: int, things: str) -> tuple[np.ndarray, np.ndarray]:
     """Depth and targets along the teacher's ways, spread so that the policy sees what its own errors lead to."""
-    world, random = GraspWorld(environments, mode, seed=seed), np.random.default_rng(seed)
+    world, random = GraspWorld(environments, mode, seed=seed, things=things), np.random.default_rng(seed)
     depths, labels = [], []
     for _ in range(-(-episodes // environments)):
         depth = world.reset()
@@ -148,18 +149,26 @@ def interval(held: int, tried: int) -> tuple[float, float]:
     return middle - half, middle + half
 
 
-def run(out: Path, modes: list[str], train_episodes: int, test_episodes: int, epochs: int, environments: int) -> dict:
+def run(
+    out: Path,
+    modes: list[str],
+    train_episodes: int,
+    test_episodes: int,
+    epochs: int,
+    environments: int,
+    things: str = "mixed",
+) -> dict:
     """{mode: {"own": (held, tried), "foreign": (held, tried)}}, also written to results.json."""
     results: dict[str, dict[str, tuple[int, int]]] = {}
     for mode in modes:
         start = time.perf_counter()
-        depths, labels = collect(mode, train_episodes, environments, seed=1)
+        depths, labels = collect(mode, train_episodes, environments, seed=1, things=things)
         collected = time.perf_counter()
         policy = train(depths, labels, epochs, seed=1)
         trained = time.perf_counter()
         results[mode] = {
-            "own": successes(policy, GraspWorld(environments, mode, seed=77), test_episodes),
-            "foreign": successes(policy, foreign_world(environments, seed=99), test_episodes),
+            "own": successes(policy, GraspWorld(environments, mode, seed=77, things=things), test_episodes),
+            "foreign": successes(policy, foreign_world(environments, seed=99, things=things), test_episodes),
         }
         shown = [f"{where} {100 * h / n:.1f} % ({100 * interval(h, n)[0]:.1f} to {100 * interval(h, n)[1]:.1f})"
                  for where, (h, n) in results[mode].items()]  # fmt: skip
@@ -178,8 +187,10 @@ def main() -> None:
     parser.add_argument("--test", type=int, default=304, help="episodes to try")
     parser.add_argument("--epochs", type=int, default=30)
     parser.add_argument("--environments", type=int, default=16)
+    parser.add_argument("--things", default="mixed", choices=THINGS, help="hard: glass, polished steel, black velvet")
     options = parser.parse_args()
-    run(options.out, options.modes.split(","), options.train, options.test, options.epochs, options.environments)
+    counts = options.train, options.test, options.epochs, options.environments
+    run(options.out, options.modes.split(","), *counts, options.things)
 
 
 if __name__ == "__main__":

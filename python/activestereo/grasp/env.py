@@ -28,12 +28,15 @@ def _observed(depth: NDArray[np.float32]) -> NDArray[np.float32]:
 
 class StereoGraspEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     """Observation: the wrist's depth, float32 [size, size, 1] metres, 0 = no measurement. Action: dx, dy, dz, dtheta in
-    -1..1. Ends after 10 steps; the reward is then 1 for a grasp. mode: clean, gaussian, isaac-like, raster, full."""
+    -1..1. Ends after 10 steps; the reward is then 1 for a grasp. mode: clean, gaussian, isaac-like, raster, full.
+    things: mixed or hard, as GraspWorld has them."""
 
     metadata: dict[str, Any] = {"render_modes": []}
 
-    def __init__(self, mode: str = "full", size_px: int = 64, samples_per_pixel: int = 4, seed: int = 0) -> None:
-        self.world = GraspWorld(1, mode, size_px, samples_per_pixel, seed)
+    def __init__(
+        self, mode: str = "full", size_px: int = 64, samples_per_pixel: int = 4, seed: int = 0, things: str = "mixed"
+    ) -> None:
+        self.world = GraspWorld(1, mode, size_px, samples_per_pixel, seed, things=things)
         self.observation_space, self.action_space = _spaces(size_px)
 
     def reset(
@@ -55,10 +58,16 @@ class StereoGraspVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
     metadata: dict[str, Any] = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}
 
     def __init__(
-        self, num_envs: int = 1, mode: str = "full", size_px: int = 64, samples_per_pixel: int = 4, seed: int = 0
+        self,
+        num_envs: int = 1,
+        mode: str = "full",
+        size_px: int = 64,
+        samples_per_pixel: int = 4,
+        seed: int = 0,
+        things: str = "mixed",
     ) -> None:
         self.num_envs = num_envs
-        self.world = GraspWorld(num_envs, mode, size_px, samples_per_pixel, seed)
+        self.world = GraspWorld(num_envs, mode, size_px, samples_per_pixel, seed, things=things)
         self.single_observation_space, self.single_action_space = _spaces(size_px)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)

@@ -12,6 +12,7 @@ from activestereo import solids
 from activestereo.bodies import Bodies, Shape, add_mesh
 
 OBJECTS = 4  # in each environment
+THINGS = ("mixed", "hard")  # what they are made of
 _BELOW_M = -3.0
 _TABLE_HALF_M = 0.6
 
@@ -19,7 +20,15 @@ _TABLE_HALF_M = 0.6
 class GraspScene:
     """half_sizes_m: [E, OBJECTS, 3]; a cylinder's first two are its radius. is_round: [OBJECTS]."""
 
-    def __init__(self, environment_count: int, random: np.random.Generator, device: str | int | kuafu.Device) -> None:
+    def __init__(
+        self,
+        environment_count: int,
+        random: np.random.Generator,
+        device: str | int | kuafu.Device,
+        things: str = "mixed",
+    ) -> None:
+        if things not in THINGS:
+            raise ValueError(f"things are {' or '.join(map(repr, THINGS))}, not {things!r}")
         self.scene = kuafu.Scene(device if isinstance(device, kuafu.Device) else kuafu.Device(device))
         self.bodies = Bodies(self.scene, environment_count)
         self.is_round = np.arange(OBJECTS) % 2 == 1
@@ -27,7 +36,8 @@ class GraspScene:
         sizes = np.stack([random.uniform(low, high, shape) for low, high in _SIZES_M], axis=-1)
         sizes[:, self.is_round, 1] = sizes[:, self.is_round, 0]
         self.half_sizes_m = sizes
-        materials = [self.scene.add_material(material) for material in _materials()]
+        looks = _hard_materials() if things == "hard" else _materials()
+        materials = [self.scene.add_material(material) for material in looks]
         self._add_room()
         meshes = add_mesh(self.scene, solids.box()), add_mesh(self.scene, solids.cylinder())
         for number in range(OBJECTS):
@@ -72,4 +82,13 @@ def _materials() -> list[kuafu.Material]:
         kuafu.Material(name="plastic", base_color=(0.2, 0.4, 0.7, 1.0), roughness=0.25, ir_albedo=0.5),
         kuafu.Material(name="steel", base_color=(0.66, 0.64, 0.61, 1.0), metallic=1.0, roughness=0.25),
         kuafu.Material(name="rubber", base_color=(0.03, 0.03, 0.03, 1.0), roughness=0.5),
+    ]
+
+
+def _hard_materials() -> list[kuafu.Material]:
+    """What active stereo sees through, loses or takes for something else."""
+    return [
+        kuafu.Material(name="glass", transmission=1.0, roughness=0.0, ior=1.5),
+        kuafu.Material(name="polished steel", base_color=(0.66, 0.64, 0.61, 1.0), metallic=1.0, roughness=0.08),
+        kuafu.Material(name="black velvet", base_color=(0.01, 0.01, 0.01, 1.0), specular=0.0, ir_albedo=0.004),
     ]

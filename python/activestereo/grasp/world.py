@@ -32,7 +32,8 @@ _FIELD_OF_VIEW_RAD, _NEAREST_M = np.deg2rad(58.0), 0.12
 
 
 class GraspWorld:
-    """E environments side by side. mode: one of depth_modes.MODES. size_px: of the square depth images. Deterministic
+    """E environments side by side. mode: one of depth_modes.MODES. size_px: of the square depth images. things: "mixed"
+    ones of clay, plastic, steel and rubber, or "hard" ones of glass, polished steel and black velvet. Deterministic
     under a seed."""
 
     def __init__(
@@ -43,10 +44,11 @@ class GraspWorld:
         samples_per_pixel: int = 4,
         seed: int = 0,
         device: str | int | kuafu.Device = "auto",
+        things: str = "mixed",
     ) -> None:
         self.count = environment_count
         self._random = np.random.default_rng(seed)
-        self.things = GraspScene(environment_count, self._random, device)
+        self.things = GraspScene(environment_count, self._random, device, things)
         self.gripper_m = np.zeros((environment_count, 3))
         self.yaw_rad = np.zeros(environment_count)
         self.chosen = np.zeros(environment_count, np.intp)

@@ -176,3 +176,20 @@ def test_a_vector_of_environments_begins_anew_by_itself(gymnasium):
         total += reward
         assert terminated.all() == (step == 9)
     assert (total == 1.0).all() and (envs.unwrapped.world.steps == 0).all()
+
+
+def test_hard_things_stand_where_clean_depth_says_and_full_depth_does_not():
+    """A camera's own depth goes through glass, past mirrors, and has holes where velvet gives no dots back."""
+
+    def right_share(things):
+        options = {"samples_per_pixel": 2, "seed": 4, "things": things}
+        clean, full = GraspWorld(8, "clean", **options), GraspWorld(8, "full", **options)
+        there, seen = clean.reset(), full.reset()
+        clean.things.place(clean.chosen, clean.object_m + 5.0, clean.object_yaw_rad)
+        thing = clean.look() - there > 0.005
+        assert thing.mean() > 0.01
+        return (np.abs(seen - there) < 0.01)[thing].mean()
+
+    assert right_share("hard") < 0.5 * right_share("mixed")
+    with pytest.raises(ValueError, match="things are 'mixed' or 'hard', not 'soft'"):
+        GraspWorld(1, "clean", things="soft")
