@@ -64,8 +64,10 @@ def ablate(
     acquired: Acquired | None = None,
 ) -> Ablation:
     """The agreement of each world with the foreign one over the first `views` test views of a run. acquired: what the
-    world of acquired materials has. ValueError where the run is not so far, or has pictures of other acquired
-    materials; what is done stays, and the same call goes on."""
+    world of acquired materials has. ValueError where the run is not so far, has pictures of other acquired materials,
+    or a world asks for acquired materials and there are none; what is done stays, and the same call goes on."""
+    if not acquired and any(world.materials == "acquired" for world in worlds):
+        raise ValueError("a world of acquired materials is asked for without them: give acquired=read_acquired(...)")
     settings = GapSettings.of(folder)
     models = models_of(folder)
     candidates = candidates_of(models)
@@ -80,7 +82,7 @@ def ablate(
         start, end = (sum(effort[:last]) / sum(effort) for last in (n, n + 1))
         middle = start + 0.8 * (end - start)
         own = part_of(progress, start, middle)
-        things = objects() if world.materials != "acquired" else with_acquired(objects(), acquired or {})
+        things = with_acquired(objects(), acquired) if acquired and world.materials == "acquired" else objects()
         take_pictures(folder, settings, world, "test", rounds, device, workers, own, things)
         own = part_of(progress, middle, end)
         found = find_poses(folder, settings.seed, (world.name,), "test", rounds, candidates, workers, own)

@@ -44,9 +44,9 @@ def read_added(path: Path, views: int) -> list[AddedModel]:
     """The models of a file, in its order, for a run of so many test views. ValueError names the line, or what is
     missing."""
     try:
-        with open(path, newline="", encoding="utf-8") as file:
+        with open(path, newline="", encoding="utf-8-sig") as file:  # as Excel writes it, too
             rows = list(csv.reader(file))
-    except UnicodeDecodeError as error:
+    except (UnicodeDecodeError, csv.Error) as error:
         raise ValueError(f"{path}: is not a table of text: {error}") from error
     columns = tuple(word.strip() for word in rows[0]) if rows else ()
     if columns not in _FORMS:

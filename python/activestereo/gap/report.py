@@ -122,7 +122,7 @@ def scatter(found: Results) -> Picture:
     from matplotlib.lines import Line2D
 
     picture = Picture(figsize=(10.0, 4.6))
-    more = dict.fromkeys(model.method for model in found.added)
+    more = dict.fromkeys(model.method for model in found.added if model.method not in _MARKERS)
     markers = _MARKERS | dict(zip(more, cycle(_ADDED_MARKERS)))
     for axes, criterion in zip(picture.subplots(1, len(CRITERIA)), CRITERIA, strict=True):
         axes.plot([0, 100], [0, 100], color="0.7", linewidth=1)

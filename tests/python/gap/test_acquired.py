@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from activestereo.cli import main
-from activestereo.gap.ablate import variants
+from activestereo.gap.ablate import ablate, variants
 from activestereo.gap.acquired import read_acquired, with_acquired
 from activestereo.gap.files import RunFolder
 from activestereo.gap.objects import objects
@@ -44,3 +44,11 @@ def test_a_run_keeps_to_its_acquired_materials(tmp_path: Path, capsys: pytest.Ca
     assert words == ["nominal", "random", "acquired"]
     assert main(["gap", "ablate", str(tmp_path), "--only", "noise", "--acquired", "model.json"]) == 2
     assert "--only leaves out" in capsys.readouterr().err
+
+
+def test_a_world_of_acquired_materials_is_not_rendered_without_them(tmp_path: Path) -> None:
+    worlds = variants(("materials",), has_acquired=True)
+    for nothing in (None, {}):
+        with pytest.raises(ValueError, match="give acquired="):
+            ablate(RunFolder(tmp_path), 8, worlds, acquired=nothing)
+    assert not any(tmp_path.iterdir())

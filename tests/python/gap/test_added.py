@@ -72,6 +72,7 @@ def test_known_scores_are_not_drawn_anew() -> None:
         (lambda t: t.replace(",10,10,0,1", ",ten,10,0,1", 1), "line 2: 'ten,10,0,1' are not all numbers"),
         (lambda t: t[: t.index("\n")], "has no models"),
         (lambda _: "", "the first line is ''"),
+        (lambda t: t + "x" * 140_000, "is not a table of text: field larger than field limit"),
     ],
 )
 def test_what_is_wrong_with_a_file_is_told(tmp_path: Path, change, message: str) -> None:
@@ -85,3 +86,18 @@ def test_scores_out_of_range_are_told(tmp_path: Path) -> None:
     (tmp_path / "b.csv").write_text(shares(RATES).replace("1.0", "1.5", 1))
     with pytest.raises(ValueError, match="line 2: score is 1.5, expected 0 to 1"):
         read_added(tmp_path / "b.csv", VIEWS)
+
+
+def test_a_table_may_be_as_excel_writes_it(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text(per_view(RATES), encoding="utf-8-sig")
+    assert [model.method for model in read_added(tmp_path / "a.csv", VIEWS)] == ["LearnAug"]
+
+
+def test_an_added_model_of_a_runs_own_method_has_its_marker(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text(shares(RATES, "PPF"))
+    (tmp_path / "b.csv").write_text(shares(RATES, "DDS"))
+    added = tuple(model for name in "ab" for model in read_added(tmp_path / f"{name}.csv", VIEWS))
+    errors = {world: np.zeros((1, VIEWS, 2)) for world in WORLDS}
+    picture = scatter(Results([Model("ICP", "clean", 0)], errors, 0, "sensor", added))
+    markers = {line.get_label(): line.get_marker() for line in picture.legends[0].get_lines()}
+    assert (markers["PPF"], markers["DDS"]) == ("s", "D")
