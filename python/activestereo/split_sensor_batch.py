@@ -10,7 +10,8 @@
     batch.get_depth()  # [E, height, width], in host memory
 
 Device k of D has the environments from k E / D to (k + 1) E / D. On devices of one kind all has the bits that one of
-them gives; but where config.rgb_exposure is None, each device exposes its own RGB pictures alike.
+them gives; but where config.rgb_exposure is None, each device exposes its own RGB pictures alike. Where a device's
+picture fails, its frames are behind the others' until restart().
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from numpy.typing import NDArray
 
 from activestereo.pose_arrays import host_array
 from activestereo.presets import StereoDepthSensorConfig
-from activestereo.sensor_batch import HasPoses, StereoDepthSensorBatch
+from activestereo.sensor_batch import HasPoses, SensorPoseError, StereoDepthSensorBatch
 
 _Result = TypeVar("_Result")
 
@@ -44,9 +45,10 @@ class SplitStereoDepthSensorBatch:
         if len(counts) != 1 or len(mounts) > min(counts):
             raise ValueError(f"{len(mounts)} devices take as many environments or more, not {sorted(counts)}")
         bounds = [k * min(counts) // len(mounts) for k in range(len(mounts) + 1)]
+        self._numbers = [range(first, end) for first, end in zip(bounds[:-1], bounds[1:], strict=True)]
         self._parts = [
-            StereoDepthSensorBatch(config, one, environments=range(first, end), **options)
-            for one, first, end in zip(mounts, bounds[:-1], bounds[1:], strict=True)
+            StereoDepthSensorBatch(config, one, environments=own, **options)
+            for one, own in zip(mounts, self._numbers, strict=True)
         ]
         self._threads = ThreadPoolExecutor(len(self._parts), "device")
 
@@ -123,9 +125,20 @@ class SplitStereoDepthSensorBatch:
         self.close()
 
     def _each(self, call: Callable[[StereoDepthSensorBatch], _Result]) -> list[_Result]:
-        """On all devices at once. The first device's error is raised after the others have ended."""
+        """On all devices at once. An error is raised after all have ended, with the environments of its device in a
+        note: the first one that is more than a pose, which costs the other environments nothing, else the first."""
         running = [self._threads.submit(call, part) for part in self._parts]
-        wait(running)
+        try:
+            wait(running)
+        finally:
+            wait(running)  # an interrupt leaves no call under way
+        errors: list[BaseException] = []
+        for one, own in zip(running, self._numbers, strict=True):
+            if (error := one.exception()) is not None:
+                error.add_note(f"on the device of environments {own[0]} to {own[-1]}")
+                errors.append(error)
+        if errors:
+            raise min(errors, key=lambda error: isinstance(error, SensorPoseError))
         return [one.result() for one in running]
 
     def _joined(self, get: Callable[[StereoDepthSensorBatch], NDArray[Any]]) -> NDArray[Any]:

@@ -58,9 +58,16 @@ class SapienScene:
         self._late.add(sensor)
 
     def update(self) -> int:
-        """Brings the scene up to date; returns how many shapes moved."""
+        """Brings the scene up to date; returns how many shapes moved. Where a late sensor's picture has failed, its
+        error is raised after all others have ended, and the next update() goes on."""
+        errors: list[Exception] = []
         for sensor in self._late:
-            sensor.wait()
+            try:
+                sensor.wait()
+            except Exception as error:
+                errors.append(error)
+        if errors:
+            raise errors[0]
         seen = {entity.per_scene_id: entity for entity in self.sapien_scene.entities if is_visible(entity)}
         for number in [n for n in self._names if n not in seen]:
             self.bodies.remove(self._names.pop(number))

@@ -91,3 +91,19 @@ def test_mounts_that_do_not_fit_are_errors(config):
     for environments in (range(2, 2), range(1, 4), range(0, 3, 2)):
         with pytest.raises(ValueError, match="a range inside of 0 to 2"):
             StereoDepthSensorBatch(config, mounts(), environments=environments)
+
+
+def test_a_device_that_fails_names_its_environments_and_costs_no_other_picture(config):
+    halves = [mounts(), mounts()]
+    with SplitStereoDepthSensorBatch(config, halves) as split:
+        split.parts[1].close()
+        poses = POSES.copy()
+        poses[0, 1] = np.nan  # the other device's own error, which is less
+        halves[0].poses = poses
+        for count in (1, 2):
+            with pytest.raises(kuafu.Error, match="was removed") as caught:
+                split.take_picture(infrared_only=True)
+            assert caught.value.__notes__ == ["on the device of environments 1 to 2"]
+            assert split.parts[0].frame_index == count - 1
+        split.parts[0].compute_depth()
+        assert split.parts[0].get_depth().shape[:2] == (1, 2)

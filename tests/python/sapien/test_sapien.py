@@ -303,6 +303,24 @@ def test_a_late_sensor_gives_what_the_other_gives_one_picture_later(scene):
     assert not np.array_equal(depths[0], depths[1])
 
 
+def test_all_late_sensors_are_waited_for_where_one_fails(scene):
+    class Broken:
+        waits = 0
+
+        def wait(self):
+            self.waits += 1
+            if self.waits == 1:
+                raise kuafu.Error("lost")
+
+    world, sensors = SapienScene(scene), [Broken(), Broken()]
+    for sensor in sensors:
+        world.wait_for(sensor)
+    with pytest.raises(kuafu.Error, match="lost"):
+        world.update()
+    assert [sensor.waits for sensor in sensors] == [1, 1]
+    assert world.update() == 0
+
+
 def table():
     """{method: says 'same'} of the page."""
     rows = re.findall(r"^\| `(\w+)` \| (same|differs)[^|]*\|", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
