@@ -35,8 +35,8 @@ def is_usd(path: str | Path) -> bool:
 
 
 def convert(path: str | Path, glb: str | Path, time_s: float | None = None) -> Converted:
-    """Writes the stage at `path` to the file `glb`. time_s: seconds after the stage's first time code; None: as it is
-    without time. Raises UsdError of one line."""
+    """Writes the stage at `path` to the file `glb`. time_s: seconds after the stage's first time code; None: at
+    its earliest sample. Raises UsdError of one line."""
     stage = open_stage(Path(path), time_s)
     conversion = _Conversion(stage)
     conversion.add_all()
@@ -93,6 +93,8 @@ class _Conversion:
 
         to_world = self._to_metres @ to_stage
         if prim.IsA(UsdGeom.Mesh):
+            if prim.HasAPI(UsdLux.LightAPI):
+                self.stage.tell(f"{prim.GetPath()}: light from a mesh is not read: it shows its material")
             self._place(prim, self._mesh_of(prim), to_world)
         elif prim.IsA(UsdGeom.PointInstancer):
             self._copies(UsdGeom.PointInstancer(prim), to_stage)
@@ -116,25 +118,31 @@ class _Conversion:
         """glTF's meshes of the prim: one for each material on it. Instances share those of their prototype."""
         from pxr import UsdGeom, UsdShade
 
-        key = self._identity(prim)
+        binding = UsdShade.MaterialBindingAPI(prim)
+        looks = [self.surfaces.of(prim, binding.ComputeBoundMaterial()[0])]
+        shared = prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim
+        key = shared.GetPath(), looks[0]
         if key in self._shapes:
             return self._shapes[key]
         mesh = UsdGeom.Mesh(prim)
-        binding = UsdShade.MaterialBindingAPI(prim)
-        own, uv_name = self.surfaces.of(prim, binding.ComputeBoundMaterial()[0])
-        found = shapes.triangles_of(self.stage, mesh, uv_name)
+        found = shapes.triangles_of(self.stage, mesh)
         out: list[int] = []
         if found is not None:
             cut, whole = found
-            face_material = np.full(int(cut.corner_face.max()) + 1, own)
+            face_look = np.zeros(int(cut.corner_face.max()) + 1, dtype=np.int64)
             for subset in binding.GetMaterialBindSubsets():
                 material = UsdShade.MaterialBindingAPI(subset.GetPrim()).ComputeBoundMaterial()[0]
                 faces = np.asarray(self.stage.value(subset.GetIndicesAttr(), []), dtype=np.int64)
-                faces = faces[(faces >= 0) & (faces < len(face_material))]
-                face_material[faces] = self.surfaces.of(subset.GetPrim(), material)[0]
-            for material in np.unique(face_material[cut.faces]):
-                part = shapes.part(whole, face_material[cut.faces] == material)
-                out.append(self.writer.add_shape(str(prim.GetPath()), part, int(material)))
+                faces = faces[(faces >= 0) & (faces < len(face_look))]
+                look = self.surfaces.of(subset.GetPrim(), material)
+                if look not in looks:
+                    looks.append(look)
+                face_look[faces] = looks.index(look)
+            for number in np.unique(face_look[cut.faces]):
+                material_number, uv_name = looks[number]
+                placed = shapes.textured(self.stage, mesh, cut, whole, uv_name)
+                part = shapes.part(placed, face_look[cut.faces] == number)
+                out.append(self.writer.add_shape(str(prim.GetPath()), part, material_number))
         self._shapes[key] = out
         return out
 
@@ -148,20 +156,16 @@ class _Conversion:
         material = self.surfaces.of(prim, UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()[0])[0]
         return [self.writer.add_shape(str(prim.GetPath()), mesh, material)]
 
-    def _identity(self, prim: Any) -> Any:
-        from pxr import UsdShade
-
-        material = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()[0]
-        shared = prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim
-        return shared.GetPath(), material.GetPath() if material else None
-
     def _copies(self, instancer: Any, to_stage: np.ndarray) -> None:
         prototypes = instancer.GetPrototypesRel().GetForwardedTargets()
         matrices = instancer.ComputeInstanceTransformsAtTime(self.stage.time, self.stage.time)
         numbers = list(self.stage.value(instancer.GetProtoIndicesAttr(), []))
         mask = list(instancer.ComputeMaskAtTime(self.stage.time)) or [True] * len(numbers)
         numbers = [number for number, seen in zip(numbers, mask, strict=True) if seen]
-        for number, matrix in zip(numbers, matrices, strict=False):
+        if len(matrices) != len(numbers):
+            self.stage.tell(f"{instancer.GetPath()}: its copies cannot be placed: its places or prototypes do not fit")
+            return
+        for number, matrix in zip(numbers, matrices, strict=True):
             root = self.stage.stage.GetPrimAtPath(prototypes[number])
             above = np.linalg.inv(columns(self._cache.GetLocalToWorldTransform(root)))
             for prim in self._below(root):

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -31,6 +31,9 @@ def polygons(stage: Stage, mesh: Any) -> Polygons | None:
         return None
     first = np.concatenate([[0], np.cumsum(counts)[:-1]])
     triangles = np.maximum(counts - 2, 0)
+    if stage.value(mesh.GetSubdivisionSchemeAttr()) != "none":
+        holes = np.asarray(stage.value(mesh.GetHoleIndicesAttr(), []), dtype=np.int64)
+        triangles[holes[(holes >= 0) & (holes < len(counts))]] = 0
     faces = np.repeat(np.arange(len(counts)), triangles)
     step = np.arange(len(faces)) - np.repeat(np.cumsum(triangles) - triangles, triangles)
     corners = np.stack([first[faces], first[faces] + step + 1, first[faces] + step + 2], axis=1)
@@ -81,8 +84,8 @@ def _normals(stage: Stage, mesh: Any, cut: Polygons, points: np.ndarray) -> np.n
     return np.where(length > 0, found / np.maximum(length, 1e-300), [0.0, 0.0, 1.0])
 
 
-def triangles_of(stage: Stage, mesh: Any, uv_name: str) -> tuple[Polygons, Mesh] | None:
-    """The whole mesh, its vertices the face corners; None where nothing is in it."""
+def triangles_of(stage: Stage, mesh: Any) -> tuple[Polygons, Mesh] | None:
+    """The whole mesh without coordinates of textures, its vertices the face corners; None where nothing is in it."""
     points = np.asarray(stage.value(mesh.GetPointsAttr(), []), dtype=np.float64).reshape(-1, 3)
     cut = polygons(stage, mesh)
     if cut is None or not len(cut.corners):
@@ -92,9 +95,16 @@ def triangles_of(stage: Stage, mesh: Any, uv_name: str) -> tuple[Polygons, Mesh]
         return None
     if stage.value(mesh.GetSubdivisionSchemeAttr()) != "none":
         stage.tell("meshes are shown as their control cages, with smooth normals: subdivision surfaces are not read")
-    uvs = _primvar(stage, mesh.GetPrim(), uv_name, cut)
-    uvs = np.zeros((len(cut.vertices), 2)) if uvs is None else uvs[:, :2] * [1, -1] + [0, 1]  # v down
+    uvs = np.zeros((len(cut.vertices), 2))
     return cut, Mesh.of(points[cut.vertices], _normals(stage, mesh, cut, points), uvs, cut.corners)
+
+
+def textured(stage: Stage, mesh: Any, cut: Polygons, whole: Mesh, uv_name: str) -> Mesh:
+    """The mesh of triangles_of() with the coordinates of the primvar; unchanged where it has none of that name."""
+    uvs = _primvar(stage, mesh.GetPrim(), uv_name, cut)
+    if uvs is None:
+        return whole
+    return replace(whole, uvs=(uvs[:, :2] * [1, -1] + [0, 1]).astype(np.float32))  # v down
 
 
 def part(whole: Mesh, triangles: np.ndarray) -> Mesh:

@@ -33,14 +33,8 @@ class Stage:
             _LOG.warning("%s: %s", self.path, message)
 
     def value(self, attribute: Any, fallback: Any = None) -> Any:
-        """Of an attribute at the stage's time, or at its first sample where it has no value without time."""
-        from pxr import Usd
-
-        if not attribute:
-            return fallback
-        value = attribute.Get(self.time)
-        if value is None:
-            value = attribute.Get(Usd.TimeCode.EarliestTime())
+        """Of an attribute at the stage's time."""
+        value = attribute.Get(self.time) if attribute else None
         return fallback if value is None else value
 
     def to_metres(self) -> np.ndarray:
@@ -68,7 +62,8 @@ def open_stage(path: Path, time_s: float | None) -> Stage:
         stage = Usd.Stage.Open(str(path))
     except Tf.ErrorException as error:
         raise UsdError(f"{path}: is no USD file that can be read: {_cause(error)}") from error
-    code = Usd.TimeCode.Default() if time_s is None else Usd.TimeCode(_code(stage, time_s))
+    # The earliest time takes what has no samples as it is; without time, what has nothing but samples is not there.
+    code = Usd.TimeCode.EarliestTime() if time_s is None else Usd.TimeCode(_code(stage, time_s))
     return Stage(path, stage, code)
 
 

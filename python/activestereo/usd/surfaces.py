@@ -15,6 +15,8 @@ from activestereo.usd.stage import Stage
 
 _WRAPS = {"repeat": REPEAT, "mirror": MIRROR, "clamp": CLAMP, "black": CLAMP}
 _IGNORED = ("displacement", "occlusion")
+_COLORS = ("diffuseColor", "emissiveColor")
+_UNREADABLE = (UnidentifiedImageError, Image.DecompressionBombError, OSError, ValueError, SyntaxError)
 
 
 @dataclass(frozen=True)
@@ -23,6 +25,7 @@ class Picture:
 
     data: bytes
     name: str
+    source: str  # what tells it from others: the file where it lies, or those that it is made of
     channel: str  # r, g, b, a or rgb
     wrap: tuple[int, int]
     uv_name: str
@@ -35,20 +38,23 @@ class Surfaces:
         self._stage, self._writer = stage, writer
         self._materials: dict[Any, tuple[int, str]] = {}
         self._textures: dict[Any, int] = {}
+        self._files: dict[str, bytes | None] = {}
 
     def of(self, prim: Any, material: Any) -> tuple[int, str]:
         """(glTF's material, the primvar of its texture coordinates) for what `material` is bound to; an invalid one
         gives a matt surface of the prim's displayColor."""
-        key = material.GetPath() if material else ("display", *self._display_color(prim))
+        name = str(material.GetPath()) if material else "displayColor"
+        shader = material.ComputeSurfaceSource()[0] if material else None
+        read = bool(shader) and shader.GetIdAttr().Get() == "UsdPreviewSurface"
+        color = () if read else self._display_color(prim)
+        key = (name, *color)
         if key not in self._materials:
-            shader = material.ComputeSurfaceSource()[0] if material else None
-            if shader and shader.GetIdAttr().Get() == "UsdPreviewSurface":
-                self._materials[key] = self._preview(str(material.GetPath()), shader)
+            if read:
+                self._materials[key] = self._preview(name, shader)
             else:
                 if material:
-                    self._stage.tell(f"{material.GetPath()}: only UsdPreviewSurface is read; it is shown grey and matt")
-                pbr = {"baseColorFactor": [*self._display_color(prim), 1.0], "metallicFactor": 0.0}
-                name = str(material.GetPath()) if material else "displayColor"
+                    self._stage.tell(f"{name}: only UsdPreviewSurface is read; it is matt, with the displayColor")
+                pbr = {"baseColorFactor": [*color, 1.0], "metallicFactor": 0.0}
                 self._materials[key] = self._writer.add_material(name, pbrMetallicRoughness=pbr), "st"
         return self._materials[key]
 
@@ -89,40 +95,60 @@ class Surfaces:
         self._put(fields, "normalTexture", read("normal", None)[1])
         self._opacity(shader, fields, opacity, opacity_map)
         self._extensions(shader, name, fields)
+        others = sorted(set(uv_names) - set(uv_names[:1]))
+        if others:
+            self._stage.tell(f"{name}: its textures lie by {uv_names[0]}; {' and '.join(others)} are not read")
         return self._writer.add_material(name, **fields), uv_names[0] if uv_names else "st"
 
     def _opacity(self, shader: Any, fields: dict[str, Any], opacity: Any, opacity_map: Picture | None) -> None:
-        threshold = float(self._input(shader, "opacityThreshold", 0.0)[0])
+        threshold = self._number(shader, "opacityThreshold", 0.0)
         if threshold > 0.0:
             fields.update(alphaMode="MASK", alphaCutoff=threshold)
         elif opacity_map is not None or float(opacity) < 1.0:
             fields["alphaMode"] = "BLEND"
 
     def _extensions(self, shader: Any, name: str, fields: dict[str, Any]) -> None:
-        extensions: dict[str, Any] = {"KHR_materials_ior": {"ior": float(self._input(shader, "ior", 1.5)[0])}}
-        coat = float(self._input(shader, "clearcoat", 0.0)[0])
+        extensions: dict[str, Any] = {"KHR_materials_ior": {"ior": self._number(shader, "ior", 1.5)}}
+        coat = self._number(shader, "clearcoat", 0.0)
         if coat > 0.0:
-            rough = float(self._input(shader, "clearcoatRoughness", 0.01)[0])
+            rough = self._number(shader, "clearcoatRoughness", 0.01)
             extensions["KHR_materials_clearcoat"] = {"clearcoatFactor": coat, "clearcoatRoughnessFactor": rough}
         strength = max(fields["emissiveFactor"])
         if strength > 1.0:
             fields["emissiveFactor"] = [c / strength for c in fields["emissiveFactor"]]
             extensions["KHR_materials_emissive_strength"] = {"emissiveStrength": strength}
-        if int(self._input(shader, "useSpecularWorkflow", 0)[0]):
+        if int(self._value(shader, "useSpecularWorkflow", 0)):
             self._stage.tell(f"{name}: specularColor is not read; its metallic stands")
         fields["extensions"] = extensions
         for key in _IGNORED:
-            if key == "displacement" and shader.GetInput(key) and shader.GetInput(key).HasConnectedSource():
-                self._stage.tell(f"{name}: displacement is not read")
+            if shader.GetInput(key) and shader.GetInput(key).HasConnectedSource():
+                self._stage.tell(f"{name}: {key} is not read")
 
     def _put(self, to: dict[str, Any], key: str, picture: Picture | None) -> None:
         if picture is None:
             return
-        identity = (picture.name, picture.channel, picture.wrap)
+        identity = (picture.source, picture.wrap)
         if identity not in self._textures:
             mime = "image/jpeg" if picture.data[:2] == b"\xff\xd8" else "image/png"
             self._textures[identity] = self._writer.add_texture(picture.data, picture.name, picture.wrap, mime)
         to[key] = {"index": self._textures[identity]}
+
+    def _number(self, shader: Any, key: str, fallback: float) -> float:
+        """Of an input whose textures are not read."""
+        value, picture = self._input(shader, key, fallback)
+        if picture is not None:
+            self._stage.tell(f"{shader.GetPath()}.{key}: its texture is not read; it is {fallback:g}")
+        return float(value)
+
+    def _value(self, shader: Any, key: str, fallback: Any = None) -> Any:
+        """Of an input or of the material's input that it is connected to; the fallback where a shader computes it."""
+        from pxr import UsdShade
+
+        entry = shader.GetInput(key)
+        for attribute in UsdShade.Utils.GetValueProducingAttributes(entry) if entry else []:
+            if not UsdShade.Output.IsOutput(attribute):
+                return self._stage.value(attribute, fallback)
+        return fallback
 
     def _input(self, shader: Any, key: str, fallback: Any) -> tuple[Any, Picture | None]:
         """(value, picture): the picture of a UsdUVTexture where one is connected, else None."""
@@ -134,58 +160,88 @@ class Surfaces:
         for attribute in UsdShade.Utils.GetValueProducingAttributes(entry):
             source = UsdShade.Shader(attribute.GetPrim())
             if source and source.GetIdAttr().Get() == "UsdUVTexture":
-                return fallback, self._picture(source, str(attribute.GetBaseName()), key)
-            if attribute.GetName().startswith("outputs:"):
+                channel = str(attribute.GetBaseName())
+                picture = self._picture(source, channel, key)
+                instead = self._value(source, "fallback") if picture is None else None
+                if instead is None:
+                    return fallback, picture
+                return instead["rgba".index(channel)] if channel in tuple("rgba") else tuple(instead)[:3], None
+            if UsdShade.Output.IsOutput(attribute):
                 self._stage.tell(f"{shader.GetPath()}.{key}: only UsdUVTexture is read as its source")
                 return fallback, None
             return self._stage.value(attribute, fallback), None
         return fallback, None
 
     def _picture(self, source: Any, channel: str, key: str) -> Picture | None:
-        from pxr import Ar
-
-        def value(name: str, default: Any = None) -> Any:
-            entry = source.GetInput(name)
-            return default if not entry else self._stage.value(entry.GetAttr(), default)
-
-        asset = value("file")
+        asset = self._value(source, "file")
         where = f"{source.GetPath()} of {key}"
         if asset is None:
             self._stage.tell(f"{where}: has no file")
             return None
-        opened = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(asset.resolvedPath)) if asset.resolvedPath else None
-        if not opened:
+        if not asset.resolvedPath:
             self._stage.tell(f"{where}: {asset.path} is not there; it is left out")
             return None
-        data = bytes(opened.GetBuffer())
-        if data[:8] != b"\x89PNG\r\n\x1a\n" and data[:2] != b"\xff\xd8":
-            try:
-                data = _png(Image.open(io.BytesIO(data)))
-            except (UnidentifiedImageError, OSError, ValueError):
-                self._stage.tell(f"{where}: {asset.path} is no image that can be read; it is left out")
-                return None
+        if asset.resolvedPath not in self._files:
+            self._files[asset.resolvedPath] = _png_or_jpeg(asset.resolvedPath)
+        data = self._files[asset.resolvedPath]
+        if data is None:
+            self._stage.tell(f"{where}: {asset.path} is no image that can be read; it is left out")
+            return None
         neutral = {"scale": (2, 2, 2, 2), "bias": (-1, -1, -1, -1)} if key == "normal" else {}
         for name, one in (("scale", (1, 1, 1, 1)), ("bias", (0, 0, 0, 0))):
             want = neutral.get(name, one)
-            if not np.allclose(np.array(value(name, want), float)[:3], want[:3]):
+            if not np.allclose(np.array(self._value(source, name, want), float)[:3], want[:3]):
                 self._stage.tell(f"{where}: its {name} is not read")
-        wrap = tuple(_WRAPS.get(str(value(name, "repeat")), REPEAT) for name in ("wrapS", "wrapT"))
-        return Picture(data, asset.path, channel, (wrap[0], wrap[1]), self._uv_name(source, where))
+        usual, other = ("sRGB", "raw") if key in _COLORS else ("raw", "sRGB")
+        if channel != "a" and str(self._value(source, "sourceColorSpace", "auto")) == other:
+            self._stage.tell(f"{where}: its sourceColorSpace is not read: it is taken as {usual}")
+        wrap = tuple(_WRAPS.get(str(self._value(source, name, "repeat")), REPEAT) for name in ("wrapS", "wrapT"))
+        uv_name = self._uv_name(source, "st", where)
+        return Picture(data, asset.path, asset.resolvedPath, channel, (wrap[0], wrap[1]), uv_name)
 
-    def _uv_name(self, source: Any, where: str) -> str:
+    def _uv_name(self, source: Any, key: str, where: str) -> str:
+        """The primvar that the input `key` reads, through transforms of it."""
         from pxr import UsdShade
 
-        entry = source.GetInput("st")
+        entry = source.GetInput(key)
         for attribute in UsdShade.Utils.GetValueProducingAttributes(entry) if entry else []:
             reader = UsdShade.Shader(attribute.GetPrim())
-            if reader and str(reader.GetIdAttr().Get()).startswith("UsdPrimvarReader"):
-                return str(self._stage.value(reader.GetInput("varname").GetAttr(), "st"))
-            self._stage.tell(f"{where}: a transform of its coordinates is not read")
+            kind = str(reader.GetIdAttr().Get()) if reader else ""
+            if kind.startswith("UsdPrimvarReader"):
+                return str(self._value(reader, "varname", "st"))
+            if kind == "UsdTransform2d" and reader.GetPath() != source.GetPath():
+                self._stage.tell(f"{where}: a transform of its coordinates is not read")
+                return self._uv_name(reader, "in", where)
+            self._stage.tell(f"{where}: its coordinates come from no primvar: st is taken")
         return "st"
 
 
 def _rgb(value: Any, picture: Picture | None) -> list[float]:
     return [1.0, 1.0, 1.0] if picture else [float(c) for c in value]
+
+
+def _png_or_jpeg(path: str) -> bytes | None:
+    """A file's bytes, made a PNG where it is of another kind; None: it is no image that can be read whole."""
+    from pxr import Ar
+
+    opened = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(path))
+    if not opened:
+        return None
+    data = bytes(opened.GetBuffer())
+    try:
+        image = Image.open(io.BytesIO(data))
+        image.load()
+        return data if image.format in ("PNG", "JPEG") else _png(image)
+    except _UNREADABLE:
+        return None
+
+
+def _open(picture: Picture) -> Image.Image:
+    """With 8 bits a channel; Pillow would clip what has 16."""
+    image = Image.open(io.BytesIO(picture.data))
+    if image.mode.startswith("I"):
+        return Image.fromarray((np.asarray(image).astype(np.int64) >> 8).clip(0, 255).astype(np.uint8))
+    return image
 
 
 def _png(image: Image.Image) -> bytes:
@@ -198,8 +254,12 @@ def _channel(picture: Picture | None, size: tuple[int, int]) -> Image.Image:
     """One channel as grey; white where there is no picture."""
     if picture is None:
         return Image.new("L", size, 255)
-    bands = Image.open(io.BytesIO(picture.data)).convert("RGBA").resize(size).split()
+    bands = _open(picture).convert("RGBA").resize(size).split()
     return bands[{"g": 1, "b": 2, "a": 3}.get(picture.channel, 0)]
+
+
+def _has_alpha(image: Image.Image) -> bool:
+    return "A" in image.getbands() or "transparency" in image.info
 
 
 def _size(*pictures: Picture | None) -> tuple[int, int]:
@@ -208,24 +268,31 @@ def _size(*pictures: Picture | None) -> tuple[int, int]:
 
 
 def _packed(roughness: Picture | None, metallic: Picture | None) -> Picture | None:
-    """glTF's texture: roughness in green, metallic in blue. The picture of both where it is that already."""
+    """glTF's texture: roughness in green, metallic in blue."""
     first = roughness or metallic
     if first is None:
         return None
     size = _size(roughness, metallic)
     bands = [Image.new("L", size, 255), _channel(roughness, size), _channel(metallic, size)]
-    name = "|".join(f"{p.name}.{p.channel}" for p in (roughness, metallic) if p is not None)
-    return Picture(_png(Image.merge("RGB", bands)), name, "rgb", first.wrap, first.uv_name)
+    return _made(_png(Image.merge("RGB", bands)), "rgb", {"roughness": roughness, "metallic": metallic})
 
 
 def _with_alpha(color: Picture | None, opacity: Picture | None) -> Picture | None:
-    """glTF's texture: colour, and opacity in alpha."""
-    first = color or opacity
-    if opacity is None or first is None:
+    """glTF's texture: colour, and opacity in alpha. The colour's own alpha counts for nothing."""
+    if color is None and opacity is None:
+        return None
+    if color is not None and opacity is None and not _has_alpha(_open(color)):
         return color
     size = _size(color, opacity)
-    rgb = Image.new("RGB", size, (255, 255, 255))
-    if color is not None:
-        rgb = Image.open(io.BytesIO(color.data)).convert("RGB").resize(size)
-    image = Image.merge("RGBA", [*rgb.split(), _channel(opacity, size)])
-    return Picture(_png(image), f"{first.name}|{opacity.name}.{opacity.channel}", "rgba", first.wrap, first.uv_name)
+    rgb = Image.new("RGB", size, (255, 255, 255)) if color is None else _open(color).convert("RGB").resize(size)
+    image = rgb if opacity is None else Image.merge("RGBA", [*rgb.split(), _channel(opacity, size)])
+    return _made(_png(image), image.mode.lower(), {"color": color, "opacity": opacity})
+
+
+def _made(data: bytes, channel: str, parts: dict[str, Picture | None]) -> Picture:
+    """A picture put together of others, each with its role."""
+    used = {role: part for role, part in parts.items() if part is not None}
+    first = next(iter(used.values()))
+    name = "|".join(f"{role} {part.name}.{part.channel}" for role, part in used.items())
+    source = "|".join(f"{role} {part.source}.{part.channel}" for role, part in used.items())
+    return Picture(data, name, source, channel, first.wrap, first.uv_name)
