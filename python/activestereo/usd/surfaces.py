@@ -199,8 +199,9 @@ class Surfaces:
         uv_name = self._uv_name(source, "st", where)
         return Picture(data, asset.path, asset.resolvedPath, channel, (wrap[0], wrap[1]), uv_name)
 
-    def _uv_name(self, source: Any, key: str, where: str) -> str:
-        """The primvar that the input `key` reads, through transforms of it."""
+    def _uv_name(self, source: Any, key: str, where: str, transforms: int = 0) -> str:
+        """The primvar that the input `key` reads, through at most eight transforms of it: a file may join them in a
+        ring."""
         from pxr import UsdShade
 
         entry = source.GetInput(key)
@@ -209,9 +210,9 @@ class Surfaces:
             kind = str(reader.GetIdAttr().Get()) if reader else ""
             if kind.startswith("UsdPrimvarReader"):
                 return str(self._value(reader, "varname", "st"))
-            if kind == "UsdTransform2d" and reader.GetPath() != source.GetPath():
+            if kind == "UsdTransform2d" and transforms < 8:
                 self._stage.tell(f"{where}: a transform of its coordinates is not read")
-                return self._uv_name(reader, "in", where)
+                return self._uv_name(reader, "in", where, transforms + 1)
             self._stage.tell(f"{where}: its coordinates come from no primvar: st is taken")
         return "st"
 
