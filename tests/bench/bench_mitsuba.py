@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 import kuafu
 from activestereo import meshes
+from activestereo.gap import mitsuba_scene
 from activestereo.pose import look_at
 
 Image = NDArray[np.float64]
@@ -39,29 +40,19 @@ class Pair:
         self.pose = look_at(eye, at, (0.0, 1.0, 0.0))
         self.peer: dict[str, Any] = {"type": "scene"}
 
-    def transform(self, pose: NDArray[np.float64]) -> Any:
-        """Mitsuba's cameras and lights look along +z with x to the left and y up."""
-        return self.mi.ScalarTransform4f((pose @ np.diag([-1.0, -1.0, 1.0, 1.0])).tolist())
-
-    def add(self, mesh: meshes.Mesh, own: dict[str, Any], peer: dict[str, Any]) -> None:
-        mi = self.mi
-        identity = [self.scene.add_material(kuafu.Material(**own))]
-        self.scene.add_instance(self.scene.add_mesh(mesh.positions, mesh.indices, normals=mesh.normals), identity)
-        properties = mi.Properties()
-        properties["bsdf"] = mi.load_dict(peer)
-        shape = mi.Mesh("mesh", len(mesh.positions), len(mesh.indices), has_vertex_normals=True, props=properties)
-        values = mi.traverse(shape)
-        values["vertex_positions"] = np.ascontiguousarray(mesh.positions, np.float32).ravel()
-        values["vertex_normals"] = np.ascontiguousarray(mesh.normals, np.float32).ravel()
-        values["faces"] = np.ascontiguousarray(mesh.indices, np.uint32).ravel()
-        values.update()
-        self.peer[f"shape{len(self.peer)}"] = shape
+    def add(self, mesh: meshes.Mesh, own: dict[str, Any], peer: dict[str, Any], at: Point = (0.0, 0.0, 0.0)) -> None:
+        place = np.eye(4)
+        place[:3, 3] = at
+        paint = [self.scene.add_material(kuafu.Material(**own))]
+        number = self.scene.add_mesh(mesh.positions, mesh.indices, normals=mesh.normals)
+        self.scene.add_instance(number, paint, local_to_world=place)
+        self.peer[f"shape{len(self.peer)}"] = mitsuba_scene.mesh(self.mi, mesh, peer, place)
 
     def add_panel(self, at: Point, towards: Point, size_m: float, radiance: float) -> None:
         pose = look_at(at, towards, (0.0, 0.0, 1.0))
         light = kuafu.Light(kind="rectangle", intensity=(radiance,) * 3, light_to_world=pose, size_m=(size_m, size_m))
         self.scene.add_light(light)
-        place = self.transform(pose) @ self.mi.ScalarTransform4f().scale([0.5 * size_m, 0.5 * size_m, 1.0])
+        place = mitsuba_scene.pose(self.mi, pose) @ self.mi.ScalarTransform4f().scale([0.5 * size_m, 0.5 * size_m, 1.0])
         emitter = {"type": "area", "radiance": rgb(radiance)}
         self.peer["panel"] = {"type": "rectangle", "to_world": place, "emitter": emitter, "bsdf": diffuse(0.0)}
 
@@ -77,8 +68,8 @@ class Pair:
         }  # fmt: skip
         sampler = {"type": "multijitter", "sample_count": spp}
         return {
-            "type": "perspective", "fov": 45.0, "fov_axis": "x", "to_world": self.transform(self.pose), "film": film,
-            "sampler": sampler, "near_clip": 1e-3, "far_clip": 1e4,
+            "type": "perspective", "fov": 45.0, "fov_axis": "x", "to_world": mitsuba_scene.pose(self.mi, self.pose),
+            "film": film, "sampler": sampler, "near_clip": 1e-3, "far_clip": 1e4,
         }  # fmt: skip
 
 
@@ -105,7 +96,7 @@ def room(mi: Any) -> Pair:
     ):  # fmt: skip
         pair.add(meshes.sheet(origin, u, v), matt(*paint), diffuse(*paint))
     for size, x, z in ((1.2, -0.35, -0.3), (0.6, 0.35, 0.3)):
-        pair.add(moved(meshes.box(0.6, size, 0.6), (x, 0.0, z)), matt(*white), diffuse(*white))
+        pair.add(meshes.box(0.6, size, 0.6), matt(*white), diffuse(*white), (x, 0.0, z))
     pair.add_panel((0.0, 1.999, 0.0), (0.0, 0.0, 0.0), 0.5, 15.0)
     return pair
 
@@ -127,13 +118,9 @@ def table(mi: Any) -> Pair:
     for x, z, radius, own, peer in (
         (-0.9, 0.0, 0.45, own_metal, metal), (0.0, 0.3, 0.4, own_glass, glass), (0.9, 0.0, 0.45, own_plastic, plastic),
     ):  # fmt: skip
-        pair.add(moved(meshes.sphere(radius), (x, 0.45, z)), own, peer)
+        pair.add(meshes.sphere(radius), own, peer, (x, 0.45, z))
     pair.add_panel((1.5, 3.0, 1.5), (0.0, 0.0, 0.0), 1.0, 8.0)
     return pair
-
-
-def moved(mesh: meshes.Mesh, by: Point) -> meshes.Mesh:
-    return meshes.Mesh.of(mesh.positions + np.float32(by), mesh.normals, mesh.uvs, mesh.indices)
 
 
 def measure(render: Callable[[int], Image], rounds: int) -> tuple[float, float, float]:

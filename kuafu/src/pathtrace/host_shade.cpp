@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Stages `shade`, `transmit` and `relight` on the host. The build compiles this file once for each band and kind of scene: KUAFU_CHANNELS
-// and KUAFU_KIND say which, KUAFU_HOST_SHADE, KUAFU_HOST_TRANSMIT and KUAFU_HOST_RELIGHT name the functions.
+// and KUAFU_FEATURES say which, KUAFU_HOST_SHADE, KUAFU_HOST_TRANSMIT and KUAFU_HOST_RELIGHT name the functions.
 #include <memory>
 
 #include "frame/host_language.h"
@@ -10,9 +10,7 @@
 namespace kuafu {
 namespace {
 
-#define KUAFU_FEATURES_OF(kind) kind##_features
-#define KUAFU_KNOWN(kind) KUAFU_FEATURES_OF(kind)
-constexpr uint features = host::KUAFU_KNOWN(KUAFU_KIND);
+constexpr uint features = KUAFU_FEATURES;
 #include "lib/shading.glsl"
 
 struct Shade {
