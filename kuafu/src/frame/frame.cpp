@@ -1,10 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "frame/frame.h"
 
+#include <algorithm>
+
 #include "spirv/write.h"
 
 namespace kuafu {
 namespace {
+
+constexpr uint32_t most_unneeded = 4;  // launches that an image is kept for without need
 
 OutputRecord callers(const Memory& memory, const OutputImage& image) {
   if (!image.buffer) return {};
@@ -23,10 +27,11 @@ Frame::Frame(Memory memory) : memory_(std::move(memory)), write_(memory_, write_
 
 void Frame::fit(const Launch& launch) {
   for (uint32_t kind = 0; kind < output_kind_count; ++kind) {
-    std::shared_ptr<ks::Buffer>& held = images_[kind];
+    auto& [held, unneeded] = images_[kind];
     const uint64_t bytes = uint64_t(launch.pixel_count()) * launch.channels(kind) * 4;
     const bool wanted = needs(launch, kind);
-    if (held && (!wanted || held->size_bytes() < bytes)) held.reset();
+    unneeded = wanted ? 0 : std::min(unneeded + 1, most_unneeded);
+    if (held && (unneeded == most_unneeded || (wanted && held->size_bytes() < bytes))) held.reset();
     if (wanted && !held) held = ks::Buffer::create(memory_.device, bytes, memory_.device->is_cpu() ? KS_BUFFER_HOST_VISIBLE : 0);
   }
   const auto outputs = outputs_.resize(memory_, output_kind_count);
@@ -34,8 +39,8 @@ void Frame::fit(const Launch& launch) {
 }
 
 bool Frame::is_empty() const {
-  for (const auto& image : images_)
-    if (image) return false;
+  for (uint32_t kind = 0; kind < output_kind_count; ++kind)
+    if (holds(kind)) return false;
   return true;
 }
 

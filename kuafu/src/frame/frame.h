@@ -17,27 +17,32 @@ class Frame {
  public:
   explicit Frame(Memory memory);
 
-  /// Makes room for the images that `launch` needs here, and frees the others.
+  /// Makes room for the images that `launch` needs here. An image that several launches in a row have not needed is freed: a sensor's
+  /// colour and infrared pictures take turns, and memory that is taken anew for each costs as much as a tenth of a small picture.
   void fit(const Launch& launch);
   /// Whether the frame must hold this output of the launch.
   [[nodiscard]] static bool needs(const Launch& launch, uint32_t kind) {
     const bool differs = launch.outputs[kind].buffer && !launch.outputs[kind].is_plain() && !is_made(kind);
     return (launch.held >> kind & 1) != 0 || differs;
   }
-  [[nodiscard]] bool holds(uint32_t kind) const { return images_[kind] != nullptr; }
+  [[nodiscard]] bool holds(uint32_t kind) const { return images_[kind].unneeded == 0 && images_[kind].buffer != nullptr; }
   [[nodiscard]] bool is_empty() const;
-  [[nodiscard]] ks::Buffer& image(uint32_t kind) const { return *images_[kind]; }
-  [[nodiscard]] uint64_t address(uint32_t kind) const { return memory_.address(*images_[kind]); }
+  [[nodiscard]] ks::Buffer& image(uint32_t kind) const { return *images_[kind].buffer; }
+  [[nodiscard]] uint64_t address(uint32_t kind) const { return memory_.address(image(kind)); }
   /// Address of an OutputArray, by output_*: where the stages write each output, which is here or in the caller's image.
   [[nodiscard]] uint64_t outputs() const { return outputs_.address(); }
   /// Brings the held images to the caller's, in the caller's formats.
   void deliver(ks::Commands& commands, const Launch& launch);
 
  private:
+  struct HeldImage {
+    std::shared_ptr<ks::Buffer> buffer;
+    uint32_t unneeded = 0;  // launches since one needed it
+  };
   [[nodiscard]] OutputRecord target(const Launch& launch, uint32_t kind) const;
 
   Memory memory_;
-  std::array<std::shared_ptr<ks::Buffer>, output_kind_count> images_;
+  std::array<HeldImage, output_kind_count> images_;
   MappedTable<OutputRecord> outputs_;
   ImageStep<WritePush> write_;
   SrgbEncoder srgb_;
