@@ -77,17 +77,25 @@ class AutoExposure:
         black_dn = signal["black_level_dn"]
         left, top, right, bottom = self._region or (0, 0, light.shape[1], light.shape[0])
         seen = np.asarray(light[top:bottom:_STRIDE, left:right:_STRIDE], dtype=np.float32) * np.float32(dn_per_light_s)
+        counts = np.empty_like(seen)
         if self.mode == "converging":
-            return self._step(now, seen, black_dn, max_dn)
+            return self._step(now, seen, black_dn, max_dn, counts)
         setting = self.start
         for _ in range(_MOST_STEPS):
-            former, setting = setting, self._step(setting, seen, black_dn, max_dn)
+            former, setting = setting, self._step(setting, seen, black_dn, max_dn, counts)
             if abs(setting.light_s / former.light_s - 1.0) < _SETTLED:
                 break
         return setting
 
-    def _step(self, now: Setting, seen: NDArray[np.float32], black_dn: float, max_dn: float) -> Setting:
-        mean_dn = float(np.clip(seen * np.float32(now.light_s) + np.float32(black_dn), 0.0, max_dn).mean())
+    def _step(
+        self, now: Setting, seen: NDArray[np.float32], black_dn: float, max_dn: float, counts: NDArray[np.float32]
+    ) -> Setting:
+        """counts: memory for those of `seen`, which is written."""
+        np.multiply(seen, np.float32(now.light_s), out=counts)
+        counts += np.float32(black_dn)
+        np.maximum(counts, np.float32(0.0), out=counts)
+        np.minimum(counts, np.float32(max_dn), out=counts)
+        mean_dn = float(counts.mean())
         wanted = (self._target_dn - black_dn) / max(mean_dn - black_dn, 1e-6)
         light_s = now.light_s * _clipped(wanted**_DAMPING, 1.0 / _LARGEST_STEP, _LARGEST_STEP)
         exposure_s = _clipped(light_s / self._gains[0], *self._exposures)

@@ -24,7 +24,9 @@ RGB_OUTPUTS = {
 
 
 class PictureMemory:
-    """Images [count, height, width, channels] of several outputs, which the next picture is rendered into again.
+    """Images [count, height, width, channels] of several outputs, which the next picture is rendered into again. A GPU
+    writes an output that has been read into the host's memory from the next picture on, which saves a submission to
+    copy it; `radiance` stays, for the GPU itself reads it.
 
     outputs: {kuafu's name: (dtype, channels)}. host_visible: None where the device is a GPU means its own memory.
     on_cuda: CUDA sees it, too; CudaError where there is no CUDA, or none on this GPU.
@@ -39,7 +41,7 @@ class PictureMemory:
         on_cuda: bool = False,
     ) -> None:
         is_host = device.info.kind in ("cpu", "host") if host_visible is None else host_visible
-        self._is_host = is_host
+        self._device = device
         self.targets: dict[str, kuafu.Image] = {}
         for name, (dtype, channels) in outputs.items():
             full = (*shape, channels)
@@ -49,20 +51,22 @@ class PictureMemory:
             )
         shared = self.targets if on_cuda else {}
         self._cuda = {name: CudaMemory(image.buffer) for name, image in shared.items()}
+        self._on_device = set() if is_host or on_cuda else set(outputs) - {"radiance"}
         self._read: dict[str, NDArray[Any]] = {}
 
     def forget(self) -> None:
         """Before a render into `targets`: what was read belongs to the picture before."""
+        for name in self._on_device & self._read.keys():
+            image = self.targets[name]
+            self.targets[name] = kuafu.Buffer(self._device, image.buffer.size_bytes).image(image.dtype, image.shape)
+            self._on_device.remove(name)
         self._read = {}
 
     def read(self, name: str) -> NDArray[Any]:
         """One output of the last picture; a copy, the same one until forget()."""
         if name not in self._read:
             image = self.targets[name]
-            if self._is_host:
-                self._read[name] = image.array().copy()
-            else:
-                self._read[name] = image.buffer.read().view(image.dtype).reshape(image.shape)
+            self._read[name] = image.buffer.read().view(image.dtype).reshape(image.shape)
         return self._read[name]
 
     def cuda(self, name: str, shape: tuple[int, ...]) -> CudaArray:

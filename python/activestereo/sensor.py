@@ -19,6 +19,7 @@ import kuafu
 import simsense
 from activestereo.auto_exposure import AutoExposure, encoded_rgb
 from activestereo.effects.core.engine import EngineInputs, apply_engine, moved_pose
+from activestereo.engines.survey import Survey
 from activestereo.ir_link import IrLink
 from activestereo.lazy_maps import LazyMaps
 from activestereo.lens import pixel_rays
@@ -31,6 +32,7 @@ from activestereo.presets import StereoDepthSensorConfig
 from activestereo.progress_bar import Progress, part_of
 from activestereo.sensor_effects import ImageEffects, ModelCostWarning
 from activestereo.sensor_inputs import (
+    expose_anew,
     exposure,
     fitted_to,
     render_settings,
@@ -426,8 +428,17 @@ class StereoDepthSensor:
     def _set_exposure(self, setting: Any) -> None:
         if (setting.exposure_s, setting.gain) != (self._config.ir_camera_exposure, self._config.ir_camera_gain):
             self._config.ir_camera_exposure, self._config.ir_camera_gain = setting.exposure_s, setting.gain
-            self._inputs = None
+            self._take_exposure()
         self._next_setting = None
+
+    def _take_exposure(self) -> None:
+        """Gives the engines' inputs the present exposure; effects and surveys may depend on it, so theirs are found
+        anew."""
+        if self._inputs is None or self._effects.effects or self._survey != Survey():
+            self._inputs = None
+            return
+        expose_anew(self._inputs, self._config)
+        self._engine.set_signal(*(eye.signal for eye in self._inputs.eyes))
 
     def _move(self) -> None:
         """Gives the engines' inputs the present velocity."""

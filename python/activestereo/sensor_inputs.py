@@ -4,6 +4,7 @@ effects; and a model's effects with the names of a scene's surfaces."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -43,9 +44,7 @@ def sensor_inputs(
     """config at `pose`, the RGB camera's in the scene (body axes); twist: of the left camera in its own axes, m/s and
     rad/s. pattern: None where the sensor has no projector or throws dots. emitter: the laser's power over its nominal
     one."""
-    signal = signal_parameters(config)
-    if frame.temperature_c is not None:
-        signal["temperature_c"] = frame.temperature_c
+    signal = _signal(config, frame)
     summary = scene.summary
     return EngineInputs(
         left=_eye(config, pose, twist, config.trans_pose_l, dict(signal), is_right=False),
@@ -63,6 +62,14 @@ def sensor_inputs(
         ambient_radiance=ambient_radiance,
         speckle_of_laser=bool(config.ir_speckle_of_laser),
     )
+
+
+def expose_anew(inputs: EngineInputs, config: StereoDepthSensorConfig) -> None:
+    """Gives the inputs, which no effect has changed, the configuration's present exposure and gain."""
+    inputs.frame = replace(inputs.frame, exposure_s=config.ir_camera_exposure)
+    for eye in inputs.eyes:
+        eye.signal = _signal(config, inputs.frame)
+        eye.camera.exposure_s = config.ir_camera_exposure
 
 
 def exposure(
@@ -100,6 +107,11 @@ def twist_of(config: StereoDepthSensorConfig, twist: NDArray[np.float64], pose_i
 def shutter(line_time_s: float, readout: str) -> dict[str, Any]:
     """kuafu.Camera's fields of a rolling shutter, none for a global one."""
     return {"shutter": "rolling", "line_time_s": line_time_s, "readout": readout} if line_time_s else {}
+
+
+def _signal(config: StereoDepthSensorConfig, frame: Frame) -> dict[str, float]:
+    signal = signal_parameters(config)
+    return signal if frame.temperature_c is None else signal | {"temperature_c": frame.temperature_c}
 
 
 def _eye(

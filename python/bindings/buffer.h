@@ -4,6 +4,7 @@
 
 #include <unistd.h>
 
+#include "bindings/array_pool.h"
 #include "bindings/device.h"
 #include "bindings/dlpack.h"
 
@@ -87,7 +88,7 @@ class Buffer {
     if (offset_bytes > size_bytes_) raise_argument<Api>("offset " + std::to_string(offset_bytes) + " lies behind the buffer's end");
     const uint64_t count = size_bytes.value_or(size_bytes_ - offset_bytes);
     if (count > size_bytes_ - offset_bytes) raise_argument<Api>("the buffer holds " + std::to_string(size_bytes_) + " bytes only");
-    py::array_t<uint8_t> out(static_cast<py::ssize_t>(count));
+    py::array out = ArrayPool::make(py::dtype::of<uint8_t>(), {static_cast<py::ssize_t>(count)});
     void* data = out.mutable_data();
     check_unlocked<Api>([&] { return Api::buffer_read(get(), offset_bytes, data, count); });
     return out;

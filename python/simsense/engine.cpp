@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Engine and Camera: a rig and named parameters in, disparity and depth arrays out.
+#include "bindings/array_pool.h"
 #include "bindings/wait.h"
 #include "settings.h"
 
@@ -235,7 +236,7 @@ class Engine {
       c.output = o.output;
       py::object result = given ? py::object(outputs[item]) : py::none();
       const bool made = !given || !(py::isinstance<Image<Simsense>>(result) || py::isinstance<py::array>(result));
-      if (made) result = py::array(given ? py::dtype::from_args(result) : dtype_of(format_of_output(o)), shape_of(o));
+      if (made) result = ArrayPool::make(given ? py::dtype::from_args(result) : dtype_of(format_of_output(o)), shape_of(o));
       if (py::isinstance<Image<Simsense>>(result)) {
         c.image = buffer_image(py::cast<Image<Simsense>>(result));
       } else {

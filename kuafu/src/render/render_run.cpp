@@ -11,6 +11,9 @@
 namespace kuafu {
 namespace {
 
+/// Pixels that ask for rays over their squares come first, so that later batches are often empty, and a submission for each costs more.
+constexpr uint32_t square_batches_at_once = 4;
+
 double milliseconds_since(std::chrono::steady_clock::time_point start) {
   return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
 }
@@ -172,10 +175,11 @@ void RenderRun::denoise() {
 
 void RenderRun::in_squares(uint32_t pixels, const std::function<void(Wave&)>& step) {
   const uint32_t batch = parts_.paths.squares_per_batch();
+  uint32_t recorded = 0;
   for (uint32_t first = 0; first < pixels; first += batch) {
     const uint32_t count = std::min(batch, pixels - first);
     parts_.paths.in_waves(commands_, launch_, parts_.paths.range(launch_, first, count, launch_.first_sample, square_rays), step);
-    if (first + count < pixels) commands_.flush();
+    if (++recorded % square_batches_at_once == 0 && first + count < pixels) commands_.flush();
   }
 }
 

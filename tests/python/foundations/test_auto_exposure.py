@@ -58,6 +58,22 @@ def test_it_converges_over_frames_and_gain_follows_exposure_at_its_limit(config)
     assert exposures[-1] == 0.008 and gains[-1] > 1.2 and np.all(gains[exposures < 0.008] == 1.0)
 
 
+def test_a_new_exposure_reaches_all_that_the_engines_are_told(config):
+    """What is changed of the inputs is what they would be if they were found anew."""
+    config.ir_exposure_limits_s = (1e-6, 10.0)
+    sensor = StereoDepthSensor(config, wall(room=3.0))
+    sensor.set_conditions(temperature_c=50.0)
+    sensor.take_picture(infrared_only=True)
+    now, changed = sensor.get_config(), sensor.engine_inputs
+    told = sensor.engine.signal
+    sensor.set_conditions(temperature_c=50.0)
+    anew = sensor.engine_inputs
+    assert anew is not changed and changed.frame.exposure_s == now.ir_camera_exposure != config.ir_camera_exposure
+    assert sensor.engine.signal == told
+    for a, b in zip(changed.eyes, anew.eyes, strict=True):
+        assert a.signal == b.signal and a.camera.exposure_s == b.camera.exposure_s == now.ir_camera_exposure
+
+
 def test_the_region_alone_is_looked_at(config):
     dark, bright = (106, 0, 212, 120), (0, 0, 106, 120)
     scene = wall()

@@ -45,6 +45,23 @@ def test_a_picture_stays_where_it_was_rendered(device, host_visible):
     assert image.any() and not memory.read("radiance").any()  # what was read before is the reader's
 
 
+def test_what_was_read_is_rendered_into_the_hosts_memory_from_then_on(device):
+    scene = kuafu.Scene(device)
+    renderer, camera = kuafu.Renderer(device), kuafu.Camera(8, 6, [[8, 0, 3.5], [0, 8, 2.5], [0, 0, 1]])
+    outputs = {"radiance": (np.float32, 3), "instance_id": (np.uint32, 1), "depth": (np.float32, 1)}
+    memory = PictureMemory(device, (1, 6, 8), outputs, host_visible=False)
+    first = dict(memory.targets)
+    for read in ((), ("radiance", "instance_id"), ()):
+        memory.forget()
+        renderer.render(scene, camera, memory.targets, band="visible", spp=1)
+        assert all((memory.read(name) == 0xFFFFFFFF).all() for name in read if name == "instance_id")
+        assert memory.targets == first or not read
+        _ = [memory.read(name) for name in read]
+    assert [name for name in outputs if memory.targets[name] is not first[name]] == ["instance_id"]
+    assert (memory.read("instance_id") == 0xFFFFFFFF).all()
+    assert memory.targets["instance_id"].array().shape == first["instance_id"].shape
+
+
 def test_late_maps_are_of_the_engine_that_the_depth_is_of(small_config, table_top):
     """A penalty that changes after compute_depth() changes nothing of that picture."""
     small_config.samples_per_pixel = 1

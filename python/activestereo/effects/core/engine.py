@@ -207,6 +207,8 @@ def moved_pose(
     pose: NDArray[np.float64], linear: Sequence[float], angular: Sequence[float], time_s: float
 ) -> NDArray[np.float64]:
     """4x4 of what stands at `pose` at time 0 with a twist in its own frame, m/s and rad/s: pose exp(t [v, w])."""
+    if time_s == 0.0:
+        return pose.copy()
     generator = np.zeros((4, 4))
     x, y, z = angular
     generator[:3, :3] = [[0, -z, y], [z, 0, -x], [-y, x, 0]]
