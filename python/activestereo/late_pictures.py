@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Renders that were submitted and have not been waited for."""
+"""Renders that were submitted and have not been waited for, and the late sensors that a scene's changes wait for."""
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Callable
+from typing import Protocol
 
 import kuafu
 
@@ -42,3 +44,30 @@ class UnderWay:
                 submission.wait()
             except kuafu.Error:
                 continue
+
+
+class BeginsPictures(Protocol):
+    """A late sensor."""
+
+    def wait(self) -> None: ...
+
+
+class LateSensors:
+    """Those of one scene, as long as they live: their pictures end before it changes."""
+
+    def __init__(self) -> None:
+        self._sensors: weakref.WeakSet[BeginsPictures] = weakref.WeakSet()
+
+    def add(self, sensor: BeginsPictures) -> None:
+        self._sensors.add(sensor)
+
+    def wait(self) -> None:
+        """Where a picture has failed, its error is raised after all others have ended; the next wait() goes on."""
+        errors: list[Exception] = []
+        for sensor in self._sensors:
+            try:
+                sensor.wait()
+            except Exception as error:
+                errors.append(error)
+        if errors:
+            raise errors[0]

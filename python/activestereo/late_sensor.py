@@ -89,15 +89,16 @@ class LateStereoDepthSensor(StereoDepthSensor):
         if not self._under_way:
             return
         try:
-            self._under_way.wait(lambda group: self._keep_times(group, self._renderer))
+            try:
+                self._under_way.wait(lambda group: self._keep_times(group, self._renderer))
+            finally:
+                if not self._under_way:
+                    self._darken()
+            self._next_link.deliver()
+            self._expose(self._next_link)
         except kuafu.Error:
             self._next = None
             raise
-        finally:
-            if not self._under_way:
-                self._darken()
-        self._next_link.deliver()
-        self._expose(self._next_link)
         self._next_signals = super()._signals()
 
     # ---- what would change the scene or the engines ----

@@ -43,6 +43,11 @@ class LateStereoDepthSensorBatch(StereoDepthSensorBatch):
         """Whether results are there: from the second take_picture() on."""
         return self._has_picture
 
+    @property
+    def has_next(self) -> bool:
+        """Whether pictures were begun, and have not failed, that the next take_picture() makes the present ones."""
+        return self._next is not None
+
     def take_picture(self, infrared_only: bool = False) -> None:
         """Begins pictures of the scene as it is now, and makes those before them the ones that results are of. Raises
         SensorPoseError, after the others' are begun, where a mount's pose is none. Pictures that failed raise here or
@@ -69,15 +74,16 @@ class LateStereoDepthSensorBatch(StereoDepthSensorBatch):
         if not self._under_way:
             return
         try:
-            self._under_way.wait()
+            try:
+                self._under_way.wait()
+            finally:
+                if not self._under_way:
+                    self._darken()
+            assert self._next is not None
+            self._expose(self._next, self._next_link, self._next_light_share)
         except kuafu.Error:
             self._next = None
             raise
-        finally:
-            if not self._under_way:
-                self._darken()
-        assert self._next is not None
-        self._expose(self._next, self._next_link, self._next_light_share)
 
     def render_true_depth(self) -> NDArray[np.float32]:
         self.wait()

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from mani_skill.sensors.camera import Camera, CameraConfig
 from numpy.typing import NDArray
 
 import kuafu
+from activestereo.late_sensor_batch import LateStereoDepthSensorBatch
 from activestereo.mani_skill.config import StereoDepthCameraConfig
 from activestereo.mani_skill.world import ManiSkillWorld
 from activestereo.sensor_batch import StereoDepthSensorBatch
@@ -31,9 +33,22 @@ class _CameraMounts:
         return self._camera.get_global_pose().raw_pose
 
 
+@dataclass(frozen=True)
+class _Begun:
+    """A late camera's picture: since which reset(), whether it is one of RGB, and from where."""
+
+    reset: torch.Tensor
+    has_rgb: bool
+    params: dict[str, torch.Tensor]
+
+
 class StereoDepthCamera(Camera):
     """One sensor in each environment. `rgb`, `depth`, `position` and `segmentation` have ManiSkill's shapes, types and
-    units; depth 0 = no measurement, and position is what depth says. ManiSkill's normal and albedo are not there."""
+    units; depth 0 = no measurement, and position is what depth says. ManiSkill's normal and albedo are not there.
+
+    With config.late an observation has the picture that the one before it began, which is rendered while ManiSkill
+    simulates and the one before is matched. The first observation after reset(), of some environments too, has a
+    picture of the present instead, as of a camera that has long stood there; so the one after it shows the same."""
 
     def __init__(self, camera_config: CameraConfig, scene: Any, articulation: Any = None) -> None:
         if not isinstance(camera_config, StereoDepthCameraConfig):
@@ -42,6 +57,7 @@ class StereoDepthCamera(Camera):
         self._scene = scene
         self._world: ManiSkillWorld | None = None
         self._sensors: StereoDepthSensorBatch | None = None
+        self._begun: _Begun | None = None
 
     @property
     def sensors(self) -> StereoDepthSensorBatch:
@@ -56,7 +72,10 @@ class StereoDepthCamera(Camera):
         if self._world is None:
             self._world = ManiSkillWorld.of(self._scene, self.config.device)
             config = self.config.native(self.camera.get_intrinsic_matrix()[0].cpu().numpy().astype(np.float64))
-            self._sensors = StereoDepthSensorBatch(config, _CameraMounts(self.camera, self._world.scene))
+            kind = LateStereoDepthSensorBatch if self.config.late else StereoDepthSensorBatch
+            self._sensors = kind(config, _CameraMounts(self.camera, self._world.scene))
+            if isinstance(self._sensors, LateStereoDepthSensorBatch):
+                self._world.late.add(self._sensors)
         self._world.update()
 
     def get_obs(
@@ -73,7 +92,7 @@ class StereoDepthCamera(Camera):
         if normal or albedo:
             raise ValueError("a stereo depth camera has rgb, depth, position and segmentation, not normal or albedo")
         sensors, out = self.sensors, {}
-        sensors.take_picture(infrared_only=not (rgb or segmentation))
+        self._take_picture(rgb or segmentation)
         if rgb:
             out["rgb"] = np.ascontiguousarray(sensors.get_rgba8()[..., :3])
         if depth or position:
@@ -86,6 +105,32 @@ class StereoDepthCamera(Camera):
         if segmentation:
             out["segmentation"] = self._segmentation()
         return {name: torch.from_numpy(image).to(self._scene.device) for name, image in out.items()}
+
+    def get_params(self) -> dict[str, torch.Tensor]:
+        """ManiSkill's, of a late camera those of the next observation's picture: ManiSkill asks for an observation's
+        parameters before its picture."""
+        begun = self._begun
+        return super().get_params() if begun is None or begun.reset is not self._reset else begun.params
+
+    @property
+    def _reset(self) -> torch.Tensor:
+        """Another object after each reset()."""
+        return self._scene._reset_mask
+
+    def _take_picture(self, with_rgb: bool) -> None:
+        assert self._world is not None
+        self._world.late.wait()  # another camera's picture, too: ours turns our projectors on
+        sensors, begun = self.sensors, self._begun
+        if not isinstance(sensors, LateStereoDepthSensorBatch):
+            sensors.take_picture(infrared_only=not with_rgb)
+            return
+        serves = begun is not None and begun.reset is self._reset and (begun.has_rgb or not with_rgb)
+        serves = serves and sensors.has_next
+        self._begun = None
+        sensors.take_picture(infrared_only=not with_rgb)
+        if not serves:
+            sensors.take_picture(infrared_only=not with_rgb)
+        self._begun = _Begun(self._reset, with_rgb, super().get_params())
 
     def _positions(self, depth_mm: NDArray[np.float32]) -> NDArray[np.int16]:
         """int16 [E, height, width, 3] millimetres in the camera's OpenGL axes: x right, y up, z backward."""

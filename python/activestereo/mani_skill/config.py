@@ -23,7 +23,7 @@ _MOST_DISPARITY = 0.5
 class StereoDepthCameraConfig(ManiSkillConfig):
     """A CameraConfig and: model, a preset's name; samples_per_pixel; min_depth and max_depth in metres; device, 'auto',
     'cpu' or an index; sensor, an activestereo.StereoDepthSensorConfig that is taken as it is but for the RGB camera's
-    size and intrinsics, which are the CameraConfig's."""
+    size and intrinsics, which are the CameraConfig's; late, whether observations are a picture late."""
 
     def __init__(
         self,
@@ -34,6 +34,7 @@ class StereoDepthCameraConfig(ManiSkillConfig):
         samples_per_pixel: int = 4,
         device: str | int = "auto",
         sensor: StereoDepthSensorConfig | None = None,
+        late: bool = False,
         **kwargs: Any,
     ) -> None:
         super().__init__(*args, min_depth=min_depth, **kwargs)
@@ -42,6 +43,7 @@ class StereoDepthCameraConfig(ManiSkillConfig):
         self.samples_per_pixel = samples_per_pixel
         self.device = device
         self.sensor = sensor
+        self.late = late
 
     @classmethod
     def fromCameraConfig(cls, cfg: CameraConfig) -> StereoDepthCameraConfig:

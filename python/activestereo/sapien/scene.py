@@ -4,24 +4,19 @@
 from __future__ import annotations
 
 import weakref
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import sapien
 
 import kuafu
 from activestereo.bodies import Bodies
+from activestereo.late_pictures import LateSensors
 from activestereo.pose import as_matrix
 from activestereo.sapien.looks import Looks, is_visible, light_record, render_system
 
 # Even light in a scene whose lights cannot be known, since SAPIEN has no renderer.
 _AMBIENT = (0.3, 0.3, 0.3)
-
-
-class BeginsPictures(Protocol):
-    """A late sensor."""
-
-    def wait(self) -> None: ...
 
 
 class SapienScene:
@@ -43,7 +38,7 @@ class SapienScene:
         self._lights: list[tuple[Any, int]] = []
         self._ambient: tuple[float, ...] = _AMBIENT
         self.scene.set_environment(_AMBIENT)
-        self._late: weakref.WeakSet[BeginsPictures] = weakref.WeakSet()
+        self.late = LateSensors()
         self.update()
         SapienScene._known[id(scene)] = self
 
@@ -53,21 +48,9 @@ class SapienScene:
         known = cls._known.get(id(scene))
         return cls(scene) if known is None or known.sapien_scene is not scene else known
 
-    def wait_for(self, sensor: BeginsPictures) -> None:
-        """From now on update() waits until the picture that this sensor has begun is rendered."""
-        self._late.add(sensor)
-
     def update(self) -> int:
-        """Brings the scene up to date; returns how many shapes moved. Where a late sensor's picture has failed, its
-        error is raised after all others have ended, and the next update() goes on."""
-        errors: list[Exception] = []
-        for sensor in self._late:
-            try:
-                sensor.wait()
-            except Exception as error:
-                errors.append(error)
-        if errors:
-            raise errors[0]
+        """Waits for the `late` sensors' pictures and brings the scene up to date; returns how many shapes moved."""
+        self.late.wait()
         seen = {entity.per_scene_id: entity for entity in self.sapien_scene.entities if is_visible(entity)}
         for number in [n for n in self._names if n not in seen]:
             self.bodies.remove(self._names.pop(number))

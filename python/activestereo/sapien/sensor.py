@@ -73,7 +73,7 @@ class StereoDepthSensor:
             config = native_config(self._config)
             if self._is_late:
                 self._sensor = activestereo.LateStereoDepthSensor(config, mount)
-                self._world.wait_for(self._sensor)
+                self._world.late.add(self._sensor)
             else:
                 self._sensor = activestereo.StereoDepthSensor(config, mount)
         sensor = self._made()

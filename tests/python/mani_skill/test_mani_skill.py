@@ -14,6 +14,7 @@ import mani_skill.envs  # noqa: E402
 import sapien  # noqa: E402
 import torch  # noqa: E402
 
+import kuafu  # noqa: E402
 from activestereo.bodies import BodyPoseError  # noqa: E402
 from activestereo.mani_skill import ManiSkillWorld, StereoDepthCamera, StereoDepthCameraConfig  # noqa: E402
 
@@ -23,11 +24,11 @@ SIZE = 64
 def make(name: str, obs_mode: str, **config: Any) -> Any:
     camera = {"use_stereo_depth": True, "samples_per_pixel": 1, "width": SIZE, "height": SIZE}
     try:
-        env = gymnasium.make(name, obs_mode=obs_mode, sim_backend="physx_cpu", render_backend="cpu", num_envs=1,
-                             sensor_configs=camera | config)  # fmt: skip
+        sapien.render.RenderSystem(sapien.Device("cpu"))
     except RuntimeError as error:
         pytest.skip(f"SAPIEN has no renderer here, which ManiSkill's cameras need: {error}")
-    return env
+    return gymnasium.make(name, obs_mode=obs_mode, sim_backend="physx_cpu", render_backend="cpu", num_envs=1,
+                          sensor_configs=camera | config)  # fmt: skip
 
 
 @pytest.mark.parametrize("name", ["PickCube-v1", "PushCube-v1"])
@@ -87,6 +88,27 @@ def test_point_clouds_stand_where_things_are() -> None:
     near = robot_and_things[(measured > 0.05) & (measured < 0.9)]
     assert len(near) > 100 and np.median(np.abs(near[:, 2])) < 0.15
     env.close()
+
+
+@pytest.mark.parametrize("name", ["PickCube-v1", "PushCube-v1"])
+def test_late_observations_are_those_of_the_present_one_picture_later(name: str) -> None:
+    """But for the first, which is of the present, and so is shown again: bit for bit, as the frames' numbers agree."""
+    now, late = (make(name, "rgb+depth+segmentation", late=is_late) for is_late in (False, True))
+    now.unwrapped.get_obs()  # making an environment resets it
+    actions = [now.action_space.sample() for _ in range(3)]
+    for seed in (0, 1):  # the second reset() does not make the cameras anew
+        expected = [now.reset(seed=seed)[0], now.unwrapped.get_obs()]
+        found = [late.reset(seed=seed)[0]]
+        for action in actions:
+            expected.append(now.step(action)[0])
+            found.append(late.step(action)[0])
+        for one, other in zip(expected, found, strict=False):
+            for modality, image in one["sensor_data"]["base_camera"].items():
+                assert torch.equal(other["sensor_data"]["base_camera"][modality], image), modality
+        images = [obs["sensor_data"]["base_camera"]["segmentation"] for obs in found]
+        assert torch.equal(images[0], images[1]) and not torch.equal(images[1], images[3])
+    for env in (now, late):
+        env.close()
 
 
 class FakeStruct:
@@ -150,6 +172,84 @@ def test_a_broken_pose_names_environment_and_body(parallel: Any) -> None:
     with pytest.raises(BodyPoseError, match="environment 0, body 'box'"):
         world.update()
     assert world.bodies.poses[2, 0, 1, 3] == pytest.approx(0.3)
+
+
+class FakeCamera:
+    """A SAPIEN camera, as ManiSkill wraps it, at `x` of every environment's world."""
+
+    def __init__(self, count: int) -> None:
+        self.raw_pose = torch.zeros((count, 7))
+        self.raw_pose[:, 3], self.raw_pose[:, 0] = 1.0, -0.8
+
+    def get_global_pose(self) -> Any:
+        return SimpleNamespace(raw_pose=self.raw_pose)
+
+    def get_intrinsic_matrix(self) -> torch.Tensor:
+        return torch.tensor([[[40.0, 0.0, 24.0], [0.0, 40.0, 24.0], [0.0, 0.0, 1.0]]])
+
+    def get_model_matrix(self) -> torch.Tensor:
+        return self.raw_pose[:, :3].clone()
+
+    get_extrinsic_matrix = get_model_matrix
+
+
+def late_cameras(parallel: Any, names: list[str]) -> list[StereoDepthCamera]:
+    parallel.add_camera = lambda **_: FakeCamera(len(parallel.sub_scenes))
+    parallel._reset_mask = torch.ones(3)
+    place = sapien.Pose()
+    configs = [StereoDepthCameraConfig(name, place, 48, 48, fov=1.1, samples_per_pixel=1, device="cpu", late=True)
+               for name in names]  # fmt: skip
+    return [StereoDepthCamera(config, parallel) for config in configs]
+
+
+def observe(cameras: list[StereoDepthCamera], **modalities: bool) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """Of all cameras, in ManiSkill's order: parameters, then images."""
+    params = [camera.get_params() for camera in cameras]
+    for camera in cameras:
+        camera.capture()
+    return params, [camera.get_obs(**({"rgb": False, "position": False} | modalities)) for camera in cameras]
+
+
+def test_late_cameras_share_a_scene_and_say_where_their_pictures_were_taken(parallel: Any) -> None:
+    cameras, box = late_cameras(parallel, ["base", "hand"]), parallel.actors["box"].pose.raw_pose
+    seen, xs = [], []
+    for step in range(4):
+        box[:, 1] = 0.1 * step
+        for camera in cameras:
+            camera.camera.raw_pose[:, 0] = -0.8 - 0.01 * step
+        if step == 3:
+            parallel._reset_mask = torch.ones(3)  # what reset() does
+        params, images = observe(cameras)
+        xs.append(float(params[1]["cam2world_gl"][0, 0]))
+        seen.append([image["segmentation"] for image in images])
+        assert (images[0]["segmentation"][1] == 0).all() and images[0]["depth"].dtype == torch.int16
+    for pictures in zip(*seen, strict=True):
+        assert torch.equal(pictures[0], pictures[1]) and not torch.equal(pictures[1], pictures[2])
+        left = [int(np.argwhere(picture[0, ..., 0].numpy())[:, 1].min()) for picture in pictures]
+        assert left[0] == left[1] > left[2] > left[3] + 4  # the last is two steps further: of the present
+    np.testing.assert_allclose(xs, [-0.8, -0.8, -0.81, -0.83], atol=1e-6)
+
+
+def test_a_late_camera_takes_another_picture_where_the_one_begun_does_not_serve(
+    parallel: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (camera,) = cameras = late_cameras(parallel, ["base"])
+    observe(cameras, segmentation=False)
+    assert camera.sensors.frame_index == 0
+    _, (images,) = observe(cameras, rgb=True)
+    assert images["rgb"].shape == (3, 48, 48, 3) and camera.sensors.frame_index == 2
+
+    def fails(*_: Any) -> None:
+        raise kuafu.Error("lost")  # as where a device is lost
+
+    with monkeypatch.context() as patch, pytest.raises(kuafu.Error, match="lost"):
+        patch.setattr(camera.sensors, "_expose", fails)
+        observe(cameras, rgb=True)
+    parallel.actors["box"].pose.raw_pose[:, 1] = 0.3
+    _, (found,) = observe(cameras)
+    _, (again,) = observe(cameras)
+    assert torch.equal(found["segmentation"], again["segmentation"])
+    assert not torch.equal(found["segmentation"], images["segmentation"])
 
 
 def test_what_is_not_there_is_said(parallel: Any) -> None:

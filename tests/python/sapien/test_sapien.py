@@ -314,7 +314,7 @@ def test_all_late_sensors_are_waited_for_where_one_fails(scene):
 
     world, sensors = SapienScene(scene), [Broken(), Broken()]
     for sensor in sensors:
-        world.wait_for(sensor)
+        world.late.add(sensor)
     with pytest.raises(kuafu.Error, match="lost"):
         world.update()
     assert [sensor.waits for sensor in sensors] == [1, 1]
