@@ -34,6 +34,7 @@ from activestereo.picture_memory import RGB_OUTPUTS, PictureMemory
 from activestereo.pose import Pose, PoseLike, as_matrix, camera_to_world
 from activestereo.pose_arrays import PosesLike, host_array, pose_fault, pose_matrices
 from activestereo.presets import StereoDepthSensorConfig
+from activestereo.result_memory import Kind, PartOfResults, ResultMemory
 from activestereo.sensor_inputs import render_settings, shutter
 from activestereo.sensor_model import SensorModel, read_model
 
@@ -87,6 +88,8 @@ class StereoDepthSensorBatch:
 
     environments: those of the mounts' environments that this batch is of, all by default. Its E is their number, they
     keep their numbers in the scene, and all has the bits that it has in a batch of all (SplitStereoDepthSensorBatch).
+
+    results: where its maps lie, if not in arrays of its own.
     """
 
     def __init__(
@@ -97,6 +100,7 @@ class StereoDepthSensorBatch:
         model: SensorModel | str | PathLike[str] | None = None,
         on_cuda: bool = False,
         environments: range | None = None,
+        results: PartOfResults | None = None,
     ) -> None:
         self._config = deepcopy(config)
         self._mounts, self._scene = mounts, mounts.scene
@@ -129,6 +133,7 @@ class StereoDepthSensorBatch:
         self._light_share = np.ones(self._count)  # of each sensor, over its exposure
         self._frame, self._has_picture, self._speckle_draw, self._taken = -1, False, -1, Taken()
         self._has_rgb = False
+        self._results: ResultMemory | PartOfResults = ResultMemory(self._shape[0]) if results is None else results
         self._maps = LazyMaps() if on_cuda else LazyMaps("depth_rgb")
         self._cuda_maps, self._maps_on_cuda = CudaMaps(self._engine.device), LazyMaps("depth_rgb")
 
@@ -141,11 +146,13 @@ class StereoDepthSensorBatch:
         self._forget_maps()
         broken = self._place()
         taken = self._prepare()
-        if not infrared_only:
-            self._render_rgb(taken, self._rgb, self._renderer.render)
-            self._has_rgb = True
-        self._render_infrared(taken, self._link, self._renderer.render)
-        self._darken()
+        try:
+            if not infrared_only:
+                self._render_rgb(taken, self._rgb, self._renderer.render)
+                self._has_rgb = True
+            self._render_infrared(taken, self._link, self._renderer.render)
+        finally:
+            self._darken()
         self._expose(taken, self._link, self._light_share)
         self._frame, self._has_picture, self._taken = taken.frame, True, taken
         self._tell(broken)
@@ -289,6 +296,10 @@ class StereoDepthSensorBatch:
         self._rig.laser_power[own], self._rig.right_turn[own] = laser_power, turned
         self._light_share[own] = exposure
 
+    def count_to(self, frame: int) -> None:
+        """The next picture has the number after this one: as where pictures were taken elsewhere that failed here."""
+        self._frame = frame
+
     def restart(self, seed: int) -> None:
         """The next picture is frame 0 under this seed, of the render and of the noise: from here on all is as it was
         after the same restart."""
@@ -405,8 +416,14 @@ class StereoDepthSensorBatch:
         return np.float32(setting.light_s / self._exposure.start.light_s)
 
     def _compute(self, names: list[str]) -> dict[str, NDArray[Any]]:
-        found = self._match(names)
-        return {name: image.reshape(self._shape_of(image)) for name, image in found.items()}
+        taken = self._results.take(names)
+        if taken:
+            leading = len(self._shape)
+            self._match({name: image.reshape(self._count, *image.shape[leading:]) for name, image in taken.items()})
+            return taken
+        found = {name: image.reshape(self._shape_of(image)) for name, image in self._match(names).items()}
+        self._results.learn({name: Kind(image.shape[1:], image.dtype) for name, image in found.items()})
+        return found
 
     def _compute_on_cuda(self, names: list[str]) -> dict[str, CudaArray]:
         new = self._cuda_maps.missing(names)
@@ -419,7 +436,7 @@ class StereoDepthSensorBatch:
     def _shape_of(self, image: NDArray[Any] | simsense.Image) -> tuple[int, ...]:
         return (*self._shape, *image.shape[1 if self._count > 1 else 0 :])
 
-    def _match(self, outputs: list[str] | dict[str, simsense.Image]) -> dict[str, NDArray[Any]]:
+    def _match(self, outputs: list[str] | dict[str, simsense.Image] | dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
         self._engine.set_parameters(
             frame_index=self._taken.frame, scene_index=self._taken.speckle_draw, first_view=self._own.start
         )

@@ -10,8 +10,8 @@
     batch.get_depth()  # [E, height, width], in host memory
 
 Device k of D has the environments from k E / D to (k + 1) E / D. On devices of one kind all has the bits that one of
-them gives; but where config.rgb_exposure is None, each device exposes its own RGB pictures alike. Where a device's
-picture fails, its frames are behind the others' until restart().
+them gives; but where config.rgb_exposure is None, each device exposes its own RGB pictures alike. A picture that fails
+on one device alone counts there, too, so that all devices' next pictures are of one number.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from activestereo.pose_arrays import host_array
 from activestereo.presets import StereoDepthSensorConfig
+from activestereo.result_memory import JoinedResults, joined
 from activestereo.sensor_batch import HasPoses, SensorPoseError, StereoDepthSensorBatch
 
 _Result = TypeVar("_Result")
@@ -46,11 +47,12 @@ class SplitStereoDepthSensorBatch:
             raise ValueError(f"{len(mounts)} devices take as many environments or more, not {sorted(counts)}")
         bounds = [k * min(counts) // len(mounts) for k in range(len(mounts) + 1)]
         self._numbers = [range(first, end) for first, end in zip(bounds[:-1], bounds[1:], strict=True)]
+        self._results = JoinedResults([len(own) for own in self._numbers])
         self._parts = [
-            StereoDepthSensorBatch(config, one, environments=own, **options)
-            for one, own in zip(mounts, self._numbers, strict=True)
+            StereoDepthSensorBatch(config, one, environments=own, results=self._results.part(k), **options)
+            for k, (one, own) in enumerate(zip(mounts, self._numbers, strict=True))
         ]
-        self._threads = ThreadPoolExecutor(len(self._parts), "device")
+        self._threads: ThreadPoolExecutor | None = ThreadPoolExecutor(len(self._parts), "device")
 
     @property
     def parts(self) -> list[StereoDepthSensorBatch]:
@@ -68,9 +70,15 @@ class SplitStereoDepthSensorBatch:
         return self._parts[0].frame_index
 
     def take_picture(self, infrared_only: bool = False) -> None:
-        self._each(lambda part: part.take_picture(infrared_only))
+        try:
+            self._each(lambda part: part.take_picture(infrared_only))
+        finally:
+            last = max(part.frame_index for part in self._parts)
+            for part in self._parts:
+                part.count_to(last)
 
     def compute_depth(self) -> None:
+        self._results.begin()
         self._each(lambda part: part.compute_depth())
 
     def render_true_depth(self) -> NDArray[np.float32]:
@@ -87,7 +95,7 @@ class SplitStereoDepthSensorBatch:
 
     def get_ir_measured(self) -> list[NDArray[Any]]:
         pairs = self._each(lambda part: part.get_ir_measured())
-        return [np.concatenate(images) for images in zip(*pairs, strict=True)]
+        return [self._join(images) for images in zip(*pairs, strict=True)]
 
     def get_ir_radiance(self) -> NDArray[np.float32]:
         return np.concatenate(self._each(lambda part: part.get_ir_radiance()), axis=1)
@@ -114,7 +122,13 @@ class SplitStereoDepthSensorBatch:
         self._each(lambda part: part.restart(seed))
 
     def close(self) -> None:
-        self._each(lambda part: part.close())
+        """As StereoDepthSensorBatch.close(), and ends the devices' threads."""
+        try:
+            self._each(lambda part: part.close())
+        finally:
+            self._threads, threads = None, self._threads
+            if threads is not None:
+                threads.shutdown()
 
     def __enter__(self) -> Self:
         return self
@@ -125,8 +139,11 @@ class SplitStereoDepthSensorBatch:
         self.close()
 
     def _each(self, call: Callable[[StereoDepthSensorBatch], _Result]) -> list[_Result]:
-        """On all devices at once. An error is raised after all have ended, with the environments of its device in a
-        note: the first one that is more than a pose, which costs the other environments nothing, else the first."""
+        """On all devices at once, after close() on one after another. An error is raised after all have ended, with the
+        environments of its device in a note: the first one that is more than a pose, which costs the other environments
+        nothing, else the first."""
+        if self._threads is None:
+            return [call(part) for part in self._parts]
         running = [self._threads.submit(call, part) for part in self._parts]
         try:
             wait(running)
@@ -142,9 +159,13 @@ class SplitStereoDepthSensorBatch:
         return [one.result() for one in running]
 
     def _joined(self, get: Callable[[StereoDepthSensorBatch], NDArray[Any]]) -> NDArray[Any]:
-        """One array, into which each device's thread copies."""
-        images = self._each(get)
-        whole = np.empty((self.shape[0], *images[0].shape[1:]), images[0].dtype)
-        ends = np.cumsum([len(image) for image in images])
-        list(self._threads.map(np.copyto, np.split(whole, ends[:-1]), images))
+        return self._join(self._each(get))
+
+    def _join(self, images: Sequence[NDArray[Any]]) -> NDArray[Any]:
+        """One array: the one that the devices' threads have computed into, or one that they copy into."""
+        whole = joined(images)
+        if whole is None:
+            whole = np.empty((self.shape[0], *images[0].shape[1:]), images[0].dtype)
+            targets = np.split(whole, np.cumsum([len(image) for image in images])[:-1])
+            list(map(np.copyto, targets, images) if self._threads is None else self._threads.map(np.copyto, targets, images))
         return whole

@@ -5,7 +5,8 @@ the depth as an array.
 usage: PYTHONPATH=build/python python3 tests/bench/bench_split.py [--environments 256] [--scales 0.15,0.3] [--rounds N]
 
 Devices are all discrete GPUs, or the CPU twice, which shows that it works. Each environment has eight balls of its own
-before a wall; infrared alone, path depth 3, 4 samples. The least of the rounds counts; depths are compared bit for bit.
+before a wall; infrared alone, path depth 3, 4 samples. The least of the rounds counts, and in brackets what that one
+took beyond the devices' own stages, of the picture and of the depth. Depths are compared bit for bit.
 """
 
 import argparse
@@ -40,17 +41,27 @@ def mounts(device: kuafu.Device, environments: range, count: int) -> Mounts:
     return Mounts(scene, np.tile([0, 0, 0, 1.0, 0, 0, 0], (count, 1)))
 
 
-def least_ms(batch: StereoDepthSensorBatch | SplitStereoDepthSensorBatch, rounds: int) -> tuple[float, np.ndarray]:
-    """Of a picture with depth, and the first picture's depth."""
-    times, first = [], np.empty(0)
+def least_ms(batch: StereoDepthSensorBatch | SplitStereoDepthSensorBatch, rounds: int) -> tuple[float, str, np.ndarray]:
+    """Of a picture with depth; where it went; the first picture's depth."""
+    parts = [batch] if isinstance(batch, StereoDepthSensorBatch) else batch.parts
+    found, first = [], np.empty(0)
     for n in range(rounds + 1):
         start = time.perf_counter()
         batch.take_picture(infrared_only=True)
+        taken = time.perf_counter()
         batch.compute_depth()
         depth = batch.get_depth()
-        times.append(1e3 * (time.perf_counter() - start))
+        end = time.perf_counter()
+        kinds = [("render", taken - start), ("depth", end - taken)]
+        stages = [max(stage_ms(part, kind) for part in parts) for kind, _ in kinds]
+        beyond = [f"{1e3 * seconds - ms:.2f}" for (_, seconds), ms in zip(kinds, stages, strict=True)]
+        found.append((1e3 * (end - start), f"stages {sum(stages):.2f}, beyond {' + '.join(beyond)}"))
         first = depth.copy() if n == 0 else first
-    return min(times[1:]), first
+    return *min(found[1:]), first
+
+
+def stage_ms(batch: StereoDepthSensorBatch, kind: str) -> float:
+    return sum(ms for name, ms in batch.stage_times.items() if name.startswith(kind))
 
 
 def main() -> None:
@@ -67,20 +78,18 @@ def main() -> None:
         config = StereoDepthSensorConfig("D435").scaled(scale)
         config.samples_per_pixel, config.max_bounces, config.ir_exposure_mode = 4, 2, "fixed"
         with StereoDepthSensorBatch(config, mounts(devices[0], range(count), count)) as one:
-            one_ms, expected = least_ms(one, args.rounds)
-            stages_ms = sum(one.stage_times.values())
+            one_ms, where, expected = least_ms(one, args.rounds)
         sizes = ["{}x{}".format(*size) for size in (config.ir_resolution, config.rgb_resolution)]
-        rate = f"{one_ms:8.2f} ms on one (stages {stages_ms:.2f}), {1e3 * count / one_ms:8.0f} pairs/s"
+        rate = f"{one_ms:8.2f} ms on one ({where}), {1e3 * count / one_ms:8.0f} pairs/s"
         print(f"{sizes[0]}, depth {sizes[1]}: {rate}")
         for used in range(2, len(devices) + 1):
             bounds = [k * count // used for k in range(used + 1)]
             own = [range(a, b) for a, b in zip(bounds[:-1], bounds[1:], strict=True)]
             parts = [mounts(device, part, count) for device, part in zip(devices, own, strict=False)]
             with SplitStereoDepthSensorBatch(config, parts) as split:
-                ms, depth = least_ms(split, args.rounds)
+                ms, where, depth = least_ms(split, args.rounds)
                 same = "the same depths" if np.array_equal(depth, expected) else "OTHER DEPTHS"
-                stages = ", ".join(f"{sum(part.stage_times.values()):.2f}" for part in split.parts)
-                rate = f"{ms:8.2f} ms on {used} (stages {stages}), {1e3 * count / ms:8.0f} pairs/s"
+                rate = f"{ms:8.2f} ms on {used} ({where}), {1e3 * count / ms:8.0f} pairs/s"
                 print(f"    {rate}, {one_ms / ms:.2f} times; {same}")
 
 

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A batch over two devices, against the same batch on one."""
 
+import threading
+
 import numpy as np
 import pytest
 
@@ -44,12 +46,12 @@ def pictures(batch, all_mounts):
         yield maps | {"ir_left": left, "ir_right": right, "confidence": batch.get_depth_map("confidence")}
 
 
-def same_bits(one, whole, split, parts):
+def same_bits(one, whole, split, parts, frames=2):
     for expected, found in zip(pictures(one, [whole]), pictures(split, parts), strict=True):
         assert (expected["depth"] > 0).mean() > 0.5
         for name, image in expected.items():
             np.testing.assert_array_equal(found[name], image, err_msg=name)
-    assert split.frame_index == 1
+    assert split.frame_index == frames - 1
 
 
 def test_two_devices_give_the_bits_of_one(config):
@@ -107,3 +109,54 @@ def test_a_device_that_fails_names_its_environments_and_costs_no_other_picture(c
             assert split.parts[0].frame_index == count - 1
         split.parts[0].compute_depth()
         assert split.parts[0].get_depth().shape[:2] == (1, 2)
+
+
+def test_a_picture_that_one_device_lost_leaves_all_in_step(config, monkeypatch):
+    whole, halves = mounts(), [mounts(), mounts()]
+    with StereoDepthSensorBatch(config, whole) as one, SplitStereoDepthSensorBatch(config, halves) as split:
+        one.take_picture(infrared_only=True)
+
+        def fails(*args):
+            raise kuafu.Error("lost for once")
+
+        with monkeypatch.context() as patch, pytest.raises(kuafu.Error, match="for once"):
+            patch.setattr(split.parts[1], "_render_infrared", fails)
+            split.take_picture(infrared_only=True)
+        assert all(light.ir_intensity == 0.0 for light in split.parts[1]._rig._lights)
+        with pytest.raises(RuntimeError, match="no picture yet"):
+            split.compute_depth()
+        same_bits(one, whole, split, halves, frames=3)
+
+
+def test_closing_ends_the_threads_and_leaves_results(config):
+    count = threading.active_count()
+    with SplitStereoDepthSensorBatch(config, [mounts(), mounts()]) as split:
+        split.take_picture(infrared_only=True)
+        split.compute_depth()
+        assert threading.active_count() == count + 2
+    assert threading.active_count() == count
+    assert split.get_depth().shape[:2] == (3, 2)
+    split.close()
+
+
+def test_results_stay_while_they_are_held_and_their_memory_is_used_again(config):
+    with SplitStereoDepthSensorBatch(config, [mounts(), mounts()]) as split:
+        addresses, held = [], []
+        for n in range(6):
+            split.take_picture(infrared_only=True)
+            split.compute_depth()
+            depth = split.get_depth()
+            addresses.append(depth.ctypes.data)
+            if n < 2:
+                held.append((depth[1:, 0], depth[1:, 0].copy()))
+            del depth
+        assert len(set(addresses)) < 6
+        for view, copy in held:
+            np.testing.assert_array_equal(view, copy)
+        part = split.parts[0]
+        before = part.get_depth()
+        bits = before.copy()
+        part.take_picture(infrared_only=True)
+        part.compute_depth()
+        assert not np.array_equal(part.get_depth(), bits)
+        np.testing.assert_array_equal(before, bits)
