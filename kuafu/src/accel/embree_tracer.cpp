@@ -85,12 +85,17 @@ bool can_trace(const RTCRay8& ray, uint32_t lane) {
 
 void trace(const EmbreeWorld::Environment& environment, const int* valid, RTCIntersectContext& context, RTCRayHit8& packet) {
   rtcIntersect8(valid, environment.scene.get(), &context, &packet);
+  if (environment.apart) rtcIntersect8(valid, environment.apart.get(), &context, &packet);
   for (uint32_t lane = 0; lane < packet_rays; ++lane)
     if (valid[lane] && packet.hit.geomID[lane] != miss) packet.hit.instID[0][lane] = environment.instances[packet.hit.instID[0][lane]];
 }
 
 void trace(const EmbreeWorld::Environment& environment, const int* valid, RTCIntersectContext& context, RTCRay8& packet) {
   rtcOccluded8(valid, environment.scene.get(), &context, &packet);
+  if (!environment.apart) return;
+  alignas(32) int open[packet_rays];
+  for (uint32_t lane = 0; lane < packet_rays; ++lane) open[lane] = packet.tfar[lane] >= 0.0f ? valid[lane] : 0;
+  rtcOccluded8(open, environment.apart.get(), &context, &packet);
 }
 
 class EmbreeTracer final : public Tracer {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The scene as Embree knows it: one bottom scene per mesh, built once or refitted, and one top scene per environment over instances of
-// them. Thread rule: externally synchronised; tracing the top scenes is allowed from many threads.
+// The scene as Embree knows it: one bottom scene per mesh, built once or refitted, and per environment a top scene over instances of them,
+// and a second one over the few that moved since, so that a large one need not be built for each. Thread rule: externally synchronised;
+// tracing the top scenes is allowed from many threads.
 #pragma once
 
 #include <unordered_map>
@@ -16,7 +17,8 @@ class EmbreeWorld {
  public:
   struct Environment {
     EmbreeScene scene;
-    std::vector<uint32_t> instances;                // Embree's instID -> slot
+    EmbreeScene apart;                              // of instances that moved since `scene` was built; null where none did
+    std::vector<uint32_t> instances;                // Embree's instID -> slot, the same in both scenes
     std::unordered_map<uint32_t, uint32_t> places;  // slot -> instID
   };
 
@@ -41,8 +43,12 @@ class EmbreeWorld {
   void add_mesh(const Mesh& mesh, bool cutouts);
   void deform(const Mesh& mesh, Bottom& bottom);
   void place_all(const Scene& scene, uint32_t environment_count);
+  void attach_all(uint32_t environment_count);
   void follow(const Scene& scene, const std::vector<uint32_t>& slots);
-  void put(uint32_t slot, const Placement& placement);
+  [[nodiscard]] bool fit_apart(const std::vector<uint32_t>& slots) const;
+  void take_apart(uint32_t slot);
+  void follow_apart(const Scene& scene, const std::vector<uint32_t>& slots);
+  bool put(uint32_t slot, const Placement& placement);
   static void follow_in(Environment& environment, uint32_t slot, RTCGeometry geometry);
 
   EmbreeDevice device_;
@@ -56,6 +62,9 @@ class EmbreeWorld {
   // By slot.
   std::vector<Placement> placements_;
   std::vector<EmbreeGeometry> geometries_;  // null where it is not traceable
+  std::vector<bool> apart_;
+  uint32_t apart_count_ = 0;
+  EmbreeScene nothing_;  // what instances show in `scene` once they are apart
   std::vector<Environment> environments_;
 };
 

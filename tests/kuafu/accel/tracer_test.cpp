@@ -245,6 +245,22 @@ TEST_P(Tracers, UpdateFollowsMovedRemovedAndAddedInstancesAndMeshes) {
   expect_like_brute_force(other, rays);
 }
 
+/// Moves, removes and adds instances of the scene.
+void change_some(Scene& scene, std::vector<uint32_t>& ids, uint32_t changes, double half, Random& random) {
+  for (; changes > 0; --changes) {
+    const uint32_t which = random.below(uint32_t(ids.size()));
+    const double kind = random.uniform();
+    if (kind < 0.5) {
+      scene.set_instance_pose(ids[which], random_pose(random, half));
+    } else if (kind < 0.7) {
+      scene.remove_instance(ids[which]);
+      ids.erase(ids.begin() + which);
+    } else {
+      ids.push_back(scene.add_instance(place(random.below(3), random_pose(random, half), kind < 0.8 ? none : random.below(4))));
+    }
+  }
+}
+
 TEST_P(Tracers, AnySequenceOfSmallChangesMatchesBruteForce) {
   Random random(40);
   Scene scene = instanced_world(41, 60, 3.0);
@@ -253,20 +269,30 @@ TEST_P(Tracers, AnySequenceOfSmallChangesMatchesBruteForce) {
   std::vector<uint32_t> ids(60);
   std::iota(ids.begin(), ids.end(), 0u);
   for (int round = 0; round < 30; ++round) {
-    for (uint32_t change = random.below(6); change > 0; --change) {
-      const uint32_t which = random.below(uint32_t(ids.size()));
-      const double kind = random.uniform();
-      if (kind < 0.5) {
-        scene.set_instance_pose(ids[which], random_pose(random, 3.0));
-      } else if (kind < 0.7) {
-        scene.remove_instance(ids[which]);
-        ids.erase(ids.begin() + which);
-      } else {
-        ids.push_back(scene.add_instance(place(random.below(3), random_pose(random, 3.0), kind < 0.8 ? none : random.below(4))));
-      }
-    }
+    change_some(scene, ids, random.below(6), 3.0, random);
     tracer_->update(scene, 3, {});
     expect_like_brute_force(scene, rays);
+  }
+}
+
+TEST_P(Tracers, ALargeSceneAfterFewAndManyChangesIsOneThatWasMadeSo) {
+  Random random(45);
+  Scene scene = instanced_world(46, 700, 8.0);
+  std::vector<TestRay> rays = random_rays(47, 700, 8.0);
+  for (TestRay& ray : rays) ray.environment = random.below(3);
+  std::vector<uint32_t> ids(700);
+  std::iota(ids.begin(), ids.end(), 0u);
+  tracer_->update(scene, 3, {});
+  for (const uint32_t changes : {1u, 40u, 160u, 260u, 3u}) {
+    change_some(scene, ids, changes, 8.0, random);
+    tracer_->update(scene, 3, {});
+    const auto fresh = GetParam().make();
+    fresh->update(scene, 3, {});
+    RayBench expected(*fresh);
+    const std::vector<TestHit> hits = bench_->closest(rays);
+    EXPECT_GT(count_hits(hits), rays.size() / 4);
+    EXPECT_EQ(hits, expected.closest(rays)) << "after " << changes << " changes";
+    EXPECT_EQ(bench_->occluded(rays), expected.occluded(rays)) << "after " << changes << " changes";
   }
 }
 
