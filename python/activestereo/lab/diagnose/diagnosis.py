@@ -28,6 +28,7 @@ from activestereo.lab.diagnose.propose.scan import scan_observations
 from activestereo.lab.diagnose.rank import Bench, rank, rank_depth, settled_first
 from activestereo.lab.diagnose.refine import Fitters
 from activestereo.lab.diagnose.refine.by_rendering import Rendering
+from activestereo.lab.diagnose.refine.fit_memory import FitMemory
 from activestereo.lab.diagnose.refine.parameter_space import Solution
 from activestereo.lab.diagnose.report.figures import held_out_figures
 from activestereo.lab.diagnose.report.found_model import found_model
@@ -93,6 +94,7 @@ def diagnose(
         from activestereo.lab.kuafu_renderer import KuafuRenderer
 
         renderer = KuafuRenderer()
+    cache = cache or LayerCache()
     train, test = capture.split("train"), capture.split("test")
     sampled = capture, renderer, samples_per_pixel, max_bounces, seed, cache
     middle = _RENDER_SHARE * len(train) / len(capture.frames)
@@ -101,7 +103,10 @@ def diagnose(
     evidence = gather(capture, {**layers, **mean_of_halves(halves)}, seed, halves)
     share = part_of(progress, _RENDER_SHARE, 1.0)
     engine = None if rendering is None else rendering(capture)
-    return examine(evidence, model, list(effects.values()), steps, workers, share, gates, engine)
+    memory = FitMemory(cache, evidence.train)
+    diagnosis = examine(evidence, model, list(effects.values()), steps, workers, share, gates, engine, memory)
+    memory.save()
+    return diagnosis
 
 
 def no_infrared(capture_path: str | Path) -> str | None:
@@ -149,11 +154,12 @@ def examine(
     progress: Progress | None = None,
     gates: Gates = GATES,
     rendering: Rendering | None = None,
+    memory: FitMemory | None = None,
 ) -> Diagnosis:
-    """diagnose() on gathered evidence."""
+    """diagnose() on gathered evidence. memory: where its fits are kept, or None."""
     if all(np.ptp(o.measured) == 0 for o in evidence.train):
         return _undetermined("the infrared images are blank", model)
-    fitters = Fitters.of(evidence, scan_observations(evidence.train, evidence.seed))
+    fitters = Fitters.of(evidence, scan_observations(evidence.train, evidence.seed), memory, workers)
     bench = Bench(evidence, fitters, gates, workers, frozenset(e.id for e, _ in model.effects), rendering)
     bases = BaseFits(evidence, fitters, gates)
     first = rank(bench, bases(model), candidates, progress)

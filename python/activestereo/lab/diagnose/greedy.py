@@ -98,7 +98,8 @@ def _without_drift(bench: Bench, bases: BaseFits, base: BaseFit) -> tuple[Bench,
     evidence = without_drift(bench.evidence, model, black_dn, expected, bench.gates.drift_share)
     if evidence is bench.evidence:
         return bench, bases
-    fitters = Fitters.of(evidence, scan_observations(evidence.train, evidence.seed))
+    scanned, memory = scan_observations(evidence.train, evidence.seed), bench.fitters.train.memory
+    fitters = Fitters.of(evidence, scanned, memory, bench.workers)
     return replace(bench, evidence=evidence, fitters=fitters), BaseFits(evidence, fitters, bench.gates)
 
 

@@ -87,6 +87,19 @@ def starts(
     alone: the candidate's parameters as fitted without the effect that was added before it, or None. That effect is
     then scanned beside them and beside a part of them, too: it may have been fitted to what is the candidate's.
     """
+
+    def scanned() -> dict[str, np.ndarray]:
+        best = _scanned(fitter, space, candidate, phi, limit, alone)
+        return {name: np.array([getattr(start, name) for start in best]) for name in ("chi2", "theta", "phi")}
+
+    found = fitter.remembered(scanned, space, "starts", phi, limit, alone)
+    return [Start(*one) for one in zip(found["chi2"].tolist(), found["theta"], found["phi"], strict=True)]
+
+
+def _scanned(
+    fitter: Fitter, space: ParameterSpace, candidate: Effect, phi: np.ndarray, limit: float, alone: np.ndarray | None
+) -> list[Start]:
+    """See starts()."""
     first = len(space.pairs) - len(candidate.parameters)
     points = _own_points(fitter, space, candidate, phi) or _points(candidate)
     tried = [(list(range(first, len(space.pairs))), p) for p in points]

@@ -19,6 +19,7 @@ import numpy as np
 from activestereo.effects import Effect, Light, Model, View
 from activestereo.engines.halves import HALVES
 from activestereo.lab.diagnose.findings import Explanation
+from activestereo.lab.diagnose.refine.fit_memory import content_key
 from activestereo.lab.diagnose.refine.fitter import Fitter
 from activestereo.lab.diagnose.refine.parameter_space import ParameterSpace
 from activestereo.lab.diagnose.score.intervals import intervals
@@ -104,6 +105,11 @@ class _Rendered:
     def emulated(self) -> Effect:
         """The effect with these images for its image function; neutral amplitudes change nothing."""
         return replace(self.rendered.effect, apply=self._apply)
+
+    @cached_property
+    def content(self) -> str:
+        """Hash of what decides the train frames."""
+        return content_key(self.theta, self.change, self.slopes)
 
     @cached_property
     def _test(self) -> tuple[tuple[_Images, _Images], tuple[_Images, ...]]:

@@ -7,7 +7,8 @@ never extrapolated.
 """
 
 from collections import OrderedDict
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple, TypeVar
@@ -16,6 +17,7 @@ import numpy as np
 
 from activestereo.effects import Light, Model
 from activestereo.lab.diagnose.evidence.observation import FOLDS, Evidence, Observation
+from activestereo.lab.diagnose.refine.fit_memory import FitMemory, content_key, fit_key
 from activestereo.lab.diagnose.refine.light import DENSE, SCALES, AllPixels, LightMemory, exposed
 from activestereo.lab.diagnose.refine.normal_equations import Pixels, Sums
 from activestereo.lab.diagnose.refine.parameter_space import ParameterSpace, Solution
@@ -46,13 +48,19 @@ class Fitter:
     """Fits over given observations.
 
     held_sigma: prior deviations of the nuisances that have one. fine=False, for scans: warps look up pixels alone, and
-    sums are of no folds.
+    sums are of no folds. memory: where fits are kept, or None. threads: that residuals() may use.
     """
 
     def __init__(
-        self, observations: Sequence[Observation], held_sigma: np.ndarray, tiles: int, fine: bool = True
+        self,
+        observations: Sequence[Observation],
+        held_sigma: np.ndarray,
+        tiles: int,
+        fine: bool = True,
+        memory: FitMemory | None = None,
+        threads: int = 1,
     ) -> None:
-        self.observations = observations
+        self.observations, self.memory, self.threads = observations, memory, threads
         self._fine = fine
         self._held_sigma = held_sigma
         self._tiles = tiles
@@ -67,6 +75,18 @@ class Fitter:
     @cached_property
     def _pixels(self) -> list[Pixels]:
         return [Pixels(o, self.materials, FOLDS if self._fine else 1) for o in self.observations]
+
+    @cached_property
+    def _content(self) -> str:
+        return content_key(self.observations, self._held_sigma, self._tiles, self._fine)
+
+    def remembered(
+        self, make: Callable[[], Mapping[str, np.ndarray]], space: ParameterSpace, *values: object
+    ) -> Mapping[str, np.ndarray]:
+        """make(), or what it gave for the same observations, space and values before."""
+        if self.memory is None:
+            return make()
+        return self.memory.once(fit_key(self._content, space, *values), make)
 
     def phi0(self, nuisances: Nuisances) -> np.ndarray:
         return np.concatenate([nuisances.vector(), np.zeros(len(self._held_sigma))])
@@ -83,17 +103,23 @@ class Fitter:
     def residuals(self, solution: Solution) -> list[ImageResidual]:
         """Every observation under a solution; the last few solutions' are remembered."""
         if id(solution) not in self._residuals:
-            self._residuals[id(solution)] = solution, list(self._residuals_of(solution))
+            self._residuals[id(solution)] = solution, self._residuals_of(solution)
         self._residuals.move_to_end(id(solution))
         while len(self._residuals) > _REMEMBERED:
             self._residuals.popitem(last=False)
         return self._residuals[id(solution)][1]
 
-    def _residuals_of(self, solution: Solution) -> Iterator[ImageResidual]:
-        for o, light in zip(self.observations, self.lights(solution.space, solution.theta), strict=True):
-            image = signal(solution.model, o, light, solution.phi)
+    def _residuals_of(self, solution: Solution) -> list[ImageResidual]:
+        model = solution.model
+
+        def residual(i: int) -> ImageResidual:
+            o, light = self.observations[i], self._lights(model, i, self._fine)
+            image = signal(model, o, light, solution.phi)
             dots = solution.phi[0] * o.frame.exposure_gain * o.frame.projector_power * light.direct
-            yield ImageResidual(o, image, dots, o.measured - image)
+            return ImageResidual(o, image, dots, o.measured - image)
+
+        with ThreadPoolExecutor(self.threads) as pool:
+            return list(pool.map(residual, range(len(self.observations))))
 
     def chi2(self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray, lights: Sequence[Light]) -> float:
         return self._chi2(self._rests(space, theta, phi, lights), phi)
@@ -263,6 +289,14 @@ class Fitter:
         self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray, iterations: int, tolerance: float = 2e-5
     ) -> Solution:
         """A Solution near the start."""
+        make = lambda: self._refined(space, theta, phi, iterations, tolerance)  # noqa: E731
+        found = self.remembered(make, space, theta, phi, iterations, tolerance)
+        return Solution(space, found["theta"], found["phi"], Sums.of_arrays(found, self.observations))
+
+    def _refined(
+        self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray, iterations: int, tolerance: float
+    ) -> dict[str, np.ndarray]:
+        """refine() as arrays."""
         lights = self.lights(space, theta)
         damping, n = _DAMPING, len(theta)
         chi2 = self.chi2(space, theta, phi, lights)
@@ -285,7 +319,7 @@ class Fitter:
             damping = max(damping / _DAMPING_STEP, 1e-6)
             if done:
                 break
-        return Solution(space, theta, phi, sums)
+        return {"theta": theta, "phi": phi} | sums.as_arrays()
 
 
 @dataclass(frozen=True)
@@ -300,13 +334,16 @@ class Fitters:
     test_halves: tuple[Fitter, ...] = ()
 
     @classmethod
-    def of(cls, evidence: Evidence, scanned: Sequence[Observation]) -> "Fitters":
+    def of(
+        cls, evidence: Evidence, scanned: Sequence[Observation], memory: FitMemory | None = None, threads: int = 1
+    ) -> "Fitters":
         """scanned: the observations of a scan, see propose/scan.py."""
+        sized = evidence.held_sigma, evidence.tiles
         train, test, *halves = (
-            Fitter(o, evidence.held_sigma, evidence.tiles)
+            Fitter(o, *sized, memory=memory, threads=threads)
             for o in (evidence.train, evidence.test, *evidence.test_halves)
         )
-        return cls(train, test, Fitter(scanned, evidence.held_sigma, evidence.tiles, fine=False), tuple(halves))
+        return cls(train, test, Fitter(scanned, *sized, fine=False, memory=memory), tuple(halves))
 
 
 def signal(model: Model, observation: Observation, light: Light, phi: np.ndarray) -> np.ndarray:

@@ -3,12 +3,16 @@
 makes them slices.
 """
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import TypeAlias
 
 import numpy as np
 
 from activestereo.lab.diagnose.evidence.observation import BLOCK_PX, FOLDS, Observation
+
+_PLAIN = ("gram", "moment", "chi2", "tile_chi2")
 
 
 class Pixels:
@@ -44,17 +48,19 @@ class Pixels:
         rows, columns = np.arange(height) // BLOCK_PX, np.arange(width) // BLOCK_PX
         return self.of(np.add.outer(rows * (width // BLOCK_PX + 1), columns))
 
-    @property
-    def cluster(self) -> tuple[str, bytes, bool]:
-        """What shares errors: an eye's images of one pose, repeats and settings together."""
-        o = self.observation
-        return o.eye, o.frame.camera_to_world.tobytes(), o.frame.is_moving
-
     def by_material(self, values: np.ndarray) -> np.ndarray:
         """Sums of values [k][n], [k][folds][materials]."""
         out = np.zeros((len(values), FOLDS * (self._materials + 1)))
         out[:, self._labels] = np.add.reduceat(values, self._starts, axis=1)
         return out.reshape(len(values), FOLDS, -1)[:, :, :-1]
+
+
+Cluster: TypeAlias = tuple[str, bytes, bool]
+
+
+def cluster_of(o: Observation) -> Cluster:
+    """What shares errors: an eye's images of one pose, repeats and settings together."""
+    return o.eye, o.frame.camera_to_world.tobytes(), o.frame.is_moving
 
 
 @dataclass
@@ -67,11 +73,24 @@ class Sums:
     moment: np.ndarray
     chi2: np.ndarray
     tile_chi2: np.ndarray
-    block_moment: dict[tuple[str, bytes, bool], np.ndarray] = field(default_factory=dict)
+    block_moment: dict[Cluster, np.ndarray] = field(default_factory=dict)
 
     @classmethod
     def of_size(cls, size: int, tiles: int) -> "Sums":
         return cls(np.zeros((FOLDS, size, size)), np.zeros((FOLDS, size)), np.zeros(FOLDS), np.zeros(tiles))
+
+    @classmethod
+    def of_arrays(cls, arrays: Mapping[str, np.ndarray], observations: Sequence[Observation]) -> "Sums":
+        """The Sums over observations that as_arrays() gave."""
+        clusters = dict.fromkeys(map(cluster_of, observations))
+        blocks = {cluster: arrays[f"block_{i}"] for i, cluster in enumerate(clusters) if f"block_{i}" in arrays}
+        gram, moment, chi2, tile_chi2 = (arrays[name] for name in _PLAIN)
+        return cls(gram, moment, chi2, tile_chi2, blocks)
+
+    def as_arrays(self) -> dict[str, np.ndarray]:
+        """By name; those by block in the order of the observations."""
+        blocks = {f"block_{i}": moment for i, moment in enumerate(self.block_moment.values())}
+        return {name: getattr(self, name) for name in _PLAIN} | blocks
 
     @property
     def total(self) -> float:
@@ -120,4 +139,5 @@ class Sums:
         label = np.where(pixels.material >= 0, pixels.material, len(moment) - dense) * blocks + block
         by_material = np.bincount(label, glow, minlength=(len(moment) - dense + 1) * blocks)
         moment[dense:] = by_material.reshape(-1, blocks)[:-1]
-        self.block_moment[pixels.cluster] = self.block_moment.get(pixels.cluster, 0.0) + moment
+        cluster = cluster_of(pixels.observation)
+        self.block_moment[cluster] = self.block_moment.get(cluster, 0.0) + moment
