@@ -34,7 +34,7 @@ from activestereo.picture_memory import RGB_OUTPUTS, PictureMemory
 from activestereo.pose import Pose, PoseLike, as_matrix, camera_to_world
 from activestereo.pose_arrays import PosesLike, host_array, pose_fault, pose_matrices
 from activestereo.presets import StereoDepthSensorConfig
-from activestereo.result_memory import Kind, PartOfResults, ResultMemory
+from activestereo.result_memory import Kind, PartOfResults
 from activestereo.sensor_inputs import render_settings, shutter
 from activestereo.sensor_model import SensorModel, read_model
 
@@ -133,7 +133,7 @@ class StereoDepthSensorBatch:
         self._light_share = np.ones(self._count)  # of each sensor, over its exposure
         self._frame, self._has_picture, self._speckle_draw, self._taken = -1, False, -1, Taken()
         self._has_rgb = False
-        self._results: ResultMemory | PartOfResults = ResultMemory(self._shape[0]) if results is None else results
+        self._results = results
         self._maps = LazyMaps() if on_cuda else LazyMaps("depth_rgb")
         self._cuda_maps, self._maps_on_cuda = CudaMaps(self._engine.device), LazyMaps("depth_rgb")
 
@@ -416,13 +416,14 @@ class StereoDepthSensorBatch:
         return np.float32(setting.light_s / self._exposure.start.light_s)
 
     def _compute(self, names: list[str]) -> dict[str, NDArray[Any]]:
-        taken = self._results.take(names)
+        taken = {} if self._results is None else self._results.take(names)
         if taken:
             leading = len(self._shape)
             self._match({name: image.reshape(self._count, *image.shape[leading:]) for name, image in taken.items()})
             return taken
         found = {name: image.reshape(self._shape_of(image)) for name, image in self._match(names).items()}
-        self._results.learn({name: Kind(image.shape[1:], image.dtype) for name, image in found.items()})
+        if self._results is not None:
+            self._results.learn({name: Kind(image.shape[1:], image.dtype) for name, image in found.items()})
         return found
 
     def _compute_on_cuda(self, names: list[str]) -> dict[str, CudaArray]:
