@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
-from PIL import Image
+
+from activestereo.png import png
 
 
 def write_text(path: str | Path, text: str) -> None:
@@ -39,8 +40,7 @@ def replace_file(path: str | Path, write: Callable[[BinaryIO], object]) -> None:
 
 def write_png(path: str | Path, pixels: np.ndarray) -> None:
     """uint8 [h, w] or [h, w, 3], or uint16 [h, w]."""
-    image = Image.fromarray(np.ascontiguousarray(pixels))
-    replace_file(path, lambda file: image.save(file, format="png"))
+    write_bytes(path, png(pixels))
 
 
 def write_depth_png(path: str | Path, depth_m: np.ndarray) -> None:

@@ -104,7 +104,7 @@ class PartOfResults:
 
 
 def joined(images: Sequence[NDArray[Any]]) -> NDArray[Any] | None:
-    """[all environments, ...] where the parts' images [environments, ...] are one such array; None where they are not."""
+    """[all environments, ...] where the parts' images [environments, ...] lie in one such array, else None."""
     whole = images[0].base
     if not isinstance(whole, np.ndarray) or any(image.base is not whole for image in images):
         return None

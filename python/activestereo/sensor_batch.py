@@ -437,7 +437,9 @@ class StereoDepthSensorBatch:
     def _shape_of(self, image: NDArray[Any] | simsense.Image) -> tuple[int, ...]:
         return (*self._shape, *image.shape[1 if self._count > 1 else 0 :])
 
-    def _match(self, outputs: list[str] | dict[str, simsense.Image] | dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    def _match(
+        self, outputs: list[str] | dict[str, simsense.Image] | dict[str, NDArray[Any]]
+    ) -> dict[str, NDArray[Any]]:
         self._engine.set_parameters(
             frame_index=self._taken.frame, scene_index=self._taken.speckle_draw, first_view=self._own.start
         )

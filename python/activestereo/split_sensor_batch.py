@@ -167,5 +167,10 @@ class SplitStereoDepthSensorBatch:
         if whole is None:
             whole = np.empty((self.shape[0], *images[0].shape[1:]), images[0].dtype)
             targets = np.split(whole, np.cumsum([len(image) for image in images])[:-1])
-            list(map(np.copyto, targets, images) if self._threads is None else self._threads.map(np.copyto, targets, images))
+            pairs = zip(targets, images, strict=True)
+            if self._threads is None:
+                for target, image in pairs:
+                    np.copyto(target, image)
+            else:
+                list(self._threads.map(lambda pair: np.copyto(*pair), pairs))
         return whole

@@ -51,8 +51,8 @@ def write_frame(out: Path, frame: Frame) -> None:
     write_depth_png(folder / "depth" / f"{name}.png", frame.depth)
     write_depth_png(folder / "depth_true" / f"{name}.png", frame.true_depth)
     for order, found in enumerate(frame.found):
-        write_png(folder / "mask" / f"{name}_{order:06d}.png", 255 * found.mask.astype(np.uint8))
-        write_png(folder / "mask_visib" / f"{name}_{order:06d}.png", 255 * found.mask_visible.astype(np.uint8))
+        for kind, mask in (("mask", found.mask), ("mask_visib", found.mask_visible)):
+            write_png(folder / kind / f"{name}_{order:06d}.png", np.where(mask, np.uint8(255), np.uint8(0)))
     record = {
         "camera": {
             "cam_K": frame.k.ravel().tolist(),

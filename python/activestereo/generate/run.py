@@ -7,7 +7,7 @@ import json
 import multiprocessing
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
@@ -17,7 +17,7 @@ from typing import Any
 import kuafu
 from activestereo.generate import bop
 from activestereo.generate.ray_actors import made_by_ray
-from activestereo.generate.studio import Settings, Studio, sensor_config
+from activestereo.generate.studio import Frame, Settings, Studio, sensor_config
 from activestereo.generate.things import Things
 
 _studio: Studio | None = None  # a worker's
@@ -80,11 +80,7 @@ def description(settings: Settings) -> dict[str, Any]:
 def _made(settings: Settings, out: Path, missing: list[int], workers: int) -> Iterator[int]:
     """The number of each frame after it is written."""
     if workers == 1 or len(missing) < 2:
-        studio = Studio(settings) if missing else None
-        for number in missing:
-            assert studio is not None
-            bop.write_frame(out, studio.take(number))
-            yield number
+        yield from _made_here(settings, out, missing)
         return
     with _pool(settings, workers) as pool:
         tasks = [pool.submit(_make, out, number) for number in missing]
@@ -95,6 +91,27 @@ def _made(settings: Settings, out: Path, missing: list[int], workers: int) -> It
             raise ChildProcessError(
                 "a worker was ended from outside, perhaps for want of memory; what is done is kept: run the same again"
             ) from error
+
+
+def _made_here(settings: Settings, out: Path, missing: list[int]) -> Iterator[int]:
+    """A frame is written while the next one is rendered."""
+    if not missing:
+        return
+    studio = Studio(settings)
+    with ThreadPoolExecutor(1) as writer:
+        written: Future[int] | None = None
+        for number in missing:
+            frame = studio.take(number)
+            if written is not None:
+                yield written.result()
+            written = writer.submit(_write, out, frame)
+        assert written is not None
+        yield written.result()
+
+
+def _write(out: Path, frame: Frame) -> int:
+    bop.write_frame(out, frame)
+    return frame.number
 
 
 @contextmanager
@@ -115,8 +132,7 @@ def _begin(settings: Settings) -> None:
 
 def _make(out: Path, number: int) -> int:
     assert _studio is not None
-    bop.write_frame(out, _studio.take(number))
-    return number
+    return _write(out, _studio.take(number))
 
 
 def _check_same(out: Path, about: dict[str, Any]) -> None:

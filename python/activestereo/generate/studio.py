@@ -15,6 +15,7 @@ from activestereo.bodies import add_mesh
 from activestereo.generate.layout import LAYOUTS
 from activestereo.generate.ranges import Ranges
 from activestereo.generate.things import Things
+from activestereo.picture_memory import PictureMemory
 from activestereo.pose import CAMERA_TO_BODY, look_at
 from activestereo.presets import StereoDepthSensorConfig
 from activestereo.sensor_batch import Mounts, StereoDepthSensorBatch
@@ -80,6 +81,8 @@ class Studio:
         self._config = sensor_config(settings)
         self._sensor = StereoDepthSensorBatch(self._config, self._mounts)
         self._renderer = kuafu.Renderer(self._scene.device)
+        width, height = self._config.rgb_resolution
+        self._alone_ids = PictureMemory(self._scene.device, (1, height, width), {"instance_id": (np.uint32, 1)})
 
     def take(self, number: int) -> Frame:
         """Frame `number` of the data set."""
@@ -120,8 +123,9 @@ class Studio:
         self._things.place({index: pose})
         width, height = self._config.rgb_resolution
         camera = kuafu.Camera(width, height, self._config.rgb_intrinsic, camera_to_world)
-        ids = self._renderer.render(self._scene, camera, ["instance_id"], band="visible", spp=1)["instance_id"]
-        return self._things.is_of(index, ids[0, ..., 0])
+        self._alone_ids.forget()
+        self._renderer.render(self._scene, camera, self._alone_ids.targets, band="visible", spp=1)
+        return self._things.is_of(index, self._alone_ids.read("instance_id")[0, ..., 0])
 
     def _light_and_aim(self, random: np.random.Generator) -> NDArray[np.float64]:
         """Draws table, lamps and camera; returns camera_to_world."""

@@ -49,8 +49,8 @@ class ManiSkillWorld:
         return cls(scene, device) if known is None or known.mani_skill_scene is not scene else known
 
     def update(self) -> int:
-        """Waits for the `late` sensors' pictures and brings the scene to ManiSkill's present state; returns how many shapes
-        moved. BodyPoseError where a state has gone to NaN: it names the environment and the body, and the other
+        """Waits for the `late` sensors' pictures and brings the scene to ManiSkill's present state; returns how many
+        shapes moved. BodyPoseError where a state has gone to NaN: it names the environment and the body, and the other
         environments have moved."""
         self.late.wait()
         seen = {id(struct): (name, struct) for name, struct in self._structs() if not getattr(struct, "hidden", False)}

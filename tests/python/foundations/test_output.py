@@ -14,6 +14,7 @@ from PIL import Image
 from activestereo.accuracy import accuracy_by_material, accuracy_table
 from activestereo.output_files import replace_file, write_depth_png, write_ply
 from activestereo.overview import simulation_figure
+from activestereo.png import png
 from activestereo.progress_bar import ProgressBar, duration
 
 
@@ -142,3 +143,19 @@ def test_a_picture_of_nothing_says_so():
             assert "nan" not in accuracy_table(rows)
             figure = simulation_figure("nothing", rgb, ir, nothing, true, rows)
             assert any(words in text.get_text() for text in figure.texts)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (5, 7), (48, 64), (1, 3, 3), (48, 64, 3)])
+@pytest.mark.parametrize("kind", [np.uint8, np.uint16])
+def test_a_png_has_the_pixels_that_were_written(shape: tuple[int, ...], kind: type) -> None:
+    random = np.random.default_rng(0)
+    pixels = random.integers(0, np.iinfo(kind).max, shape, kind, endpoint=True)
+    if len(shape) == 3 and kind is np.uint16:
+        with pytest.raises(ValueError, match="no PNG of uint16"):
+            png(pixels)
+        return
+    for image in (pixels, pixels[::-1], np.zeros_like(pixels)):
+        with Image.open(io.BytesIO(png(image))) as file:
+            file.verify()  # its checksums
+        with Image.open(io.BytesIO(png(image))) as file:
+            np.testing.assert_array_equal(np.asarray(file), image)
