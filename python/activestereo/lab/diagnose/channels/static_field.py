@@ -50,7 +50,8 @@ class StaticFieldChannel(JudgingChannel):
 
 def has_extended_draws(effect: Effect) -> bool:
     """Whether pixels that lie together share a draw, which is structure (score/structure.py) until it is predicted."""
-    return any(term.shared_by is SharedBy.DOT for term in effect.random_terms)
+    shared = SharedBy.DOT, SharedBy.COLUMN, SharedBy.ROW
+    return any(term.shared_by in shared for term in effect.random_terms)
 
 
 def field_parameters(effect: Effect, fit: FieldFit) -> dict[str, Interval]:
