@@ -45,7 +45,8 @@ class StaticFieldChannel(JudgingChannel):
         tiles = np.zeros(self._evidence.tiles)
         for (o, *_), r in zip(self._base.train, fit.residuals, strict=True):
             tiles += np.bincount(o.tile.ravel(), (o.weight * r**2).ravel(), minlength=len(tiles))
-        return Explanation(effect, self.kind, field_parameters(effect, fit), float(tiles.sum()), tiles, fields=fit)
+        known, unknown = field_parameters(effect, fit), fit.unknown_chi2 / self._evidence.pixels
+        return Explanation(effect, self.kind, known, float(tiles.sum()), tiles, fields=fit, repeats_floors=unknown)
 
 
 def has_extended_draws(effect: Effect) -> bool:
