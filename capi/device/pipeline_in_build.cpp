@@ -68,25 +68,33 @@ void compile(const std::shared_ptr<Device>& device, const ComputePipeline& pipel
   commands.flush();
 }
 
+/// Nothing may use a host's VkDevice after the library's was released, and a host that lends threads wants no others.
+bool has_threads(const Device& device) { return !device.is_hosts() && !device.workers().is_hosts(); }
+
 }  // namespace
+
+PipelineInBuild::Task PipelineInBuild::task(const std::shared_ptr<Device>& device, std::span<const uint32_t> spirv,
+                                            uint32_t push_constant_bytes, std::span<const uint32_t> specialisation) {
+  Task task([device, spirv, push_constant_bytes, constants = std::vector<uint32_t>(specialisation.begin(), specialisation.end())] {
+    auto pipeline = std::make_unique<ComputePipeline>(device, spirv, push_constant_bytes, constants);
+    if (device->is_cpu()) compile(device, *pipeline);
+    return pipeline;
+  });
+  building_ = task.get_future();
+  return task;
+}
+
+void PipelineInBuild::begin(const std::shared_ptr<Device>& device, std::span<const uint32_t> spirv, uint32_t push_constant_bytes,
+                            std::span<const uint32_t> specialisation) {
+  if (pipeline_ || building_.valid() || !has_threads(*device)) return;
+  Builders::get().start(task(device, spirv, push_constant_bytes, specialisation));
+}
 
 const ComputePipeline& PipelineInBuild::get(const std::shared_ptr<Device>& device, std::span<const uint32_t> spirv,
                                             uint32_t push_constant_bytes, std::span<const uint32_t> specialisation) {
   if (pipeline_) return *pipeline_;
-  if (!building_.valid()) {
-    std::packaged_task<std::unique_ptr<ComputePipeline>()> task(
-        [device, spirv, push_constant_bytes, constants = std::vector<uint32_t>(specialisation.begin(), specialisation.end())] {
-          auto pipeline = std::make_unique<ComputePipeline>(device, spirv, push_constant_bytes, constants);
-          if (device->is_cpu()) compile(device, *pipeline);
-          return pipeline;
-        });
-    building_ = task.get_future();
-    // Nothing may use a host's VkDevice after the library's was released, and a host that lends threads wants no others.
-    if (device->is_hosts() || device->workers().is_hosts())
-      task();
-    else
-      Builders::get().start(std::move(task));
-  }
+  begin(device, spirv, push_constant_bytes, specialisation);
+  if (!building_.valid()) task(device, spirv, push_constant_bytes, specialisation)();
   while (building_.wait_for(std::chrono::milliseconds(20)) != std::future_status::ready) interruption_point();
   pipeline_ = building_.get();  // where it throws, the next use tries again
   return *pipeline_;

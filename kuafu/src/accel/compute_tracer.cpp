@@ -55,6 +55,11 @@ class ComputeTracer final : public Tracer {
     world_.update(scene, environment_count, open);
   }
 
+  void prepare(bool cutouts, bool occluded) override {
+    closest_[{world_.moves(), cutouts}].begin(device_, trace_closest_spirv, sizeof(TracePush), of_queue(cutouts));
+    if (occluded) occluded_[{world_.moves(), cutouts}].begin(device_, trace_occluded_spirv, sizeof(TracePush), of_queue(cutouts));
+  }
+
   void closest(ks::Commands& commands, const RayQueue& rays) override { trace(commands, rays, closest_, trace_closest_spirv); }
 
   void occluded(ks::Commands& commands, const RayQueue& rays) override { trace(commands, rays, occluded_, trace_occluded_spirv); }
@@ -72,9 +77,12 @@ class ComputeTracer final : public Tracer {
 
   void trace(ks::Commands& commands, const RayQueue& rays, Pipelines& pipelines, std::span<const uint32_t> spirv) {
     const bool cutouts = rays.scene != 0;
-    const ks::ComputePipeline& pipeline = pipelines[{world_.moves(), cutouts}].get(
-        device_, spirv, sizeof(TracePush), specialisation(world_.moves(), cutouts ? feature_cutouts | feature_lookups : 0));
+    const ks::ComputePipeline& pipeline = pipelines[{world_.moves(), cutouts}].get(device_, spirv, sizeof(TracePush), of_queue(cutouts));
     commands.dispatch_indirect(pipeline, push(rays), *rays.counters, rays.arguments_offset);
+  }
+
+  [[nodiscard]] Constants of_queue(bool cutouts) const {
+    return specialisation(world_.moves(), cutouts ? feature_cutouts | feature_lookups : 0);
   }
 
   [[nodiscard]] Constants specialisation(bool moves, uint32_t features = 0, bool bends = false) const {

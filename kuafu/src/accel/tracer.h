@@ -46,6 +46,9 @@ class Tracer {
   /// A scene is known by its address: keep the last one given alive until another is given.
   /// open: times that rays may have (ray_time), where instances move; an instant is time 0.
   virtual void update(const Scene& scene, uint32_t environment_count, const TimeSpan& open) = 0;
+  /// After update, has a driver compile side by side what `closest` needs, and `occluded` where it will be called. cutouts: some surfaces
+  /// are not everywhere there.
+  virtual void prepare([[maybe_unused]] bool cutouts, [[maybe_unused]] bool occluded) {}
   /// Nearest hit in [t_near, t_far] of each ray. A host tracer flushes `commands` first and works on the mapped queue; a device tracer
   /// records.
   virtual void closest(ks::Commands& commands, const RayQueue& rays) = 0;

@@ -31,6 +31,19 @@ class DeviceStages final : public Stages {
       : device_(std::move(device)), specialisation_{group_size, tracer.queue_layout(), tracer.trace_group_size(), 0,
                                                     0,          tracer.spread_groups()} {}
 
+  void prepare(const WaveSize& size, bool camera) override {
+    const auto begin = [&](Pipeline& slot, std::span<const uint32_t> spirv, size_t push_bytes, uint32_t features = 0) {
+      specialisation_[3] = features;
+      slot.begin(device_, spirv, uint32_t(push_bytes), specialisation_);
+    };
+    const bool infrared = size.channels == 1;
+    begin(shade_[{infrared, size.features}], infrared ? std::span<const uint32_t>(shade_infrared_spirv) : shade_visible_spirv,
+          sizeof(ShadePush), size.features);
+    begin(generate_[camera], generate_spirv, sizeof(GeneratePush), camera ? feature_camera : 0);
+    begin(resolve_, resolve_spirv, sizeof(ResolvePush));
+    begin(accumulate_, accumulate_spirv, sizeof(AccumulatePush));
+  }
+
   void generate(ks::Commands& commands, const GeneratePush& push, const WaveBuffers& buffers) override {
     commands.begin_stage("generate");
     commands.fill(buffers.counters(), 0, buffers.counter_bytes(), 0);

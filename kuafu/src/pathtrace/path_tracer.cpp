@@ -98,6 +98,10 @@ void PathTracer::fit(const Launch& launch, uint32_t rays_per_square) {
 
 void PathTracer::update_tracer(const Scene& scene, const Launch& launch) {
   backend_.tracer->update(scene, launch.environment_count(), open_span(launch));
+  if (!launch.wants_radiance()) return;
+  const WaveSize& size = slots_.size();
+  backend_.tracer->prepare((plan_.features & feature_cutouts) != 0, size.shadow_rays_per_vertex > 0 && !plan_.passes_glass);
+  backend_.stages->prepare(size, plan_.camera);
 }
 
 uint32_t PathTracer::squares_per_batch() const {

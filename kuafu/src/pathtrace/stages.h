@@ -15,6 +15,8 @@ namespace kuafu {
 class Stages {
  public:
   virtual ~Stages() = default;
+  /// Has a driver compile what waves of this size need, side by side; camera: some view is more than a pinhole at rest.
+  virtual void prepare(const WaveSize&, [[maybe_unused]] bool camera) {}
   /// Clears the counters and fills the first queue.
   virtual void generate(ks::Commands& commands, const GeneratePush& push, const WaveBuffers& buffers) = 0;
   virtual void shade(ks::Commands& commands, const ShadePush& push, const WaveBuffers& buffers) = 0;
