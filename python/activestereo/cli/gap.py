@@ -76,6 +76,8 @@ def add_parser(commands: Commands) -> None:
     text = "what stands for reality: a sensor unlike ours in our renderer, or Mitsuba 3, another project's renderer "
     text += "and materials (needs: pip install mitsuba) (default: sensor)"
     make.add_argument("--foreign", choices=FOREIGN, default="sensor", help=text)
+    text = "model.json whose imager, which 'acquire noise' found, the sensor of raster and full has (default: its own)"
+    make.add_argument("--imager", type=Path, metavar="FILE", help=text)
     _add_workers(make)
     make.set_defaults(run=_run)
     score = parts.add_parser("score", help="the scores of what a run has so far")
@@ -106,12 +108,14 @@ def _add_workers(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(args: argparse.Namespace) -> None:
+    from activestereo.gap.acquired import read_imager
     from activestereo.gap.run import run
     from activestereo.gap.settings import GapSettings
     from activestereo.gap.stage import CameraSettings
     from activestereo.progress_bar import ProgressBar
 
-    camera = CameraSettings(args.sensor, samples=args.samples_per_pixel)
+    imager = None if args.imager is None else read_imager(args.imager)
+    camera = CameraSettings(args.sensor, samples=args.samples_per_pixel, imager=imager)
     settings = GapSettings(args.views, args.tuning_views, args.seed, camera, args.foreign, args.foreign_samples)
     make_folder(args.out)
     with ProgressBar(f"{settings.rounds('test') * 8} views of 4 worlds") as bar:

@@ -133,7 +133,7 @@ def chart(found: Ablation) -> Picture:
                 form = "o" if kind == "materials" else "o-"
                 axes[line, column].errorbar(x, [f.value for f in figures], spread, fmt=form, color=color, label=label)
         if kind == "samples":
-            axes[0, column].legend(frameon=False)
+            axes[0, column].legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, frameon=False)
             for line in (0, 1):
                 axes[line, column].set_xscale("log", base=2)
                 counts = sorted({world.samples or 0 for world, _ in own})

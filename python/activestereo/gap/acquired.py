@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The objects with materials that `acquire materials` found, in place of their own."""
+"""What `acquire` found of the foreign world, in place of what the simulation has: the objects' materials, the imager's
+noise."""
 
 from __future__ import annotations
 
@@ -9,6 +10,7 @@ from pathlib import Path
 
 from activestereo.engines.world import copy_record
 from activestereo.gap.objects import GapObject
+from activestereo.gap.stage import NoiseLaw
 from activestereo.sensor_model import read_model
 
 Acquired = Mapping[str, Mapping[str, float]]  # {object: {field of its material: value}}
@@ -21,6 +23,14 @@ def read_acquired(path: Path, objects: tuple[GapObject, ...]) -> Acquired:
     if not known:
         raise ValueError(f"{path}: has a material of none of the objects ({', '.join(names)})")
     return {names[number]: dict(fields) for number, fields in sorted(known.items())}
+
+
+def read_imager(path: Path) -> NoiseLaw:
+    """Of a model.json. ValueError where it has no imager."""
+    imager = read_model(path).imager
+    if imager is None:
+        raise ValueError(f"{path}: has no imager: 'activestereo acquire noise' makes one")
+    return NoiseLaw(imager.offset.value, imager.shot.value, imager.relative.value)
 
 
 def with_acquired(objects: tuple[GapObject, ...], acquired: Acquired) -> tuple[GapObject, ...]:

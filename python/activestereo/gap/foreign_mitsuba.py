@@ -74,6 +74,15 @@ class MitsubaStage:
 
     def pair(self, view: View, random: np.random.Generator) -> list[NDArray[np.uint8]]:
         """Counts of the left and the right eye."""
+        return self._counts(self._light(view, random), random)
+
+    def repeats(self, view: View, count: int, random: np.random.Generator) -> list[NDArray[np.uint8]]:
+        """[count, height, width] of the left and the right eye, of a view where nothing moves."""
+        light = self._light(view, random)
+        pairs = [self._counts(light, random) for _ in range(count)]
+        return [np.stack(eye) for eye in zip(*pairs, strict=True)]
+
+    def _light(self, view: View, random: np.random.Generator) -> list[NDArray[np.float64]]:
         seeds = iter(random.integers(2**31, size=4).tolist())
         body = body_pose(view.camera_to_world)
         config, things = self.config, self._things(view)
@@ -91,8 +100,8 @@ class MitsubaStage:
         for place, turn in eyes:
             sensor = self._sensor(camera_to_world(body * place) @ turn)
             dots, room = (self._render(things | part, sensor, next(seeds)) for part in ({"laser": laser}, _room()))
-            light.append((dots * random.lognormal(-0.5 * _SPECKLE**2, _SPECKLE, dots.shape), room))
-        return self._counts([dots + room for dots, room in light], random)
+            light.append(dots * random.lognormal(-0.5 * _SPECKLE**2, _SPECKLE, dots.shape) + room)
+        return light
 
     def _counts(self, light: list[NDArray[np.float64]], random: np.random.Generator) -> list[NDArray[np.uint8]]:
         height, width = light[0].shape

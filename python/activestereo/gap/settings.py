@@ -8,7 +8,7 @@ from typing import Any
 
 from activestereo.gap.files import RunFolder
 from activestereo.gap.objects import objects
-from activestereo.gap.stage import CameraSettings
+from activestereo.gap.stage import CameraSettings, NoiseLaw
 
 
 @dataclass(frozen=True)
@@ -26,9 +26,11 @@ class GapSettings:
         return -(-(self.views if split == "test" else self.tuning_views) // len(objects()))
 
     def described(self) -> dict[str, Any]:
-        """Without the number of test views, which may grow."""
+        """Without the number of test views, which may grow, and without a noise law where there is none."""
         out = asdict(self)
         del out["views"]
+        if self.camera.imager is None:
+            del out["camera"]["imager"]
         return out | {"tuning_views": self.rounds("tuning") * len(objects())}
 
     @staticmethod
@@ -38,6 +40,8 @@ class GapSettings:
         try:
             camera = dict(told["camera"])
             camera["size_px"] = tuple(camera["size_px"])
+            if "imager" in camera:
+                camera["imager"] = NoiseLaw(**camera["imager"])
             own = {name: told[name] for name in ("tuning_views", "seed", "foreign", "foreign_samples")}
             return GapSettings(camera=CameraSettings(**camera), **own)
         except (KeyError, TypeError, ValueError) as error:

@@ -23,17 +23,29 @@ from activestereo.sensor_batch import Mounts
 
 _NEAREST_M, _FARTHEST_M = 0.3, 1.5
 _TABLE_HALF_M = 1.0
+_ROUNDING_DN2 = 1.0 / 12.0  # which the engine adds by itself
+
+
+@dataclass(frozen=True)
+class NoiseLaw:
+    """Of an imager, as model.json has it: variance in DN^2 = offset + shot signal + relative signal^2."""
+
+    offset: float
+    shot: float
+    relative: float = 0.0
 
 
 @dataclass(frozen=True)
 class CameraSettings:
     """sensor: a preset's name or a camera's .toml file. Its images are made `scale` times as large, then cut to size_px
-    (width, height) about the middle; the depth's camera is the same. samples: rays per pixel."""
+    (width, height) about the middle; the depth's camera is the same. samples: rays per pixel. imager: in place of the
+    sensor's own temporal noise."""
 
     sensor: str = "d435"
     scale: float = 0.6
     size_px: tuple[int, int] = (160, 120)
     samples: int = 16
+    imager: NoiseLaw | None = None
 
 
 @dataclass(frozen=True)
@@ -71,6 +83,8 @@ class Stage:
         config = crop(settings)
         if world.is_denoised is not None:
             config.denoise = "atrous" if world.is_denoised else "none"
+        if settings.imager is not None:
+            set_noise(config, settings.imager)
         scale_noise(config, world.noise)
         self.config = config
         self.camera: Any = DepthCamera("full" if world.mode == "foreign" else world.mode, config, self.mounts)
@@ -109,6 +123,24 @@ def crop(settings: CameraSettings) -> StereoDepthSensorConfig:
     if config.ir_exposure_mode == "converging":
         config.ir_exposure_mode = "settled"
     return config
+
+
+def set_noise(config: StereoDepthSensorConfig, law: NoiseLaw) -> None:
+    """What changes from frame to frame, as the law has it; static speckle and pixels' own gains stay. ValueError for a
+    sensor with SAPIEN's noise."""
+    if not isinstance(config.ir_signal, dict):
+        raise ValueError(f"{config.model} cannot be given another noise: it has no imager of its own")
+    signal = dict(config.ir_signal)
+    signal["adc_noise_dn"] = float(np.sqrt(max(law.offset - _ROUNDING_DN2, 0.0)))
+    if law.shot > 0.0:  # a count of fewer electrons, and as many counts
+        fewer = law.shot / signal["conversion_gain_dn_per_e"]
+        signal["responsivity_e"] /= fewer
+        signal["conversion_gain_dn_per_e"] = law.shot
+    else:
+        signal["shot_noise"] = 0.0
+    if law.relative > 0.0:
+        signal |= {"speckle_shape": 1.0 / law.relative, "speckle_scale": law.relative, "speckle_correlation": 0.0}
+    config.ir_signal = signal
 
 
 def scale_noise(config: StereoDepthSensorConfig, factor: float) -> None:

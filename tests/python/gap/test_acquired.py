@@ -3,14 +3,19 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from activestereo.cli import main
 from activestereo.gap.ablate import ablate, variants
-from activestereo.gap.acquired import read_acquired, with_acquired
+from activestereo.gap.acquired import read_acquired, read_imager, with_acquired
 from activestereo.gap.files import RunFolder
 from activestereo.gap.objects import objects
-from activestereo.sensor_model import Quantity, SensorModel
+from activestereo.gap.settings import GapSettings
+from activestereo.gap.stage import CameraSettings, NoiseLaw, Stage
+from activestereo.gap.views import round_of_views
+from activestereo.gap.worlds import WORLDS
+from activestereo.sensor_model import Imager, Quantity, SensorModel
 from activestereo.sensor_model.write import write_model
 
 
@@ -52,3 +57,36 @@ def test_a_world_of_acquired_materials_is_not_rendered_without_them(tmp_path: Pa
         with pytest.raises(ValueError, match="give acquired="):
             ablate(RunFolder(tmp_path), 8, worlds, acquired=nothing)
     assert not any(tmp_path.iterdir())
+
+
+def test_the_sensor_has_the_noise_that_was_acquired(tmp_path: Path) -> None:
+    terms = [Quantity(value, value, value) for value in (0.3, 0.05, 0.0)]
+    write_model(tmp_path / "model.json", SensorModel(imager=Imager(*terms)))
+    law = read_imager(tmp_path / "model.json")
+    assert law == NoiseLaw(0.3, 0.05, 0.0)
+    camera = CameraSettings("d435", scale=0.3, size_px=(64, 48), samples=1, imager=law)
+    stage = Stage(objects()[:1], WORLDS["full"], camera)
+    views = round_of_views(objects(), 0, "test", 0)[:1]
+    counts = []
+    for number in range(12):  # one render, whose noise alone is drawn anew
+        if number == 0:
+            stage.take(views, 1)
+        batch = stage.camera.sensors
+        batch._taken = batch._taken._replace(frame=number)
+        batch.compute_depth()
+        counts.append(batch.get_ir_measured()[0][0].astype(float))
+    mean, variance = np.mean(counts, axis=0), np.var(counts, axis=0, ddof=1)
+    clear = (mean > 5) & (mean < 200)
+    signal = mean - stage.config.ir_black_level_dn
+    assert variance[clear].mean() == pytest.approx((0.3 + 0.05 * signal[clear]).mean(), rel=0.05)
+    with pytest.raises(ValueError, match="has no imager"):
+        read_imager(model_with(tmp_path / "other.json", spoon={"roughness": 1}))
+
+
+def test_a_run_keeps_to_its_noise(tmp_path: Path) -> None:
+    folder, law = RunFolder(tmp_path), NoiseLaw(0.3, 0.05)
+    folder.keep_settings(GapSettings(camera=CameraSettings(imager=law)).described())
+    assert GapSettings.of(folder).camera.imager == law
+    with pytest.raises(ValueError, match="other settings: camera"):
+        folder.keep_settings(GapSettings().described())
+    assert "imager" not in GapSettings().described()["camera"]  # as runs before had it

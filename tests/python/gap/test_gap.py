@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from activestereo import StereoDepthSensorConfig
 from activestereo.cli import main
 from activestereo.gap import methods
-from activestereo.gap.ablate import variants
+from activestereo.gap.ablate import chart, variants
 from activestereo.gap.clouds import Cloud, cloud
 from activestereo.gap.features import histograms
 from activestereo.gap.files import RunFolder
@@ -20,7 +20,7 @@ from activestereo.gap.objects import objects, surface
 from activestereo.gap.pose_error import pose_error, successes
 from activestereo.gap.ppf import Ppf, PpfSetting
 from activestereo.gap.report import results
-from activestereo.gap.score import agreement, mean_gap, pearson, spearman
+from activestereo.gap.score import Agreement, Figure, agreement, mean_gap, pearson, spearman
 from activestereo.gap.stage import CameraSettings, Stage, scale_noise
 from activestereo.gap.template import Template, TemplateSetting
 from activestereo.gap.tuning import every_candidate, tuned
@@ -291,3 +291,13 @@ def test_ablations_have_names_of_their_own() -> None:
     names = [world.name for world in variants()]
     assert len(names) == len(set(names)) == 2 * 7 + 6 + 2
     assert not {"clean", "raster", "full", "foreign"} & set(names)
+
+
+def test_the_ablations_legend_hides_no_figure() -> None:
+    pytest.importorskip("matplotlib", reason="the package matplotlib is not installed (pip install matplotlib)")
+    figure = Figure(0.9, 0.8, 1.0)
+    picture = chart([(world, [Agreement(figure, figure, figure)]) for world in variants()])
+    picture.draw_without_rendering()
+    legends = [axes.get_legend().get_window_extent() for axes in picture.axes if axes.get_legend() is not None]
+    assert len(legends) == 1
+    assert not any(legends[0].overlaps(axes.get_window_extent()) for axes in picture.axes)

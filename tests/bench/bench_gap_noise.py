@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What `acquire noise` finds of the camera of `activestereo gap`'s foreign world of Mitsuba 3: the law of its noise and
+its parameters, from repeats of views in which nothing moves. None of them is a test view.
+
+    pip install mitsuba     # 3.9 was tried
+    PYTHONPATH=build/python python3 tests/bench/bench_gap_noise.py --out out/noise
+    activestereo gap run --foreign mitsuba --imager out/noise/model.json --out out/gap
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+
+from activestereo.acquire.frames import Repeats
+from activestereo.acquire.noise import acquire_noise
+from activestereo.gap.foreign_mitsuba import MitsubaStage
+from activestereo.gap.objects import objects
+from activestereo.gap.stage import CameraSettings
+from activestereo.gap.views import round_of_views
+from activestereo.sensor_model.write import write_model
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--views", type=int, default=4)
+    parser.add_argument("--repeats", type=int, default=30)
+    parser.add_argument("--out", type=Path, required=True)
+    args = parser.parse_args()
+    stage, random = MitsubaStage(objects(), CameraSettings()), np.random.default_rng(1)
+    views = []
+    for view in round_of_views(objects(), 0, "tuning", 0)[: args.views]:
+        for eye, counts in zip(("left", "right"), stage.repeats(view, args.repeats, random), strict=True):
+            name = f"{objects()[view.object_index].name}, {eye}"
+            views.append(Repeats(name, counts, None, name))
+    found = acquire_noise(views)
+    args.out.mkdir(parents=True, exist_ok=True)
+    write_model(args.out / "model.json", found.model())
+    print(found.text())
+
+
+if __name__ == "__main__":
+    main()
