@@ -48,15 +48,26 @@ BvhView bvh_view(vec3 origin, vec3 direction) {
   return BvhView(origin, direction, inverse, offset - rounding, offset + rounding);
 }
 
+// As integers, of which a GPU compares three at once. Numbers below 0 are the other way round among themselves: behind the ray a box may seem
+// larger than it is, never smaller.
+float bvh_greatest(vec3 a, float b) {
+  ivec3 bits = floatBitsToInt(a);
+  return intBitsToFloat(max(max(max(bits.x, bits.y), bits.z), floatBitsToInt(b)));
+}
+float bvh_least(vec3 a) {
+  ivec3 bits = floatBitsToInt(a);
+  return intBitsToFloat(min(min(bits.x, bits.y), bits.z));
+}
+
 /// Where the ray is inside a box: (enter, leave), empty when enter > leave.
 /// The far side is widened by the rounding of three operations (Ize, "Robust BVH Ray Traversal", 2013), so that flat boxes are not missed.
 vec2 bvh_span(vec4 xy, vec2 z, BvhView view, float t_near, float t_far) {
   const float widen = 1.00000036;
   vec4 t_xy = fma(xy, view.inverse.xxyy, vec4(view.lower.x, view.upper.x, view.lower.y, view.upper.y));
   vec2 t_z = fma(z, view.inverse.zz, vec2(view.lower.z, view.upper.z));
-  float enter = max(max(min(t_xy.x, t_xy.y), min(t_xy.z, t_xy.w)), max(min(t_z.x, t_z.y), t_near));
-  float leave = min(min(max(t_xy.x, t_xy.y), max(t_xy.z, t_xy.w)), max(t_z.x, t_z.y));
-  return vec2(enter, min(leave * widen, t_far));
+  vec3 near = vec3(min(t_xy.x, t_xy.y), min(t_xy.z, t_xy.w), min(t_z.x, t_z.y));
+  vec3 far = vec3(max(t_xy.x, t_xy.y), max(t_xy.z, t_xy.w), max(t_z.x, t_z.y));
+  return vec2(bvh_greatest(near, t_near), min(bvh_least(far) * widen, t_far));
 }
 
 /// The ray as it runs past an instance that stands where it is at t = 0.
