@@ -19,7 +19,6 @@ import kuafu
 import simsense
 from activestereo.auto_exposure import AutoExposure, encoded_rgb
 from activestereo.effects.core.engine import EngineInputs, apply_engine, moved_pose
-from activestereo.engines.survey import Survey
 from activestereo.ir_link import IrLink
 from activestereo.lazy_maps import LazyMaps
 from activestereo.lens import pixel_rays
@@ -32,7 +31,7 @@ from activestereo.presets import StereoDepthSensorConfig
 from activestereo.progress_bar import Progress, part_of
 from activestereo.sensor_effects import ImageEffects, ModelCostWarning
 from activestereo.sensor_inputs import (
-    expose_anew,
+    exposed_anew,
     exposure,
     fitted_to,
     render_settings,
@@ -294,9 +293,8 @@ class StereoDepthSensor:
 
     def rgb_camera(self) -> kuafu.Camera:
         c = self._config
-        lens_and_shutter = {"distortion": c.rgb_distortion, "exposure_s": c.rgb_exposure_s}
-        lens_and_shutter |= shutter(c.rgb_line_time_s, c.rgb_readout)
-        return self._camera(c.rgb_resolution, c.rgb_intrinsic, Pose(), lens_and_shutter)
+        more = shutter(c.rgb_line_time_s, c.rgb_readout) | {"exposure_s": c.rgb_exposure_s}
+        return self._camera(c.rgb_resolution, c.rgb_intrinsic, Pose(), more | {"distortion": c.rgb_distortion})
 
     def ir_cameras(self) -> list[kuafu.Camera]:
         """The left and the right one, as they are: under a model not what the calibration says."""
@@ -428,17 +426,10 @@ class StereoDepthSensor:
     def _set_exposure(self, setting: Any) -> None:
         if (setting.exposure_s, setting.gain) != (self._config.ir_camera_exposure, self._config.ir_camera_gain):
             self._config.ir_camera_exposure, self._config.ir_camera_gain = setting.exposure_s, setting.gain
-            self._take_exposure()
+            self._inputs = exposed_anew(self._inputs, self._config, self._effects, self._survey)
+            if self._inputs is not None:
+                self._engine.set_signal(*(eye.signal for eye in self._inputs.eyes))
         self._next_setting = None
-
-    def _take_exposure(self) -> None:
-        """Gives the engines' inputs the present exposure; effects and surveys may depend on it, so theirs are found
-        anew."""
-        if self._inputs is None or self._effects.effects or self._survey != Survey():
-            self._inputs = None
-            return
-        expose_anew(self._inputs, self._config)
-        self._engine.set_signal(*(eye.signal for eye in self._inputs.eyes))
 
     def _move(self) -> None:
         """Gives the engines' inputs the present velocity."""
@@ -466,11 +457,10 @@ class StereoDepthSensor:
             if not self._config.projector_always_on:
                 self._world.darken()
 
-    def _camera(self, resolution: Any, k: np.ndarray, pose_in_rgb: Pose, more: Any) -> kuafu.Camera:
+    def _camera(self, size_px: Any, k: np.ndarray, pose_in_rgb: Pose, more: Any) -> kuafu.Camera:
         linear, angular = twist_of(self._config, self._twist, pose_in_rgb)
         pose = camera_to_world(Pose(self._rig.matrix() @ as_matrix(pose_in_rgb)))
-        width, height = resolution
-        return kuafu.Camera(width, height, k, pose, linear_velocity=linear, angular_velocity=angular, **more)
+        return kuafu.Camera(size_px[0], size_px[1], k, pose, linear_velocity=linear, angular_velocity=angular, **more)
 
     def _render(
         self, cameras: Any, outputs: Any, band: Band, frame: int, progress: Any, eyes: Any = (False, True),

@@ -64,12 +64,18 @@ def sensor_inputs(
     )
 
 
-def expose_anew(inputs: EngineInputs, config: StereoDepthSensorConfig) -> None:
-    """Gives the inputs, which no effect has changed, the configuration's present exposure and gain."""
+def exposed_anew(
+    inputs: EngineInputs | None, config: StereoDepthSensorConfig, effects: Model, survey: Survey
+) -> EngineInputs | None:
+    """The inputs under the configuration's present exposure and gain; None where they have to be found anew: where
+    there are none yet, or effects or a survey, which may depend on the exposure, have touched them."""
+    if inputs is None or effects.effects or survey != Survey():
+        return None
     inputs.frame = replace(inputs.frame, exposure_s=config.ir_camera_exposure)
     for eye in inputs.eyes:
         eye.signal = _signal(config, inputs.frame)
         eye.camera.exposure_s = config.ir_camera_exposure
+    return inputs
 
 
 def exposure(

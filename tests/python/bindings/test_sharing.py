@@ -152,3 +152,18 @@ def sensors(small_config, table_top):
     small_config.samples_per_pixel = 1
     small_config.max_bounces = 0
     return [StereoDepthSensor(small_config, table_top, copy_ir=copy) for copy in (False, True)]
+
+
+def test_memory_of_an_array_that_ended_is_used_again(device):
+    buffer = kuafu.Buffer(device, 1 << 20)
+    buffer.write(np.full(1 << 20, 5, np.uint8))
+    first = buffer.read()
+    address = first.ctypes.data
+    view = first[7:9]
+    del first
+    buffer.write(np.full(1 << 20, 6, np.uint8))
+    second = buffer.read()
+    assert second.ctypes.data != address and (view == 5).all()  # a view still refers to it
+    del view
+    third = buffer.read()
+    assert third.ctypes.data == address and (third == 6).all() and third.flags.writeable
